@@ -1,0 +1,88 @@
+// The one thing the library does: move the free nodes until the mesh is valid and smooth.
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <string_view>
+#include <vector>
+
+#include "core/error.h"
+#include "core/mesh/high_order_mesh.h"
+#include "core/optimise/options.h"
+#include "core/quality/quality.h"
+
+namespace varimesh {
+
+/// What part of the method an iteration belongs to.
+enum class Phase : std::uint8_t { Sweeps };
+
+/// What is known after an iteration (a sweep). Residuals and Jacobians are dimensionless.
+struct Iteration {
+  Phase phase = Phase::Sweeps;
+  int number = 0;                   ///< 1, 2, … through the whole run.
+  double energy = 0;                ///< Σ ∫ W(F) |det ∇χ_L| dξ divided by Σ ∫ |det ∇χ_L| dξ.
+  double residual = 0;              ///< Largest displacement of a node in the full step, before damping, over the
+                                    ///< diagonal of the bounding box.
+  double relative_gradient = 0;     ///< Norm of the energy's gradient relative to that of the first iteration.
+  double min_scaled_jacobian = 0;   ///< At the quadrature points: cheaper than the report's, and never below it.
+  std::int64_t invalid_elements = 0;  ///< Cells with J ≤ 0 at a quadrature point.
+  std::int64_t active_nodes = 0;    ///< Free nodes visited.
+  double seconds = 0;               ///< Since the optimisation began.
+};
+
+enum class Control : std::uint8_t { Continue, Stop };
+
+/// Called after every iteration, from the thread that called optimise(); Stop ends the run with the mesh as it is.
+using OnIteration = std::function<Control(const Iteration&)>;
+
+/// Sizes of the problem.
+struct MeshSummary {
+  int dimension = 0;
+  int order = 0;
+  std::int64_t elements = 0;    ///< Cells of the highest dimension.
+  std::int64_t nodes = 0;       ///< All nodes of the file.
+  std::int64_t free_nodes = 0;  ///< Nodes that may move.
+};
+
+/// What came of an optimisation.
+struct Result {
+  HighOrderMesh mesh;  ///< The mesh that came in with new coordinates; coordinates of fixed nodes bit for bit the same.
+  MeshSummary summary;
+  int iterations = 0;
+  double seconds = 0;     ///< From the mesh as handed in to the result in memory, reports included.
+  double residual = 0;    ///< Of the last iteration.
+  bool converged = false;  ///< residual ≤ tolerance.
+  bool stopped = false;    ///< Ended by Control::Stop.
+  QualityReport before;
+  QualityReport after;
+  std::vector<Iteration> history;
+};
+
+/// Optimises a mesh. Checks it and the options first: BadInput, BadOption. The same mesh in other units of length takes
+/// the same path, and the result is the same bit for bit whatever the number of threads.
+Expected<Result> optimise(HighOrderMesh mesh, const Options& options = {}, const OnIteration& on_iteration = {});
+
+/// What the mesh is, without optimising it: sizes, and which nodes would move.
+Expected<MeshSummary> summarise(const HighOrderMesh& mesh);
+
+/// Repeated work on one mesh topology (a moving boundary, a design loop): set up once, run for each set of coordinates.
+class Optimiser {
+ public:
+  /// Checks the mesh and the options, colours the nodes and prepares the tables.
+  static Expected<Optimiser> create(const HighOrderMesh& mesh, const Options& options = {});
+
+  /// Optimises the mesh with these coordinates (3 a node, interleaved, as HighOrderMesh::coordinates).
+  /// Errors: BadInput where they are not finite or a straight-sided cell is inverted.
+  Expected<Result> run(std::vector<double> coordinates, const OnIteration& on_iteration = {});
+
+  Optimiser(Optimiser&&) noexcept;
+  Optimiser& operator=(Optimiser&&) noexcept;
+  ~Optimiser();
+
+ private:
+  struct State;
+  explicit Optimiser(std::unique_ptr<State> state);
+  std::unique_ptr<State> state_;
+};
+
+}  // namespace varimesh
