@@ -1,0 +1,36 @@
+# What find_package(varimesh) finds: the library, its public headers and its own dependencies. Component `core`, which
+# installs without the service having been built: cmake --install build/release --component core
+include(CMakePackageConfigHelpers)
+include(GNUInstallDirs)
+
+set(package_folder ${CMAKE_INSTALL_LIBDIR}/cmake/varimesh)
+
+install(TARGETS varimesh EXPORT varimesh_targets ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR} COMPONENT core)
+install(EXPORT varimesh_targets NAMESPACE varimesh:: FILE varimeshTargets.cmake DESTINATION ${package_folder}
+        COMPONENT core)
+
+# The headers that a program may include, named one by one so that what is internal stays so. They keep their folders
+# under include/varimesh/core, where the "core/…" of their own includes finds them.
+foreach(header
+    error.h varimesh.h version.h
+    formats/formats.h
+    mesh/check.h mesh/high_order_mesh.h
+    optimise/optimiser.h optimise/options.h
+    quality/quality.h
+    reference/basis.h reference/nodes.h reference/quadrature.h reference/shape.h)
+  cmake_path(GET header PARENT_PATH folder)
+  install(FILES ${CMAKE_CURRENT_LIST_DIR}/${header}
+          DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/varimesh/core/${folder} COMPONENT core)
+endforeach()
+# A program writes #include <varimesh/varimesh.h>.
+install(FILES ${CMAKE_CURRENT_LIST_DIR}/varimesh.h DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/varimesh COMPONENT core)
+
+# Before 1.0 a new minor version may change anything.
+write_basic_package_version_file(${CMAKE_CURRENT_BINARY_DIR}/varimeshConfigVersion.cmake
+                                 COMPATIBILITY SameMinorVersion)
+configure_package_config_file(${CMAKE_CURRENT_LIST_DIR}/varimeshConfig.cmake.in
+                              ${CMAKE_CURRENT_BINARY_DIR}/varimeshConfig.cmake
+                              INSTALL_DESTINATION ${package_folder})
+install(FILES ${CMAKE_CURRENT_BINARY_DIR}/varimeshConfig.cmake
+              ${CMAKE_CURRENT_BINARY_DIR}/varimeshConfigVersion.cmake
+        DESTINATION ${package_folder} COMPONENT core)
