@@ -9,8 +9,8 @@
 namespace varimesh::reference {
 
 /// Values of the Lagrange basis functions: points × nodes, so that values · nodal = interpolated. Evaluated through an
-/// orthonormal modal basis (Koornwinder–Dubiner on simplices, Legendre products on tensor cells, the space of Johnen and
-/// Geuzaine 2015 on pyramids), which keeps the conversion well conditioned up to order 10.
+/// orthonormal modal basis (Koornwinder–Dubiner on simplices, Legendre products on tensor cells, the space of Johnen
+/// and Geuzaine 2015 on pyramids), which keeps the conversion well conditioned up to order 10.
 Eigen::MatrixXd basis_values(Shape shape, int order, NodeSet set, int ambient, const Points& at);
 
 /// Gradients of the Lagrange basis functions with respect to the reference coordinates: one points × nodes matrix a

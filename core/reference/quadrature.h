@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <utility>
 
 #include "core/reference/nodes.h"
 
@@ -15,9 +16,9 @@ struct Quadrature {
 };
 
 /// The rule the optimiser uses for cells of order `order`: on simplices the smallest stored symmetric rule of at least
-/// `degree` (a conical product of Gauss–Jacobi rules above the tables); on quadrilaterals and hexahedra tensor Gauss with
-/// order + 1 points a direction (more where `degree` asks for it); on prisms the triangle's rule × Gauss; on pyramids a
-/// conical product. The symmetric rules of the other shapes leave modes that cost no energy.
+/// `degree` (a conical product of Gauss–Jacobi rules above the tables); on quadrilaterals and hexahedra tensor Gauss
+/// with order + 1 points a direction (more where `degree` asks for it); on prisms the triangle's rule × Gauss; on
+/// pyramids a conical product. The symmetric rules of the other shapes leave modes that cost no energy.
 Quadrature quadrature(Shape shape, int order, int degree);
 
 /// Gauss–Jacobi rule of n points on [−1, 1] for the weight (1 − x)^a (1 + x)^b: points, weights.

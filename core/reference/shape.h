@@ -34,10 +34,10 @@ struct ShapeInfo {
   int vertices;
   bool affine;     ///< A straight-sided cell's map is affine: points, lines, triangles, tetrahedra.
   double measure;  ///< Measure of the reference cell: 2, 2, 4, 4/3, 8/3, 4, 8 from line to hexahedron.
-  std::array<std::array<double, 3>, 8> vertex;      ///< Reference coordinates of the vertices.
+  std::array<std::array<double, 3>, 8> vertex;        ///< Reference coordinates of the vertices.
   std::span<const std::array<std::int8_t, 2>> edges;  ///< Vertices of each edge.
   std::span<const Facet> facets;                      ///< (dimension − 1)-dimensional faces.
-  std::span<const Facet> faces;                       ///< 2-D faces: of 3-D cells the facets, of 2-D cells the cell itself.
+  std::span<const Facet> faces;  ///< 2-D faces: of 3-D cells the facets, of 2-D cells the cell itself.
 };
 
 /// The table's entry for a shape.
