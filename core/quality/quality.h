@@ -11,27 +11,28 @@ namespace varimesh {
 
 /// A cell that is invalid: its Jacobian is not positive somewhere.
 struct InvalidElement {
-  std::int64_t number = 0;           ///< Element number as the file has it.
-  double scaled_jacobian = 0;        ///< Its min J / max J (at most 0), dimensionless; −1 where J is nowhere positive.
-  std::array<double, 3> place{};     ///< Physical coordinates of the sample with the smallest J.
+  std::int64_t number = 0;        ///< Element number as the file has it.
+  double scaled_jacobian = 0;     ///< Its min J / max J (at most 0), dimensionless; −1 where J is nowhere positive.
+  std::array<double, 3> place{};  ///< Physical coordinates of the sample with the smallest J.
 };
 
 /// Quality of a whole mesh. Everything is dimensionless but the places.
 struct QualityReport {
   static constexpr int kBins = 50;
 
-  double min_scaled_jacobian = 0;   ///< Smallest over the cells of Js = min det ∇χ_M / max det ∇χ_M.
-  double mean_scaled_jacobian = 0;  ///< Mean over the cells of Js, each clipped from below at −1.
+  double min_scaled_jacobian = 0;      ///< Smallest over the cells of Js = min det ∇χ_M / max det ∇χ_M.
+  double mean_scaled_jacobian = 0;     ///< Mean over the cells of Js, each clipped from below at −1.
   double min_distortion_jacobian = 0;  ///< The same ratio for det F; equal to Js on simplices.
   std::int64_t invalid_elements = 0;
-  std::array<std::int64_t, kBins> histogram{};  ///< Counts of Js in kBins equal bins of [0, 1]; invalid cells are not in it.
-  std::vector<InvalidElement> invalid;          ///< Every invalid cell, worst first.
-  int lattice_intervals = 0;                    ///< Intervals an edge of the lattice that was sampled.
+  std::array<std::int64_t, kBins>
+      histogram{};                      ///< Counts of Js in kBins equal bins of [0, 1]; invalid cells are not in it.
+  std::vector<InvalidElement> invalid;  ///< Every invalid cell, worst first.
+  int lattice_intervals = 0;            ///< Intervals an edge of the lattice that was sampled.
 };
 
 /// Js and distortion Jacobian of each cell (elements of dimension mesh.dimension, in the mesh's order).
 struct CellQuality {
-  std::vector<double> scaled_jacobian;      ///< min J / max J; −1 where J is nowhere positive.
+  std::vector<double> scaled_jacobian;  ///< min J / max J; −1 where J is nowhere positive.
   std::vector<double> distortion_jacobian;
 };
 

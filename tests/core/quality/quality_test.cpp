@@ -1,0 +1,132 @@
+// The sampled quality: known answers, and the batched path against a plain one.
+#include "core/quality/quality.h"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/LU>
+#include <numeric>
+
+#include "core/reference/basis.h"
+#include "tests/core/quality/made_cells.h"
+
+namespace varimesh {
+namespace {
+
+using testing::kCellShapes;
+using testing::Place;
+
+class EveryShape : public ::testing::TestWithParam<Shape> {};
+
+INSTANTIATE_TEST_SUITE_P(Quality, EveryShape, ::testing::ValuesIn(kCellShapes),
+                         [](const auto& shape) { return testing::name(shape.param); });
+
+TEST_P(EveryShape, AnAffineCellIsPerfect) {
+  for (int order = 1; order <= 4; ++order) {
+    const HighOrderMesh mesh = testing::one_cell(GetParam(), order, [](Place p) {
+      return Place{2 * p[0] + p[1] + 5, 3 * p[1] - p[2], 4 * p[2]};
+    });
+    const CellQuality quality = cell_quality(mesh);
+    EXPECT_NEAR(quality.scaled_jacobian[0], 1, 1e-11) << "order " << order;
+    EXPECT_NEAR(quality.distortion_jacobian[0], 1, 1e-11) << "order " << order;
+  }
+}
+
+TEST_P(EveryShape, TheBatchedPathAgreesWithOneDeterminantAtATime) {
+  const Shape shape = GetParam();
+  const int order = 3, intervals = 7;
+  const HighOrderMesh mesh = testing::shaken_cells(shape, order, 50, 0.1, 1);
+  const int d = mesh.dimension;
+  const reference::Points lattice = reference::uniform_lattice(shape, intervals);
+  const auto gradients = reference::basis_gradients(shape, order, reference::NodeSet::Equispaced, d, lattice);
+  const auto straight = reference::basis_gradients(shape, 1, reference::NodeSet::Equispaced, d, lattice);
+  const CellQuality quality = cell_quality(mesh, intervals);
+  const int nodes = reference::node_count(shape, order);
+  for (std::size_t cell = 0; cell < 50; ++cell) {
+    const auto jacobian = [&](const std::vector<Eigen::MatrixXd>& gradient, Eigen::Index point) {
+      Eigen::MatrixXd matrix = Eigen::MatrixXd::Zero(d, d);
+      for (Eigen::Index n = 0; n < gradient[0].cols(); ++n)
+        for (int c = 0; c < d; ++c)
+          for (int r = 0; r < d; ++r)
+            matrix(c, r) +=
+                mesh.coordinates[(cell * static_cast<std::size_t>(nodes) + static_cast<std::size_t>(n)) * 3 +
+                                 static_cast<std::size_t>(c)] *
+                gradient[static_cast<std::size_t>(r)](point, n);
+      return matrix.determinant();
+    };
+    double low = 1e300, high = -1e300, distortion_low = 1e300, distortion_high = -1e300;
+    for (Eigen::Index point = 0; point < lattice.rows(); ++point) {
+      const double j = jacobian(gradients, point);
+      const double distortion = j / jacobian(straight, point);
+      low = std::min(low, j);
+      high = std::max(high, j);
+      distortion_low = std::min(distortion_low, distortion);
+      distortion_high = std::max(distortion_high, distortion);
+    }
+    EXPECT_NEAR(quality.scaled_jacobian[cell], low / high, 1e-11);
+    EXPECT_NEAR(quality.distortion_jacobian[cell], distortion_low / distortion_high, 1e-11);
+  }
+}
+
+TEST_P(EveryShape, TheNumberOfThreadsDoesNotMatter) {
+  const HighOrderMesh mesh = testing::shaken_cells(GetParam(), 2, 300, 0.2, 2);
+  const CellQuality one = cell_quality(mesh, 0, 1), two = cell_quality(mesh, 0, 2);
+  EXPECT_EQ(one.scaled_jacobian, two.scaled_jacobian);
+  EXPECT_EQ(one.distortion_jacobian, two.distortion_jacobian);
+}
+
+TEST(Quality, AMeshNumberedClockwiseIsJudgedAsItsMirrorImage) {
+  HighOrderMesh mesh = testing::shaken_cells(Shape::Tetrahedron, 3, 20, 0.15, 3);
+  const CellQuality before = cell_quality(mesh);
+  for (std::size_t n = 0; n < mesh.node_count(); ++n) mesh.coordinates[3 * n] *= -1;
+  const CellQuality after = cell_quality(mesh);
+  EXPECT_EQ(before.scaled_jacobian, after.scaled_jacobian);
+}
+
+TEST(Quality, ATaperedQuadrilateralIsScaledButNotDistorted) {
+  // x = ξ (1 + η/2): J = 1 + η/2 goes from 1/2 to 3/2, and the cell is straight-sided.
+  const HighOrderMesh mesh = testing::one_cell(Shape::Quadrilateral, 3, [](Place p) {
+    return Place{p[0] * (1 + p[1] / 2), p[1], 0};
+  });
+  const QualityReport report = quality(mesh);
+  EXPECT_NEAR(report.min_scaled_jacobian, 1.0 / 3, 1e-12);
+  EXPECT_NEAR(report.min_distortion_jacobian, 1, 1e-12);
+}
+
+TEST(Quality, AnInvalidCellIsNamedWithItsWorstPlace) {
+  // J = (1 + 2ξ)(1 + η/2): least at (−1, 1) with −3/2, greatest at (1, 1) with 9/2.
+  HighOrderMesh mesh = testing::empty_mesh(Shape::Quadrilateral, 2);
+  testing::add_cell(mesh, Shape::Quadrilateral, [](Place p) { return Place{p[0], p[1], 0}; });
+  testing::add_cell(mesh, Shape::Quadrilateral, [](Place p) {
+    return Place{p[0] + p[0] * p[0], p[1] + p[1] * p[1] / 4, 0};
+  });
+  mesh.blocks[0].numbers = {70, 71};
+  const QualityReport report = quality(mesh);
+  ASSERT_EQ(report.invalid_elements, 1);
+  EXPECT_EQ(report.invalid[0].number, 71);
+  EXPECT_NEAR(report.invalid[0].scaled_jacobian, -1.0 / 3, 1e-12);
+  EXPECT_NEAR(report.invalid[0].place[0], 0, 1e-12);
+  EXPECT_NEAR(report.invalid[0].place[1], 1.25, 1e-12);
+  EXPECT_NEAR(report.mean_scaled_jacobian, (1 - 1.0 / 3) / 2, 1e-12);
+  EXPECT_EQ(report.histogram[QualityReport::kBins - 1], 1);
+  EXPECT_EQ(std::accumulate(report.histogram.begin(), report.histogram.end(), std::int64_t{0}), 1);
+}
+
+TEST(Quality, ACellThatIsNowherePositiveCountsAsMinusOne) {
+  HighOrderMesh mesh = testing::empty_mesh(Shape::Triangle, 2);
+  for (int i = 0; i < 2; ++i) testing::add_cell(mesh, Shape::Triangle, [](Place p) { return p; });
+  testing::add_cell(mesh, Shape::Triangle, [](Place p) { return Place{-p[0], p[1], 0}; });
+  const CellQuality cells = cell_quality(mesh);
+  EXPECT_EQ(cells.scaled_jacobian[2], -1);
+  EXPECT_EQ(quality(mesh).invalid_elements, 1);
+}
+
+TEST(Quality, CoordinatesFarFromTheOriginKeepTheirDigits) {
+  HighOrderMesh mesh = testing::shaken_cells(Shape::Hexahedron, 3, 5, 0.05, 4);
+  for (double& x : mesh.coordinates) x = std::round(x * 0x1p30) / 0x1p30;
+  const CellQuality before = cell_quality(mesh);
+  for (double& x : mesh.coordinates) x += 0x1p15;  // exact: the sum has 45 bits
+  EXPECT_EQ(before.scaled_jacobian, cell_quality(mesh).scaled_jacobian);
+}
+
+}  // namespace
+}  // namespace varimesh
