@@ -20,7 +20,7 @@ Position vertex_position(Shape shape, int vertex, int order) {
   if (shape == Shape::Pyramid && vertex == 4) return {0, 0, static_cast<std::int8_t>(order)};
   const ShapeInfo& cell = info(shape);
   Position position{};
-  for (int c = 0; c < cell.dimension; ++c)
+  for (int c = 0; c < 3; ++c)
     if (cell.vertex[vertex][c] > 0) position[c] = static_cast<std::int8_t>(order);
   return position;
 }
@@ -80,7 +80,8 @@ Lattice interior_positions(Shape shape, int order) {
   if (smaller < 0) return interior;
   interior = number_lattice(shape, smaller);
   for (Position& position : interior)
-    for (int c = 0; c < info(shape).dimension; ++c) ++position[c];
+    for (int c = 0; c < 3; ++c)
+      position[c] = static_cast<std::int8_t>(position[c] + (c < info(shape).dimension ? 1 : 0));
   return interior;
 }
 
