@@ -13,12 +13,12 @@ namespace varimesh::formats {
 
 /// File formats. The names are those of the flag, the proto and the documentation.
 enum class Format : std::uint8_t {
-  Auto,          ///< Reading: by content. Writing: by the file name's ending; .msh keeps the version that was read.
-  Msh22,         ///< Gmsh MSH 2.2, ASCII.
-  Msh22Binary,   ///< Gmsh MSH 2.2, binary.
-  Msh41,         ///< Gmsh MSH 4.1, ASCII.
-  Msh41Binary,   ///< Gmsh MSH 4.1, binary.
-  Vtu,           ///< VTK unstructured grid, Lagrange cells, appended zlib data; written only.
+  Auto,         ///< Reading: by content. Writing: by the file name's ending; .msh keeps the version that was read.
+  Msh22,        ///< Gmsh MSH 2.2, ASCII.
+  Msh22Binary,  ///< Gmsh MSH 2.2, binary.
+  Msh41,        ///< Gmsh MSH 4.1, ASCII.
+  Msh41Binary,  ///< Gmsh MSH 4.1, binary.
+  Vtu,          ///< VTK unstructured grid, Lagrange cells, appended zlib data; written only.
 };
 
 struct FormatInfo {
@@ -34,8 +34,8 @@ std::span<const FormatInfo> all();
 /// The format of that name; BadOption lists the names there are.
 Expected<Format> from_name(std::string_view name);
 
-/// The format that writing to `path` means: by its ending, with `.msh` standing for `read_as` where that is an MSH format
-/// and for Msh41Binary otherwise. BadOption for an ending that is not known.
+/// The format that writing to `path` means: by its ending, with `.msh` standing for `read_as` where that is an MSH
+/// format and for Msh41Binary otherwise. BadOption for an ending that is not known.
 Expected<Format> for_output(std::string_view path, Format requested, Format read_as);
 
 /// A mesh, and what it was read from.
@@ -53,15 +53,18 @@ Expected<MeshFile> read_file(const std::string& path);
 /// Takes the file's bytes piece by piece, in order; returns false to stop (a full disk, a broken pipe).
 using Sink = std::function<bool(std::string_view)>;
 
-/// A number an element of dimension mesh.dimension, in the mesh's order, for formats that hold fields (VTU cell arrays).
+/// A number an element of dimension mesh.dimension, in the mesh's order, for formats that hold fields (VTU cell
+/// arrays).
 struct CellField {
   std::string name;
   std::span<const double> values;
 };
 
-/// Writes the mesh. ASCII numbers have 17 significant digits, so that reading gives the same doubles. Errors: BadOption
+/// Writes the mesh. ASCII numbers have as many significant digits (17 at most) as reading needs to give the same
+/// doubles. Errors: BadOption
 /// where the format cannot hold the mesh, Output where the sink stopped.
-Expected<void> write(const HighOrderMesh& mesh, Format format, const Sink& sink, std::span<const CellField> fields = {});
+Expected<void> write(const HighOrderMesh& mesh, Format format, const Sink& sink,
+                     std::span<const CellField> fields = {});
 
 /// Writes beside `path` and renames, so that no half-written file is ever seen under its name.
 Expected<void> write_file(const HighOrderMesh& mesh, Format format, const std::string& path,
