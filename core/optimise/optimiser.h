@@ -19,20 +19,21 @@ enum class Phase : std::uint8_t { Sweeps };
 /// What is known after an iteration (a sweep). Residuals and Jacobians are dimensionless.
 struct Iteration {
   Phase phase = Phase::Sweeps;
-  int number = 0;                   ///< 1, 2, … through the whole run.
-  double energy = 0;                ///< Σ ∫ W(F) |det ∇χ_L| dξ divided by Σ ∫ |det ∇χ_L| dξ.
-  double residual = 0;              ///< Largest displacement of a node in the full step, before damping, over the
-                                    ///< diagonal of the bounding box.
-  double relative_gradient = 0;     ///< Norm of the energy's gradient relative to that of the first iteration.
-  double min_scaled_jacobian = 0;   ///< At the quadrature points: cheaper than the report's, and never below it.
+  int number = 0;                     ///< 1, 2, … through the whole run.
+  double energy = 0;                  ///< Σ ∫ W(F) |det ∇χ_L| dξ divided by Σ ∫ |det ∇χ_L| dξ.
+  double residual = 0;                ///< Largest displacement of a node in the full step, before damping, over the
+                                      ///< diagonal of the bounding box.
+  double relative_gradient = 0;       ///< Norm of the energy's gradient relative to that of the first iteration.
+  double min_scaled_jacobian = 0;     ///< At the quadrature points: cheaper than the report's, and never below it.
   std::int64_t invalid_elements = 0;  ///< Cells with J ≤ 0 at a quadrature point.
-  std::int64_t active_nodes = 0;    ///< Free nodes visited.
-  double seconds = 0;               ///< Since the optimisation began.
+  std::int64_t active_nodes = 0;      ///< Free nodes visited.
+  double seconds = 0;                 ///< Since the optimisation began.
 };
 
 enum class Control : std::uint8_t { Continue, Stop };
 
-/// Called after every iteration, from the thread that called optimise(); Stop ends the run with the mesh as it is.
+/// Called after every iteration, one call at a time, from a thread of the optimiser's; Stop ends the run with the mesh
+/// as it is.
 using OnIteration = std::function<Control(const Iteration&)>;
 
 /// Sizes of the problem.
@@ -49,8 +50,8 @@ struct Result {
   HighOrderMesh mesh;  ///< The mesh that came in with new coordinates; coordinates of fixed nodes bit for bit the same.
   MeshSummary summary;
   int iterations = 0;
-  double seconds = 0;     ///< From the mesh as handed in to the result in memory, reports included.
-  double residual = 0;    ///< Of the last iteration.
+  double seconds = 0;      ///< From the mesh as handed in to the result in memory, reports included.
+  double residual = 0;     ///< Of the last iteration.
   bool converged = false;  ///< residual ≤ tolerance.
   bool stopped = false;    ///< Ended by Control::Stop.
   QualityReport before;
@@ -70,6 +71,7 @@ class Optimiser {
  public:
   /// Checks the mesh and the options, colours the nodes and prepares the tables.
   static Expected<Optimiser> create(const HighOrderMesh& mesh, const Options& options = {});
+  static Expected<Optimiser> create(HighOrderMesh&& mesh, const Options& options = {});
 
   /// Optimises the mesh with these coordinates (3 a node, interleaved, as HighOrderMesh::coordinates).
   /// Errors: BadInput where they are not finite or a straight-sided cell is inverted.
@@ -82,6 +84,7 @@ class Optimiser {
  private:
   struct State;
   explicit Optimiser(std::unique_ptr<State> state);
+  friend Expected<Result> optimise(HighOrderMesh mesh, const Options& options, const OnIteration& on_iteration);
   std::unique_ptr<State> state_;
 };
 

@@ -38,20 +38,20 @@ enum class Colouring : std::uint8_t {
 /// Settings of an optimisation; the defaults suit most meshes.
 struct Options {
   Energy energy = Energy::Hyperelastic;
-  Strain strain = Strain::GreenLagrange;         ///< Linear elastic only.
-  Volumetric volumetric = Volumetric::Log;       ///< Linear elastic only.
-  Winslow winslow = Winslow::True;               ///< Winslow in 3-D only.
-  Constants constants = Constants::Reference;    ///< The set that mu, lambda and kappa come from where they are 0.
-  double mu = 0;                                 ///< Shear modulus, dimensionless; 0: from `constants`.
-  double lambda = 0;                             ///< First Lamé constant, dimensionless; 0: from `constants`.
-  double kappa = 0;                              ///< Bulk modulus, dimensionless; 0: from `constants`.
+  Strain strain = Strain::GreenLagrange;       ///< Linear elastic only.
+  Volumetric volumetric = Volumetric::Log;     ///< Linear elastic only.
+  Winslow winslow = Winslow::True;             ///< Winslow in 3-D only.
+  Constants constants = Constants::Reference;  ///< The set that mu, lambda and kappa come from where they are 0.
+  double mu = 0;                               ///< Shear modulus, dimensionless; 0: from `constants`.
+  double lambda = 0;                           ///< First Lamé constant, dimensionless; 0: from `constants`.
+  double kappa = 0;                            ///< Bulk modulus, dimensionless; 0: from `constants`.
   Regularisation regularisation = Regularisation::Element;
   Method method = Method::Sweeps;
   Colouring colouring = Colouring::Group;
-  double tolerance = 1e-6;     ///< Stop when the residual, relative to the bounding box's diagonal, is below this.
-  int max_iterations = 1000;   ///< Stop after this many iterations; 0 checks and reports only.
-  int threads = 0;             ///< Threads to use; 0: all of the machine's.
-  int quadrature_degree = 0;   ///< Degree integrated exactly; 0: 2 P. Not under 2 (P − 1) on simplices.
+  double tolerance = 1e-6;    ///< Stop when the residual, relative to the bounding box's diagonal, is below this.
+  int max_iterations = 1000;  ///< Stop after this many iterations; 0 checks and reports only.
+  int threads = 0;            ///< Threads to use; 0: all of the machine's.
+  int quadrature_degree = 0;  ///< Degree integrated exactly; 0: 2 P. Not under 2 (P − 1) on simplices.
 };
 
 /// Checks ranges and combinations that do not depend on the mesh. Errors: BadOption, naming the option and its range.

@@ -1,0 +1,27 @@
+// The plain path: W(F), P = dW/dF and d²W/dF² of an energy at one point, in doubles, as a reader checks them against
+// the paper.
+#pragma once
+
+#include <Eigen/Core>
+
+#include "core/energy/material.h"
+
+namespace varimesh {
+
+/// The energy density and its derivatives with respect to F; index of F_ij is i·d + j.
+template <int d>
+struct Density {
+  double W = 0;
+  Eigen::Matrix<double, d * d, 1> P;
+  Eigen::Matrix<double, d * d, d * d> H;
+};
+
+/// W, P and H at F with the regularisation δ².
+template <int d>
+Density<d> density(const Material& material, const Eigen::Matrix<double, d, d>& F, double delta_squared);
+
+/// W alone.
+template <int d>
+double energy_density(const Material& material, const Eigen::Matrix<double, d, d>& F, double delta_squared);
+
+}  // namespace varimesh

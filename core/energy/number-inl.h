@@ -1,0 +1,80 @@
+// The few functions that the energies need of a number, for doubles and for vectors of them, so that each formula is
+// written once and serves the plain path, the tests (in quadruple precision) and every vector width.
+//
+// A "-inl" header is compiled once for each vector instruction set (see Google Highway's foreach_target.h), hence the
+// guard that toggles.
+#if defined(VARIMESH_ENERGY_NUMBER_INL_H) == defined(HWY_TARGET_TOGGLE)
+#ifdef VARIMESH_ENERGY_NUMBER_INL_H
+#undef VARIMESH_ENERGY_NUMBER_INL_H
+#else
+#define VARIMESH_ENERGY_NUMBER_INL_H
+#endif
+
+#include <hwy/contrib/math/math-inl.h>
+#include <hwy/highway.h>
+
+#include <cmath>
+
+HWY_BEFORE_NAMESPACE();
+namespace varimesh {
+namespace HWY_NAMESPACE {
+namespace hn = hwy::HWY_NAMESPACE;
+
+// A plain double.
+HWY_INLINE double logarithm(double x) { return std::log(x); }
+HWY_INLINE double exponential(double x) { return std::exp(x); }
+HWY_INLINE double square_root(double x) { return std::sqrt(x); }
+HWY_INLINE double where_negative(double x, double then, double otherwise) { return x < 0 ? then : otherwise; }
+HWY_INLINE double negative(double x) { return -x; }
+HWY_INLINE double fused(double a, double b, double c) { return a * b + c; }
+
+// A vector of doubles or floats. The logarithm of a number that is not positive and finite is a finite number here,
+// not a NaN (Highway 1.0.3): callers test before they take it.
+template <class V, class D = hn::DFromV<V>>
+HWY_INLINE V logarithm(V x) {
+  return hn::Log(D(), x);
+}
+template <class V, class D = hn::DFromV<V>>
+HWY_INLINE V exponential(V x) {
+  return hn::Exp(D(), x);
+}
+template <class V, class D = hn::DFromV<V>>
+HWY_INLINE V square_root(V x) {
+  return hn::Sqrt(x);
+}
+template <class V, class D = hn::DFromV<V>>
+HWY_INLINE V where_negative(V x, V then, V otherwise) {
+  return hn::IfThenElse(hn::Lt(x, hn::Zero(D())), then, otherwise);
+}
+template <class V, class D = hn::DFromV<V>>
+HWY_INLINE V negative(V x) {
+  return hn::Neg(x);
+}
+template <class V, class D = hn::DFromV<V>>
+HWY_INLINE V fused(V a, V b, V c) {
+  return hn::MulAdd(a, b, c);
+}
+
+/// The number c as a T.
+template <class T>
+struct Constant {
+  static HWY_INLINE T of(double c) {
+    using D = hn::DFromV<T>;
+    return hn::Set(D(), static_cast<hn::TFromD<D>>(c));
+  }
+};
+template <>
+struct Constant<double> {
+  static HWY_INLINE double of(double c) { return c; }
+};
+
+template <class T>
+HWY_INLINE T number(double c) {
+  return Constant<T>::of(c);
+}
+
+}  // namespace HWY_NAMESPACE
+}  // namespace varimesh
+HWY_AFTER_NAMESPACE();
+
+#endif

@@ -1,0 +1,133 @@
+#include "core/optimise/cells.h"
+
+#include <Eigen/Dense>
+#include <cassert>
+#include <cmath>
+
+#include "core/reference/basis.h"
+#include "core/reference/quadrature.h"
+
+namespace varimesh {
+namespace {
+
+using reference::NodeSet;
+
+void fill_tables(CellBlock& block, int degree) {
+  const int d = block.dimension;
+  const reference::Quadrature rule = reference::quadrature(block.shape, block.order, degree);
+  const auto gradients = reference::basis_gradients(block.shape, block.order, NodeSet::Optimised, d, rule.points);
+  block.points = static_cast<int>(rule.weights.size());
+  block.stride = (block.points + kPointPadding - 1) / kPointPadding * kPointPadding;
+  block.weights.assign(block.stride, 0.0);
+  for (int q = 0; q < block.points; ++q) block.weights[q] = rule.weights[q];
+  block.derivatives.resize(static_cast<std::size_t>(block.nodes_per_cell) * d * block.stride);
+  for (int i = 0; i < block.nodes_per_cell; ++i)
+    for (int k = 0; k < d; ++k)
+      for (int q = 0; q < block.stride; ++q)
+        block.derivatives[(static_cast<std::size_t>(i) * d + k) * block.stride + q] =
+            gradients[k](std::min(q, block.points - 1), i);
+}
+
+/// ∇χ_L at the block's quadrature points: derivatives of the vertices' basis.
+std::vector<Eigen::MatrixXd> vertex_gradients(const CellBlock& block, int degree) {
+  const reference::Quadrature rule = reference::quadrature(block.shape, block.order, degree);
+  return reference::basis_gradients(block.shape, 1, NodeSet::Equispaced, block.dimension, rule.points);
+}
+
+template <int d>
+void set_targets(Problem& problem, CellBlock& block, int degree) {
+  const auto gradients = vertex_gradients(block, degree);
+  const int vertices = reference::info(block.shape).vertices;
+  const int per_cell = block.affine ? 1 : block.stride;
+  block.inverse_target.resize(static_cast<std::size_t>(block.count) * d * d * per_cell);
+  block.measure.resize(static_cast<std::size_t>(block.count) * per_cell);
+  for (std::int32_t cell = 0; cell < block.count; ++cell) {
+    const std::int32_t* nodes = block.nodes.data() + static_cast<std::size_t>(cell) * block.nodes_per_cell;
+    double* inverse = block.inverse_target.data() + static_cast<std::size_t>(cell) * d * d * per_cell;
+    double* measure = block.measure.data() + static_cast<std::size_t>(cell) * per_cell;
+    for (int q = 0; q < per_cell; ++q) {
+      const int point = std::min(q, block.points - 1);
+      Eigen::Matrix<double, d, d> A = Eigen::Matrix<double, d, d>::Zero();
+      for (int v = 0; v < vertices; ++v)
+        for (int k = 0; k < d; ++k)
+          for (int i = 0; i < d; ++i) A(i, k) += problem.positions[nodes[v] * d + i] * gradients[k](point, v);
+      const Eigen::Matrix<double, d, d> inverse_A = A.inverse();
+      for (int i = 0; i < d; ++i)
+        for (int j = 0; j < d; ++j) inverse[(i * d + j) * per_cell + q] = inverse_A(i, j);
+      measure[q] = std::abs(A.determinant()) * (block.affine ? 1.0 : block.weights[q]);
+    }
+  }
+}
+
+void list_incidences(Problem& problem, const std::vector<bool>& fixed) {
+  std::vector<std::int32_t> rank(fixed.size(), -1);
+  std::vector<std::int32_t> degree(fixed.size(), 0);
+  for (const CellBlock& block : problem.blocks)
+    for (const std::int32_t node : block.nodes) ++degree[node];
+  for (std::size_t node = 0; node < fixed.size(); ++node) {
+    if (fixed[node] || degree[node] == 0) continue;
+    rank[node] = static_cast<std::int32_t>(problem.free.size());
+    problem.free.push_back(static_cast<std::int32_t>(node));
+  }
+  problem.offsets.assign(problem.free.size() + 1, 0);
+  for (std::size_t f = 0; f < problem.free.size(); ++f)
+    problem.offsets[f + 1] = problem.offsets[f] + degree[problem.free[f]];
+  problem.incidences.resize(problem.offsets.back());
+  std::vector<std::int32_t> fill(problem.offsets.begin(), problem.offsets.end() - 1);
+  for (std::size_t b = 0; b < problem.blocks.size(); ++b) {
+    const CellBlock& block = problem.blocks[b];
+    for (std::size_t n = 0; n < block.nodes.size(); ++n) {
+      const std::int32_t f = rank[block.nodes[n]];
+      if (f < 0) continue;
+      problem.incidences[fill[f]++] = {static_cast<std::int32_t>(n / block.nodes_per_cell),
+                                       static_cast<std::int16_t>(b),
+                                       static_cast<std::int16_t>(n % block.nodes_per_cell)};
+    }
+  }
+}
+
+}  // namespace
+
+Problem build_problem(const HighOrderMesh& mesh, const std::vector<bool>& fixed, int quadrature_degree) {
+  assert(fixed.size() == mesh.node_count());
+  Problem problem;
+  problem.dimension = mesh.dimension;
+  for (const ElementBlock& elements : mesh.blocks) {
+    const reference::ShapeInfo& shape = reference::info(elements.shape);
+    if (shape.dimension != mesh.dimension || elements.size() == 0) continue;
+    auto block = std::find_if(problem.blocks.begin(), problem.blocks.end(),
+                              [&](const CellBlock& b) { return b.shape == elements.shape; });
+    if (block == problem.blocks.end()) {
+      CellBlock fresh;
+      fresh.shape = elements.shape;
+      fresh.dimension = mesh.dimension;
+      fresh.order = mesh.order;
+      fresh.nodes_per_cell = reference::node_count(elements.shape, mesh.order);
+      fresh.affine = shape.affine;
+      block = problem.blocks.insert(problem.blocks.end(), std::move(fresh));
+    }
+    block->nodes.insert(block->nodes.end(), elements.nodes.begin(), elements.nodes.end());
+    block->count += static_cast<std::int32_t>(elements.size());
+  }
+  for (CellBlock& block : problem.blocks) {
+    block.first = problem.cells;
+    problem.cells += block.count;
+    block.degree = quadrature_degree > 0 ? quadrature_degree : 2 * mesh.order;
+    fill_tables(block, block.degree);
+    block.deformation.resize(static_cast<std::size_t>(block.count) * block.dimension * block.dimension * block.stride);
+    block.delta_squared.assign(block.count, 0.0);
+  }
+  list_incidences(problem, fixed);
+  return problem;
+}
+
+void set_straight_sided_targets(Problem& problem) {
+  for (CellBlock& block : problem.blocks) {
+    if (problem.dimension == 2)
+      set_targets<2>(problem, block, block.degree);
+    else
+      set_targets<3>(problem, block, block.degree);
+  }
+}
+
+}  // namespace varimesh

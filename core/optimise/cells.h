@@ -1,0 +1,82 @@
+// The cells of a mesh as the kernels see them: tables a shape, targets and deformation gradients a cell.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "core/mesh/high_order_mesh.h"
+#include "core/optimise/aligned.h"
+
+namespace varimesh {
+
+/// Quadrature points of a cell are padded to a multiple of this, by repeating the last with weight 0, so that a vector
+/// of any width up to 8 doubles never straddles two arrays.
+inline constexpr int kPointPadding = 8;
+
+/// All cells of one shape. Arrays over quadrature points come last and are `stride` long.
+struct CellBlock {
+  Shape shape = Shape::Triangle;
+  int dimension = 0;
+  int order = 0;
+  int nodes_per_cell = 0;
+  int degree = 0;       ///< Of the quadrature rule asked for.
+  int points = 0;       ///< Quadrature points of the rule.
+  int stride = 0;       ///< The same, padded.
+  bool affine = false;  ///< The target is one matrix a cell.
+  std::int32_t count = 0;
+  std::int32_t first = 0;  ///< Number of this block's first cell among all cells.
+
+  std::vector<std::int32_t> nodes;    ///< count × nodes_per_cell, indices of mesh nodes.
+  AlignedVector<double> derivatives;  ///< nodes_per_cell × dimension × stride: ∂φ_i/∂ξ_k.
+  AlignedVector<double> weights;      ///< stride: quadrature weights, 0 in the padding.
+  /// A⁻¹ of the target A (row-major d × d): count × d·d where affine, else count × d·d × stride.
+  AlignedVector<double> inverse_target;
+  /// |det A| where affine (count), else weight times |det A| (count × stride).
+  AlignedVector<double> measure;
+  AlignedVector<double> deformation;  ///< F, row-major: count × d·d × stride.
+  std::vector<double> delta_squared;  ///< δ² of J' a cell, dimensionless; 0 for a cell with J > 0 at every point.
+
+  double* deformation_of(std::int32_t cell) {
+    return deformation.data() + static_cast<std::size_t>(cell) * dimension * dimension * stride;
+  }
+  const double* deformation_of(std::int32_t cell) const {
+    return deformation.data() + static_cast<std::size_t>(cell) * dimension * dimension * stride;
+  }
+  const double* inverse_target_of(std::int32_t cell) const {
+    return inverse_target.data() + static_cast<std::size_t>(cell) * dimension * dimension * (affine ? 1 : stride);
+  }
+  const double* measure_of(std::int32_t cell) const {
+    return measure.data() + static_cast<std::size_t>(cell) * (affine ? 1 : stride);
+  }
+  const double* derivatives_of(int node) const {
+    return derivatives.data() + static_cast<std::size_t>(node) * dimension * stride;
+  }
+};
+
+/// A cell that a node belongs to, and which of the cell's nodes it is.
+struct Incidence {
+  std::int32_t cell = 0;  ///< Within its block.
+  std::int16_t block = 0;
+  std::int16_t local = 0;
+};
+
+/// Everything the optimiser works on. Coordinates are relative: (x − centre)/diagonal of the bounding box, so that the
+/// unit of length plays no part.
+struct Problem {
+  int dimension = 0;
+  std::vector<CellBlock> blocks;
+  std::int32_t cells = 0;
+  std::vector<double> positions;      ///< dimension a node, interleaved, of the optimised nodes.
+  std::vector<std::int32_t> free;     ///< Nodes that may move, ascending.
+  std::vector<std::int32_t> offsets;  ///< free.size() + 1: where each free node's incidences begin.
+  std::vector<Incidence> incidences;
+};
+
+/// Groups the cells by shape, builds the tables and lists the incidences of the free nodes. `quadrature_degree` 0 means
+/// 2 P. Positions, targets and deformation gradients are left to be set.
+Problem build_problem(const HighOrderMesh& mesh, const std::vector<bool>& fixed, int quadrature_degree);
+
+/// Sets the targets to the straight-sided cells on the vertices of `positions`.
+void set_straight_sided_targets(Problem& problem);
+
+}  // namespace varimesh

@@ -1,0 +1,438 @@
+// The vectorised kernels: a lane a quadrature point, everything affine in the one node that moves.
+//
+// Moving a node by a changes F to F + a ⊗ g with g = A⁻ᵀ ∇_ξ φ. Then J + a·c with c = C g exactly (C = cof F), and the
+// invariants' first and second derivatives in a need y = F g, c and a few products of them; no derivative matrix is
+// applied. With f(Q, J') of the energy, weights w and Q = |F|²:
+//     gradient  Σ w (2 f_Q y + f_J c)
+//     Hessian   Σ w (2 f_Q |g|² 1 + 4 f_QQ y yᵀ + 2 f_QJ (c yᵀ + y cᵀ) + f_JJ c cᵀ)
+// For Q = |C|² replace 2 y by k = 2 (|F|² y − F Fᵀ y) and 2 |g|² 1 by 2 [y yᵀ + (|F|² |g|² − |y|²) 1 − |g|² F Fᵀ].
+#if defined(VARIMESH_OPTIMISE_KERNELS_INL_H) == defined(HWY_TARGET_TOGGLE)
+#ifdef VARIMESH_OPTIMISE_KERNELS_INL_H
+#undef VARIMESH_OPTIMISE_KERNELS_INL_H
+#else
+#define VARIMESH_OPTIMISE_KERNELS_INL_H
+#endif
+
+#include <limits>
+
+#include "core/energy/table-inl.h"
+#include "core/optimise/kernels.h"
+
+HWY_BEFORE_NAMESPACE();
+namespace varimesh {
+namespace HWY_NAMESPACE {
+
+using Tag = hn::CappedTag<double, kPointPadding>;
+using Lanes = hn::Vec<Tag>;
+
+HWY_INLINE Lanes load(const double* at) { return hn::Load(Tag(), at); }
+HWY_INLINE Lanes zero() { return hn::Zero(Tag()); }
+HWY_INLINE double sum_of(Lanes v) { return hn::GetLane(hn::SumOfLanes(Tag(), v)); }
+HWY_INLINE double min_of(Lanes v) { return hn::GetLane(hn::MinOfLanes(Tag(), v)); }
+HWY_INLINE double max_of(Lanes v) { return hn::GetLane(hn::MaxOfLanes(Tag(), v)); }
+
+/// F at some points, one lane each.
+template <int d>
+struct Gradient {
+  Lanes F[d][d];
+
+  HWY_INLINE void load_from(const double* array, int stride, int q) {
+    for (int i = 0; i < d; ++i)
+      for (int j = 0; j < d; ++j) F[i][j] = load(array + (i * d + j) * stride + q);
+  }
+
+  /// |F|²
+  HWY_INLINE Lanes square() const {
+    Lanes sum = zero();
+    for (int i = 0; i < d; ++i)
+      for (int j = 0; j < d; ++j) sum = hn::MulAdd(F[i][j], F[i][j], sum);
+    return sum;
+  }
+
+  /// Row i of the cofactor matrix.
+  HWY_INLINE void cofactor_row(int i, Lanes* C) const {
+    if constexpr (d == 2) {
+      C[0] = i == 0 ? F[1][1] : zero() - F[0][1];
+      C[1] = i == 0 ? zero() - F[1][0] : F[0][0];
+    } else {
+      const Lanes* a = F[(i + 1) % 3];
+      const Lanes* b = F[(i + 2) % 3];
+      for (int j = 0; j < 3; ++j) {
+        const int j1 = (j + 1) % 3, j2 = (j + 2) % 3;
+        C[j] = hn::MulSub(a[j1], b[j2], a[j2] * b[j1]);
+      }
+    }
+  }
+
+  HWY_INLINE Lanes determinant() const {
+    Lanes C[d];
+    cofactor_row(0, C);
+    Lanes J = F[0][0] * C[0];
+    for (int j = 1; j < d; ++j) J = hn::MulAdd(F[0][j], C[j], J);
+    return J;
+  }
+
+  /// F v
+  HWY_INLINE void times(const Lanes* v, Lanes* out) const {
+    for (int i = 0; i < d; ++i) {
+      out[i] = F[i][0] * v[0];
+      for (int j = 1; j < d; ++j) out[i] = hn::MulAdd(F[i][j], v[j], out[i]);
+    }
+  }
+
+  /// F Fᵀ, lower triangle by rows.
+  HWY_INLINE void left_product(Lanes* B) const {
+    for (int i = 0, entry = 0; i < d; ++i)
+      for (int j = 0; j <= i; ++j, ++entry) {
+        B[entry] = F[i][0] * F[j][0];
+        for (int k = 1; k < d; ++k) B[entry] = hn::MulAdd(F[i][k], F[j][k], B[entry]);
+      }
+  }
+};
+
+template <int d>
+HWY_INLINE Lanes inner(const Lanes* a, const Lanes* b) {
+  Lanes sum = a[0] * b[0];
+  for (int i = 1; i < d; ++i) sum = hn::MulAdd(a[i], b[i], sum);
+  return sum;
+}
+
+/// g = A⁻ᵀ ∇_ξ φ at points q…
+template <int d, bool affine>
+HWY_INLINE void node_gradient(const PatchCell& cell, int q, Lanes* g) {
+  for (int k = 0; k < d; ++k) {
+    g[k] = zero();
+    for (int m = 0; m < d; ++m) {
+      const Lanes entry = affine ? hn::Set(Tag(), cell.inverse_target[m * d + k])
+                                 : load(cell.inverse_target + (m * d + k) * cell.stride + q);
+      g[k] = hn::MulAdd(load(cell.derivatives + m * cell.stride + q), entry, g[k]);
+    }
+  }
+}
+
+template <bool affine>
+HWY_INLINE Lanes weight(const PatchCell& cell, int q) {
+  if constexpr (affine) return load(cell.weights + q) * hn::Set(Tag(), cell.measure[0]);
+  return load(cell.measure + q);
+}
+
+/// The sums of PatchExpansion, a lane a point.
+template <int d>
+struct Sums {
+  Lanes energy, measure, gradient[d], hessian[d * (d + 1) / 2];
+  HWY_INLINE Sums() : energy(zero()), measure(zero()) {
+    for (Lanes& v : gradient) v = zero();
+    for (Lanes& v : hessian) v = zero();
+  }
+};
+
+/// One energy in one dimension. See Kernels for what each function does.
+template <class E, int d>
+class VectorKernels final : public Kernels {
+  static constexpr int kEntries = d * (d + 1) / 2;
+  static constexpr double kHuge = 1e100;  // beyond this |F|² counts as not finite
+
+ public:
+  explicit VectorKernels(const E& energy) : energy_(energy) {}
+
+  PatchExpansion expand(std::span<const PatchCell> patch) const override {
+    Sums<d> sums;
+    for (const PatchCell& cell : patch) cell.affine ? expand_cell<true>(cell, sums) : expand_cell<false>(cell, sums);
+    PatchExpansion out;
+    out.energy = sum_of(sums.energy);
+    out.measure = sum_of(sums.measure);
+    for (int i = 0; i < d; ++i) out.gradient[i] = sum_of(sums.gradient[i]);
+    for (int i = 0; i < kEntries; ++i) out.hessian[i] = sum_of(sums.hessian[i]);
+    return out;
+  }
+
+  double energy_after(std::span<const PatchCell> patch, const double* step) const override {
+    Lanes a[d];
+    for (int i = 0; i < d; ++i) a[i] = hn::Set(Tag(), step[i]);
+    Lanes sum = zero();
+    for (const PatchCell& cell : patch) {
+      const bool allowed = cell.affine ? add_energy_after<true>(cell, a, sum) : add_energy_after<false>(cell, a, sum);
+      if (!allowed) return std::numeric_limits<double>::infinity();
+    }
+    const double energy = sum_of(sum);
+    return energy < kHuge ? energy : std::numeric_limits<double>::infinity();
+  }
+
+  void move(std::span<const PatchCell> patch, const double* step) const override {
+    Lanes a[d];
+    for (int i = 0; i < d; ++i) a[i] = hn::Set(Tag(), step[i]);
+    for (const PatchCell& cell : patch) {
+      for (int q = 0; q < cell.stride; q += static_cast<int>(hn::Lanes(Tag()))) {
+        Lanes g[d];
+        cell.affine ? node_gradient<d, true>(cell, q, g) : node_gradient<d, false>(cell, q, g);
+        for (int i = 0; i < d; ++i)
+          for (int j = 0; j < d; ++j) {
+            double* at = cell.deformation + (i * d + j) * cell.stride + q;
+            hn::Store(hn::MulAdd(a[i], g[j], load(at)), Tag(), at);
+          }
+      }
+    }
+  }
+
+  double smallest_jacobian(std::span<const PatchCell> patch) const override {
+    Lanes smallest = hn::Set(Tag(), std::numeric_limits<double>::infinity());
+    for (const PatchCell& cell : patch)
+      for (int q = 0; q < cell.stride; q += static_cast<int>(hn::Lanes(Tag()))) {
+        Gradient<d> at;
+        at.load_from(cell.deformation, cell.stride, q);
+        smallest = hn::Min(smallest, at.determinant());
+      }
+    return min_of(smallest);
+  }
+
+  void rebuild(CellBlock& block, std::int32_t cell, std::span<const double> positions) const override {
+    const std::int32_t* nodes = block.nodes.data() + static_cast<std::size_t>(cell) * block.nodes_per_cell;
+    double* F = block.deformation_of(cell);
+    const double* inverse = block.inverse_target_of(cell);
+    for (int q = 0; q < block.stride; q += static_cast<int>(hn::Lanes(Tag()))) {
+      Lanes G[d][d];  // ∇_ξ χ_M
+      for (auto& row : G)
+        for (Lanes& entry : row) entry = zero();
+      for (int n = 0; n < block.nodes_per_cell; ++n) {
+        const double* x = positions.data() + static_cast<std::size_t>(nodes[n]) * d;
+        const double* table = block.derivatives_of(n) + q;
+        for (int k = 0; k < d; ++k) {
+          const Lanes slope = load(table + k * block.stride);
+          for (int i = 0; i < d; ++i) G[i][k] = hn::MulAdd(hn::Set(Tag(), x[i]), slope, G[i][k]);
+        }
+      }
+      for (int i = 0; i < d; ++i)
+        for (int j = 0; j < d; ++j) {
+          Lanes entry = zero();
+          for (int k = 0; k < d; ++k) {
+            const Lanes a =
+                block.affine ? hn::Set(Tag(), inverse[k * d + j]) : load(inverse + (k * d + j) * block.stride + q);
+            entry = hn::MulAdd(G[i][k], a, entry);
+          }
+          hn::Store(entry, Tag(), F + (i * d + j) * block.stride + q);
+        }
+    }
+  }
+
+  CellScan scan(const CellBlock& block, std::int32_t cell) const override {
+    const Lanes delta_squared = hn::Set(Tag(), block.delta_squared[cell]);
+    Lanes energy = zero(), smallest = hn::Set(Tag(), std::numeric_limits<double>::infinity());
+    Lanes low = smallest, high = zero() - smallest;
+    for (int q = 0; q < block.stride; q += static_cast<int>(hn::Lanes(Tag()))) {
+      Gradient<d> at;
+      at.load_from(block.deformation_of(cell), block.stride, q);
+      const Lanes J = at.determinant(), weights = load(block.weights.data() + q);
+      const Lanes w =
+          block.affine ? weights * hn::Set(Tag(), block.measure_of(cell)[0]) : load(block.measure_of(cell) + q);
+      smallest = hn::Min(smallest, J);
+      // det ∇χ_M = J |det A|; the padding repeats the last point, so it may stand in with any positive weight.
+      const Lanes volume =
+          block.affine ? hn::Set(Tag(), 1.0) : w / hn::Max(weights, hn::Set(Tag(), std::numeric_limits<double>::min()));
+      const auto real = hn::Gt(weights, zero());
+      low = hn::Min(low, hn::IfThenElse(real, J * volume, low));
+      high = hn::Max(high, hn::IfThenElse(real, J * volume, high));
+      energy = hn::MulAdd(w, value(at, J, delta_squared), energy);
+    }
+    CellScan out;
+    out.energy = sum_of(energy);
+    out.smallest_jacobian = min_of(smallest);
+    const double highest = max_of(high), ratio = min_of(low) / highest;
+    out.scaled_jacobian = highest > 0 && ratio > -1 ? ratio : -1.0;
+    return out;
+  }
+
+ private:
+  /// W(F).
+  HWY_INLINE Lanes value(const Gradient<d>& at, Lanes J, Lanes delta_squared) const {
+    const Regularised<Lanes> j = regularised(J, delta_squared);
+    Lanes Q = at.square();
+    if constexpr (E::kQuadratic == Quadratic::Cofactor) {
+      Q = zero();
+      for (int i = 0; i < d; ++i) {
+        Lanes C[d];
+        at.cofactor_row(i, C);
+        for (int k = 0; k < d; ++k) Q = hn::MulAdd(C[k], C[k], Q);
+      }
+    }
+    Lanes W = energy_.value(Q, j);
+    if constexpr (E::kStrain != StrainTerm::None) W = W + strain_value(at);
+    return W;
+  }
+
+  /// μ E:E, and λ/2 (tr E)² where the energy has it. |FᵀF − 1| = |FFᵀ − 1|.
+  HWY_INLINE Lanes strain_value(const Gradient<d>& at) const {
+    const Lanes one = hn::Set(Tag(), 1.0);
+    Lanes sum = zero(), trace = zero();
+    if constexpr (E::kStrain == StrainTerm::GreenLagrange) {
+      Lanes B[kEntries];
+      at.left_product(B);
+      for (int i = 0, entry = 0; i < d; ++i)
+        for (int j = 0; j <= i; ++j, ++entry) {
+          const Lanes e = i == j ? B[entry] - one : B[entry];
+          sum = hn::MulAdd(i == j ? e : e + e, e, sum);
+        }
+      return hn::Set(Tag(), 0.25 * energy_.mu) * sum;
+    }
+    for (int i = 0; i < d; ++i) {
+      const Lanes e = at.F[i][i] - one;
+      trace = trace + e;
+      sum = hn::MulAdd(e, e, sum);
+      for (int j = 0; j < i; ++j) {
+        const Lanes shear = at.F[i][j] + at.F[j][i];
+        sum = hn::MulAdd(hn::Set(Tag(), 0.5) * shear, shear, sum);
+      }
+    }
+    Lanes W = hn::Set(Tag(), energy_strain_mu()) * sum;
+    if constexpr (E::kTraceOfStrain) W = hn::MulAdd(hn::Set(Tag(), 0.5 * energy_.lambda) * trace, trace, W);
+    return W;
+  }
+
+  double energy_strain_mu() const {
+    if constexpr (E::kStrain != StrainTerm::None) return energy_.mu;
+    return 0;
+  }
+
+  template <bool affine>
+  HWY_INLINE bool add_energy_after(const PatchCell& cell, const Lanes* a, Lanes& sum) const {
+    // The logarithm of a number that is not positive is a finite number here, so J and finiteness are tested first.
+    const Lanes lowest = hn::Set(Tag(), E::kBarrier && cell.delta_squared == 0 ? 0.0 : -kHuge);
+    const Lanes huge = hn::Set(Tag(), kHuge);
+    const Lanes delta_squared = hn::Set(Tag(), cell.delta_squared);
+    for (int q = 0; q < cell.stride; q += static_cast<int>(hn::Lanes(Tag()))) {
+      Lanes g[d];
+      node_gradient<d, affine>(cell, q, g);
+      Gradient<d> at;
+      at.load_from(cell.deformation, cell.stride, q);
+      for (int i = 0; i < d; ++i)
+        for (int j = 0; j < d; ++j) at.F[i][j] = hn::MulAdd(a[i], g[j], at.F[i][j]);
+      const Lanes J = at.determinant();
+      if (!hn::AllTrue(Tag(), hn::And(hn::Gt(J, lowest), hn::Lt(J, huge)))) return false;
+      sum = hn::MulAdd(weight<affine>(cell, q), value(at, J, delta_squared), sum);
+    }
+    return true;
+  }
+
+  template <bool affine>
+  HWY_INLINE void expand_cell(const PatchCell& cell, Sums<d>& sums) const {
+    const Lanes delta_squared = hn::Set(Tag(), cell.delta_squared);
+    for (int q = 0; q < cell.stride; q += static_cast<int>(hn::Lanes(Tag()))) {
+      Lanes g[d], y[d], c[d];
+      node_gradient<d, affine>(cell, q, g);
+      Gradient<d> at;
+      at.load_from(cell.deformation, cell.stride, q);
+      at.times(g, y);
+      Lanes J = zero(), cofactor_square = zero();
+      for (int i = 0; i < d; ++i) {
+        Lanes C[d];
+        at.cofactor_row(i, C);
+        c[i] = inner<d>(C, g);
+        if (i == 0) J = inner<d>(C, at.F[0]);
+        if constexpr (E::kQuadratic == Quadratic::Cofactor) cofactor_square = cofactor_square + inner<d>(C, C);
+      }
+      const Lanes w = weight<affine>(cell, q);
+      const Lanes square = at.square(), gg = inner<d>(g, g);
+      add_invariants(at, regularised(J, delta_squared), square, cofactor_square, w, gg, y, c, sums);
+      if constexpr (E::kStrain == StrainTerm::GreenLagrange) add_green_lagrange(at, w, g, gg, y, sums);
+      if constexpr (E::kStrain == StrainTerm::Small) add_small_strain(at, w, g, gg, sums);
+      sums.measure = sums.measure + w;
+    }
+  }
+
+  /// The part f(Q, J').
+  HWY_INLINE void add_invariants(const Gradient<d>& at, const Regularised<Lanes>& j, Lanes square,
+                                 Lanes cofactor_square, Lanes w, Lanes gg, const Lanes* y, const Lanes* c,
+                                 Sums<d>& sums) const {
+    constexpr bool cofactor = E::kQuadratic == Quadratic::Cofactor;
+    const Partials<Lanes> p = energy_.partials(cofactor ? cofactor_square : square, j);
+    const Lanes two = hn::Set(Tag(), 2.0);
+    const Lanes w_Q = w * p.f_Q, w_J = w * p.f_J, w_JJ = w * p.f_JJ;
+    Lanes k[d], B[kEntries];  // k: gradient of Q in the node's displacement
+    for (int i = 0; i < d; ++i) k[i] = two * y[i];
+    if constexpr (cofactor) {
+      at.left_product(B);
+      for (int i = 0; i < d; ++i) {
+        Lanes By = zero();
+        for (int m = 0; m < d; ++m) By = hn::MulAdd(B[i >= m ? i * (i + 1) / 2 + m : m * (m + 1) / 2 + i], y[m], By);
+        k[i] = two * hn::MulSub(square, y[i], By);
+      }
+    }
+    sums.energy = hn::MulAdd(w, p.f, sums.energy);
+    const Lanes yy = cofactor ? inner<d>(y, y) : zero();
+    for (int i = 0, entry = 0; i < d; ++i) {
+      sums.gradient[i] = hn::MulAdd(w_Q, k[i], hn::MulAdd(w_J, c[i], sums.gradient[i]));
+      Lanes row = w_JJ * c[i];
+      if constexpr (E::kMixed) row = hn::MulAdd(w * p.f_QJ, k[i], row);
+      for (int m = 0; m <= i; ++m, ++entry) {
+        Lanes h = hn::MulAdd(row, c[m], sums.hessian[entry]);
+        if constexpr (E::kMixed) h = hn::MulAdd(w * p.f_QJ * c[i], k[m], h);
+        if constexpr (E::kCurved) h = hn::MulAdd(w * p.f_QQ * k[i], k[m], h);
+        if constexpr (cofactor) {
+          Lanes q = hn::NegMulAdd(gg, B[entry], y[i] * y[m]);
+          if (i == m) q = q + hn::MulSub(square, gg, yy);
+          h = hn::MulAdd(two * w_Q, q, h);
+        } else if (i == m) {
+          h = hn::MulAdd(two * w_Q, gg, h);
+        }
+        sums.hessian[entry] = h;
+      }
+    }
+  }
+
+  /// μ E:E with E = (FᵀF − 1)/2: gradient 2μ F E g, Hessian μ (|g|² F Fᵀ + y yᵀ) + 2μ (g·E g) 1,
+  /// where F E g = (F Fᵀ y − y)/2 and g·E g = (|y|² − |g|²)/2.
+  HWY_INLINE void add_green_lagrange(const Gradient<d>& at, Lanes w, const Lanes*, Lanes gg, const Lanes* y,
+                                     Sums<d>& sums) const {
+    const Lanes w_mu = w * hn::Set(Tag(), energy_strain_mu());
+    Lanes B[kEntries];
+    at.left_product(B);
+    const Lanes shift = inner<d>(y, y) - gg;
+    sums.energy = hn::MulAdd(w, strain_value(at), sums.energy);
+    for (int i = 0, entry = 0; i < d; ++i) {
+      Lanes By = zero() - y[i];
+      for (int m = 0; m < d; ++m) By = hn::MulAdd(B[i >= m ? i * (i + 1) / 2 + m : m * (m + 1) / 2 + i], y[m], By);
+      sums.gradient[i] = hn::MulAdd(w_mu, By, sums.gradient[i]);
+      for (int m = 0; m <= i; ++m, ++entry) {
+        Lanes h = hn::MulAdd(gg, B[entry], y[i] * y[m]);
+        if (i == m) h = h + shift;
+        sums.hessian[entry] = hn::MulAdd(w_mu, h, sums.hessian[entry]);
+      }
+    }
+  }
+
+  /// μ E:E with E = sym F − 1: gradient 2μ E g, Hessian μ (|g|² 1 + g gᵀ); λ/2 (tr E)²: λ tr E g and λ g gᵀ.
+  HWY_INLINE void add_small_strain(const Gradient<d>& at, Lanes w, const Lanes* g, Lanes gg, Sums<d>& sums) const {
+    const Lanes w_mu = w * hn::Set(Tag(), energy_strain_mu());
+    Lanes trace = zero(), w_lambda = zero();
+    if constexpr (E::kTraceOfStrain) {
+      trace = hn::Set(Tag(), -double(d));
+      for (int i = 0; i < d; ++i) trace = trace + at.F[i][i];
+      w_lambda = w * hn::Set(Tag(), energy_.lambda);
+    }
+    sums.energy = hn::MulAdd(w, strain_value(at), sums.energy);
+    for (int i = 0, entry = 0; i < d; ++i) {
+      Lanes Eg = zero() - (g[i] + g[i]);  // 2 E g
+      for (int m = 0; m < d; ++m) Eg = hn::MulAdd(at.F[i][m] + at.F[m][i], g[m], Eg);
+      sums.gradient[i] = hn::MulAdd(w_mu, Eg, hn::MulAdd(w_lambda * trace, g[i], sums.gradient[i]));
+      for (int m = 0; m <= i; ++m, ++entry) {
+        Lanes h = hn::MulAdd((w_mu + w_lambda) * g[i], g[m], sums.hessian[entry]);
+        if (i == m) h = hn::MulAdd(w_mu, gg, h);
+        sums.hessian[entry] = h;
+      }
+    }
+  }
+
+  E energy_;
+};
+
+/// The kernels of the material's energy; the caller owns them.
+template <int d>
+Kernels* new_kernels(const Material& material) {
+  return with_energy<d>(material,
+                        [](auto energy) -> Kernels* { return new VectorKernels<decltype(energy), d>(energy); });
+}
+
+}  // namespace HWY_NAMESPACE
+}  // namespace varimesh
+HWY_AFTER_NAMESPACE();
+
+#endif

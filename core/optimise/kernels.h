@@ -1,0 +1,77 @@
+// What a sweep asks of an energy: the energy of a node's patch, its derivatives, and a step taken. Two implementations:
+// a plain one that reads like the paper, and a vectorised one for each instruction set.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <memory>
+#include <span>
+
+#include "core/energy/material.h"
+#include "core/optimise/cells.h"
+
+namespace varimesh {
+
+/// One cell of a node's patch, as pointers into its block. Arrays over points are `stride` long.
+struct PatchCell {
+  double* deformation;           ///< F, d·d arrays.
+  const double* derivatives;     ///< ∂φ/∂ξ_k of the node at hand, d arrays.
+  const double* inverse_target;  ///< d·d numbers where affine, else d·d arrays.
+  const double* measure;         ///< |det A| where affine, else the array of weight times |det A|.
+  const double* weights;         ///< Quadrature weights.
+  double delta_squared;          ///< 0: the cell is valid, and J must stay positive at every point.
+  int stride;
+  bool affine;
+};
+
+/// The patch's energy as a function of the node's displacement, to second order, about where it is.
+/// Unused directions in 2-D are 0. Σ over the patch of weight |det A| times W and its derivatives.
+struct PatchExpansion {
+  double energy = 0;
+  double measure = 0;  ///< Σ weight |det A|.
+  std::array<double, 3> gradient{};
+  std::array<double, 6> hessian{};  ///< xx, xy, yy, xz, yz, zz: lower triangle by rows.
+};
+
+/// What a cell's cached deformation gradients say.
+struct CellScan {
+  double energy = 0;             ///< Σ weight |det A| W(F).
+  double smallest_jacobian = 0;  ///< min det F over the points.
+  double scaled_jacobian = 0;    ///< min/max of det ∇χ_M over the points; −1 where it is nowhere positive.
+};
+
+/// The kernels of one energy in one dimension. Everything is a pure function of its arguments, so one object serves
+/// every thread.
+class Kernels {
+ public:
+  virtual ~Kernels() = default;
+
+  virtual PatchExpansion expand(std::span<const PatchCell> patch) const = 0;
+
+  /// The patch's energy with the node displaced by `step`; +∞ where that makes a valid cell's J ≤ 0 or a number not
+  /// finite.
+  virtual double energy_after(std::span<const PatchCell> patch, const double* step) const = 0;
+
+  /// F += step ⊗ ∇φ in every cell of the patch.
+  virtual void move(std::span<const PatchCell> patch, const double* step) const = 0;
+
+  /// The smallest J = det F in the patch.
+  virtual double smallest_jacobian(std::span<const PatchCell> patch) const = 0;
+
+  /// F of a cell from its nodes' positions (d a node): sets the block's deformation of that cell.
+  virtual void rebuild(CellBlock& block, std::int32_t cell, std::span<const double> positions) const = 0;
+
+  virtual CellScan scan(const CellBlock& block, std::int32_t cell) const = 0;
+};
+
+/// The vectorised kernels for the best instruction set that this machine has.
+std::unique_ptr<Kernels> make_kernels(const Material& material, int dimension);
+
+/// The plain kernels: a point after the other, in the notation of the paper. What the vectorised ones are tested with.
+std::unique_ptr<Kernels> make_plain_kernels(const Material& material, int dimension);
+
+/// δ² of the regularised Jacobian for a cell, or patch, whose smallest J is `smallest`: 0 where that is positive, else
+/// (0.4 J)² + 4e-8, as the reference implementation has it, so that δ goes to zero as the mesh becomes valid.
+inline double delta_squared_for(double smallest) { return smallest > 0 ? 0.0 : 4e-8 + 0.16 * smallest * smallest; }
+
+}  // namespace varimesh

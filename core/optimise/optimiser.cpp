@@ -1,0 +1,175 @@
+#include "core/optimise/optimiser.h"
+
+#include <chrono>
+#include <cmath>
+#include <string>
+
+#include "core/energy/material.h"
+#include "core/mesh/check.h"
+#include "core/mesh/connectivity.h"
+#include "core/optimise/cells.h"
+#include "core/optimise/door.h"
+#include "core/optimise/kernels.h"
+#include "core/optimise/schedule.h"
+#include "core/optimise/sweep.h"
+#include "core/optimise/team.h"
+
+namespace varimesh {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+double seconds_since(Clock::time_point start) { return std::chrono::duration<double>(Clock::now() - start).count(); }
+
+/// Deformation gradients are updated by rank one as nodes move; every so many sweeps they are computed anew, so that
+/// rounding does not add up.
+constexpr int kSweepsBetweenRebuilds = 16;
+
+Expected<void> check_degree(const HighOrderMesh& mesh, int degree) {
+  const int floor = 2 * (mesh.order - 1);
+  if (degree == 0 || degree >= floor) return {};
+  return bad_option("quadrature_degree " + std::to_string(degree) + " is too low for a mesh of order " +
+                    std::to_string(mesh.order) + ": below 2 (P − 1) = " + std::to_string(floor) +
+                    " the energy does not see all of an element; leave it at 0 for twice the order.");
+}
+
+}  // namespace
+
+/// Everything that is set up once for a mesh topology.
+struct Optimiser::State {
+  HighOrderMesh mesh;
+  Options options;
+  MeshSummary summary;
+  Problem problem;
+  Schedule schedule;
+  std::unique_ptr<Kernels> kernels;
+  double set_up_seconds = 0;  ///< Counted with the first run.
+
+  /// Optimises `mesh` as it is.
+  Result run(const OnIteration& on_iteration);
+  void iterate(Team& team, const OnIteration& on_iteration, Clock::time_point start, Result& result);
+};
+
+Expected<MeshSummary> summarise(const HighOrderMesh& mesh) {
+  if (const auto checked = check(mesh); !checked) return tl::unexpected(checked.error());
+  const std::vector<bool> fixed = fixed_nodes(mesh);
+  std::vector<bool> used(mesh.node_count(), false);
+  for (const ElementBlock& block : mesh.blocks)
+    if (reference::info(block.shape).dimension == mesh.dimension)
+      for (const std::int32_t node : block.nodes) used[node] = true;
+  MeshSummary summary;
+  summary.dimension = mesh.dimension;
+  summary.order = mesh.order;
+  summary.elements = static_cast<std::int64_t>(mesh.element_count(mesh.dimension));
+  summary.nodes = static_cast<std::int64_t>(mesh.node_count());
+  for (std::size_t n = 0; n < mesh.node_count(); ++n) summary.free_nodes += used[n] && !fixed[n] ? 1 : 0;
+  return summary;
+}
+
+Optimiser::Optimiser(std::unique_ptr<State> state) : state_(std::move(state)) {}
+Optimiser::Optimiser(Optimiser&&) noexcept = default;
+Optimiser& Optimiser::operator=(Optimiser&&) noexcept = default;
+Optimiser::~Optimiser() = default;
+
+Expected<Optimiser> Optimiser::create(const HighOrderMesh& mesh, const Options& options) {
+  return create(HighOrderMesh(mesh), options);
+}
+
+Expected<Optimiser> Optimiser::create(HighOrderMesh&& mesh, const Options& options) {
+  const Clock::time_point start = Clock::now();
+  if (const auto checked = check(options); !checked) return tl::unexpected(checked.error());
+  const Expected<MeshSummary> summary = summarise(mesh);
+  if (!summary) return tl::unexpected(summary.error());
+  if (const auto checked = check_degree(mesh, options.quadrature_degree); !checked)
+    return tl::unexpected(checked.error());
+  auto state = std::make_unique<State>();
+  state->options = options;
+  state->summary = *summary;
+  if (options.max_iterations > 0) {
+    state->problem = build_problem(mesh, fixed_nodes(mesh), options.quadrature_degree);
+    state->schedule = make_schedule(state->problem, options.colouring);
+    state->kernels = make_kernels(material(options), mesh.dimension);
+  }
+  state->mesh = std::move(mesh);
+  state->set_up_seconds = seconds_since(start);
+  return Optimiser(std::move(state));
+}
+
+Expected<Result> Optimiser::run(std::vector<double> coordinates, const OnIteration& on_iteration) {
+  State& state = *state_;
+  if (coordinates.size() != state.mesh.coordinates.size())
+    return bad_input("The coordinates are " + std::to_string(coordinates.size()) + " numbers; the mesh has " +
+                     std::to_string(state.mesh.node_count()) + " nodes and so needs " +
+                     std::to_string(state.mesh.coordinates.size()) + ".");
+  const bool same_coordinates = coordinates == state.mesh.coordinates;
+  state.mesh.coordinates = std::move(coordinates);
+  if (!same_coordinates)
+    if (const auto checked = check(state.mesh); !checked) return tl::unexpected(checked.error());
+  return state.run(on_iteration);
+}
+
+Result Optimiser::State::run(const OnIteration& on_iteration) {
+  // The set-up's time counts as the first run's.
+  const Clock::time_point start =
+      Clock::now() - std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(set_up_seconds));
+  set_up_seconds = 0;
+  Result result;
+  result.summary = summary;
+  result.before = quality(mesh, 0, options.threads);
+  result.mesh = mesh;
+  if (options.max_iterations == 0) {
+    result.after = result.before;
+  } else {
+    const Frame frame = frame_of(mesh);
+    problem.positions = positions_at_door(mesh, frame);
+    const std::vector<double> before = problem.positions;
+    set_straight_sided_targets(problem);
+    Team team(options.threads);
+    team.run([&] { iterate(team, on_iteration, start, result); });
+    result.mesh.coordinates = coordinates_at_door(mesh, frame, before, problem.positions);
+    result.after = quality(result.mesh, 0, options.threads);
+  }
+  result.seconds = seconds_since(start);
+  return result;
+}
+
+void Optimiser::State::iterate(Team& team, const OnIteration& on_iteration, Clock::time_point start, Result& result) {
+  Sweeper sweeper(problem, schedule, *kernels, options.regularisation, team);
+  sweeper.rebuild();
+  sweeper.scan();
+  double first_gradient = 0;
+  for (int number = 1; number <= options.max_iterations; ++number) {
+    const SweepReport swept = sweeper.sweep();
+    if (number % kSweepsBetweenRebuilds == 0) sweeper.rebuild();
+    const ScanReport seen = sweeper.scan();
+    if (number == 1) first_gradient = swept.gradient_norm;
+
+    Iteration iteration;
+    iteration.phase = Phase::Sweeps;
+    iteration.number = number;
+    iteration.energy = seen.energy;
+    iteration.residual = swept.residual;
+    iteration.relative_gradient = first_gradient > 0 ? swept.gradient_norm / first_gradient : 0;
+    iteration.min_scaled_jacobian = seen.min_scaled_jacobian;
+    iteration.invalid_elements = seen.invalid;
+    iteration.active_nodes = swept.visited;
+    iteration.seconds = seconds_since(start);
+    result.history.push_back(iteration);
+    result.iterations = number;
+    result.residual = swept.residual;
+    result.converged = swept.residual <= options.tolerance;
+    if (on_iteration && on_iteration(iteration) == Control::Stop) {
+      result.stopped = true;
+      return;
+    }
+    if (result.converged) return;
+  }
+}
+
+Expected<Result> optimise(HighOrderMesh mesh, const Options& options, const OnIteration& on_iteration) {
+  Expected<Optimiser> optimiser = Optimiser::create(std::move(mesh), options);
+  if (!optimiser) return tl::unexpected(optimiser.error());
+  return optimiser->state_->run(on_iteration);
+}
+
+}  // namespace varimesh

@@ -1,0 +1,38 @@
+#include "core/optimise/options.h"
+
+#include <cmath>
+#include <string>
+
+#include "core/reference/shape.h"
+
+namespace varimesh {
+namespace {
+
+bool positive_or_zero(double value) { return std::isfinite(value) && value >= 0; }
+
+}  // namespace
+
+Expected<void> check(const Options& options) {
+  const std::pair<const char*, double> constants[] = {
+      {"mu", options.mu}, {"lambda", options.lambda}, {"kappa", options.kappa}};
+  for (const auto& [name, value] : constants)
+    if (!positive_or_zero(value))
+      return bad_option("The constant " + std::string(name) + " is " + std::to_string(value) +
+                        "; give a positive number, or 0 for the one of the set of constants.");
+  if (!std::isfinite(options.tolerance) || options.tolerance <= 0)
+    return bad_option(
+        "The tolerance must be positive: it is the residual at which to stop, relative to the diagonal of "
+        "the bounding box, such as 1e-6.");
+  if (options.max_iterations < 0)
+    return bad_option("max_iterations is " + std::to_string(options.max_iterations) +
+                      "; give 0 (checks and reports only) or more.");
+  if (options.threads < 0 || options.threads > 4096)
+    return bad_option("threads is " + std::to_string(options.threads) +
+                      "; give 1 to 4096, or 0 for all of the machine's.");
+  if (options.quadrature_degree < 0 || options.quadrature_degree > 6 * kMaxOrder)
+    return bad_option("quadrature_degree is " + std::to_string(options.quadrature_degree) + "; give up to " +
+                      std::to_string(6 * kMaxOrder) + ", or 0 for twice the order.");
+  return {};
+}
+
+}  // namespace varimesh

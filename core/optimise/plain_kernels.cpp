@@ -1,0 +1,141 @@
+// The plain kernels: one point after another, W and its derivatives from core/energy/density.h, nothing cached but F.
+// Slow on purpose; the vectorised kernels must agree with them.
+#include <Eigen/Dense>
+#include <cmath>
+#include <limits>
+
+#include "core/energy/density.h"
+#include "core/optimise/kernels.h"
+
+namespace varimesh {
+namespace {
+
+template <int d>
+class PlainKernels final : public Kernels {
+  using MatrixD = Eigen::Matrix<double, d, d>;
+  using VectorD = Eigen::Matrix<double, d, 1>;
+
+ public:
+  explicit PlainKernels(const Material& material)
+      : material_(material),
+        barrier_(material.energy != Energy::LinearElastic || material.volumetric == Volumetric::Log) {}
+
+  /// Moving a node by a makes F + a ⊗ g of F, with g = A⁻ᵀ ∇_ξ φ; so the gradient of the patch's energy is Σ w P g and
+  /// its Hessian Σ w (g · d²W/dF² · g).
+  PatchExpansion expand(std::span<const PatchCell> patch) const override {
+    PatchExpansion sum;
+    for (const PatchCell& cell : patch) {
+      for (int q = 0; q < cell.stride; ++q) {
+        const double w = weight(cell, q);
+        const VectorD g = gradient(cell, q);
+        const Density<d> at = density<d>(material_, deformation(cell.deformation, cell.stride, q), cell.delta_squared);
+        sum.measure += w;
+        sum.energy += w * at.W;
+        for (int i = 0, entry = 0; i < d; ++i) {
+          sum.gradient[i] += w * at.P.template segment<d>(i * d).dot(g);
+          for (int j = 0; j <= i; ++j, ++entry)
+            sum.hessian[entry] += w * g.dot(at.H.template block<d, d>(i * d, j * d) * g);
+        }
+      }
+    }
+    return sum;
+  }
+
+  double energy_after(std::span<const PatchCell> patch, const double* step) const override {
+    const Eigen::Map<const VectorD> a(step);
+    double energy = 0;
+    for (const PatchCell& cell : patch) {
+      for (int q = 0; q < cell.stride; ++q) {
+        const MatrixD F = deformation(cell.deformation, cell.stride, q) + a * gradient(cell, q).transpose();
+        if (barrier_ && cell.delta_squared == 0 && !(F.determinant() > 0))
+          return std::numeric_limits<double>::infinity();
+        energy += weight(cell, q) * energy_density<d>(material_, F, cell.delta_squared);
+      }
+    }
+    return std::isfinite(energy) ? energy : std::numeric_limits<double>::infinity();
+  }
+
+  void move(std::span<const PatchCell> patch, const double* step) const override {
+    for (const PatchCell& cell : patch)
+      for (int q = 0; q < cell.stride; ++q) {
+        const VectorD g = gradient(cell, q);
+        for (int i = 0; i < d; ++i)
+          for (int j = 0; j < d; ++j) cell.deformation[(i * d + j) * cell.stride + q] += step[i] * g[j];
+      }
+  }
+
+  double smallest_jacobian(std::span<const PatchCell> patch) const override {
+    double smallest = std::numeric_limits<double>::infinity();
+    for (const PatchCell& cell : patch)
+      for (int q = 0; q < cell.stride; ++q)
+        smallest = std::min(smallest, deformation(cell.deformation, cell.stride, q).determinant());
+    return smallest;
+  }
+
+  void rebuild(CellBlock& block, std::int32_t cell, std::span<const double> positions) const override {
+    const std::int32_t* nodes = block.nodes.data() + static_cast<std::size_t>(cell) * block.nodes_per_cell;
+    double* F = block.deformation_of(cell);
+    for (int q = 0; q < block.stride; ++q) {
+      MatrixD G = MatrixD::Zero();  // ∇_ξ χ_M
+      for (int n = 0; n < block.nodes_per_cell; ++n)
+        for (int i = 0; i < d; ++i)
+          for (int k = 0; k < d; ++k)
+            G(i, k) +=
+                positions[static_cast<std::size_t>(nodes[n]) * d + i] * block.derivatives_of(n)[k * block.stride + q];
+      const MatrixD at = G * inverse_target(block.inverse_target_of(cell), block.affine, block.stride, q);
+      for (int i = 0; i < d; ++i)
+        for (int j = 0; j < d; ++j) F[(i * d + j) * block.stride + q] = at(i, j);
+    }
+  }
+
+  CellScan scan(const CellBlock& block, std::int32_t cell) const override {
+    CellScan out;
+    double smallest = std::numeric_limits<double>::infinity(), largest = -smallest;
+    out.smallest_jacobian = smallest;
+    for (int q = 0; q < block.points; ++q) {
+      const MatrixD F = deformation(block.deformation_of(cell), block.stride, q);
+      const double volume = block.affine ? block.measure_of(cell)[0] : block.measure_of(cell)[q] / block.weights[q];
+      const double J = F.determinant();
+      out.smallest_jacobian = std::min(out.smallest_jacobian, J);
+      smallest = std::min(smallest, J * volume);
+      largest = std::max(largest, J * volume);
+      out.energy += block.weights[q] * volume * energy_density<d>(material_, F, block.delta_squared[cell]);
+    }
+    out.scaled_jacobian = largest > 0 ? std::max(smallest / largest, -1.0) : -1.0;
+    return out;
+  }
+
+ private:
+  static double weight(const PatchCell& cell, int q) {
+    return cell.affine ? cell.weights[q] * cell.measure[0] : cell.measure[q];
+  }
+  static MatrixD deformation(const double* F, int stride, int q) {
+    MatrixD out;
+    for (int i = 0; i < d; ++i)
+      for (int j = 0; j < d; ++j) out(i, j) = F[(i * d + j) * stride + q];
+    return out;
+  }
+  static MatrixD inverse_target(const double* inverse, bool affine, int stride, int q) {
+    MatrixD out;
+    for (int i = 0; i < d; ++i)
+      for (int j = 0; j < d; ++j) out(i, j) = affine ? inverse[i * d + j] : inverse[(i * d + j) * stride + q];
+    return out;
+  }
+  static VectorD gradient(const PatchCell& cell, int q) {
+    VectorD reference;
+    for (int k = 0; k < d; ++k) reference[k] = cell.derivatives[k * cell.stride + q];
+    return inverse_target(cell.inverse_target, cell.affine, cell.stride, q).transpose() * reference;
+  }
+
+  Material material_;
+  bool barrier_;
+};
+
+}  // namespace
+
+std::unique_ptr<Kernels> make_plain_kernels(const Material& material, int dimension) {
+  if (dimension == 2) return std::make_unique<PlainKernels<2>>(material);
+  return std::make_unique<PlainKernels<3>>(material);
+}
+
+}  // namespace varimesh

@@ -1,0 +1,96 @@
+#include "core/optimise/schedule.h"
+
+#include <map>
+#include <numeric>
+#include <utility>
+
+#include "core/reference/nodes.h"
+
+namespace varimesh {
+namespace {
+
+/// The groups before colouring: where each group's nodes begin in `nodes`.
+struct Groups {
+  std::vector<std::int32_t> nodes;
+  std::vector<std::int32_t> begin{0};
+};
+
+Groups single_nodes(const Problem& problem) {
+  Groups groups;
+  groups.nodes.resize(problem.free.size());
+  std::iota(groups.nodes.begin(), groups.nodes.end(), 0);
+  groups.begin.resize(problem.free.size() + 1);
+  std::iota(groups.begin.begin(), groups.begin.end(), 0);
+  return groups;
+}
+
+/// Free nodes by the vertex, edge, face or interior they lie in, in the order in which the cells name them.
+Groups by_place(const Problem& problem) {
+  std::vector<std::int32_t> rank;
+  for (std::size_t f = 0; f < problem.free.size(); ++f) {
+    rank.resize(std::max<std::size_t>(rank.size(), problem.free[f] + 1), -1);
+    rank[problem.free[f]] = static_cast<std::int32_t>(f);
+  }
+  Groups groups;
+  for (const CellBlock& block : problem.blocks) {
+    const auto& places = reference::node_places(block.shape, block.order);
+    // The local nodes of each place, so that a cell is walked place by place.
+    std::map<std::pair<int, int>, std::vector<int>> members;
+    for (int i = 0; i < block.nodes_per_cell; ++i) members[{places[i].dimension, places[i].index}].push_back(i);
+    for (std::int32_t cell = 0; cell < block.count; ++cell) {
+      const std::int32_t* nodes = block.nodes.data() + static_cast<std::size_t>(cell) * block.nodes_per_cell;
+      for (const auto& [place, locals] : members) {
+        for (const int local : locals) {
+          const std::size_t node = nodes[local];
+          if (node >= rank.size() || rank[node] < 0) continue;
+          groups.nodes.push_back(rank[node]);
+          rank[node] = -1;
+        }
+        if (groups.begin.back() != static_cast<std::int32_t>(groups.nodes.size()))
+          groups.begin.push_back(static_cast<std::int32_t>(groups.nodes.size()));
+      }
+    }
+  }
+  return groups;
+}
+
+}  // namespace
+
+Schedule make_schedule(const Problem& problem, Colouring colouring) {
+  const Groups groups = colouring == Colouring::Node ? single_nodes(problem) : by_place(problem);
+  Schedule schedule;
+  schedule.groups.push_back(0);
+  schedule.colours.push_back(0);
+  std::vector<std::int32_t> left(groups.begin.size() - 1);
+  std::iota(left.begin(), left.end(), 0);
+  std::vector<std::int32_t> struck_in(problem.cells, -1);  // the last colour that touched the cell
+  std::vector<std::int32_t> struck_out;
+  for (std::int32_t colour = 0; !left.empty(); ++colour) {
+    struck_out.clear();
+    for (const std::int32_t group : left) {
+      // All nodes of a group touch the same cells, so the first speaks for them.
+      const std::int32_t first = groups.nodes[groups.begin[group]];
+      bool taken = false;
+      for (std::int32_t i = problem.offsets[first]; i < problem.offsets[first + 1] && !taken; ++i) {
+        const Incidence& at = problem.incidences[i];
+        taken = struck_in[problem.blocks[at.block].first + at.cell] == colour;
+      }
+      if (taken) {
+        struck_out.push_back(group);
+        continue;
+      }
+      for (std::int32_t i = problem.offsets[first]; i < problem.offsets[first + 1]; ++i) {
+        const Incidence& at = problem.incidences[i];
+        struck_in[problem.blocks[at.block].first + at.cell] = colour;
+      }
+      schedule.nodes.insert(schedule.nodes.end(), groups.nodes.begin() + groups.begin[group],
+                            groups.nodes.begin() + groups.begin[group + 1]);
+      schedule.groups.push_back(static_cast<std::int32_t>(schedule.nodes.size()));
+    }
+    schedule.colours.push_back(static_cast<std::int32_t>(schedule.groups.size() - 1));
+    left.swap(struck_out);
+  }
+  return schedule;
+}
+
+}  // namespace varimesh

@@ -1,0 +1,162 @@
+#include "core/optimise/sweep.h"
+
+#include <Eigen/Dense>
+#include <cmath>
+#include <limits>
+
+namespace varimesh {
+namespace {
+
+constexpr std::int32_t kGroupsPerTask = 8;
+constexpr std::int32_t kCellsPerTask = 64;
+constexpr int kMostCells = 1024;  // of a patch on the stack; more go to the heap
+constexpr double kArmijo = 1e-4;  // share of the predicted decrease that a step must bring
+constexpr int kMostHalvings = 40;
+constexpr double kEnergyNoise = 1e-14;  // of the patch's measure: below it an energy's change is rounding
+
+template <int d>
+std::array<double, 3> newton_step_of(const PatchExpansion& expansion) {
+  Eigen::Matrix<double, d, d> H;
+  Eigen::Matrix<double, d, 1> G;
+  for (int i = 0, entry = 0; i < d; ++i) {
+    G[i] = expansion.gradient[i];
+    for (int j = 0; j <= i; ++j, ++entry) H(i, j) = H(j, i) = expansion.hessian[entry];
+  }
+  Eigen::Matrix<double, d, 1> step;
+  const Eigen::LLT<Eigen::Matrix<double, d, d>> factor(H);
+  const auto pivots = factor.matrixLLT().diagonal();
+  if (factor.info() == Eigen::Success && pivots.minCoeff() > 0.05 * pivots.maxCoeff()) {
+    step = -factor.solve(G);
+  } else {
+    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, d, d>> eigen(H);
+    const Eigen::Matrix<double, d, 1> size = eigen.eigenvalues().cwiseAbs();
+    const Eigen::Matrix<double, d, 1> clamped = size.cwiseMax(1e-3 * size.maxCoeff());
+    step = -(eigen.eigenvectors() * (eigen.eigenvectors().transpose() * G).cwiseQuotient(clamped));
+  }
+  std::array<double, 3> out{};
+  for (int i = 0; i < d; ++i) out[i] = std::isfinite(step[i]) ? step[i] : 0.0;
+  return out;
+}
+
+PatchCell patch_cell(CellBlock& block, const Incidence& at) {
+  return {block.deformation_of(at.cell),
+          block.derivatives_of(at.local),
+          block.inverse_target_of(at.cell),
+          block.measure_of(at.cell),
+          block.weights.data(),
+          block.delta_squared[at.cell],
+          block.stride,
+          block.affine};
+}
+
+}  // namespace
+
+std::array<double, 3> newton_step(const PatchExpansion& expansion, int dimension) {
+  return dimension == 2 ? newton_step_of<2>(expansion) : newton_step_of<3>(expansion);
+}
+
+Sweeper::Sweeper(Problem& problem, const Schedule& schedule, const Kernels& kernels, Regularisation regularisation,
+                 const Team& team)
+    : problem_(problem),
+      schedule_(schedule),
+      kernels_(kernels),
+      regularisation_(regularisation),
+      team_(team),
+      visits_(problem.free.size()),
+      scans_(problem.cells) {}
+
+void Sweeper::rebuild() {
+  for (CellBlock& block : problem_.blocks)
+    team_.for_each(block.count, kCellsPerTask,
+                   [&](std::int32_t cell) { kernels_.rebuild(block, cell, problem_.positions); });
+}
+
+ScanReport Sweeper::scan() {
+  ScanReport report;
+  report.min_scaled_jacobian = 1;
+  double measure = 0;
+  for (CellBlock& block : problem_.blocks) {
+    team_.for_each(block.count, kCellsPerTask, [&](std::int32_t cell) {
+      CellScan& scan = scans_[block.first + cell];
+      scan = kernels_.scan(block, cell);
+      const double delta_squared = delta_squared_for(scan.smallest_jacobian);
+      if (delta_squared == block.delta_squared[cell]) return;
+      block.delta_squared[cell] = delta_squared;
+      scan = kernels_.scan(block, cell);
+    });
+    for (std::int32_t cell = 0; cell < block.count; ++cell) {
+      const CellScan& scan = scans_[block.first + cell];
+      report.energy += scan.energy;
+      report.min_scaled_jacobian = std::min(report.min_scaled_jacobian, scan.scaled_jacobian);
+      if (!(scan.smallest_jacobian > 0)) ++report.invalid;
+      const double* volume = block.measure_of(cell);
+      for (int q = 0; q < block.points; ++q) measure += block.affine ? block.weights[q] * volume[0] : volume[q];
+    }
+  }
+  if (measure > 0) report.energy /= measure;
+  return report;
+}
+
+SweepReport Sweeper::sweep() {
+  for (std::size_t colour = 0; colour + 1 < schedule_.colours.size(); ++colour) {
+    const std::int32_t first = schedule_.colours[colour], count = schedule_.colours[colour + 1] - first;
+    team_.for_each(count, kGroupsPerTask, [&](std::int32_t group) {
+      for (std::int32_t i = schedule_.groups[first + group]; i < schedule_.groups[first + group + 1]; ++i)
+        visits_[schedule_.nodes[i]] = visit(schedule_.nodes[i]);
+    });
+  }
+  SweepReport report;
+  for (const Visit& visit : visits_) {
+    report.residual = std::max(report.residual, visit.step);
+    report.gradient_norm += visit.gradient * visit.gradient;
+  }
+  report.gradient_norm = std::sqrt(report.gradient_norm);
+  report.visited = static_cast<std::int64_t>(visits_.size());
+  return report;
+}
+
+Sweeper::Visit Sweeper::visit(std::int32_t rank) {
+  const int d = problem_.dimension;
+  const std::int32_t first = problem_.offsets[rank], count = problem_.offsets[rank + 1] - first;
+  std::array<PatchCell, kMostCells> on_stack;
+  std::vector<PatchCell> on_heap;
+  if (count > kMostCells) on_heap.resize(count);
+  const std::span<PatchCell> patch(count > kMostCells ? on_heap.data() : on_stack.data(), count);
+  for (std::int32_t i = 0; i < count; ++i) {
+    const Incidence& at = problem_.incidences[first + i];
+    patch[i] = patch_cell(problem_.blocks[at.block], at);
+  }
+  if (regularisation_ == Regularisation::Patch) {
+    const double delta_squared = delta_squared_for(kernels_.smallest_jacobian(patch));
+    for (PatchCell& cell : patch) cell.delta_squared = delta_squared;
+  }
+
+  const PatchExpansion now = kernels_.expand(patch);
+  const std::array<double, 3> full = newton_step(now, d);
+  double slope = 0, length = 0, gradient = 0;
+  for (int i = 0; i < d; ++i) {
+    slope += full[i] * now.gradient[i];
+    length += full[i] * full[i];
+    gradient += now.gradient[i] * now.gradient[i];
+  }
+  const Visit visit{std::sqrt(length), std::sqrt(gradient)};
+  if (!(length > 0) || !(slope < 0)) return visit;
+
+  // Backtracking never raises the energy, but by rounding where the predicted decrease is itself lost in it.
+  const double noise = kEnergyNoise * now.measure;
+  double alpha = 1;
+  for (int halving = 0; halving < kMostHalvings; ++halving, alpha *= 0.5) {
+    const std::array<double, 3> step{alpha * full[0], alpha * full[1], alpha * full[2]};
+    const double energy = kernels_.energy_after(patch, step.data());
+    const bool lower = energy <= now.energy + kArmijo * alpha * slope;
+    const bool lost_in_rounding = -slope < noise && energy <= now.energy + noise;
+    if (!lower && !lost_in_rounding) continue;
+    kernels_.move(patch, step.data());
+    double* x = problem_.positions.data() + static_cast<std::size_t>(problem_.free[rank]) * d;
+    for (int i = 0; i < d; ++i) x[i] += step[i];
+    break;
+  }
+  return visit;
+}
+
+}  // namespace varimesh
