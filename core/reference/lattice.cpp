@@ -40,10 +40,10 @@ Position facet_to_cell(Shape shape, const Facet& facet, const Position& in_facet
   return position;
 }
 
-/// Order of the smaller cell of the same shape that the interior nodes form; negative where there are none.
+/// Order of the smaller cell of the same shape that the interior nodes form; negative where there are none. A line's
+/// inner nodes form no smaller line, they come one after another.
 int interior_order(Shape shape, int order) {
   switch (shape) {
-    case Shape::Line:
     case Shape::Quadrilateral:
     case Shape::Hexahedron:
       return order - 2;
@@ -53,6 +53,7 @@ int interior_order(Shape shape, int order) {
     case Shape::Tetrahedron:
       return order - 4;
     case Shape::Point:
+    case Shape::Line:
     case Shape::Prism:
       break;
   }
@@ -76,6 +77,8 @@ Lattice prism_interior(int order) {
 Lattice interior_positions(Shape shape, int order) {
   if (shape == Shape::Prism) return prism_interior(order);
   Lattice interior;
+  if (shape == Shape::Line)
+    for (int i = 1; i < order; ++i) interior.push_back({static_cast<std::int8_t>(i), 0, 0});
   const int smaller = interior_order(shape, order);
   if (smaller < 0) return interior;
   interior = number_lattice(shape, smaller);
