@@ -13,8 +13,8 @@ struct MeshCheck {
   bool clockwise = false;  ///< A 2-D mesh (or a 3-D one) whose elements are all numbered the other way round: accepted.
 };
 
-/// Checks what every later step relies on: there are elements of dimension 2 or 3, of one order and of known shapes; all
-/// coordinates are finite; a 2-D mesh lies in a plane z = constant; each cell's nodes are distinct; no cell appears
+/// Checks what every later step relies on: there are elements of dimension 2 or 3, of one order and of known shapes;
+/// all coordinates are finite; a 2-D mesh lies in a plane z = constant; each cell's nodes are distinct; no cell appears
 /// twice; cells conform (a facet has one or two cells, which agree on its nodes); every straight-sided cell (its
 /// vertices alone) has a positive Jacobian, or all of them a negative one.
 /// Errors: BadInput, with the sentence for the first fault found, how many there are like it, and what to do.

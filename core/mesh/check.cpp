@@ -1,0 +1,277 @@
+// The checks, from the cheap to the dear; each stops at its first fault and counts those like it.
+#include "core/mesh/check.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <numeric>
+
+#include "core/mesh/conformity.h"
+#include "core/mesh/connectivity.h"
+
+namespace varimesh {
+
+namespace {
+
+using Text = std::string;
+
+Text number_of(std::int64_t value) { return std::to_string(value); }
+
+Text name_of(Shape shape) { return Text(reference::info(shape).name); }
+
+// "; there are 12 such elements in all" where there is more than the one that was named.
+Text and_more(std::size_t count, const char* things) {
+  return count > 1 ? " (" + number_of(std::int64_t(count)) + " such " + things + " in all)" : "";
+}
+
+// === Tables that fit together ============================================================================
+// A file's reader has seen to these; a mesh that came as data may not.
+
+Expected<void> check_tables(const HighOrderMesh& mesh) {
+  const auto nodes = std::int64_t(mesh.node_count());
+  if (mesh.coordinates.size() % 3 != 0)
+    return bad_input("The mesh's coordinates are not three a node: give x, y and z for each.");
+  if (mesh.node_numbers.size() != mesh.node_count())
+    return bad_input("The mesh has " + number_of(nodes) + " nodes and " +
+                     number_of(std::int64_t(mesh.node_numbers.size())) + " node numbers: give one a node.");
+  for (const ElementBlock& block : mesh.blocks) {
+    const int largest = block.shape == Shape::Point ? 1 : kMaxOrder;
+    if (block.order < 1 || block.order > largest)
+      return bad_input("A block of " + Text(reference::info(block.shape).plural) + " on entity " +
+                       number_of(block.entity) + " has order " + number_of(block.order) +
+                       "; orders 1 to 10 are taken.");
+    const auto stride = std::size_t(reference::node_count(block.shape, block.order));
+    if (block.nodes.size() != block.size() * stride)
+      return bad_input("A block of " + Text(reference::info(block.shape).plural) + " on entity " +
+                       number_of(block.entity) + " has " + number_of(std::int64_t(block.nodes.size())) + " nodes for " +
+                       number_of(std::int64_t(block.size())) + " elements of " + number_of(std::int64_t(stride)) + ".");
+    for (std::size_t k = 0; k < block.nodes.size(); ++k)
+      if (block.nodes[k] < 0 || block.nodes[k] >= nodes)
+        return bad_input("Element " + number_of(block.numbers[k / stride]) + " refers to node index " +
+                         number_of(block.nodes[k]) + ", and there are " + number_of(nodes) + " nodes.");
+  }
+  return {};
+}
+
+// === What kind of mesh ===================================================================================
+
+Expected<void> check_kind(const HighOrderMesh& mesh) {
+  if (mesh.blocks.empty() || mesh.node_count() == 0)
+    return bad_input(
+        "The mesh is empty: it has no elements. In Gmsh, see that Mesh.SaveAll=1 or that physical groups "
+        "cover the cells.");
+  int dimension = 0;
+  for (const ElementBlock& block : mesh.blocks)
+    if (block.size() > 0) dimension = std::max(dimension, reference::info(block.shape).dimension);
+  if (dimension < 2)
+    return bad_input("The mesh has dimension " + number_of(dimension) +
+                     ": only points and lines. Cells of dimension 2 or 3 are needed; save the surface or volume too.");
+  if (dimension != mesh.dimension)
+    return bad_input("The mesh says it has dimension " + number_of(mesh.dimension) + ", and its elements have " +
+                     number_of(dimension) + ".");
+  for (const ElementBlock& block : mesh.blocks) {
+    const int d = reference::info(block.shape).dimension;
+    if (block.size() == 0 || d < dimension - 1 || block.order == mesh.order || block.shape == Shape::Point) continue;
+    return bad_input("Orders are mixed: element " + number_of(block.numbers.front()) + " (" + name_of(block.shape) +
+                     ") has order " + number_of(block.order) + " and the cells have order " + number_of(mesh.order) +
+                     ". Write the mesh with one order, in Gmsh with -order " + number_of(mesh.order) + ".");
+  }
+  return {};
+}
+
+// === Coordinates =========================================================================================
+
+Expected<void> check_coordinates(const HighOrderMesh& mesh) {
+  std::size_t first = 0, count = 0;
+  for (std::size_t i = 0; i < mesh.node_count(); ++i) {
+    const double* x = mesh.coordinates.data() + 3 * i;
+    if (std::isfinite(x[0]) && std::isfinite(x[1]) && std::isfinite(x[2])) continue;
+    if (count++ == 0) first = i;
+  }
+  if (count == 0) return {};
+  return bad_input("Node " + number_of(mesh.node_numbers[first]) + " has a coordinate that is not a finite number" +
+                   and_more(count, "nodes") + ": write the mesh again.");
+}
+
+// A 2-D mesh has to lie in a plane z = constant, up to what rounding in a mesh generator leaves.
+Expected<void> check_plane(const HighOrderMesh& mesh) {
+  if (mesh.dimension != 2) return {};
+  std::array<double, 3> low, high;
+  low.fill(std::numeric_limits<double>::infinity());
+  high.fill(-std::numeric_limits<double>::infinity());
+  for (const ElementBlock& block : mesh.blocks)
+    for (std::int32_t node : block.nodes)
+      for (std::size_t k = 0; k < 3; ++k) {
+        const double x = mesh.coordinates[3 * std::size_t(node) + k];
+        low[k] = std::min(low[k], x);
+        high[k] = std::max(high[k], x);
+      }
+  const double diagonal = std::hypot(high[0] - low[0], high[1] - low[1], high[2] - low[2]);
+  if (high[2] - low[2] <= 1e-9 * diagonal) return {};
+  return bad_input("The mesh is a surface in space: it has no volume cells, and its z goes from " +
+                   std::to_string(low[2]) + " to " + std::to_string(high[2]) +
+                   ". A 2-D mesh must lie in a plane z = constant; for a 3-D mesh save the volume elements too.");
+}
+
+// === Single cells ========================================================================================
+
+Expected<void> check_distinct_nodes(const HighOrderMesh& mesh) {
+  std::vector<std::int64_t> seen_in(mesh.node_count(), -1);
+  std::int64_t element = 0;
+  for (const ElementBlock& block : mesh.blocks) {
+    if (reference::info(block.shape).dimension < mesh.dimension - 1) continue;
+    const auto stride = std::size_t(reference::node_count(block.shape, block.order));
+    for (std::size_t e = 0; e < block.size(); ++e, ++element)
+      for (std::size_t k = 0; k < stride; ++k) {
+        const auto node = std::size_t(block.nodes[e * stride + k]);
+        if (seen_in[node] == element)
+          return bad_input("Element " + number_of(block.numbers[e]) + " (" + name_of(block.shape) + ") has node " +
+                           number_of(mesh.node_numbers[node]) + " twice: degenerate elements are not taken.");
+        seen_in[node] = element;
+      }
+  }
+  return {};
+}
+
+// At a vertex from which as many edges go out as there are dimensions, the Jacobian of the vertex map is the
+// determinant of the edge vectors, but for a positive factor. On simplices one vertex says it all; the apex of a
+// pyramid is left out.
+struct Corner {
+  std::size_t vertex;
+  std::array<std::size_t, 3> others;  ///< In the order in which the reference cell's determinant is positive.
+};
+
+double determinant(const std::array<std::array<double, 3>, 3>& a) {
+  return a[0][0] * (a[1][1] * a[2][2] - a[1][2] * a[2][1]) - a[0][1] * (a[1][0] * a[2][2] - a[1][2] * a[2][0]) +
+         a[0][2] * (a[1][0] * a[2][1] - a[1][1] * a[2][0]);
+}
+
+// Edge vectors from a corner; in 2-D the third is the unit vector along z.
+template <class Position>
+std::array<std::array<double, 3>, 3> edges_at(const Corner& corner, int dimension, Position&& position) {
+  std::array<std::array<double, 3>, 3> edges{};
+  edges[2] = {0, 0, 1};
+  const double* origin = position(corner.vertex);
+  for (std::size_t k = 0; k < std::size_t(dimension); ++k) {
+    const double* other = position(corner.others[k]);
+    for (std::size_t c = 0; c < std::size_t(dimension); ++c) edges[k][c] = other[c] - origin[c];
+  }
+  return edges;
+}
+
+std::vector<Corner> corners(Shape shape) {
+  const reference::ShapeInfo& info = reference::info(shape);
+  std::vector<Corner> result;
+  for (std::size_t v = 0; v < std::size_t(info.vertices); ++v) {
+    std::vector<std::size_t> others;
+    for (const auto& edge : info.edges) {
+      if (std::size_t(edge[0]) == v) others.push_back(std::size_t(edge[1]));
+      if (std::size_t(edge[1]) == v) others.push_back(std::size_t(edge[0]));
+    }
+    if (others.size() != std::size_t(info.dimension)) continue;
+    others.resize(3);
+    Corner corner{v, {others[0], others[1], others[2]}};
+    const auto position = [&](std::size_t i) { return info.vertex[i].data(); };
+    if (determinant(edges_at(corner, info.dimension, position)) < 0) std::swap(corner.others[0], corner.others[1]);
+    result.push_back(corner);
+    if (info.affine) break;
+  }
+  return result;
+}
+
+// 1: positive at every corner; −1: negative at every corner; 0: zero somewhere, or of both signs.
+int orientation(const HighOrderMesh& mesh, const std::vector<Corner>& corners, const std::int32_t* nodes) {
+  int sign = 0;
+  for (const Corner& corner : corners) {
+    const auto position = [&](std::size_t i) { return mesh.coordinates.data() + 3 * std::size_t(nodes[i]); };
+    const auto edges = edges_at(corner, mesh.dimension, position);
+    double scale = 1;
+    for (const auto& edge : edges) scale *= std::hypot(edge[0], edge[1], edge[2]);
+    // What rounding leaves of a determinant that is zero counts as zero.
+    const double value = determinant(edges);
+    const double zero = 4 * std::numeric_limits<double>::epsilon() * scale;
+    const int here = value > zero ? 1 : value < -zero ? -1 : 0;
+    if (here == 0 || (sign != 0 && here != sign)) return 0;
+    sign = here;
+  }
+  return sign;
+}
+
+Expected<MeshCheck> check_straight_sided(const HighOrderMesh& mesh, const Cells& cells) {
+  std::vector<std::int8_t> signs(cells.count());
+  std::array<std::size_t, 3> tally{};
+  for (const Cells::Run& run : cells.runs()) {
+    const std::vector<Corner> at = corners(run.block->shape);
+    for (std::size_t e = 0; e < run.block->size(); ++e) {
+      const int sign = orientation(mesh, at, run.block->nodes.data() + e * run.stride);
+      signs[run.first + e] = std::int8_t(sign);
+      ++tally[std::size_t(sign + 1)];
+    }
+  }
+  // The minority is the wrong one; a mesh that is the other way round throughout is accepted.
+  const bool clockwise = tally[0] > tally[2];
+  const std::int8_t good = clockwise ? -1 : 1;
+  const std::size_t bad = signs.size() - tally[clockwise ? 0 : 2];
+  if (bad == 0) return MeshCheck{clockwise};
+  const auto first =
+      std::size_t(std::find_if(signs.begin(), signs.end(), [&](auto s) { return s != good; }) - signs.begin());
+  const Text how = signs[first] == 0 ? "is degenerate or folded" : "is inverted";
+  return bad_input("Element " + number_of(cells.number(first)) + " (" + name_of(cells.shape(first)) + ") " + how +
+                   " even with straight sides: its vertices alone give a Jacobian that is not positive" +
+                   and_more(bad, "elements") + ". Moving nodes keeps vertices' order, so mend the linear mesh first.");
+}
+
+// === Duplicates ==========================================================================================
+
+Expected<void> check_duplicates(const Cells& cells) {
+  const auto vertices = [&](std::size_t cell) {
+    std::array<std::int32_t, 8> sorted;
+    sorted.fill(-1);
+    const auto nodes = cells.nodes(cell);
+    const auto count = std::size_t(reference::info(cells.shape(cell)).vertices);
+    std::copy_n(nodes.begin(), count, sorted.begin());
+    std::sort(sorted.begin(), sorted.begin() + std::ptrdiff_t(count));
+    return sorted;
+  };
+  std::vector<std::pair<std::uint64_t, std::int32_t>> hashes(cells.count());
+  for (const Cells::Run& run : cells.runs())
+    for (std::size_t e = 0; e < run.block->size(); ++e) {
+      // Commutative, so that the order of the vertices does not matter: a sum of well mixed vertex numbers.
+      std::uint64_t hash = 0;
+      for (std::size_t k = 0; k < std::size_t(reference::info(run.block->shape).vertices); ++k) {
+        std::uint64_t x = std::uint64_t(run.block->nodes[e * run.stride + k]) + 0x9e3779b97f4a7c15u;
+        x = (x ^ (x >> 30)) * 0xbf58476d1ce4e5b9u;  // splitmix64
+        x = (x ^ (x >> 27)) * 0x94d049bb133111ebu;
+        hash += x ^ (x >> 31);
+      }
+      hashes[run.first + e] = {hash, std::int32_t(run.first + e)};
+    }
+  std::sort(hashes.begin(), hashes.end());
+  std::int32_t first = -1, twin = -1;
+  std::size_t count = 0;
+  for (std::size_t i = 1; i < hashes.size(); ++i) {
+    if (hashes[i].first != hashes[i - 1].first) continue;
+    const auto [a, b] = std::pair(hashes[i - 1].second, hashes[i].second);
+    if (vertices(std::size_t(a)) != vertices(std::size_t(b))) continue;
+    if (count++ == 0 || a < first) first = a, twin = b;
+  }
+  if (count == 0) return {};
+  return bad_input("Elements " + number_of(cells.number(std::size_t(first))) + " and " +
+                   number_of(cells.number(std::size_t(twin))) + " are the same " +
+                   name_of(cells.shape(std::size_t(first))) + " twice" + and_more(count, "pairs") +
+                   ": remove the duplicates.");
+}
+
+}  // namespace
+
+Expected<MeshCheck> check(const HighOrderMesh& mesh) {
+  for (auto step : {check_kind, check_tables, check_coordinates, check_plane, check_distinct_nodes})
+    if (auto done = step(mesh); !done) return tl::unexpected<Error>(done.error());
+  const Cells cells(mesh, mesh.dimension);
+  if (auto done = check_duplicates(cells); !done) return tl::unexpected<Error>(done.error());
+  if (auto done = check_conformity(mesh, facets(mesh)); !done) return tl::unexpected<Error>(done.error());
+  return check_straight_sided(mesh, cells);
+}
+
+}  // namespace varimesh

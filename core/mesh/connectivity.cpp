@@ -1,0 +1,173 @@
+// Facets are matched by their sorted vertices: put into buckets by the smallest one, then sorted within a bucket, which
+// holds a dozen. No map, no allocation a facet.
+#include "core/mesh/connectivity.h"
+
+#include <algorithm>
+#include <array>
+#include <cassert>
+#include <limits>
+
+#include "core/reference/nodes.h"
+
+namespace varimesh {
+
+Cells::Cells(const HighOrderMesh& mesh, int dimension) {
+  for (const ElementBlock& block : mesh.blocks) {
+    if (reference::info(block.shape).dimension != dimension || block.size() == 0) continue;
+    runs_.push_back({&block, count_, std::size_t(reference::node_count(block.shape, block.order))});
+    count_ += block.size();
+  }
+}
+
+const Cells::Run& Cells::run(std::size_t cell) const {
+  assert(cell < count_);
+  return *std::prev(
+      std::upper_bound(runs_.begin(), runs_.end(), cell, [](std::size_t c, const Run& run) { return c < run.first; }));
+}
+
+std::span<const std::int32_t> Cells::nodes(std::size_t cell) const {
+  const Run& at = run(cell);
+  return {at.block->nodes.data() + (cell - at.first) * at.stride, at.stride};
+}
+
+std::int64_t Cells::number(std::size_t cell) const {
+  const Run& at = run(cell);
+  return at.block->numbers[cell - at.first];
+}
+
+// === Matching ============================================================================================
+
+namespace {
+
+constexpr std::int32_t kNone = -1;
+
+// A facet in the bucket of its smallest vertex: the other vertices, ascending, and which facet it is. Boundary elements
+// are entered behind the cells' facets.
+struct Entry {
+  std::array<std::int32_t, 3> rest;
+  std::int32_t facet;
+  friend bool operator<(const Entry& a, const Entry& b) {
+    return a.rest != b.rest ? a.rest < b.rest : a.facet < b.facet;
+  }
+};
+
+// Calls visit(facet, sorted vertices) for the facets of all cells, in order; a missing fourth vertex is the largest
+// int.
+template <class Visit>
+std::int32_t visit_facets(const Cells& cells, Visit&& visit) {
+  std::int32_t facet = 0;
+  for (const Cells::Run& run : cells.runs()) {
+    const auto shape_facets = reference::info(run.block->shape).facets;
+    for (std::size_t e = 0; e < run.block->size(); ++e) {
+      const std::int32_t* nodes = run.block->nodes.data() + e * run.stride;
+      for (const reference::Facet& local : shape_facets) {
+        std::array<std::int32_t, 4> vertices;
+        for (std::size_t k = 0; k < 4; ++k)
+          vertices[k] =
+              local.vertices[k] < 0 ? std::numeric_limits<std::int32_t>::max() : nodes[std::size_t(local.vertices[k])];
+        std::sort(vertices.begin(), vertices.end());
+        visit(facet++, vertices);
+      }
+    }
+  }
+  return facet;
+}
+
+template <class Visit>
+void visit_elements(const Cells& elements, std::int32_t facet, Visit&& visit) {
+  for (const Cells::Run& run : elements.runs()) {
+    const auto count = std::size_t(reference::info(run.block->shape).vertices);
+    for (std::size_t e = 0; e < run.block->size(); ++e) {
+      std::array<std::int32_t, 4> vertices;
+      vertices.fill(std::numeric_limits<std::int32_t>::max());
+      std::copy_n(run.block->nodes.data() + e * run.stride, count, vertices.begin());
+      std::sort(vertices.begin(), vertices.end());
+      visit(facet++, vertices);
+    }
+  }
+}
+
+void link(Facets& result, std::span<const Entry> same, const std::vector<std::int32_t>& cell_of, std::int32_t total) {
+  const auto border = std::find_if(same.begin(), same.end(), [&](const Entry& e) { return e.facet >= total; });
+  const auto cells = std::size_t(border - same.begin());
+  for (std::size_t k = 0; k < cells && border != same.end(); ++k)
+    result.boundary_element[std::size_t(same[k].facet)] = border->facet - total;
+  if (cells > 2) {
+    if (result.crowded < 0 || same[0].facet < result.crowded) result.crowded = same[0].facet;
+    ++result.crowded_count;
+  }
+  if (cells < 2) return;
+  for (const auto& [a, b] : {std::pair(same[0].facet, same[1].facet), std::pair(same[1].facet, same[0].facet)}) {
+    result.opposite[std::size_t(a)] = b;
+    result.neighbour[std::size_t(a)] = cell_of[std::size_t(b)];
+  }
+}
+
+}  // namespace
+
+Facets facets(const HighOrderMesh& mesh) {
+  const Cells cells(mesh, mesh.dimension);
+  const Cells borders(mesh, mesh.dimension - 1);
+  Facets result;
+  result.first.reserve(cells.count() + 1);
+  std::vector<std::int32_t> cell_of;
+  for (const Cells::Run& run : cells.runs())
+    for (std::size_t e = 0; e < run.block->size(); ++e) {
+      result.first.push_back(std::int32_t(cell_of.size()));
+      cell_of.insert(cell_of.end(), reference::info(run.block->shape).facets.size(), std::int32_t(run.first + e));
+    }
+  const auto total = std::int32_t(cell_of.size());
+  result.first.push_back(total);
+  result.neighbour.assign(cell_of.size(), kNone);
+  result.opposite.assign(cell_of.size(), kNone);
+  result.boundary_element.assign(cell_of.size(), kNone);
+
+  std::vector<std::int32_t> start(mesh.node_count() + 1, 0);
+  const auto tally = [&](std::int32_t, const std::array<std::int32_t, 4>& v) { ++start[std::size_t(v[0]) + 1]; };
+  visit_facets(cells, tally);
+  visit_elements(borders, total, tally);
+  for (std::size_t i = 1; i < start.size(); ++i) start[i] += start[i - 1];
+
+  std::vector<Entry> entries(std::size_t(start.back()));
+  const auto enter = [&](std::int32_t facet, const std::array<std::int32_t, 4>& v) {
+    entries[std::size_t(start[std::size_t(v[0])]++)] = {{v[1], v[2], v[3]}, facet};
+  };
+  visit_facets(cells, enter);
+  visit_elements(borders, total, enter);
+
+  // start[i] is now where bucket i ends.
+  for (std::size_t node = 0, from = 0; node < mesh.node_count(); from = std::size_t(start[node++])) {
+    const std::span bucket(entries.data() + from, std::size_t(start[node]) - from);
+    std::sort(bucket.begin(), bucket.end());
+    for (std::size_t a = 0, b = 0; a < bucket.size(); a = b) {
+      while (b < bucket.size() && bucket[b].rest == bucket[a].rest) ++b;
+      link(result, bucket.subspan(a, b - a), cell_of, total);
+    }
+  }
+  return result;
+}
+
+// === Fixed nodes =========================================================================================
+
+std::vector<bool> fixed_nodes(const HighOrderMesh& mesh, const Facets& facets) {
+  std::vector<bool> fixed(mesh.node_count(), false);
+  const Cells cells(mesh, mesh.dimension);
+  for (const Cells::Run& run : cells.runs()) {
+    const ElementBlock& block = *run.block;
+    const std::size_t facet_count = reference::info(block.shape).facets.size();
+    for (std::size_t e = 0; e < block.size(); ++e)
+      for (std::size_t f = 0; f < facet_count; ++f) {
+        if (facets.neighbour[std::size_t(facets.first[run.first + e]) + f] >= 0) continue;
+        for (int local : reference::facet_nodes(block.shape, block.order, int(f)))
+          fixed[std::size_t(block.nodes[e * run.stride + std::size_t(local)])] = true;
+      }
+  }
+  for (const ElementBlock& block : mesh.blocks)
+    if (reference::info(block.shape).dimension == mesh.dimension - 1)
+      for (std::int32_t node : block.nodes) fixed[std::size_t(node)] = true;
+  return fixed;
+}
+
+std::vector<bool> fixed_nodes(const HighOrderMesh& mesh) { return fixed_nodes(mesh, facets(mesh)); }
+
+}  // namespace varimesh
