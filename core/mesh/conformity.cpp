@@ -129,9 +129,12 @@ Expected<void> check_crowded(const HighOrderMesh& mesh, const Facets& facets, co
 Expected<void> check_shared_facets(const HighOrderMesh& mesh, const Facets& facets, const FacetView& view) {
   FacetMaps maps(mesh.order);
   const Cells borders(mesh, mesh.dimension - 1);
+  auto next = facets.elements.begin();
   for (std::size_t cell = 0; cell < view.cells().count(); ++cell)
     for (std::int32_t f = facets.first[cell]; f < facets.first[cell + 1]; ++f) {
-      const std::int32_t opposite = facets.opposite[std::size_t(f)], border = facets.boundary_element[std::size_t(f)];
+      while (next != facets.elements.end() && next->first < f) ++next;
+      const std::int32_t border = next != facets.elements.end() && next->first == f ? next->second : -1;
+      const std::int32_t opposite = facets.opposite[std::size_t(f)];
       if (opposite < f && border < 0) continue;
       const FacetNodes here = view.nodes(cell, f);
       std::int64_t other = -1;

@@ -87,48 +87,31 @@ void visit_elements(const Cells& elements, std::int32_t facet, Visit&& visit) {
   }
 }
 
-void link(Facets& result, std::span<const Entry> same, const std::vector<std::int32_t>& cell_of, std::int32_t total) {
+// Takes in the facets, and perhaps elements, that have the same vertices.
+void link(Facets& result, std::span<const Entry> same, std::int32_t total) {
   const auto border = std::find_if(same.begin(), same.end(), [&](const Entry& e) { return e.facet >= total; });
   const auto cells = std::size_t(border - same.begin());
   for (std::size_t k = 0; k < cells && border != same.end(); ++k)
-    result.boundary_element[std::size_t(same[k].facet)] = border->facet - total;
+    result.elements.emplace_back(same[k].facet, border->facet - total);
   if (cells > 2) {
     if (result.crowded < 0 || same[0].facet < result.crowded) result.crowded = same[0].facet;
     ++result.crowded_count;
   }
   if (cells < 2) return;
-  for (const auto& [a, b] : {std::pair(same[0].facet, same[1].facet), std::pair(same[1].facet, same[0].facet)}) {
-    result.opposite[std::size_t(a)] = b;
-    result.neighbour[std::size_t(a)] = cell_of[std::size_t(b)];
-  }
+  result.opposite[std::size_t(same[0].facet)] = same[1].facet;
+  result.opposite[std::size_t(same[1].facet)] = same[0].facet;
 }
 
-}  // namespace
-
-Facets facets(const HighOrderMesh& mesh) {
-  const Cells cells(mesh, mesh.dimension);
+void match(Facets& result, const HighOrderMesh& mesh, const Cells& cells) {
   const Cells borders(mesh, mesh.dimension - 1);
-  Facets result;
-  result.first.reserve(cells.count() + 1);
-  std::vector<std::int32_t> cell_of;
-  for (const Cells::Run& run : cells.runs())
-    for (std::size_t e = 0; e < run.block->size(); ++e) {
-      result.first.push_back(std::int32_t(cell_of.size()));
-      cell_of.insert(cell_of.end(), reference::info(run.block->shape).facets.size(), std::int32_t(run.first + e));
-    }
-  const auto total = std::int32_t(cell_of.size());
-  result.first.push_back(total);
-  result.neighbour.assign(cell_of.size(), kNone);
-  result.opposite.assign(cell_of.size(), kNone);
-  result.boundary_element.assign(cell_of.size(), kNone);
-
+  const std::int32_t total = result.first.back();
   std::vector<std::int32_t> start(mesh.node_count() + 1, 0);
   const auto tally = [&](std::int32_t, const std::array<std::int32_t, 4>& v) { ++start[std::size_t(v[0]) + 1]; };
   visit_facets(cells, tally);
   visit_elements(borders, total, tally);
   for (std::size_t i = 1; i < start.size(); ++i) start[i] += start[i - 1];
 
-  std::vector<Entry> entries(std::size_t(start.back()));
+  std::vector<Entry> entries(static_cast<std::size_t>(start.back()));
   const auto enter = [&](std::int32_t facet, const std::array<std::int32_t, 4>& v) {
     entries[std::size_t(start[std::size_t(v[0])]++)] = {{v[1], v[2], v[3]}, facet};
   };
@@ -141,9 +124,33 @@ Facets facets(const HighOrderMesh& mesh) {
     std::sort(bucket.begin(), bucket.end());
     for (std::size_t a = 0, b = 0; a < bucket.size(); a = b) {
       while (b < bucket.size() && bucket[b].rest == bucket[a].rest) ++b;
-      link(result, bucket.subspan(a, b - a), cell_of, total);
+      link(result, bucket.subspan(a, b - a), total);
     }
   }
+}
+
+}  // namespace
+
+Facets facets(const HighOrderMesh& mesh) {
+  const Cells cells(mesh, mesh.dimension);
+  Facets result;
+  result.first.reserve(cells.count() + 1);
+  std::int32_t total = 0;
+  for (const Cells::Run& run : cells.runs())
+    for (std::size_t e = 0; e < run.block->size(); ++e) {
+      result.first.push_back(total);
+      total += std::int32_t(reference::info(run.block->shape).facets.size());
+    }
+  result.first.push_back(total);
+  result.opposite.assign(std::size_t(total), kNone);
+  match(result, mesh, cells);
+  std::sort(result.elements.begin(), result.elements.end());
+  // Only now, so that the table and the entries that made it are not in memory at once.
+  result.neighbour.assign(std::size_t(total), kNone);
+  for (std::size_t cell = 0; cell < cells.count(); ++cell)
+    for (std::int32_t f = result.first[cell]; f < result.first[cell + 1]; ++f)
+      if (const std::int32_t other = result.opposite[std::size_t(f)]; other >= 0)
+        result.neighbour[std::size_t(other)] = std::int32_t(cell);
   return result;
 }
 

@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <span>
+#include <utility>
 #include <vector>
 
 #include "core/mesh/high_order_mesh.h"
@@ -39,12 +40,13 @@ class Cells {
 /// For every facet of every cell what is on its other side. The facets of cell c are first[c] … first[c + 1] − 1, in
 /// the order of ShapeInfo::facets; flat arrays, one entry a facet.
 struct Facets {
-  std::vector<std::int32_t> first;             ///< cells + 1 entries.
-  std::vector<std::int32_t> neighbour;         ///< The cell on the other side, or −1 on the boundary.
-  std::vector<std::int32_t> opposite;          ///< That cell's facet (index into these arrays), or −1.
-  std::vector<std::int32_t> boundary_element;  ///< An element of one dimension less with the same vertices, or −1.
-  std::int32_t crowded = -1;                   ///< A facet that more than two cells have; −1 where the cells conform.
-  std::size_t crowded_count = 0;               ///< How many there are.
+  std::vector<std::int32_t> first;      ///< cells + 1 entries.
+  std::vector<std::int32_t> neighbour;  ///< The cell on the other side, or −1 on the boundary.
+  std::vector<std::int32_t> opposite;   ///< That cell's facet (index into these arrays), or −1.
+  /// (facet, element of one dimension less with the same vertices), by facet: boundary elements and interfaces.
+  std::vector<std::pair<std::int32_t, std::int32_t>> elements;
+  std::int32_t crowded = -1;      ///< A facet that more than two cells have; −1 where the cells conform.
+  std::size_t crowded_count = 0;  ///< How many there are.
 };
 
 /// Facets with the same vertices are one, whatever their order. Takes about half a second for a million tetrahedra.
