@@ -24,7 +24,7 @@ template <int d, class T>
 Matrix<T, d> cofactor(const Matrix<T, d>& F) {
   Matrix<T, d> C;
   if constexpr (d == 2) {
-    C = {{{F[1][1], -F[1][0]}, {-F[0][1], F[0][0]}}};
+    C = {{{F[1][1], negative(F[1][0])}, {negative(F[0][1]), F[0][0]}}};
   } else {
     for (int i = 0; i < 3; ++i)
       for (int j = 0; j < 3; ++j) {

@@ -2,12 +2,14 @@
 #pragma once
 
 #include <oneapi/tbb/blocked_range.h>
+#include <oneapi/tbb/global_control.h>
 #include <oneapi/tbb/parallel_for.h>
 #include <oneapi/tbb/task_arena.h>
 
 #include <condition_variable>
 #include <exception>
 #include <mutex>
+#include <optional>
 #include <thread>
 
 namespace varimesh {
@@ -30,6 +32,13 @@ class Team {
       body();
       return;
     }
+    // Workers alone do the work, and by default oneTBB has one fewer of them than the machine has cores. Whoever has set
+    // a limit already (a server with a budget for the machine) is left alone where it is enough.
+    using Control = oneapi::tbb::global_control;
+    const std::size_t needed = static_cast<std::size_t>(threads_) + 1;
+    std::optional<Control> enough;
+    if (Control::active_value(Control::max_allowed_parallelism) < needed)
+      enough.emplace(Control::max_allowed_parallelism, needed);
     oneapi::tbb::task_arena arena(threads_, 0);
     std::mutex mutex;
     std::condition_variable done_changed;

@@ -1,0 +1,75 @@
+// The energies' values against the formulas of the paper written out, and what each is known to do at F = 1.
+#include <gtest/gtest.h>
+
+#include <Eigen/Dense>
+#include <cmath>
+
+#include "core/energy/density.h"
+#include "tests/core/energy/materials.h"
+
+namespace varimesh {
+namespace {
+
+Eigen::Matrix3d some_deformation() {
+  Eigen::Matrix3d F;
+  F << 1.1, 0.2, -0.1, 0.05, 0.9, 0.3, -0.2, 0.1, 1.2;
+  return F;
+}
+
+const Material& named(const std::string& name) {
+  static const std::vector<NamedMaterial> all = every_material();
+  for (const NamedMaterial& entry : all)
+    if (entry.name == name) return entry.material;
+  throw std::logic_error("no material " + name);
+}
+
+TEST(Formulas, Hyperelastic) {
+  const Eigen::Matrix3d F = some_deformation();
+  const double L = std::log(F.determinant()), mu = 1 / 2.8, lambda = 1 / 0.6;
+  EXPECT_NEAR(energy_density<3>(named("Hyperelastic"), F, 0),
+              mu / 2 * (F.squaredNorm() - 3) - mu * L + lambda / 2 * L * L, 1e-15);
+}
+
+TEST(Formulas, LinearElastic) {
+  const Eigen::Matrix3d F = some_deformation(), one = Eigen::Matrix3d::Identity();
+  const Eigen::Matrix3d small = (F + F.transpose()) / 2 - one, green = (F.transpose() * F - one) / 2;
+  const double L = std::log(F.determinant()), mu = 1 / 2.8, bulk = 1 / 0.6;
+  EXPECT_NEAR(energy_density<3>(named("SmallLog"), F, 0), mu * small.squaredNorm() + bulk / 2 * L * L, 1e-15);
+  EXPECT_NEAR(energy_density<3>(named("GreenLagrangeLog"), F, 0), mu * green.squaredNorm() + bulk / 2 * L * L, 1e-15);
+  EXPECT_NEAR(energy_density<3>(named("SmallTrace"), F, 0),
+              mu * small.squaredNorm() + bulk / 2 * std::pow(small.trace(), 2), 1e-15);
+  EXPECT_NEAR(energy_density<3>(named("GreenLagrangeTrace"), F, 0),
+              mu * green.squaredNorm() + bulk / 2 * std::pow(green.trace(), 2), 1e-15);
+}
+
+TEST(Formulas, WinslowAndDistortion) {
+  const Eigen::Matrix3d F = some_deformation();
+  const double J = F.determinant();
+  const Eigen::Matrix3d cofactor = J * F.inverse().transpose();
+  EXPECT_NEAR(energy_density<3>(named("WinslowTrue"), F, 0), cofactor.squaredNorm() / J, 1e-14);
+  EXPECT_NEAR(energy_density<3>(named("WinslowPaper"), F, 0), F.squaredNorm() / J, 1e-14);
+  EXPECT_NEAR(energy_density<3>(named("Distortion"), F, 0), F.squaredNorm() / (3 * std::pow(J, 2.0 / 3)), 1e-14);
+}
+
+TEST(Formulas, EveryEnergyButThePapersWinslowIsStationaryAtTheIdentity) {
+  for (const NamedMaterial& entry : every_material()) {
+    EXPECT_LE(density<2>(entry.material, Eigen::Matrix2d::Identity(), 0).P.norm(), 1e-14) << entry.name;
+    const double gradient = density<3>(entry.material, Eigen::Matrix3d::Identity(), 0).P.norm();
+    if (entry.name == "WinslowPaper")
+      EXPECT_GT(gradient, 1) << "|F|²/J pulls an undeformed mesh away in 3-D";
+    else
+      EXPECT_LE(gradient, 1e-14) << entry.name;
+  }
+}
+
+TEST(Formulas, TheRegularisedJacobianDoesNotCancel) {
+  // In floating point J + √(J² + δ²) is 0 here, and its logarithm −∞; J' is δ²/(4 |J|) to first order.
+  const double delta = 1e-8;
+  const Eigen::Matrix2d F = Eigen::Vector2d(1, -1).asDiagonal();
+  const double W = energy_density<2>(named("Hyperelastic"), F, delta * delta);
+  const double L = std::log(delta * delta / 4), mu = 1 / 2.8, lambda = 1 / 0.6;
+  EXPECT_NEAR(W, -mu * L + lambda / 2 * L * L, 1e-9 * W);
+}
+
+}  // namespace
+}  // namespace varimesh

@@ -1,0 +1,24 @@
+// Quadruple precision as a type of number for the energies: finite differences of doubles are too coarse near J = 0.
+#pragma once
+
+#include <quadmath.h>
+
+#include <utility>
+
+namespace quad {
+
+struct Quad {
+  __float128 v = 0;
+};
+inline Quad operator+(Quad a, Quad b) { return {a.v + b.v}; }
+inline Quad operator-(Quad a, Quad b) { return {a.v - b.v}; }
+inline Quad operator*(Quad a, Quad b) { return {a.v * b.v}; }
+inline Quad operator/(Quad a, Quad b) { return {a.v / b.v}; }
+inline Quad logarithm(Quad x) { return {logq(x.v)}; }
+inline Quad exponential(Quad x) { return {expq(x.v)}; }
+inline Quad square_root(Quad x) { return {sqrtq(x.v)}; }
+inline Quad where_negative(Quad x, Quad then, Quad otherwise) { return x.v < 0 ? then : otherwise; }
+inline Quad negative(Quad x) { return {-x.v}; }
+inline Quad fused(Quad a, Quad b, Quad c) { return {a.v * b.v + c.v}; }
+
+}  // namespace quad
