@@ -128,7 +128,6 @@ TEST(OptimisedNodes, AgreeOnTheFaceBetweenAnyTwoCells) {
       }
     }
   }
-  RecordProperty("worst", std::to_string(worst));
   EXPECT_LT(worst, 1e-14);
 }
 
