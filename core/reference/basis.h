@@ -21,8 +21,8 @@ std::vector<Eigen::MatrixXd> basis_gradients(Shape shape, int order, NodeSet set
 const Eigen::MatrixXd& conversion(Shape shape, int order, NodeSet from, NodeSet to, int ambient);
 
 /// The uniform lattice with `intervals` intervals an edge, vertices and edges included. On pyramids the apex, where the
-/// basis has no gradient, is replaced by five points at z = 1 − 1e-6: one on the axis and one on each of the four edges,
-/// since the gradient there depends on the direction.
+/// basis has no gradient, is replaced by five points at z = 1 − 1e-6: one on the axis and one on each of the four
+/// edges, since the gradient there depends on the direction.
 Points uniform_lattice(Shape shape, int intervals);
 
 }  // namespace varimesh::reference
