@@ -1,7 +1,7 @@
 // Winslow: W = Q/J, with Q = |F|² (the paper's) or, in 3-D, Q = |cof F|² (the true one)
 // Turner, Peiró, Moxey 2016, section 3.1. The Winslow functional is |∇χ⁻¹|² over the physical domain, |F⁻¹|² J over the
-// straight-sided one, and that is |cof F|²/J in 3-D; in 2-D |cof F| = |F|. The paper's |F|²/J is not stationary at F =
-// 1 in 3-D.
+// straight-sided one, and that is |cof F|²/J in 3-D; in 2-D |cof F| = |F|. The paper's |F|²/J is another functional in
+// 3-D: it falls when F = 1 is scaled up, the true one rises.
 #if defined(VARIMESH_ENERGY_WINSLOW_INL_H) == defined(HWY_TARGET_TOGGLE)
 #ifdef VARIMESH_ENERGY_WINSLOW_INL_H
 #undef VARIMESH_ENERGY_WINSLOW_INL_H

@@ -64,11 +64,12 @@ void list_incidences(Problem& problem, const std::vector<bool>& fixed) {
   std::vector<std::int32_t> degree(fixed.size(), 0);
   for (const CellBlock& block : problem.blocks)
     for (const std::int32_t node : block.nodes) ++degree[node];
-  for (std::size_t node = 0; node < fixed.size(); ++node) {
-    if (fixed[node] || degree[node] == 0) continue;
-    rank[node] = static_cast<std::int32_t>(problem.free.size());
-    problem.free.push_back(static_cast<std::int32_t>(node));
-  }
+  for (const CellBlock& block : problem.blocks)
+    for (const std::int32_t node : block.nodes) {
+      if (fixed[node] || rank[node] >= 0) continue;
+      rank[node] = static_cast<std::int32_t>(problem.free.size());
+      problem.free.push_back(node);
+    }
   problem.offsets.assign(problem.free.size() + 1, 0);
   for (std::size_t f = 0; f < problem.free.size(); ++f)
     problem.offsets[f + 1] = problem.offsets[f] + degree[problem.free[f]];

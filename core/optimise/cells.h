@@ -67,7 +67,7 @@ struct Problem {
   std::vector<CellBlock> blocks;
   std::int32_t cells = 0;
   std::vector<double> positions;      ///< dimension a node, interleaved, of the optimised nodes.
-  std::vector<std::int32_t> free;     ///< Nodes that may move, ascending.
+  std::vector<std::int32_t> free;     ///< Nodes that may move, as the cells name them: neighbours are near.
   std::vector<std::int32_t> offsets;  ///< free.size() + 1: where each free node's incidences begin.
   std::vector<Incidence> incidences;
 };

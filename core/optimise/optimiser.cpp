@@ -2,6 +2,7 @@
 
 #include <chrono>
 #include <cmath>
+#include <optional>
 #include <string>
 
 #include "core/energy/material.h"
@@ -10,6 +11,7 @@
 #include "core/optimise/cells.h"
 #include "core/optimise/door.h"
 #include "core/optimise/kernels.h"
+#include "core/optimise/newton.h"
 #include "core/optimise/schedule.h"
 #include "core/optimise/sweep.h"
 #include "core/optimise/team.h"
@@ -33,6 +35,46 @@ Expected<void> check_degree(const HighOrderMesh& mesh, int degree) {
                     " the energy does not see all of an element; leave it at 0 for twice the order.");
 }
 
+/// Which phase comes next. Method::Auto sweeps until every cell is valid, or until so many sweeps brought no fewer
+/// invalid cells, and goes on with Newton; where a Newton step finds no lower energy, a few sweeps get it off the spot.
+class PhaseChooser {
+ public:
+  PhaseChooser(Method method, std::int64_t invalid) : method_(method), fewest_invalid_(invalid) {
+    newton_ = method == Method::Newton || (method == Method::Auto && invalid == 0);
+  }
+
+  Phase phase() const { return newton_ ? Phase::Newton : Phase::Sweeps; }
+
+  /// After an iteration: false where nothing is left to try.
+  bool next(std::int64_t invalid, bool stuck) {
+    if (method_ == Method::Sweeps) return true;
+    if (newton_ && stuck) {
+      if (method_ == Method::Newton || ++times_stuck_ > kMostTimesStuck) return false;
+      newton_ = false;
+      patience_ = kSweepsWhenStuck;
+      return true;
+    }
+    if (newton_) return true;
+    if (invalid < fewest_invalid_) {
+      fewest_invalid_ = invalid;
+      patience_ = std::max(patience_, kPatience);
+    }
+    newton_ = (invalid == 0 && times_stuck_ == 0) || --patience_ <= 0;
+    return true;
+  }
+
+ private:
+  static constexpr int kPatience = 10;  // sweeps without fewer invalid cells
+  static constexpr int kSweepsWhenStuck = 5;
+  static constexpr int kMostTimesStuck = 3;
+
+  Method method_;
+  std::int64_t fewest_invalid_;
+  bool newton_ = false;
+  int patience_ = kPatience;
+  int times_stuck_ = 0;
+};
+
 }  // namespace
 
 /// Everything that is set up once for a mesh topology.
@@ -43,7 +85,8 @@ struct Optimiser::State {
   Problem problem;
   Schedule schedule;
   std::unique_ptr<Kernels> kernels;
-  double set_up_seconds = 0;  ///< Counted with the first run.
+  std::unique_ptr<HessianKernels> hessian;  ///< Where the method needs it.
+  double set_up_seconds = 0;                ///< Counted with the first run.
 
   /// Optimises `mesh` as it is.
   Result run(const OnIteration& on_iteration);
@@ -89,6 +132,7 @@ Expected<Optimiser> Optimiser::create(HighOrderMesh&& mesh, const Options& optio
     state->problem = build_problem(mesh, fixed_nodes(mesh), options.quadrature_degree);
     state->schedule = make_schedule(state->problem, options.colouring);
     state->kernels = make_kernels(material(options), mesh.dimension);
+    if (options.method != Method::Sweeps) state->hessian = make_hessian_kernels(material(options), mesh.dimension);
   }
   state->mesh = std::move(mesh);
   state->set_up_seconds = seconds_since(start);
@@ -136,33 +180,45 @@ Result Optimiser::State::run(const OnIteration& on_iteration) {
 void Optimiser::State::iterate(Team& team, const OnIteration& on_iteration, Clock::time_point start, Result& result) {
   Sweeper sweeper(problem, schedule, *kernels, options.regularisation, team);
   sweeper.rebuild();
-  sweeper.scan();
+  PhaseChooser chooser(options.method, sweeper.scan().invalid);
+  std::optional<Newton> newton;  // set up when it is first needed
   double first_gradient = 0;
   for (int number = 1; number <= options.max_iterations; ++number) {
-    const SweepReport swept = sweeper.sweep();
-    if (number % kSweepsBetweenRebuilds == 0) sweeper.rebuild();
-    const ScanReport seen = sweeper.scan();
-    if (number == 1) first_gradient = swept.gradient_norm;
-
     Iteration iteration;
-    iteration.phase = Phase::Sweeps;
+    iteration.phase = chooser.phase();
     iteration.number = number;
+    double gradient = 0;
+    bool stuck = false;
+    if (iteration.phase == Phase::Sweeps) {
+      const SweepReport swept = sweeper.sweep();
+      if (number % kSweepsBetweenRebuilds == 0) sweeper.rebuild();
+      iteration.residual = swept.residual;
+      iteration.active_nodes = swept.visited;
+      gradient = swept.gradient_norm;
+    } else {
+      if (!newton) newton.emplace(problem, *kernels, *hessian, team);
+      const NewtonReport stepped = newton->step();
+      iteration.residual = stepped.residual;
+      iteration.active_nodes = summary.free_nodes;
+      gradient = stepped.gradient_norm;
+      stuck = stepped.damping == 0;
+    }
+    const ScanReport seen = sweeper.scan();
+    if (number == 1) first_gradient = gradient;
     iteration.energy = seen.energy;
-    iteration.residual = swept.residual;
-    iteration.relative_gradient = first_gradient > 0 ? swept.gradient_norm / first_gradient : 0;
+    iteration.relative_gradient = first_gradient > 0 ? gradient / first_gradient : 0;
     iteration.min_scaled_jacobian = seen.min_scaled_jacobian;
     iteration.invalid_elements = seen.invalid;
-    iteration.active_nodes = swept.visited;
     iteration.seconds = seconds_since(start);
     result.history.push_back(iteration);
     result.iterations = number;
-    result.residual = swept.residual;
-    result.converged = swept.residual <= options.tolerance;
+    result.residual = iteration.residual;
+    result.converged = iteration.residual <= options.tolerance;
     if (on_iteration && on_iteration(iteration) == Control::Stop) {
       result.stopped = true;
       return;
     }
-    if (result.converged) return;
+    if (result.converged || !chooser.next(seen.invalid, stuck)) return;
   }
 }
 

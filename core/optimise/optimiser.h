@@ -14,9 +14,9 @@
 namespace varimesh {
 
 /// What part of the method an iteration belongs to.
-enum class Phase : std::uint8_t { Sweeps };
+enum class Phase : std::uint8_t { Sweeps, Newton };
 
-/// What is known after an iteration (a sweep). Residuals and Jacobians are dimensionless.
+/// What is known after an iteration (a sweep, or a Newton step). Residuals and Jacobians are dimensionless.
 struct Iteration {
   Phase phase = Phase::Sweeps;
   int number = 0;                     ///< 1, 2, … through the whole run.

@@ -18,7 +18,7 @@ enum class Volumetric : std::uint8_t {
 };
 enum class Winslow : std::uint8_t {
   True,   ///< |cof F|²/J in 3-D (in 2-D the same as the paper's).
-  Paper,  ///< |F|²/J, which in 3-D is not stationary at F = 1.
+  Paper,  ///< |F|²/J, which in 3-D is not the Winslow functional.
 };
 enum class Constants : std::uint8_t {
   Reference,  ///< μ = 1/2.8, λ = κ = 1/0.6: those of the reference implementation (NekMesh), ν = 0.4.
@@ -28,7 +28,9 @@ enum class Regularisation : std::uint8_t {
   Patch,    ///< One δ a node's patch, from the patch's smallest J, as in the paper.
 };
 enum class Method : std::uint8_t {
-  Sweeps,  ///< Node-wise Newton in coloured parallel sweeps.
+  Auto,    ///< Sweeps until every cell is valid (or no more become so), then Newton: the default.
+  Sweeps,  ///< Node-wise Newton in coloured parallel sweeps, as in the paper.
+  Newton,  ///< All nodes at once: truncated Newton with matrix-free conjugate gradients.
 };
 enum class Colouring : std::uint8_t {
   Group,  ///< Colour whole groups: the interior nodes of an element, a face, an edge, a vertex.
@@ -46,7 +48,7 @@ struct Options {
   double lambda = 0;                           ///< First Lamé constant, dimensionless; 0: from `constants`.
   double kappa = 0;                            ///< Bulk modulus, dimensionless; 0: from `constants`.
   Regularisation regularisation = Regularisation::Element;
-  Method method = Method::Sweeps;
+  Method method = Method::Auto;
   Colouring colouring = Colouring::Group;
   double tolerance = 1e-6;    ///< Stop when the residual, relative to the bounding box's diagonal, is below this.
   int max_iterations = 1000;  ///< Stop after this many iterations; 0 checks and reports only.

@@ -4,6 +4,8 @@
 #include <cmath>
 #include <limits>
 
+#include "core/optimise/patch.h"
+
 namespace varimesh {
 namespace {
 
@@ -36,17 +38,6 @@ std::array<double, 3> newton_step_of(const PatchExpansion& expansion) {
   std::array<double, 3> out{};
   for (int i = 0; i < d; ++i) out[i] = std::isfinite(step[i]) ? step[i] : 0.0;
   return out;
-}
-
-PatchCell patch_cell(CellBlock& block, const Incidence& at) {
-  return {block.deformation_of(at.cell),
-          block.derivatives_of(at.local),
-          block.inverse_target_of(at.cell),
-          block.measure_of(at.cell),
-          block.weights.data(),
-          block.delta_squared[at.cell],
-          block.stride,
-          block.affine};
 }
 
 }  // namespace
@@ -117,15 +108,8 @@ SweepReport Sweeper::sweep() {
 
 Sweeper::Visit Sweeper::visit(std::int32_t rank) {
   const int d = problem_.dimension;
-  const std::int32_t first = problem_.offsets[rank], count = problem_.offsets[rank + 1] - first;
-  std::array<PatchCell, kMostCells> on_stack;
-  std::vector<PatchCell> on_heap;
-  if (count > kMostCells) on_heap.resize(count);
-  const std::span<PatchCell> patch(count > kMostCells ? on_heap.data() : on_stack.data(), count);
-  for (std::int32_t i = 0; i < count; ++i) {
-    const Incidence& at = problem_.incidences[first + i];
-    patch[i] = patch_cell(problem_.blocks[at.block], at);
-  }
+  Patch gathered(problem_, rank);
+  const std::span<PatchCell> patch = gathered.cells();
   if (regularisation_ == Regularisation::Patch) {
     const double delta_squared = delta_squared_for(kernels_.smallest_jacobian(patch));
     for (PatchCell& cell : patch) cell.delta_squared = delta_squared;

@@ -32,8 +32,8 @@ class Team {
       body();
       return;
     }
-    // Workers alone do the work, and by default oneTBB has one fewer of them than the machine has cores. Whoever has set
-    // a limit already (a server with a budget for the machine) is left alone where it is enough.
+    // Workers alone do the work, and by default oneTBB has one fewer of them than the machine has cores. Whoever has
+    // set a limit already (a server with a budget for the machine) is left alone where it is enough.
     using Control = oneapi::tbb::global_control;
     const std::size_t needed = static_cast<std::size_t>(threads_) + 1;
     std::optional<Control> enough;

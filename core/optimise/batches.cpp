@@ -1,0 +1,73 @@
+#include "core/optimise/batches.h"
+
+#include <algorithm>
+
+namespace varimesh {
+namespace {
+
+constexpr int kNodePadding = 8;
+
+BatchBlock make_batch_block(const CellBlock& cells, const std::vector<std::int32_t>& rank, int entries) {
+  const int d = cells.dimension, nodes = cells.nodes_per_cell;
+  BatchBlock block;
+  block.cells = &cells;
+  block.count = (cells.count + kBatch - 1) / kBatch;
+  block.entries = entries;
+  block.padded_nodes = (nodes + kNodePadding - 1) / kNodePadding * kNodePadding;
+  block.forward.resize(static_cast<std::size_t>(cells.points) * nodes * d);
+  block.backward.assign(static_cast<std::size_t>(cells.points) * d * block.padded_nodes, 0.0F);
+  for (int q = 0; q < cells.points; ++q)
+    for (int n = 0; n < nodes; ++n)
+      for (int k = 0; k < d; ++k) {
+        const float slope = static_cast<float>(cells.derivatives_of(n)[k * cells.stride + q]);
+        block.forward[(static_cast<std::size_t>(q) * nodes + n) * d + k] = slope;
+        block.backward[(static_cast<std::size_t>(q) * d + k) * block.padded_nodes + n] = slope;
+      }
+  block.ranks.resize(static_cast<std::size_t>(block.count) * nodes * kBatch);
+  for (std::int32_t b = 0; b < block.count; ++b)
+    for (int lane = 0; lane < kBatch; ++lane) {
+      const std::int32_t cell = std::min(b * kBatch + lane, cells.count - 1);
+      for (int n = 0; n < nodes; ++n)
+        block.ranks[(static_cast<std::size_t>(b) * nodes + n) * kBatch + lane] =
+            rank[cells.nodes[static_cast<std::size_t>(cell) * nodes + n]];
+    }
+  block.result.resize(static_cast<std::size_t>(block.count) * nodes * d * kBatch);
+  block.linearisation.resize(block.count * block.linearisation_size());
+  block.inverse_target.resize(static_cast<std::size_t>(block.count) * (cells.affine ? 1 : cells.points) * d * d *
+                              kBatch);
+  return block;
+}
+
+}  // namespace
+
+std::size_t BatchBlock::linearisation_size() const {
+  return static_cast<std::size_t>(cells->points) * entries * kBatch;
+}
+
+std::vector<BatchBlock> make_batches(const Problem& problem, const HessianKernels& kernels) {
+  const std::size_t nodes = problem.positions.size() / problem.dimension;
+  std::vector<std::int32_t> rank(nodes, static_cast<std::int32_t>(problem.free.size()));
+  for (std::size_t f = 0; f < problem.free.size(); ++f) rank[problem.free[f]] = static_cast<std::int32_t>(f);
+  std::vector<BatchBlock> batches;
+  for (const CellBlock& cells : problem.blocks) batches.push_back(make_batch_block(cells, rank, kernels.entries()));
+  copy_targets(batches);
+  return batches;
+}
+
+void copy_targets(std::vector<BatchBlock>& batches) {
+  for (BatchBlock& block : batches) {
+    const CellBlock& cells = *block.cells;
+    const int square = cells.dimension * cells.dimension, per_cell = cells.affine ? 1 : cells.points;
+    const int stride = cells.affine ? 1 : cells.stride;
+    for (std::int32_t b = 0; b < block.count; ++b)
+      for (int lane = 0; lane < kBatch; ++lane) {
+        const double* inverse = cells.inverse_target_of(std::min(b * kBatch + lane, cells.count - 1));
+        for (int q = 0; q < per_cell; ++q)
+          for (int entry = 0; entry < square; ++entry)
+            block.inverse_target[((static_cast<std::size_t>(b) * per_cell + q) * square + entry) * kBatch + lane] =
+                static_cast<float>(inverse[entry * stride + q]);
+      }
+  }
+}
+
+}  // namespace varimesh

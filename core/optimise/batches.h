@@ -1,0 +1,59 @@
+// Cells side by side: sixteen at a time, a lane a cell, for products of the whole mesh's Hessian with a direction.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <vector>
+
+#include "core/energy/material.h"
+#include "core/optimise/aligned.h"
+#include "core/optimise/cells.h"
+
+namespace varimesh {
+
+/// Cells in a batch, whatever the width of the machine's vectors: one AVX-512 vector of floats, two of AVX2.
+inline constexpr int kBatch = 16;
+
+/// The batches of one CellBlock. Innermost in every array is the lane. Lanes past the last cell repeat it, with weight
+/// 0.
+struct BatchBlock {
+  const CellBlock* cells = nullptr;
+  std::int32_t count = 0;               ///< Batches.
+  int entries = 0;                      ///< Numbers a point that `linearise` keeps.
+  AlignedVector<float> forward;         ///< points × nodes × d: ∂φ_n/∂ξ_k at each point.
+  AlignedVector<float> backward;        ///< points × d × padded nodes: the same.
+  int padded_nodes = 0;                 ///< nodes, to a multiple of 8.
+  AlignedVector<float> inverse_target;  ///< count × (affine ? 1 : points) × d·d × lane.
+  AlignedVector<float> linearisation;   ///< count × points × entries × lane.
+  std::vector<std::int32_t>
+      ranks;                    ///< count × nodes × lane: rank of the node among the free ones; free.size() if fixed.
+  AlignedVector<float> result;  ///< count × nodes × d × lane: each cell's part of the product.
+
+  std::size_t linearisation_size() const;
+};
+
+/// The second derivative of the energy, prepared at the present deformation gradients and applied to directions.
+class HessianKernels {
+ public:
+  virtual ~HessianKernels() = default;
+
+  /// Numbers that linearise() keeps a point.
+  virtual int entries() const = 0;
+
+  /// Keeps what products need of batch `b`: F and the energy's partial derivatives times the weights.
+  virtual void linearise(BatchBlock& block, std::int32_t b) const = 0;
+
+  /// result of batch b = its cells' Hessian times `direction` (d floats a free node, then d zeros for the fixed ones).
+  virtual void apply(BatchBlock& block, std::int32_t b, std::span<const float> direction) const = 0;
+};
+
+std::unique_ptr<HessianKernels> make_hessian_kernels(const Material& material, int dimension);
+
+/// Batches of the problem's cells, with tables and targets in place.
+std::vector<BatchBlock> make_batches(const Problem& problem, const HessianKernels& kernels);
+
+/// The targets anew, after they changed.
+void copy_targets(std::vector<BatchBlock>& batches);
+
+}  // namespace varimesh

@@ -1,0 +1,358 @@
+// Products of the energy's second derivative with a direction, a lane a cell, in single precision.
+//
+// For a direction u on the nodes, dG = Σ u_n ⊗ ∇_ξ φ_n and dF = dG A⁻¹ at every point; then (numerics of f(Q, J'), C =
+// cof F)
+//     dP = 2 f_Q dF + 4 f_QQ (F:dF) F + 2 f_QJ [(C:dF) F + (F:dF) C] + f_JJ (C:dF) C + f_J dC,
+// and the cell's part of the product at node n is Σ w dP A⁻ᵀ ∇_ξ φ_n. The gradient operator and its transpose are most
+// of the work; they are blocked so that their accumulators fill the registers.
+#if defined(VARIMESH_OPTIMISE_HESSIAN_INL_H) == defined(HWY_TARGET_TOGGLE)
+#ifdef VARIMESH_OPTIMISE_HESSIAN_INL_H
+#undef VARIMESH_OPTIMISE_HESSIAN_INL_H
+#else
+#define VARIMESH_OPTIMISE_HESSIAN_INL_H
+#endif
+
+#include "core/energy/density-inl.h"
+#include "core/energy/table-inl.h"
+#include "core/optimise/batches.h"
+
+HWY_BEFORE_NAMESPACE();
+namespace varimesh {
+namespace HWY_NAMESPACE {
+
+using FloatTag = hn::CappedTag<float, kBatch>;
+using Floats = hn::Vec<FloatTag>;
+
+HWY_INLINE Floats load(const float* at) { return hn::Load(FloatTag(), at); }
+HWY_INLINE Floats every(float value) { return hn::Set(FloatTag(), value); }
+
+/// A d × d matrix a lane.
+template <int d>
+struct FloatMatrix {
+  Floats at[d][d];
+
+  HWY_INLINE void load_from(const float* entries) {
+    for (int i = 0; i < d; ++i)
+      for (int j = 0; j < d; ++j) at[i][j] = load(entries + (i * d + j) * kBatch);
+  }
+  /// this · B, or this · Bᵀ
+  template <bool transposed>
+  HWY_INLINE FloatMatrix times(const FloatMatrix& B) const {
+    FloatMatrix out;
+    for (int i = 0; i < d; ++i)
+      for (int j = 0; j < d; ++j) {
+        Floats sum = at[i][0] * (transposed ? B.at[j][0] : B.at[0][j]);
+        for (int k = 1; k < d; ++k) sum = hn::MulAdd(at[i][k], transposed ? B.at[j][k] : B.at[k][j], sum);
+        out.at[i][j] = sum;
+      }
+    return out;
+  }
+  /// thisᵀ · B
+  HWY_INLINE FloatMatrix transposed_times(const FloatMatrix& B) const {
+    FloatMatrix out;
+    for (int i = 0; i < d; ++i)
+      for (int j = 0; j < d; ++j) {
+        Floats sum = at[0][i] * B.at[0][j];
+        for (int k = 1; k < d; ++k) sum = hn::MulAdd(at[k][i], B.at[k][j], sum);
+        out.at[i][j] = sum;
+      }
+    return out;
+  }
+  HWY_INLINE Floats inner(const FloatMatrix& B) const {
+    Floats sum = at[0][0] * B.at[0][0];
+    for (int i = 0; i < d; ++i)
+      for (int j = 0; j < d; ++j)
+        if (i + j > 0) sum = hn::MulAdd(at[i][j], B.at[i][j], sum);
+    return sum;
+  }
+  /// this += s B
+  HWY_INLINE void add(Floats s, const FloatMatrix& B) {
+    for (int i = 0; i < d; ++i)
+      for (int j = 0; j < d; ++j) at[i][j] = hn::MulAdd(s, B.at[i][j], at[i][j]);
+  }
+  HWY_INLINE void scale(Floats s) {
+    for (auto& row : at)
+      for (Floats& entry : row) entry = entry * s;
+  }
+};
+
+/// The derivative of cof F along dF: in 2-D cof dF, in 3-D the mixed products of the rows.
+template <int d>
+HWY_INLINE FloatMatrix<d> cofactor_change(const FloatMatrix<d>& F, const FloatMatrix<d>& dF) {
+  FloatMatrix<d> out;
+  if constexpr (d == 2) {
+    const Floats none = hn::Zero(FloatTag());
+    out.at[0][0] = dF.at[1][1];
+    out.at[0][1] = none - dF.at[1][0];
+    out.at[1][0] = none - dF.at[0][1];
+    out.at[1][1] = dF.at[0][0];
+  } else {
+    for (int i = 0; i < 3; ++i) {
+      const Floats *a = F.at[(i + 1) % 3], *b = F.at[(i + 2) % 3];
+      const Floats *da = dF.at[(i + 1) % 3], *db = dF.at[(i + 2) % 3];
+      for (int j = 0; j < 3; ++j) {
+        const int j1 = (j + 1) % 3, j2 = (j + 2) % 3;
+        out.at[i][j] = hn::MulSub(da[j1], b[j2], da[j2] * b[j1]) + hn::MulSub(a[j1], db[j2], a[j2] * db[j1]);
+      }
+    }
+  }
+  return out;
+}
+
+template <int d>
+HWY_INLINE FloatMatrix<d> cofactor_of(const FloatMatrix<d>& F) {
+  if constexpr (d == 2) return cofactor_change<2>(F, F);
+  FloatMatrix<d> out = cofactor_change<d>(F, F);
+  out.scale(every(0.5F));  // cof is quadratic in 3-D
+  return out;
+}
+
+template <class E, int d>
+class VectorHessian final : public HessianKernels {
+  // What is kept a point: F, w f_Q, w f_J, w f_JJ, then w f_QJ, w f_QQ and w where the energy needs them.
+  static constexpr int kF = 0, kQ = d * d, kJ = kQ + 1, kJJ = kJ + 1;
+  static constexpr int kQJ = kJJ + 1;
+  static constexpr int kQQ = kQJ + (E::kMixed ? 1 : 0);
+  static constexpr int kW = kQQ + (E::kCurved ? 1 : 0);
+  static constexpr int kEntries = kW + (E::kStrain != StrainTerm::None ? 1 : 0);
+  // Accumulators in registers: AVX-512 has 32, AVX2 and SSE 16.
+  static constexpr int kPointTile = HWY_TARGET == HWY_AVX3 ? 3 : 1;
+  static constexpr int kNodeTile = HWY_TARGET == HWY_AVX3 ? 8 : 4;
+
+ public:
+  explicit VectorHessian(const E& energy) : energy_(energy) {}
+
+  int entries() const override { return kEntries; }
+
+  void linearise(BatchBlock& block, std::int32_t b) const override {
+    const CellBlock& cells = *block.cells;
+    float* out = block.linearisation.data() + b * block.linearisation_size();
+    for (int lane = 0; lane < kBatch; ++lane) {
+      const bool real = b * kBatch + lane < cells.count;
+      const std::int32_t cell = real ? b * kBatch + lane : cells.count - 1;
+      const double* deformation = cells.deformation_of(cell);
+      for (int q = 0; q < cells.points; ++q) {
+        Matrix<double, d> F;
+        for (int i = 0; i < d; ++i)
+          for (int j = 0; j < d; ++j) F[i][j] = deformation[(i * d + j) * cells.stride + q];
+        const double w = !real          ? 0.0
+                         : cells.affine ? cells.weights[q] * cells.measure_of(cell)[0]
+                                        : cells.measure_of(cell)[q];
+        const Matrix<double, d> C = cofactor<d>(F);
+        const double Q = E::kQuadratic == Quadratic::Cofactor ? dot<d>(C, C) : dot<d>(F, F);
+        const Partials<double> p = energy_.partials(Q, regularised(determinant<d>(F), cells.delta_squared[cell]));
+        const auto keep = [&](int entry, double value) {
+          out[(q * kEntries + entry) * kBatch + lane] = static_cast<float>(value);
+        };
+        for (int k = 0; k < d * d; ++k) keep(kF + k, F[k / d][k % d]);
+        keep(kQ, w * p.f_Q);
+        keep(kJ, w * p.f_J);
+        keep(kJJ, w * p.f_JJ);
+        if constexpr (E::kMixed) keep(kQJ, w * p.f_QJ);
+        if constexpr (E::kCurved) keep(kQQ, w * p.f_QQ);
+        if constexpr (E::kStrain != StrainTerm::None) keep(kW, w);
+      }
+    }
+  }
+
+  void apply(BatchBlock& block, std::int32_t b, std::span<const float> direction) const override {
+    const CellBlock& cells = *block.cells;
+    const int nodes = cells.nodes_per_cell;
+    // Scratch a thread: the direction of the batch's cells, and dG and then w dP A⁻ᵀ at its points.
+    static thread_local AlignedVector<float> scratch;
+    const std::size_t direction_size = static_cast<std::size_t>(block.padded_nodes) * d * kBatch;
+    const std::size_t points_padded = (cells.points + kPointTile - 1) / kPointTile * kPointTile;
+    scratch.resize(direction_size + points_padded * d * d * kBatch);
+    float* u = scratch.data();
+    float* slopes = u + direction_size;
+    gather(block.ranks.data() + static_cast<std::size_t>(b) * nodes * kBatch, nodes, direction.data(), u);
+    const int width = static_cast<int>(hn::Lanes(FloatTag()));
+    for (int lane = 0; lane < kBatch; lane += width) {
+      forward(block, u + lane, slopes + lane);
+      at_points(block, b, lane, slopes + lane);
+      backward(block, slopes + lane, block.result.data() + static_cast<std::size_t>(b) * nodes * d * kBatch + lane);
+    }
+  }
+
+ private:
+  /// u[(n d + i) kBatch + lane] = direction of component i of node n of the lane's cell.
+  static HWY_INLINE void gather(const std::int32_t* ranks, int nodes, const float* direction, float* u) {
+    for (int n = 0; n < nodes; ++n)
+      for (int lane = 0; lane < kBatch; ++lane) {
+        const float* from = direction + static_cast<std::size_t>(ranks[n * kBatch + lane]) * d;
+        for (int i = 0; i < d; ++i) u[(n * d + i) * kBatch + lane] = from[i];
+      }
+  }
+
+  /// dG at every point: d·d vectors a point.
+  static HWY_INLINE void forward(const BatchBlock& block, const float* u, float* slopes) {
+    const int points = block.cells->points;
+    int q = 0;
+    for (; q + kPointTile <= points; q += kPointTile) forward_tile<kPointTile>(block, q, u, slopes);
+    for (; q < points; ++q) forward_tile<1>(block, q, u, slopes);
+  }
+
+  template <int tile>
+  static HWY_INLINE void forward_tile(const BatchBlock& block, int q, const float* u, float* slopes) {
+    const int nodes = block.cells->nodes_per_cell;
+    const float* table = block.forward.data() + static_cast<std::size_t>(q) * nodes * d;
+    Floats sum[tile][d][d];
+    for (auto& point : sum)
+      for (auto& row : point)
+        for (Floats& entry : row) entry = hn::Zero(FloatTag());
+    for (int n = 0; n < nodes; ++n) {
+      Floats x[d];
+      for (int i = 0; i < d; ++i) x[i] = load(u + (n * d + i) * kBatch);
+      for (int p = 0; p < tile; ++p)
+        for (int k = 0; k < d; ++k) {
+          const Floats slope = every(table[(p * nodes + n) * d + k]);
+          for (int i = 0; i < d; ++i) sum[p][i][k] = hn::MulAdd(x[i], slope, sum[p][i][k]);
+        }
+    }
+    for (int p = 0; p < tile; ++p)
+      for (int i = 0; i < d; ++i)
+        for (int k = 0; k < d; ++k) hn::Store(sum[p][i][k], FloatTag(), slopes + (((q + p) * d + i) * d + k) * kBatch);
+  }
+
+  /// dG becomes w dP A⁻ᵀ.
+  HWY_INLINE void at_points(const BatchBlock& block, std::int32_t b, int lane, float* slopes) const {
+    const CellBlock& cells = *block.cells;
+    const float* kept = block.linearisation.data() + b * block.linearisation_size() + lane;
+    const int per_cell = cells.affine ? 1 : cells.points;
+    const float* targets = block.inverse_target.data() + static_cast<std::size_t>(b) * per_cell * d * d * kBatch + lane;
+    FloatMatrix<d> inverse;
+    inverse.load_from(targets);
+    for (int q = 0; q < cells.points; ++q) {
+      if (!cells.affine) inverse.load_from(targets + static_cast<std::size_t>(q) * d * d * kBatch);
+      float* slope = slopes + static_cast<std::size_t>(q) * d * d * kBatch;
+      FloatMatrix<d> dG;
+      dG.load_from(slope);
+      const FloatMatrix<d> out =
+          stress_change(kept + static_cast<std::size_t>(q) * kEntries * kBatch, dG.template times<false>(inverse))
+              .template times<true>(inverse);
+      for (int i = 0; i < d; ++i)
+        for (int k = 0; k < d; ++k) hn::Store(out.at[i][k], FloatTag(), slope + (i * d + k) * kBatch);
+    }
+  }
+
+  /// w dP of dF.
+  HWY_INLINE FloatMatrix<d> stress_change(const float* kept, const FloatMatrix<d>& dF) const {
+    const auto entry = [&](int index) { return load(kept + index * kBatch); };
+    FloatMatrix<d> F;
+    F.load_from(kept);
+    const FloatMatrix<d> C = cofactor_of<d>(F);
+    const Floats dJ = C.inner(dF), two = every(2.0F);
+    FloatMatrix<d> dP = cofactor_change<d>(F, dF);
+    dP.scale(entry(kJ));
+    Floats along_C = entry(kJJ) * dJ;
+    if constexpr (E::kQuadratic == Quadratic::Deformation) {
+      dP.add(two * entry(kQ), dF);
+      if constexpr (E::kMixed || E::kCurved) {
+        const Floats dQ = two * F.inner(dF);
+        Floats along_F = hn::Zero(FloatTag());
+        if constexpr (E::kMixed) {
+          along_F = entry(kQJ) * dJ;
+          along_C = hn::MulAdd(entry(kQJ), dQ, along_C);
+        }
+        if constexpr (E::kCurved) along_F = hn::MulAdd(entry(kQQ), dQ, along_F);
+        dP.add(two * along_F, F);
+      }
+    } else {
+      // Q = |C|²: dQ/dF = 2 (|F|² F − F Fᵀ F), and its change along dF.
+      const FloatMatrix<d> B = F.template times<true>(F), dB = dF.template times<true>(F);  // F Fᵀ, dF Fᵀ
+      const Floats square = F.inner(F), dot = F.inner(dF);
+      FloatMatrix<d> slope = B.template times<false>(F);  // F Fᵀ F
+      slope.scale(every(-1.0F));
+      slope.add(square, F);
+      const Floats dQ = two * slope.inner(dF);
+      FloatMatrix<d> change = B.template times<false>(dF);
+      change.add(every(1.0F), dB.template times<false>(F));
+      FloatMatrix<d> dBt;
+      for (int i = 0; i < d; ++i)
+        for (int j = 0; j < d; ++j) dBt.at[i][j] = dB.at[j][i];
+      change.add(every(1.0F), dBt.template times<false>(F));
+      change.scale(every(-1.0F));
+      change.add(square, dF);
+      change.add(two * dot, F);
+      dP.add(two * entry(kQ), change);
+      if constexpr (E::kMixed) {
+        dP.add(two * entry(kQJ) * dJ, slope);
+        along_C = hn::MulAdd(entry(kQJ), dQ, along_C);
+      }
+    }
+    dP.add(along_C, C);
+    if constexpr (E::kStrain == StrainTerm::GreenLagrange) add_green_lagrange(entry(kW), F, dF, dP);
+    if constexpr (E::kStrain == StrainTerm::Small) add_small_strain(entry(kW), dF, dP);
+    return dP;
+  }
+
+  /// 2μ (dF E + F dE), E = (FᵀF − 1)/2, dE = sym(Fᵀ dF).
+  HWY_INLINE void add_green_lagrange(Floats w, const FloatMatrix<d>& F, const FloatMatrix<d>& dF,
+                                     FloatMatrix<d>& dP) const {
+    FloatMatrix<d> twice_E = F.transposed_times(F);
+    for (int i = 0; i < d; ++i) twice_E.at[i][i] = twice_E.at[i][i] - every(1.0F);
+    const FloatMatrix<d> half = F.transposed_times(dF);
+    FloatMatrix<d> twice_dE;
+    for (int i = 0; i < d; ++i)
+      for (int j = 0; j < d; ++j) twice_dE.at[i][j] = half.at[i][j] + half.at[j][i];
+    const Floats w_mu = w * every(static_cast<float>(mu()));
+    dP.add(w_mu, dF.template times<false>(twice_E));
+    dP.add(w_mu, F.template times<false>(twice_dE));
+  }
+
+  /// 2μ sym dF, and λ tr dF 1 in the classical form.
+  HWY_INLINE void add_small_strain(Floats w, const FloatMatrix<d>& dF, FloatMatrix<d>& dP) const {
+    const Floats w_mu = w * every(static_cast<float>(mu()));
+    Floats trace = hn::Zero(FloatTag());
+    for (int i = 0; i < d; ++i) {
+      trace = trace + dF.at[i][i];
+      for (int j = 0; j < d; ++j) dP.at[i][j] = hn::MulAdd(w_mu, dF.at[i][j] + dF.at[j][i], dP.at[i][j]);
+    }
+    if constexpr (E::kTraceOfStrain) {
+      const Floats pressure = w * every(static_cast<float>(energy_.lambda)) * trace;
+      for (int i = 0; i < d; ++i) dP.at[i][i] = dP.at[i][i] + pressure;
+    }
+  }
+
+  double mu() const {
+    if constexpr (E::kStrain != StrainTerm::None) return energy_.mu;
+    return 0;
+  }
+
+  /// result[(n d + i) kBatch] = Σ over points and k of slopes_ik ∂φ_n/∂ξ_k.
+  static HWY_INLINE void backward(const BatchBlock& block, const float* slopes, float* result) {
+    const int nodes = block.cells->nodes_per_cell, points = block.cells->points;
+    for (int first = 0; first < nodes; first += kNodeTile) {
+      Floats sum[kNodeTile][d];
+      for (auto& node : sum)
+        for (Floats& entry : node) entry = hn::Zero(FloatTag());
+      for (int q = 0; q < points; ++q)
+        for (int k = 0; k < d; ++k) {
+          const float* table =
+              block.backward.data() + (static_cast<std::size_t>(q) * d + k) * block.padded_nodes + first;
+          Floats stress[d];
+          for (int i = 0; i < d; ++i) stress[i] = load(slopes + ((q * d + i) * d + k) * kBatch);
+          for (int n = 0; n < kNodeTile; ++n) {
+            const Floats slope = every(table[n]);
+            for (int i = 0; i < d; ++i) sum[n][i] = hn::MulAdd(stress[i], slope, sum[n][i]);
+          }
+        }
+      for (int n = 0; n < kNodeTile && first + n < nodes; ++n)
+        for (int i = 0; i < d; ++i) hn::Store(sum[n][i], FloatTag(), result + ((first + n) * d + i) * kBatch);
+    }
+  }
+
+  E energy_;
+};
+
+template <int d>
+HessianKernels* new_hessian_kernels(const Material& material) {
+  return with_energy<d>(material,
+                        [](auto energy) -> HessianKernels* { return new VectorHessian<decltype(energy), d>(energy); });
+}
+
+}  // namespace HWY_NAMESPACE
+}  // namespace varimesh
+HWY_AFTER_NAMESPACE();
+
+#endif

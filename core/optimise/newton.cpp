@@ -1,0 +1,190 @@
+#include "core/optimise/newton.h"
+
+#include <array>
+#include <cmath>
+#include <limits>
+
+#include "core/optimise/patch.h"
+
+namespace varimesh {
+namespace {
+
+constexpr std::int32_t kNodesPerTask = 256;
+constexpr std::int32_t kCellsPerTask = 64;
+constexpr std::size_t kChunk = 8192;  // numbers whose sum is one partial sum, whatever the number of threads
+constexpr int kMostProducts = 1000;   // a Newton step
+constexpr int kMostHalvings = 30;
+constexpr double kArmijo = 1e-4;
+constexpr double kEnergyNoise = 1e-14;  // of the mesh's measure: below it an energy's change is rounding
+
+/// Solve the more tightly the faster the gradient falls (Eisenstat, Walker, SIAM J. Sci. Comput. 17, 1996), in the
+/// preconditioner's norm.
+double forcing_term(double gradient, double last) {
+  if (!(last > 0)) return 0.1;
+  return std::min(0.1, std::max(0.01, 0.9 * std::pow(gradient / last, 1.5)));
+}
+
+}  // namespace
+
+Newton::Newton(Problem& problem, const Kernels& kernels, const HessianKernels& hessian, const Team& team)
+    : problem_(problem),
+      kernels_(kernels),
+      hessian_(hessian),
+      team_(team),
+      batches_(make_batches(problem, hessian)),
+      preconditioner_(problem, team),
+      unknowns_(problem.free.size() * problem.dimension),
+      gradient_(unknowns_),
+      step_(unknowns_),
+      start_(unknowns_),
+      residual_(unknowns_),
+      direction_(unknowns_ + problem.dimension),
+      product_(unknowns_),
+      preconditioned_(unknowns_),
+      partial_(unknowns_ / kChunk + 1),
+      scans_(problem.cells) {
+  for (const CellBlock& block : problem.blocks)
+    for (std::int32_t cell = 0; cell < block.count; ++cell)
+      for (int q = 0; q < block.points; ++q)
+        measure_ += block.affine ? block.weights[q] * block.measure_of(cell)[0] : block.measure_of(cell)[q];
+}
+
+NewtonReport Newton::step() {
+  NewtonReport report;
+  linearise();
+  for (const double g : gradient_) report.gradient_norm += g * g;
+  report.gradient_norm = std::sqrt(report.gradient_norm);
+  for (std::size_t i = 0; i < unknowns_; ++i) residual_[i] = static_cast<float>(-gradient_[i]);
+  preconditioner_.apply(residual_, preconditioned_);
+  const double gradient = std::sqrt(std::max(0.0, dot(residual_, preconditioned_)));
+  report.products = conjugate_gradients(forcing_term(gradient, last_gradient_));
+  last_gradient_ = gradient;
+
+  double slope = 0;
+  const int d = problem_.dimension;
+  for (std::size_t i = 0; i < unknowns_; i += d) {
+    double square = 0;
+    for (int k = 0; k < d; ++k) {
+      slope += gradient_[i + k] * step_[i + k];
+      square += step_[i + k] * step_[i + k];
+    }
+    report.residual = std::max(report.residual, square);
+  }
+  report.residual = std::sqrt(report.residual);
+  if (slope < 0) report.damping = search(slope);
+  return report;
+}
+
+void Newton::linearise() {
+  const int d = problem_.dimension;
+  team_.for_each(static_cast<std::int32_t>(problem_.free.size()), kNodesPerTask, [&](std::int32_t rank) {
+    const PatchExpansion expansion = kernels_.expand(Patch(problem_, rank).cells());
+    for (int k = 0; k < d; ++k) gradient_[static_cast<std::size_t>(rank) * d + k] = expansion.gradient[k];
+    preconditioner_.set_block(rank, expansion);
+  });
+  for (BatchBlock& block : batches_)
+    team_.for_each(block.count, 4, [&](std::int32_t b) { hessian_.linearise(block, b); });
+}
+
+void Newton::multiply(const std::vector<float>& direction, std::vector<float>& out) {
+  const int d = problem_.dimension;
+  for (BatchBlock& block : batches_)
+    team_.for_each(block.count, 2, [&](std::int32_t b) { hessian_.apply(block, b, direction); });
+  // Each node adds up its cells' parts in the order of its incidences, so the sum does not depend on threads.
+  team_.for_each(static_cast<std::int32_t>(problem_.free.size()), kNodesPerTask, [&](std::int32_t rank) {
+    std::array<float, 3> sum{};
+    for (std::int32_t i = problem_.offsets[rank]; i < problem_.offsets[rank + 1]; ++i) {
+      const Incidence& at = problem_.incidences[i];
+      const BatchBlock& block = batches_[at.block];
+      const std::size_t node = static_cast<std::size_t>(at.cell / kBatch) * block.cells->nodes_per_cell + at.local;
+      const float* part = block.result.data() + node * d * kBatch + at.cell % kBatch;
+      for (int k = 0; k < d; ++k) sum[k] += part[k * kBatch];
+    }
+    for (int k = 0; k < d; ++k) out[static_cast<std::size_t>(rank) * d + k] = sum[k];
+  });
+}
+
+int Newton::conjugate_gradients(double forcing) {
+  std::fill(step_.begin(), step_.end(), 0.0);
+  std::copy(preconditioned_.begin(), preconditioned_.end(), direction_.begin());
+  double rz = dot(residual_, preconditioned_);
+  const double target = forcing * forcing * rz;
+  int products = 0;
+  while (products < kMostProducts && rz > 0) {
+    multiply(direction_, product_);
+    ++products;
+    const double curvature = dot(direction_, product_);
+    if (!(curvature > 0)) {
+      // Downhill for ever, as far as the quadratic model knows: go on with what there is, or down the first direction.
+      if (products == 1) std::copy_n(direction_.begin(), unknowns_, step_.begin());
+      break;
+    }
+    const double alpha = rz / curvature;
+    const float alpha_float = static_cast<float>(alpha);
+    for (std::size_t i = 0; i < unknowns_; ++i) {
+      step_[i] += alpha * direction_[i];
+      residual_[i] -= alpha_float * product_[i];
+    }
+    preconditioner_.apply(residual_, preconditioned_);
+    const double next = dot(residual_, preconditioned_);
+    if (next <= target) break;
+    const float beta = static_cast<float>(next / rz);
+    rz = next;
+    for (std::size_t i = 0; i < unknowns_; ++i) direction_[i] = preconditioned_[i] + beta * direction_[i];
+  }
+  return products;
+}
+
+double Newton::search(double slope) {
+  const int d = problem_.dimension;
+  for (std::size_t f = 0; f < problem_.free.size(); ++f)
+    for (int k = 0; k < d; ++k)
+      start_[f * d + k] = problem_.positions[static_cast<std::size_t>(problem_.free[f]) * d + k];
+  const double before = energy_at(0);
+  const double noise = kEnergyNoise * measure_;
+  double alpha = 1;
+  for (int halving = 0; halving < kMostHalvings; ++halving, alpha *= 0.5) {
+    const double energy = energy_at(alpha);
+    if (energy <= before + kArmijo * alpha * slope) return alpha;
+    if (-slope < 100 * noise && energy <= before + 100 * noise) return alpha;
+  }
+  energy_at(0);
+  return 0;
+}
+
+double Newton::energy_at(double alpha) {
+  const int d = problem_.dimension;
+  for (std::size_t f = 0; f < problem_.free.size(); ++f)
+    for (int k = 0; k < d; ++k)
+      problem_.positions[static_cast<std::size_t>(problem_.free[f]) * d + k] =
+          start_[f * d + k] + alpha * step_[f * d + k];
+  double energy = 0;
+  for (CellBlock& block : problem_.blocks) {
+    team_.for_each(block.count, kCellsPerTask, [&](std::int32_t cell) {
+      kernels_.rebuild(block, cell, problem_.positions);
+      scans_[block.first + cell] = kernels_.scan(block, cell);
+    });
+    for (std::int32_t cell = 0; cell < block.count; ++cell) {
+      const CellScan& scan = scans_[block.first + cell];
+      if (block.delta_squared[cell] == 0 && !(scan.smallest_jacobian > 0))
+        return std::numeric_limits<double>::infinity();
+      energy += scan.energy;
+    }
+  }
+  return std::isfinite(energy) ? energy : std::numeric_limits<double>::infinity();
+}
+
+double Newton::dot(const std::vector<float>& a, const std::vector<float>& b) {
+  const std::int32_t chunks = static_cast<std::int32_t>(partial_.size());
+  team_.for_each(chunks, 1, [&](std::int32_t chunk) {
+    double sum = 0;
+    const std::size_t end = std::min(unknowns_, (chunk + 1) * kChunk);
+    for (std::size_t i = chunk * kChunk; i < end; ++i) sum += static_cast<double>(a[i]) * b[i];
+    partial_[chunk] = sum;
+  });
+  double sum = 0;
+  for (const double part : partial_) sum += part;
+  return sum;
+}
+
+}  // namespace varimesh

@@ -1,0 +1,63 @@
+// All free nodes at once: truncated Newton with matrix-free conjugate gradients.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "core/optimise/batches.h"
+#include "core/optimise/cells.h"
+#include "core/optimise/kernels.h"
+#include "core/optimise/preconditioner.h"
+#include "core/optimise/team.h"
+
+namespace varimesh {
+
+/// What one Newton step did. Lengths are relative to the diagonal of the bounding box.
+struct NewtonReport {
+  double residual = 0;       ///< Largest displacement of a node in the full step, before the line search.
+  double gradient_norm = 0;  ///< √ Σ |G|² at the start of the step.
+  double damping = 0;        ///< The share of the full step that was taken; 0: none lowered the energy.
+  int products = 0;          ///< Of the Hessian and a direction.
+};
+
+/// Newton steps on a problem: gradient, energy and steps in double precision, directions and products in single. The
+/// products' Hessian is exact; where conjugate gradients meet a direction of negative curvature they stop with what
+/// they have. The line search never raises the energy and never makes a valid cell invalid.
+///
+/// Expects the problem's deformation gradients and δ to be up to date (Sweeper::scan), and leaves the deformation
+/// gradients so.
+class Newton {
+ public:
+  Newton(Problem& problem, const Kernels& kernels, const HessianKernels& hessian, const Team& team);
+
+  NewtonReport step();
+
+ private:
+  void linearise();
+  /// out = H direction; both d floats a free node and d more, which are 0 in `direction`.
+  void multiply(const std::vector<float>& direction, std::vector<float>& out);
+  /// Solves H x = −G to the forcing term; returns the number of products.
+  int conjugate_gradients(double forcing);
+  double search(double slope);
+  /// Energy with every free node displaced by alpha times the step; +∞ where that makes a valid cell invalid.
+  double energy_at(double alpha);
+  double dot(const std::vector<float>& a, const std::vector<float>& b);
+
+  Problem& problem_;
+  const Kernels& kernels_;
+  const HessianKernels& hessian_;
+  const Team& team_;
+  std::vector<BatchBlock> batches_;
+  Preconditioner preconditioner_;
+  std::size_t unknowns_ = 0;
+  double measure_ = 0;            ///< Σ weight |det A| of the mesh.
+  double last_gradient_ = 0;      ///< In the preconditioner's norm, of the step before.
+  std::vector<double> gradient_;  ///< d a free node.
+  std::vector<double> step_;
+  std::vector<double> start_;  ///< Positions of the free nodes at the start of the line search.
+  std::vector<float> residual_, direction_, product_, preconditioned_;
+  std::vector<double> partial_;  ///< Sums of chunks, added in order.
+  std::vector<CellScan> scans_;
+};
+
+}  // namespace varimesh

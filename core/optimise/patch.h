@@ -1,0 +1,47 @@
+// The cells of one free node, as the kernels take them.
+#pragma once
+
+#include <array>
+#include <span>
+#include <vector>
+
+#include "core/optimise/cells.h"
+#include "core/optimise/kernels.h"
+
+namespace varimesh {
+
+/// Gathers the patch of free node `rank` on the stack; only patches of more than kMostCells cells go to the heap.
+class Patch {
+ public:
+  Patch(Problem& problem, std::int32_t rank) {
+    const std::int32_t first = problem.offsets[rank];
+    count_ = problem.offsets[rank + 1] - first;
+    if (count_ > kMostCells) on_heap_.resize(count_);
+    const std::span<PatchCell> cells = this->cells();
+    for (std::int32_t i = 0; i < count_; ++i) {
+      const Incidence& at = problem.incidences[first + i];
+      CellBlock& block = problem.blocks[at.block];
+      cells[i] = {block.deformation_of(at.cell),
+                  block.derivatives_of(at.local),
+                  block.inverse_target_of(at.cell),
+                  block.measure_of(at.cell),
+                  block.weights.data(),
+                  block.delta_squared[at.cell],
+                  block.stride,
+                  block.affine};
+    }
+  }
+
+  std::span<PatchCell> cells() {
+    return {count_ > kMostCells ? on_heap_.data() : on_stack_.data(), static_cast<std::size_t>(count_)};
+  }
+
+ private:
+  static constexpr std::int32_t kMostCells = 512;
+
+  std::int32_t count_;
+  std::array<PatchCell, kMostCells> on_stack_;
+  std::vector<PatchCell> on_heap_;
+};
+
+}  // namespace varimesh
