@@ -50,8 +50,7 @@ std::int64_t Scanner::count(const char* what, std::size_t least, bool as_text) {
   const std::int64_t value = as_text ? text_integer(what) : size(what);
   if (value < 0) fail(std::string(what) + " is negative");
   if (std::size_t(value) > left() / least + 1)
-    fail(std::string(what) + " is " + std::to_string(value) + ", more than the " + std::to_string(left()) +
-         " bytes that are left can hold: the file is truncated or damaged, so write or copy it again");
+    fail_truncated(("all that " + std::string(what) + ", " + std::to_string(value) + ", announces").c_str());
   if (value > std::numeric_limits<std::int32_t>::max()) fail(std::string(what) + " exceeds 2147483647");
   return value;
 }

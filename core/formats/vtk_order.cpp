@@ -1,0 +1,214 @@
+// Where VTK puts the nodes of its Lagrange cells, and so which of Gmsh's nodes comes when.
+//
+// The orders are VTK's, as its classes vtkHigherOrderTriangle, …Quadrilateral, …Tetra, …Hexahedron and …Wedge define
+// them (VTK 9): vertices, edges, faces, interior. Edges and faces of tensor cells run along the axes, those of
+// simplices and of a prism's triangles go round; the hexahedron's four upright edges are in the order that holds from
+// file version 2.1 on.
+#include <algorithm>
+#include <array>
+#include <cassert>
+#include <map>
+
+#include "core/formats/vtu.h"
+#include "core/reference/nodes.h"
+
+namespace varimesh::formats {
+
+namespace {
+
+using Position = std::array<int, 3>;
+using Positions = std::vector<Position>;
+
+Position blend(const Position& a, const Position& b, int at, int of) {
+  Position p;
+  for (std::size_t k = 0; k < 3; ++k) p[k] = a[k] + (b[k] - a[k]) * at / of;
+  return p;
+}
+
+// The nodes strictly between two vertices that are `order` steps apart.
+void add_edge(Positions& list, const Position& from, const Position& to, int order) {
+  for (int k = 1; k < order; ++k) list.push_back(blend(from, to, k, order));
+}
+
+// A triangle of `order` steps an edge with the given corners: vertices, edges, then the triangle inside, of order − 3.
+void add_triangle(Positions& list, Position a, Position b, Position c, int order) {
+  for (; order > 0; order -= 3) {
+    list.insert(list.end(), {a, b, c});
+    add_edge(list, a, b, order);
+    add_edge(list, b, c, order);
+    add_edge(list, c, a, order);
+    // One step from each corner towards each of the others.
+    Position inner_a, inner_b, inner_c;
+    for (std::size_t k = 0; k < 3; ++k) {
+      inner_a[k] = a[k] + (b[k] + c[k] - 2 * a[k]) / order;
+      inner_b[k] = b[k] + (a[k] + c[k] - 2 * b[k]) / order;
+      inner_c[k] = c[k] + (a[k] + b[k] - 2 * c[k]) / order;
+    }
+    a = inner_a, b = inner_b, c = inner_c;
+  }
+  if (order == 0) list.push_back(a);
+}
+
+// The nodes strictly inside such a triangle.
+void add_triangle_inside(Positions& list, const Position& a, const Position& b, const Position& c, int order) {
+  Positions whole;
+  add_triangle(whole, a, b, c, order);
+  list.insert(list.end(), whole.begin() + 3 * order, whole.end());
+}
+
+Positions tetrahedron(int order) {
+  constexpr std::array<std::array<std::size_t, 2>, 6> kEdges = {{{0, 1}, {1, 2}, {2, 0}, {0, 3}, {1, 3}, {2, 3}}};
+  constexpr std::array<std::array<std::size_t, 3>, 4> kFaces = {{{0, 1, 3}, {2, 3, 1}, {0, 3, 2}, {0, 2, 1}}};
+  Positions list;
+  Position origin{0, 0, 0};
+  for (; order > 0; order -= 4) {
+    std::array<Position, 4> v{origin, origin, origin, origin};
+    for (std::size_t k = 0; k < 3; ++k) v[k + 1][k] += order;
+    list.insert(list.end(), v.begin(), v.end());
+    for (const auto& [a, b] : kEdges) add_edge(list, v[a], v[b], order);
+    for (const auto& [a, b, c] : kFaces) add_triangle_inside(list, v[a], v[b], v[c], order);
+    for (int& x : origin) ++x;
+  }
+  if (order == 0) list.push_back(origin);
+  return list;
+}
+
+Positions quadrilateral(int p) {
+  Positions list{{0, 0, 0}, {p, 0, 0}, {p, p, 0}, {0, p, 0}};
+  add_edge(list, {0, 0, 0}, {p, 0, 0}, p);
+  add_edge(list, {p, 0, 0}, {p, p, 0}, p);
+  add_edge(list, {0, p, 0}, {p, p, 0}, p);
+  add_edge(list, {0, 0, 0}, {0, p, 0}, p);
+  for (int j = 1; j < p; ++j) add_edge(list, {0, j, 0}, {p, j, 0}, p);
+  return list;
+}
+
+Positions hexahedron(int p) {
+  Positions list;
+  for (int k : {0, p}) list.insert(list.end(), {{0, 0, k}, {p, 0, k}, {p, p, k}, {0, p, k}});
+  for (int k : {0, p}) {
+    add_edge(list, {0, 0, k}, {p, 0, k}, p);
+    add_edge(list, {p, 0, k}, {p, p, k}, p);
+    add_edge(list, {0, p, k}, {p, p, k}, p);
+    add_edge(list, {0, 0, k}, {0, p, k}, p);
+  }
+  for (const auto& [i, j] : {std::pair(0, 0), {p, 0}, {p, p}, {0, p}}) add_edge(list, {i, j, 0}, {i, j, p}, p);
+  for (int i : {0, p})
+    for (int k = 1; k < p; ++k) add_edge(list, {i, 0, k}, {i, p, k}, p);
+  for (int j : {0, p})
+    for (int k = 1; k < p; ++k) add_edge(list, {0, j, k}, {p, j, k}, p);
+  for (int k : {0, p})
+    for (int j = 1; j < p; ++j) add_edge(list, {0, j, k}, {p, j, k}, p);
+  for (int k = 1; k < p; ++k)
+    for (int j = 1; j < p; ++j) add_edge(list, {0, j, k}, {p, j, k}, p);
+  return list;
+}
+
+// Inside a triangle row by row, as VTK's wedge has it (its triangle goes round).
+void add_rows(Positions& list, int k, int p) {
+  for (int j = 1; j < p; ++j)
+    for (int i = 1; i + j < p; ++i) list.push_back({i, j, k});
+}
+
+Positions prism(int p) {
+  Positions list;
+  for (int k : {0, p}) list.insert(list.end(), {{0, 0, k}, {p, 0, k}, {0, p, k}});
+  for (int k : {0, p}) {
+    add_edge(list, {0, 0, k}, {p, 0, k}, p);
+    add_edge(list, {p, 0, k}, {0, p, k}, p);
+    add_edge(list, {0, p, k}, {0, 0, k}, p);
+  }
+  for (const auto& [i, j] : {std::pair(0, 0), {p, 0}, {0, p}}) add_edge(list, {i, j, 0}, {i, j, p}, p);
+  for (int k : {0, p}) add_rows(list, k, p);
+  for (int k = 1; k < p; ++k) add_edge(list, {0, 0, k}, {p, 0, k}, p);
+  for (int k = 1; k < p; ++k) add_edge(list, {p, 0, k}, {0, p, k}, p);
+  for (int k = 1; k < p; ++k) add_edge(list, {0, p, k}, {0, 0, k}, p);
+  for (int k = 1; k < p; ++k) add_rows(list, k, p);
+  return list;
+}
+
+struct Types {
+  std::uint8_t linear, lagrange;
+};
+
+// vtkCellType.h
+Types types(Shape shape) {
+  switch (shape) {
+    case Shape::Point:
+      return {1, 1};
+    case Shape::Line:
+      return {3, 68};
+    case Shape::Triangle:
+      return {5, 69};
+    case Shape::Quadrilateral:
+      return {9, 70};
+    case Shape::Tetrahedron:
+      return {10, 71};
+    case Shape::Pyramid:
+      return {14, 72};
+    case Shape::Prism:
+      return {13, 73};
+    case Shape::Hexahedron:
+      return {12, 72};
+  }
+  return {0, 0};
+}
+
+}  // namespace
+
+std::vector<std::array<int, 3>> vtk_positions(Shape shape, int order) {
+  Positions list;
+  switch (shape) {
+    case Shape::Point:
+      return {{0, 0, 0}};
+    case Shape::Line:
+      list = {{0, 0, 0}, {order, 0, 0}};
+      add_edge(list, list[0], list[1], order);
+      return list;
+    case Shape::Triangle:
+      add_triangle(list, {0, 0, 0}, {order, 0, 0}, {0, order, 0}, order);
+      return list;
+    case Shape::Quadrilateral:
+      return quadrilateral(order);
+    case Shape::Tetrahedron:
+      return tetrahedron(order);
+    case Shape::Prism:
+      return prism(order);
+    case Shape::Hexahedron:
+      return hexahedron(order);
+    case Shape::Pyramid:
+      if (order == 1) return {{0, 0, 0}, {1, 0, 0}, {1, 1, 0}, {0, 1, 0}, {0, 0, 1}};
+      return hexahedron(order);
+  }
+  return list;
+}
+
+VtkCell vtk_cell(Shape shape, int order) {
+  VtkCell cell;
+  cell.type = order == 1 ? types(shape).linear : types(shape).lagrange;
+  const Positions positions = vtk_positions(shape, order);
+  const auto& lattice = reference::lattice(shape, order);
+  std::map<Position, int> node_at;
+  for (std::size_t i = 0; i < lattice.size(); ++i) node_at[{lattice[i][0], lattice[i][1], lattice[i][2]}] = int(i);
+  for (const Position& position : positions) {
+    Position at = position;
+    if (shape == Shape::Pyramid && order > 1) {
+      // The hexahedron's corners, upright edges, base and top are the pyramid's; the rest has no node.
+      const bool corner = (at[0] == 0 || at[0] == order) && (at[1] == 0 || at[1] == order);
+      if (at[2] == order) {
+        at = {0, 0, order};
+      } else if (at[2] != 0 && !corner) {
+        cell.nodes.push_back(-1);
+        continue;
+      } else if (at[2] != 0) {
+        for (std::size_t k = 0; k < 2; ++k) at[k] = at[k] == 0 ? 0 : order - at[2];
+      }
+    }
+    const auto found = node_at.find(at);
+    assert(found != node_at.end());
+    cell.nodes.push_back(found->second);
+  }
+  return cell;
+}
+
+}  // namespace varimesh::formats

@@ -1,0 +1,77 @@
+#!/usr/bin/python3
+"""check_vtu.py map FOLDER | measure FILE MEASURE CELLS: what VTK makes of VTU files; run by peers_test.cpp.
+
+map: each file SHAPE_ORDER.vtu holds one cell, the reference cell under the map of one_cell() in samples.h. VTK's cell is
+evaluated at points inside and must give the map's values; its numbers and fields must be there.
+measure: the cells' areas or volumes must add up to MEASURE, to the 1 % that VTK's linear pieces leave.
+"""
+import glob
+import os
+import sys
+
+import vtk
+
+
+def read(path):
+    reader = vtk.vtkXMLUnstructuredGridReader()
+    reader.SetFileName(path)
+    reader.Update()
+    return reader.GetOutput()
+
+
+def mapped(dim, order, x, y, z):
+    """The map of one_cell()."""
+    if dim == 2:
+        return x + 0.2 * y**order, y + 0.1 * x**order, 0.0
+    return x + 0.2 * y**order, y + 0.1 * z**order, z + 0.15 * x**order
+
+
+def reference(shape, order, r, s, t):
+    """Our reference coordinates of VTK's parametric ones, which go from 0 to 1."""
+    x, y, z = 2 * r - 1, 2 * s - 1, 2 * t - 1
+    if shape == "pyramid" and order > 1:  # a hexahedron collapsed towards the apex
+        return x * (1 - t), y * (1 - t), z
+    return x, y, z
+
+
+def check_map(path):
+    shape, order = os.path.basename(path)[:-4].split("_")
+    order = int(order)
+    dim = 2 if shape in ("triangle", "quadrilateral") else 3
+    grid = read(path)
+    assert grid.GetNumberOfCells() == 1, path
+    data = grid.GetCellData()
+    assert data.GetArray("element").GetTuple1(0) == 7, path
+    assert data.GetArray("physical").GetTuple1(0) == 5, path
+    assert data.GetArray("order").GetTuple1(0) == order, path
+    if shape == "pyramid" and order == 1:
+        return  # VTK's own linear pyramid is another, bilinear map inside; its corners are checked by Gmsh's order
+    cell = grid.GetCell(0)
+    for point in ((0.2, 0.3, 0.1), (0.1, 0.15, 0.6), (0.5, 0.05, 0.3), (0.05, 0.55, 0.35)):
+        value = [0.0] * 3
+        cell.EvaluateLocation(vtk.reference(0), point, value, [0.0] * grid.GetNumberOfPoints())
+        x, y, z = reference(shape, order, *point)
+        wanted = mapped(dim, order, x, y, z)
+        error = max(abs(a - b) for a, b in zip(value, wanted))
+        assert error < 1e-9, "%s at %s: %s, not %s" % (path, point, value, wanted)
+
+
+def check_measure(path, measure, cells):
+    grid = read(path)
+    assert grid.GetNumberOfCells() == cells, path
+    sizes = vtk.vtkCellSizeFilter()
+    sizes.SetInputData(grid)
+    sizes.ComputeSumOn()
+    sizes.Update()
+    sums = sizes.GetOutput().GetFieldData()
+    total = sum(sums.GetArray(name).GetTuple1(0) for name in ("Area", "Volume"))
+    assert abs(total - measure) < 0.015 * measure, "%s: %g, not %g" % (path, total, measure)
+
+
+if sys.argv[1] == "map":
+    files = sorted(glob.glob(os.path.join(sys.argv[2], "*.vtu")))
+    assert files
+    for file in files:
+        check_map(file)
+else:
+    check_measure(sys.argv[2], float(sys.argv[3]), int(sys.argv[4]))

@@ -1,0 +1,128 @@
+// Bad files get a sentence that says what and where, and no file ever does more harm than that.
+#include <gtest/gtest.h>
+
+#include <random>
+
+#include "tests/core/formats/samples.h"
+
+namespace varimesh {
+namespace {
+
+using formats::Format;
+
+const std::string kHead = "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n";
+const std::string kNodes = "$Nodes\n3\n1 0 0 0\n2 1 0 0\n3 0 1 0\n$EndNodes\n";
+
+std::string why_not(const std::string& bytes) {
+  const auto mesh = formats::read(bytes);
+  return mesh ? "it was read" : mesh.error().sentence;
+}
+
+#define EXPECT_SAYS(bytes, words) EXPECT_NE(why_not(bytes).find(words), std::string::npos) << why_not(bytes)
+
+TEST(GmshErrors, NotAMesh) {
+  EXPECT_SAYS("", "empty");
+  EXPECT_SAYS("solid cube\nfacet normal 0 0 1\n", "not a mesh");
+  EXPECT_SAYS("<?xml version=\"1.0\"?><VTKFile>", "VTK");
+  EXPECT_SAYS("$Hello\nworld\n", "$MeshFormat must come first");
+}
+
+TEST(GmshErrors, VersionsThatAreNotRead) {
+  EXPECT_SAYS("$MeshFormat\n4 0 8\n$EndMeshFormat\n", "4.0");
+  EXPECT_SAYS("$MeshFormat\n1 0 8\n$EndMeshFormat\n", "write 2.2 or 4.1");
+  EXPECT_SAYS("$MeshFormat\n4.1 0 4\n$EndMeshFormat\n", "data size");
+}
+
+TEST(GmshErrors, OtherByteOrder) {
+  EXPECT_SAYS(std::string("$MeshFormat\n4.1 1 8\n\0\0\0\1\n$EndMeshFormat\n", 40), "byte order");
+}
+
+TEST(GmshErrors, TruncatedFileNamesTheByte) {
+  const std::string whole = kHead + kNodes;
+  EXPECT_SAYS(whole.substr(0, whole.size() - 20), "ends at byte " + std::to_string(whole.size() - 20));
+  EXPECT_SAYS(whole.substr(0, whole.size() - 20), "inside $Nodes");
+  EXPECT_SAYS(whole, "$Elements");
+}
+
+TEST(GmshErrors, UnknownElementTypeNamesItAndTheLine) {
+  EXPECT_SAYS(kHead + kNodes + "$Elements\n1\n1 77 2 1 1 1 2 3\n$EndElements\n", "element type 77 is not known");
+  EXPECT_SAYS(kHead + kNodes + "$Elements\n1\n1 77 2 1 1 1 2 3\n$EndElements\n", "line 12");
+}
+
+TEST(GmshErrors, IncompleteElementsAreToldFromUnknownOnes) {
+  for (int type : {16, 17, 18, 19, 20, 22, 24, 32, 39, 60, 83, 105, 117, 131})
+    EXPECT_SAYS(kHead + kNodes + "$Elements\n1\n1 " + std::to_string(type) + " 2 1 1 1 2 3\n$EndElements\n",
+                "Mesh.SecondOrderIncomplete=0");
+}
+
+TEST(GmshErrors, NodeThatIsNotThere) {
+  EXPECT_SAYS(kHead + kNodes + "$Elements\n1\n8 2 2 1 1 1 2 4\n$EndElements\n", "element 8 refers to node 4");
+  EXPECT_SAYS(kHead + kNodes + "$Elements\n1\n8 2 2 1 1 1 2 -4\n$EndElements\n", "element 8 refers to node -4");
+}
+
+TEST(GmshErrors, NodeNumbersThatAreWrong) {
+  EXPECT_SAYS(kHead + "$Nodes\n2\n5 0 0 0\n5 1 0 0\n$EndNodes\n", "node number 5 comes twice");
+  EXPECT_SAYS(kHead + "$Nodes\n2\n0 0 0 0\n5 1 0 0\n$EndNodes\n", "not positive");
+}
+
+TEST(GmshErrors, CountsThatNothingCanHold) {
+  EXPECT_SAYS(kHead + "$Nodes\n99999999999999\n1 0 0 0\n", "the number of nodes, 99999999999999, announces");
+  EXPECT_SAYS(kHead + "$Nodes\n-1\n", "negative");
+  EXPECT_SAYS(kHead + kNodes + "$Elements\n2\n1 2 2 1 1 1 2 3\n$EndElements\n", "was expected, found '$EndElements'");
+}
+
+TEST(GmshErrors, WordsWhereNumbersBelong) {
+  EXPECT_SAYS(kHead + "$Nodes\n1\n1 0 zero 0\n$EndNodes\n", "found 'zero' (in $Nodes, line 6");
+}
+
+TEST(GmshErrors, SectionsOutOfOrder) {
+  EXPECT_SAYS(kHead + "$Elements\n0\n$EndElements\n" + kNodes, "before $Nodes");
+  EXPECT_SAYS(kHead + kNodes + kNodes, "second section");
+}
+
+// === Damaged files =======================================================================================
+// Each is either read or refused with a sentence; under the sanitizers this also says that nothing was overrun.
+
+class DamagedFile : public testing::TestWithParam<Format> {
+ protected:
+  std::string valid() const {
+    const auto mesh = formats::read_file(test::source_file("tests/cases/nine_triangles.msh"));
+    HighOrderMesh with_links = mesh->mesh;
+    with_links.periodic.push_back({1, 1, 1, {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1}, {{0, 1}, {2, 3}}});
+    return test::written(with_links, GetParam());
+  }
+};
+
+TEST_P(DamagedFile, TruncatedAnywhere) {
+  const std::string whole = valid();
+  ASSERT_TRUE(formats::read(whole));
+  for (std::size_t k = 0; k < 200; ++k) {
+    const std::string cut = whole.substr(0, k * whole.size() / 200);
+    const auto mesh = formats::read(cut);
+    EXPECT_TRUE(mesh || mesh.error().sentence.size() > 20);
+    EXPECT_TRUE(!mesh || cut.size() >= whole.find("$EndElements")) << "cut at byte " << cut.size();
+  }
+}
+
+TEST_P(DamagedFile, WithFlippedBytes) {
+  const std::string whole = valid();
+  std::mt19937 random(20160926);
+  for (int k = 0; k < 500; ++k) {
+    std::string damaged = whole;
+    damaged[random() % damaged.size()] = char(random() & 0xff);
+    const auto mesh = formats::read(damaged);
+    if (!mesh) {
+      EXPECT_GT(mesh.error().sentence.size(), 20u);
+    } else {
+      for (const ElementBlock& block : mesh->mesh.blocks)
+        for (std::int32_t node : block.nodes) ASSERT_LT(std::size_t(node), mesh->mesh.node_count());
+    }
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(EveryVersion, DamagedFile,
+                         testing::Values(Format::Msh22, Format::Msh22Binary, Format::Msh41, Format::Msh41Binary),
+                         [](const auto& info) { return std::to_string(int(info.param)); });
+
+}  // namespace
+}  // namespace varimesh

@@ -1,0 +1,77 @@
+// Gmsh and VTK open what is written and see the same mesh. Both run as programs of their own; where Debian's
+// python3-gmsh or python3-vtk9 is missing the tests say so and are skipped.
+#include <gtest/gtest.h>
+
+#include "tests/core/formats/samples.h"
+
+namespace varimesh {
+namespace {
+
+using formats::Format;
+
+bool has_module(const std::string& module) {
+  return std::system(("/usr/bin/python3 -c 'import " + module + "' >/dev/null 2>&1").c_str()) == 0;
+}
+
+int run_script(const std::string& name, const std::string& arguments) {
+  const std::string script = test::source_file("tests/core/formats/" + name);
+  return std::system(("/usr/bin/python3 '" + script + "' " + arguments).c_str());
+}
+
+const Shape kCells[] = {Shape::Triangle, Shape::Quadrilateral, Shape::Tetrahedron,
+                        Shape::Pyramid,  Shape::Prism,         Shape::Hexahedron};
+
+// Single cells under a known map of their order, which VTK evaluates at points inside: only the right permutation gives
+// the map's values.
+TEST(Vtu, VtkSeesTheMapThatWasWritten) {
+  if (!has_module("vtk")) GTEST_SKIP() << "SKIPPED: VTK is not installed (python3-vtk9)";
+  const test::Folder folder;
+  for (Shape shape : kCells)
+    for (int order = 1; order <= 10; ++order) {
+      const double value = order;
+      const formats::CellField field{"order", {&value, 1}};
+      const std::string name = std::string(reference::info(shape).name) + "_" + std::to_string(order) + ".vtu";
+      ASSERT_TRUE(formats::write_file(test::one_cell(shape, order), Format::Vtu, folder.file(name), {&field, 1}));
+    }
+  EXPECT_EQ(run_script("check_vtu.py", "map '" + folder.path() + "'"), 0);
+}
+
+TEST(Vtu, VtkMeasuresTheWholeMesh) {
+  if (!has_module("vtk")) GTEST_SKIP() << "SKIPPED: VTK is not installed (python3-vtk9)";
+  const test::Folder folder;
+  const std::pair<const char*, const char*> cases[] = {
+      {"sphere_p3", "7.4764"}, {"circle_p5", "3.80365"}, {"annulus_p3", "11.781"}, {"cylinder_p2", "3.6"}};
+  for (const auto& [name, measure] : cases) {
+    const auto mesh = formats::read_file(test::source_file(std::string("tests/cases/") + name + ".msh"));
+    ASSERT_TRUE(mesh) << mesh.error().sentence;
+    const std::string file = folder.file(std::string(name) + ".vtu");
+    ASSERT_TRUE(formats::write_file(mesh->mesh, Format::Vtu, file));
+    EXPECT_EQ(run_script("check_vtu.py", "measure '" + file + "' " + measure + " " +
+                                             std::to_string(mesh->mesh.element_count(mesh->mesh.dimension))),
+              0);
+  }
+}
+
+TEST(Vtu, AFieldOfTheWrongLengthIsRefused) {
+  const double value = 1;
+  const formats::CellField field{"x", {&value, 0}};
+  EXPECT_FALSE(formats::write(test::one_cell(Shape::Triangle, 2), Format::Vtu, [](std::string_view) { return true; },
+                              {&field, 1}));
+}
+
+TEST(Gmsh, OpensEveryShapeOrderAndVersion) {
+  if (!has_module("gmsh")) GTEST_SKIP() << "SKIPPED: Gmsh is not installed (python3-gmsh)";
+  const test::Folder folder;
+  for (Shape shape : kCells)
+    for (int order = 1; order <= (shape <= Shape::Tetrahedron ? 10 : 9); ++order)
+      for (const formats::FormatInfo& format : formats::all()) {
+        if (!format.readable) continue;
+        const std::string name = std::string(reference::info(shape).name) + "_" + std::to_string(order) + "_" +
+                                 std::string(format.name) + ".msh";
+        ASSERT_TRUE(formats::write_file(test::one_cell(shape, order), format.format, folder.file(name)));
+      }
+  EXPECT_EQ(run_script("check_msh.py", "'" + folder.path() + "'"), 0);
+}
+
+}  // namespace
+}  // namespace varimesh
