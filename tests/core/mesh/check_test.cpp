@@ -1,0 +1,223 @@
+// Every fault that a mesh can come with is found and named.
+#include "core/mesh/check.h"
+
+#include <gtest/gtest.h>
+
+#include "core/formats/formats.h"
+#include "core/mesh/connectivity.h"
+#include "tests/core/formats/samples.h"
+
+namespace varimesh {
+namespace {
+
+// A mesh of linear cells from vertex lists; elements are numbered from 1, nodes from 1.
+HighOrderMesh linear(std::vector<double> coordinates, std::vector<std::pair<Shape, std::vector<std::int32_t>>> cells) {
+  HighOrderMesh mesh;
+  mesh.coordinates = std::move(coordinates);
+  for (std::size_t i = 0; i < mesh.node_count(); ++i) mesh.node_numbers.push_back(std::int64_t(i) + 1);
+  mesh.node_blocks.push_back({-1, 0, 0, std::int32_t(mesh.node_count())});
+  mesh.order = 1;
+  std::int64_t number = 0;
+  for (auto& [shape, nodes] : cells) {
+    mesh.dimension = std::max(mesh.dimension, reference::info(shape).dimension);
+    mesh.blocks.push_back({shape, 1, 1, {}, {++number}, std::move(nodes), {}, {}});
+  }
+  return mesh;
+}
+
+HighOrderMesh read_case(const std::string& name) {
+  auto file = formats::read_file(test::source_file("tests/cases/" + name));
+  EXPECT_TRUE(file) << file.error().sentence;
+  return file ? file->mesh : HighOrderMesh{};
+}
+
+#define EXPECT_REFUSED(mesh, words)                                                                 \
+  do {                                                                                              \
+    const auto checked = check(mesh);                                                               \
+    ASSERT_FALSE(checked);                                                                          \
+    EXPECT_EQ(checked.error().kind, Error::Kind::BadInput);                                         \
+    EXPECT_NE(checked.error().sentence.find(words), std::string::npos) << checked.error().sentence; \
+  } while (false)
+
+const std::vector<double> kSquare = {0, 0, 0, 1, 0, 0, 1, 1, 0, 0, 1, 0};
+const std::vector<double> kCube = {0, 0, 0, 1, 0, 0, 1, 1, 0, 0, 1, 0, 0, 0, 1, 1, 0, 1, 1, 1, 1, 0, 1, 1};
+
+TEST(Check, AcceptsTheCases) {
+  for (const char* name : {"nine_triangles.msh", "circle_p5.msh", "aerofoil_p4.msh", "annulus_p3.msh", "sphere_p3.msh",
+                           "cylinder_p2.msh"}) {
+    const auto checked = check(read_case(name));
+    ASSERT_TRUE(checked) << name << ": " << checked.error().sentence;
+    EXPECT_FALSE(checked->clockwise);
+  }
+}
+
+TEST(Check, AcceptsEveryShapeAtEveryOrder) {
+  for (Shape shape :
+       {Shape::Triangle, Shape::Quadrilateral, Shape::Tetrahedron, Shape::Pyramid, Shape::Prism, Shape::Hexahedron})
+    for (int order = 2; order <= 10; ++order) {
+      const auto checked = check(test::one_cell(shape, order));
+      EXPECT_TRUE(checked) << checked.error().sentence;
+    }
+}
+
+TEST(Check, AcceptsAMeshThatIsClockwiseThroughoutAndOneInAnotherPlane) {
+  HighOrderMesh mesh = read_case("nine_triangles.msh");
+  for (std::size_t i = 0; i < mesh.node_count(); ++i) {
+    mesh.coordinates[3 * i] *= -1;
+    mesh.coordinates[3 * i + 2] = 0.3;
+  }
+  const auto checked = check(mesh);
+  ASSERT_TRUE(checked) << checked.error().sentence;
+  EXPECT_TRUE(checked->clockwise);
+}
+
+// === Kind ================================================================================================
+
+TEST(Check, EmptyMesh) {
+  EXPECT_REFUSED(HighOrderMesh{}, "empty");
+  EXPECT_REFUSED(linear(kSquare, {}), "empty");
+}
+
+TEST(Check, OneDimensionalMesh) {
+  EXPECT_REFUSED(linear(kSquare, {{Shape::Line, {0, 1}}, {Shape::Line, {1, 2}}}), "dimension 1");
+}
+
+TEST(Check, SurfaceInSpace) {
+  EXPECT_REFUSED(
+      linear({0, 0, 0, 1, 0, 0, 1, 1, 1, 0, 1, 0}, {{Shape::Triangle, {0, 1, 2}}, {Shape::Triangle, {0, 2, 3}}}),
+      "surface in space");
+}
+
+TEST(Check, MixedOrdersOfCellsAndOfBoundaryElements) {
+  HighOrderMesh mesh = test::one_cell(Shape::Quadrilateral, 3);
+  ElementBlock linear_cell{Shape::Triangle, 1, 1, {}, {99}, {0, 1, 2}, {}, {}};
+  mesh.blocks.push_back(linear_cell);
+  EXPECT_REFUSED(mesh, "element 99 (triangle) has order 1");
+  mesh.blocks.back() = {Shape::Line, 1, 1, {}, {98}, {0, 1}, {}, {}};
+  EXPECT_REFUSED(mesh, "element 98 (line) has order 1");
+}
+
+// === Single elements =====================================================================================
+
+TEST(Check, NotANumber) {
+  HighOrderMesh mesh = read_case("nine_triangles.msh");
+  mesh.coordinates[3 * 40 + 1] = std::nan("");
+  EXPECT_REFUSED(mesh, "Node 41 ");
+  mesh.coordinates[3 * 20] = INFINITY;
+  EXPECT_REFUSED(mesh, "Node 21 has a coordinate that is not a finite number (2 such nodes in all)");
+}
+
+TEST(Check, IndexOutOfRange) {
+  HighOrderMesh mesh = read_case("nine_triangles.msh");
+  mesh.blocks[1].nodes[17] = 87;
+  EXPECT_REFUSED(mesh, "Element 9 refers to node index 87");
+}
+
+TEST(Check, SameNodeTwiceInOneElement) {
+  HighOrderMesh mesh = read_case("nine_triangles.msh");
+  mesh.blocks[1].nodes[14] = mesh.blocks[1].nodes[13];
+  EXPECT_REFUSED(mesh, "Element 8 (triangle) has node");
+}
+
+TEST(Check, InvertedStraightSidedElement) {
+  EXPECT_REFUSED(linear({0, 0, 0, 1, 0, 0, 1, 1, 0, 0, 1, 0, 0.8, 0.7, 0, 2, 0.5, 0},
+                        {{Shape::Triangle, {0, 1, 2}}, {Shape::Triangle, {0, 2, 3}}, {Shape::Triangle, {2, 1, 4}}}),
+                 "Element 3 (triangle) is inverted");
+}
+
+TEST(Check, DegenerateTetrahedron) {
+  EXPECT_REFUSED(linear({0, 0, 0, 1, 0, 0, 0, 1, 0, 0.3, 0.3, 0}, {{Shape::Tetrahedron, {0, 1, 2, 3}}}), "degenerate");
+}
+
+TEST(Check, QuadrilateralThatIsNotConvex) {
+  EXPECT_REFUSED(linear({0, 0, 0, 1, 0, 0, 0.2, 0.2, 0, 0, 1, 0}, {{Shape::Quadrilateral, {0, 1, 2, 3}}}),
+                 "Element 1 (quadrilateral)");
+}
+
+TEST(Check, TwistedHexahedron) {
+  EXPECT_TRUE(check(linear(kCube, {{Shape::Hexahedron, {0, 1, 2, 3, 4, 5, 6, 7}}})));
+  EXPECT_REFUSED(linear(kCube, {{Shape::Hexahedron, {0, 1, 2, 3, 5, 4, 7, 6}}}), "Element 1 (hexahedron)");
+}
+
+// === Neighbours ==========================================================================================
+
+TEST(Check, DuplicateElements) {
+  EXPECT_REFUSED(
+      linear(kSquare, {{Shape::Triangle, {0, 1, 2}}, {Shape::Triangle, {0, 2, 3}}, {Shape::Triangle, {2, 3, 0}}}),
+      "Elements 2 and 3 are the same triangle twice");
+}
+
+TEST(Check, ThreeCellsAtOneFacet) {
+  std::vector<double> x = kSquare;
+  x.insert(x.end(), {0.2, 0.9, 0});
+  EXPECT_REFUSED(linear(x, {{Shape::Triangle, {0, 1, 2}}, {Shape::Triangle, {0, 2, 3}}, {Shape::Triangle, {0, 2, 4}}}),
+                 "Element 1 and at least two others share the edge of nodes");
+}
+
+TEST(Check, NeighboursWithOtherNodesOnTheirEdge) {
+  HighOrderMesh mesh = read_case("nine_triangles.msh");
+  // The edge B–M of the first triangle (its second edge) gets a middle node of its own.
+  const std::int32_t shared = mesh.blocks[1].nodes[3 + 3 + 1];
+  const auto fresh = std::int32_t(mesh.node_count());
+  for (std::size_t k = 0; k < 3; ++k) mesh.coordinates.push_back(mesh.coordinates[3 * std::size_t(shared) + k]);
+  mesh.node_numbers.push_back(1000);
+  mesh.blocks[1].nodes[3 + 3 + 1] = fresh;
+  EXPECT_REFUSED(mesh, "Elements 8 and 9 disagree on the edge");
+}
+
+TEST(Check, NeighboursWithTheirEdgesNodesInTheSameDirection) {
+  HighOrderMesh mesh = read_case("nine_triangles.msh");
+  std::swap(mesh.blocks[1].nodes[6], mesh.blocks[1].nodes[8]);
+  EXPECT_REFUSED(mesh, "Elements 8 and 9 disagree on the edge");
+}
+
+TEST(Check, FacesWhoseInnerNodesAreTurned) {
+  // Two tetrahedra of order 5 that share a face have three nodes inside it, in one order only.
+  HighOrderMesh mesh = read_case("sphere_p3.msh");
+  const Facets around = facets(mesh);
+  const Cells cells(mesh, 3);
+  std::size_t cell = 0;
+  while (around.neighbour[std::size_t(around.first[cell])] < 0) ++cell;
+  auto* nodes = const_cast<std::int32_t*>(cells.nodes(cell).data());
+  std::swap(nodes[4], nodes[5]);  // the two nodes inside the first edge
+  EXPECT_REFUSED(mesh, "disagree on the face of nodes");
+}
+
+TEST(Check, BoundaryElementWithOtherNodes) {
+  HighOrderMesh mesh = read_case("nine_triangles.msh");
+  std::swap(mesh.blocks[0].nodes[2], mesh.blocks[0].nodes[4]);
+  EXPECT_REFUSED(mesh, "Elements 8 and 1 disagree on the edge");
+}
+
+TEST(Check, QuadrilateralFaceAgainstTriangularOnes) {
+  std::vector<double> x = kCube;
+  x.insert(x.end(), {0.5, 0.5, 2});
+  EXPECT_TRUE(check(linear(x, {{Shape::Hexahedron, {0, 1, 2, 3, 4, 5, 6, 7}}, {Shape::Pyramid, {4, 5, 6, 7, 8}}})));
+  EXPECT_REFUSED(linear(x, {{Shape::Hexahedron, {0, 1, 2, 3, 4, 5, 6, 7}},
+                            {Shape::Tetrahedron, {4, 5, 6, 8}},
+                            {Shape::Tetrahedron, {4, 6, 7, 8}}}),
+                 " do not conform: a triangular face");
+}
+
+TEST(Check, CellsThatMeetAlongAnEdgeOnly) {
+  HighOrderMesh mesh = test::one_cell(Shape::Tetrahedron, 2);
+  const auto base = std::int32_t(mesh.node_count());
+  // A second tetrahedron on the edge of nodes 0 and 1, on the other side, first with its node, then with another.
+  ElementBlock& block = mesh.blocks[0];
+  const reference::Points& points = reference::nodes(Shape::Tetrahedron, 2, reference::NodeSet::Equispaced, 3);
+  block.numbers.push_back(8);
+  for (std::int32_t i = 0; i < 10; ++i) {
+    const bool shared = i == 0 || i == 1 || i == 4;
+    block.nodes.push_back(shared ? i : base + i);
+  }
+  for (Eigen::Index i = 0; i < 10; ++i) {
+    mesh.coordinates.insert(mesh.coordinates.end(), {points(i, 0), -3 - points(i, 1), -3 - points(i, 2)});
+    mesh.node_numbers.push_back(100 + i);
+  }
+  EXPECT_TRUE(check(mesh)) << check(mesh).error().sentence;
+  block.nodes[10 + 4] = base + 4;
+  EXPECT_REFUSED(mesh, "disagree on the edge of nodes");
+}
+
+}  // namespace
+}  // namespace varimesh
