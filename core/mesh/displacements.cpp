@@ -1,0 +1,137 @@
+#include "core/mesh/displacements.h"
+
+#include <charconv>
+#include <cmath>
+#include <optional>
+#include <string>
+#include <unordered_map>
+
+#include "core/mesh/connectivity.h"
+
+namespace varimesh {
+namespace {
+
+// === Text ================================================================================================
+
+std::string_view next_word(std::string_view& line) {
+  const std::size_t start = line.find_first_not_of(" \t\r");
+  if (start == std::string_view::npos) return line = {};
+  const std::size_t end = line.find_first_of(" \t\r", start);
+  const std::string_view word = line.substr(start, end == std::string_view::npos ? end : end - start);
+  line = end == std::string_view::npos ? std::string_view{} : line.substr(end);
+  return word;
+}
+
+template <class T>
+bool parse(std::string_view word, T& value) {
+  if (!word.empty() && word.front() == '+') word.remove_prefix(1);
+  const auto [stop, error] = std::from_chars(word.data(), word.data() + word.size(), value);
+  return error == std::errc() && stop == word.data() + word.size();
+}
+
+// The displacement in a line, or nothing where the line does not hold one.
+std::optional<NodeDisplacement> parse_line(std::string_view line) {
+  NodeDisplacement displacement;
+  if (!parse(next_word(line), displacement.number)) return std::nullopt;
+  for (std::size_t k = 0; k < 3; ++k) {
+    const std::string_view word = next_word(line);
+    if (k == 2 && word.empty()) break;
+    if (!parse(word, displacement.by[k])) return std::nullopt;
+  }
+  if (!next_word(line).empty()) return std::nullopt;
+  return displacement;
+}
+
+// === Boundary nodes ======================================================================================
+
+// Index of each boundary node by its number; inner nodes have −1 − index, so that they are told from unknown ones.
+std::unordered_map<std::int64_t, std::int64_t> number_boundary(const HighOrderMesh& mesh) {
+  const std::vector<bool> fixed = fixed_nodes(mesh);
+  std::unordered_map<std::int64_t, std::int64_t> index;
+  index.reserve(mesh.node_count());
+  for (std::size_t n = 0; n < mesh.node_count(); ++n)
+    index.emplace(mesh.node_numbers[n], fixed[n] ? std::int64_t(n) : -1 - std::int64_t(n));
+  return index;
+}
+
+Expected<std::size_t> find_boundary_node(const std::unordered_map<std::int64_t, std::int64_t>& index,
+                                         std::int64_t number, const char* source) {
+  const auto found = index.find(number);
+  if (found == index.end())
+    return bad_input(std::string(source) + " names node " + std::to_string(number) +
+                     ", which the mesh does not have: the boundary's nodes need the mesh's own numbers.");
+  if (found->second < 0)
+    return bad_input(std::string(source) + " names node " + std::to_string(number) +
+                     ", which is inside the mesh: only boundary nodes may be given a place, the rest follows.");
+  return std::size_t(found->second);
+}
+
+}  // namespace
+
+Expected<std::vector<NodeDisplacement>> read_displacements(std::string_view text) {
+  std::vector<NodeDisplacement> displacements;
+  for (std::size_t number = 1; !text.empty(); ++number) {
+    const std::size_t end = text.find('\n');
+    std::string_view line = text.substr(0, end);
+    text = end == std::string_view::npos ? std::string_view{} : text.substr(end + 1);
+    line = line.substr(0, line.find('#'));
+    if (line.find_first_not_of(" \t\r") == std::string_view::npos) continue;
+    const auto displacement = parse_line(line);
+    if (!displacement)
+      return bad_input("Line " + std::to_string(number) +
+                       " of the displacements is not a node number and two or three numbers: write 'number dx dy dz' "
+                       "for each node.");
+    displacements.push_back(*displacement);
+  }
+  return displacements;
+}
+
+Expected<void> displace_boundary(HighOrderMesh& mesh, std::span<const NodeDisplacement> displacements) {
+  const auto index = number_boundary(mesh);
+  std::vector<bool> moved(mesh.node_count(), false);
+  std::vector<double> coordinates = mesh.coordinates;
+  for (const NodeDisplacement& displacement : displacements) {
+    const auto node = find_boundary_node(index, displacement.number, "The list of displacements");
+    if (!node) return tl::unexpected(node.error());
+    const std::string name = "node " + std::to_string(displacement.number);
+    if (moved[*node]) return bad_input("The list of displacements names " + name + " twice: give each node once.");
+    moved[*node] = true;
+    if (mesh.dimension == 2 && displacement.by[2] != 0)
+      return bad_input("The displacement of " + name + " has a dz of " + std::to_string(displacement.by[2]) +
+                       ", which would move it out of the 2-D mesh's plane: give dx and dy alone.");
+    for (std::size_t k = 0; k < 3; ++k) {
+      if (!std::isfinite(displacement.by[k]))
+        return bad_input("The displacement of " + name + " is not a finite number: mend the list.");
+      coordinates[3 * *node + k] += displacement.by[k];
+    }
+  }
+  mesh.coordinates = std::move(coordinates);
+  return {};
+}
+
+Expected<void> replace_boundary(HighOrderMesh& mesh, const HighOrderMesh& boundary) {
+  const auto index = number_boundary(mesh);
+  std::vector<bool> used(boundary.node_count(), false);
+  for (const ElementBlock& block : boundary.blocks)
+    for (const std::int32_t node : block.nodes) used[std::size_t(node)] = true;
+  std::vector<double> coordinates = mesh.coordinates;
+  bool any = false;
+  for (std::size_t n = 0; n < boundary.node_count(); ++n) {
+    if (!used[n]) continue;
+    any = true;
+    const auto node = find_boundary_node(index, boundary.node_numbers[n], "The boundary's mesh");
+    if (!node) return tl::unexpected(node.error());
+    for (std::size_t k = 0; k < 3; ++k) {
+      const double x = boundary.coordinates[3 * n + k];
+      if (!std::isfinite(x))
+        return bad_input("Node " + std::to_string(boundary.node_numbers[n]) +
+                         " of the boundary's mesh has a coordinate that is not a finite number: write it again.");
+      coordinates[3 * *node + k] = x;
+    }
+  }
+  if (!any) return bad_input("The boundary's mesh has no elements: save its lines (2-D) or faces (3-D) too.");
+  mesh.coordinates = std::move(coordinates);
+  return {};
+}
+
+}  // namespace varimesh
