@@ -1,0 +1,413 @@
+// Bernstein coefficients of one cell, bisected by de Casteljau's algorithm, the most doubtful part first.
+#include "core/quality/subdivision.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <type_traits>
+#include <utility>
+#include <vector>
+
+#include "core/quality/certificate_kernel.h"
+#include "core/reference/cache.h"
+
+namespace varimesh::detail {
+namespace {
+
+// ---------------------------------------------------------------------------------------------------------------------
+// Which coefficients a bisection mixes
+// ---------------------------------------------------------------------------------------------------------------------
+
+/// An edge of a factor, between its barycentric coordinates in slots a and b. A line holds the coefficients whose other
+/// exponents are the same, by growing exponent of b: as functions along the edge they are univariate of degree
+/// length − 1, and a bisection of the edge mixes nothing else.
+struct Edge {
+  std::size_t a = 0, b = 0;
+  std::vector<std::uint16_t> coefficients;
+  std::vector<std::uint32_t> start;
+};
+
+std::vector<Edge> make_edges(const BernsteinSpace& space) {
+  std::vector<Edge> edges;
+  for (std::size_t f = 0; f < space.factors().size(); ++f) {
+    if (space.factors()[f].degree == 0) continue;
+    const auto offset = static_cast<std::size_t>(space.offset(static_cast<int>(f)));
+    const std::size_t end = offset + static_cast<std::size_t>(space.factors()[f].dimension);
+    for (std::size_t a = offset; a <= end; ++a) {
+      for (std::size_t b = a + 1; b <= end; ++b) {
+        Edge edge{a, b, {}, {0}};
+        for (const Exponents& first : space.exponents()) {
+          if (first[b] != 0) continue;
+          for (Exponents e = first;; --e[a], ++e[b]) {
+            edge.coefficients.push_back(static_cast<std::uint16_t>(space.index(e)));
+            if (e[a] == 0) break;
+          }
+          edge.start.push_back(static_cast<std::uint32_t>(edge.coefficients.size()));
+        }
+        edges.push_back(std::move(edge));
+      }
+    }
+  }
+  return edges;
+}
+
+const std::vector<Edge>& edges_of(const JacobianTable& table) {
+  static reference::Cache<std::pair<Shape, int>, std::vector<Edge>> cache;
+  return cache.get(std::pair(table.shape, table.order), [&] { return make_edges(table.jacobian); });
+}
+
+// ---------------------------------------------------------------------------------------------------------------------
+// Coefficients of one cell
+// ---------------------------------------------------------------------------------------------------------------------
+
+/// Arithmetic of the two attempts: products in Real, the conversion of the nodes in Wide.
+struct Plain {
+  using Real = double;
+  using Wide = double;
+  static constexpr double kWideUnit = std::numeric_limits<double>::epsilon() / 2;
+  static const std::vector<double>& conversion(const JacobianTable& table) { return table.value; }
+  static double reciprocal(const JacobianTable& table, std::size_t k) { return table.jacobian_reciprocal[k]; }
+};
+
+struct Extended {
+  using Real = long double;
+  using Wide = Quad;
+  // Quad has 113 bits where it is not long double.
+  static constexpr long double kWideUnit =
+      std::is_same_v<Quad, long double> ? std::numeric_limits<long double>::epsilon() / 2 : 0x1p-113L;
+  static const std::vector<Quad>& conversion(const JacobianTable& table) { return table.wide_value; }
+  static long double reciprocal(const JacobianTable& table, std::size_t k) { return table.long_jacobian_reciprocal[k]; }
+};
+
+/// Scaled coefficients of χ − x₀, [coefficient][component].
+template <class Arithmetic>
+std::vector<typename Arithmetic::Wide> convert(const HardCell& cell, std::array<typename Arithmetic::Real, 3>& extent) {
+  using Wide = typename Arithmetic::Wide;
+  using Real = typename Arithmetic::Real;
+  const JacobianTable& table = *cell.table;
+  const auto d = static_cast<std::size_t>(table.dimension);
+  const auto at = [&](std::size_t n, std::size_t c) {
+    return cell.coordinates[3 * static_cast<std::size_t>(cell.nodes[n]) + c];
+  };
+  std::vector<Wide> nodes(static_cast<std::size_t>(table.nodes) * d);
+  for (std::size_t n = 0; n < static_cast<std::size_t>(table.nodes); ++n)
+    for (std::size_t c = 0; c < d; ++c) {
+      nodes[n * d + c] = (Wide(at(n, c)) - Wide(at(0, c))) * Wide(cell.scale);
+      extent[c] = std::max(extent[c], std::abs(static_cast<Real>(nodes[n * d + c])));
+    }
+  const auto& value = Arithmetic::conversion(table);
+  std::vector<Wide> map(static_cast<std::size_t>(table.map.size()) * d, Wide(0));
+  for (std::size_t row = 0; row + 1 < table.row_start.size(); ++row)
+    for (std::uint32_t e = table.row_start[row]; e < table.row_start[row + 1]; ++e)
+      for (std::size_t c = 0; c < d; ++c) map[row * d + c] += value[e] * nodes[table.column[e] * d + c];
+  return map;
+}
+
+/// Bernstein coefficients of J, and what none of them errs by more than.
+template <class Real>
+struct Coefficients {
+  std::vector<Real> values;
+  Real error = 0;
+};
+
+template <class Real>
+Real dot(const Real* a, const Real* b) {
+  return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+}
+
+template <class Real>
+std::vector<Real> cross_products(const JacobianTable& table, const std::vector<Real>& a, const std::vector<Real>& b) {
+  std::vector<Real> cross(static_cast<std::size_t>(table.cross.size()) * 3, Real(0));
+  for (std::size_t k = 0; k + 1 < table.cross_terms.start.size(); ++k) {
+    for (std::uint32_t e = table.cross_terms.start[k]; e < table.cross_terms.start[k + 1]; ++e) {
+      const Real* p = a.data() + table.cross_terms.pairs[e][0] * 3;
+      const Real* q = b.data() + table.cross_terms.pairs[e][1] * 3;
+      cross[3 * k] += p[1] * q[2] - p[2] * q[1];
+      cross[3 * k + 1] += p[2] * q[0] - p[0] * q[2];
+      cross[3 * k + 2] += p[0] * q[1] - p[1] * q[0];
+    }
+  }
+  return cross;
+}
+
+template <class Arithmetic>
+Coefficients<typename Arithmetic::Real> coefficients(const HardCell& cell) {
+  using Real = typename Arithmetic::Real;
+  const JacobianTable& table = *cell.table;
+  const auto d = static_cast<std::size_t>(table.dimension);
+  constexpr Real unit = std::numeric_limits<Real>::epsilon() / 2;
+  std::array<Real, 3> extent{};
+  const auto map = convert<Arithmetic>(cell, extent);
+  std::array<std::vector<Real>, 3> g;
+  std::array<std::array<Real, 3>, 3> size{}, error{};
+  for (std::size_t r = 0; r < d; ++r) {
+    for (std::size_t i = 0; i < table.difference[r].size(); ++i) {
+      const Difference& difference = table.difference[r][i];
+      for (std::size_t c = 0; c < d; ++c) {
+        using Wide = typename Arithmetic::Wide;
+        g[r].push_back(static_cast<Real>(Wide(difference.plus_weight) * map[difference.plus * d + c] -
+                                         Wide(difference.minus_weight) * map[difference.minus * d + c]));
+        size[r][c] = std::max(size[r][c], std::abs(g[r].back()) * Real(table.derivative_reciprocal[r][i]));
+      }
+    }
+    // The second term is the rounding from Wide to Real.
+    for (std::size_t c = 0; c < d; ++c)
+      error[r][c] = rounding_error<Real>(table.conversion_roundings, Arithmetic::kWideUnit) * Real(table.condition[r]) *
+                        extent[c] +
+                    2 * unit * size[r][c];
+  }
+  Coefficients<Real> result;
+  result.error = coefficient_error(table.dimension, size, error, rounding_error<Real>(table.product_roundings, unit));
+  for (const Real x : extent) result.error += x * 0;
+  const std::vector<Real> cross = d == 3 ? cross_products(table, g[1], g[2]) : std::vector<Real>();
+  for (std::size_t k = 0; k + 1 < table.jacobian_terms.start.size(); ++k) {
+    Real sum = 0;
+    for (std::uint32_t e = table.jacobian_terms.start[k]; e < table.jacobian_terms.start[k + 1]; ++e) {
+      const auto [i, j] = table.jacobian_terms.pairs[e];
+      if (d == 3)
+        sum += dot(g[0].data() + i * 3, cross.data() + j * 3);
+      else
+        sum += g[0][i * 2u] * g[1][j * 2u + 1] - g[0][i * 2u + 1] * g[1][j * 2u];
+    }
+    result.values.push_back(sum * Arithmetic::reciprocal(table, k) * Real(cell.sign));
+  }
+  return result;
+}
+
+// ---------------------------------------------------------------------------------------------------------------------
+// The search
+// ---------------------------------------------------------------------------------------------------------------------
+
+/// A part of the cell, with its coefficients and the barycentric coordinates of its corners: corners[slot] is the
+/// corner of the part's factor that the slot belongs to, in barycentric coordinates of that factor (from the slot's
+/// offset on).
+template <class Real>
+struct Part {
+  std::vector<Real> values;
+  std::array<std::array<double, 6>, 6> corners{};
+  Real error = 0;
+  Real least = 0, greatest = 0;
+  int depth = 0;
+
+  void measure() {
+    const auto [low, high] = std::ranges::minmax_element(values);
+    least = *low;
+    greatest = *high;
+  }
+};
+
+template <class Real>
+class Search {
+ public:
+  Search(const HardCell& cell, const CertificateOptions& options)
+      : table_(*cell.table), options_(options), edges_(edges_of(*cell.table)) {}
+
+  /// Works until the answer and the gap are reached or the budget is spent.
+  void run(Coefficients<Real> root) {
+    Part<Real> whole;
+    whole.values = std::move(root.values);
+    whole.error = root.error;
+    for (std::size_t slot = 0; slot < 6; ++slot) whole.corners[slot][slot] = 1;
+    whole.measure();
+    if (!(whole.error < std::numeric_limits<Real>::max())) return;  // a coordinate is not finite
+    finite_ = true;
+    push(std::move(whole));
+    int parts = 1;
+    while (!done()) {
+      if (parts >= options_.max_cells || open_.front().depth >= options_.max_depth) break;
+      std::ranges::pop_heap(open_, later);
+      Part<Real> part = std::move(open_.back());
+      open_.pop_back();
+      bisect(std::move(part));
+      ++parts;
+    }
+    if (answer_ != Certificate::Answer::Invalid && lower() > 0) answer_ = Certificate::Answer::Valid;
+    if (answer_ == Certificate::Answer::Undecided) place_ = lowest_corner(open_.front()).second;
+    limited_by_rounding_ = answer_ == Certificate::Answer::Undecided
+                               ? touches_zero_ || std::abs(open_.front().least) <= 64 * open_.front().error
+                               : answer_ == Certificate::Answer::Valid && is_blunt(open_.front().error, lower());
+  }
+
+  Certificate::Answer answer() const { return answer_; }
+  bool finite() const { return finite_; }
+  bool limited_by_rounding() const { return limited_by_rounding_; }
+  Real lower() const { return open_.front().least - open_.front().error; }
+  Real upper() const {
+    Real most = -std::numeric_limits<Real>::max();
+    for (const Part<Real>& part : open_) most = std::max(most, part.greatest + part.error);
+    return most;
+  }
+  /// max J is at least this.
+  Real greatest_seen() const { return greatest_seen_; }
+  const std::array<double, 6>& place() const { return place_; }
+
+ private:
+  static bool later(const Part<Real>& a, const Part<Real>& b) { return a.least > b.least; }
+
+  bool done() const {
+    const Part<Real>& worst = open_.front();
+    // What is left can be proved neither positive nor negative.
+    const bool hopeless = touches_zero_ && worst.least >= -worst.error;
+    const bool answered = answer_ == Certificate::Answer::Invalid || lower() > 0 || hopeless;
+    const bool sharp = !std::isfinite(options_.gap) ||
+                       lower() >= least_seen_ - Real(options_.gap) * std::max(greatest_seen_, Real(0)) ||
+                       greatest_seen_ <= 0;
+    return answered && (sharp || hopeless);
+  }
+
+  void push(Part<Real> part) {
+    for (const auto index : table_.corners) {
+      const Real value = part.values[index];
+      greatest_seen_ = std::max(greatest_seen_, value - part.error);
+      least_seen_ = std::min(least_seen_, value + part.error);
+      touches_zero_ |= std::abs(value) <= part.error;
+    }
+    if (answer_ != Certificate::Answer::Invalid) {
+      const auto [value, place] = lowest_corner(part);
+      if (value + part.error <= 0) {
+        answer_ = Certificate::Answer::Invalid;
+        place_ = place;
+      }
+    }
+    open_.push_back(std::move(part));
+    std::ranges::push_heap(open_, later);
+  }
+
+  /// The corner of a part with the smallest J, and where it is.
+  std::pair<Real, std::array<double, 6>> lowest_corner(const Part<Real>& part) const {
+    const auto lowest = std::ranges::min_element(table_.corners, {}, [&](auto index) { return part.values[index]; });
+    const std::array<double, 6>& slots = table_.corner_at[static_cast<std::size_t>(lowest - table_.corners.begin())];
+    std::array<double, 6> place{};
+    for (std::size_t slot = 0; slot < 6; ++slot)
+      for (std::size_t k = 0; k < 6; ++k) place[k] += slots[slot] * part.corners[slot][k];
+    return {part.values[*lowest], place};
+  }
+
+  /// How much the coefficients bend along an edge.
+  static Real bend(const Edge& edge, const std::vector<Real>& values) {
+    Real most = 0;
+    for (std::size_t line = 0; line + 1 < edge.start.size(); ++line)
+      for (std::uint32_t i = edge.start[line]; i + 2 < edge.start[line + 1]; ++i)
+        most = std::max(most, std::abs(values[edge.coefficients[i]] - 2 * values[edge.coefficients[i + 1]] +
+                                       values[edge.coefficients[i + 2]]));
+    return most;
+  }
+
+  void bisect(Part<Real> part) {
+    const Edge* best = &edges_.front();
+    Real most = -1;
+    for (const Edge& edge : edges_) {
+      const Real b = bend(edge, part.values);
+      if (b > most) {
+        most = b;
+        best = &edge;
+      }
+    }
+    Part<Real> second = part;
+    de_casteljau(*best, part.values, second.values);
+    std::array<double, 6> middle;
+    for (std::size_t k = 0; k < 6; ++k) middle[k] = (part.corners[best->a][k] + part.corners[best->b][k]) / 2;
+    part.corners[best->b] = middle;
+    second.corners[best->a] = middle;
+    const Real size = std::max(std::abs(part.least), std::abs(part.greatest));
+    const Real added = Real(table_.degree() + 2) * std::numeric_limits<Real>::epsilon() / 2 * size;
+    for (Part<Real>* half : {&part, &second}) {
+      half->error = (half->error + added) * (1 + 4 * std::numeric_limits<Real>::epsilon());
+      ++half->depth;
+      half->measure();
+    }
+    push(std::move(part));
+    push(std::move(second));
+  }
+
+  /// `near` keeps corner a, `far` keeps corner b; both hold the whole part's coefficients on entry.
+  static void de_casteljau(const Edge& edge, std::vector<Real>& near, std::vector<Real>& far) {
+    std::array<Real, 32> row;
+    for (std::size_t line = 0; line + 1 < edge.start.size(); ++line) {
+      const std::uint16_t* index = edge.coefficients.data() + edge.start[line];
+      const std::size_t length = edge.start[line + 1] - edge.start[line];
+      for (std::size_t i = 0; i < length; ++i) row[i] = near[index[i]];
+      for (std::size_t level = 0; level < length; ++level) {
+        near[index[level]] = row[0];
+        far[index[length - 1 - level]] = row[length - 1 - level];
+        for (std::size_t i = 0; i + 1 < length - level; ++i) row[i] = (row[i] + row[i + 1]) / 2;
+      }
+    }
+  }
+
+  const JacobianTable& table_;
+  const CertificateOptions& options_;
+  const std::vector<Edge>& edges_;
+  std::vector<Part<Real>> open_;  // a heap, the smallest coefficient first; never empty after the root is in
+  Certificate::Answer answer_ = Certificate::Answer::Undecided;
+  bool finite_ = false;
+  bool touches_zero_ = false;  // J is 0 at some corner as far as the arithmetic can tell: never to be proved valid
+  bool limited_by_rounding_ = false;
+  Real greatest_seen_ = -std::numeric_limits<Real>::max(), least_seen_ = std::numeric_limits<Real>::max();
+  std::array<double, 6> place_{};
+};
+
+/// One attempt; true where a wider arithmetic may tell more.
+template <class Arithmetic>
+bool attempt(const HardCell& cell, const CertificateOptions& options, Certificate& certificate) {
+  Search<typename Arithmetic::Real> search(cell, options);
+  search.run(coefficients<Arithmetic>(cell));
+  if (!search.finite()) return false;
+  certificate.answer = search.answer();
+  set_bounds(cell, static_cast<double>(search.lower()), static_cast<double>(search.upper()),
+             static_cast<double>(search.greatest_seen()), certificate);
+  if (certificate.answer != Certificate::Answer::Valid) certificate.place = physical_place(cell, search.place());
+  return search.limited_by_rounding();
+}
+
+double below(double x) { return std::nextafter(x, -std::numeric_limits<double>::infinity()); }
+double above(double x) { return std::nextafter(x, std::numeric_limits<double>::infinity()); }
+
+}  // namespace
+
+// ---------------------------------------------------------------------------------------------------------------------
+// The doors
+// ---------------------------------------------------------------------------------------------------------------------
+
+Certificate subdivide(const HardCell& cell, const CertificateOptions& options) {
+  Certificate certificate;
+  if (attempt<Plain>(cell, options, certificate)) attempt<Extended>(cell, options, certificate);
+  return certificate;
+}
+
+ExtendedCoefficients extended_coefficients(const HardCell& cell) {
+  auto result = coefficients<Extended>(cell);
+  return {std::move(result.values), result.error};
+}
+
+void set_bounds(const HardCell& cell, double lower, double upper, double greatest, Certificate& certificate) {
+  // The arguments are rounded to nearest: one step outwards holds, and another one after the quotient.
+  lower = below(lower);
+  upper = above(upper);
+  greatest = below(greatest);
+  const double unit = std::pow(cell.scale, -cell.table->dimension);
+  certificate.lower_bound = below(lower * unit);
+  certificate.upper_bound = above(upper * unit);
+  if (lower >= 0)
+    certificate.scaled_jacobian_lower_bound = std::max(0.0, below(lower / upper));
+  else if (greatest > 0)
+    certificate.scaled_jacobian_lower_bound = below(lower / greatest);
+}
+
+std::array<double, 3> physical_place(const HardCell& cell, const std::array<double, 6>& barycentric) {
+  const JacobianTable& table = *cell.table;
+  std::array<double, 3> extent{}, place{};
+  const std::vector<double> map = convert<Plain>(cell, extent);
+  const auto d = static_cast<std::size_t>(table.dimension);
+  const double* origin = cell.coordinates + 3 * static_cast<std::size_t>(cell.nodes[0]);
+  for (std::size_t k = 0; k < static_cast<std::size_t>(table.map.size()); ++k) {
+    double monomial = 1;
+    for (std::size_t slot = 0; slot < 6; ++slot)
+      for (int e = 0; e < table.map.exponents()[k][slot]; ++e) monomial *= barycentric[slot];
+    for (std::size_t c = 0; c < d; ++c) place[c] += monomial * map[k * d + c];
+  }
+  for (std::size_t c = 0; c < 3; ++c) place[c] = origin[c] + place[c] / cell.scale;
+  return place;
+}
+
+}  // namespace varimesh::detail
