@@ -32,6 +32,17 @@ Expected<void> check(const Options& options) {
   if (options.quadrature_degree < 0 || options.quadrature_degree > 6 * kMaxOrder)
     return bad_option("quadrature_degree is " + std::to_string(options.quadrature_degree) + "; give up to " +
                       std::to_string(6 * kMaxOrder) + ", or 0 for twice the order.");
+  if (!std::isfinite(options.region_below) || options.region_below < 0 || options.region_below > 1)
+    return bad_option("region_below is " + std::to_string(options.region_below) +
+                      "; give a scaled Jacobian up to 1, or 0 to let every free node move.");
+  if (options.rings < 0)
+    return bad_option("rings is " + std::to_string(options.rings) +
+                      "; give 0 (only the cells below region_below) or more.");
+  const bool takes_field = options.target == Target::Size || options.target == Target::Strain;
+  if (takes_field && options.target_field.values.empty())
+    return bad_option("The target needs a field and target_field is empty: give a size or strain a cell or vertex.");
+  if (!takes_field && !options.target_field.values.empty())
+    return bad_option("target_field is given and the target takes none: choose the target size or strain.");
   return {};
 }
 

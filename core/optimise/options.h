@@ -2,6 +2,8 @@
 #pragma once
 
 #include <cstdint>
+#include <string>
+#include <vector>
 
 #include "core/error.h"
 
@@ -37,6 +39,32 @@ enum class Colouring : std::uint8_t {
   Node,   ///< Colour single nodes, as in the paper's section 3.4.
 };
 
+enum class Target : std::uint8_t {
+  StraightSided,  ///< Each cell on its vertices alone: keeps sizes, anisotropy and the heights of boundary layers.
+  Ideal,          ///< The regular shape with the straight-sided cell's volume. With the distortion energy this is the
+                  ///< inverse mean ratio. Boundary layers swell: not for them.
+  Size,           ///< The regular shape with edges of the length that target_field gives, or regular in its metric.
+  Strain,         ///< The straight-sided cell stretched by target_field, as by heat in the thermo-elastic analogy of
+                  ///< D. Moxey and others, CAD 72, 2016.
+};
+enum class Per : std::uint8_t {
+  Cell,    ///< One value a cell, by element number.
+  Vertex,  ///< One value a vertex, by node number, linear in between.
+};
+
+/// A size or strain for Target::Size and Target::Strain; read_target_field() reads it from text. Tensors are
+/// symmetric, their lower triangle by rows: xx, xy, yy in 2-D, then xz, yz, zz.
+struct TargetField {
+  Per per = Per::Cell;
+  /// 1: a number: an edge length h in the mesh's own unit of length, or a strain ε (target = (1 + ε) × straight-sided).
+  /// 3 in 2-D, 6 in 3-D: a tensor: a metric M whose unit is 1/length² (an edge e is wanted with eᵀMe = 1, so that
+  /// heights of a boundary layer are wanted by M = Σ n nᵀ/h²), or a strain E (target = (1 + E) × straight-sided).
+  int components = 1;
+  /// Element or node numbers as the file has them. Empty: there is a value for each cell, or node, in the mesh's order.
+  std::vector<std::int64_t> numbers;
+  std::vector<double> values;  ///< `components` a number.
+};
+
 /// Settings of an optimisation; the defaults suit most meshes.
 struct Options {
   Energy energy = Energy::Hyperelastic;
@@ -54,6 +82,19 @@ struct Options {
   int max_iterations = 1000;  ///< Stop after this many iterations; 0 checks and reports only.
   int threads = 0;            ///< Threads to use; 0: all of the machine's.
   int quadrature_degree = 0;  ///< Degree integrated exactly; 0: 2 P. Not under 2 (P − 1) on simplices.
+
+  Target target = Target::StraightSided;  ///< What each cell would like to be.
+  TargetField target_field;               ///< For the targets Size and Strain. Size wants a value everywhere; where
+                                          ///< Strain has none it is 0.
+
+  // Fixed are the nodes on faces with one neighbour and on every boundary or interface element of the file. These
+  // change that; what is fixed by name stays fixed whatever else is said.
+  std::vector<std::string> fix;          ///< Physical groups whose nodes stay, by name, by tag, or by "dimension:tag".
+  std::vector<std::string> free;         ///< Groups of interface elements whose nodes may move; not the outer boundary.
+  std::vector<std::int64_t> fix_nodes;   ///< Node numbers that stay (with the whole edge or face that they lie in).
+  std::vector<std::int64_t> free_nodes;  ///< Node numbers that may move (likewise); not on the outer boundary.
+  double region_below = 0;  ///< Where above 0: only near cells with a scaled Jacobian below this, nodes may move.
+  int rings = 2;            ///< How many layers of cells around those are near.
 };
 
 /// Checks ranges and combinations that do not depend on the mesh. Errors: BadOption, naming the option and its range.
