@@ -231,7 +231,7 @@ Expected<void> check_duplicates(const Cells& cells) {
     const auto nodes = cells.nodes(cell);
     const auto count = std::size_t(reference::info(cells.shape(cell)).vertices);
     std::copy_n(nodes.begin(), count, sorted.begin());
-    std::sort(sorted.begin(), sorted.begin() + std::ptrdiff_t(count));
+    std::sort(sorted.begin(), sorted.end());
     return sorted;
   };
   std::vector<std::pair<std::uint64_t, std::int32_t>> hashes(cells.count());

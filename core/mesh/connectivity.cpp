@@ -102,6 +102,15 @@ void link(Facets& result, std::span<const Entry> same, std::int32_t total) {
   result.opposite[std::size_t(same[1].facet)] = same[0].facet;
 }
 
+// Takes in the entries of one bucket.
+void link_bucket(Facets& result, std::span<Entry> bucket, std::int32_t total) {
+  std::sort(bucket.begin(), bucket.end());
+  for (std::size_t a = 0, b = 0; a < bucket.size(); a = b) {
+    while (b < bucket.size() && bucket[b].rest == bucket[a].rest) ++b;
+    link(result, bucket.subspan(a, b - a), total);
+  }
+}
+
 void match(Facets& result, const HighOrderMesh& mesh, const Cells& cells) {
   const Cells borders(mesh, mesh.dimension - 1);
   const std::int32_t total = result.first.back();
@@ -111,21 +120,24 @@ void match(Facets& result, const HighOrderMesh& mesh, const Cells& cells) {
   visit_elements(borders, total, tally);
   for (std::size_t i = 1; i < start.size(); ++i) start[i] += start[i - 1];
 
-  std::vector<Entry> entries(static_cast<std::size_t>(start.back()));
-  const auto enter = [&](std::int32_t facet, const std::array<std::int32_t, 4>& v) {
-    entries[std::size_t(start[std::size_t(v[0])]++)] = {{v[1], v[2], v[3]}, facet};
-  };
-  visit_facets(cells, enter);
-  visit_elements(borders, total, enter);
-
-  // start[i] is now where bucket i ends.
-  for (std::size_t node = 0, from = 0; node < mesh.node_count(); from = std::size_t(start[node++])) {
-    const std::span bucket(entries.data() + from, std::size_t(start[node]) - from);
-    std::sort(bucket.begin(), bucket.end());
-    for (std::size_t a = 0, b = 0; a < bucket.size(); a = b) {
-      while (b < bucket.size() && bucket[b].rest == bucket[a].rest) ++b;
-      link(result, bucket.subspan(a, b - a), total);
-    }
+  // Vertices are taken a range at a time, so that the entries of a large mesh are never all in memory: they would be
+  // the largest table of the whole check.
+  constexpr std::int32_t kEntries = std::int32_t(1) << 21;
+  std::vector<Entry> entries;
+  for (std::size_t low = 0, high = 0; low < mesh.node_count(); low = high) {
+    const std::int32_t base = start[low];
+    high = low + 1;
+    while (high < mesh.node_count() && start[high + 1] - base <= kEntries) ++high;
+    entries.resize(std::size_t(start[high] - base));
+    std::vector<std::int32_t> next(start.begin() + std::ptrdiff_t(low), start.begin() + std::ptrdiff_t(high));
+    const auto enter = [&](std::int32_t facet, const std::array<std::int32_t, 4>& v) {
+      const auto bucket = std::size_t(v[0]) - low;
+      if (bucket < next.size()) entries[std::size_t(next[bucket]++ - base)] = {{v[1], v[2], v[3]}, facet};
+    };
+    visit_facets(cells, enter);
+    visit_elements(borders, total, enter);
+    for (std::size_t node = low; node < high; ++node)
+      link_bucket(result, {entries.data() + (start[node] - base), std::size_t(start[node + 1] - start[node])}, total);
   }
 }
 
