@@ -1,0 +1,160 @@
+// The vectorised kernels against the plain ones, and the whole mesh's derivatives against differences of its energy,
+// for every energy and every shape.
+#include "core/optimise/kernels.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "core/optimise/batches.h"
+#include "core/optimise/newton.h"
+#include "core/optimise/patch.h"
+#include "core/optimise/sweep.h"
+#include "tests/core/energy/materials.h"
+#include "tests/core/optimise/meshes.h"
+#include "tests/core/optimise/problems.h"
+
+namespace varimesh {
+namespace {
+
+using testing::Filling;
+using testing::make_problem;
+
+struct Case {
+  NamedMaterial material;
+  Filling filling;
+};
+
+std::vector<Case> every_case() {
+  std::vector<Case> cases;
+  for (const NamedMaterial& material : every_material())
+    for (const Filling filling : {Filling::Triangles, Filling::MixedPlane, Filling::Tetrahedra, Filling::MixedSolid})
+      cases.push_back({material, filling});
+  return cases;
+}
+
+class KernelsTest : public ::testing::TestWithParam<Case> {
+ protected:
+  /// `tangled`: shaken so much that some cells are invalid.
+  void prepare(bool tangled) {
+    const bool plane = testing::is_plane(GetParam().filling);
+    HighOrderMesh mesh = testing::grid(GetParam().filling, {3, 2, 2}, 3, testing::bent(plane ? 2 : 3));
+    testing::shake(mesh, tangled ? 0.12 : 0.01, 7);
+    problem_ = make_problem(mesh);
+    fast_ = make_kernels(GetParam().material.material, problem_.dimension);
+    plain_ = make_plain_kernels(GetParam().material.material, problem_.dimension);
+    sweeper_.emplace(problem_, schedule_, *plain_, Regularisation::Element, team_);
+    sweeper_->rebuild();
+    invalid_ = sweeper_->scan().invalid;
+  }
+
+  Problem problem_;
+  Schedule schedule_;
+  Team team_{1};
+  std::unique_ptr<Kernels> fast_, plain_;
+  std::optional<Sweeper> sweeper_;
+  std::int64_t invalid_ = 0;
+};
+
+TEST_P(KernelsTest, ExpandAPatchLikeThePlainOnes) {
+  for (const bool tangled : {false, true}) {
+    prepare(tangled);
+    ASSERT_EQ(invalid_ > 0, tangled);
+    for (std::int32_t rank = 0; rank < std::int32_t(problem_.free.size()); rank += 3) {
+      Patch patch(problem_, rank);
+      const PatchExpansion a = fast_->expand(patch.cells()), b = plain_->expand(patch.cells());
+      double gradient = 0, hessian = 0;
+      for (const double g : b.gradient) gradient = std::max(gradient, std::abs(g));
+      for (const double h : b.hessian) hessian = std::max(hessian, std::abs(h));
+      EXPECT_NEAR(a.energy, b.energy, 1e-11 * (std::abs(b.energy) + b.measure));
+      EXPECT_NEAR(a.measure, b.measure, 1e-13 * b.measure);
+      // A gradient is a sum of much larger terms of both signs; h is what they scale with.
+      for (int i = 0; i < 3; ++i) EXPECT_NEAR(a.gradient[i], b.gradient[i], 1e-10 * (gradient + 0.01 * hessian));
+      for (int i = 0; i < 6; ++i) EXPECT_NEAR(a.hessian[i], b.hessian[i], 1e-10 * hessian);
+    }
+  }
+}
+
+TEST_P(KernelsTest, TryAndTakeAStepLikeThePlainOnes) {
+  for (const bool tangled : {false, true}) {
+    prepare(tangled);
+    Problem copy = problem_;
+    const double step[3] = {0.004, -0.003, 0.002};
+    for (std::int32_t rank = 0; rank < std::int32_t(problem_.free.size()); rank += 5) {
+      Patch fast_patch(problem_, rank), plain_patch(copy, rank);
+      const double a = fast_->energy_after(fast_patch.cells(), step),
+                   b = plain_->energy_after(plain_patch.cells(), step);
+      if (std::isinf(b))
+        EXPECT_EQ(a, b);
+      else
+        EXPECT_NEAR(a, b, 1e-11 * (std::abs(b) + 1));
+      EXPECT_NEAR(fast_->smallest_jacobian(fast_patch.cells()), plain_->smallest_jacobian(plain_patch.cells()), 1e-12);
+      fast_->move(fast_patch.cells(), step);
+      plain_->move(plain_patch.cells(), step);
+    }
+    for (std::size_t block = 0; block < copy.blocks.size(); ++block)
+      for (std::size_t i = 0; i < copy.blocks[block].deformation.size(); ++i)
+        ASSERT_NEAR(problem_.blocks[block].deformation[i], copy.blocks[block].deformation[i], 1e-12);
+  }
+}
+
+TEST_P(KernelsTest, RebuildAndScanLikeThePlainOnes) {
+  prepare(true);
+  for (CellBlock& block : problem_.blocks)
+    for (std::int32_t cell = 0; cell < block.count; ++cell) {
+      const CellScan b = plain_->scan(block, cell);
+      fast_->rebuild(block, cell, problem_.positions);
+      const CellScan a = fast_->scan(block, cell);
+      EXPECT_NEAR(a.energy, b.energy, 1e-10 * (std::abs(b.energy) + 1e-3));
+      EXPECT_NEAR(a.smallest_jacobian, b.smallest_jacobian, 1e-12);
+      EXPECT_NEAR(a.scaled_jacobian, b.scaled_jacobian, 1e-12);
+    }
+}
+
+TEST_P(KernelsTest, TheMeshsDerivativesMatchDifferencesOfItsEnergy) {
+  for (const bool tangled : {false, true}) {
+    prepare(tangled);
+    testing::WholeMesh whole(problem_, *plain_);
+    const std::vector<double> direction = testing::random_direction(problem_, 11);
+    const double h = 1e-5;
+    const double difference = (8 * (whole.energy(direction, h) - whole.energy(direction, -h)) -
+                               (whole.energy(direction, 2 * h) - whole.energy(direction, -2 * h))) /
+                              (12 * h);
+    const std::vector<double> gradient = whole.gradient(*fast_);
+    double slope = 0, size = 0;
+    for (std::size_t i = 0; i < gradient.size(); ++i) {
+      slope += gradient[i] * direction[i];
+      size += std::abs(gradient[i] * direction[i]);
+    }
+    EXPECT_NEAR(slope, difference, 1e-6 * size);
+  }
+}
+
+TEST_P(KernelsTest, ProductsMatchDifferencesOfTheGradient) {
+  for (const bool tangled : {false, true}) {
+    prepare(tangled);
+    testing::WholeMesh whole(problem_, *plain_);
+    const std::vector<double> direction = testing::random_direction(problem_, 13);
+    const double h = 1e-5;
+    std::vector<double> expected(direction.size());
+    for (const auto& [steps, weight] : {std::pair{1, 8.0}, {-1, -8.0}, {2, -1.0}, {-2, 1.0}}) {
+      const std::vector<double> g = whole.gradient_at(direction, steps * h, *fast_);
+      for (std::size_t i = 0; i < g.size(); ++i) expected[i] += weight * g[i] / (12 * h);
+    }
+    const auto hessian = make_hessian_kernels(GetParam().material.material, problem_.dimension);
+    const std::vector<double> product = whole.product(*hessian, direction);
+    double error = 0, size = 0;
+    for (std::size_t i = 0; i < product.size(); ++i) {
+      error += std::pow(product[i] - expected[i], 2);
+      size += std::pow(expected[i], 2);
+    }
+    // Products are in single precision, and where the mesh is tangled terms of both signs are large.
+    EXPECT_LE(std::sqrt(error / size), tangled ? 2e-4 : 5e-6);
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(All, KernelsTest, ::testing::ValuesIn(every_case()),
+                         [](const auto& info) { return info.param.material.name + testing::name(info.param.filling); });
+
+}  // namespace
+}  // namespace varimesh

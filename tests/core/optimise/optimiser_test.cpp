@@ -1,0 +1,240 @@
+// Whole runs: what a user is promised of optimise().
+#include "core/optimise/optimiser.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstring>
+
+#include "core/formats/formats.h"
+#include "core/mesh/connectivity.h"
+#include "tests/core/optimise/meshes.h"
+
+namespace varimesh {
+namespace {
+
+using testing::Filling;
+
+HighOrderMesh read_case(const std::string& name) {
+  auto file = formats::read_file(std::string(VARIMESH_SOURCE_DIR) + "/tests/cases/" + name);
+  EXPECT_TRUE(file) << (file ? "" : file.error().sentence);
+  return file ? std::move(file->mesh) : HighOrderMesh{};
+}
+
+/// The mesh with every place x at R x.
+HighOrderMesh turned(HighOrderMesh mesh, double angle) {
+  const double c = std::cos(angle), s = std::sin(angle);
+  testing::move_nodes(mesh, [&](testing::Place p) {
+    testing::Place q{c * p[0] - s * p[1], s * p[0] + c * p[1], p[2]};
+    if (mesh.dimension == 3) q = {q[0], c * q[1] - s * q[2], s * q[1] + c * q[2]};
+    return q;
+  });
+  return mesh;
+}
+
+HighOrderMesh curved(Filling filling, int order) {
+  HighOrderMesh mesh = testing::grid(filling, {3, 3, 2}, order, testing::bent(testing::is_plane(filling) ? 2 : 3));
+  testing::shake(mesh, 0.01, 3);
+  return mesh;
+}
+
+class EveryEnergy : public ::testing::TestWithParam<Energy> {
+ protected:
+  Options options() const {
+    Options options;
+    options.energy = GetParam();
+    return options;
+  }
+};
+
+TEST_P(EveryEnergy, UntanglesTheNineTriangles) {
+  for (const Method method : {Method::Auto, Method::Sweeps}) {
+    Options chosen = options();
+    chosen.method = method;
+    const auto result = optimise(read_case("nine_triangles.msh"), chosen);
+    ASSERT_TRUE(result) << result.error().sentence;
+    EXPECT_EQ(result->before.invalid_elements, 2);
+    EXPECT_EQ(result->after.invalid_elements, 0);
+    EXPECT_GT(result->after.min_scaled_jacobian, 0);
+    EXPECT_TRUE(result->converged);
+  }
+}
+
+TEST_P(EveryEnergy, LeavesFixedNodesBitForBit) {
+  const HighOrderMesh mesh = read_case("sphere_p3.msh");
+  const std::vector<bool> fixed = fixed_nodes(mesh);
+  Options few = options();
+  few.max_iterations = 4;
+  const auto result = optimise(mesh, few);
+  ASSERT_TRUE(result) << result.error().sentence;
+  std::size_t moved = 0;
+  for (std::size_t n = 0; n < mesh.node_count(); ++n) {
+    const bool same = std::memcmp(&mesh.coordinates[3 * n], &result->mesh.coordinates[3 * n], 3 * sizeof(double)) == 0;
+    EXPECT_TRUE(same || !fixed[n]) << "node " << mesh.node_numbers[n];
+    moved += same ? 0 : 1;
+  }
+  EXPECT_GT(moved, result->summary.free_nodes / 2);
+}
+
+TEST_P(EveryEnergy, TurnsWithTheMesh) {
+  Options five = options();
+  five.method = Method::Sweeps;
+  five.max_iterations = 5;
+  for (const Filling filling : {Filling::Triangles, Filling::MixedSolid}) {
+    const HighOrderMesh mesh = curved(filling, 3);
+    const auto straight = optimise(mesh, five), rotated = optimise(turned(mesh, 0.7), five);
+    ASSERT_TRUE(straight && rotated);
+    EXPECT_LE(testing::distance(turned(straight->mesh, 0.7), rotated->mesh), 1e-9);
+  }
+}
+
+TEST_P(EveryEnergy, TakesTheSamePathInAnyUnit) {
+  const HighOrderMesh metres = read_case("nine_triangles.msh");
+  HighOrderMesh millimetres = metres;
+  for (double& x : millimetres.coordinates) x *= 1000;
+  const auto a = optimise(metres, options()), b = optimise(millimetres, options());
+  ASSERT_TRUE(a && b);
+  EXPECT_EQ(a->iterations, b->iterations);
+  // Sweeps are in double precision throughout, so rounding alone tells the two apart.
+  Options five = options();
+  five.method = Method::Sweeps;
+  five.max_iterations = 5;
+  const auto c = optimise(metres, five), d = optimise(millimetres, five);
+  ASSERT_TRUE(c && d);
+  for (std::size_t i = 0; i < c->mesh.coordinates.size(); ++i)
+    EXPECT_NEAR(1000 * c->mesh.coordinates[i], d->mesh.coordinates[i], 1e-6);
+}
+
+TEST_P(EveryEnergy, GivesTheSameBitsOnAnyNumberOfThreads) {
+  for (const Method method : {Method::Sweeps, Method::Newton}) {
+    Options one = options(), three = options();
+    one.method = three.method = method;
+    one.max_iterations = three.max_iterations = 6;
+    one.threads = 1;
+    three.threads = 3;
+    const HighOrderMesh mesh = curved(Filling::MixedSolid, 3);
+    const auto a = optimise(mesh, one), b = optimise(mesh, three);
+    ASSERT_TRUE(a && b);
+    EXPECT_EQ(a->mesh.coordinates, b->mesh.coordinates);
+    EXPECT_EQ(a->residual, b->residual);
+  }
+}
+
+TEST_P(EveryEnergy, NewtonAndSweepsEndAtTheSameMesh) {
+  Options newton = options(), sweeps = options();
+  newton.method = Method::Newton;
+  sweeps.method = Method::Sweeps;
+  newton.tolerance = sweeps.tolerance = 1e-9;
+  sweeps.max_iterations = 5000;
+  const HighOrderMesh mesh = curved(Filling::Triangles, 3);
+  const auto a = optimise(mesh, newton), b = optimise(mesh, sweeps);
+  ASSERT_TRUE(a && b);
+  ASSERT_TRUE(a->converged && b->converged);
+  EXPECT_LE(testing::distance(a->mesh, b->mesh), 1e-6);
+  EXPECT_LT(a->iterations, 15);
+}
+
+std::string name_of(const ::testing::TestParamInfo<Energy>& info) {
+  constexpr const char* kNames[] = {"Hyperelastic", "LinearElastic", "Winslow", "Distortion"};
+  return kNames[static_cast<int>(info.param)];
+}
+
+INSTANTIATE_TEST_SUITE_P(Energies, EveryEnergy,
+                         ::testing::Values(Energy::Hyperelastic, Energy::LinearElastic, Energy::Winslow,
+                                           Energy::Distortion),
+                         name_of);
+
+TEST(Optimise, WinslowAndDistortionAreTheSameSweepIn2D) {
+  HighOrderMesh mesh = curved(Filling::MixedPlane, 4);
+  Options options;
+  options.method = Method::Sweeps;
+  options.max_iterations = 5;
+  options.energy = Energy::Winslow;
+  const auto a = optimise(mesh, options);
+  options.energy = Energy::Distortion;
+  const auto b = optimise(mesh, options);
+  ASSERT_TRUE(a && b);
+  EXPECT_LE(testing::distance(a->mesh, b->mesh), 1e-10);
+}
+
+TEST(Optimise, ThePatchsRegularisationUntanglesToo) {
+  Options options;
+  options.regularisation = Regularisation::Patch;
+  options.method = Method::Sweeps;
+  options.colouring = Colouring::Node;
+  const auto result = optimise(read_case("nine_triangles.msh"), options);
+  ASSERT_TRUE(result) << result.error().sentence;
+  EXPECT_EQ(result->after.invalid_elements, 0);
+}
+
+TEST(Optimise, AClockwiseMeshIsItsMirrorImage) {
+  HighOrderMesh mesh = curved(Filling::Triangles, 3), mirrored = mesh;
+  testing::move_nodes(mirrored, [](testing::Place p) { return testing::Place{-p[0], p[1], p[2]}; });
+  const auto a = optimise(mesh), b = optimise(mirrored);
+  ASSERT_TRUE(a && b) << (b ? "" : b.error().sentence);
+  EXPECT_EQ(a->iterations, b->iterations);
+  HighOrderMesh back = b->mesh;
+  testing::move_nodes(back, [](testing::Place p) { return testing::Place{-p[0], p[1], p[2]}; });
+  EXPECT_LE(testing::distance(a->mesh, back), 1e-9);
+}
+
+TEST(Optimise, NoIterationsChangeNothing) {
+  Options options;
+  options.max_iterations = 0;
+  const HighOrderMesh mesh = read_case("nine_triangles.msh");
+  const auto result = optimise(mesh, options);
+  ASSERT_TRUE(result);
+  EXPECT_EQ(result->mesh.coordinates, mesh.coordinates);
+  EXPECT_EQ(result->after.invalid_elements, 2);
+  EXPECT_EQ(result->iterations, 0);
+}
+
+TEST(Optimise, StopsWhenTold) {
+  int calls = 0;
+  const auto result = optimise(read_case("nine_triangles.msh"), {}, [&](const Iteration& iteration) {
+    EXPECT_EQ(iteration.number, ++calls);
+    return calls == 2 ? Control::Stop : Control::Continue;
+  });
+  ASSERT_TRUE(result);
+  EXPECT_TRUE(result->stopped);
+  EXPECT_EQ(result->iterations, 2);
+  EXPECT_EQ(result->history.size(), 2U);
+}
+
+TEST(Optimise, SweepsNeverRaiseTheEnergyOfAValidMesh) {
+  Options options;
+  options.method = Method::Sweeps;
+  options.max_iterations = 30;
+  const auto result = optimise(curved(Filling::Tetrahedra, 3), options);
+  ASSERT_TRUE(result);
+  for (std::size_t i = 1; i < result->history.size(); ++i)
+    EXPECT_LE(result->history[i].energy, result->history[i - 1].energy * (1 + 1e-12));
+}
+
+TEST(Optimise, RefusesOptionsWithASentence) {
+  const HighOrderMesh mesh = read_case("nine_triangles.msh");
+  Options options;
+  options.quadrature_degree = 2 * (mesh.order - 1) - 1;
+  auto result = optimise(mesh, options);
+  ASSERT_FALSE(result);
+  EXPECT_EQ(result.error().kind, Error::Kind::BadOption);
+  EXPECT_NE(result.error().sentence.find("quadrature_degree"), std::string::npos);
+  options = {};
+  options.mu = -1;
+  result = optimise(mesh, options);
+  ASSERT_FALSE(result);
+  EXPECT_NE(result.error().sentence.find("mu"), std::string::npos);
+}
+
+TEST(Optimiser, RunsAgainOnNewCoordinates) {
+  const HighOrderMesh mesh = read_case("nine_triangles.msh");
+  auto optimiser = Optimiser::create(mesh);
+  ASSERT_TRUE(optimiser) << optimiser.error().sentence;
+  const auto first = optimiser->run(mesh.coordinates), again = optimiser->run(mesh.coordinates);
+  ASSERT_TRUE(first && again);
+  EXPECT_EQ(first->mesh.coordinates, again->mesh.coordinates);
+  EXPECT_FALSE(optimiser->run({1, 2, 3}));
+}
+
+}  // namespace
+}  // namespace varimesh

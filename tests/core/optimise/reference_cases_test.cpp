@@ -1,0 +1,45 @@
+// The shared cases, where they are: minimum scaled Jacobians that an independent implementation of the method reached.
+#include <gtest/gtest.h>
+
+#include <cstdlib>
+#include <filesystem>
+
+#include "core/formats/formats.h"
+#include "core/optimise/optimiser.h"
+
+namespace varimesh {
+namespace {
+
+std::filesystem::path shared_case(const std::string& name) {
+  const char* folder = std::getenv("VARIMESH_CASES");
+  return std::filesystem::path(folder ? folder : VARIMESH_SOURCE_DIR "/../shared/cases") / "meshes" / (name + ".msh");
+}
+
+struct ReferenceCase {
+  std::string name;
+  double least;  ///< Of the minimum scaled Jacobian at the end, with the reference constants.
+};
+
+class ReferenceCases : public ::testing::TestWithParam<ReferenceCase> {};
+
+TEST_P(ReferenceCases, ConvergeValid) {
+  const std::filesystem::path path = shared_case(GetParam().name);
+  if (!std::filesystem::exists(path))
+    GTEST_SKIP() << "NOT RUN: the shared cases are not at " << path << "; set VARIMESH_CASES to their folder.";
+  auto file = formats::read_file(path.string());
+  ASSERT_TRUE(file) << file.error().sentence;
+  const auto result = optimise(std::move(file->mesh));
+  ASSERT_TRUE(result) << result.error().sentence;
+  EXPECT_TRUE(result->converged);
+  EXPECT_EQ(result->after.invalid_elements, 0);
+  EXPECT_GE(result->after.min_scaled_jacobian, GetParam().least);
+}
+
+INSTANTIATE_TEST_SUITE_P(Shared, ReferenceCases,
+                         ::testing::Values(ReferenceCase{"sph276_p5", 0.67}, ReferenceCase{"circ500_p5", 0.73},
+                                           ReferenceCase{"naca524_p5", 0.81},
+                                           ReferenceCase{"reference_sphere276_p4", 0.755}),
+                         [](const auto& info) { return info.param.name; });
+
+}  // namespace
+}  // namespace varimesh
