@@ -1,0 +1,68 @@
+// What the subcommands share: exit statuses, common flags, the way to a server, interrupts.
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <functional>
+#include <memory>
+#include <string>
+
+#include "client/client.h"
+#include "client/local/local.h"
+#include "core/error.h"
+
+namespace varimesh::client {
+
+/// Exit statuses, the same for every subcommand.
+enum ExitStatus {
+  kDone = 0,
+  kJobFailed = 1,  ///< The job failed, or somebody else cancelled it.
+  kUsage = 2,
+  kInputRefused = 3,  ///< The input was refused, or the output cannot be written.
+  kInvalidLeft = 4,   ///< Finished, but elements are invalid.
+  kServer = 5,        ///< Server or transport.
+  kInterrupted = 130,
+};
+
+/// Flags that most subcommands have.
+struct CommonFlags {
+  std::string server;  ///< Empty: run the service in this process.
+  bool json = false;
+  bool quiet = false;
+};
+
+void add_server_flag(CLI::App& command, CommonFlags* flags);
+void add_json_flag(CLI::App& command, CommonFlags* flags);
+void add_quiet_flag(CLI::App& command, CommonFlags* flags);
+
+/// Prints "varimesh: sentence" on standard error and returns the status that the error means.
+int report(const Error& error);
+int report(const Failure& failure);
+/// The status that the reason of a job's error, or of a refused call, means.
+int status_of_reason(const std::string& reason);
+
+/// How often Ctrl-C was pressed. The first asks the command to stop in order, the second ends the process.
+int interrupts();
+void catch_interrupts();
+
+/// A client, and the service it talks to where that runs in this process.
+struct Connection {
+  std::unique_ptr<LocalService> local;
+  std::unique_ptr<Client> client;
+};
+
+/// Connects to `server`, or starts the service here. An interrupt ends calls unless `survive_interrupts`.
+tl::expected<Connection, int> connect(const std::string& server, bool survive_interrupts = false);
+
+/// Adds a subcommand; what it returns is the exit status.
+using Run = std::function<int()>;
+Run add_optimise(CLI::App& app);
+Run add_submit(CLI::App& app);
+Run add_watch(CLI::App& app);
+Run add_result(CLI::App& app);
+Run add_cancel(CLI::App& app);
+Run add_jobs(CLI::App& app);
+Run add_info(CLI::App& app);
+Run add_quality(CLI::App& app);
+Run add_convert(CLI::App& app);
+
+}  // namespace varimesh::client

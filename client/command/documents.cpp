@@ -1,0 +1,171 @@
+// Documents, summaries and the history.
+#include "client/command/documents.h"
+
+#include <fmt/format.h>
+
+#include <cstdio>
+#include <fstream>
+#include <iostream>
+
+#include "client/command/names.h"
+
+namespace varimesh::client {
+namespace {
+
+Json mesh_document(const v1::MeshSummary& mesh) {
+  return {{"dimension", mesh.dimension()},
+          {"order", mesh.order()},
+          {"elements", mesh.elements()},
+          {"nodes", mesh.nodes()},
+          {"free_nodes", mesh.free_nodes()}};
+}
+
+Json quality_document(const v1::QualityReport& quality) {
+  return {{"min_scaled_jacobian", quality.min_scaled_jacobian()},
+          {"mean_scaled_jacobian", quality.mean_scaled_jacobian()},
+          {"min_distortion_jacobian", quality.min_distortion_jacobian()},
+          {"invalid_elements", quality.invalid_elements()}};
+}
+
+std::string sizes(int dimension, int order, std::int64_t elements, std::int64_t nodes, std::int64_t free_nodes) {
+  return fmt::format("{}-D mesh of order {}: {} elements, {} nodes, {} of them free\n", dimension, order, elements,
+                     nodes, free_nodes);
+}
+
+/// The bins that hold something, a line each.
+std::string histogram(const QualityReport& quality) {
+  // Ten lines tell a person more than fifty.
+  constexpr int kLines = 10;
+  constexpr int kEach = QualityReport::kBins / kLines;
+  std::string text;
+  for (int line = 0; line < kLines; ++line) {
+    std::int64_t count = 0;
+    for (int bin = 0; bin < kEach; ++bin) count += quality.histogram[static_cast<std::size_t>(line * kEach + bin)];
+    if (count > 0) text += fmt::format("  {:.1f} to {:.1f}  {:>10}\n", line / 10.0, (line + 1) / 10.0, count);
+  }
+  return text;
+}
+
+}  // namespace
+
+Json document(const v1::Metrics& metrics) {
+  return {{"mesh", mesh_document(metrics.mesh())},
+          {"energy", spelled(metrics.energy())},
+          {"method", spelled(metrics.method())},
+          {"iterations", metrics.iterations()},
+          {"seconds", metrics.seconds()},
+          {"residual", metrics.residual()},
+          {"converged", metrics.converged()},
+          {"before", quality_document(metrics.before())},
+          {"after", quality_document(metrics.after())}};
+}
+
+Json document(const MeshSummary& mesh, const QualityReport& quality) {
+  Json invalid = Json::array();
+  for (const InvalidElement& element : quality.invalid)
+    invalid.push_back(
+        {{"number", element.number}, {"scaled_jacobian", element.scaled_jacobian}, {"place", element.place}});
+  return {{"mesh",
+           {{"dimension", mesh.dimension},
+            {"order", mesh.order},
+            {"elements", mesh.elements},
+            {"nodes", mesh.nodes},
+            {"free_nodes", mesh.free_nodes}}},
+          {"quality",
+           {{"min_scaled_jacobian", quality.min_scaled_jacobian},
+            {"mean_scaled_jacobian", quality.mean_scaled_jacobian},
+            {"min_distortion_jacobian", quality.min_distortion_jacobian},
+            {"invalid_elements", quality.invalid_elements},
+            {"lattice_intervals", quality.lattice_intervals},
+            {"histogram", quality.histogram},
+            {"invalid", std::move(invalid)}}}};
+}
+
+Json document(const v1::Job& job) {
+  Json result = {{"job", job.name()}, {"state", spelled(job.state())}};
+  if (!job.request_id().empty()) result["request_id"] = job.request_id();
+  if (!job.spec().labels().empty()) {
+    Json labels = Json::object();
+    for (const auto& [key, value] : job.spec().labels()) labels[key] = value;
+    result["labels"] = std::move(labels);
+  }
+  if (job.has_iteration()) result["iterations"] = job.iteration().number();
+  if (job.has_error()) result["error"] = {{"reason", job.error().reason()}, {"message", job.error().message()}};
+  if (job.has_metrics()) result["metrics"] = document(job.metrics());
+  return result;
+}
+
+Json document(const v1::GetServerInfoResponse& info) {
+  Json inputs = Json::array(), outputs = Json::array(), energies = Json::array();
+  for (const int format : info.input_formats()) inputs.push_back(spelled(static_cast<v1::MeshFormat>(format)));
+  for (const int format : info.output_formats()) outputs.push_back(spelled(static_cast<v1::MeshFormat>(format)));
+  for (const int energy : info.energies()) energies.push_back(spelled(static_cast<v1::Energy>(energy)));
+  return {{"version", info.version()},
+          {"threads", info.limits().threads()},
+          {"max_mesh_bytes", info.limits().max_mesh_bytes()},
+          {"max_pending_jobs", info.limits().max_pending_jobs()},
+          {"pending_jobs", info.pending_jobs()},
+          {"running_jobs", info.running_jobs()},
+          {"input_formats", inputs},
+          {"output_formats", outputs},
+          {"energies", energies}};
+}
+
+void print(const Json& document) { std::cout << document.dump(2) << std::endl; }
+
+std::string summary(const v1::Metrics& metrics) {
+  const v1::MeshSummary& mesh = metrics.mesh();
+  const v1::QualityReport& before = metrics.before();
+  const v1::QualityReport& after = metrics.after();
+  return sizes(mesh.dimension(), mesh.order(), mesh.elements(), mesh.nodes(), mesh.free_nodes()) +
+         fmt::format("{} iterations in {:.3g} s, residual {:.3g}, {}\n", metrics.iterations(), metrics.seconds(),
+                     metrics.residual(), metrics.converged() ? "converged" : "not converged") +
+         fmt::format("                          {:>10}  {:>10}\n", "before", "after") +
+         fmt::format("smallest scaled Jacobian  {:>10.5f}  {:>10.5f}\n", before.min_scaled_jacobian(),
+                     after.min_scaled_jacobian()) +
+         fmt::format("mean scaled Jacobian      {:>10.5f}  {:>10.5f}\n", before.mean_scaled_jacobian(),
+                     after.mean_scaled_jacobian()) +
+         fmt::format("smallest distortion       {:>10.5f}  {:>10.5f}\n", before.min_distortion_jacobian(),
+                     after.min_distortion_jacobian()) +
+         fmt::format("invalid elements          {:>10}  {:>10}\n", before.invalid_elements(), after.invalid_elements());
+}
+
+std::string summary(const MeshSummary& mesh, const QualityReport& quality) {
+  std::string text = sizes(mesh.dimension, mesh.order, mesh.elements, mesh.nodes, mesh.free_nodes) +
+                     fmt::format(
+                         "smallest scaled Jacobian  {:>10.5f}\nmean scaled Jacobian      {:>10.5f}\n"
+                         "smallest distortion       {:>10.5f}\ninvalid elements          {:>10}\n"
+                         "elements by scaled Jacobian, on a lattice of {} intervals an edge\n",
+                         quality.min_scaled_jacobian, quality.mean_scaled_jacobian, quality.min_distortion_jacobian,
+                         quality.invalid_elements, quality.lattice_intervals) +
+                     histogram(quality);
+  constexpr std::size_t kShown = 10;
+  for (std::size_t i = 0; i < std::min(kShown, quality.invalid.size()); ++i) {
+    const InvalidElement& element = quality.invalid[i];
+    text += fmt::format("  element {} is invalid: {:.4f} at ({:.6g}, {:.6g}, {:.6g})\n", element.number,
+                        element.scaled_jacobian, element.place[0], element.place[1], element.place[2]);
+  }
+  if (quality.invalid.size() > kShown)
+    text += fmt::format("  and {} more; --json names them all\n", quality.invalid.size() - kShown);
+  return text;
+}
+
+bool write_history(const std::string& path, const std::vector<v1::Iteration>& history) {
+  const std::string beside = path + ".new";
+  {
+    std::ofstream file(beside);
+    file << "iteration,phase,energy,residual,relative_gradient,min_scaled_jacobian,invalid_elements,active_nodes,"
+            "seconds\n";
+    for (const v1::Iteration& one : history)
+      file << fmt::format("{},{},{:.17g},{:.17g},{:.17g},{:.17g},{},{},{:.6f}\n", one.number(), spelled(one.phase()),
+                          one.energy(), one.residual(), one.relative_gradient(), one.min_scaled_jacobian(),
+                          one.invalid_elements(), one.active_nodes(), one.seconds());
+    if (!file.flush()) {
+      std::remove(beside.c_str());
+      return false;
+    }
+  }
+  return std::rename(beside.c_str(), path.c_str()) == 0;
+}
+
+}  // namespace varimesh::client

@@ -1,0 +1,24 @@
+// Following a job to its end, and what the command does then. optimise, watch and result share it.
+#pragma once
+
+#include <string>
+#include <tl/expected.hpp>
+#include <vector>
+
+#include "client/client.h"
+#include "client/command/command.h"
+#include "client/command/outputs.h"
+
+namespace varimesh::client {
+
+/// Watches a job to its end and shows its progress. Ctrl-C cancels the job where `owned`, and only stops watching where
+/// not. The error is the exit status.
+tl::expected<v1::Job, int> follow(Client* client, const std::string& name, std::int64_t after, const CommonFlags& flags,
+                                  bool owned);
+
+/// Fetches the outputs and the history of a job that has ended, prints the document or the summary, and returns the
+/// exit status. Where it did not succeed: says why.
+int deliver(Client* client, const v1::Job& job, const std::vector<Output>& outputs, const std::string& history,
+            const CommonFlags& flags);
+
+}  // namespace varimesh::client

@@ -1,0 +1,65 @@
+// varimesh optimise: a mesh in, an optimised one out, here or on a server.
+#include "client/command/command.h"
+#include "client/command/documents.h"
+#include "client/command/job_end.h"
+#include "client/command/options_table.h"
+#include "client/command/outputs.h"
+#include "core/formats/formats.h"
+
+namespace varimesh::client {
+namespace {
+
+struct Arguments {
+  CommonFlags common;
+  std::string input;
+  std::vector<std::string> outputs;
+  std::string format;
+  std::string history;
+  v1::Options options;
+};
+
+int run(const Arguments& arguments) {
+  // What cannot be written is found before the work starts.
+  const auto outputs = check_outputs(arguments.outputs, arguments.format);
+  if (!outputs) return report(outputs.error());
+  if (!arguments.history.empty())
+    if (const auto writable = formats::check_writable(arguments.history); !writable) return report(writable.error());
+
+  auto connection = connect(arguments.common.server);
+  if (!connection) return connection.error();
+  const auto mesh = connection->client->upload_file(arguments.input);
+  if (!mesh) return report(mesh.error());
+  v1::JobSpec spec;
+  spec.mutable_mesh()->set_digest(mesh->digest());
+  *spec.mutable_options() = arguments.options;
+  for (const v1::MeshFormat format : formats_of(*outputs)) spec.add_outputs(format);
+  const auto job = connection->client->submit(spec);
+  if (!job) return report(job.error());
+
+  const auto ended = follow(connection->client.get(), job->name(), 0, arguments.common, true);
+  if (!ended) return ended.error();
+  return deliver(connection->client.get(), *ended, *outputs, arguments.history, arguments.common);
+}
+
+}  // namespace
+
+Run add_optimise(CLI::App& app) {
+  auto arguments = std::make_shared<Arguments>();
+  CLI::App& command = *app.add_subcommand("optimise", "Optimise a mesh and write the result");
+  command.add_option("input", arguments->input, "The mesh")->required()->type_name("IN");
+  command.add_option("-o,--output", arguments->outputs, "Where the result goes (.msh, .vtu); may be repeated")
+      ->required()
+      ->type_name("OUT")
+      ->allow_extra_args(false);
+  command.add_option("--format", arguments->format, "Format of the .msh outputs; default as it was read")
+      ->type_name("NAME");
+  command.add_option("--history", arguments->history, "Write every iteration to this file, comma-separated")
+      ->type_name("FILE.csv");
+  add_server_flag(command, &arguments->common);
+  add_json_flag(command, &arguments->common);
+  add_quiet_flag(command, &arguments->common);
+  add_options(command, &arguments->options);
+  return [arguments] { return run(*arguments); };
+}
+
+}  // namespace varimesh::client

@@ -1,0 +1,70 @@
+// From paths to formats and from results to files.
+#include "client/command/outputs.h"
+
+#include <algorithm>
+
+#include "client/command/names.h"
+#include "core/formats/formats.h"
+
+namespace varimesh::client {
+namespace {
+
+v1::MeshFormat to_proto(formats::Format format) {
+  for (const formats::FormatInfo& info : formats::all())
+    if (info.format == format)
+      if (const auto* value = value_of(*v1::MeshFormat_descriptor(), std::string(info.name)))
+        return static_cast<v1::MeshFormat>(value->number());
+  return v1::MESH_FORMAT_UNSPECIFIED;
+}
+
+}  // namespace
+
+Expected<std::vector<Output>> check_outputs(const std::vector<std::string>& paths, const std::string& format) {
+  formats::Format requested = formats::Format::Auto;
+  if (!format.empty()) {
+    const auto found = formats::from_name(format);
+    if (!found) return tl::unexpected(found.error());
+    requested = *found;
+  }
+  std::vector<Output> outputs;
+  for (const std::string& path : paths) {
+    const auto by_ending = formats::for_output(path, formats::Format::Auto, formats::Format::Auto);
+    const bool ending_decides = by_ending && *by_ending == formats::Format::Vtu;
+    const auto chosen =
+        formats::for_output(path, ending_decides ? formats::Format::Auto : requested, formats::Format::Auto);
+    if (!chosen) return tl::unexpected(chosen.error());
+    if (const auto writable = formats::check_writable(path); !writable) return tl::unexpected(writable.error());
+    const bool as_read = requested == formats::Format::Auto && !ending_decides;
+    outputs.push_back({path, as_read ? v1::MESH_FORMAT_UNSPECIFIED : to_proto(*chosen)});
+  }
+  return outputs;
+}
+
+std::vector<v1::MeshFormat> formats_of(const std::vector<Output>& outputs) {
+  std::vector<v1::MeshFormat> formats;
+  for (const Output& output : outputs)
+    if (std::find(formats.begin(), formats.end(), output.format) == formats.end()) formats.push_back(output.format);
+  return formats;
+}
+
+Outcome<void> fetch(Client& client, const v1::Job& job, const std::vector<Output>& outputs) {
+  for (const Output& output : outputs) {
+    // Results stand in the order in which the formats were asked for.
+    int index = -1;
+    for (int i = 0; i < job.results_size() && index < 0; ++i) {
+      const bool asked = i < job.spec().outputs_size();
+      const v1::MeshFormat as_asked = asked ? job.spec().outputs(i) : v1::MESH_FORMAT_UNSPECIFIED;
+      if (as_asked == output.format || job.results(i).format() == output.format) index = i;
+    }
+    if (index < 0)
+      return tl::unexpected(Failure{Failure::Kind::Refused,
+                                    "BAD_REQUEST",
+                                    job.name() + " has no result in the format of " + output.path +
+                                        "; fetch it in the one it has, and convert it.",
+                                    {}});
+    if (const auto done = client.download(job.results(index), output.path); !done) return done;
+  }
+  return {};
+}
+
+}  // namespace varimesh::client

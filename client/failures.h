@@ -1,0 +1,35 @@
+// gRPC statuses as the client's failures, and waiting for a server that is away.
+#pragma once
+
+#include <grpcpp/support/status.h>
+
+#include <chrono>
+#include <string>
+
+#include "client/client.h"
+
+namespace varimesh::client {
+
+/// What a status that is not OK means to the caller.
+Failure failure_of(const grpc::Status& status);
+
+/// A local file that cannot be read or written.
+tl::unexpected<Failure> file_failure(std::string sentence);
+
+/// Repeats calls to a server that is unavailable, more and more slowly, until it has been away for too long.
+class Patience {
+ public:
+  explicit Patience(const Settings& settings) : settings_(settings) {}
+
+  /// Whether to call again after this status; waits a little if so.
+  bool again(const grpc::Status& status);
+  /// The server was there: it may be away for the full time again.
+  void reset();
+
+ private:
+  const Settings& settings_;
+  std::chrono::steady_clock::time_point away_since_{};
+  std::chrono::milliseconds pause_{0};
+};
+
+}  // namespace varimesh::client

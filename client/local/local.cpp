@@ -1,0 +1,31 @@
+// The one place where client and server meet.
+#include "client/local/local.h"
+
+#include "server/operations/log.h"
+#include "server/server.h"
+
+namespace varimesh::client {
+namespace {
+
+class InProcess : public LocalService {
+ public:
+  explicit InProcess(std::unique_ptr<server::Server> server) : server_(std::move(server)) {}
+  std::shared_ptr<grpc::Channel> channel() override { return server_->in_process_channel(); }
+
+ private:
+  std::unique_ptr<server::Server> server_;
+};
+
+}  // namespace
+
+Expected<std::unique_ptr<LocalService>> LocalService::start() {
+  // The command tells its user what happens; the service has nothing to add but trouble.
+  if (const auto log = server::start_log("error"); !log) return tl::unexpected(log.error());
+  server::ServerOptions options;
+  options.engine = server::core_engine();
+  auto started = server::Server::start(std::move(options));
+  if (!started) return tl::unexpected(started.error());
+  return std::make_unique<InProcess>(std::move(*started));
+}
+
+}  // namespace varimesh::client

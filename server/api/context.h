@@ -1,0 +1,51 @@
+// What every handler works with, and how a unary one leaves the reaction's thread.
+#pragma once
+
+#include <grpcpp/grpcpp.h>
+
+#include <chrono>
+#include <exception>
+#include <string>
+
+#include "server/api/calls.h"
+#include "server/api/status.h"
+#include "server/jobs/pool.h"
+#include "server/jobs/scheduler.h"
+#include "server/meshes/mesh_store.h"
+#include "server/operations/limits.h"
+
+namespace varimesh::server {
+
+/// The parts of a running server, as the handlers see them. All outlive every call.
+struct ApiContext {
+  Scheduler& scheduler;
+  MeshStore& meshes;
+  Pool& pool;
+  CallRegistry& calls;
+  const Limits& limits;
+  TimePoint start_time;
+};
+
+/// Runs `work` and turns whatever it throws into a status: nothing throws across a thread.
+template <class Work>
+grpc::Status guarded(Work&& work) {
+  try {
+    return work();
+  } catch (const std::exception& error) {
+    return status(Failure{Failure::Code::Internal,
+                          "INTERNAL",
+                          std::string("The server failed unexpectedly (") + error.what() + "); please report it.",
+                          {},
+                          0});
+  }
+}
+
+/// A unary call whose work is done on the pool, because it may wait for a disk or a database.
+template <class Work>
+grpc::ServerUnaryReactor* unary(grpc::CallbackServerContext* call, Pool& pool, Work work) {
+  grpc::ServerUnaryReactor* reactor = call->DefaultReactor();
+  pool.post([reactor, work = std::move(work)] { reactor->Finish(guarded(work)); });
+  return reactor;
+}
+
+}  // namespace varimesh::server

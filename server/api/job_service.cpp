@@ -1,0 +1,150 @@
+// Handlers of JobService: each translates, asks the scheduler, answers.
+#include "server/api/job_service.h"
+
+#include "core/version.h"
+#include "server/api/sources.h"
+
+namespace varimesh::server {
+namespace {
+
+using Code = Failure::Code;
+
+/// Answers with the job, or says why there is none.
+template <class Response>
+grpc::Status answer(Answer<v1::Job> job, Response* response) {
+  if (!job) return status(job.error());
+  *response->mutable_job() = std::move(*job);
+  return grpc::Status::OK;
+}
+
+}  // namespace
+
+grpc::ServerUnaryReactor* JobService::SubmitJob(grpc::CallbackServerContext* call, const v1::SubmitJobRequest* request,
+                                                v1::SubmitJobResponse* response) {
+  return unary(call, api_.pool, [this, request, response] {
+    return answer(api_.scheduler.submit(request->request_id(), request->spec(), request->validate_only()), response);
+  });
+}
+
+grpc::ServerUnaryReactor* JobService::GetJob(grpc::CallbackServerContext* call, const v1::GetJobRequest* request,
+                                             v1::GetJobResponse* response) {
+  return unary(call, api_.pool,
+               [this, request, response] { return answer(api_.scheduler.get(request->name()), response); });
+}
+
+grpc::ServerUnaryReactor* JobService::ListJobs(grpc::CallbackServerContext* call, const v1::ListJobsRequest* request,
+                                               v1::ListJobsResponse* response) {
+  return unary(call, api_.pool, [this, request, response] {
+    JobFilter filter;
+    for (const int state : request->states()) filter.states.push_back(static_cast<v1::JobState>(state));
+    filter.labels.insert(request->labels().begin(), request->labels().end());
+    auto page = api_.scheduler.list(filter, request->page_size(), request->page_token());
+    if (!page) return status(page.error());
+    for (v1::Job& job : page->jobs) {
+      // A list is an overview: the places of invalid cells are in the job itself.
+      job.mutable_metrics()->mutable_before()->clear_invalid();
+      job.mutable_metrics()->mutable_after()->clear_invalid();
+      if (job.state() != v1::JOB_STATE_SUCCEEDED) job.clear_metrics();
+      *response->add_jobs() = std::move(job);
+    }
+    response->set_next_page_token(page->next_page_token);
+    return grpc::Status::OK;
+  });
+}
+
+grpc::ServerUnaryReactor* JobService::CancelJob(grpc::CallbackServerContext* call, const v1::CancelJobRequest* request,
+                                                v1::CancelJobResponse* response) {
+  return unary(call, api_.pool,
+               [this, request, response] { return answer(api_.scheduler.cancel(request->name()), response); });
+}
+
+grpc::ServerUnaryReactor* JobService::DeleteJob(grpc::CallbackServerContext* call, const v1::DeleteJobRequest* request,
+                                                v1::DeleteJobResponse*) {
+  return unary(call, api_.pool, [this, request] {
+    const auto removed = api_.scheduler.remove(request->name());
+    return removed ? grpc::Status::OK : status(removed.error());
+  });
+}
+
+grpc::ServerWriteReactor<v1::WatchJobResponse>* JobService::WatchJob(grpc::CallbackServerContext* call,
+                                                                     const v1::WatchJobRequest* request) {
+  using Stream = StreamOut<v1::WatchJobResponse>;
+  auto log = api_.scheduler.events(request->name());
+  if (!log) return Stream::refuse(api_, call, status(log.error()));
+  if (request->after_sequence() < 0 || !(*log)->can_resume_after(request->after_sequence())) {
+    const auto job = api_.scheduler.get(request->name());
+    return Stream::refuse(
+        api_, call,
+        status(Failure{Code::OutOfRange,
+                       "SEQUENCE_EXPIRED",
+                       "The events behind number " + std::to_string(request->after_sequence()) + " of " +
+                           request->name() + " are not kept; watch it from 0.",
+                       {{"job", request->name()}, {"oldest_sequence", std::to_string((*log)->oldest_sequence())}},
+                       0},
+               job ? &*job : nullptr));
+  }
+  const auto interval = std::chrono::seconds(request->min_interval().seconds()) +
+                        std::chrono::nanoseconds(request->min_interval().nanos());
+  auto events = std::make_shared<EventSource>(*log, request->after_sequence(), interval);
+  return Stream::open(
+      api_, call,
+      Pump<v1::WatchJobResponse>::Source([events](v1::WatchJobResponse* response, bool idle, grpc::Status*) {
+        return events->pull(response->mutable_event(), idle);
+      }),
+      [&](std::weak_ptr<Listener> listener) { (*log)->subscribe(std::move(listener)); });
+}
+
+grpc::ServerWriteReactor<v1::GetResultResponse>* JobService::GetResult(grpc::CallbackServerContext* call,
+                                                                       const v1::GetResultRequest* request) {
+  // The job is looked up by the first pull, on the pool.
+  auto result = std::make_shared<std::optional<ResultSource>>();
+  return StreamOut<v1::GetResultResponse>::open(
+      api_, call,
+      Pump<v1::GetResultResponse>::Source(
+          [this, result, name = request->name(), with_meshes = !request->without_meshes()](
+              v1::GetResultResponse* response, bool, grpc::Status* ended) {
+            if (!*result) {
+              auto job = api_.scheduler.get(name);
+              if (job && job->state() != v1::JOB_STATE_SUCCEEDED)
+                job = failure(Code::FailedPrecondition, "JOB_NOT_SUCCEEDED",
+                              name + " has no result: its state is " + v1::JobState_Name(job->state()) + ".",
+                              {{"job", name}, {"state", v1::JobState_Name(job->state())}});
+              if (!job) {
+                *ended = status(job.error());
+                return Pull::End;
+              }
+              result->emplace(api_, std::move(*job), with_meshes);
+            }
+            ResultSource::Piece piece;
+            const auto more = (*result)->pull(&piece);
+            if (!more) *ended = status(more.error());
+            if (!more || !*more) return Pull::End;
+            if (piece.job) *response->mutable_job() = std::move(*piece.job);
+            if (piece.history) *response->mutable_history() = std::move(*piece.history);
+            if (piece.chunk) *response->mutable_chunk() = std::move(*piece.chunk);
+            return Pull::Message;
+          }));
+}
+
+grpc::ServerUnaryReactor* JobService::GetServerInfo(grpc::CallbackServerContext* call, const v1::GetServerInfoRequest*,
+                                                    v1::GetServerInfoResponse* response) {
+  return unary(call, api_.pool, [this, response] {
+    response->set_version(std::string(version()));
+    response->mutable_limits()->set_max_mesh_bytes(api_.limits.max_mesh_bytes);
+    response->mutable_limits()->set_max_pending_jobs(api_.limits.max_pending_jobs);
+    response->mutable_limits()->set_threads(api_.limits.threads);
+    for (int format = v1::MESH_FORMAT_MSH22; v1::MeshFormat_IsValid(format); ++format) {
+      if (format != v1::MESH_FORMAT_VTU) response->add_input_formats(static_cast<v1::MeshFormat>(format));
+      response->add_output_formats(static_cast<v1::MeshFormat>(format));
+    }
+    for (int energy = v1::ENERGY_HYPERELASTIC; v1::Energy_IsValid(energy); ++energy)
+      response->add_energies(static_cast<v1::Energy>(energy));
+    *response->mutable_start_time() = timestamp(api_.start_time);
+    const JobCounts counts = api_.scheduler.counts();
+    response->set_pending_jobs(counts.pending);
+    response->set_running_jobs(counts.running);
+    return grpc::Status::OK;
+  });
+}
+
+}  // namespace varimesh::server

@@ -1,0 +1,34 @@
+// JobService: submissions, states, events, results.
+#pragma once
+
+#include "server/api/pump.h"
+#include "varimesh/v1/service.grpc.pb.h"
+
+namespace varimesh::server {
+
+class JobService : public v1::JobService::CallbackService {
+ public:
+  explicit JobService(const ApiContext& api) : api_(api) {}
+
+  grpc::ServerUnaryReactor* SubmitJob(grpc::CallbackServerContext* call, const v1::SubmitJobRequest* request,
+                                      v1::SubmitJobResponse* response) override;
+  grpc::ServerUnaryReactor* GetJob(grpc::CallbackServerContext* call, const v1::GetJobRequest* request,
+                                   v1::GetJobResponse* response) override;
+  grpc::ServerUnaryReactor* ListJobs(grpc::CallbackServerContext* call, const v1::ListJobsRequest* request,
+                                     v1::ListJobsResponse* response) override;
+  grpc::ServerUnaryReactor* CancelJob(grpc::CallbackServerContext* call, const v1::CancelJobRequest* request,
+                                      v1::CancelJobResponse* response) override;
+  grpc::ServerUnaryReactor* DeleteJob(grpc::CallbackServerContext* call, const v1::DeleteJobRequest* request,
+                                      v1::DeleteJobResponse* response) override;
+  grpc::ServerWriteReactor<v1::WatchJobResponse>* WatchJob(grpc::CallbackServerContext* call,
+                                                           const v1::WatchJobRequest* request) override;
+  grpc::ServerWriteReactor<v1::GetResultResponse>* GetResult(grpc::CallbackServerContext* call,
+                                                             const v1::GetResultRequest* request) override;
+  grpc::ServerUnaryReactor* GetServerInfo(grpc::CallbackServerContext* call, const v1::GetServerInfoRequest* request,
+                                          v1::GetServerInfoResponse* response) override;
+
+ private:
+  const ApiContext& api_;
+};
+
+}  // namespace varimesh::server

@@ -1,0 +1,24 @@
+// MeshService: meshes in and out, by content.
+#pragma once
+
+#include "server/api/pump.h"
+#include "varimesh/v1/service.grpc.pb.h"
+
+namespace varimesh::server {
+
+class MeshService : public v1::MeshService::CallbackService {
+ public:
+  explicit MeshService(const ApiContext& api) : api_(api) {}
+
+  grpc::ServerReadReactor<v1::UploadMeshRequest>* UploadMesh(grpc::CallbackServerContext* call,
+                                                             v1::UploadMeshResponse* response) override;
+  grpc::ServerUnaryReactor* QueryUpload(grpc::CallbackServerContext* call, const v1::QueryUploadRequest* request,
+                                        v1::QueryUploadResponse* response) override;
+  grpc::ServerWriteReactor<v1::DownloadMeshResponse>* DownloadMesh(grpc::CallbackServerContext* call,
+                                                                   const v1::DownloadMeshRequest* request) override;
+
+ private:
+  const ApiContext& api_;
+};
+
+}  // namespace varimesh::server

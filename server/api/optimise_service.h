@@ -1,0 +1,20 @@
+// OptimiseService: everything in one call, a façade over meshes and jobs.
+#pragma once
+
+#include "server/api/pump.h"
+#include "varimesh/v1/service.grpc.pb.h"
+
+namespace varimesh::server {
+
+class OptimiseService : public v1::OptimiseService::CallbackService {
+ public:
+  explicit OptimiseService(const ApiContext& api) : api_(api) {}
+
+  grpc::ServerBidiReactor<v1::OptimiseRequest, v1::OptimiseResponse>* Optimise(
+      grpc::CallbackServerContext* call) override;
+
+ private:
+  const ApiContext& api_;
+};
+
+}  // namespace varimesh::server

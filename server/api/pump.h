@@ -1,0 +1,201 @@
+// The writing half of a stream: one message in flight, the next made on the pool, and one decision who finishes.
+#pragma once
+
+#include <grpcpp/grpcpp.h>
+
+#include <chrono>
+#include <functional>
+#include <memory>
+#include <mutex>
+
+#include "server/api/context.h"
+
+namespace varimesh::server {
+
+/// What a source has to give.
+enum class Pull { Message, Wait, End };
+
+/// Writes what a source gives, message by message, and finishes. The reactor that owns it passes its reactions on.
+/// Model: gRPC's own orca_service.cc: who finishes is decided under the lock.
+template <class Response>
+class Pump {
+ public:
+  /// Fills in the next message; called on the pool, by one thread at a time. Wait: poke() will be called when there may
+  /// be more. `idle` says that a sign of life is due, which a source that has one answers with a message.
+  using Source = std::function<Pull(Response*, bool idle, grpc::Status*)>;
+  struct Stream {
+    std::function<void(const Response*)> write;
+    std::function<void(const grpc::Status&)> finish;
+    std::function<void()> cancel;
+  };
+
+  /// `owner` keeps the reactor alive while the pool works for it.
+  Pump(Pool& pool, const Limits& limits, Stream stream) : pool_(pool), limits_(limits), stream_(std::move(stream)) {}
+
+  /// Begins to write. Before this, only end() has an effect.
+  void start(std::weak_ptr<void> owner, Source source) {
+    std::lock_guard lock(mutex_);
+    owner_ = std::move(owner);
+    source_ = std::move(source);
+    last_write_ = std::chrono::steady_clock::now();
+    if (!finished_) pull_soon();
+  }
+
+  void poke() {
+    std::lock_guard lock(mutex_);
+    if (source_ == nullptr || finished_) return;
+    if (state_ == State::Idle)
+      pull_soon();
+    else
+      poked_ = true;
+  }
+
+  void on_write_done(bool ok) {
+    std::lock_guard lock(mutex_);
+    if (finished_) return;
+    last_write_ = std::chrono::steady_clock::now();
+    if (ok)
+      pull_soon();
+    else
+      finish(grpc::Status(grpc::StatusCode::CANCELLED, "The stream was cut."));
+  }
+
+  void end(const grpc::Status& status) {
+    std::lock_guard lock(mutex_);
+    if (!finished_) finish(status);
+  }
+
+  bool finished() {
+    std::lock_guard lock(mutex_);
+    return finished_;
+  }
+
+  /// Does something to the stream that must not happen after it is finished, such as starting a read.
+  void unless_finished(const std::function<void()>& act) {
+    std::lock_guard lock(mutex_);
+    if (!finished_) act();
+  }
+
+  /// Cancels a reader that takes nothing, and asks for a sign of life where nothing was written for long.
+  void tick(std::chrono::steady_clock::time_point now) {
+    std::lock_guard lock(mutex_);
+    if (source_ == nullptr || finished_) return;
+    if (state_ == State::Writing && now - last_write_ > limits_.stalled_reader) stream_.cancel();
+    if (state_ == State::Idle && now - last_write_ > limits_.bookmark_interval) {
+      idle_ = true;
+      pull_soon();
+    }
+  }
+
+ private:
+  enum class State { Idle, Pulling, Writing };
+
+  /// With the lock held.
+  void pull_soon() {
+    state_ = State::Pulling;
+    poked_ = false;
+    pool_.post([this, alive = owner_.lock()] {
+      if (alive != nullptr) pull();
+    });
+  }
+
+  void pull() {
+    bool idle = false;
+    {
+      std::lock_guard lock(mutex_);
+      if (finished_) return;
+      idle = std::exchange(idle_, false);
+    }
+    response_.Clear();
+    Pull got = Pull::End;
+    const grpc::Status status = guarded([&] {
+      grpc::Status result;
+      got = source_(&response_, idle, &result);
+      return result;
+    });
+    std::lock_guard lock(mutex_);
+    if (finished_) return;
+    if (!status.ok() || got == Pull::End) {
+      finish(status);
+    } else if (got == Pull::Message) {
+      state_ = State::Writing;
+      last_write_ = std::chrono::steady_clock::now();
+      stream_.write(&response_);
+    } else if (poked_) {
+      pull_soon();
+    } else {
+      state_ = State::Idle;
+    }
+  }
+
+  /// With the lock held.
+  void finish(const grpc::Status& status) {
+    finished_ = true;
+    stream_.finish(status);
+  }
+
+  Pool& pool_;
+  const Limits& limits_;
+  const Stream stream_;
+  std::mutex mutex_;
+  std::weak_ptr<void> owner_;
+  Source source_;
+  Response response_;  ///< Only touched by the one that pulls, or by gRPC while it is written.
+  State state_ = State::Idle;
+  bool poked_ = false;
+  bool idle_ = false;
+  bool finished_ = false;
+  std::chrono::steady_clock::time_point last_write_;
+};
+
+/// A server-streaming call that writes what a source gives. It lives until OnDone and as long as the pool works for it.
+template <class Response>
+class StreamOut : public grpc::ServerWriteReactor<Response>, public Call, public Listener {
+ public:
+  static grpc::ServerWriteReactor<Response>* open(const ApiContext& api, grpc::CallbackServerContext* call,
+                                                  Answer<typename Pump<Response>::Source> source,
+                                                  const std::function<void(std::weak_ptr<Listener>)>& subscribe = {}) {
+    if (!source) return refuse(api, call, status(source.error()));
+    auto stream = make(api, call);
+    if (subscribe) subscribe(std::weak_ptr<Listener>(stream));
+    stream->pump_.start(stream, std::move(*source));
+    return stream.get();
+  }
+
+  static grpc::ServerWriteReactor<Response>* refuse(const ApiContext& api, grpc::CallbackServerContext* call,
+                                                    const grpc::Status& why) {
+    auto stream = make(api, call);
+    stream->end(why);
+    return stream.get();
+  }
+
+  void OnWriteDone(bool ok) override { pump_.on_write_done(ok); }
+  void OnCancel() override { pump_.end(grpc::Status::CANCELLED); }
+  void OnDone() override {
+    const std::shared_ptr<StreamOut> last = std::move(self_);
+    calls_.remove(last);
+  }
+  void end(const grpc::Status& status) override { pump_.end(status); }
+  void tick(std::chrono::steady_clock::time_point now) override { pump_.tick(now); }
+  void poke() override { pump_.poke(); }
+
+ private:
+  StreamOut(const ApiContext& api, grpc::CallbackServerContext* call)
+      : calls_(api.calls),
+        pump_(api.pool, api.limits,
+              {[this](const Response* response) { this->StartWrite(response); },
+               [this](const grpc::Status& status) { this->Finish(status); }, [call] { call->TryCancel(); }}) {}
+
+  static std::shared_ptr<StreamOut> make(const ApiContext& api, grpc::CallbackServerContext* call) {
+    std::shared_ptr<StreamOut> stream(new StreamOut(api, call));
+    stream->self_ = stream;
+    if (!api.calls.add(stream)) stream->end(stopping_status());
+    return stream;
+  }
+
+  CallRegistry& calls_;
+  Pump<Response> pump_;
+  std::shared_ptr<StreamOut> self_;  ///< gRPC's reference; dropped in OnDone.
+};
+
+}  // namespace varimesh::server

@@ -1,0 +1,69 @@
+// Pulling events and results.
+#include "server/api/sources.h"
+
+namespace varimesh::server {
+
+Pull EventSource::pull(v1::JobEvent* event, bool idle) {
+  switch (log_->next(cursor_, min_interval_, last_iteration_, event)) {
+    case EventLog::Next::Event:
+      cursor_ = event->sequence();
+      if (event->has_iteration()) last_iteration_ = time_point(event->time());
+      return Pull::Message;
+    case EventLog::Next::End:
+      return Pull::End;
+    case EventLog::Next::Wait:
+      break;
+  }
+  if (!idle) return Pull::Wait;
+  event->set_sequence(cursor_);
+  *event->mutable_time() = timestamp(std::chrono::system_clock::now());
+  event->mutable_bookmark();
+  return Pull::Message;
+}
+
+Answer<bool> ResultSource::pull(Piece* piece) {
+  constexpr int kBatch = 1000;
+  if (!job_sent_) {
+    job_sent_ = true;
+    piece->job = job_;
+    return true;
+  }
+  if (!history_) {
+    auto history = api_.scheduler.history(job_.name());
+    if (!history) return tl::unexpected(history.error());
+    history_ = std::move(*history);
+  }
+  if (next_iteration_ < history_->iterations_size()) {
+    piece->history.emplace();
+    const int end = std::min(next_iteration_ + kBatch, history_->iterations_size());
+    for (; next_iteration_ < end; ++next_iteration_)
+      piece->history->add_iterations()->Swap(history_->mutable_iterations(next_iteration_));
+    return true;
+  }
+  return with_meshes_ ? pull_chunk(piece) : Answer<bool>(false);
+}
+
+Answer<bool> ResultSource::pull_chunk(Piece* piece) {
+  while (result_ < job_.results_size()) {
+    if (blob_ == nullptr) {
+      auto blob = api_.meshes.open(job_.results(result_).digest());
+      if (!blob) return tl::unexpected(blob.error());
+      blob_ = std::move(*blob);
+      offset_ = 0;
+    }
+    const std::string_view data = blob_->bytes().substr(static_cast<std::size_t>(offset_), kChunkBytes);
+    if (!data.empty()) {
+      v1::ResultChunk& chunk = piece->chunk.emplace();
+      chunk.set_result(result_);
+      chunk.mutable_chunk()->set_offset(offset_);
+      chunk.mutable_chunk()->set_data(data.data(), data.size());
+      offset_ += static_cast<std::int64_t>(data.size());
+      return true;
+    }
+    blob_.reset();
+    ++result_;
+  }
+  return false;
+}
+
+}  // namespace varimesh::server

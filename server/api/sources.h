@@ -1,0 +1,59 @@
+// What streams are fed from: the events of a job, and what came of it. WatchJob, GetResult and Optimise share them.
+#pragma once
+
+#include <chrono>
+#include <memory>
+#include <string>
+
+#include "server/api/context.h"
+#include "server/api/pump.h"
+#include "varimesh/v1/service.pb.h"
+
+namespace varimesh::server {
+
+/// A reading position in a job's events.
+class EventSource {
+ public:
+  EventSource(std::shared_ptr<EventLog> log, std::int64_t after, std::chrono::nanoseconds min_interval)
+      : log_(std::move(log)), cursor_(after), min_interval_(min_interval) {}
+
+  /// The next event; a bookmark where there is none and one is due.
+  Pull pull(v1::JobEvent* event, bool idle);
+
+ private:
+  const std::shared_ptr<EventLog> log_;
+  std::int64_t cursor_;
+  const std::chrono::nanoseconds min_interval_;
+  TimePoint last_iteration_{};
+};
+
+/// What came of a job: the job, its history in batches, the bytes of its results.
+class ResultSource {
+ public:
+  ResultSource(const ApiContext& api, v1::Job job, bool with_meshes)
+      : api_(api), job_(std::move(job)), with_meshes_(with_meshes) {}
+
+  /// The next piece goes into one of the three, whichever it is.
+  struct Piece {
+    std::optional<v1::Job> job;
+    std::optional<v1::History> history;
+    std::optional<v1::ResultChunk> chunk;
+  };
+  /// False at the end.
+  Answer<bool> pull(Piece* piece);
+
+ private:
+  Answer<bool> pull_chunk(Piece* piece);
+
+  const ApiContext& api_;
+  const v1::Job job_;
+  const bool with_meshes_;
+  bool job_sent_ = false;
+  std::optional<v1::History> history_;
+  int next_iteration_ = 0;
+  int result_ = 0;
+  std::shared_ptr<const Blob> blob_;
+  std::int64_t offset_ = 0;
+};
+
+}  // namespace varimesh::server

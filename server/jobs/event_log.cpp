@@ -1,0 +1,114 @@
+// Keeping, thinning and delivering events.
+#include "server/jobs/event_log.h"
+
+#include <algorithm>
+
+namespace varimesh::server {
+namespace {
+
+/// The first event behind `after` in a sequence ordered by number.
+template <class Events>
+auto behind(const Events& events, std::int64_t after) {
+  return std::upper_bound(events.begin(), events.end(), after,
+                          [](std::int64_t sequence, const v1::JobEvent& event) { return sequence < event.sequence(); });
+}
+
+}  // namespace
+
+std::int64_t EventLog::append(v1::JobEvent event) {
+  std::int64_t sequence = 0;
+  {
+    std::lock_guard lock(mutex_);
+    sequence = ++last_sequence_;
+    event.set_sequence(sequence);
+    if (event.event_case() == v1::JobEvent::kIteration) {
+      iterations_.push_back(std::move(event));
+      if (iterations_.size() > limits_.max_iterations) {
+        dropped_through_ = iterations_.front().sequence();
+        iterations_.pop_front();
+      }
+    } else {
+      kept_.push_back(std::move(event));
+    }
+  }
+  notify();
+  return sequence;
+}
+
+void EventLog::close() {
+  {
+    std::lock_guard lock(mutex_);
+    closed_ = true;
+  }
+  notify();
+}
+
+EventLog::Next EventLog::next(std::int64_t after, std::chrono::nanoseconds min_interval,
+                              std::chrono::system_clock::time_point last_iteration, v1::JobEvent* event) const {
+  std::lock_guard lock(mutex_);
+  const auto kept = behind(kept_, after);
+  auto iteration = behind(iterations_, after);
+  const auto last = kept == kept_.end() ? iterations_.end() : behind(iterations_, kept->sequence());
+  if (static_cast<std::size_t>(last - iteration) > limits_.max_backlog)
+    iteration = last - static_cast<std::ptrdiff_t>(limits_.max_backlog / 4);
+  if (min_interval.count() > 0)
+    iteration = std::find_if(iteration, last, [&](const v1::JobEvent& candidate) {
+      return time_point(candidate.time()) >= last_iteration + min_interval;
+    });
+
+  if (iteration != last)
+    *event = *iteration;
+  else if (kept != kept_.end())
+    *event = *kept;
+  else
+    return closed_ ? Next::End : Next::Wait;
+  // Everything between is an iteration, since the next of the others is never passed over.
+  event->set_thinned(event->sequence() - after - 1);
+  return Next::Event;
+}
+
+bool EventLog::can_resume_after(std::int64_t sequence) const {
+  std::lock_guard lock(mutex_);
+  return sequence == 0 || (sequence >= dropped_through_ && sequence <= last_sequence_);
+}
+
+std::int64_t EventLog::last_sequence() const {
+  std::lock_guard lock(mutex_);
+  return last_sequence_;
+}
+
+std::int64_t EventLog::oldest_sequence() const {
+  std::lock_guard lock(mutex_);
+  return dropped_through_ + 1;
+}
+
+void EventLog::subscribe(std::weak_ptr<Listener> listener) {
+  std::lock_guard lock(mutex_);
+  std::erase_if(listeners_, [](const auto& old) { return old.expired(); });
+  listeners_.push_back(std::move(listener));
+}
+
+void EventLog::notify() {
+  std::vector<std::weak_ptr<Listener>> listeners;
+  {
+    std::lock_guard lock(mutex_);
+    listeners = listeners_;
+  }
+  for (const auto& weak : listeners)
+    if (const auto listener = weak.lock()) listener->poke();
+}
+
+google::protobuf::Timestamp timestamp(std::chrono::system_clock::time_point time) {
+  const auto nanoseconds = std::chrono::duration_cast<std::chrono::nanoseconds>(time.time_since_epoch()).count();
+  google::protobuf::Timestamp result;
+  result.set_seconds(nanoseconds / 1'000'000'000);
+  result.set_nanos(static_cast<std::int32_t>(nanoseconds % 1'000'000'000));
+  return result;
+}
+
+std::chrono::system_clock::time_point time_point(const google::protobuf::Timestamp& time) {
+  return std::chrono::system_clock::time_point(std::chrono::duration_cast<std::chrono::system_clock::duration>(
+      std::chrono::seconds(time.seconds()) + std::chrono::nanoseconds(time.nanos())));
+}
+
+}  // namespace varimesh::server

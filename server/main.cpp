@@ -1,0 +1,103 @@
+// varimeshd: serves mesh optimisation over gRPC.
+//
+//   varimeshd                                   on 127.0.0.1:50051
+//   varimeshd --listen 127.0.0.1:0              on a free port, which it prints
+//   varimeshd --listen unix:/run/varimesh.sock  on a socket that its owner alone can use
+//   varimeshd --listen 0.0.0.0:50051 --insecure for anybody who can reach it
+#include <spdlog/spdlog.h>
+
+#include <CLI/CLI.hpp>
+#include <csignal>
+#include <cstdio>
+#include <filesystem>
+#include <fstream>
+#include <iostream>
+
+#include "core/version.h"
+#include "server/operations/log.h"
+#include "server/server.h"
+
+namespace {
+
+/// Writes the address beside the file and renames it, so that who waits for the file reads all of it.
+bool write_port_file(const std::string& path, const std::string& address) {
+  const std::string beside = path + ".new";
+  {
+    std::ofstream file(beside);
+    file << address << '\n';
+    if (!file.flush()) return false;
+  }
+  return std::rename(beside.c_str(), path.c_str()) == 0;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  using namespace varimesh;
+  server::ServerOptions options;
+  options.listen = "127.0.0.1:50051";
+  std::string port_file, log_level = "info";
+  int drain_seconds = 30;
+
+  CLI::App app{"Serves mesh optimisation over gRPC (package varimesh.v1)."};
+  app.set_version_flag("--version", std::string(version()));
+  app.add_option("--listen", options.listen, "HOST:PORT or unix:PATH; port 0 takes a free one")->capture_default_str();
+  app.add_flag("--insecure", options.insecure, "Listen beyond loopback although nothing is encrypted or checked");
+  app.add_option("--port-file", port_file, "Write the address to this file instead of standard output");
+  app.add_option("--log-level", log_level, "trace, debug, info, warn, error or off")->capture_default_str();
+  app.add_option("--threads", options.limits.threads, "Threads shared by the running jobs; 0: all there are")
+      ->check(CLI::Range(0, 4096));
+  app.add_option("--max-mesh-bytes", options.limits.max_mesh_bytes, "Largest mesh that is taken")
+      ->capture_default_str()
+      ->check(CLI::PositiveNumber);
+  app.add_option("--max-pending-jobs", options.limits.max_pending_jobs, "Jobs that may wait")
+      ->capture_default_str()
+      ->check(CLI::PositiveNumber);
+  app.add_option("--data", options.data, "Where to make the directory for meshes (default: TMPDIR, or /tmp)");
+  app.add_option("--drain-seconds", drain_seconds, "How long a job may take to end when the server stops")
+      ->capture_default_str()
+      ->check(CLI::NonNegativeNumber);
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& error) {
+    return app.exit(error) == 0 ? 0 : 2;
+  }
+
+  // Blocked before any thread is made, so that this thread alone takes them.
+  sigset_t signals;
+  sigemptyset(&signals);
+  sigaddset(&signals, SIGTERM);
+  sigaddset(&signals, SIGINT);
+  pthread_sigmask(SIG_BLOCK, &signals, nullptr);
+  std::signal(SIGPIPE, SIG_IGN);
+
+  if (const auto log = server::start_log(log_level); !log) {
+    std::cerr << "varimeshd: " << log.error().sentence << '\n';
+    return 2;
+  }
+  options.engine = server::core_engine();
+  auto server = server::Server::start(std::move(options));
+  if (!server) {
+    std::cerr << "varimeshd: " << server.error().sentence << '\n';
+    return server.error().kind == Error::Kind::BadOption ? 2 : 1;
+  }
+  const std::string address = (*server)->address();
+  if (port_file.empty()) {
+    std::cout << "varimeshd listens on " << address << std::endl;
+  } else if (!write_port_file(port_file, address)) {
+    std::cerr << "varimeshd: cannot write " << port_file << "; name a file in a folder that exists.\n";
+    return 1;
+  }
+  spdlog::info("varimeshd {} listens on {}", version(), address);
+
+  int signal = 0;
+  sigwait(&signals, &signal);
+  spdlog::info("stopping");
+  if (!(*server)->stop(std::chrono::seconds(drain_seconds))) {
+    // A job that does not end by itself must not keep the process: whoever sent the signal would kill it anyway.
+    spdlog::warn("a job did not end within {} s and is left", drain_seconds);
+    std::_Exit(0);
+  }
+  spdlog::info("stopped");
+  return 0;
+}

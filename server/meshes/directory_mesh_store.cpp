@@ -1,0 +1,315 @@
+// Files, mappings and uploads of the directory store.
+#include "server/meshes/directory_mesh_store.h"
+
+#include <fcntl.h>
+#include <sys/mman.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstring>
+#include <system_error>
+#include <vector>
+
+#include "server/meshes/sha256.h"
+
+namespace varimesh::server {
+namespace {
+
+using Code = Failure::Code;
+constexpr auto kUploadLifetime = std::chrono::minutes(10);
+
+bool write_all(int file, std::string_view bytes) {
+  while (!bytes.empty()) {
+    const ssize_t written = ::write(file, bytes.data(), bytes.size());
+    if (written < 0 && errno == EINTR) continue;
+    if (written <= 0) return false;
+    bytes.remove_prefix(static_cast<std::size_t>(written));
+  }
+  return true;
+}
+
+tl::unexpected<Failure> store_full(const char* what) {
+  return failure(Code::ResourceExhausted, "STORE_FULL",
+                 std::string("The server cannot keep the mesh: ") + what + " (" + std::strerror(errno) +
+                     "); free disk space there, or ask whoever runs it.",
+                 {}, 30);
+}
+
+/// A file mapped for reading. Its pages are dropped with it.
+class MappedBlob : public Blob {
+ public:
+  MappedBlob(void* data, std::size_t size) : data_(data), size_(size) {}
+  ~MappedBlob() override {
+    if (data_ != nullptr) ::munmap(data_, size_);
+  }
+  std::string_view bytes() const override { return {static_cast<const char*>(data_), size_}; }
+
+ private:
+  void* data_;
+  std::size_t size_;
+};
+
+}  // namespace
+
+/// An upload under way. Its own mutex orders the streams that may follow each other.
+struct DirectoryMeshStore::Upload {
+  ~Upload() {
+    if (file >= 0) ::close(file);
+    std::error_code ignored;
+    if (!path.empty()) std::filesystem::remove(path, ignored);
+  }
+  std::mutex mutex;
+  std::string digest;
+  std::int64_t size = 0;
+  std::int64_t committed = 0;
+  std::int64_t generation = 0;
+  int file = -1;
+  std::filesystem::path path;
+  Sha256 hash;
+  std::chrono::steady_clock::time_point touched;
+};
+
+class DirectoryMeshStore::Writer : public BlobWriter {
+ public:
+  Writer(DirectoryMeshStore* store, int file, std::filesystem::path path)
+      : store_(store), file_(file), path_(std::move(path)) {}
+  ~Writer() override {
+    ::close(file_);
+    std::error_code ignored;
+    std::filesystem::remove(path_, ignored);
+  }
+  bool append(std::string_view bytes) override {
+    hash_.update(bytes);
+    size_ += static_cast<std::int64_t>(bytes.size());
+    return write_all(file_, bytes);
+  }
+  Answer<StoredBytes> commit() override { return store_->adopt(path_, {hash_.finish(), size_}, false); }
+
+ private:
+  DirectoryMeshStore* store_;
+  int file_;
+  std::filesystem::path path_;
+  Sha256 hash_;
+  std::int64_t size_ = 0;
+};
+
+Answer<std::unique_ptr<DirectoryMeshStore>> DirectoryMeshStore::create(const std::string& parent,
+                                                                       std::int64_t max_mesh_bytes, Clock clock) {
+  std::error_code error;
+  const std::filesystem::path base =
+      parent.empty() ? std::filesystem::temp_directory_path(error) : std::filesystem::path(parent);
+  std::string name = (base / "varimesh-XXXXXX").string();
+  if (error || ::mkdtemp(name.data()) == nullptr)
+    return failure(Code::Unavailable, "STORE_FULL",
+                   "Cannot make a directory for meshes in '" + base.string() + "' (" + std::strerror(errno) +
+                       "); name another one (TMPDIR, or --data of the server).");
+  return std::unique_ptr<DirectoryMeshStore>(new DirectoryMeshStore(name, max_mesh_bytes, std::move(clock)));
+}
+
+DirectoryMeshStore::DirectoryMeshStore(std::filesystem::path directory, std::int64_t max_mesh_bytes, Clock clock)
+    : directory_(std::move(directory)), max_mesh_bytes_(max_mesh_bytes), clock_(std::move(clock)) {}
+
+DirectoryMeshStore::~DirectoryMeshStore() {
+  uploads_.clear();
+  std::error_code ignored;
+  std::filesystem::remove_all(directory_, ignored);
+}
+
+std::filesystem::path DirectoryMeshStore::temporary_path() {
+  std::lock_guard lock(mutex_);
+  return directory_ / ("part-" + std::to_string(++counter_));
+}
+
+// ===== uploads =====
+
+Answer<UploadTicket> DirectoryMeshStore::begin_upload(const std::string& id, const std::string& digest,
+                                                      std::int64_t size) {
+  if (id.empty() || id.size() > 128)
+    return failure(Code::InvalidArgument, "BAD_REQUEST", "The upload id must have 1 to 128 bytes.");
+  if (!is_digest(digest))
+    return failure(Code::InvalidArgument, "BAD_REQUEST",
+                   "The digest must be the mesh's SHA-256 as 64 hexadecimal digits in small letters.");
+  if (size < 0 || size > max_mesh_bytes_)
+    return failure(Code::ResourceExhausted, "MESH_TOO_LARGE",
+                   "The mesh has " + std::to_string(size) + " bytes, and the server takes at most " +
+                       std::to_string(max_mesh_bytes_) + " (its flag --max-mesh-bytes).",
+                   {{"max_mesh_bytes", std::to_string(max_mesh_bytes_)}});
+  if (pin(digest)) return UploadTicket{id, 0, size, true};
+
+  const std::filesystem::path path = temporary_path();
+  std::lock_guard lock(mutex_);
+  drop_old_uploads();
+  std::shared_ptr<Upload>& upload = uploads_[id];
+  if (upload == nullptr) {
+    upload = std::make_shared<Upload>();
+    upload->digest = digest;
+    upload->size = size;
+    upload->path = path;
+    upload->file = ::open(path.c_str(), O_CREAT | O_EXCL | O_WRONLY | O_CLOEXEC, 0600);
+    if (upload->file < 0) {
+      uploads_.erase(id);
+      return store_full("no file can be made");
+    }
+  }
+  const std::shared_ptr<Upload> held = upload;
+  std::lock_guard upload_lock(held->mutex);
+  if (held->digest != digest || held->size != size)
+    return failure(Code::AlreadyExists, "UPLOAD_ID_USED",
+                   "The upload id '" + id + "' belongs to an upload of another mesh; choose a new one.");
+  held->touched = clock_();
+  return UploadTicket{id, ++held->generation, held->committed, false};
+}
+
+Answer<std::shared_ptr<DirectoryMeshStore::Upload>> DirectoryMeshStore::find(const UploadTicket& ticket) {
+  std::lock_guard lock(mutex_);
+  const auto found = uploads_.find(ticket.id);
+  if (found == uploads_.end())
+    return failure(Code::NotFound, "UPLOAD_NOT_FOUND",
+                   "The upload '" + ticket.id + "' is not known any more; begin it again.");
+  return found->second;
+}
+
+Answer<std::int64_t> DirectoryMeshStore::append(const UploadTicket& ticket, std::int64_t offset,
+                                                std::string_view bytes) {
+  const auto found = find(ticket);
+  if (!found) return tl::unexpected(found.error());
+  Upload& upload = **found;
+  std::lock_guard lock(upload.mutex);
+  if (upload.generation != ticket.generation)
+    return failure(Code::Aborted, "UPLOAD_TAKEN_OVER", "Another stream goes on with this upload.");
+  if (offset != upload.committed || upload.committed + static_cast<std::int64_t>(bytes.size()) > upload.size)
+    return failure(Code::OutOfRange, "WRONG_OFFSET",
+                   "The chunk of " + std::to_string(bytes.size()) + " bytes at " + std::to_string(offset) +
+                       " does not fit an upload of " + std::to_string(upload.size) + " bytes that has " +
+                       std::to_string(upload.committed) + "; go on from there.",
+                   {{"committed_size", std::to_string(upload.committed)}});
+  if (!write_all(upload.file, bytes)) {
+    // Some of the chunk may be in the file: what is committed stays the truth.
+    const int reason = errno;
+    if (::ftruncate(upload.file, upload.committed) == 0) ::lseek(upload.file, upload.committed, SEEK_SET);
+    errno = reason;
+    return store_full("the disk takes no more");
+  }
+  upload.hash.update(bytes);
+  upload.committed += static_cast<std::int64_t>(bytes.size());
+  upload.touched = clock_();
+  return upload.committed;
+}
+
+Answer<StoredBytes> DirectoryMeshStore::finish_upload(const UploadTicket& ticket) {
+  const auto found = find(ticket);
+  if (!found) return tl::unexpected(found.error());
+  Upload& upload = **found;
+  StoredBytes stored;
+  {
+    std::lock_guard lock(upload.mutex);
+    if (upload.generation != ticket.generation)
+      return failure(Code::Aborted, "UPLOAD_TAKEN_OVER", "Another stream goes on with this upload.");
+    if (upload.committed != upload.size)
+      return failure(Code::InvalidArgument, "BAD_REQUEST",
+                     "The stream ended after " + std::to_string(upload.committed) + " of " +
+                         std::to_string(upload.size) + " bytes; go on from there, or begin again.",
+                     {{"committed_size", std::to_string(upload.committed)}});
+    ++upload.generation;  // Whoever comes now is too late.
+    stored = {upload.hash.finish(), upload.size};
+  }
+  const auto result = stored.digest == upload.digest
+                          ? adopt(upload.path, stored, true)
+                          : Answer<StoredBytes>(failure(Code::DataLoss, "DIGEST_MISMATCH",
+                                                        "The bytes that came have the SHA-256 " + stored.digest +
+                                                            ", and the header says " + upload.digest +
+                                                            "; upload the mesh again under a new id.",
+                                                        {{"digest", stored.digest}}));
+  std::lock_guard lock(mutex_);
+  uploads_.erase(ticket.id);
+  return result;
+}
+
+Answer<UploadProgress> DirectoryMeshStore::query_upload(const std::string& id, const std::string& digest) {
+  if (!digest.empty() && pin(digest)) {
+    std::lock_guard lock(mutex_);
+    return UploadProgress{entries_[digest].size, true};
+  }
+  if (const auto found = find({id, 0, 0, false})) {
+    std::lock_guard lock((*found)->mutex);
+    return UploadProgress{(*found)->committed, false};
+  }
+  return failure(Code::NotFound, "UPLOAD_NOT_FOUND", "Neither this upload nor this mesh is known; begin from 0.");
+}
+
+void DirectoryMeshStore::drop_old_uploads() {
+  const auto now = clock_();
+  std::erase_if(uploads_, [&](const auto& entry) {
+    std::unique_lock lock(entry.second->mutex, std::try_to_lock);
+    const bool old = lock.owns_lock() && now - entry.second->touched > kUploadLifetime;
+    if (lock.owns_lock()) lock.unlock();
+    return old;
+  });
+}
+
+// ===== stored bytes =====
+
+Answer<StoredBytes> DirectoryMeshStore::adopt(const std::filesystem::path& file, StoredBytes stored, bool pinned) {
+  std::lock_guard lock(mutex_);
+  Entry& entry = entries_[stored.digest];
+  if (entry.references == 0 && !entry.pinned) {
+    std::error_code error;
+    std::filesystem::rename(file, path_of(stored.digest), error);
+    if (error) {
+      entries_.erase(stored.digest);
+      errno = error.value();
+      return store_full("a finished file cannot be renamed");
+    }
+    entry.size = stored.size;
+  }
+  if (pinned)
+    entry.pinned = true;
+  else
+    ++entry.references;
+  return stored;
+}
+
+Answer<std::unique_ptr<BlobWriter>> DirectoryMeshStore::create() {
+  std::filesystem::path path = temporary_path();
+  const int file = ::open(path.c_str(), O_CREAT | O_EXCL | O_WRONLY | O_CLOEXEC, 0600);
+  if (file < 0) return store_full("no file can be made");
+  return std::make_unique<Writer>(this, file, std::move(path));
+}
+
+Answer<std::shared_ptr<const Blob>> DirectoryMeshStore::open(const std::string& digest) {
+  std::lock_guard lock(mutex_);
+  const auto entry = entries_.find(digest);
+  if (entry == entries_.end())
+    return failure(Code::NotFound, "MESH_NOT_FOUND", "The mesh " + digest + " is not in the store; upload it.",
+                   {{"digest", digest}});
+  const auto size = static_cast<std::size_t>(entry->second.size);
+  if (size == 0) return std::make_shared<const MappedBlob>(nullptr, 0);
+  const int file = ::open(path_of(digest).c_str(), O_RDONLY | O_CLOEXEC);
+  void* data = file < 0 ? MAP_FAILED : ::mmap(nullptr, size, PROT_READ, MAP_PRIVATE, file, 0);
+  const int reason = errno;
+  if (file >= 0) ::close(file);
+  if (data == MAP_FAILED)
+    return failure(Code::Internal, "INTERNAL",
+                   "The mesh " + digest + " cannot be read from the store (" + std::strerror(reason) + ").");
+  return std::make_shared<const MappedBlob>(data, size);
+}
+
+bool DirectoryMeshStore::pin(const std::string& digest) {
+  std::lock_guard lock(mutex_);
+  const auto entry = entries_.find(digest);
+  if (entry == entries_.end()) return false;
+  entry->second.pinned = true;
+  return true;
+}
+
+void DirectoryMeshStore::release(const std::string& digest) {
+  std::lock_guard lock(mutex_);
+  const auto entry = entries_.find(digest);
+  if (entry == entries_.end() || --entry->second.references > 0 || entry->second.pinned) return;
+  std::error_code ignored;
+  std::filesystem::remove(path_of(digest), ignored);
+  entries_.erase(entry);
+}
+
+}  // namespace varimesh::server

@@ -1,0 +1,68 @@
+// One answer for the server as a whole and for each of its services.
+#include "server/operations/health.h"
+
+#include <array>
+#include <string_view>
+
+namespace varimesh::server {
+namespace {
+
+using grpc::health::v1::HealthCheckResponse;
+
+constexpr std::array<std::string_view, 4> kServices{"", "varimesh.v1.MeshService", "varimesh.v1.JobService",
+                                                    "varimesh.v1.OptimiseService"};
+
+}  // namespace
+
+void HealthService::set_serving(bool serving) {
+  std::vector<std::weak_ptr<Listener>> watchers;
+  {
+    std::lock_guard lock(mutex_);
+    serving_ = serving;
+    std::erase_if(watchers_, [](const auto& watcher) { return watcher.expired(); });
+    watchers = watchers_;
+  }
+  for (const auto& weak : watchers)
+    if (const auto watcher = weak.lock()) watcher->poke();
+}
+
+HealthCheckResponse::ServingStatus HealthService::state(const std::string& service) {
+  if (std::find(kServices.begin(), kServices.end(), service) == kServices.end())
+    return HealthCheckResponse::SERVICE_UNKNOWN;
+  std::lock_guard lock(mutex_);
+  return serving_ ? HealthCheckResponse::SERVING : HealthCheckResponse::NOT_SERVING;
+}
+
+grpc::ServerUnaryReactor* HealthService::Check(grpc::CallbackServerContext* call,
+                                               const grpc::health::v1::HealthCheckRequest* request,
+                                               HealthCheckResponse* response) {
+  // Answered right here: a probe must not wait for the pool.
+  grpc::ServerUnaryReactor* reactor = call->DefaultReactor();
+  const auto found = state(request->service());
+  response->set_status(found);
+  reactor->Finish(found == HealthCheckResponse::SERVICE_UNKNOWN
+                      ? grpc::Status(grpc::StatusCode::NOT_FOUND, "There is no such service here.")
+                      : grpc::Status::OK);
+  return reactor;
+}
+
+grpc::ServerWriteReactor<HealthCheckResponse>* HealthService::Watch(
+    grpc::CallbackServerContext* call, const grpc::health::v1::HealthCheckRequest* request) {
+  auto last = std::make_shared<int>(-1);
+  const std::string service = request->service();
+  return StreamOut<HealthCheckResponse>::open(
+      api_, call,
+      Pump<HealthCheckResponse>::Source([this, service, last](HealthCheckResponse* response, bool, grpc::Status*) {
+        const auto now = state(service);
+        if (now == *last) return Pull::Wait;
+        *last = now;
+        response->set_status(now);
+        return Pull::Message;
+      }),
+      [this](std::weak_ptr<Listener> listener) {
+        std::lock_guard lock(mutex_);
+        watchers_.push_back(std::move(listener));
+      });
+}
+
+}  // namespace varimesh::server

@@ -1,0 +1,36 @@
+// The health service: NOT_SERVING until the server is ready and again when it drains.
+#pragma once
+
+#include <map>
+#include <memory>
+#include <mutex>
+#include <string>
+#include <vector>
+
+#include "grpc/health/v1/health.grpc.pb.h"
+#include "server/api/pump.h"
+
+namespace varimesh::server {
+
+class HealthService : public grpc::health::v1::Health::CallbackService {
+ public:
+  explicit HealthService(const ApiContext& api) : api_(api) {}
+
+  void set_serving(bool serving);
+
+  grpc::ServerUnaryReactor* Check(grpc::CallbackServerContext* call,
+                                  const grpc::health::v1::HealthCheckRequest* request,
+                                  grpc::health::v1::HealthCheckResponse* response) override;
+  grpc::ServerWriteReactor<grpc::health::v1::HealthCheckResponse>* Watch(
+      grpc::CallbackServerContext* call, const grpc::health::v1::HealthCheckRequest* request) override;
+
+ private:
+  grpc::health::v1::HealthCheckResponse::ServingStatus state(const std::string& service);
+
+  const ApiContext& api_;
+  std::mutex mutex_;
+  bool serving_ = false;
+  std::vector<std::weak_ptr<Listener>> watchers_;
+};
+
+}  // namespace varimesh::server

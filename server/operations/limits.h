@@ -1,0 +1,23 @@
+// What the server takes before it says no.
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+
+namespace varimesh::server {
+
+struct Limits {
+  std::int64_t max_mesh_bytes = std::int64_t{16} << 30;  ///< Of one mesh.
+  int max_pending_jobs = 1000;                           ///< Jobs that wait; more are refused.
+  int max_ended_jobs = 1000;                             ///< Jobs remembered after their end.
+  int threads = 0;                                       ///< The machine's budget; 0: all there are.
+  std::chrono::milliseconds bookmark_interval{10000};    ///< Silence on a watch; the contract promises 15 s.
+  std::chrono::milliseconds stalled_reader{30000};       ///< A message that is not taken for so long ends the stream.
+};
+
+/// Bytes of mesh in one message: larger ones cost more time and memory.
+inline constexpr std::size_t kChunkBytes = 256 * 1024;
+/// The largest that is taken.
+inline constexpr std::size_t kMaxChunkBytes = 1024 * 1024;
+
+}  // namespace varimesh::server

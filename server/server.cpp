@@ -1,0 +1,210 @@
+// Putting the parts together and taking them apart again.
+#include "server/server.h"
+
+#include <arpa/inet.h>
+#include <grpcpp/ext/proto_server_reflection_plugin.h>
+#include <grpcpp/grpcpp.h>
+#include <spdlog/spdlog.h>
+#include <sys/stat.h>
+
+#include <atomic>
+#include <cassert>
+#include <random>
+#include <thread>
+
+#include "server/api/job_service.h"
+#include "server/api/mesh_service.h"
+#include "server/api/optimise_service.h"
+#include "server/jobs/memory_job_store.h"
+#include "server/jobs/thread_budget.h"
+#include "server/meshes/directory_mesh_store.h"
+#include "server/operations/health.h"
+
+namespace varimesh::server {
+namespace {
+
+/// Threads for disk and hashing; they wait more than they work.
+constexpr int kPoolThreads = 4;
+
+std::string random_name() {
+  std::random_device device;
+  constexpr char digits[] = "0123456789abcdef";
+  std::string name = "jobs/";
+  for (int i = 0; i < 4; ++i) {
+    std::uint32_t bits = device();
+    for (int j = 0; j < 4; ++j, bits >>= 4) name += digits[bits & 15];
+  }
+  return name;
+}
+
+/// The host of HOST:PORT or [HOST]:PORT.
+std::string host_of(const std::string& address) {
+  const auto colon = address.rfind(':');
+  std::string host = address.substr(0, colon);
+  if (host.size() > 1 && host.front() == '[' && host.back() == ']') host = host.substr(1, host.size() - 2);
+  return host;
+}
+
+/// Calls a function a few times a second, on a thread of its own.
+class Ticker {
+ public:
+  Ticker(std::chrono::milliseconds interval, std::function<void()> tick)
+      : thread_([this, interval, tick = std::move(tick)] {
+          std::unique_lock lock(mutex_);
+          while (!stopped_.wait_for(lock, interval, [this] { return stopping_; })) {
+            lock.unlock();
+            tick();
+            lock.lock();
+          }
+        }) {}
+  ~Ticker() {
+    {
+      std::lock_guard lock(mutex_);
+      stopping_ = true;
+    }
+    stopped_.notify_all();
+    thread_.join();
+  }
+
+ private:
+  std::mutex mutex_;
+  std::condition_variable stopped_;
+  bool stopping_ = false;
+  std::thread thread_;
+};
+
+}  // namespace
+
+bool is_loopback(const std::string& address) {
+  if (address.rfind("unix:", 0) == 0) return true;
+  const std::string host = host_of(address);
+  in_addr v4{};
+  in6_addr v6{};
+  if (inet_pton(AF_INET, host.c_str(), &v4) == 1) return (ntohl(v4.s_addr) >> 24) == 127;
+  if (inet_pton(AF_INET6, host.c_str(), &v6) == 1) return IN6_IS_ADDR_LOOPBACK(&v6);
+  return host == "localhost";
+}
+
+// In the order in which they need each other; destroyed the other way round.
+struct Server::Parts {
+  explicit Parts(ServerOptions given) : options(std::move(given)), budget(options.limits.threads) {
+    options.limits.threads = budget.threads();
+  }
+
+  ServerOptions options;
+  ThreadBudget budget;
+  std::unique_ptr<MeshStore> meshes;
+  MemoryJobStore jobs;
+  std::unique_ptr<Scheduler> scheduler;
+  CallRegistry calls;
+  std::unique_ptr<Pool> pool;
+  std::unique_ptr<ApiContext> api;
+  std::unique_ptr<HealthService> health;
+  std::unique_ptr<MeshService> mesh_service;
+  std::unique_ptr<JobService> job_service;
+  std::unique_ptr<OptimiseService> optimise_service;
+  std::unique_ptr<grpc::Server> server;
+  std::unique_ptr<Ticker> ticker;
+  std::string address;
+  int port = 0;
+  bool stopped = false;
+
+  void assemble() {
+    SchedulerSettings settings;
+    settings.threads = budget.threads();
+    settings.max_pending = options.limits.max_pending_jobs;
+    settings.max_ended = options.limits.max_ended_jobs;
+    settings.clock = options.clock;
+    settings.new_name = options.new_name ? options.new_name : random_name;
+    settings.launch = [this](int threads, std::function<void()> job) { budget.launch(threads, std::move(job)); };
+    settings.log = [](const std::string& job, const std::string& what) { spdlog::info("{} {}", job, what); };
+    scheduler = std::make_unique<Scheduler>(&jobs, meshes.get(), options.engine, std::move(settings));
+    pool = std::make_unique<Pool>(kPoolThreads);
+    api =
+        std::unique_ptr<ApiContext>(new ApiContext{*scheduler, *meshes, *pool, calls, options.limits, options.clock()});
+    health = std::make_unique<HealthService>(*api);
+    mesh_service = std::make_unique<MeshService>(*api);
+    job_service = std::make_unique<JobService>(*api);
+    optimise_service = std::make_unique<OptimiseService>(*api);
+  }
+
+  Expected<void> listen();
+};
+
+Expected<void> Server::Parts::listen() {
+  grpc::reflection::InitProtoReflectionServerBuilderPlugin();
+  grpc::ServerBuilder builder;
+  // Two servers on one port would otherwise both start, and share the calls between them.
+  builder.AddChannelArgument(GRPC_ARG_ALLOW_REUSEPORT, 0);
+  // A watcher behind a dead connection is noticed, and one that pings is not cut for it.
+  builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_TIME_MS, 60'000);
+  builder.AddChannelArgument(GRPC_ARG_HTTP2_MIN_RECV_PING_INTERVAL_WITHOUT_DATA_MS, 10'000);
+  builder.RegisterService(health.get());
+  builder.RegisterService(mesh_service.get());
+  builder.RegisterService(job_service.get());
+  builder.RegisterService(optimise_service.get());
+  const bool socket = options.listen.rfind("unix:", 0) == 0;
+  if (!options.listen.empty()) builder.AddListeningPort(options.listen, grpc::InsecureServerCredentials(), &port);
+
+  const mode_t mask = socket ? ::umask(0177) : 0;  // a socket of the owner alone
+  server = builder.BuildAndStart();
+  if (socket) ::umask(mask);
+  if (server == nullptr || (!options.listen.empty() && port == 0))
+    return tl::unexpected(Error{Error::Kind::Output, "Cannot listen on " + options.listen +
+                                                         ": the address is taken or not this machine's; name another "
+                                                         "one (port 0 takes a free one)."});
+  if (socket)
+    address = options.listen;
+  else if (!options.listen.empty())
+    address = options.listen.substr(0, options.listen.rfind(':')) + ":" + std::to_string(port);
+  return {};
+}
+
+Expected<std::unique_ptr<Server>> Server::start(ServerOptions options) {
+  const std::string& listen = options.listen;
+  if (!listen.empty() && listen.rfind("unix:", 0) != 0 && listen.rfind(':') == std::string::npos)
+    return bad_option("The address '" + listen + "' has no port; write HOST:PORT or unix:PATH.");
+  if (!listen.empty() && !is_loopback(listen) && !options.insecure)
+    return bad_option(
+        "Anybody who reaches " + listen +
+        " could use this server, and nothing would be encrypted; listen on 127.0.0.1, or say --insecure.");
+  auto meshes = DirectoryMeshStore::create(options.data, options.limits.max_mesh_bytes);
+  if (!meshes) return tl::unexpected(Error{Error::Kind::Output, meshes.error().sentence});
+
+  auto parts = std::make_unique<Parts>(std::move(options));
+  parts->meshes = std::move(*meshes);
+  parts->assemble();
+  if (const auto listening = parts->listen(); !listening) return tl::unexpected(listening.error());
+  parts->ticker = std::make_unique<Ticker>(std::chrono::milliseconds(250),
+                                           [calls = &parts->calls] { calls->tick(std::chrono::steady_clock::now()); });
+  parts->health->set_serving(true);
+  return std::unique_ptr<Server>(new Server(std::move(parts)));
+}
+
+Server::Server(std::unique_ptr<Parts> parts) : parts_(std::move(parts)) {}
+
+Server::~Server() {
+  // Jobs hold on to parts of the server: there is no going on without them, however long they take.
+  while (!parts_->stopped) stop(std::chrono::hours(1));
+}
+
+const std::string& Server::address() const { return parts_->address; }
+int Server::port() const { return parts_->port; }
+
+std::shared_ptr<grpc::Channel> Server::in_process_channel() {
+  return parts_->server->InProcessChannel(grpc::ChannelArguments());
+}
+
+bool Server::stop(std::chrono::milliseconds patience) {
+  const auto deadline = std::chrono::steady_clock::now() + patience;
+  parts_->health->set_serving(false);
+  parts_->scheduler->stop();
+  parts_->calls.end_all(stopping_status());
+  parts_->calls.wait_empty(std::min(deadline, std::chrono::steady_clock::now() + std::chrono::seconds(5)));
+  parts_->server->Shutdown(std::chrono::system_clock::now() + std::chrono::seconds(2));
+  parts_->server->Wait();
+  parts_->stopped = parts_->scheduler->drain(deadline);
+  return parts_->stopped;
+}
+
+}  // namespace varimesh::server
