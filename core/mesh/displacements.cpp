@@ -1,33 +1,17 @@
 #include "core/mesh/displacements.h"
 
-#include <charconv>
 #include <cmath>
 #include <optional>
 #include <string>
 #include <unordered_map>
 
 #include "core/mesh/connectivity.h"
+#include "core/mesh/words.h"
 
 namespace varimesh {
 namespace {
 
 // === Text ================================================================================================
-
-std::string_view next_word(std::string_view& line) {
-  const std::size_t start = line.find_first_not_of(" \t\r");
-  if (start == std::string_view::npos) return line = {};
-  const std::size_t end = line.find_first_of(" \t\r", start);
-  const std::string_view word = line.substr(start, end == std::string_view::npos ? end : end - start);
-  line = end == std::string_view::npos ? std::string_view{} : line.substr(end);
-  return word;
-}
-
-template <class T>
-bool parse(std::string_view word, T& value) {
-  if (!word.empty() && word.front() == '+') word.remove_prefix(1);
-  const auto [stop, error] = std::from_chars(word.data(), word.data() + word.size(), value);
-  return error == std::errc() && stop == word.data() + word.size();
-}
 
 // The displacement in a line, or nothing where the line does not hold one.
 std::optional<NodeDisplacement> parse_line(std::string_view line) {
@@ -70,12 +54,8 @@ Expected<std::size_t> find_boundary_node(const std::unordered_map<std::int64_t, 
 
 Expected<std::vector<NodeDisplacement>> read_displacements(std::string_view text) {
   std::vector<NodeDisplacement> displacements;
-  for (std::size_t number = 1; !text.empty(); ++number) {
-    const std::size_t end = text.find('\n');
-    std::string_view line = text.substr(0, end);
-    text = end == std::string_view::npos ? std::string_view{} : text.substr(end + 1);
-    line = line.substr(0, line.find('#'));
-    if (line.find_first_not_of(" \t\r") == std::string_view::npos) continue;
+  std::string_view line;
+  for (std::size_t number = 0; next_line(text, line, number);) {
     const auto displacement = parse_line(line);
     if (!displacement)
       return bad_input("Line " + std::to_string(number) +

@@ -1,8 +1,6 @@
 #include "core/optimise/cells.h"
 
-#include <Eigen/Dense>
 #include <cassert>
-#include <cmath>
 
 #include "core/reference/basis.h"
 #include "core/reference/quadrature.h"
@@ -26,37 +24,6 @@ void fill_tables(CellBlock& block, int degree) {
       for (int q = 0; q < block.stride; ++q)
         block.derivatives[(static_cast<std::size_t>(i) * d + k) * block.stride + q] =
             gradients[k](std::min(q, block.points - 1), i);
-}
-
-/// ∇χ_L at the block's quadrature points: derivatives of the vertices' basis.
-std::vector<Eigen::MatrixXd> vertex_gradients(const CellBlock& block, int degree) {
-  const reference::Quadrature rule = reference::quadrature(block.shape, block.order, degree);
-  return reference::basis_gradients(block.shape, 1, NodeSet::Equispaced, block.dimension, rule.points);
-}
-
-template <int d>
-void set_targets(Problem& problem, CellBlock& block, int degree) {
-  const auto gradients = vertex_gradients(block, degree);
-  const int vertices = reference::info(block.shape).vertices;
-  const int per_cell = block.affine ? 1 : block.stride;
-  block.inverse_target.resize(static_cast<std::size_t>(block.count) * d * d * per_cell);
-  block.measure.resize(static_cast<std::size_t>(block.count) * per_cell);
-  for (std::int32_t cell = 0; cell < block.count; ++cell) {
-    const std::int32_t* nodes = block.nodes.data() + static_cast<std::size_t>(cell) * block.nodes_per_cell;
-    double* inverse = block.inverse_target.data() + static_cast<std::size_t>(cell) * d * d * per_cell;
-    double* measure = block.measure.data() + static_cast<std::size_t>(cell) * per_cell;
-    for (int q = 0; q < per_cell; ++q) {
-      const int point = std::min(q, block.points - 1);
-      Eigen::Matrix<double, d, d> A = Eigen::Matrix<double, d, d>::Zero();
-      for (int v = 0; v < vertices; ++v)
-        for (int k = 0; k < d; ++k)
-          for (int i = 0; i < d; ++i) A(i, k) += problem.positions[nodes[v] * d + i] * gradients[k](point, v);
-      const Eigen::Matrix<double, d, d> inverse_A = A.inverse();
-      for (int i = 0; i < d; ++i)
-        for (int j = 0; j < d; ++j) inverse[(i * d + j) * per_cell + q] = inverse_A(i, j);
-      measure[q] = std::abs(A.determinant()) * (block.affine ? 1.0 : block.weights[q]);
-    }
-  }
 }
 
 void list_incidences(Problem& problem, const std::vector<bool>& fixed) {
@@ -120,15 +87,6 @@ Problem build_problem(const HighOrderMesh& mesh, const std::vector<bool>& fixed,
   }
   list_incidences(problem, fixed);
   return problem;
-}
-
-void set_straight_sided_targets(Problem& problem) {
-  for (CellBlock& block : problem.blocks) {
-    if (problem.dimension == 2)
-      set_targets<2>(problem, block, block.degree);
-    else
-      set_targets<3>(problem, block, block.degree);
-  }
 }
 
 }  // namespace varimesh

@@ -76,7 +76,7 @@ struct Problem {
 /// 2 P. Positions, targets and deformation gradients are left to be set.
 Problem build_problem(const HighOrderMesh& mesh, const std::vector<bool>& fixed, int quadrature_degree);
 
-/// Sets the targets to the straight-sided cells on the vertices of `positions`.
+/// Sets the targets to the straight-sided cells on the vertices of `positions`; targets.h has the others.
 void set_straight_sided_targets(Problem& problem);
 
 }  // namespace varimesh

@@ -12,21 +12,6 @@ namespace {
 using reference::NodePlace;
 using reference::NodeSet;
 
-/// Whether `part` belongs to `whole` or bounds it.
-bool in_closure(const reference::ShapeInfo& shape, NodePlace part, NodePlace whole) {
-  if (whole.dimension == shape.dimension) return true;
-  if (part.dimension == whole.dimension) return part.index == whole.index;
-  if (part.dimension > whole.dimension) return false;
-  const auto is_vertex_of = [&](int vertex) {
-    if (whole.dimension == 1) return shape.edges[whole.index][0] == vertex || shape.edges[whole.index][1] == vertex;
-    for (const std::int8_t v : shape.faces[whole.index].vertices)
-      if (v == vertex) return true;
-    return false;
-  };
-  if (part.dimension == 0) return is_vertex_of(part.index);
-  return is_vertex_of(shape.edges[part.index][0]) && is_vertex_of(shape.edges[part.index][1]);
-}
-
 /// The conversion with exact zeros where a node does not depend on another, instead of rounding errors.
 Eigen::MatrixXd exact_conversion(Shape shape, int order, NodeSet from, NodeSet to, int ambient) {
   Eigen::MatrixXd matrix = reference::conversion(shape, order, from, to, ambient);
@@ -48,6 +33,20 @@ void for_each_cell(const HighOrderMesh& mesh, NodeSet from, NodeSet to, Use use)
 }
 
 }  // namespace
+
+bool in_closure(const reference::ShapeInfo& shape, NodePlace part, NodePlace whole) {
+  if (whole.dimension == shape.dimension) return true;
+  if (part.dimension == whole.dimension) return part.index == whole.index;
+  if (part.dimension > whole.dimension) return false;
+  const auto is_vertex_of = [&](int vertex) {
+    if (whole.dimension == 1) return shape.edges[whole.index][0] == vertex || shape.edges[whole.index][1] == vertex;
+    for (const std::int8_t v : shape.faces[whole.index].vertices)
+      if (v == vertex) return true;
+    return false;
+  };
+  if (part.dimension == 0) return is_vertex_of(part.index);
+  return is_vertex_of(shape.edges[part.index][0]) && is_vertex_of(shape.edges[part.index][1]);
+}
 
 Frame frame_of(const HighOrderMesh& mesh) {
   std::array<double, 3> low, high;

@@ -6,6 +6,7 @@
 
 #include "core/mesh/high_order_mesh.h"
 #include "core/optimise/cells.h"
+#include "core/reference/nodes.h"
 
 namespace varimesh {
 
@@ -16,6 +17,10 @@ struct Frame {
 };
 
 Frame frame_of(const HighOrderMesh& mesh);
+
+/// Whether a cell's part (vertex, edge, face, interior) belongs to `whole` or bounds it: whether what happens to a node
+/// in `part` moves equispaced nodes in `whole`.
+bool in_closure(const reference::ShapeInfo& shape, reference::NodePlace part, reference::NodePlace whole);
 
 /// Positions (mesh.dimension a node, interleaved) of the optimised nodes, relative to the frame, by exact interpolation
 /// in the cells. Nodes that no cell has keep their own.

@@ -7,14 +7,15 @@
 
 #include "core/energy/material.h"
 #include "core/mesh/check.h"
-#include "core/mesh/connectivity.h"
 #include "core/optimise/cells.h"
 #include "core/optimise/door.h"
+#include "core/optimise/fixing.h"
 #include "core/optimise/kernels.h"
 #include "core/optimise/newton.h"
 #include "core/optimise/schedule.h"
 #include "core/optimise/sweep.h"
-#include "core/optimise/team.h"
+#include "core/optimise/targets.h"
+#include "core/team.h"
 
 namespace varimesh {
 namespace {
@@ -82,6 +83,7 @@ struct Optimiser::State {
   HighOrderMesh mesh;
   Options options;
   MeshSummary summary;
+  StretchField target;
   Problem problem;
   Schedule schedule;
   std::unique_ptr<Kernels> kernels;
@@ -93,9 +95,9 @@ struct Optimiser::State {
   void iterate(Team& team, const OnIteration& on_iteration, Clock::time_point start, Result& result);
 };
 
-Expected<MeshSummary> summarise(const HighOrderMesh& mesh) {
-  if (const auto checked = check(mesh); !checked) return tl::unexpected(checked.error());
-  const std::vector<bool> fixed = fixed_nodes(mesh);
+namespace {
+
+MeshSummary sizes(const HighOrderMesh& mesh, const std::vector<bool>& fixed) {
   std::vector<bool> used(mesh.node_count(), false);
   for (const ElementBlock& block : mesh.blocks)
     if (reference::info(block.shape).dimension == mesh.dimension)
@@ -107,6 +109,16 @@ Expected<MeshSummary> summarise(const HighOrderMesh& mesh) {
   summary.nodes = static_cast<std::int64_t>(mesh.node_count());
   for (std::size_t n = 0; n < mesh.node_count(); ++n) summary.free_nodes += used[n] && !fixed[n] ? 1 : 0;
   return summary;
+}
+
+}  // namespace
+
+Expected<MeshSummary> summarise(const HighOrderMesh& mesh, const Options& options) {
+  if (const auto checked = check(options); !checked) return tl::unexpected(checked.error());
+  if (const auto checked = check(mesh); !checked) return tl::unexpected(checked.error());
+  const Expected<std::vector<bool>> fixed = choose_fixed_nodes(mesh, options);
+  if (!fixed) return tl::unexpected(fixed.error());
+  return sizes(mesh, *fixed);
 }
 
 Optimiser::Optimiser(std::unique_ptr<State> state) : state_(std::move(state)) {}
@@ -121,15 +133,19 @@ Expected<Optimiser> Optimiser::create(const HighOrderMesh& mesh, const Options& 
 Expected<Optimiser> Optimiser::create(HighOrderMesh&& mesh, const Options& options) {
   const Clock::time_point start = Clock::now();
   if (const auto checked = check(options); !checked) return tl::unexpected(checked.error());
-  const Expected<MeshSummary> summary = summarise(mesh);
-  if (!summary) return tl::unexpected(summary.error());
+  if (const auto checked = check(mesh); !checked) return tl::unexpected(checked.error());
+  const Expected<std::vector<bool>> fixed = choose_fixed_nodes(mesh, options);
+  if (!fixed) return tl::unexpected(fixed.error());
+  Expected<StretchField> target = resolve_target_field(mesh, options);
+  if (!target) return tl::unexpected(target.error());
   if (const auto checked = check_degree(mesh, options.quadrature_degree); !checked)
     return tl::unexpected(checked.error());
   auto state = std::make_unique<State>();
   state->options = options;
-  state->summary = *summary;
+  state->summary = sizes(mesh, *fixed);
+  state->target = std::move(*target);
   if (options.max_iterations > 0) {
-    state->problem = build_problem(mesh, fixed_nodes(mesh), options.quadrature_degree);
+    state->problem = build_problem(mesh, *fixed, options.quadrature_degree);
     state->schedule = make_schedule(state->problem, options.colouring);
     state->kernels = make_kernels(material(options), mesh.dimension);
     if (options.method != Method::Sweeps) state->hessian = make_hessian_kernels(material(options), mesh.dimension);
@@ -167,7 +183,7 @@ Result Optimiser::State::run(const OnIteration& on_iteration) {
     const Frame frame = frame_of(mesh);
     problem.positions = positions_at_door(mesh, frame);
     const std::vector<double> before = problem.positions;
-    set_straight_sided_targets(problem);
+    set_targets(problem, mesh, target, frame.diagonal);
     Team team(options.threads);
     team.run([&] { iterate(team, on_iteration, start, result); });
     result.mesh.coordinates = coordinates_at_door(mesh, frame, before, problem.positions);

@@ -63,8 +63,8 @@ struct Result {
 /// the same path, and the result is the same bit for bit whatever the number of threads.
 Expected<Result> optimise(HighOrderMesh mesh, const Options& options = {}, const OnIteration& on_iteration = {});
 
-/// What the mesh is, without optimising it: sizes, and which nodes would move.
-Expected<MeshSummary> summarise(const HighOrderMesh& mesh);
+/// What the mesh is, without optimising it: sizes, and how many nodes would move with these options.
+Expected<MeshSummary> summarise(const HighOrderMesh& mesh, const Options& options = {});
 
 /// Repeated work on one mesh topology (a moving boundary, a design loop): set up once, run for each set of coordinates.
 class Optimiser {

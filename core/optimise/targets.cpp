@@ -1,0 +1,237 @@
+// A new target is one function of CellAtHand and one line in the table at the end of the file's first part.
+#include "core/optimise/targets.h"
+
+#include <Eigen/Dense>
+#include <cassert>
+#include <cmath>
+
+#include "core/reference/basis.h"
+#include "core/reference/quadrature.h"
+
+namespace varimesh {
+namespace {
+
+template <int d>
+using MatrixD = Eigen::Matrix<double, d, d>;
+
+// === The targets =========================================================================================
+
+// What a target may depend on, at one quadrature point of one cell.
+template <int d>
+struct CellAtHand {
+  MatrixD<d> straight;  // ∇χ_L here
+  MatrixD<d> stretch;   // S here; 1 without a field
+  MatrixD<d> regular;   // W
+  MatrixD<d> rotation;  // R, of the whole cell
+  double edge = 0;      // of the regular shape with the straight-sided cell's volume
+};
+
+template <int d>
+MatrixD<d> straight_sided(const CellAtHand<d>& cell) {
+  return cell.straight;
+}
+
+template <int d>
+MatrixD<d> ideal(const CellAtHand<d>& cell) {
+  return cell.edge * cell.rotation * cell.regular;
+}
+
+template <int d>
+MatrixD<d> sized(const CellAtHand<d>& cell) {
+  return cell.stretch * cell.rotation * cell.regular;
+}
+
+template <int d>
+MatrixD<d> strained(const CellAtHand<d>& cell) {
+  return cell.stretch * cell.straight;
+}
+
+struct TargetEntry {
+  Target target;
+  bool is_regular;  // made of W: the rotation and the edge are worth computing
+  MatrixD<2> (*plane)(const CellAtHand<2>&);
+  MatrixD<3> (*solid)(const CellAtHand<3>&);
+};
+
+constexpr TargetEntry kTargets[] = {
+    {Target::StraightSided, false, straight_sided<2>, straight_sided<3>},
+    {Target::Ideal, true, ideal<2>, ideal<3>},
+    {Target::Size, true, sized<2>, sized<3>},
+    {Target::Strain, false, strained<2>, strained<3>},
+};
+
+const TargetEntry& entry_of(Target target) {
+  for (const TargetEntry& entry : kTargets)
+    if (entry.target == target) return entry;
+  assert(false && "a target that is not in the table");
+  return kTargets[0];
+}
+
+// === Regular shapes ======================================================================================
+
+// W: gradient of the affine map from the reference cell to the regular shape with edges of length 1. Every edge of a
+// reference cell along an axis has length 2.
+Eigen::Matrix3d regular_shape(Shape shape) {
+  const double root3 = std::sqrt(3.0), root2 = std::sqrt(2.0);
+  Eigen::Matrix3d twice = Eigen::Matrix3d::Identity();
+  const bool on_triangle = shape == Shape::Triangle || shape == Shape::Tetrahedron || shape == Shape::Prism;
+  if (on_triangle) twice.col(1) << 0.5, root3 / 2, 0;
+  if (shape == Shape::Tetrahedron) twice.col(2) << 0.5, root3 / 6, root2 / root3;
+  if (shape == Shape::Pyramid) twice(2, 2) = 1 / root2;  // its height
+  return 0.5 * twice;
+}
+
+// === Block by block ======================================================================================
+
+// The values of a field on a block's cells.
+struct FieldOnBlock {
+  const StretchField& field;
+  std::vector<std::size_t> mesh_cell;  // the cell's number in the mesh's order
+  Eigen::MatrixXd vertex_values;       // points × vertices
+  double scale = 1;                    // from the field's unit to the problem's
+
+  template <int d>
+  MatrixD<d> entry(std::size_t index) const {
+    const double* value = field.values.data() + index * std::size_t(field.components);
+    if (field.components == 1) return scale * value[0] * MatrixD<d>::Identity();
+    MatrixD<d> S;
+    for (int i = 0, k = 0; i < d; ++i)
+      for (int j = 0; j <= i; ++j, ++k) S(i, j) = S(j, i) = scale * value[k];
+    return S;
+  }
+
+  template <int d>
+  MatrixD<d> at(const std::int32_t* nodes, std::int32_t cell, int point) const {
+    if (field.components == 0) return MatrixD<d>::Identity();
+    if (field.per == Per::Cell) return entry<d>(mesh_cell[std::size_t(cell)]);
+    MatrixD<d> S = MatrixD<d>::Zero();
+    for (int v = 0; v < vertex_values.cols(); ++v)
+      S += vertex_values(point, v) * entry<d>(static_cast<std::size_t>(nodes[v]));
+    return S;
+  }
+};
+
+// The orthogonal factor of a matrix; its determinant has the matrix's sign.
+template <int d>
+MatrixD<d> polar_rotation(const MatrixD<d>& matrix) {
+  const Eigen::JacobiSVD<MatrixD<d>> svd(matrix, Eigen::ComputeFullU | Eigen::ComputeFullV);
+  return svd.matrixU() * svd.matrixV().transpose();
+}
+
+template <int d>
+class BlockTargets {
+ public:
+  BlockTargets(const Problem& problem, CellBlock& block, const TargetEntry& target, const FieldOnBlock& field)
+      : problem_(problem),
+        block_(block),
+        target_(target),
+        field_(field),
+        rule_(reference::quadrature(block.shape, block.order, block.degree)),
+        gradients_(
+            reference::basis_gradients(block.shape, 1, reference::NodeSet::Equispaced, block.dimension, rule_.points)),
+        straight_(static_cast<std::size_t>(block.points)) {
+    at_.regular = regular_shape(block.shape).template topLeftCorner<d, d>();
+  }
+
+  void set() {
+    const bool varies = field_.field.components > 0 && field_.field.per == Per::Vertex;
+    block_.affine = reference::info(block_.shape).affine && !varies;
+    per_cell_ = block_.affine ? 1 : block_.stride;
+    block_.inverse_target.resize(static_cast<std::size_t>(block_.count) * d * d * per_cell_);
+    block_.measure.resize(static_cast<std::size_t>(block_.count) * per_cell_);
+    for (std::int32_t cell = 0; cell < block_.count; ++cell) set_cell(cell);
+  }
+
+ private:
+  void set_cell(std::int32_t cell) {
+    const std::int32_t* nodes = block_.nodes.data() + static_cast<std::size_t>(cell) * block_.nodes_per_cell;
+    double* inverse = block_.inverse_target.data() + static_cast<std::size_t>(cell) * d * d * per_cell_;
+    double* measure = block_.measure.data() + static_cast<std::size_t>(cell) * per_cell_;
+    const int points = std::min(per_cell_, block_.points);
+    for (int q = 0; q < points; ++q) straight_[q] = straight_gradient(nodes, q);
+    if (target_.is_regular) fit_regular(nodes, cell, points);
+    for (int q = 0; q < per_cell_; ++q) {
+      const int point = std::min(q, points - 1);
+      at_.straight = straight_[point];
+      at_.stretch = field_.at<d>(nodes, cell, point);
+      const MatrixD<d> A = evaluate();
+      const MatrixD<d> inverse_A = A.inverse();
+      for (int i = 0; i < d; ++i)
+        for (int j = 0; j < d; ++j) inverse[(i * d + j) * per_cell_ + q] = inverse_A(i, j);
+      measure[q] = std::abs(A.determinant()) * (block_.affine ? 1.0 : block_.weights[q]);
+    }
+  }
+
+  MatrixD<d> evaluate() const {
+    if constexpr (d == 2)
+      return target_.plane(at_);
+    else
+      return target_.solid(at_);
+  }
+
+  MatrixD<d> straight_gradient(const std::int32_t* nodes, int point) const {
+    MatrixD<d> A = MatrixD<d>::Zero();
+    for (int v = 0; v < reference::info(block_.shape).vertices; ++v)
+      for (int k = 0; k < d; ++k)
+        for (int i = 0; i < d; ++i) A(i, k) += problem_.positions[nodes[v] * d + i] * gradients_[k](point, v);
+    return A;
+  }
+
+  // The rotation and the edge, from means over the cell.
+  void fit_regular(const std::int32_t* nodes, std::int32_t cell, int points) {
+    MatrixD<d> straight = MatrixD<d>::Zero(), stretch = MatrixD<d>::Zero();
+    double weight = 0, volume = 0;
+    for (int q = 0; q < points; ++q) {
+      weight += rule_.weights[q];
+      volume += rule_.weights[q] * std::abs(straight_[q].determinant());
+      straight += rule_.weights[q] * straight_[q];
+      stretch += rule_.weights[q] * field_.at<d>(nodes, cell, q);
+    }
+    at_.rotation = polar_rotation<d>(stretch.inverse() * straight * at_.regular.inverse());
+    at_.edge = std::pow(volume / (weight * at_.regular.determinant()), 1.0 / d);
+  }
+
+  const Problem& problem_;
+  CellBlock& block_;
+  const TargetEntry& target_;
+  const FieldOnBlock& field_;
+  reference::Quadrature rule_;
+  std::vector<Eigen::MatrixXd> gradients_;
+  std::vector<MatrixD<d>> straight_;
+  CellAtHand<d> at_;
+  int per_cell_ = 1;
+};
+
+// The mesh's numbers of a block's cells: cells keep their order within a shape.
+std::vector<std::size_t> mesh_cells(const HighOrderMesh& mesh, Shape shape) {
+  std::vector<std::size_t> cells;
+  std::size_t next = 0;
+  for (const ElementBlock& block : mesh.blocks) {
+    if (reference::info(block.shape).dimension != mesh.dimension) continue;
+    for (std::size_t e = 0; e < block.size(); ++e, ++next)
+      if (block.shape == shape) cells.push_back(next);
+  }
+  return cells;
+}
+
+}  // namespace
+
+void set_targets(Problem& problem, const HighOrderMesh& mesh, const StretchField& field, double diagonal) {
+  const TargetEntry& target = entry_of(field.target);
+  for (CellBlock& block : problem.blocks) {
+    FieldOnBlock on_block{field, {}, {}, field.target == Target::Size ? 1 / diagonal : 1.0};
+    if (field.components > 0 && field.per == Per::Cell) on_block.mesh_cell = mesh_cells(mesh, block.shape);
+    if (field.components > 0 && field.per == Per::Vertex)
+      on_block.vertex_values =
+          reference::basis_values(block.shape, 1, reference::NodeSet::Equispaced, block.dimension,
+                                  reference::quadrature(block.shape, block.order, block.degree).points);
+    if (problem.dimension == 2)
+      BlockTargets<2>(problem, block, target, on_block).set();
+    else
+      BlockTargets<3>(problem, block, target, on_block).set();
+  }
+}
+
+void set_straight_sided_targets(Problem& problem) { set_targets(problem, {}, {}, 1.0); }
+
+}  // namespace varimesh
