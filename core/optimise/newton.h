@@ -8,7 +8,7 @@
 #include "core/optimise/cells.h"
 #include "core/optimise/kernels.h"
 #include "core/optimise/preconditioner.h"
-#include "core/optimise/team.h"
+#include "core/team.h"
 
 namespace varimesh {
 

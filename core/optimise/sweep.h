@@ -6,7 +6,7 @@
 #include "core/optimise/cells.h"
 #include "core/optimise/kernels.h"
 #include "core/optimise/schedule.h"
-#include "core/optimise/team.h"
+#include "core/team.h"
 
 namespace varimesh {
 

@@ -111,21 +111,27 @@ struct FieldOnBlock {
   }
 };
 
-// The orthogonal factor of a matrix; its determinant has the matrix's sign.
+// The orthogonal matrix with a determinant of that sign that is closest to `matrix`.
 template <int d>
-MatrixD<d> polar_rotation(const MatrixD<d>& matrix) {
+MatrixD<d> closest_rotation(const MatrixD<d>& matrix, double sign) {
   const Eigen::JacobiSVD<MatrixD<d>> svd(matrix, Eigen::ComputeFullU | Eigen::ComputeFullV);
-  return svd.matrixU() * svd.matrixV().transpose();
+  MatrixD<d> U = svd.matrixU();
+  if (U.determinant() * svd.matrixV().determinant() * sign < 0) U.col(d - 1) *= -1;  // of the smallest singular value
+  return U * svd.matrixV().transpose();
 }
+
+enum class Orientation { OfCells, AsSet };
 
 template <int d>
 class BlockTargets {
  public:
-  BlockTargets(const Problem& problem, CellBlock& block, const TargetEntry& target, const FieldOnBlock& field)
+  BlockTargets(const Problem& problem, CellBlock& block, const TargetEntry& target, const FieldOnBlock& field,
+               Orientation orientation)
       : problem_(problem),
         block_(block),
         target_(target),
         field_(field),
+        orientation_(orientation),
         rule_(reference::quadrature(block.shape, block.order, block.degree)),
         gradients_(
             reference::basis_gradients(block.shape, 1, reference::NodeSet::Equispaced, block.dimension, rule_.points)),
@@ -187,14 +193,23 @@ class BlockTargets {
       straight += rule_.weights[q] * straight_[q];
       stretch += rule_.weights[q] * field_.at<d>(nodes, cell, q);
     }
-    at_.rotation = polar_rotation<d>(stretch.inverse() * straight * at_.regular.inverse());
+    const double sign = orientation_ == Orientation::AsSet ? sign_as_set(cell) : straight.determinant();
+    at_.rotation = closest_rotation<d>(stretch.inverse() * straight * at_.regular.inverse(), sign);
     at_.edge = std::pow(volume / (weight * at_.regular.determinant()), 1.0 / d);
+  }
+
+  double sign_as_set(std::int32_t cell) const {
+    MatrixD<d> inverse;
+    for (int i = 0; i < d; ++i)
+      for (int j = 0; j < d; ++j) inverse(i, j) = block_.inverse_target_of(cell)[(i * d + j) * per_cell_];
+    return inverse.determinant();
   }
 
   const Problem& problem_;
   CellBlock& block_;
   const TargetEntry& target_;
   const FieldOnBlock& field_;
+  Orientation orientation_;
   reference::Quadrature rule_;
   std::vector<Eigen::MatrixXd> gradients_;
   std::vector<MatrixD<d>> straight_;
@@ -214,9 +229,8 @@ std::vector<std::size_t> mesh_cells(const HighOrderMesh& mesh, Shape shape) {
   return cells;
 }
 
-}  // namespace
-
-void set_targets(Problem& problem, const HighOrderMesh& mesh, const StretchField& field, double diagonal) {
+void set_all(Problem& problem, const HighOrderMesh& mesh, const StretchField& field, double diagonal,
+             Orientation orientation) {
   const TargetEntry& target = entry_of(field.target);
   for (CellBlock& block : problem.blocks) {
     FieldOnBlock on_block{field, {}, {}, field.target == Target::Size ? 1 / diagonal : 1.0};
@@ -226,10 +240,23 @@ void set_targets(Problem& problem, const HighOrderMesh& mesh, const StretchField
           reference::basis_values(block.shape, 1, reference::NodeSet::Equispaced, block.dimension,
                                   reference::quadrature(block.shape, block.order, block.degree).points);
     if (problem.dimension == 2)
-      BlockTargets<2>(problem, block, target, on_block).set();
+      BlockTargets<2>(problem, block, target, on_block, orientation).set();
     else
-      BlockTargets<3>(problem, block, target, on_block).set();
+      BlockTargets<3>(problem, block, target, on_block, orientation).set();
   }
+}
+
+}  // namespace
+
+void set_targets(Problem& problem, const HighOrderMesh& mesh, const StretchField& field, double diagonal) {
+  set_all(problem, mesh, field, diagonal, Orientation::OfCells);
+}
+
+bool turns_with_cells(const StretchField& field) { return field.target == Target::Size && field.components > 1; }
+
+void refit_targets(Problem& problem, const HighOrderMesh& mesh, const StretchField& field, double diagonal) {
+  assert(turns_with_cells(field));
+  set_all(problem, mesh, field, diagonal, Orientation::AsSet);
 }
 
 void set_straight_sided_targets(Problem& problem) { set_targets(problem, {}, {}, 1.0); }

@@ -24,4 +24,14 @@ namespace varimesh {
 /// @param diagonal the length in the mesh's unit that is 1 in the problem's coordinates: Frame::diagonal
 void set_targets(Problem& problem, const HighOrderMesh& mesh, const StretchField& field, double diagonal);
 
+/// Whether the rotations have to follow the cells. With a metric S and R do not commute, so F depends on R even for
+/// energies that do not change under rotation: a rotation that is not the cell's own costs energy, and the optimum
+/// would depend on where the mesh began.
+bool turns_with_cells(const StretchField& field);
+
+/// Fits the rotations again to the cells as `positions` now has them, for a field that turns_with_cells(). What
+/// set_targets set stays otherwise, the sign of det A too where a cell has become inverted. Deformation gradients and
+/// whatever was derived from the targets are then out of date.
+void refit_targets(Problem& problem, const HighOrderMesh& mesh, const StretchField& field, double diagonal);
+
 }  // namespace varimesh

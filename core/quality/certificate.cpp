@@ -1,10 +1,6 @@
 // Certifies cells: the batched kernel first, which settles nearly all, then subdivision for the few that it leaves.
 #include "core/quality/certificate.h"
 
-#include <tbb/parallel_for.h>
-#include <tbb/task_arena.h>
-
-#include <Eigen/Core>
 #include <algorithm>
 #include <cassert>
 #include <cmath>
@@ -12,8 +8,8 @@
 
 #include "core/quality/cell_blocks.h"
 #include "core/quality/certificate_kernel.h"
+#include "core/quality/orientation.h"
 #include "core/quality/subdivision.h"
-#include "core/reference/basis.h"
 
 namespace varimesh {
 namespace {
@@ -38,49 +34,6 @@ double power_of_two_scale(const HighOrderMesh& mesh) {
   int exponent = 0;
   std::frexp(extent, &exponent);
   return std::ldexp(1.0, std::clamp(-exponent - 1, -1000, 1000));
-}
-
-/// Gradients of the straight-sided cell's basis at the middle of the reference cell: vertices × dimension.
-Eigen::MatrixXd middle_gradients(Shape shape, int dimension) {
-  const reference::ShapeInfo& cell = reference::info(shape);
-  reference::Points middle = reference::Points::Zero(1, dimension);
-  for (int v = 0; v < cell.vertices; ++v)
-    for (int c = 0; c < dimension; ++c)
-      middle(0, c) += cell.vertex[static_cast<std::size_t>(v)][static_cast<std::size_t>(c)] / cell.vertices;
-  const auto gradients = reference::basis_gradients(shape, 1, reference::NodeSet::Equispaced, dimension, middle);
-  Eigen::MatrixXd result(cell.vertices, dimension);
-  for (int r = 0; r < dimension; ++r) result.col(r) = gradients[static_cast<std::size_t>(r)].row(0).transpose();
-  return result;
-}
-
-/// det ∇χ_L in the middle of the straight-sided cell with these vertices.
-double middle_jacobian(const HighOrderMesh& mesh, const std::int32_t* nodes, const Eigen::MatrixXd& gradients) {
-  Eigen::Matrix3d matrix = Eigen::Matrix3d::Identity();
-  const int d = mesh.dimension;
-  matrix.topLeftCorner(d, d).setZero();
-  for (Eigen::Index v = 0; v < gradients.rows(); ++v)
-    for (int c = 0; c < d; ++c) {
-      const double x = mesh.coordinates[3 * static_cast<std::size_t>(nodes[v]) + static_cast<std::size_t>(c)] -
-                       mesh.coordinates[3 * static_cast<std::size_t>(nodes[0]) + static_cast<std::size_t>(c)];
-      for (int r = 0; r < d; ++r) matrix(c, r) += x * gradients(v, r);
-    }
-  return matrix(0, 0) * (matrix(1, 1) * matrix(2, 2) - matrix(1, 2) * matrix(2, 1)) -
-         matrix(0, 1) * (matrix(1, 0) * matrix(2, 2) - matrix(1, 2) * matrix(2, 0)) +
-         matrix(0, 2) * (matrix(1, 0) * matrix(2, 1) - matrix(1, 1) * matrix(2, 0));
-}
-
-/// −1 where most straight-sided cells are numbered the other way round.
-double orientation(const HighOrderMesh& mesh) {
-  const auto gradients = detail::tables_for_cells<Eigen::MatrixXd>(
-      mesh, [&](Shape shape, int) { return middle_gradients(shape, mesh.dimension); });
-  std::size_t negative = 0, cells = 0;
-  for (const detail::CellBatch& batch : detail::cell_batches(mesh, [](const ElementBlock& b) { return b.size(); })) {
-    const Eigen::MatrixXd& gradient = gradients.at({batch.block->shape, batch.block->order});
-    for (std::size_t i = 0; i < batch.count; ++i)
-      negative += middle_jacobian(mesh, batch.nodes(i), gradient) < 0 ? 1 : 0;
-    cells += batch.count;
-  }
-  return 2 * negative > cells ? -1 : 1;
 }
 
 /// What the kernel says of one lane; false where it cannot tell.
@@ -117,7 +70,7 @@ bool settle(const HardCell& cell, const detail::KernelOutput& output, std::size_
 // ---------------------------------------------------------------------------------------------------------------------
 
 Certifier::Certifier(const HighOrderMesh& mesh, CertificateOptions options)
-    : options_(options), scale_(power_of_two_scale(mesh)), sign_(orientation(mesh)) {
+    : options_(options), scale_(power_of_two_scale(mesh)), sign_(detail::orientation(mesh)) {
   assert(mesh.dimension == 2 || mesh.dimension == 3);
   for (const detail::CellBatch& batch : detail::cell_batches(mesh, [](const ElementBlock& b) { return b.size(); }))
     for (std::size_t i = 0; i < batch.count; ++i) cells_.push_back({batch.block, batch.nodes(i)});
@@ -153,15 +106,16 @@ void Certifier::certify_run(std::span<const double> coordinates, std::span<const
 }
 
 void Certifier::certify(std::span<const double> coordinates, std::span<const std::int32_t> cells,
-                        std::span<Certificate> certificates) const {
+                        std::span<Certificate> certificates, const Team& team) const {
   assert(certificates.size() == cells_.size());
-  tbb::parallel_for(tbb::blocked_range<std::size_t>(0, cells.size(), kGrain), [&](const auto& range) {
-    certify_run(coordinates, cells.subspan(range.begin(), range.size()), certificates);
+  team.for_ranges(cells.size(), kGrain, [&](std::size_t begin, std::size_t end) {
+    certify_run(coordinates, cells.subspan(begin, end - begin), certificates);
   });
 }
 
-void Certifier::certify(std::span<const double> coordinates, std::span<Certificate> certificates) const {
-  certify(coordinates, all_, certificates);
+void Certifier::certify(std::span<const double> coordinates, std::span<Certificate> certificates,
+                        const Team& team) const {
+  certify(coordinates, all_, certificates, team);
 }
 
 CertificateSummary Certifier::sharpen(std::span<const double> coordinates, std::span<Certificate> certificates,
@@ -210,8 +164,8 @@ CertificateSummary summarise(std::span<const Certificate> certificates) {
 std::vector<Certificate> certify(const HighOrderMesh& mesh, const CertificateOptions& options, int threads) {
   const Certifier certifier(mesh, options);
   std::vector<Certificate> certificates(certifier.cells());
-  tbb::task_arena arena(threads > 0 ? threads : tbb::task_arena::automatic);
-  arena.execute([&] { certifier.certify(mesh.coordinates, certificates); });
+  const Team team(threads);
+  team.run([&] { certifier.certify(mesh.coordinates, certificates, team); });
   return certificates;
 }
 

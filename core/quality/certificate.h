@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "core/mesh/high_order_mesh.h"
+#include "core/team.h"
 
 namespace varimesh {
 
@@ -76,13 +77,13 @@ class Certifier {
   std::size_t cells() const { return cells_.size(); }
 
   /// Certifies every cell (elements of dimension mesh.dimension, in the mesh's order) with its nodes at `coordinates`
-  /// (x y z of each node of the mesh, interleaved). Parallel in the caller's oneTBB arena; the result does not depend
-  /// on the number of threads. `certificates` has cells() entries.
-  void certify(std::span<const double> coordinates, std::span<Certificate> certificates) const;
+  /// (x y z of each node of the mesh, interleaved). Call it inside team.run(); the result does not depend on the number
+  /// of threads. `certificates` has cells() entries.
+  void certify(std::span<const double> coordinates, std::span<Certificate> certificates, const Team& team) const;
 
   /// Certifies the cells with these numbers (from 0) again and leaves the other entries of `certificates` alone.
   void certify(std::span<const double> coordinates, std::span<const std::int32_t> cells,
-               std::span<Certificate> certificates) const;
+               std::span<Certificate> certificates, const Team& team) const;
 
   /// Sharpens the certificate of the cell with the smallest lower bound of the scaled Jacobian, again and again, until
   /// the mesh's minimum is known to within `gap` of max J: few cells have to be cut. Returns the summary.

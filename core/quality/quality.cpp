@@ -1,9 +1,6 @@
 // Samples det ∇χ_M of every cell: gradient operator × coordinates for a batch of cells at once, then determinants.
 #include "core/quality/quality.h"
 
-#include <tbb/parallel_for.h>
-#include <tbb/task_arena.h>
-
 #include <Eigen/Core>
 #include <cassert>
 #include <limits>
@@ -11,6 +8,7 @@
 
 #include "core/quality/cell_blocks.h"
 #include "core/reference/basis.h"
+#include "core/team.h"
 
 namespace varimesh {
 namespace {
@@ -152,7 +150,7 @@ double orientation(const std::vector<Extremes>& cells) {
   return 2 * static_cast<std::size_t>(negative) > cells.size() ? -1.0 : 1.0;
 }
 
-Samples sample(const HighOrderMesh& mesh, int intervals) {
+Samples sample(const HighOrderMesh& mesh, int intervals, const Team& team) {
   assert(mesh.dimension == 2 || mesh.dimension == 3);
   Samples samples;
   samples.intervals = intervals > 0 ? intervals : default_intervals(mesh.order);
@@ -164,22 +162,17 @@ Samples sample(const HighOrderMesh& mesh, int intervals) {
     const auto points = samples.tables.at({block.shape, block.order}).points.rows();
     return static_cast<std::size_t>(50000 / (points * mesh.dimension * mesh.dimension));
   });
-  tbb::parallel_for(tbb::blocked_range<std::size_t>(0, samples.batches.size()), [&](const auto& range) {
-    Workspace work;
-    for (std::size_t b = range.begin(); b != range.end(); ++b) {
-      const CellBatch& batch = samples.batches[b];
-      sample_batch(mesh, batch, samples.tables.at({batch.block->shape, batch.block->order}), work, samples.cells);
-    }
+  team.run([&] {
+    team.for_ranges(samples.batches.size(), 1, [&](std::size_t begin, std::size_t end) {
+      Workspace work;
+      for (std::size_t b = begin; b != end; ++b) {
+        const CellBatch& batch = samples.batches[b];
+        sample_batch(mesh, batch, samples.tables.at({batch.block->shape, batch.block->order}), work, samples.cells);
+      }
+    });
   });
   samples.sign = orientation(samples.cells);
   return samples;
-}
-
-/// Runs f with so many threads; 0 means all there are.
-template <class F>
-auto with_threads(int threads, F&& f) {
-  tbb::task_arena arena(threads > 0 ? threads : tbb::task_arena::automatic);
-  return arena.execute(std::forward<F>(f));
 }
 
 CellQuality cell_quality(const Samples& samples) {
@@ -234,11 +227,11 @@ std::vector<InvalidElement> invalid_elements(const HighOrderMesh& mesh, const Sa
 // ---------------------------------------------------------------------------------------------------------------------
 
 CellQuality cell_quality(const HighOrderMesh& mesh, int intervals, int threads) {
-  return cell_quality(with_threads(threads, [&] { return sample(mesh, intervals); }));
+  return cell_quality(sample(mesh, intervals, Team(threads)));
 }
 
 QualityReport quality(const HighOrderMesh& mesh, int intervals, int threads) {
-  const Samples samples = with_threads(threads, [&] { return sample(mesh, intervals); });
+  const Samples samples = sample(mesh, intervals, Team(threads));
   const CellQuality cells = cell_quality(samples);
   QualityReport report;
   report.lattice_intervals = samples.intervals;

@@ -1,18 +1,22 @@
-// The threads that one optimisation may use.
+// The threads that one piece of work may use.
 #pragma once
 
 #include <oneapi/tbb/blocked_range.h>
-#include <oneapi/tbb/global_control.h>
 #include <oneapi/tbb/parallel_for.h>
 #include <oneapi/tbb/task_arena.h>
 
+#include <algorithm>
 #include <condition_variable>
+#include <cstdint>
 #include <exception>
 #include <mutex>
-#include <optional>
 #include <thread>
 
 namespace varimesh {
+
+/// Sees to it that oneTBB has `workers` worker threads; by default it has one fewer than the machine has cores, since
+/// it counts on the caller. A lower limit that the program has set for itself holds all the same.
+void ensure_workers(int workers);
 
 /// A oneTBB arena of a given size. oneTBB does not count a thread that calls into an arena, so that two callers with a
 /// budget of two would be four threads at work; here work is enqueued and the caller sleeps until it is done. A team of
@@ -25,20 +29,15 @@ class Team {
 
   int threads() const { return threads_; }
 
-  /// Runs body() inside the arena and returns when it is done; for_each inside it uses the arena's threads.
+  /// Runs body() inside the arena and returns when it is done; for_each inside it uses the arena's threads. What body
+  /// throws is thrown here.
   template <class Body>
-  void run(Body&& body) {
+  void run(Body&& body) const {
     if (threads_ == 1) {
       body();
       return;
     }
-    // Workers alone do the work, and by default oneTBB has one fewer of them than the machine has cores. Whoever has
-    // set a limit already (a server with a budget for the machine) is left alone where it is enough.
-    using Control = oneapi::tbb::global_control;
-    const std::size_t needed = static_cast<std::size_t>(threads_) + 1;
-    std::optional<Control> enough;
-    if (Control::active_value(Control::max_allowed_parallelism) < needed)
-      enough.emplace(Control::max_allowed_parallelism, needed);
+    ensure_workers(threads_);
     oneapi::tbb::task_arena arena(threads_, 0);
     std::mutex mutex;
     std::condition_variable done_changed;
@@ -70,6 +69,18 @@ class Team {
                               [&](const oneapi::tbb::blocked_range<std::int32_t>& range) {
                                 for (std::int32_t i = range.begin(); i != range.end(); ++i) body(i);
                               });
+  }
+
+  /// Calls body(begin, end) for ranges that make up 0 ≤ i < count, for work that wants scratch a range.
+  template <class Body>
+  void for_ranges(std::size_t count, std::size_t grain, const Body& body) const {
+    if (threads_ == 1 || count <= grain) {
+      if (count > 0) body(std::size_t{0}, count);
+      return;
+    }
+    oneapi::tbb::parallel_for(
+        oneapi::tbb::blocked_range<std::size_t>(0, count, grain),
+        [&](const oneapi::tbb::blocked_range<std::size_t>& range) { body(range.begin(), range.end()); });
   }
 
  private:
