@@ -9,19 +9,7 @@ install(TARGETS varimesh EXPORT varimesh_targets ARCHIVE DESTINATION ${CMAKE_INS
 install(EXPORT varimesh_targets NAMESPACE varimesh:: FILE varimeshTargets.cmake DESTINATION ${package_folder}
         COMPONENT core)
 
-# The headers that a program may include, named one by one so that what is internal stays so. They keep their folders
-# under include/varimesh/core, where the "core/…" of their own includes finds them.
-foreach(header
-    error.h varimesh.h version.h
-    formats/formats.h
-    mesh/check.h mesh/high_order_mesh.h
-    optimise/optimiser.h optimise/options.h
-    quality/quality.h
-    reference/basis.h reference/nodes.h reference/quadrature.h reference/shape.h)
-  cmake_path(GET header PARENT_PATH folder)
-  install(FILES ${CMAKE_CURRENT_LIST_DIR}/${header}
-          DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/varimesh/core/${folder} COMPONENT core)
-endforeach()
+install(SCRIPT ${CMAKE_CURRENT_LIST_DIR}/install_headers.cmake COMPONENT core)
 # A program writes #include <varimesh/varimesh.h>.
 install(FILES ${CMAKE_CURRENT_LIST_DIR}/varimesh.h DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/varimesh COMPONENT core)
 
