@@ -76,13 +76,15 @@ RandomCells random_cells(Shape shape, int order, int count, unsigned seed) {
 void expect_no_contradiction(const RandomCells& cells, int intervals) {
   const std::vector<Certificate> certificates = certify(cells.mesh);
   const CellQuality quality = cell_quality(cells.mesh, intervals);
+  // A pyramid's samples next to the apex are good to 1e-8: the basis is rational there.
+  const double noise = cells.mesh.blocks[0].shape == Shape::Pyramid ? 1e-6 : 1e-9;
   std::array<int, 3> answers{};
   for (std::size_t i = 0; i < certificates.size(); ++i) {
     const Certificate& c = certificates[i];
     const double js = quality.scaled_jacobian[i];
     ++answers[static_cast<std::size_t>(c.answer)];
     EXPECT_LE(c.lower_bound, c.upper_bound);
-    EXPECT_LE(c.scaled_jacobian_lower_bound, js + 1e-9) << "cell " << i;
+    EXPECT_LE(c.scaled_jacobian_lower_bound, js + noise) << "cell " << i;
     if (c.answer == Answer::Valid) {
       EXPECT_GT(js, 0) << "cell " << i << " is called valid";
       EXPECT_GT(c.lower_bound, 0);
@@ -316,7 +318,7 @@ TEST(Certificate, SharpeningFindsAMinimumInsideACell) {
   const double exact = 0.125 / 2.805;
   const Certifier certifier(mesh);
   std::vector<Certificate> certificates(certifier.cells());
-  certifier.certify(mesh.coordinates, certificates);
+  certifier.certify(mesh.coordinates, certificates, Team(1));
   EXPECT_LT(summarise(certificates).min_scaled_jacobian_lower_bound, 0.9 * exact);
   const CertificateSummary summary = certifier.sharpen(mesh.coordinates, certificates, 1e-3);
   EXPECT_EQ(summary.valid, 2);
@@ -328,12 +330,12 @@ TEST(Certificate, OnlyTheCellsAskedForAreCertifiedAgain) {
   const HighOrderMesh mesh = testing::shaken_cells(Shape::Hexahedron, 2, 40, 0.1, 8);
   const Certifier certifier(mesh);
   std::vector<Certificate> all(certifier.cells());
-  certifier.certify(mesh.coordinates, all);
+  certifier.certify(mesh.coordinates, all, Team(1));
   std::vector<double> moved = mesh.coordinates;
   for (double& x : moved) x *= 2;
   std::vector<Certificate> some = all;
   const std::int32_t cells[] = {3, 17, 39};
-  certifier.certify(moved, cells, some);
+  certifier.certify(moved, cells, some, Team(1));
   for (std::size_t i = 0; i < all.size(); ++i)
     EXPECT_DOUBLE_EQ(some[i].lower_bound, all[i].lower_bound * (i == 3 || i == 17 || i == 39 ? 8 : 1));
 }

@@ -1,0 +1,67 @@
+// Points of cells and of their facets where fixed nodes alone decide. Internal to core/quality.
+#pragma once
+
+#include <Eigen/Core>
+#include <array>
+#include <map>
+#include <vector>
+
+#include "core/mesh/connectivity.h"
+#include "core/reference/nodes.h"
+
+namespace varimesh::detail {
+
+/// A point where fixed nodes leave no room.
+struct FixedSample {
+  int dimension = 0;              ///< Of the smallest part of the cell it lies in: 0 vertex, 1 edge, 2 face, 3 inside.
+  int vertex = -1;                ///< Local number of the vertex, where it is one.
+  std::array<double, 3> place{};  ///< Physical coordinates.
+  double jacobian = 0;            ///< J there over the largest |J| sampled in the cell; or the same of a normal.
+};
+
+/// The point condition: J at points of cells where it depends on fixed nodes only.
+class FixedSamples {
+ public:
+  FixedSamples(const HighOrderMesh& mesh, const Cells& cells);
+
+  /// The worst point of each dimension at which J ≤ 0 whatever the free nodes do. In 3-D vertices are left out: the
+  /// vertex condition has them.
+  std::vector<FixedSample> worst(std::size_t cell, const std::vector<bool>& fixed, double sign) const;
+
+ private:
+  struct Table {
+    reference::Points points;
+    Eigen::MatrixXd values;                  // points × nodes
+    std::vector<Eigen::MatrixXd> gradients;  // a points × nodes matrix a direction
+    std::vector<int> dimension;              // of each point
+    std::vector<int> vertex;                 // of each point, −1 where it is none
+    std::vector<std::vector<int>> enter;     // nodes that J at the point depends on
+    std::vector<std::vector<int>> facets;    // nodes of each facet
+  };
+  static Table make_table(Shape shape, int order, int dimension);
+
+  const HighOrderMesh& mesh_;
+  const Cells& cells_;
+  std::map<Shape, Table> tables_;
+};
+
+/// Flat fixed facets whose normal (in 2-D straight edges whose tangent) changes sign.
+class FoldedFacets {
+ public:
+  FoldedFacets(const HighOrderMesh& mesh, const Cells& cells);
+
+  std::vector<FixedSample> in(std::size_t cell, const std::vector<bool>& fixed) const;
+
+ private:
+  struct Table {
+    Eigen::MatrixXd values;
+    std::vector<Eigen::MatrixXd> gradients;
+  };
+  bool folded(const Table& table, const Eigen::MatrixXd& coordinates, FixedSample& sample) const;
+
+  const HighOrderMesh& mesh_;
+  const Cells& cells_;
+  std::map<Shape, Table> tables_;
+};
+
+}  // namespace varimesh::detail
