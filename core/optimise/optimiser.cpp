@@ -84,7 +84,6 @@ struct Optimiser::State {
   Options options;
   MeshSummary summary;
   StretchField target;
-  double diagonal = 1;  ///< Of the bounding box, in the mesh's unit: the problem's unit of length.
   Problem problem;
   Schedule schedule;
   std::unique_ptr<Kernels> kernels;
@@ -184,8 +183,7 @@ Result Optimiser::State::run(const OnIteration& on_iteration) {
     const Frame frame = frame_of(mesh);
     problem.positions = positions_at_door(mesh, frame);
     const std::vector<double> before = problem.positions;
-    diagonal = frame.diagonal;
-    set_targets(problem, mesh, target, diagonal);
+    set_targets(problem, mesh, target, frame.diagonal);
     Team team(options.threads);
     team.run([&] { iterate(team, on_iteration, start, result); });
     result.mesh.coordinates = coordinates_at_door(mesh, frame, before, problem.positions);
@@ -207,11 +205,6 @@ void Optimiser::State::iterate(Team& team, const OnIteration& on_iteration, Cloc
     iteration.number = number;
     double gradient = 0;
     bool stuck = false;
-    if (number > 1 && turns_with_cells(target)) {
-      refit_targets(problem, mesh, target, diagonal);
-      sweeper.rebuild();
-      newton.reset();
-    }
     if (iteration.phase == Phase::Sweeps) {
       const SweepReport swept = sweeper.sweep();
       if (number % kSweepsBetweenRebuilds == 0) sweeper.rebuild();

@@ -2,8 +2,11 @@
 #include "core/optimise/targets.h"
 
 #include <Eigen/Dense>
+#include <algorithm>
+#include <array>
 #include <cassert>
 #include <cmath>
+#include <numeric>
 
 #include "core/reference/basis.h"
 #include "core/reference/quadrature.h"
@@ -111,27 +114,48 @@ struct FieldOnBlock {
   }
 };
 
-// The orthogonal matrix with a determinant of that sign that is closest to `matrix`.
+// The orthogonal factor of a matrix; its determinant has the matrix's sign.
 template <int d>
-MatrixD<d> closest_rotation(const MatrixD<d>& matrix, double sign) {
+MatrixD<d> polar_rotation(const MatrixD<d>& matrix) {
   const Eigen::JacobiSVD<MatrixD<d>> svd(matrix, Eigen::ComputeFullU | Eigen::ComputeFullV);
-  MatrixD<d> U = svd.matrixU();
-  if (U.determinant() * svd.matrixV().determinant() * sign < 0) U.col(d - 1) *= -1;  // of the smallest singular value
-  return U * svd.matrixV().transpose();
+  return svd.matrixU() * svd.matrixV().transpose();
 }
 
-enum class Orientation { OfCells, AsSet };
+// The orthogonal matrix closest to `rotation` that takes the coordinate axes to eigenvectors of `stretch`, with the
+// sign of its determinant.
+template <int d>
+MatrixD<d> along_axes(const MatrixD<d>& stretch, const MatrixD<d>& rotation) {
+  const MatrixD<d> axes = Eigen::SelfAdjointEigenSolver<MatrixD<d>>(stretch).eigenvectors();
+  const MatrixD<d> seen = axes.transpose() * rotation;
+  MatrixD<d> best = rotation;
+  double closest = -1;
+  std::array<int, d> order{};
+  std::iota(order.begin(), order.end(), 0);
+  do {
+    for (int signs = 0; signs < (1 << d); ++signs) {
+      MatrixD<d> turn = MatrixD<d>::Zero();
+      for (int i = 0; i < d; ++i) turn(order[i], i) = (signs >> i & 1) != 0 ? -1 : 1;
+      const double likeness = turn.cwiseProduct(seen).sum();
+      if (turn.determinant() * seen.determinant() < 0 || likeness <= closest) continue;
+      closest = likeness;
+      best = axes * turn;
+    }
+  } while (std::next_permutation(order.begin(), order.end()));
+  return best;
+}
+
+bool has_axes(Shape shape) {
+  return shape == Shape::Quadrilateral || shape == Shape::Prism || shape == Shape::Hexahedron;
+}
 
 template <int d>
 class BlockTargets {
  public:
-  BlockTargets(const Problem& problem, CellBlock& block, const TargetEntry& target, const FieldOnBlock& field,
-               Orientation orientation)
+  BlockTargets(const Problem& problem, CellBlock& block, const TargetEntry& target, const FieldOnBlock& field)
       : problem_(problem),
         block_(block),
         target_(target),
         field_(field),
-        orientation_(orientation),
         rule_(reference::quadrature(block.shape, block.order, block.degree)),
         gradients_(
             reference::basis_gradients(block.shape, 1, reference::NodeSet::Equispaced, block.dimension, rule_.points)),
@@ -193,23 +217,15 @@ class BlockTargets {
       straight += rule_.weights[q] * straight_[q];
       stretch += rule_.weights[q] * field_.at<d>(nodes, cell, q);
     }
-    const double sign = orientation_ == Orientation::AsSet ? sign_as_set(cell) : straight.determinant();
-    at_.rotation = closest_rotation<d>(stretch.inverse() * straight * at_.regular.inverse(), sign);
+    at_.rotation = polar_rotation<d>(stretch.inverse() * straight * at_.regular.inverse());
+    if (field_.field.components > 1 && has_axes(block_.shape)) at_.rotation = along_axes<d>(stretch, at_.rotation);
     at_.edge = std::pow(volume / (weight * at_.regular.determinant()), 1.0 / d);
-  }
-
-  double sign_as_set(std::int32_t cell) const {
-    MatrixD<d> inverse;
-    for (int i = 0; i < d; ++i)
-      for (int j = 0; j < d; ++j) inverse(i, j) = block_.inverse_target_of(cell)[(i * d + j) * per_cell_];
-    return inverse.determinant();
   }
 
   const Problem& problem_;
   CellBlock& block_;
   const TargetEntry& target_;
   const FieldOnBlock& field_;
-  Orientation orientation_;
   reference::Quadrature rule_;
   std::vector<Eigen::MatrixXd> gradients_;
   std::vector<MatrixD<d>> straight_;
@@ -229,8 +245,9 @@ std::vector<std::size_t> mesh_cells(const HighOrderMesh& mesh, Shape shape) {
   return cells;
 }
 
-void set_all(Problem& problem, const HighOrderMesh& mesh, const StretchField& field, double diagonal,
-             Orientation orientation) {
+}  // namespace
+
+void set_targets(Problem& problem, const HighOrderMesh& mesh, const StretchField& field, double diagonal) {
   const TargetEntry& target = entry_of(field.target);
   for (CellBlock& block : problem.blocks) {
     FieldOnBlock on_block{field, {}, {}, field.target == Target::Size ? 1 / diagonal : 1.0};
@@ -240,23 +257,10 @@ void set_all(Problem& problem, const HighOrderMesh& mesh, const StretchField& fi
           reference::basis_values(block.shape, 1, reference::NodeSet::Equispaced, block.dimension,
                                   reference::quadrature(block.shape, block.order, block.degree).points);
     if (problem.dimension == 2)
-      BlockTargets<2>(problem, block, target, on_block, orientation).set();
+      BlockTargets<2>(problem, block, target, on_block).set();
     else
-      BlockTargets<3>(problem, block, target, on_block, orientation).set();
+      BlockTargets<3>(problem, block, target, on_block).set();
   }
-}
-
-}  // namespace
-
-void set_targets(Problem& problem, const HighOrderMesh& mesh, const StretchField& field, double diagonal) {
-  set_all(problem, mesh, field, diagonal, Orientation::OfCells);
-}
-
-bool turns_with_cells(const StretchField& field) { return field.target == Target::Size && field.components > 1; }
-
-void refit_targets(Problem& problem, const HighOrderMesh& mesh, const StretchField& field, double diagonal) {
-  assert(turns_with_cells(field));
-  set_all(problem, mesh, field, diagonal, Orientation::AsSet);
 }
 
 void set_straight_sided_targets(Problem& problem) { set_targets(problem, {}, {}, 1.0); }

@@ -15,23 +15,18 @@ namespace varimesh {
 /// - Size: A = S R W with S = h or M^(−1/2), so that AᵀMA = WᵀW.
 /// - Strain: A = S ∇χ_L with S = 1 + ε or 1 + E.
 ///
-/// R is one rotation a cell, the one that brings W closest to the straight-sided cell's mean gradient (in the metric,
-/// where there is one): the polar factor of S⁻¹ ∇χ_L W⁻¹. Energies that do not change under rotation have the same
-/// gradient whatever it is; the small strain needs it, and a metric does in order to meet a prism's or hexahedron's
-/// layers the right way up. In a mesh that is clockwise throughout, R turns the regular shape over.
+/// R is one rotation a cell, the one that brings W closest to the straight-sided cell's mean gradient: the polar factor
+/// of S⁻¹ ∇χ_L W⁻¹. In a mesh that is clockwise throughout it turns the regular shape over. Energies that do not change
+/// under rotation come out the same whatever R is, where S is a number; the small strain needs it.
+///
+/// With a metric S and R do not commute, and a rotation that is wrong by θ shears a target of ratio r by r θ. So the
+/// axes of quadrilaterals, hexahedra and prisms are put on the metric's own, whichever are closest. Simplices and
+/// pyramids have no axes and lie in the metric as they do in the mesh that came in: those that have to turn much on the
+/// way keep some misfit. (Fitting R anew between iterations was tried and does not converge: nothing then holds the
+/// cells to the metric's directions. Exact would be an energy of S⁻¹ ∇χ_M W⁻¹, which no target matrix expresses.)
 ///
 /// @param mesh what `problem` was built from
 /// @param diagonal the length in the mesh's unit that is 1 in the problem's coordinates: Frame::diagonal
 void set_targets(Problem& problem, const HighOrderMesh& mesh, const StretchField& field, double diagonal);
-
-/// Whether the rotations have to follow the cells. With a metric S and R do not commute, so F depends on R even for
-/// energies that do not change under rotation: a rotation that is not the cell's own costs energy, and the optimum
-/// would depend on where the mesh began.
-bool turns_with_cells(const StretchField& field);
-
-/// Fits the rotations again to the cells as `positions` now has them, for a field that turns_with_cells(). What
-/// set_targets set stays otherwise, the sign of det A too where a cell has become inverted. Deformation gradients and
-/// whatever was derived from the targets are then out of date.
-void refit_targets(Problem& problem, const HighOrderMesh& mesh, const StretchField& field, double diagonal);
 
 }  // namespace varimesh

@@ -95,9 +95,10 @@ TEST(Fixing, GroupsOfAnyDimensionAreFixed) {
   Options options;
   options.fix = {"cubes"};
   const std::vector<bool> fixed = fixed_with(mesh, options);
-  for (const ElementBlock& block : mesh.blocks)
-    if (block.shape == Shape::Hexahedron)
-      for (const std::int32_t node : block.nodes) EXPECT_TRUE(fixed[std::size_t(node)]);
+  for (const ElementBlock& block : mesh.blocks) {
+    if (block.shape != Shape::Hexahedron) continue;
+    for (const std::int32_t node : block.nodes) EXPECT_TRUE(fixed[std::size_t(node)]);
+  }
   EXPECT_LT(index_of_free(fixed_nodes(mesh), fixed), 0);
   EXPECT_NE(std::count(fixed.begin(), fixed.end(), false), 0);
 }
@@ -121,8 +122,10 @@ TEST(Fixing, ByNumberHoldsTheWholeEdge) {
   const auto result = optimise(mesh, options);
   ASSERT_TRUE(result);
   for (std::size_t n = 0; n < mesh.node_count(); ++n)
-    for (std::size_t k = 0; k < 3; ++k)
-      if (fixed[n]) EXPECT_EQ(result->mesh.coordinates[3 * n + k], mesh.coordinates[3 * n + k]);
+    for (std::size_t k = 0; k < 3; ++k) {
+      if (!fixed[n]) continue;
+      EXPECT_EQ(result->mesh.coordinates[3 * n + k], mesh.coordinates[3 * n + k]);
+    }
   EXPECT_EQ(result->summary.free_nodes, std::count(fixed.begin(), fixed.end(), false));
   EXPECT_EQ(summarise(mesh, options)->free_nodes, result->summary.free_nodes);
 }
@@ -162,8 +165,8 @@ INSTANTIATE_TEST_SUITE_P(Fillings, Region,
 
 // A mesh shaken a little everywhere, and much at one node.
 HighOrderMesh spoilt(Filling filling) {
-  HighOrderMesh mesh = testing::grid(filling, {7, 6, testing::is_plane(filling) ? 0 : 4}, 3);
-  testing::shake(mesh, 0.002, 4);
+  HighOrderMesh mesh = testing::grid(filling, {14, 4, testing::is_plane(filling) ? 0 : 3}, 3);
+  testing::shake(mesh, 0.0005, 4);
   const std::vector<bool> fixed = fixed_nodes(mesh), vertex = testing::vertex_nodes(mesh);
   std::size_t worst = 0;
   double nearest = 1e9;
@@ -172,7 +175,7 @@ HighOrderMesh spoilt(Filling filling) {
     const double off = std::hypot(mesh.coordinates[3 * n] - 0.2, mesh.coordinates[3 * n + 1] - 0.25);
     if (off < nearest) nearest = off, worst = n;
   }
-  mesh.coordinates[3 * worst] += 0.06;
+  mesh.coordinates[3 * worst] += 0.03;
   return mesh;
 }
 
@@ -209,7 +212,7 @@ TEST_P(Region, MovesNoNodeOutsideItsRingsBitForBit) {
     for (const std::int32_t node : held)
       for (std::size_t k = 0; k < 3; ++k)
         ASSERT_EQ(result->mesh.coordinates[3 * std::size_t(node) + k], mesh.coordinates[3 * std::size_t(node) + k]);
-    EXPECT_GT(testing::distance(result->mesh, mesh), 0.02) << "the bad node has moved";
+    EXPECT_GT(testing::distance(result->mesh, mesh), 0.01) << "the bad node has moved";
     EXPECT_GT(result->after.min_scaled_jacobian, result->before.min_scaled_jacobian);
   }
 }
