@@ -198,8 +198,9 @@ std::shared_ptr<grpc::Channel> Server::in_process_channel() {
 bool Server::stop(std::chrono::milliseconds patience) {
   const auto deadline = std::chrono::steady_clock::now() + patience;
   parts_->health->set_serving(false);
-  parts_->scheduler->stop();
+  // Watchers go first, so that they hear of the server's end and not of the cancels that it makes.
   parts_->calls.end_all(stopping_status());
+  parts_->scheduler->stop();
   parts_->calls.wait_empty(std::min(deadline, std::chrono::steady_clock::now() + std::chrono::seconds(5)));
   parts_->server->Shutdown(std::chrono::system_clock::now() + std::chrono::seconds(2));
   parts_->server->Wait();

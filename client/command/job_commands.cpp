@@ -5,6 +5,7 @@
 
 #include "client/command/command.h"
 #include "client/command/documents.h"
+#include "client/command/inputs.h"
 #include "client/command/job_end.h"
 #include "client/command/names.h"
 #include "client/command/options_table.h"
@@ -15,7 +16,8 @@ namespace {
 
 struct Arguments {
   CommonFlags common;
-  std::string input, job, format, history, request_id;
+  Input input;
+  std::string job, format, history, request_id;
   std::vector<std::string> outputs, labels, states;
   std::int64_t after = 0;
   v1::Options options;
@@ -56,7 +58,7 @@ int submit(const Arguments& arguments) {
   }
   const auto connection = connect(arguments.common.server);
   if (!connection) return connection.error();
-  const auto mesh = connection->client->upload_file(arguments.input);
+  const auto mesh = upload(*connection->client, arguments.input);
   if (!mesh) return report(mesh.error());
   spec.mutable_mesh()->set_digest(mesh->digest());
   const auto job = connection->client->submit(spec, arguments.request_id);
@@ -148,7 +150,7 @@ int info(const Arguments& arguments) {
 Run add_submit(CLI::App& app) {
   auto arguments = new_arguments();
   CLI::App& command = add_remote(app, "submit", "Send a mesh to a server and print the job's name", arguments.get());
-  command.add_option("input", arguments->input, "The mesh")->required()->type_name("IN");
+  add_input(command, &arguments->input);
   command.add_option("--output-format", arguments->outputs, "Formats of the result; default as it was read")
       ->allow_extra_args(false);
   command.add_option("--label", arguments->labels, "KEY=VALUE to find the job by; may be repeated")

@@ -1,6 +1,7 @@
 // varimesh optimise: a mesh in, an optimised one out, here or on a server.
 #include "client/command/command.h"
 #include "client/command/documents.h"
+#include "client/command/inputs.h"
 #include "client/command/job_end.h"
 #include "client/command/options_table.h"
 #include "client/command/outputs.h"
@@ -11,7 +12,7 @@ namespace {
 
 struct Arguments {
   CommonFlags common;
-  std::string input;
+  Input input;
   std::vector<std::string> outputs;
   std::string format;
   std::string history;
@@ -27,7 +28,7 @@ int run(const Arguments& arguments) {
 
   auto connection = connect(arguments.common.server);
   if (!connection) return connection.error();
-  const auto mesh = connection->client->upload_file(arguments.input);
+  const auto mesh = upload(*connection->client, arguments.input);
   if (!mesh) return report(mesh.error());
   v1::JobSpec spec;
   spec.mutable_mesh()->set_digest(mesh->digest());
@@ -46,7 +47,7 @@ int run(const Arguments& arguments) {
 Run add_optimise(CLI::App& app) {
   auto arguments = std::make_shared<Arguments>();
   CLI::App& command = *app.add_subcommand("optimise", "Optimise a mesh and write the result");
-  command.add_option("input", arguments->input, "The mesh")->required()->type_name("IN");
+  add_input(command, &arguments->input);
   command.add_option("-o,--output", arguments->outputs, "Where the result goes (.msh, .vtu); may be repeated")
       ->required()
       ->type_name("OUT")

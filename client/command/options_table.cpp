@@ -3,8 +3,11 @@
 
 #include <array>
 #include <cassert>
+#include <fstream>
+#include <iterator>
 
 #include "client/command/names.h"
+#include "core/optimise/target_field.h"
 
 namespace varimesh::client {
 namespace {
@@ -31,6 +34,18 @@ constexpr std::array kRows{
     OptionRow{"max_iterations", "Stop after this many; default 1000; 0 checks and reports only"},
     OptionRow{"threads", "Threads to use; 0: all. The result does not depend on it"},
     OptionRow{"quadrature_degree", "Degree integrated exactly; 0: twice the order"},
+    OptionRow{"p_norm", "Sum the cells' mean energies to this power; default 1; more presses on the worst"},
+    OptionRow{"order", "Raise or lower the mesh to this order on the way in; 0: as it is"},
+    OptionRow{"target", "What each cell would like to be; default straight-sided. size and strain want --target-field"},
+    OptionRow{"target_field",
+              "Sizes, metrics or strains: a first line 'elements' or 'nodes', then a line 'number value' each, "
+              "or 'number xx xy yy [xz yz zz]'"},
+    OptionRow{"fix", "Physical group whose nodes stay, by name, tag or dimension:tag; may be repeated"},
+    OptionRow{"free", "Group of interface elements whose nodes may move; may be repeated"},
+    OptionRow{"fix_nodes", "Numbers of nodes that stay, with the edge or face they lie in"},
+    OptionRow{"free_nodes", "Numbers of nodes that may move, likewise"},
+    OptionRow{"region_below", "Move nodes only near cells with a scaled Jacobian below this; 0: everywhere"},
+    OptionRow{"rings", "With --region-below, layers of cells around those; default 2"},
 };
 
 void add_enum(CLI::App& command, const std::string& flag, const FieldDescriptor& field, const OptionRow& row,
@@ -56,32 +71,86 @@ void add_enum(CLI::App& command, const std::string& flag, const FieldDescriptor&
       }());
 }
 
+/// Group names and node numbers; the flag may be repeated.
+void add_list(CLI::App& command, const std::string& flag, const FieldDescriptor* field, const OptionRow& row,
+              v1::Options* options) {
+  const auto* reflection = options->GetReflection();
+  if (field->cpp_type() == FieldDescriptor::CPPTYPE_STRING)
+    command
+        .add_option_function<std::vector<std::string>>(
+            flag,
+            [=](const std::vector<std::string>& groups) {
+              for (const std::string& group : groups) reflection->AddString(options, field, group);
+            },
+            std::string(row.help))
+        ->type_name("GROUP")
+        ->allow_extra_args(false);
+  else
+    command
+        .add_option_function<std::vector<std::int64_t>>(
+            flag,
+            [=](const std::vector<std::int64_t>& numbers) {
+              for (const std::int64_t number : numbers) reflection->AddInt64(options, field, number);
+            },
+            std::string(row.help))
+        ->type_name("N,N,…")
+        ->delimiter(',')
+        ->allow_extra_args(false);
+}
+
+/// The field comes from a file, read and checked when the flag is.
+void add_target_field(CLI::App& command, const std::string& flag, const OptionRow& row, v1::Options* options) {
+  command
+      .add_option_function<std::string>(
+          flag,
+          [=](const std::string& path) {
+            std::ifstream file(path, std::ios::binary);
+            if (!file) throw CLI::ValidationError(flag, "the file " + path + " cannot be read");
+            const std::string text{std::istreambuf_iterator<char>(file), {}};
+            const auto field = read_target_field(text);
+            if (!field) throw CLI::ValidationError(flag, path + ": " + field.error().sentence);
+            v1::TargetField& message = *options->mutable_target_field();
+            message.set_per(field->per == Per::Cell ? v1::PER_CELL : v1::PER_VERTEX);
+            message.set_components(field->components);
+            message.mutable_numbers()->Assign(field->numbers.begin(), field->numbers.end());
+            message.mutable_values()->Assign(field->values.begin(), field->values.end());
+          },
+          std::string(row.help))
+      ->type_name("FILE");
+}
+
+void add_one(CLI::App& command, const OptionRow& row, v1::Options* options) {
+  const FieldDescriptor* field = v1::Options::descriptor()->FindFieldByName(std::string(row.field));
+  assert(field != nullptr);
+  const std::string flag = "--" + dashed(std::string(row.field));
+  const auto* reflection = options->GetReflection();
+  if (field->is_repeated()) return add_list(command, flag, field, row, options);
+  switch (field->cpp_type()) {
+    case FieldDescriptor::CPPTYPE_ENUM:
+      add_enum(command, flag, *field, row, options);
+      break;
+    case FieldDescriptor::CPPTYPE_DOUBLE:
+      command.add_option_function<double>(
+          flag, [=](double value) { reflection->SetDouble(options, field, value); }, std::string(row.help));
+      break;
+    case FieldDescriptor::CPPTYPE_INT32:
+      command.add_option_function<int>(
+          flag, [=](int value) { reflection->SetInt32(options, field, value); }, std::string(row.help));
+      break;
+    case FieldDescriptor::CPPTYPE_MESSAGE:
+      add_target_field(command, flag, row, options);
+      break;
+    default:
+      assert(!"an option of a type that has no flag");
+  }
+}
+
 }  // namespace
 
 std::span<const OptionRow> option_rows() { return kRows; }
 
 void add_options(CLI::App& command, v1::Options* options) {
-  for (const OptionRow& row : kRows) {
-    const FieldDescriptor* field = v1::Options::descriptor()->FindFieldByName(std::string(row.field));
-    assert(field != nullptr);
-    const std::string flag = "--" + dashed(std::string(row.field));
-    const auto* reflection = options->GetReflection();
-    switch (field->cpp_type()) {
-      case FieldDescriptor::CPPTYPE_ENUM:
-        add_enum(command, flag, *field, row, options);
-        break;
-      case FieldDescriptor::CPPTYPE_DOUBLE:
-        command.add_option_function<double>(
-            flag, [=](double value) { reflection->SetDouble(options, field, value); }, std::string(row.help));
-        break;
-      case FieldDescriptor::CPPTYPE_INT32:
-        command.add_option_function<int>(
-            flag, [=](int value) { reflection->SetInt32(options, field, value); }, std::string(row.help));
-        break;
-      default:
-        assert(!"an option of a type that has no flag");
-    }
-  }
+  for (const OptionRow& row : kRows) add_one(command, row, options);
 }
 
 }  // namespace varimesh::client

@@ -25,11 +25,11 @@ std::vector<v1::MeshFormat> definite_outputs(std::vector<v1::MeshFormat> outputs
   return outputs;
 }
 
-Expected<void> write_mesh(const HighOrderMesh& mesh, v1::MeshFormat format, const formats::Sink& sink) {
+Expected<void> write_mesh(const HighOrderMesh& mesh, v1::MeshFormat format, int threads, const formats::Sink& sink) {
   if (format == v1::MESH_FORMAT_PARTS) return write_parts(mesh, sink);
   if (format != v1::MESH_FORMAT_VTU) return formats::write(mesh, format_from(format), sink);
   // What a viewer wants to colour the cells by.
-  const CellQuality cells = cell_quality(mesh);
+  const CellQuality cells = cell_quality(mesh, 0, threads);
   const std::array<formats::CellField, 2> fields{
       {{"scaled_jacobian", cells.scaled_jacobian}, {"distortion_jacobian", cells.distortion_jacobian}}};
   return formats::write(mesh, format_from(format), sink, fields);
@@ -54,7 +54,8 @@ Expected<RunOutcome> run(RunRequest request, const RunHooks& hooks) {
              std::move(result->before), std::move(result->after), std::move(result->history)};
   if (outcome.stopped) return outcome;
   for (const v1::MeshFormat format : definite_outputs(request.outputs, read_as))
-    if (const auto written = write_mesh(result->mesh, format, hooks.open_output(format)); !written)
+    if (const auto written = write_mesh(result->mesh, format, request.options.threads, hooks.open_output(format));
+        !written)
       return tl::unexpected(written.error());
   return outcome;
 }

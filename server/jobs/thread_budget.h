@@ -6,9 +6,9 @@
 
 namespace varimesh::server {
 
-/// Runs each job in a oneTBB arena of its own under one limit for all of them, so that many small jobs run side by side
-/// and a large one uses every core. Jobs are enqueued, never executed by the caller: oneTBB does not count a thread
-/// that calls into an arena, and the budget would be overdrawn by one thread a job.
+/// Runs each job on a thread that sleeps while the library works in a oneTBB arena of the job's own; all arenas share
+/// one limit, so that many small jobs run side by side and a large one uses every core. A job of one thread works on
+/// the thread it was given, and the limit for the others is lowered by one meanwhile.
 class ThreadBudget {
  public:
   /// `threads` 0: as many as the machine has for this process.
@@ -16,7 +16,8 @@ class ThreadBudget {
   ~ThreadBudget();
 
   int threads() const { return threads_; }
-  /// Runs `job`, which must not throw, with at most `threads` of the budget; returns at once.
+  /// Runs `job`, which must not throw and will use at most `threads`; returns at once. At most threads() jobs run at a
+  /// time, and others wait.
   void launch(int threads, std::function<void()> job);
 
  private:

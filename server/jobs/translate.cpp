@@ -23,6 +23,9 @@ static_assert(same(v1::REGULARISATION_ELEMENT, Regularisation::Element) &&
 static_assert(same(v1::METHOD_AUTO, Method::Auto) && same(v1::METHOD_SWEEPS, Method::Sweeps) &&
               same(v1::METHOD_NEWTON, Method::Newton));
 static_assert(same(v1::COLOURING_GROUP, Colouring::Group) && same(v1::COLOURING_NODE, Colouring::Node));
+static_assert(same(v1::TARGET_STRAIGHT_SIDED, Target::StraightSided) && same(v1::TARGET_IDEAL, Target::Ideal) &&
+              same(v1::TARGET_SIZE, Target::Size) && same(v1::TARGET_STRAIN, Target::Strain));
+static_assert(same(v1::PER_CELL, Per::Cell) && same(v1::PER_VERTEX, Per::Vertex));
 static_assert(same(v1::PHASE_SWEEPS, Phase::Sweeps) && same(v1::PHASE_NEWTON, Phase::Newton));
 
 /// Sets `value` from the message's enum; UNSPECIFIED leaves the default. False where the number is not known.
@@ -54,6 +57,9 @@ Answer<Options> options_from(const v1::Options& message) {
         "regularisation");
   check(take(message.method(), v1::Method_IsValid(message.method()), &options.method), "method");
   check(take(message.colouring(), v1::Colouring_IsValid(message.colouring()), &options.colouring), "colouring");
+  check(take(message.target(), v1::Target_IsValid(message.target()), &options.target), "target");
+  const v1::TargetField& field = message.target_field();
+  check(take(field.per(), v1::Per_IsValid(field.per()), &options.target_field.per), "target_field.per");
   if (unknown != nullptr)
     return failure(Failure::Code::InvalidArgument, "BAD_OPTION",
                    std::string("The option '") + unknown +
@@ -66,6 +72,17 @@ Answer<Options> options_from(const v1::Options& message) {
   if (message.has_max_iterations()) options.max_iterations = message.max_iterations();
   options.threads = message.threads();
   options.quadrature_degree = message.quadrature_degree();
+  if (message.has_target_field()) options.target_field.components = field.components();
+  options.target_field.numbers.assign(field.numbers().begin(), field.numbers().end());
+  options.target_field.values.assign(field.values().begin(), field.values().end());
+  options.fix.assign(message.fix().begin(), message.fix().end());
+  options.free.assign(message.free().begin(), message.free().end());
+  options.fix_nodes.assign(message.fix_nodes().begin(), message.fix_nodes().end());
+  options.free_nodes.assign(message.free_nodes().begin(), message.free_nodes().end());
+  options.region_below = message.region_below();
+  if (message.has_rings()) options.rings = message.rings();
+  if (message.has_p_norm()) options.p_norm = message.p_norm();
+  options.order = message.order();
   return options;
 }
 
@@ -86,6 +103,22 @@ v1::Options to_proto(const Options& options) {
   message.set_max_iterations(options.max_iterations);
   message.set_threads(options.threads);
   message.set_quadrature_degree(options.quadrature_degree);
+  message.set_target(give<v1::Target>(options.target));
+  if (!options.target_field.values.empty()) {
+    v1::TargetField& field = *message.mutable_target_field();
+    field.set_per(give<v1::Per>(options.target_field.per));
+    field.set_components(options.target_field.components);
+    field.mutable_numbers()->Assign(options.target_field.numbers.begin(), options.target_field.numbers.end());
+    field.mutable_values()->Assign(options.target_field.values.begin(), options.target_field.values.end());
+  }
+  message.mutable_fix()->Assign(options.fix.begin(), options.fix.end());
+  message.mutable_free()->Assign(options.free.begin(), options.free.end());
+  message.mutable_fix_nodes()->Assign(options.fix_nodes.begin(), options.fix_nodes.end());
+  message.mutable_free_nodes()->Assign(options.free_nodes.begin(), options.free_nodes.end());
+  message.set_region_below(options.region_below);
+  message.set_rings(options.rings);
+  message.set_p_norm(options.p_norm);
+  message.set_order(options.order);
   return message;
 }
 

@@ -1,7 +1,6 @@
 // What the service promises its callers, over a real connection on loopback.
-#include "tests/server/harness.h"
-
 #include "grpc/health/v1/health.grpc.pb.h"
+#include "tests/server/harness.h"
 
 namespace varimesh::server::testing {
 namespace {
@@ -286,7 +285,9 @@ TEST(OneCall, BringsTheJobItsEventsAndTheMesh) {
   int iterations = 0;
   while (stream->Read(&response)) {
     if (response.has_accepted()) name = response.accepted().name();
-    if (response.has_event()) EXPECT_EQ(response.event().sequence(), ++sequence);
+    if (response.has_event()) {
+      EXPECT_EQ(response.event().sequence(), ++sequence);
+    }
     iterations += response.history().iterations_size();
     if (response.has_chunk()) bytes += response.chunk().chunk().data();
   }

@@ -40,7 +40,8 @@ class Gate {
 };
 
 /// An engine that hands the input back after `iterations` iterations, and asks `between` before each.
-inline Engine echo_engine(int iterations = 3, std::function<void(int)> between = [](int) {}) {
+inline Engine echo_engine(
+    int iterations = 3, std::function<void(int)> between = [](int) {}) {
   Engine engine;
   engine.check_options = [](const Options& options) -> Expected<void> {
     if (options.tolerance <= 0) return bad_option("The tolerance must be positive.");
@@ -107,8 +108,8 @@ struct Service {
     Sha256 hash;
     hash.update(bytes);
     v1::UploadMeshRequest request;
-    request.mutable_header()->set_upload_id("upload of " + std::to_string(bytes.size()));
     request.mutable_header()->set_digest(hash.finish());
+    request.mutable_header()->set_upload_id("upload of " + request.header().digest());
     request.mutable_header()->set_size(static_cast<std::int64_t>(bytes.size()));
     const std::string digest = request.header().digest();
     grpc::ClientContext context;
@@ -132,7 +133,8 @@ struct Service {
     return spec;
   }
 
-  grpc::Status submit(const std::string& request_id, const v1::JobSpec& spec, v1::Job* job, bool validate = false) const {
+  grpc::Status submit(const std::string& request_id, const v1::JobSpec& spec, v1::Job* job,
+                      bool validate = false) const {
     grpc::ClientContext context;
     v1::SubmitJobRequest request;
     request.set_request_id(request_id);

@@ -1,8 +1,7 @@
 // Meshes by content: lifetimes, and uploads that follow each other.
-#include "server/meshes/directory_mesh_store.h"
-
 #include <gtest/gtest.h>
 
+#include "server/meshes/directory_mesh_store.h"
 #include "server/meshes/sha256.h"
 
 namespace varimesh::server {
