@@ -76,15 +76,16 @@ RandomCells random_cells(Shape shape, int order, int count, unsigned seed) {
 void expect_no_contradiction(const RandomCells& cells, int intervals) {
   const std::vector<Certificate> certificates = certify(cells.mesh);
   const CellQuality quality = cell_quality(cells.mesh, intervals);
-  // A pyramid's samples next to the apex are good to 1e-8: the basis is rational there.
-  const double noise = cells.mesh.blocks[0].shape == Shape::Pyramid ? 1e-6 : 1e-9;
   std::array<int, 3> answers{};
   for (std::size_t i = 0; i < certificates.size(); ++i) {
     const Certificate& c = certificates[i];
     const double js = quality.scaled_jacobian[i];
     ++answers[static_cast<std::size_t>(c.answer)];
     EXPECT_LE(c.lower_bound, c.upper_bound);
-    EXPECT_LE(c.scaled_jacobian_lower_bound, js + noise) << "cell " << i;
+    // A lattice's max J falls short of the true one, which raises a positive ratio and lowers a negative one.
+    if (js >= 0) {
+      EXPECT_LE(c.scaled_jacobian_lower_bound, js + 1e-9) << "cell " << i;
+    }
     if (c.answer == Answer::Valid) {
       EXPECT_GT(js, 0) << "cell " << i << " is called valid";
       EXPECT_GT(c.lower_bound, 0);

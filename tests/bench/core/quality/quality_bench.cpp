@@ -1,0 +1,46 @@
+// How many cells a second are sampled and certified on one thread; divide by the yardstick's GFLOP/s over 82.
+#include <benchmark/benchmark.h>
+
+#include "core/quality/certificate.h"
+#include "core/quality/quality.h"
+#include "tests/core/quality/made_cells.h"
+
+namespace varimesh {
+namespace {
+
+constexpr int kCells = 2000;
+
+/// Good cells with nodes of their own, shaken a little.
+HighOrderMesh good_cells(const benchmark::State& state) {
+  const int order = static_cast<int>(state.range(1));
+  return testing::shaken_cells(Shape(state.range(0)), order, kCells, 0.02 / (order * order), 1);
+}
+
+void certifying(benchmark::State& state) {
+  const HighOrderMesh mesh = good_cells(state);
+  const Certifier certifier(mesh);
+  std::vector<Certificate> certificates(certifier.cells());
+  const Team team(1);
+  for (auto _ : state) certifier.certify(mesh.coordinates, certificates, team);
+  if (summarise(certificates).valid != kCells) state.SkipWithError("the cells are meant to be valid");
+  state.SetItemsProcessed(state.iterations() * kCells);
+}
+
+void sampling(benchmark::State& state) {
+  const HighOrderMesh mesh = good_cells(state);
+  for (auto _ : state) benchmark::DoNotOptimize(cell_quality(mesh, 0, 1));
+  state.SetItemsProcessed(state.iterations() * kCells);
+}
+
+void shapes_and_orders(benchmark::internal::Benchmark* bench) {
+  for (const Shape shape : testing::kCellShapes)
+    for (const int order : {2, 3, 4}) bench->Args({static_cast<int>(shape), order});
+}
+
+BENCHMARK(certifying)->Apply(shapes_and_orders)->Unit(benchmark::kMillisecond);
+BENCHMARK(sampling)->Apply(shapes_and_orders)->Unit(benchmark::kMillisecond);
+
+}  // namespace
+}  // namespace varimesh
+
+BENCHMARK_MAIN();
