@@ -31,6 +31,11 @@ struct BatchBlock {
   AlignedVector<float> result;  ///< count × nodes × d × lane: each cell's part of the product.
 
   std::size_t linearisation_size() const;
+  /// Where in `result` the first component of a cell's node is; the next is kBatch further.
+  std::size_t result_index(std::int32_t cell, int node) const {
+    const std::size_t place = static_cast<std::size_t>(cell / kBatch) * cells->nodes_per_cell + node;
+    return place * cells->dimension * kBatch + cell % kBatch;
+  }
 };
 
 /// The second derivative of the energy, prepared at the present deformation gradients and applied to directions.

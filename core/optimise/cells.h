@@ -34,6 +34,7 @@ struct CellBlock {
   /// |det A| where affine (count), else weight times |det A| (count × stride).
   AlignedVector<double> measure;
   AlignedVector<double> deformation;  ///< F, row-major: count × d·d × stride.
+  std::vector<double> energy_slope;   ///< What products weight each cell with (the p-norm's slope); empty: 1.
   std::vector<double> delta_squared;  ///< δ² of J' a cell, dimensionless; 0 for a cell with J > 0 at every point.
 
   double* deformation_of(std::int32_t cell) {

@@ -135,9 +135,10 @@ class VectorHessian final : public HessianKernels {
         Matrix<double, d> F;
         for (int i = 0; i < d; ++i)
           for (int j = 0; j < d; ++j) F[i][j] = deformation[(i * d + j) * cells.stride + q];
-        const double w = !real          ? 0.0
-                         : cells.affine ? cells.weights[q] * cells.measure_of(cell)[0]
-                                        : cells.measure_of(cell)[q];
+        const double volume = !real          ? 0.0
+                              : cells.affine ? cells.weights[q] * cells.measure_of(cell)[0]
+                                             : cells.measure_of(cell)[q];
+        const double w = volume * (cells.energy_slope.empty() ? 1.0 : cells.energy_slope[cell]);
         const Matrix<double, d> C = cofactor<d>(F);
         const double Q = E::kQuadratic == Quadratic::Cofactor ? dot<d>(C, C) : dot<d>(F, F);
         const Partials<double> p = energy_.partials(Q, regularised(determinant<d>(F), cells.delta_squared[cell]));

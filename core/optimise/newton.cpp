@@ -26,10 +26,12 @@ double forcing_term(double gradient, double last) {
 
 }  // namespace
 
-Newton::Newton(Problem& problem, const Kernels& kernels, const HessianKernels& hessian, const Team& team)
+Newton::Newton(Problem& problem, const Kernels& kernels, const HessianKernels& hessian, const PNorm& norm,
+               const Team& team)
     : problem_(problem),
       kernels_(kernels),
       hessian_(hessian),
+      norm_(norm),
       team_(team),
       batches_(make_batches(problem, hessian)),
       preconditioner_(problem, team),
@@ -44,9 +46,7 @@ Newton::Newton(Problem& problem, const Kernels& kernels, const HessianKernels& h
       partial_(unknowns_ / kChunk + 1),
       scans_(problem.cells) {
   for (const CellBlock& block : problem.blocks)
-    for (std::int32_t cell = 0; cell < block.count; ++cell)
-      for (int q = 0; q < block.points; ++q)
-        measure_ += block.affine ? block.weights[q] * block.measure_of(cell)[0] : block.measure_of(cell)[q];
+    for (std::int32_t cell = 0; cell < block.count; ++cell) measure_ += cell_measure(block, cell);
 }
 
 NewtonReport Newton::step() {
@@ -78,26 +78,74 @@ NewtonReport Newton::step() {
 void Newton::linearise() {
   const int d = problem_.dimension;
   team_.for_each(static_cast<std::int32_t>(problem_.free.size()), kNodesPerTask, [&](std::int32_t rank) {
-    const PatchExpansion expansion = kernels_.expand(Patch(problem_, rank).cells());
+    const PatchExpansion expansion = expand(kernels_, Patch(problem_, rank).cells(), norm_);
     for (int k = 0; k < d; ++k) gradient_[static_cast<std::size_t>(rank) * d + k] = expansion.gradient[k];
     preconditioner_.set_block(rank, expansion);
   });
+  if (!norm_.is_sum()) linearise_norm();
   for (BatchBlock& block : batches_)
     team_.for_each(block.count, 4, [&](std::int32_t b) { hessian_.linearise(block, b); });
 }
 
+void Newton::linearise_norm() {
+  const int d = problem_.dimension;
+  cell_gradients_.resize(batches_.size());
+  curvatures_.resize(batches_.size());
+  for (std::size_t b = 0; b < batches_.size(); ++b) {
+    CellBlock& block = problem_.blocks[b];
+    cell_gradients_[b].assign(batches_[b].result.size(), 0.0F);
+    curvatures_[b].resize(block.count);
+    block.energy_slope.resize(block.count);
+    team_.for_each(block.count, kCellsPerTask, [&](std::int32_t cell) {
+      const double energy = kernels_.scan(block, cell).energy, volume = cell_measure(block, cell);
+      block.energy_slope[cell] = norm_.slope(energy, volume);
+      curvatures_[b][cell] = static_cast<float>(norm_.curvature(energy, volume));
+    });
+  }
+  team_.for_each(static_cast<std::int32_t>(problem_.free.size()), kNodesPerTask, [&](std::int32_t rank) {
+    Patch patch(problem_, rank);
+    for (std::int32_t i = problem_.offsets[rank]; i < problem_.offsets[rank + 1]; ++i) {
+      const Incidence& at = problem_.incidences[i];
+      const PatchExpansion cell = kernels_.expand(patch.cells().subspan(i - problem_.offsets[rank], 1));
+      float* gradient = cell_gradients_[at.block].data() + batches_[at.block].result_index(at.cell, at.local);
+      for (int k = 0; k < d; ++k) gradient[k * kBatch] = static_cast<float>(cell.gradient[k]);
+    }
+  });
+}
+
+void Newton::add_norm_part(std::size_t b, std::int32_t batch, const std::vector<float>& direction) {
+  BatchBlock& block = batches_[b];
+  const int d = problem_.dimension, nodes = block.cells->nodes_per_cell;
+  for (int lane = 0; lane < kBatch && batch * kBatch + lane < block.cells->count; ++lane) {
+    const std::int32_t cell = batch * kBatch + lane;
+    float along = 0;
+    for (int n = 0; n < nodes; ++n) {
+      const std::size_t rank = block.ranks[(static_cast<std::size_t>(batch) * nodes + n) * kBatch + lane];
+      const float* gradient = cell_gradients_[b].data() + block.result_index(cell, n);
+      for (int k = 0; k < d; ++k) along += gradient[k * kBatch] * direction[rank * d + k];
+    }
+    for (int n = 0; n < nodes; ++n) {
+      const std::size_t at = block.result_index(cell, n);
+      for (int k = 0; k < d; ++k)
+        block.result[at + k * kBatch] += curvatures_[b][cell] * along * cell_gradients_[b][at + k * kBatch];
+    }
+  }
+}
+
 void Newton::multiply(const std::vector<float>& direction, std::vector<float>& out) {
   const int d = problem_.dimension;
-  for (BatchBlock& block : batches_)
-    team_.for_each(block.count, 2, [&](std::int32_t b) { hessian_.apply(block, b, direction); });
+  for (std::size_t block = 0; block < batches_.size(); ++block)
+    team_.for_each(batches_[block].count, 2, [&](std::int32_t b) {
+      hessian_.apply(batches_[block], b, direction);
+      if (!norm_.is_sum()) add_norm_part(block, b, direction);
+    });
   // Each node adds up its cells' parts in the order of its incidences, so the sum does not depend on threads.
   team_.for_each(static_cast<std::int32_t>(problem_.free.size()), kNodesPerTask, [&](std::int32_t rank) {
     std::array<float, 3> sum{};
     for (std::int32_t i = problem_.offsets[rank]; i < problem_.offsets[rank + 1]; ++i) {
       const Incidence& at = problem_.incidences[i];
       const BatchBlock& block = batches_[at.block];
-      const std::size_t node = static_cast<std::size_t>(at.cell / kBatch) * block.cells->nodes_per_cell + at.local;
-      const float* part = block.result.data() + node * d * kBatch + at.cell % kBatch;
+      const float* part = block.result.data() + block.result_index(at.cell, at.local);
       for (int k = 0; k < d; ++k) sum[k] += part[k * kBatch];
     }
     for (int k = 0; k < d; ++k) out[static_cast<std::size_t>(rank) * d + k] = sum[k];
@@ -168,7 +216,7 @@ double Newton::energy_at(double alpha) {
       const CellScan& scan = scans_[block.first + cell];
       if (block.delta_squared[cell] == 0 && !(scan.smallest_jacobian > 0))
         return std::numeric_limits<double>::infinity();
-      energy += scan.energy;
+      energy += norm_.value(scan.energy, cell_measure(block, cell));
     }
   }
   return std::isfinite(energy) ? energy : std::numeric_limits<double>::infinity();

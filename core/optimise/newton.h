@@ -7,6 +7,7 @@
 #include "core/optimise/batches.h"
 #include "core/optimise/cells.h"
 #include "core/optimise/kernels.h"
+#include "core/optimise/p_norm.h"
 #include "core/optimise/preconditioner.h"
 #include "core/team.h"
 
@@ -28,12 +29,16 @@ struct NewtonReport {
 /// gradients so.
 class Newton {
  public:
-  Newton(Problem& problem, const Kernels& kernels, const HessianKernels& hessian, const Team& team);
+  Newton(Problem& problem, const Kernels& kernels, const HessianKernels& hessian, const PNorm& norm, const Team& team);
 
   NewtonReport step();
 
  private:
   void linearise();
+  /// The p-norm's part of linearise: each cell's slope, curvature and gradient.
+  void linearise_norm();
+  /// Adds curvature g (g · direction) of each cell of the batch to its result.
+  void add_norm_part(std::size_t block, std::int32_t batch, const std::vector<float>& direction);
   /// out = H direction; both d floats a free node and d more, which are 0 in `direction`.
   void multiply(const std::vector<float>& direction, std::vector<float>& out);
   /// Solves H x = −G to the forcing term; returns the number of products.
@@ -46,9 +51,12 @@ class Newton {
   Problem& problem_;
   const Kernels& kernels_;
   const HessianKernels& hessian_;
+  PNorm norm_;
   const Team& team_;
   std::vector<BatchBlock> batches_;
   Preconditioner preconditioner_;
+  std::vector<AlignedVector<float>> cell_gradients_;  ///< By block, in the layout of BatchBlock::result; p ≠ 1 only.
+  std::vector<std::vector<float>> curvatures_;        ///< By block and cell; p ≠ 1 only.
   std::size_t unknowns_ = 0;
   double measure_ = 0;            ///< Σ weight |det A| of the mesh.
   double last_gradient_ = 0;      ///< In the preconditioner's norm, of the step before.

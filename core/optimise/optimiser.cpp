@@ -7,6 +7,7 @@
 
 #include "core/energy/material.h"
 #include "core/mesh/check.h"
+#include "core/mesh/order.h"
 #include "core/optimise/cells.h"
 #include "core/optimise/door.h"
 #include "core/optimise/fixing.h"
@@ -134,6 +135,11 @@ Expected<Optimiser> Optimiser::create(HighOrderMesh&& mesh, const Options& optio
   const Clock::time_point start = Clock::now();
   if (const auto checked = check(options); !checked) return tl::unexpected(checked.error());
   if (const auto checked = check(mesh); !checked) return tl::unexpected(checked.error());
+  if (options.order > 0 && options.order != mesh.order) {
+    Expected<HighOrderMesh> changed = change_order(mesh, options.order);
+    if (!changed) return tl::unexpected(changed.error());
+    mesh = std::move(*changed);
+  }
   const Expected<std::vector<bool>> fixed = choose_fixed_nodes(mesh, options);
   if (!fixed) return tl::unexpected(fixed.error());
   Expected<StretchField> target = resolve_target_field(mesh, options);
@@ -194,7 +200,8 @@ Result Optimiser::State::run(const OnIteration& on_iteration) {
 }
 
 void Optimiser::State::iterate(Team& team, const OnIteration& on_iteration, Clock::time_point start, Result& result) {
-  Sweeper sweeper(problem, schedule, *kernels, options.regularisation, team);
+  const PNorm norm{options.p_norm};
+  Sweeper sweeper(problem, schedule, *kernels, options.regularisation, norm, team);
   sweeper.rebuild();
   PhaseChooser chooser(options.method, sweeper.scan().invalid);
   std::optional<Newton> newton;  // set up when it is first needed
@@ -212,7 +219,7 @@ void Optimiser::State::iterate(Team& team, const OnIteration& on_iteration, Cloc
       iteration.active_nodes = swept.visited;
       gradient = swept.gradient_norm;
     } else {
-      if (!newton) newton.emplace(problem, *kernels, *hessian, team);
+      if (!newton) newton.emplace(problem, *kernels, *hessian, norm, team);
       const NewtonReport stepped = newton->step();
       iteration.residual = stepped.residual;
       iteration.active_nodes = summary.free_nodes;

@@ -23,6 +23,11 @@ Expected<void> check(const Options& options) {
     return bad_option(
         "The tolerance must be positive: it is the residual at which to stop, relative to the diagonal of "
         "the bounding box, such as 1e-6.");
+  if (!std::isfinite(options.p_norm) || options.p_norm < 1 || options.p_norm > 16)
+    return bad_option("p_norm is " + std::to_string(options.p_norm) + "; give 1 (the energy itself) to 16.");
+  if (options.order < 0 || options.order > kMaxOrder)
+    return bad_option("order is " + std::to_string(options.order) + "; give 1 to " + std::to_string(kMaxOrder) +
+                      ", or 0 for the mesh's own.");
   if (options.max_iterations < 0)
     return bad_option("max_iterations is " + std::to_string(options.max_iterations) +
                       "; give 0 (checks and reports only) or more.");

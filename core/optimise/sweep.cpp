@@ -47,11 +47,12 @@ std::array<double, 3> newton_step(const PatchExpansion& expansion, int dimension
 }
 
 Sweeper::Sweeper(Problem& problem, const Schedule& schedule, const Kernels& kernels, Regularisation regularisation,
-                 const Team& team)
+                 const PNorm& norm, const Team& team)
     : problem_(problem),
       schedule_(schedule),
       kernels_(kernels),
       regularisation_(regularisation),
+      norm_(norm),
       team_(team),
       visits_(problem.free.size()),
       scans_(problem.cells) {}
@@ -77,14 +78,15 @@ ScanReport Sweeper::scan() {
     });
     for (std::int32_t cell = 0; cell < block.count; ++cell) {
       const CellScan& scan = scans_[block.first + cell];
-      report.energy += scan.energy;
+      const double volume = cell_measure(block, cell);
+      measure += volume;
+      report.energy += norm_.value(scan.energy, volume);
       report.min_scaled_jacobian = std::min(report.min_scaled_jacobian, scan.scaled_jacobian);
       if (!(scan.smallest_jacobian > 0)) ++report.invalid;
-      const double* volume = block.measure_of(cell);
-      for (int q = 0; q < block.points; ++q) measure += block.affine ? block.weights[q] * volume[0] : volume[q];
     }
   }
   if (measure > 0) report.energy /= measure;
+  if (!norm_.is_sum()) report.energy = std::pow(report.energy, 1 / norm_.p);
   return report;
 }
 
@@ -115,7 +117,7 @@ Sweeper::Visit Sweeper::visit(std::int32_t rank) {
     for (PatchCell& cell : patch) cell.delta_squared = delta_squared;
   }
 
-  const PatchExpansion now = kernels_.expand(patch);
+  const PatchExpansion now = expand(kernels_, patch, norm_);
   const std::array<double, 3> full = newton_step(now, d);
   double slope = 0, length = 0, gradient = 0;
   for (int i = 0; i < d; ++i) {
@@ -131,7 +133,7 @@ Sweeper::Visit Sweeper::visit(std::int32_t rank) {
   double alpha = 1;
   for (int halving = 0; halving < kMostHalvings; ++halving, alpha *= 0.5) {
     const std::array<double, 3> step{alpha * full[0], alpha * full[1], alpha * full[2]};
-    const double energy = kernels_.energy_after(patch, step.data());
+    const double energy = energy_after(kernels_, patch, step.data(), norm_);
     const bool lower = energy <= now.energy + kArmijo * alpha * slope;
     const bool lost_in_rounding = -slope < noise && energy <= now.energy + noise;
     if (!lower && !lost_in_rounding) continue;

@@ -5,6 +5,7 @@
 
 #include "core/optimise/cells.h"
 #include "core/optimise/kernels.h"
+#include "core/optimise/p_norm.h"
 #include "core/optimise/schedule.h"
 #include "core/team.h"
 
@@ -19,7 +20,7 @@ struct SweepReport {
 
 /// What the cached deformation gradients say of the whole mesh.
 struct ScanReport {
-  double energy = 0;               ///< Σ w W / Σ w.
+  double energy = 0;               ///< Σ w W / Σ w, or the p-norm of the cells' means.
   double min_scaled_jacobian = 0;  ///< At the quadrature points.
   std::int64_t invalid = 0;        ///< Cells with J ≤ 0 at a quadrature point.
 };
@@ -28,7 +29,7 @@ struct ScanReport {
 class Sweeper {
  public:
   Sweeper(Problem& problem, const Schedule& schedule, const Kernels& kernels, Regularisation regularisation,
-          const Team& team);
+          const PNorm& norm, const Team& team);
 
   /// Deformation gradients of every cell from the nodes' positions (at the start, and now and then against drift).
   void rebuild();
@@ -50,6 +51,7 @@ class Sweeper {
   const Schedule& schedule_;
   const Kernels& kernels_;
   Regularisation regularisation_;
+  PNorm norm_;
   const Team& team_;
   std::vector<Visit> visits_;    ///< By rank, so that sums are taken in one order.
   std::vector<CellScan> scans_;  ///< By cell, likewise.

@@ -43,7 +43,7 @@ class KernelsTest : public ::testing::TestWithParam<Case> {
     problem_ = make_problem(mesh);
     fast_ = make_kernels(GetParam().material.material, problem_.dimension);
     plain_ = make_plain_kernels(GetParam().material.material, problem_.dimension);
-    sweeper_.emplace(problem_, schedule_, *plain_, Regularisation::Element, team_);
+    sweeper_.emplace(problem_, schedule_, *plain_, Regularisation::Element, PNorm{}, team_);
     sweeper_->rebuild();
     invalid_ = sweeper_->scan().invalid;
   }

@@ -214,6 +214,28 @@ TEST(Optimise, SweepsNeverRaiseTheEnergyOfAValidMesh) {
     EXPECT_LE(result->history[i].energy, result->history[i - 1].energy * (1 + 1e-12));
 }
 
+TEST(Optimise, ThePNormPressesOnTheWorst) {
+  const HighOrderMesh mesh = read_case("nine_triangles.msh");
+  Options options;
+  options.tolerance = 1e-8;
+  double last = 0;
+  for (const double p : {1.0, 2.0, 4.0}) {
+    options.p_norm = p;
+    options.method = Method::Auto;
+    const auto newton = optimise(mesh, options);
+    ASSERT_TRUE(newton) << newton.error().sentence;
+    EXPECT_TRUE(newton->converged) << p;
+    EXPECT_LE(newton->iterations, 40) << "quadratic convergence wants the rank-one part of the Hessian";
+    EXPECT_GT(newton->after.min_scaled_jacobian, last);
+    last = newton->after.min_scaled_jacobian;
+    options.method = Method::Sweeps;
+    options.max_iterations = 5000;
+    const auto sweeps = optimise(mesh, options);
+    ASSERT_TRUE(sweeps && sweeps->converged);
+    EXPECT_LE(testing::distance(newton->mesh, sweeps->mesh), 1e-5);
+  }
+}
+
 TEST(Optimise, RefusesOptionsWithASentence) {
   const HighOrderMesh mesh = read_case("nine_triangles.msh");
   Options options;
