@@ -10,6 +10,8 @@
 #include "core/optimise/newton.h"
 #include "core/optimise/patch.h"
 #include "core/optimise/sweep.h"
+#include "core/optimise/target_field.h"
+#include "core/optimise/targets.h"
 #include "tests/core/energy/materials.h"
 #include "tests/core/optimise/meshes.h"
 #include "tests/core/optimise/problems.h"
@@ -41,6 +43,7 @@ class KernelsTest : public ::testing::TestWithParam<Case> {
     HighOrderMesh mesh = testing::grid(GetParam().filling, {3, 2, 2}, 3, testing::bent(plane ? 2 : 3));
     testing::shake(mesh, tangled ? 0.12 : 0.01, 7);
     problem_ = make_problem(mesh);
+    mesh_ = std::move(mesh);
     fast_ = make_kernels(GetParam().material.material, problem_.dimension);
     plain_ = make_plain_kernels(GetParam().material.material, problem_.dimension);
     sweeper_.emplace(problem_, schedule_, *plain_, Regularisation::Element, PNorm{}, team_);
@@ -48,6 +51,7 @@ class KernelsTest : public ::testing::TestWithParam<Case> {
     invalid_ = sweeper_->scan().invalid;
   }
 
+  HighOrderMesh mesh_;
   Problem problem_;
   Schedule schedule_;
   Team team_{1};
@@ -112,22 +116,32 @@ TEST_P(KernelsTest, RebuildAndScanLikeThePlainOnes) {
 }
 
 TEST_P(KernelsTest, TheMeshsDerivativesMatchDifferencesOfItsEnergy) {
-  for (const bool tangled : {false, true}) {
-    prepare(tangled);
-    testing::WholeMesh whole(problem_, *plain_);
-    const std::vector<double> direction = testing::random_direction(problem_, 11);
-    const double h = 1e-5;
-    const double difference = (8 * (whole.energy(direction, h) - whole.energy(direction, -h)) -
-                               (whole.energy(direction, 2 * h) - whole.energy(direction, -2 * h))) /
-                              (12 * h);
-    const std::vector<double> gradient = whole.gradient(*fast_);
-    double slope = 0, size = 0;
-    for (std::size_t i = 0; i < gradient.size(); ++i) {
-      slope += gradient[i] * direction[i];
-      size += std::abs(gradient[i] * direction[i]);
+  for (const bool tangled : {false, true})
+    for (const Target target : {Target::StraightSided, Target::Ideal, Target::Size, Target::Strain}) {
+      prepare(tangled);
+      Options options;
+      options.target = target;
+      options.target_field.values.assign(mesh_.element_count(mesh_.dimension), target == Target::Size ? 0.4 : 0.1);
+      if (target == Target::StraightSided || target == Target::Ideal) options.target_field.values.clear();
+      const auto field = resolve_target_field(mesh_, options);
+      ASSERT_TRUE(field) << field.error().sentence;
+      set_targets(problem_, mesh_, *field, frame_of(mesh_).diagonal);
+      sweeper_->rebuild();
+      sweeper_->scan();
+      testing::WholeMesh whole(problem_, *plain_);
+      const std::vector<double> direction = testing::random_direction(problem_, 11);
+      const double h = 1e-5;
+      const double difference = (8 * (whole.energy(direction, h) - whole.energy(direction, -h)) -
+                                 (whole.energy(direction, 2 * h) - whole.energy(direction, -2 * h))) /
+                                (12 * h);
+      const std::vector<double> gradient = whole.gradient(*fast_);
+      double slope = 0, size = 0;
+      for (std::size_t i = 0; i < gradient.size(); ++i) {
+        slope += gradient[i] * direction[i];
+        size += std::abs(gradient[i] * direction[i]);
+      }
+      EXPECT_NEAR(slope, difference, 1e-6 * size) << "target " << static_cast<int>(target);
     }
-    EXPECT_NEAR(slope, difference, 1e-6 * size);
-  }
 }
 
 TEST_P(KernelsTest, ProductsMatchDifferencesOfTheGradient) {
