@@ -9,6 +9,7 @@
 
 #include <atomic>
 #include <cassert>
+#include <charconv>
 #include <random>
 #include <thread>
 
@@ -43,6 +44,16 @@ std::string host_of(const std::string& address) {
   std::string host = address.substr(0, colon);
   if (host.size() > 1 && host.front() == '[' && host.back() == ']') host = host.substr(1, host.size() - 2);
   return host;
+}
+
+/// gRPC takes a port modulo 65536, and none for 443.
+bool has_port(const std::string& address) {
+  if (address.rfind("unix:", 0) == 0) return true;
+  const auto colon = address.rfind(':');
+  if (colon == std::string::npos || colon + 1 == address.size()) return false;
+  unsigned port = 0;
+  const auto [end, error] = std::from_chars(address.data() + colon + 1, address.data() + address.size(), port);
+  return error == std::errc{} && end == address.data() + address.size() && port <= 65535;
 }
 
 /// Calls a function a few times a second, on a thread of its own.
@@ -164,6 +175,9 @@ Expected<std::unique_ptr<Server>> Server::start(ServerOptions options) {
   const std::string& listen = options.listen;
   if (!listen.empty() && listen.rfind("unix:", 0) != 0 && listen.rfind(':') == std::string::npos)
     return bad_option("The address '" + listen + "' has no port; write HOST:PORT or unix:PATH.");
+  if (!listen.empty() && !has_port(listen))
+    return bad_option("The address " + listen +
+                      " has no port from 0 to 65535; give HOST:PORT, with port 0 for a free one.");
   if (!listen.empty() && !is_loopback(listen) && !options.insecure)
     return bad_option(
         "Anybody who reaches " + listen +

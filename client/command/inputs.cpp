@@ -48,7 +48,7 @@ Outcome<void> put_boundary(HighOrderMesh& mesh, const Input& input) {
   }
   if (!input.displacements.empty()) {
     std::ifstream file(input.displacements, std::ios::binary);
-    if (!file)
+    if (!file || std::filesystem::is_directory(input.displacements))
       return refused("The file " + input.displacements + " cannot be read; give a file of lines 'number dx dy dz'.");
     const std::string text{std::istreambuf_iterator<char>(file), {}};
     const auto displacements = read_displacements(text);

@@ -23,6 +23,8 @@ int run(const Arguments& arguments) {
   // What cannot be written is found before the work starts.
   const auto outputs = check_outputs(arguments.outputs, arguments.format);
   if (!outputs) return report(outputs.error());
+  if (const auto distinct = check_distinct(arguments.outputs, arguments.history); !distinct)
+    return report(distinct.error());
   if (!arguments.history.empty())
     if (const auto writable = formats::check_writable(arguments.history); !writable) return report(writable.error());
 

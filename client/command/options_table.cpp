@@ -3,6 +3,7 @@
 
 #include <array>
 #include <cassert>
+#include <filesystem>
 #include <fstream>
 #include <iterator>
 
@@ -105,7 +106,8 @@ void add_target_field(CLI::App& command, const std::string& flag, const OptionRo
           flag,
           [=](const std::string& path) {
             std::ifstream file(path, std::ios::binary);
-            if (!file) throw CLI::ValidationError(flag, "the file " + path + " cannot be read");
+            if (!file || std::filesystem::is_directory(path))
+              throw CLI::ValidationError(flag, "the file " + path + " cannot be read");
             const std::string text{std::istreambuf_iterator<char>(file), {}};
             const auto field = read_target_field(text);
             if (!field) throw CLI::ValidationError(flag, path + ": " + field.error().sentence);

@@ -2,6 +2,8 @@
 #include "client/command/outputs.h"
 
 #include <algorithm>
+#include <filesystem>
+#include <set>
 
 #include "client/command/names.h"
 #include "core/formats/formats.h"
@@ -38,6 +40,19 @@ Expected<std::vector<Output>> check_outputs(const std::vector<std::string>& path
     outputs.push_back({path, as_read ? v1::MESH_FORMAT_UNSPECIFIED : to_proto(*chosen)});
   }
   return outputs;
+}
+
+Expected<void> check_distinct(const std::vector<std::string>& paths, const std::string& history) {
+  std::vector<std::string> all = paths;
+  if (!history.empty()) all.push_back(history);
+  std::set<std::filesystem::path> seen;
+  for (const std::string& path : all) {
+    std::error_code ignored;
+    if (!seen.insert(std::filesystem::weakly_canonical(path, ignored)).second)
+      return bad_option("The file " + path +
+                        " is named for two outputs, one of which would be lost; give each its own.");
+  }
+  return {};
 }
 
 std::vector<v1::MeshFormat> formats_of(const std::vector<Output>& outputs) {

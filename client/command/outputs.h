@@ -19,6 +19,9 @@ struct Output {
 /// out whether each can be written, before any work is done.
 Expected<std::vector<Output>> check_outputs(const std::vector<std::string>& paths, const std::string& format);
 
+/// Refuses paths that name the same file, one of which would be lost. `history` may be empty.
+Expected<void> check_distinct(const std::vector<std::string>& paths, const std::string& history);
+
 /// The formats to ask for, each once.
 std::vector<v1::MeshFormat> formats_of(const std::vector<Output>& outputs);
 

@@ -2,6 +2,7 @@
 #include "client/command/progress.h"
 
 #include <fmt/format.h>
+#include <sys/ioctl.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -75,8 +76,12 @@ void Progress::show(const v1::Iteration& iteration, bool last) {
     std::fprintf(stderr, "%s\n", numbers(iteration).c_str());
     return;
   }
-  std::fprintf(stderr, "\r\x1b[K%s %s", bar(first_residual_, iteration.residual(), tolerance_).c_str(),
-               numbers(iteration).c_str());
+  // A line that wraps cannot be drawn over again: without the room, the bar goes, and then the end of the numbers.
+  std::string line = bar(first_residual_, iteration.residual(), tolerance_) + " " + numbers(iteration);
+  winsize size{};
+  if (ioctl(STDERR_FILENO, TIOCGWINSZ, &size) == 0 && size.ws_col > 1 && line.size() >= size.ws_col)
+    line = numbers(iteration).substr(0, size.ws_col - 1);
+  std::fprintf(stderr, "\r\x1b[K%s", line.c_str());
   std::fflush(stderr);
   bar_ = !last;
   if (last) std::fputc('\n', stderr);

@@ -11,8 +11,9 @@ namespace {
 
 constexpr std::int32_t kNodesPerTask = 256;
 constexpr std::int32_t kCellsPerTask = 64;
-constexpr std::size_t kChunk = 8192;  // numbers whose sum is one partial sum, whatever the number of threads
-constexpr int kMostProducts = 1000;   // a Newton step
+constexpr std::size_t kNodesPerSample = 64;  // of the Hessian's size
+constexpr std::size_t kChunk = 8192;         // numbers whose sum is one partial sum, whatever the number of threads
+constexpr int kMostProducts = 1000;          // a Newton step
 constexpr int kMostHalvings = 30;
 constexpr double kArmijo = 1e-4;
 constexpr double kEnergyNoise = 1e-14;  // of the mesh's measure: below it an energy's change is rounding
@@ -54,11 +55,17 @@ NewtonReport Newton::step() {
   linearise();
   for (const double g : gradient_) report.gradient_norm += g * g;
   report.gradient_norm = std::sqrt(report.gradient_norm);
-  for (std::size_t i = 0; i < unknowns_; ++i) residual_[i] = static_cast<float>(-gradient_[i]);
+  // What goes to single precision is of order one, whatever the constants and the p-norm make of it.
+  double largest = 0;
+  for (const double g : gradient_) largest = std::max(largest, std::abs(g));
+  const double gradient_scale = largest > 0 && std::isfinite(largest) ? largest : 1;
+  for (std::size_t i = 0; i < unknowns_; ++i) residual_[i] = static_cast<float>(-gradient_[i] / gradient_scale);
   preconditioner_.apply(residual_, preconditioned_);
   const double gradient = std::sqrt(std::max(0.0, dot(residual_, preconditioned_)));
-  report.products = conjugate_gradients(forcing_term(gradient, last_gradient_));
-  last_gradient_ = gradient;
+  const double norm = gradient * gradient_scale / std::sqrt(hessian_scale_);
+  report.products = conjugate_gradients(forcing_term(norm, last_gradient_));
+  last_gradient_ = norm;
+  for (double& component : step_) component *= gradient_scale / hessian_scale_;
 
   double slope = 0;
   const int d = problem_.dimension;
@@ -71,14 +78,26 @@ NewtonReport Newton::step() {
     report.residual = std::max(report.residual, square);
   }
   report.residual = std::sqrt(report.residual);
-  if (slope < 0) report.damping = search(slope);
+  report.failed = !std::isfinite(slope) || (report.residual == 0 && report.gradient_norm > 0);
+  if (slope < 0 && !report.failed) report.damping = search(slope);
   return report;
+}
+
+void Newton::scale_hessian() {
+  double largest = 0;
+  for (std::size_t rank = 0; rank < problem_.free.size(); rank += kNodesPerSample)
+    for (const double h : expand(kernels_, Patch(problem_, static_cast<std::int32_t>(rank)).cells(), norm_).hessian)
+      largest = std::max(largest, std::abs(h));
+  hessian_scale_ = largest > 0 && std::isfinite(largest) ? largest : 1;
+  for (CellBlock& block : problem_.blocks) block.energy_slope.assign(block.count, 1 / hessian_scale_);
 }
 
 void Newton::linearise() {
   const int d = problem_.dimension;
+  scale_hessian();
   team_.for_each(static_cast<std::int32_t>(problem_.free.size()), kNodesPerTask, [&](std::int32_t rank) {
-    const PatchExpansion expansion = expand(kernels_, Patch(problem_, rank).cells(), norm_);
+    PatchExpansion expansion = expand(kernels_, Patch(problem_, rank).cells(), norm_);
+    for (double& h : expansion.hessian) h /= hessian_scale_;
     for (int k = 0; k < d; ++k) gradient_[static_cast<std::size_t>(rank) * d + k] = expansion.gradient[k];
     preconditioner_.set_block(rank, expansion);
   });
@@ -95,11 +114,10 @@ void Newton::linearise_norm() {
     CellBlock& block = problem_.blocks[b];
     cell_gradients_[b].assign(batches_[b].result.size(), 0.0F);
     curvatures_[b].resize(block.count);
-    block.energy_slope.resize(block.count);
     team_.for_each(block.count, kCellsPerTask, [&](std::int32_t cell) {
       const double energy = kernels_.scan(block, cell).energy, volume = cell_measure(block, cell);
-      block.energy_slope[cell] = norm_.slope(energy, volume);
-      curvatures_[b][cell] = static_cast<float>(norm_.curvature(energy, volume));
+      block.energy_slope[cell] = norm_.slope(energy, volume) / hessian_scale_;
+      curvatures_[b][cell] = std::sqrt(norm_.curvature(energy, volume) / hessian_scale_);
     });
   }
   team_.for_each(static_cast<std::int32_t>(problem_.free.size()), kNodesPerTask, [&](std::int32_t rank) {
@@ -108,7 +126,8 @@ void Newton::linearise_norm() {
       const Incidence& at = problem_.incidences[i];
       const PatchExpansion cell = kernels_.expand(patch.cells().subspan(i - problem_.offsets[rank], 1));
       float* gradient = cell_gradients_[at.block].data() + batches_[at.block].result_index(at.cell, at.local);
-      for (int k = 0; k < d; ++k) gradient[k * kBatch] = static_cast<float>(cell.gradient[k]);
+      for (int k = 0; k < d; ++k)
+        gradient[k * kBatch] = static_cast<float>(curvatures_[at.block][at.cell] * cell.gradient[k]);
     }
   });
 }
@@ -126,8 +145,7 @@ void Newton::add_norm_part(std::size_t b, std::int32_t batch, const std::vector<
     }
     for (int n = 0; n < nodes; ++n) {
       const std::size_t at = block.result_index(cell, n);
-      for (int k = 0; k < d; ++k)
-        block.result[at + k * kBatch] += curvatures_[b][cell] * along * cell_gradients_[b][at + k * kBatch];
+      for (int k = 0; k < d; ++k) block.result[at + k * kBatch] += along * cell_gradients_[b][at + k * kBatch];
     }
   }
 }

@@ -18,6 +18,7 @@ struct NewtonReport {
   double residual = 0;       ///< Largest displacement of a node in the full step, before the line search.
   double gradient_norm = 0;  ///< √ Σ |G|² at the start of the step.
   double damping = 0;        ///< The share of the full step that was taken; 0: none lowered the energy.
+  bool failed = false;       ///< The step is not a number, or there is none although the gradient is not 0.
   int products = 0;          ///< Of the Hessian and a direction.
 };
 
@@ -35,9 +36,11 @@ class Newton {
 
  private:
   void linearise();
+  /// Finds out how large the Hessian is, so that it fits single precision.
+  void scale_hessian();
   /// The p-norm's part of linearise: each cell's slope, curvature and gradient.
   void linearise_norm();
-  /// Adds curvature g (g · direction) of each cell of the batch to its result.
+  /// Adds g (g · direction) of each cell of the batch to its result.
   void add_norm_part(std::size_t block, std::int32_t batch, const std::vector<float>& direction);
   /// out = H direction; both d floats a free node and d more, which are 0 in `direction`.
   void multiply(const std::vector<float>& direction, std::vector<float>& out);
@@ -55,8 +58,9 @@ class Newton {
   const Team& team_;
   std::vector<BatchBlock> batches_;
   Preconditioner preconditioner_;
-  std::vector<AlignedVector<float>> cell_gradients_;  ///< By block, in the layout of BatchBlock::result; p ≠ 1 only.
-  std::vector<std::vector<float>> curvatures_;        ///< By block and cell; p ≠ 1 only.
+  std::vector<AlignedVector<float>> cell_gradients_;  ///< √curvature g by block, as BatchBlock::result; p ≠ 1 only.
+  std::vector<std::vector<double>> curvatures_;       ///< √curvature by block and cell; p ≠ 1 only.
+  double hessian_scale_ = 1;                          ///< What the Hessian is divided by in products and blocks.
   std::size_t unknowns_ = 0;
   double measure_ = 0;            ///< Σ weight |det A| of the mesh.
   double last_gradient_ = 0;      ///< In the preconditioner's norm, of the step before.

@@ -167,10 +167,13 @@ Expected<Result> Optimiser::run(std::vector<double> coordinates, const OnIterati
     return bad_input("The coordinates are " + std::to_string(coordinates.size()) + " numbers; the mesh has " +
                      std::to_string(state.mesh.node_count()) + " nodes and so needs " +
                      std::to_string(state.mesh.coordinates.size()) + ".");
-  const bool same_coordinates = coordinates == state.mesh.coordinates;
-  state.mesh.coordinates = std::move(coordinates);
-  if (!same_coordinates)
-    if (const auto checked = check(state.mesh); !checked) return tl::unexpected(checked.error());
+  if (coordinates != state.mesh.coordinates) {
+    state.mesh.coordinates.swap(coordinates);
+    if (const auto checked = check(state.mesh); !checked) {
+      state.mesh.coordinates.swap(coordinates);  // what was checked last stays
+      return tl::unexpected(checked.error());
+    }
+  }
   return state.run(on_iteration);
 }
 
@@ -211,7 +214,7 @@ void Optimiser::State::iterate(Team& team, const OnIteration& on_iteration, Cloc
     iteration.phase = chooser.phase();
     iteration.number = number;
     double gradient = 0;
-    bool stuck = false;
+    bool stuck = false, failed = false;
     if (iteration.phase == Phase::Sweeps) {
       const SweepReport swept = sweeper.sweep();
       if (number % kSweepsBetweenRebuilds == 0) sweeper.rebuild();
@@ -225,6 +228,7 @@ void Optimiser::State::iterate(Team& team, const OnIteration& on_iteration, Cloc
       iteration.active_nodes = summary.free_nodes;
       gradient = stepped.gradient_norm;
       stuck = stepped.damping == 0;
+      failed = stepped.failed;
     }
     const ScanReport seen = sweeper.scan();
     if (number == 1) first_gradient = gradient;
@@ -236,7 +240,7 @@ void Optimiser::State::iterate(Team& team, const OnIteration& on_iteration, Cloc
     result.history.push_back(iteration);
     result.iterations = number;
     result.residual = iteration.residual;
-    result.converged = iteration.residual <= options.tolerance;
+    result.converged = !failed && iteration.residual <= options.tolerance;
     if (on_iteration && on_iteration(iteration) == Control::Stop) {
       result.stopped = true;
       return;

@@ -84,7 +84,7 @@ struct Options {
   double p_norm = 1;  ///< The cells' mean energies are summed to this power, 1 to 16; more presses on the worst.
   int quadrature_degree = 0;  ///< Degree integrated exactly; 0: 2 P. Not under 2 (P − 1) on simplices.
 
-  int order = 0;              ///< Raise or lower the mesh to this order on the way in; 0: as it is.
+  int order = 0;  ///< Raise or lower the mesh to this order on the way in; 0: as it is.
 
   Target target = Target::StraightSided;  ///< What each cell would like to be.
   TargetField target_field;               ///< For the targets Size and Strain. Size wants a value everywhere; where

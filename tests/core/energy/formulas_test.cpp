@@ -52,8 +52,9 @@ TEST(Formulas, WinslowAndDistortion) {
 }
 
 TEST(Formulas, AnUndeformedMeshIsStationary) {
-  // With the boundary fixed, F = 1 throughout is stationary where P(1) is a multiple of the identity, since ∫ div δu = 0;
-  // it is 0 itself but for Winslow's energies in 3-D, where |cof F|²/J grows with a uniform scaling and |F|²/J falls.
+  // With the boundary fixed, F = 1 throughout is stationary where P(1) is a multiple of the identity, since ∫ div δu =
+  // 0; it is 0 itself but for Winslow's energies in 3-D, where |cof F|²/J grows with a uniform scaling and |F|²/J
+  // falls.
   for (const NamedMaterial& entry : every_material()) {
     const Material& m = entry.material;
     EXPECT_LE(density<2>(m, Eigen::Matrix2d::Identity(), 0).P.norm(), 1e-14) << entry.name;

@@ -236,6 +236,21 @@ TEST(Optimise, ThePNormsOptimumIsOneWhateverTheMethod) {
   }
 }
 
+TEST(Optimise, NumbersBeyondSinglePrecisionAreNoConvergence) {
+  const HighOrderMesh mesh = read_case("nine_triangles.msh");
+  for (const auto& [p, mu] : {std::pair{8.0, 0.0}, {16.0, 0.0}, {1.0, 1e40}}) {
+    Options options;
+    options.p_norm = p;
+    options.mu = mu;
+    options.lambda = mu;
+    options.method = Method::Newton;
+    const auto result = optimise(mesh, options);
+    ASSERT_TRUE(result);
+    EXPECT_GT(result->iterations, 1);
+    if (result->converged) EXPECT_EQ(result->after.invalid_elements, 0) << "p " << p << ", mu " << mu;
+  }
+}
+
 TEST(Optimise, RefusesOptionsWithASentence) {
   const HighOrderMesh mesh = read_case("nine_triangles.msh");
   Options options;
@@ -259,6 +274,10 @@ TEST(Optimiser, RunsAgainOnNewCoordinates) {
   ASSERT_TRUE(first && again);
   EXPECT_EQ(first->mesh.coordinates, again->mesh.coordinates);
   EXPECT_FALSE(optimiser->run({1, 2, 3}));
+  std::vector<double> broken = mesh.coordinates;
+  broken[0] = std::nan("");
+  EXPECT_FALSE(optimiser->run(broken));
+  EXPECT_FALSE(optimiser->run(broken)) << "what was refused once is refused again";
 }
 
 }  // namespace
