@@ -119,9 +119,10 @@ Answer<v1::Job> Scheduler::remove(const std::string& name) {
 }
 
 Answer<std::shared_ptr<EventLog>> Scheduler::events(const std::string& name) {
+  // Under the lock: a job removed between the look and the log would leave a log that nobody ever ends.
+  std::lock_guard lock(mutex_);
   const auto job = jobs_->get(name);
   if (!job) return tl::unexpected(job.error());
-  std::lock_guard lock(mutex_);
   return log_of(name);
 }
 

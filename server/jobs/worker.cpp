@@ -106,7 +106,13 @@ Answer<std::string> store_history(MeshStore& meshes, const std::vector<Iteration
   for (const Iteration& iteration : iterations) *history.add_iterations() = to_proto(iteration);
   auto writer = meshes.create();
   if (!writer) return tl::unexpected(writer.error());
-  (*writer)->append(history.SerializeAsString());
+  std::string bytes;
+  if (!history.SerializeToString(&bytes))
+    return failure(Failure::Code::ResourceExhausted, "STORE_FULL",
+                   "The history of so many iterations is too large to be kept; lower max_iterations.");
+  if (!(*writer)->append(bytes))
+    return failure(Failure::Code::ResourceExhausted, "STORE_FULL",
+                   "The history of the iterations cannot be written; make room on the server's disk.");
   return (*writer)->commit().map([](const StoredBytes& stored) { return stored.digest; });
 }
 
