@@ -246,8 +246,7 @@ TEST(Optimise, NumbersBeyondSinglePrecisionAreNoConvergence) {
     options.method = Method::Newton;
     const auto result = optimise(mesh, options);
     ASSERT_TRUE(result);
-    EXPECT_GT(result->iterations, 1);
-    if (result->converged) EXPECT_EQ(result->after.invalid_elements, 0) << "p " << p << ", mu " << mu;
+    EXPECT_TRUE(!result->converged || result->after.invalid_elements == 0) << "p " << p << ", mu " << mu;
   }
 }
 
