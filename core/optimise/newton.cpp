@@ -18,6 +18,9 @@ constexpr int kMostHalvings = 30;
 constexpr double kArmijo = 1e-4;
 constexpr double kEnergyNoise = 1e-14;  // of the mesh's measure: below it an energy's change is rounding
 
+/// A scale for numbers of this size; being a power of two it adds no rounding of its own.
+double power_of_two(double size) { return size > 0 && std::isfinite(size) ? std::ldexp(1.0, std::ilogb(size)) : 1.0; }
+
 /// Solve the more tightly the faster the gradient falls (Eisenstat, Walker, SIAM J. Sci. Comput. 17, 1996), in the
 /// preconditioner's norm.
 double forcing_term(double gradient, double last) {
@@ -58,7 +61,7 @@ NewtonReport Newton::step() {
   // What goes to single precision is of order one, whatever the constants and the p-norm make of it.
   double largest = 0;
   for (const double g : gradient_) largest = std::max(largest, std::abs(g));
-  const double gradient_scale = largest > 0 && std::isfinite(largest) ? largest : 1;
+  const double gradient_scale = power_of_two(largest);
   for (std::size_t i = 0; i < unknowns_; ++i) residual_[i] = static_cast<float>(-gradient_[i] / gradient_scale);
   preconditioner_.apply(residual_, preconditioned_);
   const double gradient = std::sqrt(std::max(0.0, dot(residual_, preconditioned_)));
@@ -88,7 +91,7 @@ void Newton::scale_hessian() {
   for (std::size_t rank = 0; rank < problem_.free.size(); rank += kNodesPerSample)
     for (const double h : expand(kernels_, Patch(problem_, static_cast<std::int32_t>(rank)).cells(), norm_).hessian)
       largest = std::max(largest, std::abs(h));
-  hessian_scale_ = largest > 0 && std::isfinite(largest) ? largest : 1;
+  hessian_scale_ = power_of_two(largest);
   for (CellBlock& block : problem_.blocks) block.energy_slope.assign(block.count, 1 / hessian_scale_);
 }
 
