@@ -36,6 +36,7 @@ struct CellBlock {
   AlignedVector<double> deformation;  ///< F, row-major: count × d·d × stride.
   std::vector<double> energy_slope;   ///< What products weight each cell with (the p-norm's slope); empty: 1.
   std::vector<double> delta_squared;  ///< δ² of J' a cell, dimensionless; 0 for a cell with J > 0 at every point.
+  std::vector<char> condemned;        ///< Cells that no free node can repair: never in the barrier. Empty: none.
 
   double* deformation_of(std::int32_t cell) {
     return deformation.data() + static_cast<std::size_t>(cell) * dimension * dimension * stride;

@@ -3,6 +3,7 @@
 #include <Eigen/Core>
 #include <cmath>
 #include <limits>
+#include <numeric>
 
 #include "core/reference/basis.h"
 
@@ -11,6 +12,8 @@ namespace {
 
 using reference::NodePlace;
 using reference::NodeSet;
+
+constexpr std::int32_t kCellsPerTask = 256;
 
 /// The conversion with exact zeros where a node does not depend on another, instead of rounding errors.
 Eigen::MatrixXd exact_conversion(Shape shape, int order, NodeSet from, NodeSet to, int ambient) {
@@ -89,25 +92,64 @@ std::vector<double> positions_at_door(const HighOrderMesh& mesh, const Frame& fr
   return positions;
 }
 
+WayOut::WayOut(const HighOrderMesh& mesh, const Frame& frame, std::vector<double> before)
+    : mesh_(mesh), diagonal_(frame.diagonal), before_(std::move(before)), owned_begin_{0} {
+  std::vector<bool> given(mesh.node_count(), false);
+  for (const ElementBlock& block : mesh.blocks) {
+    if (reference::info(block.shape).dimension != mesh.dimension || block.size() == 0) continue;
+    const int nodes = reference::node_count(block.shape, block.order);
+    Rows& rows = rows_[{block.shape, block.order}];
+    if (rows.begin.empty()) {
+      const Eigen::MatrixXd to =
+          exact_conversion(block.shape, block.order, NodeSet::Optimised, NodeSet::Equispaced, mesh.dimension);
+      for (int i = 0; i < nodes; ++i) {
+        rows.begin.push_back(static_cast<int>(rows.terms.size()));
+        for (int j = 0; j < nodes; ++j)
+          if (to(i, j) != 0) rows.terms.push_back({j, to(i, j)});
+      }
+      rows.begin.push_back(static_cast<int>(rows.terms.size()));
+    }
+    for (std::size_t e = 0; e < block.size(); ++e) {
+      const std::int32_t* cell = block.nodes.data() + e * static_cast<std::size_t>(nodes);
+      cells_.push_back({cell, &rows});
+      for (int i = 0; i < nodes; ++i) {
+        if (given[cell[i]]) continue;
+        given[cell[i]] = true;
+        owned_.push_back(static_cast<std::int16_t>(i));
+      }
+      owned_begin_.push_back(static_cast<std::int32_t>(owned_.size()));
+    }
+  }
+}
+
+void WayOut::update(const std::vector<double>& after, std::span<const std::int32_t> cells,
+                    std::vector<double>& coordinates, const Team& team) const {
+  const std::size_t d = mesh_.dimension;
+  team.for_each(static_cast<std::int32_t>(cells.size()), kCellsPerTask, [&](std::int32_t number) {
+    const Cell& cell = cells_[cells[number]];
+    for (std::int32_t o = owned_begin_[cells[number]]; o < owned_begin_[cells[number] + 1]; ++o) {
+      const int i = owned_[o];
+      std::array<double, 3> sum{};
+      for (int t = cell.rows->begin[i]; t < cell.rows->begin[i + 1]; ++t) {
+        const Term& term = cell.rows->terms[t];
+        const std::size_t at = static_cast<std::size_t>(cell.nodes[term.node]) * d;
+        for (std::size_t k = 0; k < d; ++k) sum[k] += term.factor * (after[at + k] - before_[at + k]);
+      }
+      const std::size_t at = 3 * static_cast<std::size_t>(cell.nodes[i]);
+      for (std::size_t k = 0; k < d; ++k) {
+        const double start = mesh_.coordinates[at + k];
+        coordinates[at + k] = sum[k] != 0 ? start + diagonal_ * sum[k] : start;
+      }
+    }
+  });
+}
+
 std::vector<double> coordinates_at_door(const HighOrderMesh& mesh, const Frame& frame,
                                         const std::vector<double>& before, const std::vector<double>& after) {
-  const std::size_t d = mesh.dimension;
-  std::vector<double> moved(before.size());
-  for (std::size_t i = 0; i < before.size(); ++i) moved[i] = after[i] - before[i];
+  std::vector<std::int32_t> cells(mesh.element_count(mesh.dimension));
+  std::iota(cells.begin(), cells.end(), 0);
   std::vector<double> coordinates = mesh.coordinates;
-  std::vector<bool> done(mesh.node_count(), false);
-  for_each_cell(mesh, NodeSet::Optimised, NodeSet::Equispaced,
-                [&](const std::int32_t* nodes, const Eigen::MatrixXd& to) {
-                  for (int i = 0; i < to.rows(); ++i) {
-                    if (done[nodes[i]]) continue;
-                    done[nodes[i]] = true;
-                    for (std::size_t k = 0; k < d; ++k) {
-                      double sum = 0;
-                      for (int j = 0; j < to.cols(); ++j) sum += to(i, j) * moved[nodes[j] * d + k];
-                      if (sum != 0) coordinates[3 * static_cast<std::size_t>(nodes[i]) + k] += frame.diagonal * sum;
-                    }
-                  }
-                });
+  WayOut(mesh, frame, before).update(after, cells, coordinates, Team(1));
   return coordinates;
 }
 

@@ -74,4 +74,8 @@ std::unique_ptr<Kernels> make_plain_kernels(const Material& material, int dimens
 /// (0.4 J)² + 4e-8, as the reference implementation has it, so that δ goes to zero as the mesh becomes valid.
 inline double delta_squared_for(double smallest) { return smallest > 0 ? 0.0 : 4e-8 + 0.16 * smallest * smallest; }
 
+/// δ² of a cell that cannot be repaired. J is about 1 in a good cell, so with δ = 1 the energy's slope is mild whatever
+/// J is: the cell keeps a shape, and presses on nobody.
+inline constexpr double kCondemnedDeltaSquared = 1;
+
 }  // namespace varimesh

@@ -1,7 +1,9 @@
 #include "core/optimise/optimiser.h"
 
+#include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <limits>
 #include <optional>
 #include <string>
 
@@ -11,8 +13,10 @@
 #include "core/optimise/cells.h"
 #include "core/optimise/door.h"
 #include "core/optimise/fixing.h"
+#include "core/optimise/guard.h"
 #include "core/optimise/kernels.h"
 #include "core/optimise/newton.h"
+#include "core/optimise/phases.h"
 #include "core/optimise/schedule.h"
 #include "core/optimise/sweep.h"
 #include "core/optimise/targets.h"
@@ -37,46 +41,6 @@ Expected<void> check_degree(const HighOrderMesh& mesh, int degree) {
                     " the energy does not see all of an element; leave it at 0 for twice the order.");
 }
 
-/// Which phase comes next. Method::Auto sweeps until every cell is valid, or until so many sweeps brought no fewer
-/// invalid cells, and goes on with Newton; where a Newton step finds no lower energy, a few sweeps get it off the spot.
-class PhaseChooser {
- public:
-  PhaseChooser(Method method, std::int64_t invalid) : method_(method), fewest_invalid_(invalid) {
-    newton_ = method == Method::Newton || (method == Method::Auto && invalid == 0);
-  }
-
-  Phase phase() const { return newton_ ? Phase::Newton : Phase::Sweeps; }
-
-  /// After an iteration: false where nothing is left to try.
-  bool next(std::int64_t invalid, bool stuck) {
-    if (method_ == Method::Sweeps) return true;
-    if (newton_ && stuck) {
-      if (method_ == Method::Newton || ++times_stuck_ > kMostTimesStuck) return false;
-      newton_ = false;
-      patience_ = kSweepsWhenStuck;
-      return true;
-    }
-    if (newton_) return true;
-    if (invalid < fewest_invalid_) {
-      fewest_invalid_ = invalid;
-      patience_ = std::max(patience_, kPatience);
-    }
-    newton_ = (invalid == 0 && times_stuck_ == 0) || --patience_ <= 0;
-    return true;
-  }
-
- private:
-  static constexpr int kPatience = 10;  // sweeps without fewer invalid cells
-  static constexpr int kSweepsWhenStuck = 5;
-  static constexpr int kMostTimesStuck = 3;
-
-  Method method_;
-  std::int64_t fewest_invalid_;
-  bool newton_ = false;
-  int patience_ = kPatience;
-  int times_stuck_ = 0;
-};
-
 }  // namespace
 
 /// Everything that is set up once for a mesh topology.
@@ -84,6 +48,7 @@ struct Optimiser::State {
   HighOrderMesh mesh;
   Options options;
   MeshSummary summary;
+  std::vector<bool> fixed;
   StretchField target;
   Problem problem;
   Schedule schedule;
@@ -93,7 +58,8 @@ struct Optimiser::State {
 
   /// Optimises `mesh` as it is.
   Result run(const OnIteration& on_iteration);
-  void iterate(Team& team, const OnIteration& on_iteration, Clock::time_point start, Result& result);
+  void iterate(const Team& team, const Certifier& certifier, Guard& guard, const OnIteration& on_iteration,
+               Clock::time_point start, Result& result);
 };
 
 namespace {
@@ -149,6 +115,7 @@ Expected<Optimiser> Optimiser::create(HighOrderMesh&& mesh, const Options& optio
   auto state = std::make_unique<State>();
   state->options = options;
   state->summary = sizes(mesh, *fixed);
+  state->fixed = *fixed;
   state->target = std::move(*target);
   if (options.max_iterations > 0) {
     state->problem = build_problem(mesh, *fixed, options.quadrature_degree);
@@ -182,70 +149,143 @@ Result Optimiser::State::run(const OnIteration& on_iteration) {
   const Clock::time_point start =
       Clock::now() - std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(set_up_seconds));
   set_up_seconds = 0;
+  const Team team(options.threads);
+  const Certifier certifier(mesh);
+  std::vector<Certificate> certificates(certifier.cells());
   Result result;
+  team.run([&] {
+    certifier.certify(mesh.coordinates, certificates, team);
+    // Where every cell is valid there is nothing to repair.
+    if (std::any_of(certificates.begin(), certificates.end(),
+                    [](const Certificate& certificate) { return certificate.answer != Certificate::Answer::Valid; }))
+      result.unrepairable = diagnose(mesh, fixed, team);
+  });
   result.summary = summary;
-  result.before = quality(mesh, 0, options.threads);
+  result.before = quality(mesh, certifier, certificates, 0, team);
   result.mesh = mesh;
   if (options.max_iterations == 0) {
     result.after = result.before;
   } else {
     const Frame frame = frame_of(mesh);
     problem.positions = positions_at_door(mesh, frame);
-    const std::vector<double> before = problem.positions;
     set_targets(problem, mesh, target, frame.diagonal);
-    Team team(options.threads);
-    team.run([&] { iterate(team, on_iteration, start, result); });
-    result.mesh.coordinates = coordinates_at_door(mesh, frame, before, problem.positions);
-    result.after = quality(result.mesh, 0, options.threads);
+    team.run([&] {
+      Guard guard(mesh, frame, problem, certifier, std::move(certificates), team);
+      guard.condemn(result.unrepairable);
+      iterate(team, certifier, guard, on_iteration, start, result);
+      result.converged = result.converged && guard.lost() == 0;
+      guard.settle();
+      if (options.until_js <= 0) result.mesh.coordinates = guard.coordinates();
+      certificates = guard.certificates();
+    });
+    if (options.until_js > 0) team.run([&] { certifier.certify(result.mesh.coordinates, certificates, team); });
+    result.after = quality(result.mesh, certifier, std::move(certificates), 0, team);
   }
   result.seconds = seconds_since(start);
   return result;
 }
 
-void Optimiser::State::iterate(Team& team, const OnIteration& on_iteration, Clock::time_point start, Result& result) {
+namespace {
+
+/// With until_js: the best mesh seen, by its proved minimum of the scaled Jacobian.
+class BestSeen {
+ public:
+  BestSeen(const Certifier& certifier, const Guard& guard) : certifier_(certifier), guard_(guard) {}
+
+  /// The proved minimum now; keeps the coordinates where it is the highest so far.
+  double look(std::vector<double>& coordinates) {
+    certificates_ = guard_.certificates();
+    const double bound = certifier_.sharpen(guard_.coordinates(), certificates_).min_scaled_jacobian_lower_bound;
+    if (bound > highest_ || fewest_ > guard_.uncertified()) {
+      highest_ = bound;
+      fewest_ = guard_.uncertified();
+      coordinates = guard_.coordinates();
+    }
+    return bound;
+  }
+
+ private:
+  const Certifier& certifier_;
+  const Guard& guard_;
+  std::vector<Certificate> certificates_;
+  double highest_ = -std::numeric_limits<double>::infinity();
+  std::int64_t fewest_ = std::numeric_limits<std::int64_t>::max();
+};
+
+}  // namespace
+
+void Optimiser::State::iterate(const Team& team, const Certifier& certifier, Guard& guard,
+                               const OnIteration& on_iteration, Clock::time_point start, Result& result) {
   const PNorm norm{options.p_norm};
-  Sweeper sweeper(problem, schedule, *kernels, options.regularisation, norm, team);
+  Sweeper sweeper(problem, schedule, *kernels, options.regularisation, norm,
+                  options.active_set ? options.tolerance : -1, team);
   sweeper.rebuild();
-  PhaseChooser chooser(options.method, sweeper.scan().invalid);
+  sweeper.scan();
+  PhaseChooser chooser(options.method, guard.repairable());
+  Stopper stopper(options);
+  BestSeen best(certifier, guard);
   std::optional<Newton> newton;  // set up when it is first needed
   double first_gradient = 0;
-  for (int number = 1; number <= options.max_iterations; ++number) {
-    Iteration iteration;
+  Iteration iteration;
+  iteration.invalid_elements = guard.uncertified();
+  iteration.repairable_elements = guard.repairable();
+  double bound = options.until_js > 0 ? best.look(result.mesh.coordinates) : 0;
+  if (const auto reason = stopper.after(iteration, false, bound)) {
+    result.stop_reason = *reason;
+    return;
+  }
+  for (int number = 1;; ++number) {
     iteration.phase = chooser.phase();
     iteration.number = number;
     double gradient = 0;
-    bool stuck = false, failed = false;
+    bool stuck = false, failed = false, whole = true;
     if (iteration.phase == Phase::Sweeps) {
       const SweepReport swept = sweeper.sweep();
       if (number % kSweepsBetweenRebuilds == 0) sweeper.rebuild();
       iteration.residual = swept.residual;
       iteration.active_nodes = swept.visited;
       gradient = swept.gradient_norm;
+      whole = swept.visited == summary.free_nodes;
     } else {
       if (!newton) newton.emplace(problem, *kernels, *hessian, norm, team);
       const NewtonReport stepped = newton->step();
+      sweeper.changed();
       iteration.residual = stepped.residual;
       iteration.active_nodes = summary.free_nodes;
       gradient = stepped.gradient_norm;
       stuck = stepped.damping == 0;
       failed = stepped.failed;
     }
+    guard.look();
     const ScanReport seen = sweeper.scan();
     if (number == 1) first_gradient = gradient;
     iteration.energy = seen.energy;
     iteration.relative_gradient = first_gradient > 0 ? gradient / first_gradient : 0;
     iteration.min_scaled_jacobian = seen.min_scaled_jacobian;
-    iteration.invalid_elements = seen.invalid;
+    iteration.invalid_elements = guard.uncertified();
+    iteration.repairable_elements = guard.repairable();
     iteration.seconds = seconds_since(start);
     result.history.push_back(iteration);
     result.iterations = number;
     result.residual = iteration.residual;
-    result.converged = !failed && iteration.residual <= options.tolerance;
+    if (options.until_js > 0) bound = best.look(result.mesh.coordinates);
+    const bool small = !failed && iteration.residual <= options.tolerance;
+    // That the nodes which are awake hardly move is no proof: all have to be asked.
+    if (small && !whole) sweeper.wake();
+    result.converged = small && whole;
     if (on_iteration && on_iteration(iteration) == Control::Stop) {
       result.stopped = true;
+      result.stop_reason = StopReason::Stopped;
       return;
     }
-    if (result.converged || !chooser.next(seen.invalid, stuck)) return;
+    if (const auto reason = stopper.after(iteration, result.converged, bound)) {
+      result.stop_reason = *reason;
+      return;
+    }
+    if (!chooser.next(guard.repairable(), stuck)) {
+      result.stop_reason = StopReason::NoProgress;
+      return;
+    }
   }
 }
 

@@ -9,6 +9,7 @@
 #include "core/error.h"
 #include "core/mesh/high_order_mesh.h"
 #include "core/optimise/options.h"
+#include "core/quality/diagnosis.h"
 #include "core/quality/quality.h"
 
 namespace varimesh {
@@ -19,15 +20,28 @@ enum class Phase : std::uint8_t { Sweeps, Newton };
 /// What is known after an iteration (a sweep, or a Newton step). Residuals and Jacobians are dimensionless.
 struct Iteration {
   Phase phase = Phase::Sweeps;
-  int number = 0;                     ///< 1, 2, … through the whole run.
-  double energy = 0;                  ///< Σ ∫ W(F) |det ∇χ_L| dξ divided by Σ ∫ |det ∇χ_L| dξ.
-  double residual = 0;                ///< Largest displacement of a node in the full step, before damping, over the
-                                      ///< diagonal of the bounding box.
-  double relative_gradient = 0;       ///< Norm of the energy's gradient relative to that of the first iteration.
-  double min_scaled_jacobian = 0;     ///< At the quadrature points: cheaper than the report's, and never below it.
-  std::int64_t invalid_elements = 0;  ///< Cells with J ≤ 0 at a quadrature point.
-  std::int64_t active_nodes = 0;      ///< Free nodes visited.
-  double seconds = 0;                 ///< Since the optimisation began.
+  int number = 0;                        ///< 1, 2, … through the whole run.
+  double energy = 0;                     ///< Σ ∫ W(F) |det ∇χ_L| dξ divided by Σ ∫ |det ∇χ_L| dξ.
+  double residual = 0;                   ///< Largest displacement of a node in the full step, before damping, over the
+                                         ///< diagonal of the bounding box.
+  double relative_gradient = 0;          ///< Norm of the energy's gradient relative to that of the first iteration.
+  double min_scaled_jacobian = 0;        ///< At the quadrature points: cheaper than the report's, and never below it.
+  std::int64_t invalid_elements = 0;     ///< Cells that are not certified valid.
+  std::int64_t repairable_elements = 0;  ///< Those of them that are not named unrepairable.
+  std::int64_t active_nodes = 0;         ///< Free nodes visited.
+  double seconds = 0;                    ///< Since the optimisation began.
+};
+
+/// Why a run ended.
+enum class StopReason : std::uint8_t {
+  Converged,   ///< The residual is at most the tolerance.
+  Valid,       ///< Until::Valid: every cell is certified valid.
+  Repaired,    ///< Until::Valid: every cell that is not certified valid is named unrepairable.
+  NoProgress,  ///< Until::Valid: ten iterations brought no fewer uncertified cells; or no lower energy was found.
+  Quality,     ///< until_js is reached.
+  TimeLimit,
+  Iterations,  ///< max_iterations.
+  Stopped,     ///< Control::Stop.
 };
 
 enum class Control : std::uint8_t { Continue, Stop };
@@ -47,15 +61,19 @@ struct MeshSummary {
 
 /// What came of an optimisation.
 struct Result {
-  HighOrderMesh mesh;  ///< The mesh that came in with new coordinates; coordinates of fixed nodes bit for bit the same.
+  /// The mesh that came in with new coordinates; coordinates of fixed nodes bit for bit the same. A cell that came in
+  /// certified valid is certified valid here too, however the run ended.
+  HighOrderMesh mesh;
   MeshSummary summary;
   int iterations = 0;
   double seconds = 0;      ///< From the mesh as handed in to the result in memory, reports included.
   double residual = 0;     ///< Of the last iteration.
   bool converged = false;  ///< residual ≤ tolerance.
   bool stopped = false;    ///< Ended by Control::Stop.
+  StopReason stop_reason = StopReason::Iterations;
   QualityReport before;
   QualityReport after;
+  std::vector<UnrepairableGroup> unrepairable;  ///< What no movement of free nodes can repair.
   std::vector<Iteration> history;
 };
 

@@ -31,6 +31,11 @@ Expected<void> check(const Options& options) {
   if (options.max_iterations < 0)
     return bad_option("max_iterations is " + std::to_string(options.max_iterations) +
                       "; give 0 (checks and reports only) or more.");
+  if (!std::isfinite(options.until_js) || options.until_js < 0 || options.until_js >= 1)
+    return bad_option("until_js is " + std::to_string(options.until_js) +
+                      "; give a scaled Jacobian below 1, or 0 not to stop at one.");
+  if (!positive_or_zero(options.time_limit))
+    return bad_option("time_limit is " + std::to_string(options.time_limit) + "; give seconds, or 0 for none.");
   if (options.threads < 0 || options.threads > 4096)
     return bad_option("threads is " + std::to_string(options.threads) +
                       "; give 1 to 4096, or 0 for all of the machine's.");

@@ -39,6 +39,11 @@ enum class Colouring : std::uint8_t {
   Node,   ///< Colour single nodes, as in the paper's section 3.4.
 };
 
+enum class Until : std::uint8_t {
+  Tolerance,  ///< The residual is at most `tolerance`.
+  Valid,      ///< Or sooner: every cell is certified valid, or named unrepairable, or ten iterations bring no more.
+};
+
 enum class Target : std::uint8_t {
   StraightSided,  ///< Each cell on its vertices alone: keeps sizes, anisotropy and the heights of boundary layers.
   Ideal,          ///< The regular shape with the straight-sided cell's volume. With the distortion energy this is the
@@ -78,10 +83,15 @@ struct Options {
   Regularisation regularisation = Regularisation::Element;
   Method method = Method::Auto;
   Colouring colouring = Colouring::Group;
-  double tolerance = 1e-6;    ///< Stop when the residual, relative to the bounding box's diagonal, is below this.
-  int max_iterations = 1000;  ///< Stop after this many iterations; 0 checks and reports only.
-  int threads = 0;            ///< Threads to use; 0: all of the machine's.
-  double p_norm = 1;  ///< The cells' mean energies are summed to this power, 1 to 16; more presses on the worst.
+  bool active_set = true;          ///< Sweeps pass over nodes round which nothing has moved by more than the tolerance.
+  double tolerance = 1e-6;         ///< Stop when the residual, relative to the bounding box's diagonal, is below this.
+  int max_iterations = 1000;       ///< Stop after this many iterations; 0 checks and reports only.
+  Until until = Until::Tolerance;  ///< What else to stop at.
+  double until_js = 0;    ///< Where above 0: stop when every cell's scaled Jacobian is proved to be at least this; the
+                          ///< mesh returned is then the one with the highest proved minimum. Below 1.
+  double time_limit = 0;  ///< Stop at the end of the iteration in which so many seconds have passed; 0: never.
+  int threads = 0;        ///< Threads to use; 0: all of the machine's.
+  double p_norm = 1;      ///< The cells' mean energies are summed to this power, 1 to 16; more presses on the worst.
   int quadrature_degree = 0;  ///< Degree integrated exactly; 0: 2 P. Not under 2 (P − 1) on simplices.
 
   int order = 0;  ///< Raise or lower the mesh to this order on the way in; 0: as it is.

@@ -47,7 +47,7 @@ std::array<double, 3> newton_step(const PatchExpansion& expansion, int dimension
 }
 
 Sweeper::Sweeper(Problem& problem, const Schedule& schedule, const Kernels& kernels, Regularisation regularisation,
-                 const PNorm& norm, const Team& team)
+                 const PNorm& norm, double rest, const Team& team)
     : problem_(problem),
       schedule_(schedule),
       kernels_(kernels),
@@ -55,12 +55,40 @@ Sweeper::Sweeper(Problem& problem, const Schedule& schedule, const Kernels& kern
       norm_(norm),
       team_(team),
       visits_(problem.free.size()),
-      scans_(problem.cells) {}
+      scans_(problem.cells),
+      changed_(problem.cells, 1),
+      rest_(rest),
+      visited_at_(problem.free.size(), 0),
+      moved_at_(problem.cells, 0),
+      moves_(problem.cells, 0.0) {
+  for (std::size_t group = 0; group + 1 < schedule.groups.size(); ++group)
+    largest_group_ = std::max<std::int64_t>(largest_group_, schedule.groups[group + 1] - schedule.groups[group]);
+}
 
 void Sweeper::rebuild() {
   for (CellBlock& block : problem_.blocks)
     team_.for_each(block.count, kCellsPerTask,
                    [&](std::int32_t cell) { kernels_.rebuild(block, cell, problem_.positions); });
+  std::fill(changed_.begin(), changed_.end(), 1);
+}
+
+void Sweeper::changed() {
+  std::fill(changed_.begin(), changed_.end(), 1);
+  wake();
+}
+
+void Sweeper::wake() { std::fill(visited_at_.begin(), visited_at_.end(), 0); }
+
+void Sweeper::scan_cell(CellBlock& block, std::int32_t cell) {
+  CellScan& scan = scans_[block.first + cell];
+  scan = kernels_.scan(block, cell);
+  const bool condemned = !block.condemned.empty() && block.condemned[cell] != 0;
+  const double delta_squared = condemned ? kCondemnedDeltaSquared : delta_squared_for(scan.smallest_jacobian);
+  changed_[block.first + cell] = 0;
+  if (delta_squared == block.delta_squared[cell]) return;
+  block.delta_squared[cell] = delta_squared;
+  scan = kernels_.scan(block, cell);
+  moved_at_[block.first + cell] = clock_;  // another function to minimise
 }
 
 ScanReport Sweeper::scan() {
@@ -69,12 +97,7 @@ ScanReport Sweeper::scan() {
   double measure = 0;
   for (CellBlock& block : problem_.blocks) {
     team_.for_each(block.count, kCellsPerTask, [&](std::int32_t cell) {
-      CellScan& scan = scans_[block.first + cell];
-      scan = kernels_.scan(block, cell);
-      const double delta_squared = delta_squared_for(scan.smallest_jacobian);
-      if (delta_squared == block.delta_squared[cell]) return;
-      block.delta_squared[cell] = delta_squared;
-      scan = kernels_.scan(block, cell);
+      if (changed_[block.first + cell] != 0) scan_cell(block, cell);
     });
     for (std::int32_t cell = 0; cell < block.count; ++cell) {
       const CellScan& scan = scans_[block.first + cell];
@@ -85,6 +108,7 @@ ScanReport Sweeper::scan() {
       if (!(scan.smallest_jacobian > 0)) ++report.invalid;
     }
   }
+  ++clock_;
   if (measure > 0) report.energy /= measure;
   if (!norm_.is_sum()) report.energy = std::pow(report.energy, 1 / norm_.p);
   return report;
@@ -94,52 +118,91 @@ SweepReport Sweeper::sweep() {
   for (std::size_t colour = 0; colour + 1 < schedule_.colours.size(); ++colour) {
     const std::int32_t first = schedule_.colours[colour], count = schedule_.colours[colour + 1] - first;
     team_.for_each(count, kGroupsPerTask, [&](std::int32_t group) {
+      std::int64_t now = clock_;
       for (std::int32_t i = schedule_.groups[first + group]; i < schedule_.groups[first + group + 1]; ++i)
-        visits_[schedule_.nodes[i]] = visit(schedule_.nodes[i]);
+        visits_[schedule_.nodes[i]] = visit(schedule_.nodes[i], ++now);
     });
+    clock_ += largest_group_;
   }
   SweepReport report;
   for (const Visit& visit : visits_) {
     report.residual = std::max(report.residual, visit.step);
     report.gradient_norm += visit.gradient * visit.gradient;
+    report.visited += visit.made ? 1 : 0;
   }
   report.gradient_norm = std::sqrt(report.gradient_norm);
-  report.visited = static_cast<std::int64_t>(visits_.size());
   return report;
 }
 
-Sweeper::Visit Sweeper::visit(std::int32_t rank) {
+bool Sweeper::at_rest(std::int32_t rank) const {
+  if (rest_ < 0 || visited_at_[rank] == 0) return false;
+  for (std::int32_t i = problem_.offsets[rank]; i < problem_.offsets[rank + 1]; ++i) {
+    const Incidence& at = problem_.incidences[i];
+    if (moved_at_[problem_.blocks[at.block].first + at.cell] > visited_at_[rank]) return false;
+  }
+  return true;
+}
+
+void Sweeper::note_move(std::int32_t rank, std::int64_t now, double length) {
+  for (std::int32_t i = problem_.offsets[rank]; i < problem_.offsets[rank + 1]; ++i) {
+    const Incidence& at = problem_.incidences[i];
+    const std::int32_t cell = problem_.blocks[at.block].first + at.cell;
+    changed_[cell] = 1;
+    moves_[cell] += length;
+    if (moves_[cell] <= rest_) continue;
+    moves_[cell] = 0;
+    moved_at_[cell] = now;
+  }
+}
+
+double Sweeper::patch_delta_squared(std::int32_t rank, std::span<PatchCell> patch) const {
+  double smallest = std::numeric_limits<double>::infinity();
+  for (std::size_t i = 0; i < patch.size(); ++i) {
+    const Incidence& at = problem_.incidences[problem_.offsets[rank] + i];
+    const CellBlock& block = problem_.blocks[at.block];
+    if (!block.condemned.empty() && block.condemned[at.cell] != 0) continue;
+    smallest = std::min(smallest, kernels_.smallest_jacobian(patch.subspan(i, 1)));
+  }
+  return delta_squared_for(smallest);
+}
+
+Sweeper::Visit Sweeper::visit(std::int32_t rank, std::int64_t now) {
+  if (at_rest(rank)) return {};
+  visited_at_[rank] = now;
   const int d = problem_.dimension;
   Patch gathered(problem_, rank);
   const std::span<PatchCell> patch = gathered.cells();
   if (regularisation_ == Regularisation::Patch) {
-    const double delta_squared = delta_squared_for(kernels_.smallest_jacobian(patch));
-    for (PatchCell& cell : patch) cell.delta_squared = delta_squared;
+    const double delta_squared = patch_delta_squared(rank, patch);
+    for (PatchCell& cell : patch)
+      if (cell.delta_squared != kCondemnedDeltaSquared) cell.delta_squared = delta_squared;
   }
 
-  const PatchExpansion now = expand(kernels_, patch, norm_);
-  const std::array<double, 3> full = newton_step(now, d);
+  const PatchExpansion here = expand(kernels_, patch, norm_);
+  const std::array<double, 3> full = newton_step(here, d);
   double slope = 0, length = 0, gradient = 0;
   for (int i = 0; i < d; ++i) {
-    slope += full[i] * now.gradient[i];
+    slope += full[i] * here.gradient[i];
     length += full[i] * full[i];
-    gradient += now.gradient[i] * now.gradient[i];
+    gradient += here.gradient[i] * here.gradient[i];
   }
-  const Visit visit{std::sqrt(length), std::sqrt(gradient)};
+  const Visit visit{std::sqrt(length), std::sqrt(gradient), true};
   if (!(length > 0) || !(slope < 0)) return visit;
 
   // Backtracking never raises the energy, but by rounding where the predicted decrease is itself lost in it.
-  const double noise = kEnergyNoise * now.measure;
+  const double noise = kEnergyNoise * here.measure;
   double alpha = 1;
   for (int halving = 0; halving < kMostHalvings; ++halving, alpha *= 0.5) {
     const std::array<double, 3> step{alpha * full[0], alpha * full[1], alpha * full[2]};
     const double energy = energy_after(kernels_, patch, step.data(), norm_);
-    const bool lower = energy <= now.energy + kArmijo * alpha * slope;
-    const bool lost_in_rounding = -slope < noise && energy <= now.energy + noise;
+    const bool lower = energy <= here.energy + kArmijo * alpha * slope;
+    const bool lost_in_rounding = -slope < noise && energy <= here.energy + noise;
     if (!lower && !lost_in_rounding) continue;
     kernels_.move(patch, step.data());
     double* x = problem_.positions.data() + static_cast<std::size_t>(problem_.free[rank]) * d;
     for (int i = 0; i < d; ++i) x[i] += step[i];
+    if (visit.step > rest_) visited_at_[rank] = 0;  // there is more to come
+    note_move(rank, now, alpha * visit.step);
     break;
   }
   return visit;

@@ -1,6 +1,7 @@
 // Node-wise Newton in coloured sweeps: every free node in turn minimises the energy of its patch.
 #pragma once
 
+#include <span>
 #include <vector>
 
 #include "core/optimise/cells.h"
@@ -28,24 +29,38 @@ struct ScanReport {
 /// Sweeps over a problem. Keeps what a sweep needs, so that nothing is allocated inside one.
 class Sweeper {
  public:
+  /// `rest`: a node is passed over while none of its cells has seen its nodes move by more than this (their moves
+  /// added up, relative to the diagonal of the bounding box) since its last visit; below 0: none is passed over.
   Sweeper(Problem& problem, const Schedule& schedule, const Kernels& kernels, Regularisation regularisation,
-          const PNorm& norm, const Team& team);
+          const PNorm& norm, double rest, const Team& team);
 
   /// Deformation gradients of every cell from the nodes' positions (at the start, and now and then against drift).
   void rebuild();
 
-  /// Looks at every cell and sets its δ from its own smallest J, for the sweep to come.
+  /// Looks at the cells that changed and sets their δ from their own smallest J, for the sweep to come.
   ScanReport scan();
 
-  /// Visits every free node once, colour by colour.
+  /// The deformation gradients have changed by other means than a sweep.
+  void changed();
+
+  /// Visits every free node that is not at rest once, colour by colour.
   SweepReport sweep();
+
+  /// Wakes every node.
+  void wake();
 
  private:
   struct Visit {
     double step = 0;
     double gradient = 0;
+    bool made = false;
   };
-  Visit visit(std::int32_t rank);
+  Visit visit(std::int32_t rank, std::int64_t now);
+  bool at_rest(std::int32_t rank) const;
+  /// After the node moved by `length`: its cells have changed, and wake its neighbours where that adds up.
+  void note_move(std::int32_t rank, std::int64_t now, double length);
+  double patch_delta_squared(std::int32_t rank, std::span<PatchCell> patch) const;
+  void scan_cell(CellBlock& block, std::int32_t cell);
 
   Problem& problem_;
   const Schedule& schedule_;
@@ -55,6 +70,15 @@ class Sweeper {
   const Team& team_;
   std::vector<Visit> visits_;    ///< By rank, so that sums are taken in one order.
   std::vector<CellScan> scans_;  ///< By cell, likewise.
+  std::vector<char> changed_;    ///< By cell: since the last scan.
+
+  // Who is awake. Times count visits; cells of one colour have none in common, so no two threads write to one cell.
+  double rest_;
+  std::int64_t clock_ = 1;
+  std::int64_t largest_group_ = 0;
+  std::vector<std::int64_t> visited_at_;  ///< By rank; 0: to be visited again, come what may.
+  std::vector<std::int64_t> moved_at_;    ///< By cell: when it last saw its nodes move far enough.
+  std::vector<double> moves_;             ///< By cell: added up since then.
 };
 
 /// The step −H⁻¹ G of a patch's expansion, d numbers, with the eigenvalues of H made positive where they are not: each

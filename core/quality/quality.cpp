@@ -220,6 +220,18 @@ std::vector<InvalidElement> invalid_elements(const HighOrderMesh& mesh, const Sa
   return invalid;
 }
 
+std::vector<UncertifiedElement> uncertified_elements(const HighOrderMesh& mesh,
+                                                     const std::vector<Certificate>& certificates) {
+  std::vector<UncertifiedElement> uncertified;
+  for (const CellBatch& batch : detail::cell_batches(mesh, [](const ElementBlock& block) { return block.size(); }))
+    for (std::size_t i = 0; i < batch.count; ++i) {
+      const Certificate& certificate = certificates[batch.cell + i];
+      if (certificate.answer != Certificate::Answer::Valid)
+        uncertified.push_back({batch.block->numbers[batch.first + i], certificate.answer, certificate.place});
+    }
+  return uncertified;
+}
+
 }  // namespace
 
 // ---------------------------------------------------------------------------------------------------------------------
@@ -231,7 +243,16 @@ CellQuality cell_quality(const HighOrderMesh& mesh, int intervals, int threads) 
 }
 
 QualityReport quality(const HighOrderMesh& mesh, int intervals, int threads) {
-  const Samples samples = sample(mesh, intervals, Team(threads));
+  const Team team(threads);
+  const Certifier certifier(mesh);
+  std::vector<Certificate> certificates(certifier.cells());
+  team.run([&] { certifier.certify(mesh.coordinates, certificates, team); });
+  return quality(mesh, certifier, std::move(certificates), intervals, team);
+}
+
+QualityReport quality(const HighOrderMesh& mesh, const Certifier& certifier, std::vector<Certificate> certificates,
+                      int intervals, const Team& team) {
+  const Samples samples = sample(mesh, intervals, team);
   const CellQuality cells = cell_quality(samples);
   QualityReport report;
   report.lattice_intervals = samples.intervals;
@@ -247,6 +268,10 @@ QualityReport quality(const HighOrderMesh& mesh, int intervals, int threads) {
   report.mean_scaled_jacobian = sum / static_cast<double>(cells.scaled_jacobian.size());
   report.invalid = invalid_elements(mesh, samples, cells);
   report.invalid_elements = static_cast<std::int64_t>(report.invalid.size());
+  report.uncertified = uncertified_elements(mesh, certificates);
+  report.certified = certifier.sharpen(mesh.coordinates, certificates);
+  double& bound = report.certified.min_scaled_jacobian_lower_bound;
+  bound = std::max(bound, -1.0);
   return report;
 }
 

@@ -6,6 +6,8 @@
 #include <vector>
 
 #include "core/mesh/high_order_mesh.h"
+#include "core/quality/certificate.h"
+#include "core/team.h"
 
 namespace varimesh {
 
@@ -16,7 +18,14 @@ struct InvalidElement {
   std::array<double, 3> place{};  ///< Physical coordinates of the sample with the smallest J.
 };
 
-/// Quality of a whole mesh. Everything is dimensionless but the places.
+/// A cell that is not certified valid.
+struct UncertifiedElement {
+  std::int64_t number = 0;  ///< Element number as the file has it.
+  Certificate::Answer answer = Certificate::Answer::Undecided;
+  std::array<double, 3> place{};  ///< Physical coordinates where J ≤ 0, or where it is in doubt.
+};
+
+/// Quality of a whole mesh. Everything is dimensionless but the places. What is sampled is no proof: `certified` is.
 struct QualityReport {
   static constexpr int kBins = 50;
 
@@ -28,6 +37,11 @@ struct QualityReport {
       histogram{};                      ///< Counts of Js in kBins equal bins of [0, 1]; invalid cells are not in it.
   std::vector<InvalidElement> invalid;  ///< Every invalid cell, worst first.
   int lattice_intervals = 0;            ///< Intervals an edge of the lattice that was sampled.
+
+  /// How many cells are proved valid, proved invalid or neither. The lower bound is sharp to 0.01 of a cell's largest J
+  /// and, like the mean, of Js clipped from below at −1.
+  CertificateSummary certified;
+  std::vector<UncertifiedElement> uncertified;  ///< Every cell not certified valid, in the mesh's order.
 };
 
 /// Js and distortion Jacobian of each cell (elements of dimension mesh.dimension, in the mesh's order).
@@ -42,5 +56,10 @@ struct CellQuality {
 /// The mesh must have passed check().
 CellQuality cell_quality(const HighOrderMesh& mesh, int intervals = 0, int threads = 0);
 QualityReport quality(const HighOrderMesh& mesh, int intervals = 0, int threads = 0);
+
+/// The same where the cells are certified already: `certificates` is what `certifier` says of mesh.coordinates, one a
+/// cell. Not to be called inside team.run().
+QualityReport quality(const HighOrderMesh& mesh, const Certifier& certifier, std::vector<Certificate> certificates,
+                      int intervals, const Team& team);
 
 }  // namespace varimesh

@@ -46,7 +46,7 @@ class KernelsTest : public ::testing::TestWithParam<Case> {
     mesh_ = std::move(mesh);
     fast_ = make_kernels(GetParam().material.material, problem_.dimension);
     plain_ = make_plain_kernels(GetParam().material.material, problem_.dimension);
-    sweeper_.emplace(problem_, schedule_, *plain_, Regularisation::Element, PNorm{}, team_);
+    sweeper_.emplace(problem_, schedule_, *plain_, Regularisation::Element, PNorm{}, -1.0, team_);
     sweeper_->rebuild();
     invalid_ = sweeper_->scan().invalid;
   }

@@ -1,0 +1,119 @@
+#include "core/optimise/guard.h"
+
+#include <algorithm>
+
+namespace varimesh {
+namespace {
+
+bool is_valid(const Certificate& certificate) { return certificate.answer == Certificate::Answer::Valid; }
+
+}  // namespace
+
+Guard::Guard(const HighOrderMesh& mesh, const Frame& frame, Problem& problem, const Certifier& certifier,
+             std::vector<Certificate> certificates, const Team& team)
+    : mesh_(mesh),
+      problem_(problem),
+      certifier_(certifier),
+      team_(team),
+      way_out_(mesh, frame, problem.positions),
+      mesh_cells_(problem.blocks.size()),
+      free_(mesh.node_count(), 0),
+      named_(problem.cells, 0),
+      positions_(problem.positions),
+      coordinates_(mesh.coordinates),
+      certificates_(std::move(certificates)),
+      seen_positions_(positions_),
+      seen_coordinates_(coordinates_),
+      seen_(certificates_) {
+  for (const std::int32_t node : problem.free) free_[node] = 1;
+  for (const ElementBlock& block : mesh.blocks) {
+    if (reference::info(block.shape).dimension != mesh.dimension) continue;
+    const int size = reference::node_count(block.shape, block.order);
+    for (std::size_t e = 0; e < block.size(); ++e) {
+      for (std::size_t b = 0; b < problem.blocks.size(); ++b)
+        if (problem.blocks[b].shape == block.shape) mesh_cells_[b].push_back(cell_nodes_.size());
+      cell_nodes_.push_back(block.nodes.data() + e * static_cast<std::size_t>(size));
+      cell_size_.push_back(size);
+    }
+  }
+  count();
+}
+
+void Guard::condemn(std::span<const UnrepairableGroup> groups) {
+  for (const UnrepairableGroup& group : groups)
+    for (const std::int32_t cell : group.cells) named_[cell] = 1;
+  count();
+}
+
+std::vector<std::int32_t> Guard::moved_cells(const std::vector<double>& positions) const {
+  const std::size_t d = problem_.dimension;
+  std::vector<char> moved(mesh_.node_count(), 0);
+  for (const std::int32_t node : problem_.free) {
+    const std::size_t at = static_cast<std::size_t>(node) * d;
+    moved[node] = std::equal(&positions[at], &positions[at] + d, &seen_positions_[at]) ? 0 : 1;
+  }
+  std::vector<std::int32_t> cells;
+  for (std::size_t cell = 0; cell < cell_nodes_.size(); ++cell)
+    if (std::any_of(cell_nodes_[cell], cell_nodes_[cell] + cell_size_[cell],
+                    [&](std::int32_t node) { return moved[node] != 0; }))
+      cells.push_back(static_cast<std::int32_t>(cell));
+  return cells;
+}
+
+void Guard::see(const std::vector<double>& positions) {
+  const std::vector<std::int32_t> moved = moved_cells(positions);
+  way_out_.update(positions, moved, seen_coordinates_, team_);
+  certifier_.certify(seen_coordinates_, moved, seen_, team_);
+  seen_positions_ = positions;
+  lost_.clear();
+  for (std::size_t cell = 0; cell < seen_.size(); ++cell)
+    if (is_valid(certificates_[cell]) && !is_valid(seen_[cell])) lost_.push_back(static_cast<std::int32_t>(cell));
+}
+
+void Guard::keep() {
+  positions_ = seen_positions_;
+  coordinates_ = seen_coordinates_;
+  certificates_ = seen_;
+}
+
+void Guard::look() {
+  see(problem_.positions);
+  if (lost_.empty()) keep();
+  count();
+}
+
+void Guard::settle() {
+  std::vector<double> positions = problem_.positions;
+  for (see(positions); !lost_.empty(); see(positions))
+    for (const std::int32_t cell : lost_)
+      for (int i = 0; i < cell_size_[cell]; ++i) {
+        const std::int32_t node = cell_nodes_[cell][i];
+        const std::size_t at = static_cast<std::size_t>(node) * problem_.dimension;
+        if (free_[node] != 0) std::copy_n(&positions_[at], problem_.dimension, &positions[at]);
+      }
+  keep();
+  count();
+}
+
+void Guard::count() {
+  uncertified_ = repairable_ = 0;
+  for (std::size_t cell = 0; cell < seen_.size(); ++cell) {
+    if (is_valid(seen_[cell])) continue;
+    ++uncertified_;
+    repairable_ += named_[cell] == 0 ? 1 : 0;
+  }
+  set_condemned();
+}
+
+void Guard::set_condemned() {
+  for (std::size_t b = 0; b < problem_.blocks.size(); ++b) {
+    CellBlock& block = problem_.blocks[b];
+    block.condemned.resize(block.count);
+    for (std::int32_t cell = 0; cell < block.count; ++cell) {
+      const std::size_t number = mesh_cells_[b][cell];
+      block.condemned[cell] = named_[number] != 0 && !is_valid(seen_[number]) ? 1 : 0;
+    }
+  }
+}
+
+}  // namespace varimesh

@@ -1,0 +1,84 @@
+// What is proved stays proved: cells that moved are certified again after every iteration, and the mesh that is handed
+// out has lost none of the certificates that it came with.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "core/optimise/cells.h"
+#include "core/optimise/door.h"
+#include "core/quality/certificate.h"
+#include "core/quality/diagnosis.h"
+#include "core/team.h"
+
+namespace varimesh {
+
+/// Watches over a problem whose nodes move. Certificates are of the coordinates as they would be written now, so that
+/// conversion and rounding are covered.
+///
+/// The optimiser may pass through meshes in which a cell has lost its certificate: the energy sees J at its quadrature
+/// points only, and barring its way between them costs a hundred times the iterations where it would have come out on
+/// the other side. So the guard keeps the best state seen, the latest in which no cell was uncertified that an earlier
+/// kept state had certified. Where the run ends in a state that has lost some, the free nodes of these cells go back to
+/// where they were in the kept state, and so do those of neighbours that this would lose, until none is lost. At worst
+/// all of it is taken back, so this ends.
+///
+/// Everything is to be called inside team.run(), and the result does not depend on the number of threads.
+class Guard {
+ public:
+  /// `certificates`: what `certifier` says of mesh.coordinates. `mesh` and `certifier` must outlive the guard.
+  Guard(const HighOrderMesh& mesh, const Frame& frame, Problem& problem, const Certifier& certifier,
+        std::vector<Certificate> certificates, const Team& team);
+
+  /// Cells in these groups are kept out of the barrier for as long as they are not certified valid
+  /// (CellBlock::condemned)
+  void condemn(std::span<const UnrepairableGroup> groups);
+
+  /// After an iteration: certifies the cells that moved, and keeps the state where nothing is lost by that.
+  void look();
+
+  /// At the end: puts back what is lost against the kept state, and keeps the outcome. Positions stay where they are.
+  void settle();
+
+  /// Cells that are not certified valid as of the last look().
+  std::int64_t uncertified() const { return uncertified_; }
+  /// Those of them that are in no unrepairable group.
+  std::int64_t repairable() const { return repairable_; }
+  /// Cells that are certified valid in the kept state and were not at the last look().
+  std::int64_t lost() const { return static_cast<std::int64_t>(lost_.size()); }
+
+  /// The kept state: the mesh's coordinates, and what is proved about them, one a cell in the mesh's order.
+  const std::vector<double>& coordinates() const { return coordinates_; }
+  const std::vector<Certificate>& certificates() const { return certificates_; }
+
+ private:
+  /// Cells with a node that is not where `seen_positions_` has it, in order.
+  std::vector<std::int32_t> moved_cells(const std::vector<double>& positions) const;
+  /// Brings seen_… and lost_ up to date with nodes at these positions.
+  void see(const std::vector<double>& positions);
+  void keep();
+  void count();
+  void set_condemned();
+
+  const HighOrderMesh& mesh_;
+  Problem& problem_;
+  const Certifier& certifier_;
+  const Team& team_;
+  WayOut way_out_;
+  std::vector<std::vector<std::size_t>> mesh_cells_;  ///< By block of the problem: the mesh's number of each cell.
+  std::vector<const std::int32_t*> cell_nodes_;       ///< By cell of the mesh.
+  std::vector<int> cell_size_;
+  std::vector<char> free_;         ///< By node.
+  std::vector<char> named_;        ///< By cell: in an unrepairable group.
+  std::vector<double> positions_;  ///< The kept state.
+  std::vector<double> coordinates_;
+  std::vector<Certificate> certificates_;
+  std::vector<double> seen_positions_;  ///< What was looked at last.
+  std::vector<double> seen_coordinates_;
+  std::vector<Certificate> seen_;
+  std::vector<std::int32_t> lost_;
+  std::int64_t uncertified_ = 0, repairable_ = 0;
+};
+
+}  // namespace varimesh
