@@ -50,6 +50,15 @@ int report(const Error& error) {
   return kJobFailed;
 }
 
+int report_uncertified(std::int64_t invalid, std::int64_t undecided) {
+  if (invalid > 0)
+    std::cerr << "varimesh: " << invalid << (invalid == 1 ? " element is" : " elements are") << " invalid" << std::endl;
+  if (undecided > 0)
+    std::cerr << "varimesh: " << undecided << (undecided == 1 ? " element is" : " elements are")
+              << " neither proved valid nor proved invalid" << std::endl;
+  return invalid + undecided == 0 ? kDone : kInvalidLeft;
+}
+
 int report(const Failure& failure) {
   std::cerr << "varimesh: " << failure.sentence << std::endl;
   switch (failure.kind) {

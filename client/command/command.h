@@ -18,7 +18,7 @@ enum ExitStatus {
   kJobFailed = 1,  ///< The job failed, or somebody else cancelled it.
   kUsage = 2,
   kInputRefused = 3,  ///< The input was refused, or the output cannot be written.
-  kInvalidLeft = 4,   ///< Finished, but elements are invalid.
+  kInvalidLeft = 4,   ///< Finished, but elements are not certified valid.
   kServer = 5,        ///< Server or transport.
   kInterrupted = 130,
 };
@@ -39,6 +39,9 @@ int report(const Error& error);
 int report(const Failure& failure);
 /// The status that the reason of a job's error, or of a refused call, means.
 int status_of_reason(const std::string& reason);
+
+/// Says on standard error how many elements are not certified valid; the status that this means.
+int report_uncertified(std::int64_t invalid, std::int64_t undecided);
 
 /// How often Ctrl-C was pressed. The first asks the command to stop in order, the second ends the process.
 int interrupts();

@@ -21,15 +21,67 @@ Json mesh_document(const v1::MeshSummary& mesh) {
 }
 
 Json quality_document(const v1::QualityReport& quality) {
+  const v1::Certified& certified = quality.certified();
   return {{"min_scaled_jacobian", quality.min_scaled_jacobian()},
           {"mean_scaled_jacobian", quality.mean_scaled_jacobian()},
           {"min_distortion_jacobian", quality.min_distortion_jacobian()},
-          {"invalid_elements", quality.invalid_elements()}};
+          {"invalid_elements", quality.invalid_elements()},
+          {"certified",
+           {{"valid", certified.valid()},
+            {"invalid", certified.invalid()},
+            {"undecided", certified.undecided()},
+            {"min_scaled_jacobian_lower_bound", certified.min_scaled_jacobian_lower_bound()}}}};
+}
+
+Json group_document(const v1::UnrepairableGroup& group) {
+  Json elements = Json::array();
+  for (const std::int64_t element : group.elements()) elements.push_back(element);
+  Json document = {{"kind", spelled(group.kind())},
+                   {"elements", std::move(elements)},
+                   {"place", {group.x(), group.y(), group.z()}},
+                   {"determinant", group.determinant()},
+                   {"sentence", group.sentence()}};
+  if (group.vertex() != 0) document["vertex"] = group.vertex();
+  return document;
+}
+
+Json group_document(const UnrepairableGroup& group) {
+  constexpr const char* kKinds[] = {"vertex", "vertex-group", "edge", "face", "folded-face"};
+  Json document = {{"kind", kKinds[static_cast<int>(group.kind)]},
+                   {"elements", group.elements},
+                   {"place", group.place},
+                   {"determinant", group.determinant},
+                   {"sentence", group.sentence}};
+  if (group.vertex != 0) document["vertex"] = group.vertex;
+  return document;
+}
+
+template <class Groups>
+Json groups_document(const Groups& groups) {
+  Json all = Json::array();
+  for (const auto& group : groups) all.push_back(group_document(group));
+  return all;
+}
+
+const char* spelled(Certificate::Answer answer) {
+  return answer == Certificate::Answer::Invalid ? "invalid" : "undecided";
 }
 
 std::string sizes(int dimension, int order, std::int64_t elements, std::int64_t nodes, std::int64_t free_nodes) {
   return fmt::format("{}-D mesh of order {}: {} elements, {} nodes, {} of them free\n", dimension, order, elements,
                      nodes, free_nodes);
+}
+
+/// The first few groups, in their own sentences.
+std::string unrepairable(const v1::Metrics& metrics) {
+  constexpr int kShown = 5;
+  std::string text;
+  for (int i = 0; i < std::min(kShown, metrics.unrepairable_size()); ++i)
+    text += metrics.unrepairable(i).sentence() + "\n";
+  if (metrics.unrepairable_size() > kShown)
+    text += fmt::format("and {} more groups that no movement of nodes repairs; --json names them all\n",
+                        metrics.unrepairable_size() - kShown);
+  return text;
 }
 
 /// The bins that hold something, a line each.
@@ -56,11 +108,16 @@ Json document(const v1::Metrics& metrics) {
           {"seconds", metrics.seconds()},
           {"residual", metrics.residual()},
           {"converged", metrics.converged()},
+          {"stop_reason", spelled(metrics.stop_reason())},
           {"before", quality_document(metrics.before())},
-          {"after", quality_document(metrics.after())}};
+          {"after", quality_document(metrics.after())},
+          {"unrepairable", groups_document(metrics.unrepairable())}};
 }
 
-Json document(const MeshSummary& mesh, const QualityReport& quality) {
+Json document(const MeshSummary& mesh, const QualityReport& quality, const std::vector<UnrepairableGroup>& groups) {
+  Json uncertified = Json::array();
+  for (const UncertifiedElement& element : quality.uncertified)
+    uncertified.push_back({{"number", element.number}, {"answer", spelled(element.answer)}, {"place", element.place}});
   Json invalid = Json::array();
   for (const InvalidElement& element : quality.invalid)
     invalid.push_back(
@@ -78,7 +135,14 @@ Json document(const MeshSummary& mesh, const QualityReport& quality) {
             {"invalid_elements", quality.invalid_elements},
             {"lattice_intervals", quality.lattice_intervals},
             {"histogram", quality.histogram},
-            {"invalid", std::move(invalid)}}}};
+            {"invalid", std::move(invalid)},
+            {"certified",
+             {{"valid", quality.certified.valid},
+              {"invalid", quality.certified.invalid},
+              {"undecided", quality.certified.undecided},
+              {"min_scaled_jacobian_lower_bound", quality.certified.min_scaled_jacobian_lower_bound}}},
+            {"uncertified", std::move(uncertified)}}},
+          {"unrepairable", groups_document(groups)}};
 }
 
 Json document(const v1::Job& job) {
@@ -127,7 +191,16 @@ std::string summary(const v1::Metrics& metrics) {
                      after.mean_scaled_jacobian()) +
          fmt::format("smallest distortion       {:>10.5f}  {:>10.5f}\n", before.min_distortion_jacobian(),
                      after.min_distortion_jacobian()) +
-         fmt::format("invalid elements          {:>10}  {:>10}\n", before.invalid_elements(), after.invalid_elements());
+         fmt::format("invalid elements          {:>10}  {:>10}\n", before.invalid_elements(),
+                     after.invalid_elements()) +
+         fmt::format("certified valid           {:>10}  {:>10}\n", before.certified().valid(),
+                     after.certified().valid()) +
+         fmt::format("undecided                 {:>10}  {:>10}\n", before.certified().undecided(),
+                     after.certified().undecided()) +
+         fmt::format("proved scaled Jacobian    {:>10.5f}  {:>10.5f}\n",
+                     before.certified().min_scaled_jacobian_lower_bound(),
+                     after.certified().min_scaled_jacobian_lower_bound()) +
+         unrepairable(metrics);
 }
 
 std::string summary(const MeshSummary& mesh, const QualityReport& quality) {
@@ -135,9 +208,12 @@ std::string summary(const MeshSummary& mesh, const QualityReport& quality) {
                      fmt::format(
                          "smallest scaled Jacobian  {:>10.5f}\nmean scaled Jacobian      {:>10.5f}\n"
                          "smallest distortion       {:>10.5f}\ninvalid elements          {:>10}\n"
+                         "certified valid           {:>10}\nundecided                 {:>10}\n"
+                         "proved scaled Jacobian    {:>10.5f}\n"
                          "elements by scaled Jacobian, on a lattice of {} intervals an edge\n",
                          quality.min_scaled_jacobian, quality.mean_scaled_jacobian, quality.min_distortion_jacobian,
-                         quality.invalid_elements, quality.lattice_intervals) +
+                         quality.invalid_elements, quality.certified.valid, quality.certified.undecided,
+                         quality.certified.min_scaled_jacobian_lower_bound, quality.lattice_intervals) +
                      histogram(quality);
   constexpr std::size_t kShown = 10;
   for (std::size_t i = 0; i < std::min(kShown, quality.invalid.size()); ++i) {
@@ -154,12 +230,12 @@ bool write_history(const std::string& path, const std::vector<v1::Iteration>& hi
   const std::string beside = path + ".new";
   {
     std::ofstream file(beside);
-    file << "iteration,phase,energy,residual,relative_gradient,min_scaled_jacobian,invalid_elements,active_nodes,"
-            "seconds\n";
+    file << "iteration,phase,energy,residual,relative_gradient,min_scaled_jacobian,invalid_elements,"
+            "repairable_elements,active_nodes,seconds\n";
     for (const v1::Iteration& one : history)
-      file << fmt::format("{},{},{:.17g},{:.17g},{:.17g},{:.17g},{},{},{:.6f}\n", one.number(), spelled(one.phase()),
+      file << fmt::format("{},{},{:.17g},{:.17g},{:.17g},{:.17g},{},{},{},{:.6f}\n", one.number(), spelled(one.phase()),
                           one.energy(), one.residual(), one.relative_gradient(), one.min_scaled_jacobian(),
-                          one.invalid_elements(), one.active_nodes(), one.seconds());
+                          one.invalid_elements(), one.repairable_elements(), one.active_nodes(), one.seconds());
     if (!file.flush()) {
       std::remove(beside.c_str());
       return false;

@@ -16,7 +16,7 @@ using Json = nlohmann::ordered_json;
 /// {"mesh", "energy", "method", "iterations", "seconds", "residual", "converged", "before", "after"}
 Json document(const v1::Metrics& metrics);
 /// {"mesh", "quality"}
-Json document(const MeshSummary& mesh, const QualityReport& quality);
+Json document(const MeshSummary& mesh, const QualityReport& quality, const std::vector<UnrepairableGroup>& groups);
 /// {"job", "state", …}: what a list or a cancel says of a job.
 Json document(const v1::Job& job);
 Json document(const v1::GetServerInfoResponse& info);

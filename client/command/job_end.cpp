@@ -78,11 +78,7 @@ int deliver(Client* client, const v1::Job& job, const std::vector<Output>& outpu
     print(document(job.metrics()));
   else if (!flags.quiet)
     std::cout << summary(job.metrics()) << std::flush;
-  const std::int64_t invalid = job.metrics().after().invalid_elements();
-  if (invalid == 0) return kDone;
-  std::cerr << "varimesh: " << invalid << (invalid == 1 ? " element is" : " elements are") << " still invalid"
-            << std::endl;
-  return kInvalidLeft;
+  return report_uncertified(job.metrics().after().certified().invalid(), job.metrics().after().certified().undecided());
 }
 
 }  // namespace varimesh::client

@@ -1,11 +1,14 @@
 // varimesh quality and convert: what needs no server at all.
 #include <iostream>
+#include <optional>
 
 #include "client/command/command.h"
 #include "client/command/documents.h"
 #include "core/formats/formats.h"
 #include "core/mesh/check.h"
 #include "core/optimise/optimiser.h"
+#include "core/quality/diagnosis.h"
+#include "core/quality/marks.h"
 #include "core/quality/quality.h"
 
 namespace varimesh::client {
@@ -16,20 +19,51 @@ struct Arguments {
   std::string input, output, format;
   int lattice = 0;
   int threads = 0;
+  bool certify = false, diagnose = false;
 };
 
+/// The mesh with what was found out about its elements, for a viewer.
+int write_marked(const Arguments& arguments, formats::MeshFile& file, const std::vector<UnrepairableGroup>& groups) {
+  const auto format = formats::for_output(arguments.output, formats::Format::Auto, file.format);
+  if (!format) return report(format.error());
+  const CellMarks marks(file.mesh, groups, arguments.threads);
+  std::vector<formats::CellField> fields;
+  if (*format == formats::Format::Vtu)
+    fields = marks.fields();
+  else
+    mark_unrepairable(file.mesh, groups);
+  const auto written = formats::write_file(file.mesh, *format, arguments.output, fields);
+  return written ? kDone : report(written.error());
+}
+
 int quality(const Arguments& arguments) {
-  const auto file = formats::read_file(arguments.input);
+  if (!arguments.output.empty()) {
+    if (const auto known = formats::for_output(arguments.output, formats::Format::Auto, formats::Format::Auto); !known)
+      return report(known.error());
+    if (const auto writable = formats::check_writable(arguments.output); !writable) return report(writable.error());
+  }
+  auto file = formats::read_file(arguments.input);
   if (!file) return report(file.error());
   if (const auto checked = check(file->mesh); !checked) return report(checked.error());
   const auto mesh = summarise(file->mesh);
   if (!mesh) return report(mesh.error());
   const QualityReport found = varimesh::quality(file->mesh, arguments.lattice, arguments.threads);
-  if (arguments.common.json)
-    print(document(*mesh, found));
-  else
-    std::cout << summary(*mesh, found) << std::flush;
-  return kDone;
+  // Where every element is valid there is nothing to repair.
+  std::vector<UnrepairableGroup> groups;
+  const bool wanted = arguments.diagnose || arguments.common.json || !arguments.output.empty();
+  if (!found.uncertified.empty() && wanted) groups = diagnose(file->mesh, arguments.threads);
+  if (!arguments.output.empty())
+    if (const int failed = write_marked(arguments, *file, groups); failed != kDone) return failed;
+  if (arguments.common.json) {
+    print(document(*mesh, found, groups));
+  } else {
+    std::cout << summary(*mesh, found);
+    if (arguments.diagnose && groups.empty()) std::cout << "nothing that moving nodes could not repair\n";
+    for (const UnrepairableGroup& group : groups)
+      if (arguments.diagnose) std::cout << group.sentence << "\n";
+    std::cout << std::flush;
+  }
+  return arguments.certify ? report_uncertified(found.certified.invalid, found.certified.undecided) : kDone;
 }
 
 int convert(const Arguments& arguments) {
@@ -47,14 +81,12 @@ int convert(const Arguments& arguments) {
   const auto format = formats::for_output(arguments.output, requested, file->format);
   if (!format) return report(format.error());
 
-  std::vector<formats::CellField> fields;
-  CellQuality cells;
-  if (*format == formats::Format::Vtu && check(file->mesh)) {
-    // A mesh that cannot be judged can still be looked at.
-    cells = cell_quality(file->mesh, 0, arguments.threads);
-    fields = {{"scaled_jacobian", cells.scaled_jacobian}, {"distortion_jacobian", cells.distortion_jacobian}};
-  }
-  const auto written = formats::write_file(file->mesh, *format, arguments.output, fields);
+  // A mesh that cannot be judged can still be looked at.
+  std::optional<CellMarks> marks;
+  if (*format == formats::Format::Vtu && check(file->mesh))
+    marks.emplace(file->mesh, std::span<const UnrepairableGroup>{}, arguments.threads);
+  const auto written = formats::write_file(file->mesh, *format, arguments.output,
+                                           marks ? marks->fields() : std::vector<formats::CellField>{});
   return written ? kDone : report(written.error());
 }
 
@@ -67,6 +99,11 @@ Run add_quality(CLI::App& app) {
   command.add_option("--lattice", arguments->lattice, "Sample with this many intervals an edge; 0: the default")
       ->check(CLI::Range(0, 1000));
   command.add_option("--threads", arguments->threads, "Threads to use; 0: all")->check(CLI::Range(0, 4096));
+  command.add_flag("--certify", arguments->certify, "Exit with status 4 where an element is not certified valid");
+  command.add_flag("--diagnose", arguments->diagnose, "Name the elements that no movement of interior nodes repairs");
+  command
+      .add_option("-o,--output", arguments->output, "Write the mesh with its marks (.vtu: cell arrays, .msh: a group)")
+      ->type_name("OUT");
   add_json_flag(command, &arguments->common);
   return [arguments] { return quality(*arguments); };
 }

@@ -31,8 +31,14 @@ constexpr std::array kRows{
     OptionRow{"regularisation", "One δ an element or a node's patch; default element"},
     OptionRow{"method", "How the energy is minimised; default auto: sweeps, then Newton"},
     OptionRow{"colouring", "What moves together in a sweep; default group"},
+    OptionRow{"active_set", "Whether sweeps pass over nodes that are at rest; default on"},
     OptionRow{"tolerance", "Stop at this residual, relative to the mesh's size; default 1e-6"},
     OptionRow{"max_iterations", "Stop after this many; default 1000; 0 checks and reports only"},
+    OptionRow{"until",
+              "valid: stop as soon as every element is certified valid, named unrepairable, or ten iterations "
+              "bring no more; default tolerance"},
+    OptionRow{"until_js", "Stop when this scaled Jacobian is proved for every element, and return the best mesh"},
+    OptionRow{"time_limit", "Stop after so many seconds, at the end of an iteration; 0: never"},
     OptionRow{"threads", "Threads to use; 0: all. The result does not depend on it"},
     OptionRow{"quadrature_degree", "Degree integrated exactly; 0: twice the order"},
     OptionRow{"p_norm", "Sum the cells' mean energies to this power; default 1; more presses on the worst"},
@@ -134,6 +140,14 @@ void add_one(CLI::App& command, const OptionRow& row, v1::Options* options) {
     case FieldDescriptor::CPPTYPE_DOUBLE:
       command.add_option_function<double>(
           flag, [=](double value) { reflection->SetDouble(options, field, value); }, std::string(row.help));
+      break;
+    case FieldDescriptor::CPPTYPE_BOOL:
+      command
+          .add_option_function<std::string>(
+              flag, [=](const std::string& value) { reflection->SetBool(options, field, value == "on"); },
+              std::string(row.help))
+          ->check(CLI::IsMember({"on", "off"}))
+          ->type_name("on|off");
       break;
     case FieldDescriptor::CPPTYPE_INT32:
       command.add_option_function<int>(

@@ -19,9 +19,12 @@ constexpr auto kLineInterval = std::chrono::milliseconds(1000);
 
 std::string numbers(const v1::Iteration& iteration) {
   const double rate = iteration.seconds() > 0 ? iteration.number() / iteration.seconds() : 0;
-  return fmt::format("{} {:>4}  residual {:.2e}  min Js {:>7.4f}  invalid {}  {:.1f} s  {:.3g}/s",
-                     spelled(iteration.phase()), iteration.number(), iteration.residual(),
-                     iteration.min_scaled_jacobian(), iteration.invalid_elements(), iteration.seconds(), rate);
+  // Only where some cannot be repaired is it worth saying how many can.
+  const bool all = iteration.repairable_elements() == iteration.invalid_elements();
+  return fmt::format(
+      "{} {:>4}  residual {:.2e}  min Js {:>7.4f}  invalid {}{}  {:.1f} s  {:.3g}/s", spelled(iteration.phase()),
+      iteration.number(), iteration.residual(), iteration.min_scaled_jacobian(), iteration.invalid_elements(),
+      all ? "" : fmt::format(" ({} repairable)", iteration.repairable_elements()), iteration.seconds(), rate);
 }
 
 /// How far the residual has come on its way to the tolerance, on a logarithmic scale.

@@ -42,9 +42,14 @@ grpc::ServerUnaryReactor* JobService::ListJobs(grpc::CallbackServerContext* call
     if (!page) return status(page.error());
     for (v1::Job& job : page->jobs) {
       // A list is an overview: the places of invalid cells are in the job itself.
-      job.mutable_metrics()->mutable_before()->clear_invalid();
-      job.mutable_metrics()->mutable_after()->clear_invalid();
-      if (job.state() != v1::JOB_STATE_SUCCEEDED) job.clear_metrics();
+      if (job.has_metrics()) {
+        for (v1::QualityReport* report :
+             {job.mutable_metrics()->mutable_before(), job.mutable_metrics()->mutable_after()}) {
+          report->clear_invalid();
+          report->mutable_certified()->clear_uncertified();
+        }
+        job.mutable_metrics()->clear_unrepairable();
+      }
       *response->add_jobs() = std::move(job);
     }
     response->set_next_page_token(page->next_page_token);
@@ -105,7 +110,7 @@ grpc::ServerWriteReactor<v1::GetResultResponse>* JobService::GetResult(grpc::Cal
               v1::GetResultResponse* response, bool, grpc::Status* ended) {
             if (!*result) {
               auto job = api_.scheduler.get(name);
-              if (job && job->state() != v1::JOB_STATE_SUCCEEDED)
+              if (job && job->results().empty())
                 job = failure(Code::FailedPrecondition, "JOB_NOT_SUCCEEDED",
                               name + " has no result: its state is " + v1::JobState_Name(job->state()) + ".",
                               {{"job", name}, {"state", v1::JobState_Name(job->state())}});

@@ -129,7 +129,7 @@ class OneCall : public grpc::ServerBidiReactor<v1::OptimiseRequest, v1::Optimise
       response->Clear();
       const auto job = api_.scheduler.get(accepted_->name());
       if (!job) *ended = status(job.error());
-      if (!job || job->state() != v1::JOB_STATE_SUCCEEDED) return Pull::End;
+      if (!job || job->results().empty()) return Pull::End;
       results_.emplace(api_, *job, true);
     }
     ResultSource::Piece piece;

@@ -1,8 +1,7 @@
 // From the bytes of a file to those of the results, by the numerical library.
-#include <array>
 #include <utility>
 
-#include "core/quality/quality.h"
+#include "core/quality/marks.h"
 #include "server/jobs/engine.h"
 #include "server/jobs/translate.h"
 #include "server/meshes/parts.h"
@@ -25,14 +24,16 @@ std::vector<v1::MeshFormat> definite_outputs(std::vector<v1::MeshFormat> outputs
   return outputs;
 }
 
-Expected<void> write_mesh(const HighOrderMesh& mesh, v1::MeshFormat format, int threads, const formats::Sink& sink) {
-  if (format == v1::MESH_FORMAT_PARTS) return write_parts(mesh, sink);
-  if (format != v1::MESH_FORMAT_VTU) return formats::write(mesh, format_from(format), sink);
-  // What a viewer wants to colour the cells by.
-  const CellQuality cells = cell_quality(mesh, 0, threads);
-  const std::array<formats::CellField, 2> fields{
-      {{"scaled_jacobian", cells.scaled_jacobian}, {"distortion_jacobian", cells.distortion_jacobian}}};
-  return formats::write(mesh, format_from(format), sink, fields);
+Expected<void> write_mesh(const Result& result, v1::MeshFormat format, int threads, const formats::Sink& sink) {
+  if (format == v1::MESH_FORMAT_PARTS) return write_parts(result.mesh, sink);
+  if (format == v1::MESH_FORMAT_VTU) {
+    const CellMarks marks(result.mesh, result.unrepairable, threads);
+    return formats::write(result.mesh, format_from(format), sink, marks.fields());
+  }
+  if (result.unrepairable.empty()) return formats::write(result.mesh, format_from(format), sink);
+  HighOrderMesh marked = result.mesh;
+  mark_unrepairable(marked, result.unrepairable);
+  return formats::write(marked, format_from(format), sink);
 }
 
 Expected<RunOutcome> run(RunRequest request, const RunHooks& hooks) {
@@ -49,13 +50,11 @@ Expected<RunOutcome> run(RunRequest request, const RunHooks& hooks) {
   }
   auto result = optimise(std::move(file->mesh), request.options, hooks.on_iteration);
   if (!result) return tl::unexpected(result.error());
-  outcome = {result->summary,           result->iterations,       result->seconds,
-             result->residual,          result->converged,        result->stopped || hooks.cancelled(),
-             std::move(result->before), std::move(result->after), std::move(result->history)};
-  if (outcome.stopped) return outcome;
+  outcome = {result->summary,          result->iterations,   result->seconds,           result->residual,
+             result->converged,        result->stopped,      result->stop_reason,       std::move(result->before),
+             std::move(result->after), result->unrepairable, std::move(result->history)};
   for (const v1::MeshFormat format : definite_outputs(request.outputs, read_as))
-    if (const auto written = write_mesh(result->mesh, format, request.options.threads, hooks.open_output(format));
-        !written)
+    if (const auto written = write_mesh(*result, format, request.options.threads, hooks.open_output(format)); !written)
       return tl::unexpected(written.error());
   return outcome;
 }

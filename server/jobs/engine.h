@@ -35,9 +35,11 @@ struct RunOutcome {
   double seconds = 0;
   double residual = 0;
   bool converged = false;
-  bool stopped = false;  ///< Ended before its time, because it was asked to; nothing was written.
+  bool stopped = false;  ///< Ended before its time, because it was asked to; written is the best mesh so far.
+  StopReason stop_reason = StopReason::Iterations;
   QualityReport before;
   QualityReport after;
+  std::vector<UnrepairableGroup> unrepairable;
   std::vector<Iteration> history;
 };
 

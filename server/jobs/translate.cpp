@@ -25,6 +25,11 @@ static_assert(same(v1::METHOD_AUTO, Method::Auto) && same(v1::METHOD_SWEEPS, Met
 static_assert(same(v1::COLOURING_GROUP, Colouring::Group) && same(v1::COLOURING_NODE, Colouring::Node));
 static_assert(same(v1::TARGET_STRAIGHT_SIDED, Target::StraightSided) && same(v1::TARGET_IDEAL, Target::Ideal) &&
               same(v1::TARGET_SIZE, Target::Size) && same(v1::TARGET_STRAIN, Target::Strain));
+static_assert(same(v1::UNTIL_TOLERANCE, Until::Tolerance) && same(v1::UNTIL_VALID, Until::Valid));
+static_assert(same(v1::STOP_REASON_CONVERGED, StopReason::Converged) &&
+              same(v1::STOP_REASON_STOPPED, StopReason::Stopped));
+static_assert(same(v1::UnrepairableGroup::KIND_VERTEX, UnrepairableGroup::Kind::Vertex) &&
+              same(v1::UnrepairableGroup::KIND_FOLDED_FACE, UnrepairableGroup::Kind::FoldedFace));
 static_assert(same(v1::PER_CELL, Per::Cell) && same(v1::PER_VERTEX, Per::Vertex));
 static_assert(same(v1::PHASE_SWEEPS, Phase::Sweeps) && same(v1::PHASE_NEWTON, Phase::Newton));
 
@@ -58,6 +63,7 @@ Answer<Options> options_from(const v1::Options& message) {
   check(take(message.method(), v1::Method_IsValid(message.method()), &options.method), "method");
   check(take(message.colouring(), v1::Colouring_IsValid(message.colouring()), &options.colouring), "colouring");
   check(take(message.target(), v1::Target_IsValid(message.target()), &options.target), "target");
+  check(take(message.until(), v1::Until_IsValid(message.until()), &options.until), "until");
   const v1::TargetField& field = message.target_field();
   check(take(field.per(), v1::Per_IsValid(field.per()), &options.target_field.per), "target_field.per");
   if (unknown != nullptr)
@@ -83,6 +89,9 @@ Answer<Options> options_from(const v1::Options& message) {
   if (message.has_rings()) options.rings = message.rings();
   if (message.has_p_norm()) options.p_norm = message.p_norm();
   options.order = message.order();
+  if (message.has_active_set()) options.active_set = message.active_set();
+  options.until_js = message.until_js();
+  options.time_limit = message.time_limit();
   return options;
 }
 
@@ -119,6 +128,10 @@ v1::Options to_proto(const Options& options) {
   message.set_rings(options.rings);
   message.set_p_norm(options.p_norm);
   message.set_order(options.order);
+  message.set_active_set(options.active_set);
+  message.set_until(give<v1::Until>(options.until));
+  message.set_until_js(options.until_js);
+  message.set_time_limit(options.time_limit);
   return message;
 }
 
@@ -131,6 +144,7 @@ v1::Iteration to_proto(const Iteration& iteration) {
   message.set_relative_gradient(iteration.relative_gradient);
   message.set_min_scaled_jacobian(iteration.min_scaled_jacobian);
   message.set_invalid_elements(iteration.invalid_elements);
+  message.set_repairable_elements(iteration.repairable_elements);
   message.set_active_nodes(iteration.active_nodes);
   message.set_seconds(iteration.seconds);
   return message;
@@ -163,6 +177,34 @@ v1::QualityReport to_proto(const QualityReport& report) {
     element.set_z(report.invalid[i].place[2]);
   }
   message.set_lattice_intervals(report.lattice_intervals);
+  v1::Certified& certified = *message.mutable_certified();
+  certified.set_valid(report.certified.valid);
+  certified.set_invalid(report.certified.invalid);
+  certified.set_undecided(report.certified.undecided);
+  certified.set_min_scaled_jacobian_lower_bound(report.certified.min_scaled_jacobian_lower_bound);
+  for (std::size_t i = 0; i < std::min(report.uncertified.size(), static_cast<std::size_t>(kMaxInvalidNamed)); ++i) {
+    const UncertifiedElement& found = report.uncertified[i];
+    v1::UncertifiedElement& element = *certified.add_uncertified();
+    element.set_number(found.number);
+    element.set_answer(found.answer == Certificate::Answer::Invalid ? v1::UncertifiedElement::ANSWER_INVALID
+                                                                    : v1::UncertifiedElement::ANSWER_UNDECIDED);
+    element.set_x(found.place[0]);
+    element.set_y(found.place[1]);
+    element.set_z(found.place[2]);
+  }
+  return message;
+}
+
+v1::UnrepairableGroup to_proto(const UnrepairableGroup& group) {
+  v1::UnrepairableGroup message;
+  message.set_kind(give<v1::UnrepairableGroup::Kind>(group.kind));
+  message.set_vertex(group.vertex);
+  message.mutable_elements()->Assign(group.elements.begin(), group.elements.end());
+  message.set_x(group.place[0]);
+  message.set_y(group.place[1]);
+  message.set_z(group.place[2]);
+  message.set_determinant(group.determinant);
+  message.set_sentence(group.sentence);
   return message;
 }
 
@@ -177,6 +219,9 @@ v1::Metrics metrics(const RunOutcome& outcome, const Options& options) {
   message.set_converged(outcome.converged);
   *message.mutable_before() = to_proto(outcome.before);
   *message.mutable_after() = to_proto(outcome.after);
+  message.set_stop_reason(give<v1::StopReason>(outcome.stop_reason));
+  for (std::size_t i = 0; i < std::min(outcome.unrepairable.size(), static_cast<std::size_t>(kMaxInvalidNamed)); ++i)
+    *message.add_unrepairable() = to_proto(outcome.unrepairable[i]);
   return message;
 }
 

@@ -9,7 +9,7 @@
 
 namespace varimesh::server {
 
-/// Invalid cells a report names at most, so that a message stays small.
+/// Invalid cells, and unrepairable groups, a report names at most, so that a message stays small.
 inline constexpr int kMaxInvalidNamed = 1000;
 
 /// INVALID_ARGUMENT for a value that this server does not know. Ranges are the library's to check.
@@ -19,6 +19,7 @@ v1::Options to_proto(const Options& options);
 v1::Iteration to_proto(const Iteration& iteration);
 v1::MeshSummary to_proto(const MeshSummary& summary);
 v1::QualityReport to_proto(const QualityReport& report);
+v1::UnrepairableGroup to_proto(const UnrepairableGroup& group);
 v1::Metrics metrics(const RunOutcome& outcome, const Options& options);
 v1::JobError to_proto(const Error& error);
 

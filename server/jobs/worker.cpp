@@ -141,16 +141,13 @@ Ending run(const Attempt& attempt) {
   if (outputs.failure()) return failed(*outputs.failure());
   if (!outcome) return failed(outcome.error());
   Ending ending;
-  if (outcome->stopped || attempt.cancelled()) {
-    ending.state = v1::JOB_STATE_CANCELLED;
-    return ending;
-  }
   outputs.close();
   if (outputs.failure()) return failed(*outputs.failure());
   const auto history = store_history(attempt.meshes, outcome->history);
   if (!history) return failed(history.error());
 
-  ending.state = v1::JOB_STATE_SUCCEEDED;
+  // A job that was cancelled has the best mesh so far for its result.
+  ending.state = outcome->stopped || attempt.cancelled() ? v1::JOB_STATE_CANCELLED : v1::JOB_STATE_SUCCEEDED;
   ending.metrics = metrics(*outcome, *options);
   ending.history_digest = *history;
   report_quality(attempt, v1::QualityEvent::STAGE_BEFORE, ending.metrics->before());

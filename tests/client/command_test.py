@@ -17,7 +17,30 @@ VARIMESHD = os.environ["VARIMESHD"]
 CASES = Path(os.environ["VARIMESH_SOURCE_DIR"]) / "tests" / "cases"
 MESH = CASES / "nine_triangles.msh"
 LARGER = CASES / "circle_p5.msh"
-QUALITY = ["min_scaled_jacobian", "mean_scaled_jacobian", "min_distortion_jacobian", "invalid_elements"]
+QUALITY = ["min_scaled_jacobian", "mean_scaled_jacobian", "min_distortion_jacobian", "invalid_elements", "certified"]
+
+# Two triangles of order 2; node 5, the middle of the straight boundary edge from node 1 to node 2, lies beyond node 2.
+FOLDED = """$MeshFormat
+2.2 0 8
+$EndMeshFormat
+$Nodes
+9
+1 0 0 0
+2 1 0 0
+3 0 1 0
+4 1 1 0
+5 1.3 0 0
+6 0.5 0.5 0
+7 0 0.5 0
+8 1 0.5 0
+9 0.5 1 0
+$EndNodes
+$Elements
+2
+1 9 2 1 1 1 2 3 5 6 7
+2 9 2 1 1 2 4 3 8 9 6
+$EndElements
+"""
 
 
 def run(*arguments, **keywords):
@@ -66,11 +89,16 @@ class InProcess(WithFolder):
         self.assertEqual(done.returncode, 0, done.stderr)
         document = json.loads(done.stdout)
         self.assertEqual(list(document), ["mesh", "energy", "method", "iterations", "seconds", "residual", "converged",
-                                          "before", "after"])
+                                          "stop_reason", "before", "after", "unrepairable"])
         self.assertEqual(list(document["mesh"]), ["dimension", "order", "elements", "nodes", "free_nodes"])
         self.assertEqual(list(document["before"]), QUALITY)
         self.assertEqual(document["before"]["invalid_elements"], 2)
         self.assertEqual(document["after"]["invalid_elements"], 0)
+        self.assertEqual({key: document["before"]["certified"][key] for key in ("valid", "invalid", "undecided")},
+                         {"valid": 7, "invalid": 2, "undecided": 0})
+        self.assertEqual(document["after"]["certified"]["valid"], 9)
+        self.assertGreater(document["after"]["certified"]["min_scaled_jacobian_lower_bound"], 0)
+        self.assertEqual((document["stop_reason"], document["unrepairable"]), ("converged", []))
         self.assertEqual(document["energy"], "hyperelastic")
         self.assertTrue(out.read_bytes().startswith(b"$MeshFormat\n2.2 0 8"))
 
@@ -138,11 +166,36 @@ class InProcess(WithFolder):
         done = run("quality", MESH, "--json", "--lattice", 12)
         self.assertEqual(done.returncode, 0, done.stderr)
         document = json.loads(done.stdout)
-        self.assertEqual(list(document), ["mesh", "quality"])
+        self.assertEqual(list(document), ["mesh", "quality", "unrepairable"])
+        self.assertEqual([one["answer"] for one in document["quality"]["uncertified"]], ["invalid", "invalid"])
         self.assertEqual(document["quality"]["invalid_elements"], 2)
         self.assertEqual(document["quality"]["lattice_intervals"], 12)
         self.assertEqual(len(document["quality"]["invalid"]), 2)
         self.assertIn("invalid", run("quality", MESH).stdout)
+
+    def test_quality_certifies_with_its_exit_status(self):
+        self.assertEqual(run("quality", MESH).returncode, 0)
+        done = run("quality", MESH, "--certify")
+        self.assertEqual((done.returncode, done.stderr), (4, "varimesh: 2 elements are invalid\n"))
+        out = self.folder / "out.msh"
+        self.assertEqual(run("optimise", MESH, "-o", out, "--until", "valid", "--quiet").returncode, 0)
+        self.assertEqual(run("quality", out, "--certify").returncode, 0)
+
+    def test_names_and_marks_what_cannot_be_repaired(self):
+        folded, marked, out = (self.folder / name for name in ("folded.msh", "marked.msh", "out.msh"))
+        folded.write_text(FOLDED)
+        done = run("quality", folded, "--diagnose", "-o", marked)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        self.assertRegex(done.stdout, r"triangle 1: .*must be")
+        self.assertIn('"unrepairable"', marked.read_text())
+        done = run("optimise", folded, "-o", out, "--until", "valid", "--json")
+        self.assertEqual(done.returncode, 4, done.stderr)
+        document = json.loads(done.stdout)
+        named = {element for group in document["unrepairable"] for element in group["elements"]}
+        left = {one["number"] for one in json.loads(run("quality", out, "--json").stdout)["quality"]["uncertified"]}
+        self.assertEqual(document["stop_reason"], "repaired")
+        self.assertTrue(left and left <= named, (left, named))
+        self.assertIn('"unrepairable"', out.read_text())
 
     def test_convert_changes_the_format(self):
         binary, back = self.folder / "binary.msh", self.folder / "back.msh"
