@@ -58,6 +58,13 @@ void copy_targets(std::vector<BatchBlock>& batches) {
   for (BatchBlock& block : batches) {
     const CellBlock& cells = *block.cells;
     const int square = cells.dimension * cells.dimension, per_cell = cells.affine ? 1 : cells.points;
+    block.left_factor.resize(cells.left_factor.empty() ? 0 : static_cast<std::size_t>(block.count) * square * kBatch);
+    for (std::size_t i = 0; i < block.left_factor.size(); ++i) {
+      const std::int32_t lane = static_cast<std::int32_t>(i % kBatch),
+                         b = static_cast<std::int32_t>(i / kBatch) / square;
+      const double* factor = cells.left_factor_of(std::min(b * kBatch + lane, cells.count - 1));
+      block.left_factor[i] = static_cast<float>(factor[i / kBatch % square]);
+    }
     const int stride = cells.affine ? 1 : cells.stride;
     for (std::int32_t b = 0; b < block.count; ++b)
       for (int lane = 0; lane < kBatch; ++lane) {

@@ -25,6 +25,7 @@ struct BatchBlock {
   AlignedVector<float> backward;        ///< points × d × padded nodes: the same.
   int padded_nodes = 0;                 ///< nodes, to a multiple of 8.
   AlignedVector<float> inverse_target;  ///< count × (affine ? 1 : points) × d·d × lane.
+  AlignedVector<float> left_factor;     ///< count × d·d × lane; empty: 1.
   AlignedVector<float> linearisation;   ///< count × points × entries × lane.
   std::vector<std::int32_t>
       ranks;                    ///< count × nodes × lane: rank of the node among the free ones; free.size() if fixed.

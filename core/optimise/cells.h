@@ -33,6 +33,8 @@ struct CellBlock {
   AlignedVector<double> inverse_target;
   /// |det A| where affine (count), else weight times |det A| (count × stride).
   AlignedVector<double> measure;
+  /// L of F = L ∇χ_M A⁻¹ (row-major d × d): count × d·d, symmetric, of determinant 1. Empty: 1.
+  AlignedVector<double> left_factor;
   AlignedVector<double> deformation;  ///< F, row-major: count × d·d × stride.
   std::vector<double> energy_slope;   ///< What products weight each cell with (the p-norm's slope); empty: 1.
   std::vector<double> delta_squared;  ///< δ² of J' a cell, dimensionless; 0 for a cell with J > 0 at every point.
@@ -46,6 +48,10 @@ struct CellBlock {
   }
   const double* inverse_target_of(std::int32_t cell) const {
     return inverse_target.data() + static_cast<std::size_t>(cell) * dimension * dimension * (affine ? 1 : stride);
+  }
+  /// Null: 1.
+  const double* left_factor_of(std::int32_t cell) const {
+    return left_factor.empty() ? nullptr : left_factor.data() + static_cast<std::size_t>(cell) * dimension * dimension;
   }
   const double* measure_of(std::int32_t cell) const {
     return measure.data() + static_cast<std::size_t>(cell) * (affine ? 1 : stride);

@@ -166,13 +166,16 @@ class VectorHessian final : public HessianKernels {
     scratch.resize(direction_size + points_padded * d * d * kBatch);
     float* u = scratch.data();
     float* slopes = u + direction_size;
+    float* result = block.result.data() + static_cast<std::size_t>(b) * nodes * d * kBatch;
     gather(block.ranks.data() + static_cast<std::size_t>(b) * nodes * kBatch, nodes, direction.data(), u);
+    times_left_factor(block, b, u);
     const int width = static_cast<int>(hn::Lanes(FloatTag()));
     for (int lane = 0; lane < kBatch; lane += width) {
       forward(block, u + lane, slopes + lane);
       at_points(block, b, lane, slopes + lane);
-      backward(block, slopes + lane, block.result.data() + static_cast<std::size_t>(b) * nodes * d * kBatch + lane);
+      backward(block, slopes + lane, result + lane);
     }
+    times_left_factor(block, b, result);
   }
 
  private:
@@ -183,6 +186,27 @@ class VectorHessian final : public HessianKernels {
         const float* from = direction + static_cast<std::size_t>(ranks[n * kBatch + lane]) * d;
         for (int i = 0; i < d; ++i) u[(n * d + i) * kBatch + lane] = from[i];
       }
+  }
+
+  /// The vectors at a batch's nodes times their cell's left factor, in place: of a direction and, L being symmetric, of
+  /// the result.
+  static HWY_NOINLINE void times_left_factor(const BatchBlock& block, std::int32_t b, float* vectors) {
+    if (block.left_factor.empty()) return;
+    const float* factor = block.left_factor.data() + static_cast<std::size_t>(b) * d * d * kBatch;
+    for (int lane = 0; lane < kBatch; lane += static_cast<int>(hn::Lanes(FloatTag()))) {
+      FloatMatrix<d> L;
+      L.load_from(factor + lane);
+      for (int n = 0; n < block.cells->nodes_per_cell; ++n) {
+        float* at = vectors + n * d * kBatch + lane;
+        Floats x[d];
+        for (int i = 0; i < d; ++i) x[i] = load(at + i * kBatch);
+        for (int i = 0; i < d; ++i) {
+          Floats sum = L.at[i][0] * x[0];
+          for (int k = 1; k < d; ++k) sum = hn::MulAdd(L.at[i][k], x[k], sum);
+          hn::Store(sum, FloatTag(), at + i * kBatch);
+        }
+      }
+    }
   }
 
   /// dG at every point: d·d vectors a point.

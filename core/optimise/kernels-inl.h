@@ -17,6 +17,7 @@
 
 #include "core/energy/table-inl.h"
 #include "core/optimise/kernels.h"
+#include "core/optimise/left_factor.h"
 
 HWY_BEFORE_NAMESPACE();
 namespace varimesh {
@@ -136,6 +137,7 @@ class VectorKernels final : public Kernels {
   explicit VectorKernels(const E& energy) : energy_(energy) {}
 
   PatchExpansion expand(std::span<const PatchCell> patch) const override {
+    if (has_left_factors(patch)) return expand_through_left_factors(*this, d, patch);
     Sums<d> sums;
     for (const PatchCell& cell : patch) cell.affine ? expand_cell<true>(cell, sums) : expand_cell<false>(cell, sums);
     PatchExpansion out;
@@ -147,6 +149,7 @@ class VectorKernels final : public Kernels {
   }
 
   double energy_after(std::span<const PatchCell> patch, const double* step) const override {
+    if (has_left_factors(patch)) return energy_through_left_factors(*this, d, patch, step);
     Lanes a[d];
     for (int i = 0; i < d; ++i) a[i] = hn::Set(Tag(), step[i]);
     Lanes sum = zero();
@@ -159,6 +162,7 @@ class VectorKernels final : public Kernels {
   }
 
   void move(std::span<const PatchCell> patch, const double* step) const override {
+    if (has_left_factors(patch)) return move_through_left_factors(*this, d, patch, step);
     Lanes a[d];
     for (int i = 0; i < d; ++i) a[i] = hn::Set(Tag(), step[i]);
     for (const PatchCell& cell : patch) {
@@ -188,13 +192,14 @@ class VectorKernels final : public Kernels {
   void rebuild(CellBlock& block, std::int32_t cell, std::span<const double> positions) const override {
     const std::int32_t* nodes = block.nodes.data() + static_cast<std::size_t>(cell) * block.nodes_per_cell;
     double* F = block.deformation_of(cell);
-    const double* inverse = block.inverse_target_of(cell);
+    const double *inverse = block.inverse_target_of(cell), *factor = block.left_factor_of(cell);
     for (int q = 0; q < block.stride; q += static_cast<int>(hn::Lanes(Tag()))) {
-      Lanes G[d][d];  // ∇_ξ χ_M
+      Lanes G[d][d];  // L ∇_ξ χ_M
       for (auto& row : G)
         for (Lanes& entry : row) entry = zero();
       for (int n = 0; n < block.nodes_per_cell; ++n) {
-        const double* x = positions.data() + static_cast<std::size_t>(nodes[n]) * d;
+        double x[d];
+        times_left_factor(factor, d, positions.data() + static_cast<std::size_t>(nodes[n]) * d, x);
         const double* table = block.derivatives_of(n) + q;
         for (int k = 0; k < d; ++k) {
           const Lanes slope = load(table + k * block.stride);

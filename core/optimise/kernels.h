@@ -17,6 +17,7 @@ struct PatchCell {
   double* deformation;           ///< F, d·d arrays.
   const double* derivatives;     ///< ∂φ/∂ξ_k of the node at hand, d arrays.
   const double* inverse_target;  ///< d·d numbers where affine, else d·d arrays.
+  const double* left_factor;     ///< L, d·d numbers; null: 1.
   const double* measure;         ///< |det A| where affine, else the array of weight times |det A|.
   const double* weights;         ///< Quadrature weights.
   double delta_squared;          ///< 0: the cell is valid, and J must stay positive at every point.
@@ -52,7 +53,7 @@ class Kernels {
   /// finite.
   virtual double energy_after(std::span<const PatchCell> patch, const double* step) const = 0;
 
-  /// F += step ⊗ ∇φ in every cell of the patch.
+  /// F += L step ⊗ A⁻ᵀ ∇φ in every cell of the patch.
   virtual void move(std::span<const PatchCell> patch, const double* step) const = 0;
 
   /// The smallest J = det F in the patch.

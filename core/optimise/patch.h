@@ -24,6 +24,7 @@ class Patch {
       cells[i] = {block.deformation_of(at.cell),
                   block.derivatives_of(at.local),
                   block.inverse_target_of(at.cell),
+                  block.left_factor_of(at.cell),
                   block.measure_of(at.cell),
                   block.weights.data(),
                   block.delta_squared[at.cell],

@@ -20,21 +20,29 @@ class PlainKernels final : public Kernels {
       : material_(material),
         barrier_(material.energy != Energy::LinearElastic || material.volumetric == Volumetric::Log) {}
 
-  /// Moving a node by a makes F + a ⊗ g of F, with g = A⁻ᵀ ∇_ξ φ; so the gradient of the patch's energy is Σ w P g and
-  /// its Hessian Σ w (g · d²W/dF² · g).
+  /// Moving a node by a makes F + L a ⊗ g of F, with g = A⁻ᵀ ∇_ξ φ; so the gradient of the patch's energy is Σ w L P g
+  /// and its Hessian Σ w L (g · d²W/dF² · g) L.
   PatchExpansion expand(std::span<const PatchCell> patch) const override {
     PatchExpansion sum;
     for (const PatchCell& cell : patch) {
+      const MatrixD L = left_factor(cell.left_factor);
       for (int q = 0; q < cell.stride; ++q) {
         const double w = weight(cell, q);
         const VectorD g = gradient(cell, q);
         const Density<d> at = density<d>(material_, deformation(cell.deformation, cell.stride, q), cell.delta_squared);
         sum.measure += w;
         sum.energy += w * at.W;
+        VectorD gradient;
+        MatrixD hessian;
+        for (int i = 0; i < d; ++i) {
+          gradient[i] = at.P.template segment<d>(i * d).dot(g);
+          for (int j = 0; j < d; ++j) hessian(i, j) = g.dot(at.H.template block<d, d>(i * d, j * d) * g);
+        }
+        gradient = L * gradient;
+        hessian = L * hessian * L;
         for (int i = 0, entry = 0; i < d; ++i) {
-          sum.gradient[i] += w * at.P.template segment<d>(i * d).dot(g);
-          for (int j = 0; j <= i; ++j, ++entry)
-            sum.hessian[entry] += w * g.dot(at.H.template block<d, d>(i * d, j * d) * g);
+          sum.gradient[i] += w * gradient[i];
+          for (int j = 0; j <= i; ++j, ++entry) sum.hessian[entry] += w * hessian(i, j);
         }
       }
     }
@@ -42,9 +50,9 @@ class PlainKernels final : public Kernels {
   }
 
   double energy_after(std::span<const PatchCell> patch, const double* step) const override {
-    const Eigen::Map<const VectorD> a(step);
     double energy = 0;
     for (const PatchCell& cell : patch) {
+      const VectorD a = left_factor(cell.left_factor) * Eigen::Map<const VectorD>(step);
       for (int q = 0; q < cell.stride; ++q) {
         const MatrixD F = deformation(cell.deformation, cell.stride, q) + a * gradient(cell, q).transpose();
         if (barrier_ && cell.delta_squared == 0 && !(F.determinant() > 0))
@@ -56,12 +64,14 @@ class PlainKernels final : public Kernels {
   }
 
   void move(std::span<const PatchCell> patch, const double* step) const override {
-    for (const PatchCell& cell : patch)
+    for (const PatchCell& cell : patch) {
+      const VectorD a = left_factor(cell.left_factor) * Eigen::Map<const VectorD>(step);
       for (int q = 0; q < cell.stride; ++q) {
         const VectorD g = gradient(cell, q);
         for (int i = 0; i < d; ++i)
-          for (int j = 0; j < d; ++j) cell.deformation[(i * d + j) * cell.stride + q] += step[i] * g[j];
+          for (int j = 0; j < d; ++j) cell.deformation[(i * d + j) * cell.stride + q] += a[i] * g[j];
       }
+    }
   }
 
   double smallest_jacobian(std::span<const PatchCell> patch) const override {
@@ -82,7 +92,8 @@ class PlainKernels final : public Kernels {
           for (int k = 0; k < d; ++k)
             G(i, k) +=
                 positions[static_cast<std::size_t>(nodes[n]) * d + i] * block.derivatives_of(n)[k * block.stride + q];
-      const MatrixD at = G * inverse_target(block.inverse_target_of(cell), block.affine, block.stride, q);
+      const MatrixD at = left_factor(block.left_factor_of(cell)) * G *
+                         inverse_target(block.inverse_target_of(cell), block.affine, block.stride, q);
       for (int i = 0; i < d; ++i)
         for (int j = 0; j < d; ++j) F[(i * d + j) * block.stride + q] = at(i, j);
     }
@@ -114,6 +125,10 @@ class PlainKernels final : public Kernels {
     for (int i = 0; i < d; ++i)
       for (int j = 0; j < d; ++j) out(i, j) = F[(i * d + j) * stride + q];
     return out;
+  }
+  static MatrixD left_factor(const double* factor) {
+    if (factor == nullptr) return MatrixD::Identity();
+    return Eigen::Map<const Eigen::Matrix<double, d, d, Eigen::RowMajor>>(factor);
   }
   static MatrixD inverse_target(const double* inverse, bool affine, int stride, int q) {
     MatrixD out;

@@ -23,7 +23,7 @@ using MatrixD = Eigen::Matrix<double, d, d>;
 template <int d>
 struct CellAtHand {
   MatrixD<d> straight;  // ∇χ_L here
-  MatrixD<d> stretch;   // S here; 1 without a field
+  MatrixD<d> stretch;   // S here, 1 without a field; its size alone where L has the rest
   MatrixD<d> regular;   // W
   MatrixD<d> rotation;  // R, of the whole cell
   double edge = 0;      // of the regular shape with the straight-sided cell's volume
@@ -114,6 +114,12 @@ struct FieldOnBlock {
   }
 };
 
+// The edge of a cube as large as the unit cube stretched by S.
+template <int d>
+double size_of(const MatrixD<d>& stretch) {
+  return std::pow(stretch.determinant(), 1.0 / d);
+}
+
 // The orthogonal factor of a matrix; its determinant has the matrix's sign.
 template <int d>
 MatrixD<d> polar_rotation(const MatrixD<d>& matrix) {
@@ -159,7 +165,8 @@ class BlockTargets {
         rule_(reference::quadrature(block.shape, block.order, block.degree)),
         gradients_(
             reference::basis_gradients(block.shape, 1, reference::NodeSet::Equispaced, block.dimension, rule_.points)),
-        straight_(static_cast<std::size_t>(block.points)) {
+        straight_(static_cast<std::size_t>(block.points)),
+        turns_freely_(target.target == Target::Size && field.field.components > 1 && !has_axes(block.shape)) {
     at_.regular = regular_shape(block.shape).template topLeftCorner<d, d>();
   }
 
@@ -169,6 +176,7 @@ class BlockTargets {
     per_cell_ = block_.affine ? 1 : block_.stride;
     block_.inverse_target.resize(static_cast<std::size_t>(block_.count) * d * d * per_cell_);
     block_.measure.resize(static_cast<std::size_t>(block_.count) * per_cell_);
+    block_.left_factor.resize(turns_freely_ ? static_cast<std::size_t>(block_.count) * d * d : 0);
     for (std::int32_t cell = 0; cell < block_.count; ++cell) set_cell(cell);
   }
 
@@ -184,6 +192,7 @@ class BlockTargets {
       const int point = std::min(q, points - 1);
       at_.straight = straight_[point];
       at_.stretch = field_.at<d>(nodes, cell, point);
+      if (turns_freely_) at_.stretch = size_of<d>(at_.stretch) * MatrixD<d>::Identity();
       const MatrixD<d> A = evaluate();
       const MatrixD<d> inverse_A = A.inverse();
       for (int i = 0; i < d; ++i)
@@ -207,7 +216,7 @@ class BlockTargets {
     return A;
   }
 
-  // The rotation and the edge, from means over the cell.
+  // The rotation, the edge and the left factor, from means over the cell.
   void fit_regular(const std::int32_t* nodes, std::int32_t cell, int points) {
     MatrixD<d> straight = MatrixD<d>::Zero(), stretch = MatrixD<d>::Zero();
     double weight = 0, volume = 0;
@@ -218,8 +227,17 @@ class BlockTargets {
       stretch += rule_.weights[q] * field_.at<d>(nodes, cell, q);
     }
     at_.rotation = polar_rotation<d>(stretch.inverse() * straight * at_.regular.inverse());
+    if (turns_freely_) set_left_factor(cell, stretch);
     if (field_.field.components > 1 && has_axes(block_.shape)) at_.rotation = along_axes<d>(stretch, at_.rotation);
     at_.edge = std::pow(volume / (weight * at_.regular.determinant()), 1.0 / d);
+  }
+
+  // L does not depend on the stretch's size: the sum over the points does as well as the mean.
+  void set_left_factor(std::int32_t cell, const MatrixD<d>& stretch) {
+    const MatrixD<d> factor = size_of<d>(stretch) * stretch.inverse();
+    double* out = block_.left_factor.data() + static_cast<std::size_t>(cell) * d * d;
+    for (int i = 0; i < d; ++i)
+      for (int j = 0; j < d; ++j) out[i * d + j] = factor(std::max(i, j), std::min(i, j));
   }
 
   const Problem& problem_;
@@ -229,6 +247,7 @@ class BlockTargets {
   reference::Quadrature rule_;
   std::vector<Eigen::MatrixXd> gradients_;
   std::vector<MatrixD<d>> straight_;
+  bool turns_freely_ = false;  // in a metric: L has its directions
   CellAtHand<d> at_;
   int per_cell_ = 1;
 };

@@ -35,20 +35,46 @@ std::vector<Case> every_case() {
   return cases;
 }
 
+struct Way {
+  bool tangled, metric;
+};
+constexpr Way kWays[] = {{false, false}, {true, false}, {false, true}, {true, true}};
+
 class KernelsTest : public ::testing::TestWithParam<Case> {
  protected:
-  /// `tangled`: shaken so much that some cells are invalid.
-  void prepare(bool tangled) {
+  /// `tangled`: shaken so much that some cells are invalid. `metric`: the target has one, with axes across the grid's.
+  void prepare(bool tangled, bool metric = false) {
     const bool plane = testing::is_plane(GetParam().filling);
     HighOrderMesh mesh = testing::grid(GetParam().filling, {3, 2, 2}, 3, testing::bent(plane ? 2 : 3));
     testing::shake(mesh, tangled ? 0.12 : 0.01, 7);
     problem_ = make_problem(mesh);
     mesh_ = std::move(mesh);
+    if (metric) set_target(Target::Size, metric_field());
     fast_ = make_kernels(GetParam().material.material, problem_.dimension);
     plain_ = make_plain_kernels(GetParam().material.material, problem_.dimension);
     sweeper_.emplace(problem_, schedule_, *plain_, Regularisation::Element, PNorm{}, -1.0, team_);
     sweeper_->rebuild();
     invalid_ = sweeper_->scan().invalid;
+  }
+
+  void set_target(Target target, TargetField values) {
+    Options options;
+    options.target = target;
+    options.target_field = std::move(values);
+    const auto field = resolve_target_field(mesh_, options);
+    ASSERT_TRUE(field) << field.error().sentence;
+    set_targets(problem_, mesh_, *field, frame_of(mesh_).diagonal);
+  }
+
+  /// Edges of about 0.3 with a ratio of 4 and more, finer from left to right.
+  TargetField metric_field() const {
+    TargetField field{Per::Vertex, mesh_.dimension == 2 ? 3 : 6, {}, {}};
+    for (std::size_t n = 0; n < mesh_.node_count(); ++n) {
+      const double fineness = 1 + 0.5 * mesh_.coordinates[3 * n];
+      for (const double entry : {8.0, 11.0, 40.0, -3.0, 9.0, 14.0})
+        if (field.values.size() < (n + 1) * std::size_t(field.components)) field.values.push_back(fineness * entry);
+    }
+    return field;
   }
 
   HighOrderMesh mesh_;
@@ -61,8 +87,8 @@ class KernelsTest : public ::testing::TestWithParam<Case> {
 };
 
 TEST_P(KernelsTest, ExpandAPatchLikeThePlainOnes) {
-  for (const bool tangled : {false, true}) {
-    prepare(tangled);
+  for (const auto [tangled, metric] : kWays) {
+    prepare(tangled, metric);
     ASSERT_EQ(invalid_ > 0, tangled);
     for (std::int32_t rank = 0; rank < std::int32_t(problem_.free.size()); rank += 3) {
       Patch patch(problem_, rank);
@@ -80,8 +106,8 @@ TEST_P(KernelsTest, ExpandAPatchLikeThePlainOnes) {
 }
 
 TEST_P(KernelsTest, TryAndTakeAStepLikeThePlainOnes) {
-  for (const bool tangled : {false, true}) {
-    prepare(tangled);
+  for (const auto [tangled, metric] : kWays) {
+    prepare(tangled, metric);
     Problem copy = problem_;
     const double step[3] = {0.004, -0.003, 0.002};
     for (std::int32_t rank = 0; rank < std::int32_t(problem_.free.size()); rank += 5) {
@@ -103,29 +129,29 @@ TEST_P(KernelsTest, TryAndTakeAStepLikeThePlainOnes) {
 }
 
 TEST_P(KernelsTest, RebuildAndScanLikeThePlainOnes) {
-  prepare(true);
-  for (CellBlock& block : problem_.blocks)
-    for (std::int32_t cell = 0; cell < block.count; ++cell) {
-      const CellScan b = plain_->scan(block, cell);
-      fast_->rebuild(block, cell, problem_.positions);
-      const CellScan a = fast_->scan(block, cell);
-      EXPECT_NEAR(a.energy, b.energy, 1e-10 * (std::abs(b.energy) + 1e-3));
-      EXPECT_NEAR(a.smallest_jacobian, b.smallest_jacobian, 1e-12);
-      EXPECT_NEAR(a.scaled_jacobian, b.scaled_jacobian, 1e-12);
-    }
+  for (const bool metric : {false, true}) {
+    prepare(true, metric);
+    for (CellBlock& block : problem_.blocks)
+      for (std::int32_t cell = 0; cell < block.count; ++cell) {
+        const CellScan b = plain_->scan(block, cell);
+        fast_->rebuild(block, cell, problem_.positions);
+        const CellScan a = fast_->scan(block, cell);
+        EXPECT_NEAR(a.energy, b.energy, 1e-10 * (std::abs(b.energy) + 1e-3));
+        EXPECT_NEAR(a.smallest_jacobian, b.smallest_jacobian, 1e-12);
+        EXPECT_NEAR(a.scaled_jacobian, b.scaled_jacobian, 1e-12);
+      }
+  }
 }
 
 TEST_P(KernelsTest, TheMeshsDerivativesMatchDifferencesOfItsEnergy) {
-  for (const bool tangled : {false, true})
+  for (const auto [tangled, metric] : kWays)
     for (const Target target : {Target::StraightSided, Target::Ideal, Target::Size, Target::Strain}) {
-      prepare(tangled);
-      Options options;
-      options.target = target;
-      options.target_field.values.assign(mesh_.element_count(mesh_.dimension), target == Target::Size ? 0.4 : 0.1);
-      if (target == Target::StraightSided || target == Target::Ideal) options.target_field.values.clear();
-      const auto field = resolve_target_field(mesh_, options);
-      ASSERT_TRUE(field) << field.error().sentence;
-      set_targets(problem_, mesh_, *field, frame_of(mesh_).diagonal);
+      if (metric && target != Target::Size) continue;
+      prepare(tangled, metric);
+      TargetField values;
+      if (target == Target::Size || target == Target::Strain)
+        values.values.assign(mesh_.element_count(mesh_.dimension), target == Target::Size ? 0.4 : 0.1);
+      if (!metric) set_target(target, values);
       sweeper_->rebuild();
       sweeper_->scan();
       testing::WholeMesh whole(problem_, *plain_);
@@ -140,13 +166,14 @@ TEST_P(KernelsTest, TheMeshsDerivativesMatchDifferencesOfItsEnergy) {
         slope += gradient[i] * direction[i];
         size += std::abs(gradient[i] * direction[i]);
       }
-      EXPECT_NEAR(slope, difference, 1e-6 * size) << "target " << static_cast<int>(target);
+      EXPECT_NEAR(slope, difference, 1e-6 * size)
+          << "target " << static_cast<int>(target) << (metric ? ", metric" : "");
     }
 }
 
 TEST_P(KernelsTest, ProductsMatchDifferencesOfTheGradient) {
-  for (const bool tangled : {false, true}) {
-    prepare(tangled);
+  for (const auto [tangled, metric] : kWays) {
+    prepare(tangled, metric);
     testing::WholeMesh whole(problem_, *plain_);
     const std::vector<double> direction = testing::random_direction(problem_, 13);
     const double h = 1e-5;
