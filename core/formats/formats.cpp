@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <array>
+#include <filesystem>
 
 #include "core/formats/gmsh_read.h"
 #include "core/formats/gmsh_write.h"
@@ -23,6 +24,12 @@ constexpr std::array<FormatInfo, 5> kFormats = {{
 bool starts_with_section(std::string_view bytes) {
   const std::size_t at = bytes.find_first_not_of(" \t\r\n");
   return at != std::string_view::npos && bytes[at] == '$';
+}
+
+std::string name_of(Format format) {
+  const auto* found =
+      std::find_if(kFormats.begin(), kFormats.end(), [&](const FormatInfo& info) { return info.format == format; });
+  return found == kFormats.end() ? "auto" : std::string(found->name);
 }
 
 // Why the bytes are not a mesh, as far as a look at them tells.
@@ -50,11 +57,20 @@ Expected<Format> from_name(std::string_view name) {
 }
 
 Expected<Format> for_output(std::string_view path, Format requested, Format read_as) {
-  if (requested != Format::Auto) return requested;
   std::string lower(path);
   std::transform(lower.begin(), lower.end(), lower.begin(), [](unsigned char c) { return char(std::tolower(c)); });
-  if (lower.ends_with(".vtu")) return Format::Vtu;
-  if (lower.ends_with(".msh")) return read_as == Format::Auto || read_as == Format::Vtu ? Format::Msh41Binary : read_as;
+  const bool vtu = lower.ends_with(".vtu"), msh = lower.ends_with(".msh");
+  if (requested != Format::Auto) {
+    if (requested == Format::Vtu ? msh : vtu)
+      return bad_option("The ending of '" + std::string(path) + "' contradicts the format " + name_of(requested) +
+                        ": change one of the two.");
+    return requested;
+  }
+  if (vtu) return Format::Vtu;
+  std::error_code error;
+  const auto status = std::filesystem::status(std::filesystem::path(path), error);
+  const bool special = (!error && std::filesystem::is_other(status)) || path.starts_with("/dev/");
+  if (msh || special) return read_as == Format::Auto || read_as == Format::Vtu ? Format::Msh41Binary : read_as;
   return bad_option("The format of '" + std::string(path) +
                     "' is not known from its ending: end it in .msh or .vtu, or name the format.");
 }

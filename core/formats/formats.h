@@ -34,8 +34,10 @@ std::span<const FormatInfo> all();
 /// The format of that name; BadOption lists the names there are.
 Expected<Format> from_name(std::string_view name);
 
-/// The format that writing to `path` means: by its ending, with `.msh` standing for `read_as` where that is an MSH
-/// format and for Msh41Binary otherwise. BadOption for an ending that is not known.
+/// The format that writing to `path` means: `requested`, or by its ending, with `.msh` standing for `read_as` where
+/// that is an MSH format and for Msh41Binary otherwise. What has no ending that is known and is a device or a pipe
+/// takes the format of `.msh`. BadOption for any other ending where nothing is requested, and for one that contradicts
+/// `requested`.
 Expected<Format> for_output(std::string_view path, Format requested, Format read_as);
 
 /// A mesh, and what it was read from.
@@ -66,11 +68,11 @@ struct CellField {
 Expected<void> write(const HighOrderMesh& mesh, Format format, const Sink& sink,
                      std::span<const CellField> fields = {});
 
-/// Writes beside `path` and renames, so that no half-written file is ever seen under its name.
+/// Writes the file as OutputFile does: no half-written file is ever seen under its name.
 Expected<void> write_file(const HighOrderMesh& mesh, Format format, const std::string& path,
                           std::span<const CellField> fields = {});
 
-/// Whether `path` can be written, found out before any work is done: its folder exists and takes a new file.
+/// Whether `path` can be written, found out before any work is done: OutputFile::check().
 Expected<void> check_writable(const std::string& path);
 
 }  // namespace varimesh::formats
