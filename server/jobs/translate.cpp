@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <cassert>
 
+#include "core/formats/utf8.h"
+
 namespace varimesh::server {
 namespace {
 
@@ -241,7 +243,8 @@ v1::JobError to_proto(const Error& error) {
       message.set_reason("INTERNAL");
       break;
   }
-  message.set_message(error.sentence);
+  // A sentence may quote the mesh, which need not be UTF-8.
+  message.set_message(formats::as_utf8(error.sentence));
   return message;
 }
 

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <limits>
 
+#include "core/formats/utf8.h"
 #include "varimesh/v1/mesh.pb.h"
 
 namespace varimesh::server {
@@ -175,6 +176,12 @@ Expected<void> write_parts(const HighOrderMesh& mesh, const formats::Sink& sink)
     }
   }
   for (const PhysicalGroup& group : mesh.physical_groups) {
+    if (!formats::is_utf8(group.name))
+      return tl::unexpected(Error{Error::Kind::Output, "The name of the physical group with dimension " +
+                                                           std::to_string(group.dimension) + " and tag " +
+                                                           std::to_string(group.tag) +
+                                                           " is not UTF-8, which parts of a mesh cannot hold; rename "
+                                                           "it, or ask for an MSH file."});
     part.mutable_physical_group()->set_dimension(group.dimension);
     part.mutable_physical_group()->set_tag(group.tag);
     part.mutable_physical_group()->set_name(group.name);

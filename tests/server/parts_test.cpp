@@ -35,6 +35,16 @@ std::string parts_of(const HighOrderMesh& mesh) {
   return bytes;
 }
 
+TEST(Parts, RefuseANameThatIsNotUtf8) {
+  HighOrderMesh mesh = two_triangles();
+  mesh.physical_groups = {{2, 3,
+                           "Fl\xe4"
+                           "che"}};
+  const auto written = write_parts(mesh, [](std::string_view) { return true; });
+  ASSERT_FALSE(written);
+  EXPECT_NE(written.error().sentence.find("dimension 2 and tag 3"), std::string::npos) << written.error().sentence;
+}
+
 TEST(Parts, BringAMeshBackAsItWas) {
   const HighOrderMesh mesh = two_triangles();
   const auto back = read_parts(parts_of(mesh));
