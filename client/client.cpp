@@ -1,19 +1,17 @@
 // Calls that answer once, and meshes in and out.
 #include "client/client.h"
 
-#include <fcntl.h>
 #include <grpcpp/grpcpp.h>
-#include <unistd.h>
 
 #include <array>
-#include <cerrno>
-#include <cstring>
-#include <filesystem>
-#include <fstream>
+#include <cstdio>
 #include <random>
 
 #include "client/digest.h"
 #include "client/failures.h"
+#include "client/input_file.h"
+#include "client/interrupter.h"
+#include "core/formats/output_file.h"
 
 namespace varimesh::client {
 namespace {
@@ -31,65 +29,18 @@ std::string random_id() {
   return id;
 }
 
-/// Reads a file in chunks; false from `take` stops. The error is empty where all went well.
-std::string read_file(const std::string& path, std::int64_t offset,
-                      const std::function<bool(std::int64_t, std::string&)>& take) {
-  std::ifstream file(path, std::ios::binary);
-  if (!file || std::filesystem::is_directory(path))
-    return "The file '" + path + "' cannot be read (" + std::strerror(errno != 0 ? errno : EISDIR) +
-           "); check its name and its permissions.";
-  file.seekg(offset);
-  std::string chunk;
-  while (true) {
-    chunk.resize(kChunkBytes);
-    file.read(chunk.data(), static_cast<std::streamsize>(chunk.size()));
-    chunk.resize(static_cast<std::size_t>(file.gcount()));
-    if (chunk.empty()) return "";
-    const auto size = static_cast<std::int64_t>(chunk.size());
-    if (!take(offset, chunk)) return "";
-    offset += size;
-  }
+tl::unexpected<Failure> interrupted(const char* when) {
+  return tl::unexpected(Failure{Failure::Kind::Interrupted, "", std::string("Interrupted ") + when + ".", {}});
 }
-
-/// A file written beside its place, which takes it over or goes without a trace.
-class FileBeside {
- public:
-  explicit FileBeside(const std::string& path) : path_(path), beside_(path + ".part-" + random_id().substr(0, 8)) {
-    file_ = ::open(beside_.c_str(), O_CREAT | O_EXCL | O_WRONLY | O_CLOEXEC, 0666);
-    failed_ = file_ < 0;
-  }
-  ~FileBeside() {
-    if (file_ >= 0) ::close(file_);
-    if (!renamed_) ::unlink(beside_.c_str());
-  }
-  void write(std::string_view bytes) {
-    while (!failed_ && !bytes.empty()) {
-      const ssize_t written = ::write(file_, bytes.data(), bytes.size());
-      if (written < 0 && errno == EINTR) continue;
-      failed_ = written <= 0;
-      if (!failed_) bytes.remove_prefix(static_cast<std::size_t>(written));
-    }
-  }
-  bool failed() const { return failed_; }
-  bool commit() {
-    if (failed_ || ::close(std::exchange(file_, -1)) != 0) return false;
-    renamed_ = std::rename(beside_.c_str(), path_.c_str()) == 0;
-    return renamed_;
-  }
-
- private:
-  const std::string path_, beside_;
-  int file_ = -1;
-  bool failed_ = false;
-  bool renamed_ = false;
-};
 
 }  // namespace
 
-Client::Client(std::shared_ptr<grpc::Channel> control, std::shared_ptr<grpc::Channel> bulk, Settings settings)
+Client::Client(const std::shared_ptr<grpc::Channel>& control, const std::shared_ptr<grpc::Channel>& bulk,
+               Settings settings)
     : jobs_(v1::JobService::NewStub(control)),
       meshes_(v1::MeshService::NewStub(bulk)),
-      settings_(std::move(settings)) {}
+      settings_(std::move(settings)),
+      interrupter_(settings_.interrupted ? std::make_shared<Interrupter>(settings_.interrupted) : nullptr) {}
 
 Outcome<Client> Client::connect(const std::string& address, Settings settings) {
   const auto channel = [&](int number) {
@@ -97,15 +48,16 @@ Outcome<Client> Client::connect(const std::string& address, Settings settings) {
     // Equal channels would share one connection.
     arguments.SetInt("varimesh.channel", number);
     arguments.SetInt(GRPC_ARG_ENABLE_RETRIES, 0);
-    arguments.SetInt(GRPC_ARG_KEEPALIVE_TIME_MS, 30'000);
+    // A server that hangs, or that the network has lost, is noticed within 20 s; it takes a ping every 10 s.
+    arguments.SetInt(GRPC_ARG_KEEPALIVE_TIME_MS, 15'000);
+    arguments.SetInt(GRPC_ARG_KEEPALIVE_TIMEOUT_MS, 5'000);
     arguments.SetInt(GRPC_ARG_MAX_RECONNECT_BACKOFF_MS, 2'000);
     return grpc::CreateCustomChannel(address, grpc::InsecureChannelCredentials(), arguments);
   };
   const auto control = channel(1);
   const auto deadline = std::chrono::steady_clock::now() + settings.connect;
   while (!control->WaitForConnected(std::chrono::system_clock::now() + std::chrono::milliseconds(100))) {
-    if (settings.interrupted())
-      return tl::unexpected(Failure{Failure::Kind::Interrupted, "", "Interrupted before the server answered.", {}});
+    if (settings.wants_to_stop()) return interrupted("before the server answered");
     if (std::chrono::steady_clock::now() > deadline)
       return tl::unexpected(Failure{Failure::Kind::Transport,
                                     "",
@@ -122,13 +74,18 @@ Outcome<Response> Client::call(grpc::Status (v1::JobService::Stub::*method)(grpc
                                                                             Response*),
                                const Request& request) {
   Patience patience(settings_);
+  const bool last = settings_.wants_to_stop();
   while (true) {
     grpc::ClientContext context;
-    context.set_deadline(std::chrono::system_clock::now() + std::chrono::seconds(30));
+    context.set_deadline(std::chrono::system_clock::now() + (last ? settings_.last_word : std::chrono::seconds(30)));
+    const Interrupter::Eye eye(last ? nullptr : interrupter_.get(), &context);
     Response response;
     const grpc::Status status = ((*jobs_).*method)(&context, request, &response);
+    if (status.ok()) patience.reset();
     if (status.ok()) return response;
-    if (!patience.again(status)) return tl::unexpected(failure_of(status));
+    if (patience.again(status)) continue;
+    if (!last && settings_.wants_to_stop()) return interrupted("before the server answered");
+    return tl::unexpected(failure_of(status));
   }
 }
 
@@ -181,6 +138,7 @@ Outcome<JobResult> Client::result(const std::string& name) {
   Patience patience(settings_);
   while (true) {
     grpc::ClientContext context;
+    const Interrupter::Eye eye(interrupter_.get(), &context);
     const auto reader = jobs_->GetResult(&context, request);
     JobResult result;
     v1::GetResultResponse response;
@@ -189,103 +147,129 @@ Outcome<JobResult> Client::result(const std::string& name) {
       for (const v1::Iteration& iteration : response.history().iterations()) result.history.push_back(iteration);
     }
     const grpc::Status status = reader->Finish();
+    if (status.ok()) patience.reset();
     if (status.ok()) return result;
-    if (!patience.again(status)) return tl::unexpected(failure_of(status));
+    if (patience.again(status)) continue;
+    if (settings_.wants_to_stop()) return interrupted("while the history was fetched");
+    return tl::unexpected(failure_of(status));
   }
 }
 
 // ===== meshes =====
 
 Outcome<v1::StoredMesh> Client::upload_file(const std::string& path) {
+  const auto file = InputFile::open(path, settings_.interrupted);
+  if (!file) return tl::unexpected(file.error());
+  return upload(*file);
+}
+
+Outcome<v1::StoredMesh> Client::upload(const InputFile& file) {
   Digest digest;
   std::int64_t size = 0;
-  const std::string unreadable = read_file(path, 0, [&](std::int64_t, std::string& chunk) {
-    digest.update(chunk);
-    size += static_cast<std::int64_t>(chunk.size());
-    return !settings_.interrupted();
-  });
-  if (!unreadable.empty()) return file_failure(unreadable);
-
+  while (true) {
+    if (settings_.wants_to_stop()) return interrupted("while the mesh was read");
+    const auto chunk = file.read(size, kChunkBytes);
+    if (!chunk) return tl::unexpected(chunk.error());
+    if (chunk->empty()) break;
+    digest.update(*chunk);
+    size += static_cast<std::int64_t>(chunk->size());
+  }
   v1::UploadMeshRequest header;
   header.mutable_header()->set_upload_id(random_id());
   header.mutable_header()->set_digest(digest.finish());
   header.mutable_header()->set_size(size);
+
+  Patience patience(settings_);
+  std::int64_t committed = 0;
+  while (true) {
+    grpc::Status status;
+    const auto stored = upload_once(file, header, &committed, &patience, &status);
+    if (!stored) return tl::unexpected(stored.error());
+    if (stored->has_value()) return **stored;
+    if (settings_.wants_to_stop()) return interrupted("while the mesh was uploaded");
+    if (!patience.again(status)) return tl::unexpected(failure_of(status));
+  }
+}
+
+Outcome<std::optional<v1::StoredMesh>> Client::upload_once(const InputFile& file, const v1::UploadMeshRequest& header,
+                                                           std::int64_t* committed, Patience* patience,
+                                                           grpc::Status* status) {
   v1::QueryUploadRequest query;
   query.set_upload_id(header.header().upload_id());
   query.set_digest(header.header().digest());
-
-  Patience patience(settings_);
-  while (!settings_.interrupted()) {
-    std::int64_t offset = 0;
-    {
-      grpc::ClientContext context;
-      v1::QueryUploadResponse known;
-      const grpc::Status status = meshes_->QueryUpload(&context, query, &known);
-      if (patience.again(status)) continue;
-      if (!status.ok() && status.error_code() != grpc::StatusCode::NOT_FOUND) return tl::unexpected(failure_of(status));
-      offset = known.committed_size();
-      if (known.complete()) {
-        v1::StoredMesh stored;
-        stored.set_digest(query.digest());
-        stored.set_size(size);
-        return stored;
-      }
-    }
+  v1::QueryUploadResponse known;
+  {
     grpc::ClientContext context;
-    v1::UploadMeshResponse response;
-    const auto writer = meshes_->UploadMesh(&context, &response);
-    bool open = writer->Write(header);
-    v1::UploadMeshRequest request;
-    const std::string broken = read_file(path, offset, [&](std::int64_t at, std::string& chunk) {
-      request.mutable_chunk()->set_offset(at);
-      request.mutable_chunk()->mutable_data()->swap(chunk);
-      open = open && !settings_.interrupted() && writer->Write(request);
-      if (open && at == offset) patience.reset();
-      return open;
-    });
-    if (!broken.empty() || settings_.interrupted()) context.TryCancel();
-    if (open) writer->WritesDone();
-    const grpc::Status status = writer->Finish();
-    if (!broken.empty()) return file_failure(broken);
-    if (status.ok()) return response.mesh();
-    if (!settings_.interrupted() && !patience.again(status)) return tl::unexpected(failure_of(status));
+    const Interrupter::Eye eye(interrupter_.get(), &context);
+    *status = meshes_->QueryUpload(&context, query, &known);
   }
-  return tl::unexpected(Failure{Failure::Kind::Interrupted, "", "Interrupted while the mesh was uploaded.", {}});
+  if (!status->ok() && status->error_code() != grpc::StatusCode::NOT_FOUND) return std::nullopt;
+  if (known.complete()) {
+    v1::StoredMesh stored;
+    stored.set_digest(query.digest());
+    stored.set_size(header.header().size());
+    return stored;
+  }
+  // A connection that breaks again and again is worth the full time as long as bytes arrive.
+  if (known.committed_size() > *committed) patience->reset();
+  *committed = known.committed_size();
+
+  grpc::ClientContext context;
+  const Interrupter::Eye eye(interrupter_.get(), &context);
+  v1::UploadMeshResponse response;
+  const auto writer = meshes_->UploadMesh(&context, &response);
+  bool open = writer->Write(header);
+  v1::UploadMeshRequest request;
+  std::optional<Failure> unreadable;
+  for (std::int64_t at = *committed; open;) {
+    auto chunk = file.read(at, kChunkBytes);
+    if (!chunk) unreadable = chunk.error();
+    if (!chunk || chunk->empty()) break;
+    request.mutable_chunk()->set_offset(at);
+    at += static_cast<std::int64_t>(chunk->size());
+    request.mutable_chunk()->set_data(std::move(*chunk));
+    open = writer->Write(request);
+  }
+  if (unreadable) context.TryCancel();
+  if (open) writer->WritesDone();
+  *status = writer->Finish();
+  if (unreadable) return tl::unexpected(*unreadable);
+  if (!status->ok()) return std::nullopt;
+  patience->reset();
+  return response.mesh();
 }
 
 Outcome<void> Client::download(const v1::StoredMesh& mesh, const std::string& path) {
-  FileBeside file(path);
+  auto file = formats::OutputFile::open(path);
+  if (!file) return file_failure(file.error().sentence);
   Digest digest;
   v1::DownloadMeshRequest request;
   request.set_digest(mesh.digest());
   Patience patience(settings_);
   while (true) {
     grpc::ClientContext context;
+    const Interrupter::Eye eye(interrupter_.get(), &context);
     const auto reader = meshes_->DownloadMesh(&context, request);
     v1::DownloadMeshResponse response;
-    while (!file.failed() && reader->Read(&response)) {
-      file.write(response.chunk().data());
+    while (!file->failed() && reader->Read(&response)) {
+      file->write(response.chunk().data());
       digest.update(response.chunk().data());
       request.set_offset(request.offset() + static_cast<std::int64_t>(response.chunk().data().size()));
       patience.reset();
-      if (settings_.interrupted()) break;
     }
-    if (file.failed() || settings_.interrupted()) context.TryCancel();
+    if (file->failed()) context.TryCancel();
     const grpc::Status status = reader->Finish();
-    if (file.failed()) break;
-    if (settings_.interrupted())
-      return tl::unexpected(Failure{Failure::Kind::Interrupted, "", "Interrupted while the result was fetched.", {}});
-    if (status.ok()) break;
-    if (!patience.again(status)) return tl::unexpected(failure_of(status));
+    if (file->failed() || status.ok()) break;
+    if (patience.again(status)) continue;
+    if (settings_.wants_to_stop()) return interrupted("while the result was fetched");
+    return tl::unexpected(failure_of(status));
   }
-  if (!file.failed() && digest.finish() != mesh.digest())
+  if (!file->failed() && digest.finish() != mesh.digest())
     return tl::unexpected(Failure{Failure::Kind::Transport,
                                   "DIGEST_MISMATCH",
                                   "The bytes that came are not those of the result; fetch it again.",
                                   {}});
-  if (!file.commit())
-    return file_failure("The file '" + path + "' cannot be written (" + std::strerror(errno) +
-                        "); free disk space or name another one.");
+  if (const auto done = file->commit(); !done) return file_failure(done.error().sentence);
   return {};
 }
 

@@ -16,6 +16,7 @@
 #include <functional>
 #include <map>
 #include <memory>
+#include <optional>
 #include <string>
 #include <tl/expected.hpp>
 #include <vector>
@@ -23,6 +24,10 @@
 #include "varimesh/v1/service.grpc.pb.h"
 
 namespace varimesh::client {
+
+class InputFile;
+class Interrupter;
+class Patience;
 
 /// Why a call did not do what it was asked to.
 struct Failure {
@@ -43,9 +48,16 @@ using Outcome = tl::expected<T, Failure>;
 
 /// How patient a client is.
 struct Settings {
-  std::chrono::milliseconds connect{5000};                   ///< For the first contact.
-  std::chrono::milliseconds retry{60000};                    ///< For a server that was there and went away.
-  std::function<bool()> interrupted = [] { return false; };  ///< Asked often; true ends any call with Interrupted.
+  std::chrono::milliseconds connect{5000};  ///< For the first contact.
+  std::chrono::milliseconds retry{60000};   ///< For a server that was there and went away.
+  /// Asked often, and from a thread of the client's own; true ends calls under way with Interrupted. Calls with one
+  /// answer that begin afterwards (to cancel a job, say) are made once, and have `last_word` to be answered.
+  std::function<bool()> interrupted;
+  std::chrono::milliseconds last_word{2000};
+  /// Told false as soon as a server that was there is found away, and true when it is back.
+  std::function<void(bool answers)> on_contact;
+
+  bool wants_to_stop() const { return interrupted && interrupted(); }
 };
 
 /// What came of a job that succeeded.
@@ -59,12 +71,15 @@ struct JobResult {
 class Client {
  public:
   /// `bulk` carries the meshes, so that they do not hold up the rest; it may be the same channel.
-  Client(std::shared_ptr<grpc::Channel> control, std::shared_ptr<grpc::Channel> bulk, Settings settings = {});
+  Client(const std::shared_ptr<grpc::Channel>& control, const std::shared_ptr<grpc::Channel>& bulk,
+         Settings settings = {});
   /// HOST:PORT or unix:PATH, without encryption. Fails where nobody answers in `settings.connect`.
   static Outcome<Client> connect(const std::string& address, Settings settings = {});
 
-  /// Brings a file to the server, unless it is there already; goes on where a broken upload stopped.
+  /// Brings a file to the server, unless it is there already; goes on where a broken upload stopped. A pipe or a device
+  /// is read to its end first.
   Outcome<v1::StoredMesh> upload_file(const std::string& path);
+  Outcome<v1::StoredMesh> upload(const InputFile& file);
   /// A request id of its own makes a repeated submission join the same job; empty: a random one.
   Outcome<v1::Job> submit(const v1::JobSpec& spec, std::string request_id = {}, bool validate_only = false);
   Outcome<v1::Job> get(const std::string& name);
@@ -75,24 +90,29 @@ class Client {
   Outcome<v1::GetServerInfoResponse> info();
 
   /// Delivers the events after `after_sequence`, resuming by itself, until the job ends; returns the job as it ended.
-  /// `on_event` returns false to stop watching. `on_wait` is called a few times a second in between, and may call other
-  /// methods (cancel, say).
+  /// `on_event` returns false to stop watching. `on_wait` is called a few times a second in between, may call other
+  /// methods (cancel, say), and returns false to stop at once, with Interrupted. Refused with BAD_OPTION where the job
+  /// has no event of the number `after_sequence` yet.
   using OnEvent = std::function<bool(const v1::JobEvent&)>;
   Outcome<v1::Job> watch(const std::string& name, std::int64_t after_sequence, const OnEvent& on_event,
-                         const std::function<void()>& on_wait = {});
+                         const std::function<bool()>& on_wait = {});
 
   Outcome<JobResult> result(const std::string& name);
-  /// Writes the mesh beside `path`, compares its digest, and renames it.
+  /// Writes the mesh beside `path`, compares its digest, and renames it (formats::OutputFile).
   Outcome<void> download(const v1::StoredMesh& mesh, const std::string& path);
 
  private:
   template <class Request, class Response>
   Outcome<Response> call(grpc::Status (v1::JobService::Stub::*method)(grpc::ClientContext*, const Request&, Response*),
                          const Request& request);
+  /// One go at an upload: nothing where the call ended with `status` and may be repeated.
+  Outcome<std::optional<v1::StoredMesh>> upload_once(const InputFile& file, const v1::UploadMeshRequest& header,
+                                                     std::int64_t* committed, Patience* patience, grpc::Status* status);
 
   std::shared_ptr<v1::JobService::Stub> jobs_;
   std::shared_ptr<v1::MeshService::Stub> meshes_;
   Settings settings_;
+  std::shared_ptr<Interrupter> interrupter_;  ///< Null where nothing interrupts.
 };
 
 }  // namespace varimesh::client

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <thread>
+#include <utility>
 
 #include "google/rpc/error_details.pb.h"
 #include "google/rpc/status.pb.h"
@@ -27,6 +28,8 @@ Failure failure_of(const grpc::Status& status) {
   failure.kind = away ? Failure::Kind::Transport : Failure::Kind::Refused;
   if (status.error_code() == grpc::StatusCode::UNAVAILABLE && failure.reason.empty())
     failure.sentence = "The server cannot be reached (" + failure.sentence + "); see that varimeshd runs there.";
+  if (status.error_code() == grpc::StatusCode::DEADLINE_EXCEEDED)
+    failure.sentence = "The server does not answer; see that varimeshd runs there and is not overloaded.";
   return failure;
 }
 
@@ -35,18 +38,38 @@ tl::unexpected<Failure> file_failure(std::string sentence) {
 }
 
 bool Patience::again(const grpc::Status& status) {
-  if (status.error_code() != grpc::StatusCode::UNAVAILABLE || settings_.interrupted()) return false;
-  const auto now = std::chrono::steady_clock::now();
+  using Clock = std::chrono::steady_clock;
+  if (settings_.wants_to_stop()) return false;
+  if (status.error_code() != grpc::StatusCode::UNAVAILABLE) {
+    // A no is an answer too; these two are made on this side.
+    if (status.error_code() != grpc::StatusCode::CANCELLED &&
+        status.error_code() != grpc::StatusCode::DEADLINE_EXCEEDED)
+      say(true);
+    return false;
+  }
+  const auto now = Clock::now();
   if (pause_.count() == 0) {
     away_since_ = now;
     pause_ = std::chrono::milliseconds(50);
   }
   if (now - away_since_ > settings_.retry) return false;
-  std::this_thread::sleep_for(pause_);
+  say(false);
+  while (Clock::now() < now + pause_) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(50));
+    if (settings_.wants_to_stop()) return false;
+  }
   pause_ = std::min(pause_ * 2, std::chrono::milliseconds(2000));
   return true;
 }
 
-void Patience::reset() { pause_ = std::chrono::milliseconds(0); }
+void Patience::reset() {
+  pause_ = std::chrono::milliseconds(0);
+  say(true);
+}
+
+void Patience::say(bool answers) {
+  if (std::exchange(away_, !answers) == !answers) return;
+  if (settings_.on_contact) settings_.on_contact(answers);
+}
 
 }  // namespace varimesh::client

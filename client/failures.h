@@ -16,20 +16,24 @@ Failure failure_of(const grpc::Status& status);
 /// A local file that cannot be read or written.
 tl::unexpected<Failure> file_failure(std::string sentence);
 
-/// Repeats calls to a server that is unavailable, more and more slowly, until it has been away for too long.
+/// Repeats calls to a server that is unavailable, more and more slowly, until it has been away for too long. Says so
+/// when it goes away and when it is back (Settings::on_contact).
 class Patience {
  public:
   explicit Patience(const Settings& settings) : settings_(settings) {}
 
-  /// Whether to call again after this status; waits a little if so.
+  /// Whether to call again after this status; waits a little if so, but not beyond an interrupt.
   bool again(const grpc::Status& status);
   /// The server was there: it may be away for the full time again.
   void reset();
 
  private:
+  void say(bool answers);
+
   const Settings& settings_;
   std::chrono::steady_clock::time_point away_since_{};
   std::chrono::milliseconds pause_{0};
+  bool away_ = false;
 };
 
 }  // namespace varimesh::client

@@ -87,10 +87,18 @@ class Watcher : public grpc::ClientReadReactor<v1::WatchJobResponse> {
   bool done_ = false;
 };
 
+tl::unexpected<Failure> no_such_event(const v1::Job& job, std::int64_t sequence) {
+  return tl::unexpected(Failure{Failure::Kind::Refused,
+                                "BAD_OPTION",
+                                job.name() + " has no event number " + std::to_string(sequence) + ": its last is " +
+                                    std::to_string(job.last_sequence()) + "; watch it from there, or from 0.",
+                                {}});
+}
+
 }  // namespace
 
 Outcome<v1::Job> Client::watch(const std::string& name, std::int64_t after_sequence, const OnEvent& on_event,
-                               const std::function<void()>& on_wait) {
+                               const std::function<bool()>& on_wait) {
   v1::WatchJobRequest request;
   request.set_name(name);
   request.set_after_sequence(after_sequence);
@@ -101,7 +109,8 @@ Outcome<v1::Job> Client::watch(const std::string& name, std::int64_t after_seque
     v1::JobEvent event;
     Watcher::Got got = Watcher::Got::Nothing;
     while (got != Watcher::Got::Done) {
-      if (on_wait) on_wait();
+      if (on_wait && !on_wait())
+        return tl::unexpected(Failure{Failure::Kind::Interrupted, "", "The watching of " + name + " was stopped.", {}});
       got = watcher.next(&event, std::chrono::milliseconds(100));
       if (got != Watcher::Got::Event) continue;
       patience.reset();
@@ -114,6 +123,11 @@ Outcome<v1::Job> Client::watch(const std::string& name, std::int64_t after_seque
     if (status.ok()) return get(name);
     const Failure failure = failure_of(status);
     if (failure.reason == "SEQUENCE_EXPIRED" && request.after_sequence() != 0) {
+      if (seen == after_sequence) {
+        auto job = get(name);
+        if (!job) return job;
+        if (job->last_sequence() < after_sequence) return no_such_event(*job, after_sequence);
+      }
       // The server dropped some iterations behind it. From the start on it has every state and all it still keeps; what
       // was seen before is passed over.
       request.set_after_sequence(0);

@@ -6,14 +6,31 @@
 #include <atomic>
 #include <csignal>
 #include <iostream>
+#include <thread>
+
+#include "core/formats/utf8.h"
 
 namespace varimesh::client {
 namespace {
 
 std::atomic<int> interrupt_count = 0;
+std::atomic<bool> first_ends = false;
 
-extern "C" void on_interrupt(int) {
-  if (interrupt_count.fetch_add(1) > 0) _exit(kInterrupted);
+[[noreturn]] void end_at_once() {
+  remove_leftovers();
+  constexpr char message[] = "varimesh: interrupted\n";
+  (void)!::write(STDERR_FILENO, message, sizeof message - 1);
+  _exit(kInterrupted);
+}
+
+void say_contact(bool answers, std::chrono::milliseconds retry) {
+  // On a terminal the bar is there, which the next iteration draws again.
+  if (isatty(STDERR_FILENO) == 1) std::cerr << "\r\x1b[K";
+  if (answers)
+    std::cerr << "varimesh: the server answers again" << std::endl;
+  else
+    std::cerr << "varimesh: the server is not answering; trying again for up to " << retry.count() / 1000 << " s"
+              << std::endl;
 }
 
 }  // namespace
@@ -77,28 +94,53 @@ int report(const Failure& failure) {
 int interrupts() { return interrupt_count; }
 
 void catch_interrupts() {
-  struct sigaction action {};
-  action.sa_handler = on_interrupt;
-  sigaction(SIGINT, &action, nullptr);
-  sigaction(SIGTERM, &action, nullptr);
+  // A thread takes them, so that it may do what a handler may not. All threads to come inherit that they are blocked.
+  sigset_t signals;
+  sigemptyset(&signals);
+  sigaddset(&signals, SIGINT);
+  sigaddset(&signals, SIGTERM);
+  pthread_sigmask(SIG_BLOCK, &signals, nullptr);
   std::signal(SIGPIPE, SIG_IGN);
+  std::thread([signals] {
+    for (int signal = 0; sigwait(&signals, &signal) == 0;)
+      if (interrupt_count.fetch_add(1) > 0 || first_ends) end_at_once();
+  }).detach();
 }
 
-tl::expected<Connection, int> connect(const std::string& server, bool survive_interrupts) {
+void end_at_first_interrupt() {
+  first_ends = true;
+  if (interrupts() > 0) end_at_once();
+}
+
+tl::expected<Connection, int> connect(const CommonFlags& flags) {
   Settings settings;
-  if (!survive_interrupts) settings.interrupted = [] { return interrupts() > 0; };
+  settings.interrupted = [] { return interrupts() > 0; };
+  if (!flags.quiet) settings.on_contact = [retry = settings.retry](bool answers) { say_contact(answers, retry); };
   Connection connection;
-  if (server.empty()) {
-    auto local = LocalService::start();
+  if (flags.server.empty()) {
+    connection.folder = std::make_unique<TemporaryFolder>();
+    auto local = LocalService::start(connection.folder->path());
     if (!local) return tl::unexpected(report(local.error()));
     connection.local = std::move(*local);
     connection.client = std::make_unique<Client>(connection.local->channel(), connection.local->channel(), settings);
     return connection;
   }
-  auto client = Client::connect(server, settings);
+  auto client = Client::connect(flags.server, settings);
   if (!client) return tl::unexpected(report(client.error()));
   connection.client = std::make_unique<Client>(std::move(*client));
   return connection;
+}
+
+const CLI::Validator& is_text() {
+  static const CLI::Validator validator(
+      [](std::string& value) {
+        return formats::is_utf8(value) ? std::string()
+                                       : "'" + formats::as_utf8(value) +
+                                             "' is not UTF-8, and nothing else can be sent; a physical group can be "
+                                             "named by its tag.";
+      },
+      "", "text");
+  return validator;
 }
 
 }  // namespace varimesh::client

@@ -7,6 +7,7 @@
 #include <string>
 
 #include "client/client.h"
+#include "client/command/leftovers.h"
 #include "client/local/local.h"
 #include "core/error.h"
 
@@ -43,18 +44,27 @@ int status_of_reason(const std::string& reason);
 /// Says on standard error how many elements are not certified valid; the status that this means.
 int report_uncertified(std::int64_t invalid, std::int64_t undecided);
 
-/// How often Ctrl-C was pressed. The first asks the command to stop in order, the second ends the process.
+/// How often Ctrl-C was pressed. The first asks the command to stop in order, the second ends the process, leaving
+/// nothing behind.
 int interrupts();
+/// Comes first, before any thread is made.
 void catch_interrupts();
+/// From now on the first ends the process too: for a command that has nothing to put in order.
+void end_at_first_interrupt();
 
 /// A client, and the service it talks to where that runs in this process.
 struct Connection {
+  std::unique_ptr<TemporaryFolder> folder;
   std::unique_ptr<LocalService> local;
   std::unique_ptr<Client> client;
 };
 
-/// Connects to `server`, or starts the service here. An interrupt ends calls unless `survive_interrupts`.
-tl::expected<Connection, int> connect(const std::string& server, bool survive_interrupts = false);
+/// Connects to the server, or starts the service here. An interrupt ends calls. Unless it is to be quiet, says when the
+/// server goes away and when it is back.
+tl::expected<Connection, int> connect(const CommonFlags& flags);
+
+/// Whether a flag's value is text that can be sent.
+const CLI::Validator& is_text();
 
 /// Adds a subcommand; what it returns is the exit status.
 using Run = std::function<int()>;

@@ -3,11 +3,10 @@
 
 #include <fmt/format.h>
 
-#include <cstdio>
-#include <fstream>
 #include <iostream>
 
 #include "client/command/names.h"
+#include "core/formats/output_file.h"
 
 namespace varimesh::client {
 namespace {
@@ -87,13 +86,15 @@ std::string unrepairable(const v1::Metrics& metrics) {
 /// The bins that hold something, a line each.
 std::string histogram(const QualityReport& quality) {
   // Ten lines tell a person more than fifty.
-  constexpr int kLines = 10;
-  constexpr int kEach = QualityReport::kBins / kLines;
+  constexpr std::size_t kLines = 10;
+  constexpr std::size_t kEach = QualityReport::kBins / kLines;
   std::string text;
-  for (int line = 0; line < kLines; ++line) {
+  for (std::size_t line = 0; line < kLines; ++line) {
     std::int64_t count = 0;
-    for (int bin = 0; bin < kEach; ++bin) count += quality.histogram[static_cast<std::size_t>(line * kEach + bin)];
-    if (count > 0) text += fmt::format("  {:.1f} to {:.1f}  {:>10}\n", line / 10.0, (line + 1) / 10.0, count);
+    for (std::size_t bin = 0; bin < kEach; ++bin) count += quality.histogram[line * kEach + bin];
+    if (count > 0)
+      text += fmt::format("  {:.1f} to {:.1f}  {:>10}\n", static_cast<double>(line) / 10.0,
+                          static_cast<double>(line + 1) / 10.0, count);
   }
   return text;
 }
@@ -175,7 +176,7 @@ Json document(const v1::GetServerInfoResponse& info) {
           {"energies", energies}};
 }
 
-void print(const Json& document) { std::cout << document.dump(2) << std::endl; }
+void print(const Json& document) { std::cout << document.dump(2) << '\n'; }
 
 std::string summary(const v1::Metrics& metrics) {
   const v1::MeshSummary& mesh = metrics.mesh();
@@ -226,22 +227,18 @@ std::string summary(const MeshSummary& mesh, const QualityReport& quality) {
   return text;
 }
 
-bool write_history(const std::string& path, const std::vector<v1::Iteration>& history) {
-  const std::string beside = path + ".new";
-  {
-    std::ofstream file(beside);
-    file << "iteration,phase,energy,residual,relative_gradient,min_scaled_jacobian,invalid_elements,"
-            "repairable_elements,active_nodes,seconds\n";
-    for (const v1::Iteration& one : history)
-      file << fmt::format("{},{},{:.17g},{:.17g},{:.17g},{:.17g},{},{},{},{:.6f}\n", one.number(), spelled(one.phase()),
-                          one.energy(), one.residual(), one.relative_gradient(), one.min_scaled_jacobian(),
-                          one.invalid_elements(), one.repairable_elements(), one.active_nodes(), one.seconds());
-    if (!file.flush()) {
-      std::remove(beside.c_str());
-      return false;
-    }
-  }
-  return std::rename(beside.c_str(), path.c_str()) == 0;
+Expected<void> write_history(const std::string& path, const std::vector<v1::Iteration>& history) {
+  auto file = formats::OutputFile::open(path);
+  if (!file) return tl::unexpected(file.error());
+  std::string lines =
+      "iteration,phase,energy,residual,relative_gradient,min_scaled_jacobian,invalid_elements,repairable_elements,"
+      "active_nodes,seconds\n";
+  for (const v1::Iteration& one : history)
+    lines += fmt::format("{},{},{:.17g},{:.17g},{:.17g},{:.17g},{},{},{},{:.6f}\n", one.number(), spelled(one.phase()),
+                         one.energy(), one.residual(), one.relative_gradient(), one.min_scaled_jacobian(),
+                         one.invalid_elements(), one.repairable_elements(), one.active_nodes(), one.seconds());
+  file->write(lines);
+  return file->commit();
 }
 
 }  // namespace varimesh::client

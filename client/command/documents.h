@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "core/error.h"
 #include "core/optimise/optimiser.h"
 #include "core/quality/quality.h"
 #include "varimesh/v1/service.pb.h"
@@ -28,7 +29,7 @@ void print(const Json& document);
 std::string summary(const v1::Metrics& metrics);
 std::string summary(const MeshSummary& mesh, const QualityReport& quality);
 
-/// The history with a header line, written beside `path` and renamed; false where that failed.
-bool write_history(const std::string& path, const std::vector<v1::Iteration>& history);
+/// Writes the history with a header line (formats::OutputFile).
+Expected<void> write_history(const std::string& path, const std::vector<v1::Iteration>& history);
 
 }  // namespace varimesh::client

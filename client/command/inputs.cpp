@@ -1,12 +1,7 @@
 #include "client/command/inputs.h"
 
-#include <unistd.h>
-
-#include <cstdlib>
-#include <filesystem>
-#include <fstream>
-#include <iterator>
-
+#include "client/command/command.h"
+#include "client/input_file.h"
 #include "core/formats/formats.h"
 #include "core/mesh/displacements.h"
 
@@ -20,26 +15,6 @@ tl::unexpected<Failure> refused(const std::string& path, const Error& error) {
   return refused(path + ": " + error.sentence);
 }
 
-/// A folder of its own, gone with the object.
-class TemporaryFolder {
- public:
-  TemporaryFolder() {
-    std::string name = (std::filesystem::temp_directory_path() / "varimesh-XXXXXX").string();
-    if (mkdtemp(name.data()) != nullptr) path_ = name;
-  }
-  ~TemporaryFolder() {
-    std::error_code ignored;
-    if (!path_.empty()) std::filesystem::remove_all(path_, ignored);
-  }
-  TemporaryFolder(const TemporaryFolder&) = delete;
-  TemporaryFolder& operator=(const TemporaryFolder&) = delete;
-
-  const std::filesystem::path& path() const { return path_; }
-
- private:
-  std::filesystem::path path_;
-};
-
 Outcome<void> put_boundary(HighOrderMesh& mesh, const Input& input) {
   if (!input.boundary.empty()) {
     const auto boundary = formats::read_file(input.boundary);
@@ -47,11 +22,9 @@ Outcome<void> put_boundary(HighOrderMesh& mesh, const Input& input) {
     if (const auto done = replace_boundary(mesh, boundary->mesh); !done) return refused(input.boundary, done.error());
   }
   if (!input.displacements.empty()) {
-    std::ifstream file(input.displacements, std::ios::binary);
-    if (!file || std::filesystem::is_directory(input.displacements))
-      return refused("The file " + input.displacements + " cannot be read; give a file of lines 'number dx dy dz'.");
-    const std::string text{std::istreambuf_iterator<char>(file), {}};
-    const auto displacements = read_displacements(text);
+    const auto text = read_whole(input.displacements, [] { return interrupts() > 0; });
+    if (!text) return tl::unexpected(text.error());
+    const auto displacements = read_displacements(*text);
     if (!displacements) return refused(input.displacements, displacements.error());
     if (const auto done = displace_boundary(mesh, *displacements); !done)
       return refused(input.displacements, done.error());
@@ -78,13 +51,12 @@ Outcome<v1::StoredMesh> upload(Client& client, const Input& input) {
   auto file = formats::read_file(input.mesh);
   if (!file) return refused(file.error().sentence);
   if (const auto put = put_boundary(file->mesh, input); !put) return tl::unexpected(put.error());
-  const TemporaryFolder folder;
-  if (folder.path().empty())
-    return tl::unexpected(Failure{Failure::Kind::File, "", "No temporary folder can be made; set TMPDIR.", {}});
-  const std::string path = folder.path() / "curved.msh";
-  if (const auto written = formats::write_file(file->mesh, file->format, path); !written)
-    return tl::unexpected(Failure{Failure::Kind::File, "", written.error().sentence, {}});
-  return client.upload_file(path);
+  auto curved = InputFile::temporary(input.mesh);
+  if (!curved) return tl::unexpected(curved.error());
+  const auto written =
+      formats::write(file->mesh, file->format, [&](std::string_view bytes) { return curved->append(bytes); });
+  if (!written) return tl::unexpected(Failure{Failure::Kind::File, "", written.error().sentence, {}});
+  return client.upload(*curved);
 }
 
 }  // namespace varimesh::client

@@ -56,7 +56,7 @@ int submit(const Arguments& arguments) {
     if (format == nullptr) return report(Error{Error::Kind::BadOption, "There is no format '" + name + "'."});
     spec.add_outputs(static_cast<v1::MeshFormat>(format->number()));
   }
-  const auto connection = connect(arguments.common.server);
+  const auto connection = connect(arguments.common);
   if (!connection) return connection.error();
   const auto mesh = upload(*connection->client, arguments.input);
   if (!mesh) return report(mesh.error());
@@ -66,38 +66,40 @@ int submit(const Arguments& arguments) {
   if (arguments.common.json)
     print(document(*job));
   else
-    std::cout << job->name() << std::endl;
+    std::cout << job->name() << '\n';
   return kDone;
 }
 
 int watch(const Arguments& arguments) {
-  const auto connection = connect(arguments.common.server);
+  const auto connection = connect(arguments.common);
   if (!connection) return connection.error();
   const auto ended =
       follow(connection->client.get(), full_name(arguments.job), arguments.after, arguments.common, false);
   if (!ended) return ended.error();
-  return deliver(connection->client.get(), *ended, {}, "", arguments.common);
+  return deliver(connection->client.get(), *ended, {}, arguments.common);
 }
 
 int result(const Arguments& arguments) {
   const auto outputs = check_outputs(arguments.outputs, arguments.format);
   if (!outputs) return report(outputs.error());
-  const auto connection = connect(arguments.common.server);
+  if (const auto apart = check_apart(*outputs, arguments.history, arguments.common.json); !apart)
+    return report(apart.error());
+  const auto connection = connect(arguments.common);
   if (!connection) return connection.error();
   const auto job = connection->client->get(full_name(arguments.job));
   if (!job) return report(job.error());
-  return deliver(connection->client.get(), *job, *outputs, arguments.history, arguments.common);
+  return deliver(connection->client.get(), *job, {"", *outputs, arguments.history}, arguments.common);
 }
 
 int cancel(const Arguments& arguments) {
-  const auto connection = connect(arguments.common.server);
+  const auto connection = connect(arguments.common);
   if (!connection) return connection.error();
   const auto job = connection->client->cancel(full_name(arguments.job));
   if (!job) return report(job.error());
   if (arguments.common.json)
     print(document(*job));
   else
-    std::cout << job->name() << ' ' << spelled(job->state()) << std::endl;
+    std::cout << job->name() << ' ' << spelled(job->state()) << '\n';
   return kDone;
 }
 
@@ -110,7 +112,7 @@ int list(const Arguments& arguments) {
     if (state == nullptr) return report(Error{Error::Kind::BadOption, "There is no state '" + name + "'."});
     filter.add_states(static_cast<v1::JobState>(state->number()));
   }
-  const auto connection = connect(arguments.common.server);
+  const auto connection = connect(arguments.common);
   if (!connection) return connection.error();
   const auto jobs = connection->client->list(filter);
   if (!jobs) return report(jobs.error());
@@ -127,7 +129,7 @@ int list(const Arguments& arguments) {
 }
 
 int info(const Arguments& arguments) {
-  const auto connection = connect(arguments.common.server);
+  const auto connection = connect(arguments.common);
   if (!connection) return connection.error();
   const auto answer = connection->client->info();
   if (!answer) return report(answer.error());
@@ -154,8 +156,10 @@ Run add_submit(CLI::App& app) {
   command.add_option("--output-format", arguments->outputs, "Formats of the result; default as it was read")
       ->allow_extra_args(false);
   command.add_option("--label", arguments->labels, "KEY=VALUE to find the job by; may be repeated")
+      ->check(is_text())
       ->allow_extra_args(false);
-  command.add_option("--request-id", arguments->request_id, "Repeating with the same id answers with the same job");
+  command.add_option("--request-id", arguments->request_id, "Repeating with the same id answers with the same job")
+      ->check(is_text());
   add_options(command, &arguments->options);
   return [arguments] { return submit(*arguments); };
 }
@@ -163,7 +167,7 @@ Run add_submit(CLI::App& app) {
 Run add_watch(CLI::App& app) {
   auto arguments = new_arguments();
   CLI::App& command = add_remote(app, "watch", "Follow a job to its end", arguments.get());
-  command.add_option("job", arguments->job, "Its name")->required();
+  command.add_option("job", arguments->job, "Its name")->required()->check(is_text());
   command.add_option("--after", arguments->after, "Sequence number of the last event that was seen")
       ->check(CLI::NonNegativeNumber);
   add_quiet_flag(command, &arguments->common);
@@ -173,7 +177,7 @@ Run add_watch(CLI::App& app) {
 Run add_result(CLI::App& app) {
   auto arguments = new_arguments();
   CLI::App& command = add_remote(app, "result", "Fetch the result of a job that has succeeded", arguments.get());
-  command.add_option("job", arguments->job, "Its name")->required();
+  command.add_option("job", arguments->job, "Its name")->required()->check(is_text());
   command.add_option("-o,--output", arguments->outputs, "Where it goes; may be repeated")
       ->type_name("OUT")
       ->allow_extra_args(false);
@@ -187,7 +191,7 @@ Run add_result(CLI::App& app) {
 Run add_cancel(CLI::App& app) {
   auto arguments = new_arguments();
   CLI::App& command = add_remote(app, "cancel", "Ask for a job to end", arguments.get());
-  command.add_option("job", arguments->job, "Its name")->required();
+  command.add_option("job", arguments->job, "Its name")->required()->check(is_text());
   return [arguments] { return cancel(*arguments); };
 }
 
@@ -197,6 +201,7 @@ Run add_jobs(CLI::App& app) {
   command.add_option("--state", arguments->states, "Only those in this state; may be repeated")
       ->allow_extra_args(false);
   command.add_option("--label", arguments->labels, "Only those with this KEY=VALUE; may be repeated")
+      ->check(is_text())
       ->allow_extra_args(false);
   return [arguments] { return list(*arguments); };
 }

@@ -1,7 +1,9 @@
 // Watching, cancelling, delivering.
 #include "client/command/job_end.h"
 
+#include <chrono>
 #include <iostream>
+#include <optional>
 
 #include "client/command/documents.h"
 #include "client/command/names.h"
@@ -11,9 +13,10 @@ namespace varimesh::client {
 namespace {
 
 /// How a job that did not succeed ended, as the exit status.
-int report_end(const v1::Job& job) {
+int report_end(const v1::Job& job, const std::string& input) {
   if (job.state() == v1::JOB_STATE_FAILED) {
-    std::cerr << "varimesh: " << job.error().message() << std::endl;
+    const bool of_input = job.error().reason() == "BAD_INPUT" && !input.empty();
+    std::cerr << "varimesh: " << (of_input ? "'" + input + "': " : "") << job.error().message() << std::endl;
     return status_of_reason(job.error().reason());
   }
   if (interrupts() > 0) {
@@ -33,51 +36,52 @@ tl::expected<v1::Job, int> follow(Client* client, const std::string& name, std::
   double tolerance = 1e-6;
   if (const auto job = client->get(name)) {
     if (job->spec().options().has_tolerance()) tolerance = job->spec().options().tolerance();
-  } else {
-    return tl::unexpected(report(job.error()));
+  } else if (!owned || interrupts() == 0) {
+    return tl::unexpected(report(job.error()));  // An interrupted one of our own is cancelled below.
   }
   Progress progress(flags.quiet, tolerance);
-  bool cancelled = false;
+  // A job that runs here ends before this process can; of one that runs elsewhere enough is known after a while.
+  const std::chrono::seconds patience = flags.server.empty() ? std::chrono::hours(24) : std::chrono::seconds(10);
+  std::optional<std::chrono::steady_clock::time_point> cancelled;
   auto ended = client->watch(
       name, after,
       [&](const v1::JobEvent& event) {
         progress.show(event);
-        return owned || interrupts() == 0;
+        return true;
       },
       [&] {
-        if (!owned || cancelled || interrupts() == 0) return;
-        cancelled = true;
+        if (interrupts() == 0) return true;
+        if (!owned) return false;
+        if (cancelled) return std::chrono::steady_clock::now() < *cancelled + patience;
+        cancelled = std::chrono::steady_clock::now();
         progress.say("varimesh: interrupted; cancelling " + name);
-        if (const auto answer = client->cancel(name); !answer) progress.say("varimesh: " + answer.error().sentence);
+        const auto answer = client->cancel(name);
+        if (!answer) progress.say("varimesh: " + answer.error().sentence);
+        return answer.has_value();
       });
   if (!ended) {
     if (interrupts() > 0) {
-      std::cerr << "varimesh: interrupted; " << name << " may still run on the server" << std::endl;
+      std::cerr << "varimesh: interrupted; " << name << (owned ? " may still run on the server" : " runs on")
+                << std::endl;
       return tl::unexpected(static_cast<int>(kInterrupted));
     }
     return tl::unexpected(report(ended.error()));
   }
-  if (!owned && interrupts() > 0) {
-    std::cerr << "varimesh: interrupted; " << name << " runs on" << std::endl;
-    return tl::unexpected(static_cast<int>(kInterrupted));
-  }
   return *ended;
 }
 
-int deliver(Client* client, const v1::Job& job, const std::vector<Output>& outputs, const std::string& history,
-            const CommonFlags& flags) {
-  if (job.state() != v1::JOB_STATE_SUCCEEDED) return report_end(job);
-  if (const auto fetched = fetch(*client, job, outputs); !fetched) return report(fetched.error());
-  if (!history.empty()) {
+int deliver(Client* client, const v1::Job& job, const Delivery& delivery, const CommonFlags& flags) {
+  if (job.state() != v1::JOB_STATE_SUCCEEDED) return report_end(job, delivery.input);
+  if (const auto fetched = fetch(*client, job, delivery.outputs); !fetched) return report(fetched.error());
+  if (!delivery.history.empty()) {
     const auto result = client->result(job.name());
     if (!result) return report(result.error());
-    if (!write_history(history, result->history))
-      return report(Error{Error::Kind::Output, "The history cannot be written to '" + history + "'."});
+    if (const auto written = write_history(delivery.history, result->history); !written) return report(written.error());
   }
   if (flags.json)
     print(document(job.metrics()));
   else if (!flags.quiet)
-    std::cout << summary(job.metrics()) << std::flush;
+    (take_standard_output(delivery.outputs) ? std::cerr : std::cout) << summary(job.metrics());
   return report_uncertified(job.metrics().after().certified().invalid(), job.metrics().after().certified().undecided());
 }
 

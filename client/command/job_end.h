@@ -16,9 +16,15 @@ namespace varimesh::client {
 tl::expected<v1::Job, int> follow(Client* client, const std::string& name, std::int64_t after, const CommonFlags& flags,
                                   bool owned);
 
+/// What to do with a job that has succeeded.
+struct Delivery {
+  std::string input;  ///< The mesh's file, for what there is to say about it; empty: not known.
+  std::vector<Output> outputs;
+  std::string history;  ///< Where it goes; empty: nowhere.
+};
+
 /// Fetches the outputs and the history of a job that has ended, prints the document or the summary, and returns the
-/// exit status. Where it did not succeed: says why.
-int deliver(Client* client, const v1::Job& job, const std::vector<Output>& outputs, const std::string& history,
-            const CommonFlags& flags);
+/// exit status. Where it did not succeed: says why. A summary makes way for a mesh that goes to standard output.
+int deliver(Client* client, const v1::Job& job, const Delivery& delivery, const CommonFlags& flags);
 
 }  // namespace varimesh::client

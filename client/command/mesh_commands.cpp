@@ -4,6 +4,7 @@
 
 #include "client/command/command.h"
 #include "client/command/documents.h"
+#include "client/command/outputs.h"
 #include "core/formats/formats.h"
 #include "core/mesh/check.h"
 #include "core/optimise/optimiser.h"
@@ -37,10 +38,13 @@ int write_marked(const Arguments& arguments, formats::MeshFile& file, const std:
 }
 
 int quality(const Arguments& arguments) {
+  end_at_first_interrupt();
   if (!arguments.output.empty()) {
     if (const auto known = formats::for_output(arguments.output, formats::Format::Auto, formats::Format::Auto); !known)
       return report(known.error());
     if (const auto writable = formats::check_writable(arguments.output); !writable) return report(writable.error());
+    if (const auto apart = check_apart({{arguments.output}}, "", arguments.common.json); !apart)
+      return report(apart.error());
   }
   auto file = formats::read_file(arguments.input);
   if (!file) return report(file.error());
@@ -57,16 +61,17 @@ int quality(const Arguments& arguments) {
   if (arguments.common.json) {
     print(document(*mesh, found, groups));
   } else {
-    std::cout << summary(*mesh, found);
-    if (arguments.diagnose && groups.empty()) std::cout << "nothing that moving nodes could not repair\n";
+    std::ostream& out = take_standard_output({{arguments.output}}) ? std::cerr : std::cout;
+    out << summary(*mesh, found);
+    if (arguments.diagnose && groups.empty()) out << "nothing that moving nodes could not repair\n";
     for (const UnrepairableGroup& group : groups)
-      if (arguments.diagnose) std::cout << group.sentence << "\n";
-    std::cout << std::flush;
+      if (arguments.diagnose) out << group.sentence << "\n";
   }
   return arguments.certify ? report_uncertified(found.certified.invalid, found.certified.undecided) : kDone;
 }
 
 int convert(const Arguments& arguments) {
+  end_at_first_interrupt();
   formats::Format requested = formats::Format::Auto;
   if (!arguments.format.empty()) {
     const auto found = formats::from_name(arguments.format);

@@ -5,7 +5,6 @@
 #include "client/command/job_end.h"
 #include "client/command/options_table.h"
 #include "client/command/outputs.h"
-#include "core/formats/formats.h"
 
 namespace varimesh::client {
 namespace {
@@ -23,12 +22,10 @@ int run(const Arguments& arguments) {
   // What cannot be written is found before the work starts.
   const auto outputs = check_outputs(arguments.outputs, arguments.format);
   if (!outputs) return report(outputs.error());
-  if (const auto distinct = check_distinct(arguments.outputs, arguments.history); !distinct)
-    return report(distinct.error());
-  if (!arguments.history.empty())
-    if (const auto writable = formats::check_writable(arguments.history); !writable) return report(writable.error());
+  if (const auto apart = check_apart(*outputs, arguments.history, arguments.common.json); !apart)
+    return report(apart.error());
 
-  auto connection = connect(arguments.common.server);
+  auto connection = connect(arguments.common);
   if (!connection) return connection.error();
   const auto mesh = upload(*connection->client, arguments.input);
   if (!mesh) return report(mesh.error());
@@ -41,7 +38,8 @@ int run(const Arguments& arguments) {
 
   const auto ended = follow(connection->client.get(), job->name(), 0, arguments.common, true);
   if (!ended) return ended.error();
-  return deliver(connection->client.get(), *ended, *outputs, arguments.history, arguments.common);
+  return deliver(connection->client.get(), *ended, {arguments.input.mesh, *outputs, arguments.history},
+                 arguments.common);
 }
 
 }  // namespace

@@ -3,11 +3,11 @@
 
 #include <array>
 #include <cassert>
-#include <filesystem>
-#include <fstream>
-#include <iterator>
 
+#include "client/client.h"
+#include "client/command/command.h"
 #include "client/command/names.h"
+#include "client/input_file.h"
 #include "core/optimise/target_field.h"
 
 namespace varimesh::client {
@@ -68,7 +68,7 @@ void add_enum(CLI::App& command, const std::string& flag, const FieldDescriptor&
               throw CLI::ValidationError("--" + dashed(field.name()),
                                          "there is no '" + name + "'; take one of " + known);
             }
-            options->GetReflection()->SetEnum(options, &field, value);
+            v1::Options::GetReflection()->SetEnum(options, &field, value);
           },
           std::string(row.help))
       ->type_name([&field] {
@@ -81,7 +81,7 @@ void add_enum(CLI::App& command, const std::string& flag, const FieldDescriptor&
 /// Group names and node numbers; the flag may be repeated.
 void add_list(CLI::App& command, const std::string& flag, const FieldDescriptor* field, const OptionRow& row,
               v1::Options* options) {
-  const auto* reflection = options->GetReflection();
+  const auto* reflection = v1::Options::GetReflection();
   if (field->cpp_type() == FieldDescriptor::CPPTYPE_STRING)
     command
         .add_option_function<std::vector<std::string>>(
@@ -91,6 +91,7 @@ void add_list(CLI::App& command, const std::string& flag, const FieldDescriptor*
             },
             std::string(row.help))
         ->type_name("GROUP")
+        ->check(is_text())
         ->allow_extra_args(false);
   else
     command
@@ -111,11 +112,9 @@ void add_target_field(CLI::App& command, const std::string& flag, const OptionRo
       .add_option_function<std::string>(
           flag,
           [=](const std::string& path) {
-            std::ifstream file(path, std::ios::binary);
-            if (!file || std::filesystem::is_directory(path))
-              throw CLI::ValidationError(flag, "the file " + path + " cannot be read");
-            const std::string text{std::istreambuf_iterator<char>(file), {}};
-            const auto field = read_target_field(text);
+            const auto text = read_whole(path, [] { return interrupts() > 0; });
+            if (!text) throw CLI::ValidationError(flag, text.error().sentence);
+            const auto field = read_target_field(*text);
             if (!field) throw CLI::ValidationError(flag, path + ": " + field.error().sentence);
             v1::TargetField& message = *options->mutable_target_field();
             message.set_per(field->per == Per::Cell ? v1::PER_CELL : v1::PER_VERTEX);
@@ -131,7 +130,7 @@ void add_one(CLI::App& command, const OptionRow& row, v1::Options* options) {
   const FieldDescriptor* field = v1::Options::descriptor()->FindFieldByName(std::string(row.field));
   assert(field != nullptr);
   const std::string flag = "--" + dashed(std::string(row.field));
-  const auto* reflection = options->GetReflection();
+  const auto* reflection = v1::Options::GetReflection();
   if (field->is_repeated()) return add_list(command, flag, field, row, options);
   switch (field->cpp_type()) {
     case FieldDescriptor::CPPTYPE_ENUM:

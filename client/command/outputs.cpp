@@ -1,6 +1,9 @@
 // From paths to formats and from results to files.
 #include "client/command/outputs.h"
 
+#include <sys/stat.h>
+#include <unistd.h>
+
 #include <algorithm>
 #include <filesystem>
 #include <set>
@@ -42,9 +45,13 @@ Expected<std::vector<Output>> check_outputs(const std::vector<std::string>& path
   return outputs;
 }
 
-Expected<void> check_distinct(const std::vector<std::string>& paths, const std::string& history) {
-  std::vector<std::string> all = paths;
-  if (!history.empty()) all.push_back(history);
+Expected<void> check_apart(const std::vector<Output>& outputs, const std::string& history, bool json) {
+  std::vector<std::string> all;
+  for (const Output& output : outputs) all.push_back(output.path);
+  if (!history.empty()) {
+    if (auto writable = formats::check_writable(history); !writable) return writable;
+    all.push_back(history);
+  }
   std::set<std::filesystem::path> seen;
   for (const std::string& path : all) {
     std::error_code ignored;
@@ -52,7 +59,20 @@ Expected<void> check_distinct(const std::vector<std::string>& paths, const std::
       return bad_option("The file " + path +
                         " is named for two outputs, one of which would be lost; give each its own.");
   }
+  if (json && take_standard_output(outputs))
+    return bad_option("The mesh and the document of --json would both go to standard output; send the mesh to a file.");
   return {};
+}
+
+bool take_standard_output(const std::vector<Output>& outputs) {
+  struct stat printed {};
+  // Nothing is mixed up where all is thrown away.
+  if (::fstat(STDOUT_FILENO, &printed) != 0 || (S_ISCHR(printed.st_mode) && isatty(STDOUT_FILENO) != 1)) return false;
+  return std::any_of(outputs.begin(), outputs.end(), [&](const Output& output) {
+    struct stat written {};
+    return ::stat(output.path.c_str(), &written) == 0 && written.st_dev == printed.st_dev &&
+           written.st_ino == printed.st_ino;
+  });
 }
 
 std::vector<v1::MeshFormat> formats_of(const std::vector<Output>& outputs) {
@@ -77,7 +97,7 @@ Outcome<void> fetch(Client& client, const v1::Job& job, const std::vector<Output
                                     job.name() + " has no result in the format of " + output.path +
                                         "; fetch it in the one it has, and convert it.",
                                     {}});
-    if (const auto done = client.download(job.results(index), output.path); !done) return done;
+    if (auto done = client.download(job.results(index), output.path); !done) return done;
   }
   return {};
 }

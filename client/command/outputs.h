@@ -19,8 +19,12 @@ struct Output {
 /// out whether each can be written, before any work is done.
 Expected<std::vector<Output>> check_outputs(const std::vector<std::string>& paths, const std::string& format);
 
-/// Refuses paths that name the same file, one of which would be lost. `history` may be empty.
-Expected<void> check_distinct(const std::vector<std::string>& paths, const std::string& history);
+/// Refuses outputs that would spoil each other, and a history that cannot be written: two that name the same file, and
+/// a mesh on standard output where the document goes (`json`). `history` may be empty.
+Expected<void> check_apart(const std::vector<Output>& outputs, const std::string& history, bool json);
+
+/// Whether one of them goes to standard output.
+bool take_standard_output(const std::vector<Output>& outputs);
 
 /// The formats to ask for, each once.
 std::vector<v1::MeshFormat> formats_of(const std::vector<Output>& outputs);

@@ -18,11 +18,12 @@ class InProcess : public LocalService {
 
 }  // namespace
 
-Expected<std::unique_ptr<LocalService>> LocalService::start() {
+Expected<std::unique_ptr<LocalService>> LocalService::start(const std::string& folder) {
   // The command tells its user what happens; the service has nothing to add but trouble.
   if (const auto log = server::start_log("error"); !log) return tl::unexpected(log.error());
   server::ServerOptions options;
   options.engine = server::core_engine();
+  options.data = folder;
   auto started = server::Server::start(std::move(options));
   if (!started) return tl::unexpected(started.error());
   return std::make_unique<InProcess>(std::move(*started));

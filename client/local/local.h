@@ -4,6 +4,7 @@
 #include <grpcpp/channel.h>
 
 #include <memory>
+#include <string>
 
 #include "core/error.h"
 
@@ -12,7 +13,8 @@ namespace varimesh::client {
 /// A server that listens nowhere, reached through an in-process channel.
 class LocalService {
  public:
-  static Expected<std::unique_ptr<LocalService>> start();
+  /// Keeps its meshes below `folder`.
+  static Expected<std::unique_ptr<LocalService>> start(const std::string& folder);
   virtual ~LocalService() = default;
   virtual std::shared_ptr<grpc::Channel> channel() = 0;
 };
