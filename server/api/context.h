@@ -3,9 +3,7 @@
 
 #include <grpcpp/grpcpp.h>
 
-#include <chrono>
-#include <exception>
-#include <string>
+#include <utility>
 
 #include "server/api/calls.h"
 #include "server/api/status.h"
@@ -25,20 +23,6 @@ struct ApiContext {
   const Limits& limits;
   TimePoint start_time;
 };
-
-/// Runs `work` and turns whatever it throws into a status: nothing throws across a thread.
-template <class Work>
-grpc::Status guarded(Work&& work) {
-  try {
-    return work();
-  } catch (const std::exception& error) {
-    return status(Failure{Failure::Code::Internal,
-                          "INTERNAL",
-                          std::string("The server failed unexpectedly (") + error.what() + "); please report it.",
-                          {},
-                          0});
-  }
-}
 
 /// A unary call whose work is done on the pool, because it may wait for a disk or a database.
 template <class Work>

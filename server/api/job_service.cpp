@@ -2,6 +2,7 @@
 #include "server/api/job_service.h"
 
 #include "core/version.h"
+#include "server/api/event_source.h"
 #include "server/api/sources.h"
 
 namespace varimesh::server {

@@ -1,7 +1,7 @@
 // JobService: submissions, states, events, results.
 #pragma once
 
-#include "server/api/pump.h"
+#include "server/api/stream_out.h"
 #include "varimesh/v1/service.grpc.pb.h"
 
 namespace varimesh::server {

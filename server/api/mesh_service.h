@@ -1,7 +1,7 @@
 // MeshService: meshes in and out, by content.
 #pragma once
 
-#include "server/api/pump.h"
+#include "server/api/stream_out.h"
 #include "varimesh/v1/service.grpc.pb.h"
 
 namespace varimesh::server {

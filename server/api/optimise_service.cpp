@@ -3,6 +3,7 @@
 
 #include <optional>
 
+#include "server/api/event_source.h"
 #include "server/api/sources.h"
 
 namespace varimesh::server {

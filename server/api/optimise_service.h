@@ -1,7 +1,7 @@
 // OptimiseService: everything in one call, a façade over meshes and jobs.
 #pragma once
 
-#include "server/api/pump.h"
+#include "server/api/context.h"
 #include "varimesh/v1/service.grpc.pb.h"
 
 namespace varimesh::server {

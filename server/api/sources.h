@@ -1,31 +1,13 @@
-// What streams are fed from: the events of a job, and what came of it. WatchJob, GetResult and Optimise share them.
+// What came of a job, piece by piece; GetResult and Optimise share it.
 #pragma once
 
-#include <chrono>
 #include <memory>
-#include <string>
+#include <optional>
 
 #include "server/api/context.h"
-#include "server/api/pump.h"
 #include "varimesh/v1/service.pb.h"
 
 namespace varimesh::server {
-
-/// A reading position in a job's events.
-class EventSource {
- public:
-  EventSource(std::shared_ptr<EventLog> log, std::int64_t after, std::chrono::nanoseconds min_interval)
-      : log_(std::move(log)), cursor_(after), min_interval_(min_interval) {}
-
-  /// The next event; a bookmark where there is none and one is due.
-  Pull pull(v1::JobEvent* event, bool idle);
-
- private:
-  const std::shared_ptr<EventLog> log_;
-  std::int64_t cursor_;
-  const std::chrono::nanoseconds min_interval_;
-  TimePoint last_iteration_{};
-};
 
 /// What came of a job: the job, its history in batches, the bytes of its results.
 class ResultSource {

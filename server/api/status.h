@@ -4,6 +4,9 @@
 #include <google/protobuf/message.h>
 #include <grpcpp/support/status.h>
 
+#include <exception>
+#include <string>
+
 #include "server/failure.h"
 
 namespace varimesh::server {
@@ -13,5 +16,19 @@ grpc::Status status(const Failure& failure, const google::protobuf::Message* det
 
 /// What every stream ends with when the server stops.
 grpc::Status stopping_status();
+
+/// Runs `work` and turns whatever it throws into a status: nothing throws across a thread.
+template <class Work>
+grpc::Status guarded(Work&& work) {
+  try {
+    return work();
+  } catch (const std::exception& error) {
+    return status(Failure{Failure::Code::Internal,
+                          "INTERNAL",
+                          std::string("The server failed unexpectedly (") + error.what() + "); please report it.",
+                          {},
+                          0});
+  }
+}
 
 }  // namespace varimesh::server

@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "grpc/health/v1/health.grpc.pb.h"
-#include "server/api/pump.h"
+#include "server/api/stream_out.h"
 
 namespace varimesh::server {
 

@@ -1,0 +1,64 @@
+// A server-streaming reactor round a Pump.
+#pragma once
+
+#include <grpcpp/grpcpp.h>
+
+#include <functional>
+#include <memory>
+
+#include "server/api/context.h"
+#include "server/api/pump.h"
+
+namespace varimesh::server {
+
+/// A server-streaming call that writes what a source gives. It lives until OnDone and as long as the pool works for it.
+template <class Response>
+class StreamOut : public grpc::ServerWriteReactor<Response>, public Call, public Listener {
+ public:
+  static grpc::ServerWriteReactor<Response>* open(const ApiContext& api, grpc::CallbackServerContext* call,
+                                                  Answer<typename Pump<Response>::Source> source,
+                                                  const std::function<void(std::weak_ptr<Listener>)>& subscribe = {}) {
+    if (!source) return refuse(api, call, status(source.error()));
+    auto stream = make(api, call);
+    if (subscribe) subscribe(std::weak_ptr<Listener>(stream));
+    stream->pump_.start(stream, std::move(*source));
+    return stream.get();
+  }
+
+  static grpc::ServerWriteReactor<Response>* refuse(const ApiContext& api, grpc::CallbackServerContext* call,
+                                                    const grpc::Status& why) {
+    auto stream = make(api, call);
+    stream->end(why);
+    return stream.get();
+  }
+
+  void OnWriteDone(bool ok) override { pump_.on_write_done(ok); }
+  void OnCancel() override { pump_.end(grpc::Status::CANCELLED); }
+  void OnDone() override {
+    const std::shared_ptr<StreamOut> last = std::move(self_);
+    calls_.remove(last);
+  }
+  void end(const grpc::Status& status) override { pump_.end(status); }
+  void tick(std::chrono::steady_clock::time_point now) override { pump_.tick(now); }
+  void poke() override { pump_.poke(); }
+
+ private:
+  StreamOut(const ApiContext& api, grpc::CallbackServerContext* call)
+      : calls_(api.calls),
+        pump_(api.pool, api.limits,
+              {[this](const Response* response) { this->StartWrite(response); },
+               [this](const grpc::Status& status) { this->Finish(status); }, [call] { call->TryCancel(); }}) {}
+
+  static std::shared_ptr<StreamOut> make(const ApiContext& api, grpc::CallbackServerContext* call) {
+    std::shared_ptr<StreamOut> stream(new StreamOut(api, call));
+    stream->self_ = stream;
+    if (!api.calls.add(stream)) stream->end(stopping_status());
+    return stream;
+  }
+
+  CallRegistry& calls_;
+  Pump<Response> pump_;
+  std::shared_ptr<StreamOut> self_;  ///< gRPC's reference; dropped in OnDone.
+};
+
+}  // namespace varimesh::server

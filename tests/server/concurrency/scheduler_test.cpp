@@ -1,0 +1,124 @@
+// The scheduler with its stores, asked by many threads at once while jobs run.
+#include "server/jobs/scheduler.h"
+
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <thread>
+
+#include "server/jobs/memory_job_store.h"
+#include "server/jobs/pool.h"
+#include "server/meshes/directory_mesh_store.h"
+
+namespace varimesh::server::testing {
+namespace {
+
+/// Iterates a little and hands the input back.
+Engine small_engine() {
+  Engine engine;
+  engine.check_options = [](const Options&) -> Expected<void> { return {}; };
+  engine.run = [](RunRequest request, const RunHooks& hooks) -> Expected<RunOutcome> {
+    RunOutcome outcome;
+    for (int i = 1; i <= 20; ++i) {
+      Iteration iteration;
+      iteration.number = i;
+      outcome.history.push_back(iteration);
+      if (hooks.on_iteration(iteration) == Control::Stop) {
+        outcome.stopped = true;
+        break;
+      }
+    }
+    if (!hooks.open_output(v1::MESH_FORMAT_MSH22)(request.input->bytes()))
+      return tl::unexpected(Error{Error::Kind::Output, "The store is full."});
+    return outcome;
+  };
+  return engine;
+}
+
+struct House {
+  House() : meshes(std::move(*DirectoryMeshStore::create(::testing::TempDir(), 1000))) {
+    auto writer = std::move(*meshes->create());
+    EXPECT_TRUE(writer->append("a mesh"));
+    digest = writer->commit()->digest;
+    SchedulerSettings settings;
+    settings.threads = 3;
+    settings.max_ended = 10;
+    settings.new_name = [this] { return "jobs/" + std::to_string(++names); };
+    settings.launch = [this](int, std::function<void()> job) { workers.post(std::move(job)); };
+    scheduler = std::make_unique<Scheduler>(&jobs, meshes.get(), small_engine(), std::move(settings));
+  }
+  ~House() {
+    scheduler->stop();
+    EXPECT_TRUE(scheduler->drain(std::chrono::steady_clock::now() + std::chrono::seconds(30)));
+  }
+
+  v1::JobSpec spec() const {
+    v1::JobSpec spec;
+    spec.mutable_mesh()->set_digest(digest);
+    return spec;
+  }
+  /// Reads a job's events until they end.
+  void follow(const std::string& name) {
+    const auto log = scheduler->events(name);
+    if (!log) return;  // forgotten meanwhile
+    std::int64_t last = 0;
+    v1::JobEvent event;
+    for (auto next = EventLog::Next::Wait; next != EventLog::Next::End;) {
+      next = (*log)->next(last, {}, {}, &event);
+      if (next == EventLog::Next::Wait) std::this_thread::yield();
+      if (next == EventLog::Next::Event) last = event.sequence();
+    }
+    EXPECT_TRUE(has_ended(event.state_change().state()));
+  }
+
+  MemoryJobStore jobs;
+  std::unique_ptr<DirectoryMeshStore> meshes;
+  std::string digest;
+  std::atomic<int> names = 0;
+  std::unique_ptr<Scheduler> scheduler;
+  Pool workers{3};  ///< Before the scheduler, whose jobs it runs.
+};
+
+TEST(SchedulerConcurrency, ServesManyThreadsAtOnce) {
+  House house;
+  std::vector<std::thread> clients;
+  for (int client = 0; client < 4; ++client)
+    clients.emplace_back([&, client] {
+      for (int i = 0; i < 30; ++i) {
+        const auto job = house.scheduler->submit("", house.spec(), false);
+        ASSERT_TRUE(job) << job.error().sentence;
+        if (i % 3 == client % 3) house.scheduler->cancel(job->name());
+        house.follow(job->name());
+        if (i % 2 == 0) house.scheduler->remove(job->name());
+        house.scheduler->list({}, 5, "");
+      }
+    });
+  for (std::thread& client : clients) client.join();
+}
+
+TEST(SchedulerConcurrency, MakesOneJobOfOneRequest) {
+  House house;
+  std::vector<std::string> names(10);
+  std::vector<std::thread> clients;
+  for (std::string& name : names)
+    clients.emplace_back([&] { name = house.scheduler->submit("the same", house.spec(), false)->name(); });
+  for (std::thread& client : clients) client.join();
+  for (const std::string& name : names) EXPECT_EQ(name, names.front());
+  EXPECT_EQ(house.scheduler->list({}, 0, "")->jobs.size(), 1u);
+}
+
+TEST(SchedulerConcurrency, StopsWhileItIsAsked) {
+  for (int round = 0; round < 10; ++round) {
+    House house;
+    std::vector<std::thread> clients;
+    for (int client = 0; client < 3; ++client)
+      clients.emplace_back([&] {
+        for (int i = 0; i < 10; ++i) house.scheduler->submit("", house.spec(), false);
+      });
+    house.scheduler->stop();
+    for (std::thread& client : clients) client.join();
+  }
+}
+
+}  // namespace
+}  // namespace varimesh::server::testing
