@@ -131,8 +131,7 @@ struct Server::Parts {
     settings.log = [](const std::string& job, const std::string& what) { spdlog::info("{} {}", job, what); };
     scheduler = std::make_unique<Scheduler>(&jobs, meshes.get(), options.engine, std::move(settings));
     pool = std::make_unique<Pool>(kPoolThreads);
-    api =
-        std::unique_ptr<ApiContext>(new ApiContext{*scheduler, *meshes, *pool, calls, options.limits, options.clock()});
+    api = std::make_unique<ApiContext>(ApiContext{*scheduler, *meshes, *pool, calls, options.limits, options.clock()});
     health = std::make_unique<HealthService>(*api);
     mesh_service = std::make_unique<MeshService>(*api);
     job_service = std::make_unique<JobService>(*api);

@@ -67,7 +67,7 @@ Expected<void> write_file(const HighOrderMesh& mesh, Format format, const std::s
                           std::span<const CellField> fields) {
   auto file = OutputFile::open(path);
   if (!file) return tl::unexpected(file.error());
-  const Expected<void> written = write(
+  Expected<void> written = write(
       mesh, format, [&](std::string_view bytes) { return file->write(bytes); }, fields);
   if (!written && !file->failed()) return written;
   return file->commit();

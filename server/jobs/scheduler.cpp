@@ -109,7 +109,7 @@ Answer<v1::Job> Scheduler::cancel(const std::string& name) {
 
 Answer<v1::Job> Scheduler::remove(const std::string& name) {
   std::lock_guard lock(mutex_);
-  const auto job = jobs_->get(name);
+  auto job = jobs_->get(name);
   if (!job) return job;
   const auto removed = jobs_->remove(name);
   if (!removed) return tl::unexpected(removed.error());

@@ -214,13 +214,13 @@ Answer<StoredBytes> DirectoryMeshStore::finish_upload(const UploadTicket& ticket
     ++upload.generation;  // Whoever comes now is too late.
     stored = {upload.hash.finish(), upload.size};
   }
-  const auto result = stored.digest == upload.digest
-                          ? adopt(upload.path, stored, true)
-                          : Answer<StoredBytes>(failure(Code::DataLoss, "DIGEST_MISMATCH",
-                                                        "The bytes that came have the SHA-256 " + stored.digest +
-                                                            ", and the header says " + upload.digest +
-                                                            "; upload the mesh again under a new id.",
-                                                        {{"digest", stored.digest}}));
+  auto result = stored.digest == upload.digest
+                    ? adopt(upload.path, stored, true)
+                    : Answer<StoredBytes>(failure(Code::DataLoss, "DIGEST_MISMATCH",
+                                                  "The bytes that came have the SHA-256 " + stored.digest +
+                                                      ", and the header says " + upload.digest +
+                                                      "; upload the mesh again under a new id.",
+                                                  {{"digest", stored.digest}}));
   std::lock_guard lock(mutex_);
   uploads_.erase(ticket.id);
   return result;

@@ -151,14 +151,14 @@ Expected<void> write_parts(const HighOrderMesh& mesh, const formats::Sink& sink)
   header.set_order(mesh.order);
   header.set_node_set(v1::NODE_SET_EQUISPACED);
   header.set_nodes(static_cast<std::int64_t>(mesh.node_count()));
-  if (const auto done = put(part, sink); !done) return done;
+  if (auto done = put(part, sink); !done) return done;
 
   constexpr std::size_t kNodes = 32768;  // 768 KiB of coordinates
   for (std::size_t first = 0; first < mesh.coordinates.size(); first += 3 * kNodes) {
     const std::size_t last = std::min(first + 3 * kNodes, mesh.coordinates.size());
     part.mutable_coordinates()->mutable_xyz()->Assign(mesh.coordinates.begin() + static_cast<std::ptrdiff_t>(first),
                                                       mesh.coordinates.begin() + static_cast<std::ptrdiff_t>(last));
-    if (const auto done = put(part, sink); !done) return done;
+    if (auto done = put(part, sink); !done) return done;
   }
   for (const ElementBlock& block : mesh.blocks) {
     const std::size_t nodes = block.numbers.empty() ? 1 : block.nodes.size() / block.numbers.size();
@@ -172,7 +172,7 @@ Expected<void> write_parts(const HighOrderMesh& mesh, const formats::Sink& sink)
       elements.mutable_physical()->Assign(block.physical.begin(), block.physical.end());
       elements.mutable_nodes()->Assign(block.nodes.begin() + static_cast<std::ptrdiff_t>(first),
                                        block.nodes.begin() + static_cast<std::ptrdiff_t>(last));
-      if (const auto done = put(part, sink); !done) return done;
+      if (auto done = put(part, sink); !done) return done;
     }
   }
   for (const PhysicalGroup& group : mesh.physical_groups) {
@@ -185,7 +185,7 @@ Expected<void> write_parts(const HighOrderMesh& mesh, const formats::Sink& sink)
     part.mutable_physical_group()->set_dimension(group.dimension);
     part.mutable_physical_group()->set_tag(group.tag);
     part.mutable_physical_group()->set_name(group.name);
-    if (const auto done = put(part, sink); !done) return done;
+    if (auto done = put(part, sink); !done) return done;
   }
   return {};
 }

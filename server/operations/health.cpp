@@ -49,16 +49,16 @@ grpc::ServerUnaryReactor* HealthService::Check(grpc::CallbackServerContext* call
 grpc::ServerWriteReactor<HealthCheckResponse>* HealthService::Watch(
     grpc::CallbackServerContext* call, const grpc::health::v1::HealthCheckRequest* request) {
   auto last = std::make_shared<int>(-1);
-  const std::string service = request->service();
   return StreamOut<HealthCheckResponse>::open(
       api_, call,
-      Pump<HealthCheckResponse>::Source([this, service, last](HealthCheckResponse* response, bool, grpc::Status*) {
-        const auto now = state(service);
-        if (now == *last) return Pull::Wait;
-        *last = now;
-        response->set_status(now);
-        return Pull::Message;
-      }),
+      Pump<HealthCheckResponse>::Source(
+          [this, service = request->service(), last](HealthCheckResponse* response, bool, grpc::Status*) {
+            const auto now = state(service);
+            if (now == *last) return Pull::Wait;
+            *last = now;
+            response->set_status(now);
+            return Pull::Message;
+          }),
       [this](std::weak_ptr<Listener> listener) {
         std::lock_guard lock(mutex_);
         watchers_.push_back(std::move(listener));
