@@ -45,7 +45,7 @@ Json group_document(const v1::UnrepairableGroup& group) {
 }
 
 Json group_document(const UnrepairableGroup& group) {
-  constexpr const char* kKinds[] = {"vertex", "vertex-group", "edge", "face", "folded-face"};
+  constexpr const char* kKinds[] = {"vertex", "vertex-group", "edge", "face", "folded-face", "fan"};
   Json document = {{"kind", kKinds[static_cast<int>(group.kind)]},
                    {"elements", group.elements},
                    {"place", group.place},

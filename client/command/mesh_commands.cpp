@@ -55,7 +55,8 @@ int quality(const Arguments& arguments) {
   // Where every element is valid there is nothing to repair.
   std::vector<UnrepairableGroup> groups;
   const bool wanted = arguments.diagnose || arguments.common.json || !arguments.output.empty();
-  if (!found.uncertified.empty() && wanted) groups = diagnose(file->mesh, arguments.threads);
+  if (!found.uncertified.empty() && wanted)
+    groups = with_any_of(diagnose(file->mesh, arguments.threads), uncertified_numbers(found));
   if (!arguments.output.empty())
     if (const int failed = write_marked(arguments, *file, groups); failed != kDone) return failed;
   if (arguments.common.json) {

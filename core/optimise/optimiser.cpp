@@ -181,6 +181,7 @@ Result Optimiser::State::run(const OnIteration& on_iteration) {
     if (options.until_js > 0) team.run([&] { certifier.certify(result.mesh.coordinates, certificates, team); });
     result.after = quality(result.mesh, certifier, std::move(certificates), 0, team);
   }
+  result.unrepairable = with_any_of(std::move(result.unrepairable), uncertified_numbers(result.after));
   result.seconds = seconds_since(start);
   return result;
 }

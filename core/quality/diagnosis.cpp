@@ -1,6 +1,7 @@
 // Goes through fixed vertices, through cells that fixed faces close in, and through fixed faces.
 #include "core/quality/diagnosis.h"
 
+#include <algorithm>
 #include <cassert>
 #include <cmath>
 #include <cstdio>
@@ -73,18 +74,24 @@ std::vector<UnrepairableGroup> gather(const Team& team, std::size_t count, Make&
 // ---------------------------------------------------------------------------------------------------------------------
 
 UnrepairableGroup vertex_group(const HighOrderMesh& mesh, const Cells& cells, std::int32_t node,
-                               std::span<const detail::LinkCorner> corners, const detail::LinkFault& fault) {
+                               const detail::VertexCorners::Link& link, const detail::LinkFault& fault) {
   UnrepairableGroup group;
-  group.kind = fault.corners.size() == 1 ? Kind::Vertex : Kind::VertexGroup;
+  const bool fan = fault.free_direction >= 0;
+  group.kind = fan ? Kind::Fan : fault.corners.size() == 1 ? Kind::Vertex : Kind::VertexGroup;
   group.vertex = mesh.node_numbers[at(node)];
   group.place = position(mesh, node);
   group.determinant = fault.determinant;
-  for (const std::int32_t corner : fault.corners) add_cell(cells, corners[at(corner)].cell, group);
+  for (const std::int32_t corner : fault.corners) add_cell(cells, link.corners[at(corner)].cell, group);
   const std::string node_text = "node " + std::to_string(group.vertex) + " " + place_text(group.place);
   const std::string det_text = number_text(fault.determinant);
   const char* name = group.elements.size() == 1 ? reference::info(cells.shape(at(group.cells[0]))).name.data() : "";
   std::string text = elements_text(cells, group);
-  if (group.kind == Kind::Vertex) {
+  if (fan) {
+    text += (group.elements.size() == 1 ? " has" : " share") + std::string(" the edge from ") + node_text +
+            " to node " + std::to_string(mesh.node_numbers[at(link.ends[at(fault.free_direction)])]) +
+            ", which whatever its direction is on the wrong side of fixed edges there (margin " + det_text +
+            "); the boundary must be refined or an interior edge opposite split there.";
+  } else if (group.kind == Kind::Vertex) {
     text +=
         std::abs(fault.determinant) < 0.1
             ? ": its three edges at " + node_text + " lie in the surface's tangent plane (determinant " + det_text + ")"
@@ -94,7 +101,7 @@ UnrepairableGroup vertex_group(const HighOrderMesh& mesh, const Cells& cells, st
     text += " are fenced in at " + node_text + " by three fixed edges that lie in one plane (determinant " + det_text +
             "); the boundary must be refined or an interior edge of the fence split there.";
   } else {
-    text += " are fenced in at " + node_text + " by three fixed edges (determinant " + det_text +
+    text += " are fenced in at " + node_text + " by fixed edges (determinant " + det_text +
             "); they would have to fill a solid angle of " + number_text(fault.angle) + ", and the boundary leaves " +
             number_text(fault.room) + " for all; it must be refined or an interior edge of the fence split there.";
   }
@@ -108,7 +115,7 @@ std::vector<UnrepairableGroup> at_vertices(const HighOrderMesh& mesh, const Cell
   return gather(team, corners.vertices(), [&](std::size_t i, std::vector<UnrepairableGroup>& out) {
     const detail::VertexCorners::Link link = corners.link(i);
     for (const detail::LinkFault& fault : detail::link_faults(link.directions, link.corners))
-      out.push_back(vertex_group(mesh, cells, link.node, link.corners, fault));
+      out.push_back(vertex_group(mesh, cells, link.node, link, fault));
   });
 }
 
@@ -179,6 +186,17 @@ std::vector<UnrepairableGroup> diagnose(const HighOrderMesh& mesh, const std::ve
   if (mesh.dimension == 3) groups = at_vertices(mesh, cells, fixed, sign, team);
   std::ranges::move(between_faces(mesh, cells, fixed, sign, team), std::back_inserter(groups));
   std::ranges::move(folded_faces(mesh, cells, fixed, team), std::back_inserter(groups));
+  return groups;
+}
+
+std::vector<UnrepairableGroup> with_any_of(std::vector<UnrepairableGroup> groups,
+                                           const std::vector<std::int64_t>& numbers) {
+  std::vector<std::int64_t> sorted = numbers;
+  std::ranges::sort(sorted);
+  std::erase_if(groups, [&](const UnrepairableGroup& group) {
+    return std::ranges::none_of(group.elements,
+                                [&](std::int64_t element) { return std::ranges::binary_search(sorted, element); });
+  });
   return groups;
 }
 

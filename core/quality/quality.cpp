@@ -238,6 +238,12 @@ std::vector<UncertifiedElement> uncertified_elements(const HighOrderMesh& mesh,
 // The doors
 // ---------------------------------------------------------------------------------------------------------------------
 
+std::vector<std::int64_t> uncertified_numbers(const QualityReport& report) {
+  std::vector<std::int64_t> numbers;
+  for (const UncertifiedElement& element : report.uncertified) numbers.push_back(element.number);
+  return numbers;
+}
+
 CellQuality cell_quality(const HighOrderMesh& mesh, int intervals, int threads) {
   return cell_quality(sample(mesh, intervals, Team(threads)));
 }

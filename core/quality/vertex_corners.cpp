@@ -93,7 +93,7 @@ VertexCorners::VertexCorners(const HighOrderMesh& mesh, const Cells& cells, cons
 VertexCorners::Link VertexCorners::link(std::size_t i) const {
   Link link;
   link.node = nodes_[i];
-  std::vector<std::int32_t> ends;  // the far vertex of each direction
+  std::vector<std::int32_t>& ends = link.ends;
   const double* origin = mesh_.coordinates.data() + 3 * at(link.node);
   const auto direction = [&](std::span<const std::int32_t> nodes, const LocalEdge& edge) {
     const std::int32_t end = nodes[at(edge.nodes.back())];

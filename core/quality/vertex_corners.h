@@ -22,6 +22,7 @@ class VertexCorners {
   /// The directions and corners at the i-th fixed vertex.
   struct Link {
     std::int32_t node = 0;
+    std::vector<std::int32_t> ends;  ///< The vertex at the other end of each direction.
     std::vector<LinkDirection> directions;
     std::vector<LinkCorner> corners;
   };

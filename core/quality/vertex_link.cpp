@@ -87,6 +87,23 @@ double inner_angle(const Vector& a, const Vector& b, const Vector& c) {
   return angle < 0 ? angle + 2 * kPi : angle;
 }
 
+/// Solid angle to the left of a closed polygon of directions, in [0, 4π): the sum of its inner angles less those of a
+/// plane polygon. Nothing where a corner may be closed or open by a whole turn. (A sum over triangles would have sides
+/// between directions that are opposite each other.)
+std::optional<double> polygon_angle(const std::vector<std::int32_t>& loop, std::span<const LinkDirection> directions) {
+  const std::size_t n = loop.size();
+  if (n < 3) return std::nullopt;
+  double sum = -(static_cast<double>(n) - 2) * kPi;
+  for (std::size_t i = 0; i < n; ++i) {
+    const double angle = inner_angle(directions[at(loop[(i + n - 1) % n])].unit, directions[at(loop[i])].unit,
+                                     directions[at(loop[(i + 1) % n])].unit);
+    if (angle < kSumTolerance || angle > 2 * kPi - kSumTolerance) return std::nullopt;
+    sum += angle;
+  }
+  sum = std::fmod(sum, 4 * kPi);
+  return sum < 0 ? sum + 4 * kPi : sum;
+}
+
 /// Solid angle that the boundary leaves at the vertex; nothing where the boundary there is not one simple loop, or has
 /// a cusp that may be closed or open by a whole turn.
 std::optional<double> room(std::span<const LinkDirection> directions, const Sides& sides) {
@@ -95,16 +112,7 @@ std::optional<double> room(std::span<const LinkDirection> directions, const Side
     if (sides.across(side) < 0) boundary.push_back(side);
   if (boundary.empty()) return 4 * kPi;
   const auto loop = single_loop(boundary);
-  if (!loop || loop->size() < 3) return std::nullopt;
-  const std::size_t n = loop->size();
-  double sum = -(static_cast<double>(n) - 2) * kPi;
-  for (std::size_t i = 0; i < n; ++i) {
-    const double angle = inner_angle(directions[at((*loop)[(i + n - 1) % n])].unit, directions[at((*loop)[i])].unit,
-                                     directions[at((*loop)[(i + 1) % n])].unit);
-    if (angle < kSumTolerance || angle > 2 * kPi - kSumTolerance) return std::nullopt;
-    sum += angle;
-  }
-  return sum;
+  return loop ? polygon_angle(*loop, directions) : std::nullopt;
 }
 
 /// The fence of the piece: sides with both ends fixed, less those that the piece has on both sides (slits).
@@ -121,22 +129,84 @@ std::vector<Side> fence(std::int32_t piece, const std::vector<std::int32_t>& pie
   return result;
 }
 
-/// A piece with a fence of three, as if it were at fault.
-std::optional<LinkFault> fenced_by_three(std::int32_t piece, const std::vector<std::int32_t>& piece_of,
-                                         std::span<const LinkDirection> directions, const Sides& sides) {
+/// A piece with a single fence, as if it were at fault.
+std::optional<LinkFault> fenced(std::int32_t piece, const std::vector<std::int32_t>& piece_of,
+                                std::span<const LinkDirection> directions, const Sides& sides) {
   const std::vector<Side> around = fence(piece, piece_of, directions, sides);
-  if (around.size() != 3) return std::nullopt;
   const auto loop = single_loop(around);
-  if (!loop) return std::nullopt;
-  const Vector& b = directions[at((*loop)[0])].unit;
-  const Vector& c = directions[at((*loop)[1])].unit;
-  const Vector& d = directions[at((*loop)[2])].unit;
+  if (!loop || loop->size() < 3) return std::nullopt;
   LinkFault result;
-  result.determinant = determinant(b, c, d);
-  result.angle = solid_angle(b, c, d);
+  result.fence = static_cast<int>(loop->size());
+  result.determinant = 1;
+  for (std::size_t i = 0; i < loop->size(); ++i)
+    result.determinant =
+        std::min(result.determinant,
+                 determinant(directions[at((*loop)[i])].unit, directions[at((*loop)[(i + 1) % loop->size()])].unit,
+                             directions[at((*loop)[(i + 2) % loop->size()])].unit));
+  if (result.fence == 3) {
+    result.angle =
+        solid_angle(directions[at((*loop)[0])].unit, directions[at((*loop)[1])].unit, directions[at((*loop)[2])].unit);
+  } else {
+    const auto angle = polygon_angle(*loop, directions);
+    if (!angle) return std::nullopt;
+    result.angle = *angle;
+  }
   for (std::size_t k = 0; k < piece_of.size(); ++k)
     if (piece_of[k] == piece) result.corners.push_back(static_cast<std::int32_t>(k));
   return result;
+}
+
+/// The largest that the smallest of n · x can be over unit vectors x, for unit vectors n. By duality the best x points
+/// to the place of the normals' convex hull that is nearest to the origin, so that it is given by one, two or three.
+double widest_margin(const std::vector<Vector>& normals) {
+  double best = -1;
+  const auto attempt = [&](Vector x) {
+    const double length = std::sqrt(dot(x, x));
+    if (!(length > 0)) return;
+    for (double& component : x) component /= length;
+    double smallest = 1;
+    for (const Vector& n : normals) smallest = std::min(smallest, dot(n, x));
+    best = std::max(best, smallest);
+  };
+  const auto less = [](const Vector& a, const Vector& b) { return Vector{a[0] - b[0], a[1] - b[1], a[2] - b[2]}; };
+  for (std::size_t i = 0; i < normals.size(); ++i) {
+    attempt(normals[i]);
+    for (std::size_t j = 0; j < i; ++j) {
+      attempt({normals[i][0] + normals[j][0], normals[i][1] + normals[j][1], normals[i][2] + normals[j][2]});
+      for (std::size_t k = 0; k < j; ++k) {
+        const Vector x = cross(less(normals[j], normals[i]), less(normals[k], normals[i]));
+        attempt(x);
+        attempt({-x[0], -x[1], -x[2]});
+      }
+    }
+  }
+  return best;
+}
+
+/// The corners that have this free direction and no other free one, where they are at fault. Their determinants are
+/// linear in the free direction.
+std::optional<LinkFault> round_free(std::int32_t free, std::span<const LinkDirection> directions,
+                                    std::span<const LinkCorner> corners) {
+  LinkFault result;
+  result.free_direction = free;
+  std::vector<Vector> normals;
+  for (std::size_t k = 0; k < corners.size(); ++k) {
+    if (corners[k].size() != 3) continue;
+    for (std::size_t i = 0; i < 3; ++i) {
+      if (corners[k].direction[i] != free) continue;
+      const LinkDirection& b = directions[at(corners[k].direction[(i + 1) % 3])];
+      const LinkDirection& c = directions[at(corners[k].direction[(i + 2) % 3])];
+      if (!b.fixed || !c.fixed) continue;
+      Vector n = cross(b.unit, c.unit);
+      const double length = std::sqrt(dot(n, n));
+      for (double& component : n) component = length > kTolerance ? component / length : 0;
+      normals.push_back(n);
+      result.corners.push_back(static_cast<std::int32_t>(k));
+    }
+  }
+  if (normals.empty()) return std::nullopt;
+  result.determinant = widest_margin(normals);
+  return result.determinant <= kTolerance ? std::optional(result) : std::nullopt;
 }
 
 }  // namespace
@@ -153,27 +223,42 @@ std::vector<LinkFault> link_faults(std::span<const LinkDirection> directions, st
   double claimed = 0;
   for (std::size_t k = 0; k < corners.size(); ++k) {
     if (piece_of[k] != static_cast<std::int32_t>(k)) continue;
-    auto piece = fenced_by_three(piece_of[k], piece_of, directions, sides);
+    auto piece = fenced(piece_of[k], piece_of, directions, sides);
     if (!piece) continue;
     // One cell alone fills its triangle the plain way or not at all; several may go round the far side.
-    const bool flat = std::abs(piece->determinant) <= kTolerance &&
+    const bool flat = piece->fence == 3 && std::abs(piece->determinant) <= kTolerance &&
                       (piece->angle <= kPi || piece->angle >= 3 * kPi || piece->corners.size() == 1);
-    if (flat || (piece->corners.size() == 1 && piece->determinant < 0)) {
-      faults.push_back(*piece);
-      continue;
-    }
     claimed += piece->angle;
-    fitting.push_back(std::move(*piece));
-  }
-  const auto available = fitting.empty() ? std::nullopt : room(directions, sides);
-  if (available) {
-    std::ranges::stable_sort(fitting, std::ranges::greater{}, &LinkFault::angle);
-    for (LinkFault& piece : fitting) {
-      if (claimed <= *available + kSumTolerance) break;
-      claimed -= piece.angle;
-      piece.room = *available;
-      faults.push_back(std::move(piece));
+    if (flat || (piece->fence == 3 && piece->corners.size() == 1 && piece->determinant < 0)) {
+      if (piece->angle > kPi) claimed -= 4 * kPi;
+      faults.push_back(std::move(*piece));
+    } else {
+      fitting.push_back(std::move(*piece));
     }
+  }
+  // A piece that is not all positive may be taken to be turned inside out, and then claims a whole sphere less. Named
+  // are those that are turned least until the rest fits, and such as might as well be turned instead of the last.
+  std::ranges::stable_sort(fitting, std::ranges::greater{}, &LinkFault::angle);
+  const auto available = fitting.empty() ? std::nullopt : room(directions, sides);
+  double turned = 0;  // the angle inside out of the last piece
+  for (LinkFault& piece : fitting) {
+    if (!available) break;
+    const bool instead = piece.angle > *available + kSumTolerance && 4 * kPi - piece.angle <= 2 * turned;
+    if (claimed <= *available + kSumTolerance && !instead) break;
+    if (!instead) turned = 4 * kPi - piece.angle;
+    claimed -= 4 * kPi;
+    piece.room = *available;
+    faults.push_back(std::move(piece));
+  }
+  const auto is_named = [&](const LinkFault& fan) {
+    return std::ranges::any_of(faults, [&](const LinkFault& fault) {
+      return std::ranges::includes(fault.corners, fan.corners);  // both are in order
+    });
+  };
+  for (std::size_t i = 0; i < directions.size(); ++i) {
+    if (directions[i].fixed) continue;
+    auto fan = round_free(static_cast<std::int32_t>(i), directions, corners);
+    if (fan && !is_named(*fan)) faults.push_back(std::move(*fan));
   }
   return faults;
 }

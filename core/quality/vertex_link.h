@@ -30,12 +30,18 @@ struct LinkCorner {
   int size() const { return direction[3] < 0 ? 3 : 4; }
 };
 
-/// Corners that lie within a fence of three fixed directions and have no room there.
+/// Corners that cannot all be positive: within a fence of fixed directions that leaves them no room, or round one
+/// free direction that cannot be on the right side of all of them at once.
 struct LinkFault {
   std::vector<std::int32_t> corners;
-  double determinant = 0;  ///< Of the three directions, counter-clockwise.
-  double angle = 0;        ///< Solid angle that the piece claims, in [0, 4π].
-  double room = 0;         ///< What the boundary leaves for all pieces; 0 where this piece has none whatever it claims.
+  int fence = 0;                     ///< How many fixed directions fence the corners in; 0: it is a free one.
+  std::int32_t free_direction = -1;  ///< The one they have in common; −1 for a fence.
+  /// Of the fence's three directions, counter-clockwise, or the smallest of three in a row where there are more; for a
+  /// free direction the largest that the smallest of n · x can be, n a corner's unit normal b × c of its fixed
+  /// directions and x the free one.
+  double determinant = 0;
+  double angle = 0;  ///< Solid angle that the piece claims, in [0, 4π].
+  double room = 0;   ///< What the boundary leaves for all pieces; 0 where this piece has none whatever it claims.
 };
 
 /// The pieces at one vertex that no movement of free nodes can repair.

@@ -31,7 +31,7 @@ static_assert(same(v1::UNTIL_TOLERANCE, Until::Tolerance) && same(v1::UNTIL_VALI
 static_assert(same(v1::STOP_REASON_CONVERGED, StopReason::Converged) &&
               same(v1::STOP_REASON_STOPPED, StopReason::Stopped));
 static_assert(same(v1::UnrepairableGroup::KIND_VERTEX, UnrepairableGroup::Kind::Vertex) &&
-              same(v1::UnrepairableGroup::KIND_FOLDED_FACE, UnrepairableGroup::Kind::FoldedFace));
+              same(v1::UnrepairableGroup::KIND_FAN, UnrepairableGroup::Kind::Fan));
 static_assert(same(v1::PER_CELL, Per::Cell) && same(v1::PER_VERTEX, Per::Vertex));
 static_assert(same(v1::PHASE_SWEEPS, Phase::Sweeps) && same(v1::PHASE_NEWTON, Phase::Newton));
 

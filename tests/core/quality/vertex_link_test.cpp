@@ -139,6 +139,75 @@ TEST(VertexLink, APieceWithAFlatFenceIsNamed) {
   EXPECT_EQ(faults[0].corners.size(), 3U);
 }
 
+/// The best that the free direction can do for the smallest determinant of these corners, in each of which it is the
+/// last of three, and the solid angle that they fill there.
+Found search(const std::vector<LinkDirection>& directions, const std::vector<LinkCorner>& corners, double most_angle) {
+  std::mt19937 random(1);
+  std::normal_distribution<double> normal;
+  Found best{-1, 0};
+  for (int i = 0; i < 100000; ++i) {
+    const Vector f = unit({normal(random), normal(random), normal(random)});
+    double margin = 1, angle = 0;
+    for (const LinkCorner& corner : corners) {
+      const Vector& b = directions[corner.direction[0]].unit;
+      const Vector& c = directions[corner.direction[1]].unit;
+      margin = std::min(margin, determinant(b, c, f));
+      angle += solid_angle(b, c, f);
+    }
+    if (margin > best.margin && angle <= most_angle) best = {margin, angle};
+  }
+  return best;
+}
+
+TEST(VertexLink, AFreeEdgeThatTwoFixedPairsWantOnOppositeSidesIsNamed) {
+  // Round the free direction 4: the pairs (0, 1) and (3, 2) span one plane and want it above and below.
+  const std::vector<LinkDirection> directions{fixed({1, 0, 0}),
+                                              fixed({0, 1, 0}),
+                                              fixed({-1, 0.2, 0}),
+                                              fixed({-0.2, 1, 0}),
+                                              free_direction({0.1, 0.2, 1}),
+                                              free_direction({0, 0, -1})};
+  const std::vector<LinkCorner> opposed{{0, {0, 1, 4, -1}}, {1, {2, 3, 4, -1}}, {2, {1, 2, 5, -1}}};
+  const auto faults = link_faults(directions, opposed);
+  ASSERT_EQ(faults.size(), 1U);
+  EXPECT_EQ(faults[0].free_direction, 4);
+  EXPECT_EQ(faults[0].corners, (std::vector<std::int32_t>{0, 1}));
+  EXPECT_LE(faults[0].determinant, 1e-9);
+  EXPECT_LE(search(directions, {opposed[0], opposed[1]}, 4 * kPi).margin, 1e-9);
+}
+
+TEST(VertexLink, AFreeEdgeWithRoomIsFine) {
+  const std::vector<LinkDirection> directions{fixed({1, 0, 0}), fixed({0, 1, 0}), fixed({-1, 0.2, 0.3}),
+                                              fixed({0.2, -1, 0}), free_direction({0.1, 0.2, -1})};
+  const std::vector<LinkCorner> corners{{0, {0, 1, 4, -1}}, {1, {1, 2, 4, -1}}, {2, {2, 3, 4, -1}}, {3, {3, 0, 4, -1}}};
+  ASSERT_GT(search(directions, corners, 4 * kPi).margin, 0.05);
+  for (const LinkFault& fault : link_faults(directions, corners)) EXPECT_LT(fault.free_direction, 0);
+}
+
+TEST(VertexLink, AFenceOfFourCountsLikeOneOfThree) {
+  // Eight boundary directions round a vertex of a smooth surface, the solid above. A piece of four corners is fenced in
+  // by the first four, of which the inner two are tilted.
+  for (const double tilt : {-0.2, -0.05, -0.01, 0.01, 0.05, 0.2}) {
+    std::vector<LinkDirection> directions;
+    for (int i = 0; i < 8; ++i)
+      directions.push_back(fixed({std::cos(i * kPi / 4), std::sin(i * kPi / 4), i == 1 || i == 2 ? tilt : 0}));
+    directions.push_back(free_direction({0.4, 0.6, 0.5}));
+    directions.push_back(free_direction({0, 0, 1}));
+    std::vector<LinkCorner> corners{{10, {0, 1, 8, -1}}, {11, {1, 2, 8, -1}}, {12, {2, 3, 8, -1}}, {13, {3, 0, 8, -1}}};
+    const std::vector<LinkCorner> piece = corners;
+    corners.push_back({14, {0, 3, 9, -1}});
+    for (int i = 3; i < 8; ++i) corners.push_back({11 + i, {i, (i + 1) % 8, 9, -1}});
+    const auto faults = link_faults(directions, corners);
+    // Within the half space that the solid fills, more or less.
+    const bool possible = search(directions, piece, 3 * kPi).margin > 0;
+    EXPECT_EQ(possible, tilt < 0) << tilt;
+    ASSERT_EQ(faults.size(), possible ? 0U : 1U) << tilt;
+    if (possible) continue;
+    EXPECT_EQ(faults[0].corners, (std::vector<std::int32_t>{0, 1, 2, 3}));
+    EXPECT_GT(faults[0].angle, 3 * kPi);
+  }
+}
+
 TEST(VertexLink, APieceThatFillsHalfTheSphereIsFine) {
   // Three boundary edges in one plane at 120°: the determinant is 0, the solid angle 2π, and all of it is there.
   const std::vector<LinkDirection> directions{fixed({1, 0, 0}), fixed({-0.5, std::sqrt(0.75), 0}),
