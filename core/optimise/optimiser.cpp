@@ -245,6 +245,7 @@ void Optimiser::State::iterate(const Team& team, const Certifier& certifier, Gua
       if (number % kSweepsBetweenRebuilds == 0) sweeper.rebuild();
       iteration.residual = swept.residual;
       iteration.active_nodes = swept.visited;
+      iteration.products = 0;
       gradient = swept.gradient_norm;
       whole = swept.visited == summary.free_nodes;
     } else {
@@ -253,6 +254,7 @@ void Optimiser::State::iterate(const Team& team, const Certifier& certifier, Gua
       sweeper.changed();
       iteration.residual = stepped.residual;
       iteration.active_nodes = summary.free_nodes;
+      iteration.products = stepped.products;
       gradient = stepped.gradient_norm;
       stuck = stepped.damping == 0;
       failed = stepped.failed;

@@ -29,7 +29,8 @@ struct Iteration {
   std::int64_t invalid_elements = 0;     ///< Cells that are not certified valid.
   std::int64_t repairable_elements = 0;  ///< Those of them that are not named unrepairable.
   std::int64_t active_nodes = 0;         ///< Free nodes visited.
-  double seconds = 0;                    ///< Since the optimisation began.
+  int products = 0;    ///< Of the Hessian and a direction: conjugate-gradient iterations. Newton only.
+  double seconds = 0;  ///< Since the optimisation began.
 };
 
 /// Why a run ended.

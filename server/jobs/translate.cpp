@@ -148,6 +148,7 @@ v1::Iteration to_proto(const Iteration& iteration) {
   message.set_invalid_elements(iteration.invalid_elements);
   message.set_repairable_elements(iteration.repairable_elements);
   message.set_active_nodes(iteration.active_nodes);
+  message.set_products(iteration.products);
   message.set_seconds(iteration.seconds);
   return message;
 }

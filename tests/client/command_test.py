@@ -1,5 +1,6 @@
 """The command and the server as a user meets them: exit statuses, what is printed where, one path with and without a
 server. Run by ctest with VARIMESH, VARIMESHD and VARIMESH_SOURCE_DIR in the environment; the standard library is enough."""
+import csv
 import json
 import os
 import re
@@ -110,6 +111,9 @@ class InProcess(WithFolder):
         lines = history.read_text().splitlines()
         self.assertTrue(lines[0].startswith("iteration,phase,energy,residual"))
         self.assertTrue(lines[1].startswith("1,sweeps,"), lines[1])
+        for row in csv.DictReader(lines):
+            self.assertEqual(row["phase"] == "newton", int(row["products"]) > 0, row)
+        self.assertEqual(row["phase"], "newton")
         self.assertEqual(sorted(path.name for path in self.folder.iterdir()), ["a.csv", "a.msh", "a.vtu"])
 
     def test_shows_plain_lines_in_a_pipe(self):
