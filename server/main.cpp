@@ -4,6 +4,7 @@
 //   varimeshd --listen 127.0.0.1:0              on a free port, which it prints
 //   varimeshd --listen unix:/run/varimesh.sock  on a socket that its owner alone can use
 //   varimeshd --listen 0.0.0.0:50051 --insecure for anybody who can reach it
+//   varimeshd --state /var/lib/varimesh         keeps jobs and meshes there: whatever happens to it, they go on
 #include <spdlog/spdlog.h>
 
 #include <CLI/CLI.hpp>
@@ -37,7 +38,7 @@ int main(int argc, char** argv) {
   server::ServerOptions options;
   options.listen = "127.0.0.1:50051";
   std::string port_file, log_level = "info";
-  int drain_seconds = 30;
+  int drain_seconds = 30, mesh_lifetime_hours = 7 * 24;
 
   CLI::App app{"Serves mesh optimisation over gRPC (package varimesh.v1)."};
   app.set_version_flag("--version", std::string(version()));
@@ -53,8 +54,23 @@ int main(int argc, char** argv) {
   app.add_option("--max-pending-jobs", options.limits.max_pending_jobs, "Jobs that may wait")
       ->capture_default_str()
       ->check(CLI::PositiveNumber);
-  app.add_option("--data", options.data, "Where to make the directory for meshes (default: TMPDIR, or /tmp)");
-  app.add_option("--drain-seconds", drain_seconds, "How long a job may take to end when the server stops")
+  app.add_option("--state", options.state,
+                 "Directory in which jobs, meshes and results outlive the server (default: they go with it)");
+  app.add_option("--data", options.data,
+                 "Without --state: where to make the directory for meshes (default: TMPDIR, or /tmp)");
+  app.add_option("--max-ended-jobs", options.limits.max_ended_jobs,
+                 "Jobs remembered, with their results, after their end")
+      ->capture_default_str()
+      ->check(CLI::NonNegativeNumber);
+  app.add_option("--max-store-bytes", options.limits.max_store_bytes,
+                 "Beyond it the oldest meshes go that no job refers to; 0: no limit")
+      ->capture_default_str()
+      ->check(CLI::NonNegativeNumber);
+  app.add_option("--mesh-lifetime", mesh_lifetime_hours, "Hours that a mesh is kept that no job refers to")
+      ->capture_default_str()
+      ->check(CLI::PositiveNumber);
+  app.add_option("--drain-seconds,--drain-timeout", drain_seconds,
+                 "How long a job may take to end when the server stops")
       ->capture_default_str()
       ->check(CLI::NonNegativeNumber);
   try {
@@ -76,6 +92,8 @@ int main(int argc, char** argv) {
     return 2;
   }
   options.engine = server::core_engine();
+  options.limits.mesh_lifetime = std::chrono::hours(mesh_lifetime_hours);
+  if (options.state.empty()) spdlog::info("jobs and meshes go with this process; --state DIR keeps them");
   auto server = server::Server::start(std::move(options));
   if (!server) {
     std::cerr << "varimeshd: " << server.error().sentence << '\n';

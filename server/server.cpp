@@ -17,9 +17,11 @@
 #include "server/api/mesh_service.h"
 #include "server/api/optimise_service.h"
 #include "server/jobs/memory_job_store.h"
+#include "server/jobs/sqlite_job_store.h"
 #include "server/jobs/thread_budget.h"
 #include "server/meshes/directory_mesh_store.h"
 #include "server/operations/health.h"
+#include "server/operations/state_directory.h"
 
 namespace varimesh::server {
 namespace {
@@ -104,8 +106,9 @@ struct Server::Parts {
 
   ServerOptions options;
   ThreadBudget budget;
+  std::unique_ptr<StateDirectory> state;
   std::unique_ptr<MeshStore> meshes;
-  MemoryJobStore jobs;
+  std::unique_ptr<JobStore> jobs;
   std::unique_ptr<Scheduler> scheduler;
   CallRegistry calls;
   std::unique_ptr<Pool> pool;
@@ -115,11 +118,14 @@ struct Server::Parts {
   std::unique_ptr<JobService> job_service;
   std::unique_ptr<OptimiseService> optimise_service;
   std::unique_ptr<grpc::Server> server;
-  std::unique_ptr<Ticker> ticker;
+  std::unique_ptr<Ticker> calls_ticker;
+  std::unique_ptr<Ticker> jobs_ticker;
+  std::unique_ptr<Ticker> sweeper;
   std::string address;
   int port = 0;
   bool stopped = false;
 
+  Expected<void> open_stores();
   void assemble() {
     SchedulerSettings settings;
     settings.threads = budget.threads();
@@ -129,7 +135,7 @@ struct Server::Parts {
     settings.new_name = options.new_name ? options.new_name : random_name;
     settings.launch = [this](int threads, std::function<void()> job) { budget.launch(threads, std::move(job)); };
     settings.log = [](const std::string& job, const std::string& what) { spdlog::info("{} {}", job, what); };
-    scheduler = std::make_unique<Scheduler>(&jobs, meshes.get(), options.engine, std::move(settings));
+    scheduler = std::make_unique<Scheduler>(jobs.get(), meshes.get(), options.engine, std::move(settings));
     pool = std::make_unique<Pool>(kPoolThreads);
     api = std::make_unique<ApiContext>(ApiContext{*scheduler, *meshes, *pool, calls, options.limits, options.clock()});
     health = std::make_unique<HealthService>(*api);
@@ -140,6 +146,33 @@ struct Server::Parts {
 
   Expected<void> listen();
 };
+
+Expected<void> Server::Parts::open_stores() {
+  const auto output_error = [](const Failure& failure) {
+    return tl::unexpected(Error{Error::Kind::Output, failure.sentence});
+  };
+  DirectoryMeshSettings mesh_settings;
+  mesh_settings.max_mesh_bytes = options.limits.max_mesh_bytes;
+  mesh_settings.max_total_bytes = options.limits.max_store_bytes;
+  mesh_settings.lifetime = options.limits.mesh_lifetime;
+  JobStoreSettings job_settings;
+  job_settings.clock = options.clock;
+  if (!options.state.empty()) {
+    auto taken = StateDirectory::take(options.state);
+    if (!taken) return tl::unexpected(taken.error());
+    state = std::move(*taken);
+    auto opened = SqliteJobStore::open(state->jobs(), job_settings);
+    if (!opened) return output_error(opened.error());
+    jobs = std::move(*opened);
+  } else {
+    jobs = std::make_unique<MemoryJobStore>(job_settings);
+  }
+  auto opened = state != nullptr ? DirectoryMeshStore::open_directory(state->meshes(), mesh_settings)
+                                 : DirectoryMeshStore::create(options.data, mesh_settings);
+  if (!opened) return output_error(opened.error());
+  meshes = std::move(*opened);
+  return {};
+}
 
 Expected<void> Server::Parts::listen() {
   grpc::reflection::InitProtoReflectionServerBuilderPlugin();
@@ -181,15 +214,21 @@ Expected<std::unique_ptr<Server>> Server::start(ServerOptions options) {
     return bad_option(
         "Anybody who reaches " + listen +
         " could use this server, and nothing would be encrypted; listen on 127.0.0.1, or say --insecure.");
-  auto meshes = DirectoryMeshStore::create(options.data, options.limits.max_mesh_bytes);
-  if (!meshes) return tl::unexpected(Error{Error::Kind::Output, meshes.error().sentence});
 
   auto parts = std::make_unique<Parts>(std::move(options));
-  parts->meshes = std::move(*meshes);
+  if (const auto opened = parts->open_stores(); !opened) return tl::unexpected(opened.error());
   parts->assemble();
+  // Before anybody can ask: what this server claims itself must not be taken back.
+  if (const auto recovered = parts->scheduler->recover(); !recovered)
+    return tl::unexpected(Error{Error::Kind::Output, recovered.error().sentence});
   if (const auto listening = parts->listen(); !listening) return tl::unexpected(listening.error());
-  parts->ticker = std::make_unique<Ticker>(std::chrono::milliseconds(250),
-                                           [calls = &parts->calls] { calls->tick(std::chrono::steady_clock::now()); });
+  parts->scheduler->tick();
+  parts->calls_ticker = std::make_unique<Ticker>(
+      std::chrono::milliseconds(250), [calls = &parts->calls] { calls->tick(std::chrono::steady_clock::now()); });
+  parts->jobs_ticker =
+      std::make_unique<Ticker>(std::chrono::seconds(1), [scheduler = parts->scheduler.get()] { scheduler->tick(); });
+  parts->sweeper =
+      std::make_unique<Ticker>(std::chrono::minutes(1), [meshes = parts->meshes.get()] { meshes->sweep(); });
   parts->health->set_serving(true);
   return std::unique_ptr<Server>(new Server(std::move(parts)));
 }

@@ -18,7 +18,9 @@ namespace varimesh::server {
 struct ServerOptions {
   std::string listen;     ///< HOST:PORT (port 0: a free one) or unix:PATH; empty: in-process channels only.
   bool insecure = false;  ///< Said aloud: listen beyond loopback without TLS.
-  std::string data;       ///< Where to make the directory for meshes; empty: the system's for temporary files.
+  std::string state;      ///< Directory of jobs and meshes that outlive the server; empty: they go with it.
+  std::string
+      data;  ///< Without `state`: where to make the directory for meshes; empty: the system's for temporary files.
   Limits limits;
   Engine engine;  ///< What runs the jobs: core_engine(), or a test's.
   std::function<TimePoint()> clock = std::chrono::system_clock::now;
@@ -28,7 +30,8 @@ struct ServerOptions {
 /// A running server.
 class Server {
  public:
-  /// Listens and serves. Errors: BadOption for an address that may not be listened on, Output where it is taken.
+  /// Listens and serves; jobs that another server left behind in `state` go on. Errors: BadOption for an address that
+  /// may not be listened on, Output where it is taken, or the state cannot be used.
   static Expected<std::unique_ptr<Server>> start(ServerOptions options);
   /// Stops as stop() does, if that was not done.
   ~Server();
@@ -38,9 +41,9 @@ class Server {
   int port() const;
   std::shared_ptr<grpc::Channel> in_process_channel();
 
-  /// Ends everything in order: NOT_SERVING, no new jobs, cancels those that run, finishes every stream with
-  /// UNAVAILABLE, shuts down. False where a job had not ended by itself after `patience`; then the process should leave
-  /// at once.
+  /// Ends everything in order: NOT_SERVING, no new jobs, those that run are left for the next server where they outlive
+  /// this one and cancelled where not, finishes every stream with UNAVAILABLE, shuts down. False where a job had not
+  /// ended by itself after `patience`; then the process should leave at once.
   bool stop(std::chrono::milliseconds patience);
 
  private:

@@ -1,6 +1,8 @@
 // Handlers of JobService: each translates, asks the scheduler, answers.
 #include "server/api/job_service.h"
 
+#include <optional>
+
 #include "core/version.h"
 #include "server/api/event_source.h"
 #include "server/api/sources.h"
@@ -74,30 +76,41 @@ grpc::ServerUnaryReactor* JobService::DeleteJob(grpc::CallbackServerContext* cal
 
 grpc::ServerWriteReactor<v1::WatchJobResponse>* JobService::WatchJob(grpc::CallbackServerContext* call,
                                                                      const v1::WatchJobRequest* request) {
-  using Stream = StreamOut<v1::WatchJobResponse>;
-  auto log = api_.scheduler.events(request->name());
-  if (!log) return Stream::refuse(api_, call, status(log.error()));
-  if (request->after_sequence() < 0 || !(*log)->can_resume_after(request->after_sequence())) {
-    const auto job = api_.scheduler.get(request->name());
-    return Stream::refuse(
-        api_, call,
-        status(Failure{Code::OutOfRange,
-                       "SEQUENCE_EXPIRED",
-                       "The events behind number " + std::to_string(request->after_sequence()) + " of " +
-                           request->name() + " are not kept; watch it from 0.",
-                       {{"job", request->name()}, {"oldest_sequence", std::to_string((*log)->oldest_sequence())}},
-                       0},
-               job ? &*job : nullptr));
-  }
-  const auto interval = std::chrono::seconds(request->min_interval().seconds()) +
-                        std::chrono::nanoseconds(request->min_interval().nanos());
-  auto events = std::make_shared<EventSource>(*log, request->after_sequence(), interval);
-  return Stream::open(
+  // The job is looked up by the first pull, on the pool.
+  struct Watch {
+    v1::WatchJobRequest request;
+    std::weak_ptr<Listener> listener;
+    std::optional<EventSource> events;
+  };
+  auto watch = std::make_shared<Watch>();
+  watch->request = *request;
+  return StreamOut<v1::WatchJobResponse>::open(
       api_, call,
-      Pump<v1::WatchJobResponse>::Source([events](v1::WatchJobResponse* response, bool idle, grpc::Status*) {
-        return events->pull(response->mutable_event(), idle);
+      Pump<v1::WatchJobResponse>::Source([this, watch](v1::WatchJobResponse* response, bool idle, grpc::Status* ended) {
+        if (!watch->events) {
+          auto log = api_.scheduler.events(watch->request.name());
+          *ended = log ? check_resumption(watch->request, **log) : status(log.error());
+          if (!ended->ok()) return Pull::End;
+          (*log)->subscribe(watch->listener);
+          const auto interval = std::chrono::seconds(watch->request.min_interval().seconds()) +
+                                std::chrono::nanoseconds(watch->request.min_interval().nanos());
+          watch->events.emplace(std::move(*log), watch->request.after_sequence(), interval);
+        }
+        return watch->events->pull(response->mutable_event(), idle);
       }),
-      [&](std::weak_ptr<Listener> listener) { (*log)->subscribe(std::move(listener)); });
+      [watch](std::weak_ptr<Listener> listener) { watch->listener = std::move(listener); });
+}
+
+grpc::Status JobService::check_resumption(const v1::WatchJobRequest& request, const EventLog& log) {
+  if (request.after_sequence() >= 0 && log.can_resume_after(request.after_sequence())) return grpc::Status::OK;
+  const auto job = api_.scheduler.get(request.name());
+  return status(Failure{Code::OutOfRange,
+                        "SEQUENCE_EXPIRED",
+                        "The events behind number " + std::to_string(request.after_sequence()) + " of " +
+                            request.name() + " are not kept; watch it from 0.",
+                        {{"job", request.name()}, {"oldest_sequence", std::to_string(log.oldest_sequence())}},
+                        0},
+                job ? &*job : nullptr);
 }
 
 grpc::ServerWriteReactor<v1::GetResultResponse>* JobService::GetResult(grpc::CallbackServerContext* call,
@@ -146,9 +159,10 @@ grpc::ServerUnaryReactor* JobService::GetServerInfo(grpc::CallbackServerContext*
     for (int energy = v1::ENERGY_HYPERELASTIC; v1::Energy_IsValid(energy); ++energy)
       response->add_energies(static_cast<v1::Energy>(energy));
     *response->mutable_start_time() = timestamp(api_.start_time);
-    const JobCounts counts = api_.scheduler.counts();
-    response->set_pending_jobs(counts.pending);
-    response->set_running_jobs(counts.running);
+    const auto counts = api_.scheduler.counts();
+    if (!counts) return status(counts.error());
+    response->set_pending_jobs(counts->pending);
+    response->set_running_jobs(counts->running);
     return grpc::Status::OK;
   });
 }

@@ -28,6 +28,9 @@ class JobService : public v1::JobService::CallbackService {
                                           v1::GetServerInfoResponse* response) override;
 
  private:
+  /// OUT_OF_RANGE where the watch cannot go on where it wants to.
+  grpc::Status check_resumption(const v1::WatchJobRequest& request, const EventLog& log);
+
   const ApiContext& api_;
 };
 

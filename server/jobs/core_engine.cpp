@@ -53,6 +53,7 @@ Expected<RunOutcome> run(RunRequest request, const RunHooks& hooks) {
   outcome = {result->summary,          result->iterations,   result->seconds,           result->residual,
              result->converged,        result->stopped,      result->stop_reason,       std::move(result->before),
              std::move(result->after), result->unrepairable, std::move(result->history)};
+  if (result->stopped && hooks.given_up()) return outcome;
   for (const v1::MeshFormat format : definite_outputs(request.outputs, read_as))
     if (const auto written = write_mesh(*result, format, request.options.threads, hooks.open_output(format)); !written)
       return tl::unexpected(written.error());

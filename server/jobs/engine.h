@@ -18,12 +18,24 @@ struct RunRequest {
   v1::MeshFormat format = v1::MESH_FORMAT_UNSPECIFIED;
   Options options;                      ///< `threads` is what the budget gives, never 0.
   std::vector<v1::MeshFormat> outputs;  ///< Empty: the format that is read.
+  /// What an attempt before this one gave to save_checkpoint(): go on from there, to the same bytes as without the
+  /// interruption. Null, or not to be read any more: from the start.
+  std::shared_ptr<const Blob> checkpoint;
 };
+
+/// Writes the solver's whole state, which means something to the engine alone; false where the sink stopped.
+using WriteCheckpoint = std::function<bool(const formats::Sink&)>;
 
 /// What the run tells, and where it writes.
 struct RunHooks {
   OnIteration on_iteration;
   std::function<bool()> cancelled;  ///< Asked between the steps.
+  /// Whether the run ends only to be gone on with elsewhere: its outputs are wanted by nobody.
+  std::function<bool()> given_up;
+  /// Asked after every iteration, before on_iteration. Where it says yes, the engine may save its state; one that
+  /// cannot is run from the start again.
+  std::function<bool(int iteration)> checkpoint_due;
+  std::function<void(int iteration, const WriteCheckpoint& write)> save_checkpoint;
   /// Where the next output goes; the format is never UNSPECIFIED.
   std::function<formats::Sink(v1::MeshFormat)> open_output;
 };

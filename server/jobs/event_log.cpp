@@ -2,6 +2,7 @@
 #include "server/jobs/event_log.h"
 
 #include <algorithm>
+#include <cassert>
 
 namespace varimesh::server {
 namespace {
@@ -18,6 +19,7 @@ auto behind(const Events& events, std::int64_t after) {
 std::int64_t EventLog::append(v1::JobEvent event) {
   std::int64_t sequence = 0;
   {
+    std::lock_guard numbers(numbers_);
     std::lock_guard lock(mutex_);
     sequence = ++last_sequence_;
     event.set_sequence(sequence);
@@ -33,6 +35,23 @@ std::int64_t EventLog::append(v1::JobEvent event) {
   }
   notify();
   return sequence;
+}
+
+void EventLog::append_stored(const std::function<std::vector<v1::JobEvent>(std::int64_t last_sequence)>& store) {
+  {
+    std::lock_guard numbers(numbers_);
+    add(store(last_sequence()));
+  }
+  notify();
+}
+
+void EventLog::add(std::vector<v1::JobEvent> events) {
+  std::lock_guard lock(mutex_);
+  for (v1::JobEvent& event : events) {
+    assert(event.sequence() > last_sequence_);
+    last_sequence_ = event.sequence();
+    kept_.push_back(std::move(event));
+  }
 }
 
 void EventLog::close() {
@@ -62,8 +81,10 @@ EventLog::Next EventLog::next(std::int64_t after, std::chrono::nanoseconds min_i
     *event = *kept;
   else
     return closed_ ? Next::End : Next::Wait;
-  // Everything between is an iteration, since the next of the others is never passed over.
-  event->set_thinned(event->sequence() - after - 1);
+  // Everything between is an iteration, since the next of the others is never passed over. What was in a block that was
+  // lost is not known, and does not count.
+  const std::int64_t block = (event->sequence() - 1) / kSequenceBlock * kSequenceBlock;
+  event->set_thinned(event->sequence() - std::max(after, block) - 1);
   return Next::Event;
 }
 

@@ -4,6 +4,7 @@
 #include <chrono>
 #include <cstdint>
 #include <deque>
+#include <functional>
 #include <memory>
 #include <mutex>
 #include <optional>
@@ -20,6 +21,10 @@ class Listener {
   virtual void poke() = 0;
 };
 
+/// Numbers come in blocks, and a job whose server was lost goes on in the next one: nobody knows which numbers of the
+/// block before were seen, nor of what.
+inline constexpr std::int64_t kSequenceBlock = 1'000'000'000;
+
 /// The events of one job. States, quality and log lines are kept; of the iterations the newest `max_iterations`. A
 /// watcher has no queue of its own: it reads on from the last sequence number that it delivered, so that a slow one
 /// costs nothing, and what it misses is the gap in the numbers, which holds iterations only.
@@ -33,9 +38,14 @@ class EventLog {
 
   EventLog() : EventLog(Limits{}) {}
   explicit EventLog(Limits limits) : limits_(limits) {}
+  /// Of a job that was there before: what the job store has kept of it, in order.
+  explicit EventLog(std::vector<v1::JobEvent> kept) : EventLog() { add(std::move(kept)); }
 
   /// Gives the event its sequence number, keeps it, tells the listeners.
   std::int64_t append(v1::JobEvent event);
+  /// For events that the job store keeps and numbers: `store` is told the last number given, and no other is given
+  /// until it returns; the events it returns are kept and told. It may wait for a disk: readers go on meanwhile.
+  void append_stored(const std::function<std::vector<v1::JobEvent>(std::int64_t last_sequence)>& store);
   /// No event will follow: watchers that have delivered everything are at the end.
   void close();
 
@@ -55,9 +65,11 @@ class EventLog {
   void subscribe(std::weak_ptr<Listener> listener);
 
  private:
+  void add(std::vector<v1::JobEvent> events);
   void notify();
 
   const Limits limits_;
+  std::mutex numbers_;  ///< Held by who gives a number, until the event is there. Taken before the other.
   mutable std::mutex mutex_;
   std::int64_t last_sequence_ = 0;
   std::int64_t dropped_through_ = 0;  ///< The newest iteration that is not kept any more.

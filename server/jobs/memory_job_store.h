@@ -4,46 +4,57 @@
 #include <deque>
 #include <map>
 #include <mutex>
+#include <set>
 #include <string>
+#include <utility>
 
-#include "server/jobs/job_store.h"
+#include "server/jobs/job_record.h"
 
 namespace varimesh::server {
 
 class MemoryJobStore : public JobStore {
  public:
-  Answer<Submitted> submit(const std::string& request_id, const v1::JobSpec& spec, const std::string& name,
-                           TimePoint now, int max_pending) override;
+  explicit MemoryJobStore(const JobStoreSettings& settings = {}) : transitions_(settings) {}
+
+  bool durable() const override { return false; }
+  Answer<Changed> submit(const Submission& submission) override;
   Answer<v1::Job> get(const std::string& name) override;
   Answer<JobPage> list(const JobFilter& filter, int page_size, const std::string& page_token) override;
-  JobCounts counts() override;
-  std::optional<Claim> claim(TimePoint now) override;
-  Answer<v1::Job> request_cancel(const std::string& name, TimePoint now) override;
-  void note_progress(const Claim& claim, const v1::Iteration& iteration, std::int64_t last_sequence) override;
-  Answer<v1::Job> finish(const Claim& claim, const Ending& ending, TimePoint now) override;
+  Answer<JobCounts> counts() override;
+  Answer<std::vector<v1::JobEvent>> events(const std::string& name) override;
+  Answer<std::optional<Claimed>> claim(const std::string& worker) override;
+  Answer<bool> heartbeat(const Claim& claim) override;
+  Answer<void> note_progress(const Claim& claim, const v1::Iteration& iteration, std::int64_t last_sequence) override;
+  Answer<Changed> note_checkpoint(const Claim& claim, const CheckpointReference& checkpoint) override;
+  Answer<Changed> finish(const Claim& claim, const Ending& ending, std::int64_t last_sequence) override;
+  Answer<Changed> request_cancel(const std::string& name, std::int64_t last_sequence) override;
+  Answer<std::vector<Changed>> take_back(const std::string& worker) override;
   Answer<std::string> history_digest(const std::string& name) override;
-  Answer<Removed> remove(const std::string& name) override;
-  std::vector<std::string> ended_beyond(std::size_t keep) override;
+  Answer<Changed> remove(const std::string& name) override;
+  Answer<std::vector<std::string>> ended_beyond(std::size_t keep) override;
+  Answer<std::vector<std::string>> digests() override;
 
  private:
-  struct Record {
-    v1::Job job;
-    std::int64_t token = 0;
-    std::string history_digest;
+  struct Entry {
+    JobRecord record;
+    std::vector<v1::JobEvent> events;
   };
-  using Records = std::map<std::int64_t, Record>;  ///< By order of submission.
+  using Entries = std::map<std::int64_t, Entry>;  ///< By order of submission.
 
-  Answer<Records::iterator> find(const std::string& name);
-  void end(Records::iterator record, v1::JobState state, TimePoint now);
+  Answer<Entries::iterator> find(const std::string& name);
+  Answer<Entries::iterator> find(const Claim& claim);
+  /// Brings the queues up to date with what a transition did, and keeps its events.
+  Changed apply(Entries::iterator entry, v1::JobState before, Changed changed);
 
+  const JobTransitions transitions_;
   std::mutex mutex_;
   std::int64_t counter_ = 0;
-  Records records_;
+  Entries entries_;
   std::map<std::string, std::int64_t> by_name_;
   std::map<std::string, std::int64_t> by_request_;
-  std::deque<std::int64_t> pending_;
+  std::set<std::pair<std::int64_t, std::int64_t>> pending_;  ///< By turn, then by order of submission.
+  std::set<std::int64_t> running_;
   std::deque<std::int64_t> ended_;
-  int running_ = 0;
 };
 
 }  // namespace varimesh::server

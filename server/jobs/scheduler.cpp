@@ -14,6 +14,9 @@ namespace {
 
 using Code = Failure::Code;
 
+/// Logs of ended jobs that stay in memory with all their iterations.
+constexpr std::size_t kEndedLogs = 100;
+
 tl::unexpected<Failure> bad_request(std::string sentence) {
   return failure(Code::InvalidArgument, "BAD_REQUEST", std::move(sentence));
 }
@@ -43,6 +46,7 @@ Answer<void> Scheduler::check(const v1::JobSpec& spec) {
   for (const auto& [key, value] : spec.labels())
     if (key.empty() || key.size() > 128 || value.size() > 128)
       return bad_request("A label's key must have 1 to 128 bytes, and its value at most 128.");
+  if (spec.priority() < -100 || spec.priority() > 100) return bad_request("The priority must be from -100 to 100.");
   const auto options = options_from(spec.options());
   if (!options) return tl::unexpected(options.error());
   if (const auto accepted = engine_.check_options(*options); !accepted)
@@ -67,12 +71,13 @@ Answer<v1::Job> Scheduler::submit(const std::string& request_id, const v1::JobSp
     std::lock_guard lock(mutex_);
     if (stopping_)
       return failure(Code::Unavailable, "STOPPING", "The server is stopping; submit again when it is back.", {}, 5);
-    auto submitted = jobs_->submit(request_id, spec, settings_.new_name(), settings_.clock(), settings_.max_pending);
+    auto submitted = jobs_->submit({request_id, spec, settings_.new_name(), settings_.max_pending});
     if (!submitted) return tl::unexpected(submitted.error());
-    job = submitted->job;
-    const auto log = log_of(job.name());
-    if (submitted->created) append_state(*log, v1::JOB_STATE_PENDING, 0);
-    job.set_last_sequence(log->last_sequence());
+    job = std::move(submitted->job);
+    if (const auto log = logs_.find(job.name()); log != logs_.end())
+      job.set_last_sequence(log->second->last_sequence());
+    if (submitted->events.empty()) return job;
+    meshes_->retain(spec.mesh().digest());
   }
   settings_.log(job.name(), "submitted");
   start_jobs();
@@ -95,34 +100,25 @@ Answer<JobPage> Scheduler::list(const JobFilter& filter, int page_size, const st
 
 Answer<v1::Job> Scheduler::cancel(const std::string& name) {
   std::lock_guard lock(mutex_);
-  const auto before = jobs_->get(name);
-  auto job = jobs_->request_cancel(name, settings_.clock());
-  if (!before || !job || job->state() == before->state()) return job;
-  const auto log = log_of(name);
-  append_state(*log, job->state(), job->attempt());
+  const auto changed = change(name, [&](std::int64_t last) { return jobs_->request_cancel(name, last); });
+  if (!changed) return tl::unexpected(changed.error());
+  if (changed->events.empty()) return changed->job;
   if (const auto running = running_.find(name); running != running_.end()) running->second->cancelled = true;
-  if (has_ended(job->state())) log->close();
-  job->set_last_sequence(log->last_sequence());
   settings_.log(name, "cancel requested");
-  return job;
+  return changed->job;
 }
 
 Answer<v1::Job> Scheduler::remove(const std::string& name) {
   std::lock_guard lock(mutex_);
-  auto job = jobs_->get(name);
-  if (!job) return job;
   const auto removed = jobs_->remove(name);
   if (!removed) return tl::unexpected(removed.error());
-  for (const std::string& digest : removed->digests) meshes_->release(digest);
-  logs_.erase(name);
-  return job;
+  forget(*removed);
+  return removed->job;
 }
 
 Answer<std::shared_ptr<EventLog>> Scheduler::events(const std::string& name) {
-  // Under the lock: a job removed between the look and the log would leave a log that nobody ever ends.
+  // Under the lock: a job that changes between the look and the log would leave a log that nobody ever ends.
   std::lock_guard lock(mutex_);
-  const auto job = jobs_->get(name);
-  if (!job) return tl::unexpected(job.error());
   return log_of(name);
 }
 
@@ -139,37 +135,83 @@ Answer<v1::History> Scheduler::history(const std::string& name) {
   return history;
 }
 
-// ===== running =====
+// ===== telling =====
 
-std::shared_ptr<EventLog> Scheduler::log_of(const std::string& name) {
-  std::shared_ptr<EventLog>& log = logs_[name];
-  if (log == nullptr) log = std::make_shared<EventLog>();
+Answer<Changed> Scheduler::change(const std::string& name, const std::function<Answer<Changed>(std::int64_t)>& change) {
+  Answer<Changed> changed;
+  if (const auto found = logs_.find(name); found != logs_.end()) {
+    const std::shared_ptr<EventLog> log = found->second;
+    log->append_stored([&](std::int64_t last) {
+      changed = change(last);
+      return changed ? changed->events : std::vector<v1::JobEvent>();
+    });
+    if (changed && !changed->events.empty() && has_ended(changed->job.state())) close(name, *log);
+  } else {
+    changed = change(0);  // nobody has a number that the store does not know
+  }
+  if (changed)
+    for (const std::string& digest : changed->released) meshes_->release(digest);
+  return changed;
+}
+
+void Scheduler::tell(const Changed& changed) {
+  [[maybe_unused]] const auto told = change(changed.job.name(), [&](std::int64_t) { return changed; });
+  assert(told);
+}
+
+Answer<std::shared_ptr<EventLog>> Scheduler::log_of(const std::string& name) {
+  if (const auto found = logs_.find(name); found != logs_.end()) return found->second;
+  const auto job = jobs_->get(name);
+  if (!job) return tl::unexpected(job.error());
+  auto events = jobs_->events(name);
+  if (!events) return tl::unexpected(events.error());
+  const auto log = std::make_shared<EventLog>(std::move(*events));
+  logs_[name] = log;
+  if (has_ended(job->state())) close(name, *log);
   return log;
 }
 
-void Scheduler::append_state(EventLog& log, v1::JobState state, int attempt, const v1::JobError* error) {
-  v1::JobEvent event;
-  event.set_attempt(attempt);
-  *event.mutable_time() = timestamp(settings_.clock());
-  event.mutable_state_change()->set_state(state);
-  if (error != nullptr) *event.mutable_state_change()->mutable_error() = *error;
-  log.append(std::move(event));
+void Scheduler::close(const std::string& name, EventLog& log) {
+  log.close();
+  ended_logs_.push_back(name);
+  if (ended_logs_.size() <= kEndedLogs) return;
+  logs_.erase(ended_logs_.front());
+  ended_logs_.pop_front();
+}
+
+void Scheduler::forget(const Changed& removed) {
+  for (const std::string& digest : removed.released) meshes_->release(digest);
+  logs_.erase(removed.job.name());
+  std::erase(ended_logs_, removed.job.name());
+}
+
+// ===== running =====
+
+std::shared_ptr<Scheduler::Running> Scheduler::claim() {
+  if (stopping_ || static_cast<int>(running_.size()) >= settings_.threads) return nullptr;
+  auto claimed = jobs_->claim(settings_.worker);
+  if (!claimed) settings_.log("jobs", "cannot be claimed: " + claimed.error().sentence);
+  if (!claimed || !*claimed) return nullptr;
+  auto running = std::make_shared<Running>();
+  running->claim = std::move((*claimed)->claim);
+  const std::string& name = running->claim.name;
+  if (const auto log = logs_.find(name); log != logs_.end())
+    log->second->append_stored([&](std::int64_t) { return (*claimed)->events; });
+  const auto log = log_of(name);
+  running->log = log ? *log : (logs_[name] = std::make_shared<EventLog>((*claimed)->events));
+  running_[name] = running;
+  ++inside_;
+  return running;
 }
 
 void Scheduler::start_jobs() {
   while (true) {
-    auto running = std::make_shared<Running>();
+    std::shared_ptr<Running> running;
     {
       std::lock_guard lock(mutex_);
-      if (stopping_ || static_cast<int>(running_.size()) >= settings_.threads) return;
-      auto claim = jobs_->claim(settings_.clock());
-      if (!claim) return;
-      running->claim = std::move(*claim);
-      running->log = log_of(running->claim.name);
-      running_[running->claim.name] = running;
-      ++inside_;
-      append_state(*running->log, v1::JOB_STATE_RUNNING, running->claim.attempt);
+      running = claim();
     }
+    if (running == nullptr) return;
     const int asked = running->claim.spec.options().threads();
     settings_.launch(asked > 0 ? std::min(asked, settings_.threads) : settings_.threads,
                      [this, running] { run(running); });
@@ -177,15 +219,39 @@ void Scheduler::start_jobs() {
 }
 
 void Scheduler::run(const std::shared_ptr<Running>& running) {
-  settings_.log(running->claim.name, "started");
-  const Ending ending = run_attempt({running->claim, engine_, *meshes_, *running->log, settings_.threads,
-                                     settings_.clock, [&] { return running->cancelled.load(); },
-                                     [&](const v1::Iteration& iteration) {
-                                       jobs_->note_progress(running->claim, iteration, running->log->last_sequence());
-                                     }});
-  settings_.log(running->claim.name,
+  const Claim& claim = running->claim;
+  settings_.log(claim.name, "started, attempt " + std::to_string(claim.attempt));
+  Attempt attempt{claim,
+                  engine_,
+                  *meshes_,
+                  *running->log,
+                  settings_.threads,
+                  settings_.clock,
+                  [&] { return running->cancelled.load(); },
+                  [this] { return jobs_->durable() && stopping_; },
+                  [&](const v1::Iteration& iteration) {
+                    // Of no consequence where it fails: the next comes soon.
+                    [[maybe_unused]] const auto noted =
+                        jobs_->note_progress(claim, iteration, running->log->last_sequence());
+                  },
+                  nullptr};
+  if (jobs_->durable())
+    attempt.note_checkpoint = [&](const CheckpointReference& checkpoint) {
+      const auto noted = jobs_->note_checkpoint(claim, checkpoint);
+      if (!noted) meshes_->release(checkpoint.digest);
+      if (noted)
+        for (const std::string& digest : noted->released) meshes_->release(digest);
+    };
+  const Ending ending = run_attempt(attempt);
+  settings_.log(claim.name,
                 v1::JobState_Name(ending.state) + (ending.error ? ": " + ending.error->message() : std::string()));
-  finish(*running, ending);
+  while (!finish(*running, ending)) {
+    // The disk is full: the result waits for room. A server that stops leaves the job to the next, which runs it again.
+    std::unique_lock lock(mutex_);
+    if (!ended_.wait_for(lock, std::chrono::seconds(1), [this] { return stopping_.load(); })) continue;
+    running_.erase(claim.name);
+    break;
+  }
   start_jobs();
   // The very last thing: when the count is 0, nobody is in here any more.
   std::lock_guard lock(mutex_);
@@ -193,26 +259,73 @@ void Scheduler::run(const std::shared_ptr<Running>& running) {
   ended_.notify_all();
 }
 
-void Scheduler::finish(const Running& running, const Ending& ending) {
+bool Scheduler::finish(const Running& running, const Ending& ending) {
   std::lock_guard lock(mutex_);
-  const auto finished = jobs_->finish(running.claim, ending, settings_.clock());
-  if (finished) {
-    append_state(*running.log, ending.state, running.claim.attempt, ending.error ? &*ending.error : nullptr);
-    running.log->close();
-  } else {
+  const std::string& name = running.claim.name;
+  const auto finished = change(name, [&](std::int64_t last) { return jobs_->finish(running.claim, ending, last); });
+  if (!finished) {
+    const bool lost = finished.error().code == Code::Aborted || finished.error().code == Code::NotFound;
+    settings_.log(name, "cannot be finished: " + finished.error().sentence);
+    if (!lost) return false;
     // Somebody else has the job now: what this attempt wrote is nobody's.
-    for (const v1::StoredMesh& result : ending.results) meshes_->release(result.digest());
-    if (!ending.history_digest.empty()) meshes_->release(ending.history_digest);
+    release(ending);
   }
-  running_.erase(running.claim.name);
-  for (const std::string& name : jobs_->ended_beyond(static_cast<std::size_t>(settings_.max_ended))) forget(name);
+  running_.erase(name);
+  if (const auto old = jobs_->ended_beyond(static_cast<std::size_t>(settings_.max_ended)))
+    for (const std::string& forgotten : *old)
+      if (const auto removed = jobs_->remove(forgotten)) forget(*removed);
+  return true;
 }
 
-void Scheduler::forget(const std::string& name) {
-  const auto removed = jobs_->remove(name);
-  if (!removed) return;
-  for (const std::string& digest : removed->digests) meshes_->release(digest);
-  logs_.erase(name);
+void Scheduler::release(const Ending& ending) {
+  for (const v1::StoredMesh& result : ending.results) meshes_->release(result.digest());
+  if (!ending.history_digest.empty()) meshes_->release(ending.history_digest);
+}
+
+// ===== leases =====
+
+Answer<void> Scheduler::recover() {
+  {
+    std::lock_guard lock(mutex_);
+    const auto digests = jobs_->digests();
+    if (!digests) return tl::unexpected(digests.error());
+    for (const std::string& digest : *digests) meshes_->retain(digest);
+  }
+  take_back(settings_.worker);
+  return {};
+}
+
+void Scheduler::take_back(const std::string& worker) {
+  std::lock_guard lock(mutex_);
+  const auto taken = jobs_->take_back(worker);
+  if (!taken) return settings_.log("jobs", "cannot be taken back: " + taken.error().sentence);
+  for (const Changed& changed : *taken) {
+    settings_.log(changed.job.name(), "was lost, and is " + v1::JobState_Name(changed.job.state()));
+    tell(changed);
+  }
+}
+
+void Scheduler::heartbeats() {
+  std::vector<std::shared_ptr<Running>> all;
+  {
+    std::lock_guard lock(mutex_);
+    for (const auto& [name, running] : running_) all.push_back(running);
+  }
+  for (const auto& running : all) {
+    const auto cancel = jobs_->heartbeat(running->claim);
+    const bool lost = !cancel && cancel.error().code == Code::Aborted;
+    if (lost || (cancel && *cancel)) running->cancelled = true;
+  }
+}
+
+void Scheduler::tick() {
+  if (stopping_) return;
+  if (const TimePoint now = settings_.clock(); now >= next_heartbeat_) {
+    next_heartbeat_ = now + settings_.heartbeat;
+    heartbeats();
+    take_back("");
+  }
+  start_jobs();
 }
 
 // ===== stopping =====
@@ -220,6 +333,8 @@ void Scheduler::forget(const std::string& name) {
 void Scheduler::stop() {
   std::lock_guard lock(mutex_);
   stopping_ = true;
+  ended_.notify_all();
+  if (jobs_->durable()) return;
   for (const auto& [name, running] : running_) running->cancelled = true;
 }
 

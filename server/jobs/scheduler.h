@@ -3,6 +3,7 @@
 
 #include <atomic>
 #include <condition_variable>
+#include <deque>
 #include <functional>
 #include <map>
 #include <memory>
@@ -18,9 +19,11 @@ namespace varimesh::server {
 
 /// Everything the scheduler works with; time, names and threads are handed in, so that tests decide them.
 struct SchedulerSettings {
-  int threads = 1;         ///< The budget; as many jobs run at once at most.
-  int max_pending = 1000;  ///< More are refused with QUEUE_FULL.
-  int max_ended = 1000;    ///< Jobs that ended before this many others are forgotten with their results.
+  int threads = 1;                     ///< The budget; as many jobs run at once at most.
+  int max_pending = 1000;              ///< More are refused with QUEUE_FULL.
+  int max_ended = 1000;                ///< Jobs that ended before this many others are forgotten with their results.
+  std::string worker = "local";        ///< Whose claims these are, after a restart too.
+  std::chrono::seconds heartbeat{10};  ///< A third of the lease.
   std::function<TimePoint()> clock = std::chrono::system_clock::now;
   std::function<std::string()> new_name;                               ///< "jobs/…", never the same again.
   std::function<void(int threads, std::function<void()> job)> launch;  ///< Runs the job elsewhere.
@@ -34,19 +37,26 @@ class Scheduler {
   /// drain() must have returned true.
   ~Scheduler();
 
+  /// First of all, and before anybody asks: takes back the jobs that ran when the process before this one ended, and
+  /// counts what the jobs refer to. tick() then starts them.
+  Answer<void> recover();
+  /// About once a second: renews leases, takes back what was lost, starts what waits.
+  void tick();
+
   /// Checks all that can be checked without running, and queues the job unless `validate_only`.
   Answer<v1::Job> submit(const std::string& request_id, const v1::JobSpec& spec, bool validate_only);
   Answer<v1::Job> get(const std::string& name);
   Answer<JobPage> list(const JobFilter& filter, int page_size, const std::string& page_token);
   Answer<v1::Job> cancel(const std::string& name);
   Answer<v1::Job> remove(const std::string& name);
-  JobCounts counts() { return jobs_->counts(); }
+  Answer<JobCounts> counts() { return jobs_->counts(); }
 
   Answer<std::shared_ptr<EventLog>> events(const std::string& name);
   /// All iterations of a job that SUCCEEDED.
   Answer<v1::History> history(const std::string& name);
 
-  /// Claims nothing more and asks the running jobs to end.
+  /// Claims nothing more and asks the running jobs to end. Where the store is durable they wait again, to be gone on
+  /// with by the next process; otherwise they are cancelled.
   void stop();
   /// Waits for them; false where some still run at the deadline.
   bool drain(std::chrono::steady_clock::time_point deadline);
@@ -59,12 +69,22 @@ class Scheduler {
   };
 
   Answer<void> check(const v1::JobSpec& spec);
-  std::shared_ptr<EventLog> log_of(const std::string& name);
-  void append_state(EventLog& log, v1::JobState state, int attempt, const v1::JobError* error = nullptr);
+  // With the lock held:
+  /// Changes a job in the store, and tells whoever watches it. `change` is given the last number that was used.
+  Answer<Changed> change(const std::string& name, const std::function<Answer<Changed>(std::int64_t)>& change);
+  void tell(const Changed& changed);
+  Answer<std::shared_ptr<EventLog>> log_of(const std::string& name);
+  void close(const std::string& name, EventLog& log);
+  void forget(const Changed& removed);
+  std::shared_ptr<Running> claim();
+
   void start_jobs();
   void run(const std::shared_ptr<Running>& running);
-  void finish(const Running& running, const Ending& ending);
-  void forget(const std::string& name);
+  /// False where the store could not take it now.
+  bool finish(const Running& running, const Ending& ending);
+  void release(const Ending& ending);
+  void heartbeats();
+  void take_back(const std::string& worker);
 
   JobStore* const jobs_;
   MeshStore* const meshes_;
@@ -72,10 +92,13 @@ class Scheduler {
   const SchedulerSettings settings_;
   std::mutex mutex_;
   std::condition_variable ended_;
-  std::map<std::string, std::shared_ptr<EventLog>> logs_;
+  std::map<std::string, std::shared_ptr<EventLog>>
+      logs_;  ///< Of those that somebody watches or runs, and the last ended.
+  std::deque<std::string> ended_logs_;
   std::map<std::string, std::shared_ptr<Running>> running_;
   int inside_ = 0;  ///< Threads in run(), or about to be.
-  bool stopping_ = false;
+  std::atomic<bool> stopping_ = false;
+  TimePoint next_heartbeat_{};  ///< By tick() alone.
 };
 
 }  // namespace varimesh::server

@@ -37,7 +37,7 @@ class Progress {
       attempt_.note_progress(event.iteration());
     }
     attempt_.log.append(std::move(event));
-    return attempt_.cancelled() ? Control::Stop : Control::Continue;
+    return attempt_.cancelled() || attempt_.stopping() ? Control::Stop : Control::Continue;
   }
 
  private:
@@ -45,14 +45,40 @@ class Progress {
   TimePoint noted_{};
 };
 
-void report_quality(const Attempt& attempt, v1::QualityEvent::Stage stage, const v1::QualityReport& report) {
-  v1::JobEvent event;
-  event.set_attempt(attempt.claim.attempt);
-  *event.mutable_time() = timestamp(attempt.clock());
-  event.mutable_quality()->set_stage(stage);
-  *event.mutable_quality()->mutable_report() = report;
-  attempt.log.append(std::move(event));
-}
+/// Says when a checkpoint is due and puts it into the mesh store. One that cannot be written is left out: the job goes
+/// on, and the one before stays good.
+class Checkpoints {
+ public:
+  explicit Checkpoints(const Attempt& attempt) : attempt_(attempt), saved_(attempt.clock()) {
+    if (attempt.claim.checkpoint) iteration_ = attempt.claim.checkpoint->iteration;
+  }
+
+  bool due(int iteration) const {
+    if (attempt_.note_checkpoint == nullptr || iteration == iteration_) return false;
+    const auto since = attempt_.clock() - saved_;
+    // Small meshes make ten iterations in a moment, and a checkpoint waits for the disk.
+    const bool often_enough = since < kInterval && (iteration - iteration_ < kIterations || since < kPause);
+    return !often_enough || attempt_.stopping();
+  }
+
+  void save(int iteration, const WriteCheckpoint& write) {
+    auto writer = attempt_.meshes.create();
+    if (!writer || !write([&](std::string_view bytes) { return (*writer)->append(bytes); })) return;
+    const auto stored = (*writer)->commit();
+    if (!stored) return;
+    attempt_.note_checkpoint({stored->digest, iteration});
+    saved_ = attempt_.clock();
+    iteration_ = iteration;
+  }
+
+ private:
+  static constexpr int kIterations = 10;
+  static constexpr std::chrono::seconds kInterval{30}, kPause{5};
+
+  const Attempt& attempt_;
+  TimePoint saved_;
+  int iteration_ = 0;
+};
 
 /// The outputs of a run as they are written, released again unless they are taken.
 class Outputs {
@@ -129,18 +155,31 @@ Ending run(const Attempt& attempt) {
   request.options = *options;
   request.options.threads = options->threads > 0 ? std::min(options->threads, attempt.threads) : attempt.threads;
   for (const int format : spec.outputs()) request.outputs.push_back(static_cast<v1::MeshFormat>(format));
+  if (const auto& checkpoint = attempt.claim.checkpoint) {
+    // One that is gone costs time and nothing else.
+    if (auto blob = attempt.meshes.open(checkpoint->digest)) request.checkpoint = std::move(*blob);
+  }
 
   Progress progress(attempt);
+  Checkpoints checkpoints(attempt);
   Outputs outputs(attempt.meshes);
+  const auto given_up = [&] { return attempt.stopping() && !attempt.cancelled(); };
   RunHooks hooks;
   hooks.on_iteration = [&](const Iteration& iteration) { return progress(iteration); };
-  hooks.cancelled = attempt.cancelled;
+  hooks.cancelled = [&] { return attempt.cancelled() || attempt.stopping(); };
+  hooks.given_up = given_up;
+  hooks.checkpoint_due = [&](int iteration) { return checkpoints.due(iteration); };
+  hooks.save_checkpoint = [&](int iteration, const WriteCheckpoint& write) { checkpoints.save(iteration, write); };
   hooks.open_output = [&](v1::MeshFormat format) { return outputs.open(format); };
 
   const auto outcome = attempt.engine.run(std::move(request), hooks);
   if (outputs.failure()) return failed(*outputs.failure());
   if (!outcome) return failed(outcome.error());
   Ending ending;
+  if (outcome->stopped && given_up()) {
+    ending.state = v1::JOB_STATE_PENDING;
+    return ending;
+  }
   outputs.close();
   if (outputs.failure()) return failed(*outputs.failure());
   const auto history = store_history(attempt.meshes, outcome->history);
@@ -150,8 +189,6 @@ Ending run(const Attempt& attempt) {
   ending.state = outcome->stopped || attempt.cancelled() ? v1::JOB_STATE_CANCELLED : v1::JOB_STATE_SUCCEEDED;
   ending.metrics = metrics(*outcome, *options);
   ending.history_digest = *history;
-  report_quality(attempt, v1::QualityEvent::STAGE_BEFORE, ending.metrics->before());
-  report_quality(attempt, v1::QualityEvent::STAGE_AFTER, ending.metrics->after());
   ending.results = outputs.take();
   return ending;
 }

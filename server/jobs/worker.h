@@ -18,12 +18,16 @@ struct Attempt {
   EventLog& log;
   int threads = 1;  ///< What the budget gives at most.
   std::function<TimePoint()> clock;
-  std::function<bool()> cancelled;
+  std::function<bool()> cancelled;                          ///< Somebody asked for the job to end.
+  std::function<bool()> stopping;                           ///< The server ends, and the job shall go on later.
   std::function<void(const v1::Iteration&)> note_progress;  ///< Called at most twice a second.
+  /// Keeps a checkpoint that is in the mesh store, and takes its reference over. Null: none are kept.
+  std::function<void(const CheckpointReference&)> note_checkpoint;
 };
 
-/// Runs the attempt to its end, reporting iterations and quality to the log. Never throws: whatever goes wrong is in
-/// the ending. Results of an attempt that does not succeed are released.
+/// Runs the attempt to its end, reporting iterations to the log. Never throws: whatever goes wrong is in the ending,
+/// whose state is PENDING where the run was given up because the server stops. Results of an attempt that has none are
+/// released.
 Ending run_attempt(const Attempt& attempt);
 
 }  // namespace varimesh::server

@@ -6,6 +6,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <cstring>
 #include <system_error>
@@ -34,6 +35,15 @@ tl::unexpected<Failure> store_full(const char* what) {
                  std::string("The server cannot keep the mesh: ") + what + " (" + std::strerror(errno) +
                      "); free disk space there, or ask whoever runs it.",
                  {}, 30);
+}
+
+/// Brings the names of new files to the disk.
+bool sync_directory(const std::filesystem::path& directory) {
+  const int file = ::open(directory.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+  if (file < 0) return false;
+  const bool synced = ::fsync(file) == 0;
+  ::close(file);
+  return synced;
 }
 
 /// A file mapped for reading. Its pages are dropped with it.
@@ -67,7 +77,7 @@ struct DirectoryMeshStore::Upload {
   int file = -1;
   std::filesystem::path path;
   Sha256 hash;
-  std::chrono::steady_clock::time_point touched;
+  std::chrono::system_clock::time_point touched;
 };
 
 class DirectoryMeshStore::Writer : public BlobWriter {
@@ -84,7 +94,7 @@ class DirectoryMeshStore::Writer : public BlobWriter {
     size_ += static_cast<std::int64_t>(bytes.size());
     return write_all(file_, bytes);
   }
-  Answer<StoredBytes> commit() override { return store_->adopt(path_, {hash_.finish(), size_}, false); }
+  Answer<StoredBytes> commit() override { return store_->adopt(path_, file_, {hash_.finish(), size_}, false); }
 
  private:
   DirectoryMeshStore* store_;
@@ -94,8 +104,10 @@ class DirectoryMeshStore::Writer : public BlobWriter {
   std::int64_t size_ = 0;
 };
 
+// ===== the directory =====
+
 Answer<std::unique_ptr<DirectoryMeshStore>> DirectoryMeshStore::create(const std::string& parent,
-                                                                       std::int64_t max_mesh_bytes, Clock clock) {
+                                                                       DirectoryMeshSettings settings) {
   std::error_code error;
   const std::filesystem::path base =
       parent.empty() ? std::filesystem::temp_directory_path(error) : std::filesystem::path(parent);
@@ -104,16 +116,43 @@ Answer<std::unique_ptr<DirectoryMeshStore>> DirectoryMeshStore::create(const std
     return failure(Code::Unavailable, "STORE_FULL",
                    "Cannot make a directory for meshes in '" + base.string() + "' (" + std::strerror(errno) +
                        "); name another one (TMPDIR, or --data of the server).");
-  return std::unique_ptr<DirectoryMeshStore>(new DirectoryMeshStore(name, max_mesh_bytes, std::move(clock)));
+  return std::unique_ptr<DirectoryMeshStore>(new DirectoryMeshStore(name, std::move(settings), false));
 }
 
-DirectoryMeshStore::DirectoryMeshStore(std::filesystem::path directory, std::int64_t max_mesh_bytes, Clock clock)
-    : directory_(std::move(directory)), max_mesh_bytes_(max_mesh_bytes), clock_(std::move(clock)) {}
+Answer<std::unique_ptr<DirectoryMeshStore>> DirectoryMeshStore::open_directory(const std::string& directory,
+                                                                               DirectoryMeshSettings settings) {
+  std::error_code error;
+  std::filesystem::create_directories(directory, error);
+  if (error || ::access(directory.c_str(), R_OK | W_OK | X_OK) != 0)
+    return failure(Code::Unavailable, "STORE_FULL",
+                   "Cannot keep meshes in '" + directory + "' (" + (error ? error.message() : std::strerror(errno)) +
+                       "); name another directory (--state).");
+  std::unique_ptr<DirectoryMeshStore> store(new DirectoryMeshStore(directory, std::move(settings), true));
+  store->read_directory();
+  return store;
+}
+
+DirectoryMeshStore::DirectoryMeshStore(std::filesystem::path directory, DirectoryMeshSettings settings, bool durable)
+    : directory_(std::move(directory)), settings_(std::move(settings)), durable_(durable) {}
 
 DirectoryMeshStore::~DirectoryMeshStore() {
   uploads_.clear();
   std::error_code ignored;
-  std::filesystem::remove_all(directory_, ignored);
+  if (!durable_) std::filesystem::remove_all(directory_, ignored);
+}
+
+void DirectoryMeshStore::read_directory() {
+  // Whoever was told that a mesh is there before the process ended has this long to make use of it.
+  const auto touched = settings_.clock() - settings_.lifetime + std::chrono::hours(1);
+  std::error_code ignored;
+  for (const auto& file : std::filesystem::directory_iterator(directory_, ignored)) {
+    const std::string name = file.path().filename().string();
+    if (name.rfind("part-", 0) == 0) std::filesystem::remove(file.path(), ignored);
+    if (!is_digest(name)) continue;
+    const auto written = std::chrono::file_clock::to_sys(file.last_write_time(ignored));
+    entries_[name] = {static_cast<std::int64_t>(file.file_size(ignored)), 0, false,
+                      std::max(touched, std::chrono::time_point_cast<std::chrono::system_clock::duration>(written))};
+  }
 }
 
 std::filesystem::path DirectoryMeshStore::temporary_path() {
@@ -130,11 +169,11 @@ Answer<UploadTicket> DirectoryMeshStore::begin_upload(const std::string& id, con
   if (!is_digest(digest))
     return failure(Code::InvalidArgument, "BAD_REQUEST",
                    "The digest must be the mesh's SHA-256 as 64 hexadecimal digits in small letters.");
-  if (size < 0 || size > max_mesh_bytes_)
+  if (size < 0 || size > settings_.max_mesh_bytes)
     return failure(Code::ResourceExhausted, "MESH_TOO_LARGE",
                    "The mesh has " + std::to_string(size) + " bytes, and the server takes at most " +
-                       std::to_string(max_mesh_bytes_) + " (its flag --max-mesh-bytes).",
-                   {{"max_mesh_bytes", std::to_string(max_mesh_bytes_)}});
+                       std::to_string(settings_.max_mesh_bytes) + " (its flag --max-mesh-bytes).",
+                   {{"max_mesh_bytes", std::to_string(settings_.max_mesh_bytes)}});
   if (pin(digest)) return UploadTicket{id, 0, size, true};
 
   const std::filesystem::path path = temporary_path();
@@ -157,7 +196,7 @@ Answer<UploadTicket> DirectoryMeshStore::begin_upload(const std::string& id, con
   if (held->digest != digest || held->size != size)
     return failure(Code::AlreadyExists, "UPLOAD_ID_USED",
                    "The upload id '" + id + "' belongs to an upload of another mesh; choose a new one.");
-  held->touched = clock_();
+  held->touched = settings_.clock();
   return UploadTicket{id, ++held->generation, held->committed, false};
 }
 
@@ -193,7 +232,7 @@ Answer<std::int64_t> DirectoryMeshStore::append(const UploadTicket& ticket, std:
   }
   upload.hash.update(bytes);
   upload.committed += static_cast<std::int64_t>(bytes.size());
-  upload.touched = clock_();
+  upload.touched = settings_.clock();
   return upload.committed;
 }
 
@@ -215,7 +254,7 @@ Answer<StoredBytes> DirectoryMeshStore::finish_upload(const UploadTicket& ticket
     stored = {upload.hash.finish(), upload.size};
   }
   auto result = stored.digest == upload.digest
-                    ? adopt(upload.path, stored, true)
+                    ? adopt(upload.path, upload.file, stored, true)
                     : Answer<StoredBytes>(failure(Code::DataLoss, "DIGEST_MISMATCH",
                                                   "The bytes that came have the SHA-256 " + stored.digest +
                                                       ", and the header says " + upload.digest +
@@ -239,7 +278,7 @@ Answer<UploadProgress> DirectoryMeshStore::query_upload(const std::string& id, c
 }
 
 void DirectoryMeshStore::drop_old_uploads() {
-  const auto now = clock_();
+  const auto now = settings_.clock();
   std::erase_if(uploads_, [&](const auto& entry) {
     std::unique_lock lock(entry.second->mutex, std::try_to_lock);
     const bool old = lock.owns_lock() && now - entry.second->touched > kUploadLifetime;
@@ -250,23 +289,30 @@ void DirectoryMeshStore::drop_old_uploads() {
 
 // ===== stored bytes =====
 
-Answer<StoredBytes> DirectoryMeshStore::adopt(const std::filesystem::path& file, StoredBytes stored, bool pinned) {
-  std::lock_guard lock(mutex_);
-  Entry& entry = entries_[stored.digest];
-  if (entry.references == 0 && !entry.pinned) {
-    std::error_code error;
-    std::filesystem::rename(file, path_of(stored.digest), error);
-    if (error) {
-      entries_.erase(stored.digest);
-      errno = error.value();
-      return store_full("a finished file cannot be renamed");
+Answer<StoredBytes> DirectoryMeshStore::adopt(const std::filesystem::path& path, int file, StoredBytes stored,
+                                              bool pinned) {
+  if (durable_ && ::fdatasync(file) != 0) return store_full("a file cannot be brought to the disk");
+  {
+    std::lock_guard lock(mutex_);
+    const auto [found, is_new] = entries_.try_emplace(stored.digest);
+    Entry& entry = found->second;
+    if (is_new) {
+      std::error_code error;
+      std::filesystem::rename(path, path_of(stored.digest), error);
+      if (error) {
+        entries_.erase(found);
+        errno = error.value();
+        return store_full("a finished file cannot be renamed");
+      }
+      entry.size = stored.size;
     }
-    entry.size = stored.size;
+    entry.touched = settings_.clock();
+    if (pinned)
+      entry.pinned = true;
+    else
+      ++entry.references;
   }
-  if (pinned)
-    entry.pinned = true;
-  else
-    ++entry.references;
+  if (durable_ && !sync_directory(directory_)) return store_full("a directory cannot be brought to the disk");
   return stored;
 }
 
@@ -300,16 +346,50 @@ bool DirectoryMeshStore::pin(const std::string& digest) {
   const auto entry = entries_.find(digest);
   if (entry == entries_.end()) return false;
   entry->second.pinned = true;
+  entry->second.touched = settings_.clock();
   return true;
+}
+
+void DirectoryMeshStore::retain(const std::string& digest) {
+  std::lock_guard lock(mutex_);
+  if (const auto entry = entries_.find(digest); entry != entries_.end()) ++entry->second.references;
 }
 
 void DirectoryMeshStore::release(const std::string& digest) {
   std::lock_guard lock(mutex_);
   const auto entry = entries_.find(digest);
-  if (entry == entries_.end() || --entry->second.references > 0 || entry->second.pinned) return;
+  if (entry == entries_.end() || --entry->second.references > 0) return;
+  entry->second.references = 0;  // what was not there when it was retained may be there now
+  entry->second.touched = settings_.clock();
+  if (!entry->second.pinned) drop(entry);
+}
+
+void DirectoryMeshStore::drop(Entries::iterator entry) {
   std::error_code ignored;
-  std::filesystem::remove(path_of(digest), ignored);
+  std::filesystem::remove(path_of(entry->first), ignored);
   entries_.erase(entry);
+}
+
+void DirectoryMeshStore::sweep() {
+  std::lock_guard lock(mutex_);
+  drop_old_uploads();
+  const auto now = settings_.clock();
+  std::int64_t total = 0;
+  std::vector<std::pair<std::chrono::system_clock::time_point, Entries::iterator>> idle;
+  for (auto entry = entries_.begin(); entry != entries_.end(); ++entry) {
+    total += entry->second.size;
+    if (entry->second.references == 0) idle.emplace_back(entry->second.touched, entry);
+  }
+  std::sort(idle.begin(), idle.end(), [](const auto& a, const auto& b) { return a.first < b.first; });
+  for (const auto& [touched, entry] : idle) {
+    const bool too_old = now - touched >= settings_.lifetime;
+    // Whoever was told just now that it is there is about to refer to it.
+    const bool too_much = settings_.max_total_bytes > 0 && total > settings_.max_total_bytes &&
+                          now - touched > std::min<std::chrono::minutes>(kUploadLifetime, settings_.lifetime);
+    if (!too_old && !too_much) continue;
+    total -= entry->second.size;
+    drop(entry);
+  }
 }
 
 }  // namespace varimesh::server

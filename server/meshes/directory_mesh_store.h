@@ -1,4 +1,4 @@
-// Meshes in a directory of their own, one file a digest; the directory goes with the store.
+// Meshes in a directory of their own, one file a digest.
 #pragma once
 
 #include <chrono>
@@ -14,15 +14,23 @@
 
 namespace varimesh::server {
 
-/// Keeps the bytes in files, so that a mesh that nobody works on costs no memory, and maps them where they are read.
+struct DirectoryMeshSettings {
+  std::int64_t max_mesh_bytes = std::int64_t{16} << 30;  ///< Larger uploads are refused.
+  std::int64_t max_total_bytes = 0;            ///< Beyond it the oldest go that nothing refers to; 0: no limit.
+  std::chrono::minutes lifetime{7 * 24 * 60};  ///< Of what nothing refers to, since it was last asked for.
+  std::function<std::chrono::system_clock::time_point()> clock = std::chrono::system_clock::now;
+};
+
+/// Keeps the bytes in files, so that a mesh that nobody works on costs no memory, and maps them where they are read. A
+/// file has its name, the digest, only when all of it is there. Uploads that nobody touched for ten minutes are
+/// dropped.
 class DirectoryMeshStore : public MeshStore {
  public:
-  using Clock = std::function<std::chrono::steady_clock::time_point()>;
-
-  /// Makes a directory under `parent` (empty: the system's for temporary files). Uploads of more than `max_mesh_bytes`
-  /// are refused; those nobody touched for ten minutes by `clock` are dropped.
-  static Answer<std::unique_ptr<DirectoryMeshStore>> create(const std::string& parent, std::int64_t max_mesh_bytes,
-                                                            Clock clock = std::chrono::steady_clock::now);
+  /// Makes a directory under `parent` (empty: the system's for temporary files) that goes with the store.
+  static Answer<std::unique_ptr<DirectoryMeshStore>> create(const std::string& parent, DirectoryMeshSettings settings);
+  /// Makes the directory or goes on with what is in it. What it has answered is on the disk.
+  static Answer<std::unique_ptr<DirectoryMeshStore>> open_directory(const std::string& directory,
+                                                                    DirectoryMeshSettings settings);
   ~DirectoryMeshStore() override;
 
   Answer<UploadTicket> begin_upload(const std::string& id, const std::string& digest, std::int64_t size) override;
@@ -32,7 +40,9 @@ class DirectoryMeshStore : public MeshStore {
   Answer<std::unique_ptr<BlobWriter>> create() override;
   Answer<std::shared_ptr<const Blob>> open(const std::string& digest) override;
   bool pin(const std::string& digest) override;
+  void retain(const std::string& digest) override;
   void release(const std::string& digest) override;
+  void sweep() override;
 
  private:
   class Writer;
@@ -41,21 +51,25 @@ class DirectoryMeshStore : public MeshStore {
     std::int64_t size = 0;
     int references = 0;
     bool pinned = false;
+    std::chrono::system_clock::time_point touched;
   };
+  using Entries = std::map<std::string, Entry>;
 
-  DirectoryMeshStore(std::filesystem::path directory, std::int64_t max_mesh_bytes, Clock clock);
+  DirectoryMeshStore(std::filesystem::path directory, DirectoryMeshSettings settings, bool durable);
   std::filesystem::path path_of(const std::string& digest) const { return directory_ / digest; }
   std::filesystem::path temporary_path();
   Answer<std::shared_ptr<Upload>> find(const UploadTicket& ticket);
   /// Renames a finished file to its digest, or drops it where the digest is there already.
-  Answer<StoredBytes> adopt(const std::filesystem::path& file, StoredBytes stored, bool pinned);
+  Answer<StoredBytes> adopt(const std::filesystem::path& path, int file, StoredBytes stored, bool pinned);
   void drop_old_uploads();
+  void read_directory();
+  void drop(Entries::iterator entry);
 
   const std::filesystem::path directory_;
-  const std::int64_t max_mesh_bytes_;
-  const Clock clock_;
-  std::mutex mutex_;  ///< Guards everything below; never held while bytes are written or hashed.
-  std::map<std::string, Entry> entries_;
+  const DirectoryMeshSettings settings_;
+  const bool durable_;  ///< The directory outlives the store.
+  std::mutex mutex_;    ///< Guards everything below; never held while bytes are written or hashed.
+  Entries entries_;
   std::map<std::string, std::shared_ptr<Upload>> uploads_;
   std::int64_t counter_ = 0;
 };

@@ -47,8 +47,8 @@ struct UploadProgress {
 };
 
 /// Meshes by content. All calls may come from any thread, and may wait for a disk.
-/// A result lives while it has references (commit() gives one, release() takes one); a mesh that was uploaded, or that
-/// somebody was told is there, is pinned and stays.
+/// What has references (commit() and retain() give one, release() takes one) stays. A result goes with its last one; a
+/// mesh that was uploaded, or that somebody was told is there, is pinned, and goes when it is swept.
 class MeshStore {
  public:
   virtual ~MeshStore() = default;
@@ -64,9 +64,13 @@ class MeshStore {
   virtual Answer<std::unique_ptr<BlobWriter>> create() = 0;
   /// NOT_FOUND where it is not there.
   virtual Answer<std::shared_ptr<const Blob>> open(const std::string& digest) = 0;
-  /// Whether the mesh is there; if so it stays from now on.
+  /// Whether the mesh is there; if so it stays, for as long as the store keeps what nobody touches.
   virtual bool pin(const std::string& digest) = 0;
+  /// Nothing happens where it is not there.
+  virtual void retain(const std::string& digest) = 0;
   virtual void release(const std::string& digest) = 0;
+  /// Now and then: drops what has no references and is too old, or the oldest of it where the store is too large.
+  virtual void sweep() = 0;
 };
 
 }  // namespace varimesh::server

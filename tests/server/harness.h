@@ -39,7 +39,8 @@ class Gate {
   bool open_ = false;
 };
 
-/// An engine that hands the input back after `iterations` iterations, and asks `between` before each.
+/// An engine that hands the input back after `iterations` iterations, and asks `between` before each. Its checkpoints
+/// hold the number of iterations done.
 inline Engine echo_engine(
     int iterations = 3, std::function<void(int)> between = [](int) {}) {
   Engine engine;
@@ -51,13 +52,17 @@ inline Engine echo_engine(
     const std::string bytes(request.input->bytes());
     if (bytes.rfind("bad", 0) == 0) return bad_input("Byte 0 is bad; send another mesh.");
     RunOutcome outcome;
+    const int done = request.checkpoint == nullptr ? 0 : std::stoi(std::string(request.checkpoint->bytes()));
     for (int i = 1; i <= iterations; ++i) {
-      between(i);
       Iteration iteration;
       iteration.number = i;
       iteration.residual = 1.0 / i;
       outcome.history.push_back(iteration);
       outcome.iterations = i;
+      if (i <= done) continue;
+      between(i);
+      if (hooks.checkpoint_due(i))
+        hooks.save_checkpoint(i, [i](const formats::Sink& sink) { return sink(std::to_string(i)); });
       if (hooks.on_iteration(iteration) == Control::Stop) {
         outcome.stopped = true;
         return outcome;

@@ -1,12 +1,13 @@
 // The guarantees of a watch, each with a validator of its own, run over what a watcher recorded.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <map>
 #include <string>
 #include <vector>
 
-#include "varimesh/v1/job.pb.h"
+#include "server/jobs/event_log.h"
 
 namespace varimesh::server::testing {
 
@@ -55,29 +56,29 @@ inline std::string broken_reliability(const WatchHistory& history, const std::ve
     if (!must_be_delivered(event)) continue;
     const auto found = came.find(event.sequence());
     if (found == came.end()) return "event " + std::to_string(event.sequence()) + " is missing";
-    v1::JobEvent copy = *found->second;
-    copy.clear_thinned();
-    if (copy.SerializeAsString() != event.SerializeAsString())
+    v1::JobEvent seen = *found->second, happened = event;
+    seen.clear_thinned();
+    happened.clear_thinned();
+    if (seen.SerializeAsString() != happened.SerializeAsString())
       return "event " + std::to_string(event.sequence()) + " differs from what happened";
   }
   return {};
 }
 
-/// Resumable: a stream goes on after the last event of the one before, and what it thinned explains every gap in the
-/// numbers of one attempt.
+/// Resumable: a stream goes on after the last event of the one before, and what it thinned explains every gap in a
+/// block of numbers.
 inline std::string broken_resumption(const WatchHistory& history) {
   std::int64_t last = 0;
-  int attempt = 0;
   for (const WatchedStream& stream : history) {
     if (stream.after_sequence != last)
       return "a stream began after " + std::to_string(stream.after_sequence) + " and not after " + std::to_string(last);
     for (const v1::JobEvent& event : stream.events) {
       if (event.has_bookmark()) continue;
-      if (event.attempt() == attempt && event.sequence() != last + event.thinned() + 1)
+      const std::int64_t block = (event.sequence() - 1) / kSequenceBlock * kSequenceBlock;
+      if (event.sequence() != std::max(last, block) + event.thinned() + 1)
         return "event " + std::to_string(event.sequence()) + " came after " + std::to_string(last) + " and says that " +
                std::to_string(event.thinned()) + " were thinned";
       last = event.sequence();
-      attempt = event.attempt();
     }
   }
   return {};

@@ -6,9 +6,9 @@
 #include <atomic>
 #include <thread>
 
-#include "server/jobs/memory_job_store.h"
 #include "server/jobs/pool.h"
 #include "server/meshes/directory_mesh_store.h"
+#include "tests/server/job_stores.h"
 
 namespace varimesh::server::testing {
 namespace {
@@ -36,16 +36,20 @@ Engine small_engine() {
 }
 
 struct House {
-  House() : meshes(std::move(*DirectoryMeshStore::create(::testing::TempDir(), 1000))) {
+  explicit House(const StoreKind& kind)
+      : place(kind.make()),
+        jobs(place->open({})),
+        meshes(std::move(*DirectoryMeshStore::create(::testing::TempDir(), {}))) {
     auto writer = std::move(*meshes->create());
     EXPECT_TRUE(writer->append("a mesh"));
     digest = writer->commit()->digest;
     SchedulerSettings settings;
     settings.threads = 3;
     settings.max_ended = 10;
+    settings.heartbeat = std::chrono::seconds(0);
     settings.new_name = [this] { return "jobs/" + std::to_string(++names); };
     settings.launch = [this](int, std::function<void()> job) { workers.post(std::move(job)); };
-    scheduler = std::make_unique<Scheduler>(&jobs, meshes.get(), small_engine(), std::move(settings));
+    scheduler = std::make_unique<Scheduler>(jobs.get(), meshes.get(), small_engine(), std::move(settings));
   }
   ~House() {
     scheduler->stop();
@@ -71,7 +75,8 @@ struct House {
     EXPECT_TRUE(has_ended(event.state_change().state()));
   }
 
-  MemoryJobStore jobs;
+  std::unique_ptr<StorePlace> place;
+  std::unique_ptr<JobStore> jobs;
   std::unique_ptr<DirectoryMeshStore> meshes;
   std::string digest;
   std::atomic<int> names = 0;
@@ -79,8 +84,18 @@ struct House {
   Pool workers{3};  ///< Before the scheduler, whose jobs it runs.
 };
 
-TEST(SchedulerConcurrency, ServesManyThreadsAtOnce) {
-  House house;
+class SchedulerConcurrency : public ::testing::TestWithParam<StoreKind> {};
+INSTANTIATE_TEST_SUITE_P(Stores, SchedulerConcurrency, ::testing::ValuesIn(kStores), name_of);
+
+TEST_P(SchedulerConcurrency, ServesManyThreadsAtOnce) {
+  House house(GetParam());
+  std::atomic<bool> done = false;
+  std::thread ticker([&] {
+    while (!done) {
+      house.scheduler->tick();
+      house.meshes->sweep();
+    }
+  });
   std::vector<std::thread> clients;
   for (int client = 0; client < 4; ++client)
     clients.emplace_back([&, client] {
@@ -94,10 +109,12 @@ TEST(SchedulerConcurrency, ServesManyThreadsAtOnce) {
       }
     });
   for (std::thread& client : clients) client.join();
+  done = true;
+  ticker.join();
 }
 
-TEST(SchedulerConcurrency, MakesOneJobOfOneRequest) {
-  House house;
+TEST_P(SchedulerConcurrency, MakesOneJobOfOneRequest) {
+  House house(GetParam());
   std::vector<std::string> names(10);
   std::vector<std::thread> clients;
   for (std::string& name : names)
@@ -107,9 +124,9 @@ TEST(SchedulerConcurrency, MakesOneJobOfOneRequest) {
   EXPECT_EQ(house.scheduler->list({}, 0, "")->jobs.size(), 1u);
 }
 
-TEST(SchedulerConcurrency, StopsWhileItIsAsked) {
+TEST_P(SchedulerConcurrency, StopsWhileItIsAsked) {
   for (int round = 0; round < 10; ++round) {
-    House house;
+    House house(GetParam());
     std::vector<std::thread> clients;
     for (int client = 0; client < 3; ++client)
       clients.emplace_back([&] {

@@ -1,0 +1,209 @@
+// The life of a job as a store sees it.
+#include "server/jobs/job_record.h"
+
+#include <google/protobuf/util/message_differencer.h>
+
+#include <algorithm>
+#include <cassert>
+#include <charconv>
+
+#include "server/jobs/event_log.h"
+
+namespace varimesh::server {
+namespace {
+
+using Code = Failure::Code;
+
+v1::JobEvent quality(v1::QualityEvent::Stage stage, const v1::QualityReport& report) {
+  v1::JobEvent event;
+  event.mutable_quality()->set_stage(stage);
+  *event.mutable_quality()->mutable_report() = report;
+  return event;
+}
+
+v1::JobError lost_too_often(int times) {
+  v1::JobError error;
+  error.set_reason("LOST");
+  error.set_message("The server that ran the job ended " + std::to_string(times) +
+                    " times while it ran it; look at its log and at the mesh before submitting it again.");
+  return error;
+}
+
+}  // namespace
+
+// ===== transitions =====
+
+v1::JobEvent JobTransitions::number(JobRecord& record, v1::JobEvent event) const {
+  record.job.set_last_sequence(record.job.last_sequence() + 1);
+  event.set_sequence(record.job.last_sequence());
+  event.set_attempt(record.job.attempt());
+  *event.mutable_time() = timestamp(settings_.clock());
+  return event;
+}
+
+v1::JobEvent JobTransitions::change_state(JobRecord& record, v1::JobState state) const {
+  record.job.set_state(state);
+  if (state != v1::JOB_STATE_RUNNING && state != v1::JOB_STATE_CANCELLING) record.worker.clear();
+  if (has_ended(state)) *record.job.mutable_end_time() = timestamp(settings_.clock());
+  v1::JobEvent event;
+  event.mutable_state_change()->set_state(state);
+  if (record.job.has_error()) *event.mutable_state_change()->mutable_error() = record.job.error();
+  return number(record, std::move(event));
+}
+
+Changed JobTransitions::create(JobRecord& record, const Submission& submission) const {
+  record.job.set_name(submission.name);
+  *record.job.mutable_spec() = submission.spec;
+  record.job.set_request_id(submission.request_id);
+  *record.job.mutable_create_time() = timestamp(settings_.clock());
+  v1::JobEvent event = change_state(record, v1::JOB_STATE_PENDING);
+  return {record.job, {std::move(event)}, {}};
+}
+
+Changed JobTransitions::claim(JobRecord& record, const std::string& worker) const {
+  assert(record.job.state() == v1::JOB_STATE_PENDING);
+  ++record.token;
+  record.worker = worker;
+  renew(record);
+  record.job.set_attempt(record.job.attempt() + 1);
+  *record.job.mutable_start_time() = timestamp(settings_.clock());
+  v1::JobEvent event = change_state(record, v1::JOB_STATE_RUNNING);
+  return {record.job, {std::move(event)}, {}};
+}
+
+Answer<void> JobTransitions::check(const JobRecord& record, const Claim& claim) const {
+  if (record.token == claim.token && !record.worker.empty()) return {};
+  return failure(Code::Aborted, "CLAIM_LOST", "Another worker has taken " + claim.name + " over.",
+                 {{"job", claim.name}});
+}
+
+Changed JobTransitions::finish(JobRecord& record, const Ending& ending, std::int64_t last_sequence) const {
+  record.job.set_last_sequence(std::max(record.job.last_sequence(), last_sequence));
+  Changed changed;
+  // A cancel that came just before the attempt was given up is not forgotten.
+  const bool cancelled = ending.state == v1::JOB_STATE_PENDING && record.job.state() == v1::JOB_STATE_CANCELLING;
+  const v1::JobState state = cancelled ? v1::JOB_STATE_CANCELLED : ending.state;
+  if (ending.error) *record.job.mutable_error() = *ending.error;
+  if (ending.metrics) {
+    *record.job.mutable_metrics() = *ending.metrics;
+    changed.events.push_back(number(record, quality(v1::QualityEvent::STAGE_BEFORE, ending.metrics->before())));
+    changed.events.push_back(number(record, quality(v1::QualityEvent::STAGE_AFTER, ending.metrics->after())));
+  }
+  for (const v1::StoredMesh& result : ending.results) *record.job.add_results() = result;
+  record.history_digest = ending.history_digest;
+  changed.events.push_back(change_state(record, state));
+  if (record.checkpoint && has_ended(state)) {
+    changed.released.push_back(record.checkpoint->digest);
+    record.checkpoint.reset();
+  }
+  changed.job = record.job;
+  return changed;
+}
+
+Changed JobTransitions::cancel(JobRecord& record, std::int64_t last_sequence) const {
+  Changed changed;
+  if (record.job.state() == v1::JOB_STATE_PENDING || record.job.state() == v1::JOB_STATE_RUNNING) {
+    record.job.set_last_sequence(std::max(record.job.last_sequence(), last_sequence));
+    const bool waits = record.job.state() == v1::JOB_STATE_PENDING;
+    changed.events.push_back(change_state(record, waits ? v1::JOB_STATE_CANCELLED : v1::JOB_STATE_CANCELLING));
+    if (waits && record.checkpoint) {
+      changed.released.push_back(record.checkpoint->digest);
+      record.checkpoint.reset();
+    }
+  }
+  changed.job = record.job;
+  return changed;
+}
+
+Changed JobTransitions::note_checkpoint(JobRecord& record, const CheckpointReference& checkpoint) const {
+  Changed changed{record.job, {}, {}};
+  if (record.checkpoint) changed.released.push_back(record.checkpoint->digest);
+  record.checkpoint = checkpoint;
+  renew(record);
+  return changed;
+}
+
+bool JobTransitions::is_lost(const JobRecord& record, const std::string& worker) const {
+  if (record.worker.empty()) return false;
+  return record.worker == worker || record.lease_end <= settings_.clock();
+}
+
+Changed JobTransitions::take_back(JobRecord& record) const {
+  // Nobody knows how many iterations of the lost attempt were told, so the next event is in a block of its own.
+  record.job.set_last_sequence(
+      std::max(record.job.last_sequence(), (record.job.last_sequence() / kSequenceBlock + 1) * kSequenceBlock));
+  Changed changed;
+  v1::JobState state = v1::JOB_STATE_PENDING;
+  if (record.job.state() == v1::JOB_STATE_CANCELLING) {
+    state = v1::JOB_STATE_CANCELLED;
+  } else if (++record.lost >= settings_.max_attempts) {
+    state = v1::JOB_STATE_FAILED;
+    *record.job.mutable_error() = lost_too_often(record.lost);
+  }
+  if (has_ended(state) && record.checkpoint) {
+    changed.released.push_back(record.checkpoint->digest);
+    record.checkpoint.reset();
+  }
+  changed.events.push_back(change_state(record, state));
+  changed.job = record.job;
+  return changed;
+}
+
+// ===== what stores ask of a record =====
+
+std::int64_t turn_of(const v1::Job& job) {
+  using std::chrono::duration_cast, std::chrono::milliseconds;
+  const auto created = duration_cast<milliseconds>(time_point(job.create_time()).time_since_epoch());
+  return (created - job.spec().priority() * duration_cast<milliseconds>(kPriorityStep)).count();
+}
+
+std::vector<std::string> digests_of(const JobRecord& record) {
+  std::vector<std::string> digests{record.job.spec().mesh().digest()};
+  for (const v1::StoredMesh& result : record.job.results()) digests.push_back(result.digest());
+  if (!record.history_digest.empty()) digests.push_back(record.history_digest);
+  if (record.checkpoint) digests.push_back(record.checkpoint->digest);
+  return digests;
+}
+
+bool matches(const v1::Job& job, const JobFilter& filter) {
+  if (!filter.states.empty() &&
+      std::find(filter.states.begin(), filter.states.end(), job.state()) == filter.states.end())
+    return false;
+  return std::all_of(filter.labels.begin(), filter.labels.end(), [&](const auto& label) {
+    const auto found = job.spec().labels().find(label.first);
+    return found != job.spec().labels().end() && found->second == label.second;
+  });
+}
+
+Answer<void> check_same(const v1::Job& job, const Submission& submission) {
+  if (google::protobuf::util::MessageDifferencer::Equals(job.spec(), submission.spec)) return {};
+  return failure(Code::AlreadyExists, "REQUEST_ID_USED",
+                 "The request id '" + submission.request_id + "' was used for " + job.name() +
+                     ", which has another spec; choose a new one.",
+                 {{"job", job.name()}});
+}
+
+tl::unexpected<Failure> job_not_found(const std::string& name) {
+  return failure(Code::NotFound, "JOB_NOT_FOUND", "There is no job '" + name + "'; list the jobs there are.",
+                 {{"job", name}});
+}
+
+tl::unexpected<Failure> job_not_ended(const std::string& name) {
+  return failure(Code::FailedPrecondition, "JOB_NOT_ENDED", name + " has not ended; cancel it first.", {{"job", name}});
+}
+
+tl::unexpected<Failure> queue_full(int pending) {
+  return failure(Code::ResourceExhausted, "QUEUE_FULL",
+                 std::to_string(pending) + " jobs wait already, which is the most; try again later.", {}, 5);
+}
+
+Answer<std::int64_t> parse_page_token(const std::string& token) {
+  if (token.empty()) return 0;
+  std::int64_t key = 0;
+  const auto parsed = std::from_chars(token.data(), token.data() + token.size(), key);
+  if (parsed.ec != std::errc() || parsed.ptr != token.data() + token.size() || key <= 0)
+    return failure(Code::InvalidArgument, "BAD_REQUEST", "The page token is not one that this server gave.");
+  return key;
+}
+
+}  // namespace varimesh::server

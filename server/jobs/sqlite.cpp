@@ -1,0 +1,105 @@
+// The few calls of SQLite that are needed.
+#include "server/jobs/sqlite.h"
+
+#include <cerrno>
+
+namespace varimesh::server {
+
+SqliteError::SqliteError(sqlite3* database, const std::string& what)
+    : what_(what + ": " + (database != nullptr ? sqlite3_errmsg(database) : "out of memory")) {
+  if (database == nullptr) return;
+  const int reason = sqlite3_system_errno(database);
+  disk_full_ = sqlite3_errcode(database) == SQLITE_FULL ||
+               (sqlite3_errcode(database) == SQLITE_IOERR && (reason == ENOSPC || reason == EDQUOT));
+}
+
+// ===== query =====
+
+SqliteQuery::~SqliteQuery() {
+  sqlite3_reset(statement_);
+  sqlite3_clear_bindings(statement_);
+}
+
+void SqliteQuery::check(int result) const {
+  if (result != SQLITE_OK) throw SqliteError(database_, sqlite3_sql(statement_));
+}
+
+SqliteQuery& SqliteQuery::bind(std::int64_t value) {
+  check(sqlite3_bind_int64(statement_, ++parameter_, value));
+  return *this;
+}
+
+SqliteQuery& SqliteQuery::bind(std::string_view text) {
+  check(sqlite3_bind_text64(statement_, ++parameter_, text.data() == nullptr ? "" : text.data(), text.size(),
+                            SQLITE_STATIC, SQLITE_UTF8));
+  return *this;
+}
+
+SqliteQuery& SqliteQuery::bind(SqliteBytes bytes) {
+  check(sqlite3_bind_blob64(statement_, ++parameter_, bytes.bytes.data() == nullptr ? "" : bytes.bytes.data(),
+                            bytes.bytes.size(), SQLITE_STATIC));
+  return *this;
+}
+
+SqliteQuery& SqliteQuery::bind_null() {
+  check(sqlite3_bind_null(statement_, ++parameter_));
+  return *this;
+}
+
+bool SqliteQuery::step() {
+  const int result = sqlite3_step(statement_);
+  if (result == SQLITE_ROW) return true;
+  if (result != SQLITE_DONE) throw SqliteError(database_, sqlite3_sql(statement_));
+  return false;
+}
+
+std::string_view SqliteQuery::view(int column) const {
+  const auto* data = static_cast<const char*>(sqlite3_column_blob(statement_, column));
+  return {data, data == nullptr ? 0 : static_cast<std::size_t>(sqlite3_column_bytes(statement_, column))};
+}
+
+// ===== database =====
+
+SqliteDatabase::SqliteDatabase(const std::string& path) {
+  sqlite3* opened = nullptr;
+  const int result =
+      sqlite3_open_v2(path.c_str(), &opened, SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE | SQLITE_OPEN_NOMUTEX, nullptr);
+  database_.reset(opened);
+  if (result != SQLITE_OK) throw SqliteError(opened, path);
+  sqlite3_busy_timeout(opened, 10'000);
+}
+
+void SqliteDatabase::run(const char* statements) {
+  if (sqlite3_exec(database_.get(), statements, nullptr, nullptr, nullptr) != SQLITE_OK)
+    throw SqliteError(database_.get(), statements);
+}
+
+SqliteQuery SqliteDatabase::query(std::string_view statement) {
+  auto found = statements_.find(statement);
+  if (found == statements_.end()) {
+    sqlite3_stmt* prepared = nullptr;
+    if (sqlite3_prepare_v3(database_.get(), statement.data(), static_cast<int>(statement.size()),
+                           SQLITE_PREPARE_PERSISTENT, &prepared, nullptr) != SQLITE_OK)
+      throw SqliteError(database_.get(), std::string(statement));
+    found = statements_.emplace(statement, prepared).first;
+  }
+  return {database_.get(), found->second.get()};
+}
+
+// ===== transaction =====
+
+SqliteTransaction::~SqliteTransaction() {
+  if (!open_) return;
+  try {
+    database_.run("ROLLBACK");
+  } catch (const SqliteError&) {
+    // SQLite has rolled back by itself, as it does when the disk is full.
+  }
+}
+
+void SqliteTransaction::commit() {
+  database_.run("COMMIT");
+  open_ = false;
+}
+
+}  // namespace varimesh::server

@@ -1,0 +1,422 @@
+// Rows to records and back; the rules are in job_record.cpp.
+#include "server/jobs/sqlite_job_store.h"
+
+#include <algorithm>
+#include <cassert>
+#include <limits>
+#include <type_traits>
+
+namespace varimesh::server {
+namespace {
+
+using Code = Failure::Code;
+
+constexpr int kVersion = 1;
+
+// The spec never changes and may be large, so it is not written again with every change of the job.
+constexpr char kSchema[] = R"(
+CREATE TABLE jobs(
+  key INTEGER PRIMARY KEY AUTOINCREMENT,  -- order of submission
+  name TEXT NOT NULL UNIQUE,
+  request_id TEXT UNIQUE,                 -- NULL: none
+  state INTEGER NOT NULL,                 -- v1.JobState
+  turn INTEGER NOT NULL,                  -- place in the queue, smallest first, in milliseconds
+  ended INTEGER,                          -- when, in nanoseconds since 1970; NULL: not yet
+  token INTEGER NOT NULL,                 -- of the newest claim
+  lost INTEGER NOT NULL,                  -- attempts that ended with their worker
+  worker TEXT NOT NULL,                   -- empty: none
+  lease_end INTEGER NOT NULL,             -- in nanoseconds since 1970
+  history TEXT NOT NULL,                  -- digest; empty: none
+  checkpoint TEXT,                        -- digest; NULL: none
+  checkpoint_iteration INTEGER NOT NULL,
+  job BLOB NOT NULL                       -- v1.Job without its spec
+);
+CREATE INDEX jobs_waiting ON jobs(turn, key) WHERE state = 1;
+CREATE INDEX jobs_running ON jobs(key) WHERE worker <> '';
+CREATE INDEX jobs_ended ON jobs(ended, key) WHERE ended IS NOT NULL;
+CREATE TABLE specs(key INTEGER PRIMARY KEY REFERENCES jobs, spec BLOB NOT NULL);  -- v1.JobSpec
+CREATE TABLE labels(name TEXT NOT NULL, value TEXT NOT NULL, key INTEGER NOT NULL REFERENCES jobs,
+  PRIMARY KEY(name, value, key)) WITHOUT ROWID;
+CREATE INDEX labels_of ON labels(key);
+CREATE TABLE events(key INTEGER NOT NULL REFERENCES jobs, sequence INTEGER NOT NULL, event BLOB NOT NULL,  -- v1.JobEvent
+  PRIMARY KEY(key, sequence)) WITHOUT ROWID;
+PRAGMA user_version = 1;
+)";
+static_assert(v1::JOB_STATE_PENDING == 1);
+
+// The columns that row_of() reads, in its order.
+#define VARIMESH_ROW "jobs.key, token, lost, worker, lease_end, history, checkpoint, checkpoint_iteration, job, spec"
+
+std::int64_t nanoseconds(TimePoint time) {
+  return std::chrono::duration_cast<std::chrono::nanoseconds>(time.time_since_epoch()).count();
+}
+
+TimePoint from_nanoseconds(std::int64_t count) {
+  return TimePoint(std::chrono::duration_cast<TimePoint::duration>(std::chrono::nanoseconds(count)));
+}
+
+template <class Message>
+void parse(std::string_view bytes, Message* message) {
+  [[maybe_unused]] const bool ok = message->ParseFromArray(bytes.data(), static_cast<int>(bytes.size()));
+  assert(ok);
+}
+
+tl::unexpected<Failure> failure_of(const SqliteError& error) {
+  if (error.disk_full())
+    return failure(Code::ResourceExhausted, "STORE_FULL",
+                   "The server's disk is full and takes no more jobs; free space there, or ask whoever runs it.", {},
+                   30);
+  return failure(Code::Internal, "INTERNAL", std::string("The store of jobs failed (") + error.what() + ").");
+}
+
+void set_up(SqliteDatabase& database) {
+  database.run("PRAGMA journal_mode = WAL; PRAGMA synchronous = FULL; PRAGMA journal_size_limit = 67108864;");
+  SqliteTransaction transaction(database);
+  if (auto version = database.query("PRAGMA user_version"); version.step() && version.number(0) != 0) return;
+  database.run(kSchema);
+  transaction.commit();
+}
+
+std::int64_t version_of(SqliteDatabase& database) {
+  auto version = database.query("PRAGMA user_version");
+  version.step();
+  return version.number(0);
+}
+
+}  // namespace
+
+// ===== opening =====
+
+SqliteJobStore::SqliteJobStore(const std::string& path, const JobStoreSettings& settings)
+    : transitions_(settings), writer_(path), reader_(path) {}
+
+Answer<std::unique_ptr<SqliteJobStore>> SqliteJobStore::open(const std::string& path,
+                                                             const JobStoreSettings& settings) {
+  try {
+    std::unique_ptr<SqliteJobStore> store(new SqliteJobStore(path, settings));
+    set_up(store->writer_);
+    if (version_of(store->writer_) > kVersion)
+      return failure(Code::Internal, "INTERNAL",
+                     path + " was written by a newer version of varimeshd; run that one, or name another directory.");
+    store->reader_.run("PRAGMA query_only = 1");
+    return store;
+  } catch (const SqliteError& error) {
+    return failure(Code::Internal, "INTERNAL",
+                   std::string("The store of jobs cannot be opened (") + error.what() + "); name another directory.");
+  }
+}
+
+// ===== transactions, rows =====
+
+template <class Result>
+Answer<Result> SqliteJobStore::write(const std::function<Answer<Result>(SqliteDatabase&)>& work) {
+  std::lock_guard lock(writer_mutex_);
+  try {
+    SqliteTransaction transaction(writer_);
+    Answer<Result> result = work(writer_);
+    if (result) transaction.commit();
+    return result;
+  } catch (const SqliteError& error) {
+    return failure_of(error);
+  }
+}
+
+template <class Result>
+Answer<Result> SqliteJobStore::read(const std::function<Answer<Result>(SqliteDatabase&)>& work) {
+  std::lock_guard lock(reader_mutex_);
+  try {
+    return work(reader_);
+  } catch (const SqliteError& error) {
+    return failure_of(error);
+  }
+}
+
+template <class Result>
+Answer<Result> SqliteJobStore::write(const Claim& claim, const std::function<Result(JobRecord&)>& work) {
+  return write<Result>([&](SqliteDatabase& database) -> Answer<Result> {
+    auto row = load(database, claim.name);
+    if (!row) return tl::unexpected(row.error());
+    if (const auto checked = transitions_.check(row->record, claim); !checked) return tl::unexpected(checked.error());
+    Result result = work(row->record);
+    save(database, *row);
+    if constexpr (std::is_same_v<Result, Changed>) keep(database, row->key, result);
+    return result;
+  });
+}
+
+SqliteJobStore::Row SqliteJobStore::row_of(const SqliteQuery& query) {
+  Row row;
+  row.key = query.number(0);
+  row.record.token = query.number(1);
+  row.record.lost = static_cast<int>(query.number(2));
+  row.record.worker = query.text(3);
+  row.record.lease_end = from_nanoseconds(query.number(4));
+  row.record.history_digest = query.text(5);
+  if (!query.is_null(6)) row.record.checkpoint = {query.text(6), static_cast<int>(query.number(7))};
+  parse(query.view(8), &row.record.job);
+  parse(query.view(9), row.record.job.mutable_spec());
+  return row;
+}
+
+Answer<SqliteJobStore::Row> SqliteJobStore::load(SqliteDatabase& database, const std::string& name) {
+  auto query = database.query("SELECT " VARIMESH_ROW " FROM jobs JOIN specs USING(key) WHERE name = ?");
+  query.bind(name);
+  if (!query.step()) return job_not_found(name);
+  return row_of(query);
+}
+
+void SqliteJobStore::save(SqliteDatabase& database, const Row& row) {
+  const JobRecord& record = row.record;
+  v1::Job job = record.job;
+  job.clear_spec();
+  const std::string bytes = job.SerializeAsString();
+  auto query = database.query(
+      "UPDATE jobs SET state = ?, ended = ?, token = ?, lost = ?, worker = ?, lease_end = ?, history = ?, checkpoint = "
+      "?, "
+      "checkpoint_iteration = ?, job = ? WHERE key = ?");
+  query.bind(job.state());
+  if (has_ended(job.state()))
+    query.bind(job.end_time().seconds() * 1'000'000'000 + job.end_time().nanos());
+  else
+    query.bind_null();
+  query.bind(record.token).bind(record.lost).bind(record.worker).bind(nanoseconds(record.lease_end));
+  query.bind(record.history_digest);
+  if (record.checkpoint)
+    query.bind(record.checkpoint->digest).bind(record.checkpoint->iteration);
+  else
+    query.bind_null().bind(0);
+  query.bind(SqliteBytes{bytes}).bind(row.key).run();
+}
+
+void SqliteJobStore::keep(SqliteDatabase& database, std::int64_t key, const Changed& changed) {
+  for (const v1::JobEvent& event : changed.events) {
+    const std::string bytes = event.SerializeAsString();
+    database.query("INSERT INTO events VALUES(?, ?, ?)")
+        .bind(key)
+        .bind(event.sequence())
+        .bind(SqliteBytes{bytes})
+        .run();
+  }
+}
+
+// ===== callers =====
+
+Answer<Changed> SqliteJobStore::submit(const Submission& submission) {
+  return write<Changed>([&](SqliteDatabase& database) -> Answer<Changed> {
+    if (!submission.request_id.empty()) {
+      auto query = database.query("SELECT " VARIMESH_ROW " FROM jobs JOIN specs USING(key) WHERE request_id = ?");
+      if (query.bind(submission.request_id).step()) {
+        const Row row = row_of(query);
+        if (const auto same = check_same(row.record.job, submission); !same) return tl::unexpected(same.error());
+        return Changed{row.record.job, {}, {}};
+      }
+    }
+    auto pending = database.query("SELECT COUNT(*) FROM jobs WHERE state = 1");
+    pending.step();
+    if (pending.number(0) >= submission.max_pending) return queue_full(static_cast<int>(pending.number(0)));
+
+    Row row;
+    Changed changed = transitions_.create(row.record, submission);
+    auto insert = database.query(
+        "INSERT INTO jobs(name, request_id, state, turn, token, lost, worker, lease_end, history, "
+        "checkpoint_iteration, "
+        "job) VALUES(?, ?, 0, ?, 0, 0, '', 0, '', 0, x'')");
+    insert.bind(submission.name);
+    if (submission.request_id.empty())
+      insert.bind_null();
+    else
+      insert.bind(submission.request_id);
+    insert.bind(turn_of(row.record.job)).run();
+    row.key = database.last_key();
+    const std::string spec = submission.spec.SerializeAsString();
+    database.query("INSERT INTO specs VALUES(?, ?)").bind(row.key).bind(SqliteBytes{spec}).run();
+    for (const auto& [name, value] : submission.spec.labels())
+      database.query("INSERT INTO labels VALUES(?, ?, ?)").bind(name).bind(value).bind(row.key).run();
+    save(database, row);
+    keep(database, row.key, changed);
+    return changed;
+  });
+}
+
+Answer<v1::Job> SqliteJobStore::get(const std::string& name) {
+  return read<v1::Job>([&](SqliteDatabase& database) {
+    return load(database, name).map([](Row&& row) { return std::move(row.record.job); });
+  });
+}
+
+Answer<JobPage> SqliteJobStore::list(const JobFilter& filter, int page_size, const std::string& page_token) {
+  const auto below = parse_page_token(page_token);
+  if (!below) return tl::unexpected(below.error());
+  std::string statement = "SELECT " VARIMESH_ROW " FROM jobs JOIN specs USING(key) WHERE jobs.key < ?";
+  std::string separator = " AND state IN (";
+  for (const v1::JobState state : filter.states) {
+    statement += separator + std::to_string(static_cast<int>(state));
+    separator = ", ";
+  }
+  if (!filter.states.empty()) statement += ")";
+  for (std::size_t i = 0; i < filter.labels.size(); ++i)
+    statement += " AND EXISTS(SELECT 1 FROM labels WHERE labels.key = jobs.key AND labels.name = ? AND value = ?)";
+  statement += " ORDER BY jobs.key DESC LIMIT ?";
+
+  return read<JobPage>([&](SqliteDatabase& database) -> Answer<JobPage> {
+    auto query = database.query(statement);
+    query.bind(*below > 0 ? *below : std::numeric_limits<std::int64_t>::max());
+    for (const auto& [name, value] : filter.labels) query.bind(name).bind(value);
+    query.bind(page_size + 1);
+    JobPage page;
+    for (std::int64_t last = 0; query.step();) {
+      Row row = row_of(query);
+      if (static_cast<int>(page.jobs.size()) == page_size) {
+        page.next_page_token = std::to_string(last);
+        break;
+      }
+      page.jobs.push_back(std::move(row.record.job));
+      last = row.key;
+    }
+    return page;
+  });
+}
+
+Answer<JobCounts> SqliteJobStore::counts() {
+  return read<JobCounts>([](SqliteDatabase& database) -> Answer<JobCounts> {
+    auto query = database.query(
+        "SELECT (SELECT COUNT(*) FROM jobs WHERE state = 1), (SELECT COUNT(*) FROM jobs WHERE worker <> '')");
+    query.step();
+    return JobCounts{static_cast<int>(query.number(0)), static_cast<int>(query.number(1))};
+  });
+}
+
+Answer<std::vector<v1::JobEvent>> SqliteJobStore::events(const std::string& name) {
+  return read<std::vector<v1::JobEvent>>([&](SqliteDatabase& database) -> Answer<std::vector<v1::JobEvent>> {
+    const auto row = load(database, name);
+    if (!row) return tl::unexpected(row.error());
+    auto query = database.query("SELECT event FROM events WHERE key = ? ORDER BY sequence");
+    query.bind(row->key);
+    std::vector<v1::JobEvent> events;
+    while (query.step()) parse(query.view(0), &events.emplace_back());
+    return events;
+  });
+}
+
+Answer<Changed> SqliteJobStore::request_cancel(const std::string& name, std::int64_t last_sequence) {
+  return write<Changed>([&](SqliteDatabase& database) -> Answer<Changed> {
+    auto row = load(database, name);
+    if (!row) return tl::unexpected(row.error());
+    Changed changed = transitions_.cancel(row->record, last_sequence);
+    if (changed.events.empty()) return changed;
+    save(database, *row);
+    keep(database, row->key, changed);
+    return changed;
+  });
+}
+
+Answer<std::string> SqliteJobStore::history_digest(const std::string& name) {
+  return read<std::string>([&](SqliteDatabase& database) {
+    return load(database, name).map([](const Row& row) { return row.record.history_digest; });
+  });
+}
+
+Answer<Changed> SqliteJobStore::remove(const std::string& name) {
+  return write<Changed>([&](SqliteDatabase& database) -> Answer<Changed> {
+    auto row = load(database, name);
+    if (!row) return tl::unexpected(row.error());
+    if (!has_ended(row->record.job.state())) return job_not_ended(name);
+    for (const char* statement : {"DELETE FROM events WHERE key = ?", "DELETE FROM labels WHERE key = ?",
+                                  "DELETE FROM specs WHERE key = ?", "DELETE FROM jobs WHERE key = ?"})
+      database.query(statement).bind(row->key).run();
+    return Changed{row->record.job, {}, digests_of(row->record)};
+  });
+}
+
+Answer<std::vector<std::string>> SqliteJobStore::ended_beyond(std::size_t keep) {
+  return read<std::vector<std::string>>([&](SqliteDatabase& database) -> Answer<std::vector<std::string>> {
+    auto query =
+        database.query("SELECT name FROM jobs WHERE ended IS NOT NULL ORDER BY ended DESC, key DESC LIMIT -1 OFFSET ?");
+    query.bind(static_cast<std::int64_t>(keep));
+    std::vector<std::string> names;
+    while (query.step()) names.push_back(query.text(0));
+    return names;
+  });
+}
+
+Answer<std::vector<std::string>> SqliteJobStore::digests() {
+  return read<std::vector<std::string>>([](SqliteDatabase& database) -> Answer<std::vector<std::string>> {
+    auto query = database.query("SELECT " VARIMESH_ROW " FROM jobs JOIN specs USING(key)");
+    std::vector<std::string> all;
+    while (query.step())
+      for (std::string& digest : digests_of(row_of(query).record)) all.push_back(std::move(digest));
+    return all;
+  });
+}
+
+// ===== workers =====
+
+Answer<std::optional<Claimed>> SqliteJobStore::claim(const std::string& worker) {
+  using Result = std::optional<Claimed>;
+  // Most looks into the queue find it empty, and those write nothing.
+  const auto waiting = counts();
+  if (!waiting) return tl::unexpected(waiting.error());
+  if (waiting->pending == 0) return Result();
+  return write<Result>([&](SqliteDatabase& database) -> Answer<Result> {
+    auto query = database.query("SELECT " VARIMESH_ROW
+                                " FROM jobs JOIN specs USING(key) WHERE state = 1 ORDER BY turn, jobs.key LIMIT 1");
+    if (!query.step()) return Result();
+    Row row = row_of(query);
+    Changed changed = transitions_.claim(row.record, worker);
+    save(database, row);
+    keep(database, row.key, changed);
+    const JobRecord& record = row.record;
+    return Claimed{{record.job.name(), record.token, record.job.attempt(), record.job.spec(), record.checkpoint},
+                   std::move(changed.events)};
+  });
+}
+
+Answer<bool> SqliteJobStore::heartbeat(const Claim& claim) {
+  return write<bool>(claim, [this](JobRecord& record) {
+    transitions_.renew(record);
+    return record.job.state() == v1::JOB_STATE_CANCELLING;
+  });
+}
+
+Answer<void> SqliteJobStore::note_progress(const Claim& claim, const v1::Iteration& iteration,
+                                           std::int64_t last_sequence) {
+  return write<bool>(claim,
+                     [&](JobRecord& record) {
+                       *record.job.mutable_iteration() = iteration;
+                       record.job.set_last_sequence(std::max(record.job.last_sequence(), last_sequence));
+                       return true;
+                     })
+      .map([](bool) {});
+}
+
+Answer<Changed> SqliteJobStore::note_checkpoint(const Claim& claim, const CheckpointReference& checkpoint) {
+  return write<Changed>(claim, [&](JobRecord& record) { return transitions_.note_checkpoint(record, checkpoint); });
+}
+
+Answer<Changed> SqliteJobStore::finish(const Claim& claim, const Ending& ending, std::int64_t last_sequence) {
+  return write<Changed>(claim, [&](JobRecord& record) { return transitions_.finish(record, ending, last_sequence); });
+}
+
+Answer<std::vector<Changed>> SqliteJobStore::take_back(const std::string& worker) {
+  using Result = std::vector<Changed>;
+  const auto running = counts();
+  if (!running) return tl::unexpected(running.error());
+  if (running->running == 0) return Result();
+  return write<Result>([&](SqliteDatabase& database) -> Answer<Result> {
+    std::vector<Row> rows;
+    {
+      auto query = database.query("SELECT " VARIMESH_ROW " FROM jobs JOIN specs USING(key) WHERE worker <> ''");
+      while (query.step()) rows.push_back(row_of(query));
+    }
+    Result all;
+    for (Row& row : rows) {
+      if (!transitions_.is_lost(row.record, worker)) continue;
+      all.push_back(transitions_.take_back(row.record));
+      save(database, row);
+      keep(database, row.key, all.back());
+    }
+    return all;
+  });
+}
+
+}  // namespace varimesh::server

@@ -1,0 +1,36 @@
+// A directory and a lock.
+#include "server/operations/state_directory.h"
+
+#include <fcntl.h>
+#include <sys/file.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstring>
+
+namespace varimesh::server {
+
+Expected<std::unique_ptr<StateDirectory>> StateDirectory::take(const std::string& path) {
+  const auto refuse = [&](const std::string& why) {
+    return tl::unexpected(Error{Error::Kind::Output, "Cannot keep jobs in '" + path + "': " + why});
+  };
+  std::error_code error;
+  if (const std::filesystem::path parent = std::filesystem::path(path).parent_path(); !parent.empty())
+    std::filesystem::create_directories(parent, error);
+  if (error || (::mkdir(path.c_str(), 0700) != 0 && errno != EEXIST))
+    return refuse(std::string(error ? error.message() : std::strerror(errno)) + "; name another directory (--state).");
+  const std::filesystem::path lock_path = std::filesystem::path(path) / "lock";
+  const int lock = ::open(lock_path.c_str(), O_CREAT | O_RDWR | O_CLOEXEC, 0600);
+  if (lock < 0) return refuse(std::string(std::strerror(errno)) + "; name another directory (--state).");
+  // The lock goes with the process, even where that is killed.
+  if (::flock(lock, LOCK_EX | LOCK_NB) != 0) {
+    ::close(lock);
+    return refuse("another varimeshd has it; stop that one, or name another directory (--state).");
+  }
+  return std::unique_ptr<StateDirectory>(new StateDirectory(path, lock));
+}
+
+StateDirectory::~StateDirectory() { ::close(lock_); }
+
+}  // namespace varimesh::server

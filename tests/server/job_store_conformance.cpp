@@ -1,0 +1,376 @@
+// The suite; the stores are in job_stores.h.
+#include "tests/server/job_store_conformance.h"
+
+#include <algorithm>
+#include <set>
+#include <thread>
+
+#include "server/jobs/event_log.h"
+
+namespace varimesh::server::testing {
+namespace {
+
+using State = v1::JobState;
+constexpr State kPending = v1::JOB_STATE_PENDING, kRunning = v1::JOB_STATE_RUNNING,
+                kCancelling = v1::JOB_STATE_CANCELLING, kSucceeded = v1::JOB_STATE_SUCCEEDED,
+                kFailed = v1::JOB_STATE_FAILED, kCancelled = v1::JOB_STATE_CANCELLED;
+
+// ===== submitting =====
+
+TEST_P(JobStoreConformance, KeepsAJobAsItWasSubmitted) {
+  v1::JobSpec wanted = spec("digest");
+  wanted.mutable_options()->set_max_iterations(7);
+  (*wanted.mutable_labels())["colour"] = "red";
+  const auto submitted = try_submit("id", wanted);
+  ASSERT_TRUE(submitted);
+  ASSERT_EQ(submitted->events.size(), 1u);
+  EXPECT_EQ(submitted->events[0].sequence(), 1);
+  const v1::Job job = get(submitted->job.name());
+  EXPECT_EQ(job.SerializeAsString(), submitted->job.SerializeAsString());
+  EXPECT_EQ(job.state(), kPending);
+  EXPECT_EQ(job.spec().SerializeAsString(), wanted.SerializeAsString());
+  EXPECT_EQ(job.request_id(), "id");
+  EXPECT_EQ(time_point(job.create_time()), now_);
+  EXPECT_EQ(store_->get("jobs/none").error().reason, "JOB_NOT_FOUND");
+}
+
+TEST_P(JobStoreConformance, MakesOneJobOfOneRequest) {
+  const auto first = try_submit("id", spec());
+  const auto again = try_submit("id", spec());
+  ASSERT_TRUE(again);
+  EXPECT_EQ(again->job.name(), first->job.name());
+  EXPECT_TRUE(again->events.empty());
+  EXPECT_EQ(try_submit("id", spec("other")).error().reason, "REQUEST_ID_USED");
+  const Claim claimed = claim();
+  ASSERT_TRUE(store_->finish(claimed, success(), 0));
+  EXPECT_EQ(try_submit("id", spec())->job.state(), kSucceeded) << "whatever became of it in between";
+  ASSERT_TRUE(store_->remove(claimed.name));
+  EXPECT_NE(try_submit("id", spec())->job.name(), first->job.name()) << "forgotten with its job";
+}
+
+TEST_P(JobStoreConformance, MakesOneJobOfOneRequestInParallel) {
+  std::vector<std::string> names(10);
+  std::vector<std::thread> clients;
+  for (std::size_t i = 0; i < names.size(); ++i)
+    clients.emplace_back([&, i] {
+      names[i] = store_->submit({"id", spec(), "jobs/" + std::to_string(i), 1000})->job.name();
+    });
+  for (std::thread& client : clients) client.join();
+  for (const std::string& name : names) EXPECT_EQ(name, names.front());
+  EXPECT_EQ(store_->list({}, 100, "")->jobs.size(), 1u);
+}
+
+TEST_P(JobStoreConformance, RefusesMoreThanMayWait) {
+  ASSERT_TRUE(try_submit("a", spec(), 2));
+  ASSERT_TRUE(try_submit("b", spec(), 2));
+  EXPECT_EQ(try_submit("c", spec(), 2).error().reason, "QUEUE_FULL");
+  EXPECT_TRUE(try_submit("a", spec(), 2)) << "that one waits already";
+  claim();
+  EXPECT_TRUE(try_submit("c", spec(), 2));
+}
+
+// ===== listing =====
+
+TEST_P(JobStoreConformance, ListsInPagesThatStayStable) {
+  std::vector<std::string> all;
+  for (int i = 0; i < 5; ++i) all.push_back(submit());
+  std::reverse(all.begin(), all.end());
+  std::vector<std::string> listed;
+  std::string token;
+  do {
+    const auto page = store_->list({}, 2, token);
+    ASSERT_TRUE(page);
+    for (const v1::Job& job : page->jobs) listed.push_back(job.name());
+    token = page->next_page_token;
+    submit();
+  } while (!token.empty());
+  EXPECT_EQ(listed, all);
+  EXPECT_EQ(store_->list({}, 2, "nonsense").error().code, Failure::Code::InvalidArgument);
+}
+
+TEST_P(JobStoreConformance, FiltersByStatesAndLabels) {
+  v1::JobSpec red = spec();
+  (*red.mutable_labels())["colour"] = "red";
+  v1::JobSpec large_red = red;
+  (*large_red.mutable_labels())["size"] = "large";
+  const std::string plain = submit(), first = submit(red), second = submit(large_red);
+  ASSERT_TRUE(store_->request_cancel(first, 0));
+  const auto names = [&](const JobFilter& filter) {
+    std::vector<std::string> found;
+    const auto page = store_->list(filter, 100, "");
+    for (const v1::Job& job : page->jobs) found.push_back(job.name());
+    return found;
+  };
+  using Names = std::vector<std::string>;
+  EXPECT_EQ(names({{}, {{"colour", "red"}}}), (Names{second, first}));
+  EXPECT_EQ(names({{kPending}, {{"colour", "red"}}}), Names{second});
+  EXPECT_EQ(names({{kPending, kCancelled}, {}}), (Names{second, first, plain}));
+  EXPECT_EQ(names({{}, {{"colour", "red"}, {"size", "large"}}}), Names{second});
+  EXPECT_EQ(names({{}, {{"colour", "large"}}}), Names{});
+}
+
+// ===== claiming and leases =====
+
+TEST_P(JobStoreConformance, GivesJobsInOrderOfArrival) {
+  const std::string first = submit(), second = submit();
+  const auto claimed = store_->claim("worker");
+  ASSERT_TRUE(claimed && *claimed);
+  EXPECT_EQ((*claimed)->claim.name, first);
+  EXPECT_EQ((*claimed)->claim.attempt, 1);
+  ASSERT_EQ((*claimed)->events.size(), 1u);
+  EXPECT_EQ((*claimed)->events[0].state_change().state(), kRunning);
+  EXPECT_EQ(get(first).state(), kRunning);
+  EXPECT_EQ(store_->counts()->running, 1);
+  EXPECT_EQ(store_->counts()->pending, 1);
+  EXPECT_EQ(claim().name, second);
+  EXPECT_FALSE(*store_->claim("worker"));
+}
+
+TEST_P(JobStoreConformance, LetsPriorityGoFirstButNobodyWaitForEver) {
+  const std::string old = submit();
+  now_ += kPriorityStep * 3;
+  v1::JobSpec urgent = spec(), lowly = spec();
+  urgent.set_priority(2);
+  lowly.set_priority(-1);
+  const std::string low = submit(lowly), plain = submit(), high = submit(urgent);
+  EXPECT_EQ(claim().name, old) << "three steps of waiting are worth more than two of priority";
+  EXPECT_EQ(claim().name, high);
+  EXPECT_EQ(claim().name, plain);
+  EXPECT_EQ(claim().name, low);
+}
+
+TEST_P(JobStoreConformance, GivesEachJobToOneWorker) {
+  for (int i = 0; i < 40; ++i) submit();
+  std::vector<std::vector<std::string>> names(4);
+  std::vector<std::thread> workers;
+  for (std::size_t i = 0; i < names.size(); ++i)
+    workers.emplace_back([&, i] {
+      while (const auto claimed = *store_->claim("worker " + std::to_string(i)))
+        names[i].push_back(claimed->claim.name);
+    });
+  for (std::thread& worker : workers) worker.join();
+  std::set<std::string> all;
+  std::size_t count = 0;
+  for (const auto& some : names) {
+    all.insert(some.begin(), some.end());
+    count += some.size();
+  }
+  EXPECT_EQ(count, 40u);
+  EXPECT_EQ(all.size(), 40u);
+}
+
+TEST_P(JobStoreConformance, TakesAJobWhoseLeaseRanOut) {
+  const std::string name = submit();
+  const Claim lost = claim("one");
+  now_ += std::chrono::seconds(20);
+  ASSERT_TRUE(store_->heartbeat(lost));
+  now_ += std::chrono::seconds(20);
+  EXPECT_TRUE(store_->take_back("another")->empty()) << "renewed 20 s ago";
+  now_ += std::chrono::seconds(10);
+  const auto taken = store_->take_back("another");
+  ASSERT_EQ(taken->size(), 1u);
+  EXPECT_EQ(taken->front().job.state(), kPending);
+  ASSERT_EQ(taken->front().events.size(), 1u);
+
+  const Claim second = claim("another");
+  EXPECT_EQ(second.name, name);
+  EXPECT_EQ(second.attempt, 2);
+  // The first worker wakes up again and can do nothing.
+  EXPECT_EQ(store_->heartbeat(lost).error().reason, "CLAIM_LOST");
+  EXPECT_EQ(store_->note_progress(lost, {}, 100).error().reason, "CLAIM_LOST");
+  EXPECT_EQ(store_->note_checkpoint(lost, {"digest", 1}).error().reason, "CLAIM_LOST");
+  EXPECT_EQ(store_->finish(lost, success(), 0).error().reason, "CLAIM_LOST");
+  EXPECT_EQ(get(name).state(), kRunning);
+  ASSERT_TRUE(store_->finish(second, success(), 0));
+  EXPECT_EQ(store_->finish(second, success(), 0).error().reason, "CLAIM_LOST") << "no second result";
+  EXPECT_EQ(get(name).results_size(), 1);
+  EXPECT_EQ(states(name), (std::vector<State>{kPending, kRunning, kPending, kRunning, kSucceeded}));
+}
+
+TEST_P(JobStoreConformance, TakesEverythingFromAWorkerThatStartsAnew) {
+  const std::string mine = submit(), others = submit();
+  claim("me");
+  claim("other");
+  const auto taken = store_->take_back("me");
+  ASSERT_EQ(taken->size(), 1u);
+  EXPECT_EQ(taken->front().job.name(), mine);
+  EXPECT_EQ(get(others).state(), kRunning);
+}
+
+TEST_P(JobStoreConformance, FailsAJobThatWasLostThreeTimes) {
+  const std::string name = submit();
+  for (int attempt = 1; attempt <= 3; ++attempt) {
+    EXPECT_EQ(claim().attempt, attempt);
+    ASSERT_EQ(store_->take_back("worker")->size(), 1u);
+  }
+  const v1::Job job = get(name);
+  EXPECT_EQ(job.state(), kFailed);
+  EXPECT_EQ(job.error().reason(), "LOST");
+  EXPECT_NE(job.error().message().find("3 times"), std::string::npos) << job.error().message();
+  EXPECT_TRUE(job.has_end_time());
+  EXPECT_FALSE(*store_->claim("worker"));
+  EXPECT_EQ(store_->events(name)->back().state_change().error().reason(), "LOST");
+}
+
+TEST_P(JobStoreConformance, DoesNotCountAttemptsThatWereGivenBack) {
+  const std::string name = submit();
+  Ending given_back;
+  given_back.state = kPending;
+  for (int i = 0; i < 5; ++i) {
+    const auto back = store_->finish(claim(), given_back, 0);
+    ASSERT_TRUE(back);
+    EXPECT_EQ(back->job.state(), kPending);
+  }
+  EXPECT_EQ(claim().name, name);
+}
+
+TEST_P(JobStoreConformance, NumbersEventsBehindWhatWasSeen) {
+  const std::string name = submit();
+  const Claim first = claim();
+  ASSERT_TRUE(store_->note_progress(first, {}, 50));
+  EXPECT_EQ(get(name).last_sequence(), 50);
+  EXPECT_EQ(store_->request_cancel(name, 60)->events[0].sequence(), 61);
+  const auto finished = store_->finish(first, success(), 70);
+  ASSERT_EQ(finished->events.size(), 3u);
+  EXPECT_EQ(finished->events[0].sequence(), 71);
+  EXPECT_EQ(finished->events[0].quality().stage(), v1::QualityEvent::STAGE_BEFORE);
+  EXPECT_EQ(finished->events[1].quality().report().invalid_elements(), 1);
+  EXPECT_EQ(finished->events[2].sequence(), 73);
+  EXPECT_EQ(get(name).last_sequence(), 73);
+
+  const std::string lost = submit();
+  claim();
+  EXPECT_EQ(store_->take_back("worker")->front().events[0].sequence(), kSequenceBlock + 1)
+      << "nobody knows how far the lost one had counted";
+  EXPECT_EQ((*store_->claim("worker"))->events[0].sequence(), kSequenceBlock + 2);
+  states(lost);
+}
+
+// ===== checkpoints =====
+
+TEST_P(JobStoreConformance, HandsTheNewestCheckpointToTheNextAttempt) {
+  submit();
+  const Claim first = claim();
+  EXPECT_FALSE(first.checkpoint);
+  EXPECT_TRUE(store_->note_checkpoint(first, {"old", 10})->released.empty());
+  EXPECT_EQ(store_->note_checkpoint(first, {"new", 20})->released, std::vector<std::string>{"old"});
+  store_->take_back("worker");
+  const Claim second = claim();
+  ASSERT_TRUE(second.checkpoint);
+  EXPECT_EQ(second.checkpoint->digest, "new");
+  EXPECT_EQ(second.checkpoint->iteration, 20);
+  const auto digests = store_->digests();
+  EXPECT_EQ(std::multiset<std::string>(digests->begin(), digests->end()), (std::multiset<std::string>{"mesh", "new"}));
+  EXPECT_EQ(store_->finish(second, success(), 0)->released, std::vector<std::string>{"new"});
+}
+
+// ===== cancelling, ending, forgetting =====
+
+TEST_P(JobStoreConformance, CancelsWhatWaitsAtOnceAndTellsWhoRuns) {
+  const std::string running = submit(), waiting = submit();
+  const Claim claimed = claim();
+  EXPECT_FALSE(*store_->heartbeat(claimed));
+  EXPECT_EQ(store_->request_cancel(waiting, 0)->job.state(), kCancelled);
+  EXPECT_EQ(store_->request_cancel(running, 0)->job.state(), kCancelling);
+  EXPECT_TRUE(store_->request_cancel(running, 0)->events.empty()) << "once";
+  EXPECT_TRUE(*store_->heartbeat(claimed));
+  EXPECT_FALSE(*store_->claim("worker"));
+  Ending ending = success();
+  ending.state = kCancelled;
+  ASSERT_TRUE(store_->finish(claimed, ending, 0));
+  EXPECT_EQ(get(running).state(), kCancelled);
+  EXPECT_EQ(get(running).results_size(), 1) << "the best so far";
+  EXPECT_TRUE(store_->request_cancel(running, 0)->events.empty());
+  EXPECT_EQ(store_->request_cancel("jobs/none", 0).error().reason, "JOB_NOT_FOUND");
+}
+
+TEST_P(JobStoreConformance, RemembersACancelOverALoss) {
+  const std::string lost = submit(), given_back = submit();
+  claim();
+  store_->request_cancel(lost, 0);
+  EXPECT_EQ(store_->take_back("worker")->front().job.state(), kCancelled);
+  const Claim claimed = claim();
+  store_->request_cancel(given_back, 0);
+  Ending ending;
+  ending.state = kPending;
+  EXPECT_EQ(store_->finish(claimed, ending, 0)->job.state(), kCancelled);
+}
+
+TEST_P(JobStoreConformance, KeepsHowAJobEnded) {
+  const std::string good = submit(), bad = submit();
+  ASSERT_TRUE(store_->finish(claim(), success(), 0));
+  EXPECT_EQ(get(good).metrics().iterations(), 7);
+  EXPECT_EQ(*store_->history_digest(good), "history");
+  Ending failed;
+  failed.error.emplace().set_message("Byte 0 is bad.");
+  ASSERT_TRUE(store_->finish(claim(), failed, 0));
+  EXPECT_EQ(get(bad).state(), kFailed);
+  EXPECT_EQ(get(bad).error().message(), "Byte 0 is bad.");
+  EXPECT_EQ(store_->events(bad)->back().state_change().error().message(), "Byte 0 is bad.");
+}
+
+TEST_P(JobStoreConformance, ForgetsAJobWithAllItRefersTo) {
+  v1::JobSpec labelled = spec();
+  (*labelled.mutable_labels())["colour"] = "red";
+  const std::string name = submit(labelled);
+  EXPECT_EQ(store_->remove(name).error().reason, "JOB_NOT_ENDED");
+  ASSERT_TRUE(store_->finish(claim(), success(), 0));
+  const auto removed = store_->remove(name);
+  ASSERT_TRUE(removed);
+  EXPECT_EQ(removed->released, (std::vector<std::string>{"mesh", "result", "history"}));
+  EXPECT_EQ(store_->remove(name).error().reason, "JOB_NOT_FOUND");
+  EXPECT_EQ(store_->events(name).error().reason, "JOB_NOT_FOUND");
+  EXPECT_TRUE(store_->list({{}, {{"colour", "red"}}}, 10, "")->jobs.empty());
+  EXPECT_TRUE(store_->digests()->empty());
+}
+
+TEST_P(JobStoreConformance, NamesThoseThatEndedLongestAgo) {
+  std::vector<std::string> ended;
+  for (int i = 0; i < 4; ++i) submit();
+  for (int i = 0; i < 4; ++i) {
+    now_ += std::chrono::seconds(1);
+    const Claim claimed = claim();
+    store_->finish(claimed, success(), 0);
+    ended.push_back(claimed.name);
+  }
+  submit();
+  const auto beyond = store_->ended_beyond(2);
+  EXPECT_EQ(std::set<std::string>(beyond->begin(), beyond->end()), (std::set<std::string>{ended[0], ended[1]}));
+  EXPECT_TRUE(store_->ended_beyond(4)->empty());
+}
+
+// ===== outliving the process =====
+
+TEST_P(DurableJobStoreConformance, IsAsItWasWhenItIsOpenedAgain) {
+  ASSERT_TRUE(store_->durable());
+  v1::JobSpec labelled = spec();
+  (*labelled.mutable_labels())["colour"] = "red";
+  const std::string done = submit(), running = submit(labelled), waiting = submit();
+  ASSERT_TRUE(store_->finish(claim(), success(), 12));
+  const Claim claimed = claim();
+  ASSERT_TRUE(store_->note_checkpoint(claimed, {"checkpoint", 5}));
+  const auto before = store_->list({}, 100, "");
+  const auto events = store_->events(done);
+  const auto digests = store_->digests();
+
+  reopen();
+  const auto after = store_->list({}, 100, "");
+  ASSERT_EQ(after->jobs.size(), 3u);
+  for (std::size_t i = 0; i < 3; ++i)
+    EXPECT_EQ(after->jobs[i].SerializeAsString(), before->jobs[i].SerializeAsString());
+  ASSERT_EQ(store_->events(done)->size(), events->size());
+  for (std::size_t i = 0; i < events->size(); ++i)
+    EXPECT_EQ((*store_->events(done))[i].SerializeAsString(), (*events)[i].SerializeAsString());
+  EXPECT_EQ(*store_->digests(), *digests);
+  EXPECT_EQ(store_->list({{kRunning}, {{"colour", "red"}}}, 10, "")->jobs.size(), 1u);
+  ASSERT_TRUE(store_->heartbeat(claimed)) << "a claim outlives the store's process too";
+  ASSERT_EQ(store_->take_back("worker")->size(), 1u);
+  const Claim second = claim();
+  EXPECT_EQ(second.name, running) << "it keeps its place in the queue";
+  EXPECT_EQ(second.checkpoint->digest, "checkpoint");
+  EXPECT_EQ(claim().name, waiting);
+  EXPECT_EQ(try_submit("", spec())->job.state(), kPending);
+}
+
+}  // namespace
+}  // namespace varimesh::server::testing

@@ -1,0 +1,27 @@
+// The conformance suite, run over every store.
+#include <gtest/gtest.h>
+
+#include "tests/server/job_store_conformance.h"
+#include "tests/server/job_stores.h"
+
+namespace varimesh::server::testing {
+namespace {
+
+INSTANTIATE_TEST_SUITE_P(Stores, JobStoreConformance, ::testing::ValuesIn(kStores), name_of);
+INSTANTIATE_TEST_SUITE_P(Stores, DurableJobStoreConformance, ::testing::ValuesIn(kDurableStores), name_of);
+
+TEST(SqliteJobStore, RefusesWhatItCannotRead) {
+  InFile place;
+  const std::string path = (place.directory() / "jobs.sqlite").string();
+  EXPECT_FALSE(SqliteJobStore::open((place.directory() / "none" / "jobs.sqlite").string()));
+  {
+    SqliteDatabase database(path);
+    database.run("PRAGMA user_version = 99");
+  }
+  const auto newer = SqliteJobStore::open(path);
+  ASSERT_FALSE(newer);
+  EXPECT_NE(newer.error().sentence.find("newer version"), std::string::npos) << newer.error().sentence;
+}
+
+}  // namespace
+}  // namespace varimesh::server::testing

@@ -1,0 +1,130 @@
+// Servers that follow each other on one state directory. That they may also be killed is tests/faults' to show.
+#include <filesystem>
+
+#include "tests/server/harness.h"
+#include "tests/server/watch_guarantees.h"
+
+namespace varimesh::server::testing {
+namespace {
+
+class Restart : public ::testing::Test {
+ protected:
+  Restart() {
+    std::string name = ::testing::TempDir() + "varimesh-state-XXXXXX";
+    state_ = ::mkdtemp(name.data());
+  }
+  ~Restart() override { std::filesystem::remove_all(state_); }
+
+  ServerOptions options(Engine engine) {
+    ServerOptions options = options_with(std::move(engine));
+    options.state = state_.string();
+    options.limits.threads = 1;
+    return options;
+  }
+
+  std::filesystem::path state_;
+};
+
+TEST_F(Restart, FindsWhatHasEnded) {
+  std::string name, digest;
+  std::vector<v1::JobEvent> events;
+  {
+    const Service service(options(echo_engine(5)));
+    name = service.submit(service.spec_for("a mesh")).name();
+    digest = service.wait_for(name).results(0).digest();
+    events = service.watch(name);
+  }
+  const Service service(options(echo_engine()));
+  const v1::Job job = service.get(name);
+  EXPECT_EQ(job.state(), v1::JOB_STATE_SUCCEEDED);
+  EXPECT_EQ(service.download(digest), "a mesh");
+  EXPECT_EQ(service.upload("a mesh"), digest) << "known by its digest";
+  const WatchHistory history{{0, service.watch(name)}};
+  EXPECT_EQ(broken_order(history), "");
+  EXPECT_EQ(broken_reliability(history, events), "");
+  EXPECT_EQ(broken_resumption(history), "") << "its iterations are thinned, and counted";
+  EXPECT_EQ(service.watch(name, 3).front().thinned(), 4) << "a watch that saw the third goes on";
+}
+
+TEST_F(Restart, RunsWhatWaitedAndGoesOnWithWhatRan) {
+  std::string running, waiting;
+  WatchHistory history;
+  std::atomic<int> begun = 0;
+  {
+    // It runs until the server stops.
+    Engine engine = echo_engine(40, [&](int) { ++begun; });
+    engine.run = [run = engine.run](RunRequest request, const RunHooks& hooks) {
+      RunHooks waiting = hooks;
+      waiting.checkpoint_due = [&](int i) {
+        while (i == 20 && !hooks.given_up()) std::this_thread::yield();
+        return hooks.checkpoint_due(i);
+      };
+      return run(std::move(request), waiting);
+    };
+    Service service(options(std::move(engine)));
+    running = service.submit(service.spec_for("the first")).name();
+    waiting = service.submit(service.spec_for("the second")).name();
+    history.push_back({0, service.watch(running, 0, 15)});
+    EXPECT_TRUE(service.server->stop(std::chrono::seconds(20)));
+    EXPECT_EQ(begun, 20);
+  }
+  begun = 0;
+  const Service service(options(echo_engine(40, [&](int) { ++begun; })));
+  const std::int64_t last = history.back().events.back().sequence();
+  history.push_back({last, service.watch(running, last)});
+  const v1::Job first = service.wait_for(running), second = service.wait_for(waiting);
+  EXPECT_EQ(first.state(), v1::JOB_STATE_SUCCEEDED);
+  EXPECT_EQ(first.attempt(), 2);
+  EXPECT_EQ(first.metrics().iterations(), 40);
+  EXPECT_EQ(service.download(first.results(0).digest()), "the first");
+  EXPECT_EQ(second.state(), v1::JOB_STATE_SUCCEEDED);
+  EXPECT_EQ(second.attempt(), 1);
+  EXPECT_EQ(begun, 20 + 40) << "the first went on from the checkpoint that it made when the server stopped";
+  EXPECT_EQ(broken_order(history), "");
+  EXPECT_EQ(broken_uniqueness(history), "");
+  EXPECT_EQ(broken_resumption(history), "");
+  EXPECT_EQ(broken_reliability(history, service.watch(running)), "");
+}
+
+TEST_F(Restart, KnowsARequestThatWasMadeBefore) {
+  std::string name;
+  v1::JobSpec spec;
+  {
+    const Service service(options(echo_engine()));
+    spec = service.spec_for("a mesh");
+    v1::Job job;
+    ASSERT_TRUE(service.submit("id", spec, &job).ok());
+    name = job.name();
+    service.wait_for(name);
+  }
+  const Service service(options(echo_engine()));
+  v1::Job job;
+  ASSERT_TRUE(service.submit("id", spec, &job).ok());
+  EXPECT_EQ(job.name(), name);
+  EXPECT_EQ(job.state(), v1::JOB_STATE_SUCCEEDED);
+}
+
+TEST_F(Restart, LeavesNothingOfAJobThatIsDeleted) {
+  std::string name;
+  {
+    const Service service(options(echo_engine()));
+    name = service.wait_for(service.submit(service.spec_for("a mesh")).name()).name();
+  }
+  const Service service(options(echo_engine()));
+  grpc::ClientContext context;
+  v1::DeleteJobRequest request;
+  request.set_name(name);
+  v1::DeleteJobResponse response;
+  ASSERT_TRUE(service.jobs->DeleteJob(&context, request, &response).ok());
+  EXPECT_TRUE(std::filesystem::is_empty(state_ / "meshes"));
+}
+
+TEST_F(Restart, LetsOneServerHaveTheDirectory) {
+  const Service first(options(echo_engine()));
+  const auto second = Server::start(options(echo_engine()));
+  ASSERT_FALSE(second);
+  EXPECT_NE(second.error().sentence.find("another varimeshd"), std::string::npos) << second.error().sentence;
+}
+
+}  // namespace
+}  // namespace varimesh::server::testing
