@@ -14,11 +14,21 @@
 #include <hwy/highway.h>
 
 #include <cmath>
+#include <type_traits>
+#include <utility>
 
 HWY_BEFORE_NAMESPACE();
 namespace varimesh {
 namespace HWY_NAMESPACE {
 namespace hn = hwy::HWY_NAMESPACE;
+
+/// Calls body(0), …, body(n − 1) with constants, so that arrays indexed by them live in registers: GCC does not take
+/// arrays apart that loops run over, however short.
+template <int n, class Body>
+HWY_INLINE void unrolled(const Body& body) {
+  [&]<int... i>(std::integer_sequence<int, i...>) __attribute__((always_inline)) { (body(std::integral_constant<int, i>()), ...); }
+  (std::make_integer_sequence<int, n>());
+}
 
 // A plain double.
 HWY_INLINE double logarithm(double x) { return std::log(x); }

@@ -32,47 +32,52 @@ struct FloatMatrix {
   Floats at[d][d];
 
   HWY_INLINE void load_from(const float* entries) {
-    for (int i = 0; i < d; ++i)
-      for (int j = 0; j < d; ++j) at[i][j] = load(entries + (i * d + j) * kBatch);
+    unrolled<d>([&](auto i) { unrolled<d>([&](auto j) { at[i][j] = load(entries + (i * d + j) * kBatch); }); });
   }
   /// this · B, or this · Bᵀ
   template <bool transposed>
   HWY_INLINE FloatMatrix times(const FloatMatrix& B) const {
     FloatMatrix out;
-    for (int i = 0; i < d; ++i)
-      for (int j = 0; j < d; ++j) {
+    unrolled<d>([&](auto i) {
+      unrolled<d>([&](auto j) {
         Floats sum = at[i][0] * (transposed ? B.at[j][0] : B.at[0][j]);
-        for (int k = 1; k < d; ++k) sum = hn::MulAdd(at[i][k], transposed ? B.at[j][k] : B.at[k][j], sum);
+        unrolled<d>([&](auto k) {
+          if (k > 0) sum = hn::MulAdd(at[i][k], transposed ? B.at[j][k] : B.at[k][j], sum);
+        });
         out.at[i][j] = sum;
-      }
+      });
+    });
     return out;
   }
   /// thisᵀ · B
   HWY_INLINE FloatMatrix transposed_times(const FloatMatrix& B) const {
     FloatMatrix out;
-    for (int i = 0; i < d; ++i)
-      for (int j = 0; j < d; ++j) {
+    unrolled<d>([&](auto i) {
+      unrolled<d>([&](auto j) {
         Floats sum = at[0][i] * B.at[0][j];
-        for (int k = 1; k < d; ++k) sum = hn::MulAdd(at[k][i], B.at[k][j], sum);
+        unrolled<d>([&](auto k) {
+          if (k > 0) sum = hn::MulAdd(at[k][i], B.at[k][j], sum);
+        });
         out.at[i][j] = sum;
-      }
+      });
+    });
     return out;
   }
   HWY_INLINE Floats inner(const FloatMatrix& B) const {
     Floats sum = at[0][0] * B.at[0][0];
-    for (int i = 0; i < d; ++i)
-      for (int j = 0; j < d; ++j)
+    unrolled<d>([&](auto i) {
+      unrolled<d>([&](auto j) {
         if (i + j > 0) sum = hn::MulAdd(at[i][j], B.at[i][j], sum);
+      });
+    });
     return sum;
   }
   /// this += s B
   HWY_INLINE void add(Floats s, const FloatMatrix& B) {
-    for (int i = 0; i < d; ++i)
-      for (int j = 0; j < d; ++j) at[i][j] = hn::MulAdd(s, B.at[i][j], at[i][j]);
+    unrolled<d>([&](auto i) { unrolled<d>([&](auto j) { at[i][j] = hn::MulAdd(s, B.at[i][j], at[i][j]); }); });
   }
   HWY_INLINE void scale(Floats s) {
-    for (auto& row : at)
-      for (Floats& entry : row) entry = entry * s;
+    unrolled<d * d>([&](auto i) { at[i / d][i % d] = at[i / d][i % d] * s; });
   }
 };
 
@@ -87,14 +92,14 @@ HWY_INLINE FloatMatrix<d> cofactor_change(const FloatMatrix<d>& F, const FloatMa
     out.at[1][0] = none - dF.at[0][1];
     out.at[1][1] = dF.at[0][0];
   } else {
-    for (int i = 0; i < 3; ++i) {
+    unrolled<3>([&](auto i) {
       const Floats *a = F.at[(i + 1) % 3], *b = F.at[(i + 2) % 3];
       const Floats *da = dF.at[(i + 1) % 3], *db = dF.at[(i + 2) % 3];
-      for (int j = 0; j < 3; ++j) {
+      unrolled<3>([&](auto j) {
         const int j1 = (j + 1) % 3, j2 = (j + 2) % 3;
         out.at[i][j] = hn::MulSub(da[j1], b[j2], da[j2] * b[j1]) + hn::MulSub(a[j1], db[j2], a[j2] * db[j1]);
-      }
-    }
+      });
+    });
   }
   return out;
 }
@@ -133,8 +138,8 @@ class VectorHessian final : public HessianKernels {
       const double* deformation = cells.deformation_of(cell);
       for (int q = 0; q < cells.points; ++q) {
         Matrix<double, d> F;
-        for (int i = 0; i < d; ++i)
-          for (int j = 0; j < d; ++j) F[i][j] = deformation[(i * d + j) * cells.stride + q];
+        unrolled<d>(
+            [&](auto i) { unrolled<d>([&](auto j) { F[i][j] = deformation[(i * d + j) * cells.stride + q]; }); });
         const double volume = !real          ? 0.0
                               : cells.affine ? cells.weights[q] * cells.measure_of(cell)[0]
                                              : cells.measure_of(cell)[q];
@@ -184,7 +189,7 @@ class VectorHessian final : public HessianKernels {
     for (int n = 0; n < nodes; ++n)
       for (int lane = 0; lane < kBatch; ++lane) {
         const float* from = direction + static_cast<std::size_t>(ranks[n * kBatch + lane]) * d;
-        for (int i = 0; i < d; ++i) u[(n * d + i) * kBatch + lane] = from[i];
+        unrolled<d>([&](auto i) { u[(n * d + i) * kBatch + lane] = from[i]; });
       }
   }
 
@@ -199,12 +204,14 @@ class VectorHessian final : public HessianKernels {
       for (int n = 0; n < block.cells->nodes_per_cell; ++n) {
         float* at = vectors + n * d * kBatch + lane;
         Floats x[d];
-        for (int i = 0; i < d; ++i) x[i] = load(at + i * kBatch);
-        for (int i = 0; i < d; ++i) {
+        unrolled<d>([&](auto i) { x[i] = load(at + i * kBatch); });
+        unrolled<d>([&](auto i) {
           Floats sum = L.at[i][0] * x[0];
-          for (int k = 1; k < d; ++k) sum = hn::MulAdd(L.at[i][k], x[k], sum);
+          unrolled<d>([&](auto k) {
+            if (k > 0) sum = hn::MulAdd(L.at[i][k], x[k], sum);
+          });
           hn::Store(sum, FloatTag(), at + i * kBatch);
-        }
+        });
       }
     }
   }
@@ -218,29 +225,26 @@ class VectorHessian final : public HessianKernels {
   }
 
   template <int tile>
-  static HWY_INLINE void forward_tile(const BatchBlock& block, int q, const float* u, float* slopes) {
+  static HWY_FLATTEN void forward_tile(const BatchBlock& block, int q, const float* u, float* slopes) {
     const int nodes = block.cells->nodes_per_cell;
     const float* table = block.forward.data() + static_cast<std::size_t>(q) * nodes * d;
-    Floats sum[tile][d][d];
-    for (auto& point : sum)
-      for (auto& row : point)
-        for (Floats& entry : row) entry = hn::Zero(FloatTag());
+    Floats sum[tile * d * d];
+    unrolled<tile * d * d>([&](auto entry) { sum[entry] = hn::Zero(FloatTag()); });
     for (int n = 0; n < nodes; ++n) {
       Floats x[d];
-      for (int i = 0; i < d; ++i) x[i] = load(u + (n * d + i) * kBatch);
-      for (int p = 0; p < tile; ++p)
-        for (int k = 0; k < d; ++k) {
-          const Floats slope = every(table[(p * nodes + n) * d + k]);
-          for (int i = 0; i < d; ++i) sum[p][i][k] = hn::MulAdd(x[i], slope, sum[p][i][k]);
-        }
+      unrolled<d>([&](auto i) { x[i] = load(u + (n * d + i) * kBatch); });
+      unrolled<tile * d>([&](auto pk) {
+        constexpr int p = pk / d, k = pk % d;
+        const Floats slope = every(table[(p * nodes + n) * d + k]);
+        unrolled<d>([&](auto i) { sum[(p * d + i) * d + k] = hn::MulAdd(x[i], slope, sum[(p * d + i) * d + k]); });
+      });
     }
-    for (int p = 0; p < tile; ++p)
-      for (int i = 0; i < d; ++i)
-        for (int k = 0; k < d; ++k) hn::Store(sum[p][i][k], FloatTag(), slopes + (((q + p) * d + i) * d + k) * kBatch);
+    unrolled<tile * d * d>(
+        [&](auto entry) { hn::Store(sum[entry], FloatTag(), slopes + (q * d * d + entry) * kBatch); });
   }
 
   /// dG becomes w dP A⁻ᵀ.
-  HWY_INLINE void at_points(const BatchBlock& block, std::int32_t b, int lane, float* slopes) const {
+  HWY_FLATTEN void at_points(const BatchBlock& block, std::int32_t b, int lane, float* slopes) const {
     const CellBlock& cells = *block.cells;
     const float* kept = block.linearisation.data() + b * block.linearisation_size() + lane;
     const int per_cell = cells.affine ? 1 : cells.points;
@@ -255,8 +259,9 @@ class VectorHessian final : public HessianKernels {
       const FloatMatrix<d> out =
           stress_change(kept + static_cast<std::size_t>(q) * kEntries * kBatch, dG.template times<false>(inverse))
               .template times<true>(inverse);
-      for (int i = 0; i < d; ++i)
-        for (int k = 0; k < d; ++k) hn::Store(out.at[i][k], FloatTag(), slope + (i * d + k) * kBatch);
+      unrolled<d>([&](auto i) {
+        unrolled<d>([&](auto k) { hn::Store(out.at[i][k], FloatTag(), slope + (i * d + k) * kBatch); });
+      });
     }
   }
 
@@ -293,8 +298,7 @@ class VectorHessian final : public HessianKernels {
       FloatMatrix<d> change = B.template times<false>(dF);
       change.add(every(1.0F), dB.template times<false>(F));
       FloatMatrix<d> dBt;
-      for (int i = 0; i < d; ++i)
-        for (int j = 0; j < d; ++j) dBt.at[i][j] = dB.at[j][i];
+      unrolled<d>([&](auto i) { unrolled<d>([&](auto j) { dBt.at[i][j] = dB.at[j][i]; }); });
       change.add(every(1.0F), dBt.template times<false>(F));
       change.scale(every(-1.0F));
       change.add(square, dF);
@@ -315,11 +319,10 @@ class VectorHessian final : public HessianKernels {
   HWY_INLINE void add_green_lagrange(Floats w, const FloatMatrix<d>& F, const FloatMatrix<d>& dF,
                                      FloatMatrix<d>& dP) const {
     FloatMatrix<d> twice_E = F.transposed_times(F);
-    for (int i = 0; i < d; ++i) twice_E.at[i][i] = twice_E.at[i][i] - every(1.0F);
+    unrolled<d>([&](auto i) { twice_E.at[i][i] = twice_E.at[i][i] - every(1.0F); });
     const FloatMatrix<d> half = F.transposed_times(dF);
     FloatMatrix<d> twice_dE;
-    for (int i = 0; i < d; ++i)
-      for (int j = 0; j < d; ++j) twice_dE.at[i][j] = half.at[i][j] + half.at[j][i];
+    unrolled<d>([&](auto i) { unrolled<d>([&](auto j) { twice_dE.at[i][j] = half.at[i][j] + half.at[j][i]; }); });
     const Floats w_mu = w * every(static_cast<float>(mu()));
     dP.add(w_mu, dF.template times<false>(twice_E));
     dP.add(w_mu, F.template times<false>(twice_dE));
@@ -329,13 +332,13 @@ class VectorHessian final : public HessianKernels {
   HWY_INLINE void add_small_strain(Floats w, const FloatMatrix<d>& dF, FloatMatrix<d>& dP) const {
     const Floats w_mu = w * every(static_cast<float>(mu()));
     Floats trace = hn::Zero(FloatTag());
-    for (int i = 0; i < d; ++i) {
+    unrolled<d>([&](auto i) {
       trace = trace + dF.at[i][i];
-      for (int j = 0; j < d; ++j) dP.at[i][j] = hn::MulAdd(w_mu, dF.at[i][j] + dF.at[j][i], dP.at[i][j]);
-    }
+      unrolled<d>([&](auto j) { dP.at[i][j] = hn::MulAdd(w_mu, dF.at[i][j] + dF.at[j][i], dP.at[i][j]); });
+    });
     if constexpr (E::kTraceOfStrain) {
       const Floats pressure = w * every(static_cast<float>(energy_.lambda)) * trace;
-      for (int i = 0; i < d; ++i) dP.at[i][i] = dP.at[i][i] + pressure;
+      unrolled<d>([&](auto i) { dP.at[i][i] = dP.at[i][i] + pressure; });
     }
   }
 
@@ -345,25 +348,26 @@ class VectorHessian final : public HessianKernels {
   }
 
   /// result[(n d + i) kBatch] = Σ over points and k of slopes_ik ∂φ_n/∂ξ_k.
-  static HWY_INLINE void backward(const BatchBlock& block, const float* slopes, float* result) {
+  static HWY_FLATTEN void backward(const BatchBlock& block, const float* slopes, float* result) {
     const int nodes = block.cells->nodes_per_cell, points = block.cells->points;
     for (int first = 0; first < nodes; first += kNodeTile) {
-      Floats sum[kNodeTile][d];
-      for (auto& node : sum)
-        for (Floats& entry : node) entry = hn::Zero(FloatTag());
+      Floats sum[kNodeTile * d];
+      unrolled<kNodeTile * d>([&](auto entry) { sum[entry] = hn::Zero(FloatTag()); });
       for (int q = 0; q < points; ++q)
-        for (int k = 0; k < d; ++k) {
+        unrolled<d>([&](auto k) {
           const float* table =
               block.backward.data() + (static_cast<std::size_t>(q) * d + k) * block.padded_nodes + first;
           Floats stress[d];
-          for (int i = 0; i < d; ++i) stress[i] = load(slopes + ((q * d + i) * d + k) * kBatch);
-          for (int n = 0; n < kNodeTile; ++n) {
+          unrolled<d>([&](auto i) { stress[i] = load(slopes + ((q * d + i) * d + k) * kBatch); });
+          unrolled<kNodeTile>([&](auto n) {
             const Floats slope = every(table[n]);
-            for (int i = 0; i < d; ++i) sum[n][i] = hn::MulAdd(stress[i], slope, sum[n][i]);
-          }
-        }
-      for (int n = 0; n < kNodeTile && first + n < nodes; ++n)
-        for (int i = 0; i < d; ++i) hn::Store(sum[n][i], FloatTag(), result + ((first + n) * d + i) * kBatch);
+            unrolled<d>([&](auto i) { sum[n * d + i] = hn::MulAdd(stress[i], slope, sum[n * d + i]); });
+          });
+        });
+      unrolled<kNodeTile>([&](auto n) {
+        if (first + n < nodes)
+          unrolled<d>([&](auto i) { hn::Store(sum[n * d + i], FloatTag(), result + ((first + n) * d + i) * kBatch); });
+      });
     }
   }
 

@@ -38,15 +38,13 @@ struct Gradient {
   Lanes F[d][d];
 
   HWY_INLINE void load_from(const double* array, int stride, int q) {
-    for (int i = 0; i < d; ++i)
-      for (int j = 0; j < d; ++j) F[i][j] = load(array + (i * d + j) * stride + q);
+    unrolled<d>([&](auto i) { unrolled<d>([&](auto j) { F[i][j] = load(array + (i * d + j) * stride + q); }); });
   }
 
   /// |F|²
   HWY_INLINE Lanes square() const {
     Lanes sum = zero();
-    for (int i = 0; i < d; ++i)
-      for (int j = 0; j < d; ++j) sum = hn::MulAdd(F[i][j], F[i][j], sum);
+    unrolled<d>([&](auto i) { unrolled<d>([&](auto j) { sum = hn::MulAdd(F[i][j], F[i][j], sum); }); });
     return sum;
   }
 
@@ -58,10 +56,10 @@ struct Gradient {
     } else {
       const Lanes* a = F[(i + 1) % 3];
       const Lanes* b = F[(i + 2) % 3];
-      for (int j = 0; j < 3; ++j) {
+      unrolled<3>([&](auto j) {
         const int j1 = (j + 1) % 3, j2 = (j + 2) % 3;
         C[j] = hn::MulSub(a[j1], b[j2], a[j2] * b[j1]);
-      }
+      });
     }
   }
 
@@ -69,46 +67,56 @@ struct Gradient {
     Lanes C[d];
     cofactor_row(0, C);
     Lanes J = F[0][0] * C[0];
-    for (int j = 1; j < d; ++j) J = hn::MulAdd(F[0][j], C[j], J);
+    unrolled<d>([&](auto j) {
+      if (j > 0) J = hn::MulAdd(F[0][j], C[j], J);
+    });
     return J;
   }
 
   /// F v
   HWY_INLINE void times(const Lanes* v, Lanes* out) const {
-    for (int i = 0; i < d; ++i) {
+    unrolled<d>([&](auto i) {
       out[i] = F[i][0] * v[0];
-      for (int j = 1; j < d; ++j) out[i] = hn::MulAdd(F[i][j], v[j], out[i]);
-    }
+      unrolled<d>([&](auto j) {
+        if (j > 0) out[i] = hn::MulAdd(F[i][j], v[j], out[i]);
+      });
+    });
   }
 
   /// F Fᵀ, lower triangle by rows.
   HWY_INLINE void left_product(Lanes* B) const {
-    for (int i = 0, entry = 0; i < d; ++i)
-      for (int j = 0; j <= i; ++j, ++entry) {
+    unrolled<d>([&](auto i) {
+      unrolled<i + 1>([&](auto j) {
+        const int entry = i * (i + 1) / 2 + j;
         B[entry] = F[i][0] * F[j][0];
-        for (int k = 1; k < d; ++k) B[entry] = hn::MulAdd(F[i][k], F[j][k], B[entry]);
-      }
+        unrolled<d>([&](auto k) {
+          if (k > 0) B[entry] = hn::MulAdd(F[i][k], F[j][k], B[entry]);
+        });
+      });
+    });
   }
 };
 
 template <int d>
 HWY_INLINE Lanes inner(const Lanes* a, const Lanes* b) {
   Lanes sum = a[0] * b[0];
-  for (int i = 1; i < d; ++i) sum = hn::MulAdd(a[i], b[i], sum);
+  unrolled<d>([&](auto i) {
+    if (i > 0) sum = hn::MulAdd(a[i], b[i], sum);
+  });
   return sum;
 }
 
 /// g = A⁻ᵀ ∇_ξ φ at points q…
 template <int d, bool affine>
 HWY_INLINE void node_gradient(const PatchCell& cell, int q, Lanes* g) {
-  for (int k = 0; k < d; ++k) {
+  unrolled<d>([&](auto k) {
     g[k] = zero();
-    for (int m = 0; m < d; ++m) {
+    unrolled<d>([&](auto m) {
       const Lanes entry = affine ? hn::Set(Tag(), cell.inverse_target[m * d + k])
                                  : load(cell.inverse_target + (m * d + k) * cell.stride + q);
       g[k] = hn::MulAdd(load(cell.derivatives + m * cell.stride + q), entry, g[k]);
-    }
-  }
+    });
+  });
 }
 
 template <bool affine>
@@ -122,8 +130,8 @@ template <int d>
 struct Sums {
   Lanes energy, measure, gradient[d], hessian[d * (d + 1) / 2];
   HWY_INLINE Sums() : energy(zero()), measure(zero()) {
-    for (Lanes& v : gradient) v = zero();
-    for (Lanes& v : hessian) v = zero();
+    unrolled<d>([&](auto i) { gradient[i] = zero(); });
+    unrolled<d*(d + 1) / 2>([&](auto i) { hessian[i] = zero(); });
   }
 };
 
@@ -136,22 +144,22 @@ class VectorKernels final : public Kernels {
  public:
   explicit VectorKernels(const E& energy) : energy_(energy) {}
 
-  PatchExpansion expand(std::span<const PatchCell> patch) const override {
+  HWY_FLATTEN PatchExpansion expand(std::span<const PatchCell> patch) const override {
     if (has_left_factors(patch)) return expand_through_left_factors(*this, d, patch);
     Sums<d> sums;
     for (const PatchCell& cell : patch) cell.affine ? expand_cell<true>(cell, sums) : expand_cell<false>(cell, sums);
     PatchExpansion out;
     out.energy = sum_of(sums.energy);
     out.measure = sum_of(sums.measure);
-    for (int i = 0; i < d; ++i) out.gradient[i] = sum_of(sums.gradient[i]);
-    for (int i = 0; i < kEntries; ++i) out.hessian[i] = sum_of(sums.hessian[i]);
+    unrolled<d>([&](auto i) { out.gradient[i] = sum_of(sums.gradient[i]); });
+    unrolled<kEntries>([&](auto i) { out.hessian[i] = sum_of(sums.hessian[i]); });
     return out;
   }
 
-  double energy_after(std::span<const PatchCell> patch, const double* step) const override {
+  HWY_FLATTEN double energy_after(std::span<const PatchCell> patch, const double* step) const override {
     if (has_left_factors(patch)) return energy_through_left_factors(*this, d, patch, step);
     Lanes a[d];
-    for (int i = 0; i < d; ++i) a[i] = hn::Set(Tag(), step[i]);
+    unrolled<d>([&](auto i) { a[i] = hn::Set(Tag(), step[i]); });
     Lanes sum = zero();
     for (const PatchCell& cell : patch) {
       const bool allowed = cell.affine ? add_energy_after<true>(cell, a, sum) : add_energy_after<false>(cell, a, sum);
@@ -161,19 +169,20 @@ class VectorKernels final : public Kernels {
     return energy < kHuge ? energy : std::numeric_limits<double>::infinity();
   }
 
-  void move(std::span<const PatchCell> patch, const double* step) const override {
+  HWY_FLATTEN void move(std::span<const PatchCell> patch, const double* step) const override {
     if (has_left_factors(patch)) return move_through_left_factors(*this, d, patch, step);
     Lanes a[d];
-    for (int i = 0; i < d; ++i) a[i] = hn::Set(Tag(), step[i]);
+    unrolled<d>([&](auto i) { a[i] = hn::Set(Tag(), step[i]); });
     for (const PatchCell& cell : patch) {
       for (int q = 0; q < cell.stride; q += static_cast<int>(hn::Lanes(Tag()))) {
         Lanes g[d];
         cell.affine ? node_gradient<d, true>(cell, q, g) : node_gradient<d, false>(cell, q, g);
-        for (int i = 0; i < d; ++i)
-          for (int j = 0; j < d; ++j) {
+        unrolled<d>([&](auto i) {
+          unrolled<d>([&](auto j) {
             double* at = cell.deformation + (i * d + j) * cell.stride + q;
             hn::Store(hn::MulAdd(a[i], g[j], load(at)), Tag(), at);
-          }
+          });
+        });
       }
     }
   }
@@ -189,37 +198,37 @@ class VectorKernels final : public Kernels {
     return min_of(smallest);
   }
 
-  void rebuild(CellBlock& block, std::int32_t cell, std::span<const double> positions) const override {
+  HWY_FLATTEN void rebuild(CellBlock& block, std::int32_t cell, std::span<const double> positions) const override {
     const std::int32_t* nodes = block.nodes.data() + static_cast<std::size_t>(cell) * block.nodes_per_cell;
     double* F = block.deformation_of(cell);
     const double *inverse = block.inverse_target_of(cell), *factor = block.left_factor_of(cell);
     for (int q = 0; q < block.stride; q += static_cast<int>(hn::Lanes(Tag()))) {
       Lanes G[d][d];  // L ∇_ξ χ_M
-      for (auto& row : G)
-        for (Lanes& entry : row) entry = zero();
+      unrolled<d * d>([&](auto i) { G[i / d][i % d] = zero(); });
       for (int n = 0; n < block.nodes_per_cell; ++n) {
         double x[d];
         times_left_factor(factor, d, positions.data() + static_cast<std::size_t>(nodes[n]) * d, x);
         const double* table = block.derivatives_of(n) + q;
-        for (int k = 0; k < d; ++k) {
+        unrolled<d>([&](auto k) {
           const Lanes slope = load(table + k * block.stride);
-          for (int i = 0; i < d; ++i) G[i][k] = hn::MulAdd(hn::Set(Tag(), x[i]), slope, G[i][k]);
-        }
+          unrolled<d>([&](auto i) { G[i][k] = hn::MulAdd(hn::Set(Tag(), x[i]), slope, G[i][k]); });
+        });
       }
-      for (int i = 0; i < d; ++i)
-        for (int j = 0; j < d; ++j) {
+      unrolled<d>([&](auto i) {
+        unrolled<d>([&](auto j) {
           Lanes entry = zero();
-          for (int k = 0; k < d; ++k) {
+          unrolled<d>([&](auto k) {
             const Lanes a =
                 block.affine ? hn::Set(Tag(), inverse[k * d + j]) : load(inverse + (k * d + j) * block.stride + q);
             entry = hn::MulAdd(G[i][k], a, entry);
-          }
+          });
           hn::Store(entry, Tag(), F + (i * d + j) * block.stride + q);
-        }
+        });
+      });
     }
   }
 
-  CellScan scan(const CellBlock& block, std::int32_t cell) const override {
+  HWY_FLATTEN CellScan scan(const CellBlock& block, std::int32_t cell) const override {
     const Lanes delta_squared = hn::Set(Tag(), block.delta_squared[cell]);
     Lanes energy = zero(), smallest = hn::Set(Tag(), std::numeric_limits<double>::infinity());
     Lanes low = smallest, high = zero() - smallest;
@@ -253,11 +262,11 @@ class VectorKernels final : public Kernels {
     Lanes Q = at.square();
     if constexpr (E::kQuadratic == Quadratic::Cofactor) {
       Q = zero();
-      for (int i = 0; i < d; ++i) {
+      unrolled<d>([&](auto i) {
         Lanes C[d];
         at.cofactor_row(i, C);
-        for (int k = 0; k < d; ++k) Q = hn::MulAdd(C[k], C[k], Q);
-      }
+        unrolled<d>([&](auto k) { Q = hn::MulAdd(C[k], C[k], Q); });
+      });
     }
     Lanes W = energy_.value(Q, j);
     if constexpr (E::kStrain != StrainTerm::None) W = W + strain_value(at);
@@ -271,22 +280,24 @@ class VectorKernels final : public Kernels {
     if constexpr (E::kStrain == StrainTerm::GreenLagrange) {
       Lanes B[kEntries];
       at.left_product(B);
-      for (int i = 0, entry = 0; i < d; ++i)
-        for (int j = 0; j <= i; ++j, ++entry) {
+      unrolled<d>([&](auto i) {
+        unrolled<i + 1>([&](auto j) {
+          const int entry = i * (i + 1) / 2 + j;
           const Lanes e = i == j ? B[entry] - one : B[entry];
           sum = hn::MulAdd(i == j ? e : e + e, e, sum);
-        }
+        });
+      });
       return hn::Set(Tag(), 0.25 * energy_.mu) * sum;
     }
-    for (int i = 0; i < d; ++i) {
+    unrolled<d>([&](auto i) {
       const Lanes e = at.F[i][i] - one;
       trace = trace + e;
       sum = hn::MulAdd(e, e, sum);
-      for (int j = 0; j < i; ++j) {
+      unrolled<i>([&](auto j) {
         const Lanes shear = at.F[i][j] + at.F[j][i];
         sum = hn::MulAdd(hn::Set(Tag(), 0.5) * shear, shear, sum);
-      }
-    }
+      });
+    });
     Lanes W = hn::Set(Tag(), energy_strain_mu()) * sum;
     if constexpr (E::kTraceOfStrain) W = hn::MulAdd(hn::Set(Tag(), 0.5 * energy_.lambda) * trace, trace, W);
     return W;
@@ -308,8 +319,7 @@ class VectorKernels final : public Kernels {
       node_gradient<d, affine>(cell, q, g);
       Gradient<d> at;
       at.load_from(cell.deformation, cell.stride, q);
-      for (int i = 0; i < d; ++i)
-        for (int j = 0; j < d; ++j) at.F[i][j] = hn::MulAdd(a[i], g[j], at.F[i][j]);
+      unrolled<d>([&](auto i) { unrolled<d>([&](auto j) { at.F[i][j] = hn::MulAdd(a[i], g[j], at.F[i][j]); }); });
       const Lanes J = at.determinant();
       if (!hn::AllTrue(Tag(), hn::And(hn::Gt(J, lowest), hn::Lt(J, huge)))) return false;
       sum = hn::MulAdd(weight<affine>(cell, q), value(at, J, delta_squared), sum);
@@ -327,13 +337,13 @@ class VectorKernels final : public Kernels {
       at.load_from(cell.deformation, cell.stride, q);
       at.times(g, y);
       Lanes J = zero(), cofactor_square = zero();
-      for (int i = 0; i < d; ++i) {
+      unrolled<d>([&](auto i) {
         Lanes C[d];
         at.cofactor_row(i, C);
         c[i] = inner<d>(C, g);
         if (i == 0) J = inner<d>(C, at.F[0]);
         if constexpr (E::kQuadratic == Quadratic::Cofactor) cofactor_square = cofactor_square + inner<d>(C, C);
-      }
+      });
       const Lanes w = weight<affine>(cell, q);
       const Lanes square = at.square(), gg = inner<d>(g, g);
       add_invariants(at, regularised(J, delta_squared), square, cofactor_square, w, gg, y, c, sums);
@@ -352,22 +362,23 @@ class VectorKernels final : public Kernels {
     const Lanes two = hn::Set(Tag(), 2.0);
     const Lanes w_Q = w * p.f_Q, w_J = w * p.f_J, w_JJ = w * p.f_JJ;
     Lanes k[d], B[kEntries];  // k: gradient of Q in the node's displacement
-    for (int i = 0; i < d; ++i) k[i] = two * y[i];
+    unrolled<d>([&](auto i) { k[i] = two * y[i]; });
     if constexpr (cofactor) {
       at.left_product(B);
-      for (int i = 0; i < d; ++i) {
+      unrolled<d>([&](auto i) {
         Lanes By = zero();
-        for (int m = 0; m < d; ++m) By = hn::MulAdd(B[i >= m ? i * (i + 1) / 2 + m : m * (m + 1) / 2 + i], y[m], By);
+        unrolled<d>([&](auto m) { By = hn::MulAdd(B[i >= m ? i * (i + 1) / 2 + m : m * (m + 1) / 2 + i], y[m], By); });
         k[i] = two * hn::MulSub(square, y[i], By);
-      }
+      });
     }
     sums.energy = hn::MulAdd(w, p.f, sums.energy);
     const Lanes yy = cofactor ? inner<d>(y, y) : zero();
-    for (int i = 0, entry = 0; i < d; ++i) {
+    unrolled<d>([&](auto i) {
       sums.gradient[i] = hn::MulAdd(w_Q, k[i], hn::MulAdd(w_J, c[i], sums.gradient[i]));
       Lanes row = w_JJ * c[i];
       if constexpr (E::kMixed) row = hn::MulAdd(w * p.f_QJ, k[i], row);
-      for (int m = 0; m <= i; ++m, ++entry) {
+      unrolled<i + 1>([&](auto m) {
+        const int entry = i * (i + 1) / 2 + m;
         Lanes h = hn::MulAdd(row, c[m], sums.hessian[entry]);
         if constexpr (E::kMixed) h = hn::MulAdd(w * p.f_QJ * c[i], k[m], h);
         if constexpr (E::kCurved) h = hn::MulAdd(w * p.f_QQ * k[i], k[m], h);
@@ -379,8 +390,8 @@ class VectorKernels final : public Kernels {
           h = hn::MulAdd(two * w_Q, gg, h);
         }
         sums.hessian[entry] = h;
-      }
-    }
+      });
+    });
   }
 
   /// μ E:E with E = (FᵀF − 1)/2: gradient 2μ F E g, Hessian μ (|g|² F Fᵀ + y yᵀ) + 2μ (g·E g) 1,
@@ -392,16 +403,17 @@ class VectorKernels final : public Kernels {
     at.left_product(B);
     const Lanes shift = inner<d>(y, y) - gg;
     sums.energy = hn::MulAdd(w, strain_value(at), sums.energy);
-    for (int i = 0, entry = 0; i < d; ++i) {
+    unrolled<d>([&](auto i) {
       Lanes By = zero() - y[i];
-      for (int m = 0; m < d; ++m) By = hn::MulAdd(B[i >= m ? i * (i + 1) / 2 + m : m * (m + 1) / 2 + i], y[m], By);
+      unrolled<d>([&](auto m) { By = hn::MulAdd(B[i >= m ? i * (i + 1) / 2 + m : m * (m + 1) / 2 + i], y[m], By); });
       sums.gradient[i] = hn::MulAdd(w_mu, By, sums.gradient[i]);
-      for (int m = 0; m <= i; ++m, ++entry) {
+      unrolled<i + 1>([&](auto m) {
+        const int entry = i * (i + 1) / 2 + m;
         Lanes h = hn::MulAdd(gg, B[entry], y[i] * y[m]);
         if (i == m) h = h + shift;
         sums.hessian[entry] = hn::MulAdd(w_mu, h, sums.hessian[entry]);
-      }
-    }
+      });
+    });
   }
 
   /// μ E:E with E = sym F − 1: gradient 2μ E g, Hessian μ (|g|² 1 + g gᵀ); λ/2 (tr E)²: λ tr E g and λ g gᵀ.
@@ -410,20 +422,21 @@ class VectorKernels final : public Kernels {
     Lanes trace = zero(), w_lambda = zero();
     if constexpr (E::kTraceOfStrain) {
       trace = hn::Set(Tag(), -double(d));
-      for (int i = 0; i < d; ++i) trace = trace + at.F[i][i];
+      unrolled<d>([&](auto i) { trace = trace + at.F[i][i]; });
       w_lambda = w * hn::Set(Tag(), energy_.lambda);
     }
     sums.energy = hn::MulAdd(w, strain_value(at), sums.energy);
-    for (int i = 0, entry = 0; i < d; ++i) {
+    unrolled<d>([&](auto i) {
       Lanes Eg = zero() - (g[i] + g[i]);  // 2 E g
-      for (int m = 0; m < d; ++m) Eg = hn::MulAdd(at.F[i][m] + at.F[m][i], g[m], Eg);
+      unrolled<d>([&](auto m) { Eg = hn::MulAdd(at.F[i][m] + at.F[m][i], g[m], Eg); });
       sums.gradient[i] = hn::MulAdd(w_mu, Eg, hn::MulAdd(w_lambda * trace, g[i], sums.gradient[i]));
-      for (int m = 0; m <= i; ++m, ++entry) {
+      unrolled<i + 1>([&](auto m) {
+        const int entry = i * (i + 1) / 2 + m;
         Lanes h = hn::MulAdd((w_mu + w_lambda) * g[i], g[m], sums.hessian[entry]);
         if (i == m) h = hn::MulAdd(w_mu, gg, h);
         sums.hessian[entry] = h;
-      }
-    }
+      });
+    });
   }
 
   E energy_;
