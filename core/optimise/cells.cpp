@@ -1,7 +1,9 @@
 #include "core/optimise/cells.h"
 
+#include <algorithm>
 #include <cassert>
 
+#include "core/optimise/clusters.h"
 #include "core/reference/basis.h"
 #include "core/reference/quadrature.h"
 
@@ -9,6 +11,9 @@ namespace varimesh {
 namespace {
 
 using reference::NodeSet;
+
+constexpr std::size_t kClusterBytes = 256 << 10;
+constexpr std::size_t kFewestClusters = 64;
 
 void fill_tables(CellBlock& block, int degree) {
   const int d = block.dimension;
@@ -54,12 +59,8 @@ void list_incidences(Problem& problem, const std::vector<bool>& fixed) {
   }
 }
 
-}  // namespace
-
-Problem build_problem(const HighOrderMesh& mesh, const std::vector<bool>& fixed, int quadrature_degree) {
-  assert(fixed.size() == mesh.node_count());
-  Problem problem;
-  problem.dimension = mesh.dimension;
+/// A block for each shape, without cells but with their count.
+void add_blocks(Problem& problem, const HighOrderMesh& mesh, int degree) {
   for (const ElementBlock& elements : mesh.blocks) {
     const reference::ShapeInfo& shape = reference::info(elements.shape);
     if (shape.dimension != mesh.dimension || elements.size() == 0) continue;
@@ -72,19 +73,65 @@ Problem build_problem(const HighOrderMesh& mesh, const std::vector<bool>& fixed,
       fresh.order = mesh.order;
       fresh.nodes_per_cell = reference::node_count(elements.shape, mesh.order);
       fresh.affine = shape.affine;
+      fresh.degree = degree;
       block = problem.blocks.insert(problem.blocks.end(), std::move(fresh));
     }
-    block->nodes.insert(block->nodes.end(), elements.nodes.begin(), elements.nodes.end());
     block->count += static_cast<std::int32_t>(elements.size());
   }
   for (CellBlock& block : problem.blocks) {
     block.first = problem.cells;
     problem.cells += block.count;
-    block.degree = quadrature_degree > 0 ? quadrature_degree : 2 * mesh.order;
     fill_tables(block, block.degree);
+  }
+}
+
+/// So many cells that their deformation gradients stay in the second-level cache; fewer where there would not be enough
+/// clusters to share out.
+std::int32_t cluster_size(const Problem& problem) {
+  std::size_t bytes = 0;
+  for (const CellBlock& block : problem.blocks)
+    bytes += static_cast<std::size_t>(block.count) * block.dimension * block.dimension * block.stride * sizeof(double);
+  const std::size_t cells = std::max(problem.cells, 1);
+  return static_cast<std::int32_t>(std::clamp<std::size_t>(
+      std::min(kClusterBytes * cells / std::max<std::size_t>(bytes, 1), cells / kFewestClusters), 1, 100000));
+}
+
+void fill_blocks(Problem& problem, const HighOrderMesh& mesh, const Clusters& clusters) {
+  std::vector<const std::int32_t*> nodes;
+  std::vector<CellBlock*> blocks;
+  for (const ElementBlock& elements : mesh.blocks) {
+    if (reference::info(elements.shape).dimension != mesh.dimension) continue;
+    for (CellBlock& block : problem.blocks)
+      for (std::size_t e = 0; block.shape == elements.shape && e < elements.size(); ++e) {
+        nodes.push_back(elements.nodes.data() + e * static_cast<std::size_t>(block.nodes_per_cell));
+        blocks.push_back(&block);
+      }
+  }
+  problem.cluster.resize(problem.cells);
+  problem.clusters = static_cast<std::int32_t>(clusters.begin.size()) - 1;
+  for (std::int32_t cluster = 0; cluster < problem.clusters; ++cluster)
+    for (std::int32_t i = clusters.begin[cluster]; i < clusters.begin[cluster + 1]; ++i) {
+      const std::int32_t cell = clusters.cells[i];
+      CellBlock& block = *blocks[cell];
+      problem.cluster[block.first + static_cast<std::int32_t>(block.mesh_cell.size())] = cluster;
+      block.mesh_cell.push_back(cell);
+      block.nodes.insert(block.nodes.end(), nodes[cell], nodes[cell] + block.nodes_per_cell);
+    }
+  for (CellBlock& block : problem.blocks) {
     block.deformation.resize(static_cast<std::size_t>(block.count) * block.dimension * block.dimension * block.stride);
     block.delta_squared.assign(block.count, 0.0);
   }
+}
+
+}  // namespace
+
+Problem build_problem(const HighOrderMesh& mesh, const std::vector<bool>& fixed, int quadrature_degree) {
+  assert(fixed.size() == mesh.node_count());
+  Problem problem;
+  problem.dimension = mesh.dimension;
+  add_blocks(problem, mesh, quadrature_degree > 0 ? quadrature_degree : 2 * mesh.order);
+  const Clusters clusters = cluster_cells(mesh, cluster_size(problem));
+  fill_blocks(problem, mesh, clusters);
   list_incidences(problem, fixed);
   return problem;
 }

@@ -26,9 +26,10 @@ struct CellBlock {
   std::int32_t count = 0;
   std::int32_t first = 0;  ///< Number of this block's first cell among all cells.
 
-  std::vector<std::int32_t> nodes;    ///< count × nodes_per_cell, indices of mesh nodes.
-  AlignedVector<double> derivatives;  ///< nodes_per_cell × dimension × stride: ∂φ_i/∂ξ_k.
-  AlignedVector<double> weights;      ///< stride: quadrature weights, 0 in the padding.
+  std::vector<std::int32_t> mesh_cell;  ///< count: the cell's number among the mesh's cells, in the mesh's order.
+  std::vector<std::int32_t> nodes;      ///< count × nodes_per_cell, indices of mesh nodes.
+  AlignedVector<double> derivatives;    ///< nodes_per_cell × dimension × stride: ∂φ_i/∂ξ_k.
+  AlignedVector<double> weights;        ///< stride: quadrature weights, 0 in the padding.
   /// A⁻¹ of the target A (row-major d × d): count × d·d where affine, else count × d·d × stride.
   AlignedVector<double> inverse_target;
   /// |det A| where affine (count), else weight times |det A| (count × stride).
@@ -74,13 +75,16 @@ struct Problem {
   int dimension = 0;
   std::vector<CellBlock> blocks;
   std::int32_t cells = 0;
+  std::vector<std::int32_t> cluster;  ///< By cell (block.first + cell): cells of one cluster are near each other.
+  std::int32_t clusters = 0;
   std::vector<double> positions;      ///< dimension a node, interleaved, of the optimised nodes.
   std::vector<std::int32_t> free;     ///< Nodes that may move, as the cells name them: neighbours are near.
   std::vector<std::int32_t> offsets;  ///< free.size() + 1: where each free node's incidences begin.
   std::vector<Incidence> incidences;
 };
 
-/// Groups the cells by shape, builds the tables and lists the incidences of the free nodes. `quadrature_degree` 0 means
+/// Groups the cells by shape and, within a shape, by cluster; builds the tables and lists the incidences of the free
+/// nodes. `quadrature_degree` 0 means
 /// 2 P. Positions, targets and deformation gradients are left to be set.
 Problem build_problem(const HighOrderMesh& mesh, const std::vector<bool>& fixed, int quadrature_degree);
 

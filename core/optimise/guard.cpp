@@ -16,7 +16,6 @@ Guard::Guard(const HighOrderMesh& mesh, const Frame& frame, Problem& problem, co
       certifier_(certifier),
       team_(team),
       way_out_(mesh, frame, problem.positions),
-      mesh_cells_(problem.blocks.size()),
       free_(mesh.node_count(), 0),
       named_(problem.cells, 0),
       positions_(problem.positions),
@@ -30,8 +29,6 @@ Guard::Guard(const HighOrderMesh& mesh, const Frame& frame, Problem& problem, co
     if (reference::info(block.shape).dimension != mesh.dimension) continue;
     const int size = reference::node_count(block.shape, block.order);
     for (std::size_t e = 0; e < block.size(); ++e) {
-      for (std::size_t b = 0; b < problem.blocks.size(); ++b)
-        if (problem.blocks[b].shape == block.shape) mesh_cells_[b].push_back(cell_nodes_.size());
       cell_nodes_.push_back(block.nodes.data() + e * static_cast<std::size_t>(size));
       cell_size_.push_back(size);
     }
@@ -106,11 +103,10 @@ void Guard::count() {
 }
 
 void Guard::set_condemned() {
-  for (std::size_t b = 0; b < problem_.blocks.size(); ++b) {
-    CellBlock& block = problem_.blocks[b];
+  for (CellBlock& block : problem_.blocks) {
     block.condemned.resize(block.count);
     for (std::int32_t cell = 0; cell < block.count; ++cell) {
-      const std::size_t number = mesh_cells_[b][cell];
+      const std::size_t number = block.mesh_cell[cell];
       block.condemned[cell] = named_[number] != 0 && !is_valid(seen_[number]) ? 1 : 0;
     }
   }

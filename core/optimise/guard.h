@@ -66,8 +66,7 @@ class Guard {
   const Certifier& certifier_;
   const Team& team_;
   WayOut way_out_;
-  std::vector<std::vector<std::size_t>> mesh_cells_;  ///< By block of the problem: the mesh's number of each cell.
-  std::vector<const std::int32_t*> cell_nodes_;       ///< By cell of the mesh.
+  std::vector<const std::int32_t*> cell_nodes_;  ///< By cell of the mesh.
   std::vector<int> cell_size_;
   std::vector<char> free_;         ///< By node.
   std::vector<char> named_;        ///< By cell: in an unrepairable group.

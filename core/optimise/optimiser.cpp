@@ -168,7 +168,7 @@ Result Optimiser::State::run(const OnIteration& on_iteration) {
   } else {
     const Frame frame = frame_of(mesh);
     problem.positions = positions_at_door(mesh, frame);
-    set_targets(problem, mesh, target, frame.diagonal);
+    set_targets(problem, target, frame.diagonal);
     team.run([&] {
       Guard guard(mesh, frame, problem, certifier, std::move(certificates), team);
       guard.condemn(result.unrepairable);

@@ -35,7 +35,7 @@ enum class Method : std::uint8_t {
   Newton,  ///< All nodes at once: truncated Newton with matrix-free conjugate gradients.
 };
 enum class Colouring : std::uint8_t {
-  Group,  ///< Colour whole groups: the interior nodes of an element, a face, an edge, a vertex.
+  Group,  ///< Colour clusters of cells, whose nodes are visited one after another while they are in cache.
   Node,   ///< Colour single nodes, as in the paper's section 3.4.
 };
 

@@ -1,5 +1,6 @@
 #include "core/optimise/schedule.h"
 
+#include <algorithm>
 #include <map>
 #include <numeric>
 #include <utility>
@@ -54,10 +55,50 @@ Groups by_place(const Problem& problem) {
   return groups;
 }
 
+/// The groups of places, joined by cluster: a place belongs to the first cluster that it touches.
+Groups by_cluster(const Problem& problem) {
+  const Groups places = by_place(problem);
+  const std::size_t count = places.begin.size() - 1;
+  std::vector<std::int32_t> cluster_of(count, problem.clusters);
+  std::vector<std::int32_t> sizes(problem.clusters + 1, 0);
+  for (std::size_t place = 0; place < count; ++place) {
+    const std::int32_t node = places.nodes[places.begin[place]];
+    for (std::int32_t i = problem.offsets[node]; i < problem.offsets[node + 1]; ++i) {
+      const Incidence& at = problem.incidences[i];
+      cluster_of[place] = std::min(cluster_of[place], problem.cluster[problem.blocks[at.block].first + at.cell]);
+    }
+    sizes[cluster_of[place] + 1] += places.begin[place + 1] - places.begin[place];
+  }
+  Groups groups;
+  std::partial_sum(sizes.begin(), sizes.end(), sizes.begin());
+  groups.nodes.resize(places.nodes.size());
+  std::vector<std::int32_t> next(sizes.begin(), sizes.end() - 1);
+  for (std::size_t place = 0; place < count; ++place)
+    for (std::int32_t i = places.begin[place]; i < places.begin[place + 1]; ++i)
+      groups.nodes[next[cluster_of[place]]++] = places.nodes[i];
+  for (std::int32_t cluster = 0; cluster < problem.clusters; ++cluster)
+    if (sizes[cluster + 1] > sizes[cluster]) groups.begin.push_back(sizes[cluster + 1]);
+  return groups;
+}
+
+/// The cells that each group touches, each once.
+std::vector<std::vector<std::int32_t>> cells_of(const Groups& groups, const Problem& problem) {
+  std::vector<std::vector<std::int32_t>> cells(groups.begin.size() - 1);
+  for (std::size_t group = 0; group < cells.size(); ++group) {
+    for (std::int32_t n = groups.begin[group]; n < groups.begin[group + 1]; ++n)
+      for (std::int32_t i = problem.offsets[groups.nodes[n]]; i < problem.offsets[groups.nodes[n] + 1]; ++i)
+        cells[group].push_back(problem.blocks[problem.incidences[i].block].first + problem.incidences[i].cell);
+    std::sort(cells[group].begin(), cells[group].end());
+    cells[group].erase(std::unique(cells[group].begin(), cells[group].end()), cells[group].end());
+  }
+  return cells;
+}
+
 }  // namespace
 
 Schedule make_schedule(const Problem& problem, Colouring colouring) {
-  const Groups groups = colouring == Colouring::Node ? single_nodes(problem) : by_place(problem);
+  const Groups groups = colouring == Colouring::Node ? single_nodes(problem) : by_cluster(problem);
+  const std::vector<std::vector<std::int32_t>> cells = cells_of(groups, problem);
   Schedule schedule;
   schedule.groups.push_back(0);
   schedule.colours.push_back(0);
@@ -68,21 +109,13 @@ Schedule make_schedule(const Problem& problem, Colouring colouring) {
   for (std::int32_t colour = 0; !left.empty(); ++colour) {
     struck_out.clear();
     for (const std::int32_t group : left) {
-      // All nodes of a group touch the same cells, so the first speaks for them.
-      const std::int32_t first = groups.nodes[groups.begin[group]];
-      bool taken = false;
-      for (std::int32_t i = problem.offsets[first]; i < problem.offsets[first + 1] && !taken; ++i) {
-        const Incidence& at = problem.incidences[i];
-        taken = struck_in[problem.blocks[at.block].first + at.cell] == colour;
-      }
+      const bool taken = std::any_of(cells[group].begin(), cells[group].end(),
+                                     [&](std::int32_t cell) { return struck_in[cell] == colour; });
       if (taken) {
         struck_out.push_back(group);
         continue;
       }
-      for (std::int32_t i = problem.offsets[first]; i < problem.offsets[first + 1]; ++i) {
-        const Incidence& at = problem.incidences[i];
-        struck_in[problem.blocks[at.block].first + at.cell] = colour;
-      }
+      for (const std::int32_t cell : cells[group]) struck_in[cell] = colour;
       schedule.nodes.insert(schedule.nodes.end(), groups.nodes.begin() + groups.begin[group],
                             groups.nodes.begin() + groups.begin[group + 1]);
       schedule.groups.push_back(static_cast<std::int32_t>(schedule.nodes.size()));

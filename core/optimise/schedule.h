@@ -23,9 +23,9 @@ struct Schedule {
 
 /// Colouring::Node is the paper's (section 3.4): take an uncoloured node, give it the colour, strike out every node of
 /// the cells it touches, go on with the rest until none is left; then the next colour on what was struck out.
-/// Colouring::Group does the same with whole groups (an element's interior nodes, a face's, an edge's, a vertex), whose
-/// nodes all touch the same cells: fewer colours, and a group runs while the deformation gradients of its cells are in
-/// cache.
+/// Colouring::Group does the same with the nodes of a whole cluster of cells, which are visited place by place (an
+/// element's interior nodes, a face's, an edge's, a vertex): few colours, and a cluster's deformation gradients are
+/// fetched from memory once a sweep and not once a colour.
 Schedule make_schedule(const Problem& problem, Colouring colouring);
 
 }  // namespace varimesh

@@ -9,7 +9,7 @@
 namespace varimesh {
 namespace {
 
-constexpr std::int32_t kGroupsPerTask = 8;
+constexpr std::int32_t kNodesPerTask = 64;
 constexpr std::int32_t kCellsPerTask = 64;
 constexpr int kMostCells = 1024;  // of a patch on the stack; more go to the heap
 constexpr double kArmijo = 1e-4;  // share of the predicted decrease that a step must bring
@@ -61,6 +61,8 @@ Sweeper::Sweeper(Problem& problem, const Schedule& schedule, const Kernels& kern
       visited_at_(problem.free.size(), 0),
       moved_at_(problem.cells, 0),
       moves_(problem.cells, 0.0) {
+  grain_ = std::max<std::int32_t>(
+      1, static_cast<std::int32_t>(kNodesPerTask * schedule.group_count() / std::max<std::size_t>(1, visits_.size())));
   for (std::size_t group = 0; group + 1 < schedule.groups.size(); ++group)
     largest_group_ = std::max<std::int64_t>(largest_group_, schedule.groups[group + 1] - schedule.groups[group]);
 }
@@ -117,7 +119,7 @@ ScanReport Sweeper::scan() {
 SweepReport Sweeper::sweep() {
   for (std::size_t colour = 0; colour + 1 < schedule_.colours.size(); ++colour) {
     const std::int32_t first = schedule_.colours[colour], count = schedule_.colours[colour + 1] - first;
-    team_.for_each(count, kGroupsPerTask, [&](std::int32_t group) {
+    team_.for_each(count, grain_, [&](std::int32_t group) {
       std::int64_t now = clock_;
       for (std::int32_t i = schedule_.groups[first + group]; i < schedule_.groups[first + group + 1]; ++i)
         visits_[schedule_.nodes[i]] = visit(schedule_.nodes[i], ++now);

@@ -89,9 +89,9 @@ Eigen::Matrix3d regular_shape(Shape shape) {
 // The values of a field on a block's cells.
 struct FieldOnBlock {
   const StretchField& field;
-  std::vector<std::size_t> mesh_cell;  // the cell's number in the mesh's order
-  Eigen::MatrixXd vertex_values;       // points × vertices
-  double scale = 1;                    // from the field's unit to the problem's
+  const std::vector<std::int32_t>& mesh_cell;  // the cell's number in the mesh's order
+  Eigen::MatrixXd vertex_values;               // points × vertices
+  double scale = 1;                            // from the field's unit to the problem's
 
   template <int d>
   MatrixD<d> entry(std::size_t index) const {
@@ -252,25 +252,12 @@ class BlockTargets {
   int per_cell_ = 1;
 };
 
-// The mesh's numbers of a block's cells: cells keep their order within a shape.
-std::vector<std::size_t> mesh_cells(const HighOrderMesh& mesh, Shape shape) {
-  std::vector<std::size_t> cells;
-  std::size_t next = 0;
-  for (const ElementBlock& block : mesh.blocks) {
-    if (reference::info(block.shape).dimension != mesh.dimension) continue;
-    for (std::size_t e = 0; e < block.size(); ++e, ++next)
-      if (block.shape == shape) cells.push_back(next);
-  }
-  return cells;
-}
-
 }  // namespace
 
-void set_targets(Problem& problem, const HighOrderMesh& mesh, const StretchField& field, double diagonal) {
+void set_targets(Problem& problem, const StretchField& field, double diagonal) {
   const TargetEntry& target = entry_of(field.target);
   for (CellBlock& block : problem.blocks) {
-    FieldOnBlock on_block{field, {}, {}, field.target == Target::Size ? 1 / diagonal : 1.0};
-    if (field.components > 0 && field.per == Per::Cell) on_block.mesh_cell = mesh_cells(mesh, block.shape);
+    FieldOnBlock on_block{field, block.mesh_cell, {}, field.target == Target::Size ? 1 / diagonal : 1.0};
     if (field.components > 0 && field.per == Per::Vertex)
       on_block.vertex_values =
           reference::basis_values(block.shape, 1, reference::NodeSet::Equispaced, block.dimension,
@@ -282,6 +269,6 @@ void set_targets(Problem& problem, const HighOrderMesh& mesh, const StretchField
   }
 }
 
-void set_straight_sided_targets(Problem& problem) { set_targets(problem, {}, {}, 1.0); }
+void set_straight_sided_targets(Problem& problem) { set_targets(problem, {}, 1.0); }
 
 }  // namespace varimesh

@@ -30,8 +30,7 @@ namespace varimesh {
 ///
 /// The small strain needs R on either side: what must turn on the way keeps some misfit.
 ///
-/// @param mesh what `problem` was built from
 /// @param diagonal the length in the mesh's unit that is 1 in the problem's coordinates: Frame::diagonal
-void set_targets(Problem& problem, const HighOrderMesh& mesh, const StretchField& field, double diagonal);
+void set_targets(Problem& problem, const StretchField& field, double diagonal);
 
 }  // namespace varimesh

@@ -63,7 +63,7 @@ class KernelsTest : public ::testing::TestWithParam<Case> {
     options.target_field = std::move(values);
     const auto field = resolve_target_field(mesh_, options);
     ASSERT_TRUE(field) << field.error().sentence;
-    set_targets(problem_, mesh_, *field, frame_of(mesh_).diagonal);
+    set_targets(problem_, *field, frame_of(mesh_).diagonal);
   }
 
   /// Edges of about 0.3 with a ratio of 4 and more, finer from left to right.

@@ -85,8 +85,8 @@ TEST(SizedMeshes, ReturnToTheMeshThatIsRegularInTheMetric) {
 
 // Areas of the cells, by the corners of quadrilaterals: straight-sided results only need that.
 std::vector<double> areas(const HighOrderMesh& mesh) {
-  std::vector<double> result;
   const Problem problem = testing::make_problem(mesh);
+  std::vector<double> result(std::size_t(problem.cells));
   const double diagonal = frame_of(mesh).diagonal;
   const auto kernels = make_plain_kernels(material(Options{}), 2);
   for (CellBlock block : problem.blocks)
@@ -99,7 +99,7 @@ std::vector<double> areas(const HighOrderMesh& mesh) {
         area +=
             J * (block.affine ? block.weights[std::size_t(q)] * block.measure_of(cell)[0] : block.measure_of(cell)[q]);
       }
-      result.push_back(area * diagonal * diagonal);
+      result[std::size_t(block.mesh_cell[std::size_t(cell)])] = area * diagonal * diagonal;
     }
   return result;
 }
