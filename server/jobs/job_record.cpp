@@ -25,7 +25,8 @@ v1::JobError lost_too_often(int times) {
   v1::JobError error;
   error.set_reason("LOST");
   error.set_message("The server that ran the job ended " + std::to_string(times) +
-                    " times while it ran it; look at its log and at the mesh before submitting it again.");
+                    " times while it ran it, and it came no further; look at its log and at the mesh before "
+                    "submitting it again.");
   return error;
 }
 
@@ -117,6 +118,8 @@ Changed JobTransitions::cancel(JobRecord& record, std::int64_t last_sequence) co
 
 Changed JobTransitions::note_checkpoint(JobRecord& record, const CheckpointReference& checkpoint) const {
   Changed changed{record.job, {}, {}};
+  // Only attempts that come no further count: what is poisonous does not get past the place where it is.
+  if (!record.checkpoint || checkpoint.iteration > record.checkpoint->iteration) record.lost = 0;
   if (record.checkpoint) changed.released.push_back(record.checkpoint->digest);
   record.checkpoint = checkpoint;
   renew(record);

@@ -21,7 +21,7 @@ using TimePoint = std::chrono::system_clock::time_point;
 struct JobStoreSettings {
   std::function<TimePoint()> clock = std::chrono::system_clock::now;  ///< The only one that leases go by.
   std::chrono::milliseconds lease{30'000};  ///< A worker that is not heard of for so long has lost its job.
-  int max_attempts = 3;                     ///< A job that was lost so often is FAILED.
+  int max_attempts = 3;                     ///< A job that was lost so often without coming further is FAILED.
 };
 
 /// A job's place in the queue: a step of priority is worth so long a wait, so that nobody waits for ever.

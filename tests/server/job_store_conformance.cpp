@@ -264,6 +264,19 @@ TEST_P(JobStoreConformance, HandsTheNewestCheckpointToTheNextAttempt) {
   EXPECT_EQ(store_->finish(second, success(), 0)->released, std::vector<std::string>{"new"});
 }
 
+TEST_P(JobStoreConformance, CountsOnlyLossesWithoutProgress) {
+  const std::string name = submit();
+  for (int attempt = 1; attempt <= 6; ++attempt) {
+    ASSERT_TRUE(store_->note_checkpoint(claim(), {"at " + std::to_string(attempt), attempt}));
+    EXPECT_EQ(store_->take_back("worker")->front().job.state(), kPending);
+  }
+  for (int attempt = 1; attempt <= 2; ++attempt) {
+    ASSERT_TRUE(store_->note_checkpoint(claim(), {"still there", 6}));
+    EXPECT_EQ(store_->take_back("worker")->front().job.state(), attempt == 1 ? kPending : kFailed);
+  }
+  EXPECT_EQ(get(name).error().reason(), "LOST");
+}
+
 // ===== cancelling, ending, forgetting =====
 
 TEST_P(JobStoreConformance, CancelsWhatWaitsAtOnceAndTellsWhoRuns) {

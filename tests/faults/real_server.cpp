@@ -1,0 +1,103 @@
+// Starting, killing and waiting.
+#include "tests/faults/real_server.h"
+
+#include <fcntl.h>
+#include <spawn.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <atomic>
+#include <csignal>
+#include <cstdio>
+#include <cstdlib>
+#include <thread>
+#include <utility>
+
+#include "grpc/health/v1/health.grpc.pb.h"
+
+namespace varimesh::server::testing {
+namespace {
+
+using std::chrono::steady_clock;
+
+bool serves(const std::shared_ptr<grpc::Channel>& channel) {
+  grpc::ClientContext context;
+  // A connection is made while a call waits for it: one that does not wait leaves it to a poll every five seconds.
+  context.set_wait_for_ready(true);
+  context.set_deadline(std::chrono::system_clock::now() + std::chrono::seconds(1));
+  grpc::health::v1::HealthCheckResponse response;
+  const auto status = grpc::health::v1::Health::NewStub(channel)->Check(&context, {}, &response);
+  return status.ok() && response.status() == grpc::health::v1::HealthCheckResponse::SERVING;
+}
+
+}  // namespace
+
+RealServer::RealServer(std::string program, std::vector<std::string> flags)
+    : program_(std::move(program)), flags_(std::move(flags)) {
+  std::string name = (std::filesystem::temp_directory_path() / "varimesh-faults-XXXXXX").string();
+  if (::mkdtemp(name.data()) == nullptr) std::perror(name.c_str()), std::exit(1);
+  folder_ = name;
+}
+
+RealServer::~RealServer() {
+  if (process_ > 0) kill();
+  std::filesystem::remove_all(folder_);
+}
+
+std::shared_ptr<grpc::Channel> RealServer::channel() const {
+  static std::atomic<int> number = 0;
+  grpc::ChannelArguments arguments;
+  arguments.SetInt("varimesh.channel", ++number);
+  arguments.SetInt(GRPC_ARG_INITIAL_RECONNECT_BACKOFF_MS, 20);
+  arguments.SetInt(GRPC_ARG_MIN_RECONNECT_BACKOFF_MS, 1000);
+  arguments.SetInt(GRPC_ARG_MAX_RECONNECT_BACKOFF_MS, 100);
+  return grpc::CreateCustomChannel("unix:" + (folder_ / "socket").string(), grpc::InsecureChannelCredentials(),
+                                   arguments);
+}
+
+std::chrono::milliseconds RealServer::start() {
+  const auto begun = steady_clock::now();
+  std::vector<std::string> words{program_,
+                                 "--listen",
+                                 "unix:" + (folder_ / "socket").string(),
+                                 "--state",
+                                 (folder_ / "state").string(),
+                                 "--port-file",
+                                 (folder_ / "address").string()};
+  words.insert(words.end(), flags_.begin(), flags_.end());
+  std::vector<char*> arguments;
+  for (std::string& word : words) arguments.push_back(word.data());
+  arguments.push_back(nullptr);
+  posix_spawn_file_actions_t files;
+  ::posix_spawn_file_actions_init(&files);
+  ::posix_spawn_file_actions_addopen(&files, STDERR_FILENO, (folder_ / "log").c_str(), O_CREAT | O_APPEND | O_WRONLY,
+                                     0600);
+  const int failed = ::posix_spawn(&process_, program_.c_str(), &files, nullptr, arguments.data(), environ);
+  ::posix_spawn_file_actions_destroy(&files);
+  const auto connection = channel();
+  while (failed == 0 && steady_clock::now() - begun < std::chrono::seconds(60)) {
+    if (serves(connection)) return std::chrono::duration_cast<std::chrono::milliseconds>(steady_clock::now() - begun);
+    std::this_thread::sleep_for(std::chrono::milliseconds(2));
+  }
+  std::fprintf(stderr, "%s does not come up within a minute; its log is %s\n", program_.c_str(),
+               (folder_ / "log").c_str());
+  std::_Exit(1);
+}
+
+int RealServer::wait() {
+  int status = 0;
+  ::waitpid(std::exchange(process_, -1), &status, 0);
+  return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
+}
+
+void RealServer::kill() {
+  ::kill(process_, SIGKILL);
+  wait();
+}
+
+int RealServer::stop() {
+  ::kill(process_, SIGTERM);
+  return wait();
+}
+
+}  // namespace varimesh::server::testing
