@@ -1,0 +1,69 @@
+// Runs the cases that the project measures itself by, and prints each figure beside what it must reach and what others
+// need. Started by tests/bench/cases, which says how.
+#include <algorithm>
+#include <cstdio>
+#include <cstdlib>
+#include <cstring>
+#include <string>
+
+#include "tests/bench/table/table.h"
+
+namespace {
+
+using namespace varimesh::bench;
+
+constexpr const char* kUsage =
+    "cases_bench --cases FOLDER --cache FOLDER [--short] [--strict] [--list] [--row NAME]...\n"
+    "--row takes a row's name, or its beginning\n";
+
+bool begins_with(const char* name, const std::string& beginning) {
+  return std::strncmp(name, beginning.c_str(), beginning.size()) == 0;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  std::string cases, cache;
+  std::vector<std::string> wanted;
+  bool small = false, strict = false, list = false;
+  for (int i = 1; i < argc; ++i) {
+    const std::string argument = argv[i];
+    std::string* const value = argument == "--cases"   ? &cases
+                               : argument == "--cache" ? &cache
+                               : argument == "--row"   ? &wanted.emplace_back()
+                                                       : nullptr;
+    if (value && i + 1 < argc) {
+      *value = argv[++i];
+    } else if (argument == "--short") {
+      small = true;
+    } else if (argument == "--strict") {
+      strict = true;
+    } else if (argument == "--list") {
+      list = true;
+    } else {
+      std::fprintf(stderr, "cases_bench: %s is unknown or lacks its value\n%s", argument.c_str(), kUsage);
+      return 2;
+    }
+  }
+  std::vector<Row> rows = kCaseRows;
+  rows.insert(rows.end(), kMachineRows.begin(), kMachineRows.end());
+  for (const std::string& name : wanted)
+    if (std::none_of(rows.begin(), rows.end(), [&](const Row& row) { return begins_with(row.name, name); })) {
+      std::fprintf(stderr, "cases_bench: no row is called %s; --list names them\n", name.c_str());
+      return 2;
+    }
+  if (list) {
+    for (const Row& row : rows) std::printf("%-28s%s\n", row.name, row.small ? "short" : "");
+    return 0;
+  }
+  Bench bench{Runner(Meshes(cases, cache)), Table(), small};
+  bench.table.head();
+  for (const Row& row : rows) {
+    const bool asked =
+        std::any_of(wanted.begin(), wanted.end(), [&](const std::string& name) { return begins_with(row.name, name); });
+    if (wanted.empty() ? !small || row.small : asked) row.measure(bench);
+  }
+  bench.table.foot();
+  if (bench.table.failed() > 0) return 1;
+  return strict && bench.table.missed() > 0 ? 3 : 0;
+}

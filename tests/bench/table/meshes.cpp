@@ -1,0 +1,51 @@
+#include "tests/bench/table/meshes.h"
+
+#include <cstdio>
+#include <cstdlib>
+#include <optional>
+
+namespace varimesh::bench {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// generate.py puts the version and "b" for binary into the name of what is not MSH 2.2 in ASCII.
+std::optional<std::string> in_folder(const fs::path& folder, const std::string& name) {
+  std::error_code ignored;
+  for (const char* version : {"", ".41b", ".22b"})
+    if (fs::path path = folder / (name + version + ".msh"); fs::exists(path, ignored)) return path.string();
+  return std::nullopt;
+}
+
+std::string quoted(const fs::path& path) {
+  std::string out = "'";
+  for (const char c : path.string()) out += c == '\'' ? std::string("'\\''") : std::string(1, c);
+  return out + "'";
+}
+
+}  // namespace
+
+Expected<std::string> Meshes::find(const std::string& name) const {
+  for (const fs::path& folder : {cases_ / "meshes", cache_})
+    if (const auto path = in_folder(folder, name)) return *path;
+  const fs::path script = cases_ / "generate.py";
+  std::error_code failure;
+  if (!fs::exists(script, failure))
+    return bad_input(name + ": there is no " + script.string() + "; set VARIMESH_CASES to the folder of the cases");
+  // Made in a folder of its own, so that an interrupted run leaves no half mesh under the name.
+  const fs::path part = cache_ / (name + ".part"), log = cache_ / (name + ".log");
+  fs::create_directories(part, failure);
+  if (failure) return bad_input(name + ": cannot make the folder " + part.string() + ": " + failure.message());
+  std::fprintf(stderr, "making %s\n", name.c_str());
+  const std::string command =
+      "OUT=" + quoted(part) + " /usr/bin/python3 " + quoted(script) + " " + name + " >" + quoted(log) + " 2>&1";
+  const int status = std::system(command.c_str());
+  const auto made = in_folder(part, name);
+  if (made) fs::rename(*made, cache_ / fs::path(*made).filename(), failure);
+  fs::remove_all(part);
+  if (status != 0 || !made || failure)
+    return bad_input(name + ": generate.py did not make it (it needs Debian's python3-gmsh); see " + log.string());
+  return (cache_ / fs::path(*made).filename()).string();
+}
+
+}  // namespace varimesh::bench

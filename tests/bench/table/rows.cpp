@@ -1,0 +1,218 @@
+// Whole runs of the library on the cases' meshes.
+#include <cmath>
+#include <string>
+
+#include "tests/bench/core/optimise/loads.h"
+#include "tests/bench/table/table.h"
+
+namespace varimesh::bench {
+namespace {
+
+constexpr double kKiB = 1024;
+
+/// Six sweeps over every free node.
+Run six_sweeps(const std::string& mesh, Energy energy) {
+  Run run{mesh, {}};
+  run.options.energy = energy;
+  run.options.method = Method::Sweeps;
+  run.options.active_set = false;
+  run.options.max_iterations = 6;
+  run.options.tolerance = 1e-14;
+  run.options.threads = 1;
+  return run;
+}
+
+Run until_tolerance(const std::string& mesh, double tolerance, double lambda = 0) {
+  Run run{mesh, {}};
+  run.options.tolerance = tolerance;
+  run.options.lambda = lambda;
+  run.options.threads = 1;
+  return run;
+}
+
+void check_seconds(double seconds, double most, Line& line) {
+  line.normalised = text("%.3g s", seconds);
+  if (!(seconds <= most)) line.missed.emplace_back("time");
+}
+
+// === A sweep ===
+
+void sweep(Bench& bench, const std::string& mesh, Energy energy, double most, const char* peers) {
+  Line line{mesh + ", a sweep, " + std::string(name(energy)), "", "", text("%g s", most), {}, "", peers};
+  Measured m;
+  if (!bench.measure(line.what, six_sweeps(mesh, energy), m)) return;
+  line.measured = text("%.3g s", m.times().sweep);
+  line.quality = quality_of(m);
+  line.disturbed = m.conditions.disturbed();
+  check_seconds(m.normalised().sweep, most, line);
+  bench.table.add(line);
+}
+
+constexpr const char* kSpherePeers = "NekMesh 10.1, its later design 2.9, prototype 0.38";
+
+// === Convergence ===
+
+struct Goal {
+  double tolerance;
+  double lambda;  ///< 0: the reference constant.
+  double most;    ///< Seconds.
+  double min_js;  ///< What it converges to; 0: not said.
+  double within;
+};
+
+Line convergence(Bench& bench, const std::string& mesh, const Goal& goal, const char* peers, Measured& m) {
+  Line line{mesh + text(" to %g", goal.tolerance), "", "", text("%g s", goal.most), {}, "", peers};
+  if (goal.lambda > 0) line.what += text(", lambda %g", goal.lambda);
+  if (goal.min_js > 0) line.target += text(", min Js %g +- %g", goal.min_js, goal.within);
+  if (!bench.measure(line.what, until_tolerance(mesh, goal.tolerance, goal.lambda), m)) return {};
+  line.measured = text("%.3g s", m.times().whole);
+  line.quality = quality_of(m);
+  line.disturbed = m.conditions.disturbed();
+  check_seconds(m.normalised().whole, goal.most, line);
+  if (!m.converged) line.missed.emplace_back("not converged");
+  if (goal.min_js > 0 && !(std::abs(m.min_scaled_jacobian - goal.min_js) <= goal.within))
+    line.missed.emplace_back("min Js");
+  if (m.uncertified > 0) line.missed.emplace_back("validity");
+  return line;
+}
+
+void converge(Bench& bench, const std::string& mesh, const Goal& goal, const char* peers) {
+  Measured m;
+  const Line line = convergence(bench, mesh, goal, peers, m);
+  if (!line.what.empty()) bench.table.add(line);
+}
+
+void converge_large(Bench& bench) {
+  Measured m;
+  const Line line = convergence(bench, "sph120k_p4", {1e-6, 0, 30, 0, 0}, "prototype 33.5", m);
+  if (line.what.empty()) return;
+  bench.table.add(line);
+  Line memory{"sph120k_p4, memory at the peak", text("%.3g GB", m.peak_bytes * 1e-9), "", "1.05 GB", {}, "",
+              "NekMesh 390 KiB an element"};
+  if (m.peak_bytes > 1.05e9) memory.missed.emplace_back("memory");
+  memory.quality = text("%.2f KiB an element", m.peak_bytes / kKiB / static_cast<double>(m.elements));
+  bench.table.add(memory);
+}
+
+void untangle_wing(Bench& bench) {
+  Line line{"dlrf6_p4 until valid, to 12 uncertified",
+            "",
+            "",
+            "10 s, 30 with Js < 0.5",
+            {},
+            "",
+            "the paper: about 120 on 24 cores, 3 with Js < 0.5; prototype 5.3, 31"};
+  Run run{"dlrf6_p4", {}};
+  run.options.until = Until::Valid;
+  run.options.threads = 1;
+  Measured m;
+  if (!bench.measure(line.what, run, m)) return;
+  line.disturbed = m.conditions.disturbed();
+  line.quality = quality_of(m) + text(", %lld with Js < 0.5", static_cast<long long>(m.below_half));
+  if (m.times().few < 0) {
+    line.measured = text("never; %.3g s", m.times().whole);
+    line.missed.emplace_back("validity");
+  } else {
+    line.measured = text("%.3g s", m.times().few);
+    check_seconds(m.normalised().few, 10, line);
+  }
+  if (m.below_half > 30) line.missed.emplace_back("quality");
+  bench.table.add(line);
+  Line whole{"dlrf6_p4 until valid, the whole run", text("%.3g s", m.times().whole),
+             text("%.3g s", m.normalised().whole)};
+  whole.disturbed = line.disturbed;
+  bench.table.add(whole);
+}
+
+// === Conjugate gradients ===
+
+void iterations(Bench& bench) {
+  double of_medium = 0;
+  for (const auto& [mesh, tolerance] : {std::pair{"sph276_p5", 1e-8}, {"sph10k_p4", 1e-8}, {"sph120k_p4", 1e-6}}) {
+    if (bench.small && mesh != std::string("sph276_p5")) break;
+    Line line{mesh + std::string(", CG iterations a step")};
+    Measured m;
+    if (!bench.measure(line.what, until_tolerance(mesh, tolerance), m)) continue;
+    line.measured = text("%.1f", m.products);
+    double most = 25;
+    line.target = "25";
+    if (mesh == std::string("sph120k_p4") && of_medium > 0) {
+      line.target += text(", and %.1f", 1.2 * of_medium);
+      most = std::min(most, 1.2 * of_medium);
+    }
+    if (mesh == std::string("sph10k_p4")) of_medium = m.products;
+    if (!(m.products > 0 && m.products <= most)) line.missed.emplace_back("iterations");
+    line.peers = "prototype " + std::string(mesh == std::string("sph276_p5")   ? "24.3"
+                                            : mesh == std::string("sph10k_p4") ? "21.6"
+                                                                               : "20.2");
+    bench.table.add(line);
+  }
+}
+
+// === Other shapes ===
+
+double sweep_flops(const Measured& m) { return m.sweep_points * flops_per_point(m.dimension); }
+
+void mixed(Bench& bench, const std::string& mesh, const char* peers) {
+  const std::string tetrahedra = bench.small ? "sph276_p5" : "sph10k_p4";
+  Line line{mesh + ", a sweep over " + tetrahedra + "'s rate", "", "", "1.5", {}, "", peers};
+  Measured reference, m;
+  if (!bench.measure(line.what, six_sweeps(tetrahedra, Energy::Hyperelastic), reference)) return;
+  if (!bench.measure(line.what, six_sweeps(mesh, Energy::Hyperelastic), m)) return;
+  const double rate = sweep_flops(reference) / reference.normalised().sweep;
+  const double ratio = m.normalised().sweep / (sweep_flops(m) / rate);
+  line.measured = text("%.2f", ratio);
+  line.normalised = text("%.3g s", m.normalised().sweep);
+  line.quality = quality_of(m);
+  line.disturbed = m.conditions.disturbed() || reference.conditions.disturbed();
+  if (!(ratio <= 1.5)) line.missed.emplace_back("time");
+  bench.table.add(line);
+}
+
+}  // namespace
+
+const std::vector<Row> kCaseRows{
+    {"sweep.hyperelastic", false, [](Bench& b) { sweep(b, "sph10k_p4", Energy::Hyperelastic, 0.12, kSpherePeers); }},
+    {"sweep.linear-elastic", false, [](Bench& b) { sweep(b, "sph10k_p4", Energy::LinearElastic, 0.15, ""); }},
+    {"sweep.winslow", false, [](Bench& b) { sweep(b, "sph10k_p4", Energy::Winslow, 0.15, ""); }},
+    {"sweep.distortion", false, [](Bench& b) { sweep(b, "sph10k_p4", Energy::Distortion, 0.15, ""); }},
+    {"sweep.circ10k_p5", false,
+     [](Bench& b) {
+       sweep(b, "circ10k_p5", Energy::Hyperelastic, 0.04,
+             "NekMesh 0.99, its later design 0.15 to 0.45, prototype 0.13");
+     }},
+    {"converge.sph276_p5", true,
+     [](Bench& b) {
+       converge(b, "sph276_p5", {1e-8, 0, 0.12, 0.675, 0.003},
+                "NekMesh 31.4 (.677), its later design 13.4 (.689), MFEM 17 (.600), gmsh 2.9 (.463), prototype 0.10");
+     }},
+    {"converge.sph10k_p4", false,
+     [](Bench& b) {
+       converge(b, "sph10k_p4", {1e-8, 0, 2.5, 0.838, 0.002},
+                "MFEM 78 (.661), gmsh 56 (.779), neither converged; prototype 2.5 to 2.9");
+     }},
+    {"converge.circ10k_p5", false,
+     [](Bench& b) {
+       converge(b, "circ10k_p5", {1e-8, 0, 0.7, 0.968, 0.002}, "MFEM 67 (.961), gmsh 25 (.955), prototype 0.71");
+     }},
+    {"converge.sph120k_p4", false, converge_large},
+    {"untangle.dlrf6_p4", false, untangle_wing},
+    {"stiff.sph10k_p4", false,
+     [](Bench& b) {
+       converge(b, "sph10k_p4", {1e-8, 10, 4.5, 0, 0}, "prototype 4.7 (.895)");
+     }},
+    {"stiff.circ10k_p5", false,
+     [](Bench& b) {
+       converge(b, "circ10k_p5", {1e-8, 10, 1.3, 0, 0}, "prototype 1.39 (.990)");
+     }},
+    {"mixed.sphhex_p3", true,
+     [](Bench& b) { mixed(b, "sphhex_p3", "NekMesh aborts; MFEM killed after 164, gmsh killed"); }},
+    {"mixed.sphbl_p2", true,
+     [](Bench& b) { mixed(b, "sphbl_p2", "to the end: NekMesh 29.9, 22 invalid; its later design 8.1, 2 invalid"); }},
+    {"mixed.annquad_p4", true,
+     [](Bench& b) { mixed(b, "annquad_p4", "to the end: NekMesh 16, its later design 3.7, MFEM 0.42, gmsh 0.6"); }},
+    {"mixed.cylprism_p2", true, [](Bench& b) { mixed(b, "cylprism_p2", "NekMesh, gmsh: 8 invalid left"); }},
+    {"iterations", true, iterations},
+};
+
+}  // namespace varimesh::bench
