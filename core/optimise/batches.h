@@ -52,6 +52,12 @@ class HessianKernels {
 
   /// result of batch b = its cells' Hessian times `direction` (d floats a free node, then d zeros for the fixed ones).
   virtual void apply(BatchBlock& block, std::int32_t b, std::span<const float> direction) const = 0;
+
+  /// The cells' mean tensors M with dF ↦ Σ w dP : dF ≈ dG_ik M(ij, kl) dG_jl for dG constant in a cell:
+  ///     M(ij, kl) = Σ 2 w f_Q δ_ij (A⁻¹A⁻ᵀ)_kl + w max(f_JJ, 0) (C A⁻ᵀ)_ik (C A⁻ᵀ)_jl,
+  /// the positive part of the Hessian: f_J dC is left out (for constant f_J it is a null Lagrangian), and so are the
+  /// mixed terms. A strain's μ stands beside 2 f_Q. `out`: (d·d)² a cell of the block, row ij, column kl, row-major.
+  virtual void mean_tensors(const BatchBlock& block, std::int32_t b, std::vector<float>& out) const = 0;
 };
 
 std::unique_ptr<HessianKernels> make_hessian_kernels(const Material& material, int dimension);

@@ -161,6 +161,31 @@ class VectorHessian final : public HessianKernels {
     }
   }
 
+  void mean_tensors(const BatchBlock& block, std::int32_t b, std::vector<float>& out) const override {
+    constexpr int kSquare = d * d;
+    const CellBlock& cells = *block.cells;
+    const int per_cell = cells.affine ? 1 : cells.points;
+    alignas(64) float sums[kSquare * kSquare * kBatch];
+    for (int lane = 0; lane < kBatch; lane += static_cast<int>(hn::Lanes(FloatTag()))) {
+      Floats M[kSquare * kSquare];
+      unrolled<kSquare * kSquare>([&](auto entry) { M[entry] = hn::Zero(FloatTag()); });
+      for (int q = 0; q < cells.points; ++q) {
+        FloatMatrix<d> inverse;
+        inverse.load_from(block.inverse_target.data() +
+                          (static_cast<std::size_t>(b) * per_cell + (cells.affine ? 0 : q)) * kSquare * kBatch + lane);
+        add_mean(block.linearisation.data() + b * block.linearisation_size() +
+                     static_cast<std::size_t>(q) * kEntries * kBatch + lane,
+                 inverse, M);
+      }
+      unrolled<kSquare * kSquare>([&](auto entry) { hn::Store(M[entry], FloatTag(), sums + entry * kBatch + lane); });
+    }
+    for (int lane = 0; lane < kBatch && b * kBatch + lane < cells.count; ++lane) {
+      float* to = out.data() + static_cast<std::size_t>(b * kBatch + lane) * kSquare * kSquare;
+      for (int entry = 0; entry < kSquare * kSquare; ++entry) to[entry] = sums[entry * kBatch + lane];
+      if (!block.left_factor.empty()) turn_by_left_factor(block, b, lane, to);
+    }
+  }
+
   void apply(BatchBlock& block, std::int32_t b, std::span<const float> direction) const override {
     const CellBlock& cells = *block.cells;
     const int nodes = cells.nodes_per_cell;
@@ -214,6 +239,39 @@ class VectorHessian final : public HessianKernels {
         });
       }
     }
+  }
+
+  HWY_INLINE void add_mean(const float* kept, const FloatMatrix<d>& inverse, Floats* M) const {
+    FloatMatrix<d> F;
+    F.load_from(kept);
+    Floats shape = load(kept + kQ * kBatch) * every(2.0F);
+    if constexpr (E::kStrain != StrainTerm::None)
+      shape = hn::MulAdd(load(kept + kW * kBatch), every(static_cast<float>(mu())), shape);
+    const Floats volume = hn::Max(load(kept + kJJ * kBatch), hn::Zero(FloatTag()));
+    const FloatMatrix<d> S = inverse.template times<true>(inverse);  // A⁻¹ A⁻ᵀ
+    const FloatMatrix<d> c = cofactor_of<d>(F).template times<true>(inverse);
+    unrolled<d * d>([&](auto ij) {
+      constexpr int i = ij / d, j = ij % d;
+      unrolled<d * d>([&](auto kl) {
+        constexpr int k = kl / d, l = kl % d;
+        Floats& entry = M[ij * d * d + kl];
+        entry = hn::MulAdd(volume * c.at[i][k], c.at[j][l], entry);
+        if (i == j) entry = hn::MulAdd(shape, S.at[k][l], entry);
+      });
+    });
+  }
+
+  /// Displacements are multiplied by L before they become dG: L M L in i and j.
+  static void turn_by_left_factor(const BatchBlock& block, std::int32_t b, int lane, float* M) {
+    constexpr int kSquare = d * d;
+    const float* L = block.left_factor.data() + static_cast<std::size_t>(b) * kSquare * kBatch + lane;
+    float turned[kSquare * kSquare] = {};
+    for (int ij = 0; ij < kSquare; ++ij)
+      for (int mn = 0; mn < kSquare; ++mn)
+        for (int kl = 0; kl < kSquare; ++kl)
+          turned[ij * kSquare + kl] +=
+              L[(ij / d * d + mn / d) * kBatch] * L[(ij % d * d + mn % d) * kBatch] * M[mn * kSquare + kl];
+    std::copy_n(turned, kSquare * kSquare, M);
   }
 
   /// dG at every point: d·d vectors a point.

@@ -39,6 +39,7 @@ Newton::Newton(Problem& problem, const Kernels& kernels, const HessianKernels& h
       team_(team),
       batches_(make_batches(problem, hessian)),
       preconditioner_(problem, team),
+      coarse_(problem, team),
       unknowns_(problem.free.size() * problem.dimension),
       gradient_(unknowns_),
       step_(unknowns_),
@@ -63,7 +64,7 @@ NewtonReport Newton::step() {
   for (const double g : gradient_) largest = std::max(largest, std::abs(g));
   const double gradient_scale = power_of_two(largest);
   for (std::size_t i = 0; i < unknowns_; ++i) residual_[i] = static_cast<float>(-gradient_[i] / gradient_scale);
-  preconditioner_.apply(residual_, preconditioned_);
+  precondition(residual_, preconditioned_);
   const double gradient = std::sqrt(std::max(0.0, dot(residual_, preconditioned_)));
   const double norm = gradient * gradient_scale / std::sqrt(hessian_scale_);
   report.products = conjugate_gradients(forcing_term(norm, last_gradient_));
@@ -107,6 +108,7 @@ void Newton::linearise() {
   if (!norm_.is_sum()) linearise_norm();
   for (BatchBlock& block : batches_)
     team_.for_each(block.count, 4, [&](std::int32_t b) { hessian_.linearise(block, b); });
+  coarse_.assemble(batches_, hessian_);
 }
 
 void Newton::linearise_norm() {
@@ -173,6 +175,11 @@ void Newton::multiply(const std::vector<float>& direction, std::vector<float>& o
   });
 }
 
+void Newton::precondition(const std::vector<float>& r, std::vector<float>& z) {
+  preconditioner_.apply(r, z);
+  coarse_.add(r, z);
+}
+
 int Newton::conjugate_gradients(double forcing) {
   std::fill(step_.begin(), step_.end(), 0.0);
   std::copy(preconditioned_.begin(), preconditioned_.end(), direction_.begin());
@@ -194,7 +201,7 @@ int Newton::conjugate_gradients(double forcing) {
       step_[i] += alpha * direction_[i];
       residual_[i] -= alpha_float * product_[i];
     }
-    preconditioner_.apply(residual_, preconditioned_);
+    precondition(residual_, preconditioned_);
     const double next = dot(residual_, preconditioned_);
     if (next <= target) break;
     const float beta = static_cast<float>(next / rz);

@@ -6,6 +6,7 @@
 
 #include "core/optimise/batches.h"
 #include "core/optimise/cells.h"
+#include "core/optimise/coarse_level.h"
 #include "core/optimise/kernels.h"
 #include "core/optimise/p_norm.h"
 #include "core/optimise/preconditioner.h"
@@ -36,6 +37,8 @@ class Newton {
 
  private:
   void linearise();
+  /// z ≈ H⁻¹ r
+  void precondition(const std::vector<float>& r, std::vector<float>& z);
   /// Finds out how large the Hessian is, so that it fits single precision.
   void scale_hessian();
   /// The p-norm's part of linearise: each cell's slope, curvature and gradient.
@@ -58,6 +61,7 @@ class Newton {
   const Team& team_;
   std::vector<BatchBlock> batches_;
   Preconditioner preconditioner_;
+  CoarseLevel coarse_;
   std::vector<AlignedVector<float>> cell_gradients_;  ///< √curvature g by block, as BatchBlock::result; p ≠ 1 only.
   std::vector<std::vector<double>> curvatures_;       ///< √curvature by block and cell; p ≠ 1 only.
   double hessian_scale_ = 1;                          ///< What the Hessian is divided by in products and blocks.

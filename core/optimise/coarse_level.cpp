@@ -1,0 +1,301 @@
+#include "core/optimise/coarse_level.h"
+
+#include <Eigen/Dense>
+#include <algorithm>
+
+#include "core/reference/basis.h"
+
+namespace varimesh {
+namespace {
+
+constexpr std::int32_t kNodesPerTask = 512;
+/// Beyond so many linear unknowns a sparse factor would take more memory and time than it saves.
+constexpr std::int32_t kMostLinear = 200000;
+
+template <int d>
+using Square = Eigen::Matrix<float, d * d, d * d, Eigen::RowMajor>;
+template <int d>
+using BlockMatrix = Eigen::Matrix<float, d, d, Eigen::RowMajor>;
+template <int d>
+using BlockVector = Eigen::Matrix<float, d, 1>;
+
+/// Values at order-2 nodes of functions of order 1, where both nodes are free.
+SparseRows linear_to_quadratic(const Problem& problem, const CoarseSpace& quadratic, const CoarseSpace& linear) {
+  std::vector<std::vector<std::pair<std::int32_t, float>>> rows(quadratic.count);
+  for (std::size_t b = 0; b < problem.blocks.size(); ++b) {
+    const Shape shape = problem.blocks[b].shape;
+    const CoarseSpace::Block &fine = quadratic.blocks[b], &coarse = linear.blocks[b];
+    const Eigen::MatrixXd values = reference::basis_values(
+        shape, 1, reference::NodeSet::Equispaced, problem.dimension,
+        reference::nodes(shape, quadratic.order, reference::NodeSet::Equispaced, problem.dimension));
+    for (std::int32_t cell = 0; cell < problem.blocks[b].count; ++cell)
+      for (int n = 0; n < fine.nodes_per_cell; ++n) {
+        const std::int32_t node = fine.nodes[static_cast<std::size_t>(cell) * fine.nodes_per_cell + n];
+        if (node < 0 || !rows[node].empty()) continue;
+        for (int v = 0; v < coarse.nodes_per_cell; ++v) {
+          const std::int32_t vertex = coarse.nodes[static_cast<std::size_t>(cell) * coarse.nodes_per_cell + v];
+          if (vertex >= 0 && std::abs(values(n, v)) > 1e-12)
+            rows[node].emplace_back(vertex, static_cast<float>(values(n, v)));
+        }
+      }
+  }
+  SparseRows out;
+  out.begin.push_back(0);
+  for (const auto& row : rows) {
+    for (const auto& [column, factor] : row) {
+      out.column.push_back(column);
+      out.factor.push_back(factor);
+    }
+    out.begin.push_back(static_cast<std::int32_t>(out.column.size()));
+  }
+  return out;
+}
+
+}  // namespace
+
+CoarseLevel::CoarseLevel(const Problem& problem, const Team& team)
+    : problem_(problem),
+      team_(team),
+      space_(coarse_space(problem, problem.blocks.empty() ? 1 : std::min(2, problem.blocks[0].order))),
+      linear_(coarse_space(problem, 1)) {
+  for (const CellBlock& block : problem.blocks) {
+    const std::size_t square = static_cast<std::size_t>(block.dimension) * block.dimension;
+    tensors_.emplace_back(block.count * square * square);
+  }
+  colour();
+  find_neighbours();
+  from_linear_ = linear_to_quadratic(problem, space_, linear_);
+  to_linear_ = transposed(from_linear_, linear_.count);
+  const std::size_t d = problem.dimension, unknowns = d * space_.count;
+  entry_.resize(column_.size() * d * d);
+  inverse_diagonal_.resize(unknowns * d);
+  r_.resize(unknowns);
+  x_.resize(unknowns);
+  residual_.resize(unknowns);
+  solves_linear_ = linear_.count > 0 && linear_.count * static_cast<std::int32_t>(d) <= kMostLinear;
+  linear_right_.resize(static_cast<Eigen::Index>(d) * linear_.count);
+}
+
+void CoarseLevel::colour() {
+  // The nodes of a cell all differ in colour: greedily, in the order in which the cells name them.
+  std::vector<std::vector<std::int32_t>> cells(space_.count);
+  std::vector<std::vector<std::int32_t>> used(problem_.cells);  // colours in each cell
+  for (std::size_t b = 0; b < problem_.blocks.size(); ++b) {
+    const CoarseSpace::Block& block = space_.blocks[b];
+    for (std::size_t i = 0; i < block.nodes.size(); ++i)
+      if (block.nodes[i] >= 0)
+        cells[block.nodes[i]].push_back(problem_.blocks[b].first + static_cast<std::int32_t>(i / block.nodes_per_cell));
+  }
+  std::vector<std::int32_t> colour_of(space_.count);
+  std::vector<char> taken;
+  std::int32_t count = 0;
+  for (std::int32_t node = 0; node < space_.count; ++node) {
+    taken.assign(count + 1, 0);
+    for (const std::int32_t cell : cells[node])
+      for (const std::int32_t colour : used[cell]) taken[colour] = 1;
+    const auto colour = static_cast<std::int32_t>(std::find(taken.begin(), taken.end(), 0) - taken.begin());
+    count = std::max(count, colour + 1);
+    colour_of[node] = colour;
+    for (const std::int32_t cell : cells[node]) used[cell].push_back(colour);
+  }
+  colours_.assign(count + 1, 0);
+  for (const std::int32_t colour : colour_of) ++colours_[colour + 1];
+  for (std::int32_t colour = 0; colour < count; ++colour) colours_[colour + 1] += colours_[colour];
+  std::vector<std::int32_t> next(colours_.begin(), colours_.end() - 1), number(space_.count);
+  for (std::int32_t node = 0; node < space_.count; ++node) number[node] = next[colour_of[node]]++;
+  renumber(space_, number);
+}
+
+void CoarseLevel::find_neighbours() {
+  places_begin_.assign(space_.count + 1, 0);
+  for (const CoarseSpace::Block& block : space_.blocks)
+    for (const std::int32_t node : block.nodes)
+      if (node >= 0) ++places_begin_[node + 1];
+  for (std::int32_t node = 0; node < space_.count; ++node) places_begin_[node + 1] += places_begin_[node];
+  places_.resize(places_begin_.back());
+  std::vector<std::int32_t> next(places_begin_.begin(), places_begin_.end() - 1);
+  for (std::size_t b = 0; b < space_.blocks.size(); ++b) {
+    const CoarseSpace::Block& block = space_.blocks[b];
+    for (std::size_t i = 0; i < block.nodes.size(); ++i)
+      if (block.nodes[i] >= 0)
+        places_[next[block.nodes[i]]++] = {static_cast<std::int32_t>(i / block.nodes_per_cell),
+                                           static_cast<std::int16_t>(b),
+                                           static_cast<std::int16_t>(i % block.nodes_per_cell)};
+  }
+  row_begin_.push_back(0);
+  std::vector<std::int32_t> row;
+  for (std::int32_t node = 0; node < space_.count; ++node) {
+    row.clear();
+    for (std::int32_t p = places_begin_[node]; p < places_begin_[node + 1]; ++p) {
+      const CoarseSpace::Block& block = space_.blocks[places_[p].block];
+      const auto first = block.nodes.begin() + static_cast<std::ptrdiff_t>(places_[p].cell) * block.nodes_per_cell;
+      std::copy_if(first, first + block.nodes_per_cell, std::back_inserter(row), [](std::int32_t n) { return n >= 0; });
+    }
+    std::sort(row.begin(), row.end());
+    row.erase(std::unique(row.begin(), row.end()), row.end());
+    for (std::int32_t p = places_begin_[node]; p < places_begin_[node + 1]; ++p) {
+      const CoarseSpace::Block& block = space_.blocks[places_[p].block];
+      slots_begin_.push_back(static_cast<std::int32_t>(slots_.size()));
+      for (int b = 0; b < block.nodes_per_cell; ++b) {
+        const std::int32_t other = block.nodes[static_cast<std::size_t>(places_[p].cell) * block.nodes_per_cell + b];
+        slots_.push_back(
+            other < 0 ? -1 : static_cast<std::int32_t>(std::lower_bound(row.begin(), row.end(), other) - row.begin()));
+      }
+    }
+    column_.insert(column_.end(), row.begin(), row.end());
+    row_begin_.push_back(static_cast<std::int32_t>(column_.size()));
+  }
+}
+
+template <int d>
+void CoarseLevel::assemble_row(std::int32_t node) {
+  constexpr int kSquare = d * d;
+  float* row = entry_.data() + static_cast<std::size_t>(row_begin_[node]) * kSquare;
+  std::fill(row, entry_.data() + static_cast<std::size_t>(row_begin_[node + 1]) * kSquare, 0.0F);
+  for (std::int32_t p = places_begin_[node]; p < places_begin_[node + 1]; ++p) {
+    const Place& place = places_[p];
+    const CoarseSpace::Block& block = space_.blocks[place.block];
+    const Eigen::Map<const Square<d>> M(tensors_[place.block].data() +
+                                        static_cast<std::size_t>(place.cell) * kSquare * kSquare);
+    for (int b = 0; b < block.nodes_per_cell; ++b) {
+      const std::int32_t slot = slots_[slots_begin_[p] + b];
+      if (slot < 0) continue;
+      const Eigen::Map<const Eigen::Matrix<float, kSquare, 1>> means(
+          block.stiffness.data() + (static_cast<std::size_t>(place.local) * block.nodes_per_cell + b) * kSquare);
+      Eigen::Map<Eigen::Matrix<float, kSquare, 1>>(row + static_cast<std::size_t>(slot) * kSquare) += M * means;
+    }
+  }
+  const auto diagonal =
+      std::lower_bound(column_.begin() + row_begin_[node], column_.begin() + row_begin_[node + 1], node);
+  Eigen::Map<BlockMatrix<d>> D(entry_.data() + (diagonal - column_.begin()) * kSquare);
+  D.diagonal().array() += 1e-6F * D.trace();
+  Eigen::Map<BlockMatrix<d>>(inverse_diagonal_.data() + static_cast<std::size_t>(node) * kSquare) = D.inverse();
+}
+
+template <int d>
+void CoarseLevel::assemble_linear() {
+  constexpr int kSquare = d * d;
+  std::vector<Eigen::Triplet<double>> entries;
+  for (std::size_t b = 0; b < linear_.blocks.size(); ++b) {
+    const CoarseSpace::Block& block = linear_.blocks[b];
+    const int n = block.nodes_per_cell;
+    for (std::int32_t cell = 0; cell < problem_.blocks[b].count; ++cell) {
+      const std::int32_t* nodes = block.nodes.data() + static_cast<std::size_t>(cell) * n;
+      const Eigen::Map<const Square<d>> M(tensors_[b].data() + static_cast<std::size_t>(cell) * kSquare * kSquare);
+      for (int a = 0; a < n; ++a)
+        for (int c = 0; c < n; ++c) {
+          if (nodes[a] < 0 || nodes[c] < 0 || nodes[c] > nodes[a]) continue;
+          const Eigen::Map<const Eigen::Matrix<float, kSquare, 1>> means(
+              block.stiffness.data() + (static_cast<std::size_t>(a) * n + c) * kSquare);
+          const Eigen::Matrix<float, kSquare, 1> K = M * means;
+          for (int i = 0; i < d; ++i)
+            for (int j = 0; j < d; ++j)
+              if (nodes[c] * d + j <= nodes[a] * d + i)
+                entries.emplace_back(nodes[a] * d + i, nodes[c] * d + j,
+                                     K[i * d + j] * (a == c && i == j ? 1 + 1e-6 : 1.0));
+        }
+    }
+  }
+  Eigen::SparseMatrix<double> A(linear_.count * d, linear_.count * d);
+  A.setFromTriplets(entries.begin(), entries.end());
+  if (!analysed_) factor_.analyzePattern(A);
+  analysed_ = true;
+  factor_.factorize(A);
+  if (factor_.info() != Eigen::Success) solves_linear_ = false;
+}
+
+void CoarseLevel::assemble(const std::vector<BatchBlock>& batches, const HessianKernels& hessian) {
+  if (space_.count == 0) return;
+  for (std::size_t b = 0; b < batches.size(); ++b)
+    team_.for_each(batches[b].count, 4,
+                   [&](std::int32_t batch) { hessian.mean_tensors(batches[b], batch, tensors_[b]); });
+  const int d = problem_.dimension;
+  team_.for_each(space_.count, kNodesPerTask / 8,
+                 [&](std::int32_t node) { d == 2 ? assemble_row<2>(node) : assemble_row<3>(node); });
+  if (solves_linear_) d == 2 ? assemble_linear<2>() : assemble_linear<3>();
+}
+
+template <int d>
+void CoarseLevel::forward() {
+  // From zero: what comes later counts for nothing yet.
+  for (std::size_t colour = 0; colour + 1 < colours_.size(); ++colour)
+    team_.for_each(colours_[colour + 1] - colours_[colour], kNodesPerTask, [&](std::int32_t i) {
+      const std::int32_t node = colours_[colour] + i;
+      BlockVector<d> sum = Eigen::Map<const BlockVector<d>>(&r_[static_cast<std::size_t>(node) * d]);
+      for (std::int32_t e = row_begin_[node]; column_[e] < node; ++e)
+        sum.noalias() -= Eigen::Map<const BlockMatrix<d>>(&entry_[static_cast<std::size_t>(e) * d * d]) *
+                         Eigen::Map<const BlockVector<d>>(&x_[static_cast<std::size_t>(column_[e]) * d]);
+      Eigen::Map<BlockVector<d>>(&x_[static_cast<std::size_t>(node) * d]).noalias() =
+          Eigen::Map<const BlockMatrix<d>>(&inverse_diagonal_[static_cast<std::size_t>(node) * d * d]) * sum;
+    });
+}
+
+template <int d>
+void CoarseLevel::backward() {
+  for (std::size_t colour = colours_.size() - 1; colour-- > 0;)
+    team_.for_each(colours_[colour + 1] - colours_[colour], kNodesPerTask, [&](std::int32_t i) {
+      const std::int32_t node = colours_[colour] + i;
+      BlockVector<d> sum = Eigen::Map<const BlockVector<d>>(&r_[static_cast<std::size_t>(node) * d]);
+      for (std::int32_t e = row_begin_[node]; e < row_begin_[node + 1]; ++e)
+        sum.noalias() -= Eigen::Map<const BlockMatrix<d>>(&entry_[static_cast<std::size_t>(e) * d * d]) *
+                         Eigen::Map<const BlockVector<d>>(&x_[static_cast<std::size_t>(column_[e]) * d]);
+      Eigen::Map<BlockVector<d>>(&x_[static_cast<std::size_t>(node) * d]).noalias() +=
+          Eigen::Map<const BlockMatrix<d>>(&inverse_diagonal_[static_cast<std::size_t>(node) * d * d]) * sum;
+    });
+}
+
+template <int d>
+void CoarseLevel::correct_linear() {
+  // After a forward sweep from zero what is left at a node is what came later: minus its upper part of the row.
+  team_.for_each(space_.count, kNodesPerTask, [&](std::int32_t node) {
+    BlockVector<d> sum = BlockVector<d>::Zero();
+    for (std::int32_t e = row_begin_[node + 1]; e-- > row_begin_[node] && column_[e] > node;)
+      sum.noalias() -= Eigen::Map<const BlockMatrix<d>>(&entry_[static_cast<std::size_t>(e) * d * d]) *
+                       Eigen::Map<const BlockVector<d>>(&x_[static_cast<std::size_t>(column_[e]) * d]);
+    std::copy_n(sum.data(), d, &residual_[static_cast<std::size_t>(node) * d]);
+  });
+  for (std::int32_t vertex = 0; vertex < linear_.count; ++vertex) {
+    Eigen::Matrix<double, d, 1> sum = Eigen::Matrix<double, d, 1>::Zero();
+    for (std::int32_t i = to_linear_.begin[vertex]; i < to_linear_.begin[vertex + 1]; ++i)
+      for (int k = 0; k < d; ++k)
+        sum[k] += to_linear_.factor[i] * residual_[static_cast<std::size_t>(to_linear_.column[i]) * d + k];
+    linear_right_.segment<d>(static_cast<Eigen::Index>(vertex) * d) = sum;
+  }
+  linear_left_ = factor_.solve(linear_right_);
+  team_.for_each(space_.count, kNodesPerTask, [&](std::int32_t node) {
+    for (std::int32_t i = from_linear_.begin[node]; i < from_linear_.begin[node + 1]; ++i)
+      for (int k = 0; k < d; ++k)
+        x_[static_cast<std::size_t>(node) * d + k] += static_cast<float>(
+            from_linear_.factor[i] * linear_left_[static_cast<Eigen::Index>(from_linear_.column[i]) * d + k]);
+  });
+}
+
+template <int d>
+void CoarseLevel::cycle() {
+  forward<d>();
+  if (solves_linear_) correct_linear<d>();
+  backward<d>();
+}
+
+void CoarseLevel::add(std::span<const float> r, std::span<float> z) {
+  if (space_.count == 0) return;
+  const int d = problem_.dimension;
+  team_.for_each(space_.count, kNodesPerTask, [&](std::int32_t node) {
+    std::array<float, 3> sum{};
+    for (std::int32_t i = space_.restriction.begin[node]; i < space_.restriction.begin[node + 1]; ++i) {
+      const float* from = &r[static_cast<std::size_t>(space_.restriction.column[i]) * d];
+      for (int k = 0; k < d; ++k) sum[k] += space_.restriction.factor[i] * from[k];
+    }
+    std::copy_n(sum.begin(), d, &r_[static_cast<std::size_t>(node) * d]);
+  });
+  d == 2 ? cycle<2>() : cycle<3>();
+  team_.for_each(static_cast<std::int32_t>(problem_.free.size()), kNodesPerTask, [&](std::int32_t rank) {
+    float* to = &z[static_cast<std::size_t>(rank) * d];
+    for (std::int32_t i = space_.prolongation.begin[rank]; i < space_.prolongation.begin[rank + 1]; ++i) {
+      const float* from = &x_[static_cast<std::size_t>(space_.prolongation.column[i]) * d];
+      for (int k = 0; k < d; ++k) to[k] += space_.prolongation.factor[i] * from[k];
+    }
+  });
+}
+
+}  // namespace varimesh

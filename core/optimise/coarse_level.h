@@ -1,0 +1,75 @@
+// The coarse part of the preconditioner: the Hessian on quadratic displacements, and below it on linear ones.
+#pragma once
+
+#include <Eigen/SparseCholesky>
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <vector>
+
+#include "core/optimise/batches.h"
+#include "core/optimise/cells.h"
+#include "core/optimise/coarse_space.h"
+#include "core/team.h"
+
+namespace varimesh {
+
+/// z += I V Iᵀ r. I takes displacements of order 2 (of order 1 on a mesh of order 1) to the free nodes, and V is one
+/// symmetric cycle on their stiffness matrix: forward block Gauss–Seidel by colours, the problem of order 1 by sparse
+/// Cholesky, backward block Gauss–Seidel. The matrix is made of each cell's mean tensor, from which the part of the
+/// Hessian that need not be positive is left out (HessianKernels::mean_tensors), so that it is positive definite
+/// whatever the mesh.
+class CoarseLevel {
+ public:
+  CoarseLevel(const Problem& problem, const Team& team);
+
+  /// The matrix anew, from what `hessian` has linearised.
+  void assemble(const std::vector<BatchBlock>& batches, const HessianKernels& hessian);
+
+  /// Both d floats a free node.
+  void add(std::span<const float> r, std::span<float> z);
+
+ private:
+  /// A cell that has a coarse node.
+  struct Place {
+    std::int32_t cell;  ///< Within its block.
+    std::int16_t block;
+    std::int16_t local;
+  };
+
+  void colour();
+  void find_neighbours();
+  template <int d>
+  void assemble_row(std::int32_t node);
+  template <int d>
+  void assemble_linear();
+  template <int d>
+  void forward();
+  template <int d>
+  void backward();
+  template <int d>
+  void correct_linear();
+  template <int d>
+  void cycle();
+
+  const Problem& problem_;
+  const Team& team_;
+  CoarseSpace space_;                   ///< Of order 2; its nodes are sorted by colour.
+  CoarseSpace linear_;                  ///< Of order 1; `prolongation` is not used.
+  SparseRows from_linear_, to_linear_;  ///< Values of order 2 from those of order 1, and the transpose.
+  std::vector<std::int32_t> colours_;   ///< Where each colour's nodes begin, and their end.
+  std::vector<std::int32_t> places_begin_;
+  std::vector<Place> places_;
+  std::vector<std::int32_t> slots_;  ///< By place and node of its cell: where in the row its block is; −1 if fixed.
+  std::vector<std::int32_t> slots_begin_;
+  std::vector<std::int32_t> row_begin_, column_;  ///< Block rows, columns ascending.
+  std::vector<float> entry_;                      ///< d·d a block, row-major.
+  std::vector<float> inverse_diagonal_;           ///< d·d a node.
+  std::vector<std::vector<float>> tensors_;       ///< By block: d⁴ a cell, M(i j, k l).
+  std::vector<float> r_, x_, residual_;           ///< d a node.
+  Eigen::SimplicialLDLT<Eigen::SparseMatrix<double>> factor_;
+  bool analysed_ = false, solves_linear_ = false;
+  Eigen::VectorXd linear_right_, linear_left_;
+};
+
+}  // namespace varimesh
