@@ -147,7 +147,12 @@ class VectorKernels final : public Kernels {
   HWY_FLATTEN PatchExpansion expand(std::span<const PatchCell> patch) const override {
     if (has_left_factors(patch)) return expand_through_left_factors(*this, d, patch);
     Sums<d> sums;
-    for (const PatchCell& cell : patch) cell.affine ? expand_cell<true>(cell, sums) : expand_cell<false>(cell, sums);
+    for (const PatchCell& cell : patch) {
+      if (is_plain(cell))
+        cell.affine ? expand_cell<true, true>(cell, sums) : expand_cell<false, true>(cell, sums);
+      else
+        cell.affine ? expand_cell<true, false>(cell, sums) : expand_cell<false, false>(cell, sums);
+    }
     PatchExpansion out;
     out.energy = sum_of(sums.energy);
     out.measure = sum_of(sums.measure);
@@ -162,7 +167,13 @@ class VectorKernels final : public Kernels {
     unrolled<d>([&](auto i) { a[i] = hn::Set(Tag(), step[i]); });
     Lanes sum = zero();
     for (const PatchCell& cell : patch) {
-      const bool allowed = cell.affine ? add_energy_after<true>(cell, a, sum) : add_energy_after<false>(cell, a, sum);
+      bool allowed = false;
+      if (is_plain(cell))
+        allowed =
+            cell.affine ? add_energy_after<true, true>(cell, a, sum) : add_energy_after<false, true>(cell, a, sum);
+      else
+        allowed =
+            cell.affine ? add_energy_after<true, false>(cell, a, sum) : add_energy_after<false, false>(cell, a, sum);
       if (!allowed) return std::numeric_limits<double>::infinity();
     }
     const double energy = sum_of(sum);
@@ -245,7 +256,7 @@ class VectorKernels final : public Kernels {
       const auto real = hn::Gt(weights, zero());
       low = hn::Min(low, hn::IfThenElse(real, J * volume, low));
       high = hn::Max(high, hn::IfThenElse(real, J * volume, high));
-      energy = hn::MulAdd(w, value(at, J, delta_squared), energy);
+      energy = hn::MulAdd(w, value<false>(at, J, delta_squared), energy);
     }
     CellScan out;
     out.energy = sum_of(energy);
@@ -256,9 +267,20 @@ class VectorKernels final : public Kernels {
   }
 
  private:
+  /// Whether J' = J at every point: the root and the division of the general case take as long as the rest. Only with a
+  /// barrier does J stay positive.
+  static bool is_plain(const PatchCell& cell) { return E::kBarrier && cell.delta_squared == 0; }
+
+  template <bool plain>
+  static HWY_INLINE Regularised<Lanes> regularised_if(Lanes J, Lanes delta_squared) {
+    if constexpr (plain) return {J, J, J};
+    return regularised(J, delta_squared);
+  }
+
   /// W(F).
+  template <bool plain>
   HWY_INLINE Lanes value(const Gradient<d>& at, Lanes J, Lanes delta_squared) const {
-    const Regularised<Lanes> j = regularised(J, delta_squared);
+    const Regularised<Lanes> j = regularised_if<plain>(J, delta_squared);
     Lanes Q = at.square();
     if constexpr (E::kQuadratic == Quadratic::Cofactor) {
       Q = zero();
@@ -308,7 +330,7 @@ class VectorKernels final : public Kernels {
     return 0;
   }
 
-  template <bool affine>
+  template <bool affine, bool plain>
   HWY_INLINE bool add_energy_after(const PatchCell& cell, const Lanes* a, Lanes& sum) const {
     // The logarithm of a number that is not positive is a finite number here, so J and finiteness are tested first.
     const Lanes lowest = hn::Set(Tag(), E::kBarrier && cell.delta_squared == 0 ? 0.0 : -kHuge);
@@ -322,12 +344,12 @@ class VectorKernels final : public Kernels {
       unrolled<d>([&](auto i) { unrolled<d>([&](auto j) { at.F[i][j] = hn::MulAdd(a[i], g[j], at.F[i][j]); }); });
       const Lanes J = at.determinant();
       if (!hn::AllTrue(Tag(), hn::And(hn::Gt(J, lowest), hn::Lt(J, huge)))) return false;
-      sum = hn::MulAdd(weight<affine>(cell, q), value(at, J, delta_squared), sum);
+      sum = hn::MulAdd(weight<affine>(cell, q), value<plain>(at, J, delta_squared), sum);
     }
     return true;
   }
 
-  template <bool affine>
+  template <bool affine, bool plain>
   HWY_INLINE void expand_cell(const PatchCell& cell, Sums<d>& sums) const {
     const Lanes delta_squared = hn::Set(Tag(), cell.delta_squared);
     for (int q = 0; q < cell.stride; q += static_cast<int>(hn::Lanes(Tag()))) {
@@ -346,7 +368,7 @@ class VectorKernels final : public Kernels {
       });
       const Lanes w = weight<affine>(cell, q);
       const Lanes square = at.square(), gg = inner<d>(g, g);
-      add_invariants(at, regularised(J, delta_squared), square, cofactor_square, w, gg, y, c, sums);
+      add_invariants(at, regularised_if<plain>(J, delta_squared), square, cofactor_square, w, gg, y, c, sums);
       if constexpr (E::kStrain == StrainTerm::GreenLagrange) add_green_lagrange(at, w, g, gg, y, sums);
       if constexpr (E::kStrain == StrainTerm::Small) add_small_strain(at, w, g, gg, sums);
       sums.measure = sums.measure + w;

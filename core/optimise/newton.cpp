@@ -15,6 +15,7 @@ constexpr std::size_t kNodesPerSample = 64;  // of the Hessian's size
 constexpr std::size_t kChunk = 8192;         // numbers whose sum is one partial sum, whatever the number of threads
 constexpr int kMostProducts = 1000;          // a Newton step
 constexpr int kMostHalvings = 30;
+constexpr double kLargeStep = 1e-3;  // after which the coarse level is assembled again
 constexpr double kArmijo = 1e-4;
 constexpr double kEnergyNoise = 1e-14;  // of the mesh's measure: below it an energy's change is rounding
 
@@ -69,6 +70,7 @@ NewtonReport Newton::step() {
   const double norm = gradient * gradient_scale / std::sqrt(hessian_scale_);
   report.products = conjugate_gradients(forcing_term(norm, last_gradient_));
   last_gradient_ = norm;
+  if (coarse_is_old_) products_when_new_ = report.products;
   for (double& component : step_) component *= gradient_scale / hessian_scale_;
 
   double slope = 0;
@@ -84,6 +86,8 @@ NewtonReport Newton::step() {
   report.residual = std::sqrt(report.residual);
   report.failed = !std::isfinite(slope) || (report.residual == 0 && report.gradient_norm > 0);
   if (slope < 0 && !report.failed) report.damping = search(slope);
+  // A coarse level serves as long as the mesh hardly changes by it.
+  coarse_is_old_ = report.damping < 1 || report.residual > kLargeStep || report.products > 2 * products_when_new_ + 20;
   return report;
 }
 
@@ -108,7 +112,7 @@ void Newton::linearise() {
   if (!norm_.is_sum()) linearise_norm();
   for (BatchBlock& block : batches_)
     team_.for_each(block.count, 4, [&](std::int32_t b) { hessian_.linearise(block, b); });
-  coarse_.assemble(batches_, hessian_);
+  if (coarse_is_old_) coarse_.assemble(batches_, hessian_);
 }
 
 void Newton::linearise_norm() {

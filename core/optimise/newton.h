@@ -74,6 +74,8 @@ class Newton {
   std::vector<float> residual_, direction_, product_, preconditioned_;
   std::vector<double> partial_;  ///< Sums of chunks, added in order.
   std::vector<CellScan> scans_;
+  bool coarse_is_old_ = true;  ///< The coarse level is to be assembled again.
+  int products_when_new_ = 0;  ///< Of the step after it was.
 };
 
 }  // namespace varimesh

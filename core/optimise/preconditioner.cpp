@@ -13,11 +13,18 @@ void invert_block(const PatchExpansion& expansion, float* inverse) {
   Eigen::Matrix<double, d, d> H;
   for (int i = 0, entry = 0; i < d; ++i)
     for (int j = 0; j <= i; ++j, ++entry) H(i, j) = H(j, i) = expansion.hessian[entry];
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, d, d>> eigen(H);
-  const Eigen::Matrix<double, d, 1> size = eigen.eigenvalues().cwiseAbs();
-  const Eigen::Matrix<double, d, 1> clamped = size.cwiseMax(std::max(1e-3 * size.maxCoeff(), 1e-300));
-  const Eigen::Matrix<double, d, d> out =
-      eigen.eigenvectors() * clamped.cwiseInverse().asDiagonal() * eigen.eigenvectors().transpose();
+  // Pivots of a Cholesky factor bound the eigenvalues' ratio from outside: where they are alike nothing is clamped.
+  Eigen::Matrix<double, d, d> out;
+  const Eigen::LLT<Eigen::Matrix<double, d, d>> factor(H);
+  const auto pivots = factor.matrixLLT().diagonal();
+  if (factor.info() == Eigen::Success && pivots.minCoeff() > 0.2 * pivots.maxCoeff()) {
+    out = factor.solve(Eigen::Matrix<double, d, d>::Identity());
+  } else {
+    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, d, d>> eigen(H);
+    const Eigen::Matrix<double, d, 1> size = eigen.eigenvalues().cwiseAbs();
+    const Eigen::Matrix<double, d, 1> clamped = size.cwiseMax(std::max(1e-3 * size.maxCoeff(), 1e-300));
+    out = eigen.eigenvectors() * clamped.cwiseInverse().asDiagonal() * eigen.eigenvectors().transpose();
+  }
   for (int i = 0; i < d; ++i)
     for (int j = 0; j < d; ++j) inverse[i * d + j] = static_cast<float>(out(i, j));
 }

@@ -16,6 +16,38 @@ constexpr double kArmijo = 1e-4;  // share of the predicted decrease that a step
 constexpr int kMostHalvings = 40;
 constexpr double kEnergyNoise = 1e-14;  // of the patch's measure: below it an energy's change is rounding
 
+/// −H⁻¹ G by a Cholesky factor (L D Lᵀ); false where H is not positive, or its pivots are far apart.
+template <int d>
+bool cholesky_step(const Eigen::Matrix<double, d, d>& H, const Eigen::Matrix<double, d, 1>& G,
+                   Eigen::Matrix<double, d, 1>& step) {
+  double L[d][d] = {}, pivot[d] = {};
+  double least = std::numeric_limits<double>::infinity(), most = 0;
+  for (int i = 0; i < d; ++i) {
+    pivot[i] = H(i, i);
+    for (int k = 0; k < i; ++k) pivot[i] -= L[i][k] * L[i][k] * pivot[k];
+    least = std::min(least, pivot[i]);
+    most = std::max(most, pivot[i]);
+    if (!(least > 0)) return false;
+    for (int j = i + 1; j < d; ++j) {
+      double entry = H(j, i);
+      for (int k = 0; k < i; ++k) entry -= L[j][k] * L[i][k] * pivot[k];
+      L[j][i] = entry / pivot[i];
+    }
+  }
+  if (!(least > 0.0025 * most)) return false;
+  double y[d];
+  for (int i = 0; i < d; ++i) {
+    y[i] = -G[i];
+    for (int k = 0; k < i; ++k) y[i] -= L[i][k] * y[k];
+  }
+  for (int i = d - 1; i >= 0; --i) {
+    y[i] /= pivot[i];
+    for (int k = i + 1; k < d; ++k) y[i] -= L[k][i] * y[k];
+    step[i] = y[i];
+  }
+  return true;
+}
+
 template <int d>
 std::array<double, 3> newton_step_of(const PatchExpansion& expansion) {
   Eigen::Matrix<double, d, d> H;
@@ -25,11 +57,7 @@ std::array<double, 3> newton_step_of(const PatchExpansion& expansion) {
     for (int j = 0; j <= i; ++j, ++entry) H(i, j) = H(j, i) = expansion.hessian[entry];
   }
   Eigen::Matrix<double, d, 1> step;
-  const Eigen::LLT<Eigen::Matrix<double, d, d>> factor(H);
-  const auto pivots = factor.matrixLLT().diagonal();
-  if (factor.info() == Eigen::Success && pivots.minCoeff() > 0.05 * pivots.maxCoeff()) {
-    step = -factor.solve(G);
-  } else {
+  if (!cholesky_step<d>(H, G, step)) {
     const Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, d, d>> eigen(H);
     const Eigen::Matrix<double, d, 1> size = eigen.eigenvalues().cwiseAbs();
     const Eigen::Matrix<double, d, 1> clamped = size.cwiseMax(1e-3 * size.maxCoeff());
