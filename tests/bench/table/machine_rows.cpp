@@ -196,7 +196,9 @@ void threads_against_one(Bench& bench, const std::string& mesh, int threads, dou
       ratios.push_back(seconds(*one) / seconds(*more));
       busy.push_back(std::max(one->conditions.busy_cores, more->conditions.busy_cores));
     }
+    // Threads that wait for a processor say nothing of how well the work divides.
     line.disturbed = Conditions{0, median(busy)}.disturbed();
+    line.judged = !line.disturbed;
     const double ratio = median(ratios);
     line.measured = text("%.2f", ratio);
     line.quality = text("%.2f to %.2f; yardsticks %.2f", *std::min_element(ratios.begin(), ratios.end()),

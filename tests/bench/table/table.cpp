@@ -28,7 +28,8 @@ void Table::add(const Line& line) {
   ++lines_;
   std::string verdict = line.target.empty() ? "" : line.missed.empty() ? "met" : "NOT MET: ";
   for (std::size_t i = 0; i < line.missed.size(); ++i) verdict += (i > 0 ? ", " : "") + line.missed[i];
-  if (!line.target.empty()) ++(line.missed.empty() ? met_ : missed_);
+  if (!line.judged) verdict = "not judged: disturbed";
+  if (!line.target.empty() && line.judged) ++(line.missed.empty() ? met_ : missed_);
   disturbed_ += line.disturbed ? 1 : 0;
   std::printf("| %-44s | %-12s | %-10s | %-30s | %-28s | %-40s | %s |\n", line.what.c_str(),
               (line.measured + (line.disturbed ? " *" : "")).c_str(), line.normalised.c_str(), line.target.c_str(),
@@ -50,8 +51,8 @@ void Table::fail(const std::string& what, const Error& error) {
 }
 
 void Table::foot() const {
-  std::printf("\n%d figures: %d met, %d not met, %d without a target; %d skipped, %d failed.\n", lines_, met_, missed_,
-              lines_ - met_ - missed_, skipped_, failed_);
+  std::printf("\n%d figures: %d met, %d not met, %d without a target or not judged; %d skipped, %d failed.\n", lines_,
+              met_, missed_, lines_ - met_ - missed_, skipped_, failed_);
   std::printf("Normalised: times the yardstick's GFLOP/s, taken before and after, over %g.\n", kReferenceGflops);
   if (disturbed_ > 0)
     std::printf("* %d figures were taken while other programs were at work; those for one thread are processor time.\n",

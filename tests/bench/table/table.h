@@ -21,6 +21,7 @@ struct Line {
   std::vector<std::string> missed = {};  ///< What of the target is not met.
   std::string quality = {};              ///< Of the mesh returned.
   std::string peers = {};                ///< What others need or reach.
+  bool judged = true;                    ///< Whether the figure can say anything about the target.
   bool disturbed = false;                ///< Other programs were at work meanwhile.
 };
 
