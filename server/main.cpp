@@ -37,6 +37,7 @@ int main(int argc, char** argv) {
   using namespace varimesh;
   server::ServerOptions options;
   options.listen = "127.0.0.1:50051";
+  options.limits.reserve_bytes = std::int64_t{64} << 20;
   std::string port_file, log_level = "info";
   int drain_seconds = 30, mesh_lifetime_hours = 7 * 24;
 
@@ -64,6 +65,10 @@ int main(int argc, char** argv) {
       ->check(CLI::NonNegativeNumber);
   app.add_option("--max-store-bytes", options.limits.max_store_bytes,
                  "Beyond it the oldest meshes go that no job refers to; 0: no limit")
+      ->capture_default_str()
+      ->check(CLI::NonNegativeNumber);
+  app.add_option("--reserve-bytes", options.limits.reserve_bytes,
+                 "Free space on the disk that is left for the jobs that run: below it nothing is taken")
       ->capture_default_str()
       ->check(CLI::NonNegativeNumber);
   app.add_option("--mesh-lifetime", mesh_lifetime_hours, "Hours that a mesh is kept that no job refers to")

@@ -107,7 +107,7 @@ struct Server::Parts {
   ServerOptions options;
   ThreadBudget budget;
   std::unique_ptr<StateDirectory> state;
-  std::unique_ptr<MeshStore> meshes;
+  std::unique_ptr<DirectoryMeshStore> meshes;
   std::unique_ptr<JobStore> jobs;
   std::unique_ptr<Scheduler> scheduler;
   CallRegistry calls;
@@ -132,6 +132,7 @@ struct Server::Parts {
     settings.max_pending = options.limits.max_pending_jobs;
     settings.max_ended = options.limits.max_ended_jobs;
     settings.clock = options.clock;
+    settings.has_room = [this] { return meshes->has_room(); };
     settings.new_name = options.new_name ? options.new_name : random_name;
     settings.launch = [this](int threads, std::function<void()> job) { budget.launch(threads, std::move(job)); };
     settings.log = [](const std::string& job, const std::string& what) { spdlog::info("{} {}", job, what); };
@@ -154,6 +155,7 @@ Expected<void> Server::Parts::open_stores() {
   DirectoryMeshSettings mesh_settings;
   mesh_settings.max_mesh_bytes = options.limits.max_mesh_bytes;
   mesh_settings.max_total_bytes = options.limits.max_store_bytes;
+  mesh_settings.reserve_bytes = options.limits.reserve_bytes;
   mesh_settings.lifetime = options.limits.mesh_lifetime;
   JobStoreSettings job_settings;
   job_settings.clock = options.clock;
@@ -225,11 +227,13 @@ Expected<std::unique_ptr<Server>> Server::start(ServerOptions options) {
   parts->scheduler->tick();
   parts->calls_ticker = std::make_unique<Ticker>(
       std::chrono::milliseconds(250), [calls = &parts->calls] { calls->tick(std::chrono::steady_clock::now()); });
-  parts->jobs_ticker =
-      std::make_unique<Ticker>(std::chrono::seconds(1), [scheduler = parts->scheduler.get()] { scheduler->tick(); });
+  parts->jobs_ticker = std::make_unique<Ticker>(std::chrono::seconds(1), [parts = parts.get()] {
+    parts->scheduler->tick();
+    parts->health->set_serving(parts->meshes->has_room());
+  });
   parts->sweeper =
       std::make_unique<Ticker>(std::chrono::minutes(1), [meshes = parts->meshes.get()] { meshes->sweep(); });
-  parts->health->set_serving(true);
+  parts->health->set_serving(parts->meshes->has_room());
   return std::unique_ptr<Server>(new Server(std::move(parts)));
 }
 
@@ -249,6 +253,7 @@ std::shared_ptr<grpc::Channel> Server::in_process_channel() {
 
 bool Server::stop(std::chrono::milliseconds patience) {
   const auto deadline = std::chrono::steady_clock::now() + patience;
+  parts_->jobs_ticker.reset();
   parts_->health->set_serving(false);
   // Watchers go first, so that they hear of the server's end and not of the cancels that it makes.
   parts_->calls.end_all(stopping_status());

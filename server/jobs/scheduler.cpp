@@ -66,6 +66,12 @@ Answer<v1::Job> Scheduler::submit(const std::string& request_id, const v1::JobSp
     *job.mutable_spec() = spec;
     return job;
   }
+  if (!settings_.has_room())
+    return failure(
+        Code::ResourceExhausted, "STORE_FULL",
+        "The server's disk is nearly full, and what is left is for the jobs that run; free space there, or ask "
+        "whoever runs it.",
+        {}, 30);
   v1::Job job;
   {
     std::lock_guard lock(mutex_);

@@ -25,7 +25,8 @@ struct SchedulerSettings {
   std::string worker = "local";        ///< Whose claims these are, after a restart too.
   std::chrono::seconds heartbeat{10};  ///< A third of the lease.
   std::function<TimePoint()> clock = std::chrono::system_clock::now;
-  std::function<std::string()> new_name;                               ///< "jobs/…", never the same again.
+  std::function<bool()> has_room = [] { return true; };  ///< On the disk, for another job; STORE_FULL where not.
+  std::function<std::string()> new_name;                 ///< "jobs/…", never the same again.
   std::function<void(int threads, std::function<void()> job)> launch;  ///< Runs the job elsewhere.
   std::function<void(const std::string& job, const std::string& what)> log = [](const auto&, const auto&) {};
 };

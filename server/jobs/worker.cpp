@@ -98,7 +98,15 @@ class Outputs {
     }
     writer_ = std::move(*created);
     format_ = format;
-    return [this](std::string_view bytes) { return writer_->append(bytes); };
+    return [this](std::string_view bytes) {
+      if (writer_->append(bytes)) return true;
+      failure_ = Failure{Failure::Code::ResourceExhausted,
+                         "STORE_FULL",
+                         "The server's disk has no room for the result; free space there, and submit the job again.",
+                         {},
+                         0};
+      return false;
+    };
   }
 
   void close() {

@@ -160,6 +160,12 @@ std::filesystem::path DirectoryMeshStore::temporary_path() {
   return directory_ / ("part-" + std::to_string(++counter_));
 }
 
+bool DirectoryMeshStore::has_room(std::int64_t bytes) const {
+  std::error_code error;
+  const auto space = std::filesystem::space(directory_, error);
+  return error || static_cast<std::int64_t>(space.available) >= settings_.reserve_bytes + bytes;
+}
+
 // ===== uploads =====
 
 Answer<UploadTicket> DirectoryMeshStore::begin_upload(const std::string& id, const std::string& digest,
@@ -175,6 +181,11 @@ Answer<UploadTicket> DirectoryMeshStore::begin_upload(const std::string& id, con
                        std::to_string(settings_.max_mesh_bytes) + " (its flag --max-mesh-bytes).",
                    {{"max_mesh_bytes", std::to_string(settings_.max_mesh_bytes)}});
   if (pin(digest)) return UploadTicket{id, 0, size, true};
+  if (!has_room(size))
+    return failure(Code::ResourceExhausted, "STORE_FULL",
+                   "The server's disk has no room for a mesh of " + std::to_string(size) +
+                       " bytes; free space there, or ask whoever runs it.",
+                   {}, 30);
 
   const std::filesystem::path path = temporary_path();
   std::lock_guard lock(mutex_);

@@ -17,6 +17,7 @@ namespace varimesh::server {
 struct DirectoryMeshSettings {
   std::int64_t max_mesh_bytes = std::int64_t{16} << 30;  ///< Larger uploads are refused.
   std::int64_t max_total_bytes = 0;            ///< Beyond it the oldest go that nothing refers to; 0: no limit.
+  std::int64_t reserve_bytes = 0;              ///< Of the disk, that no upload may take.
   std::chrono::minutes lifetime{7 * 24 * 60};  ///< Of what nothing refers to, since it was last asked for.
   std::function<std::chrono::system_clock::time_point()> clock = std::chrono::system_clock::now;
 };
@@ -32,6 +33,9 @@ class DirectoryMeshStore : public MeshStore {
   static Answer<std::unique_ptr<DirectoryMeshStore>> open_directory(const std::string& directory,
                                                                     DirectoryMeshSettings settings);
   ~DirectoryMeshStore() override;
+
+  /// Whether the disk has more than the reserve.
+  bool has_room(std::int64_t bytes = 0) const;
 
   Answer<UploadTicket> begin_upload(const std::string& id, const std::string& digest, std::int64_t size) override;
   Answer<std::int64_t> append(const UploadTicket& ticket, std::int64_t offset, std::string_view bytes) override;

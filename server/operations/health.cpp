@@ -3,6 +3,7 @@
 
 #include <array>
 #include <string_view>
+#include <utility>
 
 namespace varimesh::server {
 namespace {
@@ -18,7 +19,7 @@ void HealthService::set_serving(bool serving) {
   std::vector<std::weak_ptr<Listener>> watchers;
   {
     std::lock_guard lock(mutex_);
-    serving_ = serving;
+    if (std::exchange(serving_, serving) == serving) return;
     std::erase_if(watchers_, [](const auto& watcher) { return watcher.expired(); });
     watchers = watchers_;
   }

@@ -12,6 +12,7 @@ struct Limits {
   int max_ended_jobs = 1000;                             ///< Jobs remembered after their end.
   std::int64_t max_store_bytes = 0;                      ///< Meshes that no job refers to go beyond it; 0: no limit.
   std::chrono::minutes mesh_lifetime{7 * 24 * 60};       ///< Of a mesh that no job refers to.
+  std::int64_t reserve_bytes = 0;                        ///< Of disk, left for what the running jobs write.
   int threads = 0;                                       ///< The machine's budget; 0: all there are.
   std::chrono::milliseconds bookmark_interval{10000};    ///< Silence on a watch; the contract promises 15 s.
   std::chrono::milliseconds stalled_reader{30000};       ///< A message that is not taken for so long ends the stream.

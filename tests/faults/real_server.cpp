@@ -20,7 +20,7 @@ namespace {
 
 using std::chrono::steady_clock;
 
-bool serves(const std::shared_ptr<grpc::Channel>& channel) {
+bool says_serving(const std::shared_ptr<grpc::Channel>& channel) {
   grpc::ClientContext context;
   // A connection is made while a call waits for it: one that does not wait leaves it to a poll every five seconds.
   context.set_wait_for_ready(true);
@@ -32,17 +32,20 @@ bool serves(const std::shared_ptr<grpc::Channel>& channel) {
 
 }  // namespace
 
-RealServer::RealServer(std::string program, std::vector<std::string> flags)
-    : program_(std::move(program)), flags_(std::move(flags)) {
+RealServer::RealServer(std::string program, std::vector<std::string> flags, std::filesystem::path state)
+    : program_(std::move(program)), flags_(std::move(flags)), state_(std::move(state)) {
   std::string name = (std::filesystem::temp_directory_path() / "varimesh-faults-XXXXXX").string();
   if (::mkdtemp(name.data()) == nullptr) std::perror(name.c_str()), std::exit(1);
   folder_ = name;
+  if (state_.empty()) state_ = folder_ / "state";
 }
 
 RealServer::~RealServer() {
   if (process_ > 0) kill();
   std::filesystem::remove_all(folder_);
 }
+
+bool RealServer::serves() const { return says_serving(channel()); }
 
 std::shared_ptr<grpc::Channel> RealServer::channel() const {
   static std::atomic<int> number = 0;
@@ -57,13 +60,8 @@ std::shared_ptr<grpc::Channel> RealServer::channel() const {
 
 std::chrono::milliseconds RealServer::start() {
   const auto begun = steady_clock::now();
-  std::vector<std::string> words{program_,
-                                 "--listen",
-                                 "unix:" + (folder_ / "socket").string(),
-                                 "--state",
-                                 (folder_ / "state").string(),
-                                 "--port-file",
-                                 (folder_ / "address").string()};
+  std::vector<std::string> words{program_,        "--listen",    "unix:" + (folder_ / "socket").string(), "--state",
+                                 state_.string(), "--port-file", (folder_ / "address").string()};
   words.insert(words.end(), flags_.begin(), flags_.end());
   std::vector<char*> arguments;
   for (std::string& word : words) arguments.push_back(word.data());
@@ -76,7 +74,8 @@ std::chrono::milliseconds RealServer::start() {
   ::posix_spawn_file_actions_destroy(&files);
   const auto connection = channel();
   while (failed == 0 && steady_clock::now() - begun < std::chrono::seconds(60)) {
-    if (serves(connection)) return std::chrono::duration_cast<std::chrono::milliseconds>(steady_clock::now() - begun);
+    if (says_serving(connection))
+      return std::chrono::duration_cast<std::chrono::milliseconds>(steady_clock::now() - begun);
     std::this_thread::sleep_for(std::chrono::milliseconds(2));
   }
   std::fprintf(stderr, "%s does not come up within a minute; its log is %s\n", program_.c_str(),

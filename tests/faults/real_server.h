@@ -15,7 +15,8 @@ namespace varimesh::server::testing {
 /// A server on a socket and a state directory of its own, in a folder that goes with it.
 class RealServer {
  public:
-  RealServer(std::string program, std::vector<std::string> flags);
+  /// `state` empty: in the folder.
+  RealServer(std::string program, std::vector<std::string> flags, std::filesystem::path state = {});
   ~RealServer();
   RealServer(const RealServer&) = delete;
   RealServer& operator=(const RealServer&) = delete;
@@ -26,6 +27,8 @@ class RealServer {
   /// SIGTERM; the exit status.
   int stop();
 
+  /// Whether it says SERVING now.
+  bool serves() const;
   /// A connection of its own.
   std::shared_ptr<grpc::Channel> channel() const;
   const std::filesystem::path& folder() const { return folder_; }
@@ -35,7 +38,7 @@ class RealServer {
 
   const std::string program_;
   const std::vector<std::string> flags_;
-  std::filesystem::path folder_;
+  std::filesystem::path folder_, state_;
   pid_t process_ = -1;
 };
 
