@@ -10,6 +10,7 @@
 #include <csignal>
 #include <cstdio>
 #include <cstdlib>
+#include <cstring>
 #include <thread>
 #include <utility>
 
@@ -73,7 +74,11 @@ std::chrono::milliseconds RealServer::start() {
   const int failed = ::posix_spawn(&process_, program_.c_str(), &files, nullptr, arguments.data(), environ);
   ::posix_spawn_file_actions_destroy(&files);
   const auto connection = channel();
-  while (failed == 0 && steady_clock::now() - begun < std::chrono::seconds(60)) {
+  if (failed != 0) {
+    std::fprintf(stderr, "%s cannot be started: %s\n", program_.c_str(), std::strerror(failed));
+    std::_Exit(1);
+  }
+  while (steady_clock::now() - begun < std::chrono::seconds(60)) {
     if (says_serving(connection))
       return std::chrono::duration_cast<std::chrono::milliseconds>(steady_clock::now() - begun);
     std::this_thread::sleep_for(std::chrono::milliseconds(2));

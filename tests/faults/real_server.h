@@ -32,6 +32,7 @@ class RealServer {
   /// A connection of its own.
   std::shared_ptr<grpc::Channel> channel() const;
   const std::filesystem::path& folder() const { return folder_; }
+  pid_t process() const { return process_; }
 
  private:
   int wait();
