@@ -34,7 +34,7 @@ LatticeTable lattice_table(Shape shape, int order, int intervals, int dimension)
   return table;
 }
 
-int default_intervals(int order) { return std::max(2 * order, 8); }
+int default_intervals(int order) { return std::max(2 * order + 2, 8); }
 
 // ---------------------------------------------------------------------------------------------------------------------
 // Determinants of a batch
