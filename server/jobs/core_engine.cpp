@@ -30,7 +30,9 @@ Expected<void> write_mesh(const Result& result, v1::MeshFormat format, int threa
     const CellMarks marks(result.mesh, result.unrepairable, threads);
     return formats::write(result.mesh, format_from(format), sink, marks.fields());
   }
-  if (result.unrepairable.empty()) return formats::write(result.mesh, format_from(format), sink);
+  // MSH 2.2 repeats an element for each further group, and readers who do not know that count it twice.
+  const bool repeats = format == v1::MESH_FORMAT_MSH22 || format == v1::MESH_FORMAT_MSH22_BINARY;
+  if (result.unrepairable.empty() || repeats) return formats::write(result.mesh, format_from(format), sink);
   HighOrderMesh marked = result.mesh;
   mark_unrepairable(marked, result.unrepairable);
   return formats::write(marked, format_from(format), sink);

@@ -192,7 +192,7 @@ class InProcess(WithFolder):
         self.assertEqual(done.returncode, 0, done.stderr)
         self.assertRegex(done.stdout, r"triangle 1: .*must be")
         self.assertIn('"unrepairable"', marked.read_text())
-        done = run("optimise", folded, "-o", out, "--until", "valid", "--json")
+        done = run("optimise", folded, "-o", out, "--format", "msh41", "--until", "valid", "--json")
         self.assertEqual(done.returncode, 4, done.stderr)
         document = json.loads(done.stdout)
         named = {element for group in document["unrepairable"] for element in group["elements"]}
