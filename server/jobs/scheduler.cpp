@@ -72,22 +72,19 @@ Answer<v1::Job> Scheduler::submit(const std::string& request_id, const v1::JobSp
         "The server's disk is nearly full, and what is left is for the jobs that run; free space there, or ask "
         "whoever runs it.",
         {}, 30);
-  v1::Job job;
-  {
-    std::lock_guard lock(mutex_);
-    if (stopping_)
-      return failure(Code::Unavailable, "STOPPING", "The server is stopping; submit again when it is back.", {}, 5);
-    auto submitted = jobs_->submit({request_id, spec, settings_.new_name(), settings_.max_pending});
-    if (!submitted) return tl::unexpected(submitted.error());
-    job = std::move(submitted->job);
-    if (const auto log = logs_.find(job.name()); log != logs_.end())
-      job.set_last_sequence(log->second->last_sequence());
-    if (submitted->events.empty()) return job;
-    meshes_->retain(spec.mesh().digest());
-  }
-  settings_.log(job.name(), "submitted");
+  if (stopping_)
+    return failure(Code::Unavailable, "STOPPING", "The server is stopping; submit again when it is back.", {}, 5);
+  // Without the lock, so that many submissions share a transaction: nobody knows the job before the store does. What it
+  // refers to is counted first, since it may be run and forgotten before this goes on.
+  meshes_->retain(spec.mesh().digest());
+  auto submitted = jobs_->submit({request_id, spec, settings_.new_name(), settings_.max_pending});
+  const bool is_new = submitted && !submitted->events.empty();
+  if (!is_new) meshes_->release(spec.mesh().digest());
+  if (!submitted) return tl::unexpected(submitted.error());
+  if (!is_new) return get(submitted->job.name());
+  settings_.log(submitted->job.name(), "submitted");
   start_jobs();
-  return job;
+  return submitted->job;
 }
 
 Answer<v1::Job> Scheduler::get(const std::string& name) {

@@ -26,7 +26,7 @@ struct SchedulerSettings {
   std::chrono::seconds heartbeat{10};  ///< A third of the lease.
   std::function<TimePoint()> clock = std::chrono::system_clock::now;
   std::function<bool()> has_room = [] { return true; };  ///< On the disk, for another job; STORE_FULL where not.
-  std::function<std::string()> new_name;                 ///< "jobs/…", never the same again.
+  std::function<std::string()> new_name;                 ///< "jobs/…", never the same again; from any thread.
   std::function<void(int threads, std::function<void()> job)> launch;  ///< Runs the job elsewhere.
   std::function<void(const std::string& job, const std::string& what)> log = [](const auto&, const auto&) {};
 };

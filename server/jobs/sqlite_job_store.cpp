@@ -108,17 +108,50 @@ Answer<std::unique_ptr<SqliteJobStore>> SqliteJobStore::open(const std::string& 
 
 // ===== transactions, rows =====
 
-template <class Result>
-Answer<Result> SqliteJobStore::write(const std::function<Answer<Result>(SqliteDatabase&)>& work) {
-  std::lock_guard lock(writer_mutex_);
+void SqliteJobStore::write(Write& change) {
+  std::unique_lock lock(queue_mutex_);
+  queue_.push_back(&change);
+  written_.wait(lock, [&] { return change.done || !writing_; });
+  if (change.done) return;
+  writing_ = true;
+  std::vector<Write*> changes;
+  changes.swap(queue_);
+  lock.unlock();
+  write_all(changes);
+  lock.lock();
+  for (Write* each : changes) each->done = true;
+  writing_ = false;
+  written_.notify_all();
+}
+
+void SqliteJobStore::write_all(const std::vector<Write*>& changes) {
+  const auto fail_all = [&](const SqliteError& error) {
+    for (Write* change : changes) change->failed = failure_of(error).value();
+  };
   try {
     SqliteTransaction transaction(writer_);
-    Answer<Result> result = work(writer_);
-    if (result) transaction.commit();
-    return result;
+    for (Write* change : changes) {
+      writer_.run("SAVEPOINT change");
+      if (!change->work(writer_)) writer_.run("ROLLBACK TO change");
+      writer_.run("RELEASE change");
+    }
+    transaction.commit();
   } catch (const SqliteError& error) {
-    return failure_of(error);
+    fail_all(error);
   }
+}
+
+template <class Result>
+Answer<Result> SqliteJobStore::write(const std::function<Answer<Result>(SqliteDatabase&)>& work) {
+  Answer<Result> result;
+  Write change;
+  change.work = [&](SqliteDatabase& database) {
+    result = work(database);
+    return result.has_value();
+  };
+  write(change);
+  if (change.failed) return tl::unexpected(*change.failed);
+  return result;
 }
 
 template <class Result>

@@ -1,10 +1,13 @@
 // Jobs in a SQLite database beside the server: they outlive it.
 #pragma once
 
+#include <condition_variable>
 #include <functional>
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <string>
+#include <vector>
 
 #include "server/jobs/job_record.h"
 #include "server/jobs/sqlite.h"
@@ -43,6 +46,15 @@ class SqliteJobStore : public JobStore {
   };
   SqliteJobStore(const std::string& path, const JobStoreSettings& settings);
 
+  /// A change that waits to be written, on the stack of its caller.
+  struct Write {
+    std::function<bool(SqliteDatabase&)> work;  ///< False: it refuses, and leaves nothing.
+    std::optional<Failure> failed;
+    bool done = false;
+  };
+  void write(Write& change);
+  void write_all(const std::vector<Write*>& changes);
+
   /// Runs `work` in a transaction, on the disk when this returns, or not at all.
   template <class Result>
   Answer<Result> write(const std::function<Answer<Result>(SqliteDatabase&)>& work);
@@ -58,8 +70,11 @@ class SqliteJobStore : public JobStore {
   static void keep(SqliteDatabase& database, std::int64_t key, const Changed& changed);
 
   const JobTransitions transitions_;
-  std::mutex writer_mutex_;
-  SqliteDatabase writer_;
+  std::mutex queue_mutex_;
+  std::condition_variable written_;
+  std::vector<Write*> queue_;
+  bool writing_ = false;   ///< One of the callers writes, for itself and for those that come meanwhile.
+  SqliteDatabase writer_;  ///< Used by that one alone.
   std::mutex reader_mutex_;
   SqliteDatabase reader_;
 };
