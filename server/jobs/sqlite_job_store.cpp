@@ -6,43 +6,12 @@
 #include <limits>
 #include <type_traits>
 
+#include "server/jobs/sqlite_schema.h"
+
 namespace varimesh::server {
 namespace {
 
 using Code = Failure::Code;
-
-constexpr int kVersion = 1;
-
-// The spec never changes and may be large, so it is not written again with every change of the job.
-constexpr char kSchema[] = R"(
-CREATE TABLE jobs(
-  key INTEGER PRIMARY KEY AUTOINCREMENT,  -- order of submission
-  name TEXT NOT NULL UNIQUE,
-  request_id TEXT UNIQUE,                 -- NULL: none
-  state INTEGER NOT NULL,                 -- v1.JobState
-  turn INTEGER NOT NULL,                  -- place in the queue, smallest first, in milliseconds
-  ended INTEGER,                          -- when, in nanoseconds since 1970; NULL: not yet
-  token INTEGER NOT NULL,                 -- of the newest claim
-  lost INTEGER NOT NULL,                  -- attempts that ended with their worker
-  worker TEXT NOT NULL,                   -- empty: none
-  lease_end INTEGER NOT NULL,             -- in nanoseconds since 1970
-  history TEXT NOT NULL,                  -- digest; empty: none
-  checkpoint TEXT,                        -- digest; NULL: none
-  checkpoint_iteration INTEGER NOT NULL,
-  job BLOB NOT NULL                       -- v1.Job without its spec
-);
-CREATE INDEX jobs_waiting ON jobs(turn, key) WHERE state = 1;
-CREATE INDEX jobs_running ON jobs(key) WHERE worker <> '';
-CREATE INDEX jobs_ended ON jobs(ended, key) WHERE ended IS NOT NULL;
-CREATE TABLE specs(key INTEGER PRIMARY KEY REFERENCES jobs, spec BLOB NOT NULL);  -- v1.JobSpec
-CREATE TABLE labels(name TEXT NOT NULL, value TEXT NOT NULL, key INTEGER NOT NULL REFERENCES jobs,
-  PRIMARY KEY(name, value, key)) WITHOUT ROWID;
-CREATE INDEX labels_of ON labels(key);
-CREATE TABLE events(key INTEGER NOT NULL REFERENCES jobs, sequence INTEGER NOT NULL, event BLOB NOT NULL,  -- v1.JobEvent
-  PRIMARY KEY(key, sequence)) WITHOUT ROWID;
-PRAGMA user_version = 1;
-)";
-static_assert(v1::JOB_STATE_PENDING == 1);
 
 // The columns that row_of() reads, in its order.
 #define VARIMESH_ROW "jobs.key, token, lost, worker, lease_end, history, checkpoint, checkpoint_iteration, job, spec"
@@ -69,20 +38,6 @@ tl::unexpected<Failure> failure_of(const SqliteError& error) {
   return failure(Code::Internal, "INTERNAL", std::string("The store of jobs failed (") + error.what() + ").");
 }
 
-void set_up(SqliteDatabase& database) {
-  database.run("PRAGMA journal_mode = WAL; PRAGMA synchronous = FULL; PRAGMA journal_size_limit = 67108864;");
-  SqliteTransaction transaction(database);
-  if (auto version = database.query("PRAGMA user_version"); version.step() && version.number(0) != 0) return;
-  database.run(kSchema);
-  transaction.commit();
-}
-
-std::int64_t version_of(SqliteDatabase& database) {
-  auto version = database.query("PRAGMA user_version");
-  version.step();
-  return version.number(0);
-}
-
 }  // namespace
 
 // ===== opening =====
@@ -94,8 +49,7 @@ Answer<std::unique_ptr<SqliteJobStore>> SqliteJobStore::open(const std::string& 
                                                              const JobStoreSettings& settings) {
   try {
     std::unique_ptr<SqliteJobStore> store(new SqliteJobStore(path, settings));
-    set_up(store->writer_);
-    if (version_of(store->writer_) > kVersion)
+    if (!set_up_schema(store->writer_))
       return failure(Code::Internal, "INTERNAL",
                      path + " was written by a newer version of varimeshd; run that one, or name another directory.");
     store->reader_.run("PRAGMA query_only = 1");

@@ -1,0 +1,57 @@
+// The tables, and how they are made.
+#include "server/jobs/sqlite_schema.h"
+
+#include "varimesh/v1/job.pb.h"
+
+namespace varimesh::server {
+namespace {
+
+/// Of the tables as they are here; a change of them is a new one, and brings the old ones up to it.
+constexpr int kVersion = 1;
+
+// The spec never changes and may be large, so it is not written again with every change of the job.
+constexpr char kSchema[] = R"(
+CREATE TABLE jobs(
+  key INTEGER PRIMARY KEY AUTOINCREMENT,  -- order of submission
+  name TEXT NOT NULL UNIQUE,
+  request_id TEXT UNIQUE,                 -- NULL: none
+  state INTEGER NOT NULL,                 -- v1.JobState
+  turn INTEGER NOT NULL,                  -- place in the queue, smallest first, in milliseconds
+  ended INTEGER,                          -- when, in nanoseconds since 1970; NULL: not yet
+  token INTEGER NOT NULL,                 -- of the newest claim
+  lost INTEGER NOT NULL,                  -- attempts that ended with their worker
+  worker TEXT NOT NULL,                   -- empty: none
+  lease_end INTEGER NOT NULL,             -- in nanoseconds since 1970
+  history TEXT NOT NULL,                  -- digest; empty: none
+  checkpoint TEXT,                        -- digest; NULL: none
+  checkpoint_iteration INTEGER NOT NULL,
+  job BLOB NOT NULL                       -- v1.Job without its spec
+);
+CREATE INDEX jobs_waiting ON jobs(turn, key) WHERE state = 1;
+CREATE INDEX jobs_running ON jobs(key) WHERE worker <> '';
+CREATE INDEX jobs_ended ON jobs(ended, key) WHERE ended IS NOT NULL;
+CREATE TABLE specs(key INTEGER PRIMARY KEY REFERENCES jobs, spec BLOB NOT NULL);  -- v1.JobSpec
+CREATE TABLE labels(name TEXT NOT NULL, value TEXT NOT NULL, key INTEGER NOT NULL REFERENCES jobs,
+  PRIMARY KEY(name, value, key)) WITHOUT ROWID;
+CREATE INDEX labels_of ON labels(key);
+CREATE TABLE events(key INTEGER NOT NULL REFERENCES jobs, sequence INTEGER NOT NULL, event BLOB NOT NULL,  -- v1.JobEvent
+  PRIMARY KEY(key, sequence)) WITHOUT ROWID;
+PRAGMA user_version = 1;
+)";
+static_assert(v1::JOB_STATE_PENDING == 1);
+
+}  // namespace
+
+bool set_up_schema(SqliteDatabase& database) {
+  database.run("PRAGMA journal_mode = WAL; PRAGMA synchronous = FULL; PRAGMA journal_size_limit = 67108864;");
+  SqliteTransaction transaction(database);
+  {
+    auto version = database.query("PRAGMA user_version");
+    if (version.step() && version.number(0) != 0) return version.number(0) <= kVersion;
+  }
+  database.run(kSchema);
+  transaction.commit();
+  return true;
+}
+
+}  // namespace varimesh::server
