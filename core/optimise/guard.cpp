@@ -92,6 +92,29 @@ void Guard::settle() {
   count();
 }
 
+void Guard::return_to_best() {
+  settle();
+  problem_.positions = positions_;
+}
+
+std::int64_t Guard::unrepaired() const {
+  std::int64_t sum = 0;
+  for (std::size_t cell = 0; cell < seen_.size(); ++cell)
+    sum += !is_valid(certificates_[cell]) && named_[cell] == 0 ? 1 : 0;
+  return sum;
+}
+
+std::vector<Standing> Guard::standings() const {
+  std::vector<Standing> result;
+  for (const CellBlock& block : problem_.blocks)
+    for (const std::int32_t number : block.mesh_cell)
+      result.push_back(is_valid(seen_[number])           ? Standing::Valid
+                       : is_valid(certificates_[number]) ? Standing::Lost
+                       : named_[number] != 0             ? Standing::Condemned
+                                                         : Standing::Uncertified);
+  return result;
+}
+
 void Guard::count() {
   uncertified_ = repairable_ = 0;
   for (std::size_t cell = 0; cell < seen_.size(); ++cell) {

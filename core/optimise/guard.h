@@ -14,6 +14,14 @@
 
 namespace varimesh {
 
+/// How a cell stands.
+enum class Standing : std::uint8_t {
+  Valid,        ///< Certified.
+  Lost,         ///< Not certified, but certified in the kept state.
+  Uncertified,  ///< Not certified, in no unrepairable group.
+  Condemned,    ///< Not certified, in an unrepairable group.
+};
+
 /// Watches over a problem whose nodes move. Certificates are of the coordinates as they would be written now, so that
 /// conversion and rounding are covered.
 ///
@@ -38,8 +46,11 @@ class Guard {
   /// After an iteration: certifies the cells that moved, and keeps the state where nothing is lost by that.
   void look();
 
-  /// At the end: puts back what is lost against the kept state, and keeps the outcome. Positions stay where they are.
+  /// Puts back what is lost against the kept state, and keeps the outcome. Positions stay where they are.
   void settle();
+
+  /// The same, and moves the problem's nodes there. The deformation gradients are left to be rebuilt.
+  void return_to_best();
 
   /// Cells that are not certified valid as of the last look().
   std::int64_t uncertified() const { return uncertified_; }
@@ -48,9 +59,14 @@ class Guard {
   /// Cells that are certified valid in the kept state and were not at the last look().
   std::int64_t lost() const { return static_cast<std::int64_t>(lost_.size()); }
 
+  /// How the problem's cells stood at the last look(), by CellBlock::first + cell.
+  std::vector<Standing> standings() const;
+
   /// The kept state: the mesh's coordinates, and what is proved about them, one a cell in the mesh's order.
   const std::vector<double>& coordinates() const { return coordinates_; }
   const std::vector<Certificate>& certificates() const { return certificates_; }
+  /// Its cells that are not certified valid and in no unrepairable group.
+  std::int64_t unrepaired() const;
 
  private:
   /// Cells with a node that is not where `seen_positions_` has it, in order.

@@ -20,6 +20,7 @@
 #include "core/optimise/schedule.h"
 #include "core/optimise/sweep.h"
 #include "core/optimise/targets.h"
+#include "core/optimise/untangle.h"
 #include "core/team.h"
 
 namespace varimesh {
@@ -223,16 +224,17 @@ void Optimiser::State::iterate(const Team& team, const Certifier& certifier, Gua
                   options.active_set ? options.tolerance : -1, team);
   sweeper.rebuild();
   sweeper.scan();
-  PhaseChooser chooser(options.method, guard.repairable());
+  PhaseChooser chooser(options, guard.repairable());
   Stopper stopper(options);
   BestSeen best(certifier, guard);
   std::optional<Newton> newton;  // set up when it is first needed
+  std::optional<Untangler> untangler;
   double first_gradient = 0;
   Iteration iteration;
   iteration.invalid_elements = guard.uncertified();
   iteration.repairable_elements = guard.repairable();
   double bound = options.until_js > 0 ? best.look(result.mesh.coordinates) : 0;
-  if (const auto reason = stopper.after(iteration, false, bound)) {
+  if (const auto reason = stopper.after(iteration, false, chooser.outlook(guard.unrepaired()), bound)) {
     result.stop_reason = *reason;
     return;
   }
@@ -249,6 +251,17 @@ void Optimiser::State::iterate(const Team& team, const Certifier& certifier, Gua
       iteration.products = 0;
       gradient = swept.gradient_norm;
       whole = swept.visited == summary.free_nodes;
+    } else if (iteration.phase == Phase::Untangle) {
+      if (!untangler) {
+        untangler.emplace(problem, *kernels, guard, team);
+        chooser.untangling_from(guard.unrepaired());
+      }
+      const UntangleReport untangled = untangler->step();
+      iteration.residual = untangled.residual;
+      iteration.active_nodes = untangled.active_nodes;
+      iteration.products = 0;
+      gradient = untangled.gradient_norm;
+      whole = false;
     } else {
       if (!newton) newton.emplace(problem, *kernels, *hessian, norm, team);
       const NewtonReport stepped = newton->step();
@@ -263,6 +276,12 @@ void Optimiser::State::iterate(const Team& team, const Certifier& certifier, Gua
     // Sweeps over cells that are all valid hardly change what is proved; the end looks at all that has moved since.
     const bool settled = iteration.phase == Phase::Sweeps && guard.uncertified() == 0 && options.until_js <= 0;
     if (!settled || number % kSettledSweepsBetweenLooks == 0) guard.look();
+    if (untangler) {
+      untangler->judge();
+      sweeper.changed();
+      stuck = untangler->done();
+      if (stuck) untangler.reset();
+    }
     const ScanReport seen = sweeper.scan();
     if (number == 1) first_gradient = gradient;
     iteration.energy = seen.energy;
@@ -284,11 +303,11 @@ void Optimiser::State::iterate(const Team& team, const Certifier& certifier, Gua
       result.stop_reason = StopReason::Stopped;
       return;
     }
-    if (const auto reason = stopper.after(iteration, result.converged, bound)) {
+    if (const auto reason = stopper.after(iteration, result.converged, chooser.outlook(guard.unrepaired()), bound)) {
       result.stop_reason = *reason;
       return;
     }
-    if (!chooser.next(guard.repairable(), stuck)) {
+    if (!chooser.next(guard.repairable(), guard.unrepaired(), stuck || result.converged)) {
       result.stop_reason = StopReason::NoProgress;
       return;
     }

@@ -15,9 +15,10 @@
 namespace varimesh {
 
 /// What part of the method an iteration belongs to.
-enum class Phase : std::uint8_t { Sweeps, Newton };
+enum class Phase : std::uint8_t { Sweeps, Newton, Untangle };
 
-/// What is known after an iteration (a sweep, or a Newton step). Residuals and Jacobians are dimensionless.
+/// What is known after an iteration (a sweep, a Newton step, or a step of untangling: at most three Newton steps in
+/// every patch). Residuals and Jacobians are dimensionless.
 struct Iteration {
   Phase phase = Phase::Sweeps;
   int number = 0;                        ///< 1, 2, … through the whole run.

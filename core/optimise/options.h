@@ -30,7 +30,8 @@ enum class Regularisation : std::uint8_t {
   Patch,    ///< One δ a node's patch, from the patch's smallest J, as in the paper.
 };
 enum class Method : std::uint8_t {
-  Auto,    ///< Sweeps until every cell is valid (or no more become so), then Newton: the default.
+  Auto,    ///< Sweeps until every cell is valid (or no more become so), then Newton, and untangling of what these
+           ///< leave: the default.
   Sweeps,  ///< Node-wise Newton in coloured parallel sweeps, as in the paper.
   Newton,  ///< All nodes at once: truncated Newton with matrix-free conjugate gradients.
 };
@@ -41,7 +42,8 @@ enum class Colouring : std::uint8_t {
 
 enum class Until : std::uint8_t {
   Tolerance,  ///< The residual is at most `tolerance`.
-  Valid,      ///< Or sooner: every cell is certified valid, or named unrepairable, or ten iterations bring no more.
+  Valid,      ///< Or sooner: every cell is certified valid, or named unrepairable, or ten iterations bring no more
+              ///< and no other method is to come.
 };
 
 enum class Target : std::uint8_t {

@@ -5,44 +5,85 @@
 namespace varimesh {
 namespace {
 
-constexpr int kPatience = 10;  // sweeps without fewer uncertified cells
+constexpr int kPatience = 10;  // iterations without fewer uncertified cells
 constexpr int kSweepsWhenStuck = 5;
 constexpr int kMostTimesStuck = 3;
+constexpr int kMostTimesUntangled = 3;
 constexpr int kMostWithoutFewer = 10;  // iterations, with Until::Valid
 
 }  // namespace
 
-bool PhaseChooser::next(std::int64_t repairable, bool stuck) {
+bool PhaseChooser::may_untangle(std::int64_t unrepaired) const {
+  return method_ == Method::Auto && unrepaired > 0 &&
+         (times_untangled_ == 0 ||
+          (times_untangled_ < kMostTimesUntangled && (unrepaired < untangled_from_ || fewest_ < fewest_before_)));
+}
+
+Outlook PhaseChooser::outlook(std::int64_t unrepaired) const {
+  if (method_ != Method::Auto || unrepaired == 0) return Outlook::Nothing;
+  if (phase_ == Phase::Untangle || !newton_tried_ || may_untangle(unrepaired)) return Outlook::AnotherMethod;
+  return patience_ > 0 ? Outlook::Patience : Outlook::Nothing;
+}
+
+bool PhaseChooser::next(std::int64_t repairable, std::int64_t unrepaired, bool stuck) {
   if (method_ == Method::Sweeps) return true;
-  if (newton_ && stuck) {
-    if (method_ == Method::Newton || ++times_stuck_ > kMostTimesStuck) return false;
-    newton_ = false;
-    patience_ = kSweepsWhenStuck;
-    return true;
-  }
-  if (newton_) return true;
   if (repairable < fewest_) {
     fewest_ = repairable;
     patience_ = std::max(patience_, kPatience);
   }
-  newton_ = (repairable == 0 && times_stuck_ == 0) || --patience_ <= 0;
+  --patience_;
+  const bool stalled = stuck || patience_ <= 0;
+  switch (phase_) {
+    case Phase::Untangle:
+      if (!stuck) return true;
+      // Where it has brought nothing and Newton was tried before, there is nothing to wait for.
+      turn_to(Phase::Newton, newton_tried_ && !may_untangle(unrepaired) ? 0 : kPatience);
+      return true;
+    case Phase::Newton:
+      if (stalled && may_untangle(unrepaired)) {
+        turn_to(Phase::Untangle, kPatience);
+      } else if (stuck) {
+        if (method_ == Method::Newton || ++times_stuck_ > kMostTimesStuck) return false;
+        turn_to(Phase::Sweeps, kSweepsWhenStuck);
+      }
+      return true;
+    case Phase::Sweeps:
+      if (stalled && until_ == Until::Valid && may_untangle(unrepaired))
+        turn_to(Phase::Untangle, kPatience);
+      else if (stalled || (repairable == 0 && times_stuck_ == 0))
+        turn_to(Phase::Newton, kPatience);
+      return true;
+  }
   return true;
 }
 
-std::optional<StopReason> Stopper::after(const Iteration& iteration, bool converged, double bound) {
+void PhaseChooser::turn_to(Phase phase, int patience) {
+  phase_ = phase;
+  newton_tried_ = newton_tried_ || phase == Phase::Newton;
+  patience_ = patience;
+}
+
+void PhaseChooser::untangling_from(std::int64_t unrepaired) {
+  ++times_untangled_;
+  untangled_from_ = unrepaired;
+  fewest_before_ = fewest_;
+}
+
+std::optional<StopReason> Stopper::after(const Iteration& iteration, bool converged, Outlook outlook, double bound) {
   if (fewest_ < 0 || iteration.invalid_elements < fewest_) {
     fewest_ = iteration.invalid_elements;
     without_fewer_ = 0;
   } else {
     ++without_fewer_;
   }
+  const bool last = outlook != Outlook::AnotherMethod;
   if (options_.until == Until::Valid) {
     if (iteration.invalid_elements == 0) return StopReason::Valid;
-    if (iteration.repairable_elements == 0) return StopReason::Repaired;
-    if (without_fewer_ >= kMostWithoutFewer) return StopReason::NoProgress;
+    if (iteration.repairable_elements == 0 && last) return StopReason::Repaired;
+    if (without_fewer_ >= kMostWithoutFewer && outlook == Outlook::Nothing) return StopReason::NoProgress;
   }
   if (options_.until_js > 0 && bound >= options_.until_js) return StopReason::Quality;
-  if (converged) return StopReason::Converged;
+  if (converged && last) return StopReason::Converged;
   if (options_.time_limit > 0 && iteration.seconds >= options_.time_limit) return StopReason::TimeLimit;
   if (iteration.number >= options_.max_iterations) return StopReason::Iterations;
   return std::nullopt;

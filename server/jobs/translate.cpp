@@ -33,7 +33,8 @@ static_assert(same(v1::STOP_REASON_CONVERGED, StopReason::Converged) &&
 static_assert(same(v1::UnrepairableGroup::KIND_VERTEX, UnrepairableGroup::Kind::Vertex) &&
               same(v1::UnrepairableGroup::KIND_FAN, UnrepairableGroup::Kind::Fan));
 static_assert(same(v1::PER_CELL, Per::Cell) && same(v1::PER_VERTEX, Per::Vertex));
-static_assert(same(v1::PHASE_SWEEPS, Phase::Sweeps) && same(v1::PHASE_NEWTON, Phase::Newton));
+static_assert(same(v1::PHASE_SWEEPS, Phase::Sweeps) && same(v1::PHASE_NEWTON, Phase::Newton) &&
+              same(v1::PHASE_UNTANGLE, Phase::Untangle));
 
 /// Sets `value` from the message's enum; UNSPECIFIED leaves the default. False where the number is not known.
 template <class Value, class Message>
