@@ -116,9 +116,19 @@ Changed JobTransitions::cancel(JobRecord& record, std::int64_t last_sequence) co
   return changed;
 }
 
+void JobTransitions::note_progress(JobRecord& record, const v1::Iteration& iteration,
+                                   std::int64_t last_sequence) const {
+  *record.job.mutable_iteration() = iteration;
+  record.job.set_last_sequence(std::max(record.job.last_sequence(), last_sequence));
+  if (iteration.number() <= record.furthest) return;
+  record.furthest = iteration.number();
+  // Only attempts that come no further count: what is poisonous does not get past the place where it is.
+  record.lost = 0;
+}
+
 Changed JobTransitions::note_checkpoint(JobRecord& record, const CheckpointReference& checkpoint) const {
   Changed changed{record.job, {}, {}};
-  // Only attempts that come no further count: what is poisonous does not get past the place where it is.
+  // The next attempt begins further on, and so it may be lost again.
   if (!record.checkpoint || checkpoint.iteration > record.checkpoint->iteration) record.lost = 0;
   if (record.checkpoint) changed.released.push_back(record.checkpoint->digest);
   record.checkpoint = checkpoint;

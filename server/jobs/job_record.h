@@ -8,7 +8,8 @@ namespace varimesh::server {
 struct JobRecord {
   v1::Job job;  ///< `last_sequence` is the last number known to the store.
   std::int64_t token = 0;
-  int lost = 0;  ///< Attempts that ended with their worker.
+  int lost = 0;      ///< Attempts that ended with their worker since one came further than all before it.
+  int furthest = 0;  ///< The last iteration that any attempt is known to have come to.
   std::string worker;
   TimePoint lease_end{};
   std::string history_digest;
@@ -28,6 +29,7 @@ class JobTransitions {
   void renew(JobRecord& record) const { record.lease_end = settings_.clock() + settings_.lease; }
   Changed finish(JobRecord& record, const Ending& ending, std::int64_t last_sequence) const;
   Changed cancel(JobRecord& record, std::int64_t last_sequence) const;
+  void note_progress(JobRecord& record, const v1::Iteration& iteration, std::int64_t last_sequence) const;
   Changed note_checkpoint(JobRecord& record, const CheckpointReference& checkpoint) const;
   /// Whether take_back() is for this record.
   bool is_lost(const JobRecord& record, const std::string& worker) const;

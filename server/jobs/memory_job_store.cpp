@@ -106,11 +106,8 @@ Answer<bool> MemoryJobStore::heartbeat(const Claim& claim) {
 Answer<void> MemoryJobStore::note_progress(const Claim& claim, const v1::Iteration& iteration,
                                            std::int64_t last_sequence) {
   std::lock_guard lock(mutex_);
-  return find(claim).map([&](const auto& entry) {
-    v1::Job& job = entry->second.record.job;
-    *job.mutable_iteration() = iteration;
-    job.set_last_sequence(std::max(job.last_sequence(), last_sequence));
-  });
+  return find(claim).map(
+      [&](const auto& entry) { transitions_.note_progress(entry->second.record, iteration, last_sequence); });
 }
 
 Answer<Changed> MemoryJobStore::note_checkpoint(const Claim& claim, const CheckpointReference& checkpoint) {

@@ -14,7 +14,9 @@ namespace {
 using Code = Failure::Code;
 
 // The columns that row_of() reads, in its order.
-#define VARIMESH_ROW "jobs.key, token, lost, worker, lease_end, history, checkpoint, checkpoint_iteration, job, spec"
+#define VARIMESH_ROW                                                                                 \
+  "jobs.key, token, lost, worker, lease_end, history, checkpoint, checkpoint_iteration, job, spec, " \
+  "furthest"
 
 std::int64_t nanoseconds(TimePoint time) {
   return std::chrono::duration_cast<std::chrono::nanoseconds>(time.time_since_epoch()).count();
@@ -142,6 +144,7 @@ SqliteJobStore::Row SqliteJobStore::row_of(const SqliteQuery& query) {
   if (!query.is_null(6)) row.record.checkpoint = {query.text(6), static_cast<int>(query.number(7))};
   parse(query.view(8), &row.record.job);
   parse(query.view(9), row.record.job.mutable_spec());
+  row.record.furthest = static_cast<int>(query.number(10));
   return row;
 }
 
@@ -158,9 +161,8 @@ void SqliteJobStore::save(SqliteDatabase& database, const Row& row) {
   job.clear_spec();
   const std::string bytes = job.SerializeAsString();
   auto query = database.query(
-      "UPDATE jobs SET state = ?, ended = ?, token = ?, lost = ?, worker = ?, lease_end = ?, history = ?, checkpoint = "
-      "?, "
-      "checkpoint_iteration = ?, job = ? WHERE key = ?");
+      "UPDATE jobs SET state = ?, ended = ?, token = ?, lost = ?, worker = ?, lease_end = ?, history = ?, "
+      "checkpoint = ?, checkpoint_iteration = ?, furthest = ?, job = ? WHERE key = ?");
   query.bind(job.state());
   if (has_ended(job.state()))
     query.bind(job.end_time().seconds() * 1'000'000'000 + job.end_time().nanos());
@@ -172,7 +174,7 @@ void SqliteJobStore::save(SqliteDatabase& database, const Row& row) {
     query.bind(record.checkpoint->digest).bind(record.checkpoint->iteration);
   else
     query.bind_null().bind(0);
-  query.bind(SqliteBytes{bytes}).bind(row.key).run();
+  query.bind(record.furthest).bind(SqliteBytes{bytes}).bind(row.key).run();
 }
 
 void SqliteJobStore::keep(SqliteDatabase& database, std::int64_t key, const Changed& changed) {
@@ -369,8 +371,7 @@ Answer<void> SqliteJobStore::note_progress(const Claim& claim, const v1::Iterati
                                            std::int64_t last_sequence) {
   return write<bool>(claim,
                      [&](JobRecord& record) {
-                       *record.job.mutable_iteration() = iteration;
-                       record.job.set_last_sequence(std::max(record.job.last_sequence(), last_sequence));
+                       transitions_.note_progress(record, iteration, last_sequence);
                        return true;
                      })
       .map([](bool) {});

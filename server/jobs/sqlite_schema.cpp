@@ -7,7 +7,7 @@ namespace varimesh::server {
 namespace {
 
 /// Of the tables as they are here; a change of them is a new one, and brings the old ones up to it.
-constexpr int kVersion = 1;
+constexpr int kVersion = 2;
 
 // The spec never changes and may be large, so it is not written again with every change of the job.
 constexpr char kSchema[] = R"(
@@ -19,7 +19,7 @@ CREATE TABLE jobs(
   turn INTEGER NOT NULL,                  -- place in the queue, smallest first, in milliseconds
   ended INTEGER,                          -- when, in nanoseconds since 1970; NULL: not yet
   token INTEGER NOT NULL,                 -- of the newest claim
-  lost INTEGER NOT NULL,                  -- attempts that ended with their worker
+  lost INTEGER NOT NULL,                  -- attempts that ended with their worker, and came no further
   worker TEXT NOT NULL,                   -- empty: none
   lease_end INTEGER NOT NULL,             -- in nanoseconds since 1970
   history TEXT NOT NULL,                  -- digest; empty: none
@@ -38,6 +38,11 @@ CREATE TABLE events(key INTEGER NOT NULL REFERENCES jobs, sequence INTEGER NOT N
   PRIMARY KEY(key, sequence)) WITHOUT ROWID;
 PRAGMA user_version = 1;
 )";
+
+constexpr char kToVersion2[] = R"(
+ALTER TABLE jobs ADD COLUMN furthest INTEGER NOT NULL DEFAULT 0;  -- iteration that any attempt has come to
+PRAGMA user_version = 2;
+)";
 static_assert(v1::JOB_STATE_PENDING == 1);
 
 }  // namespace
@@ -45,11 +50,11 @@ static_assert(v1::JOB_STATE_PENDING == 1);
 bool set_up_schema(SqliteDatabase& database) {
   database.run("PRAGMA journal_mode = WAL; PRAGMA synchronous = FULL; PRAGMA journal_size_limit = 67108864;");
   SqliteTransaction transaction(database);
-  {
-    auto version = database.query("PRAGMA user_version");
-    if (version.step() && version.number(0) != 0) return version.number(0) <= kVersion;
-  }
-  database.run(kSchema);
+  std::int64_t version = 0;
+  if (auto query = database.query("PRAGMA user_version"); query.step()) version = query.number(0);
+  if (version > kVersion) return false;
+  if (version < 1) database.run(kSchema);
+  if (version < 2) database.run(kToVersion2);
   transaction.commit();
   return true;
 }

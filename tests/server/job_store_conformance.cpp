@@ -277,6 +277,27 @@ TEST_P(JobStoreConformance, CountsOnlyLossesWithoutProgress) {
   EXPECT_EQ(get(name).error().reason(), "LOST");
 }
 
+TEST_P(JobStoreConformance, CountsNoLossOfAnAttemptThatCameFurther) {
+  const std::string name = submit();
+  v1::Iteration iteration;
+  // The first is lost too, but it has come further than nothing.
+  for (int attempt = 1; attempt <= 6; ++attempt) {
+    const Claim claimed = claim();
+    iteration.set_number(attempt);
+    ASSERT_TRUE(store_->note_progress(claimed, iteration, 0));
+    EXPECT_EQ(store_->take_back("worker")->front().job.state(), kPending);
+  }
+  for (int attempt = 1; attempt <= 2; ++attempt) {
+    const Claim claimed = claim();
+    for (const int number : {1, 6}) {
+      iteration.set_number(number);
+      ASSERT_TRUE(store_->note_progress(claimed, iteration, 0));
+    }
+    EXPECT_EQ(store_->take_back("worker")->front().job.state(), attempt == 1 ? kPending : kFailed);
+  }
+  EXPECT_EQ(get(name).error().reason(), "LOST");
+}
+
 // ===== cancelling, ending, forgetting =====
 
 TEST_P(JobStoreConformance, CancelsWhatWaitsAtOnceAndTellsWhoRuns) {

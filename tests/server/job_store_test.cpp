@@ -23,5 +23,18 @@ TEST(SqliteJobStore, RefusesWhatItCannotRead) {
   EXPECT_NE(newer.error().sentence.find("newer version"), std::string::npos) << newer.error().sentence;
 }
 
+TEST(SqliteJobStore, BringsOldTablesUpToDate) {
+  InFile place;
+  const JobStoreSettings settings;
+  ASSERT_TRUE(place.open(settings)->submit({"id", {}, "jobs/old", 10}));
+  {
+    SqliteDatabase database((place.directory() / "jobs.sqlite").string());
+    database.run("ALTER TABLE jobs DROP COLUMN furthest; PRAGMA user_version = 1");
+  }
+  const auto store = place.open(settings);
+  ASSERT_TRUE(store->get("jobs/old"));
+  EXPECT_TRUE(*store->claim("worker"));
+}
+
 }  // namespace
 }  // namespace varimesh::server::testing
