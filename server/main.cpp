@@ -4,7 +4,7 @@
 //   varimeshd --listen 127.0.0.1:0              on a free port, which it prints
 //   varimeshd --listen unix:/run/varimesh.sock  on a socket that its owner alone can use
 //   varimeshd --listen 0.0.0.0:50051 --insecure for anybody who can reach it
-//   varimeshd --state /var/lib/varimesh         keeps jobs and meshes there: whatever happens to it, they go on
+//   varimeshd --state /var/lib/varimesh         keeps jobs and meshes there: the next one runs what this one did not end
 #include <spdlog/spdlog.h>
 
 #include <CLI/CLI.hpp>
@@ -117,7 +117,8 @@ int main(int argc, char** argv) {
   sigwait(&signals, &signal);
   spdlog::info("stopping");
   if (!(*server)->stop(std::chrono::seconds(drain_seconds))) {
-    // A job that does not end by itself must not keep the process: whoever sent the signal would kill it anyway.
+    // A job that does not end by itself must not keep the process: whoever sent the signal would kill it anyway. With
+    // --state it waits for the next server.
     spdlog::warn("a job did not end within {} s and is left", drain_seconds);
     std::_Exit(0);
   }

@@ -252,7 +252,7 @@ void Scheduler::run(const std::shared_ptr<Running>& running) {
     // The disk is full: the result waits for room. A server that stops leaves the job to the next, which runs it again.
     std::unique_lock lock(mutex_);
     if (!ended_.wait_for(lock, std::chrono::seconds(1), [this] { return stopping_.load(); })) continue;
-    running_.erase(claim.name);
+    if (give_back(*running)) release(ending);
     break;
   }
   start_jobs();
@@ -260,6 +260,21 @@ void Scheduler::run(const std::shared_ptr<Running>& running) {
   std::lock_guard lock(mutex_);
   --inside_;
   ended_.notify_all();
+}
+
+bool Scheduler::give_back(const Running& running) {
+  const std::string& name = running.claim.name;
+  Ending ending;
+  ending.state = v1::JOB_STATE_PENDING;
+  const auto given = change(name, [&](std::int64_t last) { return jobs_->finish(running.claim, ending, last); });
+  settings_.log(name, given ? "is given back" : "cannot be given back: " + given.error().sentence);
+  erase(running);
+  return given.has_value();
+}
+
+void Scheduler::erase(const Running& running) {
+  const auto found = running_.find(running.claim.name);
+  if (found != running_.end() && found->second.get() == &running) running_.erase(found);
 }
 
 bool Scheduler::finish(const Running& running, const Ending& ending) {
@@ -273,7 +288,7 @@ bool Scheduler::finish(const Running& running, const Ending& ending) {
     // Somebody else has the job now: what this attempt wrote is nobody's.
     release(ending);
   }
-  running_.erase(name);
+  erase(running);
   if (const auto old = jobs_->ended_beyond(static_cast<std::size_t>(settings_.max_ended)))
     for (const std::string& forgotten : *old)
       if (const auto removed = jobs_->remove(forgotten)) forget(*removed);
@@ -343,7 +358,11 @@ void Scheduler::stop() {
 
 bool Scheduler::drain(std::chrono::steady_clock::time_point deadline) {
   std::unique_lock lock(mutex_);
-  return ended_.wait_until(lock, deadline, [this] { return inside_ == 0; });
+  if (ended_.wait_until(lock, deadline, [this] { return inside_ == 0; })) return true;
+  if (!jobs_->durable()) return false;
+  const auto left = running_;
+  for (const auto& [name, running] : left) give_back(*running);
+  return false;
 }
 
 }  // namespace varimesh::server

@@ -56,10 +56,12 @@ class Scheduler {
   /// All iterations of a job that SUCCEEDED.
   Answer<v1::History> history(const std::string& name);
 
-  /// Claims nothing more and asks the running jobs to end. Where the store is durable they wait again, to be gone on
-  /// with by the next process; otherwise they are cancelled.
+  /// Claims nothing more and asks the running jobs to end. Where the store is durable they wait again, and the next
+  /// process goes on from their checkpoints; a job that has none, as all whose engine writes none, starts again from
+  /// its beginning. Otherwise they are cancelled.
   void stop();
-  /// Waits for them; false where some still run at the deadline.
+  /// Waits for them; false where some still run at the deadline. Where the store is durable those are PENDING there by
+  /// then, and no attempt counts as lost: the process may end at once.
   bool drain(std::chrono::steady_clock::time_point deadline);
 
  private:
@@ -81,6 +83,11 @@ class Scheduler {
 
   void start_jobs();
   void run(const std::shared_ptr<Running>& running);
+  /// With the lock held: lets the job wait again, without its attempt's result. False where the store could not take
+  /// it.
+  bool give_back(const Running& running);
+  /// With the lock held: takes this attempt, and no other of the same job, from those that run.
+  void erase(const Running& running);
   /// False where the store could not take it now.
   bool finish(const Running& running, const Ending& ending);
   void release(const Ending& ending);

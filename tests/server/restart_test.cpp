@@ -1,6 +1,7 @@
 // Servers that follow each other on one state directory. That they may also be killed is tests/faults' to show.
 #include <filesystem>
 
+#include "server/jobs/sqlite_job_store.h"
 #include "tests/server/harness.h"
 #include "tests/server/watch_guarantees.h"
 
@@ -84,6 +85,26 @@ TEST_F(Restart, RunsWhatWaitedAndGoesOnWithWhatRan) {
   EXPECT_EQ(broken_uniqueness(history), "");
   EXPECT_EQ(broken_resumption(history), "");
   EXPECT_EQ(broken_reliability(history, service.watch(running)), "");
+}
+
+TEST_F(Restart, GivesBackAJobThatCannotWaitForItsEnd) {
+  std::string name;
+  for (int round = 1; round <= 4; ++round) {
+    Gate stopped;  // before the service, whose job waits for it
+    Service service(options(echo_engine(3, [&](int) { stopped.wait(); })));
+    if (round == 1) name = service.submit(service.spec_for("a mesh")).name();
+    while (service.get(name).state() != v1::JOB_STATE_RUNNING) std::this_thread::yield();
+    EXPECT_FALSE(service.server->stop(std::chrono::milliseconds(1)));
+    {
+      const auto store = SqliteJobStore::open(state_ / "jobs.sqlite");
+      const auto job = (*store)->get(name);
+      EXPECT_EQ(job->state(), v1::JOB_STATE_PENDING) << "whatever becomes of the process now";
+      EXPECT_EQ(job->attempt(), round);
+    }
+    stopped.open();
+  }
+  const Service service(options(echo_engine()));
+  EXPECT_EQ(service.wait_for(name).state(), v1::JOB_STATE_SUCCEEDED);
 }
 
 TEST_F(Restart, KnowsARequestThatWasMadeBefore) {
