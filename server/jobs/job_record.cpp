@@ -136,8 +136,9 @@ Changed JobTransitions::note_checkpoint(JobRecord& record, const CheckpointRefer
   return changed;
 }
 
-bool JobTransitions::is_lost(const JobRecord& record, const std::string& worker) const {
-  if (record.worker.empty()) return false;
+bool JobTransitions::is_lost(const JobRecord& record, const std::string& worker,
+                             const std::set<std::string>& running) const {
+  if (record.worker.empty() || running.contains(record.job.name())) return false;
   return record.worker == worker || record.lease_end <= settings_.clock();
 }
 

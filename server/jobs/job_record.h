@@ -32,7 +32,7 @@ class JobTransitions {
   void note_progress(JobRecord& record, const v1::Iteration& iteration, std::int64_t last_sequence) const;
   Changed note_checkpoint(JobRecord& record, const CheckpointReference& checkpoint) const;
   /// Whether take_back() is for this record.
-  bool is_lost(const JobRecord& record, const std::string& worker) const;
+  bool is_lost(const JobRecord& record, const std::string& worker, const std::set<std::string>& running) const;
   Changed take_back(JobRecord& record) const;
 
  private:

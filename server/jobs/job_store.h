@@ -7,6 +7,7 @@
 #include <functional>
 #include <map>
 #include <optional>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -125,8 +126,9 @@ class JobStore {
   /// PENDING becomes CANCELLED, RUNNING becomes CANCELLING, every other state stays.
   virtual Answer<Changed> request_cancel(const std::string& name, std::int64_t last_sequence) = 0;
   /// Takes jobs from workers whose lease has run out, and all from `worker`, which has none now: they wait again, or
-  /// are CANCELLED where that was asked for, or FAILED after the last attempt.
-  virtual Answer<std::vector<Changed>> take_back(const std::string& worker) = 0;
+  /// are CANCELLED where that was asked for, or FAILED after the last attempt. Jobs named in `running` stay: whoever
+  /// asks runs them, and could only not renew their leases.
+  virtual Answer<std::vector<Changed>> take_back(const std::string& worker, const std::set<std::string>& running) = 0;
 
   /// Where the history of a job that has a result lies.
   virtual Answer<std::string> history_digest(const std::string& name) = 0;

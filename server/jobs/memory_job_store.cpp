@@ -132,13 +132,14 @@ Answer<Changed> MemoryJobStore::request_cancel(const std::string& name, std::int
   });
 }
 
-Answer<std::vector<Changed>> MemoryJobStore::take_back(const std::string& worker) {
+Answer<std::vector<Changed>> MemoryJobStore::take_back(const std::string& worker,
+                                                       const std::set<std::string>& running) {
   std::lock_guard lock(mutex_);
   std::vector<Changed> all;
-  const std::vector<std::int64_t> running(running_.begin(), running_.end());
-  for (const std::int64_t key : running) {
+  const std::vector<std::int64_t> keys(running_.begin(), running_.end());
+  for (const std::int64_t key : keys) {
     const auto entry = entries_.find(key);
-    if (!transitions_.is_lost(entry->second.record, worker)) continue;
+    if (!transitions_.is_lost(entry->second.record, worker, running)) continue;
     const v1::JobState before = entry->second.record.job.state();
     all.push_back(apply(entry, before, transitions_.take_back(entry->second.record)));
   }

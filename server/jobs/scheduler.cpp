@@ -315,7 +315,9 @@ Answer<void> Scheduler::recover() {
 
 void Scheduler::take_back(const std::string& worker) {
   std::lock_guard lock(mutex_);
-  const auto taken = jobs_->take_back(worker);
+  std::set<std::string> here;
+  for (const auto& [name, running] : running_) here.insert(name);
+  const auto taken = jobs_->take_back(worker, here);
   if (!taken) return settings_.log("jobs", "cannot be taken back: " + taken.error().sentence);
   for (const Changed& changed : *taken) {
     settings_.log(changed.job.name(), "was lost, and is " + v1::JobState_Name(changed.job.state()));
@@ -331,6 +333,7 @@ void Scheduler::heartbeats() {
   }
   for (const auto& running : all) {
     const auto cancel = jobs_->heartbeat(running->claim);
+    if (!cancel) settings_.log(running->claim.name, "cannot be kept: " + cancel.error().sentence);
     const bool lost = !cancel && cancel.error().code == Code::Aborted;
     if (lost || (cancel && *cancel)) running->cancelled = true;
   }

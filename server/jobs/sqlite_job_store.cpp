@@ -385,11 +385,12 @@ Answer<Changed> SqliteJobStore::finish(const Claim& claim, const Ending& ending,
   return write<Changed>(claim, [&](JobRecord& record) { return transitions_.finish(record, ending, last_sequence); });
 }
 
-Answer<std::vector<Changed>> SqliteJobStore::take_back(const std::string& worker) {
+Answer<std::vector<Changed>> SqliteJobStore::take_back(const std::string& worker,
+                                                       const std::set<std::string>& running) {
   using Result = std::vector<Changed>;
-  const auto running = counts();
-  if (!running) return tl::unexpected(running.error());
-  if (running->running == 0) return Result();
+  const auto claimed = counts();
+  if (!claimed) return tl::unexpected(claimed.error());
+  if (claimed->running == 0) return Result();
   return write<Result>([&](SqliteDatabase& database) -> Answer<Result> {
     std::vector<Row> rows;
     {
@@ -398,7 +399,7 @@ Answer<std::vector<Changed>> SqliteJobStore::take_back(const std::string& worker
     }
     Result all;
     for (Row& row : rows) {
-      if (!transitions_.is_lost(row.record, worker)) continue;
+      if (!transitions_.is_lost(row.record, worker, running)) continue;
       all.push_back(transitions_.take_back(row.record));
       save(database, row);
       keep(database, row.key, all.back());

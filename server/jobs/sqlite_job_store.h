@@ -33,7 +33,7 @@ class SqliteJobStore : public JobStore {
   Answer<Changed> note_checkpoint(const Claim& claim, const CheckpointReference& checkpoint) override;
   Answer<Changed> finish(const Claim& claim, const Ending& ending, std::int64_t last_sequence) override;
   Answer<Changed> request_cancel(const std::string& name, std::int64_t last_sequence) override;
-  Answer<std::vector<Changed>> take_back(const std::string& worker) override;
+  Answer<std::vector<Changed>> take_back(const std::string& worker, const std::set<std::string>& running) override;
   Answer<std::string> history_digest(const std::string& name) override;
   Answer<Changed> remove(const std::string& name) override;
   Answer<std::vector<std::string>> ended_beyond(std::size_t keep) override;

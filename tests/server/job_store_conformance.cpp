@@ -165,9 +165,9 @@ TEST_P(JobStoreConformance, TakesAJobWhoseLeaseRanOut) {
   now_ += std::chrono::seconds(20);
   ASSERT_TRUE(store_->heartbeat(lost));
   now_ += std::chrono::seconds(20);
-  EXPECT_TRUE(store_->take_back("another")->empty()) << "renewed 20 s ago";
+  EXPECT_TRUE(store_->take_back("another", {})->empty()) << "renewed 20 s ago";
   now_ += std::chrono::seconds(10);
-  const auto taken = store_->take_back("another");
+  const auto taken = store_->take_back("another", {});
   ASSERT_EQ(taken->size(), 1u);
   EXPECT_EQ(taken->front().job.state(), kPending);
   ASSERT_EQ(taken->front().events.size(), 1u);
@@ -191,17 +191,29 @@ TEST_P(JobStoreConformance, TakesEverythingFromAWorkerThatStartsAnew) {
   const std::string mine = submit(), others = submit();
   claim("me");
   claim("other");
-  const auto taken = store_->take_back("me");
+  const auto taken = store_->take_back("me", {});
   ASSERT_EQ(taken->size(), 1u);
   EXPECT_EQ(taken->front().job.name(), mine);
   EXPECT_EQ(get(others).state(), kRunning);
+}
+
+TEST_P(JobStoreConformance, LeavesAJobToWhoeverRunsItStill) {
+  const std::string mine = submit(), others = submit();
+  const Claim claimed = claim("me");
+  claim("other");
+  now_ += std::chrono::seconds(40);
+  const auto taken = store_->take_back("", {mine});
+  ASSERT_EQ(taken->size(), 1u);
+  EXPECT_EQ(taken->front().job.name(), others);
+  ASSERT_TRUE(store_->heartbeat(claimed)) << "late, and good";
+  EXPECT_TRUE(store_->take_back("", {})->empty());
 }
 
 TEST_P(JobStoreConformance, FailsAJobThatWasLostThreeTimes) {
   const std::string name = submit();
   for (int attempt = 1; attempt <= 3; ++attempt) {
     EXPECT_EQ(claim().attempt, attempt);
-    ASSERT_EQ(store_->take_back("worker")->size(), 1u);
+    ASSERT_EQ(store_->take_back("worker", {})->size(), 1u);
   }
   const v1::Job job = get(name);
   EXPECT_EQ(job.state(), kFailed);
@@ -240,7 +252,7 @@ TEST_P(JobStoreConformance, NumbersEventsBehindWhatWasSeen) {
 
   const std::string lost = submit();
   claim();
-  EXPECT_EQ(store_->take_back("worker")->front().events[0].sequence(), kSequenceBlock + 1)
+  EXPECT_EQ(store_->take_back("worker", {})->front().events[0].sequence(), kSequenceBlock + 1)
       << "nobody knows how far the lost one had counted";
   EXPECT_EQ((*store_->claim("worker"))->events[0].sequence(), kSequenceBlock + 2);
   states(lost);
@@ -254,7 +266,7 @@ TEST_P(JobStoreConformance, HandsTheNewestCheckpointToTheNextAttempt) {
   EXPECT_FALSE(first.checkpoint);
   EXPECT_TRUE(store_->note_checkpoint(first, {"old", 10})->released.empty());
   EXPECT_EQ(store_->note_checkpoint(first, {"new", 20})->released, std::vector<std::string>{"old"});
-  store_->take_back("worker");
+  store_->take_back("worker", {});
   const Claim second = claim();
   ASSERT_TRUE(second.checkpoint);
   EXPECT_EQ(second.checkpoint->digest, "new");
@@ -268,11 +280,11 @@ TEST_P(JobStoreConformance, CountsOnlyLossesWithoutProgress) {
   const std::string name = submit();
   for (int attempt = 1; attempt <= 6; ++attempt) {
     ASSERT_TRUE(store_->note_checkpoint(claim(), {"at " + std::to_string(attempt), attempt}));
-    EXPECT_EQ(store_->take_back("worker")->front().job.state(), kPending);
+    EXPECT_EQ(store_->take_back("worker", {})->front().job.state(), kPending);
   }
   for (int attempt = 1; attempt <= 2; ++attempt) {
     ASSERT_TRUE(store_->note_checkpoint(claim(), {"still there", 6}));
-    EXPECT_EQ(store_->take_back("worker")->front().job.state(), attempt == 1 ? kPending : kFailed);
+    EXPECT_EQ(store_->take_back("worker", {})->front().job.state(), attempt == 1 ? kPending : kFailed);
   }
   EXPECT_EQ(get(name).error().reason(), "LOST");
 }
@@ -285,7 +297,7 @@ TEST_P(JobStoreConformance, CountsNoLossOfAnAttemptThatCameFurther) {
     const Claim claimed = claim();
     iteration.set_number(attempt);
     ASSERT_TRUE(store_->note_progress(claimed, iteration, 0));
-    EXPECT_EQ(store_->take_back("worker")->front().job.state(), kPending);
+    EXPECT_EQ(store_->take_back("worker", {})->front().job.state(), kPending);
   }
   for (int attempt = 1; attempt <= 2; ++attempt) {
     const Claim claimed = claim();
@@ -293,7 +305,7 @@ TEST_P(JobStoreConformance, CountsNoLossOfAnAttemptThatCameFurther) {
       iteration.set_number(number);
       ASSERT_TRUE(store_->note_progress(claimed, iteration, 0));
     }
-    EXPECT_EQ(store_->take_back("worker")->front().job.state(), attempt == 1 ? kPending : kFailed);
+    EXPECT_EQ(store_->take_back("worker", {})->front().job.state(), attempt == 1 ? kPending : kFailed);
   }
   EXPECT_EQ(get(name).error().reason(), "LOST");
 }
@@ -322,7 +334,7 @@ TEST_P(JobStoreConformance, RemembersACancelOverALoss) {
   const std::string lost = submit(), given_back = submit();
   claim();
   store_->request_cancel(lost, 0);
-  EXPECT_EQ(store_->take_back("worker")->front().job.state(), kCancelled);
+  EXPECT_EQ(store_->take_back("worker", {})->front().job.state(), kCancelled);
   const Claim claimed = claim();
   store_->request_cancel(given_back, 0);
   Ending ending;
@@ -398,7 +410,7 @@ TEST_P(DurableJobStoreConformance, IsAsItWasWhenItIsOpenedAgain) {
   EXPECT_EQ(*store_->digests(), *digests);
   EXPECT_EQ(store_->list({{kRunning}, {{"colour", "red"}}}, 10, "")->jobs.size(), 1u);
   ASSERT_TRUE(store_->heartbeat(claimed)) << "a claim outlives the store's process too";
-  ASSERT_EQ(store_->take_back("worker")->size(), 1u);
+  ASSERT_EQ(store_->take_back("worker", {})->size(), 1u);
   const Claim second = claim();
   EXPECT_EQ(second.name, running) << "it keeps its place in the queue";
   EXPECT_EQ(second.checkpoint->digest, "checkpoint");
