@@ -1,6 +1,9 @@
 // The few calls of SQLite that are needed.
 #include "server/jobs/sqlite.h"
 
+#include <fcntl.h>
+#include <unistd.h>
+
 #include <cerrno>
 
 namespace varimesh::server {
@@ -16,6 +19,10 @@ SqliteError::SqliteError(sqlite3* database, const std::string& what)
 // ===== query =====
 
 SqliteQuery::~SqliteQuery() {
+  if (kind_ == Statement::Own) {
+    sqlite3_finalize(statement_);
+    return;
+  }
   sqlite3_reset(statement_);
   sqlite3_clear_bindings(statement_);
 }
@@ -61,6 +68,9 @@ std::string_view SqliteQuery::view(int column) const {
 // ===== database =====
 
 SqliteDatabase::SqliteDatabase(const std::string& path) {
+  // SQLite would let everybody read the file; those that it makes beside it have the same rights. One that is there is
+  // not opened: closing it would end the locks of this process's other connections.
+  if (const int made = ::open(path.c_str(), O_CREAT | O_EXCL | O_WRONLY | O_CLOEXEC, 0600); made >= 0) ::close(made);
   sqlite3* opened = nullptr;
   const int result =
       sqlite3_open_v2(path.c_str(), &opened, SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE | SQLITE_OPEN_NOMUTEX, nullptr);
@@ -74,16 +84,23 @@ void SqliteDatabase::run(const char* statements) {
     throw SqliteError(database_.get(), statements);
 }
 
+sqlite3_stmt* SqliteDatabase::prepare(std::string_view statement, unsigned flags) {
+  sqlite3_stmt* prepared = nullptr;
+  if (sqlite3_prepare_v3(database_.get(), statement.data(), static_cast<int>(statement.size()), flags, &prepared,
+                         nullptr) != SQLITE_OK)
+    throw SqliteError(database_.get(), std::string(statement));
+  return prepared;
+}
+
 SqliteQuery SqliteDatabase::query(std::string_view statement) {
   auto found = statements_.find(statement);
-  if (found == statements_.end()) {
-    sqlite3_stmt* prepared = nullptr;
-    if (sqlite3_prepare_v3(database_.get(), statement.data(), static_cast<int>(statement.size()),
-                           SQLITE_PREPARE_PERSISTENT, &prepared, nullptr) != SQLITE_OK)
-      throw SqliteError(database_.get(), std::string(statement));
-    found = statements_.emplace(statement, prepared).first;
-  }
-  return {database_.get(), found->second.get()};
+  if (found == statements_.end())
+    found = statements_.emplace(statement, prepare(statement, SQLITE_PREPARE_PERSISTENT)).first;
+  return {database_.get(), found->second.get(), SqliteQuery::Statement::Kept};
+}
+
+SqliteQuery SqliteDatabase::query_once(std::string_view statement) {
+  return {database_.get(), prepare(statement, 0), SqliteQuery::Statement::Own};
 }
 
 // ===== transaction =====

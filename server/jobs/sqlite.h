@@ -30,10 +30,12 @@ struct SqliteBytes {
   std::string_view bytes;
 };
 
-/// One run of a statement; resets it when it goes.
+/// One run of a statement; resets it when it goes, or finalises it where nobody else has it.
 class SqliteQuery {
  public:
-  SqliteQuery(sqlite3* database, sqlite3_stmt* statement) : database_(database), statement_(statement) {}
+  enum class Statement { Kept, Own };
+  SqliteQuery(sqlite3* database, sqlite3_stmt* statement, Statement kind)
+      : database_(database), statement_(statement), kind_(kind) {}
   ~SqliteQuery();
   SqliteQuery(const SqliteQuery&) = delete;
   SqliteQuery& operator=(const SqliteQuery&) = delete;
@@ -58,23 +60,28 @@ class SqliteQuery {
 
   sqlite3* const database_;
   sqlite3_stmt* const statement_;
+  const Statement kind_;
   int parameter_ = 0;
 };
 
 /// A connection. One thread at a time.
 class SqliteDatabase {
  public:
-  /// Makes the file where it is not there.
+  /// Makes the file, for its owner alone, where it is not there.
   explicit SqliteDatabase(const std::string& path);
 
   /// Runs statements that give nothing back.
   void run(const char* statements);
   /// Statements are prepared once and kept.
   SqliteQuery query(std::string_view statement);
+  /// For statements of which there are many: prepared anew each time.
+  SqliteQuery query_once(std::string_view statement);
   std::int64_t last_key() const { return sqlite3_last_insert_rowid(database_.get()); }
   int changes() const { return sqlite3_changes(database_.get()); }
 
  private:
+  sqlite3_stmt* prepare(std::string_view statement, unsigned flags);
+
   struct Close {
     void operator()(sqlite3* database) const { sqlite3_close(database); }
   };

@@ -248,7 +248,7 @@ Answer<JobPage> SqliteJobStore::list(const JobFilter& filter, int page_size, con
   statement += " ORDER BY jobs.key DESC LIMIT ?";
 
   return read<JobPage>([&](SqliteDatabase& database) -> Answer<JobPage> {
-    auto query = database.query(statement);
+    auto query = database.query_once(statement);
     query.bind(*below > 0 ? *below : std::numeric_limits<std::int64_t>::max());
     for (const auto& [name, value] : filter.labels) query.bind(name).bind(value);
     query.bind(page_size + 1);

@@ -11,7 +11,19 @@
 
 namespace varimesh::server {
 
-Expected<std::unique_ptr<StateDirectory>> StateDirectory::take(const std::string& path) {
+namespace {
+
+/// Without what follows the directory's own name: of "a/b/" the parent would be "a/b".
+std::string without_trailing_separators(std::filesystem::path path) {
+  while (path.has_relative_path() && (!path.has_filename() || path.filename() == ".") && path.has_parent_path())
+    path = path.parent_path();
+  return path.string();
+}
+
+}  // namespace
+
+Expected<std::unique_ptr<StateDirectory>> StateDirectory::take(const std::string& given) {
+  const std::string path = without_trailing_separators(given);
   const auto refuse = [&](const std::string& why) {
     return tl::unexpected(Error{Error::Kind::Output, "Cannot keep jobs in '" + path + "': " + why});
   };

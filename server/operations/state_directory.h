@@ -14,7 +14,7 @@ class StateDirectory {
  public:
   /// Makes the directory, for its owner alone, where it is not there. Errors: Output where that cannot be done, or
   /// where another server has it.
-  static Expected<std::unique_ptr<StateDirectory>> take(const std::string& path);
+  static Expected<std::unique_ptr<StateDirectory>> take(const std::string& given);
   ~StateDirectory();
   StateDirectory(const StateDirectory&) = delete;
   StateDirectory& operator=(const StateDirectory&) = delete;

@@ -140,6 +140,18 @@ TEST_F(Restart, LeavesNothingOfAJobThatIsDeleted) {
   EXPECT_TRUE(std::filesystem::is_empty(state_ / "meshes"));
 }
 
+TEST_F(Restart, MakesWhatItsOwnerAloneCanRead) {
+  for (const char* ending : {"plain", "deep/separator/", "deep/separators//", "deep/dot/."}) {
+    ServerOptions deep = options(echo_engine());
+    deep.state = (state_ / ending).string();
+    const Service service(std::move(deep));
+    const auto rights = [](const std::filesystem::path& path) { return std::filesystem::status(path).permissions(); };
+    EXPECT_EQ(rights(state_ / ending), std::filesystem::perms::owner_all) << ending;
+    for (const char* file : {"jobs.sqlite", "jobs.sqlite-wal"})
+      EXPECT_EQ(rights(state_ / ending / file) & std::filesystem::perms(077), std::filesystem::perms::none) << file;
+  }
+}
+
 TEST_F(Restart, LetsOneServerHaveTheDirectory) {
   const Service first(options(echo_engine()));
   const auto second = Server::start(options(echo_engine()));
