@@ -39,7 +39,7 @@ grpc::ServerUnaryReactor* JobService::ListJobs(grpc::CallbackServerContext* call
                                                v1::ListJobsResponse* response) {
   return unary(call, api_.pool, [this, request, response] {
     JobFilter filter;
-    for (const int state : request->states()) filter.states.push_back(static_cast<v1::JobState>(state));
+    for (const int state : request->states()) filter.states.insert(static_cast<v1::JobState>(state));
     filter.labels.insert(request->labels().begin(), request->labels().end());
     auto page = api_.scheduler.list(filter, request->page_size(), request->page_token());
     if (!page) return status(page.error());

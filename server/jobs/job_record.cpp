@@ -180,9 +180,7 @@ std::vector<std::string> digests_of(const JobRecord& record) {
 }
 
 bool matches(const v1::Job& job, const JobFilter& filter) {
-  if (!filter.states.empty() &&
-      std::find(filter.states.begin(), filter.states.end(), job.state()) == filter.states.end())
-    return false;
+  if (!filter.states.empty() && !filter.states.contains(job.state())) return false;
   return std::all_of(filter.labels.begin(), filter.labels.end(), [&](const auto& label) {
     const auto found = job.spec().labels().find(label.first);
     return found != job.spec().labels().end() && found->second == label.second;

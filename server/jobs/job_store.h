@@ -63,7 +63,7 @@ struct Submission {
 };
 
 struct JobFilter {
-  std::vector<v1::JobState> states;
+  std::set<v1::JobState> states;
   std::map<std::string, std::string> labels;
 };
 

@@ -98,6 +98,11 @@ Answer<v1::Job> Scheduler::get(const std::string& name) {
 
 Answer<JobPage> Scheduler::list(const JobFilter& filter, int page_size, const std::string& page_token) {
   if (page_size < 0) return bad_request("The page size must not be negative.");
+  for (const v1::JobState state : filter.states)
+    if (!v1::JobState_IsValid(state) || state == v1::JOB_STATE_UNSPECIFIED)
+      return bad_request("A state to list is " + std::to_string(static_cast<int>(state)) +
+                         ", which is not one that a job can be in.");
+  if (filter.labels.size() > 32) return bad_request("Jobs can be listed by at most 32 labels; no job has more.");
   return jobs_->list(filter, page_size == 0 ? 100 : std::min(page_size, 1000), page_token);
 }
 

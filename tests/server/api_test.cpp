@@ -407,5 +407,25 @@ TEST(Server, ListsJobsInPagesByStateAndLabel) {
   EXPECT_EQ(pages, (std::vector<int>{2, 1}));
 }
 
+TEST(Server, RefusesListsThatNoJobCanBeIn) {
+  const Service service(echo_engine(1));
+  const auto list = [&](const v1::ListJobsRequest& request) {
+    grpc::ClientContext context;
+    v1::ListJobsResponse response;
+    return service.jobs->ListJobs(&context, request, &response);
+  };
+  for (const int state : {0, 99}) {
+    v1::ListJobsRequest request;
+    request.add_states(static_cast<v1::JobState>(state));
+    EXPECT_EQ(info_of(list(request)).reason(), "BAD_REQUEST") << state;
+  }
+  v1::ListJobsRequest request;
+  for (int i = 0; i < 100'000; ++i) request.add_states(v1::JOB_STATE_PENDING);
+  for (int i = 0; i < 32; ++i) (*request.mutable_labels())[std::to_string(i)] = "value";
+  EXPECT_TRUE(list(request).ok());
+  (*request.mutable_labels())["one more"] = "value";
+  EXPECT_EQ(info_of(list(request)).reason(), "BAD_REQUEST");
+}
+
 }  // namespace
 }  // namespace varimesh::server::testing
