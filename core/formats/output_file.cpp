@@ -13,6 +13,7 @@
 #include <mutex>
 #include <set>
 #include <system_error>
+#include <vector>
 
 namespace varimesh::formats {
 
@@ -114,6 +115,16 @@ Expected<void> may_write(const std::string& path, const Target& target) {
 
 // ===== opening =====
 
+// Gives a new file the owner, the group and the rights of the one that it is to replace.
+void keep_rights(int descriptor, const struct stat& old) {
+  mode_t rights = old.st_mode & 0777;
+  // Who may not give a file away keeps it as his own, and what the old group could do is not for another one.
+  const bool grouped = ::fchown(descriptor, old.st_uid, old.st_gid) == 0 ||
+                       ::fchown(descriptor, static_cast<uid_t>(-1), old.st_gid) == 0;
+  if (!grouped) rights &= ~mode_t{070};
+  if (::fchmod(descriptor, rights) != 0) errno = 0;
+}
+
 // Opens a new file beside the target, under a name that nobody else uses. Not mkstemp, whose files are for their owner
 // alone: the result is to have the rights that any new file gets, or those of the file that it replaces.
 int open_beside(const Target& target, std::string* beside) {
@@ -130,13 +141,51 @@ int open_beside(const Target& target, std::string* beside) {
     if (descriptor < 0) return -1;
     all.files.insert(*beside);
     if (target.exists) {
-      // Who may not give a file away keeps it as his own.
-      if (::fchown(descriptor, target.status.st_uid, target.status.st_gid) != 0) errno = 0;
-      if (::fchmod(descriptor, target.status.st_mode & 0777) != 0) errno = 0;
+      keep_rights(descriptor, target.status);
     }
     return descriptor;
   }
   return -1;
+}
+
+// Brings the new name to the disk; a folder that cannot be opened or synchronised has nothing to bring. Gives errno.
+int sync_folder_of(const std::string& path) {
+  const int folder = ::open(folder_of(path).c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+  if (folder < 0) return 0;
+  const int error = ::fsync(folder) == 0 ? 0 : errno;
+  ::close(folder);
+  return error == EINVAL || error == EROFS ? 0 : error;
+}
+
+int write_all(int descriptor, const char* bytes, std::size_t count) {
+  while (count > 0) {
+    const ssize_t written = ::write(descriptor, bytes, count);
+    if (written < 0 && errno == EINTR) continue;
+    if (written <= 0) return written < 0 ? errno : EIO;
+    bytes += written;
+    count -= static_cast<std::size_t>(written);
+  }
+  return 0;
+}
+
+// Writes the bytes of one file over those of another, down to the disk. Gives errno.
+int copy_over(const std::string& from, const std::string& to) {
+  const int source = ::open(from.c_str(), O_RDONLY | O_CLOEXEC);
+  if (source < 0) return errno;
+  const int target = ::open(to.c_str(), O_WRONLY | O_TRUNC | O_CLOEXEC);
+  int error = target < 0 ? errno : 0;
+  std::vector<char> buffer(std::size_t{1} << 16);
+  while (error == 0) {
+    const ssize_t count = ::read(source, buffer.data(), buffer.size());
+    if (count < 0 && errno == EINTR) continue;
+    if (count < 0) error = errno;
+    if (count <= 0) break;
+    error = write_all(target, buffer.data(), static_cast<std::size_t>(count));
+  }
+  if (error == 0 && ::fsync(target) != 0 && errno != EINVAL && errno != EROFS) error = errno;
+  if (target >= 0 && ::close(target) != 0 && error == 0) error = errno;
+  ::close(source);
+  return error;
 }
 
 void remove_unfinished(const std::string& beside) {
@@ -224,6 +273,15 @@ Expected<void> OutputFile::commit() {
     if (::rename(beside_.c_str(), target_.c_str()) == 0) {
       all.files.erase(beside_);
       beside_.clear();
+      error_ = sync_folder_of(target_);
+    } else if (errno == EBUSY || errno == EXDEV) {
+      // Something is mounted on the name, as containers do with single files: it can be written to and not replaced.
+      error_ = copy_over(beside_, target_);
+      if (error_ != 0) {
+        all.files.erase(beside_);  // all that is whole, and so it stays
+        return bad_output("'" + path_ + "' cannot be written: " + std::system_category().message(error_) +
+                          ". What was to be in it is in '" + std::exchange(beside_, {}) + "'.");
+      }
     } else {
       error_ = errno;
     }

@@ -11,8 +11,9 @@
 namespace varimesh::formats {
 
 /// A file that is written beside its place and takes it over once it is whole; without commit() it leaves no trace.
-/// Links are followed: what they lead to is replaced, with its rights kept. A device, a named pipe and a descriptor of
-/// this process (/dev/stdout) cannot be replaced: the bytes go there as they come.
+/// Links are followed: what they lead to is replaced, with its rights kept, or
+/// written over where something is mounted on the name, which cannot be replaced. A device, a named pipe and a
+/// descriptor of this process (/dev/stdout) cannot be replaced: the bytes go there as they come.
 class OutputFile {
  public:
   /// Errors: Output, for a folder, a missing one, a file that is write-protected.

@@ -1,5 +1,9 @@
 // Files on disk: names, endings, and never half a file.
 #include <gtest/gtest.h>
+#include <sched.h>
+#include <sys/mount.h>
+#include <sys/wait.h>
+#include <unistd.h>
 
 #include "core/formats/output_file.h"
 #include "core/formats/utf8.h"
@@ -90,6 +94,29 @@ TEST(OutputFile, FollowsLinksAndKeepsRights) {
   EXPECT_EQ(std::filesystem::status(folder.file("real")).permissions(), std::filesystem::perms(0640));
   EXPECT_TRUE(std::filesystem::is_symlink(folder.file("first")) && std::filesystem::is_symlink(folder.file("second")));
   EXPECT_EQ(files_in(folder.path()), 3u);
+}
+
+TEST(OutputFile, WritesOverWhatIsMountedOnTheName) {
+  const Folder folder;
+  std::ofstream(folder.file("mounted")) << "something longer that was there";
+  std::ofstream(folder.file("name"));
+  constexpr int kNotAllowed = 77;
+  const pid_t child = ::fork();
+  ASSERT_GE(child, 0);
+  if (child == 0) {
+    // In a mount table of the child's own, so that nothing is left to be unmounted.
+    if (::unshare(CLONE_NEWNS) != 0 || ::mount("none", "/", nullptr, MS_REC | MS_PRIVATE, nullptr) != 0 ||
+        ::mount(folder.file("mounted").c_str(), folder.file("name").c_str(), nullptr, MS_BIND, nullptr) != 0)
+      ::_exit(kNotAllowed);
+    auto file = OutputFile::open(folder.file("name"));
+    ::_exit(file && file->write("new") && file->commit() ? 0 : 1);
+  }
+  int status = 0;
+  ASSERT_EQ(::waitpid(child, &status, 0), child);
+  ASSERT_TRUE(WIFEXITED(status));
+  if (WEXITSTATUS(status) == kNotAllowed) GTEST_SKIP() << "only root can mount here";
+  EXPECT_EQ(WEXITSTATUS(status), 0);
+  EXPECT_EQ(test::slurp(folder.file("mounted")), "new");
 }
 
 TEST(OutputFile, LinksInARingAreRefused) {
