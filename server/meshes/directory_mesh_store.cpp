@@ -10,6 +10,7 @@
 #include <cerrno>
 #include <cstring>
 #include <system_error>
+#include <tuple>
 #include <vector>
 
 #include "server/meshes/sha256.h"
@@ -303,9 +304,11 @@ void DirectoryMeshStore::drop_old_uploads() {
 Answer<StoredBytes> DirectoryMeshStore::adopt(const std::filesystem::path& path, int file, StoredBytes stored,
                                               bool pinned) {
   if (durable_ && ::fdatasync(file) != 0) return store_full("a file cannot be brought to the disk");
+  bool is_new = false;
   {
     std::lock_guard lock(mutex_);
-    const auto [found, is_new] = entries_.try_emplace(stored.digest);
+    Entries::iterator found;
+    std::tie(found, is_new) = entries_.try_emplace(stored.digest);
     Entry& entry = found->second;
     if (is_new) {
       std::error_code error;
@@ -323,8 +326,21 @@ Answer<StoredBytes> DirectoryMeshStore::adopt(const std::filesystem::path& path,
     else
       ++entry.references;
   }
-  if (durable_ && !sync_directory(directory_)) return store_full("a directory cannot be brought to the disk");
+  if (durable_ && !sync_directory(directory_)) {
+    const int reason = errno;
+    take_back(stored.digest, pinned, is_new);
+    errno = reason;
+    return store_full("a directory cannot be brought to the disk");
+  }
   return stored;
+}
+
+void DirectoryMeshStore::take_back(const std::string& digest, bool pinned, bool is_new) {
+  if (!pinned) return release(digest);
+  if (!is_new) return;
+  // A mesh that stays would be said to be there when the upload is tried again.
+  std::lock_guard lock(mutex_);
+  if (const auto entry = entries_.find(digest); entry != entries_.end() && entry->second.references == 0) drop(entry);
 }
 
 Answer<std::unique_ptr<BlobWriter>> DirectoryMeshStore::create() {
@@ -340,6 +356,7 @@ Answer<std::shared_ptr<const Blob>> DirectoryMeshStore::open(const std::string& 
   if (entry == entries_.end())
     return failure(Code::NotFound, "MESH_NOT_FOUND", "The mesh " + digest + " is not in the store; upload it.",
                    {{"digest", digest}});
+  entry->second.touched = settings_.clock();
   const auto size = static_cast<std::size_t>(entry->second.size);
   if (size == 0) return std::make_shared<const MappedBlob>(nullptr, 0);
   const int file = ::open(path_of(digest).c_str(), O_RDONLY | O_CLOEXEC);

@@ -65,6 +65,8 @@ class DirectoryMeshStore : public MeshStore {
   Answer<std::shared_ptr<Upload>> find(const UploadTicket& ticket);
   /// Renames a finished file to its digest, or drops it where the digest is there already.
   Answer<StoredBytes> adopt(const std::filesystem::path& path, int file, StoredBytes stored, bool pinned);
+  /// Undoes adopt(), whose file may not outlive a power cut.
+  void take_back(const std::string& digest, bool pinned, bool is_new);
   void drop_old_uploads();
   void read_directory();
   void drop(Entries::iterator entry);
