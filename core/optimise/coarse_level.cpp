@@ -9,7 +9,7 @@ namespace varimesh {
 namespace {
 
 constexpr std::int32_t kNodesPerTask = 512;
-/// Beyond so many linear unknowns a sparse factor would take more memory and time than it saves.
+/// Beyond so many linear nodes a sparse factor would take more memory and time than it saves.
 constexpr std::int32_t kMostLinear = 200000;
 
 template <int d>
@@ -72,8 +72,8 @@ CoarseLevel::CoarseLevel(const Problem& problem, const Team& team)
   r_.resize(unknowns);
   x_.resize(unknowns);
   residual_.resize(unknowns);
-  solves_linear_ = linear_.count > 0 && linear_.count * static_cast<std::int32_t>(d) <= kMostLinear;
-  linear_right_.resize(static_cast<Eigen::Index>(d) * linear_.count);
+  solves_linear_ = linear_.count > 0 && linear_.count <= kMostLinear;
+  linear_right_.resize(linear_.count, static_cast<Eigen::Index>(d));
 }
 
 void CoarseLevel::colour() {
@@ -188,15 +188,13 @@ void CoarseLevel::assemble_linear() {
           const Eigen::Map<const Eigen::Matrix<float, kSquare, 1>> means(
               block.stiffness.data() + (static_cast<std::size_t>(a) * n + c) * kSquare);
           const Eigen::Matrix<float, kSquare, 1> K = M * means;
-          for (int i = 0; i < d; ++i)
-            for (int j = 0; j < d; ++j)
-              if (nodes[c] * d + j <= nodes[a] * d + i)
-                entries.emplace_back(nodes[a] * d + i, nodes[c] * d + j,
-                                     K[i * d + j] * (a == c && i == j ? 1 + 1e-6 : 1.0));
+          double mean = 0;
+          for (int i = 0; i < d; ++i) mean += K[i * d + i] / d;
+          entries.emplace_back(nodes[a], nodes[c], mean * (a == c ? 1 + 1e-6 : 1.0));
         }
     }
   }
-  Eigen::SparseMatrix<double> A(linear_.count * d, linear_.count * d);
+  Eigen::SparseMatrix<double> A(linear_.count, linear_.count);
   A.setFromTriplets(entries.begin(), entries.end());
   if (!analysed_) factor_.analyzePattern(A);
   analysed_ = true;
@@ -259,14 +257,14 @@ void CoarseLevel::correct_linear() {
     for (std::int32_t i = to_linear_.begin[vertex]; i < to_linear_.begin[vertex + 1]; ++i)
       for (int k = 0; k < d; ++k)
         sum[k] += to_linear_.factor[i] * residual_[static_cast<std::size_t>(to_linear_.column[i]) * d + k];
-    linear_right_.segment<d>(static_cast<Eigen::Index>(vertex) * d) = sum;
+    linear_right_.row(vertex) = sum;
   }
   linear_left_ = factor_.solve(linear_right_);
   team_.for_each(space_.count, kNodesPerTask, [&](std::int32_t node) {
     for (std::int32_t i = from_linear_.begin[node]; i < from_linear_.begin[node + 1]; ++i)
       for (int k = 0; k < d; ++k)
-        x_[static_cast<std::size_t>(node) * d + k] += static_cast<float>(
-            from_linear_.factor[i] * linear_left_[static_cast<Eigen::Index>(from_linear_.column[i]) * d + k]);
+        x_[static_cast<std::size_t>(node) * d + k] +=
+            static_cast<float>(from_linear_.factor[i] * linear_left_(from_linear_.column[i], k));
   });
 }
 

@@ -16,9 +16,10 @@ namespace varimesh {
 
 /// z += I V Iᵀ r. I takes displacements of order 2 (of order 1 on a mesh of order 1) to the free nodes, and V is one
 /// symmetric cycle on their stiffness matrix: forward block Gauss–Seidel by colours, the problem of order 1 by sparse
-/// Cholesky, backward block Gauss–Seidel. The matrix is made of each cell's mean tensor, from which the part of the
-/// Hessian that need not be positive is left out (HessianKernels::mean_tensors), so that it is positive definite
-/// whatever the mesh.
+/// Cholesky, backward block Gauss–Seidel. Of the problem of order 1 only what a direction does to itself is kept, its
+/// mean over the directions: one scalar factor for all of them, with the same number of iterations as the whole. The
+/// matrix is made of each cell's mean tensor, from which the part of the Hessian that need not be positive is left out
+/// (HessianKernels::mean_tensors), so that it is positive definite whatever the mesh.
 class CoarseLevel {
  public:
   CoarseLevel(const Problem& problem, const Team& team);
@@ -69,7 +70,7 @@ class CoarseLevel {
   std::vector<float> r_, x_, residual_;           ///< d a node.
   Eigen::SimplicialLDLT<Eigen::SparseMatrix<double>> factor_;
   bool analysed_ = false, solves_linear_ = false;
-  Eigen::VectorXd linear_right_, linear_left_;
+  Eigen::MatrixXd linear_right_, linear_left_;  ///< linear nodes × d
 };
 
 }  // namespace varimesh
