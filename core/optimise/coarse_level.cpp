@@ -9,6 +9,8 @@ namespace varimesh {
 namespace {
 
 constexpr std::int32_t kNodesPerTask = 512;
+/// A bound of the matrix' size above which the coarse level is of order 1.
+constexpr std::size_t kMostBytes = std::size_t{8} << 30;
 /// Beyond so many linear nodes a sparse factor would take more memory and time than it saves.
 constexpr std::int32_t kMostLinear = 200000;
 
@@ -51,12 +53,23 @@ SparseRows linear_to_quadratic(const Problem& problem, const CoarseSpace& quadra
   return out;
 }
 
+/// 2 where the mesh and the memory have room for it: a row of a hexahedral mesh has 125 blocks.
+int coarse_order(const Problem& problem) {
+  std::size_t bytes = 0;
+  for (const CellBlock& block : problem.blocks) {
+    const std::size_t nodes = reference::node_count(block.shape, 2), square = block.dimension * block.dimension;
+    bytes += block.count * nodes * nodes * square * sizeof(float);
+    if (block.order < 2) return 1;
+  }
+  return bytes <= kMostBytes ? 2 : 1;
+}
+
 }  // namespace
 
 CoarseLevel::CoarseLevel(const Problem& problem, const Team& team)
     : problem_(problem),
       team_(team),
-      space_(coarse_space(problem, problem.blocks.empty() ? 1 : std::min(2, problem.blocks[0].order))),
+      space_(coarse_space(problem, coarse_order(problem))),
       linear_(coarse_space(problem, 1)) {
   for (const CellBlock& block : problem.blocks) {
     const std::size_t square = static_cast<std::size_t>(block.dimension) * block.dimension;
@@ -135,7 +148,7 @@ void CoarseLevel::find_neighbours() {
     row.erase(std::unique(row.begin(), row.end()), row.end());
     for (std::int32_t p = places_begin_[node]; p < places_begin_[node + 1]; ++p) {
       const CoarseSpace::Block& block = space_.blocks[places_[p].block];
-      slots_begin_.push_back(static_cast<std::int32_t>(slots_.size()));
+      slots_begin_.push_back(static_cast<std::int64_t>(slots_.size()));
       for (int b = 0; b < block.nodes_per_cell; ++b) {
         const std::int32_t other = block.nodes[static_cast<std::size_t>(places_[p].cell) * block.nodes_per_cell + b];
         slots_.push_back(
@@ -143,7 +156,7 @@ void CoarseLevel::find_neighbours() {
       }
     }
     column_.insert(column_.end(), row.begin(), row.end());
-    row_begin_.push_back(static_cast<std::int32_t>(column_.size()));
+    row_begin_.push_back(static_cast<std::int64_t>(column_.size()));
   }
 }
 
@@ -169,7 +182,8 @@ void CoarseLevel::assemble_row(std::int32_t node) {
       std::lower_bound(column_.begin() + row_begin_[node], column_.begin() + row_begin_[node + 1], node);
   Eigen::Map<BlockMatrix<d>> D(entry_.data() + (diagonal - column_.begin()) * kSquare);
   D.diagonal().array() += 1e-6F * D.trace();
-  Eigen::Map<BlockMatrix<d>>(inverse_diagonal_.data() + static_cast<std::size_t>(node) * kSquare) = D.inverse();
+  Eigen::Map<BlockMatrix<d>>(inverse_diagonal_.data() + static_cast<std::size_t>(node) * kSquare) =
+      D.template cast<double>().inverse().template cast<float>();
 }
 
 template <int d>
@@ -220,7 +234,7 @@ void CoarseLevel::forward() {
     team_.for_each(colours_[colour + 1] - colours_[colour], kNodesPerTask, [&](std::int32_t i) {
       const std::int32_t node = colours_[colour] + i;
       BlockVector<d> sum = Eigen::Map<const BlockVector<d>>(&r_[static_cast<std::size_t>(node) * d]);
-      for (std::int32_t e = row_begin_[node]; column_[e] < node; ++e)
+      for (std::int64_t e = row_begin_[node]; column_[e] < node; ++e)
         sum.noalias() -= Eigen::Map<const BlockMatrix<d>>(&entry_[static_cast<std::size_t>(e) * d * d]) *
                          Eigen::Map<const BlockVector<d>>(&x_[static_cast<std::size_t>(column_[e]) * d]);
       Eigen::Map<BlockVector<d>>(&x_[static_cast<std::size_t>(node) * d]).noalias() =
@@ -234,7 +248,7 @@ void CoarseLevel::backward() {
     team_.for_each(colours_[colour + 1] - colours_[colour], kNodesPerTask, [&](std::int32_t i) {
       const std::int32_t node = colours_[colour] + i;
       BlockVector<d> sum = Eigen::Map<const BlockVector<d>>(&r_[static_cast<std::size_t>(node) * d]);
-      for (std::int32_t e = row_begin_[node]; e < row_begin_[node + 1]; ++e)
+      for (std::int64_t e = row_begin_[node]; e < row_begin_[node + 1]; ++e)
         sum.noalias() -= Eigen::Map<const BlockMatrix<d>>(&entry_[static_cast<std::size_t>(e) * d * d]) *
                          Eigen::Map<const BlockVector<d>>(&x_[static_cast<std::size_t>(column_[e]) * d]);
       Eigen::Map<BlockVector<d>>(&x_[static_cast<std::size_t>(node) * d]).noalias() +=
@@ -247,7 +261,7 @@ void CoarseLevel::correct_linear() {
   // After a forward sweep from zero what is left at a node is what came later: minus its upper part of the row.
   team_.for_each(space_.count, kNodesPerTask, [&](std::int32_t node) {
     BlockVector<d> sum = BlockVector<d>::Zero();
-    for (std::int32_t e = row_begin_[node + 1]; e-- > row_begin_[node] && column_[e] > node;)
+    for (std::int64_t e = row_begin_[node + 1]; e-- > row_begin_[node] && column_[e] > node;)
       sum.noalias() -= Eigen::Map<const BlockMatrix<d>>(&entry_[static_cast<std::size_t>(e) * d * d]) *
                        Eigen::Map<const BlockVector<d>>(&x_[static_cast<std::size_t>(column_[e]) * d]);
     std::copy_n(sum.data(), d, &residual_[static_cast<std::size_t>(node) * d]);

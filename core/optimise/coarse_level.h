@@ -62,12 +62,13 @@ class CoarseLevel {
   std::vector<std::int32_t> places_begin_;
   std::vector<Place> places_;
   std::vector<std::int32_t> slots_;  ///< By place and node of its cell: where in the row its block is; −1 if fixed.
-  std::vector<std::int32_t> slots_begin_;
-  std::vector<std::int32_t> row_begin_, column_;  ///< Block rows, columns ascending.
-  std::vector<float> entry_;                      ///< d·d a block, row-major.
-  std::vector<float> inverse_diagonal_;           ///< d·d a node.
-  std::vector<std::vector<float>> tensors_;       ///< By block: d⁴ a cell, M(i j, k l).
-  std::vector<float> r_, x_, residual_;           ///< d a node.
+  std::vector<std::int64_t> slots_begin_;
+  std::vector<std::int64_t> row_begin_;      ///< Block rows.
+  std::vector<std::int32_t> column_;         ///< Ascending in a row.
+  std::vector<float> entry_;                 ///< d·d a block, row-major.
+  std::vector<float> inverse_diagonal_;      ///< d·d a node.
+  std::vector<std::vector<float>> tensors_;  ///< By block: d⁴ a cell, M(i j, k l).
+  std::vector<float> r_, x_, residual_;      ///< d a node.
   Eigen::SimplicialLDLT<Eigen::SparseMatrix<double>> factor_;
   bool analysed_ = false, solves_linear_ = false;
   Eigen::MatrixXd linear_right_, linear_left_;  ///< linear nodes × d

@@ -221,6 +221,8 @@ double Newton::search(double slope) {
     for (int k = 0; k < d; ++k)
       start_[f * d + k] = problem_.positions[static_cast<std::size_t>(problem_.free[f]) * d + k];
   const double before = energy_at(0);
+  // Rounding, as F is computed anew, may have turned a cell that was about to vanish: there is no step to judge then.
+  if (!std::isfinite(before)) return 0;
   const double noise = kEnergyNoise * measure_;
   double alpha = 1;
   for (int halving = 0; halving < kMostHalvings; ++halving, alpha *= 0.5) {
@@ -247,7 +249,7 @@ double Newton::energy_at(double alpha) {
     for (std::int32_t cell = 0; cell < block.count; ++cell) {
       const CellScan& scan = scans_[block.first + cell];
       if (block.delta_squared[cell] == 0 && !(scan.smallest_jacobian > 0))
-        return std::numeric_limits<double>::infinity();
+        energy = std::numeric_limits<double>::infinity();
       energy += norm_.value(scan.energy, cell_measure(block, cell));
     }
   }

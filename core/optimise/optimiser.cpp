@@ -43,6 +43,33 @@ Expected<void> check_degree(const HighOrderMesh& mesh, int degree) {
                     " the energy does not see all of an element; leave it at 0 for twice the order.");
 }
 
+/// With until_js: the best mesh seen, by its proved minimum of the scaled Jacobian; of no use to a mesh that has more
+/// uncertified cells than another.
+class BestSeen {
+ public:
+  explicit BestSeen(const Certifier& certifier) : certifier_(certifier) {}
+
+  /// The proved minimum of the guard's kept state; keeps its coordinates where it is the best so far.
+  double look(const Guard& guard, std::vector<double>& coordinates) {
+    certificates_ = guard.certificates();
+    const CertificateSummary summary = certifier_.sharpen(guard.coordinates(), certificates_);
+    const std::int64_t uncertified = summary.invalid + summary.undecided;
+    const double bound = summary.min_scaled_jacobian_lower_bound;
+    if (uncertified < fewest_ || (uncertified == fewest_ && bound > highest_)) {
+      highest_ = bound;
+      fewest_ = uncertified;
+      coordinates = guard.coordinates();
+    }
+    return bound;
+  }
+
+ private:
+  const Certifier& certifier_;
+  std::vector<Certificate> certificates_;
+  double highest_ = -std::numeric_limits<double>::infinity();
+  std::int64_t fewest_ = std::numeric_limits<std::int64_t>::max();
+};
+
 }  // namespace
 
 /// Everything that is set up once for a mesh topology.
@@ -60,8 +87,8 @@ struct Optimiser::State {
 
   /// Optimises `mesh` as it is.
   Result run(const OnIteration& on_iteration);
-  void iterate(const Team& team, const Certifier& certifier, Guard& guard, const OnIteration& on_iteration,
-               Clock::time_point start, Result& result);
+  void iterate(const Team& team, BestSeen& best, Guard& guard, const OnIteration& on_iteration, Clock::time_point start,
+               Result& result);
 };
 
 namespace {
@@ -174,10 +201,18 @@ Result Optimiser::State::run(const OnIteration& on_iteration) {
     team.run([&] {
       Guard guard(mesh, frame, problem, certifier, std::move(certificates), team);
       guard.condemn(result.unrepairable);
-      iterate(team, certifier, guard, on_iteration, start, result);
-      result.converged = result.converged && guard.lost() == 0;
+      BestSeen best(certifier);
+      iterate(team, best, guard, on_iteration, start, result);
+      guard.look();
+      if (guard.lost() > 0 && result.converged) {
+        result.converged = false;
+        result.stop_reason = StopReason::NoProgress;
+      }
       guard.settle();
-      if (options.until_js <= 0) result.mesh.coordinates = guard.coordinates();
+      if (options.until_js > 0)
+        best.look(guard, result.mesh.coordinates);
+      else
+        result.mesh.coordinates = guard.coordinates();
       certificates = guard.certificates();
     });
     if (options.until_js > 0) team.run([&] { certifier.certify(result.mesh.coordinates, certificates, team); });
@@ -188,37 +223,8 @@ Result Optimiser::State::run(const OnIteration& on_iteration) {
   return result;
 }
 
-namespace {
-
-/// With until_js: the best mesh seen, by its proved minimum of the scaled Jacobian.
-class BestSeen {
- public:
-  BestSeen(const Certifier& certifier, const Guard& guard) : certifier_(certifier), guard_(guard) {}
-
-  /// The proved minimum now; keeps the coordinates where it is the highest so far.
-  double look(std::vector<double>& coordinates) {
-    certificates_ = guard_.certificates();
-    const double bound = certifier_.sharpen(guard_.coordinates(), certificates_).min_scaled_jacobian_lower_bound;
-    if (bound > highest_ || fewest_ > guard_.uncertified()) {
-      highest_ = bound;
-      fewest_ = guard_.uncertified();
-      coordinates = guard_.coordinates();
-    }
-    return bound;
-  }
-
- private:
-  const Certifier& certifier_;
-  const Guard& guard_;
-  std::vector<Certificate> certificates_;
-  double highest_ = -std::numeric_limits<double>::infinity();
-  std::int64_t fewest_ = std::numeric_limits<std::int64_t>::max();
-};
-
-}  // namespace
-
-void Optimiser::State::iterate(const Team& team, const Certifier& certifier, Guard& guard,
-                               const OnIteration& on_iteration, Clock::time_point start, Result& result) {
+void Optimiser::State::iterate(const Team& team, BestSeen& best, Guard& guard, const OnIteration& on_iteration,
+                               Clock::time_point start, Result& result) {
   const PNorm norm{options.p_norm};
   Sweeper sweeper(problem, schedule, *kernels, options.regularisation, norm,
                   options.active_set ? options.tolerance : -1, team);
@@ -226,14 +232,13 @@ void Optimiser::State::iterate(const Team& team, const Certifier& certifier, Gua
   sweeper.scan();
   PhaseChooser chooser(options, guard.repairable());
   Stopper stopper(options);
-  BestSeen best(certifier, guard);
   std::optional<Newton> newton;  // set up when it is first needed
   std::optional<Untangler> untangler;
   double first_gradient = 0;
   Iteration iteration;
   iteration.invalid_elements = guard.uncertified();
   iteration.repairable_elements = guard.repairable();
-  double bound = options.until_js > 0 ? best.look(result.mesh.coordinates) : 0;
+  double bound = options.until_js > 0 ? best.look(guard, result.mesh.coordinates) : 0;
   if (const auto reason = stopper.after(iteration, false, chooser.outlook(guard.unrepaired()), bound)) {
     result.stop_reason = *reason;
     return;
@@ -293,7 +298,7 @@ void Optimiser::State::iterate(const Team& team, const Certifier& certifier, Gua
     result.history.push_back(iteration);
     result.iterations = number;
     result.residual = iteration.residual;
-    if (options.until_js > 0) bound = best.look(result.mesh.coordinates);
+    if (options.until_js > 0) bound = best.look(guard, result.mesh.coordinates);
     const bool small = !failed && iteration.residual <= options.tolerance;
     // That the nodes which are awake hardly move is no proof: all have to be asked.
     if (small && !whole) sweeper.wake();

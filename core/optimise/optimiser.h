@@ -27,7 +27,8 @@ struct Iteration {
                                          ///< diagonal of the bounding box.
   double relative_gradient = 0;          ///< Norm of the energy's gradient relative to that of the first iteration.
   double min_scaled_jacobian = 0;        ///< At the quadrature points: cheaper than the report's, and never below it.
-  std::int64_t invalid_elements = 0;     ///< Cells that are not certified valid.
+  std::int64_t invalid_elements = 0;     ///< Cells that are not certified valid; while sweeps go over a mesh that is
+                                         ///< all valid this is looked at every fourth.
   std::int64_t repairable_elements = 0;  ///< Those of them that are not named unrepairable.
   std::int64_t active_nodes = 0;         ///< Free nodes visited.
   int products = 0;    ///< Of the Hessian and a direction: conjugate-gradient iterations. Newton only.

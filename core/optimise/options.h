@@ -90,7 +90,8 @@ struct Options {
   int max_iterations = 1000;       ///< Stop after this many iterations; 0 checks and reports only.
   Until until = Until::Tolerance;  ///< What else to stop at.
   double until_js = 0;    ///< Where above 0: stop when every cell's scaled Jacobian is proved to be at least this; the
-                          ///< mesh returned is then the one with the highest proved minimum. Below 1.
+                          ///< mesh returned is then, of those with the fewest uncertified cells, the one with the
+                          ///< highest proved minimum. Below 1.
   double time_limit = 0;  ///< Stop at the end of the iteration in which so many seconds have passed; 0: never.
   int threads = 0;        ///< Threads to use; 0: all of the machine's.
   double p_norm = 1;      ///< The cells' mean energies are summed to this power, 1 to 16; more presses on the worst.

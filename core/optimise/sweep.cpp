@@ -124,10 +124,13 @@ void Sweeper::scan_cell(CellBlock& block, std::int32_t cell) {
 ScanReport Sweeper::scan() {
   ScanReport report;
   report.min_scaled_jacobian = 1;
+  ++clock_;  // later than every visit so far: a cell that gets another δ wakes its nodes
   double measure = 0;
   for (CellBlock& block : problem_.blocks) {
     team_.for_each(block.count, kCellsPerTask, [&](std::int32_t cell) {
-      if (changed_[block.first + cell] != 0) scan_cell(block, cell);
+      const bool condemned = !block.condemned.empty() && block.condemned[cell] != 0;
+      if (changed_[block.first + cell] != 0 || condemned != (block.delta_squared[cell] == kCondemnedDeltaSquared))
+        scan_cell(block, cell);
     });
     for (std::int32_t cell = 0; cell < block.count; ++cell) {
       const CellScan& scan = scans_[block.first + cell];
@@ -138,7 +141,6 @@ ScanReport Sweeper::scan() {
       if (!(scan.smallest_jacobian > 0)) ++report.invalid;
     }
   }
-  ++clock_;
   if (measure > 0) report.energy /= measure;
   if (!norm_.is_sum()) report.energy = std::pow(report.energy, 1 / norm_.p);
   return report;

@@ -9,6 +9,8 @@
 namespace varimesh {
 namespace {
 
+constexpr const char* kName = "unrepairable";
+
 /// A block of the same kind without elements.
 ElementBlock empty_like(const ElementBlock& block) {
   ElementBlock empty;
@@ -35,6 +37,7 @@ class Marker {
       : mesh_(mesh), marked_(mesh.element_count(mesh.dimension), false) {
     for (const UnrepairableGroup& group : groups)
       for (const std::int32_t cell : group.cells) marked_[static_cast<std::size_t>(cell)] = true;
+    remove_former();
     for (const PhysicalGroup& group : mesh.physical_groups) tag_ = std::max(tag_, group.tag + 1);
     for (const ElementBlock& block : mesh.blocks)
       for (const int tag : block.physical) tag_ = std::max(tag_, tag + 1);
@@ -63,10 +66,28 @@ class Marker {
       blocks.push_back(std::move(marked));
     }
     mesh_.blocks = std::move(blocks);
-    mesh_.physical_groups.push_back({mesh_.dimension, tag_, "unrepairable"});
+    mesh_.physical_groups.push_back({mesh_.dimension, tag_, kName});
   }
 
  private:
+  /// A mesh that comes back has marks of its former life.
+  void remove_former() {
+    const auto is_former = [&](const PhysicalGroup& group) {
+      return group.dimension == mesh_.dimension && group.name == kName;
+    };
+    for (const PhysicalGroup& group : mesh_.physical_groups) {
+      if (!is_former(group)) continue;
+      for (ElementBlock& block : mesh_.blocks) {
+        if (reference::info(block.shape).dimension != mesh_.dimension || std::erase(block.physical, group.tag) == 0)
+          continue;
+        block.repeat_numbers.clear();
+      }
+      for (Entity& entity : mesh_.entities)
+        if (entity.dimension == mesh_.dimension) std::erase(entity.physical, group.tag);
+    }
+    std::erase_if(mesh_.physical_groups, is_former);
+  }
+
   bool is_cell(const ElementBlock& block) const {
     return block.size() > 0 && reference::info(block.shape).dimension == mesh_.dimension;
   }
