@@ -4,7 +4,8 @@
 //   varimeshd --listen 127.0.0.1:0              on a free port, which it prints
 //   varimeshd --listen unix:/run/varimesh.sock  on a socket that its owner alone can use
 //   varimeshd --listen 0.0.0.0:50051 --insecure for anybody who can reach it
-//   varimeshd --state /var/lib/varimesh         keeps jobs and meshes there: the next one runs what this one did not end
+//   varimeshd --state /var/lib/varimesh         keeps jobs and meshes there: the next one runs what this one did not
+//   end
 #include <spdlog/spdlog.h>
 
 #include <CLI/CLI.hpp>

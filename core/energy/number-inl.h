@@ -26,7 +26,9 @@ namespace hn = hwy::HWY_NAMESPACE;
 /// arrays apart that loops run over, however short.
 template <int n, class Body>
 HWY_INLINE void unrolled(const Body& body) {
-  [&]<int... i>(std::integer_sequence<int, i...>) __attribute__((always_inline)) { (body(std::integral_constant<int, i>()), ...); }
+  [&]<int... i>(std::integer_sequence<int, i...>) __attribute__((always_inline)) {
+    (body(std::integral_constant<int, i>()), ...);
+  }
   (std::make_integer_sequence<int, n>());
 }
 
