@@ -265,13 +265,18 @@ Expected<void> check_duplicates(const Cells& cells) {
 
 }  // namespace
 
-Expected<MeshCheck> check(const HighOrderMesh& mesh) {
+Expected<void> check_to_judge(const HighOrderMesh& mesh) {
   for (auto step : {check_kind, check_tables, check_coordinates, check_plane, check_distinct_nodes})
     if (auto done = step(mesh); !done) return tl::unexpected<Error>(done.error());
   const Cells cells(mesh, mesh.dimension);
   if (auto done = check_duplicates(cells); !done) return tl::unexpected<Error>(done.error());
   if (auto done = check_conformity(mesh, facets(mesh)); !done) return tl::unexpected<Error>(done.error());
-  return check_straight_sided(mesh, cells);
+  return {};
+}
+
+Expected<MeshCheck> check(const HighOrderMesh& mesh) {
+  if (auto done = check_to_judge(mesh); !done) return tl::unexpected<Error>(done.error());
+  return check_straight_sided(mesh, Cells(mesh, mesh.dimension));
 }
 
 }  // namespace varimesh

@@ -111,7 +111,7 @@ MeshSummary sizes(const HighOrderMesh& mesh, const std::vector<bool>& fixed) {
 
 Expected<MeshSummary> summarise(const HighOrderMesh& mesh, const Options& options) {
   if (const auto checked = check(options); !checked) return tl::unexpected(checked.error());
-  if (const auto checked = check(mesh); !checked) return tl::unexpected(checked.error());
+  if (const auto checked = check_to_judge(mesh); !checked) return tl::unexpected(checked.error());
   const Expected<std::vector<bool>> fixed = choose_fixed_nodes(mesh, options);
   if (!fixed) return tl::unexpected(fixed.error());
   return sizes(mesh, *fixed);

@@ -185,6 +185,14 @@ class InProcess(WithFolder):
         self.assertEqual(run("optimise", MESH, "-o", out, "--until", "valid", "--quiet").returncode, 0)
         self.assertEqual(run("quality", out, "--certify").returncode, 0)
 
+    def test_quality_judges_a_mesh_that_optimise_refuses(self):
+        # Node 1 goes over to the other side: the first triangle is inverted even with straight sides.
+        inverted = self.folder / "inverted.msh"
+        inverted.write_text(FOLDED.replace("\n1 0 0 0\n", "\n1 1 1.5 0\n"))
+        self.assertEqual(run("optimise", inverted, "-o", self.folder / "out.msh").returncode, 3)
+        done = run("quality", inverted, "--certify", "--diagnose")
+        self.assertEqual(done.returncode, 4, done.stderr)
+
     def test_names_and_marks_what_cannot_be_repaired(self):
         folded, marked, out = (self.folder / name for name in ("folded.msh", "marked.msh", "out.msh"))
         folded.write_text(FOLDED)
