@@ -79,10 +79,9 @@ TEST_P(CoarseLevelTest, IsSymmetricAndNotNegative) {
   }
 }
 
-/// A displacement of order 2 that is zero on the boundary is its own image: the Hessian's answer to it comes back.
-TEST_P(CoarseLevelTest, SolvesForALinearHatInOneCycleAsWellAsItsStiffnessIsTrue) {
+TEST_P(CoarseLevelTest, IsNearTheInverseOfTheHessianOnAMeshOfOrderTwo) {
   prepare(2);
-  // On a mesh of order 2 the coarse space is the fine one, so that I V Iᵀ H is near 1 in the norm of H.
+  // The coarse space is the fine one there, so that I V Iᵀ H is near 1 in the norm of H.
   const std::vector<float> u = random_vector(3);
   std::vector<float> padded = u;
   padded.resize(u.size() + static_cast<std::size_t>(problem_.dimension), 0.0F);
