@@ -1,0 +1,91 @@
+"""Meshes as meshio and gmsh's API hold them. Neither is imported: what has their attributes will do."""
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .errors import BadMesh
+from .mesh import Block, Mesh, shape_name
+
+# Where meshio has a cell's nodes in VTK's order, and Gmsh has another: Gmsh's node i is meshio's node order[i].
+_FROM_MESHIO = {
+    "tetra10": [0, 1, 2, 3, 4, 5, 6, 7, 9, 8],
+    "hexahedron27": [0, 1, 2, 3, 4, 5, 6, 7, 8, 11, 16, 9, 17, 10, 18, 19, 12, 15, 13, 14, 24, 22, 20, 21, 23, 25, 26],
+}
+
+
+def from_meshio(mesh: Any) -> Mesh:
+    """Of a meshio.Mesh: `points`, `cells`, and where they are there the groups in `cell_data` and `field_data`."""
+    data = getattr(mesh, "cell_data", {}) or {}
+    blocks: list[Block] = []
+    for i, cells in enumerate(mesh.cells):
+        name, nodes = (cells.type, cells.data) if hasattr(cells, "type") else cells
+        if name.startswith("VTK_"):
+            raise BadMesh(f"The {name} cells have VTK's order of nodes; read them from an MSH file.")
+        array = np.asarray(nodes)
+        if name in _FROM_MESHIO:
+            array = array[:, _FROM_MESHIO[name]]
+        entities, groups = (_column(data, key, i, len(array)) for key in ("gmsh:geometrical", "gmsh:physical"))
+        blocks += _by_entity(shape_name(name), array.astype(np.int32), entities, groups)
+    names = {(int(value[1]), int(value[0])): name for name, value in (getattr(mesh, "field_data", {}) or {}).items()}
+    return Mesh.from_arrays(mesh.points, blocks, names)
+
+
+def _column(data: Any, key: str, block: int, count: int) -> NDArray[np.int64]:
+    return np.asarray(data[key][block], dtype=np.int64) if key in data else np.zeros(count, dtype=np.int64)
+
+
+def _by_entity(shape: str, nodes: NDArray[np.int32], entities: NDArray[np.int64], groups: NDArray[np.int64]) -> Iterator[Block]:
+    """Elements that follow each other on one entity, in one group."""
+    changes = np.flatnonzero((np.diff(entities) != 0) | (np.diff(groups) != 0)) + 1
+    for piece in np.split(np.arange(len(nodes)), changes):
+        if len(piece):
+            entity, group = int(entities[piece[0]]), int(groups[piece[0]])
+            yield Block(shape, nodes[piece], entity, (group,) if group > 0 else ())
+
+
+def from_gmsh(gmsh: Any) -> Mesh:
+    """Of the module `gmsh`: its current model's mesh with entities and physical groups."""
+    api = gmsh.model.mesh
+    tags, xyz, _ = api.getNodes()
+    tags = np.asarray(tags, dtype=np.int64)
+    if len(tags) == 0:
+        raise BadMesh("The gmsh model has no mesh; call gmsh.model.mesh.generate() first.")
+    place = np.full(int(tags.max()) + 1, -1, dtype=np.int64)
+    place[tags] = np.arange(len(tags))
+    blocks: list[Block] = []
+    for dimension, entity in gmsh.model.getEntities():
+        groups = tuple(int(tag) for tag in gmsh.model.getPhysicalGroupsForEntity(dimension, entity))
+        kinds, _, nodes = api.getElements(dimension, entity)
+        for kind, numbers in zip(kinds, nodes):
+            name, _, _, count = api.getElementProperties(kind)[:4]
+            array = place[np.asarray(numbers, dtype=np.int64)].reshape(-1, count).astype(np.int32)
+            blocks.append(Block(shape_name(name.split()[0]), array, entity, groups))
+    names = {(dim, tag): gmsh.model.getPhysicalName(dim, tag) for dim, tag in gmsh.model.getPhysicalGroups()}
+    mesh = Mesh.from_arrays(np.asarray(xyz, dtype=np.float64).reshape(-1, 3), blocks, {k: v for k, v in names.items() if v})
+    mesh.node_tags = tags
+    return mesh
+
+
+def update_gmsh(gmsh: Any, mesh: Mesh) -> None:
+    """Puts the nodes of gmsh's current model where `mesh` has them, which came of from_gmsh() of that model."""
+    if mesh.node_tags is None or len(mesh.node_tags) != len(mesh.nodes):
+        raise BadMesh("The mesh does not have the nodes of a gmsh model: it did not come from one, or has another order.")
+    for tag, xyz in zip(mesh.node_tags.tolist(), mesh.nodes.tolist()):
+        gmsh.model.mesh.setNode(tag, xyz, [])
+
+
+def as_mesh(source: Any) -> Mesh:
+    """A Mesh of whatever holds one: a Mesh, (nodes, cells), a meshio mesh, the module gmsh."""
+    if isinstance(source, Mesh):
+        return source
+    if hasattr(source, "points") and hasattr(source, "cells"):
+        return from_meshio(source)
+    if hasattr(source, "model") and hasattr(source.model, "mesh"):
+        return from_gmsh(source)
+    if isinstance(source, tuple) and len(source) == 2:
+        return Mesh.from_arrays(*source)
+    raise BadMesh(f"A {type(source).__name__} is no mesh; give a file's path, a Mesh, (nodes, cells), a meshio mesh or gmsh.")

@@ -1,0 +1,180 @@
+"""The client for asyncio. Each call has a thread of its own, so that hashing, files and arrays hold up no event loop, and
+that a loop may wait for as many jobs as there are; a cancelled task ends its call."""
+from __future__ import annotations
+
+import asyncio
+import os
+import threading
+from collections.abc import AsyncIterator, Callable, Iterable, Iterator, Mapping
+from types import TracebackType
+from typing import Any, TypeVar, Unpack
+
+import grpc
+
+from .client import Client, MeshLike, Paths
+from .connection import Stop
+from .job import Job, Result
+from .options import Options
+from .reports import Event, Quality, ServerInfo
+
+T = TypeVar("T")
+
+
+async def _in_thread(function: Callable[..., T], *arguments: Any, **keywords: Any) -> T:
+    loop, stop = asyncio.get_running_loop(), Stop()
+    future: asyncio.Future[T] = loop.create_future()
+
+    def settle(set_it: Callable[[Any], None], value: Any) -> None:
+        if not future.done():
+            set_it(value)
+
+    def run() -> None:
+        Stop.current.stop = stop
+        try:
+            outcome: tuple[Callable[[Any], None], Any] = (future.set_result, function(*arguments, **keywords))
+        except BaseException as error:  # noqa: BLE001
+            outcome = (future.set_exception, error)
+        try:
+            loop.call_soon_threadsafe(settle, *outcome)
+        except RuntimeError:
+            pass  # the loop has been closed, and nobody waits
+
+    threading.Thread(target=run, name=f"varimesh {function.__name__}", daemon=True).start()
+    try:
+        return await future
+    except asyncio.CancelledError:
+        stop.ask()
+        raise
+
+
+class AsyncJob:
+    """As Job; what asks the server is awaited."""
+
+    def __init__(self, job: Job) -> None:
+        self._job = job
+
+    def __repr__(self) -> str:
+        return repr(self._job)
+
+    @property
+    def name(self) -> str:
+        return self._job.name
+
+    @property
+    def state(self) -> str:
+        return self._job.state
+
+    @property
+    def labels(self) -> Mapping[str, str]:
+        return self._job.labels
+
+    async def refresh(self) -> AsyncJob:
+        await _in_thread(self._job.refresh)
+        return self
+
+    async def watch(self, after: int = 0) -> AsyncIterator[Event]:
+        """As Job.watch()."""
+        loop = asyncio.get_running_loop()
+        events: asyncio.Queue[Event | None] = asyncio.Queue()
+
+        def pump() -> None:
+            for event in self._job.watch(after):
+                loop.call_soon_threadsafe(events.put_nowait, event)
+
+        task = asyncio.ensure_future(_in_thread(pump))
+        task.add_done_callback(lambda _: events.put_nowait(None))
+        try:
+            while (event := await events.get()) is not None:
+                yield event
+            await task
+        finally:
+            task.cancel()
+
+    async def wait(self, progress: bool = False) -> AsyncJob:
+        await _in_thread(self._job.wait, progress)
+        return self
+
+    async def cancel(self) -> AsyncJob:
+        await _in_thread(self._job.cancel)
+        return self
+
+    async def delete(self) -> None:
+        await _in_thread(self._job.delete)
+
+    async def result(self) -> Result:
+        """As Job.result(); where its meshes are fetched later, that blocks: fetch() does it here."""
+        return await _in_thread(self._job.result)
+
+    async def fetch(self) -> Result:
+        """The result with its mesh in arrays; the job must have been submitted with the output "parts"."""
+
+        def fetch() -> Result:
+            result = self._job.result()
+            result.mesh  # noqa: B018
+            return result
+
+        return await _in_thread(fetch)
+
+
+class AsyncClient:
+    """As Client; what asks the server is awaited. Cancelling the task that optimises cancels the job."""
+
+    def __init__(self, address: str, token: str | None = None, *, credentials: grpc.ChannelCredentials | None = None,
+                 connect: float = 5.0, retry: float = 60.0) -> None:  # fmt: skip
+        self._client = Client(address, token, credentials=credentials, connect=connect, retry=retry)
+
+    async def close(self) -> None:
+        await _in_thread(self._client.close)
+
+    async def __aenter__(self) -> AsyncClient:
+        return self
+
+    async def __aexit__(self, kind: type[BaseException] | None, error: BaseException | None,
+                        trace: TracebackType | None) -> None:  # fmt: skip
+        await self.close()
+
+    async def optimise(self, mesh: MeshLike, output: Paths | None = None, *, format: str | None = None,
+                       progress: bool = False, on_event: Callable[[Event], object] | None = None,
+                       arrays: bool | None = None, request_id: str | None = None,
+                       labels: Mapping[str, str] | None = None, priority: int = 0,
+                       **options: Unpack[Options]) -> Result:  # fmt: skip
+        """As Client.optimise(); the result's mesh is there already. `on_event` is called in the event loop."""
+        loop = asyncio.get_running_loop()
+        tell = None if on_event is None else (lambda event: loop.call_soon_threadsafe(on_event, event))
+
+        def optimise() -> Result:
+            result = self._client.optimise(
+                mesh, output, format=format, progress=progress, on_event=tell, arrays=arrays, request_id=request_id,
+                labels=labels, priority=priority, **options)  # fmt: skip
+            if "parts" in result.formats:
+                result.mesh  # noqa: B018
+            return result
+
+        return await _in_thread(optimise)
+
+    async def quality(self, mesh: MeshLike, **options: Unpack[Options]) -> Quality:
+        return await _in_thread(self._client.quality, mesh, **options)
+
+    async def submit(self, mesh: MeshLike, *, outputs: Iterable[str] = (), request_id: str | None = None,
+                     labels: Mapping[str, str] | None = None, priority: int = 0,
+                     **options: Unpack[Options]) -> AsyncJob:  # fmt: skip
+        return AsyncJob(await _in_thread(self._client.submit, mesh, outputs=outputs, request_id=request_id,
+                                         labels=labels, priority=priority, **options))  # fmt: skip
+
+    async def job(self, name: str) -> AsyncJob:
+        return AsyncJob(await _in_thread(self._client.job, name))
+
+    async def jobs(self, states: Iterable[str] = (), labels: Mapping[str, str] | None = None) -> list[AsyncJob]:
+        def everything() -> Iterator[Job]:
+            return iter(list(self._client.jobs(states, labels)))
+
+        return [AsyncJob(job) for job in await _in_thread(everything)]
+
+    async def info(self) -> ServerInfo:
+        return await _in_thread(self._client.info)
+
+    async def upload(self, mesh: MeshLike) -> str:
+        return await _in_thread(self._client.upload, mesh)
+
+    async def download(self, digest: str, path: str | os.PathLike[str] | None = None) -> bytes:
+        return await _in_thread(self._client.download, digest, path)

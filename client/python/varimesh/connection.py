@@ -1,0 +1,214 @@
+"""Calls that repeat themselves while the server is away, which is safe because every call of the contract is made to be
+repeated; and errors that say what the server said."""
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import grpc
+
+from .errors import Refused, ServerUnreachable, Stopped, VarimeshError
+from .rpc import error_details_pb2, status_pb2
+
+_CALL_SECONDS = 30.0
+
+
+def _details(error: grpc.RpcError) -> tuple[error_details_pb2.ErrorInfo, float]:
+    """The reason, and the seconds after which the server wants to be asked again (0: it does not say)."""
+    info, delay = error_details_pb2.ErrorInfo(), 0.0
+    for key, value in error.trailing_metadata() or ():
+        if key != "grpc-status-details-bin":
+            continue
+        for detail in status_pb2.Status.FromString(value).details:
+            # By name: the messages are wire-compatible with google.rpc's, under a name of their own.
+            kind = detail.type_url.rsplit("/", 1)[-1]
+            if kind == "google.rpc.ErrorInfo":
+                info.ParseFromString(detail.value)
+            elif kind == "google.rpc.RetryInfo":
+                retry = error_details_pb2.RetryInfo.FromString(detail.value)
+                delay = retry.retry_delay.ToMilliseconds() / 1000
+    return info, delay
+
+
+def reason_of(error: grpc.RpcError) -> str:
+    return _details(error)[0].reason
+
+
+def error_of(error: grpc.RpcError) -> VarimeshError:
+    """What a status means to the caller."""
+    info, _ = _details(error)
+    code, sentence = error.code(), error.details() or ""
+    if code == grpc.StatusCode.DEADLINE_EXCEEDED:
+        return ServerUnreachable("The server does not answer; see that varimeshd runs there and is not overloaded.")
+    if code == grpc.StatusCode.UNAVAILABLE and not info.reason:
+        return ServerUnreachable(f"The server cannot be reached ({sentence}); see that varimeshd runs there.")
+    if code == grpc.StatusCode.UNAVAILABLE or not info.reason:
+        return ServerUnreachable(sentence or f"The call failed ({code.name}).", info.reason, info.metadata)
+    return Refused(sentence, info.reason, info.metadata)
+
+
+class Stop:
+    """Ends the calls of one thread from another."""
+
+    current = threading.local()
+
+    def __init__(self) -> None:
+        self._asked = threading.Event()
+        self._calls: set[Any] = set()
+        self._lock = threading.Lock()
+
+    def ask(self) -> None:
+        self._asked.set()
+        with self._lock:
+            for call in self._calls:
+                call.cancel()
+
+    @classmethod
+    def of_this_thread(cls) -> Stop:
+        if not hasattr(cls.current, "stop"):
+            cls.current.stop = Stop()
+        stop: Stop = cls.current.stop
+        return stop
+
+    def check(self) -> None:
+        if self._asked.is_set():
+            raise Stopped("The call was cancelled.")
+
+    def sleep(self, seconds: float) -> None:
+        self._asked.wait(seconds)
+        self.check()
+
+    @contextmanager
+    def ends(self, call: Any) -> Iterator[Any]:
+        """Cancels the call where it is left before its end, or where that is asked for."""
+        with self._lock:
+            self._calls.add(call)
+        try:
+            self.check()
+            yield call
+        finally:
+            with self._lock:
+                self._calls.discard(call)
+            call.cancel()
+
+
+class Patience:
+    """Repeats calls to a server that is away, more and more slowly, until it has been away for too long."""
+
+    def __init__(self, connection: Connection, channel: grpc.Channel) -> None:
+        self._connection, self._channel, self._seconds = connection, channel, connection.retry_seconds
+        self.reset()
+
+    def reset(self) -> None:
+        """The server was there: it may be away for the full time again."""
+        self._away_since, self._pause = 0.0, 0.05
+
+    def again(self, error: grpc.RpcError) -> None:
+        """Waits, or raises what the error means where repeating it does not help."""
+        stop = Stop.of_this_thread()
+        stop.check()
+        now = time.monotonic()
+        self._away_since = self._away_since or now
+        left = self._away_since + self._seconds - now
+        _, delay = _details(error)
+        code = error.code()
+        if code == grpc.StatusCode.RESOURCE_EXHAUSTED and 0 < delay <= left:
+            stop.sleep(delay)
+            return
+        # CANCELLED that nobody here asked for: the call came in the moment in which the server shut down.
+        if code not in (grpc.StatusCode.UNAVAILABLE, grpc.StatusCode.CANCELLED) or left <= 0:
+            raise error_of(error) from None
+        stop.sleep(min(self._pause, left))
+        self._pause = min(2 * self._pause, 2.0)
+        # gRPC connects at once where somebody waits, and otherwise looks only now and then.
+        wait_for_channel(self._channel, min(1.0, left), self._connection.metadata)
+        stop.check()
+
+
+def wait_for_channel(channel: grpc.Channel, seconds: float, metadata: Any = ()) -> bool:
+    """Whether the server answers within the time."""
+    # A call that waits for the connection; whatever it is answered with.
+    check = channel.unary_unary("/grpc.health.v1.Health/Check")
+    call = check.future(b"", timeout=seconds, wait_for_ready=True, metadata=metadata)
+    with Stop.of_this_thread().ends(call):
+        try:
+            call.result()
+        except grpc.FutureCancelledError:
+            return False
+        except grpc.RpcError as error:
+            return error.code() not in (grpc.StatusCode.DEADLINE_EXCEEDED, grpc.StatusCode.UNAVAILABLE)
+    return True
+
+
+class Connection:
+    """Two channels to one server: one for meshes, so that they do not hold up the rest."""
+
+    def __init__(self, address: str, token: str | None, credentials: grpc.ChannelCredentials | None,
+                 connect_seconds: float, retry_seconds: float) -> None:  # fmt: skip
+        self.address = address
+        self.retry_seconds = retry_seconds
+        self._connect_seconds = connect_seconds
+        self.metadata = (("authorization", f"Bearer {token}"),) if token else ()
+        self._met = False
+        self.control, self.bulk = (self._open(address, credentials, number) for number in (1, 2))
+
+    @staticmethod
+    def _open(address: str, credentials: grpc.ChannelCredentials | None, number: int) -> grpc.Channel:
+        options = [
+            ("varimesh.channel", number),  # equal channels would share one connection
+            ("grpc.enable_retries", 0),
+            # A server that hangs, or that the network has lost, is noticed within 20 s; it takes a ping every 10 s.
+            ("grpc.keepalive_time_ms", 15_000),
+            ("grpc.keepalive_timeout_ms", 5_000),
+            ("grpc.max_reconnect_backoff_ms", 2_000),
+        ]
+        if credentials is not None:
+            return grpc.secure_channel(address, credentials, options)
+        return grpc.insecure_channel(address, options)
+
+    def meet(self) -> None:
+        """Before the first call: says in a sentence where there is no server."""
+        if self._met:
+            return
+        deadline = time.monotonic() + self._connect_seconds
+        stop = Stop.of_this_thread()
+        while not wait_for_channel(self.control, 0.2, self.metadata):
+            stop.check()
+            if time.monotonic() > deadline:
+                raise ServerUnreachable(f"There is no server at {self.address}; start varimeshd there, or name another.")
+        self._met = True
+
+    def call(self, method: Any, request: Any) -> Any:
+        """One request, one answer."""
+        self.meet()
+        patience = Patience(self, self.control)
+        while True:
+            call = method.future(request, timeout=_CALL_SECONDS, metadata=self.metadata)
+            with Stop.of_this_thread().ends(call):
+                try:
+                    return call.result()
+                except grpc.FutureCancelledError:
+                    Stop.of_this_thread().check()
+                    error = call
+                except grpc.RpcError as raised:
+                    error = raised
+            patience.again(error)
+
+    @contextmanager
+    def stream(self, method: Any, request: Any) -> Iterator[Any]:
+        """A call with many answers, which ends with the block."""
+        with Stop.of_this_thread().ends(method(request, metadata=self.metadata)) as call:
+            yield call
+
+    def upload(self, method: Any, requests: Callable[[], Iterator[Any]]) -> Any:
+        """A call with many requests and one answer, once."""
+        call = method.future(requests(), metadata=self.metadata)
+        with Stop.of_this_thread().ends(call):
+            return call.result()
+
+    def close(self) -> None:
+        self.control.close()
+        self.bulk.close()

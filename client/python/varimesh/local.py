@@ -1,0 +1,88 @@
+"""A private server, for a program that has none: it listens on a socket that its owner alone can use, and ends with the
+program, however that ends."""
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import tempfile
+import time
+import weakref
+from collections.abc import Callable
+from pathlib import Path
+from typing import IO
+
+from .client import Client
+from .errors import ServerUnreachable
+
+# The shell ends the server when its standard input does, which happens even where this process is killed.
+_KEEPER = """
+exec 3<&0
+"$@" 3<&- &
+server=$!
+{ read -r _ <&3; kill -TERM $server; } &
+reader=$!
+exec 3<&-
+wait $server
+status=$?
+kill $reader 2>/dev/null
+exit $status
+"""
+
+
+class LocalClient(Client):
+    """A client with a server of its own, which close() stops."""
+
+    _stop: Callable[[], object] | None = None
+
+    def close(self) -> None:
+        super().close()
+        if self._stop is not None:
+            self._stop()
+
+
+def find_server() -> str:
+    """The path of varimeshd: what VARIMESHD says, or what PATH has."""
+    found = os.environ.get("VARIMESHD") or shutil.which("varimeshd")
+    if not found:
+        raise ServerUnreachable("There is no varimeshd; install varimesh-server, or name it in VARIMESHD.")
+    return found
+
+
+def local(*, threads: int = 0, state: str | os.PathLike[str] | None = None, executable: str | None = None,
+          log: IO[bytes] | None = None, timeout: float = 20.0) -> LocalClient:  # fmt: skip
+    """Starts a server, and returns its client: `with varimesh.local() as client: …` stops it.
+
+    `threads` are those of the running jobs, 0 all there are; `state` is a directory that keeps jobs and meshes; `log`
+    takes the server's log (default: nowhere, but an error at its start is in the exception).
+    """
+    folder = Path(tempfile.mkdtemp(prefix="varimesh-"))
+    socket, port_file, log_file = (folder / name for name in ("socket", "address", "log"))
+    command = [executable or find_server(), "--listen", f"unix:{socket}", "--port-file", str(port_file),
+               "--threads", str(threads), "--log-level", "info" if log else "error"]  # fmt: skip
+    command += ["--state", os.fspath(state)] if state is not None else ["--data", str(folder)]
+    with open(log_file, "wb") as own_log:
+        # A session of its own: Ctrl-C at the terminal is the program's, which cancels its job and stops the server.
+        server = subprocess.Popen(["/bin/sh", "-c", _KEEPER, "varimeshd", *command], stdin=subprocess.PIPE,
+                                  stdout=subprocess.DEVNULL, stderr=log or own_log, start_new_session=True)  # fmt: skip
+    deadline = time.monotonic() + timeout
+    while not port_file.exists():
+        if server.poll() is not None or time.monotonic() > deadline:
+            said = log_file.read_text(errors="replace").strip()
+            _end(server, folder)
+            raise ServerUnreachable(f"{command[0]} did not start: {said or 'it says nothing'}.")
+        time.sleep(0.005)
+    client = LocalClient(f"unix:{socket}")
+    client._stop = weakref.finalize(client, _end, server, folder)
+    return client
+
+
+def _end(server: subprocess.Popen[bytes], folder: Path) -> None:
+    assert server.stdin is not None
+    server.stdin.close()
+    try:
+        server.wait(40)
+    except subprocess.TimeoutExpired:
+        os.killpg(server.pid, 9)
+        server.wait()
+    shutil.rmtree(folder, ignore_errors=True)

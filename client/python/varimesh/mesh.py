@@ -1,0 +1,198 @@
+"""A mesh in arrays, and the parts in which it travels."""
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from . import wire
+from .errors import BadMesh
+from .names import suggestion
+from .v1 import mesh_pb2
+
+MAX_ORDER = 10
+_PART_NUMBERS = 131072  # of at most five bytes: a part stays below 1 MiB
+_PART_NODES = 32768
+
+_NODES: dict[str, Callable[[int], int]] = {
+    "point": lambda p: 1,
+    "line": lambda p: p + 1,
+    "triangle": lambda p: (p + 1) * (p + 2) // 2,
+    "quadrilateral": lambda p: (p + 1) ** 2,
+    "tetrahedron": lambda p: (p + 1) * (p + 2) * (p + 3) // 6,
+    "pyramid": lambda p: (p + 1) * (p + 2) * (2 * p + 3) // 6,
+    "prism": lambda p: (p + 1) ** 2 * (p + 2) // 2,
+    "hexahedron": lambda p: (p + 1) ** 3,
+}
+DIMENSION = {"point": 0, "line": 1, "triangle": 2, "quadrilateral": 2}
+_ALIASES = {"vertex": "point", "quad": "quadrilateral", "tetra": "tetrahedron", "wedge": "prism", "hexa": "hexahedron"}
+_SHAPES = {name: mesh_pb2.Shape.Value("SHAPE_" + name.upper()) for name in _NODES}
+
+
+def shape_name(name: str) -> str:
+    """triangle, quadrilateral, … for these names and meshio's: tetra10 is tetrahedron."""
+    plain = name.rstrip("0123456789").lower()
+    plain = _ALIASES.get(plain, plain)
+    if plain not in _NODES:
+        raise BadMesh(f"There is no shape '{name}'; {suggestion(plain, _NODES)}")
+    return plain
+
+
+def nodes_of(shape: str, order: int) -> int:
+    """How many nodes a cell has."""
+    return _NODES[shape](order)
+
+
+@dataclass
+class Block:
+    """Elements of one shape on one entity of the geometry."""
+
+    shape: str
+    nodes: NDArray[np.int32]  # (elements, nodes of each): counted from 0, in Gmsh's order
+    entity: int = 1
+    physical: tuple[int, ...] = ()  # tags of the groups that they are in
+
+    @property
+    def dimension(self) -> int:
+        return DIMENSION.get(self.shape, 3)
+
+
+@dataclass
+class Mesh:
+    """Nodes, elements and groups. Elements of one dimension less than the cells mark boundaries and interfaces."""
+
+    nodes: NDArray[np.float64]  # (nodes, 3), in any unit of length
+    blocks: list[Block]
+    order: int
+    groups: dict[tuple[int, int], str] = field(default_factory=dict)  # names of groups by dimension and tag
+    node_tags: NDArray[np.int64] | None = None  # numbers that the nodes had where they came from
+
+    @classmethod
+    def from_arrays(
+        cls,
+        nodes: ArrayLike,
+        cells: Mapping[str, ArrayLike] | Iterable[tuple[str, ArrayLike] | Block],
+        groups: Mapping[tuple[int, int], str] | None = None,
+    ) -> Mesh:
+        """Of nodes (n, 2) or (n, 3), and cells by shape: {"triangle": (m, k) node indices from 0, in Gmsh's order}."""
+        xyz = np.asarray(nodes, dtype=np.float64)
+        if xyz.ndim != 2 or xyz.shape[1] not in (2, 3) or len(xyz) == 0:
+            raise BadMesh(f"The nodes are an array of shape {xyz.shape}; give (n, 2) or (n, 3).")
+        if xyz.shape[1] == 2:
+            xyz = np.hstack([xyz, np.zeros((len(xyz), 1))])
+        if not np.isfinite(xyz).all():
+            row = int(np.flatnonzero(~np.isfinite(xyz).all(axis=1))[0])
+            raise BadMesh(f"The coordinates of node {row} are not finite.")
+        pairs = cells.items() if isinstance(cells, Mapping) else cells
+        blocks = [pair if isinstance(pair, Block) else Block(shape_name(pair[0]), _indices(*pair)) for pair in pairs]
+        blocks = [block for block in blocks if len(block.nodes)]
+        return cls(np.ascontiguousarray(xyz), blocks, _check(blocks, len(xyz)), dict(groups or {}))
+
+    @property
+    def dimension(self) -> int:
+        """Of the cells: 2 or 3."""
+        return max(block.dimension for block in self.blocks)
+
+    @property
+    def cells(self) -> dict[str, NDArray[np.int32]]:
+        """The cells of the highest dimension, by shape."""
+        cells: dict[str, list[NDArray[np.int32]]] = {}
+        for block in self.blocks:
+            if block.dimension == self.dimension:
+                cells.setdefault(block.shape, []).append(block.nodes)
+        return {shape: np.concatenate(arrays) for shape, arrays in cells.items()}
+
+    def moved(self, nodes: ArrayLike) -> Mesh:
+        """The same mesh with its nodes elsewhere."""
+        return replace(self, nodes=np.asarray(nodes, dtype=np.float64))
+
+
+def _indices(shape: str, nodes: ArrayLike) -> NDArray[np.int32]:
+    array = np.asarray(nodes)
+    if array.ndim != 2 or (array.size and array.dtype.kind not in "iu"):
+        raise BadMesh(f"The nodes of {shape} are {array.dtype} of shape {array.shape}; give integers (elements, nodes).")
+    return array.astype(np.int32)
+
+
+def _check(blocks: Sequence[Block], count: int) -> int:
+    """The order that all blocks have."""
+    orders: dict[int, Block] = {}
+    for block in blocks:
+        if block.nodes.min() < 0 or block.nodes.max() >= count:
+            wrong = int(block.nodes.max() if block.nodes.max() >= count else block.nodes.min())
+            raise BadMesh(f"A {block.shape} has the node {wrong}, and nodes are 0 to {count - 1}.")
+        columns = block.nodes.shape[1]
+        fitting = [p for p in range(1, MAX_ORDER + 1) if nodes_of(block.shape, p) == columns]
+        if not fitting:
+            raise BadMesh(f"There is no {block.shape} of {columns} nodes and an order of 1 to {MAX_ORDER}; "
+                          "cells without inner nodes (serendipity) are not supported.")  # fmt: skip
+        if block.shape != "point":
+            orders.setdefault(fitting[0], block)
+    if not any(block.dimension >= 2 for block in blocks):
+        raise BadMesh("There are no cells; give triangles, quadrilaterals, tetrahedra, pyramids, prisms or hexahedra.")
+    if len(orders) > 1:
+        (one, first), (other, second) = list(orders.items())[:2]
+        raise BadMesh(f"A {first.shape} has order {one} and a {second.shape} order {other}; all must have the same.")
+    return next(iter(orders))
+
+
+# ===== parts =====
+
+
+def to_parts(mesh: Mesh) -> Iterator[bytes]:
+    """The mesh as MeshPart messages, each after its length."""
+
+    def part(number: int, payload: bytes) -> bytes:
+        message = wire.field(number, payload)
+        return wire.varint(len(message)) + message
+
+    header = mesh_pb2.MeshHeader(dimension=mesh.dimension, order=mesh.order, nodes=len(mesh.nodes),
+                                 node_set=mesh_pb2.NODE_SET_EQUISPACED)  # fmt: skip
+    yield part(1, header.SerializeToString())
+    for first in range(0, len(mesh.nodes), _PART_NODES):
+        yield part(2, wire.field(1, mesh.nodes[first : first + _PART_NODES].astype("<f8").tobytes()))
+    for block in mesh.blocks:
+        about = mesh_pb2.ElementPart(shape=_SHAPES[block.shape], entity=block.entity, physical=block.physical)
+        step = max(1, _PART_NUMBERS // block.nodes.shape[1])
+        for first in range(0, len(block.nodes), step):
+            nodes = wire.field(4, wire.pack(block.nodes[first : first + step]))
+            yield part(3, about.SerializeToString() + nodes)
+    for (dimension, tag), name in mesh.groups.items():
+        yield part(4, mesh_pb2.PhysicalGroup(dimension=dimension, tag=tag, name=name).SerializeToString())
+
+
+def from_parts(data: bytes) -> Mesh:
+    """What to_parts() made, or the server."""
+    header = mesh_pb2.MeshHeader()
+    coordinates: list[NDArray[np.float64]] = []
+    blocks: list[Block] = []
+    groups: dict[tuple[int, int], str] = {}
+    names = {number: name for name, number in _SHAPES.items()}
+    for message in wire.messages(memoryview(data)):
+        for number, payload in wire.fields(message):
+            assert isinstance(payload, memoryview)
+            if number == 1:
+                header.ParseFromString(bytes(payload))
+            elif number == 2:
+                coordinates += [np.frombuffer(bytes(packed), "<f8") for _, packed in wire.fields(payload)]
+            elif number == 3:
+                about = bytearray()
+                nodes = b""
+                for key, value in wire.fields(payload):
+                    if key == 4:
+                        assert isinstance(value, memoryview)
+                        nodes = bytes(value)
+                    elif isinstance(value, int):
+                        about += wire.varint(key << 3) + wire.varint(value)
+                    else:
+                        about += wire.field(key, bytes(value))
+                found = mesh_pb2.ElementPart.FromString(bytes(about))
+                shape = names[found.shape]
+                indices = wire.unpack(nodes).astype(np.int32).reshape(-1, nodes_of(shape, header.order))
+                blocks.append(Block(shape, indices, found.entity, tuple(found.physical)))
+            elif number == 4:
+                group = mesh_pb2.PhysicalGroup.FromString(bytes(payload))
+                groups[group.dimension, group.tag] = group.name
+    return Mesh(np.concatenate(coordinates).reshape(-1, 3), blocks, header.order, groups)

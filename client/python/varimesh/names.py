@@ -1,0 +1,32 @@
+"""Spelling by the rule that the contract states: ENERGY_LINEAR_ELASTIC is "linear-elastic"."""
+from __future__ import annotations
+
+import difflib
+import re
+from collections.abc import Iterable
+from typing import Any
+
+
+def _prefix(enum: Any) -> str:
+    """Of an enum's descriptor: JobState has JOB_STATE_."""
+    return re.sub(r"(?<=.)([A-Z])", r"_\1", str(enum.name)).upper() + "_"
+
+
+def spelled(enum: Any, number: int) -> str:
+    """The spelling of a value; its number where this package does not know it."""
+    value = enum.values_by_number.get(number)
+    if value is None:
+        return str(number)
+    return str(value.name).removeprefix(_prefix(enum)).lower().replace("_", "-")
+
+
+def spellings(enum: Any) -> dict[str, int]:
+    """All values but UNSPECIFIED, by their spelling."""
+    return {spelled(enum, value.number): value.number for value in enum.values if value.number != 0}
+
+
+def suggestion(word: str, known: Iterable[str]) -> str:
+    """What was probably meant, as the end of a sentence."""
+    known = list(known)
+    near = difflib.get_close_matches(word, known, 1)
+    return f"did you mean '{near[0]}'?" if near else "take one of " + ", ".join(known) + "."

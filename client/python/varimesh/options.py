@@ -1,0 +1,103 @@
+"""The options of an optimisation: those of varimesh.v1.Options, under the same names."""
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any, Literal, TypedDict
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from .errors import BadOption
+from .names import spellings, suggestion
+from .v1 import optimise_pb2
+
+
+@dataclass(frozen=True)
+class TargetField:
+    """Sizes, metrics or strains for target="size" and target="strain": one row of `values` for each cell, or vertex, in
+    the mesh's order, or for each of `numbers`. A row is one number, or a symmetric tensor: xx xy yy (xz yz zz)."""
+
+    values: ArrayLike
+    per: Literal["cell", "vertex"] = "cell"
+    numbers: ArrayLike | None = None
+
+
+class Options(TypedDict, total=False):
+    """What is not given has the default that README lists."""
+
+    energy: Literal["hyperelastic", "linear-elastic", "winslow", "distortion"]
+    strain: Literal["green-lagrange", "small"]
+    volumetric: Literal["log", "trace"]
+    winslow: Literal["true", "paper"]
+    constants: Literal["reference"]
+    mu: float
+    lambda_: float  # `lambda` is a word of the language
+    kappa: float
+    regularisation: Literal["element", "patch"]
+    method: Literal["auto", "sweeps", "newton"]
+    colouring: Literal["group", "node"]
+    tolerance: float
+    max_iterations: int
+    threads: int
+    quadrature_degree: int
+    target: Literal["straight-sided", "ideal", "size", "strain"]
+    target_field: TargetField
+    fix: Iterable[str]
+    free: Iterable[str]
+    fix_nodes: Iterable[int]
+    free_nodes: Iterable[int]
+    region_below: float
+    rings: int
+    p_norm: float
+    order: int
+    active_set: bool
+    until: Literal["tolerance", "valid"]
+    until_js: float
+    time_limit: float
+
+
+def _set_target_field(message: Any, field: object) -> None:
+    if not isinstance(field, TargetField):
+        field = TargetField(field)  # type: ignore[arg-type]
+    values = np.asarray(field.values, dtype=np.float64)
+    if values.ndim not in (1, 2):
+        raise BadOption(f"The target field has {values.ndim} dimensions; give it a row for each cell or vertex.")
+    message.per = optimise_pb2.PER_VERTEX if field.per == "vertex" else optimise_pb2.PER_CELL
+    message.components = 1 if values.ndim == 1 else values.shape[1]
+    message.values.extend(values.ravel().tolist())
+    if field.numbers is not None:
+        message.numbers.extend(np.asarray(field.numbers, dtype=np.int64).ravel().tolist())
+
+
+def _as_list(value: Any) -> list[Any]:
+    return [value] if isinstance(value, (str, int)) else [item.item() if hasattr(item, "item") else item for item in value]
+
+
+def to_message(options: Mapping[str, Any]) -> optimise_pb2.Options:
+    """The message; BadOption names an option or a value that does not exist. None means the default."""
+    message = optimise_pb2.Options()
+    fields = message.DESCRIPTOR.fields_by_name
+    for name, value in options.items():
+        field = fields.get(name.removesuffix("_"))
+        if field is None:
+            raise BadOption(f"There is no option '{name}'; {suggestion(name, fields)}")
+        if value is None:
+            continue
+        try:
+            if field.enum_type is not None:
+                known = spellings(field.enum_type)
+                if value not in known:
+                    raise BadOption(f"{name} cannot be {value!r}; {suggestion(str(value), known)}")
+                setattr(message, field.name, known[value])
+            elif field.message_type is not None:
+                _set_target_field(message.target_field, value)
+            elif field.label == field.LABEL_REPEATED:
+                getattr(message, field.name).extend(_as_list(value))
+            else:
+                setattr(message, field.name, value.item() if hasattr(value, "item") else value)
+        except (TypeError, ValueError) as error:
+            if isinstance(error, BadOption):
+                raise
+            raise BadOption(f"{name} cannot be {value!r} ({error}).") from None
+    return message

@@ -1,0 +1,75 @@
+"""How far a job is: one line that changes on a terminal, plain lines elsewhere; on standard error."""
+from __future__ import annotations
+
+import math
+import shutil
+import sys
+import time
+from collections import deque
+from typing import TextIO
+
+from .reports import Event, Iteration
+
+_WIDTH = 16
+
+
+class Progress:
+    """Takes a job's events. Off a terminal it prints at most a line a second, without control characters."""
+
+    def __init__(self, tolerance: float = 1e-6, stream: TextIO | None = None) -> None:
+        self._stream = stream or sys.stderr
+        self._terminal = self._stream.isatty()
+        self._tolerance = tolerance
+        self._recent: deque[tuple[float, float]] = deque(maxlen=20)  # seconds and log10 of residuals
+        self._first = 0.0
+        self._shown = -math.inf
+        self._open = False
+
+    def __call__(self, event: Event) -> None:
+        if event.iteration is not None:
+            self._show(event.iteration)
+        elif event.state is not None:
+            self._line(event.state)
+        elif event.log is not None:
+            self._line(event.log)
+
+    def _line(self, text: str) -> None:
+        if self._open:
+            self._stream.write("\r\x1b[K")
+        self._open = False
+        self._stream.write(text + "\n")
+        self._stream.flush()
+
+    def seconds_left(self) -> float | None:
+        """Where the residual goes on falling as it did lately; None where it does not fall, or too little is known."""
+        if len(self._recent) < 3 or self._tolerance <= 0:
+            return None
+        (first_time, first), (time_now, now) = self._recent[0], self._recent[-1]
+        if time_now <= first_time or first - now < 0.05:
+            return None
+        return max(0.0, now - math.log10(self._tolerance)) * (time_now - first_time) / (first - now)
+
+    def _show(self, now: Iteration) -> None:
+        if now.residual > 0:
+            self._recent.append((now.seconds, math.log10(now.residual)))
+            self._first = self._first or now.residual
+        if time.monotonic() < self._shown + (0.05 if self._terminal else 1.0):
+            return
+        self._shown = time.monotonic()
+        left = self.seconds_left()
+        text = (f"{now.phase} {now.number:>4}  residual {now.residual:.2e}  min Js {now.min_scaled_jacobian:>7.4f}  "
+                f"invalid {now.invalid_elements}  {now.seconds:.1f} s"
+                + ("" if left is None else f"  about {left:.0f} s left"))  # fmt: skip
+        if not self._terminal:
+            self._line(text)
+            return
+        done = 0.0
+        if now.residual <= self._tolerance:
+            done = 1.0
+        elif self._first > self._tolerance > 0:
+            done = math.log(self._first / now.residual) / math.log(self._first / self._tolerance)
+        filled = int(_WIDTH * min(1.0, max(0.0, done)))
+        bar = "[" + "#" * filled + "." * (_WIDTH - filled) + "] " + text
+        self._stream.write("\r\x1b[K" + bar[: shutil.get_terminal_size().columns - 1])
+        self._stream.flush()
+        self._open = True

@@ -1,0 +1,182 @@
+"""What the server says of a job, as plain data."""
+from __future__ import annotations
+
+import datetime
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .names import spelled
+from .v1 import job_pb2, mesh_pb2, optimise_pb2, quality_pb2, service_pb2
+
+HISTORY = np.dtype(
+    [("number", "i4"), ("phase", "U8"), ("energy", "f8"), ("residual", "f8"), ("relative_gradient", "f8"),
+     ("min_scaled_jacobian", "f8"), ("invalid_elements", "i8"), ("active_nodes", "i8"), ("seconds", "f8"),
+     ("repairable_elements", "i8"), ("products", "i4")])  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Certified:
+    """How many cells are proved valid, proved invalid, or neither."""
+
+    valid: int
+    invalid: int
+    undecided: int
+    min_scaled_jacobian_lower_bound: float
+
+
+@dataclass(frozen=True)
+class Quality:
+    """Of a whole mesh; proto/varimesh/v1/quality.proto says what each is."""
+
+    min_scaled_jacobian: float
+    mean_scaled_jacobian: float
+    min_distortion_jacobian: float
+    invalid_elements: int
+    histogram: NDArray[np.int64]
+    certified: Certified
+    uncertified: NDArray[np.int64]  # numbers of the cells that are not certified valid; at most 1000
+
+
+@dataclass(frozen=True)
+class Unrepairable:
+    """Elements that stay invalid wherever the free nodes go."""
+
+    elements: tuple[int, ...]
+    vertex: int  # node number; 0: none
+    sentence: str
+
+
+@dataclass(frozen=True)
+class Metrics:
+    """What came of a job."""
+
+    elements: int
+    nodes: int
+    free_nodes: int
+    energy: str
+    method: str
+    iterations: int
+    seconds: float
+    residual: float
+    converged: bool
+    stop_reason: str
+    before: Quality
+    after: Quality
+    unrepairable: tuple[Unrepairable, ...]
+
+
+@dataclass(frozen=True)
+class Iteration:
+    """What is known after an iteration; proto/varimesh/v1/optimise.proto says what each is."""
+
+    number: int
+    phase: str
+    energy: float
+    residual: float
+    relative_gradient: float
+    min_scaled_jacobian: float
+    invalid_elements: int
+    active_nodes: int
+    seconds: float
+    repairable_elements: int
+    products: int
+
+
+@dataclass(frozen=True)
+class Event:
+    """One thing that happened to a job: one of state, iteration, quality (with stage) and log is there, or none in a
+    bookmark, which only says that the server is alive."""
+
+    sequence: int
+    attempt: int
+    time: datetime.datetime
+    thinned: int
+    state: str | None = None
+    iteration: Iteration | None = None
+    stage: str | None = None
+    quality: Quality | None = None
+    log: str | None = None
+
+
+@dataclass(frozen=True)
+class ServerInfo:
+    """What the server is and takes."""
+
+    version: str
+    threads: int
+    max_mesh_bytes: int
+    max_pending_jobs: int
+    input_formats: tuple[str, ...]
+    output_formats: tuple[str, ...]
+    energies: tuple[str, ...]
+    pending_jobs: int
+    running_jobs: int
+
+
+def state_name(number: int) -> str:
+    return spelled(job_pb2.JobState.DESCRIPTOR, number)
+
+
+def format_name(number: int) -> str:
+    return spelled(mesh_pb2.MeshFormat.DESCRIPTOR, number)
+
+
+def quality_of(message: quality_pb2.QualityReport) -> Quality:
+    certified = message.certified
+    return Quality(
+        message.min_scaled_jacobian, message.mean_scaled_jacobian, message.min_distortion_jacobian,
+        message.invalid_elements, np.array(message.histogram, dtype=np.int64),
+        Certified(certified.valid, certified.invalid, certified.undecided, certified.min_scaled_jacobian_lower_bound),
+        np.array([one.number for one in certified.uncertified], dtype=np.int64))  # fmt: skip
+
+
+def metrics_of(message: optimise_pb2.Metrics) -> Metrics:
+    return Metrics(
+        message.mesh.elements, message.mesh.nodes, message.mesh.free_nodes,
+        spelled(optimise_pb2.Energy.DESCRIPTOR, message.energy), spelled(optimise_pb2.Method.DESCRIPTOR, message.method),
+        message.iterations, message.seconds, message.residual, message.converged,
+        spelled(optimise_pb2.StopReason.DESCRIPTOR, message.stop_reason),
+        quality_of(message.before), quality_of(message.after),
+        tuple(Unrepairable(tuple(one.elements), one.vertex, one.sentence) for one in message.unrepairable))  # fmt: skip
+
+
+def iteration_of(message: optimise_pb2.Iteration) -> Iteration:
+    values = {name: getattr(message, name) for name in Iteration.__dataclass_fields__}
+    values["phase"] = spelled(optimise_pb2.Phase.DESCRIPTOR, message.phase)
+    return Iteration(**values)
+
+
+def history_of(iterations: list[optimise_pb2.Iteration]) -> NDArray[Any]:
+    names = HISTORY.names
+    assert names is not None
+    rows = [iteration_of(one) for one in iterations]
+    return np.array([tuple(getattr(row, name) for name in names) for row in rows], dtype=HISTORY)
+
+
+def event_of(message: job_pb2.JobEvent) -> Event:
+    what: dict[str, Any] = {}
+    kind = message.WhichOneof("event")
+    if kind == "state_change":
+        what["state"] = state_name(message.state_change.state)
+    elif kind == "iteration":
+        what["iteration"] = iteration_of(message.iteration)
+    elif kind == "quality":
+        what["stage"] = spelled(job_pb2.QualityEvent.Stage.DESCRIPTOR, message.quality.stage)
+        what["quality"] = quality_of(message.quality.report)
+    elif kind == "log":
+        what["log"] = message.log.text
+    time = message.time.ToDatetime(tzinfo=datetime.timezone.utc)
+    return Event(message.sequence, message.attempt, time, message.thinned, **what)
+
+
+def info_of(message: service_pb2.GetServerInfoResponse) -> ServerInfo:
+    limits = message.limits
+    return ServerInfo(
+        message.version, limits.threads, limits.max_mesh_bytes, limits.max_pending_jobs,
+        tuple(format_name(one) for one in message.input_formats),
+        tuple(format_name(one) for one in message.output_formats),
+        tuple(spelled(optimise_pb2.Energy.DESCRIPTOR, one) for one in message.energies),
+        message.pending_jobs, message.running_jobs)  # fmt: skip

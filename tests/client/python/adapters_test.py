@@ -1,0 +1,86 @@
+"""Meshes as meshio and gmsh's API hold them: as far as they are here the real ones, and objects of their form."""
+import types
+import unittest
+
+import support
+from support import CASES, MESH
+
+support.need()
+import numpy as np
+import varimesh
+
+
+def fake_meshio(mesh):
+    cells = [types.SimpleNamespace(type={"line": "line", "triangle": "triangle"}[block.shape] + str(block.nodes.shape[1]),
+                                   data=block.nodes.astype(np.uint64)) for block in mesh.blocks]
+    return types.SimpleNamespace(points=mesh.nodes, cells=cells, field_data={"wing": np.array([4, 2])}, cell_data={
+        "gmsh:physical": [np.full(len(block.nodes), 4) for block in mesh.blocks]})
+
+
+class Form(support.WithServer):
+    def test_what_has_points_and_cells_is_a_mesh(self):
+        start = self.client.optimise(MESH, max_iterations=0).mesh
+        like = fake_meshio(start)
+        mesh = varimesh.from_meshio(like)
+        self.assertEqual((mesh.groups, {block.physical for block in mesh.blocks}), ({(2, 4): "wing"}, {(4,)}))
+        result = self.client.optimise(like)
+        np.testing.assert_array_equal(result.nodes, self.client.optimise(start).nodes)
+
+    def test_cells_in_another_order_are_put_right_or_refused(self):
+        corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], dtype=float)
+        edges = ((0, 1), (1, 2), (2, 0), (0, 3), (1, 3), (2, 3))  # VTK's order; Gmsh has the last two the other way round
+        points = np.vstack([corners, *(corners[list(edge)].mean(axis=0) for edge in edges)])
+        mesh = types.SimpleNamespace(points=points, cells=[("tetra10", [list(range(10))])])
+        self.assertEqual(varimesh.from_meshio(mesh).blocks[0].nodes[0].tolist(), [0, 1, 2, 3, 4, 5, 6, 7, 9, 8])
+        mesh.cells = [("VTK_LAGRANGE_TRIANGLE", [[0, 1, 2]])]
+        with self.assertRaises(varimesh.BadMesh):
+            varimesh.from_meshio(mesh)
+        with self.assertRaises(varimesh.BadMesh):
+            self.client.optimise(42)
+
+
+@unittest.skipUnless(support.there("meshio"), "python3-meshio is missing (deploy/setup test)")
+class Meshio(support.WithServer):
+    def test_gives_what_the_file_gives(self):
+        import meshio
+
+        for case in ("nine_triangles.msh", "cylinder_p2.msh"):
+            mesh = meshio.read(CASES / case)
+            of_file = self.client.optimise(CASES / case, max_iterations=2)
+            result = self.client.optimise(mesh, max_iterations=2)
+            np.testing.assert_allclose(result.nodes, of_file.nodes, rtol=0, atol=1e-9)
+            self.assertEqual(result.after.certified, of_file.after.certified)
+            self.assertEqual(varimesh.from_meshio(mesh).groups, of_file.mesh.groups)
+
+    def test_orders_hexahedra_as_meshio_itself_writes_them(self):
+        from meshio.gmsh import common
+        from varimesh import adapters
+
+        for name, order in adapters._FROM_MESHIO.items():
+            row = np.arange(len(order))[None, :]
+            self.assertEqual(common._meshio_to_gmsh_order(name, row)[0].tolist(), order, name)
+
+
+@unittest.skipUnless(support.there("gmsh"), "python3-gmsh is missing (deploy/setup test)")
+class Gmsh(support.WithServer):
+    def test_a_model_is_optimised_in_memory(self):
+        import gmsh
+
+        gmsh.initialize()
+        gmsh.option.setNumber("General.Terminal", 0)
+        self.addCleanup(gmsh.finalize)
+        gmsh.open(str(CASES / "annulus_p3.msh"))
+        mesh = varimesh.from_gmsh(gmsh)
+        of_file = self.client.optimise(CASES / "annulus_p3.msh", max_iterations=2, arrays=True)
+        self.assertEqual(len(mesh.nodes), len(of_file.nodes))
+        result = self.client.optimise(gmsh, max_iterations=2)
+        self.assertEqual(result.after.certified.valid, of_file.after.certified.valid)
+        np.testing.assert_array_equal(result.mesh.node_tags, mesh.node_tags)
+        varimesh.update_gmsh(gmsh, result.mesh)
+        np.testing.assert_allclose(varimesh.from_gmsh(gmsh).nodes, result.nodes, rtol=0, atol=1e-15)
+        with self.assertRaises(varimesh.BadMesh):
+            varimesh.update_gmsh(gmsh, of_file.mesh)
+
+
+if __name__ == "__main__":
+    unittest.main(verbosity=2)

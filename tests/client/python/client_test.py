@@ -1,0 +1,176 @@
+"""The client as a program uses it, against a real server."""
+import io
+import os
+import pty
+import re
+import subprocess
+import unittest
+
+import support
+from support import CASES, LARGER, MESH, VARIMESH
+
+support.need()
+import numpy as np
+import varimesh
+
+
+class Client(support.WithServer):
+    def test_gives_the_bytes_of_the_command(self):
+        here, there = self.folder / "here.msh", self.folder / "there.msh"
+        subprocess.run([VARIMESH, "optimise", MESH, "-o", here, "--energy", "winslow", "--quiet"], check=True)
+        result = self.client.optimise(MESH, there, energy="winslow")
+        self.assertEqual(here.read_bytes(), there.read_bytes())
+        self.assertTrue(result.valid)
+        self.assertEqual((result.metrics.energy, result.before.certified.invalid, result.after.certified.valid),
+                         ("winslow", 2, 9))
+        self.assertEqual(result.before.uncertified.tolist(), sorted(result.before.uncertified.tolist()))
+        self.assertEqual(len(result.history), result.metrics.iterations)
+        self.assertEqual(set(result.history["phase"]), {"sweeps", "newton"})
+        self.assertEqual(result.history["residual"][-1], result.metrics.residual)
+
+    def test_arrays_in_and_out_are_the_file_s_to_the_bit(self):
+        for case, shape in ((MESH, "triangle"), (CASES / "sphere_p3.msh", "tetrahedron")):
+            of_file = self.client.optimise(case, max_iterations=3)
+            start = self.client.optimise(case, max_iterations=0).mesh
+            of_arrays = self.client.optimise((start.nodes, start.blocks), max_iterations=3)
+            np.testing.assert_array_equal(of_arrays.nodes, of_file.nodes)
+            np.testing.assert_array_equal(of_arrays.mesh.cells[shape], start.cells[shape])
+            self.assertFalse(np.array_equal(of_arrays.nodes, start.nodes))
+
+    def test_cells_alone_are_a_mesh(self):
+        """Without the elements that mark the boundary: that is found."""
+        start = self.client.optimise(MESH, max_iterations=0).mesh
+        result = self.client.optimise((start.nodes[:, :2], start.cells))
+        self.assertEqual((result.after.certified.valid, result.formats), (9, ["parts"]))
+
+    def test_saves_the_formats_that_were_asked_for(self):
+        msh, vtu, later = (self.folder / name for name in ("a.msh", "a.vtu", "b.msh"))
+        result = self.client.optimise(MESH, [msh, vtu], format="msh41", arrays=True)
+        self.assertTrue(msh.read_bytes().startswith(b"$MeshFormat\n4.1 0 8"))
+        self.assertIn(b"VTKFile", vtu.read_bytes()[:200])
+        self.assertEqual(result.nodes.shape, (87, 3))
+        result.save(later)
+        self.assertEqual(later.read_bytes(), msh.read_bytes())
+        with self.assertRaises(varimesh.BadOption):
+            result.save(later, format="msh22")
+        self.assertEqual(sorted(path.name for path in self.folder.iterdir()), ["a.msh", "a.vtu", "b.msh"])
+
+    def test_a_file_takes_its_name_only_whole_and_a_link_stays_one(self):
+        target, link = self.folder / "target.msh", self.folder / "link.msh"
+        target.write_text("old")
+        target.chmod(0o640)
+        link.symlink_to(target.name)
+        self.client.optimise(MESH, link)
+        self.assertTrue(link.is_symlink())
+        self.assertEqual(target.stat().st_mode & 0o777, 0o640)
+        self.assertGreater(target.stat().st_size, 1000)
+        with self.assertRaises(varimesh.Refused):
+            self.client.download("0" * 64, target)
+        self.assertGreater(target.stat().st_size, 1000)
+        self.assertEqual(len(list(self.folder.iterdir())), 2)
+
+    def test_a_request_id_is_one_job(self):
+        first = self.client.submit(MESH, request_id="python-once", labels={"for": "test"})
+        again = self.client.submit(MESH, request_id="python-once", labels={"for": "test"})
+        self.assertEqual(first.name, again.name)
+        with self.assertRaises(varimesh.Refused) as caught:
+            self.client.submit(MESH, request_id="python-once", energy="winslow")
+        self.assertEqual(caught.exception.reason, "REQUEST_ID_USED")
+        self.assertEqual([job.name for job in self.client.jobs(labels={"for": "test"})], [first.name])
+        self.assertEqual(first.wait().state, "succeeded")
+        self.assertIn(first.name, [job.name for job in self.client.jobs(["succeeded"])])
+        self.assertEqual(first.result().job, first.name)
+        first.delete()
+        with self.assertRaises(varimesh.Refused) as caught:
+            first.refresh()
+        self.assertEqual(caught.exception.reason, "JOB_NOT_FOUND")
+
+    def test_events_are_in_order_and_go_on_from_a_number(self):
+        job = self.client.submit(MESH)
+        events = list(job.watch())
+        numbers = [event.sequence for event in events]
+        self.assertEqual(numbers, sorted(set(numbers)))
+        self.assertEqual([event.state for event in events if event.state][-1], "succeeded")
+        self.assertEqual([event.stage for event in events if event.stage], ["before", "after"])
+        rest = list(job.watch(after=numbers[3]))
+        self.assertEqual([event.sequence for event in rest if event.state], [events[-1].sequence])
+        with self.assertRaises(varimesh.BadOption):
+            list(job.watch(after=10**6))
+
+    def test_errors_carry_the_server_s_reason(self):
+        bad = self.folder / "bad.msh"
+        bad.write_bytes(MESH.read_bytes()[:300])
+        with self.assertRaises(varimesh.JobFailed) as failed:
+            self.client.optimise(bad)
+        self.assertEqual(failed.exception.reason, "BAD_INPUT")
+        self.assertRegex(failed.exception.sentence, ".{20,}")
+        for reason, call in (("JOB_NOT_FOUND", lambda: self.client.job("none")),
+                             ("MESH_NOT_FOUND", lambda: self.client.download("0" * 64)),
+                             ("BAD_OPTION", lambda: self.client.optimise(MESH, tolerance=-1))):
+            with self.assertRaises((varimesh.Refused, varimesh.JobFailed)) as caught:
+                call()
+            self.assertEqual(caught.exception.reason, reason)
+            self.assertIn(reason, str(caught.exception))
+        with self.assertRaises(FileNotFoundError):
+            self.client.optimise(self.folder / "missing.msh")
+        with self.assertRaises(varimesh.BadOption):
+            self.client.optimise(MESH, "out.xyz")
+
+    def test_a_cancelled_job_has_the_best_mesh_so_far(self):
+        with self.running(outputs=["parts"]) as job:
+            with self.assertRaises(varimesh.Refused) as caught:
+                job.result()
+            self.assertEqual(caught.exception.reason, "JOB_NOT_SUCCEEDED")
+            self.assertIn(job.cancel().state, ("cancelling", "cancelled"))
+            self.assertEqual(job.wait().state, "cancelled")
+            result = job.result()
+        self.assertEqual((result.state, result.metrics.stop_reason), ("cancelled", "stopped"))
+        self.assertEqual(result.nodes.shape[1], 3)
+
+    def test_quality_moves_nothing_and_leaves_no_job(self):
+        before = len(list(self.client.jobs()))
+        quality = self.client.quality(MESH)
+        self.assertEqual((quality.certified.invalid, quality.certified.valid), (2, 7))
+        self.assertEqual(len(list(self.client.jobs())), before)
+
+    def test_info(self):
+        info = self.client.info()
+        self.assertEqual(info.version, varimesh.__version__)
+        self.assertIn("hyperelastic", info.energies)
+        self.assertIn("parts", info.input_formats)
+
+
+class Bar(support.WithServer):
+    def show(self, stream):
+        show = varimesh.Progress(stream=stream)
+        job = self.client.submit(LARGER, max_iterations=30)
+        for event in job.watch():
+            show(event)
+
+    def test_is_plain_lines_off_a_terminal(self):
+        text = io.StringIO()
+        self.show(text)
+        self.assertRegex(text.getvalue(), r"residual \d\.\d+e")
+        self.assertTrue(text.getvalue().endswith("succeeded\n"))
+        self.assertNotRegex(text.getvalue(), "[\r\x1b]")
+
+    def test_is_a_line_that_changes_on_a_terminal(self):
+        ours, theirs = pty.openpty()
+        with os.fdopen(theirs, "w") as terminal:
+            self.show(terminal)
+            text = os.read(ours, 65536).decode()
+        os.close(ours)
+        self.assertRegex(text, re.escape("\r\x1b[K[") + r"[#.]{16}\] ")
+
+    def test_says_how_long_it_will_take(self):
+        show = varimesh.Progress(1e-6, io.StringIO())
+        self.assertIsNone(show.seconds_left())
+        for number in range(1, 5):  # a decade a second: two are left after four
+            values = dict.fromkeys(varimesh.Iteration.__dataclass_fields__, 0)
+            values.update(number=number, phase="sweeps", residual=10.0**-number, seconds=float(number))
+            show(varimesh.Event(number, 1, None, 0, iteration=varimesh.Iteration(**values)))
+        self.assertAlmostEqual(show.seconds_left(), 2.0)
+
+
+if __name__ == "__main__":
+    unittest.main(verbosity=2)

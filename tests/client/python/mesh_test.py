@@ -1,0 +1,101 @@
+"""Arrays, parts and options, without a server."""
+import typing
+import unittest
+
+import support
+
+support.need()
+import numpy as np
+import varimesh
+from varimesh import mesh, names, options, wire
+from varimesh.v1 import mesh_pb2, optimise_pb2
+
+SQUARE = np.array([[0, 0], [1, 0], [0, 1], [1, 1]])
+TWO = {"triangle": [[0, 1, 2], [1, 3, 2]]}
+
+
+class Wire(unittest.TestCase):
+    def test_numbers_are_those_of_protobuf(self):
+        numbers = np.array([0, 1, 127, 128, 16383, 16384, 2097151, 2097152, 2**31 - 1])
+        theirs = mesh_pb2.FixedNodes(nodes=numbers.tolist()).SerializeToString()
+        self.assertEqual(wire.field(1, wire.pack(numbers)), theirs)
+        self.assertEqual(wire.unpack(wire.pack(numbers)).tolist(), numbers.tolist())
+        self.assertEqual((wire.pack(numbers[:0]), wire.unpack(b"").size), (b"", 0))
+
+    def test_numbers_that_are_cut_off_are_refused(self):
+        with self.assertRaises(ValueError):
+            wire.unpack(b"\x01\x80")
+
+
+class Arrays(unittest.TestCase):
+    def test_parts_give_back_the_mesh(self):
+        rng = np.random.default_rng(1)
+        count = 70_000  # more than a part holds
+        nodes = rng.random((count, 3))
+        cells = rng.integers(0, count, (150_000, 6), dtype=np.int32)
+        one = varimesh.Mesh.from_arrays(nodes, [varimesh.Block("triangle", cells, 7, (3, 9)),
+                                                ("line3", [[0, 1, 2]])], {(2, 3): "wing"})
+        data = b"".join(mesh.to_parts(one))
+        self.assertTrue(all(len(part) <= 2**20 for part in wire.messages(memoryview(data))))
+        for part in wire.messages(memoryview(data)):
+            mesh_pb2.MeshPart.FromString(bytes(part))
+        other = mesh.from_parts(data)
+        np.testing.assert_array_equal(other.nodes, one.nodes)
+        np.testing.assert_array_equal(other.cells["triangle"], cells)
+        self.assertEqual((other.order, other.dimension, other.groups), (2, 2, {(2, 3): "wing"}))
+        self.assertEqual((other.blocks[0].entity, other.blocks[0].physical), (7, (3, 9)))
+        self.assertEqual(other.blocks[-1].shape, "line")
+
+    def test_shapes_have_the_names_of_meshio_too(self):
+        self.assertEqual([mesh.shape_name(name) for name in ("tetra10", "wedge", "quad9", "hexahedron", "vertex")],
+                         ["tetrahedron", "prism", "quadrilateral", "hexahedron", "point"])
+
+    def test_what_is_no_mesh_is_refused_with_a_sentence(self):
+        three = np.zeros((20, 3))
+        wrong = {
+            "node 4": (SQUARE, {"triangle": [[0, 1, 4]]}),
+            "serendipity": (three, {"quad8": [list(range(8))]}),
+            "no cells": (SQUARE, {"line": [[0, 1]]}),
+            "same": (three, {"triangle": [[0, 1, 2]], "quad9": [list(range(9))]}),
+            "finite": (SQUARE * np.nan, TWO),
+            "integers": (SQUARE, {"triangle": [[0.5, 1, 2]]}),
+            "(n, 2)": (np.zeros(4), TWO),
+            "triangle": (SQUARE, {"tringle": [[0, 1, 2]]}),
+        }
+        for words, (nodes, cells) in wrong.items():
+            with self.assertRaises(varimesh.BadMesh, msg=words) as caught:
+                varimesh.Mesh.from_arrays(nodes, cells)
+            self.assertIn(words, str(caught.exception))
+
+
+class Options(unittest.TestCase):
+    def test_are_those_of_the_message(self):
+        """Names, and the values of those that have a choice."""
+        hints = typing.get_type_hints(options.Options)
+        fields = optimise_pb2.Options.DESCRIPTOR.fields_by_name
+        self.assertEqual({name.rstrip("_") for name in hints}, set(fields))
+        for name, kind in hints.items():
+            enum = fields[name.rstrip("_")].enum_type
+            if enum is not None:
+                self.assertEqual(set(typing.get_args(kind)), set(names.spellings(enum)), name)
+
+    def test_go_into_the_message(self):
+        message = options.to_message({"energy": "linear-elastic", "lambda_": 2, "fix": "wall", "fix_nodes": np.array([3]),
+                                      "active_set": False, "tolerance": np.float64(1e-3), "order": None,
+                                      "target_field": varimesh.TargetField([[1, 0, 1]], per="vertex", numbers=[5])})
+        self.assertEqual((message.energy, message.lambda_ if hasattr(message, "lambda_") else getattr(message, "lambda")),
+                         (optimise_pb2.ENERGY_LINEAR_ELASTIC, 2))
+        self.assertEqual((list(message.fix), list(message.fix_nodes)), (["wall"], [3]))
+        self.assertTrue(message.HasField("active_set") and not message.active_set and not message.order)
+        self.assertEqual((message.target_field.components, list(message.target_field.numbers)), (3, [5]))
+
+    def test_that_do_not_exist_are_suggested(self):
+        for wrong, words in (({"enrgy": "winslow"}, "'energy'"), ({"energy": "winslo"}, "'winslow'"),
+                             ({"tolerance": "small"}, "tolerance"), ({"fix_nodes": ["a"]}, "fix_nodes")):
+            with self.assertRaises(varimesh.BadOption) as caught:
+                options.to_message(wrong)
+            self.assertIn(words, str(caught.exception))
+
+
+if __name__ == "__main__":
+    unittest.main(verbosity=2)

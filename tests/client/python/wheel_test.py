@@ -1,0 +1,70 @@
+"""The package as it is shipped: a wheel built without a network, and types that mypy agrees with."""
+import os
+import shutil
+import subprocess
+import sys
+import unittest
+import zipfile
+from pathlib import Path
+
+import support
+
+support.need(setuptools="python3-setuptools", wheel="python3-wheel")
+PACKAGE = Path(os.environ["VARIMESH_PACKAGE"])
+PROXIES = {name: "http://127.0.0.1:1" for name in ("http_proxy", "https_proxy", "HTTP_PROXY", "HTTPS_PROXY")}
+
+
+class Wheel(support.WithFolder):
+    def test_is_built_and_imported_alone(self):
+        source, out, site = (self.folder / name for name in ("source", "out", "site"))
+        shutil.copytree(PACKAGE, source, ignore=shutil.ignore_patterns("__pycache__", "build", "*.egg-info"))
+        out.mkdir()
+        build = "import sys; from setuptools import build_meta; build_meta.build_wheel(sys.argv[1])"
+        done = subprocess.run([sys.executable, "-c", build, str(out)], cwd=source, capture_output=True, text=True,
+                              env={**os.environ, **PROXIES})
+        self.assertEqual(done.returncode, 0, done.stderr[-2000:])
+        (wheel,) = out.iterdir()
+        self.assertRegex(wheel.name, r"^varimesh-\d+\.\d+\.\d+-py3-none-any\.whl$")
+        with zipfile.ZipFile(wheel) as archive:
+            names = archive.namelist()
+            archive.extractall(site)
+        for needed in ("varimesh/py.typed", "varimesh/v1/service_pb2_grpc.py", "varimesh/v1/job_pb2.pyi",
+                       "varimesh/rpc/status_pb2.py"):
+            self.assertIn(needed, names)
+        program = ("import varimesh\nwith varimesh.local() as client: print(varimesh.__file__, client.info().version)")
+        done = subprocess.run([sys.executable, "-c", program], cwd=self.folder, capture_output=True, text=True,
+                              env={**os.environ, "PYTHONPATH": str(site)})
+        self.assertEqual(done.returncode, 0, done.stderr)
+        self.assertEqual(done.stdout.split()[0], str(site / "varimesh" / "__init__.py"))
+
+    def test_stands_beside_google_s_own_error_details(self):
+        """Python's protobuf refuses two files of one name."""
+        program = ("import sys\nfrom google.protobuf import descriptor_pb2, descriptor_pool as pool\n"
+                   "for name in ('status', 'error_details'):\n"
+                   "    pool.Default().Add(descriptor_pb2.FileDescriptorProto(\n"
+                   "        name=f'google/rpc/{name}.proto', package='google.rpc',\n"
+                   "        message_type=[descriptor_pb2.DescriptorProto(name={'status': 'Status'}.get(name, 'ErrorInfo'))]))\n"
+                   "import varimesh")
+        subprocess.run([sys.executable, "-c", program], check=True)
+
+
+@unittest.skipUnless(shutil.which("mypy"), "mypy is missing (deploy/setup test)")
+class Types(support.WithFolder):
+    def test_are_right(self):
+        program = self.folder / "program.py"
+        program.write_text("import varimesh\n"
+                           "def f(client: varimesh.Client) -> float:\n"
+                           "    return client.optimise('in.msh', energy='winslow').after.min_scaled_jacobian\n"
+                           "varimesh.Client('x').optimise('in.msh', energy='none')\n")
+        done = subprocess.run(["mypy", "--config-file", str(PACKAGE / "pyproject.toml"), "--cache-dir",
+                               str(self.folder / "cache"), "-p", "varimesh"], cwd=PACKAGE, capture_output=True, text=True)
+        self.assertEqual(done.returncode, 0, done.stdout)
+        done = subprocess.run(["mypy", "--config-file", str(PACKAGE / "pyproject.toml"), "--cache-dir",
+                               str(self.folder / "cache"), str(program)], cwd=PACKAGE, capture_output=True, text=True,
+                              env={**os.environ, "MYPYPATH": str(PACKAGE)})
+        self.assertEqual(done.stdout.count("error:"), 1, done.stdout)
+        self.assertIn('program.py:4: error: Argument "energy"', done.stdout)
+
+
+if __name__ == "__main__":
+    unittest.main(verbosity=2)
