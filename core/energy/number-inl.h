@@ -23,13 +23,33 @@ namespace HWY_NAMESPACE {
 namespace hn = hwy::HWY_NAMESPACE;
 
 /// Calls body(0), …, body(n − 1) with constants, so that arrays indexed by them live in registers: GCC does not take
-/// arrays apart that loops run over, however short.
+/// arrays apart that loops run over, however short. Under a sanitizer, which checks every one of these calls, a kernel
+/// would take minutes to compile: there it is a loop.
 template <int n, class Body>
 HWY_INLINE void unrolled(const Body& body) {
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+  for (int i = 0; i < n; ++i) body(i);
+#else
   [&]<int... i>(std::integer_sequence<int, i...>) __attribute__((always_inline)) {
     (body(std::integral_constant<int, i>()), ...);
   }
   (std::make_integer_sequence<int, n>());
+#endif
+}
+
+/// The same for 0, …, i − 1, with i a constant of unrolled()'s (or its loop's variable).
+template <class Index, class Body>
+HWY_INLINE void unrolled_below(Index i, const Body& body) {
+  if constexpr (std::is_same_v<Index, int>)
+    for (int j = 0; j < i; ++j) body(j);
+  else
+    unrolled<Index::value>(body);
+}
+/// For 0, …, i.
+template <class Index, class Body>
+HWY_INLINE void unrolled_through(Index i, const Body& body) {
+  unrolled_below(i, body);
+  body(i);
 }
 
 // A plain double.

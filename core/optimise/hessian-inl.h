@@ -251,9 +251,9 @@ class VectorHessian final : public HessianKernels {
     const FloatMatrix<d> S = inverse.template times<true>(inverse);  // A⁻¹ A⁻ᵀ
     const FloatMatrix<d> c = cofactor_of<d>(F).template times<true>(inverse);
     unrolled<d * d>([&](auto ij) {
-      constexpr int i = ij / d, j = ij % d;
+      const int i = ij / d, j = ij % d;
       unrolled<d * d>([&](auto kl) {
-        constexpr int k = kl / d, l = kl % d;
+        const int k = kl / d, l = kl % d;
         Floats& entry = M[ij * d * d + kl];
         entry = hn::MulAdd(volume * c.at[i][k], c.at[j][l], entry);
         if (i == j) entry = hn::MulAdd(shape, S.at[k][l], entry);
@@ -292,7 +292,7 @@ class VectorHessian final : public HessianKernels {
       Floats x[d];
       unrolled<d>([&](auto i) { x[i] = load(u + (n * d + i) * kBatch); });
       unrolled<tile * d>([&](auto pk) {
-        constexpr int p = pk / d, k = pk % d;
+        const int p = pk / d, k = pk % d;
         const Floats slope = every(table[(p * nodes + n) * d + k]);
         unrolled<d>([&](auto i) { sum[(p * d + i) * d + k] = hn::MulAdd(x[i], slope, sum[(p * d + i) * d + k]); });
       });

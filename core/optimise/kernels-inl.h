@@ -86,7 +86,7 @@ struct Gradient {
   /// F Fᵀ, lower triangle by rows.
   HWY_INLINE void left_product(Lanes* B) const {
     unrolled<d>([&](auto i) {
-      unrolled<i + 1>([&](auto j) {
+      unrolled_through(i, [&](auto j) {
         const int entry = i * (i + 1) / 2 + j;
         B[entry] = F[i][0] * F[j][0];
         unrolled<d>([&](auto k) {
@@ -303,7 +303,7 @@ class VectorKernels final : public Kernels {
       Lanes B[kEntries];
       at.left_product(B);
       unrolled<d>([&](auto i) {
-        unrolled<i + 1>([&](auto j) {
+        unrolled_through(i, [&](auto j) {
           const int entry = i * (i + 1) / 2 + j;
           const Lanes e = i == j ? B[entry] - one : B[entry];
           sum = hn::MulAdd(i == j ? e : e + e, e, sum);
@@ -315,7 +315,7 @@ class VectorKernels final : public Kernels {
       const Lanes e = at.F[i][i] - one;
       trace = trace + e;
       sum = hn::MulAdd(e, e, sum);
-      unrolled<i>([&](auto j) {
+      unrolled_below(i, [&](auto j) {
         const Lanes shear = at.F[i][j] + at.F[j][i];
         sum = hn::MulAdd(hn::Set(Tag(), 0.5) * shear, shear, sum);
       });
@@ -399,7 +399,7 @@ class VectorKernels final : public Kernels {
       sums.gradient[i] = hn::MulAdd(w_Q, k[i], hn::MulAdd(w_J, c[i], sums.gradient[i]));
       Lanes row = w_JJ * c[i];
       if constexpr (E::kMixed) row = hn::MulAdd(w * p.f_QJ, k[i], row);
-      unrolled<i + 1>([&](auto m) {
+      unrolled_through(i, [&](auto m) {
         const int entry = i * (i + 1) / 2 + m;
         Lanes h = hn::MulAdd(row, c[m], sums.hessian[entry]);
         if constexpr (E::kMixed) h = hn::MulAdd(w * p.f_QJ * c[i], k[m], h);
@@ -429,7 +429,7 @@ class VectorKernels final : public Kernels {
       Lanes By = zero() - y[i];
       unrolled<d>([&](auto m) { By = hn::MulAdd(B[i >= m ? i * (i + 1) / 2 + m : m * (m + 1) / 2 + i], y[m], By); });
       sums.gradient[i] = hn::MulAdd(w_mu, By, sums.gradient[i]);
-      unrolled<i + 1>([&](auto m) {
+      unrolled_through(i, [&](auto m) {
         const int entry = i * (i + 1) / 2 + m;
         Lanes h = hn::MulAdd(gg, B[entry], y[i] * y[m]);
         if (i == m) h = h + shift;
@@ -452,7 +452,7 @@ class VectorKernels final : public Kernels {
       Lanes Eg = zero() - (g[i] + g[i]);  // 2 E g
       unrolled<d>([&](auto m) { Eg = hn::MulAdd(at.F[i][m] + at.F[m][i], g[m], Eg); });
       sums.gradient[i] = hn::MulAdd(w_mu, Eg, hn::MulAdd(w_lambda * trace, g[i], sums.gradient[i]));
-      unrolled<i + 1>([&](auto m) {
+      unrolled_through(i, [&](auto m) {
         const int entry = i * (i + 1) / 2 + m;
         Lanes h = hn::MulAdd((w_mu + w_lambda) * g[i], g[m], sums.hessian[entry]);
         if (i == m) h = hn::MulAdd(w_mu, gg, h);
