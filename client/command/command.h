@@ -73,6 +73,7 @@ Run add_submit(CLI::App& app);
 Run add_watch(CLI::App& app);
 Run add_result(CLI::App& app);
 Run add_cancel(CLI::App& app);
+Run add_delete(CLI::App& app);
 Run add_jobs(CLI::App& app);
 Run add_info(CLI::App& app);
 Run add_quality(CLI::App& app);

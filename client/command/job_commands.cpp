@@ -1,4 +1,4 @@
-// varimesh submit, watch, result, cancel, jobs, info: what a server's jobs can be told and asked.
+// varimesh submit, watch, result, cancel, delete, jobs, info: what a server's jobs can be told and asked.
 #include <fmt/format.h>
 
 #include <iostream>
@@ -103,6 +103,15 @@ int cancel(const Arguments& arguments) {
   return kDone;
 }
 
+int remove(const Arguments& arguments) {
+  const auto connection = connect(arguments.common);
+  if (!connection) return connection.error();
+  const std::string name = full_name(arguments.job);
+  if (const auto removed = connection->client->remove(name); !removed) return report(removed.error());
+  if (arguments.common.json) print({{"job", name}, {"state", "deleted"}});
+  return kDone;
+}
+
 int list(const Arguments& arguments) {
   v1::ListJobsRequest filter;
   if (const auto labels = parse_labels(arguments.labels, filter.mutable_labels()); !labels)
@@ -193,6 +202,13 @@ Run add_cancel(CLI::App& app) {
   CLI::App& command = add_remote(app, "cancel", "Ask for a job to end", arguments.get());
   command.add_option("job", arguments->job, "Its name")->required()->check(is_text());
   return [arguments] { return cancel(*arguments); };
+}
+
+Run add_delete(CLI::App& app) {
+  auto arguments = new_arguments();
+  CLI::App& command = add_remote(app, "delete", "Forget a job that has ended, and its results", arguments.get());
+  command.add_option("job", arguments->job, "Its name")->required()->check(is_text());
+  return [arguments] { return remove(*arguments); };
 }
 
 Run add_jobs(CLI::App& app) {

@@ -44,10 +44,11 @@ int run(int argc, char** argv) {
       "varimesh"};
   app.set_version_flag("--version", std::string(varimesh::version()));
   app.require_subcommand(1);
-  const std::pair<const char*, Run> commands[] = {
-      {"optimise", add_optimise(app)}, {"submit", add_submit(app)},   {"watch", add_watch(app)},
-      {"result", add_result(app)},     {"cancel", add_cancel(app)},   {"jobs", add_jobs(app)},
-      {"info", add_info(app)},         {"quality", add_quality(app)}, {"convert", add_convert(app)}};
+  const std::pair<const char*, Run> commands[] = {{"optimise", add_optimise(app)}, {"submit", add_submit(app)},
+                                                  {"watch", add_watch(app)},       {"result", add_result(app)},
+                                                  {"cancel", add_cancel(app)},     {"delete", add_delete(app)},
+                                                  {"jobs", add_jobs(app)},         {"info", add_info(app)},
+                                                  {"quality", add_quality(app)},   {"convert", add_convert(app)}};
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {

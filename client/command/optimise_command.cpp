@@ -15,6 +15,7 @@ struct Arguments {
   std::vector<std::string> outputs;
   std::string format;
   std::string history;
+  std::string request_id;
   v1::Options options;
 };
 
@@ -33,7 +34,7 @@ int run(const Arguments& arguments) {
   spec.mutable_mesh()->set_digest(mesh->digest());
   *spec.mutable_options() = arguments.options;
   for (const v1::MeshFormat format : formats_of(*outputs)) spec.add_outputs(format);
-  const auto job = connection->client->submit(spec);
+  const auto job = connection->client->submit(spec, arguments.request_id);
   if (!job) return report(job.error());
 
   const auto ended = follow(connection->client.get(), job->name(), 0, arguments.common, true);
@@ -56,6 +57,10 @@ Run add_optimise(CLI::App& app) {
       ->type_name("NAME");
   command.add_option("--history", arguments->history, "Write every iteration to this file, comma-separated")
       ->type_name("FILE.csv");
+  command
+      .add_option("--request-id", arguments->request_id, "Repeating with the same id on a server joins the same job")
+      ->type_name("ID")
+      ->check(is_text());
   add_server_flag(command, &arguments->common);
   add_json_flag(command, &arguments->common);
   add_quiet_flag(command, &arguments->common);

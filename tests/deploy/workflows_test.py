@@ -1,0 +1,143 @@
+"""The recipes of deploy/workflows and the commands of docs/workflows.md, with a real server."""
+import json
+import os
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import time
+import unittest
+from pathlib import Path
+
+import support
+from support import LARGER, MESH, SOURCE, VARIMESH, VARIMESHD, Server
+
+RECIPES = SOURCE / "deploy" / "workflows"
+PATH = os.pathsep.join([str(Path(VARIMESH).parent), str(Path(VARIMESHD).parent), os.environ["PATH"]])
+NEEDS = {"Snakemake": ["snakemake", "gmsh"], "Page": ["snakemake", "gmsh", "cwltool"], "Recipes": []}
+
+
+def varimesh(*arguments):
+    done = subprocess.run([VARIMESH, *map(str, arguments)], capture_output=True, text=True, timeout=50)
+    return done.returncode, done.stdout
+
+
+class WithServer(support.WithFolder):
+    def setUp(self):
+        super().setUp()
+        self.server = Server()
+        self.addCleanup(self.server.stop)
+        self.environment = {**os.environ, "PATH": PATH, "SERVER": self.server.address, "HOME": str(self.folder)}
+        self.environment.pop("PYTHONPATH", None)
+
+    def run_here(self, *command, **keywords):
+        return subprocess.run(list(map(str, command)), cwd=self.folder, env=self.environment, text=True, timeout=100,
+                              stdout=subprocess.PIPE, stderr=subprocess.STDOUT, **keywords)
+
+    def jobs(self):
+        return json.loads(varimesh("jobs", "--server", self.server.address, "--json")[1])["jobs"]
+
+    def quality(self, name):
+        return json.loads(varimesh("quality", self.folder / name, "--json")[1])["quality"]
+
+
+class Snakemake(WithServer):
+    def workflow(self, *config, server=True):
+        where = [f"server={self.server.address}"] if server else []
+        return self.run_here("snakemake", "--cores", 1, "--snakefile", RECIPES / "Snakefile", "--config",
+                             f"geometry={RECIPES / 'plate.geo'}", *where, *config)
+
+    def test_goes_from_a_geometry_to_certified_files(self):
+        done = self.workflow()
+        self.assertEqual(done.returncode, 0, done.stdout)
+        self.assertGreater(self.quality("mesh/curved.msh")["invalid_elements"], 0)
+        after = self.quality("solver/plate.msh")
+        self.assertEqual(after["certified"]["valid"], json.loads((self.folder / "solver/plate.json").read_text())["mesh"]["elements"])
+        self.assertIn(b"VTKFile", (self.folder / "solver/plate.vtu").read_bytes()[:200])
+        self.assertEqual([job["state"] for job in self.jobs()], ["succeeded"])
+
+        # As if the step had been lost with its outputs: the server has the job, and no second one is made.
+        whole = (self.folder / "solver/plate.msh").read_bytes()
+        for left in [*self.folder.glob("solver/*"), *self.folder.glob("mesh/optimised.*")]:
+            left.unlink()
+        done = self.workflow()
+        self.assertEqual(done.returncode, 0, done.stdout)
+        self.assertEqual((self.folder / "solver/plate.msh").read_bytes(), whole)
+        self.assertEqual(len(self.jobs()), 1)
+
+    def test_gives_the_solver_nothing_that_is_not_certified(self):
+        done = self.workflow("options=--max-iterations 0", server=False)
+        self.assertNotEqual(done.returncode, 0)
+        self.assertIn("invalid", done.stdout)
+        self.assertFalse(list(self.folder.glob("solver/*")))
+
+
+class Page(WithServer):
+    def test_commands_run_as_they_stand(self):
+        (self.folder / "deploy").symlink_to(SOURCE / "deploy")
+        shutil.copy(MESH, self.folder / "in.msh")
+        blocks = re.findall(r"```sh\n(.*?)```", (SOURCE / "docs" / "workflows.md").read_text(), re.DOTALL)
+        self.assertEqual(len(blocks), 4)
+        script = "set -e\ntrap 'kill %1' EXIT\n" + "\n".join(blocks)
+        done = self.run_here("bash", "-c", script)
+        self.assertEqual(done.returncode, 0, done.stdout)
+        for words in ("plate/solver/plate.vtu", "certified\n", "cwl/optimised.json"):
+            self.assertIn(words, done.stdout)
+        self.assertEqual(self.quality("plate/mesh/curved.msh")["invalid_elements"], 12)
+        self.assertEqual(json.loads((self.folder / "cwl/optimised.json").read_text())["after"]["invalid_elements"], 0)
+
+
+class Recipes(WithServer):
+    def shell(self, *arguments, **environment):
+        self.environment.update(environment)
+        return self.run_here(RECIPES / "optimise.sh", *arguments).returncode
+
+    def test_the_shell_s_statuses(self):
+        out = self.folder / "out.msh"
+        self.assertEqual(self.shell(MESH, out, "--energy", "winslow"), 0)
+        self.assertEqual(self.quality("out.msh")["invalid_elements"], 0)
+        self.assertEqual(self.shell(MESH, out, "--energy", "winslow"), 0)
+        self.assertEqual(len(self.jobs()), 1)
+        self.assertEqual(self.shell(MESH, out, "--max-iterations", 0), 4)
+        bad = self.folder / "bad.msh"
+        bad.write_text("solid cube\n")
+        for refused in ((bad, out), (MESH, out, "--enrgy", "winslow"), (self.folder / "none", out), ()):
+            self.assertEqual(self.shell(*refused), 3, refused)
+        self.assertEqual(self.shell(MESH, out, SERVER="127.0.0.1:1", ATTEMPTS="1"), 5)
+
+    def test_the_shell_that_was_killed_joins_its_job(self):
+        options = ["--method", "sweeps", "--tolerance", "1e-300", "--max-iterations", "150"]
+        command = [str(RECIPES / "optimise.sh"), str(LARGER), "out.msh", *options]
+        first = subprocess.Popen(command, cwd=self.folder, env=self.environment, start_new_session=True)
+        deadline = time.monotonic() + 20
+        while not self.jobs() and time.monotonic() < deadline:
+            time.sleep(0.02)
+        os.killpg(first.pid, signal.SIGKILL)
+        first.wait()
+        self.assertIn(self.shell(LARGER, "out.msh", *options), (0, 4))
+        self.assertEqual(len(self.jobs()), 1)
+        self.assertTrue((self.folder / "out.msh").exists())
+
+    def test_a_deleted_job_frees_its_request_id(self):
+        once = ("submit", MESH, "--server", self.server.address, "--request-id", "once")
+        job = varimesh(*once)[1].strip()
+        self.assertEqual(varimesh("watch", job, "--server", self.server.address)[0], 0)
+        self.assertEqual(varimesh(*once)[1].strip(), job)
+        self.assertEqual(varimesh("delete", job, "--server", self.server.address)[0], 0)
+        self.assertNotEqual(varimesh(*once)[1].strip(), job)
+
+    def test_optimise_takes_a_request_id(self):
+        again = ("optimise", MESH, "-o", self.folder / "a.msh", "--server", self.server.address, "--request-id", "x")
+        self.assertEqual([varimesh(*again)[0], varimesh(*again)[0]], [0, 0])
+        self.assertEqual(len(self.jobs()), 1)
+
+    def test_the_airflow_recipe_compiles(self):
+        compile((RECIPES / "airflow_dag.py").read_text(), "airflow_dag.py", "exec")
+
+
+if __name__ == "__main__":
+    missing = [name for name in NEEDS.get(sys.argv[1], []) if not shutil.which(name)]
+    if missing:
+        support.skip(f"{', '.join(missing)} missing (deploy/setup test)")
+    unittest.main(verbosity=2)
