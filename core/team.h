@@ -24,9 +24,12 @@ void ensure_workers(int workers);
 class Team {
  public:
   /// `threads` 0: as many as the machine has.
-  explicit Team(int threads)
-      : threads_(threads > 0 ? threads : static_cast<int>(std::max(1U, std::thread::hardware_concurrency()))) {}
+  explicit Team(int threads) { set_threads(threads); }
 
+  /// Not while run() is under way.
+  void set_threads(int threads) {
+    threads_ = threads > 0 ? threads : static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
+  }
   int threads() const { return threads_; }
 
   /// Runs body() inside the arena and returns when it is done; for_each inside it uses the arena's threads. What body

@@ -125,6 +125,20 @@ void fill_blocks(Problem& problem, const HighOrderMesh& mesh, const Clusters& cl
 
 }  // namespace
 
+std::vector<double> free_positions(const Problem& problem, const std::vector<double>& positions) {
+  const std::size_t d = problem.dimension;
+  std::vector<double> free(problem.free.size() * d);
+  for (std::size_t f = 0; f < problem.free.size(); ++f) std::copy_n(&positions[problem.free[f] * d], d, &free[f * d]);
+  return free;
+}
+
+bool set_free_positions(const Problem& problem, const std::vector<double>& free, std::vector<double>& positions) {
+  const std::size_t d = problem.dimension;
+  if (free.size() != problem.free.size() * d) return false;
+  for (std::size_t f = 0; f < problem.free.size(); ++f) std::copy_n(&free[f * d], d, &positions[problem.free[f] * d]);
+  return true;
+}
+
 Problem build_problem(const HighOrderMesh& mesh, const std::vector<bool>& fixed, int quadrature_degree) {
   assert(fixed.size() == mesh.node_count());
   Problem problem;

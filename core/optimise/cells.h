@@ -88,6 +88,11 @@ struct Problem {
 /// 2 P. Positions, targets and deformation gradients are left to be set.
 Problem build_problem(const HighOrderMesh& mesh, const std::vector<bool>& fixed, int quadrature_degree);
 
+/// What an array of all nodes' positions has of the free ones, d numbers each, and back; false where it is not of that
+/// size.
+std::vector<double> free_positions(const Problem& problem, const std::vector<double>& positions);
+bool set_free_positions(const Problem& problem, const std::vector<double>& free, std::vector<double>& positions);
+
 /// Sets the targets to the straight-sided cells on the vertices of `positions`; targets.h has the others.
 void set_straight_sided_targets(Problem& problem);
 

@@ -221,6 +221,11 @@ void CoarseLevel::assemble(const std::vector<BatchBlock>& batches, const Hessian
   for (std::size_t b = 0; b < batches.size(); ++b)
     team_.for_each(batches[b].count, 4,
                    [&](std::int32_t batch) { hessian.mean_tensors(batches[b], batch, tensors_[b]); });
+  make_matrix();
+}
+
+void CoarseLevel::make_matrix() {
+  if (space_.count == 0) return;
   const int d = problem_.dimension;
   team_.for_each(space_.count, kNodesPerTask / 8,
                  [&](std::int32_t node) { d == 2 ? assemble_row<2>(node) : assemble_row<3>(node); });

@@ -27,6 +27,21 @@ class CoarseLevel {
   /// The matrix anew, from what `hessian` has linearised.
   void assemble(const std::vector<BatchBlock>& batches, const HessianKernels& hessian);
 
+  /// What the matrix is made of, where it will be used again.
+  template <class Archive>
+  void state(Archive& archive, bool is_used) {
+    archive(solves_linear_);
+    for (std::vector<float>& tensors : tensors_) {
+      const std::size_t size = tensors.size();
+      if (is_used) archive(tensors);
+      if constexpr (Archive::kReads)
+        if (tensors.size() != size) archive.fail();
+      tensors.resize(size);
+    }
+    if constexpr (Archive::kReads)
+      if (is_used) make_matrix();
+  }
+
   /// Both d floats a free node.
   void add(std::span<const float> r, std::span<float> z);
 
@@ -38,6 +53,8 @@ class CoarseLevel {
     std::int16_t local;
   };
 
+  /// From the tensors.
+  void make_matrix();
   void colour();
   void find_neighbours();
   template <int d>

@@ -73,6 +73,21 @@ void Guard::keep() {
   certificates_ = seen_;
 }
 
+bool Guard::restore(const std::vector<double>& kept, const std::vector<double>& seen) {
+  std::vector<double> positions = problem_.positions;
+  if (!set_free_positions(problem_, kept, positions)) return false;
+  see(positions);
+  keep();
+  if (!set_free_positions(problem_, seen, positions)) return false;
+  see(positions);
+  count();
+  return true;
+}
+
+std::vector<double> Guard::free_of(const std::vector<double>& positions) const {
+  return free_positions(problem_, positions);
+}
+
 void Guard::look() {
   see(problem_.positions);
   if (lost_.empty()) keep();

@@ -59,6 +59,15 @@ class Guard {
   /// Cells that are certified valid in the kept state and were not at the last look().
   std::int64_t lost() const { return static_cast<std::int64_t>(lost_.size()); }
 
+  /// Positions of the free nodes in the kept state and at the last look: all that tells this state from the first.
+  template <class Archive>
+  void state(Archive& archive) {
+    std::vector<double> kept = free_of(positions_), seen = free_of(seen_positions_);
+    archive(kept, seen);
+    if constexpr (Archive::kReads)
+      if (!restore(kept, seen)) archive.fail();
+  }
+
   /// How the problem's cells stood at the last look(), by CellBlock::first + cell.
   std::vector<Standing> standings() const;
 
@@ -74,6 +83,8 @@ class Guard {
   /// Brings seen_… and lost_ up to date with nodes at these positions.
   void see(const std::vector<double>& positions);
   void keep();
+  std::vector<double> free_of(const std::vector<double>& positions) const;
+  bool restore(const std::vector<double>& kept, const std::vector<double>& seen);
   void count();
   void set_condemned();
 

@@ -85,7 +85,8 @@ NewtonReport Newton::step() {
   }
   report.residual = std::sqrt(report.residual);
   report.failed = !std::isfinite(slope) || (report.residual == 0 && report.gradient_norm > 0);
-  if (slope < 0 && !report.failed) report.damping = search(slope);
+  report.searched = slope < 0 && !report.failed;
+  if (report.searched) report.damping = search(slope);
   // A coarse level serves as long as the mesh hardly changes by it.
   coarse_is_old_ = report.damping < 1 || report.residual > kLargeStep || report.products > 2 * products_when_new_ + 20;
   return report;

@@ -20,6 +20,7 @@ struct NewtonReport {
   double gradient_norm = 0;  ///< √ Σ |G|² at the start of the step.
   double damping = 0;        ///< The share of the full step that was taken; 0: none lowered the energy.
   bool failed = false;       ///< The step is not a number, or there is none although the gradient is not 0.
+  bool searched = false;     ///< Deformation gradients were computed anew from the nodes' positions.
   int products = 0;          ///< Of the Hessian and a direction.
 };
 
@@ -34,6 +35,13 @@ class Newton {
   Newton(Problem& problem, const Kernels& kernels, const HessianKernels& hessian, const PNorm& norm, const Team& team);
 
   NewtonReport step();
+
+  /// What a step leaves for the next.
+  template <class Archive>
+  void state(Archive& archive) {
+    archive(last_gradient_, coarse_is_old_, products_when_new_);
+    coarse_.state(archive, !coarse_is_old_);
+  }
 
  private:
   void linearise();

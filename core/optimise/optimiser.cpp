@@ -2,8 +2,6 @@
 
 #include <algorithm>
 #include <chrono>
-#include <cmath>
-#include <limits>
 #include <optional>
 #include <string>
 
@@ -11,16 +9,13 @@
 #include "core/mesh/check.h"
 #include "core/mesh/order.h"
 #include "core/optimise/cells.h"
+#include "core/optimise/checkpoint.h"
 #include "core/optimise/door.h"
 #include "core/optimise/fixing.h"
-#include "core/optimise/guard.h"
 #include "core/optimise/kernels.h"
-#include "core/optimise/newton.h"
-#include "core/optimise/phases.h"
+#include "core/optimise/run.h"
 #include "core/optimise/schedule.h"
-#include "core/optimise/sweep.h"
 #include "core/optimise/targets.h"
-#include "core/optimise/untangle.h"
 #include "core/team.h"
 
 namespace varimesh {
@@ -30,11 +25,6 @@ using Clock = std::chrono::steady_clock;
 
 double seconds_since(Clock::time_point start) { return std::chrono::duration<double>(Clock::now() - start).count(); }
 
-/// Deformation gradients are updated by rank one as nodes move; every so many sweeps they are computed anew, so that
-/// rounding does not add up.
-constexpr int kSweepsBetweenRebuilds = 16;
-constexpr int kSettledSweepsBetweenLooks = 4;
-
 Expected<void> check_degree(const HighOrderMesh& mesh, int degree) {
   const int floor = 2 * (mesh.order - 1);
   if (degree == 0 || degree >= floor) return {};
@@ -42,33 +32,6 @@ Expected<void> check_degree(const HighOrderMesh& mesh, int degree) {
                     std::to_string(mesh.order) + ": below 2 (P − 1) = " + std::to_string(floor) +
                     " the energy does not see all of an element; leave it at 0 for twice the order.");
 }
-
-/// With until_js: the best mesh seen, by its proved minimum of the scaled Jacobian; of no use to a mesh that has more
-/// uncertified cells than another.
-class BestSeen {
- public:
-  explicit BestSeen(const Certifier& certifier) : certifier_(certifier) {}
-
-  /// The proved minimum of the guard's kept state; keeps its coordinates where it is the best so far.
-  double look(const Guard& guard, std::vector<double>& coordinates) {
-    certificates_ = guard.certificates();
-    const CertificateSummary summary = certifier_.sharpen(guard.coordinates(), certificates_);
-    const std::int64_t uncertified = summary.invalid + summary.undecided;
-    const double bound = summary.min_scaled_jacobian_lower_bound;
-    if (uncertified < fewest_ || (uncertified == fewest_ && bound > highest_)) {
-      highest_ = bound;
-      fewest_ = uncertified;
-      coordinates = guard.coordinates();
-    }
-    return bound;
-  }
-
- private:
-  const Certifier& certifier_;
-  std::vector<Certificate> certificates_;
-  double highest_ = -std::numeric_limits<double>::infinity();
-  std::int64_t fewest_ = std::numeric_limits<std::int64_t>::max();
-};
 
 }  // namespace
 
@@ -86,9 +49,12 @@ struct Optimiser::State {
   double set_up_seconds = 0;                ///< Counted with the first run.
 
   /// Optimises `mesh` as it is.
-  Result run(const OnIteration& on_iteration);
-  void iterate(const Team& team, BestSeen& best, Guard& guard, const OnIteration& on_iteration, Clock::time_point start,
-               Result& result);
+  Result run(const OnIteration& on_iteration, const RunControl& control);
+  /// What lies between the reports before and after.
+  bool optimise(const Certifier& certifier, std::vector<Certificate>& certificates, Clock::time_point start,
+                const OnIteration& on_iteration, const RunControl& control, Team& team, Result& result);
+  void iterate(Run& run, const OnIteration& on_iteration, const RunControl& control, Team& team, Result& result) const;
+  std::uint64_t fingerprint_of_run(const RunControl& control) const;
 };
 
 namespace {
@@ -157,7 +123,8 @@ Expected<Optimiser> Optimiser::create(HighOrderMesh&& mesh, const Options& optio
   return Optimiser(std::move(state));
 }
 
-Expected<Result> Optimiser::run(std::vector<double> coordinates, const OnIteration& on_iteration) {
+Expected<Result> Optimiser::run(std::vector<double> coordinates, const OnIteration& on_iteration,
+                                const RunControl& control) {
   State& state = *state_;
   if (coordinates.size() != state.mesh.coordinates.size())
     return bad_input("The coordinates are " + std::to_string(coordinates.size()) + " numbers; the mesh has " +
@@ -170,15 +137,15 @@ Expected<Result> Optimiser::run(std::vector<double> coordinates, const OnIterati
       return tl::unexpected(checked.error());
     }
   }
-  return state.run(on_iteration);
+  return state.run(on_iteration, control);
 }
 
-Result Optimiser::State::run(const OnIteration& on_iteration) {
+Result Optimiser::State::run(const OnIteration& on_iteration, const RunControl& control) {
   // The set-up's time counts as the first run's.
   const Clock::time_point start =
       Clock::now() - std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(set_up_seconds));
   set_up_seconds = 0;
-  const Team team(options.threads);
+  Team team(control.threads ? control.threads() : options.threads);
   const Certifier certifier(mesh);
   std::vector<Certificate> certificates(certifier.cells());
   Result result;
@@ -192,137 +159,95 @@ Result Optimiser::State::run(const OnIteration& on_iteration) {
   result.summary = summary;
   result.before = quality(mesh, certifier, certificates, 0, team);
   result.mesh = mesh;
+  result.seconds = seconds_since(start);
   if (options.max_iterations == 0) {
     result.after = result.before;
   } else {
-    const Frame frame = frame_of(mesh);
-    problem.positions = positions_at_door(mesh, frame);
-    set_targets(problem, target, frame.diagonal);
-    team.run([&] {
-      Guard guard(mesh, frame, problem, certifier, std::move(certificates), team);
-      guard.condemn(result.unrepairable);
-      BestSeen best(certifier);
-      iterate(team, best, guard, on_iteration, start, result);
-      guard.look();
-      if (guard.lost() > 0 && result.converged) {
-        result.converged = false;
-        result.stop_reason = StopReason::NoProgress;
-      }
-      guard.settle();
-      if (options.until_js > 0)
-        best.look(guard, result.mesh.coordinates);
-      else
-        result.mesh.coordinates = guard.coordinates();
-      certificates = guard.certificates();
-    });
-    if (options.until_js > 0) team.run([&] { certifier.certify(result.mesh.coordinates, certificates, team); });
+    if (!optimise(certifier, certificates, start, on_iteration, control, team, result)) {
+      RunControl from_the_beginning = control;
+      from_the_beginning.checkpoint = {};
+      optimise(certifier, certificates, start, on_iteration, from_the_beginning, team, result);
+    }
+    const Clock::time_point optimised = Clock::now();
     result.after = quality(result.mesh, certifier, std::move(certificates), 0, team);
+    result.seconds += seconds_since(optimised);
   }
   result.unrepairable = with_any_of(std::move(result.unrepairable), uncertified_numbers(result.after));
-  result.seconds = seconds_since(start);
   return result;
 }
 
-void Optimiser::State::iterate(const Team& team, BestSeen& best, Guard& guard, const OnIteration& on_iteration,
-                               Clock::time_point start, Result& result) {
-  const PNorm norm{options.p_norm};
-  Sweeper sweeper(problem, schedule, *kernels, options.regularisation, norm,
-                  options.active_set ? options.tolerance : -1, team);
-  sweeper.rebuild();
-  sweeper.scan();
-  PhaseChooser chooser(options, guard.repairable());
-  Stopper stopper(options);
-  std::optional<Newton> newton;  // set up when it is first needed
-  std::optional<Untangler> untangler;
-  double first_gradient = 0;
-  Iteration iteration;
-  iteration.invalid_elements = guard.uncertified();
-  iteration.repairable_elements = guard.repairable();
-  double bound = options.until_js > 0 ? best.look(guard, result.mesh.coordinates) : 0;
-  if (const auto reason = stopper.after(iteration, false, chooser.outlook(guard.unrepaired()), bound)) {
-    result.stop_reason = *reason;
-    return;
-  }
-  for (int number = 1;; ++number) {
-    iteration.phase = chooser.phase();
-    iteration.number = number;
-    double gradient = 0;
-    bool stuck = false, failed = false, whole = true;
-    if (iteration.phase == Phase::Sweeps) {
-      const SweepReport swept = sweeper.sweep();
-      if (number % kSweepsBetweenRebuilds == 0) sweeper.rebuild();
-      iteration.residual = swept.residual;
-      iteration.active_nodes = swept.visited;
-      iteration.products = 0;
-      gradient = swept.gradient_norm;
-      whole = swept.visited == summary.free_nodes;
-    } else if (iteration.phase == Phase::Untangle) {
-      if (!untangler) {
-        untangler.emplace(problem, *kernels, guard, team);
-        chooser.untangling_from(guard.unrepaired());
-      }
-      const UntangleReport untangled = untangler->step();
-      iteration.residual = untangled.residual;
-      iteration.active_nodes = untangled.active_nodes;
-      iteration.products = 0;
-      gradient = untangled.gradient_norm;
-      whole = false;
-    } else {
-      if (!newton) newton.emplace(problem, *kernels, *hessian, norm, team);
-      const NewtonReport stepped = newton->step();
-      sweeper.changed();
-      iteration.residual = stepped.residual;
-      iteration.active_nodes = summary.free_nodes;
-      iteration.products = stepped.products;
-      gradient = stepped.gradient_norm;
-      stuck = stepped.damping == 0;
-      failed = stepped.failed;
-    }
-    // Sweeps over cells that are all valid hardly change what is proved; the end looks at all that has moved since.
-    const bool settled = iteration.phase == Phase::Sweeps && guard.uncertified() == 0 && options.until_js <= 0;
-    if (!settled || number % kSettledSweepsBetweenLooks == 0) guard.look();
-    if (untangler) {
-      untangler->judge();
-      sweeper.changed();
-      stuck = untangler->done();
-      if (stuck) untangler.reset();
-    }
-    const ScanReport seen = sweeper.scan();
-    if (number == 1) first_gradient = gradient;
-    iteration.energy = seen.energy;
-    iteration.relative_gradient = first_gradient > 0 ? gradient / first_gradient : 0;
-    iteration.min_scaled_jacobian = seen.min_scaled_jacobian;
-    iteration.invalid_elements = guard.uncertified();
-    iteration.repairable_elements = guard.repairable();
-    iteration.seconds = seconds_since(start);
-    result.history.push_back(iteration);
-    result.iterations = number;
-    result.residual = iteration.residual;
-    if (options.until_js > 0) bound = best.look(guard, result.mesh.coordinates);
-    const bool small = !failed && iteration.residual <= options.tolerance;
-    // That the nodes which are awake hardly move is no proof: all have to be asked.
-    if (small && !whole) sweeper.wake();
-    result.converged = small && whole;
-    if (on_iteration && on_iteration(iteration) == Control::Stop) {
-      result.stopped = true;
-      result.stop_reason = StopReason::Stopped;
-      return;
-    }
-    if (const auto reason = stopper.after(iteration, result.converged, chooser.outlook(guard.unrepaired()), bound)) {
-      result.stop_reason = *reason;
-      return;
-    }
-    if (!chooser.next(guard.repairable(), guard.unrepaired(), stuck || result.converged)) {
+bool Optimiser::State::optimise(const Certifier& certifier, std::vector<Certificate>& certificates,
+                                Clock::time_point start, const OnIteration& on_iteration, const RunControl& control,
+                                Team& team, Result& result) {
+  const Frame frame = frame_of(mesh);
+  problem.positions = positions_at_door(mesh, frame);
+  set_targets(problem, target, frame.diagonal);
+  std::optional<Guard> guard;
+  std::optional<Run> run;
+  BestSeen best(certifier);
+  bool usable = true;
+  std::optional<StopReason> nothing_to_do;
+  team.run([&] {
+    guard.emplace(mesh, frame, problem, certifier, certificates, team);
+    guard->condemn(result.unrepairable);
+    run.emplace(RunParts{options, problem, schedule, *kernels, hessian.get(), *guard, best, team}, start);
+    if (control.checkpoint.empty())
+      nothing_to_do = run->begin();
+    else
+      usable = run->resume(control.checkpoint, fingerprint_of_run(control));
+  });
+  if (!usable) return false;
+  result.resumed_from = run->last().number;
+  if (nothing_to_do)
+    result.stop_reason = *nothing_to_do;
+  else
+    iterate(*run, on_iteration, control, team, result);
+  team.run([&] {
+    guard->look();
+    if (guard->lost() > 0 && result.converged) {
+      result.converged = false;
       result.stop_reason = StopReason::NoProgress;
-      return;
     }
-  }
+    guard->settle();
+    if (options.until_js > 0) best.look(*guard);
+    result.mesh.coordinates = options.until_js > 0 ? best.coordinates() : guard->coordinates();
+    certificates = guard->certificates();
+    if (options.until_js > 0) certifier.certify(result.mesh.coordinates, certificates, team);
+  });
+  result.seconds = run->seconds();
+  result.history = run->take_history();
+  return true;
 }
 
-Expected<Result> optimise(HighOrderMesh mesh, const Options& options, const OnIteration& on_iteration) {
+void Optimiser::State::iterate(Run& run, const OnIteration& on_iteration, const RunControl& control, Team& team,
+                               Result& result) const {
+  const std::uint64_t print = fingerprint_of_run(control);
+  bool stopped = false;
+  std::optional<StopReason> reason;
+  while (!stopped && !reason) {
+    if (control.threads) team.set_threads(control.threads());
+    team.run([&] { reason = run.step(); });
+    const Iteration& last = run.last();
+    if (!reason && control.checkpoint_due && run.can_be_kept() && control.checkpoint_due(last))
+      control.save_checkpoint(last, [&](const CheckpointSink& sink) { return run.write(sink, print); });
+    stopped = on_iteration && on_iteration(last) == Control::Stop;
+  }
+  result.iterations = run.last().number;
+  result.residual = run.last().residual;
+  result.converged = run.converged();
+  result.stopped = stopped;
+  result.stop_reason = stopped ? StopReason::Stopped : *reason;
+}
+
+std::uint64_t Optimiser::State::fingerprint_of_run(const RunControl& control) const {
+  return control.checkpoint_due || !control.checkpoint.empty() ? fingerprint(mesh, fixed, target, options) : 0;
+}
+
+Expected<Result> optimise(HighOrderMesh mesh, const Options& options, const OnIteration& on_iteration,
+                          const RunControl& control) {
   Expected<Optimiser> optimiser = Optimiser::create(std::move(mesh), options);
   if (!optimiser) return tl::unexpected(optimiser.error());
-  return optimiser->state_->run(on_iteration);
+  return optimiser->state_->run(on_iteration, control);
 }
 
 }  // namespace varimesh

@@ -49,9 +49,29 @@ enum class StopReason : std::uint8_t {
 
 enum class Control : std::uint8_t { Continue, Stop };
 
-/// Called after every iteration, one call at a time, from a thread of the optimiser's; Stop ends the run with the mesh
-/// as it is.
+/// Called after every iteration, one call at a time; Stop ends the run with the mesh as it is.
 using OnIteration = std::function<Control(const Iteration&)>;
+
+/// Takes the next bytes; false: it wants no more of them.
+using CheckpointSink = std::function<bool(std::string_view)>;
+/// Writes a checkpoint piece by piece; false where the sink stopped it.
+using WriteCheckpoint = std::function<bool(const CheckpointSink&)>;
+
+/// What a run asks between its iterations, from the thread that called it. All may be left empty.
+struct RunControl {
+  /// Whether the state after this iteration is to be kept. Asked after Newton steps and steps of untangling, and after
+  /// sweeps whose number is a multiple of ten; before OnIteration.
+  std::function<bool(const Iteration&)> checkpoint_due;
+  /// Called where it is; `write` works during the call alone.
+  std::function<void(const Iteration&, const WriteCheckpoint& write)> save_checkpoint;
+  /// What such a `write` wrote, of the same mesh and the same options (but for threads, max_iterations and time_limit):
+  /// the run goes on behind that iteration and ends with the same bytes as one that nothing interrupted, on a machine
+  /// with the same vector instructions. Its history is whole, and its seconds go on. A checkpoint of another mesh, of
+  /// other options or of another version, or one that is damaged, is passed over: the run begins at the beginning.
+  std::string_view checkpoint;
+  /// How many threads the next iteration may use, at least 1; asked before each. Without it: Options::threads.
+  std::function<int()> threads;
+};
 
 /// Sizes of the problem.
 struct MeshSummary {
@@ -69,6 +89,7 @@ struct Result {
   HighOrderMesh mesh;
   MeshSummary summary;
   int iterations = 0;
+  int resumed_from = 0;    ///< The iteration behind which a checkpoint let the run go on; 0: it began at the beginning.
   double seconds = 0;      ///< From the mesh as handed in to the result in memory, reports included.
   double residual = 0;     ///< Of the last iteration.
   bool converged = false;  ///< residual ≤ tolerance.
@@ -82,7 +103,8 @@ struct Result {
 
 /// Optimises a mesh. Checks it and the options first: BadInput, BadOption. The same mesh in other units of length takes
 /// the same path, and the result is the same bit for bit whatever the number of threads.
-Expected<Result> optimise(HighOrderMesh mesh, const Options& options = {}, const OnIteration& on_iteration = {});
+Expected<Result> optimise(HighOrderMesh mesh, const Options& options = {}, const OnIteration& on_iteration = {},
+                          const RunControl& control = {});
 
 /// What the mesh is, without optimising it: sizes, and how many nodes would move with these options.
 Expected<MeshSummary> summarise(const HighOrderMesh& mesh, const Options& options = {});
@@ -96,7 +118,8 @@ class Optimiser {
 
   /// Optimises the mesh with these coordinates (3 a node, interleaved, as HighOrderMesh::coordinates).
   /// Errors: BadInput where they are not finite or a straight-sided cell is inverted.
-  Expected<Result> run(std::vector<double> coordinates, const OnIteration& on_iteration = {});
+  Expected<Result> run(std::vector<double> coordinates, const OnIteration& on_iteration = {},
+                       const RunControl& control = {});
 
   Optimiser(Optimiser&&) noexcept;
   Optimiser& operator=(Optimiser&&) noexcept;
@@ -105,7 +128,8 @@ class Optimiser {
  private:
   struct State;
   explicit Optimiser(std::unique_ptr<State> state);
-  friend Expected<Result> optimise(HighOrderMesh mesh, const Options& options, const OnIteration& on_iteration);
+  friend Expected<Result> optimise(HighOrderMesh mesh, const Options& options, const OnIteration& on_iteration,
+                                   const RunControl& control);
   std::unique_ptr<State> state_;
 };
 

@@ -38,6 +38,11 @@ class PhaseChooser {
   /// What may still bring certificates. Untangling is tried again only where it has brought some.
   Outlook outlook(std::int64_t unrepaired) const;
 
+  template <class Archive>
+  void state(Archive& archive) {
+    archive(phase_, fewest_, untangled_from_, fewest_before_, times_untangled_, newton_tried_, patience_, times_stuck_);
+  }
+
  private:
   /// Whether untangling has not been tried, or has brought some and may bring more.
   bool may_untangle(std::int64_t unrepaired) const;
@@ -64,6 +69,11 @@ class Stopper {
   /// scaled Jacobian, asked for with until_js alone. Lack of progress ends a run where the outlook is nothing,
   /// convergence where no other method is to come.
   std::optional<StopReason> after(const Iteration& iteration, bool converged, Outlook outlook, double bound);
+
+  template <class Archive>
+  void state(Archive& archive) {
+    archive(fewest_, without_fewer_);
+  }
 
  private:
   const Options& options_;

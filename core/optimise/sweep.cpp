@@ -85,6 +85,7 @@ Sweeper::Sweeper(Problem& problem, const Schedule& schedule, const Kernels& kern
       visits_(problem.free.size()),
       scans_(problem.cells),
       changed_(problem.cells, 1),
+      drifted_(problem.cells, 1),
       rest_(rest),
       visited_at_(problem.free.size(), 0),
       moved_at_(problem.cells, 0),
@@ -97,9 +98,26 @@ Sweeper::Sweeper(Problem& problem, const Schedule& schedule, const Kernels& kern
 
 void Sweeper::rebuild() {
   for (CellBlock& block : problem_.blocks)
-    team_.for_each(block.count, kCellsPerTask,
-                   [&](std::int32_t cell) { kernels_.rebuild(block, cell, problem_.positions); });
-  std::fill(changed_.begin(), changed_.end(), 1);
+    team_.for_each(block.count, kCellsPerTask, [&](std::int32_t cell) {
+      if (drifted_[block.first + cell] == 0) return;
+      kernels_.rebuild(block, cell, problem_.positions);
+      drifted_[block.first + cell] = 0;
+      changed_[block.first + cell] = 1;
+    });
+}
+
+bool Sweeper::refresh() {
+  if (visited_at_.size() != visits_.size() || moved_at_.size() != scans_.size() || moves_.size() != scans_.size())
+    return false;
+  for (CellBlock& block : problem_.blocks)
+    team_.for_each(block.count, kCellsPerTask, [&](std::int32_t cell) {
+      kernels_.rebuild(block, cell, problem_.positions);
+      block.delta_squared[cell] = delta_squared_of(block, cell, kernels_.scan(block, cell));
+      scans_[block.first + cell] = kernels_.scan(block, cell);
+    });
+  std::fill(drifted_.begin(), drifted_.end(), 0);
+  std::fill(changed_.begin(), changed_.end(), 0);
+  return true;
 }
 
 void Sweeper::changed() {
@@ -109,11 +127,15 @@ void Sweeper::changed() {
 
 void Sweeper::wake() { std::fill(visited_at_.begin(), visited_at_.end(), 0); }
 
+double Sweeper::delta_squared_of(const CellBlock& block, std::int32_t cell, const CellScan& scan) {
+  const bool condemned = !block.condemned.empty() && block.condemned[cell] != 0;
+  return condemned ? kCondemnedDeltaSquared : delta_squared_for(scan.smallest_jacobian);
+}
+
 void Sweeper::scan_cell(CellBlock& block, std::int32_t cell) {
   CellScan& scan = scans_[block.first + cell];
   scan = kernels_.scan(block, cell);
-  const bool condemned = !block.condemned.empty() && block.condemned[cell] != 0;
-  const double delta_squared = condemned ? kCondemnedDeltaSquared : delta_squared_for(scan.smallest_jacobian);
+  const double delta_squared = delta_squared_of(block, cell, scan);
   changed_[block.first + cell] = 0;
   if (delta_squared == block.delta_squared[cell]) return;
   block.delta_squared[cell] = delta_squared;
@@ -179,7 +201,7 @@ void Sweeper::note_move(std::int32_t rank, std::int64_t now, double length) {
   for (std::int32_t i = problem_.offsets[rank]; i < problem_.offsets[rank + 1]; ++i) {
     const Incidence& at = problem_.incidences[i];
     const std::int32_t cell = problem_.blocks[at.block].first + at.cell;
-    changed_[cell] = 1;
+    changed_[cell] = drifted_[cell] = 1;
     moves_[cell] += length;
     if (moves_[cell] <= rest_) continue;
     moves_[cell] = 0;

@@ -34,8 +34,18 @@ class Sweeper {
   Sweeper(Problem& problem, const Schedule& schedule, const Kernels& kernels, Regularisation regularisation,
           const PNorm& norm, double rest, const Team& team);
 
-  /// Deformation gradients of every cell from the nodes' positions (at the start, and now and then against drift).
+  /// Deformation gradients from the nodes' positions, of every cell in which a sweep has moved one since this was done
+  /// last (at the start, and now and then against drift).
   void rebuild();
+
+  /// Who is awake. Right after a rebuild nothing else matters: what is cached comes back by refresh().
+  template <class Archive>
+  void state(Archive& archive) {
+    archive(clock_, visited_at_, moved_at_, moves_);
+  }
+  /// After the state was read: deformation gradients, δ and what a scan keeps, from the nodes' positions. False where
+  /// the state was another problem's.
+  bool refresh();
 
   /// Looks at the cells that changed and sets their δ from their own smallest J, for the sweep to come.
   ScanReport scan();
@@ -61,6 +71,7 @@ class Sweeper {
   void note_move(std::int32_t rank, std::int64_t now, double length);
   double patch_delta_squared(std::int32_t rank, std::span<PatchCell> patch) const;
   void scan_cell(CellBlock& block, std::int32_t cell);
+  static double delta_squared_of(const CellBlock& block, std::int32_t cell, const CellScan& scan);
 
   Problem& problem_;
   const Schedule& schedule_;
@@ -71,6 +82,7 @@ class Sweeper {
   std::vector<Visit> visits_;    ///< By rank, so that sums are taken in one order.
   std::vector<CellScan> scans_;  ///< By cell, likewise.
   std::vector<char> changed_;    ///< By cell: since the last scan.
+  std::vector<char> drifted_;    ///< By cell: since the last rebuild.
 
   // Who is awake. Times count visits; cells of one colour have none in common, so no two threads write to one cell.
   double rest_;

@@ -169,6 +169,11 @@ Untangler::Untangler(Problem& problem, const Kernels& kernels, Guard& guard, con
   choose(kFirstLayers);
 }
 
+Untangler::Untangler(ToBeRead, Problem& problem, const Kernels& kernels, Guard& guard, const Team& team)
+    : problem_(problem), kernels_(kernels), guard_(guard), team_(team), first_positions_(problem.positions) {
+  for (const CellBlock& block : problem.blocks) energies_.emplace_back(block);
+}
+
 void Untangler::choose(int layers) {
   layers_ = layers;
   places_.clear();

@@ -34,6 +34,27 @@ class Untangler {
   /// Takes the problem to the guard's best state, so that nothing is lost, and chooses the patches there.
   Untangler(Problem& problem, const Kernels& kernels, Guard& guard, const Team& team);
 
+  /// One whose state is to be read.
+  struct ToBeRead {};
+  Untangler(ToBeRead, Problem& problem, const Kernels& kernels, Guard& guard, const Team& team);
+
+  /// Between judge() and step(), where not done(). Positions of the nodes are the problem's.
+  template <class Archive>
+  void state(Archive& archive) {
+    std::vector<double> first = free_positions(problem_, first_positions_);
+    std::uint64_t count = places_.size();
+    archive(first, first_repairable_, first_unrepaired_, layers_, count);
+    if constexpr (Archive::kReads)
+      if (!set_free_positions(problem_, first, first_positions_)) archive.fail();
+    for (std::uint64_t i = 0; i < count; ++i) {
+      if constexpr (Archive::kReads) {
+        if (archive.failed()) return;
+        places_.push_back({UntanglePatch(energies_, problem_.dimension), {}, {}});
+      }
+      place_state(archive, places_[i]);
+    }
+  }
+
   /// An outer step of every patch that goes on. The guard is to look at what came of it, then judge() is to be called.
   UntangleReport step();
 
@@ -72,6 +93,21 @@ class Untangler {
   };
   Look look(const UntanglePatch& patch, std::span<const Standing> standings) const;
   void judge(Place& place, std::span<const Standing> standings) const;
+  template <class Archive>
+  void place_state(Archive& archive, Place& place) {
+    place.patch.state(archive);
+    if constexpr (Archive::kReads)
+      if (archive.failed() || !place.patch.gather(problem_)) return archive.fail();
+    for (Best* best : {&place.safe, &place.any}) {
+      std::vector<double> positions(best->positions.begin(), best->positions.end());
+      archive(best->rank.uncertified, best->rank.depth, positions);
+      if constexpr (Archive::kReads) {
+        if (positions.size() != static_cast<std::size_t>(place.patch.positions().size())) return archive.fail();
+        best->positions = Eigen::Map<const Eigen::VectorXd>(positions.data(), place.patch.positions().size());
+      }
+    }
+    archive(place.fewest_bad, place.fewest_uncertified, place.without_fewer, place.ended);
+  }
   void finish();
   /// Patches with so many layers.
   void choose(int layers);

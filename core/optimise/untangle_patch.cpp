@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <unordered_map>
 
 namespace varimesh {
 namespace {
@@ -44,6 +45,33 @@ UntanglePatch::UntanglePatch(const std::vector<CoefficientEnergy>& energies, std
   for (Member& member : members_) energies_[at(member.block)].find_movable(member.cell);
   look_at_coefficients();
   epsilon_ = std::max(0.2 * std::abs(smallest_), kLeastEpsilon);
+}
+
+bool UntanglePatch::gather(const Problem& problem) {
+  const std::size_t d = at(dimension_);
+  std::unordered_map<std::int32_t, std::int32_t> unknown_of;
+  positions_.resize(static_cast<Eigen::Index>(nodes_.size()) * dimension_);
+  for (std::size_t n = 0; n < nodes_.size(); ++n) {
+    if (nodes_[n] < 0 || at(nodes_[n]) >= problem.positions.size() / d) return false;
+    unknown_of[nodes_[n]] = static_cast<std::int32_t>(n);
+    for (std::size_t k = 0; k < d; ++k)
+      positions_[static_cast<Eigen::Index>(n * d + k)] = problem.positions[at(nodes_[n]) * d + k];
+  }
+  for (Member& member : members_) {
+    if (member.block < 0 || at(member.block) >= problem.blocks.size()) return false;
+    const CellBlock& block = problem.blocks[at(member.block)];
+    if (member.cell.number < 0 || member.cell.number >= block.count) return false;
+    member.cell.positions.resize(block.nodes_per_cell, dimension_);
+    for (int n = 0; n < block.nodes_per_cell; ++n) {
+      const std::int32_t node = block.nodes[at(member.cell.number) * at(block.nodes_per_cell) + at(n)];
+      for (int k = 0; k < dimension_; ++k) member.cell.positions(n, k) = problem.positions[at(node) * d + at(k)];
+      const auto unknown = unknown_of.find(node);
+      if (unknown == unknown_of.end()) continue;
+      member.cell.free.push_back(n);
+      member.unknown.push_back(unknown->second);
+    }
+  }
+  return true;
 }
 
 void UntanglePatch::place(const Eigen::VectorXd& positions) {

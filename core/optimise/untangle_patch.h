@@ -35,6 +35,28 @@ class UntanglePatch {
   UntanglePatch(const std::vector<CoefficientEnergy>& energies, std::vector<Member> members,
                 std::vector<std::int32_t> nodes, int dimension);
 
+  /// An empty one, whose state is to be read.
+  UntanglePatch(const std::vector<CoefficientEnergy>& energies, int dimension)
+      : energies_(energies), dimension_(dimension) {}
+
+  /// All but positions, which the problem has.
+  template <class Archive>
+  void state(Archive& archive) {
+    std::uint64_t count = members_.size();
+    archive(nodes_, epsilon_, smallest_, bad_, count);
+    for (std::uint64_t i = 0; i < count; ++i) {
+      if constexpr (Archive::kReads) {
+        if (archive.failed()) return;
+        members_.emplace_back();
+      }
+      Member& member = members_[i];
+      archive(member.block, member.cell.number, member.cell.condemned, member.cell.movable);
+    }
+  }
+  /// After the state was read: takes the rest from the problem, whose nodes are where the patch has them. False where
+  /// the state was another problem's.
+  bool gather(const Problem& problem);
+
   /// At most three Newton steps, then the next ε.
   UntangleStep step(const Team& team);
 

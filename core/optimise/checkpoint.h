@@ -1,0 +1,113 @@
+// A run's state as bytes. The classes that have state name it once, in a template `state(archive)`, which writes it to
+// a CheckpointWriter and reads it back from a CheckpointReader.
+#pragma once
+
+#include <cstdint>
+#include <cstring>
+#include <functional>
+#include <string>
+#include <string_view>
+#include <type_traits>
+#include <vector>
+
+#include "core/mesh/high_order_mesh.h"
+#include "core/optimise/optimiser.h"
+#include "core/optimise/target_field.h"
+
+namespace varimesh {
+
+/// A hash of bytes in the order in which they come; no protection against an adversary.
+class Fingerprint {
+ public:
+  void add(std::string_view bytes);
+  template <class T>
+  requires(std::is_arithmetic_v<T> || std::is_enum_v<T>) void add(T value) {
+    add(std::string_view(reinterpret_cast<const char*>(&value), sizeof value));
+  }
+  template <class T>
+  requires(std::is_arithmetic_v<T> || std::is_enum_v<T>) void add(const std::vector<T>& values) {
+    add(values.size());
+    add(std::string_view(reinterpret_cast<const char*>(values.data()), values.size() * sizeof(T)));
+  }
+  std::uint64_t value() const { return hash_; }
+
+ private:
+  std::uint64_t hash_ = 0x9e3779b97f4a7c15;
+};
+
+/// Of all that decides the path of a run: the mesh, what is fixed in it, its targets, and the options but for those
+/// that only say when to stop (max_iterations, time_limit) and `threads`.
+std::uint64_t fingerprint(const HighOrderMesh& mesh, const std::vector<bool>& fixed, const StretchField& target,
+                          const Options& options);
+
+/// Writes numbers as this machine has them, small ones gathered into larger pieces, and a sum of all at the end.
+class CheckpointWriter {
+ public:
+  static constexpr bool kReads = false;
+
+  CheckpointWriter(CheckpointSink sink, std::uint64_t fingerprint);
+
+  template <class T>
+  requires(std::is_arithmetic_v<T> || std::is_enum_v<T>) void operator()(const T& value) { put(&value, sizeof value); }
+  template <class T>
+  requires(std::is_arithmetic_v<T> || std::is_enum_v<T>) void operator()(const std::vector<T>& values) {
+    (*this)(static_cast<std::uint64_t>(values.size()));
+    put(values.data(), values.size() * sizeof(T));
+  }
+  template <class First, class Second, class... Rest>
+  void operator()(const First& first, const Second& second, const Rest&... rest) {
+    (*this)(first);
+    (*this)(second, rest...);
+  }
+
+  /// Writes what is left; false where the sink stopped.
+  bool finish();
+
+ private:
+  void put(const void* data, std::size_t size);
+  void flush();
+
+  CheckpointSink sink_;
+  Fingerprint sum_;
+  std::string pending_;
+  bool stopped_ = false;
+};
+
+/// Reads what a CheckpointWriter has written. Past the end everything is 0 or empty, and failed() says so.
+class CheckpointReader {
+ public:
+  static constexpr bool kReads = true;
+
+  /// `bytes` must outlive the reader.
+  CheckpointReader(std::string_view bytes, std::uint64_t fingerprint);
+
+  template <class T>
+  requires(std::is_arithmetic_v<T> || std::is_enum_v<T>) void operator()(T& value) { get(&value, sizeof value); }
+  /// Any number of values, as many as were written.
+  template <class T>
+  requires(std::is_arithmetic_v<T> || std::is_enum_v<T>) void operator()(std::vector<T>& values) {
+    std::uint64_t size = 0;
+    (*this)(size);
+    failed_ = failed_ || size > rest_.size() / sizeof(T);
+    values.resize(failed_ ? 0 : size);
+    get(values.data(), values.size() * sizeof(T));
+  }
+  template <class First, class Second, class... Rest>
+  void operator()(First& first, Second& second, Rest&... rest) {
+    (*this)(first);
+    (*this)(second, rest...);
+  }
+
+  /// The checkpoint cannot be used: another version's, of another mesh or other options, cut off or changed; or what is
+  /// in it does not fit the run.
+  bool failed() const { return failed_; }
+  void fail() { failed_ = true; }
+
+ private:
+  void get(void* data, std::size_t size);
+
+  std::string_view rest_;
+  bool failed_ = false;
+};
+
+}  // namespace varimesh

@@ -1,0 +1,203 @@
+#include "core/optimise/run.h"
+
+#include "core/optimise/checkpoint.h"
+
+namespace varimesh {
+namespace {
+
+/// Deformation gradients are updated by rank one as nodes move; every so many iterations they are computed anew, so
+/// that rounding does not add up, and so that a checkpoint can do without them.
+constexpr int kIterationsBetweenRebuilds = 10;
+constexpr int kSettledSweepsBetweenLooks = 4;
+
+template <class Archive>
+void iteration_state(Archive& archive, Iteration& i) {
+  archive(i.phase, i.number, i.energy, i.residual, i.relative_gradient, i.min_scaled_jacobian, i.invalid_elements,
+          i.repairable_elements, i.active_nodes, i.products, i.seconds);
+}
+
+}  // namespace
+
+double BestSeen::look(const Guard& guard) {
+  certificates_ = guard.certificates();
+  const CertificateSummary summary = certifier_.sharpen(guard.coordinates(), certificates_);
+  const std::int64_t uncertified = summary.invalid + summary.undecided;
+  const double bound = summary.min_scaled_jacobian_lower_bound;
+  if (uncertified < fewest_ || (uncertified == fewest_ && bound > highest_)) {
+    highest_ = bound;
+    fewest_ = uncertified;
+    coordinates_ = guard.coordinates();
+  }
+  return bound;
+}
+
+Run::Run(const RunParts& parts, Clock::time_point start)
+    : options_(parts.options),
+      problem_(parts.problem),
+      kernels_(parts.kernels),
+      hessian_(parts.hessian),
+      guard_(parts.guard),
+      best_(parts.best),
+      team_(parts.team),
+      start_(start),
+      norm_{options_.p_norm},
+      sweeper_(problem_, parts.schedule, kernels_, options_.regularisation, norm_,
+               options_.active_set ? options_.tolerance : -1, team_),
+      chooser_(options_, guard_.repairable()),
+      stopper_(options_) {}
+
+std::optional<StopReason> Run::begin() {
+  sweeper_.rebuild();
+  sweeper_.scan();
+  iteration_.invalid_elements = guard_.uncertified();
+  iteration_.repairable_elements = guard_.repairable();
+  if (options_.until_js > 0) bound_ = best_.look(guard_);
+  return stopper_.after(iteration_, false, chooser_.outlook(guard_.unrepaired()), bound_);
+}
+
+std::optional<StopReason> Run::step() {
+  iteration_.phase = chooser_.phase();
+  ++iteration_.number;
+  iteration_.products = 0;
+  Moved moved = iteration_.phase == Phase::Sweeps   ? sweep()
+                : iteration_.phase == Phase::Newton ? newton_step()
+                                                    : untangle();
+  look(moved);
+  note(moved);
+  return judge(moved);
+}
+
+// ===== the methods =====
+
+Run::Moved Run::sweep() {
+  const SweepReport swept = sweeper_.sweep();
+  exact_ = iteration_.number % kIterationsBetweenRebuilds == 0;
+  if (exact_) sweeper_.rebuild();
+  iteration_.residual = swept.residual;
+  iteration_.active_nodes = swept.visited;
+  return {swept.gradient_norm, false, false, swept.visited == static_cast<std::int64_t>(problem_.free.size())};
+}
+
+Run::Moved Run::newton_step() {
+  const NewtonReport stepped = newton().step();
+  sweeper_.changed();
+  exact_ = exact_ || stepped.searched;
+  iteration_.residual = stepped.residual;
+  iteration_.active_nodes = static_cast<std::int64_t>(problem_.free.size());
+  iteration_.products = stepped.products;
+  return {stepped.gradient_norm, stepped.damping == 0, stepped.failed, true};
+}
+
+Run::Moved Run::untangle() {
+  if (!untangler_) {
+    untangler_.emplace(problem_, kernels_, guard_, team_);
+    chooser_.untangling_from(guard_.unrepaired());
+  }
+  const UntangleReport untangled = untangler_->step();
+  exact_ = true;
+  iteration_.residual = untangled.residual;
+  iteration_.active_nodes = untangled.active_nodes;
+  return {untangled.gradient_norm, false, false, false};
+}
+
+Newton& Run::newton() {
+  if (!newton_) newton_.emplace(problem_, kernels_, *hessian_, norm_, team_);
+  return *newton_;
+}
+
+// ===== what came of it =====
+
+void Run::look(Moved& moved) {
+  // Sweeps over cells that are all valid hardly change what is proved; the end looks at all that has moved since.
+  const bool settled = iteration_.phase == Phase::Sweeps && guard_.uncertified() == 0 && options_.until_js <= 0;
+  if (!settled || iteration_.number % kSettledSweepsBetweenLooks == 0) guard_.look();
+  if (!untangler_) return;
+  untangler_->judge();
+  sweeper_.changed();
+  moved.stuck = untangler_->done();
+  if (moved.stuck) untangler_.reset();
+}
+
+void Run::note(const Moved& moved) {
+  const ScanReport seen = sweeper_.scan();
+  if (iteration_.number == 1) first_gradient_ = moved.gradient;
+  iteration_.energy = seen.energy;
+  iteration_.relative_gradient = first_gradient_ > 0 ? moved.gradient / first_gradient_ : 0;
+  iteration_.min_scaled_jacobian = seen.min_scaled_jacobian;
+  iteration_.invalid_elements = guard_.uncertified();
+  iteration_.repairable_elements = guard_.repairable();
+  iteration_.seconds = seconds();
+  history_.push_back(iteration_);
+  if (options_.until_js > 0) bound_ = best_.look(guard_);
+}
+
+std::optional<StopReason> Run::judge(const Moved& moved) {
+  const bool small = !moved.failed && iteration_.residual <= options_.tolerance;
+  // That the nodes which are awake hardly move is no proof: all have to be asked.
+  if (small && !moved.whole) sweeper_.wake();
+  converged_ = small && moved.whole;
+  const Outlook outlook = chooser_.outlook(guard_.unrepaired());
+  if (const auto reason = stopper_.after(iteration_, converged_, outlook, bound_)) return reason;
+  if (!chooser_.next(guard_.repairable(), guard_.unrepaired(), moved.stuck || converged_))
+    return StopReason::NoProgress;
+  return std::nullopt;
+}
+
+// ===== checkpoints =====
+
+template <class Archive>
+void Run::state(Archive& archive) {
+  std::vector<double> positions = free_positions(problem_, problem_.positions);
+  archive(positions);
+  if constexpr (Archive::kReads)
+    if (!set_free_positions(problem_, positions, problem_.positions)) return archive.fail();
+  guard_.state(archive);
+  sweeper_.state(archive);
+  if constexpr (Archive::kReads)
+    if (archive.failed() || !sweeper_.refresh()) return archive.fail();
+  chooser_.state(archive);
+  stopper_.state(archive);
+  best_.state(archive);
+  std::uint64_t iterations = history_.size();
+  archive(first_gradient_, bound_, converged_, iterations);
+  for (std::uint64_t i = 0; i < iterations; ++i) {
+    if constexpr (Archive::kReads) {
+      if (archive.failed()) return;
+      history_.emplace_back();
+    }
+    iteration_state(archive, history_[i]);
+  }
+  methods_state(archive);
+}
+
+template <class Archive>
+void Run::methods_state(Archive& archive) {
+  bool with_newton = newton_.has_value(), with_untangler = untangler_.has_value();
+  archive(with_newton, with_untangler);
+  if constexpr (Archive::kReads) {
+    if (archive.failed() || (with_newton && hessian_ == nullptr)) return archive.fail();
+    if (with_newton) newton();
+    if (with_untangler) untangler_.emplace(Untangler::ToBeRead{}, problem_, kernels_, guard_, team_);
+  }
+  if (with_newton) newton_->state(archive);
+  if (with_untangler) untangler_->state(archive);
+}
+
+bool Run::resume(std::string_view checkpoint, std::uint64_t fingerprint) {
+  CheckpointReader reader(checkpoint, fingerprint);
+  if (!reader.failed()) state(reader);
+  if (reader.failed() || history_.empty()) return false;
+  iteration_ = history_.back();
+  exact_ = true;
+  start_ =
+      Clock::now() - std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(iteration_.seconds));
+  return true;
+}
+
+bool Run::write(const CheckpointSink& sink, std::uint64_t fingerprint) {
+  CheckpointWriter writer(sink, fingerprint);
+  state(writer);
+  return writer.finish();
+}
+
+}  // namespace varimesh
