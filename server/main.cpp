@@ -40,6 +40,7 @@ int main(int argc, char** argv) {
   options.listen = "127.0.0.1:50051";
   options.limits.reserve_bytes = std::int64_t{64} << 20;
   std::string port_file, log_level = "info";
+  double checkpoint_seconds = 5;
   int drain_seconds = 30, mesh_lifetime_hours = 7 * 24;
 
   CLI::App app{"Serves mesh optimisation over gRPC (package varimesh.v1)."};
@@ -72,6 +73,11 @@ int main(int argc, char** argv) {
                  "Free space on the disk that is left for the jobs that run: below it nothing is taken")
       ->capture_default_str()
       ->check(CLI::NonNegativeNumber);
+  app.add_option("--checkpoint-seconds", checkpoint_seconds,
+                 "With --state: the state of a running job is kept after 30 s, or after ten iterations and so many "
+                 "seconds")
+      ->capture_default_str()
+      ->check(CLI::Range(0.0, 30.0));
   app.add_option("--mesh-lifetime", mesh_lifetime_hours, "Hours that a mesh is kept that no job refers to")
       ->capture_default_str()
       ->check(CLI::PositiveNumber);
@@ -98,6 +104,7 @@ int main(int argc, char** argv) {
     return 2;
   }
   options.engine = server::core_engine();
+  options.limits.checkpoint_pause = std::chrono::milliseconds(static_cast<int>(1000 * checkpoint_seconds));
   options.limits.mesh_lifetime = std::chrono::hours(mesh_lifetime_hours);
   if (options.state.empty()) spdlog::info("jobs and meshes go with this process; --state DIR keeps them");
   auto server = server::Server::start(std::move(options));

@@ -131,6 +131,7 @@ struct Server::Parts {
     settings.threads = budget.threads();
     settings.max_pending = options.limits.max_pending_jobs;
     settings.max_ended = options.limits.max_ended_jobs;
+    settings.checkpoint_pause = options.limits.checkpoint_pause;
     settings.clock = options.clock;
     settings.has_room = [this] { return meshes->has_room(); };
     settings.new_name = options.new_name ? options.new_name : random_name;

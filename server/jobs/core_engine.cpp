@@ -50,7 +50,15 @@ Expected<RunOutcome> run(RunRequest request, const RunHooks& hooks) {
     outcome.stopped = true;
     return outcome;
   }
-  auto result = optimise(std::move(file->mesh), request.options, hooks.on_iteration);
+  RunControl control;
+  control.checkpoint_due = [&](const Iteration& iteration) {
+    return hooks.checkpoint_due && hooks.checkpoint_due(iteration.number);
+  };
+  control.save_checkpoint = [&](const Iteration& iteration, const WriteCheckpoint& write) {
+    hooks.save_checkpoint(iteration.number, write);
+  };
+  if (request.checkpoint) control.checkpoint = request.checkpoint->bytes();
+  auto result = optimise(std::move(file->mesh), request.options, hooks.on_iteration, control);
   if (!result) return tl::unexpected(result.error());
   outcome = {result->summary,          result->iterations,   result->seconds,           result->residual,
              result->converged,        result->stopped,      result->stop_reason,       std::move(result->before),

@@ -23,17 +23,13 @@ struct RunRequest {
   std::shared_ptr<const Blob> checkpoint;
 };
 
-/// Writes the solver's whole state, which means something to the engine alone; false where the sink stopped.
-using WriteCheckpoint = std::function<bool(const formats::Sink&)>;
-
 /// What the run tells, and where it writes.
 struct RunHooks {
   OnIteration on_iteration;
   std::function<bool()> cancelled;  ///< Asked between the steps.
   /// Whether the run ends only to be gone on with elsewhere: its outputs are wanted by nobody.
   std::function<bool()> given_up;
-  /// Asked after every iteration, before on_iteration. Where it says yes, the engine may save its state; one that
-  /// cannot is run from the start again.
+  /// Asked, before on_iteration, after iterations whose state can be kept. Where it says yes, the engine saves it.
   std::function<bool(int iteration)> checkpoint_due;
   std::function<void(int iteration, const WriteCheckpoint& write)> save_checkpoint;
   /// Where the next output goes; the format is never UNSPECIFIED.

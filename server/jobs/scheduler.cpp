@@ -242,6 +242,7 @@ void Scheduler::run(const std::shared_ptr<Running>& running) {
                     [[maybe_unused]] const auto noted =
                         jobs_->note_progress(claim, iteration, running->log->last_sequence());
                   },
+                  settings_.checkpoint_pause,
                   nullptr};
   if (jobs_->durable())
     attempt.note_checkpoint = [&](const CheckpointReference& checkpoint) {

@@ -24,6 +24,7 @@ struct SchedulerSettings {
   int max_ended = 1000;                ///< Jobs that ended before this many others are forgotten with their results.
   std::string worker = "local";        ///< Whose claims these are, after a restart too.
   std::chrono::seconds heartbeat{10};  ///< A third of the lease.
+  std::chrono::milliseconds checkpoint_pause{5'000};  ///< Between two checkpoints of a job, at least.
   std::function<TimePoint()> clock = std::chrono::system_clock::now;
   std::function<bool()> has_room = [] { return true; };  ///< On the disk, for another job; STORE_FULL where not.
   std::function<std::string()> new_name;                 ///< "jobs/…", never the same again; from any thread.
@@ -57,8 +58,8 @@ class Scheduler {
   Answer<v1::History> history(const std::string& name);
 
   /// Claims nothing more and asks the running jobs to end. Where the store is durable they wait again, and the next
-  /// process goes on from their checkpoints; a job that has none, as all whose engine writes none, starts again from
-  /// its beginning. Otherwise they are cancelled.
+  /// process goes on from their checkpoints; a job that has none starts again from its beginning. Otherwise they are
+  /// cancelled.
   void stop();
   /// Waits for them; false where some still run at the deadline. Where the store is durable those are PENDING there by
   /// then, and no attempt counts as lost: the process may end at once.

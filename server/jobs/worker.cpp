@@ -57,7 +57,8 @@ class Checkpoints {
     if (attempt_.note_checkpoint == nullptr || iteration == iteration_) return false;
     const auto since = attempt_.clock() - saved_;
     // Small meshes make ten iterations in a moment, and a checkpoint waits for the disk.
-    const bool often_enough = since < kInterval && (iteration - iteration_ < kIterations || since < kPause);
+    const bool often_enough =
+        since < kInterval && (iteration - iteration_ < kIterations || since < attempt_.checkpoint_pause);
     return !often_enough || attempt_.stopping();
   }
 
@@ -73,7 +74,7 @@ class Checkpoints {
 
  private:
   static constexpr int kIterations = 10;
-  static constexpr std::chrono::seconds kInterval{30}, kPause{5};
+  static constexpr std::chrono::seconds kInterval{30};
 
   const Attempt& attempt_;
   TimePoint saved_;

@@ -21,6 +21,8 @@ struct Attempt {
   std::function<bool()> cancelled;                          ///< Somebody asked for the job to end.
   std::function<bool()> stopping;                           ///< The server ends, and the job shall go on later.
   std::function<void(const v1::Iteration&)> note_progress;  ///< Called at most twice a second.
+  /// Checkpoints are no closer to each other than this, but where the server stops.
+  std::chrono::milliseconds checkpoint_pause{5'000};
   /// Keeps a checkpoint that is in the mesh store, and takes its reference over. Null: none are kept.
   std::function<void(const CheckpointReference&)> note_checkpoint;
 };

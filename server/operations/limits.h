@@ -14,6 +14,7 @@ struct Limits {
   std::chrono::minutes mesh_lifetime{7 * 24 * 60};       ///< Of a mesh that no job refers to.
   std::int64_t reserve_bytes = 0;                        ///< Of disk, left for what the running jobs write.
   int threads = 0;                                       ///< The machine's budget; 0: all there are.
+  std::chrono::milliseconds checkpoint_pause{5'000};     ///< Between two checkpoints of a running job, at least.
   std::chrono::milliseconds bookmark_interval{10000};    ///< Silence on a watch; the contract promises 15 s.
   std::chrono::milliseconds stalled_reader{30000};       ///< A message that is not taken for so long ends the stream.
 };

@@ -8,6 +8,7 @@
 //
 // Exit status: 0 all promises held; 1 some did not, each in a line.
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <atomic>
 #include <cstdio>
 #include <fstream>
@@ -84,7 +85,7 @@ class Campaign {
  public:
   explicit Campaign(const Arguments& arguments)
       : arguments_(arguments),
-        server_(arguments.program, {"--threads", "2", "--log-level", "info"}),
+        server_(arguments.program, {"--threads", "2", "--log-level", "info", "--checkpoint-seconds", "0.05"}),
         random_(arguments.seed) {
     std::ifstream file(arguments.mesh, std::ios::binary);
     mesh_.assign(std::istreambuf_iterator<char>(file), {});
@@ -114,11 +115,13 @@ class Campaign {
     check();
     stop_gently();
     std::printf(
-        "%d ends, %zu jobs, %d attempts broken off, %d jobs lost three times, ready again within %lld ms, stopped "
+        "%d ends, %zu jobs, %d attempts broken off, %d began behind a checkpoint, %d jobs lost three times, ready "
+        "again within %lld ms, stopped "
         "within "
         "%lld ms: %s\n",
-        arguments_.kills, watched_.size(), lost_attempts_, given_up_, static_cast<long long>(slowest_start_.count()),
-        static_cast<long long>(slowest_stop_.count()), violations_.count() == 0 ? "all held" : "NOT ALL HELD");
+        arguments_.kills, watched_.size(), lost_attempts_, resumed_, given_up_,
+        static_cast<long long>(slowest_start_.count()), static_cast<long long>(slowest_stop_.count()),
+        violations_.count() == 0 ? "all held" : "NOT ALL HELD");
     return violations_.count() == 0 ? 0 : 1;
   }
 
@@ -156,9 +159,16 @@ class Campaign {
   v1::JobSpec spec(int variant) const {
     v1::JobSpec spec;
     spec.mutable_mesh()->set_digest(digest_);
-    spec.mutable_options()->set_max_iterations(10 + 8 * variant);
-    spec.mutable_options()->set_tolerance(1e-12);
-    spec.mutable_options()->set_threads(1);
+    v1::Options& options = *spec.mutable_options();
+    options.set_max_iterations(10 + 8 * variant);
+    // Every other job is sweeps for some seconds, so that it has a checkpoint to go on from.
+    if (variant % 2 == 1) {
+      options.set_method(v1::METHOD_SWEEPS);
+      options.set_active_set(false);
+      options.set_max_iterations(200 * variant);
+    }
+    options.set_tolerance(1e-12);
+    options.set_threads(1);
     return spec;
   }
 
@@ -245,6 +255,18 @@ class Campaign {
         violations_.add(watched->request_id + " has " + std::to_string(requests.count(watched->request_id)) + " jobs");
       check(*watched);
     }
+    if (lost_attempts_ >= kFewAttempts && resumed_ == 0) violations_.add("no attempt went on from a checkpoint");
+  }
+
+  /// Attempts after the first whose first iteration that was seen is not the job's first.
+  static int resumed(const WatchHistory& history) {
+    std::map<int, int> first;
+    for (const WatchedStream& stream : history)
+      for (const v1::JobEvent& event : stream.events)
+        if (event.has_iteration()) first.emplace(event.attempt(), event.iteration().number());
+    return static_cast<int>(std::count_if(first.begin(), first.end(), [](const auto& attempt) {
+      return attempt.first > 1 && attempt.second > 1 && (attempt.second - 1) % 10 == 0;
+    }));
   }
 
   void check(const Watched& watched) {
@@ -260,6 +282,7 @@ class Campaign {
       violations_.add(job.name() + " is " + v1::JobState_Name(job.state()) + ": " + job.error().message());
     }
     lost_attempts_ += std::max(0, job.attempt() - 1);
+    resumed_ += resumed(watched.history);
 
     // The server's own account, which holds every state and quality report.
     Watched again;
@@ -291,6 +314,7 @@ class Campaign {
   }
 
   static constexpr int kVariants = 6;
+  static constexpr int kFewAttempts = 5;  ///< All of them may have been broken off in their first ten iterations.
 
   const Arguments arguments_;
   RealServer server_;
@@ -300,7 +324,7 @@ class Campaign {
   Violations violations_;
   std::map<int, std::string> results_;
   std::vector<std::unique_ptr<Watched>> watched_;
-  int requests_ = 0, lost_attempts_ = 0, given_up_ = 0;
+  int requests_ = 0, lost_attempts_ = 0, resumed_ = 0, given_up_ = 0;
   std::chrono::milliseconds slowest_start_{0}, slowest_stop_{0};
 };
 
