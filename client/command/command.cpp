@@ -36,7 +36,7 @@ void say_contact(bool answers, std::chrono::milliseconds retry) {
 }  // namespace
 
 void add_server_flag(CLI::App& command, CommonFlags* flags) {
-  command.add_option("--server", flags->server, "HOST:PORT or unix:PATH of a varimeshd");
+  command.add_option("--server", flags->server, "HOST:PORT or unix:PATH of a varimeshd")->type_name("ADDRESS");
 }
 void add_json_flag(CLI::App& command, CommonFlags* flags) {
   command.add_flag("--json", flags->json, "Print one JSON document on standard output, and nothing else there");

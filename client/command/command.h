@@ -5,6 +5,8 @@
 #include <functional>
 #include <memory>
 #include <string>
+#include <utility>
+#include <vector>
 
 #include "client/client.h"
 #include "client/command/leftovers.h"
@@ -78,5 +80,10 @@ Run add_jobs(CLI::App& app);
 Run add_info(CLI::App& app);
 Run add_quality(CLI::App& app);
 Run add_convert(CLI::App& app);
+Run add_doctor(CLI::App& app);
+Run add_completion(CLI::App& app);
+Run add_man(CLI::App& app);
+/// All of them, by their names, with the program's own help and version.
+std::vector<std::pair<std::string, Run>> add_commands(CLI::App& app);
 
 }  // namespace varimesh::client

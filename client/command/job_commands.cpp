@@ -28,7 +28,9 @@ std::shared_ptr<Arguments> new_arguments() { return std::make_shared<Arguments>(
 /// Flags of a subcommand that only makes sense with a server.
 CLI::App& add_remote(CLI::App& app, const char* name, const char* help, Arguments* arguments) {
   CLI::App& command = *app.add_subcommand(name, help);
-  command.add_option("--server", arguments->common.server, "HOST:PORT or unix:PATH of a varimeshd")->required();
+  command.add_option("--server", arguments->common.server, "HOST:PORT or unix:PATH of a varimeshd")
+      ->required()
+      ->type_name("ADDRESS");
   add_json_flag(command, &arguments->common);
   return command;
 }
@@ -176,7 +178,7 @@ Run add_submit(CLI::App& app) {
 Run add_watch(CLI::App& app) {
   auto arguments = new_arguments();
   CLI::App& command = add_remote(app, "watch", "Follow a job to its end", arguments.get());
-  command.add_option("job", arguments->job, "Its name")->required()->check(is_text());
+  command.add_option("job", arguments->job, "Its name")->required()->type_name("JOB")->check(is_text());
   command.add_option("--after", arguments->after, "Sequence number of the last event that was seen")
       ->check(CLI::NonNegativeNumber);
   add_quiet_flag(command, &arguments->common);
@@ -186,7 +188,7 @@ Run add_watch(CLI::App& app) {
 Run add_result(CLI::App& app) {
   auto arguments = new_arguments();
   CLI::App& command = add_remote(app, "result", "Fetch the result of a job that has succeeded", arguments.get());
-  command.add_option("job", arguments->job, "Its name")->required()->check(is_text());
+  command.add_option("job", arguments->job, "Its name")->required()->type_name("JOB")->check(is_text());
   command.add_option("-o,--output", arguments->outputs, "Where it goes; may be repeated")
       ->type_name("OUT")
       ->allow_extra_args(false);
@@ -200,14 +202,14 @@ Run add_result(CLI::App& app) {
 Run add_cancel(CLI::App& app) {
   auto arguments = new_arguments();
   CLI::App& command = add_remote(app, "cancel", "Ask for a job to end", arguments.get());
-  command.add_option("job", arguments->job, "Its name")->required()->check(is_text());
+  command.add_option("job", arguments->job, "Its name")->required()->type_name("JOB")->check(is_text());
   return [arguments] { return cancel(*arguments); };
 }
 
 Run add_delete(CLI::App& app) {
   auto arguments = new_arguments();
   CLI::App& command = add_remote(app, "delete", "Forget a job that has ended, and its results", arguments.get());
-  command.add_option("job", arguments->job, "Its name")->required()->check(is_text());
+  command.add_option("job", arguments->job, "Its name")->required()->type_name("JOB")->check(is_text());
   return [arguments] { return remove(*arguments); };
 }
 

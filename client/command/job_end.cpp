@@ -33,13 +33,13 @@ int report_end(const v1::Job& job, const std::string& input) {
 
 tl::expected<v1::Job, int> follow(Client* client, const std::string& name, std::int64_t after, const CommonFlags& flags,
                                   bool owned) {
-  double tolerance = 1e-6;
+  v1::Options options;
   if (const auto job = client->get(name)) {
-    if (job->spec().options().has_tolerance()) tolerance = job->spec().options().tolerance();
+    options = job->spec().options();
   } else if (!owned || interrupts() == 0) {
     return tl::unexpected(report(job.error()));  // An interrupted one of our own is cancelled below.
   }
-  Progress progress(flags.quiet, tolerance);
+  Progress progress(flags.quiet, options);
   // A job that runs here ends before this process can; of one that runs elsewhere enough is known after a while.
   const std::chrono::seconds patience = flags.server.empty() ? std::chrono::hours(24) : std::chrono::seconds(10);
   std::optional<std::chrono::steady_clock::time_point> cancelled;

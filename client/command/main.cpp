@@ -6,10 +6,12 @@
 #include <cstdio>
 #include <exception>
 #include <iostream>
+#include <string>
 #include <system_error>
+#include <vector>
 
 #include "client/command/command.h"
-#include "core/version.h"
+#include "client/command/help.h"
 
 namespace {
 
@@ -31,28 +33,24 @@ int after_printing(int status) {
   return status == kDone || status == kInvalidLeft ? kInputRefused : status;
 }
 
+/// What is wrong with a command line, and where to look.
+int refuse(const CLI::App& app, const CLI::ParseError& error, const std::vector<std::string>& words) {
+  const std::string unknown = unknown_word(app, words);
+  const auto used = app.get_subcommands();
+  std::cerr << "varimesh: " << (unknown.empty() ? error.what() : unknown) << "\nvarimesh "
+            << (used.empty() ? "" : used.front()->get_name() + " ") << "--help has examples and all options."
+            << std::endl;
+  return kUsage;
+}
+
 int run(int argc, char** argv) {
-  CLI::App app{
-      "Moves the interior nodes of a curved high-order mesh until it is valid and smooth.\n\n"
-      "  varimesh optimise wing.msh -o better.msh -o better.vtu    here\n"
-      "  varimesh optimise wing.msh -o better.msh --server HOST:PORT\n"
-      "  varimesh submit wing.msh --server HOST:PORT               and later watch, result\n"
-      "  varimesh quality wing.msh\n"
-      "  varimesh convert wing.msh wing.vtu\n\n"
-      "Exit status: 0 done and valid; 1 the job failed or was cancelled by someone else; 2 usage; 3 the input was "
-      "refused; 4 finished but elements are invalid; 5 server or transport; 130 interrupted.",
-      "varimesh"};
-  app.set_version_flag("--version", std::string(varimesh::version()));
-  app.require_subcommand(1);
-  const std::pair<const char*, Run> commands[] = {{"optimise", add_optimise(app)}, {"submit", add_submit(app)},
-                                                  {"watch", add_watch(app)},       {"result", add_result(app)},
-                                                  {"cancel", add_cancel(app)},     {"delete", add_delete(app)},
-                                                  {"jobs", add_jobs(app)},         {"info", add_info(app)},
-                                                  {"quality", add_quality(app)},   {"convert", add_convert(app)}};
+  CLI::App app;
+  const auto commands = add_commands(app);
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
-    return app.exit(error) == 0 ? kDone : kUsage;
+    if (error.get_exit_code() == 0) return app.exit(error);
+    return refuse(app, error, {argv + 1, argv + argc});
   }
   try {
     for (const auto& [name, carry_out] : commands)

@@ -6,6 +6,7 @@
 
 #include "client/client.h"
 #include "client/command/command.h"
+#include "client/command/help.h"
 #include "client/command/names.h"
 #include "client/input_file.h"
 #include "core/optimise/target_field.h"
@@ -55,6 +56,16 @@ constexpr std::array kRows{
     OptionRow{"rings", "With --region-below, layers of cells around those; default 2"},
 };
 
+/// What may have been meant by a value that does not exist.
+std::string meant(const std::string& name, const google::protobuf::EnumDescriptor& type) {
+  const auto known = spellings(type);
+  std::string list;
+  for (const std::string& one : known) list += (list.empty() ? "" : ", ") + one;
+  const std::string near = nearest(name, known);
+  return (near.empty() ? "" : "did you mean '" + near + "'? There are ") + (near.empty() ? "take one of " : "") + list +
+         ".";
+}
+
 void add_enum(CLI::App& command, const std::string& flag, const FieldDescriptor& field, const OptionRow& row,
               v1::Options* options) {
   command
@@ -63,10 +74,8 @@ void add_enum(CLI::App& command, const std::string& flag, const FieldDescriptor&
           [options, &field](const std::string& name) {
             const auto* value = value_of(*field.enum_type(), name);
             if (value == nullptr) {
-              std::string known;
-              for (const std::string& one : spellings(*field.enum_type())) known += (known.empty() ? "" : ", ") + one;
               throw CLI::ValidationError("--" + dashed(field.name()),
-                                         "there is no '" + name + "'; take one of " + known);
+                                         "there is no '" + name + "'; " + meant(name, *field.enum_type()));
             }
             v1::Options::GetReflection()->SetEnum(options, &field, value);
           },
@@ -165,7 +174,10 @@ void add_one(CLI::App& command, const OptionRow& row, v1::Options* options) {
 std::span<const OptionRow> option_rows() { return kRows; }
 
 void add_options(CLI::App& command, v1::Options* options) {
-  for (const OptionRow& row : kRows) add_one(command, row, options);
+  for (const OptionRow& row : kRows) {
+    add_one(command, row, options);
+    command.get_option("--" + dashed(std::string(row.field)))->group("Optimisation");
+  }
 }
 
 }  // namespace varimesh::client

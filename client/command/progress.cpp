@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <optional>
 
 #include "client/command/names.h"
 
@@ -38,10 +39,21 @@ std::string bar(double first, double now, double tolerance) {
          std::string(static_cast<std::size_t>(kWidth - filled), '.') + ']';
 }
 
+/// "  2 min left"; nothing where it is not known.
+std::string in_words(const std::optional<double>& seconds) {
+  if (!seconds) return "";
+  if (*seconds < 100) return fmt::format("  {:.0f} s left", std::ceil(*seconds));
+  if (*seconds < 6000) return fmt::format("  {:.0f} min left", *seconds / 60);
+  return fmt::format("  {:.1f} h left", *seconds / 3600);
+}
+
 }  // namespace
 
-Progress::Progress(bool quiet, double tolerance)
-    : quiet_(quiet), terminal_(isatty(STDERR_FILENO) == 1), tolerance_(tolerance) {}
+Progress::Progress(bool quiet, const v1::Options& options)
+    : quiet_(quiet),
+      terminal_(isatty(STDERR_FILENO) == 1),
+      tolerance_(options.has_tolerance() ? options.tolerance() : 1e-6),
+      estimate_(options) {}
 
 Progress::~Progress() { clear(); }
 
@@ -70,17 +82,19 @@ void Progress::show(const v1::JobEvent& event) {
 
 void Progress::show(const v1::Iteration& iteration, bool last) {
   if (first_residual_ == 0) first_residual_ = iteration.residual();
+  if (!last) estimate_.add(iteration);
   latest_ = iteration;
   const auto now = std::chrono::steady_clock::now();
   latest_shown_ = last || now - shown_ >= (terminal_ ? kBarInterval : kLineInterval);
   if (!latest_shown_) return;
   shown_ = now;
+  const std::string left = last ? "" : in_words(estimate_.seconds_left());
   if (!terminal_) {
-    std::fprintf(stderr, "%s\n", numbers(iteration).c_str());
+    std::fprintf(stderr, "%s\n", (numbers(iteration) + left).c_str());
     return;
   }
   // A line that wraps cannot be drawn over again: without the room, the bar goes, and then the end of the numbers.
-  std::string line = bar(first_residual_, iteration.residual(), tolerance_) + " " + numbers(iteration);
+  std::string line = bar(first_residual_, iteration.residual(), tolerance_) + " " + numbers(iteration) + left;
   winsize size{};
   if (ioctl(STDERR_FILENO, TIOCGWINSZ, &size) == 0 && size.ws_col > 1 && line.size() >= size.ws_col)
     line = numbers(iteration).substr(0, size.ws_col - 1);

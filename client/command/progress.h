@@ -4,6 +4,7 @@
 #include <chrono>
 #include <string>
 
+#include "client/command/estimate.h"
 #include "varimesh/v1/job.pb.h"
 
 namespace varimesh::client {
@@ -11,7 +12,7 @@ namespace varimesh::client {
 class Progress {
  public:
   /// `quiet` says nothing at all.
-  Progress(bool quiet, double tolerance);
+  Progress(bool quiet, const v1::Options& options);
   ~Progress();
 
   void show(const v1::JobEvent& event);
@@ -25,6 +26,7 @@ class Progress {
   const bool quiet_;
   const bool terminal_;
   const double tolerance_;
+  Estimate estimate_;
   double first_residual_ = 0;
   bool bar_ = false;
   std::chrono::steady_clock::time_point shown_{};

@@ -1,0 +1,45 @@
+// The last iterations of the phase, extrapolated.
+#include "client/command/estimate.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace varimesh::client {
+namespace {
+
+constexpr std::size_t kRecent = 20;
+constexpr double kLeastFall = 0.05;  // decades; below it the residual stands, and says nothing
+
+void lower(std::optional<double>* estimate, double seconds) {
+  *estimate = std::max(0.0, estimate->has_value() ? std::min(**estimate, seconds) : seconds);
+}
+
+}  // namespace
+
+Estimate::Estimate(const v1::Options& options)
+    : tolerance_(options.has_tolerance() ? options.tolerance() : 1e-6),
+      max_iterations_(options.has_max_iterations() ? options.max_iterations() : 1000),
+      time_limit_(options.time_limit()) {}
+
+void Estimate::add(const v1::Iteration& iteration) {
+  // Phases fall at rates of their own.
+  if (iteration.phase() != latest_.phase()) recent_.clear();
+  latest_ = iteration;
+  if (iteration.residual() > 0) recent_.push_back({iteration.seconds(), std::log10(iteration.residual())});
+  if (recent_.size() > kRecent) recent_.pop_front();
+}
+
+std::optional<double> Estimate::seconds_left() const {
+  std::optional<double> left;
+  if (time_limit_ > 0) lower(&left, time_limit_ - latest_.seconds());
+  if (recent_.size() < 3) return left;
+  const double elapsed = recent_.back().seconds - recent_.front().seconds;
+  const double steps = static_cast<double>(recent_.size() - 1);
+  lower(&left, elapsed / steps * (max_iterations_ - latest_.number()));
+  const double fall = recent_.front().residual - recent_.back().residual;
+  if (fall >= kLeastFall && tolerance_ > 0)
+    lower(&left, elapsed * (recent_.back().residual - std::log10(tolerance_)) / fall);
+  return left;
+}
+
+}  // namespace varimesh::client

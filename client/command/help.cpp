@@ -1,0 +1,168 @@
+// Wrapped text, and Damerau's distance.
+#include "client/command/help.h"
+
+#include <fmt/format.h>
+#include <sys/ioctl.h>
+#include <unistd.h>
+
+#include <algorithm>
+
+#include "client/command/facts.h"
+
+namespace varimesh::client {
+namespace {
+
+constexpr std::size_t kColumn = 26;
+
+/// Characters, not bytes.
+std::size_t length(const std::string& text) {
+  return static_cast<std::size_t>(std::count_if(text.begin(), text.end(), [](char c) { return (c & 0xC0) != 0x80; }));
+}
+
+std::size_t terminal_width() {
+  winsize size{};
+  if (isatty(STDOUT_FILENO) == 1 && ioctl(STDOUT_FILENO, TIOCGWINSZ, &size) == 0 && size.ws_col > 0)
+    return std::clamp<std::size_t>(size.ws_col, 60, 120);
+  return 100;
+}
+
+/// Text from `column` on, after what is there already.
+std::string wrapped(const std::string& text, std::size_t at, std::size_t column, std::size_t width) {
+  std::string out;
+  std::size_t from = 0;
+  bool first = true;
+  while (from < text.size()) {
+    const std::size_t end = std::min(text.find(' ', from), text.size());
+    const std::string word = text.substr(from, end - from);
+    from = end + 1;
+    if (at < column) {
+      out += std::string(column - at, ' ');
+      at = column;
+    } else if (!first && at + 1 + length(word) > width) {
+      out += "\n" + std::string(column, ' ');
+      at = column;
+    } else if (!first) {
+      out += ' ';
+      ++at;
+    }
+    out += word;
+    at += length(word);
+    first = false;
+  }
+  return out + "\n";
+}
+
+/// A term and what it means.
+std::string entry(const std::string& term, const std::string& meaning, std::size_t width) {
+  const std::string start = "  " + term;
+  if (length(start) + 2 > kColumn) return start + "\n" + wrapped(meaning, 0, kColumn, width);
+  return start + wrapped(meaning, length(start), kColumn, width);
+}
+
+std::string term(const FlagFacts& flag) { return fmt::format("{}", fmt::join(flag.names, ", ")); }
+
+std::string entry(const FlagFacts& flag, std::size_t width) {
+  std::string name = term(flag);
+  if (!flag.argument && !flag.value.empty()) name += " " + flag.value;
+  std::string help = flag.help;
+  if (flag.required && !flag.argument) help += " (required)";
+  return entry(name, help, width);
+}
+
+/// What was most likely meant at a distance that is still a slip.
+std::size_t distance(const std::string& a, const std::string& b) {
+  std::vector<std::vector<std::size_t>> d(a.size() + 1, std::vector<std::size_t>(b.size() + 1));
+  for (std::size_t i = 0; i <= a.size(); ++i) d[i][0] = i;
+  for (std::size_t j = 0; j <= b.size(); ++j) d[0][j] = j;
+  for (std::size_t i = 1; i <= a.size(); ++i)
+    for (std::size_t j = 1; j <= b.size(); ++j) {
+      const std::size_t change = a[i - 1] == b[j - 1] ? 0 : 1;
+      d[i][j] = std::min({d[i - 1][j] + 1, d[i][j - 1] + 1, d[i - 1][j - 1] + change});
+      if (i > 1 && j > 1 && a[i - 1] == b[j - 2] && a[i - 2] == b[j - 1])
+        d[i][j] = std::min(d[i][j], d[i - 2][j - 2] + 1);
+    }
+  return d[a.size()][b.size()];
+}
+
+std::string with_suggestion(const std::string& sentence, const std::string& meant, const std::string& help) {
+  return sentence + (meant.empty() ? "; " + help + " lists them." : "; did you mean '" + meant + "'?");
+}
+
+}  // namespace
+
+std::string nearest(const std::string& word, const std::vector<std::string>& known) {
+  std::string best;
+  std::size_t least = std::max<std::size_t>(1, word.size() / 3) + 1;
+  for (const std::string& one : known) {
+    // What was cut short is meant too: --max for --max-iterations.
+    const std::size_t wrong = word.size() > 3 && one.rfind(word, 0) == 0 ? 1 : distance(word, one);
+    if (wrong < least) {
+      least = wrong;
+      best = one;
+    }
+  }
+  return best;
+}
+
+std::string unknown_word(const CLI::App& program, const std::vector<std::string>& words) {
+  if (words.empty()) return "";
+  const auto commands = subcommand_facts(program);
+  const CommandFacts* command = nullptr;
+  std::vector<std::string> names;
+  for (const CommandFacts& one : commands) {
+    names.push_back(one.name);
+    if (one.name == words[0]) command = &one;
+  }
+  const CommandFacts root = facts_of(program);
+  std::vector<std::string> flags;
+  for (const FlagFacts& flag : (command == nullptr ? root : *command).flags)
+    if (!flag.argument) flags.insert(flags.end(), flag.names.begin(), flag.names.end());
+  if (command == nullptr && words[0].rfind('-', 0) != 0)
+    return with_suggestion("there is no command '" + words[0] + "'", nearest(words[0], names), "varimesh --help");
+  for (const std::string& word : words) {
+    if (word == "--") break;
+    if (word.rfind("--", 0) != 0) continue;
+    const std::string flag = word.substr(0, word.find('='));
+    if (std::find(flags.begin(), flags.end(), flag) == flags.end())
+      return with_suggestion("there is no option '" + flag + "'", nearest(flag, flags),
+                             "varimesh " + (command == nullptr ? "" : command->name + " ") + "--help");
+  }
+  return "";
+}
+
+std::string Help::make_help(const CLI::App* command, std::string, CLI::AppFormatMode) const {
+  const std::size_t width = width_ > 0 ? static_cast<std::size_t>(width_) : terminal_width();
+  const CommandFacts facts = facts_of(*command);
+  const auto commands = subcommand_facts(*command);
+  std::string out = wrapped(facts.purpose, 0, 0, width) + "\nExamples:\n";
+  for (const Example& example : facts.examples) out += fmt::format("  # {}\n  {}\n", example.what, example.line);
+
+  out += "\nUsage: varimesh" + (facts.name.empty() ? "" : " " + facts.name);
+  out += commands.empty() ? " [OPTIONS]" : " COMMAND";
+  std::string arguments;
+  std::vector<std::pair<std::string, std::string>> groups;
+  for (const FlagFacts& flag : facts.flags) {
+    if (flag.argument) {
+      out += flag.required ? " " + flag.names[0] : " [" + flag.names[0] + "]";
+      arguments += entry(flag, width);
+      continue;
+    }
+    auto group = std::find_if(groups.begin(), groups.end(), [&](const auto& one) { return one.first == flag.group; });
+    if (group == groups.end()) group = groups.insert(groups.end(), {flag.group, ""});
+    group->second += entry(flag, width);
+  }
+  out += "\n";
+  if (!commands.empty()) out += "\nCommands:\n";
+  for (const CommandFacts& one : commands) out += entry(one.name, one.purpose, width);
+  if (!arguments.empty()) out += "\nArguments:\n" + arguments;
+  for (const auto& [name, entries] : groups) out += "\n" + name + ":\n" + entries;
+  if (!commands.empty()) {
+    out += "\nExit status:\n";
+    for (const std::string_view status : exit_statuses())
+      out += entry(std::string(status.substr(0, status.find(' '))), std::string(status.substr(status.find(' ') + 1)),
+                   width);
+  }
+  return out;
+}
+
+}  // namespace varimesh::client
