@@ -1,0 +1,37 @@
+# What find_package(varimesh-client) finds: libvarimesh-client, one public header (<varimesh/client.h>), and the contract's
+# messages, which that includes. Component `client` is the library itself, `client-development` what compiles against it.
+include(CMakePackageConfigHelpers)
+include(GNUInstallDirs)
+find_package(Protobuf REQUIRED)
+find_package(PkgConfig REQUIRED)
+pkg_check_modules(grpcpp REQUIRED IMPORTED_TARGET grpc++)
+
+# Shared, so that a program needs nothing of what it is made of: of the core it has the writing of files, which stays
+# hidden. The objects are those of the static libraries.
+add_library(varimesh_client_shared SHARED
+  $<TARGET_OBJECTS:varimesh_client> $<TARGET_OBJECTS:varimesh_proto> $<TARGET_OBJECTS:varimesh_messages>)
+target_link_libraries(varimesh_client_shared
+  PUBLIC protobuf::libprotobuf PkgConfig::grpcpp
+  PRIVATE $<BUILD_INTERFACE:varimesh> OpenSSL::Crypto Threads::Threads)
+target_link_options(varimesh_client_shared PRIVATE LINKER:--as-needed LINKER:--exclude-libs,libvarimesh.a)
+target_include_directories(varimesh_client_shared INTERFACE $<INSTALL_INTERFACE:include>)
+target_compile_features(varimesh_client_shared INTERFACE cxx_std_17)
+# Before 1.0 a new minor version may change anything.
+set_target_properties(varimesh_client_shared PROPERTIES OUTPUT_NAME varimesh-client EXPORT_NAME client
+  LINKER_LANGUAGE CXX VERSION ${PROJECT_VERSION} SOVERSION ${PROJECT_VERSION_MAJOR}.${PROJECT_VERSION_MINOR})
+
+set(package_folder ${CMAKE_INSTALL_LIBDIR}/cmake/varimesh-client)
+install(TARGETS varimesh_client_shared EXPORT varimesh_client_targets
+  LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR} COMPONENT client NAMELINK_COMPONENT client-development)
+install(EXPORT varimesh_client_targets NAMESPACE varimesh:: FILE varimesh-clientTargets.cmake
+  DESTINATION ${package_folder} COMPONENT client-development)
+install(FILES client.h DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/varimesh COMPONENT client-development)
+install(DIRECTORY ${PROJECT_BINARY_DIR}/proto/varimesh/v1 DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/varimesh
+  COMPONENT client-development FILES_MATCHING PATTERN *.pb.h)
+write_basic_package_version_file(${CMAKE_CURRENT_BINARY_DIR}/varimesh-clientConfigVersion.cmake
+  COMPATIBILITY SameMinorVersion)
+configure_package_config_file(varimesh-clientConfig.cmake.in ${CMAKE_CURRENT_BINARY_DIR}/varimesh-clientConfig.cmake
+  INSTALL_DESTINATION ${package_folder})
+install(FILES ${CMAKE_CURRENT_BINARY_DIR}/varimesh-clientConfig.cmake
+  ${CMAKE_CURRENT_BINARY_DIR}/varimesh-clientConfigVersion.cmake
+  DESTINATION ${package_folder} COMPONENT client-development)

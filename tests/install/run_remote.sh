@@ -1,0 +1,12 @@
+#!/bin/sh
+# run_remote.sh VARIMESHD PROGRAM FOLDER MESH: runs the example with a server of its own.
+set -e
+"$1" --listen "unix:$3/socket" --data "$3" --log-level error &
+server=$!
+trap 'kill $server && wait $server' EXIT
+until [ -S "$3/socket" ]; do
+  kill -0 $server
+  sleep 0.1
+done
+"$2" "unix:$3/socket" "$4" "$3/optimised.msh"
+grep -q Nodes "$3/optimised.msh"
