@@ -10,6 +10,7 @@
 #include "client/command/names.h"
 #include "client/command/options_table.h"
 #include "client/command/outputs.h"
+#include "client/command/report_command.h"
 
 namespace varimesh::client {
 namespace {
@@ -17,7 +18,7 @@ namespace {
 struct Arguments {
   CommonFlags common;
   Input input;
-  std::string job, format, history, request_id;
+  std::string job, format, history, report, request_id;
   std::vector<std::string> outputs, labels, states;
   std::int64_t after = 0;
   v1::Options options;
@@ -84,13 +85,13 @@ int watch(const Arguments& arguments) {
 int result(const Arguments& arguments) {
   const auto outputs = check_outputs(arguments.outputs, arguments.format);
   if (!outputs) return report(outputs.error());
-  if (const auto apart = check_apart(*outputs, arguments.history, arguments.common.json); !apart)
+  if (const auto apart = check_apart(*outputs, {arguments.history, arguments.report}, arguments.common.json); !apart)
     return report(apart.error());
   const auto connection = connect(arguments.common);
   if (!connection) return connection.error();
   const auto job = connection->client->get(full_name(arguments.job));
   if (!job) return report(job.error());
-  return deliver(connection->client.get(), *job, {"", *outputs, arguments.history}, arguments.common);
+  return deliver(connection->client.get(), *job, {"", *outputs, arguments.history, arguments.report}, arguments.common);
 }
 
 int cancel(const Arguments& arguments) {
@@ -195,6 +196,7 @@ Run add_result(CLI::App& app) {
   command.add_option("--format", arguments->format, "Which of the job's formats; default as it was read");
   command.add_option("--history", arguments->history, "Write every iteration to this file, comma-separated")
       ->type_name("FILE.csv");
+  add_report_flag(command, &arguments->report);
   add_quiet_flag(command, &arguments->common);
   return [arguments] { return result(*arguments); };
 }

@@ -8,6 +8,7 @@
 #include "client/command/documents.h"
 #include "client/command/names.h"
 #include "client/command/progress.h"
+#include "client/command/report_command.h"
 
 namespace varimesh::client {
 namespace {
@@ -78,6 +79,9 @@ int deliver(Client* client, const v1::Job& job, const Delivery& delivery, const 
     if (!result) return report(result.error());
     if (const auto written = write_history(delivery.history, result->history); !written) return report(written.error());
   }
+  if (!delivery.report.empty())
+    if (const auto written = write_job_report(client, job, delivery.input, delivery.report); !written)
+      return report(written.error());
   if (flags.json)
     print(document(job.metrics()));
   else if (!flags.quiet)

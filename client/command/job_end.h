@@ -21,10 +21,12 @@ struct Delivery {
   std::string input;  ///< The mesh's file, for what there is to say about it; empty: not known.
   std::vector<Output> outputs;
   std::string history;  ///< Where it goes; empty: nowhere.
+  std::string report;   ///< Likewise.
 };
 
-/// Fetches the outputs and the history of a job that has ended, prints the document or the summary, and returns the
-/// exit status. Where it did not succeed: says why. A summary makes way for a mesh that goes to standard output.
+/// Fetches the outputs, the history and the report of a job that has ended, prints the document or the summary, and
+/// returns the exit status. Where it did not succeed: says why. A summary makes way for a mesh that goes to standard
+/// output.
 int deliver(Client* client, const v1::Job& job, const Delivery& delivery, const CommonFlags& flags);
 
 }  // namespace varimesh::client

@@ -5,6 +5,7 @@
 #include "client/command/command.h"
 #include "client/command/documents.h"
 #include "client/command/outputs.h"
+#include "client/command/report_command.h"
 #include "core/formats/formats.h"
 #include "core/mesh/check.h"
 #include "core/optimise/optimiser.h"
@@ -17,7 +18,7 @@ namespace {
 
 struct Arguments {
   CommonFlags common;
-  std::string input, output, format;
+  std::string input, output, format, report;
   int lattice = 0;
   int threads = 0;
   bool certify = false, diagnose = false;
@@ -43,9 +44,11 @@ int quality(const Arguments& arguments) {
     if (const auto known = formats::for_output(arguments.output, formats::Format::Auto, formats::Format::Auto); !known)
       return report(known.error());
     if (const auto writable = formats::check_writable(arguments.output); !writable) return report(writable.error());
-    if (const auto apart = check_apart({{arguments.output}}, "", arguments.common.json); !apart)
+    if (const auto apart = check_apart({{arguments.output}}, {arguments.report}, arguments.common.json); !apart)
       return report(apart.error());
   }
+  if (const auto apart = check_apart({}, {arguments.report}, arguments.common.json); !apart)
+    return report(apart.error());
   auto file = formats::read_file(arguments.input);
   if (!file) return report(file.error());
   if (const auto checked = check_to_judge(file->mesh); !checked) return report(checked.error());
@@ -54,11 +57,17 @@ int quality(const Arguments& arguments) {
   const QualityReport found = varimesh::quality(file->mesh, arguments.lattice, arguments.threads);
   // Where every element is valid there is nothing to repair.
   std::vector<UnrepairableGroup> groups;
-  const bool wanted = arguments.diagnose || arguments.common.json || !arguments.output.empty();
+  const bool wanted =
+      arguments.diagnose || arguments.common.json || !arguments.output.empty() || !arguments.report.empty();
   if (!found.uncertified.empty() && wanted)
     groups = with_any_of(diagnose(file->mesh, arguments.threads), uncertified_numbers(found));
   if (!arguments.output.empty())
     if (const int failed = write_marked(arguments, *file, groups); failed != kDone) return failed;
+  if (!arguments.report.empty())
+    if (const auto written =
+            write_quality_report(arguments.report, arguments.input, std::move(file->mesh), *mesh, found, groups);
+        !written)
+      return report(written.error());
   if (arguments.common.json) {
     print(document(*mesh, found, groups));
   } else {
@@ -110,6 +119,7 @@ Run add_quality(CLI::App& app) {
   command
       .add_option("-o,--output", arguments->output, "Write the mesh with its marks (.vtu: cell arrays, .msh: a group)")
       ->type_name("OUT");
+  add_report_flag(command, &arguments->report);
   add_json_flag(command, &arguments->common);
   return [arguments] { return quality(*arguments); };
 }

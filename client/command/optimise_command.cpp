@@ -5,6 +5,7 @@
 #include "client/command/job_end.h"
 #include "client/command/options_table.h"
 #include "client/command/outputs.h"
+#include "client/command/report_command.h"
 
 namespace varimesh::client {
 namespace {
@@ -14,7 +15,7 @@ struct Arguments {
   Input input;
   std::vector<std::string> outputs;
   std::string format;
-  std::string history;
+  std::string history, report;
   std::string request_id;
   v1::Options options;
 };
@@ -23,7 +24,7 @@ int run(const Arguments& arguments) {
   // What cannot be written is found before the work starts.
   const auto outputs = check_outputs(arguments.outputs, arguments.format);
   if (!outputs) return report(outputs.error());
-  if (const auto apart = check_apart(*outputs, arguments.history, arguments.common.json); !apart)
+  if (const auto apart = check_apart(*outputs, {arguments.history, arguments.report}, arguments.common.json); !apart)
     return report(apart.error());
 
   auto connection = connect(arguments.common);
@@ -33,14 +34,15 @@ int run(const Arguments& arguments) {
   v1::JobSpec spec;
   spec.mutable_mesh()->set_digest(mesh->digest());
   *spec.mutable_options() = arguments.options;
-  for (const v1::MeshFormat format : formats_of(*outputs)) spec.add_outputs(format);
+  for (const v1::MeshFormat format : formats_with_report(formats_of(*outputs), arguments.report))
+    spec.add_outputs(format);
   const auto job = connection->client->submit(spec, arguments.request_id);
   if (!job) return report(job.error());
 
   const auto ended = follow(connection->client.get(), job->name(), 0, arguments.common, true);
   if (!ended) return ended.error();
-  return deliver(connection->client.get(), *ended, {arguments.input.mesh, *outputs, arguments.history},
-                 arguments.common);
+  return deliver(connection->client.get(), *ended,
+                 {arguments.input.mesh, *outputs, arguments.history, arguments.report}, arguments.common);
 }
 
 }  // namespace
@@ -57,6 +59,7 @@ Run add_optimise(CLI::App& app) {
       ->type_name("NAME");
   command.add_option("--history", arguments->history, "Write every iteration to this file, comma-separated")
       ->type_name("FILE.csv");
+  add_report_flag(command, &arguments->report);
   command
       .add_option("--request-id", arguments->request_id, "Repeating with the same id on a server joins the same job")
       ->type_name("ID")

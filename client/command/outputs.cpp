@@ -45,12 +45,13 @@ Expected<std::vector<Output>> check_outputs(const std::vector<std::string>& path
   return outputs;
 }
 
-Expected<void> check_apart(const std::vector<Output>& outputs, const std::string& history, bool json) {
+Expected<void> check_apart(const std::vector<Output>& outputs, const std::vector<std::string>& others, bool json) {
   std::vector<std::string> all;
   for (const Output& output : outputs) all.push_back(output.path);
-  if (!history.empty()) {
-    if (auto writable = formats::check_writable(history); !writable) return writable;
-    all.push_back(history);
+  for (const std::string& other : others) {
+    if (other.empty()) continue;
+    if (auto writable = formats::check_writable(other); !writable) return writable;
+    all.push_back(other);
   }
   std::set<std::filesystem::path> seen;
   for (const std::string& path : all) {
@@ -59,8 +60,11 @@ Expected<void> check_apart(const std::vector<Output>& outputs, const std::string
       return bad_option("The file " + path +
                         " is named for two outputs, one of which would be lost; give each its own.");
   }
-  if (json && take_standard_output(outputs))
-    return bad_option("The mesh and the document of --json would both go to standard output; send the mesh to a file.");
+  std::vector<Output> every = outputs;
+  for (const std::string& other : others)
+    if (!other.empty()) every.push_back({other});
+  if (json && take_standard_output(every))
+    return bad_option("An output and the document of --json would both go to standard output; send the output to a file.");
   return {};
 }
 

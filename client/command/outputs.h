@@ -19,9 +19,9 @@ struct Output {
 /// out whether each can be written, before any work is done.
 Expected<std::vector<Output>> check_outputs(const std::vector<std::string>& paths, const std::string& format);
 
-/// Refuses outputs that would spoil each other, and a history that cannot be written: two that name the same file, and
-/// a mesh on standard output where the document goes (`json`). `history` may be empty.
-Expected<void> check_apart(const std::vector<Output>& outputs, const std::string& history, bool json);
+/// Refuses outputs that would spoil each other, and others (a history, a report) that cannot be written: two that name
+/// the same file, and one on standard output where the document goes (`json`). Names may be empty.
+Expected<void> check_apart(const std::vector<Output>& outputs, const std::vector<std::string>& others, bool json);
 
 /// Whether one of them goes to standard output.
 bool take_standard_output(const std::vector<Output>& outputs);

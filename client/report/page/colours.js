@@ -1,0 +1,83 @@
+// The colour of a scaled Jacobian: steps that look equal, for every kind of colour vision.
+
+const COLOURS = 64;
+
+/** sRGB from OKLCH (B. Ottosson, A perceptual color space for image processing, 2020), each 0…255. */
+function srgb(lightness, chroma, hue) {
+  const a = chroma * Math.cos(hue);
+  const b = chroma * Math.sin(hue);
+  const l = (lightness + 0.3963377774 * a + 0.2158037573 * b) ** 3;
+  const m = (lightness - 0.1055613458 * a - 0.0638541728 * b) ** 3;
+  const s = (lightness - 0.0894841775 * a - 1.291485548 * b) ** 3;
+  const linear = [
+    4.0767416621 * l - 3.3077115913 * m + 0.2309699292 * s,
+    -1.2684380046 * l + 2.6097574011 * m - 0.3413193965 * s,
+    -0.0041960863 * l - 0.7034186147 * m + 1.707614701 * s,
+  ];
+  return linear.map((value) => {
+    const clipped = Math.min(1, Math.max(0, value));
+    return Math.round(255 * (clipped <= 0.0031308 ? 12.92 * clipped : 1.055 * clipped ** (1 / 2.4) - 0.055));
+  });
+}
+
+/** From dark violet over blue and green to pale yellow, lightness in equal steps. */
+function colourTable() {
+  return Array.from({length: COLOURS}, (_, i) => {
+    const t = i / (COLOURS - 1);
+    const hue = ((305 - 200 * t) * Math.PI) / 180;
+    return srgb(0.3 + 0.64 * t, 0.1 - 0.02 * t + 0.12 * t * (1 - t), hue);
+  });
+}
+
+const RAMP = colourTable();
+const darkTheme = matchMedia('(prefers-color-scheme: dark)');
+
+/** Which of the colours Js has. Poor elements stand out from the page: dark where it is light, light where it is dark. */
+function colourIndex(js) {
+  const bin = Math.min(COLOURS - 1, Math.max(0, Math.floor(js * COLOURS)));
+  return darkTheme.matches ? COLOURS - 1 - bin : bin;
+}
+
+/** The value of a custom property of the theme as [r, g, b]. */
+function themeColour(name) {
+  const text = getComputedStyle(document.documentElement).getPropertyValue(name).trim();
+  return [1, 3, 5].map((at) => parseInt(text.slice(at, at + 2), 16));
+}
+
+/** [r, g, b] of Js; elements that are not positive somewhere have a colour outside the ramp. */
+function colourOf(js) {
+  return js > 0 ? RAMP[colourIndex(js)] : themeColour('--invalid');
+}
+
+const css = ([r, g, b]) => `rgb(${r} ${g} ${b})`;
+
+/** What the colours and marks mean. */
+function legend(hasUnrepairable) {
+  const ramp = make('canvas', {class: 'ramp', width: COLOURS, height: 1, 'aria-hidden': 'true'});
+  const invalid = make('canvas', {class: 'swatch', width: 1, height: 1, 'aria-hidden': 'true'});
+  const paint = () => {
+    const pen = ramp.getContext('2d');
+    for (let i = 0; i < COLOURS; ++i) {
+      pen.fillStyle = css(colourOf((i + 0.5) / COLOURS));
+      pen.fillRect(i, 0, 1, 1);
+    }
+    const one = invalid.getContext('2d');
+    one.fillStyle = css(colourOf(-1));
+    one.fillRect(0, 0, 1, 1);
+  };
+  paint();
+  darkTheme.addEventListener('change', paint);
+  const sign = (shape) => draw('svg', {width: 16, height: 16, viewBox: '-8 -8 16 16', 'aria-hidden': 'true'}, ...shape);
+  const parts = [
+    make('span', {}, 'scaled Jacobian 0', ramp, '1'),
+    make('span', {}, invalid, 'invalid: not positive somewhere'),
+    make('span', {}, sign([draw('circle', {class: 'ring', r: 6})]), 'the worst, numbered'),
+  ];
+  if (hasUnrepairable) parts.push(make('span', {}, sign([crossMark()]), 'no movement of nodes repairs it'));
+  return make('div', {class: 'legend'}, ...parts);
+}
+
+/** The mark of what cannot be repaired. */
+function crossMark() {
+  return draw('path', {class: 'cross', d: 'M-5 -5L5 5M-5 5L5 -5'});
+}

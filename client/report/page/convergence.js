@@ -1,0 +1,36 @@
+// Residual, energy and smallest scaled Jacobian by iteration, with the phases of the method shaded.
+
+/** Stretches of equal phase: [{from, to, name}]. */
+function phases(history) {
+  const bands = [];
+  history.iteration.forEach((number, i) => {
+    const name = history.phase[i];
+    if (bands.length && bands.at(-1).name === name) bands.at(-1).to = number;
+    else bands.push({from: bands.length ? bands.at(-1).to : number, to: number, name});
+  });
+  return bands;
+}
+
+const CURVES = [
+  ['residual', 'Residual', 'relative step', true],
+  ['energy', 'Energy', 'per measure', null],
+  ['min_scaled_jacobian', 'Smallest scaled Jacobian', 'at quadrature points', false],
+];
+
+function convergence(section, history) {
+  const bands = phases(history);
+  const columns = make('div', {class: 'columns'});
+  for (const [key, title, y, log] of CURVES) {
+    const values = history[key];
+    const positive = values.every((value) => value > 0);
+    // An energy that falls by orders of magnitude shows nothing on a linear axis.
+    const decades = positive && Math.max(...values.slice(0, 5000)) > 50 * Math.min(...values.slice(-5000));
+    const place = make('div');
+    columns.append(place);
+    lineChart(place, {x: history.iteration, y: values, log: log ?? decades, bands, zero: key === 'min_scaled_jacobian',
+      names: {x: 'iteration', y, title},
+      say: (i) => `${history.phase[i]} ${history.iteration[i]}: ${readable(values[i])}, ${duration(history.seconds[i])}, ` +
+        `${grouped(history.invalid_elements[i])} not certified`});
+  }
+  section.append(columns);
+}

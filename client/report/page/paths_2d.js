@@ -1,0 +1,109 @@
+// Cells of a 2-D mesh as closed paths of Bézier curves: scene_2d.cpp is the other side. The plane is relative to the
+// scene's centre, y upwards.
+
+/** Takes a path as text for SVG. */
+class PathText {
+  constructor() { this.text = ''; }
+  moveTo(x, y) { this.text += `M${x} ${y}`; }
+  lineTo(x, y) { this.text += `L${x} ${y}`; }
+  bezierCurveTo(a, b, c, d, x, y) { this.text += `C${a} ${b} ${c} ${d} ${x} ${y}`; }
+  closePath() { this.text += 'Z'; }
+}
+
+class Paths2d {
+  constructor(scene, arrays) {
+    this.points = 3 * scene.pieces - 1;
+    this.ends = arrays.edge_ends;
+    this.edges = arrays.cell_edges;
+    this.first = new Int32Array(arrays.cell_sides.length + 1);
+    arrays.cell_sides.forEach((sides, i) => { this.first[i + 1] = this.first[i] + sides; });
+    this.count = arrays.cell_sides.length;
+    this.stages = {};
+    for (const stage of scene.stages) {
+      this.stages[stage] =
+          {vertices: arrays[`vertices_${stage}`], scales: arrays[`bend_scales_${stage}`], bends: arrays[`bends_${stage}`]};
+    }
+    // No more digits than single precision has.
+    const size = Math.max(scene.box[3] - scene.box[0], scene.box[4] - scene.box[1]);
+    this.unit = 10 ** Math.floor(Math.log10(size) - 7);
+  }
+
+  /** One edge from its beginning, where the pen is, to its end, or the other way round. */
+  traceEdge(stage, edge, backwards, pen) {
+    const {vertices, scales, bends} = this.stages[stage];
+    const from = 2 * this.ends[2 * edge + (backwards ? 1 : 0)];
+    const to = 2 * this.ends[2 * edge + (backwards ? 0 : 1)];
+    const [x0, y0, x1, y1] = [vertices[from], vertices[from + 1], vertices[to], vertices[to + 1]];
+    const scale = scales[edge];
+    if (scale === 0) {
+      pen.lineTo(x1, y1);
+      return;
+    }
+    const base = 2 * edge * this.points;
+    const steps = this.points + 1;
+    const at = (k) => {
+      if (k === steps) return [x1, y1];
+      const t = k / steps;
+      const i = base + 2 * ((backwards ? steps - k : k) - 1);
+      return [x0 + t * (x1 - x0) + scale * bends[i], y0 + t * (y1 - y0) + scale * bends[i + 1]];
+    };
+    for (let k = 1; k < steps; k += 3) pen.bezierCurveTo(...at(k), ...at(k + 1), ...at(k + 2));
+  }
+
+  /** The closed path of a cell. */
+  trace(stage, cell, pen) {
+    const {vertices} = this.stages[stage];
+    for (let i = this.first[cell]; i < this.first[cell + 1]; ++i) {
+      const edge = Math.abs(this.edges[i]) - 1;
+      const backwards = this.edges[i] < 0;
+      if (i === this.first[cell]) {
+        const vertex = 2 * this.ends[2 * edge + (backwards ? 1 : 0)];
+        pen.moveTo(vertices[vertex], vertices[vertex + 1]);
+      }
+      this.traceEdge(stage, edge, backwards, pen);
+    }
+    pen.closePath();
+  }
+
+  /** Every edge once. */
+  traceEdges(stage, pen) {
+    const {vertices} = this.stages[stage];
+    for (let edge = 0; 2 * edge < this.ends.length; ++edge) {
+      const vertex = 2 * this.ends[2 * edge];
+      pen.moveTo(vertices[vertex], vertices[vertex + 1]);
+      this.traceEdge(stage, edge, false, pen);
+    }
+  }
+
+  /** A pen whose text has as many digits as there are. */
+  text() {
+    const round = (value) => Number((Math.round(value / this.unit) * this.unit).toPrecision(9));
+    const pen = new PathText();
+    return {
+      moveTo: (...at) => pen.moveTo(...at.map(round)),
+      lineTo: (...at) => pen.lineTo(...at.map(round)),
+      bezierCurveTo: (...at) => pen.bezierCurveTo(...at.map(round)),
+      closePath: () => pen.closePath(),
+      get text() { return pen.text; },
+    };
+  }
+
+  /** x, y, x, y of the box round each cell, by its control points. */
+  boxes(stage) {
+    const boxes = new Float32Array(4 * this.count);
+    for (let cell = 0; cell < this.count; ++cell) {
+      const box = [Infinity, Infinity, -Infinity, -Infinity];
+      const add = (...at) => {
+        for (let i = 0; i < at.length; i += 2) {
+          box[0] = Math.min(box[0], at[i]);
+          box[1] = Math.min(box[1], at[i + 1]);
+          box[2] = Math.max(box[2], at[i]);
+          box[3] = Math.max(box[3], at[i + 1]);
+        }
+      };
+      this.trace(stage, cell, {moveTo: add, lineTo: add, bezierCurveTo: add, closePath() {}});
+      boxes.set(box, 4 * cell);
+    }
+    return boxes;
+  }
+}

@@ -1,0 +1,124 @@
+// The numbers: key figures, histograms, tables of quality, of the worst elements and of what cannot be repaired.
+
+/** The reports in a document, in order: [[name, quality]]. */
+function qualities(document) {
+  return document.quality ? [['before', document.quality]] : [['before', document.before], ['after', document.after]];
+}
+
+/** A sentence about how the mesh is now, and whether that is good. */
+function verdict(document) {
+  const last = qualities(document).at(-1)[1];
+  const {elements} = document.mesh;
+  const left = elements - last.certified.valid;
+  if (left === 0) return ['good', `All ${grouped(elements)} elements are certified valid.`];
+  const named = new Set(document.unrepairable.flatMap((group) => group.elements)).size;
+  const parts = [`${grouped(left)} of ${grouped(elements)} elements ${left === 1 ? 'is' : 'are'} not certified valid`];
+  if (named) parts.push(`${grouped(named)} of these no movement of interior nodes can repair`);
+  return ['bad', `${parts.join('; ')}.`];
+}
+
+/** The few figures that matter most. */
+function tiles(document) {
+  const list = qualities(document);
+  const [first, last] = [list[0][1], list.at(-1)[1]];
+  const pair = (show, pick) => (list.length > 1 ? [make('small', {}, `${show(pick(first))} → `), show(pick(last))] : [show(pick(last))]);
+  const tile = (name, ...content) => make('div', {class: 'tile'}, make('dt', {}, name), make('dd', {}, ...content));
+  const {mesh} = document;
+  const all = [
+    tile('Smallest scaled Jacobian', ...pair(jacobian, (one) => one.min_scaled_jacobian)),
+    tile('Mean scaled Jacobian', ...pair(jacobian, (one) => one.mean_scaled_jacobian)),
+    tile('Invalid elements', ...pair(grouped, (one) => one.invalid_elements)),
+    tile('Certified valid', ...pair(grouped, (one) => one.certified.valid)),
+    tile('Mesh', grouped(mesh.elements), make('small', {}, ` elements of order ${mesh.order}, ${mesh.dimension}-D`)),
+  ];
+  if (document.iterations !== undefined) {
+    all.push(tile('Iterations', grouped(document.iterations), make('small', {}, ` in ${duration(document.seconds)}`)));
+  }
+  return make('dl', {class: 'tiles'}, ...all);
+}
+
+/** Histograms of both stages on the same axes. */
+function histograms(section, report) {
+  const list = qualities(report.document).filter(([stage]) => report.histograms[stage]);
+  const most = Math.max(...list.flatMap(([stage, quality]) => [...report.histograms[stage], quality.invalid_elements]), 1);
+  let log = true;
+  const paint = [];
+  const toggle = button('Logarithmic counts', () => {
+    log = !log;
+    toggle.setAttribute('aria-pressed', log);
+    for (const one of paint) one();
+  });
+  toggle.setAttribute('aria-pressed', 'true');
+  const columns = make('div', {class: 'columns'});
+  section.append(make('div', {class: 'controls'}, toggle), columns);
+  for (const [stage, quality] of list) {
+    const title = list.length > 1 ? STAGE_TITLES[stage] : 'All elements';
+    const place = make('div');
+    columns.append(make('div', {}, make('h3', {}, title), place));
+    let width = 0;
+    const again = () => width && place.replaceChildren(histogramChart({width, counts: report.histograms[stage],
+      below: quality.invalid_elements, most, log, fill: (js) => css(colourOf(js ?? -1)),
+      names: {x: 'scaled Jacobian', y: 'elements', title: `Histogram of the scaled Jacobian, ${title.toLowerCase()}`}}));
+    paint.push(again);
+    darkTheme.addEventListener('change', again);
+    followWidth(place, (now) => { width = now; again(); });
+  }
+}
+
+const QUALITY_ROWS = [
+  ['Smallest scaled Jacobian', (one) => one.min_scaled_jacobian, jacobian, 'min_scaled_jacobian'],
+  ['Mean scaled Jacobian', (one) => one.mean_scaled_jacobian, jacobian, 'mean_scaled_jacobian'],
+  ['Smallest distortion', (one) => one.min_distortion_jacobian, jacobian, 'min_distortion_jacobian'],
+  ['Invalid elements, sampled', (one) => one.invalid_elements, grouped, 'invalid_elements'],
+  ['Certified valid', (one) => one.certified.valid, grouped, 'certified.valid'],
+  ['Certified invalid', (one) => one.certified.invalid, grouped, 'certified.invalid'],
+  ['Undecided', (one) => one.certified.undecided, grouped, 'certified.undecided'],
+  ['Proved smallest scaled Jacobian', (one) => one.certified.min_scaled_jacobian_lower_bound, jacobian,
+    'certified.min_scaled_jacobian_lower_bound'],
+];
+
+function qualityTable(document) {
+  const list = qualities(document);
+  const heads = list.map(([stage]) => ({text: list.length > 1 ? STAGE_TITLES[stage] : 'Value', class: 'number'}));
+  const rows = QUALITY_ROWS.map(([name, pick, show]) => [name, ...list.map(([, one]) => numberCell(pick(one), show(pick(one))))]);
+  const node = table('Quality', ['', ...heads], rows);
+  node.id = 'quality-table';
+  return node;
+}
+
+function meshTable(document) {
+  const rows = Object.entries(document.mesh).map(([name, value]) => [name.replace('_', ' '), numberCell(value)]);
+  for (const name of ['energy', 'method', 'stop_reason']) {
+    if (document[name]) rows.push([name.replace('_', ' '), {text: document[name], class: 'number'}]);
+  }
+  for (const [name, show] of [['iterations', grouped], ['seconds', (value) => value.toPrecision(4)], ['residual', readable]]) {
+    if (document[name] !== undefined) rows.push([name, numberCell(document[name], show(document[name]))]);
+  }
+  if (document.converged !== undefined) rows.push(['converged', {text: document.converged ? 'yes' : 'no', class: 'number'}]);
+  const node = table(document.energy ? 'Mesh and run' : 'Mesh', ['', {text: 'Value', class: 'number'}], rows);
+  node.id = 'mesh-table';
+  return node;
+}
+
+/** The worst elements of a stage; go(place, size) shows one. */
+function worstTable(scene, stage, go) {
+  const rows = scene.worst[stage].map((one, i) => {
+    const show = go ? button('show', () => {
+      go(one.place, one.size);
+      document.getElementById('pictures').scrollIntoView({block: 'start'});
+    }) : '';
+    const place = one.place.slice(0, scene.dimension).map(readable).join(', ');
+    return [String(i + 1), numberCell(one.number, String(one.number)), one.shape, numberCell(one.scaled_jacobian, jacobian(one.scaled_jacobian)), {text: place, class: 'place'}, show];
+  });
+  return table(scene.stages.length > 1 ? `The worst ${stage}` : 'The worst elements',
+      ['', {text: 'Element', class: 'number'}, 'Shape', {text: 'Scaled Jacobian', class: 'number'}, 'Middle', ''], rows);
+}
+
+function unrepairableTable(groups) {
+  const most = 50;
+  const rows = groups.slice(0, most).map((group, i) =>
+    [String(i + 1), group.kind, group.elements.join(', '), numberCell(group.determinant), group.sentence]);
+  const more = groups.length > most ? ` (the first ${most} of ${grouped(groups.length)})` : '';
+  return table(`What no movement of interior nodes repairs${more}`,
+      ['', 'Kind', 'Elements', {text: 'Determinant', class: 'number'}, 'What and what to do'], rows);
+}

@@ -1,0 +1,151 @@
+// A 2-D mesh in colour. Small meshes are SVG; of large ones, which SVG is too slow for, the same curves go to a canvas.
+
+const MOST_SVG_CURVES = 60000;
+
+/** Cells by colour: bin b for Js in [b, b + 1) / COLOURS, and last the invalid ones. */
+function cellsByColour(table, stage) {
+  const bins = Array.from({length: COLOURS + 1}, () => []);
+  table.js[stage].forEach((js, cell) => bins[js > 0 ? Math.min(COLOURS - 1, Math.floor(js * COLOURS)) : COLOURS].push(cell));
+  return bins;
+}
+
+const colourOfBin = (bin) => css(bin === COLOURS ? colourOf(-1) : colourOf((bin + 0.5) / COLOURS));
+
+class SvgDrawing {
+  constructor(paths, table, stage) {
+    this.node = draw('svg', {class: 'drawing', role: 'img', 'aria-label': `the mesh ${stage}, coloured by scaled Jacobian`});
+    this.plane = draw('g');
+    this.node.append(this.plane);
+    const fills = [];
+    cellsByColour(table, stage).forEach((cells, bin) => {
+      if (!cells.length) return;
+      const pen = paths.text();
+      for (const cell of cells) paths.trace(stage, cell, pen);
+      const path = draw('path', {d: pen.text});
+      fills.push([path, bin]);
+      this.plane.append(path);
+    });
+    const pen = paths.text();
+    paths.traceEdges(stage, pen);
+    this.plane.append(draw('path', {class: 'outline', d: pen.text}));
+    for (let cell = 0; cell < table.count; ++cell) {
+      if (!table.invalid(stage, cell) && !table.unrepairable(cell)) continue;
+      const outline = paths.text();
+      paths.trace(stage, cell, outline);
+      this.plane.append(draw('path', {class: table.unrepairable(cell) ? 'flagged never' : 'flagged', d: outline.text}));
+    }
+    const paint = () => { for (const [path, bin] of fills) path.setAttribute('fill', colourOfBin(bin)); };
+    paint();
+    darkTheme.addEventListener('change', paint);
+  }
+
+  follow({x, y, span}, width, height) {
+    const scale = width / span;
+    set(this.plane, {transform: `matrix(${scale} 0 0 ${-scale} ${width / 2 - x * scale} ${height / 2 + y * scale})`});
+  }
+}
+
+class CanvasDrawing {
+  constructor(paths, table, stage) {
+    Object.assign(this, {paths, table, stage});
+    this.node = make('canvas', {role: 'img', 'aria-label': `the mesh ${stage}, coloured by scaled Jacobian`});
+    this.boxes = paths.boxes(stage);
+    this.bins = cellsByColour(table, stage);
+    darkTheme.addEventListener('change', () => this.repaint());
+  }
+
+  follow(viewport, width, height) {
+    this.seen = [viewport, width, height];
+    if (this.waiting) return;
+    this.waiting = true;
+    requestAnimationFrame(() => { this.waiting = false; this.repaint(); });
+  }
+
+  /** Cells in sight, as [cell, size in pixels]. */
+  * inSight(cells, {x, y, span}, width, height) {
+    const unit = span / width;
+    const [left, right] = [x - span / 2, x + span / 2];
+    const [low, high] = [y - (height / 2) * unit, y + (height / 2) * unit];
+    for (const cell of cells) {
+      const i = 4 * cell;
+      if (this.boxes[i] > right || this.boxes[i + 2] < left || this.boxes[i + 1] > high || this.boxes[i + 3] < low) continue;
+      yield [cell, Math.max(this.boxes[i + 2] - this.boxes[i], this.boxes[i + 3] - this.boxes[i + 1]) / unit];
+    }
+  }
+
+  repaint() {
+    if (!this.seen) return;
+    const [viewport, width, height] = this.seen;
+    const ratio = window.devicePixelRatio || 1;
+    const size = [Math.round(width * ratio), Math.round(height * ratio)];
+    if (this.node.width !== size[0] || this.node.height !== size[1]) [this.node.width, this.node.height] = size;
+    const pen = this.node.getContext('2d');
+    const scale = (width / viewport.span) * ratio;
+    pen.setTransform(1, 0, 0, 1, 0, 0);
+    pen.clearRect(0, 0, ...size);
+    pen.setTransform(scale, 0, 0, -scale, size[0] / 2 - viewport.x * scale, size[1] / 2 + viewport.y * scale);
+    const line = getComputedStyle(document.documentElement).getPropertyValue('--mesh-line');
+    const fat = css(themeColour('--invalid'));
+    this.bins.forEach((cells, bin) => {
+      pen.fillStyle = colourOfBin(bin);
+      for (const [cell, pixels] of this.inSight(cells, viewport, width, height)) {
+        const i = 4 * cell;
+        if (pixels < 3 && bin < COLOURS) {  // its box is as good
+          pen.fillRect(this.boxes[i], this.boxes[i + 1], this.boxes[i + 2] - this.boxes[i], this.boxes[i + 3] - this.boxes[i + 1]);
+          continue;
+        }
+        pen.beginPath();
+        this.paths.trace(this.stage, cell, pen);
+        pen.fill();
+        const flagged = this.table.invalid(this.stage, cell);
+        if (pixels < 8 && !flagged) continue;
+        pen.strokeStyle = flagged ? fat : line;
+        pen.lineWidth = ((flagged ? 2 : 0.7) * ratio) / scale;
+        pen.stroke();
+      }
+    });
+  }
+}
+
+/** One stage of a 2-D mesh in `host`, steered together with the others on `viewport`. */
+class View2d {
+  constructor(host, scene, paths, table, stage, viewport, crosses) {
+    Object.assign(this, {host, paths, table, stage, viewport});
+    const Drawing = paths.edges.length * scene.pieces <= MOST_SVG_CURVES ? SvgDrawing : CanvasDrawing;
+    this.drawing = new Drawing(paths, table, stage);
+    host.append(this.drawing.node);
+    this.overlay = new Overlay(host, scene.worst[stage], crosses);
+    this.centre = scene.centre;
+    viewport.views.push(this);
+    steer(host, viewport);
+    new ResizeObserver(() => this.follow(viewport)).observe(host);
+    this.probe = document.createElement('canvas').getContext('2d');
+    host.addEventListener('pointermove', (event) => this.point(event));
+    host.addEventListener('pointerleave', () => this.overlay.say(''));
+  }
+
+  follow(viewport) {
+    const [width, height] = [this.host.clientWidth, this.host.clientHeight];
+    if (!width) return;
+    this.drawing.follow(viewport, width, height);
+    const scale = width / viewport.span;
+    this.overlay.follow(([x, y]) => [width / 2 + (x - this.centre[0] - viewport.x) * scale,
+      height / 2 - (y - this.centre[1] - viewport.y) * scale]);
+  }
+
+  point(event) {
+    if (event.buttons) return this.overlay.say('');
+    const [x, y] = this.viewport.under(this.host, event.clientX, event.clientY);
+    this.boxes ??= this.paths.boxes(this.stage);
+    for (let cell = 0; cell < this.paths.count; ++cell) {
+      const i = 4 * cell;
+      if (x < this.boxes[i] || y < this.boxes[i + 1] || x > this.boxes[i + 2] || y > this.boxes[i + 3]) continue;
+      const path = new Path2D();
+      this.paths.trace(this.stage, cell, path);
+      if (!this.probe.isPointInPath(path, x, y)) continue;
+      const box = this.host.getBoundingClientRect();
+      return this.overlay.say(this.table.say(this.stage, cell), event.clientX - box.left, event.clientY - box.top);
+    }
+    this.overlay.say('');
+  }
+}

@@ -1,0 +1,153 @@
+// A 3-D mesh that turns: its boundary, and the elements behind a cut or under a threshold.
+
+/** Colours of a face set's points, linear as the library takes them. */
+function pointColours(faces, table, stage) {
+  const linear = (value) => ((value / 255 + 0.055) / 1.055) ** 2.4 * 65535;
+  const bins = Array.from({length: COLOURS}, (_, bin) => colourOf((bin + 0.5) / COLOURS).map(linear));
+  const invalid = colourOf(-1).map(linear);
+  const colours = new Uint16Array(3 * faces.cells.length * faces.pattern.count);
+  let next = 0;
+  for (const cell of faces.cells) {
+    const js = table.js[stage][cell];
+    const colour = js > 0 ? bins[Math.min(COLOURS - 1, Math.floor(js * COLOURS))] : invalid;
+    for (let i = 0; i < faces.pattern.count; ++i) for (let c = 0; c < 3; ++c) colours[next++] = colour[c];
+  }
+  return colours;
+}
+
+/** One set of faces as the library draws it. */
+class DrawnFaces {
+  constructor(scene, faces, table, stage) {
+    Object.assign(this, {faces, table, stage});
+    const place = new THREE.BufferAttribute(faces.positions(stage), 3);
+    this.surface = new THREE.BufferGeometry();
+    this.surface.setAttribute('position', place);
+    this.surface.setIndex(new THREE.BufferAttribute(faces.select(faces.pattern.triangles, () => true), 1));
+    this.surface.computeVertexNormals();
+    this.outline = new THREE.BufferGeometry();
+    this.outline.setAttribute('position', place);
+    this.solid = new THREE.MeshLambertMaterial({vertexColors: true, side: THREE.DoubleSide, polygonOffset: true,
+      polygonOffsetFactor: 1, polygonOffsetUnits: 1});
+    this.ink = new THREE.LineBasicMaterial({transparent: true});
+    this.mesh = new THREE.Mesh(this.surface, this.solid);
+    this.lines = new THREE.LineSegments(this.outline, this.ink);
+    scene.add(this.mesh, this.lines);
+    this.colour();
+  }
+
+  colour() {
+    this.surface.setAttribute('color', new THREE.BufferAttribute(pointColours(this.faces, this.table, this.stage), 3, true));
+    this.ink.color.set(darkTheme.matches ? 0xdfe6ea : 0x141c22);
+  }
+
+  /** Which cells are there, and whether one can see through them. */
+  show(shown, seeThrough) {
+    this.surface.setIndex(new THREE.BufferAttribute(this.faces.select(this.faces.pattern.triangles, shown), 1));
+    this.outline.setIndex(new THREE.BufferAttribute(this.faces.select(this.faces.pattern.lines, shown), 1));
+    Object.assign(this.solid, {transparent: seeThrough, opacity: seeThrough ? 0.12 : 1, depthWrite: !seeThrough});
+    this.solid.needsUpdate = true;
+    this.ink.opacity = (seeThrough ? 0.12 : 0.55) * (darkTheme.matches ? 0.6 : 1);
+    this.mesh.visible = this.lines.visible = this.surface.index.count > 0;
+  }
+}
+
+/** One stage in `host`; views share the camera and the choice of what is shown. */
+class View3d {
+  constructor(host, scene, arrays, sets, table, stage, shared, crosses) {
+    Object.assign(this, {host, table, stage, shared, centre: scene.centre, middles: arrays.middles});
+    this.whole = scene.whole === scene.cells;
+    this.renderer = new THREE.WebGLRenderer({antialias: true, alpha: true});
+    this.renderer.domElement.setAttribute('role', 'img');
+    this.renderer.domElement.setAttribute('aria-label', `the mesh ${stage}, coloured by scaled Jacobian`);
+    host.append(this.renderer.domElement);
+    this.world = new THREE.Scene();
+    this.world.add(new THREE.HemisphereLight(0xffffff, 0xc8c8c8, 2.2));
+    this.lamp = new THREE.DirectionalLight(0xffffff, 1.3);
+    this.world.add(this.lamp);
+    this.drawn = sets.map((faces) => new DrawnFaces(this.world, faces, table, stage));
+    this.overlay = new Overlay(host, scene.worst[stage], crosses);
+    this.controls = new THREE.OrbitControls(shared.camera, host);
+    this.controls.enableZoom = false;
+    host.tabIndex = 0;
+    host.addEventListener('focus', () => { this.controls.enableZoom = true; host.classList.add('active'); });
+    host.addEventListener('blur', () => { this.controls.enableZoom = false; host.classList.remove('active'); });
+    host.addEventListener('pointerdown', () => host.focus({preventScroll: true}));
+    this.controls.addEventListener('change', () => shared.turned(this));
+    host.addEventListener('pointermove', (event) => this.point(event));
+    host.addEventListener('pointerleave', () => this.overlay.say(''));
+    host.addEventListener('keydown', (event) => this.press(event));
+    new ResizeObserver(() => this.resize()).observe(host);
+    darkTheme.addEventListener('change', () => { for (const one of this.drawn) one.colour(); this.paint(); });
+    this.select();
+    this.resize();
+  }
+
+  /** Shows what the shared choice says: a cut takes away the cells whose middle is beyond it. */
+  select() {
+    const {axis, at, flip, threshold, skin} = this.shared.choice;
+    const beyond = (cell) => axis >= 0 && (this.middles[3 * cell + axis] > at) !== flip;
+    const poor = (cell) => this.table.js[this.stage][cell] < threshold;
+    const cut = axis >= 0 && this.whole && skin === 'solid';
+    for (const one of this.drawn) {
+      if (one.faces.set === 'skin') one.show((cell) => skin !== 'none' && !beyond(cell), skin === 'through');
+      else one.show((cell) => poor(cell) || (cut && !beyond(cell)), false);
+    }
+    this.paint();
+  }
+
+  resize() {
+    const [width, height] = [this.host.clientWidth, this.host.clientHeight];
+    if (!width) return;
+    this.renderer.setPixelRatio(Math.min(2, window.devicePixelRatio || 1));
+    this.renderer.setSize(width, height);
+    this.shared.camera.aspect = width / height;
+    this.shared.camera.updateProjectionMatrix();
+    this.paint();
+  }
+
+  paint() {
+    if (this.waiting) return;
+    this.waiting = true;
+    requestAnimationFrame(() => { this.waiting = false; this.render(); });
+  }
+
+  render() {
+    const {camera} = this.shared;
+    this.lamp.position.copy(camera.position);
+    this.renderer.render(this.world, camera);
+    const [width, height] = [this.host.clientWidth, this.host.clientHeight];
+    this.overlay.follow((place) => {
+      const at = new THREE.Vector3(...place.map((value, d) => value - this.centre[d])).project(camera);
+      return at.z < 1 ? [((at.x + 1) / 2) * width, ((1 - at.y) / 2) * height] : null;
+    });
+  }
+
+  /** Says what is under the pointer. */
+  point(event) {
+    if (event.buttons) return this.overlay.say('');
+    if (this.pointing) return;
+    this.pointing = true;
+    requestAnimationFrame(() => {
+      this.pointing = false;
+      const box = this.host.getBoundingClientRect();
+      const [x, y] = [event.clientX - box.left, event.clientY - box.top];
+      const ray = new THREE.Raycaster();
+      ray.setFromCamera(new THREE.Vector2((x / box.width) * 2 - 1, 1 - (y / box.height) * 2), this.shared.camera);
+      const solid = this.drawn.filter((one) => one.mesh.visible && !one.solid.transparent);
+      const hit = ray.intersectObjects(solid.map((one) => one.mesh))[0];
+      if (!hit) return this.overlay.say('');
+      const {faces} = solid.find((one) => one.mesh === hit.object);
+      this.overlay.say(this.table.say(this.stage, faces.cellOf(hit.face.a)), x, y);
+    });
+  }
+
+  press(event) {
+    const turns = {ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1]};
+    if (turns[event.key]) this.shared.turn(...turns[event.key].map((way) => way * 0.15));
+    else if (event.key === '+' || event.key === '=') this.shared.zoom(0.8);
+    else if (event.key === '-') this.shared.zoom(1.25);
+    else if (event.key === '0') this.shared.reset();
+    else return;
+    event.preventDefault();
+  }
+}

@@ -1,0 +1,136 @@
+"""A headless Chromium, driven over its DevTools pipe; the standard library is enough."""
+import base64
+import json
+import os
+import select
+import shutil
+import subprocess
+import tempfile
+import time
+from pathlib import Path
+
+# As root, as in containers, Chromium runs only without its sandbox. The pages are our own.
+FLAGS = ["--headless=new", "--no-sandbox", "--remote-debugging-pipe", "--disable-gpu-sandbox", "--use-angle=swiftshader",
+         "--enable-unsafe-swiftshader", "--hide-scrollbars", "--no-first-run", "--disable-background-networking",
+         "--disable-component-update", "--disable-sync", "--disable-dev-shm-usage"]
+
+
+def find():
+    """The browser's path, or None."""
+    return next((path for name in ("chromium", "chromium-browser", "google-chrome") if (path := shutil.which(name))), None)
+
+
+class Page:
+    """One tab. `errors` gathers what its console and its scripts complain of, `requests` the addresses asked for."""
+
+    def __init__(self, width=1280, height=900, dark=False):
+        self.folder = tempfile.TemporaryDirectory()
+        ours_in, theirs_out = os.pipe()
+        theirs_in, ours_out = os.pipe()
+
+        def descriptors():  # Chromium reads commands from 3 and writes answers to 4
+            os.dup2(theirs_in, 60), os.dup2(theirs_out, 61)
+            os.dup2(60, 3), os.dup2(61, 4)
+
+        self.process = subprocess.Popen([find(), *FLAGS, f"--user-data-dir={self.folder.name}", "about:blank"],
+                                        pass_fds=(3, 4), preexec_fn=descriptors, stdout=subprocess.DEVNULL,
+                                        stderr=subprocess.DEVNULL)
+        os.close(theirs_in), os.close(theirs_out)
+        self.input, self.output, self.buffer = ours_in, ours_out, b""
+        self.errors, self.requests, self.answers, self.last, self.session = [], [], {}, 0, None
+        targets = self.ask("Target.getTargets")["targetInfos"]
+        target = next(one["targetId"] for one in targets if one["type"] == "page")
+        self.session = self.ask("Target.attachToTarget", targetId=target, flatten=True)["sessionId"]
+        for domain in ("Page", "Runtime", "Log", "Network"):
+            self.ask(domain + ".enable")
+        self.look(width, height, dark)
+
+    def close(self):
+        self.process.terminate()
+        self.process.wait(20)
+        os.close(self.input), os.close(self.output)
+        try:
+            self.folder.cleanup()
+        except OSError:  # a helper of the browser may still write
+            time.sleep(0.5)
+            shutil.rmtree(self.folder.name, ignore_errors=True)
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self.close()
+
+    def ask(self, method, **parameters):
+        self.last += 1
+        number = self.last
+        message = {"id": number, "method": method, "params": parameters}
+        if self.session:
+            message["sessionId"] = self.session
+        os.write(self.output, json.dumps(message).encode() + b"\0")
+        deadline = time.monotonic() + 60
+        while number not in self.answers:
+            self.listen(deadline)
+        answer = self.answers.pop(number)
+        assert "error" not in answer, f"{method}: {answer['error']}"
+        return answer["result"]
+
+    def listen(self, deadline):
+        """Takes in what the browser says, waiting for something until the deadline."""
+        ready, _, _ = select.select([self.input], [], [], max(0, deadline - time.monotonic()))
+        assert ready, "the browser does not answer"
+        bytes_read = os.read(self.input, 1 << 20)
+        assert bytes_read, "the browser has ended"
+        *messages, self.buffer = (self.buffer + bytes_read).split(b"\0")
+        for message in map(json.loads, messages):
+            if "id" in message:
+                self.answers[message["id"]] = message
+            else:
+                self.note(message["method"], message["params"])
+
+    def note(self, event, facts):
+        if event == "Runtime.exceptionThrown":
+            details = facts["exceptionDetails"]
+            self.errors.append(details.get("exception", {}).get("description", details["text"]))
+        elif event == "Runtime.consoleAPICalled" and facts["type"] in ("error", "warning", "assert"):
+            self.errors.append(" ".join(str(one.get("value", one.get("description"))) for one in facts["args"]))
+        elif event == "Log.entryAdded" and facts["entry"]["level"] in ("error", "warning"):
+            self.errors.append(facts["entry"]["text"] + " " + facts["entry"].get("url", ""))
+        elif event == "Network.requestWillBeSent":
+            self.requests.append(facts["request"]["url"])
+
+    def look(self, width, height, dark=False):
+        """The size of the window, in CSS pixels, and the theme."""
+        self.ask("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=width < 600)
+        self.ask("Emulation.setEmulatedMedia",
+                 features=[{"name": "prefers-color-scheme", "value": "dark" if dark else "light"}])
+
+    def open(self, address, ready="document.documentElement?.dataset.ready === 'yes'", patience=30):
+        """Opens an address or a file and waits until `ready` is true; returns the seconds that it took."""
+        self.ask("Page.navigate", url="about:blank")
+        self.wait("location.href === 'about:blank'")
+        start = time.monotonic()
+        self.ask("Page.navigate", url=address if "://" in str(address) else Path(address).resolve().as_uri())
+        self.wait(ready, patience)
+        return time.monotonic() - start
+
+    def wait(self, condition, patience=30):
+        deadline = time.monotonic() + patience
+        while not self.value(condition):
+            assert time.monotonic() < deadline, f"never true: {condition}; {self.errors}"
+            time.sleep(0.02)
+
+    def value(self, expression):
+        """What a JavaScript expression is, as JSON; promises are waited for."""
+        answer = self.ask("Runtime.evaluate", expression=expression, returnByValue=True, awaitPromise=True)
+        assert "exceptionDetails" not in answer, answer["exceptionDetails"]
+        return answer["result"].get("value")
+
+    def picture(self, selector=None):
+        """A screenshot as PNG: what is in the window, or the first element of that selector."""
+        clip = {}
+        if selector:
+            box = self.value(f"""(() => {{ const box = document.querySelector({json.dumps(selector)}).getBoundingClientRect();
+                return {{x: box.x + scrollX, y: box.y + scrollY, width: box.width, height: box.height, scale: 1}}; }})()""")
+            clip = {"clip": box, "captureBeyondViewport": True}
+        return base64.b64decode(self.ask("Page.captureScreenshot", format="png", **clip)["data"])

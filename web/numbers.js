@@ -1,0 +1,46 @@
+// Numbers and times as people read them.
+
+const SUPERSCRIPTS = {'-': '⁻', 0: '⁰', 1: '¹', 2: '²', 3: '³', 4: '⁴', 5: '⁵', 6: '⁶', 7: '⁷', 8: '⁸', 9: '⁹'};
+
+/** 10⁻⁶ from -6. */
+function powerOfTen(exponent) {
+  if (exponent === 0) return '1';
+  return '10' + [...String(exponent)].map((digit) => SUPERSCRIPTS[digit]).join('');
+}
+
+/** 1,234,567. A thin space would be lost when copied. */
+function grouped(whole) {
+  return whole.toLocaleString('en-GB', {maximumFractionDigits: 0});
+}
+
+/** Four significant digits; whole numbers as they are; powers of ten where it is very large or small. */
+function readable(value) {
+  if (value === null || value === undefined || Number.isNaN(value)) return '–';
+  if (Number.isInteger(value) && Math.abs(value) < 1e15) return grouped(value).replace('-', '−');
+  const size = Math.abs(value);
+  if (size >= 1e6 || size < 1e-3) {
+    const exponent = Math.floor(Math.log10(size));
+    return `${(value / 10 ** exponent).toFixed(2)} × ${powerOfTen(exponent)}`.replace(/^-/, '−');
+  }
+  return String(Number(value.toPrecision(4))).replace('-', '−');
+}
+
+/** A scaled Jacobian: always four places, so that columns line up. */
+function jacobian(value) {
+  return value === null || value === undefined ? '–' : value.toFixed(4).replace('-', '−');
+}
+
+/** 0.42 s, 12.3 s, 4 min 07 s, 2 h 05 min. */
+function duration(seconds) {
+  if (seconds === null || seconds === undefined) return '–';
+  if (seconds < 60) return `${seconds < 10 ? seconds.toFixed(2) : seconds.toFixed(1)} s`;
+  const two = (number) => String(Math.floor(number)).padStart(2, '0');
+  if (seconds < 3600) return `${Math.floor(seconds / 60)} min ${two(seconds % 60)} s`;
+  return `${Math.floor(seconds / 3600)} h ${two((seconds % 3600) / 60)} min`;
+}
+
+/** 2026-11-21 14:05:09 UTC from what Date takes. */
+function instant(time) {
+  const date = new Date(time);
+  return Number.isNaN(date.valueOf()) ? '–' : `${date.toISOString().slice(0, 19).replace('T', ' ')} UTC`;
+}
