@@ -4,6 +4,7 @@
 //   varimeshd --listen 127.0.0.1:0              on a free port, which it prints
 //   varimeshd --listen unix:/run/varimesh.sock  on a socket that its owner alone can use
 //   varimeshd --listen 0.0.0.0:50051 --insecure for anybody who can reach it
+//   varimeshd --admin 127.0.0.1:9464            with health for probes and a page that watches, in a browser
 //   varimeshd --state /var/lib/varimesh         keeps jobs and meshes there: the next one runs what this one did not
 //   end
 #include <spdlog/spdlog.h>
@@ -46,6 +47,9 @@ int main(int argc, char** argv) {
   CLI::App app{"Serves mesh optimisation over gRPC (package varimesh.v1)."};
   app.set_version_flag("--version", std::string(version()));
   app.add_option("--listen", options.listen, "HOST:PORT or unix:PATH; port 0 takes a free one")->capture_default_str();
+  app.add_option("--admin", options.admin,
+                 "HOST:PORT on loopback for plain HTTP: health for probes, and a page that watches; port 0 takes a "
+                 "free one");
   app.add_flag("--insecure", options.insecure, "Listen beyond loopback although nothing is encrypted or checked");
   app.add_option("--port-file", port_file, "Write the address to this file instead of standard output");
   app.add_option("--log-level", log_level, "trace, debug, info, warn, error or off")->capture_default_str();
@@ -120,6 +124,8 @@ int main(int argc, char** argv) {
     return 1;
   }
   spdlog::info("varimeshd {} listens on {}", version(), address);
+  if (const std::string& admin = (*server)->admin_address(); !admin.empty())
+    spdlog::info("the page that watches is http://{}/", admin);
 
   int signal = 0;
   sigwait(&signals, &signal);

@@ -20,6 +20,7 @@
 #include "server/jobs/sqlite_job_store.h"
 #include "server/jobs/thread_budget.h"
 #include "server/meshes/directory_mesh_store.h"
+#include "server/operations/admin.h"
 #include "server/operations/health.h"
 #include "server/operations/state_directory.h"
 
@@ -118,6 +119,8 @@ struct Server::Parts {
   std::unique_ptr<JobService> job_service;
   std::unique_ptr<OptimiseService> optimise_service;
   std::unique_ptr<grpc::Server> server;
+  std::unique_ptr<Watching> watching;
+  std::unique_ptr<AdminServer> admin;
   std::unique_ptr<Ticker> calls_ticker;
   std::unique_ptr<Ticker> jobs_ticker;
   std::unique_ptr<Ticker> sweeper;
@@ -224,6 +227,13 @@ Expected<std::unique_ptr<Server>> Server::start(ServerOptions options) {
   // Before anybody can ask: what this server claims itself must not be taken back.
   if (const auto recovered = parts->scheduler->recover(); !recovered)
     return tl::unexpected(Error{Error::Kind::Output, recovered.error().sentence});
+  if (!parts->options.admin.empty()) {
+    parts->watching = std::make_unique<Watching>(parts->scheduler.get(), parts->options.limits, parts->options.clock);
+    auto admin = AdminServer::start(parts->options.admin, parts->watching.get(),
+                                    [health = parts->health.get()] { return health->serving(); });
+    if (!admin) return tl::unexpected(admin.error());
+    parts->admin = std::move(*admin);
+  }
   if (const auto listening = parts->listen(); !listening) return tl::unexpected(listening.error());
   parts->scheduler->tick();
   parts->calls_ticker = std::make_unique<Ticker>(
@@ -247,6 +257,11 @@ Server::~Server() {
 
 const std::string& Server::address() const { return parts_->address; }
 int Server::port() const { return parts_->port; }
+
+const std::string& Server::admin_address() const {
+  static const std::string none;
+  return parts_->admin == nullptr ? none : parts_->admin->address();
+}
 
 std::shared_ptr<grpc::Channel> Server::in_process_channel() {
   return parts_->server->InProcessChannel(grpc::ChannelArguments());

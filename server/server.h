@@ -17,6 +17,7 @@ namespace varimesh::server {
 /// Settings of a server; the defaults listen nowhere and take the whole machine.
 struct ServerOptions {
   std::string listen;     ///< HOST:PORT (port 0: a free one) or unix:PATH; empty: in-process channels only.
+  std::string admin;      ///< HOST:PORT on loopback for health and the page that watches; empty: none.
   bool insecure = false;  ///< Said aloud: listen beyond loopback without TLS.
   std::string state;      ///< Directory of jobs and meshes that outlive the server; empty: they go with it.
   std::string
@@ -39,6 +40,8 @@ class Server {
   /// Where it listens, with the port that was chosen; empty for none.
   const std::string& address() const;
   int port() const;
+  /// Where the admin port listens; empty for none.
+  const std::string& admin_address() const;
   std::shared_ptr<grpc::Channel> in_process_channel();
 
   /// Ends everything in order: NOT_SERVING, no new jobs, those that run are left for the next server where they outlive

@@ -54,6 +54,7 @@ function rangeOf(values, margin = 0.05) {
     high = Math.max(high, value);
   }
   if (low > high) return [0, 1];
-  const extra = (high - low || Math.abs(high) || 1) * margin;
+  // What differs by less than a millionth is one value and noise.
+  const extra = Math.max((high - low) * margin, Math.abs(high) * 1e-6, high === 0 && low === 0 ? margin : 0);
   return [low - extra, high + extra];
 }

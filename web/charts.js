@@ -129,6 +129,17 @@ function addPointer(svg, {x, px, base, readout, say}) {
   });
 }
 
+/** Stretches of equal phase: [{from, to, name}]. */
+function phases(history) {
+  const bands = [];
+  history.iteration.forEach((number, i) => {
+    const name = history.phase[i];
+    if (bands.length && bands.at(-1).name === name) bands.at(-1).to = number;
+    else bands.push({from: bands.length ? bands.at(-1).to : number, to: number, name});
+  });
+  return bands;
+}
+
 /**
  * A histogram of equal bins of [0, 1], with one more bar on the left for what is at or below 0.
  *   counts, below   counts of the bins, and of the bar on the left

@@ -17,6 +17,10 @@ class HealthService : public grpc::health::v1::Health::CallbackService {
   explicit HealthService(const ApiContext& api) : api_(api) {}
 
   void set_serving(bool serving);
+  bool serving() {
+    std::lock_guard lock(mutex_);
+    return serving_;
+  }
 
   grpc::ServerUnaryReactor* Check(grpc::CallbackServerContext* call,
                                   const grpc::health::v1::HealthCheckRequest* request,

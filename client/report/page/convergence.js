@@ -1,16 +1,5 @@
 // Residual, energy and smallest scaled Jacobian by iteration, with the phases of the method shaded.
 
-/** Stretches of equal phase: [{from, to, name}]. */
-function phases(history) {
-  const bands = [];
-  history.iteration.forEach((number, i) => {
-    const name = history.phase[i];
-    if (bands.length && bands.at(-1).name === name) bands.at(-1).to = number;
-    else bands.push({from: bands.length ? bands.at(-1).to : number, to: number, name});
-  });
-  return bands;
-}
-
 const CURVES = [
   ['residual', 'Residual', 'relative step', true],
   ['energy', 'Energy', 'per measure', null],
