@@ -44,7 +44,7 @@ function logScale(low, high, wanted = 5) {
   };
 }
 
-/** The range of finite numbers, widened by a little; [0, 1] where there are none. */
+/** The range of finite numbers, widened by a little where `margin` says so; [0, 1] where there are none. */
 function rangeOf(values, margin = 0.05) {
   let low = Infinity;
   let high = -Infinity;
@@ -54,6 +54,7 @@ function rangeOf(values, margin = 0.05) {
     high = Math.max(high, value);
   }
   if (low > high) return [0, 1];
+  if (margin === 0) return [low, high];
   // What differs by less than a millionth is one value and noise.
   const extra = Math.max((high - low) * margin, Math.abs(high) * 1e-6, high === 0 && low === 0 ? margin : 0);
   return [low - extra, high + extra];

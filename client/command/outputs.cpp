@@ -64,7 +64,8 @@ Expected<void> check_apart(const std::vector<Output>& outputs, const std::vector
   for (const std::string& other : others)
     if (!other.empty()) every.push_back({other});
   if (json && take_standard_output(every))
-    return bad_option("An output and the document of --json would both go to standard output; send the output to a file.");
+    return bad_option(
+        "An output and the document of --json would both go to standard output; send the output to a file.");
   return {};
 }
 

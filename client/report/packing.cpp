@@ -40,7 +40,16 @@ void Packing::append(const std::string& name, const char* type, const std::vecto
 void Packing::add(const std::string& name, const std::vector<float>& values) { append(name, "Float32", values); }
 void Packing::add(const std::string& name, const std::vector<double>& values) { append(name, "Float64", values); }
 void Packing::add(const std::string& name, const std::vector<std::int16_t>& values) { append(name, "Int16", values); }
-void Packing::add(const std::string& name, const std::vector<std::int32_t>& values) { append(name, "Int32", values); }
+void Packing::add(const std::string& name, const std::vector<std::int8_t>& values) { append(name, "Int8", values); }
+void Packing::add(const std::string& name, const std::vector<std::int32_t>& values) {
+  std::vector<std::int32_t> steps;
+  std::uint32_t last = 0;
+  for (const std::int32_t value : values) {
+    steps.push_back(static_cast<std::int32_t>(static_cast<std::uint32_t>(value) - last));
+    last = static_cast<std::uint32_t>(value);
+  }
+  append(name, "Int32", steps);
+}
 void Packing::add(const std::string& name, const std::vector<std::uint8_t>& values) { append(name, "Uint8", values); }
 
 Expected<std::string> Packing::base64() const {

@@ -15,7 +15,9 @@ class Packing {
  public:
   void add(const std::string& name, const std::vector<float>& values);
   void add(const std::string& name, const std::vector<double>& values);
+  void add(const std::string& name, const std::vector<std::int8_t>& values);
   void add(const std::string& name, const std::vector<std::int16_t>& values);
+  /// As differences from one to the next, which are small where neighbours have similar numbers.
   void add(const std::string& name, const std::vector<std::int32_t>& values);
   void add(const std::string& name, const std::vector<std::uint8_t>& values);
 

@@ -1,6 +1,8 @@
 // Cells of a 2-D mesh as closed paths of cubic Bézier curves, each edge once.
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
+#include <limits>
 
 #include "client/report/scene.h"
 #include "core/reference/basis.h"
@@ -38,7 +40,11 @@ struct Edge {
   const std::vector<int>* nodes;  ///< Local to the cell.
 };
 
-/// The inner control points relative to equal steps along the chord, in sixteen bits of the largest of them.
+/// Of meshes with more edges, bends are told in eight bits: to a hundredth of themselves.
+constexpr std::size_t kManyEdges = 100'000;
+
+/// The inner control points relative to equal steps along the chord, in sixteen or eight bits of the largest of them.
+template <class Step>
 class Bends {
  public:
   Bends(const Stages& stages, std::size_t stage, const Eigen::MatrixXd& matrix)
@@ -59,20 +65,29 @@ class Bends {
     const double length = (nodes.row(1) - nodes.row(0)).norm();
     double largest = bends.middleRows(1, last - 1).cwiseAbs().maxCoeff();
     if (largest <= 1e-9 * length) largest = 0;  // straight
-    scales.push_back(static_cast<float>(largest / 32767));
+    scales.push_back(static_cast<float>(largest / kMost));
     for (Eigen::Index k = 1; k < last; ++k)
       for (int d = 0; d < 2; ++d)
-        steps.push_back(static_cast<std::int16_t>(largest > 0 ? std::lround(bends(k, d) / largest * 32767) : 0));
+        steps.push_back(static_cast<Step>(largest > 0 ? std::lround(bends(k, d) / largest * kMost) : 0));
   }
 
   std::vector<float> scales;
-  std::vector<std::int16_t> steps;
+  std::vector<Step> steps;
 
  private:
+  static constexpr int kMost = std::numeric_limits<Step>::max();
+
   const Stages& stages_;
   const std::size_t stage_;
   const Eigen::MatrixXd& matrix_;
 };
+
+template <class Step>
+void pack_bends(Bends<Step> bends, const std::vector<Edge>& edges, const std::string& stage, Packing* packing) {
+  for (const Edge& edge : edges) bends.add(edge);
+  packing->add("bend_scales_" + stage, bends.scales);
+  packing->add("bends_" + stage, bends.steps);
+}
 
 }  // namespace
 
@@ -126,12 +141,12 @@ Json pack_cells_2d(const Stages& stages, Packing* packing, std::vector<std::int3
     for (const auto& [cell, local] : vertices)
       for (std::size_t d = 0; d < 2; ++d)
         places.push_back(static_cast<float>(stages.point(s, cell, local)[d] - stages.centre()[d]));
-    Bends bends(stages, s, matrix);
-    for (const Edge& edge : edges) bends.add(edge);
     const std::string name = Stages::name(s);
     packing->add("vertices_" + name, places);
-    packing->add("bend_scales_" + name, bends.scales);
-    packing->add("bends_" + name, bends.steps);
+    if (edges.size() > kManyEdges)
+      pack_bends(Bends<std::int8_t>(stages, s, matrix), edges, name, packing);
+    else
+      pack_bends(Bends<std::int16_t>(stages, s, matrix), edges, name, packing);
   }
   return {{"pieces", pieces_of(order)}};
 }

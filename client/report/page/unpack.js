@@ -1,6 +1,6 @@
 // The arrays of numbers: packing.cpp is the other side.
 
-const ARRAY_TYPES = {Float32: Float32Array, Float64: Float64Array, Int16: Int16Array, Int32: Int32Array, Uint8: Uint8Array};
+const ARRAY_TYPES = {Float32: Float32Array, Float64: Float64Array, Int8: Int8Array, Int16: Int16Array, Int32: Int32Array, Uint8: Uint8Array};
 
 function bytesOf(base64) {
   if (Uint8Array.fromBase64) return Uint8Array.fromBase64(base64);
@@ -23,6 +23,7 @@ async function unpack(base64, directory) {
       const from = offset + byte * length;
       for (let i = 0; i < length; ++i) target[i * size + byte] = bytes[from + i];
     }
+    if (type === 'Int32') for (let i = 1; i < length; ++i) values[i] += values[i - 1];
     arrays[name] = values;
   }
   return arrays;
