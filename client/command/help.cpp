@@ -69,7 +69,7 @@ std::string entry(const FlagFacts& flag, std::size_t width) {
   return entry(name, help, width);
 }
 
-/// What was most likely meant at a distance that is still a slip.
+/// How many letters are wrong, missing, too many or swapped.
 std::size_t distance(const std::string& a, const std::string& b) {
   std::vector<std::vector<std::size_t>> d(a.size() + 1, std::vector<std::size_t>(b.size() + 1));
   for (std::size_t i = 0; i <= a.size(); ++i) d[i][0] = i;

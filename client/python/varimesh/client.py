@@ -83,9 +83,9 @@ class Client:
         except (KeyboardInterrupt, Stopped):
             self._cancel_quietly(job)
             raise
-        result = job.result()
-        if result.state == "cancelled":
+        if job.state == "cancelled":
             raise JobCancelled(f"{job.name} was cancelled by someone else.", job.name)
+        result = job.result()
         for path in paths:
             result.save(path, format=format)
         return result

@@ -21,6 +21,7 @@ class Progress:
         self._terminal = self._stream.isatty()
         self._tolerance = tolerance
         self._recent: deque[tuple[float, float]] = deque(maxlen=20)  # seconds and log10 of residuals
+        self._phase = ""
         self._first = 0.0
         self._shown = -math.inf
         self._open = False
@@ -50,6 +51,9 @@ class Progress:
         return max(0.0, now - math.log10(self._tolerance)) * (time_now - first_time) / (first - now)
 
     def _show(self, now: Iteration) -> None:
+        if now.phase != self._phase:  # each falls at a rate of its own
+            self._recent.clear()
+            self._phase = now.phase
         if now.residual > 0:
             self._recent.append((now.seconds, math.log10(now.residual)))
             self._first = self._first or now.residual

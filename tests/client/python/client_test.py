@@ -127,6 +127,17 @@ class Client(support.WithServer):
         self.assertEqual((result.state, result.metrics.stop_reason), ("cancelled", "stopped"))
         self.assertEqual(result.nodes.shape[1], 3)
 
+    def test_a_job_cancelled_by_someone_else_is_an_error(self):
+        def cancel(event):
+            if event.iteration is not None:
+                next(self.client.jobs(labels={"for": "someone"})).cancel()
+
+        with self.assertRaises(varimesh.JobCancelled) as caught:
+            self.client.optimise(LARGER, self.folder / "out.msh", **support.ENDLESS, labels={"for": "someone"},
+                                 on_event=cancel)
+        self.assertEqual(self.client.job(caught.exception.job).state, "cancelled")
+        self.assertFalse((self.folder / "out.msh").exists())
+
     def test_quality_moves_nothing_and_leaves_no_job(self):
         before = len(list(self.client.jobs()))
         quality = self.client.quality(MESH)
