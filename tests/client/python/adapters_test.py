@@ -1,6 +1,5 @@
 """Meshes as meshio and gmsh's API hold them: as far as they are here the real ones, and objects of their form."""
 import types
-import unittest
 
 import support
 from support import CASES, MESH
@@ -39,7 +38,6 @@ class Form(support.WithServer):
             self.client.optimise(42)
 
 
-@unittest.skipUnless(support.there("meshio"), "python3-meshio is missing (deploy/setup test)")
 class Meshio(support.WithServer):
     def test_gives_what_the_file_gives(self):
         import meshio
@@ -61,7 +59,6 @@ class Meshio(support.WithServer):
             self.assertEqual(common._meshio_to_gmsh_order(name, row)[0].tolist(), order, name)
 
 
-@unittest.skipUnless(support.there("gmsh"), "python3-gmsh is missing (deploy/setup test)")
 class Gmsh(support.WithServer):
     def test_a_model_is_optimised_in_memory(self):
         import gmsh
@@ -83,4 +80,4 @@ class Gmsh(support.WithServer):
 
 
 if __name__ == "__main__":
-    unittest.main(verbosity=2)
+    support.main(Meshio={"python3-meshio": "meshio"}, Gmsh={"python3-gmsh": "gmsh"})

@@ -3,6 +3,7 @@ are missing."""
 import contextlib
 import importlib.util
 import os
+import shutil
 import signal
 import socket
 import subprocess
@@ -41,6 +42,16 @@ def need(**more):
     for module, package in {**_PACKAGES, **more}.items():
         if not there(module):
             skip(f"{package} is missing (deploy/setup test)")
+
+
+def main(**needs):
+    """Runs the tests of the group that the command line names, or all; `needs` has the modules that a group needs, or the
+    programs, by the package that they come in."""
+    if len(sys.argv) > 1:
+        for package, module in needs.get(sys.argv[1], {}).items():
+            if not (there(module) or shutil.which(module)):
+                skip(f"{package} is missing (deploy/setup test)")
+    unittest.main(verbosity=2)
 
 
 class Server:

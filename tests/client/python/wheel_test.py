@@ -3,13 +3,12 @@ import os
 import shutil
 import subprocess
 import sys
-import unittest
 import zipfile
 from pathlib import Path
 
 import support
 
-support.need(setuptools="python3-setuptools", wheel="python3-wheel")
+support.need()
 PACKAGE = Path(os.environ["VARIMESH_PACKAGE"])
 PROXIES = {name: "http://127.0.0.1:1" for name in ("http_proxy", "https_proxy", "HTTP_PROXY", "HTTPS_PROXY")}
 
@@ -48,7 +47,6 @@ class Wheel(support.WithFolder):
         subprocess.run([sys.executable, "-c", program], check=True)
 
 
-@unittest.skipUnless(shutil.which("mypy"), "mypy is missing (deploy/setup test)")
 class Types(support.WithFolder):
     def test_are_right(self):
         program = self.folder / "program.py"
@@ -67,4 +65,4 @@ class Types(support.WithFolder):
 
 
 if __name__ == "__main__":
-    unittest.main(verbosity=2)
+    support.main(Wheel={"python3-setuptools": "setuptools", "python3-wheel": "wheel"}, Types={"mypy": "mypy"})
