@@ -23,6 +23,7 @@ constexpr std::array kExamples{
             "varimesh optimise wing.msh -o better.msh --until valid"},
     Example{"optimise", "for scripts: a document, and every iteration",
             "varimesh optimise wing.msh -o better.msh --json --history history.csv"},
+    Example{"optimise", "and a page to look at", "varimesh optimise wing.msh -o better.msh --report wing.html"},
     Example{"optimise", "only near what is bad",
             "varimesh optimise wing.msh -o better.msh --region-below 0.5 --rings 2"},
     Example{"submit", "print the job's name, and leave", "varimesh submit wing.msh --server HOST:PORT"},
@@ -93,8 +94,8 @@ FlagFacts facts_of(const CLI::Option& option) {
   facts.choices = choices_of(option, facts.value);
   facts.help = option.get_description();
   facts.group = option.get_group();
-  constexpr std::array files{"IN", "OUT", "FILE", "FILE.csv", "MESH", "DIR"};
-  facts.file = std::find(files.begin(), files.end(), facts.value) != files.end();
+  constexpr std::array files{"IN", "OUT", "MESH", "DIR"};
+  facts.file = facts.value.rfind("FILE", 0) == 0 || std::find(files.begin(), files.end(), facts.value) != files.end();
   facts.required = option.get_required();
   facts.repeated = option.get_expected_max() > 1 && !facts.argument;
   return facts;
