@@ -53,7 +53,8 @@ class Snakemake(WithServer):
         self.assertEqual(done.returncode, 0, done.stdout)
         self.assertGreater(self.quality("mesh/curved.msh")["invalid_elements"], 0)
         after = self.quality("solver/plate.msh")
-        self.assertEqual(after["certified"]["valid"], json.loads((self.folder / "solver/plate.json").read_text())["mesh"]["elements"])
+        document = json.loads((self.folder / "solver/plate.json").read_text())
+        self.assertEqual(after["certified"]["valid"], document["mesh"]["elements"])
         self.assertIn(b"VTKFile", (self.folder / "solver/plate.vtu").read_bytes()[:200])
         self.assertEqual([job["state"] for job in self.jobs()], ["succeeded"])
 

@@ -38,7 +38,8 @@ def _column(data: Any, key: str, block: int, count: int) -> NDArray[np.int64]:
     return np.asarray(data[key][block], dtype=np.int64) if key in data else np.zeros(count, dtype=np.int64)
 
 
-def _by_entity(shape: str, nodes: NDArray[np.int32], entities: NDArray[np.int64], groups: NDArray[np.int64]) -> Iterator[Block]:
+def _by_entity(shape: str, nodes: NDArray[np.int32], entities: NDArray[np.int64],
+               groups: NDArray[np.int64]) -> Iterator[Block]:  # fmt: skip
     """Elements that follow each other on one entity, in one group."""
     changes = np.flatnonzero((np.diff(entities) != 0) | (np.diff(groups) != 0)) + 1
     for piece in np.split(np.arange(len(nodes)), changes):
@@ -88,4 +89,5 @@ def as_mesh(source: Any) -> Mesh:
         return from_gmsh(source)
     if isinstance(source, tuple) and len(source) == 2:
         return Mesh.from_arrays(*source)
-    raise BadMesh(f"A {type(source).__name__} is no mesh; give a file's path, a Mesh, (nodes, cells), a meshio mesh or gmsh.")
+    raise BadMesh(f"A {type(source).__name__} is no mesh; "
+                  "give a file's path, a Mesh, (nodes, cells), a meshio mesh or gmsh.")  # fmt: skip

@@ -100,8 +100,8 @@ class Result:
 
     def __repr__(self) -> str:
         after = self.metrics.after
-        return (f"<result of {self.job}: {self.metrics.iterations} iterations, {self.metrics.stop_reason}, "
-                f"min Js {after.min_scaled_jacobian:.4f}, {after.certified.valid} of {self.metrics.elements} valid>")  # fmt: skip
+        return (f"<result of {self.job}: {self.metrics.iterations} iterations, {self.metrics.stop_reason}, min Js "
+                f"{after.min_scaled_jacobian:.4f}, {after.certified.valid} of {self.metrics.elements} valid>")  # fmt: skip
 
     @property
     def before(self) -> Quality:
