@@ -9,8 +9,10 @@ function powerOfTen(exponent) {
 }
 
 /** 1,234,567. A thin space would be lost when copied. */
+const GROUPS = new Intl.NumberFormat('en-GB', {maximumFractionDigits: 0});
+
 function grouped(whole) {
-  return whole.toLocaleString('en-GB', {maximumFractionDigits: 0});
+  return GROUPS.format(whole);
 }
 
 /** Four significant digits; whole numbers as they are; powers of ten where it is very large or small. */

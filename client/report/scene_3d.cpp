@@ -11,8 +11,8 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-// A browser turns about a million triangles without effort; and a page that is sent about should stay small.
-constexpr std::size_t kMostPoints = 300'000;  ///< Of all faces in one set; fewer intervals an edge keep to it.
+// A page that is sent about should stay small, and turn without a graphics card too.
+constexpr std::size_t kMostPoints = 100'000;  ///< Of all faces in one set; fewer intervals an edge keep to it.
 constexpr std::size_t kAllCells = 4000;       ///< Up to so many, every cell is there whole.
 constexpr std::size_t kWorstCells = 2000;     ///< Of more, these are, in each stage.
 

@@ -88,21 +88,30 @@ class Paths2d {
     };
   }
 
-  /** x, y, x, y of the box round each cell, by its control points. */
+  /** x, y, x, y of a box round each cell, no smaller than it is. */
   boxes(stage) {
+    this.known ??= {};
+    return this.known[stage] ??= this.findBoxes(stage);
+  }
+
+  findBoxes(stage) {
+    const {vertices, scales, bends} = this.stages[stage];
+    const largest = bends instanceof Int8Array ? 127 : 32767;
     const boxes = new Float32Array(4 * this.count);
     for (let cell = 0; cell < this.count; ++cell) {
-      const box = [Infinity, Infinity, -Infinity, -Infinity];
-      const add = (...at) => {
-        for (let i = 0; i < at.length; i += 2) {
-          box[0] = Math.min(box[0], at[i]);
-          box[1] = Math.min(box[1], at[i + 1]);
-          box[2] = Math.max(box[2], at[i]);
-          box[3] = Math.max(box[3], at[i + 1]);
+      let [left, low, right, high] = [Infinity, Infinity, -Infinity, -Infinity];
+      for (let i = this.first[cell]; i < this.first[cell + 1]; ++i) {
+        const edge = Math.abs(this.edges[i]) - 1;
+        const bend = scales[edge] * largest;
+        for (let end = 0; end < 2; ++end) {
+          const vertex = 2 * this.ends[2 * edge + end];
+          left = Math.min(left, vertices[vertex] - bend);
+          right = Math.max(right, vertices[vertex] + bend);
+          low = Math.min(low, vertices[vertex + 1] - bend);
+          high = Math.max(high, vertices[vertex + 1] + bend);
         }
-      };
-      this.trace(stage, cell, {moveTo: add, lineTo: add, bezierCurveTo: add, closePath() {}});
-      boxes.set(box, 4 * cell);
+      }
+      boxes.set([left, low, right, high], 4 * cell);
     }
     return boxes;
   }

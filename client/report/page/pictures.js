@@ -8,7 +8,7 @@ function viewBoxes(stages) {
   const columns = make('div', {class: 'columns'});
   for (const stage of stages) {
     boxes[stage] = make('div', {class: 'view view-size'});
-    columns.append(make('figure', {style: 'margin:0'},
+    columns.append(make('figure', {},
         make('figcaption', {}, make('h3', {}, stages.length > 1 ? STAGE_TITLES[stage] : 'The mesh')), boxes[stage]));
   }
   return {boxes, columns};
@@ -89,8 +89,7 @@ function controls3d(scene, shared) {
 
 /** The 3-D views, or a sentence where they cannot be drawn. */
 function pictures3d(section, scene, arrays, table, crosses) {
-  const canvas = document.createElement('canvas');
-  if (!canvas.getContext('webgl2')) {
+  if (!document.createElement('canvas').getContext('webgl2')) {
     section.append(make('p', {}, 'This browser does not draw in three dimensions (WebGL 2), so the views are left out; all that follows is here.'));
     return null;
   }

@@ -1,6 +1,7 @@
 // A 2-D mesh in colour. Small meshes are SVG; of large ones, which SVG is too slow for, the same curves go to a canvas.
 
 const MOST_SVG_CURVES = 60000;
+const SMALL = 4;  // pixels: a cell of this size may as well be a box
 
 /** Cells by colour: bin b for Js in [b, b + 1) / COLOURS, and last the invalid ones. */
 function cellsByColour(table, stage) {
@@ -9,7 +10,8 @@ function cellsByColour(table, stage) {
   return bins;
 }
 
-const colourOfBin = (bin) => css(bin === COLOURS ? colourOf(-1) : colourOf((bin + 0.5) / COLOURS));
+const rgbOfBin = (bin) => (bin === COLOURS ? colourOf(-1) : colourOf((bin + 0.5) / COLOURS));
+const colourOfBin = (bin) => css(rgbOfBin(bin));
 
 class SvgDrawing {
   constructor(paths, table, stage) {
@@ -81,29 +83,54 @@ class CanvasDrawing {
     if (this.node.width !== size[0] || this.node.height !== size[1]) [this.node.width, this.node.height] = size;
     const pen = this.node.getContext('2d');
     const scale = (width / viewport.span) * ratio;
+    const move = [size[0] / 2 - viewport.x * scale, size[1] / 2 + viewport.y * scale];
     pen.setTransform(1, 0, 0, 1, 0, 0);
     pen.clearRect(0, 0, ...size);
-    pen.setTransform(scale, 0, 0, -scale, size[0] / 2 - viewport.x * scale, size[1] / 2 + viewport.y * scale);
+    const large = this.paintSmall(pen, size, scale, move);
+    pen.setTransform(scale, 0, 0, -scale, ...move);
     const line = getComputedStyle(document.documentElement).getPropertyValue('--mesh-line');
     const fat = css(themeColour('--invalid'));
-    this.bins.forEach((cells, bin) => {
+    large.forEach((cells, bin) => {
       pen.fillStyle = colourOfBin(bin);
-      for (const [cell, pixels] of this.inSight(cells, viewport, width, height)) {
-        const i = 4 * cell;
-        if (pixels < 3 && bin < COLOURS) {  // its box is as good
-          pen.fillRect(this.boxes[i], this.boxes[i + 1], this.boxes[i + 2] - this.boxes[i], this.boxes[i + 3] - this.boxes[i + 1]);
-          continue;
-        }
+      for (const [cell, pixels] of cells) {
         pen.beginPath();
         this.paths.trace(this.stage, cell, pen);
         pen.fill();
         const flagged = this.table.invalid(this.stage, cell);
-        if (pixels < 8 && !flagged) continue;
+        if (pixels < 8) continue;
         pen.strokeStyle = flagged ? fat : line;
         pen.lineWidth = ((flagged ? 2 : 0.7) * ratio) / scale;
         pen.stroke();
       }
     });
+  }
+
+  /** Puts cells of few pixels there as the pixels of their boxes, the worse over the better; returns the others by bin. */
+  paintSmall(pen, size, scale, move) {
+    const image = pen.createImageData(...size);
+    const pixels = new Uint32Array(image.data.buffer);
+    const large = this.bins.map(() => []);
+    const [viewport, width, height] = this.seen;
+    for (let bin = COLOURS; bin >= 0; --bin) {
+      const place = bin === 0 ? COLOURS : bin - 1;  // 63, 62, …, 0, and the invalid ones last
+      const [r, g, b] = rgbOfBin(place);
+      const colour = (255 << 24) | (b << 16) | (g << 8) | r;  // as little-endian machines have it, which all are by now
+      for (const [cell, long] of this.inSight(this.bins[place], viewport, width, height)) {
+        if (long >= SMALL) {
+          large[place].push([cell, long]);
+          continue;
+        }
+        const i = 4 * cell;
+        const left = Math.max(0, Math.floor(this.boxes[i] * scale + move[0]));
+        const right = Math.min(size[0] - 1, Math.floor(this.boxes[i + 2] * scale + move[0]));
+        const low = Math.min(size[1] - 1, Math.floor(move[1] - this.boxes[i + 1] * scale));
+        for (let y = Math.max(0, Math.floor(move[1] - this.boxes[i + 3] * scale)); y <= low; ++y) {
+          pixels.fill(colour, y * size[0] + left, y * size[0] + right + 1);
+        }
+      }
+    }
+    pen.putImageData(image, 0, 0);
+    return large;
   }
 }
 
@@ -136,10 +163,10 @@ class View2d {
   point(event) {
     if (event.buttons) return this.overlay.say('');
     const [x, y] = this.viewport.under(this.host, event.clientX, event.clientY);
-    this.boxes ??= this.paths.boxes(this.stage);
+    const boxes = this.paths.boxes(this.stage);
     for (let cell = 0; cell < this.paths.count; ++cell) {
       const i = 4 * cell;
-      if (x < this.boxes[i] || y < this.boxes[i + 1] || x > this.boxes[i + 2] || y > this.boxes[i + 3]) continue;
+      if (x < boxes[i] || y < boxes[i + 1] || x > boxes[i + 2] || y > boxes[i + 3]) continue;
       const path = new Path2D();
       this.paths.trace(this.stage, cell, path);
       if (!this.probe.isPointInPath(path, x, y)) continue;
