@@ -105,7 +105,7 @@ class Page:
         self.ask("Emulation.setEmulatedMedia",
                  features=[{"name": "prefers-color-scheme", "value": "dark" if dark else "light"}])
 
-    def open(self, address, ready="document.documentElement?.dataset.ready === 'yes'", patience=30):
+    def open(self, address, ready="document.documentElement?.dataset.ready === 'yes'", patience=60):
         """Opens an address or a file and waits until `ready` is true; returns the seconds that it took."""
         self.ask("Page.navigate", url="about:blank")
         self.wait("location.href === 'about:blank'")
@@ -114,7 +114,7 @@ class Page:
         self.wait(ready, patience)
         return time.monotonic() - start
 
-    def wait(self, condition, patience=30):
+    def wait(self, condition, patience=60):
         deadline = time.monotonic() + patience
         while not self.value(condition):
             assert time.monotonic() < deadline, f"never true: {condition}; {self.errors}"

@@ -120,7 +120,7 @@ class Page(WithAdminPort):
         self.assertEqual(self.text("#running .label"), "name=" + MARKUP)
         self.assertEqual(self.text("#waiting .label"), "file=" + MARKUP)
         drawn = self.page.value("document.querySelector('#running .curve').getAttribute('d')")
-        self.page.wait(f"document.querySelector('#running .curve').getAttribute('d') !== {json.dumps(drawn)}")
+        self.page.wait(f"document.querySelector('#running .curve')?.getAttribute('d') !== {json.dumps(drawn)}")
         self.page.look(390, 844, dark=True)
         self.assertLessEqual(self.page.value("document.documentElement.scrollWidth"), 390)
 

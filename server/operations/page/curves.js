@@ -54,12 +54,12 @@ class JobCard {
   draw() {
     const x = this.rows.map((row) => row[0]);
     const bands = phases({iteration: x, phase: this.rows.map((row) => row[1])});
-    const places = JOB_CURVES.map(({column, title, log, zero}) => {
-      const place = make('div');
-      lineChart(place, {x, y: this.rows.map((row) => row[column]), log, zero, bands, height: 130,
-        names: {x: 'iteration', y: '', title}});
-      return place;
-    });
+    // Each has its place before it is drawn, since that decides its width: all of it is there when the screen is painted.
+    const places = JOB_CURVES.map(() => make('div'));
     this.charts.replaceChildren(...places);
+    JOB_CURVES.forEach(({column, title, log, zero}, i) => {
+      lineChart(places[i], {x, y: this.rows.map((row) => row[column]), log, zero, bands, height: 130,
+        names: {x: 'iteration', y: '', title}});
+    });
   }
 }
