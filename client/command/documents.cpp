@@ -62,6 +62,19 @@ Json groups_document(const Groups& groups) {
   return all;
 }
 
+Json repairs_document(const v1::Metrics& metrics) {
+  Json all = Json::array();
+  for (const v1::RepairStep& step : metrics.repairs()) {
+    Json document = {{"kind", spelled(step.kind())}, {"sentence", step.sentence()}};
+    for (const std::int64_t element : step.elements()) document["elements"].push_back(element);
+    for (const std::int64_t element : step.new_elements()) document["new_elements"].push_back(element);
+    for (const std::int64_t vertex : step.vertices()) document["vertices"].push_back(vertex);
+    if (step.node() != 0) document["node"] = step.node();
+    all.push_back(std::move(document));
+  }
+  return all;
+}
+
 const char* spelled(Certificate::Answer answer) {
   return answer == Certificate::Answer::Invalid ? "invalid" : "undecided";
 }
@@ -80,6 +93,16 @@ std::string unrepairable(const v1::Metrics& metrics) {
   if (metrics.unrepairable_size() > kShown)
     text += fmt::format("and {} more groups that no movement of nodes repairs; --json names them all\n",
                         metrics.unrepairable_size() - kShown);
+  return text;
+}
+
+/// The first few steps, in their own sentences.
+std::string repairs(const v1::Metrics& metrics) {
+  constexpr int kShown = 5;
+  std::string text;
+  for (int i = 0; i < std::min(kShown, metrics.repairs_size()); ++i) text += metrics.repairs(i).sentence() + "\n";
+  if (metrics.repairs_size() > kShown)
+    text += fmt::format("and {} more steps of repair; --json says all\n", metrics.repairs_size() - kShown);
   return text;
 }
 
@@ -112,7 +135,8 @@ Json document(const v1::Metrics& metrics) {
           {"stop_reason", spelled(metrics.stop_reason())},
           {"before", quality_document(metrics.before())},
           {"after", quality_document(metrics.after())},
-          {"unrepairable", groups_document(metrics.unrepairable())}};
+          {"unrepairable", groups_document(metrics.unrepairable())},
+          {"repairs", repairs_document(metrics)}};
 }
 
 Json document(const MeshSummary& mesh, const QualityReport& quality, const std::vector<UnrepairableGroup>& groups) {
@@ -201,7 +225,7 @@ std::string summary(const v1::Metrics& metrics) {
          fmt::format("proved scaled Jacobian    {:>10.5f}  {:>10.5f}\n",
                      before.certified().min_scaled_jacobian_lower_bound(),
                      after.certified().min_scaled_jacobian_lower_bound()) +
-         unrepairable(metrics);
+         repairs(metrics) + unrepairable(metrics);
 }
 
 std::string summary(const MeshSummary& mesh, const QualityReport& quality) {

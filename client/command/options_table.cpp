@@ -38,6 +38,10 @@ constexpr std::array kRows{
     OptionRow{"until",
               "valid: stop as soon as every element is certified valid, named unrepairable, or ten iterations "
               "bring no more; default tolerance"},
+    OptionRow{"repair",
+              "What is done about elements that no movement of nodes can repair; default report: name them and keep "
+              "them out of the others' way. split gives tetrahedra new nodes, straighten straight sides; none treats "
+              "them like any other"},
     OptionRow{"until_js", "Stop when this scaled Jacobian is proved for every element, and return the best mesh"},
     OptionRow{"time_limit", "Stop after so many seconds, at the end of an iteration; 0: never"},
     OptionRow{"threads", "Threads to use; 0: all. The result does not depend on it"},

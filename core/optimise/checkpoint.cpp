@@ -43,9 +43,9 @@ std::uint64_t fingerprint(const HighOrderMesh& mesh, const std::vector<bool>& fi
   print.add(target.components);
   print.add(target.values);
   const Options& o = options;
-  for (const auto choice :
-       {int(o.energy), int(o.strain), int(o.volumetric), int(o.winslow), int(o.constants), int(o.regularisation),
-        int(o.method), int(o.colouring), int(o.active_set), int(o.until), o.quadrature_degree, int(o.target)})
+  for (const auto choice : {int(o.energy), int(o.strain), int(o.volumetric), int(o.winslow), int(o.constants),
+                            int(o.regularisation), int(o.method), int(o.colouring), int(o.active_set), int(o.until),
+                            o.quadrature_degree, int(o.target), int(o.repair)})
     print.add(choice);
   for (const double number : {o.mu, o.lambda, o.kappa, o.tolerance, o.until_js, o.p_norm}) print.add(number);
   return print.value();

@@ -16,6 +16,8 @@
 #include "core/optimise/run.h"
 #include "core/optimise/schedule.h"
 #include "core/optimise/targets.h"
+#include "core/repair/repair.h"
+#include "core/repair/straighten.h"
 #include "core/team.h"
 
 namespace varimesh {
@@ -112,7 +114,7 @@ Expected<Optimiser> Optimiser::create(HighOrderMesh&& mesh, const Options& optio
   state->summary = sizes(mesh, *fixed);
   state->fixed = *fixed;
   state->target = std::move(*target);
-  if (options.max_iterations > 0) {
+  if (options.max_iterations > 0 && options.repair != Repair::Split) {
     state->problem = build_problem(mesh, *fixed, options.quadrature_degree);
     state->schedule = make_schedule(state->problem, options.colouring);
     state->kernels = make_kernels(material(options), mesh.dimension);
@@ -141,6 +143,8 @@ Expected<Result> Optimiser::run(std::vector<double> coordinates, const OnIterati
 }
 
 Result Optimiser::State::run(const OnIteration& on_iteration, const RunControl& control) {
+  if (options.repair == Repair::Split && options.max_iterations > 0)
+    return optimise_by_splitting(mesh, options, on_iteration, control);
   // The set-up's time counts as the first run's.
   const Clock::time_point start =
       Clock::now() - std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(set_up_seconds));
@@ -169,6 +173,9 @@ Result Optimiser::State::run(const OnIteration& on_iteration, const RunControl& 
       optimise(certifier, certificates, start, on_iteration, from_the_beginning, team, result);
     }
     const Clock::time_point optimised = Clock::now();
+    if (options.repair == Repair::Straighten)
+      team.run(
+          [&] { result.repairs = straighten(result.mesh, fixed, certifier, certificates, result.unrepairable, team); });
     result.after = quality(result.mesh, certifier, std::move(certificates), 0, team);
     result.seconds += seconds_since(optimised);
   }
@@ -189,7 +196,7 @@ bool Optimiser::State::optimise(const Certifier& certifier, std::vector<Certific
   std::optional<StopReason> nothing_to_do;
   team.run([&] {
     guard.emplace(mesh, frame, problem, certifier, certificates, team);
-    guard->condemn(result.unrepairable);
+    if (options.repair != Repair::None) guard->condemn(result.unrepairable);
     run.emplace(RunParts{options, problem, schedule, *kernels, hessian.get(), *guard, best, team}, start);
     if (control.checkpoint.empty())
       nothing_to_do = run->begin();

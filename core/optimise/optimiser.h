@@ -11,6 +11,7 @@
 #include "core/optimise/options.h"
 #include "core/quality/diagnosis.h"
 #include "core/quality/quality.h"
+#include "core/repair/repair_step.h"
 
 namespace varimesh {
 
@@ -85,9 +86,10 @@ struct MeshSummary {
 /// What came of an optimisation.
 struct Result {
   /// The mesh that came in with new coordinates; coordinates of fixed nodes bit for bit the same. A cell that came in
-  /// certified valid is certified valid here too, however the run ended.
+  /// certified valid is certified valid here too, however the run ended. With Repair::Split it may have more elements
+  /// and nodes, numbered above those that came in.
   HighOrderMesh mesh;
-  MeshSummary summary;
+  MeshSummary summary;  ///< Of this mesh.
   int iterations = 0;
   int resumed_from = 0;    ///< The iteration behind which a checkpoint let the run go on; 0: it began at the beginning.
   double seconds = 0;      ///< From the mesh as handed in to the result in memory, reports included.
@@ -98,6 +100,7 @@ struct Result {
   QualityReport before;
   QualityReport after;
   std::vector<UnrepairableGroup> unrepairable;  ///< What no movement of free nodes can repair.
+  std::vector<RepairStep> repairs;              ///< What Repair::Split or Straighten did about it, in order.
   std::vector<Iteration> history;
 };
 

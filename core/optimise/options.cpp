@@ -53,6 +53,14 @@ Expected<void> check(const Options& options) {
     return bad_option("The target needs a field and target_field is empty: give a size or strain a cell or vertex.");
   if (!takes_field && !options.target_field.values.empty())
     return bad_option("target_field is given and the target takes none: choose the target size or strain.");
+  if (options.repair == Repair::Split && takes_field)
+    return bad_option(
+        "repair is split and the target is a field: split elements would have no values in it; choose another target, "
+        "or split first and optimise with the field then.");
+  if (options.repair == Repair::Split && options.region_below > 0)
+    return bad_option(
+        "repair is split and region_below is given: what is split has to move wherever it is; leave region_below at "
+        "0.");
   return {};
 }
 

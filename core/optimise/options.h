@@ -59,6 +59,16 @@ enum class Per : std::uint8_t {
   Vertex,  ///< One value a vertex, by node number, linear in between.
 };
 
+/// What is done about elements that no movement of free nodes can repair.
+enum class Repair : std::uint8_t {
+  None,        ///< They are named, and treated like any other: their neighbours pay for them.
+  Report,      ///< They are named and kept out of the others' way.
+  Split,       ///< Interior edges and faces of tetrahedra are split where that makes room: new elements, new nodes, and
+               ///< the boundary as it was. docs/repair.md says how, and why it ends.
+  Straighten,  ///< As Report; what is left invalid, and what shares a facet with it, is made straight-sided at the end,
+               ///< as far as fixed nodes and the validity of others allow. Triangles and tetrahedra only.
+};
+
 /// A size or strain for Target::Size and Target::Strain; read_target_field() reads it from text. Tensors are
 /// symmetric, their lower triangle by rows: xx, xy, yy in 2-D, then xz, yz, zz.
 struct TargetField {
@@ -96,6 +106,8 @@ struct Options {
   int threads = 0;        ///< Threads to use; 0: all of the machine's.
   double p_norm = 1;      ///< The cells' mean energies are summed to this power, 1 to 16; more presses on the worst.
   int quadrature_degree = 0;  ///< Degree integrated exactly; 0: 2 P. Not under 2 (P − 1) on simplices.
+
+  Repair repair = Repair::Report;  ///< Split goes with neither target_field nor region_below.
 
   int order = 0;  ///< Raise or lower the mesh to this order on the way in; 0: as it is.
 

@@ -52,6 +52,7 @@ grpc::ServerUnaryReactor* JobService::ListJobs(grpc::CallbackServerContext* call
           report->mutable_certified()->clear_uncertified();
         }
         job.mutable_metrics()->clear_unrepairable();
+        job.mutable_metrics()->clear_repairs();
       }
       *response->add_jobs() = std::move(job);
     }

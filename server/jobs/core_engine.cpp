@@ -60,9 +60,10 @@ Expected<RunOutcome> run(RunRequest request, const RunHooks& hooks) {
   if (request.checkpoint) control.checkpoint = request.checkpoint->bytes();
   auto result = optimise(std::move(file->mesh), request.options, hooks.on_iteration, control);
   if (!result) return tl::unexpected(result.error());
-  outcome = {result->summary,          result->iterations,   result->seconds,           result->residual,
-             result->converged,        result->stopped,      result->stop_reason,       std::move(result->before),
-             std::move(result->after), result->unrepairable, std::move(result->history)};
+  outcome = {result->summary,      result->iterations,         result->seconds,
+             result->residual,     result->converged,          result->stopped,
+             result->stop_reason,  std::move(result->before),  std::move(result->after),
+             result->unrepairable, std::move(result->repairs), std::move(result->history)};
   if (result->stopped && hooks.given_up()) return outcome;
   for (const v1::MeshFormat format : definite_outputs(request.outputs, read_as))
     if (const auto written = write_mesh(*result, format, request.options.threads, hooks.open_output(format)); !written)

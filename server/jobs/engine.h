@@ -48,6 +48,7 @@ struct RunOutcome {
   QualityReport before;
   QualityReport after;
   std::vector<UnrepairableGroup> unrepairable;
+  std::vector<RepairStep> repairs;
   std::vector<Iteration> history;
 };
 

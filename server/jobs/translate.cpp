@@ -28,6 +28,12 @@ static_assert(same(v1::COLOURING_GROUP, Colouring::Group) && same(v1::COLOURING_
 static_assert(same(v1::TARGET_STRAIGHT_SIDED, Target::StraightSided) && same(v1::TARGET_IDEAL, Target::Ideal) &&
               same(v1::TARGET_SIZE, Target::Size) && same(v1::TARGET_STRAIN, Target::Strain));
 static_assert(same(v1::UNTIL_TOLERANCE, Until::Tolerance) && same(v1::UNTIL_VALID, Until::Valid));
+static_assert(same(v1::REPAIR_NONE, Repair::None) && same(v1::REPAIR_REPORT, Repair::Report) &&
+              same(v1::REPAIR_SPLIT, Repair::Split) && same(v1::REPAIR_STRAIGHTEN, Repair::Straighten));
+static_assert(same(v1::RepairStep::KIND_SPLIT_EDGE, RepairStep::Kind::SplitEdge) &&
+              same(v1::RepairStep::KIND_SPLIT_FACE, RepairStep::Kind::SplitFace) &&
+              same(v1::RepairStep::KIND_STRAIGHTENED, RepairStep::Kind::Straightened) &&
+              same(v1::RepairStep::KIND_LEFT, RepairStep::Kind::Left));
 static_assert(same(v1::STOP_REASON_CONVERGED, StopReason::Converged) &&
               same(v1::STOP_REASON_STOPPED, StopReason::Stopped));
 static_assert(same(v1::UnrepairableGroup::KIND_VERTEX, UnrepairableGroup::Kind::Vertex) &&
@@ -67,6 +73,7 @@ Answer<Options> options_from(const v1::Options& message) {
   check(take(message.colouring(), v1::Colouring_IsValid(message.colouring()), &options.colouring), "colouring");
   check(take(message.target(), v1::Target_IsValid(message.target()), &options.target), "target");
   check(take(message.until(), v1::Until_IsValid(message.until()), &options.until), "until");
+  check(take(message.repair(), v1::Repair_IsValid(message.repair()), &options.repair), "repair");
   const v1::TargetField& field = message.target_field();
   check(take(field.per(), v1::Per_IsValid(field.per()), &options.target_field.per), "target_field.per");
   if (unknown != nullptr)
@@ -135,6 +142,7 @@ v1::Options to_proto(const Options& options) {
   message.set_until(give<v1::Until>(options.until));
   message.set_until_js(options.until_js);
   message.set_time_limit(options.time_limit);
+  message.set_repair(give<v1::Repair>(options.repair));
   return message;
 }
 
@@ -212,6 +220,17 @@ v1::UnrepairableGroup to_proto(const UnrepairableGroup& group) {
   return message;
 }
 
+v1::RepairStep to_proto(const RepairStep& step) {
+  v1::RepairStep message;
+  message.set_kind(give<v1::RepairStep::Kind>(step.kind));
+  message.mutable_vertices()->Assign(step.vertices.begin(), step.vertices.end());
+  message.set_node(step.node);
+  message.mutable_elements()->Assign(step.elements.begin(), step.elements.end());
+  message.mutable_new_elements()->Assign(step.new_elements.begin(), step.new_elements.end());
+  message.set_sentence(step.sentence);
+  return message;
+}
+
 v1::Metrics metrics(const RunOutcome& outcome, const Options& options) {
   v1::Metrics message;
   *message.mutable_mesh() = to_proto(outcome.summary);
@@ -226,6 +245,8 @@ v1::Metrics metrics(const RunOutcome& outcome, const Options& options) {
   message.set_stop_reason(give<v1::StopReason>(outcome.stop_reason));
   for (std::size_t i = 0; i < std::min(outcome.unrepairable.size(), static_cast<std::size_t>(kMaxInvalidNamed)); ++i)
     *message.add_unrepairable() = to_proto(outcome.unrepairable[i]);
+  for (std::size_t i = 0; i < std::min(outcome.repairs.size(), static_cast<std::size_t>(kMaxInvalidNamed)); ++i)
+    *message.add_repairs() = to_proto(outcome.repairs[i]);
   return message;
 }
 

@@ -9,7 +9,7 @@
 
 namespace varimesh::server {
 
-/// Invalid cells, and unrepairable groups, a report names at most, so that a message stays small.
+/// Invalid cells, unrepairable groups, and steps of repair, a report names at most, so that a message stays small.
 inline constexpr int kMaxInvalidNamed = 1000;
 
 /// INVALID_ARGUMENT for a value that this server does not know. Ranges are the library's to check.
@@ -20,6 +20,7 @@ v1::Iteration to_proto(const Iteration& iteration);
 v1::MeshSummary to_proto(const MeshSummary& summary);
 v1::QualityReport to_proto(const QualityReport& report);
 v1::UnrepairableGroup to_proto(const UnrepairableGroup& group);
+v1::RepairStep to_proto(const RepairStep& step);
 v1::Metrics metrics(const RunOutcome& outcome, const Options& options);
 v1::JobError to_proto(const Error& error);
 

@@ -90,7 +90,7 @@ class InProcess(WithFolder):
         self.assertEqual(done.returncode, 0, done.stderr)
         document = json.loads(done.stdout)
         self.assertEqual(list(document), ["mesh", "energy", "method", "iterations", "seconds", "residual", "converged",
-                                          "stop_reason", "before", "after", "unrepairable"])
+                                          "stop_reason", "before", "after", "unrepairable", "repairs"])
         self.assertEqual(list(document["mesh"]), ["dimension", "order", "elements", "nodes", "free_nodes"])
         self.assertEqual(list(document["before"]), QUALITY)
         self.assertEqual(document["before"]["invalid_elements"], 2)
@@ -208,6 +208,21 @@ class InProcess(WithFolder):
         self.assertEqual(document["stop_reason"], "repaired")
         self.assertTrue(left and left <= named, (left, named))
         self.assertIn('"unrepairable"', out.read_text())
+
+    def test_says_what_repair_did(self):
+        folded, out = self.folder / "folded.msh", self.folder / "out.msh"
+        folded.write_text(FOLDED)
+        done = run("optimise", folded, "-o", out, "--repair", "split", "--json")
+        self.assertEqual(done.returncode, 4, done.stderr)
+        (left,) = json.loads(done.stdout)["repairs"]
+        self.assertEqual(left["kind"], "left")
+        self.assertIn("tetrahedra alone", left["sentence"])
+        done = run("optimise", folded, "-o", out, "--repair", "straighten")
+        self.assertEqual(done.returncode, 4, done.stderr)
+        self.assertRegex(done.stdout, r"(Straight-sided but for the boundary|Left curved)")
+        done = run("optimise", folded, "-o", out, "--repair", "split", "--region-below", "0.5")
+        self.assertEqual(done.returncode, 2, done.stderr)
+        self.assertIn("region_below", done.stderr)
 
     def test_convert_changes_the_format(self):
         binary, back = self.folder / "binary.msh", self.folder / "back.msh"

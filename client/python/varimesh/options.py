@@ -55,6 +55,7 @@ class Options(TypedDict, total=False):
     until: Literal["tolerance", "valid"]
     until_js: float
     time_limit: float
+    repair: Literal["none", "report", "split", "straighten"]
 
 
 def _set_target_field(message: Any, field: object) -> None:

@@ -1,0 +1,258 @@
+// Chooses what is to be straight, moves it and what it carries along, and takes back what would lose a certificate.
+#include "core/repair/straighten.h"
+
+#include <algorithm>
+#include <array>
+#include <set>
+#include <string>
+
+#include "core/mesh/connectivity.h"
+#include "core/repair/blend.h"
+
+namespace varimesh {
+namespace {
+
+using detail::Blend;
+/// An edge, face or cell by its vertices in ascending order; −1 where there are fewer.
+using Part = std::array<std::int32_t, 4>;
+
+std::size_t at(std::int64_t i) { return static_cast<std::size_t>(i); }
+
+bool is_valid(const Certificate& certificate) { return certificate.answer == Certificate::Answer::Valid; }
+
+class Straightener {
+ public:
+  Straightener(HighOrderMesh& mesh, const std::vector<bool>& fixed, const Certifier& certifier,
+               std::vector<Certificate>& certificates, const Team& team)
+      : mesh_(mesh),
+        fixed_(fixed),
+        certifier_(certifier),
+        certificates_(certificates),
+        team_(team),
+        cells_(mesh, mesh.dimension),
+        facets_(facets(mesh)) {}
+
+  std::vector<RepairStep> run(std::span<const UnrepairableGroup> groups) {
+    std::vector<std::vector<std::int32_t>> wanted;
+    for (const UnrepairableGroup& group : groups) {
+      wanted.push_back(neighbourhood(group));
+      for (const std::int32_t cell : wanted.back()) add_parts(cell);
+    }
+    if (!parts_.empty()) move();
+    std::vector<RepairStep> steps;
+    for (std::size_t g = 0; g < groups.size(); ++g)
+      if (!wanted[g].empty()) say(groups[g], wanted[g], steps);
+    say_what_is_not_offered(groups, steps);
+    return steps;
+  }
+
+ private:
+  bool is_simplex(std::int32_t cell) const {
+    const Shape shape = cells_.shape(at(cell));
+    return shape == Shape::Triangle || shape == Shape::Tetrahedron;
+  }
+
+  /// The group's cells that are not certified and those that share a facet with one, as far as they are simplices.
+  std::vector<std::int32_t> neighbourhood(const UnrepairableGroup& group) const {
+    std::vector<std::int32_t> result;
+    for (const std::int32_t cell : group.cells) {
+      if (is_valid(certificates_[at(cell)])) continue;
+      result.push_back(cell);
+      for (std::int32_t f = facets_.first[at(cell)]; f < facets_.first[at(cell) + 1]; ++f)
+        if (facets_.neighbour[at(f)] >= 0) result.push_back(facets_.neighbour[at(f)]);
+    }
+    std::erase_if(result, [&](std::int32_t cell) { return !is_simplex(cell); });
+    std::ranges::sort(result);
+    result.erase(std::unique(result.begin(), result.end()), result.end());
+    return result;
+  }
+
+  const Blend& blend_of(std::int32_t cell) const { return detail::blend(cells_.shape(at(cell)), mesh_.order); }
+
+  template <class Vertices>
+  Part part(std::int32_t cell, const Vertices& vertices) const {
+    Part result{-1, -1, -1, -1};
+    std::size_t count = 0;
+    for (const auto v : vertices)
+      if (v >= 0) result[count++] = cells_.nodes(at(cell))[at(v)];
+    std::sort(result.begin(), result.begin() + static_cast<std::ptrdiff_t>(count));
+    return result;
+  }
+  Part whole(std::int32_t cell) const {
+    Part result{-1, -1, -1, -1};
+    const auto vertices = at(reference::info(cells_.shape(at(cell))).vertices);
+    std::copy_n(cells_.nodes(at(cell)).begin(), vertices, result.begin());
+    std::sort(result.begin(), result.begin() + static_cast<std::ptrdiff_t>(vertices));
+    return result;
+  }
+
+  /// Calls visit(part, its inner nodes, what its boundary says of them) for the edges, the faces and the inside of a
+  /// simplex, in this order.
+  template <class Visit>
+  void for_each_part(std::int32_t cell, Visit&& visit) const {
+    const auto& info = reference::info(cells_.shape(at(cell)));
+    const Blend& table = blend_of(cell);
+    const Eigen::MatrixXd none;
+    for (std::size_t e = 0; e < info.edges.size(); ++e) visit(part(cell, info.edges[e]), table.edges[e], none);
+    for (std::size_t f = 0; f < info.faces.size(); ++f)
+      visit(part(cell, info.faces[f].vertices), table.faces[f], table.on_face[f]);
+    visit(whole(cell), table.inside, table.in_cell);
+  }
+
+  bool is_free(std::int32_t cell, const std::vector<int>& local) const {
+    return std::ranges::none_of(local, [&](int n) { return fixed_[at(cells_.nodes(at(cell))[at(n)])]; });
+  }
+
+  void add_parts(std::int32_t cell) {
+    for_each_part(cell, [&](const Part& part, const std::vector<int>& local, const Eigen::MatrixXd&) {
+      if (!local.empty() && is_free(cell, local)) parts_.insert(part);
+    });
+  }
+
+  /// The cell's nodes at these coordinates, less their straight-sided places.
+  Eigen::MatrixXd deviation(std::int32_t cell, const std::vector<double>& coordinates) const {
+    const auto nodes = cells_.nodes(at(cell));
+    Eigen::MatrixXd x(static_cast<Eigen::Index>(nodes.size()), 3);
+    for (std::size_t n = 0; n < nodes.size(); ++n)
+      for (int c = 0; c < 3; ++c) x(static_cast<Eigen::Index>(n), c) = coordinates[3 * at(nodes[n]) + at(c)];
+    const Eigen::MatrixXd& linear = blend_of(cell).linear;
+    return x - linear * x.topRows(linear.cols());
+  }
+
+  /// The coordinates with all parts straight; `cells` are those that have a vertex of one.
+  std::vector<double> straight(const std::vector<std::int32_t>& cells) const {
+    std::vector<double> result = mesh_.coordinates;
+    std::vector<char> done(mesh_.node_count(), 0);
+    // Edges first, then faces, then cells: what is round a part is in place before it.
+    for (int dimension = 1; dimension <= mesh_.dimension; ++dimension)
+      for (const std::int32_t cell : cells) place_parts(cell, dimension, done, result);
+    return result;
+  }
+
+  void place_parts(std::int32_t cell, int dimension, std::vector<char>& done, std::vector<double>& result) const {
+    const auto nodes = cells_.nodes(at(cell));
+    const Eigen::MatrixXd before = deviation(cell, mesh_.coordinates), after = deviation(cell, result);
+    for_each_part(cell, [&](const Part& part, const std::vector<int>& local, const Eigen::MatrixXd& says) {
+      const auto vertices = std::ranges::count_if(part, [](std::int32_t v) { return v >= 0; });
+      if (vertices != dimension + 1 || local.empty() || done[at(nodes[at(local[0])])] || !is_free(cell, local)) return;
+      const bool chosen = parts_.contains(part);
+      Eigen::MatrixXd moved = Eigen::MatrixXd::Zero(static_cast<Eigen::Index>(local.size()), 3);
+      if (chosen) moved = -before(local, Eigen::all);
+      if (says.size() > 0 && chosen) moved += says * after;
+      if (says.size() > 0 && !chosen) moved += says * (after - before);
+      if (!chosen && (says.size() == 0 || after == before)) return;
+      for (std::size_t n = 0; n < local.size(); ++n) {
+        const std::size_t node = at(nodes[at(local[n])]);
+        done[node] = 1;
+        for (std::size_t c = 0; c < 3; ++c)
+          result[3 * node + c] = mesh_.coordinates[3 * node + c] + moved(static_cast<Eigen::Index>(n), at(c));
+      }
+    });
+  }
+
+  /// Cells that have all vertices of an edge that is to be straight, or of another part; simplices alone are carried.
+  void move() {
+    std::vector<double> moved;
+    for (;;) {
+      std::vector<char> touched(mesh_.node_count(), 0);
+      for (const Part& part : parts_)
+        for (const std::int32_t vertex : part)
+          if (vertex >= 0) touched[at(vertex)] = 1;
+      std::vector<std::int32_t> all, simplices;
+      for (std::size_t c = 0; c < cells_.count(); ++c) {
+        const auto cell = static_cast<std::int32_t>(c);
+        if (std::ranges::none_of(cells_.nodes(c).first(at(reference::info(cells_.shape(c)).vertices)),
+                                 [&](std::int32_t node) { return touched[at(node)] != 0; }))
+          continue;
+        all.push_back(cell);
+        if (is_simplex(cell)) simplices.push_back(cell);
+      }
+      moved = straight(simplices);
+      std::vector<Certificate> now = certificates_;
+      certifier_.certify(moved, all, now, team_);
+      bool lost = false;
+      for (const std::int32_t cell : all)
+        if (is_valid(certificates_[at(cell)]) && !is_valid(now[at(cell)])) lost = take_back(cell) || lost;
+      if (lost) continue;
+      mesh_.coordinates = std::move(moved);
+      certificates_ = std::move(now);
+      return;
+    }
+  }
+
+  /// Leaves the cell's parts as they are; a cell that is no simplex has all parts taken back that share a vertex with
+  /// it, as does one that has none of its own.
+  bool take_back(std::int32_t cell) {
+    std::size_t erased = 0;
+    if (is_simplex(cell))
+      for_each_part(cell, [&](const Part& part, const std::vector<int>&, const Eigen::MatrixXd&) {
+        erased += parts_.erase(part);
+      });
+    if (erased > 0) return true;
+    const auto vertices = cells_.nodes(at(cell)).first(at(reference::info(cells_.shape(at(cell))).vertices));
+    return std::erase_if(parts_, [&](const Part& part) {
+             return std::ranges::any_of(
+                 part, [&](std::int32_t v) { return v >= 0 && std::ranges::find(vertices, v) != vertices.end(); });
+           }) > 0;
+  }
+
+  bool is_straight(std::int32_t cell) const {
+    bool straight = true;
+    for_each_part(cell, [&](const Part& part, const std::vector<int>& local, const Eigen::MatrixXd&) {
+      straight = straight && (local.empty() || !is_free(cell, local) || parts_.contains(part));
+    });
+    return straight;
+  }
+
+  void say(const UnrepairableGroup& group, const std::vector<std::int32_t>& wanted,
+           std::vector<RepairStep>& steps) const {
+    RepairStep done, left;
+    for (const std::int32_t cell : wanted)
+      (is_straight(cell) ? done : left).elements.push_back(cells_.number(at(cell)));
+    const std::string where = group.vertex != 0 ? " at node " + std::to_string(group.vertex)
+                                                : " round element " + std::to_string(group.elements.front());
+    if (!done.elements.empty()) {
+      done.kind = RepairStep::Kind::Straightened;
+      done.sentence = "Straight-sided but for the boundary" + where + ": " +
+                      elements_text(done.elements, "element", "elements") + ".";
+      steps.push_back(std::move(done));
+    }
+    if (!left.elements.empty()) {
+      left.sentence = "Left curved" + where + ", since straight sides would make one of their neighbours invalid: " +
+                      elements_text(left.elements, "element", "elements") + ".";
+      steps.push_back(std::move(left));
+    }
+  }
+
+  void say_what_is_not_offered(std::span<const UnrepairableGroup> groups, std::vector<RepairStep>& steps) const {
+    std::set<std::int64_t> others;
+    for (const UnrepairableGroup& group : groups)
+      for (const std::int32_t cell : group.cells)
+        if (!is_simplex(cell) && !is_valid(certificates_[at(cell)])) others.insert(cells_.number(at(cell)));
+    if (others.empty()) return;
+    RepairStep step;
+    step.elements.assign(others.begin(), others.end());
+    step.sentence = "Straight sides are offered for triangles and tetrahedra alone: " +
+                    elements_text(step.elements, "element", "elements") + " stay as optimising left them.";
+    steps.push_back(std::move(step));
+  }
+
+  HighOrderMesh& mesh_;
+  const std::vector<bool>& fixed_;
+  const Certifier& certifier_;
+  std::vector<Certificate>& certificates_;
+  const Team& team_;
+  Cells cells_;
+  Facets facets_;
+  std::set<Part> parts_;  // to be straight
+};
+
+}  // namespace
+
+std::vector<RepairStep> straighten(HighOrderMesh& mesh, const std::vector<bool>& fixed, const Certifier& certifier,
+                                   std::vector<Certificate>& certificates, std::span<const UnrepairableGroup> groups,
+                                   const Team& team) {
+  return Straightener(mesh, fixed, certifier, certificates, team).run(groups);
+}
+
+}  // namespace varimesh

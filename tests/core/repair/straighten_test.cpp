@@ -1,0 +1,142 @@
+// Straight where nothing says otherwise, smooth where the boundary does, and no certificate lost.
+#include "core/repair/straighten.h"
+
+#include <gtest/gtest.h>
+
+#include <cstring>
+#include <numeric>
+
+#include "core/repair/blend.h"
+#include "tests/core/optimise/meshes.h"
+#include "tests/core/repair/balls.h"
+
+namespace varimesh {
+namespace {
+
+struct Straightened {
+  HighOrderMesh mesh;
+  std::vector<Certificate> before, after;
+  std::vector<RepairStep> steps;
+};
+
+/// As if these cells were a group.
+Straightened straightened(HighOrderMesh mesh, std::vector<std::int32_t> named) {
+  Straightened result;
+  const Certifier certifier(mesh);
+  const Team team(1);
+  const std::vector<bool> fixed = fixed_nodes(mesh);
+  UnrepairableGroup group;
+  group.cells = std::move(named);
+  const Cells cells(mesh, mesh.dimension);
+  for (const std::int32_t cell : group.cells) group.elements.push_back(cells.number(static_cast<std::size_t>(cell)));
+  std::vector<Certificate> certificates(certifier.cells());
+  HighOrderMesh moved = mesh;
+  team.run([&] {
+    certifier.certify(mesh.coordinates, certificates, team);
+    result.before = certificates;
+    result.steps = straighten(moved, fixed, certifier, certificates, std::span(&group, 1), team);
+  });
+  result.after = certificates;
+  result.mesh = std::move(moved);
+  return result;
+}
+
+double largest_change(const HighOrderMesh& a, const HighOrderMesh& b) {
+  double most = 0;
+  for (std::size_t i = 0; i < a.coordinates.size(); ++i)
+    most = std::max(most, std::abs(a.coordinates[i] - b.coordinates[i]));
+  return most;
+}
+
+class StraightenTest : public ::testing::TestWithParam<testing::Filling> {};
+
+TEST_P(StraightenTest, GivesAStraightSidedMeshBack) {
+  // A grid with plane sides, all inner nodes shaken until cells are invalid: everything named is straight again.
+  const bool plane = testing::is_plane(GetParam());
+  const HighOrderMesh straight = testing::grid(GetParam(), {2, 2, 2}, 4);
+  HighOrderMesh shaken = straight;
+  const std::vector<bool> fixed = fixed_nodes(straight);
+  std::vector<bool> vertex(straight.node_count(), false);
+  const Cells cells(straight, straight.dimension);
+  for (std::size_t c = 0; c < cells.count(); ++c)
+    for (int v = 0; v < reference::info(cells.shape(c)).vertices; ++v)
+      vertex[static_cast<std::size_t>(cells.nodes(c)[static_cast<std::size_t>(v)])] = true;
+  testing::shake(shaken, 0.2);
+  for (std::size_t n = 0; n < straight.node_count(); ++n)
+    for (std::size_t c = 0; c < 3; ++c)
+      if (vertex[n] || (plane && c == 2)) shaken.coordinates[3 * n + c] = straight.coordinates[3 * n + c];
+  std::vector<std::int32_t> all(cells.count());
+  std::iota(all.begin(), all.end(), 0);
+  const Straightened result = straightened(shaken, all);
+  EXPECT_LT(largest_change(result.mesh, straight), 1e-12);
+  ASSERT_EQ(result.steps.size(), 1u);
+  EXPECT_EQ(result.steps[0].kind, RepairStep::Kind::Straightened);
+  for (const Certificate& certificate : result.after) EXPECT_EQ(certificate.answer, Certificate::Answer::Valid);
+}
+
+INSTANTIATE_TEST_SUITE_P(Shapes, StraightenTest,
+                         ::testing::Values(testing::Filling::Triangles, testing::Filling::Tetrahedra));
+
+TEST(StraightenBallTest, KeepsTheBoundaryAndEveryCertificate) {
+  HighOrderMesh mesh = testing::six_in_a_ball(4);
+  testing::shake(mesh, 0.02);
+  const Straightened result = straightened(mesh, {0, 1, 2, 3, 4, 5});
+  const std::vector<bool> fixed = fixed_nodes(mesh);
+  for (std::size_t n = 0; n < mesh.node_count(); ++n)
+    if (fixed[n]) {
+      EXPECT_EQ(std::memcmp(&mesh.coordinates[3 * n], &result.mesh.coordinates[3 * n], 3 * sizeof(double)), 0);
+    }
+  for (std::size_t c = 0; c < result.before.size(); ++c)
+    if (result.before[c].answer == Certificate::Answer::Valid) {
+      EXPECT_EQ(result.after[c].answer, Certificate::Answer::Valid);
+    }
+  // The diagonal, from (−1, −1, −1)/√3 to (1, 1, 1)/√3, is straight: at equal parts all its components are alike.
+  const auto& places = reference::node_places(Shape::Tetrahedron, 4);
+  int on_diagonal = 0;
+  for (std::size_t n = 0; n < places.size(); ++n) {
+    if (places[n].dimension != 1 || places[n].index != 3) continue;
+    const double* x = result.mesh.coordinates.data() + 3 * static_cast<std::size_t>(mesh.blocks[0].nodes[n]);
+    EXPECT_NEAR(x[0], x[1], 1e-12);
+    EXPECT_NEAR(x[0], x[2], 1e-12);
+    EXPECT_NEAR(std::remainder(x[0] * std::sqrt(3.0), 0.5), 0, 1e-12);
+    ++on_diagonal;
+  }
+  EXPECT_EQ(on_diagonal, 3);
+}
+
+TEST(StraightenTakeBackTest, LeavesWhatOthersNeedCurved) {
+  // One side of a square bulges inwards so far that only bent inner edges leave the triangles beside it valid.
+  const auto bulge = [](testing::Place x) {
+    return testing::Place{x[0], x[1] + 0.45 * std::sin(M_PI * x[0]) * (1 - x[1]), x[2]};
+  };
+  HighOrderMesh mesh = testing::grid(testing::Filling::Triangles, {2, 2, 1}, 4);
+  testing::move_nodes(mesh, bulge);
+  const std::size_t last = mesh.element_count(2) - 1;
+  // The last triangle, at the top, is turned over by one node of its inside.
+  const Cells cells(mesh, 2);
+  const auto inside = static_cast<std::size_t>(cells.nodes(last)[14]);
+  mesh.coordinates[3 * inside] -= 0.6;
+  const Straightened result = straightened(mesh, {static_cast<std::int32_t>(last)});
+  ASSERT_NE(result.before[last].answer, Certificate::Answer::Valid);
+  for (std::size_t c = 0; c < result.before.size(); ++c)
+    if (result.before[c].answer == Certificate::Answer::Valid) {
+      EXPECT_EQ(result.after[c].answer, Certificate::Answer::Valid) << c;
+    }
+  EXPECT_FALSE(result.steps.empty());
+}
+
+TEST(BlendTest, FollowsAnEdgeThatIsMovedAlong) {
+  // Deviations of a quadratic bubble on one edge of a tetrahedron: λ_a λ_b itself is what comes out everywhere.
+  for (const int order : {3, 4, 5}) {
+    const detail::Blend& table = detail::blend(Shape::Tetrahedron, order);
+    const Eigen::VectorXd bubble = table.linear.col(0).cwiseProduct(table.linear.col(1));
+    for (std::size_t f = 0; f < table.faces.size(); ++f)
+      EXPECT_LT((table.on_face[f] * bubble - bubble(table.faces[f])).cwiseAbs().maxCoeff(), 1e-12);
+    if (!table.inside.empty()) {
+      EXPECT_LT((table.in_cell * bubble - bubble(table.inside)).cwiseAbs().maxCoeff(), 1e-12);
+    }
+  }
+}
+
+}  // namespace
+}  // namespace varimesh
