@@ -5,7 +5,7 @@
 #include <array>
 
 #include "client/command/names.h"
-#include "varimesh/v1/mesh.pb.h"
+#include "varimesh/v1/job.pb.h"
 
 namespace varimesh::client {
 namespace {
@@ -71,11 +71,12 @@ std::vector<std::string> split(const std::string& text, char at) {
   return parts;
 }
 
-/// Where the value is one of a few, which: the flag's own list, or the formats.
+/// Where the value is one of a few, which: the flag's own list, the formats, or the states.
 std::vector<std::string> choices_of(const CLI::Option& option, const std::string& value) {
   if (value.find('|') != std::string::npos) return split(value, '|');
   if (option.check_lname("format") || option.check_lname("output-format"))
     return spellings(*v1::MeshFormat_descriptor());
+  if (option.check_lname("state")) return spellings(*v1::JobState_descriptor());
   return {};
 }
 

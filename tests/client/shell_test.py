@@ -111,6 +111,7 @@ class Bash(Completed):
         self.assertEqual(self.bash("optimise", "--energy", "w"), ["winslow"])
         self.assertEqual(self.bash("optimise", "--energy", "=", "w"), ["winslow"])
         self.assertEqual(self.bash("submit", "--output-format", "msh41-"), ["msh41-binary"])
+        self.assertEqual(self.bash("jobs", "--state", "ca"), ["cancelling", "cancelled"])
         self.assertEqual(self.bash("optimise", "wing"), ["wing mesh.msh"])
         self.assertEqual(self.bash("optimise", "--tolerance", "wing"), [""])
         self.assertEqual(set(OPTIONS) - set(self.bash("optimise", "--")), set())
