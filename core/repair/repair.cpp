@@ -46,6 +46,7 @@ std::vector<bool> folded_cells(const HighOrderMesh& mesh, const std::vector<bool
 /// Splits in passes until nothing is left that wants it. `marked` are corners of the mesh as it is handed in.
 HighOrderMesh split_in_passes(HighOrderMesh mesh, const Options& options, Corners marked,
                               std::vector<RepairStep>& steps) {
+  if (mesh.dimension != 3) return mesh;
   const Team team(options.threads);
   for (int pass = 0; pass < kMostPasses; ++pass) {
     const Expected<std::vector<bool>> fixed = choose_fixed_nodes(mesh, options);

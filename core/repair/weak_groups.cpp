@@ -33,8 +33,7 @@ SplitPlace edge_place(std::int32_t a, std::int32_t b) { return {std::min(a, b), 
 
 int size(const SplitPlace& place) { return place[2] < 0 ? 2 : 3; }
 
-bool has(std::span<const std::int32_t> nodes, const SplitPlace& place) {
-  const auto vertices = nodes.first(4);
+bool has(std::span<const std::int32_t> vertices, const SplitPlace& place) {
   for (int k = 0; k < size(place); ++k)
     if (std::ranges::find(vertices, place[at(k)]) == vertices.end()) return false;
   return true;
@@ -111,8 +110,11 @@ bool SplitRules::is_boundary(SplitPlace face) const { return faces_.contains(sor
 
 std::vector<std::int32_t> SplitRules::cells_round(const SplitPlace& place) const {
   std::vector<std::int32_t> result;
-  for (std::uint32_t i = first_[at(place[0])]; i < first_[at(place[0]) + 1]; ++i)
-    if (has(cells_.nodes(at(cells_of_[i])), place)) result.push_back(cells_of_[i]);
+  for (std::uint32_t i = first_[at(place[0])]; i < first_[at(place[0]) + 1]; ++i) {
+    const auto cell = at(cells_of_[i]);
+    const auto vertices = at(reference::info(cells_.shape(cell)).vertices);
+    if (has(cells_.nodes(cell).first(vertices), place)) result.push_back(cells_of_[i]);
+  }
   return result;
 }
 

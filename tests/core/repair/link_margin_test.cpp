@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "core/repair/weak_groups.h"
+#include "tests/core/optimise/meshes.h"
 #include "tests/core/repair/balls.h"
 
 namespace varimesh {
@@ -134,6 +135,32 @@ TEST(SplitRulesTest, SpareWhatIsFixedOrHasAnElement) {
   mesh.blocks.push_back(line);
   const Cells cells(mesh, 3);
   EXPECT_FALSE(SplitRules(mesh, cells, fixed).may_split({0, 7, -1}));
+}
+
+TEST(SplitRulesTest, SpareWhatOtherShapesShare) {
+  const HighOrderMesh mesh = testing::grid(testing::Filling::MixedSolid, {5, 2, 2}, 2);
+  const Cells cells(mesh, 3);
+  const std::vector<bool> fixed = fixed_nodes(mesh);
+  const SplitRules rules(mesh, cells, fixed);
+  const auto vertices = [&](std::size_t cell) {
+    return cells.nodes(cell).first(static_cast<std::size_t>(reference::info(cells.shape(cell)).vertices));
+  };
+  int splittable = 0;
+  for (std::size_t tetrahedron = 0; tetrahedron < cells.count(); ++tetrahedron) {
+    if (cells.shape(tetrahedron) != Shape::Tetrahedron) continue;
+    for (const auto& edge : reference::info(Shape::Tetrahedron).edges) {
+      const auto [a, b] = std::minmax(vertices(tetrahedron)[static_cast<std::size_t>(edge[0])],
+                                      vertices(tetrahedron)[static_cast<std::size_t>(edge[1])]);
+      bool shared = false;
+      for (std::size_t cell = 0; cell < cells.count(); ++cell)
+        shared = shared || (cells.shape(cell) != Shape::Tetrahedron &&
+                            std::ranges::count(vertices(cell), a) + std::ranges::count(vertices(cell), b) == 2);
+      const bool may = rules.may_split({a, b, -1});
+      EXPECT_FALSE(shared && may) << a << " " << b;
+      splittable += may ? 1 : 0;
+    }
+  }
+  EXPECT_GT(splittable, 0);
 }
 
 TEST(SplitRulesTest, SpareFlatCells) {

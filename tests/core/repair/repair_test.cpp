@@ -81,6 +81,17 @@ TEST(RepairSplitTest, SaysThatItIsNotOfferedForOtherShapes) {
   EXPECT_EQ(result.mesh.element_count(3), 1u);
 }
 
+TEST(RepairSplitTest, LeavesPlaneMeshesWhole) {
+  HighOrderMesh mesh = testing::grid(testing::Filling::Triangles, {2, 2, 1}, 2);
+  // The corner at the origin gets a straight angle: its triangle's two boundary edges are one line there.
+  for (std::size_t n = 0; n < mesh.node_count(); ++n)
+    if (mesh.coordinates[3 * n] == 0 && mesh.coordinates[3 * n + 1] < 0.4 && mesh.coordinates[3 * n + 1] > 0)
+      mesh.coordinates[3 * n] = -0.6;
+  const Result result = run(mesh, with(Repair::Split));
+  EXPECT_EQ(result.mesh.element_count(2), mesh.element_count(2));
+  EXPECT_EQ(result.repairs.size(), result.after.uncertified.empty() ? 0u : 1u);
+}
+
 TEST(RepairSplitTest, HandsOutNothingWorseWhenStopped) {
   const HighOrderMesh mesh = testing::six_in_a_ball(3);
   const Result result = run(mesh, with(Repair::Split), [](const Iteration&) { return Control::Stop; });
