@@ -47,10 +47,17 @@ Expected<void> write_report(const std::string& path, const Report& report) {
               {"no_picture", report.no_picture}};
   std::string arrays;
   if (report.before != nullptr) {
-    const auto stages = Stages::create(report.before, report.after);
+    auto stages = Stages::create(report.before, report.after);
+    Marks marks = report.marks;
+    if (!stages && report.after != nullptr) {
+      // A repair may have split elements: then there is no saying which of them was which.
+      stages = Stages::create(report.after, nullptr);
+      marks.uncertified[0] = marks.uncertified[1];
+      all["no_picture"] = "The result has other elements than the mesh that came in, so it is shown alone.";
+    }
     if (!stages) return tl::unexpected(stages.error());
     Packing packing;
-    all["scene"] = pack_scene(*stages, report.marks, &packing);
+    all["scene"] = pack_scene(*stages, marks, &packing);
     all["scene"]["arrays"] = packing.directory();
     auto packed = packing.base64();
     if (!packed) return tl::unexpected(packed.error());

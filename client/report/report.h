@@ -25,11 +25,12 @@ struct Report {
   nlohmann::ordered_json origin = nlohmann::ordered_json::array();
 
   std::shared_ptr<const HighOrderMesh> before, after;  ///< Null: not there. Without `before` there is no picture.
-  std::string no_picture;                              ///< Why there is none.
+  std::string no_picture;                              ///< Why there is none; said above it where there is one.
   Marks marks;
 };
 
-/// Writes the page (formats::OutputFile). Errors: Output; BadInput where the meshes are not of the same elements.
+/// Writes the page (formats::OutputFile). Where the two meshes do not have the same elements, it shows the one after.
+/// Errors: Output; BadInput where a mesh cannot be judged.
 Expected<void> write_report(const std::string& path, const Report& report);
 
 }  // namespace varimesh::client

@@ -63,11 +63,11 @@ std::array<double, 3> Stages::point(std::size_t stage, std::size_t cell, int loc
 }
 
 std::array<double, 3> Stages::middle(std::size_t stage, std::size_t cell) const {
-  const int vertices = reference::info(cells().shape(cell)).vertices;
+  const auto count = static_cast<int>(cells().nodes(cell).size());
   std::array<double, 3> sum{};
-  for (int v = 0; v < vertices; ++v) {
-    const auto vertex = point(stage, cell, v);
-    for (std::size_t d = 0; d < 3; ++d) sum[d] += vertex[d] / vertices;
+  for (int i = 0; i < count; ++i) {
+    const auto node = point(stage, cell, i);
+    for (std::size_t d = 0; d < 3; ++d) sum[d] += node[d] / count;
   }
   return sum;
 }

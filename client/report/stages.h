@@ -37,7 +37,7 @@ class Stages {
   const Cells& cells() const { return cells_[0]; }
   /// x y z of node `local` of cell `cell`, in a stage.
   std::array<double, 3> point(std::size_t stage, std::size_t cell, int local) const;
-  /// Mean of the cell's vertices.
+  /// Mean of the cell's nodes: in a curved cell, unlike that of its vertices, mostly inside it.
   std::array<double, 3> middle(std::size_t stage, std::size_t cell) const;
   /// The longest distance from the cell's first node to another of its nodes.
   double size(std::size_t stage, std::size_t cell) const;

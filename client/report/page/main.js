@@ -21,7 +21,7 @@ async function addPictures(report) {
     if (report.no_picture) addSection('pictures', 'The mesh', report.no_picture);
     return null;
   }
-  const section = addSection('pictures', 'The mesh, coloured by scaled Jacobian');
+  const section = addSection('pictures', 'The mesh, coloured by scaled Jacobian', report.no_picture);
   const arrays = await unpack(document.getElementById('arrays').textContent, report.scene.arrays);
   const cells = new CellTable(report.scene, arrays);
   const crosses = report.document.unrepairable;

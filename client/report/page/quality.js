@@ -41,14 +41,14 @@ function tiles(document) {
 function histograms(section, report) {
   const list = qualities(report.document).filter(([stage]) => report.histograms[stage]);
   const most = Math.max(...list.flatMap(([stage, quality]) => [...report.histograms[stage], quality.invalid_elements]), 1);
-  let log = true;
+  let log = most > 50;
   const paint = [];
   const toggle = button('Logarithmic counts', () => {
     log = !log;
     toggle.setAttribute('aria-pressed', log);
     for (const one of paint) one();
   });
-  toggle.setAttribute('aria-pressed', 'true');
+  toggle.setAttribute('aria-pressed', log);
   const columns = make('div', {class: 'columns'});
   section.append(make('div', {class: 'controls'}, toggle), columns);
   for (const [stage, quality] of list) {
@@ -107,11 +107,11 @@ function worstTable(scene, stage, go) {
       go(one.place, one.size);
       document.getElementById('pictures').scrollIntoView({block: 'start'});
     }) : '';
-    const place = one.place.slice(0, scene.dimension).map(readable).join(', ');
-    return [String(i + 1), numberCell(one.number, String(one.number)), one.shape, numberCell(one.scaled_jacobian, jacobian(one.scaled_jacobian)), {text: place, class: 'place'}, show];
+    const place = one.place.slice(0, scene.dimension).map((x) => readable(Number(x.toPrecision(3)))).join(', ');
+    return [String(i + 1), numberCell(one.number, String(one.number)), one.shape, numberCell(one.scaled_jacobian, jacobian(one.scaled_jacobian)), show, {text: place, class: 'place'}];
   });
   return table(scene.stages.length > 1 ? `The worst ${stage}` : 'The worst elements',
-      ['', {text: 'Element', class: 'number'}, 'Shape', {text: 'Scaled Jacobian', class: 'number'}, 'Middle', ''], rows);
+      ['', {text: 'Element', class: 'number'}, 'Shape', {text: 'Scaled Jacobian', class: 'number'}, '', 'Middle'], rows);
 }
 
 function unrepairableTable(groups) {
