@@ -4,6 +4,7 @@
 #include "core/formats/formats.h"
 #include "core/mesh/check.h"
 #include "core/mesh/high_order_mesh.h"
+#include "core/optimise/memory.h"
 #include "core/optimise/optimiser.h"
 #include "core/optimise/options.h"
 #include "core/quality/quality.h"

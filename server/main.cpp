@@ -17,6 +17,7 @@
 #include <iostream>
 
 #include "core/version.h"
+#include "server/jobs/memory_budget.h"
 #include "server/operations/log.h"
 #include "server/server.h"
 
@@ -40,6 +41,7 @@ int main(int argc, char** argv) {
   server::ServerOptions options;
   options.listen = "127.0.0.1:50051";
   options.limits.reserve_bytes = std::int64_t{64} << 20;
+  options.limits.max_memory_bytes = server::machine_memory();
   std::string port_file, log_level = "info";
   double checkpoint_seconds = 5;
   int drain_seconds = 30, mesh_lifetime_hours = 7 * 24;
@@ -55,6 +57,10 @@ int main(int argc, char** argv) {
   app.add_option("--log-level", log_level, "trace, debug, info, warn, error or off")->capture_default_str();
   app.add_option("--threads", options.limits.threads, "Threads shared by the running jobs; 0: all there are")
       ->check(CLI::Range(0, 4096));
+  app.add_option("--max-memory-bytes", options.limits.max_memory_bytes,
+                 "Memory that the running jobs may have together: one that needs more never runs (default: nine tenths "
+                 "of the machine's; 0: no limit)")
+      ->check(CLI::NonNegativeNumber);
   app.add_option("--max-mesh-bytes", options.limits.max_mesh_bytes, "Largest mesh that is taken")
       ->capture_default_str()
       ->check(CLI::PositiveNumber);

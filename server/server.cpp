@@ -138,7 +138,8 @@ struct Server::Parts {
     settings.clock = options.clock;
     settings.has_room = [this] { return meshes->has_room(); };
     settings.new_name = options.new_name ? options.new_name : random_name;
-    settings.launch = [this](int threads, std::function<void()> job) { budget.launch(threads, std::move(job)); };
+    settings.memory = options.limits.max_memory_bytes;
+    settings.launch = [this](int threads, SchedulerSettings::Job job) { budget.launch(threads, std::move(job)); };
     settings.log = [](const std::string& job, const std::string& what) { spdlog::info("{} {}", job, what); };
     scheduler = std::make_unique<Scheduler>(jobs.get(), meshes.get(), options.engine, std::move(settings));
     pool = std::make_unique<Pool>(kPoolThreads);

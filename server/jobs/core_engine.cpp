@@ -1,6 +1,7 @@
 // From the bytes of a file to those of the results, by the numerical library.
 #include <utility>
 
+#include "core/optimise/memory.h"
 #include "core/quality/marks.h"
 #include "server/jobs/engine.h"
 #include "server/jobs/translate.h"
@@ -46,6 +47,9 @@ Expected<RunOutcome> run(RunRequest request, const RunHooks& hooks) {
       request.format == v1::MESH_FORMAT_PARTS ? v1::MESH_FORMAT_PARTS : to_proto(file->format);
 
   RunOutcome outcome;
+  if (hooks.admit)
+    if (const auto admitted = hooks.admit(memory_needed(file->mesh, request.options)); !admitted)
+      return tl::unexpected(admitted.error());
   if (hooks.cancelled()) {
     outcome.stopped = true;
     return outcome;
@@ -57,6 +61,7 @@ Expected<RunOutcome> run(RunRequest request, const RunHooks& hooks) {
   control.save_checkpoint = [&](const Iteration& iteration, const WriteCheckpoint& write) {
     hooks.save_checkpoint(iteration.number, write);
   };
+  control.threads = hooks.threads;
   if (request.checkpoint) control.checkpoint = request.checkpoint->bytes();
   auto result = optimise(std::move(file->mesh), request.options, hooks.on_iteration, control);
   if (!result) return tl::unexpected(result.error());

@@ -27,6 +27,11 @@ struct RunRequest {
 struct RunHooks {
   OnIteration on_iteration;
   std::function<bool()> cancelled;  ///< Asked between the steps.
+  /// How many threads there are for the next iteration; may be empty.
+  std::function<int()> threads;
+  /// Told, once the mesh is read, how many bytes the run will take: waits until they are there, or until it is
+  /// cancelled. Errors: BadInput where they can never be.
+  std::function<Expected<void>(std::int64_t bytes)> admit;
   /// Whether the run ends only to be gone on with elsewhere: its outputs are wanted by nobody.
   std::function<bool()> given_up;
   /// Asked, before on_iteration, after iterations whose state can be kept. Where it says yes, the engine saves it.

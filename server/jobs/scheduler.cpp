@@ -24,7 +24,11 @@ tl::unexpected<Failure> bad_request(std::string sentence) {
 }  // namespace
 
 Scheduler::Scheduler(JobStore* jobs, MeshStore* meshes, Engine engine, SchedulerSettings settings)
-    : jobs_(jobs), meshes_(meshes), engine_(std::move(engine)), settings_(std::move(settings)) {}
+    : jobs_(jobs),
+      meshes_(meshes),
+      engine_(std::move(engine)),
+      settings_(std::move(settings)),
+      memory_(settings_.memory) {}
 
 Scheduler::~Scheduler() { assert(running_.empty()); }
 
@@ -222,18 +226,19 @@ void Scheduler::start_jobs() {
     if (running == nullptr) return;
     const int asked = running->claim.spec.options().threads();
     settings_.launch(asked > 0 ? std::min(asked, settings_.threads) : settings_.threads,
-                     [this, running] { run(running); });
+                     [this, running](const std::function<int()>& threads) { run(running, threads); });
   }
 }
 
-void Scheduler::run(const std::shared_ptr<Running>& running) {
+void Scheduler::run(const std::shared_ptr<Running>& running, const std::function<int()>& threads) {
   const Claim& claim = running->claim;
   settings_.log(claim.name, "started, attempt " + std::to_string(claim.attempt));
   Attempt attempt{claim,
                   engine_,
                   *meshes_,
                   *running->log,
-                  settings_.threads,
+                  threads,
+                  memory_,
                   settings_.clock,
                   [&] { return running->cancelled.load(); },
                   [this] { return jobs_->durable() && stopping_; },

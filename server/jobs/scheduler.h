@@ -13,6 +13,7 @@
 #include "server/jobs/engine.h"
 #include "server/jobs/event_log.h"
 #include "server/jobs/job_store.h"
+#include "server/jobs/memory_budget.h"
 #include "server/meshes/mesh_store.h"
 
 namespace varimesh::server {
@@ -28,7 +29,10 @@ struct SchedulerSettings {
   std::function<TimePoint()> clock = std::chrono::system_clock::now;
   std::function<bool()> has_room = [] { return true; };  ///< On the disk, for another job; STORE_FULL where not.
   std::function<std::string()> new_name;                 ///< "jobs/…", never the same again; from any thread.
-  std::function<void(int threads, std::function<void()> job)> launch;  ///< Runs the job elsewhere.
+  std::int64_t memory = 0;                               ///< Bytes that the jobs may have together; 0: no limit.
+  /// A job that may use up to so many threads, and is told how to ask how many it has at the moment; run elsewhere.
+  using Job = std::function<void(const std::function<int()>& threads_now)>;
+  std::function<void(int threads, Job job)> launch;
   std::function<void(const std::string& job, const std::string& what)> log = [](const auto&, const auto&) {};
 };
 
@@ -83,7 +87,7 @@ class Scheduler {
   std::shared_ptr<Running> claim();
 
   void start_jobs();
-  void run(const std::shared_ptr<Running>& running);
+  void run(const std::shared_ptr<Running>& running, const std::function<int()>& threads);
   /// With the lock held: lets the job wait again, without its attempt's result. False where the store could not take
   /// it.
   bool give_back(const Running& running);
@@ -99,6 +103,7 @@ class Scheduler {
   MeshStore* const meshes_;
   const Engine engine_;
   const SchedulerSettings settings_;
+  MemoryBudget memory_;
   std::mutex mutex_;
   std::condition_variable ended_;
   std::map<std::string, std::shared_ptr<EventLog>>

@@ -5,35 +5,21 @@
 #include <tbb/info.h>
 
 #include <algorithm>
-#include <mutex>
-#include <optional>
 
 #include "server/jobs/pool.h"
+#include "server/jobs/thread_shares.h"
 
 namespace varimesh::server {
 
 struct ThreadBudget::Control {
-  explicit Control(int threads) : threads(threads), pool(threads) { limit(); }
+  // The limit counts one thread that calls into an arena, and nobody does: hence one more.
+  explicit Control(int threads)
+      : parallelism(tbb::global_control::max_allowed_parallelism, static_cast<std::size_t>(threads) + 1),
+        shares(threads),
+        pool(threads) {}
 
-  /// Gives oneTBB what the single-threaded jobs leave, but never nothing: somebody may wait for it.
-  void limit() {
-    // The limit counts one thread that calls into an arena, and nobody does: hence one more. Of several controls the
-    // smallest value counts, so the old one goes first.
-    const auto workers = static_cast<std::size_t>(std::max(1, threads - singles));
-    parallelism.reset();
-    parallelism.emplace(tbb::global_control::max_allowed_parallelism, workers + 1);
-  }
-
-  void count_single(int change) {
-    const std::lock_guard lock(mutex);
-    singles += change;
-    limit();
-  }
-
-  const int threads;
-  std::mutex mutex;
-  int singles = 0;
-  std::optional<tbb::global_control> parallelism;
+  tbb::global_control parallelism;
+  ThreadShares shares;
   Pool pool;  ///< Last, so that its threads are joined before the rest goes.
 };
 
@@ -43,11 +29,10 @@ ThreadBudget::ThreadBudget(int threads)
 
 ThreadBudget::~ThreadBudget() = default;
 
-void ThreadBudget::launch(int threads, std::function<void()> job) {
-  control_->pool.post([control = control_.get(), single = threads == 1, job = std::move(job)] {
-    if (single) control->count_single(1);
-    job();
-    if (single) control->count_single(-1);
+void ThreadBudget::launch(int threads, std::function<void(const std::function<int()>& threads_now)> job) {
+  control_->pool.post([control = control_.get(), threads, job = std::move(job)] {
+    const auto share = control->shares.take(threads);
+    job([&] { return share->threads(); });
   });
 }
 

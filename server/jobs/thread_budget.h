@@ -6,9 +6,9 @@
 
 namespace varimesh::server {
 
-/// Runs each job on a thread that sleeps while the library works in a oneTBB arena of the job's own; all arenas share
-/// one limit, so that many small jobs run side by side and a large one uses every core. A job of one thread works on
-/// the thread it was given, and the limit for the others is lowered by one meanwhile.
+/// Runs each job on a thread that sleeps while the library works in a oneTBB arena of the job's own; a job that has one
+/// thread works on the thread it was given. ThreadShares says how large an arena may be, so that many small jobs run
+/// side by side and a large one uses every core that is left.
 class ThreadBudget {
  public:
   /// `threads` 0: as many as the machine has for this process.
@@ -16,9 +16,9 @@ class ThreadBudget {
   ~ThreadBudget();
 
   int threads() const { return threads_; }
-  /// Runs `job`, which must not throw and will use at most `threads`; returns at once. At most threads() jobs run at a
-  /// time, and others wait.
-  void launch(int threads, std::function<void()> job);
+  /// Runs `job`, which must not throw, asks now and then how many threads it has, and wants no more than `threads`;
+  /// returns at once. At most threads() jobs run at a time, and others wait.
+  void launch(int threads, std::function<void(const std::function<int()>& threads_now)> job);
 
  private:
   struct Control;

@@ -81,6 +81,32 @@ class Checkpoints {
   int iteration_ = 0;
 };
 
+/// The memory that a run has been given.
+class Memory {
+ public:
+  Memory(MemoryBudget& budget, std::function<bool()> given_up) : budget_(budget), given_up_(std::move(given_up)) {}
+  ~Memory() {
+    if (taken_ > 0) budget_.give_back(taken_);
+  }
+
+  Expected<void> take(std::int64_t bytes) {
+    if (!budget_.can_ever_fit(bytes))
+      return bad_input("The mesh needs about " + mebibytes(bytes) + " of memory to be optimised with these options, " +
+                       "and this server's jobs have " + mebibytes(budget_.limit()) +
+                       " together (its flag --max-memory-bytes); use a machine with more, a lower order, or the "
+                       "method sweeps.");
+    if (budget_.take(bytes, given_up_)) taken_ = bytes;
+    return {};
+  }
+
+ private:
+  static std::string mebibytes(std::int64_t bytes) { return std::to_string((bytes >> 20) + 1) + " MiB"; }
+
+  MemoryBudget& budget_;
+  const std::function<bool()> given_up_;
+  std::int64_t taken_ = 0;
+};
+
 /// The outputs of a run as they are written, released again unless they are taken.
 class Outputs {
  public:
@@ -162,7 +188,7 @@ Ending run(const Attempt& attempt) {
   request.input = std::move(*input);
   request.format = spec.mesh().format();
   request.options = *options;
-  request.options.threads = options->threads > 0 ? std::min(options->threads, attempt.threads) : attempt.threads;
+  request.options.threads = attempt.threads();
   for (const int format : spec.outputs()) request.outputs.push_back(static_cast<v1::MeshFormat>(format));
   if (const auto& checkpoint = attempt.claim.checkpoint) {
     // One that is gone costs time and nothing else.
@@ -176,6 +202,9 @@ Ending run(const Attempt& attempt) {
   RunHooks hooks;
   hooks.on_iteration = [&](const Iteration& iteration) { return progress(iteration); };
   hooks.cancelled = [&] { return attempt.cancelled() || attempt.stopping(); };
+  hooks.threads = attempt.threads;
+  Memory memory(attempt.memory, hooks.cancelled);
+  hooks.admit = [&](std::int64_t bytes) { return memory.take(bytes); };
   hooks.given_up = given_up;
   hooks.checkpoint_due = [&](int iteration) { return checkpoints.due(iteration); };
   hooks.save_checkpoint = [&](int iteration, const WriteCheckpoint& write) { checkpoints.save(iteration, write); };

@@ -6,6 +6,7 @@
 #include "server/jobs/engine.h"
 #include "server/jobs/event_log.h"
 #include "server/jobs/job_store.h"
+#include "server/jobs/memory_budget.h"
 #include "server/meshes/mesh_store.h"
 
 namespace varimesh::server {
@@ -16,7 +17,8 @@ struct Attempt {
   const Engine& engine;
   MeshStore& meshes;
   EventLog& log;
-  int threads = 1;  ///< What the budget gives at most.
+  std::function<int()> threads;  ///< What the budget gives now.
+  MemoryBudget& memory;
   std::function<TimePoint()> clock;
   std::function<bool()> cancelled;                          ///< Somebody asked for the job to end.
   std::function<bool()> stopping;                           ///< The server ends, and the job shall go on later.

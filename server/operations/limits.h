@@ -13,15 +13,18 @@ struct Limits {
   std::int64_t max_store_bytes = 0;                      ///< Meshes that no job refers to go beyond it; 0: no limit.
   std::chrono::minutes mesh_lifetime{7 * 24 * 60};       ///< Of a mesh that no job refers to.
   std::int64_t reserve_bytes = 0;                        ///< Of disk, left for what the running jobs write.
+  std::int64_t max_memory_bytes = 0;                     ///< Of all running jobs together; 0: no limit.
   int threads = 0;                                       ///< The machine's budget; 0: all there are.
   std::chrono::milliseconds checkpoint_pause{5'000};     ///< Between two checkpoints of a running job, at least.
   std::chrono::milliseconds bookmark_interval{10000};    ///< Silence on a watch; the contract promises 15 s.
-  std::chrono::milliseconds stalled_reader{30000};       ///< A message that is not taken for so long ends the stream.
+  std::chrono::milliseconds stalled_reader{25000};       ///< A message that is not taken for so long ends the stream.
 };
 
 /// Bytes of mesh in one message: larger ones cost more time and memory.
 inline constexpr std::size_t kChunkBytes = 256 * 1024;
 /// The largest that is taken.
 inline constexpr std::size_t kMaxChunkBytes = 1024 * 1024;
+/// Of a mesh on its way out, what has been sent is dropped from memory whenever it is so much more.
+inline constexpr std::int64_t kForgetBytes = 16 << 20;
 
 }  // namespace varimesh::server

@@ -48,7 +48,9 @@ struct House {
     settings.max_ended = 10;
     settings.heartbeat = std::chrono::seconds(0);
     settings.new_name = [this] { return "jobs/" + std::to_string(++names); };
-    settings.launch = [this](int, std::function<void()> job) { workers.post(std::move(job)); };
+    settings.launch = [this](int, SchedulerSettings::Job job) {
+      workers.post([job = std::move(job)] { job([] { return 1; }); });
+    };
     scheduler = std::make_unique<Scheduler>(jobs.get(), meshes.get(), small_engine(), std::move(settings));
   }
   ~House() {

@@ -1,0 +1,50 @@
+#include "core/optimise/memory.h"
+
+#include <cmath>
+
+#include "core/energy/material.h"
+#include "core/optimise/batches.h"
+#include "core/optimise/cells.h"
+#include "core/quality/certificate.h"
+#include "core/reference/quadrature.h"
+
+namespace varimesh {
+namespace {
+
+/// What one cell has in the arrays of its block, of the batches and of the guard.
+double bytes_of_cell(Shape shape, int order, const Options& options, int hessian_entries) {
+  const int degree = options.quadrature_degree > 0 ? options.quadrature_degree : 2 * order;
+  const reference::ShapeInfo& info = reference::info(shape);
+  const double d = info.dimension, square = d * d, nodes = reference::node_count(shape, order);
+  const double points = static_cast<double>(reference::quadrature(shape, order, degree).weights.size());
+  const double stride = std::ceil(points / kPointPadding) * kPointPadding;
+  const double targets = (square + 1) * (info.affine ? 1 : stride);
+  double bytes = 8 * (square * stride + targets);               // F, A⁻¹ and its measure
+  bytes += nodes * (4 + sizeof(Incidence) + 2 * 4);             // the mesh's and the problem's lists of nodes
+  bytes += 3 * sizeof(Certificate) + sizeof(double) * 10 + 40;  // the guard's, the scans', who is awake
+  if (options.method == Method::Sweeps || options.max_iterations == 0) return bytes;
+  bytes += 4 * points * hessian_entries;                                    // the linearisation
+  bytes += 4 * nodes * (d + 1) + 4 * square * (info.affine ? 1 : points);   // products, ranks, A⁻¹
+  const double coarse = reference::node_count(shape, std::min(order, 2));   // nodes of the coarse level
+  return bytes + 4 * square * square + coarse * coarse * (4 + 2 * square);  // its tensors, slots and matrix
+}
+
+}  // namespace
+
+std::int64_t memory_needed(const HighOrderMesh& mesh, const Options& options) {
+  const int order = options.order > 0 ? options.order : mesh.order;
+  const double d = mesh.dimension;
+  const int entries = make_hessian_kernels(material(options), mesh.dimension)->entries();
+  double bytes = 0;
+  for (const ElementBlock& block : mesh.blocks)
+    if (reference::info(block.shape).dimension == mesh.dimension && block.size() > 0)
+      bytes += static_cast<double>(block.size()) * bytes_of_cell(block.shape, order, options, entries);
+  const double nodes = static_cast<double>(mesh.node_count()) * std::pow(double(order) / mesh.order, d);
+  // The way to the coarse level and back.
+  if (options.method != Method::Sweeps) bytes += nodes * 16 * (d == 2 ? 8 : 12);
+  // Coordinates of the mesh, its result and the guard's two states; positions, steps and directions; who is awake.
+  bytes += nodes * (4 * 24 + 2 * 8 + d * (6 * 8 + 4 * 4) + 4 * d * d + 60);
+  return static_cast<std::int64_t>(1.25 * bytes);
+}
+
+}  // namespace varimesh

@@ -1,0 +1,16 @@
+// How much memory an optimisation will take, before it takes any.
+#pragma once
+
+#include <cstdint>
+
+#include "core/mesh/high_order_mesh.h"
+#include "core/optimise/options.h"
+
+namespace varimesh {
+
+/// Bytes that optimise() has in use at most, the mesh that is handed in and its result among them: a sum over the
+/// arrays that it keeps, and a quarter for those that come and go. Within a third of what is measured on meshes of some
+/// thousand cells and more; a program's own tens of MB come on top.
+std::int64_t memory_needed(const HighOrderMesh& mesh, const Options& options);
+
+}  // namespace varimesh

@@ -1,0 +1,58 @@
+// The estimate against what the heap holds in mid run.
+#include "core/optimise/memory.h"
+
+#include <gtest/gtest.h>
+#include <malloc.h>
+
+#include "core/optimise/optimiser.h"
+#include "tests/core/optimise/meshes.h"
+
+namespace varimesh {
+namespace {
+
+using testing::Filling;
+
+double bytes_in_use() {
+  const auto info = ::mallinfo2();
+  return static_cast<double>(info.uordblks) + static_cast<double>(info.hblkhd);
+}
+
+struct Sized {
+  Filling filling;
+  int count, order;
+  Method method;
+};
+
+class MemoryTest : public ::testing::TestWithParam<Sized> {};
+
+TEST_P(MemoryTest, IsWhatIsUsed) {
+  if (bytes_in_use() == 0) GTEST_SKIP() << "NOT RUN: under this sanitizer the heap does not count";
+  const Sized& sized = GetParam();
+  const bool plane = testing::is_plane(sized.filling);
+  const double before = bytes_in_use();
+  HighOrderMesh mesh =
+      testing::grid(sized.filling, {sized.count, sized.count, sized.count}, sized.order, testing::bent(plane ? 2 : 3));
+  Options options;
+  options.threads = 1;
+  options.max_iterations = 3;
+  options.method = sized.method;
+  const auto needed = static_cast<double>(memory_needed(mesh, options));
+  double most = 0;
+  ASSERT_TRUE(optimise(std::move(mesh), options, [&](const Iteration&) {
+    most = std::max(most, bytes_in_use() - before);
+    return Control::Continue;
+  }));
+  EXPECT_GT(needed, most);
+  EXPECT_LT(needed, 2 * most);
+}
+
+INSTANTIATE_TEST_SUITE_P(Meshes, MemoryTest,
+                         ::testing::Values(Sized{Filling::Triangles, 30, 5, Method::Newton},
+                                           Sized{Filling::Quadrilaterals, 30, 4, Method::Newton},
+                                           Sized{Filling::Tetrahedra, 6, 3, Method::Newton},
+                                           Sized{Filling::Tetrahedra, 8, 3, Method::Sweeps},
+                                           Sized{Filling::Hexahedra, 7, 3, Method::Newton},
+                                           Sized{Filling::MixedSolid, 6, 2, Method::Newton}));
+
+}  // namespace
+}  // namespace varimesh
