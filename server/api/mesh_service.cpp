@@ -159,6 +159,8 @@ grpc::ServerWriteReactor<v1::DownloadMeshResponse>* MeshService::DownloadMesh(gr
         response->mutable_chunk()->set_offset(state->offset);
         response->mutable_chunk()->set_data(piece.data(), piece.size());
         state->offset += static_cast<std::int64_t>(piece.size());
+        if (state->offset % kForgetBytes < static_cast<std::int64_t>(piece.size()))
+          state->blob->forget(static_cast<std::size_t>(state->offset));
         return Pull::Message;
       }));
 }

@@ -40,6 +40,8 @@ Answer<bool> ResultSource::pull_chunk(Piece* piece) {
       chunk.mutable_chunk()->set_offset(offset_);
       chunk.mutable_chunk()->set_data(data.data(), data.size());
       offset_ += static_cast<std::int64_t>(data.size());
+      if (offset_ % kForgetBytes < static_cast<std::int64_t>(data.size()))
+        blob_->forget(static_cast<std::size_t>(offset_));
       return true;
     }
     blob_.reset();

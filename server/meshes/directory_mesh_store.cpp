@@ -55,6 +55,11 @@ class MappedBlob : public Blob {
     if (data_ != nullptr) ::munmap(data_, size_);
   }
   std::string_view bytes() const override { return {static_cast<const char*>(data_), size_}; }
+  void forget(std::size_t size) const override {
+    // What is asked for again comes from the file.
+    const auto page = static_cast<std::size_t>(::sysconf(_SC_PAGESIZE));
+    if (size >= page) ::madvise(data_, size / page * page, MADV_DONTNEED);
+  }
 
  private:
   void* data_;
@@ -226,15 +231,23 @@ Answer<std::int64_t> DirectoryMeshStore::append(const UploadTicket& ticket, std:
   const auto found = find(ticket);
   if (!found) return tl::unexpected(found.error());
   Upload& upload = **found;
-  std::lock_guard lock(upload.mutex);
+  std::unique_lock lock(upload.mutex);
   if (upload.generation != ticket.generation)
     return failure(Code::Aborted, "UPLOAD_TAKEN_OVER", "Another stream goes on with this upload.");
-  if (offset != upload.committed || upload.committed + static_cast<std::int64_t>(bytes.size()) > upload.size)
+  if (offset != upload.committed)
     return failure(Code::OutOfRange, "WRONG_OFFSET",
-                   "The chunk of " + std::to_string(bytes.size()) + " bytes at " + std::to_string(offset) +
-                       " does not fit an upload of " + std::to_string(upload.size) + " bytes that has " +
-                       std::to_string(upload.committed) + "; go on from there.",
+                   "The chunk begins at " + std::to_string(offset) + ", and " + std::to_string(upload.committed) +
+                       " bytes of the upload are here; go on from there.",
                    {{"committed_size", std::to_string(upload.committed)}});
+  if (static_cast<std::int64_t>(bytes.size()) > upload.size - upload.committed) {
+    ++upload.generation;  // nothing of it is kept
+    lock.unlock();
+    std::lock_guard all(mutex_);
+    uploads_.erase(ticket.id);
+    return failure(Code::InvalidArgument, "MESH_LARGER_THAN_SAID",
+                   "More bytes come than the " + std::to_string(upload.size) +
+                       " that the header says; upload the mesh again under a new id.");
+  }
   if (!write_all(upload.file, bytes)) {
     // Some of the chunk may be in the file: what is committed stays the truth.
     const int reason = errno;
@@ -267,7 +280,7 @@ Answer<StoredBytes> DirectoryMeshStore::finish_upload(const UploadTicket& ticket
   }
   auto result = stored.digest == upload.digest
                     ? adopt(upload.path, upload.file, stored, true)
-                    : Answer<StoredBytes>(failure(Code::DataLoss, "DIGEST_MISMATCH",
+                    : Answer<StoredBytes>(failure(Code::InvalidArgument, "DIGEST_MISMATCH",
                                                   "The bytes that came have the SHA-256 " + stored.digest +
                                                       ", and the header says " + upload.digest +
                                                       "; upload the mesh again under a new id.",

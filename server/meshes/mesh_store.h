@@ -15,6 +15,8 @@ class Blob {
  public:
   virtual ~Blob() = default;
   virtual std::string_view bytes() const = 0;
+  /// The first `size` bytes need not stay in memory, since they are not about to be read again; they may be.
+  virtual void forget(std::size_t size) const = 0;
 };
 
 /// What the store knows of a mesh.

@@ -68,6 +68,22 @@ TEST(Job, FailsWithTheSentenceOfItsInput) {
   EXPECT_EQ(ended.error().message(), "Byte 0 is bad; send another mesh.");
 }
 
+TEST(Job, ThatNeedsMoreMemoryThanThereCanBeFailsWithASentence) {
+  Engine engine = echo_engine();
+  engine.run = [echo = engine.run](RunRequest request, const RunHooks& hooks) -> Expected<RunOutcome> {
+    const std::int64_t megabytes = request.input->bytes() == "large" ? 300 : 100;
+    if (const auto admitted = hooks.admit(megabytes << 20); !admitted) return tl::unexpected(admitted.error());
+    return echo(std::move(request), hooks);
+  };
+  ServerOptions options = options_with(engine);
+  options.limits.max_memory_bytes = std::int64_t{200} << 20;
+  const Service service(std::move(options));
+  EXPECT_EQ(service.wait_for(service.submit(service.spec_for("small")).name()).state(), v1::JOB_STATE_SUCCEEDED);
+  const v1::Job large = service.wait_for(service.submit(service.spec_for("large")).name());
+  EXPECT_EQ(large.state(), v1::JOB_STATE_FAILED);
+  EXPECT_NE(large.error().message().find("--max-memory-bytes"), std::string::npos);
+}
+
 TEST(Job, IsCancelledWhileItRuns) {
   Gate started, cancelled;
   const Service service(echo_engine(1000, [&](int i) {
@@ -245,8 +261,31 @@ TEST(Upload, RefusesBytesThatAreNotTheDigests) {
   writer->Write(message);
   writer->WritesDone();
   const grpc::Status status = writer->Finish();
-  EXPECT_EQ(status.error_code(), grpc::StatusCode::DATA_LOSS);
+  EXPECT_EQ(status.error_code(), grpc::StatusCode::INVALID_ARGUMENT);
   EXPECT_EQ(info_of(status).reason(), "DIGEST_MISMATCH");
+}
+
+TEST(Upload, RefusesMoreBytesThanWereSaidAndKeepsNothing) {
+  const Service service(echo_engine());
+  v1::UploadMeshRequest message;
+  message.mutable_header()->set_upload_id("mine");
+  message.mutable_header()->set_digest(std::string(64, 'b'));
+  message.mutable_header()->set_size(3);
+  grpc::ClientContext context;
+  v1::UploadMeshResponse response;
+  const auto writer = service.meshes->UploadMesh(&context, &response);
+  writer->Write(message);
+  message.mutable_chunk()->set_data("abcd");
+  writer->Write(message);
+  writer->WritesDone();
+  const grpc::Status status = writer->Finish();
+  EXPECT_EQ(status.error_code(), grpc::StatusCode::INVALID_ARGUMENT);
+  EXPECT_EQ(info_of(status).reason(), "MESH_LARGER_THAN_SAID");
+  grpc::ClientContext again;
+  v1::QueryUploadRequest query;
+  query.set_upload_id("mine");
+  v1::QueryUploadResponse known;
+  EXPECT_EQ(service.meshes->QueryUpload(&again, query, &known).error_code(), grpc::StatusCode::NOT_FOUND);
 }
 
 TEST(Upload, RefusesAMeshThatIsTooLargeBeforeItComes) {
