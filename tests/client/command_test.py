@@ -51,11 +51,11 @@ def run(*arguments, **keywords):
 class Server:
     """A varimeshd on a free loopback port."""
 
-    def __init__(self, *flags):
+    def __init__(self, *flags, listen="127.0.0.1:0"):
         self.folder = tempfile.TemporaryDirectory()
         port_file = Path(self.folder.name) / "address"
         self.process = subprocess.Popen(
-            [VARIMESHD, "--listen", "127.0.0.1:0", "--port-file", str(port_file), "--data", self.folder.name, *flags],
+            [VARIMESHD, "--listen", listen, "--port-file", str(port_file), "--data", self.folder.name, *flags],
             stderr=subprocess.PIPE, text=True)
         self.log = []
         self.reader = threading.Thread(target=lambda: self.log.extend(self.process.stderr))

@@ -216,6 +216,34 @@ class Away(WithFolder):
         self.assertEqual(re.findall("not answering|answers again", stderr), ["answers again"], stderr)
         self.assertEqual(client.returncode, 2, stderr)
 
+    def test_goes_on_through_a_server_that_restarts(self):
+        work = [LARGER, "--method", "sweeps", "--active-set", "off", "--tolerance", "1e-300", "--max-iterations", "300"]
+        alone, out, fetched = (self.folder / name for name in ("alone.msh", "out.msh", "fetched.msh"))
+        self.assertEqual(run("optimise", *work, "-o", alone, "--quiet").returncode, 0)
+        flags = ["--state", self.folder / "state", "--checkpoint-seconds", "0.1"]
+        server = Server(*flags)
+        optimising = start("optimise", *work, "-o", out, "--server", server.address)
+        wait_for_line(optimising, "residual")
+        job = run("jobs", "--server", server.address).stdout.split()[0]
+        watching = start("watch", job, "--server", server.address)
+        wait_for_line(watching, "residual")
+        time.sleep(0.5)
+        server.process.kill()
+        for client in (optimising, watching):
+            wait_for_line(client, "the server is not answering; trying again")
+        server.stop()
+        back = Server(*flags, listen=server.address)
+        try:
+            for client in (optimising, watching):
+                _, stderr = client.communicate(timeout=60)
+                self.assertEqual(client.returncode, 0, stderr)
+                self.assertEqual(re.findall("not answering|answers again", stderr), ["answers again"], stderr)
+            self.assertEqual(run("result", job, "-o", fetched, "--server", back.address).returncode, 0)
+            self.assertEqual(out.read_bytes(), alone.read_bytes())
+            self.assertEqual(fetched.read_bytes(), alone.read_bytes())
+        finally:
+            back.stop()
+
     def test_asks_for_what_there_is(self):
         server = Server()
         try:

@@ -1,0 +1,141 @@
+// Trials of meshes on their way: uploads that are cut, and a large one.
+#include <algorithm>
+#include <cstdint>
+#include <random>
+
+#include "server/meshes/sha256.h"
+#include "tests/faults/load.h"
+
+namespace varimesh::server::testing {
+namespace {
+
+constexpr std::size_t kChunk = 256 * 1024;
+
+/// Bytes of a mesh that is none, made as they are needed.
+std::string piece(std::int64_t at, std::size_t size) {
+  std::string bytes(size, 0);
+  for (std::size_t i = 0; i < size; i += 8) {
+    std::uint64_t word = (static_cast<std::uint64_t>(at) + i) * 0x9e3779b97f4a7c15;
+    word ^= word >> 29;
+    std::copy_n(reinterpret_cast<const char*>(&word), std::min<std::size_t>(8, size - i), &bytes[i]);
+  }
+  return bytes;
+}
+
+v1::UploadMeshRequest header(const std::string& id, std::int64_t size) {
+  Sha256 hash;
+  for (std::int64_t at = 0; at < size; at += kChunk)
+    hash.update(piece(at, static_cast<std::size_t>(std::min<std::int64_t>(kChunk, size - at))));
+  v1::UploadMeshRequest request;
+  request.mutable_header()->set_upload_id(id);
+  request.mutable_header()->set_digest(hash.finish());
+  request.mutable_header()->set_size(size);
+  return request;
+}
+
+std::int64_t committed(const Caller& caller, const v1::UploadMeshRequest& head) {
+  v1::QueryUploadRequest query;
+  query.set_upload_id(head.header().upload_id());
+  grpc::ClientContext context;
+  v1::QueryUploadResponse known;
+  return caller.meshes->QueryUpload(&context, query, &known).ok() ? known.committed_size() : 0;
+}
+
+/// Sends from `from` on, at most `most` bytes, and then cuts the stream where the mesh is not whole. How far it came.
+std::int64_t send(const Caller& caller, const v1::UploadMeshRequest& head, std::int64_t from, std::int64_t most,
+                  grpc::Status* status) {
+  grpc::ClientContext context;
+  v1::UploadMeshResponse response;
+  const auto writer = caller.meshes->UploadMesh(&context, &response);
+  bool open = writer->Write(head);
+  const std::int64_t end = std::min(head.header().size(), from + most);
+  std::int64_t at = from;
+  v1::UploadMeshRequest request;
+  while (open && at < end) {
+    request.mutable_chunk()->set_offset(at);
+    request.mutable_chunk()->set_data(piece(at, static_cast<std::size_t>(std::min<std::int64_t>(kChunk, end - at))));
+    open = writer->Write(request);
+    if (open) at += static_cast<std::int64_t>(request.chunk().data().size());
+  }
+  if (end < head.header().size())
+    context.TryCancel();
+  else
+    writer->WritesDone();
+  *status = writer->Finish();
+  return at;
+}
+
+void cut_upload(const Setting& setting, Verdict& verdict) {
+  RealServer server(setting.program, {"--max-mesh-bytes", "100000000"});
+  server.start();
+  const Caller caller(server.channel());
+  std::mt19937 random(1);
+  std::int64_t again = 0;
+  bool whole = true;
+  for (int round = 0; round < (setting.short_form ? 5 : 50); ++round) {
+    const v1::UploadMeshRequest head = header("cut " + std::to_string(round), 6'000'000 + 8 * round);
+    grpc::Status status(grpc::StatusCode::CANCELLED, "");
+    std::int64_t sent = 0;
+    for (int cut = 0; cut < 100 && !status.ok(); ++cut) {
+      // A chunk that was on its way when the stream was cut may still come in.
+      const std::int64_t from = committed(caller, head);
+      again = std::max(again, sent - from);
+      sent = send(caller, head, from, std::uniform_int_distribution<std::int64_t>(1, 3'000'000)(random), &status);
+    }
+    whole = whole && status.ok();
+  }
+  verdict.expect(whole, "uploads that are cut at random come to their end");
+  // gRPC says that a chunk is written when it has taken it: what its window held is lost with the connection.
+  std::printf("sent again after a cut: at most %.1f chunks of 256 KiB\n", double(again) / kChunk);
+  const grpc::Status too_large = [&] {
+    v1::UploadMeshRequest head = header("large", 8);
+    head.mutable_header()->set_size(100'000'001);
+    grpc::ClientContext context;
+    v1::UploadMeshResponse response;
+    const auto writer = caller.meshes->UploadMesh(&context, &response);
+    writer->Write(head);
+    return writer->Finish();
+  }();
+  verdict.expect(
+      too_large.error_code() == grpc::StatusCode::RESOURCE_EXHAUSTED && reason_of(too_large) == "MESH_TOO_LARGE",
+      "a mesh larger than allowed is refused before its data");
+}
+
+void large_mesh(const Setting& setting, Verdict& verdict) {
+  RealServer server(setting.program, {});
+  server.start();
+  const Caller caller(server.channel());
+  const std::int64_t size = setting.short_form ? std::int64_t{64} << 20 : std::int64_t{2} << 30;
+  const v1::UploadMeshRequest head = header("large", size);
+  // What a first, small transfer leaves is no part of the mesh.
+  grpc::Status status;
+  send(caller, header("small", 1 << 20), 0, size, &status);
+  const long idle = memory_kib(server.process(), "VmRSS");
+  long most = idle;
+  for (std::int64_t at = 0; at < size;) {
+    // In parts, to look at the server in between.
+    at = send(caller, head, committed(caller, head), std::int64_t{32} << 20, &status);
+    most = std::max(most, memory_kib(server.process(), "VmRSS"));
+  }
+  verdict.expect(status.ok(), "a mesh of " + std::to_string(size >> 20) + " MiB comes in");
+  verdict.expect_at_most(double(most - idle) / 1024, 64, "MiB", "more memory on its way in");
+  v1::DownloadMeshRequest request;
+  request.set_digest(head.header().digest());
+  grpc::ClientContext context;
+  const auto reader = caller.meshes->DownloadMesh(&context, request);
+  v1::DownloadMeshResponse response;
+  std::int64_t came = 0;
+  most = 0;
+  while (reader->Read(&response)) {
+    came += static_cast<std::int64_t>(response.chunk().data().size());
+    if ((came >> 18) % 16 == 0) most = std::max(most, memory_kib(server.process(), "VmRSS"));
+  }
+  verdict.expect(reader->Finish().ok() && came == size, "and goes out");
+  verdict.expect_at_most(double(most - idle) / 1024, 64, "MiB", "more memory on its way out");
+}
+
+}  // namespace
+
+std::map<std::string, Trial> mesh_trials() { return {{"cut-upload", cut_upload}, {"large-mesh", large_mesh}}; }
+
+}  // namespace varimesh::server::testing

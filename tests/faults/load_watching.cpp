@@ -1,0 +1,186 @@
+// Trials of those who watch.
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <atomic>
+#include <csignal>
+#include <filesystem>
+#include <mutex>
+#include <thread>
+
+#include "tests/faults/load.h"
+
+namespace varimesh::server::testing {
+namespace {
+
+std::size_t open_files(pid_t process) {
+  const std::filesystem::directory_iterator files("/proc/" + std::to_string(process) + "/fd");
+  return static_cast<std::size_t>(std::distance(begin(files), end(files)));
+}
+
+/// A process of its own that watches, from before this one makes its threads; it is killed and not asked.
+class OtherProcess {
+ public:
+  explicit OtherProcess(std::vector<std::string> words) {
+    process_ = ::fork();
+    if (process_ != 0) return;
+    std::vector<char*> arguments;
+    for (std::string& word : words) arguments.push_back(word.data());
+    arguments.push_back(nullptr);
+    std::freopen("/dev/null", "w", stderr);
+    ::execv(arguments[0], arguments.data());
+    ::_exit(127);
+  }
+  ~OtherProcess() { kill(); }
+  void kill() {
+    if (process_ <= 0) return;
+    ::kill(process_, SIGKILL);
+    ::waitpid(process_, nullptr, 0);
+    process_ = -1;
+  }
+
+ private:
+  pid_t process_ = -1;
+};
+
+void client_killed_in_mid_watch(const Setting& setting, Verdict& verdict) {
+  RealServer server(setting.program, {"--threads", "2"});
+  server.start();
+  const Caller caller(server.channel());
+  const std::string job = caller.submit(sweeps(caller.upload(read_case("circle_p5.msh")), 1'000'000));
+  caller.wait_for(job, {v1::JOB_STATE_RUNNING});
+  const std::size_t before = open_files(server.process());
+  OtherProcess client({VARIMESH, "watch", job, "--server", "unix:" + (server.folder() / "socket").string(), "--quiet"});
+  while (open_files(server.process()) <= before) std::this_thread::sleep_for(std::chrono::milliseconds(5));
+  std::this_thread::sleep_for(std::chrono::milliseconds(300));
+  verdict.expect(open_files(server.process()) > before, "a client watches");
+  const auto killed = Clock::now();
+  client.kill();
+  while (open_files(server.process()) > before && milliseconds_since(killed) < 10'000)
+    std::this_thread::sleep_for(std::chrono::milliseconds(5));
+  verdict.expect(open_files(server.process()) <= before,
+                 "it is killed: its stream is freed after " + std::to_string(milliseconds_since(killed)) + " ms");
+  const auto last = caller.get(job).last_sequence();
+  std::this_thread::sleep_for(std::chrono::milliseconds(500));
+  verdict.expect(caller.get(job).last_sequence() > last, "the job goes on");
+}
+
+/// Opens a watch with a window of a few KiB and reads nothing of it.
+class StalledWatcher {
+ public:
+  StalledWatcher(const RealServer& server, const std::string& job) {
+    grpc::ChannelArguments arguments;
+    arguments.SetInt("grpc.http2.bdp_probe", 0);
+    arguments.SetInt("grpc.http2.lookahead_bytes", 4096);
+    arguments.SetInt("varimesh.channel", 1'000'000);
+    stub_ = v1::JobService::NewStub(grpc::CreateCustomChannel("unix:" + (server.folder() / "socket").string(),
+                                                              grpc::InsecureChannelCredentials(), arguments));
+    v1::WatchJobRequest request;
+    request.set_name(job);
+    reader_ = stub_->WatchJob(&context_, request);
+  }
+  /// Waits for the end of the stream and then reads what had come.
+  grpc::Status end() {
+    v1::WatchJobResponse response;
+    while (reader_->Read(&response)) {
+    }
+    return reader_->Finish();
+  }
+
+ private:
+  std::unique_ptr<v1::JobService::Stub> stub_;
+  grpc::ClientContext context_;
+  std::unique_ptr<grpc::ClientReader<v1::WatchJobResponse>> reader_;
+};
+
+void watcher_that_stops_reading(const Setting& setting, Verdict& verdict) {
+  RealServer server(setting.program, {"--threads", "2"});
+  server.start();
+  const Caller caller(server.channel());
+  // Many iterations a second, so that there is much to be sent.
+  const std::string job = caller.submit(sweeps(caller.upload(read_case("nine_triangles.msh")), 100'000'000));
+  caller.wait_for(job, {v1::JOB_STATE_RUNNING});
+  std::atomic<std::int64_t> seen = 0;
+  grpc::ClientContext other_context;
+  std::thread other([&, channel = server.channel()] {
+    v1::WatchJobRequest request;
+    request.set_name(job);
+    const auto reader = v1::JobService::NewStub(channel)->WatchJob(&other_context, request);
+    v1::WatchJobResponse response;
+    while (reader->Read(&response)) ++seen;
+    reader->Finish();
+  });
+  std::this_thread::sleep_for(std::chrono::seconds(setting.short_form ? 1 : 20));  // the ring of events is full
+  const long before = memory_kib(server.process(), "VmRSS");
+  const auto begun = Clock::now();
+  StalledWatcher stalled(server, job);
+  long most = before;
+  const double patience = setting.short_form ? 2'000 : 30'000;
+  std::this_thread::sleep_for(std::chrono::milliseconds(200));
+  const std::int64_t seen_before = seen;
+  while (milliseconds_since(begun) < patience) {
+    most = std::max(most, memory_kib(server.process(), "VmRSS"));
+    std::this_thread::sleep_for(std::chrono::milliseconds(20));
+  }
+  verdict.expect_at_most(double(most - before) / 1024, 16, "MiB", "more memory with a watcher that reads nothing");
+  verdict.expect(seen > seen_before, "another watcher goes on meanwhile");
+  if (!setting.short_form) {
+    const double waited = milliseconds_since(begun);
+    const auto asked = Clock::now();
+    const grpc::Status status = stalled.end();
+    verdict.expect(
+        !status.ok() && milliseconds_since(asked) < 1000,
+        "after " + std::to_string(waited / 1000) + " s its stream has been ended: " + status.error_message());
+  }
+  other_context.TryCancel();
+  other.join();
+}
+
+void hundred_watchers(const Setting& setting, Verdict& verdict) {
+  RealServer server(setting.program, {"--threads", "1"});
+  server.start();
+  const Caller caller(server.channel());
+  const std::string job = caller.submit(sweeps(caller.upload(read_case("circle_p5.msh")), 1'000'000));
+  caller.wait_for(job, {v1::JOB_STATE_RUNNING});
+  std::mutex mutex;
+  std::vector<double> delays;
+  std::vector<std::thread> watchers;
+  std::vector<grpc::ClientContext> contexts(setting.short_form ? 20 : 100);
+  for (grpc::ClientContext& context : contexts)
+    watchers.emplace_back([&] {
+      v1::WatchJobRequest request;
+      request.set_name(job);
+      request.set_after_sequence(caller.get(job).last_sequence());
+      request.mutable_min_interval()->set_nanos(100'000'000);
+      const auto stub = v1::JobService::NewStub(server.channel());
+      const auto reader = stub->WatchJob(&context, request);
+      v1::WatchJobResponse response;
+      while (reader->Read(&response)) {
+        const v1::JobEvent& event = response.event();
+        const auto now = std::chrono::system_clock::now().time_since_epoch();
+        const double sent = double(event.time().seconds()) * 1e3 + double(event.time().nanos()) * 1e-6;
+        std::lock_guard lock(mutex);
+        delays.push_back(std::chrono::duration<double, std::milli>(now).count() - sent);
+      }
+      reader->Finish();
+    });
+  std::this_thread::sleep_for(std::chrono::seconds(setting.short_form ? 2 : 20));
+  for (grpc::ClientContext& context : contexts) context.TryCancel();
+  for (std::thread& watcher : watchers) watcher.join();
+  const std::size_t count = contexts.size();
+  verdict.expect(delays.size() > 5 * count, std::to_string(count) + " watchers had " + std::to_string(delays.size()) +
+                                                " events, p50 " + std::to_string(quantile(delays, 0.5)) + " ms");
+  verdict.expect_at_most(quantile(delays, 0.99), 100, "ms",
+                         "p99 from an event to its watcher, " + std::to_string(count) + " watchers, 10 a second each");
+}
+
+}  // namespace
+
+std::map<std::string, Trial> watching_trials() {
+  return {{"client-killed", client_killed_in_mid_watch},
+          {"stalled-watcher", watcher_that_stops_reading},
+          {"hundred-watchers", hundred_watchers}};
+}
+
+}  // namespace varimesh::server::testing
