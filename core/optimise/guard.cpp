@@ -1,9 +1,24 @@
 #include "core/optimise/guard.h"
 
 #include <algorithm>
+#include <chrono>
 
 namespace varimesh {
 namespace {
+
+/// Adds the time until its end.
+class Stopwatch {
+ public:
+  explicit Stopwatch(double& seconds) : seconds_(seconds) {}
+  ~Stopwatch() { seconds_ += std::chrono::duration<double>(Clock::now() - start_).count(); }
+  Stopwatch(const Stopwatch&) = delete;
+  Stopwatch& operator=(const Stopwatch&) = delete;
+
+ private:
+  using Clock = std::chrono::steady_clock;
+  Clock::time_point start_ = Clock::now();
+  double& seconds_;
+};
 
 bool is_valid(const Certificate& certificate) { return certificate.answer == Certificate::Answer::Valid; }
 
@@ -89,12 +104,14 @@ std::vector<double> Guard::free_of(const std::vector<double>& positions) const {
 }
 
 void Guard::look() {
+  const Stopwatch stopwatch(seconds_);
   see(problem_.positions);
   if (lost_.empty()) keep();
   count();
 }
 
 void Guard::settle() {
+  const Stopwatch stopwatch(seconds_);
   std::vector<double> positions = problem_.positions;
   for (see(positions); !lost_.empty(); see(positions))
     for (const std::int32_t cell : lost_)

@@ -77,6 +77,9 @@ class Guard {
   /// Its cells that are not certified valid and in no unrepairable group.
   std::int64_t unrepaired() const;
 
+  /// What all this took so far.
+  double seconds() const { return seconds_; }
+
  private:
   /// Cells with a node that is not where `seen_positions_` has it, in order.
   std::vector<std::int32_t> moved_cells(const std::vector<double>& positions) const;
@@ -105,6 +108,7 @@ class Guard {
   std::vector<Certificate> seen_;
   std::vector<std::int32_t> lost_;
   std::int64_t uncertified_ = 0, repairable_ = 0;
+  double seconds_ = 0;
 };
 
 }  // namespace varimesh

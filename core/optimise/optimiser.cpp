@@ -153,6 +153,7 @@ Result Optimiser::State::run(const OnIteration& on_iteration, const RunControl& 
   const Certifier certifier(mesh);
   std::vector<Certificate> certificates(certifier.cells());
   Result result;
+  const Clock::time_point proof = Clock::now();
   team.run([&] {
     certifier.certify(mesh.coordinates, certificates, team);
     // Where every cell is valid there is nothing to repair.
@@ -160,6 +161,7 @@ Result Optimiser::State::run(const OnIteration& on_iteration, const RunControl& 
                     [](const Certificate& certificate) { return certificate.answer != Certificate::Answer::Valid; }))
       result.unrepairable = diagnose(mesh, fixed, team);
   });
+  result.proof_seconds = seconds_since(proof);
   result.summary = summary;
   result.before = quality(mesh, certifier, certificates, 0, team);
   result.mesh = mesh;
@@ -219,6 +221,7 @@ bool Optimiser::State::optimise(const Certifier& certifier, std::vector<Certific
     if (options.until_js > 0) best.look(*guard);
     result.mesh.coordinates = options.until_js > 0 ? best.coordinates() : guard->coordinates();
     certificates = guard->certificates();
+    result.proof_seconds += guard->seconds();
     if (options.until_js > 0) certifier.certify(result.mesh.coordinates, certificates, team);
   });
   result.seconds = run->seconds();

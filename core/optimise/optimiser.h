@@ -91,11 +91,12 @@ struct Result {
   HighOrderMesh mesh;
   MeshSummary summary;  ///< Of this mesh.
   int iterations = 0;
-  int resumed_from = 0;    ///< The iteration behind which a checkpoint let the run go on; 0: it began at the beginning.
-  double seconds = 0;      ///< From the mesh as handed in to the result in memory, reports included.
-  double residual = 0;     ///< Of the last iteration.
-  bool converged = false;  ///< residual ≤ tolerance.
-  bool stopped = false;    ///< Ended by Control::Stop.
+  int resumed_from = 0;  ///< The iteration behind which a checkpoint let the run go on; 0: it began at the beginning.
+  double seconds = 0;    ///< From the mesh as handed in to the result in memory, reports included.
+  double proof_seconds = 0;  ///< Of these, for certificates and for finding what cannot be repaired.
+  double residual = 0;       ///< Of the last iteration.
+  bool converged = false;    ///< residual ≤ tolerance.
+  bool stopped = false;      ///< Ended by Control::Stop.
   StopReason stop_reason = StopReason::Iterations;
   QualityReport before;
   QualityReport after;

@@ -55,10 +55,12 @@ bool settle(const HardCell& cell, const detail::KernelOutput& output, std::size_
   const bool invalid = !valid && lowest + error <= 0;
   if (!valid && !invalid) return false;
   if (valid && detail::is_blunt(error, lower)) return false;
-  if (std::isfinite(gap) && lower < lowest - gap * std::max(highest, 0.0)) return false;
+  const double greatest = output.greatest[lane] + error;
+  if (std::isfinite(gap) && highest > error && (lowest + error) / (highest - error) - lower / greatest > gap)
+    return false;
   certificate = {};
   certificate.answer = valid ? Certificate::Answer::Valid : Certificate::Answer::Invalid;
-  detail::set_bounds(cell, lower, output.greatest[lane] + error, highest - error, certificate);
+  detail::set_bounds(cell, lower, greatest, highest - error, certificate);
   if (invalid) certificate.place = detail::physical_place(cell, cell.table->corner_at[lowest_corner]);
   return true;
 }

@@ -32,7 +32,7 @@ struct Certificate {
 struct CertificateOptions {
   int max_depth = 60;    ///< Bisections one inside the other. Three halve a 3-D cell's size.
   int max_cells = 4000;  ///< Parts that one cell may be cut into.
-  /// Beyond the answer, bounds are sharpened until min J is known to within this part of max J; infinity: not at all.
+  /// Beyond the answer, bounds are sharpened until min J / max J is known to within this; infinity: not at all.
   double gap = std::numeric_limits<double>::infinity();
 };
 
@@ -86,9 +86,9 @@ class Certifier {
                std::span<Certificate> certificates, const Team& team) const;
 
   /// Sharpens the certificate of the cell with the smallest lower bound of the scaled Jacobian, again and again, until
-  /// the mesh's minimum is known to within `gap` of max J: few cells have to be cut. Returns the summary.
+  /// the mesh's minimum is known to within `gap`: few cells have to be cut. Returns the summary.
   CertificateSummary sharpen(std::span<const double> coordinates, std::span<Certificate> certificates,
-                             double gap = 0.01) const;
+                             double gap = 0.002) const;
 
  private:
   struct Cell {

@@ -1,12 +1,11 @@
-// Samples det ∇χ_M of every cell: gradient operator × coordinates for a batch of cells at once, then determinants.
+// What the samples of det ∇χ_M and the certificates say of every cell, and of the mesh.
 #include "core/quality/quality.h"
 
 #include <Eigen/Core>
 #include <cassert>
-#include <limits>
-#include <numeric>
 
 #include "core/quality/cell_blocks.h"
+#include "core/quality/lattice_kernel.h"
 #include "core/reference/basis.h"
 #include "core/team.h"
 
@@ -14,100 +13,14 @@ namespace varimesh {
 namespace {
 
 using detail::CellBatch;
+using detail::Extremes;
+using detail::LatticeTable;
 
 // ---------------------------------------------------------------------------------------------------------------------
-// Tables of one shape and order
+// Samples
 // ---------------------------------------------------------------------------------------------------------------------
-
-struct LatticeTable {
-  reference::Points points;
-  std::vector<Eigen::MatrixXd> gradients;  // a points × nodes matrix a direction
-  std::vector<Eigen::MatrixXd> straight;  // the same for the straight-sided cell: points × vertices; empty on simplices
-};
-
-LatticeTable lattice_table(Shape shape, int order, int intervals, int dimension) {
-  LatticeTable table;
-  table.points = reference::uniform_lattice(shape, intervals);
-  table.gradients = reference::basis_gradients(shape, order, reference::NodeSet::Equispaced, dimension, table.points);
-  if (!reference::info(shape).affine)
-    table.straight = reference::basis_gradients(shape, 1, reference::NodeSet::Equispaced, dimension, table.points);
-  return table;
-}
 
 int default_intervals(int order) { return std::max(2 * order + 2, 8); }
-
-// ---------------------------------------------------------------------------------------------------------------------
-// Determinants of a batch
-// ---------------------------------------------------------------------------------------------------------------------
-
-/// Room for a batch, kept by each thread from batch to batch.
-struct Workspace {
-  Eigen::MatrixXd coordinates;             // nodes × (dimension · cells); column (cell, component)
-  std::array<Eigen::MatrixXd, 3> columns;  // a direction each: points × (dimension · cells)
-  Eigen::MatrixXd jacobian;                // points × cells
-  Eigen::MatrixXd straight_jacobian;       // points × cells
-};
-
-/// Coordinates of a batch relative to each cell's first node: a mesh far from the origin keeps its digits.
-void gather(const HighOrderMesh& mesh, const CellBatch& batch, int nodes, Eigen::MatrixXd& coordinates) {
-  const int dimension = mesh.dimension;
-  coordinates.resize(nodes, static_cast<Eigen::Index>(batch.count) * dimension);
-  for (std::size_t i = 0; i < batch.count; ++i) {
-    const std::int32_t* node = batch.nodes(i);
-    const double* origin = mesh.coordinates.data() + 3 * static_cast<std::size_t>(node[0]);
-    for (int component = 0; component < dimension; ++component) {
-      double* column = coordinates.col(static_cast<Eigen::Index>(i) * dimension + component).data();
-      for (int n = 0; n < nodes; ++n)
-        column[n] = mesh.coordinates[3 * static_cast<std::size_t>(node[n]) + static_cast<std::size_t>(component)] -
-                    origin[component];
-    }
-  }
-}
-
-/// det of the columns ∂χ/∂ξ_r of every cell: out is points × cells. Only the first `gradients[r].cols()` rows of the
-/// coordinates count (the vertices come first in Gmsh's order).
-void determinants(const std::vector<Eigen::MatrixXd>& gradients, int dimension, Workspace& work, Eigen::MatrixXd& out) {
-  const Eigen::Index cells = work.coordinates.cols() / dimension;
-  const Eigen::Index nodes = gradients[0].cols();
-  for (int r = 0; r < dimension; ++r) {
-    auto& column = work.columns[static_cast<std::size_t>(r)];
-    column.noalias() = gradients[static_cast<std::size_t>(r)] * work.coordinates.topRows(nodes);
-  }
-  out.resize(gradients[0].rows(), cells);
-  const auto& [gr, gs, gt] = work.columns;
-  for (Eigen::Index e = 0; e < cells; ++e) {
-    const auto r = [&](int c) { return gr.col(e * dimension + c).array(); };
-    const auto s = [&](int c) { return gs.col(e * dimension + c).array(); };
-    const auto t = [&](int c) { return gt.col(e * dimension + c).array(); };
-    if (dimension == 2)
-      out.col(e) = r(0) * s(1) - r(1) * s(0);
-    else
-      out.col(e) =
-          r(0) * (s(1) * t(2) - s(2) * t(1)) - r(1) * (s(0) * t(2) - s(2) * t(0)) + r(2) * (s(0) * t(1) - s(1) * t(0));
-  }
-}
-
-// ---------------------------------------------------------------------------------------------------------------------
-// One cell
-// ---------------------------------------------------------------------------------------------------------------------
-
-/// Extremes of J in one cell with the signs as numbered, so that the mesh's orientation can be applied afterwards.
-struct Extremes {
-  double low = 0, high = 0, mean = 0;
-  std::int32_t low_at = 0, high_at = 0;            // lattice points
-  double distortion_low = 0, distortion_high = 0;  // of det ∇χ_M / det ∇χ_L, signless in the orientation
-};
-
-Extremes extremes(const Eigen::Ref<const Eigen::VectorXd>& jacobian) {
-  Extremes e;
-  Eigen::Index low = 0, high = 0;
-  e.low = jacobian.minCoeff(&low);
-  e.high = jacobian.maxCoeff(&high);
-  e.mean = jacobian.mean();
-  e.low_at = static_cast<std::int32_t>(low);
-  e.high_at = static_cast<std::int32_t>(high);
-  return e;
-}
 
 /// min / max, −1 where the value is nowhere positive.
 double ratio(double low, double high) { return high > 0 ? low / high : -1.0; }
@@ -126,24 +39,6 @@ struct Samples {
   double scaled_jacobian(std::size_t cell) const { return ratio(low(cell), high(cell)); }
 };
 
-void sample_batch(const HighOrderMesh& mesh, const CellBatch& batch, const LatticeTable& table, Workspace& work,
-                  std::span<Extremes> out) {
-  gather(mesh, batch, reference::node_count(batch.block->shape, batch.block->order), work.coordinates);
-  determinants(table.gradients, mesh.dimension, work, work.jacobian);
-  for (std::size_t i = 0; i < batch.count; ++i)
-    out[batch.cell + i] = extremes(work.jacobian.col(static_cast<Eigen::Index>(i)));
-  if (table.straight.empty()) return;
-  determinants(table.straight, mesh.dimension, work, work.straight_jacobian);
-  for (std::size_t i = 0; i < batch.count; ++i) {
-    // A cell whose straight-sided form is itself inverted has no deformation gradient to speak of: nowhere positive.
-    const auto straight = work.straight_jacobian.col(static_cast<Eigen::Index>(i)).array();
-    const bool inverted = straight.minCoeff() <= 0 && straight.maxCoeff() >= 0;
-    const auto distortion = work.jacobian.col(static_cast<Eigen::Index>(i)).array() / straight;
-    out[batch.cell + i].distortion_low = inverted ? -1.0 : distortion.minCoeff();
-    out[batch.cell + i].distortion_high = inverted ? -1.0 : distortion.maxCoeff();
-  }
-}
-
 /// The sign that most cells have: a clockwise mesh is judged as its mirror image.
 double orientation(const std::vector<Extremes>& cells) {
   const auto negative = std::ranges::count_if(cells, [](const Extremes& e) { return e.mean < 0; });
@@ -155,19 +50,20 @@ Samples sample(const HighOrderMesh& mesh, int intervals, const Team& team) {
   Samples samples;
   samples.intervals = intervals > 0 ? intervals : default_intervals(mesh.order);
   samples.cells.resize(mesh.element_count(mesh.dimension));
-  samples.tables = detail::tables_for_cells<LatticeTable>(
-      mesh, [&](Shape shape, int order) { return lattice_table(shape, order, samples.intervals, mesh.dimension); });
-  // About 400 kB of products a batch: they stay in the second-level cache until the determinants are taken.
-  samples.batches = detail::cell_batches(mesh, [&](const ElementBlock& block) {
-    const auto points = samples.tables.at({block.shape, block.order}).points.rows();
-    return static_cast<std::size_t>(50000 / (points * mesh.dimension * mesh.dimension));
+  samples.tables = detail::tables_for_cells<LatticeTable>(mesh, [&](Shape shape, int order) {
+    return detail::lattice_table(shape, order, samples.intervals, mesh.dimension);
   });
+  const std::size_t lanes = detail::lattice_lanes();
+  samples.batches = detail::cell_batches(mesh, [&](const ElementBlock&) { return lanes; });
   team.run([&] {
-    team.for_ranges(samples.batches.size(), 1, [&](std::size_t begin, std::size_t end) {
-      Workspace work;
+    team.for_ranges(samples.batches.size(), 8, [&](std::size_t begin, std::size_t end) {
+      std::vector<double> workspace;
+      std::vector<const std::int32_t*> nodes(lanes);
       for (std::size_t b = begin; b != end; ++b) {
         const CellBatch& batch = samples.batches[b];
-        sample_batch(mesh, batch, samples.tables.at({batch.block->shape, batch.block->order}), work, samples.cells);
+        for (std::size_t i = 0; i < batch.count; ++i) nodes[i] = batch.nodes(i);
+        detail::sample_on_lattice(samples.tables.at({batch.block->shape, batch.block->order}), mesh.coordinates.data(),
+                                  nodes.data(), batch.count, workspace, &samples.cells[batch.cell]);
       }
     });
   });

@@ -215,10 +215,7 @@ class Search {
     int parts = 1;
     while (!done()) {
       if (parts >= options_.max_cells || open_.front().depth >= options_.max_depth) break;
-      std::ranges::pop_heap(open_, later);
-      Part<Real> part = std::move(open_.back());
-      open_.pop_back();
-      bisect(std::move(part));
+      bisect(take());
       ++parts;
     }
     if (answer_ != Certificate::Answer::Invalid && lower() > 0) answer_ = Certificate::Answer::Valid;
@@ -249,10 +246,29 @@ class Search {
     // What is left can be proved neither positive nor negative.
     const bool hopeless = touches_zero_ && worst.least >= -worst.error;
     const bool answered = answer_ == Certificate::Answer::Invalid || lower() > 0 || hopeless;
-    const bool sharp = !std::isfinite(options_.gap) ||
-                       lower() >= least_seen_ - Real(options_.gap) * std::max(greatest_seen_, Real(0)) ||
-                       greatest_seen_ <= 0;
-    return answered && (sharp || hopeless);
+    return answered && (hopeless || !std::isfinite(options_.gap) || greatest_seen_ <= 0 ||
+                        slack_below() + slack_above() <= Real(options_.gap));
+  }
+
+  /// How much of the scaled Jacobian's uncertainty is due to min J, and to max J.
+  Real slack_below() const { return (least_seen_ - lower()) / greatest_seen_; }
+  Real slack_above() const { return lower() > 0 ? lower() * (1 / greatest_seen_ - 1 / upper()) : 0; }
+
+  /// The part to cut next: the lowest one, or where only max J is in doubt, the highest.
+  Part<Real> take() {
+    if (std::isfinite(options_.gap) && lower() > 0 && greatest_seen_ > 0 && slack_above() > slack_below()) {
+      const auto highest =
+          std::ranges::max_element(open_, {}, [](const Part<Real>& p) { return p.greatest + p.error; });
+      Part<Real> part = std::move(*highest);
+      *highest = std::move(open_.back());
+      open_.pop_back();
+      std::ranges::make_heap(open_, later);
+      return part;
+    }
+    std::ranges::pop_heap(open_, later);
+    Part<Real> part = std::move(open_.back());
+    open_.pop_back();
+    return part;
   }
 
   void push(Part<Real> part) {
