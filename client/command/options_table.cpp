@@ -25,7 +25,7 @@ constexpr std::array kRows{
               "Volumetric part of the linear elastic energy; default log. trace has no barrier and cannot "
               "keep a mesh valid"},
     OptionRow{"winslow", "Form of the Winslow energy in 3-D; default true"},
-    OptionRow{"constants", "Where mu, lambda and kappa come from; default reference"},
+    OptionRow{"constants", "Where mu, lambda and kappa come from; default standard"},
     OptionRow{"mu", "Shear modulus; 0: from --constants"},
     OptionRow{"lambda", "First Lamé constant; 0: from --constants"},
     OptionRow{"kappa", "Bulk modulus; 0: from --constants"},
@@ -46,6 +46,9 @@ constexpr std::array kRows{
     OptionRow{"time_limit", "Stop after so many seconds, at the end of an iteration; 0: never"},
     OptionRow{"threads", "Threads to use; 0: all. The result does not depend on it"},
     OptionRow{"quadrature_degree", "Degree integrated exactly; 0: twice the order"},
+    OptionRow{"objective",
+              "worst: raise the lowest scaled Jacobian as far as it goes, at two to eight times the cost; default "
+              "energy"},
     OptionRow{"p_norm", "Sum the cells' mean energies to this power; default 1; more presses on the worst"},
     OptionRow{"order", "Raise or lower the mesh to this order on the way in; 0: as it is"},
     OptionRow{"target", "What each cell would like to be; default straight-sided. size and strain want --target-field"},

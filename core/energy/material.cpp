@@ -9,7 +9,8 @@ Material material(const Options& options) {
   m.volumetric = options.volumetric;
   m.winslow = options.winslow;
   m.mu = options.mu > 0 ? options.mu : kReferenceMu;
-  m.lambda = options.lambda > 0 ? options.lambda : kReferenceBulk;
+  const bool standard = options.constants == Constants::Standard && options.energy == Energy::Hyperelastic;
+  m.lambda = options.lambda > 0 ? options.lambda : standard ? kStandardLambda : kReferenceBulk;
   m.kappa = options.kappa > 0 ? options.kappa : kReferenceBulk;
   return m;
 }

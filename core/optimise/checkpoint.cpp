@@ -4,7 +4,7 @@ namespace varimesh {
 namespace {
 
 /// Of the layout and of what its numbers mean: to be raised with every change of either.
-constexpr std::string_view kMark = "VariMesh checkpoint 1\n";
+constexpr std::string_view kMark = "VariMesh checkpoint 2\n";
 constexpr std::size_t kPiece = 256 << 10;
 
 std::uint64_t mixed(std::uint64_t hash, std::uint64_t word) {
@@ -45,7 +45,7 @@ std::uint64_t fingerprint(const HighOrderMesh& mesh, const std::vector<bool>& fi
   const Options& o = options;
   for (const auto choice : {int(o.energy), int(o.strain), int(o.volumetric), int(o.winslow), int(o.constants),
                             int(o.regularisation), int(o.method), int(o.colouring), int(o.active_set), int(o.until),
-                            o.quadrature_degree, int(o.target), int(o.repair)})
+                            o.quadrature_degree, int(o.target), int(o.repair), int(o.objective)})
     print.add(choice);
   for (const double number : {o.mu, o.lambda, o.kappa, o.tolerance, o.until_js, o.p_norm}) print.add(number);
   return print.value();

@@ -44,6 +44,8 @@ std::int64_t memory_needed(const HighOrderMesh& mesh, const Options& options) {
   if (options.method != Method::Sweeps) bytes += nodes * 16 * (d == 2 ? 8 : 12);
   // Coordinates of the mesh, its result and the guard's two states; positions, steps and directions; who is awake.
   bytes += nodes * (4 * 24 + 2 * 8 + d * (6 * 8 + 4 * 4) + 4 * d * d + 60);
+  // How far splitting goes is known only afterwards; coarse meshes have grown threefold, beside two more of them.
+  if (options.repair == Repair::Split) bytes *= 4;
   return static_cast<std::int64_t>(1.25 * bytes);
 }
 

@@ -5,16 +5,15 @@
 #include <optional>
 #include <string>
 
-#include "core/energy/material.h"
 #include "core/mesh/check.h"
 #include "core/mesh/order.h"
 #include "core/optimise/cells.h"
 #include "core/optimise/checkpoint.h"
 #include "core/optimise/door.h"
 #include "core/optimise/fixing.h"
-#include "core/optimise/kernels.h"
 #include "core/optimise/run.h"
 #include "core/optimise/schedule.h"
+#include "core/optimise/stages.h"
 #include "core/optimise/targets.h"
 #include "core/repair/repair.h"
 #include "core/repair/straighten.h"
@@ -24,6 +23,9 @@ namespace varimesh {
 namespace {
 
 using Clock = std::chrono::steady_clock;
+
+/// What the mean scaled Jacobian may lose to its lowest.
+constexpr double kMeanGivenForWorst = 0.01;
 
 double seconds_since(Clock::time_point start) { return std::chrono::duration<double>(Clock::now() - start).count(); }
 
@@ -46,17 +48,20 @@ struct Optimiser::State {
   StretchField target;
   Problem problem;
   Schedule schedule;
-  std::unique_ptr<Kernels> kernels;
-  std::unique_ptr<HessianKernels> hessian;  ///< Where the method needs it.
-  double set_up_seconds = 0;                ///< Counted with the first run.
+  std::vector<Stage> stages;
+  double set_up_seconds = 0;  ///< Counted with the first run.
 
   /// Optimises `mesh` as it is.
   Result run(const OnIteration& on_iteration, const RunControl& control);
   /// What lies between the reports before and after.
   bool optimise(const Certifier& certifier, std::vector<Certificate>& certificates, Clock::time_point start,
                 const OnIteration& on_iteration, const RunControl& control, Team& team, Result& result);
-  void iterate(Run& run, const OnIteration& on_iteration, const RunControl& control, Team& team, Result& result) const;
-  std::uint64_t fingerprint_of_run(const RunControl& control) const;
+  RunParts parts(const Stage& stage, Guard& guard, BestSeen& best, const Team& team);
+  /// At the end of a stage: whether its mesh is the best so far.
+  bool worst_was_raised(Guard& guard, BestSeen& best, bool first, const Team& team, Result& result) const;
+  void iterate(Run& run, const Stage& stage, const OnIteration& on_iteration, const RunControl& control, Team& team,
+               Result& result) const;
+  std::uint64_t fingerprint_of_run(const RunControl& control, const Stage& stage) const;
 };
 
 namespace {
@@ -117,8 +122,7 @@ Expected<Optimiser> Optimiser::create(HighOrderMesh&& mesh, const Options& optio
   if (options.max_iterations > 0 && options.repair != Repair::Split) {
     state->problem = build_problem(mesh, *fixed, options.quadrature_degree);
     state->schedule = make_schedule(state->problem, options.colouring);
-    state->kernels = make_kernels(material(options), mesh.dimension);
-    if (options.method != Method::Sweeps) state->hessian = make_hessian_kernels(material(options), mesh.dimension);
+    state->stages = make_stages(options, mesh.dimension);
   }
   state->mesh = std::move(mesh);
   state->set_up_seconds = seconds_since(start);
@@ -189,28 +193,53 @@ bool Optimiser::State::optimise(const Certifier& certifier, std::vector<Certific
                                 Clock::time_point start, const OnIteration& on_iteration, const RunControl& control,
                                 Team& team, Result& result) {
   const Frame frame = frame_of(mesh);
-  problem.positions = positions_at_door(mesh, frame);
-  set_targets(problem, target, frame.diagonal);
   std::optional<Guard> guard;
   std::optional<Run> run;
-  BestSeen best(certifier);
-  bool usable = true;
-  std::optional<StopReason> nothing_to_do;
-  team.run([&] {
+  std::optional<BestSeen> best;
+  const auto set_up = [&](const Stage& stage) {
     guard.emplace(mesh, frame, problem, certifier, certificates, team);
     if (options.repair != Repair::None) guard->condemn(result.unrepairable);
-    run.emplace(RunParts{options, problem, schedule, *kernels, hessian.get(), *guard, best, team}, start);
-    if (control.checkpoint.empty())
+    best.emplace(certifier);
+    run.emplace(parts(stage, *guard, *best, team), start);
+  };
+  problem.positions = positions_at_door(mesh, frame);
+  set_targets(problem, target, frame.diagonal);
+  std::size_t stage = 0;
+  std::optional<StopReason> nothing_to_do;
+  if (control.checkpoint.empty()) {
+    team.run([&] {
+      set_up(stages[0]);
       nothing_to_do = run->begin();
-    else
-      usable = run->resume(control.checkpoint, fingerprint_of_run(control));
-  });
-  if (!usable) return false;
+    });
+  } else {
+    bool usable = false;
+    for (stage = 0; stage < stages.size() && !usable; stage += usable ? 0 : 1)
+      team.run([&] {
+        problem.positions = positions_at_door(mesh, frame);  // an attempt at reading spoils them
+        if (stage > 0) level_targets(problem);
+        set_up(stages[stage]);
+        usable = run->resume(control.checkpoint, fingerprint_of_run(control, stages[stage]));
+      });
+    if (!usable) return false;
+  }
   result.resumed_from = run->last().number;
   if (nothing_to_do)
     result.stop_reason = *nothing_to_do;
   else
-    iterate(*run, on_iteration, control, team, result);
+    iterate(*run, stages[stage], on_iteration, control, team, result);
+  while (stages.size() > 1 && worst_was_raised(*guard, *best, stage == 0, team, result) && !nothing_to_do &&
+         (result.stop_reason == StopReason::Converged || result.stop_reason == StopReason::NoProgress) &&
+         ++stage < stages.size()) {
+    level_targets(problem);
+    team.run([&] {
+      Run::Past past = run->take_past();
+      run.emplace(parts(stages[stage], *guard, *best, team), start);
+      run->follow(std::move(past));
+      nothing_to_do = run->begin();
+    });
+    if (!nothing_to_do) iterate(*run, stages[stage], on_iteration, control, team, result);
+  }
+  const bool best_seen = options.until_js > 0 || stages.size() > 1;
   team.run([&] {
     guard->look();
     if (guard->lost() > 0 && result.converged) {
@@ -218,20 +247,41 @@ bool Optimiser::State::optimise(const Certifier& certifier, std::vector<Certific
       result.stop_reason = StopReason::NoProgress;
     }
     guard->settle();
-    if (options.until_js > 0) best.look(*guard);
-    result.mesh.coordinates = options.until_js > 0 ? best.coordinates() : guard->coordinates();
+    if (options.until_js > 0) best->look(*guard);
+    result.mesh.coordinates = best_seen ? best->coordinates() : guard->coordinates();
     certificates = guard->certificates();
     result.proof_seconds += guard->seconds();
-    if (options.until_js > 0) certifier.certify(result.mesh.coordinates, certificates, team);
+    if (best_seen) certifier.certify(result.mesh.coordinates, certificates, team);
   });
   result.seconds = run->seconds();
   result.history = run->take_history();
   return true;
 }
 
-void Optimiser::State::iterate(Run& run, const OnIteration& on_iteration, const RunControl& control, Team& team,
-                               Result& result) const {
-  const std::uint64_t print = fingerprint_of_run(control);
+RunParts Optimiser::State::parts(const Stage& stage, Guard& guard, BestSeen& best, const Team& team) {
+  return {stage.options, problem, schedule, *stage.kernels, stage.hessian.get(), guard, best, team};
+}
+
+bool Optimiser::State::worst_was_raised(Guard& guard, BestSeen& best, bool first, const Team& team,
+                                        Result& result) const {
+  team.run([&] {
+    guard.look();
+    guard.settle();
+  });
+  result.mesh.coordinates = guard.coordinates();
+  const std::vector<double> scaled_jacobian = cell_quality(result.mesh, 0, options.threads).scaled_jacobian;
+  double mean = 0;
+  for (const double js : scaled_jacobian) mean += std::max(js, -1.0) / static_cast<double>(scaled_jacobian.size());
+  if (first) best.floor = mean - kMeanGivenForWorst;
+  if (mean < best.floor) return false;
+  const double before = best.highest();
+  team.run([&] { best.look(guard); });
+  return best.highest() > before;
+}
+
+void Optimiser::State::iterate(Run& run, const Stage& stage, const OnIteration& on_iteration, const RunControl& control,
+                               Team& team, Result& result) const {
+  const std::uint64_t print = fingerprint_of_run(control, stage);
   bool stopped = false;
   std::optional<StopReason> reason;
   while (!stopped && !reason) {
@@ -249,8 +299,8 @@ void Optimiser::State::iterate(Run& run, const OnIteration& on_iteration, const 
   result.stop_reason = stopped ? StopReason::Stopped : *reason;
 }
 
-std::uint64_t Optimiser::State::fingerprint_of_run(const RunControl& control) const {
-  return control.checkpoint_due || !control.checkpoint.empty() ? fingerprint(mesh, fixed, target, options) : 0;
+std::uint64_t Optimiser::State::fingerprint_of_run(const RunControl& control, const Stage& stage) const {
+  return control.checkpoint_due || !control.checkpoint.empty() ? fingerprint(mesh, fixed, target, stage.options) : 0;
 }
 
 Expected<Result> optimise(HighOrderMesh mesh, const Options& options, const OnIteration& on_iteration,

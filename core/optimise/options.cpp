@@ -53,6 +53,10 @@ Expected<void> check(const Options& options) {
     return bad_option("The target needs a field and target_field is empty: give a size or strain a cell or vertex.");
   if (!takes_field && !options.target_field.values.empty())
     return bad_option("target_field is given and the target takes none: choose the target size or strain.");
+  if (options.objective == Objective::Worst && options.until_js > 0)
+    return bad_option(
+        "objective is worst and until_js is given: worst raises the lowest scaled Jacobian as far as it goes; leave "
+        "until_js at 0, or objective at energy.");
   if (options.repair == Repair::Split && takes_field)
     return bad_option(
         "repair is split and the target is a field: split elements would have no values in it; choose another target, "

@@ -46,6 +46,13 @@ Run::Run(const RunParts& parts, Clock::time_point start)
       chooser_(options_, guard_.repairable()),
       stopper_(options_) {}
 
+void Run::follow(Past past) {
+  history_ = std::move(past.history);
+  if (!history_.empty()) iteration_ = history_.back();
+  first_gradient_ = past.first_gradient;
+  start_ = past.start;
+}
+
 std::optional<StopReason> Run::begin() {
   sweeper_.rebuild();
   sweeper_.scan();

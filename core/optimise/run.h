@@ -17,8 +17,8 @@
 
 namespace varimesh {
 
-/// With until_js: the best mesh seen, by its proved minimum of the scaled Jacobian; of no use to a mesh that has more
-/// uncertified cells than another.
+/// With until_js and Objective::Worst: the best mesh seen, by its proved minimum of the scaled Jacobian; of no use to a
+/// mesh that has more uncertified cells than another.
 class BestSeen {
  public:
   explicit BestSeen(const Certifier& certifier) : certifier_(certifier) {}
@@ -26,10 +26,14 @@ class BestSeen {
   /// The proved minimum of the guard's kept state; keeps its coordinates where it is the best so far.
   double look(const Guard& guard);
   const std::vector<double>& coordinates() const { return coordinates_; }
+  double highest() const { return highest_; }
+
+  /// The least mean scaled Jacobian that a mesh is to have, for Objective::Worst.
+  double floor = -1;
 
   template <class Archive>
   void state(Archive& archive) {
-    archive(highest_, fewest_, coordinates_);
+    archive(highest_, fewest_, coordinates_, floor);
   }
 
  private:
@@ -60,6 +64,15 @@ class Run {
 
   /// Inside team.run(). `start`: when the run began, set-up included.
   Run(const RunParts& parts, Clock::time_point start);
+
+  /// What a run leaves to the one that follows it.
+  struct Past {
+    std::vector<Iteration> history;
+    double first_gradient = 0;
+    Clock::time_point start;
+  };
+  Past take_past() { return {std::move(history_), first_gradient_, start_}; }
+  void follow(Past past);
 
   /// Inside team.run(): looks at things as they are. A reason where there is nothing to be done.
   std::optional<StopReason> begin();

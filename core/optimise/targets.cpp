@@ -269,6 +269,27 @@ void set_targets(Problem& problem, const StretchField& field, double diagonal) {
   }
 }
 
+void level_targets(Problem& problem) {
+  for (CellBlock& block : problem.blocks) {
+    if (block.affine) continue;
+    const auto d = static_cast<std::size_t>(problem.dimension), stride = static_cast<std::size_t>(block.stride);
+    const double weight = std::accumulate(block.weights.begin(), block.weights.end(), 0.0);
+    for (std::size_t cell = 0; cell < static_cast<std::size_t>(block.count); ++cell) {
+      double* inverse = block.inverse_target.data() + cell * d * d * stride;
+      double* measure = block.measure.data() + cell * stride;
+      const double mean = std::accumulate(measure, measure + stride, 0.0) / weight;
+      for (std::size_t q = 0; q < stride; ++q) {
+        Eigen::Matrix3d at = Eigen::Matrix3d::Identity();
+        for (std::size_t i = 0; i < d; ++i)
+          for (std::size_t j = 0; j < d; ++j) at(i, j) = inverse[(i * d + j) * stride + q];
+        const double scale = std::pow(mean * std::abs(at.determinant()), -1.0 / static_cast<double>(d));
+        for (std::size_t k = 0; k < d * d; ++k) inverse[k * stride + q] *= scale;
+        measure[q] = mean * block.weights[q];
+      }
+    }
+  }
+}
+
 void set_straight_sided_targets(Problem& problem) { set_targets(problem, {}, 1.0); }
 
 }  // namespace varimesh

@@ -33,4 +33,8 @@ namespace varimesh {
 /// @param diagonal the length in the mesh's unit that is 1 in the problem's coordinates: Frame::diagonal
 void set_targets(Problem& problem, const StretchField& field, double diagonal);
 
+/// Makes det A of every cell's target the same at all its points, their mean, by scaling A there: a target whose own
+/// scaled Jacobian is 1, of the same shape at every point. Nothing changes where the target is one matrix a cell.
+void level_targets(Problem& problem);
+
 }  // namespace varimesh

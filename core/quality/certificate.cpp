@@ -56,7 +56,9 @@ bool settle(const HardCell& cell, const detail::KernelOutput& output, std::size_
   if (!valid && !invalid) return false;
   if (valid && detail::is_blunt(error, lower)) return false;
   const double greatest = output.greatest[lane] + error;
-  if (std::isfinite(gap) && highest > error && (lowest + error) / (highest - error) - lower / greatest > gap)
+  if (std::isfinite(gap) && highest > error &&
+      (lowest + error - lower) / (highest - error) + std::max(lower, 0.0) * (1 / (highest - error) - 1 / greatest) >
+          gap)
     return false;
   certificate = {};
   certificate.answer = valid ? Certificate::Answer::Valid : Certificate::Answer::Invalid;

@@ -213,8 +213,11 @@ Result optimise_by_splitting(const HighOrderMesh& mesh, const Options& options, 
     if (best->after.uncertified.empty() || !runs.may_go_on()) break;
   }
   if (!best || !best->after.uncertified.empty()) {
-    std::optional<Result> plain = runs.run(mesh, !runs.may_go_on());
-    if (!best || (plain && plain->after.uncertified.size() <= best->after.uncertified.size())) {
+    const bool judge_only = !runs.may_go_on();
+    std::optional<Result> plain = runs.run(mesh, judge_only);
+    // What was not optimised has to be better to be preferred.
+    const std::size_t fewest = best ? best->after.uncertified.size() + (judge_only ? 0 : 1) : 0;
+    if (!best || (plain && plain->after.uncertified.size() < fewest)) {
       if (best)
         plain->repairs.push_back(
             {RepairStep::Kind::Left,

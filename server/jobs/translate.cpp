@@ -19,7 +19,9 @@ static_assert(same(v1::ENERGY_HYPERELASTIC, Energy::Hyperelastic) &&
 static_assert(same(v1::STRAIN_GREEN_LAGRANGE, Strain::GreenLagrange) && same(v1::STRAIN_SMALL, Strain::Small));
 static_assert(same(v1::VOLUMETRIC_LOG, Volumetric::Log) && same(v1::VOLUMETRIC_TRACE, Volumetric::Trace));
 static_assert(same(v1::WINSLOW_TRUE, Winslow::True) && same(v1::WINSLOW_PAPER, Winslow::Paper));
-static_assert(same(v1::CONSTANTS_REFERENCE, Constants::Reference));
+static_assert(same(v1::CONSTANTS_REFERENCE, Constants::Reference) &&
+              same(v1::CONSTANTS_STANDARD, Constants::Standard));
+static_assert(same(v1::OBJECTIVE_ENERGY, Objective::Energy) && same(v1::OBJECTIVE_WORST, Objective::Worst));
 static_assert(same(v1::REGULARISATION_ELEMENT, Regularisation::Element) &&
               same(v1::REGULARISATION_PATCH, Regularisation::Patch));
 static_assert(same(v1::METHOD_AUTO, Method::Auto) && same(v1::METHOD_SWEEPS, Method::Sweeps) &&
@@ -74,6 +76,7 @@ Answer<Options> options_from(const v1::Options& message) {
   check(take(message.target(), v1::Target_IsValid(message.target()), &options.target), "target");
   check(take(message.until(), v1::Until_IsValid(message.until()), &options.until), "until");
   check(take(message.repair(), v1::Repair_IsValid(message.repair()), &options.repair), "repair");
+  check(take(message.objective(), v1::Objective_IsValid(message.objective()), &options.objective), "objective");
   const v1::TargetField& field = message.target_field();
   check(take(field.per(), v1::Per_IsValid(field.per()), &options.target_field.per), "target_field.per");
   if (unknown != nullptr)
@@ -143,6 +146,7 @@ v1::Options to_proto(const Options& options) {
   message.set_until_js(options.until_js);
   message.set_time_limit(options.time_limit);
   message.set_repair(give<v1::Repair>(options.repair));
+  message.set_objective(give<v1::Objective>(options.objective));
   return message;
 }
 

@@ -26,12 +26,12 @@ from .local import LocalClient, local
 from .mesh import Block, Mesh
 from .options import Options, TargetField
 from .progress import Progress
-from .reports import Certified, Event, Iteration, Metrics, Quality, ServerInfo, Unrepairable
+from .reports import Certified, Event, Iteration, Metrics, Quality, RepairStep, ServerInfo, Unrepairable
 from .version import __version__
 
 __all__ = [
     "AsyncClient", "AsyncJob", "BadMesh", "BadOption", "Block", "Certified", "Client", "Event", "Iteration", "Job",
-    "JobCancelled", "JobFailed", "LocalClient", "Mesh", "Metrics", "Options", "Progress", "Quality", "Refused", "Result",
-    "ServerInfo", "ServerUnreachable", "Stopped", "TargetField", "Unrepairable", "VarimeshError", "__version__",
+    "JobCancelled", "JobFailed", "LocalClient", "Mesh", "Metrics", "Options", "Progress", "Quality", "Refused",
+    "RepairStep", "Result", "ServerInfo", "ServerUnreachable", "Stopped", "TargetField", "Unrepairable", "VarimeshError", "__version__",
     "from_gmsh", "from_meshio", "local", "update_gmsh",
 ]  # fmt: skip

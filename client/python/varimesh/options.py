@@ -30,7 +30,7 @@ class Options(TypedDict, total=False):
     strain: Literal["green-lagrange", "small"]
     volumetric: Literal["log", "trace"]
     winslow: Literal["true", "paper"]
-    constants: Literal["reference"]
+    constants: Literal["standard", "reference"]
     mu: float
     lambda_: float  # `lambda` is a word of the language
     kappa: float
@@ -49,6 +49,7 @@ class Options(TypedDict, total=False):
     free_nodes: Iterable[int]
     region_below: float
     rings: int
+    objective: Literal["energy", "worst"]
     p_norm: float
     order: int
     active_set: bool

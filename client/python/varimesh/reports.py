@@ -50,6 +50,17 @@ class Unrepairable:
 
 
 @dataclass(frozen=True)
+class RepairStep:
+    """Something done, or not done, about such elements: split-edge, split-face, straightened or left."""
+
+    kind: str
+    elements: tuple[int, ...]
+    new_elements: tuple[int, ...]
+    node: int  # the new vertex; 0: none
+    sentence: str
+
+
+@dataclass(frozen=True)
 class Metrics:
     """What came of a job."""
 
@@ -66,6 +77,7 @@ class Metrics:
     before: Quality
     after: Quality
     unrepairable: tuple[Unrepairable, ...]
+    repairs: tuple[RepairStep, ...]
 
 
 @dataclass(frozen=True)
@@ -140,7 +152,9 @@ def metrics_of(message: optimise_pb2.Metrics) -> Metrics:
         message.iterations, message.seconds, message.residual, message.converged,
         spelled(optimise_pb2.StopReason.DESCRIPTOR, message.stop_reason),
         quality_of(message.before), quality_of(message.after),
-        tuple(Unrepairable(tuple(one.elements), one.vertex, one.sentence) for one in message.unrepairable))  # fmt: skip
+        tuple(Unrepairable(tuple(one.elements), one.vertex, one.sentence) for one in message.unrepairable),
+        tuple(RepairStep(spelled(optimise_pb2.RepairStep.Kind.DESCRIPTOR, one.kind), tuple(one.elements),
+                         tuple(one.new_elements), one.node, one.sentence) for one in message.repairs))  # fmt: skip
 
 
 def iteration_of(message: optimise_pb2.Iteration) -> Iteration:

@@ -73,7 +73,7 @@ void product(Bench& bench, Line line, double most, const HighOrderMesh& mesh) {
   Conditions conditions;
   const auto measured = in_child(
       [&] {
-        ProductLoad load(mesh, Options());
+        ProductLoad load(mesh, reference_options());
         const double seconds = best_seconds([&] { load.product(); });
         return std::vector<double>{seconds, static_cast<double>(load.cells()), load.flops()};
       },
@@ -106,7 +106,7 @@ void sweep_kernel(Bench& bench, const std::string& what, const HighOrderMesh& me
   Conditions conditions;
   const auto measured = in_child(
       [&] {
-        SweepLoad load(mesh, Options());
+        SweepLoad load(mesh, reference_options());
         double seconds = 1e300;
         for (int i = 0; i < kSweeps; ++i) {
           load.reset();

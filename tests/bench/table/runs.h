@@ -12,10 +12,17 @@
 
 namespace varimesh::bench {
 
+/// The figures are for the reference constants.
+inline Options reference_options() {
+  Options options;
+  options.constants = Constants::Reference;
+  return options;
+}
+
 /// What to run.
 struct Run {
   std::string mesh;
-  Options options = {};
+  Options options = reference_options();
   bool avx2 = false;              ///< Use no instructions beyond AVX2.
   bool want_coordinates = false;  ///< Hand over the result's coordinates as well.
 

@@ -138,6 +138,17 @@ class Client(support.WithServer):
         self.assertEqual(self.client.job(caught.exception.job).state, "cancelled")
         self.assertFalse((self.folder / "out.msh").exists())
 
+    def test_says_what_was_done_about_what_cannot_be_repaired(self):
+        # The middle of the edge from the first vertex to the second lies beyond the second.
+        nodes = [[0, 0], [1, 0], [0, 1], [1, 1], [1.3, 0], [0.5, 0.5], [0, 0.5], [1, 0.5], [0.5, 1]]
+        folded = (nodes, {"triangle": [[0, 1, 2, 4, 5, 6], [1, 3, 2, 7, 8, 5]]})
+        named = self.client.optimise(folded, until="valid").metrics
+        self.assertIn(1, {element for group in named.unrepairable for element in group.elements})
+        self.assertEqual(named.repairs, ())
+        steps = self.client.optimise(folded, repair="straighten").metrics.repairs
+        self.assertLessEqual({step.kind for step in steps}, {"straightened", "left"})
+        self.assertTrue(steps and all(step.sentence and step.elements for step in steps))
+
     def test_quality_moves_nothing_and_leaves_no_job(self):
         before = len(list(self.client.jobs()))
         quality = self.client.quality(MESH)

@@ -16,6 +16,7 @@ struct NamedMaterial {
 inline std::vector<NamedMaterial> every_material() {
   const auto make = [](Energy energy, Strain strain, Volumetric volumetric, Winslow winslow) {
     Options options;
+    options.constants = Constants::Reference;
     options.energy = energy;
     options.strain = strain;
     options.volumetric = volumetric;

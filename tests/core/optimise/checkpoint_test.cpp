@@ -128,7 +128,8 @@ TEST_P(CheckpointTest, GoesOnFromEveryCheckpointToTheSameBytes) {
 INSTANTIATE_TEST_SUITE_P(
     Cases, CheckpointTest,
     ::testing::Values(
-        Case{"NineTriangles", [] { return read_case("nine_triangles.msh"); }, with([](Options&) {}), kBoth},
+        Case{"NineTriangles", [] { return read_case("nine_triangles.msh"); },
+             with([](Options& o) { o.constants = Constants::Reference; }), kBoth},
         Case{"SweepsInTheAnnulus", [] { return read_case("annulus_p3.msh"); },
              with([](Options& o) { o.method = Method::Sweeps; }), kSweeps, 3},
         Case{"SweepsOverAllNodes", [] { return read_case("cylinder_p2.msh"); },
@@ -144,6 +145,8 @@ INSTANTIATE_TEST_SUITE_P(
              kNewton},
         Case{"BestOfAll", [] { return dented(Filling::MixedSolid, 2, 0.04); },
              with([](Options& o) { o.until_js = 0.9, o.max_iterations = 40; }), kNewton},
+        Case{"WorstOfAll", [] { return read_case("circle_p5.msh"); },
+             with([](Options& o) { o.objective = Objective::Worst; }), kNewton, 5},
         Case{"Untangling", [] { return dented(Filling::Triangles, 3, 0.1); }, with([](Options&) {}), kAll, 6},
         Case{"UntanglingASolid", [] { return dented(Filling::Tetrahedra, 2, 0.1); }, with([](Options&) {}), kAll, 40}),
     [](const auto& info) { return info.param.name; });

@@ -116,7 +116,9 @@ INSTANTIATE_TEST_SUITE_P(Fillings, CoarseLevelTest, ::testing::ValuesIn(testing:
 TEST(Preconditioned, NewtonTakesFewIterations) {
   auto file = formats::read_file(std::string(VARIMESH_SOURCE_DIR) + "/tests/cases/circle_p5.msh");
   ASSERT_TRUE(file) << file.error().sentence;
-  const auto result = optimise(std::move(file->mesh));
+  Options options;
+  options.constants = Constants::Reference;
+  const auto result = optimise(std::move(file->mesh), options);
   ASSERT_TRUE(result) << result.error().sentence;
   ASSERT_TRUE(result->converged);
   int steps = 0, products = 0;

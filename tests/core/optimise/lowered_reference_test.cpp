@@ -22,6 +22,7 @@ TEST(LoweredReference, FiveSweepsOfTheSphereEndWhereTheReferenceDoes) {
   const auto lowered = change_order(file->mesh, 3);
   ASSERT_TRUE(lowered) << lowered.error().sentence;
   Options options;
+  options.constants = Constants::Reference;
   options.method = Method::Sweeps;
   options.colouring = Colouring::Node;
   options.max_iterations = 5;

@@ -1,4 +1,5 @@
-// The shared cases, where they are: minimum scaled Jacobians that an independent implementation of the method reached.
+// The shared cases, where they are: minimum scaled Jacobians that an independent implementation of the method reached
+// with the reference constants, and what the standard ones and Objective::Worst are to reach.
 #include <gtest/gtest.h>
 
 #include <cstdlib>
@@ -17,7 +18,9 @@ std::filesystem::path shared_case(const std::string& name) {
 
 struct ReferenceCase {
   std::string name;
-  double least;  ///< Of the minimum scaled Jacobian at the end, with the reference constants.
+  double least;  ///< Of the minimum scaled Jacobian at the end.
+  Constants constants = Constants::Reference;
+  Objective objective = Objective::Energy;
 };
 
 class ReferenceCases : public ::testing::TestWithParam<ReferenceCase> {};
@@ -28,7 +31,10 @@ TEST_P(ReferenceCases, ConvergeValid) {
     GTEST_SKIP() << "NOT RUN: the shared cases are not at " << path << "; set VARIMESH_CASES to their folder.";
   auto file = formats::read_file(path.string());
   ASSERT_TRUE(file) << file.error().sentence;
-  const auto result = optimise(std::move(file->mesh));
+  Options options;
+  options.constants = GetParam().constants;
+  options.objective = GetParam().objective;
+  const auto result = optimise(std::move(file->mesh), options);
   ASSERT_TRUE(result) << result.error().sentence;
   EXPECT_TRUE(result->converged);
   EXPECT_EQ(result->after.invalid_elements, 0);
@@ -38,8 +44,21 @@ TEST_P(ReferenceCases, ConvergeValid) {
 INSTANTIATE_TEST_SUITE_P(Shared, ReferenceCases,
                          ::testing::Values(ReferenceCase{"sph276_p5", 0.67}, ReferenceCase{"circ500_p5", 0.73},
                                            ReferenceCase{"naca524_p5", 0.81},
-                                           ReferenceCase{"reference_sphere276_p4", 0.755}),
-                         [](const auto& info) { return info.param.name; });
+                                           ReferenceCase{"reference_sphere276_p4", 0.755},
+                                           ReferenceCase{"sph276_p5", 0.745, Constants::Standard},
+                                           ReferenceCase{"circ500_p5", 0.91, Constants::Standard},
+                                           ReferenceCase{"circ500m_p5", 0.935, Constants::Standard},
+                                           ReferenceCase{"naca524_p5", 0.875, Constants::Standard},
+                                           ReferenceCase{"sph276_p5", 0.81, Constants::Standard, Objective::Worst},
+                                           ReferenceCase{"circ500_p5", 0.985, Constants::Standard, Objective::Worst},
+                                           ReferenceCase{"circ500m_p5", 0.99, Constants::Standard, Objective::Worst},
+                                           ReferenceCase{"naca524_p5", 0.93, Constants::Standard, Objective::Worst},
+                      ReferenceCase{"nacabl_p4", 0.45, Constants::Standard, Objective::Worst}),
+                         [](const auto& info) {
+                           return info.param.name +
+                                  (info.param.constants == Constants::Standard ? "_standard" : "_reference") +
+                                  (info.param.objective == Objective::Worst ? "_worst" : "");
+                         });
 
 }  // namespace
 }  // namespace varimesh

@@ -40,6 +40,7 @@ HighOrderMesh made_mesh(Filling filling, int order, int cells) {
 
 void sweep(benchmark::State& state, Filling filling, int order, Energy energy, int cells) {
   Options options;
+  options.constants = Constants::Reference;
   options.energy = energy;
   SweepLoad load(made_mesh(filling, order, cells), options);
   for (auto _ : state) {
@@ -54,6 +55,7 @@ void sweep(benchmark::State& state, Filling filling, int order, Energy energy, i
 
 void product(benchmark::State& state, Energy energy, int cells) {
   Options options;
+  options.constants = Constants::Reference;
   options.energy = energy;
   ProductLoad load(made_mesh(Filling::Tetrahedra, 4, cells), options);
   for (auto _ : state) load.product();

@@ -1,0 +1,44 @@
+#include "core/optimise/stages.h"
+
+#include <algorithm>
+
+#include "core/energy/material.h"
+
+namespace varimesh {
+namespace {
+
+/// What a stage makes of the options' λ and κ, and its least p-norm.
+struct Pressure {
+  double bulk, p_norm;
+};
+
+constexpr Pressure kPressures[] = {{4, 2}, {16, 2}, {64, 2}};
+
+Stage make_stage(const Options& options, int dimension) {
+  Stage stage;
+  stage.options = options;
+  stage.kernels = make_kernels(material(options), dimension);
+  if (options.method != Method::Sweeps) stage.hessian = make_hessian_kernels(material(options), dimension);
+  return stage;
+}
+
+}  // namespace
+
+std::vector<Stage> make_stages(const Options& options, int dimension) {
+  std::vector<Stage> stages;
+  stages.push_back(make_stage(options, dimension));
+  if (options.objective == Objective::Energy) return stages;
+  const Material first = material(options);
+  const bool elastic = options.energy == Energy::Hyperelastic || options.energy == Energy::LinearElastic;
+  for (const Pressure& pressure : kPressures) {
+    if (!elastic && stages.size() > 1) break;  // without λ and κ, the next would be the same
+    Options pressed = options;
+    pressed.lambda = pressure.bulk * first.lambda;
+    pressed.kappa = pressure.bulk * first.kappa;
+    pressed.p_norm = std::max(options.p_norm, pressure.p_norm);
+    stages.push_back(make_stage(pressed, dimension));
+  }
+  return stages;
+}
+
+}  // namespace varimesh
