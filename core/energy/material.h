@@ -23,8 +23,8 @@ struct Material {
 inline constexpr double kReferenceMu = 1 / 2.8;
 inline constexpr double kReferenceBulk = 1 / 0.6;
 
-/// Of the standard constants: λ of the hyperelastic energy. Measured: the lowest scaled Jacobian of the test cases rises
-/// by .01 to .18 against the reference constants, at about twice the Hessian products.
+/// Of the standard constants: λ of the hyperelastic energy. Measured: the lowest scaled Jacobian of the test cases
+/// rises by .01 to .18 against the reference constants, at about twice the Hessian products.
 inline constexpr double kStandardLambda = 10;
 
 /// The material that the options ask for: constants that are 0 come from options.constants.

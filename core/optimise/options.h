@@ -91,13 +91,13 @@ struct TargetField {
 /// Settings of an optimisation; the defaults suit most meshes.
 struct Options {
   Energy energy = Energy::Hyperelastic;
-  Strain strain = Strain::GreenLagrange;       ///< Linear elastic only.
-  Volumetric volumetric = Volumetric::Log;     ///< Linear elastic only.
-  Winslow winslow = Winslow::True;             ///< Winslow in 3-D only.
+  Strain strain = Strain::GreenLagrange;      ///< Linear elastic only.
+  Volumetric volumetric = Volumetric::Log;    ///< Linear elastic only.
+  Winslow winslow = Winslow::True;            ///< Winslow in 3-D only.
   Constants constants = Constants::Standard;  ///< The set that mu, lambda and kappa come from where they are 0.
-  double mu = 0;                               ///< Shear modulus, dimensionless; 0: from `constants`.
-  double lambda = 0;                           ///< First Lamé constant, dimensionless; 0: from `constants`.
-  double kappa = 0;                            ///< Bulk modulus, dimensionless; 0: from `constants`.
+  double mu = 0;                              ///< Shear modulus, dimensionless; 0: from `constants`.
+  double lambda = 0;                          ///< First Lamé constant, dimensionless; 0: from `constants`.
+  double kappa = 0;                           ///< Bulk modulus, dimensionless; 0: from `constants`.
   Regularisation regularisation = Regularisation::Element;
   Method method = Method::Auto;
   Colouring colouring = Colouring::Group;
@@ -111,7 +111,7 @@ struct Options {
   double time_limit = 0;  ///< Stop at the end of the iteration in which so many seconds have passed; 0: never.
   int threads = 0;        ///< Threads to use; 0: all of the machine's.
   Objective objective = Objective::Energy;
-  double p_norm = 1;      ///< The cells' mean energies are summed to this power, 1 to 16; more presses on the worst.
+  double p_norm = 1;  ///< The cells' mean energies are summed to this power, 1 to 16; more presses on the worst.
   int quadrature_degree = 0;  ///< Degree integrated exactly; 0: 2 P. Not under 2 (P − 1) on simplices.
 
   Repair repair = Repair::Report;  ///< Split goes with neither target_field nor region_below.

@@ -19,8 +19,7 @@ static_assert(same(v1::ENERGY_HYPERELASTIC, Energy::Hyperelastic) &&
 static_assert(same(v1::STRAIN_GREEN_LAGRANGE, Strain::GreenLagrange) && same(v1::STRAIN_SMALL, Strain::Small));
 static_assert(same(v1::VOLUMETRIC_LOG, Volumetric::Log) && same(v1::VOLUMETRIC_TRACE, Volumetric::Trace));
 static_assert(same(v1::WINSLOW_TRUE, Winslow::True) && same(v1::WINSLOW_PAPER, Winslow::Paper));
-static_assert(same(v1::CONSTANTS_REFERENCE, Constants::Reference) &&
-              same(v1::CONSTANTS_STANDARD, Constants::Standard));
+static_assert(same(v1::CONSTANTS_REFERENCE, Constants::Reference) && same(v1::CONSTANTS_STANDARD, Constants::Standard));
 static_assert(same(v1::OBJECTIVE_ENERGY, Objective::Energy) && same(v1::OBJECTIVE_WORST, Objective::Worst));
 static_assert(same(v1::REGULARISATION_ELEMENT, Regularisation::Element) &&
               same(v1::REGULARISATION_PATCH, Regularisation::Patch));

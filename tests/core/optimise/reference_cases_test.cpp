@@ -53,7 +53,7 @@ INSTANTIATE_TEST_SUITE_P(Shared, ReferenceCases,
                                            ReferenceCase{"circ500_p5", 0.985, Constants::Standard, Objective::Worst},
                                            ReferenceCase{"circ500m_p5", 0.99, Constants::Standard, Objective::Worst},
                                            ReferenceCase{"naca524_p5", 0.93, Constants::Standard, Objective::Worst},
-                      ReferenceCase{"nacabl_p4", 0.45, Constants::Standard, Objective::Worst}),
+                                           ReferenceCase{"nacabl_p4", 0.45, Constants::Standard, Objective::Worst}),
                          [](const auto& info) {
                            return info.param.name +
                                   (info.param.constants == Constants::Standard ? "_standard" : "_reference") +
