@@ -91,7 +91,8 @@ int result(const Arguments& arguments) {
   if (!connection) return connection.error();
   const auto job = connection->client->get(full_name(arguments.job));
   if (!job) return report(job.error());
-  return deliver(connection->client.get(), *job, {"", *outputs, arguments.history, arguments.report}, arguments.common);
+  return deliver(connection->client.get(), *job, {"", *outputs, arguments.history, arguments.report, true},
+                 arguments.common);
 }
 
 int cancel(const Arguments& arguments) {
@@ -188,7 +189,8 @@ Run add_watch(CLI::App& app) {
 
 Run add_result(CLI::App& app) {
   auto arguments = new_arguments();
-  CLI::App& command = add_remote(app, "result", "Fetch the result of a job that has succeeded", arguments.get());
+  CLI::App& command = add_remote(
+      app, "result", "Fetch the result of a job that has succeeded, or was cancelled while it ran", arguments.get());
   command.add_option("job", arguments->job, "Its name")->required()->type_name("JOB")->check(is_text());
   command.add_option("-o,--output", arguments->outputs, "Where it goes; may be repeated")
       ->type_name("OUT")

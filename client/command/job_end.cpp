@@ -14,14 +14,15 @@ namespace varimesh::client {
 namespace {
 
 /// How a job that did not succeed ended, as the exit status.
-int report_end(const v1::Job& job, const std::string& input) {
+int report_end(const v1::Job& job, const std::string& input, bool elsewhere) {
   if (job.state() == v1::JOB_STATE_FAILED) {
     const bool of_input = job.error().reason() == "BAD_INPUT" && !input.empty();
     std::cerr << "varimesh: " << (of_input ? "'" + input + "': " : "") << job.error().message() << std::endl;
     return status_of_reason(job.error().reason());
   }
   if (interrupts() > 0) {
-    std::cerr << "varimesh: interrupted; " << job.name() << " is cancelled" << std::endl;
+    std::cerr << "varimesh: interrupted; " << job.name() << " is cancelled"
+              << (elsewhere && job.has_metrics() ? "; 'varimesh result' has its mesh as it was" : "") << std::endl;
     return kInterrupted;
   }
   std::cerr << "varimesh: " << job.name()
@@ -72,7 +73,11 @@ tl::expected<v1::Job, int> follow(Client* client, const std::string& name, std::
 }
 
 int deliver(Client* client, const v1::Job& job, const Delivery& delivery, const CommonFlags& flags) {
-  if (job.state() != v1::JOB_STATE_SUCCEEDED) return report_end(job, delivery.input);
+  const bool cut_short = job.state() == v1::JOB_STATE_CANCELLED && job.has_metrics();
+  if (job.state() != v1::JOB_STATE_SUCCEEDED && !(cut_short && delivery.also_cancelled))
+    return report_end(job, delivery.input, !flags.server.empty());
+  if (cut_short)
+    std::cerr << "varimesh: " << job.name() << " was cancelled; this is its mesh as it was then" << std::endl;
   if (const auto fetched = fetch(*client, job, delivery.outputs); !fetched) return report(fetched.error());
   if (!delivery.history.empty()) {
     const auto result = client->result(job.name());

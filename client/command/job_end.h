@@ -16,12 +16,13 @@ namespace varimesh::client {
 tl::expected<v1::Job, int> follow(Client* client, const std::string& name, std::int64_t after, const CommonFlags& flags,
                                   bool owned);
 
-/// What to do with a job that has succeeded.
+/// What to do with a job that has ended.
 struct Delivery {
   std::string input;  ///< The mesh's file, for what there is to say about it; empty: not known.
   std::vector<Output> outputs;
-  std::string history;  ///< Where it goes; empty: nowhere.
-  std::string report;   ///< Likewise.
+  std::string history;          ///< Where it goes; empty: nowhere.
+  std::string report;           ///< Likewise.
+  bool also_cancelled = false;  ///< Of a job that was cancelled while it ran, the mesh as it was then will do.
 };
 
 /// Fetches the outputs, the history and the report of a job that has ended, prints the document or the summary, and

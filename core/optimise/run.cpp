@@ -9,6 +9,8 @@ namespace {
 /// that rounding does not add up, and so that a checkpoint can do without them.
 constexpr int kIterationsBetweenRebuilds = 10;
 constexpr int kSettledSweepsBetweenLooks = 4;
+/// The last stages of Objective::Worst are so stiff that steps may go to and fro for long without raising anything.
+constexpr int kMostIterationsOfALaterStage = 30;
 
 template <class Archive>
 void iteration_state(Archive& archive, Iteration& i) {
@@ -50,6 +52,7 @@ void Run::follow(Past past) {
   history_ = std::move(past.history);
   if (!history_.empty()) iteration_ = history_.back();
   first_gradient_ = past.first_gradient;
+  began_ = iteration_.number;
   start_ = past.start;
 }
 
@@ -145,6 +148,7 @@ std::optional<StopReason> Run::judge(const Moved& moved) {
   converged_ = small && moved.whole;
   const Outlook outlook = chooser_.outlook(guard_.unrepaired());
   if (const auto reason = stopper_.after(iteration_, converged_, outlook, bound_)) return reason;
+  if (began_ > 0 && iteration_.number - began_ >= kMostIterationsOfALaterStage) return StopReason::NoProgress;
   if (!chooser_.next(guard_.repairable(), guard_.unrepaired(), moved.stuck || converged_))
     return StopReason::NoProgress;
   return std::nullopt;
@@ -166,7 +170,7 @@ void Run::state(Archive& archive) {
   stopper_.state(archive);
   best_.state(archive);
   std::uint64_t iterations = history_.size();
-  archive(first_gradient_, bound_, converged_, iterations);
+  archive(first_gradient_, began_, bound_, converged_, iterations);
   for (std::uint64_t i = 0; i < iterations; ++i) {
     if constexpr (Archive::kReads) {
       if (archive.failed()) return;

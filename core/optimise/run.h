@@ -130,6 +130,7 @@ class Run {
   Iteration iteration_;
   std::vector<Iteration> history_;
   double first_gradient_ = 0;
+  int began_ = 0;     ///< Iterations of the stages before this one.
   double bound_ = 0;  ///< The proved minimum of the scaled Jacobian, with until_js alone.
   bool converged_ = false;
   bool exact_ = false;

@@ -172,8 +172,6 @@ QualityReport quality(const HighOrderMesh& mesh, const Certifier& certifier, std
   report.invalid_elements = static_cast<std::int64_t>(report.invalid.size());
   report.uncertified = uncertified_elements(mesh, certificates);
   report.certified = certifier.sharpen(mesh.coordinates, certificates);
-  double& bound = report.certified.min_scaled_jacobian_lower_bound;
-  bound = std::max(bound, -1.0);
   return report;
 }
 

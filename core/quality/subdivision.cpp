@@ -408,6 +408,8 @@ void set_bounds(const HardCell& cell, double lower, double upper, double greates
     certificate.scaled_jacobian_lower_bound = std::max(0.0, below(lower / upper));
   else if (greatest > 0)
     certificate.scaled_jacobian_lower_bound = below(lower / greatest);
+  else if (upper <= 0)
+    certificate.scaled_jacobian_lower_bound = -1;  // what a cell has whose J is nowhere positive
 }
 
 std::array<double, 3> physical_place(const HardCell& cell, const std::array<double, 6>& barycentric) {
