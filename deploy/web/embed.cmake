@@ -3,7 +3,7 @@
 # is cut into several, which the language joins.
 cmake_minimum_required(VERSION 3.25)
 string(REPLACE "|" ";" FILES "${FILES}")
-set(text "// Made by web/embed.cmake.\n#include <string_view>\n\nnamespace ${NAMESPACE} {\n")
+set(text "// Made by deploy/web/embed.cmake.\n#include <string_view>\n\nnamespace ${NAMESPACE} {\n")
 foreach(file IN LISTS FILES)
   get_filename_component(name "${file}" NAME)
   string(MAKE_C_IDENTIFIER "${name}" name)
