@@ -112,6 +112,7 @@ std::string histogram(const QualityReport& quality) {
   constexpr std::size_t kLines = 10;
   constexpr std::size_t kEach = QualityReport::kBins / kLines;
   std::string text;
+  if (quality.invalid_elements > 0) text += fmt::format("  not above 0 {:>9}\n", quality.invalid_elements);
   for (std::size_t line = 0; line < kLines; ++line) {
     std::int64_t count = 0;
     for (std::size_t bin = 0; bin < kEach; ++bin) count += quality.histogram[line * kEach + bin];

@@ -23,7 +23,7 @@ struct Certificate {
   Answer answer = Answer::Undecided;
   double lower_bound = -std::numeric_limits<double>::max();  ///< J is nowhere smaller.
   double upper_bound = std::numeric_limits<double>::max();   ///< J is nowhere greater.
-  /// min J / max J is no smaller; the lowest double where nothing is known, as when J is nowhere proved positive.
+  /// min J / max J is no smaller; −1 where J is proved nowhere positive; the lowest double where nothing is known.
   double scaled_jacobian_lower_bound = -std::numeric_limits<double>::max();
   std::array<double, 3> place{};  ///< Physical coordinates where J ≤ 0 (invalid) or where it is in doubt (undecided).
 };
