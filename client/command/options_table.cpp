@@ -47,7 +47,7 @@ constexpr std::array kRows{
     OptionRow{"threads", "Threads to use; 0: all. The result does not depend on it"},
     OptionRow{"quadrature_degree", "Degree integrated exactly; 0: twice the order"},
     OptionRow{"objective",
-              "worst: raise the lowest scaled Jacobian as far as it goes, at two to fifteen times the cost; default "
+              "worst: raise the lowest scaled Jacobian as far as it goes, at two to twenty times the cost; default "
               "energy"},
     OptionRow{"p_norm", "Sum the cells' mean energies to this power; default 1; more presses on the worst"},
     OptionRow{"order", "Raise or lower the mesh to this order on the way in; 0: as it is"},

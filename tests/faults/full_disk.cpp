@@ -12,8 +12,6 @@
 #include <functional>
 #include <thread>
 
-#include "google/rpc/error_details.pb.h"
-#include "google/rpc/status.pb.h"
 #include "server/jobs/sqlite.h"
 #include "server/meshes/sha256.h"
 #include "tests/faults/real_server.h"
@@ -37,15 +35,6 @@ bool soon(const std::function<bool()>& condition) {
     std::this_thread::sleep_for(std::chrono::milliseconds(50));
   }
   return condition();
-}
-
-std::string reason_of(const grpc::Status& status) {
-  google::rpc::Status full;
-  google::rpc::ErrorInfo info;
-  if (full.ParseFromString(status.error_details()))
-    for (const auto& detail : full.details())
-      if (detail.UnpackTo(&info)) return info.reason();
-  return {};
 }
 
 /// A tmpfs that goes with it.

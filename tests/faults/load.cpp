@@ -14,8 +14,6 @@
 #include <fstream>
 #include <thread>
 
-#include "google/rpc/error_details.pb.h"
-#include "google/rpc/status.pb.h"
 #include "server/meshes/sha256.h"
 
 namespace varimesh::server::testing {
@@ -139,15 +137,6 @@ long memory_kib(pid_t process, const std::string& line) {
   while (status >> word)
     if (word == line + ":") status >> value;
   return value;
-}
-
-std::string reason_of(const grpc::Status& status) {
-  google::rpc::Status full;
-  google::rpc::ErrorInfo info;
-  if (full.ParseFromString(status.error_details()))
-    for (const auto& detail : full.details())
-      if (detail.UnpackTo(&info)) return info.reason();
-  return {};
 }
 
 }  // namespace varimesh::server::testing

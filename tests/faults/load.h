@@ -54,8 +54,6 @@ double milliseconds_since(Clock::time_point begun);
 double quantile(std::vector<double> values, double part);
 /// A line of /proc/PID/status, in KiB.
 long memory_kib(pid_t process, const std::string& line);
-std::string reason_of(const grpc::Status& status);
-
 struct Setting {
   bool short_form = false;
   std::string program;  ///< The server.

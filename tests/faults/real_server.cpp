@@ -14,6 +14,8 @@
 #include <thread>
 #include <utility>
 
+#include "google/rpc/error_details.pb.h"
+#include "google/rpc/status.pb.h"
 #include "grpc/health/v1/health.grpc.pb.h"
 
 namespace varimesh::server::testing {
@@ -102,6 +104,15 @@ void RealServer::kill() {
 int RealServer::stop() {
   ::kill(process_, SIGTERM);
   return wait();
+}
+
+std::string reason_of(const grpc::Status& status) {
+  google::rpc::Status full;
+  google::rpc::ErrorInfo info;
+  if (full.ParseFromString(status.error_details()))
+    for (const auto& detail : full.details())
+      if (detail.UnpackTo(&info)) return info.reason();
+  return {};
 }
 
 }  // namespace varimesh::server::testing

@@ -43,4 +43,7 @@ class RealServer {
   pid_t process_ = -1;
 };
 
+/// The reason in an error's ErrorInfo; empty where it has none.
+std::string reason_of(const grpc::Status& status);
+
 }  // namespace varimesh::server::testing

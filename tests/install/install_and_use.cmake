@@ -2,14 +2,7 @@
 # ${source} against that and nothing else.
 file(REMOVE_RECURSE ${work})
 
-function(step)
-  execute_process(COMMAND ${ARGN} RESULT_VARIABLE status OUTPUT_VARIABLE output ERROR_VARIABLE output)
-  if(NOT status EQUAL 0)
-    list(JOIN ARGN " " command)
-    message(FATAL_ERROR "${command}\nended with status ${status}:\n${output}")
-  endif()
-  message(STATUS "${output}")
-endfunction()
+include(${CMAKE_CURRENT_LIST_DIR}/step.cmake)
 
 step(${CMAKE_COMMAND} --install ${build} --component core --prefix ${work}/prefix)
 step(${CMAKE_COMMAND} -S ${source}/program -B ${work}/build -G ${generator} -D CMAKE_BUILD_TYPE=${build_type}

@@ -7,20 +7,15 @@
 #include <random>
 #include <set>
 
-#include "core/formats/formats.h"
 #include "core/mesh/connectivity.h"
+#include "tests/core/optimise/cases.h"
 #include "tests/core/optimise/meshes.h"
 
 namespace varimesh {
 namespace {
 
 using testing::Filling;
-
-HighOrderMesh read_case(const std::string& name) {
-  auto file = formats::read_file(std::string(VARIMESH_SOURCE_DIR) + "/tests/cases/" + name);
-  EXPECT_TRUE(file) << (file ? "" : file.error().sentence);
-  return file ? std::move(file->mesh) : HighOrderMesh{};
-}
+using testing::read_case;
 
 /// A grid of which one node in three on the curved boundary is out of its place: some cells are left for untangling,
 /// and some that nothing can repair.

@@ -7,11 +7,11 @@
 #include <random>
 
 #include "core/energy/material.h"
-#include "core/formats/formats.h"
 #include "core/optimise/optimiser.h"
 #include "core/optimise/preconditioner.h"
 #include "core/optimise/sweep.h"
 #include "core/reference/nodes.h"
+#include "tests/core/optimise/cases.h"
 #include "tests/core/optimise/meshes.h"
 #include "tests/core/optimise/problems.h"
 
@@ -114,11 +114,9 @@ INSTANTIATE_TEST_SUITE_P(Fillings, CoarseLevelTest, ::testing::ValuesIn(testing:
                          [](const auto& info) { return std::string(testing::name(info.param)); });
 
 TEST(Preconditioned, NewtonTakesFewIterations) {
-  auto file = formats::read_file(std::string(VARIMESH_SOURCE_DIR) + "/tests/cases/circle_p5.msh");
-  ASSERT_TRUE(file) << file.error().sentence;
   Options options;
   options.constants = Constants::Reference;
-  const auto result = optimise(std::move(file->mesh), options);
+  const auto result = optimise(testing::read_case("circle_p5.msh"), options);
   ASSERT_TRUE(result) << result.error().sentence;
   ASSERT_TRUE(result->converged);
   int steps = 0, products = 0;

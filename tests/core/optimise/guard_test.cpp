@@ -7,9 +7,9 @@
 #include <optional>
 #include <random>
 
-#include "core/formats/formats.h"
 #include "core/mesh/connectivity.h"
 #include "core/optimise/optimiser.h"
+#include "tests/core/optimise/cases.h"
 #include "tests/core/optimise/meshes.h"
 #include "tests/core/optimise/problems.h"
 
@@ -17,6 +17,7 @@ namespace varimesh {
 namespace {
 
 using testing::Filling;
+using testing::read_case;
 
 std::vector<bool> valid_cells(const HighOrderMesh& mesh) {
   std::vector<bool> valid;
@@ -150,12 +151,6 @@ INSTANTIATE_TEST_SUITE_P(Fillings, NeverWorse,
                            return std::string(testing::name(std::get<0>(info.param))) +
                                   std::to_string(static_cast<int>(std::get<1>(info.param)));
                          });
-
-HighOrderMesh read_case(const std::string& name) {
-  auto file = formats::read_file(std::string(VARIMESH_SOURCE_DIR) + "/tests/cases/" + name);
-  EXPECT_TRUE(file) << (file ? "" : file.error().sentence);
-  return file ? std::move(file->mesh) : HighOrderMesh{};
-}
 
 TEST(StopsAt, TheFirstMeshThatIsCertifiedValid) {
   Options options;

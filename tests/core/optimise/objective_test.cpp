@@ -4,23 +4,19 @@
 #include <cmath>
 #include <string>
 
-#include "core/formats/formats.h"
 #include "core/mesh/connectivity.h"
 #include "core/optimise/cells.h"
 #include "core/optimise/door.h"
 #include "core/optimise/optimiser.h"
 #include "core/optimise/targets.h"
+#include "tests/core/optimise/cases.h"
 
 namespace varimesh {
 namespace {
 
 class ObjectiveTest : public ::testing::TestWithParam<std::string> {
  protected:
-  HighOrderMesh mesh() const {
-    auto file = formats::read_file(std::string(VARIMESH_SOURCE_DIR) + "/tests/cases/" + GetParam() + ".msh");
-    EXPECT_TRUE(file) << file.error().sentence;
-    return std::move(file->mesh);
-  }
+  HighOrderMesh mesh() const { return testing::read_case(GetParam() + ".msh"); }
 };
 
 TEST_P(ObjectiveTest, WorstRaisesTheLowestAndKeepsTheMean) {
@@ -69,10 +65,9 @@ TEST(Objective, WorstExcludesAMinimumToStopAt) {
 }
 
 TEST(Objective, LevelTargetsKeepShapeAndMeasure) {
-  auto file = formats::read_file(std::string(VARIMESH_SOURCE_DIR) + "/tests/cases/annulus_p3.msh");
-  ASSERT_TRUE(file);
-  Problem problem = build_problem(file->mesh, fixed_nodes(file->mesh), 0);
-  problem.positions = positions_at_door(file->mesh, frame_of(file->mesh));
+  const HighOrderMesh mesh = testing::read_case("annulus_p3.msh");
+  Problem problem = build_problem(mesh, fixed_nodes(mesh), 0);
+  problem.positions = positions_at_door(mesh, frame_of(mesh));
   set_straight_sided_targets(problem);
   Problem level = problem;
   level_targets(level);

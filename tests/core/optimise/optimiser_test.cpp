@@ -6,20 +6,15 @@
 #include <cmath>
 #include <cstring>
 
-#include "core/formats/formats.h"
 #include "core/mesh/connectivity.h"
+#include "tests/core/optimise/cases.h"
 #include "tests/core/optimise/meshes.h"
 
 namespace varimesh {
 namespace {
 
 using testing::Filling;
-
-HighOrderMesh read_case(const std::string& name) {
-  auto file = formats::read_file(std::string(VARIMESH_SOURCE_DIR) + "/tests/cases/" + name);
-  EXPECT_TRUE(file) << (file ? "" : file.error().sentence);
-  return file ? std::move(file->mesh) : HighOrderMesh{};
-}
+using testing::read_case;
 
 /// The mesh with every place x at R x.
 HighOrderMesh turned(HighOrderMesh mesh, double angle) {
