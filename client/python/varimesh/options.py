@@ -24,7 +24,7 @@ class TargetField:
 
 
 class Options(TypedDict, total=False):
-    """What is not given has the default that README lists."""
+    """What is not given has the default that docs/options.md lists."""
 
     energy: Literal["hyperelastic", "linear-elastic", "winslow", "distortion"]
     strain: Literal["green-lagrange", "small"]

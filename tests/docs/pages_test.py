@@ -1,0 +1,223 @@
+"""What the pages say, tried: links lead somewhere, files that are named are there, excerpts stand in the file that they
+are from, and commands run as they stand, in their order, in a folder of their own. Run by ctest with a group's name."""
+import contextlib
+import importlib.util
+import io
+import os
+import re
+import shutil
+import subprocess
+import sys
+import unittest
+from pathlib import Path
+
+import support
+from support import CASES, SOURCE, VARIMESH, VARIMESHD, Server
+
+PAGES = [SOURCE / "README.md", *sorted((SOURCE / "docs").glob("*.md"))]
+BLOCK = re.compile(r"(?:<!-- (?P<note>[^\n]*) -->\n)?^```(?P<kind>\w*)\n(?P<text>.*?)^```$", re.DOTALL | re.MULTILINE)
+
+# Pages whose commands other tests run.
+ELSEWHERE = {"python.md": "tests/client/python/documentation_test.py", "workflows.md": "tests/deploy/workflows_test.py"}
+
+# Blocks that are not run here, by page and first word or two, and why.
+NOT_HERE = {
+    ("README.md", "deploy/demo"): "sets the machine up; what every change must pass",
+    ("README.md", "tests/run"): "the tests themselves, and those that take hours or need root",
+    ("tutorial.md", "deploy/demo"): "sets the machine up",
+    ("server.md", "varimeshd --listen"): "it does not end; tests/client/command_test.py starts it",
+    ("server.md", "docker build"): "deploy/test-image builds and runs it",
+    ("report.md", "varimeshd --admin"): "it does not end; tests/server/admin_test.py starts it",
+    ("performance.md", "tests/bench/cases"): "builds the benchmarks",
+    ("python.md", "cmake --build"): "tests/client/python/wheel_test.py builds the wheel",
+}
+
+
+class Block:
+    """A fenced block: its kind, its text, the comment in the line above it, the number of the line before it."""
+
+    def __init__(self, page, match):
+        self.kind, self.text, self.note = match["kind"], match["text"], match["note"] or ""
+        self.line = page.read_text()[: match.start("text")].count("\n")
+        self.where = f"{page.name}:{self.line + 1}"
+        self.runs = self.kind in ("sh", "python") and not any(
+            page.name == name and self.text.startswith(words) for name, words in NOT_HERE)
+
+
+def blocks(page):
+    text = page.read_text()
+    found = [Block(page, match) for match in BLOCK.finditer(text)]
+    assert 2 * len(found) == len(re.findall("^```", text, re.MULTILINE)), f"{page.name} has a block that is not closed"
+    return found
+
+
+def prose(page):
+    """The page without its blocks."""
+    return BLOCK.sub("", page.read_text())
+
+
+def slug(heading):
+    """A heading's anchor, as GitHub makes it."""
+    words = re.sub(r"`|\[([^]]*)\]\([^)]*\)", r"\1", heading).strip().lower()
+    return re.sub(r"[^\w\- ]", "", words).replace(" ", "-")
+
+
+def anchors(page):
+    return {slug(heading) for heading in re.findall(r"^#+ (.*)$", prose(page), re.MULTILINE)}
+
+
+class Links(unittest.TestCase):
+    def test_lead_somewhere(self):
+        links = 0
+        for page in PAGES:
+            for target in re.findall(r"\]\(([^)\s]+)\)", prose(page)):
+                if re.match(r"\w+:", target):
+                    continue
+                path, _, anchor = target.partition("#")
+                file = (page.parent / path).resolve() if path else page
+                self.assertTrue(file.exists(), f"{page.name}: {target}")
+                if anchor:
+                    self.assertIn(anchor, anchors(file), f"{page.name}: {target}")
+                links += 1
+        self.assertGreater(links, 50)
+
+    def test_files_that_are_named_are_there(self):
+        names = 0
+        for page in PAGES:
+            for name in re.findall(r"`((?:core|server|client|proto|tests|deploy|docs)/[\w./-]*)`", prose(page)):
+                self.assertTrue("NAME" in name or (SOURCE / name).exists(), f"{page.name}: {name}")
+                names += 1
+        self.assertGreater(names, 10)
+
+    def test_every_page_is_in_the_index(self):
+        text = (SOURCE / "README.md").read_text()
+        for page in PAGES[1:]:
+            self.assertIn(f"](docs/{page.name})", text)
+
+    def test_every_picture_is_shown(self):
+        text = "".join(page.read_text() for page in PAGES)
+        for picture in (SOURCE / "docs" / "pictures").glob("*.png"):
+            self.assertIn(f"pictures/{picture.name})", text)
+            self.assertLess(picture.stat().st_size, 150_000, picture.name)
+
+
+class Excerpts(unittest.TestCase):
+    def test_stand_in_the_file_that_they_are_from(self):
+        """`<!-- from FILE -->`; a line of three dots stands for what is left out."""
+        excerpts = 0
+        for page in PAGES:
+            for block in blocks(page):
+                if block.kind in ("", "text", "sh", "python"):
+                    continue
+                match = re.fullmatch(r"from (\S+)", block.note)
+                self.assertTrue(match, f"{block.where}: a block of {block.kind} says which tested file it is from")
+                whole = [line.strip() for line in (SOURCE / match[1]).read_text().splitlines()]
+                place = 0
+                for part in re.split(r"^\W*\.\.\.$", block.text, flags=re.MULTILINE):
+                    lines = [line.strip() for line in part.strip().splitlines()]
+                    place = next((i + len(lines) for i in range(place, len(whole)) if whole[i : i + len(lines)] == lines), None)
+                    self.assertIsNotNone(place, f"{block.where}: {match[1]} does not have\n{part}")
+                excerpts += 1
+        self.assertGreater(excerpts, 2)
+
+
+class WithPrograms(support.WithFolder):
+    """A folder, and a PATH in which the programs of the build tree come first, and Debian's python3."""
+
+    def setUp(self):
+        super().setUp()
+        programs = self.folder / "programs"
+        programs.mkdir()
+        for name, target in {"varimesh": VARIMESH, "varimeshd": VARIMESHD, "python3": sys.executable}.items():
+            (programs / name).symlink_to(target)
+        self.work = self.folder / "work"
+        self.work.mkdir()
+        self.environment = {**os.environ, "PATH": f"{programs}:{os.environ['PATH']}", "HOME": str(self.folder)}
+
+    def run_page(self, page, replace=None, names=None):
+        """Runs the page's blocks: those of sh as one script after the other, those of Python in one interpreter. Returns
+        what was printed."""
+        printed = []
+        for block in blocks(page):
+            if not block.runs:
+                continue
+            text = block.text
+            for words, others in (replace or {}).items():
+                text = text.replace(words, others)
+            if block.kind == "sh":
+                printed.append(self.run_shell(text, block))
+            else:
+                out = io.StringIO()
+                with contextlib.chdir(self.work), contextlib.redirect_stdout(out):
+                    exec(compile("\n" * block.line + text, page, "exec"), names)  # noqa: S102
+                printed.append(out.getvalue())
+        return printed
+
+    def run_shell(self, text, block):
+        text = "trap 'kill $(jobs -p) 2>/dev/null || true; wait' EXIT\n" + text  # a server that a block leaves running
+        done = subprocess.run(["bash", "-euc", text], cwd=self.work, env=self.environment, text=True, timeout=200,
+                              stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
+        self.assertEqual(done.returncode, 0, f"{block.where}:\n{done.stdout}")
+        return done.stdout
+
+
+class Tutorial(WithPrograms):
+    def test_runs_as_it_stands(self):
+        os.environ["PATH"] = self.environment["PATH"]  # varimesh.local() looks for the server there
+        printed = self.run_page(SOURCE / "docs" / "tutorial.md", names={"__name__": "__main__"})
+        before = next(text for text in printed if "proved scaled Jacobian" in text)
+        self.assertGreater(int(re.search(r"invalid elements +(\d+)\n", before)[1]), 0)
+        for words in ("certified\n", "the same, to the last bit\n"):
+            self.assertIn(words, "".join(printed))
+        made = set(os.listdir(self.work))
+        self.assertLessEqual({"part.step", "better.msh", "better.vtu", "better.html", "best.msh", "from-python.msh"}, made)
+        self.assertEqual(self.quality("from-python.msh"), self.quality("better.msh"))
+
+    def quality(self, name):
+        done = subprocess.run([VARIMESH, "quality", self.work / name, "--certify"], capture_output=True, text=True)
+        self.assertEqual(done.returncode, 0, done.stdout)
+        return done.stdout
+
+
+class Commands(WithPrograms):
+    """Of every page but those whose commands other tests run."""
+
+    def setUp(self):
+        super().setUp()
+        shutil.copy(CASES / "sphere_p3.msh", self.work / "wing.msh")
+        shutil.copy(CASES / "circle_p5.msh", self.work / "section.msh")
+        self.server = Server("--state", str(self.folder / "state"))
+        self.addCleanup(self.server.stop)
+
+    def test_of_every_page_run_as_they_stand(self):
+        import varimesh
+
+        os.environ["PATH"] = self.environment["PATH"]  # varimesh.local() looks for the server there
+        with varimesh.Client(self.server.address) as client:
+            job = client.submit(self.work / "wing.msh", outputs=["msh41-binary", "parts"])
+            job.wait()
+            mesh = job.result().mesh
+        words = {"HOST:PORT": self.server.address, "127.0.0.1:50051": f"unix:{self.folder}/socket", " JOB ": f" {job.name} "}
+        ran = []
+        for page in PAGES:
+            if page.name in ELSEWHERE or page.name == "tutorial.md":
+                continue
+            with self.subTest(page.name):
+                names = {"__name__": "__main__", "nodes": mesh.nodes, "cells": mesh.cells["tetrahedron"]}
+                ran += [page.name] * len(self.run_page(page, words, names))
+        self.assertLessEqual({"README.md", "report.md"}, set(ran))
+
+    def test_the_table_of_what_runs_elsewhere_is_true(self):
+        for name, words in NOT_HERE:
+            page = next(one for one in PAGES if one.name == name)
+            self.assertTrue(any(block.text.startswith(words) for block in blocks(page)), (name, words))
+        for name, test in ELSEWHERE.items():
+            self.assertIn(f'"{name}"', (SOURCE / test).read_text())
+
+
+if __name__ == "__main__":
+    if sys.argv[1] in ("Tutorial", "Commands"):
+        support.need()
+    if sys.argv[1] == "Tutorial" and not (shutil.which("gmsh") and importlib.util.find_spec("gmsh")):
+        support.skip("gmsh or python3-gmsh is missing (deploy/setup test)")
+    unittest.main(verbosity=2)
