@@ -15,8 +15,8 @@ namespace varimesh {
 /// Cells in a batch, whatever the width of the machine's vectors: one AVX-512 vector of floats, two of AVX2.
 inline constexpr int kBatch = 16;
 
-/// The batches of one CellBlock. Innermost in every array is the lane. Lanes past the last cell repeat it, with weight
-/// 0.
+/// The batches of one CellBlock. Innermost in every array but `result` is the lane. Lanes past the last cell repeat it,
+/// with weight 0.
 struct BatchBlock {
   const CellBlock* cells = nullptr;
   std::int32_t count = 0;               ///< Batches.
@@ -29,13 +29,13 @@ struct BatchBlock {
   AlignedVector<float> linearisation;   ///< count × points × entries × lane.
   std::vector<std::int32_t>
       ranks;                    ///< count × nodes × lane: rank of the node among the free ones; free.size() if fixed.
-  AlignedVector<float> result;  ///< count × nodes × d × lane: each cell's part of the product.
+  AlignedVector<float> result;  ///< count × nodes × lane × d: each cell's part of the product.
 
   std::size_t linearisation_size() const;
-  /// Where in `result` the first component of a cell's node is; the next is kBatch further.
+  /// Where in `result` the first component of a cell's node is; the others follow.
   std::size_t result_index(std::int32_t cell, int node) const {
     const std::size_t place = static_cast<std::size_t>(cell / kBatch) * cells->nodes_per_cell + node;
-    return place * cells->dimension * kBatch + cell % kBatch;
+    return (place * kBatch + cell % kBatch) * cells->dimension;
   }
 };
 

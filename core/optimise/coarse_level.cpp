@@ -2,6 +2,7 @@
 
 #include <Eigen/Dense>
 #include <algorithm>
+#include <array>
 
 #include "core/reference/basis.h"
 
@@ -18,8 +19,13 @@ template <int d>
 using Square = Eigen::Matrix<float, d * d, d * d, Eigen::RowMajor>;
 template <int d>
 using BlockMatrix = Eigen::Matrix<float, d, d, Eigen::RowMajor>;
+
+/// As BlockRows has it: columns of padded(d).
 template <int d>
-using BlockVector = Eigen::Matrix<float, d, 1>;
+void store_block(const BlockMatrix<d>& block, float* to) {
+  for (int j = 0; j < d; ++j)
+    for (int i = 0; i < d; ++i) to[j * padded(d) + i] = block(i, j);
+}
 
 /// Values at order-2 nodes of functions of order 1, where both nodes are free.
 SparseRows linear_to_quadratic(const Problem& problem, const CoarseSpace& quadratic, const CoarseSpace& linear) {
@@ -70,7 +76,8 @@ CoarseLevel::CoarseLevel(const Problem& problem, const Team& team)
     : problem_(problem),
       team_(team),
       space_(coarse_space(problem, coarse_order(problem))),
-      linear_(coarse_space(problem, 1)) {
+      linear_(coarse_space(problem, 1)),
+      kernels_(make_coarse_kernels(problem.dimension)) {
   for (const CellBlock& block : problem.blocks) {
     const std::size_t square = static_cast<std::size_t>(block.dimension) * block.dimension;
     tensors_.emplace_back(block.count * square * square);
@@ -79,14 +86,17 @@ CoarseLevel::CoarseLevel(const Problem& problem, const Team& team)
   find_neighbours();
   from_linear_ = linear_to_quadratic(problem, space_, linear_);
   to_linear_ = transposed(from_linear_, linear_.count);
-  const std::size_t d = problem.dimension, unknowns = d * space_.count;
-  entry_.resize(column_.size() * d * d);
-  inverse_diagonal_.resize(unknowns * d);
-  r_.resize(unknowns);
-  x_.resize(unknowns);
-  residual_.resize(unknowns);
+  const int d = problem.dimension;
+  const std::size_t floats = static_cast<std::size_t>(space_.count) * padded(d);
+  entry_.resize(column_.size() * block_size(d));
+  inverse_diagonal_.resize(static_cast<std::size_t>(space_.count) * block_size(d));
+  r_.resize(floats);
+  x_.resize(floats);
+  residual_.resize(floats);
+  rows_ = {row_begin_.data(), column_.data(), entry_.data(),   inverse_diagonal_.data(),
+           r_.data(),         x_.data(),      residual_.data()};
   solves_linear_ = linear_.count > 0 && linear_.count <= kMostLinear;
-  linear_right_.resize(linear_.count, static_cast<Eigen::Index>(d));
+  linear_right_.resize(linear_.count, d);
 }
 
 void CoarseLevel::colour() {
@@ -163,8 +173,9 @@ void CoarseLevel::find_neighbours() {
 template <int d>
 void CoarseLevel::assemble_row(std::int32_t node) {
   constexpr int kSquare = d * d;
-  float* row = entry_.data() + static_cast<std::size_t>(row_begin_[node]) * kSquare;
-  std::fill(row, entry_.data() + static_cast<std::size_t>(row_begin_[node + 1]) * kSquare, 0.0F);
+  const std::int64_t begin = row_begin_[node], end = row_begin_[node + 1];
+  static thread_local std::vector<BlockMatrix<d>> row;
+  row.assign(end - begin, BlockMatrix<d>::Zero());
   for (std::int32_t p = places_begin_[node]; p < places_begin_[node + 1]; ++p) {
     const Place& place = places_[p];
     const CoarseSpace::Block& block = space_.blocks[place.block];
@@ -175,15 +186,16 @@ void CoarseLevel::assemble_row(std::int32_t node) {
       if (slot < 0) continue;
       const Eigen::Map<const Eigen::Matrix<float, kSquare, 1>> means(
           block.stiffness.data() + (static_cast<std::size_t>(place.local) * block.nodes_per_cell + b) * kSquare);
-      Eigen::Map<Eigen::Matrix<float, kSquare, 1>>(row + static_cast<std::size_t>(slot) * kSquare) += M * means;
+      Eigen::Map<Eigen::Matrix<float, kSquare, 1>>(row[slot].data()) += M * means;
     }
   }
-  const auto diagonal =
-      std::lower_bound(column_.begin() + row_begin_[node], column_.begin() + row_begin_[node + 1], node);
-  Eigen::Map<BlockMatrix<d>> D(entry_.data() + (diagonal - column_.begin()) * kSquare);
+  const auto diagonal = std::lower_bound(column_.begin() + begin, column_.begin() + end, node);
+  BlockMatrix<d>& D = row[diagonal - column_.begin() - begin];
   D.diagonal().array() += 1e-6F * D.trace();
-  Eigen::Map<BlockMatrix<d>>(inverse_diagonal_.data() + static_cast<std::size_t>(node) * kSquare) =
-      D.template cast<double>().inverse().template cast<float>();
+  store_block<d>(D.template cast<double>().inverse().template cast<float>(),
+                 inverse_diagonal_.data() + static_cast<std::size_t>(node) * block_size(d));
+  for (std::int64_t e = begin; e < end; ++e)
+    store_block<d>(row[e - begin], entry_.data() + static_cast<std::size_t>(e) * block_size(d));
 }
 
 template <int d>
@@ -232,87 +244,54 @@ void CoarseLevel::make_matrix() {
   if (solves_linear_) d == 2 ? assemble_linear<2>() : assemble_linear<3>();
 }
 
-template <int d>
-void CoarseLevel::forward() {
-  // From zero: what comes later counts for nothing yet.
-  for (std::size_t colour = 0; colour + 1 < colours_.size(); ++colour)
-    team_.for_each(colours_[colour + 1] - colours_[colour], kNodesPerTask, [&](std::int32_t i) {
-      const std::int32_t node = colours_[colour] + i;
-      BlockVector<d> sum = Eigen::Map<const BlockVector<d>>(&r_[static_cast<std::size_t>(node) * d]);
-      for (std::int64_t e = row_begin_[node]; column_[e] < node; ++e)
-        sum.noalias() -= Eigen::Map<const BlockMatrix<d>>(&entry_[static_cast<std::size_t>(e) * d * d]) *
-                         Eigen::Map<const BlockVector<d>>(&x_[static_cast<std::size_t>(column_[e]) * d]);
-      Eigen::Map<BlockVector<d>>(&x_[static_cast<std::size_t>(node) * d]).noalias() =
-          Eigen::Map<const BlockMatrix<d>>(&inverse_diagonal_[static_cast<std::size_t>(node) * d * d]) * sum;
-    });
-}
-
-template <int d>
-void CoarseLevel::backward() {
-  for (std::size_t colour = colours_.size() - 1; colour-- > 0;)
-    team_.for_each(colours_[colour + 1] - colours_[colour], kNodesPerTask, [&](std::int32_t i) {
-      const std::int32_t node = colours_[colour] + i;
-      BlockVector<d> sum = Eigen::Map<const BlockVector<d>>(&r_[static_cast<std::size_t>(node) * d]);
-      for (std::int64_t e = row_begin_[node]; e < row_begin_[node + 1]; ++e)
-        sum.noalias() -= Eigen::Map<const BlockMatrix<d>>(&entry_[static_cast<std::size_t>(e) * d * d]) *
-                         Eigen::Map<const BlockVector<d>>(&x_[static_cast<std::size_t>(column_[e]) * d]);
-      Eigen::Map<BlockVector<d>>(&x_[static_cast<std::size_t>(node) * d]).noalias() +=
-          Eigen::Map<const BlockMatrix<d>>(&inverse_diagonal_[static_cast<std::size_t>(node) * d * d]) * sum;
-    });
-}
-
-template <int d>
-void CoarseLevel::correct_linear() {
-  // After a forward sweep from zero what is left at a node is what came later: minus its upper part of the row.
-  team_.for_each(space_.count, kNodesPerTask, [&](std::int32_t node) {
-    BlockVector<d> sum = BlockVector<d>::Zero();
-    for (std::int64_t e = row_begin_[node + 1]; e-- > row_begin_[node] && column_[e] > node;)
-      sum.noalias() -= Eigen::Map<const BlockMatrix<d>>(&entry_[static_cast<std::size_t>(e) * d * d]) *
-                       Eigen::Map<const BlockVector<d>>(&x_[static_cast<std::size_t>(column_[e]) * d]);
-    std::copy_n(sum.data(), d, &residual_[static_cast<std::size_t>(node) * d]);
+template <class Body>
+void CoarseLevel::for_nodes(std::int32_t begin, std::int32_t end, const Body& body) const {
+  team_.for_each((end - begin + kNodesPerTask - 1) / kNodesPerTask, 1, [&](std::int32_t task) {
+    const std::int32_t first = begin + task * kNodesPerTask;
+    body(first, std::min(end, first + kNodesPerTask));
   });
+}
+
+void CoarseLevel::correct_linear() {
+  const int d = problem_.dimension, stride = padded(d);
+  for_nodes(0, space_.count, [&](std::int32_t first, std::int32_t last) { kernels_->residual(rows_, first, last); });
   for (std::int32_t vertex = 0; vertex < linear_.count; ++vertex) {
-    Eigen::Matrix<double, d, 1> sum = Eigen::Matrix<double, d, 1>::Zero();
+    std::array<double, 3> sum{};
     for (std::int32_t i = to_linear_.begin[vertex]; i < to_linear_.begin[vertex + 1]; ++i)
       for (int k = 0; k < d; ++k)
-        sum[k] += to_linear_.factor[i] * residual_[static_cast<std::size_t>(to_linear_.column[i]) * d + k];
-    linear_right_.row(vertex) = sum;
+        sum[k] += to_linear_.factor[i] * residual_[static_cast<std::size_t>(to_linear_.column[i]) * stride + k];
+    for (int k = 0; k < d; ++k) linear_right_(vertex, k) = sum[k];
   }
   linear_left_ = factor_.solve(linear_right_);
-  team_.for_each(space_.count, kNodesPerTask, [&](std::int32_t node) {
-    for (std::int32_t i = from_linear_.begin[node]; i < from_linear_.begin[node + 1]; ++i)
-      for (int k = 0; k < d; ++k)
-        x_[static_cast<std::size_t>(node) * d + k] +=
-            static_cast<float>(from_linear_.factor[i] * linear_left_(from_linear_.column[i], k));
+  for_nodes(0, space_.count, [&](std::int32_t first, std::int32_t last) {
+    for (std::int32_t node = first; node < last; ++node)
+      for (std::int32_t i = from_linear_.begin[node]; i < from_linear_.begin[node + 1]; ++i)
+        for (int k = 0; k < d; ++k)
+          x_[static_cast<std::size_t>(node) * stride + k] +=
+              static_cast<float>(from_linear_.factor[i] * linear_left_(from_linear_.column[i], k));
   });
 }
 
-template <int d>
-void CoarseLevel::cycle() {
-  forward<d>();
-  if (solves_linear_) correct_linear<d>();
-  backward<d>();
-}
-
-void CoarseLevel::add(std::span<const float> r, std::span<float> z) {
+void CoarseLevel::solve(std::span<const float> r) {
   if (space_.count == 0) return;
-  const int d = problem_.dimension;
-  team_.for_each(space_.count, kNodesPerTask, [&](std::int32_t node) {
-    std::array<float, 3> sum{};
-    for (std::int32_t i = space_.restriction.begin[node]; i < space_.restriction.begin[node + 1]; ++i) {
-      const float* from = &r[static_cast<std::size_t>(space_.restriction.column[i]) * d];
-      for (int k = 0; k < d; ++k) sum[k] += space_.restriction.factor[i] * from[k];
-    }
-    std::copy_n(sum.begin(), d, &r_[static_cast<std::size_t>(node) * d]);
+  const FactorRows restriction{space_.restriction.begin.data(), space_.restriction.column.data(),
+                               space_.restriction.factor.data()};
+  for_nodes(0, space_.count, [&](std::int32_t first, std::int32_t last) {
+    kernels_->restrict_to(restriction, r.data(), r_.data(), first, last);
   });
-  d == 2 ? cycle<2>() : cycle<3>();
-  team_.for_each(static_cast<std::int32_t>(problem_.free.size()), kNodesPerTask, [&](std::int32_t rank) {
-    float* to = &z[static_cast<std::size_t>(rank) * d];
-    for (std::int32_t i = space_.prolongation.begin[rank]; i < space_.prolongation.begin[rank + 1]; ++i) {
-      const float* from = &x_[static_cast<std::size_t>(space_.prolongation.column[i]) * d];
-      for (int k = 0; k < d; ++k) to[k] += space_.prolongation.factor[i] * from[k];
-    }
-  });
+  // From zero: what comes later counts for nothing yet.
+  for (std::size_t colour = 0; colour + 1 < colours_.size(); ++colour)
+    for_nodes(colours_[colour], colours_[colour + 1],
+              [&](std::int32_t first, std::int32_t last) { kernels_->forward(rows_, first, last); });
+  if (solves_linear_) correct_linear();
+  for (std::size_t colour = colours_.size() - 1; colour-- > 0;)
+    for_nodes(colours_[colour], colours_[colour + 1],
+              [&](std::int32_t first, std::int32_t last) { kernels_->backward(rows_, first, last); });
+}
+
+FactorRows CoarseLevel::prolongation() const {
+  if (space_.count == 0) return {};
+  return {space_.prolongation.begin.data(), space_.prolongation.column.data(), space_.prolongation.factor.data()};
 }
 
 }  // namespace varimesh

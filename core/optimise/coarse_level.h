@@ -7,14 +7,16 @@
 #include <span>
 #include <vector>
 
+#include "core/optimise/aligned.h"
 #include "core/optimise/batches.h"
 #include "core/optimise/cells.h"
+#include "core/optimise/coarse_kernels.h"
 #include "core/optimise/coarse_space.h"
 #include "core/team.h"
 
 namespace varimesh {
 
-/// z += I V Iᵀ r. I takes displacements of order 2 (of order 1 on a mesh of order 1) to the free nodes, and V is one
+/// I V Iᵀ. I takes displacements of order 2 (of order 1 on a mesh of order 1) to the free nodes, and V is one
 /// symmetric cycle on their stiffness matrix: forward block Gauss–Seidel by colours, the problem of order 1 by sparse
 /// Cholesky, backward block Gauss–Seidel. Of the problem of order 1 only what a direction does to itself is kept, its
 /// mean over the directions: one scalar factor for all of them, with the same number of iterations as the whole. The
@@ -42,8 +44,12 @@ class CoarseLevel {
       if (is_used) make_matrix();
   }
 
-  /// Both d floats a free node.
-  void add(std::span<const float> r, std::span<float> z);
+  /// V Iᵀ r, kept for prolongation(). `r`: d floats a free node, and one more.
+  void solve(std::span<const float> r);
+
+  /// I, a row a free node, and what it is to be applied to: padded(d) floats a coarse node.
+  FactorRows prolongation() const;
+  const float* solution() const { return x_.data(); }
 
  private:
   /// A cell that has a coarse node.
@@ -61,14 +67,10 @@ class CoarseLevel {
   void assemble_row(std::int32_t node);
   template <int d>
   void assemble_linear();
-  template <int d>
-  void forward();
-  template <int d>
-  void backward();
-  template <int d>
+  /// Calls body(first, last) for ranges of the coarse nodes from `begin` to `end`.
+  template <class Body>
+  void for_nodes(std::int32_t begin, std::int32_t end, const Body& body) const;
   void correct_linear();
-  template <int d>
-  void cycle();
 
   const Problem& problem_;
   const Team& team_;
@@ -80,12 +82,14 @@ class CoarseLevel {
   std::vector<Place> places_;
   std::vector<std::int32_t> slots_;  ///< By place and node of its cell: where in the row its block is; −1 if fixed.
   std::vector<std::int64_t> slots_begin_;
-  std::vector<std::int64_t> row_begin_;      ///< Block rows.
-  std::vector<std::int32_t> column_;         ///< Ascending in a row.
-  std::vector<float> entry_;                 ///< d·d a block, row-major.
-  std::vector<float> inverse_diagonal_;      ///< d·d a node.
+  std::vector<std::int64_t> row_begin_;  ///< Block rows.
+  std::vector<std::int32_t> column_;     ///< Ascending in a row.
+  AlignedVector<float> entry_;           ///< As BlockRows has them.
+  AlignedVector<float> inverse_diagonal_;
   std::vector<std::vector<float>> tensors_;  ///< By block: d⁴ a cell, M(i j, k l).
-  std::vector<float> r_, x_, residual_;      ///< d a node.
+  AlignedVector<float> r_, x_, residual_;    ///< padded(d) a node.
+  BlockRows rows_{};                         ///< All of these.
+  std::unique_ptr<CoarseKernels> kernels_;
   Eigen::SimplicialLDLT<Eigen::SparseMatrix<double>> factor_;
   bool analysed_ = false, solves_linear_ = false;
   Eigen::MatrixXd linear_right_, linear_left_;  ///< linear nodes × d

@@ -3,6 +3,7 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <numeric>
 
 #include "core/optimise/patch.h"
 
@@ -12,10 +13,11 @@ namespace {
 constexpr std::int32_t kNodesPerTask = 256;
 constexpr std::int32_t kCellsPerTask = 64;
 constexpr std::size_t kNodesPerSample = 64;  // of the Hessian's size
-constexpr std::size_t kChunk = 8192;         // numbers whose sum is one partial sum, whatever the number of threads
 constexpr int kMostProducts = 1000;          // a Newton step
 constexpr int kMostHalvings = 30;
 constexpr double kLargeStep = 1e-3;  // after which the coarse level is assembled again
+constexpr double kRough = 0.1;       // the share of its beginning to which even the last step is solved,
+constexpr double kFinest = 1e-3;     // and the least that a step is
 constexpr double kArmijo = 1e-4;
 constexpr double kEnergyNoise = 1e-14;  // of the mesh's measure: below it an energy's change is rounding
 
@@ -32,24 +34,24 @@ double forcing_term(double gradient, double last) {
 }  // namespace
 
 Newton::Newton(Problem& problem, const Kernels& kernels, const HessianKernels& hessian, const PNorm& norm,
-               const Team& team)
+               double tolerance, const Team& team)
     : problem_(problem),
       kernels_(kernels),
       hessian_(hessian),
       norm_(norm),
+      tolerance_(tolerance),
       team_(team),
       batches_(make_batches(problem, hessian)),
       preconditioner_(problem, team),
-      coarse_(problem, team),
       unknowns_(problem.free.size() * problem.dimension),
       gradient_(unknowns_),
       step_(unknowns_),
       start_(unknowns_),
-      residual_(unknowns_),
+      residual_(unknowns_ + problem.dimension),
       direction_(unknowns_ + problem.dimension),
       product_(unknowns_),
       preconditioned_(unknowns_),
-      partial_(unknowns_ / kChunk + 1),
+      partial_((problem.free.size() + kNodesPerTask - 1) / kNodesPerTask),
       scans_(problem.cells) {
   for (const CellBlock& block : problem.blocks)
     for (std::int32_t cell = 0; cell < block.count; ++cell) measure_ += cell_measure(block, cell);
@@ -65,25 +67,16 @@ NewtonReport Newton::step() {
   for (const double g : gradient_) largest = std::max(largest, std::abs(g));
   const double gradient_scale = power_of_two(largest);
   for (std::size_t i = 0; i < unknowns_; ++i) residual_[i] = static_cast<float>(-gradient_[i] / gradient_scale);
-  precondition(residual_, preconditioned_);
-  const double gradient = std::sqrt(std::max(0.0, dot(residual_, preconditioned_)));
-  const double norm = gradient * gradient_scale / std::sqrt(hessian_scale_);
-  report.products = conjugate_gradients(forcing_term(norm, last_gradient_));
+  const double along = preconditioner_.apply(residual_, preconditioned_);
+  const double norm = std::sqrt(std::max(0.0, along)) * gradient_scale / std::sqrt(hessian_scale_);
+  conjugate_gradients(along, forcing_term(norm, last_gradient_), gradient_scale / hessian_scale_, report);
   last_gradient_ = norm;
   if (coarse_is_old_) products_when_new_ = report.products;
   for (double& component : step_) component *= gradient_scale / hessian_scale_;
 
   double slope = 0;
-  const int d = problem_.dimension;
-  for (std::size_t i = 0; i < unknowns_; i += d) {
-    double square = 0;
-    for (int k = 0; k < d; ++k) {
-      slope += gradient_[i + k] * step_[i + k];
-      square += step_[i + k] * step_[i + k];
-    }
-    report.residual = std::max(report.residual, square);
-  }
-  report.residual = std::sqrt(report.residual);
+  for (std::size_t i = 0; i < unknowns_; ++i) slope += gradient_[i] * step_[i];
+  report.residual = largest_displacement();
   report.failed = !std::isfinite(slope) || (report.residual == 0 && report.gradient_norm > 0);
   report.searched = slope < 0 && !report.failed;
   if (report.searched) report.damping = search(slope);
@@ -113,7 +106,7 @@ void Newton::linearise() {
   if (!norm_.is_sum()) linearise_norm();
   for (BatchBlock& block : batches_)
     team_.for_each(block.count, 4, [&](std::int32_t b) { hessian_.linearise(block, b); });
-  if (coarse_is_old_) coarse_.assemble(batches_, hessian_);
+  if (coarse_is_old_) preconditioner_.coarse().assemble(batches_, hessian_);
 }
 
 void Newton::linearise_norm() {
@@ -136,13 +129,12 @@ void Newton::linearise_norm() {
       const Incidence& at = problem_.incidences[i];
       const PatchExpansion cell = kernels_.expand(patch.cells().subspan(i - problem_.offsets[rank], 1));
       float* gradient = cell_gradients_[at.block].data() + batches_[at.block].result_index(at.cell, at.local);
-      for (int k = 0; k < d; ++k)
-        gradient[k * kBatch] = static_cast<float>(curvatures_[at.block][at.cell] * cell.gradient[k]);
+      for (int k = 0; k < d; ++k) gradient[k] = static_cast<float>(curvatures_[at.block][at.cell] * cell.gradient[k]);
     }
   });
 }
 
-void Newton::add_norm_part(std::size_t b, std::int32_t batch, const std::vector<float>& direction) {
+void Newton::add_norm_part(std::size_t b, std::int32_t batch) {
   BatchBlock& block = batches_[b];
   const int d = problem_.dimension, nodes = block.cells->nodes_per_cell;
   for (int lane = 0; lane < kBatch && batch * kBatch + lane < block.cells->count; ++lane) {
@@ -151,53 +143,83 @@ void Newton::add_norm_part(std::size_t b, std::int32_t batch, const std::vector<
     for (int n = 0; n < nodes; ++n) {
       const std::size_t rank = block.ranks[(static_cast<std::size_t>(batch) * nodes + n) * kBatch + lane];
       const float* gradient = cell_gradients_[b].data() + block.result_index(cell, n);
-      for (int k = 0; k < d; ++k) along += gradient[k * kBatch] * direction[rank * d + k];
+      for (int k = 0; k < d; ++k) along += gradient[k] * direction_[rank * d + k];
     }
     for (int n = 0; n < nodes; ++n) {
       const std::size_t at = block.result_index(cell, n);
-      for (int k = 0; k < d; ++k) block.result[at + k * kBatch] += along * cell_gradients_[b][at + k * kBatch];
+      for (int k = 0; k < d; ++k) block.result[at + k] += along * cell_gradients_[b][at + k];
     }
   }
 }
 
-void Newton::multiply(const std::vector<float>& direction, std::vector<float>& out) {
+double Newton::multiply() {
   const int d = problem_.dimension;
   for (std::size_t block = 0; block < batches_.size(); ++block)
     team_.for_each(batches_[block].count, 2, [&](std::int32_t b) {
-      hessian_.apply(batches_[block], b, direction);
-      if (!norm_.is_sum()) add_norm_part(block, b, direction);
+      hessian_.apply(batches_[block], b, direction_);
+      if (!norm_.is_sum()) add_norm_part(block, b);
     });
-  // Each node adds up its cells' parts in the order of its incidences, so the sum does not depend on threads.
-  team_.for_each(static_cast<std::int32_t>(problem_.free.size()), kNodesPerTask, [&](std::int32_t rank) {
-    std::array<float, 3> sum{};
+  const auto nodes = static_cast<std::int32_t>(problem_.free.size());
+  team_.for_each(static_cast<std::int32_t>(partial_.size()), 1, [&](std::int32_t task) {
+    const std::int32_t first = task * kNodesPerTask, last = std::min(nodes, first + kNodesPerTask);
+    partial_[task] = d == 2 ? add_up_cells<2>(first, last) : add_up_cells<3>(first, last);
+  });
+  return std::accumulate(partial_.begin(), partial_.end(), 0.0);
+}
+
+template <int d>
+double Newton::add_up_cells(std::int32_t first, std::int32_t last) {
+  double along = 0;
+  // In the order of the node's incidences, so that the sum does not depend on threads.
+  for (std::int32_t rank = first; rank < last; ++rank) {
+    std::array<float, d> sum{};
     for (std::int32_t i = problem_.offsets[rank]; i < problem_.offsets[rank + 1]; ++i) {
       const Incidence& at = problem_.incidences[i];
       const BatchBlock& block = batches_[at.block];
       const float* part = block.result.data() + block.result_index(at.cell, at.local);
-      for (int k = 0; k < d; ++k) sum[k] += part[k * kBatch];
+      for (int k = 0; k < d; ++k) sum[k] += part[k];
     }
-    for (int k = 0; k < d; ++k) out[static_cast<std::size_t>(rank) * d + k] = sum[k];
-  });
+    for (int k = 0; k < d; ++k) {
+      product_[static_cast<std::size_t>(rank) * d + k] = sum[k];
+      along += static_cast<double>(sum[k]) * direction_[static_cast<std::size_t>(rank) * d + k];
+    }
+  }
+  return along;
 }
 
-void Newton::precondition(const std::vector<float>& r, std::vector<float>& z) {
-  preconditioner_.apply(r, z);
-  coarse_.add(r, z);
+double Newton::largest_displacement() const {
+  const int d = problem_.dimension;
+  double largest = 0;
+  for (std::size_t i = 0; i < unknowns_; i += d) {
+    double square = 0;
+    for (int k = 0; k < d; ++k) square += step_[i + k] * step_[i + k];
+    largest = std::max(largest, square);
+  }
+  return std::sqrt(largest);
 }
 
-int Newton::conjugate_gradients(double forcing) {
+bool Newton::is_solved(double share, double forcing, double scale) const {
+  if (share > kRough) return false;
+  const double step = largest_displacement() * scale;
+  // The last step only has to be known to be it.
+  if (step * (1 + share) <= tolerance_) return true;
+  if (share > forcing) return false;
+  // What is left to the next step. Where that would be just above the tolerance, a few products more save a step.
+  const double left = share * step;
+  return left <= 0.7 * tolerance_ || left > 5 * tolerance_ || share <= kFinest;
+}
+
+void Newton::conjugate_gradients(double first, double forcing, double scale, NewtonReport& report) {
   std::fill(step_.begin(), step_.end(), 0.0);
   std::copy(preconditioned_.begin(), preconditioned_.end(), direction_.begin());
-  double rz = dot(residual_, preconditioned_);
-  const double target = forcing * forcing * rz;
-  int products = 0;
-  while (products < kMostProducts && rz > 0) {
-    multiply(direction_, product_);
-    ++products;
-    const double curvature = dot(direction_, product_);
+  double rz = first;
+  while (report.products < kMostProducts && rz > 0) {
+    const double curvature = multiply();
+    ++report.products;
     if (!(curvature > 0)) {
       // Downhill for ever, as far as the quadratic model knows: go on with what there is, or down the first direction.
-      if (products == 1) std::copy_n(direction_.begin(), unknowns_, step_.begin());
+      report.cut_short = rz > kRough * kRough * first;
+      if (report.products == 1) std::copy_n(direction_.begin(), unknowns_, step_.begin());
       break;
     }
     const double alpha = rz / curvature;
@@ -206,14 +228,12 @@ int Newton::conjugate_gradients(double forcing) {
       step_[i] += alpha * direction_[i];
       residual_[i] -= alpha_float * product_[i];
     }
-    precondition(residual_, preconditioned_);
-    const double next = dot(residual_, preconditioned_);
-    if (next <= target) break;
+    const double next = preconditioner_.apply(residual_, preconditioned_);
+    if (!(next > 0) || is_solved(std::sqrt(next / first), forcing, scale)) break;
     const float beta = static_cast<float>(next / rz);
     rz = next;
     for (std::size_t i = 0; i < unknowns_; ++i) direction_[i] = preconditioned_[i] + beta * direction_[i];
   }
-  return products;
 }
 
 double Newton::search(double slope) {
@@ -255,19 +275,6 @@ double Newton::energy_at(double alpha) {
     }
   }
   return std::isfinite(energy) ? energy : std::numeric_limits<double>::infinity();
-}
-
-double Newton::dot(const std::vector<float>& a, const std::vector<float>& b) {
-  const std::int32_t chunks = static_cast<std::int32_t>(partial_.size());
-  team_.for_each(chunks, 1, [&](std::int32_t chunk) {
-    double sum = 0;
-    const std::size_t end = std::min(unknowns_, (chunk + 1) * kChunk);
-    for (std::size_t i = chunk * kChunk; i < end; ++i) sum += static_cast<double>(a[i]) * b[i];
-    partial_[chunk] = sum;
-  });
-  double sum = 0;
-  for (const double part : partial_) sum += part;
-  return sum;
 }
 
 }  // namespace varimesh

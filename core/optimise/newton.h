@@ -6,7 +6,6 @@
 
 #include "core/optimise/batches.h"
 #include "core/optimise/cells.h"
-#include "core/optimise/coarse_level.h"
 #include "core/optimise/kernels.h"
 #include "core/optimise/p_norm.h"
 #include "core/optimise/preconditioner.h"
@@ -20,6 +19,7 @@ struct NewtonReport {
   double gradient_norm = 0;  ///< √ Σ |G|² at the start of the step.
   double damping = 0;        ///< The share of the full step that was taken; 0: none lowered the energy.
   bool failed = false;       ///< The step is not a number, or there is none although the gradient is not 0.
+  bool cut_short = false;    ///< By negative curvature: the full step, and so the residual, is not known.
   bool searched = false;     ///< Deformation gradients were computed anew from the nodes' positions.
   int products = 0;          ///< Of the Hessian and a direction.
 };
@@ -32,7 +32,9 @@ struct NewtonReport {
 /// gradients so.
 class Newton {
  public:
-  Newton(Problem& problem, const Kernels& kernels, const HessianKernels& hessian, const PNorm& norm, const Team& team);
+  /// `tolerance`: the residual at which the run will end; steps are solved as tightly as helps to get there.
+  Newton(Problem& problem, const Kernels& kernels, const HessianKernels& hessian, const PNorm& norm, double tolerance,
+         const Team& team);
 
   NewtonReport step();
 
@@ -40,36 +42,41 @@ class Newton {
   template <class Archive>
   void state(Archive& archive) {
     archive(last_gradient_, coarse_is_old_, products_when_new_);
-    coarse_.state(archive, !coarse_is_old_);
+    preconditioner_.coarse().state(archive, !coarse_is_old_);
   }
 
  private:
   void linearise();
-  /// z ≈ H⁻¹ r
-  void precondition(const std::vector<float>& r, std::vector<float>& z);
   /// Finds out how large the Hessian is, so that it fits single precision.
   void scale_hessian();
   /// The p-norm's part of linearise: each cell's slope, curvature and gradient.
   void linearise_norm();
   /// Adds g (g · direction) of each cell of the batch to its result.
-  void add_norm_part(std::size_t block, std::int32_t batch, const std::vector<float>& direction);
-  /// out = H direction; both d floats a free node and d more, which are 0 in `direction`.
-  void multiply(const std::vector<float>& direction, std::vector<float>& out);
-  /// Solves H x = −G to the forcing term; returns the number of products.
-  int conjugate_gradients(double forcing);
+  void add_norm_part(std::size_t block, std::int32_t batch);
+  /// product_ = H direction_; returns direction_ · product_.
+  double multiply();
+  /// Of the nodes from `first` to `last` − 1: each one's product from its cells' parts.
+  template <int d>
+  double add_up_cells(std::int32_t first, std::int32_t last);
+  /// Solves H x = −G to the forcing term, or to what the tolerance asks for. `scale` makes a displacement of x;
+  /// `first`: G · M⁻¹ G.
+  void conjugate_gradients(double first, double forcing, double scale, NewtonReport& report);
+  /// Whether a step may end that conjugate gradients have solved to this share of its beginning.
+  bool is_solved(double share, double forcing, double scale) const;
+  /// Of a node in the step, in the step's scale.
+  double largest_displacement() const;
   double search(double slope);
   /// Energy with every free node displaced by alpha times the step; +∞ where that makes a valid cell invalid.
   double energy_at(double alpha);
-  double dot(const std::vector<float>& a, const std::vector<float>& b);
 
   Problem& problem_;
   const Kernels& kernels_;
   const HessianKernels& hessian_;
   PNorm norm_;
+  double tolerance_;
   const Team& team_;
   std::vector<BatchBlock> batches_;
   Preconditioner preconditioner_;
-  CoarseLevel coarse_;
   std::vector<AlignedVector<float>> cell_gradients_;  ///< √curvature g by block, as BatchBlock::result; p ≠ 1 only.
   std::vector<std::vector<double>> curvatures_;       ///< √curvature by block and cell; p ≠ 1 only.
   double hessian_scale_ = 1;                          ///< What the Hessian is divided by in products and blocks.
@@ -78,9 +85,10 @@ class Newton {
   double last_gradient_ = 0;      ///< In the preconditioner's norm, of the step before.
   std::vector<double> gradient_;  ///< d a free node.
   std::vector<double> step_;
-  std::vector<double> start_;  ///< Positions of the free nodes at the start of the line search.
-  std::vector<float> residual_, direction_, product_, preconditioned_;
-  std::vector<double> partial_;  ///< Sums of chunks, added in order.
+  std::vector<double> start_;                ///< Positions of the free nodes at the start of the line search.
+  std::vector<float> residual_, direction_;  ///< d a free node and d more, which are 0.
+  std::vector<float> product_, preconditioned_;
+  std::vector<double> partial_;  ///< Of a sum, a task's; added in order.
   std::vector<CellScan> scans_;
   bool coarse_is_old_ = true;  ///< The coarse level is to be assembled again.
   int products_when_new_ = 0;  ///< Of the step after it was.

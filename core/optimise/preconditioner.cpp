@@ -1,7 +1,9 @@
 #include "core/optimise/preconditioner.h"
 
 #include <Eigen/Dense>
+#include <algorithm>
 #include <cmath>
+#include <numeric>
 
 namespace varimesh {
 namespace {
@@ -26,35 +28,35 @@ void invert_block(const PatchExpansion& expansion, float* inverse) {
     out = eigen.eigenvectors() * clamped.cwiseInverse().asDiagonal() * eigen.eigenvectors().transpose();
   }
   for (int i = 0; i < d; ++i)
-    for (int j = 0; j < d; ++j) inverse[i * d + j] = static_cast<float>(out(i, j));
-}
-
-template <int d>
-void multiply_block(const float* block, const float* r, float* z) {
-  for (int i = 0; i < d; ++i) {
-    z[i] = 0;
-    for (int j = 0; j < d; ++j) z[i] += block[i * d + j] * r[j];
-  }
+    for (int j = 0; j < d; ++j) inverse[j * padded(d) + i] = static_cast<float>(out(i, j));
 }
 
 }  // namespace
 
 Preconditioner::Preconditioner(const Problem& problem, const Team& team)
-    : problem_(problem), team_(team), inverse_blocks_(problem.free.size() * problem.dimension * problem.dimension) {}
+    : problem_(problem),
+      team_(team),
+      coarse_(problem, team),
+      kernels_(make_coarse_kernels(problem.dimension)),
+      inverse_blocks_(problem.free.size() * block_size(problem.dimension)),
+      partial_((problem.free.size() + kNodesPerTask - 1) / kNodesPerTask) {}
 
 void Preconditioner::set_block(std::int32_t rank, const PatchExpansion& expansion) {
   const int d = problem_.dimension;
-  float* inverse = inverse_blocks_.data() + static_cast<std::size_t>(rank) * d * d;
+  float* inverse = inverse_blocks_.data() + static_cast<std::size_t>(rank) * block_size(d);
   d == 2 ? invert_block<2>(expansion, inverse) : invert_block<3>(expansion, inverse);
 }
 
-void Preconditioner::apply(std::span<const float> r, std::span<float> z) const {
-  const int d = problem_.dimension;
-  team_.for_each(static_cast<std::int32_t>(problem_.free.size()), kNodesPerTask, [&](std::int32_t rank) {
-    const std::size_t at = static_cast<std::size_t>(rank) * d;
-    const float* block = inverse_blocks_.data() + at * d;
-    d == 2 ? multiply_block<2>(block, &r[at], &z[at]) : multiply_block<3>(block, &r[at], &z[at]);
+double Preconditioner::apply(std::span<const float> r, std::span<float> z) {
+  coarse_.solve(r);
+  const FactorRows prolongation = coarse_.prolongation();
+  const auto nodes = static_cast<std::int32_t>(problem_.free.size());
+  team_.for_each(static_cast<std::int32_t>(partial_.size()), 1, [&](std::int32_t task) {
+    const std::int32_t first = task * kNodesPerTask, last = std::min(nodes, first + kNodesPerTask);
+    partial_[task] = kernels_->precondition(prolongation, coarse_.solution(), inverse_blocks_.data(), r.data(),
+                                            z.data(), first, last);
   });
+  return std::accumulate(partial_.begin(), partial_.end(), 0.0);
 }
 
 }  // namespace varimesh

@@ -1,17 +1,21 @@
 // An approximate inverse of the whole mesh's Hessian.
 #pragma once
 
+#include <memory>
 #include <span>
 #include <vector>
 
+#include "core/optimise/aligned.h"
 #include "core/optimise/cells.h"
+#include "core/optimise/coarse_kernels.h"
+#include "core/optimise/coarse_level.h"
 #include "core/optimise/kernels.h"
 #include "core/team.h"
 
 namespace varimesh {
 
-/// z = D⁻¹ r, with D the exact d × d blocks of the nodes, their eigenvalues made positive: no smaller than 1e-3 of the
-/// block's largest.
+/// M⁻¹ = D⁻¹ + I V Iᵀ, with D the exact d × d blocks of the nodes, their eigenvalues made positive (no smaller than
+/// 1e-3 of the block's largest), and I V Iᵀ the coarse level's part.
 class Preconditioner {
  public:
   Preconditioner(const Problem& problem, const Team& team);
@@ -19,13 +23,19 @@ class Preconditioner {
   /// Takes the block of free node `rank` from its patch's expansion.
   void set_block(std::int32_t rank, const PatchExpansion& expansion);
 
-  /// z = M⁻¹ r; d floats a free node.
-  void apply(std::span<const float> r, std::span<float> z) const;
+  CoarseLevel& coarse() { return coarse_; }
+
+  /// z = M⁻¹ r, d floats a free node; `r` has one float more at its end. Returns r · z, the same whatever the number of
+  /// threads.
+  double apply(std::span<const float> r, std::span<float> z);
 
  private:
   const Problem& problem_;
   const Team& team_;
-  std::vector<float> inverse_blocks_;  ///< d·d a free node.
+  CoarseLevel coarse_;
+  std::unique_ptr<CoarseKernels> kernels_;
+  AlignedVector<float> inverse_blocks_;  ///< block_size(d) a free node.
+  std::vector<double> partial_;          ///< Of r · z, a task's.
 };
 
 }  // namespace varimesh

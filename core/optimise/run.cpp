@@ -95,7 +95,7 @@ Run::Moved Run::newton_step() {
   iteration_.residual = stepped.residual;
   iteration_.active_nodes = static_cast<std::int64_t>(problem_.free.size());
   iteration_.products = stepped.products;
-  return {stepped.gradient_norm, stepped.damping == 0, stepped.failed, true};
+  return {stepped.gradient_norm, stepped.damping == 0, stepped.failed, !stepped.cut_short};
 }
 
 Run::Moved Run::untangle() {
@@ -111,7 +111,7 @@ Run::Moved Run::untangle() {
 }
 
 Newton& Run::newton() {
-  if (!newton_) newton_.emplace(problem_, kernels_, *hessian_, norm_, team_);
+  if (!newton_) newton_.emplace(problem_, kernels_, *hessian_, norm_, options_.tolerance, team_);
   return *newton_;
 }
 

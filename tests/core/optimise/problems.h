@@ -76,10 +76,7 @@ class WholeMesh {
       for (std::int32_t i = problem_.offsets[rank]; i < problem_.offsets[rank + 1]; ++i) {
         const Incidence& at = problem_.incidences[i];
         const BatchBlock& block = batches[at.block];
-        for (int k = 0; k < d; ++k)
-          out[rank * d + k] +=
-              block.result[((at.cell / kBatch * block.cells->nodes_per_cell + at.local) * d + k) * kBatch +
-                           at.cell % kBatch];
+        for (int k = 0; k < d; ++k) out[rank * d + k] += block.result[block.result_index(at.cell, at.local) + k];
       }
     return out;
   }

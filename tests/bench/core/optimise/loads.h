@@ -87,7 +87,7 @@ class ProductLoad {
       for (std::int32_t i = problem_.offsets[rank]; i < problem_.offsets[rank + 1]; ++i) {
         const Incidence& at = problem_.incidences[i];
         const float* part = batches_[at.block].result.data() + batches_[at.block].result_index(at.cell, at.local);
-        for (int k = 0; k < d; ++k) sum[k] += part[k * kBatch];
+        for (int k = 0; k < d; ++k) sum[k] += part[k];
       }
       for (int k = 0; k < d; ++k) product_[rank * d + k] = sum[k];
     }

@@ -1,0 +1,54 @@
+// The preconditioner's loops over nodes, vectorised: four floats at a time, on any machine.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+
+namespace varimesh {
+
+/// Floats from one node's vector to the next, where nodes are padded for vector loads. The fourth in 3-D is 0.
+constexpr int padded(int dimension) { return dimension == 2 ? 2 : 4; }
+/// Floats of a d × d block: d columns of padded(d).
+constexpr int block_size(int dimension) { return dimension * padded(dimension); }
+
+/// A square matrix of blocks, and what a cycle on it reads and writes. Vectors have padded(d) floats a node.
+struct BlockRows {
+  const std::int64_t* begin;      ///< Of each row's entries; rows + 1.
+  const std::int32_t* column;     ///< Ascending in a row, the diagonal among them.
+  const float* entry;             ///< block_size(d) each.
+  const float* inverse_diagonal;  ///< block_size(d) a row.
+  const float* right;
+  float* x;
+  float* residual;
+};
+
+/// A sparse matrix of factors that apply to each component alike.
+struct FactorRows {
+  const std::int32_t* begin;  ///< rows + 1
+  const std::int32_t* column;
+  const float* factor;
+};
+
+/// Every function works on rows `first` to `last` − 1, which do not depend on each other.
+class CoarseKernels {
+ public:
+  virtual ~CoarseKernels() = default;
+
+  /// x_i = D_i⁻¹ (right_i − Σ_{j<i} K_ij x_j)
+  virtual void forward(const BlockRows& rows, std::int32_t first, std::int32_t last) const = 0;
+  /// residual_i = −Σ_{j>i} K_ij x_j: what is left after forward() from zero.
+  virtual void residual(const BlockRows& rows, std::int32_t first, std::int32_t last) const = 0;
+  /// x_i += D_i⁻¹ (right_i − Σ_j K_ij x_j)
+  virtual void backward(const BlockRows& rows, std::int32_t first, std::int32_t last) const = 0;
+  /// to_i = Σ factor_ij from_j, of d floats a node and one more at the end, into padded ones.
+  virtual void restrict_to(const FactorRows& rows, const float* from, float* to, std::int32_t first,
+                           std::int32_t last) const = 0;
+  /// z_i = B_i r_i + Σ factor_ij from_j, from padded vectors into d floats a node; returns r · z. B_i: block_size(d).
+  /// `r` has one float more at its end. Without rows (begin null) there is no sum.
+  virtual double precondition(const FactorRows& rows, const float* from, const float* blocks, const float* r, float* z,
+                              std::int32_t first, std::int32_t last) const = 0;
+};
+
+std::unique_ptr<CoarseKernels> make_coarse_kernels(int dimension);
+
+}  // namespace varimesh
