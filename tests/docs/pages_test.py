@@ -207,6 +207,16 @@ class Commands(WithPrograms):
                 ran += [page.name] * len(self.run_page(page, words, names))
         self.assertLessEqual({"README.md", "report.md"}, set(ran))
 
+    def test_the_tables_of_flags_are_those_of_the_help(self):
+        for command, name in (([VARIMESH, "optimise"], "options.md"), ([VARIMESHD], "server.md")):
+            shown = subprocess.run([*command, "--help"], capture_output=True, text=True).stdout
+            flags = set(re.findall(r"^ +(?:-\w, ?)?(--[a-z-]+)", shown, re.MULTILINE)) - {"--help", "--version"}
+            page = (SOURCE / "docs" / name).read_text()
+            rows = set(re.findall(r"`(--[a-z-]+)", "".join(re.findall(r"^\| (`--[^|]*)\|", page, re.MULTILINE))))
+            self.assertGreater(len(rows), 10)
+            self.assertLessEqual(flags, set(re.findall(r"--[a-z-]+", page)), name)
+            self.assertLessEqual(rows, set(re.findall(r"--[a-z-]+", shown)), name)
+
     def test_the_table_of_what_runs_elsewhere_is_true(self):
         for name, words in NOT_HERE:
             page = next(one for one in PAGES if one.name == name)
