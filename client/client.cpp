@@ -17,6 +17,8 @@ namespace varimesh::client {
 namespace {
 
 constexpr std::size_t kChunkBytes = 256 * 1024;
+/// A chunk goes in pieces, so that one is on its way while another is stored.
+constexpr std::int64_t kAheadBytes = kChunkBytes, kPieceBytes = kAheadBytes / 4;
 
 std::string random_id() {
   std::random_device device;
@@ -174,10 +176,10 @@ Outcome<v1::StoredMesh> Client::upload(const InputFile& file) {
     digest.update(*chunk);
     size += static_cast<std::int64_t>(chunk->size());
   }
-  v1::UploadMeshRequest header;
-  header.mutable_header()->set_upload_id(random_id());
-  header.mutable_header()->set_digest(digest.finish());
-  header.mutable_header()->set_size(size);
+  v1::UploadHeader header;
+  header.set_upload_id(random_id());
+  header.set_digest(digest.finish());
+  header.set_size(size);
 
   Patience patience(settings_);
   std::int64_t committed = 0;
@@ -191,50 +193,42 @@ Outcome<v1::StoredMesh> Client::upload(const InputFile& file) {
   }
 }
 
-Outcome<std::optional<v1::StoredMesh>> Client::upload_once(const InputFile& file, const v1::UploadMeshRequest& header,
+Outcome<std::optional<v1::StoredMesh>> Client::upload_once(const InputFile& file, const v1::UploadHeader& header,
                                                            std::int64_t* committed, Patience* patience,
                                                            grpc::Status* status) {
-  v1::QueryUploadRequest query;
-  query.set_upload_id(header.header().upload_id());
-  query.set_digest(header.header().digest());
-  v1::QueryUploadResponse known;
-  {
-    grpc::ClientContext context;
-    const Interrupter::Eye eye(interrupter_.get(), &context);
-    *status = meshes_->QueryUpload(&context, query, &known);
-  }
-  if (!status->ok() && status->error_code() != grpc::StatusCode::NOT_FOUND) return std::nullopt;
-  if (known.complete()) {
-    v1::StoredMesh stored;
-    stored.set_digest(query.digest());
-    stored.set_size(header.header().size());
-    return stored;
-  }
-  // A connection that breaks again and again is worth the full time as long as bytes arrive.
-  if (known.committed_size() > *committed) patience->reset();
-  *committed = known.committed_size();
-
   grpc::ClientContext context;
   const Interrupter::Eye eye(interrupter_.get(), &context);
-  v1::UploadMeshResponse response;
-  const auto writer = meshes_->UploadMesh(&context, &response);
-  bool open = writer->Write(header);
-  v1::UploadMeshRequest request;
+  const auto stream = meshes_->SendMesh(&context);
+  v1::SendMeshRequest request;
+  v1::SendMeshResponse response;
   std::optional<Failure> unreadable;
-  for (std::int64_t at = *committed; open;) {
-    auto chunk = file.read(at, kChunkBytes);
-    if (!chunk) unreadable = chunk.error();
-    if (!chunk || chunk->empty()) break;
-    request.mutable_chunk()->set_offset(at);
-    at += static_cast<std::int64_t>(chunk->size());
-    request.mutable_chunk()->set_data(std::move(*chunk));
-    open = writer->Write(request);
+  // What the server has answers every message; nothing is sent beyond one chunk behind that.
+  std::int64_t sent = 0;
+  bool half_closed = false;
+  *request.mutable_header() = header;
+  for (bool open = stream->Write(request); open && stream->Read(&response) && !response.has_mesh();) {
+    // A connection that breaks again and again is worth the full time as long as bytes arrive.
+    if (response.committed_size() > *committed) patience->reset();
+    *committed = response.committed_size();
+    sent = std::max(sent, *committed);
+    while (open && !unreadable && !half_closed && sent - *committed <= kAheadBytes - kPieceBytes) {
+      auto piece = file.read(sent, kPieceBytes);
+      if (!piece) {
+        unreadable = piece.error();
+        context.TryCancel();
+      } else if (piece->empty()) {
+        half_closed = stream->WritesDone();
+      } else {
+        request.mutable_chunk()->set_offset(sent);
+        sent += static_cast<std::int64_t>(piece->size());
+        request.mutable_chunk()->set_data(std::move(*piece));
+        open = stream->Write(request);
+      }
+    }
   }
-  if (unreadable) context.TryCancel();
-  if (open) writer->WritesDone();
-  *status = writer->Finish();
+  *status = stream->Finish();
   if (unreadable) return tl::unexpected(*unreadable);
-  if (!status->ok()) return std::nullopt;
+  if (!status->ok() || !response.has_mesh()) return std::nullopt;
   patience->reset();
   return response.mesh();
 }

@@ -106,7 +106,7 @@ class Client {
   Outcome<Response> call(grpc::Status (v1::JobService::Stub::*method)(grpc::ClientContext*, const Request&, Response*),
                          const Request& request);
   /// One go at an upload: nothing where the call ended with `status` and may be repeated.
-  Outcome<std::optional<v1::StoredMesh>> upload_once(const InputFile& file, const v1::UploadMeshRequest& header,
+  Outcome<std::optional<v1::StoredMesh>> upload_once(const InputFile& file, const v1::UploadHeader& header,
                                                      std::int64_t* committed, Patience* patience, grpc::Status* status);
 
   std::shared_ptr<v1::JobService::Stub> jobs_;

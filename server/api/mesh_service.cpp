@@ -3,12 +3,14 @@
 
 #include <optional>
 
+#include "server/api/upload.h"
+
 namespace varimesh::server {
 namespace {
 
 using Code = Failure::Code;
 
-/// An upload: reads a message, lets the pool store it, reads the next.
+/// UploadMesh: reads a message, lets the pool store it, reads the next.
 class Upload : public grpc::ServerReadReactor<v1::UploadMeshRequest>, public Call {
  public:
   static Upload* open(const ApiContext& api, v1::UploadMeshResponse* response) {
@@ -25,8 +27,9 @@ class Upload : public grpc::ServerReadReactor<v1::UploadMeshRequest>, public Cal
     std::lock_guard lock(mutex_);
     if (finished_) return;
     api_.pool.post([this, ok, alive = self_] {
-      const grpc::Status status = guarded([&] { return ok ? take() : complete(); });
-      if (!status.ok() || !ok || ticket_->complete)
+      const grpc::Status status = guarded([&] { return ok ? session_.take(request_) : session_.complete(); });
+      if (status.ok() && session_.stored()) *response_->mutable_mesh() = *session_.stored();
+      if (!status.ok() || session_.stored())
         end(status);
       else
         read();
@@ -46,57 +49,101 @@ class Upload : public grpc::ServerReadReactor<v1::UploadMeshRequest>, public Cal
   }
 
  private:
-  Upload(const ApiContext& api, v1::UploadMeshResponse* response) : api_(api), response_(response) {}
+  Upload(const ApiContext& api, v1::UploadMeshResponse* response)
+      : api_(api), response_(response), session_(api.meshes) {}
 
   void read() {
     std::lock_guard lock(mutex_);
     if (!finished_) StartRead(&request_);
   }
 
-  /// A message that came: the header, or a chunk.
-  grpc::Status take() {
-    if (request_.has_header()) {
-      if (ticket_) return refuse("The header must be sent once, first.");
-      const v1::UploadHeader& header = request_.header();
-      const auto ticket = api_.meshes.begin_upload(header.upload_id(), header.digest(), header.size());
-      if (!ticket) return status(ticket.error());
-      ticket_ = *ticket;
-      if (ticket_->complete) answer({header.digest(), header.size()});
-      return grpc::Status::OK;
-    }
-    if (!ticket_) return refuse("The header must be sent first.");
-    if (!request_.has_chunk()) return refuse("A message has neither a header nor a chunk.");
-    const v1::Chunk& chunk = request_.chunk();
-    if (chunk.data().size() > kMaxChunkBytes) return refuse("A chunk has more than 1 MiB; send smaller ones.");
-    const auto committed = api_.meshes.append(*ticket_, chunk.offset(), chunk.data());
-    return committed ? grpc::Status::OK : status(committed.error());
-  }
-
-  /// The client has sent everything.
-  grpc::Status complete() {
-    if (!ticket_) return refuse("The stream ended before its header.");
-    const auto stored = api_.meshes.finish_upload(*ticket_);
-    if (!stored) return status(stored.error());
-    answer(*stored);
-    return grpc::Status::OK;
-  }
-
-  void answer(const StoredBytes& stored) {
-    response_->mutable_mesh()->set_digest(stored.digest);
-    response_->mutable_mesh()->set_size(stored.size);
-  }
-
-  static grpc::Status refuse(const char* sentence) {
-    return status(Failure{Code::InvalidArgument, "BAD_REQUEST", sentence, {}, 0});
-  }
-
   const ApiContext& api_;
   v1::UploadMeshResponse* const response_;
-  v1::UploadMeshRequest request_;       ///< Touched by gRPC while it reads, by the pool after.
-  std::optional<UploadTicket> ticket_;  ///< By the pool alone, one task at a time.
+  v1::UploadMeshRequest request_;  ///< Touched by gRPC while it reads, by the pool after.
+  UploadSession session_;          ///< By the pool alone, one task at a time.
   std::mutex mutex_;
   bool finished_ = false;
   std::shared_ptr<Upload> self_;
+};
+
+/// SendMesh: the same, and what is stored is said as soon as the answer before has gone.
+class Sending : public grpc::ServerBidiReactor<v1::SendMeshRequest, v1::SendMeshResponse>, public Call {
+ public:
+  static Sending* open(const ApiContext& api) {
+    std::shared_ptr<Sending> sending(new Sending(api));
+    sending->self_ = sending;
+    if (api.calls.add(sending))
+      sending->read();
+    else
+      sending->end(stopping_status());
+    return sending.get();
+  }
+
+  void OnReadDone(bool ok) override {
+    std::lock_guard lock(mutex_);
+    if (finished_) return;
+    api_.pool.post([this, ok, alive = self_] {
+      const grpc::Status status = guarded([&] { return ok ? session_.take(request_) : session_.complete(); });
+      if (!status.ok()) return end(status);
+      {
+        std::lock_guard inner(mutex_);
+        committed_ = session_.committed();
+        stored_ = session_.stored();
+        say();
+      }
+      if (!session_.stored()) read();
+    });
+  }
+  void OnWriteDone(bool ok) override {
+    std::lock_guard lock(mutex_);
+    writing_ = false;
+    if (ok) say();
+  }
+  void OnCancel() override { end(grpc::Status::CANCELLED); }
+  void OnDone() override {
+    std::unique_lock lock(mutex_);
+    const std::shared_ptr<Sending> last = std::move(self_);
+    lock.unlock();
+    api_.calls.remove(last);
+  }
+  void end(const grpc::Status& status) override {
+    std::lock_guard lock(mutex_);
+    if (std::exchange(finished_, true)) return;
+    Finish(status);
+  }
+
+ private:
+  explicit Sending(const ApiContext& api) : api_(api), session_(api.meshes) {}
+
+  void read() {
+    std::lock_guard lock(mutex_);
+    if (!finished_) StartRead(&request_);
+  }
+
+  /// With the lock held.
+  void say() {
+    if (finished_ || writing_) return;
+    if (stored_) {
+      *response_.mutable_mesh() = *stored_;
+      finished_ = true;
+      StartWriteAndFinish(&response_, grpc::WriteOptions(), grpc::Status::OK);
+    } else if (committed_ != said_) {
+      response_.set_committed_size(said_ = committed_);
+      writing_ = true;
+      StartWrite(&response_);
+    }
+  }
+
+  const ApiContext& api_;
+  v1::SendMeshRequest request_;  ///< Touched by gRPC while it reads, by the pool after.
+  UploadSession session_;        ///< By the pool alone, one task at a time.
+  std::mutex mutex_;
+  std::int64_t committed_ = 0, said_ = -1;
+  std::optional<v1::StoredMesh> stored_;
+  v1::SendMeshResponse response_;  ///< Touched by gRPC while it writes.
+  bool writing_ = false;
+  bool finished_ = false;
+  std::shared_ptr<Sending> self_;
 };
 
 }  // namespace
@@ -104,6 +151,11 @@ class Upload : public grpc::ServerReadReactor<v1::UploadMeshRequest>, public Cal
 grpc::ServerReadReactor<v1::UploadMeshRequest>* MeshService::UploadMesh(grpc::CallbackServerContext*,
                                                                         v1::UploadMeshResponse* response) {
   return Upload::open(api_, response);
+}
+
+grpc::ServerBidiReactor<v1::SendMeshRequest, v1::SendMeshResponse>* MeshService::SendMesh(
+    grpc::CallbackServerContext*) {
+  return Sending::open(api_);
 }
 
 grpc::ServerUnaryReactor* MeshService::QueryUpload(grpc::CallbackServerContext* call,

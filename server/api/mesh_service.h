@@ -12,6 +12,8 @@ class MeshService : public v1::MeshService::CallbackService {
 
   grpc::ServerReadReactor<v1::UploadMeshRequest>* UploadMesh(grpc::CallbackServerContext* call,
                                                              v1::UploadMeshResponse* response) override;
+  grpc::ServerBidiReactor<v1::SendMeshRequest, v1::SendMeshResponse>* SendMesh(
+      grpc::CallbackServerContext* call) override;
   grpc::ServerUnaryReactor* QueryUpload(grpc::CallbackServerContext* call, const v1::QueryUploadRequest* request,
                                         v1::QueryUploadResponse* response) override;
   grpc::ServerWriteReactor<v1::DownloadMeshResponse>* DownloadMesh(grpc::CallbackServerContext* call,

@@ -1,9 +1,11 @@
-// Trials of meshes on their way: uploads that are cut, and a large one.
+// Trials of meshes on their way: uploads that are cut, a large one, and how fast they are.
 #include <algorithm>
 #include <cstdint>
-#include <random>
+#include <fstream>
 
+#include "client/client.h"
 #include "server/meshes/sha256.h"
+#include "tests/faults/cutting_proxy.h"
 #include "tests/faults/load.h"
 
 namespace varimesh::server::testing {
@@ -65,28 +67,31 @@ std::int64_t send(const Caller& caller, const v1::UploadMeshRequest& head, std::
   return at;
 }
 
+/// A file that no other is like.
+std::string write_mesh(const RealServer& server, std::int64_t size) {
+  static std::int64_t beginning = 0;
+  const std::string path = (server.folder() / "mesh").string();
+  std::ofstream file(path, std::ios::binary);
+  for (std::int64_t at = 0; at < size; at += kChunk)
+    file << piece(beginning + at, static_cast<std::size_t>(std::min<std::int64_t>(kChunk, size - at)));
+  beginning += size;
+  return path;
+}
+
 void cut_upload(const Setting& setting, Verdict& verdict) {
   RealServer server(setting.program, {"--max-mesh-bytes", "100000000"});
   server.start();
   const Caller caller(server.channel());
-  std::mt19937 random(1);
-  std::int64_t again = 0;
-  bool whole = true;
-  for (int round = 0; round < (setting.short_form ? 5 : 50); ++round) {
-    const v1::UploadMeshRequest head = header("cut " + std::to_string(round), 6'000'000 + 8 * round);
-    grpc::Status status(grpc::StatusCode::CANCELLED, "");
-    std::int64_t sent = 0;
-    for (int cut = 0; cut < 100 && !status.ok(); ++cut) {
-      // A chunk that was on its way when the stream was cut may still come in.
-      const std::int64_t from = committed(caller, head);
-      again = std::max(again, sent - from);
-      sent = send(caller, head, from, std::uniform_int_distribution<std::int64_t>(1, 3'000'000)(random), &status);
-    }
-    whole = whole && status.ok();
-  }
-  verdict.expect(whole, "uploads that are cut at random come to their end");
-  // gRPC says that a chunk is written when it has taken it: what its window held is lost with the connection.
-  std::printf("sent again after a cut: at most %.1f chunks of 256 KiB\n", double(again) / kChunk);
+  const CuttingProxy proxy(server.folder() / "proxy", server.folder() / "socket", 3'000'000);
+  auto client = client::Client::connect("unix:" + (server.folder() / "proxy").string());
+  bool whole = client.has_value();
+  for (int round = 0; whole && round < (setting.short_form ? 3 : 10); ++round)
+    whole = client->upload_file(write_mesh(server, 10'000'000)).has_value();
+  verdict.expect(whole && proxy.cuts() > 0,
+                 "the client's uploads come to their end through " + std::to_string(proxy.cuts()) + " cut connections");
+  // A hundredth for what HTTP/2 puts round the bytes.
+  verdict.expect(static_cast<std::size_t>(proxy.most_held()) <= kChunk * 101 / 100,
+                 "sent again after a cut: " + std::to_string(proxy.most_held()) + " bytes at most, one chunk");
   const grpc::Status too_large = [&] {
     v1::UploadMeshRequest head = header("large", 8);
     head.mutable_header()->set_size(100'000'001);
@@ -99,6 +104,35 @@ void cut_upload(const Setting& setting, Verdict& verdict) {
   verdict.expect(
       too_large.error_code() == grpc::StatusCode::RESOURCE_EXHAUSTED && reason_of(too_large) == "MESH_TOO_LARGE",
       "a mesh larger than allowed is refused before its data");
+}
+
+void upload_speed(const Setting& setting, Verdict& verdict) {
+  RealServer server(setting.program, {});
+  server.start();
+  const Caller caller(server.channel());
+  auto client = client::Client::connect("unix:" + (server.folder() / "socket").string());
+  std::vector<double> ahead, acknowledged;
+  bool whole = true;
+  const std::int64_t size = setting.short_form ? 5'000'000 : 50'000'000;
+  for (int i = 0; i < (setting.short_form ? 3 : 20); ++i) {
+    const auto read = [](const std::string& path) {
+      std::ifstream file(path, std::ios::binary);
+      return std::string(std::istreambuf_iterator<char>(file), {});
+    };
+    const std::string bytes = read(write_mesh(server, size));
+    auto begun = Clock::now();
+    caller.upload(bytes);
+    ahead.push_back(milliseconds_since(begun));
+    const std::string path = write_mesh(server, size);
+    read(path);
+    begun = Clock::now();
+    whole = whole && client->upload_file(path).has_value();
+    acknowledged.push_back(milliseconds_since(begun));
+  }
+  verdict.expect(whole, "meshes are uploaded");
+  std::printf("%.0f MB: %.1f ms by UploadMesh, %.1f ms by the client (medians); least %.1f and %.1f\n",
+              double(size) / 1e6, quantile(ahead, 0.5), quantile(acknowledged, 0.5), quantile(ahead, 0),
+              quantile(acknowledged, 0));
 }
 
 void large_mesh(const Setting& setting, Verdict& verdict) {
@@ -136,6 +170,8 @@ void large_mesh(const Setting& setting, Verdict& verdict) {
 
 }  // namespace
 
-std::map<std::string, Trial> mesh_trials() { return {{"cut-upload", cut_upload}, {"large-mesh", large_mesh}}; }
+std::map<std::string, Trial> mesh_trials() {
+  return {{"cut-upload", cut_upload}, {"large-mesh", large_mesh}, {"upload-speed", upload_speed}};
+}
 
 }  // namespace varimesh::server::testing

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
@@ -199,15 +199,9 @@ class Connection:
 
     @contextmanager
     def stream(self, method: Any, request: Any) -> Iterator[Any]:
-        """A call with many answers, which ends with the block."""
+        """A call with one request, or an iterator of them, and many answers, which ends with the block."""
         with Stop.of_this_thread().ends(method(request, metadata=self.metadata)) as call:
             yield call
-
-    def upload(self, method: Any, requests: Callable[[], Iterator[Any]]) -> Any:
-        """A call with many requests and one answer, once."""
-        call = method.future(requests(), metadata=self.metadata)
-        with Stop.of_this_thread().ends(call):
-            return call.result()
 
     def close(self) -> None:
         self.control.close()

@@ -5,6 +5,7 @@ import hashlib
 import os
 import stat
 import tempfile
+import threading
 import uuid
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -17,6 +18,7 @@ from .errors import ServerUnreachable
 from .v1 import service_pb2, service_pb2_grpc
 
 CHUNK = 256 * 1024
+PIECE = CHUNK // 4  # one is on its way while another is stored
 
 
 class Source(Protocol):
@@ -60,6 +62,39 @@ def _chunks(source: Source, offset: int) -> Iterator[tuple[int, bytes]]:
         offset += len(data)
 
 
+class _Sending:
+    """One go at an upload. gRPC's thread takes the requests, and waits where a chunk is under way that the server has
+    not acknowledged: after a cut no more than that has to be sent again."""
+
+    def __init__(self, header: service_pb2.UploadHeader, source: Source) -> None:
+        self._header, self._source = header, source
+        self._committed, self._ended = -1, False
+        self._changed = threading.Condition()
+
+    def acknowledge(self, committed: int) -> None:
+        with self._changed:
+            self._committed = committed
+            self._changed.notify()
+
+    def end(self) -> None:
+        with self._changed:
+            self._ended = True
+            self._changed.notify()
+
+    def _may_send(self, beyond: int) -> bool:
+        with self._changed:
+            self._changed.wait_for(lambda: self._ended or self._committed >= beyond)
+            return not self._ended
+
+    def requests(self) -> Iterator[service_pb2.SendMeshRequest]:
+        yield service_pb2.SendMeshRequest(header=self._header)
+        self._may_send(0)
+        sent = self._committed
+        while self._may_send(sent + PIECE - CHUNK) and (data := self._source.read(sent, PIECE)):
+            yield service_pb2.SendMeshRequest(chunk=service_pb2.Chunk(offset=sent, data=data))
+            sent += len(data)
+
+
 def upload(connection: Connection, stub: service_pb2_grpc.MeshServiceStub, source: Source) -> str:
     """Brings a mesh, unless it is there already; its digest."""
     stop = Stop.of_this_thread()
@@ -69,37 +104,25 @@ def upload(connection: Connection, stub: service_pb2_grpc.MeshServiceStub, sourc
         digest.update(data)
         size += len(data)
     header = service_pb2.UploadHeader(upload_id=uuid.uuid4().hex, digest=digest.hexdigest(), size=size)
-    query = service_pb2.QueryUploadRequest(upload_id=header.upload_id, digest=header.digest)
     connection.meet()
     patience = Patience(connection, connection.bulk)
     committed = 0
     while True:
+        sending = _Sending(header, source)
         try:
-            known = stub.QueryUpload(query, timeout=30, metadata=connection.metadata)
-        except grpc.RpcError as error:
-            if error.code() != grpc.StatusCode.NOT_FOUND:
-                patience.again(error)
-                continue
-            known = service_pb2.QueryUploadResponse()
-        if known.complete:
-            return header.digest
-        # A connection that breaks again and again is worth the full time as long as bytes arrive.
-        if known.committed_size > committed:
-            patience.reset()
-        committed = known.committed_size
-
-        def requests(offset: int = committed) -> Iterator[service_pb2.UploadMeshRequest]:
-            yield service_pb2.UploadMeshRequest(header=header)
-            for at, data in _chunks(source, offset):
-                yield service_pb2.UploadMeshRequest(chunk=service_pb2.Chunk(offset=at, data=data))
-
-        try:
-            connection.upload(stub.UploadMesh, requests)
-            return header.digest
-        except grpc.FutureCancelledError:
-            stop.check()
+            with connection.stream(stub.SendMesh, sending.requests()) as call:
+                for response in call:
+                    if response.HasField("mesh"):
+                        return header.digest
+                    # A connection that breaks again and again is worth the full time as long as bytes arrive.
+                    if response.committed_size > committed:
+                        patience.reset()
+                    committed = response.committed_size
+                    sending.acknowledge(committed)
         except grpc.RpcError as error:
             patience.again(error)
+        finally:
+            sending.end()
 
 
 def download(connection: Connection, stub: service_pb2_grpc.MeshServiceStub, digest: str,

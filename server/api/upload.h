@@ -1,0 +1,45 @@
+// An upload as its messages come, whichever call brings them.
+#pragma once
+
+#include <grpcpp/support/status.h>
+
+#include <optional>
+
+#include "server/api/context.h"
+#include "varimesh/v1/service.pb.h"
+
+namespace varimesh::server {
+
+/// Takes the messages of one stream, by one thread at a time.
+class UploadSession {
+ public:
+  explicit UploadSession(MeshStore& meshes) : meshes_(meshes) {}
+
+  /// A message that came, the header first; both calls have the same two kinds.
+  template <class Request>
+  grpc::Status take(const Request& request) {
+    if (request.has_header()) return begin(request.header());
+    if (request.has_chunk()) return append(request.chunk());
+    return refuse("A message has neither a header nor a chunk.");
+  }
+  /// The client has sent everything.
+  grpc::Status complete();
+
+  /// Bytes that need not be sent again.
+  std::int64_t committed() const { return committed_; }
+  /// The mesh, once it is in the store.
+  const std::optional<v1::StoredMesh>& stored() const { return stored_; }
+
+ private:
+  grpc::Status begin(const v1::UploadHeader& header);
+  grpc::Status append(const v1::Chunk& chunk);
+  static grpc::Status refuse(const char* sentence);
+  void store(const StoredBytes& bytes);
+
+  MeshStore& meshes_;
+  std::optional<UploadTicket> ticket_;
+  std::int64_t committed_ = 0;
+  std::optional<v1::StoredMesh> stored_;
+};
+
+}  // namespace varimesh::server
