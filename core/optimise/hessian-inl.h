@@ -129,34 +129,25 @@ class VectorHessian final : public HessianKernels {
 
   int entries() const override { return kEntries; }
 
-  void linearise(BatchBlock& block, std::int32_t b) const override {
+  HWY_FLATTEN void linearise(BatchBlock& block, std::int32_t b) const override {
     const CellBlock& cells = *block.cells;
+    const PointTag tag;
+    const int width = static_cast<int>(hn::Lanes(tag));
     float* out = block.linearisation.data() + b * block.linearisation_size();
     for (int lane = 0; lane < kBatch; ++lane) {
       const bool real = b * kBatch + lane < cells.count;
       const std::int32_t cell = real ? b * kBatch + lane : cells.count - 1;
-      const double* deformation = cells.deformation_of(cell);
-      for (int q = 0; q < cells.points; ++q) {
-        Matrix<double, d> F;
-        unrolled<d>(
-            [&](auto i) { unrolled<d>([&](auto j) { F[i][j] = deformation[(i * d + j) * cells.stride + q]; }); });
-        const double volume = !real          ? 0.0
-                              : cells.affine ? cells.weights[q] * cells.measure_of(cell)[0]
-                                             : cells.measure_of(cell)[q];
-        const double w = volume * (cells.energy_slope.empty() ? 1.0 : cells.energy_slope[cell]);
-        const Matrix<double, d> C = cofactor<d>(F);
-        const double Q = E::kQuadratic == Quadratic::Cofactor ? dot<d>(C, C) : dot<d>(F, F);
-        const Partials<double> p = energy_.partials(Q, regularised(determinant<d>(F), cells.delta_squared[cell]));
-        const auto keep = [&](int entry, double value) {
-          out[(q * kEntries + entry) * kBatch + lane] = static_cast<float>(value);
-        };
-        for (int k = 0; k < d * d; ++k) keep(kF + k, F[k / d][k % d]);
-        keep(kQ, w * p.f_Q);
-        keep(kJ, w * p.f_J);
-        keep(kJJ, w * p.f_JJ);
-        if constexpr (E::kMixed) keep(kQJ, w * p.f_QJ);
-        if constexpr (E::kCurved) keep(kQQ, w * p.f_QQ);
-        if constexpr (E::kStrain != StrainTerm::None) keep(kW, w);
+      const double slope = !real ? 0.0 : cells.energy_slope.empty() ? 1.0 : cells.energy_slope[cell];
+      for (int q = 0; q < cells.stride; q += width) {
+        const Points weight = cells.affine
+                                  ? hn::Load(tag, cells.weights.data() + q) * hn::Set(tag, cells.measure_of(cell)[0])
+                                  : hn::Load(tag, cells.measure_of(cell) + q);
+        alignas(64) double kept[kEntries][kPointPadding];
+        expand(cells.deformation_of(cell) + q, cells.stride, weight * hn::Set(tag, slope), cells.delta_squared[cell],
+               kept);
+        for (int p = 0; p < std::min(width, cells.points - q); ++p)
+          for (int entry = 0; entry < kEntries; ++entry)
+            out[((q + p) * kEntries + entry) * kBatch + lane] = static_cast<float>(kept[entry][p]);
       }
     }
   }
@@ -210,6 +201,28 @@ class VectorHessian final : public HessianKernels {
   }
 
  private:
+  using PointTag = hn::CappedTag<double, kPointPadding>;
+  using Points = hn::Vec<PointTag>;
+
+  /// What is kept of some points, a lane each.
+  HWY_INLINE void expand(const double* deformation, int stride, Points w, double delta_squared,
+                         double (*kept)[kPointPadding]) const {
+    const PointTag tag;
+    Matrix<Points, d> F;
+    for (int i = 0; i < d; ++i)
+      for (int j = 0; j < d; ++j) F[i][j] = hn::Load(tag, deformation + (i * d + j) * stride);
+    const Matrix<Points, d> C = cofactor<d>(F);
+    const Points Q = E::kQuadratic == Quadratic::Cofactor ? dot<d>(C, C) : dot<d>(F, F);
+    const Partials<Points> p = energy_.partials(Q, regularised(determinant<d>(F), hn::Set(tag, delta_squared)));
+    for (int k = 0; k < d * d; ++k) hn::Store(F[k / d][k % d], tag, kept[kF + k]);
+    hn::Store(w * p.f_Q, tag, kept[kQ]);
+    hn::Store(w * p.f_J, tag, kept[kJ]);
+    hn::Store(w * p.f_JJ, tag, kept[kJJ]);
+    if constexpr (E::kMixed) hn::Store(w * p.f_QJ, tag, kept[kQJ]);
+    if constexpr (E::kCurved) hn::Store(w * p.f_QQ, tag, kept[kQQ]);
+    if constexpr (E::kStrain != StrainTerm::None) hn::Store(w, tag, kept[kW]);
+  }
+
   /// u[(n d + i) kBatch + lane] = direction of component i of node n of the lane's cell.
   static HWY_INLINE void gather(const std::int32_t* ranks, int nodes, const float* direction, float* u) {
     for (int n = 0; n < nodes; ++n)

@@ -57,7 +57,7 @@ Newton::Newton(Problem& problem, const Kernels& kernels, const HessianKernels& h
     for (std::int32_t cell = 0; cell < block.count; ++cell) measure_ += cell_measure(block, cell);
 }
 
-NewtonReport Newton::step() {
+NewtonReport Newton::step(bool exact) {
   NewtonReport report;
   linearise();
   for (const double g : gradient_) report.gradient_norm += g * g;
@@ -79,7 +79,7 @@ NewtonReport Newton::step() {
   report.residual = largest_displacement();
   report.failed = !std::isfinite(slope) || (report.residual == 0 && report.gradient_norm > 0);
   report.searched = slope < 0 && !report.failed;
-  if (report.searched) report.damping = search(slope);
+  if (report.searched) report.damping = search(slope, exact);
   // A coarse level serves as long as the mesh hardly changes by it.
   coarse_is_old_ = report.damping < 1 || report.residual > kLargeStep || report.products > 2 * products_when_new_ + 20;
   return report;
@@ -236,12 +236,12 @@ void Newton::conjugate_gradients(double first, double forcing, double scale, New
   }
 }
 
-double Newton::search(double slope) {
+double Newton::search(double slope, bool exact) {
   const int d = problem_.dimension;
   for (std::size_t f = 0; f < problem_.free.size(); ++f)
     for (int k = 0; k < d; ++k)
       start_[f * d + k] = problem_.positions[static_cast<std::size_t>(problem_.free[f]) * d + k];
-  const double before = energy_at(0);
+  const double before = energy(!exact);
   // Rounding, as F is computed anew, may have turned a cell that was about to vanish: there is no step to judge then.
   if (!std::isfinite(before)) return 0;
   const double noise = kEnergyNoise * measure_;
@@ -261,10 +261,14 @@ double Newton::energy_at(double alpha) {
     for (int k = 0; k < d; ++k)
       problem_.positions[static_cast<std::size_t>(problem_.free[f]) * d + k] =
           start_[f * d + k] + alpha * step_[f * d + k];
+  return energy(true);
+}
+
+double Newton::energy(bool rebuild) {
   double energy = 0;
   for (CellBlock& block : problem_.blocks) {
     team_.for_each(block.count, kCellsPerTask, [&](std::int32_t cell) {
-      kernels_.rebuild(block, cell, problem_.positions);
+      if (rebuild) kernels_.rebuild(block, cell, problem_.positions);
       scans_[block.first + cell] = kernels_.scan(block, cell);
     });
     for (std::int32_t cell = 0; cell < block.count; ++cell) {

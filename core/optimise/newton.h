@@ -36,7 +36,8 @@ class Newton {
   Newton(Problem& problem, const Kernels& kernels, const HessianKernels& hessian, const PNorm& norm, double tolerance,
          const Team& team);
 
-  NewtonReport step();
+  /// `exact`: the deformation gradients are, bit for bit, those of the nodes' positions.
+  NewtonReport step(bool exact);
 
   /// What a step leaves for the next.
   template <class Archive>
@@ -65,9 +66,11 @@ class Newton {
   bool is_solved(double share, double forcing, double scale) const;
   /// Of a node in the step, in the step's scale.
   double largest_displacement() const;
-  double search(double slope);
+  double search(double slope, bool exact);
   /// Energy with every free node displaced by alpha times the step; +∞ where that makes a valid cell invalid.
   double energy_at(double alpha);
+  /// The same of the nodes as they are, with or without computing the deformation gradients anew.
+  double energy(bool rebuild);
 
   Problem& problem_;
   const Kernels& kernels_;

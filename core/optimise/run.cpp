@@ -89,7 +89,7 @@ Run::Moved Run::sweep() {
 }
 
 Run::Moved Run::newton_step() {
-  const NewtonReport stepped = newton().step();
+  const NewtonReport stepped = newton().step(exact_);
   sweeper_.changed();
   exact_ = exact_ || stepped.searched;
   iteration_.residual = stepped.residual;
