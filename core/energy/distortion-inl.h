@@ -33,7 +33,8 @@ struct DistortionEnergy {
     if constexpr (d == 2) {
       return number<T>(0.5) / j.positive;
     } else {
-      return number<T>(1.0 / d) * exponential(number<T>(-kPower) * logarithm(j.positive));
+      const T root = inverse_cube_root(j.positive);
+      return number<T>(1.0 / d) * root * root;
     }
   }
 

@@ -54,7 +54,7 @@ HWY_INLINE void unrolled_through(Index i, const Body& body) {
 
 // A plain double.
 HWY_INLINE double logarithm(double x) { return std::log(x); }
-HWY_INLINE double exponential(double x) { return std::exp(x); }
+HWY_INLINE double inverse_cube_root(double x) { return 1 / std::cbrt(x); }
 HWY_INLINE double square_root(double x) { return std::sqrt(x); }
 HWY_INLINE double where_negative(double x, double then, double otherwise) { return x < 0 ? then : otherwise; }
 HWY_INLINE double negative(double x) { return -x; }
@@ -66,9 +66,25 @@ template <class V, class D = hn::DFromV<V>>
 HWY_INLINE V logarithm(V x) {
   return hn::Log(D(), x);
 }
+/// x^(−1/3) of a positive normal double to two units in the last place, in a third of the time that a logarithm and an
+/// exponential take. The bits of a double are nearly linear in its logarithm: a third of them, taken from a constant,
+/// is a root with y = 1 − x r³ below 0.11, and each step of the series r (1 − y)^(−1/3) raises y to its fifth power.
 template <class V, class D = hn::DFromV<V>>
-HWY_INLINE V exponential(V x) {
-  return hn::Exp(D(), x);
+HWY_INLINE V inverse_cube_root(V x) {
+  const D d;
+  const hn::RebindToSigned<D> bits;
+  // 4/3 of the exponent's bias, less 0.051, which makes the largest y least; found by trying.
+  const V constant = hn::Set(d, 4.0 / 3 * (1023 - 0.051) * 0x1p52);
+  const V root = hn::MulAdd(hn::ConvertTo(d, hn::BitCast(bits, x)), hn::Set(d, -1.0 / 3), constant);
+  V r = hn::BitCast(d, hn::ConvertTo(bits, root));
+  for (int step = 0; step < 2; ++step) {
+    const V y = hn::NegMulAdd(x * r, r * r, hn::Set(d, 1.0));
+    V series = hn::MulAdd(y, hn::Set(d, 35.0 / 243), hn::Set(d, 14.0 / 81));
+    series = hn::MulAdd(y, series, hn::Set(d, 2.0 / 9));
+    series = hn::MulAdd(y, series, hn::Set(d, 1.0 / 3));
+    r = hn::MulAdd(r * y, series, r);
+  }
+  return r;
 }
 template <class V, class D = hn::DFromV<V>>
 HWY_INLINE V square_root(V x) {

@@ -15,7 +15,7 @@ inline Quad operator-(Quad a, Quad b) { return {a.v - b.v}; }
 inline Quad operator*(Quad a, Quad b) { return {a.v * b.v}; }
 inline Quad operator/(Quad a, Quad b) { return {a.v / b.v}; }
 inline Quad logarithm(Quad x) { return {logq(x.v)}; }
-inline Quad exponential(Quad x) { return {expq(x.v)}; }
+inline Quad inverse_cube_root(Quad x) { return {1 / cbrtq(x.v)}; }
 inline Quad square_root(Quad x) { return {sqrtq(x.v)}; }
 inline Quad where_negative(Quad x, Quad then, Quad otherwise) { return x.v < 0 ? then : otherwise; }
 inline Quad negative(Quad x) { return {-x.v}; }
