@@ -22,7 +22,7 @@ void Fingerprint::add(std::string_view bytes) {
     hash_ = mixed(hash_, word);
   }
   std::uint64_t last = 0;
-  std::memcpy(&last, bytes.data() + at, bytes.size() - at);
+  if (at < bytes.size()) std::memcpy(&last, bytes.data() + at, bytes.size() - at);  // no bytes may be at no address
   hash_ = mixed(mixed(hash_, last), bytes.size());
 }
 
