@@ -97,8 +97,9 @@ class Links(unittest.TestCase):
 
     def test_every_picture_is_shown(self):
         text = "".join(page.read_text() for page in PAGES)
-        for picture in (SOURCE / "docs" / "pictures").glob("*.png"):
-            self.assertIn(f"pictures/{picture.name})", text)
+        folder = SOURCE / "docs" / "pictures"
+        for picture in (path for path in folder.rglob("*") if path.is_file()):
+            self.assertIn(f"pictures/{picture.relative_to(folder)})", text)
             self.assertLess(picture.stat().st_size, 150_000, picture.name)
 
 
