@@ -161,7 +161,7 @@ void memory(Bench& bench) {
 // === Threads ===
 
 Run some_iterations(const std::string& mesh, Method method, int threads) {
-  Run run{mesh, {}};
+  Run run{mesh};
   run.options.method = method;
   run.options.active_set = false;
   run.options.tolerance = 1e-14;

@@ -12,7 +12,7 @@ constexpr double kKiB = 1024;
 
 /// Six sweeps over every free node.
 Run six_sweeps(const std::string& mesh, Energy energy) {
-  Run run{mesh, {}};
+  Run run{mesh};
   run.options.energy = energy;
   run.options.method = Method::Sweeps;
   run.options.active_set = false;
@@ -23,7 +23,7 @@ Run six_sweeps(const std::string& mesh, Energy energy) {
 }
 
 Run until_tolerance(const std::string& mesh, double tolerance, double lambda = 0) {
-  Run run{mesh, {}};
+  Run run{mesh};
   run.options.tolerance = tolerance;
   run.options.lambda = lambda;
   run.options.threads = 1;
