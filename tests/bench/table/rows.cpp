@@ -102,7 +102,7 @@ void untangle_wing(Bench& bench) {
             {},
             "",
             "the paper: about 120 on 24 cores, 3 with Js < 0.5; prototype 5.3, 31"};
-  Run run{"dlrf6_p4", {}};
+  Run run{"dlrf6_p4"};
   run.options.until = Until::Valid;
   run.options.threads = 1;
   Measured m;
