@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <chrono>
 #include <fstream>
+#include <string>
 
 namespace varimesh::server {
 
@@ -31,10 +32,36 @@ void MemoryBudget::give_back(std::int64_t bytes) {
   changed_.notify_all();
 }
 
-std::int64_t machine_memory() {
+namespace {
+
+/// The smallest of the limits in a group's folder and those above it; a file without a number sets none.
+std::int64_t least_limit(std::filesystem::path folder, const std::filesystem::path& top, std::int64_t least) {
+  while (true) {
+    for (const char* name : {"memory.max", "memory.high", "memory.limit_in_bytes"}) {
+      std::int64_t limit = 0;
+      if (std::ifstream file(folder / name); file >> limit && limit > 0) least = std::min(least, limit);
+    }
+    if (folder == top || !folder.has_relative_path()) return least;
+    folder = folder.parent_path();
+  }
+}
+
+}  // namespace
+
+std::int64_t machine_memory(const std::filesystem::path& root) {
   std::int64_t memory = static_cast<std::int64_t>(::sysconf(_SC_PHYS_PAGES)) * ::sysconf(_SC_PAGESIZE);
-  std::int64_t group = 0;
-  if (std::ifstream file("/sys/fs/cgroup/memory.max"); file >> group && group > 0) memory = std::min(memory, group);
+  // Lines of "number:controllers:/path"; version 2 has no controllers. In a namespace of its own the path is "/".
+  std::ifstream groups(root / "proc/self/cgroup");
+  for (std::string line; std::getline(groups, line);) {
+    const auto first = line.find(':'), second = line.find(':', first + 1);
+    if (first == std::string::npos || second == std::string::npos) continue;
+    const std::string controllers = "," + line.substr(first + 1, second - first - 1) + ",";
+    const bool unified = controllers == ",,";
+    if (!unified && controllers.find(",memory,") == std::string::npos) continue;
+    const std::filesystem::path top = root / (unified ? "sys/fs/cgroup" : "sys/fs/cgroup/memory");
+    const std::filesystem::path path = std::filesystem::path(line.substr(second + 1)).relative_path();
+    memory = least_limit(path.empty() ? top : top / path, top, memory);
+  }
   return memory > 0 ? memory / 10 * 9 : 0;
 }
 

@@ -4,6 +4,7 @@
 #include <condition_variable>
 #include <cstdint>
 #include <deque>
+#include <filesystem>
 #include <functional>
 #include <mutex>
 
@@ -31,7 +32,8 @@ class MemoryBudget {
   std::int64_t taken_ = 0;
 };
 
-/// 9/10 of what this machine, or the control group that the process is in, has; 0 where that cannot be found out.
-std::int64_t machine_memory();
+/// 9/10 of what this machine has, or of what the control group that the process is in may have, or one of those round
+/// it (version 1 or 2); 0 where that cannot be found out. `root`: where /proc and /sys/fs/cgroup are.
+std::int64_t machine_memory(const std::filesystem::path& root = "/");
 
 }  // namespace varimesh::server

@@ -226,11 +226,11 @@ void Scheduler::start_jobs() {
     if (running == nullptr) return;
     const int asked = running->claim.spec.options().threads();
     settings_.launch(asked > 0 ? std::min(asked, settings_.threads) : settings_.threads,
-                     [this, running](const std::function<int()>& threads) { run(running, threads); });
+                     [this, running](const LentThreads& threads) { run(running, threads); });
   }
 }
 
-void Scheduler::run(const std::shared_ptr<Running>& running, const std::function<int()>& threads) {
+void Scheduler::run(const std::shared_ptr<Running>& running, const LentThreads& threads) {
   const Claim& claim = running->claim;
   settings_.log(claim.name, "started, attempt " + std::to_string(claim.attempt));
   Attempt attempt{claim,

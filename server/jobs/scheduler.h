@@ -14,6 +14,7 @@
 #include "server/jobs/event_log.h"
 #include "server/jobs/job_store.h"
 #include "server/jobs/memory_budget.h"
+#include "server/jobs/thread_shares.h"
 #include "server/meshes/mesh_store.h"
 
 namespace varimesh::server {
@@ -30,8 +31,8 @@ struct SchedulerSettings {
   std::function<bool()> has_room = [] { return true; };  ///< On the disk, for another job; STORE_FULL where not.
   std::function<std::string()> new_name;                 ///< "jobs/…", never the same again; from any thread.
   std::int64_t memory = 0;                               ///< Bytes that the jobs may have together; 0: no limit.
-  /// A job that may use up to so many threads, and is told how to ask how many it has at the moment; run elsewhere.
-  using Job = std::function<void(const std::function<int()>& threads_now)>;
+  /// A job that may use up to so many threads, and is told what it has; run elsewhere.
+  using Job = std::function<void(const LentThreads& threads)>;
   std::function<void(int threads, Job job)> launch;
   std::function<void(const std::string& job, const std::string& what)> log = [](const auto&, const auto&) {};
 };
@@ -87,7 +88,7 @@ class Scheduler {
   std::shared_ptr<Running> claim();
 
   void start_jobs();
-  void run(const std::shared_ptr<Running>& running, const std::function<int()>& threads);
+  void run(const std::shared_ptr<Running>& running, const LentThreads& threads);
   /// With the lock held: lets the job wait again, without its attempt's result. False where the store could not take
   /// it.
   bool give_back(const Running& running);

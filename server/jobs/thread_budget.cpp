@@ -7,7 +7,6 @@
 #include <algorithm>
 
 #include "server/jobs/pool.h"
-#include "server/jobs/thread_shares.h"
 
 namespace varimesh::server {
 
@@ -29,10 +28,10 @@ ThreadBudget::ThreadBudget(int threads)
 
 ThreadBudget::~ThreadBudget() = default;
 
-void ThreadBudget::launch(int threads, std::function<void(const std::function<int()>& threads_now)> job) {
+void ThreadBudget::launch(int threads, std::function<void(const LentThreads& threads)> job) {
   control_->pool.post([control = control_.get(), threads, job = std::move(job)] {
     const auto share = control->shares.take(threads);
-    job([&] { return share->threads(); });
+    job({[&] { return share->threads(); }, [&](bool rests) { share->rest(rests); }});
   });
 }
 

@@ -4,6 +4,8 @@
 #include <functional>
 #include <memory>
 
+#include "server/jobs/thread_shares.h"
+
 namespace varimesh::server {
 
 /// Runs each job on a thread that sleeps while the library works in a oneTBB arena of the job's own; a job that has one
@@ -18,7 +20,7 @@ class ThreadBudget {
   int threads() const { return threads_; }
   /// Runs `job`, which must not throw, asks now and then how many threads it has, and wants no more than `threads`;
   /// returns at once. At most threads() jobs run at a time, and others wait.
-  void launch(int threads, std::function<void(const std::function<int()>& threads_now)> job);
+  void launch(int threads, std::function<void(const LentThreads& threads)> job);
 
  private:
   struct Control;

@@ -3,6 +3,7 @@
 
 #include <exception>
 #include <new>
+#include <utility>
 
 #include "server/jobs/translate.h"
 
@@ -81,10 +82,11 @@ class Checkpoints {
   int iteration_ = 0;
 };
 
-/// The memory that a run has been given.
+/// The memory that a run has been given. While it waits for it, others have its threads.
 class Memory {
  public:
-  Memory(MemoryBudget& budget, std::function<bool()> given_up) : budget_(budget), given_up_(std::move(given_up)) {}
+  Memory(MemoryBudget& budget, const LentThreads& threads, std::function<bool()> given_up)
+      : budget_(budget), threads_(threads), given_up_(std::move(given_up)) {}
   ~Memory() {
     if (taken_ > 0) budget_.give_back(taken_);
   }
@@ -95,7 +97,13 @@ class Memory {
                        "and this server's jobs have " + mebibytes(budget_.limit()) +
                        " together (its flag --max-memory-bytes); use a machine with more, a lower order, or the "
                        "method sweeps.");
-    if (budget_.take(bytes, given_up_)) taken_ = bytes;
+    bool rests = false;
+    const bool taken = budget_.take(bytes, [&] {
+      if (!std::exchange(rests, true)) threads_.rest(true);
+      return given_up_();
+    });
+    if (rests) threads_.rest(false);
+    if (taken) taken_ = bytes;
     return {};
   }
 
@@ -103,6 +111,7 @@ class Memory {
   static std::string mebibytes(std::int64_t bytes) { return std::to_string((bytes >> 20) + 1) + " MiB"; }
 
   MemoryBudget& budget_;
+  const LentThreads& threads_;
   const std::function<bool()> given_up_;
   std::int64_t taken_ = 0;
 };
@@ -188,7 +197,7 @@ Ending run(const Attempt& attempt) {
   request.input = std::move(*input);
   request.format = spec.mesh().format();
   request.options = *options;
-  request.options.threads = attempt.threads();
+  request.options.threads = attempt.threads.now();
   for (const int format : spec.outputs()) request.outputs.push_back(static_cast<v1::MeshFormat>(format));
   if (const auto& checkpoint = attempt.claim.checkpoint) {
     // One that is gone costs time and nothing else.
@@ -202,8 +211,8 @@ Ending run(const Attempt& attempt) {
   RunHooks hooks;
   hooks.on_iteration = [&](const Iteration& iteration) { return progress(iteration); };
   hooks.cancelled = [&] { return attempt.cancelled() || attempt.stopping(); };
-  hooks.threads = attempt.threads;
-  Memory memory(attempt.memory, hooks.cancelled);
+  hooks.threads = attempt.threads.now;
+  Memory memory(attempt.memory, attempt.threads, hooks.cancelled);
   hooks.admit = [&](std::int64_t bytes) { return memory.take(bytes); };
   hooks.given_up = given_up;
   hooks.checkpoint_due = [&](int iteration) { return checkpoints.due(iteration); };

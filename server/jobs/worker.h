@@ -7,6 +7,7 @@
 #include "server/jobs/event_log.h"
 #include "server/jobs/job_store.h"
 #include "server/jobs/memory_budget.h"
+#include "server/jobs/thread_shares.h"
 #include "server/meshes/mesh_store.h"
 
 namespace varimesh::server {
@@ -17,7 +18,7 @@ struct Attempt {
   const Engine& engine;
   MeshStore& meshes;
   EventLog& log;
-  std::function<int()> threads;  ///< What the budget gives now.
+  const LentThreads& threads;
   MemoryBudget& memory;
   std::function<TimePoint()> clock;
   std::function<bool()> cancelled;                          ///< Somebody asked for the job to end.

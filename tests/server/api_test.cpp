@@ -84,6 +84,31 @@ TEST(Job, ThatNeedsMoreMemoryThanThereCanBeFailsWithASentence) {
   EXPECT_NE(large.error().message().find("--max-memory-bytes"), std::string::npos);
 }
 
+TEST(Job, ThatWaitsForMemoryLendsItsThreads) {
+  std::atomic<bool> lent = false;
+  Gate waits;
+  Engine engine = echo_engine();
+  engine.run = [&, echo = engine.run](RunRequest request, const RunHooks& hooks) -> Expected<RunOutcome> {
+    const bool first = request.input->bytes() == "first";
+    if (!first) waits.open();
+    if (const auto admitted = hooks.admit(150 << 20); !admitted) return tl::unexpected(admitted.error());
+    if (first) {
+      waits.wait();
+      const auto deadline = std::chrono::steady_clock::now() + std::chrono::seconds(20);
+      while (!lent && std::chrono::steady_clock::now() < deadline) lent = hooks.threads() == 2;
+    }
+    return echo(std::move(request), hooks);
+  };
+  ServerOptions options = options_with(engine);
+  options.limits.max_memory_bytes = std::int64_t{200} << 20;
+  const Service service(std::move(options));
+  const v1::Job first = service.submit(service.spec_for("first"));
+  const v1::Job second = service.submit(service.spec_for("second"));
+  EXPECT_EQ(service.wait_for(first.name()).state(), v1::JOB_STATE_SUCCEEDED);
+  EXPECT_EQ(service.wait_for(second.name()).state(), v1::JOB_STATE_SUCCEEDED);
+  EXPECT_TRUE(lent) << "both threads belong to the job that runs";
+}
+
 TEST(Job, IsCancelledWhileItRuns) {
   Gate started, cancelled;
   const Service service(echo_engine(1000, [&](int i) {

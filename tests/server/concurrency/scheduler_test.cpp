@@ -49,7 +49,7 @@ struct House {
     settings.heartbeat = std::chrono::seconds(0);
     settings.new_name = [this] { return "jobs/" + std::to_string(++names); };
     settings.launch = [this](int, SchedulerSettings::Job job) {
-      workers.post([job = std::move(job)] { job([] { return 1; }); });
+      workers.post([job = std::move(job)] { job({[] { return 1; }}); });
     };
     scheduler = std::make_unique<Scheduler>(jobs.get(), meshes.get(), small_engine(), std::move(settings));
   }
