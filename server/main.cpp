@@ -67,6 +67,22 @@ int main(int argc, char** argv) {
   app.add_option("--max-pending-jobs", options.limits.max_pending_jobs, "Jobs that may wait")
       ->capture_default_str()
       ->check(CLI::PositiveNumber);
+  app.add_option("--max-pending-jobs-per-peer", options.limits.max_pending_jobs_per_peer,
+                 "Of them, those of one address (a socket counts as one); 0: no limit")
+      ->capture_default_str()
+      ->check(CLI::NonNegativeNumber);
+  app.add_option("--max-running-jobs-per-peer", options.limits.max_running_jobs_per_peer,
+                 "Jobs of one address that run at a time, others wait; 0: no limit")
+      ->capture_default_str()
+      ->check(CLI::NonNegativeNumber);
+  app.add_option("--max-watches-per-peer", options.limits.max_watches_per_peer,
+                 "Watches that one address may have open; 0: no limit")
+      ->capture_default_str()
+      ->check(CLI::NonNegativeNumber);
+  app.add_option("--max-uploads-per-peer", options.limits.max_uploads_per_peer,
+                 "Uploads that one address may have open; 0: no limit")
+      ->capture_default_str()
+      ->check(CLI::NonNegativeNumber);
   app.add_option("--state", options.state,
                  "Directory in which jobs, meshes and results outlive the server (default: they go with it)");
   app.add_option("--data", options.data,

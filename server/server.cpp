@@ -112,6 +112,7 @@ struct Server::Parts {
   std::unique_ptr<JobStore> jobs;
   std::unique_ptr<Scheduler> scheduler;
   CallRegistry calls;
+  PeerCounts watches{options.limits.max_watches_per_peer}, uploads{options.limits.max_uploads_per_peer};
   std::unique_ptr<Pool> pool;
   std::unique_ptr<ApiContext> api;
   std::unique_ptr<HealthService> health;
@@ -133,6 +134,7 @@ struct Server::Parts {
     SchedulerSettings settings;
     settings.threads = budget.threads();
     settings.max_pending = options.limits.max_pending_jobs;
+    settings.max_pending_of_owner = options.limits.max_pending_jobs_per_peer;
     settings.max_ended = options.limits.max_ended_jobs;
     settings.checkpoint_pause = options.limits.checkpoint_pause;
     settings.clock = options.clock;
@@ -143,7 +145,7 @@ struct Server::Parts {
     settings.log = [](const std::string& job, const std::string& what) { spdlog::info("{} {}", job, what); };
     scheduler = std::make_unique<Scheduler>(jobs.get(), meshes.get(), options.engine, std::move(settings));
     pool = std::make_unique<Pool>(kPoolThreads);
-    api = std::make_unique<ApiContext>(ApiContext{*scheduler, *meshes, *pool, calls, options.limits, options.clock()});
+    api = std::make_unique<ApiContext>(ApiContext{*scheduler, *meshes, *pool, calls, watches, uploads, options.limits, options.clock()});
     health = std::make_unique<HealthService>(*api);
     mesh_service = std::make_unique<MeshService>(*api);
     job_service = std::make_unique<JobService>(*api);
@@ -164,6 +166,7 @@ Expected<void> Server::Parts::open_stores() {
   mesh_settings.lifetime = options.limits.mesh_lifetime;
   JobStoreSettings job_settings;
   job_settings.clock = options.clock;
+  job_settings.max_running_of_owner = options.limits.max_running_jobs_per_peer;
   if (!options.state.empty()) {
     auto taken = StateDirectory::take(options.state);
     if (!taken) return tl::unexpected(taken.error());

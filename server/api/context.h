@@ -11,6 +11,7 @@
 #include "server/jobs/scheduler.h"
 #include "server/meshes/mesh_store.h"
 #include "server/operations/limits.h"
+#include "server/operations/peers.h"
 
 namespace varimesh::server {
 
@@ -20,6 +21,8 @@ struct ApiContext {
   MeshStore& meshes;
   Pool& pool;
   CallRegistry& calls;
+  PeerCounts& watches;
+  PeerCounts& uploads;
   const Limits& limits;
   TimePoint start_time;
 };

@@ -24,8 +24,9 @@ grpc::Status answer(Answer<v1::Job> job, Response* response) {
 
 grpc::ServerUnaryReactor* JobService::SubmitJob(grpc::CallbackServerContext* call, const v1::SubmitJobRequest* request,
                                                 v1::SubmitJobResponse* response) {
-  return unary(call, api_.pool, [this, request, response] {
-    return answer(api_.scheduler.submit(request->request_id(), request->spec(), request->validate_only()), response);
+  return unary(call, api_.pool, [this, request, response, owner = peer_address(call->peer())] {
+    return answer(api_.scheduler.submit(request->request_id(), request->spec(), request->validate_only(), owner),
+                  response);
   });
 }
 
@@ -79,12 +80,18 @@ grpc::ServerWriteReactor<v1::WatchJobResponse>* JobService::WatchJob(grpc::Callb
                                                                      const v1::WatchJobRequest* request) {
   // The job is looked up by the first pull, on the pool.
   struct Watch {
+    std::shared_ptr<const void> place;
     v1::WatchJobRequest request;
     std::weak_ptr<Listener> listener;
     std::optional<EventSource> events;
   };
   auto watch = std::make_shared<Watch>();
   watch->request = *request;
+  const std::string address = peer_address(call->peer());
+  watch->place = api_.watches.take(address);
+  if (watch->place == nullptr)
+    return StreamOut<v1::WatchJobResponse>::refuse(api_, call,
+                                                   peer_limit_status(address, api_.watches.most(), "watches"));
   return StreamOut<v1::WatchJobResponse>::open(
       api_, call,
       Pump<v1::WatchJobResponse>::Source([this, watch](v1::WatchJobResponse* response, bool idle, grpc::Status* ended) {
@@ -153,6 +160,10 @@ grpc::ServerUnaryReactor* JobService::GetServerInfo(grpc::CallbackServerContext*
     response->mutable_limits()->set_max_mesh_bytes(api_.limits.max_mesh_bytes);
     response->mutable_limits()->set_max_pending_jobs(api_.limits.max_pending_jobs);
     response->mutable_limits()->set_threads(api_.limits.threads);
+    response->mutable_limits()->set_max_pending_jobs_per_peer(api_.limits.max_pending_jobs_per_peer);
+    response->mutable_limits()->set_max_running_jobs_per_peer(api_.limits.max_running_jobs_per_peer);
+    response->mutable_limits()->set_max_watches_per_peer(api_.limits.max_watches_per_peer);
+    response->mutable_limits()->set_max_uploads_per_peer(api_.limits.max_uploads_per_peer);
     for (int format = v1::MESH_FORMAT_MSH22; v1::MeshFormat_IsValid(format); ++format) {
       if (format != v1::MESH_FORMAT_VTU) response->add_input_formats(static_cast<v1::MeshFormat>(format));
       response->add_output_formats(static_cast<v1::MeshFormat>(format));

@@ -13,13 +13,14 @@ using Code = Failure::Code;
 /// UploadMesh: reads a message, lets the pool store it, reads the next.
 class Upload : public grpc::ServerReadReactor<v1::UploadMeshRequest>, public Call {
  public:
-  static Upload* open(const ApiContext& api, v1::UploadMeshResponse* response) {
-    std::shared_ptr<Upload> upload(new Upload(api, response));
+  static Upload* open(const ApiContext& api, const std::string& peer, v1::UploadMeshResponse* response) {
+    std::shared_ptr<Upload> upload(new Upload(api, peer, response));
     upload->self_ = upload;
-    if (api.calls.add(upload))
+    const grpc::Status refused = api.calls.add(upload) ? upload->session_.refused() : stopping_status();
+    if (refused.ok())
       upload->read();
     else
-      upload->end(stopping_status());
+      upload->end(refused);
     return upload.get();
   }
 
@@ -49,8 +50,8 @@ class Upload : public grpc::ServerReadReactor<v1::UploadMeshRequest>, public Cal
   }
 
  private:
-  Upload(const ApiContext& api, v1::UploadMeshResponse* response)
-      : api_(api), response_(response), session_(api.meshes) {}
+  Upload(const ApiContext& api, const std::string& peer, v1::UploadMeshResponse* response)
+      : api_(api), response_(response), session_(api, peer) {}
 
   void read() {
     std::lock_guard lock(mutex_);
@@ -69,13 +70,14 @@ class Upload : public grpc::ServerReadReactor<v1::UploadMeshRequest>, public Cal
 /// SendMesh: the same, and what is stored is said as soon as the answer before has gone.
 class Sending : public grpc::ServerBidiReactor<v1::SendMeshRequest, v1::SendMeshResponse>, public Call {
  public:
-  static Sending* open(const ApiContext& api) {
-    std::shared_ptr<Sending> sending(new Sending(api));
+  static Sending* open(const ApiContext& api, const std::string& peer) {
+    std::shared_ptr<Sending> sending(new Sending(api, peer));
     sending->self_ = sending;
-    if (api.calls.add(sending))
+    const grpc::Status refused = api.calls.add(sending) ? sending->session_.refused() : stopping_status();
+    if (refused.ok())
       sending->read();
     else
-      sending->end(stopping_status());
+      sending->end(refused);
     return sending.get();
   }
 
@@ -113,7 +115,7 @@ class Sending : public grpc::ServerBidiReactor<v1::SendMeshRequest, v1::SendMesh
   }
 
  private:
-  explicit Sending(const ApiContext& api) : api_(api), session_(api.meshes) {}
+  Sending(const ApiContext& api, const std::string& peer) : api_(api), session_(api, peer) {}
 
   void read() {
     std::lock_guard lock(mutex_);
@@ -148,14 +150,14 @@ class Sending : public grpc::ServerBidiReactor<v1::SendMeshRequest, v1::SendMesh
 
 }  // namespace
 
-grpc::ServerReadReactor<v1::UploadMeshRequest>* MeshService::UploadMesh(grpc::CallbackServerContext*,
+grpc::ServerReadReactor<v1::UploadMeshRequest>* MeshService::UploadMesh(grpc::CallbackServerContext* call,
                                                                         v1::UploadMeshResponse* response) {
-  return Upload::open(api_, response);
+  return Upload::open(api_, call->peer(), response);
 }
 
 grpc::ServerBidiReactor<v1::SendMeshRequest, v1::SendMeshResponse>* MeshService::SendMesh(
-    grpc::CallbackServerContext*) {
-  return Sending::open(api_);
+    grpc::CallbackServerContext* call) {
+  return Sending::open(api_, call->peer());
 }
 
 grpc::ServerUnaryReactor* MeshService::QueryUpload(grpc::CallbackServerContext* call,

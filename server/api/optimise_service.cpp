@@ -19,10 +19,14 @@ class OneCall : public grpc::ServerBidiReactor<v1::OptimiseRequest, v1::Optimise
     std::shared_ptr<OneCall> stream(new OneCall(api, call));
     stream->self_ = stream;
     stream->weak_ = stream;
-    if (api.calls.add(stream))
-      stream->read();
-    else
+    if (!api.calls.add(stream))
       stream->end(stopping_status());
+    else if (stream->upload_ == nullptr)
+      stream->end(peer_limit_status(stream->address_, api.uploads.most(), "uploads"));
+    else if (stream->watch_ == nullptr)
+      stream->end(peer_limit_status(stream->address_, api.watches.most(), "watches"));
+    else
+      stream->read();
     return stream.get();
   }
 
@@ -48,6 +52,9 @@ class OneCall : public grpc::ServerBidiReactor<v1::OptimiseRequest, v1::Optimise
  private:
   OneCall(const ApiContext& api, grpc::CallbackServerContext* call)
       : api_(api),
+        address_(peer_address(call->peer())),
+        upload_(api.uploads.take(address_)),
+        watch_(api.watches.take(address_)),
         pump_(api.pool, api.limits,
               {[this](const v1::OptimiseResponse* response) { StartWrite(response); },
                [this](const grpc::Status& status) { Finish(status); }, [call] { call->TryCancel(); }}) {}
@@ -101,10 +108,11 @@ class OneCall : public grpc::ServerBidiReactor<v1::OptimiseRequest, v1::Optimise
     if (spec_->size() > 0 && spec_->size() != received_) return refuse("The stream ended before the end of the mesh.");
     const auto stored = writer_->commit();
     writer_.reset();
+    upload_.reset();
     if (!stored) return status(stored.error());
     v1::JobSpec spec = spec_->spec();
     spec.mutable_mesh()->set_digest(stored->digest);
-    const auto job = api_.scheduler.submit(spec_->request_id(), spec, false);  // pins the mesh
+    const auto job = api_.scheduler.submit(spec_->request_id(), spec, false, address_);  // pins the mesh
     api_.meshes.release(stored->digest);
     if (!job) return status(job.error());
     auto log = api_.scheduler.events(job->name());
@@ -144,6 +152,8 @@ class OneCall : public grpc::ServerBidiReactor<v1::OptimiseRequest, v1::Optimise
   }
 
   const ApiContext& api_;
+  const std::string address_;
+  std::shared_ptr<const void> upload_, watch_;  ///< Its places among the peer's.
   Pump<v1::OptimiseResponse> pump_;
   v1::OptimiseRequest request_;
   // By the pool alone, one task at a time.

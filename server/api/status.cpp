@@ -53,6 +53,15 @@ grpc::Status status(const Failure& failure, const google::protobuf::Message* det
   return {code(failure.code), failure.sentence, full.SerializeAsString()};
 }
 
+grpc::Status peer_limit_status(const std::string& address, int most, const std::string& things) {
+  return status(Failure{Failure::Code::ResourceExhausted,
+                        "PEER_LIMIT",
+                        address + " has " + std::to_string(most) + " " + things +
+                            " open, which is the most that one address may have; end some, or try again later.",
+                        {{"peer", address}},
+                        5});
+}
+
 grpc::Status stopping_status() {
   return status(
       Failure{Failure::Code::Unavailable, "STOPPING", "The server is stopping; ask again when it is back.", {}, 1});

@@ -14,6 +14,9 @@ namespace varimesh::server {
 /// The status of a failure; `detail`, where given, goes into its details.
 grpc::Status status(const Failure& failure, const google::protobuf::Message* detail = nullptr);
 
+/// What a call ends with whose peer has as many `things` ("watches") open as it may have.
+grpc::Status peer_limit_status(const std::string& address, int most, const std::string& things);
+
 /// What every stream ends with when the server stops.
 grpc::Status stopping_status();
 

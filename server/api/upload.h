@@ -13,7 +13,13 @@ namespace varimesh::server {
 /// Takes the messages of one stream, by one thread at a time.
 class UploadSession {
  public:
-  explicit UploadSession(MeshStore& meshes) : meshes_(meshes) {}
+  UploadSession(const ApiContext& api, const std::string& peer)
+      : meshes_(api.meshes), address_(peer_address(peer)), most_(api.uploads.most()), place_(api.uploads.take(address_)) {}
+
+  /// Not OK where the peer has too many uploads open already.
+  grpc::Status refused() const {
+    return place_ == nullptr ? peer_limit_status(address_, most_, "uploads") : grpc::Status::OK;
+  }
 
   /// A message that came, the header first; both calls have the same two kinds.
   template <class Request>
@@ -37,6 +43,9 @@ class UploadSession {
   void store(const StoredBytes& bytes);
 
   MeshStore& meshes_;
+  const std::string address_;
+  const int most_;
+  const std::shared_ptr<const void> place_;
   std::optional<UploadTicket> ticket_;
   std::int64_t committed_ = 0;
   std::optional<v1::StoredMesh> stored_;

@@ -56,6 +56,7 @@ Changed JobTransitions::create(JobRecord& record, const Submission& submission) 
   record.job.set_name(submission.name);
   *record.job.mutable_spec() = submission.spec;
   record.job.set_request_id(submission.request_id);
+  record.owner = submission.owner;
   *record.job.mutable_create_time() = timestamp(settings_.clock());
   v1::JobEvent event = change_state(record, v1::JOB_STATE_PENDING);
   return {record.job, {std::move(event)}, {}};
@@ -207,6 +208,13 @@ tl::unexpected<Failure> job_not_ended(const std::string& name) {
 tl::unexpected<Failure> queue_full(int pending) {
   return failure(Code::ResourceExhausted, "QUEUE_FULL",
                  std::to_string(pending) + " jobs wait already, which is the most; try again later.", {}, 5);
+}
+
+tl::unexpected<Failure> owner_full(const std::string& owner, int pending) {
+  return failure(Code::ResourceExhausted, "PEER_LIMIT",
+                 std::to_string(pending) + " jobs of " + owner +
+                     " wait already, which is the most of one address; try again later.",
+                 {{"peer", owner}}, 5);
 }
 
 Answer<std::int64_t> parse_page_token(const std::string& token) {

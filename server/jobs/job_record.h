@@ -10,6 +10,7 @@ struct JobRecord {
   std::int64_t token = 0;
   int lost = 0;      ///< Attempts that ended with their worker since one came further than all before it.
   int furthest = 0;  ///< The last iteration that any attempt is known to have come to.
+  std::string owner;
   std::string worker;
   TimePoint lease_end{};
   std::string history_digest;
@@ -21,6 +22,8 @@ struct JobRecord {
 class JobTransitions {
  public:
   explicit JobTransitions(const JobStoreSettings& settings) : settings_(settings) {}
+
+  const JobStoreSettings& settings() const { return settings_; }
 
   Changed create(JobRecord& record, const Submission& submission) const;
   Changed claim(JobRecord& record, const std::string& worker) const;
@@ -53,6 +56,7 @@ Answer<void> check_same(const v1::Job& job, const Submission& submission);
 tl::unexpected<Failure> job_not_found(const std::string& name);
 tl::unexpected<Failure> job_not_ended(const std::string& name);
 tl::unexpected<Failure> queue_full(int pending);
+tl::unexpected<Failure> owner_full(const std::string& owner, int pending);
 /// The key of the last job on the page before, from a token that a store gave; 0: from the newest.
 Answer<std::int64_t> parse_page_token(const std::string& token);
 

@@ -23,6 +23,7 @@ struct JobStoreSettings {
   std::function<TimePoint()> clock = std::chrono::system_clock::now;  ///< The only one that leases go by.
   std::chrono::milliseconds lease{30'000};  ///< A worker that is not heard of for so long has lost its job.
   int max_attempts = 3;                     ///< A job that was lost so often without coming further is FAILED.
+  int max_running_of_owner = 0;             ///< No more are claimed of one owner's at a time; 0: no limit.
 };
 
 /// A job's place in the queue: a step of priority is worth so long a wait, so that nobody waits for ever.
@@ -59,7 +60,9 @@ struct Submission {
   std::string request_id;
   v1::JobSpec spec;
   std::string name;
-  int max_pending = 0;  ///< RESOURCE_EXHAUSTED where so many wait already.
+  int max_pending = 0;           ///< RESOURCE_EXHAUSTED (QUEUE_FULL) where so many wait already.
+  std::string owner;             ///< Whose job it is.
+  int max_pending_of_owner = 0;  ///< PEER_LIMIT where so many of the owner's wait already; 0: no limit.
 };
 
 struct JobFilter {
@@ -111,7 +114,7 @@ class JobStore {
   /// All events of state and quality, in order.
   virtual Answer<std::vector<v1::JobEvent>> events(const std::string& name) = 0;
 
-  /// The job whose turn it is, now RUNNING, with a lease; none where none waits.
+  /// The job whose turn it is, now RUNNING, with a lease; none where none waits but of owners that have enough running.
   virtual Answer<std::optional<Claimed>> claim(const std::string& worker) = 0;
   /// Renews the lease. True: somebody asked for the job to be cancelled.
   virtual Answer<bool> heartbeat(const Claim& claim) = 0;

@@ -8,6 +8,16 @@ namespace {
 
 bool is_running(v1::JobState state) { return state == v1::JOB_STATE_RUNNING || state == v1::JOB_STATE_CANCELLING; }
 
+void count(std::map<std::string, int>& counts, const std::string& owner, int change) {
+  const auto entry = counts.try_emplace(owner).first;
+  if ((entry->second += change) == 0) counts.erase(entry);
+}
+
+int count_of(const std::map<std::string, int>& counts, const std::string& owner) {
+  const auto found = counts.find(owner);
+  return found == counts.end() ? 0 : found->second;
+}
+
 }  // namespace
 
 Answer<MemoryJobStore::Entries::iterator> MemoryJobStore::find(const std::string& name) {
@@ -28,10 +38,11 @@ Changed MemoryJobStore::apply(Entries::iterator entry, v1::JobState before, Chan
   auto& [key, kept] = *entry;
   const v1::JobState state = kept.record.job.state();
   const std::pair<std::int64_t, std::int64_t> place{turn_of(kept.record.job), key};
-  if (before == v1::JOB_STATE_PENDING) pending_.erase(place);
-  if (state == v1::JOB_STATE_PENDING) pending_.insert(place);
-  if (is_running(before)) running_.erase(key);
-  if (is_running(state)) running_.insert(key);
+  const std::string& owner = kept.record.owner;
+  if (before == v1::JOB_STATE_PENDING) pending_.erase(place), count(pending_of_, owner, -1);
+  if (state == v1::JOB_STATE_PENDING) pending_.insert(place), count(pending_of_, owner, 1);
+  if (is_running(before)) running_.erase(key), count(running_of_, owner, -1);
+  if (is_running(state)) running_.insert(key), count(running_of_, owner, 1);
   if (has_ended(state) && !has_ended(before)) ended_.push_back(key);
   kept.events.insert(kept.events.end(), changed.events.begin(), changed.events.end());
   return changed;
@@ -45,6 +56,9 @@ Answer<Changed> MemoryJobStore::submit(const Submission& submission) {
     return Changed{job, {}, {}};
   }
   if (static_cast<int>(pending_.size()) >= submission.max_pending) return queue_full(static_cast<int>(pending_.size()));
+  const int waiting = count_of(pending_of_, submission.owner);
+  if (submission.max_pending_of_owner > 0 && waiting >= submission.max_pending_of_owner)
+    return owner_full(submission.owner, waiting);
   const auto entry = entries_.emplace(++counter_, Entry()).first;
   by_name_[submission.name] = entry->first;
   if (!submission.request_id.empty()) by_request_[submission.request_id] = entry->first;
@@ -87,8 +101,12 @@ Answer<std::vector<v1::JobEvent>> MemoryJobStore::events(const std::string& name
 
 Answer<std::optional<Claimed>> MemoryJobStore::claim(const std::string& worker) {
   std::lock_guard lock(mutex_);
-  if (pending_.empty()) return std::nullopt;
-  const auto entry = entries_.find(pending_.begin()->second);
+  const int most = transitions_.settings().max_running_of_owner;
+  const auto turn = std::find_if(pending_.begin(), pending_.end(), [&](const auto& place) {
+    return most == 0 || count_of(running_of_, entries_.at(place.second).record.owner) < most;
+  });
+  if (turn == pending_.end()) return std::nullopt;
+  const auto entry = entries_.find(turn->second);
   JobRecord& record = entry->second.record;
   Changed changed = apply(entry, v1::JOB_STATE_PENDING, transitions_.claim(record, worker));
   return Claimed{{record.job.name(), record.token, record.job.attempt(), record.job.spec(), record.checkpoint},

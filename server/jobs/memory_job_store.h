@@ -53,6 +53,7 @@ class MemoryJobStore : public JobStore {
   std::map<std::string, std::int64_t> by_name_;
   std::map<std::string, std::int64_t> by_request_;
   std::set<std::pair<std::int64_t, std::int64_t>> pending_;  ///< By turn, then by order of submission.
+  std::map<std::string, int> pending_of_, running_of_;       ///< By owner.
   std::set<std::int64_t> running_;
   std::deque<std::int64_t> ended_;
 };

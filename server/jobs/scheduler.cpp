@@ -62,7 +62,8 @@ Answer<void> Scheduler::check(const v1::JobSpec& spec) {
   return {};
 }
 
-Answer<v1::Job> Scheduler::submit(const std::string& request_id, const v1::JobSpec& spec, bool validate_only) {
+Answer<v1::Job> Scheduler::submit(const std::string& request_id, const v1::JobSpec& spec, bool validate_only,
+                                  const std::string& owner) {
   if (request_id.size() > 128) return bad_request("The request id must have at most 128 bytes.");
   if (const auto checked = check(spec); !checked) return tl::unexpected(checked.error());
   if (validate_only) {
@@ -81,7 +82,8 @@ Answer<v1::Job> Scheduler::submit(const std::string& request_id, const v1::JobSp
   // Without the lock, so that many submissions share a transaction: nobody knows the job before the store does. What it
   // refers to is counted first, since it may be run and forgotten before this goes on.
   meshes_->retain(spec.mesh().digest());
-  auto submitted = jobs_->submit({request_id, spec, settings_.new_name(), settings_.max_pending});
+  auto submitted = jobs_->submit(
+      {request_id, spec, settings_.new_name(), settings_.max_pending, owner, settings_.max_pending_of_owner});
   const bool is_new = submitted && !submitted->events.empty();
   if (!is_new) meshes_->release(spec.mesh().digest());
   if (!submitted) return tl::unexpected(submitted.error());

@@ -23,6 +23,7 @@ namespace varimesh::server {
 struct SchedulerSettings {
   int threads = 1;                     ///< The budget; as many jobs run at once at most.
   int max_pending = 1000;              ///< More are refused with QUEUE_FULL.
+  int max_pending_of_owner = 0;        ///< Likewise, of one owner, with PEER_LIMIT; 0: no limit.
   int max_ended = 1000;                ///< Jobs that ended before this many others are forgotten with their results.
   std::string worker = "local";        ///< Whose claims these are, after a restart too.
   std::chrono::seconds heartbeat{10};  ///< A third of the lease.
@@ -50,8 +51,10 @@ class Scheduler {
   /// About once a second: renews leases, takes back what was lost, starts what waits.
   void tick();
 
-  /// Checks all that can be checked without running, and queues the job unless `validate_only`.
-  Answer<v1::Job> submit(const std::string& request_id, const v1::JobSpec& spec, bool validate_only);
+  /// Checks all that can be checked without running, and queues the job unless `validate_only`. `owner`: whose it is,
+  /// for the limits of one owner.
+  Answer<v1::Job> submit(const std::string& request_id, const v1::JobSpec& spec, bool validate_only,
+                         const std::string& owner = {});
   Answer<v1::Job> get(const std::string& name);
   Answer<JobPage> list(const JobFilter& filter, int page_size, const std::string& page_token);
   Answer<v1::Job> cancel(const std::string& name);

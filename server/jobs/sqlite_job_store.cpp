@@ -203,19 +203,24 @@ Answer<Changed> SqliteJobStore::submit(const Submission& submission) {
     auto pending = database.query("SELECT COUNT(*) FROM jobs WHERE state = 1");
     pending.step();
     if (pending.number(0) >= submission.max_pending) return queue_full(static_cast<int>(pending.number(0)));
+    if (submission.max_pending_of_owner > 0) {
+      auto of_owner = database.query("SELECT COUNT(*) FROM jobs WHERE state = 1 AND owner = ?");
+      of_owner.bind(submission.owner).step();
+      if (of_owner.number(0) >= submission.max_pending_of_owner)
+        return owner_full(submission.owner, static_cast<int>(of_owner.number(0)));
+    }
 
     Row row;
     Changed changed = transitions_.create(row.record, submission);
     auto insert = database.query(
         "INSERT INTO jobs(name, request_id, state, turn, token, lost, worker, lease_end, history, "
-        "checkpoint_iteration, "
-        "job) VALUES(?, ?, 0, ?, 0, 0, '', 0, '', 0, x'')");
+        "checkpoint_iteration, job, owner) VALUES(?, ?, 0, ?, 0, 0, '', 0, '', 0, x'', ?)");
     insert.bind(submission.name);
     if (submission.request_id.empty())
       insert.bind_null();
     else
       insert.bind(submission.request_id);
-    insert.bind(turn_of(row.record.job)).run();
+    insert.bind(turn_of(row.record.job)).bind(submission.owner).run();
     row.key = database.last_key();
     const std::string spec = submission.spec.SerializeAsString();
     database.query("INSERT INTO specs VALUES(?, ?)").bind(row.key).bind(SqliteBytes{spec}).run();
@@ -347,8 +352,12 @@ Answer<std::optional<Claimed>> SqliteJobStore::claim(const std::string& worker) 
   if (!waiting) return tl::unexpected(waiting.error());
   if (waiting->pending == 0) return Result();
   return write<Result>([&](SqliteDatabase& database) -> Answer<Result> {
+    const int most = transitions_.settings().max_running_of_owner;
     auto query = database.query("SELECT " VARIMESH_ROW
-                                " FROM jobs JOIN specs USING(key) WHERE state = 1 ORDER BY turn, jobs.key LIMIT 1");
+                                " FROM jobs JOIN specs USING(key) WHERE state = 1 AND owner NOT IN (SELECT owner FROM "
+                                "jobs WHERE worker <> '' GROUP BY owner HAVING COUNT(*) >= ?) ORDER BY turn, jobs.key "
+                                "LIMIT 1");
+    query.bind(most > 0 ? most : std::numeric_limits<int>::max());
     if (!query.step()) return Result();
     Row row = row_of(query);
     Changed changed = transitions_.claim(row.record, worker);

@@ -7,7 +7,7 @@ namespace varimesh::server {
 namespace {
 
 /// Of the tables as they are here; a change of them is a new one, and brings the old ones up to it.
-constexpr int kVersion = 2;
+constexpr int kVersion = 3;
 
 // The spec never changes and may be large, so it is not written again with every change of the job.
 constexpr char kSchema[] = R"(
@@ -43,6 +43,11 @@ constexpr char kToVersion2[] = R"(
 ALTER TABLE jobs ADD COLUMN furthest INTEGER NOT NULL DEFAULT 0;  -- iteration that any attempt has come to
 PRAGMA user_version = 2;
 )";
+constexpr char kToVersion3[] = R"(
+ALTER TABLE jobs ADD COLUMN owner TEXT NOT NULL DEFAULT '';  -- whose job it is; empty: nobody knows
+CREATE INDEX jobs_waiting_of ON jobs(owner) WHERE state = 1;
+PRAGMA user_version = 3;
+)";
 static_assert(v1::JOB_STATE_PENDING == 1);
 
 }  // namespace
@@ -55,6 +60,7 @@ bool set_up_schema(SqliteDatabase& database) {
   if (version > kVersion) return false;
   if (version < 1) database.run(kSchema);
   if (version < 2) database.run(kToVersion2);
+  if (version < 3) database.run(kToVersion3);
   transaction.commit();
   return true;
 }

@@ -9,6 +9,10 @@ namespace varimesh::server {
 struct Limits {
   std::int64_t max_mesh_bytes = std::int64_t{16} << 30;  ///< Of one mesh.
   int max_pending_jobs = 1000;                           ///< Jobs that wait; more are refused.
+  int max_pending_jobs_per_peer = 0;                     ///< Of one address; 0: no limit. So the next three.
+  int max_running_jobs_per_peer = 0;                     ///< The others of that address wait.
+  int max_watches_per_peer = 1000;                       ///< Open at a time.
+  int max_uploads_per_peer = 100;                        ///< Open at a time, calls to Optimise among them.
   int max_ended_jobs = 1000;                             ///< Jobs remembered after their end.
   std::int64_t max_store_bytes = 0;                      ///< Meshes that no job refers to go beyond it; 0: no limit.
   std::chrono::minutes mesh_lifetime{7 * 24 * 60};       ///< Of a mesh that no job refers to.

@@ -53,7 +53,7 @@ TEST_P(JobStoreConformance, MakesOneJobOfOneRequestInParallel) {
   std::vector<std::thread> clients;
   for (std::size_t i = 0; i < names.size(); ++i)
     clients.emplace_back([&, i] {
-      names[i] = store_->submit({"id", spec(), "jobs/" + std::to_string(i), 1000})->job.name();
+      names[i] = store_->submit({"id", spec(), "jobs/" + std::to_string(i), 1000, {}, 0})->job.name();
     });
   for (std::thread& client : clients) client.join();
   for (const std::string& name : names) EXPECT_EQ(name, names.front());
@@ -67,6 +67,39 @@ TEST_P(JobStoreConformance, RefusesMoreThanMayWait) {
   EXPECT_TRUE(try_submit("a", spec(), 2)) << "that one waits already";
   claim();
   EXPECT_TRUE(try_submit("c", spec(), 2));
+}
+
+TEST_P(JobStoreConformance, RefusesMoreThanOneOwnerMayHaveWaiting) {
+  const auto try_as = [&](const std::string& owner, int most) {
+    return store_->submit({"", spec(), "jobs/" + std::to_string(++names_), 1000, owner, most});
+  };
+  ASSERT_TRUE(try_as("a", 2));
+  ASSERT_TRUE(try_as("a", 2));
+  const auto refused = try_as("a", 2);
+  ASSERT_FALSE(refused);
+  EXPECT_EQ(refused.error().reason, "PEER_LIMIT");
+  EXPECT_GT(refused.error().retry_seconds, 0);
+  EXPECT_TRUE(try_as("b", 2)) << "that is another's";
+  EXPECT_TRUE(try_as("a", 0)) << "no limit";
+  claim();
+  claim();
+  EXPECT_TRUE(try_as("a", 2)) << "what runs does not wait";
+}
+
+TEST_P(JobStoreConformance, GivesNoMoreOfOneOwnerThanMayRun) {
+  max_running_of_owner_ = 2;
+  reopen();
+  for (const char* owner : {"a", "a", "a", "b"}) {
+    now_ += std::chrono::milliseconds(1);
+    ASSERT_TRUE(store_->submit({"", spec(), "jobs/" + std::to_string(++names_), 1000, owner, 0}));
+  }
+  const Claim first = claim();
+  EXPECT_EQ(first.name, "jobs/1");
+  EXPECT_EQ(claim().name, "jobs/2");
+  EXPECT_EQ(claim().name, "jobs/4") << "two of a run already";
+  EXPECT_FALSE(*store_->claim("worker"));
+  ASSERT_TRUE(store_->finish(first, success(), 0));
+  EXPECT_EQ(claim().name, "jobs/3");
 }
 
 // ===== listing =====

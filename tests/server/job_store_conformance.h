@@ -39,6 +39,7 @@ class JobStoreConformance : public ::testing::TestWithParam<StoreKind> {
     settings.clock = [this] { return now_; };
     settings.lease = std::chrono::seconds(30);
     settings.max_attempts = 3;
+    settings.max_running_of_owner = max_running_of_owner_;
     store_ = place_->open(settings);
   }
 
@@ -48,7 +49,7 @@ class JobStoreConformance : public ::testing::TestWithParam<StoreKind> {
     return spec;
   }
   Answer<Changed> try_submit(const std::string& request_id, const v1::JobSpec& spec, int max_pending = 1000) {
-    return store_->submit({request_id, spec, "jobs/" + std::to_string(++names_), max_pending});
+    return store_->submit({request_id, spec, "jobs/" + std::to_string(++names_), max_pending, {}, 0});
   }
   std::string submit(const v1::JobSpec& spec = JobStoreConformance::spec()) {
     now_ += std::chrono::milliseconds(1);
@@ -84,6 +85,7 @@ class JobStoreConformance : public ::testing::TestWithParam<StoreKind> {
   std::unique_ptr<StorePlace> place_;
   std::unique_ptr<JobStore> store_;
   int names_ = 0;
+  int max_running_of_owner_ = 0;  ///< For the next reopen().
 };
 
 /// What stores promise beyond that whose jobs outlive the process.
