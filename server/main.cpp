@@ -44,7 +44,7 @@ int main(int argc, char** argv) {
   options.limits.max_memory_bytes = server::machine_memory();
   std::string port_file, log_level = "info";
   double checkpoint_seconds = 5;
-  int drain_seconds = 30, mesh_lifetime_hours = 7 * 24;
+  int drain_seconds = 30, mesh_lifetime_hours = 7 * 24, compress_minutes = 10;
 
   CLI::App app{"Serves mesh optimisation over gRPC (package varimesh.v1)."};
   app.set_version_flag("--version", std::string(version()));
@@ -107,6 +107,10 @@ int main(int argc, char** argv) {
   app.add_option("--mesh-lifetime", mesh_lifetime_hours, "Hours that a mesh is kept that no job refers to")
       ->capture_default_str()
       ->check(CLI::PositiveNumber);
+  app.add_option("--compress-after", compress_minutes,
+                 "Minutes since anybody asked for a mesh or a result after which it is compressed; 0: never")
+      ->capture_default_str()
+      ->check(CLI::NonNegativeNumber);
   app.add_option("--drain-seconds,--drain-timeout", drain_seconds,
                  "How long a job may take to end when the server stops")
       ->capture_default_str()
@@ -132,6 +136,7 @@ int main(int argc, char** argv) {
   options.engine = server::core_engine();
   options.limits.checkpoint_pause = std::chrono::milliseconds(static_cast<int>(1000 * checkpoint_seconds));
   options.limits.mesh_lifetime = std::chrono::hours(mesh_lifetime_hours);
+  options.limits.compress_after = std::chrono::minutes(compress_minutes);
   if (options.state.empty()) spdlog::info("jobs and meshes go with this process; --state DIR keeps them");
   auto server = server::Server::start(std::move(options));
   if (!server) {

@@ -5,6 +5,7 @@
 #include <grpcpp/ext/proto_server_reflection_plugin.h>
 #include <grpcpp/grpcpp.h>
 #include <spdlog/spdlog.h>
+#include <sys/resource.h>
 #include <sys/stat.h>
 
 #include <atomic>
@@ -125,6 +126,8 @@ struct Server::Parts {
   std::unique_ptr<Ticker> calls_ticker;
   std::unique_ptr<Ticker> jobs_ticker;
   std::unique_ptr<Ticker> sweeper;
+  std::unique_ptr<Ticker> compressor;
+  std::atomic<bool> stopping = false;
   std::string address;
   int port = 0;
   bool stopped = false;
@@ -145,7 +148,8 @@ struct Server::Parts {
     settings.log = [](const std::string& job, const std::string& what) { spdlog::info("{} {}", job, what); };
     scheduler = std::make_unique<Scheduler>(jobs.get(), meshes.get(), options.engine, std::move(settings));
     pool = std::make_unique<Pool>(kPoolThreads);
-    api = std::make_unique<ApiContext>(ApiContext{*scheduler, *meshes, *pool, calls, watches, uploads, options.limits, options.clock()});
+    api = std::make_unique<ApiContext>(
+        ApiContext{*scheduler, *meshes, *pool, calls, watches, uploads, options.limits, options.clock()});
     health = std::make_unique<HealthService>(*api);
     mesh_service = std::make_unique<MeshService>(*api);
     job_service = std::make_unique<JobService>(*api);
@@ -164,6 +168,7 @@ Expected<void> Server::Parts::open_stores() {
   mesh_settings.max_total_bytes = options.limits.max_store_bytes;
   mesh_settings.reserve_bytes = options.limits.reserve_bytes;
   mesh_settings.lifetime = options.limits.mesh_lifetime;
+  mesh_settings.compress_after = options.limits.compress_after;
   JobStoreSettings job_settings;
   job_settings.clock = options.clock;
   job_settings.max_running_of_owner = options.limits.max_running_jobs_per_peer;
@@ -248,6 +253,10 @@ Expected<std::unique_ptr<Server>> Server::start(ServerOptions options) {
   });
   parts->sweeper =
       std::make_unique<Ticker>(std::chrono::minutes(1), [meshes = parts->meshes.get()] { meshes->sweep(); });
+  parts->compressor = std::make_unique<Ticker>(std::chrono::minutes(1), [parts = parts.get()] {
+    ::setpriority(PRIO_PROCESS, 0, 19);  // of this thread alone: it takes what the jobs leave
+    parts->meshes->compress_idle([parts] { return parts->stopping.load(); });
+  });
   parts->health->set_serving(parts->meshes->has_room());
   return std::unique_ptr<Server>(new Server(std::move(parts)));
 }
@@ -273,7 +282,9 @@ std::shared_ptr<grpc::Channel> Server::in_process_channel() {
 
 bool Server::stop(std::chrono::milliseconds patience) {
   const auto deadline = std::chrono::steady_clock::now() + patience;
+  parts_->stopping = true;
   parts_->jobs_ticker.reset();
+  parts_->compressor.reset();
   parts_->health->set_serving(false);
   // Watchers go first, so that they hear of the server's end and not of the cancels that it makes.
   parts_->calls.end_all(stopping_status());

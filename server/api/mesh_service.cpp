@@ -148,6 +148,16 @@ class Sending : public grpc::ServerBidiReactor<v1::SendMeshRequest, v1::SendMesh
   std::shared_ptr<Sending> self_;
 };
 
+grpc::Status check_offset(std::int64_t offset, std::int64_t size) {
+  if (offset >= 0 && offset <= size) return grpc::Status::OK;
+  return status(
+      Failure{Code::OutOfRange,
+              "WRONG_OFFSET",
+              "The mesh has " + std::to_string(size) + " bytes, and the offset is " + std::to_string(offset) + ".",
+              {{"size", std::to_string(size)}},
+              0});
+}
+
 }  // namespace
 
 grpc::ServerReadReactor<v1::UploadMeshRequest>* MeshService::UploadMesh(grpc::CallbackServerContext* call,
@@ -175,48 +185,35 @@ grpc::ServerUnaryReactor* MeshService::QueryUpload(grpc::CallbackServerContext* 
 grpc::ServerWriteReactor<v1::DownloadMeshResponse>* MeshService::DownloadMesh(grpc::CallbackServerContext* call,
                                                                               const v1::DownloadMeshRequest* request) {
   struct State {
-    std::shared_ptr<const Blob> blob;
-    std::int64_t offset = 0;
+    std::unique_ptr<BlobReader> reader;
+    v1::DownloadMeshRequest request;
     bool first = true;
   };
   auto state = std::make_shared<State>();
+  state->request = *request;
   // The mesh is opened by the first pull, on the pool.
   return StreamOut<v1::DownloadMeshResponse>::open(
       api_, call,
-      Pump<v1::DownloadMeshResponse>::Source([this, state, digest = request->digest(), offset = request->offset()](
-                                                 v1::DownloadMeshResponse* response, bool, grpc::Status* ended) {
-        if (state->blob == nullptr) {
-          auto blob = api_.meshes.open(digest);
-          if (!blob) {
-            *ended = status(blob.error());
-            return Pull::End;
-          }
-          const auto size = static_cast<std::int64_t>((*blob)->bytes().size());
-          if (offset < 0 || offset > size) {
-            *ended = status(Failure{
-                Code::OutOfRange,
-                "WRONG_OFFSET",
-                "The mesh has " + std::to_string(size) + " bytes, and the offset is " + std::to_string(offset) + ".",
-                {{"size", std::to_string(size)}},
-                0});
-            return Pull::End;
-          }
-          state->blob = std::move(*blob);
-          state->offset = offset;
-        }
-        const std::string_view bytes = state->blob->bytes();
-        const std::string_view rest = bytes.substr(static_cast<std::size_t>(state->offset));
-        if (rest.empty() && !state->first) return Pull::End;
-        state->first = false;
-        const std::string_view piece = rest.substr(0, kChunkBytes);
-        response->set_size(static_cast<std::int64_t>(bytes.size()));
-        response->mutable_chunk()->set_offset(state->offset);
-        response->mutable_chunk()->set_data(piece.data(), piece.size());
-        state->offset += static_cast<std::int64_t>(piece.size());
-        if (state->offset % kForgetBytes < static_cast<std::int64_t>(piece.size()))
-          state->blob->forget(static_cast<std::size_t>(state->offset));
-        return Pull::Message;
-      }));
+      Pump<v1::DownloadMeshResponse>::Source(
+          [this, state](v1::DownloadMeshResponse* response, bool, grpc::Status* ended) {
+            std::int64_t offset = state->request.offset();
+            if (state->reader == nullptr) {
+              auto reader = api_.meshes.read(state->request.digest());
+              *ended = reader ? check_offset(offset, (*reader)->size()) : status(reader.error());
+              if (!ended->ok()) return Pull::End;
+              state->reader = std::move(*reader);
+            }
+            auto piece = state->reader->read(offset, state->request.encoding() == v1::ENCODING_ZSTD);
+            if (!piece) *ended = status(piece.error());
+            if (!piece || (piece->size == 0 && !std::exchange(state->first, false))) return Pull::End;
+            state->first = false;
+            state->request.set_offset(offset + piece->size);
+            response->set_size(state->reader->size());
+            response->mutable_chunk()->set_offset(offset);
+            response->mutable_chunk()->set_data(std::move(piece->bytes));
+            if (piece->is_zstd) response->mutable_chunk()->set_encoding(v1::ENCODING_ZSTD);
+            return Pull::Message;
+          }));
 }
 
 }  // namespace varimesh::server

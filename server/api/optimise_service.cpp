@@ -3,6 +3,7 @@
 
 #include <optional>
 
+#include "server/api/chunks.h"
 #include "server/api/event_source.h"
 #include "server/api/sources.h"
 
@@ -80,12 +81,13 @@ class OneCall : public grpc::ServerBidiReactor<v1::OptimiseRequest, v1::Optimise
     }
     if (!spec_) return refuse("The spec must be sent first.");
     const v1::Chunk& chunk = request_.chunk();
-    if (!request_.has_chunk() || chunk.data().size() > kMaxChunkBytes)
-      return refuse("A message must have a chunk of at most 1 MiB.");
+    if (!request_.has_chunk()) return refuse("A message has neither a spec nor a chunk.");
+    const auto bytes = bytes_of(chunk, &buffer_);
+    if (!bytes) return status(bytes.error());
     if (chunk.offset() != received_) return refuse("The chunks must come in order, each with its offset.");
-    received_ += static_cast<std::int64_t>(chunk.data().size());
+    received_ += static_cast<std::int64_t>(bytes->size());
     if (received_ > api_.limits.max_mesh_bytes) return too_large();
-    if (writer_->append(chunk.data())) return grpc::Status::OK;
+    if (writer_->append(*bytes)) return grpc::Status::OK;
     return status(Failure{Code::ResourceExhausted,
                           "STORE_FULL",
                           "The server's disk takes no more; free space there, or ask whoever runs it.",
@@ -160,6 +162,7 @@ class OneCall : public grpc::ServerBidiReactor<v1::OptimiseRequest, v1::Optimise
   std::optional<v1::OptimiseSpec> spec_;
   std::unique_ptr<BlobWriter> writer_;
   std::int64_t received_ = 0;
+  std::string buffer_;
   std::optional<v1::Job> accepted_;
   bool accepted_sent_ = false;
   std::optional<EventSource> events_;

@@ -27,24 +27,23 @@ Answer<bool> ResultSource::pull(Piece* piece) {
 
 Answer<bool> ResultSource::pull_chunk(Piece* piece) {
   while (result_ < job_.results_size()) {
-    if (blob_ == nullptr) {
-      auto blob = api_.meshes.open(job_.results(result_).digest());
-      if (!blob) return tl::unexpected(blob.error());
-      blob_ = std::move(*blob);
+    if (reader_ == nullptr) {
+      auto reader = api_.meshes.read(job_.results(result_).digest());
+      if (!reader) return tl::unexpected(reader.error());
+      reader_ = std::move(*reader);
       offset_ = 0;
     }
-    const std::string_view data = blob_->bytes().substr(static_cast<std::size_t>(offset_), kChunkBytes);
-    if (!data.empty()) {
+    auto data = reader_->read(offset_, false);
+    if (!data) return tl::unexpected(data.error());
+    if (data->size > 0) {
       v1::ResultChunk& chunk = piece->chunk.emplace();
       chunk.set_result(result_);
       chunk.mutable_chunk()->set_offset(offset_);
-      chunk.mutable_chunk()->set_data(data.data(), data.size());
-      offset_ += static_cast<std::int64_t>(data.size());
-      if (offset_ % kForgetBytes < static_cast<std::int64_t>(data.size()))
-        blob_->forget(static_cast<std::size_t>(offset_));
+      chunk.mutable_chunk()->set_data(std::move(data->bytes));
+      offset_ += data->size;
       return true;
     }
-    blob_.reset();
+    reader_.reset();
     ++result_;
   }
   return false;

@@ -34,7 +34,7 @@ class ResultSource {
   std::optional<v1::History> history_;
   int next_iteration_ = 0;
   int result_ = 0;
-  std::shared_ptr<const Blob> blob_;
+  std::unique_ptr<BlobReader> reader_;
   std::int64_t offset_ = 0;
 };
 

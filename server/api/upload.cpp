@@ -1,6 +1,8 @@
 // From messages to the store.
 #include "server/api/upload.h"
 
+#include "server/api/chunks.h"
+
 namespace varimesh::server {
 
 grpc::Status UploadSession::begin(const v1::UploadHeader& header) {
@@ -15,8 +17,9 @@ grpc::Status UploadSession::begin(const v1::UploadHeader& header) {
 
 grpc::Status UploadSession::append(const v1::Chunk& chunk) {
   if (!ticket_) return refuse("The header must be sent first.");
-  if (chunk.data().size() > kMaxChunkBytes) return refuse("A chunk has more than 1 MiB; send smaller ones.");
-  const auto committed = meshes_.append(*ticket_, chunk.offset(), chunk.data());
+  const auto bytes = bytes_of(chunk, &buffer_);
+  if (!bytes) return status(bytes.error());
+  const auto committed = meshes_.append(*ticket_, chunk.offset(), *bytes);
   if (!committed) return status(committed.error());
   committed_ = *committed;
   return grpc::Status::OK;

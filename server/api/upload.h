@@ -14,7 +14,10 @@ namespace varimesh::server {
 class UploadSession {
  public:
   UploadSession(const ApiContext& api, const std::string& peer)
-      : meshes_(api.meshes), address_(peer_address(peer)), most_(api.uploads.most()), place_(api.uploads.take(address_)) {}
+      : meshes_(api.meshes),
+        address_(peer_address(peer)),
+        most_(api.uploads.most()),
+        place_(api.uploads.take(address_)) {}
 
   /// Not OK where the peer has too many uploads open already.
   grpc::Status refused() const {
@@ -48,6 +51,7 @@ class UploadSession {
   const std::shared_ptr<const void> place_;
   std::optional<UploadTicket> ticket_;
   std::int64_t committed_ = 0;
+  std::string buffer_;
   std::optional<v1::StoredMesh> stored_;
 };
 

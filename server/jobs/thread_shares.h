@@ -12,7 +12,7 @@ namespace varimesh::server {
 
 /// What a job can ask about its threads, and say.
 struct LentThreads {
-  std::function<int()> now;                              ///< How many it has at the moment, at least 1.
+  std::function<int()> now;                            ///< How many it has at the moment, at least 1.
   std::function<void(bool rests)> rest = [](bool) {};  ///< It waits for something else, or does so no more.
 };
 

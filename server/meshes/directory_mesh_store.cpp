@@ -1,9 +1,7 @@
-// Files, mappings and uploads of the directory store.
+// Uploads, and what is stored; directory_upkeep.cpp has what is done when nobody asks.
 #include "server/meshes/directory_mesh_store.h"
 
 #include <fcntl.h>
-#include <sys/mman.h>
-#include <sys/stat.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -13,13 +11,13 @@
 #include <tuple>
 #include <vector>
 
+#include "server/meshes/directory_upload.h"
 #include "server/meshes/sha256.h"
 
 namespace varimesh::server {
 namespace {
 
 using Code = Failure::Code;
-constexpr auto kUploadLifetime = std::chrono::minutes(10);
 
 bool write_all(int file, std::string_view bytes) {
   while (!bytes.empty()) {
@@ -38,53 +36,12 @@ tl::unexpected<Failure> store_full(const char* what) {
                  {}, 30);
 }
 
-/// Brings the names of new files to the disk.
-bool sync_directory(const std::filesystem::path& directory) {
-  const int file = ::open(directory.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
-  if (file < 0) return false;
-  const bool synced = ::fsync(file) == 0;
-  ::close(file);
-  return synced;
+tl::unexpected<Failure> not_there(const std::string& digest) {
+  return failure(Code::NotFound, "MESH_NOT_FOUND", "The mesh " + digest + " is not in the store; upload it.",
+                 {{"digest", digest}});
 }
 
-/// A file mapped for reading. Its pages are dropped with it.
-class MappedBlob : public Blob {
- public:
-  MappedBlob(void* data, std::size_t size) : data_(data), size_(size) {}
-  ~MappedBlob() override {
-    if (data_ != nullptr) ::munmap(data_, size_);
-  }
-  std::string_view bytes() const override { return {static_cast<const char*>(data_), size_}; }
-  void forget(std::size_t size) const override {
-    // What is asked for again comes from the file.
-    const auto page = static_cast<std::size_t>(::sysconf(_SC_PAGESIZE));
-    if (size >= page) ::madvise(data_, size / page * page, MADV_DONTNEED);
-  }
-
- private:
-  void* data_;
-  std::size_t size_;
-};
-
 }  // namespace
-
-/// An upload under way. Its own mutex orders the streams that may follow each other.
-struct DirectoryMeshStore::Upload {
-  ~Upload() {
-    if (file >= 0) ::close(file);
-    std::error_code ignored;
-    if (!path.empty()) std::filesystem::remove(path, ignored);
-  }
-  std::mutex mutex;
-  std::string digest;
-  std::int64_t size = 0;
-  std::int64_t committed = 0;
-  std::int64_t generation = 0;
-  int file = -1;
-  std::filesystem::path path;
-  Sha256 hash;
-  std::chrono::system_clock::time_point touched;
-};
 
 class DirectoryMeshStore::Writer : public BlobWriter {
  public:
@@ -145,20 +102,6 @@ DirectoryMeshStore::~DirectoryMeshStore() {
   uploads_.clear();
   std::error_code ignored;
   if (!durable_) std::filesystem::remove_all(directory_, ignored);
-}
-
-void DirectoryMeshStore::read_directory() {
-  // Whoever was told that a mesh is there before the process ended has this long to make use of it.
-  const auto touched = settings_.clock() - settings_.lifetime + std::chrono::hours(1);
-  std::error_code ignored;
-  for (const auto& file : std::filesystem::directory_iterator(directory_, ignored)) {
-    const std::string name = file.path().filename().string();
-    if (name.rfind("part-", 0) == 0) std::filesystem::remove(file.path(), ignored);
-    if (!is_digest(name)) continue;
-    const auto written = std::chrono::file_clock::to_sys(file.last_write_time(ignored));
-    entries_[name] = {static_cast<std::int64_t>(file.file_size(ignored)), 0, false,
-                      std::max(touched, std::chrono::time_point_cast<std::chrono::system_clock::duration>(written))};
-  }
 }
 
 std::filesystem::path DirectoryMeshStore::temporary_path() {
@@ -302,16 +245,6 @@ Answer<UploadProgress> DirectoryMeshStore::query_upload(const std::string& id, c
   return failure(Code::NotFound, "UPLOAD_NOT_FOUND", "Neither this upload nor this mesh is known; begin from 0.");
 }
 
-void DirectoryMeshStore::drop_old_uploads() {
-  const auto now = settings_.clock();
-  std::erase_if(uploads_, [&](const auto& entry) {
-    std::unique_lock lock(entry.second->mutex, std::try_to_lock);
-    const bool old = lock.owns_lock() && now - entry.second->touched > kUploadLifetime;
-    if (lock.owns_lock()) lock.unlock();
-    return old;
-  });
-}
-
 // ===== stored bytes =====
 
 Answer<StoredBytes> DirectoryMeshStore::adopt(const std::filesystem::path& path, int file, StoredBytes stored,
@@ -325,13 +258,13 @@ Answer<StoredBytes> DirectoryMeshStore::adopt(const std::filesystem::path& path,
     Entry& entry = found->second;
     if (is_new) {
       std::error_code error;
-      std::filesystem::rename(path, path_of(stored.digest), error);
+      std::filesystem::rename(path, path_of(stored.digest, Form::Plain), error);
       if (error) {
         entries_.erase(found);
         errno = error.value();
         return store_full("a finished file cannot be renamed");
       }
-      entry.size = stored.size;
+      entry.size = entry.stored = stored.size;
     }
     entry.touched = settings_.clock();
     if (pinned)
@@ -363,23 +296,53 @@ Answer<std::unique_ptr<BlobWriter>> DirectoryMeshStore::create() {
   return std::make_unique<Writer>(this, file, std::move(path));
 }
 
+int DirectoryMeshStore::open_file(Entries::const_iterator entry) const {
+  return ::open(path_of(entry->first, entry->second.form).c_str(), O_RDONLY | O_CLOEXEC);
+}
+
+tl::unexpected<Failure> DirectoryMeshStore::unreadable(const std::string& digest) const {
+  return failure(Code::Internal, "INTERNAL",
+                 "The mesh " + digest + " cannot be read from the store (" + std::strerror(errno) + ").");
+}
+
 Answer<std::shared_ptr<const Blob>> DirectoryMeshStore::open(const std::string& digest) {
-  std::lock_guard lock(mutex_);
+  std::unique_lock lock(mutex_);
   const auto entry = entries_.find(digest);
-  if (entry == entries_.end())
-    return failure(Code::NotFound, "MESH_NOT_FOUND", "The mesh " + digest + " is not in the store; upload it.",
-                   {{"digest", digest}});
+  if (entry == entries_.end()) return not_there(digest);
   entry->second.touched = settings_.clock();
   const auto size = static_cast<std::size_t>(entry->second.size);
-  if (size == 0) return std::make_shared<const MappedBlob>(nullptr, 0);
-  const int file = ::open(path_of(digest).c_str(), O_RDONLY | O_CLOEXEC);
-  void* data = file < 0 ? MAP_FAILED : ::mmap(nullptr, size, PROT_READ, MAP_PRIVATE, file, 0);
+  const Form form = entry->second.form;
+  const int file = open_file(entry);
+  lock.unlock();
+  if (file < 0) return unreadable(digest);
+  if (form == Form::Zstd) {
+    auto expanded = expand_file(file, directory_);
+    if (expanded == nullptr && errno == ENOSPC)
+      return store_full("it is compressed, and there is no room to expand it");
+    if (expanded == nullptr) return unreadable(digest);
+    return expanded;
+  }
+  auto mapped = map_file(file, size);
   const int reason = errno;
-  if (file >= 0) ::close(file);
-  if (data == MAP_FAILED)
-    return failure(Code::Internal, "INTERNAL",
-                   "The mesh " + digest + " cannot be read from the store (" + std::strerror(reason) + ").");
-  return std::make_shared<const MappedBlob>(data, size);
+  ::close(file);
+  errno = reason;
+  if (mapped == nullptr) return unreadable(digest);
+  return mapped;
+}
+
+Answer<std::unique_ptr<BlobReader>> DirectoryMeshStore::read(const std::string& digest) {
+  std::unique_lock lock(mutex_);
+  const auto entry = entries_.find(digest);
+  if (entry == entries_.end()) return not_there(digest);
+  entry->second.touched = settings_.clock();
+  const Form form = entry->second.form;
+  const int file = open_file(entry);
+  lock.unlock();
+  if (file < 0) return unreadable(digest);
+  errno = EIO;
+  auto reader = read_file(file, form);
+  if (reader == nullptr) return unreadable(digest);
+  return reader;
 }
 
 bool DirectoryMeshStore::pin(const std::string& digest) {
@@ -407,30 +370,8 @@ void DirectoryMeshStore::release(const std::string& digest) {
 
 void DirectoryMeshStore::drop(Entries::iterator entry) {
   std::error_code ignored;
-  std::filesystem::remove(path_of(entry->first), ignored);
+  for (const Form form : {Form::Plain, Form::Zstd}) std::filesystem::remove(path_of(entry->first, form), ignored);
   entries_.erase(entry);
-}
-
-void DirectoryMeshStore::sweep() {
-  std::lock_guard lock(mutex_);
-  drop_old_uploads();
-  const auto now = settings_.clock();
-  std::int64_t total = 0;
-  std::vector<std::pair<std::chrono::system_clock::time_point, Entries::iterator>> idle;
-  for (auto entry = entries_.begin(); entry != entries_.end(); ++entry) {
-    total += entry->second.size;
-    if (entry->second.references == 0) idle.emplace_back(entry->second.touched, entry);
-  }
-  std::sort(idle.begin(), idle.end(), [](const auto& a, const auto& b) { return a.first < b.first; });
-  for (const auto& [touched, entry] : idle) {
-    const bool too_old = now - touched >= settings_.lifetime;
-    // Whoever was told just now that it is there is about to refer to it.
-    const bool too_much = settings_.max_total_bytes > 0 && total > settings_.max_total_bytes &&
-                          now - touched > std::min<std::chrono::minutes>(kUploadLifetime, settings_.lifetime);
-    if (!too_old && !too_much) continue;
-    total -= entry->second.size;
-    drop(entry);
-  }
 }
 
 }  // namespace varimesh::server

@@ -10,6 +10,7 @@
 #include <mutex>
 #include <string>
 
+#include "server/meshes/blobs.h"
 #include "server/meshes/mesh_store.h"
 
 namespace varimesh::server {
@@ -19,12 +20,14 @@ struct DirectoryMeshSettings {
   std::int64_t max_total_bytes = 0;            ///< Beyond it the oldest go that nothing refers to; 0: no limit.
   std::int64_t reserve_bytes = 0;              ///< Of the disk, that no upload may take.
   std::chrono::minutes lifetime{7 * 24 * 60};  ///< Of what nothing refers to, since it was last asked for.
+  std::chrono::minutes compress_after{0};      ///< Since it was last asked for; 0: never.
   std::function<std::chrono::system_clock::time_point()> clock = std::chrono::system_clock::now;
 };
 
 /// Keeps the bytes in files, so that a mesh that nobody works on costs no memory, and maps them where they are read. A
-/// file has its name, the digest, only when all of it is there. Uploads that nobody touched for ten minutes are
-/// dropped.
+/// file has its name, the digest, only when all of it is there. What nobody has asked for in a while is compressed
+/// where that makes it smaller, under the digest and ".zst"; the digest stays that of the bytes. Uploads that nobody
+/// touched for ten minutes are dropped.
 class DirectoryMeshStore : public MeshStore {
  public:
   /// Makes a directory under `parent` (empty: the system's for temporary files) that goes with the store.
@@ -43,24 +46,35 @@ class DirectoryMeshStore : public MeshStore {
   Answer<UploadProgress> query_upload(const std::string& id, const std::string& digest) override;
   Answer<std::unique_ptr<BlobWriter>> create() override;
   Answer<std::shared_ptr<const Blob>> open(const std::string& digest) override;
+  Answer<std::unique_ptr<BlobReader>> read(const std::string& digest) override;
   bool pin(const std::string& digest) override;
   void retain(const std::string& digest) override;
   void release(const std::string& digest) override;
   void sweep() override;
+  /// Now and then, by one thread at a time, which may be long at it: compresses what nobody has asked for in a while.
+  void compress_idle(const std::function<bool()>& given_up);
 
  private:
   class Writer;
   struct Upload;
   struct Entry {
     std::int64_t size = 0;
+    std::int64_t stored = 0;  ///< Of its file.
     int references = 0;
     bool pinned = false;
     std::chrono::system_clock::time_point touched;
+    Form form = Form::Plain;
+    bool is_dense = false;  ///< Compressing makes it no smaller.
   };
   using Entries = std::map<std::string, Entry>;
 
   DirectoryMeshStore(std::filesystem::path directory, DirectoryMeshSettings settings, bool durable);
-  std::filesystem::path path_of(const std::string& digest) const { return directory_ / digest; }
+  std::filesystem::path path_of(const std::string& digest, Form form) const {
+    return directory_ / (form == Form::Zstd ? digest + ".zst" : digest);
+  }
+  /// With the lock held: the file of an entry, open for reading; −1 where it cannot be opened (errno).
+  int open_file(Entries::const_iterator entry) const;
+  tl::unexpected<Failure> unreadable(const std::string& digest) const;
   std::filesystem::path temporary_path();
   Answer<std::shared_ptr<Upload>> find(const UploadTicket& ticket);
   /// Renames a finished file to its digest, or drops it where the digest is there already.
@@ -69,6 +83,10 @@ class DirectoryMeshStore : public MeshStore {
   void take_back(const std::string& digest, bool pinned, bool is_new);
   void drop_old_uploads();
   void read_directory();
+  void read_entry(const std::filesystem::path& path, const std::string& digest, Form form);
+  std::string next_to_compress();
+  /// False where it could not be tried.
+  bool compress(const std::string& digest, const std::function<bool()>& given_up);
   void drop(Entries::iterator entry);
 
   const std::filesystem::path directory_;

@@ -10,13 +10,25 @@
 
 namespace varimesh::server {
 
-/// The bytes of a stored mesh, readable for as long as somebody holds this.
+/// The bytes of a stored mesh all at once, readable for as long as somebody holds this.
 class Blob {
  public:
   virtual ~Blob() = default;
   virtual std::string_view bytes() const = 0;
-  /// The first `size` bytes need not stay in memory, since they are not about to be read again; they may be.
-  virtual void forget(std::size_t size) const = 0;
+};
+
+/// The bytes of a stored mesh piece by piece, in little memory. One thread at a time.
+class BlobReader {
+ public:
+  struct Piece {
+    std::string bytes;
+    std::int64_t size = 0;  ///< Of what they stand for; 0 at the end.
+    bool is_zstd = false;   ///< They are one zstd frame.
+  };
+  virtual ~BlobReader() = default;
+  virtual std::int64_t size() const = 0;
+  /// What begins at `offset`, which is at most size(). With `zstd` as a frame where that is smaller.
+  virtual Answer<Piece> read(std::int64_t offset, bool zstd) = 0;
 };
 
 /// What the store knows of a mesh.
@@ -66,6 +78,8 @@ class MeshStore {
   virtual Answer<std::unique_ptr<BlobWriter>> create() = 0;
   /// NOT_FOUND where it is not there.
   virtual Answer<std::shared_ptr<const Blob>> open(const std::string& digest) = 0;
+  /// Likewise.
+  virtual Answer<std::unique_ptr<BlobReader>> read(const std::string& digest) = 0;
   /// Whether the mesh is there; if so it stays, for as long as the store keeps what nobody touches.
   virtual bool pin(const std::string& digest) = 0;
   /// Nothing happens where it is not there.

@@ -16,6 +16,7 @@ struct Limits {
   int max_ended_jobs = 1000;                             ///< Jobs remembered after their end.
   std::int64_t max_store_bytes = 0;                      ///< Meshes that no job refers to go beyond it; 0: no limit.
   std::chrono::minutes mesh_lifetime{7 * 24 * 60};       ///< Of a mesh that no job refers to.
+  std::chrono::minutes compress_after{10};               ///< Since a mesh was last asked for; 0: never.
   std::int64_t reserve_bytes = 0;                        ///< Of disk, left for what the running jobs write.
   std::int64_t max_memory_bytes = 0;                     ///< Of all running jobs together; 0: no limit.
   int threads = 0;                                       ///< The machine's budget; 0: all there are.
@@ -28,7 +29,5 @@ struct Limits {
 inline constexpr std::size_t kChunkBytes = 256 * 1024;
 /// The largest that is taken.
 inline constexpr std::size_t kMaxChunkBytes = 1024 * 1024;
-/// Of a mesh on its way out, what has been sent is dropped from memory whenever it is so much more.
-inline constexpr std::int64_t kForgetBytes = 16 << 20;
 
 }  // namespace varimesh::server

@@ -29,8 +29,9 @@ TEST(SqliteJobStore, BringsOldTablesUpToDate) {
   ASSERT_TRUE(place.open(settings)->submit({"id", {}, "jobs/old", 10, {}, 0}));
   {
     SqliteDatabase database((place.directory() / "jobs.sqlite").string());
-    database.run("DROP INDEX jobs_waiting_of; ALTER TABLE jobs DROP COLUMN owner; ALTER TABLE jobs DROP COLUMN furthest; "
-                 "PRAGMA user_version = 1");
+    database.run(
+        "DROP INDEX jobs_waiting_of; ALTER TABLE jobs DROP COLUMN owner; ALTER TABLE jobs DROP COLUMN furthest; "
+        "PRAGMA user_version = 1");
   }
   const auto store = place.open(settings);
   ASSERT_TRUE(store->get("jobs/old"));

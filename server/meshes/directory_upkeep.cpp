@@ -1,0 +1,155 @@
+// What happens to the directory when nobody asks: reading it at the beginning, compressing, sweeping.
+#include <fcntl.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <system_error>
+#include <vector>
+
+#include "server/meshes/directory_mesh_store.h"
+#include "server/meshes/directory_upload.h"
+#include "server/meshes/zstd.h"
+
+namespace varimesh::server {
+namespace {
+
+constexpr std::int64_t kLeastCompressed = 64 * 1024;  // below it a file wins nothing but trouble
+
+}  // namespace
+
+bool sync_directory(const std::filesystem::path& directory) {
+  const int file = ::open(directory.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+  if (file < 0) return false;
+  const bool synced = ::fsync(file) == 0;
+  ::close(file);
+  return synced;
+}
+
+// ===== reading =====
+
+void DirectoryMeshStore::read_directory() {
+  std::error_code ignored;
+  std::vector<std::filesystem::path> compressed;
+  for (const auto& file : std::filesystem::directory_iterator(directory_, ignored)) {
+    const std::string name = file.path().filename().string();
+    if (name.rfind("part-", 0) == 0) std::filesystem::remove(file.path(), ignored);
+    if (is_digest(name)) read_entry(file.path(), name, Form::Plain);
+    if (file.path().extension() == ".zst" && is_digest(file.path().stem().string())) compressed.push_back(file.path());
+  }
+  // Where both are there, the process ended between the naming of one and the removal of the other.
+  for (const std::filesystem::path& path : compressed) read_entry(path, path.stem().string(), Form::Zstd);
+}
+
+void DirectoryMeshStore::read_entry(const std::filesystem::path& path, const std::string& digest, Form form) {
+  std::error_code ignored;
+  Entry entry;
+  entry.form = form;
+  entry.stored = entry.size = static_cast<std::int64_t>(std::filesystem::file_size(path, ignored));
+  if (form == Form::Zstd) {
+    const int file = ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
+    const auto opened = file < 0 ? nullptr : ZstdFile::open(file);
+    if (opened == nullptr) return;
+    entry.size = opened->size();
+    std::filesystem::remove(path_of(digest, Form::Plain), ignored);
+  }
+  // Whoever was told that a mesh is there before the process ended has this long to make use of it.
+  const auto written = std::chrono::file_clock::to_sys(std::filesystem::last_write_time(path, ignored));
+  entry.touched = std::max(settings_.clock() - settings_.lifetime + std::chrono::hours(1),
+                           std::chrono::time_point_cast<std::chrono::system_clock::duration>(written));
+  entries_[digest] = entry;
+}
+
+// ===== compressing =====
+
+std::string DirectoryMeshStore::next_to_compress() {
+  std::lock_guard lock(mutex_);
+  const auto now = settings_.clock();
+  for (const auto& [digest, entry] : entries_)
+    if (entry.form == Form::Plain && !entry.is_dense && entry.size >= kLeastCompressed &&
+        now - entry.touched >= settings_.compress_after)
+      return digest;
+  return {};
+}
+
+void DirectoryMeshStore::compress_idle(const std::function<bool()>& given_up) {
+  if (settings_.compress_after.count() == 0) return;
+  while (!given_up()) {
+    const std::string digest = next_to_compress();
+    if (digest.empty() || !has_room() || !compress(digest, given_up)) return;
+  }
+}
+
+bool DirectoryMeshStore::compress(const std::string& digest, const std::function<bool()>& given_up) {
+  const std::filesystem::path path = temporary_path();
+  const int from = ::open(path_of(digest, Form::Plain).c_str(), O_RDONLY | O_CLOEXEC);
+  const bool is_gone = from < 0 && errno == ENOENT;
+  const int to = ::open(path.c_str(), O_CREAT | O_EXCL | O_WRONLY | O_CLOEXEC, 0600);
+  Compression outcome = from < 0 || to < 0 ? Compression::Failed : compress_file(from, to, given_up);
+  struct stat facts {};
+  if (outcome == Compression::Smaller && (::fstat(to, &facts) != 0 || (durable_ && ::fdatasync(to) != 0)))
+    outcome = Compression::Failed;
+  if (from >= 0) ::close(from);
+  if (to >= 0) ::close(to);
+
+  std::unique_lock lock(mutex_);
+  auto entry = entries_.find(digest);
+  const bool is_there = entry != entries_.end();
+  std::error_code error;
+  if (outcome == Compression::Smaller && is_there) {
+    std::filesystem::rename(path, path_of(digest, Form::Zstd), error);
+    if (error) outcome = Compression::Failed;
+  }
+  if (outcome == Compression::NotWorthIt && is_there) entry->second.is_dense = true;
+  if (outcome != Compression::Smaller || !is_there) {
+    std::filesystem::remove(path, error);
+    return outcome != Compression::Failed || is_gone;
+  }
+  entry->second.form = Form::Zstd;
+  entry->second.stored = facts.st_size;
+  lock.unlock();
+  // The plain file goes when the other is sure to stay; where that cannot be said, at the next start.
+  if (durable_ && !sync_directory(directory_)) return false;
+  lock.lock();
+  entry = entries_.find(digest);
+  if (entry != entries_.end() && entry->second.form == Form::Zstd)
+    std::filesystem::remove(path_of(digest, Form::Plain), error);
+  return true;
+}
+
+// ===== sweeping =====
+
+void DirectoryMeshStore::drop_old_uploads() {
+  const auto now = settings_.clock();
+  std::erase_if(uploads_, [&](const auto& entry) {
+    std::unique_lock lock(entry.second->mutex, std::try_to_lock);
+    const bool old = lock.owns_lock() && now - entry.second->touched > kUploadLifetime;
+    if (lock.owns_lock()) lock.unlock();
+    return old;
+  });
+}
+
+void DirectoryMeshStore::sweep() {
+  std::lock_guard lock(mutex_);
+  drop_old_uploads();
+  const auto now = settings_.clock();
+  std::int64_t total = 0;
+  std::vector<std::pair<std::chrono::system_clock::time_point, Entries::iterator>> idle;
+  for (auto entry = entries_.begin(); entry != entries_.end(); ++entry) {
+    total += entry->second.stored;
+    if (entry->second.references == 0) idle.emplace_back(entry->second.touched, entry);
+  }
+  std::sort(idle.begin(), idle.end(), [](const auto& a, const auto& b) { return a.first < b.first; });
+  for (const auto& [touched, entry] : idle) {
+    const bool too_old = now - touched >= settings_.lifetime;
+    // Whoever was told just now that it is there is about to refer to it.
+    const bool too_much = settings_.max_total_bytes > 0 && total > settings_.max_total_bytes &&
+                          now - touched > std::min<std::chrono::minutes>(kUploadLifetime, settings_.lifetime);
+    if (!too_old && !too_much) continue;
+    total -= entry->second.stored;
+    drop(entry);
+  }
+}
+
+}  // namespace varimesh::server
