@@ -1,4 +1,5 @@
 // What one peer may have, over a real connection on loopback.
+#include "server/operations/peers.h"
 #include "tests/server/harness.h"
 
 namespace varimesh::server::testing {

@@ -1,4 +1,5 @@
 // Uploads that are acknowledged as they come.
+#include "server/meshes/zstd.h"
 #include "tests/server/harness.h"
 
 namespace varimesh::server::testing {
@@ -100,6 +101,87 @@ TEST(SendMesh, RefusesAChunkThatDoesNotFollow) {
   const grpc::Status status = stream->Finish();
   EXPECT_EQ(status.error_code(), grpc::StatusCode::OUT_OF_RANGE);
   EXPECT_EQ(info_of(status).metadata().at("committed_size"), "0");
+}
+
+/// Something that is no mesh, and compresses well.
+std::string long_text(int lines) {
+  std::string text;
+  for (int i = 0; i < lines; ++i) text += std::to_string(i) + " 0.123456 " + std::to_string(i % 7) + "\n";
+  return text;
+}
+
+TEST(SendMesh, TakesCompressedChunks) {
+  const Service service(echo_engine());
+  const std::string bytes = long_text(10'000);
+  const std::string frame = zstd_compress(bytes);
+  ASSERT_LT(frame.size(), bytes.size());
+  grpc::ClientContext context;
+  const auto stream = service.meshes->SendMesh(&context);
+  v1::SendMeshResponse response;
+  ASSERT_TRUE(stream->Write(header_of(bytes)) && stream->Read(&response));
+  v1::SendMeshRequest chunk = chunk_of(0, frame);
+  chunk.mutable_chunk()->set_encoding(v1::ENCODING_ZSTD);
+  ASSERT_TRUE(stream->Write(chunk) && stream->Read(&response));
+  EXPECT_EQ(response.committed_size(), static_cast<std::int64_t>(bytes.size()));
+  stream->WritesDone();
+  ASSERT_TRUE(stream->Read(&response));
+  EXPECT_TRUE(stream->Finish().ok());
+  EXPECT_EQ(service.download(response.mesh().digest()), bytes);
+}
+
+TEST(SendMesh, RefusesFramesThatAreNone) {
+  const Service service(echo_engine());
+  const std::string bytes = long_text(200'000);  // more than a chunk may have
+  const std::string frame = zstd_compress(bytes);
+  ASSERT_FALSE(frame.empty());
+  for (const std::string& wrong : {std::string("no frame"), frame, zstd_compress(long_text(100)).substr(0, 50)}) {
+    grpc::ClientContext context;
+    const auto stream = service.meshes->SendMesh(&context);
+    stream->Write(header_of(bytes));
+    v1::SendMeshRequest chunk = chunk_of(0, wrong);
+    chunk.mutable_chunk()->set_encoding(v1::ENCODING_ZSTD);
+    stream->Write(chunk);
+    v1::SendMeshResponse response;
+    while (stream->Read(&response)) EXPECT_EQ(response.committed_size(), 0);
+    const grpc::Status status = stream->Finish();
+    EXPECT_EQ(status.error_code(), grpc::StatusCode::INVALID_ARGUMENT) << wrong.size();
+    EXPECT_EQ(info_of(status).reason(), "BAD_REQUEST");
+  }
+}
+
+TEST(DownloadMesh, IsCompressedWhereThatIsAskedForAndSmaller) {
+  const Service service(echo_engine());
+  const std::string text = long_text(40'000);
+  std::string noise(300'000, '\0');
+  std::uint32_t state = 1;
+  for (char& c : noise) c = static_cast<char>((state = state * 1664525 + 1013904223) >> 24);
+  for (const std::string& bytes : {text, noise}) {
+    v1::DownloadMeshRequest request;
+    request.set_digest(service.upload(bytes, 100'000));
+    request.set_encoding(v1::ENCODING_ZSTD);
+    request.set_offset(1000);
+    grpc::ClientContext context;
+    const auto reader = service.meshes->DownloadMesh(&context, request);
+    v1::DownloadMeshResponse response;
+    std::string came, content;
+    std::size_t travelled = 0;
+    while (reader->Read(&response)) {
+      EXPECT_EQ(response.chunk().offset(), static_cast<std::int64_t>(1000 + came.size()));
+      travelled += response.chunk().data().size();
+      if (response.chunk().encoding() == v1::ENCODING_ZSTD) {
+        ASSERT_TRUE(zstd_decompress(response.chunk().data(), 1 << 20, &content));
+        came += content;
+      } else {
+        came += response.chunk().data();
+      }
+    }
+    EXPECT_TRUE(reader->Finish().ok());
+    EXPECT_EQ(came, bytes.substr(1000));
+    if (bytes == text)
+      EXPECT_LT(travelled, bytes.size() / 2);
+    else
+      EXPECT_EQ(travelled, bytes.size() - 1000);
+  }
 }
 
 }  // namespace
