@@ -9,6 +9,7 @@
 
 #include "client/digest.h"
 #include "client/failures.h"
+#include "client/frames.h"
 #include "client/input_file.h"
 #include "client/interrupter.h"
 #include "core/formats/output_file.h"
@@ -16,7 +17,7 @@
 namespace varimesh::client {
 namespace {
 
-constexpr std::size_t kChunkBytes = 256 * 1024;
+constexpr std::size_t kChunkBytes = 256 * 1024, kMostChunkBytes = 1024 * 1024;
 /// A chunk goes in pieces, so that one is on its way while another is stored.
 constexpr std::int64_t kAheadBytes = kChunkBytes, kPieceBytes = kAheadBytes / 4;
 
@@ -221,7 +222,9 @@ Outcome<std::optional<v1::StoredMesh>> Client::upload_once(const InputFile& file
       } else {
         request.mutable_chunk()->set_offset(sent);
         sent += static_cast<std::int64_t>(piece->size());
-        request.mutable_chunk()->set_data(std::move(*piece));
+        std::string frame = settings_.compress ? compress(*piece) : std::string();
+        request.mutable_chunk()->set_encoding(frame.empty() ? v1::ENCODING_UNSPECIFIED : v1::ENCODING_ZSTD);
+        request.mutable_chunk()->set_data(std::move(frame.empty() ? *piece : frame));
         open = stream->Write(request);
       }
     }
@@ -239,21 +242,27 @@ Outcome<void> Client::download(const v1::StoredMesh& mesh, const std::string& pa
   Digest digest;
   v1::DownloadMeshRequest request;
   request.set_digest(mesh.digest());
+  if (settings_.compress) request.set_encoding(v1::ENCODING_ZSTD);
   Patience patience(settings_);
-  while (true) {
+  for (bool damaged = false; true;) {
     grpc::ClientContext context;
     const Interrupter::Eye eye(interrupter_.get(), &context);
     const auto reader = meshes_->DownloadMesh(&context, request);
     v1::DownloadMeshResponse response;
-    while (!file->failed() && reader->Read(&response)) {
-      file->write(response.chunk().data());
-      digest.update(response.chunk().data());
-      request.set_offset(request.offset() + static_cast<std::int64_t>(response.chunk().data().size()));
+    std::string content;
+    while (!file->failed() && !damaged && reader->Read(&response)) {
+      const bool is_frame = response.chunk().encoding() == v1::ENCODING_ZSTD;
+      damaged = is_frame && !expand(response.chunk().data(), kMostChunkBytes, &content);
+      if (damaged) break;
+      const std::string& bytes = is_frame ? content : response.chunk().data();
+      file->write(bytes);
+      digest.update(bytes);
+      request.set_offset(request.offset() + static_cast<std::int64_t>(bytes.size()));
       patience.reset();
     }
-    if (file->failed()) context.TryCancel();
+    if (file->failed() || damaged) context.TryCancel();
     const grpc::Status status = reader->Finish();
-    if (file->failed() || status.ok()) break;
+    if (file->failed() || damaged || status.ok()) break;  // the digest tells
     if (patience.again(status)) continue;
     if (settings_.wants_to_stop()) return interrupted("while the result was fetched");
     return tl::unexpected(failure_of(status));

@@ -54,6 +54,8 @@ struct Settings {
   /// answer that begin afterwards (to cancel a job, say) are made once, and have `last_word` to be answered.
   std::function<bool()> interrupted;
   std::chrono::milliseconds last_word{2000};
+  /// Meshes go compressed, where that makes them smaller: for a network of less than some hundred MB/s.
+  bool compress = false;
   /// Told false as soon as a server that was there is found away, and true when it is back.
   std::function<void(bool answers)> on_contact;
 

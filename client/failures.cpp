@@ -37,9 +37,41 @@ tl::unexpected<Failure> file_failure(std::string sentence) {
   return tl::unexpected<Failure>(Failure{Failure::Kind::File, "", std::move(sentence), {}});
 }
 
+namespace {
+
+/// When the server wants to be asked again; 0: it does not say.
+std::chrono::milliseconds retry_delay(const grpc::Status& status) {
+  google::rpc::Status full;
+  google::rpc::RetryInfo retry;
+  if (status.error_code() != grpc::StatusCode::RESOURCE_EXHAUSTED || !full.ParseFromString(status.error_details()))
+    return {};
+  for (const auto& detail : full.details())
+    if (detail.UnpackTo(&retry))
+      return std::chrono::seconds(retry.retry_delay().seconds()) +
+             std::chrono::milliseconds(retry.retry_delay().nanos() / 1'000'000);
+  return {};
+}
+
+}  // namespace
+
+bool Patience::sleep(std::chrono::milliseconds pause) const {
+  const auto end = std::chrono::steady_clock::now() + pause;
+  while (std::chrono::steady_clock::now() < end) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(50));
+    if (settings_.wants_to_stop()) return false;
+  }
+  return true;
+}
+
 bool Patience::again(const grpc::Status& status) {
   using Clock = std::chrono::steady_clock;
   if (settings_.wants_to_stop()) return false;
+  if (const auto delay = retry_delay(status); delay.count() > 0) {
+    say(true);
+    const auto now = Clock::now();
+    if (refused_since_ == Clock::time_point{}) refused_since_ = now;
+    return now + delay - refused_since_ <= settings_.retry && sleep(delay);
+  }
   if (status.error_code() != grpc::StatusCode::UNAVAILABLE) {
     // A no is an answer too; these two are made on this side.
     if (status.error_code() != grpc::StatusCode::CANCELLED &&
@@ -54,16 +86,14 @@ bool Patience::again(const grpc::Status& status) {
   }
   if (now - away_since_ > settings_.retry) return false;
   say(false);
-  while (Clock::now() < now + pause_) {
-    std::this_thread::sleep_for(std::chrono::milliseconds(50));
-    if (settings_.wants_to_stop()) return false;
-  }
+  if (!sleep(pause_)) return false;
   pause_ = std::min(pause_ * 2, std::chrono::milliseconds(2000));
   return true;
 }
 
 void Patience::reset() {
   pause_ = std::chrono::milliseconds(0);
+  refused_since_ = {};
   say(true);
 }
 

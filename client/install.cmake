@@ -12,7 +12,7 @@ add_library(varimesh_client_shared SHARED
   $<TARGET_OBJECTS:varimesh_client> $<TARGET_OBJECTS:varimesh_proto> $<TARGET_OBJECTS:varimesh_messages>)
 target_link_libraries(varimesh_client_shared
   PUBLIC protobuf::libprotobuf PkgConfig::grpcpp
-  PRIVATE $<BUILD_INTERFACE:varimesh> OpenSSL::Crypto Threads::Threads)
+  PRIVATE $<BUILD_INTERFACE:varimesh> OpenSSL::Crypto PkgConfig::zstd Threads::Threads)
 target_link_options(varimesh_client_shared PRIVATE LINKER:--as-needed LINKER:--exclude-libs,libvarimesh.a)
 target_include_directories(varimesh_client_shared INTERFACE $<INSTALL_INTERFACE:include>)
 target_compile_features(varimesh_client_shared INTERFACE cxx_std_17)

@@ -45,11 +45,18 @@ void add_quiet_flag(CLI::App& command, CommonFlags* flags) {
   command.add_flag("-q,--quiet", flags->quiet, "No progress and no summary");
 }
 
+void add_compress_flag(CLI::App& command, CommonFlags* flags) {
+  command.add_flag("--compress", flags->compress,
+                   "Compress meshes on their way to the server and back: for slow networks");
+}
+
 int status_of_reason(const std::string& reason) {
   if (reason == "BAD_INPUT" || reason == "OUTPUT" || reason == "MESH_TOO_LARGE") return kInputRefused;
-  if (reason == "BAD_OPTION" || reason == "BAD_REQUEST" || reason == "JOB_NOT_FOUND" || reason == "REQUEST_ID_USED")
+  if (reason == "BAD_OPTION" || reason == "BAD_REQUEST" || reason == "JOB_NOT_FOUND" || reason == "JOB_NOT_ENDED" ||
+      reason == "REQUEST_ID_USED")
     return kUsage;
-  if (reason == "STORE_FULL" || reason == "QUEUE_FULL" || reason == "STOPPING") return kServer;
+  if (reason == "STORE_FULL" || reason == "QUEUE_FULL" || reason == "PEER_LIMIT" || reason == "STOPPING")
+    return kServer;
   return kJobFailed;
 }
 
@@ -116,6 +123,7 @@ tl::expected<Connection, int> connect(const CommonFlags& flags) {
   Settings settings;
   settings.interrupted = [] { return interrupts() > 0; };
   if (!flags.quiet) settings.on_contact = [retry = settings.retry](bool answers) { say_contact(answers, retry); };
+  settings.compress = flags.compress && !flags.server.empty();
   Connection connection;
   if (flags.server.empty()) {
     connection.folder = std::make_unique<TemporaryFolder>();

@@ -31,11 +31,14 @@ struct CommonFlags {
   std::string server;  ///< Empty: run the service in this process.
   bool json = false;
   bool quiet = false;
+  bool compress = false;  ///< Of meshes on their way to a server and back.
 };
 
 void add_server_flag(CLI::App& command, CommonFlags* flags);
 void add_json_flag(CLI::App& command, CommonFlags* flags);
 void add_quiet_flag(CLI::App& command, CommonFlags* flags);
+/// For commands that send or fetch meshes.
+void add_compress_flag(CLI::App& command, CommonFlags* flags);
 
 /// Prints "varimesh: sentence" on standard error and returns the status that the error means.
 int report(const Error& error);

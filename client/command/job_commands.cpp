@@ -21,6 +21,7 @@ struct Arguments {
   std::string job, format, history, report, request_id;
   std::vector<std::string> outputs, labels, states;
   std::int64_t after = 0;
+  int priority = 0;
   v1::Options options;
 };
 
@@ -54,6 +55,7 @@ int submit(const Arguments& arguments) {
   v1::JobSpec spec;
   if (const auto labels = parse_labels(arguments.labels, spec.mutable_labels()); !labels) return report(labels.error());
   *spec.mutable_options() = arguments.options;
+  spec.set_priority(arguments.priority);
   for (const std::string& name : arguments.outputs) {
     const auto* format = value_of(*v1::MeshFormat_descriptor(), name);
     if (format == nullptr) return report(Error{Error::Kind::BadOption, "There is no format '" + name + "'."});
@@ -155,7 +157,7 @@ int info(const Arguments& arguments) {
     std::string text = value.is_string() ? value.get<std::string>() : "";
     if (value.is_array())
       for (const auto& one : value) text += (text.empty() ? "" : ", ") + one.get<std::string>();
-    std::cout << fmt::format("{:<18}{}\n", key, text.empty() ? value.dump() : text);
+    std::cout << fmt::format("{:<27}{}\n", key, text.empty() ? value.dump() : text);
   }
   return kDone;
 }
@@ -171,8 +173,14 @@ Run add_submit(CLI::App& app) {
   command.add_option("--label", arguments->labels, "KEY=VALUE to find the job by; may be repeated")
       ->check(is_text())
       ->allow_extra_args(false);
+  command
+      .add_option("--priority", arguments->priority,
+                  "Higher goes first, from -100 to 100: a step is worth ten minutes of waiting")
+      ->check(CLI::Range(-100, 100))
+      ->capture_default_str();
   command.add_option("--request-id", arguments->request_id, "Repeating with the same id answers with the same job")
       ->check(is_text());
+  add_compress_flag(command, &arguments->common);
   add_options(command, &arguments->options);
   return [arguments] { return submit(*arguments); };
 }
@@ -199,6 +207,7 @@ Run add_result(CLI::App& app) {
   command.add_option("--history", arguments->history, "Write every iteration to this file, comma-separated")
       ->type_name("FILE.csv");
   add_report_flag(command, &arguments->report);
+  add_compress_flag(command, &arguments->common);
   add_quiet_flag(command, &arguments->common);
   return [arguments] { return result(*arguments); };
 }

@@ -65,6 +65,7 @@ Run add_optimise(CLI::App& app) {
       ->type_name("ID")
       ->check(is_text());
   add_server_flag(command, &arguments->common);
+  add_compress_flag(command, &arguments->common);
   add_json_flag(command, &arguments->common);
   add_quiet_flag(command, &arguments->common);
   add_options(command, &arguments->options);

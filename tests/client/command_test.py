@@ -281,6 +281,13 @@ class WithServer(WithFolder):
         for out in outs:
             self.assertEqual(out.read_bytes(), lone.read_bytes())
 
+    def test_compressed_on_the_way_it_is_the_same_mesh(self):
+        plain, compressed = self.folder / "plain.msh", self.folder / "compressed.msh"
+        for out, flags in ((plain, []), (compressed, ["--compress"])):
+            done = self.remote("optimise", LARGER, "-o", out, "--max-iterations", "3", *flags)
+            self.assertEqual(done.returncode, 4, done.stderr)
+        self.assertEqual(plain.read_bytes(), compressed.read_bytes())
+
     def test_submit_watch_result(self):
         done = self.remote("submit", MESH, "--label", "for=test", "--request-id", "once")
         self.assertEqual(done.returncode, 0, done.stderr)
@@ -312,6 +319,21 @@ class WithServer(WithFolder):
         self.assertEqual(process.returncode, 1, stderr)
         self.assertIn("someone else", stderr)
 
+    def test_a_job_that_runs_is_not_deleted(self):
+        job = self.remote("submit", LARGER, "--method", "sweeps", "--tolerance", "1e-300", "--max-iterations",
+                          "100000000").stdout.strip()
+        refused = self.remote("delete", job)
+        self.assertEqual(refused.returncode, 2, refused.stderr)
+        self.assertIn(f"{job} has not ended; cancel it first.", refused.stderr)
+        self.assertEqual(self.remote("cancel", job).returncode, 0)
+        self.assertEqual(self.remote("watch", job, "--quiet").returncode, 1)
+        self.assertEqual(self.remote("delete", job).returncode, 0)
+
+    def test_a_priority_is_kept_and_has_bounds(self):
+        job = self.remote("submit", MESH, "--priority", "7", "--json")
+        self.assertEqual(json.loads(job.stdout)["priority"], 7)
+        self.assertEqual(self.remote("submit", MESH, "--priority", "101").returncode, 2)
+
     def test_bad_input_leaves_the_server_standing(self):
         path = self.folder / "bad.msh"
         path.write_bytes(MESH.read_bytes()[:300])
@@ -332,6 +354,29 @@ class WithServer(WithFolder):
 
 
 class Daemon(WithFolder):
+    def test_what_is_refused_for_now_is_asked_again(self):
+        server = Server("--threads", "1", "--max-pending-jobs-per-peer", "1")
+        submit = ["submit", str(LARGER), "--method", "sweeps", "--tolerance", "1e-300", "--max-iterations", "100000000",
+                  "--server", server.address]
+        for _ in range(2):  # one runs, one waits
+            waiting = run(*submit)
+            self.assertEqual(waiting.returncode, 0, waiting.stderr)
+        third = subprocess.Popen([VARIMESH, *submit], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+        with self.assertRaises(subprocess.TimeoutExpired):
+            third.wait(1)
+        run("cancel", waiting.stdout.strip(), "--server", server.address)
+        out, err = third.communicate(timeout=40)
+        self.assertEqual(third.returncode, 0, err)
+        self.assertRegex(out, r"^jobs/")
+        self.assertEqual(server.stop()[0], 0)
+
+    def test_a_misspelt_flag_is_suggested(self):
+        for word, meant in (("--max-memory-byte", "'--max-memory-bytes'"), ("--listn=x", "'--listen'"),
+                            ("--qqqq", "varimeshd --help")):
+            done = subprocess.run([VARIMESHD, word], capture_output=True, text=True, timeout=20)
+            self.assertEqual(done.returncode, 2)
+            self.assertIn(meant, done.stderr)
+
     def test_refuses_addresses_beyond_loopback(self):
         done = subprocess.run([VARIMESHD, "--listen", "0.0.0.0:0"], capture_output=True, text=True, timeout=20)
         self.assertEqual(done.returncode, 2)
