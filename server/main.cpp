@@ -15,7 +15,10 @@
 #include <filesystem>
 #include <fstream>
 #include <iostream>
+#include <string>
+#include <vector>
 
+#include "core/nearest_word.h"
 #include "core/version.h"
 #include "server/jobs/memory_budget.h"
 #include "server/operations/log.h"
@@ -32,6 +35,17 @@ bool write_port_file(const std::string& path, const std::string& address) {
     if (!file.flush()) return false;
   }
   return std::rename(beside.c_str(), path.c_str()) == 0;
+}
+
+/// What is said about the first word that is no flag.
+std::string about_unknown_word(const CLI::App& app) {
+  const std::string word = app.remaining().front().substr(0, app.remaining().front().find('='));
+  std::vector<std::string> flags;
+  for (const CLI::Option* option : app.get_options())
+    for (const std::string& name : option->get_lnames()) flags.push_back("--" + name);
+  const std::string meant = varimesh::nearest_word(word, flags);
+  return "there is no option '" + word + "'" +
+         (meant.empty() ? "; varimeshd --help lists them." : "; did you mean '" + meant + "'?");
 }
 
 }  // namespace
@@ -117,6 +131,9 @@ int main(int argc, char** argv) {
       ->check(CLI::NonNegativeNumber);
   try {
     app.parse(argc, argv);
+  } catch (const CLI::ExtrasError&) {
+    std::cerr << "varimeshd: " << about_unknown_word(app) << '\n';
+    return 2;
   } catch (const CLI::ParseError& error) {
     return app.exit(error) == 0 ? 0 : 2;
   }

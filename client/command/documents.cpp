@@ -173,6 +173,7 @@ Json document(const MeshSummary& mesh, const QualityReport& quality, const std::
 
 Json document(const v1::Job& job) {
   Json result = {{"job", job.name()}, {"state", spelled(job.state())}};
+  if (job.spec().priority() != 0) result["priority"] = job.spec().priority();
   if (!job.request_id().empty()) result["request_id"] = job.request_id();
   if (!job.spec().labels().empty()) {
     Json labels = Json::object();
@@ -194,6 +195,10 @@ Json document(const v1::GetServerInfoResponse& info) {
           {"threads", info.limits().threads()},
           {"max_mesh_bytes", info.limits().max_mesh_bytes()},
           {"max_pending_jobs", info.limits().max_pending_jobs()},
+          {"max_pending_jobs_per_peer", info.limits().max_pending_jobs_per_peer()},
+          {"max_running_jobs_per_peer", info.limits().max_running_jobs_per_peer()},
+          {"max_watches_per_peer", info.limits().max_watches_per_peer()},
+          {"max_uploads_per_peer", info.limits().max_uploads_per_peer()},
           {"pending_jobs", info.pending_jobs()},
           {"running_jobs", info.running_jobs()},
           {"input_formats", inputs},

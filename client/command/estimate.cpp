@@ -19,7 +19,8 @@ void lower(std::optional<double>* estimate, double seconds) {
 Estimate::Estimate(const v1::Options& options)
     : tolerance_(options.has_tolerance() ? options.tolerance() : 1e-6),
       max_iterations_(options.has_max_iterations() ? options.max_iterations() : 1000),
-      time_limit_(options.time_limit()) {}
+      time_limit_(options.time_limit()),
+      has_stages_(options.objective() == v1::OBJECTIVE_WORST) {}
 
 void Estimate::add(const v1::Iteration& iteration) {
   // Phases fall at rates of their own.
@@ -32,7 +33,7 @@ void Estimate::add(const v1::Iteration& iteration) {
 std::optional<double> Estimate::seconds_left() const {
   std::optional<double> left;
   if (time_limit_ > 0) lower(&left, time_limit_ - latest_.seconds());
-  if (recent_.size() < 3) return left;
+  if (has_stages_ || recent_.size() < 3) return left;
   const double elapsed = recent_.back().seconds - recent_.front().seconds;
   const double steps = static_cast<double>(recent_.size() - 1);
   lower(&left, elapsed / steps * (max_iterations_ - latest_.number()));

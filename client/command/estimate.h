@@ -9,7 +9,8 @@
 namespace varimesh::client {
 
 /// Takes iterations as they come. It supposes that the residual goes on falling as it did lately, and that no limit of
-/// the options is passed over; a job may stop sooner for other reasons.
+/// the options is passed over; a job may stop sooner for other reasons. With the objective `worst`, whose stages nobody
+/// can count beforehand, the limit of time alone tells.
 class Estimate {
  public:
   explicit Estimate(const v1::Options& options);
@@ -25,6 +26,7 @@ class Estimate {
   const double tolerance_;
   const int max_iterations_;
   const double time_limit_;  ///< 0: none.
+  const bool has_stages_;
   std::deque<Point> recent_;
   v1::Iteration latest_;
 };

@@ -1,4 +1,4 @@
-// Wrapped text, and Damerau's distance.
+// Wrapped text, and words that nobody knows.
 #include "client/command/help.h"
 
 #include <fmt/format.h>
@@ -8,6 +8,7 @@
 #include <algorithm>
 
 #include "client/command/facts.h"
+#include "core/nearest_word.h"
 
 namespace varimesh::client {
 namespace {
@@ -69,40 +70,11 @@ std::string entry(const FlagFacts& flag, std::size_t width) {
   return entry(name, help, width);
 }
 
-/// How many letters are wrong, missing, too many or swapped.
-std::size_t distance(const std::string& a, const std::string& b) {
-  std::vector<std::vector<std::size_t>> d(a.size() + 1, std::vector<std::size_t>(b.size() + 1));
-  for (std::size_t i = 0; i <= a.size(); ++i) d[i][0] = i;
-  for (std::size_t j = 0; j <= b.size(); ++j) d[0][j] = j;
-  for (std::size_t i = 1; i <= a.size(); ++i)
-    for (std::size_t j = 1; j <= b.size(); ++j) {
-      const std::size_t change = a[i - 1] == b[j - 1] ? 0 : 1;
-      d[i][j] = std::min({d[i - 1][j] + 1, d[i][j - 1] + 1, d[i - 1][j - 1] + change});
-      if (i > 1 && j > 1 && a[i - 1] == b[j - 2] && a[i - 2] == b[j - 1])
-        d[i][j] = std::min(d[i][j], d[i - 2][j - 2] + 1);
-    }
-  return d[a.size()][b.size()];
-}
-
 std::string with_suggestion(const std::string& sentence, const std::string& meant, const std::string& help) {
   return sentence + (meant.empty() ? "; " + help + " lists them." : "; did you mean '" + meant + "'?");
 }
 
 }  // namespace
-
-std::string nearest(const std::string& word, const std::vector<std::string>& known) {
-  std::string best;
-  std::size_t least = std::max<std::size_t>(1, word.size() / 3) + 1;
-  for (const std::string& one : known) {
-    // What was cut short is meant too: --max for --max-iterations.
-    const std::size_t wrong = word.size() > 3 && one.rfind(word, 0) == 0 ? 1 : distance(word, one);
-    if (wrong < least) {
-      least = wrong;
-      best = one;
-    }
-  }
-  return best;
-}
 
 std::string unknown_word(const CLI::App& program, const std::vector<std::string>& words) {
   if (words.empty()) return "";
@@ -118,13 +90,13 @@ std::string unknown_word(const CLI::App& program, const std::vector<std::string>
   for (const FlagFacts& flag : (command == nullptr ? root : *command).flags)
     if (!flag.argument) flags.insert(flags.end(), flag.names.begin(), flag.names.end());
   if (command == nullptr && words[0].rfind('-', 0) != 0)
-    return with_suggestion("there is no command '" + words[0] + "'", nearest(words[0], names), "varimesh --help");
+    return with_suggestion("there is no command '" + words[0] + "'", nearest_word(words[0], names), "varimesh --help");
   for (const std::string& word : words) {
     if (word == "--") break;
     if (word.rfind("--", 0) != 0) continue;
     const std::string flag = word.substr(0, word.find('='));
     if (std::find(flags.begin(), flags.end(), flag) == flags.end())
-      return with_suggestion("there is no option '" + flag + "'", nearest(flag, flags),
+      return with_suggestion("there is no option '" + flag + "'", nearest_word(flag, flags),
                              "varimesh " + (command == nullptr ? "" : command->name + " ") + "--help");
   }
   return "";

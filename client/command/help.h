@@ -22,7 +22,4 @@ class Help : public CLI::FormatterBase {
 /// where all are known. `words` come after the program's name.
 std::string unknown_word(const CLI::App& program, const std::vector<std::string>& words);
 
-/// The nearest of some words by how many letters are wrong, missing, too many or swapped; empty where none is near.
-std::string nearest(const std::string& word, const std::vector<std::string>& known);
-
 }  // namespace varimesh::client

@@ -24,7 +24,7 @@ Outcome<void> put_boundary(HighOrderMesh& mesh, const Input& input) {
   if (!input.displacements.empty()) {
     const auto text = read_whole(input.displacements, [] { return interrupts() > 0; });
     if (!text) return tl::unexpected(text.error());
-    const auto displacements = read_displacements(*text);
+    const auto displacements = read_displacements(*text, mesh.dimension);
     if (!displacements) return refused(input.displacements, displacements.error());
     if (const auto done = displace_boundary(mesh, *displacements); !done)
       return refused(input.displacements, done.error());

@@ -6,9 +6,9 @@
 
 #include "client/client.h"
 #include "client/command/command.h"
-#include "client/command/help.h"
 #include "client/command/names.h"
 #include "client/input_file.h"
+#include "core/nearest_word.h"
 #include "core/optimise/target_field.h"
 
 namespace varimesh::client {
@@ -68,7 +68,7 @@ std::string meant(const std::string& name, const google::protobuf::EnumDescripto
   const auto known = spellings(type);
   std::string list;
   for (const std::string& one : known) list += (list.empty() ? "" : ", ") + one;
-  const std::string near = nearest(name, known);
+  const std::string near = nearest_word(name, known);
   return (near.empty() ? "" : "did you mean '" + near + "'? There are ") + (near.empty() ? "take one of " : "") + list +
          ".";
 }

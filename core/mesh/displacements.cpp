@@ -14,12 +14,12 @@ namespace {
 // === Text ================================================================================================
 
 // The displacement in a line, or nothing where the line does not hold one.
-std::optional<NodeDisplacement> parse_line(std::string_view line) {
+std::optional<NodeDisplacement> parse_line(std::string_view line, int dimension) {
   NodeDisplacement displacement;
   if (!parse(next_word(line), displacement.number)) return std::nullopt;
   for (std::size_t k = 0; k < 3; ++k) {
     const std::string_view word = next_word(line);
-    if (k == 2 && word.empty()) break;
+    if (k == 2 && dimension == 2 && word.empty()) break;
     if (!parse(word, displacement.by[k])) return std::nullopt;
   }
   if (!next_word(line).empty()) return std::nullopt;
@@ -52,17 +52,20 @@ Expected<std::size_t> find_boundary_node(const std::unordered_map<std::int64_t, 
 
 }  // namespace
 
-Expected<std::vector<NodeDisplacement>> read_displacements(std::string_view text) {
+Expected<std::vector<NodeDisplacement>> read_displacements(std::string_view text, int dimension) {
   std::vector<NodeDisplacement> displacements;
   std::string_view line;
   for (std::size_t number = 0; next_line(text, line, number);) {
-    const auto displacement = parse_line(line);
+    const auto displacement = parse_line(line, dimension);
     if (!displacement)
-      return bad_input("Line " + std::to_string(number) +
-                       " of the displacements is not a node number and two or three numbers: write 'number dx dy dz' "
-                       "for each node.");
+      return bad_input(
+          "Line " + std::to_string(number) + " of the displacements is not a node number and " +
+          (dimension == 2 ? "two or three numbers: write 'number dx dy'" : "three numbers: write 'number dx dy dz'") +
+          " for each node.");
     displacements.push_back(*displacement);
   }
+  if (displacements.empty())
+    return bad_input("The list of displacements is empty: write a line 'number dx dy dz' for each node that moves.");
   return displacements;
 }
 

@@ -18,9 +18,10 @@ struct NodeDisplacement {
   std::array<double, 3> by{};
 };
 
-/// Reads displacements from text: a line "number dx dy dz" a node (dz may be left out: 0), separated by blanks; empty
-/// lines and what follows a # are passed over. Errors: BadInput with the line.
-Expected<std::vector<NodeDisplacement>> read_displacements(std::string_view text);
+/// Reads displacements from text: a line "number dx dy dz" a node (of a mesh of `dimension` 2 dz may be left out: 0),
+/// separated by blanks; empty lines and what follows a # are passed over. Errors: BadInput with the line, or where no
+/// line has a displacement.
+Expected<std::vector<NodeDisplacement>> read_displacements(std::string_view text, int dimension);
 
 /// Moves boundary nodes: those on facets with one neighbour and on elements of one dimension less. Boundary nodes that
 /// are not named stay. Errors: BadInput for a node that the mesh does not have, that is inside, that comes twice, whose

@@ -10,16 +10,17 @@
 #include "client/command/facts.h"
 #include "client/command/names.h"
 #include "client/command/options_table.h"
+#include "core/nearest_word.h"
 
 namespace varimesh::client {
 namespace {
 
 TEST(Suggestions, AreWhatIsASlipAway) {
   const std::vector<std::string> known{"--energy", "--method", "--max-iterations", "-o", "--output"};
-  EXPECT_EQ(nearest("--enrgy", known), "--energy");
-  EXPECT_EQ(nearest("--mehtod", known), "--method");
-  EXPECT_EQ(nearest("--max", known), "--max-iterations");
-  EXPECT_EQ(nearest("--colour", known), "");
+  EXPECT_EQ(nearest_word("--enrgy", known), "--energy");
+  EXPECT_EQ(nearest_word("--mehtod", known), "--method");
+  EXPECT_EQ(nearest_word("--max", known), "--max-iterations");
+  EXPECT_EQ(nearest_word("--colour", known), "");
 }
 
 TEST(Suggestions, NameTheFirstWordThatIsNotKnown) {
@@ -87,6 +88,18 @@ TEST(Estimates, FollowTheResidualOfThePhase) {
   EXPECT_NEAR(*estimate.seconds_left(), 2, 1e-9);
   estimate.add(iteration(5, 5, 1e-4, v1::PHASE_NEWTON));
   EXPECT_FALSE(estimate.seconds_left());
+}
+
+TEST(Estimates, SayNothingWhereStagesFollow) {
+  v1::Options options;
+  options.set_objective(v1::OBJECTIVE_WORST);
+  Estimate estimate(options);
+  for (int i = 1; i <= 8; ++i) estimate.add(iteration(i, i, std::pow(10.0, -i)));
+  EXPECT_FALSE(estimate.seconds_left());
+  options.set_time_limit(9);
+  Estimate limited(options);
+  for (int i = 1; i <= 8; ++i) limited.add(iteration(i, i, std::pow(10.0, -i)));
+  EXPECT_NEAR(limited.seconds_left().value_or(-1), 1, 1e-9);
 }
 
 TEST(Estimates, KeepToTheLimits) {

@@ -18,7 +18,7 @@ std::int32_t inner_node(const HighOrderMesh& mesh) {
 }
 
 TEST(Displacements, ReadsNumbersBlanksAndComments) {
-  const auto read = read_displacements("# bump\n\n  3 0.5 -1e-3 +2\n17\t1 2  # two alone\r\n");
+  const auto read = read_displacements("# bump\n\n  3 0.5 -1e-3 +2\n17\t1 2  # two alone\r\n", 2);
   ASSERT_TRUE(read) << read.error().sentence;
   ASSERT_EQ(read->size(), 2u);
   EXPECT_EQ((*read)[0].number, 3);
@@ -28,9 +28,25 @@ TEST(Displacements, ReadsNumbersBlanksAndComments) {
 
 TEST(Displacements, NamesTheLineThatIsNoDisplacement) {
   for (const char* line : {"5", "5 1", "5 1 2 3 4", "x 1 2 3", "5 1 2 z", "5 1 nope 3"}) {
-    const auto read = read_displacements(std::string("1 0 0 0\n") + line);
+    const auto read = read_displacements(std::string("1 0 0 0\n") + line, 2);
     ASSERT_FALSE(read) << line;
     EXPECT_NE(read.error().sentence.find("Line 2"), std::string::npos) << read.error().sentence;
+  }
+}
+
+TEST(Displacements, HaveThreeNumbersInSpace) {
+  EXPECT_TRUE(read_displacements("1 0 0 0\n5 1 2\n", 2));
+  const auto read = read_displacements("1 0 0 0\n5 1 2\n", 3);
+  ASSERT_FALSE(read);
+  EXPECT_NE(read.error().sentence.find("Line 2"), std::string::npos) << read.error().sentence;
+  EXPECT_NE(read.error().sentence.find("dz"), std::string::npos) << read.error().sentence;
+}
+
+TEST(Displacements, AreThereAtAll) {
+  for (const char* text : {"", "\n\n", "# nothing\n"}) {
+    const auto read = read_displacements(text, 3);
+    ASSERT_FALSE(read);
+    EXPECT_NE(read.error().sentence.find("empty"), std::string::npos) << read.error().sentence;
   }
 }
 

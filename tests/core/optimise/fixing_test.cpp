@@ -256,10 +256,10 @@ TEST(StraightMeshWithDisplacements, EndsAsTheCurvedMeshDoes) {
       const double bump = 0.05 * std::sin(9 * x[0]);
       x[1] += bump;
       char line[100];
-      std::snprintf(line, sizeof line, "%ld 0 %.17g\n", long(straight.node_numbers[std::size_t(node)]), bump);
+      std::snprintf(line, sizeof line, "%ld 0 %.17g 0\n", long(straight.node_numbers[std::size_t(node)]), bump);
       list += line;
     }
-    const auto displacements = read_displacements(list);
+    const auto displacements = read_displacements(list, straight.dimension);
     ASSERT_TRUE(displacements) << displacements.error().sentence;
     ASSERT_TRUE(displace_boundary(straight, *displacements));
     const auto from_list = optimise(straight), from_mesh = optimise(curved);
