@@ -149,7 +149,9 @@ std::optional<StopReason> Run::judge(const Moved& moved) {
   const Outlook outlook = chooser_.outlook(guard_.unrepaired());
   if (const auto reason = stopper_.after(iteration_, converged_, outlook, bound_)) return reason;
   if (began_ > 0 && iteration_.number - began_ >= kMostIterationsOfALaterStage) return StopReason::NoProgress;
-  if (!chooser_.next(guard_.repairable(), guard_.unrepaired(), moved.stuck || converged_))
+  // A small step that was cut short is no end, but where something is tangled it is time for another method.
+  const bool idle = small && guard_.unrepaired() > 0 && iteration_.phase == Phase::Newton;
+  if (!chooser_.next(guard_.repairable(), guard_.unrepaired(), moved.stuck || converged_ || idle))
     return StopReason::NoProgress;
   return std::nullopt;
 }

@@ -268,7 +268,7 @@ void avx2(Bench& bench) {
   if (both(bench, sweeps, some_iterations(mesh, Method::Sweeps, 1), narrow, wide))
     bench.table.add(time_ratio(sweeps, narrow, wide, &Times::sweep));
   Line energy{mesh + ", AVX2 and AVX-512, to 1e-8", "", "", "energies to 1e-10"};
-  Run converging{mesh, {}};
+  Run converging{mesh};
   converging.options.tolerance = 1e-8;
   converging.options.threads = 1;
   if (!both(bench, energy.what, converging, narrow, wide)) return;
