@@ -72,6 +72,8 @@ struct RunControl {
   std::string_view checkpoint;
   /// How many threads the next iteration may use, at least 1; asked before each. Without it: Options::threads.
   std::function<int()> threads;
+  /// Whether the run is to end as by Control::Stop: asked where nothing is iterated, between the steps of splitting.
+  std::function<bool()> stop_asked;
 };
 
 /// Sizes of the problem.

@@ -5,6 +5,7 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <chrono>
+#include <functional>
 #include <optional>
 #include <set>
 
@@ -43,12 +44,13 @@ std::vector<bool> folded_cells(const HighOrderMesh& mesh, const std::vector<bool
   return folded;
 }
 
-/// Splits in passes until nothing is left that wants it. `marked` are corners of the mesh as it is handed in.
+/// Splits in passes until nothing is left that wants it, or it is asked to stop. `marked` are corners of the mesh as it
+/// is handed in.
 HighOrderMesh split_in_passes(HighOrderMesh mesh, const Options& options, Corners marked,
-                              std::vector<RepairStep>& steps) {
+                              std::vector<RepairStep>& steps, const std::function<bool()>& stop_asked) {
   if (mesh.dimension != 3) return mesh;
   const Team team(options.threads);
-  for (int pass = 0; pass < kMostPasses; ++pass) {
+  for (int pass = 0; pass < kMostPasses && !stop_asked(); ++pass) {
     const Expected<std::vector<bool>> fixed = choose_fixed_nodes(mesh, options);
     if (!fixed) break;
     const Cells cells(mesh, mesh.dimension);
@@ -57,13 +59,15 @@ HighOrderMesh split_in_passes(HighOrderMesh mesh, const Options& options, Corner
     team.run([&] {
       std::vector<Certificate> certificates(cells.count());
       Certifier(mesh).certify(mesh.coordinates, certificates, team);
+      if (stop_asked()) return;
       const std::vector<bool> folded = folded_cells(mesh, *fixed, cells.count(), team);
       WeakRule rule{kLeastMargin, std::vector<bool>(cells.count(), false), std::move(marked)};
       for (std::size_t c = 0; c < cells.count(); ++c) rule.wanted[c] = !folded[c] && !is_valid(certificates[c]);
       std::ranges::sort(rule.marked);
+      if (stop_asked()) return;
       places = choose_splits(weak_groups(mesh, *fixed, rules, rule, team), rules);
     });
-    if (places.empty()) break;
+    if (places.empty() || stop_asked()) break;
     marked.clear();
     mesh = split(mesh, places, steps);
   }
@@ -108,6 +112,7 @@ class Runs {
   Runs(const Options& options, const OnIteration& on_iteration, const RunControl& control)
       : options_(options), on_iteration_(on_iteration), start_(Clock::now()) {
     control_.threads = control.threads;
+    control_.stop_asked = control.stop_asked;
     options_.repair = Repair::Report;
     options_.order = 0;
   }
@@ -116,6 +121,12 @@ class Runs {
   bool may_go_on() const {
     return !stopped_ && static_cast<int>(history_.size()) < options_.max_iterations &&
            (options_.time_limit <= 0 || seconds_since(start_) < options_.time_limit);
+  }
+
+  /// Whether somebody asked for the end, where there is no iteration that would say so.
+  bool stop_asked() {
+    stopped_ = stopped_ || (control_.stop_asked && control_.stop_asked());
+    return stopped_;
   }
 
   /// Optimises the mesh, or judges it only. Nothing where the mesh is refused.
@@ -142,9 +153,13 @@ class Runs {
     result.history = std::move(history_);
     result.iterations = static_cast<int>(result.history.size());
     result.seconds = seconds_since(start_);
-    if (!stopped_) return;
-    result.stopped = true;
-    result.stop_reason = StopReason::Stopped;
+    result.stopped = stopped_;
+    if (stopped_) {
+      result.stop_reason = StopReason::Stopped;
+    } else if (!result.after.uncertified.empty()) {  // more would have been tried
+      if (options_.time_limit > 0 && result.seconds >= options_.time_limit) result.stop_reason = StopReason::TimeLimit;
+      if (result.iterations >= options_.max_iterations) result.stop_reason = StopReason::Iterations;
+    }
   }
 
  private:
@@ -203,8 +218,9 @@ Result optimise_by_splitting(const HighOrderMesh& mesh, const Options& options, 
   Corners marked;
   for (int look = 0; look < kMostLooks; ++look) {
     const std::size_t had = steps.size();
-    if (!before.uncertified.empty()) start = split_in_passes(std::move(start), options, std::move(marked), steps);
-    if (steps.size() == had) break;  // nothing to split any more, or at all
+    if (!before.uncertified.empty())
+      start = split_in_passes(std::move(start), options, std::move(marked), steps, [&] { return runs.stop_asked(); });
+    if (steps.size() == had || runs.stop_asked()) break;  // nothing to split any more, or at all
     std::optional<Result> result = runs.run(start);
     if (!result) break;
     marked = bad_corners(*result);

@@ -17,8 +17,9 @@ namespace varimesh {
 /// The best mesh that came of that is kept: the fewest uncertified elements, of those the highest minimum Js. Where
 /// some are left, the mesh is optimised without a split as well, and where that leaves no more, it is what comes out.
 /// The options' limits of time and iterations are for all of it. Elements with a folded boundary face are never split
-/// for their own sake. Of `control` the number of threads alone is used: there
-/// are no checkpoints. It ends: there are at most eight passes a look.
+/// for their own sake. Why it ended is said of the run that the mesh is from, unless elements are left and a limit of
+/// all of it, or a stop, kept it from going on. Of `control` the number of threads is used, and whether to stop is
+/// asked between the steps of splitting: there are no checkpoints. It ends: there are at most eight passes a look.
 Result optimise_by_splitting(const HighOrderMesh& mesh, const Options& options, const OnIteration& on_iteration,
                              const RunControl& control = {});
 

@@ -62,6 +62,7 @@ Expected<RunOutcome> run(RunRequest request, const RunHooks& hooks) {
     hooks.save_checkpoint(iteration.number, write);
   };
   control.threads = hooks.threads;
+  control.stop_asked = hooks.cancelled;
   if (request.checkpoint) control.checkpoint = request.checkpoint->bytes();
   auto result = optimise(std::move(file->mesh), request.options, hooks.on_iteration, control);
   if (!result) return tl::unexpected(result.error());

@@ -102,6 +102,40 @@ TEST(RepairSplitTest, HandsOutNothingWorseWhenStopped) {
   expect_same_boundary(mesh, result.mesh);
 }
 
+TEST(RepairSplitTest, IsStoppedWhileItSplits) {
+  const HighOrderMesh mesh = testing::six_in_a_ball(3);
+  for (int answers = 0; answers < 6; ++answers) {
+    int asked = 0;
+    RunControl control;
+    control.stop_asked = [&] { return asked++ >= answers; };
+    const auto result = optimise(mesh, with(Repair::Split), {}, control);
+    ASSERT_TRUE(result);
+    EXPECT_TRUE(result->stopped) << answers;
+    EXPECT_EQ(result->stop_reason, StopReason::Stopped);
+    EXPECT_EQ(result->iterations, 0) << "nothing is begun any more";
+    EXPECT_EQ(result->mesh.coordinates, mesh.coordinates);
+    EXPECT_EQ(asked, answers + 1) << "and nobody asked again";
+  }
+}
+
+TEST(RepairSplitTest, SaysWhichLimitOfAllEndedIt) {
+  const HighOrderMesh mesh = testing::six_in_a_ball(3);
+  Options options = with(Repair::Split);
+  const Result whole = run(mesh, options);
+  ASSERT_TRUE(whole.after.uncertified.empty());
+  EXPECT_NE(whole.stop_reason, StopReason::Iterations);
+  options.max_iterations = 1;
+  const Result one = run(mesh, options);
+  EXPECT_EQ(one.iterations, 1);
+  EXPECT_EQ(one.stop_reason, StopReason::Iterations);
+  options.max_iterations = 60;
+  options.time_limit = 1e-9;
+  const Result none = run(mesh, options);
+  if (!none.after.uncertified.empty()) {
+    EXPECT_EQ(none.stop_reason, StopReason::TimeLimit);
+  }
+}
+
 TEST(RepairSplitTest, ChecksOnlyWithoutIterations) {
   const HighOrderMesh mesh = testing::six_in_a_ball(3);
   Options options = with(Repair::Split);
