@@ -255,13 +255,13 @@ void CoarseLevel::for_nodes(std::int32_t begin, std::int32_t end, const Body& bo
 void CoarseLevel::correct_linear() {
   const int d = problem_.dimension, stride = padded(d);
   for_nodes(0, space_.count, [&](std::int32_t first, std::int32_t last) { kernels_->residual(rows_, first, last); });
-  for (std::int32_t vertex = 0; vertex < linear_.count; ++vertex) {
+  team_.for_each(linear_.count, kNodesPerTask, [&](std::int32_t vertex) {
     std::array<double, 3> sum{};
     for (std::int32_t i = to_linear_.begin[vertex]; i < to_linear_.begin[vertex + 1]; ++i)
       for (int k = 0; k < d; ++k)
         sum[k] += to_linear_.factor[i] * residual_[static_cast<std::size_t>(to_linear_.column[i]) * stride + k];
     for (int k = 0; k < d; ++k) linear_right_(vertex, k) = sum[k];
-  }
+  });
   linear_left_ = factor_.solve(linear_right_);
   for_nodes(0, space_.count, [&](std::int32_t first, std::int32_t last) {
     for (std::int32_t node = first; node < last; ++node)

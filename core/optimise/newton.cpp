@@ -12,6 +12,7 @@ namespace {
 
 constexpr std::int32_t kNodesPerTask = 256;
 constexpr std::int32_t kCellsPerTask = 64;
+constexpr std::size_t kNumbersPerTask = 16384;
 constexpr std::size_t kNodesPerSample = 64;  // of the Hessian's size
 constexpr int kMostProducts = 1000;          // a Newton step
 constexpr int kMostHalvings = 30;
@@ -224,15 +225,19 @@ void Newton::conjugate_gradients(double first, double forcing, double scale, New
     }
     const double alpha = rz / curvature;
     const float alpha_float = static_cast<float>(alpha);
-    for (std::size_t i = 0; i < unknowns_; ++i) {
-      step_[i] += alpha * direction_[i];
-      residual_[i] -= alpha_float * product_[i];
-    }
+    team_.for_ranges(unknowns_, kNumbersPerTask, [&](std::size_t first, std::size_t last) {
+      for (std::size_t i = first; i < last; ++i) {
+        step_[i] += alpha * direction_[i];
+        residual_[i] -= alpha_float * product_[i];
+      }
+    });
     const double next = preconditioner_.apply(residual_, preconditioned_);
     if (!(next > 0) || is_solved(std::sqrt(next / first), forcing, scale)) break;
     const float beta = static_cast<float>(next / rz);
     rz = next;
-    for (std::size_t i = 0; i < unknowns_; ++i) direction_[i] = preconditioned_[i] + beta * direction_[i];
+    team_.for_ranges(unknowns_, kNumbersPerTask, [&](std::size_t first, std::size_t last) {
+      for (std::size_t i = first; i < last; ++i) direction_[i] = preconditioned_[i] + beta * direction_[i];
+    });
   }
 }
 
