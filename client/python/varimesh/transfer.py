@@ -18,7 +18,7 @@ from .errors import ServerUnreachable
 from .v1 import service_pb2, service_pb2_grpc
 
 CHUNK = 256 * 1024
-PIECE = CHUNK // 4  # one is on its way while another is stored
+PIECE = CHUNK // 2  # one is on its way while another is stored
 
 
 class Source(Protocol):
