@@ -13,21 +13,12 @@
 
 #include "server/meshes/directory_upload.h"
 #include "server/meshes/sha256.h"
+#include "server/meshes/write_all.h"
 
 namespace varimesh::server {
 namespace {
 
 using Code = Failure::Code;
-
-bool write_all(int file, std::string_view bytes) {
-  while (!bytes.empty()) {
-    const ssize_t written = ::write(file, bytes.data(), bytes.size());
-    if (written < 0 && errno == EINTR) continue;
-    if (written <= 0) return false;
-    bytes.remove_prefix(static_cast<std::size_t>(written));
-  }
-  return true;
-}
 
 tl::unexpected<Failure> store_full(const char* what) {
   return failure(Code::ResourceExhausted, "STORE_FULL",

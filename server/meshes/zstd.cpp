@@ -10,6 +10,8 @@
 #include <cerrno>
 #include <limits>
 
+#include "server/meshes/write_all.h"
+
 namespace varimesh::server {
 namespace {
 
@@ -54,16 +56,6 @@ bool read_at(int file, std::int64_t offset, std::size_t size, std::string* bytes
     filled += static_cast<std::size_t>(got);
   }
   bytes->resize(filled);
-  return true;
-}
-
-bool write_all(int file, std::string_view bytes) {
-  while (!bytes.empty()) {
-    const ssize_t written = ::write(file, bytes.data(), bytes.size());
-    if (written < 0 && errno == EINTR) continue;
-    if (written <= 0) return false;
-    bytes.remove_prefix(static_cast<std::size_t>(written));
-  }
   return true;
 }
 
