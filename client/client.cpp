@@ -218,7 +218,8 @@ Outcome<std::optional<v1::StoredMesh>> Client::upload_once(const InputFile& file
         unreadable = piece.error();
         context.TryCancel();
       } else if (piece->empty()) {
-        half_closed = stream->WritesDone();
+        half_closed = true;  // also where the connection is gone: it may not be said twice
+        open = stream->WritesDone();
       } else {
         request.mutable_chunk()->set_offset(sent);
         sent += static_cast<std::int64_t>(piece->size());

@@ -71,6 +71,7 @@ HWY_INLINE V logarithm(V x) {
 /// is a root with y = 1 − x r³ below 0.11, and each step of the series r (1 − y)^(−1/3) raises y to its fifth power.
 template <class V, class D = hn::DFromV<V>>
 HWY_INLINE V inverse_cube_root(V x) {
+  static_assert(std::is_same_v<hn::TFromD<D>, double>);
   const D d;
   const hn::RebindToSigned<D> bits;
   // 4/3 of the exponent's bias, less 0.051, which makes the largest y least; found by trying.

@@ -19,6 +19,7 @@ class VectorCoarseKernels final : public CoarseKernels {
   static constexpr int kNode = padded(d), kBlock = block_size(d);
   using Tag = hn::CappedTag<float, kNode>;
   static constexpr int kParts = kNode / static_cast<int>(hn::MaxLanes(Tag()));  // 1, but where vectors are numbers
+  static_assert(kParts == 1 || kParts == kNode);
 
   /// A node's vector.
   struct Node {

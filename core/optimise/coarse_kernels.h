@@ -1,4 +1,4 @@
-// The preconditioner's loops over nodes, vectorised: four floats at a time, on any machine.
+// The preconditioner's loops over nodes, vectorised: a node's vector at a time, on any machine.
 #pragma once
 
 #include <cstdint>
@@ -44,7 +44,7 @@ class CoarseKernels {
   virtual void restrict_to(const FactorRows& rows, const float* from, float* to, std::int32_t first,
                            std::int32_t last) const = 0;
   /// z_i = B_i r_i + Σ factor_ij from_j, from padded vectors into d floats a node; returns r · z. B_i: block_size(d).
-  /// `r` has one float more at its end. Without rows (begin null) there is no sum.
+  /// Without rows (begin null) there is no sum.
   virtual double precondition(const FactorRows& rows, const float* from, const float* blocks, const float* r, float* z,
                               std::int32_t first, std::int32_t last) const = 0;
 };

@@ -63,8 +63,8 @@ SparseRows linear_to_quadratic(const Problem& problem, const CoarseSpace& quadra
 int coarse_order(const Problem& problem) {
   std::size_t bytes = 0;
   for (const CellBlock& block : problem.blocks) {
-    const std::size_t nodes = reference::node_count(block.shape, 2), square = block.dimension * block.dimension;
-    bytes += block.count * nodes * nodes * square * sizeof(float);
+    const std::size_t nodes = reference::node_count(block.shape, 2);
+    bytes += block.count * nodes * nodes * block_size(block.dimension) * sizeof(float);
     if (block.order < 2) return 1;
   }
   return bytes <= kMostBytes ? 2 : 1;

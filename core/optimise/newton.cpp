@@ -225,8 +225,8 @@ void Newton::conjugate_gradients(double first, double forcing, double scale, New
     }
     const double alpha = rz / curvature;
     const float alpha_float = static_cast<float>(alpha);
-    team_.for_ranges(unknowns_, kNumbersPerTask, [&](std::size_t first, std::size_t last) {
-      for (std::size_t i = first; i < last; ++i) {
+    team_.for_ranges(unknowns_, kNumbersPerTask, [&](std::size_t begin, std::size_t end) {
+      for (std::size_t i = begin; i < end; ++i) {
         step_[i] += alpha * direction_[i];
         residual_[i] -= alpha_float * product_[i];
       }
@@ -235,8 +235,8 @@ void Newton::conjugate_gradients(double first, double forcing, double scale, New
     if (!(next > 0) || is_solved(std::sqrt(next / first), forcing, scale)) break;
     const float beta = static_cast<float>(next / rz);
     rz = next;
-    team_.for_ranges(unknowns_, kNumbersPerTask, [&](std::size_t first, std::size_t last) {
-      for (std::size_t i = first; i < last; ++i) direction_[i] = preconditioned_[i] + beta * direction_[i];
+    team_.for_ranges(unknowns_, kNumbersPerTask, [&](std::size_t begin, std::size_t end) {
+      for (std::size_t i = begin; i < end; ++i) direction_[i] = preconditioned_[i] + beta * direction_[i];
     });
   }
 }

@@ -9,22 +9,21 @@ namespace varimesh {
 namespace {
 
 constexpr std::int32_t kNodesPerTask = 2048;
+constexpr double kLeastEigenvalue = 1e-3;  // of a block, relative to its largest
 
 template <int d>
 void invert_block(const PatchExpansion& expansion, float* inverse) {
   Eigen::Matrix<double, d, d> H;
   for (int i = 0, entry = 0; i < d; ++i)
     for (int j = 0; j <= i; ++j, ++entry) H(i, j) = H(j, i) = expansion.hessian[entry];
-  // Pivots of a Cholesky factor bound the eigenvalues' ratio from outside: where they are alike nothing is clamped.
+  // |H| |H⁻¹| in the Frobenius norm bounds the eigenvalues' ratio: where it is small nothing is clamped.
   Eigen::Matrix<double, d, d> out;
   const Eigen::LLT<Eigen::Matrix<double, d, d>> factor(H);
-  const auto pivots = factor.matrixLLT().diagonal();
-  if (factor.info() == Eigen::Success && pivots.minCoeff() > 0.2 * pivots.maxCoeff()) {
-    out = factor.solve(Eigen::Matrix<double, d, d>::Identity());
-  } else {
+  if (factor.info() == Eigen::Success) out = factor.solve(Eigen::Matrix<double, d, d>::Identity());
+  if (factor.info() != Eigen::Success || !(H.norm() * out.norm() <= 1 / kLeastEigenvalue)) {
     const Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, d, d>> eigen(H);
     const Eigen::Matrix<double, d, 1> size = eigen.eigenvalues().cwiseAbs();
-    const Eigen::Matrix<double, d, 1> clamped = size.cwiseMax(std::max(1e-3 * size.maxCoeff(), 1e-300));
+    const Eigen::Matrix<double, d, 1> clamped = size.cwiseMax(std::max(kLeastEigenvalue * size.maxCoeff(), 1e-300));
     out = eigen.eigenvectors() * clamped.cwiseInverse().asDiagonal() * eigen.eigenvectors().transpose();
   }
   for (int i = 0; i < d; ++i)
