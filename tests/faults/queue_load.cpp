@@ -156,7 +156,8 @@ void in_the_store(int jobs) {
   {
     const auto store = std::move(*SqliteJobStore::open(folder + "/jobs.sqlite"));
     Times submits, claims, lists;
-    Submission submission{"", {}, "", 2 * jobs};
+    Submission submission;
+    submission.max_pending = 2 * jobs;
     submission.spec.mutable_mesh()->set_digest(std::string(64, 'a'));
     for (int i = 0; i < jobs; ++i) {
       submission.name = "jobs/" + std::to_string(i);
