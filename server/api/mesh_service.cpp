@@ -29,9 +29,8 @@ class Upload : public grpc::ServerReadReactor<v1::UploadMeshRequest>, public Cal
     if (finished_) return;
     api_.pool.post([this, ok, alive = self_] {
       const grpc::Status status = guarded([&] { return ok ? session_.take(request_) : session_.complete(); });
-      if (status.ok() && session_.stored()) *response_->mutable_mesh() = *session_.stored();
       if (!status.ok() || session_.stored())
-        end(status);
+        finish(status, session_.stored());
       else
         read();
     });
@@ -43,15 +42,18 @@ class Upload : public grpc::ServerReadReactor<v1::UploadMeshRequest>, public Cal
     lock.unlock();
     api_.calls.remove(last);
   }
-  void end(const grpc::Status& status) override {
-    std::lock_guard lock(mutex_);
-    if (std::exchange(finished_, true)) return;
-    Finish(status);
-  }
+  void end(const grpc::Status& status) override { finish(status, std::nullopt); }
 
  private:
   Upload(const ApiContext& api, const std::string& peer, v1::UploadMeshResponse* response)
       : api_(api), response_(response), session_(api, peer) {}
+
+  void finish(const grpc::Status& status, const std::optional<v1::StoredMesh>& stored) {
+    std::lock_guard lock(mutex_);
+    if (std::exchange(finished_, true)) return;
+    if (stored) *response_->mutable_mesh() = *stored;
+    Finish(status);
+  }
 
   void read() {
     std::lock_guard lock(mutex_);
@@ -59,9 +61,9 @@ class Upload : public grpc::ServerReadReactor<v1::UploadMeshRequest>, public Cal
   }
 
   const ApiContext& api_;
-  v1::UploadMeshResponse* const response_;
-  v1::UploadMeshRequest request_;  ///< Touched by gRPC while it reads, by the pool after.
-  UploadSession session_;          ///< By the pool alone, one task at a time.
+  v1::UploadMeshResponse* const response_;  ///< gRPC's, and gone once the call is finished.
+  v1::UploadMeshRequest request_;           ///< Touched by gRPC while it reads, by the pool after.
+  UploadSession session_;                   ///< By the pool alone, one task at a time.
   std::mutex mutex_;
   bool finished_ = false;
   std::shared_ptr<Upload> self_;
