@@ -10,6 +10,7 @@
 #include <cerrno>
 #include <cstdlib>
 
+#include "server/meshes/write_all.h"
 #include "server/meshes/zstd.h"
 #include "server/operations/limits.h"
 
@@ -109,6 +110,7 @@ std::shared_ptr<const Blob> map_file(int file, std::size_t size) {
 std::shared_ptr<const Blob> expand_file(int file, const std::filesystem::path& directory) {
   const auto compressed = ZstdFile::open(file);
   const int expanded = compressed == nullptr ? -1 : nameless_file(directory);
+  if (compressed == nullptr) errno = EIO;
   if (expanded < 0) return nullptr;
   std::shared_ptr<const Blob> blob;
   bool good = true;
@@ -116,12 +118,7 @@ std::shared_ptr<const Blob> expand_file(int file, const std::filesystem::path& d
   for (std::size_t i = 0; good && i < compressed->frames(); ++i) {
     good = compressed->read_content(i, &content);
     if (!good) errno = EIO;
-    for (std::string_view left = content; good && !left.empty();) {
-      const ssize_t written = ::write(expanded, left.data(), left.size());
-      if (written < 0 && errno == EINTR) continue;
-      good = written > 0;
-      if (good) left.remove_prefix(static_cast<std::size_t>(written));
-    }
+    good = good && write_all(expanded, content);
   }
   if (good) blob = map_file(expanded, static_cast<std::size_t>(compressed->size()));
   const int reason = errno;

@@ -120,35 +120,46 @@ Answer<UploadTicket> DirectoryMeshStore::begin_upload(const std::string& id, con
                    "The mesh has " + std::to_string(size) + " bytes, and the server takes at most " +
                        std::to_string(settings_.max_mesh_bytes) + " (its flag --max-mesh-bytes).",
                    {{"max_mesh_bytes", std::to_string(settings_.max_mesh_bytes)}});
-  if (pin(digest)) return UploadTicket{id, 0, size, true};
-  if (!has_room(size))
-    return failure(Code::ResourceExhausted, "STORE_FULL",
-                   "The server's disk has no room for a mesh of " + std::to_string(size) +
-                       " bytes; free space there, or ask whoever runs it.",
-                   {}, 30);
+  while (true) {
+    if (pin(digest)) return UploadTicket{id, 0, size, true};
+    if (!has_room(size))
+      return failure(Code::ResourceExhausted, "STORE_FULL",
+                     "The server's disk has no room for a mesh of " + std::to_string(size) +
+                         " bytes; free space there, or ask whoever runs it.",
+                     {}, 30);
+    const auto found = find_or_make(id, digest, size);
+    if (!found) return tl::unexpected(found.error());
+    Upload& upload = **found;
+    // A stream that is bringing it to the disk has the lock, and then the mesh is there.
+    std::lock_guard lock(upload.mutex);
+    if (upload.ended) continue;
+    if (upload.digest != digest || upload.size != size)
+      return failure(Code::AlreadyExists, "UPLOAD_ID_USED",
+                     "The upload id '" + id + "' belongs to an upload of another mesh; choose a new one.");
+    upload.touched = settings_.clock();
+    return UploadTicket{id, ++upload.generation, upload.committed, false};
+  }
+}
 
+Answer<std::shared_ptr<DirectoryMeshStore::Upload>> DirectoryMeshStore::find_or_make(const std::string& id,
+                                                                                     const std::string& digest,
+                                                                                     std::int64_t size) {
   const std::filesystem::path path = temporary_path();
   std::lock_guard lock(mutex_);
   drop_old_uploads();
   std::shared_ptr<Upload>& upload = uploads_[id];
-  if (upload == nullptr) {
-    upload = std::make_shared<Upload>();
-    upload->digest = digest;
-    upload->size = size;
-    upload->path = path;
-    upload->file = ::open(path.c_str(), O_CREAT | O_EXCL | O_WRONLY | O_CLOEXEC, 0600);
-    if (upload->file < 0) {
-      uploads_.erase(id);
-      return store_full("no file can be made");
-    }
+  if (upload != nullptr) return upload;
+  auto made = std::make_shared<Upload>();
+  made->digest = digest;
+  made->size = size;
+  made->touched = settings_.clock();
+  made->file = ::open(path.c_str(), O_CREAT | O_EXCL | O_WRONLY | O_CLOEXEC, 0600);
+  if (made->file < 0) {
+    uploads_.erase(id);
+    return store_full("no file can be made");
   }
-  const std::shared_ptr<Upload> held = upload;
-  std::lock_guard upload_lock(held->mutex);
-  if (held->digest != digest || held->size != size)
-    return failure(Code::AlreadyExists, "UPLOAD_ID_USED",
-                   "The upload id '" + id + "' belongs to an upload of another mesh; choose a new one.");
-  held->touched = settings_.clock();
-  return UploadTicket{id, ++held->generation, held->committed, false};
+  made->path = path;
+  return upload = std::move(made);
 }
 
 Answer<std::shared_ptr<DirectoryMeshStore::Upload>> DirectoryMeshStore::find(const UploadTicket& ticket) {
@@ -165,7 +176,7 @@ Answer<std::int64_t> DirectoryMeshStore::append(const UploadTicket& ticket, std:
   const auto found = find(ticket);
   if (!found) return tl::unexpected(found.error());
   Upload& upload = **found;
-  std::unique_lock lock(upload.mutex);
+  std::lock_guard lock(upload.mutex);
   if (upload.generation != ticket.generation)
     return failure(Code::Aborted, "UPLOAD_TAKEN_OVER", "Another stream goes on with this upload.");
   if (offset != upload.committed)
@@ -174,10 +185,7 @@ Answer<std::int64_t> DirectoryMeshStore::append(const UploadTicket& ticket, std:
                        " bytes of the upload are here; go on from there.",
                    {{"committed_size", std::to_string(upload.committed)}});
   if (static_cast<std::int64_t>(bytes.size()) > upload.size - upload.committed) {
-    ++upload.generation;  // nothing of it is kept
-    lock.unlock();
-    std::lock_guard all(mutex_);
-    uploads_.erase(ticket.id);
+    forget(ticket.id, upload);  // nothing of it is kept
     return failure(Code::InvalidArgument, "MESH_LARGER_THAN_SAID",
                    "More bytes come than the " + std::to_string(upload.size) +
                        " that the header says; upload the mesh again under a new id.");
@@ -199,19 +207,16 @@ Answer<StoredBytes> DirectoryMeshStore::finish_upload(const UploadTicket& ticket
   const auto found = find(ticket);
   if (!found) return tl::unexpected(found.error());
   Upload& upload = **found;
-  StoredBytes stored;
-  {
-    std::lock_guard lock(upload.mutex);
-    if (upload.generation != ticket.generation)
-      return failure(Code::Aborted, "UPLOAD_TAKEN_OVER", "Another stream goes on with this upload.");
-    if (upload.committed != upload.size)
-      return failure(Code::InvalidArgument, "BAD_REQUEST",
-                     "The stream ended after " + std::to_string(upload.committed) + " of " +
-                         std::to_string(upload.size) + " bytes; go on from there, or begin again.",
-                     {{"committed_size", std::to_string(upload.committed)}});
-    ++upload.generation;  // Whoever comes now is too late.
-    stored = {upload.hash.finish(), upload.size};
-  }
+  // Held to the end: whoever begins the upload again meanwhile is answered when it is known what came of it.
+  std::lock_guard lock(upload.mutex);
+  if (upload.generation != ticket.generation)
+    return failure(Code::Aborted, "UPLOAD_TAKEN_OVER", "Another stream goes on with this upload.");
+  if (upload.committed != upload.size)
+    return failure(Code::InvalidArgument, "BAD_REQUEST",
+                   "The stream ended after " + std::to_string(upload.committed) + " of " + std::to_string(upload.size) +
+                       " bytes; go on from there, or begin again.",
+                   {{"committed_size", std::to_string(upload.committed)}});
+  const StoredBytes stored{upload.hash.finish(), upload.size};
   auto result = stored.digest == upload.digest
                     ? adopt(upload.path, upload.file, stored, true)
                     : Answer<StoredBytes>(failure(Code::InvalidArgument, "DIGEST_MISMATCH",
@@ -219,20 +224,27 @@ Answer<StoredBytes> DirectoryMeshStore::finish_upload(const UploadTicket& ticket
                                                       ", and the header says " + upload.digest +
                                                       "; upload the mesh again under a new id.",
                                                   {{"digest", stored.digest}}));
-  std::lock_guard lock(mutex_);
-  uploads_.erase(ticket.id);
+  forget(ticket.id, upload);
   return result;
 }
 
+void DirectoryMeshStore::forget(const std::string& id, Upload& upload) {
+  ++upload.generation;
+  upload.ended = true;
+  std::lock_guard lock(mutex_);
+  if (const auto found = uploads_.find(id); found != uploads_.end() && found->second.get() == &upload)
+    uploads_.erase(found);
+}
+
 Answer<UploadProgress> DirectoryMeshStore::query_upload(const std::string& id, const std::string& digest) {
-  if (!digest.empty() && pin(digest)) {
-    std::lock_guard lock(mutex_);
-    return UploadProgress{entries_[digest].size, true};
-  }
+  std::int64_t size = 0;
+  if (pin(digest, &size)) return UploadProgress{size, true};
   if (const auto found = find({id, 0, 0, false})) {
     std::lock_guard lock((*found)->mutex);
-    return UploadProgress{(*found)->committed, false};
+    if (!(*found)->ended) return UploadProgress{(*found)->committed, false};
   }
+  // It may have been finished just now.
+  if (pin(digest, &size)) return UploadProgress{size, true};
   return failure(Code::NotFound, "UPLOAD_NOT_FOUND", "Neither this upload nor this mesh is known; begin from 0.");
 }
 
@@ -337,9 +349,15 @@ Answer<std::unique_ptr<BlobReader>> DirectoryMeshStore::read(const std::string& 
 }
 
 bool DirectoryMeshStore::pin(const std::string& digest) {
+  std::int64_t size = 0;
+  return pin(digest, &size);
+}
+
+bool DirectoryMeshStore::pin(const std::string& digest, std::int64_t* size) {
   std::lock_guard lock(mutex_);
   const auto entry = entries_.find(digest);
   if (entry == entries_.end()) return false;
+  *size = entry->second.size;
   entry->second.pinned = true;
   entry->second.touched = settings_.clock();
   return true;

@@ -77,6 +77,10 @@ class DirectoryMeshStore : public MeshStore {
   tl::unexpected<Failure> unreadable(const std::string& digest) const;
   std::filesystem::path temporary_path();
   Answer<std::shared_ptr<Upload>> find(const UploadTicket& ticket);
+  Answer<std::shared_ptr<Upload>> find_or_make(const std::string& id, const std::string& digest, std::int64_t size);
+  /// With the upload's lock held: it has ended.
+  void forget(const std::string& id, Upload& upload);
+  bool pin(const std::string& digest, std::int64_t* size);
   /// Renames a finished file to its digest, or drops it where the digest is there already.
   Answer<StoredBytes> adopt(const std::filesystem::path& path, int file, StoredBytes stored, bool pinned);
   /// Undoes adopt(), whose file may not outlive a power cut.

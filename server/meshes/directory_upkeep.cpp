@@ -125,6 +125,7 @@ void DirectoryMeshStore::drop_old_uploads() {
   std::erase_if(uploads_, [&](const auto& entry) {
     std::unique_lock lock(entry.second->mutex, std::try_to_lock);
     const bool old = lock.owns_lock() && now - entry.second->touched > kUploadLifetime;
+    if (old) entry.second->ended = true;
     if (lock.owns_lock()) lock.unlock();
     return old;
   });

@@ -16,7 +16,8 @@ inline constexpr auto kUploadLifetime = std::chrono::minutes(10);
 /// Brings the names of new files in a directory to the disk; false where that cannot be done (errno).
 bool sync_directory(const std::filesystem::path& directory);
 
-/// An upload under way. Its own mutex orders the streams that may follow each other.
+/// An upload under way. Its own mutex orders the streams that may follow each other; the store's is taken within it,
+/// and within the store's it is only tried.
 struct DirectoryMeshStore::Upload {
   ~Upload() {
     if (file >= 0) ::close(file);
@@ -28,6 +29,7 @@ struct DirectoryMeshStore::Upload {
   std::int64_t size = 0;
   std::int64_t committed = 0;
   std::int64_t generation = 0;
+  bool ended = false;  ///< The store knows it no more.
   int file = -1;
   std::filesystem::path path;
   Sha256 hash;

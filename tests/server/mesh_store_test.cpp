@@ -1,9 +1,11 @@
 // Meshes by content: lifetimes, and uploads that follow each other.
 #include <gtest/gtest.h>
 
+#include <atomic>
 #include <filesystem>
 #include <fstream>
 #include <iterator>
+#include <thread>
 
 #include "server/meshes/directory_mesh_store.h"
 #include "server/meshes/sha256.h"
@@ -84,6 +86,34 @@ TEST(MeshStoreTest, DropsAnUploadThatNobodyTouches) {
   ASSERT_TRUE(store->begin_upload("new", digest_of("def"), 3));
   EXPECT_FALSE(store->query_upload("old", ""));
   EXPECT_TRUE(store->query_upload("new", ""));
+}
+
+TEST(MeshStoreTest, AnswersWhoComesBackWhileAnUploadIsFinished) {
+  const std::filesystem::path directory = std::filesystem::path(::testing::TempDir()) / "varimesh-cut";
+  const auto store = std::move(*DirectoryMeshStore::open_directory(directory.string(), settings_with()));
+  for (int i = 0; i < 200; ++i) {
+    const std::string bytes = "mesh " + std::to_string(i), id = std::to_string(i);
+    const auto size = static_cast<std::int64_t>(bytes.size());
+    const auto cut = store->begin_upload(id, digest_of(bytes), size);
+    ASSERT_TRUE(cut && store->append(*cut, 0, bytes));
+    std::atomic<bool> finishes = false;
+    std::thread finishing([&] {
+      finishes = true;
+      const auto finished = store->finish_upload(*cut);
+      EXPECT_TRUE(finished || finished.error().code == Failure::Code::Aborted) << finished.error().sentence;
+    });
+    while (!finishes) std::this_thread::yield();
+    if (i % 2 == 0) std::this_thread::sleep_for(std::chrono::microseconds(i));
+    const auto again = store->begin_upload(id, digest_of(bytes), size);
+    EXPECT_TRUE(again);
+    if (again && !again->complete) {
+      const auto finished = store->finish_upload(*again);
+      EXPECT_TRUE(finished) << finished.error().sentence;
+    }
+    finishing.join();
+    EXPECT_TRUE(store->query_upload(id, digest_of(bytes))->complete);
+  }
+  std::filesystem::remove_all(directory);
 }
 
 TEST(MeshStoreTest, LeavesNothingBehind) {
@@ -272,6 +302,13 @@ TEST_F(AtRest, IsAsItWasAfterARestart) {
   EXPECT_TRUE(store_->query_upload("", stored.digest)->complete);
   EXPECT_EQ(store_->query_upload("", stored.digest)->committed, stored.size);
   store_->retain(stored.digest);
+  now_ += std::chrono::hours(25);
+  store_->sweep();
+  EXPECT_EQ(whole(stored.digest), bytes) << "something refers to it";
+  store_->release(stored.digest);
+  now_ += std::chrono::hours(25);
+  store_->sweep();
+  EXPECT_TRUE(std::filesystem::is_empty(directory_));
 }
 
 TEST_F(AtRest, GoesWithItsLastReference) {
