@@ -131,9 +131,8 @@ TEST(RepairSplitTest, SaysWhichLimitOfAllEndedIt) {
   options.max_iterations = 60;
   options.time_limit = 1e-9;
   const Result none = run(mesh, options);
-  if (!none.after.uncertified.empty()) {
-    EXPECT_EQ(none.stop_reason, StopReason::TimeLimit);
-  }
+  ASSERT_FALSE(none.after.uncertified.empty());
+  EXPECT_EQ(none.stop_reason, StopReason::TimeLimit);
 }
 
 TEST(RepairSplitTest, ChecksOnlyWithoutIterations) {
