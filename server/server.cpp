@@ -169,6 +169,7 @@ Expected<void> Server::Parts::open_stores() {
   mesh_settings.reserve_bytes = options.limits.reserve_bytes;
   mesh_settings.lifetime = options.limits.mesh_lifetime;
   mesh_settings.compress_after = options.limits.compress_after;
+  mesh_settings.log = [](const std::string& line) { spdlog::warn("{}", line); };
   JobStoreSettings job_settings;
   job_settings.clock = options.clock;
   job_settings.max_running_of_owner = options.limits.max_running_jobs_per_peer;
@@ -255,7 +256,8 @@ Expected<std::unique_ptr<Server>> Server::start(ServerOptions options) {
       std::make_unique<Ticker>(std::chrono::minutes(1), [meshes = parts->meshes.get()] { meshes->sweep(); });
   parts->compressor = std::make_unique<Ticker>(std::chrono::minutes(1), [parts = parts.get()] {
     ::setpriority(PRIO_PROCESS, 0, 19);  // of this thread alone: it takes what the jobs leave
-    parts->meshes->compress_idle([parts] { return parts->stopping.load(); });
+    if (const auto needed = parts->jobs->needed_digests())
+      parts->meshes->compress_idle(*needed, [parts] { return parts->stopping.load(); });
   });
   parts->health->set_serving(parts->meshes->has_room());
   return std::unique_ptr<Server>(new Server(std::move(parts)));

@@ -180,6 +180,11 @@ std::vector<std::string> digests_of(const JobRecord& record) {
   return digests;
 }
 
+void add_needed(const JobRecord& record, std::set<std::string>* digests) {
+  digests->insert(record.job.spec().mesh().digest());
+  if (record.checkpoint) digests->insert(record.checkpoint->digest);
+}
+
 bool matches(const v1::Job& job, const JobFilter& filter) {
   if (!filter.states.empty() && !filter.states.contains(job.state())) return false;
   return std::all_of(filter.labels.begin(), filter.labels.end(), [&](const auto& label) {

@@ -49,6 +49,8 @@ class JobTransitions {
 std::int64_t turn_of(const v1::Job& job);
 /// Everything that the record refers to in the mesh store.
 std::vector<std::string> digests_of(const JobRecord& record);
+/// What the next attempt reads.
+void add_needed(const JobRecord& record, std::set<std::string>* digests);
 bool matches(const v1::Job& job, const JobFilter& filter);
 /// Whether a repeated submission is the same; the sentence says so where not.
 Answer<void> check_same(const v1::Job& job, const Submission& submission);

@@ -61,7 +61,7 @@ struct Submission {
   v1::JobSpec spec;
   std::string name;
   int max_pending = 0;           ///< RESOURCE_EXHAUSTED (QUEUE_FULL) where so many wait already.
-  std::string owner;             ///< Whose job it is.
+  std::string owner;             ///< Whose job it is; empty: nobody knows, and no limit of running jobs holds.
   int max_pending_of_owner = 0;  ///< PEER_LIMIT where so many of the owner's wait already; 0: no limit.
 };
 
@@ -141,6 +141,8 @@ class JobStore {
   virtual Answer<std::vector<std::string>> ended_beyond(std::size_t keep) = 0;
   /// What all jobs refer to in the mesh store, once for each reference.
   virtual Answer<std::vector<std::string>> digests() = 0;
+  /// What the jobs that have not ended read: their meshes and checkpoints.
+  virtual Answer<std::set<std::string>> needed_digests() = 0;
 };
 
 /// Whether a job in that state will never change again.

@@ -103,7 +103,8 @@ Answer<std::optional<Claimed>> MemoryJobStore::claim(const std::string& worker) 
   std::lock_guard lock(mutex_);
   const int most = transitions_.settings().max_running_of_owner;
   const auto turn = std::find_if(pending_.begin(), pending_.end(), [&](const auto& place) {
-    return most == 0 || count_of(running_of_, entries_.at(place.second).record.owner) < most;
+    const std::string& owner = entries_.at(place.second).record.owner;
+    return most == 0 || owner.empty() || count_of(running_of_, owner) < most;
   });
   if (turn == pending_.end()) return std::nullopt;
   const auto entry = entries_.find(turn->second);
@@ -196,6 +197,14 @@ Answer<std::vector<std::string>> MemoryJobStore::digests() {
   for (const auto& [key, entry] : entries_)
     for (std::string& digest : digests_of(entry.record)) all.push_back(std::move(digest));
   return all;
+}
+
+Answer<std::set<std::string>> MemoryJobStore::needed_digests() {
+  std::lock_guard lock(mutex_);
+  std::set<std::string> needed;
+  for (const auto& [key, entry] : entries_)
+    if (!has_ended(entry.record.job.state())) add_needed(entry.record, &needed);
+  return needed;
 }
 
 }  // namespace varimesh::server

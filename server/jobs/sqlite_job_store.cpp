@@ -343,6 +343,15 @@ Answer<std::vector<std::string>> SqliteJobStore::digests() {
   });
 }
 
+Answer<std::set<std::string>> SqliteJobStore::needed_digests() {
+  return read<std::set<std::string>>([](SqliteDatabase& database) -> Answer<std::set<std::string>> {
+    auto query = database.query("SELECT " VARIMESH_ROW " FROM jobs JOIN specs USING(key) WHERE ended IS NULL");
+    std::set<std::string> needed;
+    while (query.step()) add_needed(row_of(query).record, &needed);
+    return needed;
+  });
+}
+
 // ===== workers =====
 
 Answer<std::optional<Claimed>> SqliteJobStore::claim(const std::string& worker) {
@@ -353,10 +362,11 @@ Answer<std::optional<Claimed>> SqliteJobStore::claim(const std::string& worker) 
   if (waiting->pending == 0) return Result();
   return write<Result>([&](SqliteDatabase& database) -> Answer<Result> {
     const int most = transitions_.settings().max_running_of_owner;
-    auto query = database.query("SELECT " VARIMESH_ROW
-                                " FROM jobs JOIN specs USING(key) WHERE state = 1 AND owner NOT IN (SELECT owner FROM "
-                                "jobs WHERE worker <> '' GROUP BY owner HAVING COUNT(*) >= ?) ORDER BY turn, jobs.key "
-                                "LIMIT 1");
+    auto query = database.query(
+        "SELECT " VARIMESH_ROW
+        " FROM jobs JOIN specs USING(key) WHERE state = 1 AND owner NOT IN (SELECT owner FROM "
+        "jobs WHERE worker <> '' AND owner <> '' GROUP BY owner HAVING COUNT(*) >= ?) ORDER BY turn, jobs.key "
+        "LIMIT 1");
     query.bind(most > 0 ? most : std::numeric_limits<int>::max());
     if (!query.step()) return Result();
     Row row = row_of(query);

@@ -38,6 +38,7 @@ class SqliteJobStore : public JobStore {
   Answer<Changed> remove(const std::string& name) override;
   Answer<std::vector<std::string>> ended_beyond(std::size_t keep) override;
   Answer<std::vector<std::string>> digests() override;
+  Answer<std::set<std::string>> needed_digests() override;
 
  private:
   struct Row {

@@ -8,6 +8,7 @@
 #include <map>
 #include <memory>
 #include <mutex>
+#include <set>
 #include <string>
 
 #include "server/meshes/blobs.h"
@@ -22,6 +23,7 @@ struct DirectoryMeshSettings {
   std::chrono::minutes lifetime{7 * 24 * 60};  ///< Of what nothing refers to, since it was last asked for.
   std::chrono::minutes compress_after{0};      ///< Since it was last asked for; 0: never.
   std::function<std::chrono::system_clock::time_point()> clock = std::chrono::system_clock::now;
+  std::function<void(const std::string&)> log = [](const std::string&) {};  ///< What its keeper should know.
 };
 
 /// Keeps the bytes in files, so that a mesh that nobody works on costs no memory, and maps them where they are read. A
@@ -51,8 +53,9 @@ class DirectoryMeshStore : public MeshStore {
   void retain(const std::string& digest) override;
   void release(const std::string& digest) override;
   void sweep() override;
-  /// Now and then, by one thread at a time, which may be long at it: compresses what nobody has asked for in a while.
-  void compress_idle(const std::function<bool()>& given_up);
+  /// Now and then, by one thread at a time, which may be long at it: compresses what nobody has asked for in a while,
+  /// but for what is needed soon: expanding it again may find no room.
+  void compress_idle(const std::set<std::string>& needed, const std::function<bool()>& given_up);
 
  private:
   class Writer;
@@ -64,7 +67,7 @@ class DirectoryMeshStore : public MeshStore {
     bool pinned = false;
     std::chrono::system_clock::time_point touched;
     Form form = Form::Plain;
-    bool is_dense = false;  ///< Compressing makes it no smaller.
+    bool stays_plain = false;  ///< Compressing makes it no smaller, or it cannot be read.
   };
   using Entries = std::map<std::string, Entry>;
 
@@ -88,9 +91,11 @@ class DirectoryMeshStore : public MeshStore {
   void drop_old_uploads();
   void read_directory();
   void read_entry(const std::filesystem::path& path, const std::string& digest, Form form);
-  std::string next_to_compress();
+  std::string next_to_compress(const std::set<std::string>& needed);
   /// False where it could not be tried.
   bool compress(const std::string& digest, const std::function<bool()>& given_up);
+  /// With the lock held: what compressing could not read is not tried again.
+  void give_up_reading(Entries::iterator entry, bool is_gone, int reason);
   void drop(Entries::iterator entry);
 
   const std::filesystem::path directory_;

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cerrno>
+#include <cstring>
 #include <system_error>
 #include <vector>
 
@@ -63,20 +64,22 @@ void DirectoryMeshStore::read_entry(const std::filesystem::path& path, const std
 
 // ===== compressing =====
 
-std::string DirectoryMeshStore::next_to_compress() {
+std::string DirectoryMeshStore::next_to_compress(const std::set<std::string>& needed) {
   std::lock_guard lock(mutex_);
   const auto now = settings_.clock();
   for (const auto& [digest, entry] : entries_)
-    if (entry.form == Form::Plain && !entry.is_dense && entry.size >= kLeastCompressed &&
-        now - entry.touched >= settings_.compress_after)
+    if (entry.form == Form::Plain && !entry.stays_plain && entry.size >= kLeastCompressed &&
+        now - entry.touched >= settings_.compress_after && !needed.contains(digest))
       return digest;
   return {};
 }
 
-void DirectoryMeshStore::compress_idle(const std::function<bool()>& given_up) {
+void DirectoryMeshStore::compress_idle(const std::set<std::string>& needed, const std::function<bool()>& given_up) {
   if (settings_.compress_after.count() == 0) return;
-  while (!given_up()) {
-    const std::string digest = next_to_compress();
+  // What is needed only since then was asked for since then, and is not idle before this ends.
+  const auto end = settings_.clock() + settings_.compress_after;
+  while (!given_up() && settings_.clock() < end) {
+    const std::string digest = next_to_compress(needed);
     if (digest.empty() || !has_room() || !compress(digest, given_up)) return;
   }
 }
@@ -84,9 +87,16 @@ void DirectoryMeshStore::compress_idle(const std::function<bool()>& given_up) {
 bool DirectoryMeshStore::compress(const std::string& digest, const std::function<bool()>& given_up) {
   const std::filesystem::path path = temporary_path();
   const int from = ::open(path_of(digest, Form::Plain).c_str(), O_RDONLY | O_CLOEXEC);
-  const bool is_gone = from < 0 && errno == ENOENT;
+  int reason = from < 0 ? errno : 0;
+  const bool is_gone = reason == ENOENT, is_too_many = reason == EMFILE || reason == ENFILE;
   const int to = ::open(path.c_str(), O_CREAT | O_EXCL | O_WRONLY | O_CLOEXEC, 0600);
-  Compression outcome = from < 0 || to < 0 ? Compression::Failed : compress_file(from, to, given_up);
+  Compression outcome = Compression::Failed;
+  if (from >= 0 && to >= 0) {
+    outcome = compress_file(from, to, given_up);
+    reason = errno;
+  } else if (from < 0 && !is_too_many) {
+    outcome = Compression::Unreadable;
+  }
   struct stat facts {};
   if (outcome == Compression::Smaller && (::fstat(to, &facts) != 0 || (durable_ && ::fdatasync(to) != 0)))
     outcome = Compression::Failed;
@@ -101,10 +111,11 @@ bool DirectoryMeshStore::compress(const std::string& digest, const std::function
     std::filesystem::rename(path, path_of(digest, Form::Zstd), error);
     if (error) outcome = Compression::Failed;
   }
-  if (outcome == Compression::NotWorthIt && is_there) entry->second.is_dense = true;
   if (outcome != Compression::Smaller || !is_there) {
     std::filesystem::remove(path, error);
-    return outcome != Compression::Failed || is_gone;
+    if (is_there && outcome == Compression::NotWorthIt) entry->second.stays_plain = true;
+    if (is_there && outcome == Compression::Unreadable) give_up_reading(entry, is_gone, reason);
+    return outcome != Compression::Failed;
   }
   entry->second.form = Form::Zstd;
   entry->second.stored = facts.st_size;
@@ -116,6 +127,15 @@ bool DirectoryMeshStore::compress(const std::string& digest, const std::function
   if (entry != entries_.end() && entry->second.form == Form::Zstd)
     std::filesystem::remove(path_of(digest, Form::Plain), error);
   return true;
+}
+
+void DirectoryMeshStore::give_up_reading(Entries::iterator entry, bool is_gone, int reason) {
+  if (is_gone && std::filesystem::exists(path_of(entry->first, entry->second.form))) return;  // it has come back since
+  entry->second.stays_plain = true;
+  settings_.log("The stored mesh " + entry->first + " cannot be read (" + std::strerror(reason) +
+                "); look at the disk.");
+  // Once it is forgotten, an upload brings it back. What jobs refer to stays, so that their references count right.
+  if (is_gone && entry->second.references == 0) drop(entry);
 }
 
 // ===== sweeping =====

@@ -69,19 +69,21 @@ std::uint32_t number_at(std::string_view bytes, std::size_t at) {
   return number;
 }
 
-/// Whether frames from all over the file become smaller.
-bool samples_shrink(int file, std::size_t frames, Compressor& compressor) {
+/// What is to be expected of the file, by frames from all over it.
+Compression try_samples(int file, std::size_t frames, Compressor& compressor) {
   std::string plain, frame;
   std::size_t before = 0, after = 0;
   for (std::size_t i = 0, last = frames; i < std::min(frames, kSamples); ++i) {
     const std::size_t sample = frames <= kSamples ? i : i * frames / kSamples;
-    if (sample == last || !read_at(file, static_cast<std::int64_t>(sample * kFrameBytes), kFrameBytes, &plain)) break;
+    if (sample == last) break;
+    if (!read_at(file, static_cast<std::int64_t>(sample * kFrameBytes), kFrameBytes, &plain))
+      return Compression::Unreadable;
     last = sample;
     compressor.compress(plain, &frame);
     before += plain.size();
     after += frame.size();
   }
-  return is_worth_it(after, before);
+  return is_worth_it(after, before) ? Compression::Smaller : Compression::NotWorthIt;
 }
 
 }  // namespace
@@ -104,18 +106,19 @@ bool zstd_decompress(std::string_view frame, std::size_t most, std::string* byte
 
 Compression compress_file(int from, int to, const std::function<bool()>& given_up) {
   struct stat facts {};
-  if (::fstat(from, &facts) != 0) return Compression::Failed;
+  if (::fstat(from, &facts) != 0) return Compression::Unreadable;
   const auto size = static_cast<std::size_t>(facts.st_size);
   const std::size_t frames = (size + kFrameBytes - 1) / kFrameBytes;
   if (frames > std::numeric_limits<std::uint32_t>::max() / kTableEntry) return Compression::NotWorthIt;
   Compressor compressor(kLevelAtRest, true);
-  if (!samples_shrink(from, frames, compressor)) return Compression::NotWorthIt;
+  if (const Compression expected = try_samples(from, frames, compressor); expected != Compression::Smaller)
+    return expected;
   std::string plain, frame, table;
   put(kSkippableMagic, &table);
   put(static_cast<std::uint32_t>(frames * kTableEntry + kTableFooter), &table);
   for (std::size_t i = 0; i < frames; ++i) {
-    if (given_up() || !read_at(from, static_cast<std::int64_t>(i * kFrameBytes), kFrameBytes, &plain))
-      return Compression::Failed;
+    if (given_up()) return Compression::Failed;
+    if (!read_at(from, static_cast<std::int64_t>(i * kFrameBytes), kFrameBytes, &plain)) return Compression::Unreadable;
     compressor.compress(plain, &frame);
     put(static_cast<std::uint32_t>(frame.size()), &table);
     put(static_cast<std::uint32_t>(plain.size()), &table);

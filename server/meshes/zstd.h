@@ -21,11 +21,11 @@ bool zstd_decompress(std::string_view frame, std::size_t most, std::string* byte
 inline constexpr std::size_t kFrameBytes = 256 * 1024;
 
 /// What came of an attempt to compress a file.
-enum class Compression { Smaller, NotWorthIt, Failed };
+enum class Compression { Smaller, NotWorthIt, Unreadable, Failed };
 
 /// Writes the file `from` to `to`, which is empty, as frames with checksums and a table of their places (zstd's
 /// seekable format: the zstd program reads it too). NotWorthIt where samples do not become smaller by an eighth. Failed
-/// where it cannot be read or written (errno), or was given up, which is asked before each frame.
+/// where nothing more can be written (errno), or it was given up, which is asked before each frame.
 Compression compress_file(int from, int to, const std::function<bool()>& given_up);
 
 /// A file that compress_file() wrote.

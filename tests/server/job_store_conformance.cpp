@@ -102,6 +102,17 @@ TEST_P(JobStoreConformance, GivesNoMoreOfOneOwnerThanMayRun) {
   EXPECT_EQ(claim().name, "jobs/3");
 }
 
+TEST_P(JobStoreConformance, CountsNobodysJobsAsNobodys) {
+  max_running_of_owner_ = 1;
+  reopen();
+  submit();
+  submit();
+  EXPECT_EQ(claim().name, "jobs/1");
+  const auto second = store_->claim("worker");
+  ASSERT_TRUE(second && *second);
+  EXPECT_EQ((*second)->claim.name, "jobs/2");
+}
+
 // ===== listing =====
 
 TEST_P(JobStoreConformance, ListsInPagesThatStayStable) {
@@ -306,7 +317,10 @@ TEST_P(JobStoreConformance, HandsTheNewestCheckpointToTheNextAttempt) {
   EXPECT_EQ(second.checkpoint->iteration, 20);
   const auto digests = store_->digests();
   EXPECT_EQ(std::multiset<std::string>(digests->begin(), digests->end()), (std::multiset<std::string>{"mesh", "new"}));
+  submit(spec("waiting"));
+  EXPECT_EQ(*store_->needed_digests(), (std::set<std::string>{"mesh", "new", "waiting"}));
   EXPECT_EQ(store_->finish(second, success(), 0)->released, std::vector<std::string>{"new"});
+  EXPECT_EQ(*store_->needed_digests(), std::set<std::string>{"waiting"}) << "the other has ended";
 }
 
 TEST_P(JobStoreConformance, CountsOnlyLossesWithoutProgress) {

@@ -1,10 +1,12 @@
 // Meshes by content: lifetimes, and uploads that follow each other.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <atomic>
 #include <filesystem>
 #include <fstream>
 #include <iterator>
+#include <set>
 #include <thread>
 
 #include "server/meshes/directory_mesh_store.h"
@@ -227,11 +229,12 @@ class AtRest : public ::testing::Test {
     store_.reset();
     DirectoryMeshSettings settings = settings_with([this] { return now_; });
     settings.compress_after = std::chrono::minutes(10);
+    settings.log = [this](const std::string& line) { lines_.push_back(line); };
     store_ = std::move(*DirectoryMeshStore::open_directory(directory_.string(), settings));
   }
   void rest() {
     now_ += std::chrono::minutes(11);
-    store_->compress_idle([] { return false; });
+    store_->compress_idle(needed_, [] { return false; });
   }
   bool is_compressed(const std::string& digest) const {
     const bool compressed = std::filesystem::exists(directory_ / (digest + ".zst"));
@@ -260,12 +263,14 @@ class AtRest : public ::testing::Test {
   Time now_ = Time(std::chrono::hours(500'000));
   std::filesystem::path directory_;
   std::unique_ptr<DirectoryMeshStore> store_;
+  std::set<std::string> needed_;
+  std::vector<std::string> lines_;  ///< Of its log.
 };
 
 TEST_F(AtRest, IsCompressedWhenNobodyHasAskedForItInAWhile) {
   const std::string bytes = long_text(50'000);
   const StoredBytes stored = write(*store_, bytes);
-  store_->compress_idle([] { return false; });
+  store_->compress_idle(needed_, [] { return false; });
   EXPECT_FALSE(is_compressed(stored.digest)) << "somebody may want it at once";
   rest();
   EXPECT_TRUE(is_compressed(stored.digest));
@@ -330,12 +335,39 @@ TEST_F(AtRest, IsLeftWhereItDoesNotShrinkOrIsSmall) {
   EXPECT_EQ(whole(dense.digest), noise);
 }
 
+TEST_F(AtRest, IsLeftWhereAJobNeedsItSoon) {
+  const StoredBytes stored = write(*store_, long_text(50'000)), other = write(*store_, long_text(50'001));
+  needed_ = {stored.digest};
+  rest();
+  EXPECT_FALSE(is_compressed(stored.digest));
+  EXPECT_TRUE(is_compressed(other.digest));
+  needed_.clear();
+  rest();
+  EXPECT_TRUE(is_compressed(stored.digest));
+}
+
+TEST_F(AtRest, GoesOnBeyondWhatCannotBeRead) {
+  std::vector<StoredBytes> all;
+  for (int i = 0; i < 4; ++i) all.push_back(write(*store_, long_text(50'000 + i)));
+  std::sort(all.begin(), all.end(), [](const auto& a, const auto& b) { return a.digest < b.digest; });
+  ASSERT_TRUE(store_->pin(all[0].digest));
+  store_->release(all[0].digest);
+  for (int i = 0; i < 3; ++i) std::filesystem::remove(directory_ / all[i].digest);
+  std::filesystem::create_symlink(all[2].digest, directory_ / all[2].digest);  // to itself: nobody can open it
+  rest();
+  EXPECT_TRUE(is_compressed(all[3].digest));
+  EXPECT_EQ(lines_.size(), 3u);
+  EXPECT_FALSE(store_->query_upload("", all[0].digest)) << "it has gone, and may be uploaded again";
+  rest();
+  EXPECT_EQ(lines_.size(), 3u) << "once is enough";
+}
+
 TEST_F(AtRest, IsGivenUpWithoutATrace) {
   const std::string bytes = long_text(50'000);
   const StoredBytes stored = write(*store_, bytes);
   now_ += std::chrono::minutes(11);
   int asked = 0;
-  store_->compress_idle([&] { return ++asked > 3; });
+  store_->compress_idle(needed_, [&] { return ++asked > 3; });
   EXPECT_FALSE(is_compressed(stored.digest));
   EXPECT_EQ(std::distance(std::filesystem::directory_iterator(directory_), {}), 1);
   EXPECT_EQ(whole(stored.digest), bytes);
