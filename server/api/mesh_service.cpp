@@ -1,6 +1,7 @@
 // Reactors of MeshService.
 #include "server/api/mesh_service.h"
 
+#include <chrono>
 #include <optional>
 
 #include "server/api/upload.h"
@@ -9,6 +10,19 @@ namespace varimesh::server {
 namespace {
 
 using Code = Failure::Code;
+using Clock = std::chrono::steady_clock;
+
+/// The store drops an upload that nobody touches for so long; a stream that only waits for its chunks goes with it.
+constexpr std::chrono::minutes kIdleUpload{10};
+constexpr Clock::time_point kNotNow = Clock::time_point::max();
+
+grpc::Status idle_status() {
+  return status(Failure{Code::NotFound,
+                        "UPLOAD_NOT_FOUND",
+                        "Nothing came for ten minutes, and the upload is dropped; begin it again.",
+                        {},
+                        0});
+}
 
 /// UploadMesh: reads a message, lets the pool store it, reads the next.
 class Upload : public grpc::ServerReadReactor<v1::UploadMeshRequest>, public Call {
@@ -26,6 +40,7 @@ class Upload : public grpc::ServerReadReactor<v1::UploadMeshRequest>, public Cal
 
   void OnReadDone(bool ok) override {
     std::lock_guard lock(mutex_);
+    reading_since_ = kNotNow;
     if (finished_) return;
     api_.pool.post([this, ok, alive = self_] {
       const grpc::Status status = guarded([&] { return ok ? session_.take(request_) : session_.complete(); });
@@ -43,6 +58,12 @@ class Upload : public grpc::ServerReadReactor<v1::UploadMeshRequest>, public Cal
     api_.calls.remove(last);
   }
   void end(const grpc::Status& status) override { finish(status, std::nullopt); }
+  void tick(Clock::time_point now) override {
+    std::unique_lock lock(mutex_);
+    const bool is_idle = now - reading_since_ > kIdleUpload;
+    lock.unlock();
+    if (is_idle) end(idle_status());
+  }
 
  private:
   Upload(const ApiContext& api, const std::string& peer, v1::UploadMeshResponse* response)
@@ -57,7 +78,9 @@ class Upload : public grpc::ServerReadReactor<v1::UploadMeshRequest>, public Cal
 
   void read() {
     std::lock_guard lock(mutex_);
-    if (!finished_) StartRead(&request_);
+    if (finished_) return;
+    reading_since_ = Clock::now();
+    StartRead(&request_);
   }
 
   const ApiContext& api_;
@@ -66,14 +89,15 @@ class Upload : public grpc::ServerReadReactor<v1::UploadMeshRequest>, public Cal
   UploadSession session_;                   ///< By the pool alone, one task at a time.
   std::mutex mutex_;
   bool finished_ = false;
+  Clock::time_point reading_since_ = kNotNow;
   std::shared_ptr<Upload> self_;
 };
 
 /// SendMesh: the same, and what is stored is said as soon as the answer before has gone.
 class Sending : public grpc::ServerBidiReactor<v1::SendMeshRequest, v1::SendMeshResponse>, public Call {
  public:
-  static Sending* open(const ApiContext& api, const std::string& peer) {
-    std::shared_ptr<Sending> sending(new Sending(api, peer));
+  static Sending* open(const ApiContext& api, grpc::CallbackServerContext* call) {
+    std::shared_ptr<Sending> sending(new Sending(api, call));
     sending->self_ = sending;
     const grpc::Status refused = api.calls.add(sending) ? sending->session_.refused() : stopping_status();
     if (refused.ok())
@@ -85,6 +109,7 @@ class Sending : public grpc::ServerBidiReactor<v1::SendMeshRequest, v1::SendMesh
 
   void OnReadDone(bool ok) override {
     std::lock_guard lock(mutex_);
+    reading_since_ = kNotNow;
     if (finished_) return;
     api_.pool.post([this, ok, alive = self_] {
       const grpc::Status status = guarded([&] { return ok ? session_.take(request_) : session_.complete(); });
@@ -115,13 +140,24 @@ class Sending : public grpc::ServerBidiReactor<v1::SendMeshRequest, v1::SendMesh
     if (std::exchange(finished_, true)) return;
     Finish(status);
   }
+  void tick(Clock::time_point now) override {
+    std::unique_lock lock(mutex_);
+    // The context lives as long as gRPC refers to this.
+    if (self_ != nullptr && writing_ && now - writing_since_ > api_.limits.stalled_reader) call_->TryCancel();
+    const bool is_idle = now - reading_since_ > kIdleUpload;
+    lock.unlock();
+    if (is_idle) end(idle_status());
+  }
 
  private:
-  Sending(const ApiContext& api, const std::string& peer) : api_(api), session_(api, peer) {}
+  Sending(const ApiContext& api, grpc::CallbackServerContext* call)
+      : api_(api), call_(call), session_(api, call->peer()) {}
 
   void read() {
     std::lock_guard lock(mutex_);
-    if (!finished_) StartRead(&request_);
+    if (finished_) return;
+    reading_since_ = Clock::now();
+    StartRead(&request_);
   }
 
   /// With the lock held.
@@ -130,15 +166,22 @@ class Sending : public grpc::ServerBidiReactor<v1::SendMeshRequest, v1::SendMesh
     if (stored_) {
       *response_.mutable_mesh() = *stored_;
       finished_ = true;
+      begin_write();
       StartWriteAndFinish(&response_, grpc::WriteOptions(), grpc::Status::OK);
     } else if (committed_ != said_) {
       response_.set_committed_size(said_ = committed_);
-      writing_ = true;
+      begin_write();
       StartWrite(&response_);
     }
   }
 
+  void begin_write() {
+    writing_ = true;
+    writing_since_ = Clock::now();
+  }
+
   const ApiContext& api_;
+  grpc::CallbackServerContext* const call_;
   v1::SendMeshRequest request_;  ///< Touched by gRPC while it reads, by the pool after.
   UploadSession session_;        ///< By the pool alone, one task at a time.
   std::mutex mutex_;
@@ -146,7 +189,9 @@ class Sending : public grpc::ServerBidiReactor<v1::SendMeshRequest, v1::SendMesh
   std::optional<v1::StoredMesh> stored_;
   v1::SendMeshResponse response_;  ///< Touched by gRPC while it writes.
   bool writing_ = false;
+  Clock::time_point writing_since_;
   bool finished_ = false;
+  Clock::time_point reading_since_ = kNotNow;
   std::shared_ptr<Sending> self_;
 };
 
@@ -169,7 +214,7 @@ grpc::ServerReadReactor<v1::UploadMeshRequest>* MeshService::UploadMesh(grpc::Ca
 
 grpc::ServerBidiReactor<v1::SendMeshRequest, v1::SendMeshResponse>* MeshService::SendMesh(
     grpc::CallbackServerContext* call) {
-  return Sending::open(api_, call->peer());
+  return Sending::open(api_, call);
 }
 
 grpc::ServerUnaryReactor* MeshService::QueryUpload(grpc::CallbackServerContext* call,

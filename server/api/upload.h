@@ -19,7 +19,8 @@ class UploadSession {
         most_(api.uploads.most()),
         place_(api.uploads.take(address_)) {}
 
-  /// Not OK where the peer has too many uploads open already.
+  /// Not OK where the peer has too many streams open already that upload. Uploads whose stream was cut, and which the
+  /// store keeps for a while, are not counted.
   grpc::Status refused() const {
     return place_ == nullptr ? peer_limit_status(address_, most_, "uploads") : grpc::Status::OK;
   }
