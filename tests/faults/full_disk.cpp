@@ -28,10 +28,10 @@ void expect(bool held, const std::string& what) {
   violations += held ? 0 : 1;
 }
 
-/// Whether something becomes true within a minute: a job of a second takes its time under a sanitizer, on a busy
+/// Whether something becomes true within minutes: a job of a second takes its time under a sanitizer, on a busy
 /// machine.
 bool soon(const std::function<bool()>& condition) {
-  for (int i = 0; i < 1200; ++i) {
+  for (int i = 0; i < 6000; ++i) {
     if (condition()) return true;
     std::this_thread::sleep_for(std::chrono::milliseconds(50));
   }

@@ -57,6 +57,13 @@ class Violations {
 bool is_away(const grpc::Status& status) {
   return status.error_code() == grpc::StatusCode::UNAVAILABLE || status.error_code() == grpc::StatusCode::CANCELLED;
 }
+/// Milliseconds between two ends, at most. Jobs have to come as far as a checkpoint in it, under a sanitizer too.
+#if defined(__SANITIZE_ADDRESS__)
+constexpr int kLongestLife = 15000;
+#else
+constexpr int kLongestLife = 1200;
+#endif
+
 void pause() { std::this_thread::sleep_for(std::chrono::milliseconds(10)); }
 
 /// Repeats a call until the server is there to answer it.
@@ -101,7 +108,7 @@ class Campaign {
     learn_results();
     for (int kill = 1; kill <= arguments_.kills; ++kill) {
       std::thread client([&] { top_up(); });  // it may be cut in the middle
-      std::this_thread::sleep_for(std::chrono::milliseconds(std::uniform_int_distribution<>(0, 1200)(random_)));
+      std::this_thread::sleep_for(std::chrono::milliseconds(std::uniform_int_distribution<>(0, kLongestLife)(random_)));
       if (kill % 3 == 0)
         stop_gently();
       else
