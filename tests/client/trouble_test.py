@@ -189,7 +189,9 @@ class Interrupts(WithFolder):
             self.assertEqual(client.returncode, 130, stderr)
             self.assertIn("may still run", stderr)
             asking = start("jobs", "--server", server.address)
-            time.sleep(0.2)  # too early is no harm: it ends all the same
+            status = Path(f"/proc/{asking.pid}/status")
+            while not int(re.search(r"(?m)^SigBlk:\s*(\w+)$", status.read_text())[1], 16) & 1 << signal.SIGINT - 1:
+                time.sleep(0.01)  # before that it ends all the same, and says nothing
             asking.send_signal(signal.SIGINT)
             self.assertIn("nterrupted", asking.communicate(timeout=10)[1])
             self.assertEqual(asking.returncode, 130)
