@@ -15,102 +15,11 @@
 #include "core/energy/density-inl.h"
 #include "core/energy/table-inl.h"
 #include "core/optimise/batches.h"
+#include "core/optimise/float_matrix-inl.h"
 
 HWY_BEFORE_NAMESPACE();
 namespace varimesh {
 namespace HWY_NAMESPACE {
-
-using FloatTag = hn::CappedTag<float, kBatch>;
-using Floats = hn::Vec<FloatTag>;
-
-HWY_INLINE Floats load(const float* at) { return hn::Load(FloatTag(), at); }
-HWY_INLINE Floats every(float value) { return hn::Set(FloatTag(), value); }
-
-/// A d × d matrix a lane.
-template <int d>
-struct FloatMatrix {
-  Floats at[d][d];
-
-  HWY_INLINE void load_from(const float* entries) {
-    unrolled<d>([&](auto i) { unrolled<d>([&](auto j) { at[i][j] = load(entries + (i * d + j) * kBatch); }); });
-  }
-  /// this · B, or this · Bᵀ
-  template <bool transposed>
-  HWY_INLINE FloatMatrix times(const FloatMatrix& B) const {
-    FloatMatrix out;
-    unrolled<d>([&](auto i) {
-      unrolled<d>([&](auto j) {
-        Floats sum = at[i][0] * (transposed ? B.at[j][0] : B.at[0][j]);
-        unrolled<d>([&](auto k) {
-          if (k > 0) sum = hn::MulAdd(at[i][k], transposed ? B.at[j][k] : B.at[k][j], sum);
-        });
-        out.at[i][j] = sum;
-      });
-    });
-    return out;
-  }
-  /// thisᵀ · B
-  HWY_INLINE FloatMatrix transposed_times(const FloatMatrix& B) const {
-    FloatMatrix out;
-    unrolled<d>([&](auto i) {
-      unrolled<d>([&](auto j) {
-        Floats sum = at[0][i] * B.at[0][j];
-        unrolled<d>([&](auto k) {
-          if (k > 0) sum = hn::MulAdd(at[k][i], B.at[k][j], sum);
-        });
-        out.at[i][j] = sum;
-      });
-    });
-    return out;
-  }
-  HWY_INLINE Floats inner(const FloatMatrix& B) const {
-    Floats sum = at[0][0] * B.at[0][0];
-    unrolled<d>([&](auto i) {
-      unrolled<d>([&](auto j) {
-        if (i + j > 0) sum = hn::MulAdd(at[i][j], B.at[i][j], sum);
-      });
-    });
-    return sum;
-  }
-  /// this += s B
-  HWY_INLINE void add(Floats s, const FloatMatrix& B) {
-    unrolled<d>([&](auto i) { unrolled<d>([&](auto j) { at[i][j] = hn::MulAdd(s, B.at[i][j], at[i][j]); }); });
-  }
-  HWY_INLINE void scale(Floats s) {
-    unrolled<d * d>([&](auto i) { at[i / d][i % d] = at[i / d][i % d] * s; });
-  }
-};
-
-/// The derivative of cof F along dF: in 2-D cof dF, in 3-D the mixed products of the rows.
-template <int d>
-HWY_INLINE FloatMatrix<d> cofactor_change(const FloatMatrix<d>& F, const FloatMatrix<d>& dF) {
-  FloatMatrix<d> out;
-  if constexpr (d == 2) {
-    const Floats none = hn::Zero(FloatTag());
-    out.at[0][0] = dF.at[1][1];
-    out.at[0][1] = none - dF.at[1][0];
-    out.at[1][0] = none - dF.at[0][1];
-    out.at[1][1] = dF.at[0][0];
-  } else {
-    unrolled<3>([&](auto i) {
-      const Floats *a = F.at[(i + 1) % 3], *b = F.at[(i + 2) % 3];
-      const Floats *da = dF.at[(i + 1) % 3], *db = dF.at[(i + 2) % 3];
-      unrolled<3>([&](auto j) {
-        const int j1 = (j + 1) % 3, j2 = (j + 2) % 3;
-        out.at[i][j] = hn::MulSub(da[j1], b[j2], da[j2] * b[j1]) + hn::MulSub(a[j1], db[j2], a[j2] * db[j1]);
-      });
-    });
-  }
-  return out;
-}
-
-template <int d>
-HWY_INLINE FloatMatrix<d> cofactor_of(const FloatMatrix<d>& F) {
-  if constexpr (d == 2) return cofactor_change<2>(F, F);
-  FloatMatrix<d> out = cofactor_change<d>(F, F);
-  out.scale(every(0.5F));  // cof is quadratic in 3-D
-  return out;
-}
 
 template <class E, int d>
 class VectorHessian final : public HessianKernels {

@@ -12,99 +12,32 @@ namespace {
 using Code = Failure::Code;
 using Clock = std::chrono::steady_clock;
 
-/// The store drops an upload that nobody touches for so long; a stream that only waits for its chunks goes with it.
-constexpr std::chrono::minutes kIdleUpload{10};
 constexpr Clock::time_point kNotNow = Clock::time_point::max();
 
 grpc::Status idle_status() {
   return status(Failure{Code::NotFound,
                         "UPLOAD_NOT_FOUND",
-                        "Nothing came for ten minutes, and the upload is dropped; begin it again.",
+                        "Nothing came for " + std::to_string(kUploadLifetime.count()) +
+                            " minutes, and the upload is dropped; begin it again.",
                         {},
                         0});
 }
 
-/// UploadMesh: reads a message, lets the pool store it, reads the next.
-class Upload : public grpc::ServerReadReactor<v1::UploadMeshRequest>, public Call {
+/// A stream of an upload's messages: reads one, lets the pool store it, reads the next.
+template <class Reactor, class Request>
+class Receiving : public Reactor, public Call {
  public:
-  static Upload* open(const ApiContext& api, const std::string& peer, v1::UploadMeshResponse* response) {
-    std::shared_ptr<Upload> upload(new Upload(api, peer, response));
-    upload->self_ = upload;
-    const grpc::Status refused = api.calls.add(upload) ? upload->session_.refused() : stopping_status();
-    if (refused.ok())
-      upload->read();
-    else
-      upload->end(refused);
-    return upload.get();
-  }
-
-  void OnReadDone(bool ok) override {
+  /// What gRPC is to be given; `self`: this, which then keeps itself until gRPC is done with it.
+  Reactor* open(const std::shared_ptr<Receiving>& self) {
+    self_ = self;
+    const grpc::Status refused = api_.calls.add(self) ? session_.refused() : stopping_status();
+    if (!refused.ok()) {
+      end(refused);
+      return this;
+    }
     std::lock_guard lock(mutex_);
-    reading_since_ = kNotNow;
-    if (finished_) return;
-    api_.pool.post([this, ok, alive = self_] {
-      const grpc::Status status = guarded([&] { return ok ? session_.take(request_) : session_.complete(); });
-      if (!status.ok() || session_.stored())
-        finish(status, session_.stored());
-      else
-        read();
-    });
-  }
-  void OnCancel() override { end(grpc::Status::CANCELLED); }
-  void OnDone() override {
-    std::unique_lock lock(mutex_);
-    const std::shared_ptr<Upload> last = std::move(self_);
-    lock.unlock();
-    api_.calls.remove(last);
-  }
-  void end(const grpc::Status& status) override { finish(status, std::nullopt); }
-  void tick(Clock::time_point now) override {
-    std::unique_lock lock(mutex_);
-    const bool is_idle = now - reading_since_ > kIdleUpload;
-    lock.unlock();
-    if (is_idle) end(idle_status());
-  }
-
- private:
-  Upload(const ApiContext& api, const std::string& peer, v1::UploadMeshResponse* response)
-      : api_(api), response_(response), session_(api, peer) {}
-
-  void finish(const grpc::Status& status, const std::optional<v1::StoredMesh>& stored) {
-    std::lock_guard lock(mutex_);
-    if (std::exchange(finished_, true)) return;
-    if (stored) *response_->mutable_mesh() = *stored;
-    Finish(status);
-  }
-
-  void read() {
-    std::lock_guard lock(mutex_);
-    if (finished_) return;
-    reading_since_ = Clock::now();
-    StartRead(&request_);
-  }
-
-  const ApiContext& api_;
-  v1::UploadMeshResponse* const response_;  ///< gRPC's, and gone once the call is finished.
-  v1::UploadMeshRequest request_;           ///< Touched by gRPC while it reads, by the pool after.
-  UploadSession session_;                   ///< By the pool alone, one task at a time.
-  std::mutex mutex_;
-  bool finished_ = false;
-  Clock::time_point reading_since_ = kNotNow;
-  std::shared_ptr<Upload> self_;
-};
-
-/// SendMesh: the same, and what is stored is said as soon as the answer before has gone.
-class Sending : public grpc::ServerBidiReactor<v1::SendMeshRequest, v1::SendMeshResponse>, public Call {
- public:
-  static Sending* open(const ApiContext& api, grpc::CallbackServerContext* call) {
-    std::shared_ptr<Sending> sending(new Sending(api, call));
-    sending->self_ = sending;
-    const grpc::Status refused = api.calls.add(sending) ? sending->session_.refused() : stopping_status();
-    if (refused.ok())
-      sending->read();
-    else
-      sending->end(refused);
-    return sending.get();
+    read();
+    return this;
   }
 
   void OnReadDone(bool ok) override {
@@ -114,50 +47,96 @@ class Sending : public grpc::ServerBidiReactor<v1::SendMeshRequest, v1::SendMesh
     api_.pool.post([this, ok, alive = self_] {
       const grpc::Status status = guarded([&] { return ok ? session_.take(request_) : session_.complete(); });
       if (!status.ok()) return end(status);
-      {
-        std::lock_guard inner(mutex_);
-        committed_ = session_.committed();
-        stored_ = session_.stored();
-        say();
-      }
+      std::lock_guard inner(mutex_);
+      if (finished_) return;
+      answer();
       if (!session_.stored()) read();
     });
-  }
-  void OnWriteDone(bool ok) override {
-    std::lock_guard lock(mutex_);
-    writing_ = false;
-    if (ok) say();
   }
   void OnCancel() override { end(grpc::Status::CANCELLED); }
   void OnDone() override {
     std::unique_lock lock(mutex_);
-    const std::shared_ptr<Sending> last = std::move(self_);
+    const std::shared_ptr<Receiving> last = std::move(self_);
     lock.unlock();
     api_.calls.remove(last);
   }
   void end(const grpc::Status& status) override {
     std::lock_guard lock(mutex_);
-    if (std::exchange(finished_, true)) return;
-    Finish(status);
+    if (!std::exchange(finished_, true)) this->Finish(status);
   }
+  /// The store drops an upload that nobody touches for so long; a stream that only waits for its chunks goes with it.
   void tick(Clock::time_point now) override {
     std::unique_lock lock(mutex_);
-    // The context lives as long as gRPC refers to this.
-    if (self_ != nullptr && writing_ && now - writing_since_ > api_.limits.stalled_reader) call_->TryCancel();
-    const bool is_idle = now - reading_since_ > kIdleUpload;
+    const bool is_idle = now - reading_since_ > kUploadLifetime;
     lock.unlock();
     if (is_idle) end(idle_status());
   }
 
- private:
-  Sending(const ApiContext& api, grpc::CallbackServerContext* call)
-      : api_(api), call_(call), session_(api, call->peer()) {}
+ protected:
+  Receiving(const ApiContext& api, const std::string& peer) : api_(api), session_(api, peer) {}
 
+  /// With the lock held: session_ has taken a message.
+  virtual void answer() = 0;
+
+  const ApiContext& api_;
+  UploadSession session_;  ///< By the pool alone, one task at a time.
+  std::mutex mutex_;
+  bool finished_ = false;
+  std::shared_ptr<Receiving> self_;  ///< Until gRPC is done.
+
+ private:
+  /// With the lock held.
   void read() {
-    std::lock_guard lock(mutex_);
-    if (finished_) return;
     reading_since_ = Clock::now();
-    StartRead(&request_);
+    this->StartRead(&request_);
+  }
+
+  Request request_;  ///< Touched by gRPC while it reads, by the pool after.
+  Clock::time_point reading_since_ = kNotNow;
+};
+
+/// UploadMesh: answered once, with the mesh.
+class Upload final : public Receiving<grpc::ServerReadReactor<v1::UploadMeshRequest>, v1::UploadMeshRequest> {
+ public:
+  Upload(const ApiContext& api, const std::string& peer, v1::UploadMeshResponse* response)
+      : Receiving(api, peer), response_(response) {}
+
+ private:
+  void answer() override {
+    if (!session_.stored()) return;
+    *response_->mutable_mesh() = *session_.stored();
+    finished_ = true;
+    Finish(grpc::Status::OK);
+  }
+
+  v1::UploadMeshResponse* const response_;  ///< gRPC's, and gone once the call is finished.
+};
+
+/// SendMesh: what is stored is said as soon as the answer before has gone.
+class Sending final
+    : public Receiving<grpc::ServerBidiReactor<v1::SendMeshRequest, v1::SendMeshResponse>, v1::SendMeshRequest> {
+ public:
+  Sending(const ApiContext& api, grpc::CallbackServerContext* call) : Receiving(api, call->peer()), call_(call) {}
+
+  void OnWriteDone(bool ok) override {
+    std::lock_guard lock(mutex_);
+    writing_ = false;
+    if (ok) say();
+  }
+  void tick(Clock::time_point now) override {
+    {
+      std::lock_guard lock(mutex_);
+      // The context lives as long as gRPC refers to this.
+      if (self_ != nullptr && writing_ && now - writing_since_ > api_.limits.stalled_reader) call_->TryCancel();
+    }
+    Receiving::tick(now);
+  }
+
+ private:
+  void answer() override {
+    committed_ = session_.committed();
+    stored_ = session_.stored();
+    say();
   }
 
   /// With the lock held.
@@ -180,19 +159,12 @@ class Sending : public grpc::ServerBidiReactor<v1::SendMeshRequest, v1::SendMesh
     writing_since_ = Clock::now();
   }
 
-  const ApiContext& api_;
   grpc::CallbackServerContext* const call_;
-  v1::SendMeshRequest request_;  ///< Touched by gRPC while it reads, by the pool after.
-  UploadSession session_;        ///< By the pool alone, one task at a time.
-  std::mutex mutex_;
   std::int64_t committed_ = 0, said_ = -1;
   std::optional<v1::StoredMesh> stored_;
   v1::SendMeshResponse response_;  ///< Touched by gRPC while it writes.
   bool writing_ = false;
   Clock::time_point writing_since_;
-  bool finished_ = false;
-  Clock::time_point reading_since_ = kNotNow;
-  std::shared_ptr<Sending> self_;
 };
 
 grpc::Status check_offset(std::int64_t offset, std::int64_t size) {
@@ -209,12 +181,14 @@ grpc::Status check_offset(std::int64_t offset, std::int64_t size) {
 
 grpc::ServerReadReactor<v1::UploadMeshRequest>* MeshService::UploadMesh(grpc::CallbackServerContext* call,
                                                                         v1::UploadMeshResponse* response) {
-  return Upload::open(api_, call->peer(), response);
+  const auto upload = std::make_shared<Upload>(api_, call->peer(), response);
+  return upload->open(upload);
 }
 
 grpc::ServerBidiReactor<v1::SendMeshRequest, v1::SendMeshResponse>* MeshService::SendMesh(
     grpc::CallbackServerContext* call) {
-  return Sending::open(api_, call);
+  const auto sending = std::make_shared<Sending>(api_, call);
+  return sending->open(sending);
 }
 
 grpc::ServerUnaryReactor* MeshService::QueryUpload(grpc::CallbackServerContext* call,

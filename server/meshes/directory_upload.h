@@ -10,9 +10,6 @@
 
 namespace varimesh::server {
 
-/// An upload that nobody touches for so long is dropped; who was told that a mesh is there has as long to refer to it.
-inline constexpr auto kUploadLifetime = std::chrono::minutes(10);
-
 /// Brings the names of new files in a directory to the disk; false where that cannot be done (errno).
 bool sync_directory(const std::filesystem::path& directory);
 

@@ -1,6 +1,7 @@
 // Where meshes and results lie, by content: the interface, whatever holds the bytes.
 #pragma once
 
+#include <chrono>
 #include <cstdint>
 #include <memory>
 #include <string>
@@ -9,6 +10,9 @@
 #include "server/failure.h"
 
 namespace varimesh::server {
+
+/// An upload that nobody touches for so long is dropped; who was told that a mesh is there has as long to refer to it.
+inline constexpr auto kUploadLifetime = std::chrono::minutes(10);
 
 /// The bytes of a stored mesh all at once, readable for as long as somebody holds this.
 class Blob {

@@ -12,6 +12,11 @@
 
 namespace varimesh::server::testing {
 
+using State = v1::JobState;
+inline constexpr State kPending = v1::JOB_STATE_PENDING, kRunning = v1::JOB_STATE_RUNNING,
+                       kCancelling = v1::JOB_STATE_CANCELLING, kSucceeded = v1::JOB_STATE_SUCCEEDED,
+                       kFailed = v1::JOB_STATE_FAILED, kCancelled = v1::JOB_STATE_CANCELLED;
+
 /// A store under test and the place where it keeps its jobs, made anew for every test.
 class StorePlace {
  public:
