@@ -105,12 +105,10 @@ T density_value(const E& energy, const Matrix<T, d>& F, T delta_squared) {
   return W;
 }
 
-/// P = dW/dF = f_Q dQ/dF + f_J C (+ the strain's), with d|F|²/dF = 2F and d|C|²/dF : dF = 2 C : dC.
+/// P = dW/dF = f_Q dQ/dF + f_J C (+ the strain's), with d|F|²/dF = 2F and d|C|²/dF : dF = 2 C : dC. `C`: cof F; `p`:
+/// the energy's partial derivatives there.
 template <int d, class T, class E>
-Matrix<T, d> density_gradient(const E& energy, const Matrix<T, d>& F, T delta_squared) {
-  const Matrix<T, d> C = cofactor<d>(F);
-  const T Q = E::kQuadratic == Quadratic::Cofactor ? dot<d>(C, C) : dot<d>(F, F);
-  const Partials<T> p = energy.partials(Q, regularised(determinant<d>(F), delta_squared));
+Matrix<T, d> density_gradient(const E& energy, const Matrix<T, d>& F, const Matrix<T, d>& C, const Partials<T>& p) {
   Matrix<T, d> P;
   for (int k = 0; k < d; ++k)
     for (int l = 0; l < d; ++l) {
@@ -138,6 +136,13 @@ Matrix<T, d> density_gradient(const E& energy, const Matrix<T, d>& F, T delta_sq
       for (int k = 0; k < d; ++k) P[k][k] = P[k][k] + number<T>(energy.lambda) * trace_of_small_strain<d>(F);
   }
   return P;
+}
+
+template <int d, class T, class E>
+Matrix<T, d> density_gradient(const E& energy, const Matrix<T, d>& F, T delta_squared) {
+  const Matrix<T, d> C = cofactor<d>(F);
+  const T Q = E::kQuadratic == Quadratic::Cofactor ? dot<d>(C, C) : dot<d>(F, F);
+  return density_gradient<d>(energy, F, C, energy.partials(Q, regularised(determinant<d>(F), delta_squared)));
 }
 
 /// dP for a change dF: (d²W/dF²) : dF.

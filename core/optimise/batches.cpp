@@ -31,7 +31,13 @@ BatchBlock make_batch_block(const CellBlock& cells, const std::vector<std::int32
         block.ranks[(static_cast<std::size_t>(b) * nodes + n) * kBatch + lane] =
             rank[cells.nodes[static_cast<std::size_t>(cell) * nodes + n]];
     }
-  block.result.resize(static_cast<std::size_t>(block.count) * nodes * d * kBatch);
+  for (int q = 0; q < cells.points; ++q)
+    for (int n = 0; n < nodes; ++n)
+      for (int k = 0; k < d; ++k)
+        for (int l = 0; l <= k; ++l)
+          block.squares.push_back(static_cast<float>(cells.derivatives_of(n)[k * cells.stride + q] *
+                                                     cells.derivatives_of(n)[l * cells.stride + q]));
+  block.parts.resize(static_cast<std::size_t>(block.count) * nodes * 2 * d * kBatch);
   block.linearisation.resize(block.count * block.linearisation_size());
   block.inverse_target.resize(static_cast<std::size_t>(block.count) * (cells.affine ? 1 : cells.points) * d * d *
                               kBatch);

@@ -15,27 +15,30 @@ namespace varimesh {
 /// Cells in a batch, whatever the width of the machine's vectors: one AVX-512 vector of floats, two of AVX2.
 inline constexpr int kBatch = 16;
 
-/// The batches of one CellBlock. Innermost in every array but `result` is the lane. Lanes past the last cell repeat it,
+/// The batches of one CellBlock. Innermost in every array but `parts` is the lane. Lanes past the last cell repeat it,
 /// with weight 0.
 struct BatchBlock {
   const CellBlock* cells = nullptr;
-  std::int32_t count = 0;               ///< Batches.
-  int entries = 0;                      ///< Numbers a point that `linearise` keeps.
-  AlignedVector<float> forward;         ///< points × nodes × d: ∂φ_n/∂ξ_k at each point.
-  AlignedVector<float> backward;        ///< points × d × padded nodes: the same.
-  int padded_nodes = 0;                 ///< nodes, to a multiple of 8.
+  std::int32_t count = 0;         ///< Batches.
+  int entries = 0;                ///< Numbers a point that `linearise` keeps.
+  AlignedVector<float> forward;   ///< points × nodes × d: ∂φ_n/∂ξ_k at each point.
+  AlignedVector<float> backward;  ///< points × d × padded nodes: the same.
+  AlignedVector<float> squares;  ///< points × nodes × d (d + 1)/2: ∂φ_n/∂ξ_k ∂φ_n/∂ξ_l, lower triangle by rows.
+  int padded_nodes = 0;          ///< nodes, to a multiple of 8.
   AlignedVector<float> inverse_target;  ///< count × (affine ? 1 : points) × d·d × lane.
   AlignedVector<float> left_factor;     ///< count × d·d × lane; empty: 1.
   AlignedVector<float> linearisation;   ///< count × points × entries × lane.
   std::vector<std::int32_t>
-      ranks;                    ///< count × nodes × lane: rank of the node among the free ones; free.size() if fixed.
-  AlignedVector<float> result;  ///< count × nodes × lane × d: each cell's part of the product.
+      ranks;  ///< count × nodes × lane: rank of the node among the free ones; free.size() if fixed.
+  /// count × nodes × lane × width: each cell's part of what is summed over a node's cells, one after the other: of the
+  /// product, d wide; of the gradient and of the node's own block of the Hessian, 2 d wide.
+  AlignedVector<float> parts;
 
   std::size_t linearisation_size() const;
-  /// Where in `result` the first component of a cell's node is; the others follow.
-  std::size_t result_index(std::int32_t cell, int node) const {
+  /// Where the first number of a cell's node is in `parts`; the others follow.
+  std::size_t part_index(std::int32_t cell, int node, int width) const {
     const std::size_t place = static_cast<std::size_t>(cell / kBatch) * cells->nodes_per_cell + node;
-    return (place * kBatch + cell % kBatch) * cells->dimension;
+    return (place * kBatch + cell % kBatch) * width;
   }
 };
 
@@ -47,10 +50,16 @@ class HessianKernels {
   /// Numbers that linearise() keeps a point.
   virtual int entries() const = 0;
 
-  /// Keeps what products need of batch `b`: F and the energy's partial derivatives times the weights.
-  virtual void linearise(BatchBlock& block, std::int32_t b) const = 0;
+  /// Keeps what products need of batch `b`: F and the energy's partial derivatives times the weights and the cell's
+  /// slope. `deformation`: F of its cells, as CellBlock::deformation has them. The parts become the cells' gradients
+  /// times their slopes, each component in two floats whose sum it is: d high ones, then d low ones.
+  virtual void linearise(BatchBlock& block, std::int32_t b, const double* deformation) const = 0;
 
-  /// result of batch b = its cells' Hessian times `direction` (d floats a free node, then d zeros for the fixed ones).
+  /// The parts become the second derivatives of the cells' energies in each node alone, times their slopes: lower
+  /// triangles by rows, d (d + 1)/2 of the 2 d numbers. Of what linearise() has kept.
+  virtual void node_blocks(BatchBlock& block, std::int32_t b) const = 0;
+
+  /// The parts become the cells' Hessian times `direction` (d floats a free node, then d zeros for the fixed ones).
   virtual void apply(BatchBlock& block, std::int32_t b, std::span<const float> direction) const = 0;
 
   /// The cells' mean tensors M with dF ↦ Σ w dP : dF ≈ dG_ik M(ij, kl) dG_jl for dG constant in a cell:

@@ -117,13 +117,23 @@ void fill_blocks(Problem& problem, const HighOrderMesh& mesh, const Clusters& cl
       block.mesh_cell.push_back(cell);
       block.nodes.insert(block.nodes.end(), nodes[cell], nodes[cell] + block.nodes_per_cell);
     }
-  for (CellBlock& block : problem.blocks) {
-    block.deformation.resize(static_cast<std::size_t>(block.count) * block.dimension * block.dimension * block.stride);
-    block.delta_squared.assign(block.count, 0.0);
-  }
+  for (CellBlock& block : problem.blocks) block.delta_squared.assign(block.count, 0.0);
 }
 
 }  // namespace
+
+bool hold_deformation(Problem& problem) {
+  bool made = false;
+  for (CellBlock& block : problem.blocks) {
+    made = made || (block.deformation.empty() && block.count > 0);
+    block.deformation.resize(block.count * block.deformation_size());
+  }
+  return made;
+}
+
+void drop_deformation(Problem& problem) {
+  for (CellBlock& block : problem.blocks) AlignedVector<double>().swap(block.deformation);
+}
 
 std::vector<double> free_positions(const Problem& problem, const std::vector<double>& positions) {
   const std::size_t d = problem.dimension;

@@ -36,17 +36,17 @@ struct CellBlock {
   AlignedVector<double> measure;
   /// L of F = L ∇χ_M A⁻¹ (row-major d × d): count × d·d, symmetric, of determinant 1. Empty: 1.
   AlignedVector<double> left_factor;
-  AlignedVector<double> deformation;  ///< F, row-major: count × d·d × stride.
+  /// F, row-major: count × d·d × stride. Empty while nobody keeps it (hold_deformation): it is the most that a cell
+  /// has.
+  AlignedVector<double> deformation;
   std::vector<double> energy_slope;   ///< What products weight each cell with (the p-norm's slope); empty: 1.
   std::vector<double> delta_squared;  ///< δ² of J' a cell, dimensionless; 0 for a cell with J > 0 at every point.
   std::vector<char> condemned;        ///< Cells that no free node can repair: never in the barrier. Empty: none.
 
-  double* deformation_of(std::int32_t cell) {
-    return deformation.data() + static_cast<std::size_t>(cell) * dimension * dimension * stride;
-  }
-  const double* deformation_of(std::int32_t cell) const {
-    return deformation.data() + static_cast<std::size_t>(cell) * dimension * dimension * stride;
-  }
+  /// Numbers in a cell's F.
+  std::size_t deformation_size() const { return static_cast<std::size_t>(dimension) * dimension * stride; }
+  double* deformation_of(std::int32_t cell) { return deformation.data() + cell * deformation_size(); }
+  const double* deformation_of(std::int32_t cell) const { return deformation.data() + cell * deformation_size(); }
   const double* inverse_target_of(std::int32_t cell) const {
     return inverse_target.data() + static_cast<std::size_t>(cell) * dimension * dimension * (affine ? 1 : stride);
   }
@@ -84,9 +84,13 @@ struct Problem {
 };
 
 /// Groups the cells by shape and, within a shape, by cluster; builds the tables and lists the incidences of the free
-/// nodes. `quadrature_degree` 0 means
-/// 2 P. Positions, targets and deformation gradients are left to be set.
+/// nodes. `quadrature_degree` 0 means 2 P. Positions, targets and deformation gradients are left to be set.
 Problem build_problem(const HighOrderMesh& mesh, const std::vector<bool>& fixed, int quadrature_degree);
+
+/// Makes room for the deformation gradients, or gives it back. hold: true where the room is new, and they are to be
+/// computed.
+bool hold_deformation(Problem& problem);
+void drop_deformation(Problem& problem);
 
 /// What an array of all nodes' positions has of the free ones, d numbers each, and back; false where it is not of that
 /// size.

@@ -74,6 +74,15 @@ struct FloatMatrix {
   }
 };
 
+/// A row of the derivative of cof F: da × b + a × db. A function of its own, since compilers leave a lambda this large
+/// out of line.
+HWY_INLINE void cross_change(const Floats* a, const Floats* b, const Floats* da, const Floats* db, Floats* out) {
+  unrolled<3>([&](auto j) {
+    const int j1 = (j + 1) % 3, j2 = (j + 2) % 3;
+    out[j] = hn::MulSub(da[j1], b[j2], da[j2] * b[j1]) + hn::MulSub(a[j1], db[j2], a[j2] * db[j1]);
+  });
+}
+
 /// The derivative of cof F along dF: in 2-D cof dF, in 3-D the mixed products of the rows.
 template <int d>
 HWY_INLINE FloatMatrix<d> cofactor_change(const FloatMatrix<d>& F, const FloatMatrix<d>& dF) {
@@ -85,14 +94,9 @@ HWY_INLINE FloatMatrix<d> cofactor_change(const FloatMatrix<d>& F, const FloatMa
     out.at[1][0] = none - dF.at[0][1];
     out.at[1][1] = dF.at[0][0];
   } else {
-    unrolled<3>([&](auto i) {
-      const Floats *a = F.at[(i + 1) % 3], *b = F.at[(i + 2) % 3];
-      const Floats *da = dF.at[(i + 1) % 3], *db = dF.at[(i + 2) % 3];
-      unrolled<3>([&](auto j) {
-        const int j1 = (j + 1) % 3, j2 = (j + 2) % 3;
-        out.at[i][j] = hn::MulSub(da[j1], b[j2], da[j2] * b[j1]) + hn::MulSub(a[j1], db[j2], a[j2] * db[j1]);
-      });
-    });
+    cross_change(F.at[1], F.at[2], dF.at[1], dF.at[2], out.at[0]);
+    cross_change(F.at[2], F.at[0], dF.at[2], dF.at[0], out.at[1]);
+    cross_change(F.at[0], F.at[1], dF.at[0], dF.at[1], out.at[2]);
   }
   return out;
 }

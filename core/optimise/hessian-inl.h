@@ -12,56 +12,42 @@
 #define VARIMESH_OPTIMISE_HESSIAN_INL_H
 #endif
 
-#include "core/energy/density-inl.h"
 #include "core/energy/table-inl.h"
 #include "core/optimise/batches.h"
 #include "core/optimise/float_matrix-inl.h"
+#include "core/optimise/linearisation-inl.h"
 
 HWY_BEFORE_NAMESPACE();
 namespace varimesh {
 namespace HWY_NAMESPACE {
 
 template <class E, int d>
-class VectorHessian final : public HessianKernels {
-  // What is kept a point: F, w f_Q, w f_J, w f_JJ, then w f_QJ, w f_QQ and w where the energy needs them.
-  static constexpr int kF = 0, kQ = d * d, kJ = kQ + 1, kJJ = kJ + 1;
-  static constexpr int kQJ = kJJ + 1;
-  static constexpr int kQQ = kQJ + (E::kMixed ? 1 : 0);
-  static constexpr int kW = kQQ + (E::kCurved ? 1 : 0);
-  static constexpr int kEntries = kW + (E::kStrain != StrainTerm::None ? 1 : 0);
+class VectorHessian final : public VectorLinearisation<E, d> {
+  using Kept = VectorLinearisation<E, d>;
+  using Kept::kEntries, Kept::kJ, Kept::kJJ, Kept::kQ, Kept::kQJ, Kept::kQQ, Kept::kW, Kept::kSides, Kept::energy_;
+  using Kept::mu;
   // Accumulators in registers: AVX-512 has 32, AVX2 and SSE 16.
   static constexpr int kPointTile = HWY_TARGET == HWY_AVX3 ? 3 : 1;
   static constexpr int kNodeTile = HWY_TARGET == HWY_AVX3 ? 8 : 4;
 
  public:
-  explicit VectorHessian(const E& energy) : energy_(energy) {}
+  using Kept::Kept;
 
-  int entries() const override { return kEntries; }
-
-  HWY_FLATTEN void linearise(BatchBlock& block, std::int32_t b) const override {
-    const CellBlock& cells = *block.cells;
-    const PointTag tag;
-    const int width = static_cast<int>(hn::Lanes(tag));
-    float* out = block.linearisation.data() + b * block.linearisation_size();
-    for (int lane = 0; lane < kBatch; ++lane) {
-      const bool real = b * kBatch + lane < cells.count;
-      const std::int32_t cell = real ? b * kBatch + lane : cells.count - 1;
-      const double slope = !real ? 0.0 : cells.energy_slope.empty() ? 1.0 : cells.energy_slope[cell];
-      for (int q = 0; q < cells.stride; q += width) {
-        const Points weight = cells.affine
-                                  ? hn::Load(tag, cells.weights.data() + q) * hn::Set(tag, cells.measure_of(cell)[0])
-                                  : hn::Load(tag, cells.measure_of(cell) + q);
-        alignas(64) double kept[kEntries][kPointPadding];
-        expand(cells.deformation_of(cell) + q, cells.stride, weight * hn::Set(tag, slope), cells.delta_squared[cell],
-               kept);
-        for (int p = 0; p < std::min(width, cells.points - q); ++p)
-          for (int entry = 0; entry < kEntries; ++entry)
-            out[((q + p) * kEntries + entry) * kBatch + lane] = static_cast<float>(kept[entry][p]);
+  HWY_FLATTEN void node_blocks(BatchBlock& block, std::int32_t b) const override {
+    const int nodes = block.cells->nodes_per_cell;
+    static thread_local AlignedVector<float> scratch;
+    scratch.resize(static_cast<std::size_t>(nodes) * kSides * kBatch);
+    for (int lane = 0; lane < kBatch; lane += static_cast<int>(hn::Lanes(FloatTag())))
+      add_up_blocks(block, b, lane, scratch.data() + lane);
+    for (int n = 0; n < nodes; ++n)
+      for (int lane = 0; lane < kBatch; ++lane) {
+        float* to = block.parts.data() + block.part_index(b * kBatch + lane, n, 2 * d);
+        for (int entry = 0; entry < kSides; ++entry) to[entry] = scratch[(n * kSides + entry) * kBatch + lane];
+        if (!block.left_factor.empty()) turn_block_by_left_factor(block, b, lane, to);
       }
-    }
   }
 
-  void mean_tensors(const BatchBlock& block, std::int32_t b, std::vector<float>& out) const override {
+  HWY_FLATTEN void mean_tensors(const BatchBlock& block, std::int32_t b, std::vector<float>& out) const override {
     constexpr int kSquare = d * d;
     const CellBlock& cells = *block.cells;
     const int per_cell = cells.affine ? 1 : cells.points;
@@ -106,30 +92,72 @@ class VectorHessian final : public HessianKernels {
       backward(block, slopes + lane, u + lane);
     }
     times_left_factor(block, b, u);
-    interleave(u, nodes, block.result.data() + static_cast<std::size_t>(b) * nodes * d * kBatch);
+    interleave(u, nodes, block.parts.data() + block.part_index(b * kBatch, 0, d));
   }
 
  private:
-  using PointTag = hn::CappedTag<double, kPointPadding>;
-  using Points = hn::Vec<PointTag>;
+  /// out[(n kSides + ij) kBatch] = Σ over points of T(ik, jl) ∂_k φ_n ∂_l φ_n, with T = w A⁻¹ (d²W/dF²) A⁻ᵀ at each.
+  HWY_INLINE void add_up_blocks(const BatchBlock& block, std::int32_t b, int lane, float* out) const {
+    const FloatTag tag;
+    const CellBlock& cells = *block.cells;
+    const int nodes = cells.nodes_per_cell, per_cell = cells.affine ? 1 : cells.points;
+    const float* kept = block.linearisation.data() + b * block.linearisation_size() + lane;
+    const float* targets = block.inverse_target.data() + static_cast<std::size_t>(b) * per_cell * d * d * kBatch + lane;
+    for (int entry = 0; entry < nodes * kSides; ++entry) hn::Store(hn::Zero(tag), tag, out + entry * kBatch);
+    for (int q = 0; q < cells.points; ++q) {
+      FloatMatrix<d> inverse;
+      inverse.load_from(targets + static_cast<std::size_t>(cells.affine ? 0 : q) * d * d * kBatch);
+      alignas(64) float T[kSides * kSides * kBatch];
+      point_tensor(kept + static_cast<std::size_t>(q) * kEntries * kBatch, inverse, T);
+      const float* squares = block.squares.data() + static_cast<std::size_t>(q) * nodes * kSides;
+      for (int n = 0; n < nodes; ++n)
+        unrolled<kSides>([&](auto ij) {
+          float* to = out + (n * kSides + ij) * kBatch;
+          Floats sum = load(to);
+          unrolled<kSides>([&](auto kl) {
+            sum = hn::MulAdd(load(T + (ij * kSides + kl) * kBatch), every(squares[n * kSides + kl]), sum);
+          });
+          hn::Store(sum, tag, to);
+        });
+    }
+  }
 
-  /// What is kept of some points, a lane each.
-  HWY_INLINE void expand(const double* deformation, int stride, Points w, double delta_squared,
-                         double (*kept)[kPointPadding]) const {
-    const PointTag tag;
-    Matrix<Points, d> F;
+  /// T(ik, jl) for i ≥ j and k ≥ l, those of k ≠ l added to their mirror image.
+  HWY_INLINE void point_tensor(const float* kept, const FloatMatrix<d>& inverse, float* T) const {
+    const FloatTag tag;
+    FloatMatrix<d> change[d][d];  // w dP A⁻ᵀ of dG = e_j ⊗ e_l
+    unrolled<d>([&](auto j) {
+      unrolled<d>([&](auto l) {
+        FloatMatrix<d> dF;
+        unrolled<d>(
+            [&](auto i) { unrolled<d>([&](auto m) { dF.at[i][m] = i == j ? inverse.at[l][m] : hn::Zero(tag); }); });
+        change[j][l] = stress_change(kept, dF).template times<true>(inverse);
+      });
+    });
+    unrolled<d>([&](auto i) {
+      unrolled_through(i, [&](auto j) {
+        unrolled<d>([&](auto k) {
+          unrolled_through(k, [&](auto l) {
+            const Floats one = change[j][l].at[i][k];
+            hn::Store(k == l ? one : one + change[j][k].at[i][l], tag,
+                      T + ((i * (i + 1) / 2 + j) * kSides + k * (k + 1) / 2 + l) * kBatch);
+          });
+        });
+      });
+    });
+  }
+
+  /// L B L of a lower triangle.
+  static void turn_block_by_left_factor(const BatchBlock& block, std::int32_t b, int lane, float* triangle) {
+    const float* L = block.left_factor.data() + static_cast<std::size_t>(b) * d * d * kBatch + lane;
+    float turned[kSides] = {};
     for (int i = 0; i < d; ++i)
-      for (int j = 0; j < d; ++j) F[i][j] = hn::Load(tag, deformation + (i * d + j) * stride);
-    const Matrix<Points, d> C = cofactor<d>(F);
-    const Points Q = E::kQuadratic == Quadratic::Cofactor ? dot<d>(C, C) : dot<d>(F, F);
-    const Partials<Points> p = energy_.partials(Q, regularised(determinant<d>(F), hn::Set(tag, delta_squared)));
-    for (int k = 0; k < d * d; ++k) hn::Store(F[k / d][k % d], tag, kept[kF + k]);
-    hn::Store(w * p.f_Q, tag, kept[kQ]);
-    hn::Store(w * p.f_J, tag, kept[kJ]);
-    hn::Store(w * p.f_JJ, tag, kept[kJJ]);
-    if constexpr (E::kMixed) hn::Store(w * p.f_QJ, tag, kept[kQJ]);
-    if constexpr (E::kCurved) hn::Store(w * p.f_QQ, tag, kept[kQQ]);
-    if constexpr (E::kStrain != StrainTerm::None) hn::Store(w, tag, kept[kW]);
+      for (int j = 0; j <= i; ++j)
+        for (int k = 0; k < d; ++k)
+          for (int l = 0; l < d; ++l)
+            turned[i * (i + 1) / 2 + j] += L[(i * d + k) * kBatch] * L[(j * d + l) * kBatch] *
+                                           triangle[std::max(k, l) * (std::max(k, l) + 1) / 2 + std::min(k, l)];
+    std::copy_n(turned, kSides, triangle);
   }
 
   /// u[(n d + i) kBatch + lane] = direction of component i of node n of the lane's cell.
@@ -337,11 +365,6 @@ class VectorHessian final : public HessianKernels {
     }
   }
 
-  double mu() const {
-    if constexpr (E::kStrain != StrainTerm::None) return energy_.mu;
-    return 0;
-  }
-
   /// result[(n d + i) kBatch] = Σ over points and k of slopes_ik ∂φ_n/∂ξ_k.
   static HWY_FLATTEN void backward(const BatchBlock& block, const float* slopes, float* result) {
     const int nodes = block.cells->nodes_per_cell, points = block.cells->points;
@@ -365,8 +388,6 @@ class VectorHessian final : public HessianKernels {
       });
     }
   }
-
-  E energy_;
 };
 
 template <int d>

@@ -209,16 +209,19 @@ class VectorKernels final : public Kernels {
     return min_of(smallest);
   }
 
-  HWY_FLATTEN void rebuild(CellBlock& block, std::int32_t cell, std::span<const double> positions) const override {
+  HWY_FLATTEN void deform(const CellBlock& block, std::int32_t cell, std::span<const double> positions,
+                          double* F) const override {
     const std::int32_t* nodes = block.nodes.data() + static_cast<std::size_t>(cell) * block.nodes_per_cell;
-    double* F = block.deformation_of(cell);
     const double *inverse = block.inverse_target_of(cell), *factor = block.left_factor_of(cell);
+    static thread_local std::vector<double> turned;  // L x
+    turned.resize(static_cast<std::size_t>(block.nodes_per_cell) * d);
+    for (int n = 0; n < block.nodes_per_cell; ++n)
+      times_left_factor(factor, d, positions.data() + static_cast<std::size_t>(nodes[n]) * d, &turned[n * d]);
     for (int q = 0; q < block.stride; q += static_cast<int>(hn::Lanes(Tag()))) {
       Lanes G[d][d];  // L ∇_ξ χ_M
       unrolled<d * d>([&](auto i) { G[i / d][i % d] = zero(); });
       for (int n = 0; n < block.nodes_per_cell; ++n) {
-        double x[d];
-        times_left_factor(factor, d, positions.data() + static_cast<std::size_t>(nodes[n]) * d, x);
+        const double* x = turned.data() + n * d;
         const double* table = block.derivatives_of(n) + q;
         unrolled<d>([&](auto k) {
           const Lanes slope = load(table + k * block.stride);
@@ -239,13 +242,13 @@ class VectorKernels final : public Kernels {
     }
   }
 
-  HWY_FLATTEN CellScan scan(const CellBlock& block, std::int32_t cell) const override {
+  HWY_FLATTEN CellScan scan(const CellBlock& block, std::int32_t cell, const double* F) const override {
     const Lanes delta_squared = hn::Set(Tag(), block.delta_squared[cell]);
     Lanes energy = zero(), smallest = hn::Set(Tag(), std::numeric_limits<double>::infinity());
     Lanes low = smallest, high = zero() - smallest;
     for (int q = 0; q < block.stride; q += static_cast<int>(hn::Lanes(Tag()))) {
       Gradient<d> at;
-      at.load_from(block.deformation_of(cell), block.stride, q);
+      at.load_from(F, block.stride, q);
       const Lanes J = at.determinant(), weights = load(block.weights.data() + q);
       const Lanes w =
           block.affine ? weights * hn::Set(Tag(), block.measure_of(cell)[0]) : load(block.measure_of(cell) + q);

@@ -34,7 +34,7 @@ struct PatchExpansion {
   std::array<double, 6> hessian{};  ///< xx, xy, yy, xz, yz, zz: lower triangle by rows.
 };
 
-/// What a cell's cached deformation gradients say.
+/// What a cell's deformation gradients say.
 struct CellScan {
   double energy = 0;             ///< Σ weight |det A| W(F).
   double smallest_jacobian = 0;  ///< min det F over the points.
@@ -59,10 +59,20 @@ class Kernels {
   /// The smallest J = det F in the patch.
   virtual double smallest_jacobian(std::span<const PatchCell> patch) const = 0;
 
-  /// F of a cell from its nodes' positions (d a node): sets the block's deformation of that cell.
-  virtual void rebuild(CellBlock& block, std::int32_t cell, std::span<const double> positions) const = 0;
+  /// F of a cell from its nodes' positions (d a node), into `deformation`: d·d × block.stride, row-major.
+  virtual void deform(const CellBlock& block, std::int32_t cell, std::span<const double> positions,
+                      double* deformation) const = 0;
 
-  virtual CellScan scan(const CellBlock& block, std::int32_t cell) const = 0;
+  /// Of a cell with this F.
+  virtual CellScan scan(const CellBlock& block, std::int32_t cell, const double* deformation) const = 0;
+
+  /// The same with the F that the block keeps.
+  void rebuild(CellBlock& block, std::int32_t cell, std::span<const double> positions) const {
+    deform(block, cell, positions, block.deformation_of(cell));
+  }
+  CellScan scan_kept(const CellBlock& block, std::int32_t cell) const {
+    return scan(block, cell, block.deformation_of(cell));
+  }
 };
 
 /// The vectorised kernels for the best instruction set that this machine has.

@@ -12,9 +12,10 @@ namespace {
 
 constexpr std::int32_t kNodesPerTask = 256;
 constexpr std::int32_t kCellsPerTask = 64;
+constexpr std::int32_t kBatchesPerTask = 4;
 constexpr std::size_t kNumbersPerTask = 16384;
-constexpr std::size_t kNodesPerSample = 64;  // of the Hessian's size
-constexpr int kMostProducts = 1000;          // a Newton step
+constexpr std::size_t kNodesPerSample = 256;  // of the Hessian's size
+constexpr int kMostProducts = 1000;           // a Newton step
 constexpr int kMostHalvings = 30;
 constexpr double kLargeStep = 1e-3;  // after which the coarse level is assembled again
 constexpr double kRough = 0.1;       // the share of its beginning to which even the last step is solved,
@@ -47,7 +48,6 @@ Newton::Newton(Problem& problem, const Kernels& kernels, const HessianKernels& h
       unknowns_(problem.free.size() * problem.dimension),
       gradient_(unknowns_),
       step_(unknowns_),
-      start_(unknowns_),
       residual_(unknowns_ + problem.dimension),
       direction_(unknowns_ + problem.dimension),
       product_(unknowns_),
@@ -58,7 +58,7 @@ Newton::Newton(Problem& problem, const Kernels& kernels, const HessianKernels& h
     for (std::int32_t cell = 0; cell < block.count; ++cell) measure_ += cell_measure(block, cell);
 }
 
-NewtonReport Newton::step(bool exact) {
+NewtonReport Newton::step() {
   NewtonReport report;
   linearise();
   for (const double g : gradient_) report.gradient_norm += g * g;
@@ -79,8 +79,7 @@ NewtonReport Newton::step(bool exact) {
   for (std::size_t i = 0; i < unknowns_; ++i) slope += gradient_[i] * step_[i];
   report.residual = largest_displacement();
   report.failed = !std::isfinite(slope) || (report.residual == 0 && report.gradient_norm > 0);
-  report.searched = slope < 0 && !report.failed;
-  if (report.searched) report.damping = search(slope, exact);
+  if (slope < 0 && !report.failed) report.damping = search(slope);
   // A coarse level serves as long as the mesh hardly changes by it.
   coarse_is_old_ = report.damping < 1 || report.residual > kLargeStep || report.products > 2 * products_when_new_ + 20;
   return report;
@@ -88,51 +87,99 @@ NewtonReport Newton::step(bool exact) {
 
 void Newton::scale_hessian() {
   double largest = 0;
-  for (std::size_t rank = 0; rank < problem_.free.size(); rank += kNodesPerSample)
-    for (const double h : expand(kernels_, Patch(problem_, static_cast<std::int32_t>(rank)).cells(), norm_).hessian)
-      largest = std::max(largest, std::abs(h));
+  AlignedVector<double> deformation;
+  for (std::size_t rank = 0; rank < problem_.free.size(); rank += kNodesPerSample) {
+    Patch patch(problem_, static_cast<std::int32_t>(rank));
+    const std::int32_t first = problem_.offsets[rank], cells = problem_.offsets[rank + 1] - first;
+    std::vector<std::size_t> begin{0};
+    for (std::int32_t i = 0; i < cells; ++i)
+      begin.push_back(begin[i] + problem_.blocks[problem_.incidences[first + i].block].deformation_size());
+    deformation.resize(begin.back());
+    for (std::int32_t i = 0; i < cells; ++i) {
+      const Incidence& at = problem_.incidences[first + i];
+      patch.cells()[i].deformation = deformation.data() + begin[i];
+      kernels_.deform(problem_.blocks[at.block], at.cell, problem_.positions, patch.cells()[i].deformation);
+    }
+    for (const double h : expand(kernels_, patch.cells(), norm_).hessian) largest = std::max(largest, std::abs(h));
+  }
   hessian_scale_ = power_of_two(largest);
   for (CellBlock& block : problem_.blocks) block.energy_slope.assign(block.count, 1 / hessian_scale_);
 }
 
 void Newton::linearise() {
-  const int d = problem_.dimension;
   scale_hessian();
-  team_.for_each(static_cast<std::int32_t>(problem_.free.size()), kNodesPerTask, [&](std::int32_t rank) {
-    PatchExpansion expansion = expand(kernels_, Patch(problem_, rank).cells(), norm_);
-    for (double& h : expansion.hessian) h /= hessian_scale_;
-    for (int k = 0; k < d; ++k) gradient_[static_cast<std::size_t>(rank) * d + k] = expansion.gradient[k];
-    preconditioner_.set_block(rank, expansion);
-  });
-  if (!norm_.is_sum()) linearise_norm();
+  if (!norm_.is_sum() && cell_gradients_.empty())
+    for (const BatchBlock& block : batches_) cell_gradients_.emplace_back(block.parts.size() / 2);
+  for (std::size_t block = 0; block < batches_.size(); ++block)
+    team_.for_each(batches_[block].count, kBatchesPerTask, [&](std::int32_t b) { linearise_batch(block, b); });
+  const auto nodes = static_cast<std::int32_t>(problem_.free.size());
+  team_.for_each(nodes, kNodesPerTask, [&](std::int32_t rank) { add_up_gradient(rank); });
   for (BatchBlock& block : batches_)
-    team_.for_each(block.count, 4, [&](std::int32_t b) { hessian_.linearise(block, b); });
+    team_.for_each(block.count, kBatchesPerTask, [&](std::int32_t b) { hessian_.node_blocks(block, b); });
+  team_.for_each(nodes, kNodesPerTask,
+                 [&](std::int32_t rank) { preconditioner_.set_block(rank, added_up_block(rank)); });
   if (coarse_is_old_) preconditioner_.coarse().assemble(batches_, hessian_);
 }
 
-void Newton::linearise_norm() {
-  const int d = problem_.dimension;
-  cell_gradients_.resize(batches_.size());
-  curvatures_.resize(batches_.size());
-  for (std::size_t b = 0; b < batches_.size(); ++b) {
-    CellBlock& block = problem_.blocks[b];
-    cell_gradients_[b].assign(batches_[b].result.size(), 0.0F);
-    curvatures_[b].resize(block.count);
-    team_.for_each(block.count, kCellsPerTask, [&](std::int32_t cell) {
-      const double energy = kernels_.scan(block, cell).energy, volume = cell_measure(block, cell);
-      block.energy_slope[cell] = norm_.slope(energy, volume) / hessian_scale_;
-      curvatures_[b][cell] = std::sqrt(norm_.curvature(energy, volume) / hessian_scale_);
-    });
+void Newton::linearise_batch(std::size_t number, std::int32_t b) {
+  CellBlock& block = problem_.blocks[number];
+  static thread_local AlignedVector<double> deformation;
+  deformation.resize(kBatch * block.deformation_size());
+  for (std::int32_t cell = b * kBatch; cell < std::min(block.count, (b + 1) * kBatch); ++cell) {
+    double* F = deformation.data() + (cell - b * kBatch) * block.deformation_size();
+    kernels_.deform(block, cell, problem_.positions, F);
+    const CellScan scan = scans_[block.first + cell] = kernels_.scan(block, cell, F);
+    if (!norm_.is_sum())
+      block.energy_slope[cell] = norm_.slope(scan.energy, cell_measure(block, cell)) / hessian_scale_;
   }
-  team_.for_each(static_cast<std::int32_t>(problem_.free.size()), kNodesPerTask, [&](std::int32_t rank) {
-    Patch patch(problem_, rank);
+  hessian_.linearise(batches_[number], b, deformation.data());
+  if (!norm_.is_sum()) keep_cell_gradients(number, b);
+}
+
+void Newton::keep_cell_gradients(std::size_t number, std::int32_t b) {
+  const CellBlock& block = problem_.blocks[number];
+  const BatchBlock& batches = batches_[number];
+  const int d = problem_.dimension;
+  for (std::int32_t cell = b * kBatch; cell < std::min(block.count, (b + 1) * kBatch); ++cell) {
+    const double slope = block.energy_slope[cell];
+    const double curvature = norm_.curvature(scans_[block.first + cell].energy, cell_measure(block, cell));
+    // The parts have the slope in them.
+    const double factor = slope > 0 ? std::sqrt(curvature / hessian_scale_) / slope : 0;
+    for (int n = 0; n < block.nodes_per_cell; ++n)
+      for (int k = 0; k < d; ++k)
+        cell_gradients_[number][batches.part_index(cell, n, d) + k] =
+            static_cast<float>(factor * batches.parts[batches.part_index(cell, n, 2 * d) + k]);
+  }
+}
+
+void Newton::add_up_gradient(std::int32_t rank) {
+  const int d = problem_.dimension;
+  for (int k = 0; k < d; ++k) {
+    double sum = 0;
     for (std::int32_t i = problem_.offsets[rank]; i < problem_.offsets[rank + 1]; ++i) {
       const Incidence& at = problem_.incidences[i];
-      const PatchExpansion cell = kernels_.expand(patch.cells().subspan(i - problem_.offsets[rank], 1));
-      float* gradient = cell_gradients_[at.block].data() + batches_[at.block].result_index(at.cell, at.local);
-      for (int k = 0; k < d; ++k) gradient[k] = static_cast<float>(curvatures_[at.block][at.cell] * cell.gradient[k]);
+      const BatchBlock& block = batches_[at.block];
+      const float* part = block.parts.data() + block.part_index(at.cell, at.local, 2 * d);
+      sum += static_cast<double>(part[k]) + part[d + k];
     }
-  });
+    gradient_[static_cast<std::size_t>(rank) * d + k] = sum * hessian_scale_;
+  }
+}
+
+std::array<double, 6> Newton::added_up_block(std::int32_t rank) const {
+  const int d = problem_.dimension;
+  std::array<double, 6> sum{};
+  for (std::int32_t i = problem_.offsets[rank]; i < problem_.offsets[rank + 1]; ++i) {
+    const Incidence& at = problem_.incidences[i];
+    const BatchBlock& block = batches_[at.block];
+    const float* part = block.parts.data() + block.part_index(at.cell, at.local, 2 * d);
+    for (int entry = 0; entry < d * (d + 1) / 2; ++entry) sum[entry] += part[entry];
+    if (norm_.is_sum()) continue;
+    const float* gradient = cell_gradients_[at.block].data() + block.part_index(at.cell, at.local, d);
+    for (int k = 0, entry = 0; k < d; ++k)
+      for (int l = 0; l <= k; ++l, ++entry) sum[entry] += static_cast<double>(gradient[k]) * gradient[l];
+  }
+  return sum;
 }
 
 void Newton::add_norm_part(std::size_t b, std::int32_t batch) {
@@ -143,12 +190,12 @@ void Newton::add_norm_part(std::size_t b, std::int32_t batch) {
     float along = 0;
     for (int n = 0; n < nodes; ++n) {
       const std::size_t rank = block.ranks[(static_cast<std::size_t>(batch) * nodes + n) * kBatch + lane];
-      const float* gradient = cell_gradients_[b].data() + block.result_index(cell, n);
+      const float* gradient = cell_gradients_[b].data() + block.part_index(cell, n, d);
       for (int k = 0; k < d; ++k) along += gradient[k] * direction_[rank * d + k];
     }
     for (int n = 0; n < nodes; ++n) {
-      const std::size_t at = block.result_index(cell, n);
-      for (int k = 0; k < d; ++k) block.result[at + k] += along * cell_gradients_[b][at + k];
+      const std::size_t at = block.part_index(cell, n, d);
+      for (int k = 0; k < d; ++k) block.parts[at + k] += along * cell_gradients_[b][at + k];
     }
   }
 }
@@ -177,7 +224,7 @@ double Newton::add_up_cells(std::int32_t first, std::int32_t last) {
     for (std::int32_t i = problem_.offsets[rank]; i < problem_.offsets[rank + 1]; ++i) {
       const Incidence& at = problem_.incidences[i];
       const BatchBlock& block = batches_[at.block];
-      const float* part = block.result.data() + block.result_index(at.cell, at.local);
+      const float* part = block.parts.data() + block.part_index(at.cell, at.local, d);
       for (int k = 0; k < d; ++k) sum[k] += part[k];
     }
     for (int k = 0; k < d; ++k) {
@@ -241,48 +288,51 @@ void Newton::conjugate_gradients(double first, double forcing, double scale, New
   }
 }
 
-double Newton::search(double slope, bool exact) {
+double Newton::search(double slope) {
   const int d = problem_.dimension;
+  std::vector<double>& start = gradient_;
   for (std::size_t f = 0; f < problem_.free.size(); ++f)
     for (int k = 0; k < d; ++k)
-      start_[f * d + k] = problem_.positions[static_cast<std::size_t>(problem_.free[f]) * d + k];
-  const double before = energy(!exact);
+      start[f * d + k] = problem_.positions[static_cast<std::size_t>(problem_.free[f]) * d + k];
+  const double before = scanned_energy();
   // Rounding, as F is computed anew, may have turned a cell that was about to vanish: there is no step to judge then.
   if (!std::isfinite(before)) return 0;
   const double noise = kEnergyNoise * measure_;
   double alpha = 1;
   for (int halving = 0; halving < kMostHalvings; ++halving, alpha *= 0.5) {
-    const double energy = energy_at(alpha);
+    const double energy = energy_at(alpha, start);
     if (energy <= before + kArmijo * alpha * slope) return alpha;
     if (-slope < 100 * noise && energy <= before + 100 * noise) return alpha;
   }
-  energy_at(0);
+  energy_at(0, start);
   return 0;
 }
 
-double Newton::energy_at(double alpha) {
+double Newton::energy_at(double alpha, const std::vector<double>& start) {
   const int d = problem_.dimension;
   for (std::size_t f = 0; f < problem_.free.size(); ++f)
     for (int k = 0; k < d; ++k)
       problem_.positions[static_cast<std::size_t>(problem_.free[f]) * d + k] =
-          start_[f * d + k] + alpha * step_[f * d + k];
-  return energy(true);
+          start[f * d + k] + alpha * step_[f * d + k];
+  for (const CellBlock& block : problem_.blocks)
+    team_.for_each(block.count, kCellsPerTask, [&](std::int32_t cell) {
+      static thread_local AlignedVector<double> deformation;
+      deformation.resize(block.deformation_size());
+      kernels_.deform(block, cell, problem_.positions, deformation.data());
+      scans_[block.first + cell] = kernels_.scan(block, cell, deformation.data());
+    });
+  return scanned_energy();
 }
 
-double Newton::energy(bool rebuild) {
+double Newton::scanned_energy() const {
   double energy = 0;
-  for (CellBlock& block : problem_.blocks) {
-    team_.for_each(block.count, kCellsPerTask, [&](std::int32_t cell) {
-      if (rebuild) kernels_.rebuild(block, cell, problem_.positions);
-      scans_[block.first + cell] = kernels_.scan(block, cell);
-    });
+  for (const CellBlock& block : problem_.blocks)
     for (std::int32_t cell = 0; cell < block.count; ++cell) {
       const CellScan& scan = scans_[block.first + cell];
       if (block.delta_squared[cell] == 0 && !(scan.smallest_jacobian > 0))
         energy = std::numeric_limits<double>::infinity();
       energy += norm_.value(scan.energy, cell_measure(block, cell));
     }
-  }
   return std::isfinite(energy) ? energy : std::numeric_limits<double>::infinity();
 }
 

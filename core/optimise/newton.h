@@ -1,7 +1,9 @@
 // All free nodes at once: truncated Newton with matrix-free conjugate gradients.
 #pragma once
 
+#include <array>
 #include <cstdint>
+#include <span>
 #include <vector>
 
 #include "core/optimise/batches.h"
@@ -20,7 +22,6 @@ struct NewtonReport {
   double damping = 0;        ///< The share of the full step that was taken; 0: none lowered the energy.
   bool failed = false;       ///< The step is not a number, or there is none although the gradient is not 0.
   bool cut_short = false;    ///< By negative curvature: the full step, and so the residual, is not known.
-  bool searched = false;     ///< Deformation gradients were computed anew from the nodes' positions.
   int products = 0;          ///< Of the Hessian and a direction.
 };
 
@@ -28,16 +29,18 @@ struct NewtonReport {
 /// products' Hessian is exact; where conjugate gradients meet a direction of negative curvature they stop with what
 /// they have. The line search never raises the energy and never makes a valid cell invalid.
 ///
-/// Expects the problem's deformation gradients and δ to be up to date (Sweeper::scan), and leaves the deformation
-/// gradients so.
+/// Goes by the nodes' positions: deformation gradients are computed where they are needed, a batch of cells at a time,
+/// and kept by nobody. Expects the cells' δ to be up to date (Sweeper::scan).
 class Newton {
  public:
   /// `tolerance`: the residual at which the run will end; steps are solved as tightly as helps to get there.
   Newton(Problem& problem, const Kernels& kernels, const HessianKernels& hessian, const PNorm& norm, double tolerance,
          const Team& team);
 
-  /// `exact`: the deformation gradients are, bit for bit, those of the nodes' positions.
-  NewtonReport step(bool exact);
+  NewtonReport step();
+
+  /// By cell: what the deformation gradients say after the step, with the δ that there was before it.
+  std::span<const CellScan> scans() const { return scans_; }
 
   /// What a step leaves for the next.
   template <class Archive>
@@ -47,11 +50,16 @@ class Newton {
   }
 
  private:
+  /// Sets gradient_ and what products and the preconditioner need, from the nodes' positions.
   void linearise();
   /// Finds out how large the Hessian is, so that it fits single precision.
   void scale_hessian();
-  /// The p-norm's part of linearise: each cell's slope, curvature and gradient.
-  void linearise_norm();
+  void linearise_batch(std::size_t block, std::int32_t batch);
+  /// The p-norm's part of it: each cell's gradient, for its curvature.
+  void keep_cell_gradients(std::size_t block, std::int32_t batch);
+  /// Of a free node, from its cells' parts.
+  void add_up_gradient(std::int32_t rank);
+  std::array<double, 6> added_up_block(std::int32_t rank) const;
   /// Adds g (g · direction) of each cell of the batch to its result.
   void add_norm_part(std::size_t block, std::int32_t batch);
   /// product_ = H direction_; returns direction_ · product_.
@@ -66,11 +74,12 @@ class Newton {
   bool is_solved(double share, double forcing, double scale) const;
   /// Of a node in the step, in the step's scale.
   double largest_displacement() const;
-  double search(double slope, bool exact);
-  /// Energy with every free node displaced by alpha times the step; +∞ where that makes a valid cell invalid.
-  double energy_at(double alpha);
-  /// The same of the nodes as they are, with or without computing the deformation gradients anew.
-  double energy(bool rebuild);
+  double search(double slope);
+  /// Energy with every free node displaced from `start` by alpha times the step; +∞ where that makes a valid cell
+  /// invalid.
+  double energy_at(double alpha, const std::vector<double>& start);
+  /// The same of the last scans.
+  double scanned_energy() const;
 
   Problem& problem_;
   const Kernels& kernels_;
@@ -80,21 +89,19 @@ class Newton {
   const Team& team_;
   std::vector<BatchBlock> batches_;
   Preconditioner preconditioner_;
-  std::vector<AlignedVector<float>> cell_gradients_;  ///< √curvature g by block, as BatchBlock::result; p ≠ 1 only.
-  std::vector<std::vector<double>> curvatures_;       ///< √curvature by block and cell; p ≠ 1 only.
+  std::vector<AlignedVector<float>> cell_gradients_;  ///< √curvature g by block, as its parts, d wide; p ≠ 1 only.
   double hessian_scale_ = 1;                          ///< What the Hessian is divided by in products and blocks.
   std::size_t unknowns_ = 0;
   double measure_ = 0;            ///< Σ weight |det A| of the mesh.
   double last_gradient_ = 0;      ///< In the preconditioner's norm, of the step before.
-  std::vector<double> gradient_;  ///< d a free node.
+  std::vector<double> gradient_;  ///< d a free node. The line search has no use for it and keeps its start here.
   std::vector<double> step_;
-  std::vector<double> start_;                ///< Positions of the free nodes at the start of the line search.
   std::vector<float> residual_, direction_;  ///< d a free node and d more, which are 0.
   std::vector<float> product_, preconditioned_;
   std::vector<double> partial_;  ///< Of a sum, a task's; added in order.
-  std::vector<CellScan> scans_;
-  bool coarse_is_old_ = true;  ///< The coarse level is to be assembled again.
-  int products_when_new_ = 0;  ///< Of the step after it was.
+  std::vector<CellScan> scans_;  ///< By cell.
+  bool coarse_is_old_ = true;    ///< The coarse level is to be assembled again.
+  int products_when_new_ = 0;    ///< Of the step after it was.
 };
 
 }  // namespace varimesh

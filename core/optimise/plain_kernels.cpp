@@ -82,9 +82,8 @@ class PlainKernels final : public Kernels {
     return smallest;
   }
 
-  void rebuild(CellBlock& block, std::int32_t cell, std::span<const double> positions) const override {
+  void deform(const CellBlock& block, std::int32_t cell, std::span<const double> positions, double* F) const override {
     const std::int32_t* nodes = block.nodes.data() + static_cast<std::size_t>(cell) * block.nodes_per_cell;
-    double* F = block.deformation_of(cell);
     for (int q = 0; q < block.stride; ++q) {
       MatrixD G = MatrixD::Zero();  // ∇_ξ χ_M
       for (int n = 0; n < block.nodes_per_cell; ++n)
@@ -99,12 +98,12 @@ class PlainKernels final : public Kernels {
     }
   }
 
-  CellScan scan(const CellBlock& block, std::int32_t cell) const override {
+  CellScan scan(const CellBlock& block, std::int32_t cell, const double* of_cell) const override {
     CellScan out;
     double smallest = std::numeric_limits<double>::infinity(), largest = -smallest;
     out.smallest_jacobian = smallest;
     for (int q = 0; q < block.points; ++q) {
-      const MatrixD F = deformation(block.deformation_of(cell), block.stride, q);
+      const MatrixD F = deformation(of_cell, block.stride, q);
       const double volume = block.affine ? block.measure_of(cell)[0] : block.measure_of(cell)[q] / block.weights[q];
       const double J = F.determinant();
       out.smallest_jacobian = std::min(out.smallest_jacobian, J);

@@ -10,12 +10,13 @@ namespace {
 
 constexpr std::int32_t kNodesPerTask = 2048;
 constexpr double kLeastEigenvalue = 1e-3;  // of a block, relative to its largest
+constexpr double kNothing = 1e-30;         // less is lost in single precision; the largest blocks are about 1
 
 template <int d>
-void invert_block(const PatchExpansion& expansion, float* inverse) {
+void invert_block(const std::array<double, 6>& triangle, float* inverse) {
   Eigen::Matrix<double, d, d> H;
   for (int i = 0, entry = 0; i < d; ++i)
-    for (int j = 0; j <= i; ++j, ++entry) H(i, j) = H(j, i) = expansion.hessian[entry];
+    for (int j = 0; j <= i; ++j, ++entry) H(i, j) = H(j, i) = triangle[entry];
   // |H| |H⁻¹| in the Frobenius norm bounds the eigenvalues' ratio: where it is small nothing is clamped.
   Eigen::Matrix<double, d, d> out;
   const Eigen::LLT<Eigen::Matrix<double, d, d>> factor(H);
@@ -23,7 +24,7 @@ void invert_block(const PatchExpansion& expansion, float* inverse) {
   if (factor.info() != Eigen::Success || !(H.norm() * out.norm() <= 1 / kLeastEigenvalue)) {
     const Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, d, d>> eigen(H);
     const Eigen::Matrix<double, d, 1> size = eigen.eigenvalues().cwiseAbs();
-    const Eigen::Matrix<double, d, 1> clamped = size.cwiseMax(std::max(kLeastEigenvalue * size.maxCoeff(), 1e-300));
+    const Eigen::Matrix<double, d, 1> clamped = size.cwiseMax(std::max(kLeastEigenvalue * size.maxCoeff(), kNothing));
     out = eigen.eigenvectors() * clamped.cwiseInverse().asDiagonal() * eigen.eigenvectors().transpose();
   }
   for (int i = 0; i < d; ++i)
@@ -40,10 +41,10 @@ Preconditioner::Preconditioner(const Problem& problem, const Team& team)
       inverse_blocks_(problem.free.size() * block_size(problem.dimension)),
       partial_((problem.free.size() + kNodesPerTask - 1) / kNodesPerTask) {}
 
-void Preconditioner::set_block(std::int32_t rank, const PatchExpansion& expansion) {
+void Preconditioner::set_block(std::int32_t rank, const std::array<double, 6>& triangle) {
   const int d = problem_.dimension;
   float* inverse = inverse_blocks_.data() + static_cast<std::size_t>(rank) * block_size(d);
-  d == 2 ? invert_block<2>(expansion, inverse) : invert_block<3>(expansion, inverse);
+  d == 2 ? invert_block<2>(triangle, inverse) : invert_block<3>(triangle, inverse);
 }
 
 double Preconditioner::apply(std::span<const float> r, std::span<float> z) {

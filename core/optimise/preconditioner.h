@@ -1,6 +1,7 @@
 // An approximate inverse of the whole mesh's Hessian.
 #pragma once
 
+#include <array>
 #include <memory>
 #include <span>
 #include <vector>
@@ -20,8 +21,8 @@ class Preconditioner {
  public:
   Preconditioner(const Problem& problem, const Team& team);
 
-  /// Takes the block of free node `rank` from its patch's expansion.
-  void set_block(std::int32_t rank, const PatchExpansion& expansion);
+  /// Takes the block of free node `rank`: xx, xy, yy, xz, yz, zz of the lower triangle by rows.
+  void set_block(std::int32_t rank, const std::array<double, 6>& triangle);
 
   CoarseLevel& coarse() { return coarse_; }
 

@@ -57,7 +57,7 @@ void Run::follow(Past past) {
 }
 
 std::optional<StopReason> Run::begin() {
-  sweeper_.rebuild();
+  drop_deformation(problem_);  // of other targets, or of positions that were not taken
   sweeper_.scan();
   iteration_.invalid_elements = guard_.uncertified();
   iteration_.repairable_elements = guard_.repairable();
@@ -89,9 +89,10 @@ Run::Moved Run::sweep() {
 }
 
 Run::Moved Run::newton_step() {
-  const NewtonReport stepped = newton().step(exact_);
-  sweeper_.changed();
-  exact_ = exact_ || stepped.searched;
+  drop_deformation(problem_);
+  const NewtonReport stepped = newton().step();
+  sweeper_.changed(newton().scans());
+  exact_ = true;
   iteration_.residual = stepped.residual;
   iteration_.active_nodes = static_cast<std::int64_t>(problem_.free.size());
   iteration_.products = stepped.products;
@@ -190,7 +191,10 @@ void Run::methods_state(Archive& archive) {
   if constexpr (Archive::kReads) {
     if (archive.failed() || (with_newton && hessian_ == nullptr)) return archive.fail();
     if (with_newton) newton();
-    if (with_untangler) untangler_.emplace(Untangler::ToBeRead{}, problem_, kernels_, guard_, team_);
+    if (with_untangler) {
+      sweeper_.rebuild();
+      untangler_.emplace(Untangler::ToBeRead{}, problem_, kernels_, guard_, team_);
+    }
   }
   if (with_newton) newton_->state(archive);
   if (with_untangler) untangler_->state(archive);

@@ -82,7 +82,6 @@ Sweeper::Sweeper(Problem& problem, const Schedule& schedule, const Kernels& kern
       regularisation_(regularisation),
       norm_(norm),
       team_(team),
-      visits_(problem.free.size()),
       scans_(problem.cells),
       changed_(problem.cells, 1),
       drifted_(problem.cells, 1),
@@ -90,13 +89,14 @@ Sweeper::Sweeper(Problem& problem, const Schedule& schedule, const Kernels& kern
       visited_at_(problem.free.size(), 0),
       moved_at_(problem.cells, 0),
       moves_(problem.cells, 0.0) {
-  grain_ = std::max<std::int32_t>(
-      1, static_cast<std::int32_t>(kNodesPerTask * schedule.group_count() / std::max<std::size_t>(1, visits_.size())));
+  grain_ = std::max<std::int32_t>(1, static_cast<std::int32_t>(kNodesPerTask * schedule.group_count() /
+                                                               std::max<std::size_t>(1, problem.free.size())));
   for (std::size_t group = 0; group + 1 < schedule.groups.size(); ++group)
     largest_group_ = std::max<std::int64_t>(largest_group_, schedule.groups[group + 1] - schedule.groups[group]);
 }
 
 void Sweeper::rebuild() {
+  if (hold_deformation(problem_)) std::fill(drifted_.begin(), drifted_.end(), 1);
   for (CellBlock& block : problem_.blocks)
     team_.for_each(block.count, kCellsPerTask, [&](std::int32_t cell) {
       if (drifted_[block.first + cell] == 0) return;
@@ -107,21 +107,28 @@ void Sweeper::rebuild() {
 }
 
 bool Sweeper::refresh() {
-  if (visited_at_.size() != visits_.size() || moved_at_.size() != scans_.size() || moves_.size() != scans_.size())
+  if (visited_at_.size() != problem_.free.size() || moved_at_.size() != scans_.size() || moves_.size() != scans_.size())
     return false;
+  drop_deformation(problem_);
   for (CellBlock& block : problem_.blocks)
     team_.for_each(block.count, kCellsPerTask, [&](std::int32_t cell) {
-      kernels_.rebuild(block, cell, problem_.positions);
-      block.delta_squared[cell] = delta_squared_of(block, cell, kernels_.scan(block, cell));
-      scans_[block.first + cell] = kernels_.scan(block, cell);
+      block.delta_squared[cell] = delta_squared_of(block, cell, look_at(block, cell));
+      scans_[block.first + cell] = look_at(block, cell);
     });
-  std::fill(drifted_.begin(), drifted_.end(), 0);
   std::fill(changed_.begin(), changed_.end(), 0);
   return true;
 }
 
 void Sweeper::changed() {
   std::fill(changed_.begin(), changed_.end(), 1);
+  wake();
+}
+
+void Sweeper::changed(std::span<const CellScan> scans) {
+  std::copy(scans.begin(), scans.end(), scans_.begin());
+  for (CellBlock& block : problem_.blocks)
+    team_.for_each(block.count, kCellsPerTask, [&](std::int32_t cell) { judge_cell(block, cell); });
+  std::fill(changed_.begin(), changed_.end(), 0);
   wake();
 }
 
@@ -132,14 +139,26 @@ double Sweeper::delta_squared_of(const CellBlock& block, std::int32_t cell, cons
   return condemned ? kCondemnedDeltaSquared : delta_squared_for(scan.smallest_jacobian);
 }
 
+CellScan Sweeper::look_at(const CellBlock& block, std::int32_t cell) const {
+  if (!block.deformation.empty()) return kernels_.scan_kept(block, cell);
+  static thread_local AlignedVector<double> deformation;
+  deformation.resize(block.deformation_size());
+  kernels_.deform(block, cell, problem_.positions, deformation.data());
+  return kernels_.scan(block, cell, deformation.data());
+}
+
 void Sweeper::scan_cell(CellBlock& block, std::int32_t cell) {
-  CellScan& scan = scans_[block.first + cell];
-  scan = kernels_.scan(block, cell);
-  const double delta_squared = delta_squared_of(block, cell, scan);
+  scans_[block.first + cell] = look_at(block, cell);
   changed_[block.first + cell] = 0;
+  judge_cell(block, cell);
+}
+
+void Sweeper::judge_cell(CellBlock& block, std::int32_t cell) {
+  CellScan& scan = scans_[block.first + cell];
+  const double delta_squared = delta_squared_of(block, cell, scan);
   if (delta_squared == block.delta_squared[cell]) return;
   block.delta_squared[cell] = delta_squared;
-  scan = kernels_.scan(block, cell);
+  scan = look_at(block, cell);
   moved_at_[block.first + cell] = clock_;  // another function to minimise
 }
 
@@ -169,6 +188,11 @@ ScanReport Sweeper::scan() {
 }
 
 SweepReport Sweeper::sweep() {
+  visits_.resize(problem_.free.size());  // the first time
+  if (hold_deformation(problem_)) {
+    std::fill(drifted_.begin(), drifted_.end(), 1);
+    rebuild();
+  }
   for (std::size_t colour = 0; colour + 1 < schedule_.colours.size(); ++colour) {
     const std::int32_t first = schedule_.colours[colour], count = schedule_.colours[colour + 1] - first;
     team_.for_each(count, grain_, [&](std::int32_t group) {

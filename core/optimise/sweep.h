@@ -19,7 +19,7 @@ struct SweepReport {
   std::int64_t visited = 0;
 };
 
-/// What the cached deformation gradients say of the whole mesh.
+/// What the deformation gradients say of the whole mesh.
 struct ScanReport {
   double energy = 0;               ///< Σ w W / Σ w, or the p-norm of the cells' means.
   double min_scaled_jacobian = 0;  ///< At the quadrature points.
@@ -35,7 +35,7 @@ class Sweeper {
           const PNorm& norm, double rest, const Team& team);
 
   /// Deformation gradients from the nodes' positions, of every cell in which a sweep has moved one since this was done
-  /// last (at the start, and now and then against drift).
+  /// last (now and then, against drift), and of all where none are kept.
   void rebuild();
 
   /// Who is awake. Right after a rebuild nothing else matters: what is cached comes back by refresh().
@@ -43,15 +43,18 @@ class Sweeper {
   void state(Archive& archive) {
     archive(clock_, visited_at_, moved_at_, moves_);
   }
-  /// After the state was read: deformation gradients, δ and what a scan keeps, from the nodes' positions. False where
-  /// the state was another problem's.
+  /// After the state was read: δ and what a scan keeps, from the nodes' positions; no deformation gradients are kept.
+  /// False where the state was another problem's.
   bool refresh();
 
-  /// Looks at the cells that changed and sets their δ from their own smallest J, for the sweep to come.
+  /// Looks at the cells that changed and sets their δ from their own smallest J, for the sweep to come. Where no
+  /// deformation gradients are kept it goes by the nodes' positions.
   ScanReport scan();
 
-  /// The deformation gradients have changed by other means than a sweep.
+  /// The nodes and, where they are kept, the deformation gradients have changed by other means than a sweep.
   void changed();
+  /// The nodes have, these are the cells' scans since, and no deformation gradients are kept.
+  void changed(std::span<const CellScan> scans);
 
   /// Visits every free node that is not at rest once, colour by colour.
   SweepReport sweep();
@@ -70,7 +73,10 @@ class Sweeper {
   /// After the node moved by `length`: its cells have changed, and wake its neighbours where that adds up.
   void note_move(std::int32_t rank, std::int64_t now, double length);
   double patch_delta_squared(std::int32_t rank, std::span<PatchCell> patch) const;
+  CellScan look_at(const CellBlock& block, std::int32_t cell) const;
   void scan_cell(CellBlock& block, std::int32_t cell);
+  /// Sets δ from the scan, and does it again where that is another function.
+  void judge_cell(CellBlock& block, std::int32_t cell);
   static double delta_squared_of(const CellBlock& block, std::int32_t cell, const CellScan& scan);
 
   Problem& problem_;

@@ -30,11 +30,13 @@ class CoarseLevelTest : public ::testing::TestWithParam<Filling> {
     const Material material = varimesh::material(Options{});
     const auto kernels = make_kernels(material, dimension);
     hessian_ = make_hessian_kernels(material, dimension);
+    hold_deformation(problem_);
     for (CellBlock& block : problem_.blocks)
       for (std::int32_t cell = 0; cell < block.count; ++cell) kernels->rebuild(block, cell, problem_.positions);
     batches_ = make_batches(problem_, *hessian_);
     for (BatchBlock& block : batches_)
-      for (std::int32_t b = 0; b < block.count; ++b) hessian_->linearise(block, b);
+      for (std::int32_t b = 0; b < block.count; ++b)
+        hessian_->linearise(block, b, block.cells->deformation_of(b * kBatch));
     coarse_.emplace(problem_, team_);
     team_.run([&] { coarse_->assemble(batches_, *hessian_); });
   }
@@ -100,7 +102,7 @@ TEST_P(CoarseLevelTest, IsNearTheInverseOfTheHessianOnAMeshOfOrderTwo) {
     for (std::int32_t i = problem_.offsets[rank]; i < problem_.offsets[rank + 1]; ++i) {
       const Incidence& at = problem_.incidences[i];
       const BatchBlock& block = batches_[at.block];
-      for (std::size_t k = 0; k < d; ++k) Hu[rank * d + k] += block.result[block.result_index(at.cell, at.local) + k];
+      for (std::size_t k = 0; k < d; ++k) Hu[rank * d + k] += block.parts[block.part_index(at.cell, at.local, d) + k];
     }
   const std::vector<float> VHu = apply(Hu);
   const double likeness = dot(Hu, VHu) / dot(Hu, u);

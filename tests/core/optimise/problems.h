@@ -40,7 +40,7 @@ class WholeMesh {
     place(direction, amount, plain_);
     double sum = 0;
     for (CellBlock& block : problem_.blocks)
-      for (std::int32_t cell = 0; cell < block.count; ++cell) sum += plain_.scan(block, cell).energy;
+      for (std::int32_t cell = 0; cell < block.count; ++cell) sum += plain_.scan_kept(block, cell).energy;
     place(direction, 0, plain_);
     return sum;
   }
@@ -69,14 +69,14 @@ class WholeMesh {
     std::vector<double> out(direction.size());
     for (BatchBlock& block : batches)
       for (std::int32_t b = 0; b < block.count; ++b) {
-        hessian.linearise(block, b);
+        hessian.linearise(block, b, block.cells->deformation_of(b * kBatch));
         hessian.apply(block, b, input);
       }
     for (std::size_t rank = 0; rank < problem_.free.size(); ++rank)
       for (std::int32_t i = problem_.offsets[rank]; i < problem_.offsets[rank + 1]; ++i) {
         const Incidence& at = problem_.incidences[i];
         const BatchBlock& block = batches[at.block];
-        for (int k = 0; k < d; ++k) out[rank * d + k] += block.result[block.result_index(at.cell, at.local) + k];
+        for (int k = 0; k < d; ++k) out[rank * d + k] += block.parts[block.part_index(at.cell, at.local, d) + k];
       }
     return out;
   }
@@ -89,6 +89,7 @@ class WholeMesh {
         const std::size_t at = std::size_t(problem_.free[rank]) * d + k;
         problem_.positions[at] = start_[at] + amount * direction[rank * d + k];
       }
+    hold_deformation(problem_);
     for (CellBlock& block : problem_.blocks)
       for (std::int32_t cell = 0; cell < block.count; ++cell) kernels.rebuild(block, cell, problem_.positions);
   }

@@ -85,11 +85,12 @@ TEST(SizedMeshes, ReturnToTheMeshThatIsRegularInTheMetric) {
 
 // Areas of the cells, by the corners of quadrilaterals: straight-sided results only need that.
 std::vector<double> areas(const HighOrderMesh& mesh) {
-  const Problem problem = testing::make_problem(mesh);
+  Problem problem = testing::make_problem(mesh);
   std::vector<double> result(std::size_t(problem.cells));
   const double diagonal = frame_of(mesh).diagonal;
   const auto kernels = make_plain_kernels(material(Options{}), 2);
-  for (CellBlock block : problem.blocks)
+  hold_deformation(problem);
+  for (CellBlock& block : problem.blocks)
     for (std::int32_t cell = 0; cell < block.count; ++cell) {
       kernels->rebuild(block, cell, problem.positions);
       double area = 0;

@@ -67,11 +67,12 @@ class ProductLoad {
   ProductLoad(const HighOrderMesh& mesh, const Options& options)
       : problem_(testing::make_problem(mesh)), hessian_(make_hessian_kernels(material(options), mesh.dimension)) {
     const std::unique_ptr<Kernels> kernels = make_kernels(material(options), mesh.dimension);
+    hold_deformation(problem_);
     for (CellBlock& block : problem_.blocks)
       for (std::int32_t cell = 0; cell < block.count; ++cell) kernels->rebuild(block, cell, problem_.positions);
     batches_ = make_batches(problem_, *hessian_);
     for (BatchBlock& block : batches_)
-      for (std::int32_t b = 0; b < block.count; ++b) hessian_->linearise(block, b);
+      for (std::int32_t b = 0; b < block.count; ++b) hessian_->linearise(block, b, block.cells->deformation_of(b * kBatch));
     const std::vector<double> random = testing::random_direction(problem_, 1);
     direction_.assign(random.begin(), random.end());
     direction_.resize(random.size() + problem_.dimension);
@@ -86,7 +87,7 @@ class ProductLoad {
       std::array<float, 3> sum{};
       for (std::int32_t i = problem_.offsets[rank]; i < problem_.offsets[rank + 1]; ++i) {
         const Incidence& at = problem_.incidences[i];
-        const float* part = batches_[at.block].result.data() + batches_[at.block].result_index(at.cell, at.local);
+        const float* part = batches_[at.block].parts.data() + batches_[at.block].part_index(at.cell, at.local, d);
         for (int k = 0; k < d; ++k) sum[k] += part[k];
       }
       for (int k = 0; k < d; ++k) product_[rank * d + k] = sum[k];
