@@ -83,6 +83,7 @@ CoarseLevel::CoarseLevel(const Problem& problem, const Team& team)
     tensors_.emplace_back(block.count * square * square);
   }
   colour();
+  set_interpolation(problem, space_);
   find_neighbours();
   from_linear_ = linear_to_quadratic(problem, space_, linear_);
   to_linear_ = transposed(from_linear_, linear_.count);
@@ -145,6 +146,10 @@ void CoarseLevel::find_neighbours() {
                                            static_cast<std::int16_t>(b),
                                            static_cast<std::int16_t>(i % block.nodes_per_cell)};
   }
+  std::size_t slots = 0;
+  for (const Place& place : places_) slots += static_cast<std::size_t>(space_.blocks[place.block].nodes_per_cell);
+  slots_.reserve(slots);
+  slots_begin_.reserve(places_.size());
   row_begin_.push_back(0);
   std::vector<std::int32_t> row;
   for (std::int32_t node = 0; node < space_.count; ++node) {
@@ -168,6 +173,7 @@ void CoarseLevel::find_neighbours() {
     column_.insert(column_.end(), row.begin(), row.end());
     row_begin_.push_back(static_cast<std::int64_t>(column_.size()));
   }
+  column_.shrink_to_fit();
 }
 
 template <int d>

@@ -75,7 +75,7 @@ class CoarseLevel {
   const Problem& problem_;
   const Team& team_;
   CoarseSpace space_;                   ///< Of order 2; its nodes are sorted by colour.
-  CoarseSpace linear_;                  ///< Of order 1; `prolongation` is not used.
+  CoarseSpace linear_;                  ///< Of order 1; without interpolation.
   SparseRows from_linear_, to_linear_;  ///< Values of order 2 from those of order 1, and the transpose.
   std::vector<std::int32_t> colours_;   ///< Where each colour's nodes begin, and their end.
   std::vector<std::int32_t> places_begin_;

@@ -70,29 +70,6 @@ std::vector<float> mean_stiffness(Shape shape, int order, int d) {
   return stiffness;
 }
 
-void add_prolongation(const Problem& problem, CoarseSpace& space) {
-  std::vector<Eigen::MatrixXd> values;
-  for (const CellBlock& block : problem.blocks)
-    values.push_back(
-        reference::basis_values(block.shape, space.order, NodeSet::Equispaced, problem.dimension,
-                                reference::nodes(block.shape, block.order, NodeSet::Optimised, problem.dimension)));
-  SparseRows& rows = space.prolongation;
-  rows.begin.push_back(0);
-  for (std::size_t rank = 0; rank < problem.free.size(); ++rank) {
-    // All its cells agree on what a node gets from its vertex, edge or face.
-    const Incidence& at = problem.incidences[problem.offsets[rank]];
-    const CoarseSpace::Block& block = space.blocks[at.block];
-    for (int a = 0; a < block.nodes_per_cell; ++a) {
-      const std::int32_t node = block.nodes[static_cast<std::size_t>(at.cell) * block.nodes_per_cell + a];
-      const double value = values[at.block](at.local, a);
-      if (node < 0 || std::abs(value) < 1e-12) continue;
-      rows.column.push_back(node);
-      rows.factor.push_back(static_cast<float>(value));
-    }
-    rows.begin.push_back(static_cast<std::int32_t>(rows.column.size()));
-  }
-}
-
 }  // namespace
 
 SparseRows transposed(const SparseRows& rows, std::int32_t columns) {
@@ -137,17 +114,39 @@ CoarseSpace coarse_space(const Problem& problem, int order) {
       }
     }
   }
-  add_prolongation(problem, space);
-  space.restriction = transposed(space.prolongation, space.count);
   return space;
+}
+
+void set_interpolation(const Problem& problem, CoarseSpace& space) {
+  std::vector<Eigen::MatrixXd> values;
+  for (const CellBlock& block : problem.blocks)
+    values.push_back(
+        reference::basis_values(block.shape, space.order, NodeSet::Equispaced, problem.dimension,
+                                reference::nodes(block.shape, block.order, NodeSet::Optimised, problem.dimension)));
+  SparseRows& rows = space.prolongation;
+  rows.begin.push_back(0);
+  for (std::size_t rank = 0; rank < problem.free.size(); ++rank) {
+    // All its cells agree on what a node gets from its vertex, edge or face.
+    const Incidence& at = problem.incidences[problem.offsets[rank]];
+    const CoarseSpace::Block& block = space.blocks[at.block];
+    for (int a = 0; a < block.nodes_per_cell; ++a) {
+      const std::int32_t node = block.nodes[static_cast<std::size_t>(at.cell) * block.nodes_per_cell + a];
+      const double value = values[at.block](at.local, a);
+      if (node < 0 || std::abs(value) < 1e-12) continue;
+      rows.column.push_back(node);
+      rows.factor.push_back(static_cast<float>(value));
+    }
+    rows.begin.push_back(static_cast<std::int32_t>(rows.column.size()));
+  }
+  rows.column.shrink_to_fit();
+  rows.factor.shrink_to_fit();
+  space.restriction = transposed(rows, space.count);
 }
 
 void renumber(CoarseSpace& space, const std::vector<std::int32_t>& number) {
   for (CoarseSpace::Block& block : space.blocks)
     for (std::int32_t& node : block.nodes)
       if (node >= 0) node = number[node];
-  for (std::int32_t& column : space.prolongation.column) column = number[column];
-  space.restriction = transposed(space.prolongation, space.count);
 }
 
 }  // namespace varimesh

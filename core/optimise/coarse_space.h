@@ -26,15 +26,20 @@ struct CoarseSpace {
     std::vector<float> stiffness;
   };
   std::vector<Block> blocks;
+  // set_interpolation:
   SparseRows prolongation;  ///< A row a free node (its rank): value = Σ factor · value of coarse node `column`.
   SparseRows restriction;   ///< Its transpose.
 };
 
-/// The space of that order, no higher than the mesh's. Nodes are numbered as the cells name them.
+/// The space of that order, no higher than the mesh's, without its interpolation. Nodes are numbered as the cells name
+/// them.
 CoarseSpace coarse_space(const Problem& problem, int order);
 
-/// Gives node i the number `number[i]`, a permutation.
+/// Gives node i the number `number[i]`, a permutation, before the interpolation is set.
 void renumber(CoarseSpace& space, const std::vector<std::int32_t>& number);
+
+/// Sets prolongation and restriction, for the numbers that the nodes have now.
+void set_interpolation(const Problem& problem, CoarseSpace& space);
 
 SparseRows transposed(const SparseRows& rows, std::int32_t columns);
 

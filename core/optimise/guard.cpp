@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <numeric>
 
 namespace varimesh {
 namespace {
@@ -34,10 +35,9 @@ Guard::Guard(const HighOrderMesh& mesh, const Frame& frame, Problem& problem, co
       free_(mesh.node_count(), 0),
       named_(problem.cells, 0),
       positions_(problem.positions),
-      coordinates_(mesh.coordinates),
       certificates_(std::move(certificates)),
       seen_positions_(positions_),
-      seen_coordinates_(coordinates_),
+      seen_coordinates_(mesh.coordinates),
       seen_(certificates_) {
   for (const std::int32_t node : problem.free) free_[node] = 1;
   for (const ElementBlock& block : mesh.blocks) {
@@ -77,6 +77,7 @@ void Guard::see(const std::vector<double>& positions) {
   way_out_.update(positions, moved, seen_coordinates_, team_);
   certifier_.certify(seen_coordinates_, moved, seen_, team_);
   seen_positions_ = positions;
+  kept_is_seen_ = false;
   lost_.clear();
   for (std::size_t cell = 0; cell < seen_.size(); ++cell)
     if (is_valid(certificates_[cell]) && !is_valid(seen_[cell])) lost_.push_back(static_cast<std::int32_t>(cell));
@@ -84,8 +85,17 @@ void Guard::see(const std::vector<double>& positions) {
 
 void Guard::keep() {
   positions_ = seen_positions_;
-  coordinates_ = seen_coordinates_;
   certificates_ = seen_;
+  kept_is_seen_ = true;
+}
+
+std::vector<double> Guard::coordinates() const {
+  if (kept_is_seen_) return seen_coordinates_;
+  std::vector<std::int32_t> cells(cell_nodes_.size());
+  std::iota(cells.begin(), cells.end(), 0);
+  std::vector<double> coordinates = mesh_.coordinates;
+  way_out_.update(positions_, cells, coordinates, team_);
+  return coordinates;
 }
 
 bool Guard::restore(const std::vector<double>& kept, const std::vector<double>& seen) {

@@ -71,8 +71,9 @@ class Guard {
   /// How the problem's cells stood at the last look(), by CellBlock::first + cell.
   std::vector<Standing> standings() const;
 
-  /// The kept state: the mesh's coordinates, and what is proved about them, one a cell in the mesh's order.
-  const std::vector<double>& coordinates() const { return coordinates_; }
+  /// The kept state: the mesh's coordinates, and what is proved about them, one a cell in the mesh's order. The
+  /// coordinates are made of the positions where they are not those of the last look.
+  std::vector<double> coordinates() const;
   const std::vector<Certificate>& certificates() const { return certificates_; }
   /// Its cells that are not certified valid and in no unrepairable group.
   std::int64_t unrepaired() const;
@@ -101,8 +102,8 @@ class Guard {
   std::vector<char> free_;         ///< By node.
   std::vector<char> named_;        ///< By cell: in an unrepairable group.
   std::vector<double> positions_;  ///< The kept state.
-  std::vector<double> coordinates_;
   std::vector<Certificate> certificates_;
+  bool kept_is_seen_ = true;
   std::vector<double> seen_positions_;  ///< What was looked at last.
   std::vector<double> seen_coordinates_;
   std::vector<Certificate> seen_;

@@ -53,12 +53,14 @@ struct Optimiser::State {
 
   /// Optimises `mesh` as it is.
   Result run(const OnIteration& on_iteration, const RunControl& control);
-  /// What lies between the reports before and after.
+  /// What lies between the reports before and after. Of the result's mesh it sets the coordinates alone: the rest is
+  /// copied when what the run needed has been given back.
   bool optimise(const Certifier& certifier, std::vector<Certificate>& certificates, Clock::time_point start,
                 const OnIteration& on_iteration, const RunControl& control, Team& team, Result& result);
+  HighOrderMesh with_coordinates(std::vector<double> coordinates) const;
   RunParts parts(const Stage& stage, Guard& guard, BestSeen& best, const Team& team);
   /// At the end of a stage: whether its mesh is the best so far.
-  bool worst_was_raised(Guard& guard, BestSeen& best, bool first, const Team& team, Result& result) const;
+  bool worst_was_raised(Guard& guard, BestSeen& best, bool first, const Team& team) const;
   void iterate(Run& run, const Stage& stage, const OnIteration& on_iteration, const RunControl& control, Team& team,
                Result& result) const;
   std::uint64_t fingerprint_of_run(const RunControl& control, const Stage& stage) const;
@@ -168,9 +170,9 @@ Result Optimiser::State::run(const OnIteration& on_iteration, const RunControl& 
   result.proof_seconds = seconds_since(proof);
   result.summary = summary;
   result.before = quality(mesh, certifier, certificates, 0, team);
-  result.mesh = mesh;
   result.seconds = seconds_since(start);
   if (options.max_iterations == 0) {
+    result.mesh = mesh;
     result.after = result.before;
   } else {
     if (!optimise(certifier, certificates, start, on_iteration, control, team, result)) {
@@ -179,6 +181,7 @@ Result Optimiser::State::run(const OnIteration& on_iteration, const RunControl& 
       optimise(certifier, certificates, start, on_iteration, from_the_beginning, team, result);
     }
     const Clock::time_point optimised = Clock::now();
+    result.mesh = with_coordinates(std::move(result.mesh.coordinates));
     if (options.repair == Repair::Straighten)
       team.run(
           [&] { result.repairs = straighten(result.mesh, fixed, certifier, certificates, result.unrepairable, team); });
@@ -227,7 +230,7 @@ bool Optimiser::State::optimise(const Certifier& certifier, std::vector<Certific
     result.stop_reason = *nothing_to_do;
   else
     iterate(*run, stages[stage], on_iteration, control, team, result);
-  while (stages.size() > 1 && worst_was_raised(*guard, *best, stage == 0, team, result) && !nothing_to_do &&
+  while (stages.size() > 1 && worst_was_raised(*guard, *best, stage == 0, team) && !nothing_to_do &&
          (result.stop_reason == StopReason::Converged || result.stop_reason == StopReason::NoProgress) &&
          ++stage < stages.size()) {
     level_targets(problem);
@@ -240,6 +243,10 @@ bool Optimiser::State::optimise(const Certifier& certifier, std::vector<Certific
     if (!nothing_to_do) iterate(*run, stages[stage], on_iteration, control, team, result);
   }
   const bool best_seen = options.until_js > 0 || stages.size() > 1;
+  result.seconds = run->seconds();
+  result.history = run->take_history();
+  run.reset();  // and with it what Newton's method needed
+  const Clock::time_point run_through = Clock::now();
   team.run([&] {
     guard->look();
     if (guard->lost() > 0 && result.converged) {
@@ -253,23 +260,27 @@ bool Optimiser::State::optimise(const Certifier& certifier, std::vector<Certific
     result.proof_seconds += guard->seconds();
     if (best_seen) certifier.certify(result.mesh.coordinates, certificates, team);
   });
-  result.seconds = run->seconds();
-  result.history = run->take_history();
+  result.seconds += seconds_since(run_through);
   return true;
+}
+
+HighOrderMesh Optimiser::State::with_coordinates(std::vector<double> coordinates) const {
+  HighOrderMesh moved = mesh;
+  moved.coordinates = std::move(coordinates);
+  return moved;
 }
 
 RunParts Optimiser::State::parts(const Stage& stage, Guard& guard, BestSeen& best, const Team& team) {
   return {stage.options, problem, schedule, *stage.kernels, stage.hessian.get(), guard, best, team};
 }
 
-bool Optimiser::State::worst_was_raised(Guard& guard, BestSeen& best, bool first, const Team& team,
-                                        Result& result) const {
+bool Optimiser::State::worst_was_raised(Guard& guard, BestSeen& best, bool first, const Team& team) const {
   team.run([&] {
     guard.look();
     guard.settle();
   });
-  result.mesh.coordinates = guard.coordinates();
-  const std::vector<double> scaled_jacobian = cell_quality(result.mesh, 0, options.threads).scaled_jacobian;
+  const std::vector<double> scaled_jacobian =
+      cell_quality(with_coordinates(guard.coordinates()), 0, options.threads).scaled_jacobian;
   double mean = 0;
   for (const double js : scaled_jacobian) mean += std::max(js, -1.0) / static_cast<double>(scaled_jacobian.size());
   if (first) best.floor = mean - kMeanGivenForWorst;

@@ -22,13 +22,14 @@ void iteration_state(Archive& archive, Iteration& i) {
 
 double BestSeen::look(const Guard& guard) {
   certificates_ = guard.certificates();
-  const CertificateSummary summary = certifier_.sharpen(guard.coordinates(), certificates_);
+  std::vector<double> coordinates = guard.coordinates();
+  const CertificateSummary summary = certifier_.sharpen(coordinates, certificates_);
   const std::int64_t uncertified = summary.invalid + summary.undecided;
   const double bound = summary.min_scaled_jacobian_lower_bound;
   if (uncertified < fewest_ || (uncertified == fewest_ && bound > highest_)) {
     highest_ = bound;
     fewest_ = uncertified;
-    coordinates_ = guard.coordinates();
+    coordinates_ = std::move(coordinates);
   }
   return bound;
 }
