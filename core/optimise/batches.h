@@ -52,7 +52,7 @@ class HessianKernels {
 
   /// Keeps what products need of batch `b`: F and the energy's partial derivatives times the weights and the cell's
   /// slope. `deformation`: F of its cells, as CellBlock::deformation has them. The parts become the cells' gradients
-  /// times their slopes, each component in two floats whose sum it is: d high ones, then d low ones.
+  /// times their slopes, each component in two floats that add up to its first 48 bits: d high ones, then d low ones.
   virtual void linearise(BatchBlock& block, std::int32_t b, const double* deformation) const = 0;
 
   /// The parts become the second derivatives of the cells' energies in each node alone, times their slopes: lower

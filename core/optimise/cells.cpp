@@ -122,12 +122,14 @@ void fill_blocks(Problem& problem, const HighOrderMesh& mesh, const Clusters& cl
 
 }  // namespace
 
+bool holds_deformation(const Problem& problem) {
+  return std::none_of(problem.blocks.begin(), problem.blocks.end(),
+                      [](const CellBlock& block) { return block.deformation.empty() && block.count > 0; });
+}
+
 bool hold_deformation(Problem& problem) {
-  bool made = false;
-  for (CellBlock& block : problem.blocks) {
-    made = made || (block.deformation.empty() && block.count > 0);
-    block.deformation.resize(block.count * block.deformation_size());
-  }
+  const bool made = !holds_deformation(problem);
+  for (CellBlock& block : problem.blocks) block.deformation.resize(block.count * block.deformation_size());
   return made;
 }
 

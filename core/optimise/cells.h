@@ -45,8 +45,13 @@ struct CellBlock {
 
   /// Numbers in a cell's F.
   std::size_t deformation_size() const { return static_cast<std::size_t>(dimension) * dimension * stride; }
-  double* deformation_of(std::int32_t cell) { return deformation.data() + cell * deformation_size(); }
-  const double* deformation_of(std::int32_t cell) const { return deformation.data() + cell * deformation_size(); }
+  /// Null where none is kept.
+  double* deformation_of(std::int32_t cell) {
+    return deformation.empty() ? nullptr : deformation.data() + cell * deformation_size();
+  }
+  const double* deformation_of(std::int32_t cell) const {
+    return deformation.empty() ? nullptr : deformation.data() + cell * deformation_size();
+  }
   const double* inverse_target_of(std::int32_t cell) const {
     return inverse_target.data() + static_cast<std::size_t>(cell) * dimension * dimension * (affine ? 1 : stride);
   }
@@ -90,6 +95,7 @@ Problem build_problem(const HighOrderMesh& mesh, const std::vector<bool>& fixed,
 /// Makes room for the deformation gradients, or gives it back. hold: true where the room is new, and they are to be
 /// computed.
 bool hold_deformation(Problem& problem);
+bool holds_deformation(const Problem& problem);
 void drop_deformation(Problem& problem);
 
 /// What an array of all nodes' positions has of the free ones, d numbers each, and back; false where it is not of that

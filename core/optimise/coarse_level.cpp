@@ -10,6 +10,8 @@ namespace varimesh {
 namespace {
 
 constexpr std::int32_t kNodesPerTask = 512;
+constexpr float kNothing = 1e-34F;     // blocks are about 1 at most; the inverse of less is no float
+constexpr double kLeastPivot = 1e-14;  // of the largest
 /// A bound of the matrix' size above which the coarse level is of order 1.
 constexpr std::size_t kMostBytes = std::size_t{8} << 30;
 /// Beyond so many linear nodes a sparse factor would take more memory and time than it saves.
@@ -198,8 +200,10 @@ void CoarseLevel::assemble_row(std::int32_t node) {
   const auto diagonal = std::lower_bound(column_.begin() + begin, column_.begin() + end, node);
   BlockMatrix<d>& D = row[diagonal - column_.begin() - begin];
   D.diagonal().array() += 1e-6F * D.trace();
-  store_block<d>(D.template cast<double>().inverse().template cast<float>(),
-                 inverse_diagonal_.data() + static_cast<std::size_t>(node) * block_size(d));
+  const bool invertible = D.norm() >= kNothing;
+  store_block<d>(
+      invertible ? D.template cast<double>().inverse().template cast<float>().eval() : BlockMatrix<d>::Zero(),
+      inverse_diagonal_.data() + static_cast<std::size_t>(node) * block_size(d));
   for (std::int64_t e = begin; e < end; ++e)
     store_block<d>(row[e - begin], entry_.data() + static_cast<std::size_t>(e) * block_size(d));
 }
@@ -226,6 +230,11 @@ void CoarseLevel::assemble_linear() {
         }
     }
   }
+  // Where the p-norm makes next to nothing of a vertex's cells, the factor still needs a pivot.
+  double largest = 0;
+  for (const Eigen::Triplet<double>& entry : entries) largest = std::max(largest, entry.value());
+  for (std::int32_t vertex = 0; vertex < linear_.count; ++vertex)
+    entries.emplace_back(vertex, vertex, kLeastPivot * largest);
   Eigen::SparseMatrix<double> A(linear_.count, linear_.count);
   A.setFromTriplets(entries.begin(), entries.end());
   if (!analysed_) factor_.analyzePattern(A);

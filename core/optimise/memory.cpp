@@ -24,9 +24,10 @@ double bytes_of_cell(Shape shape, int order, const Options& options, int hessian
   bytes += nodes * (4 + sizeof(Incidence) + 2 * 4);             // the mesh's and the problem's lists of nodes
   bytes += 3 * sizeof(Certificate) + sizeof(double) * 10 + 40;  // the guard's, the scans', who is awake
   if (options.method == Method::Sweeps || options.max_iterations == 0) return bytes;
-  bytes += 4 * points * hessian_entries;                                       // the linearisation
-  bytes += 4 * nodes * (2 * d + 1) + 4 * square * (info.affine ? 1 : points);  // products, ranks, A⁻¹
-  const double coarse = reference::node_count(shape, std::min(order, 2));      // nodes of the coarse level
+  bytes += 4 * points * hessian_entries;                                                    // the linearisation
+  if (options.p_norm > 1 || options.objective == Objective::Worst) bytes += 4 * nodes * d;  // the cells' gradients
+  bytes += 4 * nodes * (2 * d + 1) + 4 * square * (info.affine ? 1 : points);               // products, ranks, A⁻¹
+  const double coarse = reference::node_count(shape, std::min(order, 2));                   // nodes of the coarse level
   const double block = block_size(info.dimension);
   return bytes + 4 * square * square + coarse * coarse * (4 + 2 * block);  // its tensors, slots and matrix
 }
@@ -46,6 +47,7 @@ std::int64_t memory_needed(const HighOrderMesh& mesh, const Options& options) {
   if (options.method != Method::Sweeps) bytes += nodes * 16 * (d == 2 ? 8 : 12);
   // Coordinates of the mesh, of the guard and of the best mesh seen; positions, steps and directions; who is awake.
   bytes += nodes * (3 * 24 + 2 * 8 + d * (6 * 8 + 4 * 4) + 4 * block_size(mesh.dimension) + 60);
+  if (options.objective == Objective::Worst) bytes += 24 * nodes;
   // How far splitting goes is known only afterwards; coarse meshes have grown threefold, beside two more of them.
   if (options.repair == Repair::Split) bytes *= 4;
   return static_cast<std::int64_t>(1.15 * bytes);

@@ -14,14 +14,15 @@ constexpr std::int32_t kNodesPerTask = 256;
 constexpr std::int32_t kCellsPerTask = 64;
 constexpr std::int32_t kBatchesPerTask = 4;
 constexpr std::size_t kNumbersPerTask = 16384;
-constexpr std::size_t kNodesPerSample = 256;  // of the Hessian's size
-constexpr int kMostProducts = 1000;           // a Newton step
+constexpr std::size_t kSamples = 64;       // of the Hessian's size, at least, where there are as many nodes
+constexpr std::size_t kMostBetween = 256;  // nodes from one to the next
+constexpr int kMostProducts = 1000;        // a Newton step
 constexpr int kMostHalvings = 30;
 constexpr double kLargeStep = 1e-3;  // after which the coarse level is assembled again
 constexpr double kRough = 0.1;       // the share of its beginning to which even the last step is solved,
 constexpr double kFinest = 1e-3;     // and the least that a step is
 constexpr double kArmijo = 1e-4;
-constexpr double kEnergyNoise = 1e-14;  // of the mesh's measure: below it an energy's change is rounding
+constexpr double kEnergyNoise = 1e-14;  // of Σ slope V: below it an energy's change is rounding
 
 /// A scale for numbers of this size; being a power of two it adds no rounding of its own.
 double power_of_two(double size) { return size > 0 && std::isfinite(size) ? std::ldexp(1.0, std::ilogb(size)) : 1.0; }
@@ -53,10 +54,7 @@ Newton::Newton(Problem& problem, const Kernels& kernels, const HessianKernels& h
       product_(unknowns_),
       preconditioned_(unknowns_),
       partial_((problem.free.size() + kNodesPerTask - 1) / kNodesPerTask),
-      scans_(problem.cells) {
-  for (const CellBlock& block : problem.blocks)
-    for (std::int32_t cell = 0; cell < block.count; ++cell) measure_ += cell_measure(block, cell);
-}
+      scans_(problem.cells) {}
 
 NewtonReport Newton::step() {
   NewtonReport report;
@@ -88,7 +86,8 @@ NewtonReport Newton::step() {
 void Newton::scale_hessian() {
   double largest = 0;
   AlignedVector<double> deformation;
-  for (std::size_t rank = 0; rank < problem_.free.size(); rank += kNodesPerSample) {
+  const std::size_t stride = std::clamp<std::size_t>(problem_.free.size() / kSamples, 1, kMostBetween);
+  for (std::size_t rank = 0; rank < problem_.free.size(); rank += stride) {
     Patch patch(problem_, static_cast<std::int32_t>(rank));
     const std::int32_t first = problem_.offsets[rank], cells = problem_.offsets[rank + 1] - first;
     std::vector<std::size_t> begin{0};
@@ -100,7 +99,15 @@ void Newton::scale_hessian() {
       patch.cells()[i].deformation = deformation.data() + begin[i];
       kernels_.deform(problem_.blocks[at.block], at.cell, problem_.positions, patch.cells()[i].deformation);
     }
-    for (const double h : expand(kernels_, patch.cells(), norm_).hessian) largest = std::max(largest, std::abs(h));
+    for (const double h : kernels_.expand(patch.cells()).hessian) largest = std::max(largest, std::abs(h));
+  }
+  if (!norm_.is_sum()) {
+    scan_all();
+    double slope = 0;
+    for (const CellBlock& block : problem_.blocks)
+      for (std::int32_t cell = 0; cell < block.count; ++cell)
+        slope = std::max(slope, norm_.slope(scans_[block.first + cell].energy, cell_measure(block, cell)));
+    largest *= slope;
   }
   hessian_scale_ = power_of_two(largest);
   for (CellBlock& block : problem_.blocks) block.energy_slope.assign(block.count, 1 / hessian_scale_);
@@ -297,7 +304,7 @@ double Newton::search(double slope) {
   const double before = scanned_energy();
   // Rounding, as F is computed anew, may have turned a cell that was about to vanish: there is no step to judge then.
   if (!std::isfinite(before)) return 0;
-  const double noise = kEnergyNoise * measure_;
+  const double noise = kEnergyNoise * rounding();
   double alpha = 1;
   for (int halving = 0; halving < kMostHalvings; ++halving, alpha *= 0.5) {
     const double energy = energy_at(alpha, start);
@@ -314,6 +321,11 @@ double Newton::energy_at(double alpha, const std::vector<double>& start) {
     for (int k = 0; k < d; ++k)
       problem_.positions[static_cast<std::size_t>(problem_.free[f]) * d + k] =
           start[f * d + k] + alpha * step_[f * d + k];
+  scan_all();
+  return scanned_energy();
+}
+
+void Newton::scan_all() {
   for (const CellBlock& block : problem_.blocks)
     team_.for_each(block.count, kCellsPerTask, [&](std::int32_t cell) {
       static thread_local AlignedVector<double> deformation;
@@ -321,7 +333,16 @@ double Newton::energy_at(double alpha, const std::vector<double>& start) {
       kernels_.deform(block, cell, problem_.positions, deformation.data());
       scans_[block.first + cell] = kernels_.scan(block, cell, deformation.data());
     });
-  return scanned_energy();
+}
+
+double Newton::rounding() const {
+  double sum = 0;
+  for (const CellBlock& block : problem_.blocks)
+    for (std::int32_t cell = 0; cell < block.count; ++cell) {
+      const double volume = cell_measure(block, cell);
+      sum += norm_.slope(scans_[block.first + cell].energy, volume) * volume;
+    }
+  return sum;
 }
 
 double Newton::scanned_energy() const {

@@ -25,9 +25,10 @@ struct NewtonReport {
   int products = 0;          ///< Of the Hessian and a direction.
 };
 
-/// Newton steps on a problem: gradient, energy and steps in double precision, directions and products in single. The
-/// products' Hessian is exact; where conjugate gradients meet a direction of negative curvature they stop with what
-/// they have. The line search never raises the energy and never makes a valid cell invalid.
+/// Newton steps on a problem: gradient, energy and steps in double precision (the gradient to 48 bits of a cell's
+/// part), directions, products and the preconditioner in single. The products' Hessian is exact; where conjugate
+/// gradients meet a direction of negative curvature they stop with what they have. The line search never raises the
+/// energy and never makes a valid cell invalid.
 ///
 /// Goes by the nodes' positions: deformation gradients are computed where they are needed, a batch of cells at a time,
 /// and kept by nobody. Expects the cells' δ to be up to date (Sweeper::scan).
@@ -52,7 +53,8 @@ class Newton {
  private:
   /// Sets gradient_ and what products and the preconditioner need, from the nodes' positions.
   void linearise();
-  /// Finds out how large the Hessian is, so that it fits single precision.
+  /// Finds out how large the Hessian is, so that it fits single precision. The p-norm's is taken to be the energy's
+  /// times the largest slope of a cell.
   void scale_hessian();
   void linearise_batch(std::size_t block, std::int32_t batch);
   /// The p-norm's part of it: each cell's gradient, for its curvature.
@@ -78,7 +80,11 @@ class Newton {
   /// Energy with every free node displaced from `start` by alpha times the step; +∞ where that makes a valid cell
   /// invalid.
   double energy_at(double alpha, const std::vector<double>& start);
-  /// The same of the last scans.
+  /// Deformation gradients of every cell, looked at and forgotten.
+  void scan_all();
+  /// Σ slope V over the cells: what rounding in their densities is multiplied with.
+  double rounding() const;
+  /// The energy of the last scans, likewise.
   double scanned_energy() const;
 
   Problem& problem_;
@@ -92,9 +98,9 @@ class Newton {
   std::vector<AlignedVector<float>> cell_gradients_;  ///< √curvature g by block, as its parts, d wide; p ≠ 1 only.
   double hessian_scale_ = 1;                          ///< What the Hessian is divided by in products and blocks.
   std::size_t unknowns_ = 0;
-  double measure_ = 0;            ///< Σ weight |det A| of the mesh.
-  double last_gradient_ = 0;      ///< In the preconditioner's norm, of the step before.
-  std::vector<double> gradient_;  ///< d a free node. The line search has no use for it and keeps its start here.
+  double last_gradient_ = 0;  ///< In the preconditioner's norm, of the step before.
+  /// d a free node: the gradient, and during the line search, which has no use for it, where the nodes were.
+  std::vector<double> gradient_;
   std::vector<double> step_;
   std::vector<float> residual_, direction_;  ///< d a free node and d more, which are 0.
   std::vector<float> product_, preconditioned_;

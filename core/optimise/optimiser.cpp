@@ -246,6 +246,7 @@ bool Optimiser::State::optimise(const Certifier& certifier, std::vector<Certific
   result.seconds = run->seconds();
   result.history = run->take_history();
   run.reset();  // and with it what Newton's method needed
+  drop_deformation(problem);
   const Clock::time_point run_through = Clock::now();
   team.run([&] {
     guard->look();

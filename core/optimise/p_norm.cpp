@@ -25,7 +25,7 @@ PatchExpansion expand(const Kernels& kernels, std::span<const PatchCell> patch, 
     const PatchExpansion cell = kernels.expand(patch.subspan(c, 1));
     const double slope = norm.slope(cell.energy, cell.measure), curvature = norm.curvature(cell.energy, cell.measure);
     sum.energy += norm.value(cell.energy, cell.measure);
-    sum.measure += cell.measure;
+    sum.measure += slope * cell.measure;
     for (int i = 0, entry = 0; i < 3; ++i) {
       sum.gradient[i] += slope * cell.gradient[i];
       for (int j = 0; j <= i; ++j, ++entry)

@@ -26,7 +26,7 @@ struct PNorm {
 };
 
 /// Kernels::expand and Kernels::energy_after of the p-norm. With p ≠ 1 the Hessian is Σ slope H_e + curvature g_e g_eᵀ
-/// of the patch's cells.
+/// of the patch's cells, and the measure Σ slope V_e, which rounding in the cells' densities is multiplied with.
 PatchExpansion expand(const Kernels& kernels, std::span<const PatchCell> patch, const PNorm& norm);
 double energy_after(const Kernels& kernels, std::span<const PatchCell> patch, const double* step, const PNorm& norm);
 

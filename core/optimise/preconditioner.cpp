@@ -10,13 +10,17 @@ namespace {
 
 constexpr std::int32_t kNodesPerTask = 2048;
 constexpr double kLeastEigenvalue = 1e-3;  // of a block, relative to its largest
-constexpr double kNothing = 1e-30;         // less is lost in single precision; the largest blocks are about 1
+constexpr double kNothing = 1e-34;         // the largest blocks are about 1
 
 template <int d>
 void invert_block(const std::array<double, 6>& triangle, float* inverse) {
   Eigen::Matrix<double, d, d> H;
   for (int i = 0, entry = 0; i < d; ++i)
     for (int j = 0; j <= i; ++j, ++entry) H(i, j) = H(j, i) = triangle[entry];
+  if (!(H.norm() >= kNothing)) {
+    std::fill_n(inverse, block_size(d), 0.0F);  // its inverse is no float: the node waits for the others
+    return;
+  }
   // |H| |H⁻¹| in the Frobenius norm bounds the eigenvalues' ratio: where it is small nothing is clamped.
   Eigen::Matrix<double, d, d> out;
   const Eigen::LLT<Eigen::Matrix<double, d, d>> factor(H);
@@ -24,7 +28,7 @@ void invert_block(const std::array<double, 6>& triangle, float* inverse) {
   if (factor.info() != Eigen::Success || !(H.norm() * out.norm() <= 1 / kLeastEigenvalue)) {
     const Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, d, d>> eigen(H);
     const Eigen::Matrix<double, d, 1> size = eigen.eigenvalues().cwiseAbs();
-    const Eigen::Matrix<double, d, 1> clamped = size.cwiseMax(std::max(kLeastEigenvalue * size.maxCoeff(), kNothing));
+    const Eigen::Matrix<double, d, 1> clamped = size.cwiseMax(kLeastEigenvalue * size.maxCoeff());
     out = eigen.eigenvectors() * clamped.cwiseInverse().asDiagonal() * eigen.eigenvectors().transpose();
   }
   for (int i = 0; i < d; ++i)

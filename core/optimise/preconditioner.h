@@ -15,8 +15,8 @@
 
 namespace varimesh {
 
-/// M⁻¹ = D⁻¹ + I V Iᵀ, with D the exact d × d blocks of the nodes, their eigenvalues made positive (no smaller than
-/// 1e-3 of the block's largest), and I V Iᵀ the coarse level's part.
+/// M⁻¹ = D⁻¹ + I V Iᵀ, with D the d × d blocks of the nodes, their eigenvalues made positive (no smaller than 1e-3 of
+/// the block's largest), and I V Iᵀ the coarse level's part.
 class Preconditioner {
  public:
   Preconditioner(const Problem& problem, const Team& team);

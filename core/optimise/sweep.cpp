@@ -189,10 +189,7 @@ ScanReport Sweeper::scan() {
 
 SweepReport Sweeper::sweep() {
   visits_.resize(problem_.free.size());  // the first time
-  if (hold_deformation(problem_)) {
-    std::fill(drifted_.begin(), drifted_.end(), 1);
-    rebuild();
-  }
+  if (!holds_deformation(problem_)) rebuild();
   for (std::size_t colour = 0; colour + 1 < schedule_.colours.size(); ++colour) {
     const std::int32_t first = schedule_.colours[colour], count = schedule_.colours[colour + 1] - first;
     team_.for_each(count, grain_, [&](std::int32_t group) {

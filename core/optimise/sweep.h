@@ -26,7 +26,8 @@ struct ScanReport {
   std::int64_t invalid = 0;        ///< Cells with J ≤ 0 at a quadrature point.
 };
 
-/// Sweeps over a problem. Keeps what a sweep needs, so that nothing is allocated inside one.
+/// Sweeps over a problem. Keeps what a sweep needs, so that nothing is allocated inside one but the first after other
+/// methods, or after none.
 class Sweeper {
  public:
   /// `rest`: a node is passed over while none of its cells has seen its nodes move by more than this (their moves

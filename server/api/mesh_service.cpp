@@ -36,7 +36,7 @@ class Receiving : public Reactor, public Call {
       return this;
     }
     std::lock_guard lock(mutex_);
-    read();
+    if (!finished_) read();
     return this;
   }
 
