@@ -13,6 +13,7 @@ namespace {
 constexpr std::int32_t kNodesPerTask = 256;
 constexpr std::int32_t kCellsPerTask = 64;
 constexpr std::int32_t kBatchesPerTask = 4;
+constexpr std::size_t kCellsPerSum = 512;
 constexpr std::size_t kNumbersPerTask = 16384;
 constexpr std::size_t kSamples = 64;       // of the Hessian's size, at least, where there are as many nodes
 constexpr std::size_t kMostBetween = 256;  // nodes from one to the next
@@ -53,28 +54,55 @@ Newton::Newton(Problem& problem, const Kernels& kernels, const HessianKernels& h
       direction_(unknowns_ + problem.dimension),
       product_(unknowns_),
       preconditioned_(unknowns_),
-      partial_((problem.free.size() + kNodesPerTask - 1) / kNodesPerTask),
       scans_(problem.cells) {}
+
+template <class Term>
+double Newton::add_up(std::size_t count, std::size_t grain, const Term& term) {
+  const std::size_t tasks = (count + grain - 1) / grain;
+  partial_.resize(std::max(partial_.size(), tasks));
+  team_.for_each(static_cast<std::int32_t>(tasks), 1, [&](std::int32_t task) {
+    double sum = 0;
+    for (std::size_t i = task * grain; i < std::min(count, (task + 1) * grain); ++i) sum += term(i);
+    partial_[task] = sum;
+  });
+  return std::accumulate(partial_.begin(), partial_.begin() + static_cast<std::ptrdiff_t>(tasks), 0.0);
+}
+
+template <class Term>
+double Newton::largest_of(std::size_t count, std::size_t grain, const Term& term) {
+  const std::size_t tasks = (count + grain - 1) / grain;
+  partial_.resize(std::max(partial_.size(), tasks));
+  team_.for_each(static_cast<std::int32_t>(tasks), 1, [&](std::int32_t task) {
+    double largest = 0;
+    for (std::size_t i = task * grain; i < std::min(count, (task + 1) * grain); ++i)
+      largest = std::max(largest, term(i));
+    partial_[task] = largest;
+  });
+  double largest = 0;
+  for (std::size_t task = 0; task < tasks; ++task) largest = std::max(largest, partial_[task]);
+  return largest;
+}
 
 NewtonReport Newton::step() {
   NewtonReport report;
   linearise();
-  for (const double g : gradient_) report.gradient_norm += g * g;
-  report.gradient_norm = std::sqrt(report.gradient_norm);
+  report.gradient_norm =
+      std::sqrt(add_up(unknowns_, kNumbersPerTask, [&](std::size_t i) { return gradient_[i] * gradient_[i]; }));
   // What goes to single precision is of order one, whatever the constants and the p-norm make of it.
-  double largest = 0;
-  for (const double g : gradient_) largest = std::max(largest, std::abs(g));
-  const double gradient_scale = power_of_two(largest);
-  for (std::size_t i = 0; i < unknowns_; ++i) residual_[i] = static_cast<float>(-gradient_[i] / gradient_scale);
+  const double gradient_scale =
+      power_of_two(largest_of(unknowns_, kNumbersPerTask, [&](std::size_t i) { return std::abs(gradient_[i]); }));
+  team_.for_ranges(unknowns_, kNumbersPerTask, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) residual_[i] = static_cast<float>(-gradient_[i] / gradient_scale);
+  });
   const double along = preconditioner_.apply(residual_, preconditioned_);
   const double norm = std::sqrt(std::max(0.0, along)) * gradient_scale / std::sqrt(hessian_scale_);
   conjugate_gradients(along, forcing_term(norm, last_gradient_), gradient_scale / hessian_scale_, report);
   last_gradient_ = norm;
   if (coarse_is_old_) products_when_new_ = report.products;
-  for (double& component : step_) component *= gradient_scale / hessian_scale_;
-
-  double slope = 0;
-  for (std::size_t i = 0; i < unknowns_; ++i) slope += gradient_[i] * step_[i];
+  const double slope = add_up(unknowns_, kNumbersPerTask, [&](std::size_t i) {
+    step_[i] *= gradient_scale / hessian_scale_;
+    return gradient_[i] * step_[i];
+  });
   report.residual = largest_displacement();
   report.failed = !std::isfinite(slope) || (report.residual == 0 && report.gradient_norm > 0);
   if (slope < 0 && !report.failed) report.damping = search(slope);
@@ -83,30 +111,36 @@ NewtonReport Newton::step() {
   return report;
 }
 
-void Newton::scale_hessian() {
-  double largest = 0;
-  AlignedVector<double> deformation;
-  const std::size_t stride = std::clamp<std::size_t>(problem_.free.size() / kSamples, 1, kMostBetween);
-  for (std::size_t rank = 0; rank < problem_.free.size(); rank += stride) {
-    Patch patch(problem_, static_cast<std::int32_t>(rank));
-    const std::int32_t first = problem_.offsets[rank], cells = problem_.offsets[rank + 1] - first;
-    std::vector<std::size_t> begin{0};
-    for (std::int32_t i = 0; i < cells; ++i)
-      begin.push_back(begin[i] + problem_.blocks[problem_.incidences[first + i].block].deformation_size());
-    deformation.resize(begin.back());
-    for (std::int32_t i = 0; i < cells; ++i) {
-      const Incidence& at = problem_.incidences[first + i];
-      patch.cells()[i].deformation = deformation.data() + begin[i];
-      kernels_.deform(problem_.blocks[at.block], at.cell, problem_.positions, patch.cells()[i].deformation);
-    }
-    for (const double h : kernels_.expand(patch.cells()).hessian) largest = std::max(largest, std::abs(h));
+double Newton::largest_entry(std::int32_t rank) {
+  Patch patch(problem_, rank);
+  const std::int32_t first = problem_.offsets[rank], cells = problem_.offsets[rank + 1] - first;
+  std::vector<std::size_t> begin{0};
+  for (std::int32_t i = 0; i < cells; ++i)
+    begin.push_back(begin[i] + problem_.blocks[problem_.incidences[first + i].block].deformation_size());
+  AlignedVector<double> deformation(begin.back());
+  for (std::int32_t i = 0; i < cells; ++i) {
+    const Incidence& at = problem_.incidences[first + i];
+    patch.cells()[i].deformation = deformation.data() + begin[i];
+    kernels_.deform(problem_.blocks[at.block], at.cell, problem_.positions, patch.cells()[i].deformation);
   }
+  double largest = 0;
+  for (const double h : kernels_.expand(patch.cells()).hessian) largest = std::max(largest, std::abs(h));
+  return largest;
+}
+
+void Newton::scale_hessian() {
+  const std::size_t nodes = problem_.free.size(), stride = std::clamp<std::size_t>(nodes / kSamples, 1, kMostBetween);
+  double largest = largest_of((nodes + stride - 1) / stride, 4, [&](std::size_t sample) {
+    return largest_entry(static_cast<std::int32_t>(sample * stride));
+  });
   if (!norm_.is_sum()) {
     scan_all();
     double slope = 0;
     for (const CellBlock& block : problem_.blocks)
-      for (std::int32_t cell = 0; cell < block.count; ++cell)
-        slope = std::max(slope, norm_.slope(scans_[block.first + cell].energy, cell_measure(block, cell)));
+      slope = std::max(slope, largest_of(block.count, kCellsPerSum, [&](std::size_t cell) {
+                         return norm_.slope(scans_[block.first + cell].energy,
+                                            cell_measure(block, static_cast<std::int32_t>(cell)));
+                       }));
     largest *= slope;
   }
   hessian_scale_ = power_of_two(largest);
@@ -214,46 +248,39 @@ double Newton::multiply() {
       hessian_.apply(batches_[block], b, direction_);
       if (!norm_.is_sum()) add_norm_part(block, b);
     });
-  const auto nodes = static_cast<std::int32_t>(problem_.free.size());
-  team_.for_each(static_cast<std::int32_t>(partial_.size()), 1, [&](std::int32_t task) {
-    const std::int32_t first = task * kNodesPerTask, last = std::min(nodes, first + kNodesPerTask);
-    partial_[task] = d == 2 ? add_up_cells<2>(first, last) : add_up_cells<3>(first, last);
+  return add_up(problem_.free.size(), kNodesPerTask, [&](std::size_t rank) {
+    return d == 2 ? add_up_cells<2>(static_cast<std::int32_t>(rank)) : add_up_cells<3>(static_cast<std::int32_t>(rank));
   });
-  return std::accumulate(partial_.begin(), partial_.end(), 0.0);
 }
 
 template <int d>
-double Newton::add_up_cells(std::int32_t first, std::int32_t last) {
-  double along = 0;
+double Newton::add_up_cells(std::int32_t rank) {
   // In the order of the node's incidences, so that the sum does not depend on threads.
-  for (std::int32_t rank = first; rank < last; ++rank) {
-    std::array<float, d> sum{};
-    for (std::int32_t i = problem_.offsets[rank]; i < problem_.offsets[rank + 1]; ++i) {
-      const Incidence& at = problem_.incidences[i];
-      const BatchBlock& block = batches_[at.block];
-      const float* part = block.parts.data() + block.part_index(at.cell, at.local, d);
-      for (int k = 0; k < d; ++k) sum[k] += part[k];
-    }
-    for (int k = 0; k < d; ++k) {
-      product_[static_cast<std::size_t>(rank) * d + k] = sum[k];
-      along += static_cast<double>(sum[k]) * direction_[static_cast<std::size_t>(rank) * d + k];
-    }
+  std::array<float, d> sum{};
+  for (std::int32_t i = problem_.offsets[rank]; i < problem_.offsets[rank + 1]; ++i) {
+    const Incidence& at = problem_.incidences[i];
+    const BatchBlock& block = batches_[at.block];
+    const float* part = block.parts.data() + block.part_index(at.cell, at.local, d);
+    for (int k = 0; k < d; ++k) sum[k] += part[k];
+  }
+  double along = 0;
+  for (int k = 0; k < d; ++k) {
+    product_[static_cast<std::size_t>(rank) * d + k] = sum[k];
+    along += static_cast<double>(sum[k]) * direction_[static_cast<std::size_t>(rank) * d + k];
   }
   return along;
 }
 
-double Newton::largest_displacement() const {
-  const int d = problem_.dimension;
-  double largest = 0;
-  for (std::size_t i = 0; i < unknowns_; i += d) {
+double Newton::largest_displacement() {
+  const std::size_t d = problem_.dimension;
+  return std::sqrt(largest_of(problem_.free.size(), kNumbersPerTask / 4, [&](std::size_t rank) {
     double square = 0;
-    for (int k = 0; k < d; ++k) square += step_[i + k] * step_[i + k];
-    largest = std::max(largest, square);
-  }
-  return std::sqrt(largest);
+    for (std::size_t k = 0; k < d; ++k) square += step_[rank * d + k] * step_[rank * d + k];
+    return square;
+  }));
 }
 
-bool Newton::is_solved(double share, double forcing, double scale) const {
+bool Newton::is_solved(double share, double forcing, double scale) {
   if (share > kRough) return false;
   const double step = largest_displacement() * scale;
   // The last step only has to be known to be it.
@@ -296,11 +323,11 @@ void Newton::conjugate_gradients(double first, double forcing, double scale, New
 }
 
 double Newton::search(double slope) {
-  const int d = problem_.dimension;
+  const std::size_t d = problem_.dimension;
   std::vector<double>& start = gradient_;
-  for (std::size_t f = 0; f < problem_.free.size(); ++f)
-    for (int k = 0; k < d; ++k)
-      start[f * d + k] = problem_.positions[static_cast<std::size_t>(problem_.free[f]) * d + k];
+  team_.for_ranges(problem_.free.size(), kNumbersPerTask, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t f = begin; f < end; ++f) std::copy_n(&problem_.positions[problem_.free[f] * d], d, &start[f * d]);
+  });
   const double before = scanned_energy();
   // Rounding, as F is computed anew, may have turned a cell that was about to vanish: there is no step to judge then.
   if (!std::isfinite(before)) return 0;
@@ -316,11 +343,12 @@ double Newton::search(double slope) {
 }
 
 double Newton::energy_at(double alpha, const std::vector<double>& start) {
-  const int d = problem_.dimension;
-  for (std::size_t f = 0; f < problem_.free.size(); ++f)
-    for (int k = 0; k < d; ++k)
-      problem_.positions[static_cast<std::size_t>(problem_.free[f]) * d + k] =
-          start[f * d + k] + alpha * step_[f * d + k];
+  const std::size_t d = problem_.dimension;
+  team_.for_ranges(problem_.free.size(), kNumbersPerTask, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t f = begin; f < end; ++f)
+      for (std::size_t k = 0; k < d; ++k)
+        problem_.positions[problem_.free[f] * d + k] = start[f * d + k] + alpha * step_[f * d + k];
+  });
   scan_all();
   return scanned_energy();
 }
@@ -335,25 +363,25 @@ void Newton::scan_all() {
     });
 }
 
-double Newton::rounding() const {
+double Newton::rounding() {
   double sum = 0;
   for (const CellBlock& block : problem_.blocks)
-    for (std::int32_t cell = 0; cell < block.count; ++cell) {
-      const double volume = cell_measure(block, cell);
-      sum += norm_.slope(scans_[block.first + cell].energy, volume) * volume;
-    }
+    sum += add_up(block.count, kCellsPerSum, [&](std::size_t cell) {
+      const double volume = cell_measure(block, static_cast<std::int32_t>(cell));
+      return norm_.slope(scans_[block.first + cell].energy, volume) * volume;
+    });
   return sum;
 }
 
-double Newton::scanned_energy() const {
+double Newton::scanned_energy() {
   double energy = 0;
   for (const CellBlock& block : problem_.blocks)
-    for (std::int32_t cell = 0; cell < block.count; ++cell) {
+    energy += add_up(block.count, kCellsPerSum, [&](std::size_t cell) {
       const CellScan& scan = scans_[block.first + cell];
       if (block.delta_squared[cell] == 0 && !(scan.smallest_jacobian > 0))
-        energy = std::numeric_limits<double>::infinity();
-      energy += norm_.value(scan.energy, cell_measure(block, cell));
-    }
+        return std::numeric_limits<double>::infinity();
+      return norm_.value(scan.energy, cell_measure(block, static_cast<std::int32_t>(cell)));
+    });
   return std::isfinite(energy) ? energy : std::numeric_limits<double>::infinity();
 }
 

@@ -51,11 +51,19 @@ class Newton {
   }
 
  private:
+  /// Σ term(i), or the largest term(i) or 0, for i < count: in tasks of `grain`, so that the sum depends on nothing
+  /// else.
+  template <class Term>
+  double add_up(std::size_t count, std::size_t grain, const Term& term);
+  template <class Term>
+  double largest_of(std::size_t count, std::size_t grain, const Term& term);
   /// Sets gradient_ and what products and the preconditioner need, from the nodes' positions.
   void linearise();
   /// Finds out how large the Hessian is, so that it fits single precision. The p-norm's is taken to be the energy's
   /// times the largest slope of a cell.
   void scale_hessian();
+  /// Of a free node's own block of the energy's Hessian, by size.
+  double largest_entry(std::int32_t rank);
   void linearise_batch(std::size_t block, std::int32_t batch);
   /// The p-norm's part of it: each cell's gradient, for its curvature.
   void keep_cell_gradients(std::size_t block, std::int32_t batch);
@@ -66,16 +74,16 @@ class Newton {
   void add_norm_part(std::size_t block, std::int32_t batch);
   /// product_ = H direction_; returns direction_ · product_.
   double multiply();
-  /// Of the nodes from `first` to `last` − 1: each one's product from its cells' parts.
+  /// Of a free node: its product, from its cells' parts, and that times the direction.
   template <int d>
-  double add_up_cells(std::int32_t first, std::int32_t last);
+  double add_up_cells(std::int32_t rank);
   /// Solves H x = −G to the forcing term, or to what the tolerance asks for. `scale` makes a displacement of x;
   /// `first`: G · M⁻¹ G.
   void conjugate_gradients(double first, double forcing, double scale, NewtonReport& report);
   /// Whether a step may end that conjugate gradients have solved to this share of its beginning.
-  bool is_solved(double share, double forcing, double scale) const;
+  bool is_solved(double share, double forcing, double scale);
   /// Of a node in the step, in the step's scale.
-  double largest_displacement() const;
+  double largest_displacement();
   double search(double slope);
   /// Energy with every free node displaced from `start` by alpha times the step; +∞ where that makes a valid cell
   /// invalid.
@@ -83,9 +91,9 @@ class Newton {
   /// Deformation gradients of every cell, looked at and forgotten.
   void scan_all();
   /// Σ slope V over the cells: what rounding in their densities is multiplied with.
-  double rounding() const;
+  double rounding();
   /// The energy of the last scans, likewise.
-  double scanned_energy() const;
+  double scanned_energy();
 
   Problem& problem_;
   const Kernels& kernels_;
@@ -104,7 +112,7 @@ class Newton {
   std::vector<double> step_;
   std::vector<float> residual_, direction_;  ///< d a free node and d more, which are 0.
   std::vector<float> product_, preconditioned_;
-  std::vector<double> partial_;  ///< Of a sum, a task's; added in order.
+  std::vector<double> partial_;  ///< Of add_up and largest_of, a task's.
   std::vector<CellScan> scans_;  ///< By cell.
   bool coarse_is_old_ = true;    ///< The coarse level is to be assembled again.
   int products_when_new_ = 0;    ///< Of the step after it was.
