@@ -11,7 +11,6 @@ namespace {
 
 constexpr std::int32_t kNodesPerTask = 64;
 constexpr std::int32_t kCellsPerTask = 64;
-constexpr int kMostCells = 1024;  // of a patch on the stack; more go to the heap
 constexpr double kArmijo = 1e-4;  // share of the predicted decrease that a step must bring
 constexpr int kMostHalvings = 40;
 constexpr double kEnergyNoise = 1e-14;  // of the patch's measure: below it an energy's change is rounding
