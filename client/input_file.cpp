@@ -12,6 +12,7 @@
 #include <system_error>
 
 #include "client/client.h"
+#include "core/write_all.h"
 
 namespace varimesh::client {
 namespace {
@@ -109,15 +110,7 @@ Outcome<std::string> InputFile::read(std::int64_t offset, std::size_t most) cons
   return bytes;
 }
 
-bool InputFile::append(std::string_view bytes) {
-  while (!bytes.empty()) {
-    const ssize_t written = ::write(descriptor_, bytes.data(), bytes.size());
-    if (written < 0 && errno == EINTR) continue;
-    if (written <= 0) return false;
-    bytes.remove_prefix(static_cast<std::size_t>(written));
-  }
-  return true;
-}
+bool InputFile::append(std::string_view bytes) { return write_all(descriptor_, bytes); }
 
 Outcome<std::string> read_whole(const std::string& path, const std::function<bool()>& interrupted) {
   const auto file = InputFile::open(path, interrupted);

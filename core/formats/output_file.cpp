@@ -15,6 +15,8 @@
 #include <system_error>
 #include <vector>
 
+#include "core/write_all.h"
+
 namespace varimesh::formats {
 
 namespace {
@@ -157,17 +159,6 @@ int sync_folder_of(const std::string& path) {
   return error == EINVAL || error == EROFS ? 0 : error;
 }
 
-int write_all(int descriptor, const char* bytes, std::size_t count) {
-  while (count > 0) {
-    const ssize_t written = ::write(descriptor, bytes, count);
-    if (written < 0 && errno == EINTR) continue;
-    if (written <= 0) return written < 0 ? errno : EIO;
-    bytes += written;
-    count -= static_cast<std::size_t>(written);
-  }
-  return 0;
-}
-
 // Writes the bytes of one file over those of another, down to the disk. Gives errno.
 int copy_over(const std::string& from, const std::string& to) {
   const int source = ::open(from.c_str(), O_RDONLY | O_CLOEXEC);
@@ -180,7 +171,7 @@ int copy_over(const std::string& from, const std::string& to) {
     if (count < 0 && errno == EINTR) continue;
     if (count < 0) error = errno;
     if (count <= 0) break;
-    error = write_all(target, buffer.data(), static_cast<std::size_t>(count));
+    if (!write_all(target, {buffer.data(), static_cast<std::size_t>(count)})) error = errno;
   }
   if (error == 0 && ::fsync(target) != 0 && errno != EINVAL && errno != EROFS) error = errno;
   if (target >= 0 && ::close(target) != 0 && error == 0) error = errno;

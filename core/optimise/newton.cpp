@@ -2,6 +2,7 @@
 
 #include <array>
 #include <cmath>
+#include <functional>
 #include <limits>
 #include <numeric>
 
@@ -56,31 +57,26 @@ Newton::Newton(Problem& problem, const Kernels& kernels, const HessianKernels& h
       preconditioned_(unknowns_),
       scans_(problem.cells) {}
 
-template <class Term>
-double Newton::add_up(std::size_t count, std::size_t grain, const Term& term) {
+template <class Term, class Combine>
+double Newton::reduce(std::size_t count, std::size_t grain, const Term& term, const Combine& combine) {
   const std::size_t tasks = (count + grain - 1) / grain;
   partial_.resize(std::max(partial_.size(), tasks));
   team_.for_each(static_cast<std::int32_t>(tasks), 1, [&](std::int32_t task) {
-    double sum = 0;
-    for (std::size_t i = task * grain; i < std::min(count, (task + 1) * grain); ++i) sum += term(i);
-    partial_[task] = sum;
+    double one = 0;
+    for (std::size_t i = task * grain; i < std::min(count, (task + 1) * grain); ++i) one = combine(one, term(i));
+    partial_[task] = one;
   });
-  return std::accumulate(partial_.begin(), partial_.begin() + static_cast<std::ptrdiff_t>(tasks), 0.0);
+  return std::accumulate(partial_.begin(), partial_.begin() + static_cast<std::ptrdiff_t>(tasks), 0.0, combine);
+}
+
+template <class Term>
+double Newton::add_up(std::size_t count, std::size_t grain, const Term& term) {
+  return reduce(count, grain, term, std::plus<>());
 }
 
 template <class Term>
 double Newton::largest_of(std::size_t count, std::size_t grain, const Term& term) {
-  const std::size_t tasks = (count + grain - 1) / grain;
-  partial_.resize(std::max(partial_.size(), tasks));
-  team_.for_each(static_cast<std::int32_t>(tasks), 1, [&](std::int32_t task) {
-    double largest = 0;
-    for (std::size_t i = task * grain; i < std::min(count, (task + 1) * grain); ++i)
-      largest = std::max(largest, term(i));
-    partial_[task] = largest;
-  });
-  double largest = 0;
-  for (std::size_t task = 0; task < tasks; ++task) largest = std::max(largest, partial_[task]);
-  return largest;
+  return reduce(count, grain, term, [](double a, double b) { return std::max(a, b); });
 }
 
 NewtonReport Newton::step() {

@@ -53,6 +53,8 @@ class Newton {
  private:
   /// Σ term(i), or the largest term(i) or 0, for i < count: in tasks of `grain`, so that the sum depends on nothing
   /// else.
+  template <class Term, class Combine>
+  double reduce(std::size_t count, std::size_t grain, const Term& term, const Combine& combine);
   template <class Term>
   double add_up(std::size_t count, std::size_t grain, const Term& term);
   template <class Term>

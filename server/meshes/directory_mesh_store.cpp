@@ -11,9 +11,9 @@
 #include <tuple>
 #include <vector>
 
+#include "core/write_all.h"
 #include "server/meshes/directory_upload.h"
 #include "server/meshes/sha256.h"
-#include "server/meshes/write_all.h"
 
 namespace varimesh::server {
 namespace {

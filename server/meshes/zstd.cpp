@@ -10,7 +10,7 @@
 #include <cerrno>
 #include <limits>
 
-#include "server/meshes/write_all.h"
+#include "core/write_all.h"
 
 namespace varimesh::server {
 namespace {

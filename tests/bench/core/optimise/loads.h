@@ -72,7 +72,8 @@ class ProductLoad {
       for (std::int32_t cell = 0; cell < block.count; ++cell) kernels->rebuild(block, cell, problem_.positions);
     batches_ = make_batches(problem_, *hessian_);
     for (BatchBlock& block : batches_)
-      for (std::int32_t b = 0; b < block.count; ++b) hessian_->linearise(block, b, block.cells->deformation_of(b * kBatch));
+      for (std::int32_t b = 0; b < block.count; ++b)
+        hessian_->linearise(block, b, block.cells->deformation_of(b * kBatch));
     const std::vector<double> random = testing::random_direction(problem_, 1);
     direction_.assign(random.begin(), random.end());
     direction_.resize(random.size() + problem_.dimension);
