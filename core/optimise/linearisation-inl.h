@@ -1,5 +1,8 @@
 // What Newton's method wants of the cells before it multiplies: the gradient in double precision, and in single what
 // products need of each point. A lane a quadrature point.
+//
+// With F = G A⁻¹, G = Σ x_n ⊗ ∇_ξ φ_n, a cell's part of the gradient at node n is Σ w P A⁻ᵀ ∇_ξ φ_n (the chain rule); P =
+// dW/dF is core/energy/density-inl.h's.
 #if defined(VARIMESH_OPTIMISE_LINEARISATION_INL_H) == defined(HWY_TARGET_TOGGLE)
 #ifdef VARIMESH_OPTIMISE_LINEARISATION_INL_H
 #undef VARIMESH_OPTIMISE_LINEARISATION_INL_H
