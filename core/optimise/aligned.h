@@ -1,4 +1,4 @@
-// Arrays that start on a cache line, for vector loads.
+// Arrays for vector loads: where they start, and how far a node is from the next.
 #pragma once
 
 #include <cstddef>
@@ -25,5 +25,8 @@ struct CacheLineAllocator {
 
 template <class T>
 using AlignedVector = std::vector<T, CacheLineAllocator<T>>;
+
+/// Floats from one node's vector to the next, where nodes are padded for vector loads. The fourth in 3-D is 0.
+constexpr int padded(int dimension) { return dimension == 2 ? 2 : 4; }
 
 }  // namespace varimesh

@@ -1,11 +1,10 @@
 #include "core/optimise/batches.h"
 
+#include <Eigen/Dense>
 #include <algorithm>
 
 namespace varimesh {
 namespace {
-
-constexpr int kNodePadding = 8;
 
 BatchBlock make_batch_block(const CellBlock& cells, const std::vector<std::int32_t>& rank, int entries) {
   const int d = cells.dimension, nodes = cells.nodes_per_cell;
@@ -13,16 +12,7 @@ BatchBlock make_batch_block(const CellBlock& cells, const std::vector<std::int32
   block.cells = &cells;
   block.count = (cells.count + kBatch - 1) / kBatch;
   block.entries = entries;
-  block.padded_nodes = (nodes + kNodePadding - 1) / kNodePadding * kNodePadding;
-  block.forward.resize(static_cast<std::size_t>(cells.points) * nodes * d);
-  block.backward.assign(static_cast<std::size_t>(cells.points) * d * block.padded_nodes, 0.0F);
-  for (int q = 0; q < cells.points; ++q)
-    for (int n = 0; n < nodes; ++n)
-      for (int k = 0; k < d; ++k) {
-        const float slope = static_cast<float>(cells.derivatives_of(n)[k * cells.stride + q]);
-        block.forward[(static_cast<std::size_t>(q) * nodes + n) * d + k] = slope;
-        block.backward[(static_cast<std::size_t>(q) * d + k) * block.padded_nodes + n] = slope;
-      }
+  block.gradient = fold_gradient(cells);
   block.ranks.resize(static_cast<std::size_t>(block.count) * nodes * kBatch);
   for (std::int32_t b = 0; b < block.count; ++b)
     for (int lane = 0; lane < kBatch; ++lane) {
@@ -31,12 +21,14 @@ BatchBlock make_batch_block(const CellBlock& cells, const std::vector<std::int32
         block.ranks[(static_cast<std::size_t>(b) * nodes + n) * kBatch + lane] =
             rank[cells.nodes[static_cast<std::size_t>(cell) * nodes + n]];
     }
-  for (int q = 0; q < cells.points; ++q)
-    for (int n = 0; n < nodes; ++n)
+  for (const int q : block.gradient.points)
+    for (int n = 0; n < nodes; ++n) {
+      Eigen::VectorXd slope(d);
+      for (int k = 0; k < d; ++k) slope[k] = cells.derivatives_of(n)[k * cells.stride + q];
+      slope = block.gradient.directions * slope;
       for (int k = 0; k < d; ++k)
-        for (int l = 0; l <= k; ++l)
-          block.squares.push_back(static_cast<float>(cells.derivatives_of(n)[k * cells.stride + q] *
-                                                     cells.derivatives_of(n)[l * cells.stride + q]));
+        for (int l = 0; l <= k; ++l) block.squares.push_back(static_cast<float>(slope[k] * slope[l]));
+    }
   block.parts.resize(static_cast<std::size_t>(block.count) * nodes * 2 * d * kBatch);
   block.linearisation.resize(block.count * block.linearisation_size());
   block.inverse_target.resize(static_cast<std::size_t>(block.count) * (cells.affine ? 1 : cells.points) * d * d *
@@ -71,14 +63,22 @@ void copy_targets(std::vector<BatchBlock>& batches) {
       const double* factor = cells.left_factor_of(std::min(b * kBatch + lane, cells.count - 1));
       block.left_factor[i] = static_cast<float>(factor[i / kBatch % square]);
     }
-    const int stride = cells.affine ? 1 : cells.stride;
+    const int d = cells.dimension, stride = cells.affine ? 1 : cells.stride;
+    const Eigen::MatrixXd to_s = block.gradient.directions.transpose().inverse();
     for (std::int32_t b = 0; b < block.count; ++b)
       for (int lane = 0; lane < kBatch; ++lane) {
         const double* inverse = cells.inverse_target_of(std::min(b * kBatch + lane, cells.count - 1));
-        for (int q = 0; q < per_cell; ++q)
-          for (int entry = 0; entry < square; ++entry)
-            block.inverse_target[((static_cast<std::size_t>(b) * per_cell + q) * square + entry) * kBatch + lane] =
-                static_cast<float>(inverse[entry * stride + q]);
+        for (int slot = 0; slot < per_cell; ++slot) {
+          const double* at = inverse + (cells.affine ? 0 : block.gradient.points[slot]);
+          for (int row = 0; row < d; ++row)
+            for (int column = 0; column < d; ++column) {
+              double sum = 0;
+              for (int k = 0; k < d; ++k) sum += to_s(row, k) * at[(k * d + column) * stride];
+              block.inverse_target[((static_cast<std::size_t>(b) * per_cell + slot) * square + row * d + column) *
+                                       kBatch +
+                                   lane] = static_cast<float>(sum);
+            }
+        }
       }
   }
 }

@@ -9,25 +9,32 @@
 #include "core/energy/material.h"
 #include "core/optimise/aligned.h"
 #include "core/optimise/cells.h"
+#include "core/optimise/folded_gradient.h"
 
 namespace varimesh {
 
 /// Cells in a batch, whatever the width of the machine's vectors: one AVX-512 vector of floats, two of AVX2.
 inline constexpr int kBatch = 16;
 
+/// Where the first number of a cell's node is in BatchBlock::parts, of a block with so many nodes a cell; the others
+/// follow.
+inline std::size_t part_index(std::int32_t cell, int node, std::uint32_t nodes, int width) {
+  const auto number = static_cast<std::uint32_t>(cell);
+  return ((static_cast<std::size_t>(number / kBatch) * nodes + node) * kBatch + number % kBatch) * width;
+}
+
 /// The batches of one CellBlock. Innermost in every array but `parts` is the lane. Lanes past the last cell repeat it,
 /// with weight 0.
 struct BatchBlock {
   const CellBlock* cells = nullptr;
-  std::int32_t count = 0;         ///< Batches.
-  int entries = 0;                ///< Numbers a point that `linearise` keeps.
-  AlignedVector<float> forward;   ///< points × nodes × d: ∂φ_n/∂ξ_k at each point.
-  AlignedVector<float> backward;  ///< points × d × padded nodes: the same.
-  AlignedVector<float> squares;  ///< points × nodes × d (d + 1)/2: ∂φ_n/∂ξ_k ∂φ_n/∂ξ_l, lower triangle by rows.
-  int padded_nodes = 0;          ///< nodes, to a multiple of 8.
-  AlignedVector<float> inverse_target;  ///< count × (affine ? 1 : points) × d·d × lane.
-  AlignedVector<float> left_factor;     ///< count × d·d × lane; empty: 1.
-  AlignedVector<float> linearisation;   ///< count × points × entries × lane.
+  std::int32_t count = 0;        ///< Batches.
+  int entries = 0;               ///< Numbers a point that `linearise` keeps.
+  FoldedGradient gradient;       ///< Points are in the order of its slots in every array here.
+  AlignedVector<float> squares;  ///< points × nodes × d (d + 1)/2: ∂φ_n/∂s_k ∂φ_n/∂s_l, lower triangle by rows.
+  /// count × (affine ? 1 : points) × d·d × lane: A⁻¹ of the coordinates s that `gradient` has: dF = (∂u/∂s) A_s⁻¹.
+  AlignedVector<float> inverse_target;
+  AlignedVector<float> left_factor;    ///< count × d·d × lane; empty: 1.
+  AlignedVector<float> linearisation;  ///< count × points × entries × lane.
   std::vector<std::int32_t>
       ranks;  ///< count × nodes × lane: rank of the node among the free ones; free.size() if fixed.
   /// count × nodes × lane × width: each cell's part of what is summed over a node's cells, one after the other: of the
@@ -37,8 +44,7 @@ struct BatchBlock {
   std::size_t linearisation_size() const;
   /// Where the first number of a cell's node is in `parts`; the others follow.
   std::size_t part_index(std::int32_t cell, int node, int width) const {
-    const std::size_t place = static_cast<std::size_t>(cell / kBatch) * cells->nodes_per_cell + node;
-    return (place * kBatch + cell % kBatch) * width;
+    return varimesh::part_index(cell, node, static_cast<std::uint32_t>(cells->nodes_per_cell), width);
   }
 };
 
@@ -59,8 +65,14 @@ class HessianKernels {
   /// triangles by rows, d (d + 1)/2 of the 2 d numbers. Of what linearise() has kept.
   virtual void node_blocks(BatchBlock& block, std::int32_t b) const = 0;
 
-  /// The parts become the cells' Hessian times `direction` (d floats a free node, then d zeros for the fixed ones).
+  /// The parts become the cells' Hessian times `direction` (d floats a free node, then padded(d) zeros, for
+  /// the fixed ones).
   virtual void apply(BatchBlock& block, std::int32_t b, std::span<const float> direction) const = 0;
+
+  /// The product: the sum of each free node's parts, in the order of its incidences, for the nodes `first` to `last`
+  /// − 1. Returns its product with the direction.
+  virtual double add_up(const Problem& problem, const std::vector<BatchBlock>& batches, const float* direction,
+                        float* product, std::int32_t first, std::int32_t last) const = 0;
 
   /// The cells' mean tensors M with dF ↦ Σ w dP : dF ≈ dG_ik M(ij, kl) dG_jl for dG constant in a cell:
   ///     M(ij, kl) = Σ 2 w f_Q δ_ij (A⁻¹A⁻ᵀ)_kl + w max(f_JJ, 0) (C A⁻ᵀ)_ik (C A⁻ᵀ)_jl,

@@ -8,53 +8,16 @@
 // Highway wants its targets' includes after foreach_target.h.
 #include <hwy/highway.h>
 
+#include "core/optimise/node_vector-inl.h"
+
 HWY_BEFORE_NAMESPACE();
 namespace varimesh {
 namespace HWY_NAMESPACE {
 
-namespace hn = hwy::HWY_NAMESPACE;
-
 template <int d>
 class VectorCoarseKernels final : public CoarseKernels {
   static constexpr int kNode = padded(d), kBlock = block_size(d);
-  using Tag = hn::CappedTag<float, kNode>;
-  static constexpr int kParts = kNode / static_cast<int>(hn::MaxLanes(Tag()));  // 1, but where vectors are numbers
-  static_assert(kParts == 1 || kParts == kNode);
-
-  /// A node's vector.
-  struct Node {
-    hn::Vec<Tag> part[kParts];
-
-    static HWY_INLINE Node zero() {
-      Node out;
-      for (auto& part : out.part) part = hn::Zero(Tag());
-      return out;
-    }
-    static HWY_INLINE Node load(const float* from) {
-      Node out;
-      for (int p = 0; p < kParts; ++p) out.part[p] = hn::LoadU(Tag(), from + p);
-      return out;
-    }
-    HWY_INLINE void store(float* to) const {
-      for (int p = 0; p < kParts; ++p) hn::StoreU(part[p], Tag(), to + p);
-    }
-    /// this + s · (what is at `from`)
-    HWY_INLINE Node plus(float s, const float* from) const {
-      Node out;
-      for (int p = 0; p < kParts; ++p) out.part[p] = hn::MulAdd(hn::LoadU(Tag(), from + p), hn::Set(Tag(), s), part[p]);
-      return out;
-    }
-    HWY_INLINE Node operator+(const Node& other) const {
-      Node out;
-      for (int p = 0; p < kParts; ++p) out.part[p] = part[p] + other.part[p];
-      return out;
-    }
-    HWY_INLINE Node operator-(const Node& other) const {
-      Node out;
-      for (int p = 0; p < kParts; ++p) out.part[p] = part[p] - other.part[p];
-      return out;
-    }
-  };
+  using Node = NodeVector<d>;
 
   /// A sum in d columns, so that each addition need not wait for the one before.
   struct Sum {

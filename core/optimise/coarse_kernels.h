@@ -4,10 +4,10 @@
 #include <cstdint>
 #include <memory>
 
+#include "core/optimise/aligned.h"
+
 namespace varimesh {
 
-/// Floats from one node's vector to the next, where nodes are padded for vector loads. The fourth in 3-D is 0.
-constexpr int padded(int dimension) { return dimension == 2 ? 2 : 4; }
 /// Floats of a d × d block: d columns of padded(d).
 constexpr int block_size(int dimension) { return dimension * padded(dimension); }
 

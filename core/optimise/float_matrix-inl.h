@@ -74,12 +74,20 @@ struct FloatMatrix {
   }
 };
 
-/// A row of the derivative of cof F: da × b + a × db. A function of its own, since compilers leave a lambda this large
-/// out of line.
+/// a × b. A function of its own, as the next, since compilers leave a lambda this large out of line.
+HWY_INLINE void cross(const Floats* a, const Floats* b, Floats* out) {
+  unrolled<3>([&](auto j) {
+    const int j1 = (j + 1) % 3, j2 = (j + 2) % 3;
+    out[j] = hn::MulSub(a[j1], b[j2], a[j2] * b[j1]);
+  });
+}
+
+/// A row of the derivative of cof F: da × b + a × db.
 HWY_INLINE void cross_change(const Floats* a, const Floats* b, const Floats* da, const Floats* db, Floats* out) {
   unrolled<3>([&](auto j) {
     const int j1 = (j + 1) % 3, j2 = (j + 2) % 3;
-    out[j] = hn::MulSub(da[j1], b[j2], da[j2] * b[j1]) + hn::MulSub(a[j1], db[j2], a[j2] * db[j1]);
+    const Floats first = hn::MulSub(da[j1], b[j2], da[j2] * b[j1]);
+    out[j] = hn::MulAdd(a[j1], db[j2], hn::NegMulAdd(a[j2], db[j1], first));
   });
 }
 
@@ -103,9 +111,13 @@ HWY_INLINE FloatMatrix<d> cofactor_change(const FloatMatrix<d>& F, const FloatMa
 
 template <int d>
 HWY_INLINE FloatMatrix<d> cofactor_of(const FloatMatrix<d>& F) {
-  if constexpr (d == 2) return cofactor_change<2>(F, F);
-  FloatMatrix<d> out = cofactor_change<d>(F, F);
-  out.scale(every(0.5F));  // cof is quadratic in 3-D
+  if constexpr (d == 2) return cofactor_change<2>(F, F);  // linear in 2-D
+  FloatMatrix<d> out;
+  if constexpr (d == 3) {
+    cross(F.at[1], F.at[2], out.at[0]);
+    cross(F.at[2], F.at[0], out.at[1]);
+    cross(F.at[0], F.at[1], out.at[2]);
+  }
   return out;
 }
 

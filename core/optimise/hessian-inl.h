@@ -3,8 +3,8 @@
 // For a direction u on the nodes, dG = Σ u_n ⊗ ∇_ξ φ_n and dF = dG A⁻¹ at every point; then (numerics of f(Q, J'), C =
 // cof F)
 //     dP = 2 f_Q dF + 4 f_QQ (F:dF) F + 2 f_QJ [(C:dF) F + (F:dF) C] + f_JJ (C:dF) C + f_J dC,
-// and the cell's part of the product at node n is Σ w dP A⁻ᵀ ∇_ξ φ_n. The gradient operator and its transpose are most
-// of the work; they are blocked so that their accumulators fill the registers.
+// and the cell's part of the product at node n is Σ w dP A⁻ᵀ ∇_ξ φ_n. The gradient operator and its transpose would be
+// most of the work; the cell's mirrors take them apart (folded_gradient.h).
 #if defined(VARIMESH_OPTIMISE_HESSIAN_INL_H) == defined(HWY_TARGET_TOGGLE)
 #ifdef VARIMESH_OPTIMISE_HESSIAN_INL_H
 #undef VARIMESH_OPTIMISE_HESSIAN_INL_H
@@ -12,10 +12,14 @@
 #define VARIMESH_OPTIMISE_HESSIAN_INL_H
 #endif
 
+#include <array>
+#include <numeric>
+
 #include "core/energy/table-inl.h"
 #include "core/optimise/batches.h"
-#include "core/optimise/float_matrix-inl.h"
+#include "core/optimise/folded_gradient-inl.h"
 #include "core/optimise/linearisation-inl.h"
+#include "core/optimise/node_vector-inl.h"
 
 HWY_BEFORE_NAMESPACE();
 namespace varimesh {
@@ -26,9 +30,7 @@ class VectorHessian final : public VectorLinearisation<E, d> {
   using Kept = VectorLinearisation<E, d>;
   using Kept::kEntries, Kept::kJ, Kept::kJJ, Kept::kQ, Kept::kQJ, Kept::kQQ, Kept::kW, Kept::kSides, Kept::energy_;
   using Kept::mu;
-  // Accumulators in registers: AVX-512 has 32, AVX2 and SSE 16.
-  static constexpr int kPointTile = HWY_TARGET == HWY_AVX3 ? 3 : 1;
-  static constexpr int kNodeTile = HWY_TARGET == HWY_AVX3 ? 8 : 4;
+  using Gradient = FoldedLanes<d>;
 
  public:
   using Kept::Kept;
@@ -59,6 +61,7 @@ class VectorHessian final : public VectorLinearisation<E, d> {
         FloatMatrix<d> inverse;
         inverse.load_from(block.inverse_target.data() +
                           (static_cast<std::size_t>(b) * per_cell + (cells.affine ? 0 : q)) * kSquare * kBatch + lane);
+        inverse = in_reference_coordinates(block, inverse);
         add_mean(block.linearisation.data() + b * block.linearisation_size() +
                      static_cast<std::size_t>(q) * kEntries * kBatch + lane,
                  inverse, M);
@@ -75,24 +78,56 @@ class VectorHessian final : public VectorLinearisation<E, d> {
   void apply(BatchBlock& block, std::int32_t b, std::span<const float> direction) const override {
     const CellBlock& cells = *block.cells;
     const int nodes = cells.nodes_per_cell;
-    // Scratch a thread: the direction of the batch's cells and then their part of the product, and dG and then w dP A⁻ᵀ
-    // at their points.
+    // Scratch a thread: the direction of the batch's cells and then their part of the product; its components; and dG
+    // and then w dP A⁻ᵀ at their points.
     static thread_local AlignedVector<float> scratch;
-    const std::size_t direction_size = static_cast<std::size_t>(block.padded_nodes) * d * kBatch;
-    const std::size_t points_padded = (cells.points + kPointTile - 1) / kPointTile * kPointTile;
-    scratch.resize(direction_size + points_padded * d * d * kBatch);
+    const std::size_t direction_size = static_cast<std::size_t>(nodes) * d * kBatch;
+    scratch.resize(2 * direction_size + static_cast<std::size_t>(cells.points) * d * d * kBatch);
     float* u = scratch.data();
-    float* slopes = u + direction_size;
+    float* components = u + direction_size;
+    float* slopes = components + direction_size;
     gather(block.ranks.data() + static_cast<std::size_t>(b) * nodes * kBatch, nodes, direction.data(), u);
     times_left_factor(block, b, u);
-    const int width = static_cast<int>(hn::Lanes(FloatTag()));
-    for (int lane = 0; lane < kBatch; lane += width) {
-      forward(block, u + lane, slopes + lane);
+    for (int lane = 0; lane < kBatch; lane += static_cast<int>(hn::Lanes(FloatTag()))) {
+      Gradient::fold(block.gradient, u + lane, components + lane);
+      Gradient::forward(block.gradient, components + lane, slopes + lane);
       at_points(block, b, lane, slopes + lane);
-      backward(block, slopes + lane, u + lane);
+      Gradient::backward(block.gradient, slopes + lane, components + lane);
+      Gradient::unfold(block.gradient, components + lane, u + lane);
     }
     times_left_factor(block, b, u);
     interleave(u, nodes, block.parts.data() + block.part_index(b * kBatch, 0, d));
+  }
+
+  double add_up(const Problem& problem, const std::vector<BatchBlock>& batches, const float* direction, float* product,
+                std::int32_t first, std::int32_t last) const override {
+    // Where a block's parts are, at hand.
+    struct Parts {
+      const float* data;
+      std::uint32_t nodes;
+    };
+    std::array<Parts, kShapes> parts;
+    for (std::size_t b = 0; b < batches.size(); ++b)
+      parts[b] = {batches[b].parts.data(), static_cast<std::uint32_t>(batches[b].cells->nodes_per_cell)};
+    double along[d] = {};  // a sum each, so that no addition waits for the one before
+    for (std::int32_t rank = first; rank < last; ++rank) {
+      NodeVector<d> sum = NodeVector<d>::zero();
+      for (std::int32_t i = problem.offsets[rank]; i < problem.offsets[rank + 1]; ++i) {
+        const Incidence& at = problem.incidences[i];
+        const auto [data, nodes] = parts[at.block];
+        // In 3-D a number past the part's last is read: there is room for 2 d.
+        sum = sum + NodeVector<d>::load(data + part_index(at.cell, at.local, nodes, d));
+      }
+      alignas(16) float numbers[4];
+      sum.store(numbers);
+      float* to = product + static_cast<std::ptrdiff_t>(rank) * d;
+      const float* with = direction + static_cast<std::ptrdiff_t>(rank) * d;
+      unrolled<d>([&](auto k) {
+        to[k] = numbers[k];
+        along[k] += static_cast<double>(numbers[k]) * with[k];
+      });
+    }
+    return std::accumulate(along, along + d, 0.0);
   }
 
  private:
@@ -160,13 +195,48 @@ class VectorHessian final : public VectorLinearisation<E, d> {
     std::copy_n(turned, kSides, triangle);
   }
 
+#if HWY_TARGET == HWY_SCALAR || HWY_HAVE_SCALABLE
+  static constexpr bool kTurns = false;
+  static HWY_INLINE void gather_node(const std::int32_t*, const float*, float*) {}
+#else
+  static constexpr bool kTurns = d == 3;
+
+  /// Four numbers a lane, the last of them not wanted, and each four lanes turned from rows to columns.
+  static HWY_INLINE void gather_node(const std::int32_t* ranks, const float* direction, float* u) {
+    const FloatTag tag;
+    const Floats a = every_fourth(tag, ranks, direction), b = every_fourth(tag, ranks + 1, direction);
+    const Floats c = every_fourth(tag, ranks + 2, direction), e = every_fourth(tag, ranks + 3, direction);
+    const Floats ac = hn::InterleaveLower(tag, a, c), be = hn::InterleaveLower(tag, b, e);
+    hn::Store(hn::InterleaveLower(tag, ac, be), tag, u);
+    hn::Store(hn::InterleaveUpper(tag, ac, be), tag, u + kBatch);
+    hn::Store(hn::InterleaveLower(tag, hn::InterleaveUpper(tag, a, c), hn::InterleaveUpper(tag, b, e)), tag,
+              u + 2 * kBatch);
+  }
+
+  /// The vectors of nodes ranks[0], ranks[4], … side by side.
+  template <class D>
+  static HWY_INLINE hn::Vec<D> every_fourth(D tag, const std::int32_t* ranks, const float* direction) {
+    if constexpr (hn::MaxLanes(tag) == 4) {
+      return hn::LoadU(tag, direction + static_cast<std::size_t>(ranks[0]) * 3);
+    } else {
+      const hn::Half<D> half;
+      return hn::Combine(tag, every_fourth(half, ranks + hn::MaxLanes(half), direction),
+                         every_fourth(half, ranks, direction));
+    }
+  }
+#endif
+
   /// u[(n d + i) kBatch + lane] = direction of component i of node n of the lane's cell.
   static HWY_INLINE void gather(const std::int32_t* ranks, int nodes, const float* direction, float* u) {
     for (int n = 0; n < nodes; ++n)
-      for (int lane = 0; lane < kBatch; ++lane) {
-        const float* from = direction + static_cast<std::size_t>(ranks[n * kBatch + lane]) * d;
-        unrolled<d>([&](auto i) { u[(n * d + i) * kBatch + lane] = from[i]; });
-      }
+      if constexpr (kTurns)
+        for (int lane = 0; lane < kBatch; lane += static_cast<int>(hn::Lanes(FloatTag())))
+          gather_node(ranks + n * kBatch + lane, direction, u + n * d * kBatch + lane);
+      else
+        for (int lane = 0; lane < kBatch; ++lane) {
+          const float* from = direction + static_cast<std::size_t>(ranks[n * kBatch + lane]) * d;
+          unrolled<d>([&](auto i) { u[(n * d + i) * kBatch + lane] = from[i]; });
+        }
   }
 
   /// From components of sixteen cells to vectors: who adds up a node's cells reads one cache line a cell.
@@ -206,6 +276,16 @@ class VectorHessian final : public VectorLinearisation<E, d> {
     }
   }
 
+  /// A⁻¹ of what BatchBlock::inverse_target has.
+  static HWY_INLINE FloatMatrix<d> in_reference_coordinates(const BatchBlock& block, const FloatMatrix<d>& inverse) {
+    const double* numbers = block.gradient.directions.data();  // column-major
+    FloatMatrix<d> directions;
+    unrolled<d>([&](auto i) {
+      unrolled<d>([&](auto j) { directions.at[i][j] = every(static_cast<float>(numbers[j * d + i])); });
+    });
+    return directions.transposed_times(inverse);
+  }
+
   HWY_INLINE void add_mean(const float* kept, const FloatMatrix<d>& inverse, Floats* M) const {
     FloatMatrix<d> F;
     F.load_from(kept);
@@ -239,48 +319,31 @@ class VectorHessian final : public VectorLinearisation<E, d> {
     std::copy_n(turned, kSquare * kSquare, M);
   }
 
-  /// dG at every point: d·d vectors a point.
-  static HWY_INLINE void forward(const BatchBlock& block, const float* u, float* slopes) {
-    const int points = block.cells->points;
-    int q = 0;
-    for (; q + kPointTile <= points; q += kPointTile) forward_tile<kPointTile>(block, q, u, slopes);
-    for (; q < points; ++q) forward_tile<1>(block, q, u, slopes);
-  }
-
-  template <int tile>
-  static HWY_FLATTEN void forward_tile(const BatchBlock& block, int q, const float* u, float* slopes) {
-    const int nodes = block.cells->nodes_per_cell;
-    const float* table = block.forward.data() + static_cast<std::size_t>(q) * nodes * d;
-    Floats sum[tile * d * d];
-    unrolled<tile * d * d>([&](auto entry) { sum[entry] = hn::Zero(FloatTag()); });
-    for (int n = 0; n < nodes; ++n) {
-      Floats x[d];
-      unrolled<d>([&](auto i) { x[i] = load(u + (n * d + i) * kBatch); });
-      unrolled<tile * d>([&](auto pk) {
-        const int p = pk / d, k = pk % d;
-        const Floats slope = every(table[(p * nodes + n) * d + k]);
-        unrolled<d>([&](auto i) { sum[(p * d + i) * d + k] = hn::MulAdd(x[i], slope, sum[(p * d + i) * d + k]); });
-      });
+  /// The components of dG become those of w dP A⁻ᵀ.
+  HWY_INLINE void at_points(const BatchBlock& block, std::int32_t b, int lane, float* slopes) const {
+    for (const FoldedGradient::Orbit& orbit : block.gradient.point_orbits) {
+      Gradient::turn(slopes, orbit);
+      at_values(block, b, lane, orbit.component[0], 1 << orbit.mirrors, slopes);
+      Gradient::turn(slopes, orbit);
     }
-    unrolled<tile * d * d>(
-        [&](auto entry) { hn::Store(sum[entry], FloatTag(), slopes + (q * d * d + entry) * kBatch); });
   }
 
-  /// dG becomes w dP A⁻ᵀ.
-  HWY_FLATTEN void at_points(const BatchBlock& block, std::int32_t b, int lane, float* slopes) const {
+  /// dG becomes w dP A⁻ᵀ in `count` slots from `first` on.
+  HWY_FLATTEN HWY_NOINLINE void at_values(const BatchBlock& block, std::int32_t b, int lane, int first, int count,
+                                          float* slopes) const {
     const CellBlock& cells = *block.cells;
     const float* kept = block.linearisation.data() + b * block.linearisation_size() + lane;
     const int per_cell = cells.affine ? 1 : cells.points;
     const float* targets = block.inverse_target.data() + static_cast<std::size_t>(b) * per_cell * d * d * kBatch + lane;
     FloatMatrix<d> inverse;
     inverse.load_from(targets);
-    for (int q = 0; q < cells.points; ++q) {
-      if (!cells.affine) inverse.load_from(targets + static_cast<std::size_t>(q) * d * d * kBatch);
-      float* slope = slopes + static_cast<std::size_t>(q) * d * d * kBatch;
+    for (int slot = first; slot < first + count; ++slot) {
+      if (!cells.affine) inverse.load_from(targets + static_cast<std::size_t>(slot) * d * d * kBatch);
+      float* slope = slopes + static_cast<std::size_t>(slot) * d * d * kBatch;
       FloatMatrix<d> dG;
       dG.load_from(slope);
       const FloatMatrix<d> out =
-          stress_change(kept + static_cast<std::size_t>(q) * kEntries * kBatch, dG.template times<false>(inverse))
+          stress_change(kept + static_cast<std::size_t>(slot) * kEntries * kBatch, dG.template times<false>(inverse))
               .template times<true>(inverse);
       unrolled<d>([&](auto i) {
         unrolled<d>([&](auto k) { hn::Store(out.at[i][k], FloatTag(), slope + (i * d + k) * kBatch); });
@@ -362,30 +425,6 @@ class VectorHessian final : public VectorLinearisation<E, d> {
     if constexpr (E::kTraceOfStrain) {
       const Floats pressure = w * every(static_cast<float>(energy_.lambda)) * trace;
       unrolled<d>([&](auto i) { dP.at[i][i] = dP.at[i][i] + pressure; });
-    }
-  }
-
-  /// result[(n d + i) kBatch] = Σ over points and k of slopes_ik ∂φ_n/∂ξ_k.
-  static HWY_FLATTEN void backward(const BatchBlock& block, const float* slopes, float* result) {
-    const int nodes = block.cells->nodes_per_cell, points = block.cells->points;
-    for (int first = 0; first < nodes; first += kNodeTile) {
-      Floats sum[kNodeTile * d];
-      unrolled<kNodeTile * d>([&](auto entry) { sum[entry] = hn::Zero(FloatTag()); });
-      for (int q = 0; q < points; ++q)
-        unrolled<d>([&](auto k) {
-          const float* table =
-              block.backward.data() + (static_cast<std::size_t>(q) * d + k) * block.padded_nodes + first;
-          Floats stress[d];
-          unrolled<d>([&](auto i) { stress[i] = load(slopes + ((q * d + i) * d + k) * kBatch); });
-          unrolled<kNodeTile>([&](auto n) {
-            const Floats slope = every(table[n]);
-            unrolled<d>([&](auto i) { sum[n * d + i] = hn::MulAdd(stress[i], slope, sum[n * d + i]); });
-          });
-        });
-      unrolled<kNodeTile>([&](auto n) {
-        if (first + n < nodes)
-          unrolled<d>([&](auto i) { hn::Store(sum[n * d + i], FloatTag(), result + ((first + n) * d + i) * kBatch); });
-      });
     }
   }
 };

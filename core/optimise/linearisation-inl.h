@@ -1,8 +1,8 @@
 // What Newton's method wants of the cells before it multiplies: the gradient in double precision, and in single what
 // products need of each point. A lane a quadrature point.
 //
-// With F = G A⁻¹, G = Σ x_n ⊗ ∇_ξ φ_n, a cell's part of the gradient at node n is Σ w P A⁻ᵀ ∇_ξ φ_n (the chain rule); P =
-// dW/dF is core/energy/density-inl.h's.
+// With F = G A⁻¹, G = Σ x_n ⊗ ∇_ξ φ_n, a cell's part of the gradient at node n is Σ w P A⁻ᵀ ∇_ξ φ_n (the chain rule); P
+// = dW/dF is core/energy/density-inl.h's.
 #if defined(VARIMESH_OPTIMISE_LINEARISATION_INL_H) == defined(HWY_TARGET_TOGGLE)
 #ifdef VARIMESH_OPTIMISE_LINEARISATION_INL_H
 #undef VARIMESH_OPTIMISE_LINEARISATION_INL_H
@@ -37,12 +37,13 @@ class VectorLinearisation : public HessianKernels {
     static thread_local AlignedVector<double> stress;
     stress.resize(cells.deformation_size());
     float* kept = block.linearisation.data() + b * block.linearisation_size();
+    const std::vector<int>& slots = block.gradient.slots;
     for (int lane = 0; lane < kBatch; ++lane) {
       // Lanes past the last cell repeat it with weight 0.
       const std::int32_t cell = std::min(b * kBatch + lane, cells.count - 1);
       const double slope = cell < b * kBatch + lane ? 0.0 : cells.energy_slope.empty() ? 1.0 : cells.energy_slope[cell];
       const double* F = deformation + (cell - b * kBatch) * cells.deformation_size();
-      linearise_cell(cells, cell, slope, F, kept + lane, stress.data());
+      linearise_cell(cells, cell, slope, F, slots.data(), kept + lane, stress.data());
       cell_gradient(cells, cell, stress.data(), block.parts.data() + block.part_index(b * kBatch + lane, 0, 2 * d));
     }
   }
@@ -66,7 +67,7 @@ class VectorLinearisation : public HessianKernels {
  private:
   /// What is kept of a cell (`kept`, as BatchBlock::linearisation) and w dW/dG at its points, d·d × stride.
   HWY_INLINE void linearise_cell(const CellBlock& cells, std::int32_t cell, double slope, const double* deformation,
-                                 float* kept, double* stress) const {
+                                 const int* slots, float* kept, double* stress) const {
     const PointTag tag;
     const int width = static_cast<int>(hn::Lanes(tag));
     const double* inverse = cells.inverse_target_of(cell);
@@ -78,7 +79,7 @@ class VectorLinearisation : public HessianKernels {
       const Matrix<Points, d> P = expand(deformation + q, cells.stride, weight, cells.delta_squared[cell], entries);
       for (int p = 0; p < std::min(width, cells.points - q); ++p)
         for (int entry = 0; entry < kEntries; ++entry)
-          kept[((q + p) * kEntries + entry) * kBatch] = static_cast<float>(entries[entry][p]);
+          kept[(slots[q + p] * kEntries + entry) * kBatch] = static_cast<float>(entries[entry][p]);
       for (int i = 0; i < d; ++i)
         for (int k = 0; k < d; ++k) {
           Points sum = hn::Zero(tag);  // P A⁻ᵀ

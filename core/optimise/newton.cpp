@@ -51,8 +51,8 @@ Newton::Newton(Problem& problem, const Kernels& kernels, const HessianKernels& h
       unknowns_(problem.free.size() * problem.dimension),
       gradient_(unknowns_),
       step_(unknowns_),
-      residual_(unknowns_ + problem.dimension),
-      direction_(unknowns_ + problem.dimension),
+      residual_(unknowns_ + padded(problem.dimension)),
+      direction_(unknowns_ + padded(problem.dimension)),
       product_(unknowns_),
       preconditioned_(unknowns_),
       scans_(problem.cells) {}
@@ -238,33 +238,17 @@ void Newton::add_norm_part(std::size_t b, std::int32_t batch) {
 }
 
 double Newton::multiply() {
-  const int d = problem_.dimension;
   for (std::size_t block = 0; block < batches_.size(); ++block)
     team_.for_each(batches_[block].count, 2, [&](std::int32_t b) {
       hessian_.apply(batches_[block], b, direction_);
       if (!norm_.is_sum()) add_norm_part(block, b);
     });
-  return add_up(problem_.free.size(), kNodesPerTask, [&](std::size_t rank) {
-    return d == 2 ? add_up_cells<2>(static_cast<std::int32_t>(rank)) : add_up_cells<3>(static_cast<std::int32_t>(rank));
+  const auto nodes = static_cast<std::int32_t>(problem_.free.size());
+  return add_up(static_cast<std::size_t>((nodes + kNodesPerTask - 1) / kNodesPerTask), 1, [&](std::size_t task) {
+    const std::int32_t first = static_cast<std::int32_t>(task) * kNodesPerTask;
+    return hessian_.add_up(problem_, batches_, direction_.data(), product_.data(), first,
+                           std::min(nodes, first + kNodesPerTask));
   });
-}
-
-template <int d>
-double Newton::add_up_cells(std::int32_t rank) {
-  // In the order of the node's incidences, so that the sum does not depend on threads.
-  std::array<float, d> sum{};
-  for (std::int32_t i = problem_.offsets[rank]; i < problem_.offsets[rank + 1]; ++i) {
-    const Incidence& at = problem_.incidences[i];
-    const BatchBlock& block = batches_[at.block];
-    const float* part = block.parts.data() + block.part_index(at.cell, at.local, d);
-    for (int k = 0; k < d; ++k) sum[k] += part[k];
-  }
-  double along = 0;
-  for (int k = 0; k < d; ++k) {
-    product_[static_cast<std::size_t>(rank) * d + k] = sum[k];
-    along += static_cast<double>(sum[k]) * direction_[static_cast<std::size_t>(rank) * d + k];
-  }
-  return along;
 }
 
 double Newton::largest_displacement() {

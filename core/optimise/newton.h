@@ -76,9 +76,6 @@ class Newton {
   void add_norm_part(std::size_t block, std::int32_t batch);
   /// product_ = H direction_; returns direction_ · product_.
   double multiply();
-  /// Of a free node: its product, from its cells' parts, and that times the direction.
-  template <int d>
-  double add_up_cells(std::int32_t rank);
   /// Solves H x = −G to the forcing term, or to what the tolerance asks for. `scale` makes a displacement of x;
   /// `first`: G · M⁻¹ G.
   void conjugate_gradients(double first, double forcing, double scale, NewtonReport& report);
@@ -112,7 +109,7 @@ class Newton {
   /// d a free node: the gradient, and during the line search, which has no use for it, where the nodes were.
   std::vector<double> gradient_;
   std::vector<double> step_;
-  std::vector<float> residual_, direction_;  ///< d a free node and d more, which are 0.
+  std::vector<float> residual_, direction_;  ///< d a free node and padded(d) more, which are 0.
   std::vector<float> product_, preconditioned_;
   std::vector<double> partial_;  ///< Of add_up and largest_of, a task's.
   std::vector<CellScan> scans_;  ///< By cell.

@@ -93,7 +93,7 @@ TEST_P(CoarseLevelTest, IsNearTheInverseOfTheHessianOnAMeshOfOrderTwo) {
   // The coarse space is the fine one there, so that I V Iᵀ H is near 1 in the norm of H.
   const std::vector<float> u = random_vector(3);
   std::vector<float> padded = u;
-  padded.resize(u.size() + static_cast<std::size_t>(problem_.dimension), 0.0F);
+  padded.resize(u.size() + static_cast<std::size_t>(varimesh::padded(problem_.dimension)), 0.0F);
   std::vector<float> Hu(u.size(), 0.0F);
   for (BatchBlock& block : batches_)
     for (std::int32_t b = 0; b < block.count; ++b) hessian_->apply(block, b, padded);

@@ -65,7 +65,7 @@ class WholeMesh {
     const int d = problem_.dimension;
     std::vector<BatchBlock> batches = make_batches(problem_, hessian);
     std::vector<float> input(direction.begin(), direction.end());
-    input.resize(input.size() + d);
+    input.resize(input.size() + padded(d));
     std::vector<double> out(direction.size());
     for (BatchBlock& block : batches)
       for (std::int32_t b = 0; b < block.count; ++b) {

@@ -76,23 +76,15 @@ class ProductLoad {
         hessian_->linearise(block, b, block.cells->deformation_of(b * kBatch));
     const std::vector<double> random = testing::random_direction(problem_, 1);
     direction_.assign(random.begin(), random.end());
-    direction_.resize(random.size() + problem_.dimension);
+    direction_.resize(random.size() + padded(problem_.dimension));
     product_.resize(random.size());
   }
 
   void product() {
     for (BatchBlock& block : batches_)
       for (std::int32_t b = 0; b < block.count; ++b) hessian_->apply(block, b, direction_);
-    const int d = problem_.dimension;
-    for (std::size_t rank = 0; rank < problem_.free.size(); ++rank) {
-      std::array<float, 3> sum{};
-      for (std::int32_t i = problem_.offsets[rank]; i < problem_.offsets[rank + 1]; ++i) {
-        const Incidence& at = problem_.incidences[i];
-        const float* part = batches_[at.block].parts.data() + batches_[at.block].part_index(at.cell, at.local, d);
-        for (int k = 0; k < d; ++k) sum[k] += part[k];
-      }
-      for (int k = 0; k < d; ++k) product_[rank * d + k] = sum[k];
-    }
+    hessian_->add_up(problem_, batches_, direction_.data(), product_.data(), 0,
+                     static_cast<std::int32_t>(problem_.free.size()));
   }
 
   std::int32_t cells() const { return problem_.cells; }

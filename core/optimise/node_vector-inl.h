@@ -1,0 +1,63 @@
+// A node's vector, a lane a component.
+#if defined(VARIMESH_OPTIMISE_NODE_VECTOR_INL_H) == defined(HWY_TARGET_TOGGLE)
+#ifdef VARIMESH_OPTIMISE_NODE_VECTOR_INL_H
+#undef VARIMESH_OPTIMISE_NODE_VECTOR_INL_H
+#else
+#define VARIMESH_OPTIMISE_NODE_VECTOR_INL_H
+#endif
+
+#include <hwy/highway.h>
+
+#include "core/optimise/coarse_kernels.h"
+
+HWY_BEFORE_NAMESPACE();
+namespace varimesh {
+namespace HWY_NAMESPACE {
+
+namespace hn = hwy::HWY_NAMESPACE;
+
+/// padded(d) numbers; what is read and written need not be aligned.
+template <int d>
+struct NodeVector {
+  using Tag = hn::CappedTag<float, padded(d)>;
+  static constexpr int kParts = padded(d) / static_cast<int>(hn::MaxLanes(Tag()));  // 1, but where vectors are numbers
+  static_assert(kParts == 1 || kParts == padded(d));
+
+  hn::Vec<Tag> part[kParts];
+
+  static HWY_INLINE NodeVector zero() {
+    NodeVector out;
+    for (auto& part : out.part) part = hn::Zero(Tag());
+    return out;
+  }
+  static HWY_INLINE NodeVector load(const float* from) {
+    NodeVector out;
+    for (int p = 0; p < kParts; ++p) out.part[p] = hn::LoadU(Tag(), from + p);
+    return out;
+  }
+  HWY_INLINE void store(float* to) const {
+    for (int p = 0; p < kParts; ++p) hn::StoreU(part[p], Tag(), to + p);
+  }
+  /// this + s · (what is at `from`)
+  HWY_INLINE NodeVector plus(float s, const float* from) const {
+    NodeVector out;
+    for (int p = 0; p < kParts; ++p) out.part[p] = hn::MulAdd(hn::LoadU(Tag(), from + p), hn::Set(Tag(), s), part[p]);
+    return out;
+  }
+  HWY_INLINE NodeVector operator+(const NodeVector& other) const {
+    NodeVector out;
+    for (int p = 0; p < kParts; ++p) out.part[p] = part[p] + other.part[p];
+    return out;
+  }
+  HWY_INLINE NodeVector operator-(const NodeVector& other) const {
+    NodeVector out;
+    for (int p = 0; p < kParts; ++p) out.part[p] = part[p] - other.part[p];
+    return out;
+  }
+};
+
+}  // namespace HWY_NAMESPACE
+}  // namespace varimesh
+HWY_AFTER_NAMESPACE();
+
+#endif
