@@ -31,6 +31,8 @@ BatchBlock make_batch_block(const CellBlock& cells, const std::vector<std::int32
     }
   block.parts.resize(static_cast<std::size_t>(block.count) * nodes * 2 * d * kBatch);
   block.linearisation.resize(block.count * block.linearisation_size());
+  block.deformation.resize(block.count * block.deformation_size());
+  block.mean.resize(static_cast<std::size_t>(block.count) * (d * d + 1) * kBatch);
   block.inverse_target.resize(static_cast<std::size_t>(block.count) * (cells.affine ? 1 : cells.points) * d * d *
                               kBatch);
   return block;
@@ -40,6 +42,10 @@ BatchBlock make_batch_block(const CellBlock& cells, const std::vector<std::int32
 
 std::size_t BatchBlock::linearisation_size() const {
   return static_cast<std::size_t>(cells->points) * entries * kBatch;
+}
+
+std::size_t BatchBlock::deformation_size() const {
+  return static_cast<std::size_t>(cells->points) * cells->dimension * cells->dimension * kBatch;
 }
 
 std::vector<BatchBlock> make_batches(const Problem& problem, const HessianKernels& kernels) {

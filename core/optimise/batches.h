@@ -35,13 +35,17 @@ struct BatchBlock {
   AlignedVector<float> inverse_target;
   AlignedVector<float> left_factor;    ///< count × d·d × lane; empty: 1.
   AlignedVector<float> linearisation;  ///< count × points × entries × lane.
+  /// F of a cell in steps from its mean, a 32767th of its largest difference from that: count × points × d·d × lane.
+  AlignedVector<std::int16_t> deformation;
+  AlignedVector<float> mean;  ///< count × (d·d + 1) × lane: the mean of F over a cell's points, and the step.
   std::vector<std::int32_t>
       ranks;  ///< count × nodes × lane: rank of the node among the free ones; free.size() if fixed.
   /// count × nodes × lane × width: each cell's part of what is summed over a node's cells, one after the other: of the
   /// product, d wide; of the gradient and of the node's own block of the Hessian, 2 d wide.
   AlignedVector<float> parts;
 
-  std::size_t linearisation_size() const;
+  std::size_t linearisation_size() const;  ///< Of a batch.
+  std::size_t deformation_size() const;    ///< Likewise.
   /// Where the first number of a cell's node is in `parts`; the others follow.
   std::size_t part_index(std::int32_t cell, int node, int width) const {
     return varimesh::part_index(cell, node, static_cast<std::uint32_t>(cells->nodes_per_cell), width);
@@ -56,9 +60,10 @@ class HessianKernels {
   /// Numbers that linearise() keeps a point.
   virtual int entries() const = 0;
 
-  /// Keeps what products need of batch `b`: F and the energy's partial derivatives times the weights and the cell's
-  /// slope. `deformation`: F of its cells, as CellBlock::deformation has them. The parts become the cells' gradients
-  /// times their slopes, each component in two floats that add up to its first 48 bits: d high ones, then d low ones.
+  /// Keeps what products need of batch `b`: F, to 16 bits, and the energy's partial derivatives times the weights and
+  /// the cell's slope. `deformation`: F of its cells, as CellBlock::deformation has them. The parts become the cells'
+  /// gradients times their slopes, each component in two floats that add up to its first 48 bits: d high ones, then d
+  /// low ones.
   virtual void linearise(BatchBlock& block, std::int32_t b, const double* deformation) const = 0;
 
   /// The parts become the second derivatives of the cells' energies in each node alone, times their slopes: lower

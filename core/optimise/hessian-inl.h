@@ -55,6 +55,7 @@ class VectorHessian final : public VectorLinearisation<E, d> {
     const int per_cell = cells.affine ? 1 : cells.points;
     alignas(64) float sums[kSquare * kSquare * kBatch];
     for (int lane = 0; lane < kBatch; lane += static_cast<int>(hn::Lanes(FloatTag()))) {
+      const KeptPoint kept(block, b, lane);
       Floats M[kSquare * kSquare];
       unrolled<kSquare * kSquare>([&](auto entry) { M[entry] = hn::Zero(FloatTag()); });
       for (int q = 0; q < cells.points; ++q) {
@@ -62,9 +63,7 @@ class VectorHessian final : public VectorLinearisation<E, d> {
         inverse.load_from(block.inverse_target.data() +
                           (static_cast<std::size_t>(b) * per_cell + (cells.affine ? 0 : q)) * kSquare * kBatch + lane);
         inverse = in_reference_coordinates(block, inverse);
-        add_mean(block.linearisation.data() + b * block.linearisation_size() +
-                     static_cast<std::size_t>(q) * kEntries * kBatch + lane,
-                 inverse, M);
+        add_mean(kept.deformation(q), kept.partials(q), inverse, M);
       }
       unrolled<kSquare * kSquare>([&](auto entry) { hn::Store(M[entry], FloatTag(), sums + entry * kBatch + lane); });
     }
@@ -131,19 +130,51 @@ class VectorHessian final : public VectorLinearisation<E, d> {
   }
 
  private:
+  using Steps = hn::Rebind<std::int16_t, FloatTag>;
+
+  /// What was kept of a slot of the cells in the lanes from `lane` on.
+  class KeptPoint {
+   public:
+    HWY_INLINE KeptPoint(const BatchBlock& block, std::int32_t b, int lane)
+        : partials_(block.linearisation.data() + b * block.linearisation_size() + lane),
+          steps_(block.deformation.data() + b * block.deformation_size() + lane),
+          mean_(block.mean.data() + static_cast<std::size_t>(b) * (d * d + 1) * kBatch + lane) {}
+    HWY_INLINE FloatMatrix<d> deformation(int slot) const {
+      const Floats step = load(mean_ + d * d * kBatch);
+      FloatMatrix<d> F;
+      unrolled<d>([&](auto i) {
+        unrolled<d>([&](auto j) {
+          const std::int16_t* steps = steps_ + (static_cast<std::size_t>(slot) * d * d + i * d + j) * kBatch;
+          const Floats count =
+              hn::ConvertTo(FloatTag(), hn::PromoteTo(hn::Rebind<std::int32_t, FloatTag>(), hn::Load(Steps(), steps)));
+          F.at[i][j] = hn::MulAdd(count, step, load(mean_ + (i * d + j) * kBatch));
+        });
+      });
+      return F;
+    }
+    HWY_INLINE const float* partials(int slot) const {
+      return partials_ + static_cast<std::size_t>(slot) * kEntries * kBatch;
+    }
+
+   private:
+    const float* partials_;
+    const std::int16_t* steps_;
+    const float* mean_;
+  };
+
   /// out[(n kSides + ij) kBatch] = Σ over points of T(ik, jl) ∂_k φ_n ∂_l φ_n, with T = w A⁻¹ (d²W/dF²) A⁻ᵀ at each.
   HWY_INLINE void add_up_blocks(const BatchBlock& block, std::int32_t b, int lane, float* out) const {
     const FloatTag tag;
     const CellBlock& cells = *block.cells;
     const int nodes = cells.nodes_per_cell, per_cell = cells.affine ? 1 : cells.points;
-    const float* kept = block.linearisation.data() + b * block.linearisation_size() + lane;
+    const KeptPoint kept(block, b, lane);
     const float* targets = block.inverse_target.data() + static_cast<std::size_t>(b) * per_cell * d * d * kBatch + lane;
     for (int entry = 0; entry < nodes * kSides; ++entry) hn::Store(hn::Zero(tag), tag, out + entry * kBatch);
     for (int q = 0; q < cells.points; ++q) {
       FloatMatrix<d> inverse;
       inverse.load_from(targets + static_cast<std::size_t>(cells.affine ? 0 : q) * d * d * kBatch);
       alignas(64) float T[kSides * kSides * kBatch];
-      point_tensor(kept + static_cast<std::size_t>(q) * kEntries * kBatch, inverse, T);
+      point_tensor(kept.deformation(q), kept.partials(q), inverse, T);
       const float* squares = block.squares.data() + static_cast<std::size_t>(q) * nodes * kSides;
       for (int n = 0; n < nodes; ++n)
         unrolled<kSides>([&](auto ij) {
@@ -158,7 +189,8 @@ class VectorHessian final : public VectorLinearisation<E, d> {
   }
 
   /// T(ik, jl) for i ≥ j and k ≥ l, those of k ≠ l added to their mirror image.
-  HWY_INLINE void point_tensor(const float* kept, const FloatMatrix<d>& inverse, float* T) const {
+  HWY_INLINE void point_tensor(const FloatMatrix<d>& F, const float* partials, const FloatMatrix<d>& inverse,
+                               float* T) const {
     const FloatTag tag;
     FloatMatrix<d> change[d][d];  // w dP A⁻ᵀ of dG = e_j ⊗ e_l
     unrolled<d>([&](auto j) {
@@ -166,7 +198,7 @@ class VectorHessian final : public VectorLinearisation<E, d> {
         FloatMatrix<d> dF;
         unrolled<d>(
             [&](auto i) { unrolled<d>([&](auto m) { dF.at[i][m] = i == j ? inverse.at[l][m] : hn::Zero(tag); }); });
-        change[j][l] = stress_change(kept, dF).template times<true>(inverse);
+        change[j][l] = stress_change(F, partials, dF).template times<true>(inverse);
       });
     });
     unrolled<d>([&](auto i) {
@@ -286,13 +318,12 @@ class VectorHessian final : public VectorLinearisation<E, d> {
     return directions.transposed_times(inverse);
   }
 
-  HWY_INLINE void add_mean(const float* kept, const FloatMatrix<d>& inverse, Floats* M) const {
-    FloatMatrix<d> F;
-    F.load_from(kept);
-    Floats shape = load(kept + kQ * kBatch) * every(2.0F);
+  HWY_INLINE void add_mean(const FloatMatrix<d>& F, const float* partials, const FloatMatrix<d>& inverse,
+                           Floats* M) const {
+    Floats shape = load(partials + kQ * kBatch) * every(2.0F);
     if constexpr (E::kStrain != StrainTerm::None)
-      shape = hn::MulAdd(load(kept + kW * kBatch), every(static_cast<float>(mu())), shape);
-    const Floats volume = hn::Max(load(kept + kJJ * kBatch), hn::Zero(FloatTag()));
+      shape = hn::MulAdd(load(partials + kW * kBatch), every(static_cast<float>(mu())), shape);
+    const Floats volume = hn::Max(load(partials + kJJ * kBatch), hn::Zero(FloatTag()));
     const FloatMatrix<d> S = inverse.template times<true>(inverse);  // A⁻¹ A⁻ᵀ
     const FloatMatrix<d> c = cofactor_of<d>(F).template times<true>(inverse);
     unrolled<d * d>([&](auto ij) {
@@ -332,7 +363,7 @@ class VectorHessian final : public VectorLinearisation<E, d> {
   HWY_FLATTEN HWY_NOINLINE void at_values(const BatchBlock& block, std::int32_t b, int lane, int first, int count,
                                           float* slopes) const {
     const CellBlock& cells = *block.cells;
-    const float* kept = block.linearisation.data() + b * block.linearisation_size() + lane;
+    const KeptPoint kept(block, b, lane);
     const int per_cell = cells.affine ? 1 : cells.points;
     const float* targets = block.inverse_target.data() + static_cast<std::size_t>(b) * per_cell * d * d * kBatch + lane;
     FloatMatrix<d> inverse;
@@ -343,7 +374,7 @@ class VectorHessian final : public VectorLinearisation<E, d> {
       FloatMatrix<d> dG;
       dG.load_from(slope);
       const FloatMatrix<d> out =
-          stress_change(kept + static_cast<std::size_t>(slot) * kEntries * kBatch, dG.template times<false>(inverse))
+          stress_change(kept.deformation(slot), kept.partials(slot), dG.template times<false>(inverse))
               .template times<true>(inverse);
       unrolled<d>([&](auto i) {
         unrolled<d>([&](auto k) { hn::Store(out.at[i][k], FloatTag(), slope + (i * d + k) * kBatch); });
@@ -352,10 +383,9 @@ class VectorHessian final : public VectorLinearisation<E, d> {
   }
 
   /// w dP of dF.
-  HWY_INLINE FloatMatrix<d> stress_change(const float* kept, const FloatMatrix<d>& dF) const {
-    const auto entry = [&](int index) { return load(kept + index * kBatch); };
-    FloatMatrix<d> F;
-    F.load_from(kept);
+  HWY_INLINE FloatMatrix<d> stress_change(const FloatMatrix<d>& F, const float* partials,
+                                          const FloatMatrix<d>& dF) const {
+    const auto entry = [&](int index) { return load(partials + index * kBatch); };
     const FloatMatrix<d> C = cofactor_of<d>(F);
     const Floats dJ = C.inner(dF), two = every(2.0F);
     FloatMatrix<d> dP = cofactor_change<d>(F, dF);

@@ -10,8 +10,12 @@
 #define VARIMESH_OPTIMISE_LINEARISATION_INL_H
 #endif
 
+#include <algorithm>
 #include <bit>
+#include <cmath>
 #include <cstdint>
+#include <limits>
+#include <numeric>
 
 #include "core/energy/density-inl.h"
 #include "core/energy/table-inl.h"
@@ -36,21 +40,21 @@ class VectorLinearisation : public HessianKernels {
     const CellBlock& cells = *block.cells;
     static thread_local AlignedVector<double> stress;
     stress.resize(cells.deformation_size());
-    float* kept = block.linearisation.data() + b * block.linearisation_size();
-    const std::vector<int>& slots = block.gradient.slots;
     for (int lane = 0; lane < kBatch; ++lane) {
       // Lanes past the last cell repeat it with weight 0.
       const std::int32_t cell = std::min(b * kBatch + lane, cells.count - 1);
       const double slope = cell < b * kBatch + lane ? 0.0 : cells.energy_slope.empty() ? 1.0 : cells.energy_slope[cell];
       const double* F = deformation + (cell - b * kBatch) * cells.deformation_size();
-      linearise_cell(cells, cell, slope, F, slots.data(), kept + lane, stress.data());
+      keep_deformation(block, b, lane, F);
+      linearise_cell(block, cell, slope, F, block.linearisation.data() + b * block.linearisation_size() + lane,
+                     stress.data());
       cell_gradient(cells, cell, stress.data(), block.parts.data() + block.part_index(b * kBatch + lane, 0, 2 * d));
     }
   }
 
  protected:
-  // What is kept a point: F, w f_Q, w f_J, w f_JJ, then w f_QJ, w f_QQ and w where the energy needs them.
-  static constexpr int kF = 0, kQ = d * d, kJ = kQ + 1, kJJ = kJ + 1;
+  // What is kept a point beside F: w f_Q, w f_J, w f_JJ, then w f_QJ, w f_QQ and w where the energy needs them.
+  static constexpr int kQ = 0, kJ = kQ + 1, kJJ = kJ + 1;
   static constexpr int kQJ = kJJ + 1;
   static constexpr int kQQ = kQJ + (E::kMixed ? 1 : 0);
   static constexpr int kW = kQQ + (E::kCurved ? 1 : 0);
@@ -65,10 +69,36 @@ class VectorLinearisation : public HessianKernels {
   E energy_;
 
  private:
-  /// What is kept of a cell (`kept`, as BatchBlock::linearisation) and w dW/dG at its points, d·d × stride.
-  HWY_INLINE void linearise_cell(const CellBlock& cells, std::int32_t cell, double slope, const double* deformation,
-                                 const int* slots, float* kept, double* stress) const {
+  static constexpr double kSteps = std::numeric_limits<std::int16_t>::max();
+
+  /// Of one cell, to BatchBlock::deformation and BatchBlock::mean.
+  static HWY_INLINE void keep_deformation(BatchBlock& block, std::int32_t b, int lane, const double* deformation) {
+    const CellBlock& cells = *block.cells;
+    float* mean = block.mean.data() + static_cast<std::size_t>(b) * (d * d + 1) * kBatch + lane;
+    double largest = 0;
+    for (int entry = 0; entry < d * d; ++entry) {
+      const double* F = deformation + entry * cells.stride;
+      const float middle = static_cast<float>(std::accumulate(F, F + cells.points, 0.0) / cells.points);
+      for (int q = 0; q < cells.points; ++q) largest = std::max(largest, std::abs(F[q] - middle));
+      mean[entry * kBatch] = middle;
+    }
+    // No smaller than what a float can divide by.
+    const float step = std::max(static_cast<float>(largest / kSteps), std::numeric_limits<float>::min());
+    mean[d * d * kBatch] = step;
+    std::int16_t* to = block.deformation.data() + b * block.deformation_size() + lane;
+    for (int entry = 0; entry < d * d; ++entry)
+      for (int q = 0; q < cells.points; ++q) {
+        const double steps = (deformation[entry * cells.stride + q] - mean[entry * kBatch]) / step;
+        to[(block.gradient.slots[q] * d * d + entry) * kBatch] =
+            static_cast<std::int16_t>(std::lrint(std::clamp(steps, -kSteps, kSteps)));
+      }
+  }
+
+  /// What is kept of a cell beside F (`kept`, as BatchBlock::linearisation) and w dW/dG at its points, d·d × stride.
+  HWY_INLINE void linearise_cell(const BatchBlock& block, std::int32_t cell, double slope, const double* deformation,
+                                 float* kept, double* stress) const {
     const PointTag tag;
+    const CellBlock& cells = *block.cells;
     const int width = static_cast<int>(hn::Lanes(tag));
     const double* inverse = cells.inverse_target_of(cell);
     for (int q = 0; q < cells.stride; q += width) {
@@ -79,7 +109,7 @@ class VectorLinearisation : public HessianKernels {
       const Matrix<Points, d> P = expand(deformation + q, cells.stride, weight, cells.delta_squared[cell], entries);
       for (int p = 0; p < std::min(width, cells.points - q); ++p)
         for (int entry = 0; entry < kEntries; ++entry)
-          kept[(slots[q + p] * kEntries + entry) * kBatch] = static_cast<float>(entries[entry][p]);
+          kept[(block.gradient.slots[q + p] * kEntries + entry) * kBatch] = static_cast<float>(entries[entry][p]);
       for (int i = 0; i < d; ++i)
         for (int k = 0; k < d; ++k) {
           Points sum = hn::Zero(tag);  // P A⁻ᵀ
@@ -103,7 +133,6 @@ class VectorLinearisation : public HessianKernels {
     const Matrix<Points, d> C = cofactor<d>(F);
     const Points Q = E::kQuadratic == Quadratic::Cofactor ? dot<d>(C, C) : dot<d>(F, F);
     const Partials<Points> p = energy_.partials(Q, regularised(determinant<d>(F), hn::Set(tag, delta_squared)));
-    for (int k = 0; k < d * d; ++k) hn::Store(F[k / d][k % d], tag, kept[kF + k]);
     hn::Store(w * p.f_Q, tag, kept[kQ]);
     hn::Store(w * p.f_J, tag, kept[kJ]);
     hn::Store(w * p.f_JJ, tag, kept[kJJ]);

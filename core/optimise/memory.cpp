@@ -24,7 +24,7 @@ double bytes_of_cell(Shape shape, int order, const Options& options, int hessian
   bytes += nodes * (4 + sizeof(Incidence) + 2 * 4);             // the mesh's and the problem's lists of nodes
   bytes += 3 * sizeof(Certificate) + sizeof(double) * 10 + 40;  // the guard's, the scans', who is awake
   if (options.method == Method::Sweeps || options.max_iterations == 0) return bytes;
-  bytes += 4 * points * hessian_entries;                                                    // the linearisation
+  bytes += points * (4 * hessian_entries + 2 * square) + 4 * (square + 1);                  // the linearisation
   if (options.p_norm > 1 || options.objective == Objective::Worst) bytes += 4 * nodes * d;  // the cells' gradients
   bytes += 4 * nodes * (2 * d + 1) + 4 * square * (info.affine ? 1 : points);               // products, ranks, A⁻¹
   const double coarse = reference::node_count(shape, std::min(order, 2));                   // nodes of the coarse level

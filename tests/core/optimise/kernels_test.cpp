@@ -172,6 +172,35 @@ TEST_P(KernelsTest, TheMeshsDerivativesMatchDifferencesOfItsEnergy) {
 }
 
 // A node's gradient and its own block of the Hessian, cell by cell as Newton's method takes them.
+// What is made of F to 16 bits of what it differs by from its mean: 1.5e-5 of that, times the energy's third
+// derivatives over its second; where the mesh is tangled J is next to nothing in places, and they are steep.
+
+TEST_P(KernelsTest, DeformationIsKeptTo16BitsOfItsDifferences) {
+  for (const auto [tangled, metric] : kWays) {
+    prepare(tangled, metric);
+    const int d = problem_.dimension;
+    const auto hessian = make_hessian_kernels(GetParam().material.material, d);
+    for (BatchBlock& block : make_batches(problem_, *hessian))
+      for (std::int32_t cell = 0; cell < block.cells->count; ++cell) {
+        const CellBlock& cells = *block.cells;
+        const std::int32_t b = cell / kBatch, lane = cell % kBatch;
+        hessian->linearise(block, b, cells.deformation_of(b * kBatch));
+        const float* mean = block.mean.data() + std::size_t(b) * (d * d + 1) * kBatch + lane;
+        const std::int16_t* steps = block.deformation.data() + b * block.deformation_size() + lane;
+        const double step = mean[d * d * kBatch];
+        double largest = 0;
+        for (int entry = 0; entry < d * d; ++entry)
+          for (int q = 0; q < cells.points; ++q) {
+            const double F = cells.deformation_of(cell)[entry * cells.stride + q], middle = mean[entry * kBatch];
+            const double kept = middle + step * steps[(block.gradient.slots[q] * d * d + entry) * kBatch];
+            EXPECT_LE(std::abs(kept - F), 0.5001 * step);
+            largest = std::max(largest, std::abs(F - middle));
+          }
+        EXPECT_NEAR(step * 32767, largest, 1e-6 * largest);
+      }
+  }
+}
+
 TEST_P(KernelsTest, CellsPartsAddUpToTheirNodesExpansions) {
   for (const auto [tangled, metric] : kWays) {
     prepare(tangled, metric);
@@ -205,8 +234,8 @@ TEST_P(KernelsTest, CellsPartsAddUpToTheirNodesExpansions) {
       for (const double h : plain.hessian) size = std::max(size, std::abs(h));
       for (int i = 0; i < 3; ++i)
         EXPECT_NEAR(sums[rank].gradient[i], plain.gradient[i], 1e-10 * (gradient + 0.01 * size));
-      // Blocks are in single precision, and where the mesh is tangled terms of both signs are large.
-      for (int i = 0; i < 6; ++i) EXPECT_NEAR(sums[rank].hessian[i], plain.hessian[i], (tangled ? 2e-4 : 5e-6) * size);
+      for (int i = 0; i < 6; ++i)
+        EXPECT_NEAR(sums[rank].hessian[i], plain.hessian[i], (tangled ? 2.5e-3 : 4e-5) * size);
     }
   }
 }
@@ -229,8 +258,7 @@ TEST_P(KernelsTest, ProductsMatchDifferencesOfTheGradient) {
       error += std::pow(product[i] - expected[i], 2);
       size += std::pow(expected[i], 2);
     }
-    // Products are in single precision, and where the mesh is tangled terms of both signs are large.
-    EXPECT_LE(std::sqrt(error / size), tangled ? 2e-4 : 5e-6);
+    EXPECT_LE(std::sqrt(error / size), tangled ? 4e-4 : 2e-5);
   }
 }
 
