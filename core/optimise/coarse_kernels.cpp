@@ -2,6 +2,8 @@
 // node's would have to gather.
 #include "core/optimise/coarse_kernels.h"
 
+#include <algorithm>
+
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "core/optimise/coarse_kernels.cpp"
 #include <hwy/foreach_target.h>
@@ -23,20 +25,22 @@ class VectorCoarseKernels final : public CoarseKernels {
   struct Sum {
     Node column[3];
     HWY_INLINE Sum() : column{Node::zero(), Node::zero(), Node::zero()} {}
-    /// += K x
-    HWY_INLINE void add(const float* K, const float* x) {
-      column[0] = column[0].plus(x[0], K);
-      column[1] = column[1].plus(x[1], K + kNode);
-      if constexpr (d == 3) column[2] = column[2].plus(x[2], K + 2 * kNode);
+    /// += K x, `stride` numbers from one column of K to the next.
+    template <class Number>
+    HWY_INLINE void add(const Number* K, int stride, const float* x) {
+      column[0] = column[0].plus(x[0], Node::load(K));
+      column[1] = column[1].plus(x[1], Node::load(K + stride));
+      if constexpr (d == 3) column[2] = column[2].plus(x[2], Node::load(K + 2 * stride));
     }
     HWY_INLINE Node total() const { return column[0] + (column[1] + column[2]); }
   };
 
-  static HWY_INLINE Node product(const float* K, const Node& x) {
-    alignas(16) float at[4];
-    x.store(at);
+  /// Σ K_ij x_j of a row's entries from `begin` to `end`, in the matrix' steps. In 3-D what follows a block's column
+  /// comes into the fourth number.
+  static HWY_INLINE Node times_x(const BlockRows& rows, std::int64_t begin, std::int64_t end) {
     Sum sum;
-    sum.add(K, at);
+    for (std::int64_t e = begin; e < end; ++e)
+      sum.add(rows.entry + e * d * d, d, rows.x + static_cast<std::ptrdiff_t>(rows.column[e]) * kNode);
     return sum.total();
   }
 
@@ -56,40 +60,35 @@ class VectorCoarseKernels final : public CoarseKernels {
  public:
   void forward(const BlockRows& rows, std::int32_t first, std::int32_t last) const override {
     for (std::ptrdiff_t i = first; i < last; ++i) {
-      Sum sum;
-      for (std::int64_t e = rows.begin[i]; rows.column[e] < i; ++e)
-        sum.add(rows.entry + e * kBlock, rows.x + static_cast<std::ptrdiff_t>(rows.column[e]) * kNode);
-      const Node left = Node::load(rows.right + i * kNode) - sum.total();
-      product(rows.inverse_diagonal + i * kBlock, left).store(rows.x + i * kNode);
+      const std::int32_t* before = std::lower_bound(rows.column + rows.begin[i], rows.column + rows.begin[i + 1], i);
+      const Node sum = times_x(rows, rows.begin[i], before - rows.column);
+      Node::load(rows.right + i * kNode).plus(-1 / kEntrySteps, sum).store(rows.x + i * kNode);
     }
   }
 
   void residual(const BlockRows& rows, std::int32_t first, std::int32_t last) const override {
     for (std::ptrdiff_t i = first; i < last; ++i) {
-      Sum sum;
-      for (std::int64_t e = rows.begin[i + 1]; e-- > rows.begin[i] && rows.column[e] > i;)
-        sum.add(rows.entry + e * kBlock, rows.x + static_cast<std::ptrdiff_t>(rows.column[e]) * kNode);
-      (Node::zero() - sum.total()).store(rows.residual + i * kNode);
+      const std::int32_t* after = std::lower_bound(rows.column + rows.begin[i], rows.column + rows.begin[i + 1], i);
+      const Node sum = times_x(rows, after - rows.column, rows.begin[i + 1]);
+      Node::zero().plus(-1 / kEntrySteps, sum).store(rows.residual + i * kNode);
     }
   }
 
   void backward(const BlockRows& rows, std::int32_t first, std::int32_t last) const override {
     for (std::ptrdiff_t i = first; i < last; ++i) {
-      Sum sum;
-      for (std::int64_t e = rows.begin[i]; e < rows.begin[i + 1]; ++e)
-        sum.add(rows.entry + e * kBlock, rows.x + static_cast<std::ptrdiff_t>(rows.column[e]) * kNode);
-      const Node left = Node::load(rows.right + i * kNode) - sum.total();
-      float* x = rows.x + i * kNode;
-      (Node::load(x) + product(rows.inverse_diagonal + i * kBlock, left)).store(x);
+      const Node sum = times_x(rows, rows.begin[i], rows.begin[i + 1]);
+      Node::load(rows.right + i * kNode).plus(-1 / kEntrySteps, sum).store(rows.x + i * kNode);
     }
   }
 
-  void restrict_to(const FactorRows& rows, const float* from, float* to, std::int32_t first,
+  void restrict_to(const FactorRows& rows, const float* blocks, const float* from, float* to, std::int32_t first,
                    std::int32_t last) const override {
-    for (std::int32_t i = first; i < last; ++i) {
-      float* at = to + static_cast<std::ptrdiff_t>(i) * kNode;
-      factors(rows, from, d, i).store(at);
-      if constexpr (d == 3) at[3] = 0;  // it came from the next node
+    for (std::ptrdiff_t i = first; i < last; ++i) {
+      alignas(16) float at[4];
+      factors(rows, from, d, static_cast<std::int32_t>(i)).store(at);
+      Sum sum;
+      sum.add(blocks + i * kBlock, kNode, at);
+      sum.total().store(to + i * kNode);
     }
   }
 
@@ -98,7 +97,7 @@ class VectorCoarseKernels final : public CoarseKernels {
     double along = 0;
     for (std::ptrdiff_t i = first; i < last; ++i) {
       Sum sum;
-      sum.add(blocks + i * kBlock, r + i * d);
+      sum.add(blocks + i * kBlock, kNode, r + i * d);
       Node out = sum.total();
       if (rows.begin != nullptr) out = out + factors(rows, from, kNode, static_cast<std::int32_t>(i));
       alignas(16) float at[4];

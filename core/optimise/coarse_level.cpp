@@ -3,6 +3,7 @@
 #include <Eigen/Dense>
 #include <algorithm>
 #include <array>
+#include <cmath>
 
 #include "core/reference/basis.h"
 
@@ -10,7 +11,7 @@ namespace varimesh {
 namespace {
 
 constexpr std::int32_t kNodesPerTask = 512;
-constexpr float kNothing = 1e-34F;     // blocks are about 1 at most; the inverse of less is no float
+constexpr double kNothing = 1e-34;     // blocks are about 1 at most; the inverse of less is no float
 constexpr double kLeastPivot = 1e-14;  // of the largest
 /// A bound of the matrix' size above which the coarse level is of order 1.
 constexpr std::size_t kMostBytes = std::size_t{8} << 30;
@@ -19,14 +20,29 @@ constexpr std::int32_t kMostLinear = 200000;
 
 template <int d>
 using Square = Eigen::Matrix<float, d * d, d * d, Eigen::RowMajor>;
-template <int d>
-using BlockMatrix = Eigen::Matrix<float, d, d, Eigen::RowMajor>;
-
 /// As BlockRows has it: columns of padded(d).
 template <int d>
-void store_block(const BlockMatrix<d>& block, float* to) {
+void store_block(const Eigen::Matrix<float, d, d>& block, float* to) {
   for (int j = 0; j < d; ++j)
     for (int i = 0; i < d; ++i) to[j * padded(d) + i] = block(i, j);
+}
+
+/// v becomes L v or Lᵀ v, from L⁻¹; 0 where that is 0.
+template <int d>
+void solve_lower(const Eigen::Matrix<float, d, d, Eigen::RowMajor>& inverse, float* v) {
+  Eigen::Map<Eigen::Matrix<float, d, 1>> at(v);
+  if (inverse(0, 0) == 0)
+    at.setZero();
+  else
+    inverse.template triangularView<Eigen::Lower>().solveInPlace(at);
+}
+template <int d>
+void solve_upper(const Eigen::Matrix<float, d, d, Eigen::RowMajor>& inverse, float* v) {
+  Eigen::Map<Eigen::Matrix<float, d, 1>> at(v);
+  if (inverse(0, 0) == 0)
+    at.setZero();
+  else
+    inverse.transpose().template triangularView<Eigen::Upper>().solveInPlace(at);
 }
 
 /// Values at order-2 nodes of functions of order 1, where both nodes are free.
@@ -66,7 +82,7 @@ int coarse_order(const Problem& problem) {
   std::size_t bytes = 0;
   for (const CellBlock& block : problem.blocks) {
     const std::size_t nodes = reference::node_count(block.shape, 2);
-    bytes += block.count * nodes * nodes * block_size(block.dimension) * sizeof(float);
+    bytes += block.count * nodes * nodes * block.dimension * block.dimension * sizeof(std::int16_t);
     if (block.order < 2) return 1;
   }
   return bytes <= kMostBytes ? 2 : 1;
@@ -91,13 +107,12 @@ CoarseLevel::CoarseLevel(const Problem& problem, const Team& team)
   to_linear_ = transposed(from_linear_, linear_.count);
   const int d = problem.dimension;
   const std::size_t floats = static_cast<std::size_t>(space_.count) * padded(d);
-  entry_.resize(column_.size() * block_size(d));
-  inverse_diagonal_.resize(static_cast<std::size_t>(space_.count) * block_size(d));
+  entry_.resize(column_.size() * d * d + 1);
+  inverse_factor_.resize(static_cast<std::size_t>(space_.count) * block_size(d));
   r_.resize(floats);
   x_.resize(floats);
   residual_.resize(floats);
-  rows_ = {row_begin_.data(), column_.data(), entry_.data(),   inverse_diagonal_.data(),
-           r_.data(),         x_.data(),      residual_.data()};
+  rows_ = {row_begin_.data(), column_.data(), entry_.data(), r_.data(), x_.data(), residual_.data()};
   solves_linear_ = linear_.count > 0 && linear_.count <= kMostLinear;
   linear_right_.resize(linear_.count, d);
 }
@@ -148,10 +163,6 @@ void CoarseLevel::find_neighbours() {
                                            static_cast<std::int16_t>(b),
                                            static_cast<std::int16_t>(i % block.nodes_per_cell)};
   }
-  std::size_t slots = 0;
-  for (const Place& place : places_) slots += static_cast<std::size_t>(space_.blocks[place.block].nodes_per_cell);
-  slots_.reserve(slots);
-  slots_begin_.reserve(places_.size());
   row_begin_.push_back(0);
   std::vector<std::int32_t> row;
   for (std::int32_t node = 0; node < space_.count; ++node) {
@@ -159,53 +170,74 @@ void CoarseLevel::find_neighbours() {
     for (std::int32_t p = places_begin_[node]; p < places_begin_[node + 1]; ++p) {
       const CoarseSpace::Block& block = space_.blocks[places_[p].block];
       const auto first = block.nodes.begin() + static_cast<std::ptrdiff_t>(places_[p].cell) * block.nodes_per_cell;
-      std::copy_if(first, first + block.nodes_per_cell, std::back_inserter(row), [](std::int32_t n) { return n >= 0; });
+      std::copy_if(first, first + block.nodes_per_cell, std::back_inserter(row),
+                   [node](std::int32_t n) { return n >= 0 && n != node; });
     }
     std::sort(row.begin(), row.end());
-    row.erase(std::unique(row.begin(), row.end()), row.end());
-    for (std::int32_t p = places_begin_[node]; p < places_begin_[node + 1]; ++p) {
-      const CoarseSpace::Block& block = space_.blocks[places_[p].block];
-      slots_begin_.push_back(static_cast<std::int64_t>(slots_.size()));
-      for (int b = 0; b < block.nodes_per_cell; ++b) {
-        const std::int32_t other = block.nodes[static_cast<std::size_t>(places_[p].cell) * block.nodes_per_cell + b];
-        slots_.push_back(
-            other < 0 ? -1 : static_cast<std::int32_t>(std::lower_bound(row.begin(), row.end(), other) - row.begin()));
-      }
-    }
-    column_.insert(column_.end(), row.begin(), row.end());
+    column_.insert(column_.end(), row.begin(), std::unique(row.begin(), row.end()));
     row_begin_.push_back(static_cast<std::int64_t>(column_.size()));
   }
   column_.shrink_to_fit();
 }
 
 template <int d>
-void CoarseLevel::assemble_row(std::int32_t node) {
+CoarseLevel::BlockMatrix<d> CoarseLevel::stiffness(const Place& place, int other) const {
   constexpr int kSquare = d * d;
-  const std::int64_t begin = row_begin_[node], end = row_begin_[node + 1];
+  const CoarseSpace::Block& block = space_.blocks[place.block];
+  const Eigen::Map<const Square<d>> M(tensors_[place.block].data() +
+                                      static_cast<std::size_t>(place.cell) * kSquare * kSquare);
+  const Eigen::Map<const Eigen::Matrix<float, kSquare, 1>> means(
+      block.stiffness.data() + (static_cast<std::size_t>(place.local) * block.nodes_per_cell + other) * kSquare);
+  BlockMatrix<d> K;
+  Eigen::Map<Eigen::Matrix<float, kSquare, 1>>(K.data()) = M * means;
+  return K;
+}
+
+template <int d>
+void CoarseLevel::factorise_diagonal(std::int32_t node) {
+  BlockMatrix<d> K = BlockMatrix<d>::Zero();
+  for (std::int32_t p = places_begin_[node]; p < places_begin_[node + 1]; ++p)
+    K += stiffness<d>(places_[p], places_[p].local);
+  Eigen::Matrix<double, d, d> D = K.template cast<double>();
+  D.diagonal().array() += 1e-6 * D.trace();
+  Eigen::Matrix<double, d, d> inverse = Eigen::Matrix<double, d, d>::Zero();
+  if (D.norm() >= kNothing) {
+    const Eigen::LLT<Eigen::Matrix<double, d, d>> factor(D);
+    if (factor.info() == Eigen::Success) inverse = factor.matrixL().solve(Eigen::Matrix<double, d, d>::Identity());
+  }
+  store_block<d>(inverse.template cast<float>(),
+                 inverse_factor_.data() + static_cast<std::size_t>(node) * block_size(d));
+}
+
+template <int d>
+void CoarseLevel::assemble_row(std::int32_t node) {
+  const auto begin = column_.begin() + row_begin_[node], end = column_.begin() + row_begin_[node + 1];
   static thread_local std::vector<BlockMatrix<d>> row;
   row.assign(end - begin, BlockMatrix<d>::Zero());
   for (std::int32_t p = places_begin_[node]; p < places_begin_[node + 1]; ++p) {
-    const Place& place = places_[p];
-    const CoarseSpace::Block& block = space_.blocks[place.block];
-    const Eigen::Map<const Square<d>> M(tensors_[place.block].data() +
-                                        static_cast<std::size_t>(place.cell) * kSquare * kSquare);
-    for (int b = 0; b < block.nodes_per_cell; ++b) {
-      const std::int32_t slot = slots_[slots_begin_[p] + b];
-      if (slot < 0) continue;
-      const Eigen::Map<const Eigen::Matrix<float, kSquare, 1>> means(
-          block.stiffness.data() + (static_cast<std::size_t>(place.local) * block.nodes_per_cell + b) * kSquare);
-      Eigen::Map<Eigen::Matrix<float, kSquare, 1>>(row[slot].data()) += M * means;
-    }
+    const CoarseSpace::Block& block = space_.blocks[places_[p].block];
+    const std::int32_t* nodes = block.nodes.data() + static_cast<std::size_t>(places_[p].cell) * block.nodes_per_cell;
+    for (int b = 0; b < block.nodes_per_cell; ++b)
+      if (nodes[b] >= 0 && nodes[b] != node)
+        row[std::lower_bound(begin, end, nodes[b]) - begin] += stiffness<d>(places_[p], b);
   }
-  const auto diagonal = std::lower_bound(column_.begin() + begin, column_.begin() + end, node);
-  BlockMatrix<d>& D = row[diagonal - column_.begin() - begin];
-  D.diagonal().array() += 1e-6F * D.trace();
-  const bool invertible = D.norm() >= kNothing;
-  store_block<d>(
-      invertible ? D.template cast<double>().inverse().template cast<float>().eval() : BlockMatrix<d>::Zero(),
-      inverse_diagonal_.data() + static_cast<std::size_t>(node) * block_size(d));
-  for (std::int64_t e = begin; e < end; ++e)
-    store_block<d>(row[e - begin], entry_.data() + static_cast<std::size_t>(e) * block_size(d));
+  const BlockMatrix<d> own = kEntrySteps * inverse_factor<d>(node);
+  std::int16_t* to = entry_.data() + row_begin_[node] * d * d;
+  for (std::size_t e = 0; e < row.size(); ++e) {
+    const BlockMatrix<d> scaled = own * row[e] * inverse_factor<d>(begin[static_cast<std::ptrdiff_t>(e)]).transpose();
+    for (int j = 0; j < d; ++j)
+      for (int i = 0; i < d; ++i)
+        *to++ = static_cast<std::int16_t>(std::lrint(std::clamp(scaled(i, j), -kEntrySteps, kEntrySteps)));
+  }
+}
+
+template <int d>
+CoarseLevel::BlockMatrix<d> CoarseLevel::inverse_factor(std::int32_t node) const {
+  const float* from = inverse_factor_.data() + static_cast<std::size_t>(node) * block_size(d);
+  BlockMatrix<d> out;
+  for (int j = 0; j < d; ++j)
+    for (int i = 0; i < d; ++i) out(i, j) = from[j * padded(d) + i];
+  return out;
 }
 
 template <int d>
@@ -255,6 +287,8 @@ void CoarseLevel::make_matrix() {
   if (space_.count == 0) return;
   const int d = problem_.dimension;
   team_.for_each(space_.count, kNodesPerTask / 8,
+                 [&](std::int32_t node) { d == 2 ? factorise_diagonal<2>(node) : factorise_diagonal<3>(node); });
+  team_.for_each(space_.count, kNodesPerTask / 8,
                  [&](std::int32_t node) { d == 2 ? assemble_row<2>(node) : assemble_row<3>(node); });
   if (solves_linear_) d == 2 ? assemble_linear<2>() : assemble_linear<3>();
 }
@@ -267,23 +301,40 @@ void CoarseLevel::for_nodes(std::int32_t begin, std::int32_t end, const Body& bo
   });
 }
 
+template <int d>
 void CoarseLevel::correct_linear() {
-  const int d = problem_.dimension, stride = padded(d);
-  for_nodes(0, space_.count, [&](std::int32_t first, std::int32_t last) { kernels_->residual(rows_, first, last); });
+  constexpr std::size_t kStride = padded(d);
+  for_nodes(0, space_.count, [&](std::int32_t first, std::int32_t last) {
+    kernels_->residual(rows_, first, last);
+    for (std::int32_t node = first; node < last; ++node)  // L_i times it
+      solve_lower<d>(inverse_factor<d>(node), &residual_[node * kStride]);
+  });
   team_.for_each(linear_.count, kNodesPerTask, [&](std::int32_t vertex) {
     std::array<double, 3> sum{};
     for (std::int32_t i = to_linear_.begin[vertex]; i < to_linear_.begin[vertex + 1]; ++i)
-      for (int k = 0; k < d; ++k)
-        sum[k] += to_linear_.factor[i] * residual_[static_cast<std::size_t>(to_linear_.column[i]) * stride + k];
+      for (int k = 0; k < d; ++k) sum[k] += to_linear_.factor[i] * residual_[to_linear_.column[i] * kStride + k];
     for (int k = 0; k < d; ++k) linear_right_(vertex, k) = sum[k];
   });
   linear_left_ = factor_.solve(linear_right_);
   for_nodes(0, space_.count, [&](std::int32_t first, std::int32_t last) {
-    for (std::int32_t node = first; node < last; ++node)
+    for (std::int32_t node = first; node < last; ++node) {
+      std::array<float, d> correction{};
       for (std::int32_t i = from_linear_.begin[node]; i < from_linear_.begin[node + 1]; ++i)
         for (int k = 0; k < d; ++k)
-          x_[static_cast<std::size_t>(node) * stride + k] +=
-              static_cast<float>(from_linear_.factor[i] * linear_left_(from_linear_.column[i], k));
+          correction[k] += static_cast<float>(from_linear_.factor[i] * linear_left_(from_linear_.column[i], k));
+      solve_upper<d>(inverse_factor<d>(node), correction.data());  // L_iᵀ times it
+      for (int k = 0; k < d; ++k) x_[node * kStride + k] += correction[k];
+    }
+  });
+}
+
+template <int d>
+void CoarseLevel::unscale() {
+  for_nodes(0, space_.count, [&](std::int32_t first, std::int32_t last) {
+    for (std::int32_t node = first; node < last; ++node) {
+      Eigen::Map<Eigen::Matrix<float, d, 1>> x(&x_[static_cast<std::size_t>(node) * padded(d)]);
+      x = inverse_factor<d>(node).transpose() * x.eval();
+    }
   });
 }
 
@@ -292,16 +343,18 @@ void CoarseLevel::solve(std::span<const float> r) {
   const FactorRows restriction{space_.restriction.begin.data(), space_.restriction.column.data(),
                                space_.restriction.factor.data()};
   for_nodes(0, space_.count, [&](std::int32_t first, std::int32_t last) {
-    kernels_->restrict_to(restriction, r.data(), r_.data(), first, last);
+    kernels_->restrict_to(restriction, inverse_factor_.data(), r.data(), r_.data(), first, last);
   });
   // From zero: what comes later counts for nothing yet.
   for (std::size_t colour = 0; colour + 1 < colours_.size(); ++colour)
     for_nodes(colours_[colour], colours_[colour + 1],
               [&](std::int32_t first, std::int32_t last) { kernels_->forward(rows_, first, last); });
-  if (solves_linear_) correct_linear();
+  const int d = problem_.dimension;
+  if (solves_linear_) d == 2 ? correct_linear<2>() : correct_linear<3>();
   for (std::size_t colour = colours_.size() - 1; colour-- > 0;)
     for_nodes(colours_[colour], colours_[colour + 1],
               [&](std::int32_t first, std::int32_t last) { kernels_->backward(rows_, first, last); });
+  d == 2 ? unscale<2>() : unscale<3>();
 }
 
 FactorRows CoarseLevel::prolongation() const {

@@ -22,6 +22,10 @@ namespace varimesh {
 /// mean over the directions: one scalar factor for all of them, with the same number of iterations as the whole. The
 /// matrix is made of each cell's mean tensor, from which the part of the Hessian that need not be positive is left out
 /// (HessianKernels::mean_tensors), so that it is positive definite whatever the mesh.
+///
+/// Of the matrix K the factors L of K_ii = L_i L_iᵀ are kept in single precision, and L_i⁻¹ K_ij L_j⁻ᵀ, of which no
+/// number is larger than 1, in steps of 1/32767: the cycle is on that, which has the unit matrix on its diagonal. Steps
+/// of K's own entries would lose what is weak in thin cells beside what is strong.
 class CoarseLevel {
  public:
   CoarseLevel(const Problem& problem, const Team& team);
@@ -64,13 +68,27 @@ class CoarseLevel {
   void colour();
   void find_neighbours();
   template <int d>
+  using BlockMatrix = Eigen::Matrix<float, d, d, Eigen::RowMajor>;
+
+  /// A cell's part of K between its node in that place and its node `other`.
+  template <int d>
+  BlockMatrix<d> stiffness(const Place& place, int other) const;
+  template <int d>
+  void factorise_diagonal(std::int32_t node);
+  template <int d>
+  BlockMatrix<d> inverse_factor(std::int32_t node) const;
+  template <int d>
   void assemble_row(std::int32_t node);
   template <int d>
   void assemble_linear();
   /// Calls body(first, last) for ranges of the coarse nodes from `begin` to `end`.
   template <class Body>
   void for_nodes(std::int32_t begin, std::int32_t end, const Body& body) const;
+  template <int d>
   void correct_linear();
+  /// L⁻ᵀ times what the cycle has found.
+  template <int d>
+  void unscale();
 
   const Problem& problem_;
   const Team& team_;
@@ -80,12 +98,10 @@ class CoarseLevel {
   std::vector<std::int32_t> colours_;   ///< Where each colour's nodes begin, and their end.
   std::vector<std::int32_t> places_begin_;
   std::vector<Place> places_;
-  std::vector<std::int32_t> slots_;  ///< By place and node of its cell: where in the row its block is; −1 if fixed.
-  std::vector<std::int64_t> slots_begin_;
-  std::vector<std::int64_t> row_begin_;  ///< Block rows.
-  std::vector<std::int32_t> column_;     ///< Ascending in a row.
-  AlignedVector<float> entry_;           ///< As BlockRows has them.
-  AlignedVector<float> inverse_diagonal_;
+  std::vector<std::int64_t> row_begin_;      ///< Block rows.
+  std::vector<std::int32_t> column_;         ///< Ascending in a row.
+  AlignedVector<std::int16_t> entry_;        ///< As BlockRows has them.
+  AlignedVector<float> inverse_factor_;      ///< L⁻¹, block_size(d) a node; 0 where K_ii is.
   std::vector<std::vector<float>> tensors_;  ///< By block: d⁴ a cell, M(i j, k l).
   AlignedVector<float> r_, x_, residual_;    ///< padded(d) a node.
   BlockRows rows_{};                         ///< All of these.

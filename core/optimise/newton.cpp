@@ -54,7 +54,6 @@ Newton::Newton(Problem& problem, const Kernels& kernels, const HessianKernels& h
       residual_(unknowns_ + padded(problem.dimension)),
       direction_(unknowns_ + padded(problem.dimension)),
       product_(unknowns_),
-      preconditioned_(unknowns_),
       scans_(problem.cells) {}
 
 template <class Term, class Combine>
@@ -90,7 +89,7 @@ NewtonReport Newton::step() {
   team_.for_ranges(unknowns_, kNumbersPerTask, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) residual_[i] = static_cast<float>(-gradient_[i] / gradient_scale);
   });
-  const double along = preconditioner_.apply(residual_, preconditioned_);
+  const double along = preconditioner_.apply(residual_, product_);
   const double norm = std::sqrt(std::max(0.0, along)) * gradient_scale / std::sqrt(hessian_scale_);
   conjugate_gradients(along, forcing_term(norm, last_gradient_), gradient_scale / hessian_scale_, report);
   last_gradient_ = norm;
@@ -273,7 +272,7 @@ bool Newton::is_solved(double share, double forcing, double scale) {
 
 void Newton::conjugate_gradients(double first, double forcing, double scale, NewtonReport& report) {
   std::fill(step_.begin(), step_.end(), 0.0);
-  std::copy(preconditioned_.begin(), preconditioned_.end(), direction_.begin());
+  std::copy(product_.begin(), product_.end(), direction_.begin());
   double rz = first;
   while (report.products < kMostProducts && rz > 0) {
     const double curvature = multiply();
@@ -292,12 +291,12 @@ void Newton::conjugate_gradients(double first, double forcing, double scale, New
         residual_[i] -= alpha_float * product_[i];
       }
     });
-    const double next = preconditioner_.apply(residual_, preconditioned_);
+    const double next = preconditioner_.apply(residual_, product_);
     if (!(next > 0) || is_solved(std::sqrt(next / first), forcing, scale)) break;
     const float beta = static_cast<float>(next / rz);
     rz = next;
     team_.for_ranges(unknowns_, kNumbersPerTask, [&](std::size_t begin, std::size_t end) {
-      for (std::size_t i = begin; i < end; ++i) direction_[i] = preconditioned_[i] + beta * direction_[i];
+      for (std::size_t i = begin; i < end; ++i) direction_[i] = product_[i] + beta * direction_[i];
     });
   }
 }

@@ -38,12 +38,21 @@ struct NodeVector {
   HWY_INLINE void store(float* to) const {
     for (int p = 0; p < kParts; ++p) hn::StoreU(part[p], Tag(), to + p);
   }
-  /// this + s · (what is at `from`)
-  HWY_INLINE NodeVector plus(float s, const float* from) const {
+  static HWY_INLINE NodeVector load(const std::int16_t* from) {
     NodeVector out;
-    for (int p = 0; p < kParts; ++p) out.part[p] = hn::MulAdd(hn::LoadU(Tag(), from + p), hn::Set(Tag(), s), part[p]);
+    for (int p = 0; p < kParts; ++p)
+      out.part[p] = hn::ConvertTo(
+          Tag(), hn::PromoteTo(hn::Rebind<std::int32_t, Tag>(), hn::LoadU(hn::Rebind<std::int16_t, Tag>(), from + p)));
     return out;
   }
+  /// this + s · other
+  HWY_INLINE NodeVector plus(float s, const NodeVector& other) const {
+    NodeVector out;
+    for (int p = 0; p < kParts; ++p) out.part[p] = hn::MulAdd(other.part[p], hn::Set(Tag(), s), part[p]);
+    return out;
+  }
+  /// this + s · (what is at `from`)
+  HWY_INLINE NodeVector plus(float s, const float* from) const { return plus(s, load(from)); }
   HWY_INLINE NodeVector operator+(const NodeVector& other) const {
     NodeVector out;
     for (int p = 0; p < kParts; ++p) out.part[p] = part[p] + other.part[p];
