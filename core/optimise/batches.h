@@ -1,6 +1,7 @@
 // Cells side by side: sixteen at a time, a lane a cell, for products of the whole mesh's Hessian with a direction.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <memory>
 #include <span>
@@ -41,7 +42,8 @@ struct BatchBlock {
   std::vector<std::int32_t>
       ranks;  ///< count × nodes × lane: rank of the node among the free ones; free.size() if fixed.
   /// count × nodes × lane × width: each cell's part of what is summed over a node's cells, one after the other: of the
-  /// product, d wide; of the gradient and of the node's own block of the Hessian, 2 d wide.
+  /// product, d wide; of the gradient and of the node's own block of the Hessian, 2 d wide; of a coarse space's node,
+  /// d wide.
   AlignedVector<float> parts;
 
   std::size_t linearisation_size() const;  ///< Of a batch.
@@ -51,6 +53,21 @@ struct BatchBlock {
     return varimesh::part_index(cell, node, static_cast<std::uint32_t>(cells->nodes_per_cell), width);
   }
 };
+
+/// Where a block's parts are, at hand for loops over nodes.
+struct PartsOf {
+  const float* data;
+  std::uint32_t nodes;  ///< A cell.
+};
+
+/// Of every block; a cell of block b has parts at nodes(b) nodes.
+template <class Nodes>
+std::array<PartsOf, kShapes> parts_of(const std::vector<BatchBlock>& batches, const Nodes& nodes) {
+  std::array<PartsOf, kShapes> parts{};
+  for (std::size_t b = 0; b < batches.size(); ++b)
+    parts[b] = {batches[b].parts.data(), static_cast<std::uint32_t>(nodes(b))};
+  return parts;
+}
 
 /// The second derivative of the energy, prepared at the present deformation gradients and applied to directions.
 class HessianKernels {

@@ -1,5 +1,5 @@
-// The preconditioner's loops, compiled once for each instruction set. A lane is a component: vectors longer than a
-// node's would have to gather.
+// The preconditioner's loops, compiled once for each instruction set. A lane is a component, since vectors longer than
+// a node's would have to gather; but in restrict_cells it is a cell.
 #include "core/optimise/coarse_kernels.h"
 
 #include <algorithm>
@@ -10,6 +10,7 @@
 // Highway wants its targets' includes after foreach_target.h.
 #include <hwy/highway.h>
 
+#include "core/optimise/cell_lanes-inl.h"
 #include "core/optimise/node_vector-inl.h"
 
 HWY_BEFORE_NAMESPACE();
@@ -44,19 +45,6 @@ class VectorCoarseKernels final : public CoarseKernels {
     return sum.total();
   }
 
-  /// Row i; `stride` floats from one vector of `from` to the next.
-  static HWY_INLINE Node factors(const FactorRows& rows, const float* from, int stride, std::int32_t i) {
-    Node even = Node::zero(), odd = even;
-    std::int32_t e = rows.begin[i];
-    const std::int32_t end = rows.begin[i + 1];
-    for (; e + 1 < end; e += 2) {
-      even = even.plus(rows.factor[e], from + static_cast<std::ptrdiff_t>(rows.column[e]) * stride);
-      odd = odd.plus(rows.factor[e + 1], from + static_cast<std::ptrdiff_t>(rows.column[e + 1]) * stride);
-    }
-    if (e < end) even = even.plus(rows.factor[e], from + static_cast<std::ptrdiff_t>(rows.column[e]) * stride);
-    return even + odd;
-  }
-
  public:
   void forward(const BlockRows& rows, std::int32_t first, std::int32_t last) const override {
     for (std::ptrdiff_t i = first; i < last; ++i) {
@@ -81,25 +69,45 @@ class VectorCoarseKernels final : public CoarseKernels {
     }
   }
 
-  void restrict_to(const FactorRows& rows, const float* blocks, const float* from, float* to, std::int32_t first,
-                   std::int32_t last) const override {
+  void restrict_cells(BatchBlock& block, std::int32_t b, const SparseRows& rows, const float* values) const override {
+    const int nodes = block.cells->nodes_per_cell, coarse = static_cast<int>(rows.begin.size()) - 1;
+    static thread_local AlignedVector<float> scratch;
+    scratch.resize(static_cast<std::size_t>(nodes + coarse) * d * kBatch);
+    float *u = scratch.data(), *out = u + nodes * d * kBatch;
+    CellLanes<d>::gather(block.ranks.data() + static_cast<std::size_t>(b) * nodes * kBatch, nodes, values, u);
+    for (int a = 0; a < coarse; ++a)
+      for (int lane = 0; lane < kBatch; lane += static_cast<int>(hn::Lanes(FloatTag()))) {
+        Floats sum[d];
+        unrolled<d>([&](auto i) { sum[i] = hn::Zero(FloatTag()); });
+        for (std::int32_t e = rows.begin[a]; e < rows.begin[a + 1]; ++e)
+          unrolled<d>([&](auto i) {
+            sum[i] = hn::MulAdd(varimesh::HWY_NAMESPACE::load(u + (rows.column[e] * d + i) * kBatch + lane),
+                                every(rows.factor[e]), sum[i]);
+          });
+        unrolled<d>([&](auto i) { hn::Store(sum[i], FloatTag(), out + (a * d + i) * kBatch + lane); });
+      }
+    CellLanes<d>::interleave(out, coarse, block.parts.data() + part_index(b * kBatch, 0, coarse, d));
+  }
+
+  void add_up(const std::array<PartsOf, kShapes>& parts, const std::int32_t* begin, const Incidence* cells,
+              const float* blocks, float* to, std::int32_t first, std::int32_t last) const override {
     for (std::ptrdiff_t i = first; i < last; ++i) {
       alignas(16) float at[4];
-      factors(rows, from, d, static_cast<std::int32_t>(i)).store(at);
+      sum_of_parts<d>(cells + begin[i], cells + begin[i + 1], parts).store(at);
       Sum sum;
       sum.add(blocks + i * kBlock, kNode, at);
       sum.total().store(to + i * kNode);
     }
   }
 
-  double precondition(const FactorRows& rows, const float* from, const float* blocks, const float* r, float* z,
-                      std::int32_t first, std::int32_t last) const override {
+  double precondition(const Problem& problem, const CoarseSpace& space, const float* coarse, const float* blocks,
+                      const float* r, float* z, std::int32_t first, std::int32_t last) const override {
     double along = 0;
     for (std::ptrdiff_t i = first; i < last; ++i) {
       Sum sum;
       sum.add(blocks + i * kBlock, kNode, r + i * d);
       Node out = sum.total();
-      if (rows.begin != nullptr) out = out + factors(rows, from, kNode, static_cast<std::int32_t>(i));
+      if (space.count > 0) out = out + interpolated(problem.incidences[problem.offsets[i]], space, coarse);
       alignas(16) float at[4];
       out.store(at);
       for (int k = 0; k < d; ++k) {
@@ -108,6 +116,19 @@ class VectorCoarseKernels final : public CoarseKernels {
       }
     }
     return along;
+  }
+
+ private:
+  /// What a node of a cell gets from the cell's coarse nodes.
+  static HWY_INLINE Node interpolated(const Incidence& at, const CoarseSpace& space, const float* coarse) {
+    const CoarseSpace::Block& block = space.blocks[at.block];
+    const std::int32_t* nodes = block.nodes.data() + static_cast<std::ptrdiff_t>(at.cell) * block.nodes_per_cell;
+    Node sum = Node::zero();
+    for (std::int32_t e = block.values.begin[at.local]; e < block.values.begin[at.local + 1]; ++e) {
+      const std::ptrdiff_t node = nodes[block.values.column[e]];
+      if (node >= 0) sum = sum.plus(block.values.factor[e], coarse + node * kNode);
+    }
+    return sum;
   }
 };
 

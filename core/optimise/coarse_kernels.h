@@ -1,10 +1,13 @@
 // The preconditioner's loops over nodes, vectorised: a node's vector at a time, on any machine.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <memory>
 
 #include "core/optimise/aligned.h"
+#include "core/optimise/batches.h"
+#include "core/optimise/coarse_space.h"
 
 namespace varimesh {
 
@@ -23,14 +26,7 @@ struct BlockRows {
 };
 inline constexpr float kEntrySteps = 32767;
 
-/// A sparse matrix of factors that apply to each component alike.
-struct FactorRows {
-  const std::int32_t* begin;  ///< rows + 1
-  const std::int32_t* column;
-  const float* factor;
-};
-
-/// Every function works on rows `first` to `last` − 1, which do not depend on each other.
+/// Functions with a `first` and a `last` work on rows `first` to `last` − 1, which do not depend on each other.
 class CoarseKernels {
  public:
   virtual ~CoarseKernels() = default;
@@ -41,13 +37,17 @@ class CoarseKernels {
   virtual void residual(const BlockRows& rows, std::int32_t first, std::int32_t last) const = 0;
   /// x_i = right_i − Σ_{j≠i} K_ij x_j
   virtual void backward(const BlockRows& rows, std::int32_t first, std::int32_t last) const = 0;
-  /// to_i = B_i Σ factor_ij from_j, of d floats a node and one more at the end, into padded ones. B_i: block_size(d).
-  virtual void restrict_to(const FactorRows& rows, const float* blocks, const float* from, float* to,
-                           std::int32_t first, std::int32_t last) const = 0;
-  /// z_i = B_i r_i + Σ factor_ij from_j, from padded vectors into d floats a node; returns r · z. B_i: block_size(d).
-  /// Without rows (begin null) there is no sum.
-  virtual double precondition(const FactorRows& rows, const float* from, const float* blocks, const float* r, float* z,
-                              std::int32_t first, std::int32_t last) const = 0;
+  /// The parts of a batch's cells become what each gives its coarse nodes of values at its own: Σ `rows` values, a row
+  /// a coarse node of the cell. `values`: d floats a free node and padded(d) zeros.
+  virtual void restrict_cells(BatchBlock& block, std::int32_t b, const SparseRows& rows, const float* values) const = 0;
+  /// to_i = B_i Σ the parts of coarse node i's cells, into padded vectors. B_i: block_size(d); cells[begin[i]], …
+  virtual void add_up(const std::array<PartsOf, kShapes>& parts, const std::int32_t* begin, const Incidence* cells,
+                      const float* blocks, float* to, std::int32_t first, std::int32_t last) const = 0;
+  /// z_i = B_i r_i, plus what free node i gets from its first cell's coarse nodes, where `space` has any: of `coarse`,
+  /// padded vectors. r and z have d floats a node. Returns r · z. B_i: block_size(d).
+  virtual double precondition(const Problem& problem, const CoarseSpace& space, const float* coarse,
+                              const float* blocks, const float* r, float* z, std::int32_t first,
+                              std::int32_t last) const = 0;
 };
 
 std::unique_ptr<CoarseKernels> make_coarse_kernels(int dimension);

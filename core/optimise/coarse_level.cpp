@@ -90,8 +90,9 @@ int coarse_order(const Problem& problem) {
 
 }  // namespace
 
-CoarseLevel::CoarseLevel(const Problem& problem, const Team& team)
+CoarseLevel::CoarseLevel(const Problem& problem, std::vector<BatchBlock>& batches, const Team& team)
     : problem_(problem),
+      batches_(batches),
       team_(team),
       space_(coarse_space(problem, coarse_order(problem))),
       linear_(coarse_space(problem, 1)),
@@ -101,7 +102,8 @@ CoarseLevel::CoarseLevel(const Problem& problem, const Team& team)
     tensors_.emplace_back(block.count * square * square);
   }
   colour();
-  set_interpolation(problem, space_);
+  for (const CoarseSpace::Block& block : space_.blocks)
+    to_coarse_.push_back(transposed(block.values, block.nodes_per_cell));
   find_neighbours();
   from_linear_ = linear_to_quadratic(problem, space_, linear_);
   to_linear_ = transposed(from_linear_, linear_.count);
@@ -181,7 +183,7 @@ void CoarseLevel::find_neighbours() {
 }
 
 template <int d>
-CoarseLevel::BlockMatrix<d> CoarseLevel::stiffness(const Place& place, int other) const {
+CoarseLevel::BlockMatrix<d> CoarseLevel::stiffness(const Incidence& place, int other) const {
   constexpr int kSquare = d * d;
   const CoarseSpace::Block& block = space_.blocks[place.block];
   const Eigen::Map<const Square<d>> M(tensors_[place.block].data() +
@@ -275,11 +277,11 @@ void CoarseLevel::assemble_linear() {
   if (factor_.info() != Eigen::Success) solves_linear_ = false;
 }
 
-void CoarseLevel::assemble(const std::vector<BatchBlock>& batches, const HessianKernels& hessian) {
+void CoarseLevel::assemble(const HessianKernels& hessian) {
   if (space_.count == 0) return;
-  for (std::size_t b = 0; b < batches.size(); ++b)
-    team_.for_each(batches[b].count, 4,
-                   [&](std::int32_t batch) { hessian.mean_tensors(batches[b], batch, tensors_[b]); });
+  for (std::size_t b = 0; b < batches_.size(); ++b)
+    team_.for_each(batches_[b].count, 4,
+                   [&](std::int32_t batch) { hessian.mean_tensors(batches_[b], batch, tensors_[b]); });
   make_matrix();
 }
 
@@ -338,12 +340,15 @@ void CoarseLevel::unscale() {
   });
 }
 
-void CoarseLevel::solve(std::span<const float> r) {
+void CoarseLevel::solve(std::span<const float> shared) {
   if (space_.count == 0) return;
-  const FactorRows restriction{space_.restriction.begin.data(), space_.restriction.column.data(),
-                               space_.restriction.factor.data()};
+  for (std::size_t b = 0; b < batches_.size(); ++b)
+    team_.for_each(batches_[b].count, 4, [&](std::int32_t batch) {
+      kernels_->restrict_cells(batches_[b], batch, to_coarse_[b], shared.data());
+    });
+  const auto parts = parts_of(batches_, [&](std::size_t b) { return space_.blocks[b].nodes_per_cell; });
   for_nodes(0, space_.count, [&](std::int32_t first, std::int32_t last) {
-    kernels_->restrict_to(restriction, inverse_factor_.data(), r.data(), r_.data(), first, last);
+    kernels_->add_up(parts, places_begin_.data(), places_.data(), inverse_factor_.data(), r_.data(), first, last);
   });
   // From zero: what comes later counts for nothing yet.
   for (std::size_t colour = 0; colour + 1 < colours_.size(); ++colour)
@@ -355,11 +360,6 @@ void CoarseLevel::solve(std::span<const float> r) {
     for_nodes(colours_[colour], colours_[colour + 1],
               [&](std::int32_t first, std::int32_t last) { kernels_->backward(rows_, first, last); });
   d == 2 ? unscale<2>() : unscale<3>();
-}
-
-FactorRows CoarseLevel::prolongation() const {
-  if (space_.count == 0) return {};
-  return {space_.prolongation.begin.data(), space_.prolongation.column.data(), space_.prolongation.factor.data()};
 }
 
 }  // namespace varimesh

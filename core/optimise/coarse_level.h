@@ -28,10 +28,11 @@ namespace varimesh {
 /// of K's own entries would lose what is weak in thin cells beside what is strong.
 class CoarseLevel {
  public:
-  CoarseLevel(const Problem& problem, const Team& team);
+  /// `batches` of the problem; their parts are where restriction adds up.
+  CoarseLevel(const Problem& problem, std::vector<BatchBlock>& batches, const Team& team);
 
   /// The matrix anew, from what `hessian` has linearised.
-  void assemble(const std::vector<BatchBlock>& batches, const HessianKernels& hessian);
+  void assemble(const HessianKernels& hessian);
 
   /// What the matrix is made of, where it will be used again.
   template <class Archive>
@@ -48,21 +49,15 @@ class CoarseLevel {
       if (is_used) make_matrix();
   }
 
-  /// V Iᵀ r, kept for prolongation(). `r`: d floats a free node, and one more.
-  void solve(std::span<const float> r);
+  /// V Iᵀ r, of `shared`, which has for each free node its part of r a cell: r over the number of its cells, d floats,
+  /// then padded(d) zeros.
+  void solve(std::span<const float> shared);
 
-  /// I, a row a free node, and what it is to be applied to: padded(d) floats a coarse node.
-  FactorRows prolongation() const;
+  /// Where the coarse nodes are, and padded(d) floats for each.
+  const CoarseSpace& space() const { return space_; }
   const float* solution() const { return x_.data(); }
 
  private:
-  /// A cell that has a coarse node.
-  struct Place {
-    std::int32_t cell;  ///< Within its block.
-    std::int16_t block;
-    std::int16_t local;
-  };
-
   /// From the tensors.
   void make_matrix();
   void colour();
@@ -72,7 +67,7 @@ class CoarseLevel {
 
   /// A cell's part of K between its node in that place and its node `other`.
   template <int d>
-  BlockMatrix<d> stiffness(const Place& place, int other) const;
+  BlockMatrix<d> stiffness(const Incidence& place, int other) const;
   template <int d>
   void factorise_diagonal(std::int32_t node);
   template <int d>
@@ -91,13 +86,15 @@ class CoarseLevel {
   void unscale();
 
   const Problem& problem_;
+  std::vector<BatchBlock>& batches_;
   const Team& team_;
   CoarseSpace space_;                   ///< Of order 2; its nodes are sorted by colour.
-  CoarseSpace linear_;                  ///< Of order 1; without interpolation.
+  CoarseSpace linear_;                  ///< Of order 1.
+  std::vector<SparseRows> to_coarse_;   ///< Of each block, the transpose of its values.
   SparseRows from_linear_, to_linear_;  ///< Values of order 2 from those of order 1, and the transpose.
   std::vector<std::int32_t> colours_;   ///< Where each colour's nodes begin, and their end.
   std::vector<std::int32_t> places_begin_;
-  std::vector<Place> places_;
+  std::vector<Incidence> places_;            ///< The cells of each coarse node.
   std::vector<std::int64_t> row_begin_;      ///< Block rows.
   std::vector<std::int32_t> column_;         ///< Ascending in a row.
   AlignedVector<std::int16_t> entry_;        ///< As BlockRows has them.

@@ -70,6 +70,24 @@ std::vector<float> mean_stiffness(Shape shape, int order, int d) {
   return stiffness;
 }
 
+/// Values of the coarse cell's basis at the fine one's nodes.
+SparseRows values_at_nodes(const CellBlock& cells, int order) {
+  const Eigen::MatrixXd values =
+      reference::basis_values(cells.shape, order, NodeSet::Equispaced, cells.dimension,
+                              reference::nodes(cells.shape, cells.order, NodeSet::Optimised, cells.dimension));
+  SparseRows rows;
+  rows.begin.push_back(0);
+  for (Eigen::Index n = 0; n < values.rows(); ++n) {
+    for (Eigen::Index a = 0; a < values.cols(); ++a)
+      if (std::abs(values(n, a)) >= 1e-12) {
+        rows.column.push_back(static_cast<std::int32_t>(a));
+        rows.factor.push_back(static_cast<float>(values(n, a)));
+      }
+    rows.begin.push_back(static_cast<std::int32_t>(rows.column.size()));
+  }
+  return rows;
+}
+
 }  // namespace
 
 SparseRows transposed(const SparseRows& rows, std::int32_t columns) {
@@ -103,6 +121,7 @@ CoarseSpace coarse_space(const Problem& problem, int order) {
     CoarseSpace::Block& block = space.blocks.emplace_back();
     block.nodes_per_cell = static_cast<int>(places.size());
     block.stiffness = mean_stiffness(cells.shape, order, problem.dimension);
+    block.values = values_at_nodes(cells, order);
     for (std::int32_t cell = 0; cell < cells.count; ++cell) {
       const std::int32_t* nodes = cells.nodes.data() + static_cast<std::size_t>(cell) * cells.nodes_per_cell;
       for (std::size_t a = 0; a < places.size(); ++a) {
@@ -115,32 +134,6 @@ CoarseSpace coarse_space(const Problem& problem, int order) {
     }
   }
   return space;
-}
-
-void set_interpolation(const Problem& problem, CoarseSpace& space) {
-  std::vector<Eigen::MatrixXd> values;
-  for (const CellBlock& block : problem.blocks)
-    values.push_back(
-        reference::basis_values(block.shape, space.order, NodeSet::Equispaced, problem.dimension,
-                                reference::nodes(block.shape, block.order, NodeSet::Optimised, problem.dimension)));
-  SparseRows& rows = space.prolongation;
-  rows.begin.push_back(0);
-  for (std::size_t rank = 0; rank < problem.free.size(); ++rank) {
-    // All its cells agree on what a node gets from its vertex, edge or face.
-    const Incidence& at = problem.incidences[problem.offsets[rank]];
-    const CoarseSpace::Block& block = space.blocks[at.block];
-    for (int a = 0; a < block.nodes_per_cell; ++a) {
-      const std::int32_t node = block.nodes[static_cast<std::size_t>(at.cell) * block.nodes_per_cell + a];
-      const double value = values[at.block](at.local, a);
-      if (node < 0 || std::abs(value) < 1e-12) continue;
-      rows.column.push_back(node);
-      rows.factor.push_back(static_cast<float>(value));
-    }
-    rows.begin.push_back(static_cast<std::int32_t>(rows.column.size()));
-  }
-  rows.column.shrink_to_fit();
-  rows.factor.shrink_to_fit();
-  space.restriction = transposed(rows, space.count);
 }
 
 void renumber(CoarseSpace& space, const std::vector<std::int32_t>& number) {

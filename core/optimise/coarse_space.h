@@ -24,22 +24,18 @@ struct CoarseSpace {
     std::vector<std::int32_t> nodes;  ///< cells × nodes_per_cell; −1 where fixed.
     /// nodes_per_cell × nodes_per_cell × d·d: means of ∂_k φ_a ∂_l φ_b over the reference cell, innermost (k, l).
     std::vector<float> stiffness;
+    /// A row a node of the fine cell: its value is Σ factor · value of the cell's coarse node `column`. All cells of a
+    /// node agree on it.
+    SparseRows values;
   };
   std::vector<Block> blocks;
-  // set_interpolation:
-  SparseRows prolongation;  ///< A row a free node (its rank): value = Σ factor · value of coarse node `column`.
-  SparseRows restriction;   ///< Its transpose.
 };
 
-/// The space of that order, no higher than the mesh's, without its interpolation. Nodes are numbered as the cells name
-/// them.
+/// The space of that order, no higher than the mesh's. Nodes are numbered as the cells name them.
 CoarseSpace coarse_space(const Problem& problem, int order);
 
-/// Gives node i the number `number[i]`, a permutation, before the interpolation is set.
+/// Gives node i the number `number[i]`, a permutation.
 void renumber(CoarseSpace& space, const std::vector<std::int32_t>& number);
-
-/// Sets prolongation and restriction, for the numbers that the nodes have now.
-void set_interpolation(const Problem& problem, CoarseSpace& space);
 
 SparseRows transposed(const SparseRows& rows, std::int32_t columns);
 

@@ -17,6 +17,7 @@
 
 #include "core/energy/table-inl.h"
 #include "core/optimise/batches.h"
+#include "core/optimise/cell_lanes-inl.h"
 #include "core/optimise/folded_gradient-inl.h"
 #include "core/optimise/linearisation-inl.h"
 #include "core/optimise/node_vector-inl.h"
@@ -31,6 +32,7 @@ class VectorHessian final : public VectorLinearisation<E, d> {
   using Kept::kEntries, Kept::kJ, Kept::kJJ, Kept::kQ, Kept::kQJ, Kept::kQQ, Kept::kW, Kept::kSides, Kept::energy_;
   using Kept::mu;
   using Gradient = FoldedLanes<d>;
+  using Cells = CellLanes<d>;
 
  public:
   using Kept::Kept;
@@ -85,7 +87,7 @@ class VectorHessian final : public VectorLinearisation<E, d> {
     float* u = scratch.data();
     float* components = u + direction_size;
     float* slopes = components + direction_size;
-    gather(block.ranks.data() + static_cast<std::size_t>(b) * nodes * kBatch, nodes, direction.data(), u);
+    Cells::gather(block.ranks.data() + static_cast<std::size_t>(b) * nodes * kBatch, nodes, direction.data(), u);
     times_left_factor(block, b, u);
     for (int lane = 0; lane < kBatch; lane += static_cast<int>(hn::Lanes(FloatTag()))) {
       Gradient::fold(block.gradient, u + lane, components + lane);
@@ -95,28 +97,18 @@ class VectorHessian final : public VectorLinearisation<E, d> {
       Gradient::unfold(block.gradient, components + lane, u + lane);
     }
     times_left_factor(block, b, u);
-    interleave(u, nodes, block.parts.data() + block.part_index(b * kBatch, 0, d));
+    Cells::interleave(u, nodes, block.parts.data() + block.part_index(b * kBatch, 0, d));
   }
 
   double add_up(const Problem& problem, const std::vector<BatchBlock>& batches, const float* direction, float* product,
                 std::int32_t first, std::int32_t last) const override {
-    // Where a block's parts are, at hand.
-    struct Parts {
-      const float* data;
-      std::uint32_t nodes;
-    };
-    std::array<Parts, kShapes> parts;
-    for (std::size_t b = 0; b < batches.size(); ++b)
-      parts[b] = {batches[b].parts.data(), static_cast<std::uint32_t>(batches[b].cells->nodes_per_cell)};
+    const std::array<PartsOf, kShapes> parts =
+        parts_of(batches, [&](std::size_t b) { return batches[b].cells->nodes_per_cell; });
     double along[d] = {};  // a sum each, so that no addition waits for the one before
     for (std::int32_t rank = first; rank < last; ++rank) {
-      NodeVector<d> sum = NodeVector<d>::zero();
-      for (std::int32_t i = problem.offsets[rank]; i < problem.offsets[rank + 1]; ++i) {
-        const Incidence& at = problem.incidences[i];
-        const auto [data, nodes] = parts[at.block];
-        // In 3-D a number past the part's last is read: there is room for 2 d.
-        sum = sum + NodeVector<d>::load(data + part_index(at.cell, at.local, nodes, d));
-      }
+      const Incidence* cells = problem.incidences.data();
+      const NodeVector<d> sum =
+          sum_of_parts<d>(cells + problem.offsets[rank], cells + problem.offsets[rank + 1], parts);
       alignas(16) float numbers[4];
       sum.store(numbers);
       float* to = product + static_cast<std::ptrdiff_t>(rank) * d;
@@ -225,64 +217,6 @@ class VectorHessian final : public VectorLinearisation<E, d> {
             turned[i * (i + 1) / 2 + j] += L[(i * d + k) * kBatch] * L[(j * d + l) * kBatch] *
                                            triangle[std::max(k, l) * (std::max(k, l) + 1) / 2 + std::min(k, l)];
     std::copy_n(turned, kSides, triangle);
-  }
-
-#if HWY_TARGET == HWY_SCALAR || HWY_HAVE_SCALABLE
-  static constexpr bool kTurns = false;
-  static HWY_INLINE void gather_node(const std::int32_t*, const float*, float*) {}
-#else
-  static constexpr bool kTurns = d == 3;
-
-  /// Four numbers a lane, the last of them not wanted, and each four lanes turned from rows to columns.
-  static HWY_INLINE void gather_node(const std::int32_t* ranks, const float* direction, float* u) {
-    const FloatTag tag;
-    const Floats a = every_fourth(tag, ranks, direction), b = every_fourth(tag, ranks + 1, direction);
-    const Floats c = every_fourth(tag, ranks + 2, direction), e = every_fourth(tag, ranks + 3, direction);
-    const Floats ac = hn::InterleaveLower(tag, a, c), be = hn::InterleaveLower(tag, b, e);
-    hn::Store(hn::InterleaveLower(tag, ac, be), tag, u);
-    hn::Store(hn::InterleaveUpper(tag, ac, be), tag, u + kBatch);
-    hn::Store(hn::InterleaveLower(tag, hn::InterleaveUpper(tag, a, c), hn::InterleaveUpper(tag, b, e)), tag,
-              u + 2 * kBatch);
-  }
-
-  /// The vectors of nodes ranks[0], ranks[4], … side by side.
-  template <class D>
-  static HWY_INLINE hn::Vec<D> every_fourth(D tag, const std::int32_t* ranks, const float* direction) {
-    if constexpr (hn::MaxLanes(tag) == 4) {
-      return hn::LoadU(tag, direction + static_cast<std::size_t>(ranks[0]) * 3);
-    } else {
-      const hn::Half<D> half;
-      return hn::Combine(tag, every_fourth(half, ranks + hn::MaxLanes(half), direction),
-                         every_fourth(half, ranks, direction));
-    }
-  }
-#endif
-
-  /// u[(n d + i) kBatch + lane] = direction of component i of node n of the lane's cell.
-  static HWY_INLINE void gather(const std::int32_t* ranks, int nodes, const float* direction, float* u) {
-    for (int n = 0; n < nodes; ++n)
-      if constexpr (kTurns)
-        for (int lane = 0; lane < kBatch; lane += static_cast<int>(hn::Lanes(FloatTag())))
-          gather_node(ranks + n * kBatch + lane, direction, u + n * d * kBatch + lane);
-      else
-        for (int lane = 0; lane < kBatch; ++lane) {
-          const float* from = direction + static_cast<std::size_t>(ranks[n * kBatch + lane]) * d;
-          unrolled<d>([&](auto i) { u[(n * d + i) * kBatch + lane] = from[i]; });
-        }
-  }
-
-  /// From components of sixteen cells to vectors: who adds up a node's cells reads one cache line a cell.
-  static HWY_INLINE void interleave(const float* vectors, int nodes, float* result) {
-    const FloatTag tag;
-    for (int n = 0; n < nodes; ++n)
-      for (int lane = 0; lane < kBatch; lane += static_cast<int>(hn::Lanes(tag))) {
-        const float* from = vectors + n * d * kBatch + lane;
-        float* to = result + (n * kBatch + lane) * d;
-        if constexpr (d == 2)
-          hn::StoreInterleaved2(load(from), load(from + kBatch), tag, to);
-        else
-          hn::StoreInterleaved3(load(from), load(from + kBatch), load(from + 2 * kBatch), tag, to);
-      }
   }
 
   /// The vectors at a batch's nodes times their cell's left factor, in place: of a direction and, L being symmetric, of

@@ -47,13 +47,13 @@ Newton::Newton(Problem& problem, const Kernels& kernels, const HessianKernels& h
       tolerance_(tolerance),
       team_(team),
       batches_(make_batches(problem, hessian)),
-      preconditioner_(problem, team),
+      preconditioner_(problem, batches_, team),
       unknowns_(problem.free.size() * problem.dimension),
       gradient_(unknowns_),
       step_(unknowns_),
       residual_(unknowns_ + padded(problem.dimension)),
       direction_(unknowns_ + padded(problem.dimension)),
-      product_(unknowns_),
+      product_(unknowns_ + padded(problem.dimension)),
       scans_(problem.cells) {}
 
 template <class Term, class Combine>
@@ -154,7 +154,7 @@ void Newton::linearise() {
     team_.for_each(block.count, kBatchesPerTask, [&](std::int32_t b) { hessian_.node_blocks(block, b); });
   team_.for_each(nodes, kNodesPerTask,
                  [&](std::int32_t rank) { preconditioner_.set_block(rank, added_up_block(rank)); });
-  if (coarse_is_old_) preconditioner_.coarse().assemble(batches_, hessian_);
+  if (coarse_is_old_) preconditioner_.coarse().assemble(hessian_);
 }
 
 void Newton::linearise_batch(std::size_t number, std::int32_t b) {

@@ -109,12 +109,13 @@ class Newton {
   /// d a free node: the gradient, and during the line search, which has no use for it, where the nodes were.
   std::vector<double> gradient_;
   std::vector<double> step_;
-  std::vector<float> residual_, direction_;  ///< d a free node and padded(d) more, which are 0.
-  std::vector<float> product_;               ///< H direction_, and when that has been used, M⁻¹ residual_.
-  std::vector<double> partial_;              ///< Of add_up and largest_of, a task's.
-  std::vector<CellScan> scans_;              ///< By cell.
-  bool coarse_is_old_ = true;                ///< The coarse level is to be assembled again.
-  int products_when_new_ = 0;                ///< Of the step after it was.
+  // d a free node and padded(d) more, which are 0:
+  std::vector<float> residual_, direction_;
+  std::vector<float> product_;   ///< H direction_, and when that has been used, M⁻¹ residual_.
+  std::vector<double> partial_;  ///< Of add_up and largest_of, a task's.
+  std::vector<CellScan> scans_;  ///< By cell.
+  bool coarse_is_old_ = true;    ///< The coarse level is to be assembled again.
+  int products_when_new_ = 0;    ///< Of the step after it was.
 };
 
 }  // namespace varimesh

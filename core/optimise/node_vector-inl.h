@@ -8,7 +8,10 @@
 
 #include <hwy/highway.h>
 
-#include "core/optimise/coarse_kernels.h"
+#include <array>
+
+#include "core/optimise/aligned.h"
+#include "core/optimise/batches.h"
 
 HWY_BEFORE_NAMESPACE();
 namespace varimesh {
@@ -64,6 +67,19 @@ struct NodeVector {
     return out;
   }
 };
+
+/// The sum of a node's cells' parts, d wide, in their order. In 3-D a number past a part's last is read: in
+/// BatchBlock::parts there is room for more than d.
+template <int d>
+HWY_INLINE NodeVector<d> sum_of_parts(const Incidence* first, const Incidence* last,
+                                      const std::array<PartsOf, kShapes>& parts) {
+  NodeVector<d> sum = NodeVector<d>::zero();
+  for (; first < last; ++first) {
+    const PartsOf& of = parts[first->block];
+    sum = sum + NodeVector<d>::load(of.data + part_index(first->cell, first->local, of.nodes, d));
+  }
+  return sum;
+}
 
 }  // namespace HWY_NAMESPACE
 }  // namespace varimesh

@@ -37,10 +37,10 @@ void invert_block(const std::array<double, 6>& triangle, float* inverse) {
 
 }  // namespace
 
-Preconditioner::Preconditioner(const Problem& problem, const Team& team)
+Preconditioner::Preconditioner(const Problem& problem, std::vector<BatchBlock>& batches, const Team& team)
     : problem_(problem),
       team_(team),
-      coarse_(problem, team),
+      coarse_(problem, batches, team),
       kernels_(make_coarse_kernels(problem.dimension)),
       inverse_blocks_(problem.free.size() * block_size(problem.dimension)),
       partial_((problem.free.size() + kNodesPerTask - 1) / kNodesPerTask) {}
@@ -52,13 +52,20 @@ void Preconditioner::set_block(std::int32_t rank, const std::array<double, 6>& t
 }
 
 double Preconditioner::apply(std::span<const float> r, std::span<float> z) {
-  coarse_.solve(r);
-  const FactorRows prolongation = coarse_.prolongation();
+  const std::size_t d = problem_.dimension;
   const auto nodes = static_cast<std::int32_t>(problem_.free.size());
+  // Until z is known it has a node's part of r for each of its cells.
+  team_.for_ranges(problem_.free.size(), kNodesPerTask, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t rank = begin; rank < end; ++rank) {
+      const float part = 1 / static_cast<float>(problem_.offsets[rank + 1] - problem_.offsets[rank]);
+      for (std::size_t k = rank * d; k < (rank + 1) * d; ++k) z[k] = part * r[k];
+    }
+  });
+  coarse_.solve(z);
   team_.for_each(static_cast<std::int32_t>(partial_.size()), 1, [&](std::int32_t task) {
     const std::int32_t first = task * kNodesPerTask, last = std::min(nodes, first + kNodesPerTask);
-    partial_[task] = kernels_->precondition(prolongation, coarse_.solution(), inverse_blocks_.data(), r.data(),
-                                            z.data(), first, last);
+    partial_[task] = kernels_->precondition(problem_, coarse_.space(), coarse_.solution(), inverse_blocks_.data(),
+                                            r.data(), z.data(), first, last);
   });
   return std::accumulate(partial_.begin(), partial_.end(), 0.0);
 }

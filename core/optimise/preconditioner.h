@@ -19,15 +19,16 @@ namespace varimesh {
 /// the block's largest), and I V Iᵀ the coarse level's part.
 class Preconditioner {
  public:
-  Preconditioner(const Problem& problem, const Team& team);
+  /// `batches` of the problem; apply() uses their parts.
+  Preconditioner(const Problem& problem, std::vector<BatchBlock>& batches, const Team& team);
 
   /// Takes the block of free node `rank`: xx, xy, yy, xz, yz, zz of the lower triangle by rows.
   void set_block(std::int32_t rank, const std::array<double, 6>& triangle);
 
   CoarseLevel& coarse() { return coarse_; }
 
-  /// z = M⁻¹ r, d floats a free node; `r` has one float more at its end. Returns r · z, the same whatever the number of
-  /// threads.
+  /// z = M⁻¹ r, d floats a free node; both have padded(d) floats more at their end, which are 0. Returns r · z, the
+  /// same whatever the number of threads.
   double apply(std::span<const float> r, std::span<float> z);
 
  private:

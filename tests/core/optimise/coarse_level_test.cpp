@@ -37,8 +37,8 @@ class CoarseLevelTest : public ::testing::TestWithParam<Filling> {
     for (BatchBlock& block : batches_)
       for (std::int32_t b = 0; b < block.count; ++b)
         hessian_->linearise(block, b, block.cells->deformation_of(b * kBatch));
-    coarse_.emplace(problem_, team_);
-    team_.run([&] { coarse_->assemble(batches_, *hessian_); });
+    preconditioner_.emplace(problem_, batches_, team_);
+    team_.run([&] { preconditioner_->coarse().assemble(*hessian_); });
   }
 
   std::vector<float> random_vector(unsigned seed) const {
@@ -49,16 +49,13 @@ class CoarseLevelTest : public ::testing::TestWithParam<Filling> {
     return v;
   }
 
-  std::vector<float> apply(const std::vector<float>& r) {
-    std::vector<float> longer = r, z(r.size(), 0.0F);
-    longer.push_back(0);
-    team_.run([&] { coarse_->solve(longer); });
-    const FactorRows rows = coarse_->prolongation();
-    const std::size_t d = problem_.dimension;
-    for (std::size_t i = 0; rows.begin != nullptr && i < problem_.free.size(); ++i)
-      for (std::int32_t e = rows.begin[i]; e < rows.begin[i + 1]; ++e)
-        for (std::size_t k = 0; k < d; ++k)
-          z[i * d + k] += rows.factor[e] * coarse_->solution()[rows.column[e] * padded(problem_.dimension) + k];
+  /// I V Iᵀ r: the nodes' own blocks are not set, and 0.
+  std::vector<float> apply(std::vector<float> r) {
+    const std::size_t size = r.size();
+    r.resize(size + static_cast<std::size_t>(padded(problem_.dimension)));
+    std::vector<float> z(r.size());
+    team_.run([&] { preconditioner_->apply(r, z); });
+    z.resize(size);
     return z;
   }
 
@@ -73,7 +70,7 @@ class CoarseLevelTest : public ::testing::TestWithParam<Filling> {
   Team team_{1};
   std::unique_ptr<HessianKernels> hessian_;
   std::vector<BatchBlock> batches_;
-  std::optional<CoarseLevel> coarse_;
+  std::optional<Preconditioner> preconditioner_;
 };
 
 TEST_P(CoarseLevelTest, IsSymmetricAndNotNegative) {
