@@ -54,6 +54,9 @@ struct BatchBlock {
   }
 };
 
+/// Numbers in a symmetric matrix of d·d rows.
+constexpr int tensor_size(int dimension) { return dimension * dimension * (dimension * dimension + 1) / 2; }
+
 /// Where a block's parts are, at hand for loops over nodes.
 struct PartsOf {
   const float* data;
@@ -99,7 +102,8 @@ class HessianKernels {
   /// The cells' mean tensors M with dF ↦ Σ w dP : dF ≈ dG_ik M(ij, kl) dG_jl for dG constant in a cell:
   ///     M(ij, kl) = Σ 2 w f_Q δ_ij (A⁻¹A⁻ᵀ)_kl + w max(f_JJ, 0) (C A⁻ᵀ)_ik (C A⁻ᵀ)_jl,
   /// the positive part of the Hessian: f_J dC is left out (for constant f_J it is a null Lagrangian), and so are the
-  /// mixed terms. A strain's μ stands beside 2 f_Q. `out`: (d·d)² a cell of the block, row ij, column kl, row-major.
+  /// mixed terms. A strain's μ stands beside 2 f_Q. `out`: tensor_size(d) a cell of the block: lower triangle by rows
+  /// of M as a symmetric matrix from (i k) to (j l).
   virtual void mean_tensors(const BatchBlock& block, std::int32_t b, std::vector<float>& out) const = 0;
 };
 

@@ -19,29 +19,28 @@ namespace HWY_NAMESPACE {
 
 template <int d>
 class VectorCoarseKernels final : public CoarseKernels {
-  static constexpr int kNode = padded(d), kBlock = block_size(d);
+  static constexpr int kNode = padded(d);
   using Node = NodeVector<d>;
 
   /// A sum in d columns, so that each addition need not wait for the one before.
   struct Sum {
     Node column[3];
     HWY_INLINE Sum() : column{Node::zero(), Node::zero(), Node::zero()} {}
-    /// += K x, `stride` numbers from one column of K to the next.
+    /// += K x, of d columns of d numbers. In 3-D what follows a column comes into the fourth number of the sum.
     template <class Number>
-    HWY_INLINE void add(const Number* K, int stride, const float* x) {
+    HWY_INLINE void add(const Number* K, const float* x) {
       column[0] = column[0].plus(x[0], Node::load(K));
-      column[1] = column[1].plus(x[1], Node::load(K + stride));
-      if constexpr (d == 3) column[2] = column[2].plus(x[2], Node::load(K + 2 * stride));
+      column[1] = column[1].plus(x[1], Node::load(K + d));
+      if constexpr (d == 3) column[2] = column[2].plus(x[2], Node::load(K + 2 * d));
     }
     HWY_INLINE Node total() const { return column[0] + (column[1] + column[2]); }
   };
 
-  /// Σ K_ij x_j of a row's entries from `begin` to `end`, in the matrix' steps. In 3-D what follows a block's column
-  /// comes into the fourth number.
+  /// Σ K_ij x_j of a row's entries from `begin` to `end`, in the matrix' steps.
   static HWY_INLINE Node times_x(const BlockRows& rows, std::int64_t begin, std::int64_t end) {
     Sum sum;
     for (std::int64_t e = begin; e < end; ++e)
-      sum.add(rows.entry + e * d * d, d, rows.x + static_cast<std::ptrdiff_t>(rows.column[e]) * kNode);
+      sum.add(rows.entry + e * d * d, rows.x + static_cast<std::ptrdiff_t>(rows.column[e]) * kNode);
     return sum.total();
   }
 
@@ -95,7 +94,7 @@ class VectorCoarseKernels final : public CoarseKernels {
       alignas(16) float at[4];
       sum_of_parts<d>(cells + begin[i], cells + begin[i + 1], parts).store(at);
       Sum sum;
-      sum.add(blocks + i * kBlock, kNode, at);
+      sum.add(blocks + i * d * d, at);
       sum.total().store(to + i * kNode);
     }
   }
@@ -105,7 +104,7 @@ class VectorCoarseKernels final : public CoarseKernels {
     double along = 0;
     for (std::ptrdiff_t i = first; i < last; ++i) {
       Sum sum;
-      sum.add(blocks + i * kBlock, kNode, r + i * d);
+      sum.add(blocks + i * d * d, r + i * d);
       Node out = sum.total();
       if (space.count > 0) out = out + interpolated(problem.incidences[problem.offsets[i]], space, coarse);
       alignas(16) float at[4];

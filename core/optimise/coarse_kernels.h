@@ -11,9 +11,6 @@
 
 namespace varimesh {
 
-/// Floats of a d × d block: d columns of padded(d).
-constexpr int block_size(int dimension) { return dimension * padded(dimension); }
-
 /// A symmetric matrix of d × d blocks with the unit matrix on its diagonal, and what a cycle on it reads and writes.
 /// Vectors have padded(d) floats a node.
 struct BlockRows {
@@ -40,11 +37,12 @@ class CoarseKernels {
   /// The parts of a batch's cells become what each gives its coarse nodes of values at its own: Σ `rows` values, a row
   /// a coarse node of the cell. `values`: d floats a free node and padded(d) zeros.
   virtual void restrict_cells(BatchBlock& block, std::int32_t b, const SparseRows& rows, const float* values) const = 0;
-  /// to_i = B_i Σ the parts of coarse node i's cells, into padded vectors. B_i: block_size(d); cells[begin[i]], …
+  /// to_i = B_i Σ the parts of coarse node i's cells, into padded vectors. B_i: d columns of d,
+  /// and one number more after the last; cells[begin[i]], …
   virtual void add_up(const std::array<PartsOf, kShapes>& parts, const std::int32_t* begin, const Incidence* cells,
                       const float* blocks, float* to, std::int32_t first, std::int32_t last) const = 0;
   /// z_i = B_i r_i, plus what free node i gets from its first cell's coarse nodes, where `space` has any: of `coarse`,
-  /// padded vectors. r and z have d floats a node. Returns r · z. B_i: block_size(d).
+  /// padded vectors. r and z have d floats a node. Returns r · z. B_i: as above.
   virtual double precondition(const Problem& problem, const CoarseSpace& space, const float* coarse,
                               const float* blocks, const float* r, float* z, std::int32_t first,
                               std::int32_t last) const = 0;

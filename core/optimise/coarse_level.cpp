@@ -20,13 +20,6 @@ constexpr std::int32_t kMostLinear = 200000;
 
 template <int d>
 using Square = Eigen::Matrix<float, d * d, d * d, Eigen::RowMajor>;
-/// As BlockRows has it: columns of padded(d).
-template <int d>
-void store_block(const Eigen::Matrix<float, d, d>& block, float* to) {
-  for (int j = 0; j < d; ++j)
-    for (int i = 0; i < d; ++i) to[j * padded(d) + i] = block(i, j);
-}
-
 /// v becomes L v or Lᵀ v, from L⁻¹; 0 where that is 0.
 template <int d>
 void solve_lower(const Eigen::Matrix<float, d, d, Eigen::RowMajor>& inverse, float* v) {
@@ -97,10 +90,8 @@ CoarseLevel::CoarseLevel(const Problem& problem, std::vector<BatchBlock>& batche
       space_(coarse_space(problem, coarse_order(problem))),
       linear_(coarse_space(problem, 1)),
       kernels_(make_coarse_kernels(problem.dimension)) {
-  for (const CellBlock& block : problem.blocks) {
-    const std::size_t square = static_cast<std::size_t>(block.dimension) * block.dimension;
-    tensors_.emplace_back(block.count * square * square);
-  }
+  for (const CellBlock& block : problem.blocks)
+    tensors_.emplace_back(static_cast<std::size_t>(block.count) * tensor_size(block.dimension));
   colour();
   for (const CoarseSpace::Block& block : space_.blocks)
     to_coarse_.push_back(transposed(block.values, block.nodes_per_cell));
@@ -110,7 +101,7 @@ CoarseLevel::CoarseLevel(const Problem& problem, std::vector<BatchBlock>& batche
   const int d = problem.dimension;
   const std::size_t floats = static_cast<std::size_t>(space_.count) * padded(d);
   entry_.resize(column_.size() * d * d + 1);
-  inverse_factor_.resize(static_cast<std::size_t>(space_.count) * block_size(d));
+  inverse_factor_.resize(static_cast<std::size_t>(space_.count) * d * d + 1);
   r_.resize(floats);
   x_.resize(floats);
   residual_.resize(floats);
@@ -183,23 +174,35 @@ void CoarseLevel::find_neighbours() {
 }
 
 template <int d>
-CoarseLevel::BlockMatrix<d> CoarseLevel::stiffness(const Incidence& place, int other) const {
-  constexpr int kSquare = d * d;
-  const CoarseSpace::Block& block = space_.blocks[place.block];
-  const Eigen::Map<const Square<d>> M(tensors_[place.block].data() +
-                                      static_cast<std::size_t>(place.cell) * kSquare * kSquare);
-  const Eigen::Map<const Eigen::Matrix<float, kSquare, 1>> means(
-      block.stiffness.data() + (static_cast<std::size_t>(place.local) * block.nodes_per_cell + other) * kSquare);
-  BlockMatrix<d> K;
-  Eigen::Map<Eigen::Matrix<float, kSquare, 1>>(K.data()) = M * means;
+CoarseLevel::Tensor<d> CoarseLevel::tensor(std::size_t block, std::int32_t cell) const {
+  const float* from = tensors_[block].data() + static_cast<std::size_t>(cell) * tensor_size(d);
+  Tensor<d> M;
+  for (int ik = 0; ik < d * d; ++ik)
+    for (int jl = 0; jl <= ik; ++jl) {
+      const int i = ik / d, k = ik % d, j = jl / d, l = jl % d;
+      M(i * d + j, k * d + l) = M(j * d + i, l * d + k) = *from++;
+    }
+  return M;
+}
+
+/// M times the means of ∂_k φ_a ∂_l φ_b: the cell's block between its coarse nodes a and b.
+template <int d>
+Eigen::Matrix<float, d, d, Eigen::RowMajor> stiffness(const Square<d>& M, const CoarseSpace::Block& block, int a,
+                                                      int b) {
+  const Eigen::Map<const Eigen::Matrix<float, d * d, 1>> means(
+      block.stiffness.data() + (static_cast<std::size_t>(a) * block.nodes_per_cell + b) * d * d);
+  Eigen::Matrix<float, d, d, Eigen::RowMajor> K;
+  Eigen::Map<Eigen::Matrix<float, d * d, 1>>(K.data()) = M * means;
   return K;
 }
 
 template <int d>
 void CoarseLevel::factorise_diagonal(std::int32_t node) {
   BlockMatrix<d> K = BlockMatrix<d>::Zero();
-  for (std::int32_t p = places_begin_[node]; p < places_begin_[node + 1]; ++p)
-    K += stiffness<d>(places_[p], places_[p].local);
+  for (std::int32_t p = places_begin_[node]; p < places_begin_[node + 1]; ++p) {
+    const Incidence& at = places_[p];
+    K += stiffness<d>(tensor<d>(at.block, at.cell), space_.blocks[at.block], at.local, at.local);
+  }
   Eigen::Matrix<double, d, d> D = K.template cast<double>();
   D.diagonal().array() += 1e-6 * D.trace();
   Eigen::Matrix<double, d, d> inverse = Eigen::Matrix<double, d, d>::Zero();
@@ -207,8 +210,8 @@ void CoarseLevel::factorise_diagonal(std::int32_t node) {
     const Eigen::LLT<Eigen::Matrix<double, d, d>> factor(D);
     if (factor.info() == Eigen::Success) inverse = factor.matrixL().solve(Eigen::Matrix<double, d, d>::Identity());
   }
-  store_block<d>(inverse.template cast<float>(),
-                 inverse_factor_.data() + static_cast<std::size_t>(node) * block_size(d));
+  Eigen::Map<Eigen::Matrix<float, d, d>>(inverse_factor_.data() + static_cast<std::size_t>(node) * d * d) =
+      inverse.template cast<float>();
 }
 
 template <int d>
@@ -217,11 +220,13 @@ void CoarseLevel::assemble_row(std::int32_t node) {
   static thread_local std::vector<BlockMatrix<d>> row;
   row.assign(end - begin, BlockMatrix<d>::Zero());
   for (std::int32_t p = places_begin_[node]; p < places_begin_[node + 1]; ++p) {
-    const CoarseSpace::Block& block = space_.blocks[places_[p].block];
-    const std::int32_t* nodes = block.nodes.data() + static_cast<std::size_t>(places_[p].cell) * block.nodes_per_cell;
+    const Incidence& at = places_[p];
+    const CoarseSpace::Block& block = space_.blocks[at.block];
+    const Tensor<d> M = tensor<d>(at.block, at.cell);
+    const std::int32_t* nodes = block.nodes.data() + static_cast<std::size_t>(at.cell) * block.nodes_per_cell;
     for (int b = 0; b < block.nodes_per_cell; ++b)
       if (nodes[b] >= 0 && nodes[b] != node)
-        row[std::lower_bound(begin, end, nodes[b]) - begin] += stiffness<d>(places_[p], b);
+        row[std::lower_bound(begin, end, nodes[b]) - begin] += stiffness<d>(M, block, at.local, b);
   }
   const BlockMatrix<d> own = kEntrySteps * inverse_factor<d>(node);
   std::int16_t* to = entry_.data() + row_begin_[node] * d * d;
@@ -235,31 +240,24 @@ void CoarseLevel::assemble_row(std::int32_t node) {
 
 template <int d>
 CoarseLevel::BlockMatrix<d> CoarseLevel::inverse_factor(std::int32_t node) const {
-  const float* from = inverse_factor_.data() + static_cast<std::size_t>(node) * block_size(d);
-  BlockMatrix<d> out;
-  for (int j = 0; j < d; ++j)
-    for (int i = 0; i < d; ++i) out(i, j) = from[j * padded(d) + i];
-  return out;
+  return Eigen::Map<const Eigen::Matrix<float, d, d>>(inverse_factor_.data() + static_cast<std::size_t>(node) * d * d);
 }
 
 template <int d>
 void CoarseLevel::assemble_linear() {
-  constexpr int kSquare = d * d;
   std::vector<Eigen::Triplet<double>> entries;
   for (std::size_t b = 0; b < linear_.blocks.size(); ++b) {
     const CoarseSpace::Block& block = linear_.blocks[b];
     const int n = block.nodes_per_cell;
     for (std::int32_t cell = 0; cell < problem_.blocks[b].count; ++cell) {
       const std::int32_t* nodes = block.nodes.data() + static_cast<std::size_t>(cell) * n;
-      const Eigen::Map<const Square<d>> M(tensors_[b].data() + static_cast<std::size_t>(cell) * kSquare * kSquare);
+      const Tensor<d> M = tensor<d>(b, cell);
       for (int a = 0; a < n; ++a)
         for (int c = 0; c < n; ++c) {
           if (nodes[a] < 0 || nodes[c] < 0 || nodes[c] > nodes[a]) continue;
-          const Eigen::Map<const Eigen::Matrix<float, kSquare, 1>> means(
-              block.stiffness.data() + (static_cast<std::size_t>(a) * n + c) * kSquare);
-          const Eigen::Matrix<float, kSquare, 1> K = M * means;
+          const BlockMatrix<d> K = stiffness<d>(M, block, a, c);
           double mean = 0;
-          for (int i = 0; i < d; ++i) mean += K[i * d + i] / d;
+          for (int i = 0; i < d; ++i) mean += K(i, i) / d;
           entries.emplace_back(nodes[a], nodes[c], mean * (a == c ? 1 + 1e-6 : 1.0));
         }
     }
@@ -271,6 +269,7 @@ void CoarseLevel::assemble_linear() {
     entries.emplace_back(vertex, vertex, kLeastPivot * largest);
   Eigen::SparseMatrix<double> A(linear_.count, linear_.count);
   A.setFromTriplets(entries.begin(), entries.end());
+  std::vector<Eigen::Triplet<double>>().swap(entries);
   if (!analysed_) factor_.analyzePattern(A);
   analysed_ = true;
   factor_.factorize(A);

@@ -65,9 +65,12 @@ class CoarseLevel {
   template <int d>
   using BlockMatrix = Eigen::Matrix<float, d, d, Eigen::RowMajor>;
 
-  /// A cell's part of K between its node in that place and its node `other`.
+  /// A row for each (i j), a column for each (k l).
   template <int d>
-  BlockMatrix<d> stiffness(const Incidence& place, int other) const;
+  using Tensor = Eigen::Matrix<float, d * d, d * d, Eigen::RowMajor>;
+
+  template <int d>
+  Tensor<d> tensor(std::size_t block, std::int32_t cell) const;
   template <int d>
   void factorise_diagonal(std::int32_t node);
   template <int d>
@@ -98,8 +101,8 @@ class CoarseLevel {
   std::vector<std::int64_t> row_begin_;      ///< Block rows.
   std::vector<std::int32_t> column_;         ///< Ascending in a row.
   AlignedVector<std::int16_t> entry_;        ///< As BlockRows has them.
-  AlignedVector<float> inverse_factor_;      ///< L⁻¹, block_size(d) a node; 0 where K_ii is.
-  std::vector<std::vector<float>> tensors_;  ///< By block: d⁴ a cell, M(i j, k l).
+  AlignedVector<float> inverse_factor_;      ///< L⁻¹, d columns of d a node, and one more number; 0 where K_ii is.
+  std::vector<std::vector<float>> tensors_;  ///< By block: as HessianKernels::mean_tensors.
   AlignedVector<float> r_, x_, residual_;    ///< padded(d) a node.
   BlockRows rows_{};                         ///< All of these.
   std::unique_ptr<CoarseKernels> kernels_;

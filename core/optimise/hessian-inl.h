@@ -33,6 +33,7 @@ class VectorHessian final : public VectorLinearisation<E, d> {
   using Kept::mu;
   using Gradient = FoldedLanes<d>;
   using Cells = CellLanes<d>;
+  static constexpr int kTensor = tensor_size(d);
 
  public:
   using Kept::Kept;
@@ -52,26 +53,25 @@ class VectorHessian final : public VectorLinearisation<E, d> {
   }
 
   HWY_FLATTEN void mean_tensors(const BatchBlock& block, std::int32_t b, std::vector<float>& out) const override {
-    constexpr int kSquare = d * d;
     const CellBlock& cells = *block.cells;
     const int per_cell = cells.affine ? 1 : cells.points;
-    alignas(64) float sums[kSquare * kSquare * kBatch];
+    alignas(64) float sums[kTensor * kBatch];
     for (int lane = 0; lane < kBatch; lane += static_cast<int>(hn::Lanes(FloatTag()))) {
       const KeptPoint kept(block, b, lane);
-      Floats M[kSquare * kSquare];
-      unrolled<kSquare * kSquare>([&](auto entry) { M[entry] = hn::Zero(FloatTag()); });
+      Floats M[kTensor];
+      unrolled<kTensor>([&](auto entry) { M[entry] = hn::Zero(FloatTag()); });
       for (int q = 0; q < cells.points; ++q) {
         FloatMatrix<d> inverse;
         inverse.load_from(block.inverse_target.data() +
-                          (static_cast<std::size_t>(b) * per_cell + (cells.affine ? 0 : q)) * kSquare * kBatch + lane);
+                          (static_cast<std::size_t>(b) * per_cell + (cells.affine ? 0 : q)) * d * d * kBatch + lane);
         inverse = in_reference_coordinates(block, inverse);
         add_mean(kept.deformation(q), kept.partials(q), inverse, M);
       }
-      unrolled<kSquare * kSquare>([&](auto entry) { hn::Store(M[entry], FloatTag(), sums + entry * kBatch + lane); });
+      unrolled<kTensor>([&](auto entry) { hn::Store(M[entry], FloatTag(), sums + entry * kBatch + lane); });
     }
     for (int lane = 0; lane < kBatch && b * kBatch + lane < cells.count; ++lane) {
-      float* to = out.data() + static_cast<std::size_t>(b * kBatch + lane) * kSquare * kSquare;
-      for (int entry = 0; entry < kSquare * kSquare; ++entry) to[entry] = sums[entry * kBatch + lane];
+      float* to = out.data() + static_cast<std::size_t>(b * kBatch + lane) * kTensor;
+      for (int entry = 0; entry < kTensor; ++entry) to[entry] = sums[entry * kBatch + lane];
       if (!block.left_factor.empty()) turn_by_left_factor(block, b, lane, to);
     }
   }
@@ -260,11 +260,10 @@ class VectorHessian final : public VectorLinearisation<E, d> {
     const Floats volume = hn::Max(load(partials + kJJ * kBatch), hn::Zero(FloatTag()));
     const FloatMatrix<d> S = inverse.template times<true>(inverse);  // A⁻¹ A⁻ᵀ
     const FloatMatrix<d> c = cofactor_of<d>(F).template times<true>(inverse);
-    unrolled<d * d>([&](auto ij) {
-      const int i = ij / d, j = ij % d;
-      unrolled<d * d>([&](auto kl) {
-        const int k = kl / d, l = kl % d;
-        Floats& entry = M[ij * d * d + kl];
+    unrolled<d * d>([&](auto ik) {
+      unrolled_through(ik, [&](auto jl) {
+        const int i = ik / d, k = ik % d, j = jl / d, l = jl % d;
+        Floats& entry = M[ik * (ik + 1) / 2 + jl];
         entry = hn::MulAdd(volume * c.at[i][k], c.at[j][l], entry);
         if (i == j) entry = hn::MulAdd(shape, S.at[k][l], entry);
       });
@@ -273,15 +272,17 @@ class VectorHessian final : public VectorLinearisation<E, d> {
 
   /// Displacements are multiplied by L before they become dG: L M L in i and j.
   static void turn_by_left_factor(const BatchBlock& block, std::int32_t b, int lane, float* M) {
-    constexpr int kSquare = d * d;
-    const float* L = block.left_factor.data() + static_cast<std::size_t>(b) * kSquare * kBatch + lane;
-    float turned[kSquare * kSquare] = {};
-    for (int ij = 0; ij < kSquare; ++ij)
-      for (int mn = 0; mn < kSquare; ++mn)
-        for (int kl = 0; kl < kSquare; ++kl)
-          turned[ij * kSquare + kl] +=
-              L[(ij / d * d + mn / d) * kBatch] * L[(ij % d * d + mn % d) * kBatch] * M[mn * kSquare + kl];
-    std::copy_n(turned, kSquare * kSquare, M);
+    const float* L = block.left_factor.data() + static_cast<std::size_t>(b) * d * d * kBatch + lane;
+    float turned[kTensor] = {};
+    for (int ik = 0; ik < d * d; ++ik)
+      for (int jl = 0; jl <= ik; ++jl)
+        for (int m = 0; m < d; ++m)
+          for (int n = 0; n < d; ++n) {
+            const int mk = m * d + ik % d, nl = n * d + jl % d, row = std::max(mk, nl), column = std::min(mk, nl);
+            turned[ik * (ik + 1) / 2 + jl] +=
+                L[(ik / d * d + m) * kBatch] * L[(jl / d * d + n) * kBatch] * M[row * (row + 1) / 2 + column];
+          }
+    std::copy_n(turned, kTensor, M);
   }
 
   /// The components of dG become those of w dP A⁻ᵀ.

@@ -5,7 +5,6 @@
 #include "core/energy/material.h"
 #include "core/optimise/batches.h"
 #include "core/optimise/cells.h"
-#include "core/optimise/coarse_kernels.h"
 #include "core/quality/certificate.h"
 #include "core/reference/quadrature.h"
 
@@ -20,16 +19,18 @@ double bytes_of_cell(Shape shape, int order, const Options& options, int hessian
   const double points = static_cast<double>(reference::quadrature(shape, order, degree).weights.size());
   const double stride = std::ceil(points / kPointPadding) * kPointPadding;
   const double targets = (square + 1) * (info.affine ? 1 : stride);
-  double bytes = 8 * (square * stride + targets);               // F, A⁻¹ and its measure
-  bytes += nodes * (4 + sizeof(Incidence) + 2 * 4);             // the mesh's and the problem's lists of nodes
-  bytes += 3 * sizeof(Certificate) + sizeof(double) * 10 + 40;  // the guard's, the scans', who is awake
+  double bytes = 8 * targets;                                          // A⁻¹ and its measure
+  if (options.method != Method::Newton) bytes += 8 * square * stride;  // F
+  bytes += nodes * (4 + sizeof(Incidence) + 2 * 4);                    // the mesh's and the problem's lists of nodes
+  bytes += 3 * sizeof(Certificate) + sizeof(double) * 10 + 40;         // the guard's, the scans', who is awake
   if (options.method == Method::Sweeps || options.max_iterations == 0) return bytes;
   bytes += points * (4 * hessian_entries + 2 * square) + 4 * (square + 1);                  // the linearisation
   if (options.p_norm > 1 || options.objective == Objective::Worst) bytes += 4 * nodes * d;  // the cells' gradients
   bytes += 4 * nodes * (2 * d + 1) + 4 * square * (info.affine ? 1 : points);               // products, ranks, A⁻¹
   const double coarse = reference::node_count(shape, std::min(order, 2));                   // nodes of the coarse level
-  const double block = block_size(info.dimension);
-  return bytes + 4 * square * square + coarse * coarse * (4 + 2 * block);  // its tensors, slots and matrix
+  // Its tensors, places, and matrix: neighbours share what their cells have of a row.
+  return bytes + 4 * tensor_size(info.dimension) + coarse * (4 + sizeof(Incidence)) +
+         0.75 * coarse * coarse * (4 + 2 * square);
 }
 
 }  // namespace
@@ -43,10 +44,8 @@ std::int64_t memory_needed(const HighOrderMesh& mesh, const Options& options) {
     if (reference::info(block.shape).dimension == mesh.dimension && block.size() > 0)
       bytes += static_cast<double>(block.size()) * bytes_of_cell(block.shape, order, options, entries);
   const double nodes = static_cast<double>(mesh.node_count()) * std::pow(double(order) / mesh.order, d);
-  // The way to the coarse level and back.
-  if (options.method != Method::Sweeps) bytes += nodes * 16 * (d == 2 ? 8 : 12);
   // Coordinates of the mesh, of the guard and of the best mesh seen; positions, steps and directions; who is awake.
-  bytes += nodes * (3 * 24 + 2 * 8 + d * (6 * 8 + 4 * 4) + 4 * block_size(mesh.dimension) + 60);
+  bytes += nodes * (3 * 24 + 2 * 8 + d * (6 * 8 + 3 * 4) + 4 * d * d + 60);
   if (options.objective == Objective::Worst) bytes += 24 * nodes;
   // How far splitting goes is known only afterwards; coarse meshes have grown threefold, beside two more of them.
   if (options.repair == Repair::Split) bytes *= 4;
