@@ -59,8 +59,9 @@ struct Optimiser::State {
                 const OnIteration& on_iteration, const RunControl& control, Team& team, Result& result);
   HighOrderMesh with_coordinates(std::vector<double> coordinates) const;
   RunParts parts(const Stage& stage, Guard& guard, BestSeen& best, const Team& team);
-  /// At the end of a stage: whether its mesh is the best so far.
-  bool worst_was_raised(Guard& guard, BestSeen& best, bool first, const Team& team) const;
+  /// At the end of a stage: whether its mesh is the best so far, or the stage was broken off before it could be, which
+  /// says nothing of the next.
+  bool worst_may_rise(Guard& guard, BestSeen& best, bool first, StopReason ended, const Team& team) const;
   void iterate(Run& run, const Stage& stage, const OnIteration& on_iteration, const RunControl& control, Team& team,
                Result& result) const;
   std::uint64_t fingerprint_of_run(const RunControl& control, const Stage& stage) const;
@@ -230,7 +231,7 @@ bool Optimiser::State::optimise(const Certifier& certifier, std::vector<Certific
     result.stop_reason = *nothing_to_do;
   else
     iterate(*run, stages[stage], on_iteration, control, team, result);
-  while (stages.size() > 1 && worst_was_raised(*guard, *best, stage == 0, team) && !nothing_to_do &&
+  while (stages.size() > 1 && worst_may_rise(*guard, *best, stage == 0, result.stop_reason, team) && !nothing_to_do &&
          (result.stop_reason == StopReason::Converged || result.stop_reason == StopReason::NoProgress) &&
          ++stage < stages.size()) {
     level_targets(problem);
@@ -275,7 +276,8 @@ RunParts Optimiser::State::parts(const Stage& stage, Guard& guard, BestSeen& bes
   return {stage.options, problem, schedule, *stage.kernels, stage.hessian.get(), guard, best, team};
 }
 
-bool Optimiser::State::worst_was_raised(Guard& guard, BestSeen& best, bool first, const Team& team) const {
+bool Optimiser::State::worst_may_rise(Guard& guard, BestSeen& best, bool first, StopReason ended,
+                                      const Team& team) const {
   team.run([&] {
     guard.look();
     guard.settle();
@@ -288,7 +290,7 @@ bool Optimiser::State::worst_was_raised(Guard& guard, BestSeen& best, bool first
   if (mean < best.floor) return false;
   const double before = best.highest();
   team.run([&] { best.look(guard); });
-  return best.highest() > before;
+  return best.highest() > before || ended == StopReason::NoProgress;
 }
 
 void Optimiser::State::iterate(Run& run, const Stage& stage, const OnIteration& on_iteration, const RunControl& control,
