@@ -103,15 +103,17 @@ class VectorCoarseKernels final : public CoarseKernels {
                       const float* r, float* z, std::int32_t first, std::int32_t last) const override {
     double along = 0;
     for (std::ptrdiff_t i = first; i < last; ++i) {
-      Sum sum;
-      sum.add(blocks + i * d * d, r + i * d);
-      Node out = sum.total();
-      if (space.count > 0) out = out + interpolated(problem.incidences[problem.offsets[i]], space, coarse);
-      alignas(16) float at[4];
-      out.store(at);
+      alignas(16) float at[4] = {};
+      if (space.count > 0) interpolated(problem.incidences[problem.offsets[i]], space, coarse).store(at);
+      const float *B = blocks + i * triangle_size(d), *from = r + i * d;
+      for (int k = 0, entry = 0; k < d; ++k)
+        for (int l = 0; l <= k; ++l, ++entry) {
+          at[k] += B[entry] * from[l];
+          if (l < k) at[l] += B[entry] * from[k];
+        }
       for (int k = 0; k < d; ++k) {
         z[i * d + k] = at[k];
-        along += static_cast<double>(at[k]) * r[i * d + k];
+        along += static_cast<double>(at[k]) * from[k];
       }
     }
     return along;

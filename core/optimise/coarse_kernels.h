@@ -11,6 +11,9 @@
 
 namespace varimesh {
 
+/// Numbers in a symmetric matrix of d rows.
+constexpr int triangle_size(int dimension) { return dimension * (dimension + 1) / 2; }
+
 /// A symmetric matrix of d × d blocks with the unit matrix on its diagonal, and what a cycle on it reads and writes.
 /// Vectors have padded(d) floats a node.
 struct BlockRows {
@@ -42,7 +45,8 @@ class CoarseKernels {
   virtual void add_up(const std::array<PartsOf, kShapes>& parts, const std::int32_t* begin, const Incidence* cells,
                       const float* blocks, float* to, std::int32_t first, std::int32_t last) const = 0;
   /// z_i = B_i r_i, plus what free node i gets from its first cell's coarse nodes, where `space` has any: of `coarse`,
-  /// padded vectors. r and z have d floats a node. Returns r · z. B_i: as above.
+  /// padded vectors. r and z have d floats a node. Returns r · z. B_i: the lower triangle by
+  /// rows.
   virtual double precondition(const Problem& problem, const CoarseSpace& space, const float* coarse,
                               const float* blocks, const float* r, float* z, std::int32_t first,
                               std::int32_t last) const = 0;

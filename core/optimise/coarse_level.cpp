@@ -243,36 +243,43 @@ CoarseLevel::BlockMatrix<d> CoarseLevel::inverse_factor(std::int32_t node) const
   return Eigen::Map<const Eigen::Matrix<float, d, d>>(inverse_factor_.data() + static_cast<std::size_t>(node) * d * d);
 }
 
-template <int d>
-void CoarseLevel::assemble_linear() {
-  std::vector<Eigen::Triplet<double>> entries;
+template <class Body>
+void CoarseLevel::for_linear_pairs(const Body& body) const {
   for (std::size_t b = 0; b < linear_.blocks.size(); ++b) {
     const CoarseSpace::Block& block = linear_.blocks[b];
     const int n = block.nodes_per_cell;
     for (std::int32_t cell = 0; cell < problem_.blocks[b].count; ++cell) {
       const std::int32_t* nodes = block.nodes.data() + static_cast<std::size_t>(cell) * n;
-      const Tensor<d> M = tensor<d>(b, cell);
-      for (int a = 0; a < n; ++a)
-        for (int c = 0; c < n; ++c) {
-          if (nodes[a] < 0 || nodes[c] < 0 || nodes[c] > nodes[a]) continue;
-          const BlockMatrix<d> K = stiffness<d>(M, block, a, c);
-          double mean = 0;
-          for (int i = 0; i < d; ++i) mean += K(i, i) / d;
-          entries.emplace_back(nodes[a], nodes[c], mean * (a == c ? 1 + 1e-6 : 1.0));
-        }
+      for (int i = 0; i < n; ++i)
+        for (int j = 0; j < n; ++j)
+          if (nodes[j] >= 0 && nodes[i] >= nodes[j]) body(b, cell, i, j, nodes[i], nodes[j]);
     }
   }
+}
+
+void CoarseLevel::find_linear_pattern() {
+  std::vector<Eigen::Triplet<double>> entries;
+  for_linear_pairs([&](std::size_t, std::int32_t, int, int, std::int32_t row, std::int32_t column) {
+    entries.emplace_back(row, column, 0.0);
+  });
+  linear_matrix_.resize(linear_.count, linear_.count);
+  linear_matrix_.setFromTriplets(entries.begin(), entries.end());
+  factor_.analyzePattern(linear_matrix_);
+}
+
+template <int d>
+void CoarseLevel::assemble_linear() {
+  if (linear_matrix_.nonZeros() == 0) find_linear_pattern();
+  linear_matrix_.coeffs().setZero();
+  for_linear_pairs([&](std::size_t b, std::int32_t cell, int i, int j, std::int32_t row, std::int32_t column) {
+    const double mean = stiffness<d>(tensor<d>(b, cell), linear_.blocks[b], i, j).trace() / d;
+    linear_matrix_.coeffRef(row, column) += mean * (i == j ? 1 + 1e-6 : 1.0);
+  });
   // Where the p-norm makes next to nothing of a vertex's cells, the factor still needs a pivot.
-  double largest = 0;
-  for (const Eigen::Triplet<double>& entry : entries) largest = std::max(largest, entry.value());
+  const double largest = linear_matrix_.coeffs().maxCoeff();
   for (std::int32_t vertex = 0; vertex < linear_.count; ++vertex)
-    entries.emplace_back(vertex, vertex, kLeastPivot * largest);
-  Eigen::SparseMatrix<double> A(linear_.count, linear_.count);
-  A.setFromTriplets(entries.begin(), entries.end());
-  std::vector<Eigen::Triplet<double>>().swap(entries);
-  if (!analysed_) factor_.analyzePattern(A);
-  analysed_ = true;
-  factor_.factorize(A);
+    linear_matrix_.coeffRef(vertex, vertex) += kLeastPivot * largest;
+  factor_.factorize(linear_matrix_);
   if (factor_.info() != Eigen::Success) solves_linear_ = false;
 }
 

@@ -77,6 +77,11 @@ class CoarseLevel {
   BlockMatrix<d> inverse_factor(std::int32_t node) const;
   template <int d>
   void assemble_row(std::int32_t node);
+  /// Calls body(block, cell, i, j, row, column) for every cell's linear nodes i and j of which the one's number is not
+  /// below the other's: the lower triangle.
+  template <class Body>
+  void for_linear_pairs(const Body& body) const;
+  void find_linear_pattern();
   template <int d>
   void assemble_linear();
   /// Calls body(first, last) for ranges of the coarse nodes from `begin` to `end`.
@@ -106,8 +111,9 @@ class CoarseLevel {
   AlignedVector<float> r_, x_, residual_;    ///< padded(d) a node.
   BlockRows rows_{};                         ///< All of these.
   std::unique_ptr<CoarseKernels> kernels_;
+  Eigen::SparseMatrix<double> linear_matrix_;  ///< Lower triangle.
   Eigen::SimplicialLDLT<Eigen::SparseMatrix<double>> factor_;
-  bool analysed_ = false, solves_linear_ = false;
+  bool solves_linear_ = false;
   Eigen::MatrixXd linear_right_, linear_left_;  ///< linear nodes × d
 };
 

@@ -45,7 +45,7 @@ std::int64_t memory_needed(const HighOrderMesh& mesh, const Options& options) {
       bytes += static_cast<double>(block.size()) * bytes_of_cell(block.shape, order, options, entries);
   const double nodes = static_cast<double>(mesh.node_count()) * std::pow(double(order) / mesh.order, d);
   // Coordinates of the mesh, of the guard and of the best mesh seen; positions, steps and directions; who is awake.
-  bytes += nodes * (3 * 24 + 2 * 8 + d * (6 * 8 + 3 * 4) + 4 * d * d + 60);
+  bytes += nodes * (3 * 24 + 2 * 8 + d * (6 * 8 + 3 * 4) + 2 * d * (d + 1) + 60);
   if (options.objective == Objective::Worst) bytes += 24 * nodes;
   // How far splitting goes is known only afterwards; coarse meshes have grown threefold, beside two more of them.
   if (options.repair == Repair::Split) bytes *= 4;

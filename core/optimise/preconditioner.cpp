@@ -18,7 +18,7 @@ void invert_block(const std::array<double, 6>& triangle, float* inverse) {
   for (int i = 0, entry = 0; i < d; ++i)
     for (int j = 0; j <= i; ++j, ++entry) H(i, j) = H(j, i) = triangle[entry];
   if (!(H.norm() >= kNothing)) {
-    std::fill_n(inverse, d * d, 0.0F);  // its inverse is no float: the node waits for the others
+    std::fill_n(inverse, triangle_size(d), 0.0F);  // its inverse is no float: the node waits for the others
     return;
   }
   // |H| |H⁻¹| in the Frobenius norm bounds the eigenvalues' ratio: where it is small nothing is clamped.
@@ -32,7 +32,7 @@ void invert_block(const std::array<double, 6>& triangle, float* inverse) {
     out = eigen.eigenvectors() * clamped.cwiseInverse().asDiagonal() * eigen.eigenvectors().transpose();
   }
   for (int i = 0; i < d; ++i)
-    for (int j = 0; j < d; ++j) inverse[j * d + i] = static_cast<float>(out(i, j));
+    for (int j = 0; j <= i; ++j) *inverse++ = static_cast<float>(out(i, j));
 }
 
 }  // namespace
@@ -42,12 +42,12 @@ Preconditioner::Preconditioner(const Problem& problem, std::vector<BatchBlock>& 
       team_(team),
       coarse_(problem, batches, team),
       kernels_(make_coarse_kernels(problem.dimension)),
-      inverse_blocks_(problem.free.size() * problem.dimension * problem.dimension + 1),
+      inverse_blocks_(problem.free.size() * triangle_size(problem.dimension)),
       partial_((problem.free.size() + kNodesPerTask - 1) / kNodesPerTask) {}
 
 void Preconditioner::set_block(std::int32_t rank, const std::array<double, 6>& triangle) {
   const int d = problem_.dimension;
-  float* inverse = inverse_blocks_.data() + static_cast<std::size_t>(rank) * d * d;
+  float* inverse = inverse_blocks_.data() + static_cast<std::size_t>(rank) * triangle_size(d);
   d == 2 ? invert_block<2>(triangle, inverse) : invert_block<3>(triangle, inverse);
 }
 

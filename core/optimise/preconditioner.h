@@ -36,7 +36,7 @@ class Preconditioner {
   const Team& team_;
   CoarseLevel coarse_;
   std::unique_ptr<CoarseKernels> kernels_;
-  AlignedVector<float> inverse_blocks_;  ///< d columns of d a free node, and one more number.
+  AlignedVector<float> inverse_blocks_;  ///< Lower triangle by rows, a free node.
   std::vector<double> partial_;          ///< Of r · z, a task's.
 };
 
