@@ -258,12 +258,14 @@ void CoarseLevel::for_linear_pairs(const Body& body) const {
 }
 
 void CoarseLevel::find_linear_pattern() {
-  std::vector<Eigen::Triplet<double>> entries;
-  for_linear_pairs([&](std::size_t, std::int32_t, int, int, std::int32_t row, std::int32_t column) {
-    entries.emplace_back(row, column, 0.0);
-  });
   linear_matrix_.resize(linear_.count, linear_.count);
-  linear_matrix_.setFromTriplets(entries.begin(), entries.end());
+  {
+    std::vector<Eigen::Triplet<double>> entries;
+    for_linear_pairs([&](std::size_t, std::int32_t, int, int, std::int32_t row, std::int32_t column) {
+      entries.emplace_back(row, column, 0.0);
+    });
+    linear_matrix_.setFromTriplets(entries.begin(), entries.end());
+  }
   factor_.analyzePattern(linear_matrix_);
 }
 
