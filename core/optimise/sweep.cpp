@@ -85,7 +85,6 @@ Sweeper::Sweeper(Problem& problem, const Schedule& schedule, const Kernels& kern
       changed_(problem.cells, 1),
       drifted_(problem.cells, 1),
       rest_(rest),
-      visited_at_(problem.free.size(), 0),
       moved_at_(problem.cells, 0),
       moves_(problem.cells, 0.0) {
   grain_ = std::max<std::int32_t>(1, static_cast<std::int32_t>(kNodesPerTask * schedule.group_count() /
@@ -106,7 +105,8 @@ void Sweeper::rebuild() {
 }
 
 bool Sweeper::refresh() {
-  if (visited_at_.size() != problem_.free.size() || moved_at_.size() != scans_.size() || moves_.size() != scans_.size())
+  if ((!visited_at_.empty() && visited_at_.size() != problem_.free.size()) || moved_at_.size() != scans_.size() ||
+      moves_.size() != scans_.size())
     return false;
   drop_deformation(problem_);
   for (CellBlock& block : problem_.blocks)
@@ -188,6 +188,7 @@ ScanReport Sweeper::scan() {
 
 SweepReport Sweeper::sweep() {
   visits_.resize(problem_.free.size());  // the first time
+  visited_at_.resize(problem_.free.size());
   if (!holds_deformation(problem_)) rebuild();
   for (std::size_t colour = 0; colour + 1 < schedule_.colours.size(); ++colour) {
     const std::int32_t first = schedule_.colours[colour], count = schedule_.colours[colour + 1] - first;

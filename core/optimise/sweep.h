@@ -95,10 +95,11 @@ class Sweeper {
   double rest_;
   std::int64_t clock_ = 1;
   std::int64_t largest_group_ = 0;
-  std::int32_t grain_ = 1;                ///< Groups a task.
-  std::vector<std::int64_t> visited_at_;  ///< By rank; 0: to be visited again, come what may.
-  std::vector<std::int64_t> moved_at_;    ///< By cell: when it last saw its nodes move far enough.
-  std::vector<double> moves_;             ///< By cell: added up since then.
+  std::int32_t grain_ = 1;  ///< Groups a task.
+  std::vector<std::int64_t>
+      visited_at_;  ///< By rank; 0: to be visited again, come what may. Empty before the first sweep.
+  std::vector<std::int64_t> moved_at_;  ///< By cell: when it last saw its nodes move far enough.
+  std::vector<double> moves_;           ///< By cell: added up since then.
 };
 
 /// The step −H⁻¹ G of a patch's expansion, d numbers, with the eigenvalues of H made positive where they are not: each
