@@ -34,6 +34,10 @@ struct CellBlock {
   AlignedVector<double> inverse_target;
   /// |det A| where affine (count), else weight times |det A| (count × stride).
   AlignedVector<double> measure;
+  /// Of cells whose target is one matrix up to rounding where the block's vary (a parallelepiped, an extruded
+  /// triangle): A⁻¹ and |det A|, count × (d·d + 1), |det A| being 0 for all others. Empty where the block's do not
+  /// vary.
+  std::vector<double> uniform_target;
   /// L of F = L ∇χ_M A⁻¹ (row-major d × d): count × d·d, symmetric, of determinant 1. Empty: 1.
   AlignedVector<double> left_factor;
   /// F, row-major: count × d·d × stride. Empty while nobody keeps it (hold_deformation): it is the most that a cell
@@ -54,6 +58,12 @@ struct CellBlock {
   }
   const double* inverse_target_of(std::int32_t cell) const {
     return inverse_target.data() + static_cast<std::size_t>(cell) * dimension * dimension * (affine ? 1 : stride);
+  }
+  /// d·d + 1 numbers; null where the cell has none.
+  const double* uniform_target_of(std::int32_t cell) const {
+    const std::size_t size = static_cast<std::size_t>(dimension) * dimension + 1;
+    const double* of_cell = uniform_target.empty() ? nullptr : uniform_target.data() + cell * size;
+    return of_cell != nullptr && of_cell[size - 1] > 0 ? of_cell : nullptr;
   }
   /// Null: 1.
   const double* left_factor_of(std::int32_t cell) const {

@@ -21,15 +21,17 @@ class Patch {
     for (std::int32_t i = 0; i < count_; ++i) {
       const Incidence& at = problem.incidences[first + i];
       CellBlock& block = problem.blocks[at.block];
+      // One matrix to read in place of one a point, which comes from farther away than it takes to use it.
+      const double* uniform = block.uniform_target_of(at.cell);
       cells[i] = {block.deformation_of(at.cell),
                   block.derivatives_of(at.local),
-                  block.inverse_target_of(at.cell),
+                  uniform != nullptr ? uniform : block.inverse_target_of(at.cell),
                   block.left_factor_of(at.cell),
-                  block.measure_of(at.cell),
+                  uniform != nullptr ? uniform + block.dimension * block.dimension : block.measure_of(at.cell),
                   block.weights.data(),
                   block.delta_squared[at.cell],
                   block.stride,
-                  block.affine};
+                  block.affine || uniform != nullptr};
     }
   }
 

@@ -252,6 +252,44 @@ class BlockTargets {
   int per_cell_ = 1;
 };
 
+// === Targets that turn out not to vary ===================================================================
+
+constexpr double kRounding = 1e-13;
+
+// Whether all n numbers are as the first, to rounding of `scale`.
+bool all_alike(const double* numbers, int n, double scale) {
+  return std::all_of(numbers, numbers + n, [&](double x) { return std::abs(x - numbers[0]) <= kRounding * scale; });
+}
+
+// Row k of A⁻¹ is what the map's direction k is measured with: in a thin cell the rows' sizes are far apart.
+bool is_uniform(const CellBlock& block, std::int32_t cell) {
+  const int d = block.dimension;
+  const double *inverse = block.inverse_target_of(cell), *measure = block.measure_of(cell);
+  for (int k = 0; k < d; ++k) {
+    double scale = 0;
+    for (int j = 0; j < d; ++j) scale = std::max(scale, std::abs(inverse[(k * d + j) * block.stride]));
+    for (int j = 0; j < d; ++j)
+      if (!all_alike(inverse + (k * d + j) * block.stride, block.points, scale)) return false;
+  }
+  const double volume = measure[0] / block.weights[0];
+  for (int q = 0; q < block.points; ++q)
+    if (!(std::abs(measure[q] - volume * block.weights[q]) <= kRounding * measure[q])) return false;
+  return true;
+}
+
+void find_uniform_targets(CellBlock& block) {
+  block.uniform_target.clear();
+  if (block.affine) return;
+  const auto square = static_cast<std::size_t>(block.dimension * block.dimension);
+  block.uniform_target.resize(static_cast<std::size_t>(block.count) * (square + 1));
+  for (std::int32_t cell = 0; cell < block.count; ++cell) {
+    if (!is_uniform(block, cell)) continue;
+    double* out = block.uniform_target.data() + static_cast<std::size_t>(cell) * (square + 1);
+    for (std::size_t k = 0; k < square; ++k) out[k] = block.inverse_target_of(cell)[k * block.stride];
+    out[square] = block.measure_of(cell)[0] / block.weights[0];
+  }
+}
+
 }  // namespace
 
 void set_targets(Problem& problem, const StretchField& field, double diagonal) {
@@ -266,6 +304,7 @@ void set_targets(Problem& problem, const StretchField& field, double diagonal) {
       BlockTargets<2>(problem, block, target, on_block).set();
     else
       BlockTargets<3>(problem, block, target, on_block).set();
+    find_uniform_targets(block);
   }
 }
 
@@ -287,6 +326,7 @@ void level_targets(Problem& problem) {
         measure[q] = mean * block.weights[q];
       }
     }
+    find_uniform_targets(block);
   }
 }
 

@@ -6,8 +6,8 @@
 
 namespace varimesh {
 
-/// Sets the targets of all cells (CellBlock::inverse_target, measure, affine, left_factor) on the vertices of
-/// `positions`.
+/// Sets the targets of all cells (CellBlock::inverse_target, measure, affine, uniform_target, left_factor) on the
+/// vertices of `positions`.
 ///
 /// - Straight-sided: A = ∇χ_L at each quadrature point.
 /// - Ideal: A = c R W, W the gradient of the regular shape with edges of length 1 (all edges alike; a square, a cube,

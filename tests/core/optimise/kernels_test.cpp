@@ -128,6 +128,36 @@ TEST_P(KernelsTest, TryAndTakeAStepLikeThePlainOnes) {
   }
 }
 
+TEST_P(KernelsTest, ReadOneMatrixWhereTheTargetsOfACellAreAlike) {
+  const auto mesh = [](double shear, double taper) {
+    return testing::grid(GetParam().filling, {3, 2, 2}, 2, [=](testing::Place at) {
+      const auto [x, y, z] = at;
+      return testing::Place{x + shear * y + taper * x * (y + z), y, z * (1 + taper * y)};
+    });
+  };
+  problem_ = make_problem(mesh(0.3, 0.1));
+  for (const CellBlock& block : problem_.blocks)
+    for (std::int32_t cell = 0; cell < block.count; ++cell) EXPECT_EQ(block.uniform_target_of(cell), nullptr);
+  problem_ = make_problem(mesh(0.3, 0));
+  fast_ = make_kernels(GetParam().material.material, problem_.dimension);
+  hold_deformation(problem_);
+  for (CellBlock& block : problem_.blocks)
+    for (std::int32_t cell = 0; cell < block.count; ++cell) {
+      EXPECT_EQ(block.uniform_target_of(cell) == nullptr, block.affine);
+      fast_->rebuild(block, cell, problem_.positions);
+    }
+  Problem copy = problem_;
+  for (CellBlock& block : copy.blocks) block.uniform_target.clear();
+  const double step[3] = {0.004, -0.003, 0.002};
+  for (std::int32_t rank = 0; rank < std::int32_t(problem_.free.size()); ++rank) {
+    Patch one(problem_, rank), many(copy, rank);
+    const PatchExpansion a = fast_->expand(one.cells()), b = fast_->expand(many.cells());
+    EXPECT_NEAR(a.measure, b.measure, 1e-13 * b.measure);
+    for (int i = 0; i < 6; ++i) EXPECT_NEAR(a.hessian[i], b.hessian[i], 1e-11 * b.hessian[0]);
+    EXPECT_NEAR(fast_->energy_after(one.cells(), step), fast_->energy_after(many.cells(), step), 1e-12);
+  }
+}
+
 TEST_P(KernelsTest, RebuildAndScanLikeThePlainOnes) {
   for (const bool metric : {false, true}) {
     prepare(true, metric);
