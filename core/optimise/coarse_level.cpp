@@ -10,9 +10,9 @@
 namespace varimesh {
 namespace {
 
-constexpr std::int32_t kNodesPerTask = 512;
-constexpr double kNothing = 1e-34;     // blocks are about 1 at most; the inverse of less is no float
-constexpr double kLeastPivot = 1e-14;  // of the largest
+constexpr std::int32_t kNodesPerTask = 128;  // of a colour, of which there are many small ones
+constexpr double kNothing = 1e-34;           // blocks are about 1 at most; the inverse of less is no float
+constexpr double kLeastPivot = 1e-14;        // of the largest
 /// A bound of the matrix' size above which the coarse level is of order 1.
 constexpr std::size_t kMostBytes = std::size_t{8} << 30;
 /// Beyond so many linear nodes a sparse factor would take more memory and time than it saves.
@@ -274,8 +274,17 @@ void CoarseLevel::assemble_linear() {
   if (linear_matrix_.nonZeros() == 0) find_linear_pattern();
   linear_matrix_.coeffs().setZero();
   for_linear_pairs([&](std::size_t b, std::int32_t cell, int i, int j, std::int32_t row, std::int32_t column) {
-    const double mean = stiffness<d>(tensor<d>(b, cell), linear_.blocks[b], i, j).trace() / d;
-    linear_matrix_.coeffRef(row, column) += mean * (i == j ? 1 + 1e-6 : 1.0);
+    const CoarseSpace::Block& block = linear_.blocks[b];
+    const float* means = block.stiffness.data() + (static_cast<std::size_t>(i) * block.nodes_per_cell + j) * d * d;
+    const float* M = tensors_[b].data() + static_cast<std::size_t>(cell) * tensor_size(d);
+    double sum = 0;  // over the directions m of Σ M(m m, k l) means(k l)
+    for (int m = 0; m < d; ++m)
+      for (int k = 0; k < d; ++k)
+        for (int l = 0; l < d; ++l) {
+          const int mk = m * d + std::max(k, l), ml = m * d + std::min(k, l);
+          sum += static_cast<double>(M[mk * (mk + 1) / 2 + ml]) * means[k * d + l];
+        }
+    linear_matrix_.coeffRef(row, column) += sum / d * (i == j ? 1 + 1e-6 : 1.0);
   });
   // Where the p-norm makes next to nothing of a vertex's cells, the factor still needs a pivot.
   const double largest = linear_matrix_.coeffs().maxCoeff();
@@ -296,9 +305,9 @@ void CoarseLevel::assemble(const HessianKernels& hessian) {
 void CoarseLevel::make_matrix() {
   if (space_.count == 0) return;
   const int d = problem_.dimension;
-  team_.for_each(space_.count, kNodesPerTask / 8,
+  team_.for_each(space_.count, kNodesPerTask / 4,
                  [&](std::int32_t node) { d == 2 ? factorise_diagonal<2>(node) : factorise_diagonal<3>(node); });
-  team_.for_each(space_.count, kNodesPerTask / 8,
+  team_.for_each(space_.count, kNodesPerTask / 4,
                  [&](std::int32_t node) { d == 2 ? assemble_row<2>(node) : assemble_row<3>(node); });
   if (solves_linear_) d == 2 ? assemble_linear<2>() : assemble_linear<3>();
 }
