@@ -334,7 +334,8 @@ void CoarseLevel::correct_linear() {
       for (int k = 0; k < d; ++k) sum[k] += to_linear_.factor[i] * residual_[to_linear_.column[i] * kStride + k];
     for (int k = 0; k < d; ++k) linear_right_(vertex, k) = sum[k];
   });
-  linear_left_ = factor_.solve(linear_right_);
+  linear_left_.resize(linear_.count, d);
+  team_.for_each(d, 1, [&](std::int32_t k) { linear_left_.col(k) = factor_.solve(linear_right_.col(k)); });
   for_nodes(0, space_.count, [&](std::int32_t first, std::int32_t last) {
     for (std::int32_t node = first; node < last; ++node) {
       std::array<float, d> correction{};

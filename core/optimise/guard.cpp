@@ -21,6 +21,16 @@ class Stopwatch {
   double& seconds_;
 };
 
+constexpr std::size_t kNodesPerTask = 4096;
+constexpr std::size_t kCellsPerTask = 512;
+
+/// Between arrays of the same size.
+void copy(const std::vector<double>& from, std::vector<double>& to, const Team& team) {
+  team.for_ranges(from.size(), 4 * kNodesPerTask, [&](std::size_t begin, std::size_t end) {
+    std::copy_n(from.data() + begin, end - begin, to.data() + begin);
+  });
+}
+
 bool is_valid(const Certificate& certificate) { return certificate.answer == Certificate::Answer::Valid; }
 
 }  // namespace
@@ -59,16 +69,23 @@ void Guard::condemn(std::span<const UnrepairableGroup> groups) {
 
 std::vector<std::int32_t> Guard::moved_cells(const std::vector<double>& positions) const {
   const std::size_t d = problem_.dimension;
-  std::vector<char> moved(mesh_.node_count(), 0);
-  for (const std::int32_t node : problem_.free) {
-    const std::size_t at = static_cast<std::size_t>(node) * d;
-    moved[node] = std::equal(&positions[at], &positions[at] + d, &seen_positions_[at]) ? 0 : 1;
-  }
+  std::vector<char> moved(mesh_.node_count(), 0), concerned(cell_nodes_.size(), 0);
+  team_.for_ranges(problem_.free.size(), kNodesPerTask, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t rank = begin; rank < end; ++rank) {
+      const std::size_t node = problem_.free[rank];
+      moved[node] = std::equal(&positions[node * d], &positions[node * d] + d, &seen_positions_[node * d]) ? 0 : 1;
+    }
+  });
+  team_.for_ranges(cell_nodes_.size(), kCellsPerTask, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t cell = begin; cell < end; ++cell)
+      concerned[cell] = std::any_of(cell_nodes_[cell], cell_nodes_[cell] + cell_size_[cell],
+                                    [&](std::int32_t node) { return moved[node] != 0; })
+                            ? 1
+                            : 0;
+  });
   std::vector<std::int32_t> cells;
-  for (std::size_t cell = 0; cell < cell_nodes_.size(); ++cell)
-    if (std::any_of(cell_nodes_[cell], cell_nodes_[cell] + cell_size_[cell],
-                    [&](std::int32_t node) { return moved[node] != 0; }))
-      cells.push_back(static_cast<std::int32_t>(cell));
+  for (std::size_t cell = 0; cell < concerned.size(); ++cell)
+    if (concerned[cell] != 0) cells.push_back(static_cast<std::int32_t>(cell));
   return cells;
 }
 
@@ -76,7 +93,7 @@ void Guard::see(const std::vector<double>& positions) {
   const std::vector<std::int32_t> moved = moved_cells(positions);
   way_out_.update(positions, moved, seen_coordinates_, team_);
   certifier_.certify(seen_coordinates_, moved, seen_, team_);
-  seen_positions_ = positions;
+  copy(positions, seen_positions_, team_);
   kept_is_seen_ = false;
   lost_.clear();
   for (std::size_t cell = 0; cell < seen_.size(); ++cell)
@@ -84,7 +101,7 @@ void Guard::see(const std::vector<double>& positions) {
 }
 
 void Guard::keep() {
-  positions_ = seen_positions_;
+  copy(seen_positions_, positions_, team_);
   certificates_ = seen_;
   kept_is_seen_ = true;
 }
