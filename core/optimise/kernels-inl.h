@@ -20,29 +20,11 @@
 #include "core/optimise/deformation_lanes-inl.h"
 #include "core/optimise/kernels.h"
 #include "core/optimise/left_factor.h"
+#include "core/optimise/line_lanes-inl.h"
 
 HWY_BEFORE_NAMESPACE();
 namespace varimesh {
 namespace HWY_NAMESPACE {
-
-/// g = A⁻ᵀ ∇_ξ φ at points q…
-template <int d, bool affine>
-HWY_INLINE void node_gradient(const PatchCell& cell, int q, Lanes* g) {
-  unrolled<d>([&](auto k) {
-    g[k] = zero();
-    unrolled<d>([&](auto m) {
-      const Lanes entry = affine ? hn::Set(Tag(), cell.inverse_target[m * d + k])
-                                 : load(cell.inverse_target + (m * d + k) * cell.stride + q);
-      g[k] = hn::MulAdd(load(cell.derivatives + m * cell.stride + q), entry, g[k]);
-    });
-  });
-}
-
-template <bool affine>
-HWY_INLINE Lanes weight(const PatchCell& cell, int q) {
-  if constexpr (affine) return load(cell.weights + q) * hn::Set(Tag(), cell.measure[0]);
-  return load(cell.measure + q);
-}
 
 /// The sums of PatchExpansion, a lane a point.
 template <int d>
@@ -62,6 +44,8 @@ class VectorKernels final : public Kernels {
 
  public:
   explicit VectorKernels(const E& energy) : energy_(energy) {}
+
+  int line_size() const override { return kHasLine ? Line<d>::kSize : 0; }
 
   HWY_FLATTEN PatchExpansion expand(std::span<const PatchCell> patch) const override {
     if (has_left_factors(patch)) return expand_through_left_factors(*this, d, patch);
@@ -87,7 +71,9 @@ class VectorKernels final : public Kernels {
     Lanes sum = zero();
     for (const PatchCell& cell : patch) {
       bool allowed = false;
-      if (is_plain(cell))
+      if (kHasLine && cell.line != nullptr)
+        allowed = is_plain(cell) ? add_energy_on_line<true>(cell, a, sum) : add_energy_on_line<false>(cell, a, sum);
+      else if (is_plain(cell))
         allowed =
             cell.affine ? add_energy_after<true, true>(cell, a, sum) : add_energy_after<false, true>(cell, a, sum);
       else
@@ -103,10 +89,14 @@ class VectorKernels final : public Kernels {
     if (has_left_factors(patch)) return move_through_left_factors(*this, d, patch, step);
     Lanes a[d];
     unrolled<d>([&](auto i) { a[i] = hn::Set(Tag(), step[i]); });
+    const int width = static_cast<int>(hn::Lanes(Tag()));
     for (const PatchCell& cell : patch) {
-      for (int q = 0; q < cell.stride; q += static_cast<int>(hn::Lanes(Tag()))) {
+      for (int q = 0; q < cell.stride; q += width) {
         Lanes g[d];
-        cell.affine ? node_gradient<d, true>(cell, q, g) : node_gradient<d, false>(cell, q, g);
+        if (kHasLine && cell.line != nullptr)
+          Line<d>::gradient(cell, q, g);
+        else
+          cell.affine ? node_gradient<d, true>(cell, q, g) : node_gradient<d, false>(cell, q, g);
         unrolled<d>([&](auto i) {
           unrolled<d>([&](auto j) {
             double* at = cell.deformation + (i * d + j) * cell.stride + q;
@@ -252,6 +242,25 @@ class VectorKernels final : public Kernels {
     return 0;
   }
 
+  /// Where F comes in by J and |F|² alone.
+  static constexpr bool kHasLine = E::kQuadratic == Quadratic::Deformation && E::kStrain == StrainTerm::None;
+
+  template <bool plain>
+  HWY_INLINE bool add_energy_on_line(const PatchCell& cell, const Lanes* a, Lanes& sum) const {
+    const Lanes lowest = hn::Set(Tag(), E::kBarrier && cell.delta_squared == 0 ? 0.0 : -kHuge);
+    const Lanes huge = hn::Set(Tag(), kHuge), delta_squared = hn::Set(Tag(), cell.delta_squared);
+    const Lanes aa = inner<d>(a, a);
+    const int width = static_cast<int>(hn::Lanes(Tag()));
+    for (int q = 0; q < cell.stride; q += width) {
+      Lanes J, Q;
+      Line<d>::after(cell, q, a, aa, J, Q);
+      if (!hn::AllTrue(Tag(), hn::And(hn::Gt(J, lowest), hn::Lt(J, huge)))) return false;
+      const Lanes w = cell.affine ? weight<true>(cell, q) : weight<false>(cell, q);
+      sum = hn::MulAdd(w, energy_.value(Q, regularised_if<plain>(J, delta_squared)), sum);
+    }
+    return true;
+  }
+
   template <bool affine, bool plain>
   HWY_INLINE bool add_energy_after(const PatchCell& cell, const Lanes* a, Lanes& sum) const {
     // The logarithm of a number that is not positive is a finite number here, so J and finiteness are tested first.
@@ -290,6 +299,7 @@ class VectorKernels final : public Kernels {
       });
       const Lanes w = weight<affine>(cell, q);
       const Lanes square = at.square(), gg = inner<d>(g, g);
+      if (kHasLine && cell.line != nullptr) Line<d>::keep(cell, q, J, square, gg, c, y, g);
       add_invariants(at, regularised_if<plain>(J, delta_squared), square, cofactor_square, w, gg, y, c, sums);
       if constexpr (E::kStrain == StrainTerm::GreenLagrange) add_green_lagrange(at, w, g, gg, y, sums);
       if constexpr (E::kStrain == StrainTerm::Small) add_small_strain(at, w, g, gg, sums);

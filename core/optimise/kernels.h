@@ -23,6 +23,9 @@ struct PatchCell {
   double delta_squared;          ///< 0: the cell is valid, and J must stay positive at every point.
   int stride;
   bool affine;
+  /// Room for line_size() · stride numbers, which expand() leaves for the energy_after() and move() that follow it with
+  /// F as it was; null: none, and they do without.
+  double* line;
 };
 
 /// The patch's energy as a function of the node's displacement, to second order, about where it is.
@@ -46,6 +49,9 @@ struct CellScan {
 class Kernels {
  public:
   virtual ~Kernels() = default;
+
+  /// Numbers a quadrature point of PatchCell::line; 0: none are kept.
+  virtual int line_size() const { return 0; }
 
   virtual PatchExpansion expand(std::span<const PatchCell> patch) const = 0;
 

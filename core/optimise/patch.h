@@ -5,6 +5,7 @@
 #include <span>
 #include <vector>
 
+#include "core/optimise/aligned.h"
 #include "core/optimise/cells.h"
 #include "core/optimise/kernels.h"
 
@@ -31,7 +32,23 @@ class Patch {
                   block.weights.data(),
                   block.delta_squared[at.cell],
                   block.stride,
-                  block.affine || uniform != nullptr};
+                  block.affine || uniform != nullptr,
+                  nullptr};
+    }
+  }
+
+  /// Room in `scratch` for what expand() leaves for the rest of a visit, where the kernels leave something and it stays
+  /// in the second-level cache.
+  void make_lines(const Kernels& kernels, AlignedVector<double>& scratch) {
+    const std::size_t size = static_cast<std::size_t>(kernels.line_size());
+    std::size_t numbers = 0;
+    for (const PatchCell& cell : cells()) numbers += size * static_cast<std::size_t>(cell.stride);
+    if (numbers == 0 || numbers > kMostNumbers) return;
+    scratch.resize(kMostNumbers);
+    double* line = scratch.data();
+    for (PatchCell& cell : cells()) {
+      cell.line = line;
+      line += size * static_cast<std::size_t>(cell.stride);
     }
   }
 
@@ -41,6 +58,7 @@ class Patch {
 
  private:
   static constexpr std::int32_t kMostCells = 512;
+  static constexpr std::size_t kMostNumbers = 1 << 14;
 
   std::int32_t count_;
   std::array<PatchCell, kMostCells> on_stack_;

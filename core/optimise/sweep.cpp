@@ -246,6 +246,8 @@ Sweeper::Visit Sweeper::visit(std::int32_t rank, std::int64_t now) {
   visited_at_[rank] = now;
   const int d = problem_.dimension;
   Patch gathered(problem_, rank);
+  static thread_local AlignedVector<double> lines;
+  gathered.make_lines(kernels_, lines);
   const std::span<PatchCell> patch = gathered.cells();
   if (regularisation_ == Regularisation::Patch) {
     const double delta_squared = patch_delta_squared(rank, patch);

@@ -110,8 +110,14 @@ TEST_P(KernelsTest, TryAndTakeAStepLikeThePlainOnes) {
     prepare(tangled, metric);
     Problem copy = problem_;
     const double step[3] = {0.004, -0.003, 0.002};
+    AlignedVector<double> lines;
     for (std::int32_t rank = 0; rank < std::int32_t(problem_.free.size()); rank += 5) {
       Patch fast_patch(problem_, rank), plain_patch(copy, rank);
+      if (rank % 2 == 0) {  // with what an expansion leaves, and without
+        fast_patch.make_lines(*fast_, lines);
+        fast_->expand(fast_patch.cells());
+        EXPECT_EQ(fast_patch.cells()[0].line != nullptr, fast_->line_size() > 0);
+      }
       const double a = fast_->energy_after(fast_patch.cells(), step),
                    b = plain_->energy_after(plain_patch.cells(), step);
       if (std::isinf(b))
