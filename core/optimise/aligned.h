@@ -26,7 +26,7 @@ struct CacheLineAllocator {
 template <class T>
 using AlignedVector = std::vector<T, CacheLineAllocator<T>>;
 
-/// Floats from one node's vector to the next, where nodes are padded for vector loads. The fourth in 3-D is 0.
+/// Floats from one node's vector to the next, where nodes are padded for vector loads. The fourth in 3-D means nothing.
 constexpr int padded(int dimension) { return dimension == 2 ? 2 : 4; }
 
 }  // namespace varimesh

@@ -18,11 +18,9 @@ constexpr std::size_t kMostBytes = std::size_t{8} << 30;
 /// Beyond so many linear nodes a sparse factor would take more memory and time than it saves.
 constexpr std::int32_t kMostLinear = 200000;
 
-template <int d>
-using Square = Eigen::Matrix<float, d * d, d * d, Eigen::RowMajor>;
 /// v becomes L v or Lᵀ v, from L⁻¹; 0 where that is 0.
 template <int d>
-void solve_lower(const Eigen::Matrix<float, d, d, Eigen::RowMajor>& inverse, float* v) {
+void times_factor(const Eigen::Matrix<float, d, d, Eigen::RowMajor>& inverse, float* v) {
   Eigen::Map<Eigen::Matrix<float, d, 1>> at(v);
   if (inverse(0, 0) == 0)
     at.setZero();
@@ -30,7 +28,7 @@ void solve_lower(const Eigen::Matrix<float, d, d, Eigen::RowMajor>& inverse, flo
     inverse.template triangularView<Eigen::Lower>().solveInPlace(at);
 }
 template <int d>
-void solve_upper(const Eigen::Matrix<float, d, d, Eigen::RowMajor>& inverse, float* v) {
+void times_factor_transposed(const Eigen::Matrix<float, d, d, Eigen::RowMajor>& inverse, float* v) {
   Eigen::Map<Eigen::Matrix<float, d, 1>> at(v);
   if (inverse(0, 0) == 0)
     at.setZero();
@@ -185,13 +183,11 @@ CoarseLevel::Tensor<d> CoarseLevel::tensor(std::size_t block, std::int32_t cell)
   return M;
 }
 
-/// M times the means of ∂_k φ_a ∂_l φ_b: the cell's block between its coarse nodes a and b.
 template <int d>
-Eigen::Matrix<float, d, d, Eigen::RowMajor> stiffness(const Square<d>& M, const CoarseSpace::Block& block, int a,
-                                                      int b) {
+CoarseLevel::BlockMatrix<d> CoarseLevel::stiffness(const Tensor<d>& M, const CoarseSpace::Block& block, int a, int b) {
   const Eigen::Map<const Eigen::Matrix<float, d * d, 1>> means(
       block.stiffness.data() + (static_cast<std::size_t>(a) * block.nodes_per_cell + b) * d * d);
-  Eigen::Matrix<float, d, d, Eigen::RowMajor> K;
+  BlockMatrix<d> K;
   Eigen::Map<Eigen::Matrix<float, d * d, 1>>(K.data()) = M * means;
   return K;
 }
@@ -209,6 +205,7 @@ void CoarseLevel::factorise_diagonal(std::int32_t node) {
   if (D.norm() >= kNothing) {
     const Eigen::LLT<Eigen::Matrix<double, d, d>> factor(D);
     if (factor.info() == Eigen::Success) inverse = factor.matrixL().solve(Eigen::Matrix<double, d, d>::Identity());
+    if (!inverse.allFinite()) inverse.setZero();
   }
   Eigen::Map<Eigen::Matrix<float, d, d>>(inverse_factor_.data() + static_cast<std::size_t>(node) * d * d) =
       inverse.template cast<float>();
@@ -326,7 +323,7 @@ void CoarseLevel::correct_linear() {
   for_nodes(0, space_.count, [&](std::int32_t first, std::int32_t last) {
     kernels_->residual(rows_, first, last);
     for (std::int32_t node = first; node < last; ++node)  // L_i times it
-      solve_lower<d>(inverse_factor<d>(node), &residual_[node * kStride]);
+      times_factor<d>(inverse_factor<d>(node), &residual_[node * kStride]);
   });
   team_.for_each(linear_.count, kNodesPerTask, [&](std::int32_t vertex) {
     std::array<double, 3> sum{};
@@ -342,7 +339,7 @@ void CoarseLevel::correct_linear() {
       for (std::int32_t i = from_linear_.begin[node]; i < from_linear_.begin[node + 1]; ++i)
         for (int k = 0; k < d; ++k)
           correction[k] += static_cast<float>(from_linear_.factor[i] * linear_left_(from_linear_.column[i], k));
-      solve_upper<d>(inverse_factor<d>(node), correction.data());  // L_iᵀ times it
+      times_factor_transposed<d>(inverse_factor<d>(node), correction.data());  // L_iᵀ times it
       for (int k = 0; k < d; ++k) x_[node * kStride + k] += correction[k];
     }
   });

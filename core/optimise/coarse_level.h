@@ -23,7 +23,7 @@ namespace varimesh {
 /// matrix is made of each cell's mean tensor, from which the part of the Hessian that need not be positive is left out
 /// (HessianKernels::mean_tensors), so that it is positive definite whatever the mesh.
 ///
-/// Of the matrix K the factors L of K_ii = L_i L_iᵀ are kept in single precision, and L_i⁻¹ K_ij L_j⁻ᵀ, of which no
+/// Of the matrix K, its diagonal raised by 1e-6, L_i⁻¹ of K_ii = L_i L_iᵀ is kept, and L_i⁻¹ K_ij L_j⁻ᵀ, of which no
 /// number is larger than 1, in steps of 1/32767: the cycle is on that, which has the unit matrix on its diagonal. Steps
 /// of K's own entries would lose what is weak in thin cells beside what is strong.
 class CoarseLevel {
@@ -71,6 +71,9 @@ class CoarseLevel {
 
   template <int d>
   Tensor<d> tensor(std::size_t block, std::int32_t cell) const;
+  /// M times the means of ∂_k φ_a ∂_l φ_b: the cell's block between its coarse nodes a and b.
+  template <int d>
+  static BlockMatrix<d> stiffness(const Tensor<d>& M, const CoarseSpace::Block& block, int a, int b);
   template <int d>
   void factorise_diagonal(std::int32_t node);
   template <int d>

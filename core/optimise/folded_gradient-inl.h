@@ -122,14 +122,14 @@ struct FoldedLanes {
   static HWY_FLATTEN HWY_NOINLINE void forward_tile(const FoldedGradient::Part& part, int row, const float* components,
                                                     float* slots) {
     const std::size_t rows = part.rows.size();
-    const float* table = part.forward.data() + row;
+    const float* table = part.forward.data();  // null where there are no nodes
     Floats sum[tile * d];
     unrolled<tile * d>([&](auto entry) { sum[entry] = hn::Zero(FloatTag()); });
     for (int n = 0; n < part.nodes; ++n) {
       Floats x[d];
       unrolled<d>([&](auto i) { x[i] = load(components + (n * d + i) * kBatch); });
       unrolled<tile>([&](auto r) {
-        const Floats slope = every(table[n * rows + r]);
+        const Floats slope = every(table[n * rows + row + r]);
         unrolled<d>([&](auto i) { sum[r * d + i] = hn::MulAdd(x[i], slope, sum[r * d + i]); });
       });
     }

@@ -147,7 +147,7 @@ FoldedGradient fold_gradient(const CellBlock& cells) {
             part.backward.push_back(
                 static_cast<float>(entry(slopes[alpha], point_orbits[p], number, *orbit, node_number)));
         }
-    if (part.nodes == 0) continue;
+    // A parity that no node has keeps its rows: they are 0, and somebody has to say so.
     for (int n = 0; n < part.nodes; ++n)
       for (std::size_t row = 0; row < part.rows.size(); ++row)
         part.forward.push_back(part.backward[row * part.nodes + n]);

@@ -25,7 +25,7 @@ constexpr std::size_t kNodesPerTask = 4096;
 constexpr std::size_t kCellsPerTask = 512;
 
 /// Between arrays of the same size.
-void copy(const std::vector<double>& from, std::vector<double>& to, const Team& team) {
+void copy_in_parallel(const std::vector<double>& from, std::vector<double>& to, const Team& team) {
   team.for_ranges(from.size(), 4 * kNodesPerTask, [&](std::size_t begin, std::size_t end) {
     std::copy_n(from.data() + begin, end - begin, to.data() + begin);
   });
@@ -93,7 +93,7 @@ void Guard::see(const std::vector<double>& positions) {
   const std::vector<std::int32_t> moved = moved_cells(positions);
   way_out_.update(positions, moved, seen_coordinates_, team_);
   certifier_.certify(seen_coordinates_, moved, seen_, team_);
-  copy(positions, seen_positions_, team_);
+  copy_in_parallel(positions, seen_positions_, team_);
   kept_is_seen_ = false;
   lost_.clear();
   for (std::size_t cell = 0; cell < seen_.size(); ++cell)
@@ -101,7 +101,7 @@ void Guard::see(const std::vector<double>& positions) {
 }
 
 void Guard::keep() {
-  copy(seen_positions_, positions_, team_);
+  copy_in_parallel(seen_positions_, positions_, team_);
   certificates_ = seen_;
   kept_is_seen_ = true;
 }

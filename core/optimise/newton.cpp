@@ -51,7 +51,7 @@ Newton::Newton(Problem& problem, const Kernels& kernels, const HessianKernels& h
       unknowns_(problem.free.size() * problem.dimension),
       gradient_(unknowns_),
       step_(unknowns_),
-      residual_(unknowns_ + padded(problem.dimension)),
+      residual_(unknowns_),
       direction_(unknowns_ + padded(problem.dimension)),
       product_(unknowns_ + padded(problem.dimension)),
       scans_(problem.cells) {}

@@ -109,8 +109,9 @@ class Newton {
   /// d a free node: the gradient, and during the line search, which has no use for it, where the nodes were.
   std::vector<double> gradient_;
   std::vector<double> step_;
+  std::vector<float> residual_;  ///< d a free node.
   // d a free node and padded(d) more, which are 0:
-  std::vector<float> residual_, direction_;
+  std::vector<float> direction_;
   std::vector<float> product_;   ///< H direction_, and when that has been used, M⁻¹ residual_.
   std::vector<double> partial_;  ///< Of add_up and largest_of, a task's.
   std::vector<CellScan> scans_;  ///< By cell.

@@ -27,7 +27,7 @@ class Preconditioner {
 
   CoarseLevel& coarse() { return coarse_; }
 
-  /// z = M⁻¹ r, d floats a free node; both have padded(d) floats more at their end, which are 0. Returns r · z, the
+  /// z = M⁻¹ r, d floats a free node; z has padded(d) more at its end, which are 0. Returns r · z, the
   /// same whatever the number of threads.
   double apply(std::span<const float> r, std::span<float> z);
 

@@ -36,6 +36,9 @@ TEST_P(FoldedGradientOf, IsTheTableThatItCameFrom) {
   for (const CellBlock& cells : problem.blocks) {
     const FoldedGradient folded = fold_gradient(cells);
     const int d = cells.dimension;
+    std::size_t rows = 0;
+    for (const FoldedGradient::Part& part : folded.parts) rows += part.rows.size();
+    EXPECT_EQ(rows, std::size_t(cells.points) * d);  // each is set, by whatever part
     for (int n = 0; n < cells.nodes_per_cell; ++n) {
       std::vector<double> unit(cells.nodes_per_cell);
       unit[n] = 1;

@@ -207,10 +207,6 @@ TEST_P(KernelsTest, TheMeshsDerivativesMatchDifferencesOfItsEnergy) {
     }
 }
 
-// A node's gradient and its own block of the Hessian, cell by cell as Newton's method takes them.
-// What is made of F to 16 bits of what it differs by from its mean: 1.5e-5 of that, times the energy's third
-// derivatives over its second; where the mesh is tangled J is next to nothing in places, and they are steep.
-
 TEST_P(KernelsTest, DeformationIsKeptTo16BitsOfItsDifferences) {
   for (const auto [tangled, metric] : kWays) {
     prepare(tangled, metric);
@@ -237,6 +233,10 @@ TEST_P(KernelsTest, DeformationIsKeptTo16BitsOfItsDifferences) {
   }
 }
 
+// A node's gradient and its own block of the Hessian, cell by cell as Newton's method takes them.
+//
+// What is made of F to 16 bits of what it differs by from its mean: 1.5e-5 of that, times the energy's third
+// derivatives over its second; where the mesh is tangled J is next to nothing in places, and they are steep.
 TEST_P(KernelsTest, CellsPartsAddUpToTheirNodesExpansions) {
   for (const auto [tangled, metric] : kWays) {
     prepare(tangled, metric);
@@ -296,6 +296,23 @@ TEST_P(KernelsTest, ProductsMatchDifferencesOfTheGradient) {
     }
     EXPECT_LE(std::sqrt(error / size), tangled ? 4e-4 : 2e-5);
   }
+}
+
+TEST(Products, DoNotDependOnWhatTheThreadDidBefore) {
+  const auto product = [](int order, double size) {
+    Problem problem = make_problem(testing::grid(Filling::Tetrahedra, {2, 2, 2}, order));
+    const auto plain = make_plain_kernels(material(Options{}), 3);
+    hold_deformation(problem);
+    for (CellBlock& block : problem.blocks)
+      for (std::int32_t cell = 0; cell < block.count; ++cell) plain->rebuild(block, cell, problem.positions);
+    std::vector<double> direction = testing::random_direction(problem, 3);
+    for (double& number : direction) number *= size;
+    testing::WholeMesh whole(problem, *plain);
+    return whole.product(*make_hessian_kernels(material(Options{}), 3), direction);
+  };
+  const std::vector<double> first = product(1, 1);
+  product(4, 1e6);
+  EXPECT_EQ(product(1, 1), first);
 }
 
 INSTANTIATE_TEST_SUITE_P(All, KernelsTest, ::testing::ValuesIn(every_case()),
