@@ -38,6 +38,16 @@ BatchBlock make_batch_block(const CellBlock& cells, const std::vector<std::int32
   return block;
 }
 
+/// A⁻¹ of a cell at a point; where affine, at point 0.
+Eigen::MatrixXd inverse_target(const CellBlock& cells, std::int32_t cell, int point) {
+  const int d = cells.dimension, stride = cells.affine ? 1 : cells.stride;
+  const double* from = cells.inverse_target_of(cell) + point;
+  Eigen::MatrixXd inverse(d, d);
+  for (int row = 0; row < d; ++row)
+    for (int column = 0; column < d; ++column) inverse(row, column) = from[(row * d + column) * stride];
+  return inverse;
+}
+
 }  // namespace
 
 std::size_t BatchBlock::linearisation_size() const {
@@ -69,22 +79,15 @@ void copy_targets(std::vector<BatchBlock>& batches) {
       const double* factor = cells.left_factor_of(std::min(b * kBatch + lane, cells.count - 1));
       block.left_factor[i] = static_cast<float>(factor[i / kBatch % square]);
     }
-    const int d = cells.dimension, stride = cells.affine ? 1 : cells.stride;
     const Eigen::MatrixXd to_s = block.gradient.directions.transpose().inverse();
-    for (std::int32_t b = 0; b < block.count; ++b)
-      for (int lane = 0; lane < kBatch; ++lane) {
-        const double* inverse = cells.inverse_target_of(std::min(b * kBatch + lane, cells.count - 1));
-        for (int slot = 0; slot < per_cell; ++slot) {
-          const double* at = inverse + (cells.affine ? 0 : block.gradient.points[slot]);
-          for (int row = 0; row < d; ++row)
-            for (int column = 0; column < d; ++column) {
-              double sum = 0;
-              for (int k = 0; k < d; ++k) sum += to_s(row, k) * at[(k * d + column) * stride];
-              block.inverse_target[((static_cast<std::size_t>(b) * per_cell + slot) * square + row * d + column) *
-                                       kBatch +
-                                   lane] = static_cast<float>(sum);
-            }
-        }
+    for (std::int32_t cell = 0; cell < block.count * kBatch; ++cell)
+      for (int slot = 0; slot < per_cell; ++slot) {
+        const Eigen::MatrixXd inverse = to_s * inverse_target(cells, std::min(cell, cells.count - 1),
+                                                              cells.affine ? 0 : block.gradient.points[slot]);
+        const std::size_t place = static_cast<std::size_t>(cell / kBatch) * per_cell + slot;
+        for (int entry = 0; entry < square; ++entry)
+          block.inverse_target[(place * square + entry) * kBatch + cell % kBatch] =
+              static_cast<float>(inverse(entry / cells.dimension, entry % cells.dimension));
       }
   }
 }

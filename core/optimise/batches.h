@@ -54,8 +54,10 @@ struct BatchBlock {
   }
 };
 
-/// Numbers in a symmetric matrix of d·d rows.
-constexpr int tensor_size(int dimension) { return dimension * dimension * (dimension * dimension + 1) / 2; }
+/// Numbers in a symmetric matrix.
+constexpr int triangle_size(int rows) { return rows * (rows + 1) / 2; }
+/// In one of d·d rows.
+constexpr int tensor_size(int dimension) { return triangle_size(dimension * dimension); }
 
 /// Where a block's parts are, at hand for loops over nodes.
 struct PartsOf {
@@ -90,8 +92,8 @@ class HessianKernels {
   /// triangles by rows, d (d + 1)/2 of the 2 d numbers. Of what linearise() has kept.
   virtual void node_blocks(BatchBlock& block, std::int32_t b) const = 0;
 
-  /// The parts become the cells' Hessian times `direction` (d floats a free node, then padded(d) zeros, for
-  /// the fixed ones).
+  /// The parts become the cells' Hessian times `direction` (d floats a free node, then padded(d) zeros, for the
+  /// fixed ones).
   virtual void apply(BatchBlock& block, std::int32_t b, std::span<const float> direction) const = 0;
 
   /// The product: the sum of each free node's parts, in the order of its incidences, for the nodes `first` to `last`

@@ -4,6 +4,8 @@
 
 #include <algorithm>
 
+#include "core/optimise/steps.h"
+
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "core/optimise/coarse_kernels.cpp"
 #include <hwy/foreach_target.h>
@@ -49,7 +51,7 @@ class VectorCoarseKernels final : public CoarseKernels {
     for (std::ptrdiff_t i = first; i < last; ++i) {
       const std::int32_t* before = std::lower_bound(rows.column + rows.begin[i], rows.column + rows.begin[i + 1], i);
       const Node sum = times_x(rows, rows.begin[i], before - rows.column);
-      Node::load(rows.right + i * kNode).plus(-1 / kEntrySteps, sum).store(rows.x + i * kNode);
+      Node::load(rows.right + i * kNode).plus(-1 / kMostSteps, sum).store(rows.x + i * kNode);
     }
   }
 
@@ -57,14 +59,14 @@ class VectorCoarseKernels final : public CoarseKernels {
     for (std::ptrdiff_t i = first; i < last; ++i) {
       const std::int32_t* after = std::lower_bound(rows.column + rows.begin[i], rows.column + rows.begin[i + 1], i);
       const Node sum = times_x(rows, after - rows.column, rows.begin[i + 1]);
-      Node::zero().plus(-1 / kEntrySteps, sum).store(rows.residual + i * kNode);
+      Node::zero().plus(-1 / kMostSteps, sum).store(rows.residual + i * kNode);
     }
   }
 
   void backward(const BlockRows& rows, std::int32_t first, std::int32_t last) const override {
     for (std::ptrdiff_t i = first; i < last; ++i) {
       const Node sum = times_x(rows, rows.begin[i], rows.begin[i + 1]);
-      Node::load(rows.right + i * kNode).plus(-1 / kEntrySteps, sum).store(rows.x + i * kNode);
+      Node::load(rows.right + i * kNode).plus(-1 / kMostSteps, sum).store(rows.x + i * kNode);
     }
   }
 

@@ -11,20 +11,16 @@
 
 namespace varimesh {
 
-/// Numbers in a symmetric matrix of d rows.
-constexpr int triangle_size(int dimension) { return dimension * (dimension + 1) / 2; }
-
 /// A symmetric matrix of d × d blocks with the unit matrix on its diagonal, and what a cycle on it reads and writes.
 /// Vectors have padded(d) floats a node.
 struct BlockRows {
   const std::int64_t* begin;   ///< Of each row's entries; rows + 1.
   const std::int32_t* column;  ///< Ascending in a row, without the diagonal.
-  const std::int16_t* entry;   ///< d columns of d numbers a block, in steps of 1/kEntrySteps; one more at the end.
+  const std::int16_t* entry;   ///< d columns of d numbers a block, in steps of 1/kMostSteps; one more at the end.
   const float* right;
   float* x;
   float* residual;
 };
-inline constexpr float kEntrySteps = 32767;
 
 /// Functions with a `first` and a `last` work on rows `first` to `last` − 1, which do not depend on each other.
 class CoarseKernels {

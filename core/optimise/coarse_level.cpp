@@ -5,6 +5,7 @@
 #include <array>
 #include <cmath>
 
+#include "core/optimise/steps.h"
 #include "core/reference/basis.h"
 
 namespace varimesh {
@@ -225,13 +226,12 @@ void CoarseLevel::assemble_row(std::int32_t node) {
       if (nodes[b] >= 0 && nodes[b] != node)
         row[std::lower_bound(begin, end, nodes[b]) - begin] += stiffness<d>(M, block, at.local, b);
   }
-  const BlockMatrix<d> own = kEntrySteps * inverse_factor<d>(node);
+  const BlockMatrix<d> own = kMostSteps * inverse_factor<d>(node);
   std::int16_t* to = entry_.data() + row_begin_[node] * d * d;
   for (std::size_t e = 0; e < row.size(); ++e) {
     const BlockMatrix<d> scaled = own * row[e] * inverse_factor<d>(begin[static_cast<std::ptrdiff_t>(e)]).transpose();
     for (int j = 0; j < d; ++j)
-      for (int i = 0; i < d; ++i)
-        *to++ = static_cast<std::int16_t>(std::lrint(std::clamp(scaled(i, j), -kEntrySteps, kEntrySteps)));
+      for (int i = 0; i < d; ++i) *to++ = to_steps(scaled(i, j));
   }
 }
 

@@ -44,32 +44,16 @@ struct FoldedLanes {
   // Accumulators in registers: AVX-512 has 32, AVX2 and SSE 16.
   static constexpr int kTile = (HWY_TARGET == HWY_AVX3 ? 24 : 12) / d;
 
+  using Places = std::array<int, 8> FoldedGradient::Orbit::*;
+
   /// The components of values at nodes.
   static HWY_INLINE void fold(const FoldedGradient& gradient, const float* nodes, float* components) {
-    for (const FoldedGradient::Orbit& orbit : gradient.node_orbits)
-      with_constant<d>(orbit.mirrors, [&](auto mirrors) {
-        unrolled<d>([&](auto i) {
-          Floats values[1 << mirrors];
-          for (int g = 0; g < 1 << mirrors; ++g) values[g] = load(nodes + (orbit.member[g] * d + i) * kBatch);
-          add_with_signs<mirrors>(values);
-          for (int g = 0; g < 1 << mirrors; ++g)
-            hn::Store(values[g], FloatTag(), components + (orbit.component[g] * d + i) * kBatch);
-        });
-      });
+    between<&FoldedGradient::Orbit::member, &FoldedGradient::Orbit::component>(gradient, nodes, components);
   }
 
   /// Its transpose.
   static HWY_INLINE void unfold(const FoldedGradient& gradient, const float* components, float* nodes) {
-    for (const FoldedGradient::Orbit& orbit : gradient.node_orbits)
-      with_constant<d>(orbit.mirrors, [&](auto mirrors) {
-        unrolled<d>([&](auto i) {
-          Floats values[1 << mirrors];
-          for (int g = 0; g < 1 << mirrors; ++g) values[g] = load(components + (orbit.component[g] * d + i) * kBatch);
-          add_with_signs<mirrors>(values);
-          for (int g = 0; g < 1 << mirrors; ++g)
-            hn::Store(values[g], FloatTag(), nodes + (orbit.member[g] * d + i) * kBatch);
-        });
-      });
+    between<&FoldedGradient::Orbit::component, &FoldedGradient::Orbit::member>(gradient, components, nodes);
   }
 
   /// Between the components of an orbit's slots and their values, in place.
@@ -95,6 +79,20 @@ struct FoldedLanes {
   }
 
  private:
+  template <Places source, Places target>
+  static HWY_INLINE void between(const FoldedGradient& gradient, const float* from, float* to) {
+    for (const FoldedGradient::Orbit& orbit : gradient.node_orbits)
+      with_constant<d>(orbit.mirrors, [&](auto mirrors) {
+        unrolled<d>([&](auto i) {
+          Floats values[1 << mirrors];
+          for (int g = 0; g < 1 << mirrors; ++g) values[g] = load(from + ((orbit.*source)[g] * d + i) * kBatch);
+          add_with_signs<mirrors>(values);
+          for (int g = 0; g < 1 << mirrors; ++g)
+            hn::Store(values[g], FloatTag(), to + ((orbit.*target)[g] * d + i) * kBatch);
+        });
+      });
+  }
+
   template <int mirrors>
   static HWY_NOINLINE void turn_slots(float* first) {
     for (int entry = 0; entry < d * d; ++entry) {

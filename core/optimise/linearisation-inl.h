@@ -21,6 +21,7 @@
 #include "core/energy/table-inl.h"
 #include "core/optimise/batches.h"
 #include "core/optimise/left_factor.h"
+#include "core/optimise/steps.h"
 
 HWY_BEFORE_NAMESPACE();
 namespace varimesh {
@@ -59,7 +60,7 @@ class VectorLinearisation : public HessianKernels {
   static constexpr int kQQ = kQJ + (E::kMixed ? 1 : 0);
   static constexpr int kW = kQQ + (E::kCurved ? 1 : 0);
   static constexpr int kEntries = kW + (E::kStrain != StrainTerm::None ? 1 : 0);
-  static constexpr int kSides = d * (d + 1) / 2;  // numbers in a symmetric matrix
+  static constexpr int kSides = triangle_size(d);  // numbers in a symmetric matrix
 
   double mu() const {
     if constexpr (E::kStrain != StrainTerm::None) return energy_.mu;
@@ -69,8 +70,6 @@ class VectorLinearisation : public HessianKernels {
   E energy_;
 
  private:
-  static constexpr double kSteps = std::numeric_limits<std::int16_t>::max();
-
   /// Of one cell, to BatchBlock::deformation and BatchBlock::mean.
   static HWY_INLINE void keep_deformation(BatchBlock& block, std::int32_t b, int lane, const double* deformation) {
     const CellBlock& cells = *block.cells;
@@ -83,14 +82,13 @@ class VectorLinearisation : public HessianKernels {
       mean[entry * kBatch] = middle;
     }
     // No smaller than what a float can divide by.
-    const float step = std::max(static_cast<float>(largest / kSteps), std::numeric_limits<float>::min());
+    const float step = std::max(static_cast<float>(largest / kMostSteps), std::numeric_limits<float>::min());
     mean[d * d * kBatch] = step;
     std::int16_t* to = block.deformation.data() + b * block.deformation_size() + lane;
     for (int entry = 0; entry < d * d; ++entry)
       for (int q = 0; q < cells.points; ++q) {
-        const double steps = (deformation[entry * cells.stride + q] - mean[entry * kBatch]) / step;
         to[(block.gradient.slots[q] * d * d + entry) * kBatch] =
-            static_cast<std::int16_t>(std::lrint(std::clamp(steps, -kSteps, kSteps)));
+            to_steps((deformation[entry * cells.stride + q] - mean[entry * kBatch]) / step);
       }
   }
 
