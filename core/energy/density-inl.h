@@ -95,7 +95,7 @@ template <int d, class T, class E>
 T density_value(const E& energy, const Matrix<T, d>& F, T delta_squared) {
   const Matrix<T, d> C = cofactor<d>(F);
   const T Q = E::kQuadratic == Quadratic::Cofactor ? dot<d>(C, C) : dot<d>(F, F);
-  T W = energy.value(Q, regularised(determinant<d>(F), delta_squared));
+  T W = energy.value(Q, regularised<E::kFunction>(determinant<d>(F), delta_squared));
   if constexpr (E::kStrain != StrainTerm::None) {
     const Matrix<T, d> strain = strain_of<d>(F, E::kStrain);
     W = W + number<T>(energy.mu) * dot<d>(strain, strain);
@@ -142,7 +142,8 @@ template <int d, class T, class E>
 Matrix<T, d> density_gradient(const E& energy, const Matrix<T, d>& F, T delta_squared) {
   const Matrix<T, d> C = cofactor<d>(F);
   const T Q = E::kQuadratic == Quadratic::Cofactor ? dot<d>(C, C) : dot<d>(F, F);
-  return density_gradient<d>(energy, F, C, energy.partials(Q, regularised(determinant<d>(F), delta_squared)));
+  return density_gradient<d>(energy, F, C,
+                             energy.partials(Q, regularised<E::kFunction>(determinant<d>(F), delta_squared)));
 }
 
 /// dP for a change dF: (d²W/dF²) : dF.
@@ -173,7 +174,7 @@ Matrix<T, d> density_hessian_times(const E& energy, const Matrix<T, d>& F, T del
       }
     }
   const T Q = E::kQuadratic == Quadratic::Cofactor ? dot<d>(C, C) : dot<d>(F, F);
-  const Partials<T> p = energy.partials(Q, regularised(determinant<d>(F), delta_squared));
+  const Partials<T> p = energy.partials(Q, regularised<E::kFunction>(determinant<d>(F), delta_squared));
   const T dQ = dot<d>(dQ_dF, dF), dJ = dot<d>(C, dF);
   Matrix<T, d> dP;
   for (int k = 0; k < d; ++k)

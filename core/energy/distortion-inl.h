@@ -19,6 +19,7 @@ template <int d>
 struct DistortionEnergy {
   static constexpr Quadratic kQuadratic = Quadratic::Deformation;
   static constexpr StrainTerm kStrain = StrainTerm::None;
+  static constexpr JacobianFunction kFunction = d == 3 ? JacobianFunction::InverseCubeRoot : JacobianFunction::None;
   static constexpr bool kBarrier = true;
   static constexpr bool kTraceOfStrain = false;
   static constexpr bool kMixed = true;       ///< f_QJ ≠ 0
@@ -33,8 +34,7 @@ struct DistortionEnergy {
     if constexpr (d == 2) {
       return number<T>(0.5) / j.positive;
     } else {
-      const T root = inverse_cube_root(j.positive);
-      return number<T>(1.0 / d) * root * root;
+      return number<T>(1.0 / d) * j.function * j.function;
     }
   }
 

@@ -18,6 +18,7 @@ template <int d>
 struct HyperelasticEnergy {
   static constexpr Quadratic kQuadratic = Quadratic::Deformation;
   static constexpr StrainTerm kStrain = StrainTerm::None;
+  static constexpr JacobianFunction kFunction = JacobianFunction::Logarithm;
   static constexpr bool kBarrier = true;  ///< W → ∞ as J → 0, so a valid element stays valid.
   static constexpr bool kTraceOfStrain = false;
   static constexpr bool kMixed = false;   ///< f_QJ ≠ 0
@@ -29,14 +30,14 @@ struct HyperelasticEnergy {
   /// f = μ/2 (Q − d) − μ L + λ/2 L²,  L = ln J'
   template <class T>
   HWY_INLINE T value(T Q, const Regularised<T>& j) const {
-    const T L = logarithm(j.positive);
+    const T L = j.function;
     return fused(number<T>(0.5 * mu), Q - number<T>(d), L * (number<T>(0.5 * lambda) * L - number<T>(mu)));
   }
 
   /// f_Q = μ/2,  f_J = (λ L − μ)/s,  f_JJ = [λ − (λ L − μ) J/s]/s²
   template <class T>
   HWY_INLINE Partials<T> partials(T Q, const Regularised<T>& j) const {
-    const T L = logarithm(j.positive);
+    const T L = j.function;
     const T inverse_s = number<T>(1) / j.s;
     const T slope = number<T>(lambda) * L - number<T>(mu);
     const T zero = number<T>(0);

@@ -22,6 +22,7 @@ struct LinearElasticEnergy {
   static constexpr StrainTerm kStrain =
       strain == Strain::Small ? StrainTerm::Small : StrainTerm::GreenLagrange;  ///< μ E:E
   static constexpr bool kBarrier = volumetric == Volumetric::Log;
+  static constexpr JacobianFunction kFunction = kBarrier ? JacobianFunction::Logarithm : JacobianFunction::None;
   /// λ/2 (tr E)² of the small strain, which is linear in F and so no function of Q; of Green–Lagrange's it is one.
   static constexpr bool kTraceOfStrain = volumetric == Volumetric::Trace && strain == Strain::Small;
 
@@ -35,7 +36,7 @@ struct LinearElasticEnergy {
   template <class T>
   HWY_INLINE T value(T Q, const Regularised<T>& j) const {
     if constexpr (kBarrier) {
-      const T L = logarithm(j.positive);
+      const T L = j.function;
       return number<T>(0.5 * kappa) * L * L;
     } else if constexpr (kTraceOfStrain) {
       return number<T>(0);
@@ -50,7 +51,7 @@ struct LinearElasticEnergy {
   HWY_INLINE Partials<T> partials(T Q, const Regularised<T>& j) const {
     const T zero = number<T>(0);
     if constexpr (kBarrier) {
-      const T L = logarithm(j.positive);
+      const T L = j.function;
       const T inverse_s = number<T>(1) / j.s;
       const T kappa_L = number<T>(kappa) * L;
       return {number<T>(0.5) * kappa_L * L,

@@ -21,6 +21,7 @@ struct WinslowEnergy {
   static constexpr Quadratic kQuadratic =
       d == 3 && form == Winslow::True ? Quadratic::Cofactor : Quadratic::Deformation;
   static constexpr StrainTerm kStrain = StrainTerm::None;
+  static constexpr JacobianFunction kFunction = JacobianFunction::None;
   static constexpr bool kBarrier = true;
   static constexpr bool kTraceOfStrain = false;
   static constexpr bool kMixed = true;    ///< f_QJ ≠ 0

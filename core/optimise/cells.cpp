@@ -127,14 +127,20 @@ bool holds_deformation(const Problem& problem) {
                       [](const CellBlock& block) { return block.deformation.empty() && block.count > 0; });
 }
 
-bool hold_deformation(Problem& problem) {
+bool hold_deformation(Problem& problem, bool keeps_function) {
   const bool made = !holds_deformation(problem);
-  for (CellBlock& block : problem.blocks) block.deformation.resize(block.count * block.deformation_size());
+  for (CellBlock& block : problem.blocks) {
+    block.deformation.resize(block.count * block.deformation_size());
+    if (keeps_function) block.jacobian_function.resize(static_cast<std::size_t>(block.count) * block.stride);
+  }
   return made;
 }
 
 void drop_deformation(Problem& problem) {
-  for (CellBlock& block : problem.blocks) AlignedVector<double>().swap(block.deformation);
+  for (CellBlock& block : problem.blocks) {
+    AlignedVector<double>().swap(block.deformation);
+    AlignedVector<double>().swap(block.jacobian_function);
+  }
 }
 
 std::vector<double> free_positions(const Problem& problem, const std::vector<double>& positions) {

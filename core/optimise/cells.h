@@ -43,6 +43,9 @@ struct CellBlock {
   /// F, row-major: count × d·d × stride. Empty while nobody keeps it (hold_deformation): it is the most that a cell
   /// has.
   AlignedVector<double> deformation;
+  /// What the energy takes of J at the points, ln J or J^(−1/3) (jacobian-inl.h), beside F: count × stride. Right
+  /// wherever J > 0. Empty where it takes neither.
+  AlignedVector<double> jacobian_function;
   std::vector<double> energy_slope;   ///< What products weight each cell with (the p-norm's slope); empty: 1.
   std::vector<double> delta_squared;  ///< δ² of J' a cell, dimensionless; 0 for a cell with J > 0 at every point.
   std::vector<char> condemned;        ///< Cells that no free node can repair: never in the barrier. Empty: none.
@@ -55,6 +58,13 @@ struct CellBlock {
   }
   const double* deformation_of(std::int32_t cell) const {
     return deformation.empty() ? nullptr : deformation.data() + cell * deformation_size();
+  }
+  /// Null where none is kept.
+  double* jacobian_function_of(std::int32_t cell) {
+    return jacobian_function.empty() ? nullptr : jacobian_function.data() + static_cast<std::size_t>(cell) * stride;
+  }
+  const double* jacobian_function_of(std::int32_t cell) const {
+    return jacobian_function.empty() ? nullptr : jacobian_function.data() + static_cast<std::size_t>(cell) * stride;
   }
   const double* inverse_target_of(std::int32_t cell) const {
     return inverse_target.data() + static_cast<std::size_t>(cell) * dimension * dimension * (affine ? 1 : stride);
@@ -102,9 +112,9 @@ struct Problem {
 /// nodes. `quadrature_degree` 0 means 2 P. Positions, targets and deformation gradients are left to be set.
 Problem build_problem(const HighOrderMesh& mesh, const std::vector<bool>& fixed, int quadrature_degree);
 
-/// Makes room for the deformation gradients, or gives it back. hold: true where the room is new, and they are to be
-/// computed.
-bool hold_deformation(Problem& problem);
+/// Makes room for the deformation gradients, and for the energy's function of J where it `keeps_function`, or gives it
+/// back. hold: true where the room is new, and they are to be computed.
+bool hold_deformation(Problem& problem, bool keeps_function);
 bool holds_deformation(const Problem& problem);
 void drop_deformation(Problem& problem);
 

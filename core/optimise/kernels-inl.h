@@ -21,20 +21,11 @@
 #include "core/optimise/kernels.h"
 #include "core/optimise/left_factor.h"
 #include "core/optimise/line_lanes-inl.h"
+#include "core/optimise/strain_lanes-inl.h"
 
 HWY_BEFORE_NAMESPACE();
 namespace varimesh {
 namespace HWY_NAMESPACE {
-
-/// The sums of PatchExpansion, a lane a point.
-template <int d>
-struct Sums {
-  Lanes energy, measure, gradient[d], hessian[d * (d + 1) / 2];
-  HWY_INLINE Sums() : energy(zero()), measure(zero()) {
-    unrolled<d>([&](auto i) { gradient[i] = zero(); });
-    unrolled<d*(d + 1) / 2>([&](auto i) { hessian[i] = zero(); });
-  }
-};
 
 /// One energy in one dimension. See Kernels for what each function does.
 template <class E, int d>
@@ -45,7 +36,8 @@ class VectorKernels final : public Kernels {
  public:
   explicit VectorKernels(const E& energy) : energy_(energy) {}
 
-  int line_size() const override { return kHasLine ? Line<d>::kSize : 0; }
+  int line_size() const override { return kFunctionAt + (kKeepsFunction ? 1 : 0); }
+  bool keeps_function() const override { return kKeepsFunction; }
 
   HWY_FLATTEN PatchExpansion expand(std::span<const PatchCell> patch) const override {
     if (has_left_factors(patch)) return expand_through_left_factors(*this, d, patch);
@@ -89,9 +81,8 @@ class VectorKernels final : public Kernels {
     if (has_left_factors(patch)) return move_through_left_factors(*this, d, patch, step);
     Lanes a[d];
     unrolled<d>([&](auto i) { a[i] = hn::Set(Tag(), step[i]); });
-    const int width = static_cast<int>(hn::Lanes(Tag()));
     for (const PatchCell& cell : patch) {
-      for (int q = 0; q < cell.stride; q += width) {
+      for (int q = 0; q < cell.stride; q += static_cast<int>(hn::Lanes(Tag()))) {
         Lanes g[d];
         if (kHasLine && cell.line != nullptr)
           Line<d>::gradient(cell, q, g);
@@ -104,6 +95,15 @@ class VectorKernels final : public Kernels {
           });
         });
       }
+      if (kKeepsFunction && cell.jacobian_function != nullptr) move_function(cell);
+    }
+  }
+
+  void take_function(const double* F, int stride, double* function) const override {
+    for (int q = 0; q < stride; q += static_cast<int>(hn::Lanes(Tag()))) {
+      Gradient<d> at;
+      at.load_from(F, stride, q);
+      hn::Store(jacobian_function<E::kFunction>(at.determinant()), Tag(), function + q);
     }
   }
 
@@ -151,8 +151,10 @@ class VectorKernels final : public Kernels {
     }
   }
 
-  HWY_FLATTEN CellScan scan(const CellBlock& block, std::int32_t cell, const double* F) const override {
-    const Lanes delta_squared = hn::Set(Tag(), block.delta_squared[cell]);
+  HWY_FLATTEN CellScan scan(const CellBlock& block, std::int32_t cell, const double* F,
+                            const double* function) const override {
+    const double delta_squared = block.delta_squared[cell];
+    const bool plain = E::kBarrier && delta_squared == 0;
     Lanes energy = zero(), smallest = hn::Set(Tag(), std::numeric_limits<double>::infinity());
     Lanes low = smallest, high = zero() - smallest;
     for (int q = 0; q < block.stride; q += static_cast<int>(hn::Lanes(Tag()))) {
@@ -168,7 +170,9 @@ class VectorKernels final : public Kernels {
       const auto real = hn::Gt(weights, zero());
       low = hn::Min(low, hn::IfThenElse(real, J * volume, low));
       high = hn::Max(high, hn::IfThenElse(real, J * volume, high));
-      energy = hn::MulAdd(w, value<false>(at, J, delta_squared), energy);
+      const auto j =
+          plain ? jacobian_if<true>(J, delta_squared, function, q) : jacobian_if<false>(J, delta_squared, function, q);
+      energy = hn::MulAdd(w, value(at, j), energy);
     }
     CellScan out;
     out.energy = sum_of(energy);
@@ -183,16 +187,30 @@ class VectorKernels final : public Kernels {
   /// barrier does J stay positive.
   static bool is_plain(const PatchCell& cell) { return E::kBarrier && cell.delta_squared == 0; }
 
+  static constexpr bool kKeepsFunction = E::kFunction != JacobianFunction::None;
+  /// Where F comes in by J and |F|² alone.
+  static constexpr bool kHasLine = E::kQuadratic == Quadratic::Deformation && E::kStrain == StrainTerm::None;
+  /// What of PatchCell::line is the function of J where energy_after() has been, by points; the Line comes before it.
+  static constexpr int kFunctionAt = kHasLine ? Line<d>::kSize : 0;
+  static HWY_INLINE double* function_after(const PatchCell& cell) { return cell.line + kFunctionAt * cell.stride; }
+
+  /// J' at points q…, with the function of J that is kept (null: taken anew).
   template <bool plain>
-  static HWY_INLINE Regularised<Lanes> regularised_if(Lanes J, Lanes delta_squared) {
-    if constexpr (plain) return {J, J, J};
-    return regularised(J, delta_squared);
+  static HWY_INLINE Regularised<Lanes> jacobian_if(Lanes J, double delta_squared, const double* function, int q) {
+    if constexpr (!plain) return regularised<E::kFunction>(J, hn::Set(Tag(), delta_squared));
+    if (kKeepsFunction && function != nullptr) return {J, J, J, load(function + q)};
+    return {J, J, J, jacobian_function<E::kFunction>(J)};
+  }
+
+  HWY_INLINE void move_function(const PatchCell& cell) const {
+    if (!is_plain(cell) || cell.line == nullptr)
+      return take_function(cell.deformation, cell.stride, cell.jacobian_function);
+    for (int q = 0; q < cell.stride; q += static_cast<int>(hn::Lanes(Tag())))
+      hn::Store(load(function_after(cell) + q), Tag(), cell.jacobian_function + q);
   }
 
   /// W(F).
-  template <bool plain>
-  HWY_INLINE Lanes value(const Gradient<d>& at, Lanes J, Lanes delta_squared) const {
-    const Regularised<Lanes> j = regularised_if<plain>(J, delta_squared);
+  HWY_INLINE Lanes value(const Gradient<d>& at, const Regularised<Lanes>& j) const {
     Lanes Q = at.square();
     if constexpr (E::kQuadratic == Quadratic::Cofactor) {
       Q = zero();
@@ -203,60 +221,23 @@ class VectorKernels final : public Kernels {
       });
     }
     Lanes W = energy_.value(Q, j);
-    if constexpr (E::kStrain != StrainTerm::None) W = W + strain_value(at);
+    if constexpr (E::kStrain != StrainTerm::None) W = W + strain_value(energy_, at);
     return W;
   }
-
-  /// μ E:E, and λ/2 (tr E)² where the energy has it. |FᵀF − 1| = |FFᵀ − 1|.
-  HWY_INLINE Lanes strain_value(const Gradient<d>& at) const {
-    const Lanes one = hn::Set(Tag(), 1.0);
-    Lanes sum = zero(), trace = zero();
-    if constexpr (E::kStrain == StrainTerm::GreenLagrange) {
-      Lanes B[kEntries];
-      at.left_product(B);
-      unrolled<d>([&](auto i) {
-        unrolled_through(i, [&](auto j) {
-          const int entry = i * (i + 1) / 2 + j;
-          const Lanes e = i == j ? B[entry] - one : B[entry];
-          sum = hn::MulAdd(i == j ? e : e + e, e, sum);
-        });
-      });
-      return hn::Set(Tag(), 0.25 * energy_.mu) * sum;
-    }
-    unrolled<d>([&](auto i) {
-      const Lanes e = at.F[i][i] - one;
-      trace = trace + e;
-      sum = hn::MulAdd(e, e, sum);
-      unrolled_below(i, [&](auto j) {
-        const Lanes shear = at.F[i][j] + at.F[j][i];
-        sum = hn::MulAdd(hn::Set(Tag(), 0.5) * shear, shear, sum);
-      });
-    });
-    Lanes W = hn::Set(Tag(), energy_strain_mu()) * sum;
-    if constexpr (E::kTraceOfStrain) W = hn::MulAdd(hn::Set(Tag(), 0.5 * energy_.lambda) * trace, trace, W);
-    return W;
-  }
-
-  double energy_strain_mu() const {
-    if constexpr (E::kStrain != StrainTerm::None) return energy_.mu;
-    return 0;
-  }
-
-  /// Where F comes in by J and |F|² alone.
-  static constexpr bool kHasLine = E::kQuadratic == Quadratic::Deformation && E::kStrain == StrainTerm::None;
 
   template <bool plain>
   HWY_INLINE bool add_energy_on_line(const PatchCell& cell, const Lanes* a, Lanes& sum) const {
     const Lanes lowest = hn::Set(Tag(), E::kBarrier && cell.delta_squared == 0 ? 0.0 : -kHuge);
-    const Lanes huge = hn::Set(Tag(), kHuge), delta_squared = hn::Set(Tag(), cell.delta_squared);
-    const Lanes aa = inner<d>(a, a);
+    const Lanes huge = hn::Set(Tag(), kHuge), aa = inner<d>(a, a);
     const int width = static_cast<int>(hn::Lanes(Tag()));
     for (int q = 0; q < cell.stride; q += width) {
       Lanes J, Q;
       Line<d>::after(cell, q, a, aa, J, Q);
       if (!hn::AllTrue(Tag(), hn::And(hn::Gt(J, lowest), hn::Lt(J, huge)))) return false;
       const Lanes w = cell.affine ? weight<true>(cell, q) : weight<false>(cell, q);
-      sum = hn::MulAdd(w, energy_.value(Q, regularised_if<plain>(J, delta_squared)), sum);
+      const auto j = jacobian_if<plain>(J, cell.delta_squared, nullptr, q);
+      if constexpr (plain && kKeepsFunction) hn::Store(j.function, Tag(), function_after(cell) + q);
+      sum = hn::MulAdd(w, energy_.value(Q, j), sum);
     }
     return true;
   }
@@ -266,7 +247,6 @@ class VectorKernels final : public Kernels {
     // The logarithm of a number that is not positive is a finite number here, so J and finiteness are tested first.
     const Lanes lowest = hn::Set(Tag(), E::kBarrier && cell.delta_squared == 0 ? 0.0 : -kHuge);
     const Lanes huge = hn::Set(Tag(), kHuge);
-    const Lanes delta_squared = hn::Set(Tag(), cell.delta_squared);
     for (int q = 0; q < cell.stride; q += static_cast<int>(hn::Lanes(Tag()))) {
       Lanes g[d];
       node_gradient<d, affine>(cell, q, g);
@@ -275,14 +255,16 @@ class VectorKernels final : public Kernels {
       unrolled<d>([&](auto i) { unrolled<d>([&](auto j) { at.F[i][j] = hn::MulAdd(a[i], g[j], at.F[i][j]); }); });
       const Lanes J = at.determinant();
       if (!hn::AllTrue(Tag(), hn::And(hn::Gt(J, lowest), hn::Lt(J, huge)))) return false;
-      sum = hn::MulAdd(weight<affine>(cell, q), value<plain>(at, J, delta_squared), sum);
+      const auto j = jacobian_if<plain>(J, cell.delta_squared, nullptr, q);
+      if constexpr (plain && kKeepsFunction)
+        if (cell.line != nullptr) hn::Store(j.function, Tag(), function_after(cell) + q);
+      sum = hn::MulAdd(weight<affine>(cell, q), value(at, j), sum);
     }
     return true;
   }
 
   template <bool affine, bool plain>
   HWY_INLINE void expand_cell(const PatchCell& cell, Sums<d>& sums) const {
-    const Lanes delta_squared = hn::Set(Tag(), cell.delta_squared);
     for (int q = 0; q < cell.stride; q += static_cast<int>(hn::Lanes(Tag()))) {
       Lanes g[d], y[d], c[d];
       node_gradient<d, affine>(cell, q, g);
@@ -300,9 +282,10 @@ class VectorKernels final : public Kernels {
       const Lanes w = weight<affine>(cell, q);
       const Lanes square = at.square(), gg = inner<d>(g, g);
       if (kHasLine && cell.line != nullptr) Line<d>::keep(cell, q, J, square, gg, c, y, g);
-      add_invariants(at, regularised_if<plain>(J, delta_squared), square, cofactor_square, w, gg, y, c, sums);
-      if constexpr (E::kStrain == StrainTerm::GreenLagrange) add_green_lagrange(at, w, g, gg, y, sums);
-      if constexpr (E::kStrain == StrainTerm::Small) add_small_strain(at, w, g, gg, sums);
+      const auto j = jacobian_if<plain>(J, cell.delta_squared, cell.jacobian_function, q);
+      add_invariants(at, j, square, cofactor_square, w, gg, y, c, sums);
+      if constexpr (E::kStrain == StrainTerm::GreenLagrange) add_green_lagrange(energy_, at, w, gg, y, sums);
+      if constexpr (E::kStrain == StrainTerm::Small) add_small_strain(energy_, at, w, g, gg, sums);
       sums.measure = sums.measure + w;
     }
   }
@@ -343,51 +326,6 @@ class VectorKernels final : public Kernels {
         } else if (i == m) {
           h = hn::MulAdd(two * w_Q, gg, h);
         }
-        sums.hessian[entry] = h;
-      });
-    });
-  }
-
-  /// μ E:E with E = (FᵀF − 1)/2: gradient 2μ F E g, Hessian μ (|g|² F Fᵀ + y yᵀ) + 2μ (g·E g) 1,
-  /// where F E g = (F Fᵀ y − y)/2 and g·E g = (|y|² − |g|²)/2.
-  HWY_INLINE void add_green_lagrange(const Gradient<d>& at, Lanes w, const Lanes*, Lanes gg, const Lanes* y,
-                                     Sums<d>& sums) const {
-    const Lanes w_mu = w * hn::Set(Tag(), energy_strain_mu());
-    Lanes B[kEntries];
-    at.left_product(B);
-    const Lanes shift = inner<d>(y, y) - gg;
-    sums.energy = hn::MulAdd(w, strain_value(at), sums.energy);
-    unrolled<d>([&](auto i) {
-      Lanes By = zero() - y[i];
-      unrolled<d>([&](auto m) { By = hn::MulAdd(B[i >= m ? i * (i + 1) / 2 + m : m * (m + 1) / 2 + i], y[m], By); });
-      sums.gradient[i] = hn::MulAdd(w_mu, By, sums.gradient[i]);
-      unrolled_through(i, [&](auto m) {
-        const int entry = i * (i + 1) / 2 + m;
-        Lanes h = hn::MulAdd(gg, B[entry], y[i] * y[m]);
-        if (i == m) h = h + shift;
-        sums.hessian[entry] = hn::MulAdd(w_mu, h, sums.hessian[entry]);
-      });
-    });
-  }
-
-  /// μ E:E with E = sym F − 1: gradient 2μ E g, Hessian μ (|g|² 1 + g gᵀ); λ/2 (tr E)²: λ tr E g and λ g gᵀ.
-  HWY_INLINE void add_small_strain(const Gradient<d>& at, Lanes w, const Lanes* g, Lanes gg, Sums<d>& sums) const {
-    const Lanes w_mu = w * hn::Set(Tag(), energy_strain_mu());
-    Lanes trace = zero(), w_lambda = zero();
-    if constexpr (E::kTraceOfStrain) {
-      trace = hn::Set(Tag(), -double(d));
-      unrolled<d>([&](auto i) { trace = trace + at.F[i][i]; });
-      w_lambda = w * hn::Set(Tag(), energy_.lambda);
-    }
-    sums.energy = hn::MulAdd(w, strain_value(at), sums.energy);
-    unrolled<d>([&](auto i) {
-      Lanes Eg = zero() - (g[i] + g[i]);  // 2 E g
-      unrolled<d>([&](auto m) { Eg = hn::MulAdd(at.F[i][m] + at.F[m][i], g[m], Eg); });
-      sums.gradient[i] = hn::MulAdd(w_mu, Eg, hn::MulAdd(w_lambda * trace, g[i], sums.gradient[i]));
-      unrolled_through(i, [&](auto m) {
-        const int entry = i * (i + 1) / 2 + m;
-        Lanes h = hn::MulAdd((w_mu + w_lambda) * g[i], g[m], sums.hessian[entry]);
-        if (i == m) h = hn::MulAdd(w_mu, gg, h);
         sums.hessian[entry] = h;
       });
     });

@@ -23,8 +23,10 @@ struct PatchCell {
   double delta_squared;          ///< 0: the cell is valid, and J must stay positive at every point.
   int stride;
   bool affine;
+  /// CellBlock::jacobian_function; null: it is taken anew each time.
+  double* jacobian_function;
   /// Room for line_size() · stride numbers, which expand() leaves for the energy_after() and move() that follow it with
-  /// F as it was; null: none, and they do without.
+  /// F as it was, and the last energy_after() for a move() by the same step; null: none, and they do without.
   double* line;
 };
 
@@ -53,13 +55,16 @@ class Kernels {
   /// Numbers a quadrature point of PatchCell::line; 0: none are kept.
   virtual int line_size() const { return 0; }
 
+  /// Whether it pays to keep CellBlock::jacobian_function.
+  virtual bool keeps_function() const { return false; }
+
   virtual PatchExpansion expand(std::span<const PatchCell> patch) const = 0;
 
   /// The patch's energy with the node displaced by `step`; +∞ where that makes a valid cell's J ≤ 0 or a number not
   /// finite.
   virtual double energy_after(std::span<const PatchCell> patch, const double* step) const = 0;
 
-  /// F += L step ⊗ A⁻ᵀ ∇φ in every cell of the patch.
+  /// F += L step ⊗ A⁻ᵀ ∇φ in every cell of the patch, and its function of J with it.
   virtual void move(std::span<const PatchCell> patch, const double* step) const = 0;
 
   /// The smallest J = det F in the patch.
@@ -69,15 +74,21 @@ class Kernels {
   virtual void deform(const CellBlock& block, std::int32_t cell, std::span<const double> positions,
                       double* deformation) const = 0;
 
-  /// Of a cell with this F.
-  virtual CellScan scan(const CellBlock& block, std::int32_t cell, const double* deformation) const = 0;
+  /// The energy's function of J from F of a cell, both as CellBlock has them; for those that keep it.
+  virtual void take_function(const double* /*deformation*/, int /*stride*/, double* /*function*/) const {}
+
+  /// Of a cell with this F and this function of J (null: it is taken anew).
+  virtual CellScan scan(const CellBlock& block, std::int32_t cell, const double* deformation,
+                        const double* function) const = 0;
 
   /// The same with the F that the block keeps.
   void rebuild(CellBlock& block, std::int32_t cell, std::span<const double> positions) const {
     deform(block, cell, positions, block.deformation_of(cell));
+    if (double* function = block.jacobian_function_of(cell); function != nullptr)
+      take_function(block.deformation_of(cell), block.stride, function);
   }
   CellScan scan_kept(const CellBlock& block, std::int32_t cell) const {
-    return scan(block, cell, block.deformation_of(cell));
+    return scan(block, cell, block.deformation_of(cell), block.jacobian_function_of(cell));
   }
 };
 

@@ -32,6 +32,16 @@ HWY_INLINE Lanes weight(const PatchCell& cell, int q) {
   return load(cell.measure + q);
 }
 
+/// The sums of PatchExpansion, a lane a point.
+template <int d>
+struct Sums {
+  Lanes energy, measure, gradient[d], hessian[d * (d + 1) / 2];
+  HWY_INLINE Sums() : energy(zero()), measure(zero()) {
+    unrolled<d>([&](auto i) { gradient[i] = zero(); });
+    unrolled<d*(d + 1) / 2>([&](auto i) { hessian[i] = zero(); });
+  }
+};
+
 /// What is kept of an expansion: J and Q = |F|² are polynomials of the node's displacement a at every point, J + a·c
 /// and Q + 2 a·y + |a|² |g|². Vectors of one point after the other.
 template <int d>

@@ -130,7 +130,8 @@ class VectorLinearisation : public HessianKernels {
       for (int j = 0; j < d; ++j) F[i][j] = hn::Load(tag, deformation + (i * d + j) * stride);
     const Matrix<Points, d> C = cofactor<d>(F);
     const Points Q = E::kQuadratic == Quadratic::Cofactor ? dot<d>(C, C) : dot<d>(F, F);
-    const Partials<Points> p = energy_.partials(Q, regularised(determinant<d>(F), hn::Set(tag, delta_squared)));
+    const Partials<Points> p =
+        energy_.partials(Q, regularised<E::kFunction>(determinant<d>(F), hn::Set(tag, delta_squared)));
     hn::Store(w * p.f_Q, tag, kept[kQ]);
     hn::Store(w * p.f_J, tag, kept[kJ]);
     hn::Store(w * p.f_JJ, tag, kept[kJJ]);

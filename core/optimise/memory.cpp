@@ -19,10 +19,10 @@ double bytes_of_cell(Shape shape, int order, const Options& options, int hessian
   const double points = static_cast<double>(reference::quadrature(shape, order, degree).weights.size());
   const double stride = std::ceil(points / kPointPadding) * kPointPadding;
   const double targets = (square + 1) * (info.affine ? 1 : stride);
-  double bytes = 8 * (targets + (info.affine ? 0 : square + 1));       // A⁻¹ and its measure
-  if (options.method != Method::Newton) bytes += 8 * square * stride;  // F
-  bytes += nodes * (4 + sizeof(Incidence) + 2 * 4);                    // the mesh's and the problem's lists of nodes
-  bytes += 3 * sizeof(Certificate) + sizeof(double) * 10 + 40;         // the guard's, the scans', who is awake
+  double bytes = 8 * (targets + (info.affine ? 0 : square + 1));             // A⁻¹ and its measure
+  if (options.method != Method::Newton) bytes += 8 * (square + 1) * stride;  // F and the energy's function of J
+  bytes += nodes * (4 + sizeof(Incidence) + 2 * 4);             // the mesh's and the problem's lists of nodes
+  bytes += 3 * sizeof(Certificate) + sizeof(double) * 10 + 40;  // the guard's, the scans', who is awake
   if (options.method == Method::Sweeps || options.max_iterations == 0) return bytes;
   bytes += points * (4 * hessian_entries + 2 * square) + 4 * (square + 1);                  // the linearisation
   if (options.p_norm > 1 || options.objective == Objective::Worst) bytes += 4 * nodes * d;  // the cells' gradients

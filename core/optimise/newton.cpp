@@ -116,6 +116,7 @@ double Newton::largest_entry(std::int32_t rank) {
   for (std::int32_t i = 0; i < cells; ++i) {
     const Incidence& at = problem_.incidences[first + i];
     patch.cells()[i].deformation = deformation.data() + begin[i];
+    patch.cells()[i].jacobian_function = nullptr;
     kernels_.deform(problem_.blocks[at.block], at.cell, problem_.positions, patch.cells()[i].deformation);
   }
   double largest = 0;
@@ -164,7 +165,7 @@ void Newton::linearise_batch(std::size_t number, std::int32_t b) {
   for (std::int32_t cell = b * kBatch; cell < std::min(block.count, (b + 1) * kBatch); ++cell) {
     double* F = deformation.data() + (cell - b * kBatch) * block.deformation_size();
     kernels_.deform(block, cell, problem_.positions, F);
-    const CellScan scan = scans_[block.first + cell] = kernels_.scan(block, cell, F);
+    const CellScan scan = scans_[block.first + cell] = kernels_.scan(block, cell, F, nullptr);
     if (!norm_.is_sum())
       block.energy_slope[cell] = norm_.slope(scan.energy, cell_measure(block, cell)) / hessian_scale_;
   }
@@ -338,7 +339,7 @@ void Newton::scan_all() {
       static thread_local AlignedVector<double> deformation;
       deformation.resize(block.deformation_size());
       kernels_.deform(block, cell, problem_.positions, deformation.data());
-      scans_[block.first + cell] = kernels_.scan(block, cell, deformation.data());
+      scans_[block.first + cell] = kernels_.scan(block, cell, deformation.data(), nullptr);
     });
 }
 

@@ -33,6 +33,7 @@ class Patch {
                   block.delta_squared[at.cell],
                   block.stride,
                   block.affine || uniform != nullptr,
+                  block.jacobian_function_of(at.cell),
                   nullptr};
     }
   }

@@ -98,7 +98,7 @@ class PlainKernels final : public Kernels {
     }
   }
 
-  CellScan scan(const CellBlock& block, std::int32_t cell, const double* of_cell) const override {
+  CellScan scan(const CellBlock& block, std::int32_t cell, const double* of_cell, const double*) const override {
     CellScan out;
     double smallest = std::numeric_limits<double>::infinity(), largest = -smallest;
     out.smallest_jacobian = smallest;

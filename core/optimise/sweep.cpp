@@ -94,7 +94,7 @@ Sweeper::Sweeper(Problem& problem, const Schedule& schedule, const Kernels& kern
 }
 
 void Sweeper::rebuild() {
-  if (hold_deformation(problem_)) std::fill(drifted_.begin(), drifted_.end(), 1);
+  if (hold_deformation(problem_, kernels_.keeps_function())) std::fill(drifted_.begin(), drifted_.end(), 1);
   for (CellBlock& block : problem_.blocks)
     team_.for_each(block.count, kCellsPerTask, [&](std::int32_t cell) {
       if (drifted_[block.first + cell] == 0) return;
@@ -143,7 +143,7 @@ CellScan Sweeper::look_at(const CellBlock& block, std::int32_t cell) const {
   static thread_local AlignedVector<double> deformation;
   deformation.resize(block.deformation_size());
   kernels_.deform(block, cell, problem_.positions, deformation.data());
-  return kernels_.scan(block, cell, deformation.data());
+  return kernels_.scan(block, cell, deformation.data(), nullptr);
 }
 
 void Sweeper::scan_cell(CellBlock& block, std::int32_t cell) {

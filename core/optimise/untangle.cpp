@@ -257,7 +257,7 @@ bool Untangler::done() const {
 }
 
 void Untangler::rebuild() {
-  hold_deformation(problem_);
+  hold_deformation(problem_, kernels_.keeps_function());
   for (CellBlock& block : problem_.blocks)
     team_.for_each(block.count, 64, [&](std::int32_t cell) { kernels_.rebuild(block, cell, problem_.positions); });
 }

@@ -30,7 +30,7 @@ class CoarseLevelTest : public ::testing::TestWithParam<Filling> {
     const Material material = varimesh::material(Options{});
     const auto kernels = make_kernels(material, dimension);
     hessian_ = make_hessian_kernels(material, dimension);
-    hold_deformation(problem_);
+    hold_deformation(problem_, false);
     for (CellBlock& block : problem_.blocks)
       for (std::int32_t cell = 0; cell < block.count; ++cell) kernels->rebuild(block, cell, problem_.positions);
     batches_ = make_batches(problem_, *hessian_);

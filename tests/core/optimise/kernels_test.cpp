@@ -4,6 +4,7 @@
 
 #include <gtest/gtest.h>
 
+#include <Eigen/Dense>
 #include <cmath>
 
 #include "core/optimise/batches.h"
@@ -39,6 +40,14 @@ struct Way {
   bool tangled, metric;
 };
 constexpr Way kWays[] = {{false, false}, {true, false}, {false, true}, {true, true}};
+
+/// Of the first of `stride` matrices d × d, entry by entry.
+double determinant(const double* F, int d, int stride) {
+  Eigen::Matrix3d matrix = Eigen::Matrix3d::Identity();
+  for (int i = 0; i < d; ++i)
+    for (int j = 0; j < d; ++j) matrix(i, j) = F[(i * d + j) * stride];
+  return matrix.determinant();
+}
 
 class KernelsTest : public ::testing::TestWithParam<Case> {
  protected:
@@ -134,6 +143,50 @@ TEST_P(KernelsTest, TryAndTakeAStepLikeThePlainOnes) {
   }
 }
 
+TEST_P(KernelsTest, KeepTheEnergysFunctionOfJBesideF) {
+  for (const auto [tangled, metric] : kWays) {
+    prepare(tangled, metric);
+    drop_deformation(problem_);
+    EXPECT_TRUE(hold_deformation(problem_, fast_->keeps_function()));
+    for (CellBlock& block : problem_.blocks)
+      for (std::int32_t cell = 0; cell < block.count; ++cell) fast_->rebuild(block, cell, problem_.positions);
+    const double step[3] = {0.004, -0.003, 0.002}, other[3] = {0.001, 0.002, -0.002};
+    AlignedVector<double> lines;
+    for (std::int32_t rank = 0; rank < std::int32_t(problem_.free.size()); ++rank) {
+      Patch patch(problem_, rank), anew(problem_, rank);
+      for (PatchCell& cell : anew.cells()) cell.jacobian_function = nullptr;
+      if (std::isinf(fast_->energy_after(anew.cells(), step))) continue;  // no sweep would make it
+      // With what an expansion leaves, without it, and where a whole patch has one δ.
+      if (rank % 3 == 0) patch.make_lines(*fast_, lines);
+      if (rank % 3 == 1)
+        for (Patch* each : {&patch, &anew})
+          for (PatchCell& cell : each->cells()) cell.delta_squared = 1e-3;
+      const PatchExpansion a = fast_->expand(patch.cells()), b = fast_->expand(anew.cells());
+      EXPECT_NEAR(a.energy, b.energy, 1e-11 * (std::abs(b.energy) + b.measure));
+      for (int i = 0; i < 6; ++i) EXPECT_NEAR(a.hessian[i], b.hessian[i], 1e-11 * std::abs(b.hessian[0]));
+      fast_->energy_after(patch.cells(), other);  // turned down
+      fast_->energy_after(patch.cells(), step);
+      fast_->move(patch.cells(), step);
+    }
+    AlignedVector<double> expected;
+    for (CellBlock& block : problem_.blocks) {
+      EXPECT_EQ(block.jacobian_function.empty(), !fast_->keeps_function());
+      if (!fast_->keeps_function()) continue;
+      expected.resize(block.stride);
+      for (std::int32_t cell = 0; cell < block.count; ++cell) {
+        const double* F = block.deformation_of(cell);
+        fast_->take_function(F, block.stride, expected.data());
+        for (int q = 0; q < block.stride; ++q) {
+          if (!(determinant(F + q, block.dimension, block.stride) > 0)) continue;
+          ASSERT_NEAR(block.jacobian_function_of(cell)[q], expected[q], 1e-10 * (1 + std::abs(expected[q])));
+        }
+        const CellScan kept = fast_->scan_kept(block, cell), anew = fast_->scan(block, cell, F, nullptr);
+        EXPECT_NEAR(kept.energy, anew.energy, 1e-10 * (std::abs(anew.energy) + 1e-3));
+      }
+    }
+  }
+}
+
 TEST_P(KernelsTest, ReadOneMatrixWhereTheTargetsOfACellAreAlike) {
   const auto mesh = [](double shear, double taper) {
     return testing::grid(GetParam().filling, {3, 2, 2}, 2, [=](testing::Place at) {
@@ -146,7 +199,7 @@ TEST_P(KernelsTest, ReadOneMatrixWhereTheTargetsOfACellAreAlike) {
     for (std::int32_t cell = 0; cell < block.count; ++cell) EXPECT_EQ(block.uniform_target_of(cell), nullptr);
   problem_ = make_problem(mesh(0.3, 0));
   fast_ = make_kernels(GetParam().material.material, problem_.dimension);
-  hold_deformation(problem_);
+  hold_deformation(problem_, false);
   for (CellBlock& block : problem_.blocks)
     for (std::int32_t cell = 0; cell < block.count; ++cell) {
       EXPECT_EQ(block.uniform_target_of(cell) == nullptr, block.affine);
@@ -302,7 +355,7 @@ TEST(Products, DoNotDependOnWhatTheThreadDidBefore) {
   const auto product = [](int order, double size) {
     Problem problem = make_problem(testing::grid(Filling::Tetrahedra, {2, 2, 2}, order));
     const auto plain = make_plain_kernels(material(Options{}), 3);
-    hold_deformation(problem);
+    hold_deformation(problem, false);
     for (CellBlock& block : problem.blocks)
       for (std::int32_t cell = 0; cell < block.count; ++cell) plain->rebuild(block, cell, problem.positions);
     std::vector<double> direction = testing::random_direction(problem, 3);

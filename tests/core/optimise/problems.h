@@ -89,7 +89,7 @@ class WholeMesh {
         const std::size_t at = std::size_t(problem_.free[rank]) * d + k;
         problem_.positions[at] = start_[at] + amount * direction[rank * d + k];
       }
-    hold_deformation(problem_);
+    hold_deformation(problem_, false);
     for (CellBlock& block : problem_.blocks)
       for (std::int32_t cell = 0; cell < block.count; ++cell) kernels.rebuild(block, cell, problem_.positions);
   }

@@ -89,7 +89,7 @@ std::vector<double> areas(const HighOrderMesh& mesh) {
   std::vector<double> result(std::size_t(problem.cells));
   const double diagonal = frame_of(mesh).diagonal;
   const auto kernels = make_plain_kernels(material(Options{}), 2);
-  hold_deformation(problem);
+  hold_deformation(problem, false);
   for (CellBlock& block : problem.blocks)
     for (std::int32_t cell = 0; cell < block.count; ++cell) {
       kernels->rebuild(block, cell, problem.positions);

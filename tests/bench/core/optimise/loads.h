@@ -75,7 +75,7 @@ class ProductLoad {
   ProductLoad(const HighOrderMesh& mesh, const Options& options)
       : problem_(testing::make_problem(mesh)), hessian_(make_hessian_kernels(material(options), mesh.dimension)) {
     const std::unique_ptr<Kernels> kernels = make_kernels(material(options), mesh.dimension);
-    hold_deformation(problem_);
+    hold_deformation(problem_, false);
     for (CellBlock& block : problem_.blocks)
       for (std::int32_t cell = 0; cell < block.count; ++cell) kernels->rebuild(block, cell, problem_.positions);
     batches_ = make_batches(problem_, *hessian_);
