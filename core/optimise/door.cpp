@@ -122,25 +122,33 @@ WayOut::WayOut(const HighOrderMesh& mesh, const Frame& frame, std::vector<double
   }
 }
 
+template <std::size_t d>
+void WayOut::update_cell(const double* after, std::int32_t number, double* coordinates) const {
+  const Cell& cell = cells_[number];
+  const Term* const terms = cell.rows->terms.data();
+  const int* const begin = cell.rows->begin.data();
+  for (std::int32_t o = owned_begin_[number]; o < owned_begin_[number + 1]; ++o) {
+    const int i = owned_[o];
+    std::array<double, d> sum{};
+    for (int t = begin[i]; t < begin[i + 1]; ++t) {
+      const std::size_t at = static_cast<std::size_t>(cell.nodes[terms[t].node]) * d;
+      for (std::size_t k = 0; k < d; ++k) sum[k] += terms[t].factor * (after[at + k] - before_[at + k]);
+    }
+    const std::size_t at = 3 * static_cast<std::size_t>(cell.nodes[i]);
+    for (std::size_t k = 0; k < d; ++k) {
+      const double start = mesh_.coordinates[at + k];
+      coordinates[at + k] = sum[k] != 0 ? start + diagonal_ * sum[k] : start;
+    }
+  }
+}
+
 void WayOut::update(const std::vector<double>& after, std::span<const std::int32_t> cells,
                     std::vector<double>& coordinates, const Team& team) const {
-  const std::size_t d = mesh_.dimension;
-  team.for_each(static_cast<std::int32_t>(cells.size()), kCellsPerTask, [&](std::int32_t number) {
-    const Cell& cell = cells_[cells[number]];
-    for (std::int32_t o = owned_begin_[cells[number]]; o < owned_begin_[cells[number] + 1]; ++o) {
-      const int i = owned_[o];
-      std::array<double, 3> sum{};
-      for (int t = cell.rows->begin[i]; t < cell.rows->begin[i + 1]; ++t) {
-        const Term& term = cell.rows->terms[t];
-        const std::size_t at = static_cast<std::size_t>(cell.nodes[term.node]) * d;
-        for (std::size_t k = 0; k < d; ++k) sum[k] += term.factor * (after[at + k] - before_[at + k]);
-      }
-      const std::size_t at = 3 * static_cast<std::size_t>(cell.nodes[i]);
-      for (std::size_t k = 0; k < d; ++k) {
-        const double start = mesh_.coordinates[at + k];
-        coordinates[at + k] = sum[k] != 0 ? start + diagonal_ * sum[k] : start;
-      }
-    }
+  team.for_each(static_cast<std::int32_t>(cells.size()), kCellsPerTask, [&](std::int32_t i) {
+    if (mesh_.dimension == 2)
+      update_cell<2>(after.data(), cells[i], coordinates.data());
+    else
+      update_cell<3>(after.data(), cells[i], coordinates.data());
   });
 }
 

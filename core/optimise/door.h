@@ -60,6 +60,9 @@ class WayOut {
     const Rows* rows;
   };
 
+  template <std::size_t d>
+  void update_cell(const double* after, std::int32_t number, double* coordinates) const;
+
   const HighOrderMesh& mesh_;
   double diagonal_;
   std::vector<double> before_;

@@ -89,6 +89,8 @@ Sweeper::Sweeper(Problem& problem, const Schedule& schedule, const Kernels& kern
       moves_(problem.cells, 0.0) {
   grain_ = std::max<std::int32_t>(1, static_cast<std::int32_t>(kNodesPerTask * schedule.group_count() /
                                                                std::max<std::size_t>(1, problem.free.size())));
+  for (const CellBlock& block : problem.blocks)
+    for (std::int32_t cell = 0; cell < block.count; ++cell) measure_ += cell_measure(block, cell);
   for (std::size_t group = 0; group + 1 < schedule.groups.size(); ++group)
     largest_group_ = std::max<std::int64_t>(largest_group_, schedule.groups[group + 1] - schedule.groups[group]);
 }
@@ -165,7 +167,6 @@ ScanReport Sweeper::scan() {
   ScanReport report;
   report.min_scaled_jacobian = 1;
   ++clock_;  // later than every visit so far: a cell that gets another δ wakes its nodes
-  double measure = 0;
   for (CellBlock& block : problem_.blocks) {
     team_.for_each(block.count, kCellsPerTask, [&](std::int32_t cell) {
       const bool condemned = !block.condemned.empty() && block.condemned[cell] != 0;
@@ -174,14 +175,12 @@ ScanReport Sweeper::scan() {
     });
     for (std::int32_t cell = 0; cell < block.count; ++cell) {
       const CellScan& scan = scans_[block.first + cell];
-      const double volume = cell_measure(block, cell);
-      measure += volume;
-      report.energy += norm_.value(scan.energy, volume);
+      report.energy += norm_.is_sum() ? scan.energy : norm_.value(scan.energy, cell_measure(block, cell));
       report.min_scaled_jacobian = std::min(report.min_scaled_jacobian, scan.scaled_jacobian);
       if (!(scan.smallest_jacobian > 0)) ++report.invalid;
     }
   }
-  if (measure > 0) report.energy /= measure;
+  if (measure_ > 0) report.energy /= measure_;
   if (!norm_.is_sum()) report.energy = std::pow(report.energy, 1 / norm_.p);
   return report;
 }

@@ -86,6 +86,7 @@ class Sweeper {
   Regularisation regularisation_;
   PNorm norm_;
   const Team& team_;
+  double measure_ = 0;           ///< Of all cells.
   std::vector<Visit> visits_;    ///< By rank, so that sums are taken in one order.
   std::vector<CellScan> scans_;  ///< By cell, likewise.
   std::vector<char> changed_;    ///< By cell: since the last scan.

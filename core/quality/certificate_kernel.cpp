@@ -223,6 +223,7 @@ void Run(const KernelInput& input, std::vector<double>& workspace, KernelOutput&
   hn::StoreU(greatest, d, output.greatest.data());
   for (std::size_t k = 0; k < table.corners.size(); ++k)
     hn::StoreU(hn::Load(d, parts.jacobian + table.corners[k] * lanes), d, output.corner[k].data());
+  output.coefficients = parts.jacobian;
   Errors(input, measure, lanes, output);
 }
 

@@ -27,6 +27,8 @@ struct KernelOutput {
   std::array<double, kMostLanes> least{}, greatest{};      ///< Smallest and largest coefficient as computed.
   std::array<double, kMostLanes> error{};                  ///< No coefficient is further from the exact one.
   std::array<std::array<double, kMostLanes>, 8> corner{};  ///< J at the table's corners, as computed.
+  /// All coefficients as computed, [coefficient][lane] with kernel_lanes() lanes: in the workspace, until the next call.
+  const double* coefficients = nullptr;
 };
 
 /// Lanes of the vectors of the machine that this runs on.

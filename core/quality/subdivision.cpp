@@ -2,7 +2,9 @@
 #include "core/quality/subdivision.h"
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
+#include <cstdint>
 #include <limits>
 #include <type_traits>
 #include <utility>
@@ -141,6 +143,7 @@ Coefficients<typename Arithmetic::Real> coefficients(const HardCell& cell) {
   std::array<std::vector<Real>, 3> g;
   std::array<std::array<Real, 3>, 3> size{}, error{};
   for (std::size_t r = 0; r < d; ++r) {
+    g[r].reserve(table.difference[r].size() * d);
     for (std::size_t i = 0; i < table.difference[r].size(); ++i) {
       const Difference& difference = table.difference[r][i];
       for (std::size_t c = 0; c < d; ++c) {
@@ -159,6 +162,7 @@ Coefficients<typename Arithmetic::Real> coefficients(const HardCell& cell) {
   Coefficients<Real> result;
   result.error = coefficient_error(table.dimension, size, error, rounding_error<Real>(table.product_roundings, unit));
   for (const Real x : extent) result.error += x * 0;
+  result.values.reserve(static_cast<std::size_t>(table.jacobian.size()));
   const std::vector<Real> cross = d == 3 ? cross_products(table, g[1], g[2]) : std::vector<Real>();
   for (std::size_t k = 0; k + 1 < table.jacobian_terms.start.size(); ++k) {
     Real sum = 0;
@@ -200,7 +204,9 @@ template <class Real>
 class Search {
  public:
   Search(const HardCell& cell, const CertificateOptions& options)
-      : table_(*cell.table), options_(options), edges_(edges_of(*cell.table)) {}
+      : table_(*cell.table), options_(options), edges_(edges_of(*cell.table)) {
+    open_.reserve(kUsualParts);
+  }
 
   /// Works until the answer and the gap are reached or the budget is spent.
   void run(Coefficients<Real> root) {
@@ -239,6 +245,8 @@ class Search {
   const std::array<double, 6>& place() const { return place_; }
 
  private:
+  static constexpr std::size_t kUsualParts = 16;
+
   static bool later(const Part<Real>& a, const Part<Real>& b) { return a.least > b.least; }
 
   bool done() const {
@@ -364,10 +372,11 @@ class Search {
 };
 
 /// One attempt; true where a wider arithmetic may tell more.
-template <class Arithmetic>
-bool attempt(const HardCell& cell, const CertificateOptions& options, Certificate& certificate) {
-  Search<typename Arithmetic::Real> search(cell, options);
-  search.run(coefficients<Arithmetic>(cell));
+template <class Real>
+bool attempt(const HardCell& cell, const CertificateOptions& options, Coefficients<Real> coefficients,
+             Certificate& certificate) {
+  Search<Real> search(cell, options);
+  search.run(std::move(coefficients));
   if (!search.finite()) return false;
   certificate.answer = search.answer();
   set_bounds(cell, static_cast<double>(search.lower()), static_cast<double>(search.upper()),
@@ -376,8 +385,15 @@ bool attempt(const HardCell& cell, const CertificateOptions& options, Certificat
   return search.limited_by_rounding();
 }
 
-double below(double x) { return std::nextafter(x, -std::numeric_limits<double>::infinity()); }
-double above(double x) { return std::nextafter(x, std::numeric_limits<double>::infinity()); }
+/// The next number above, as std::nextafter has it: every certificate takes six, and a call takes longer than the bits
+/// do.
+double above(double x) {
+  if (!(x < std::numeric_limits<double>::infinity())) return x;
+  if (x == 0) return std::numeric_limits<double>::denorm_min();
+  const auto bits = std::bit_cast<std::int64_t>(x);
+  return std::bit_cast<double>(x > 0 ? bits + 1 : bits - 1);
+}
+double below(double x) { return -above(-x); }
 
 }  // namespace
 
@@ -386,8 +402,15 @@ double above(double x) { return std::nextafter(x, std::numeric_limits<double>::i
 // ---------------------------------------------------------------------------------------------------------------------
 
 Certificate subdivide(const HardCell& cell, const CertificateOptions& options) {
+  Coefficients<double> plain = coefficients<Plain>(cell);
+  return subdivide(cell, options, std::move(plain.values), plain.error);
+}
+
+Certificate subdivide(const HardCell& cell, const CertificateOptions& options, std::vector<double> coefficients,
+                      double error) {
   Certificate certificate;
-  if (attempt<Plain>(cell, options, certificate)) attempt<Extended>(cell, options, certificate);
+  if (attempt<double>(cell, options, {std::move(coefficients), error}, certificate))
+    attempt(cell, options, detail::coefficients<Extended>(cell), certificate);
   return certificate;
 }
 
@@ -401,7 +424,10 @@ void set_bounds(const HardCell& cell, double lower, double upper, double greates
   lower = below(lower);
   upper = above(upper);
   greatest = below(greatest);
-  const double unit = std::pow(cell.scale, -cell.table->dimension);
+  // Powers of two, so exact; one after the other, so that nothing overflows which the last would not.
+  const double inverse = 1 / cell.scale;
+  double unit = inverse;
+  for (int i = 1; i < cell.table->dimension; ++i) unit *= inverse;
   certificate.lower_bound = below(lower * unit);
   certificate.upper_bound = above(upper * unit);
   if (lower >= 0)

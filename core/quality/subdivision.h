@@ -22,6 +22,11 @@ struct HardCell {
 /// Certifies by subdivision, in double and where that cannot tell in wider arithmetic.
 Certificate subdivide(const HardCell& cell, const CertificateOptions& options);
 
+/// The same where the Bernstein coefficients of the scaled J are known already, none further from the exact one than
+/// `error`.
+Certificate subdivide(const HardCell& cell, const CertificateOptions& options, std::vector<double> coefficients,
+                      double error);
+
 /// Whether rounding blunts the lower bound of a valid cell, so that wider arithmetic gives a better one.
 template <class Real>
 bool is_blunt(Real error, Real lower) {
