@@ -15,34 +15,37 @@ constexpr double kArmijo = 1e-4;  // share of the predicted decrease that a step
 constexpr int kMostHalvings = 40;
 constexpr double kEnergyNoise = 1e-14;  // of the patch's measure: below it an energy's change is rounding
 
-/// −H⁻¹ G by a Cholesky factor (L D Lᵀ); false where H is not positive, or its pivots are far apart.
+/// −H⁻¹ G by H's cofactors, with one division where a factorisation waits for d of them; false where H is not positive,
+/// or the pivots of its factor L D Lᵀ (quotients of minors, one by the last) are far apart.
 template <int d>
-bool cholesky_step(const Eigen::Matrix<double, d, d>& H, const Eigen::Matrix<double, d, 1>& G,
-                   Eigen::Matrix<double, d, 1>& step) {
-  double L[d][d] = {}, pivot[d] = {};
-  double least = std::numeric_limits<double>::infinity(), most = 0;
-  for (int i = 0; i < d; ++i) {
-    pivot[i] = H(i, i);
-    for (int k = 0; k < i; ++k) pivot[i] -= L[i][k] * L[i][k] * pivot[k];
-    least = std::min(least, pivot[i]);
-    most = std::max(most, pivot[i]);
-    if (!(least > 0)) return false;
-    for (int j = i + 1; j < d; ++j) {
-      double entry = H(j, i);
-      for (int k = 0; k < i; ++k) entry -= L[j][k] * L[i][k] * pivot[k];
-      L[j][i] = entry / pivot[i];
-    }
-  }
-  if (!(least > 0.0025 * most)) return false;
-  double y[d];
-  for (int i = 0; i < d; ++i) {
-    y[i] = -G[i];
-    for (int k = 0; k < i; ++k) y[i] -= L[i][k] * y[k];
-  }
-  for (int i = d - 1; i >= 0; --i) {
-    y[i] /= pivot[i];
-    for (int k = i + 1; k < d; ++k) y[i] -= L[k][i] * y[k];
-    step[i] = y[i];
+bool direct_step(const Eigen::Matrix<double, d, d>& H, const Eigen::Matrix<double, d, 1>& G,
+                 Eigen::Matrix<double, d, 1>& step) {
+  constexpr double kSpread = 0.0025;
+  const double first = H(0, 0), second = H(0, 0) * H(1, 1) - H(1, 0) * H(1, 0);
+  if constexpr (d == 2) {
+    // Pivots first and second/first.
+    const double square = first * first;
+    if (!(first > 0 && second > kSpread * square && square > kSpread * second)) return false;
+    const double inverse = -1 / second;
+    step[0] = inverse * (H(1, 1) * G[0] - H(1, 0) * G[1]);
+    step[1] = inverse * (H(0, 0) * G[1] - H(1, 0) * G[0]);
+  } else {
+    double C[3][3];
+    C[0][0] = H(1, 1) * H(2, 2) - H(2, 1) * H(2, 1);
+    C[1][0] = H(2, 1) * H(2, 0) - H(1, 0) * H(2, 2);
+    C[2][0] = H(1, 0) * H(2, 1) - H(1, 1) * H(2, 0);
+    C[1][1] = H(0, 0) * H(2, 2) - H(2, 0) * H(2, 0);
+    C[2][1] = H(1, 0) * H(2, 0) - H(0, 0) * H(2, 1);
+    C[2][2] = second;
+    const double third = H(0, 0) * C[0][0] + H(1, 0) * C[1][0] + H(2, 0) * C[2][0];
+    // Pivots first, second/first and third/second, compared with each other after multiplication.
+    const double a = first * first * second, b = second * second, c = third * first;
+    const double least = std::min(a, std::min(b, c)), most = std::max(a, std::max(b, c));
+    if (!(first > 0 && second > 0 && least > kSpread * most)) return false;
+    const double inverse = -1 / third;
+    step[0] = inverse * (C[0][0] * G[0] + C[1][0] * G[1] + C[2][0] * G[2]);
+    step[1] = inverse * (C[1][0] * G[0] + C[1][1] * G[1] + C[2][1] * G[2]);
+    step[2] = inverse * (C[2][0] * G[0] + C[2][1] * G[1] + C[2][2] * G[2]);
   }
   return true;
 }
@@ -56,7 +59,7 @@ std::array<double, 3> newton_step_of(const PatchExpansion& expansion) {
     for (int j = 0; j <= i; ++j, ++entry) H(i, j) = H(j, i) = expansion.hessian[entry];
   }
   Eigen::Matrix<double, d, 1> step;
-  if (!cholesky_step<d>(H, G, step)) {
+  if (!direct_step<d>(H, G, step)) {
     const Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, d, d>> eigen(H);
     const Eigen::Matrix<double, d, 1> size = eigen.eigenvalues().cwiseAbs();
     const Eigen::Matrix<double, d, 1> clamped = size.cwiseMax(1e-3 * size.maxCoeff());
