@@ -153,33 +153,10 @@ class VectorKernels final : public Kernels {
 
   HWY_FLATTEN CellScan scan(const CellBlock& block, std::int32_t cell, const double* F,
                             const double* function) const override {
-    const double delta_squared = block.delta_squared[cell];
-    const bool plain = E::kBarrier && delta_squared == 0;
-    Lanes energy = zero(), smallest = hn::Set(Tag(), std::numeric_limits<double>::infinity());
-    Lanes low = smallest, high = zero() - smallest;
-    for (int q = 0; q < block.stride; q += static_cast<int>(hn::Lanes(Tag()))) {
-      Gradient<d> at;
-      at.load_from(F, block.stride, q);
-      const Lanes J = at.determinant(), weights = load(block.weights.data() + q);
-      const Lanes w =
-          block.affine ? weights * hn::Set(Tag(), block.measure_of(cell)[0]) : load(block.measure_of(cell) + q);
-      smallest = hn::Min(smallest, J);
-      // det ∇χ_M = J |det A|; the padding repeats the last point, so it may stand in with any positive weight.
-      const Lanes volume =
-          block.affine ? hn::Set(Tag(), 1.0) : w / hn::Max(weights, hn::Set(Tag(), std::numeric_limits<double>::min()));
-      const auto real = hn::Gt(weights, zero());
-      low = hn::Min(low, hn::IfThenElse(real, J * volume, low));
-      high = hn::Max(high, hn::IfThenElse(real, J * volume, high));
-      const auto j =
-          plain ? jacobian_if<true>(J, delta_squared, function, q) : jacobian_if<false>(J, delta_squared, function, q);
-      energy = hn::MulAdd(w, value(at, j), energy);
-    }
-    CellScan out;
-    out.energy = sum_of(energy);
-    out.smallest_jacobian = min_of(smallest);
-    const double highest = max_of(high), ratio = min_of(low) / highest;
-    out.scaled_jacobian = highest > 0 && ratio > -1 ? ratio : -1.0;
-    return out;
+    const bool plain = E::kBarrier && block.delta_squared[cell] == 0;
+    if (block.affine)
+      return plain ? scan_cell<true, true>(block, cell, F, function) : scan_cell<true, false>(block, cell, F, function);
+    return plain ? scan_cell<false, true>(block, cell, F, function) : scan_cell<false, false>(block, cell, F, function);
   }
 
  private:
@@ -223,6 +200,37 @@ class VectorKernels final : public Kernels {
     Lanes W = energy_.value(Q, j);
     if constexpr (E::kStrain != StrainTerm::None) W = W + strain_value(energy_, at);
     return W;
+  }
+
+  template <bool affine, bool plain>
+  HWY_INLINE CellScan scan_cell(const CellBlock& block, std::int32_t cell, const double* F,
+                                const double* function) const {
+    const double infinity = std::numeric_limits<double>::infinity();
+    Lanes energy = zero(), smallest = hn::Set(Tag(), infinity), largest = hn::Set(Tag(), -infinity);
+    Lanes low = smallest, high = largest;  // of det ∇χ_M = J |det A|, where |det A| is not the same everywhere
+    for (int q = 0; q < block.stride; q += static_cast<int>(hn::Lanes(Tag()))) {
+      Gradient<d> at;
+      at.load_from(F, block.stride, q);
+      const Lanes J = at.determinant(), weights = load(block.weights.data() + q);
+      const Lanes w = affine ? weights * hn::Set(Tag(), block.measure_of(cell)[0]) : load(block.measure_of(cell) + q);
+      smallest = hn::Min(smallest, J);
+      largest = hn::Max(largest, J);
+      if constexpr (!affine) {
+        const auto real = hn::Gt(weights, zero());
+        const Lanes volume = J * w / hn::Max(weights, hn::Set(Tag(), std::numeric_limits<double>::min()));
+        low = hn::Min(low, hn::IfThenElse(real, volume, low));
+        high = hn::Max(high, hn::IfThenElse(real, volume, high));
+      }
+      const auto j = jacobian_if<plain>(J, block.delta_squared[cell], function, q);
+      energy = hn::MulAdd(w, value(at, j), energy);
+    }
+    CellScan out;
+    out.energy = sum_of(energy);
+    out.smallest_jacobian = min_of(smallest);
+    // The padding repeats the last point.
+    const double lowest = affine ? out.smallest_jacobian : min_of(low), highest = max_of(affine ? largest : high);
+    out.scaled_jacobian = highest > 0 && lowest / highest > -1 ? lowest / highest : -1.0;
+    return out;
   }
 
   template <bool plain>

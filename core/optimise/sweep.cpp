@@ -204,7 +204,7 @@ SweepReport Sweeper::sweep() {
   SweepReport report;
   for (const Visit& visit : visits_) {
     report.residual = std::max(report.residual, visit.step);
-    report.gradient_norm += visit.gradient * visit.gradient;
+    report.gradient_norm += visit.squared_gradient;
     report.visited += visit.made ? 1 : 0;
   }
   report.gradient_norm = std::sqrt(report.gradient_norm);
@@ -259,13 +259,13 @@ Sweeper::Visit Sweeper::visit(std::int32_t rank, std::int64_t now) {
 
   const PatchExpansion here = expand(kernels_, patch, norm_);
   const std::array<double, 3> full = newton_step(here, d);
-  double slope = 0, length = 0, gradient = 0;
+  double slope = 0, length = 0, squared_gradient = 0;
   for (int i = 0; i < d; ++i) {
     slope += full[i] * here.gradient[i];
     length += full[i] * full[i];
-    gradient += here.gradient[i] * here.gradient[i];
+    squared_gradient += here.gradient[i] * here.gradient[i];
   }
-  const Visit visit{std::sqrt(length), std::sqrt(gradient), true};
+  const Visit visit{std::sqrt(length), squared_gradient, true};
   if (!(length > 0) || !(slope < 0)) return visit;
 
   // Backtracking never raises the energy, but by rounding where the predicted decrease is itself lost in it.

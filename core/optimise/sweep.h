@@ -66,7 +66,7 @@ class Sweeper {
  private:
   struct Visit {
     double step = 0;
-    double gradient = 0;
+    double squared_gradient = 0;
     bool made = false;
   };
   Visit visit(std::int32_t rank, std::int64_t now);
