@@ -11,6 +11,8 @@
 #include <hwy/foreach_target.h>  // IWYU pragma: keep
 #include <hwy/highway.h>
 
+#include "core/quality/coefficient_error-inl.h"
+
 HWY_BEFORE_NAMESPACE();
 namespace varimesh::detail::HWY_NAMESPACE {
 
@@ -176,24 +178,28 @@ void Extents(const JacobianTable& table, const double* HWY_RESTRICT nodes, doubl
   hn::Store(sum, d, probe);
 }
 
+struct Number {
+  HWY_INLINE V operator()(double c) const { return hn::Set(D(), c); }
+};
+
 /// What the coefficients of each lane may be wrong by. `measure` holds the sizes of the derivatives [r][c][lane], the
 /// extents [c][lane] and the probe [lane].
-void Errors(const KernelInput& input, const double* measure, std::size_t lanes, KernelOutput& output) {
+template <int kDim>
+V Error(const JacobianTable& table, const double* HWY_RESTRICT measure) {
   constexpr double unit = std::numeric_limits<double>::epsilon() / 2;
-  const JacobianTable& table = *input.table;
-  const auto d = static_cast<std::size_t>(table.dimension);
-  const double conversion = rounding_error(table.conversion_roundings, unit);
-  const double product = rounding_error(table.product_roundings, unit);
-  for (std::size_t lane = 0; lane < input.cells; ++lane) {
-    std::array<std::array<double, 3>, 3> sizes{}, errors{};
-    for (std::size_t r = 0; r < d; ++r)
-      for (std::size_t c = 0; c < d; ++c) {
-        sizes[r][c] = measure[(r * d + c) * lanes + lane];
-        errors[r][c] = conversion * table.condition[r] * measure[(d * d + c) * lanes + lane];
-      }
-    const double probe = measure[(d * d + d) * lanes + lane];
-    output.error[lane] = coefficient_error(table.dimension, sizes, errors, product) + probe;
+  const D d;
+  const std::size_t lanes = Lanes();
+  const double* extent = measure + kDim * kDim * lanes;
+  V sizes[3][3], errors[3][3];
+  for (int r = 0; r < kDim; ++r) {
+    const V conversion = hn::Set(d, rounding_error(table.conversion_roundings, unit) * table.condition[r]);
+    for (int c = 0; c < kDim; ++c) {
+      sizes[r][c] = hn::Load(d, measure + (r * kDim + c) * lanes);
+      errors[r][c] = conversion * hn::Load(d, extent + c * lanes);
+    }
   }
+  const V product = hn::Set(d, rounding_error(table.product_roundings, unit));
+  return coefficient_error<kDim>(sizes, errors, product, Number()) + hn::Load(d, extent + kDim * lanes);
 }
 
 template <int kDim>
@@ -224,7 +230,7 @@ void Run(const KernelInput& input, std::vector<double>& workspace, KernelOutput&
   for (std::size_t k = 0; k < table.corners.size(); ++k)
     hn::StoreU(hn::Load(d, parts.jacobian + table.corners[k] * lanes), d, output.corner[k].data());
   output.coefficients = parts.jacobian;
-  Errors(input, measure, lanes, output);
+  hn::StoreU(Error<kDim>(table, measure), d, output.error.data());
 }
 
 void Kernel(const KernelInput& input, std::vector<double>& workspace, KernelOutput& output) {

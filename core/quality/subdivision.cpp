@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "core/quality/certificate_kernel.h"
+#include "core/quality/coefficient_error-inl.h"
 #include "core/reference/cache.h"
 
 namespace varimesh::detail {
@@ -141,7 +142,7 @@ Coefficients<typename Arithmetic::Real> coefficients(const HardCell& cell) {
   std::array<Real, 3> extent{};
   const auto map = convert<Arithmetic>(cell, extent);
   std::array<std::vector<Real>, 3> g;
-  std::array<std::array<Real, 3>, 3> size{}, error{};
+  Real size[3][3] = {}, error[3][3] = {};
   for (std::size_t r = 0; r < d; ++r) {
     g[r].reserve(table.difference[r].size() * d);
     for (std::size_t i = 0; i < table.difference[r].size(); ++i) {
@@ -160,7 +161,10 @@ Coefficients<typename Arithmetic::Real> coefficients(const HardCell& cell) {
                     2 * unit * size[r][c];
   }
   Coefficients<Real> result;
-  result.error = coefficient_error(table.dimension, size, error, rounding_error<Real>(table.product_roundings, unit));
+  const Real product = rounding_error<Real>(table.product_roundings, unit);
+  const auto number = [](double c) { return Real(c); };
+  result.error = d == 2 ? HWY_NAMESPACE::coefficient_error<2>(size, error, product, number)
+                        : HWY_NAMESPACE::coefficient_error<3>(size, error, product, number);
   for (const Real x : extent) result.error += x * 0;
   result.values.reserve(static_cast<std::size_t>(table.jacobian.size()));
   const std::vector<Real> cross = d == 3 ? cross_products(table, g[1], g[2]) : std::vector<Real>();
