@@ -16,11 +16,6 @@
 namespace varimesh::bench {
 namespace {
 
-double median(std::vector<double> of) {
-  std::nth_element(of.begin(), of.begin() + of.size() / 2, of.end());
-  return of.empty() ? 0 : of[of.size() / 2];
-}
-
 /// Processor time, which is little disturbed by what else runs.
 template <class Call>
 double seconds_of(const Call& call) {

@@ -84,8 +84,7 @@ Times times_of(const std::vector<Iteration>& history, const std::vector<double>&
   std::vector<double> each;
   for (std::size_t i = 1; i < at.size() && i <= 5; ++i) each.push_back(at[i] - at[i - 1]);
   if (each.size() == 5) {
-    std::nth_element(each.begin(), each.begin() + 2, each.end());
-    times.sweep = each[2];
+    times.sweep = median(std::move(each));
   }
   times.later = at.back() - at.front();
   const auto few =
@@ -146,6 +145,13 @@ Measured optimise_file(const std::string& path, const Run& run) {
 }
 
 }  // namespace
+
+double median(std::vector<double> of) {
+  if (of.empty()) return 0;
+  const auto middle = of.begin() + static_cast<std::ptrdiff_t>(of.size() / 2);
+  std::nth_element(of.begin(), middle, of.end());
+  return *middle;
+}
 
 double processor_seconds() {
   timespec time{};
@@ -231,8 +237,20 @@ Expected<Measured> Runner::run(const Run& run) {
   const std::string key = run.key();
   if (const auto found = remembered_.find(key); found != remembered_.end()) return found->second;
   Expected<Measured> measured = measure(meshes_, run, Yardsticks::Take);
-  if (measured) remembered_[key] = *measured;
-  return measured;
+  if (!measured) return measured;
+  std::vector<double> wall{measured->wall.sweep}, processor{measured->processor.sweep},
+      busy{measured->conditions.busy_cores};
+  for (int i = 1; i < run.repeats; ++i) {
+    const Expected<Measured> again = run_again(run);
+    if (!again) return again;
+    wall.push_back(again->wall.sweep);
+    processor.push_back(again->processor.sweep);
+    busy.push_back(again->conditions.busy_cores);
+  }
+  measured->wall.sweep = median(std::move(wall));
+  measured->processor.sweep = median(std::move(processor));
+  measured->conditions.busy_cores = median(std::move(busy));
+  return remembered_[key] = *measured;
 }
 
 Expected<Measured> Runner::run_again(const Run& run) const { return measure(meshes_, run, Yardsticks::Spare); }

@@ -25,6 +25,7 @@ struct Run {
   Options options = reference_options();
   bool avx2 = false;              ///< Use no instructions beyond AVX2.
   bool want_coordinates = false;  ///< Hand over the result's coordinates as well.
+  int repeats = 1;                ///< Processes, one after the other, of which a sweep's seconds are the median.
 
   /// Tells it from every other run of the table.
   std::string key() const;
@@ -43,7 +44,7 @@ struct Conditions {
 /// Seconds of a run.
 struct Times {
   double whole = 0;  ///< Result::seconds.
-  double sweep = 0;  ///< Median of iterations 2 to 6; 0 where there are fewer.
+  double sweep = 0;  ///< Median of iterations 2 to 6, and of that over Run::repeats; 0 where there are fewer.
   double later = 0;  ///< From the first iteration's end to the last's.
   double few = -1;   ///< Until the history first shows at most 12 cells not certified; −1: never.
 };
@@ -87,6 +88,9 @@ class Runner {
   Meshes meshes_;
   std::map<std::string, Measured> remembered_;
 };
+
+/// 0 of nothing; the greater of the two in the middle.
+double median(std::vector<double> of);
 
 /// Seconds of processor time that this process has used.
 double processor_seconds();
