@@ -14,14 +14,19 @@ using reference::NodePlace;
 using reference::NodeSet;
 
 constexpr std::int32_t kCellsPerTask = 256;
+constexpr double kRounding = 1e-13;  // entries that are none or one come as close as that
 
-/// The conversion with exact zeros where a node does not depend on another, instead of rounding errors.
+/// The conversion with exact zeros where a node does not depend on another, and exact ones where the two sets have the
+/// same node (all of them up to order 2), instead of rounding errors.
 Eigen::MatrixXd exact_conversion(Shape shape, int order, NodeSet from, NodeSet to, int ambient) {
   Eigen::MatrixXd matrix = reference::conversion(shape, order, from, to, ambient);
   const auto& places = reference::node_places(shape, order);
   for (int i = 0; i < matrix.rows(); ++i)
     for (int j = 0; j < matrix.cols(); ++j)
-      if (!in_closure(reference::info(shape), places[j], places[i])) matrix(i, j) = 0;
+      if (!in_closure(reference::info(shape), places[j], places[i]) || std::abs(matrix(i, j)) < kRounding)
+        matrix(i, j) = 0;
+      else if (std::abs(matrix(i, j) - 1) < kRounding)
+        matrix(i, j) = 1;
   return matrix;
 }
 
