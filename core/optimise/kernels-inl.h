@@ -40,9 +40,9 @@ class VectorKernels final : public Kernels {
   bool keeps_function() const override { return kKeepsFunction; }
 
   HWY_FLATTEN PatchExpansion expand(std::span<const PatchCell> patch) const override {
-    if (has_left_factors(patch)) return expand_through_left_factors(*this, d, patch);
     Sums<d> sums;
     for (const PatchCell& cell : patch) {
+      if (cell.left_factor != nullptr) return expand_through_left_factors(*this, d, patch);
       if (is_plain(cell))
         cell.affine ? expand_cell<true, true>(cell, sums) : expand_cell<false, true>(cell, sums);
       else
@@ -57,11 +57,11 @@ class VectorKernels final : public Kernels {
   }
 
   HWY_FLATTEN double energy_after(std::span<const PatchCell> patch, const double* step) const override {
-    if (has_left_factors(patch)) return energy_through_left_factors(*this, d, patch, step);
     Lanes a[d];
     unrolled<d>([&](auto i) { a[i] = hn::Set(Tag(), step[i]); });
     Lanes sum = zero();
     for (const PatchCell& cell : patch) {
+      if (cell.left_factor != nullptr) return energy_through_left_factors(*this, d, patch, step);
       bool allowed = false;
       if (kHasLine && cell.line != nullptr)
         allowed = is_plain(cell) ? add_energy_on_line<true>(cell, a, sum) : add_energy_on_line<false>(cell, a, sum);
@@ -78,10 +78,11 @@ class VectorKernels final : public Kernels {
   }
 
   HWY_FLATTEN void move(std::span<const PatchCell> patch, const double* step) const override {
-    if (has_left_factors(patch)) return move_through_left_factors(*this, d, patch, step);
-    Lanes a[d];
-    unrolled<d>([&](auto i) { a[i] = hn::Set(Tag(), step[i]); });
+    double turned[d];
     for (const PatchCell& cell : patch) {
+      times_left_factor(cell.left_factor, d, step, turned);
+      Lanes a[d];
+      unrolled<d>([&](auto i) { a[i] = hn::Set(Tag(), turned[i]); });
       for (int q = 0; q < cell.stride; q += static_cast<int>(hn::Lanes(Tag()))) {
         Lanes g[d];
         if (kHasLine && cell.line != nullptr)

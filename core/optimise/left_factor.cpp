@@ -55,13 +55,4 @@ double energy_through_left_factors(const Kernels& kernels, int d, std::span<cons
   return sum;
 }
 
-void move_through_left_factors(const Kernels& kernels, int d, std::span<const PatchCell> patch, const double* step) {
-  for (const PatchCell& turned : patch) {
-    const PatchCell cell = without_left_factor(turned);
-    double seen[3];
-    times_left_factor(turned.left_factor, d, step, seen);
-    kernels.move({&cell, 1}, seen);
-  }
-}
-
 }  // namespace varimesh

@@ -19,15 +19,9 @@ inline void times_left_factor(const double* factor, int d, const double* x, doub
   }
 }
 
-/// Whether any cell of a patch has a left factor.
-inline bool has_left_factors(std::span<const PatchCell> patch) {
-  return std::any_of(patch.begin(), patch.end(), [](const PatchCell& cell) { return cell.left_factor != nullptr; });
-}
-
-/// Kernels::expand, energy_after and move for patches with left factors, with kernels that know only those without:
-/// they are asked for one cell after the other.
+/// Kernels::expand and energy_after for patches with left factors, with kernels that know only those without: they are
+/// asked for one cell after the other.
 PatchExpansion expand_through_left_factors(const Kernels& kernels, int d, std::span<const PatchCell> patch);
 double energy_through_left_factors(const Kernels& kernels, int d, std::span<const PatchCell> patch, const double* step);
-void move_through_left_factors(const Kernels& kernels, int d, std::span<const PatchCell> patch, const double* step);
 
 }  // namespace varimesh

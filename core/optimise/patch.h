@@ -14,11 +14,19 @@ namespace varimesh {
 /// Gathers the patch of free node `rank` on the stack; only patches of more than kMostCells cells go to the heap.
 class Patch {
  public:
-  Patch(Problem& problem, std::int32_t rank) {
+  /// What stays in the second-level cache.
+  static constexpr std::size_t kMostNumbers = 1 << 14;
+
+  Patch(Problem& problem, std::int32_t rank) : Patch(problem, rank, 0, nullptr) {}
+
+  /// With room in `scratch`, which has kMostNumbers, for the `line_size` numbers a point that expand() leaves for the
+  /// rest of a visit (Kernels::line_size): of as many cells as it has room for.
+  Patch(Problem& problem, std::int32_t rank, int line_size, double* scratch) {
     const std::int32_t first = problem.offsets[rank];
     count_ = problem.offsets[rank + 1] - first;
     if (count_ > kMostCells) on_heap_.resize(count_);
     const std::span<PatchCell> cells = this->cells();
+    std::size_t used = 0;
     for (std::int32_t i = 0; i < count_; ++i) {
       const Incidence& at = problem.incidences[first + i];
       CellBlock& block = problem.blocks[at.block];
@@ -35,21 +43,10 @@ class Patch {
                   block.affine || uniform != nullptr,
                   block.jacobian_function_of(at.cell),
                   nullptr};
-    }
-  }
-
-  /// Room in `scratch` for what expand() leaves for the rest of a visit, where the kernels leave something and it stays
-  /// in the second-level cache.
-  void make_lines(const Kernels& kernels, AlignedVector<double>& scratch) {
-    const std::size_t size = static_cast<std::size_t>(kernels.line_size());
-    std::size_t numbers = 0;
-    for (const PatchCell& cell : cells()) numbers += size * static_cast<std::size_t>(cell.stride);
-    if (numbers == 0 || numbers > kMostNumbers) return;
-    scratch.resize(kMostNumbers);
-    double* line = scratch.data();
-    for (PatchCell& cell : cells()) {
-      cell.line = line;
-      line += size * static_cast<std::size_t>(cell.stride);
+      const std::size_t needed = static_cast<std::size_t>(line_size) * static_cast<std::size_t>(block.stride);
+      if (needed == 0 || used + needed > kMostNumbers) continue;
+      cells[i].line = scratch + used;
+      used += needed;
     }
   }
 
@@ -59,7 +56,6 @@ class Patch {
 
  private:
   static constexpr std::int32_t kMostCells = 512;
-  static constexpr std::size_t kMostNumbers = 1 << 14;
 
   std::int32_t count_;
   std::array<PatchCell, kMostCells> on_stack_;

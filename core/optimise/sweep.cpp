@@ -81,6 +81,7 @@ Sweeper::Sweeper(Problem& problem, const Schedule& schedule, const Kernels& kern
     : problem_(problem),
       schedule_(schedule),
       kernels_(kernels),
+      line_size_(kernels.line_size()),
       regularisation_(regularisation),
       norm_(norm),
       team_(team),
@@ -195,9 +196,10 @@ SweepReport Sweeper::sweep() {
   for (std::size_t colour = 0; colour + 1 < schedule_.colours.size(); ++colour) {
     const std::int32_t first = schedule_.colours[colour], count = schedule_.colours[colour + 1] - first;
     team_.for_each(count, grain_, [&](std::int32_t group) {
+      static thread_local AlignedVector<double> scratch(Patch::kMostNumbers);
       std::int64_t now = clock_;
       for (std::int32_t i = schedule_.groups[first + group]; i < schedule_.groups[first + group + 1]; ++i)
-        visits_[schedule_.nodes[i]] = visit(schedule_.nodes[i], ++now);
+        visits_[schedule_.nodes[i]] = visit(schedule_.nodes[i], ++now, scratch.data());
     });
     clock_ += largest_group_;
   }
@@ -244,13 +246,11 @@ double Sweeper::patch_delta_squared(std::int32_t rank, std::span<PatchCell> patc
   return delta_squared_for(smallest);
 }
 
-Sweeper::Visit Sweeper::visit(std::int32_t rank, std::int64_t now) {
+Sweeper::Visit Sweeper::visit(std::int32_t rank, std::int64_t now, double* scratch) {
   if (at_rest(rank)) return {};
   visited_at_[rank] = now;
   const int d = problem_.dimension;
-  Patch gathered(problem_, rank);
-  static thread_local AlignedVector<double> lines;
-  gathered.make_lines(kernels_, lines);
+  Patch gathered(problem_, rank, line_size_, scratch);
   const std::span<PatchCell> patch = gathered.cells();
   if (regularisation_ == Regularisation::Patch) {
     const double delta_squared = patch_delta_squared(rank, patch);

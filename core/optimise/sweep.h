@@ -69,7 +69,8 @@ class Sweeper {
     double squared_gradient = 0;
     bool made = false;
   };
-  Visit visit(std::int32_t rank, std::int64_t now);
+  /// `scratch`: Patch::kMostNumbers that the thread has for the visit.
+  Visit visit(std::int32_t rank, std::int64_t now, double* scratch);
   bool at_rest(std::int32_t rank) const;
   /// After the node moved by `length`: its cells have changed, and wake its neighbours where that adds up.
   void note_move(std::int32_t rank, std::int64_t now, double length);
@@ -83,6 +84,7 @@ class Sweeper {
   Problem& problem_;
   const Schedule& schedule_;
   const Kernels& kernels_;
+  int line_size_;
   Regularisation regularisation_;
   PNorm norm_;
   const Team& team_;

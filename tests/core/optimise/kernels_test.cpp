@@ -119,14 +119,13 @@ TEST_P(KernelsTest, TryAndTakeAStepLikeThePlainOnes) {
     prepare(tangled, metric);
     Problem copy = problem_;
     const double step[3] = {0.004, -0.003, 0.002};
-    AlignedVector<double> lines;
+    AlignedVector<double> lines(Patch::kMostNumbers);
     for (std::int32_t rank = 0; rank < std::int32_t(problem_.free.size()); rank += 5) {
-      Patch fast_patch(problem_, rank), plain_patch(copy, rank);
-      if (rank % 2 == 0) {  // with what an expansion leaves, and without
-        fast_patch.make_lines(*fast_, lines);
-        fast_->expand(fast_patch.cells());
-        EXPECT_EQ(fast_patch.cells()[0].line != nullptr, fast_->line_size() > 0);
-      }
+      const int line_size = rank % 2 == 0 ? fast_->line_size() : 0;  // with what an expansion leaves, and without
+      Patch fast_patch(problem_, rank, line_size, lines.data()), plain_patch(copy, rank);
+      EXPECT_EQ(fast_patch.cells()[0].line != nullptr, line_size > 0);
+      if (rank % 4 == 0) fast_patch.cells()[0].line = nullptr;  // where there is no room for all
+      if (line_size > 0) fast_->expand(fast_patch.cells());
       const double a = fast_->energy_after(fast_patch.cells(), step),
                    b = plain_->energy_after(plain_patch.cells(), step);
       if (std::isinf(b))
@@ -151,13 +150,12 @@ TEST_P(KernelsTest, KeepTheEnergysFunctionOfJBesideF) {
     for (CellBlock& block : problem_.blocks)
       for (std::int32_t cell = 0; cell < block.count; ++cell) fast_->rebuild(block, cell, problem_.positions);
     const double step[3] = {0.004, -0.003, 0.002}, other[3] = {0.001, 0.002, -0.002};
-    AlignedVector<double> lines;
+    AlignedVector<double> lines(Patch::kMostNumbers);
     for (std::int32_t rank = 0; rank < std::int32_t(problem_.free.size()); ++rank) {
-      Patch patch(problem_, rank), anew(problem_, rank);
+      // With what an expansion leaves, without it, and where a whole patch has one δ.
+      Patch patch(problem_, rank, rank % 3 == 0 ? fast_->line_size() : 0, lines.data()), anew(problem_, rank);
       for (PatchCell& cell : anew.cells()) cell.jacobian_function = nullptr;
       if (std::isinf(fast_->energy_after(anew.cells(), step))) continue;  // no sweep would make it
-      // With what an expansion leaves, without it, and where a whole patch has one δ.
-      if (rank % 3 == 0) patch.make_lines(*fast_, lines);
       if (rank % 3 == 1)
         for (Patch* each : {&patch, &anew})
           for (PatchCell& cell : each->cells()) cell.delta_squared = 1e-3;
