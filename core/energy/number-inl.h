@@ -94,9 +94,12 @@ HWY_INLINE V logarithm_series(V f) {
   const V f2 = f * f, f4 = f2 * f2;
   V part[4];  // Horner's rule in f⁴ four times side by side, since each waits for itself
   unrolled<4>([&](auto j) {
-    constexpr int last = kDegree - (kDegree - j) % 4;
+    const int last = kDegree - (kDegree - j) % 4;
     part[j] = hn::Set(d, kSeries[last]);
-    unrolled<last / 4>([&](auto k) { part[j] = hn::MulAdd(part[j], f4, hn::Set(d, kSeries[last - 4 * (k + 1)])); });
+    unrolled<kDegree / 4>([&](auto k) {
+      const int next = last - 4 * (k + 1);
+      if (next >= 0) part[j] = hn::MulAdd(part[j], f4, hn::Set(d, kSeries[next]));
+    });
   });
   return hn::MulAdd(f2, hn::MulAdd(f, part[3], part[2]), hn::MulAdd(f, part[1], part[0]));
 }

@@ -7,7 +7,6 @@
 #include <string>
 #include <thread>
 
-#include "core/formats/formats.h"
 #include "tests/bench/core/optimise/loads.h"
 #include "tests/bench/measure_yardstick.h"
 #include "tests/bench/table/table.h"
@@ -40,14 +39,6 @@ double best_seconds(const Call& call) {
       calls *= 2;
   }
   return best;
-}
-
-Expected<HighOrderMesh> load_mesh(const Bench& bench, const std::string& name) {
-  const Expected<std::string> path = bench.runner.meshes().find(name);
-  if (!path) return tl::unexpected(path.error());
-  auto file = formats::read_file(*path);
-  if (!file) return tl::unexpected(file.error());
-  return std::move(file->mesh);
 }
 
 HighOrderMesh cached_mesh() {
@@ -88,7 +79,7 @@ void products(Bench& bench) {
           cached_mesh());
   if (bench.small) return;
   const Line line{"a product, sph10k_p4", "", "", "0.6 us an element", {}, "", "prototype 0.57"};
-  const auto mesh = load_mesh(bench, "sph10k_p4");
+  const auto mesh = bench.runner.meshes().load("sph10k_p4");
   if (!mesh) return bench.table.fail(line.what, mesh.error());
   product(bench, line, 0.6, *mesh);
 }
@@ -124,7 +115,7 @@ void sweep_kernels(Bench& bench) {
   if (bench.small) return;
   for (const char* name : {"sph10k_p4", "circ10k_p5"}) {
     const std::string what = std::string("a point and visit, ") + name;
-    const auto mesh = load_mesh(bench, name);
+    const auto mesh = bench.runner.meshes().load(name);
     if (!mesh)
       bench.table.fail(what, mesh.error());
     else

@@ -4,6 +4,8 @@
 #include <cstdlib>
 #include <optional>
 
+#include "core/formats/formats.h"
+
 namespace varimesh::bench {
 namespace {
 
@@ -46,6 +48,14 @@ Expected<std::string> Meshes::find(const std::string& name) const {
   if (status != 0 || !made || failure)
     return bad_input(name + ": generate.py did not make it (it needs Debian's python3-gmsh); see " + log.string());
   return (cache_ / fs::path(*made).filename()).string();
+}
+
+Expected<HighOrderMesh> Meshes::load(const std::string& name) const {
+  const Expected<std::string> path = find(name);
+  if (!path) return tl::unexpected(path.error());
+  auto file = formats::read_file(*path);
+  if (!file) return tl::unexpected(file.error());
+  return std::move(file->mesh);
 }
 
 }  // namespace varimesh::bench

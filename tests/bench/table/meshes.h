@@ -5,6 +5,7 @@
 #include <string>
 
 #include "core/error.h"
+#include "core/mesh/high_order_mesh.h"
 
 namespace varimesh::bench {
 
@@ -18,6 +19,8 @@ class Meshes {
   /// The path of NAME.msh in meshes/ or in the cache, made by generate.py (with Debian's python3-gmsh) where it is in
   /// neither. Errors: BadInput, saying what is missing.
   Expected<std::string> find(const std::string& name) const;
+  /// The mesh in that file. Errors: the same, and what the reader says.
+  Expected<HighOrderMesh> load(const std::string& name) const;
 
  private:
   std::filesystem::path cases_, cache_;

@@ -56,6 +56,8 @@ class SweepLoad {
     sweeper_.scan();
   }
   void sweep() { sweeper_.sweep(); }
+  /// What comes between two sweeps: δ of the cells.
+  void scan() { sweeper_.scan(); }
 
   const Problem& problem() const { return problem_; }
   double points() const { return points_visited(problem_); }
