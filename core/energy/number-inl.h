@@ -61,11 +61,11 @@ HWY_INLINE double where_negative(double x, double then, double otherwise) { retu
 HWY_INLINE double negative(double x) { return -x; }
 HWY_INLINE double fused(double a, double b, double c) { return a * b + c; }
 
-// A vector of doubles or floats. The logarithm of a number that is not positive and finite is a finite number here,
-// not a NaN: callers test before they take it.
+// A vector of doubles or floats. The logarithm of a number that is not positive, normal and finite is some finite
+// number here, not a NaN: callers test before they take it.
 
-/// ln(1 + f)/f² − 1/f for f from √½ − 1 to √2 − 1, to 5·10⁻¹⁷ of ln(1 + f): the polynomial −½ + f R(f) of which the
-/// largest error is least (Remez' algorithm).
+/// ln(1 + f)/f² − 1/f for f from √½ − 1 to √2 − 1, to 7·10⁻¹⁷ of ln(1 + f): the polynomial −½ + f R(f) of which the
+/// largest error is least (Remez' algorithm), its coefficients rounded.
 template <class V, class D = hn::DFromV<V>>
 HWY_INLINE V logarithm_series(V f) {
   constexpr int kDegree = 18;
@@ -114,10 +114,10 @@ HWY_INLINE V logarithm(V x) {
     return hn::Log(d, x);
   } else {
     const hn::RebindToSigned<D> bits;
-    const auto number = hn::BitCast(bits, x);
+    const auto whole = hn::BitCast(bits, x);
     const auto root_half = hn::Set(bits, 0x3FE6A09E667F3BCD);
-    const auto exponent = (number - root_half) & hn::Set(bits, ~((std::int64_t{1} << 52) - 1));  // 2⁵² e
-    const V f = hn::BitCast(d, number - exponent) - hn::Set(d, 1.0);
+    const auto exponent = (whole - root_half) & hn::Set(bits, ~((std::int64_t{1} << 52) - 1));  // 2⁵² e
+    const V f = hn::BitCast(d, whole - exponent) - hn::Set(d, 1.0);
     const V of_fraction = hn::MulAdd(f * f, logarithm_series(f), f);
     return hn::MulAdd(hn::ConvertTo(d, exponent), hn::Set(d, 0.6931471805599453 * 0x1p-52), of_fraction);
   }

@@ -128,10 +128,12 @@ bool holds_deformation(const Problem& problem) {
 }
 
 bool hold_deformation(Problem& problem, bool keeps_function) {
-  const bool made = !holds_deformation(problem);
+  bool made = !holds_deformation(problem);
   for (CellBlock& block : problem.blocks) {
+    const std::size_t numbers = keeps_function ? static_cast<std::size_t>(block.count) * block.stride : 0;
+    made = made || block.jacobian_function.size() < numbers;
     block.deformation.resize(block.count * block.deformation_size());
-    if (keeps_function) block.jacobian_function.resize(static_cast<std::size_t>(block.count) * block.stride);
+    block.jacobian_function.resize(numbers);
   }
   return made;
 }

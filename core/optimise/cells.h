@@ -44,7 +44,7 @@ struct CellBlock {
   /// has.
   AlignedVector<double> deformation;
   /// What the energy takes of J at the points, ln J or J^(−1/3) (jacobian-inl.h), beside F: count × stride. Right
-  /// wherever J > 0. Empty where it takes neither.
+  /// wherever J > 0, for a J that may have been rounded otherwise than that of F. Empty where it takes neither.
   AlignedVector<double> jacobian_function;
   std::vector<double> energy_slope;   ///< What products weight each cell with (the p-norm's slope); empty: 1.
   std::vector<double> delta_squared;  ///< δ² of J' a cell, dimensionless; 0 for a cell with J > 0 at every point.

@@ -4,7 +4,6 @@
 // all that is known without L holds for the step L a, and a gradient and a Hessian in it become L g and L H L.
 #pragma once
 
-#include <algorithm>
 #include <span>
 
 #include "core/optimise/kernels.h"

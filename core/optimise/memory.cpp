@@ -5,6 +5,7 @@
 #include "core/energy/material.h"
 #include "core/optimise/batches.h"
 #include "core/optimise/cells.h"
+#include "core/optimise/kernels.h"
 #include "core/quality/certificate.h"
 #include "core/reference/quadrature.h"
 
@@ -12,15 +13,16 @@ namespace varimesh {
 namespace {
 
 /// What one cell has in the arrays of its block, of the batches and of the guard.
-double bytes_of_cell(Shape shape, int order, const Options& options, int hessian_entries) {
+double bytes_of_cell(Shape shape, int order, const Options& options, int hessian_entries, bool keeps_function) {
   const int degree = options.quadrature_degree > 0 ? options.quadrature_degree : 2 * order;
   const reference::ShapeInfo& info = reference::info(shape);
   const double d = info.dimension, square = d * d, nodes = reference::node_count(shape, order);
   const double points = static_cast<double>(reference::quadrature(shape, order, degree).weights.size());
   const double stride = std::ceil(points / kPointPadding) * kPointPadding;
   const double targets = (square + 1) * (info.affine ? 1 : stride);
-  double bytes = 8 * (targets + (info.affine ? 0 : square + 1));             // A⁻¹ and its measure
-  if (options.method != Method::Newton) bytes += 8 * (square + 1) * stride;  // F and the energy's function of J
+  double bytes = 8 * (targets + (info.affine ? 0 : square + 1));  // A⁻¹ and its measure
+  if (options.method != Method::Newton)
+    bytes += 8 * (square + (keeps_function ? 1 : 0)) * stride;  // F and the energy's function of J
   bytes += nodes * (4 + sizeof(Incidence) + 2 * 4);             // the mesh's and the problem's lists of nodes
   bytes += 3 * sizeof(Certificate) + sizeof(double) * 10 + 40;  // the guard's, the scans', who is awake
   if (options.method == Method::Sweeps || options.max_iterations == 0) return bytes;
@@ -39,10 +41,11 @@ std::int64_t memory_needed(const HighOrderMesh& mesh, const Options& options) {
   const int order = options.order > 0 ? options.order : mesh.order;
   const double d = mesh.dimension;
   const int entries = make_hessian_kernels(material(options), mesh.dimension)->entries();
+  const bool keeps_function = make_kernels(material(options), mesh.dimension)->keeps_function();
   double bytes = 0;
   for (const ElementBlock& block : mesh.blocks)
     if (reference::info(block.shape).dimension == mesh.dimension && block.size() > 0)
-      bytes += static_cast<double>(block.size()) * bytes_of_cell(block.shape, order, options, entries);
+      bytes += static_cast<double>(block.size()) * bytes_of_cell(block.shape, order, options, entries, keeps_function);
   const double nodes = static_cast<double>(mesh.node_count()) * std::pow(double(order) / mesh.order, d);
   // Coordinates of the mesh, of the guard and of the best mesh seen; positions, steps and directions; who is awake.
   bytes += nodes * (3 * 24 + 2 * 8 + d * (6 * 8 + 3 * 4) + 2 * d * (d + 1) + 60);

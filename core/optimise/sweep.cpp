@@ -41,7 +41,7 @@ bool direct_step(const Eigen::Matrix<double, d, d>& H, const Eigen::Matrix<doubl
     // Pivots first, second/first and third/second, compared with each other after multiplication.
     const double a = first * first * second, b = second * second, c = third * first;
     const double least = std::min(a, std::min(b, c)), most = std::max(a, std::max(b, c));
-    if (!(first > 0 && second > 0 && least > kSpread * most)) return false;
+    if (!(first > 0 && second > 0 && third > 0 && least > kSpread * most)) return false;
     const double inverse = -1 / third;
     step[0] = inverse * (C[0][0] * G[0] + C[1][0] * G[1] + C[2][0] * G[2]);
     step[1] = inverse * (C[1][0] * G[0] + C[1][1] * G[1] + C[2][1] * G[2]);
@@ -283,8 +283,12 @@ Sweeper::Visit Sweeper::visit(std::int32_t rank, std::int64_t now, double* scrat
     for (int i = 0; i < d; ++i) x[i] += step[i];
     if (visit.step > rest_) visited_at_[rank] = 0;  // there is more to come
     note_move(rank, now, alpha * visit.step);
-    break;
+    return visit;
   }
+  // Next to J = 0 the kept function of J may differ from that of F by more than there is to gain. Then from F again.
+  for (const PatchCell& cell : patch)
+    if (cell.jacobian_function != nullptr)
+      kernels_.take_function(cell.deformation, cell.stride, cell.jacobian_function);
   return visit;
 }
 

@@ -2,7 +2,6 @@
 #include "core/quality/subdivision.h"
 
 #include <algorithm>
-#include <bit>
 #include <cmath>
 #include <cstdint>
 #include <limits>
@@ -12,6 +11,7 @@
 
 #include "core/quality/certificate_kernel.h"
 #include "core/quality/coefficient_error-inl.h"
+#include "core/quality/outward.h"
 #include "core/reference/cache.h"
 
 namespace varimesh::detail {
@@ -388,16 +388,6 @@ bool attempt(const HardCell& cell, const CertificateOptions& options, Coefficien
   if (certificate.answer != Certificate::Answer::Valid) certificate.place = physical_place(cell, search.place());
   return search.limited_by_rounding();
 }
-
-/// The next number above, as std::nextafter has it: every certificate takes six, and a call takes longer than the bits
-/// do.
-double above(double x) {
-  if (!(x < std::numeric_limits<double>::infinity())) return x;
-  if (x == 0) return std::numeric_limits<double>::denorm_min();
-  const auto bits = std::bit_cast<std::int64_t>(x);
-  return std::bit_cast<double>(x > 0 ? bits + 1 : bits - 1);
-}
-double below(double x) { return -above(-x); }
 
 }  // namespace
 

@@ -172,7 +172,7 @@ std::string Run::key() const {
   const Options& o = options;
   std::string key = mesh + (avx2 ? " avx2" : "") + (want_coordinates ? " coordinates" : "");
   for (const double number : {double(o.energy), double(o.method), o.lambda, o.tolerance, double(o.max_iterations),
-                              double(o.until), double(o.active_set), double(o.threads)}) {
+                              double(o.until), double(o.active_set), double(o.threads), double(repeats)}) {
     std::array<char, 40> text;
     std::snprintf(text.data(), text.size(), " %.17g", number);
     key += text.data();
@@ -238,18 +238,13 @@ Expected<Measured> Runner::run(const Run& run) {
   if (const auto found = remembered_.find(key); found != remembered_.end()) return found->second;
   Expected<Measured> measured = measure(meshes_, run, Yardsticks::Take);
   if (!measured) return measured;
-  std::vector<double> wall{measured->wall.sweep}, processor{measured->processor.sweep},
-      busy{measured->conditions.busy_cores};
+  std::vector<double> sweeps{measured->times().sweep};
   for (int i = 1; i < run.repeats; ++i) {
     const Expected<Measured> again = run_again(run);
     if (!again) return again;
-    wall.push_back(again->wall.sweep);
-    processor.push_back(again->processor.sweep);
-    busy.push_back(again->conditions.busy_cores);
+    sweeps.push_back(again->times().sweep);
   }
-  measured->wall.sweep = median(std::move(wall));
-  measured->processor.sweep = median(std::move(processor));
-  measured->conditions.busy_cores = median(std::move(busy));
+  measured->wall.sweep = measured->processor.sweep = median(std::move(sweeps));
   return remembered_[key] = *measured;
 }
 

@@ -7,6 +7,7 @@
 #include <cmath>
 
 #include "core/quality/certificate_kernel.h"
+#include "core/quality/outward.h"
 #include "core/quality/subdivision.h"
 #include "core/reference/basis.h"
 #include "tests/core/quality/made_cells.h"
@@ -107,8 +108,22 @@ TEST_P(Tables, TheKernelsCoefficientsAreWithinTheErrorItStates) {
       EXPECT_LT(static_cast<double>(exact.error), 1e-10 * static_cast<double>(greatest)) << "order " << order;
       for (std::size_t k = 0; k < input.table->corners.size(); ++k)
         EXPECT_NEAR(output.corner[k][lane], static_cast<double>(exact.values[input.table->corners[k]]), allowed);
+      ASSERT_EQ(exact.values.size(), static_cast<std::size_t>(input.table->jacobian.size()));
+      for (std::size_t k = 0; k < exact.values.size(); ++k)
+        EXPECT_NEAR(output.coefficients[k * kernel_lanes() + lane], static_cast<double>(exact.values[k]), allowed);
     }
   }
+}
+
+TEST(Outward, IsTheNextDouble) {
+  constexpr double infinity = std::numeric_limits<double>::infinity(),
+                   least = std::numeric_limits<double>::denorm_min(), most = std::numeric_limits<double>::max();
+  for (const double x : {0.0, -0.0, least, -least, 2 * least, -2 * least, 1.0, -1.0, 1 - 0x1p-53, -2.0, 0x1p-1022,
+                         -0x1p-1022, most, -most, infinity, -infinity, 3e-310, 6.02e23}) {
+    EXPECT_EQ(above(x), std::nextafter(x, infinity)) << x;
+    EXPECT_EQ(below(x), std::nextafter(x, -infinity)) << x;
+  }
+  EXPECT_TRUE(std::isnan(above(std::nan(""))) && std::isnan(below(std::nan(""))));
 }
 
 TEST_P(Tables, DegreesAreTheKnownOnes) {
