@@ -42,6 +42,7 @@ class VectorKernels final : public Kernels {
   HWY_FLATTEN PatchExpansion expand(std::span<const PatchCell> patch) const override {
     Sums<d> sums;
     for (const PatchCell& cell : patch) {
+      // What was summed so far is dropped; to look for such cells first would cost every patch a loop.
       if (cell.left_factor != nullptr) return expand_through_left_factors(*this, d, patch);
       if (is_plain(cell))
         cell.affine ? expand_cell<true, true>(cell, sums) : expand_cell<false, true>(cell, sums);

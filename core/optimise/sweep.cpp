@@ -227,7 +227,7 @@ void Sweeper::note_move(std::int32_t rank, std::int64_t now, double length) {
     const Incidence& at = problem_.incidences[i];
     const std::int32_t cell = problem_.blocks[at.block].first + at.cell;
     changed_[cell] = drifted_[cell] = 1;
-    if (rest_ < 0) continue;
+    if (rest_ < 0) continue;  // no node ever rests
     moves_[cell] += length;
     if (moves_[cell] <= rest_) continue;
     moves_[cell] = 0;

@@ -104,9 +104,10 @@ void Certifier::certify_run(std::span<const double> coordinates, std::span<const
       const HardCell cell{input.table, coordinates.data(), input.nodes[lane], scale_, sign_};
       Certificate& certificate = certificates[static_cast<std::size_t>(cells[first + lane])];
       if (settle(cell, output, lane, options_.gap, certificate)) continue;
-      std::vector<double> coefficients(static_cast<std::size_t>(input.table->jacobian.size()));
-      for (std::size_t k = 0; k < coefficients.size(); ++k) coefficients[k] = output.coefficients[k * lanes + lane];
-      certificate = detail::subdivide(cell, options_, std::move(coefficients), output.error[lane]);
+      detail::Coefficients<double> known{{}, output.error[lane]};
+      known.values.resize(static_cast<std::size_t>(input.table->jacobian.size()));
+      for (std::size_t k = 0; k < known.values.size(); ++k) known.values[k] = output.coefficients[k * lanes + lane];
+      certificate = detail::subdivide(cell, options_, std::move(known));
     }
     first += input.cells;
   }

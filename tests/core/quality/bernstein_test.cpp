@@ -6,9 +6,9 @@
 #include <Eigen/Dense>
 #include <cmath>
 
+#include "core/quality/cell_coefficients.h"
 #include "core/quality/certificate_kernel.h"
 #include "core/quality/outward.h"
-#include "core/quality/subdivision.h"
 #include "core/reference/basis.h"
 #include "tests/core/quality/made_cells.h"
 
@@ -99,7 +99,7 @@ TEST_P(Tables, TheKernelsCoefficientsAreWithinTheErrorItStates) {
     std::vector<double> workspace;
     bernstein_kernel(input, workspace, output);
     for (std::size_t lane = 0; lane < input.cells; ++lane) {
-      const ExtendedCoefficients exact = extended_coefficients(hard_cell(mesh, lane));
+      const Coefficients<long double> exact = extended_coefficients(hard_cell(mesh, lane));
       const auto [least, greatest] = std::ranges::minmax(exact.values);
       const double allowed = output.error[lane] + static_cast<double>(exact.error);
       EXPECT_LE(std::abs(output.least[lane] - static_cast<double>(least)), allowed);
