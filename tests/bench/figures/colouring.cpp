@@ -7,9 +7,9 @@
 #include <vector>
 
 #include "core/formats/formats.h"
-#include "core/optimise/cells.h"
-#include "core/optimise/fixing.h"
-#include "core/optimise/schedule.h"
+#include "core/problem/fixed_nodes.h"
+#include "core/problem/problem.h"
+#include "core/sweeps/schedule.h"
 
 namespace {
 
@@ -19,7 +19,7 @@ using namespace varimesh;
 /// as many colours.
 int most_free_nodes_of_a_cell(const Problem& problem) {
   std::vector<int> counts(problem.cells, 0);
-  for (const Incidence& at : problem.incidences) ++counts[problem.blocks[at.block].first + at.cell];
+  for (const Incidence& at : problem.incidences) ++counts[problem.sets[at.set].first + at.cell];
   return counts.empty() ? 0 : *std::max_element(counts.begin(), counts.end());
 }
 

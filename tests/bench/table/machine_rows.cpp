@@ -10,7 +10,7 @@
 #include "tests/bench/core/optimise/loads.h"
 #include "tests/bench/measure_yardstick.h"
 #include "tests/bench/table/table.h"
-#include "tests/core/optimise/meshes.h"
+#include "tests/core/support/meshes.h"
 
 namespace varimesh::bench {
 namespace {

@@ -131,8 +131,8 @@ Measured optimise_file(const std::string& path, const Run& run) {
   m.peak_bytes = 1024.0 * static_cast<double>(usage.ru_maxrss);
   m.iterations = result->iterations;
   m.converged = result->converged;
-  m.dimension = result->summary.dimension;
-  m.elements = result->summary.elements;
+  m.dimension = result->sizes.dimension;
+  m.elements = result->sizes.elements;
   const QualityReport& after = result->after;
   m.min_scaled_jacobian = after.min_scaled_jacobian;
   m.invalid = after.invalid_elements;

@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "core/optimise/options.h"
+#include "core/options/options.h"
 #include "tests/bench/table/meshes.h"
 
 namespace varimesh::bench {

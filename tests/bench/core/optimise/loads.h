@@ -5,13 +5,13 @@
 #include <cstdint>
 #include <vector>
 
-#include "core/optimise/batches.h"
-#include "core/optimise/cells.h"
-#include "core/optimise/kernels.h"
-#include "core/optimise/schedule.h"
-#include "core/optimise/sweep.h"
-#include "core/team.h"
-#include "tests/core/optimise/problems.h"
+#include "core/base/team.h"
+#include "core/hessian/batches.h"
+#include "core/kernels/kernels.h"
+#include "core/problem/problem.h"
+#include "core/sweeps/schedule.h"
+#include "core/sweeps/sweep.h"
+#include "tests/core/support/problems.h"
 
 namespace varimesh::bench {
 
@@ -21,14 +21,14 @@ constexpr double flops_per_point(int dimension) { return dimension == 3 ? 270 : 
 /// What one sweep over every free node comes to: quadrature points, summed over nodes and their cells.
 inline double points_visited(const Problem& problem) {
   double points = 0;
-  for (const Incidence& at : problem.incidences) points += problem.blocks[at.block].points;
+  for (const Incidence& at : problem.incidences) points += problem.sets[at.block].points;
   return points;
 }
 
 /// Flops of a product in one cell: the gradient of the direction at every point and its transpose, as sums and
 /// differences of what mirrors make of one node or point, and about 240 (3-D) or 80 (2-D) a point between them. 28
 /// kflop on a tetrahedron of order 4; with the gradient as a plain table they would be 69.
-inline double product_flops(const BatchBlock& block) {
+inline double product_flops(const BatchSet& block) {
   const int d = block.cells->dimension;
   const auto signs = [](const std::vector<FoldedGradient::Orbit>& orbits) {
     double additions = 0;
@@ -78,10 +78,10 @@ class ProductLoad {
       : problem_(testing::make_problem(mesh)), hessian_(make_hessian_kernels(material(options), mesh.dimension)) {
     const std::unique_ptr<Kernels> kernels = make_kernels(material(options), mesh.dimension);
     hold_deformation(problem_, false);
-    for (CellBlock& block : problem_.blocks)
+    for (CellSet& block : problem_.sets)
       for (std::int32_t cell = 0; cell < block.count; ++cell) kernels->rebuild(block, cell, problem_.positions);
     batches_ = make_batches(problem_, *hessian_);
-    for (BatchBlock& block : batches_)
+    for (BatchSet& block : batches_)
       for (std::int32_t b = 0; b < block.count; ++b)
         hessian_->linearise(block, b, block.cells->deformation_of(b * kBatch));
     const std::vector<double> random = testing::random_direction(problem_, 1);
@@ -91,7 +91,7 @@ class ProductLoad {
   }
 
   void product() {
-    for (BatchBlock& block : batches_)
+    for (BatchSet& block : batches_)
       for (std::int32_t b = 0; b < block.count; ++b) hessian_->apply(block, b, direction_);
     hessian_->add_up(problem_, batches_, direction_.data(), product_.data(), 0,
                      static_cast<std::int32_t>(problem_.free.size()));
@@ -100,14 +100,14 @@ class ProductLoad {
   std::int32_t cells() const { return problem_.cells; }
   double flops() const {
     double sum = 0;
-    for (const BatchBlock& block : batches_) sum += block.cells->count * product_flops(block);
+    for (const BatchSet& block : batches_) sum += block.cells->count * product_flops(block);
     return sum;
   }
 
  private:
   Problem problem_;
   std::unique_ptr<HessianKernels> hessian_;
-  std::vector<BatchBlock> batches_;
+  std::vector<BatchSet> batches_;
   std::vector<float> direction_, product_;
 };
 

@@ -1,9 +1,9 @@
 // How many cells a second are sampled and certified on one thread; divide by the yardstick's GFLOP/s over 82.
 #include <benchmark/benchmark.h>
 
-#include "core/quality/certificate.h"
 #include "core/quality/quality.h"
-#include "tests/core/quality/made_cells.h"
+#include "core/validity/certifier.h"
+#include "tests/core/support/made_cells.h"
 
 namespace varimesh {
 namespace {
