@@ -23,7 +23,9 @@ ELSEWHERE = {"python.md": "tests/client/python/documentation_test.py", "workflow
 # Blocks that are not run here, by page and first word or two, and why.
 NOT_HERE = {
     ("README.md", "deploy/demo"): "sets the machine up; what every change must pass",
-    ("README.md", "tests/run"): "the tests themselves, and those that take hours or need root",
+    ("development.md", "tests/run"): "the tests themselves",
+    ("development.md", "build/release"): "programs that take hours or need root",
+    ("development.md", "tests/bench"): "builds the benchmarks, or takes hours",
     ("tutorial.md", "deploy/demo"): "sets the machine up",
     ("server.md", "varimeshd --listen"): "it does not end; tests/client/command_test.py starts it",
     ("server.md", "docker build"): "deploy/test-image builds and runs it",

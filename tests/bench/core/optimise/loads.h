@@ -1,4 +1,5 @@
-// The two kernels that an optimisation spends its time in, ready to run: a sweep, and a product with the Hessian.
+// The two kernels in which an optimisation spends its time, ready to be measured: a sweep, and a product with the
+// Hessian.
 #pragma once
 
 #include <array>
@@ -15,19 +16,19 @@
 
 namespace varimesh::bench {
 
-/// Flops of a node's visit, a quadrature point of a cell: its expansion, a trial of the line search and the move.
+/// Flops per quadrature point when a sweep visits a node: expansion, one trial of the line search, and the move.
 constexpr double flops_per_point(int dimension) { return dimension == 3 ? 270 : 165; }
 
-/// What one sweep over every free node comes to: quadrature points, summed over nodes and their cells.
+/// How many quadrature points one sweep over every free node visits, summed over the nodes and their cells.
 inline double points_visited(const Problem& problem) {
   double points = 0;
-  for (const Incidence& at : problem.incidences) points += problem.sets[at.block].points;
+  for (const Incidence& at : problem.incidences) points += problem.sets[at.set].points;
   return points;
 }
 
-/// Flops of a product in one cell: the gradient of the direction at every point and its transpose, as sums and
-/// differences of what mirrors make of one node or point, and about 240 (3-D) or 80 (2-D) a point between them. 28
-/// kflop on a tetrahedron of order 4; with the gradient as a plain table they would be 69.
+/// Flops of a product in one cell: the gradient of the direction at every point and its transpose, both folded by the
+/// cell's mirror symmetries, and about 240 (3-D) or 80 (2-D) flops per point between them. This is 28 kflop for a
+/// tetrahedron of order 4; with the gradient as a plain table it would be 69.
 inline double product_flops(const BatchSet& block) {
   const int d = block.cells->dimension;
   const auto signs = [](const std::vector<FoldedGradient::Orbit>& orbits) {
@@ -40,7 +41,7 @@ inline double product_flops(const BatchSet& block) {
   return flops + 2 * d * signs(block.gradient.node_orbits) + 2 * d * d * signs(block.gradient.point_orbits);
 }
 
-/// Sweeps on one thread, as often as wanted from where the mesh started.
+/// Sweeps on one thread, which can be repeated from the initial mesh.
 class SweepLoad {
  public:
   SweepLoad(const HighOrderMesh& mesh, const Options& options)
@@ -56,7 +57,7 @@ class SweepLoad {
     sweeper_.scan();
   }
   void sweep() { sweeper_.sweep(); }
-  /// What comes between two sweeps: δ of the cells.
+  /// The work between two sweeps, which determines δ of the cells.
   void scan() { sweeper_.scan(); }
 
   const Problem& problem() const { return problem_; }
@@ -71,7 +72,7 @@ class SweepLoad {
   Sweeper sweeper_;
 };
 
-/// Products on one thread, summed over the nodes' cells as conjugate gradients want them.
+/// Products on one thread, summed over the cells of each node as conjugate gradients need them.
 class ProductLoad {
  public:
   ProductLoad(const HighOrderMesh& mesh, const Options& options)
