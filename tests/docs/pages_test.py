@@ -25,7 +25,7 @@ NOT_HERE = {
     ("README.md", "deploy/demo"): "sets the machine up; what every change must pass",
     ("README.md", "tests/run"): "the tests themselves, and those that take hours or need root",
     ("tutorial.md", "deploy/demo"): "sets the machine up",
-    ("server.md", "varimeshd --listen"): "it does not end; tests/client/command_test.py starts it",
+    ("server.md", "varimeshd --listen"): "it does not end; tests/client/programs.py starts it",
     ("server.md", "docker build"): "deploy/test-image builds and runs it",
     ("report.md", "varimeshd --admin"): "it does not end; tests/server/admin_test.py starts it",
     ("performance.md", "tests/bench/cases"): "builds the benchmarks",
