@@ -55,7 +55,8 @@ Finding temporary_files() {
   const auto folder = std::filesystem::temp_directory_path(error);
   const TemporaryFolder made;
   if (error || made.path().empty())
-    return {"temporary files", folder.string(), "no folder can be made there; set TMPDIR to a folder where one can"};
+    return {"temporary files", folder.string(),
+            "no folder can be made there; set TMPDIR to a folder where files can be made"};
   const auto space = std::filesystem::space(folder, error);
   return {"temporary files",
           fmt::format("{}, {:.1f} GiB free", folder.string(), static_cast<double>(space.available) / (1 << 30)),

@@ -48,7 +48,8 @@ Outcome<void> fetch_meshes(Client* client, const v1::Job& job, Report* report) {
   const TemporaryFolder folder;
   if (folder.path().empty())
     return file_failure(
-        "No temporary folder can be made for the report's meshes; set TMPDIR to a folder where one can.", "OUTPUT");
+        "No temporary folder can be made for the report's meshes; set TMPDIR to a folder where files can be made.",
+        "OUTPUT");
   v1::StoredMesh stored;
   stored.set_digest(job.spec().mesh().digest());
   auto before = fetch_mesh(client, stored, folder.path() / "before");

@@ -1,5 +1,5 @@
-// Ends calls to the server when the caller wants to stop. A call that waits for a server that hangs cannot check for
-// that itself.
+// Ends calls to the server when the caller wants to stop. A thread does that, because a call that waits for a server
+// that hangs cannot check anything.
 #pragma once
 
 #include <grpcpp/client_context.h>

@@ -82,7 +82,7 @@ Outcome<std::optional<v1::StoredMesh>> Client::try_upload(const InputFile& file,
   std::int64_t sent = 0;
   bool half_closed = false;
   *request.mutable_header() = header;
-  // Each answer says how many bytes the server has stored. The first answer says where a repeated upload goes on.
+  // Each answer says how many bytes the server has stored. The first answer of a repeated upload says where to go on.
   for (bool open = stream->Write(request); open && stream->Read(&response) && !response.has_mesh();) {
     // As long as bytes arrive, a connection that breaks again and again may take the full time each time.
     if (response.committed_size() > *committed) retries->server_answered();

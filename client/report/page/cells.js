@@ -23,7 +23,7 @@ class CellTable {
   }
 
   /** One line of text about a cell. */
-  say(snapshot, cell) {
+  describe(snapshot, cell) {
     const value = this.js[snapshot][cell];
     let text = `element ${this.numbers[cell]}: scaled Jacobian ${jacobian(value)}`;
     if (!(value > 0)) text += ', invalid';

@@ -1,4 +1,4 @@
-// The colours of scaled Jacobians. Equal steps look equal, and lightness alone tells the colours apart.
+// The colours of scaled Jacobians. Equal steps look equal, and the colours differ in lightness, so colour vision is not needed.
 
 const COLOURS = 64;
 

@@ -29,7 +29,7 @@ async function addPictures(report) {
 }
 
 function addTables(report, go) {
-  const section = addSection('tables', 'Figures');
+  const section = addSection('tables', 'Numbers');
   section.append(make('div', {class: 'columns'}, qualityTable(report.document), meshTable(report.document)));
   if (report.scene) {
     const worst = addSection('worst', 'The worst elements', 'The numbers of the rows are those of the rings in the views.');

@@ -31,7 +31,7 @@ class Overlay {
   }
 
   /** Shows text beside the pointer, or hides it if the text is empty. */
-  say(text, x = 0, y = 0) {
+  showText(text, x = 0, y = 0) {
     this.tip.hidden = !text;
     if (!text) return;
     this.tip.textContent = text;

@@ -40,7 +40,7 @@ function pictures2d(section, scene, arrays, table, crosses) {
   section.append(legend(crosses.length > 0), columns, make('div', {class: 'controls'},
       button('Whole mesh', () => viewport.reset()), button('Worst element', () => go(last.place, last.size)),
       button('Zoom in', () => viewport.zoom(0.6)), button('Zoom out', () => viewport.zoom(1 / 0.6)),
-      make('span', {class: 'quiet small'}, 'Drag to move. To zoom, click a view first, then use the wheel or the keys + and −.')));
+      make('span', {class: 'quiet small'}, 'Drag to move. After a click on a view, the wheel and the keys + and − zoom, and the arrow keys move.')));
   const paths = new Paths2d(scene, arrays);
   for (const snapshot of scene.snapshots) new View2d(boxes[snapshot], scene, paths, table, snapshot, viewport, crosses);
   closeUp(section, scene, paths, table, crosses);
@@ -106,7 +106,7 @@ function pictures3d(section, scene, arrays, table, crosses) {
   section.append(legend(crosses.length > 0), columns, bar, make('div', {class: 'controls'},
       button('Whole mesh', () => shared.reset()), button('Worst element', () => go(last.place, last.size)),
       button('Zoom in', () => shared.zoom(0.7)), button('Zoom out', () => shared.zoom(1 / 0.7)),
-      make('span', {class: 'quiet small'}, 'Drag to turn. To zoom, click a view first, then use the wheel or the keys + and −.')));
+      make('span', {class: 'quiet small'}, 'Drag to turn. After a click on a view, the wheel and the keys + and − zoom, and the arrow keys turn.')));
   if (!whole) {
     section.append(make('p', {class: 'quiet small'}, `The mesh has ${grouped(scene.cells)} elements. The page shows the faces on the ` +
         `boundary, and all faces of the ${grouped(scene.whole)} elements with the smallest scaled Jacobians.`));

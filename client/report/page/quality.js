@@ -68,12 +68,12 @@ function histograms(section, report) {
 const QUALITY_ROWS = [
   ['Smallest scaled Jacobian', (one) => one.min_scaled_jacobian, jacobian, 'min_scaled_jacobian'],
   ['Mean scaled Jacobian', (one) => one.mean_scaled_jacobian, jacobian, 'mean_scaled_jacobian'],
-  ['Smallest distortion', (one) => one.min_distortion_jacobian, jacobian, 'min_distortion_jacobian'],
+  ['Smallest distortion Jacobian', (one) => one.min_distortion_jacobian, jacobian, 'min_distortion_jacobian'],
   ['Invalid elements, sampled', (one) => one.invalid_elements, grouped, 'invalid_elements'],
   ['Certified valid', (one) => one.certified.valid, grouped, 'certified.valid'],
   ['Certified invalid', (one) => one.certified.invalid, grouped, 'certified.invalid'],
   ['Undecided', (one) => one.certified.undecided, grouped, 'certified.undecided'],
-  ['Proved smallest scaled Jacobian', (one) => one.certified.min_scaled_jacobian_lower_bound, jacobian,
+  ['Proved lower bound of the smallest scaled Jacobian', (one) => one.certified.min_scaled_jacobian_lower_bound, jacobian,
     'certified.min_scaled_jacobian_lower_bound'],
 ];
 
@@ -110,7 +110,7 @@ function worstTable(scene, snapshot, go) {
     const place = one.place.slice(0, scene.dimension).map((x) => readable(Number(x.toPrecision(3)))).join(', ');
     return [String(i + 1), numberCell(one.number, String(one.number)), one.shape, numberCell(one.scaled_jacobian, jacobian(one.scaled_jacobian)), show, {text: place, class: 'place'}];
   });
-  return table(scene.snapshots.length > 1 ? `The worst ${snapshot}` : 'The worst elements',
+  return table(scene.snapshots.length > 1 ? `The worst elements ${snapshot}` : 'The worst elements',
       ['', {text: 'Element', class: 'number'}, 'Shape', {text: 'Scaled Jacobian', class: 'number'}, '', 'Centre'], rows);
 }
 

@@ -148,7 +148,7 @@ class View2d {
     new ResizeObserver(() => this.follow(viewport)).observe(host);
     this.probe = document.createElement('canvas').getContext('2d');
     host.addEventListener('pointermove', (event) => this.point(event));
-    host.addEventListener('pointerleave', () => this.overlay.say(''));
+    host.addEventListener('pointerleave', () => this.overlay.showText(''));
   }
 
   follow(viewport) {
@@ -161,7 +161,7 @@ class View2d {
   }
 
   point(event) {
-    if (event.buttons) return this.overlay.say('');
+    if (event.buttons) return this.overlay.showText('');
     const [x, y] = this.viewport.under(this.host, event.clientX, event.clientY);
     const boxes = this.paths.boxes(this.snapshot);
     for (let cell = 0; cell < this.paths.count; ++cell) {
@@ -171,8 +171,8 @@ class View2d {
       this.paths.trace(this.snapshot, cell, path);
       if (!this.probe.isPointInPath(path, x, y)) continue;
       const box = this.host.getBoundingClientRect();
-      return this.overlay.say(this.table.say(this.snapshot, cell), event.clientX - box.left, event.clientY - box.top);
+      return this.overlay.showText(this.table.describe(this.snapshot, cell), event.clientX - box.left, event.clientY - box.top);
     }
-    this.overlay.say('');
+    this.overlay.showText('');
   }
 }

@@ -74,7 +74,7 @@ class View3d {
     host.addEventListener('pointerdown', () => host.focus({preventScroll: true}));
     this.controls.addEventListener('change', () => shared.turned(this));
     host.addEventListener('pointermove', (event) => this.point(event));
-    host.addEventListener('pointerleave', () => this.overlay.say(''));
+    host.addEventListener('pointerleave', () => this.overlay.showText(''));
     host.addEventListener('keydown', (event) => this.press(event));
     new ResizeObserver(() => this.resize()).observe(host);
     darkTheme.addEventListener('change', () => { for (const one of this.drawn) one.colour(); this.paint(); });
@@ -124,7 +124,7 @@ class View3d {
 
   /** Describes the element under the pointer. */
   point(event) {
-    if (event.buttons) return this.overlay.say('');
+    if (event.buttons) return this.overlay.showText('');
     if (this.pointing) return;
     this.pointing = true;
     requestAnimationFrame(() => {
@@ -135,9 +135,9 @@ class View3d {
       ray.setFromCamera(new THREE.Vector2((x / box.width) * 2 - 1, 1 - (y / box.height) * 2), this.shared.camera);
       const solid = this.drawn.filter((one) => one.mesh.visible && !one.solid.transparent);
       const hit = ray.intersectObjects(solid.map((one) => one.mesh))[0];
-      if (!hit) return this.overlay.say('');
+      if (!hit) return this.overlay.showText('');
       const {faces} = solid.find((one) => one.mesh === hit.object);
-      this.overlay.say(this.table.say(this.snapshot, faces.cellOf(hit.face.a)), x, y);
+      this.overlay.showText(this.table.describe(this.snapshot, faces.cellOf(hit.face.a)), x, y);
     });
   }
 

@@ -13,7 +13,7 @@ using std::chrono::milliseconds;
 const grpc::Status kAway(grpc::StatusCode::UNAVAILABLE, "connection refused");
 const grpc::Status kRefused(grpc::StatusCode::INVALID_ARGUMENT, "no");
 
-/// A refusal after which the server wants to be asked again.
+/// A refusal that asks for a repetition after `delay`.
 grpc::Status refused_for(milliseconds delay) {
   google::rpc::RetryInfo retry;
   retry.mutable_retry_delay()->set_nanos(static_cast<int>(delay.count() * 1'000'000));
@@ -35,12 +35,12 @@ struct Recorded {
 };
 
 TEST(RetryPolicy, CallsToAnAbsentServerAreRepeatedUntilTheTimeIsOver) {
-  Recorded recorded(milliseconds(300));
+  Recorded recorded(milliseconds(600));
   RetryPolicy retries(recorded.settings);
   int attempts = 0;
   while (retries.wait_to_retry(kAway)) ++attempts;
-  EXPECT_GE(attempts, 2);  // after pauses of 50, 100 and 200 ms
-  EXPECT_LE(attempts, 3);
+  EXPECT_GE(attempts, 2);  // The pauses are 50, 100, 200 and 400 ms, or longer on a busy machine.
+  EXPECT_LE(attempts, 4);
   EXPECT_EQ(recorded.contacts, std::vector<bool>{false});
 }
 

@@ -61,12 +61,12 @@ class Report(WithFolder):
         self.check_table("quality-table", {
             "Smallest scaled Jacobian": [one["min_scaled_jacobian"] for one in snapshots],
             "Mean scaled Jacobian": [one["mean_scaled_jacobian"] for one in snapshots],
-            "Smallest distortion": [one["min_distortion_jacobian"] for one in snapshots],
+            "Smallest distortion Jacobian": [one["min_distortion_jacobian"] for one in snapshots],
             "Invalid elements, sampled": [one["invalid_elements"] for one in snapshots],
             "Certified valid": [one["certified"]["valid"] for one in snapshots],
             "Certified invalid": [one["certified"]["invalid"] for one in snapshots],
             "Undecided": [one["certified"]["undecided"] for one in snapshots],
-            "Proved smallest scaled Jacobian": [one["certified"]["min_scaled_jacobian_lower_bound"] for one in snapshots]})
+            "Proved lower bound of the smallest scaled Jacobian": [one["certified"]["min_scaled_jacobian_lower_bound"] for one in snapshots]})
         self.check_table("mesh-table", {key.replace("_", " ", 1): [value] for key, value in document["mesh"].items()})
         if "iterations" in document:
             self.check_table("mesh-table", {key: [document[key]] for key in ("iterations", "seconds", "residual")})
