@@ -7,11 +7,11 @@
 #include <cstdio>
 #include <random>
 
-#include "client/digest.h"
 #include "client/failures.h"
 #include "client/frames.h"
 #include "client/input_file.h"
 #include "client/interrupter.h"
+#include "core/base/sha256.h"
 #include "core/formats/output_file.h"
 
 namespace varimesh::client {
@@ -167,7 +167,7 @@ Outcome<v1::StoredMesh> Client::upload_file(const std::string& path) {
 }
 
 Outcome<v1::StoredMesh> Client::upload(const InputFile& file) {
-  Digest digest;
+  Sha256 digest;
   std::int64_t size = 0;
   while (true) {
     if (settings_.wants_to_stop()) return interrupted("while the mesh was read");
@@ -240,7 +240,7 @@ Outcome<std::optional<v1::StoredMesh>> Client::upload_once(const InputFile& file
 Outcome<void> Client::download(const v1::StoredMesh& mesh, const std::string& path) {
   auto file = formats::OutputFile::open(path);
   if (!file) return file_failure(file.error().sentence);
-  Digest digest;
+  Sha256 digest;
   v1::DownloadMeshRequest request;
   request.set_digest(mesh.digest());
   if (settings_.compress) request.set_encoding(v1::ENCODING_ZSTD);

@@ -1,7 +1,7 @@
 // The one place where client and server meet.
 #include "client/local/local.h"
 
-#include "server/operations/log.h"
+#include "server/log.h"
 #include "server/server.h"
 
 namespace varimesh::client {

@@ -12,8 +12,8 @@
 #include <functional>
 #include <thread>
 
+#include "core/base/sha256.h"
 #include "server/jobs/sqlite.h"
-#include "server/meshes/sha256.h"
 #include "tests/faults/real_server.h"
 #include "varimesh/v1/service.grpc.pb.h"
 

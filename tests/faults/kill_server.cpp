@@ -18,7 +18,7 @@
 #include <set>
 #include <thread>
 
-#include "server/meshes/sha256.h"
+#include "core/base/sha256.h"
 #include "tests/faults/real_server.h"
 #include "tests/server/watch_guarantees.h"
 #include "varimesh/v1/service.grpc.pb.h"

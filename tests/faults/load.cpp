@@ -14,7 +14,7 @@
 #include <fstream>
 #include <thread>
 
-#include "server/meshes/sha256.h"
+#include "core/base/sha256.h"
 
 namespace varimesh::server::testing {
 namespace {

@@ -4,7 +4,7 @@
 #include <fstream>
 
 #include "client/client.h"
-#include "server/meshes/sha256.h"
+#include "core/base/sha256.h"
 #include "tests/faults/cutting_proxy.h"
 #include "tests/faults/load.h"
 

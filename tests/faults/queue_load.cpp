@@ -14,8 +14,8 @@
 #include <fstream>
 #include <thread>
 
+#include "core/base/sha256.h"
 #include "server/jobs/sqlite_job_store.h"
-#include "server/meshes/sha256.h"
 #include "tests/faults/real_server.h"
 #include "varimesh/v1/service.grpc.pb.h"
 

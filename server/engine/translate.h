@@ -1,0 +1,31 @@
+// Conversion between the structs of the library and the messages of the contract.
+#pragma once
+
+#include "core/formats/formats.h"
+#include "core/optimise/optimiser.h"
+#include "server/engine/engine.h"
+#include "server/failure.h"
+#include "varimesh/v1/job.pb.h"
+
+namespace varimesh::server {
+
+/// How many invalid cells, unrepairable groups and repair steps a message lists at most, so that it stays small.
+inline constexpr int kMaxInvalidNamed = 1000;
+
+/// Fails with INVALID_ARGUMENT for a value of an enum that this server does not know. The library checks the ranges.
+Answer<Options> options_from(const v1::Options& message);
+v1::Options to_proto(const Options& options);
+
+v1::Iteration to_proto(const Iteration& iteration);
+v1::MeshSummary to_proto(const MeshSummary& summary);
+v1::QualityReport to_proto(const QualityReport& report);
+v1::UnrepairableGroup to_proto(const UnrepairableGroup& group);
+v1::RepairStep to_proto(const RepairStep& step);
+v1::Metrics metrics(const RunOutcome& outcome, const Options& options);
+v1::JobError to_proto(const Error& error);
+
+/// Returns the format of the library; Auto if the message is not a file format.
+formats::Format format_from(v1::MeshFormat message);
+v1::MeshFormat to_proto(formats::Format format);
+
+}  // namespace varimesh::server
