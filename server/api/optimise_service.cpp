@@ -106,7 +106,7 @@ class OptimiseStream : public grpc::ServerBidiReactor<v1::OptimiseRequest, v1::O
     if (!stored) return status(stored.error());
     v1::JobSpec spec = spec_->spec();
     spec.mutable_mesh()->set_digest(stored->digest);
-    const auto job = api_.scheduler.submit(spec_->request_id(), spec, false, address_);  // pins the mesh
+    const auto job = api_.scheduler.submit(spec_->request_id(), spec, false, address_);  // adds a reference to the mesh
     api_.meshes.release(stored->digest);
     if (!job) return status(job.error());
     auto log = api_.scheduler.events(job->name());

@@ -84,9 +84,9 @@ EventLog::Next EventLog::next(std::int64_t after, std::chrono::nanoseconds min_i
   else
     return closed_ ? Next::End : Next::Wait;
   // All events in between are iterations, since events of the other kinds are never skipped. The numbers that an
-  // earlier block left unused are not counted.
-  const std::int64_t block = (event->sequence() - 1) / kSequenceBlock * kSequenceBlock;
-  event->set_thinned(event->sequence() - std::max(after, block) - 1);
+  // earlier range left unused are not counted.
+  const std::int64_t range = (event->sequence() - 1) / kSequenceRange * kSequenceRange;
+  event->set_thinned(event->sequence() - std::max(after, range) - 1);
   return Next::Event;
 }
 

@@ -22,9 +22,9 @@ class Listener {
   virtual void poke() = 0;
 };
 
-/// Event numbers come in blocks of this size. A job whose server was lost continues in the next block, since nobody
-/// knows which numbers of the previous block clients have seen, or for which events.
-inline constexpr std::int64_t kSequenceBlock = 1'000'000'000;
+/// Event numbers are divided into ranges of this size. A job whose server was lost continues in the next range, since
+/// nobody knows which numbers of the previous range clients have seen, or for which events.
+inline constexpr std::int64_t kSequenceRange = 1'000'000'000;
 
 /// The events of one job. All states, quality reports and log lines are kept, and the newest `max_iterations`
 /// iterations. A watcher has no queue: it continues from the last number that it delivered, so a slow watcher costs

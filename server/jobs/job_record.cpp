@@ -143,9 +143,10 @@ bool JobTransitions::is_lost(const JobRecord& record, const std::string& worker,
 }
 
 Changed JobTransitions::take_back(JobRecord& record) const {
-  // Nobody knows how many iterations of the lost attempt were delivered, so the next event starts a new block.
+  // Nobody knows how many iterations of the lost attempt were delivered, so the next event starts a new range of
+  // numbers.
   record.job.set_last_sequence(
-      std::max(record.job.last_sequence(), (record.job.last_sequence() / kSequenceBlock + 1) * kSequenceBlock));
+      std::max(record.job.last_sequence(), (record.job.last_sequence() / kSequenceRange + 1) * kSequenceRange));
   Changed changed;
   v1::JobState state = v1::JOB_STATE_PENDING;
   if (record.job.state() == v1::JOB_STATE_CANCELLING) {

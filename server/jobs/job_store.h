@@ -100,7 +100,7 @@ struct Ending {
 ///
 /// The store numbers the events of state and quality. Their numbers follow the last number that the store knows and
 /// `last_sequence`, the last number that the caller has given to an iteration. A job that was lost continues in the
-/// next block of numbers, since nobody knows which numbers of the last block clients have seen.
+/// next range of numbers, since nobody knows which numbers of the last range clients have seen.
 class JobStore {
  public:
   virtual ~JobStore() = default;

@@ -90,7 +90,7 @@ class FrameReader : public BlobReader {
 int nameless_file(const std::filesystem::path& directory) {
   const int file = ::open(directory.c_str(), O_TMPFILE | O_RDWR | O_CLOEXEC, 0600);
   if (file >= 0) return file;
-  std::string path = (directory / "part-XXXXXX").string();  // some file systems have no such files
+  std::string path = (directory / "part-XXXXXX").string();  // some file systems do not support O_TMPFILE
   const int named = ::mkostemp(path.data(), O_CLOEXEC);
   if (named >= 0) ::unlink(path.c_str());
   return named;

@@ -67,7 +67,7 @@ inline std::string broken_reliability(const WatchHistory& history, const std::ve
 }
 
 /// Resumable: a stream continues after the last event of the previous one, and the counts of skipped iterations explain
-/// every gap in a block of numbers.
+/// every gap in a range of numbers.
 inline std::string broken_resumption(const WatchHistory& history) {
   std::int64_t last = 0;
   for (const WatchedStream& stream : history) {
@@ -75,8 +75,8 @@ inline std::string broken_resumption(const WatchHistory& history) {
       return "a stream began after " + std::to_string(stream.after_sequence) + " and not after " + std::to_string(last);
     for (const v1::JobEvent& event : stream.events) {
       if (event.has_bookmark()) continue;
-      const std::int64_t block = (event.sequence() - 1) / kSequenceBlock * kSequenceBlock;
-      if (event.sequence() != std::max(last, block) + event.thinned() + 1)
+      const std::int64_t range = (event.sequence() - 1) / kSequenceRange * kSequenceRange;
+      if (event.sequence() != std::max(last, range) + event.thinned() + 1)
         return "event " + std::to_string(event.sequence()) + " came after " + std::to_string(last) + " and says that " +
                std::to_string(event.thinned()) + " were thinned";
       last = event.sequence();

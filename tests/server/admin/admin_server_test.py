@@ -1,5 +1,5 @@
-"""The admin port: health, who may ask, and the page that watches, in a headless Chromium beside a running server with 50
-jobs. Run by ctest with VARIMESH, VARIMESHD and VARIMESH_SOURCE_DIR in the environment."""
+"""The admin port: health checks, who may use it, and the live page, in a headless Chromium with a running server that has
+50 jobs. ctest runs it with VARIMESH, VARIMESHD and VARIMESH_SOURCE_DIR in the environment."""
 import http.client
 import json
 import os
@@ -43,11 +43,11 @@ class WithAdminPort(unittest.TestCase):
 
 
 class Port(WithAdminPort):
-    def test_answers_probes(self):
+    def test_answers_health_checks(self):
         self.assertEqual(self.ask("/healthz/live")[0], 200)
         self.assertEqual(self.ask("/healthz/ready")[::2], (200, "ready\n"))
 
-    def test_shows_itself_to_this_machine_alone_and_takes_no_orders(self):
+    def test_accepts_only_get_requests_from_this_machine(self):
         port = self.admin.rsplit(":", 1)[1]
         for host, status in ((f"localhost:{port}", 200), (f"[::1]:{port}", 200), ("127.0.0.1", 200),
                              ("evil.example", 421), (f"evil.example:{port}", 421), ("127.evil.example", 421),
@@ -62,7 +62,7 @@ class Port(WithAdminPort):
         for path in ("/etc/passwd", "/../etc/passwd", "/api/", "/api/iterations?job=jobs/none"):
             self.assertEqual(self.ask(path)[0], 404, path)
 
-    def test_is_not_there_unless_asked_for_and_nowhere_but_on_loopback(self):
+    def test_refuses_other_addresses_than_loopback_and_a_taken_port(self):
         for address in ("0.0.0.0:0", "192.0.2.1:9464", "example.com:9464", "127.0.0.1", "127.0.0.1:70000", ":9464"):
             done = subprocess.run([VARIMESHD, "--listen", "127.0.0.1:0", "--admin", address], capture_output=True,
                                   text=True, timeout=20)
@@ -73,7 +73,7 @@ class Port(WithAdminPort):
         self.assertEqual(taken.returncode, 1)
         self.assertIn("is taken", taken.stderr)
 
-    def test_tells_the_iterations_of_a_job_from_where_one_has_come_to(self):
+    def test_returns_the_iterations_after_a_given_event(self):
         job = self.submit("circle_p5.msh", *ENDLESS)
         rows, sequence = [], 0
         deadline = time.monotonic() + 30
@@ -94,7 +94,7 @@ class Page(WithAdminPort):
     @classmethod
     def setUpClass(cls):
         if browser.find() is None:
-            print("SKIPPED: there is no chromium to watch with")
+            print("SKIPPED: chromium is not installed")
             sys.exit(77)
 
     def setUp(self):
@@ -105,7 +105,7 @@ class Page(WithAdminPort):
     def text(self, selector):
         return self.page.value(f"document.querySelector({json.dumps(selector)})?.textContent ?? ''")
 
-    def test_shows_fifty_jobs_and_the_curves_of_those_that_run(self):
+    def test_shows_fifty_jobs_and_the_curves_of_the_running_one(self):
         running = self.submit("circle_p5.msh", *ENDLESS, "--label", "name=" + MARKUP)
         first = self.submit("nine_triangles.msh", "--label", "file=" + MARKUP)
         for _ in range(48):

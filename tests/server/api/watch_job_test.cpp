@@ -130,7 +130,7 @@ TEST(WatchGuarantees, AreReportedIfTheyAreBroken) {
   EXPECT_NE(broken_resumption({{0, {event(1)}}, {2, {event(3)}}}), "");
   EXPECT_NE(broken_resumption({{0, {event(1), event(3)}}}), "") << "a gap that was not counted";
   EXPECT_EQ(broken_resumption({{0, {event(1), event(3, 1)}}}), "");
-  EXPECT_EQ(broken_resumption({{0, {event(1), event(kSequenceBlock + 1)}}}), "") << "a server was lost in between";
+  EXPECT_EQ(broken_resumption({{0, {event(1), event(kSequenceRange + 1)}}}), "") << "a server was lost in between";
 }
 
 }  // namespace

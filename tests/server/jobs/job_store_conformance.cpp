@@ -291,9 +291,9 @@ TEST_P(JobStoreConformance, NumbersEventsAfterThoseThatWereSeen) {
 
   const std::string lost = submit();
   claim();
-  EXPECT_EQ(store_->take_back("worker", {})->front().events[0].sequence(), kSequenceBlock + 1)
+  EXPECT_EQ(store_->take_back("worker", {})->front().events[0].sequence(), kSequenceRange + 1)
       << "nobody knows which numbers the lost attempt has used";
-  EXPECT_EQ((*store_->claim("worker"))->events[0].sequence(), kSequenceBlock + 2);
+  EXPECT_EQ((*store_->claim("worker"))->events[0].sequence(), kSequenceRange + 2);
   states(lost);
 }
 
