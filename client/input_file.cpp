@@ -12,7 +12,7 @@
 #include <system_error>
 
 #include "client/client.h"
-#include "core/write_all.h"
+#include "core/base/write_all.h"
 
 namespace varimesh::client {
 namespace {

@@ -5,8 +5,8 @@
 #include <iostream>
 #include <vector>
 
-#include "core/nearest_word.h"
-#include "core/version.h"
+#include "core/base/nearest_word.h"
+#include "core/base/version.h"
 #include "server/resources/memory_budget.h"
 
 namespace varimesh::server {

@@ -14,7 +14,7 @@
 #include <iostream>
 #include <string>
 
-#include "core/version.h"
+#include "core/base/version.h"
 #include "server/flags.h"
 #include "server/log.h"
 #include "server/server.h"

@@ -10,7 +10,7 @@
 #include <memory>
 #include <string>
 
-#include "core/error.h"
+#include "core/base/error.h"
 #include "server/engine/engine.h"
 #include "server/jobs/job_store.h"
 #include "server/limits.h"

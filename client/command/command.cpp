@@ -8,7 +8,7 @@
 #include <iostream>
 #include <thread>
 
-#include "core/formats/utf8.h"
+#include "core/base/utf8.h"
 
 namespace varimesh::client {
 namespace {

@@ -11,7 +11,7 @@
 #include "client/client.h"
 #include "client/command/leftovers.h"
 #include "client/local/local.h"
-#include "core/error.h"
+#include "core/base/error.h"
 
 namespace varimesh::client {
 

@@ -1,7 +1,7 @@
 // All commands, in the order in which the help lists them.
 #include "client/command/command.h"
 #include "client/command/help.h"
-#include "core/version.h"
+#include "core/base/version.h"
 
 namespace varimesh::client {
 

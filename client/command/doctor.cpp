@@ -15,7 +15,7 @@
 #include "client/command/command.h"
 #include "client/command/documents.h"
 #include "client/command/leftovers.h"
-#include "core/version.h"
+#include "core/base/version.h"
 
 namespace varimesh::client {
 namespace {

@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "core/error.h"
+#include "core/base/error.h"
 #include "core/optimise/optimiser.h"
 #include "core/quality/quality.h"
 #include "varimesh/v1/service.pb.h"

@@ -8,7 +8,7 @@
 #include <algorithm>
 
 #include "client/command/facts.h"
-#include "core/nearest_word.h"
+#include "core/base/nearest_word.h"
 
 namespace varimesh::client {
 namespace {

@@ -8,7 +8,7 @@
 
 #include "client/command/command.h"
 #include "client/command/facts.h"
-#include "core/version.h"
+#include "core/base/version.h"
 
 namespace varimesh::client {
 namespace {

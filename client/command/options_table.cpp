@@ -8,8 +8,8 @@
 #include "client/command/command.h"
 #include "client/command/names.h"
 #include "client/input_file.h"
-#include "core/nearest_word.h"
-#include "core/optimise/target_field.h"
+#include "core/base/nearest_word.h"
+#include "core/problem/target_field.h"
 
 namespace varimesh::client {
 namespace {

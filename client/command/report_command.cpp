@@ -13,7 +13,7 @@
 #include "client/report/report.h"
 #include "core/formats/formats.h"
 #include "core/mesh/order.h"
-#include "core/version.h"
+#include "core/base/version.h"
 
 namespace varimesh::client {
 namespace {

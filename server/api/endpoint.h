@@ -8,7 +8,7 @@
 #include <memory>
 #include <string>
 
-#include "core/error.h"
+#include "core/base/error.h"
 #include "server/api/context.h"
 #include "server/api/health.h"
 #include "server/api/job_service.h"

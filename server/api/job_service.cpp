@@ -3,7 +3,7 @@
 
 #include <optional>
 
-#include "core/version.h"
+#include "core/base/version.h"
 #include "server/addresses.h"
 #include "server/api/result_source.h"
 #include "server/jobs/timestamps.h"

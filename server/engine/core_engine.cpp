@@ -1,8 +1,9 @@
 // Reads a mesh, optimises it with the numerical library, and writes the results.
 #include <utility>
 
+#include "core/marks/marks.h"
 #include "core/optimise/memory.h"
-#include "core/quality/marks.h"
+#include "core/optimise/optimiser.h"
 #include "server/engine/engine.h"
 #include "server/engine/mesh_parts.h"
 #include "server/engine/translate.h"
@@ -39,32 +40,30 @@ Expected<void> write_mesh(const Result& result, v1::MeshFormat format, int threa
   return formats::write(marked, format_from(format), sink);
 }
 
-Expected<RunOutcome> run(RunRequest request, const RunHooks& hooks) {
+Expected<RunSummary> run(RunRequest request, const RunHooks& hooks) {
   auto file = read_mesh(request.input->bytes(), request.format);
   request.input.reset();
   if (!file) return tl::unexpected(file.error());
   const v1::MeshFormat read_as =
       request.format == v1::MESH_FORMAT_PARTS ? v1::MESH_FORMAT_PARTS : to_proto(file->format);
 
-  RunOutcome outcome;
   if (hooks.admit)
     if (const auto admitted = hooks.admit(memory_needed(file->mesh, request.options)); !admitted)
       return tl::unexpected(admitted.error());
   if (hooks.control.stop_asked()) {
-    outcome.stopped = true;
-    return outcome;
+    RunSummary summary;
+    summary.stopped = true;
+    return summary;
   }
   auto result = optimise(std::move(file->mesh), request.options, hooks.on_iteration, hooks.control);
   if (!result) return tl::unexpected(result.error());
-  outcome = {result->summary,      result->iterations,         result->seconds,
-             result->residual,     result->converged,          result->stopped,
-             result->stop_reason,  std::move(result->before),  std::move(result->after),
-             result->unrepairable, std::move(result->repairs), std::move(result->history)};
-  if (result->stopped && hooks.given_up()) return outcome;
-  for (const v1::MeshFormat format : definite_outputs(request.outputs, read_as))
-    if (const auto written = write_mesh(*result, format, request.options.threads, hooks.open_output(format)); !written)
-      return tl::unexpected(written.error());
-  return outcome;
+  const bool wanted = !(result->stopped && hooks.given_up());
+  if (wanted)
+    for (const v1::MeshFormat format : definite_outputs(request.outputs, read_as))
+      if (const auto written = write_mesh(*result, format, request.options.threads, hooks.open_output(format));
+          !written)
+        return tl::unexpected(written.error());
+  return std::move(static_cast<RunSummary&>(*result));
 }
 
 }  // namespace

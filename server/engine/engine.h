@@ -6,7 +6,10 @@
 #include <vector>
 
 #include "core/formats/formats.h"
-#include "core/optimise/optimiser.h"
+#include "core/optimise/iteration.h"
+#include "core/optimise/result.h"
+#include "core/optimise/run_control.h"
+#include "core/options/options.h"
 #include "server/meshes/mesh_store.h"
 #include "varimesh/v1/mesh.pb.h"
 
@@ -37,28 +40,13 @@ struct RunHooks {
   std::function<formats::Sink(v1::MeshFormat)> open_output;
 };
 
-/// The outcome of a run, without the mesh itself, which was written to the outputs.
-struct RunOutcome {
-  MeshSummary summary;
-  int iterations = 0;
-  double seconds = 0;
-  double residual = 0;
-  bool converged = false;
-  bool stopped = false;  ///< Ended early because it was asked to. The outputs have the best mesh so far.
-  StopReason stop_reason = StopReason::Iterations;
-  QualityReport before;
-  QualityReport after;
-  std::vector<UnrepairableGroup> unrepairable;
-  std::vector<RepairStep> repairs;
-  std::vector<Iteration> history;
-};
-
 /// Runs jobs.
 struct Engine {
   /// Checks options without a mesh. Errors: BadOption.
   std::function<Expected<void>(const Options&)> check_options;
-  /// Reads the mesh, optimises it and writes the outputs. Errors: BadInput, BadOption, Output.
-  std::function<Expected<RunOutcome>(RunRequest, const RunHooks&)> run;
+  /// Reads the mesh, optimises it and writes the outputs. If the run is stopped, the outputs have the best mesh so far.
+  /// Errors: BadInput, BadOption, Output.
+  std::function<Expected<RunSummary>(RunRequest, const RunHooks&)> run;
 };
 
 /// The engine that uses the numerical library.

@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <cassert>
 
-#include "core/formats/utf8.h"
+#include "core/base/utf8.h"
 #include "server/refusals.h"
 
 namespace varimesh::server {
@@ -236,22 +236,22 @@ v1::RepairStep to_proto(const RepairStep& step) {
   return message;
 }
 
-v1::Metrics metrics(const RunOutcome& outcome, const Options& options) {
+v1::Metrics metrics(const RunSummary& summary, const Options& options) {
   v1::Metrics message;
-  *message.mutable_mesh() = to_proto(outcome.summary);
+  *message.mutable_mesh() = to_proto(summary.sizes);
   message.set_energy(give<v1::Energy>(options.energy));
   message.set_method(give<v1::Method>(options.method));
-  message.set_iterations(outcome.iterations);
-  message.set_seconds(outcome.seconds);
-  message.set_residual(outcome.residual);
-  message.set_converged(outcome.converged);
-  *message.mutable_before() = to_proto(outcome.before);
-  *message.mutable_after() = to_proto(outcome.after);
-  message.set_stop_reason(give<v1::StopReason>(outcome.stop_reason));
-  for (std::size_t i = 0; i < std::min(outcome.unrepairable.size(), static_cast<std::size_t>(kMaxInvalidNamed)); ++i)
-    *message.add_unrepairable() = to_proto(outcome.unrepairable[i]);
-  for (std::size_t i = 0; i < std::min(outcome.repairs.size(), static_cast<std::size_t>(kMaxInvalidNamed)); ++i)
-    *message.add_repairs() = to_proto(outcome.repairs[i]);
+  message.set_iterations(summary.iterations);
+  message.set_seconds(summary.seconds);
+  message.set_residual(summary.residual);
+  message.set_converged(summary.converged);
+  *message.mutable_before() = to_proto(summary.before);
+  *message.mutable_after() = to_proto(summary.after);
+  message.set_stop_reason(give<v1::StopReason>(summary.stop_reason));
+  for (std::size_t i = 0; i < std::min(summary.unrepairable.size(), static_cast<std::size_t>(kMaxInvalidNamed)); ++i)
+    *message.add_unrepairable() = to_proto(summary.unrepairable[i]);
+  for (std::size_t i = 0; i < std::min(summary.repairs.size(), static_cast<std::size_t>(kMaxInvalidNamed)); ++i)
+    *message.add_repairs() = to_proto(summary.repairs[i]);
   return message;
 }
 

@@ -1,9 +1,10 @@
 // Conversion between the structs of the library and the messages of the contract.
 #pragma once
 
+#include "core/base/error.h"
 #include "core/formats/formats.h"
-#include "core/optimise/optimiser.h"
-#include "server/engine/engine.h"
+#include "core/optimise/result.h"
+#include "core/options/options.h"
 #include "server/failure.h"
 #include "varimesh/v1/job.pb.h"
 
@@ -21,7 +22,7 @@ v1::MeshSummary to_proto(const MeshSummary& summary);
 v1::QualityReport to_proto(const QualityReport& report);
 v1::UnrepairableGroup to_proto(const UnrepairableGroup& group);
 v1::RepairStep to_proto(const RepairStep& step);
-v1::Metrics metrics(const RunOutcome& outcome, const Options& options);
+v1::Metrics metrics(const RunSummary& summary, const Options& options);
 v1::JobError to_proto(const Error& error);
 
 /// Returns the format of the library; Auto if the message is not a file format.

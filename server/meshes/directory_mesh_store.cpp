@@ -10,7 +10,7 @@
 #include <tuple>
 
 #include "core/base/sha256.h"
-#include "core/write_all.h"
+#include "core/base/write_all.h"
 #include "server/meshes/directory_upload.h"
 #include "server/refusals.h"
 

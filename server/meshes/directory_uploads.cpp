@@ -4,7 +4,7 @@
 
 #include <cerrno>
 
-#include "core/write_all.h"
+#include "core/base/write_all.h"
 #include "server/meshes/directory_mesh_store.h"
 #include "server/meshes/directory_upload.h"
 #include "server/refusals.h"

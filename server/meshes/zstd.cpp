@@ -9,7 +9,7 @@
 #include <cassert>
 #include <limits>
 
-#include "core/write_all.h"
+#include "core/base/write_all.h"
 #include "server/meshes/read_at.h"
 
 namespace varimesh::server {

@@ -5,7 +5,7 @@
 #include <memory>
 #include <string>
 
-#include "core/error.h"
+#include "core/base/error.h"
 #include "server/jobs/job_store.h"
 #include "server/limits.h"
 #include "server/meshes/directory_mesh_store.h"

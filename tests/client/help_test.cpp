@@ -10,7 +10,7 @@
 #include "client/command/facts.h"
 #include "client/command/names.h"
 #include "client/command/options_table.h"
-#include "core/nearest_word.h"
+#include "core/base/nearest_word.h"
 
 namespace varimesh::client {
 namespace {

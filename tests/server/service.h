@@ -48,10 +48,10 @@ inline Engine echo_engine(
     if (options.tolerance <= 0) return bad_option("The tolerance must be positive.");
     return {};
   };
-  engine.run = [=](RunRequest request, const RunHooks& hooks) -> Expected<RunOutcome> {
+  engine.run = [=](RunRequest request, const RunHooks& hooks) -> Expected<RunSummary> {
     const std::string bytes(request.input->bytes());
     if (bytes.rfind("bad", 0) == 0) return bad_input("Byte 0 is bad; send another mesh.");
-    RunOutcome outcome;
+    RunSummary outcome;
     const RunControl& control = hooks.control;
     const int done = control.checkpoint.empty() ? 0 : std::stoi(std::string(control.checkpoint));
     for (int i = 1; i <= iterations; ++i) {

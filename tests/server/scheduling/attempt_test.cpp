@@ -18,7 +18,7 @@ class AttemptTest : public ::testing::Test {
     claim_.spec.mutable_mesh()->set_digest(write(*meshes_, "a mesh").digest);
   }
 
-  Ending run(std::function<Expected<RunOutcome>(RunRequest, const RunHooks&)> work) {
+  Ending run(std::function<Expected<RunSummary>(RunRequest, const RunHooks&)> work) {
     Engine engine;
     engine.run = std::move(work);
     const LentThreads threads{[] { return 2; }};
@@ -46,10 +46,10 @@ class AttemptTest : public ::testing::Test {
 };
 
 TEST_F(AttemptTest, StoresTheResultAndTheHistory) {
-  const Ending ending = run([](RunRequest request, const RunHooks& hooks) -> Expected<RunOutcome> {
+  const Ending ending = run([](RunRequest request, const RunHooks& hooks) -> Expected<RunSummary> {
     EXPECT_EQ(request.options.threads, 2);
     EXPECT_TRUE(hooks.open_output(v1::MESH_FORMAT_MSH22)(request.input->bytes()));
-    RunOutcome outcome;
+    RunSummary outcome;
     outcome.history = {iteration(1)};
     return outcome;
   });
@@ -63,12 +63,12 @@ TEST_F(AttemptTest, StoresTheResultAndTheHistory) {
 }
 
 TEST_F(AttemptTest, LogsEveryIterationAndReportsSomeToTheStore) {
-  run([this](RunRequest, const RunHooks& hooks) -> Expected<RunOutcome> {
+  run([this](RunRequest, const RunHooks& hooks) -> Expected<RunSummary> {
     for (int i = 1; i <= 5; ++i) {
       EXPECT_EQ(hooks.on_iteration(iteration(i)), Control::Continue);
       now_ += std::chrono::milliseconds(300);
     }
-    return RunOutcome();
+    return RunSummary();
   });
   EXPECT_EQ(log_.last_sequence(), 5);
   EXPECT_EQ(noted_, (std::vector<int>{1, 3, 5})) << "at most one every 500 ms";
@@ -76,7 +76,7 @@ TEST_F(AttemptTest, LogsEveryIterationAndReportsSomeToTheStore) {
 
 TEST_F(AttemptTest, ReleasesTheOutputsOfARunThatFails) {
   std::string digest;
-  const Ending ending = run([&](RunRequest, const RunHooks& hooks) -> Expected<RunOutcome> {
+  const Ending ending = run([&](RunRequest, const RunHooks& hooks) -> Expected<RunSummary> {
     hooks.open_output(v1::MESH_FORMAT_MSH22)("a result");
     hooks.open_output(v1::MESH_FORMAT_VTU)("another");
     digest = sha256("a result");
@@ -90,18 +90,18 @@ TEST_F(AttemptTest, ReleasesTheOutputsOfARunThatFails) {
 
 TEST_F(AttemptTest, FailsWithASentenceAfterAnException) {
   const Ending ending =
-      run([](RunRequest, const RunHooks&) -> Expected<RunOutcome> { throw std::runtime_error("out of luck"); });
+      run([](RunRequest, const RunHooks&) -> Expected<RunSummary> { throw std::runtime_error("out of luck"); });
   EXPECT_EQ(ending.state, v1::JOB_STATE_FAILED);
   EXPECT_EQ(ending.error->reason(), "INTERNAL");
   EXPECT_NE(ending.error->message().find("out of luck"), std::string::npos);
 }
 
 TEST_F(AttemptTest, IsPendingAgainIfTheServerStops) {
-  const Ending ending = run([this](RunRequest, const RunHooks& hooks) -> Expected<RunOutcome> {
+  const Ending ending = run([this](RunRequest, const RunHooks& hooks) -> Expected<RunSummary> {
     stopping_ = true;
     EXPECT_TRUE(hooks.control.checkpoint_due(iteration(3))) << "one more before the server stops";
     hooks.control.save_checkpoint(iteration(3), [](const CheckpointSink& sink) { return sink("state"); });
-    RunOutcome outcome;
+    RunSummary outcome;
     outcome.stopped = hooks.on_iteration(iteration(3)) == Control::Stop;
     EXPECT_TRUE(hooks.given_up());
     return outcome;
@@ -114,35 +114,35 @@ TEST_F(AttemptTest, IsPendingAgainIfTheServerStops) {
 
 TEST_F(AttemptTest, ContinuesFromTheCheckpointOfItsClaim) {
   claim_.checkpoint = CheckpointReference{write(*meshes_, "state").digest, 7};
-  run([](RunRequest, const RunHooks& hooks) -> Expected<RunOutcome> {
+  run([](RunRequest, const RunHooks& hooks) -> Expected<RunSummary> {
     EXPECT_EQ(hooks.control.checkpoint, "state");
     EXPECT_FALSE(hooks.control.checkpoint_due(iteration(7))) << "that one is already saved";
-    return RunOutcome();
+    return RunSummary();
   });
   claim_.checkpoint = CheckpointReference{sha256("lost"), 7};
-  run([](RunRequest, const RunHooks& hooks) -> Expected<RunOutcome> {
+  run([](RunRequest, const RunHooks& hooks) -> Expected<RunSummary> {
     EXPECT_TRUE(hooks.control.checkpoint.empty()) << "from the beginning";
-    return RunOutcome();
+    return RunSummary();
   });
 }
 
 TEST_F(AttemptTest, SavesACheckpointAfterTenIterationsOrHalfAMinute) {
-  run([this](RunRequest, const RunHooks& hooks) -> Expected<RunOutcome> {
+  run([this](RunRequest, const RunHooks& hooks) -> Expected<RunSummary> {
     EXPECT_FALSE(hooks.control.checkpoint_due(iteration(9)));
     EXPECT_TRUE(hooks.control.checkpoint_due(iteration(10)));
     now_ += std::chrono::seconds(30);
     EXPECT_TRUE(hooks.control.checkpoint_due(iteration(1)));
-    return RunOutcome();
+    return RunSummary();
   });
 }
 
 TEST_F(AttemptTest, RefusesAMeshThatNeedsMoreMemoryThanThereIs) {
-  run([](RunRequest, const RunHooks& hooks) -> Expected<RunOutcome> {
+  run([](RunRequest, const RunHooks& hooks) -> Expected<RunSummary> {
     EXPECT_TRUE(hooks.admit(1000));
     const auto refused = hooks.admit(1001);
     EXPECT_FALSE(refused);
     EXPECT_NE(refused.error().sentence.find("--max-memory-bytes"), std::string::npos);
-    return RunOutcome();
+    return RunSummary();
   });
   EXPECT_TRUE(memory_.take(1000, [] { return true; })) << "the memory was given back";
   memory_.give_back(1000);

@@ -17,8 +17,8 @@ namespace {
 Engine small_engine() {
   Engine engine;
   engine.check_options = [](const Options&) -> Expected<void> { return {}; };
-  engine.run = [](RunRequest request, const RunHooks& hooks) -> Expected<RunOutcome> {
-    RunOutcome outcome;
+  engine.run = [](RunRequest request, const RunHooks& hooks) -> Expected<RunSummary> {
+    RunSummary outcome;
     for (int i = 1; i <= 20; ++i) {
       Iteration iteration;
       iteration.number = i;
