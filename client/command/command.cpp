@@ -142,8 +142,8 @@ tl::expected<Connection, int> connect(const CommonFlags& flags) {
 const CLI::Validator& is_text() {
   static const CLI::Validator validator(
       [](std::string& value) {
-        return formats::is_utf8(value) ? std::string()
-                                       : "'" + formats::as_utf8(value) +
+        return is_utf8(value) ? std::string()
+                                       : "'" + as_utf8(value) +
                                              "' is not UTF-8, and nothing else can be sent; a physical group can be "
                                              "named by its tag.";
       },

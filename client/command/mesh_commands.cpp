@@ -51,7 +51,7 @@ int quality(const Arguments& arguments) {
     return report(apart.error());
   auto file = formats::read_file(arguments.input);
   if (!file) return report(file.error());
-  if (const auto checked = check_to_judge(file->mesh); !checked) return report(checked.error());
+  if (const auto checked = check_structure(file->mesh); !checked) return report(checked.error());
   const auto mesh = summarise(file->mesh);
   if (!mesh) return report(mesh.error());
   const QualityReport found = varimesh::quality(file->mesh, arguments.lattice, arguments.threads);
@@ -98,7 +98,7 @@ int convert(const Arguments& arguments) {
 
   // A mesh that cannot be judged can still be looked at.
   std::optional<CellMarks> marks;
-  if (*format == formats::Format::Vtu && check_to_judge(file->mesh))
+  if (*format == formats::Format::Vtu && check_structure(file->mesh))
     marks.emplace(file->mesh, std::span<const UnrepairableGroup>{}, arguments.threads);
   const auto written = formats::write_file(file->mesh, *format, arguments.output,
                                            marks ? marks->fields() : std::vector<formats::CellField>{});

@@ -12,7 +12,7 @@
 #include "client/command/options_table.h"
 #include "client/report/report.h"
 #include "core/formats/formats.h"
-#include "core/mesh/order.h"
+#include "core/mesh/change_order.h"
 #include "core/base/version.h"
 
 namespace varimesh::client {

@@ -34,7 +34,7 @@ Expected<Stages> Stages::create(std::shared_ptr<const HighOrderMesh> before,
   Stages stages;
   for (auto& mesh : {std::move(before), std::move(after)}) {
     if (mesh == nullptr) continue;
-    if (const auto checked = check_to_judge(*mesh); !checked) return tl::unexpected(checked.error());
+    if (const auto checked = check_structure(*mesh); !checked) return tl::unexpected(checked.error());
     stages.cells_.emplace_back(*mesh, mesh->dimension);
     Stage stage{mesh, match(stages.cells_[0], stages.cells_.back()), {}};
     if (stage.order.size() != stages.cells_[0].count() || stages.cells_.back().count() != stage.order.size())

@@ -2,7 +2,7 @@
 #pragma once
 
 #include "core/formats/formats.h"
-#include "core/formats/output.h"
+#include "core/formats/buffered_output.h"
 
 namespace varimesh::formats {
 

@@ -10,7 +10,7 @@
 #include <cstring>
 #include <map>
 
-#include "core/formats/output.h"
+#include "core/formats/buffered_output.h"
 #include "core/reference/basis.h"
 
 namespace varimesh::formats {

@@ -201,11 +201,11 @@ int orientation(const HighOrderMesh& mesh, const std::vector<Corner>& corners, c
 Expected<MeshCheck> check_straight_sided(const HighOrderMesh& mesh, const Cells& cells) {
   std::vector<std::int8_t> signs(cells.count());
   std::array<std::size_t, 3> tally{};
-  for (const Cells::Run& run : cells.runs()) {
-    const std::vector<Corner> at = corners(run.block->shape);
-    for (std::size_t e = 0; e < run.block->size(); ++e) {
-      const int sign = orientation(mesh, at, run.block->nodes.data() + e * run.stride);
-      signs[run.first + e] = std::int8_t(sign);
+  for (const Cells::Range& range : cells.ranges()) {
+    const std::vector<Corner> at = corners(range.block->shape);
+    for (std::size_t e = 0; e < range.block->size(); ++e) {
+      const int sign = orientation(mesh, at, range.block->nodes.data() + e * range.stride);
+      signs[range.first + e] = std::int8_t(sign);
       ++tally[std::size_t(sign + 1)];
     }
   }
@@ -235,17 +235,17 @@ Expected<void> check_duplicates(const Cells& cells) {
     return sorted;
   };
   std::vector<std::pair<std::uint64_t, std::int32_t>> hashes(cells.count());
-  for (const Cells::Run& run : cells.runs())
-    for (std::size_t e = 0; e < run.block->size(); ++e) {
+  for (const Cells::Range& range : cells.ranges())
+    for (std::size_t e = 0; e < range.block->size(); ++e) {
       // Commutative, so that the order of the vertices does not matter: a sum of well mixed vertex numbers.
       std::uint64_t hash = 0;
-      for (std::size_t k = 0; k < std::size_t(reference::info(run.block->shape).vertices); ++k) {
-        std::uint64_t x = std::uint64_t(run.block->nodes[e * run.stride + k]) + 0x9e3779b97f4a7c15u;
+      for (std::size_t k = 0; k < std::size_t(reference::info(range.block->shape).vertices); ++k) {
+        std::uint64_t x = std::uint64_t(range.block->nodes[e * range.stride + k]) + 0x9e3779b97f4a7c15u;
         x = (x ^ (x >> 30)) * 0xbf58476d1ce4e5b9u;  // splitmix64
         x = (x ^ (x >> 27)) * 0x94d049bb133111ebu;
         hash += x ^ (x >> 31);
       }
-      hashes[run.first + e] = {hash, std::int32_t(run.first + e)};
+      hashes[range.first + e] = {hash, std::int32_t(range.first + e)};
     }
   std::sort(hashes.begin(), hashes.end());
   std::int32_t first = -1, twin = -1;
@@ -265,7 +265,7 @@ Expected<void> check_duplicates(const Cells& cells) {
 
 }  // namespace
 
-Expected<void> check_to_judge(const HighOrderMesh& mesh) {
+Expected<void> check_structure(const HighOrderMesh& mesh) {
   for (auto step : {check_kind, check_tables, check_coordinates, check_plane, check_distinct_nodes})
     if (auto done = step(mesh); !done) return tl::unexpected<Error>(done.error());
   const Cells cells(mesh, mesh.dimension);
@@ -275,7 +275,7 @@ Expected<void> check_to_judge(const HighOrderMesh& mesh) {
 }
 
 Expected<MeshCheck> check(const HighOrderMesh& mesh) {
-  if (auto done = check_to_judge(mesh); !done) return tl::unexpected<Error>(done.error());
+  if (auto done = check_structure(mesh); !done) return tl::unexpected<Error>(done.error());
   return check_straight_sided(mesh, Cells(mesh, mesh.dimension));
 }
 

@@ -22,6 +22,6 @@ Expected<MeshCheck> check(const HighOrderMesh& mesh);
 
 /// The same but for the straight-sided cells: what judging a mesh relies on. An optimised mesh may have cells that are
 /// inverted with straight sides, among those that cannot be repaired or where curved edges leave room.
-Expected<void> check_to_judge(const HighOrderMesh& mesh);
+Expected<void> check_structure(const HighOrderMesh& mesh);
 
 }  // namespace varimesh

@@ -102,11 +102,11 @@ class FacetView {
     return std::size_t(after - facets_.first.begin()) - 1;
   }
   FacetNodes nodes(std::size_t cell, std::int32_t facet) const {
-    const Cells::Run& run = cells_.run(cell);
+    const Cells::Range& range = cells_.range_of(cell);
     const int local = facet - facets_.first[cell];
-    return {reference::info(run.block->shape).facets[std::size_t(local)].shape,
-            run.block->nodes.data() + (cell - run.first) * run.stride,
-            &reference::facet_nodes(run.block->shape, mesh_.order, local)};
+    return {reference::info(range.block->shape).facets[std::size_t(local)].shape,
+            range.block->nodes.data() + (cell - range.first) * range.stride,
+            &reference::facet_nodes(range.block->shape, mesh_.order, local)};
   }
 
  private:

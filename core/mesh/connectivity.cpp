@@ -14,24 +14,24 @@ namespace varimesh {
 Cells::Cells(const HighOrderMesh& mesh, int dimension) {
   for (const ElementBlock& block : mesh.blocks) {
     if (reference::info(block.shape).dimension != dimension || block.size() == 0) continue;
-    runs_.push_back({&block, count_, std::size_t(reference::node_count(block.shape, block.order))});
+    ranges_.push_back({&block, count_, std::size_t(reference::node_count(block.shape, block.order))});
     count_ += block.size();
   }
 }
 
-const Cells::Run& Cells::run(std::size_t cell) const {
+const Cells::Range& Cells::range_of(std::size_t cell) const {
   assert(cell < count_);
   return *std::prev(
-      std::upper_bound(runs_.begin(), runs_.end(), cell, [](std::size_t c, const Run& run) { return c < run.first; }));
+      std::upper_bound(ranges_.begin(), ranges_.end(), cell, [](std::size_t c, const Range& range) { return c < range.first; }));
 }
 
 std::span<const std::int32_t> Cells::nodes(std::size_t cell) const {
-  const Run& at = run(cell);
+  const Range& at = range_of(cell);
   return {at.block->nodes.data() + (cell - at.first) * at.stride, at.stride};
 }
 
 std::int64_t Cells::number(std::size_t cell) const {
-  const Run& at = run(cell);
+  const Range& at = range_of(cell);
   return at.block->numbers[cell - at.first];
 }
 
@@ -56,10 +56,10 @@ struct Entry {
 template <class Visit>
 std::int32_t visit_facets(const Cells& cells, Visit&& visit) {
   std::int32_t facet = 0;
-  for (const Cells::Run& run : cells.runs()) {
-    const auto shape_facets = reference::info(run.block->shape).facets;
-    for (std::size_t e = 0; e < run.block->size(); ++e) {
-      const std::int32_t* nodes = run.block->nodes.data() + e * run.stride;
+  for (const Cells::Range& range : cells.ranges()) {
+    const auto shape_facets = reference::info(range.block->shape).facets;
+    for (std::size_t e = 0; e < range.block->size(); ++e) {
+      const std::int32_t* nodes = range.block->nodes.data() + e * range.stride;
       for (const reference::Facet& local : shape_facets) {
         std::array<std::int32_t, 4> vertices;
         for (std::size_t k = 0; k < 4; ++k)
@@ -75,12 +75,12 @@ std::int32_t visit_facets(const Cells& cells, Visit&& visit) {
 
 template <class Visit>
 void visit_elements(const Cells& elements, std::int32_t facet, Visit&& visit) {
-  for (const Cells::Run& run : elements.runs()) {
-    const auto count = std::size_t(reference::info(run.block->shape).vertices);
-    for (std::size_t e = 0; e < run.block->size(); ++e) {
+  for (const Cells::Range& range : elements.ranges()) {
+    const auto count = std::size_t(reference::info(range.block->shape).vertices);
+    for (std::size_t e = 0; e < range.block->size(); ++e) {
       std::array<std::int32_t, 4> vertices;
       vertices.fill(std::numeric_limits<std::int32_t>::max());
-      std::copy_n(run.block->nodes.data() + e * run.stride, count, vertices.begin());
+      std::copy_n(range.block->nodes.data() + e * range.stride, count, vertices.begin());
       std::sort(vertices.begin(), vertices.end());
       visit(facet++, vertices);
     }
@@ -148,10 +148,10 @@ Facets facets(const HighOrderMesh& mesh) {
   Facets result;
   result.first.reserve(cells.count() + 1);
   std::int32_t total = 0;
-  for (const Cells::Run& run : cells.runs())
-    for (std::size_t e = 0; e < run.block->size(); ++e) {
+  for (const Cells::Range& range : cells.ranges())
+    for (std::size_t e = 0; e < range.block->size(); ++e) {
       result.first.push_back(total);
-      total += std::int32_t(reference::info(run.block->shape).facets.size());
+      total += std::int32_t(reference::info(range.block->shape).facets.size());
     }
   result.first.push_back(total);
   result.opposite.assign(std::size_t(total), kNone);
@@ -171,14 +171,14 @@ Facets facets(const HighOrderMesh& mesh) {
 std::vector<bool> fixed_nodes(const HighOrderMesh& mesh, const Facets& facets) {
   std::vector<bool> fixed(mesh.node_count(), false);
   const Cells cells(mesh, mesh.dimension);
-  for (const Cells::Run& run : cells.runs()) {
-    const ElementBlock& block = *run.block;
+  for (const Cells::Range& range : cells.ranges()) {
+    const ElementBlock& block = *range.block;
     const std::size_t facet_count = reference::info(block.shape).facets.size();
     for (std::size_t e = 0; e < block.size(); ++e)
       for (std::size_t f = 0; f < facet_count; ++f) {
-        if (facets.neighbour[std::size_t(facets.first[run.first + e]) + f] >= 0) continue;
+        if (facets.neighbour[std::size_t(facets.first[range.first + e]) + f] >= 0) continue;
         for (int local : reference::facet_nodes(block.shape, block.order, int(f)))
-          fixed[std::size_t(block.nodes[e * run.stride + std::size_t(local)])] = true;
+          fixed[std::size_t(block.nodes[e * range.stride + std::size_t(local)])] = true;
       }
   }
   for (const ElementBlock& block : mesh.blocks)

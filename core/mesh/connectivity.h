@@ -18,22 +18,22 @@ class Cells {
   Cells(const HighOrderMesh& mesh, int dimension);
 
   /// Consecutive cells of one block.
-  struct Run {
+  struct Range {
     const ElementBlock* block;
     std::size_t first;   ///< Number of its first cell.
     std::size_t stride;  ///< Nodes a cell.
   };
 
   std::size_t count() const { return count_; }
-  std::span<const Run> runs() const { return runs_; }
-  const Run& run(std::size_t cell) const;
-  Shape shape(std::size_t cell) const { return run(cell).block->shape; }
+  std::span<const Range> ranges() const { return ranges_; }
+  const Range& range_of(std::size_t cell) const;
+  Shape shape(std::size_t cell) const { return range_of(cell).block->shape; }
   std::span<const std::int32_t> nodes(std::size_t cell) const;
   /// The element's number in the file.
   std::int64_t number(std::size_t cell) const;
 
  private:
-  std::vector<Run> runs_;
+  std::vector<Range> ranges_;
   std::size_t count_ = 0;
 };
 

@@ -6,7 +6,7 @@
 #include <unordered_map>
 
 #include "core/mesh/connectivity.h"
-#include "core/mesh/words.h"
+#include "core/base/text_lines.h"
 
 namespace varimesh {
 namespace {

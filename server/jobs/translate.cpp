@@ -270,7 +270,7 @@ v1::JobError to_proto(const Error& error) {
       break;
   }
   // A sentence may quote the mesh, which need not be UTF-8.
-  message.set_message(formats::as_utf8(error.sentence));
+  message.set_message(as_utf8(error.sentence));
   return message;
 }
 

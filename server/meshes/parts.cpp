@@ -176,7 +176,7 @@ Expected<void> write_parts(const HighOrderMesh& mesh, const formats::Sink& sink)
     }
   }
   for (const PhysicalGroup& group : mesh.physical_groups) {
-    if (!formats::is_utf8(group.name))
+    if (!is_utf8(group.name))
       return tl::unexpected(Error{Error::Kind::Output, "The name of the physical group with dimension " +
                                                            std::to_string(group.dimension) + " and tag " +
                                                            std::to_string(group.tag) +

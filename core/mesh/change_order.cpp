@@ -1,6 +1,6 @@
 // Nodes of the new order are made cell by cell, entity by entity: an edge or face that an earlier cell has made is
 // found by its sorted vertices, and a node on it by its place counted from the smallest vertex.
-#include "core/mesh/order.h"
+#include "core/mesh/change_order.h"
 
 #include <algorithm>
 #include <array>
