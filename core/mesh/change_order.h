@@ -1,4 +1,4 @@
-// Another polynomial order for a whole mesh: on the way in, a linear mesh becomes a straight-sided one of order P.
+// Changes the polynomial order of a whole mesh. For example, a linear mesh becomes a straight-sided mesh of order P.
 #pragma once
 
 #include "core/base/error.h"
@@ -6,16 +6,16 @@
 
 namespace varimesh {
 
-/// The mesh with every element, boundary elements included, of order `order` (1 to kMaxOrder). The geometry is
-/// interpolated at the new order's equispaced nodes, which is exact where the order is raised or the cells are
-/// straight-sided. Nodes that two elements share are found by their vertices and their place between them, never by
-/// coordinates, so the result conforms wherever the mesh did.
+/// The mesh with all elements, including boundary elements, of order `order`, 1 to kMaxOrder. The geometry is
+/// interpolated at the equispaced nodes of the new order, which is exact if the order is raised or the cells are
+/// straight-sided. Shared nodes are found by the vertices of their edge or face and their position on it, never by
+/// coordinates. So the result conforms wherever the mesh did.
 ///
-/// Vertices keep their numbers and coordinates, bit for bit; every other node of an element is new and is numbered
-/// after the largest number there is. Elements, entities, physical groups and periodic links carry over; fields on
-/// nodes in sections that VariMesh does not use ($NodeData, $ElementNodeData) are left out, since they belong to nodes
-/// that are gone. A mesh that is of that order throughout is returned as it is.
-/// Errors: BadOption for an order that is not 1 to kMaxOrder; BadInput where an element's nodes do not fit its shape.
+/// Vertices keep their numbers and their exact coordinates. All other nodes of elements are new, with numbers above all
+/// existing ones. Elements, entities, physical groups and periodic links are kept. Fields on nodes in sections that
+/// VariMesh does not use ($NodeData, $ElementNodeData) are dropped, because their nodes no longer exist. A mesh in
+/// which all elements have this order already is returned unchanged. Errors: BadOption if the order is not 1 to
+/// kMaxOrder; BadInput as for check_blocks().
 Expected<HighOrderMesh> change_order(const HighOrderMesh& mesh, int order);
 
 }  // namespace varimesh

@@ -1,5 +1,5 @@
-// Facets are matched by their sorted vertices: put into buckets by the smallest one, then sorted within a bucket, which
-// holds a dozen. No map, no allocation a facet.
+// Facets are matched by their sorted vertices. They are put into buckets by the smallest vertex and sorted within each
+// bucket, which has about a dozen entries. This needs no map and no allocation per facet.
 #include "core/mesh/connectivity.h"
 
 #include <algorithm>
@@ -21,8 +21,8 @@ Cells::Cells(const HighOrderMesh& mesh, int dimension) {
 
 const Cells::Range& Cells::range_of(std::size_t cell) const {
   assert(cell < count_);
-  return *std::prev(
-      std::upper_bound(ranges_.begin(), ranges_.end(), cell, [](std::size_t c, const Range& range) { return c < range.first; }));
+  return *std::prev(std::upper_bound(ranges_.begin(), ranges_.end(), cell,
+                                     [](std::size_t c, const Range& range) { return c < range.first; }));
 }
 
 std::span<const std::int32_t> Cells::nodes(std::size_t cell) const {
@@ -41,8 +41,8 @@ namespace {
 
 constexpr std::int32_t kNone = -1;
 
-// A facet in the bucket of its smallest vertex: the other vertices, ascending, and which facet it is. Boundary elements
-// are entered behind the cells' facets.
+// A facet in the bucket of its smallest vertex: the other vertices, ascending, and the facet's index. Boundary elements
+// have indices after those of the facets.
 struct Entry {
   std::array<std::int32_t, 3> rest;
   std::int32_t facet;
@@ -51,8 +51,8 @@ struct Entry {
   }
 };
 
-// Calls visit(facet, sorted vertices) for the facets of all cells, in order; a missing fourth vertex is the largest
-// int.
+// Calls visit(facet, sorted vertices) for the facets of all cells, in order. Missing vertices are the largest int.
+// Returns the number of facets.
 template <class Visit>
 std::int32_t visit_facets(const Cells& cells, Visit&& visit) {
   std::int32_t facet = 0;
@@ -73,6 +73,7 @@ std::int32_t visit_facets(const Cells& cells, Visit&& visit) {
   return facet;
 }
 
+// The same for the vertices of boundary elements, whose indices start at `facet`.
 template <class Visit>
 void visit_elements(const Cells& elements, std::int32_t facet, Visit&& visit) {
   for (const Cells::Range& range : elements.ranges()) {
@@ -87,7 +88,8 @@ void visit_elements(const Cells& elements, std::int32_t facet, Visit&& visit) {
   }
 }
 
-// Takes in the facets, and perhaps elements, that have the same vertices.
+// Records that the facets and boundary elements in `same` have the same vertices. Indices from `total` on are boundary
+// elements.
 void link(Facets& result, std::span<const Entry> same, std::int32_t total) {
   const auto border = std::find_if(same.begin(), same.end(), [&](const Entry& e) { return e.facet >= total; });
   const auto cells = std::size_t(border - same.begin());
@@ -102,7 +104,7 @@ void link(Facets& result, std::span<const Entry> same, std::int32_t total) {
   result.opposite[std::size_t(same[1].facet)] = same[0].facet;
 }
 
-// Takes in the entries of one bucket.
+// Finds the entries of one bucket that have the same vertices.
 void link_bucket(Facets& result, std::span<Entry> bucket, std::int32_t total) {
   std::sort(bucket.begin(), bucket.end());
   for (std::size_t a = 0, b = 0; a < bucket.size(); a = b) {
@@ -120,8 +122,8 @@ void match(Facets& result, const HighOrderMesh& mesh, const Cells& cells) {
   visit_elements(borders, total, tally);
   for (std::size_t i = 1; i < start.size(); ++i) start[i] += start[i - 1];
 
-  // Vertices are taken a range at a time, so that the entries of a large mesh are never all in memory: they would be
-  // the largest table of the whole check.
+  // One range of vertices at a time, so that the entries of a large mesh are never all in memory. They would be the
+  // largest table of all checks.
   constexpr std::int32_t kEntries = std::int32_t(1) << 21;
   std::vector<Entry> entries;
   for (std::size_t low = 0, high = 0; low < mesh.node_count(); low = high) {
@@ -157,7 +159,7 @@ Facets facets(const HighOrderMesh& mesh) {
   result.opposite.assign(std::size_t(total), kNone);
   match(result, mesh, cells);
   std::sort(result.elements.begin(), result.elements.end());
-  // Only now, so that the table and the entries that made it are not in memory at once.
+  // Filled only now, so that this table and the entries in match() are not in memory at the same time.
   result.neighbour.assign(std::size_t(total), kNone);
   for (std::size_t cell = 0; cell < cells.count(); ++cell)
     for (std::int32_t f = result.first[cell]; f < result.first[cell + 1]; ++f)
