@@ -20,7 +20,7 @@ struct Error {
   std::string sentence;
 };
 
-/// A value, or the error because of which there is none.
+/// A value, or the error if there is none.
 template <class T>
 using Expected = tl::expected<T, Error>;
 

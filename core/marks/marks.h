@@ -10,7 +10,7 @@
 
 namespace varimesh {
 
-/// Cell arrays for formats that hold fields:
+/// Cell arrays for formats that contain fields:
 ///   scaled_jacobian, distortion_jacobian  as in CellQuality
 ///   certified     1: valid, −1: invalid, 0: undecided
 ///   unrepairable  the number of the cell's group, from 1 in the given order; 0 if it is in no group

@@ -30,7 +30,7 @@ struct ElementBlock {
   std::size_t size() const { return numbers.size(); }
 };
 
-/// An elementary entity of the geometry of which the mesh was made: a point, curve, surface or volume.
+/// An elementary entity of the geometry from which the mesh was made: a point, curve, surface or volume.
 struct Entity {
   int dimension = 0;
   int tag = 0;
