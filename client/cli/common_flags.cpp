@@ -43,10 +43,9 @@ void add_request_id_flag(CLI::App& command, std::string* id) {
 const CLI::Validator& is_text() {
   static const CLI::Validator validator(
       [](std::string& value) {
-        return formats::is_utf8(value)
-                   ? std::string()
-                   : "'" + formats::as_utf8(value) +
-                         "' is not UTF-8 and cannot be sent; a physical group can also be named by its tag.";
+        return is_utf8(value) ? std::string()
+                              : "'" + as_utf8(value) +
+                                    "' is not UTF-8 and cannot be sent; a physical group can also be named by its tag.";
       },
       "", "text");
   return validator;

@@ -35,7 +35,7 @@ int convert(const Arguments& arguments) {
 
   // A mesh whose quality cannot be computed is written without marks.
   std::optional<CellMarks> marks;
-  if (*format == formats::Format::Vtu && check_to_judge(file->mesh))
+  if (*format == formats::Format::Vtu && check_structure(file->mesh))
     marks.emplace(file->mesh, std::span<const UnrepairableGroup>{}, 0);
   const auto written = formats::write_file(file->mesh, *format, arguments.output,
                                            marks ? marks->fields() : std::vector<formats::CellField>{});

@@ -77,7 +77,7 @@ int quality(const Arguments& arguments) {
   if (const auto checked = check_files(arguments); !checked) return print_error(checked.error());
   auto file = formats::read_file(arguments.input);
   if (!file) return print_error(file.error());
-  if (const auto checked = check_to_judge(file->mesh); !checked) return print_error(checked.error());
+  if (const auto checked = check_structure(file->mesh); !checked) return print_error(checked.error());
   const auto mesh = summarise(file->mesh);
   if (!mesh) return print_error(mesh.error());
   const QualityReport found = varimesh::quality(file->mesh, arguments.lattice, arguments.threads);

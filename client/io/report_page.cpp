@@ -13,7 +13,7 @@
 #include "client/report/report.h"
 #include "core/base/version.h"
 #include "core/formats/formats.h"
-#include "core/mesh/order.h"
+#include "core/mesh/change_order.h"
 #include "core/options/option_table.h"
 
 namespace varimesh::client {

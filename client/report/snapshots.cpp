@@ -34,7 +34,7 @@ Expected<Snapshots> Snapshots::create(std::shared_ptr<const HighOrderMesh> befor
   Snapshots snapshots;
   for (auto& mesh : {std::move(before), std::move(after)}) {
     if (mesh == nullptr) continue;
-    if (const auto checked = check_to_judge(*mesh); !checked) return tl::unexpected(checked.error());
+    if (const auto checked = check_structure(*mesh); !checked) return tl::unexpected(checked.error());
     snapshots.cells_.emplace_back(*mesh, mesh->dimension);
     Snapshot snapshot{mesh, match(snapshots.cells_[0], snapshots.cells_.back()), {}};
     if (snapshot.order.size() != snapshots.cells_[0].count() ||

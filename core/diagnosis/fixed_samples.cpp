@@ -87,9 +87,9 @@ FixedSamples::Table FixedSamples::make_table(Shape shape, int order, int dimensi
 }
 
 FixedSamples::FixedSamples(const HighOrderMesh& mesh, const Cells& cells) : mesh_(mesh), cells_(cells) {
-  for (const Cells::Run& run : cells.runs())
-    if (!tables_.contains(run.block->shape))
-      tables_.emplace(run.block->shape, make_table(run.block->shape, run.block->order, mesh.dimension));
+  for (const Cells::Range& range : cells.ranges())
+    if (!tables_.contains(range.block->shape))
+      tables_.emplace(range.block->shape, make_table(range.block->shape, range.block->order, mesh.dimension));
 }
 
 std::vector<FixedSample> FixedSamples::worst(std::size_t cell, const std::vector<bool>& fixed, double sign) const {
@@ -130,8 +130,8 @@ std::vector<FixedSample> FixedSamples::worst(std::size_t cell, const std::vector
 
 FoldedFacets::FoldedFacets(const HighOrderMesh& mesh, const Cells& cells) : mesh_(mesh), cells_(cells) {
   constexpr auto kNodes = reference::NodeSet::Equispaced;
-  for (const Cells::Run& run : cells.runs())
-    for (const reference::Facet& facet : reference::info(run.block->shape).facets) {
+  for (const Cells::Range& range : cells.ranges())
+    for (const reference::Facet& facet : reference::info(range.block->shape).facets) {
       if (tables_.contains(facet.shape)) continue;
       const reference::Points points = reference::uniform_lattice(facet.shape, lattice_intervals(mesh.order));
       tables_[facet.shape] = {reference::basis_values(facet.shape, mesh.order, kNodes, mesh.dimension, points),

@@ -60,18 +60,18 @@ VertexCorners::VertexCorners(const HighOrderMesh& mesh, const Cells& cells, cons
   end_derivative_.push_back(gradient[0](0, 0));
   for (int n = 2; n <= mesh.order; ++n) end_derivative_.push_back(gradient[0](0, n));
   end_derivative_.push_back(gradient[0](0, 1));
-  for (const Cells::Run& run : cells.runs())
-    if (!local_.contains(run.block->shape))
-      local_.emplace(run.block->shape, local_corners(run.block->shape, run.block->order));
+  for (const Cells::Range& range : cells.ranges())
+    if (!local_.contains(range.block->shape))
+      local_.emplace(range.block->shape, local_corners(range.block->shape, range.block->order));
 
   std::vector<std::uint32_t> count(mesh.node_count() + 1, 0);
   const auto each_corner = [&](auto&& visit) {
     std::int32_t cell = 0;
-    for (const Cells::Run& run : cells.runs()) {
-      const int vertices = reference::info(run.block->shape).vertices;
-      for (std::size_t i = 0; i < run.block->size(); ++i, ++cell)
+    for (const Cells::Range& range : cells.ranges()) {
+      const int vertices = reference::info(range.block->shape).vertices;
+      for (std::size_t i = 0; i < range.block->size(); ++i, ++cell)
         for (int v = 0; v < vertices; ++v) {
-          const std::int32_t node = run.block->nodes[i * run.stride + at(v)];
+          const std::int32_t node = range.block->nodes[i * range.stride + at(v)];
           if (fixed[at(node)]) visit(node, cell, v);
         }
     }

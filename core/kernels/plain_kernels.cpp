@@ -16,9 +16,7 @@ class PlainKernels final : public Kernels {
   using VectorD = Eigen::Matrix<double, d, 1>;
 
  public:
-  explicit PlainKernels(const Material& material)
-      : material_(material),
-        barrier_(material.energy != Energy::LinearElastic || material.volumetric == Volumetric::Log) {}
+  explicit PlainKernels(const Material& material) : material_(material), barrier_(has_barrier(material)) {}
 
   /// Moving a node by a makes F + L a ⊗ g of F, with g = A⁻ᵀ ∇_ξ φ; so the gradient of the star's energy is Σ w L P g
   /// and its Hessian Σ w L (g · d²W/dF² · g) L.

@@ -7,8 +7,8 @@
 #include "core/base/stopwatch.h"
 #include "core/base/team.h"
 #include "core/diagnosis/diagnose.h"
+#include "core/mesh/change_order.h"
 #include "core/mesh/check.h"
-#include "core/mesh/order.h"
 #include "core/optimise/checkpoint.h"
 #include "core/optimise/run.h"
 #include "core/optimise/splitting.h"
@@ -86,7 +86,7 @@ MeshSummary sizes(const HighOrderMesh& mesh, const std::vector<bool>& fixed) {
 
 Expected<MeshSummary> summarise(const HighOrderMesh& mesh, const Options& options) {
   if (const auto checked = check(options); !checked) return tl::unexpected(checked.error());
-  if (const auto checked = check_to_judge(mesh); !checked) return tl::unexpected(checked.error());
+  if (const auto checked = check_structure(mesh); !checked) return tl::unexpected(checked.error());
   const Expected<std::vector<bool>> fixed = choose_fixed_nodes(mesh, options);
   if (!fixed) return tl::unexpected(fixed.error());
   return sizes(mesh, *fixed);

@@ -29,7 +29,7 @@ std::vector<Stage> make_stages(const Options& options, int dimension) {
   stages.push_back(make_stage(options, dimension));
   if (options.objective == Objective::Energy) return stages;
   const Material first = material(options);
-  const bool elastic = options.energy == Energy::Hyperelastic || options.energy == Energy::LinearElastic;
+  const bool elastic = has_bulk_constant(first);
   for (const Pressure& pressure : kPressures) {
     if (!elastic && stages.size() > 1) break;  // without λ and κ, the next would be the same
     Options pressed = options;

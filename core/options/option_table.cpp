@@ -35,9 +35,9 @@ constexpr OptionRange kPositive{.without_least = true};
 constexpr OptionRange upto(double most) { return {.most = most}; }
 constexpr Words kConstantValues = "a positive number, or 0 for the value from the set of constants";
 
-/// Options whose type says what values there are.
+/// An option whose type says which values are possible.
 constexpr OptionInfo row(Words name, OptionMember member, Words help) { return {name, member, {}, {}, help}; }
-/// Numbers: `values` says the range in words.
+/// An option that is a number; `values` gives the range in words.
 constexpr OptionInfo number(Words name, OptionMember member, OptionRange range, Words values, Words help) {
   return {name, member, range, values, help};
 }

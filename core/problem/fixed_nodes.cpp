@@ -174,7 +174,7 @@ class Choice {
   Expected<void> check_inside(const std::string& text, const std::vector<Group>& groups) const {
     const Cells borders(mesh_, mesh_.dimension - 1);
     for (const auto& [facet, border] : facets_.elements)
-      if (facets_.neighbour[std::size_t(facet)] < 0 && is_in(*borders.run(std::size_t(border)).block, groups))
+      if (facets_.neighbour[std::size_t(facet)] < 0 && is_in(*borders.range_of(std::size_t(border)).block, groups))
         return bad_option("The group '" + text + "' cannot be freed: its element " +
                           std::to_string(borders.number(std::size_t(border))) +
                           " lies on the outer boundary, which has no geometry to slide on. Interfaces inside can be.");

@@ -7,7 +7,7 @@
 #include <unordered_map>
 
 #include "core/mesh/connectivity.h"
-#include "core/mesh/words.h"
+#include "core/base/text_lines.h"
 
 namespace varimesh {
 namespace {
@@ -94,10 +94,10 @@ tl::unexpected<Error> not_positive(Target target, const std::string& name) {
 // Nodes that are a cell's vertices: those that need a value.
 std::vector<bool> vertices_of(const HighOrderMesh& mesh, const Cells& cells) {
   std::vector<bool> vertex(mesh.node_count(), false);
-  for (const Cells::Run& run : cells.runs())
-    for (std::size_t e = 0; e < run.block->size(); ++e)
-      for (int v = 0; v < reference::info(run.block->shape).vertices; ++v)
-        vertex[std::size_t(run.block->nodes[e * run.stride + std::size_t(v)])] = true;
+  for (const Cells::Range& range : cells.ranges())
+    for (std::size_t e = 0; e < range.block->size(); ++e)
+      for (int v = 0; v < reference::info(range.block->shape).vertices; ++v)
+        vertex[std::size_t(range.block->nodes[e * range.stride + std::size_t(v)])] = true;
   return vertex;
 }
 

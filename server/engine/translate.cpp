@@ -153,7 +153,7 @@ v1::JobError to_proto(const Error& error) {
       break;
   }
   // A sentence may quote the mesh, whose text may not be UTF-8.
-  message.set_message(formats::as_utf8(error.sentence));
+  message.set_message(as_utf8(error.sentence));
   return message;
 }
 

@@ -1,8 +1,10 @@
-// Reads Gmsh's MSH files: the sections, and what both versions have in common.
+// Reads Gmsh's MSH files: the sequence of sections, and the sections that are the same in both versions.
 // Format: Gmsh reference manual, "MSH file format" (4.1) and "MSH file format version 2" (2.2).
-#include "core/formats/gmsh_read.h"
+#include "core/formats/gmsh/read.h"
 
 #include <algorithm>
+
+#include "core/formats/format_table.h"
 
 namespace varimesh::formats {
 
@@ -10,7 +12,7 @@ namespace varimesh::formats {
 
 void NodeIndex::build(const std::vector<std::int64_t>& numbers, const Scanner& scanner) {
   const auto twice = [&](std::int64_t number) {
-    scanner.fail("node number " + std::to_string(number) + " comes twice; renumber the mesh");
+    scanner.fail("node number " + std::to_string(number) + " appears twice; renumber the mesh");
   };
   identity_ = true;
   largest_ = 0;
@@ -43,7 +45,7 @@ std::int32_t NodeIndex::find_sorted(std::int64_t number) const {
 
 GmshType accepted_type(const Scanner& scanner, int number) {
   const GmshType type = gmsh_type(number);
-  if (type.kind != GmshType::Kind::Complete) scanner.fail(gmsh_type_refusal(number));
+  if (type.kind != GmshType::Kind::Complete) scanner.fail(why_refused(number));
   return type;
 }
 
@@ -51,9 +53,10 @@ GmshType accepted_type(const Scanner& scanner, int number) {
 
 namespace {
 
-const char* const kHowTo = "Gmsh writes versions 2.2 and 4.1, for instance with -format msh41";
+constexpr const char* kHowTo = "Gmsh writes versions 2.2 and 4.1, for example with -format msh41";
+constexpr const char* kSecondSection = "the file has a second section with this name";
 
-// "$MeshFormat": the version, whether the file is binary, and the size of a double or size_t.
+// $MeshFormat: the version, whether the file is binary, and the size of a double or size_t.
 void read_mesh_format(GmshReading& reading) {
   Scanner& scan = reading.scanner;
   const double version = scan.text_number("the version of the format");
@@ -62,18 +65,17 @@ void read_mesh_format(GmshReading& reading) {
   if (version != 2.2 && version != 4.1) {
     std::string text = std::to_string(version);
     text.resize(text.find('.') + 2);
-    scan.fail("MSH version " + text + " is not read; write 2.2 or 4.1: " + kHowTo);
+    scan.fail("MSH version " + text + " is not supported; write 2.2 or 4.1: " + kHowTo);
   }
   if (binary != 0 && binary != 1) scan.fail("the file type must be 0 (ASCII) or 1 (binary)");
-  if (size != 8) scan.fail("the data size is " + std::to_string(size) + ", and only 8 is read");
+  if (size != 8) scan.fail("the data size is " + std::to_string(size) + ", but must be 8");
   if (binary == 1) {
     scan.line();
     scan.binary = true;
-    const int one = scan.integer("the number 1, which tells the byte order,");
+    const int one = scan.integer("the number 1, which shows the byte order,");
     if (one == 0x01000000)
-      scan.fail(std::string("the file was written on a machine with the other byte order; write it as ASCII; ") +
-                kHowTo);
-    if (one != 1) scan.fail("the number that tells the byte order is not 1");
+      scan.fail(std::string("the file was written on a machine with another byte order; write it as ASCII; ") + kHowTo);
+    if (one != 1) scan.fail("the number that shows the byte order is not 1");
   }
   if (version == 2.2)
     reading.format = binary ? Format::Msh22Binary : Format::Msh22;
@@ -81,8 +83,7 @@ void read_mesh_format(GmshReading& reading) {
     reading.format = binary ? Format::Msh41Binary : Format::Msh41;
 }
 
-// The section is text in every version, also in binary files. A name may hold quotation marks; it ends at the line's
-// last one.
+// The section is text, also in binary files. A name may contain quotation marks; it ends at the last one of the line.
 void read_physical_names(GmshReading& reading) {
   Scanner& scan = reading.scanner;
   const std::int64_t n = scan.count("the number of physical names", 4, true);
@@ -99,6 +100,7 @@ void read_physical_names(GmshReading& reading) {
   }
 }
 
+// Keeps a section that VariMesh does not use.
 void read_foreign(GmshReading& reading, const std::string& name) {
   bool found = false;
   const std::string_view bytes = reading.scanner.until_line("$End" + name, found);
@@ -112,17 +114,17 @@ void expect_end(Scanner& scan, const std::string& name) {
   const std::size_t at = scan.offset();
   if (scan.peek() != '$' || scan.line() != "$End" + name)
     scan.fail("$End" + name + " was expected at byte " + std::to_string(at) +
-              ": the section's counts do not agree with what it holds");
+              ": the section does not contain as many entries as it announces");
 }
 
 void read_section(GmshReading& reading, const std::string& name) {
   const bool v22 = reading.format == Format::Msh22 || reading.format == Format::Msh22Binary;
   const auto once = [&](bool& flag) {
-    if (flag) reading.scanner.fail("there is a second section of this name");
+    if (flag) reading.scanner.fail(kSecondSection);
     flag = true;
   };
   const auto after_nodes = [&] {
-    if (!reading.has_nodes) reading.scanner.fail("the section stands before $Nodes");
+    if (!reading.has_nodes) reading.scanner.fail("the section comes before $Nodes");
   };
   if (name == "PhysicalNames") {
     read_physical_names(reading);
@@ -137,11 +139,11 @@ void read_section(GmshReading& reading, const std::string& name) {
     after_nodes();
     v22 ? read_periodic_22(reading) : read_periodic_41(reading);
   } else if (name == "Entities" && !v22) {
-    if (reading.has_nodes) reading.scanner.fail("the section stands after $Nodes");
+    if (reading.has_nodes) reading.scanner.fail("the section comes after $Nodes");
     read_entities_41(reading);
   } else {
     if (name == "PartitionedEntities" && !v22) {
-      // Kept as it is, but read as well, since it says in which groups the parts are.
+      // The section is kept unchanged, but also read, because it says in which groups the parts are.
       GmshReading copy{reading.scanner, {}, reading.format, {}, {}, false, false};
       read_partitioned_entities_41(copy);
       reading.entity_groups.merge(copy.entity_groups);
@@ -161,7 +163,12 @@ void set_dimension_and_order(HighOrderMesh& mesh) {
 
 }  // namespace
 
-MeshFile read_gmsh(std::string_view bytes) {
+bool begins_like_gmsh(std::string_view bytes) {
+  const std::size_t at = bytes.find_first_not_of(" \t\r\n");
+  return at != std::string_view::npos && bytes[at] == '$';
+}
+
+Expected<MeshFile> read_gmsh(std::string_view bytes) {
   GmshReading reading{Scanner(bytes), {}, Format::Auto, {}, {}, false, false};
   Scanner& scan = reading.scanner;
   for (scan.skip_space(); !scan.at_end(); scan.skip_space()) {
@@ -170,7 +177,7 @@ MeshFile read_gmsh(std::string_view bytes) {
     const std::string name(scan.line().substr(1));
     scan.section = name.substr(0, 40);
     if (name == "MeshFormat") {
-      if (reading.format != Format::Auto) scan.fail("there is a second section of this name");
+      if (reading.format != Format::Auto) scan.fail(kSecondSection);
       read_mesh_format(reading);
       expect_end(scan, name);
     } else if (reading.format == Format::Auto && name != "Comments") {
@@ -183,11 +190,9 @@ MeshFile read_gmsh(std::string_view bytes) {
   if (reading.format == Format::Auto) scan.fail_truncated("$MeshFormat");
   if (!reading.has_nodes) scan.fail_truncated("$Nodes");
   if (!reading.has_elements) scan.fail_truncated("$Elements");
-  for (const FormatInfo& format : all())
-    if (format.format == reading.format)
-      for (ForeignSection& foreign : reading.mesh.foreign) foreign.format = format.name;
+  for (ForeignSection& foreign : reading.mesh.foreign) foreign.format = format_name(reading.format);
   set_dimension_and_order(reading.mesh);
-  return {std::move(reading.mesh), reading.format};
+  return MeshFile{std::move(reading.mesh), reading.format};
 }
 
 }  // namespace varimesh::formats

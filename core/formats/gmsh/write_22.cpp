@@ -2,14 +2,14 @@
 #include <algorithm>
 #include <cstdlib>
 
-#include "core/formats/gmsh_types.h"
-#include "core/formats/gmsh_write.h"
+#include "core/formats/gmsh/types.h"
+#include "core/formats/gmsh/write.h"
 
 namespace varimesh::formats {
 
 namespace {
 
-void write_nodes(const HighOrderMesh& mesh, Output& out) {
+void write_nodes(const HighOrderMesh& mesh, BufferedOutput& out) {
   out.text("$Nodes\n");
   out.text_integer(std::int64_t(mesh.node_count()));
   out.text("\n");
@@ -30,7 +30,8 @@ void write_nodes(const HighOrderMesh& mesh, Output& out) {
   out.text(out.binary ? "\n$EndNodes\n" : "$EndNodes\n");
 }
 
-// One element as the file has it: in binary a run of one, as Gmsh writes it.
+// The data of an element that differ between its repetitions. In binary each element is a group of one, as in Gmsh's
+// own files.
 struct ElementLine {
   int type;
   std::int64_t number;
@@ -38,7 +39,7 @@ struct ElementLine {
 };
 
 void write_element(const HighOrderMesh& mesh, const ElementBlock& block, ElementLine line,
-                   std::span<const std::int32_t> nodes, Output& out) {
+                   std::span<const std::int32_t> nodes, BufferedOutput& out) {
   const int tags = block.partitions.empty() ? 2 : 3 + int(block.partitions.size());
   if (out.binary) {
     for (int value : {line.type, 1, tags, int(line.number)}) out.integer(value);
@@ -62,13 +63,13 @@ void write_element(const HighOrderMesh& mesh, const ElementBlock& block, Element
   }
 }
 
-// The group's tag as MSH 2.2 has it. In MSH 4.1 an entity's negative tag says that the group turns it round; elements
-// carry no such sign in Gmsh's own 2.2 files.
+// The tag of the group in MSH 2.2. A negative tag in MSH 4.1 means that the group reverses the entity. Gmsh's own 2.2
+// files have no such sign.
 int group_tag(const HighOrderMesh& mesh, int tag) { return mesh.entities.empty() ? tag : std::abs(tag); }
 
-// An element in several physical groups is repeated for each, directly after the first, under the number it had in an
-// MSH 2.2 file or a new one; this is Gmsh's way, and our reader joins the copies again.
-void write_elements(const HighOrderMesh& mesh, Output& out) {
+// An element in several physical groups is repeated for each further group, directly after itself, as Gmsh does it. The
+// repetition has the number that it had in an MSH 2.2 file, or a new number. The reader joins repetitions again.
+void write_elements(const HighOrderMesh& mesh, BufferedOutput& out) {
   std::int64_t lines = 0, fresh = 0;
   for (const ElementBlock& block : mesh.blocks) {
     lines += std::int64_t(block.size() * std::max<std::size_t>(1, block.physical.size()));
@@ -98,8 +99,8 @@ void write_elements(const HighOrderMesh& mesh, Output& out) {
   out.text(out.binary ? "\n$EndElements\n" : "$EndElements\n");
 }
 
-// Text in binary files too, as Gmsh reads it.
-void write_periodic(const HighOrderMesh& mesh, Output& out) {
+// The section is text, also in binary files.
+void write_periodic(const HighOrderMesh& mesh, BufferedOutput& out) {
   if (mesh.periodic.empty()) return;
   const auto pair = [&](std::int64_t a, std::int64_t b) {
     out.text_integer(a);
@@ -132,7 +133,7 @@ void write_periodic(const HighOrderMesh& mesh, Output& out) {
 
 }  // namespace
 
-void write_body_22(const HighOrderMesh& mesh, Output& out) {
+void write_body_22(const HighOrderMesh& mesh, BufferedOutput& out) {
   write_nodes(mesh, out);
   write_elements(mesh, out);
   write_periodic(mesh, out);

@@ -2,32 +2,33 @@
 #include <algorithm>
 #include <limits>
 
-#include "core/formats/gmsh_types.h"
-#include "core/formats/gmsh_write.h"
+#include "core/formats/gmsh/entities.h"
+#include "core/formats/gmsh/types.h"
+#include "core/formats/gmsh/write.h"
 
 namespace varimesh::formats {
 
 namespace {
 
-void begin(Output& out, std::string_view name) {
+void begin(BufferedOutput& out, std::string_view name) {
   out.text("$");
   out.text(name);
   out.text("\n");
 }
 
-// A binary section ends in a line break of its own, a text one has had it already.
-void end(Output& out, std::string_view name) {
+// A binary section still needs a line break. An ASCII section already ends with one.
+void end(BufferedOutput& out, std::string_view name) {
   out.text(out.binary ? "\n$End" : "$End");
   out.text(name);
   out.text("\n");
 }
 
-void write_tags(Output& out, const std::vector<int>& tags) {
+void write_tags(BufferedOutput& out, const std::vector<int>& tags) {
   out.size(std::int64_t(tags.size()));
   for (int tag : tags) out.integer(tag);
 }
 
-void write_entities(const std::vector<Entity>& entities, Output& out) {
+void write_entities(const std::vector<Entity>& entities, BufferedOutput& out) {
   if (entities.empty()) return;
   begin(out, "Entities");
   for (int d = 0; d < 4; ++d)
@@ -45,7 +46,7 @@ void write_entities(const std::vector<Entity>& entities, Output& out) {
   end(out, "Entities");
 }
 
-void write_nodes(const HighOrderMesh& mesh, const Classification& where, Output& out) {
+void write_nodes(const HighOrderMesh& mesh, const Classification& where, BufferedOutput& out) {
   const auto node = [&](std::int32_t i) {
     return where.node_order.empty() ? std::size_t(i) : std::size_t(where.node_order[std::size_t(i)]);
   };
@@ -72,7 +73,7 @@ void write_nodes(const HighOrderMesh& mesh, const Classification& where, Output&
   end(out, "Nodes");
 }
 
-void write_elements(const HighOrderMesh& mesh, const Classification& where, Output& out) {
+void write_elements(const HighOrderMesh& mesh, const Classification& where, BufferedOutput& out) {
   std::int64_t count = 0, least = std::numeric_limits<std::int64_t>::max(), most = 0;
   for (const ElementBlock& block : mesh.blocks)
     for (std::int64_t number : block.numbers) {
@@ -101,7 +102,7 @@ void write_elements(const HighOrderMesh& mesh, const Classification& where, Outp
   end(out, "Elements");
 }
 
-void write_periodic(const HighOrderMesh& mesh, Output& out) {
+void write_periodic(const HighOrderMesh& mesh, BufferedOutput& out) {
   if (mesh.periodic.empty()) return;
   begin(out, "Periodic");
   out.size(std::int64_t(mesh.periodic.size()));
@@ -125,9 +126,9 @@ void write_periodic(const HighOrderMesh& mesh, Output& out) {
 
 }  // namespace
 
-void write_body_41(const HighOrderMesh& mesh, Format format, Output& out) {
+void write_body_41(const HighOrderMesh& mesh, Format format, BufferedOutput& out) {
   const ForeignSection* partitioned = kept_section(mesh, format, "PartitionedEntities");
-  const Classification where = classify(mesh, partitioned != nullptr);
+  const Classification where = classify_on_entities(mesh, partitioned != nullptr);
   write_entities(where.entities, out);
   if (partitioned != nullptr) {
     begin(out, "PartitionedEntities");

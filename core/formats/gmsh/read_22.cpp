@@ -1,7 +1,7 @@
 // Reads the sections of MSH 2.2, ASCII and binary.
 #include <algorithm>
 
-#include "core/formats/gmsh_read.h"
+#include "core/formats/gmsh/read.h"
 
 namespace varimesh::formats {
 
@@ -17,7 +17,7 @@ void read_nodes_22(GmshReading& reading) {
     mesh.node_numbers[i] = scan.binary ? scan.integer("a node's number") : scan.text_integer("a node's number");
     for (std::size_t k = 0; k < 3; ++k) mesh.coordinates[3 * i + k] = scan.number("a node's coordinate");
     if (!parametric) continue;
-    // Parameters on the entity would be stale once nodes have moved: they are passed over.
+    // Parameters on the entity are skipped, because they are wrong after the nodes have moved.
     const int dimension = scan.integer("a node's entity dimension");
     scan.integer("a node's entity");
     const int parameters = dimension == 1 || dimension == 2 ? dimension : 0;
@@ -31,8 +31,8 @@ void read_nodes_22(GmshReading& reading) {
 
 namespace {
 
-// The element read last, held back until the next one shows whether it repeats it for another physical group.
-struct Held {
+// The last element. It is held back until the next element shows whether it is a repetition for another physical group.
+struct HeldElement {
   bool any = false;
   int type = 0;
   int entity = 0;
@@ -47,8 +47,9 @@ class ElementReader {
  public:
   ElementReader(GmshReading& reading, std::int64_t total) : reading_(reading), total_(total) {}
 
-  // An element's number, tags and nodes; the type and the number of tags are known.
+  // Reads the tags and nodes of one element, whose number, type and number of tags have been read.
   void read(std::int64_t number, int type, int tag_count);
+  // Must be called after the last element.
   void finish();
 
  private:
@@ -67,7 +68,7 @@ class ElementReader {
   int physical_ = 0, entity_ = 0;
   std::vector<int> partitions_;
   std::vector<std::int32_t> nodes_;
-  Held held_;
+  HeldElement held_;
 };
 
 void ElementReader::set_type(int type) {
@@ -77,7 +78,7 @@ void ElementReader::set_type(int type) {
   nodes_.resize(node_count_);
 }
 
-// Tags: physical group, entity, number of partitions, partitions; old files may have fewer.
+// The tags are: physical group, entity, number of partitions, partitions. Old files may have fewer.
 void ElementReader::read_tags(int count) {
   Scanner& scan = reading_.scanner;
   physical_ = count > 0 ? scan.integer("an element's physical group") : 0;
@@ -128,8 +129,9 @@ bool ElementReader::fits_block(const ElementBlock& block) const {
          block.physical == held_.physical && block.partitions == held_.partitions;
 }
 
-// Doubling would take up to three times the block's size for a moment; once a block proves to be a large one, room is
-// made for all that may still come (pages that are never touched cost nothing), and finish() gives back the rest.
+// Doubling the capacity would temporarily need up to three times the block's size. When a block turns out to be large,
+// it therefore reserves memory for all elements that may follow. Pages that are never used cost nothing, and the rest
+// is freed at the end of the block.
 void ElementReader::grow(ElementBlock& block) {
   constexpr std::size_t kLarge = 4096;
   if (block.numbers.size() != kLarge) return;
@@ -174,14 +176,14 @@ void read_elements_22(GmshReading& reading) {
       reader.read(number, type, scan.integer("an element's number of tags"));
     }
   } else {
-    // Runs of elements of one type and number of tags; Gmsh itself writes a run an element.
+    // Groups of elements with one type and number of tags. Gmsh itself writes one element per group.
     scan.line();
     for (std::int64_t i = 0; i < n;) {
       const int type = scan.integer("an element type");
-      const int run = scan.integer("a number of elements");
+      const int count = scan.integer("a number of elements");
       const int tags = scan.integer("a number of tags");
-      if (run <= 0 || run > n - i) scan.fail("a run of " + std::to_string(run) + " elements is out of range");
-      for (int k = 0; k < run; ++k, ++i) {
+      if (count <= 0 || count > n - i) scan.fail("a group of " + std::to_string(count) + " elements is out of range");
+      for (int k = 0; k < count; ++k, ++i) {
         const int number = scan.integer("an element's number");
         reader.read(number, type, tags);
       }
@@ -190,7 +192,7 @@ void read_elements_22(GmshReading& reading) {
   reader.finish();
 }
 
-// Text in binary files too, as Gmsh writes it.
+// The section is text, also in binary files.
 void read_periodic_22(GmshReading& reading) {
   Scanner& scan = reading.scanner;
   const std::int64_t links = scan.count("the number of periodic links", 6, true);

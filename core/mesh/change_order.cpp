@@ -1,6 +1,7 @@
-// Nodes of the new order are made cell by cell, entity by entity: an edge or face that an earlier cell has made is
-// found by its sorted vertices, and a node on it by its place counted from the smallest vertex.
-#include "core/mesh/order.h"
+// New nodes are made cell by cell: those on edges, then those on faces, then inner nodes. The nodes of an edge or face
+// that an earlier cell has made are found by its sorted vertices. A node's position on it is counted from the smallest
+// vertex.
+#include "core/mesh/change_order.h"
 
 #include <algorithm>
 #include <array>
@@ -8,6 +9,7 @@
 #include <map>
 #include <unordered_map>
 
+#include "core/mesh/check.h"
 #include "core/reference/basis.h"
 #include "core/reference/nodes.h"
 
@@ -15,25 +17,25 @@ namespace varimesh {
 namespace {
 
 using reference::NodeSet;
-using Vertices = std::array<std::int32_t, 4>;  // of an edge or face; −1 where there are fewer
+using Vertices = std::array<std::int32_t, 4>;  // of an edge or face; unused entries are −1
 
 constexpr std::int32_t kNone = -1;
 
-// === Where a shape's nodes lie ===========================================================================
+// === The nodes of a shape ================================================================================
 
-// A node inside an edge or face: its local number and its place on the lattice of that edge or face.
+// A node inside an edge or face: its local number and its position (i, j) on the lattice of this edge or face.
 struct PlacedNode {
   int local;
   int i;
   int j;
 };
 
-// The nodes of one shape and order by the part of the cell that they lie in.
+// The nodes of one shape and order, by edge, face and interior.
 struct Pattern {
   std::vector<std::vector<PlacedNode>> edges;
   std::vector<std::vector<PlacedNode>> faces;
   std::vector<int> interior;
-  Eigen::MatrixXd values;  // new nodes × old nodes: interpolation
+  Eigen::MatrixXd values;  // interpolation matrix: new nodes × old nodes
 };
 
 Pattern make_pattern(Shape shape, int from, int to, int ambient) {
@@ -73,11 +75,11 @@ Pattern make_pattern(Shape shape, int from, int to, int ambient) {
 
 // === Nodes that elements share ===========================================================================
 
-// A place on the lattice of a face, counted from its smallest vertex; `rank` numbers the places inside the face.
+// A position on the lattice of a face that does not depend on the order of the face's vertices.
 struct FacePlace {
   Vertices sorted;
-  std::int32_t rank;
-  std::int32_t count;  // places inside the face
+  std::int32_t rank;   // its number among the positions inside the face, counted from the smallest vertex
+  std::int32_t count;  // the number of positions inside the face
 };
 
 FacePlace canonical_triangle(const Vertices& v, int i, int j, int order) {
@@ -110,7 +112,8 @@ struct HashVertices {
   }
 };
 
-// The new nodes, numbered from 0 as they are asked for.
+// The new nodes, numbered from 0 in the order in which they are first used. If `make` is false, nodes are only looked
+// up, and kNone stands for a node that does not exist.
 class SharedNodes {
  public:
   explicit SharedNodes(int order) : order_(order) {}
@@ -133,6 +136,7 @@ class SharedNodes {
   }
 
  private:
+  // The number of the first node inside an edge or face.
   std::int32_t first_of(const Vertices& sorted, std::int32_t nodes, bool make) {
     const auto found = first_.find(sorted);
     if (found != first_.end()) return found->second;
@@ -155,18 +159,20 @@ Vertices face_vertices(const reference::Facet& face, const std::int32_t* element
 
 // === The whole mesh ======================================================================================
 
-// A block's elements in the new order. Nodes are old vertices (≥ 0) or new nodes (−1 − number).
+// The elements of a block after the change. A node is an old vertex (its index, ≥ 0) or a new node (−1 − its number).
 using Provisional = std::vector<std::int32_t>;
 
+// Converts the number of a new node to its code in Provisional, and back.
 constexpr std::int32_t coded(std::int32_t fresh) { return -1 - fresh; }
 
-class Reorder {
+class OrderChange {
  public:
-  Reorder(const HighOrderMesh& mesh, int order) : mesh_(mesh), order_(order), shared_(order) {}
+  OrderChange(const HighOrderMesh& mesh, int order) : mesh_(mesh), order_(order), shared_(order) {}
 
-  HighOrderMesh run() {
+  HighOrderMesh apply() {
     elements_.resize(mesh_.blocks.size());
-    // From the cells down, so that positions come from the cells and nodes end on the lowest entity that has them.
+    // From the highest dimension down: the cells define the positions, and each node is finally classified on the
+    // lowest entity that has it.
     for (int dimension = mesh_.dimension; dimension >= 0; --dimension)
       for (std::size_t b = 0; b < mesh_.blocks.size(); ++b)
         if (reference::info(mesh_.blocks[b].shape).dimension == dimension) make_block(b);
@@ -234,7 +240,7 @@ class Reorder {
     }
   }
 
-  // Old nodes stay unless they were an element's inner ones; new nodes follow those of their entity.
+  // Keeps vertices and nodes without elements. New nodes come after the old nodes of their entity.
   void place_nodes(HighOrderMesh& result) {
     std::vector<bool> kept(mesh_.node_count(), true);
     for (const ElementBlock& block : mesh_.blocks)
@@ -250,7 +256,7 @@ class Reorder {
     std::map<std::pair<int, int>, std::vector<std::int32_t>> fresh_on;
     for (std::int32_t fresh = 0; fresh < shared_.count(); ++fresh)
       fresh_on[classified ? entities_[std::size_t(fresh)] : std::pair{-1, 0}].push_back(fresh);
-    // New nodes go behind the last block of their entity.
+    // New nodes come after the last block of their entity.
     std::map<std::pair<int, int>, std::size_t> last;
     for (std::size_t b = 0; b < blocks.size(); ++b)
       last[classified ? std::pair{blocks[b].dimension, blocks[b].entity} : std::pair{-1, 0}] = b;
@@ -298,8 +304,8 @@ class Reorder {
     }
   }
 
-  // Vertices keep their partners; a new node's partner is at the same place of the edge or face between its vertices'
-  // partners.
+  // Vertices keep their partners. The partner of a new node is at the same position on the edge or face between the
+  // partners of its vertices.
   void place_link(HighOrderMesh& result, const PeriodicLink& link) {
     PeriodicLink placed = link;
     placed.nodes.clear();
@@ -351,39 +357,21 @@ class Reorder {
   std::vector<Provisional> elements_;
   std::vector<double> coordinates_;            // of the new nodes
   std::vector<std::pair<int, int>> entities_;  // of the new nodes: dimension, tag
-  std::vector<std::int32_t> old_place_;        // index in the result, or −1
-  std::vector<std::int32_t> fresh_place_;
+  std::vector<std::int32_t> old_place_;        // the index of each old node in the result, or −1
+  std::vector<std::int32_t> fresh_place_;      // the index of each new node in the result
 };
-
-Expected<void> check_blocks(const HighOrderMesh& mesh) {
-  const auto nodes = std::int32_t(mesh.node_count());
-  for (const ElementBlock& block : mesh.blocks) {
-    const std::string where = "A block of " + std::string(reference::info(block.shape).plural) + " on entity " +
-                              std::to_string(block.entity) + " ";
-    if (block.order < 1 || block.order > kMaxOrder)
-      return bad_input(where + "has order " + std::to_string(block.order) + "; orders 1 to 10 are taken.");
-    if (block.nodes.size() != block.size() * std::size_t(reference::node_count(block.shape, block.order)))
-      return bad_input(where + "has " + std::to_string(block.nodes.size()) + " nodes for " +
-                       std::to_string(block.size()) + " elements of order " + std::to_string(block.order) + ".");
-    for (const std::int32_t node : block.nodes)
-      if (node < 0 || node >= nodes)
-        return bad_input(where + "refers to node index " + std::to_string(node) + ", and there are " +
-                         std::to_string(nodes) + " nodes.");
-  }
-  return {};
-}
 
 }  // namespace
 
 Expected<HighOrderMesh> change_order(const HighOrderMesh& mesh, int order) {
   if (order < 1 || order > kMaxOrder)
-    return bad_option("order is " + std::to_string(order) + "; give 1 to " + std::to_string(kMaxOrder) + ".");
+    return bad_option("The order is " + std::to_string(order) + "; give 1 to " + std::to_string(kMaxOrder) + ".");
   if (const auto checked = check_blocks(mesh); !checked) return tl::unexpected(checked.error());
   const bool same = std::all_of(mesh.blocks.begin(), mesh.blocks.end(), [&](const ElementBlock& block) {
     return block.shape == Shape::Point || block.order == order;
   });
   if (same) return mesh;
-  return Reorder(mesh, order).run();
+  return OrderChange(mesh, order).apply();
 }
 
 }  // namespace varimesh

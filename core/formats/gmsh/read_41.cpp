@@ -1,5 +1,5 @@
 // Reads the sections of MSH 4.1, ASCII and binary.
-#include "core/formats/gmsh_read.h"
+#include "core/formats/gmsh/read.h"
 
 namespace varimesh::formats {
 
@@ -80,11 +80,11 @@ void read_nodes_41(GmshReading& reading) {
     const int parametric = scan.integer("a node block's parametric flag");
     const std::int64_t n = scan.count("a node block's number of nodes", 8);
     if (block.dimension < 0 || block.dimension > 3) scan.fail("a node block's dimension must be 0 to 3");
-    if (n > total - std::int64_t(mesh.node_numbers.size())) scan.fail("the node blocks hold more nodes than announced");
+    if (n > total - std::int64_t(mesh.node_numbers.size())) scan.fail("the node blocks have more nodes than announced");
     block.first = std::int32_t(mesh.node_numbers.size());
     block.count = std::int32_t(n);
     for (std::int64_t i = 0; i < n; ++i) mesh.node_numbers.push_back(scan.size("a node's number"));
-    // Parameters on the entity would be stale once nodes have moved: they are passed over.
+    // Parameters on the entity are skipped, because they are wrong after the nodes have moved.
     const int parameters = parametric != 0 ? block.dimension : 0;
     for (std::int64_t i = 0; i < n; ++i) {
       for (int k = 0; k < 3; ++k) mesh.coordinates.push_back(scan.number("a node's coordinate"));
@@ -92,7 +92,7 @@ void read_nodes_41(GmshReading& reading) {
     }
     mesh.node_blocks.push_back(block);
   }
-  if (std::int64_t(mesh.node_numbers.size()) != total) scan.fail("the node blocks hold fewer nodes than announced");
+  if (std::int64_t(mesh.node_numbers.size()) != total) scan.fail("the node blocks have fewer nodes than announced");
   reading.index.build(mesh.node_numbers, scan);
 }
 
@@ -110,12 +110,12 @@ void read_elements_41(GmshReading& reading) {
     block.shape = type.shape;
     block.order = type.order;
     if (dimension != reference::info(type.shape).dimension)
-      scan.fail("an element block of dimension " + std::to_string(dimension) + " holds " +
+      scan.fail("an element block of dimension " + std::to_string(dimension) + " contains " +
                 std::string(reference::info(type.shape).plural));
     const auto per_element = std::size_t(reference::node_count(type.shape, type.order));
     const std::int64_t n =
         scan.count("an element block's number of elements", (per_element + 1) * (scan.binary ? 8 : 2));
-    if (n > left) scan.fail("the element blocks hold more elements than announced");
+    if (n > left) scan.fail("the element blocks have more elements than announced");
     left -= n;
     if (const auto at = reading.entity_groups.find({dimension, block.entity}); at != reading.entity_groups.end())
       block.physical = at->second;
@@ -129,7 +129,7 @@ void read_elements_41(GmshReading& reading) {
     }
     reading.mesh.blocks.push_back(std::move(block));
   }
-  if (left != 0) scan.fail("the element blocks hold fewer elements than announced");
+  if (left != 0) scan.fail("the element blocks have fewer elements than announced");
 }
 
 void read_periodic_41(GmshReading& reading) {

@@ -1,4 +1,4 @@
-// Buffered output to a sink: text and binary numbers, without a string a number.
+// Buffered output of text and binary numbers to a sink, without an allocation per number.
 #pragma once
 
 #include <charconv>
@@ -12,29 +12,29 @@
 
 namespace varimesh::formats {
 
-/// Collects bytes and hands them to the sink a piece at a time. Once the sink has refused, nothing more is handed over.
-class Output {
+/// Collects bytes and passes them to the sink in pieces. After the sink has refused a piece, it gets no more.
+class BufferedOutput {
  public:
-  explicit Output(const Sink& sink, bool binary = false) : binary(binary), sink_(sink) {
+  explicit BufferedOutput(const Sink& sink, bool binary = false) : binary(binary), sink_(sink) {
     buffer_.resize(kPiece + kRoom);
   }
 
   const bool binary;
 
-  /// As it is.
+  /// Writes the bytes unchanged.
   void text(std::string_view bytes) {
     if (bytes.size() > kRoom) return large(bytes);
     std::memcpy(room(), bytes.data(), bytes.size());
     used_ += bytes.size();
   }
-  /// In digits, whatever the mode.
+  /// Writes an integer as text, also in binary files.
   void text_integer(std::int64_t value) {
     used_ = std::size_t(std::to_chars(room(), last(), value).ptr - buffer_.data());
   }
-  /// The shortest text that reads as the same double: 17 significant digits or fewer.
+  /// Writes the shortest text that reads as the same double, 17 significant digits or fewer, also in binary files.
   void text_number(double value) { used_ = std::size_t(std::to_chars(room(), last(), value).ptr - buffer_.data()); }
 
-  /// A C int, a C size_t, a double: binary, or text followed by a space.
+  /// Write a C int, a C size_t and a double: in binary, or as text followed by a space.
   void integer(int value) { binary ? raw(std::int32_t(value)) : spaced(value); }
   void size(std::int64_t value) { binary ? raw(std::uint64_t(value)) : spaced(value); }
   void number(double value) {
@@ -42,22 +42,22 @@ class Output {
     text_number(value);
     text(" ");
   }
-  /// Ends a line of text; nothing in binary.
+  /// Ends a line in ASCII files; does nothing in binary files.
   void end_line() {
     if (!binary) text("\n");
   }
 
-  /// Hands over what is left; Error::Output where the sink had stopped.
+  /// Passes the remaining bytes to the sink. Errors: Output if the sink has refused a piece.
   Expected<void> finish() {
     flush();
     if (!stopped_) return {};
     return tl::unexpected<Error>(
-        {Error::Kind::Output, "Writing stopped before the end of the mesh: the disk may be full."});
+        {Error::Kind::Output, "Writing stopped before the end of the mesh; the disk may be full."});
   }
 
  private:
   static constexpr std::size_t kPiece = std::size_t(1) << 18;
-  static constexpr std::size_t kRoom = 64;  // more than any number takes
+  static constexpr std::size_t kRoom = 64;  // more than any number needs
 
   char* room() {
     if (used_ > kPiece) flush();

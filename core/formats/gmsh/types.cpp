@@ -1,5 +1,6 @@
-// The numbers are those of Gmsh's reference manual, "MSH file format", and its source file GmshDefines.h (MSH_TRI_3 …).
-#include "core/formats/gmsh_types.h"
+// The numbers are from Gmsh's reference manual, "MSH file format", and from its source file GmshDefines.h (MSH_TRI_3
+// …).
+#include "core/formats/gmsh/types.h"
 
 #include <array>
 
@@ -7,7 +8,7 @@ namespace varimesh::formats {
 
 namespace {
 
-using Orders = std::array<std::uint8_t, kMaxOrder>;  // type number of order 1, 2, …; 0: there is none
+using Orders = std::array<std::uint8_t, kMaxOrder>;  // the number for order 1, 2, …; 0 if there is none
 
 constexpr std::array<Orders, kShapes> kComplete = {{
     {15, 0, 0, 0, 0, 0, 0, 0, 0, 0},                // point
@@ -20,7 +21,7 @@ constexpr std::array<Orders, kShapes> kComplete = {{
     {5, 12, 92, 93, 94, 95, 96, 97, 98, 0},         // hexahedron
 }};
 
-// Nodes on vertices and edges only (from order 4 of tetrahedra on also some on faces).
+// Elements with nodes only on vertices and edges. Tetrahedra from order 4 also have some on faces.
 constexpr std::array<Orders, kShapes> kIncomplete = {{
     {},
     {},
@@ -54,16 +55,16 @@ int gmsh_type_number(Shape shape, int order) {
   return order >= 1 && order <= kMaxOrder ? kComplete[std::size_t(shape)][std::size_t(order - 1)] : 0;
 }
 
-std::string gmsh_type_refusal(int number) {
+std::string why_refused(int number) {
   const GmshType type = gmsh_type(number);
   if (type.kind == GmshType::Kind::Incomplete)
     return "element type " + std::to_string(number) + " is an incomplete (serendipity) " +
            std::string(reference::info(type.shape).name) + " of order " + std::to_string(type.order) +
-           ", without nodes inside its faces or volume; write complete ones, in Gmsh with Mesh.SecondOrderIncomplete=0";
+           ", without nodes inside its faces or volume; write complete elements, in Gmsh with "
+           "Mesh.SecondOrderIncomplete=0";
   return "element type " + std::to_string(number) +
-         " is not known; points, lines, triangles, quadrilaterals, tetrahedra, pyramids, prisms and hexahedra of order "
-         "1 "
-         "to 10 are";
+         " is not known; use points, lines, triangles, quadrilaterals, tetrahedra, pyramids, prisms and hexahedra of "
+         "order 1 to 10";
 }
 
 }  // namespace varimesh::formats

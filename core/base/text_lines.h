@@ -1,4 +1,4 @@
-// Lists that users write by hand: lines of words, with comments. Internal to the readers of such lists.
+// Reads text that users write by hand: lines of words, with comments. For lists of displacements and target fields.
 #pragma once
 
 #include <charconv>
@@ -8,7 +8,7 @@
 
 namespace varimesh {
 
-/// Takes the first word off a line; empty where there is none left.
+/// Removes the first word from a line and returns it; empty if no word is left.
 inline std::string_view next_word(std::string_view& line) {
   const std::size_t start = line.find_first_not_of(" \t\r");
   if (start == std::string_view::npos) return line = {};
@@ -18,8 +18,9 @@ inline std::string_view next_word(std::string_view& line) {
   return word;
 }
 
-/// Takes the next line that holds something off a text, without its comment (from a # on). Counts lines in `number`;
-/// false at the end.
+/// Removes lines from a text up to and including the first that is not blank, and stores that one in `line`. A comment,
+/// from # to the end of the line, is dropped and counts as blank. Adds the number of lines removed to `number`. Returns
+/// false at the end of the text.
 inline bool next_line(std::string_view& text, std::string_view& line, std::size_t& number) {
   while (!text.empty()) {
     const std::size_t end = text.find('\n');
@@ -32,7 +33,7 @@ inline bool next_line(std::string_view& text, std::string_view& line, std::size_
   return false;
 }
 
-/// Whether all of `word` is a number, which `value` then is.
+/// Converts a word to a number. Returns false if the word as a whole is not a number.
 template <class T>
 bool parse(std::string_view word, T& value) {
   if (!word.empty() && word.front() == '+') word.remove_prefix(1);

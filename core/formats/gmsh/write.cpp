@@ -1,19 +1,14 @@
-// Writes Gmsh's MSH files: what both versions have in common.
+// Writes Gmsh's MSH files: the sections that are the same in both versions.
 // Format: Gmsh reference manual, "MSH file format" (4.1) and "MSH file format version 2" (2.2).
-#include "core/formats/gmsh_write.h"
+#include "core/formats/gmsh/write.h"
 
 #include <algorithm>
 #include <limits>
 
-#include "core/formats/gmsh_types.h"
+#include "core/formats/format_table.h"
+#include "core/formats/gmsh/types.h"
 
 namespace varimesh::formats {
-
-std::string_view format_name(Format format) {
-  for (const FormatInfo& info : all())
-    if (info.format == format) return info.name;
-  return "auto";
-}
 
 const ForeignSection* kept_section(const HighOrderMesh& mesh, Format format, std::string_view name) {
   for (const ForeignSection& section : mesh.foreign)
@@ -23,13 +18,13 @@ const ForeignSection* kept_section(const HighOrderMesh& mesh, Format format, std
 
 namespace {
 
-// What the format has no number for.
+// Checks that the format has a type for every element, and that the numbers fit.
 Expected<void> check_writable_as(const HighOrderMesh& mesh, Format format) {
   for (const ElementBlock& block : mesh.blocks)
     if (gmsh_type_number(block.shape, block.order) == 0)
       return bad_option("MSH has no element type for " + std::string(reference::info(block.shape).plural) +
                         " of order " + std::to_string(block.order) +
-                        ": write another format, such as vtu, or lower the order.");
+                        "; write another format, such as vtu, or lower the order.");
   if (format != Format::Msh22Binary) return {};
   constexpr std::int64_t kLargest = std::numeric_limits<std::int32_t>::max();
   const auto large = [](std::int64_t number) { return number > kLargest; };
@@ -38,11 +33,11 @@ Expected<void> check_writable_as(const HighOrderMesh& mesh, Format format) {
     any = any || std::any_of(block.numbers.begin(), block.numbers.end(), large);
   if (any)
     return bad_option(
-        "Binary MSH 2.2 cannot hold node or element numbers above 2147483647: write msh41-binary instead.");
+        "Binary MSH 2.2 cannot contain node or element numbers above 2147483647; write msh41-binary instead.");
   return {};
 }
 
-void write_header(bool version22, Output& out) {
+void write_header(bool version22, BufferedOutput& out) {
   out.text(version22 ? "$MeshFormat\n2.2 " : "$MeshFormat\n4.1 ");
   out.text(out.binary ? "1 8\n" : "0 8\n");
   if (out.binary) {
@@ -52,7 +47,7 @@ void write_header(bool version22, Output& out) {
   out.text("$EndMeshFormat\n");
 }
 
-void write_physical_names(const HighOrderMesh& mesh, Output& out) {
+void write_physical_names(const HighOrderMesh& mesh, BufferedOutput& out) {
   if (mesh.physical_groups.empty()) return;
   out.text("$PhysicalNames\n");
   out.text_integer(std::int64_t(mesh.physical_groups.size()));
@@ -68,7 +63,8 @@ void write_physical_names(const HighOrderMesh& mesh, Output& out) {
   out.text("\n$EndPhysicalNames\n");
 }
 
-void write_foreign(const HighOrderMesh& mesh, Format format, Output& out) {
+// Writes the sections that were read from this format. write_body_41() writes $PartitionedEntities.
+void write_foreign(const HighOrderMesh& mesh, Format format, BufferedOutput& out) {
   for (const ForeignSection& section : mesh.foreign) {
     if (section.format != format_name(format) || section.name == "PartitionedEntities") continue;
     out.text("$");
@@ -83,10 +79,10 @@ void write_foreign(const HighOrderMesh& mesh, Format format, Output& out) {
 
 }  // namespace
 
-Expected<void> write_gmsh(const HighOrderMesh& mesh, Format format, const Sink& sink) {
+Expected<void> write_gmsh(const HighOrderMesh& mesh, Format format, const Sink& sink, std::span<const CellField>) {
   if (auto possible = check_writable_as(mesh, format); !possible) return possible;
   const bool version22 = format == Format::Msh22 || format == Format::Msh22Binary;
-  Output out(sink, format == Format::Msh22Binary || format == Format::Msh41Binary);
+  BufferedOutput out(sink, format == Format::Msh22Binary || format == Format::Msh41Binary);
   write_header(version22, out);
   write_physical_names(mesh, out);
   if (version22)

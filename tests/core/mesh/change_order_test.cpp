@@ -1,5 +1,5 @@
 // Raising and lowering the order: exact, conforming, and everything that is not a node carries over.
-#include "core/mesh/order.h"
+#include "core/mesh/change_order.h"
 
 #include <gtest/gtest.h>
 

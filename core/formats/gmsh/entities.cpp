@@ -1,9 +1,9 @@
-// Entities for a mesh whose file did not have them: what MSH 4.1 demands and MSH 2.2 leaves out.
+// Classifies a mesh on entities, and makes entities for a mesh whose file had none.
+#include "core/formats/gmsh/entities.h"
+
 #include <algorithm>
 #include <limits>
 #include <map>
-
-#include "core/formats/gmsh_write.h"
 
 namespace varimesh::formats {
 
@@ -22,7 +22,7 @@ void extend_box(Entity& entity, const HighOrderMesh& mesh, const ElementBlock& b
     }
 }
 
-// Gives each block an entity that has the block's physical groups, making new ones where there is none.
+// Gives each block an entity that has the block's physical groups. Makes a new entity if there is none.
 void assign_entities(const HighOrderMesh& mesh, Classification& result) {
   std::map<Key, std::size_t> listed;
   std::map<int, int> largest;
@@ -57,8 +57,8 @@ void assign_entities(const HighOrderMesh& mesh, Classification& result) {
   }
 }
 
-// Each node on the entity of lowest dimension, then lowest tag, among those whose elements hold it. A node of no
-// element goes with the first entity of the highest dimension.
+// Classifies each node on the entity of lowest dimension, then lowest tag, that has an element with this node. A node
+// without elements belongs to the first entity of the highest dimension.
 void classify_nodes(const HighOrderMesh& mesh, Classification& result) {
   std::map<Key, std::int32_t> rank;
   for (std::size_t b = 0; b < mesh.blocks.size(); ++b) rank[{dimension_of(mesh.blocks[b]), result.block_entity[b]}] = 0;
@@ -93,7 +93,7 @@ void classify_nodes(const HighOrderMesh& mesh, Classification& result) {
 
 }  // namespace
 
-Classification classify(const HighOrderMesh& mesh, bool keep_entities) {
+Classification classify_on_entities(const HighOrderMesh& mesh, bool keep_entities) {
   Classification result;
   result.entities = mesh.entities;
   if (keep_entities)
