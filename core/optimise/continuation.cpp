@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <utility>
 
-#include "core/optimise/checkpoint.h"
+#include "core/checkpoint/checkpoint.h"
 #include "core/problem/node_conversion.h"
 #include "core/problem/targets.h"
 

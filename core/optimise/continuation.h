@@ -9,8 +9,8 @@
 
 #include "core/base/stopwatch.h"
 #include "core/base/team.h"
+#include "core/guard/best_mesh.h"
 #include "core/guard/guard.h"
-#include "core/optimise/best_mesh.h"
 #include "core/optimise/result.h"
 #include "core/optimise/run_control.h"
 #include "core/optimise/set_up.h"

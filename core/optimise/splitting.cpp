@@ -2,16 +2,18 @@
 #include "core/optimise/splitting.h"
 
 #include <Eigen/LU>
+#include <algorithm>
+#include <functional>
 #include <optional>
 #include <set>
 #include <string>
 #include <utility>
 
 #include "core/base/index.h"
+#include "core/base/stopwatch.h"
 #include "core/diagnosis/elements_text.h"
 #include "core/diagnosis/node_positions.h"
 #include "core/mesh/connectivity.h"
-#include "core/optimise/run_sequence.h"
 #include "core/reference/basis.h"
 #include "core/repair/split_passes.h"
 #include "core/validity/orientation.h"
@@ -20,6 +22,89 @@ namespace varimesh {
 namespace {
 
 constexpr int kMostRounds = 4;
+
+// ---------------------------------------------------------------------------------------------------------------------
+// Several runs that share their limits
+// ---------------------------------------------------------------------------------------------------------------------
+
+/// Runs that a caller sees as one: iterations are numbered through, and the limits are for all of them together. The
+/// sequence begins when it is constructed, and `on_iteration` must outlive it.
+class RunSequence {
+ public:
+  RunSequence(const Options& options, const OnIteration& on_iteration, const RunControl& control)
+      : options_(options), on_iteration_(on_iteration) {
+    control_.threads = control.threads;
+    control_.stop_asked = control.stop_asked;
+    options_.repair = Repair::Report;
+    options_.order = 0;
+  }
+
+  /// Whether the limits allow another run, and no stop was asked for.
+  bool may_go_on() const {
+    return !stopped_ && static_cast<int>(history_.size()) < options_.max_iterations &&
+           (options_.time_limit <= 0 || watch_.seconds() < options_.time_limit);
+  }
+
+  /// Asks the caller whether to stop. For the time between runs, when no iteration is reported.
+  bool stop_asked() {
+    stopped_ = stopped_ || (control_.stop_asked && control_.stop_asked());
+    return stopped_;
+  }
+
+  /// Optimises the mesh with Repair::Report and in its own order, within what is left of the limits. Returns nothing if
+  /// the mesh is refused.
+  std::optional<Result> run(const HighOrderMesh& mesh) {
+    return run(mesh, options_.max_iterations - static_cast<int>(history_.size()));
+  }
+
+  /// Like run(), without any iteration: only the quality reports are made.
+  std::optional<Result> judge(const HighOrderMesh& mesh) { return run(mesh, 0); }
+
+  /// Fills in what concerns the whole sequence: history, iterations, seconds and, if a limit or a stop ended it, the
+  /// reason. Takes the history; call it once, at the end.
+  void finish(Result& result) {
+    result.history = std::move(history_);
+    result.iterations = static_cast<int>(result.history.size());
+    result.seconds = watch_.seconds();
+    result.stopped = stopped_;
+    if (stopped_) {
+      result.stop_reason = StopReason::Stopped;
+    } else if (!result.after.uncertified.empty()) {  // without the limits, more would have been tried
+      if (options_.time_limit > 0 && result.seconds >= options_.time_limit) result.stop_reason = StopReason::TimeLimit;
+      if (result.iterations >= options_.max_iterations) result.stop_reason = StopReason::Iterations;
+    }
+  }
+
+ private:
+  std::optional<Result> run(const HighOrderMesh& mesh, int max_iterations) {
+    Options options = options_;
+    options.max_iterations = max_iterations;
+    if (options_.time_limit > 0) options.time_limit = std::max(1e-3, options_.time_limit - watch_.seconds());
+    const int before = static_cast<int>(history_.size());
+    const double seconds = watch_.seconds();
+    const OnIteration pass_on = [&](Iteration iteration) {
+      iteration.number += before;
+      iteration.seconds += seconds;
+      history_.push_back(iteration);
+      return on_iteration_ ? on_iteration_(iteration) : Control::Continue;
+    };
+    Expected<Result> result = optimise(mesh, options, pass_on, control_);
+    if (!result) return std::nullopt;
+    stopped_ = stopped_ || result->stopped;
+    return std::move(*result);
+  }
+
+  Options options_;
+  const OnIteration& on_iteration_;
+  RunControl control_;
+  Stopwatch watch_;
+  std::vector<Iteration> history_;
+  bool stopped_ = false;
+};
+
+// ---------------------------------------------------------------------------------------------------------------------
+// Rounds
+// ---------------------------------------------------------------------------------------------------------------------
 
 std::set<std::int64_t> uncertified_set(const Result& result) {
   const std::vector<std::int64_t> numbers = uncertified_numbers(result.after);

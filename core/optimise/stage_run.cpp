@@ -1,6 +1,6 @@
 #include "core/optimise/stage_run.h"
 
-#include "core/optimise/checkpoint.h"
+#include "core/checkpoint/checkpoint.h"
 
 namespace varimesh {
 namespace {

@@ -8,9 +8,9 @@
 
 #include "core/base/stopwatch.h"
 #include "core/base/team.h"
+#include "core/guard/best_mesh.h"
 #include "core/guard/guard.h"
 #include "core/newton/newton.h"
-#include "core/optimise/best_mesh.h"
 #include "core/optimise/optimiser.h"
 #include "core/optimise/phases.h"
 #include "core/sweeps/sweep.h"

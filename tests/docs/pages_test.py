@@ -28,7 +28,7 @@ NOT_HERE = {
     ("development.md", "build/release"): "programs that take hours or need root",
     ("development.md", "tests/bench"): "builds the benchmarks, or takes hours",
     ("tutorial.md", "deploy/demo"): "sets the machine up",
-    ("server.md", "varimeshd --listen"): "it does not end; tests/client/command_test.py starts it",
+    ("server.md", "varimeshd --listen"): "it does not end; tests/client/programs.py starts it",
     ("server.md", "docker build"): "deploy/test-image builds and runs it",
     ("report.md", "varimeshd --admin"): "it does not end; tests/server/admin_test.py starts it",
     ("performance.md", "tests/bench/cases"): "builds the benchmarks",

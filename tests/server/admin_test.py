@@ -13,7 +13,7 @@ from pathlib import Path
 TESTS = Path(os.environ["VARIMESH_SOURCE_DIR"]) / "tests"
 sys.path[:0] = [str(TESTS / "client"), str(TESTS / "pages")]
 import browser
-from command_test import CASES, VARIMESHD, Server, run
+from programs import CASES, VARIMESHD, Server, run
 
 MARKUP = '<img src=x onerror="document.title=1"><script>document.title=2</script>'
 ENDLESS = ["--method", "sweeps", "--active-set", "off", "--tolerance", "1e-300", "--max-iterations", "10000000"]
