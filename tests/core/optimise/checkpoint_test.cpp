@@ -8,6 +8,7 @@
 #include <set>
 
 #include "core/mesh/connectivity.h"
+#include "core/optimise/optimiser.h"
 #include "tests/core/support/cases.h"
 #include "tests/core/support/meshes.h"
 
