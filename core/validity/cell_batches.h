@@ -1,4 +1,4 @@
-// The cells that quality is about, cut into batches that fit in cache. Internal to core/quality.
+// The cells of a mesh, cut into batches of one shape and order that fit in cache. Internal to the library.
 #pragma once
 
 #include <algorithm>
@@ -13,24 +13,24 @@
 namespace varimesh::detail {
 
 /// Consecutive cells of one block.
-struct CellRange {
+struct CellBatch {
   const ElementBlock* block = nullptr;
-  std::size_t first = 0;  ///< Of the block's elements.
+  std::size_t first = 0;  ///< The first cell's place among the block's elements.
   std::size_t count = 0;
-  std::size_t cell = 0;  ///< Number of the first among the mesh's cells (elements of dimension mesh.dimension).
+  std::size_t cell = 0;  ///< The first cell's place among the mesh's cells (elements of dimension mesh.dimension).
 
-  /// Node indices of cell i of the batch, in Gmsh's order.
+  /// Node indices of the batch's i-th cell, in Gmsh's order.
   const std::int32_t* nodes(std::size_t i) const {
     return block->nodes.data() +
            (first + i) * static_cast<std::size_t>(reference::node_count(block->shape, block->order));
   }
 };
 
-/// All cells of the mesh, in its order, in batches of at most `size(block)` cells. The cut depends on the mesh alone,
+/// All cells of the mesh, in its order, in batches of at most `size(block)` cells. The batches depend on the mesh only,
 /// so results do not depend on the number of threads.
 template <class Size>
-std::vector<CellRange> cell_ranges(const HighOrderMesh& mesh, Size&& size) {
-  std::vector<CellRange> batches;
+std::vector<CellBatch> cell_batches(const HighOrderMesh& mesh, Size&& size) {
+  std::vector<CellBatch> batches;
   std::size_t cell = 0;
   for (const ElementBlock& block : mesh.blocks) {
     if (reference::info(block.shape).dimension != mesh.dimension) continue;
@@ -42,6 +42,11 @@ std::vector<CellRange> cell_ranges(const HighOrderMesh& mesh, Size&& size) {
     cell += block.size();
   }
   return batches;
+}
+
+/// The same with one batch per block.
+inline std::vector<CellBatch> whole_blocks(const HighOrderMesh& mesh) {
+  return cell_batches(mesh, [](const ElementBlock& block) { return block.size(); });
 }
 
 /// One table for each pair of shape and order that the mesh's cells have; `make(shape, order)` builds it.

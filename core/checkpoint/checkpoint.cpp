@@ -1,9 +1,9 @@
-#include "core/optimise/checkpoint.h"
+#include "core/checkpoint/checkpoint.h"
 
 namespace varimesh {
 namespace {
 
-/// Of the layout and of what its numbers mean: to be raised with every change of either.
+/// Names the layout and the meaning of its numbers. Raise the number with every change of either.
 constexpr std::string_view kMark = "VariMesh checkpoint 2\n";
 constexpr std::size_t kPiece = 256 << 10;
 
@@ -22,7 +22,8 @@ void Fingerprint::add(std::string_view bytes) {
     hash_ = mixed(hash_, word);
   }
   std::uint64_t last = 0;
-  if (at < bytes.size()) std::memcpy(&last, bytes.data() + at, bytes.size() - at);  // no bytes may be at no address
+  if (at < bytes.size())
+    std::memcpy(&last, bytes.data() + at, bytes.size() - at);  // if there are no bytes, the address may be null
   hash_ = mixed(mixed(hash_, last), bytes.size());
 }
 
@@ -51,7 +52,7 @@ std::uint64_t fingerprint(const HighOrderMesh& mesh, const std::vector<bool>& fi
   return print.value();
 }
 
-CheckpointWriter::CheckpointWriter(CheckpointSink sink, std::uint64_t fingerprint) : sink_(std::move(sink)) {
+CheckpointWriter::CheckpointWriter(ByteSink sink, std::uint64_t fingerprint) : sink_(std::move(sink)) {
   pending_.reserve(2 * kPiece);
   put(kMark.data(), kMark.size());
   (*this)(fingerprint);

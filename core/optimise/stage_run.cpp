@@ -1,15 +1,16 @@
-#include "core/optimise/run.h"
+#include "core/optimise/stage_run.h"
 
-#include "core/optimise/checkpoint.h"
+#include "core/checkpoint/checkpoint.h"
 
 namespace varimesh {
 namespace {
 
-/// Deformation gradients are updated by rank one as nodes move; every so many iterations they are computed anew, so
-/// that rounding does not add up, and so that a checkpoint can do without them.
+/// Sweeps update the deformation gradients by rank one as nodes move. After this many iterations they are computed
+/// anew: rounding does not add up, and a checkpoint need not hold them.
 constexpr int kIterationsBetweenRebuilds = 10;
-constexpr int kSettledSweepsBetweenLooks = 4;
-/// The last stages of Objective::Worst are so stiff that steps may go to and fro for long without raising anything.
+/// While all cells are valid, only every fourth sweep is followed by certificates.
+constexpr int kSettledSweepsBetweenCertificates = 4;
+/// The last stages of Objective::Worst are so stiff that steps may go back and forth for long and raise nothing.
 constexpr int kMostIterationsOfALaterStage = 30;
 
 template <class Archive>
@@ -20,45 +21,31 @@ void iteration_state(Archive& archive, Iteration& i) {
 
 }  // namespace
 
-double BestSeen::consider(const Guard& guard) {
-  certificates_ = guard.certificates();
-  std::vector<double> coordinates = guard.coordinates();
-  const CertificateSummary summary = certifier_.sharpen(coordinates, certificates_);
-  const std::int64_t uncertified = summary.invalid + summary.undecided;
-  const double bound = summary.min_scaled_jacobian_lower_bound;
-  if (uncertified < fewest_ || (uncertified == fewest_ && bound > highest_)) {
-    highest_ = bound;
-    fewest_ = uncertified;
-    coordinates_ = std::move(coordinates);
-  }
-  return bound;
-}
-
-Run::Run(const RunParts& parts, const Stopwatch& watch)
-    : options_(parts.options),
-      problem_(parts.problem),
-      kernels_(parts.kernels),
-      hessian_(parts.hessian),
-      guard_(parts.guard),
-      best_(parts.best),
-      team_(parts.team),
+StageRun::StageRun(const StageContext& context, const Stopwatch& watch)
+    : options_(context.options),
+      problem_(context.problem),
+      kernels_(context.kernels),
+      hessian_(context.hessian),
+      guard_(context.guard),
+      best_(context.best),
+      team_(context.team),
       watch_(watch),
       norm_{options_.p_norm},
-      sweeper_(problem_, parts.schedule, kernels_, options_.regularisation, norm_,
+      sweeper_(problem_, context.schedule, kernels_, options_.regularisation, norm_,
                options_.active_set ? options_.tolerance : -1, team_),
       chooser_(options_, guard_.repairable()),
       stopper_(options_) {}
 
-void Run::follow(Past past) {
-  history_ = std::move(past.history);
+void StageRun::follow(Carried carried) {
+  history_ = std::move(carried.history);
   if (!history_.empty()) iteration_ = history_.back();
-  first_gradient_ = past.first_gradient;
+  first_gradient_ = carried.first_gradient;
   began_ = iteration_.number;
-  watch_ = past.watch;
+  watch_ = carried.watch;
 }
 
-std::optional<StopReason> Run::begin() {
-  drop_deformation(problem_);  // of other targets, or of positions that were not taken
+std::optional<StopReason> StageRun::begin() {
+  drop_deformation(problem_);  // it is of other targets, or of positions that were not accepted
   sweeper_.scan();
   iteration_.invalid_elements = guard_.uncertified();
   iteration_.repairable_elements = guard_.repairable();
@@ -66,21 +53,21 @@ std::optional<StopReason> Run::begin() {
   return stopper_.after(iteration_, false, chooser_.outlook(guard_.unrepaired()), bound_);
 }
 
-std::optional<StopReason> Run::step() {
+std::optional<StopReason> StageRun::step() {
   iteration_.phase = chooser_.phase();
   ++iteration_.number;
   iteration_.products = 0;
-  Moved moved = iteration_.phase == Phase::Sweeps   ? sweep()
-                : iteration_.phase == Phase::Newton ? newton_step()
-                                                    : untangle();
-  look(moved);
-  note(moved);
-  return judge(moved);
+  MethodOutcome outcome = iteration_.phase == Phase::Sweeps   ? sweep()
+                          : iteration_.phase == Phase::Newton ? newton_step()
+                                                              : untangle();
+  certify(outcome);
+  record(outcome);
+  return reason_to_stop(outcome);
 }
 
 // ===== the methods =====
 
-Run::Moved Run::sweep() {
+StageRun::MethodOutcome StageRun::sweep() {
   const SweepOutcome swept = sweeper_.sweep();
   exact_ = iteration_.number % kIterationsBetweenRebuilds == 0;
   if (exact_) sweeper_.rebuild();
@@ -89,7 +76,7 @@ Run::Moved Run::sweep() {
   return {swept.gradient_norm, false, false, swept.visited == static_cast<std::int64_t>(problem_.free.size())};
 }
 
-Run::Moved Run::newton_step() {
+StageRun::MethodOutcome StageRun::newton_step() {
   drop_deformation(problem_);
   const NewtonOutcome stepped = newton().step();
   sweeper_.changed(newton().scans());
@@ -100,7 +87,7 @@ Run::Moved Run::newton_step() {
   return {stepped.gradient_norm, stepped.damping == 0, stepped.failed, !stepped.cut_short};
 }
 
-Run::Moved Run::untangle() {
+StageRun::MethodOutcome StageRun::untangle() {
   if (!untangler_) {
     untangler_.emplace(problem_, kernels_, guard_, team_);
     chooser_.untangling_from(guard_.unrepaired());
@@ -112,29 +99,29 @@ Run::Moved Run::untangle() {
   return {untangled.gradient_norm, false, false, false};
 }
 
-Newton& Run::newton() {
+Newton& StageRun::newton() {
   if (!newton_) newton_.emplace(problem_, kernels_, *hessian_, norm_, options_.tolerance, team_);
   return *newton_;
 }
 
-// ===== what came of it =====
+// ===== after every iteration =====
 
-void Run::look(Moved& moved) {
-  // Sweeps over cells that are all valid hardly change what is proved; the end looks at all that has moved since.
+void StageRun::certify(MethodOutcome& outcome) {
+  // Sweeps over cells that are all valid hardly change what is proved. The end certifies all that has moved since.
   const bool settled = iteration_.phase == Phase::Sweeps && guard_.uncertified() == 0 && options_.until_js <= 0;
-  if (!settled || iteration_.number % kSettledSweepsBetweenLooks == 0) guard_.certify_moved();
+  if (!settled || iteration_.number % kSettledSweepsBetweenCertificates == 0) guard_.certify_moved();
   if (!untangler_) return;
   untangler_->judge();
   sweeper_.changed();
-  moved.stuck = untangler_->done();
-  if (moved.stuck) untangler_.reset();
+  outcome.stuck = untangler_->done();
+  if (outcome.stuck) untangler_.reset();
 }
 
-void Run::note(const Moved& moved) {
+void StageRun::record(const MethodOutcome& outcome) {
   const ScanOutcome seen = sweeper_.scan();
-  if (iteration_.number == 1) first_gradient_ = moved.gradient;
+  if (iteration_.number == 1) first_gradient_ = outcome.gradient;
   iteration_.energy = seen.energy;
-  iteration_.relative_gradient = first_gradient_ > 0 ? moved.gradient / first_gradient_ : 0;
+  iteration_.relative_gradient = first_gradient_ > 0 ? outcome.gradient / first_gradient_ : 0;
   iteration_.min_scaled_jacobian = seen.min_scaled_jacobian;
   iteration_.invalid_elements = guard_.uncertified();
   iteration_.repairable_elements = guard_.repairable();
@@ -143,17 +130,17 @@ void Run::note(const Moved& moved) {
   if (options_.until_js > 0) bound_ = best_.consider(guard_);
 }
 
-std::optional<StopReason> Run::judge(const Moved& moved) {
-  const bool small = !moved.failed && iteration_.residual <= options_.tolerance;
-  // That the nodes which are awake hardly move is no proof: all have to be asked.
-  if (small && !moved.whole) sweeper_.wake();
-  converged_ = small && moved.whole;
+std::optional<StopReason> StageRun::reason_to_stop(const MethodOutcome& outcome) {
+  const bool small = !outcome.failed && iteration_.residual <= options_.tolerance;
+  // It proves nothing that the awake nodes hardly move: all nodes must be visited.
+  if (small && !outcome.whole) sweeper_.wake();
+  converged_ = small && outcome.whole;
   const Outlook outlook = chooser_.outlook(guard_.unrepaired());
   if (const auto reason = stopper_.after(iteration_, converged_, outlook, bound_)) return reason;
   if (began_ > 0 && iteration_.number - began_ >= kMostIterationsOfALaterStage) return StopReason::NoProgress;
-  // A small step that was cut short is no end, but where something is tangled it is time for another method.
+  // A small step that was cut short is no end. But if something is tangled, it is time for another method.
   const bool idle = small && guard_.unrepaired() > 0 && iteration_.phase == Phase::Newton;
-  if (!chooser_.next(guard_.repairable(), guard_.unrepaired(), moved.stuck || converged_ || idle))
+  if (!chooser_.next(guard_.repairable(), guard_.unrepaired(), outcome.stuck || converged_ || idle))
     return StopReason::NoProgress;
   return std::nullopt;
 }
@@ -161,7 +148,7 @@ std::optional<StopReason> Run::judge(const Moved& moved) {
 // ===== checkpoints =====
 
 template <class Archive>
-void Run::state(Archive& archive) {
+void StageRun::state(Archive& archive) {
   std::vector<double> positions = free_positions(problem_, problem_.positions);
   archive(positions);
   if constexpr (Archive::kReads)
@@ -186,7 +173,7 @@ void Run::state(Archive& archive) {
 }
 
 template <class Archive>
-void Run::methods_state(Archive& archive) {
+void StageRun::methods_state(Archive& archive) {
   bool with_newton = newton_.has_value(), with_untangler = untangler_.has_value();
   archive(with_newton, with_untangler);
   if constexpr (Archive::kReads) {
@@ -201,7 +188,7 @@ void Run::methods_state(Archive& archive) {
   if (with_untangler) untangler_->state(archive);
 }
 
-bool Run::resume(std::string_view checkpoint, std::uint64_t fingerprint) {
+bool StageRun::resume(std::string_view checkpoint, std::uint64_t fingerprint) {
   CheckpointReader reader(checkpoint, fingerprint);
   if (!reader.failed()) state(reader);
   if (reader.failed() || history_.empty()) return false;
@@ -211,7 +198,7 @@ bool Run::resume(std::string_view checkpoint, std::uint64_t fingerprint) {
   return true;
 }
 
-bool Run::write(const CheckpointSink& sink, std::uint64_t fingerprint) {
+bool StageRun::write(const CheckpointSink& sink, std::uint64_t fingerprint) {
   CheckpointWriter writer(sink, fingerprint);
   state(writer);
   return writer.finish();

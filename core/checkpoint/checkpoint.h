@@ -1,5 +1,5 @@
-// A run's state as bytes. The classes that have state name it once, in a template `state(archive)`, which writes it to
-// a CheckpointWriter and reads it back from a CheckpointReader.
+// The state of a run as bytes. Every class with state lists it once, in a template `state(archive)`. With a
+// CheckpointWriter it writes the state, with a CheckpointReader it reads it back.
 #pragma once
 
 #include <cstdint>
@@ -11,12 +11,15 @@
 #include <vector>
 
 #include "core/mesh/high_order_mesh.h"
-#include "core/optimise/optimiser.h"
+#include "core/options/options.h"
 #include "core/problem/target_field.h"
 
 namespace varimesh {
 
-/// A hash of bytes in the order in which they come; no protection against an adversary.
+/// Takes the next bytes; false if it wants no more. CheckpointSink of core/optimise/run_control.h is the same.
+using ByteSink = std::function<bool(std::string_view)>;
+
+/// A hash of bytes in the order in which they are added. It is no protection against an adversary.
 class Fingerprint {
  public:
   void add(std::string_view bytes);
@@ -35,17 +38,17 @@ class Fingerprint {
   std::uint64_t hash_ = 0x9e3779b97f4a7c15;
 };
 
-/// Of all that decides the path of a run: the mesh, what is fixed in it, its targets, and the options but for those
-/// that only say when to stop (max_iterations, time_limit) and `threads`.
+/// A hash of everything that decides the path of a run: the mesh, its fixed nodes (by node), its targets, and all
+/// options except `threads` and those that only say when to stop (max_iterations, time_limit).
 std::uint64_t fingerprint(const HighOrderMesh& mesh, const std::vector<bool>& fixed, const StretchField& target,
                           const Options& options);
 
-/// Writes numbers as this machine has them, small ones gathered into larger pieces, and a sum of all at the end.
+/// Writes numbers as they are in this machine's memory, gathered into larger pieces, and a checksum at the end.
 class CheckpointWriter {
  public:
   static constexpr bool kReads = false;
 
-  CheckpointWriter(CheckpointSink sink, std::uint64_t fingerprint);
+  CheckpointWriter(ByteSink sink, std::uint64_t fingerprint);
 
   template <class T>
   requires(std::is_arithmetic_v<T> || std::is_enum_v<T>) void operator()(const T& value) { put(&value, sizeof value); }
@@ -60,30 +63,30 @@ class CheckpointWriter {
     (*this)(second, rest...);
   }
 
-  /// Writes what is left; false where the sink stopped.
+  /// Writes the rest and the checksum; false if the sink stopped.
   bool finish();
 
  private:
   void put(const void* data, std::size_t size);
   void flush();
 
-  CheckpointSink sink_;
+  ByteSink sink_;
   Fingerprint sum_;
   std::string pending_;
   bool stopped_ = false;
 };
 
-/// Reads what a CheckpointWriter has written. Past the end everything is 0 or empty, and failed() says so.
+/// Reads what a CheckpointWriter wrote. Past the end everything is 0 or empty, and failed() becomes true.
 class CheckpointReader {
  public:
   static constexpr bool kReads = true;
 
-  /// `bytes` must outlive the reader.
+  /// `bytes` must outlive the reader. Fails unless `fingerprint` is the one that was written.
   CheckpointReader(std::string_view bytes, std::uint64_t fingerprint);
 
   template <class T>
   requires(std::is_arithmetic_v<T> || std::is_enum_v<T>) void operator()(T& value) { get(&value, sizeof value); }
-  /// Any number of values, as many as were written.
+  /// As many values as were written.
   template <class T>
   requires(std::is_arithmetic_v<T> || std::is_enum_v<T>) void operator()(std::vector<T>& values) {
     std::uint64_t size = 0;
@@ -98,8 +101,8 @@ class CheckpointReader {
     (*this)(second, rest...);
   }
 
-  /// The checkpoint cannot be used: another version's, of another mesh or other options, cut off or changed; or what is
-  /// in it does not fit the run.
+  /// Whether the checkpoint cannot be used: it comes from another version, is for another mesh or other options, is cut
+  /// off or damaged, or does not fit the run.
   bool failed() const { return failed_; }
   void fail() { failed_ = true; }
 

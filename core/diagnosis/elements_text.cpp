@@ -1,4 +1,4 @@
-#include "core/repair/repair_step.h"
+#include "core/diagnosis/elements_text.h"
 
 #include <algorithm>
 
