@@ -159,7 +159,7 @@ Expected<void> put_elements(const ElementBlock& block, const formats::Sink& sink
 }
 
 Expected<void> put_group(const PhysicalGroup& group, const formats::Sink& sink) {
-  if (!formats::is_utf8(group.name))
+  if (!is_utf8(group.name))
     return tl::unexpected(Error{
         Error::Kind::Output, "The name of the physical group with dimension " + std::to_string(group.dimension) +
                                  " and tag " + std::to_string(group.tag) +
