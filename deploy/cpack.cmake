@@ -1,4 +1,4 @@
-# Debian packages out of the installed components: deploy/make-packages builds them.
+# Makes Debian packages of the installed components; deploy/make-packages builds them.
 set(CPACK_GENERATOR DEB)
 set(CPACK_DEB_COMPONENT_INSTALL ON)
 set(CPACK_COMPONENTS_GROUPING ONE_PER_GROUP)
@@ -7,10 +7,10 @@ set(CPACK_PACKAGE_FILE_NAME varimesh)
 set(CPACK_STRIP_FILES ON)
 set(CPACK_DEBIAN_FILE_NAME DEB-DEFAULT)
 set(CPACK_DEBIAN_PACKAGE_SECTION science)
-set(CPACK_DEBIAN_PACKAGE_SHLIBDEPS ON)  # what the programs are linked against, with versions
+set(CPACK_DEBIAN_PACKAGE_SHLIBDEPS ON)  # finds the libraries that the programs are linked against, with versions
 set(CPACK_DEBIAN_PACKAGE_CONTROL_STRICT_PERMISSION ON)
 
-# A package: its group of components, its name, a line about it, and what is to be installed with it.
+# Describes a package: its group of components, its name, one line about it, and what it depends on.
 set(abi ${PROJECT_VERSION_MAJOR}.${PROJECT_VERSION_MINOR})
 macro(varimesh_package group name summary)
   cmake_parse_arguments(package "" "DEPENDS;SECTION" "COMPONENTS" ${ARGN})
@@ -33,14 +33,14 @@ macro(varimesh_package group name summary)
 endmacro()
 
 set(CPACK_COMPONENTS_ALL)
-varimesh_package(server varimesh-server "varimeshd, which serves mesh optimisation over gRPC" COMPONENTS server)
-varimesh_package(command varimesh "Optimises high-order meshes, here or on a server" COMPONENTS command)
-varimesh_package(library libvarimesh-client${abi} "The C++ client of a mesh optimisation server" COMPONENTS client
+varimesh_package(server varimesh-server "Server that optimises high-order meshes, over gRPC" COMPONENTS server)
+varimesh_package(command varimesh "Command that optimises high-order meshes, here or on a server" COMPONENTS command)
+varimesh_package(library libvarimesh-client${abi} "C++ client of the mesh optimisation server" COMPONENTS client
   SECTION libs)
-varimesh_package(development libvarimesh-dev "Headers of the mesh optimisation library and of its client" SECTION libdevel
+varimesh_package(development libvarimesh-dev "Headers of the mesh optimisation library and of the C++ client" SECTION libdevel
   COMPONENTS client-development core
   DEPENDS "libvarimesh-client${abi} (= ${PROJECT_VERSION}), libgrpc++-dev, libprotobuf-dev, protobuf-compiler, libexpected-dev, libeigen3-dev, libtbb-dev, libhwy-dev, zlib1g-dev, pkg-config")
-varimesh_package(python python3-varimesh "Optimises high-order meshes on a server, from Python" SECTION python
+varimesh_package(python python3-varimesh "Python package that optimises high-order meshes on a server" SECTION python
   COMPONENTS python DEPENDS "python3 (>= 3.11), python3-grpcio, python3-protobuf, python3-numpy")
 set(CPACK_DEBIAN_SERVER_PACKAGE_SUGGESTS varimesh)
 set(CPACK_DEBIAN_PYTHON_PACKAGE_SUGGESTS varimesh-server)
@@ -48,7 +48,8 @@ set(CPACK_DEBIAN_PYTHON_PACKAGE_ARCHITECTURE all)
 set(CPACK_DEBIAN_PYTHON_PACKAGE_SHLIBDEPS OFF)
 set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_SHLIBDEPS OFF)
 set(CPACK_DEBIAN_LIBRARY_PACKAGE_GENERATE_SHLIBS ON)
-# What Python compiles at the first import would be left behind.
+# Compiles the Python package on installation and removes the compiled files with it. Otherwise the files that Python
+# compiles at the first import would be left behind.
 file(CONFIGURE OUTPUT ${PROJECT_BINARY_DIR}/debian/postinst @ONLY CONTENT [[#!/bin/sh
 set -e
 if [ "$1" = configure ]; then py3compile -p python3-varimesh; fi

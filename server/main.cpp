@@ -18,8 +18,8 @@
 #include <string>
 #include <vector>
 
-#include "core/nearest_word.h"
-#include "core/version.h"
+#include "core/base/nearest_word.h"
+#include "core/base/version.h"
 #include "server/jobs/memory_budget.h"
 #include "server/operations/log.h"
 #include "server/server.h"

@@ -7,7 +7,7 @@
 #include <memory>
 #include <string>
 
-#include "core/error.h"
+#include "core/base/error.h"
 #include "server/jobs/engine.h"
 #include "server/jobs/job_store.h"
 #include "server/operations/limits.h"

@@ -1,6 +1,6 @@
 #include "client/cli/common_flags.h"
 
-#include "core/formats/utf8.h"
+#include "core/base/utf8.h"
 
 namespace varimesh::client {
 

@@ -5,7 +5,7 @@
 #include <algorithm>
 
 #include "client/process/exit_status.h"
-#include "core/version.h"
+#include "core/base/version.h"
 
 namespace varimesh::client {
 namespace {

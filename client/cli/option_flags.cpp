@@ -4,17 +4,23 @@
 
 #include "client/cli/common_flags.h"
 #include "client/cli/names.h"
-#include "client/cli/options_table.h"
 #include "client/client.h"
 #include "client/library/input_file.h"
 #include "client/process/interrupts.h"
-#include "core/nearest_word.h"
-#include "core/optimise/target_field.h"
+#include "core/base/nearest_word.h"
+#include "core/options/option_table.h"
+#include "core/problem/target_field.h"
 
 namespace varimesh::client {
 namespace {
 
 using google::protobuf::FieldDescriptor;
+
+/// The sentence of the table, and the default unless the sentence says what 0 means.
+std::string help_text(const OptionInfo& option) {
+  const std::string text(option.help), usual = default_text(option);
+  return usual.empty() || usual == "0" ? text : text + "; default " + usual;
+}
 
 /// A suggestion for a value that does not exist, with all values that do.
 std::string suggestion(const std::string& name, const google::protobuf::EnumDescriptor& type) {
@@ -24,7 +30,7 @@ std::string suggestion(const std::string& name, const google::protobuf::EnumDesc
   return question + (near.empty() ? "choose one of " : "The choices are ") + joined(known, ", ") + ".";
 }
 
-void add_enum(CLI::App& command, const std::string& flag, const FieldDescriptor& field, const OptionRow& row,
+void add_enum(CLI::App& command, const std::string& flag, const FieldDescriptor& field, const OptionInfo& option,
               v1::Options* options) {
   command
       .add_option_function<std::string>(
@@ -37,12 +43,12 @@ void add_enum(CLI::App& command, const std::string& flag, const FieldDescriptor&
             }
             v1::Options::GetReflection()->SetEnum(options, &field, value);
           },
-          std::string(row.help))
+          help_text(option))
       ->type_name(joined(spellings(*field.enum_type()), "|"));
 }
 
 /// A flag for the names of groups, or for the numbers of nodes. It may be repeated.
-void add_list(CLI::App& command, const std::string& flag, const FieldDescriptor* field, const OptionRow& row,
+void add_list(CLI::App& command, const std::string& flag, const FieldDescriptor* field, const OptionInfo& option,
               v1::Options* options) {
   const auto* reflection = v1::Options::GetReflection();
   if (field->cpp_type() == FieldDescriptor::CPPTYPE_STRING)
@@ -52,7 +58,7 @@ void add_list(CLI::App& command, const std::string& flag, const FieldDescriptor*
             [=](const std::vector<std::string>& groups) {
               for (const std::string& group : groups) reflection->AddString(options, field, group);
             },
-            std::string(row.help))
+            help_text(option))
         ->type_name("GROUP")
         ->check(is_text())
         ->allow_extra_args(false);
@@ -63,14 +69,14 @@ void add_list(CLI::App& command, const std::string& flag, const FieldDescriptor*
             [=](const std::vector<std::int64_t>& numbers) {
               for (const std::int64_t number : numbers) reflection->AddInt64(options, field, number);
             },
-            std::string(row.help))
+            help_text(option))
         ->type_name("N,N,…")
         ->delimiter(',')
         ->allow_extra_args(false);
 }
 
 /// A flag for a file with a target field. The file is read and checked when the flag is parsed.
-void add_target_field(CLI::App& command, const std::string& flag, const OptionRow& row, v1::Options* options) {
+void add_target_field(CLI::App& command, const std::string& flag, const OptionInfo& option, v1::Options* options) {
   command
       .add_option_function<std::string>(
           flag,
@@ -85,38 +91,38 @@ void add_target_field(CLI::App& command, const std::string& flag, const OptionRo
             message.mutable_numbers()->Assign(field->numbers.begin(), field->numbers.end());
             message.mutable_values()->Assign(field->values.begin(), field->values.end());
           },
-          std::string(row.help))
+          help_text(option))
       ->type_name("FILE");
 }
 
-void add_one(CLI::App& command, const OptionRow& row, v1::Options* options) {
-  const FieldDescriptor* field = v1::Options::descriptor()->FindFieldByName(std::string(row.field));
+void add_one(CLI::App& command, const OptionInfo& option, v1::Options* options) {
+  const FieldDescriptor* field = v1::Options::descriptor()->FindFieldByName(std::string(option.name));
   assert(field != nullptr);
-  const std::string flag = "--" + dashed(std::string(row.field));
+  const std::string flag = "--" + dashed(std::string(option.name));
   const auto* reflection = v1::Options::GetReflection();
-  if (field->is_repeated()) return add_list(command, flag, field, row, options);
+  if (field->is_repeated()) return add_list(command, flag, field, option, options);
   switch (field->cpp_type()) {
     case FieldDescriptor::CPPTYPE_ENUM:
-      add_enum(command, flag, *field, row, options);
+      add_enum(command, flag, *field, option, options);
       break;
     case FieldDescriptor::CPPTYPE_DOUBLE:
       command.add_option_function<double>(
-          flag, [=](double value) { reflection->SetDouble(options, field, value); }, std::string(row.help));
+          flag, [=](double value) { reflection->SetDouble(options, field, value); }, help_text(option));
       break;
     case FieldDescriptor::CPPTYPE_BOOL:
       command
           .add_option_function<std::string>(
               flag, [=](const std::string& value) { reflection->SetBool(options, field, value == "on"); },
-              std::string(row.help))
+              help_text(option))
           ->check(CLI::IsMember({"on", "off"}))
           ->type_name("on|off");
       break;
     case FieldDescriptor::CPPTYPE_INT32:
       command.add_option_function<int>(
-          flag, [=](int value) { reflection->SetInt32(options, field, value); }, std::string(row.help));
+          flag, [=](int value) { reflection->SetInt32(options, field, value); }, help_text(option));
       break;
     case FieldDescriptor::CPPTYPE_MESSAGE:
-      add_target_field(command, flag, row, options);
+      add_target_field(command, flag, option, options);
       break;
     default:
       assert(!"this type of field has no flag");
@@ -126,9 +132,9 @@ void add_one(CLI::App& command, const OptionRow& row, v1::Options* options) {
 }  // namespace
 
 void add_options(CLI::App& command, v1::Options* options) {
-  for (const OptionRow& row : option_rows()) {
-    add_one(command, row, options);
-    command.get_option("--" + dashed(std::string(row.field)))->group("Optimisation");
+  for (const OptionInfo& option : option_table()) {
+    add_one(command, option, options);
+    command.get_option("--" + dashed(std::string(option.name)))->group("Optimisation");
   }
 }
 

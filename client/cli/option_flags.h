@@ -1,4 +1,4 @@
-// The options of an optimisation as flags.
+// The options of an optimisation as flags, by the table of the library (core/options/option_table.h).
 #pragma once
 
 #include <CLI/CLI.hpp>
@@ -7,7 +7,7 @@
 
 namespace varimesh::client {
 
-/// Adds a flag for each row of the options table. A flag that is given sets its field in `options`; the others stay
+/// Adds a flag for each option of the table. A flag that is given sets its field in `options`; the others stay
 /// unset.
 void add_options(CLI::App& command, v1::Options* options);
 

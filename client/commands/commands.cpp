@@ -1,7 +1,7 @@
 #include "client/commands/commands.h"
 
 #include "client/cli/help.h"
-#include "core/version.h"
+#include "core/base/version.h"
 
 namespace varimesh::client {
 

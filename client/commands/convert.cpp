@@ -7,7 +7,7 @@
 #include "client/process/interrupts.h"
 #include "core/formats/formats.h"
 #include "core/mesh/check.h"
-#include "core/quality/marks.h"
+#include "core/marks/marks.h"
 
 namespace varimesh::client {
 namespace {

@@ -20,7 +20,7 @@
 #include "client/process/exit_status.h"
 #include "client/process/interrupts.h"
 #include "client/process/temporary_folder.h"
-#include "core/version.h"
+#include "core/base/version.h"
 
 namespace varimesh::client {
 namespace {

@@ -14,8 +14,8 @@
 #include "core/formats/formats.h"
 #include "core/mesh/check.h"
 #include "core/optimise/optimiser.h"
-#include "core/quality/diagnosis.h"
-#include "core/quality/marks.h"
+#include "core/diagnosis/diagnosis.h"
+#include "core/marks/marks.h"
 
 namespace varimesh::client {
 namespace {

@@ -7,7 +7,7 @@
 
 #include "client/cli/common_flags.h"
 #include "client/client.h"
-#include "core/error.h"
+#include "core/base/error.h"
 
 namespace varimesh::client {
 

@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "core/error.h"
+#include "core/base/error.h"
 #include "varimesh/v1/optimise.pb.h"
 
 namespace varimesh::client {

@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "client/client.h"
-#include "core/error.h"
+#include "core/base/error.h"
 
 namespace varimesh::client {
 

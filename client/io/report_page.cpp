@@ -7,14 +7,14 @@
 #include <filesystem>
 
 #include "client/cli/names.h"
-#include "client/cli/options_table.h"
 #include "client/io/documents.h"
 #include "client/library/failures.h"
 #include "client/process/temporary_folder.h"
 #include "client/report/report.h"
+#include "core/base/version.h"
 #include "core/formats/formats.h"
 #include "core/mesh/order.h"
-#include "core/version.h"
+#include "core/options/option_table.h"
 
 namespace varimesh::client {
 namespace {
@@ -98,14 +98,14 @@ std::string spelled_list(const v1::Options& options, const google::protobuf::Fie
 Json options_document(const v1::Options& options) {
   const auto* reflection = v1::Options::GetReflection();
   Json rows = Json::array();
-  for (const OptionRow& row : option_rows()) {
-    const auto* field = v1::Options::descriptor()->FindFieldByName(std::string(row.field));
+  for (const OptionInfo& option : option_table()) {
+    const auto* field = v1::Options::descriptor()->FindFieldByName(std::string(option.name));
     std::string text;
     if (field->is_repeated())
       text = spelled_list(options, *field);
     else if (reflection->HasField(options, field))
       text = spelled_value(options, *field);
-    rows.push_back({{"name", "--" + dashed(std::string(row.field))}, {"value", text}, {"help", row.help}});
+    rows.push_back({{"name", "--" + dashed(std::string(option.name))}, {"value", text}, {"help", option.help}});
   }
   return rows;
 }

@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "client/client.h"
-#include "core/error.h"
+#include "core/base/error.h"
 #include "core/mesh/high_order_mesh.h"
 #include "core/optimise/optimiser.h"
 #include "core/quality/quality.h"

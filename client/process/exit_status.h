@@ -7,7 +7,7 @@
 #include <string_view>
 
 #include "client/client.h"
-#include "core/error.h"
+#include "core/base/error.h"
 
 namespace varimesh::client {
 

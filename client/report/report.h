@@ -6,7 +6,7 @@
 #include <string>
 
 #include "client/report/scene.h"
-#include "core/error.h"
+#include "core/base/error.h"
 #include "core/mesh/high_order_mesh.h"
 
 namespace varimesh::client {

@@ -7,7 +7,7 @@
 #include <optional>
 #include <vector>
 
-#include "core/error.h"
+#include "core/base/error.h"
 #include "core/mesh/connectivity.h"
 #include "core/mesh/high_order_mesh.h"
 #include "core/quality/quality.h"

@@ -3,7 +3,7 @@
 
 #include <string_view>
 
-#include "core/optimise/options.h"
+#include "core/options/options.h"
 
 namespace varimesh {
 

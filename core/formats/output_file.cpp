@@ -15,7 +15,7 @@
 #include <system_error>
 #include <vector>
 
-#include "core/write_all.h"
+#include "core/base/write_all.h"
 
 namespace varimesh::formats {
 

@@ -3,7 +3,7 @@
 
 #include <vector>
 
-#include "core/error.h"
+#include "core/base/error.h"
 #include "core/mesh/high_order_mesh.h"
 
 namespace varimesh {

@@ -1,7 +1,7 @@
 // Whether neighbouring cells fit together: internal to check().
 #pragma once
 
-#include "core/error.h"
+#include "core/base/error.h"
 #include "core/mesh/connectivity.h"
 
 namespace varimesh {

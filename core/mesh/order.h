@@ -1,7 +1,7 @@
 // Another polynomial order for a whole mesh: on the way in, a linear mesh becomes a straight-sided one of order P.
 #pragma once
 
-#include "core/error.h"
+#include "core/base/error.h"
 #include "core/mesh/high_order_mesh.h"
 
 namespace varimesh {

@@ -12,7 +12,7 @@
 
 #include "core/mesh/high_order_mesh.h"
 #include "core/optimise/optimiser.h"
-#include "core/optimise/target_field.h"
+#include "core/problem/target_field.h"
 
 namespace varimesh {
 

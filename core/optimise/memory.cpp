@@ -3,11 +3,11 @@
 #include <cmath>
 
 #include "core/energy/material.h"
-#include "core/optimise/batches.h"
-#include "core/optimise/cells.h"
-#include "core/optimise/kernels.h"
-#include "core/quality/certificate.h"
+#include "core/hessian/batches.h"
+#include "core/kernels/kernels.h"
+#include "core/problem/problem.h"
 #include "core/reference/quadrature.h"
+#include "core/validity/certificate.h"
 
 namespace varimesh {
 namespace {

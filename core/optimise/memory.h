@@ -4,7 +4,7 @@
 #include <cstdint>
 
 #include "core/mesh/high_order_mesh.h"
-#include "core/optimise/options.h"
+#include "core/options/options.h"
 
 namespace varimesh {
 

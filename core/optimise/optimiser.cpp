@@ -1,33 +1,32 @@
 #include "core/optimise/optimiser.h"
 
 #include <algorithm>
-#include <chrono>
 #include <optional>
 #include <string>
 
+#include "core/base/stopwatch.h"
+#include "core/base/team.h"
+#include "core/diagnosis/diagnose.h"
 #include "core/mesh/check.h"
 #include "core/mesh/order.h"
-#include "core/optimise/cells.h"
 #include "core/optimise/checkpoint.h"
-#include "core/optimise/door.h"
-#include "core/optimise/fixing.h"
 #include "core/optimise/run.h"
-#include "core/optimise/schedule.h"
+#include "core/optimise/splitting.h"
 #include "core/optimise/stages.h"
-#include "core/optimise/targets.h"
-#include "core/repair/repair.h"
+#include "core/problem/fixed_nodes.h"
+#include "core/problem/node_conversion.h"
+#include "core/problem/problem.h"
+#include "core/problem/targets.h"
+#include "core/quality/certified_quality.h"
 #include "core/repair/straighten.h"
-#include "core/team.h"
+#include "core/sweeps/schedule.h"
+#include "core/validity/certifier.h"
 
 namespace varimesh {
 namespace {
 
-using Clock = std::chrono::steady_clock;
-
 /// What the mean scaled Jacobian may lose to its lowest.
 constexpr double kMeanGivenForWorst = 0.01;
-
-double seconds_since(Clock::time_point start) { return std::chrono::duration<double>(Clock::now() - start).count(); }
 
 Expected<void> check_degree(const HighOrderMesh& mesh, int degree) {
   const int floor = 2 * (mesh.order - 1);
@@ -55,7 +54,7 @@ struct Optimiser::State {
   Result run(const OnIteration& on_iteration, const RunControl& control);
   /// What lies between the reports before and after. Of the result's mesh it sets the coordinates alone: the rest is
   /// copied when what the run needed has been given back.
-  bool optimise(const Certifier& certifier, std::vector<Certificate>& certificates, Clock::time_point start,
+  bool optimise(const Certifier& certifier, std::vector<Certificate>& certificates, const Stopwatch& watch,
                 const OnIteration& on_iteration, const RunControl& control, Team& team, Result& result);
   HighOrderMesh with_coordinates(std::vector<double> coordinates) const;
   RunParts parts(const Stage& stage, Guard& guard, BestSeen& best, const Team& team);
@@ -103,7 +102,7 @@ Expected<Optimiser> Optimiser::create(const HighOrderMesh& mesh, const Options& 
 }
 
 Expected<Optimiser> Optimiser::create(HighOrderMesh&& mesh, const Options& options) {
-  const Clock::time_point start = Clock::now();
+  const Stopwatch watch;
   if (const auto checked = check(options); !checked) return tl::unexpected(checked.error());
   if (const auto checked = check(mesh); !checked) return tl::unexpected(checked.error());
   if (options.order > 0 && options.order != mesh.order) {
@@ -128,7 +127,7 @@ Expected<Optimiser> Optimiser::create(HighOrderMesh&& mesh, const Options& optio
     state->stages = make_stages(options, mesh.dimension);
   }
   state->mesh = std::move(mesh);
-  state->set_up_seconds = seconds_since(start);
+  state->set_up_seconds = watch.seconds();
   return Optimiser(std::move(state));
 }
 
@@ -153,48 +152,47 @@ Result Optimiser::State::run(const OnIteration& on_iteration, const RunControl& 
   if (options.repair == Repair::Split && options.max_iterations > 0)
     return optimise_by_splitting(mesh, options, on_iteration, control);
   // The set-up's time counts as the first run's.
-  const Clock::time_point start =
-      Clock::now() - std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(set_up_seconds));
+  const Stopwatch watch = Stopwatch::started(set_up_seconds);
   set_up_seconds = 0;
   Team team(control.threads ? control.threads() : options.threads);
   const Certifier certifier(mesh);
   std::vector<Certificate> certificates(certifier.cells());
   Result result;
-  const Clock::time_point proof = Clock::now();
+  const Stopwatch proof;
   team.run([&] {
     certifier.certify(mesh.coordinates, certificates, team);
     // Where every cell is valid there is nothing to repair.
     if (std::any_of(certificates.begin(), certificates.end(),
-                    [](const Certificate& certificate) { return certificate.answer != Certificate::Answer::Valid; }))
+                    [](const Certificate& certificate) { return !certificate.is_valid(); }))
       result.unrepairable = diagnose(mesh, fixed, team);
   });
-  result.proof_seconds = seconds_since(proof);
-  result.summary = summary;
+  result.proof_seconds = proof.seconds();
+  result.sizes = summary;
   result.before = quality(mesh, certifier, certificates, 0, team);
-  result.seconds = seconds_since(start);
+  result.seconds = watch.seconds();
   if (options.max_iterations == 0) {
     result.mesh = mesh;
     result.after = result.before;
   } else {
-    if (!optimise(certifier, certificates, start, on_iteration, control, team, result)) {
+    if (!optimise(certifier, certificates, watch, on_iteration, control, team, result)) {
       RunControl from_the_beginning = control;
       from_the_beginning.checkpoint = {};
-      optimise(certifier, certificates, start, on_iteration, from_the_beginning, team, result);
+      optimise(certifier, certificates, watch, on_iteration, from_the_beginning, team, result);
     }
-    const Clock::time_point optimised = Clock::now();
+    const Stopwatch reporting;
     result.mesh = with_coordinates(std::move(result.mesh.coordinates));
     if (options.repair == Repair::Straighten)
       team.run(
           [&] { result.repairs = straighten(result.mesh, fixed, certifier, certificates, result.unrepairable, team); });
     result.after = quality(result.mesh, certifier, std::move(certificates), 0, team);
-    result.seconds += seconds_since(optimised);
+    result.seconds += reporting.seconds();
   }
   result.unrepairable = with_any_of(std::move(result.unrepairable), uncertified_numbers(result.after));
   return result;
 }
 
 bool Optimiser::State::optimise(const Certifier& certifier, std::vector<Certificate>& certificates,
-                                Clock::time_point start, const OnIteration& on_iteration, const RunControl& control,
+                                const Stopwatch& watch, const OnIteration& on_iteration, const RunControl& control,
                                 Team& team, Result& result) {
   const Frame frame = frame_of(mesh);
   std::optional<Guard> guard;
@@ -202,11 +200,11 @@ bool Optimiser::State::optimise(const Certifier& certifier, std::vector<Certific
   std::optional<BestSeen> best;
   const auto set_up = [&](const Stage& stage) {
     guard.emplace(mesh, frame, problem, certifier, certificates, team);
-    if (options.repair != Repair::None) guard->condemn(result.unrepairable);
+    if (options.repair != Repair::None) guard->set_unrepairable(result.unrepairable);
     best.emplace(certifier);
-    run.emplace(parts(stage, *guard, *best, team), start);
+    run.emplace(parts(stage, *guard, *best, team), watch);
   };
-  problem.positions = positions_at_door(mesh, frame);
+  problem.positions = solver_positions(mesh, frame);
   set_targets(problem, target, frame.diagonal);
   std::size_t stage = 0;
   std::optional<StopReason> nothing_to_do;
@@ -219,7 +217,7 @@ bool Optimiser::State::optimise(const Certifier& certifier, std::vector<Certific
     bool usable = false;
     for (stage = 0; stage < stages.size() && !usable; stage += usable ? 0 : 1)
       team.run([&] {
-        problem.positions = positions_at_door(mesh, frame);  // an attempt at reading spoils them
+        problem.positions = solver_positions(mesh, frame);  // an attempt at reading spoils them
         if (stage > 0) level_targets(problem);
         set_up(stages[stage]);
         usable = run->resume(control.checkpoint, fingerprint_of_run(control, stages[stage]));
@@ -237,7 +235,7 @@ bool Optimiser::State::optimise(const Certifier& certifier, std::vector<Certific
     level_targets(problem);
     team.run([&] {
       Run::Past past = run->take_past();
-      run.emplace(parts(stages[stage], *guard, *best, team), start);
+      run.emplace(parts(stages[stage], *guard, *best, team), watch);
       run->follow(std::move(past));
       nothing_to_do = run->begin();
     });
@@ -248,21 +246,21 @@ bool Optimiser::State::optimise(const Certifier& certifier, std::vector<Certific
   result.history = run->take_history();
   run.reset();  // and with it what Newton's method needed
   drop_deformation(problem);
-  const Clock::time_point run_through = Clock::now();
+  const Stopwatch after_run;
   team.run([&] {
-    guard->look();
+    guard->certify_moved();
     if (guard->lost() > 0 && result.converged) {
       result.converged = false;
       result.stop_reason = StopReason::NoProgress;
     }
-    guard->settle();
-    if (options.until_js > 0) best->look(*guard);
+    guard->restore_lost();
+    if (options.until_js > 0) best->consider(*guard);
     result.mesh.coordinates = best_seen ? best->coordinates() : guard->coordinates();
     certificates = guard->certificates();
     result.proof_seconds += guard->seconds();
     if (best_seen) certifier.certify(result.mesh.coordinates, certificates, team);
   });
-  result.seconds += seconds_since(run_through);
+  result.seconds += after_run.seconds();
   return true;
 }
 
@@ -279,8 +277,8 @@ RunParts Optimiser::State::parts(const Stage& stage, Guard& guard, BestSeen& bes
 bool Optimiser::State::worst_may_rise(Guard& guard, BestSeen& best, bool first, StopReason ended,
                                       const Team& team) const {
   team.run([&] {
-    guard.look();
-    guard.settle();
+    guard.certify_moved();
+    guard.restore_lost();
   });
   const std::vector<double> scaled_jacobian =
       cell_quality(with_coordinates(guard.coordinates()), 0, options.threads).scaled_jacobian;
@@ -289,7 +287,7 @@ bool Optimiser::State::worst_may_rise(Guard& guard, BestSeen& best, bool first, 
   if (first) best.floor = mean - kMeanGivenForWorst;
   if (mean < best.floor) return false;
   const double before = best.highest();
-  team.run([&] { best.look(guard); });
+  team.run([&] { best.consider(guard); });
   return best.highest() > before || ended == StopReason::NoProgress;
 }
 

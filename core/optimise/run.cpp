@@ -20,7 +20,7 @@ void iteration_state(Archive& archive, Iteration& i) {
 
 }  // namespace
 
-double BestSeen::look(const Guard& guard) {
+double BestSeen::consider(const Guard& guard) {
   certificates_ = guard.certificates();
   std::vector<double> coordinates = guard.coordinates();
   const CertificateSummary summary = certifier_.sharpen(coordinates, certificates_);
@@ -34,7 +34,7 @@ double BestSeen::look(const Guard& guard) {
   return bound;
 }
 
-Run::Run(const RunParts& parts, Clock::time_point start)
+Run::Run(const RunParts& parts, const Stopwatch& watch)
     : options_(parts.options),
       problem_(parts.problem),
       kernels_(parts.kernels),
@@ -42,7 +42,7 @@ Run::Run(const RunParts& parts, Clock::time_point start)
       guard_(parts.guard),
       best_(parts.best),
       team_(parts.team),
-      start_(start),
+      watch_(watch),
       norm_{options_.p_norm},
       sweeper_(problem_, parts.schedule, kernels_, options_.regularisation, norm_,
                options_.active_set ? options_.tolerance : -1, team_),
@@ -54,7 +54,7 @@ void Run::follow(Past past) {
   if (!history_.empty()) iteration_ = history_.back();
   first_gradient_ = past.first_gradient;
   began_ = iteration_.number;
-  start_ = past.start;
+  watch_ = past.watch;
 }
 
 std::optional<StopReason> Run::begin() {
@@ -62,7 +62,7 @@ std::optional<StopReason> Run::begin() {
   sweeper_.scan();
   iteration_.invalid_elements = guard_.uncertified();
   iteration_.repairable_elements = guard_.repairable();
-  if (options_.until_js > 0) bound_ = best_.look(guard_);
+  if (options_.until_js > 0) bound_ = best_.consider(guard_);
   return stopper_.after(iteration_, false, chooser_.outlook(guard_.unrepaired()), bound_);
 }
 
@@ -81,7 +81,7 @@ std::optional<StopReason> Run::step() {
 // ===== the methods =====
 
 Run::Moved Run::sweep() {
-  const SweepReport swept = sweeper_.sweep();
+  const SweepOutcome swept = sweeper_.sweep();
   exact_ = iteration_.number % kIterationsBetweenRebuilds == 0;
   if (exact_) sweeper_.rebuild();
   iteration_.residual = swept.residual;
@@ -91,7 +91,7 @@ Run::Moved Run::sweep() {
 
 Run::Moved Run::newton_step() {
   drop_deformation(problem_);
-  const NewtonReport stepped = newton().step();
+  const NewtonOutcome stepped = newton().step();
   sweeper_.changed(newton().scans());
   exact_ = true;
   iteration_.residual = stepped.residual;
@@ -105,7 +105,7 @@ Run::Moved Run::untangle() {
     untangler_.emplace(problem_, kernels_, guard_, team_);
     chooser_.untangling_from(guard_.unrepaired());
   }
-  const UntangleReport untangled = untangler_->step();
+  const UntangleOutcome untangled = untangler_->step();
   exact_ = true;
   iteration_.residual = untangled.residual;
   iteration_.active_nodes = untangled.active_nodes;
@@ -122,7 +122,7 @@ Newton& Run::newton() {
 void Run::look(Moved& moved) {
   // Sweeps over cells that are all valid hardly change what is proved; the end looks at all that has moved since.
   const bool settled = iteration_.phase == Phase::Sweeps && guard_.uncertified() == 0 && options_.until_js <= 0;
-  if (!settled || iteration_.number % kSettledSweepsBetweenLooks == 0) guard_.look();
+  if (!settled || iteration_.number % kSettledSweepsBetweenLooks == 0) guard_.certify_moved();
   if (!untangler_) return;
   untangler_->judge();
   sweeper_.changed();
@@ -131,7 +131,7 @@ void Run::look(Moved& moved) {
 }
 
 void Run::note(const Moved& moved) {
-  const ScanReport seen = sweeper_.scan();
+  const ScanOutcome seen = sweeper_.scan();
   if (iteration_.number == 1) first_gradient_ = moved.gradient;
   iteration_.energy = seen.energy;
   iteration_.relative_gradient = first_gradient_ > 0 ? moved.gradient / first_gradient_ : 0;
@@ -140,7 +140,7 @@ void Run::note(const Moved& moved) {
   iteration_.repairable_elements = guard_.repairable();
   iteration_.seconds = seconds();
   history_.push_back(iteration_);
-  if (options_.until_js > 0) bound_ = best_.look(guard_);
+  if (options_.until_js > 0) bound_ = best_.consider(guard_);
 }
 
 std::optional<StopReason> Run::judge(const Moved& moved) {
@@ -207,8 +207,7 @@ bool Run::resume(std::string_view checkpoint, std::uint64_t fingerprint) {
   if (reader.failed() || history_.empty()) return false;
   iteration_ = history_.back();
   exact_ = true;
-  start_ =
-      Clock::now() - std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(iteration_.seconds));
+  watch_ = Stopwatch::started(iteration_.seconds);
   return true;
 }
 

@@ -1,19 +1,20 @@
 // One optimisation, iteration by iteration: which method works next, what is known afterwards, and whether to go on.
 #pragma once
 
-#include <chrono>
 #include <cstdint>
 #include <limits>
 #include <optional>
 #include <vector>
 
-#include "core/optimise/guard.h"
-#include "core/optimise/newton.h"
+#include "core/base/stopwatch.h"
+#include "core/base/team.h"
+#include "core/guard/guard.h"
+#include "core/newton/newton.h"
 #include "core/optimise/optimiser.h"
 #include "core/optimise/phases.h"
-#include "core/optimise/sweep.h"
-#include "core/optimise/untangle.h"
-#include "core/team.h"
+#include "core/sweeps/sweep.h"
+#include "core/untangle/untangle.h"
+#include "core/validity/certifier.h"
 
 namespace varimesh {
 
@@ -24,7 +25,7 @@ class BestSeen {
   explicit BestSeen(const Certifier& certifier) : certifier_(certifier) {}
 
   /// The proved minimum of the guard's kept state; keeps its coordinates where it is the best so far.
-  double look(const Guard& guard);
+  double consider(const Guard& guard);
   const std::vector<double>& coordinates() const { return coordinates_; }
   double highest() const { return highest_; }
 
@@ -60,18 +61,16 @@ struct RunParts {
 /// another one every time.
 class Run {
  public:
-  using Clock = std::chrono::steady_clock;
-
-  /// Inside team.run(). `start`: when the run began, set-up included.
-  Run(const RunParts& parts, Clock::time_point start);
+  /// Inside team.run(). `watch` runs since the run began, set-up included.
+  Run(const RunParts& parts, const Stopwatch& watch);
 
   /// What a run leaves to the one that follows it.
   struct Past {
     std::vector<Iteration> history;
     double first_gradient = 0;
-    Clock::time_point start;
+    Stopwatch watch;
   };
-  Past take_past() { return {std::move(history_), first_gradient_, start_}; }
+  Past take_past() { return {std::move(history_), first_gradient_, watch_}; }
   void follow(Past past);
 
   /// Inside team.run(): looks at things as they are. A reason where there is nothing to be done.
@@ -89,7 +88,7 @@ class Run {
 
   const Iteration& last() const { return iteration_; }
   bool converged() const { return converged_; }
-  double seconds() const { return std::chrono::duration<double>(Clock::now() - start_).count(); }
+  double seconds() const { return watch_.seconds(); }
   std::vector<Iteration> take_history() { return std::move(history_); }
 
  private:
@@ -120,7 +119,7 @@ class Run {
   Guard& guard_;
   BestSeen& best_;
   const Team& team_;
-  Clock::time_point start_;
+  Stopwatch watch_;
   PNorm norm_;
   Sweeper sweeper_;
   PhaseChooser chooser_;

@@ -4,9 +4,9 @@
 #include <memory>
 #include <vector>
 
-#include "core/optimise/batches.h"
-#include "core/optimise/kernels.h"
-#include "core/optimise/options.h"
+#include "core/hessian/batches.h"
+#include "core/kernels/kernels.h"
+#include "core/options/options.h"
 
 namespace varimesh {
 

@@ -1,18 +1,17 @@
 // What the samples of det ∇χ_M and the certificates say of every cell, and of the mesh.
-#include "core/quality/quality.h"
-
 #include <Eigen/Core>
 #include <cassert>
 
-#include "core/quality/cell_blocks.h"
+#include "core/base/team.h"
+#include "core/quality/certified_quality.h"
 #include "core/quality/lattice_kernel.h"
 #include "core/reference/basis.h"
-#include "core/team.h"
+#include "core/validity/cell_ranges.h"
 
 namespace varimesh {
 namespace {
 
-using detail::CellBatch;
+using detail::CellRange;
 using detail::Extremes;
 using detail::LatticeTable;
 
@@ -28,7 +27,7 @@ double ratio(double low, double high) { return high > 0 ? low / high : -1.0; }
 /// J of every cell on the lattice, as extremes.
 struct Samples {
   std::vector<Extremes> cells;
-  std::vector<CellBatch> batches;
+  std::vector<CellRange> batches;
   std::map<std::pair<Shape, int>, LatticeTable> tables;
   double sign = 1;  // −1 where the mesh is numbered clockwise
   int intervals = 0;
@@ -54,13 +53,13 @@ Samples sample(const HighOrderMesh& mesh, int intervals, const Team& team) {
     return detail::lattice_table(shape, order, samples.intervals, mesh.dimension);
   });
   const std::size_t lanes = detail::lattice_lanes();
-  samples.batches = detail::cell_batches(mesh, [&](const ElementBlock&) { return lanes; });
+  samples.batches = detail::cell_ranges(mesh, [&](const ElementBlock&) { return lanes; });
   team.run([&] {
     team.for_ranges(samples.batches.size(), 8, [&](std::size_t begin, std::size_t end) {
       std::vector<double> workspace;
       std::vector<const std::int32_t*> nodes(lanes);
       for (std::size_t b = begin; b != end; ++b) {
-        const CellBatch& batch = samples.batches[b];
+        const CellRange& batch = samples.batches[b];
         for (std::size_t i = 0; i < batch.count; ++i) nodes[i] = batch.nodes(i);
         detail::sample_on_lattice(samples.tables.at({batch.block->shape, batch.block->order}), mesh.coordinates.data(),
                                   nodes.data(), batch.count, workspace, &samples.cells[batch.cell]);
@@ -75,7 +74,7 @@ CellQuality cell_quality(const Samples& samples) {
   CellQuality quality;
   quality.scaled_jacobian.resize(samples.cells.size());
   quality.distortion_jacobian.resize(samples.cells.size());
-  for (const CellBatch& batch : samples.batches) {
+  for (const CellRange& batch : samples.batches) {
     const bool affine = reference::info(batch.block->shape).affine;
     for (std::size_t i = batch.cell; i < batch.cell + batch.count; ++i) {
       quality.scaled_jacobian[i] = samples.scaled_jacobian(i);
@@ -88,7 +87,7 @@ CellQuality cell_quality(const Samples& samples) {
 }
 
 /// Where a lattice point of a cell lies in space.
-std::array<double, 3> place(const HighOrderMesh& mesh, const CellBatch& batch, std::size_t i,
+std::array<double, 3> place(const HighOrderMesh& mesh, const CellRange& batch, std::size_t i,
                             const reference::Points& point) {
   const ElementBlock& block = *batch.block;
   const Eigen::MatrixXd values =
@@ -103,7 +102,7 @@ std::array<double, 3> place(const HighOrderMesh& mesh, const CellBatch& batch, s
 std::vector<InvalidElement> invalid_elements(const HighOrderMesh& mesh, const Samples& samples,
                                              const CellQuality& quality) {
   std::vector<InvalidElement> invalid;
-  for (const CellBatch& batch : samples.batches) {
+  for (const CellRange& batch : samples.batches) {
     for (std::size_t i = 0; i < batch.count; ++i) {
       const std::size_t cell = batch.cell + i;
       if (samples.low(cell) > 0) continue;
@@ -119,10 +118,10 @@ std::vector<InvalidElement> invalid_elements(const HighOrderMesh& mesh, const Sa
 std::vector<UncertifiedElement> uncertified_elements(const HighOrderMesh& mesh,
                                                      const std::vector<Certificate>& certificates) {
   std::vector<UncertifiedElement> uncertified;
-  for (const CellBatch& batch : detail::cell_batches(mesh, [](const ElementBlock& block) { return block.size(); }))
+  for (const CellRange& batch : detail::cell_ranges(mesh, [](const ElementBlock& block) { return block.size(); }))
     for (std::size_t i = 0; i < batch.count; ++i) {
       const Certificate& certificate = certificates[batch.cell + i];
-      if (certificate.answer != Certificate::Answer::Valid)
+      if (!certificate.is_valid())
         uncertified.push_back({batch.block->numbers[batch.first + i], certificate.answer, certificate.place});
     }
   return uncertified;

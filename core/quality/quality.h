@@ -6,8 +6,7 @@
 #include <vector>
 
 #include "core/mesh/high_order_mesh.h"
-#include "core/quality/certificate.h"
-#include "core/team.h"
+#include "core/validity/certificate.h"
 
 namespace varimesh {
 
@@ -59,10 +58,5 @@ std::vector<std::int64_t> uncertified_numbers(const QualityReport& report);
 /// The mesh must have passed check().
 CellQuality cell_quality(const HighOrderMesh& mesh, int intervals = 0, int threads = 0);
 QualityReport quality(const HighOrderMesh& mesh, int intervals = 0, int threads = 0);
-
-/// The same where the cells are certified already: `certificates` is what `certifier` says of mesh.coordinates, one a
-/// cell. Not to be called inside team.run().
-QualityReport quality(const HighOrderMesh& mesh, const Certifier& certifier, std::vector<Certificate> certificates,
-                      int intervals, const Team& team);
 
 }  // namespace varimesh

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <utility>
 
+#include "core/base/index.h"
 #include "core/reference/basis.h"
 #include "core/reference/cache.h"
 
@@ -12,8 +13,6 @@ namespace {
 
 using reference::NodeSet;
 using Barycentric = std::array<double, 4>;
-
-std::size_t at(std::int64_t i) { return static_cast<std::size_t>(i); }
 
 /// Nodes of an edge from its first vertex to its second, both included, by their weights on the second.
 std::vector<int> nodes_along(const Eigen::MatrixXd& linear, int a, int b, int order) {

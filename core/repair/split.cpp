@@ -6,6 +6,7 @@
 #include <map>
 #include <string>
 
+#include "core/base/index.h"
 #include "core/mesh/connectivity.h"
 #include "core/reference/basis.h"
 
@@ -13,8 +14,6 @@ namespace varimesh {
 namespace {
 
 using reference::NodeSet;
-
-std::size_t at(std::int64_t i) { return static_cast<std::size_t>(i); }
 
 /// A node by the vertices that it lies between, in ascending order, and its weight on each of them (of P together).
 using NodeKey = std::array<std::pair<std::int32_t, std::int32_t>, 4>;

@@ -6,8 +6,10 @@
 #include <set>
 #include <string>
 
+#include "core/base/index.h"
 #include "core/mesh/connectivity.h"
 #include "core/repair/blend.h"
+#include "core/validity/certifier.h"
 
 namespace varimesh {
 namespace {
@@ -15,10 +17,6 @@ namespace {
 using detail::Blend;
 /// An edge, face or cell by its vertices in ascending order; −1 where there are fewer.
 using Part = std::array<std::int32_t, 4>;
-
-std::size_t at(std::int64_t i) { return static_cast<std::size_t>(i); }
-
-bool is_valid(const Certificate& certificate) { return certificate.answer == Certificate::Answer::Valid; }
 
 class Straightener {
  public:
@@ -56,7 +54,7 @@ class Straightener {
   std::vector<std::int32_t> neighbourhood(const UnrepairableGroup& group) const {
     std::vector<std::int32_t> result;
     for (const std::int32_t cell : group.cells) {
-      if (is_valid(certificates_[at(cell)])) continue;
+      if (certificates_[at(cell)].is_valid()) continue;
       result.push_back(cell);
       for (std::int32_t f = facets_.first[at(cell)]; f < facets_.first[at(cell) + 1]; ++f)
         if (facets_.neighbour[at(f)] >= 0) result.push_back(facets_.neighbour[at(f)]);
@@ -172,7 +170,7 @@ class Straightener {
       certifier_.certify(moved, all, now, team_);
       bool lost = false;
       for (const std::int32_t cell : all)
-        if (is_valid(certificates_[at(cell)]) && !is_valid(now[at(cell)])) lost = take_back(cell) || lost;
+        if (certificates_[at(cell)].is_valid() && !now[at(cell)].is_valid()) lost = take_back(cell) || lost;
       if (lost) continue;
       mesh_.coordinates = std::move(moved);
       certificates_ = std::move(now);
@@ -228,7 +226,7 @@ class Straightener {
     std::set<std::int64_t> others;
     for (const UnrepairableGroup& group : groups)
       for (const std::int32_t cell : group.cells)
-        if (!is_simplex(cell) && !is_valid(certificates_[at(cell)])) others.insert(cells_.number(at(cell)));
+        if (!is_simplex(cell) && !certificates_[at(cell)].is_valid()) others.insert(cells_.number(at(cell)));
     if (others.empty()) return;
     RepairStep step;
     step.elements.assign(others.begin(), others.end());

@@ -4,11 +4,11 @@
 #include <span>
 #include <vector>
 
+#include "core/base/team.h"
+#include "core/diagnosis/diagnosis.h"
 #include "core/mesh/high_order_mesh.h"
-#include "core/quality/certificate.h"
-#include "core/quality/diagnosis.h"
 #include "core/repair/repair_step.h"
-#include "core/team.h"
+#include "core/validity/certifier.h"
 
 namespace varimesh {
 

@@ -10,15 +10,14 @@
 #include <map>
 #include <queue>
 
-#include "core/quality/orientation.h"
-#include "core/quality/vertex_corners.h"
+#include "core/base/index.h"
+#include "core/diagnosis/link_margin.h"
+#include "core/diagnosis/vertex_corners.h"
 #include "core/reference/basis.h"
-#include "core/repair/link_margin.h"
+#include "core/validity/orientation.h"
 
 namespace varimesh {
 namespace {
-
-std::size_t at(std::int64_t i) { return static_cast<std::size_t>(i); }
 
 /// A straight-sided tetrahedron with a mean ratio below this is flat: 1 is regular, and a sliver of dihedral angles of
 /// 1° has about 0.05.

@@ -9,10 +9,10 @@
 #include <utility>
 #include <vector>
 
+#include "core/base/team.h"
 #include "core/mesh/connectivity.h"
 #include "core/mesh/high_order_mesh.h"
 #include "core/repair/split.h"
-#include "core/team.h"
 
 namespace varimesh {
 

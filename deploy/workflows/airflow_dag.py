@@ -1,8 +1,8 @@
-"""An Airflow DAG (2.4 or later) with the package `varimesh` on its workers. The tests compile it and no more: Debian has
-no Airflow.
+"""A DAG for Airflow 2.4 or later. Its workers need the package `varimesh`. The tests only compile it, because Debian has no
+Airflow.
 
-The job does not hold a worker: `submit` puts it in the server's queue, a sensor that gives its slot back between looks
-waits for it, and `fetch` takes the result. Airflow's retries are safe, because the run's id is the request's."""
+The job does not occupy a worker: `submit` puts it into the server's queue, a sensor waits for it and frees its slot between
+two checks, and `fetch` downloads the result. Airflow may retry safely, because the request id contains the id of the run."""
 from __future__ import annotations
 
 import pendulum
@@ -35,7 +35,7 @@ def optimise_mesh():
         import varimesh
 
         with varimesh.Client(SERVER) as client:
-            result = client.job(name).result()  # raises where it failed
+            result = client.job(name).result()  # raises an error if the job failed
             result.save(params["out"])
             if not result.valid:
                 raise ValueError(f"{name}: elements are left that are not certified valid")

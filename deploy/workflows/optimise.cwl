@@ -13,11 +13,11 @@ inputs:
     inputBinding: {position: 1}
   server:
     type: string?
-    doc: HOST:PORT or unix:PATH; without one the command does the work itself
+    doc: HOST:PORT or unix:PATH; without it the command does the work itself
     inputBinding: {prefix: --server}
   request_id:
     type: string?
-    doc: Repeating with the same one joins the same job
+    doc: A repetition with the same id joins the same job
     inputBinding: {prefix: --request-id}
   energy:
     type: string
@@ -30,7 +30,8 @@ arguments:
   - {prefix: --output, valueFrom: $(inputs.name).msh}
   - {prefix: --output, valueFrom: $(inputs.name).vtu}
   - --json
-# 4: done, but some elements are not certified valid, which `quality` tells; add it to successCodes where that will do.
+# Status 4 means that the files are written, but some elements are not certified valid; the output `quality` says how many.
+# If you can use such a mesh, move 4 to successCodes.
 successCodes: [0]
 temporaryFailCodes: [5]
 permanentFailCodes: [1, 2, 3, 4]

@@ -1,5 +1,5 @@
-// A plate with a hole and thin layers of triangles round it, so coarse that the hole's edges, once they are curved, cut
-// through the first layers.
+// A plate with a hole that is surrounded by thin layers of triangles. The mesh is so coarse that the edges of the hole cut
+// through the first layers when they are curved.
 SetFactory("OpenCASCADE");
 Rectangle(1) = {-4, -4, 0, 8, 8};
 Disk(2) = {0, 0, 0, 1};

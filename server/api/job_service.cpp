@@ -3,7 +3,7 @@
 
 #include <optional>
 
-#include "core/version.h"
+#include "core/base/version.h"
 #include "server/api/event_source.h"
 #include "server/api/sources.h"
 

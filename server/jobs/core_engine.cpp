@@ -2,7 +2,7 @@
 #include <utility>
 
 #include "core/optimise/memory.h"
-#include "core/quality/marks.h"
+#include "core/marks/marks.h"
 #include "server/jobs/engine.h"
 #include "server/jobs/translate.h"
 #include "server/meshes/parts.h"
@@ -66,7 +66,7 @@ Expected<RunOutcome> run(RunRequest request, const RunHooks& hooks) {
   if (request.checkpoint) control.checkpoint = request.checkpoint->bytes();
   auto result = optimise(std::move(file->mesh), request.options, hooks.on_iteration, control);
   if (!result) return tl::unexpected(result.error());
-  outcome = {result->summary,      result->iterations,         result->seconds,
+  outcome = {result->sizes,      result->iterations,         result->seconds,
              result->residual,     result->converged,          result->stopped,
              result->stop_reason,  std::move(result->before),  std::move(result->after),
              result->unrepairable, std::move(result->repairs), std::move(result->history)};

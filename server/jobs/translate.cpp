@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cassert>
 
-#include "core/formats/utf8.h"
+#include "core/base/utf8.h"
 
 namespace varimesh::server {
 namespace {

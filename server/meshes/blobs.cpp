@@ -10,7 +10,7 @@
 #include <cerrno>
 #include <cstdlib>
 
-#include "core/write_all.h"
+#include "core/base/write_all.h"
 #include "server/meshes/zstd.h"
 #include "server/operations/limits.h"
 

@@ -11,7 +11,7 @@
 #include <tuple>
 #include <vector>
 
-#include "core/write_all.h"
+#include "core/base/write_all.h"
 #include "server/meshes/directory_upload.h"
 #include "server/meshes/sha256.h"
 

@@ -6,7 +6,7 @@
 #include <algorithm>
 #include <limits>
 
-#include "core/formats/utf8.h"
+#include "core/base/utf8.h"
 #include "varimesh/v1/mesh.pb.h"
 
 namespace varimesh::server {

@@ -4,7 +4,7 @@
 
 #include <string_view>
 
-#include "core/error.h"
+#include "core/base/error.h"
 #include "core/formats/formats.h"
 #include "core/mesh/high_order_mesh.h"
 

@@ -10,7 +10,7 @@
 #include <cerrno>
 #include <limits>
 
-#include "core/write_all.h"
+#include "core/base/write_all.h"
 
 namespace varimesh::server {
 namespace {

@@ -5,7 +5,7 @@
 #include <cctype>
 #include <nlohmann/json.hpp>
 
-#include "core/version.h"
+#include "core/base/version.h"
 #include "server/jobs/event_log.h"
 #include "server/jobs/job_record.h"
 

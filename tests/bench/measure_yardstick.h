@@ -1,4 +1,4 @@
-// Asks the yardstick how fast this machine is now.
+// Runs the yardstick, which measures how fast this machine is at the moment.
 #pragma once
 
 #include <cstdio>
@@ -6,16 +6,16 @@
 
 namespace varimesh::bench {
 
-/// What figures are normalised to: seconds × yardstick ÷ this.
+/// Figures are normalised to this speed, in GFLOP/s: seconds × yardstick ÷ kReferenceGflops.
 inline constexpr double kReferenceGflops = 82;
 
-/// What a yardstick says, in GFLOP/s; 0 where it does not run.
+/// The result of a yardstick in GFLOP/s; 0 if it could not be run.
 struct Yardstick {
-  double wall = 0;
-  double processor = 0;  ///< By processor time: hardly disturbed by what else runs.
+  double wall = 0;       ///< By wall-clock time.
+  double processor = 0;  ///< By processor time, which other programs hardly disturb.
 };
 
-/// So many yardsticks at the same time, one thread each.
+/// Runs `count` yardsticks at the same time, with one thread each.
 inline std::vector<Yardstick> yardsticks(int count) {
   std::vector<std::FILE*> running;
   for (int i = 0; i < count; ++i) running.push_back(popen(VARIMESH_YARDSTICK, "r"));

@@ -1,6 +1,6 @@
-// The yardstick that times are normalised by: a product of two 1024 × 1024 matrices on one thread, compiled for this
-// very machine, best of ten. Figures in issues and documentation are for 82 GFLOP/s. Prints GFLOP/s by the clock on the
-// wall and by processor time, which are the same where nothing else runs.
+// The yardstick by which times are normalised: a product of two 1024 × 1024 matrices on one thread, compiled for this
+// machine; the best of ten. The figures in the documentation are for 82 GFLOP/s. Prints GFLOP/s by wall-clock time and
+// by processor time, which are the same if nothing else runs.
 #include <Eigen/Core>
 #include <algorithm>
 #include <chrono>

@@ -1,5 +1,5 @@
-"""What the pages say, tried: links lead somewhere, files that are named are there, excerpts stand in the file that they
-are from, and commands run as they stand, in their order, in a folder of their own. Run by ctest with a group's name."""
+"""Checks the pages. Links lead somewhere, named files exist, excerpts are in the files that they are from, and commands
+run as they are, in their order, in a folder of their own. ctest runs this with the name of a group."""
 import contextlib
 import importlib.util
 import io
@@ -15,6 +15,7 @@ import support
 from support import CASES, SOURCE, VARIMESH, VARIMESHD, Server
 
 PAGES = [SOURCE / "README.md", *sorted((SOURCE / "docs").glob("*.md"))]
+NOTES = sorted((SOURCE / "docs" / "notes").glob("*.md"))
 BLOCK = re.compile(r"(?:<!-- (?P<note>[^\n]*) -->\n)?^```(?P<kind>\w*)\n(?P<text>.*?)^```$", re.DOTALL | re.MULTILINE)
 
 # Pages whose commands other tests run.
@@ -23,7 +24,9 @@ ELSEWHERE = {"python.md": "tests/client/python/documentation_test.py", "workflow
 # Blocks that are not run here, by page and first word or two, and why.
 NOT_HERE = {
     ("README.md", "deploy/demo"): "sets the machine up; what every change must pass",
-    ("README.md", "tests/run"): "the tests themselves, and those that take hours or need root",
+    ("development.md", "tests/run"): "the tests themselves",
+    ("development.md", "build/release"): "programs that take hours or need root",
+    ("development.md", "tests/bench"): "builds the benchmarks, or takes hours",
     ("tutorial.md", "deploy/demo"): "sets the machine up",
     ("server.md", "varimeshd --listen"): "it does not end; tests/client/programs.py starts it",
     ("server.md", "docker build"): "deploy/test-image builds and runs it",
@@ -35,7 +38,7 @@ NOT_HERE = {
 
 
 class Block:
-    """A fenced block: its kind, its text, the comment in the line above it, the number of the line before it."""
+    """A fenced block: its kind, its text, the comment in the line above it, and the number of the line before it."""
 
     def __init__(self, page, match):
         self.kind, self.text, self.note = match["kind"], match["text"], match["note"] or ""
@@ -48,7 +51,7 @@ class Block:
 def blocks(page):
     text = page.read_text()
     found = [Block(page, match) for match in BLOCK.finditer(text)]
-    assert 2 * len(found) == len(re.findall("^```", text, re.MULTILINE)), f"{page.name} has a block that is not closed"
+    assert 2 * len(found) == len(re.findall("^```", text, re.MULTILINE)), f"{page.name} has an unclosed block"
     return found
 
 
@@ -58,7 +61,7 @@ def prose(page):
 
 
 def slug(heading):
-    """A heading's anchor, as GitHub makes it."""
+    """The anchor of a heading, as GitHub makes it."""
     words = re.sub(r"`|\[([^]]*)\]\([^)]*\)", r"\1", heading).strip().lower()
     return re.sub(r"[^\w\- ]", "", words).replace(" ", "-")
 
@@ -70,7 +73,7 @@ def anchors(page):
 class Links(unittest.TestCase):
     def test_lead_somewhere(self):
         links = 0
-        for page in PAGES:
+        for page in PAGES + NOTES:
             for target in re.findall(r"\]\(([^)\s]+)\)", prose(page)):
                 if re.match(r"\w+:", target):
                     continue
@@ -82,9 +85,9 @@ class Links(unittest.TestCase):
                 links += 1
         self.assertGreater(links, 50)
 
-    def test_files_that_are_named_are_there(self):
+    def test_named_files_exist(self):
         names = 0
-        for page in PAGES:
+        for page in PAGES + NOTES:
             for name in re.findall(r"`((?:core|server|client|proto|tests|deploy|docs)/[\w./-]*)`", prose(page)):
                 self.assertTrue("NAME" in name or (SOURCE / name).exists(), f"{page.name}: {name}")
                 names += 1
@@ -95,6 +98,12 @@ class Links(unittest.TestCase):
         for page in PAGES[1:]:
             self.assertIn(f"](docs/{page.name})", text)
 
+    def test_every_note_is_linked_from_a_page(self):
+        text = "".join(page.read_text() for page in PAGES)
+        self.assertGreater(len(NOTES), 0)
+        for note in NOTES:
+            self.assertIn(f"](notes/{note.name})", text)
+
     def test_every_picture_is_shown(self):
         text = "".join(page.read_text() for page in PAGES)
         folder = SOURCE / "docs" / "pictures"
@@ -104,15 +113,15 @@ class Links(unittest.TestCase):
 
 
 class Excerpts(unittest.TestCase):
-    def test_stand_in_the_file_that_they_are_from(self):
-        """`<!-- from FILE -->`; a line of three dots stands for what is left out."""
+    def test_are_in_the_file_that_they_are_from(self):
+        """`<!-- from FILE -->` names the file. A line of three dots stands for lines left out."""
         excerpts = 0
         for page in PAGES:
             for block in blocks(page):
                 if block.kind in ("", "text", "sh", "python"):
                     continue
                 match = re.fullmatch(r"from (\S+)", block.note)
-                self.assertTrue(match, f"{block.where}: a block of {block.kind} says which tested file it is from")
+                self.assertTrue(match, f"{block.where}: a block of {block.kind} must name the tested file of its text")
                 whole = [line.strip() for line in (SOURCE / match[1]).read_text().splitlines()]
                 place = 0
                 for part in re.split(r"^\W*\.\.\.$", block.text, flags=re.MULTILINE):
@@ -124,7 +133,7 @@ class Excerpts(unittest.TestCase):
 
 
 class WithPrograms(support.WithFolder):
-    """A folder, and a PATH in which the programs of the build tree come first, and Debian's python3."""
+    """A folder, and a PATH in which the programs of the build tree and Debian's python3 come first."""
 
     def setUp(self):
         super().setUp()
@@ -137,8 +146,8 @@ class WithPrograms(support.WithFolder):
         self.environment = {**os.environ, "PATH": f"{programs}:{os.environ['PATH']}", "HOME": str(self.folder)}
 
     def run_page(self, page, replace=None, names=None):
-        """Runs the page's blocks: those of sh as one script after the other, those of Python in one interpreter. Returns
-        what was printed."""
+        """Runs the page's blocks: each block of sh as a script, all blocks of Python in one interpreter. Returns what
+        each printed."""
         printed = []
         for block in blocks(page):
             if not block.runs:
@@ -156,7 +165,7 @@ class WithPrograms(support.WithFolder):
         return printed
 
     def run_shell(self, text, block):
-        text = "trap 'kill $(jobs -p) 2>/dev/null || true; wait' EXIT\n" + text  # a server that a block leaves running
+        text = "trap 'kill $(jobs -p) 2>/dev/null || true; wait' EXIT\n" + text  # ends a server left running
         done = subprocess.run(["bash", "-euc", text], cwd=self.work, env=self.environment, text=True, timeout=200,
                               stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
         self.assertEqual(done.returncode, 0, f"{block.where}:\n{done.stdout}")
@@ -164,7 +173,7 @@ class WithPrograms(support.WithFolder):
 
 
 class Tutorial(WithPrograms):
-    def test_runs_as_it_stands(self):
+    def test_runs_unchanged(self):
         os.environ["PATH"] = self.environment["PATH"]  # varimesh.local() looks for the server there
         printed = self.run_page(SOURCE / "docs" / "tutorial.md", names={"__name__": "__main__"})
         before = next(text for text in printed if "proved scaled Jacobian" in text)
@@ -182,7 +191,7 @@ class Tutorial(WithPrograms):
 
 
 class Commands(WithPrograms):
-    """Of every page but those whose commands other tests run."""
+    """The commands of every page except those whose commands other tests run."""
 
     def setUp(self):
         super().setUp()
@@ -191,7 +200,7 @@ class Commands(WithPrograms):
         self.server = Server("--state", str(self.folder / "state"))
         self.addCleanup(self.server.stop)
 
-    def test_of_every_page_run_as_they_stand(self):
+    def test_of_every_page_run_unchanged(self):
         import varimesh
 
         os.environ["PATH"] = self.environment["PATH"]  # varimesh.local() looks for the server there
@@ -209,7 +218,7 @@ class Commands(WithPrograms):
                 ran += [page.name] * len(self.run_page(page, words, names))
         self.assertLessEqual({"README.md", "report.md"}, set(ran))
 
-    def test_the_tables_of_flags_are_those_of_the_help(self):
+    def test_tables_of_flags_match_the_help(self):
         for command, name in (([VARIMESH, "optimise"], "options.md"), ([VARIMESHD], "server.md")):
             shown = subprocess.run([*command, "--help"], capture_output=True, text=True).stdout
             flags = set(re.findall(r"^ +(?:-\w, ?)?(--[a-z-]+)", shown, re.MULTILINE)) - {"--help", "--version"}
@@ -219,7 +228,7 @@ class Commands(WithPrograms):
             self.assertLessEqual(flags, set(re.findall(r"--[a-z-]+", page)), name)
             self.assertLessEqual(rows, set(re.findall(r"--[a-z-]+", shown)), name)
 
-    def test_the_table_of_what_runs_elsewhere_is_true(self):
+    def test_the_table_of_blocks_that_do_not_run_here_is_true(self):
         for name, words in NOT_HERE:
             page = next(one for one in PAGES if one.name == name)
             self.assertTrue(any(block.text.startswith(words) for block in blocks(page)), (name, words))

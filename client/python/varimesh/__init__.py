@@ -1,4 +1,4 @@
-"""VariMesh: optimises high-order meshes on a server, from Python.
+"""VariMesh from Python: optimises high-order meshes on a server.
 
     import varimesh
 
@@ -6,7 +6,7 @@
         result = client.optimise("in.msh", "out.msh", energy="hyperelastic")
         print(result)
 
-docs/python.md is the manual.
+The manual is docs/python.md.
 """
 from .adapters import from_gmsh, from_meshio, update_gmsh
 from .aio import AsyncClient, AsyncJob

@@ -1,4 +1,4 @@
-"""Meshes as meshio and gmsh's API hold them. Neither is imported: what has their attributes will do."""
+"""Conversion of meshes from meshio and from Gmsh's API. Any object with their attributes works."""
 from __future__ import annotations
 
 from collections.abc import Iterator
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from .errors import BadMesh
 from .mesh import Block, Mesh, shape_name
 
-# Where meshio has a cell's nodes in VTK's order, and Gmsh has another: Gmsh's node i is meshio's node order[i].
+# Cells whose nodes meshio has in VTK's order, which differs from Gmsh's. Gmsh's node i is meshio's node order[i].
 _FROM_MESHIO = {
     "tetra10": [0, 1, 2, 3, 4, 5, 6, 7, 9, 8],
     "hexahedron27": [0, 1, 2, 3, 4, 5, 6, 7, 8, 11, 16, 9, 17, 10, 18, 19, 12, 15, 13, 14, 24, 22, 20, 21, 23, 25, 26],
@@ -18,13 +18,13 @@ _FROM_MESHIO = {
 
 
 def from_meshio(mesh: Any) -> Mesh:
-    """Of a meshio.Mesh: `points`, `cells`, and where they are there the groups in `cell_data` and `field_data`."""
+    """The Mesh of a meshio.Mesh: its `points` and `cells`, and any groups in `cell_data` and `field_data`."""
     data = getattr(mesh, "cell_data", {}) or {}
     blocks: list[Block] = []
     for i, cells in enumerate(mesh.cells):
         name, nodes = (cells.type, cells.data) if hasattr(cells, "type") else cells
         if name.startswith("VTK_"):
-            raise BadMesh(f"The {name} cells have VTK's order of nodes; read them from an MSH file.")
+            raise BadMesh(f"The nodes of the {name} cells are in VTK's order; read the mesh from an MSH file instead.")
         array = np.asarray(nodes)
         if name in _FROM_MESHIO:
             array = array[:, _FROM_MESHIO[name]]
@@ -40,7 +40,7 @@ def _column(data: Any, key: str, block: int, count: int) -> NDArray[np.int64]:
 
 def _by_entity(shape: str, nodes: NDArray[np.int32], entities: NDArray[np.int64],
                groups: NDArray[np.int64]) -> Iterator[Block]:  # fmt: skip
-    """Elements that follow each other on one entity, in one group."""
+    """Splits elements into blocks: consecutive elements on one entity and in one group."""
     changes = np.flatnonzero((np.diff(entities) != 0) | (np.diff(groups) != 0)) + 1
     for piece in np.split(np.arange(len(nodes)), changes):
         if len(piece):
@@ -49,7 +49,7 @@ def _by_entity(shape: str, nodes: NDArray[np.int32], entities: NDArray[np.int64]
 
 
 def from_gmsh(gmsh: Any) -> Mesh:
-    """Of the module `gmsh`: its current model's mesh with entities and physical groups."""
+    """The Mesh of the current model of the module `gmsh`, with its entities and physical groups."""
     api = gmsh.model.mesh
     tags, xyz, _ = api.getNodes()
     tags = np.asarray(tags, dtype=np.int64)
@@ -72,15 +72,16 @@ def from_gmsh(gmsh: Any) -> Mesh:
 
 
 def update_gmsh(gmsh: Any, mesh: Mesh) -> None:
-    """Puts the nodes of gmsh's current model where `mesh` has them, which came of from_gmsh() of that model."""
+    """Moves the nodes of gmsh's current model to their positions in `mesh`. The mesh must come from from_gmsh() of that
+    model."""
     if mesh.node_tags is None or len(mesh.node_tags) != len(mesh.nodes):
-        raise BadMesh("The mesh does not have the nodes of a gmsh model: it did not come from one, or has another order.")
+        raise BadMesh("The mesh does not have the nodes of a gmsh model: it comes from elsewhere, or has another order.")
     for tag, xyz in zip(mesh.node_tags.tolist(), mesh.nodes.tolist()):
         gmsh.model.mesh.setNode(tag, xyz, [])
 
 
 def as_mesh(source: Any) -> Mesh:
-    """A Mesh of whatever holds one: a Mesh, (nodes, cells), a meshio mesh, the module gmsh."""
+    """The Mesh of anything that holds one: a Mesh, (nodes, cells), a meshio mesh or the module gmsh."""
     if isinstance(source, Mesh):
         return source
     if hasattr(source, "points") and hasattr(source, "cells"):
@@ -89,5 +90,5 @@ def as_mesh(source: Any) -> Mesh:
         return from_gmsh(source)
     if isinstance(source, tuple) and len(source) == 2:
         return Mesh.from_arrays(*source)
-    raise BadMesh(f"A {type(source).__name__} is no mesh; "
-                  "give a file's path, a Mesh, (nodes, cells), a meshio mesh or gmsh.")  # fmt: skip
+    raise BadMesh(f"A {type(source).__name__} is not a mesh; "
+                  "give a path of a file, a Mesh, (nodes, cells), a meshio mesh or the module gmsh.")  # fmt: skip

@@ -1,5 +1,8 @@
-"""The client for asyncio. Each call has a thread of its own, so that hashing, files and arrays hold up no event loop, and
-that a loop may wait for as many jobs as there are; a cancelled task ends its call."""
+"""The client for asyncio.
+
+Each call has a thread of its own. Hashing, files and arrays therefore do not block the event loop, and a loop can wait
+for any number of jobs. Cancelling a task ends its call.
+"""
 from __future__ import annotations
 
 import asyncio
@@ -37,7 +40,7 @@ async def _in_thread(function: Callable[..., T], *arguments: Any, **keywords: An
         try:
             loop.call_soon_threadsafe(settle, *outcome)
         except RuntimeError:
-            pass  # the loop has been closed, and nobody waits
+            pass  # the loop is closed, and nobody waits
 
     threading.Thread(target=run, name=f"varimesh {function.__name__}", daemon=True).start()
     try:
@@ -48,7 +51,7 @@ async def _in_thread(function: Callable[..., T], *arguments: Any, **keywords: An
 
 
 class AsyncJob:
-    """As Job; what asks the server is awaited."""
+    """A Job whose calls to the server are awaited."""
 
     def __init__(self, job: Job) -> None:
         self._job = job
@@ -102,7 +105,7 @@ class AsyncJob:
         await _in_thread(self._job.delete)
 
     async def result(self) -> Result:
-        """As Job.result(); where its meshes are fetched later, that blocks: fetch() does it here."""
+        """As Job.result(). The result fetches meshes only when they are asked for, which blocks; fetch() avoids that."""
         return await _in_thread(self._job.result)
 
     async def fetch(self) -> Result:
@@ -117,7 +120,7 @@ class AsyncJob:
 
 
 class AsyncClient:
-    """As Client; what asks the server is awaited. Cancelling the task that optimises cancels the job."""
+    """A Client whose calls to the server are awaited. Cancelling the task that awaits optimise() cancels the job."""
 
     def __init__(self, address: str, token: str | None = None, *, credentials: grpc.ChannelCredentials | None = None,
                  connect: float = 5.0, retry: float = 60.0) -> None:  # fmt: skip
@@ -138,7 +141,7 @@ class AsyncClient:
                        arrays: bool | None = None, request_id: str | None = None,
                        labels: Mapping[str, str] | None = None, priority: int = 0,
                        **options: Unpack[Options]) -> Result:  # fmt: skip
-        """As Client.optimise(); the result's mesh is there already. `on_event` is called in the event loop."""
+        """As Client.optimise(), but the result has its mesh already. `on_event` is called in the event loop."""
         loop = asyncio.get_running_loop()
         tell = None if on_event is None else (lambda event: loop.call_soon_threadsafe(on_event, event))
 

@@ -1,4 +1,4 @@
-"""The client: meshes in, better meshes out."""
+"""The client of a server."""
 from __future__ import annotations
 
 import os
@@ -28,11 +28,11 @@ Paths: TypeAlias = "str | os.PathLike[str] | Sequence[str | os.PathLike[str]]"
 
 
 class Client:
-    """A server's client. Calls repeat themselves while the server is away, and may come from any thread.
+    """The client of one server. Any thread may call it. A call repeats itself while the server is away.
 
-    `address` is HOST:PORT or unix:PATH. `token` is sent with every call; a server that has no tokens passes over it. It
-    is for connections that others cannot read: loopback, or `credentials`. `connect` and `retry` are the seconds to wait
-    for the first contact, and for a server that went away.
+    `address` is HOST:PORT or unix:PATH. `token` is sent with every call; a server that has no tokens ignores it. Use it
+    only on connections that others cannot read: loopback, or with `credentials`. `connect` is how many seconds to wait
+    for the first contact, `retry` for a server that went away.
     """
 
     def __init__(self, address: str, token: str | None = None, *, credentials: grpc.ChannelCredentials | None = None,
@@ -43,7 +43,7 @@ class Client:
         self._meshes = service_pb2_grpc.MeshServiceStub(self._connection.bulk)  # type: ignore[no-untyped-call]
 
     def close(self) -> None:
-        """Ends the connection; jobs run on."""
+        """Closes the connection. Jobs continue."""
         self._connection.close()
 
     def __enter__(self) -> Client:
@@ -53,7 +53,7 @@ class Client:
                  trace: TracebackType | None) -> None:  # fmt: skip
         self.close()
 
-    # ===== the whole of it =====
+    # ===== one call for everything =====
 
     def optimise(self, mesh: MeshLike, output: Paths | None = None, *, format: str | None = None,
                  progress: bool = False, on_event: Callable[[Event], object] | None = None,
@@ -61,10 +61,11 @@ class Client:
                  priority: int = 0, **options: Unpack[Options]) -> Result:  # fmt: skip
         """Optimises a mesh and waits for the result.
 
-        `output` names files to write (.msh in `format`, .vtu). `arrays` says whether the result is wanted in arrays: the
-        default is yes, unless the mesh came from a file and goes to files. Ctrl-C cancels the job. Raises JobFailed,
-        JobCancelled (by somebody else), Refused, ServerUnreachable, BadOption or BadMesh. A result may have elements
-        left that are not certified valid: `result.valid` says.
+        `output` names files to write (.msh in `format`, .vtu). `arrays` says whether the result should have its mesh in
+        arrays. By default it has, unless the mesh comes from a file and goes to files. Ctrl-C cancels the job.
+
+        Raises JobFailed, JobCancelled (by somebody else), Refused, ServerUnreachable, BadOption or BadMesh. Elements of a
+        result may still not be certified valid; `result.valid` tells.
         """
         paths = _paths(output)
         mesh = mesh if _is_path(mesh) else as_mesh(mesh)
@@ -84,14 +85,14 @@ class Client:
             self._cancel_quietly(job)
             raise
         if job.state == "cancelled":
-            raise JobCancelled(f"{job.name} was cancelled by someone else.", job.name)
+            raise JobCancelled(f"Somebody else cancelled {job.name}.", job.name)
         result = job.result()
         for path in paths:
             result.save(path, format=format)
         return result
 
     def quality(self, mesh: MeshLike, **options: Unpack[Options]) -> Quality:
-        """How good a mesh is that could be optimised; nothing is moved."""
+        """The quality of a mesh that could be optimised. Nothing is moved."""
         options["max_iterations"] = 0
         job = self.submit(mesh, **options)
         job.wait()
@@ -106,9 +107,9 @@ class Client:
                labels: Mapping[str, str] | None = None, priority: int = 0, **options: Unpack[Options]) -> Job:  # fmt: skip
         """Sends a mesh and puts a job in the queue.
 
-        `outputs` are formats by name ("msh41-binary", "vtu", "parts" for arrays, "as-read"); none is "as-read". Repeating
-        with the same `request_id` answers with the same job, so that a script that is run again is safe; a call by itself
-        repeats under an id of its own.
+        `outputs` names formats ("msh41-binary", "vtu", "parts" for arrays, "as-read"); the default is "as-read". A repeat
+        with the same `request_id` answers with the same job, so a script that gives one can safely run again. Without
+        one, each call uses an id of its own when it repeats itself.
         """
         spec = job_pb2.JobSpec(options=to_message(options), labels=dict(labels or {}), priority=priority,
                                outputs=[_format_number(name) for name in outputs])  # fmt: skip
@@ -121,7 +122,7 @@ class Client:
         return Job(self, job, arrays)
 
     def job(self, name: str) -> Job:
-        """A job by name, with or without its "jobs/"."""
+        """The job of this name, with or without "jobs/"."""
         return Job(self, self._get(name if name.startswith("jobs/") else "jobs/" + name))
 
     def jobs(self, states: Iterable[str] = (), labels: Mapping[str, str] | None = None) -> Iterator[Job]:
@@ -140,13 +141,13 @@ class Client:
                 return
 
     def info(self) -> ServerInfo:
-        """What the server is and takes."""
+        """The server's version, its limits and what it accepts."""
         return reports.info_of(self._connection.call(self._jobs.GetServerInfo, service_pb2.GetServerInfoRequest()))
 
     # ===== meshes =====
 
     def upload(self, mesh: MeshLike) -> str:
-        """Brings a mesh to the server, unless it is there already; its digest."""
+        """Uploads a mesh, unless the server has it already. Returns its digest."""
         if not _is_path(mesh):
             return transfer.upload(self._connection, self._meshes, transfer.BytesSource(b"".join(to_parts(as_mesh(mesh)))))
         file = transfer.FileSource(mesh)
@@ -156,7 +157,7 @@ class Client:
             file.close()
 
     def download(self, digest: str, path: str | os.PathLike[str] | None = None) -> bytes:
-        """The bytes of a mesh or a result; into a file where `path` is named (the answer is empty then)."""
+        """The bytes of a mesh or a result. If `path` is given, they go to that file, and the return value is empty."""
         if path is not None:
             transfer.write_file(path, lambda take: transfer.download(self._connection, self._meshes, digest, take))
             return b""
@@ -175,7 +176,7 @@ class Client:
         return job
 
     def _cancel_quietly(self, job: Job) -> None:
-        """After an interrupt: asked once, with little time."""
+        """After an interrupt: asks once, with little time."""
         Stop.current.stop = Stop()
         try:
             self._jobs.CancelJob(service_pb2.CancelJobRequest(name=job.name), timeout=2, metadata=self._connection.metadata)
@@ -220,10 +221,10 @@ def _paths(output: Paths | None) -> list[str | os.PathLike[str]]:
 
 
 def _format_of(path: str | os.PathLike[str], format: str | None, from_file: bool) -> str:
-    """The name of the format that a file is written in."""
+    """The name of the format in which a file is written."""
     ending = os.path.splitext(path)[1].lower()
     if ending not in (".msh", ".vtu"):
-        raise BadOption(f"The ending of {os.fspath(path)} says no format; name a .msh or a .vtu file.")
+        raise BadOption(f"The ending of {os.fspath(path)} gives no format; name a .msh or a .vtu file.")
     if ending == ".vtu":
         return "vtu"
     return format or ("as-read" if from_file else "msh41")

@@ -1,5 +1,7 @@
-"""Calls that repeat themselves while the server is away, which is safe because every call of the contract is made to be
-repeated; and errors that say what the server said."""
+"""Calls that repeat themselves while the server is away, and the errors that they raise.
+
+Repeating is safe: every call of the contract is made to be repeated.
+"""
 from __future__ import annotations
 
 import threading
@@ -17,13 +19,13 @@ _CALL_SECONDS = 30.0
 
 
 def _details(error: grpc.RpcError) -> tuple[error_details_pb2.ErrorInfo, float]:
-    """The reason, and the seconds after which the server wants to be asked again (0: it does not say)."""
+    """The reason, and the seconds after which to ask the server again (0: it does not say)."""
     info, delay = error_details_pb2.ErrorInfo(), 0.0
     for key, value in error.trailing_metadata() or ():
         if key != "grpc-status-details-bin":
             continue
         for detail in status_pb2.Status.FromString(value).details:
-            # By name: the messages are wire-compatible with google.rpc's, under a name of their own.
+            # Compared by name: this package's messages have google.rpc's wire format, but a name of their own.
             kind = detail.type_url.rsplit("/", 1)[-1]
             if kind == "google.rpc.ErrorInfo":
                 info.ParseFromString(detail.value)
@@ -38,20 +40,20 @@ def reason_of(error: grpc.RpcError) -> str:
 
 
 def error_of(error: grpc.RpcError) -> VarimeshError:
-    """What a status means to the caller."""
+    """The error to raise for a status."""
     info, _ = _details(error)
     code, sentence = error.code(), error.details() or ""
     if code == grpc.StatusCode.DEADLINE_EXCEEDED:
-        return ServerUnreachable("The server does not answer; see that varimeshd runs there and is not overloaded.")
+        return ServerUnreachable("The server does not answer; check that varimeshd runs there and is not overloaded.")
     if code == grpc.StatusCode.UNAVAILABLE and not info.reason:
-        return ServerUnreachable(f"The server cannot be reached ({sentence}); see that varimeshd runs there.")
+        return ServerUnreachable(f"The server cannot be reached ({sentence}); check that varimeshd runs there.")
     if code == grpc.StatusCode.UNAVAILABLE or not info.reason:
         return ServerUnreachable(sentence or f"The call failed ({code.name}).", info.reason, info.metadata)
     return Refused(sentence, info.reason, info.metadata)
 
 
 class Stop:
-    """Ends the calls of one thread from another."""
+    """Lets one thread end the calls of another."""
 
     current = threading.local()
 
@@ -83,7 +85,7 @@ class Stop:
 
     @contextmanager
     def ends(self, call: Any) -> Iterator[Any]:
-        """Cancels the call where it is left before its end, or where that is asked for."""
+        """Cancels the call if the block ends before the call does, or if somebody asks for it."""
         with self._lock:
             self._calls.add(call)
         try:
@@ -96,18 +98,18 @@ class Stop:
 
 
 class Patience:
-    """Repeats calls to a server that is away, more and more slowly, until it has been away for too long."""
+    """Repeats calls to a server that is away, with growing pauses, until it has been away for too long."""
 
     def __init__(self, connection: Connection, channel: grpc.Channel) -> None:
         self._connection, self._channel, self._seconds = connection, channel, connection.retry_seconds
         self.reset()
 
     def reset(self) -> None:
-        """The server was there: it may be away for the full time again."""
+        """The server has answered, so it may be away for the full time again."""
         self._away_since, self._pause = 0.0, 0.05
 
     def again(self, error: grpc.RpcError) -> None:
-        """Waits, or raises what the error means where repeating it does not help."""
+        """Waits before the next repeat. Raises the error if repeating does not help."""
         stop = Stop.of_this_thread()
         stop.check()
         now = time.monotonic()
@@ -118,19 +120,19 @@ class Patience:
         if code == grpc.StatusCode.RESOURCE_EXHAUSTED and 0 < delay <= left:
             stop.sleep(delay)
             return
-        # CANCELLED that nobody here asked for: the call came in the moment in which the server shut down.
+        # CANCELLED, although nobody here asked for it: the call came at the moment when the server shut down.
         if code not in (grpc.StatusCode.UNAVAILABLE, grpc.StatusCode.CANCELLED) or left <= 0:
             raise error_of(error) from None
         stop.sleep(min(self._pause, left))
         self._pause = min(2 * self._pause, 2.0)
-        # gRPC connects at once where somebody waits, and otherwise looks only now and then.
+        # gRPC connects at once if somebody waits, and otherwise tries only now and then.
         wait_for_channel(self._channel, min(1.0, left), self._connection.metadata)
         stop.check()
 
 
 def wait_for_channel(channel: grpc.Channel, seconds: float, metadata: Any = ()) -> bool:
-    """Whether the server answers within the time."""
-    # A call that waits for the connection; whatever it is answered with.
+    """Whether the server answers within this time."""
+    # A call that waits for the connection. Any answer will do.
     check = channel.unary_unary("/grpc.health.v1.Health/Check")
     call = check.future(b"", timeout=seconds, wait_for_ready=True, metadata=metadata)
     with Stop.of_this_thread().ends(call):
@@ -144,7 +146,7 @@ def wait_for_channel(channel: grpc.Channel, seconds: float, metadata: Any = ()) 
 
 
 class Connection:
-    """Two channels to one server: one for meshes, so that they do not hold up the rest."""
+    """Two channels to one server. Meshes have their own, so that they do not delay other calls."""
 
     def __init__(self, address: str, token: str | None, credentials: grpc.ChannelCredentials | None,
                  connect_seconds: float, retry_seconds: float) -> None:  # fmt: skip
@@ -158,9 +160,10 @@ class Connection:
     @staticmethod
     def _open(address: str, credentials: grpc.ChannelCredentials | None, number: int) -> grpc.Channel:
         options = [
-            ("varimesh.channel", number),  # equal channels would share one connection
+            ("varimesh.channel", number),  # channels with equal options would share one connection
             ("grpc.enable_retries", 0),
-            # A server that hangs, or that the network has lost, is noticed within 20 s; it takes a ping every 10 s.
+            # The client notices within 20 s that a server hangs or that the network has lost it. The server allows one
+            # ping every 10 s.
             ("grpc.keepalive_time_ms", 15_000),
             ("grpc.keepalive_timeout_ms", 5_000),
             ("grpc.max_reconnect_backoff_ms", 2_000),
@@ -170,7 +173,7 @@ class Connection:
         return grpc.insecure_channel(address, options)
 
     def meet(self) -> None:
-        """Before the first call: says in a sentence where there is no server."""
+        """To be called before the first call. Raises an error with a sentence if there is no server."""
         if self._met:
             return
         deadline = time.monotonic() + self._connect_seconds
@@ -182,7 +185,7 @@ class Connection:
         self._met = True
 
     def call(self, method: Any, request: Any) -> Any:
-        """One request, one answer."""
+        """Sends one request and returns the answer."""
         self.meet()
         patience = Patience(self, self.control)
         while True:
@@ -199,7 +202,7 @@ class Connection:
 
     @contextmanager
     def stream(self, method: Any, request: Any) -> Iterator[Any]:
-        """A call with one request, or an iterator of them, and many answers, which ends with the block."""
+        """A call with many answers, and one request or an iterator of requests. It ends with the block."""
         with Stop.of_this_thread().ends(method(request, metadata=self.metadata)) as call:
             yield call
 

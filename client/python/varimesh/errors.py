@@ -1,4 +1,4 @@
-"""What can go wrong, each with a sentence for people and the server's reason for programs."""
+"""The errors of this package. Each has a sentence for people and the server's reason for programs."""
 from __future__ import annotations
 
 from collections.abc import Mapping
@@ -7,9 +7,9 @@ from collections.abc import Mapping
 class VarimeshError(Exception):
     """The base of all errors of this package.
 
-    `sentence` says what was wrong, where, and what to do; `reason` is the constant of the server's ErrorInfo
-    ("MESH_NOT_FOUND"; proto/varimesh/v1/service.proto lists them), empty where no server said no; `metadata` says what
-    the reason is about.
+    `sentence` says what was wrong, where, and what to do. `reason` is the constant of the server's ErrorInfo, such as
+    "MESH_NOT_FOUND"; proto/varimesh/v1/service.proto lists them. It is empty if the error does not come from a server.
+    `metadata` gives details of the reason.
     """
 
     def __init__(self, sentence: str, reason: str = "", metadata: Mapping[str, str] | None = None) -> None:
@@ -20,23 +20,23 @@ class VarimeshError(Exception):
 
 
 class ServerUnreachable(VarimeshError):
-    """The server is not there, or went away and did not come back in time."""
+    """There is no server, or it went away and did not come back in time."""
 
 
 class Refused(VarimeshError):
-    """The server said no: `reason` says why."""
+    """The server refused the call. `reason` says why."""
 
 
 class BadOption(VarimeshError, ValueError):
-    """An option that does not exist, or a value that it cannot have; nothing was sent."""
+    """There is no such option, or it cannot have this value. Nothing was sent."""
 
 
 class BadMesh(VarimeshError, ValueError):
-    """Arrays that are no mesh; nothing was sent."""
+    """The arrays are not a mesh. Nothing was sent."""
 
 
 class JobFailed(VarimeshError):
-    """The job ended as FAILED: `reason` is BAD_INPUT, BAD_OPTION, OUTPUT, LOST or INTERNAL."""
+    """The job ended as FAILED. `reason` is BAD_INPUT, BAD_OPTION, OUTPUT, LOST or INTERNAL."""
 
     def __init__(self, sentence: str, reason: str, job: str) -> None:
         super().__init__(sentence, reason)
@@ -44,7 +44,7 @@ class JobFailed(VarimeshError):
 
 
 class JobCancelled(VarimeshError):
-    """Somebody cancelled the job; `client.job(error.job).result()` has the best mesh so far, where it ran."""
+    """Somebody cancelled the job. If it was running, `client.job(error.job).result()` has the best mesh so far."""
 
     def __init__(self, sentence: str, job: str) -> None:
         super().__init__(sentence)
@@ -52,4 +52,4 @@ class JobCancelled(VarimeshError):
 
 
 class Stopped(VarimeshError):
-    """The asynchronous call was cancelled by its caller."""
+    """The caller cancelled the asynchronous call."""

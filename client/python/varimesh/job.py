@@ -1,4 +1,4 @@
-"""A job, and what came of it."""
+"""A job and its result."""
 from __future__ import annotations
 
 import os
@@ -22,8 +22,8 @@ ENDED = {"succeeded", "failed", "cancelled"}
 
 
 class Job:
-    """A job on a server, which runs whether anybody is watching or not. `state` and `labels` are as they were when it
-    was last asked for: refresh() asks again."""
+    """A job on a server. It runs whether anybody watches it or not. `state` and `labels` are those of the last answer;
+    refresh() asks the server again."""
 
     def __init__(self, client: Client, message: job_pb2.Job, source: Mesh | None = None) -> None:
         self._client, self._message, self._source = client, message, source
@@ -37,7 +37,7 @@ class Job:
 
     @property
     def state(self) -> str:
-        """pending, running, cancelling, succeeded, failed or cancelled."""
+        """One of pending, running, cancelling, succeeded, failed and cancelled."""
         return reports.state_name(self._message.state)
 
     @property
@@ -50,7 +50,7 @@ class Job:
 
     @property
     def last_sequence(self) -> int:
-        """The number of its newest event."""
+        """The sequence number of its newest event."""
         return int(self._message.last_sequence)
 
     def refresh(self) -> Job:
@@ -58,13 +58,13 @@ class Job:
         return self
 
     def watch(self, after: int = 0) -> Iterator[Event]:
-        """Its events after the number `after`, each once and in order, until it ends; goes on by itself where the
-        connection breaks or the server is started again."""
+        """Yields the job's events after the number `after`, each once and in order, until the job ends. Continues by
+        itself if the connection breaks or the server restarts."""
         yield from self._client._watch(self.name, after)
         self.refresh()
 
     def wait(self, progress: bool = False) -> Job:
-        """Until it has ended, however."""
+        """Waits until the job has ended in any state."""
         show = Progress(self._message.spec.options.tolerance or 1e-6) if progress else None
         for event in self.watch():
             if show is not None:
@@ -72,23 +72,23 @@ class Job:
         return self
 
     def cancel(self) -> Job:
-        """Asks for it to end, which it does at its next iteration."""
+        """Asks for the job to end. It does so at its next iteration."""
         self._message = self._client._cancel(self.name)
         return self
 
     def delete(self) -> None:
-        """Forgets it and its results; it must have ended."""
+        """Deletes the job and its results. It must have ended."""
         self._client._delete(self.name)
 
     def result(self) -> Result:
-        """What came of it, or the best so far where it was cancelled while it ran. JobFailed where it failed; Refused,
-        reason JOB_NOT_SUCCEEDED, where there is nothing."""
+        """The result of the job, or the best result so far if it was cancelled while it ran. Raises JobFailed if it
+        failed, and Refused with the reason JOB_NOT_SUCCEEDED if it has no result."""
         self._message, iterations = self._client._result(self.name)
         return Result(self._client, self._message, iterations, self._source)
 
 
 class Result:
-    """What came of a job. Meshes are fetched when they are asked for."""
+    """The result of a job. Meshes are fetched when they are asked for."""
 
     def __init__(self, client: Client, message: job_pb2.Job, iterations: list[Any], source: Mesh | None) -> None:
         self._client, self._message, self._source = client, message, source
@@ -118,12 +118,12 @@ class Result:
 
     @property
     def formats(self) -> list[str]:
-        """Those in which the server has the result."""
+        """The formats in which the server has the result."""
         return [reports.format_name(stored.format) for stored in self._message.results]
 
     @property
     def mesh(self) -> Mesh:
-        """In arrays: nodes in the order in which they came in, elements too."""
+        """The mesh in arrays. Nodes and elements are in the order of the input."""
         if self._mesh is None:
             self._mesh = from_parts(self._client.download(self._digest("parts")))
             if self._source is not None and len(self._source.nodes) == len(self._mesh.nodes):
@@ -132,12 +132,12 @@ class Result:
 
     @property
     def nodes(self) -> NDArray[np.float64]:
-        """(nodes, 3)."""
+        """The coordinates of the nodes, (nodes, 3)."""
         return self.mesh.nodes
 
     def save(self, path: str | os.PathLike[str], *, format: str | None = None) -> None:
-        """Writes a file in a format that was asked for: a .vtu, or a .msh in `format`, or in the one there is. It takes
-        its name only once it is whole."""
+        """Writes a file in a format that was asked for: a .vtu, or a .msh in `format`. Without `format`, a .msh has the
+        format in which the server has the result. The file takes its name only when it is complete."""
         if os.path.splitext(path)[1].lower() == ".vtu":
             format = "vtu"
         elif format is None:
@@ -151,5 +151,5 @@ class Result:
         for stored in self._message.results:
             if reports.format_name(stored.format) == format:
                 return str(stored.digest)
-        raise BadOption(f"{self.job} has no result as {format}, only {', '.join(self.formats)}; "
-                        f"submit it again with outputs that have '{format}'.")  # fmt: skip
+        raise BadOption(f"{self.job} has no result in the format {format}, only in {', '.join(self.formats)}; "
+                        f"submit it again with '{format}' among the outputs.")  # fmt: skip

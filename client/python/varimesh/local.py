@@ -1,5 +1,5 @@
-"""A private server, for a program that has none: it listens on a socket that its owner alone can use, and ends with the
-program, however that ends."""
+"""A private server for a program. It listens on a socket that only its owner can use, and ends with the program, however
+the program ends."""
 from __future__ import annotations
 
 import os
@@ -15,7 +15,7 @@ from typing import IO
 from .client import Client
 from .errors import ServerUnreachable
 
-# The shell ends the server when its standard input does, which happens even where this process is killed.
+# The shell ends the server when the shell's standard input ends. That happens even if this process is killed.
 _KEEPER = """
 exec 3<&0
 "$@" 3<&- &
@@ -42,19 +42,20 @@ class LocalClient(Client):
 
 
 def find_server() -> str:
-    """The path of varimeshd: what VARIMESHD says, or what PATH has."""
+    """The path of varimeshd, from VARIMESHD or PATH."""
     found = os.environ.get("VARIMESHD") or shutil.which("varimeshd")
     if not found:
-        raise ServerUnreachable("There is no varimeshd; install varimesh-server, or name it in VARIMESHD.")
+        raise ServerUnreachable("There is no varimeshd; install varimesh-server, or set VARIMESHD to its path.")
     return found
 
 
 def local(*, threads: int = 0, state: str | os.PathLike[str] | None = None, executable: str | None = None,
           log: IO[bytes] | None = None, timeout: float = 20.0) -> LocalClient:  # fmt: skip
-    """Starts a server, and returns its client: `with varimesh.local() as client: …` stops it.
+    """Starts a server and returns a client of it. `with varimesh.local() as client: …` stops the server at its end.
 
-    `threads` are those of the running jobs, 0 all there are; `state` is a directory that keeps jobs and meshes; `log`
-    takes the server's log (default: nowhere, but an error at its start is in the exception).
+    `threads` is the number of threads for the running jobs; 0 means all of the machine's. `state` is a directory that
+    keeps jobs and meshes. `log` takes the server's log. By default the log goes nowhere, but an error at the start is in the
+    exception.
     """
     folder = Path(tempfile.mkdtemp(prefix="varimesh-"))
     socket, port_file, log_file = (folder / name for name in ("socket", "address", "log"))
@@ -62,7 +63,8 @@ def local(*, threads: int = 0, state: str | os.PathLike[str] | None = None, exec
                "--threads", str(threads), "--log-level", "info" if log else "error"]  # fmt: skip
     command += ["--state", os.fspath(state)] if state is not None else ["--data", str(folder)]
     with open(log_file, "wb") as own_log:
-        # A session of its own: Ctrl-C at the terminal is the program's, which cancels its job and stops the server.
+        # The server has a session of its own. Ctrl-C at the terminal goes to the program, which cancels its job and stops
+        # the server.
         server = subprocess.Popen(["/bin/sh", "-c", _KEEPER, "varimeshd", *command], stdin=subprocess.PIPE,
                                   stdout=subprocess.DEVNULL, stderr=log or own_log, start_new_session=True)  # fmt: skip
     deadline = time.monotonic() + timeout
@@ -70,7 +72,7 @@ def local(*, threads: int = 0, state: str | os.PathLike[str] | None = None, exec
         if server.poll() is not None or time.monotonic() > deadline:
             said = log_file.read_text(errors="replace").strip()
             _end(server, folder)
-            raise ServerUnreachable(f"{command[0]} did not start: {said or 'it says nothing'}.")
+            raise ServerUnreachable(f"{command[0]} did not start: {said or 'it printed nothing'}.")
         time.sleep(0.005)
     client = LocalClient(f"unix:{socket}")
     client._stop = weakref.finalize(client, _end, server, folder)

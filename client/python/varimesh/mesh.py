@@ -1,4 +1,4 @@
-"""A mesh in arrays, and the parts in which it travels."""
+"""A mesh in arrays, and its conversion to and from the messages in which it is sent."""
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -13,7 +13,7 @@ from .names import suggestion
 from .v1 import mesh_pb2
 
 MAX_ORDER = 10
-_PART_NUMBERS = 131072  # of at most five bytes: a part stays below 1 MiB
+_PART_NUMBERS = 131072  # node numbers of at most five bytes each: a part stays below 1 MiB
 _PART_NODES = 32768
 
 _NODES: dict[str, Callable[[int], int]] = {
@@ -32,7 +32,7 @@ _SHAPES = {name: mesh_pb2.Shape.Value("SHAPE_" + name.upper()) for name in _NODE
 
 
 def shape_name(name: str) -> str:
-    """triangle, quadrilateral, … for these names and meshio's: tetra10 is tetrahedron."""
+    """The name of a shape: triangle, quadrilateral, …. Also takes meshio's names: tetra10 gives tetrahedron."""
     plain = name.rstrip("0123456789").lower()
     plain = _ALIASES.get(plain, plain)
     if plain not in _NODES:
@@ -41,7 +41,7 @@ def shape_name(name: str) -> str:
 
 
 def nodes_of(shape: str, order: int) -> int:
-    """How many nodes a cell has."""
+    """The number of nodes of a cell."""
     return _NODES[shape](order)
 
 
@@ -50,9 +50,9 @@ class Block:
     """Elements of one shape on one entity of the geometry."""
 
     shape: str
-    nodes: NDArray[np.int32]  # (elements, nodes of each): counted from 0, in Gmsh's order
+    nodes: NDArray[np.int32]  # (elements, nodes per element): indices from 0, in Gmsh's order
     entity: int = 1
-    physical: tuple[int, ...] = ()  # tags of the groups that they are in
+    physical: tuple[int, ...] = ()  # tags of the groups to which the elements belong
 
     @property
     def dimension(self) -> int:
@@ -66,8 +66,8 @@ class Mesh:
     nodes: NDArray[np.float64]  # (nodes, 3), in any unit of length
     blocks: list[Block]
     order: int
-    groups: dict[tuple[int, int], str] = field(default_factory=dict)  # names of groups by dimension and tag
-    node_tags: NDArray[np.int64] | None = None  # numbers that the nodes had where they came from
+    groups: dict[tuple[int, int], str] = field(default_factory=dict)  # names of groups, by dimension and tag
+    node_tags: NDArray[np.int64] | None = None  # the numbers of the nodes in their source
 
     @classmethod
     def from_arrays(
@@ -76,7 +76,8 @@ class Mesh:
         cells: Mapping[str, ArrayLike] | Iterable[tuple[str, ArrayLike] | Block],
         groups: Mapping[tuple[int, int], str] | None = None,
     ) -> Mesh:
-        """Of nodes (n, 2) or (n, 3), and cells by shape: {"triangle": (m, k) node indices from 0, in Gmsh's order}."""
+        """A mesh from nodes (n, 2) or (n, 3) and cells by shape, such as {"triangle": an array (m, k)}: node indices from 0,
+        in Gmsh's order."""
         xyz = np.asarray(nodes, dtype=np.float64)
         if xyz.ndim != 2 or xyz.shape[1] not in (2, 3) or len(xyz) == 0:
             raise BadMesh(f"The nodes are an array of shape {xyz.shape}; give (n, 2) or (n, 3).")
@@ -92,7 +93,7 @@ class Mesh:
 
     @property
     def dimension(self) -> int:
-        """Of the cells: 2 or 3."""
+        """The dimension of the cells: 2 or 3."""
         return max(block.dimension for block in self.blocks)
 
     @property
@@ -105,7 +106,7 @@ class Mesh:
         return {shape: np.concatenate(arrays) for shape, arrays in cells.items()}
 
     def moved(self, nodes: ArrayLike) -> Mesh:
-        """The same mesh with its nodes elsewhere."""
+        """The same mesh with other positions of its nodes."""
         return replace(self, nodes=np.asarray(nodes, dtype=np.float64))
 
 
@@ -117,16 +118,16 @@ def _indices(shape: str, nodes: ArrayLike) -> NDArray[np.int32]:
 
 
 def _check(blocks: Sequence[Block], count: int) -> int:
-    """The order that all blocks have."""
+    """Checks the blocks, and returns the order that all of them have."""
     orders: dict[int, Block] = {}
     for block in blocks:
         if block.nodes.min() < 0 or block.nodes.max() >= count:
             wrong = int(block.nodes.max() if block.nodes.max() >= count else block.nodes.min())
-            raise BadMesh(f"A {block.shape} has the node {wrong}, and nodes are 0 to {count - 1}.")
+            raise BadMesh(f"A {block.shape} has the node {wrong}, but nodes are 0 to {count - 1}.")
         columns = block.nodes.shape[1]
         fitting = [p for p in range(1, MAX_ORDER + 1) if nodes_of(block.shape, p) == columns]
         if not fitting:
-            raise BadMesh(f"There is no {block.shape} of {columns} nodes and an order of 1 to {MAX_ORDER}; "
+            raise BadMesh(f"No {block.shape} of order 1 to {MAX_ORDER} has {columns} nodes; "
                           "cells without inner nodes (serendipity) are not supported.")  # fmt: skip
         if block.shape != "point":
             orders.setdefault(fitting[0], block)
@@ -142,7 +143,7 @@ def _check(blocks: Sequence[Block], count: int) -> int:
 
 
 def to_parts(mesh: Mesh) -> Iterator[bytes]:
-    """The mesh as MeshPart messages, each after its length."""
+    """The mesh as MeshPart messages, each preceded by its length."""
 
     def part(number: int, payload: bytes) -> bytes:
         message = wire.field(number, payload)
@@ -164,7 +165,7 @@ def to_parts(mesh: Mesh) -> Iterator[bytes]:
 
 
 def from_parts(data: bytes) -> Mesh:
-    """What to_parts() made, or the server."""
+    """The mesh of messages that to_parts() or the server made."""
     header = mesh_pb2.MeshHeader()
     coordinates: list[NDArray[np.float64]] = []
     blocks: list[Block] = []

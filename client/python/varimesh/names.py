@@ -1,4 +1,4 @@
-"""Spelling by the rule that the contract states: ENERGY_LINEAR_ELASTIC is "linear-elastic"."""
+"""The spelling of the contract's constants: ENERGY_LINEAR_ELASTIC is "linear-elastic"."""
 from __future__ import annotations
 
 import difflib
@@ -8,12 +8,12 @@ from typing import Any
 
 
 def _prefix(enum: Any) -> str:
-    """Of an enum's descriptor: JobState has JOB_STATE_."""
+    """The prefix of an enum's constants: JOB_STATE_ for JobState."""
     return re.sub(r"(?<=.)([A-Z])", r"_\1", str(enum.name)).upper() + "_"
 
 
 def spelled(enum: Any, number: int) -> str:
-    """The spelling of a value; its number where this package does not know it."""
+    """The spelling of a value, or its number if this package does not know the value."""
     value = enum.values_by_number.get(number)
     if value is None:
         return str(number)
@@ -21,12 +21,12 @@ def spelled(enum: Any, number: int) -> str:
 
 
 def spellings(enum: Any) -> dict[str, int]:
-    """All values but UNSPECIFIED, by their spelling."""
+    """All values except UNSPECIFIED, by their spelling."""
     return {spelled(enum, value.number): value.number for value in enum.values if value.number != 0}
 
 
 def suggestion(word: str, known: Iterable[str]) -> str:
-    """What was probably meant, as the end of a sentence."""
+    """The end of an error's sentence: the word that was probably meant, or all that there are."""
     known = list(known)
     near = difflib.get_close_matches(word, known, 1)
     return f"did you mean '{near[0]}'?" if near else "take one of " + ", ".join(known) + "."

@@ -1,4 +1,4 @@
-"""The options of an optimisation: those of varimesh.v1.Options, under the same names."""
+"""The options of an optimisation, with the names of varimesh.v1.Options."""
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
@@ -15,8 +15,8 @@ from .v1 import optimise_pb2
 
 @dataclass(frozen=True)
 class TargetField:
-    """Sizes, metrics or strains for target="size" and target="strain": one row of `values` for each cell, or vertex, in
-    the mesh's order, or for each of `numbers`. A row is one number, or a symmetric tensor: xx xy yy (xz yz zz)."""
+    """Sizes, metrics or strains for target="size" and target="strain". `values` has one row for each cell, or vertex, in
+    the mesh's order, or for each of `numbers`. A row is one number or a symmetric tensor: xx xy yy (xz yz zz)."""
 
     values: ArrayLike
     per: Literal["cell", "vertex"] = "cell"
@@ -24,7 +24,7 @@ class TargetField:
 
 
 class Options(TypedDict, total=False):
-    """What is not given has the default that docs/options.md lists."""
+    """docs/options.md describes the options and their defaults."""
 
     energy: Literal["hyperelastic", "linear-elastic", "winslow", "distortion"]
     strain: Literal["green-lagrange", "small"]
@@ -32,7 +32,7 @@ class Options(TypedDict, total=False):
     winslow: Literal["true", "paper"]
     constants: Literal["standard", "reference"]
     mu: float
-    lambda_: float  # `lambda` is a word of the language
+    lambda_: float  # `lambda` is a keyword of Python
     kappa: float
     regularisation: Literal["element", "patch"]
     method: Literal["auto", "sweeps", "newton"]
@@ -64,7 +64,7 @@ def _set_target_field(message: Any, field: object) -> None:
         field = TargetField(field)  # type: ignore[arg-type]
     values = np.asarray(field.values, dtype=np.float64)
     if values.ndim not in (1, 2):
-        raise BadOption(f"The target field has {values.ndim} dimensions; give it a row for each cell or vertex.")
+        raise BadOption(f"The target field has {values.ndim} dimensions; give one row for each cell or vertex.")
     message.per = optimise_pb2.PER_VERTEX if field.per == "vertex" else optimise_pb2.PER_CELL
     message.components = 1 if values.ndim == 1 else values.shape[1]
     message.values.extend(values.ravel().tolist())
@@ -77,7 +77,7 @@ def _as_list(value: Any) -> list[Any]:
 
 
 def to_message(options: Mapping[str, Any]) -> optimise_pb2.Options:
-    """The message; BadOption names an option or a value that does not exist. None means the default."""
+    """The options as a message. None means the default. BadOption names an option or a value that does not exist."""
     message = optimise_pb2.Options()
     fields = message.DESCRIPTOR.fields_by_name
     for name, value in options.items():

@@ -1,4 +1,4 @@
-"""How far a job is: one line that changes on a terminal, plain lines elsewhere; on standard error."""
+"""Shows the progress of a job on standard error: one changing line on a terminal, plain lines elsewhere."""
 from __future__ import annotations
 
 import math
@@ -14,7 +14,8 @@ _WIDTH = 16
 
 
 class Progress:
-    """Takes a job's events. Off a terminal it prints at most a line a second, without control characters."""
+    """Takes a job's events and shows them. If the stream is not a terminal, it prints at most one line per second,
+    without control characters."""
 
     def __init__(self, tolerance: float = 1e-6, stream: TextIO | None = None) -> None:
         self._stream = stream or sys.stderr
@@ -42,7 +43,8 @@ class Progress:
         self._stream.flush()
 
     def seconds_left(self) -> float | None:
-        """Where the residual goes on falling as it did lately; None where it does not fall, or too little is known."""
+        """The seconds left if the residual continues to fall as it did lately. None if it does not fall, or if too little
+        is known."""
         if len(self._recent) < 3 or self._tolerance <= 0:
             return None
         (first_time, first), (time_now, now) = self._recent[0], self._recent[-1]
@@ -51,7 +53,7 @@ class Progress:
         return max(0.0, now - math.log10(self._tolerance)) * (time_now - first_time) / (first - now)
 
     def _show(self, now: Iteration) -> None:
-        if now.phase != self._phase:  # each falls at a rate of its own
+        if now.phase != self._phase:  # the residual falls at another rate in each phase
             self._recent.clear()
             self._phase = now.phase
         if now.residual > 0:

@@ -1,4 +1,4 @@
-"""What the server says of a job, as plain data."""
+"""The server's messages about jobs, as plain data."""
 from __future__ import annotations
 
 import datetime
@@ -19,7 +19,7 @@ HISTORY = np.dtype(
 
 @dataclass(frozen=True)
 class Certified:
-    """How many cells are proved valid, proved invalid, or neither."""
+    """The numbers of cells that are proved valid, proved invalid, or neither."""
 
     valid: int
     invalid: int
@@ -29,7 +29,7 @@ class Certified:
 
 @dataclass(frozen=True)
 class Quality:
-    """Of a whole mesh; proto/varimesh/v1/quality.proto says what each is."""
+    """The quality of a whole mesh. proto/varimesh/v1/quality.proto describes the fields."""
 
     min_scaled_jacobian: float
     mean_scaled_jacobian: float
@@ -37,7 +37,7 @@ class Quality:
     invalid_elements: int
     histogram: NDArray[np.int64]
     certified: Certified
-    uncertified: NDArray[np.int64]  # numbers of the cells that are not certified valid; at most 1000
+    uncertified: NDArray[np.int64]  # element numbers of the cells that are not certified valid; at most 1000
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,7 @@ class Unrepairable:
 
 @dataclass(frozen=True)
 class RepairStep:
-    """Something done, or not done, about such elements: split-edge, split-face, straightened or left."""
+    """A step taken, or not taken, about unrepairable elements: split-edge, split-face, straightened or left."""
 
     kind: str
     elements: tuple[int, ...]
@@ -62,7 +62,7 @@ class RepairStep:
 
 @dataclass(frozen=True)
 class Metrics:
-    """What came of a job."""
+    """The result of a job in figures."""
 
     elements: int
     nodes: int
@@ -82,7 +82,7 @@ class Metrics:
 
 @dataclass(frozen=True)
 class Iteration:
-    """What is known after an iteration; proto/varimesh/v1/optimise.proto says what each is."""
+    """What is known after an iteration. proto/varimesh/v1/optimise.proto describes the fields."""
 
     number: int
     phase: str
@@ -99,8 +99,8 @@ class Iteration:
 
 @dataclass(frozen=True)
 class Event:
-    """One thing that happened to a job: one of state, iteration, quality (with stage) and log is there, or none in a
-    bookmark, which only says that the server is alive."""
+    """One thing that happened to a job. One of state, iteration, quality (with stage) and log is set. None is set in a
+    bookmark, which only shows that the server is alive."""
 
     sequence: int
     attempt: int
@@ -115,7 +115,7 @@ class Event:
 
 @dataclass(frozen=True)
 class ServerInfo:
-    """What the server is and takes."""
+    """The server's version, its limits and what it accepts."""
 
     version: str
     threads: int

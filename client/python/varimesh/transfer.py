@@ -1,4 +1,4 @@
-"""Meshes to the server and back, going on where a broken connection stopped."""
+"""Uploads and downloads of meshes. They resume at the place where a connection broke."""
 from __future__ import annotations
 
 import hashlib
@@ -18,7 +18,7 @@ from .errors import ServerUnreachable
 from .v1 import service_pb2, service_pb2_grpc
 
 CHUNK = 256 * 1024
-PIECE = CHUNK // 2  # one is on its way while another is stored
+PIECE = CHUNK // 2  # one piece is on its way while the server stores another
 
 
 class Source(Protocol):
@@ -38,7 +38,7 @@ class BytesSource:
 
 
 class FileSource:
-    """A file; a pipe or a device is read to its end first."""
+    """A file. A pipe or a device is first read to its end."""
 
     def __init__(self, path: str | os.PathLike[str]) -> None:
         self._file: IO[bytes] = open(path, "rb")
@@ -63,8 +63,8 @@ def _chunks(source: Source, offset: int) -> Iterator[tuple[int, bytes]]:
 
 
 class _Sending:
-    """One go at an upload. gRPC's thread takes the requests, and waits where a chunk is under way that the server has
-    not acknowledged: after a cut no more than that has to be sent again."""
+    """One attempt at an upload. gRPC's thread takes the requests. It waits while a chunk is on its way that the server
+    has not acknowledged, so at most that chunk has to be sent again after a break."""
 
     def __init__(self, header: service_pb2.UploadHeader, source: Source) -> None:
         self._header, self._source = header, source
@@ -96,7 +96,7 @@ class _Sending:
 
 
 def upload(connection: Connection, stub: service_pb2_grpc.MeshServiceStub, source: Source) -> str:
-    """Brings a mesh, unless it is there already; its digest."""
+    """Uploads a mesh, unless the server has it already. Returns its digest."""
     stop = Stop.of_this_thread()
     digest, size = hashlib.sha256(), 0
     for _, data in _chunks(source, 0):
@@ -114,7 +114,7 @@ def upload(connection: Connection, stub: service_pb2_grpc.MeshServiceStub, sourc
                 for response in call:
                     if response.HasField("mesh"):
                         return header.digest
-                    # A connection that breaks again and again is worth the full time as long as bytes arrive.
+                    # A connection that breaks again and again gets the full time again as long as bytes arrive.
                     if response.committed_size > committed:
                         patience.reset()
                     committed = response.committed_size
@@ -127,7 +127,7 @@ def upload(connection: Connection, stub: service_pb2_grpc.MeshServiceStub, sourc
 
 def download(connection: Connection, stub: service_pb2_grpc.MeshServiceStub, digest: str,
              take: Callable[[bytes], object]) -> None:  # fmt: skip
-    """Delivers the bytes of a mesh to `take`, in order, and raises where they are not those of the digest."""
+    """Passes the bytes of a mesh to `take`, in order. Raises ServerUnreachable if they do not have the digest."""
     connection.meet()
     patience = Patience(connection, connection.bulk)
     came = hashlib.sha256()
@@ -146,12 +146,12 @@ def download(connection: Connection, stub: service_pb2_grpc.MeshServiceStub, dig
                 error = raised
         patience.again(error)
     if came.hexdigest() != digest:
-        raise ServerUnreachable("The bytes that came are not those of the mesh; fetch it again.", "DIGEST_MISMATCH")
+        raise ServerUnreachable("The bytes received are not those of the mesh; fetch it again.", "DIGEST_MISMATCH")
 
 
 def write_file(path: str | os.PathLike[str], fill: Callable[[Callable[[bytes], object]], None]) -> None:
-    """A file that takes its name only once it is whole; a link stays a link, and a file that is replaced keeps its
-    rights."""
+    """Writes a file that takes its name only when it is complete. A link stays a link, and a file that is replaced keeps
+    its permissions."""
     target = Path(os.path.realpath(path))
     mode = target.stat().st_mode if target.exists() else None
     if mode is not None and not stat.S_ISREG(mode):

@@ -1,4 +1,4 @@
-"""Watching a job, resuming by itself."""
+"""Watches a job, and resumes by itself."""
 from __future__ import annotations
 
 from collections.abc import Iterator
@@ -12,8 +12,8 @@ from .v1 import job_pb2, service_pb2, service_pb2_grpc
 
 def watch(connection: Connection, stub: service_pb2_grpc.JobServiceStub, name: str,
           after: int) -> Iterator[job_pb2.JobEvent]:  # fmt: skip
-    """The events after the number `after`, each once and in order, until the job ends. Iterations may be left out for a
-    slow reader, and the next event says how many were."""
+    """Yields the events after the number `after`, each once and in order, until the job ends. The server may leave out
+    iterations for a slow reader; the next event says how many."""
     connection.meet()
     patience = Patience(connection, connection.control)
     request = service_pb2.WatchJobRequest(name=name, after_sequence=after)
@@ -38,7 +38,7 @@ def watch(connection: Connection, stub: service_pb2_grpc.JobServiceStub, name: s
         if seen == after:
             job = connection.call(stub.GetJob, service_pb2.GetJobRequest(name=name)).job
             if job.last_sequence < after:
-                raise BadOption(f"{name} has no event number {after}: its last is {job.last_sequence}.", "BAD_OPTION")
-        # The server dropped some iterations behind it. From the start on it has every state and all that it still keeps;
-        # what was seen before is passed over.
+                raise BadOption(f"{name} has no event number {after}; its last is {job.last_sequence}.", "BAD_OPTION")
+        # The server no longer keeps some iterations after this event. From the start it delivers every state and all
+        # iterations that it keeps. Events that were seen before are skipped above.
         request.after_sequence = 0

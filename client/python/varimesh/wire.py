@@ -1,5 +1,7 @@
-"""MeshPart messages to and from arrays, without an object a number: protobuf's own containers take seconds for a mesh of a
-million nodes. The layout is that of proto/varimesh/v1/mesh.proto."""
+"""Converts MeshPart messages to and from arrays, without one Python object per number.
+
+protobuf's own containers take seconds for a mesh of a million nodes. The layout is that of proto/varimesh/v1/mesh.proto.
+"""
 from __future__ import annotations
 
 from collections.abc import Iterator
@@ -12,7 +14,7 @@ VARINT, FIXED64, BYTES, FIXED32 = 0, 1, 2, 5
 
 
 def varint(value: int) -> bytes:
-    """One unsigned number."""
+    """One unsigned number as a varint."""
     out = bytearray()
     while value > 0x7F:
         out.append(value & 0x7F | 0x80)
@@ -27,7 +29,7 @@ def field(number: int, payload: bytes) -> bytes:
 
 
 def pack(values: NDArray[Any]) -> bytes:
-    """Numbers of at least 0 as packed varints."""
+    """Non-negative numbers as packed varints."""
     left = np.ascontiguousarray(values, dtype=np.uint64).ravel()
     if left.size == 0:
         return b""
@@ -44,7 +46,7 @@ def pack(values: NDArray[Any]) -> bytes:
 
 
 def unpack(data: bytes) -> NDArray[np.int64]:
-    """Packed varints as numbers of at least 0."""
+    """Packed varints as non-negative numbers."""
     raw = np.frombuffer(data, dtype=np.uint8)
     ends = np.flatnonzero(raw < 0x80)
     if raw.size and (ends.size == 0 or ends[-1] != raw.size - 1):
@@ -59,7 +61,7 @@ def unpack(data: bytes) -> NDArray[np.int64]:
 
 
 def read_varint(data: memoryview, at: int) -> tuple[int, int]:
-    """A number, and where the next byte is."""
+    """A number, and the position of the next byte."""
     value = shift = 0
     while True:
         byte = data[at]
@@ -70,7 +72,7 @@ def read_varint(data: memoryview, at: int) -> tuple[int, int]:
 
 
 def fields(data: memoryview) -> Iterator[tuple[int, int | memoryview]]:
-    """The fields of a message: number and value, or bytes."""
+    """The fields of a message: the number of each, and its value or bytes."""
     at = 0
     while at < len(data):
         key, at = read_varint(data, at)
@@ -91,7 +93,7 @@ def fields(data: memoryview) -> Iterator[tuple[int, int | memoryview]]:
 
 
 def messages(data: memoryview) -> Iterator[memoryview]:
-    """Messages that follow each other, each after its length."""
+    """Consecutive messages, each preceded by its length."""
     at = 0
     while at < len(data):
         size, at = read_varint(data, at)

@@ -1,25 +1,26 @@
 // Prints how the free nodes of a mesh are coloured, by node and by group, as one JSON document:
 //   paper_colouring MESH
-// For tests/bench/paper. A sweep goes through the colours one after another; what one colour has is shared by threads.
+// tests/bench/paper uses it. A sweep goes through the colours one after another; the threads share the work of one
+// colour.
 #include <algorithm>
 #include <cstdio>
 #include <string>
 #include <vector>
 
 #include "core/formats/formats.h"
-#include "core/optimise/cells.h"
-#include "core/optimise/fixing.h"
-#include "core/optimise/schedule.h"
+#include "core/problem/fixed_nodes.h"
+#include "core/problem/problem.h"
+#include "core/sweeps/schedule.h"
 
 namespace {
 
 using namespace varimesh;
 
-/// The free nodes of the cell that has most of them: no two of them can have one colour, so by node there are at least
-/// as many colours.
+/// The largest number of free nodes in a cell. No two of them can have the same colour, so the colouring by node has at
+/// least this many colours.
 int most_free_nodes_of_a_cell(const Problem& problem) {
   std::vector<int> counts(problem.cells, 0);
-  for (const Incidence& at : problem.incidences) ++counts[problem.blocks[at.block].first + at.cell];
+  for (const Incidence& at : problem.incidences) ++counts[problem.sets[at.set].first + at.cell];
   return counts.empty() ? 0 : *std::max_element(counts.begin(), counts.end());
 }
 
@@ -29,7 +30,7 @@ void print_counts(const char* name, const std::vector<int>& counts) {
   std::printf("]");
 }
 
-/// Colour by colour, how many groups may be worked on at the same time, and how many nodes these have.
+/// Prints for each colour how many groups can be worked on at the same time, and how many nodes they have.
 void print_colouring(const char* name, const Schedule& schedule) {
   std::vector<int> groups, nodes;
   for (std::size_t colour = 0; colour < schedule.colour_count(); ++colour) {

@@ -1,4 +1,4 @@
-"""The paper's figures, one function each: it yields Markdown, and writes its pictures and histories to Bench.out."""
+"""The paper's figures, one function per figure. It yields Markdown, and writes pictures and histories to Bench.out."""
 import os
 
 import pictures
@@ -10,7 +10,7 @@ DISTORTION = ("distortion", ("--energy", "distortion"))
 WINSLOW = ("Winslow", ("--energy", "winslow"))
 PLANE = (HYPERELASTIC, LINEAR, DISTORTION, WINSLOW)
 SMALL = ("linear elastic, small strain", ("--energy", "linear-elastic", "--strain", "small"))
-PRINTED = ("Winslow, the paper's", ("--energy", "winslow", "--winslow", "paper"))  # |F|²/J in 3-D too
+PRINTED = ("Winslow, the paper's", ("--energy", "winslow", "--winslow", "paper"))  # |F|²/J also in 3-D
 SPATIAL = (HYPERELASTIC, LINEAR, SMALL, DISTORTION, PRINTED, ("Winslow, the true one", WINSLOW[1]))
 
 
@@ -28,10 +28,10 @@ def known(number):
 
 
 def colouring(bench):
-    """Fig. 3, left: how many colours, and how many nodes a colour, by node and by group"""
-    rows = [("mesh", "free nodes", "most in an element", "by node: colours", "nodes a colour: most, median, least",
-             "colours with under 1 % of the nodes", "by group: colours", "by group: groups a colour",
-             "by group: nodes a colour")]
+    """Fig. 3, left: the number of colours and the nodes per colour, by node and by group"""
+    rows = [("mesh", "free nodes", "most per element", "by node: colours", "nodes per colour: most, median, least",
+             "colours with under 1 % of the nodes", "by group: colours", "by group: groups per colour",
+             "by group: nodes per colour")]
     for name in ("naca524_p5", "circ10k_p5", "sph276_p5", "sph10k_p4"):
         colours = bench.colours(bench.mesh(name))
         node, group = colours["node"], colours["group"]
@@ -48,19 +48,19 @@ def scaling(bench):
     """Fig. 3, right: ten sweeps of the sphere of 10,472 tetrahedra on one core and on all"""
     mesh, most = bench.mesh("sph10k_p4"), os.cpu_count()
     counts = sorted({min(2 ** power, most) for power in range(most.bit_length() + 1)})
-    rows = [("colouring", "threads", "ten sweeps", "speed-up", "so many runs of one thread at once do", "of that",
-             "processor seconds")]
+    rows = [("colouring", "threads", "ten sweeps", "speed-up", "rate of that many one-thread runs at once",
+             "share of that", "processor seconds")]
     for colouring in ("node", "group"):
         options = (*SWEEPS, "--colouring", colouring, "--max-iterations", 10, "--tolerance", 1e-15)
         seconds, together, processor = {}, {}, {}
         least = lambda table, threads, value: table.update({threads: min(table.get(threads, value), value)})
-        for _ in range(1 if bench.short else 3):  # in turns, so that all meet the machine as busy; the best counts
+        for _ in range(1 if bench.short else 3):  # in turns, so that other work disturbs all alike; the best counts
             for threads in counts:
                 run = bench.optimise(mesh, "fig3", *options, threads=threads)
-                least(seconds, threads, 10 * run.seconds_of_a_sweep)
+                least(seconds, threads, 10 * run.seconds_per_sweep)
                 least(processor, threads, run.processor_seconds)
                 several = [bench.start(mesh, f"fig3_{i}", (*options, "--threads", 1)) for i in range(threads)]
-                least(together, threads, max(10 * take().seconds_of_a_sweep for take in several))
+                least(together, threads, max(10 * take().seconds_per_sweep for take in several))
         for threads in counts:
             rate = threads * min(seconds[1], together[1]) / together[threads]
             speedup = seconds[1] / seconds[threads]
@@ -71,12 +71,12 @@ def scaling(bench):
 
 def convergence_rows(runs):
     yield ("energy", "sweeps to a residual of 1e-4", "1e-6", "1e-8", "all valid after sweep", "sweeps",
-           "residual at the end", "sweeps a decade at the end", "min Js", "mean Js", "processor seconds")
+           "residual at the end", "sweeps per decade at the end", "min Js", "mean Js", "processor seconds")
     for name, run in runs:
         after = run.document["after"]
         yield (name, *(known(run.sweeps_to(residual)) for residual in (1e-4, 1e-6, 1e-8)),
                known(run.first(lambda line: line["invalid_elements"] == 0)), run.document["iterations"],
-               f"{run.document['residual']:.1e}", f"{run.sweeps_a_decade:.0f}",
+               f"{run.document['residual']:.1e}", f"{run.sweeps_per_decade:.0f}",
                f"{after['min_scaled_jacobian']:.4f}", f"{after['mean_scaled_jacobian']:.4f}",
                f"{run.processor_seconds:.3g}")
 
@@ -89,13 +89,13 @@ def start_row(run):
 
 
 def by_energies(bench, figure, mesh, energies, sweeps):
-    """A run of the paper's method for each energy."""
+    """Runs the paper's method with each energy."""
     return [(name, bench.by_the_paper(bench.mesh(mesh), f"{figure}_{i}", sweeps, *options))
             for i, (name, options) in enumerate(energies)]
 
 
 def plane_mesh(bench, mesh, name):
-    """A mesh to draw, and the numbers of its invalid elements."""
+    """The mesh in a form that can be drawn, and the numbers of its invalid elements."""
     out = bench.out / f"{name}_drawn.msh"
     bench.convert(mesh, out)
     return pictures.PlaneMesh(out), {element["number"] for element in bench.quality(mesh)["invalid"]}
@@ -108,8 +108,8 @@ def aerofoil(bench):
     yield table(*convergence_rows(runs))
     long = by_energies(bench, "fig4_long", "naca524_p5", (HYPERELASTIC, DISTORTION), 15000)
     levels = (1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9)
-    yield table(("energy, for longer", *(f"sweeps to {level:.0e}" for level in levels), "sweeps a decade at the end"),
-                *((name, *(known(run.sweeps_to(level)) for level in levels), f"{run.sweeps_a_decade:.0f}")
+    yield table(("energy, for longer", *(f"sweeps to {level:.0e}" for level in levels), "sweeps per decade at the end"),
+                *((name, *(known(run.sweeps_to(level)) for level in levels), f"{run.sweeps_per_decade:.0f}")
                   for name, run in long))
     panels = [(words, *plane_mesh(bench, mesh, f"fig4_{i}")) for i, (words, mesh) in enumerate(
         (("before", bench.mesh("naca524_p5")), ("hyperelastic, 1,000 sweeps", runs[0][1].mesh)))]
@@ -125,7 +125,7 @@ def circle(bench):
 
 
 def nine_triangles(bench):
-    """Fig. 6: nine triangles, two of them inside out, untangled by each energy"""
+    """Fig. 6: nine triangles, two of them inverted, untangled by each energy"""
     runs = by_energies(bench, "fig6", "nine_triangles", PLANE, 1000)
     yield start_row(runs[0][1])
     yield table(*convergence_rows(runs))
@@ -150,8 +150,9 @@ def sphere(bench):
 
 
 def stiffness(bench):
-    """Why Figs 4 to 8 end as they do: how stiff an energy is against a change of volume, beside a change of shape"""
-    # At F = 1, the second derivative for a displacement along the direction in which it varies, over that across it.
+    """The explanation of Figs 4 to 8: how stiff an energy is against changes of volume, compared with changes of shape"""
+    # The ratio at F = 1 of the second derivative for a displacement along the direction in which it varies to that for a
+    # displacement across this direction.
     mu = 1 / 2.8
     softer, stiffer = ([(f"{ratio:.2f}", f"hyperelastic, λ = {ratio - 2:.3g} μ",
                          (*HYPERELASTIC[1], "--mu", mu, "--lambda", mu * (ratio - 2)), True) for ratio in ratios]
@@ -175,7 +176,7 @@ def stiffness(bench):
 
 
 def reference(bench):
-    """Beside the reference implementation's own tests: its aerofoil and its sphere at order 3, to a residual of 1e-9"""
+    """The tests of the reference implementation: its aerofoil and its sphere at order 3, to a residual of 1e-9"""
     rows = [("energy", "aerofoil: min Js", "sphere: min Js", "sphere: mean Js")]
     for name, options in SPATIAL:
         plane, space = (bench.optimise(bench.mesh(mesh), mesh, "--constants", "reference", "--order", 3,
@@ -187,16 +188,16 @@ def reference(bench):
 
 
 def aircraft(bench):
-    """Fig. 9: the DLR-F6, elements under a scaled Jacobian of 0.5 before and after"""
+    """Fig. 9: the DLR-F6, elements with a scaled Jacobian below 0.5 before and after"""
     mesh = bench.mesh("dlrf6_p4")
     rows = [("", "iterations", "processor seconds", "Js < 0.5", "invalid", "not certified valid",
-             "of these beyond repair", "min Js", "mean Js")]
+             "of these unrepairable", "min Js", "mean Js")]
 
     def row(what, run, quality):
         done = (run.document["iterations"], f"{run.processor_seconds:.3g}") if run else (0, "")
         certified = quality["certified"]
         return (what, *done, elements_below(quality, 0.5), quality["invalid_elements"],
-                certified["invalid"] + certified["undecided"], len(quality["beyond_repair"]),
+                certified["invalid"] + certified["undecided"], len(quality["unrepairable"]),
                 f"{quality['min_scaled_jacobian']:.3f}", f"{quality['mean_scaled_jacobian']:.4f}")
 
     own = lambda name, *options: bench.optimise(mesh, name, "--constants", "reference", *options)

@@ -1,5 +1,5 @@
-"""tests/bench/paper in its short form: each figure's command works, and what comes out are numbers that fit together.
-Run by ctest with VARIMESH_BUILD and VARIMESH_SOURCE_DIR in the environment."""
+"""Tests tests/bench/paper in its short form: the command of each figure works, and its numbers are consistent.
+ctest runs this with VARIMESH_BUILD and VARIMESH_SOURCE_DIR in the environment."""
 import json
 import os
 import subprocess
@@ -13,13 +13,13 @@ PLANE = ["hyperelastic", "linear elastic", "distortion", "Winslow"]
 
 
 def run(*arguments):
-    # The short form must not need the meshes that do not come with the project.
+    # The short form must work without the meshes that are not part of the project.
     return subprocess.run([SOURCE / "tests" / "bench" / "paper", *map(str, arguments)], capture_output=True, text=True,
                           timeout=500, env=os.environ | {"VARIMESH_CASES": "/nowhere"})
 
 
 def tables(text):
-    """Each table as a list of rows, each of them a dictionary by the words over the columns."""
+    """Each table as a list of rows; each row is a dictionary from the titles of the columns."""
     found, head = [], None
     for line in text.splitlines():
         cells = [cell.strip() for cell in line.split("|")[1:-1]]
@@ -52,7 +52,7 @@ class Paper(unittest.TestCase):
         return [element for element in self.picture(name) if element.tag.endswith("polyline")]
 
     def check_ends(self, rows):
-        """Both elasticities end above the distortion energy, and every energy above the start."""
+        """Both elastic energies end above the distortion energy, and every energy ends with a valid mesh."""
         ends = {row["energy"]: float(row["min Js"]) for row in rows}
         self.assertGreater(min(ends.values()), 0)
         self.assertGreater(min(ends["hyperelastic"], ends["linear elastic"]), ends["distortion"])
@@ -62,9 +62,9 @@ class Paper(unittest.TestCase):
 class Colouring(Paper):
     def test_counts_every_node_once(self):
         for row in self.figure("fig3-left")[0]:
-            self.assertEqual(sum(map(int, row["by group: nodes a colour"].split(", "))), int(row["free nodes"]))
-            self.assertGreaterEqual(int(row["by node: colours"]), int(row["most in an element"]))
-            self.assertEqual(len(row["by group: groups a colour"].split(", ")), int(row["by group: colours"]))
+            self.assertEqual(sum(map(int, row["by group: nodes per colour"].split(", "))), int(row["free nodes"]))
+            self.assertGreaterEqual(int(row["by node: colours"]), int(row["most per element"]))
+            self.assertEqual(len(row["by group: groups per colour"].split(", ")), int(row["by group: colours"]))
         program = BUILD / "tests" / "bench" / "figures" / "paper_colouring"
         colours = json.loads(subprocess.check_output([program, SOURCE / "tests" / "cases" / "nine_triangles.msh"]))
         self.assertEqual(colours["node"]["groups"], colours["node"]["nodes"])
@@ -88,7 +88,7 @@ class Convergence(Paper):
             rows = self.figure(figure)[0]
             self.assertEqual([row["energy"] for row in rows], PLANE)
             ends = self.check_ends(rows)
-            self.assertEqual(ends["distortion"], ends["Winslow"])  # in the plane they differ by a factor alone
+            self.assertEqual(ends["distortion"], ends["Winslow"])  # in the plane they differ only by a factor
             self.assertTrue(all(row["sweeps"] == "30" for row in rows))
         self.assertEqual(len(self.lines("fig5")), 2 * len(PLANE))
 

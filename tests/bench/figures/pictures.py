@@ -1,9 +1,9 @@
-"""Small SVG pictures: curves by sweep, histograms, and plane meshes with their truly curved edges."""
+"""Small SVG pictures: curves by sweep, histograms, and plane meshes with curved edges."""
 import math
 from html import escape
 
-COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")  # told apart by the colour-blind too
-DASHES = ("none", "8 6", "2 8", "none", "8 6", "none")  # those that lie on each other are seen both
+COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")  # colour-blind people can tell them apart
+DASHES = ("none", "8 6", "2 8", "none", "8 6", "none")  # curves that lie on each other can both be seen
 TEXT = 'font-family="sans-serif" font-size="12" fill="#222"'
 
 
@@ -17,7 +17,7 @@ def text(x, y, words, anchor="middle", more=""):
 
 
 def thinned(points, place):
-    """Those of the points that are two units apart, and the last: more cannot be seen. `place` gives theirs."""
+    """The points that are at least two units apart, and the last point. `place` maps the first coordinate to units."""
     kept = points[:1]
     for point in points:
         if place(point[0]) >= place(kept[-1][0]) + 2 or point is points[-1]:
@@ -26,14 +26,14 @@ def thinned(points, place):
 
 
 def ticks(low, high):
-    """Round numbers between the two, about five."""
+    """About five round numbers between `low` and `high`."""
     step = 10 ** math.floor(math.log10(high - low))
     step = next(step * part for part in (1, .5, .2, .1) if (high - low) / (step * part) >= 4)
     return [round(i * step, 9) for i in range(math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9) + 1)]
 
 
 def axis_of_sweeps(x0, width, last, logarithmic):
-    """Where a sweep is, and the marks."""
+    """A function from a sweep to its place on the axis, and the marks of the axis."""
     if logarithmic:
         decades = max(math.log10(last), 1e-6)
         return (lambda sweep: x0 + width * math.log10(sweep) / decades,
@@ -42,9 +42,9 @@ def axis_of_sweeps(x0, width, last, logarithmic):
 
 
 def axis_of_values(y0, height, values, logarithmic):
-    """Where a value is, and the marks with their words."""
+    """A function from a value to its place on the axis, and the marks of the axis with their labels."""
     low, high = min(values), max(values)
-    if logarithmic:  # a residual of 0 is never seen: the tolerance is above it
+    if logarithmic:  # a residual is never 0, because the tolerance is above it
         low, high = math.floor(math.log10(low)), math.ceil(math.log10(high))
         marks = [(10.0 ** power, f"1e{power}" if power else "1") for power in range(low, high + 1)]
         marks = marks[::max(1, len(marks) // 6)]
@@ -56,7 +56,7 @@ def axis_of_values(y0, height, values, logarithmic):
 
 
 def panel(x0, y0, width, height, title, curves, logarithmic_sweeps, logarithmic_values):
-    """Curves over the number of sweeps: lists of (sweep, value)."""
+    """A panel of curves over the number of sweeps; each curve is a list of (sweep, value)."""
     across, sweeps = axis_of_sweeps(x0, width, max(curve[-1][0] for curve in curves), logarithmic_sweeps)
     up, values = axis_of_values(y0, height, [value for curve in curves for _, value in curve], logarithmic_values)
     parts = [text(x0 + width / 2, y0 - 10, title), text(x0 + width / 2, y0 + height + 34, "sweep")]
@@ -74,7 +74,7 @@ def panel(x0, y0, width, height, title, curves, logarithmic_sweeps, logarithmic_
 
 
 def legend(x, y, names):
-    """Three names a row."""
+    """A legend with three names per row."""
     parts = []
     for i, (colour, dash, name) in enumerate(zip(COLOURS, DASHES, names)):
         left, line = x + i % 3 * 270, y + i // 3 * 20
@@ -84,7 +84,7 @@ def legend(x, y, names):
 
 
 def convergence(path, runs):
-    """Residual and smallest scaled Jacobian by sweep; `runs` are pairs of a name and a Run."""
+    """Draws residual and smallest scaled Jacobian by sweep; `runs` are pairs of a name and a Run."""
     column = lambda name: [[(line["iteration"], line[name]) for line in run.history] for _, run in runs]
     path.write_text(document(900, 320 + 20 * ((len(runs) + 2) // 3), [
         *panel(60, 40, 370, 230, "residual", column("residual"), False, True),
@@ -94,7 +94,7 @@ def convergence(path, runs):
 
 
 def histograms(path, bins):
-    """Elements by scaled Jacobian, two bins a bar; `bins` are pairs of a name and the counts of 50 bins of [0, 1]."""
+    """Draws elements by scaled Jacobian, two bins per bar; `bins` are pairs of a name and the counts of 50 bins of [0, 1]."""
     width, height, gap = 260, 150, 40
     parts = []
     bars = [[first + second for first, second in zip(counts[::2], counts[1::2])] for _, counts in bins]
@@ -115,9 +115,9 @@ def histograms(path, bins):
 
 
 class PlaneMesh:
-    """Triangles of an MSH 2.2 file in ASCII, with the nodes of their edges."""
+    """The triangles of an MSH 2.2 file in ASCII, with the nodes of their edges."""
 
-    TYPES = {2: 1, 9: 2, 21: 3, 23: 4, 25: 5}  # gmsh's number of the element: its order
+    TYPES = {2: 1, 9: 2, 21: 3, 23: 4, 25: 5}  # from gmsh's number of the element type to its order
 
     def __init__(self, path):
         lines = iter(path.read_text().splitlines())
@@ -135,12 +135,12 @@ class PlaneMesh:
 
     @staticmethod
     def edges(nodes, order):
-        """The three edges' nodes from end to end: gmsh has vertices first, then what is inside each edge."""
+        """The nodes of the three edges from end to end. Gmsh lists the vertices first, then the inner nodes of each edge."""
         inside = order - 1
         return [(nodes[i], *nodes[3 + i * inside:3 + (i + 1) * inside], nodes[(i + 1) % 3]) for i in range(3)]
 
     def curve(self, edge, pieces=8):
-        """Points on the edge, of which the nodes are equispaced in the parameter; two where it is straight."""
+        """Points on the edge, whose nodes are equispaced in the parameter. Only its two ends if the edge is straight."""
         nodes = [self.nodes[number] for number in edge]
         order = len(nodes) - 1
         (ax, ay), (bx, by) = nodes[0], nodes[-1]
@@ -156,7 +156,7 @@ class PlaneMesh:
 
 
 def mesh_panel(x0, y0, width, height, title, mesh, window, marked=()):
-    """The part of a plane mesh that lies in window = (left, bottom, right, top); elements in `marked` are filled."""
+    """The part of a plane mesh inside window = (left, bottom, right, top); the elements in `marked` are filled."""
     left, bottom, right, top = window
     scale = min(width / (right - left), height / (top - bottom))
     place = lambda x, y: f"{(x - left) * scale:.1f},{(top - y) * scale:.1f}"
@@ -181,7 +181,7 @@ def mesh_panel(x0, y0, width, height, title, mesh, window, marked=()):
 
 
 def meshes(path, panels, window, width=280):
-    """`panels` are (title, PlaneMesh, marked elements), side by side, three a row."""
+    """Draws `panels`, which are (title, PlaneMesh, marked elements), side by side, three per row."""
     height = round(width * (window[3] - window[1]) / (window[2] - window[0]))
     parts = []
     for i, (title, mesh, marked) in enumerate(panels):

@@ -1,4 +1,4 @@
-"""The runs behind the paper's figures: which meshes, which options, and what came of it."""
+"""The runs behind the paper's figures: their meshes, options and results."""
 import csv
 import json
 import math
@@ -11,52 +11,52 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[3]
 
-# The paper's method, with the constants of its implementation.
+# The paper's method, with the constants of the paper's implementation.
 SWEEPS = ("--constants", "reference", "--method", "sweeps", "--active-set", "off")
 PAPER = (*SWEEPS, "--colouring", "node")
 
-# With --short these of tests/cases stand for the meshes that the figures are of.
+# With --short, these meshes of tests/cases replace those of the figures.
 STAND_INS = {"naca524_p5": "aerofoil_p4", "reference_naca524_p3": "aerofoil_p4", "circ10k_p5": "circle_p5",
              "sph276_p5": "sphere_p3", "sph10k_p4": "sphere_p3", "reference_sphere276_p4": "sphere_p3",
              "dlrf6_p4": "sphere_p3"}
 
-NOT_CERTIFIED = 4  # the command's exit status where it did its work and some elements are not certified valid
+NOT_CERTIFIED = 4  # the command's exit status if the result is written and some elements are not certified valid
 
 
 class Trouble(Exception):
-    """Something to tell the user in a sentence."""
+    """An error that is reported to the user in a sentence."""
 
 
 @dataclass
 class Run:
-    """What one optimisation left."""
+    """The result of one optimisation."""
     document: dict  # what --json printed
-    history: list   # a dictionary of numbers an iteration
+    history: list   # one dictionary of numbers per iteration
     mesh: Path      # the result
-    processor_seconds: float = 0  # of the whole command; 0 where several ran at once
+    processor_seconds: float = 0  # of the whole command; 0 if several ran at the same time
 
     @property
     def min_js(self):
         return self.document["after"]["min_scaled_jacobian"]
 
     def first(self, condition):
-        """The number of the first iteration that fulfils it, or None."""
+        """The number of the first iteration that fulfils the condition, or None."""
         return next((int(line["iteration"]) for line in self.history if condition(line)), None)
 
     def sweeps_to(self, residual):
         return self.first(lambda line: line["residual"] <= residual)
 
     @property
-    def sweeps_a_decade(self):
-        """How many sweeps it took to lower the residual to a tenth, over the second half of those above rounding."""
+    def sweeps_per_decade(self):
+        """How many sweeps lower the residual to a tenth, over the second half of the sweeps whose residual is above rounding."""
         residuals = [line["residual"] for line in self.history if line["residual"] > 1e-13]
         half = len(residuals) // 2
         decades = math.log10(residuals[half] / residuals[-1])
         return (len(residuals) - 1 - half) / decades if decades > 0 else math.inf
 
     @property
-    def seconds_of_a_sweep(self):
-        """The median of all but the first."""
+    def seconds_per_sweep(self):
+        """The median over all sweeps except the first."""
         times = [line["seconds"] for line in self.history]
         steps = sorted(after - before for before, after in zip(times, times[1:]))
         return steps[len(steps) // 2]
@@ -67,7 +67,7 @@ def start(*command):
 
 
 def finish(process):
-    """What it printed."""
+    """Waits for the process, and returns what it printed."""
     output, errors = process.communicate()
     if process.returncode not in (0, NOT_CERTIFIED):
         raise Trouble(f"{' '.join(map(str, process.args))} ended with status {process.returncode}: {errors.strip()}")
@@ -75,31 +75,31 @@ def finish(process):
 
 
 class Bench:
-    """Where things are. `short` asks for seconds in place of minutes."""
+    """Finds programs and meshes, and runs the programs. With `short` a figure takes seconds instead of minutes."""
 
     def __init__(self, build, out, short):
         self.varimesh = build.absolute() / "client" / "varimesh"
         self.colouring = build.absolute() / "tests" / "bench" / "figures" / "paper_colouring"
         for program in (self.varimesh, self.colouring):
             if not program.exists():
-                raise Trouble(f"there is no {program}; leave --build out, and it is built in build/release")
+                raise Trouble(f"there is no {program}; without --build it is built in build/release")
         self.cases = Path(os.environ.get("VARIMESH_CASES", ROOT.parent / "shared" / "cases")).absolute()
         self.out, self.short = out.absolute(), short
         self.out.mkdir(parents=True, exist_ok=True)
 
     def mesh(self, name):
-        """The path of a mesh, which is made first where it has to be."""
+        """The path of a mesh. If it does not exist, generate.py makes it first."""
         ours = ROOT / "tests" / "cases" / f"{STAND_INS.get(name, name) if self.short else name}.msh"
         if ours.exists():
             return ours
         made = self.out / "meshes"
-        for folder in (self.cases / "meshes", made):  # "b" is for binary
+        for folder in (self.cases / "meshes", made):  # "b" stands for binary
             for version in ("", ".41b", ".22b"):
                 if (folder / f"{name}{version}.msh").exists():
                     return folder / f"{name}{version}.msh"
         script = self.cases / "generate.py"
         if not script.exists():
-            raise Trouble(f"{name}: there is no {script}; set VARIMESH_CASES to the folder of the cases")
+            raise Trouble(f"{name}: there is no {script}; set VARIMESH_CASES to the folder that contains it")
         print(f"making {name}", file=sys.stderr)
         part = self.out / f"{name}.part"
         part.mkdir(exist_ok=True)
@@ -116,7 +116,7 @@ class Bench:
         return min(number, 30) if self.short else number
 
     def start(self, mesh, name, options):
-        """Starts an optimisation; `name` is that of its files."""
+        """Starts an optimisation, whose files get `name`. Returns a function that waits for the Run."""
         out, history = self.out / f"{name}.msh", self.out / f"{name}.csv"
         process = start(self.varimesh, "optimise", mesh, "-o", out, "--history", history, "--json", "--quiet",
                         *map(str, options))
@@ -136,16 +136,16 @@ class Bench:
         return run
 
     def by_the_paper(self, mesh, name, sweeps, *options):
-        """So many sweeps of the paper's method, whatever the residual."""
+        """Runs this many sweeps of the paper's method, whatever the residual."""
         return self.optimise(mesh, name, *PAPER, *options, "--max-iterations", self.sweeps(sweeps),
                              "--tolerance", 1e-15)
 
     def quality(self, mesh):
-        """What the command says, and which of the elements not certified valid no movement of nodes can repair."""
+        """What `varimesh quality` says, and which of the elements that are not certified valid are unrepairable."""
         document = json.loads(finish(start(self.varimesh, "quality", mesh, "--diagnose", "--json")))
-        named = {element for group in document["unrepairable"] for element in group["elements"]}
+        unrepairable = {element for group in document["unrepairable"] for element in group["elements"]}
         quality = document["quality"]
-        quality["beyond_repair"] = sorted(named & {element["number"] for element in quality["uncertified"]})
+        quality["unrepairable"] = sorted(unrepairable & {element["number"] for element in quality["uncertified"]})
         return quality
 
     def convert(self, mesh, out):
@@ -156,6 +156,6 @@ class Bench:
 
 
 def elements_below(quality, js):
-    """How many elements have a scaled Jacobian below `js`, the invalid ones among them; `js` is a bin's edge."""
+    """How many elements have a scaled Jacobian below `js`, including the invalid ones; `js` is the edge of a bin."""
     bins = round(js * len(quality["histogram"]))
     return quality["invalid_elements"] + sum(quality["histogram"][:bins])

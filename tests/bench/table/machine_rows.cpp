@@ -1,4 +1,4 @@
-// The kernels by themselves, threads against one, and one instruction set against another.
+// Rows for the kernels by themselves, for several threads against one, and for one instruction set against another.
 #include <hwy/targets.h>
 
 #include <algorithm>
@@ -10,12 +10,12 @@
 #include "tests/bench/core/optimise/loads.h"
 #include "tests/bench/measure_yardstick.h"
 #include "tests/bench/table/table.h"
-#include "tests/core/optimise/meshes.h"
+#include "tests/core/support/meshes.h"
 
 namespace varimesh::bench {
 namespace {
 
-/// Processor time, which is little disturbed by what else runs.
+/// Processor time of a call, which other programs disturb little.
 template <class Call>
 double seconds_of(const Call& call) {
   const double start = processor_seconds();
@@ -23,7 +23,7 @@ double seconds_of(const Call& call) {
   return processor_seconds() - start;
 }
 
-/// Seconds of one call, the best of ten batches of calls that last a while.
+/// Seconds per call, from the best of ten batches of at least 0.05 s.
 template <class Call>
 double best_seconds(const Call& call) {
   double best = 1e300;
@@ -49,7 +49,7 @@ HighOrderMesh cached_mesh() {
 
 // === Kernels ===
 
-void say_share(double flops, const Conditions& conditions, double seconds, Line& line) {
+void add_share(double flops, const Conditions& conditions, double seconds, Line& line) {
   line.quality = text("%.1f GFLOP/s, %.0f %% of the yardstick", flops / seconds * 1e-9,
                       100 * flops / seconds * 1e-9 / conditions.yardstick);
   line.disturbed = conditions.disturbed();
@@ -69,16 +69,16 @@ void product(Bench& bench, Line line, double most, const HighOrderMesh& mesh) {
   const double normalised = conditions.normalised(seconds) / cells * 1e6;
   line.measured = text("%.3f us", seconds / cells * 1e6);
   line.normalised = text("%.3f us", normalised);
-  say_share((*measured)[2], conditions, seconds, line);
+  add_share((*measured)[2], conditions, seconds, line);
   if (!(normalised <= most)) line.missed.emplace_back("time");
   bench.table.add(line);
 }
 
 void products(Bench& bench) {
-  product(bench, {"a product, P4 tetrahedra from cache", "", "", "0.35 us an element", {}, "", "prototype 0.34"}, 0.35,
+  product(bench, {"a product, P4 tetrahedra from cache", "", "", "0.35 us per element", {}, "", "prototype 0.34"}, 0.35,
           cached_mesh());
   if (bench.small) return;
-  const Line line{"a product, sph10k_p4", "", "", "0.6 us an element", {}, "", "prototype 0.57"};
+  const Line line{"a product, sph10k_p4", "", "", "0.6 us per element", {}, "", "prototype 0.57"};
   const auto mesh = bench.runner.meshes().load("sph10k_p4");
   if (!mesh) return bench.table.fail(line.what, mesh.error());
   product(bench, line, 0.6, *mesh);
@@ -86,7 +86,7 @@ void products(Bench& bench) {
 
 constexpr int kSweeps = 10;
 
-/// The second sweep from where the mesh started: the first moves nodes far, and late ones find nothing left to do.
+/// Measures the second sweep from the initial mesh. The first sweep moves nodes far, and later ones find little to do.
 void sweep_kernel(Bench& bench, const std::string& what, const HighOrderMesh& mesh) {
   Line line{what};
   Conditions conditions;
@@ -106,15 +106,15 @@ void sweep_kernel(Bench& bench, const std::string& what, const HighOrderMesh& me
   const double seconds = (*measured)[0], points = (*measured)[1];
   line.measured = text("%.2f ns", seconds / points * 1e9);
   line.normalised = text("%.2f ns", conditions.normalised(seconds) / points * 1e9);
-  say_share(points * flops_per_point(mesh.dimension), conditions, seconds, line);
+  add_share(points * flops_per_point(mesh.dimension), conditions, seconds, line);
   bench.table.add(line);
 }
 
 void sweep_kernels(Bench& bench) {
-  sweep_kernel(bench, "a point and visit, P4 tetrahedra, cache", cached_mesh());
+  sweep_kernel(bench, "one point in one visit, P4 tetrahedra, cache", cached_mesh());
   if (bench.small) return;
   for (const char* name : {"sph10k_p4", "circ10k_p5"}) {
-    const std::string what = std::string("a point and visit, ") + name;
+    const std::string what = std::string("one point in one visit, ") + name;
     const auto mesh = bench.runner.meshes().load(name);
     if (!mesh)
       bench.table.fail(what, mesh.error());
@@ -123,7 +123,7 @@ void sweep_kernels(Bench& bench) {
   }
 }
 
-/// a = b + s c over arrays that no cache holds.
+/// a = b + s c over arrays that do not fit into a cache.
 void memory(Bench& bench) {
   Line line{"memory, a = b + s c, one thread"};
   Conditions conditions;
@@ -156,7 +156,7 @@ Run some_iterations(const std::string& mesh, Method method, int threads) {
   return run;
 }
 
-/// How many times one thread's work so many yardsticks at once do.
+/// How many times as much work `count` yardsticks do at the same time as one does alone.
 double yardstick_ratio(int count) {
   const double alone = yardstick().wall;
   double together = 0;
@@ -182,7 +182,7 @@ void threads_against_one(Bench& bench, const std::string& mesh, int threads, dou
       ratios.push_back(seconds(*one) / seconds(*more));
       busy.push_back(std::max(one->conditions.busy_cores, more->conditions.busy_cores));
     }
-    // Threads that wait for a processor say nothing of how well the work divides.
+    // If threads wait for a processor, the ratio does not show how well the work is divided.
     line.disturbed = Conditions{0, median(busy)}.disturbed();
     line.judged = !line.disturbed;
     const double ratio = median(ratios);
@@ -207,7 +207,7 @@ void threads(Bench& bench) {
 
 // === Instruction sets ===
 
-/// The largest difference of coordinates over the diagonal of the bounding box.
+/// The largest difference of coordinates, divided by the diagonal of the bounding box.
 double distance(const std::vector<double>& a, const std::vector<double>& b) {
   std::array<double, 3> low{}, high{};
   double largest = 0;
@@ -219,7 +219,7 @@ double distance(const std::vector<double>& a, const std::vector<double>& b) {
   return largest / std::hypot(high[0] - low[0], high[1] - low[1], high[2] - low[2]);
 }
 
-/// The run with AVX2 at the most, and as it is, in this order; the worse conditions of the two.
+/// Measures the run with at most AVX2 into `narrow`, and unrestricted into `wide`. False if a run failed.
 bool both(Bench& bench, const std::string& what, Run run, Measured& narrow, Measured& wide) {
   if (!bench.measure(what, run, wide)) return false;
   run.avx2 = true;

@@ -1,5 +1,5 @@
-// Runs the cases that the project measures itself by, and prints each figure beside what it must reach and what others
-// need. Started by tests/bench/cases, which says how.
+// Runs the cases by which the project measures its speed, and prints each figure beside its goal and beside the figures
+// of other programs. tests/bench/cases starts this program and explains its flags.
 #include <algorithm>
 #include <cstdio>
 #include <cstdlib>
@@ -14,7 +14,7 @@ using namespace varimesh::bench;
 
 constexpr const char* kUsage =
     "cases_bench --cases FOLDER --cache FOLDER [--short] [--strict] [--list] [--row NAME]...\n"
-    "--row takes a row's name, or its beginning\n";
+    "--row takes the name of a row, or the beginning of names\n";
 
 bool begins_with(const char* name, const std::string& beginning) {
   return std::strncmp(name, beginning.c_str(), beginning.size()) == 0;
@@ -41,7 +41,8 @@ int main(int argc, char** argv) {
     } else if (argument == "--list") {
       list = true;
     } else {
-      std::fprintf(stderr, "cases_bench: %s is unknown or lacks its value\n%s", argument.c_str(), kUsage);
+      std::fprintf(stderr, "cases_bench: the argument %s is unknown, or its value is missing\n%s", argument.c_str(),
+                   kUsage);
       return 2;
     }
   }
@@ -49,7 +50,7 @@ int main(int argc, char** argv) {
   rows.insert(rows.end(), kMachineRows.begin(), kMachineRows.end());
   for (const std::string& name : wanted)
     if (std::none_of(rows.begin(), rows.end(), [&](const Row& row) { return begins_with(row.name, name); })) {
-      std::fprintf(stderr, "cases_bench: no row is called %s; --list names them\n", name.c_str());
+      std::fprintf(stderr, "cases_bench: there is no row %s; --list prints the names\n", name.c_str());
       return 2;
     }
   if (list) {

@@ -11,7 +11,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// generate.py puts the version and "b" for binary into the name of what is not MSH 2.2 in ASCII.
+/// If a file is not MSH 2.2 in ASCII, generate.py puts the version into its name, and "b" for binary.
 std::optional<std::string> in_folder(const fs::path& folder, const std::string& name) {
   std::error_code ignored;
   for (const char* version : {"", ".41b", ".22b"})
@@ -33,8 +33,8 @@ Expected<std::string> Meshes::find(const std::string& name) const {
   const fs::path script = cases_ / "generate.py";
   std::error_code failure;
   if (!fs::exists(script, failure))
-    return bad_input(name + ": there is no " + script.string() + "; set VARIMESH_CASES to the folder of the cases");
-  // Made in a folder of its own, so that an interrupted run leaves no half mesh under the name.
+    return bad_input(name + ": there is no " + script.string() + "; set VARIMESH_CASES to the folder that contains it");
+  // The mesh is made in a folder of its own, so that an interrupted run leaves no incomplete mesh under the name.
   const fs::path part = cache_ / (name + ".part"), log = cache_ / (name + ".log");
   fs::create_directories(part, failure);
   if (failure) return bad_input(name + ": cannot make the folder " + part.string() + ": " + failure.message());

@@ -1,25 +1,25 @@
-// Where the table's meshes come from.
+// Finds or makes the meshes of the table.
 #pragma once
 
 #include <filesystem>
 #include <string>
 
-#include "core/error.h"
+#include "core/base/error.h"
 #include "core/mesh/high_order_mesh.h"
 
 namespace varimesh::bench {
 
-/// Finds meshes by name, or has them made.
+/// Finds meshes by name, or lets generate.py make them.
 class Meshes {
  public:
-  /// `cases`: a folder with meshes/ and generate.py; `cache`: where what that makes is kept.
+  /// `cases`: a folder that contains meshes/ and generate.py; `cache`: the folder in which made meshes are kept.
   Meshes(std::filesystem::path cases, std::filesystem::path cache)
       : cases_(std::move(cases)), cache_(std::move(cache)) {}
 
-  /// The path of NAME.msh in meshes/ or in the cache, made by generate.py (with Debian's python3-gmsh) where it is in
-  /// neither. Errors: BadInput, saying what is missing.
+  /// The path of NAME.msh in meshes/ or in the cache. If it is in neither, generate.py makes it (with Debian's
+  /// python3-gmsh). Errors: BadInput, which says what is missing.
   Expected<std::string> find(const std::string& name) const;
-  /// The mesh in that file. Errors: the same, and what the reader says.
+  /// The mesh in this file. Errors: the same, and those of the reader.
   Expected<HighOrderMesh> load(const std::string& name) const;
 
  private:

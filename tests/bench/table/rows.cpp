@@ -1,4 +1,4 @@
-// Whole runs of the library on the cases' meshes.
+// Rows for whole runs of the library on the meshes of the cases.
 #include <algorithm>
 #include <cmath>
 #include <string>
@@ -22,7 +22,7 @@ Run six_sweeps(const std::string& mesh, Energy energy) {
   run.options.max_iterations = 6;
   run.options.tolerance = 1e-14;
   run.options.threads = 1;
-  run.repeats = 5;  // some are over in 12 ms
+  run.repeats = 5;  // some take only 12 ms
   return run;
 }
 
@@ -60,8 +60,8 @@ struct Goal {
   double tolerance;
   double lambda;  ///< 0: the reference constant.
   double most;    ///< Seconds.
-  double min_js;  ///< What it converges to; 0: not said.
-  double within;
+  double min_js;  ///< The smallest Js that the result must have; 0: no goal.
+  double within;  ///< How far min_js may be missed.
 };
 
 Line convergence(Bench& bench, const std::string& mesh, const Goal& goal, const char* peers, Measured& m) {
@@ -92,9 +92,9 @@ void converge_large(Bench& bench) {
   if (line.what.empty()) return;
   bench.table.add(line);
   Line memory{"sph120k_p4, memory at the peak", text("%.3g GB", m.peak_bytes * 1e-9), "", "1.05 GB", {}, "",
-              "NekMesh 390 KiB an element"};
+              "NekMesh 390 KiB per element"};
   if (m.peak_bytes > 1.05e9) memory.missed.emplace_back("memory");
-  memory.quality = text("%.2f KiB an element", m.peak_bytes / kKiB / static_cast<double>(m.elements));
+  memory.quality = text("%.2f KiB per element", m.peak_bytes / kKiB / static_cast<double>(m.elements));
   bench.table.add(memory);
 }
 
@@ -134,7 +134,7 @@ void iterations(Bench& bench) {
   double of_medium = 0;
   for (const auto& [mesh, tolerance] : {std::pair{"sph276_p5", 1e-8}, {"sph10k_p4", 1e-8}, {"sph120k_p4", 1e-6}}) {
     if (bench.small && mesh != std::string("sph276_p5")) break;
-    Line line{mesh + std::string(", CG iterations a step")};
+    Line line{mesh + std::string(", CG iterations per step")};
     Measured m;
     if (!bench.measure(line.what, until_tolerance(mesh, tolerance), m)) continue;
     line.measured = text("%.1f", m.products);
@@ -155,11 +155,11 @@ void iterations(Bench& bench) {
 
 // === Other shapes ===
 
-/// Flops a second, each with the mesh's own count.
+/// Flops per second, counted for this mesh.
 struct Rates {
   double sweep = 0;      ///< Of the sweep alone.
   double certified = 0;  ///< Of an iteration: the sweep, the scan of its cells, and certificates for those that moved.
-  double busy = 0;       ///< Conditions::busy_cores, the greater.
+  double busy = 0;       ///< The larger Conditions::busy_cores of the two.
 };
 
 /// Both from the median of sweeps 2 to 6, by processor time.
@@ -189,7 +189,7 @@ Expected<Rates> rates_of(const Bench& bench, const std::string& mesh) {
                std::max(conditions.busy_cores, whole->conditions.busy_cores)};
 }
 
-/// A line of the two that mixed() writes: how many times as long as at the reference's rate.
+/// Adds one of the two lines that mixed() writes: how many times as long as at the rate of the tetrahedra.
 void add_ratio(Bench& bench, const std::vector<double>& ratios, bool disturbed, Line line) {
   const double ratio = median(ratios);
   line.measured = text("%.2f", ratio);
@@ -201,10 +201,10 @@ void add_ratio(Bench& bench, const std::vector<double>& ratios, bool disturbed, 
 
 void mixed(Bench& bench, const std::string& mesh, const char* peers) {
   const std::string tetrahedra = bench.small ? "sph276_p5" : "sph10k_p4";
-  Line alone{mesh + ", a sweep over " + tetrahedra + "'s rate"}, with{mesh + ", the same with certificates"};
+  Line alone{mesh + ", a sweep against " + tetrahedra + "'s rate"}, with{mesh + ", the same with certificates"};
   Measured m;
   if (!bench.measure(alone.what, six_sweeps(mesh, Energy::Hyperelastic), m)) return;
-  // One beside the other, so that the machine's moods are the same for both.
+  // Measured in pairs, so that changes in the machine's speed affect both alike.
   std::vector<double> ratios, certified, busy;
   for (int pair = 0; pair < kPairs; ++pair) {
     const auto theirs = rates_of(bench, tetrahedra), own = rates_of(bench, mesh);

@@ -26,7 +26,7 @@ double wall_seconds() {
   return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
 }
 
-/// Seconds that all processors were at work, or taken away by a hypervisor; 0 where the system does not say.
+/// Seconds in which the processors worked or were taken away by a hypervisor, summed; 0 if the system does not say.
 double machine_busy_seconds() {
   std::ifstream file("/proc/stat");
   std::string cpu;
@@ -64,7 +64,7 @@ std::vector<double> read_all(int from) {
   return numbers;
 }
 
-/// The numbers of Measured, one after another, for the way through the pipe.
+/// Visits the numbers of Measured one after another, to send them through a pipe.
 template <class Visit>
 void each_number(Measured& m, const Visit& visit) {
   for (Times* times : {&m.wall, &m.processor})
@@ -107,9 +107,9 @@ void refuse(const Error& error) {
   _exit(1);
 }
 
-/// In the child.
+/// Runs in the child process.
 Measured optimise_file(const std::string& path, const Run& run) {
-  // Highway prefers lower bits: every target better than AVX2 is below it.
+  // In Highway a better target has a lower bit, so all targets better than AVX2 are below it.
   if (run.avx2) hwy::DisableTargets(HWY_AVX2 - 1);
   auto file = formats::read_file(path);
   if (!file) refuse(file.error());
@@ -131,8 +131,8 @@ Measured optimise_file(const std::string& path, const Run& run) {
   m.peak_bytes = 1024.0 * static_cast<double>(usage.ru_maxrss);
   m.iterations = result->iterations;
   m.converged = result->converged;
-  m.dimension = result->summary.dimension;
-  m.elements = result->summary.elements;
+  m.dimension = result->sizes.dimension;
+  m.elements = result->sizes.elements;
   const QualityReport& after = result->after;
   m.min_scaled_jacobian = after.min_scaled_jacobian;
   m.invalid = after.invalid_elements;
@@ -184,7 +184,7 @@ Expected<std::vector<double>> in_child(const std::function<std::vector<double>()
                                        Conditions& conditions) {
   if (yardsticks == Yardsticks::Take) conditions.yardstick = yardstick().processor;
   std::array<int, 2> pipe_ends{};
-  if (pipe(pipe_ends.data()) != 0) return tl::unexpected<Error>({Error::Kind::Internal, "no pipe is to be had"});
+  if (pipe(pipe_ends.data()) != 0) return tl::unexpected<Error>({Error::Kind::Internal, "no pipe could be made"});
   const double wall_before = wall_seconds(), busy_before = machine_busy_seconds();
   std::fflush(nullptr);
   const pid_t child = fork();

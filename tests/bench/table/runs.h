@@ -1,4 +1,4 @@
-// Runs of the library, each in a process of its own: its memory is its own, and so is its choice of instructions.
+// Runs the library, each time in a process of its own, so that memory is measured and instructions chosen per run.
 #pragma once
 
 #include <cstdint>
@@ -7,79 +7,80 @@
 #include <string>
 #include <vector>
 
-#include "core/optimise/options.h"
+#include "core/options/options.h"
 #include "tests/bench/table/meshes.h"
 
 namespace varimesh::bench {
 
-/// The figures are for the reference constants.
+/// All figures are for the reference constants.
 inline Options reference_options() {
   Options options;
   options.constants = Constants::Reference;
   return options;
 }
 
-/// What to run.
+/// One run of the library.
 struct Run {
   std::string mesh;
   Options options = reference_options();
-  bool avx2 = false;              ///< Use no instructions beyond AVX2.
-  bool want_coordinates = false;  ///< Hand over the result's coordinates as well.
-  int repeats = 1;                ///< Processes, one after the other, of which a sweep's seconds are the median.
+  bool avx2 = false;              ///< Use at most AVX2.
+  bool want_coordinates = false;  ///< Also return the coordinates of the result.
+  int repeats = 1;                ///< Number of processes, one after the other; the seconds of a sweep are the median.
 
-  /// Tells it from every other run of the table.
+  /// Distinguishes this run from all other runs of the table.
   std::string key() const;
 };
 
-/// How a measurement was taken.
+/// The conditions under which a measurement was taken.
 struct Conditions {
-  double yardstick = 0;   ///< GFLOP/s of one thread by processor time, the best of before and after; 0: not taken.
-  double busy_cores = 0;  ///< Mean number of cores that other programs kept busy meanwhile.
+  double yardstick = 0;   ///< GFLOP/s of one thread by processor time, the better of before and after; 0: not measured.
+  double busy_cores = 0;  ///< Mean number of cores that other programs kept busy during the measurement.
 
   bool disturbed() const { return busy_cores > 0.15; }
-  /// Seconds as they were on a machine whose yardstick is at kReferenceGflops.
+  /// Converts seconds to those of a machine whose yardstick runs at kReferenceGflops.
   double normalised(double seconds) const;
 };
 
 /// Seconds of a run.
 struct Times {
   double whole = 0;  ///< Result::seconds.
-  double sweep = 0;  ///< Median of iterations 2 to 6, and of that over Run::repeats; 0 where there are fewer.
-  double later = 0;  ///< From the first iteration's end to the last's.
+  double sweep =
+      0;  ///< Median over iterations 2 to 6, and its median over Run::repeats; 0 if there are fewer iterations.
+  double later = 0;  ///< From the end of the first iteration to the end of the last.
   double few = -1;   ///< Until the history first shows at most 12 cells not certified; −1: never.
 };
 
-/// What came of a run.
+/// The outcome of a run.
 struct Measured {
   Conditions conditions;
   Times wall;       ///< The library's own seconds.
   Times processor;  ///< Processor time of all threads.
   bool one_thread = true;
-  double energy = 0;    ///< Of the last iteration.
-  double products = 0;  ///< A Newton step, mean.
+  double energy = 0;    ///< After the last iteration.
+  double products = 0;  ///< Mean number of products per Newton step.
   double min_scaled_jacobian = 0;
-  double sweep_points = 0;  ///< Quadrature points a sweep visits, summed over nodes and their cells.
-  double peak_bytes = 0;    ///< Of resident memory, reading the file included.
+  double sweep_points = 0;  ///< Quadrature points that a sweep visits, summed over nodes and their cells.
+  double peak_bytes = 0;    ///< Resident memory, including that for reading the file.
   std::int64_t elements = 0, invalid = 0, uncertified = 0;
-  std::int64_t below_half = 0;  ///< Cells with a sampled scaled Jacobian under 0.5.
+  std::int64_t below_half = 0;  ///< Cells with a sampled scaled Jacobian below 0.5.
   int dimension = 0, iterations = 0;
   bool converged = false;
   std::vector<double> coordinates;
 
-  /// The library's seconds; processor time where other programs took the processor away from one thread.
+  /// The library's seconds; processor time if the run has one thread and other programs disturbed it.
   const Times& times() const { return one_thread && conditions.disturbed() ? processor : wall; }
   Times normalised() const;
 };
 
-/// Runs things and remembers what came of them.
+/// Executes runs and remembers their outcomes.
 class Runner {
  public:
   explicit Runner(Meshes meshes) : meshes_(std::move(meshes)) {}
 
-  /// The run's outcome, from memory where it was run before. Errors: the mesh is not to be had, the library refused,
-  /// the process died.
+  /// The outcome of the run, remembered if it was executed before. Errors: the mesh cannot be found or made, the
+  /// library refused it, or the process died.
   Expected<Measured> run(const Run& run);
-  /// The same without looking in memory, and without yardsticks.
+  /// Executes the run again, without yardsticks, and does not remember the outcome.
   Expected<Measured> run_again(const Run& run) const;
 
   const Meshes& meshes() const { return meshes_; }
@@ -89,7 +90,7 @@ class Runner {
   std::map<std::string, Measured> remembered_;
 };
 
-/// 0 of nothing; the greater of the two in the middle.
+/// The median; of two values in the middle the larger, and 0 if there are none.
 double median(std::vector<double> of);
 
 /// Seconds of processor time that this process has used.
@@ -97,8 +98,8 @@ double processor_seconds();
 
 enum class Yardsticks { Take, Spare };
 
-/// Numbers that `work` computes in a child process, and the conditions meanwhile. Errors: Internal, where the child
-/// died.
+/// The numbers that `work` computes in a child process, and the conditions during this time. Errors: Internal if the
+/// child died.
 Expected<std::vector<double>> in_child(const std::function<std::vector<double>()>& work, Yardsticks yardsticks,
                                        Conditions& conditions);
 

@@ -18,8 +18,8 @@ std::string text(const char* format, ...) {
 }
 
 void Table::head() {
-  std::printf("| %-44s | %-12s | %-10s | %-30s | %-28s | %-40s | %s |\n", "what", "measured", "normalised",
-              "must reach", "verdict", "quality: min Js, elements", "peers, seconds normalised");
+  std::printf("| %-44s | %-12s | %-10s | %-30s | %-28s | %-40s | %s |\n", "what", "measured", "normalised", "goal",
+              "verdict", "quality: min Js, elements", "peers, seconds normalised");
   std::printf("|---|---|---|---|---|---|---|\n");
   std::fflush(stdout);
 }
@@ -53,9 +53,10 @@ void Table::fail(const std::string& what, const Error& error) {
 void Table::foot() const {
   std::printf("\n%d figures: %d met, %d not met, %d without a target or not judged; %d skipped, %d failed.\n", lines_,
               met_, missed_, lines_ - met_ - missed_, skipped_, failed_);
-  std::printf("Normalised: times the yardstick's GFLOP/s, taken before and after, over %g.\n", kReferenceGflops);
+  std::printf("Normalised: multiplied by the yardstick's GFLOP/s, measured before and after, and divided by %g.\n",
+              kReferenceGflops);
   if (disturbed_ > 0)
-    std::printf("* %d figures were taken while other programs were at work; those for one thread are processor time.\n",
+    std::printf("* %d figures were taken while other programs were running; those for one thread are processor time.\n",
                 disturbed_);
 }
 

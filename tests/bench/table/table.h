@@ -1,70 +1,70 @@
-// The table as it is printed: Markdown, a line a figure.
+// Prints the table in Markdown, one line per figure.
 #pragma once
 
 #include <string>
 #include <vector>
 
-#include "core/error.h"
+#include "core/base/error.h"
 #include "tests/bench/table/runs.h"
 
 namespace varimesh::bench {
 
-/// printf into a string.
+/// Formats like printf, into a string.
 [[gnu::format(printf, 1, 2)]] std::string text(const char* format, ...);
 
-/// One figure, and what is said beside it.
+/// One figure, and what is printed beside it.
 struct Line {
   std::string what = {};
-  std::string measured = {};             ///< As it was measured, with its unit.
-  std::string normalised = {};           ///< The same on the reference machine; empty where that has no meaning.
-  std::string target = {};               ///< Empty: none is set.
-  std::vector<std::string> missed = {};  ///< What of the target is not met.
-  std::string quality = {};              ///< Of the mesh returned.
-  std::string peers = {};                ///< What others need or reach.
-  bool judged = true;                    ///< Whether the figure can say anything about the target.
-  bool disturbed = false;                ///< Other programs were at work meanwhile.
+  std::string measured = {};             ///< The measured value with its unit.
+  std::string normalised = {};           ///< The same on the reference machine; empty if that has no meaning.
+  std::string target = {};               ///< The goal; empty: there is none.
+  std::vector<std::string> missed = {};  ///< Which parts of the goal are missed.
+  std::string quality = {};              ///< Quality of the resulting mesh.
+  std::string peers = {};                ///< Figures of other programs.
+  bool judged = true;                    ///< Whether the figure can be compared with the goal.
+  bool disturbed = false;                ///< Other programs were running during the measurement.
 };
 
-/// Prints lines as they come, and counts.
+/// Prints lines as they come, and counts them.
 class Table {
  public:
   void head();
   void add(const Line& line);
-  /// For what cannot be measured here.
+  /// Reports a figure that cannot be measured here.
   void skip(const std::string& what, const std::string& reason);
-  /// What the marks mean, and how it went.
+  /// Prints the counts and what the marks mean.
   void foot() const;
 
   int missed() const { return missed_; }
   int failed() const { return failed_; }
-  /// A figure that could be measured but was not, because something went wrong.
+  /// Reports a figure that could not be measured because something went wrong. If the input is bad, it is skipped.
   void fail(const std::string& what, const Error& error);
 
  private:
   int lines_ = 0, met_ = 0, missed_ = 0, skipped_ = 0, failed_ = 0, disturbed_ = 0;
 };
 
-/// What a row of the table works with.
+/// What the function of a row gets.
 struct Bench {
   Runner runner;
   Table table;
-  bool small = false;  ///< Only what takes no time: small meshes in place of large ones.
+  bool small = false;  ///< Measure only what takes little time: small meshes instead of large ones.
 
-  /// The run's outcome, or null: then the table says why.
+  /// The outcome of the run, or null; the table then says why.
   const Measured* measure(const std::string& what, const Run& run, Measured& into);
 };
 
 /// "0.675, 0 invalid, 0 uncertified"
 std::string quality_of(const Measured& measured);
 
-/// A row of the table: a name to ask for it by, and what measures it.
+/// A row of the table: its name, and the function that measures it.
 struct Row {
   const char* name;
-  bool small;  ///< Belongs to the short run.
+  bool small;  ///< Is measured with --short.
   void (*measure)(Bench&);
 };
 
-/// rows.cpp: runs of the library, as in the table of the goals.
+/// rows.cpp: whole runs of the library.
 extern const std::vector<Row> kCaseRows;
 /// machine_rows.cpp: kernels, threads, instruction sets.
 extern const std::vector<Row> kMachineRows;

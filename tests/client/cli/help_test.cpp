@@ -3,9 +3,9 @@
 #include <gtest/gtest.h>
 
 #include "client/cli/names.h"
-#include "client/cli/options_table.h"
 #include "client/commands/commands.h"
-#include "core/nearest_word.h"
+#include "core/base/nearest_word.h"
+#include "core/options/option_table.h"
 
 namespace varimesh::client {
 namespace {
@@ -51,8 +51,8 @@ TEST(Help, ListsAllOptionsOfTheTable) {
   CLI::App app;
   const auto commands = add_commands(app);
   const std::string help = Help(100).make_help(app.get_subcommand("optimise"), "", CLI::AppFormatMode::Normal);
-  for (const OptionRow& row : option_rows())
-    EXPECT_NE(help.find("\n  --" + dashed(std::string(row.field)) + " "), std::string::npos) << row.field;
+  for (const OptionInfo& option : option_table())
+    EXPECT_NE(help.find("\n  --" + dashed(std::string(option.name)) + " "), std::string::npos) << option.name;
 }
 
 }  // namespace

@@ -4,19 +4,26 @@
 
 #include <algorithm>
 
-#include "client/cli/options_table.h"
+#include "core/options/option_table.h"
 
 namespace varimesh::client {
 namespace {
 
-TEST(OptionsTable, HasOneRowForEachFieldOfTheMessage) {
-  const auto* options = v1::Options::descriptor();
-  EXPECT_EQ(static_cast<std::size_t>(options->field_count()), option_rows().size());
-  for (int i = 0; i < options->field_count(); ++i)
-    EXPECT_EQ(std::count_if(option_rows().begin(), option_rows().end(),
-                            [&](const OptionRow& row) { return row.field == options->field(i)->name(); }),
-              1)
-        << options->field(i)->name();
+TEST(OptionFlags, ThereIsOneForEachOptionOfTheTableAndNoOther) {
+  CLI::App app;
+  v1::Options options;
+  add_options(app, &options);
+  for (const OptionInfo& option : option_table()) {
+    std::string flag = "--" + std::string(option.name);
+    std::replace(flag.begin(), flag.end(), '_', '-');
+    const CLI::Option* found = app.get_option_no_throw(flag);
+    ASSERT_NE(found, nullptr) << flag;
+    EXPECT_TRUE(found->get_description().starts_with(option.help)) << flag;
+    const std::string usual = default_text(option);
+    const bool says_default = found->get_description().ends_with("default " + usual);
+    EXPECT_EQ(says_default, !usual.empty() && usual != "0") << flag;
+  }
+  EXPECT_EQ(app.get_options().size(), option_table().size() + 1);  // and --help
 }
 
 TEST(OptionFlags, SetOnlyTheFieldsThatAreGiven) {

@@ -1,4 +1,4 @@
-"""Meshes as meshio and gmsh's API hold them: as far as they are here the real ones, and objects of their form."""
+"""Meshes from meshio and from Gmsh's API: the real ones if they are installed, and objects with the same attributes."""
 import types
 
 import support
@@ -17,7 +17,7 @@ def fake_meshio(mesh):
 
 
 class Form(support.WithServer):
-    def test_what_has_points_and_cells_is_a_mesh(self):
+    def test_an_object_with_points_and_cells_is_taken_as_a_mesh(self):
         start = self.client.optimise(MESH, max_iterations=0).mesh
         like = fake_meshio(start)
         mesh = varimesh.from_meshio(like)
@@ -25,9 +25,9 @@ class Form(support.WithServer):
         result = self.client.optimise(like)
         np.testing.assert_array_equal(result.nodes, self.client.optimise(start).nodes)
 
-    def test_cells_in_another_order_are_put_right_or_refused(self):
+    def test_cells_in_another_node_order_are_converted_or_refused(self):
         corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], dtype=float)
-        edges = ((0, 1), (1, 2), (2, 0), (0, 3), (1, 3), (2, 3))  # VTK's order; Gmsh has the last two the other way round
+        edges = ((0, 1), (1, 2), (2, 0), (0, 3), (1, 3), (2, 3))  # VTK's order; in Gmsh's the last two are swapped
         points = np.vstack([corners, *(corners[list(edge)].mean(axis=0) for edge in edges)])
         mesh = types.SimpleNamespace(points=points, cells=[("tetra10", [list(range(10))])])
         self.assertEqual(varimesh.from_meshio(mesh).blocks[0].nodes[0].tolist(), [0, 1, 2, 3, 4, 5, 6, 7, 9, 8])
@@ -39,7 +39,7 @@ class Form(support.WithServer):
 
 
 class Meshio(support.WithServer):
-    def test_gives_what_the_file_gives(self):
+    def test_gives_the_same_result_as_the_file(self):
         import meshio
 
         for case in ("nine_triangles.msh", "cylinder_p2.msh"):
@@ -50,7 +50,7 @@ class Meshio(support.WithServer):
             self.assertEqual(result.after.certified, of_file.after.certified)
             self.assertEqual(varimesh.from_meshio(mesh).groups, of_file.mesh.groups)
 
-    def test_orders_hexahedra_as_meshio_itself_writes_them(self):
+    def test_reorders_nodes_as_meshio_does_when_it_writes(self):
         from meshio.gmsh import common
         from varimesh import adapters
 

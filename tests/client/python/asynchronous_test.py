@@ -11,7 +11,7 @@ import varimesh
 
 
 class Asynchronous(support.WithServer):
-    def test_many_jobs_at_once_give_what_one_gives(self):
+    def test_many_jobs_at_once_give_the_same_result_as_one(self):
         alone = self.client.optimise(MESH)
 
         async def many():
@@ -25,7 +25,7 @@ class Asynchronous(support.WithServer):
             np.testing.assert_array_equal(result.nodes, alone.nodes)
         self.assertGreaterEqual(sum(event.state == "succeeded" for event in events), 20)
 
-    def test_watches_and_fetches(self):
+    def test_a_job_can_be_watched_and_fetched(self):
         async def one():
             async with varimesh.AsyncClient(self.server.address) as client:
                 job = await client.submit(MESH, outputs=["parts"], labels={"for": "async"})
@@ -38,7 +38,7 @@ class Asynchronous(support.WithServer):
         self.assertTrue(result.valid and len(result.nodes) and info.version)
         self.assertEqual(quality.certified.invalid, 2)
 
-    def test_a_watch_can_be_left(self):
+    def test_a_watch_can_be_stopped_early(self):
         async def leave(name):
             async with varimesh.AsyncClient(self.server.address) as client:
                 async for event in (await client.job(name)).watch():
@@ -64,7 +64,7 @@ class Asynchronous(support.WithServer):
 
         self.assertEqual(asyncio.run(cancel()), "cancelled")
 
-    def test_errors_are_those_of_the_client(self):
+    def test_raises_the_same_errors_as_the_client(self):
         async def wrong():
             async with varimesh.AsyncClient(self.server.address) as client:
                 await client.job("none")

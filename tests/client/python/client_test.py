@@ -1,4 +1,4 @@
-"""The client as a program uses it, against a real server."""
+"""The client as a program uses it, with a real server."""
 import io
 import os
 import pty
@@ -15,7 +15,7 @@ import varimesh
 
 
 class Client(support.WithServer):
-    def test_gives_the_bytes_of_the_command(self):
+    def test_writes_the_same_bytes_as_the_command(self):
         here, there = self.folder / "here.msh", self.folder / "there.msh"
         subprocess.run([VARIMESH, "optimise", MESH, "-o", here, "--energy", "winslow", "--quiet"], check=True)
         result = self.client.optimise(MESH, there, energy="winslow")
@@ -28,7 +28,7 @@ class Client(support.WithServer):
         self.assertEqual(set(result.history["phase"]), {"sweeps", "newton"})
         self.assertEqual(result.history["residual"][-1], result.metrics.residual)
 
-    def test_arrays_in_and_out_are_the_file_s_to_the_bit(self):
+    def test_arrays_give_the_same_bits_as_the_file(self):
         for case, shape in ((MESH, "triangle"), (CASES / "sphere_p3.msh", "tetrahedron")):
             of_file = self.client.optimise(case, max_iterations=3)
             start = self.client.optimise(case, max_iterations=0).mesh
@@ -37,13 +37,13 @@ class Client(support.WithServer):
             np.testing.assert_array_equal(of_arrays.mesh.cells[shape], start.cells[shape])
             self.assertFalse(np.array_equal(of_arrays.nodes, start.nodes))
 
-    def test_cells_alone_are_a_mesh(self):
-        """Without the elements that mark the boundary: that is found."""
+    def test_a_mesh_needs_no_boundary_elements(self):
+        """The boundary is found without the elements that mark it."""
         start = self.client.optimise(MESH, max_iterations=0).mesh
         result = self.client.optimise((start.nodes[:, :2], start.cells))
         self.assertEqual((result.after.certified.valid, result.formats), (9, ["parts"]))
 
-    def test_saves_the_formats_that_were_asked_for(self):
+    def test_saves_the_requested_formats(self):
         msh, vtu, later = (self.folder / name for name in ("a.msh", "a.vtu", "b.msh"))
         result = self.client.optimise(MESH, [msh, vtu], format="msh41", arrays=True)
         self.assertTrue(msh.read_bytes().startswith(b"$MeshFormat\n4.1 0 8"))
@@ -55,7 +55,7 @@ class Client(support.WithServer):
             result.save(later, format="msh22")
         self.assertEqual(sorted(path.name for path in self.folder.iterdir()), ["a.msh", "a.vtu", "b.msh"])
 
-    def test_a_file_takes_its_name_only_whole_and_a_link_stays_one(self):
+    def test_a_file_appears_only_when_complete_and_a_link_stays_a_link(self):
         target, link = self.folder / "target.msh", self.folder / "link.msh"
         target.write_text("old")
         target.chmod(0o640)
@@ -69,7 +69,7 @@ class Client(support.WithServer):
         self.assertGreater(target.stat().st_size, 1000)
         self.assertEqual(len(list(self.folder.iterdir())), 2)
 
-    def test_a_request_id_is_one_job(self):
+    def test_a_request_id_gives_one_job(self):
         first = self.client.submit(MESH, request_id="python-once", labels={"for": "test"})
         again = self.client.submit(MESH, request_id="python-once", labels={"for": "test"})
         self.assertEqual(first.name, again.name)
@@ -85,7 +85,7 @@ class Client(support.WithServer):
             first.refresh()
         self.assertEqual(caught.exception.reason, "JOB_NOT_FOUND")
 
-    def test_events_are_in_order_and_go_on_from_a_number(self):
+    def test_events_are_in_order_and_resume_after_a_number(self):
         job = self.client.submit(MESH)
         events = list(job.watch())
         numbers = [event.sequence for event in events]
@@ -97,7 +97,7 @@ class Client(support.WithServer):
         with self.assertRaises(varimesh.BadOption):
             list(job.watch(after=10**6))
 
-    def test_errors_carry_the_server_s_reason(self):
+    def test_errors_have_the_reason_of_the_server(self):
         bad = self.folder / "bad.msh"
         bad.write_bytes(MESH.read_bytes()[:300])
         with self.assertRaises(varimesh.JobFailed) as failed:
@@ -127,7 +127,7 @@ class Client(support.WithServer):
         self.assertEqual((result.state, result.metrics.stop_reason), ("cancelled", "stopped"))
         self.assertEqual(result.nodes.shape[1], 3)
 
-    def test_a_job_cancelled_by_someone_else_is_an_error(self):
+    def test_a_job_cancelled_by_someone_else_raises_an_error(self):
         def cancel(event):
             if event.iteration is not None:
                 next(self.client.jobs(labels={"for": "someone"})).cancel()
@@ -138,8 +138,8 @@ class Client(support.WithServer):
         self.assertEqual(self.client.job(caught.exception.job).state, "cancelled")
         self.assertFalse((self.folder / "out.msh").exists())
 
-    def test_says_what_was_done_about_what_cannot_be_repaired(self):
-        # The middle of the edge from the first vertex to the second lies beyond the second.
+    def test_reports_unrepairable_elements_and_repair_steps(self):
+        # The middle node of the edge from the first vertex to the second lies beyond the second vertex.
         nodes = [[0, 0], [1, 0], [0, 1], [1, 1], [1.3, 0], [0.5, 0.5], [0, 0.5], [1, 0.5], [0.5, 1]]
         folded = (nodes, {"triangle": [[0, 1, 2, 4, 5, 6], [1, 3, 2, 7, 8, 5]]})
         named = self.client.optimise(folded, until="valid").metrics
@@ -155,7 +155,7 @@ class Client(support.WithServer):
         self.assertEqual((quality.certified.invalid, quality.certified.valid), (2, 7))
         self.assertEqual(len(list(self.client.jobs())), before)
 
-    def test_info(self):
+    def test_info_has_version_energies_and_formats(self):
         info = self.client.info()
         self.assertEqual(info.version, varimesh.__version__)
         self.assertIn("hyperelastic", info.energies)
@@ -169,14 +169,14 @@ class Bar(support.WithServer):
         for event in job.watch():
             show(event)
 
-    def test_is_plain_lines_off_a_terminal(self):
+    def test_prints_plain_lines_if_the_stream_is_not_a_terminal(self):
         text = io.StringIO()
         self.show(text)
         self.assertRegex(text.getvalue(), r"residual \d\.\d+e")
         self.assertTrue(text.getvalue().endswith("succeeded\n"))
         self.assertNotRegex(text.getvalue(), "[\r\x1b]")
 
-    def test_is_a_line_that_changes_on_a_terminal(self):
+    def test_rewrites_one_line_on_a_terminal(self):
         ours, theirs = pty.openpty()
         with os.fdopen(theirs, "w") as terminal:
             self.show(terminal)
@@ -184,10 +184,10 @@ class Bar(support.WithServer):
         os.close(ours)
         self.assertRegex(text, re.escape("\r\x1b[K[") + r"[#.]{16}\] ")
 
-    def test_says_how_long_it_will_take(self):
+    def test_estimates_the_seconds_left(self):
         show = varimesh.Progress(1e-6, io.StringIO())
         self.assertIsNone(show.seconds_left())
-        for number in range(1, 5):  # a decade a second: two are left after four
+        for number in range(1, 5):  # one decade per second: after four decades, two are left
             values = dict.fromkeys(varimesh.Iteration.__dataclass_fields__, 0)
             values.update(number=number, phase="sweeps", residual=10.0**-number, seconds=float(number))
             show(varimesh.Event(number, 1, None, 0, iteration=varimesh.Iteration(**values)))

@@ -1,4 +1,4 @@
-"""The examples of docs/python.md, run in the order in which they stand, as somebody would who copies them."""
+"""Runs the examples of docs/python.md in their order, as a reader who copies them would."""
 import contextlib
 import io
 import os
@@ -43,5 +43,5 @@ class Examples(support.WithFolder):
 if __name__ == "__main__":
     well = unittest.main(verbosity=2, exit=False).result.wasSuccessful()
     if well and MISSING:
-        support.skip(f"{', '.join(MISSING)} missing, and so some of the page's examples were left out (deploy/setup test)")
+        support.skip(f"{', '.join(MISSING)} missing, so some of the page's examples were left out (deploy/setup test)")
     sys.exit(0 if well else 1)

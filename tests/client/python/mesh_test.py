@@ -15,14 +15,14 @@ TWO = {"triangle": [[0, 1, 2], [1, 3, 2]]}
 
 
 class Wire(unittest.TestCase):
-    def test_numbers_are_those_of_protobuf(self):
+    def test_packs_numbers_as_protobuf_does(self):
         numbers = np.array([0, 1, 127, 128, 16383, 16384, 2097151, 2097152, 2**31 - 1])
         theirs = mesh_pb2.FixedNodes(nodes=numbers.tolist()).SerializeToString()
         self.assertEqual(wire.field(1, wire.pack(numbers)), theirs)
         self.assertEqual(wire.unpack(wire.pack(numbers)).tolist(), numbers.tolist())
         self.assertEqual((wire.pack(numbers[:0]), wire.unpack(b"").size), (b"", 0))
 
-    def test_numbers_that_are_cut_off_are_refused(self):
+    def test_refuses_truncated_numbers(self):
         with self.assertRaises(ValueError):
             wire.unpack(b"\x01\x80")
 
@@ -30,7 +30,7 @@ class Wire(unittest.TestCase):
 class Arrays(unittest.TestCase):
     def test_parts_give_back_the_mesh(self):
         rng = np.random.default_rng(1)
-        count = 70_000  # more than a part holds
+        count = 70_000  # more nodes than one part holds
         nodes = rng.random((count, 3))
         cells = rng.integers(0, count, (150_000, 6), dtype=np.int32)
         one = varimesh.Mesh.from_arrays(nodes, [varimesh.Block("triangle", cells, 7, (3, 9)),
@@ -46,11 +46,11 @@ class Arrays(unittest.TestCase):
         self.assertEqual((other.blocks[0].entity, other.blocks[0].physical), (7, (3, 9)))
         self.assertEqual(other.blocks[-1].shape, "line")
 
-    def test_shapes_have_the_names_of_meshio_too(self):
+    def test_takes_names_of_shapes_from_meshio_too(self):
         self.assertEqual([mesh.shape_name(name) for name in ("tetra10", "wedge", "quad9", "hexahedron", "vertex")],
                          ["tetrahedron", "prism", "quadrilateral", "hexahedron", "point"])
 
-    def test_what_is_no_mesh_is_refused_with_a_sentence(self):
+    def test_refuses_invalid_arrays_with_a_sentence(self):
         three = np.zeros((20, 3))
         wrong = {
             "node 4": (SQUARE, {"triangle": [[0, 1, 4]]}),
@@ -69,8 +69,7 @@ class Arrays(unittest.TestCase):
 
 
 class Options(unittest.TestCase):
-    def test_are_those_of_the_message(self):
-        """Names, and the values of those that have a choice."""
+    def test_names_and_values_are_those_of_the_message(self):
         hints = typing.get_type_hints(options.Options)
         fields = optimise_pb2.Options.DESCRIPTOR.fields_by_name
         self.assertEqual({name.rstrip("_") for name in hints}, set(fields))
@@ -79,7 +78,7 @@ class Options(unittest.TestCase):
             if enum is not None:
                 self.assertEqual(set(typing.get_args(kind)), set(names.spellings(enum)), name)
 
-    def test_go_into_the_message(self):
+    def test_are_converted_to_the_message(self):
         message = options.to_message({"energy": "linear-elastic", "lambda_": 2, "fix": "wall", "fix_nodes": np.array([3]),
                                       "active_set": False, "tolerance": np.float64(1e-3), "order": None,
                                       "target_field": varimesh.TargetField([[1, 0, 1]], per="vertex", numbers=[5])})
@@ -89,7 +88,7 @@ class Options(unittest.TestCase):
         self.assertTrue(message.HasField("active_set") and not message.active_set and not message.order)
         self.assertEqual((message.target_field.components, list(message.target_field.numbers)), (3, [5]))
 
-    def test_that_do_not_exist_are_suggested(self):
+    def test_unknown_names_and_values_get_a_suggestion(self):
         for wrong, words in (({"enrgy": "winslow"}, "'energy'"), ({"energy": "winslo"}, "'winslow'"),
                              ({"tolerance": "small"}, "tolerance"), ({"fix_nodes": ["a"]}, "fix_nodes")):
             with self.assertRaises(varimesh.BadOption) as caught:

@@ -1,4 +1,4 @@
-"""What the tests of the package share: a server, a proxy that breaks connections, and a loud skip where Debian's packages
+"""Shared by the tests of the package: a server, a proxy that breaks connections, and a loud skip if Debian's packages
 are missing."""
 import contextlib
 import importlib.util
@@ -45,8 +45,8 @@ def need(**more):
 
 
 def main(**needs):
-    """Runs the tests of the group that the command line names, or all; `needs` has the modules that a group needs, or the
-    programs, by the package that they come in."""
+    """Runs the tests of the group that the command line names, or all. `needs` maps a group to the modules or programs
+    that it needs, by the package that has them."""
     if len(sys.argv) > 1:
         for package, module in needs.get(sys.argv[1], {}).items():
             if not (there(module) or shutil.which(module)):
@@ -55,7 +55,7 @@ def main(**needs):
 
 
 class Server:
-    """A varimeshd on a loopback port, which it keeps when it is started again."""
+    """A varimeshd on a loopback port. It keeps the port when it is started again."""
 
     def __init__(self, *flags, folder=None):
         self.flags, self.address = flags, "127.0.0.1:0"
@@ -79,7 +79,7 @@ class Server:
 
 
 class Cutter:
-    """A proxy that lets only so many bytes through on each of its first connections, either way, and then cuts it."""
+    """A proxy that cuts connections. `allowances` are the bytes that pass in one direction before each cut."""
 
     def __init__(self, address, allowances):
         host, port = address.rsplit(":", 1)
@@ -124,7 +124,7 @@ class WithFolder(unittest.TestCase):
 
 
 class WithServer(WithFolder):
-    """A test with a server, and a client of it."""
+    """A test with a server and a client."""
 
     @classmethod
     def setUpClass(cls):
@@ -140,7 +140,7 @@ class WithServer(WithFolder):
 
     @contextlib.contextmanager
     def running(self, **options):
-        """A job that ends only when it is cancelled, and has begun."""
+        """A job that has begun, and that ends only when it is cancelled."""
         job = self.client.submit(LARGER, **ENDLESS, **options)
         try:
             next(event for event in job.watch() if event.iteration is not None)

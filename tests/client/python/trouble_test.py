@@ -17,7 +17,7 @@ import varimesh
 
 
 def mebibytes(count):
-    """Bytes that no compression and no store knows."""
+    """Bytes that cannot be compressed and that no store has yet."""
     return os.urandom(count << 20)
 
 
@@ -27,26 +27,26 @@ class Broken(support.WithServer):
         self.addCleanup(proxy.close)
         client = varimesh.Client(proxy.address, retry=20)
         self.addCleanup(client.close)
-        client.info()  # its control channel has the first connection
+        client.info()  # the client's control channel takes the first connection
         proxy.allowances = list(allowances)
         return proxy, client
 
-    def test_an_upload_and_a_download_go_on_where_they_broke(self):
+    def test_an_upload_and_a_download_resume_after_a_break(self):
         path = self.folder / "bytes"
         path.write_bytes(mebibytes(16))
         proxy, client = self.through(3 << 20, 3 << 20, 6 << 20)
         digest = client.upload(path)
         self.assertEqual(proxy.cuts, 3)
-        self.assertLess(proxy.passed, (16 << 20) + 4 * (256 << 10))  # a chunk a cut is sent again
+        self.assertLess(proxy.passed, (16 << 20) + 4 * (256 << 10))  # one chunk per cut is sent again
         proxy.allowances, proxy.passed = [3 << 20, 6 << 20], 0
         self.assertEqual(client.download(digest), path.read_bytes())
         self.assertEqual(proxy.cuts, 5)
         self.assertLess(proxy.passed, 22 << 20)
         proxy.passed = 0
-        self.assertEqual(client.upload(path), digest)  # it is there
+        self.assertEqual(client.upload(path), digest)  # the server has it
         self.assertLess(proxy.passed, 1 << 16)
 
-    def test_a_watch_goes_on_after_the_last_event(self):
+    def test_a_watch_resumes_after_the_last_event(self):
         proxy, client = self.through(20_000, 20_000)
         job = client.submit(LARGER, method="sweeps", tolerance=1e-300, max_iterations=400)
         numbers = [event.sequence for event in client.job(job.name).watch()]
@@ -56,13 +56,13 @@ class Broken(support.WithServer):
 
 
 class Away(support.WithFolder):
-    def test_no_server_is_said_in_a_sentence(self):
+    def test_a_missing_server_gives_a_sentence(self):
         client = varimesh.Client("127.0.0.1:1", connect=0.3)
         with self.assertRaises(varimesh.ServerUnreachable) as caught:
             client.info()
         self.assertIn("start varimeshd", str(caught.exception))
 
-    def test_a_server_that_comes_back_is_gone_on_with(self):
+    def test_a_watch_continues_when_the_server_comes_back(self):
         server = Server("--state", str(self.folder / "state"), folder=self.folder)
         client = varimesh.Client(server.address)
         job = client.submit(LARGER, method="sweeps", tolerance=1e-300, max_iterations=300)
@@ -140,7 +140,7 @@ class Interrupted(support.WithServer):
         process.kill()
         self.end(process, pids)
 
-    def test_a_private_server_ends_with_ctrl_c_and_leaves_nothing(self):
+    def test_a_private_server_ends_on_ctrl_c_and_leaves_no_files(self):
         process, address, pids = self.program()
         process.send_signal(signal.SIGINT)
         self.end(process, pids)

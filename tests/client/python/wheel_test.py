@@ -1,4 +1,4 @@
-"""The package as it is shipped: a wheel built without a network, and types that mypy agrees with."""
+"""The package as it is shipped: a wheel built without a network, and types that mypy accepts."""
 import os
 import shutil
 import subprocess
@@ -14,7 +14,7 @@ PROXIES = {name: "http://127.0.0.1:1" for name in ("http_proxy", "https_proxy", 
 
 
 class Wheel(support.WithFolder):
-    def test_is_built_and_imported_alone(self):
+    def test_is_built_without_a_network_and_imported(self):
         source, out, site = (self.folder / name for name in ("source", "out", "site"))
         shutil.copytree(PACKAGE, source, ignore=shutil.ignore_patterns("__pycache__", "build", "*.egg-info"))
         out.mkdir()
@@ -36,8 +36,8 @@ class Wheel(support.WithFolder):
         self.assertEqual(done.returncode, 0, done.stderr)
         self.assertEqual(done.stdout.split()[0], str(site / "varimesh" / "__init__.py"))
 
-    def test_stands_beside_google_s_own_error_details(self):
-        """Python's protobuf refuses two files of one name."""
+    def test_can_be_imported_beside_google_s_error_details(self):
+        """Python's protobuf refuses two files of the same name."""
         program = ("import sys\nfrom google.protobuf import descriptor_pb2, descriptor_pool as pool\n"
                    "for name in ('status', 'error_details'):\n"
                    "    pool.Default().Add(descriptor_pb2.FileDescriptorProto(\n"
@@ -48,7 +48,7 @@ class Wheel(support.WithFolder):
 
 
 class Types(support.WithFolder):
-    def test_are_right(self):
+    def test_mypy_accepts_the_package_and_finds_a_wrong_option(self):
         program = self.folder / "program.py"
         program.write_text("import varimesh\n"
                            "def f(client: varimesh.Client) -> float:\n"

@@ -5,9 +5,9 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include "core/base/utf8.h"
 #include "core/formats/output_file.h"
-#include "core/formats/utf8.h"
-#include "tests/core/formats/samples.h"
+#include "tests/core/support/samples.h"
 
 namespace varimesh {
 namespace {

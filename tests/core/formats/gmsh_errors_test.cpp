@@ -3,7 +3,7 @@
 
 #include <random>
 
-#include "tests/core/formats/samples.h"
+#include "tests/core/support/samples.h"
 
 namespace varimesh {
 namespace {

@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <set>
 
-#include "tests/core/formats/samples.h"
+#include "tests/core/support/samples.h"
 
 namespace varimesh {
 namespace {

@@ -2,7 +2,7 @@
 // python3-gmsh or python3-vtk9 is missing the tests say so and are skipped.
 #include <gtest/gtest.h>
 
-#include "tests/core/formats/samples.h"
+#include "tests/core/support/samples.h"
 
 namespace varimesh {
 namespace {

@@ -5,7 +5,7 @@
 
 #include "core/formats/formats.h"
 #include "core/mesh/connectivity.h"
-#include "tests/core/formats/samples.h"
+#include "tests/core/support/samples.h"
 
 namespace varimesh {
 namespace {

@@ -6,7 +6,7 @@
 #include <map>
 #include <set>
 
-#include "tests/core/formats/samples.h"
+#include "tests/core/support/samples.h"
 
 namespace varimesh {
 namespace {

@@ -3,7 +3,7 @@
 
 #include <gtest/gtest.h>
 
-#include "tests/core/optimise/meshes.h"
+#include "tests/core/support/meshes.h"
 
 namespace varimesh {
 namespace {

@@ -8,7 +8,7 @@
 
 #include "core/mesh/check.h"
 #include "core/quality/quality.h"
-#include "tests/core/optimise/meshes.h"
+#include "tests/core/support/meshes.h"
 
 namespace varimesh {
 namespace {

@@ -8,8 +8,8 @@
 #include <set>
 
 #include "core/mesh/connectivity.h"
-#include "tests/core/optimise/cases.h"
-#include "tests/core/optimise/meshes.h"
+#include "tests/core/support/cases.h"
+#include "tests/core/support/meshes.h"
 
 namespace varimesh {
 namespace {

@@ -28,7 +28,7 @@ TEST(LoweredReference, FiveSweepsOfTheSphereEndWhereTheReferenceDoes) {
   options.max_iterations = 5;
   const auto result = optimise(*lowered, options);
   ASSERT_TRUE(result) << result.error().sentence;
-  EXPECT_EQ(result->summary.free_nodes, 868);
+  EXPECT_EQ(result->sizes.free_nodes, 868);
   // At the nodes of order 3, as the reference samples it: .6664 ± .02, from .2355 on its own nodes of that order.
   EXPECT_NEAR(quality(*lowered, 3).min_scaled_jacobian, 0.2355, 0.01);
   EXPECT_NEAR(quality(result->mesh, 3).min_scaled_jacobian, 0.6664, 0.02);

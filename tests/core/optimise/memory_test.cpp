@@ -5,7 +5,7 @@
 #include <malloc.h>
 
 #include "core/optimise/optimiser.h"
-#include "tests/core/optimise/meshes.h"
+#include "tests/core/support/meshes.h"
 
 namespace varimesh {
 namespace {

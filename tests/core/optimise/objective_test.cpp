@@ -5,11 +5,11 @@
 #include <string>
 
 #include "core/mesh/connectivity.h"
-#include "core/optimise/cells.h"
-#include "core/optimise/door.h"
 #include "core/optimise/optimiser.h"
-#include "core/optimise/targets.h"
-#include "tests/core/optimise/cases.h"
+#include "core/problem/node_conversion.h"
+#include "core/problem/problem.h"
+#include "core/problem/targets.h"
+#include "tests/core/support/cases.h"
 
 namespace varimesh {
 namespace {
@@ -67,20 +67,20 @@ TEST(Objective, WorstExcludesAMinimumToStopAt) {
 TEST(Objective, LevelTargetsKeepShapeAndMeasure) {
   const HighOrderMesh mesh = testing::read_case("annulus_p3.msh");
   Problem problem = build_problem(mesh, fixed_nodes(mesh), 0);
-  problem.positions = positions_at_door(mesh, frame_of(mesh));
+  problem.positions = solver_positions(mesh, frame_of(mesh));
   set_straight_sided_targets(problem);
   Problem level = problem;
   level_targets(level);
-  const CellBlock &before = problem.blocks[0], &after = level.blocks[0];
+  const CellSet &before = problem.sets[0], &after = level.sets[0];
   ASSERT_FALSE(before.affine);
   bool uneven = false;
   for (std::int32_t cell = 0; cell < before.count; ++cell) {
     double measure = 0, level_measure = 0, first = 0;
     for (int q = 0; q < before.points; ++q) {
-      const auto entry = [&](const CellBlock& block, int k) {
+      const auto entry = [&](const CellSet& block, int k) {
         return block.inverse_target_of(cell)[k * block.stride + q];
       };
-      const auto determinant = [&](const CellBlock& block) {
+      const auto determinant = [&](const CellSet& block) {
         return entry(block, 0) * entry(block, 3) - entry(block, 1) * entry(block, 2);
       };
       if (q == 0) first = determinant(after);

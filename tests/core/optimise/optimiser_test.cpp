@@ -7,8 +7,8 @@
 #include <cstring>
 
 #include "core/mesh/connectivity.h"
-#include "tests/core/optimise/cases.h"
-#include "tests/core/optimise/meshes.h"
+#include "tests/core/support/cases.h"
+#include "tests/core/support/meshes.h"
 
 namespace varimesh {
 namespace {
@@ -68,7 +68,7 @@ TEST_P(EveryEnergy, LeavesFixedNodesBitForBit) {
     EXPECT_TRUE(same || !fixed[n]) << "node " << mesh.node_numbers[n];
     moved += same ? 0 : 1;
   }
-  EXPECT_GT(moved, result->summary.free_nodes / 2);
+  EXPECT_GT(moved, result->sizes.free_nodes / 2);
 }
 
 TEST_P(EveryEnergy, TurnsWithTheMesh) {

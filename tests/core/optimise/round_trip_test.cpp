@@ -7,7 +7,7 @@
 
 #include "core/formats/formats.h"
 #include "core/optimise/optimiser.h"
-#include "tests/core/optimise/meshes.h"
+#include "tests/core/support/meshes.h"
 
 namespace varimesh {
 namespace {

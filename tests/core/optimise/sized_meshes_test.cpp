@@ -4,12 +4,12 @@
 #include <Eigen/Dense>
 
 #include "core/energy/material.h"
-#include "core/optimise/door.h"
-#include "core/optimise/kernels.h"
+#include "core/kernels/kernels.h"
 #include "core/optimise/optimiser.h"
+#include "core/problem/node_conversion.h"
 #include "core/reference/basis.h"
-#include "tests/core/optimise/meshes.h"
-#include "tests/core/optimise/problems.h"
+#include "tests/core/support/meshes.h"
+#include "tests/core/support/problems.h"
 
 namespace varimesh {
 namespace {
@@ -90,7 +90,7 @@ std::vector<double> areas(const HighOrderMesh& mesh) {
   const double diagonal = frame_of(mesh).diagonal;
   const auto kernels = make_plain_kernels(material(Options{}), 2);
   hold_deformation(problem, false);
-  for (CellBlock& block : problem.blocks)
+  for (CellSet& block : problem.sets)
     for (std::int32_t cell = 0; cell < block.count; ++cell) {
       kernels->rebuild(block, cell, problem.positions);
       double area = 0;

@@ -7,7 +7,7 @@
 #include <numeric>
 
 #include "core/reference/basis.h"
-#include "tests/core/quality/made_cells.h"
+#include "tests/core/support/made_cells.h"
 
 namespace varimesh {
 namespace {

@@ -9,7 +9,7 @@
 #include "core/formats/formats.h"
 #include "core/mesh/check.h"
 #include "core/mesh/conformity.h"
-#include "tests/core/repair/balls.h"
+#include "tests/core/support/balls.h"
 
 namespace varimesh {
 namespace {

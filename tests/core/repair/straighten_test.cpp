@@ -7,8 +7,8 @@
 #include <numeric>
 
 #include "core/repair/blend.h"
-#include "tests/core/optimise/meshes.h"
-#include "tests/core/repair/balls.h"
+#include "tests/core/support/balls.h"
+#include "tests/core/support/meshes.h"
 
 namespace varimesh {
 namespace {
@@ -87,7 +87,7 @@ TEST(StraightenBallTest, KeepsTheBoundaryAndEveryCertificate) {
       EXPECT_EQ(std::memcmp(&mesh.coordinates[3 * n], &result.mesh.coordinates[3 * n], 3 * sizeof(double)), 0);
     }
   for (std::size_t c = 0; c < result.before.size(); ++c)
-    if (result.before[c].answer == Certificate::Answer::Valid) {
+    if (result.before[c].is_valid()) {
       EXPECT_EQ(result.after[c].answer, Certificate::Answer::Valid);
     }
   // The diagonal, from (−1, −1, −1)/√3 to (1, 1, 1)/√3, is straight: at equal parts all its components are alike.
@@ -119,7 +119,7 @@ TEST(StraightenTakeBackTest, LeavesWhatOthersNeedCurved) {
   const Straightened result = straightened(mesh, {static_cast<std::int32_t>(last)});
   ASSERT_NE(result.before[last].answer, Certificate::Answer::Valid);
   for (std::size_t c = 0; c < result.before.size(); ++c)
-    if (result.before[c].answer == Certificate::Answer::Valid) {
+    if (result.before[c].is_valid()) {
       EXPECT_EQ(result.after[c].answer, Certificate::Answer::Valid) << c;
     }
   EXPECT_FALSE(result.steps.empty());

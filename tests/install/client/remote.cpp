@@ -27,7 +27,7 @@ int main(int, char** arguments) {
   const auto job = client->submit(spec);
   if (!job) return report(job.error());
 
-  // Goes on by itself where the connection breaks, or the server is started again.
+  // Continues by itself if the connection breaks or the server is restarted.
   const auto ended = client->watch(job->name(), 0, [](const v1::JobEvent& event) {
     if (event.has_iteration()) std::printf("%3d  %.1e\n", event.iteration().number(), event.iteration().residual());
     return true;

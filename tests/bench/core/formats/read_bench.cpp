@@ -1,4 +1,5 @@
-// How fast a million tetrahedra are read, written and checked, on one core. Bytes per second are the file's.
+// Measures how fast a million tetrahedra are read, written and checked on one core. Bytes per second are bytes of the
+// file.
 #include <benchmark/benchmark.h>
 
 #include "core/formats/formats.h"
@@ -9,7 +10,7 @@ namespace {
 
 using formats::Format;
 
-// A cube of 55³ cells, each of six tetrahedra, with coordinates that need all their digits: 998,250 tetrahedra.
+// A grid of 55³ cubes, each cut into six tetrahedra, 998,250 in all. The coordinates need all their digits.
 HighOrderMesh million() {
   constexpr std::int32_t n = 55, m = n + 1;
   HighOrderMesh mesh;
@@ -29,7 +30,7 @@ HighOrderMesh million() {
       for (std::int32_t i = 0; i < n; ++i)
         for (int t = 0; t < 6; ++t) {
           const std::int32_t a = i + m * (j + m * k), b = a + steps[t][0], c = b + steps[t][1], d = a + 1 + m + m * m;
-          // Even permutations of the three steps turn right, odd ones left.
+          // Even permutations of the three steps are right-handed, odd ones left-handed.
           const bool left = t == 1 || t == 2 || t == 5;
           block.nodes.insert(block.nodes.end(), {a, left ? c : b, left ? b : c, d});
           block.numbers.push_back(std::int64_t(block.numbers.size()) + 1);

@@ -1,34 +1,35 @@
-// The two kernels that an optimisation spends its time in, ready to run: a sweep, and a product with the Hessian.
+// The two kernels in which an optimisation spends its time, ready to be measured: a sweep, and a product with the
+// Hessian.
 #pragma once
 
 #include <array>
 #include <cstdint>
 #include <vector>
 
-#include "core/optimise/batches.h"
-#include "core/optimise/cells.h"
-#include "core/optimise/kernels.h"
-#include "core/optimise/schedule.h"
-#include "core/optimise/sweep.h"
-#include "core/team.h"
-#include "tests/core/optimise/problems.h"
+#include "core/base/team.h"
+#include "core/hessian/batches.h"
+#include "core/kernels/kernels.h"
+#include "core/problem/problem.h"
+#include "core/sweeps/schedule.h"
+#include "core/sweeps/sweep.h"
+#include "tests/core/support/problems.h"
 
 namespace varimesh::bench {
 
-/// Flops of a node's visit, a quadrature point of a cell: its expansion, a trial of the line search and the move.
+/// Flops per quadrature point when a sweep visits a node: expansion, one trial of the line search, and the move.
 constexpr double flops_per_point(int dimension) { return dimension == 3 ? 270 : 165; }
 
-/// What one sweep over every free node comes to: quadrature points, summed over nodes and their cells.
+/// How many quadrature points one sweep over every free node visits, summed over the nodes and their cells.
 inline double points_visited(const Problem& problem) {
   double points = 0;
-  for (const Incidence& at : problem.incidences) points += problem.blocks[at.block].points;
+  for (const Incidence& at : problem.incidences) points += problem.sets[at.set].points;
   return points;
 }
 
-/// Flops of a product in one cell: the gradient of the direction at every point and its transpose, as sums and
-/// differences of what mirrors make of one node or point, and about 240 (3-D) or 80 (2-D) a point between them. 28
-/// kflop on a tetrahedron of order 4; with the gradient as a plain table they would be 69.
-inline double product_flops(const BatchBlock& block) {
+/// Flops of a product in one cell: the gradient of the direction at every point and its transpose, both folded by the
+/// cell's mirror symmetries, and about 240 (3-D) or 80 (2-D) flops per point between them. This is 28 kflop for a
+/// tetrahedron of order 4; with the gradient as a plain table it would be 69.
+inline double product_flops(const BatchSet& block) {
   const int d = block.cells->dimension;
   const auto signs = [](const std::vector<FoldedGradient::Orbit>& orbits) {
     double additions = 0;
@@ -40,7 +41,7 @@ inline double product_flops(const BatchBlock& block) {
   return flops + 2 * d * signs(block.gradient.node_orbits) + 2 * d * d * signs(block.gradient.point_orbits);
 }
 
-/// Sweeps on one thread, as often as wanted from where the mesh started.
+/// Sweeps on one thread, which can be repeated from the initial mesh.
 class SweepLoad {
  public:
   SweepLoad(const HighOrderMesh& mesh, const Options& options)
@@ -56,7 +57,7 @@ class SweepLoad {
     sweeper_.scan();
   }
   void sweep() { sweeper_.sweep(); }
-  /// What comes between two sweeps: δ of the cells.
+  /// The work between two sweeps, which determines δ of the cells.
   void scan() { sweeper_.scan(); }
 
   const Problem& problem() const { return problem_; }
@@ -71,17 +72,17 @@ class SweepLoad {
   Sweeper sweeper_;
 };
 
-/// Products on one thread, summed over the nodes' cells as conjugate gradients want them.
+/// Products on one thread, summed over the cells of each node as conjugate gradients need them.
 class ProductLoad {
  public:
   ProductLoad(const HighOrderMesh& mesh, const Options& options)
       : problem_(testing::make_problem(mesh)), hessian_(make_hessian_kernels(material(options), mesh.dimension)) {
     const std::unique_ptr<Kernels> kernels = make_kernels(material(options), mesh.dimension);
     hold_deformation(problem_, false);
-    for (CellBlock& block : problem_.blocks)
+    for (CellSet& block : problem_.sets)
       for (std::int32_t cell = 0; cell < block.count; ++cell) kernels->rebuild(block, cell, problem_.positions);
     batches_ = make_batches(problem_, *hessian_);
-    for (BatchBlock& block : batches_)
+    for (BatchSet& block : batches_)
       for (std::int32_t b = 0; b < block.count; ++b)
         hessian_->linearise(block, b, block.cells->deformation_of(b * kBatch));
     const std::vector<double> random = testing::random_direction(problem_, 1);
@@ -91,7 +92,7 @@ class ProductLoad {
   }
 
   void product() {
-    for (BatchBlock& block : batches_)
+    for (BatchSet& block : batches_)
       for (std::int32_t b = 0; b < block.count; ++b) hessian_->apply(block, b, direction_);
     hessian_->add_up(problem_, batches_, direction_.data(), product_.data(), 0,
                      static_cast<std::int32_t>(problem_.free.size()));
@@ -100,14 +101,14 @@ class ProductLoad {
   std::int32_t cells() const { return problem_.cells; }
   double flops() const {
     double sum = 0;
-    for (const BatchBlock& block : batches_) sum += block.cells->count * product_flops(block);
+    for (const BatchSet& block : batches_) sum += block.cells->count * product_flops(block);
     return sum;
   }
 
  private:
   Problem problem_;
   std::unique_ptr<HessianKernels> hessian_;
-  std::vector<BatchBlock> batches_;
+  std::vector<BatchSet> batches_;
   std::vector<float> direction_, product_;
 };
 

@@ -1,5 +1,6 @@
-// The sweep's kernel and the Hessian's product on one thread: ns a quadrature point and visit, ns an element, GFLOP/s,
-// the share of the yardstick's; and the memory's bandwidth, for the roofline. Meshes are made here.
+// Measures the kernel of a sweep (ns per quadrature point and visit) and the product with the Hessian (ns per element)
+// on one thread, with GFLOP/s and the share of the yardstick's GFLOP/s, and the memory bandwidth for the roofline. The
+// meshes are made here.
 #include <benchmark/benchmark.h>
 
 #include <cstdio>
@@ -7,7 +8,7 @@
 
 #include "tests/bench/core/optimise/loads.h"
 #include "tests/bench/measure_yardstick.h"
-#include "tests/core/optimise/meshes.h"
+#include "tests/core/support/meshes.h"
 
 namespace varimesh::bench {
 namespace {
@@ -25,7 +26,7 @@ void say_rates(benchmark::State& state, double flops, const char* name, double i
   state.counters[name] = Counter(items * iterations * 1e-9, Counter::kIsRate | Counter::kInvert);
 }
 
-/// A shaken grid of about so many cells.
+/// A shaken grid of about `cells` cells.
 HighOrderMesh made_mesh(Filling filling, int order, int cells) {
   const int a_box = filling == Filling::Tetrahedra                                ? 12
                     : filling == Filling::Pyramids                                ? 6
@@ -46,7 +47,7 @@ void sweep(benchmark::State& state, Filling filling, int order, Energy energy, i
   for (auto _ : state) {
     state.PauseTiming();
     load.reset();
-    load.sweep();  // the first moves nodes far
+    load.sweep();  // the first sweep moves nodes far
     state.ResumeTiming();
     load.sweep();
   }
@@ -62,8 +63,8 @@ void product(benchmark::State& state, Energy energy, int cells) {
   say_rates(state, load.flops(), "s/element", load.cells() * 1e9);
 }
 
-/// a = b + s c over arrays that no cache holds: 24 bytes an entry read or written, and 8 more read where the machine
-/// reads what it is about to overwrite, which are not counted.
+/// a = b + s c over arrays that do not fit into a cache. It counts 24 bytes per entry, read or written. If the machine
+/// reads what it is about to overwrite, it reads 8 more bytes, which are not counted.
 void memory(benchmark::State& state) {
   constexpr std::size_t n = std::size_t{1} << 24;
   std::vector<double> a(n), b(n, 1.0), c(n, 2.0);

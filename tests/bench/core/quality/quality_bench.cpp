@@ -1,16 +1,17 @@
-// How many cells a second are sampled and certified on one thread; divide by the yardstick's GFLOP/s over 82.
+// Measures how many cells per second are sampled and certified on one thread. To normalise the figures, multiply them
+// by 82 and divide by the yardstick's GFLOP/s.
 #include <benchmark/benchmark.h>
 
-#include "core/quality/certificate.h"
 #include "core/quality/quality.h"
-#include "tests/core/quality/made_cells.h"
+#include "core/validity/certifier.h"
+#include "tests/core/support/made_cells.h"
 
 namespace varimesh {
 namespace {
 
 constexpr int kCells = 2000;
 
-/// Good cells with nodes of their own, shaken a little.
+/// Good cells that share no nodes, shaken a little.
 HighOrderMesh good_cells(const benchmark::State& state) {
   const int order = static_cast<int>(state.range(1));
   return testing::shaken_cells(Shape(state.range(0)), order, kCells, 0.02 / (order * order), 1);
@@ -22,7 +23,7 @@ void certifying(benchmark::State& state) {
   std::vector<Certificate> certificates(certifier.cells());
   const Team team(1);
   for (auto _ : state) certifier.certify(mesh.coordinates, certificates, team);
-  if (summarise(certificates).valid != kCells) state.SkipWithError("the cells are meant to be valid");
+  if (summarise(certificates).valid != kCells) state.SkipWithError("the cells should all be valid");
   state.SetItemsProcessed(state.iterations() * kCells);
 }
 

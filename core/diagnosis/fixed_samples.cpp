@@ -1,0 +1,193 @@
+// Samples J and normals of the few cells and facets whose nodes are fixed.
+#include "core/diagnosis/fixed_samples.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <optional>
+
+#include "core/base/index.h"
+#include "core/diagnosis/vertex_link.h"
+#include "core/reference/basis.h"
+
+namespace varimesh::detail {
+namespace {
+
+/// J and normals under this part of the largest count as none: well over the rounding of a high-order gradient.
+constexpr double kNothing = 1e-10;
+/// A facet is flat if no node is further from its plane than this part of its size.
+constexpr double kFlat = 1e-6;
+
+Vector row(const Eigen::MatrixXd& matrix, Eigen::Index i) { return {matrix(i, 0), matrix(i, 1), matrix(i, 2)}; }
+
+Eigen::MatrixXd coordinates_of(const HighOrderMesh& mesh, std::span<const std::int32_t> nodes,
+                               const std::vector<int>* which = nullptr) {
+  const std::size_t count = which != nullptr ? which->size() : nodes.size();
+  Eigen::MatrixXd result(count, 3);
+  for (std::size_t n = 0; n < count; ++n)
+    for (std::size_t c = 0; c < 3; ++c)
+      result(static_cast<Eigen::Index>(n), static_cast<Eigen::Index>(c)) =
+          mesh.coordinates[3 * at(nodes[which != nullptr ? at((*which)[n]) : n]) + c];
+  return result;
+}
+
+/// Whether a point of the reference cell lies on a facet's plane (line).
+bool on_facet(const reference::ShapeInfo& shape, const reference::Facet& facet, const Vector& p) {
+  const auto corner = [&](std::size_t k) { return shape.vertex[at(facet.vertices[k])]; };
+  const auto from_first = [&](const Vector& x) {
+    return Vector{x[0] - corner(0)[0], x[1] - corner(0)[1], x[2] - corner(0)[2]};
+  };
+  const Vector last = shape.dimension == 2 ? Vector{0, 0, 1} : from_first(corner(2));
+  return std::abs(determinant(from_first(corner(1)), last, from_first(p))) < 1e-9;
+}
+
+int lattice_intervals(int order) { return std::max(2 * order + 2, 8); }
+
+}  // namespace
+
+// ---------------------------------------------------------------------------------------------------------------------
+// The point condition
+// ---------------------------------------------------------------------------------------------------------------------
+
+FixedSamples::Table FixedSamples::make_table(Shape shape, int order, int dimension) {
+  const reference::ShapeInfo& info = reference::info(shape);
+  Table table;
+  table.points = reference::uniform_lattice(shape, lattice_intervals(order));
+  if (shape == Shape::Pyramid) {
+    // Towards the apex the basis is rational and loses digits: stay off it.
+    std::vector<Eigen::Index> keep;
+    for (Eigen::Index p = 0; p < table.points.rows(); ++p)
+      if (table.points(p, 2) < 0.99) keep.push_back(p);
+    table.points = reference::Points(table.points(keep, Eigen::all));
+  }
+  constexpr auto kNodes = reference::NodeSet::Equispaced;
+  table.values = reference::basis_values(shape, order, kNodes, dimension, table.points);
+  table.gradients = reference::basis_gradients(shape, order, kNodes, dimension, table.points);
+  for (std::size_t f = 0; f < info.facets.size(); ++f)
+    table.facets.push_back(reference::facet_nodes(shape, order, static_cast<int>(f)));
+  for (Eigen::Index p = 0; p < table.points.rows(); ++p) {
+    Vector point{};
+    for (int c = 0; c < dimension; ++c) point[at(c)] = table.points(p, c);
+    const auto on = std::ranges::count_if(info.facets, [&](const auto& facet) { return on_facet(info, facet, point); });
+    table.dimension.push_back(std::max(0, dimension - static_cast<int>(on)));
+    table.vertex.push_back(-1);
+    for (int v = 0; v < info.vertices; ++v) {
+      const Vector& corner = info.vertex[at(v)];
+      if (std::abs(corner[0] - point[0]) + std::abs(corner[1] - point[1]) + std::abs(corner[2] - point[2]) < 1e-9)
+        table.vertex.back() = v;
+    }
+    std::vector<int>& enter = table.enter.emplace_back();
+    for (Eigen::Index n = 0; n < table.values.cols(); ++n) {
+      double most = 0;
+      for (const Eigen::MatrixXd& gradient : table.gradients) most = std::max(most, std::abs(gradient(p, n)));
+      if (most > 1e-9) enter.push_back(static_cast<int>(n));
+    }
+  }
+  return table;
+}
+
+FixedSamples::FixedSamples(const HighOrderMesh& mesh, const Cells& cells) : mesh_(mesh), cells_(cells) {
+  for (const Cells::Run& run : cells.runs())
+    if (!tables_.contains(run.block->shape))
+      tables_.emplace(run.block->shape, make_table(run.block->shape, run.block->order, mesh.dimension));
+}
+
+std::vector<FixedSample> FixedSamples::worst(std::size_t cell, const std::vector<bool>& fixed, double sign) const {
+  const auto nodes = cells_.nodes(cell);
+  const Table& table = tables_.at(cells_.shape(cell));
+  const auto held = [&](int n) { return fixed[at(nodes[at(n)])]; };
+  // Only between two fixed facets can there be such a point (but at vertices in 3-D).
+  if (std::ranges::count_if(table.facets, [&](const auto& facet) { return std::ranges::all_of(facet, held); }) < 2)
+    return {};
+  const Eigen::MatrixXd x = coordinates_of(mesh_, nodes);
+  const int d = mesh_.dimension;
+  std::array<Eigen::MatrixXd, 3> g;
+  for (int r = 0; r < d; ++r) g[at(r)] = table.gradients[at(r)] * x;
+  const auto jacobian = [&](Eigen::Index p) {
+    if (d == 2) return sign * (g[0](p, 0) * g[1](p, 1) - g[0](p, 1) * g[1](p, 0));
+    return sign * determinant(row(g[0], p), row(g[1], p), row(g[2], p));
+  };
+  double largest = 0;
+  for (Eigen::Index p = 0; p < table.points.rows(); ++p) largest = std::max(largest, std::abs(jacobian(p)));
+  std::array<std::optional<FixedSample>, 4> worst;
+  for (Eigen::Index p = 0; p < table.points.rows(); ++p) {
+    const int dimension = table.dimension[at(p)];
+    if ((d == 3 && dimension == 0) || !std::ranges::all_of(table.enter[at(p)], held)) continue;
+    const double relative = largest > 0 ? jacobian(p) / largest : 0;
+    auto& entry = worst[at(dimension)];
+    if (relative > kNothing || (entry && entry->jacobian <= relative)) continue;
+    entry = FixedSample{dimension, table.vertex[at(p)], row(table.values.row(p) * x, 0), relative};
+  }
+  std::vector<FixedSample> result;
+  for (const auto& entry : worst)
+    if (entry) result.push_back(*entry);
+  return result;
+}
+
+// ---------------------------------------------------------------------------------------------------------------------
+// Folded facets
+// ---------------------------------------------------------------------------------------------------------------------
+
+FoldedFacets::FoldedFacets(const HighOrderMesh& mesh, const Cells& cells) : mesh_(mesh), cells_(cells) {
+  constexpr auto kNodes = reference::NodeSet::Equispaced;
+  for (const Cells::Run& run : cells.runs())
+    for (const reference::Facet& facet : reference::info(run.block->shape).facets) {
+      if (tables_.contains(facet.shape)) continue;
+      const reference::Points points = reference::uniform_lattice(facet.shape, lattice_intervals(mesh.order));
+      tables_[facet.shape] = {reference::basis_values(facet.shape, mesh.order, kNodes, mesh.dimension, points),
+                              reference::basis_gradients(facet.shape, mesh.order, kNodes, mesh.dimension, points)};
+    }
+}
+
+bool FoldedFacets::folded(const Table& table, const Eigen::MatrixXd& coordinates, FixedSample& sample) const {
+  const Eigen::MatrixXd first = table.gradients[0] * coordinates;
+  const bool line = table.gradients.size() == 1;
+  const Eigen::MatrixXd second = line ? Eigen::MatrixXd() : Eigen::MatrixXd(table.gradients[1] * coordinates);
+  // The normal, or along a line the tangent.
+  std::vector<Vector> normal;
+  std::size_t longest = 0;
+  for (Eigen::Index p = 0; p < first.rows(); ++p) {
+    normal.push_back(line ? row(first, p) : cross(row(first, p), row(second, p)));
+    if (dot(normal.back(), normal.back()) > dot(normal[longest], normal[longest])) longest = at(p);
+  }
+  const double most = std::sqrt(dot(normal[longest], normal[longest]));
+  if (!(most > 0)) return false;
+  double least = std::numeric_limits<double>::max();
+  Eigen::Index place = 0;
+  for (std::size_t p = 0; p < normal.size(); ++p) {
+    const double along = dot(normal[p], normal[longest]) / (most * most);
+    if (along >= least) continue;
+    least = along;
+    place = static_cast<Eigen::Index>(p);
+  }
+  if (least > kNothing) return false;
+  // Curved facets may turn as far as they like: only a flat one must pass through nothing.
+  double size = 0, off = 0;
+  for (Eigen::Index n = 0; n < coordinates.rows(); ++n) {
+    const Vector x = row(coordinates.row(n) - coordinates.row(0), 0);
+    size = std::max(size, std::sqrt(dot(x, x)));
+    const double along = dot(x, normal[longest]) / most;
+    off = std::max(off, line ? std::sqrt(std::max(0.0, dot(x, x) - along * along)) : std::abs(along));
+  }
+  if (off > kFlat * size) return false;
+  sample.jacobian = least;
+  sample.place = row(table.values.row(place) * coordinates, 0);
+  return true;
+}
+
+std::vector<FixedSample> FoldedFacets::in(std::size_t cell, const std::vector<bool>& fixed) const {
+  std::vector<FixedSample> result;
+  const auto nodes = cells_.nodes(cell);
+  const Shape shape = cells_.shape(cell);
+  const auto facets = reference::info(shape).facets;
+  for (std::size_t f = 0; f < facets.size(); ++f) {
+    const std::vector<int>& local = reference::facet_nodes(shape, mesh_.order, static_cast<int>(f));
+    if (!std::ranges::all_of(local, [&](int n) { return fixed[at(nodes[at(n)])]; })) continue;
+    FixedSample sample;
+    sample.dimension = mesh_.dimension - 1;
+    if (folded(tables_.at(facets[f].shape), coordinates_of(mesh_, nodes, &local), sample)) result.push_back(sample);
+  }
+  return result;
+}
+
+}  // namespace varimesh::detail

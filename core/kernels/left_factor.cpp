@@ -1,0 +1,56 @@
+#include "core/kernels/left_factor.h"
+
+#include <array>
+
+#include "core/base/index.h"
+
+namespace varimesh {
+namespace {
+
+StarCell without_left_factor(StarCell cell) {
+  cell.left_factor = nullptr;
+  return cell;
+}
+
+}  // namespace
+
+StarExpansion expand_through_left_factors(const Kernels& kernels, int d, std::span<const StarCell> star) {
+  StarExpansion sum;
+  for (const StarCell& turned : star) {
+    const StarCell cell = without_left_factor(turned);
+    const StarExpansion seen = kernels.expand({&cell, 1});
+    sum.energy += seen.energy;
+    sum.measure += seen.measure;
+    std::array<double, 3> gradient{};
+    times_left_factor(turned.left_factor, d, seen.gradient.data(), gradient.data());
+    double half[3][3], full[3][3];  // rows: L times the columns of H, then L times the columns of that
+    for (int j = 0; j < d; ++j) {
+      double column[3];
+      for (int i = 0; i < d; ++i) column[i] = seen.hessian[symmetric_index(i, j)];
+      times_left_factor(turned.left_factor, d, column, half[j]);
+    }
+    for (int i = 0; i < d; ++i) {
+      double column[3];
+      for (int j = 0; j < d; ++j) column[j] = half[j][i];
+      times_left_factor(turned.left_factor, d, column, full[i]);
+    }
+    for (int i = 0; i < d; ++i) {
+      sum.gradient[i] += gradient[i];
+      for (int j = 0; j <= i; ++j) sum.hessian[symmetric_index(i, j)] += full[i][j];
+    }
+  }
+  return sum;
+}
+
+double energy_through_left_factors(const Kernels& kernels, int d, std::span<const StarCell> star, const double* step) {
+  double sum = 0;
+  for (const StarCell& turned : star) {
+    const StarCell cell = without_left_factor(turned);
+    double seen[3];
+    times_left_factor(turned.left_factor, d, step, seen);
+    sum += kernels.energy_after({&cell, 1}, seen);
+  }
+  return sum;
+}
+
+}  // namespace varimesh

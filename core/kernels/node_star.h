@@ -1,0 +1,65 @@
+// The cells of one free node, as the kernels take them.
+#pragma once
+
+#include <array>
+#include <span>
+#include <vector>
+
+#include "core/base/aligned.h"
+#include "core/kernels/kernels.h"
+#include "core/problem/problem.h"
+
+namespace varimesh {
+
+/// Gathers the star of free node `rank` on the stack; only stars of more than kMostCells cells go to the heap.
+class NodeStar {
+ public:
+  /// What stays in the second-level cache.
+  static constexpr std::size_t kMostNumbers = 1 << 14;
+
+  NodeStar(Problem& problem, std::int32_t rank) : NodeStar(problem, rank, 0, nullptr) {}
+
+  /// With room in `scratch`, which has kMostNumbers, for the `line_size` numbers a point that expand() leaves for the
+  /// rest of a visit (Kernels::line_size): of as many cells as it has room for.
+  NodeStar(Problem& problem, std::int32_t rank, int line_size, double* scratch) {
+    const std::int32_t first = problem.offsets[rank];
+    count_ = problem.offsets[rank + 1] - first;
+    if (count_ > kMostCells) on_heap_.resize(count_);
+    const std::span<StarCell> cells = this->cells();
+    std::size_t used = 0;
+    for (std::int32_t i = 0; i < count_; ++i) {
+      const Incidence& at = problem.incidences[first + i];
+      CellSet& set = problem.sets[at.set];
+      // One matrix to read in place of one a point, which comes from farther away than it takes to use it.
+      const double* uniform = set.uniform_target_of(at.cell);
+      cells[i] = {set.deformation_of(at.cell),
+                  set.derivatives_of(at.local),
+                  uniform != nullptr ? uniform : set.inverse_target_of(at.cell),
+                  set.left_factor_of(at.cell),
+                  uniform != nullptr ? uniform + set.dimension * set.dimension : set.measure_of(at.cell),
+                  set.weights.data(),
+                  set.delta_squared[at.cell],
+                  set.stride,
+                  set.affine || uniform != nullptr,
+                  set.jacobian_function_of(at.cell),
+                  nullptr};
+      const std::size_t needed = static_cast<std::size_t>(line_size) * static_cast<std::size_t>(set.stride);
+      if (needed == 0 || used + needed > kMostNumbers) continue;
+      cells[i].line = scratch + used;
+      used += needed;
+    }
+  }
+
+  std::span<StarCell> cells() {
+    return {count_ > kMostCells ? on_heap_.data() : on_stack_.data(), static_cast<std::size_t>(count_)};
+  }
+
+ private:
+  static constexpr std::int32_t kMostCells = 512;
+
+  std::int32_t count_;
+  std::array<StarCell, kMostCells> on_stack_;
+  std::vector<StarCell> on_heap_;
+};
+
+}  // namespace varimesh

@@ -1,0 +1,73 @@
+#include "core/newton/preconditioner.h"
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+
+namespace varimesh {
+namespace {
+
+constexpr std::int32_t kNodesPerTask = 2048;
+constexpr double kLeastEigenvalue = 1e-3;  // of a set, relative to its largest
+constexpr double kNothing = 1e-34;         // the largest blocks are about 1
+
+template <int d>
+void invert_block(const std::array<double, 6>& triangle, float* inverse) {
+  Eigen::Matrix<double, d, d> H;
+  for (int i = 0, entry = 0; i < d; ++i)
+    for (int j = 0; j <= i; ++j, ++entry) H(i, j) = H(j, i) = triangle[entry];
+  if (!(H.norm() >= kNothing)) {
+    std::fill_n(inverse, triangle_size(d), 0.0F);  // its inverse is no float: the node waits for the others
+    return;
+  }
+  // |H| |H⁻¹| in the Frobenius norm bounds the eigenvalues' ratio: where it is small nothing is clamped.
+  Eigen::Matrix<double, d, d> out;
+  const Eigen::LLT<Eigen::Matrix<double, d, d>> factor(H);
+  if (factor.info() == Eigen::Success) out = factor.solve(Eigen::Matrix<double, d, d>::Identity());
+  if (factor.info() != Eigen::Success || !(H.norm() * out.norm() <= 1 / kLeastEigenvalue)) {
+    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, d, d>> eigen(H);
+    const Eigen::Matrix<double, d, 1> size = eigen.eigenvalues().cwiseAbs();
+    const Eigen::Matrix<double, d, 1> clamped = size.cwiseMax(kLeastEigenvalue * size.maxCoeff());
+    out = eigen.eigenvectors() * clamped.cwiseInverse().asDiagonal() * eigen.eigenvectors().transpose();
+  }
+  for (int i = 0; i < d; ++i)
+    for (int j = 0; j <= i; ++j) *inverse++ = static_cast<float>(out(i, j));
+}
+
+}  // namespace
+
+Preconditioner::Preconditioner(const Problem& problem, std::vector<BatchSet>& batches, const Team& team)
+    : problem_(problem),
+      team_(team),
+      coarse_(problem, batches, team),
+      kernels_(make_coarse_kernels(problem.dimension)),
+      inverse_blocks_(problem.free.size() * triangle_size(problem.dimension)),
+      partial_((problem.free.size() + kNodesPerTask - 1) / kNodesPerTask) {}
+
+void Preconditioner::set_block(std::int32_t rank, const std::array<double, 6>& triangle) {
+  const int d = problem_.dimension;
+  float* inverse = inverse_blocks_.data() + static_cast<std::size_t>(rank) * triangle_size(d);
+  d == 2 ? invert_block<2>(triangle, inverse) : invert_block<3>(triangle, inverse);
+}
+
+double Preconditioner::apply(std::span<const float> r, std::span<float> z) {
+  const std::size_t d = problem_.dimension;
+  const auto nodes = static_cast<std::int32_t>(problem_.free.size());
+  // Until z is known it has a node's part of r for each of its cells.
+  team_.for_ranges(problem_.free.size(), kNodesPerTask, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t rank = begin; rank < end; ++rank) {
+      const float part = 1 / static_cast<float>(problem_.offsets[rank + 1] - problem_.offsets[rank]);
+      for (std::size_t k = rank * d; k < (rank + 1) * d; ++k) z[k] = part * r[k];
+    }
+  });
+  coarse_.solve(z);
+  team_.for_each(static_cast<std::int32_t>(partial_.size()), 1, [&](std::int32_t task) {
+    const std::int32_t first = task * kNodesPerTask, last = std::min(nodes, first + kNodesPerTask);
+    partial_[task] = kernels_->precondition(problem_, coarse_.space(), coarse_.solution(), inverse_blocks_.data(),
+                                            r.data(), z.data(), first, last);
+  });
+  return std::accumulate(partial_.begin(), partial_.end(), 0.0);
+}
+
+}  // namespace varimesh

@@ -1,0 +1,62 @@
+// What comes of a run: the mesh, its quality before and after, and why the run ended.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "core/diagnosis/diagnosis.h"
+#include "core/mesh/high_order_mesh.h"
+#include "core/optimise/iteration.h"
+#include "core/quality/quality.h"
+#include "core/repair/repair_step.h"
+
+namespace varimesh {
+
+/// Why a run ended.
+enum class StopReason : std::uint8_t {
+  Converged,   ///< The residual is at most the tolerance.
+  Valid,       ///< Until::Valid: every cell is certified valid.
+  Repaired,    ///< Until::Valid: every cell that is not certified valid is named unrepairable.
+  NoProgress,  ///< Until::Valid: ten iterations brought no fewer uncertified cells; or no lower energy was found.
+  Quality,     ///< until_js is reached.
+  TimeLimit,
+  Iterations,  ///< max_iterations.
+  Stopped,     ///< Control::Stop.
+};
+
+/// Sizes of a mesh, and how many of its nodes would move.
+struct MeshSummary {
+  int dimension = 0;
+  int order = 0;
+  std::int64_t elements = 0;    ///< Cells of the highest dimension.
+  std::int64_t nodes = 0;       ///< All nodes of the file.
+  std::int64_t free_nodes = 0;  ///< Nodes that may move.
+};
+
+/// Everything that a run says about itself, without the mesh.
+struct RunSummary {
+  MeshSummary sizes;  ///< Of the mesh that came in, in the order that was optimised.
+  int iterations = 0;
+  int resumed_from = 0;  ///< The iteration after which a checkpoint let the run go on; 0: it began at the beginning.
+  double seconds = 0;    ///< From the mesh as handed in to the result in memory, reports included.
+  double proof_seconds = 0;  ///< The part of `seconds` spent on certificates and on finding what cannot be repaired.
+  double residual = 0;       ///< Of the last iteration.
+  bool converged = false;    ///< residual ≤ tolerance.
+  bool stopped = false;      ///< Ended by Control::Stop.
+  StopReason stop_reason = StopReason::Iterations;
+  QualityReport before;
+  QualityReport after;
+  std::vector<UnrepairableGroup> unrepairable;  ///< What no movement of free nodes can repair.
+  std::vector<RepairStep> repairs;              ///< What Repair::Split or Straighten did about it, in order.
+  std::vector<Iteration> history;
+};
+
+/// What came of an optimisation: its summary, and the mesh.
+struct Result : RunSummary {
+  /// The mesh that came in with new coordinates. Coordinates of fixed nodes are the same bit for bit. A cell that came
+  /// in certified valid is certified valid here too, however the run ended. With Repair::Split the mesh may have more
+  /// elements and nodes, numbered above those that came in.
+  HighOrderMesh mesh;
+};
+
+}  // namespace varimesh

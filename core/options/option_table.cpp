@@ -1,0 +1,162 @@
+#include "core/options/option_table.h"
+
+#include <array>
+#include <charconv>
+#include <cmath>
+
+#include "core/reference/shape.h"
+
+namespace varimesh {
+namespace {
+
+using Words = std::string_view;
+
+template <class Enum, Enum Options::*member>
+constexpr ChoiceMember choice(std::span<const std::string_view> words) {
+  return {words, [](const Options& options) { return static_cast<int>(options.*member); },
+          [](Options& options, int value) { options.*member = static_cast<Enum>(value); }};
+}
+
+constexpr Words kEnergy[] = {"hyperelastic", "linear-elastic", "winslow", "distortion"};
+constexpr Words kStrain[] = {"green-lagrange", "small"};
+constexpr Words kVolumetric[] = {"log", "trace"};
+constexpr Words kWinslow[] = {"true", "paper"};
+constexpr Words kConstants[] = {"reference", "standard"};
+constexpr Words kRegularisation[] = {"element", "patch"};
+constexpr Words kMethod[] = {"auto", "sweeps", "newton"};
+constexpr Words kColouring[] = {"group", "node"};
+constexpr Words kUntil[] = {"tolerance", "valid"};
+constexpr Words kRepair[] = {"none", "report", "split", "straighten"};
+constexpr Words kObjective[] = {"energy", "worst"};
+constexpr Words kTarget[] = {"straight-sided", "ideal", "size", "strain"};
+
+constexpr OptionRange kNotNegative{};
+constexpr OptionRange kPositive{.without_least = true};
+constexpr OptionRange upto(double most) { return {.most = most}; }
+constexpr Words kConstantValues = "a positive number, or 0 for the value from the set of constants";
+
+/// Options whose type says what values there are.
+constexpr OptionInfo row(Words name, OptionMember member, Words help) { return {name, member, {}, {}, help}; }
+/// Numbers: `values` says the range in words.
+constexpr OptionInfo number(Words name, OptionMember member, OptionRange range, Words values, Words help) {
+  return {name, member, range, values, help};
+}
+
+// One row per option.
+const std::array kTable{
+    row("energy", choice<Energy, &Options::energy>(kEnergy), "The energy that is minimised"),
+    row("strain", choice<Strain, &Options::strain>(kStrain),
+        "The strain of the linear elastic energy; with small the result depends on how the mesh is rotated"),
+    row("volumetric", choice<Volumetric, &Options::volumetric>(kVolumetric),
+        "The volumetric part of the linear elastic energy; trace has no barrier and cannot keep a mesh valid"),
+    row("winslow", choice<Winslow, &Options::winslow>(kWinslow),
+        "The form of the Winslow energy in 3-D: the true functional, or the one of the paper"),
+    row("constants", choice<Constants, &Options::constants>(kConstants),
+        "The set that mu, lambda and kappa come from if they are 0"),
+    number("mu", &Options::mu, kNotNegative, kConstantValues, "The shear modulus, dimensionless"),
+    number("lambda", &Options::lambda, kNotNegative, kConstantValues, "The first Lamé constant, dimensionless"),
+    number("kappa", &Options::kappa, kNotNegative, kConstantValues, "The bulk modulus, dimensionless"),
+    row("regularisation", choice<Regularisation, &Options::regularisation>(kRegularisation),
+        "Whether each element has its own δ, or each node one δ for all elements around it"),
+    row("method", choice<Method, &Options::method>(kMethod),
+        "How the energy is minimised: in sweeps over the nodes, by Newton's method for all nodes at once, or "
+        "(auto) sweeps until the mesh is valid, then Newton's method, and untangling of what they leave"),
+    row("colouring", choice<Colouring, &Options::colouring>(kColouring),
+        "What one colour of a sweep is made of: groups of nodes, or single nodes"),
+    row("active_set", &Options::active_set,
+        "Whether sweeps skip nodes around which nothing has moved by more than the tolerance"),
+    number("tolerance", &Options::tolerance, kPositive, "a positive number, such as 1e-6",
+           "Stop at this residual: the longest step that a node would still take, relative to the diagonal of the "
+           "mesh's bounding box"),
+    number("max_iterations", &Options::max_iterations, kNotNegative, "0 or more",
+           "Stop after this many iterations; 0 only checks and reports"),
+    row("until", choice<Until, &Options::until>(kUntil),
+        "What else to stop at; valid: as soon as every element is certified valid or known to be unrepairable, "
+        "or ten iterations certify no further element and no other method is left to try"),
+    row("repair", choice<Repair, &Options::repair>(kRepair),
+        "What is done about elements that no movement of nodes can repair: none treats them like any other, "
+        "report names them and keeps them from distorting others, split gives tetrahedra new nodes, straighten "
+        "makes triangles and tetrahedra straight-sided"),
+    number("until_js", &Options::until_js, {.most = 1, .without_most = true}, "a scaled Jacobian from 0 to below 1",
+           "Stop when every element's scaled Jacobian is proved to be at least this, and return the best mesh; 0: "
+           "never"),
+    number("time_limit", &Options::time_limit, kNotNegative, "seconds, or 0 for no limit",
+           "Stop at the end of the iteration in which this many seconds have passed; 0: never"),
+    number("threads", &Options::threads, upto(4096), "1 to 4096, or 0 for all",
+           "How many threads to use; the result does not depend on it; 0: all of the machine's"),
+    number("quadrature_degree", &Options::quadrature_degree, upto(6 * kMaxOrder), "up to 60, or 0 for twice the order",
+           "The degree that the quadrature integrates exactly; 0: twice the order"),
+    row("objective", choice<Objective, &Options::objective>(kObjective),
+        "What the mesh is to be best at; worst raises the lowest scaled Jacobian as far as it goes, at two to "
+        "twenty times the cost"),
+    number("p_norm", &Options::p_norm, {.least = 1, .most = 16}, "1 (the energy itself) to 16",
+           "The power to which the elements' mean energies are summed; a higher one weighs the worst elements more"),
+    number("order", &Options::order, upto(kMaxOrder), "1 to 10, or 0 for the mesh's own order",
+           "The order to which the mesh is raised or lowered before it is optimised; 0: as it is"),
+    row("target", choice<Target, &Options::target>(kTarget),
+        "The shape that each element is compared with; size and strain need a target field"),
+    row("target_field", &Options::target_field,
+        "A file of sizes, metrics or strains: a first line 'elements' or 'nodes', then lines 'number value' or "
+        "'number xx xy yy [xz yz zz]'"),
+    row("fix", &Options::fix,
+        "A physical group whose nodes stay, by name, by tag or by dimension:tag; may be repeated"),
+    row("free", &Options::free,
+        "A group of interface elements whose nodes may move, not on the outer boundary; may be repeated"),
+    row("fix_nodes", &Options::fix_nodes, "Numbers of nodes that stay, with the whole edge or face that each lies in"),
+    row("free_nodes", &Options::free_nodes,
+        "Numbers of nodes that may move, with the whole edge or face that each lies in"),
+    number("region_below", &Options::region_below, upto(1),
+           "a scaled Jacobian up to 1, or 0 to let every free node move",
+           "Move nodes only near elements with a scaled Jacobian below this; 0: everywhere"),
+    number("rings", &Options::rings, kNotNegative, "0 (only the elements below region_below) or more",
+           "How many layers of elements around those below region_below may move"),
+};
+
+template <class... Cases>
+struct Overloaded : Cases... {
+  using Cases::operator()...;
+};
+template <class... Cases>
+Overloaded(Cases...) -> Overloaded<Cases...>;
+
+}  // namespace
+
+bool OptionRange::contains(double value) const {
+  return std::isfinite(value) && (without_least ? value > least : value >= least) &&
+         (without_most ? value < most : value <= most);
+}
+
+std::span<const OptionInfo> option_table() { return kTable; }
+
+bool is_number(const OptionInfo& option) {
+  return std::holds_alternative<double Options::*>(option.member) ||
+         std::holds_alternative<int Options::*>(option.member);
+}
+
+std::string number_text(double value) {
+  char digits[32];
+  std::string text(digits, std::to_chars(digits, digits + sizeof digits, value).ptr);
+  const std::size_t exponent = text.find("e-0");  // to_chars pads the exponent to two digits
+  return exponent == std::string::npos ? text : text.erase(exponent + 2, 1);
+}
+
+std::string default_text(const OptionInfo& option) {
+  const Options options;
+  return std::visit(Overloaded{[&](double Options::*member) { return number_text(options.*member); },
+                               [&](int Options::*member) { return std::to_string(options.*member); },
+                               [&](bool Options::*member) { return std::string(options.*member ? "on" : "off"); },
+                               [&](const ChoiceMember& member) {
+                                 return std::string(member.words[static_cast<std::size_t>(member.get(options))]);
+                               },
+                               [](const auto&) { return std::string(); }},
+                    option.member);
+}
+
+double number_of(const OptionInfo& option, const Options& options) {
+  return std::visit(Overloaded{[&](double Options::*member) { return options.*member; },
+                               [&](int Options::*member) { return static_cast<double>(options.*member); },
+                               [](const auto&) { return std::numeric_limits<double>::quiet_NaN(); }},
+                    option.member);
+}
+
+}  // namespace varimesh

@@ -1,0 +1,38 @@
+#include "core/options/options.h"
+
+#include <cmath>
+#include <string>
+
+#include "core/options/option_table.h"
+
+namespace varimesh {
+
+Expected<void> check(const Options& options) {
+  for (const OptionInfo& option : option_table())
+    if (const double value = number_of(option, options); is_number(option) && !option.range.contains(value))
+      return bad_option(std::string(option.name) + " is " + number_text(value) + "; give " +
+                        std::string(option.values) + ".");
+  const bool takes_field = options.target == Target::Size || options.target == Target::Strain;
+  if (takes_field && options.target_field.values.empty())
+    return bad_option(
+        "The target needs a field and target_field is empty: give a size or strain per element or vertex.");
+  if (!takes_field && !options.target_field.values.empty())
+    return bad_option("target_field is given, but the target takes none: choose the target size or strain.");
+  if (options.objective == Objective::Worst && options.until_js > 0)
+    return bad_option(
+        "objective is worst and until_js is given, but worst raises the lowest scaled Jacobian as far as it goes; "
+        "leave "
+        "until_js at 0, or objective at energy.");
+  if (options.repair == Repair::Split && takes_field)
+    return bad_option(
+        "repair is split and the target is a field: split elements would have no values in it; choose another target, "
+        "or split first and then optimise with the field.");
+  if (options.repair == Repair::Split && options.region_below > 0)
+    return bad_option(
+        "repair is split and region_below is given: split elements have to move wherever they are; leave region_below "
+        "at "
+        "0.");
+  return {};
+}
+
+}  // namespace varimesh

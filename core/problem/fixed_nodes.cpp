@@ -1,0 +1,243 @@
+#include "core/problem/fixed_nodes.h"
+
+#include <algorithm>
+#include <charconv>
+#include <string>
+#include <unordered_map>
+
+#include "core/mesh/connectivity.h"
+#include "core/problem/node_conversion.h"
+#include "core/quality/quality.h"
+#include "core/reference/nodes.h"
+
+namespace varimesh {
+namespace {
+
+using Group = std::pair<int, int>;  // dimension, tag
+
+// === Groups by name ======================================================================================
+
+// Every physical group of the mesh; those that its elements are in may have no name.
+std::vector<Group> groups_of(const HighOrderMesh& mesh) {
+  std::vector<Group> groups;
+  for (const PhysicalGroup& group : mesh.physical_groups) groups.emplace_back(group.dimension, group.tag);
+  for (const ElementBlock& block : mesh.blocks)
+    for (const int tag : block.physical) groups.emplace_back(reference::info(block.shape).dimension, tag);
+  std::sort(groups.begin(), groups.end());
+  groups.erase(std::unique(groups.begin(), groups.end()), groups.end());
+  return groups;
+}
+
+std::string list_groups(const HighOrderMesh& mesh) {
+  std::string list;
+  int listed = 0;
+  for (const auto& [dimension, tag] : groups_of(mesh)) {
+    if (++listed > 12) return list + ", …";
+    const auto named = std::find_if(mesh.physical_groups.begin(), mesh.physical_groups.end(),
+                                    [&](const PhysicalGroup& g) { return g.dimension == dimension && g.tag == tag; });
+    const bool has_name = named != mesh.physical_groups.end() && !named->name.empty();
+    list += (list.empty() ? "" : ", ") +
+            (has_name ? "'" + named->name + "'" : std::to_string(dimension) + ":" + std::to_string(tag));
+  }
+  return list.empty() ? "none" : list;
+}
+
+bool parse_whole(const std::string& text, std::size_t from, int& value) {
+  const auto [stop, error] = std::from_chars(text.data() + from, text.data() + text.size(), value);
+  return error == std::errc() && stop == text.data() + text.size();
+}
+
+// The groups that a user means by a name, a tag or "dimension:tag".
+Expected<std::vector<Group>> find_groups(const HighOrderMesh& mesh, const std::string& text) {
+  std::vector<Group> found;
+  for (const PhysicalGroup& group : mesh.physical_groups)
+    if (group.name == text && !text.empty()) found.emplace_back(group.dimension, group.tag);
+  if (!found.empty()) return found;
+  const std::size_t colon = text.find(':');
+  int tag = 0, dimension = -1;
+  const bool is_tag = parse_whole(text, colon == std::string::npos ? 0 : colon + 1, tag) &&
+                      (colon == std::string::npos || parse_whole(text.substr(0, colon), 0, dimension));
+  for (const Group& group : groups_of(mesh))
+    if (is_tag && group.second == tag && (dimension < 0 || group.first == dimension)) found.push_back(group);
+  if (found.empty())
+    return bad_option("There is no physical group '" + text + "' in the mesh; it has " + list_groups(mesh) + ".");
+  if (found.size() > 1)
+    return bad_option("The tag " + text + " belongs to physical groups of " + std::to_string(found.size()) +
+                      " dimensions: say which by 'dimension:tag', such as '" + std::to_string(found.front().first) +
+                      ":" + text + "'.");
+  return found;
+}
+
+bool is_in(const ElementBlock& block, const std::vector<Group>& groups) {
+  const int dimension = reference::info(block.shape).dimension;
+  return std::any_of(groups.begin(), groups.end(), [&](const Group& group) {
+    return group.first == dimension &&
+           std::find(block.physical.begin(), block.physical.end(), group.second) != block.physical.end();
+  });
+}
+
+// === The choice ==========================================================================================
+
+class Choice {
+ public:
+  explicit Choice(const HighOrderMesh& mesh) : mesh_(mesh), cells_(mesh, mesh.dimension), facets_(facets(mesh)) {}
+
+  std::vector<bool> take() { return std::move(fixed_); }
+
+  Expected<void> start(const std::vector<std::string>& free) {
+    std::vector<Group> freed;
+    for (const std::string& text : free) {
+      const auto groups = find_groups(mesh_, text);
+      if (!groups) return tl::unexpected(groups.error());
+      for (const Group& group : *groups)
+        if (group.first != mesh_.dimension - 1)
+          return bad_option("The group '" + text + "' has dimension " + std::to_string(group.first) +
+                            "; only groups of " + (mesh_.dimension == 3 ? "faces" : "lines") +
+                            " between cells can be freed, since only they are fixed.");
+      if (const auto checked = check_inside(text, *groups); !checked) return checked;
+      freed.insert(freed.end(), groups->begin(), groups->end());
+    }
+    mark_outer();
+    fixed_ = outer_;
+    for (const ElementBlock& block : mesh_.blocks)
+      if (reference::info(block.shape).dimension == mesh_.dimension - 1 && !is_in(block, freed)) fix_all(block.nodes);
+    return {};
+  }
+
+  Expected<void> free_nodes(const std::vector<std::int64_t>& numbers) {
+    const auto nodes = find_nodes(numbers, "free_nodes");
+    if (!nodes) return tl::unexpected(nodes.error());
+    for (std::size_t n = 0; n < nodes->size(); ++n)
+      if ((*nodes)[n] && outer_[n])
+        return bad_option("Node " + std::to_string(mesh_.node_numbers[n]) +
+                          " cannot be freed: it lies on the outer boundary, which has no geometry to slide on.");
+    for_each_related(*nodes, [&](std::int32_t other, bool, bool bounded) {
+      if (bounded) fixed_[std::size_t(other)] = false;
+    });
+    return {};
+  }
+
+  Expected<void> fix(const std::vector<std::string>& names) {
+    for (const std::string& text : names) {
+      const auto groups = find_groups(mesh_, text);
+      if (!groups) return tl::unexpected(groups.error());
+      for (const ElementBlock& block : mesh_.blocks)
+        if (is_in(block, *groups)) fix_all(block.nodes);
+    }
+    return {};
+  }
+
+  Expected<void> fix_nodes(const std::vector<std::int64_t>& numbers) {
+    const auto nodes = find_nodes(numbers, "fix_nodes");
+    if (!nodes) return tl::unexpected(nodes.error());
+    for_each_related(*nodes, [&](std::int32_t other, bool bounds, bool) {
+      if (bounds) fixed_[std::size_t(other)] = true;
+    });
+    return {};
+  }
+
+  void fix_outside_region(double below, int rings, int threads) {
+    const std::vector<double> quality = cell_quality(mesh_, 0, threads).scaled_jacobian;
+    std::vector<bool> inside(cells_.count());
+    for (std::size_t cell = 0; cell < inside.size(); ++cell) inside[cell] = quality[cell] < below;
+    for (int ring = 0; ring < rings; ++ring) {
+      std::vector<bool> touched(mesh_.node_count(), false);
+      for_each_vertex(inside, [&](std::size_t, std::int32_t node) { touched[std::size_t(node)] = true; });
+      std::vector<bool> outside = inside;
+      outside.flip();
+      for_each_vertex(outside, [&](std::size_t cell, std::int32_t node) {
+        if (touched[std::size_t(node)]) inside[cell] = true;
+      });
+    }
+    for (std::size_t cell = 0; cell < inside.size(); ++cell)
+      if (!inside[cell]) fix_all(cells_.nodes(cell));
+  }
+
+ private:
+  template <class Nodes>
+  void fix_all(const Nodes& nodes) {
+    for (const std::int32_t node : nodes) fixed_[std::size_t(node)] = true;
+  }
+
+  void mark_outer() {
+    outer_.assign(mesh_.node_count(), false);
+    for (std::size_t cell = 0; cell < cells_.count(); ++cell)
+      for (std::int32_t f = facets_.first[cell]; f < facets_.first[cell + 1]; ++f) {
+        if (facets_.neighbour[std::size_t(f)] >= 0) continue;
+        const auto nodes = cells_.nodes(cell);
+        for (const int local : reference::facet_nodes(cells_.shape(cell), mesh_.order, f - facets_.first[cell]))
+          outer_[std::size_t(nodes[std::size_t(local)])] = true;
+      }
+  }
+
+  // Whether a group that is to be freed has no element on the outer boundary.
+  Expected<void> check_inside(const std::string& text, const std::vector<Group>& groups) const {
+    const Cells borders(mesh_, mesh_.dimension - 1);
+    for (const auto& [facet, border] : facets_.elements)
+      if (facets_.neighbour[std::size_t(facet)] < 0 && is_in(*borders.run(std::size_t(border)).block, groups))
+        return bad_option("The group '" + text + "' cannot be freed: its element " +
+                          std::to_string(borders.number(std::size_t(border))) +
+                          " lies on the outer boundary, which has no geometry to slide on. Interfaces inside can be.");
+    return {};
+  }
+
+  Expected<std::vector<bool>> find_nodes(const std::vector<std::int64_t>& numbers, const char* option) const {
+    std::vector<bool> wanted(mesh_.node_count(), false);
+    if (numbers.empty()) return wanted;
+    std::unordered_map<std::int64_t, std::size_t> index;
+    for (std::size_t n = 0; n < mesh_.node_count(); ++n) index.emplace(mesh_.node_numbers[n], n);
+    for (const std::int64_t number : numbers) {
+      const auto found = index.find(number);
+      if (found == index.end())
+        return bad_option(std::string(option) + " names node " + std::to_string(number) +
+                          ", which the mesh does not have: use the numbers of its file.");
+      wanted[found->second] = true;
+    }
+    return wanted;
+  }
+
+  // Calls use(other node, other bounds it, it bounds other) for every wanted node and every node of the cells round it.
+  template <class Use>
+  void for_each_related(const std::vector<bool>& wanted, Use use) const {
+    if (std::none_of(wanted.begin(), wanted.end(), [](bool is) { return is; })) return;
+    for (std::size_t cell = 0; cell < cells_.count(); ++cell) {
+      const auto nodes = cells_.nodes(cell);
+      const reference::ShapeInfo& shape = reference::info(cells_.shape(cell));
+      const auto& places = reference::node_places(shape.shape, mesh_.order);
+      for (std::size_t i = 0; i < nodes.size(); ++i) {
+        if (!wanted[std::size_t(nodes[i])]) continue;
+        for (std::size_t j = 0; j < nodes.size(); ++j)
+          use(nodes[j], in_closure(shape, places[j], places[i]), in_closure(shape, places[i], places[j]));
+      }
+    }
+  }
+
+  template <class Use>
+  void for_each_vertex(const std::vector<bool>& of_cells, Use use) const {
+    for (std::size_t cell = 0; cell < cells_.count(); ++cell) {
+      if (!of_cells[cell]) continue;
+      const auto nodes = cells_.nodes(cell);
+      for (int v = 0; v < reference::info(cells_.shape(cell)).vertices; ++v) use(cell, nodes[std::size_t(v)]);
+    }
+  }
+
+  const HighOrderMesh& mesh_;
+  Cells cells_;
+  Facets facets_;
+  std::vector<bool> outer_;
+  std::vector<bool> fixed_;
+};
+
+}  // namespace
+
+Expected<std::vector<bool>> choose_fixed_nodes(const HighOrderMesh& mesh, const Options& options) {
+  Choice choice(mesh);
+  if (const auto done = choice.start(options.free); !done) return tl::unexpected(done.error());
+  if (const auto done = choice.free_nodes(options.free_nodes); !done) return tl::unexpected(done.error());
+  if (const auto done = choice.fix(options.fix); !done) return tl::unexpected(done.error());
+  if (const auto done = choice.fix_nodes(options.fix_nodes); !done) return tl::unexpected(done.error());
+  if (options.region_below > 0) choice.fix_outside_region(options.region_below, options.rings, options.threads);
+  return choice.take();
+}
+
+}  // namespace varimesh

@@ -1,0 +1,334 @@
+// A new target is one function of CellAtHand and one line in the table at the end of the file's first part.
+#include "core/problem/targets.h"
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <array>
+#include <cassert>
+#include <cmath>
+#include <numeric>
+
+#include "core/reference/basis.h"
+#include "core/reference/quadrature.h"
+
+namespace varimesh {
+namespace {
+
+template <int d>
+using MatrixD = Eigen::Matrix<double, d, d>;
+
+// === The targets =========================================================================================
+
+// What a target may depend on, at one quadrature point of one cell.
+template <int d>
+struct CellAtHand {
+  MatrixD<d> straight;  // ∇χ_L here
+  MatrixD<d> stretch;   // S here, 1 without a field; its size alone where L has the rest
+  MatrixD<d> regular;   // W
+  MatrixD<d> rotation;  // R, of the whole cell
+  double edge = 0;      // of the regular shape with the straight-sided cell's volume
+};
+
+template <int d>
+MatrixD<d> straight_sided(const CellAtHand<d>& cell) {
+  return cell.straight;
+}
+
+template <int d>
+MatrixD<d> ideal(const CellAtHand<d>& cell) {
+  return cell.edge * cell.rotation * cell.regular;
+}
+
+template <int d>
+MatrixD<d> sized(const CellAtHand<d>& cell) {
+  return cell.stretch * cell.rotation * cell.regular;
+}
+
+template <int d>
+MatrixD<d> strained(const CellAtHand<d>& cell) {
+  return cell.stretch * cell.straight;
+}
+
+struct TargetEntry {
+  Target target;
+  bool is_regular;  // made of W: the rotation and the edge are worth computing
+  MatrixD<2> (*plane)(const CellAtHand<2>&);
+  MatrixD<3> (*solid)(const CellAtHand<3>&);
+};
+
+constexpr TargetEntry kTargets[] = {
+    {Target::StraightSided, false, straight_sided<2>, straight_sided<3>},
+    {Target::Ideal, true, ideal<2>, ideal<3>},
+    {Target::Size, true, sized<2>, sized<3>},
+    {Target::Strain, false, strained<2>, strained<3>},
+};
+
+const TargetEntry& entry_of(Target target) {
+  for (const TargetEntry& entry : kTargets)
+    if (entry.target == target) return entry;
+  assert(false && "a target that is not in the table");
+  return kTargets[0];
+}
+
+// === Regular shapes ======================================================================================
+
+// W: gradient of the affine map from the reference cell to the regular shape with edges of length 1. Every edge of a
+// reference cell along an axis has length 2.
+Eigen::Matrix3d regular_shape(Shape shape) {
+  const double root3 = std::sqrt(3.0), root2 = std::sqrt(2.0);
+  Eigen::Matrix3d twice = Eigen::Matrix3d::Identity();
+  const bool on_triangle = shape == Shape::Triangle || shape == Shape::Tetrahedron || shape == Shape::Prism;
+  if (on_triangle) twice.col(1) << 0.5, root3 / 2, 0;
+  if (shape == Shape::Tetrahedron) twice.col(2) << 0.5, root3 / 6, root2 / root3;
+  if (shape == Shape::Pyramid) twice(2, 2) = 1 / root2;  // its height
+  return 0.5 * twice;
+}
+
+// === Block by set ======================================================================================
+
+// The values of a field on a set's cells.
+struct FieldOnBlock {
+  const StretchField& field;
+  const std::vector<std::int32_t>& mesh_cell;  // the cell's number in the mesh's order
+  Eigen::MatrixXd vertex_values;               // points × vertices
+  double scale = 1;                            // from the field's unit to the problem's
+
+  template <int d>
+  MatrixD<d> entry(std::size_t index) const {
+    const double* value = field.values.data() + index * std::size_t(field.components);
+    if (field.components == 1) return scale * value[0] * MatrixD<d>::Identity();
+    MatrixD<d> S;
+    for (int i = 0, k = 0; i < d; ++i)
+      for (int j = 0; j <= i; ++j, ++k) S(i, j) = S(j, i) = scale * value[k];
+    return S;
+  }
+
+  template <int d>
+  MatrixD<d> at(const std::int32_t* nodes, std::int32_t cell, int point) const {
+    if (field.components == 0) return MatrixD<d>::Identity();
+    if (field.per == Per::Cell) return entry<d>(mesh_cell[std::size_t(cell)]);
+    MatrixD<d> S = MatrixD<d>::Zero();
+    for (int v = 0; v < vertex_values.cols(); ++v)
+      S += vertex_values(point, v) * entry<d>(static_cast<std::size_t>(nodes[v]));
+    return S;
+  }
+};
+
+// The edge of a cube as large as the unit cube stretched by S.
+template <int d>
+double size_of(const MatrixD<d>& stretch) {
+  return std::pow(stretch.determinant(), 1.0 / d);
+}
+
+// The orthogonal factor of a matrix; its determinant has the matrix's sign.
+template <int d>
+MatrixD<d> polar_rotation(const MatrixD<d>& matrix) {
+  const Eigen::JacobiSVD<MatrixD<d>> svd(matrix, Eigen::ComputeFullU | Eigen::ComputeFullV);
+  return svd.matrixU() * svd.matrixV().transpose();
+}
+
+// The orthogonal matrix closest to `rotation` that takes the coordinate axes to eigenvectors of `stretch`, with the
+// sign of its determinant.
+template <int d>
+MatrixD<d> along_axes(const MatrixD<d>& stretch, const MatrixD<d>& rotation) {
+  const MatrixD<d> axes = Eigen::SelfAdjointEigenSolver<MatrixD<d>>(stretch).eigenvectors();
+  const MatrixD<d> seen = axes.transpose() * rotation;
+  MatrixD<d> best = rotation;
+  double closest = -1;
+  std::array<int, d> order{};
+  std::iota(order.begin(), order.end(), 0);
+  do {
+    for (int signs = 0; signs < (1 << d); ++signs) {
+      MatrixD<d> turn = MatrixD<d>::Zero();
+      for (int i = 0; i < d; ++i) turn(order[i], i) = (signs >> i & 1) != 0 ? -1 : 1;
+      const double likeness = turn.cwiseProduct(seen).sum();
+      if (turn.determinant() * seen.determinant() < 0 || likeness <= closest) continue;
+      closest = likeness;
+      best = axes * turn;
+    }
+  } while (std::next_permutation(order.begin(), order.end()));
+  return best;
+}
+
+bool has_axes(Shape shape) {
+  return shape == Shape::Quadrilateral || shape == Shape::Prism || shape == Shape::Hexahedron;
+}
+
+template <int d>
+class BlockTargets {
+ public:
+  BlockTargets(const Problem& problem, CellSet& set, const TargetEntry& target, const FieldOnBlock& field)
+      : problem_(problem),
+        block_(set),
+        target_(target),
+        field_(field),
+        rule_(reference::quadrature(set.shape, set.order, set.degree)),
+        gradients_(
+            reference::basis_gradients(set.shape, 1, reference::NodeSet::Equispaced, set.dimension, rule_.points)),
+        straight_(static_cast<std::size_t>(set.points)),
+        turns_freely_(target.target == Target::Size && field.field.components > 1 && !has_axes(set.shape)) {
+    at_.regular = regular_shape(set.shape).template topLeftCorner<d, d>();
+  }
+
+  void set() {
+    const bool varies = field_.field.components > 0 && field_.field.per == Per::Vertex;
+    block_.affine = reference::info(block_.shape).affine && !varies;
+    per_cell_ = block_.affine ? 1 : block_.stride;
+    block_.inverse_target.resize(static_cast<std::size_t>(block_.count) * d * d * per_cell_);
+    block_.measure.resize(static_cast<std::size_t>(block_.count) * per_cell_);
+    block_.left_factor.resize(turns_freely_ ? static_cast<std::size_t>(block_.count) * d * d : 0);
+    for (std::int32_t cell = 0; cell < block_.count; ++cell) set_cell(cell);
+  }
+
+ private:
+  void set_cell(std::int32_t cell) {
+    const std::int32_t* nodes = block_.nodes.data() + static_cast<std::size_t>(cell) * block_.nodes_per_cell;
+    double* inverse = block_.inverse_target.data() + static_cast<std::size_t>(cell) * d * d * per_cell_;
+    double* measure = block_.measure.data() + static_cast<std::size_t>(cell) * per_cell_;
+    const int points = std::min(per_cell_, block_.points);
+    for (int q = 0; q < points; ++q) straight_[q] = straight_gradient(nodes, q);
+    if (target_.is_regular) fit_regular(nodes, cell, points);
+    for (int q = 0; q < per_cell_; ++q) {
+      const int point = std::min(q, points - 1);
+      at_.straight = straight_[point];
+      at_.stretch = field_.at<d>(nodes, cell, point);
+      if (turns_freely_) at_.stretch = size_of<d>(at_.stretch) * MatrixD<d>::Identity();
+      const MatrixD<d> A = evaluate();
+      const MatrixD<d> inverse_A = A.inverse();
+      for (int i = 0; i < d; ++i)
+        for (int j = 0; j < d; ++j) inverse[(i * d + j) * per_cell_ + q] = inverse_A(i, j);
+      measure[q] = std::abs(A.determinant()) * (block_.affine ? 1.0 : block_.weights[q]);
+    }
+  }
+
+  MatrixD<d> evaluate() const {
+    if constexpr (d == 2)
+      return target_.plane(at_);
+    else
+      return target_.solid(at_);
+  }
+
+  MatrixD<d> straight_gradient(const std::int32_t* nodes, int point) const {
+    MatrixD<d> A = MatrixD<d>::Zero();
+    for (int v = 0; v < reference::info(block_.shape).vertices; ++v)
+      for (int k = 0; k < d; ++k)
+        for (int i = 0; i < d; ++i) A(i, k) += problem_.positions[nodes[v] * d + i] * gradients_[k](point, v);
+    return A;
+  }
+
+  // The rotation, the edge and the left factor, from means over the cell.
+  void fit_regular(const std::int32_t* nodes, std::int32_t cell, int points) {
+    MatrixD<d> straight = MatrixD<d>::Zero(), stretch = MatrixD<d>::Zero();
+    double weight = 0, volume = 0;
+    for (int q = 0; q < points; ++q) {
+      weight += rule_.weights[q];
+      volume += rule_.weights[q] * std::abs(straight_[q].determinant());
+      straight += rule_.weights[q] * straight_[q];
+      stretch += rule_.weights[q] * field_.at<d>(nodes, cell, q);
+    }
+    at_.rotation = polar_rotation<d>(stretch.inverse() * straight * at_.regular.inverse());
+    if (turns_freely_) set_left_factor(cell, stretch);
+    if (field_.field.components > 1 && has_axes(block_.shape)) at_.rotation = along_axes<d>(stretch, at_.rotation);
+    at_.edge = std::pow(volume / (weight * at_.regular.determinant()), 1.0 / d);
+  }
+
+  // L does not depend on the stretch's size: the sum over the points does as well as the mean.
+  void set_left_factor(std::int32_t cell, const MatrixD<d>& stretch) {
+    const MatrixD<d> factor = size_of<d>(stretch) * stretch.inverse();
+    double* out = block_.left_factor.data() + static_cast<std::size_t>(cell) * d * d;
+    for (int i = 0; i < d; ++i)
+      for (int j = 0; j < d; ++j) out[i * d + j] = factor(std::max(i, j), std::min(i, j));
+  }
+
+  const Problem& problem_;
+  CellSet& block_;
+  const TargetEntry& target_;
+  const FieldOnBlock& field_;
+  reference::Quadrature rule_;
+  std::vector<Eigen::MatrixXd> gradients_;
+  std::vector<MatrixD<d>> straight_;
+  bool turns_freely_ = false;  // in a metric: L has its directions
+  CellAtHand<d> at_;
+  int per_cell_ = 1;
+};
+
+// === Targets that turn out not to vary ===================================================================
+
+constexpr double kRounding = 1e-13;
+
+// Whether all n numbers are as the first, to rounding of `scale`.
+bool all_alike(const double* numbers, int n, double scale) {
+  return std::all_of(numbers, numbers + n, [&](double x) { return std::abs(x - numbers[0]) <= kRounding * scale; });
+}
+
+// Row k of A⁻¹ is what the map's direction k is measured with: in a thin cell the rows' sizes are far apart.
+bool is_uniform(const CellSet& set, std::int32_t cell) {
+  const int d = set.dimension;
+  const double *inverse = set.inverse_target_of(cell), *measure = set.measure_of(cell);
+  for (int k = 0; k < d; ++k) {
+    double scale = 0;
+    for (int j = 0; j < d; ++j) scale = std::max(scale, std::abs(inverse[(k * d + j) * set.stride]));
+    for (int j = 0; j < d; ++j)
+      if (!all_alike(inverse + (k * d + j) * set.stride, set.points, scale)) return false;
+  }
+  const double volume = measure[0] / set.weights[0];
+  for (int q = 0; q < set.points; ++q)
+    if (!(std::abs(measure[q] - volume * set.weights[q]) <= kRounding * measure[q])) return false;
+  return true;
+}
+
+void find_uniform_targets(CellSet& set) {
+  set.uniform_target.clear();
+  if (set.affine) return;
+  const auto square = static_cast<std::size_t>(set.dimension * set.dimension);
+  set.uniform_target.resize(static_cast<std::size_t>(set.count) * (square + 1));
+  for (std::int32_t cell = 0; cell < set.count; ++cell) {
+    if (!is_uniform(set, cell)) continue;
+    double* out = set.uniform_target.data() + static_cast<std::size_t>(cell) * (square + 1);
+    for (std::size_t k = 0; k < square; ++k) out[k] = set.inverse_target_of(cell)[k * set.stride];
+    out[square] = set.measure_of(cell)[0] / set.weights[0];
+  }
+}
+
+}  // namespace
+
+void set_targets(Problem& problem, const StretchField& field, double diagonal) {
+  const TargetEntry& target = entry_of(field.target);
+  for (CellSet& set : problem.sets) {
+    FieldOnBlock on_block{field, set.mesh_cell, {}, field.target == Target::Size ? 1 / diagonal : 1.0};
+    if (field.components > 0 && field.per == Per::Vertex)
+      on_block.vertex_values = reference::basis_values(set.shape, 1, reference::NodeSet::Equispaced, set.dimension,
+                                                       reference::quadrature(set.shape, set.order, set.degree).points);
+    if (problem.dimension == 2)
+      BlockTargets<2>(problem, set, target, on_block).set();
+    else
+      BlockTargets<3>(problem, set, target, on_block).set();
+    find_uniform_targets(set);
+  }
+}
+
+void level_targets(Problem& problem) {
+  for (CellSet& set : problem.sets) {
+    if (set.affine) continue;
+    const auto d = static_cast<std::size_t>(problem.dimension), stride = static_cast<std::size_t>(set.stride);
+    const double weight = std::accumulate(set.weights.begin(), set.weights.end(), 0.0);
+    for (std::size_t cell = 0; cell < static_cast<std::size_t>(set.count); ++cell) {
+      double* inverse = set.inverse_target.data() + cell * d * d * stride;
+      double* measure = set.measure.data() + cell * stride;
+      const double mean = std::accumulate(measure, measure + stride, 0.0) / weight;
+      for (std::size_t q = 0; q < stride; ++q) {
+        Eigen::Matrix3d at = Eigen::Matrix3d::Identity();
+        for (std::size_t i = 0; i < d; ++i)
+          for (std::size_t j = 0; j < d; ++j) at(i, j) = inverse[(i * d + j) * stride + q];
+        const double scale = std::pow(mean * std::abs(at.determinant()), -1.0 / static_cast<double>(d));
+        for (std::size_t k = 0; k < d * d; ++k) inverse[k * stride + q] *= scale;
+        measure[q] = mean * set.weights[q];
+      }
+    }
+    find_uniform_targets(set);
+  }
+}
+
+void set_straight_sided_targets(Problem& problem) { set_targets(problem, {}, 1.0); }
+
+}  // namespace varimesh

@@ -1,0 +1,295 @@
+#include "core/sweeps/sweep.h"
+
+#include <Eigen/Dense>
+#include <cmath>
+#include <limits>
+
+#include "core/kernels/node_star.h"
+
+namespace varimesh {
+namespace {
+
+constexpr std::int32_t kNodesPerTask = 64;
+constexpr std::int32_t kCellsPerTask = 64;
+constexpr double kArmijo = 1e-4;  // share of the predicted decrease that a step must bring
+constexpr int kMostHalvings = 40;
+constexpr double kEnergyNoise = 1e-14;  // of the star's measure: below it an energy's change is rounding
+
+/// −H⁻¹ G by H's cofactors, with one division where a factorisation waits for d of them; false where H is not positive,
+/// or the pivots of its factor L D Lᵀ (quotients of minors, one by the last) are far apart.
+template <int d>
+bool direct_step(const Eigen::Matrix<double, d, d>& H, const Eigen::Matrix<double, d, 1>& G,
+                 Eigen::Matrix<double, d, 1>& step) {
+  constexpr double kSpread = 0.0025;
+  const double first = H(0, 0), second = H(0, 0) * H(1, 1) - H(1, 0) * H(1, 0);
+  if constexpr (d == 2) {
+    // Pivots first and second/first.
+    const double square = first * first;
+    if (!(first > 0 && second > kSpread * square && square > kSpread * second)) return false;
+    const double inverse = -1 / second;
+    step[0] = inverse * (H(1, 1) * G[0] - H(1, 0) * G[1]);
+    step[1] = inverse * (H(0, 0) * G[1] - H(1, 0) * G[0]);
+  } else {
+    double C[3][3];
+    C[0][0] = H(1, 1) * H(2, 2) - H(2, 1) * H(2, 1);
+    C[1][0] = H(2, 1) * H(2, 0) - H(1, 0) * H(2, 2);
+    C[2][0] = H(1, 0) * H(2, 1) - H(1, 1) * H(2, 0);
+    C[1][1] = H(0, 0) * H(2, 2) - H(2, 0) * H(2, 0);
+    C[2][1] = H(1, 0) * H(2, 0) - H(0, 0) * H(2, 1);
+    C[2][2] = second;
+    const double third = H(0, 0) * C[0][0] + H(1, 0) * C[1][0] + H(2, 0) * C[2][0];
+    // Pivots first, second/first and third/second, compared with each other after multiplication.
+    const double a = first * first * second, b = second * second, c = third * first;
+    const double least = std::min(a, std::min(b, c)), most = std::max(a, std::max(b, c));
+    if (!(first > 0 && second > 0 && third > 0 && least > kSpread * most)) return false;
+    const double inverse = -1 / third;
+    step[0] = inverse * (C[0][0] * G[0] + C[1][0] * G[1] + C[2][0] * G[2]);
+    step[1] = inverse * (C[1][0] * G[0] + C[1][1] * G[1] + C[2][1] * G[2]);
+    step[2] = inverse * (C[2][0] * G[0] + C[2][1] * G[1] + C[2][2] * G[2]);
+  }
+  return true;
+}
+
+template <int d>
+std::array<double, 3> newton_step_of(const StarExpansion& expansion) {
+  Eigen::Matrix<double, d, d> H;
+  Eigen::Matrix<double, d, 1> G;
+  for (int i = 0, entry = 0; i < d; ++i) {
+    G[i] = expansion.gradient[i];
+    for (int j = 0; j <= i; ++j, ++entry) H(i, j) = H(j, i) = expansion.hessian[entry];
+  }
+  Eigen::Matrix<double, d, 1> step;
+  if (!direct_step<d>(H, G, step)) {
+    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, d, d>> eigen(H);
+    const Eigen::Matrix<double, d, 1> size = eigen.eigenvalues().cwiseAbs();
+    const Eigen::Matrix<double, d, 1> clamped = size.cwiseMax(1e-3 * size.maxCoeff());
+    step = -(eigen.eigenvectors() * (eigen.eigenvectors().transpose() * G).cwiseQuotient(clamped));
+  }
+  std::array<double, 3> out{};
+  for (int i = 0; i < d; ++i) out[i] = std::isfinite(step[i]) ? step[i] : 0.0;
+  return out;
+}
+
+}  // namespace
+
+std::array<double, 3> newton_step(const StarExpansion& expansion, int dimension) {
+  return dimension == 2 ? newton_step_of<2>(expansion) : newton_step_of<3>(expansion);
+}
+
+Sweeper::Sweeper(Problem& problem, const Schedule& schedule, const Kernels& kernels, Regularisation regularisation,
+                 const PNorm& norm, double rest, const Team& team)
+    : problem_(problem),
+      schedule_(schedule),
+      kernels_(kernels),
+      line_size_(kernels.line_size()),
+      regularisation_(regularisation),
+      norm_(norm),
+      team_(team),
+      scans_(problem.cells),
+      changed_(problem.cells, 1),
+      drifted_(problem.cells, 1),
+      rest_(rest),
+      moved_at_(problem.cells, 0),
+      moves_(problem.cells, 0.0) {
+  grain_ = std::max<std::int32_t>(1, static_cast<std::int32_t>(kNodesPerTask * schedule.group_count() /
+                                                               std::max<std::size_t>(1, problem.free.size())));
+  for (const CellSet& set : problem.sets)
+    for (std::int32_t cell = 0; cell < set.count; ++cell) measure_ += cell_measure(set, cell);
+  for (std::size_t group = 0; group + 1 < schedule.groups.size(); ++group)
+    largest_group_ = std::max<std::int64_t>(largest_group_, schedule.groups[group + 1] - schedule.groups[group]);
+}
+
+void Sweeper::rebuild() {
+  if (hold_deformation(problem_, kernels_.keeps_function())) std::fill(drifted_.begin(), drifted_.end(), 1);
+  for (CellSet& set : problem_.sets)
+    team_.for_each(set.count, kCellsPerTask, [&](std::int32_t cell) {
+      if (drifted_[set.first + cell] == 0) return;
+      kernels_.rebuild(set, cell, problem_.positions);
+      drifted_[set.first + cell] = 0;
+      changed_[set.first + cell] = 1;
+    });
+}
+
+bool Sweeper::refresh() {
+  if ((!visited_at_.empty() && visited_at_.size() != problem_.free.size()) || moved_at_.size() != scans_.size() ||
+      moves_.size() != scans_.size())
+    return false;
+  drop_deformation(problem_);
+  for (CellSet& set : problem_.sets)
+    team_.for_each(set.count, kCellsPerTask, [&](std::int32_t cell) {
+      set.delta_squared[cell] = delta_squared_of(set, cell, look_at(set, cell));
+      scans_[set.first + cell] = look_at(set, cell);
+    });
+  std::fill(changed_.begin(), changed_.end(), 0);
+  return true;
+}
+
+void Sweeper::changed() {
+  std::fill(changed_.begin(), changed_.end(), 1);
+  wake();
+}
+
+void Sweeper::changed(std::span<const CellScan> scans) {
+  std::copy(scans.begin(), scans.end(), scans_.begin());
+  for (CellSet& set : problem_.sets)
+    team_.for_each(set.count, kCellsPerTask, [&](std::int32_t cell) { judge_cell(set, cell); });
+  std::fill(changed_.begin(), changed_.end(), 0);
+  wake();
+}
+
+void Sweeper::wake() { std::fill(visited_at_.begin(), visited_at_.end(), 0); }
+
+double Sweeper::delta_squared_of(const CellSet& set, std::int32_t cell, const CellScan& scan) {
+  const bool unrepairable = !set.unrepairable.empty() && set.unrepairable[cell] != 0;
+  return unrepairable ? kUnrepairableDeltaSquared : delta_squared_for(scan.smallest_jacobian);
+}
+
+CellScan Sweeper::look_at(const CellSet& set, std::int32_t cell) const {
+  if (!set.deformation.empty()) return kernels_.scan_kept(set, cell);
+  static thread_local AlignedVector<double> deformation;
+  deformation.resize(set.deformation_size());
+  kernels_.deform(set, cell, problem_.positions, deformation.data());
+  return kernels_.scan(set, cell, deformation.data(), nullptr);
+}
+
+void Sweeper::scan_cell(CellSet& set, std::int32_t cell) {
+  scans_[set.first + cell] = look_at(set, cell);
+  changed_[set.first + cell] = 0;
+  judge_cell(set, cell);
+}
+
+void Sweeper::judge_cell(CellSet& set, std::int32_t cell) {
+  CellScan& scan = scans_[set.first + cell];
+  const double delta_squared = delta_squared_of(set, cell, scan);
+  if (delta_squared == set.delta_squared[cell]) return;
+  set.delta_squared[cell] = delta_squared;
+  scan = look_at(set, cell);
+  moved_at_[set.first + cell] = clock_;  // another function to minimise
+}
+
+ScanOutcome Sweeper::scan() {
+  ScanOutcome outcome;
+  outcome.min_scaled_jacobian = 1;
+  ++clock_;  // later than every visit so far: a cell that gets another δ wakes its nodes
+  for (CellSet& set : problem_.sets) {
+    team_.for_each(set.count, kCellsPerTask, [&](std::int32_t cell) {
+      const bool unrepairable = !set.unrepairable.empty() && set.unrepairable[cell] != 0;
+      if (changed_[set.first + cell] != 0 || unrepairable != (set.delta_squared[cell] == kUnrepairableDeltaSquared))
+        scan_cell(set, cell);
+    });
+    for (std::int32_t cell = 0; cell < set.count; ++cell) {
+      const CellScan& scan = scans_[set.first + cell];
+      outcome.energy += norm_.is_sum() ? scan.energy : norm_.value(scan.energy, cell_measure(set, cell));
+      outcome.min_scaled_jacobian = std::min(outcome.min_scaled_jacobian, scan.scaled_jacobian);
+      if (!(scan.smallest_jacobian > 0)) ++outcome.invalid;
+    }
+  }
+  if (measure_ > 0) outcome.energy /= measure_;
+  if (!norm_.is_sum()) outcome.energy = std::pow(outcome.energy, 1 / norm_.p);
+  return outcome;
+}
+
+SweepOutcome Sweeper::sweep() {
+  visits_.resize(problem_.free.size());  // the first time
+  visited_at_.resize(problem_.free.size());
+  if (!holds_deformation(problem_)) rebuild();
+  for (std::size_t colour = 0; colour + 1 < schedule_.colours.size(); ++colour) {
+    const std::int32_t first = schedule_.colours[colour], count = schedule_.colours[colour + 1] - first;
+    team_.for_each(count, grain_, [&](std::int32_t group) {
+      static thread_local AlignedVector<double> scratch(NodeStar::kMostNumbers);
+      std::int64_t now = clock_;
+      for (std::int32_t i = schedule_.groups[first + group]; i < schedule_.groups[first + group + 1]; ++i)
+        visits_[schedule_.nodes[i]] = visit(schedule_.nodes[i], ++now, scratch.data());
+    });
+    clock_ += largest_group_;
+  }
+  SweepOutcome outcome;
+  for (const Visit& visit : visits_) {
+    outcome.residual = std::max(outcome.residual, visit.step);
+    outcome.gradient_norm += visit.squared_gradient;
+    outcome.visited += visit.made ? 1 : 0;
+  }
+  outcome.gradient_norm = std::sqrt(outcome.gradient_norm);
+  return outcome;
+}
+
+bool Sweeper::at_rest(std::int32_t rank) const {
+  if (rest_ < 0 || visited_at_[rank] == 0) return false;
+  for (std::int32_t i = problem_.offsets[rank]; i < problem_.offsets[rank + 1]; ++i) {
+    const Incidence& at = problem_.incidences[i];
+    if (moved_at_[problem_.sets[at.set].first + at.cell] > visited_at_[rank]) return false;
+  }
+  return true;
+}
+
+void Sweeper::note_move(std::int32_t rank, std::int64_t now, double length) {
+  for (std::int32_t i = problem_.offsets[rank]; i < problem_.offsets[rank + 1]; ++i) {
+    const Incidence& at = problem_.incidences[i];
+    const std::int32_t cell = problem_.sets[at.set].first + at.cell;
+    changed_[cell] = drifted_[cell] = 1;
+    if (rest_ < 0) continue;  // no node ever rests
+    moves_[cell] += length;
+    if (moves_[cell] <= rest_) continue;
+    moves_[cell] = 0;
+    moved_at_[cell] = now;
+  }
+}
+
+double Sweeper::star_delta_squared(std::int32_t rank, std::span<StarCell> star) const {
+  double smallest = std::numeric_limits<double>::infinity();
+  for (std::size_t i = 0; i < star.size(); ++i) {
+    const Incidence& at = problem_.incidences[problem_.offsets[rank] + i];
+    const CellSet& set = problem_.sets[at.set];
+    if (!set.unrepairable.empty() && set.unrepairable[at.cell] != 0) continue;
+    smallest = std::min(smallest, kernels_.smallest_jacobian(star.subspan(i, 1)));
+  }
+  return delta_squared_for(smallest);
+}
+
+Sweeper::Visit Sweeper::visit(std::int32_t rank, std::int64_t now, double* scratch) {
+  if (at_rest(rank)) return {};
+  visited_at_[rank] = now;
+  const int d = problem_.dimension;
+  NodeStar gathered(problem_, rank, line_size_, scratch);
+  const std::span<StarCell> star = gathered.cells();
+  if (regularisation_ == Regularisation::Patch) {
+    const double delta_squared = star_delta_squared(rank, star);
+    for (StarCell& cell : star)
+      if (cell.delta_squared != kUnrepairableDeltaSquared) cell.delta_squared = delta_squared;
+  }
+
+  const StarExpansion here = expand(kernels_, star, norm_);
+  const std::array<double, 3> full = newton_step(here, d);
+  double slope = 0, length = 0, squared_gradient = 0;
+  for (int i = 0; i < d; ++i) {
+    slope += full[i] * here.gradient[i];
+    length += full[i] * full[i];
+    squared_gradient += here.gradient[i] * here.gradient[i];
+  }
+  const Visit visit{std::sqrt(length), squared_gradient, true};
+  if (!(length > 0) || !(slope < 0)) return visit;
+
+  // Backtracking never raises the energy, but by rounding where the predicted decrease is itself lost in it.
+  const double noise = kEnergyNoise * here.measure;
+  double alpha = 1;
+  for (int halving = 0; halving < kMostHalvings; ++halving, alpha *= 0.5) {
+    const std::array<double, 3> step{alpha * full[0], alpha * full[1], alpha * full[2]};
+    const double energy = energy_after(kernels_, star, step.data(), norm_);
+    const bool lower = energy <= here.energy + kArmijo * alpha * slope;
+    const bool lost_in_rounding = -slope < noise && energy <= here.energy + noise;
+    if (!lower && !lost_in_rounding) continue;
+    kernels_.move(star, step.data());
+    double* x = problem_.positions.data() + static_cast<std::size_t>(problem_.free[rank]) * d;
+    for (int i = 0; i < d; ++i) x[i] += step[i];
+    if (visit.step > rest_) visited_at_[rank] = 0;  // there is more to come
+    note_move(rank, now, alpha * visit.step);
+    return visit;
+  }
+  // Next to J = 0 the kept function of J may differ from that of F by more than there is to gain. Then from F again.
+  for (const StarCell& cell : star)
+    if (cell.jacobian_function != nullptr)
+      kernels_.take_function(cell.deformation, cell.stride, cell.jacobian_function);
+  return visit;
+}
+
+}  // namespace varimesh

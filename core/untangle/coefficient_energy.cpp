@@ -1,0 +1,242 @@
+// The formula and its derivatives, a cell at a time.
+#include "core/untangle/coefficient_energy.h"
+
+#include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "core/kernels/p_norm.h"
+
+namespace varimesh {
+namespace {
+
+constexpr double kTheta = 0.5;
+constexpr double kCondemnedEpsilon = 1;
+/// Of the largest entry of ∂B/∂x: what is below it is rounding, where the exact entry is 0.
+constexpr double kNoSlope = 1e-12;
+
+using Matrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, 3, 3>;
+
+// ---------------------------------------------------------------------------------------------------------------------
+// Functions of I = |F|² and J
+// ---------------------------------------------------------------------------------------------------------------------
+
+/// s = √(J² + ε²) and χ; for J < 0 as ε²/(2 (s − J)), since s + J cancels.
+struct Regularised {
+  double s, chi;
+  Regularised(double jacobian, double epsilon)
+      : s(std::hypot(jacobian, epsilon)),
+        chi(jacobian > 0 ? (s + jacobian) / 2 : epsilon * epsilon / (2 * (s - jacobian))) {}
+};
+
+/// f = I b/d with b = χ^−m, m = 2/d, and
+///     f_I = b/d,  f_J = −m I b/(d s),  f_IJ = −m b/(d s),  f_JJ = I b/(d s²) max(m (m + J/s), 2 m²).
+/// Of the second derivatives without f_J d²J: 2 f_I |dF|² + 4 f_IJ (F:dF)(C:dF) + f_JJ (C:dF)² is not negative where
+/// f_JJ is at least I b 2 m²/(d s²), because |dF|² ≥ (F:dF)²/I; the true f_JJ has m (m + J/s), less where J/s < m.
+struct ShapeTerm {
+  double f, I_slope, J_slope, IJ, JJ;
+  ShapeTerm(double I, double jacobian, double epsilon, int d) {
+    const Regularised r(jacobian, epsilon);
+    const double m = 2.0 / d, b = std::pow(r.chi, -m);
+    f = I * b / d;
+    I_slope = b / d;
+    J_slope = -m * I * b / (d * r.s);
+    IJ = -m * b / (d * r.s);
+    JJ = I * b / (d * r.s * r.s) * std::max(m * (m + jacobian / r.s), 2 * m * m);
+  }
+};
+
+/// h = (B² + 1)/χ, h' = 2 B/χ − (B² + 1)/(χ s), h'' = 2/χ − 4 B/(χ s) + 2 (B² + 1)/s³ or 0 where that is negative.
+struct Barrier {
+  double h, slope, curvature;
+  Barrier(double B, double epsilon) {
+    const Regularised r(B, epsilon);
+    h = (B * B + 1) / r.chi;
+    slope = 2 * B / r.chi - h / r.s;
+    curvature = std::max(0.0, 2 / r.chi - 4 * B / (r.chi * r.s) + 2 * (B * B + 1) / (r.s * r.s * r.s));
+  }
+};
+
+// ---------------------------------------------------------------------------------------------------------------------
+// The map at a quadrature point
+// ---------------------------------------------------------------------------------------------------------------------
+
+/// What the target gives at point q: A⁻¹, and weight times |det A|.
+struct Point {
+  Matrix inverse_target;
+  double weight;
+  Point(const CellSet& set, std::int32_t cell, int q) {
+    const int d = set.dimension;
+    const double *inverse = set.inverse_target_of(cell), *measure = set.measure_of(cell);
+    const int stride = set.affine ? 1 : set.stride, at = set.affine ? 0 : q;
+    inverse_target.resize(d, d);
+    for (int i = 0; i < d; ++i)
+      for (int k = 0; k < d; ++k) inverse_target(i, k) = inverse[(i * d + k) * stride + at];
+    weight = set.affine ? set.weights[static_cast<std::size_t>(q)] * measure[0] : measure[q];
+  }
+};
+
+/// ∂φ_n/∂ξ as a row.
+Eigen::RowVector3d reference_gradient(const CellSet& set, int node, int q) {
+  Eigen::RowVector3d gradient = Eigen::RowVector3d::Zero();
+  for (int k = 0; k < set.dimension; ++k) gradient[k] = set.derivatives_of(node)[k * set.stride + q];
+  return gradient;
+}
+
+/// L of the cell.
+Matrix left_factor(const CellSet& set, std::int32_t cell) {
+  const int d = set.dimension;
+  const double* factor = set.left_factor_of(cell);
+  if (factor == nullptr) return Matrix::Identity(d, d);
+  return Eigen::Map<const Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>>(factor, d, d);
+}
+
+/// F = L (Σ x_n ⊗ ∇φ_n) A⁻¹.
+Matrix deformation(const CellSet& set, const Eigen::MatrixXd& positions, const Matrix& factor, const Point& point,
+                   int q) {
+  const int d = set.dimension;
+  Matrix gradient = Matrix::Zero(d, d);
+  for (int n = 0; n < set.nodes_per_cell; ++n)
+    gradient.noalias() += positions.row(n).transpose() * reference_gradient(set, n, q).head(d);
+  return factor * gradient * point.inverse_target;
+}
+
+/// cof F = ∂J/∂F.
+Matrix cofactor(const Matrix& F) {
+  Matrix C(F.rows(), F.cols());
+  if (F.rows() == 2) {
+    C << F(1, 1), -F(1, 0), -F(0, 1), F(0, 0);
+    return C;
+  }
+  for (int i = 0; i < 3; ++i)
+    for (int j = 0; j < 3; ++j)
+      C(i, j) = F((i + 1) % 3, (j + 1) % 3) * F((i + 2) % 3, (j + 2) % 3) -
+                F((i + 1) % 3, (j + 2) % 3) * F((i + 2) % 3, (j + 1) % 3);
+  return C;
+}
+
+}  // namespace
+
+double regularised_jacobian(double jacobian, double epsilon) { return Regularised(jacobian, epsilon).chi; }
+
+CoefficientEnergy::CoefficientEnergy(const CellSet& set)
+    : block_(set), table_(coefficient_table(set.shape, set.order)) {}
+
+double CoefficientEnergy::coefficient_scale(std::int32_t cell) const {
+  double weights = 0;
+  for (int q = 0; q < block_.points; ++q) weights += block_.weights[static_cast<std::size_t>(q)];
+  const double scale = weights / cell_measure(block_, cell);
+  return Point(block_, cell, 0).inverse_target.determinant() < 0 ? -scale : scale;
+}
+
+Eigen::VectorXd CoefficientEnergy::coefficients(const Cell& cell) const {
+  const auto derivatives = table_.derivatives(cell.positions);
+  return coefficient_scale(cell.number) * table_.jacobian(derivatives, table_.cofactors(derivatives));
+}
+
+void CoefficientEnergy::find_movable(Cell& cell) const {
+  cell.movable.clear();
+  if (cell.unrepairable) return;
+  const Eigen::MatrixXd slope = table_.slope(table_.cofactors(table_.derivatives(cell.positions)), cell.free);
+  const double least = slope.size() > 0 ? kNoSlope * slope.cwiseAbs().maxCoeff() : 0;
+  for (int k = 0; k < table_.size; ++k)
+    if ((slope.row(k).array().abs() > least).any()) cell.movable.push_back(k);
+}
+
+double CoefficientEnergy::smallest_coefficient(const Cell& cell) const {
+  if (cell.movable.empty()) return std::numeric_limits<double>::infinity();
+  return coefficients(cell)(cell.movable).minCoeff();
+}
+
+double CoefficientEnergy::value(const Cell& cell, double epsilon) const {
+  return shape_value(cell, epsilon) + barrier_value(cell, epsilon);
+}
+
+double CoefficientEnergy::shape_value(const Cell& cell, double epsilon) const {
+  const Matrix factor = left_factor(block_, cell.number);
+  const double measure = cell_measure(block_, cell.number), at = cell.unrepairable ? kCondemnedEpsilon : epsilon;
+  double sum = 0;
+  for (int q = 0; q < block_.points; ++q) {
+    const Point point(block_, cell.number, q);
+    const Matrix F = deformation(block_, cell.positions, factor, point, q);
+    sum += point.weight / measure * ShapeTerm(F.squaredNorm(), F.determinant(), at, block_.dimension).f;
+  }
+  return sum;
+}
+
+double CoefficientEnergy::barrier_value(const Cell& cell, double epsilon) const {
+  if (cell.movable.empty()) return 0;
+  const Eigen::VectorXd B = coefficients(cell);
+  double sum = 0;
+  for (const int k : cell.movable) sum += Barrier(B[k], epsilon).h;
+  return kTheta / 2 * sum / static_cast<double>(cell.movable.size());
+}
+
+CoefficientEnergy::Expansion CoefficientEnergy::expand(const Cell& cell, double epsilon) const {
+  const Eigen::Index unknowns = static_cast<Eigen::Index>(cell.free.size()) * block_.dimension;
+  Expansion out{0, Eigen::VectorXd::Zero(unknowns), Eigen::MatrixXd::Zero(unknowns, unknowns)};
+  if (unknowns == 0) return out;
+  add_shape(cell, epsilon, out);
+  if (!cell.movable.empty()) add_barrier(cell, epsilon, out);
+  return out;
+}
+
+/// With g_n = A⁻ᵀ ∇φ_n at a point, moving node n by a adds L a ⊗ g_n to F: F:dF = a · y_n with y = L F g, C:dF = a ·
+/// c_n with c = L C g, and |dF|² = Σ (L a_m · L a_n)(g_m · g_n).
+void CoefficientEnergy::add_shape(const Cell& cell, double epsilon, Expansion& out) const {
+  const int d = block_.dimension, points = block_.points;
+  const Eigen::Index nodes = static_cast<Eigen::Index>(cell.free.size());
+  const Matrix factor = left_factor(block_, cell.number);
+  const double measure = cell_measure(block_, cell.number), at = cell.unrepairable ? kCondemnedEpsilon : epsilon;
+  Eigen::MatrixXd gradients(nodes, points * d), y(nodes * d, points), c(nodes * d, points);
+  Eigen::VectorXd II(points * d), IJ(points), JJ(points);
+  for (int q = 0; q < points; ++q) {
+    const Point point(block_, cell.number, q);
+    const Matrix F = deformation(block_, cell.positions, factor, point, q), C = cofactor(F);
+    const ShapeTerm f(F.squaredNorm(), F.determinant(), at, d);
+    const double w = point.weight / measure;
+    for (Eigen::Index n = 0; n < nodes; ++n) {
+      const auto g = gradients.row(n).segment(q * d, d);
+      gradients.row(n).segment(q * d, d).noalias() =
+          reference_gradient(block_, cell.free[static_cast<std::size_t>(n)], q).head(d) * point.inverse_target;
+      y.col(q).segment(n * d, d).noalias() = factor * (F * g.transpose());
+      c.col(q).segment(n * d, d).noalias() = factor * (C * g.transpose());
+    }
+    out.value += w * f.f;
+    out.gradient.noalias() += w * (2 * f.I_slope * y.col(q) + f.J_slope * c.col(q));
+    II.segment(q * d, d).setConstant(2 * w * f.I_slope);
+    IJ[q] = 2 * w * f.IJ;
+    JJ[q] = w * f.JJ;
+  }
+  const Eigen::MatrixXd half = c * (y * IJ.asDiagonal() + c * (0.5 * JJ).asDiagonal()).transpose();
+  out.hessian += half + half.transpose();
+  const Eigen::MatrixXd plain = gradients * II.asDiagonal() * gradients.transpose();
+  const Matrix square = factor * factor;
+  for (Eigen::Index m = 0; m < nodes; ++m)
+    for (Eigen::Index n = 0; n < nodes; ++n) out.hessian.block(m * d, n * d, d, d) += plain(m, n) * square;
+}
+
+void CoefficientEnergy::add_barrier(const Cell& cell, double epsilon, Expansion& out) const {
+  const auto derivatives = table_.derivatives(cell.positions);
+  const auto cofactors = table_.cofactors(derivatives);
+  const double scale = coefficient_scale(cell.number);
+  const double share = kTheta / 2 / static_cast<double>(cell.movable.size());
+  const Eigen::VectorXd B = scale * table_.jacobian(derivatives, cofactors);
+  const Eigen::MatrixXd slope = scale * table_.slope(cofactors, cell.free);
+  Eigen::VectorXd first = Eigen::VectorXd::Zero(table_.size), second = first;
+  for (const int k : cell.movable) {
+    const Barrier at(B[k], epsilon);
+    out.value += share * at.h;
+    first[k] = share * at.slope;
+    second[k] = std::sqrt(share * at.curvature);
+  }
+  out.gradient.noalias() += slope.transpose() * first;
+  const Eigen::MatrixXd root = (second.asDiagonal() * slope).transpose();
+  Eigen::MatrixXd lower = Eigen::MatrixXd::Zero(out.hessian.rows(), out.hessian.cols());
+  lower.selfadjointView<Eigen::Lower>().rankUpdate(root);
+  lower.triangularView<Eigen::StrictlyUpper>() = lower.transpose();
+  out.hessian += lower;
+}
+
+}  // namespace varimesh

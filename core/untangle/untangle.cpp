@@ -1,0 +1,275 @@
+// Chooses the patches, runs them, and keeps the best of each.
+#include "core/untangle/untangle.h"
+
+#include <algorithm>
+#include <numeric>
+
+#include "core/base/index.h"
+
+namespace varimesh {
+namespace {
+
+constexpr int kFirstLayers = 2;
+constexpr int kMostLayers = 4;
+constexpr int kPatience = 8;  // outer steps without fewer bad cells
+/// Hessians of a patch's cells that fit in memory, in numbers: 2 GiB.
+constexpr std::size_t kMostEntries = std::size_t{1} << 28;
+
+/// Which cells are active and which nodes free, and in which patch they are.
+class Choice {
+ public:
+  Choice(const Problem& problem, std::span<const Standing> standings, int layers)
+      : problem_(problem),
+        active_(at(problem.cells), 0),
+        rank_(problem.positions.size() / at(problem.dimension), -1),
+        parent_(problem.free.size()) {
+    for (std::size_t f = 0; f < problem.free.size(); ++f) rank_[at(problem.free[f])] = static_cast<std::int32_t>(f);
+    for (std::size_t cell = 0; cell < active_.size(); ++cell)
+      active_[cell] = standings[cell] == Standing::Lost || standings[cell] == Standing::Uncertified ? 1 : 0;
+    for (int layer = 0; layer < layers; ++layer) add_layer();
+    find_free();
+    join();
+  }
+
+  /// Lists of members and of nodes by patch, in the order of the cells and of the nodes.
+  struct Lists {
+    std::vector<UntanglePatch::Member> members;
+    std::vector<std::int32_t> nodes;
+  };
+  std::vector<Lists> lists(std::span<const Standing> standings) {
+    std::vector<Lists> result;
+    std::vector<std::int32_t> patch_of(parent_.size(), -1), number(parent_.size(), -1);
+    for (std::size_t f = 0; f < parent_.size(); ++f) {
+      if (!free_[f]) continue;
+      std::int32_t& patch = patch_of[at(root(static_cast<std::int32_t>(f)))];
+      if (patch < 0) {
+        patch = static_cast<std::int32_t>(result.size());
+        result.emplace_back();
+      }
+      number[f] = static_cast<std::int32_t>(result[at(patch)].nodes.size());
+      result[at(patch)].nodes.push_back(problem_.free[f]);
+    }
+    for (std::size_t b = 0; b < problem_.sets.size(); ++b)
+      for (std::int32_t cell = 0; cell < problem_.sets[b].count; ++cell) {
+        if (!active_[at(problem_.sets[b].first + cell)]) continue;
+        UntanglePatch::Member member = make_member(static_cast<std::int16_t>(b), cell, standings);
+        if (member.unknown.empty()) continue;
+        const std::int32_t patch = patch_of[at(root(member.unknown.front()))];
+        for (std::int32_t& unknown : member.unknown) unknown = number[at(unknown)];
+        result[at(patch)].members.push_back(std::move(member));
+      }
+    return result;
+  }
+
+ private:
+  template <class Visit>
+  void for_active(Visit&& visit) const {
+    for (const CellSet& set : problem_.sets)
+      for (std::int32_t cell = 0; cell < set.count; ++cell)
+        if (active_[at(set.first + cell)])
+          visit(std::span(set.nodes).subspan(at(cell) * at(set.nodes_per_cell), at(set.nodes_per_cell)));
+  }
+
+  /// Cells that share a vertex with an active one.
+  void add_layer() {
+    std::vector<char> touched(rank_.size(), 0);
+    for (const CellSet& set : problem_.sets) {
+      const int vertices = reference::info(set.shape).vertices;
+      for (std::int32_t cell = 0; cell < set.count; ++cell)
+        for (int v = 0; v < vertices && active_[at(set.first + cell)]; ++v)
+          touched[at(set.nodes[at(cell) * at(set.nodes_per_cell) + at(v)])] = 1;
+    }
+    for (const CellSet& set : problem_.sets) {
+      const int vertices = reference::info(set.shape).vertices;
+      for (std::int32_t cell = 0; cell < set.count; ++cell)
+        for (int v = 0; v < vertices; ++v)
+          if (touched[at(set.nodes[at(cell) * at(set.nodes_per_cell) + at(v)])]) active_[at(set.first + cell)] = 1;
+    }
+  }
+
+  void find_free() {
+    free_.assign(problem_.free.size(), 1);
+    for (std::size_t f = 0; f < free_.size(); ++f)
+      for (std::int32_t i = problem_.offsets[f]; i < problem_.offsets[f + 1]; ++i) {
+        const Incidence& incidence = problem_.incidences[at(i)];
+        if (!active_[at(problem_.sets[at(incidence.set)].first + incidence.cell)]) free_[f] = 0;
+      }
+  }
+
+  std::int32_t root(std::int32_t f) {
+    while (parent_[at(f)] != f) f = parent_[at(f)] = parent_[at(parent_[at(f)])];
+    return f;
+  }
+
+  /// Free nodes of one cell belong to one patch.
+  void join() {
+    std::iota(parent_.begin(), parent_.end(), 0);
+    for_active([&](std::span<const std::int32_t> nodes) {
+      std::int32_t first = -1;
+      for (const std::int32_t node : nodes) {
+        const std::int32_t f = rank_[at(node)];
+        if (f < 0 || !free_[at(f)]) continue;
+        if (first < 0) first = f;
+        const std::int32_t a = root(first), b = root(f);
+        parent_[at(std::max(a, b))] = std::min(a, b);
+      }
+    });
+  }
+
+  /// `unknown` is left as ranks among the problem's free nodes.
+  UntanglePatch::Member make_member(std::int16_t b, std::int32_t cell, std::span<const Standing> standings) const {
+    const CellSet& set = problem_.sets[at(b)];
+    const int d = problem_.dimension;
+    UntanglePatch::Member member;
+    member.set = b;
+    member.cell.number = cell;
+    member.cell.unrepairable = standings[at(set.first + cell)] == Standing::Unrepairable;
+    member.cell.positions.resize(set.nodes_per_cell, d);
+    for (int n = 0; n < set.nodes_per_cell; ++n) {
+      const std::int32_t node = set.nodes[at(cell) * at(set.nodes_per_cell) + at(n)];
+      for (int k = 0; k < d; ++k) member.cell.positions(n, k) = problem_.positions[at(node) * at(d) + at(k)];
+      const std::int32_t f = rank_[at(node)];
+      if (f < 0 || !free_[at(f)]) continue;
+      member.cell.free.push_back(n);
+      member.unknown.push_back(f);
+    }
+    return member;
+  }
+
+  const Problem& problem_;
+  std::vector<char> active_;          // by cell
+  std::vector<std::int32_t> rank_;    // by node, among the problem's free nodes
+  std::vector<std::int32_t> parent_;  // by rank
+  std::vector<char> free_;            // by rank
+};
+
+bool fits_in_memory(const std::vector<UntanglePatch::Member>& members, int dimension) {
+  std::size_t entries = 0;
+  for (const UntanglePatch::Member& member : members) {
+    const std::size_t unknowns = member.unknown.size() * at(dimension);
+    entries += unknowns * unknowns;
+  }
+  return entries <= kMostEntries;
+}
+
+}  // namespace
+
+Untangler::Untangler(Problem& problem, const Kernels& kernels, Guard& guard, const Team& team)
+    : problem_(problem),
+      kernels_(kernels),
+      guard_(guard),
+      team_(team),
+      first_positions_(problem.positions),
+      first_repairable_(guard.repairable()) {
+  guard.return_to_kept();
+  rebuild();
+  first_unrepaired_ = guard.unrepaired();
+  for (const CellSet& set : problem.sets) energies_.emplace_back(set);
+  choose(kFirstLayers);
+}
+
+Untangler::Untangler(ToBeRead, Problem& problem, const Kernels& kernels, Guard& guard, const Team& team)
+    : problem_(problem), kernels_(kernels), guard_(guard), team_(team), first_positions_(problem.positions) {
+  for (const CellSet& set : problem.sets) energies_.emplace_back(set);
+}
+
+void Untangler::choose(int layers) {
+  layers_ = layers;
+  places_.clear();
+  const std::vector<Standing> standings = guard_.standings();
+  for (Choice::Lists& lists : Choice(problem_, standings, layers).lists(standings)) {
+    if (!fits_in_memory(lists.members, problem_.dimension)) continue;
+    UntanglePatch patch(energies_, std::move(lists.members), std::move(lists.nodes), problem_.dimension);
+    const Look first = look(patch, standings);
+    if (first.repairable == 0) continue;  // nothing here that these nodes could mend
+    const Best best{first.rank, patch.positions()};
+    places_.push_back({patch, best, best, patch.bad_cells(), first.repairable, 0, false});
+  }
+}
+
+Untangler::Look Untangler::look(const UntanglePatch& patch, std::span<const Standing> standings) const {
+  Look result;
+  for (const UntanglePatch::Member& member : patch.members()) {
+    const Standing standing = standings[at(problem_.sets[at(member.set)].first + member.cell.number)];
+    result.lost = result.lost || standing == Standing::Lost;
+    result.rank.uncertified += standing == Standing::Valid ? 0 : 1;
+    result.repairable += standing == Standing::Lost || standing == Standing::Uncertified ? 1 : 0;
+  }
+  result.rank.depth = -patch.smallest_coefficient();
+  return result;
+}
+
+UntangleOutcome Untangler::step() {
+  std::vector<UntangleStep> steps(places_.size());
+  team_.for_each(static_cast<std::int32_t>(places_.size()), 1, [&](std::int32_t i) {
+    if (places_[at(i)].ended) return;
+    steps[at(i)] = places_[at(i)].patch.step(team_);
+  });
+  UntangleOutcome outcome;
+  for (std::size_t i = 0; i < places_.size(); ++i) {
+    if (places_[i].ended) continue;
+    const UntanglePatch& patch = places_[i].patch;
+    write(patch, patch.positions());
+    outcome.residual = std::max(outcome.residual, steps[i].residual);
+    outcome.gradient_norm = std::max(outcome.gradient_norm, steps[i].gradient_norm);
+    outcome.active_nodes += static_cast<std::int64_t>(patch.nodes().size());
+  }
+  return outcome;
+}
+
+void Untangler::judge() {
+  const std::vector<Standing> standings = guard_.standings();
+  for (Place& place : places_)
+    if (!place.ended) judge(place, standings);
+  if (done()) finish();
+}
+
+void Untangler::judge(Place& place, std::span<const Standing> standings) const {
+  const Look now = look(place.patch, standings);
+  if (now.rank < place.any.rank) place.any = {now.rank, place.patch.positions()};
+  if (!now.lost && now.rank < place.safe.rank) place.safe = {now.rank, place.patch.positions()};
+  ++place.without_fewer;
+  if (place.patch.bad_cells() < place.fewest_bad || now.repairable < place.fewest_uncertified) place.without_fewer = 0;
+  place.fewest_bad = std::min(place.fewest_bad, place.patch.bad_cells());
+  place.fewest_uncertified = std::min(place.fewest_uncertified, now.repairable);
+  place.ended = now.repairable == 0 || place.without_fewer >= kPatience;
+}
+
+void Untangler::finish() {
+  for (const Place& place : places_) write(place.patch, place.safe.positions);
+  guard_.certify_moved();
+  if (guard_.unrepaired() > 0 && layers_ < kMostLayers) {
+    choose(2 * layers_);
+    if (!places_.empty()) return;
+  }
+  for (const Place& place : places_)
+    if (place.any.rank.uncertified < place.safe.rank.uncertified) write(place.patch, place.any.positions);
+  guard_.certify_moved();
+  if (guard_.unrepaired() < first_unrepaired_ || guard_.repairable() < first_repairable_) return;
+  problem_.positions = first_positions_;
+  rebuild();
+  guard_.certify_moved();
+}
+
+bool Untangler::done() const {
+  return std::all_of(places_.begin(), places_.end(), [](const Place& place) { return place.ended; });
+}
+
+void Untangler::rebuild() {
+  hold_deformation(problem_, kernels_.keeps_function());
+  for (CellSet& set : problem_.sets)
+    team_.for_each(set.count, 64, [&](std::int32_t cell) { kernels_.rebuild(set, cell, problem_.positions); });
+}
+
+void Untangler::write(const UntanglePatch& patch, const Eigen::VectorXd& positions) {
+  const int d = problem_.dimension;
+  for (std::size_t n = 0; n < patch.nodes().size(); ++n)
+    for (int k = 0; k < d; ++k)
+      problem_.positions[at(patch.nodes()[n]) * at(d) + at(k)] = positions[static_cast<Eigen::Index>(n) * d + k];
+  team_.for_each(static_cast<std::int32_t>(patch.members().size()), 16, [&](std::int32_t i) {
+    const UntanglePatch::Member& member = patch.members()[at(i)];
+    kernels_.rebuild(problem_.sets[at(member.set)], member.cell.number, problem_.positions);
+  });
+}
+
+}  // namespace varimesh

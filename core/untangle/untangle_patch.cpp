@@ -1,0 +1,222 @@
+// Newton steps with a positive semidefinite Hessian, conjugate gradients with node blocks, and the schedule of ε.
+#include "core/untangle/untangle_patch.h"
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <unordered_map>
+
+#include "core/base/index.h"
+
+namespace varimesh {
+namespace {
+
+constexpr int kNewtonSteps = 3;  // for each ε
+constexpr int kMostProducts = 60;
+constexpr double kForcing = 0.1;
+constexpr double kArmijo = 1e-4;
+constexpr int kMostHalvings = 30;
+constexpr int kMostDoublings = 4;
+constexpr double kLeastDecrease = 0.3;  // σ
+constexpr double kLeastEpsilon = 1e-10;
+constexpr double kSmallDecrease = 1e-4;  // relative: below it another step at this ε is wasted
+constexpr std::int32_t kCellsPerTask = 4;
+
+using Block = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, 3, 3>;
+
+/// The inverse of a node's set, which is positive definite but for rounding.
+Block inverse(const Block& set) {
+  const double floor = 1e-12 * set.trace() + std::numeric_limits<double>::min();
+  return (set + floor * Block::Identity(set.rows(), set.cols())).llt().solve(Block::Identity(set.rows(), set.cols()));
+}
+
+}  // namespace
+
+UntanglePatch::UntanglePatch(const std::vector<CoefficientEnergy>& energies, std::vector<Member> members,
+                             std::vector<std::int32_t> nodes, int dimension)
+    : energies_(energies), members_(std::move(members)), nodes_(std::move(nodes)), dimension_(dimension) {
+  positions_.resize(static_cast<Eigen::Index>(nodes_.size()) * dimension);
+  for (const Member& member : members_)
+    for (std::size_t i = 0; i < member.unknown.size(); ++i)
+      positions_.segment(member.unknown[i] * dimension, dimension) = member.cell.positions.row(member.cell.free[i]);
+  for (Member& member : members_) energies_[at(member.set)].find_movable(member.cell);
+  look_at_coefficients();
+  epsilon_ = std::max(0.2 * std::abs(smallest_), kLeastEpsilon);
+}
+
+bool UntanglePatch::gather(const Problem& problem) {
+  const std::size_t d = at(dimension_);
+  std::unordered_map<std::int32_t, std::int32_t> unknown_of;
+  positions_.resize(static_cast<Eigen::Index>(nodes_.size()) * dimension_);
+  for (std::size_t n = 0; n < nodes_.size(); ++n) {
+    if (nodes_[n] < 0 || at(nodes_[n]) >= problem.positions.size() / d) return false;
+    unknown_of[nodes_[n]] = static_cast<std::int32_t>(n);
+    for (std::size_t k = 0; k < d; ++k)
+      positions_[static_cast<Eigen::Index>(n * d + k)] = problem.positions[at(nodes_[n]) * d + k];
+  }
+  for (Member& member : members_) {
+    if (member.set < 0 || at(member.set) >= problem.sets.size()) return false;
+    const CellSet& set = problem.sets[at(member.set)];
+    if (member.cell.number < 0 || member.cell.number >= set.count) return false;
+    member.cell.positions.resize(set.nodes_per_cell, dimension_);
+    for (int n = 0; n < set.nodes_per_cell; ++n) {
+      const std::int32_t node = set.nodes[at(member.cell.number) * at(set.nodes_per_cell) + at(n)];
+      for (int k = 0; k < dimension_; ++k) member.cell.positions(n, k) = problem.positions[at(node) * d + at(k)];
+      const auto unknown = unknown_of.find(node);
+      if (unknown == unknown_of.end()) continue;
+      member.cell.free.push_back(n);
+      member.unknown.push_back(unknown->second);
+    }
+  }
+  return true;
+}
+
+void UntanglePatch::place(const Eigen::VectorXd& positions) {
+  for (Member& member : members_)
+    for (std::size_t i = 0; i < member.unknown.size(); ++i)
+      member.cell.positions.row(member.cell.free[i]) = positions.segment(member.unknown[i] * dimension_, dimension_);
+}
+
+double UntanglePatch::value(const Team& team) const {
+  std::vector<double> parts(members_.size());
+  team.for_each(static_cast<std::int32_t>(members_.size()), kCellsPerTask, [&](std::int32_t i) {
+    parts[at(i)] = energies_[at(members_[at(i)].set)].value(members_[at(i)].cell, epsilon_);
+  });
+  double sum = 0;
+  for (const double part : parts) sum += part;
+  return std::isfinite(sum) ? sum : std::numeric_limits<double>::infinity();
+}
+
+double UntanglePatch::expand(const Team& team) {
+  expansions_.resize(members_.size());
+  team.for_each(static_cast<std::int32_t>(members_.size()), 1, [&](std::int32_t i) {
+    expansions_[at(i)] = energies_[at(members_[at(i)].set)].expand(members_[at(i)].cell, epsilon_);
+  });
+  double sum = 0;
+  gradient_.setZero(positions_.size());
+  for (std::size_t i = 0; i < members_.size(); ++i) {
+    sum += expansions_[i].value;
+    for (std::size_t n = 0; n < members_[i].unknown.size(); ++n)
+      gradient_.segment(members_[i].unknown[n] * dimension_, dimension_) +=
+          expansions_[i].gradient.segment(static_cast<Eigen::Index>(n) * dimension_, dimension_);
+  }
+  return sum;
+}
+
+Eigen::VectorXd UntanglePatch::multiply(const Eigen::VectorXd& x, const Team& team) const {
+  std::vector<Eigen::VectorXd> parts(members_.size());
+  team.for_each(static_cast<std::int32_t>(members_.size()), kCellsPerTask, [&](std::int32_t i) {
+    const std::vector<std::int32_t>& unknown = members_[at(i)].unknown;
+    Eigen::VectorXd own(static_cast<Eigen::Index>(unknown.size()) * dimension_);
+    for (std::size_t n = 0; n < unknown.size(); ++n)
+      own.segment(static_cast<Eigen::Index>(n) * dimension_, dimension_) =
+          x.segment(unknown[n] * dimension_, dimension_);
+    parts[at(i)].noalias() = expansions_[at(i)].hessian * own;
+  });
+  Eigen::VectorXd sum = Eigen::VectorXd::Zero(x.size());
+  for (std::size_t i = 0; i < members_.size(); ++i)
+    for (std::size_t n = 0; n < members_[i].unknown.size(); ++n)
+      sum.segment(members_[i].unknown[n] * dimension_, dimension_) +=
+          parts[i].segment(static_cast<Eigen::Index>(n) * dimension_, dimension_);
+  return sum;
+}
+
+Eigen::VectorXd UntanglePatch::direction(const Team& team) const {
+  std::vector<Block> blocks(nodes_.size(), Block::Zero(dimension_, dimension_));
+  for (std::size_t i = 0; i < members_.size(); ++i)
+    for (std::size_t n = 0; n < members_[i].unknown.size(); ++n) {
+      const auto first = static_cast<Eigen::Index>(n) * dimension_;
+      blocks[at(members_[i].unknown[n])] += expansions_[i].hessian.block(first, first, dimension_, dimension_);
+    }
+  for (Block& block : blocks) block = inverse(block);
+  const auto precondition = [&](const Eigen::VectorXd& r) {
+    Eigen::VectorXd z(r.size());
+    for (std::size_t n = 0; n < blocks.size(); ++n) {
+      const auto first = static_cast<Eigen::Index>(n) * dimension_;
+      z.segment(first, dimension_).noalias() = blocks[n] * r.segment(first, dimension_);
+    }
+    return z;
+  };
+  Eigen::VectorXd x = Eigen::VectorXd::Zero(gradient_.size()), r = -gradient_, z = precondition(r), p = z;
+  double rz = r.dot(z);
+  const double target = kForcing * kForcing * rz;
+  for (int product = 0; product < kMostProducts && rz > 0; ++product) {
+    const Eigen::VectorXd Hp = multiply(p, team);
+    const double curvature = p.dot(Hp);
+    if (!(curvature > 0)) break;
+    x += rz / curvature * p;
+    r -= rz / curvature * Hp;
+    z = precondition(r);
+    const double next = r.dot(z);
+    if (next <= target) break;
+    p = z + next / rz * p;
+    rz = next;
+  }
+  return x;
+}
+
+bool UntanglePatch::search(const Eigen::VectorXd& step, double before, const Team& team) {
+  const double slope = gradient_.dot(step);
+  const Eigen::VectorXd start = positions_;
+  const auto energy_at = [&](double alpha) {
+    positions_ = start + alpha * step;
+    place(positions_);
+    return value(team);
+  };
+  if (!(slope < 0)) return false;
+  double alpha = 1, energy = energy_at(alpha);
+  for (int halving = 0; !(energy <= before + kArmijo * alpha * slope); ++halving) {
+    if (halving == kMostHalvings) {
+      energy_at(0);
+      return false;
+    }
+    energy = energy_at(alpha /= 2);
+  }
+  for (int doubling = 0; doubling < kMostDoublings && alpha >= 1; ++doubling) {
+    const double further = energy_at(2 * alpha);
+    if (!(further < energy)) break;
+    energy = further;
+    alpha *= 2;
+  }
+  energy_at(alpha);
+  return true;
+}
+
+UntangleStep UntanglePatch::step(const Team& team) {
+  UntangleStep outcome;
+  double before = 0;
+  for (int number = 0; number < kNewtonSteps; ++number) {
+    const double energy = expand(team);
+    if (number == 0) {
+      before = energy;
+      outcome.gradient_norm = gradient_.norm();
+    }
+    const Eigen::VectorXd full = direction(team);
+    for (Eigen::Index n = 0; n < full.size(); n += dimension_)
+      outcome.residual = std::max(outcome.residual, full.segment(n, dimension_).norm());
+    if (!search(full, energy, team) || value(team) > (1 - kSmallDecrease) * energy) break;
+  }
+  expansions_.clear();
+  look_at_coefficients();
+  next_epsilon(before, value(team));
+  return outcome;
+}
+
+void UntanglePatch::look_at_coefficients() {
+  smallest_ = std::numeric_limits<double>::infinity();
+  bad_ = 0;
+  for (const Member& member : members_) {
+    const double least = energies_[at(member.set)].smallest_coefficient(member.cell);
+    smallest_ = std::min(smallest_, least);
+    bad_ += least > 0 ? 0 : 1;
+  }
+}
+
+void UntanglePatch::next_epsilon(double before, double after) {
+  const double sigma = std::max(kLeastDecrease, 1 - after / before);
+  const double m = (1 - sigma) * regularised_jacobian(smallest_, epsilon_);
+  epsilon_ = smallest_ <= m ? std::max(2 * std::sqrt(m * (m - smallest_)), kLeastEpsilon) : kLeastEpsilon;
+}
+
+}  // namespace varimesh

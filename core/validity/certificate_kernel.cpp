@@ -1,0 +1,259 @@
+// The batched kernel, compiled for every vector unit that Highway knows on this architecture; a lane is a cell.
+#include "core/validity/certificate_kernel.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <utility>
+
+#undef HWY_TARGET_INCLUDE
+#define HWY_TARGET_INCLUDE "core/validity/certificate_kernel.cpp"
+#include <hwy/foreach_target.h>  // IWYU pragma: keep
+#include <hwy/highway.h>
+
+#include "core/validity/coefficient_error-inl.h"
+
+HWY_BEFORE_NAMESPACE();
+namespace varimesh::detail::HWY_NAMESPACE {
+
+namespace hn = hwy::HWY_NAMESPACE;
+using D = hn::CappedTag<double, kMostLanes>;
+using V = hn::Vec<D>;
+
+std::size_t Lanes() { return hn::Lanes(D()); }
+
+/// Where the parts of the workspace begin; every array is [coefficient][component][lane].
+struct Parts {
+  double* nodes;
+  double* map;
+  std::array<double*, 3> derivative;
+  double* cross;
+  double* jacobian;
+};
+
+Parts divide(const JacobianTable& table, std::size_t lanes, std::vector<double>& workspace) {
+  const auto d = static_cast<std::size_t>(table.dimension);
+  const auto doubles = [&](int coefficients, std::size_t components) {
+    return static_cast<std::size_t>(coefficients) * components * lanes;
+  };
+  std::size_t needed = doubles(table.nodes + table.map.size(), d) + doubles(table.jacobian.size(), 1) +
+                       doubles(table.cross.size(), 3) + kMostLanes;
+  for (std::size_t r = 0; r < d; ++r) needed += doubles(table.derivative[r].size(), d);
+  if (workspace.size() < needed) workspace.resize(needed);
+  // Vectors are aligned by hand: 32 doubles are the widest there are.
+  auto address = reinterpret_cast<std::uintptr_t>(workspace.data());
+  const std::uintptr_t step = sizeof(double) * lanes;
+  address = (address + step - 1) / step * step;
+  auto* at = reinterpret_cast<double*>(address);
+  const auto take = [&](std::size_t count) { return std::exchange(at, at + count); };
+  Parts parts{};
+  parts.nodes = take(doubles(table.nodes, d));
+  parts.map = take(doubles(table.map.size(), d));
+  for (std::size_t r = 0; r < d; ++r) parts.derivative[r] = take(doubles(table.derivative[r].size(), d));
+  parts.cross = take(doubles(table.cross.size(), 3));
+  parts.jacobian = take(doubles(table.jacobian.size(), 1));
+  return parts;
+}
+
+/// Coordinates relative to each cell's first node, lane by lane; lanes without a cell repeat the last one.
+void Gather(const KernelInput& input, std::size_t lanes, double* out) {
+  const int d = input.table->dimension, nodes = input.table->nodes;
+  for (std::size_t lane = 0; lane < lanes; ++lane) {
+    const std::int32_t* list = input.nodes[std::min(lane, input.cells - 1)];
+    const double* origin = input.coordinates + 3 * static_cast<std::size_t>(list[0]);
+    double* to = out + lane;
+    for (int n = 0; n < nodes; ++n) {
+      const double* x = input.coordinates + 3 * static_cast<std::size_t>(list[n]);
+      for (int c = 0; c < d; ++c, to += lanes) *to = (x[c] - origin[c]) * input.scale;
+    }
+  }
+}
+
+/// Scaled coefficients of χ: the sparse matrix times the coordinates.
+template <int kDim>
+void Convert(const JacobianTable& table, const double* HWY_RESTRICT nodes, double* HWY_RESTRICT map) {
+  const D d;
+  const std::size_t lanes = Lanes();
+  for (int row = 0; row < table.map.size(); ++row) {
+    V x = hn::Zero(d), y = x, z = x;
+    for (std::uint32_t e = table.row_start[row]; e < table.row_start[row + 1]; ++e) {
+      const V value = hn::Set(d, table.value[e]);
+      const double* at = nodes + table.column[e] * kDim * lanes;
+      x = hn::MulAdd(value, hn::Load(d, at), x);
+      y = hn::MulAdd(value, hn::Load(d, at + lanes), y);
+      if constexpr (kDim == 3) z = hn::MulAdd(value, hn::Load(d, at + 2 * lanes), z);
+    }
+    double* to = map + row * kDim * lanes;
+    hn::Store(x, d, to);
+    hn::Store(y, d, to + lanes);
+    if constexpr (kDim == 3) hn::Store(z, d, to + 2 * lanes);
+  }
+}
+
+/// Scaled coefficients of g_r, and the largest control point of each component.
+template <int kDim>
+void Differentiate(const JacobianTable& table, int r, const double* HWY_RESTRICT map, double* HWY_RESTRICT derivative,
+                   double* HWY_RESTRICT size) {
+  const D d;
+  const std::size_t lanes = Lanes();
+  V most[kDim];
+  for (V& m : most) m = hn::Zero(d);
+  const auto& differences = table.difference[r];
+  for (std::size_t i = 0; i < differences.size(); ++i) {
+    const Difference& difference = differences[i];
+    const V plus = hn::Set(d, difference.plus_weight), minus = hn::Set(d, difference.minus_weight);
+    const V reciprocal = hn::Set(d, table.derivative_reciprocal[r][i]);
+    for (int c = 0; c < kDim; ++c) {
+      const V a = hn::Load(d, map + (difference.plus * kDim + c) * lanes);
+      const V b = hn::Load(d, map + (difference.minus * kDim + c) * lanes);
+      const V g = hn::NegMulAdd(minus, b, hn::Mul(plus, a));
+      hn::Store(g, d, derivative + (i * kDim + c) * lanes);
+      most[c] = hn::Max(most[c], hn::Mul(hn::Abs(g), reciprocal));
+    }
+  }
+  for (int c = 0; c < kDim; ++c) hn::Store(most[c], d, size + c * lanes);
+}
+
+/// g_1 × g_2 in scaled coefficients.
+void Cross(const JacobianTable& table, const double* HWY_RESTRICT a, const double* HWY_RESTRICT b,
+           double* HWY_RESTRICT cross) {
+  const D d;
+  const std::size_t lanes = Lanes();
+  for (int k = 0; k < table.cross.size(); ++k) {
+    V x = hn::Zero(d), y = x, z = x;
+    for (std::uint32_t e = table.cross_terms.start[k]; e < table.cross_terms.start[k + 1]; ++e) {
+      const double* p = a + table.cross_terms.pairs[e][0] * 3 * lanes;
+      const double* q = b + table.cross_terms.pairs[e][1] * 3 * lanes;
+      const V px = hn::Load(d, p), py = hn::Load(d, p + lanes), pz = hn::Load(d, p + 2 * lanes);
+      const V qx = hn::Load(d, q), qy = hn::Load(d, q + lanes), qz = hn::Load(d, q + 2 * lanes);
+      x = hn::NegMulAdd(pz, qy, hn::MulAdd(py, qz, x));
+      y = hn::NegMulAdd(px, qz, hn::MulAdd(pz, qx, y));
+      z = hn::NegMulAdd(py, qx, hn::MulAdd(px, qy, z));
+    }
+    hn::Store(x, d, cross + k * 3 * lanes);
+    hn::Store(y, d, cross + (k * 3 + 1) * lanes);
+    hn::Store(z, d, cross + (k * 3 + 2) * lanes);
+  }
+}
+
+/// Scaled coefficient k of J.
+template <int kDim>
+V Coefficient(const JacobianTable& table, int k, const double* HWY_RESTRICT a, const double* HWY_RESTRICT b) {
+  const D d;
+  const std::size_t lanes = Lanes();
+  V sum = hn::Zero(d), second = sum;  // two chains, since one would wait for itself
+  for (std::uint32_t e = table.jacobian_terms.start[k]; e < table.jacobian_terms.start[k + 1]; ++e) {
+    const double* p = a + table.jacobian_terms.pairs[e][0] * kDim * lanes;
+    const double* q = b + table.jacobian_terms.pairs[e][1] * kDim * lanes;
+    if constexpr (kDim == 2) {
+      sum = hn::MulAdd(hn::Load(d, p), hn::Load(d, q + lanes), sum);
+      second = hn::NegMulAdd(hn::Load(d, p + lanes), hn::Load(d, q), second);
+    } else {
+      V& chain = (e & 1) != 0 ? second : sum;
+      chain = hn::MulAdd(hn::Load(d, p), hn::Load(d, q), chain);
+      chain = hn::MulAdd(hn::Load(d, p + lanes), hn::Load(d, q + lanes), chain);
+      chain = hn::MulAdd(hn::Load(d, p + 2 * lanes), hn::Load(d, q + 2 * lanes), chain);
+    }
+  }
+  return hn::Add(sum, second);
+}
+
+/// Largest coordinate of each component; NaN in `probe` where one is not finite.
+template <int kDim>
+void Extents(const JacobianTable& table, const double* HWY_RESTRICT nodes, double* HWY_RESTRICT extent,
+             double* HWY_RESTRICT probe) {
+  const D d;
+  const std::size_t lanes = Lanes();
+  V sum = hn::Zero(d), most[kDim];
+  for (V& m : most) m = sum;
+  const V zero = hn::Zero(d);
+  for (int n = 0; n < table.nodes; ++n) {
+    for (int c = 0; c < kDim; ++c) {
+      const V x = hn::Load(d, nodes + (n * kDim + c) * lanes);
+      most[c] = hn::Max(most[c], hn::Abs(x));
+      sum = hn::MulAdd(x, zero, sum);
+    }
+  }
+  for (int c = 0; c < kDim; ++c) hn::Store(most[c], d, extent + c * lanes);
+  hn::Store(sum, d, probe);
+}
+
+struct Number {
+  HWY_INLINE V operator()(double c) const { return hn::Set(D(), c); }
+};
+
+/// What the coefficients of each lane may be wrong by. `measure` holds the sizes of the derivatives [r][c][lane], the
+/// extents [c][lane] and the probe [lane].
+template <int kDim>
+V Error(const JacobianTable& table, const double* HWY_RESTRICT measure) {
+  constexpr double unit = std::numeric_limits<double>::epsilon() / 2;
+  const D d;
+  const std::size_t lanes = Lanes();
+  const double* extent = measure + kDim * kDim * lanes;
+  V sizes[3][3], errors[3][3];
+  for (int r = 0; r < kDim; ++r) {
+    const V conversion = hn::Set(d, rounding_error(table.conversion_roundings, unit) * table.condition[r]);
+    for (int c = 0; c < kDim; ++c) {
+      sizes[r][c] = hn::Load(d, measure + (r * kDim + c) * lanes);
+      errors[r][c] = conversion * hn::Load(d, extent + c * lanes);
+    }
+  }
+  const V product = hn::Set(d, rounding_error(table.product_roundings, unit));
+  return coefficient_error<kDim>(sizes, errors, product, Number()) + hn::Load(d, extent + kDim * lanes);
+}
+
+template <int kDim>
+void Run(const KernelInput& input, std::vector<double>& workspace, KernelOutput& output) {
+  const D d;
+  const std::size_t lanes = Lanes();
+  const JacobianTable& table = *input.table;
+  const Parts parts = divide(table, lanes, workspace);
+  HWY_ALIGN double measure[13 * kMostLanes];
+  Gather(input, lanes, parts.nodes);
+  Convert<kDim>(table, parts.nodes, parts.map);
+  for (int r = 0; r < kDim; ++r)
+    Differentiate<kDim>(table, r, parts.map, parts.derivative[r], measure + static_cast<std::size_t>(r) * kDim * lanes);
+  double* extent = measure + kDim * kDim * lanes;
+  Extents<kDim>(table, parts.nodes, extent, extent + kDim * lanes);
+  if constexpr (kDim == 3) Cross(table, parts.derivative[1], parts.derivative[2], parts.cross);
+  const double* right = kDim == 3 ? parts.cross : parts.derivative[1];
+  V least = hn::Set(d, std::numeric_limits<double>::max()), greatest = hn::Neg(least);
+  for (int k = 0; k < table.jacobian.size(); ++k) {
+    const V scaled = Coefficient<kDim>(table, k, parts.derivative[0], right);
+    const V value = hn::Mul(scaled, hn::Set(d, table.jacobian_reciprocal[k] * input.sign));
+    hn::Store(value, d, parts.jacobian + k * lanes);
+    least = hn::Min(least, value);
+    greatest = hn::Max(greatest, value);
+  }
+  hn::StoreU(least, d, output.least.data());
+  hn::StoreU(greatest, d, output.greatest.data());
+  for (std::size_t k = 0; k < table.corners.size(); ++k)
+    hn::StoreU(hn::Load(d, parts.jacobian + table.corners[k] * lanes), d, output.corner[k].data());
+  output.coefficients = parts.jacobian;
+  hn::StoreU(Error<kDim>(table, measure), d, output.error.data());
+}
+
+void Kernel(const KernelInput& input, std::vector<double>& workspace, KernelOutput& output) {
+  if (input.table->dimension == 2)
+    Run<2>(input, workspace, output);
+  else
+    Run<3>(input, workspace, output);
+}
+
+}  // namespace varimesh::detail::HWY_NAMESPACE
+HWY_AFTER_NAMESPACE();
+
+#if HWY_ONCE
+namespace varimesh::detail {
+
+HWY_EXPORT(Kernel);
+HWY_EXPORT(Lanes);
+
+std::size_t kernel_lanes() { return HWY_DYNAMIC_DISPATCH(Lanes)(); }
+
+void bernstein_kernel(const KernelInput& input, std::vector<double>& workspace, KernelOutput& output) {
+  HWY_DYNAMIC_DISPATCH(Kernel)(input, workspace, output);
+}
+
+}  // namespace varimesh::detail
+#endif  // HWY_ONCE

@@ -1,0 +1,180 @@
+// Certifies cells: the batched kernel first, which settles nearly all, then subdivision for the few that it leaves.
+#include "core/validity/certifier.h"
+
+#include <algorithm>
+#include <cassert>
+#include <cmath>
+#include <numeric>
+
+#include "core/validity/cell_ranges.h"
+#include "core/validity/certificate_kernel.h"
+#include "core/validity/orientation.h"
+#include "core/validity/subdivision.h"
+
+namespace varimesh {
+namespace {
+
+using detail::HardCell;
+
+/// Cells that a task takes at a time: enough to fill vectors, few enough to share out the hard ones.
+constexpr std::size_t kGrain = 64;
+
+/// A power of two that brings the mesh's larger side to between 1/2 and 1; 1 where there is nothing to go by.
+double power_of_two_scale(const HighOrderMesh& mesh) {
+  double extent = 0;
+  for (std::size_t c = 0; c < 3; ++c) {
+    double low = std::numeric_limits<double>::max(), high = -low;
+    for (std::size_t i = c; i < mesh.coordinates.size(); i += 3) {
+      low = std::min(low, mesh.coordinates[i]);
+      high = std::max(high, mesh.coordinates[i]);
+    }
+    extent = std::max(extent, high / 2 - low / 2);
+  }
+  if (!(extent > 0) || !std::isfinite(extent)) return 1;
+  int exponent = 0;
+  std::frexp(extent, &exponent);
+  return std::ldexp(1.0, std::clamp(-exponent - 1, -1000, 1000));
+}
+
+/// What the kernel says of one lane; false where it cannot tell.
+bool settle(const HardCell& cell, const detail::KernelOutput& output, std::size_t lane, double gap,
+            Certificate& certificate) {
+  const double error = output.error[lane];
+  const std::size_t corners = cell.table->corners.size();
+  double lowest = output.corner[0][lane], highest = lowest;
+  std::size_t lowest_corner = 0;
+  for (std::size_t k = 1; k < corners; ++k) {
+    highest = std::max(highest, output.corner[k][lane]);
+    if (output.corner[k][lane] < lowest) {
+      lowest = output.corner[k][lane];
+      lowest_corner = k;
+    }
+  }
+  const double lower = output.least[lane] - error;
+  const bool valid = lower > 0;
+  const bool invalid = !valid && lowest + error <= 0;
+  if (!valid && !invalid) return false;
+  if (valid && detail::is_blunt(error, lower)) return false;
+  const double greatest = output.greatest[lane] + error;
+  if (std::isfinite(gap) && highest > error &&
+      (lowest + error - lower) / (highest - error) + std::max(lower, 0.0) * (1 / (highest - error) - 1 / greatest) >
+          gap)
+    return false;
+  certificate = {};
+  certificate.answer = valid ? Certificate::Answer::Valid : Certificate::Answer::Invalid;
+  detail::set_bounds(cell, lower, greatest, highest - error, certificate);
+  if (invalid) certificate.place = detail::physical_place(cell, cell.table->corner_at[lowest_corner]);
+  return true;
+}
+
+}  // namespace
+
+// ---------------------------------------------------------------------------------------------------------------------
+// Certifier
+// ---------------------------------------------------------------------------------------------------------------------
+
+Certifier::Certifier(const HighOrderMesh& mesh, CertificateOptions options)
+    : options_(options), scale_(power_of_two_scale(mesh)), sign_(detail::orientation(mesh)) {
+  assert(mesh.dimension == 2 || mesh.dimension == 3);
+  for (const detail::CellRange& batch : detail::cell_ranges(mesh, [](const ElementBlock& b) { return b.size(); }))
+    for (std::size_t i = 0; i < batch.count; ++i) cells_.push_back({batch.block, batch.nodes(i)});
+  all_.resize(cells_.size());
+  std::iota(all_.begin(), all_.end(), 0);
+}
+
+void Certifier::certify_run(std::span<const double> coordinates, std::span<const std::int32_t> cells,
+                            std::span<Certificate> certificates) const {
+  thread_local std::vector<double> workspace;
+  const std::size_t lanes = detail::kernel_lanes();
+  detail::KernelOutput output;
+  for (std::size_t first = 0; first < cells.size();) {
+    const ElementBlock& block = *cells_[static_cast<std::size_t>(cells[first])].block;
+    detail::KernelInput input;
+    input.table = &detail::jacobian_table(block.shape, block.order);
+    input.coordinates = coordinates.data();
+    input.scale = scale_;
+    input.sign = sign_;
+    while (input.cells < lanes && first + input.cells < cells.size()) {
+      const Cell& cell = cells_[static_cast<std::size_t>(cells[first + input.cells])];
+      if (cell.block->shape != block.shape || cell.block->order != block.order) break;
+      input.nodes[input.cells++] = cell.nodes;
+    }
+    detail::bernstein_kernel(input, workspace, output);
+    for (std::size_t lane = 0; lane < input.cells; ++lane) {
+      const HardCell cell{input.table, coordinates.data(), input.nodes[lane], scale_, sign_};
+      Certificate& certificate = certificates[static_cast<std::size_t>(cells[first + lane])];
+      if (settle(cell, output, lane, options_.gap, certificate)) continue;
+      detail::Coefficients<double> known{{}, output.error[lane]};
+      known.values.resize(static_cast<std::size_t>(input.table->jacobian.size()));
+      for (std::size_t k = 0; k < known.values.size(); ++k) known.values[k] = output.coefficients[k * lanes + lane];
+      certificate = detail::subdivide(cell, options_, std::move(known));
+    }
+    first += input.cells;
+  }
+}
+
+void Certifier::certify(std::span<const double> coordinates, std::span<const std::int32_t> cells,
+                        std::span<Certificate> certificates, const Team& team) const {
+  assert(certificates.size() == cells_.size());
+  team.for_ranges(cells.size(), kGrain, [&](std::size_t begin, std::size_t end) {
+    certify_run(coordinates, cells.subspan(begin, end - begin), certificates);
+  });
+}
+
+void Certifier::certify(std::span<const double> coordinates, std::span<Certificate> certificates,
+                        const Team& team) const {
+  certify(coordinates, all_, certificates, team);
+}
+
+CertificateSummary Certifier::sharpen(std::span<const double> coordinates, std::span<Certificate> certificates,
+                                      double gap) const {
+  CertificateOptions options = options_;
+  options.gap = gap;
+  std::vector<std::int32_t> order = all_;
+  const auto later = [&](std::int32_t a, std::int32_t b) {
+    const double x = certificates[static_cast<std::size_t>(a)].scaled_jacobian_lower_bound;
+    const double y = certificates[static_cast<std::size_t>(b)].scaled_jacobian_lower_bound;
+    return x != y ? x > y : a > b;
+  };
+  std::ranges::make_heap(order, later);
+  std::vector<bool> sharp(cells_.size(), false);
+  while (!order.empty() && !sharp[static_cast<std::size_t>(order.front())]) {
+    std::ranges::pop_heap(order, later);
+    const auto cell = static_cast<std::size_t>(order.back());
+    const ElementBlock& block = *cells_[cell].block;
+    const Certificate better = detail::subdivide(
+        {&detail::jacobian_table(block.shape, block.order), coordinates.data(), cells_[cell].nodes, scale_, sign_},
+        options);
+    // An answer once given stands: a search for a sharper bound may end elsewhere, its budget spent.
+    if (better.answer == certificates[cell].answer &&
+        better.scaled_jacobian_lower_bound >= certificates[cell].scaled_jacobian_lower_bound)
+      certificates[cell] = better;
+    sharp[cell] = true;
+    std::ranges::push_heap(order, later);
+  }
+  return summarise(certificates);
+}
+
+CertificateSummary summarise(std::span<const Certificate> certificates) {
+  CertificateSummary summary;
+  if (certificates.empty()) return summary;
+  summary.min_scaled_jacobian_lower_bound = std::numeric_limits<double>::max();
+  for (const Certificate& certificate : certificates) {
+    summary.valid += certificate.answer == Certificate::Answer::Valid ? 1 : 0;
+    summary.invalid += certificate.answer == Certificate::Answer::Invalid ? 1 : 0;
+    summary.undecided += certificate.answer == Certificate::Answer::Undecided ? 1 : 0;
+    summary.min_scaled_jacobian_lower_bound =
+        std::min(summary.min_scaled_jacobian_lower_bound, certificate.scaled_jacobian_lower_bound);
+  }
+  return summary;
+}
+
+std::vector<Certificate> certify(const HighOrderMesh& mesh, const CertificateOptions& options, int threads) {
+  const Certifier certifier(mesh, options);
+  std::vector<Certificate> certificates(certifier.cells());
+  const Team team(threads);
+  team.run([&] { certifier.certify(mesh.coordinates, certificates, team); });
+  return certificates;
+}
+
+}  // namespace varimesh

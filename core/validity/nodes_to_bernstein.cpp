@@ -1,0 +1,278 @@
+// Expands the Lagrange polynomials of equispaced nodes in Bernstein polynomials, shape by shape.
+#include "core/validity/nodes_to_bernstein.h"
+
+#include <algorithm>
+#include <array>
+#include <cassert>
+#include <cstdint>
+
+#include "core/reference/nodes.h"
+
+namespace varimesh::detail {
+namespace {
+
+using Matrix = std::vector<std::vector<Quad>>;
+
+Matrix zero_matrix(int rows, int columns) {
+  return Matrix(static_cast<std::size_t>(rows), std::vector<Quad>(static_cast<std::size_t>(columns), Quad(0)));
+}
+
+Quad magnitude(Quad x) { return x < 0 ? -x : x; }
+
+// ---------------------------------------------------------------------------------------------------------------------
+// Simplices, and products of them
+// ---------------------------------------------------------------------------------------------------------------------
+
+/// polynomial × (form · λ), all homogeneous: the next higher degree.
+std::vector<std::int64_t> times_form(const std::vector<std::int64_t>& polynomial, const BernsteinSpace& from,
+                                     const BernsteinSpace& to, const std::array<std::int64_t, 4>& form) {
+  const int corners = from.factors()[0].dimension + 1;
+  std::vector<std::int64_t> result(static_cast<std::size_t>(to.size()), 0);
+  for (int i = 0; i < from.size(); ++i) {
+    for (int k = 0; k < corners; ++k) {
+      Exponents exponents = from.exponents()[static_cast<std::size_t>(i)];
+      ++exponents[static_cast<std::size_t>(k)];
+      result[static_cast<std::size_t>(to.index(exponents))] +=
+          form[static_cast<std::size_t>(k)] * polynomial[static_cast<std::size_t>(i)];
+    }
+  }
+  return result;
+}
+
+/// Scaled coefficients of the Lagrange polynomial of the node α on the simplex of that dimension, in the order of
+/// BernsteinSpace({{dimension, order}}).
+std::vector<Quad> lagrange_on_simplex(int dimension, int order, const Exponents& alpha) {
+  BernsteinSpace space({{dimension, 0}});
+  std::vector<std::int64_t> polynomial{1};
+  std::int64_t denominator = 1;
+  int degree = 0;
+  for (int k = 0; k <= dimension; ++k) {
+    for (int m = 0; m < alpha[static_cast<std::size_t>(k)]; ++m) {
+      std::array<std::int64_t, 4> form;
+      form.fill(-m);
+      form[static_cast<std::size_t>(k)] = order - m;
+      const BernsteinSpace next({{dimension, ++degree}});
+      polynomial = times_form(polynomial, space, next, form);
+      space = next;
+      denominator *= m + 1;
+    }
+  }
+  assert(degree == order);
+  std::vector<Quad> result;
+  for (const std::int64_t numerator : polynomial)
+    result.push_back(static_cast<Quad>(numerator) / static_cast<Quad>(denominator));
+  return result;
+}
+
+/// The conversion on one simplex: a row a coefficient, a column a lattice position, both in the space's order.
+Matrix simplex_conversion(int dimension, int order) {
+  const BernsteinSpace space({{dimension, order}});
+  Matrix result = zero_matrix(space.size(), space.size());
+  for (int node = 0; node < space.size(); ++node) {
+    const auto column = lagrange_on_simplex(dimension, order, space.exponents()[static_cast<std::size_t>(node)]);
+    for (int row = 0; row < space.size(); ++row)
+      result[static_cast<std::size_t>(row)][static_cast<std::size_t>(node)] = column[static_cast<std::size_t>(row)];
+  }
+  return result;
+}
+
+/// Exponents of factor f alone, as those of a one-factor space.
+Exponents of_factor(const Exponents& exponents, const BernsteinSpace& space, std::size_t f) {
+  Exponents result{};
+  const int offset = space.offset(static_cast<int>(f));
+  for (int k = 0; k <= space.factors()[f].dimension; ++k)
+    result[static_cast<std::size_t>(k)] = exponents[static_cast<std::size_t>(offset + k)];
+  return result;
+}
+
+/// Lattice position (i, j, k) of a node as exponents: the first coordinate of each factor is what is left of the order.
+Exponents node_exponents(const std::array<std::int8_t, 3>& position, const BernsteinSpace& space, int order) {
+  Exponents result{};
+  std::size_t direction = 0;
+  for (std::size_t f = 0; f < space.factors().size(); ++f) {
+    const auto offset = static_cast<std::size_t>(space.offset(static_cast<int>(f)));
+    int left = order;
+    for (int k = 1; k <= space.factors()[f].dimension; ++k, ++direction) {
+      result[offset + static_cast<std::size_t>(k)] = position[direction];
+      left -= position[direction];
+    }
+    result[offset] = static_cast<std::int8_t>(left);
+  }
+  return result;
+}
+
+Matrix product_conversion(Shape shape, int order, const BernsteinSpace& space) {
+  const auto& lattice = reference::lattice(shape, order);
+  std::vector<Matrix> parts;
+  std::vector<BernsteinSpace> part_spaces;
+  for (const Factor& factor : space.factors()) {
+    parts.push_back(simplex_conversion(factor.dimension, order));
+    part_spaces.emplace_back(std::vector<Factor>{{factor.dimension, order}});
+  }
+  Matrix result = zero_matrix(space.size(), static_cast<int>(lattice.size()));
+  for (std::size_t row = 0; row < result.size(); ++row) {
+    for (std::size_t node = 0; node < lattice.size(); ++node) {
+      const Exponents alpha = node_exponents(lattice[node], space, order);
+      Quad value = 1;
+      for (std::size_t f = 0; f < parts.size() && value != 0; ++f) {
+        const int i = part_spaces[f].index(of_factor(space.exponents()[row], space, f));
+        const int j = part_spaces[f].index(of_factor(alpha, space, f));
+        value *= parts[f][static_cast<std::size_t>(i)][static_cast<std::size_t>(j)];
+      }
+      result[row][node] = value;
+    }
+  }
+  return result;
+}
+
+// ---------------------------------------------------------------------------------------------------------------------
+// Pyramids
+// ---------------------------------------------------------------------------------------------------------------------
+
+/// Scaled coefficients (by exponent of the second coordinate) of a univariate polynomial, times (a λ_0 + b λ_1).
+std::vector<Quad> times_line(const std::vector<Quad>& polynomial, Quad a, Quad b) {
+  std::vector<Quad> result(polynomial.size() + 1, Quad(0));
+  for (std::size_t e = 0; e < polynomial.size(); ++e) {
+    result[e] += a * polynomial[e];
+    result[e + 1] += b * polynomial[e];
+  }
+  return result;
+}
+
+/// The pyramid's layer with n intervals an edge (s = n/P) has (n + 1)² nodes. The space is spanned by
+/// q_m(u, v) s^m Π_{n > m} (s − n/P), m = 0 … P, q_m of degree m in u and in v: the m-th kind vanishes on all layers
+/// finer than its own, so that the layers are interpolated one after another, from the base up.
+class PyramidConversion {
+ public:
+  explicit PyramidConversion(int order) : order_(order) {
+    for (int m = 0; m <= order; ++m) {
+      height_.push_back(height(m));
+      elevated_.push_back(elevated(m));
+      evaluation_.emplace_back(1);
+      for (int n = 1; n < m; ++n) evaluation_.back().push_back(evaluation(m, n));
+    }
+  }
+
+  /// Adds the coefficients of the Lagrange polynomial of node (i, j) of the layer with n intervals to column `node`.
+  void column(int n, int i, int j, std::size_t node, const BernsteinSpace& space, Matrix& result) const {
+    std::vector<Matrix> residual;
+    for (int m = 0; m <= n; ++m) residual.push_back(zero_matrix(m + 1, m + 1));
+    residual[static_cast<std::size_t>(n)][static_cast<std::size_t>(i)][static_cast<std::size_t>(j)] = 1;
+    for (int m = n; m >= 0; --m) {
+      const Matrix& q = residual[static_cast<std::size_t>(m)];
+      for (int coarser = 1; coarser < m; ++coarser)
+        subtract(q, m, coarser, residual[static_cast<std::size_t>(coarser)]);
+      add(q, m, node, space, result);
+    }
+  }
+
+ private:
+  /// s^m Π_{n > m} (s − n/P), 1 on its own layer, as scaled coefficients by the exponent of t = 1 − s.
+  std::vector<Quad> height(int m) const {
+    std::vector<Quad> result{Quad(1)};
+    const Quad P = order_;
+    for (int k = 0; k < m; ++k) result = times_line(result, m == 0 ? Quad(1) : P / m, 0);
+    for (int n = m + 1; n <= order_; ++n)
+      result = times_line(result, (1 - n / P) / ((m - n) / P), (-n / P) / ((m - n) / P));
+    return result;
+  }
+
+  /// The same on the layer with n intervals.
+  Quad height_at(int m, int n) const {
+    Quad result = 1;
+    for (int k = 0; k < m; ++k) result *= Quad(n) / m;
+    for (int k = m + 1; k <= order_; ++k) result *= Quad(n - k) / Quad(m - k);
+    return result;
+  }
+
+  /// Scaled coefficients of degree P of the univariate Lagrange polynomials on m intervals: (P + 1) × (m + 1).
+  Matrix elevated(int m) const {
+    Matrix result = zero_matrix(order_ + 1, m + 1);
+    const BernsteinSpace space({{1, m}});
+    for (int node = 0; node <= m; ++node) {
+      const Exponents alpha{static_cast<std::int8_t>(m - node), static_cast<std::int8_t>(node)};
+      const std::vector<Quad> scaled = lagrange_on_simplex(1, m, alpha);
+      std::vector<Quad> polynomial(static_cast<std::size_t>(m) + 1);
+      for (int e = 0; e <= m; ++e)
+        polynomial[static_cast<std::size_t>(e)] = scaled[static_cast<std::size_t>(
+            space.index({static_cast<std::int8_t>(m - e), static_cast<std::int8_t>(e)}))];
+      for (int degree = m; degree < order_; ++degree) polynomial = times_line(polynomial, 1, 1);
+      for (std::size_t e = 0; e < polynomial.size(); ++e) result[e][static_cast<std::size_t>(node)] = polynomial[e];
+    }
+    return result;
+  }
+
+  /// Value at x ∈ [0, 1] of the Lagrange polynomial of `node` on m intervals.
+  static Quad lagrange(int m, int node, Quad x) {
+    Quad value = 1;
+    for (int k = 0; k <= m; ++k)
+      if (k != node) value *= (m * x - k) / Quad(node - k);
+    return value;
+  }
+
+  /// Values on n intervals of the univariate Lagrange polynomials on m intervals: (n + 1) × (m + 1).
+  static Matrix evaluation(int m, int n) {
+    Matrix result = zero_matrix(n + 1, m + 1);
+    for (int a = 0; a <= n; ++a)
+      for (int i = 0; i <= m; ++i)
+        result[static_cast<std::size_t>(a)][static_cast<std::size_t>(i)] = lagrange(m, i, Quad(a) / n);
+    return result;
+  }
+
+  /// Takes the m-th kind with values q on its own layer away from a coarser layer.
+  void subtract(const Matrix& q, int m, int coarser, Matrix& residual) const {
+    const Quad factor = height_at(m, coarser);
+    const Matrix& at = evaluation_[static_cast<std::size_t>(m)][static_cast<std::size_t>(coarser)];
+    Matrix half = zero_matrix(coarser + 1, m + 1);
+    for (std::size_t a = 0; a < half.size(); ++a)
+      for (std::size_t i = 0; i < q.size(); ++i)
+        for (std::size_t j = 0; j < q.size(); ++j) half[a][j] += factor * at[a][i] * q[i][j];
+    for (std::size_t a = 0; a < half.size(); ++a)
+      for (std::size_t b = 0; b < half.size(); ++b)
+        for (std::size_t j = 0; j < q.size(); ++j) residual[a][b] -= half[a][j] * at[b][j];
+  }
+
+  void add(const Matrix& q, int m, std::size_t node, const BernsteinSpace& space, Matrix& result) const {
+    const auto n = static_cast<std::size_t>(order_) + 1;
+    const Matrix& up = elevated_[static_cast<std::size_t>(m)];
+    Matrix half = zero_matrix(order_ + 1, m + 1), both = zero_matrix(order_ + 1, order_ + 1);
+    for (std::size_t a = 0; a < n; ++a)
+      for (std::size_t i = 0; i < q.size(); ++i)
+        for (std::size_t j = 0; j < q.size(); ++j) half[a][j] += up[a][i] * q[i][j];
+    for (std::size_t a = 0; a < n; ++a)
+      for (std::size_t b = 0; b < n; ++b)
+        for (std::size_t j = 0; j < q.size(); ++j) both[a][b] += half[a][j] * up[b][j];
+    for (int row = 0; row < space.size(); ++row) {
+      const Exponents& e = space.exponents()[static_cast<std::size_t>(row)];
+      result[static_cast<std::size_t>(row)][node] +=
+          height_[static_cast<std::size_t>(m)][static_cast<std::size_t>(e[5])] *
+          both[static_cast<std::size_t>(e[1])][static_cast<std::size_t>(e[3])];
+    }
+  }
+
+  int order_;
+  std::vector<std::vector<Quad>> height_;
+  std::vector<Matrix> elevated_;
+  std::vector<std::vector<Matrix>> evaluation_;  // by degree and by the coarser layer's intervals
+};
+
+Matrix pyramid_conversion(int order, const BernsteinSpace& space) {
+  const auto& lattice = reference::lattice(Shape::Pyramid, order);
+  const PyramidConversion conversion(order);
+  Matrix result = zero_matrix(space.size(), static_cast<int>(lattice.size()));
+  for (std::size_t node = 0; node < lattice.size(); ++node)
+    conversion.column(order - lattice[node][2], lattice[node][0], lattice[node][1], node, space, result);
+  // What is zero in exact arithmetic is under 1e-30 here; the smallest entry that is not is above 1e-10.
+  for (std::vector<Quad>& row : result)
+    for (Quad& entry : row)
+      if (magnitude(entry) < Quad(1e-20)) entry = 0;
+  return result;
+}
+
+}  // namespace
+
+std::vector<std::vector<Quad>> nodes_to_bernstein(Shape shape, int order, const BernsteinSpace& space) {
+  return shape == Shape::Pyramid ? pyramid_conversion(order, space) : product_conversion(shape, order, space);
+}
+
+}  // namespace varimesh::detail

@@ -1,0 +1,56 @@
+// The sign of the straight-sided cells, by majority.
+#include "core/validity/orientation.h"
+
+#include <Eigen/Core>
+
+#include "core/reference/basis.h"
+#include "core/validity/cell_ranges.h"
+
+namespace varimesh::detail {
+namespace {
+
+/// Gradients of the straight-sided cell's basis at the middle of the reference cell: vertices × dimension.
+Eigen::MatrixXd middle_gradients(Shape shape, int dimension) {
+  const reference::ShapeInfo& cell = reference::info(shape);
+  reference::Points middle = reference::Points::Zero(1, dimension);
+  for (int v = 0; v < cell.vertices; ++v)
+    for (int c = 0; c < dimension; ++c)
+      middle(0, c) += cell.vertex[static_cast<std::size_t>(v)][static_cast<std::size_t>(c)] / cell.vertices;
+  const auto gradients = reference::basis_gradients(shape, 1, reference::NodeSet::Equispaced, dimension, middle);
+  Eigen::MatrixXd result(cell.vertices, dimension);
+  for (int r = 0; r < dimension; ++r) result.col(r) = gradients[static_cast<std::size_t>(r)].row(0).transpose();
+  return result;
+}
+
+/// det ∇χ_L in the middle of the straight-sided cell with these vertices.
+double middle_jacobian(const HighOrderMesh& mesh, const std::int32_t* nodes, const Eigen::MatrixXd& gradients) {
+  Eigen::Matrix3d matrix = Eigen::Matrix3d::Identity();
+  const int d = mesh.dimension;
+  matrix.topLeftCorner(d, d).setZero();
+  for (Eigen::Index v = 0; v < gradients.rows(); ++v)
+    for (int c = 0; c < d; ++c) {
+      const double x = mesh.coordinates[3 * static_cast<std::size_t>(nodes[v]) + static_cast<std::size_t>(c)] -
+                       mesh.coordinates[3 * static_cast<std::size_t>(nodes[0]) + static_cast<std::size_t>(c)];
+      for (int r = 0; r < d; ++r) matrix(c, r) += x * gradients(v, r);
+    }
+  return matrix(0, 0) * (matrix(1, 1) * matrix(2, 2) - matrix(1, 2) * matrix(2, 1)) -
+         matrix(0, 1) * (matrix(1, 0) * matrix(2, 2) - matrix(1, 2) * matrix(2, 0)) +
+         matrix(0, 2) * (matrix(1, 0) * matrix(2, 1) - matrix(1, 1) * matrix(2, 0));
+}
+
+}  // namespace
+
+double orientation(const HighOrderMesh& mesh) {
+  const auto gradients = tables_for_cells<Eigen::MatrixXd>(
+      mesh, [&](Shape shape, int) { return middle_gradients(shape, mesh.dimension); });
+  std::size_t negative = 0, cells = 0;
+  for (const CellRange& batch : cell_ranges(mesh, [](const ElementBlock& b) { return b.size(); })) {
+    const Eigen::MatrixXd& gradient = gradients.at({batch.block->shape, batch.block->order});
+    for (std::size_t i = 0; i < batch.count; ++i)
+      negative += middle_jacobian(mesh, batch.nodes(i), gradient) < 0 ? 1 : 0;
+    cells += batch.count;
+  }
+  return 2 * negative > cells ? -1 : 1;
+}
+
+}  // namespace varimesh::detail

@@ -1,0 +1,64 @@
+"""The check of includes finds what it is there for: an upward arrow, a circle, a file without a room, a forbidden house."""
+import pathlib
+import shutil
+import subprocess
+import sys
+import tempfile
+import unittest
+
+HERE = pathlib.Path(__file__).resolve().parent
+TREE = HERE.parents[1]
+
+
+def plant(tree, file, line):
+    path = tree / file
+    path.write_text(line + "\n" + (path.read_text() if path.exists() else ""))
+
+
+class Planted(unittest.TestCase):
+    def setUp(self):
+        self.folder = tempfile.TemporaryDirectory()
+        self.tree = pathlib.Path(self.folder.name)
+        for house in ("core", "server", "client"):
+            shutil.copytree(TREE / house, self.tree / house, ignore=shutil.ignore_patterns("python", "third_party"))
+
+    def tearDown(self):
+        self.folder.cleanup()
+
+    def check(self):
+        run = subprocess.run([sys.executable, HERE / "check_includes", self.tree], capture_output=True, text=True)
+        return run.returncode, run.stdout
+
+    def expect(self, sentence):
+        status, output = self.check()
+        self.assertEqual(status, 1, output)
+        self.assertIn(sentence, output)
+
+    def test_the_tree_as_it_is_passes(self):
+        status, output = self.check()
+        self.assertEqual(status, 0, output)
+
+    def test_an_upward_arrow_is_found(self):
+        plant(self.tree, "core/mesh/check.cpp", '#include "core/optimise/optimiser.h"')
+        self.expect("core/mesh/check.cpp includes core/optimise/optimiser.h: core/optimise/ stands above core/mesh/")
+
+    def test_a_circle_inside_a_room_is_found(self):
+        plant(self.tree, "core/mesh/high_order_mesh.h", '#include "core/mesh/connectivity.h"')
+        self.expect("files include each other in a circle")
+
+    def test_a_file_without_a_room_is_found(self):
+        (self.tree / "core/drawer").mkdir()
+        plant(self.tree, "core/drawer/things.h", "#pragma once")
+        self.expect("core/drawer/things.h is in no room of core/ROOMS")
+
+    def test_the_core_knows_no_server(self):
+        plant(self.tree, "core/mesh/check.cpp", '#include "server/server.h"')
+        self.expect("core knows nothing of server")
+
+    def test_the_client_knows_no_server(self):
+        plant(self.tree, "client/client.cpp", '#include "server/server.h"')
+        self.expect("client knows nothing of server")
+
+
+if __name__ == "__main__":
+    unittest.main()

@@ -1,0 +1,176 @@
+// The whole way: what --repair does to meshes that no movement of nodes can make valid.
+#include "core/optimise/splitting.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cstring>
+
+#include "tests/core/support/balls.h"
+#include "tests/core/support/meshes.h"
+
+namespace varimesh {
+namespace {
+
+Options with(Repair repair, int threads = 1) {
+  Options options;
+  options.repair = repair;
+  options.threads = threads;
+  options.max_iterations = 60;
+  return options;
+}
+
+Result run(const HighOrderMesh& mesh, const Options& options, const OnIteration& on_iteration = {}) {
+  auto result = optimise(mesh, options, on_iteration);
+  EXPECT_TRUE(result) << result.error().sentence;
+  return std::move(*result);
+}
+
+void expect_same_boundary(const HighOrderMesh& before, const HighOrderMesh& after) {
+  const std::vector<bool> fixed = fixed_nodes(before);
+  for (std::size_t n = 0; n < before.node_count(); ++n) {
+    EXPECT_EQ(before.node_numbers[n], after.node_numbers[n]);
+    if (fixed[n]) {
+      EXPECT_EQ(std::memcmp(&before.coordinates[3 * n], &after.coordinates[3 * n], 3 * sizeof(double)), 0);
+    }
+  }
+}
+
+TEST(RepairSplitTest, MakesValidWhatReportCannot) {
+  for (const HighOrderMesh& mesh : {testing::six_in_a_ball(3), testing::two_in_a_ball(3)}) {
+    const Result reported = run(mesh, with(Repair::Report));
+    EXPECT_EQ(reported.after.uncertified.size(), mesh.element_count(3));
+    EXPECT_FALSE(reported.unrepairable.empty());
+    EXPECT_TRUE(reported.repairs.empty());
+    const Result repaired = run(mesh, with(Repair::Split));
+    EXPECT_TRUE(repaired.after.uncertified.empty());
+    EXPECT_TRUE(repaired.unrepairable.empty());
+    EXPECT_EQ(repaired.before.certified.invalid, reported.before.certified.invalid);
+    EXPECT_EQ(repaired.sizes.elements, static_cast<std::int64_t>(repaired.mesh.element_count(3)));
+    EXPECT_GT(repaired.mesh.element_count(3), mesh.element_count(3));
+    EXPECT_FALSE(repaired.repairs.empty());
+    expect_same_boundary(mesh, repaired.mesh);
+    EXPECT_NEAR(testing::volume(repaired.mesh) / testing::volume(mesh), 1, 1e-12);
+  }
+}
+
+TEST(RepairSplitTest, DoesNotDependOnTheNumberOfThreads) {
+  const HighOrderMesh mesh = testing::six_in_a_ball(3);
+  const Result one = run(mesh, with(Repair::Split)), three = run(mesh, with(Repair::Split, 3));
+  EXPECT_EQ(one.mesh.coordinates, three.mesh.coordinates);
+  EXPECT_EQ(one.mesh.node_numbers, three.mesh.node_numbers);
+}
+
+TEST(RepairSplitTest, LeavesAValidMeshWhole) {
+  const HighOrderMesh mesh = testing::grid(testing::Filling::Tetrahedra, {2, 2, 2}, 2, testing::bent(3));
+  const Result result = run(mesh, with(Repair::Split)), plain = run(mesh, with(Repair::Report));
+  EXPECT_TRUE(result.repairs.empty());
+  EXPECT_EQ(result.mesh.coordinates, plain.mesh.coordinates);
+  EXPECT_EQ(result.iterations, plain.iterations);
+}
+
+TEST(RepairSplitTest, SaysThatItIsNotOfferedForOtherShapes) {
+  HighOrderMesh mesh = testing::grid(testing::Filling::Hexahedra, {1, 1, 1}, 3, [](testing::Place x) {
+    return testing::Place{x[0] - .5, x[1] - .5, x[2] - .5};
+  });
+  testing::round_off(mesh);
+  const Result result = run(mesh, with(Repair::Split));
+  ASSERT_EQ(result.repairs.size(), 1u);
+  EXPECT_EQ(result.repairs[0].kind, RepairStep::Kind::Left);
+  EXPECT_NE(result.repairs[0].sentence.find("tetrahedra alone"), std::string::npos) << result.repairs[0].sentence;
+  EXPECT_EQ(result.mesh.element_count(3), 1u);
+}
+
+TEST(RepairSplitTest, LeavesPlaneMeshesWhole) {
+  HighOrderMesh mesh = testing::grid(testing::Filling::Triangles, {2, 2, 1}, 4);
+  const Cells cells(mesh, 2);
+  mesh.coordinates[3 * static_cast<std::size_t>(cells.nodes(0)[14])] -= 0.6;  // a node inside turns the triangle over
+  const Result result = run(mesh, with(Repair::Split));
+  EXPECT_FALSE(result.before.uncertified.empty());
+  EXPECT_TRUE(result.after.uncertified.empty());
+  EXPECT_EQ(result.mesh.node_numbers, mesh.node_numbers);
+  EXPECT_TRUE(result.repairs.empty());
+}
+
+TEST(RepairSplitTest, HandsOutNothingWorseWhenStopped) {
+  const HighOrderMesh mesh = testing::six_in_a_ball(3);
+  const Result result = run(mesh, with(Repair::Split), [](const Iteration&) { return Control::Stop; });
+  EXPECT_TRUE(result.stopped);
+  EXPECT_EQ(result.stop_reason, StopReason::Stopped);
+  EXPECT_EQ(result.history.size(), 1u);
+  EXPECT_LE(result.after.uncertified.size(), result.before.uncertified.size());
+  expect_same_boundary(mesh, result.mesh);
+}
+
+TEST(RepairSplitTest, IsStoppedWhileItSplits) {
+  const HighOrderMesh mesh = testing::six_in_a_ball(3);
+  for (int answers = 0; answers < 6; ++answers) {
+    int asked = 0;
+    RunControl control;
+    control.stop_asked = [&] { return asked++ >= answers; };
+    const auto result = optimise(mesh, with(Repair::Split), {}, control);
+    ASSERT_TRUE(result);
+    EXPECT_TRUE(result->stopped) << answers;
+    EXPECT_EQ(result->stop_reason, StopReason::Stopped);
+    EXPECT_EQ(result->iterations, 0) << "nothing is begun any more";
+    EXPECT_EQ(result->mesh.coordinates, mesh.coordinates);
+    EXPECT_EQ(asked, answers + 1) << "and nobody asked again";
+  }
+}
+
+TEST(RepairSplitTest, SaysWhichLimitOfAllEndedIt) {
+  const HighOrderMesh mesh = testing::six_in_a_ball(3);
+  Options options = with(Repair::Split);
+  const Result whole = run(mesh, options);
+  ASSERT_TRUE(whole.after.uncertified.empty());
+  EXPECT_NE(whole.stop_reason, StopReason::Iterations);
+  options.max_iterations = 1;
+  const Result one = run(mesh, options);
+  EXPECT_EQ(one.iterations, 1);
+  EXPECT_EQ(one.stop_reason, StopReason::Iterations);
+  options.max_iterations = 60;
+  options.time_limit = 1e-9;
+  const Result none = run(mesh, options);
+  ASSERT_FALSE(none.after.uncertified.empty());
+  EXPECT_EQ(none.stop_reason, StopReason::TimeLimit);
+}
+
+TEST(RepairSplitTest, ChecksOnlyWithoutIterations) {
+  const HighOrderMesh mesh = testing::six_in_a_ball(3);
+  Options options = with(Repair::Split);
+  options.max_iterations = 0;
+  const Result result = run(mesh, options);
+  EXPECT_EQ(result.mesh.coordinates, mesh.coordinates);
+  EXPECT_EQ(result.mesh.element_count(3), 6u);
+}
+
+TEST(RepairSplitTest, RunsAgainOnOneOptimiser) {
+  const HighOrderMesh mesh = testing::six_in_a_ball(3);
+  auto optimiser = Optimiser::create(mesh, with(Repair::Split));
+  ASSERT_TRUE(optimiser) << optimiser.error().sentence;
+  const auto first = optimiser->run(mesh.coordinates), second = optimiser->run(mesh.coordinates);
+  ASSERT_TRUE(first && second);
+  EXPECT_EQ(first->mesh.element_count(3), 12u);
+  EXPECT_EQ(first->mesh.coordinates, second->mesh.coordinates);
+}
+
+TEST(RepairSplitTest, RefusesWhatItCannotKeep) {
+  Options options = with(Repair::Split);
+  options.region_below = 0.5;
+  EXPECT_FALSE(check(options));
+  options.region_below = 0;
+  options.target = Target::Size;
+  options.target_field.values = {1};
+  EXPECT_FALSE(check(options));
+}
+
+TEST(RepairNoneTest, NamesThemAndKeepsThemInTheBarrier) {
+  const HighOrderMesh mesh = testing::six_in_a_ball(3);
+  const Result none = run(mesh, with(Repair::None)), reported = run(mesh, with(Repair::Report));
+  EXPECT_EQ(none.unrepairable.size(), reported.unrepairable.size());
+  EXPECT_TRUE(none.repairs.empty());
+  EXPECT_NE(none.mesh.coordinates, reported.mesh.coordinates);
+}
+
+}  // namespace
+}  // namespace varimesh

@@ -1,0 +1,75 @@
+// check() refuses what is out of range, by name and with the range, and combinations that contradict each other.
+#include "core/options/options.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
+
+#include "core/options/option_table.h"
+
+namespace varimesh {
+namespace {
+
+std::string refusal(const Options& options) {
+  const auto checked = check(options);
+  if (checked) return "";
+  EXPECT_EQ(checked.error().kind, Error::Kind::BadOption);
+  return checked.error().sentence;
+}
+
+/// The options with this number set.
+Options with(const OptionInfo& info, double value) {
+  Options options;
+  if (const auto* real = std::get_if<double Options::*>(&info.member)) options.*(*real) = value;
+  if (const auto* whole = std::get_if<int Options::*>(&info.member)) options.*(*whole) = static_cast<int>(value);
+  return options;
+}
+
+TEST(CheckOptions, TakesTheDefaults) { EXPECT_EQ(refusal({}), ""); }
+
+TEST(CheckOptions, RefusesANumberBeyondEitherEndOfItsRangeByName) {
+  for (const OptionInfo& info : option_table()) {
+    if (!is_number(info)) continue;
+    const bool whole = std::holds_alternative<int Options::*>(info.member);
+    const double least = info.range.least, most = info.range.most;
+    const double under = whole ? least - 1 : std::nextafter(least, -1);
+    EXPECT_NE(refusal(with(info, under)).find(std::string(info.name) + " is "), std::string::npos) << info.name;
+    EXPECT_EQ(refusal(with(info, least)).empty(), !info.range.without_least) << info.name;
+    if (!std::isfinite(most)) continue;
+    const double over = whole ? most + 1 : std::nextafter(most, 1e9);
+    EXPECT_NE(refusal(with(info, over)).find(std::string(info.values)), std::string::npos) << info.name;
+  }
+}
+
+TEST(CheckOptions, RefusesWhatIsNoNumber) {
+  for (const OptionInfo& info : option_table())
+    if (std::holds_alternative<double Options::*>(info.member)) {
+      EXPECT_NE(refusal(with(info, std::numeric_limits<double>::quiet_NaN())), "") << info.name;
+      EXPECT_NE(refusal(with(info, std::numeric_limits<double>::infinity())), "") << info.name;
+    }
+}
+
+TEST(CheckOptions, RefusesCombinationsThatContradictEachOther) {
+  Options options;
+  options.target = Target::Size;
+  EXPECT_NE(refusal(options).find("target_field is empty"), std::string::npos);
+  options.target_field.values = {1};
+  EXPECT_EQ(refusal(options), "");
+  options.repair = Repair::Split;
+  EXPECT_NE(refusal(options).find("repair is split"), std::string::npos);
+  options = {};
+  options.target_field.values = {1};
+  EXPECT_NE(refusal(options).find("target_field is given"), std::string::npos);
+  options = {};
+  options.objective = Objective::Worst;
+  options.until_js = .5;
+  EXPECT_NE(refusal(options).find("objective is worst"), std::string::npos);
+  options = {};
+  options.repair = Repair::Split;
+  options.region_below = .5;
+  EXPECT_NE(refusal(options).find("region_below"), std::string::npos);
+}
+
+}  // namespace
+}  // namespace varimesh
