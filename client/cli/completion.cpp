@@ -43,7 +43,7 @@ BashWords bash_words(const CommandFacts& program, const std::vector<CommandFacts
       const std::string action = flag.file              ? "_varimesh_files; return"
                                  : flag.choices.empty() ? "return"
                                                         : "words='" + joined(flag.choices, " ") + "'";
-      words.values += "    " + pattern + ") " + action + " ;;\n";
+      words.values += fmt::format("    {}) {} ;;\n", pattern, action);
     }
     words.flags += "      " + command.name + ") words='" + flags + "' ;;\n";
   }

@@ -97,7 +97,7 @@ std::string arguments_and_flags(const CommandFacts& facts, std::size_t width) {
     group->second += entry(flag, width);
   }
   std::string out = arguments.empty() ? "" : "\nArguments:\n" + arguments;
-  for (const auto& [name, entries] : groups) out += "\n" + name + ":\n" + entries;
+  for (const auto& [name, entries] : groups) out += fmt::format("\n{}:\n{}", name, entries);
   return out;
 }
 

@@ -65,7 +65,7 @@ std::vector<UnrepairableGroup> find_unrepairable(const Arguments& arguments, con
 
 void print_summary(const Arguments& arguments, const MeshSummary& mesh, const QualityReport& quality,
                    const std::vector<UnrepairableGroup>& groups) {
-  std::ostream& out = use_standard_output({{arguments.output}}) ? std::cerr : std::cout;
+  std::ostream& out = any_is_standard_output({{arguments.output}}) ? std::cerr : std::cout;
   out << summary(mesh, quality);
   if (!arguments.diagnose) return;
   if (groups.empty()) out << "found no elements that moving nodes cannot repair\n";

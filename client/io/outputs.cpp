@@ -59,13 +59,13 @@ Expected<void> check_distinct(const std::vector<Output>& outputs, const std::vec
       return bad_option("Two outputs would be written to the file " + output.path +
                         ", and one of them would be lost; name a file for each.");
   }
-  if (json && use_standard_output(all))
+  if (json && any_is_standard_output(all))
     return bad_option(
         "An output and the document of --json would both go to standard output; send the output to a file.");
   return {};
 }
 
-bool use_standard_output(const std::vector<Output>& outputs) {
+bool any_is_standard_output(const std::vector<Output>& outputs) {
   struct stat printed {};
   // A device that discards everything, such as /dev/null, cannot mix up two outputs.
   if (::fstat(STDOUT_FILENO, &printed) != 0 || (S_ISCHR(printed.st_mode) && isatty(STDOUT_FILENO) != 1)) return false;

@@ -26,7 +26,7 @@ Expected<std::vector<Output>> check_outputs(const std::vector<std::string>& path
 Expected<void> check_distinct(const std::vector<Output>& outputs, const std::vector<std::string>& others, bool json);
 
 /// Whether one of the outputs is standard output. It is not if standard output is a device that discards everything.
-bool use_standard_output(const std::vector<Output>& outputs);
+bool any_is_standard_output(const std::vector<Output>& outputs);
 
 /// The formats of the outputs, each once.
 std::vector<v1::MeshFormat> formats_of(const std::vector<Output>& outputs);

@@ -17,7 +17,8 @@ class RemainingTime {
 
   /// Takes the next iteration.
   void add(const v1::Iteration& iteration);
-  /// Nothing if there is no limit and too few iterations, or the residual does not fall.
+  /// The estimate. Nothing if there is no time limit, and the objective is `worst` or the current phase has had fewer
+  /// than three iterations.
   std::optional<double> seconds() const;
 
  private:

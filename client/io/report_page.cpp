@@ -135,7 +135,7 @@ std::string time_text(const google::protobuf::Timestamp& time) {
 
 Marks marks_of(const v1::Metrics& metrics) {
   Marks marks;
-  for (const auto& [snapshot, quality] : {std::pair{0, &metrics.before()}, std::pair{1, &metrics.after()}})
+  for (const auto& [snapshot, quality] : {std::pair{0U, &metrics.before()}, std::pair{1U, &metrics.after()}})
     for (const v1::UncertifiedElement& element : quality->certified().uncertified())
       marks.uncertified[snapshot].insert(element.number());
   for (const v1::UnrepairableGroup& group : metrics.unrepairable())

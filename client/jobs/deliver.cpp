@@ -52,7 +52,7 @@ int deliver(Client* client, const v1::Job& job, const Delivery& delivery, const 
   if (flags.json)
     print(document(job.metrics()));
   else if (!flags.quiet)
-    (use_standard_output(delivery.outputs) ? std::cerr : std::cout) << summary(job.metrics());
+    (any_is_standard_output(delivery.outputs) ? std::cerr : std::cout) << summary(job.metrics());
   const v1::Certified& certified = job.metrics().after().certified();
   return print_uncertified(certified.invalid(), certified.undecided());
 }

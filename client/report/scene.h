@@ -1,6 +1,7 @@
 // The cells of a mesh as arrays of numbers that the report page draws.
 #pragma once
 
+#include <array>
 #include <nlohmann/json.hpp>
 #include <set>
 
@@ -11,7 +12,7 @@ namespace varimesh::client {
 
 /// Numbers of the elements that are marked in the picture.
 struct Marks {
-  std::set<std::int64_t> uncertified[2];  ///< Not certified valid, before and after.
+  std::array<std::set<std::int64_t>, 2> uncertified;  ///< Not certified valid, before and after.
   std::set<std::int64_t> unrepairable;
 };
 
