@@ -10,7 +10,8 @@ pkg_check_modules(grpcpp REQUIRED IMPORTED_TARGET grpc++)
 # A shared library, so that a program does not have to link the libraries inside it. The part of the core that it contains,
 # the writing of files, is hidden. The objects are those of the static libraries.
 add_library(varimesh_client_shared SHARED
-  $<TARGET_OBJECTS:varimesh_client> $<TARGET_OBJECTS:varimesh_proto> $<TARGET_OBJECTS:varimesh_messages>)
+  $<TARGET_OBJECTS:varimesh_client> $<TARGET_OBJECTS:varimesh_digest> $<TARGET_OBJECTS:varimesh_proto>
+  $<TARGET_OBJECTS:varimesh_messages>)
 target_link_libraries(varimesh_client_shared
   PUBLIC protobuf::libprotobuf PkgConfig::grpcpp
   PRIVATE $<BUILD_INTERFACE:varimesh> OpenSSL::Crypto PkgConfig::zstd Threads::Threads)

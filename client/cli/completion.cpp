@@ -2,13 +2,15 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+
 #include "client/cli/names.h"
 
 namespace varimesh::client {
 namespace {
 
 /// The text up to the first full stop or semicolon, because a shell shows a single line.
-std::string brief(const std::string& help) { return help.substr(0, help.find_first_of(";.", help.find(' '))); }
+std::string brief(const std::string& help) { return help.substr(0, std::min(help.find(';'), help.find(". "))); }
 
 std::string quoted(const std::string& text) {
   std::string out = "'";

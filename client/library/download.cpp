@@ -2,11 +2,11 @@
 #include <grpcpp/grpcpp.h>
 
 #include "client/client.h"
-#include "client/library/digest.h"
 #include "client/library/failures.h"
 #include "client/library/interrupter.h"
 #include "client/library/retry_policy.h"
 #include "client/library/zstd_frame.h"
+#include "core/base/sha256.h"
 #include "core/formats/output_file.h"
 
 namespace varimesh::client {
@@ -16,7 +16,7 @@ constexpr std::size_t kMostChunkBytes = 1024 * 1024;
 
 /// Reads the stream from request.offset() to its end, or until the file cannot be written. `offset` moves on with the
 /// bytes. Returns false if a chunk is damaged.
-bool read_chunks(grpc::ClientReader<v1::DownloadMeshResponse>& stream, formats::OutputFile& file, Digest& digest,
+bool read_chunks(grpc::ClientReader<v1::DownloadMeshResponse>& stream, formats::OutputFile& file, Sha256& digest,
                  v1::DownloadMeshRequest* request, RetryPolicy* retries) {
   v1::DownloadMeshResponse response;
   std::string content;
@@ -37,7 +37,7 @@ bool read_chunks(grpc::ClientReader<v1::DownloadMeshResponse>& stream, formats::
 Outcome<void> Client::download(const v1::StoredMesh& mesh, const std::string& path) {
   auto file = formats::OutputFile::open(path);
   if (!file) return file_failure(file.error().sentence);
-  Digest digest;
+  Sha256 digest;
   v1::DownloadMeshRequest request;
   request.set_digest(mesh.digest());
   if (settings_.compress) request.set_encoding(v1::ENCODING_ZSTD);

@@ -4,13 +4,13 @@
 #include <algorithm>
 
 #include "client/client.h"
-#include "client/library/digest.h"
 #include "client/library/failures.h"
 #include "client/library/input_file.h"
 #include "client/library/interrupter.h"
 #include "client/library/random_id.h"
 #include "client/library/retry_policy.h"
 #include "client/library/zstd_frame.h"
+#include "core/base/sha256.h"
 
 namespace varimesh::client {
 namespace {
@@ -22,7 +22,7 @@ constexpr std::int64_t kAheadBytes = 256 * 1024, kPieceBytes = kAheadBytes / 4;
 /// The header of an upload: the size and the digest of the file, which is read once for them.
 Outcome<v1::UploadHeader> header_of(const InputFile& file, const Settings& settings) {
   constexpr std::size_t kReadBytes = 256 * 1024;
-  Digest digest;
+  Sha256 digest;
   std::int64_t size = 0;
   while (true) {
     if (settings.wants_to_stop()) return interruption("Interrupted while the mesh was being read.");

@@ -1,7 +1,7 @@
 // The only source file that includes headers of both the client and the server.
 #include "client/local/local.h"
 
-#include "server/operations/log.h"
+#include "server/log.h"
 #include "server/server.h"
 
 namespace varimesh::client {

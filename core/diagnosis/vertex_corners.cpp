@@ -1,4 +1,4 @@
-// Buckets corners by vertex; tangents of mesh edges at their ends.
+// Sorts corners by vertex, and computes tangents of mesh edges at their ends.
 #include "core/diagnosis/vertex_corners.h"
 
 #include <algorithm>
@@ -10,19 +10,15 @@
 namespace varimesh::detail {
 namespace {
 
-Vector between(const std::array<double, 3>& a, const std::array<double, 3>& b) {
-  return {b[0] - a[0], b[1] - a[1], b[2] - a[2]};
-}
-
-/// The other ends of the edges at a vertex, ordered counter-clockwise as seen from outside the sphere round it.
+/// The other ends of the edges at a vertex, counter-clockwise as seen from outside the sphere around it.
 std::vector<int> neighbours(const reference::ShapeInfo& shape, int vertex) {
   std::vector<int> ends;
   for (const auto& edge : shape.edges) {
     if (edge[0] == vertex) ends.push_back(edge[1]);
     if (edge[1] == vertex) ends.push_back(edge[0]);
   }
-  const auto direction = [&](int end) { return between(shape.vertex[at(vertex)], shape.vertex[at(end)]); };
-  // A pyramid's apex has the base's vertices, which are in order already.
+  const auto direction = [&](int end) { return minus(shape.vertex[at(end)], shape.vertex[at(vertex)]); };
+  // The ends of the edges at a pyramid's apex are the base's vertices, which are in order already.
   if (determinant(direction(ends[0]), direction(ends[1]), direction(ends[2])) < 0) std::ranges::reverse(ends);
   return ends;
 }
@@ -56,7 +52,7 @@ VertexCorners::VertexCorners(const HighOrderMesh& mesh, const Cells& cells, cons
   reference::Points end(1, 1);
   end(0, 0) = -1;
   const auto gradient = reference::basis_gradients(Shape::Line, mesh.order, reference::NodeSet::Equispaced, 3, end);
-  // Gmsh's order of a line's nodes is its two ends, then the inner ones from the first to the last.
+  // Gmsh lists a line's two ends, then the inner nodes from the first to the last.
   end_derivative_.push_back(gradient[0](0, 0));
   for (int n = 2; n <= mesh.order; ++n) end_derivative_.push_back(gradient[0](0, n));
   end_derivative_.push_back(gradient[0](0, 1));

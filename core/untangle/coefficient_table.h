@@ -1,5 +1,5 @@
 // What turns the optimised nodes of a cell into the Bernstein coefficients of its Jacobian, in double precision and for
-// derivatives: quality/bernstein.h has the same for certificates, with every rounding counted.
+// derivatives: core/validity/bernstein.h has the same for certificates, with every rounding counted.
 #pragma once
 
 #include <Eigen/Core>

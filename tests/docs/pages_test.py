@@ -30,7 +30,7 @@ NOT_HERE = {
     ("tutorial.md", "deploy/demo"): "sets the machine up",
     ("server.md", "varimeshd --listen"): "it does not end; tests/client/programs.py starts it",
     ("server.md", "docker build"): "deploy/test-image builds and runs it",
-    ("report.md", "varimeshd --admin"): "it does not end; tests/server/admin_test.py starts it",
+    ("report.md", "varimeshd --admin"): "it does not end; tests/server/admin/admin_server_test.py starts it",
     ("performance.md", "tests/bench/cases"): "builds the benchmarks",
     ("paper.md", "tests/bench/paper"): "an hour; tests/bench/figures/paper_test.py runs the short form",
     ("python.md", "cmake --build"): "the build tree of whoever reads; the tests import the package from theirs",

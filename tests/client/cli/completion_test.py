@@ -57,7 +57,7 @@ class Zsh(Completed):
         self.assertEqual([line.split(":")[0] for line in done.stdout.splitlines()], COMMANDS)
         done = shell("zsh", "-f", "-c", script + "run optimise ''")
         self.assertEqual(done.stderr, "")
-        self.assertIn("--energy=[What is minimised]:value:(hyperelastic linear-elastic winslow distortion)", done.stdout)
+        self.assertIn("--energy=[The energy that is minimised]:value:(hyperelastic linear-elastic winslow distortion)", done.stdout)
         self.assertIn("*--output=[Write the result to this file (", done.stdout)
         self.assertIn("1:IN:_files", done.stdout)
         for option in OPTIONS:
