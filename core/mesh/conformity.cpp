@@ -124,7 +124,7 @@ Expected<void> check_crowded(const HighOrderMesh& mesh, const Facets& facets, co
   return bad_input("Element " + std::to_string(view.cells().number(cell)) + " and at least two others share the " +
                    describe(facet_word(mesh), view.nodes(cell, facets.crowded), mesh) + " (" +
                    std::to_string(facets.crowded_count) +
-                   " such in all), but a facet can have only two cells; look for overlapping or duplicate parts.");
+                   " such in all), but a facet can have at most two cells; look for overlapping or duplicate parts.");
 }
 
 Expected<void> check_shared_facets(const HighOrderMesh& mesh, const Facets& facets, const FacetView& view) {
