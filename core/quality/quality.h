@@ -55,7 +55,7 @@ std::vector<std::int64_t> uncertified_numbers(const QualityReport& report);
 /// Samples every cell on the uniform lattice with `intervals` intervals per edge, vertices and edges included (0: the
 /// default, max(2 P + 2, 8)). J is relative to the mesh's orientation, so a mesh that is clockwise throughout is judged
 /// as its mirror image. `threads` 0 means all; the result does not depend on it. The mesh must have passed
-/// check_to_judge().
+/// check_structure().
 CellQuality cell_quality(const HighOrderMesh& mesh, int intervals = 0, int threads = 0);
 QualityReport quality(const HighOrderMesh& mesh, int intervals = 0, int threads = 0);
 
