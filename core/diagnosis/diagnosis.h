@@ -10,7 +10,7 @@
 
 namespace varimesh {
 
-/// Elements that stay invalid wherever the free nodes go, because fixed nodes alone decide.
+/// Elements that stay invalid wherever the free nodes go, because only fixed nodes decide there.
 struct UnrepairableGroup {
   enum class Kind : std::uint8_t {
     Vertex,       ///< One element at a vertex: its edges there are fixed, and their tangents span no volume.

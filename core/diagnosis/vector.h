@@ -34,9 +34,9 @@ inline double smallest_product(const std::vector<Vector>& normals, const Vector&
   return result;
 }
 
-/// Calls attempt(x) for the vectors x, of any length, one of which points where the smallest n · x is largest. By
-/// duality that is the point of the vectors' convex hull nearest to the origin, so it depends on one, two or three of
-/// them. between(a, b) gives the candidate for two of them.
+/// Calls attempt(x) for candidates x of any length. One of them has the direction in which the smallest n · x is
+/// largest. By duality that direction points to the point of the vectors' convex hull nearest to the origin, so it
+/// depends on one, two or three of the vectors. between(a, b) gives the candidate for two of them.
 template <class Between, class Attempt>
 void for_each_widest_candidate(const std::vector<Vector>& normals, Between&& between, Attempt&& attempt) {
   for (std::size_t i = 0; i < normals.size(); ++i) {

@@ -28,11 +28,12 @@ class Continuation {
                const RunControl& control, Team& team);
 
   /// Runs the stages. `certificates` are of set_up.mesh on entry and of the result's mesh afterwards. Of result.mesh it
-  /// sets the coordinates only; the rest can be copied once the memory of the run has been freed. Returns false, with
-  /// the result unusable, if control.checkpoint cannot be used; then a run from the beginning needs a new Continuation.
+  /// sets the coordinates only; the rest can be copied once the memory of the run has been freed. Returns false and
+  /// changes neither of them if control.checkpoint cannot be used; a run from the beginning needs a new Continuation.
   bool run(std::vector<Certificate>& certificates, Result& result);
 
  private:
+  /// Makes guard, best mesh and stage anew. `certificates` and `unrepairable` are those of set_up.mesh.
   void set_up_stage(const std::vector<Certificate>& certificates, std::span<const UnrepairableGroup> unrepairable);
   StageContext context();
   std::optional<StopReason> begin(const std::vector<Certificate>& certificates,

@@ -4,8 +4,8 @@
 #include <utility>
 
 #include "core/base/stopwatch.h"
-#include "core/mesh/check.h"
 #include "core/mesh/change_order.h"
+#include "core/mesh/check.h"
 #include "core/problem/fixed_nodes.h"
 
 namespace varimesh {

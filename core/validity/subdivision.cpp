@@ -284,7 +284,7 @@ void set_bounds(const CellToCertify& cell, double lower, double upper, double gr
   lower = next_below(lower);
   upper = next_above(upper);
   greatest = next_below(greatest);
-  // Powers of two, so this is exact. They are multiplied in turn so that nothing overflows before the last one does.
+  // Powers of two, so this is exact. Multiplied one by one, no intermediate result overflows unless the last one does.
   const double inverse = 1 / cell.scale;
   double unit = inverse;
   for (int i = 1; i < cell.table->dimension; ++i) unit *= inverse;
