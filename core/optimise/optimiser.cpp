@@ -19,7 +19,7 @@
 #include "core/problem/targets.h"
 #include "core/quality/certified_quality.h"
 #include "core/repair/straighten.h"
-#include "core/sweeps/schedule.h"
+#include "core/sweeps/colouring.h"
 #include "core/validity/certifier.h"
 
 namespace varimesh {
@@ -46,7 +46,7 @@ struct Optimiser::State {
   std::vector<bool> fixed;
   StretchField target;
   Problem problem;
-  Schedule schedule;
+  ColouredNodes coloured;
   std::vector<Stage> stages;
   double set_up_seconds = 0;  ///< Counted with the first run.
 
@@ -123,7 +123,7 @@ Expected<Optimiser> Optimiser::create(HighOrderMesh&& mesh, const Options& optio
   state->target = std::move(*target);
   if (options.max_iterations > 0 && options.repair != Repair::Split) {
     state->problem = build_problem(mesh, *fixed, options.quadrature_degree);
-    state->schedule = make_schedule(state->problem, options.colouring);
+    state->coloured = colour_nodes(state->problem, options.colouring);
     state->stages = make_stages(options, mesh.dimension);
   }
   state->mesh = std::move(mesh);
@@ -271,7 +271,7 @@ HighOrderMesh Optimiser::State::with_coordinates(std::vector<double> coordinates
 }
 
 RunParts Optimiser::State::parts(const Stage& stage, Guard& guard, BestSeen& best, const Team& team) {
-  return {stage.options, problem, schedule, *stage.kernels, stage.hessian.get(), guard, best, team};
+  return {stage.options, problem, coloured, *stage.kernels, stage.hessian.get(), guard, best, team};
 }
 
 bool Optimiser::State::worst_may_rise(Guard& guard, BestSeen& best, bool first, StopReason ended,

@@ -44,7 +44,7 @@ Run::Run(const RunParts& parts, const Stopwatch& watch)
       team_(parts.team),
       watch_(watch),
       norm_{options_.p_norm},
-      sweeper_(problem_, parts.schedule, kernels_, options_.regularisation, norm_,
+      sweeper_(problem_, parts.coloured, kernels_, options_.regularisation, norm_,
                options_.active_set ? options_.tolerance : -1, team_),
       chooser_(options_, guard_.repairable()),
       stopper_(options_) {}

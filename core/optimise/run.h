@@ -49,7 +49,7 @@ class BestSeen {
 struct RunParts {
   const Options& options;
   Problem& problem;
-  const Schedule& schedule;
+  const ColouredNodes& coloured;
   const Kernels& kernels;
   const HessianKernels* hessian;  ///< Null where no Newton step is to come.
   Guard& guard;
