@@ -57,7 +57,7 @@ Expected<std::unique_ptr<SetUp>> set_up(HighOrderMesh&& mesh, const Options& opt
   result->target = std::move(*target);
   if (options.max_iterations > 0 && options.repair != Repair::Split) {
     result->problem = build_problem(mesh, *fixed, options.quadrature_degree);
-    result->schedule = make_schedule(result->problem, options.colouring);
+    result->coloured = colour_nodes(result->problem, options.colouring);
     result->stages = make_stages(options, mesh.dimension);
   }
   result->mesh = std::move(mesh);

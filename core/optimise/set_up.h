@@ -11,7 +11,7 @@
 #include "core/options/options.h"
 #include "core/problem/problem.h"
 #include "core/problem/target_field.h"
-#include "core/sweeps/schedule.h"
+#include "core/sweeps/colouring.h"
 
 namespace varimesh {
 
@@ -25,7 +25,7 @@ struct SetUp {
   /// These three stay empty if there is nothing to iterate here: no iterations are allowed, or the runs between splits
   /// have optimisers of their own.
   Problem problem;
-  Schedule schedule;
+  ColouredNodes coloured;
   std::vector<Stage> stages;
   double seconds = 0;  ///< What the set-up took. The first run counts it as its own and sets it to 0.
 };

@@ -31,7 +31,7 @@ StageRun::StageRun(const StageContext& context, const Stopwatch& watch)
       team_(context.team),
       watch_(watch),
       norm_{options_.p_norm},
-      sweeper_(problem_, context.schedule, kernels_, options_.regularisation, norm_,
+      sweeper_(problem_, context.coloured, kernels_, options_.regularisation, norm_,
                options_.active_set ? options_.tolerance : -1, team_),
       chooser_(options_, guard_.repairable()),
       stopper_(options_) {}

@@ -22,7 +22,7 @@ namespace varimesh {
 struct StageContext {
   const Options& options;
   Problem& problem;
-  const Schedule& schedule;
+  const ColouredNodes& coloured;
   const Kernels& kernels;
   const HessianKernels* hessian;  ///< Null if the method makes no Newton steps.
   Guard& guard;

@@ -29,15 +29,15 @@ struct Setup {
         testing::grid(d == 2 ? Filling::Triangles : Filling::Tetrahedra, {3, 2, 2}, 3, testing::bent(d));
     testing::shake(mesh, shaken, 7);
     problem = testing::make_problem(mesh);
-    schedule = make_schedule(problem, Colouring::Group);
-    sweeper.emplace(problem, schedule, kernels, Regularisation::Element, PNorm{}, -1.0, team);
+    coloured = colour_nodes(problem, Colouring::Group);
+    sweeper.emplace(problem, coloured, kernels, Regularisation::Element, PNorm{}, -1.0, team);
     sweeper->rebuild();
   }
 
   HWY_NAMESPACE::VectorKernels<Added<d>, d> kernels{Added<d>(Material{})};
   HWY_NAMESPACE::VectorHessian<Added<d>, d> hessian{Added<d>(Material{})};
   Problem problem;
-  Schedule schedule;
+  ColouredNodes coloured;
   Team team{1};
   std::optional<Sweeper> sweeper;
 };

@@ -1,4 +1,4 @@
-#include "core/sweeps/schedule.h"
+#include "core/sweeps/colouring.h"
 
 #include <algorithm>
 #include <map>
@@ -10,10 +10,10 @@
 namespace varimesh {
 namespace {
 
-/// The groups before colouring: where each group's nodes begin in `nodes`.
+/// The groups before colouring.
 struct Groups {
-  std::vector<std::int32_t> nodes;
-  std::vector<std::int32_t> begin{0};
+  std::vector<std::int32_t> nodes;     // ranks in Problem::free, group by group
+  std::vector<std::int32_t> begin{0};  // groups + 1: where each group's nodes begin in `nodes`
 };
 
 Groups single_nodes(const Problem& problem) {
@@ -25,7 +25,8 @@ Groups single_nodes(const Problem& problem) {
   return groups;
 }
 
-/// Free nodes by the vertex, edge, face or interior they lie in, in the order in which the cells name them.
+/// Free nodes by the vertex, edge, face or interior that they lie in, in the order in which they first occur in the
+/// cells.
 Groups by_place(const Problem& problem) {
   std::vector<std::int32_t> rank;
   for (std::size_t f = 0; f < problem.free.size(); ++f) {
@@ -35,7 +36,7 @@ Groups by_place(const Problem& problem) {
   Groups groups;
   for (const CellSet& set : problem.sets) {
     const auto& places = reference::node_places(set.shape, set.order);
-    // The local nodes of each place, so that a cell is walked place by place.
+    // The local nodes of each place, to go through a cell place by place.
     std::map<std::pair<int, int>, std::vector<int>> members;
     for (int i = 0; i < set.nodes_per_cell; ++i) members[{places[i].dimension, places[i].index}].push_back(i);
     for (std::int32_t cell = 0; cell < set.count; ++cell) {
@@ -55,7 +56,7 @@ Groups by_place(const Problem& problem) {
   return groups;
 }
 
-/// The groups of places, joined by cluster: a place belongs to the first cluster that it touches.
+/// The groups by place, joined by cluster: a place belongs to the first cluster that it touches.
 Groups by_cluster(const Problem& problem) {
   const Groups places = by_place(problem);
   const std::size_t count = places.begin.size() - 1;
@@ -81,7 +82,7 @@ Groups by_cluster(const Problem& problem) {
   return groups;
 }
 
-/// The cells that each group touches, each once.
+/// The cells that each group touches, in ascending order without repetition.
 std::vector<std::vector<std::int32_t>> cells_of(const Groups& groups, const Problem& problem) {
   std::vector<std::vector<std::int32_t>> cells(groups.begin.size() - 1);
   for (std::size_t group = 0; group < cells.size(); ++group) {
@@ -96,15 +97,15 @@ std::vector<std::vector<std::int32_t>> cells_of(const Groups& groups, const Prob
 
 }  // namespace
 
-Schedule make_schedule(const Problem& problem, Colouring colouring) {
+ColouredNodes colour_nodes(const Problem& problem, Colouring colouring) {
   const Groups groups = colouring == Colouring::Node ? single_nodes(problem) : by_cluster(problem);
   const std::vector<std::vector<std::int32_t>> cells = cells_of(groups, problem);
-  Schedule schedule;
-  schedule.groups.push_back(0);
-  schedule.colours.push_back(0);
+  ColouredNodes coloured;
+  coloured.groups.push_back(0);
+  coloured.colours.push_back(0);
   std::vector<std::int32_t> left(groups.begin.size() - 1);
   std::iota(left.begin(), left.end(), 0);
-  std::vector<std::int32_t> struck_in(problem.cells, -1);  // the last colour that touched the cell
+  std::vector<std::int32_t> struck_in(problem.cells, -1);  // by cell: the last colour that touched it
   std::vector<std::int32_t> struck_out;
   for (std::int32_t colour = 0; !left.empty(); ++colour) {
     struck_out.clear();
@@ -116,14 +117,14 @@ Schedule make_schedule(const Problem& problem, Colouring colouring) {
         continue;
       }
       for (const std::int32_t cell : cells[group]) struck_in[cell] = colour;
-      schedule.nodes.insert(schedule.nodes.end(), groups.nodes.begin() + groups.begin[group],
+      coloured.nodes.insert(coloured.nodes.end(), groups.nodes.begin() + groups.begin[group],
                             groups.nodes.begin() + groups.begin[group + 1]);
-      schedule.groups.push_back(static_cast<std::int32_t>(schedule.nodes.size()));
+      coloured.groups.push_back(static_cast<std::int32_t>(coloured.nodes.size()));
     }
-    schedule.colours.push_back(static_cast<std::int32_t>(schedule.groups.size() - 1));
+    coloured.colours.push_back(static_cast<std::int32_t>(coloured.groups.size() - 1));
     left.swap(struck_out);
   }
-  return schedule;
+  return coloured;
 }
 
 }  // namespace varimesh
