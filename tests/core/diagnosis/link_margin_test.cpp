@@ -44,7 +44,7 @@ std::vector<LinkCorner> fan(std::int32_t count) {
   return corners;
 }
 
-TEST(LinkMarginTest, TurnsTheFreeDirectionToTheMiddle) {
+TEST(LinkPieces, TurnsTheFreeDirectionToTheMiddle) {
   const auto directions = cone(5, 0.7, {0.9, 0.3, 0.4});
   const std::vector<LinkPiece> pieces = detail::link_pieces(directions, fan(5), kEnough);
   ASSERT_EQ(pieces.size(), 1u);
@@ -55,7 +55,7 @@ TEST(LinkMarginTest, TurnsTheFreeDirectionToTheMiddle) {
   EXPECT_NEAR(pieces[0].margin, best, 1e-9);
 }
 
-TEST(LinkMarginTest, IsTheDeterminantOfAFenceOfThree) {
+TEST(LinkPieces, IsTheDeterminantOfAFenceOfThree) {
   const auto directions = cone(3, 0.02, {0, 0, 1});
   const std::vector<LinkPiece> pieces = detail::link_pieces(directions, fan(3), kEnough);
   ASSERT_EQ(pieces.size(), 1u);
@@ -63,7 +63,7 @@ TEST(LinkMarginTest, IsTheDeterminantOfAFenceOfThree) {
   EXPECT_LT(pieces[0].margin, 0.06);
 }
 
-TEST(LinkMarginTest, FindsNoRoomRoundAFoldedFence) {
+TEST(LinkPieces, FindsNoRoomRoundAFoldedFence) {
   // The fourth direction lies on the wrong side of its neighbours.
   auto directions = cone(4, 0.5, {0, 0, 1});
   directions[3].unit = unit({0.9, 0.1, 0.5});
@@ -84,7 +84,7 @@ std::vector<WeakGroup> weak(const HighOrderMesh& mesh) {
   return groups;
 }
 
-TEST(WeakGroupsTest, WantTheDiagonalOfSixInABall) {
+TEST(WeakGroups, WantTheDiagonalOfSixInABall) {
   const HighOrderMesh mesh = testing::six_in_a_ball(3);
   const std::vector<WeakGroup> groups = weak(mesh);
   ASSERT_GE(groups.size(), 6u);  // each of the six has two faces in one sphere
@@ -99,20 +99,20 @@ TEST(WeakGroupsTest, WantTheDiagonalOfSixInABall) {
   EXPECT_EQ(rules.cells_round({0, 7, -1}), (std::vector<std::int32_t>{0, 1, 2, 3, 4, 5}));
 }
 
-TEST(WeakGroupsTest, WantTheFaceWhereItsEdgesAreOnTheBoundary) {
+TEST(WeakGroups, WantTheFaceWhereItsEdgesAreOnTheBoundary) {
   const HighOrderMesh mesh = testing::two_in_a_ball(3);
   const std::vector<WeakGroup> groups = weak(mesh);
   ASSERT_FALSE(groups.empty());
   for (const WeakGroup& group : groups) EXPECT_EQ(group.candidates, (std::vector<SplitPlace>{{0, 1, 2}}));
 }
 
-TEST(WeakGroupsTest, AreGoneAfterTheSplit) {
+TEST(WeakGroups, AreGoneAfterTheSplit) {
   const SplitPlace diagonal{0, 7, -1};
   std::vector<RepairStep> steps;
   EXPECT_TRUE(weak(split(testing::six_in_a_ball(3), std::span(&diagonal, 1), steps)).empty());
 }
 
-TEST(SplitRulesTest, SpareWhatIsFixedOrHasAnElement) {
+TEST(SplitRules, SpareWhatIsFixedOrHasAnElement) {
   HighOrderMesh mesh = testing::six_in_a_ball(3);
   std::vector<bool> fixed = fixed_nodes(mesh);
   {
@@ -137,7 +137,7 @@ TEST(SplitRulesTest, SpareWhatIsFixedOrHasAnElement) {
   EXPECT_FALSE(SplitRules(mesh, cells, fixed).may_split({0, 7, -1}));
 }
 
-TEST(SplitRulesTest, SpareWhatOtherShapesShare) {
+TEST(SplitRules, SpareWhatOtherShapesShare) {
   const HighOrderMesh mesh = testing::grid(testing::Filling::MixedSolid, {5, 2, 2}, 2);
   const Cells cells(mesh, 3);
   const std::vector<bool> fixed = fixed_nodes(mesh);
@@ -163,7 +163,7 @@ TEST(SplitRulesTest, SpareWhatOtherShapesShare) {
   EXPECT_GT(splittable, 0);
 }
 
-TEST(SplitRulesTest, SpareFlatCells) {
+TEST(SplitRules, SpareFlatCells) {
   HighOrderMesh mesh = testing::six_in_a_ball(2);
   for (std::size_t n = 0; n < mesh.node_count(); ++n) mesh.coordinates[3 * n + 2] *= 1e-5;
   const Cells cells(mesh, 3);

@@ -91,23 +91,23 @@ void expect_derivatives(const Material& material, const Eigen::Matrix<double, d,
   EXPECT_LE((got.H - hessian).norm(), 1e-7 * hessian.norm() + 1e-12) << "J = " << F.determinant() << ", δ = " << delta;
 }
 
-class Derivatives : public testing::TestWithParam<NamedMaterial> {};
+class EnergyDerivatives : public testing::TestWithParam<NamedMaterial> {};
 
-TEST_P(Derivatives, MatchFiniteDifferencesIn2D) {
+TEST_P(EnergyDerivatives, MatchFiniteDifferencesIn2D) {
   std::mt19937 random(1);
   for (const double delta : {1e-8, 1e-6, 1e-4, 1e-2, 1e-1})
     for (const double J : {2.0, 0.5, 1e-2, 1e-4, 0.0, -1e-4, -1e-2, -0.5, -2.0})
       expect_derivatives<2>(GetParam().material, with_determinant<2>(J, random), delta);
 }
 
-TEST_P(Derivatives, MatchFiniteDifferencesIn3D) {
+TEST_P(EnergyDerivatives, MatchFiniteDifferencesIn3D) {
   std::mt19937 random(2);
   for (const double delta : {1e-8, 1e-6, 1e-4, 1e-2, 1e-1})
     for (const double J : {2.0, 0.5, 1e-2, 1e-4, 0.0, -1e-4, -1e-2, -0.5, -2.0})
       expect_derivatives<3>(GetParam().material, with_determinant<3>(J, random), delta);
 }
 
-TEST_P(Derivatives, MatchWithoutRegularisationWhereValid) {
+TEST_P(EnergyDerivatives, MatchWithoutRegularisationWhereValid) {
   std::mt19937 random(3);
   for (const double J : {3.0, 1.0, 0.1, 1e-3}) {
     expect_derivatives<2>(GetParam().material, with_determinant<2>(J, random), 0);
@@ -115,7 +115,7 @@ TEST_P(Derivatives, MatchWithoutRegularisationWhereValid) {
   }
 }
 
-INSTANTIATE_TEST_SUITE_P(Energies, Derivatives, testing::ValuesIn(every_material()),
+INSTANTIATE_TEST_SUITE_P(Energies, EnergyDerivatives, testing::ValuesIn(every_material()),
                          [](const auto& info) { return info.param.name; });
 
 }  // namespace

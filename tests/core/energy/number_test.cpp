@@ -76,7 +76,7 @@ double error_of(double got, __float128 exact) {
   return std::abs(static_cast<double>(got - exact)) / (std::nextafter(rounded, 1e308) - rounded);
 }
 
-TEST(Numbers, LogarithmsAreRightToTwoUnitsInTheLastPlace) {
+TEST(VectorFunctions, LogarithmsAreRightToTwoUnitsInTheLastPlace) {
   const std::vector<double> x = positive_numbers();
   on_every_target([&](const char* target) {
     std::vector<double> got = x;
@@ -85,7 +85,7 @@ TEST(Numbers, LogarithmsAreRightToTwoUnitsInTheLastPlace) {
   });
 }
 
-TEST(Numbers, LogarithmsOfWhatHasNoneAreFinite) {
+TEST(VectorFunctions, LogarithmsOfWhatHasNoneAreFinite) {
   std::vector<double> x(kCount, -1.0);
   x[0] = 0;
   x[1] = HUGE_VAL;
@@ -99,7 +99,7 @@ TEST(Numbers, LogarithmsOfWhatHasNoneAreFinite) {
   });
 }
 
-TEST(Numbers, InverseCubeRootsAreRightToTwoUnitsInTheLastPlace) {
+TEST(VectorFunctions, InverseCubeRootsAreRightToTwoUnitsInTheLastPlace) {
   const std::vector<double> x = positive_numbers();
   on_every_target([&](const char* target) {
     std::vector<double> got = x;

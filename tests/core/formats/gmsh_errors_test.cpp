@@ -1,6 +1,7 @@
 // Bad files get a sentence that says what and where, and no file ever does more harm than that.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <random>
 
 #include "tests/core/support/samples.h"
@@ -122,7 +123,11 @@ TEST_P(DamagedFile, WithFlippedBytes) {
 
 INSTANTIATE_TEST_SUITE_P(EveryVersion, DamagedFile,
                          testing::Values(Format::Msh22, Format::Msh22Binary, Format::Msh41, Format::Msh41Binary),
-                         [](const auto& info) { return std::to_string(int(info.param)); });
+                         [](const auto& info) {
+                           std::string name = ::testing::PrintToString(info.param);
+                           std::ranges::replace(name, '-', '_');
+                           return name;
+                         });
 
 }  // namespace
 }  // namespace varimesh

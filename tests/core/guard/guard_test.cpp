@@ -107,9 +107,9 @@ INSTANTIATE_TEST_SUITE_P(Fillings, GuardTest, ::testing::ValuesIn(testing::kFill
                          [](const auto& info) { return std::string(testing::name(info.param)); });
 
 /// Meshes of which a part is valid and a part is not, optimised and cancelled after every iteration in turn.
-class NeverWorse : public ::testing::TestWithParam<std::tuple<Filling, Energy>> {};
+class StoppedRun : public ::testing::TestWithParam<std::tuple<Filling, Energy>> {};
 
-TEST_P(NeverWorse, WhicheverIterationItIsCancelledAt) {
+TEST_P(StoppedRun, LosesNoCertificateWhicheverIterationItEndsAt) {
   const auto [filling, energy] = GetParam();
   const HighOrderMesh whole = testing::grid(filling, {2, 2, 2}, 2, testing::bent(testing::is_plane(filling) ? 2 : 3));
   HighOrderMesh mesh;
@@ -142,16 +142,17 @@ TEST_P(NeverWorse, WhicheverIterationItIsCancelledAt) {
     }
 }
 
-INSTANTIATE_TEST_SUITE_P(Fillings, NeverWorse,
+INSTANTIATE_TEST_SUITE_P(Fillings, StoppedRun,
                          ::testing::Combine(::testing::ValuesIn(testing::kFillings),
                                             ::testing::Values(Energy::Hyperelastic, Energy::LinearElastic,
                                                               Energy::Winslow, Energy::Distortion)),
                          [](const auto& info) {
-                           return std::string(testing::name(std::get<0>(info.param))) +
-                                  std::to_string(static_cast<int>(std::get<1>(info.param)));
+                           std::string energy(name(std::get<1>(info.param)));
+                           std::ranges::replace(energy, '-', '_');
+                           return testing::name(std::get<0>(info.param)) + ("_" + energy);
                          });
 
-TEST(StopsAt, TheFirstMeshThatIsCertifiedValid) {
+TEST(RunStopsAt, TheFirstMeshThatIsCertifiedValid) {
   Options options;
   options.until = Until::Valid;
   const auto result = optimise(read_case("nine_triangles.msh"), options);
@@ -163,7 +164,7 @@ TEST(StopsAt, TheFirstMeshThatIsCertifiedValid) {
   for (std::size_t i = 0; i + 1 < result->history.size(); ++i) EXPECT_GT(result->history[i].invalid_elements, 0);
 }
 
-TEST(StopsAt, AMeshThatIsValidAlreadyBeforeTheFirstIteration) {
+TEST(RunStopsAt, AMeshThatIsValidAlreadyBeforeTheFirstIteration) {
   Options options;
   options.until = Until::Valid;
   const HighOrderMesh mesh = read_case("annulus_p3.msh");
@@ -174,7 +175,7 @@ TEST(StopsAt, AMeshThatIsValidAlreadyBeforeTheFirstIteration) {
   EXPECT_EQ(result->mesh.coordinates, mesh.coordinates);
 }
 
-TEST(StopsAt, AProvedScaledJacobianAndReturnsTheBest) {
+TEST(RunStopsAt, AProvedScaledJacobianAndReturnsTheBest) {
   Options options;
   const auto whole = optimise(read_case("annulus_p3.msh"), options);
   ASSERT_TRUE(whole) << whole.error().sentence;
@@ -187,7 +188,7 @@ TEST(StopsAt, AProvedScaledJacobianAndReturnsTheBest) {
   EXPECT_LT(part->iterations, whole->iterations);
 }
 
-TEST(StopsAt, TheTimeLimit) {
+TEST(RunStopsAt, TheTimeLimit) {
   Options options;
   options.time_limit = 1e-9;
   const auto result = optimise(read_case("annulus_p3.msh"), options);

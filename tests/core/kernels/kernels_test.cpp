@@ -28,6 +28,10 @@ struct Case {
   Filling filling;
 };
 
+std::string name(const Case& one) { return one.material.name + testing::name(one.filling); }
+
+void PrintTo(const Case& one, std::ostream* out) { *out << name(one); }
+
 std::vector<Case> every_case() {
   std::vector<Case> cases;
   for (const NamedMaterial& material : every_material())
@@ -49,7 +53,7 @@ double determinant(const double* F, int d, int stride) {
   return matrix.determinant();
 }
 
-class KernelsTest : public ::testing::TestWithParam<Case> {
+class VectorKernels : public ::testing::TestWithParam<Case> {
  protected:
   /// `tangled`: shaken so much that some cells are invalid. `metric`: the target has one, with axes across the grid's.
   void prepare(bool tangled, bool metric = false) {
@@ -95,7 +99,7 @@ class KernelsTest : public ::testing::TestWithParam<Case> {
   std::int64_t invalid_ = 0;
 };
 
-TEST_P(KernelsTest, ExpandAPatchLikeThePlainOnes) {
+TEST_P(VectorKernels, ExpandAStarLikeThePlainOnes) {
   for (const auto [tangled, metric] : kWays) {
     prepare(tangled, metric);
     ASSERT_EQ(invalid_ > 0, tangled);
@@ -114,7 +118,7 @@ TEST_P(KernelsTest, ExpandAPatchLikeThePlainOnes) {
   }
 }
 
-TEST_P(KernelsTest, TryAndTakeAStepLikeThePlainOnes) {
+TEST_P(VectorKernels, TryAndTakeAStepLikeThePlainOnes) {
   for (const auto [tangled, metric] : kWays) {
     prepare(tangled, metric);
     Problem copy = problem_;
@@ -142,7 +146,7 @@ TEST_P(KernelsTest, TryAndTakeAStepLikeThePlainOnes) {
   }
 }
 
-TEST_P(KernelsTest, KeepTheEnergysFunctionOfJBesideF) {
+TEST_P(VectorKernels, KeepTheEnergysFunctionOfJBesideF) {
   for (const auto [tangled, metric] : kWays) {
     prepare(tangled, metric);
     drop_deformation(problem_);
@@ -185,7 +189,7 @@ TEST_P(KernelsTest, KeepTheEnergysFunctionOfJBesideF) {
   }
 }
 
-TEST_P(KernelsTest, ReadOneMatrixWhereTheTargetsOfACellAreAlike) {
+TEST_P(VectorKernels, ReadOneMatrixWhereTheTargetsOfACellAreAlike) {
   const auto mesh = [](double shear, double taper) {
     return testing::grid(GetParam().filling, {3, 2, 2}, 2, [=](testing::Place at) {
       const auto [x, y, z] = at;
@@ -215,7 +219,7 @@ TEST_P(KernelsTest, ReadOneMatrixWhereTheTargetsOfACellAreAlike) {
   }
 }
 
-TEST_P(KernelsTest, RebuildAndScanLikeThePlainOnes) {
+TEST_P(VectorKernels, RebuildAndScanLikeThePlainOnes) {
   for (const bool metric : {false, true}) {
     prepare(true, metric);
     for (CellSet& set : problem_.sets)
@@ -230,7 +234,7 @@ TEST_P(KernelsTest, RebuildAndScanLikeThePlainOnes) {
   }
 }
 
-TEST_P(KernelsTest, TheMeshsDerivativesMatchDifferencesOfItsEnergy) {
+TEST_P(VectorKernels, TheMeshsDerivativesMatchDifferencesOfItsEnergy) {
   for (const auto [tangled, metric] : kWays)
     for (const Target target : {Target::StraightSided, Target::Ideal, Target::Size, Target::Strain}) {
       if (metric && target != Target::Size) continue;
@@ -258,7 +262,7 @@ TEST_P(KernelsTest, TheMeshsDerivativesMatchDifferencesOfItsEnergy) {
     }
 }
 
-TEST_P(KernelsTest, DeformationIsKeptTo16BitsOfItsDifferences) {
+TEST_P(VectorKernels, DeformationIsKeptTo16BitsOfItsDifferences) {
   for (const auto [tangled, metric] : kWays) {
     prepare(tangled, metric);
     const int d = problem_.dimension;
@@ -288,7 +292,7 @@ TEST_P(KernelsTest, DeformationIsKeptTo16BitsOfItsDifferences) {
 //
 // What is made of F to 16 bits of what it differs by from its mean: 1.5e-5 of that, times the energy's third
 // derivatives over its second; where the mesh is tangled J is next to nothing in places, and they are steep.
-TEST_P(KernelsTest, CellsPartsAddUpToTheirNodesExpansions) {
+TEST_P(VectorKernels, CellsPartsAddUpToTheirNodesExpansions) {
   for (const auto [tangled, metric] : kWays) {
     prepare(tangled, metric);
     const int d = problem_.dimension;
@@ -326,7 +330,7 @@ TEST_P(KernelsTest, CellsPartsAddUpToTheirNodesExpansions) {
   }
 }
 
-TEST_P(KernelsTest, ProductsMatchDifferencesOfTheGradient) {
+TEST_P(VectorKernels, ProductsMatchDifferencesOfTheGradient) {
   for (const auto [tangled, metric] : kWays) {
     prepare(tangled, metric);
     testing::WholeMesh whole(problem_, *plain_);
@@ -365,8 +369,8 @@ TEST(Products, DoNotDependOnWhatTheThreadDidBefore) {
   EXPECT_EQ(product(1, 1), first);
 }
 
-INSTANTIATE_TEST_SUITE_P(All, KernelsTest, ::testing::ValuesIn(every_case()),
-                         [](const auto& info) { return info.param.material.name + testing::name(info.param.filling); });
+INSTANTIATE_TEST_SUITE_P(Materials, VectorKernels, ::testing::ValuesIn(every_case()),
+                         [](const auto& info) { return name(info.param); });
 
 }  // namespace
 }  // namespace varimesh

@@ -86,9 +86,9 @@ const std::set<Phase> kSweeps{Phase::Sweeps}, kNewton{Phase::Newton}, kBoth{Phas
 /// So that a failure names the case, and not its bytes.
 void PrintTo(const Case& one, std::ostream* out) { *out << one.name; }
 
-class CheckpointTest : public ::testing::TestWithParam<Case> {};
+class ResumedRun : public ::testing::TestWithParam<Case> {};
 
-TEST_P(CheckpointTest, GoesOnFromEveryCheckpointToTheSameBytes) {
+TEST_P(ResumedRun, GoesOnFromEveryCheckpointToTheSameBytes) {
   const auto undisturbed = optimise(GetParam().mesh(), GetParam().options);
   ASSERT_TRUE(undisturbed) << undisturbed.error().sentence;
   std::map<int, std::string> kept;
@@ -121,7 +121,7 @@ TEST_P(CheckpointTest, GoesOnFromEveryCheckpointToTheSameBytes) {
 }
 
 INSTANTIATE_TEST_SUITE_P(
-    Cases, CheckpointTest,
+    Cases, ResumedRun,
     ::testing::Values(
         Case{"NineTriangles", [] { return read_case("nine_triangles.msh"); },
              with([](Options& o) { o.constants = Constants::Reference; }), kBoth},

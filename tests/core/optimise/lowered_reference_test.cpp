@@ -11,7 +11,7 @@
 namespace varimesh {
 namespace {
 
-TEST(LoweredReference, FiveSweepsOfTheSphereEndWhereTheReferenceDoes) {
+TEST(LoweredReferenceMesh, FiveSweepsOfTheSphereEndWhereTheReferenceDoes) {
   const char* folder = std::getenv("VARIMESH_CASES");
   const std::filesystem::path path = std::filesystem::path(folder ? folder : VARIMESH_SOURCE_DIR "/../shared/cases") /
                                      "meshes/reference_sphere276_p4.msh";

@@ -14,12 +14,12 @@
 namespace varimesh {
 namespace {
 
-class ObjectiveTest : public ::testing::TestWithParam<std::string> {
+class WorstObjective : public ::testing::TestWithParam<std::string> {
  protected:
   HighOrderMesh mesh() const { return testing::read_case(GetParam() + ".msh"); }
 };
 
-TEST_P(ObjectiveTest, WorstRaisesTheLowestAndKeepsTheMean) {
+TEST_P(WorstObjective, RaisesTheLowestScaledJacobianAndKeepsTheMean) {
   Options options;
   const auto energy = optimise(mesh(), options);
   options.objective = Objective::Worst;
@@ -41,7 +41,7 @@ TEST_P(ObjectiveTest, WorstRaisesTheLowestAndKeepsTheMean) {
       ASSERT_EQ(worst->mesh.coordinates[3 * n + c], before.coordinates[3 * n + c]);
 }
 
-TEST_P(ObjectiveTest, AStopLeavesTheBestMeshSoFar) {
+TEST_P(WorstObjective, AStopLeavesTheBestMeshSoFar) {
   Options options;
   const auto energy = optimise(mesh(), options);
   options.objective = Objective::Worst;
@@ -55,7 +55,7 @@ TEST_P(ObjectiveTest, AStopLeavesTheBestMeshSoFar) {
             energy->after.certified.min_scaled_jacobian_lower_bound);
 }
 
-TEST(Objective, WorstExcludesAMinimumToStopAt) {
+TEST(WorstObjective, ExcludesAMinimumToStopAt) {
   Options options;
   options.objective = Objective::Worst;
   options.until_js = 0.3;
@@ -64,7 +64,7 @@ TEST(Objective, WorstExcludesAMinimumToStopAt) {
   EXPECT_EQ(checked.error().kind, Error::Kind::BadOption);
 }
 
-TEST(Objective, LevelTargetsKeepShapeAndMeasure) {
+TEST(LevelTargets, KeepShapeAndMeasure) {
   const HighOrderMesh mesh = testing::read_case("annulus_p3.msh");
   Problem problem = build_problem(mesh, fixed_nodes(mesh), 0);
   problem.positions = solver_positions(mesh, frame_of(mesh));
@@ -97,7 +97,7 @@ TEST(Objective, LevelTargetsKeepShapeAndMeasure) {
   EXPECT_TRUE(uneven);
 }
 
-INSTANTIATE_TEST_SUITE_P(Cases, ObjectiveTest, ::testing::Values("circle_p5", "aerofoil_p4", "sphere_p3"),
+INSTANTIATE_TEST_SUITE_P(Cases, WorstObjective, ::testing::Values("circle_p5", "aerofoil_p4", "sphere_p3"),
                          [](const auto& info) { return info.param; });
 
 }  // namespace

@@ -33,7 +33,7 @@ HighOrderMesh curved(Filling filling, int order) {
   return mesh;
 }
 
-class EveryEnergy : public ::testing::TestWithParam<Energy> {
+class OptimiseWithEnergy : public ::testing::TestWithParam<Energy> {
  protected:
   Options options() const {
     Options options;
@@ -42,7 +42,7 @@ class EveryEnergy : public ::testing::TestWithParam<Energy> {
   }
 };
 
-TEST_P(EveryEnergy, UntanglesTheNineTriangles) {
+TEST_P(OptimiseWithEnergy, UntanglesTheNineTriangles) {
   for (const Method method : {Method::Auto, Method::Sweeps}) {
     Options chosen = options();
     chosen.method = method;
@@ -55,7 +55,7 @@ TEST_P(EveryEnergy, UntanglesTheNineTriangles) {
   }
 }
 
-TEST_P(EveryEnergy, LeavesFixedNodesBitForBit) {
+TEST_P(OptimiseWithEnergy, LeavesFixedNodesBitForBit) {
   const HighOrderMesh mesh = read_case("sphere_p3.msh");
   const std::vector<bool> fixed = fixed_nodes(mesh);
   Options few = options();
@@ -71,7 +71,7 @@ TEST_P(EveryEnergy, LeavesFixedNodesBitForBit) {
   EXPECT_GT(moved, result->sizes.free_nodes / 2);
 }
 
-TEST_P(EveryEnergy, TurnsWithTheMesh) {
+TEST_P(OptimiseWithEnergy, TurnsWithTheMesh) {
   Options five = options();
   five.method = Method::Sweeps;
   five.max_iterations = 5;
@@ -83,7 +83,7 @@ TEST_P(EveryEnergy, TurnsWithTheMesh) {
   }
 }
 
-TEST_P(EveryEnergy, TakesTheSamePathInAnyUnit) {
+TEST_P(OptimiseWithEnergy, TakesTheSamePathInAnyUnit) {
   const HighOrderMesh metres = read_case("nine_triangles.msh");
   HighOrderMesh millimetres = metres;
   for (double& x : millimetres.coordinates) x *= 1000;
@@ -103,7 +103,7 @@ TEST_P(EveryEnergy, TakesTheSamePathInAnyUnit) {
     EXPECT_NEAR(1000 * c->mesh.coordinates[i], d->mesh.coordinates[i], 1e-6);
 }
 
-TEST_P(EveryEnergy, GivesTheSameBitsOnAnyNumberOfThreads) {
+TEST_P(OptimiseWithEnergy, GivesTheSameBitsOnAnyNumberOfThreads) {
   for (const Method method : {Method::Sweeps, Method::Newton}) {
     Options one = options(), three = options();
     one.method = three.method = method;
@@ -118,7 +118,7 @@ TEST_P(EveryEnergy, GivesTheSameBitsOnAnyNumberOfThreads) {
   }
 }
 
-TEST_P(EveryEnergy, NewtonAndSweepsEndAtTheSameMesh) {
+TEST_P(OptimiseWithEnergy, NewtonAndSweepsEndAtTheSameMesh) {
   Options newton = options(), sweeps = options();
   newton.method = Method::Newton;
   sweeps.method = Method::Sweeps;
@@ -137,7 +137,7 @@ std::string name_of(const ::testing::TestParamInfo<Energy>& info) {
   return kNames[static_cast<int>(info.param)];
 }
 
-INSTANTIATE_TEST_SUITE_P(Energies, EveryEnergy,
+INSTANTIATE_TEST_SUITE_P(Energies, OptimiseWithEnergy,
                          ::testing::Values(Energy::Hyperelastic, Energy::LinearElastic, Energy::Winslow,
                                            Energy::Distortion),
                          name_of);

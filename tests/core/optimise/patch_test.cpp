@@ -17,6 +17,12 @@ struct PatchCase {
   int order;
 };
 
+std::string name(const PatchCase& one) {
+  return std::string(testing::name(one.filling)) + "Order" + std::to_string(one.order);
+}
+
+void PrintTo(const PatchCase& one, std::ostream* out) { *out << name(one); }
+
 std::vector<PatchCase> every_case() {
   std::vector<PatchCase> cases;
   for (const Filling filling : testing::kFillings)
@@ -53,9 +59,8 @@ TEST_P(PatchTest, ReturnsToTheStraightSidedMesh) {
   }
 }
 
-INSTANTIATE_TEST_SUITE_P(Shapes, PatchTest, ::testing::ValuesIn(every_case()), [](const auto& info) {
-  return std::string(testing::name(info.param.filling)) + "Order" + std::to_string(info.param.order);
-});
+INSTANTIATE_TEST_SUITE_P(Shapes, PatchTest, ::testing::ValuesIn(every_case()),
+                         [](const auto& info) { return name(info.param); });
 
 TEST(PatchTest, NothingMovesInALinearMeshAtItsOptimum) {
   for (const Filling filling : testing::kFillings) {

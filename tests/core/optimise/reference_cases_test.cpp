@@ -23,6 +23,13 @@ struct ReferenceCase {
   Objective objective = Objective::Energy;
 };
 
+std::string name(const ReferenceCase& one) {
+  return one.name + (one.constants == Constants::Standard ? "_standard" : "_reference") +
+         (one.objective == Objective::Worst ? "_worst" : "");
+}
+
+void PrintTo(const ReferenceCase& one, std::ostream* out) { *out << name(one); }
+
 class ReferenceCases : public ::testing::TestWithParam<ReferenceCase> {};
 
 TEST_P(ReferenceCases, ConvergeValid) {
@@ -55,11 +62,7 @@ INSTANTIATE_TEST_SUITE_P(Shared, ReferenceCases,
                                            ReferenceCase{"circ500m_p5", 0.99, Constants::Standard, Objective::Worst},
                                            ReferenceCase{"naca524_p5", 0.93, Constants::Standard, Objective::Worst},
                                            ReferenceCase{"nacabl_p4", 0.45, Constants::Standard, Objective::Worst}),
-                         [](const auto& info) {
-                           return info.param.name +
-                                  (info.param.constants == Constants::Standard ? "_standard" : "_reference") +
-                                  (info.param.objective == Objective::Worst ? "_worst" : "");
-                         });
+                         [](const auto& info) { return name(info.param); });
 
 }  // namespace
 }  // namespace varimesh

@@ -30,7 +30,7 @@ bool written_again_by_gmsh(const std::string& from, const std::string& to) {
   return std::system(("/usr/bin/python3 -c '" + program + "'").c_str()) == 0;
 }
 
-TEST(RoundTrip, AMeshOfAllShapesComesBackFromGmsh) {
+TEST(OptimisedFile, AMeshOfAllShapesComesBackFromGmsh) {
   if (!gmsh_is_there()) GTEST_SKIP() << "SKIPPED: Gmsh is not installed (python3-gmsh)";
   std::string folder = ::testing::TempDir() + "varimesh-round-trip-XXXXXX";
   ASSERT_NE(mkdtemp(folder.data()), nullptr);

@@ -36,7 +36,7 @@ void expect_same_boundary(const HighOrderMesh& before, const HighOrderMesh& afte
   }
 }
 
-TEST(RepairSplitTest, MakesValidWhatReportCannot) {
+TEST(RepairBySplitting, MakesValidWhatReportCannot) {
   for (const HighOrderMesh& mesh : {testing::six_in_a_ball(3), testing::two_in_a_ball(3)}) {
     const Result reported = run(mesh, with(Repair::Report));
     EXPECT_EQ(reported.after.uncertified.size(), mesh.element_count(3));
@@ -54,14 +54,14 @@ TEST(RepairSplitTest, MakesValidWhatReportCannot) {
   }
 }
 
-TEST(RepairSplitTest, DoesNotDependOnTheNumberOfThreads) {
+TEST(RepairBySplitting, DoesNotDependOnTheNumberOfThreads) {
   const HighOrderMesh mesh = testing::six_in_a_ball(3);
   const Result one = run(mesh, with(Repair::Split)), three = run(mesh, with(Repair::Split, 3));
   EXPECT_EQ(one.mesh.coordinates, three.mesh.coordinates);
   EXPECT_EQ(one.mesh.node_numbers, three.mesh.node_numbers);
 }
 
-TEST(RepairSplitTest, LeavesAValidMeshWhole) {
+TEST(RepairBySplitting, LeavesAValidMeshWhole) {
   const HighOrderMesh mesh = testing::grid(testing::Filling::Tetrahedra, {2, 2, 2}, 2, testing::bent(3));
   const Result result = run(mesh, with(Repair::Split)), plain = run(mesh, with(Repair::Report));
   EXPECT_TRUE(result.repairs.empty());
@@ -69,7 +69,7 @@ TEST(RepairSplitTest, LeavesAValidMeshWhole) {
   EXPECT_EQ(result.iterations, plain.iterations);
 }
 
-TEST(RepairSplitTest, SaysThatItIsNotOfferedForOtherShapes) {
+TEST(RepairBySplitting, SaysThatItIsNotOfferedForOtherShapes) {
   HighOrderMesh mesh = testing::grid(testing::Filling::Hexahedra, {1, 1, 1}, 3, [](testing::Place x) {
     return testing::Place{x[0] - .5, x[1] - .5, x[2] - .5};
   });
@@ -81,7 +81,7 @@ TEST(RepairSplitTest, SaysThatItIsNotOfferedForOtherShapes) {
   EXPECT_EQ(result.mesh.element_count(3), 1u);
 }
 
-TEST(RepairSplitTest, LeavesPlaneMeshesWhole) {
+TEST(RepairBySplitting, LeavesPlaneMeshesWhole) {
   HighOrderMesh mesh = testing::grid(testing::Filling::Triangles, {2, 2, 1}, 4);
   const Cells cells(mesh, 2);
   mesh.coordinates[3 * static_cast<std::size_t>(cells.nodes(0)[14])] -= 0.6;  // a node inside turns the triangle over
@@ -92,7 +92,7 @@ TEST(RepairSplitTest, LeavesPlaneMeshesWhole) {
   EXPECT_TRUE(result.repairs.empty());
 }
 
-TEST(RepairSplitTest, HandsOutNothingWorseWhenStopped) {
+TEST(RepairBySplitting, HandsOutNothingWorseWhenStopped) {
   const HighOrderMesh mesh = testing::six_in_a_ball(3);
   const Result result = run(mesh, with(Repair::Split), [](const Iteration&) { return Control::Stop; });
   EXPECT_TRUE(result.stopped);
@@ -102,7 +102,7 @@ TEST(RepairSplitTest, HandsOutNothingWorseWhenStopped) {
   expect_same_boundary(mesh, result.mesh);
 }
 
-TEST(RepairSplitTest, IsStoppedWhileItSplits) {
+TEST(RepairBySplitting, IsStoppedWhileItSplits) {
   const HighOrderMesh mesh = testing::six_in_a_ball(3);
   for (int answers = 0; answers < 6; ++answers) {
     int asked = 0;
@@ -118,7 +118,7 @@ TEST(RepairSplitTest, IsStoppedWhileItSplits) {
   }
 }
 
-TEST(RepairSplitTest, SaysWhichLimitOfAllEndedIt) {
+TEST(RepairBySplitting, SaysWhichLimitOfAllEndedIt) {
   const HighOrderMesh mesh = testing::six_in_a_ball(3);
   Options options = with(Repair::Split);
   const Result whole = run(mesh, options);
@@ -135,7 +135,7 @@ TEST(RepairSplitTest, SaysWhichLimitOfAllEndedIt) {
   EXPECT_EQ(none.stop_reason, StopReason::TimeLimit);
 }
 
-TEST(RepairSplitTest, ChecksOnlyWithoutIterations) {
+TEST(RepairBySplitting, ChecksOnlyWithoutIterations) {
   const HighOrderMesh mesh = testing::six_in_a_ball(3);
   Options options = with(Repair::Split);
   options.max_iterations = 0;
@@ -144,7 +144,7 @@ TEST(RepairSplitTest, ChecksOnlyWithoutIterations) {
   EXPECT_EQ(result.mesh.element_count(3), 6u);
 }
 
-TEST(RepairSplitTest, RunsAgainOnOneOptimiser) {
+TEST(RepairBySplitting, RunsAgainOnOneOptimiser) {
   const HighOrderMesh mesh = testing::six_in_a_ball(3);
   auto optimiser = Optimiser::create(mesh, with(Repair::Split));
   ASSERT_TRUE(optimiser) << optimiser.error().sentence;
@@ -154,7 +154,7 @@ TEST(RepairSplitTest, RunsAgainOnOneOptimiser) {
   EXPECT_EQ(first->mesh.coordinates, second->mesh.coordinates);
 }
 
-TEST(RepairSplitTest, RefusesWhatItCannotKeep) {
+TEST(RepairBySplitting, RefusesWhatItCannotKeep) {
   Options options = with(Repair::Split);
   options.region_below = 0.5;
   EXPECT_FALSE(check(options));
@@ -164,7 +164,7 @@ TEST(RepairSplitTest, RefusesWhatItCannotKeep) {
   EXPECT_FALSE(check(options));
 }
 
-TEST(RepairNoneTest, NamesThemAndKeepsThemInTheBarrier) {
+TEST(RepairNone, NamesThemAndKeepsThemInTheBarrier) {
   const HighOrderMesh mesh = testing::six_in_a_ball(3);
   const Result none = run(mesh, with(Repair::None)), reported = run(mesh, with(Repair::Report));
   EXPECT_EQ(none.unrepairable.size(), reported.unrepairable.size());

@@ -50,7 +50,7 @@ HighOrderMesh with_baffle(int order) {
   return *change_order(mesh, order);
 }
 
-TEST(Fixing, DefaultsToTheBoundaryAndInterfaces) {
+TEST(ChooseFixedNodes, DefaultsToTheBoundaryAndInterfaces) {
   for (const Filling filling : testing::kFillings) {
     const HighOrderMesh mesh = testing::grid(filling, {3, 2, 2}, 3);
     EXPECT_EQ(fixed_with(mesh, {}), fixed_nodes(mesh)) << testing::name(filling);
@@ -58,7 +58,7 @@ TEST(Fixing, DefaultsToTheBoundaryAndInterfaces) {
   EXPECT_EQ(fixed_with(with_baffle(3), {}), fixed_nodes(with_baffle(3)));
 }
 
-TEST(Fixing, AnInterfaceIsFreedButForItsEndsOnTheBoundary) {
+TEST(ChooseFixedNodes, AnInterfaceIsFreedButForItsEndsOnTheBoundary) {
   const HighOrderMesh mesh = with_baffle(3);
   const std::vector<bool> before = fixed_nodes(mesh);
   for (const char* name : {"baffle", "9", "1:9"}) {
@@ -69,7 +69,7 @@ TEST(Fixing, AnInterfaceIsFreedButForItsEndsOnTheBoundary) {
   }
 }
 
-TEST(Fixing, AnOuterBoundaryIsNotFreed) {
+TEST(ChooseFixedNodes, AnOuterBoundaryIsNotFreed) {
   const HighOrderMesh mesh = with_baffle(2);
   Options by_group;
   by_group.free = {"left"};
@@ -79,7 +79,7 @@ TEST(Fixing, AnOuterBoundaryIsNotFreed) {
   EXPECT_TRUE(holds(refusal(mesh, by_number), "Node 1 cannot be freed"));
 }
 
-TEST(Fixing, ANodeOfAnInterfaceIsFreedWithWhatItBounds) {
+TEST(ChooseFixedNodes, ANodeOfAnInterfaceIsFreedWithWhatItBounds) {
   const HighOrderMesh mesh = with_baffle(3);
   Options options;
   options.free_nodes = {mesh.node_numbers[2 + 5 * 2]};  // the vertex in the middle
@@ -87,7 +87,7 @@ TEST(Fixing, ANodeOfAnInterfaceIsFreedWithWhatItBounds) {
   EXPECT_EQ(index_of_free(fixed_nodes(mesh), fixed_with(mesh, options)), 1 + 2 * 2);
 }
 
-TEST(Fixing, GroupsOfAnyDimensionAreFixed) {
+TEST(ChooseFixedNodes, GroupsOfAnyDimensionAreFixed) {
   HighOrderMesh mesh = testing::grid(Filling::MixedSolid, {3, 2, 2}, 2);
   mesh.physical_groups.push_back({3, 77, "cubes"});
   for (ElementBlock& block : mesh.blocks)
@@ -103,7 +103,7 @@ TEST(Fixing, GroupsOfAnyDimensionAreFixed) {
   EXPECT_NE(std::count(fixed.begin(), fixed.end(), false), 0);
 }
 
-TEST(Fixing, ByNumberHoldsTheWholeEdge) {
+TEST(ChooseFixedNodes, ByNumberHoldsTheWholeEdge) {
   HighOrderMesh mesh = testing::grid(Filling::Triangles, {3, 3, 0}, 4);
   testing::shake(mesh, 0.01, 2);
   const std::vector<bool> before = fixed_nodes(mesh);
@@ -130,7 +130,7 @@ TEST(Fixing, ByNumberHoldsTheWholeEdge) {
   EXPECT_EQ(summarise(mesh, options)->free_nodes, result->sizes.free_nodes);
 }
 
-TEST(Fixing, WhatIsFixedByNameStaysWhateverIsFreed) {
+TEST(ChooseFixedNodes, WhatIsFixedByNameStaysWhateverIsFreed) {
   const HighOrderMesh mesh = with_baffle(2);
   Options options;
   options.free = {"baffle"};
@@ -138,7 +138,7 @@ TEST(Fixing, WhatIsFixedByNameStaysWhateverIsFreed) {
   EXPECT_EQ(fixed_with(mesh, options), fixed_nodes(mesh));
 }
 
-TEST(Fixing, RefusesWhatIsNotThere) {
+TEST(ChooseFixedNodes, RefusesWhatIsNotThere) {
   HighOrderMesh mesh = with_baffle(2);
   Options options;
   options.fix = {"nozzle"};
@@ -157,8 +157,8 @@ TEST(Fixing, RefusesWhatIsNotThere) {
 
 // === Regions =============================================================================================
 
-class Region : public ::testing::TestWithParam<Filling> {};
-INSTANTIATE_TEST_SUITE_P(Fillings, Region,
+class RegionBelow : public ::testing::TestWithParam<Filling> {};
+INSTANTIATE_TEST_SUITE_P(Fillings, RegionBelow,
                          ::testing::Values(Filling::Triangles, Filling::Quadrilaterals, Filling::Tetrahedra,
                                            Filling::MixedSolid),
                          [](const auto& p) { return testing::name(p.param); });
@@ -179,7 +179,7 @@ HighOrderMesh spoilt(Filling filling) {
   return mesh;
 }
 
-TEST_P(Region, MovesNoNodeOutsideItsRingsBitForBit) {
+TEST_P(RegionBelow, MovesNoNodeOutsideItsRingsBitForBit) {
   const HighOrderMesh mesh = spoilt(GetParam());
   const CellQuality quality = cell_quality(mesh);
   const Cells cells(mesh, mesh.dimension);
@@ -217,7 +217,7 @@ TEST_P(Region, MovesNoNodeOutsideItsRingsBitForBit) {
   }
 }
 
-TEST(RegionOfNothing, LeavesAGoodMeshAsItIs) {
+TEST(EmptyRegion, LeavesAGoodMeshAsItIs) {
   const HighOrderMesh mesh = testing::grid(Filling::Quadrilaterals, {4, 4, 0}, 3);
   Options options;
   options.region_below = 0.5;
@@ -229,7 +229,7 @@ TEST(RegionOfNothing, LeavesAGoodMeshAsItIs) {
 
 // === Periodic boundaries, and a boundary told apart ======================================================
 
-TEST(Periodic, PairsStayAlike) {
+TEST(PeriodicBoundary, PairsStayAlike) {
   HighOrderMesh mesh = testing::grid(Filling::Tetrahedra, {3, 3, 3}, 1);
   PeriodicLink link{2, 2, 1, {}, {}};
   for (const std::int32_t node : testing::side_nodes(mesh, 2)) link.nodes.emplace_back(node, node - 3);

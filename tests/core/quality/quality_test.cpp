@@ -15,12 +15,12 @@ namespace {
 using testing::kCellShapes;
 using testing::Place;
 
-class EveryShape : public ::testing::TestWithParam<Shape> {};
+class QualityOfShape : public ::testing::TestWithParam<Shape> {};
 
-INSTANTIATE_TEST_SUITE_P(Quality, EveryShape, ::testing::ValuesIn(kCellShapes),
+INSTANTIATE_TEST_SUITE_P(Shapes, QualityOfShape, ::testing::ValuesIn(kCellShapes),
                          [](const auto& shape) { return testing::name(shape.param); });
 
-TEST_P(EveryShape, AnAffineCellIsPerfect) {
+TEST_P(QualityOfShape, AnAffineCellIsPerfect) {
   for (int order = 1; order <= 4; ++order) {
     const HighOrderMesh mesh = testing::one_cell(GetParam(), order, [](Place p) {
       return Place{2 * p[0] + p[1] + 5, 3 * p[1] - p[2], 4 * p[2]};
@@ -31,7 +31,7 @@ TEST_P(EveryShape, AnAffineCellIsPerfect) {
   }
 }
 
-TEST_P(EveryShape, TheBatchedPathAgreesWithOneDeterminantAtATime) {
+TEST_P(QualityOfShape, TheBatchedPathAgreesWithOneDeterminantAtATime) {
   const Shape shape = GetParam();
   const int order = 3, intervals = 7;
   const HighOrderMesh mesh = testing::shaken_cells(shape, order, 50, 0.1, 1);
@@ -67,7 +67,7 @@ TEST_P(EveryShape, TheBatchedPathAgreesWithOneDeterminantAtATime) {
   }
 }
 
-TEST_P(EveryShape, TheNumberOfThreadsDoesNotMatter) {
+TEST_P(QualityOfShape, TheNumberOfThreadsDoesNotMatter) {
   const HighOrderMesh mesh = testing::shaken_cells(GetParam(), 2, 300, 0.2, 2);
   const CellQuality one = cell_quality(mesh, 0, 1), two = cell_quality(mesh, 0, 2);
   EXPECT_EQ(one.scaled_jacobian, two.scaled_jacobian);

@@ -6,6 +6,7 @@
 #include <string>
 
 #include "core/reference/nodes.h"
+#include "tests/core/support/print.h"
 
 namespace varimesh::reference {
 

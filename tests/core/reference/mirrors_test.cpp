@@ -6,6 +6,7 @@
 #include <Eigen/Dense>
 
 #include "core/reference/nodes.h"
+#include "tests/core/support/print.h"
 
 namespace varimesh::reference {
 namespace {

@@ -48,9 +48,9 @@ double largest_change(const HighOrderMesh& a, const HighOrderMesh& b) {
   return most;
 }
 
-class StraightenTest : public ::testing::TestWithParam<testing::Filling> {};
+class StraightenShapes : public ::testing::TestWithParam<testing::Filling> {};
 
-TEST_P(StraightenTest, GivesAStraightSidedMeshBack) {
+TEST_P(StraightenShapes, GivesAStraightSidedMeshBack) {
   // A grid with plane sides, all inner nodes shaken until cells are invalid: everything named is straight again.
   const bool plane = testing::is_plane(GetParam());
   const HighOrderMesh straight = testing::grid(GetParam(), {2, 2, 2}, 4);
@@ -74,10 +74,11 @@ TEST_P(StraightenTest, GivesAStraightSidedMeshBack) {
   for (const Certificate& certificate : result.after) EXPECT_EQ(certificate.answer, Certificate::Answer::Valid);
 }
 
-INSTANTIATE_TEST_SUITE_P(Shapes, StraightenTest,
-                         ::testing::Values(testing::Filling::Triangles, testing::Filling::Tetrahedra));
+INSTANTIATE_TEST_SUITE_P(Shapes, StraightenShapes,
+                         ::testing::Values(testing::Filling::Triangles, testing::Filling::Tetrahedra),
+                         [](const auto& info) { return testing::name(info.param); });
 
-TEST(StraightenBallTest, KeepsTheBoundaryAndEveryCertificate) {
+TEST(StraightenBall, KeepsTheBoundaryAndEveryCertificate) {
   HighOrderMesh mesh = testing::six_in_a_ball(4);
   testing::shake(mesh, 0.02);
   const Straightened result = straightened(mesh, {0, 1, 2, 3, 4, 5});
@@ -104,7 +105,7 @@ TEST(StraightenBallTest, KeepsTheBoundaryAndEveryCertificate) {
   EXPECT_EQ(on_diagonal, 3);
 }
 
-TEST(StraightenTakeBackTest, LeavesWhatOthersNeedCurved) {
+TEST(StraightenTakesBack, LeavesWhatOthersNeedCurved) {
   // One side of a square bulges inwards so far that only bent inner edges leave the triangles beside it valid.
   const auto bulge = [](testing::Place x) {
     return testing::Place{x[0], x[1] + 0.45 * std::sin(M_PI * x[0]) * (1 - x[1]), x[2]};
@@ -125,7 +126,7 @@ TEST(StraightenTakeBackTest, LeavesWhatOthersNeedCurved) {
   EXPECT_FALSE(result.steps.empty());
 }
 
-TEST(BlendTest, FollowsAnEdgeThatIsMovedAlong) {
+TEST(Blend, FollowsAnEdgeThatIsMovedAlong) {
   // Deviations of a quadratic bubble on one edge of a tetrahedron: λ_a λ_b itself is what comes out everywhere.
   for (const int order : {3, 4, 5}) {
     const detail::Blend& table = detail::blend(Shape::Tetrahedron, order);

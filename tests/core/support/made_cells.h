@@ -8,6 +8,7 @@
 
 #include "core/mesh/high_order_mesh.h"
 #include "core/reference/nodes.h"
+#include "tests/core/support/print.h"
 
 namespace varimesh::testing {
 

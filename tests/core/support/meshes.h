@@ -7,6 +7,7 @@
 #include <cmath>
 #include <cstdint>
 #include <functional>
+#include <ostream>
 #include <random>
 #include <string>
 #include <vector>
@@ -14,6 +15,7 @@
 #include "core/mesh/connectivity.h"
 #include "core/mesh/high_order_mesh.h"
 #include "core/mesh/order.h"
+#include "tests/core/support/print.h"
 
 namespace varimesh::testing {
 
@@ -43,6 +45,8 @@ inline const char* name(Filling filling) {
                                     "Prisms",         "Pyramids",  "Tetrahedra", "MixedSolid"};
   return kNames[static_cast<int>(filling)];
 }
+
+inline void PrintTo(Filling filling, std::ostream* out) { *out << name(filling); }
 
 /// Makes a linear grid on the unit square or cube.
 class GridMaker {

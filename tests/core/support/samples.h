@@ -12,6 +12,7 @@
 
 #include "core/formats/formats.h"
 #include "core/reference/nodes.h"
+#include "tests/core/support/print.h"
 
 namespace varimesh::test {
 

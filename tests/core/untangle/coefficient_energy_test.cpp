@@ -22,6 +22,10 @@ using Cell = CoefficientEnergy::Cell;
 
 enum class State { Good, Tangled };
 
+std::string name(State state) { return state == State::Good ? "Good" : "Tangled"; }
+
+void PrintTo(State state, std::ostream* out) { *out << name(state); }
+
 /// The first cell of each shape in a mesh, with every second node free.
 class CoefficientEnergyTest : public ::testing::TestWithParam<std::tuple<Filling, int, State>> {
  protected:
@@ -96,7 +100,7 @@ class CoefficientEnergyTest : public ::testing::TestWithParam<std::tuple<Filling
 
 TEST_P(CoefficientEnergyTest, HasExactGradientsAndSemidefiniteHessians) { expect_derivatives(0.5); }
 
-TEST_P(CoefficientEnergyTest, HasThemForCondemnedCells) {
+TEST_P(CoefficientEnergyTest, HasThemForUnrepairableCells) {
   for (std::size_t b = 0; b < cells_.size(); ++b) {
     cells_[b].unrepairable = true;
     energies_[b].find_movable(cells_[b]);
@@ -159,8 +163,7 @@ INSTANTIATE_TEST_SUITE_P(Shapes, CoefficientEnergyTest,
                                             ::testing::Values(State::Good, State::Tangled)),
                          [](const auto& info) {
                            return std::string(testing::name(std::get<0>(info.param))) +
-                                  std::to_string(std::get<1>(info.param)) +
-                                  (std::get<2>(info.param) == State::Good ? "Good" : "Tangled");
+                                  std::to_string(std::get<1>(info.param)) + name(std::get<2>(info.param));
                          });
 
 TEST(CoefficientEnergyTest, LeavesOutCoefficientsThatNoFreeNodeMoves) {

@@ -72,14 +72,14 @@ class Patient {
   std::optional<Guard> guard_;
 };
 
-class UntangleTest : public ::testing::TestWithParam<Filling> {
+class UntangleShapes : public ::testing::TestWithParam<Filling> {
  protected:
   static HighOrderMesh mesh() {
     return testing::grid(GetParam(), {3, 3, 2}, 2, testing::bent(testing::is_plane(GetParam()) ? 2 : 3));
   }
 };
 
-TEST_P(UntangleTest, MendsEveryCell) {
+TEST_P(UntangleShapes, MendsEveryCell) {
   Patient patient(mesh(), 0.15, 1);
   ASSERT_GT(patient.guard().uncertified(), 0);
   const int steps = patient.untangle();
@@ -87,7 +87,7 @@ TEST_P(UntangleTest, MendsEveryCell) {
   EXPECT_EQ(patient.guard().uncertified(), 0);
 }
 
-TEST_P(UntangleTest, LeavesFixedNodesAndTheRestOfTheMeshAlone) {
+TEST_P(UntangleShapes, LeavesFixedNodesAndTheRestOfTheMeshAlone) {
   Patient patient(mesh(), 0.15, 1);
   const std::vector<bool> fixed = fixed_nodes(patient.mesh());
   patient.untangle();
@@ -97,13 +97,13 @@ TEST_P(UntangleTest, LeavesFixedNodesAndTheRestOfTheMeshAlone) {
   EXPECT_NE(after, patient.mesh().coordinates);
 }
 
-TEST_P(UntangleTest, DoesNotDependOnTheNumberOfThreads) {
+TEST_P(UntangleShapes, DoesNotDependOnTheNumberOfThreads) {
   Patient one(mesh(), 0.15, 1), four(mesh(), 0.15, 4);
   EXPECT_EQ(one.untangle(), four.untangle());
   EXPECT_EQ(one.guard().coordinates(), four.guard().coordinates());
 }
 
-INSTANTIATE_TEST_SUITE_P(Fillings, UntangleTest, ::testing::ValuesIn(testing::kFillings),
+INSTANTIATE_TEST_SUITE_P(Fillings, UntangleShapes, ::testing::ValuesIn(testing::kFillings),
                          [](const auto& info) { return std::string(testing::name(info.param)); });
 
 /// A cube's tetrahedra of which one boundary edge folds over itself: nothing can mend those that own it.
@@ -135,7 +135,7 @@ TEST(Untangle, EndsWhereNothingCanBeMendedAndPutsEverythingBack) {
   EXPECT_EQ(patient.problem().positions, positions);
 }
 
-TEST(Untangle, KeepsCondemnedCellsOutOfTheBarrier) {
+TEST(Untangle, KeepsUnrepairableCellsOutOfTheBarrier) {
   Patient patient(hopeless(), 0.15, 1);
   const std::vector<UnrepairableGroup> groups = diagnose(hopeless(), 1);
   ASSERT_FALSE(groups.empty());

@@ -15,9 +15,9 @@
 namespace varimesh::detail {
 namespace {
 
-class Tables : public ::testing::TestWithParam<Shape> {};
+class BernsteinTables : public ::testing::TestWithParam<Shape> {};
 
-INSTANTIATE_TEST_SUITE_P(Bernstein, Tables, ::testing::ValuesIn(testing::kCellShapes),
+INSTANTIATE_TEST_SUITE_P(Shapes, BernsteinTables, ::testing::ValuesIn(testing::kCellShapes),
                          [](const auto& shape) { return testing::name(shape.param); });
 
 /// Barycentric coordinates (factor behind factor) of a point of the reference cell.
@@ -59,7 +59,7 @@ HardCell hard_cell(const HighOrderMesh& mesh, std::size_t cell) {
   return {&table, mesh.coordinates.data(), block.nodes.data() + cell * static_cast<std::size_t>(table.nodes), 1, 1};
 }
 
-TEST_P(Tables, TheBernsteinFormOfJIsItsDeterminant) {
+TEST_P(BernsteinTables, TheBernsteinFormOfJIsItsDeterminant) {
   const Shape shape = GetParam();
   for (int order = 1; order <= 5; ++order) {
     const HighOrderMesh mesh = testing::shaken_cells(shape, order, 1, 0.3, static_cast<unsigned>(order));
@@ -85,7 +85,7 @@ TEST_P(Tables, TheBernsteinFormOfJIsItsDeterminant) {
   }
 }
 
-TEST_P(Tables, TheKernelsCoefficientsAreWithinTheErrorItStates) {
+TEST_P(BernsteinTables, TheKernelsCoefficientsAreWithinTheErrorItStates) {
   const Shape shape = GetParam();
   for (int order = 1; order <= 6; ++order) {
     const HighOrderMesh mesh =
@@ -115,7 +115,7 @@ TEST_P(Tables, TheKernelsCoefficientsAreWithinTheErrorItStates) {
   }
 }
 
-TEST(Outward, IsTheNextDouble) {
+TEST(OutwardRounding, IsTheNextDouble) {
   constexpr double infinity = std::numeric_limits<double>::infinity(),
                    least = std::numeric_limits<double>::denorm_min(), most = std::numeric_limits<double>::max();
   for (const double x : {0.0, -0.0, least, -least, 2 * least, -2 * least, 1.0, -1.0, 1 - 0x1p-53, -2.0, 0x1p-1022,
@@ -126,7 +126,7 @@ TEST(Outward, IsTheNextDouble) {
   EXPECT_TRUE(std::isnan(above(std::nan(""))) && std::isnan(below(std::nan(""))));
 }
 
-TEST_P(Tables, DegreesAreTheKnownOnes) {
+TEST_P(BernsteinTables, DegreesAreTheKnownOnes) {
   const int coefficients[6][5] = {{6, 15, 28, 45, 66},        {16, 36, 64, 100, 144},
                                   {20, 84, 220, 455, 816},    {144, 567, 1440, 2925, 5184},
                                   {90, 324, 792, 1575, 2754}, {216, 729, 1728, 3375, 5832}};

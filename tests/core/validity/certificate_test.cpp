@@ -102,12 +102,12 @@ void expect_no_contradiction(const RandomCells& cells, int intervals) {
   EXPECT_GE(answers[0], static_cast<int>(certificates.size()) / 4);
 }
 
-class CertifiedShape : public ::testing::TestWithParam<Shape> {};
+class CertificateOfShape : public ::testing::TestWithParam<Shape> {};
 
-INSTANTIATE_TEST_SUITE_P(Certificate, CertifiedShape, ::testing::ValuesIn(kCellShapes),
+INSTANTIATE_TEST_SUITE_P(Shapes, CertificateOfShape, ::testing::ValuesIn(kCellShapes),
                          [](const auto& shape) { return testing::name(shape.param); });
 
-TEST_P(CertifiedShape, NeverContradictsALattice) {
+TEST_P(CertificateOfShape, NeverContradictsALattice) {
   for (int order = 1; order <= 4; ++order) {
     if (order == 1 && reference::info(GetParam()).affine) continue;  // J is constant: no brink
     SCOPED_TRACE(order);
@@ -117,7 +117,7 @@ TEST_P(CertifiedShape, NeverContradictsALattice) {
 }
 
 /// The full form: VARIMESH_LONG_TESTS=1.
-TEST_P(CertifiedShape, LongNeverContradictsALatticeOfFortyIntervals) {
+TEST_P(CertificateOfShape, LongNeverContradictsALatticeOfFortyIntervals) {
   if (std::getenv("VARIMESH_LONG_TESTS") == nullptr) GTEST_SKIP() << "set VARIMESH_LONG_TESTS=1 for the 10,000 cells";
   constexpr int kCells = 282;  // of each shape and order: 36 × 282 > 10,000
   for (int order = 1; order <= 6; ++order) {
@@ -142,7 +142,7 @@ void expect_same_answers(const HighOrderMesh& before, const HighOrderMesh& after
   }
 }
 
-TEST_P(CertifiedShape, ScaleDoesNotMatter) {
+TEST_P(CertificateOfShape, ScaleDoesNotMatter) {
   const RandomCells cells = random_cells(GetParam(), 3, 12, 300);
   for (const double scale : {1e-6, 1e-3, 7.0, 1e6}) {
     HighOrderMesh scaled = cells.mesh;
@@ -151,7 +151,7 @@ TEST_P(CertifiedShape, ScaleDoesNotMatter) {
   }
 }
 
-TEST_P(CertifiedShape, TranslationDoesNotMatter) {
+TEST_P(CertificateOfShape, TranslationDoesNotMatter) {
   const RandomCells cells = random_cells(GetParam(), 3, 12, 301);
   HighOrderMesh moved = cells.mesh;
   for (std::size_t i = 0; i < moved.coordinates.size(); ++i)
@@ -159,7 +159,7 @@ TEST_P(CertifiedShape, TranslationDoesNotMatter) {
   expect_same_answers(cells.mesh, moved, 1e-6);
 }
 
-TEST_P(CertifiedShape, RotationDoesNotMatter) {
+TEST_P(CertificateOfShape, RotationDoesNotMatter) {
   const RandomCells cells = random_cells(GetParam(), 3, 12, 302);
   HighOrderMesh turned = cells.mesh;
   for (std::size_t n = 0; n < turned.node_count(); ++n) {
@@ -176,14 +176,14 @@ TEST_P(CertifiedShape, RotationDoesNotMatter) {
   expect_same_answers(cells.mesh, turned, 1e-9);
 }
 
-TEST_P(CertifiedShape, AMirroredMeshGetsTheSameAnswers) {
+TEST_P(CertificateOfShape, AMirroredMeshGetsTheSameAnswers) {
   const RandomCells cells = random_cells(GetParam(), 3, 12, 303);
   HighOrderMesh mirrored = cells.mesh;
   for (std::size_t n = 0; n < mirrored.node_count(); ++n) mirrored.coordinates[3 * n] *= -1;
   expect_same_answers(cells.mesh, mirrored, 1e-9);
 }
 
-TEST_P(CertifiedShape, TheOrderOfTheCellsDoesNotMatter) {
+TEST_P(CertificateOfShape, TheOrderOfTheCellsDoesNotMatter) {
   const HighOrderMesh mesh = random_cells(GetParam(), 2, 21, 304).mesh;
   HighOrderMesh reversed = mesh;
   const std::size_t nodes = mesh.blocks[0].nodes.size() / 21;
@@ -197,7 +197,7 @@ TEST_P(CertifiedShape, TheOrderOfTheCellsDoesNotMatter) {
   }
 }
 
-TEST_P(CertifiedShape, TheNumberOfThreadsDoesNotMatter) {
+TEST_P(CertificateOfShape, TheNumberOfThreadsDoesNotMatter) {
   const HighOrderMesh mesh = random_cells(GetParam(), 2, 200, 305).mesh;
   const std::vector<Certificate> one = certify(mesh, {}, 1), two = certify(mesh, {}, 2);
   for (std::size_t i = 0; i < one.size(); ++i) {
@@ -214,7 +214,7 @@ Certificate certify_one(Shape shape, int order, const std::function<Place(Place)
   return certify(testing::one_cell(shape, order, map)).front();
 }
 
-TEST_P(CertifiedShape, ANeedleIsValid) {
+TEST_P(CertificateOfShape, ANeedleIsValid) {
   for (int order = 1; order <= 6; ++order) {
     const Certificate c = certify_one(GetParam(), order, [](Place p) {
       const double thin = 1e-6 * p[0];
@@ -228,7 +228,7 @@ TEST_P(CertifiedShape, ANeedleIsValid) {
 // The certificate is about the coordinates as written, and these maps are exact at the nodes of orders 2 and 4 only: at
 // order 3 the rounded nodes of such a cell may well make it valid by 1e-17.
 
-TEST_P(CertifiedShape, JZeroOnAFaceIsNotValid) {
+TEST_P(CertificateOfShape, JZeroOnAFaceIsNotValid) {
   // J = 1 + ξ.
   for (const int order : {2, 4})
     EXPECT_NE(certify_one(GetParam(), order,
@@ -240,7 +240,7 @@ TEST_P(CertifiedShape, JZeroOnAFaceIsNotValid) {
         << "order " << order;
 }
 
-TEST_P(CertifiedShape, JTouchingZeroInsideIsNotValid) {
+TEST_P(CertificateOfShape, JTouchingZeroInsideIsNotValid) {
   // J = 3 (ξ + 1/2)² + 3 (η + 1/2)²: the point (−1/2, −1/2, −1/2) is inside every reference cell.
   const auto map = [](Place p) {
     const double a = p[0] + 0.5, b = p[1] + 0.5;
@@ -249,7 +249,7 @@ TEST_P(CertifiedShape, JTouchingZeroInsideIsNotValid) {
   EXPECT_NE(certify_one(GetParam(), 4, map).answer, Answer::Valid);
 }
 
-TEST_P(CertifiedShape, ABarelyPositiveJIsValidAndABarelyNegativeOneIsNot) {
+TEST_P(CertificateOfShape, ABarelyPositiveJIsValidAndABarelyNegativeOneIsNot) {
   // J = (ξ + .4)² + (η + .4)² + (ζ + .4)² ± 1e-7.
   const bool solid = reference::info(GetParam()).dimension == 3;
   for (const double sign : {1.0, -1.0}) {
