@@ -1,5 +1,5 @@
-# Called by ctest: installs component `core` of ${build} below ${work}, then configures, builds and runs the project in
-# ${source} against that and nothing else.
+# Called by ctest. Installs component `core` of ${build} below ${work}, then configures, builds and runs the project in
+# ${source} against the installed files only.
 file(REMOVE_RECURSE ${work})
 
 include(${CMAKE_CURRENT_LIST_DIR}/step.cmake)
