@@ -1,4 +1,4 @@
-// Bad files get a sentence that says what and where, and no file ever does more harm than that.
+// Bad files are refused with a sentence that says what is wrong and where. No file does any other harm.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -50,7 +50,7 @@ TEST(GmshErrors, UnknownElementTypeNamesItAndTheLine) {
   EXPECT_SAYS(kHead + kNodes + "$Elements\n1\n1 77 2 1 1 1 2 3\n$EndElements\n", "line 12");
 }
 
-TEST(GmshErrors, IncompleteElementsAreToldFromUnknownOnes) {
+TEST(GmshErrors, IncompleteElementsAreDistinguishedFromUnknownOnes) {
   for (int type : {16, 17, 18, 19, 20, 22, 24, 32, 39, 60, 83, 105, 117, 131})
     EXPECT_SAYS(kHead + kNodes + "$Elements\n1\n1 " + std::to_string(type) + " 2 1 1 1 2 3\n$EndElements\n",
                 "Mesh.SecondOrderIncomplete=0");
@@ -82,7 +82,7 @@ TEST(GmshErrors, SectionsOutOfOrder) {
 }
 
 // === Damaged files =======================================================================================
-// Each is either read or refused with a sentence; under the sanitizers this also says that nothing was overrun.
+// Each is either read or refused with a sentence. Under the sanitizers this also shows that no buffer is overrun.
 
 class DamagedFile : public testing::TestWithParam<Format> {
  protected:
