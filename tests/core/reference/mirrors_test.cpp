@@ -1,4 +1,4 @@
-// Mirrors: each takes the cell to itself.
+// Each mirror maps the cell to itself.
 #include "core/reference/mirrors.h"
 
 #include <gtest/gtest.h>
