@@ -1,4 +1,4 @@
-// Every fault that a mesh can come with is found and named.
+// Every fault that a mesh can have is found and named.
 #include "core/mesh/check.h"
 
 #include <gtest/gtest.h>
@@ -10,7 +10,7 @@
 namespace varimesh {
 namespace {
 
-// A mesh of linear cells from vertex lists; elements are numbered from 1, nodes from 1.
+// A mesh of linear cells from vertex lists. Elements and nodes are numbered from 1.
 HighOrderMesh linear(std::vector<double> coordinates, std::vector<std::pair<Shape, std::vector<std::int32_t>>> cells) {
   HighOrderMesh mesh;
   mesh.coordinates = std::move(coordinates);
@@ -171,8 +171,8 @@ TEST(CheckMesh, NeighboursWithTheirEdgesNodesInTheSameDirection) {
   EXPECT_REFUSED(mesh, "Elements 8 and 9 disagree on the edge");
 }
 
-TEST(CheckMesh, FacesWhoseInnerNodesAreTurned) {
-  // Two tetrahedra of order 5 that share a face have three nodes inside it, in one order only.
+TEST(CheckMesh, FacesWithNodesInAnotherOrder) {
+  // Neighbouring tetrahedra must have the nodes of their common face in one order.
   HighOrderMesh mesh = read_case("sphere_p3.msh");
   const Facets around = facets(mesh);
   const Cells cells(mesh, 3);
@@ -202,7 +202,8 @@ TEST(CheckMesh, QuadrilateralFaceAgainstTriangularOnes) {
 TEST(CheckMesh, CellsThatMeetAlongAnEdgeOnly) {
   HighOrderMesh mesh = test::one_cell(Shape::Tetrahedron, 2);
   const auto base = std::int32_t(mesh.node_count());
-  // A second tetrahedron on the edge of nodes 0 and 1, on the other side, first with its node, then with another.
+  // A second tetrahedron on the edge of nodes 0 and 1, on the other side. First it has the edge's middle node, then
+  // another.
   ElementBlock& block = mesh.blocks[0];
   const reference::Points& points = reference::nodes(Shape::Tetrahedron, 2, reference::NodeSet::Equispaced, 3);
   block.numbers.push_back(8);

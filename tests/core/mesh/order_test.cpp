@@ -1,4 +1,4 @@
-// Raising and lowering the order: exact, conforming, and everything that is not a node carries over.
+// Raising and lowering the order is exact and keeps the mesh conforming. Everything but the nodes is carried over.
 #include "core/mesh/order.h"
 
 #include <gtest/gtest.h>
@@ -46,7 +46,7 @@ TEST_P(ChangeOrder, LoweringUndoesRaising) {
   ASSERT_TRUE(raised);
   const auto lowered = change_order(*raised, 3);
   ASSERT_TRUE(lowered);
-  // New nodes have new numbers but come in the same order, cell by cell.
+  // New nodes have new numbers but are in the same order in each cell.
   std::map<std::int32_t, std::int32_t> partner;
   for (std::size_t b = 0; b < mesh.blocks.size(); ++b)
     for (std::size_t i = 0; i < mesh.blocks[b].nodes.size(); ++i)
