@@ -1,4 +1,4 @@
-// The energies' values against the formulas of the paper written out, and what each is known to do at F = 1.
+// The energies' values against the paper's formulas written out, and their known gradients at F = 1.
 #include <gtest/gtest.h>
 
 #include <Eigen/Dense>
@@ -52,9 +52,8 @@ TEST(EnergyDensity, WinslowAndDistortion) {
 }
 
 TEST(EnergyDensity, AnUndeformedMeshIsStationary) {
-  // With the boundary fixed, F = 1 throughout is stationary where P(1) is a multiple of the identity, since ∫ div δu =
-  // 0; it is 0 itself but for Winslow's energies in 3-D, where |cof F|²/J grows with a uniform scaling and |F|²/J
-  // falls.
+  // With a fixed boundary, F = 1 everywhere is stationary if P(1) is a multiple of the identity, since ∫ div δu = 0.
+  // P(1) is 0 except for Winslow's energies in 3-D: |cof F|²/J grows with a uniform scaling, and |F|²/J falls.
   for (const NamedMaterial& entry : every_material()) {
     const Material& m = entry.material;
     EXPECT_LE(density<2>(m, Eigen::Matrix2d::Identity(), 0).P.norm(), 1e-14) << entry.name;
@@ -67,7 +66,7 @@ TEST(EnergyDensity, AnUndeformedMeshIsStationary) {
 }
 
 TEST(EnergyDensity, TheRegularisedJacobianDoesNotCancel) {
-  // In floating point J + √(J² + δ²) is 0 here, and its logarithm −∞; J' is δ²/(4 |J|) to first order.
+  // In floating point J + √(J² + δ²) is 0 here, and its logarithm is −∞. To first order J' is δ²/(4 |J|).
   const double delta = 1e-8;
   const Eigen::Matrix2d F = Eigen::Vector2d(1, -1).asDiagonal();
   const double W = energy_density<2>(named("Hyperelastic"), F, delta * delta);

@@ -1,4 +1,4 @@
-// Every energy with every form it comes in.
+// Every energy in all its forms.
 #pragma once
 
 #include <ostream>
