@@ -1,4 +1,4 @@
-// What a split keeps: shape, volume, boundary, numbers, groups; and that the mesh conforms.
+// A split keeps shape, volume, boundary, numbers and groups, and the mesh conforms.
 #include "core/repair/split.h"
 
 #include <gtest/gtest.h>
@@ -24,7 +24,7 @@ HighOrderMesh split_one(const HighOrderMesh& mesh, const SplitPlace& place, std:
   return result;
 }
 
-/// The vertices' node numbers are unchanged by change_order, and so is their place at the front.
+/// change_order() keeps the vertices' node numbers, and keeps the vertices in front.
 class SplitTetrahedra : public ::testing::TestWithParam<int> {
  protected:
   SplitTetrahedra() {
@@ -41,7 +41,7 @@ TEST_P(SplitTetrahedra, KeepsTheVolume) {
   }
 }
 
-TEST_P(SplitTetrahedra, ConformsAndHasSoManyElements) {
+TEST_P(SplitTetrahedra, ConformsAndHasTheNumberOfElementsExpected) {
   const HighOrderMesh twelve = split_one(six_, kDiagonal), six = split_one(two_, kMiddle);
   EXPECT_EQ(twelve.element_count(3), 12u);
   EXPECT_EQ(six.element_count(3), 6u);
@@ -101,7 +101,7 @@ TEST_P(SplitTetrahedra, CarriesEntitiesAndGroupsOver) {
 }
 
 TEST_P(SplitTetrahedra, SurvivesEveryFormat) {
-  // MSH 2.2 repeats elements that are in two groups: read from there, the mesh has numbers for it.
+  // MSH 2.2 repeats elements that are in two groups. A mesh read from it has numbers for the repeats.
   for (const formats::Format format : {formats::Format::Msh22, formats::Format::Msh41Binary}) {
     std::string bytes;
     const formats::Sink sink = [&](std::string_view part) {
