@@ -1,4 +1,4 @@
-// Whole runs: what a user is promised of optimise().
+// Whole runs: what optimise() promises to its users.
 #include "core/optimise/optimiser.h"
 
 #include <gtest/gtest.h>
@@ -16,7 +16,7 @@ namespace {
 using testing::Filling;
 using testing::read_case;
 
-/// The mesh with every place x at R x.
+/// The mesh rotated by this angle.
 HighOrderMesh turned(HighOrderMesh mesh, double angle) {
   const double c = std::cos(angle), s = std::sin(angle);
   testing::move_nodes(mesh, [&](testing::Place p) {
@@ -90,7 +90,7 @@ TEST_P(OptimiseWithEnergy, TakesTheSamePathInAnyUnit) {
   const auto a = optimise(metres, options()), b = optimise(millimetres, options());
   ASSERT_TRUE(a && b);
   EXPECT_EQ(a->iterations, b->iterations);
-  // Sweeps are in double precision throughout, so rounding alone tells the two apart.
+  // Sweeps are in double precision throughout, so only rounding differs.
   Options five = options();
   five.method = Method::Sweeps;
   five.max_iterations = 5;
@@ -155,7 +155,7 @@ TEST(Optimise, WinslowAndDistortionAreTheSameSweepIn2D) {
   EXPECT_LE(testing::distance(a->mesh, b->mesh), 1e-10);
 }
 
-TEST(Optimise, ThePatchsRegularisationUntanglesToo) {
+TEST(Optimise, TheRegularisationByPatchUntanglesToo) {
   Options options;
   options.regularisation = Regularisation::Patch;
   options.method = Method::Sweeps;
@@ -209,7 +209,7 @@ TEST(Optimise, SweepsNeverRaiseTheEnergyOfAValidMesh) {
     EXPECT_LE(result->history[i].energy, result->history[i - 1].energy * (1 + 1e-12));
 }
 
-TEST(Optimise, ThePNormsOptimumIsOneWhateverTheMethod) {
+TEST(Optimise, ThePNormHasOneOptimumWithEveryMethod) {
   const HighOrderMesh mesh = read_case("nine_triangles.msh");
   Options options;
   options.tolerance = 1e-8;
@@ -220,8 +220,8 @@ TEST(Optimise, ThePNormsOptimumIsOneWhateverTheMethod) {
     const auto newton = optimise(mesh, options);
     ASSERT_TRUE(newton) << newton.error().sentence;
     EXPECT_TRUE(newton->converged) << p;
-    EXPECT_LE(newton->iterations, 40) << "quadratic convergence wants the rank-one part of the Hessian";
-    EXPECT_GT(testing::distance(newton->mesh, last), 1e-3) << "another p is another mesh";
+    EXPECT_LE(newton->iterations, 40) << "quadratic convergence needs the rank-one part of the Hessian";
+    EXPECT_GT(testing::distance(newton->mesh, last), 1e-3) << "another p should give another mesh";
     last = newton->mesh;
     options.method = Method::Sweeps;
     options.max_iterations = 5000;
@@ -231,7 +231,7 @@ TEST(Optimise, ThePNormsOptimumIsOneWhateverTheMethod) {
   }
 }
 
-// The energies of most cells to the 7th power are to single precision next to nothing beside those of the worst.
+// To the 7th power, the energies of most cells vanish in single precision beside those of the worst cells.
 TEST(Optimise, ConvergesWithAPNormThatHardlySeesMostCells) {
   for (const auto& [name, least] : {std::pair{"aerofoil_p4.msh", 0.86}, {"circle_p5.msh", 0.77}}) {
     Options options;

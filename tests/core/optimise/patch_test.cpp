@@ -1,5 +1,5 @@
-// The patch test: a straight-sided mesh whose inner nodes were shaken returns to itself, for every shape alone and
-// mixed, every order and every energy whose optimum it is.
+// The patch test: a straight-sided mesh with shaken inner nodes becomes straight-sided again, for every shape, mixture,
+// order and energy.
 #include <gtest/gtest.h>
 
 #include <cstdlib>
@@ -30,7 +30,7 @@ std::vector<PatchCase> every_case() {
   return cases;
 }
 
-/// Above this order in 3-D, the patch tests take minutes: they run where VARIMESH_LONG_TESTS is set.
+/// Above this order in 3-D the patch tests take minutes. They run only if VARIMESH_LONG_TESTS is set.
 constexpr int kLongAbove = 4;
 
 class PatchTest : public ::testing::TestWithParam<PatchCase> {};

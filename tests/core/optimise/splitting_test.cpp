@@ -1,4 +1,4 @@
-// The whole way: what --repair does to meshes that no movement of nodes can make valid.
+// Whole runs with --repair split on meshes that no movement of nodes can make valid.
 #include "core/optimise/splitting.h"
 
 #include <gtest/gtest.h>
@@ -36,7 +36,7 @@ void expect_same_boundary(const HighOrderMesh& before, const HighOrderMesh& afte
   }
 }
 
-TEST(RepairBySplitting, MakesValidWhatReportCannot) {
+TEST(RepairBySplitting, MakesMeshesValidThatReportLeavesInvalid) {
   for (const HighOrderMesh& mesh : {testing::six_in_a_ball(3), testing::two_in_a_ball(3)}) {
     const Result reported = run(mesh, with(Repair::Report));
     EXPECT_EQ(reported.after.uncertified.size(), mesh.element_count(3));
@@ -61,7 +61,7 @@ TEST(RepairBySplitting, DoesNotDependOnTheNumberOfThreads) {
   EXPECT_EQ(one.mesh.node_numbers, three.mesh.node_numbers);
 }
 
-TEST(RepairBySplitting, LeavesAValidMeshWhole) {
+TEST(RepairBySplitting, SplitsNothingInAValidMesh) {
   const HighOrderMesh mesh = testing::grid(testing::Filling::Tetrahedra, {2, 2, 2}, 2, testing::bent(3));
   const Result result = run(mesh, with(Repair::Split)), plain = run(mesh, with(Repair::Report));
   EXPECT_TRUE(result.repairs.empty());
@@ -81,10 +81,10 @@ TEST(RepairBySplitting, SaysThatItIsNotOfferedForOtherShapes) {
   EXPECT_EQ(result.mesh.element_count(3), 1u);
 }
 
-TEST(RepairBySplitting, LeavesPlaneMeshesWhole) {
+TEST(RepairBySplitting, SplitsNothingInPlaneMeshes) {
   HighOrderMesh mesh = testing::grid(testing::Filling::Triangles, {2, 2, 1}, 4);
   const Cells cells(mesh, 2);
-  mesh.coordinates[3 * static_cast<std::size_t>(cells.nodes(0)[14])] -= 0.6;  // a node inside turns the triangle over
+  mesh.coordinates[3 * static_cast<std::size_t>(cells.nodes(0)[14])] -= 0.6;  // an inner node turns the triangle over
   const Result result = run(mesh, with(Repair::Split));
   EXPECT_FALSE(result.before.uncertified.empty());
   EXPECT_TRUE(result.after.uncertified.empty());
@@ -92,7 +92,7 @@ TEST(RepairBySplitting, LeavesPlaneMeshesWhole) {
   EXPECT_TRUE(result.repairs.empty());
 }
 
-TEST(RepairBySplitting, HandsOutNothingWorseWhenStopped) {
+TEST(RepairBySplitting, ReturnsNothingWorseIfStopped) {
   const HighOrderMesh mesh = testing::six_in_a_ball(3);
   const Result result = run(mesh, with(Repair::Split), [](const Iteration&) { return Control::Stop; });
   EXPECT_TRUE(result.stopped);
@@ -112,13 +112,13 @@ TEST(RepairBySplitting, IsStoppedWhileItSplits) {
     ASSERT_TRUE(result);
     EXPECT_TRUE(result->stopped) << answers;
     EXPECT_EQ(result->stop_reason, StopReason::Stopped);
-    EXPECT_EQ(result->iterations, 0) << "nothing is begun any more";
+    EXPECT_EQ(result->iterations, 0) << "no iteration is begun";
     EXPECT_EQ(result->mesh.coordinates, mesh.coordinates);
-    EXPECT_EQ(asked, answers + 1) << "and nobody asked again";
+    EXPECT_EQ(asked, answers + 1) << "stop_asked is not called again";
   }
 }
 
-TEST(RepairBySplitting, SaysWhichLimitOfAllEndedIt) {
+TEST(RepairBySplitting, SaysWhichLimitEndedIt) {
   const HighOrderMesh mesh = testing::six_in_a_ball(3);
   Options options = with(Repair::Split);
   const Result whole = run(mesh, options);
@@ -154,7 +154,7 @@ TEST(RepairBySplitting, RunsAgainOnOneOptimiser) {
   EXPECT_EQ(first->mesh.coordinates, second->mesh.coordinates);
 }
 
-TEST(RepairBySplitting, RefusesWhatItCannotKeep) {
+TEST(RepairBySplitting, RefusesRegionsAndTargetFields) {
   Options options = with(Repair::Split);
   options.region_below = 0.5;
   EXPECT_FALSE(check(options));
@@ -164,7 +164,7 @@ TEST(RepairBySplitting, RefusesWhatItCannotKeep) {
   EXPECT_FALSE(check(options));
 }
 
-TEST(RepairNone, NamesThemAndKeepsThemInTheBarrier) {
+TEST(RepairNone, NamesUnrepairableCellsAndKeepsThemInTheBarrier) {
   const HighOrderMesh mesh = testing::six_in_a_ball(3);
   const Result none = run(mesh, with(Repair::None)), reported = run(mesh, with(Repair::Report));
   EXPECT_EQ(none.unrepairable.size(), reported.unrepairable.size());
