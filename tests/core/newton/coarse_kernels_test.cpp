@@ -213,9 +213,9 @@ TEST_P(CoarseKernelsOn, AddUpThePartsOfEachCoarseNode) {
     for (const Incidence& place : cells[at(i)])
       for (int k = 0; k < d; ++k)
         sum[at(k)] +=
-            batches_[at(place.set)]
-                .contributions[contribution_index(place.cell, place.local, at(space_.sets[at(place.set)].nodes_per_cell), d) +
-                       at(k)];
+            batches_[at(place.set)].contributions[contribution_index(place.cell, place.local,
+                                                                     at(space_.sets[at(place.set)].nodes_per_cell), d) +
+                                                  at(k)];
     for (int k = 0; k < d; ++k) {
       double expected = 0;
       for (int l = 0; l < d; ++l) expected += double(blocks[at((i * d + l) * d + k)]) * sum[at(l)];

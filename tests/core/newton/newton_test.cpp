@@ -95,7 +95,7 @@ TEST_P(NewtonOn, ConvergesInFewSteps) {
 }
 
 TEST_P(NewtonOn, LowersTheEnergyAndKeepsValidCellsValid) {
-  prepare(0.02);
+  prepare(0.005);
   ASSERT_EQ(seen_.invalid, 0);
   for (int i = 0; i < 4; ++i) {
     const double before = seen_.energy;

@@ -110,7 +110,7 @@ TEST(TargetFieldOnAMesh, IsRefusedWithASentenceIfItDoesNotFit) {
     EXPECT_NE(sentence.find(word), std::string::npos) << sentence;
   };
   expect(sentence(Target::Size, {}), "empty");
-  expect(sentence(Target::Ideal, {Per::Cell, 1, {1}, {1.0}}), "takes none");
+  expect(sentence(Target::Ideal, {Per::Cell, 1, {1}, {1.0}}), "takes no field");
   expect(sentence(Target::Size, {Per::Cell, 1, {1}, {1.0}}), "no size for element 2");
   expect(sentence(Target::Size, {Per::Vertex, 1, {1}, {1.0}}), "no size for node 2");
   expect(sentence(Target::Size, {Per::Cell, 1, {1, 1}, {1.0, 1.0}}), "twice");
@@ -119,7 +119,7 @@ TEST(TargetFieldOnAMesh, IsRefusedWithASentenceIfItDoesNotFit) {
   expect(sentence(Target::Size, {Per::Cell, 3, {1}, {1.0, 2.0, 1.0}}), "not positive");
   expect(sentence(Target::Size, {Per::Cell, 6, {1}, {1, 0, 1, 0, 0, 1}}), "components");
   expect(sentence(Target::Size, {Per::Cell, 1, {}, {1.0}}), "8 cells");
-  expect(sentence(Target::Strain, {Per::Cell, 1, {3}, {-1.0}}), "leaves nothing");
+  expect(sentence(Target::Strain, {Per::Cell, 1, {3}, {-1.0}}), "not above -1");
 }
 
 }  // namespace

@@ -86,15 +86,6 @@ TEST_P(WholeMeshAsPatch, MakesEveryCoefficientPositive) {
   EXPECT_GT(patch_->smallest_coefficient(), 0);
 }
 
-TEST_P(WholeMeshAsPatch, StaysWhereItIsBest) {
-  prepare(0);
-  const Eigen::VectorXd before = patch_->positions();
-  EXPECT_EQ(patch_->bad_cells(), 0);
-  EXPECT_NEAR(patch_->smallest_coefficient(), 1, 1e-10) << "every cell is its target";
-  patch_->step(team_);
-  EXPECT_LT((patch_->positions() - before).cwiseAbs().maxCoeff(), 1e-8);
-}
-
 TEST_P(WholeMeshAsPatch, GathersItsPositionsFromTheProblem) {
   prepare(0.1);
   for (std::size_t n = 0; n < patch_->nodes().size(); ++n)
