@@ -14,7 +14,7 @@ struct LineSearch {
 /// The step that a line search accepted.
 struct AcceptedStep {
   double alpha = 0;   ///< Share of the full step; 0: no step was accepted.
-  double energy = 0;  ///< There; without an accepted step that of the last trial.
+  double energy = 0;  ///< There. If no step was accepted, the energy of the last trial.
 };
 
 /// Backtracks from the full step: tries α = 1, 1/2, 1/4, … and accepts the first that meets the condition of Armijo,

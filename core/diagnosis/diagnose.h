@@ -21,8 +21,8 @@ namespace varimesh {
 ///   triangle, IEEE Trans. Biomed. Eng. 30, 1983). For more directions it is the sum of the inner angles minus (n −
 ///   2)π. Pieces whose angle is zero are reported. The boundary faces at v leave Ω_v = Σ dihedral angles − (n − 2)π, or
 ///   4π if v is inside. If the pieces claim more than that, some are turned inside out, and each of these claims 4π
-///   less. Reported are the pieces that need the least turning until the rest fits. So the sum decides and not the sign
-///   of a determinant: at the corner of a cavity a negative one is right.
+///   less. The diagnosis reports the pieces that need the least turning until the rest fits. So the sum decides, not
+///   the sign of a determinant: at the corner of a cavity a negative determinant is right.
 /// - Fans: if all edges of a corner at v are fixed except one with direction x, its determinant is n · x with a known n
 ///   and must be positive. Each of the corners that share x restricts it to a half-space. If the half-spaces have
 ///   nothing in common, the corners are reported.

@@ -28,8 +28,8 @@ struct UnrepairableGroup {
   std::array<double, 3> place{};       ///< Physical coordinates.
   /// Dimensionless. At a vertex: the determinant of the unit tangents of the three edges. For a fan: its margin, the
   /// largest value that the smallest n · x can have. Along an edge, on a face or inside: J there over the element's
-  /// largest |J|. For a folded face: the smallest component of its normal along the longest one, over the length of
-  /// that.
+  /// largest |J|. For a folded face: the smallest component of a normal along the longest normal, over the length of
+  /// the longest normal.
   double determinant = 0;
   std::string sentence;  ///< For humans: what, where and what to do.
 };

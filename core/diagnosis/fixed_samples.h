@@ -16,7 +16,7 @@ struct FixedSample {
   int dimension = 0;              ///< Of the smallest part of the cell it lies in: 0 vertex, 1 edge, 2 face, 3 inside.
   int vertex = -1;                ///< Local number of the vertex if the point is one.
   std::array<double, 3> place{};  ///< Physical coordinates.
-  double jacobian = 0;  ///< J there over the largest |J| sampled in the cell; for a facet, its normal likewise.
+  double jacobian = 0;  ///< J there over the largest |J| sampled in the cell; for a facet, the same for its normal.
 };
 
 /// The point condition: J must be positive at the points of a cell where it depends on fixed nodes only.

@@ -22,7 +22,7 @@ using Side = std::pair<std::int32_t, std::int32_t>;
 Vector widest(const std::vector<Vector>& normals, const Vector& start) {
   Vector best = start;
   double value = smallest_product(normals, start);
-  // Where two of them give the same: on the plane across their difference, nearest to their sum.
+  // The point at which a and b give the same product: on the plane normal to their difference, nearest to their sum.
   const auto between = [](const Vector& a, const Vector& b) -> Vector {
     const Vector across = minus(a, b), sum = plus(a, b);
     const double square = dot(across, across);

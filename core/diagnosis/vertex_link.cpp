@@ -214,9 +214,9 @@ std::vector<LinkFault> link_faults(std::span<const LinkDirection> directions, st
       fitting.push_back(std::move(*piece));
     }
   }
-  // A piece that is not positive everywhere may count as turned inside out; then it claims a whole sphere less. At
-  // fault are the pieces that need the least turning until the rest fits, and those that could be turned instead of the
-  // last.
+  // A piece that is not positive everywhere may count as turned inside out; then it claims a whole sphere less. The
+  // pieces at fault are those that need the least turning until the rest fits, and those that could be turned instead
+  // of the last.
   std::ranges::stable_sort(fitting, std::ranges::greater{}, &LinkFault::angle);
   const auto available = fitting.empty() ? std::nullopt : room(directions, sides);
   double turned = 0;  // the angle of the last piece when turned inside out

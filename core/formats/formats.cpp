@@ -15,7 +15,7 @@ namespace varimesh::formats {
 
 namespace {
 
-// What is written if nothing else decides.
+// The format that is written if nothing else decides.
 constexpr Format kDefaultFormat = Format::Msh41Binary;
 constexpr std::string_view kDefaultExtension = ".msh";
 

@@ -54,7 +54,7 @@ class Guard {
 
   /// Cells that are not certified valid as of the last certify_moved().
   std::int64_t uncertified() const { return uncertified_; }
-  /// The cells of these that are in no unrepairable group.
+  /// Those of them that are in no unrepairable group.
   std::int64_t repairable() const { return repairable_; }
   /// Cells that are certified valid in the kept state but were not at the last certify_moved().
   std::int64_t lost() const { return static_cast<std::int64_t>(lost_.size()); }

@@ -29,7 +29,7 @@ class CellLanes {
         }
   }
 
-  /// From component-wise lanes of sixteen cells to one vector after another, so that adding up the cells of a node
+  /// Rearranges component-wise lanes of sixteen cells into one vector after another. Adding up the cells of a node then
   /// reads one cache line per cell.
   static HWY_INLINE void interleave(const float* vectors, int nodes, float* result) {
     const FloatTag tag;
@@ -51,7 +51,7 @@ class CellLanes {
 #else
   static constexpr bool kTurns = d == 3;
 
-  /// Reads four numbers per lane, of which the last is not needed, and transposes each group of four lanes.
+  /// Reads four numbers per lane and transposes each group of four lanes. The last of the four is not needed.
   static HWY_INLINE void gather_node(const std::int32_t* ranks, const float* direction, float* u) {
     const FloatTag tag;
     const Floats a = every_fourth(tag, ranks, direction), b = every_fourth(tag, ranks + 1, direction);

@@ -22,7 +22,7 @@ HWY_INLINE void with_constant(int n, const Body& body) {
     with_constant<most - 1>(n, body);
 }
 
-/// From members to components, or from components to members: the table of signs is symmetric, so both are the same.
+/// Turns members into components, or components into members. The table of signs is symmetric, so both are the same.
 template <int mirrors>
 HWY_INLINE void add_with_signs(Floats* values) {
   unrolled<mirrors>([&](auto bit) {
@@ -46,7 +46,7 @@ struct FoldedLanes {
 
   using Places = std::array<int, 8> FoldedGradient::Orbit::*;
 
-  /// From values at nodes to their components.
+  /// Turns values at nodes into their components.
   static HWY_INLINE void fold(const FoldedGradient& gradient, const float* nodes, float* components) {
     between<&FoldedGradient::Orbit::member, &FoldedGradient::Orbit::component>(gradient, nodes, components);
   }
@@ -56,14 +56,14 @@ struct FoldedLanes {
     between<&FoldedGradient::Orbit::component, &FoldedGradient::Orbit::member>(gradient, components, nodes);
   }
 
-  /// From the components of an orbit's slots to their values, or back, in place.
+  /// Turns the components of an orbit's slots into their values, or back, in place.
   static HWY_INLINE void turn(float* slots, const FoldedGradient::Orbit& orbit) {
     with_constant<d>(orbit.mirrors, [&](auto mirrors) {
       if constexpr (mirrors > 0) turn_slots<mirrors>(slots + orbit.component[0] * d * d * kBatch);
     });
   }
 
-  /// From components at nodes to components of the derivatives at points.
+  /// Turns components at nodes into components of the derivatives at points.
   static HWY_INLINE void forward(const FoldedGradient& gradient, const float* components, float* slots) {
     for (const FoldedGradient::Parity& parity : gradient.parities)
       in_tiles(static_cast<int>(parity.rows.size()), [&](auto tile, int row) {

@@ -43,7 +43,7 @@ class VectorKernels final : public Kernels {
   HWY_FLATTEN StarExpansion expand(std::span<const StarCell> star) const override {
     Sums<d> sums;
     for (const StarCell& cell : star) {
-      // Drops the sums so far. Looking for such cells beforehand would cost every star a loop.
+      // Drops the sums so far. Looking for such cells first would cost every star a loop.
       if (cell.left_factor != nullptr) return expand_through_left_factors(*this, d, star);
       if (is_plain(cell))
         cell.affine ? expand_cell<true, true>(cell, sums) : expand_cell<false, true>(cell, sums);

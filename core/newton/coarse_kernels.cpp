@@ -1,5 +1,5 @@
 // The preconditioner's loops, compiled once for each instruction set. A lane is a component of a node's vector, since
-// longer vectors would have to gather. Only in restrict_cells a lane is a cell.
+// longer vectors would have to gather. Only in restrict_cells is a lane a cell.
 #include "core/newton/coarse_kernels.h"
 
 #include <algorithm>

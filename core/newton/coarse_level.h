@@ -23,9 +23,10 @@ namespace varimesh {
 /// the part of the Hessian that may be negative (HessianKernels::mean_tensors). So K is positive definite for every
 /// mesh.
 ///
-/// With K_ii = L_i L_iᵀ, its diagonal raised by 1e-6, what is kept is L_i⁻¹, and L_i⁻¹ K_ij L_j⁻ᵀ in steps of 1/32767:
-/// none of its entries is larger than 1. The cycle works on this matrix, whose diagonal is the unit matrix. Steps of
-/// the entries of K itself would lose the weak couplings in thin cells beside the strong ones.
+/// Let K_ii = L_i L_iᵀ, with its diagonal raised by 1e-6. The level keeps L_i⁻¹, and L_i⁻¹ K_ij L_j⁻ᵀ in steps of
+/// 1/32767; none of the entries of L_i⁻¹ K_ij L_j⁻ᵀ is larger than 1. The cycle works on this matrix, whose diagonal is
+/// the unit matrix. Steps of the entries of K itself would lose the weak couplings in thin cells beside the strong
+/// ones.
 class CoarseLevel {
  public:
   /// `batches`: of the problem. solve() overwrites their contributions. All arguments are kept by reference.

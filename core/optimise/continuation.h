@@ -27,8 +27,8 @@ class Continuation {
   Continuation(SetUp& set_up, const Certifier& certifier, const Stopwatch& watch, const OnIteration& on_iteration,
                const RunControl& control, Team& team);
 
-  /// Runs the stages. `certificates` are of set_up.mesh on entry and of the result's mesh afterwards. Of result.mesh it
-  /// sets the coordinates only; the rest can be copied once the memory of the run has been freed. Returns false and
+  /// Runs the stages. `certificates` are of set_up.mesh on entry and of the result's mesh afterwards. It sets only the
+  /// coordinates of result.mesh; the rest can be copied once the memory of the run has been freed. Returns false and
   /// changes neither of them if control.checkpoint cannot be used; a run from the beginning needs a new Continuation.
   bool run(std::vector<Certificate>& certificates, Result& result);
 

@@ -141,7 +141,7 @@ std::vector<CellCorner> bad_corners(const Result& result) {
   return corners;
 }
 
-/// Fewer uncertified elements; with as many, a higher minimum.
+/// Whether a has fewer uncertified elements than b or, if both have the same number, a higher minimum.
 bool is_better(const Result& a, const Result& b) {
   const std::size_t left_a = a.after.uncertified.size(), left_b = b.after.uncertified.size();
   return left_a != left_b ? left_a < left_b : a.after.min_scaled_jacobian > b.after.min_scaled_jacobian;
@@ -210,7 +210,8 @@ Result optimise_by_splitting(const HighOrderMesh& mesh, const Options& options, 
   if (!best || !best->after.uncertified.empty()) {
     const bool optimises = runs.may_go_on();
     std::optional<Result> unsplit = optimises ? runs.run(mesh) : runs.judge(mesh);
-    // As few uncertified elements are enough for a mesh that was optimised. The mesh as it came in must have fewer.
+    // A mesh that was optimised replaces the best one if it has no more uncertified elements. The mesh as it came in
+    // must have fewer.
     const std::size_t limit = best ? best->after.uncertified.size() + (optimises ? 1 : 0) : 0;
     if (!best || (unsplit && unsplit->after.uncertified.size() < limit)) {
       if (best) unsplit->repairs.push_back(left_unsplit(*best, *unsplit));

@@ -20,9 +20,9 @@ namespace varimesh {
 /// are never split for their own sake.
 ///
 /// The stop reason is that of the run that the mesh comes from. But if elements are left, and a limit for everything
-/// together or a stop kept it from going on, the reason is that limit or stop. Of `control` it uses the number of
-/// threads, and stop_asked between the steps of splitting; there are no checkpoints. It ends: there are at most eight
-/// passes per round.
+/// together or a stop kept it from going on, the reason is that limit or stop. It uses only two members of `control`:
+/// the number of threads, and stop_asked between the steps of splitting. There are no checkpoints. It ends: there are
+/// at most eight passes per round.
 Result optimise_by_splitting(const HighOrderMesh& mesh, const Options& options, const OnIteration& on_iteration,
                              const RunControl& control = {});
 

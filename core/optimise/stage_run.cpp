@@ -45,7 +45,7 @@ void StageRun::follow(Carried carried) {
 }
 
 std::optional<StopReason> StageRun::begin() {
-  drop_deformation(problem_);  // it is of other targets, or of positions that were not accepted
+  drop_deformation(problem_);  // it belongs to other targets, or to positions that were not accepted
   sweeper_.scan();
   iteration_.invalid_elements = guard_.uncertified();
   iteration_.repairable_elements = guard_.repairable();
@@ -132,13 +132,13 @@ void StageRun::record(const MethodOutcome& outcome) {
 
 std::optional<StopReason> StageRun::reason_to_stop(const MethodOutcome& outcome) {
   const bool small = !outcome.failed && iteration_.residual <= options_.tolerance;
-  // It proves nothing that the awake nodes hardly move: all nodes must be visited.
+  // That the awake nodes hardly move proves nothing: all nodes must be visited.
   if (small && !outcome.whole) sweeper_.wake();
   converged_ = small && outcome.whole;
   const Outlook outlook = chooser_.outlook(guard_.unrepaired());
   if (const auto reason = stopper_.after(iteration_, converged_, outlook, bound_)) return reason;
   if (began_ > 0 && iteration_.number - began_ >= kMostIterationsOfALaterStage) return StopReason::NoProgress;
-  // A small step that was cut short is no end. But if something is tangled, it is time for another method.
+  // A small step that was cut short does not end the run. But if something is tangled, it is time for another method.
   const bool idle = small && guard_.unrepaired() > 0 && iteration_.phase == Phase::Newton;
   if (!chooser_.next(guard_.repairable(), guard_.unrepaired(), outcome.stuck || converged_ || idle))
     return StopReason::NoProgress;

@@ -131,7 +131,7 @@ struct Options {
   std::vector<std::string> fix;          ///< Physical groups whose nodes stay, by name, by tag, or by "dimension:tag".
   std::vector<std::string> free;         ///< Groups of interface elements whose nodes may move; not the outer boundary.
   std::vector<std::int64_t> fix_nodes;   ///< Numbers of nodes that stay, with the whole edge or face of each.
-  std::vector<std::int64_t> free_nodes;  ///< Numbers of nodes that may move, likewise; not on the outer boundary.
+  std::vector<std::int64_t> free_nodes;  ///< The same for nodes that may move; not on the outer boundary.
   double region_below = 0;               ///< Above 0: move nodes only near cells with a scaled Jacobian below this.
   int rings = 2;                         ///< The layers of cells around those cells that may move.
 };

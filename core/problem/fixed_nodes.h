@@ -10,11 +10,11 @@
 namespace varimesh {
 
 /// For every node whether it is fixed. The rules are applied in this order:
-/// 1. Fixed are the nodes of facets with only one cell (the outer boundary) and of every element of one dimension less
+/// 1. The nodes of facets with only one cell (the outer boundary) and of every element of one dimension less are fixed
 ///    (see fixed_nodes). Elements of the groups in `options.free` do not fix their nodes. A node that also belongs to
 ///    the outer boundary or to another such element stays fixed.
 /// 2. Each node in `free_nodes` is freed, together with all nodes of the vertex, edge or face that it lies in and of
-///    everything that this one bounds. The rim of a fixed edge or face must not move.
+///    everything that this vertex, edge or face bounds. The rim of a fixed edge or face must not move.
 /// 3. The nodes of the groups in `fix` are fixed. Each node in `fix_nodes` is fixed too, together with all nodes of the
 ///    edge or face that it lies in and of its rim.
 /// 4. With `region_below`, every node of a cell outside the region is fixed. The region consists of the cells whose

@@ -42,7 +42,7 @@ struct CellSet {
   AlignedVector<double> left_factor;
   /// F, row-major: count × d·d × stride. Empty unless hold_deformation() was called; it is the largest array of a set.
   AlignedVector<double> deformation;
-  /// Beside F the function of J that the energy needs, ln J or J^(−1/3) (jacobian-inl.h): count × stride. Valid
+  /// The function of J that the energy needs besides F, ln J or J^(−1/3) (jacobian-inl.h): count × stride. Valid
   /// wherever J > 0; its J may have been rounded differently from the J of F. Empty if the energy needs neither.
   AlignedVector<double> jacobian_function;
   std::vector<double> energy_slope;   ///< Weight of each cell in Hessian products (the p-norm's slope); empty: 1.

@@ -14,7 +14,7 @@
 namespace varimesh::reference {
 namespace {
 
-/// The shapes of which a cell is the product. Their lattice directions follow one another.
+/// The shapes whose product the cell is. Their lattice directions follow one another.
 std::vector<Shape> factors(Shape shape) {
   switch (shape) {
     case Shape::Quadrilateral:

@@ -31,8 +31,8 @@ inline int vertex_count(const SplitPlace& place) { return place[2] < 0 ? 2 : 3; 
 /// vertices and their place between them, so the mesh conforms. Nodes of everything that is not split stay bit for bit.
 ///
 /// Numbers stay, too. If a node's edge, face or cell disappears, its number is given to a new node. Further new nodes
-/// get numbers above the highest there is and come last. New elements likewise come last within their block, in the
-/// same entities and physical groups.
+/// get numbers above the highest there is and come last. New elements also come last within their block, in the same
+/// entities and physical groups.
 ///
 /// Adds a step to `steps` for each place.
 ///

@@ -36,8 +36,9 @@ class Sweeper {
   Sweeper(Problem& problem, const ColouredNodes& coloured, const Kernels& kernels, Regularisation regularisation,
           const PNorm& norm, double rest, const Team& team);
 
-  /// Computes the deformation gradients from the positions of the nodes, against the drift of updating them move by
-  /// move: for every cell in which a sweep has moved a node since the last rebuild, or for all cells if none are held.
+  /// Computes the deformation gradients from the positions of the nodes, for every cell in which a sweep has moved a
+  /// node since the last rebuild, or for all cells if none are held. This removes the drift that comes from updating
+  /// them move by move.
   void rebuild();
 
   /// Reads or writes which nodes are awake. Right after a rebuild this is the whole state: refresh() restores what is
@@ -54,7 +55,7 @@ class Sweeper {
   /// gradients are held, it computes them cell by cell from the positions of the nodes.
   ScanOutcome scan();
 
-  /// To be called after another method has moved nodes (and updated the deformation gradients, if they are held).
+  /// Call it after another method has moved nodes (and updated the deformation gradients, if they are held).
   void changed();
   /// The same if the new scans of all cells are known and no deformation gradients are held.
   void changed(std::span<const CellScan> scans);

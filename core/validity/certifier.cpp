@@ -145,7 +145,8 @@ CertificateSummary Certifier::sharpen(std::span<const double> coordinates, std::
     const Certificate better = detail::subdivide(
         {&detail::jacobian_table(block.shape, block.order), coordinates.data(), cells_[cell].nodes, scale_, sign_},
         options);
-    // An answer once given stands. The search for a sharper bound may spend its budget and end with another one.
+    // An answer that was given once is kept. The search for a sharper bound may spend its budget and end with another
+    // answer.
     if (better.answer == certificates[cell].answer &&
         better.scaled_jacobian_lower_bound >= certificates[cell].scaled_jacobian_lower_bound)
       certificates[cell] = better;

@@ -22,7 +22,7 @@ namespace varimesh {
 ///
 /// Every rounding error is bounded, and the bound counts against the answer; rounding_bound-inl.h has the derivation.
 /// If the answer is lost in this error, the cell is examined again with nodes converted in 113 bits and products in
-/// long double. Only if that does not tell is the cell called undecided.
+/// long double. If that gives no answer either, the cell is called undecided.
 class Certifier {
  public:
   /// Keeps a reference to the mesh, whose elements must stay as they are; its nodes may move.
