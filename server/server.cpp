@@ -53,7 +53,8 @@ Expected<void> Server::start_scheduler() {
   settings.launch = [this](int threads, SchedulerSettings::Job job) { threads_.launch(threads, std::move(job)); };
   settings.log = [](const std::string& job, const std::string& what) { spdlog::info("{} {}", job, what); };
   scheduler_ = std::make_unique<Scheduler>(&stores_->jobs(), &stores_->meshes(), options_.engine, std::move(settings));
-  // Before anybody can call the server: a job that this server has claimed itself must not be taken back.
+  // This is done before anybody can call the server, because a job that this server has claimed itself must not be
+  // taken back.
   if (const auto recovered = scheduler_->recover(); !recovered)
     return tl::unexpected(Error{Error::Kind::Output, recovered.error().sentence});
   return {};

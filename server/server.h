@@ -1,6 +1,5 @@
 // The whole service as one object. varimeshd starts it, and the command runs it in its own process if it is used
-// without
-// --server.
+// without --server.
 #pragma once
 
 #include <grpcpp/channel.h>

@@ -1,4 +1,4 @@
-// varimesh info: shows what a server is and accepts.
+// varimesh info: shows a server's version, its limits and what it accepts.
 #include <fmt/format.h>
 
 #include <iostream>

@@ -19,7 +19,7 @@ Json document(const v1::Metrics& metrics);
 Json document(const MeshSummary& mesh, const QualityReport& quality, const std::vector<UnrepairableGroup>& groups);
 /// A job as submit, cancel and jobs print it: {"job", "state", …}.
 Json document(const v1::Job& job);
-/// What a server is and accepts: {"version", "threads", …}.
+/// A server's version, its limits and what it accepts: {"version", "threads", …}.
 Json document(const v1::GetServerInfoResponse& info);
 
 /// Prints the document on standard output.

@@ -10,7 +10,7 @@ namespace varimesh::client {
 
 /// Estimates the remaining time from the iterations so far. It assumes that the residual goes on falling at its recent
 /// rate, and that the job stops at the first of the limits in its options; a job may stop earlier for other reasons.
-/// With the objective `worst`, the number of stages is not known beforehand, so only the time limit counts.
+/// With the objective `worst`, the number of stages is not known in advance, so only the time limit counts.
 class RemainingTime {
  public:
   explicit RemainingTime(const v1::Options& options);

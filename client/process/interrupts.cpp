@@ -28,7 +28,7 @@ std::atomic<bool> first_ends = false;
 int interrupt_count() { return count; }
 
 void catch_interrupts() {
-  // A thread waits for the signals, because a signal handler may not do what has to be done. All threads that are
+  // A thread waits for the signals, because a signal handler must not do what is needed here. All threads that are
   // started later inherit the mask and so leave the signals to this one.
   sigset_t signals;
   sigemptyset(&signals);

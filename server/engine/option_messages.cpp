@@ -1,5 +1,5 @@
 // Fields of the message have the names of the table. The value of an enum is that of the library plus one, since 0
-// means "not said". Tests hold the message against the table.
+// means "not said". Tests compare the message with the table.
 #include "server/engine/option_messages.h"
 
 #include <google/protobuf/reflection.h>

@@ -8,8 +8,8 @@
 
 namespace varimesh::server {
 
-/// What a message does not set has the library's default. Fails with INVALID_ARGUMENT for a value of an enum that this
-/// server does not know. The library checks ranges.
+/// An option that the message does not set has the library's default. Fails with INVALID_ARGUMENT for a value of an
+/// enum that this server does not know. The library checks ranges.
 Answer<Options> options_from(const v1::Options& message);
 
 /// The message with every field set, so that a job keeps its options when a default changes.

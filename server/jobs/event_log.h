@@ -28,7 +28,7 @@ inline constexpr std::int64_t kSequenceRange = 1'000'000'000;
 
 /// The events of one job. All states, quality reports and log lines are kept, and the newest `max_iterations`
 /// iterations. A watcher has no queue: it continues from the last number that it delivered, so a slow watcher costs
-/// nothing. What it misses is the gap in the numbers, which contains only iterations. Thread-safe.
+/// nothing. A gap in the numbers shows what it has missed, which is only iterations. Thread-safe.
 class EventLog {
  public:
   /// How many iterations are kept, and how many a watcher may be behind before some are skipped.

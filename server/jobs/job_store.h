@@ -92,7 +92,7 @@ struct Ending {
 };
 
 /// Stores jobs, their states and their events. Thread-safe; all calls may wait for a disk. If the store is durable(),
-/// what a call has answered is kept, whatever happens to the process afterwards.
+/// it keeps what a call has answered, whatever happens to the process afterwards.
 ///
 /// Every call can fail with RESOURCE_EXHAUSTED (STORE_FULL: the disk is full) or INTERNAL; then nothing has changed.
 /// Calls with a claim fail with ABORTED (CLAIM_LOST) if another worker has taken the job over. Calls with a name fail

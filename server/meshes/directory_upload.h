@@ -17,7 +17,7 @@ Refusal cannot_store(const std::string& why);
 bool sync_directory(const std::filesystem::path& directory);
 
 /// An upload that has not ended. Its mutex orders the streams that continue it one after another. The store's mutex may
-/// be locked while this one is held; while the store's is held, this one is only tried.
+/// be locked while this one is held; while the store's mutex is held, this one is only locked if it is free.
 struct DirectoryMeshStore::Upload {
   ~Upload() {
     if (file >= 0) ::close(file);

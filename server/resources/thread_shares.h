@@ -13,7 +13,7 @@ namespace varimesh::server {
 /// A job's view of its threads.
 struct LentThreads {
   std::function<int()> now;                            ///< How many threads the job may use now, at least 1.
-  std::function<void(bool rests)> rest = [](bool) {};  ///< The job begins or ends to wait for something else.
+  std::function<void(bool rests)> rest = [](bool) {};  ///< The job begins, or stops, waiting for something else.
 };
 
 /// Shares a number of threads among the running jobs: one per job, then one more per job in the order of their arrival,

@@ -17,7 +17,7 @@ namespace varimesh::server {
 enum class Pull { Message, Wait, End };
 
 /// Writes the messages of a source one after another and finishes the stream. The reactor that owns the pump forwards
-/// its reactions to it. As in gRPC's orca_service.cc, it is decided under the lock who finishes the stream.
+/// its reactions to it. As in gRPC's orca_service.cc, the lock is held while it is decided who finishes the stream.
 template <class Response>
 class Pump {
  public:

@@ -1,4 +1,4 @@
-"""The check of includes finds what it is there for: an upward arrow, a circle, a file without a room, a forbidden house."""
+"""The check of includes finds planted faults: an upward arrow, a circle, a file without a room, a forbidden house."""
 import pathlib
 import shutil
 import subprocess

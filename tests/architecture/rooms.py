@@ -15,7 +15,7 @@ def listed(tree, house):
 
 
 def room_of(path, rooms):
-    """The room that a file is in: of the lines that fit, the longest, so that a file comes before its folder.
+    """The room that a file is in. If several lines fit, it is the longest, so that a file comes before its folder.
 
     A line that ends with a slash is a folder; one that ends with a dot is a header and its source; others are one file.
     """
@@ -24,7 +24,7 @@ def room_of(path, rooms):
 
 
 def includes(tree):
-    """Of each source file, the files of core, server and client that it includes."""
+    """For each source file, the files of core, server and client that it includes."""
     found = {}
     for house in HOUSES:
         for source in sorted((tree / house).rglob("*")):

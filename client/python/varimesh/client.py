@@ -64,8 +64,8 @@ class Client:
         `output` names files to write (.msh in `format`, .vtu). `arrays` says whether the result should have its mesh in
         arrays. By default it has, unless the mesh comes from a file and goes to files. Ctrl-C cancels the job.
 
-        Raises JobFailed, JobCancelled (by somebody else), Refused, ServerUnreachable, BadOption or BadMesh. Elements of a
-        result may still not be certified valid; `result.valid` tells.
+        Raises JobFailed, JobCancelled (by somebody else), Refused, ServerUnreachable, BadOption or BadMesh. It
+        is no error if elements of the result are not certified valid; `result.valid` says whether all are.
         """
         paths = _paths(output)
         mesh = mesh if _is_path(mesh) else as_mesh(mesh)

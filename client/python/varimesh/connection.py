@@ -173,7 +173,7 @@ class Connection:
         return grpc.insecure_channel(address, options)
 
     def meet(self) -> None:
-        """To be called before the first call. Raises an error with a sentence if there is no server."""
+        """Call it before the first call. Raises an error with a sentence if there is no server."""
         if self._met:
             return
         deadline = time.monotonic() + self._connect_seconds

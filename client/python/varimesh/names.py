@@ -26,7 +26,7 @@ def spellings(enum: Any) -> dict[str, int]:
 
 
 def suggestion(word: str, known: Iterable[str]) -> str:
-    """The end of an error's sentence: the word that was probably meant, or all that there are."""
+    """The end of an error's sentence: the word that was probably meant, or all known words."""
     known = list(known)
     near = difflib.get_close_matches(word, known, 1)
     return f"did you mean '{near[0]}'?" if near else "take one of " + ", ".join(known) + "."

@@ -12,7 +12,7 @@ function convergence(section, history) {
   for (const [key, title, y, log] of CURVES) {
     const values = history[key];
     const positive = values.every((value) => value > 0);
-    // On a linear axis nothing can be seen of an energy that falls by orders of magnitude.
+    // A linear axis would not show an energy that falls by orders of magnitude.
     const decades = positive && Math.max(...values.slice(0, 5000)) > 50 * Math.min(...values.slice(-5000));
     const place = make('div');
     columns.append(place);

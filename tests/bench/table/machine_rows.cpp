@@ -156,7 +156,7 @@ Run some_iterations(const std::string& mesh, Method method, int threads) {
   return run;
 }
 
-/// How many times as much work `count` yardsticks do at the same time as one does alone.
+/// How many times as much work `count` yardsticks do at the same time as one does by itself.
 double yardstick_ratio(int count) {
   const double alone = yardstick().wall;
   double together = 0;

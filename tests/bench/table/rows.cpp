@@ -157,12 +157,12 @@ void iterations(Bench& bench) {
 
 /// Flops per second, counted for this mesh.
 struct Rates {
-  double sweep = 0;      ///< Of the sweep alone.
+  double sweep = 0;      ///< Of only the sweep.
   double certified = 0;  ///< Of an iteration: the sweep, the scan of its cells, and certificates for those that moved.
   double busy = 0;       ///< The larger Conditions::busy_cores of the two.
 };
 
-/// Both from the median of sweeps 2 to 6, by processor time.
+/// Both rates are from the median of sweeps 2 to 6, by processor time.
 Expected<Rates> rates_of(const Bench& bench, const std::string& mesh) {
   const Run run = six_sweeps(mesh, Energy::Hyperelastic);
   const auto loaded = bench.runner.meshes().load(mesh);

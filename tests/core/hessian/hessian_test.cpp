@@ -46,8 +46,8 @@ TEST_P(HessianKernelsOf, DeformationIsKeptTo16BitsOfItsDifferences) {
 // A node's gradient and its own block of the Hessian, added up from its cells as Newton's method does it.
 //
 // F is kept to 16 bits of its difference from the mean. The block's error is 1.5e-5 of that difference, times the
-// energy's third derivatives over its second ones. In a tangled mesh J is next to nothing in places, and they are
-// steep.
+// energy's third derivatives over its second ones. In a tangled mesh J is close to zero in places, and the third
+// derivatives are large.
 TEST_P(HessianKernelsOf, CellsPartsAddUpToTheirNodesExpansions) {
   for (const auto [tangled, metric] : testing::kTreatments) {
     prepare(tangled, metric);

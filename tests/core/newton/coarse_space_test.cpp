@@ -76,7 +76,7 @@ TEST_P(CoarseSpaceOn, GivesANodeOneValueWhicheverOfItsCellsIsAsked) {
         }
     }
     EXPECT_GT(again, 0U);
-    // Where no node may move there is no value: fixed nodes get none.
+    // Fixed nodes get the value 0.
     const std::set<std::int32_t> free(problem_.free.begin(), problem_.free.end());
     for (const auto& [node, value] : fine)
       if (!free.contains(node)) {

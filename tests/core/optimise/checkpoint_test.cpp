@@ -1,5 +1,5 @@
-// A run that is broken off anywhere goes on from its checkpoint to the same bytes; a checkpoint that is damaged or of
-// something else is passed over.
+// A run that is broken off anywhere goes on from its checkpoint to the same bytes; a checkpoint that is damaged or
+// belongs to something else is ignored.
 #include "core/checkpoint/checkpoint.h"
 
 #include <gtest/gtest.h>

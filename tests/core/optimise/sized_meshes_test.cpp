@@ -1,4 +1,4 @@
-// The meshes that come of sizes, metrics and strains.
+// The meshes that result from sizes, metrics and strains.
 #include <gtest/gtest.h>
 
 #include <Eigen/Dense>

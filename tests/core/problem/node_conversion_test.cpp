@@ -1,4 +1,4 @@
-// From the file's nodes to the solver's and back: by interpolation, and bit for bit where nothing moved.
+// From the file's nodes to the solver's and back: by interpolation, and bit for bit if nothing moved.
 #include "core/problem/node_conversion.h"
 
 #include <gtest/gtest.h>

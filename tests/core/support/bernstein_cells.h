@@ -12,7 +12,7 @@
 
 namespace varimesh::detail {
 
-/// Barycentric coordinates (factor behind factor) of a point of the reference cell.
+/// Barycentric coordinates (one factor after the other) of a point of the reference cell.
 inline std::array<double, 6> barycentric(Shape shape, const Eigen::RowVectorXd& xi) {
   const auto half = [&](Eigen::Index c) { return (1 + xi(c)) / 2; };
   switch (shape) {

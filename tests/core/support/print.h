@@ -1,4 +1,4 @@
-// How GoogleTest prints the enumerations of the core: by name, where it would otherwise print their bytes.
+// How GoogleTest prints the enumerations of the core: by name instead of by their bytes.
 #pragma once
 
 #include <ostream>

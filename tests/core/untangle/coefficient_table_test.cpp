@@ -37,7 +37,7 @@ TEST_P(CoefficientTableOf, HasTheCoefficientsOfTheCertificates) {
     const CoefficientTable& table = coefficient_table(GetParam(), order);
     const int d = table.dimension;
     const Eigen::MatrixXd x = positions(order);
-    // The certificates go by the file's equispaced nodes.
+    // The certificates use the file's equispaced nodes.
     const Eigen::MatrixXd equispaced =
         reference::conversion(GetParam(), order, reference::NodeSet::Optimised, reference::NodeSet::Equispaced, d) * x;
     HighOrderMesh mesh = testing::one_cell(GetParam(), order, [](testing::Place p) { return p; });
