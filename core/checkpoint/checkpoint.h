@@ -19,7 +19,7 @@ namespace varimesh {
 /// Takes the next bytes; false if it wants no more. CheckpointSink of core/optimise/run_control.h is the same.
 using ByteSink = std::function<bool(std::string_view)>;
 
-/// A hash of bytes in the order in which they are added. It is no protection against an adversary.
+/// A hash of bytes in the order in which they are added. It does not protect against an adversary.
 class Fingerprint {
  public:
   void add(std::string_view bytes);

@@ -13,7 +13,7 @@ namespace varimesh {
 namespace {
 
 constexpr std::int32_t kNodesPerTask = 128;  // small, since there are many small colours
-constexpr double kNothing = 1e-34;           // blocks are at most about 1; the inverse of a smaller one is no float
+constexpr double kNothing = 1e-34;  // blocks are at most about 1; the inverse of a smaller one may not fit a float
 /// If the matrix might be larger than this, the coarse level is of order 1.
 constexpr std::size_t kMostBytes = std::size_t{8} << 30;
 

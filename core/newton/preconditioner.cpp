@@ -10,7 +10,7 @@ namespace {
 
 constexpr std::int32_t kNodesPerTask = 2048;
 constexpr double kLeastEigenvalue = 1e-3;  // of a block, relative to its largest
-constexpr double kNothing = 1e-34;         // the largest blocks are about 1; the inverse of a smaller one is no float
+constexpr double kNothing = 1e-34;  // the largest blocks are about 1; the inverse of a smaller one may not fit a float
 
 template <int d>
 void invert_block(const std::array<double, 6>& triangle, float* inverse) {

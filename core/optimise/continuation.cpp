@@ -125,7 +125,7 @@ void Continuation::iterate(Result& result) {
 }
 
 /// Called at the end of a stage. Considers its mesh for the best one, unless its mean has fallen too far. True if it is
-/// the best so far, or if the stage was broken off before it could be, which says nothing about the next stage.
+/// the best so far, or if the stage was interrupted before it could be, which says nothing about the next stage.
 bool Continuation::next_stage_may_help(StopReason ended) {
   team_.run([&] {
     guard_->certify_moved();

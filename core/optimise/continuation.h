@@ -33,7 +33,7 @@ class Continuation {
   bool run(std::vector<Certificate>& certificates, Result& result);
 
  private:
-  /// Makes guard, best mesh and stage anew. `certificates` and `unrepairable` are those of set_up.mesh.
+  /// Makes a new guard, best mesh and stage. `certificates` and `unrepairable` are those of set_up.mesh.
   void set_up_stage(const std::vector<Certificate>& certificates, std::span<const UnrepairableGroup> unrepairable);
   StageContext context();
   std::optional<StopReason> begin(const std::vector<Certificate>& certificates,

@@ -15,7 +15,7 @@ namespace varimesh {
 struct SetUp;
 
 /// Optimises a mesh. Checks the mesh and the options first. Errors: BadInput, BadOption. The same mesh in other units
-/// of length takes the same path. The result is the same bit for bit whatever the number of threads.
+/// of length takes the same path. The result is the same bit for bit for every number of threads.
 Expected<Result> optimise(HighOrderMesh mesh, const Options& options = {}, const OnIteration& on_iteration = {},
                           const RunControl& control = {});
 

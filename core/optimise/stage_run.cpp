@@ -6,7 +6,7 @@ namespace varimesh {
 namespace {
 
 /// Sweeps update the deformation gradients by rank one as nodes move. After this many iterations they are computed
-/// anew: rounding does not add up, and a checkpoint need not hold them.
+/// again from the positions, so rounding does not add up, and a checkpoint need not hold them.
 constexpr int kIterationsBetweenRebuilds = 10;
 /// While all cells are valid, only every fourth sweep is followed by certificates.
 constexpr int kSettledSweepsBetweenCertificates = 4;

@@ -179,7 +179,7 @@ class Straightener {
     }
   }
 
-  /// Drops the cell's parts from those to straighten. If it has none, or is no simplex, drops all parts that share a
+  /// Drops the cell's parts from those to straighten. If it has none, or is not a simplex, drops all parts that share a
   /// vertex with it. True if there were any.
   bool give_up(std::int32_t cell) {
     std::size_t erased = 0;

@@ -16,7 +16,7 @@ namespace varimesh {
 struct SweepOutcome {
   double residual = 0;       ///< Largest full Newton step of a node, before its line search.
   double gradient_norm = 0;  ///< √ Σ |G|² of the nodes' gradients, each as its node was visited.
-  std::int64_t visited = 0;  ///< Nodes that were not passed over.
+  std::int64_t visited = 0;  ///< Nodes that were not skipped.
 };
 
 /// The energy and the validity of the whole mesh, from its deformation gradients.
@@ -30,9 +30,9 @@ struct ScanOutcome {
 /// and the first after other methods.
 class Sweeper {
  public:
-  /// `rest`: a node is passed over while in each of its cells the nodes have moved by no more than this since its last
-  /// visit (the lengths of their moves added up, relative to the diagonal of the bounding box). Below 0: no node is
-  /// passed over.
+  /// `rest`: a sweep skips a node if in each of its cells the nodes have moved by no more than this since its last
+  /// visit (the lengths of their moves added up, relative to the diagonal of the bounding box). Below 0: it skips no
+  /// node.
   Sweeper(Problem& problem, const ColouredNodes& coloured, const Kernels& kernels, Regularisation regularisation,
           const PNorm& norm, double rest, const Team& team);
 

@@ -65,7 +65,7 @@ class Untangler {
   /// Keeps the best state of each patch so far. When all patches have ended, the guard certifies the best state without
   /// a lost certificate, and the problem then continues from the best state of all, even if certificates are lost
   /// there, as after a sweep. If that is no better than the state before the untangling, the problem goes back to it,
-  /// since other methods may still get on from there.
+  /// because other methods may still make progress from there.
   void judge();
 
   /// Whether every patch has ended.

@@ -9,7 +9,7 @@
 
 namespace varimesh::detail {
 
-/// The widest floating-point type at hand: 113 bits, by hardware or software.
+/// The widest available floating-point type: 113 bits, in hardware or software.
 #ifdef __SIZEOF_FLOAT128__
 using Quad = __float128;
 #else

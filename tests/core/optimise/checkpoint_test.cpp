@@ -1,4 +1,4 @@
-// A run that is broken off anywhere goes on from its checkpoint to the same bytes; a checkpoint that is damaged or
+// A run that is interrupted anywhere continues from its checkpoint to the same bytes; a checkpoint that is damaged or
 // belongs to something else is ignored.
 #include "core/checkpoint/checkpoint.h"
 
