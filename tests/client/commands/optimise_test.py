@@ -121,10 +121,10 @@ class InProcess(WithFolder):
         self.assertEqual(done.returncode, 4, done.stderr)
         (left,) = json.loads(done.stdout)["repairs"]
         self.assertEqual(left["kind"], "left")
-        self.assertIn("tetrahedra", left["sentence"])
+        self.assertIn("Only tetrahedra can be split", left["sentence"])
         done = run("optimise", folded, "-o", out, "--repair", "straighten")
         self.assertEqual(done.returncode, 4, done.stderr)
-        self.assertRegex(done.stdout, r"(?i)straight|curved")
+        self.assertRegex(done.stdout, r"Made straight-sided|Left curved|can be made straight-sided")
         done = run("optimise", folded, "-o", out, "--repair", "split", "--region-below", "0.5")
         self.assertEqual(done.returncode, 2, done.stderr)
         self.assertIn("region_below", done.stderr)

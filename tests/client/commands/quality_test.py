@@ -38,7 +38,7 @@ class Quality(WithFolder):
         folded.write_text(FOLDED)
         done = run("quality", folded, "--diagnose", "-o", marked)
         self.assertEqual(done.returncode, 0, done.stderr)
-        self.assertRegex(done.stdout, r"triangle 1: .*must be")
+        self.assertRegex(done.stdout, r"triangle 1: .*refine it")
         self.assertIn('"unrepairable"', marked.read_text())
 
 
