@@ -1,4 +1,4 @@
-// libvarimesh-client: what a C++ program needs to have its meshes optimised by a server.
+// libvarimesh-client: lets a C++ program have its meshes optimised by a server.
 //
 //   auto client = varimesh::client::Client::connect("127.0.0.1:50051");
 //   auto mesh = client->upload_file("wing.msh");
@@ -27,94 +27,98 @@ namespace varimesh::client {
 
 class InputFile;
 class Interrupter;
-class Patience;
+class RetryPolicy;
 
-/// Why a call did not do what it was asked to.
+/// Why a call failed.
 struct Failure {
   enum class Kind {
-    Transport,    ///< The server is not there, or went away and did not come back.
-    Refused,      ///< The server said no; `reason` says why.
+    Transport,    ///< The server cannot be reached, or went away and did not come back.
+    Refused,      ///< The server refused the call; `reason` says why.
     File,         ///< A local file cannot be read or written.
     Interrupted,  ///< The caller asked to stop.
   };
   Kind kind = Kind::Transport;
-  std::string reason;    ///< Of google.rpc.ErrorInfo: MESH_NOT_FOUND; service.proto lists them.
+  std::string reason;    ///< The reason in google.rpc.ErrorInfo, such as MESH_NOT_FOUND; service.proto lists them.
   std::string sentence;  ///< What was wrong, where, and what to do.
-  std::map<std::string, std::string> metadata;
+  std::map<std::string, std::string> metadata;  ///< The metadata in google.rpc.ErrorInfo.
 };
 
 template <class T>
 using Outcome = tl::expected<T, Failure>;
 
-/// How patient a client is.
+/// How a client waits, stops and sends.
 struct Settings {
-  std::chrono::milliseconds connect{5000};  ///< For the first contact.
-  std::chrono::milliseconds retry{60000};   ///< For a server that was there and went away.
-  /// Asked often, and from a thread of the client's own; true ends calls under way with Interrupted. Calls with one
-  /// answer that begin afterwards (to cancel a job, say) are made once, and have `last_word` to be answered.
+  std::chrono::milliseconds connect{5000};  ///< How long to wait for the first contact.
+  std::chrono::milliseconds retry{60000};   ///< How long to wait for a server that was there and went away.
+  /// Called several times per second, from a thread of the client too. If it returns true, calls under way end with
+  /// Interrupted. A call with a single answer that begins afterwards (for example cancel()) is tried once, for at most
+  /// `last_word`.
   std::function<bool()> interrupted;
   std::chrono::milliseconds last_word{2000};
-  /// Meshes go compressed, where that makes them smaller: for a network of less than some hundred MB/s.
+  /// Send and fetch meshes compressed if that makes them smaller. This pays on networks slower than about 100 MB/s.
   bool compress = false;
-  /// Told false as soon as a server that was there is found away, and true when it is back.
+  /// Called with false when a server that was there stops answering, and with true when it answers again.
   std::function<void(bool answers)> on_contact;
 
   bool wants_to_stop() const { return interrupted && interrupted(); }
 };
 
-/// What came of a job that succeeded.
+/// The final state and the history of a job that has a result.
 struct JobResult {
   v1::Job job;
   std::vector<v1::Iteration> history;
 };
 
-/// A connection to a server. Every call repeats itself while the server is unavailable; that is safe, because every
-/// call of the contract is made to be repeated. All calls may come from any thread.
+/// A connection to a server. While the server is unavailable every call is repeated for up to Settings::retry; this is
+/// safe because every call of the contract may be repeated. All methods may be called from any thread.
 class Client {
  public:
-  /// `bulk` carries the meshes, so that they do not hold up the rest; it may be the same channel.
+  /// `bulk` carries the meshes, so that they do not delay the other calls. It may be the same channel as `control`.
   Client(const std::shared_ptr<grpc::Channel>& control, const std::shared_ptr<grpc::Channel>& bulk,
          Settings settings = {});
-  /// HOST:PORT or unix:PATH, without encryption. Fails where nobody answers in `settings.connect`.
+  /// Connects to HOST:PORT or unix:PATH, without encryption. Fails if nothing answers within `settings.connect`.
   static Outcome<Client> connect(const std::string& address, Settings settings = {});
 
-  /// Brings a file to the server, unless it is there already; goes on where a broken upload stopped. A pipe or a device
-  /// is read to its end first.
+  /// Uploads a file unless the server has it already. An upload that was cut goes on where it stopped. A pipe or a
+  /// device is first read to its end.
   Outcome<v1::StoredMesh> upload_file(const std::string& path);
   Outcome<v1::StoredMesh> upload(const InputFile& file);
-  /// A request id of its own makes a repeated submission join the same job; empty: a random one.
+  /// Submits a job. A submission that is repeated with the same request id joins the job that exists; an empty id
+  /// stands for a random one.
   Outcome<v1::Job> submit(const v1::JobSpec& spec, std::string request_id = {}, bool validate_only = false);
   Outcome<v1::Job> get(const std::string& name);
   Outcome<v1::Job> cancel(const std::string& name);
   Outcome<void> remove(const std::string& name);
-  /// All that match, newest first.
+  /// Returns all jobs that match, newest first.
   Outcome<std::vector<v1::Job>> list(const v1::ListJobsRequest& filter);
   Outcome<v1::GetServerInfoResponse> info();
 
-  /// Delivers the events after `after_sequence`, resuming by itself, until the job ends; returns the job as it ended.
-  /// `on_event` returns false to stop watching. `on_wait` is called a few times a second in between, may call other
-  /// methods (cancel, say), and returns false to stop at once, with Interrupted. Refused with BAD_OPTION where the job
-  /// has no event of the number `after_sequence` yet.
+  /// Delivers the events after `after_sequence` until the job ends, and returns the job as it ended. A stream that
+  /// breaks is resumed. `on_event` returns false to stop watching. Between events `on_wait` is called several times per
+  /// second; it may call other methods (for example cancel()), and returns false to stop at once, with Interrupted.
+  /// Refused with BAD_OPTION if the job has no event number `after_sequence` yet.
   using OnEvent = std::function<bool(const v1::JobEvent&)>;
   Outcome<v1::Job> watch(const std::string& name, std::int64_t after_sequence, const OnEvent& on_event,
                          const std::function<bool()>& on_wait = {});
 
   Outcome<JobResult> result(const std::string& name);
-  /// Writes the mesh beside `path`, compares its digest, and renames it (formats::OutputFile).
+  /// Writes the mesh to a temporary file beside `path`, compares its digest, and renames it (formats::OutputFile).
   Outcome<void> download(const v1::StoredMesh& mesh, const std::string& path);
 
  private:
   template <class Request, class Response>
   Outcome<Response> call(grpc::Status (v1::JobService::Stub::*method)(grpc::ClientContext*, const Request&, Response*),
                          const Request& request);
-  /// One go at an upload: nothing where the call ended with `status` and may be repeated.
-  Outcome<std::optional<v1::StoredMesh>> upload_once(const InputFile& file, const v1::UploadHeader& header,
-                                                     std::int64_t* committed, Patience* patience, grpc::Status* status);
+  /// One attempt of an upload. `committed` is the number of bytes that the server has stored, in and out. Returns
+  /// nothing if the call ended with `status` and may be repeated.
+  Outcome<std::optional<v1::StoredMesh>> try_upload(const InputFile& file, const v1::UploadHeader& header,
+                                                    std::int64_t* committed, RetryPolicy* retries,
+                                                    grpc::Status* status);
 
   std::shared_ptr<v1::JobService::Stub> jobs_;
   std::shared_ptr<v1::MeshService::Stub> meshes_;
   Settings settings_;
-  std::shared_ptr<Interrupter> interrupter_;  ///< Null where nothing interrupts.
+  std::shared_ptr<Interrupter> interrupter_;  ///< Null if Settings::interrupted is not set.
 };
 
 }  // namespace varimesh::client

@@ -1,22 +1,24 @@
-# What find_package(varimesh-client) finds: libvarimesh-client, one public header (<varimesh/client.h>), and the contract's
-# messages, which that includes. Component `client` is the library itself, `client-development` what compiles against it.
+# The package that find_package(varimesh-client) finds: libvarimesh-client, its one public header (<varimesh/client.h>), and
+# the headers of the proto, which the public header includes. The component `client` is the library itself; the component
+# `client-development` is what programs need to compile against it.
 include(CMakePackageConfigHelpers)
 include(GNUInstallDirs)
 find_package(Protobuf REQUIRED)
 find_package(PkgConfig REQUIRED)
 pkg_check_modules(grpcpp REQUIRED IMPORTED_TARGET grpc++)
 
-# Shared, so that a program needs nothing of what it is made of: of the core it has the writing of files, which stays
-# hidden. The objects are those of the static libraries.
+# A shared library, so that a program does not have to link the libraries inside it. The part of the core that it contains,
+# the writing of files, is hidden. The objects are those of the static libraries.
 add_library(varimesh_client_shared SHARED
-  $<TARGET_OBJECTS:varimesh_client> $<TARGET_OBJECTS:varimesh_proto> $<TARGET_OBJECTS:varimesh_messages>)
+  $<TARGET_OBJECTS:varimesh_client> $<TARGET_OBJECTS:varimesh_digest> $<TARGET_OBJECTS:varimesh_proto>
+  $<TARGET_OBJECTS:varimesh_messages>)
 target_link_libraries(varimesh_client_shared
   PUBLIC protobuf::libprotobuf PkgConfig::grpcpp
   PRIVATE $<BUILD_INTERFACE:varimesh> OpenSSL::Crypto PkgConfig::zstd Threads::Threads)
 target_link_options(varimesh_client_shared PRIVATE LINKER:--as-needed LINKER:--exclude-libs,libvarimesh.a)
 target_include_directories(varimesh_client_shared INTERFACE $<INSTALL_INTERFACE:include>)
 target_compile_features(varimesh_client_shared INTERFACE cxx_std_17)
-# Before 1.0 a new minor version may change anything.
+# Before version 1.0, a new minor version may change the interface.
 set_target_properties(varimesh_client_shared PROPERTIES OUTPUT_NAME varimesh-client EXPORT_NAME client
   LINKER_LANGUAGE CXX VERSION ${PROJECT_VERSION} SOVERSION ${PROJECT_VERSION_MAJOR}.${PROJECT_VERSION_MINOR})
 

@@ -1,5 +1,6 @@
-# What find_package(varimesh) finds: the library, its public headers and its own dependencies. Component `core`, which
-# installs without the service having been built: cmake --install build/release --component core
+# Installs what find_package(varimesh) finds: the library, its public headers and its dependencies. These are the
+# component `core`, which can be installed even if the service has not been built:
+#   cmake --install build/release --component core
 include(CMakePackageConfigHelpers)
 include(GNUInstallDirs)
 

@@ -1,6 +1,6 @@
-# Installs the public headers: what core/varimesh.h includes, directly or not. Every other header stays internal, and a
-# new public one needs no line here. They keep their folders under include/varimesh/core, where the "core/…" of their own
-# includes finds them. Run by cmake --install.
+# Installs the public headers: all headers that core/varimesh.h includes, directly or indirectly. All others are internal.
+# A new public header needs no line here. The headers keep their folders under include/varimesh/core, so that their own
+# includes of "core/…" work. cmake --install runs this script.
 cmake_policy(VERSION 3.25)
 cmake_path(GET CMAKE_CURRENT_LIST_DIR PARENT_PATH source)
 set(waiting core/varimesh.h)

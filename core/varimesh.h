@@ -1,4 +1,4 @@
-// Everything a program that links the library needs.
+// All public headers of the library.
 #pragma once
 
 #include "core/base/version.h"

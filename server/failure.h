@@ -1,4 +1,4 @@
-// What a call to the service can end with, as a value that knows nothing of gRPC.
+// Why a call to the service fails, as a value. Nothing here depends on gRPC.
 #pragma once
 
 #include <map>
@@ -8,7 +8,8 @@
 
 namespace varimesh::server {
 
-/// Why something was not done. api/status.h turns it into a gRPC status with google.rpc.ErrorInfo.
+/// The reason why the server did not do something. streams/status.h turns it into a gRPC status with
+/// google.rpc.ErrorInfo.
 struct Failure {
   enum class Code {
     InvalidArgument,
@@ -23,20 +24,17 @@ struct Failure {
     Internal,
   };
   Code code = Code::Internal;
-  std::string reason;    ///< For programs: MESH_NOT_FOUND; service.proto lists them.
+  std::string reason;    ///< For programs, such as MESH_NOT_FOUND. service.proto lists the reasons.
   std::string sentence;  ///< For people: what was wrong, where, and what to do.
   std::map<std::string, std::string> metadata;
-  int retry_seconds = 0;  ///< When it makes sense to ask again; 0: not said.
+  int retry_seconds = 0;  ///< When the caller may try again, in seconds. 0: not stated.
 };
 
 /// A value, or the reason why there is none.
 template <class T>
 using Answer = tl::expected<T, Failure>;
 
-inline tl::unexpected<Failure> failure(Failure::Code code, std::string reason, std::string sentence,
-                                       std::map<std::string, std::string> metadata = {}, int retry_seconds = 0) {
-  return tl::unexpected<Failure>(
-      Failure{code, std::move(reason), std::move(sentence), std::move(metadata), retry_seconds});
-}
+/// A failure as a function with an Answer returns it. refusals.h has one function for each kind.
+using Refusal = tl::unexpected<Failure>;
 
 }  // namespace varimesh::server

@@ -1,61 +1,80 @@
-// The whole service in one object: what main() starts, and what a command without --server runs in its own process.
+// The whole service as one object. varimeshd starts it, and the command runs it in its own process if it is used
+// without
+// --server.
 #pragma once
 
 #include <grpcpp/channel.h>
 
 #include <chrono>
+#include <functional>
 #include <memory>
 #include <string>
 
 #include "core/base/error.h"
-#include "server/jobs/engine.h"
+#include "server/engine/engine.h"
 #include "server/jobs/job_store.h"
-#include "server/operations/limits.h"
+#include "server/limits.h"
+#include "server/resources/thread_budget.h"
 
 namespace varimesh::server {
 
-/// Settings of a server; the defaults listen nowhere and take the whole machine.
+class AdminServer;
+class Endpoint;
+class Scheduler;
+class Stores;
+class Upkeep;
+
+/// Settings of a server. With the defaults it listens nowhere and uses the whole machine.
 struct ServerOptions {
-  std::string listen;     ///< HOST:PORT (port 0: a free one) or unix:PATH; empty: in-process channels only.
-  std::string admin;      ///< HOST:PORT on loopback for health and the page that watches; empty: none.
-  bool insecure = false;  ///< Said aloud: listen beyond loopback without TLS.
-  std::string state;      ///< Directory of jobs and meshes that outlive the server; empty: they go with it.
-  std::string
-      data;  ///< Without `state`: where to make the directory for meshes; empty: the system's for temporary files.
+  std::string listen;     ///< HOST:PORT (port 0: any free port) or unix:PATH. Empty: in-process channels only.
+  std::string admin;      ///< HOST:PORT on loopback for health checks and the live page. Empty: none.
+  bool insecure = false;  ///< Allows addresses beyond loopback although nothing is encrypted.
+  std::string state;      ///< A directory of jobs and meshes that outlive the server. Empty: both are deleted with it.
+  std::string data;  ///< If `state` is empty: the directory in which the temporary directory for meshes is created.
+                     ///< Empty: the system's directory for temporary files.
   Limits limits;
-  Engine engine;  ///< What runs the jobs: core_engine(), or a test's.
+  Engine engine;  ///< Runs the jobs: core_engine(), or an engine of a test.
   std::function<TimePoint()> clock = std::chrono::system_clock::now;
-  std::function<std::string()> new_name;  ///< Empty: random names.
+  std::function<std::string()> new_name;  ///< Makes the names of new jobs. Empty: random names.
 };
 
 /// A running server.
 class Server {
  public:
-  /// Listens and serves; jobs that another server left behind in `state` go on. Errors: BadOption for an address that
-  /// may not be listened on, Output where it is taken, or the state cannot be used.
+  /// Listens and serves. Jobs that another server left in `state` are continued. Errors: BadOption for an address that
+  /// the server may not listen on; Output if the address is taken or the state cannot be used.
   static Expected<std::unique_ptr<Server>> start(ServerOptions options);
-  /// Stops as stop() does, if that was not done.
+  /// Calls stop() if that was not done, and waits for the running jobs.
   ~Server();
 
-  /// Where it listens, with the port that was chosen; empty for none.
+  /// The address that the server listens on, with the port that was chosen; empty if there is none.
   const std::string& address() const;
   int port() const;
-  /// Where the admin port listens; empty for none.
+  /// The address of the admin port; empty if there is none.
   const std::string& admin_address() const;
   std::shared_ptr<grpc::Channel> in_process_channel();
 
-  /// Ends everything in order: NOT_SERVING, no new jobs, those that run are left for the next server where they outlive
-  /// this one and cancelled where not, finishes every stream with UNAVAILABLE, shuts down. False where a job had not
-  /// ended by itself after `patience`; then the process should leave at once.
+  /// Stops in order: answers NOT_SERVING, starts no more jobs, finishes all streams with UNAVAILABLE, and shuts down.
+  /// If the job store is durable, the running jobs are left to the next server; otherwise they are cancelled. Returns
+  /// false if a job has not ended after `patience`. Then the process should end at once.
   bool stop(std::chrono::milliseconds patience);
 
  private:
-  struct Parts;
-  explicit Server(std::unique_ptr<Parts> parts);
-  std::unique_ptr<Parts> parts_;
-};
+  explicit Server(ServerOptions options);
+  /// The steps of start(). Errors as there.
+  Expected<void> open_stores();
+  Expected<void> start_scheduler();
+  Expected<void> start_admin_port();
 
-/// Whether an address means this machine alone: 127.0.0.0/8, ::1, localhost, or a unix socket.
-bool is_loopback(const std::string& address);
+  // In the order in which they use each other; they are destroyed in reverse order.
+  ServerOptions options_;
+  ThreadBudget threads_;
+  std::unique_ptr<Stores> stores_;
+  std::unique_ptr<Scheduler> scheduler_;
+  std::unique_ptr<Endpoint> endpoint_;
+  std::unique_ptr<AdminServer> admin_;
+  std::unique_ptr<Upkeep> upkeep_;
+  bool running_ = false;
+};
 
 }  // namespace varimesh::server

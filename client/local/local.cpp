@@ -1,7 +1,7 @@
-// The one place where client and server meet.
+// The only source file that includes headers of both the client and the server.
 #include "client/local/local.h"
 
-#include "server/operations/log.h"
+#include "server/log.h"
 #include "server/server.h"
 
 namespace varimesh::client {
@@ -19,7 +19,7 @@ class InProcess : public LocalService {
 }  // namespace
 
 Expected<std::unique_ptr<LocalService>> LocalService::start(const std::string& folder) {
-  // The command tells its user what happens; the service has nothing to add but trouble.
+  // The command itself tells the user what happens, so the service logs errors only.
   if (const auto log = server::start_log("error"); !log) return tl::unexpected(log.error());
   server::ServerOptions options;
   options.engine = server::core_engine();

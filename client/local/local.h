@@ -1,4 +1,5 @@
-// The whole service inside this process, for a command without --server: one code path, no network.
+// The whole service inside this process, for commands that are given no --server. They then use the same code as with a
+// server, but no network.
 #pragma once
 
 #include <grpcpp/channel.h>
@@ -10,10 +11,10 @@
 
 namespace varimesh::client {
 
-/// A server that listens nowhere, reached through an in-process channel.
+/// A server that listens on no address. It is reached through an in-process channel.
 class LocalService {
  public:
-  /// Keeps its meshes below `folder`.
+  /// Starts the service. It keeps its meshes below `folder`. Errors: those of server::Server::start().
   static Expected<std::unique_ptr<LocalService>> start(const std::string& folder);
   virtual ~LocalService() = default;
   virtual std::shared_ptr<grpc::Channel> channel() = 0;

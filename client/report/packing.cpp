@@ -1,4 +1,3 @@
-// Packing arrays.
 #include "client/report/packing.h"
 
 #include <zlib.h>
@@ -16,11 +15,11 @@ std::string to_base64(std::string_view bytes) {
     const auto byte = [&](std::size_t k) {
       return i + k < bytes.size() ? std::uint32_t{static_cast<unsigned char>(bytes[i + k])} : 0U;
     };
-    const std::uint32_t three = byte(0) << 16 | byte(1) << 8 | byte(2);
-    text += digits[three >> 18];
-    text += digits[three >> 12 & 63];
-    text += i + 1 < bytes.size() ? digits[three >> 6 & 63] : '=';
-    text += i + 2 < bytes.size() ? digits[three & 63] : '=';
+    const std::uint32_t group = byte(0) << 16 | byte(1) << 8 | byte(2);
+    text += digits[group >> 18];
+    text += digits[group >> 12 & 63];
+    text += i + 1 < bytes.size() ? digits[group >> 6 & 63] : '=';
+    text += i + 2 < bytes.size() ? digits[group & 63] : '=';
   }
   return text;
 }
@@ -31,7 +30,8 @@ template <class Number>
 void Packing::append(const std::string& name, const char* type, const std::vector<Number>& values) {
   directory_[name] = {{"type", type}, {"offset", bytes_.size()}, {"length", values.size()}};
   const auto* raw = reinterpret_cast<const char*>(values.data());
-  // The first bytes of all numbers, then the second ones, …: neighbours differ little, and deflate likes that.
+  // First the first bytes of all numbers, then the second bytes, and so on. Neighbouring numbers differ little, so this
+  // compresses better.
   for (std::size_t byte = 0; byte < sizeof(Number); ++byte)
     for (std::size_t i = 0; i < values.size(); ++i) bytes_ += raw[i * sizeof(Number) + byte];
   bytes_.resize((bytes_.size() + 7) / 8 * 8);

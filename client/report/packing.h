@@ -1,4 +1,4 @@
-// Arrays of numbers on their way into a page: transposed bytes, deflated together, as base64 text.
+// Arrays of numbers for a page: their bytes are transposed, deflated together and encoded as base64.
 #pragma once
 
 #include <cstdint>
@@ -10,20 +10,20 @@
 
 namespace varimesh::client {
 
-/// Collects named arrays. page/unpack.js is the other side.
+/// Collects named arrays. page/unpack.js unpacks them.
 class Packing {
  public:
   void add(const std::string& name, const std::vector<float>& values);
   void add(const std::string& name, const std::vector<double>& values);
   void add(const std::string& name, const std::vector<std::int8_t>& values);
   void add(const std::string& name, const std::vector<std::int16_t>& values);
-  /// As differences from one to the next, which are small where neighbours have similar numbers.
+  /// Stores the differences between consecutive values, which are small if neighbours have similar numbers.
   void add(const std::string& name, const std::vector<std::int32_t>& values);
   void add(const std::string& name, const std::vector<std::uint8_t>& values);
 
-  /// {name: {"type", "offset", "length"}}: offset in bytes, a multiple of 8, length in numbers.
+  /// {name: {"type", "offset", "length"}}. The offset is in bytes and a multiple of 8, the length in numbers.
   const nlohmann::ordered_json& directory() const { return directory_; }
-  /// All the bytes, deflated (zlib's format). Errors: Internal.
+  /// All bytes, deflated to zlib's format, as base64. Errors: Internal.
   Expected<std::string> base64() const;
 
  private:

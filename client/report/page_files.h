@@ -1,4 +1,4 @@
-// The page's source files, embedded when the program is built.
+// The source files of the page, which the build embeds in the program.
 #pragma once
 
 #include <string_view>

@@ -1,4 +1,3 @@
-// Putting the page together from its source files, the document and the packed arrays.
 #include "client/report/report.h"
 
 #include <map>
@@ -12,7 +11,7 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-/// JSON as it may stand in a script element: nothing in it can end the element, or begin a comment.
+/// JSON for a script element. Without the character <, nothing in it can end the element or begin a comment.
 std::string embedded(const Json& document) {
   std::string text;
   for (const char c : document.dump(-1, ' ', false, Json::error_handler_t::replace)) {
@@ -24,7 +23,7 @@ std::string embedded(const Json& document) {
   return text;
 }
 
-/// Fills the template: {{name}} becomes what `parts` has for it.
+/// Writes the template `page`, with `parts.at(name)` in place of {{name}}.
 Expected<void> fill(std::string_view page, const std::map<std::string_view, std::vector<std::string_view>>& parts,
                     formats::OutputFile* file) {
   while (true) {
@@ -42,35 +41,39 @@ Expected<void> fill(std::string_view page, const std::map<std::string_view, std:
 Expected<void> write_report(const std::string& path, const Report& report) {
   auto file = formats::OutputFile::open(path);
   if (!file) return tl::unexpected(file.error());
-  Json all = {{"title", report.title},          {"document", report.document}, {"histograms", report.histograms},
-              {"history", report.history},      {"options", report.options},   {"origin", report.origin},
-              {"no_picture", report.no_picture}};
+  Json all = {{"title", report.title},
+              {"document", report.document},
+              {"histograms", report.histograms},
+              {"history", report.history},
+              {"options", report.options},
+              {"origin", report.origin},
+              {"picture_note", report.picture_note}};
   std::string arrays;
   if (report.before != nullptr) {
-    auto stages = Stages::create(report.before, report.after);
+    auto snapshots = Snapshots::create(report.before, report.after);
     Marks marks = report.marks;
-    if (!stages && report.after != nullptr) {
-      // A repair may have split elements: then there is no saying which of them was which.
-      stages = Stages::create(report.after, nullptr);
+    if (!snapshots && report.after != nullptr) {
+      // The repair may have split elements, and then the two meshes cannot be compared element by element.
+      snapshots = Snapshots::create(report.after, nullptr);
       marks.uncertified[0] = marks.uncertified[1];
-      all["no_picture"] = "The result has other elements than the mesh that came in, so it is shown alone.";
+      all["picture_note"] = "The result does not have the same elements as the input, so only the result is shown.";
     }
-    if (!stages) return tl::unexpected(stages.error());
+    if (!snapshots) return tl::unexpected(snapshots.error());
     Packing packing;
-    all["scene"] = pack_scene(*stages, marks, &packing);
+    all["scene"] = pack_scene(*snapshots, marks, &packing);
     all["scene"]["arrays"] = packing.directory();
     auto packed = packing.base64();
     if (!packed) return tl::unexpected(packed.error());
     arrays = std::move(*packed);
   }
   const std::string embedded_all = embedded(all);
-  // Only what turns a 3-D view needs the library, which is larger than all the rest.
-  const bool turns = report.before != nullptr && report.before->dimension == 3;
+  // Only 3-D views need the library, which is larger than the rest of the page.
+  const bool needs_library = report.before != nullptr && report.before->dimension == 3;
   if (auto filled = fill(page::page_html,
                          {{"style", {page::theme_css, page::page_css}},
                           {"report", {embedded_all}},
                           {"arrays", {arrays}},
-                          {"library", {turns ? page::three_min_js : std::string_view()}},
+                          {"library", {needs_library ? page::three_min_js : std::string_view()}},
                           {"script",
                            {page::dom_js, page::numbers_js, page::axes_js, page::charts_js, page::colours_js,
                             page::unpack_js, page::cells_js, page::overlay_js, page::paths_2d_js, page::viewport_2d_js,

@@ -1,4 +1,4 @@
-// One self-contained page about a mesh and what was done to it.
+// The report: one self-contained HTML page about a mesh and its optimisation.
 #pragma once
 
 #include <memory>
@@ -11,26 +11,26 @@
 
 namespace varimesh::client {
 
-/// What a page tells. Text may hold anything: the page shows it as text.
+/// The content of the page. Text may contain any characters, because the page never treats it as markup.
 struct Report {
-  std::string title;                ///< What the mesh is called.
-  nlohmann::ordered_json document;  ///< Of --json, as it is printed.
-  /// {"before": [counts of equal bins of [0, 1]], "after": […]}
+  std::string title;                ///< The name of the mesh.
+  nlohmann::ordered_json document;  ///< The document that --json prints.
+  /// {"before": [counts], "after": [counts]}: elements per bin of the scaled Jacobian, in equal bins of [0, 1].
   nlohmann::ordered_json histograms = nlohmann::ordered_json::object();
-  /// {"iteration": […], "phase": […], …}: a list a column; empty: there were no iterations.
+  /// {"iteration": […], "phase": […], …}: one list per column; empty: there were no iterations.
   nlohmann::ordered_json history = nlohmann::ordered_json::object();
-  /// [{"name", "value", "help"}]: the options as flags; an empty value is the default.
+  /// [{"name", "value", "help"}]: the options as flags; an empty value stands for the default.
   nlohmann::ordered_json options = nlohmann::ordered_json::array();
-  /// [[name, text], …]: where it comes from: files, job, versions, times.
+  /// [[name, text], …]: files, job, versions and times.
   nlohmann::ordered_json origin = nlohmann::ordered_json::array();
 
-  std::shared_ptr<const HighOrderMesh> before, after;  ///< Null: not there. Without `before` there is no picture.
-  std::string no_picture;                              ///< Why there is none; said above it where there is one.
+  std::shared_ptr<const HighOrderMesh> before, after;  ///< Both or one may be null. Without `before`, no picture.
+  std::string picture_note;                            ///< Shown above the picture, or instead of it if there is none.
   Marks marks;
 };
 
-/// Writes the page (formats::OutputFile). Where the two meshes do not have the same elements, it shows the one after.
-/// Errors: Output; BadInput where a mesh cannot be judged.
+/// Writes the page (formats::OutputFile). If the two meshes do not have the same elements, it shows only the one after.
+/// Errors: Output; BadInput if the quality of a mesh cannot be computed.
 Expected<void> write_report(const std::string& path, const Report& report);
 
 }  // namespace varimesh::client

@@ -1,28 +1,31 @@
-// What a report's page draws, as arrays of numbers.
+// The cells of a mesh as arrays of numbers that the report page draws.
 #pragma once
 
+#include <array>
 #include <nlohmann/json.hpp>
 #include <set>
 
 #include "client/report/packing.h"
-#include "client/report/stages.h"
+#include "client/report/snapshots.h"
 
 namespace varimesh::client {
 
-/// Elements that are marked whatever their colour, by number.
+/// Numbers of the elements that are marked in the picture.
 struct Marks {
-  std::set<std::int64_t> uncertified[2];  ///< By stage: not certified valid.
+  std::array<std::set<std::int64_t>, 2> uncertified;  ///< Not certified valid, before and after.
   std::set<std::int64_t> unrepairable;
 };
 
-/// Packs what page/view_2d.js (or view_3d.js) draws and returns what they have to know beside the arrays:
-/// {"dimension", "centre", "box", "stages": ["before", …], "worst": {stage: [{"number", "scaled_jacobian", "place",
-/// "size", "cell"}]}, …}. `cell` counts the cells that are in the arrays.
-nlohmann::ordered_json pack_scene(const Stages& stages, const Marks& marks, Packing* packing);
+/// Packs the arrays that page/view_2d.js or page/view_3d.js draws. Returns what the page needs besides them:
+/// {"dimension", "centre", "box", "snapshots": ["before", …], "worst": {snapshot: [{"number", "scaled_jacobian",
+/// "place", "size", "cell"}]}, …}. "cell" is the index of the cell in the arrays.
+nlohmann::ordered_json pack_scene(const Snapshots& snapshots, const Marks& marks, Packing* packing);
 
-/// Of pack_scene. In 2-D: all cells, edges as cubic Bézier curves.
-nlohmann::ordered_json pack_cells_2d(const Stages& stages, Packing* packing, std::vector<std::int32_t>* shown);
-/// In 3-D: the faces of the boundary and of the worst cells, on lattices.
-nlohmann::ordered_json pack_cells_3d(const Stages& stages, Packing* packing, std::vector<std::int32_t>* shown);
+/// The part of pack_scene() for 2-D: all cells, with edges as cubic Bézier curves. Appends the cells in the arrays to
+/// `shown`.
+nlohmann::ordered_json pack_cells_2d(const Snapshots& snapshots, Packing* packing, std::vector<std::int32_t>* shown);
+/// The part of pack_scene() for 3-D: the faces on the boundary and those of the worst cells, on lattices. Appends the
+/// cells in the arrays to `shown`.
+nlohmann::ordered_json pack_cells_3d(const Snapshots& snapshots, Packing* packing, std::vector<std::int32_t>* shown);
 
 }  // namespace varimesh::client

@@ -1,8 +1,9 @@
-// Cells of a 2-D mesh as closed paths of cubic Bézier curves, each edge once.
+// The cells of a 2-D mesh as closed paths of cubic Bézier curves. Each edge is stored once.
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
 #include <limits>
+#include <numeric>
 
 #include "client/report/scene.h"
 #include "core/reference/basis.h"
@@ -13,11 +14,11 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-/// Cubic curves that an edge of that order is cut into. Up to order 3 one is exact; beyond, each piece takes the values
-/// and tangents at its ends, which leaves an error of the fourth power of its length.
+/// The number of cubic curves for an edge of this order. Up to order 3, one curve is exact. Beyond, each curve has the
+/// values and tangents of the edge at its ends, so its error is of the fourth order in its length.
 int pieces_of(int order) { return order <= 3 ? 1 : (order + 1) / 2; }
 
-/// Matrix from an edge's nodes to the 3 pieces + 1 control points of its curves.
+/// The matrix from the nodes of an edge to the control points of its curves: 3 pieces + 1 rows, order + 1 columns.
 Eigen::MatrixXd control_points(int order) {
   const int pieces = pieces_of(order);
   reference::Points ends(pieces + 1, 1);
@@ -34,27 +35,28 @@ Eigen::MatrixXd control_points(int order) {
   return matrix;
 }
 
-/// An edge, by the first cell that has it.
+/// An edge, as a side of the first cell that has it.
 struct Edge {
   std::size_t cell;
-  const std::vector<int>* nodes;  ///< Local to the cell.
+  const std::vector<int>* nodes;  ///< Their local numbers in the cell, the two ends first.
 };
 
-/// Of meshes with more edges, bends are told in eight bits: to a hundredth of themselves.
+/// In meshes with more edges, bends have eight bits instead of sixteen, which is about a hundredth of the largest bend.
 constexpr std::size_t kManyEdges = 100'000;
 
-/// The inner control points relative to equal steps along the chord, in sixteen or eight bits of the largest of them.
+/// Bends: the inner control points of edges relative to equal steps along the chord. Each edge has a scale, and its
+/// bends are integers of the type Step in units of that scale.
 template <class Step>
 class Bends {
  public:
-  Bends(const Stages& stages, std::size_t stage, const Eigen::MatrixXd& matrix)
-      : stages_(stages), stage_(stage), matrix_(matrix) {}
+  Bends(const Snapshots& snapshots, std::size_t snapshot, const Eigen::MatrixXd& matrix)
+      : snapshots_(snapshots), snapshot_(snapshot), matrix_(matrix) {}
 
   void add(const Edge& edge) {
     Eigen::MatrixXd nodes(matrix_.cols(), 2);
     for (int i = 0; i < nodes.rows(); ++i) {
-      const auto at = stages_.point(stage_, edge.cell, (*edge.nodes)[static_cast<std::size_t>(i)]);
-      nodes.row(i) << at[0] - stages_.centre()[0], at[1] - stages_.centre()[1];
+      const auto node = snapshots_.point(snapshot_, edge.cell, (*edge.nodes)[static_cast<std::size_t>(i)]);
+      nodes.row(i) << node[0] - snapshots_.centre()[0], node[1] - snapshots_.centre()[1];
     }
     Eigen::MatrixXd bends = matrix_ * nodes;
     const auto last = bends.rows() - 1;
@@ -64,7 +66,7 @@ class Bends {
     }
     const double length = (nodes.row(1) - nodes.row(0)).norm();
     double largest = bends.middleRows(1, last - 1).cwiseAbs().maxCoeff();
-    if (largest <= 1e-9 * length) largest = 0;  // straight
+    if (largest <= 1e-9 * length) largest = 0;  // The edge is straight.
     scales.push_back(static_cast<float>(largest / kMost));
     for (Eigen::Index k = 1; k < last; ++k)
       for (int d = 0; d < 2; ++d)
@@ -77,77 +79,100 @@ class Bends {
  private:
   static constexpr int kMost = std::numeric_limits<Step>::max();
 
-  const Stages& stages_;
-  const std::size_t stage_;
+  const Snapshots& snapshots_;
+  const std::size_t snapshot_;
   const Eigen::MatrixXd& matrix_;
 };
 
 template <class Step>
-void pack_bends(Bends<Step> bends, const std::vector<Edge>& edges, const std::string& stage, Packing* packing) {
+void pack_bends(Bends<Step> bends, const std::vector<Edge>& edges, const std::string& snapshot, Packing* packing) {
   for (const Edge& edge : edges) bends.add(edge);
-  packing->add("bend_scales_" + stage, bends.scales);
-  packing->add("bends_" + stage, bends.steps);
+  packing->add("bend_scales_" + snapshot, bends.scales);
+  packing->add("bends_" + snapshot, bends.steps);
+}
+
+/// The edges and vertices of a mesh, each once, and the cells as closed sequences of edges.
+class EdgeTable {
+ public:
+  explicit EdgeTable(const Snapshots& snapshots)
+      : cells_(snapshots.cells()),
+        order_(snapshots.mesh().order),
+        sides_(facets(snapshots.mesh())),
+        edge_of_side_(sides_.neighbour.size(), -1),
+        vertex_of_node_(snapshots.mesh().node_count(), -1) {
+    for (std::size_t c = 0; c < cells_.count(); ++c) add_cell(c);
+  }
+
+  std::vector<Edge> edges;
+  std::vector<std::pair<std::size_t, int>> vertices;  ///< Of each vertex: a cell, and its local number there.
+  std::vector<std::int32_t> ends;                     ///< Of each edge: its two vertices.
+  std::vector<std::int32_t> cell_edges;  ///< Of each side of each cell: e + 1 for edge e, −(e + 1) for it backwards.
+  std::vector<std::uint8_t> cell_sides;  ///< Of each cell: the number of its sides.
+
+ private:
+  void add_cell(std::size_t c) {
+    const auto count = reference::info(cells_.shape(c)).facets.size();
+    cell_sides.push_back(static_cast<std::uint8_t>(count));
+    for (std::size_t f = 0; f < count; ++f) add_side(c, static_cast<int>(f));
+  }
+
+  void add_side(std::size_t c, int f) {
+    const auto side = static_cast<std::size_t>(sides_.first[c]) + static_cast<std::size_t>(f);
+    const std::vector<int>& nodes = reference::facet_nodes(cells_.shape(c), order_, f);
+    const std::int32_t from_to[2] = {vertex(c, nodes[0]), vertex(c, nodes[1])};
+    if (const std::int32_t opposite = sides_.opposite[side]; opposite >= 0)
+      edge_of_side_[side] = edge_of_side_[static_cast<std::size_t>(opposite)];
+    if (edge_of_side_[side] < 0) {
+      edge_of_side_[side] = static_cast<std::int32_t>(edges.size());
+      edges.push_back({c, &nodes});
+      ends.insert(ends.end(), from_to, from_to + 2);
+    }
+    const std::int32_t edge = edge_of_side_[side];
+    cell_edges.push_back(ends[2 * static_cast<std::size_t>(edge)] == from_to[0] ? edge + 1 : -(edge + 1));
+  }
+
+  /// The vertex that is node number `local` of a cell; a new one if it has none yet.
+  std::int32_t vertex(std::size_t c, int local) {
+    const auto node = static_cast<std::size_t>(cells_.nodes(c)[static_cast<std::size_t>(local)]);
+    if (vertex_of_node_[node] < 0) {
+      vertex_of_node_[node] = static_cast<std::int32_t>(vertices.size());
+      vertices.emplace_back(c, local);
+    }
+    return vertex_of_node_[node];
+  }
+
+  const Cells& cells_;
+  const int order_;
+  const Facets sides_;
+  std::vector<std::int32_t> edge_of_side_, vertex_of_node_;  ///< −1: none yet.
+};
+
+void pack_snapshot(const Snapshots& snapshots, std::size_t snapshot, const EdgeTable& table,
+                   const Eigen::MatrixXd& matrix, Packing* packing) {
+  std::vector<float> places;
+  for (const auto& [cell, local] : table.vertices)
+    for (std::size_t d = 0; d < 2; ++d)
+      places.push_back(static_cast<float>(snapshots.point(snapshot, cell, local)[d] - snapshots.centre()[d]));
+  const std::string name = Snapshots::name(snapshot);
+  packing->add("vertices_" + name, places);
+  if (table.edges.size() > kManyEdges)
+    pack_bends(Bends<std::int8_t>(snapshots, snapshot, matrix), table.edges, name, packing);
+  else
+    pack_bends(Bends<std::int16_t>(snapshots, snapshot, matrix), table.edges, name, packing);
 }
 
 }  // namespace
 
-Json pack_cells_2d(const Stages& stages, Packing* packing, std::vector<std::int32_t>* shown) {
-  const Cells& cells = stages.cells();
-  const int order = stages.mesh().order;
-  const Facets sides = facets(stages.mesh());
-  std::vector<Edge> edges;
-  std::vector<std::int32_t> edge_of(sides.neighbour.size(), -1);
-  std::vector<std::int32_t> vertex_of(stages.mesh().node_count(), -1);
-  std::vector<std::pair<std::size_t, int>> vertices;  // cell and local number
-  std::vector<std::int32_t> ends, cell_edges;
-  std::vector<std::uint8_t> cell_sides;
-  for (std::size_t c = 0; c < cells.count(); ++c) {
-    shown->push_back(static_cast<std::int32_t>(c));
-    const Shape shape = cells.shape(c);
-    const auto count = reference::info(shape).facets.size();
-    cell_sides.push_back(static_cast<std::uint8_t>(count));
-    for (std::size_t f = 0; f < count; ++f) {
-      const auto side = static_cast<std::size_t>(sides.first[c]) + f;
-      const std::vector<int>& local = reference::facet_nodes(shape, order, static_cast<int>(f));
-      std::int32_t from_to[2];
-      for (std::size_t end = 0; end < 2; ++end) {
-        std::int32_t& vertex =
-            vertex_of[static_cast<std::size_t>(cells.nodes(c)[static_cast<std::size_t>(local[end])])];
-        if (vertex < 0) {
-          vertex = static_cast<std::int32_t>(vertices.size());
-          vertices.emplace_back(c, local[end]);
-        }
-        from_to[end] = vertex;
-      }
-      if (const std::int32_t opposite = sides.opposite[side]; opposite >= 0)
-        edge_of[side] = edge_of[static_cast<std::size_t>(opposite)];
-      if (edge_of[side] < 0) {
-        edge_of[side] = static_cast<std::int32_t>(edges.size());
-        edges.push_back({c, &local});
-        ends.insert(ends.end(), from_to, from_to + 2);
-      }
-      // Edge e forwards is e + 1, backwards −(e + 1).
-      const std::int32_t edge = edge_of[side];
-      cell_edges.push_back(ends[2 * static_cast<std::size_t>(edge)] == from_to[0] ? edge + 1 : -(edge + 1));
-    }
-  }
-  packing->add("edge_ends", ends);
-  packing->add("cell_edges", cell_edges);
-  packing->add("cell_sides", cell_sides);
-
+Json pack_cells_2d(const Snapshots& snapshots, Packing* packing, std::vector<std::int32_t>* shown) {
+  shown->resize(snapshots.cells().count());
+  std::iota(shown->begin(), shown->end(), 0);
+  const EdgeTable table(snapshots);
+  packing->add("edge_ends", table.ends);
+  packing->add("cell_edges", table.cell_edges);
+  packing->add("cell_sides", table.cell_sides);
+  const int order = snapshots.mesh().order;
   const Eigen::MatrixXd matrix = control_points(order);
-  for (std::size_t s = 0; s < stages.count(); ++s) {
-    std::vector<float> places;
-    for (const auto& [cell, local] : vertices)
-      for (std::size_t d = 0; d < 2; ++d)
-        places.push_back(static_cast<float>(stages.point(s, cell, local)[d] - stages.centre()[d]));
-    const std::string name = Stages::name(s);
-    packing->add("vertices_" + name, places);
-    if (edges.size() > kManyEdges)
-      pack_bends(Bends<std::int8_t>(stages, s, matrix), edges, name, packing);
-    else
-      pack_bends(Bends<std::int16_t>(stages, s, matrix), edges, name, packing);
-  }
+  for (std::size_t s = 0; s < snapshots.count(); ++s) pack_snapshot(snapshots, s, table, matrix, packing);
   return {{"pieces", pieces_of(order)}};
 }
 

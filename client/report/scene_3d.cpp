@@ -1,4 +1,4 @@
-// Faces of a 3-D mesh on lattices: the boundary's, and all faces of the worst cells.
+// Faces of a 3-D mesh on lattices of points: those on the boundary, and all faces of the worst cells.
 #include <algorithm>
 #include <cmath>
 
@@ -11,30 +11,31 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-// A page that is sent about should stay small, and turn without a graphics card too.
-constexpr std::size_t kMostPoints = 100'000;  ///< Of all faces in one set; fewer intervals an edge keep to it.
-constexpr std::size_t kAllCells = 4000;       ///< Up to so many, every cell is there whole.
-constexpr std::size_t kWorstCells = 2000;     ///< Of more, these are, in each stage.
+// These limits keep a page small enough to send by mail, and fast enough to turn without a graphics card.
+constexpr std::size_t kMostPoints = 100'000;  ///< In one set of faces. More faces get fewer intervals per edge.
+constexpr std::size_t kAllCells = 4000;       ///< In meshes with up to this many cells, all cells are shown whole.
+constexpr std::size_t kWorstCells = 2000;     ///< In larger meshes, this many of the worst cells of each snapshot are.
 
 struct Face {
   std::size_t cell;
   int facet;
 };
 
-/// Points of a face's lattice, row by row: the second coordinate is constant in a row. page/lattices.js knows the
-/// order.
+/// The points of the lattice on a face, row by row; the second coordinate is constant in a row. page/lattices.js relies
+/// on this order.
 reference::Points face_lattice(Shape shape, int intervals) {
   const bool triangle = shape == Shape::Triangle;
-  std::vector<std::array<double, 2>> at;
+  std::vector<std::array<double, 2>> places;
   for (int j = 0; j <= intervals; ++j)
     for (int i = 0; i <= (triangle ? intervals - j : intervals); ++i)
-      at.push_back({-1 + 2.0 * i / intervals, -1 + 2.0 * j / intervals});
-  reference::Points points(static_cast<Eigen::Index>(at.size()), 2);
-  for (std::size_t i = 0; i < at.size(); ++i) points.row(static_cast<Eigen::Index>(i)) << at[i][0], at[i][1];
+      places.push_back({-1 + 2.0 * i / intervals, -1 + 2.0 * j / intervals});
+  reference::Points points(static_cast<Eigen::Index>(places.size()), 2);
+  for (std::size_t i = 0; i < places.size(); ++i)
+    points.row(static_cast<Eigen::Index>(i)) << places[i][0], places[i][1];
   return points;
 }
 
-/// So many intervals an edge that curves look smooth, as long as all the points are not too many.
+/// The number of intervals per edge: enough for curves to look smooth, but not more than kMostPoints points in all.
 int intervals_for(std::size_t faces, int order) {
   if (order == 1) return 1;
   int intervals = std::min(2 * order, 12);
@@ -43,21 +44,21 @@ int intervals_for(std::size_t faces, int order) {
   return intervals;
 }
 
-/// Packs faces of one shape: for each its first vertex, a scale, and the lattice's points in sixteen bits of that.
-void pack_faces(const Stages& stages, std::size_t stage, const std::vector<Face>& faces, Shape shape, int intervals,
-                const std::string& name, Packing* packing) {
-  const int order = stages.mesh().order;
+/// Packs faces of one shape: for each face its first vertex, a scale, and the points of its lattice relative to the
+/// vertex, as 16-bit integers in units of the scale.
+void pack_faces(const Snapshots& snapshots, std::size_t snapshot, const std::vector<Face>& faces, Shape shape,
+                int intervals, const std::string& name, Packing* packing) {
+  const int order = snapshots.mesh().order;
   const auto values =
       reference::basis_values(shape, order, reference::NodeSet::Equispaced, 3, face_lattice(shape, intervals));
   std::vector<float> origins, scales;
   std::vector<std::int16_t> steps;
   Eigen::MatrixXd nodes(values.cols(), 3);
   for (const Face& face : faces) {
-    const auto& local = reference::facet_nodes(stages.cells().shape(face.cell), order, face.facet);
+    const auto& local = reference::facet_nodes(snapshots.cells().shape(face.cell), order, face.facet);
     for (Eigen::Index i = 0; i < nodes.rows(); ++i) {
-      const auto at = stages.point(stage, face.cell, local[static_cast<std::size_t>(i)]);
-      for (Eigen::Index d = 0; d < 3; ++d)
-        nodes(i, d) = at[static_cast<std::size_t>(d)] - stages.centre()[static_cast<std::size_t>(d)];
+      const auto node = snapshots.point(snapshot, face.cell, local[static_cast<std::size_t>(i)]);
+      for (std::size_t d = 0; d < 3; ++d) nodes(i, static_cast<Eigen::Index>(d)) = node[d] - snapshots.centre()[d];
     }
     const Eigen::RowVector3d origin = nodes.row(0);
     nodes.rowwise() -= origin;
@@ -74,15 +75,15 @@ void pack_faces(const Stages& stages, std::size_t stage, const std::vector<Face>
   packing->add(name + "_steps", steps);
 }
 
-/// The cells that are there whole, and the Js up to which that is true of every cell, in both stages.
-std::vector<std::int32_t> choose_cells(const Stages& stages, double* limit) {
+/// The cells that are shown whole. Every cell with a scaled Jacobian up to `limit` in either snapshot is among them.
+std::vector<std::int32_t> choose_cells(const Snapshots& snapshots, double* limit) {
   std::vector<std::int32_t> chosen;
   *limit = 1;
-  if (stages.cells().count() <= kAllCells) return stages.worst(0, stages.cells().count());
-  std::vector<bool> taken(stages.cells().count());
-  for (std::size_t s = 0; s < stages.count(); ++s) {
-    const auto worst = stages.worst(s, kWorstCells);
-    *limit = std::min(*limit, stages[s].scaled_jacobian[static_cast<std::size_t>(worst.back())]);
+  if (snapshots.cells().count() <= kAllCells) return snapshots.worst(0, snapshots.cells().count());
+  std::vector<bool> taken(snapshots.cells().count());
+  for (std::size_t s = 0; s < snapshots.count(); ++s) {
+    const auto worst = snapshots.worst(s, kWorstCells);
+    *limit = std::min(*limit, snapshots[s].scaled_jacobian[static_cast<std::size_t>(worst.back())]);
     for (const std::int32_t cell : worst) {
       if (!taken[static_cast<std::size_t>(cell)]) chosen.push_back(cell);
       taken[static_cast<std::size_t>(cell)] = true;
@@ -91,58 +92,78 @@ std::vector<std::int32_t> choose_cells(const Stages& stages, double* limit) {
   return chosen;
 }
 
+/// The cells that are shown, in the order in which the arrays have them.
+class ShownCells {
+ public:
+  ShownCells(std::size_t cell_count, std::vector<std::int32_t>* shown) : index_of_(cell_count, -1), shown_(shown) {}
+
+  void add(std::size_t cell) {
+    if (index_of_[cell] >= 0) return;
+    index_of_[cell] = static_cast<std::int32_t>(shown_->size());
+    shown_->push_back(static_cast<std::int32_t>(cell));
+  }
+  std::int32_t index_of(std::size_t cell) const { return index_of_[cell]; }
+
+ private:
+  std::vector<std::int32_t> index_of_;  ///< −1: the cell is not shown.
+  std::vector<std::int32_t>* shown_;
+};
+
+/// Packs one set of faces, the triangles and the quadrilaterals apart, and describes them in `sets`. `kept` is the
+/// number of snapshots in which the faces differ.
+void pack_face_set(const Snapshots& snapshots, const std::string& set, const std::vector<Face>& faces, std::size_t kept,
+                   const ShownCells& shown, Packing* packing, Json* sets) {
+  const int intervals = intervals_for(faces.size(), snapshots.mesh().order);
+  for (const Shape shape : {Shape::Triangle, Shape::Quadrilateral}) {
+    std::vector<Face> of_shape;
+    std::vector<std::int32_t> owners;
+    for (const Face& face : faces) {
+      const auto& info = reference::info(snapshots.cells().shape(face.cell));
+      if (info.facets[static_cast<std::size_t>(face.facet)].shape != shape) continue;
+      of_shape.push_back(face);
+      owners.push_back(shown.index_of(face.cell));
+    }
+    if (of_shape.empty()) continue;
+    const int corners = shape == Shape::Triangle ? 3 : 4;
+    const std::string name = set + std::to_string(corners);
+    for (std::size_t s = 0; s < kept; ++s)
+      pack_faces(snapshots, s, of_shape, shape, intervals, name + "_" + Snapshots::name(s), packing);
+    packing->add(name + "_cells", owners);
+    sets->push_back(
+        {{"name", name}, {"set", set}, {"corners", corners}, {"intervals", intervals}, {"snapshots", kept}});
+  }
+}
+
 }  // namespace
 
-Json pack_cells_3d(const Stages& stages, Packing* packing, std::vector<std::int32_t>* shown) {
-  const Cells& cells = stages.cells();
-  const Facets sides = facets(stages.mesh());
+Json pack_cells_3d(const Snapshots& snapshots, Packing* packing, std::vector<std::int32_t>* shown_cells) {
+  const Cells& cells = snapshots.cells();
+  const Facets sides = facets(snapshots.mesh());
   double limit = 1;
-  const std::vector<std::int32_t> whole = choose_cells(stages, &limit);
-  std::vector<std::int32_t> place_of(cells.count(), -1);
-  const auto show = [&](std::size_t cell) {
-    if (place_of[cell] >= 0) return;
-    place_of[cell] = static_cast<std::int32_t>(shown->size());
-    shown->push_back(static_cast<std::int32_t>(cell));
-  };
+  const std::vector<std::int32_t> whole = choose_cells(snapshots, &limit);
+  ShownCells shown(cells.count(), shown_cells);
   std::vector<Face> skin, inner;
   for (const std::int32_t chosen : whole) {
     const auto c = static_cast<std::size_t>(chosen);
-    show(c);
+    shown.add(c);
     for (int f = 0; f < static_cast<int>(reference::info(cells.shape(c)).facets.size()); ++f) inner.push_back({c, f});
   }
   for (std::size_t c = 0; c < cells.count(); ++c)
     for (std::int32_t side = sides.first[c]; side < sides.first[c + 1]; ++side)
       if (sides.neighbour[static_cast<std::size_t>(side)] < 0) {
-        show(c);
+        shown.add(c);
         skin.push_back({c, side - sides.first[c]});
       }
 
   Json sets = Json::array();
-  for (const auto& [set, faces] : {std::pair{"skin", &skin}, std::pair{"inner", &inner}}) {
-    const int intervals = intervals_for(faces->size(), stages.mesh().order);
-    for (const Shape shape : {Shape::Triangle, Shape::Quadrilateral}) {
-      std::vector<Face> of_shape;
-      std::vector<std::int32_t> owners;
-      for (const Face& face : *faces)
-        if (reference::info(cells.shape(face.cell)).facets[static_cast<std::size_t>(face.facet)].shape == shape) {
-          of_shape.push_back(face);
-          owners.push_back(place_of[face.cell]);
-        }
-      if (of_shape.empty()) continue;
-      const int corners = shape == Shape::Triangle ? 3 : 4;
-      const std::string name = std::string(set) + std::to_string(corners);
-      // Nodes of the boundary stay where they are.
-      const std::size_t kept = std::string_view(set) == "skin" ? 1 : stages.count();
-      for (std::size_t s = 0; s < kept; ++s)
-        pack_faces(stages, s, of_shape, shape, intervals, name + "_" + Stages::name(s), packing);
-      packing->add(name + "_cells", owners);
-      sets.push_back({{"name", name}, {"set", set}, {"corners", corners}, {"intervals", intervals}, {"stages", kept}});
-    }
-  }
+  // Nodes on the boundary do not move, so one snapshot of the skin is enough.
+  pack_face_set(snapshots, "skin", skin, 1, shown, packing, &sets);
+  pack_face_set(snapshots, "inner", inner, snapshots.count(), shown, packing, &sets);
   std::vector<float> middles;
-  for (const std::int32_t cell : *shown)
+  for (const std::int32_t cell : *shown_cells)
     for (std::size_t d = 0; d < 3; ++d)
-      middles.push_back(static_cast<float>(stages.middle(0, static_cast<std::size_t>(cell))[d] - stages.centre()[d]));
+      middles.push_back(
+          static_cast<float>(snapshots.middle(0, static_cast<std::size_t>(cell))[d] - snapshots.centre()[d]));
   packing->add("middles", middles);
   return {{"sets", sets}, {"whole", whole.size()}, {"whole_up_to", limit}};
 }

@@ -1,4 +1,4 @@
-// Arrays for vector loads: where they start, and how far a node is from the next.
+// Arrays that start on a cache line, and the padding of node coordinates, both for vector loads.
 #pragma once
 
 #include <cstddef>
@@ -9,6 +9,7 @@ namespace varimesh {
 
 inline constexpr std::size_t kCacheLine = 64;
 
+/// Allocates arrays that start on a cache line.
 template <class T>
 struct CacheLineAllocator {
   using value_type = T;
@@ -26,7 +27,7 @@ struct CacheLineAllocator {
 template <class T>
 using AlignedVector = std::vector<T, CacheLineAllocator<T>>;
 
-/// Floats from one node's vector to the next, where nodes are padded for vector loads. The fourth in 3-D means nothing.
+/// Numbers per node in arrays that are padded for vector loads. In 3-D the fourth number has no meaning.
 constexpr int padded(int dimension) { return dimension == 2 ? 2 : 4; }
 
 }  // namespace varimesh

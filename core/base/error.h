@@ -1,4 +1,4 @@
-// What went wrong, as a value: every failure that a user can cause is one of these, with a sentence.
+// Errors as values: every failure that a user can cause is returned as an Error with a sentence.
 #pragma once
 
 #include <string>
@@ -11,16 +11,16 @@ namespace varimesh {
 struct Error {
   enum class Kind {
     BadInput,   ///< The mesh or file was refused; exit status 3.
-    BadOption,  ///< An option's value or combination was refused; exit status 2.
-    Output,     ///< The result cannot be written there; exit status 3.
-    Internal,   ///< Something that should not happen did; exit status 1.
+    BadOption,  ///< The value of an option, or a combination of options, was refused; exit status 2.
+    Output,     ///< The result cannot be written to the given place; exit status 3.
+    Internal,   ///< Something happened that should never happen; exit status 1.
   };
   Kind kind = Kind::BadInput;
-  /// One sentence: what was wrong, where (element, node, line, byte) and what to do about it.
+  /// One sentence that says what was wrong, where (element, node, line, byte) and what to do.
   std::string sentence;
 };
 
-/// A value, or the reason why there is none.
+/// A value, or the error if there is none.
 template <class T>
 using Expected = tl::expected<T, Error>;
 

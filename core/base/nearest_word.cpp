@@ -1,4 +1,4 @@
-// Damerau's distance.
+// The distance between words is Damerau's: the least number of edits that turn one word into the other.
 #include "core/base/nearest_word.h"
 
 #include <algorithm>
@@ -6,7 +6,7 @@
 namespace varimesh {
 namespace {
 
-/// How many letters are wrong, missing, too many or swapped.
+/// The least number of wrong, missing, additional and swapped letters.
 std::size_t distance(const std::string& a, const std::string& b) {
   std::vector<std::vector<std::size_t>> d(a.size() + 1, std::vector<std::size_t>(b.size() + 1));
   for (std::size_t i = 0; i <= a.size(); ++i) d[i][0] = i;
@@ -27,7 +27,7 @@ std::string nearest_word(const std::string& word, const std::vector<std::string>
   std::string best;
   std::size_t least = std::max<std::size_t>(1, word.size() / 3) + 1;
   for (const std::string& one : known) {
-    // What was cut short is meant too: --max for --max-iterations.
+    // An abbreviation counts as one error: --max for --max-iterations.
     const std::size_t wrong = word.size() > 3 && one.rfind(word, 0) == 0 ? 1 : distance(word, one);
     if (wrong < least) {
       least = wrong;

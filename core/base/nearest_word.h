@@ -1,4 +1,4 @@
-// What was probably meant by a misspelt word.
+// Guesses which word was meant by a misspelt one.
 #pragma once
 
 #include <string>
@@ -6,7 +6,8 @@
 
 namespace varimesh {
 
-/// The nearest of some words by how many letters are wrong, missing, too many or swapped; empty where none is near.
+/// The word of `known` that differs from `word` in the fewest wrong, missing, additional or swapped letters. Empty if
+/// none is near.
 std::string nearest_word(const std::string& word, const std::vector<std::string>& known);
 
 }  // namespace varimesh

@@ -1,4 +1,4 @@
-// Seconds since a moment, by a clock that no one sets.
+// Measures elapsed seconds with a monotonic clock.
 #pragma once
 
 #include <chrono>
@@ -7,9 +7,9 @@ namespace varimesh {
 
 class Stopwatch {
  public:
-  /// Runs from now.
+  /// Starts now.
   Stopwatch() = default;
-  /// Runs as if it had been started this many seconds ago.
+  /// A stopwatch that was started this many seconds ago.
   static Stopwatch started(double seconds_ago) {
     Stopwatch watch;
     watch.start_ -= std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(seconds_ago));

@@ -14,7 +14,7 @@ void ensure_workers(int workers) {
   const std::scoped_lock lock(mutex);
   if (workers <= level) return;
   level = workers;
-  // Of several controls the smallest value counts, so the old one goes first.
+  // If several controls exist, oneTBB uses the smallest value. So the old one is removed first.
   raised.reset();
   raised = std::make_unique<Control>(Control::max_allowed_parallelism, static_cast<std::size_t>(workers) + 1);
 }

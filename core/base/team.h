@@ -1,4 +1,4 @@
-// The threads that one piece of work may use.
+// A team of threads: the threads that one piece of work may use.
 #pragma once
 
 #include <oneapi/tbb/blocked_range.h>
@@ -14,26 +14,26 @@
 
 namespace varimesh {
 
-/// Sees to it that oneTBB has `workers` worker threads; by default it has one fewer than the machine has cores, since
-/// it counts on the caller. A lower limit that the program has set for itself holds all the same.
+/// Makes oneTBB use up to `workers` worker threads. Its default is one fewer than the machine has cores, because the
+/// calling thread works too. A lower limit that the program has set itself stays in force.
 void ensure_workers(int workers);
 
-/// A oneTBB arena of a given size. oneTBB does not count a thread that calls into an arena, so that two callers with a
-/// budget of two would be four threads at work; here work is enqueued and the caller sleeps until it is done. A team of
-/// one runs in the caller, without tasks.
+/// A oneTBB arena of a given size. oneTBB does not count the thread that calls into an arena, so two callers with two
+/// threads each would keep four threads busy. A team therefore enqueues the work, and the caller sleeps until it is
+/// done. A team of one thread works in the caller, without tasks.
 class Team {
  public:
-  /// `threads` 0: as many as the machine has.
+  /// @param threads how many threads; 0: as many as the machine has
   explicit Team(int threads) { set_threads(threads); }
 
-  /// Not while run() is under way.
+  /// Must not be called during run().
   void set_threads(int threads) {
     threads_ = threads > 0 ? threads : static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
   }
   int threads() const { return threads_; }
 
-  /// Runs body() inside the arena and returns when it is done; for_each inside it uses the arena's threads. What body
-  /// throws is thrown here.
+  /// Runs body() inside the arena and returns when it is done. for_each() and for_ranges() inside body() use the
+  /// arena's threads. An exception from body() is rethrown here.
   template <class Body>
   void run(Body&& body) const {
     if (threads_ == 1) {
@@ -61,7 +61,7 @@ class Team {
     if (failure) std::rethrow_exception(failure);
   }
 
-  /// Calls body(i) for 0 ≤ i < count, at least `grain` of them a task, in no particular order.
+  /// Calls body(i) for 0 ≤ i < count in no particular order. Each task takes at least `grain` of them.
   template <class Body>
   void for_each(std::int32_t count, std::int32_t grain, const Body& body) const {
     if (threads_ == 1 || count <= grain) {
@@ -74,7 +74,7 @@ class Team {
                               });
   }
 
-  /// Calls body(begin, end) for ranges that make up 0 ≤ i < count, for work that wants scratch a range.
+  /// Calls body(begin, end) for ranges that together make up 0 ≤ i < count. For work that needs memory per range.
   template <class Body>
   void for_ranges(std::size_t count, std::size_t grain, const Body& body) const {
     if (threads_ == 1 || count <= grain) {

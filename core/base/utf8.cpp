@@ -1,13 +1,13 @@
-// Well-formed sequences by table 3-7 of the Unicode standard.
+// Well-formed sequences are those of table 3-7 of the Unicode standard.
 #include "core/base/utf8.h"
 
 #include <cstddef>
 
-namespace varimesh::formats {
+namespace varimesh {
 
 namespace {
 
-// Length of the well-formed sequence at the beginning; 0: there is none.
+// The length of the well-formed sequence at the beginning; 0 if there is none.
 std::size_t sequence(std::string_view bytes) {
   const auto byte = [&](std::size_t i) -> unsigned { return static_cast<unsigned char>(bytes[i]); };
   const unsigned first = byte(0);
@@ -49,4 +49,4 @@ std::string as_utf8(std::string_view bytes) {
   return text;
 }
 
-}  // namespace varimesh::formats
+}  // namespace varimesh

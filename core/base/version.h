@@ -1,4 +1,4 @@
-// The library's version, and which of its kernels this machine runs.
+// The version of the library, and the vector instructions that it uses on this machine.
 #pragma once
 
 #include <string_view>
@@ -8,7 +8,7 @@ namespace varimesh {
 /// "major.minor.patch"
 std::string_view version();
 
-/// The widest vector instructions that the kernels use on this machine, as Highway names them: AVX2.
+/// The widest vector instructions that the kernels use on this machine, by Highway's name, for example "AVX2".
 std::string_view vector_instructions();
 
 }  // namespace varimesh

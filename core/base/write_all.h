@@ -1,4 +1,4 @@
-// What ::write() leaves to its caller: signals, and files that take less than they were given.
+// Writes all bytes to a file: handles what ::write() leaves to its caller, signals and partial writes.
 #pragma once
 
 #include <unistd.h>
@@ -8,7 +8,7 @@
 
 namespace varimesh {
 
-/// Writes all of the bytes to the file, which blocks; false, with errno, where the system does not take them.
+/// Writes all bytes to a file descriptor in blocking mode. Returns false and sets errno if the system refuses them.
 inline bool write_all(int file, std::string_view bytes) {
   while (!bytes.empty()) {
     const ssize_t written = ::write(file, bytes.data(), bytes.size());

@@ -1,4 +1,4 @@
-// How what no movement of free nodes can repair is found.
+// How the diagnosis finds what no movement of free nodes can repair.
 #pragma once
 
 #include <vector>
@@ -8,24 +8,25 @@
 
 namespace varimesh {
 
-/// Names them. `fixed` says for every node of the mesh whether it is held (fixed_nodes() of core/mesh/connectivity.h,
-/// less those freed by name). Call it inside team.run(); the result is in the order of kinds, then of the mesh, and
-/// does not depend on the number of threads.
+/// Finds them. `fixed` says for every node of the mesh whether it is fixed (fixed_nodes() of core/mesh/connectivity.h,
+/// without those that the user freed). Call it inside team.run(). The result is in the order of kinds, then of the
+/// mesh, and does not depend on the number of threads.
 ///
-/// - Point condition: at a point of a cell where J depends on fixed nodes only, it has to be positive.
-/// - Vertex condition (3-D): at a fixed vertex v, every mesh edge is a direction, its tangent at v, and every cell a
-///   spherical triangle of directions. Triangles are joined where they share a side with a free end. A piece fenced by
-///   fixed directions fills a solid angle that no free node can change but by whole spheres: for three b, c, d it is Ω
-///   of the spherical triangle where det(b, c, d) > 0, 4π − Ω where it is negative, with tan(Ω/2) = det / (1 + b·c +
-///   c·d + d·b) (A. van Oosterom, J. Strackee, The solid angle of a plane triangle, IEEE Trans. Biomed. Eng. 30, 1983);
-///   for more the sum of the inner angles less (n − 2)π. Pieces of no angle are named. The boundary faces at v leave
-///   Ω_v = Σ dihedral angles − (n − 2)π, or 4π inside; where the pieces claim more than that, one that is turned inside
-///   out claims 4π less: named are those that are turned least until the rest fits. So the sum decides and not the
-///   determinant's sign: at the corner of a cavity a negative one is right.
-/// - Fans: where all edges of a corner at v but one, with direction x, are fixed, its determinant is n · x > 0 with n
-///   known. The corners that share x want it in one half-space each; where the half-spaces have nothing in common, the
-///   corners are named.
-/// - Folded faces: a flat face whose normal changes sign has points with no normal at all, where J = 0.
+/// - Point condition: at a point of a cell where J depends on fixed nodes only, it must be positive.
+/// - Vertex condition (3-D): at a fixed vertex v, every mesh edge is a direction, its tangent at v, and every cell is a
+///   spherical triangle of directions. Triangles that share a side with a free end are joined to one piece. A piece
+///   that fixed directions enclose fills a solid angle that free nodes can change only by whole spheres. For three
+///   directions b, c, d it is Ω of the spherical triangle if det(b, c, d) > 0, and 4π − Ω if the determinant is
+///   negative, with tan(Ω/2) = det / (1 + b·c + c·d + d·b) (A. van Oosterom, J. Strackee, The solid angle of a plane
+///   triangle, IEEE Trans. Biomed. Eng. 30, 1983). For more directions it is the sum of the inner angles minus (n −
+///   2)π. Pieces whose angle is zero are reported. The boundary faces at v leave Ω_v = Σ dihedral angles − (n − 2)π, or
+///   4π if v is inside. If the pieces claim more than that, some are turned inside out, and each of these claims 4π
+///   less. Reported are the pieces that need the least turning until the rest fits. So the sum decides and not the sign
+///   of a determinant: at the corner of a cavity a negative one is right.
+/// - Fans: if all edges of a corner at v are fixed except one with direction x, its determinant is n · x with a known n
+///   and must be positive. Each of the corners that share x restricts it to a half-space. If the half-spaces have
+///   nothing in common, the corners are reported.
+/// - Folded faces: a flat face whose normal changes sign has points without a normal, where J = 0.
 std::vector<UnrepairableGroup> diagnose(const HighOrderMesh& mesh, const std::vector<bool>& fixed, const Team& team);
 
 }  // namespace varimesh

@@ -1,4 +1,4 @@
-// Goes through fixed vertices, through cells that fixed faces close in, and through fixed faces.
+// Examines fixed vertices, cells between fixed faces, and fixed faces.
 #include <algorithm>
 #include <cassert>
 #include <cmath>
@@ -8,7 +8,9 @@
 
 #include "core/base/index.h"
 #include "core/diagnosis/diagnose.h"
+#include "core/diagnosis/elements_text.h"
 #include "core/diagnosis/fixed_samples.h"
+#include "core/diagnosis/gather.h"
 #include "core/diagnosis/vertex_corners.h"
 #include "core/diagnosis/vertex_link.h"
 #include "core/mesh/connectivity.h"
@@ -19,6 +21,8 @@ namespace {
 
 using detail::Vector;
 using Kind = UnrepairableGroup::Kind;
+
+constexpr std::size_t kChunk = 256;  // vertices or cells that a task takes at a time
 
 Vector position(const HighOrderMesh& mesh, std::int32_t node) {
   const double* x = mesh.coordinates.data() + 3 * at(node);
@@ -35,17 +39,13 @@ std::string place_text(const Vector& p) {
   return "(" + number_text(p[0]) + ", " + number_text(p[1]) + ", " + number_text(p[2]) + ")";
 }
 
-/// "tetrahedron 4711", or "tetrahedra 12, 13 and 20 more" for many.
-std::string elements_text(const Cells& cells, const UnrepairableGroup& group) {
+/// The group's elements, by the name of their shape if they share one.
+std::string names_of(const Cells& cells, const UnrepairableGroup& group) {
   const reference::ShapeInfo& shape = reference::info(cells.shape(at(group.cells.front())));
   bool mixed = false;
   for (const std::int32_t cell : group.cells) mixed |= cells.shape(at(cell)) != shape.shape;
-  const std::size_t count = group.elements.size(), shown = std::min<std::size_t>(count, 8);
-  std::string text(mixed ? "elements" : count == 1 ? shape.name : shape.plural);
-  for (std::size_t i = 0; i < shown; ++i)
-    text += (i == 0 ? " " : i + 1 == count ? " and " : ", ") + std::to_string(group.elements[i]);
-  if (count > shown) text += " and " + std::to_string(count - shown) + " more";
-  return text;
+  return mixed ? elements_text(group.elements, "elements", "elements")
+               : elements_text(group.elements, shape.name, shape.plural);
 }
 
 void add_cell(const Cells& cells, std::int32_t cell, UnrepairableGroup& group) {
@@ -53,68 +53,59 @@ void add_cell(const Cells& cells, std::int32_t cell, UnrepairableGroup& group) {
   group.elements.push_back(cells.number(at(cell)));
 }
 
-/// Runs make(i, out) for every i and puts what comes of it in order.
-template <class Make>
-std::vector<UnrepairableGroup> gather(const Team& team, std::size_t count, Make&& make) {
-  constexpr std::size_t kChunk = 256;
-  std::vector<std::vector<UnrepairableGroup>> parts((count + kChunk - 1) / kChunk);
-  team.for_each(static_cast<std::int32_t>(parts.size()), 1, [&](std::int32_t part) {
-    const std::size_t first = at(part) * kChunk;
-    for (std::size_t i = first; i < std::min(count, first + kChunk); ++i) make(i, parts[at(part)]);
-  });
-  std::vector<UnrepairableGroup> result;
-  for (auto& part : parts) std::ranges::move(part, std::back_inserter(result));
-  return result;
-}
-
 // ---------------------------------------------------------------------------------------------------------------------
 // At vertices
 // ---------------------------------------------------------------------------------------------------------------------
 
-UnrepairableGroup vertex_group(const HighOrderMesh& mesh, const Cells& cells, std::int32_t node,
-                               const detail::VertexCorners::Link& link, const detail::LinkFault& fault) {
+/// The sentence about a group at a vertex.
+std::string vertex_sentence(const HighOrderMesh& mesh, const Cells& cells, const UnrepairableGroup& group,
+                            const detail::VertexCorners::Link& link, const detail::LinkFault& fault) {
+  const std::string node = "node " + std::to_string(group.vertex) + " " + place_text(group.place);
+  const std::string determinant = number_text(fault.determinant);
+  const bool single = group.elements.size() == 1;
+  const std::string names = names_of(cells, group);
+  if (group.kind == Kind::Fan)
+    return names + (single ? " has" : " share") + " the edge from " + node + " to node " +
+           std::to_string(mesh.node_numbers[at(link.ends[at(fault.free_direction)])]) +
+           ", which is on the wrong side of fixed edges there whatever its direction (margin " + determinant +
+           "); refine the boundary there, or split an interior edge opposite.";
+  if (group.kind == Kind::Vertex)
+    return names + ": its three edges at " + node +
+           (std::abs(fault.determinant) < 0.1 ? " lie in the surface's tangent plane"
+                                              : " are fixed and the wrong way round") +
+           " (determinant " + determinant + "); refine the boundary there, or split the " +
+           std::string(reference::info(cells.shape(at(group.cells[0]))).name) + ".";
+  if (fault.room == 0)
+    return names + " are enclosed at " + node + " by three fixed edges that lie in one plane (determinant " +
+           determinant + "); refine the boundary there, or split an interior edge between the ends of two of them.";
+  return names + " are enclosed at " + node + " by fixed edges (determinant " + determinant +
+         "); they would have to fill a solid angle of " + number_text(fault.angle) + ", and the boundary leaves " +
+         number_text(fault.room) +
+         " for all; refine the boundary there, or split an interior edge between the ends of two of the fixed edges.";
+}
+
+UnrepairableGroup vertex_group(const HighOrderMesh& mesh, const Cells& cells, const detail::VertexCorners::Link& link,
+                               const detail::LinkFault& fault) {
   UnrepairableGroup group;
-  const bool fan = fault.free_direction >= 0;
-  group.kind = fan ? Kind::Fan : fault.corners.size() == 1 ? Kind::Vertex : Kind::VertexGroup;
-  group.vertex = mesh.node_numbers[at(node)];
-  group.place = position(mesh, node);
+  group.kind = fault.free_direction >= 0 ? Kind::Fan : fault.corners.size() == 1 ? Kind::Vertex : Kind::VertexGroup;
+  group.vertex = mesh.node_numbers[at(link.node)];
+  group.place = position(mesh, link.node);
   group.determinant = fault.determinant;
   for (const std::int32_t corner : fault.corners) add_cell(cells, link.corners[at(corner)].cell, group);
-  const std::string node_text = "node " + std::to_string(group.vertex) + " " + place_text(group.place);
-  const std::string det_text = number_text(fault.determinant);
-  const char* name = group.elements.size() == 1 ? reference::info(cells.shape(at(group.cells[0]))).name.data() : "";
-  std::string text = elements_text(cells, group);
-  if (fan) {
-    text += (group.elements.size() == 1 ? " has" : " share") + std::string(" the edge from ") + node_text +
-            " to node " + std::to_string(mesh.node_numbers[at(link.ends[at(fault.free_direction)])]) +
-            ", which whatever its direction is on the wrong side of fixed edges there (margin " + det_text +
-            "); the boundary must be refined or an interior edge opposite split there.";
-  } else if (group.kind == Kind::Vertex) {
-    text +=
-        std::abs(fault.determinant) < 0.1
-            ? ": its three edges at " + node_text + " lie in the surface's tangent plane (determinant " + det_text + ")"
-            : ": its three edges at " + node_text + " are fixed and the wrong way round (determinant " + det_text + ")";
-    text += "; the boundary must be refined or the " + std::string(name) + " split there.";
-  } else if (fault.room == 0) {
-    text += " are fenced in at " + node_text + " by three fixed edges that lie in one plane (determinant " + det_text +
-            "); the boundary must be refined or an interior edge of the fence split there.";
-  } else {
-    text += " are fenced in at " + node_text + " by fixed edges (determinant " + det_text +
-            "); they would have to fill a solid angle of " + number_text(fault.angle) + ", and the boundary leaves " +
-            number_text(fault.room) + " for all; it must be refined or an interior edge of the fence split there.";
-  }
-  group.sentence = std::move(text);
+  group.sentence = vertex_sentence(mesh, cells, group, link, fault);
   return group;
 }
 
 std::vector<UnrepairableGroup> at_vertices(const HighOrderMesh& mesh, const Cells& cells,
                                            const std::vector<bool>& fixed, double sign, const Team& team) {
   const detail::VertexCorners corners(mesh, cells, fixed, sign);
-  return gather(team, corners.vertices(), [&](std::size_t i, std::vector<UnrepairableGroup>& out) {
+  std::vector<UnrepairableGroup> groups;
+  detail::gather(team, corners.vertices(), kChunk, groups, [&](std::size_t i, std::vector<UnrepairableGroup>& out) {
     const detail::VertexCorners::Link link = corners.link(i);
     for (const detail::LinkFault& fault : detail::link_faults(link.directions, link.corners))
-      out.push_back(vertex_group(mesh, cells, link.node, link, fault));
+      out.push_back(vertex_group(mesh, cells, link, fault));
   });
+  return groups;
 }
 
 // ---------------------------------------------------------------------------------------------------------------------
@@ -128,19 +119,19 @@ UnrepairableGroup sample_group(const HighOrderMesh& mesh, const Cells& cells, st
   group.place = sample.place;
   group.determinant = sample.jacobian;
   group.kind = sample.dimension == 0 ? Kind::Vertex : sample.dimension == 1 ? Kind::Edge : Kind::Face;
-  std::string text = elements_text(cells, group);
+  std::string text = names_of(cells, group);
   if (sample.dimension == 0) {
     group.vertex = mesh.node_numbers[at(cells.nodes(at(cell))[at(sample.vertex)])];
-    text +=
-        ": its two edges at node " + std::to_string(group.vertex) + " " + place_text(group.place) + " are fixed and";
+    text += ": its two edges at node " + std::to_string(group.vertex) + " " + place_text(group.place) +
+            " are fixed and leave it no room";
   } else if (sample.dimension == 1) {
-    text += ": its two fixed faces meet along an edge, and at " + place_text(group.place) + " they";
+    text += ": its two fixed faces meet along an edge and leave it no room at " + place_text(group.place);
   } else {
-    text += ": at " + place_text(group.place) + " all nodes that decide are fixed and";
+    text += ": J at " + place_text(group.place) + " depends on fixed nodes only, which leave it no room";
   }
-  text += " leave it no room (J is " + number_text(group.determinant) +
-          " of its largest there); the boundary must be refined or the " +
-          std::string(reference::info(cells.shape(at(cell))).name) + " split there.";
+  text += " (J there is " + number_text(group.determinant) +
+          " of its largest value); refine the boundary there, or split the " +
+          std::string(reference::info(cells.shape(at(cell))).name) + ".";
   group.sentence = std::move(text);
   return group;
 }
@@ -148,16 +139,19 @@ UnrepairableGroup sample_group(const HighOrderMesh& mesh, const Cells& cells, st
 std::vector<UnrepairableGroup> between_faces(const HighOrderMesh& mesh, const Cells& cells,
                                              const std::vector<bool>& fixed, double sign, const Team& team) {
   const detail::FixedSamples samples(mesh, cells);
-  return gather(team, cells.count(), [&](std::size_t cell, std::vector<UnrepairableGroup>& out) {
+  std::vector<UnrepairableGroup> groups;
+  detail::gather(team, cells.count(), kChunk, groups, [&](std::size_t cell, std::vector<UnrepairableGroup>& out) {
     for (const detail::FixedSample& sample : samples.worst(cell, fixed, sign))
       out.push_back(sample_group(mesh, cells, static_cast<std::int32_t>(cell), sample));
   });
+  return groups;
 }
 
 std::vector<UnrepairableGroup> folded_faces(const HighOrderMesh& mesh, const Cells& cells,
                                             const std::vector<bool>& fixed, const Team& team) {
   const detail::FoldedFacets folded(mesh, cells);
-  return gather(team, cells.count(), [&](std::size_t cell, std::vector<UnrepairableGroup>& out) {
+  std::vector<UnrepairableGroup> groups;
+  detail::gather(team, cells.count(), kChunk, groups, [&](std::size_t cell, std::vector<UnrepairableGroup>& out) {
     for (const detail::FixedSample& sample : folded.in(cell, fixed)) {
       UnrepairableGroup group;
       add_cell(cells, static_cast<std::int32_t>(cell), group);
@@ -165,13 +159,14 @@ std::vector<UnrepairableGroup> folded_faces(const HighOrderMesh& mesh, const Cel
       group.place = sample.place;
       group.determinant = sample.jacobian;
       const bool plane = mesh.dimension == 2;
-      group.sentence = elements_text(cells, group) + ": its fixed " + (plane ? "straight edge" : "flat face") +
+      group.sentence = names_of(cells, group) + ": its fixed " + (plane ? "straight edge" : "flat face") +
                        " folds over itself at " + place_text(group.place) + " (" +
                        (plane ? "its tangent" : "its normal") +
-                       " changes sign); the boundary must be meshed anew or refined there.";
+                       " changes sign); mesh the boundary anew there, or refine it.";
       out.push_back(std::move(group));
     }
   });
+  return groups;
 }
 
 }  // namespace

@@ -7,36 +7,25 @@
 #include <optional>
 
 #include "core/base/index.h"
-#include "core/diagnosis/vertex_link.h"
+#include "core/diagnosis/node_positions.h"
+#include "core/diagnosis/vector.h"
 #include "core/reference/basis.h"
 
 namespace varimesh::detail {
 namespace {
 
-/// J and normals under this part of the largest count as none: well over the rounding of a high-order gradient.
-constexpr double kNothing = 1e-10;
-/// A facet is flat if no node is further from its plane than this part of its size.
+/// J and normals below this fraction of the largest count as zero. It is well above the rounding of a high-order
+/// gradient.
+constexpr double kZero = 1e-10;
+/// A facet is flat if no node is further from its plane than this fraction of its size.
 constexpr double kFlat = 1e-6;
 
 Vector row(const Eigen::MatrixXd& matrix, Eigen::Index i) { return {matrix(i, 0), matrix(i, 1), matrix(i, 2)}; }
 
-Eigen::MatrixXd coordinates_of(const HighOrderMesh& mesh, std::span<const std::int32_t> nodes,
-                               const std::vector<int>* which = nullptr) {
-  const std::size_t count = which != nullptr ? which->size() : nodes.size();
-  Eigen::MatrixXd result(count, 3);
-  for (std::size_t n = 0; n < count; ++n)
-    for (std::size_t c = 0; c < 3; ++c)
-      result(static_cast<Eigen::Index>(n), static_cast<Eigen::Index>(c)) =
-          mesh.coordinates[3 * at(nodes[which != nullptr ? at((*which)[n]) : n]) + c];
-  return result;
-}
-
-/// Whether a point of the reference cell lies on a facet's plane (line).
+/// Whether a point of the reference cell lies on the plane of a facet (in 2-D on its line).
 bool on_facet(const reference::ShapeInfo& shape, const reference::Facet& facet, const Vector& p) {
   const auto corner = [&](std::size_t k) { return shape.vertex[at(facet.vertices[k])]; };
-  const auto from_first = [&](const Vector& x) {
-    return Vector{x[0] - corner(0)[0], x[1] - corner(0)[1], x[2] - corner(0)[2]};
-  };
+  const auto from_first = [&](const Vector& x) { return minus(x, corner(0)); };
   const Vector last = shape.dimension == 2 ? Vector{0, 0, 1} : from_first(corner(2));
   return std::abs(determinant(from_first(corner(1)), last, from_first(p))) < 1e-9;
 }
@@ -54,7 +43,7 @@ FixedSamples::Table FixedSamples::make_table(Shape shape, int order, int dimensi
   Table table;
   table.points = reference::uniform_lattice(shape, lattice_intervals(order));
   if (shape == Shape::Pyramid) {
-    // Towards the apex the basis is rational and loses digits: stay off it.
+    // Near the apex the basis, which is rational, loses digits: leave those points out.
     std::vector<Eigen::Index> keep;
     for (Eigen::Index p = 0; p < table.points.rows(); ++p)
       if (table.points(p, 2) < 0.99) keep.push_back(p);
@@ -87,19 +76,19 @@ FixedSamples::Table FixedSamples::make_table(Shape shape, int order, int dimensi
 }
 
 FixedSamples::FixedSamples(const HighOrderMesh& mesh, const Cells& cells) : mesh_(mesh), cells_(cells) {
-  for (const Cells::Run& run : cells.runs())
-    if (!tables_.contains(run.block->shape))
-      tables_.emplace(run.block->shape, make_table(run.block->shape, run.block->order, mesh.dimension));
+  for (const Cells::Range& range : cells.ranges())
+    if (!tables_.contains(range.block->shape))
+      tables_.emplace(range.block->shape, make_table(range.block->shape, range.block->order, mesh.dimension));
 }
 
 std::vector<FixedSample> FixedSamples::worst(std::size_t cell, const std::vector<bool>& fixed, double sign) const {
   const auto nodes = cells_.nodes(cell);
   const Table& table = tables_.at(cells_.shape(cell));
   const auto held = [&](int n) { return fixed[at(nodes[at(n)])]; };
-  // Only between two fixed facets can there be such a point (but at vertices in 3-D).
+  // Such a point can only lie between two fixed facets (except at vertices in 3-D).
   if (std::ranges::count_if(table.facets, [&](const auto& facet) { return std::ranges::all_of(facet, held); }) < 2)
     return {};
-  const Eigen::MatrixXd x = coordinates_of(mesh_, nodes);
+  const Eigen::MatrixXd x = node_positions(mesh_.coordinates, nodes);
   const int d = mesh_.dimension;
   std::array<Eigen::MatrixXd, 3> g;
   for (int r = 0; r < d; ++r) g[at(r)] = table.gradients[at(r)] * x;
@@ -115,7 +104,7 @@ std::vector<FixedSample> FixedSamples::worst(std::size_t cell, const std::vector
     if ((d == 3 && dimension == 0) || !std::ranges::all_of(table.enter[at(p)], held)) continue;
     const double relative = largest > 0 ? jacobian(p) / largest : 0;
     auto& entry = worst[at(dimension)];
-    if (relative > kNothing || (entry && entry->jacobian <= relative)) continue;
+    if (relative > kZero || (entry && entry->jacobian <= relative)) continue;
     entry = FixedSample{dimension, table.vertex[at(p)], row(table.values.row(p) * x, 0), relative};
   }
   std::vector<FixedSample> result;
@@ -130,8 +119,8 @@ std::vector<FixedSample> FixedSamples::worst(std::size_t cell, const std::vector
 
 FoldedFacets::FoldedFacets(const HighOrderMesh& mesh, const Cells& cells) : mesh_(mesh), cells_(cells) {
   constexpr auto kNodes = reference::NodeSet::Equispaced;
-  for (const Cells::Run& run : cells.runs())
-    for (const reference::Facet& facet : reference::info(run.block->shape).facets) {
+  for (const Cells::Range& range : cells.ranges())
+    for (const reference::Facet& facet : reference::info(range.block->shape).facets) {
       if (tables_.contains(facet.shape)) continue;
       const reference::Points points = reference::uniform_lattice(facet.shape, lattice_intervals(mesh.order));
       tables_[facet.shape] = {reference::basis_values(facet.shape, mesh.order, kNodes, mesh.dimension, points),
@@ -143,7 +132,7 @@ bool FoldedFacets::folded(const Table& table, const Eigen::MatrixXd& coordinates
   const Eigen::MatrixXd first = table.gradients[0] * coordinates;
   const bool line = table.gradients.size() == 1;
   const Eigen::MatrixXd second = line ? Eigen::MatrixXd() : Eigen::MatrixXd(table.gradients[1] * coordinates);
-  // The normal, or along a line the tangent.
+  // The normal, or the tangent of a line.
   std::vector<Vector> normal;
   std::size_t longest = 0;
   for (Eigen::Index p = 0; p < first.rows(); ++p) {
@@ -160,8 +149,8 @@ bool FoldedFacets::folded(const Table& table, const Eigen::MatrixXd& coordinates
     least = along;
     place = static_cast<Eigen::Index>(p);
   }
-  if (least > kNothing) return false;
-  // Curved facets may turn as far as they like: only a flat one must pass through nothing.
+  if (least > kZero) return false;
+  // A curved facet may turn as far as it likes. Only the normal of a flat one must pass through zero to change sign.
   double size = 0, off = 0;
   for (Eigen::Index n = 0; n < coordinates.rows(); ++n) {
     const Vector x = row(coordinates.row(n) - coordinates.row(0), 0);
@@ -183,9 +172,12 @@ std::vector<FixedSample> FoldedFacets::in(std::size_t cell, const std::vector<bo
   for (std::size_t f = 0; f < facets.size(); ++f) {
     const std::vector<int>& local = reference::facet_nodes(shape, mesh_.order, static_cast<int>(f));
     if (!std::ranges::all_of(local, [&](int n) { return fixed[at(nodes[at(n)])]; })) continue;
+    std::vector<std::int32_t> facet_nodes;
+    for (const int n : local) facet_nodes.push_back(nodes[at(n)]);
     FixedSample sample;
     sample.dimension = mesh_.dimension - 1;
-    if (folded(tables_.at(facets[f].shape), coordinates_of(mesh_, nodes, &local), sample)) result.push_back(sample);
+    if (folded(tables_.at(facets[f].shape), node_positions(mesh_.coordinates, facet_nodes), sample))
+      result.push_back(sample);
   }
   return result;
 }

@@ -1,4 +1,4 @@
-// Points of cells and of their facets where fixed nodes alone decide. Internal to core/quality.
+// Points of cells and of their facets where J depends on fixed nodes only. Internal to the library.
 #pragma once
 
 #include <Eigen/Core>
@@ -14,29 +14,29 @@ namespace varimesh::detail {
 /// A point where fixed nodes leave no room.
 struct FixedSample {
   int dimension = 0;              ///< Of the smallest part of the cell it lies in: 0 vertex, 1 edge, 2 face, 3 inside.
-  int vertex = -1;                ///< Local number of the vertex, where it is one.
+  int vertex = -1;                ///< Local number of the vertex if the point is one.
   std::array<double, 3> place{};  ///< Physical coordinates.
-  double jacobian = 0;            ///< J there over the largest |J| sampled in the cell; or the same of a normal.
+  double jacobian = 0;  ///< J there over the largest |J| sampled in the cell; for a facet, its normal likewise.
 };
 
-/// The point condition: J at points of cells where it depends on fixed nodes only.
+/// The point condition: J must be positive at the points of a cell where it depends on fixed nodes only.
 class FixedSamples {
  public:
   FixedSamples(const HighOrderMesh& mesh, const Cells& cells);
 
-  /// The worst point of each dimension at which J ≤ 0 whatever the free nodes do. In 3-D vertices are left out: the
-  /// vertex condition has them.
+  /// The worst point of each dimension at which J ≤ 0 whatever the free nodes do. In 3-D the vertices are left out; the
+  /// vertex condition covers them. `fixed`: by node; `sign`: −1 if the mesh is numbered clockwise.
   std::vector<FixedSample> worst(std::size_t cell, const std::vector<bool>& fixed, double sign) const;
 
  private:
   struct Table {
     reference::Points points;
     Eigen::MatrixXd values;                  // points × nodes
-    std::vector<Eigen::MatrixXd> gradients;  // a points × nodes matrix a direction
-    std::vector<int> dimension;              // of each point
-    std::vector<int> vertex;                 // of each point, −1 where it is none
-    std::vector<std::vector<int>> enter;     // nodes that J at the point depends on
-    std::vector<std::vector<int>> facets;    // nodes of each facet
+    std::vector<Eigen::MatrixXd> gradients;  // a points × nodes matrix per direction
+    std::vector<int> dimension;              // by point
+    std::vector<int> vertex;                 // by point; −1 if it is none
+    std::vector<std::vector<int>> enter;     // by point: the nodes that J depends on there
+    std::vector<std::vector<int>> facets;    // by facet: its nodes
   };
   static Table make_table(Shape shape, int order, int dimension);
 
@@ -45,11 +45,12 @@ class FixedSamples {
   std::map<Shape, Table> tables_;
 };
 
-/// Flat fixed facets whose normal (in 2-D straight edges whose tangent) changes sign.
+/// Flat fixed facets whose normal changes sign (in 2-D, straight edges whose tangent does).
 class FoldedFacets {
  public:
   FoldedFacets(const HighOrderMesh& mesh, const Cells& cells);
 
+  /// One sample for each folded facet of the cell.
   std::vector<FixedSample> in(std::size_t cell, const std::vector<bool>& fixed) const;
 
  private:

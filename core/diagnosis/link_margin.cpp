@@ -1,4 +1,4 @@
-// Joins corners to pieces, and turns one free direction after another to where its own corners have most room.
+// Joins corners to pieces, and turns one free direction after another to where its own corners have the most room.
 #include "core/diagnosis/link_margin.h"
 
 #include <algorithm>
@@ -6,66 +6,41 @@
 #include <cmath>
 #include <map>
 #include <numbers>
-#include <numeric>
 
 #include "core/base/index.h"
+#include "core/diagnosis/disjoint_sets.h"
 
 namespace varimesh::detail {
 namespace {
 
 constexpr int kRounds = 40;
-constexpr double kSettled = 1e-4;  // of a margin from one round to the next
+constexpr double kSettled = 1e-4;  // a gain of less than this in one round ends the search
 
 using Side = std::pair<std::int32_t, std::int32_t>;
 
-Vector minus(const Vector& a, const Vector& b) { return {a[0] - b[0], a[1] - b[1], a[2] - b[2]}; }
-Vector plus(const Vector& a, const Vector& b) { return {a[0] + b[0], a[1] + b[1], a[2] + b[2]}; }
-
-bool normalise(Vector& x) {
-  const double length = std::sqrt(dot(x, x));
-  if (!(length > 0)) return false;
-  for (double& component : x) component /= length;
-  return true;
-}
-
-double smallest(const std::vector<Vector>& normals, const Vector& x) {
-  double result = 1;
-  for (const Vector& n : normals) result = std::min(result, dot(n, x));
-  return result;
-}
-
-/// The unit vector x with the largest smallest n · x. By duality it points to the place of the vectors' convex hull
-/// that is nearest to the origin, and so is given by one, two or three of them.
+/// The unit vector x with the largest smallest n · x, or `start` if none is better.
 Vector widest(const std::vector<Vector>& normals, const Vector& start) {
   Vector best = start;
-  double value = smallest(normals, start);
-  const auto attempt = [&](Vector x) {
+  double value = smallest_product(normals, start);
+  // Where two of them give the same: on the plane across their difference, nearest to their sum.
+  const auto between = [](const Vector& a, const Vector& b) -> Vector {
+    const Vector across = minus(a, b), sum = plus(a, b);
+    const double square = dot(across, across);
+    if (!(square > 0)) return {};
+    const double part = dot(sum, across) / square;
+    return {sum[0] - part * across[0], sum[1] - part * across[1], sum[2] - part * across[2]};
+  };
+  for_each_widest_candidate(normals, between, [&](Vector x) {
     if (!normalise(x)) return;
-    const double found = smallest(normals, x);
+    const double found = smallest_product(normals, x);
     if (found <= value) return;
     value = found;
     best = x;
-  };
-  for (std::size_t i = 0; i < normals.size(); ++i) {
-    attempt(normals[i]);
-    for (std::size_t j = 0; j < i; ++j) {
-      // Where both give the same: on the plane across their difference, nearest to their sum.
-      const Vector across = minus(normals[i], normals[j]), sum = plus(normals[i], normals[j]);
-      const double square = dot(across, across);
-      if (square > 0) {
-        const double part = dot(sum, across) / square;
-        attempt({sum[0] - part * across[0], sum[1] - part * across[1], sum[2] - part * across[2]});
-      }
-      for (std::size_t k = 0; k < j; ++k) {
-        const Vector x = cross(minus(normals[j], normals[i]), minus(normals[k], normals[i]));
-        attempt(x);
-        attempt({-x[0], -x[1], -x[2]});
-      }
-    }
-  }
+  });
   return best;
 }
 
+/// Turns the free directions of one piece.
 class Search {
  public:
   Search(std::span<const LinkDirection> directions, std::span<const LinkCorner> corners, const LinkPiece& piece)
@@ -76,8 +51,8 @@ class Search {
         if (!directions[at(corners[at(k)].direction[i])].fixed) around_[corners[at(k)].direction[i]].push_back({k, i});
   }
 
-  /// From the directions as they are.
-  double run() {
+  /// Turns them from where they are; returns the largest margin found.
+  double search() {
     double best = margin();
     for (int round = 0; round < kRounds; ++round) {
       for (const auto& [direction, places] : around_) {
@@ -92,7 +67,7 @@ class Search {
     return best;
   }
 
-  /// Puts each free direction between those round it.
+  /// Puts each free direction between those around it.
   void spread() {
     for (int round = 0; round < 10; ++round)
       for (const auto& [direction, places] : around_) {
@@ -114,7 +89,7 @@ class Search {
     return result > 0 && wraps() ? -1 : result;
   }
 
-  /// Whether the angles round a free direction add up to more than one turn.
+  /// Whether the angles around a free direction add up to more than one turn.
   bool wraps() const {
     for (const auto& [direction, places] : around_) {
       double sum = 0;
@@ -134,6 +109,7 @@ class Search {
   std::map<std::int32_t, std::vector<std::pair<std::int32_t, std::size_t>>> around_;
 };
 
+/// The determinant of the three directions of a fence.
 double fence_of_three(std::span<const LinkDirection> directions, const LinkPiece& piece) {
   const Side first = piece.fence[0], second = piece.fence[1].first == first.second ? piece.fence[1] : piece.fence[2];
   return determinant(directions[at(first.first)].unit, directions[at(first.second)].unit,
@@ -142,19 +118,19 @@ double fence_of_three(std::span<const LinkDirection> directions, const LinkPiece
 
 double margin_of(std::span<const LinkDirection> directions, std::span<const LinkCorner> corners, const LinkPiece& piece,
                  std::span<const LinkFault> faults, double enough) {
-  const bool named = std::ranges::any_of(
+  const bool at_fault = std::ranges::any_of(
       faults, [&](const LinkFault& fault) { return fault.fence > 0 && fault.corners == piece.corners; });
   if (piece.fence.size() == 3) {
     const double margin = fence_of_three(directions, piece);
-    if (margin > 0 || named || piece.inside.empty()) return std::min(margin, named ? 0 : margin);
+    if (margin > 0 || at_fault || piece.inside.empty()) return std::min(margin, at_fault ? 0 : margin);
   }
-  if (named) return -1;
+  if (at_fault) return -1;
   Search search(directions, corners, piece);
-  const double margin = search.run();
+  const double margin = search.search();
   if (margin > enough) return margin;
   Search again(directions, corners, piece);
   again.spread();
-  return std::max(margin, again.run());
+  return std::max(margin, again.search());
 }
 
 }  // namespace
@@ -172,23 +148,16 @@ std::vector<LinkPiece> link_pieces(std::span<const LinkDirection> directions, st
   const auto is_fixed = [&](const Side& side) {
     return directions[at(side.first)].fixed && directions[at(side.second)].fixed;
   };
-  std::vector<std::int32_t> parent(corners.size());
-  std::iota(parent.begin(), parent.end(), 0);
-  const auto root = [&](std::int32_t k) {
-    while (parent[at(k)] != k) k = parent[at(k)] = parent[at(parent[at(k)])];
-    return k;
-  };
+  DisjointSets sets(corners.size());
   for (const auto& [side, corner] : corner_of) {
     const std::int32_t other = behind(side);
-    if (other < 0 || is_fixed(side)) continue;
-    const std::int32_t a = root(corner), b = root(other);
-    parent[at(std::max(a, b))] = std::min(a, b);
+    if (other >= 0 && !is_fixed(side)) sets.join(corner, other);
   }
   std::map<std::int32_t, LinkPiece> pieces;
   for (std::size_t k = 0; k < corners.size(); ++k)
-    pieces[root(static_cast<std::int32_t>(k))].corners.push_back(static_cast<std::int32_t>(k));
+    pieces[sets.find(static_cast<std::int32_t>(k))].corners.push_back(static_cast<std::int32_t>(k));
   for (const auto& [side, corner] : corner_of) {
-    LinkPiece& piece = pieces[root(corner)];
+    LinkPiece& piece = pieces[sets.find(corner)];
     if (is_fixed(side))
       piece.fence.push_back(side);
     else if (side.first < side.second || behind(side) < 0)

@@ -1,4 +1,4 @@
-// How much room a vertex leaves the tetrahedra in each fence of fixed edges. Internal to core/repair.
+// How much room a vertex leaves the tetrahedra inside each fence of fixed edges. Internal to the library.
 #pragma once
 
 #include <cstdint>
@@ -10,18 +10,20 @@
 
 namespace varimesh::detail {
 
-/// Corners at a vertex that are joined across link sides with a free end.
+/// Corners at a vertex that are joined across sides of the link with a free end.
 struct LinkPiece {
-  std::vector<std::int32_t> corners;                          ///< In order.
-  std::vector<std::pair<std::int32_t, std::int32_t>> fence;   ///< Sides between fixed directions, another piece behind.
+  std::vector<std::int32_t> corners;                          ///< In ascending order.
+  std::vector<std::pair<std::int32_t, std::int32_t>> fence;   ///< Sides between fixed directions, with another piece
+                                                              ///< behind.
   std::vector<std::pair<std::int32_t, std::int32_t>> inside;  ///< Sides with a free end, once each.
-  /// The largest that the smallest det of a corner's three unit directions can become by turning the free ones, as far
-  /// as a search finds it; of a fence of three that of its directions. −1 where only solutions are found that go more
-  /// than once round a free direction.
+  /// Dimensionless. For a fence of three, the determinant of its unit directions. Otherwise the largest value that the
+  /// smallest determinant of a corner's three unit directions can reach when the free ones turn, as far as a search
+  /// finds it. −1 if only solutions were found that go around a free direction more than once.
   double margin = 0;
 };
 
-/// The pieces at one vertex. Corners are triangles: of tetrahedra.
+/// The pieces at one vertex, which must have triangles as corners (of tetrahedra). The search for a margin ends once
+/// the margin is above `enough`.
 std::vector<LinkPiece> link_pieces(std::span<const LinkDirection> directions, std::span<const LinkCorner> corners,
                                    double enough);
 

@@ -1,4 +1,4 @@
-// Buckets corners by vertex; tangents of mesh edges at their ends.
+// Sorts corners by vertex, and computes tangents of mesh edges at their ends.
 #include "core/diagnosis/vertex_corners.h"
 
 #include <algorithm>
@@ -10,19 +10,15 @@
 namespace varimesh::detail {
 namespace {
 
-Vector between(const std::array<double, 3>& a, const std::array<double, 3>& b) {
-  return {b[0] - a[0], b[1] - a[1], b[2] - a[2]};
-}
-
-/// The other ends of the edges at a vertex, ordered counter-clockwise as seen from outside the sphere round it.
+/// The other ends of the edges at a vertex, counter-clockwise as seen from outside the sphere around it.
 std::vector<int> neighbours(const reference::ShapeInfo& shape, int vertex) {
   std::vector<int> ends;
   for (const auto& edge : shape.edges) {
     if (edge[0] == vertex) ends.push_back(edge[1]);
     if (edge[1] == vertex) ends.push_back(edge[0]);
   }
-  const auto direction = [&](int end) { return between(shape.vertex[at(vertex)], shape.vertex[at(end)]); };
-  // A pyramid's apex has the base's vertices, which are in order already.
+  const auto direction = [&](int end) { return minus(shape.vertex[at(end)], shape.vertex[at(vertex)]); };
+  // The ends of the edges at a pyramid's apex are the base's vertices, which are in order already.
   if (determinant(direction(ends[0]), direction(ends[1]), direction(ends[2])) < 0) std::ranges::reverse(ends);
   return ends;
 }
@@ -56,22 +52,22 @@ VertexCorners::VertexCorners(const HighOrderMesh& mesh, const Cells& cells, cons
   reference::Points end(1, 1);
   end(0, 0) = -1;
   const auto gradient = reference::basis_gradients(Shape::Line, mesh.order, reference::NodeSet::Equispaced, 3, end);
-  // Gmsh's order of a line's nodes is its two ends, then the inner ones from the first to the last.
+  // Gmsh lists a line's two ends, then the inner nodes from the first to the last.
   end_derivative_.push_back(gradient[0](0, 0));
   for (int n = 2; n <= mesh.order; ++n) end_derivative_.push_back(gradient[0](0, n));
   end_derivative_.push_back(gradient[0](0, 1));
-  for (const Cells::Run& run : cells.runs())
-    if (!local_.contains(run.block->shape))
-      local_.emplace(run.block->shape, local_corners(run.block->shape, run.block->order));
+  for (const Cells::Range& range : cells.ranges())
+    if (!local_.contains(range.block->shape))
+      local_.emplace(range.block->shape, local_corners(range.block->shape, range.block->order));
 
   std::vector<std::uint32_t> count(mesh.node_count() + 1, 0);
   const auto each_corner = [&](auto&& visit) {
     std::int32_t cell = 0;
-    for (const Cells::Run& run : cells.runs()) {
-      const int vertices = reference::info(run.block->shape).vertices;
-      for (std::size_t i = 0; i < run.block->size(); ++i, ++cell)
+    for (const Cells::Range& range : cells.ranges()) {
+      const int vertices = reference::info(range.block->shape).vertices;
+      for (std::size_t i = 0; i < range.block->size(); ++i, ++cell)
         for (int v = 0; v < vertices; ++v) {
-          const std::int32_t node = run.block->nodes[i * run.stride + at(v)];
+          const std::int32_t node = range.block->nodes[i * range.stride + at(v)];
           if (fixed[at(node)]) visit(node, cell, v);
         }
     }

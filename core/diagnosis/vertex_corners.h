@@ -1,4 +1,4 @@
-// Every fixed vertex of a 3-D mesh with the corners of the cells round it. Internal to core/quality.
+// Every fixed vertex of a 3-D mesh, with the corners of the cells around it. Internal to the library.
 #pragma once
 
 #include <map>
@@ -13,10 +13,11 @@ namespace varimesh::detail {
 /// Sorts the corners of all cells by vertex, once.
 class VertexCorners {
  public:
-  /// @param sign −1 where the mesh is numbered clockwise: corners are turned round
+  /// @param fixed by node of the mesh
+  /// @param sign −1 if the mesh is numbered clockwise; the corners are then reversed
   VertexCorners(const HighOrderMesh& mesh, const Cells& cells, const std::vector<bool>& fixed, double sign);
 
-  /// How many vertices are fixed.
+  /// The number of fixed vertices.
   std::size_t vertices() const { return nodes_.size(); }
 
   /// The directions and corners at the i-th fixed vertex.
@@ -46,9 +47,9 @@ class VertexCorners {
   const std::vector<bool>& fixed_;
   double sign_;
   std::map<Shape, LocalCorners> local_;
-  std::vector<double> end_derivative_;  // of the Lagrange basis on a line at its first end
-  std::vector<std::int32_t> nodes_;
-  std::vector<std::uint32_t> first_;  // of each vertex in incidences_
+  std::vector<double> end_derivative_;  // of the Lagrange basis on a line, at its first end
+  std::vector<std::int32_t> nodes_;     // the fixed vertices
+  std::vector<std::uint32_t> first_;    // by fixed vertex: the start of its corners in incidences_
   std::vector<Incidence> incidences_;
 };
 

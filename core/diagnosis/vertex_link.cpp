@@ -1,28 +1,29 @@
-// Joins link triangles over sides with a free end, finds each piece's fence, and compares solid angles.
+// Joins link triangles across sides with a free end, finds the fence of each piece, and compares solid angles.
 #include "core/diagnosis/vertex_link.h"
 
 #include <algorithm>
 #include <cmath>
 #include <map>
 #include <numbers>
-#include <numeric>
 #include <optional>
 #include <utility>
 
 #include "core/base/index.h"
+#include "core/diagnosis/disjoint_sets.h"
 
 namespace varimesh::detail {
 namespace {
 
 constexpr double kPi = std::numbers::pi;
-/// Radians, and determinants of unit vectors: far above the rounding of tangents, far below what a mesh could use.
+/// For angles in radians and determinants of unit vectors: far above the rounding of tangents, far below what a mesh
+/// could use.
 constexpr double kTolerance = 1e-9;
-/// A smallest room worth speaking of when solid angles are summed over a whole vertex.
+/// The same for solid angles that are summed over a whole vertex.
 constexpr double kSumTolerance = 1e-6;
 
 using Side = std::pair<std::int32_t, std::int32_t>;
 
-/// Sides of all corners in the sense of their own corner, sorted, and the corner that each belongs to.
+/// The sides of all corners, sorted, each in the direction of its own corner, and the corner that it belongs to.
 class Sides {
  public:
   explicit Sides(std::span<const LinkCorner> corners) {
@@ -46,25 +47,20 @@ class Sides {
   std::vector<Entry> sides_;
 };
 
-/// Which piece each corner is in, named by its first corner.
+/// By corner: the piece that it is in. A piece is named by its first corner.
 std::vector<std::int32_t> pieces(std::span<const LinkDirection> directions, std::size_t corners, const Sides& sides) {
-  std::vector<std::int32_t> parent(corners);
-  std::iota(parent.begin(), parent.end(), 0);
-  const auto root = [&](std::int32_t k) {
-    while (parent[at(k)] != k) k = parent[at(k)] = parent[at(parent[at(k)])];
-    return k;
-  };
+  DisjointSets sets(corners);
   for (const auto& [side, corner] : sides) {
     const std::int32_t other = sides.across(side);
     if (other < 0 || (directions[at(side.first)].fixed && directions[at(side.second)].fixed)) continue;
-    const std::int32_t a = root(corner), b = root(other);
-    parent[at(std::max(a, b))] = std::min(a, b);
+    sets.join(corner, other);
   }
-  for (std::size_t k = 0; k < corners; ++k) parent[k] = root(static_cast<std::int32_t>(k));
-  return parent;
+  std::vector<std::int32_t> piece_of;
+  for (std::size_t k = 0; k < corners; ++k) piece_of.push_back(sets.find(static_cast<std::int32_t>(k)));
+  return piece_of;
 }
 
-/// The loop that these directed sides make, if they make a single one.
+/// The loop that these directed sides form, if they form a single one.
 std::optional<std::vector<std::int32_t>> single_loop(const std::vector<Side>& sides) {
   std::map<std::int32_t, std::int32_t> next;
   for (const Side& side : sides)
@@ -80,16 +76,16 @@ std::optional<std::vector<std::int32_t>> single_loop(const std::vector<Side>& si
   return loop.size() == sides.size() ? std::optional(loop) : std::nullopt;
 }
 
-/// The angle inside, at b, of a polygon that goes a → b → c with its inside to the left; in [0, 2π).
+/// The inner angle at b, in [0, 2π), of a polygon that goes a → b → c with its inside to the left.
 double inner_angle(const Vector& a, const Vector& b, const Vector& c) {
-  const Vector to_c = cross(b, c), to_a = cross(b, a);  // both turned by a quarter about b
+  const Vector to_c = cross(b, c), to_a = cross(b, a);  // both turned about b by a quarter turn
   const double angle = std::atan2(determinant(b, to_c, to_a), dot(to_c, to_a));
   return angle < 0 ? angle + 2 * kPi : angle;
 }
 
-/// Solid angle to the left of a closed polygon of directions, in [0, 4π): the sum of its inner angles less those of a
-/// plane polygon. Nothing where a corner may be closed or open by a whole turn. (A sum over triangles would have sides
-/// between directions that are opposite each other.)
+/// Solid angle to the left of a closed polygon of directions, in [0, 4π): the sum of its inner angles minus those of a
+/// plane polygon. Nothing if it cannot be told whether a corner is closed or open by a whole turn. (A sum over
+/// triangles would have sides between opposite directions.)
 std::optional<double> polygon_angle(const std::vector<std::int32_t>& loop, std::span<const LinkDirection> directions) {
   const std::size_t n = loop.size();
   if (n < 3) return std::nullopt;
@@ -104,8 +100,8 @@ std::optional<double> polygon_angle(const std::vector<std::int32_t>& loop, std::
   return sum < 0 ? sum + 4 * kPi : sum;
 }
 
-/// Solid angle that the boundary leaves at the vertex; nothing where the boundary there is not one simple loop, or has
-/// a cusp that may be closed or open by a whole turn.
+/// Solid angle that the boundary leaves at the vertex. Nothing if the boundary there is not one simple loop, or if it
+/// has a cusp that may be closed or open by a whole turn.
 std::optional<double> room(std::span<const LinkDirection> directions, const Sides& sides) {
   std::vector<Side> boundary;
   for (const auto& [side, corner] : sides)
@@ -115,7 +111,7 @@ std::optional<double> room(std::span<const LinkDirection> directions, const Side
   return loop ? polygon_angle(*loop, directions) : std::nullopt;
 }
 
-/// The fence of the piece: sides with both ends fixed, less those that the piece has on both sides (slits).
+/// The fence of the piece: sides with both ends fixed, without those that have the piece on both sides (slits).
 std::vector<Side> fence(std::int32_t piece, const std::vector<std::int32_t>& piece_of,
                         std::span<const LinkDirection> directions, const Sides& sides) {
   std::vector<Side> result;
@@ -129,7 +125,7 @@ std::vector<Side> fence(std::int32_t piece, const std::vector<std::int32_t>& pie
   return result;
 }
 
-/// A piece with a single fence, as if it were at fault.
+/// A piece with a single fence, described as if it were at fault; nothing for other pieces.
 std::optional<LinkFault> fenced(std::int32_t piece, const std::vector<std::int32_t>& piece_of,
                                 std::span<const LinkDirection> directions, const Sides& sides) {
   const std::vector<Side> around = fence(piece, piece_of, directions, sides);
@@ -156,37 +152,19 @@ std::optional<LinkFault> fenced(std::int32_t piece, const std::vector<std::int32
   return result;
 }
 
-/// The largest that the smallest of n · x can be over unit vectors x, for unit vectors n. By duality the best x points
-/// to the place of the normals' convex hull that is nearest to the origin, so that it is given by one, two or three.
+/// The largest value over unit vectors x of the smallest n · x, for unit vectors n.
 double widest_margin(const std::vector<Vector>& normals) {
   double best = -1;
-  const auto attempt = [&](Vector x) {
-    const double length = std::sqrt(dot(x, x));
-    if (!(length > 0)) return;
-    for (double& component : x) component /= length;
-    double smallest = 1;
-    for (const Vector& n : normals) smallest = std::min(smallest, dot(n, x));
-    best = std::max(best, smallest);
-  };
-  const auto less = [](const Vector& a, const Vector& b) { return Vector{a[0] - b[0], a[1] - b[1], a[2] - b[2]}; };
-  for (std::size_t i = 0; i < normals.size(); ++i) {
-    attempt(normals[i]);
-    for (std::size_t j = 0; j < i; ++j) {
-      attempt({normals[i][0] + normals[j][0], normals[i][1] + normals[j][1], normals[i][2] + normals[j][2]});
-      for (std::size_t k = 0; k < j; ++k) {
-        const Vector x = cross(less(normals[j], normals[i]), less(normals[k], normals[i]));
-        attempt(x);
-        attempt({-x[0], -x[1], -x[2]});
-      }
-    }
-  }
+  for_each_widest_candidate(normals, plus, [&](Vector x) {
+    if (normalise(x)) best = std::max(best, smallest_product(normals, x));
+  });
   return best;
 }
 
-/// The corners that have this free direction and no other free one, where they are at fault. Their determinants are
-/// linear in the free direction.
-std::optional<LinkFault> round_free(std::int32_t free, std::span<const LinkDirection> directions,
-                                    std::span<const LinkCorner> corners) {
+/// The corners that have this free direction and no other free one, if they are at fault. Their determinants are linear
+/// in the free direction.
+std::optional<LinkFault> fan(std::int32_t free, std::span<const LinkDirection> directions,
+                             std::span<const LinkCorner> corners) {
   LinkFault result;
   result.free_direction = free;
   std::vector<Vector> normals;
@@ -225,7 +203,7 @@ std::vector<LinkFault> link_faults(std::span<const LinkDirection> directions, st
     if (piece_of[k] != static_cast<std::int32_t>(k)) continue;
     auto piece = fenced(piece_of[k], piece_of, directions, sides);
     if (!piece) continue;
-    // One cell alone fills its triangle the plain way or not at all; several may go round the far side.
+    // A single cell fills its triangle the plain way or not at all; several cells may go around the far side.
     const bool flat = piece->fence == 3 && std::abs(piece->determinant) <= kTolerance &&
                       (piece->angle <= kPi || piece->angle >= 3 * kPi || piece->corners.size() == 1);
     claimed += piece->angle;
@@ -236,11 +214,12 @@ std::vector<LinkFault> link_faults(std::span<const LinkDirection> directions, st
       fitting.push_back(std::move(*piece));
     }
   }
-  // A piece that is not all positive may be taken to be turned inside out, and then claims a whole sphere less. Named
-  // are those that are turned least until the rest fits, and such as might as well be turned instead of the last.
+  // A piece that is not positive everywhere may count as turned inside out; then it claims a whole sphere less. At
+  // fault are the pieces that need the least turning until the rest fits, and those that could be turned instead of the
+  // last.
   std::ranges::stable_sort(fitting, std::ranges::greater{}, &LinkFault::angle);
   const auto available = fitting.empty() ? std::nullopt : room(directions, sides);
-  double turned = 0;  // the angle inside out of the last piece
+  double turned = 0;  // the angle of the last piece when turned inside out
   for (LinkFault& piece : fitting) {
     if (!available) break;
     const bool instead = piece.angle > *available + kSumTolerance && 4 * kPi - piece.angle <= 2 * turned;
@@ -250,15 +229,15 @@ std::vector<LinkFault> link_faults(std::span<const LinkDirection> directions, st
     piece.room = *available;
     faults.push_back(std::move(piece));
   }
-  const auto is_named = [&](const LinkFault& fan) {
+  const auto is_known = [&](const LinkFault& other) {
     return std::ranges::any_of(faults, [&](const LinkFault& fault) {
-      return std::ranges::includes(fault.corners, fan.corners);  // both are in order
+      return std::ranges::includes(fault.corners, other.corners);  // both are in ascending order
     });
   };
   for (std::size_t i = 0; i < directions.size(); ++i) {
     if (directions[i].fixed) continue;
-    auto fan = round_free(static_cast<std::int32_t>(i), directions, corners);
-    if (fan && !is_named(*fan)) faults.push_back(std::move(*fan));
+    auto around = fan(static_cast<std::int32_t>(i), directions, corners);
+    if (around && !is_known(*around)) faults.push_back(std::move(*around));
   }
   return faults;
 }

@@ -1,5 +1,5 @@
-// W(F), dW/dF and d²W/dF² from an energy's f(Q, J'), for any type of number: the plain path takes doubles, the tests
-// take quadruple precision.
+// W(F), dW/dF and d²W/dF² from an energy's f(Q, J'), for any type of number. The plain code uses doubles, and the tests
+// use quadruple precision.
 #if defined(VARIMESH_ENERGY_DENSITY_INL_H) == defined(HWY_TARGET_TOGGLE)
 #ifdef VARIMESH_ENERGY_DENSITY_INL_H
 #undef VARIMESH_ENERGY_DENSITY_INL_H
@@ -35,7 +35,7 @@ Matrix<T, d> cofactor(const Matrix<T, d>& F) {
   return C;
 }
 
-/// ∂C_ij/∂F_kl: in 2-D constant, in 3-D an entry of F with a sign.
+/// ∂C_ij/∂F_kl: constant in 2-D, an entry of ±F in 3-D.
 template <int d, class T>
 T cofactor_derivative(const Matrix<T, d>& F, int i, int j, int k, int l) {
   if constexpr (d == 2) {
@@ -66,7 +66,7 @@ T dot(const Matrix<T, d>& A, const Matrix<T, d>& B) {
   return sum;
 }
 
-/// E: Green–Lagrange's (FᵀF − 1)/2 or the small (F + Fᵀ)/2 − 1.
+/// The strain E: Green–Lagrange, (FᵀF − 1)/2, or small, (F + Fᵀ)/2 − 1.
 template <int d, class T>
 Matrix<T, d> strain_of(const Matrix<T, d>& F, StrainTerm term) {
   Matrix<T, d> E;
@@ -105,8 +105,8 @@ T density_value(const E& energy, const Matrix<T, d>& F, T delta_squared) {
   return W;
 }
 
-/// P = dW/dF = f_Q dQ/dF + f_J C (+ the strain's), with d|F|²/dF = 2F and d|C|²/dF : dF = 2 C : dC. `C`: cof F; `p`:
-/// the energy's partial derivatives there.
+/// P = dW/dF = f_Q dQ/dF + f_J C + the derivative of the strain terms, with d|F|²/dF = 2F and d|C|²/dF : dF = 2 C : dC.
+/// `C` is cof F, and `p` are the partial derivatives of f at F.
 template <int d, class T, class E>
 Matrix<T, d> density_gradient(const E& energy, const Matrix<T, d>& F, const Matrix<T, d>& C, const Partials<T>& p) {
   Matrix<T, d> P;
@@ -138,6 +138,7 @@ Matrix<T, d> density_gradient(const E& energy, const Matrix<T, d>& F, const Matr
   return P;
 }
 
+/// The same for F and δ².
 template <int d, class T, class E>
 Matrix<T, d> density_gradient(const E& energy, const Matrix<T, d>& F, T delta_squared) {
   const Matrix<T, d> C = cofactor<d>(F);
@@ -146,7 +147,38 @@ Matrix<T, d> density_gradient(const E& energy, const Matrix<T, d>& F, T delta_sq
                              energy.partials(Q, regularised<E::kFunction>(determinant<d>(F), delta_squared)));
 }
 
-/// dP for a change dF: (d²W/dF²) : dF.
+/// Adds the strain terms' part of (d²W/dF²) : dF to dP.
+template <int d, class T, class E>
+void add_strain_change(const E& energy, const Matrix<T, d>& F, const Matrix<T, d>& dF, Matrix<T, d>& dP) {
+  const Matrix<T, d> strain = strain_of<d>(F, E::kStrain);
+  Matrix<T, d> d_strain;
+  for (int k = 0; k < d; ++k)
+    for (int l = 0; l < d; ++l) {
+      T sum = dF[k][l] + dF[l][k];
+      if constexpr (E::kStrain == StrainTerm::GreenLagrange) {
+        sum = number<T>(0);
+        for (int m = 0; m < d; ++m) sum = sum + dF[m][k] * F[m][l] + F[m][k] * dF[m][l];
+      }
+      d_strain[k][l] = number<T>(0.5) * sum;
+    }
+  const T two_mu = number<T>(2 * energy.mu);
+  for (int k = 0; k < d; ++k)
+    for (int l = 0; l < d; ++l) {
+      T sum = d_strain[k][l];
+      if constexpr (E::kStrain == StrainTerm::GreenLagrange) {
+        sum = number<T>(0);
+        for (int m = 0; m < d; ++m) sum = sum + dF[k][m] * strain[m][l] + F[k][m] * d_strain[m][l];
+      }
+      dP[k][l] = dP[k][l] + two_mu * sum;
+    }
+  if constexpr (E::kTraceOfStrain) {
+    T trace = number<T>(0);
+    for (int i = 0; i < d; ++i) trace = trace + dF[i][i];
+    for (int k = 0; k < d; ++k) dP[k][k] = dP[k][k] + number<T>(energy.lambda) * trace;
+  }
+}
+
+/// The change dP of P for a change dF of F: (d²W/dF²) : dF.
 template <int d, class T, class E>
 Matrix<T, d> density_hessian_times(const E& energy, const Matrix<T, d>& F, T delta_squared, const Matrix<T, d>& dF) {
   const Matrix<T, d> C = cofactor<d>(F);
@@ -167,7 +199,7 @@ Matrix<T, d> density_hessian_times(const E& energy, const Matrix<T, d>& F, T del
           for (int j = 0; j < d; ++j) {
             const T two = number<T>(2);
             dQ_dF[k][l] = dQ_dF[k][l] + two * C[i][j] * cofactor_derivative<d>(F, i, j, k, l);
-            // cofactor_derivative is linear in F, so its change along dF is itself at dF.
+            // cofactor_derivative is linear in F, so its change along dF is its value at dF.
             d_dQ_dF[k][l] = d_dQ_dF[k][l] + two * (dC[i][j] * cofactor_derivative<d>(F, i, j, k, l) +
                                                    C[i][j] * cofactor_derivative<d>(dF, i, j, k, l));
           }
@@ -181,34 +213,7 @@ Matrix<T, d> density_hessian_times(const E& energy, const Matrix<T, d>& F, T del
     for (int l = 0; l < d; ++l)
       dP[k][l] = p.f_Q * d_dQ_dF[k][l] + (p.f_QQ * dQ + p.f_QJ * dJ) * dQ_dF[k][l] +
                  (p.f_QJ * dQ + p.f_JJ * dJ) * C[k][l] + p.f_J * dC[k][l];
-  if constexpr (E::kStrain != StrainTerm::None) {
-    const Matrix<T, d> strain = strain_of<d>(F, E::kStrain);
-    Matrix<T, d> d_strain;
-    for (int k = 0; k < d; ++k)
-      for (int l = 0; l < d; ++l) {
-        T sum = dF[k][l] + dF[l][k];
-        if constexpr (E::kStrain == StrainTerm::GreenLagrange) {
-          sum = number<T>(0);
-          for (int m = 0; m < d; ++m) sum = sum + dF[m][k] * F[m][l] + F[m][k] * dF[m][l];
-        }
-        d_strain[k][l] = number<T>(0.5) * sum;
-      }
-    const T two_mu = number<T>(2 * energy.mu);
-    for (int k = 0; k < d; ++k)
-      for (int l = 0; l < d; ++l) {
-        T sum = d_strain[k][l];
-        if constexpr (E::kStrain == StrainTerm::GreenLagrange) {
-          sum = number<T>(0);
-          for (int m = 0; m < d; ++m) sum = sum + dF[k][m] * strain[m][l] + F[k][m] * d_strain[m][l];
-        }
-        dP[k][l] = dP[k][l] + two_mu * sum;
-      }
-    if constexpr (E::kTraceOfStrain) {
-      T trace = number<T>(0);
-      for (int i = 0; i < d; ++i) trace = trace + dF[i][i];
-      for (int k = 0; k < d; ++k) dP[k][k] = dP[k][k] + number<T>(energy.lambda) * trace;
-    }
-  }
+  if constexpr (E::kStrain != StrainTerm::None) add_strain_change<d>(energy, F, dF, dP);
   return dP;
 }
 

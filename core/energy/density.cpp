@@ -1,3 +1,4 @@
+// Calls the templates of density-inl.h for the energy of a material.
 #include "core/energy/density.h"
 
 #include "core/energy/density-inl.h"

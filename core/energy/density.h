@@ -1,5 +1,5 @@
-// The plain path: W(F), P = dW/dF and d²W/dF² of an energy at one point, in doubles, as a reader checks them against
-// the paper.
+// W(F), P = dW/dF and d²W/dF² of an energy at one point, in doubles. This plain code is easy to compare with the paper;
+// the vectorised kernels must agree with it.
 #pragma once
 
 #include <Eigen/Core>
@@ -8,7 +8,7 @@
 
 namespace varimesh {
 
-/// The energy density and its derivatives with respect to F; index of F_ij is i·d + j.
+/// The energy density and its derivatives with respect to F. F_ij has the index i·d + j.
 template <int d>
 struct Density {
   double W = 0;
@@ -16,11 +16,11 @@ struct Density {
   Eigen::Matrix<double, d * d, d * d> H;
 };
 
-/// W, P and H at F with the regularisation δ².
+/// W, P and H at F. `delta_squared` is the regularisation δ².
 template <int d>
 Density<d> density(const Material& material, const Eigen::Matrix<double, d, d>& F, double delta_squared);
 
-/// W alone.
+/// Only W.
 template <int d>
 double energy_density(const Material& material, const Eigen::Matrix<double, d, d>& F, double delta_squared);
 

@@ -1,6 +1,7 @@
-// Distortion: W = |F|²/(d J^(2/d)), 1 where F is a rotation times a number; invariant under scaling
-// Turner, Peiró, Moxey 2016, section 3.1 (Roca, Gargallo-Peiró, Sarrate 2011). With the ideal target it is the inverse
-// mean ratio. In 2-D it is half of Winslow's.
+// Distortion: W = |F|²/(d J^(2/d))
+// Turner, Peiró, Moxey 2016, section 3.1 (Roca, Gargallo-Peiró, Sarrate 2011). W is invariant under scaling, and 1 if F
+// is a multiple of a rotation. With the ideal target it is the inverse mean ratio. In 2-D it is half the Winslow
+// energy.
 #if defined(VARIMESH_ENERGY_DISTORTION_INL_H) == defined(HWY_TARGET_TOGGLE)
 #ifdef VARIMESH_ENERGY_DISTORTION_INL_H
 #undef VARIMESH_ENERGY_DISTORTION_INL_H
@@ -16,14 +17,9 @@ namespace varimesh {
 namespace HWY_NAMESPACE {
 
 template <int d>
-struct DistortionEnergy {
-  static constexpr Quadratic kQuadratic = Quadratic::Deformation;
-  static constexpr StrainTerm kStrain = StrainTerm::None;
+struct DistortionEnergy : EnergyProperties {
   static constexpr JacobianFunction kFunction = d == 3 ? JacobianFunction::InverseCubeRoot : JacobianFunction::None;
-  static constexpr bool kBarrier = true;
-  static constexpr bool kTraceOfStrain = false;
-  static constexpr bool kMixed = true;       ///< f_QJ ≠ 0
-  static constexpr bool kCurved = false;     ///< f_QQ ≠ 0
+  static constexpr bool kMixed = true;
   static constexpr double kPower = 2.0 / d;  ///< m
 
   explicit DistortionEnergy(const Material&) {}

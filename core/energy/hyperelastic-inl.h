@@ -1,5 +1,5 @@
 // Hyperelastic (neo-Hookean): W = μ/2 (|F|² − d) − μ ln J + λ/2 (ln J)²
-// Turner, Peiró, Moxey 2016, section 3.1 (their I − 3 written I − d, so that W(1) = 0 in both dimensions).
+// Turner, Peiró, Moxey 2016, section 3.1, with I − d instead of their I − 3, so that W(1) = 0 in both dimensions.
 #if defined(VARIMESH_ENERGY_HYPERELASTIC_INL_H) == defined(HWY_TARGET_TOGGLE)
 #ifdef VARIMESH_ENERGY_HYPERELASTIC_INL_H
 #undef VARIMESH_ENERGY_HYPERELASTIC_INL_H
@@ -15,14 +15,8 @@ namespace varimesh {
 namespace HWY_NAMESPACE {
 
 template <int d>
-struct HyperelasticEnergy {
-  static constexpr Quadratic kQuadratic = Quadratic::Deformation;
-  static constexpr StrainTerm kStrain = StrainTerm::None;
+struct HyperelasticEnergy : EnergyProperties {
   static constexpr JacobianFunction kFunction = JacobianFunction::Logarithm;
-  static constexpr bool kBarrier = true;  ///< W → ∞ as J → 0, so a valid element stays valid.
-  static constexpr bool kTraceOfStrain = false;
-  static constexpr bool kMixed = false;   ///< f_QJ ≠ 0
-  static constexpr bool kCurved = false;  ///< f_QQ ≠ 0
 
   double mu, lambda;
   explicit HyperelasticEnergy(const Material& m) : mu(m.mu), lambda(m.lambda) {}

@@ -1,7 +1,7 @@
 // Linear elastic: W = μ E:E + κ/2 (ln J)², or in the classical form W = μ E:E + λ/2 (tr E)²
-// Turner, Peiró, Moxey 2016, section 3.1, have the small strain E = sym F − 1, which is not invariant under rotation:
-// a rotated mesh gives another result. The reference implementation (NekMesh) takes Green–Lagrange's,
-// E = (FᵀF − 1)/2. The classical form has no barrier at J = 0: it cannot keep a mesh valid.
+// Turner, Peiró, Moxey 2016, section 3.1, use the small strain E = sym F − 1. It is not invariant under rotation, so a
+// rotated mesh gives another result. The reference implementation (NekMesh) uses the Green–Lagrange strain
+// E = (FᵀF − 1)/2. The classical form has no barrier at J = 0, so it cannot keep a mesh valid.
 #if defined(VARIMESH_ENERGY_LINEAR_ELASTIC_INL_H) == defined(HWY_TARGET_TOGGLE)
 #ifdef VARIMESH_ENERGY_LINEAR_ELASTIC_INL_H
 #undef VARIMESH_ENERGY_LINEAR_ELASTIC_INL_H
@@ -17,22 +17,20 @@ namespace varimesh {
 namespace HWY_NAMESPACE {
 
 template <int d, Strain strain, Volumetric volumetric>
-struct LinearElasticEnergy {
-  static constexpr Quadratic kQuadratic = Quadratic::Deformation;
-  static constexpr StrainTerm kStrain =
-      strain == Strain::Small ? StrainTerm::Small : StrainTerm::GreenLagrange;  ///< μ E:E
+struct LinearElasticEnergy : EnergyProperties {
+  static constexpr StrainTerm kStrain = strain == Strain::Small ? StrainTerm::Small : StrainTerm::GreenLagrange;
   static constexpr bool kBarrier = volumetric == Volumetric::Log;
   static constexpr JacobianFunction kFunction = kBarrier ? JacobianFunction::Logarithm : JacobianFunction::None;
-  /// λ/2 (tr E)² of the small strain, which is linear in F and so no function of Q; of Green–Lagrange's it is one.
+  /// Only for the small strain: tr E is linear in F, so (tr E)² is not a function of Q. For the Green–Lagrange strain
+  /// it is one, which f contains.
   static constexpr bool kTraceOfStrain = volumetric == Volumetric::Trace && strain == Strain::Small;
-
-  static constexpr bool kMixed = false;                          ///< f_QJ ≠ 0
-  static constexpr bool kCurved = !kBarrier && !kTraceOfStrain;  ///< f_QQ ≠ 0
+  static constexpr bool kCurved = !kBarrier && !kTraceOfStrain;
 
   double mu, lambda, kappa;
   explicit LinearElasticEnergy(const Material& m) : mu(m.mu), lambda(m.lambda), kappa(m.kappa) {}
 
-  /// The part beside μ E:E: κ/2 L², or λ/8 (Q − d)² since tr E = (Q − d)/2 for Green–Lagrange's strain.
+  /// Everything except μ E:E and the trace of the small strain: f = κ/2 L², L = ln J', or f = λ/8 (Q − d)², because
+  /// tr E = (Q − d)/2 for the Green–Lagrange strain.
   template <class T>
   HWY_INLINE T value(T Q, const Regularised<T>& j) const {
     if constexpr (kBarrier) {
@@ -46,7 +44,7 @@ struct LinearElasticEnergy {
     }
   }
 
-  /// Logarithm: f_J = κ L/s,  f_JJ = κ (1 − L J/s)/s². Trace: f_Q = λ/4 (Q − d),  f_QQ = λ/4.
+  /// With the logarithm: f_J = κ L/s,  f_JJ = κ (1 − L J/s)/s².  With the trace: f_Q = λ/4 (Q − d),  f_QQ = λ/4.
   template <class T>
   HWY_INLINE Partials<T> partials(T Q, const Regularised<T>& j) const {
     const T zero = number<T>(0);

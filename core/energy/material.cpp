@@ -1,4 +1,8 @@
+// The constants of a material, and what its energy's type says about it.
 #include "core/energy/material.h"
+
+#include "core/energy/table-inl.h"
+#include "core/options/option_table.h"
 
 namespace varimesh {
 
@@ -15,18 +19,21 @@ Material material(const Options& options) {
   return m;
 }
 
+bool has_barrier(const Material& material) {
+  return HWY_NAMESPACE::with_energy<3>(material, [](auto energy) { return decltype(energy)::kBarrier; });
+}
+
+bool has_bulk_constant(const Material& material) {
+  return HWY_NAMESPACE::with_energy<3>(material, [](auto energy) {
+    return requires { energy.lambda; }
+    || requires { energy.kappa; };
+  });
+}
+
 std::string_view name(Energy energy) {
-  switch (energy) {
-    case Energy::Hyperelastic:
-      return "hyperelastic";
-    case Energy::LinearElastic:
-      return "linear-elastic";
-    case Energy::Winslow:
-      return "winslow";
-    case Energy::Distortion:
-      return "distortion";
-  }
-  return "";
+  for (const OptionInfo& option : option_table())
+    if (option.name == "energy") return std::get<ChoiceMember>(option.member).words[static_cast<std::size_t>(energy)];
+  return {};
 }
 
 }  // namespace varimesh

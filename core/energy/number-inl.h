@@ -1,8 +1,8 @@
-// The few functions that the energies need of a number, for doubles and for vectors of them, so that each formula is
-// written once and serves the plain path, the tests (in quadruple precision) and every vector width.
+// The functions of numbers that the energies need, for doubles and for vectors of doubles. So each formula is written
+// once, for the plain code, for the tests in quadruple precision and for every vector width.
 //
-// A "-inl" header is compiled once for each vector instruction set (see Google Highway's foreach_target.h), hence the
-// guard that toggles.
+// A "-inl" header is compiled once for each vector instruction set, as Google Highway's foreach_target.h explains. Its
+// include guard is therefore toggled.
 #if defined(VARIMESH_ENERGY_NUMBER_INL_H) == defined(HWY_TARGET_TOGGLE)
 #ifdef VARIMESH_ENERGY_NUMBER_INL_H
 #undef VARIMESH_ENERGY_NUMBER_INL_H
@@ -23,9 +23,9 @@ namespace varimesh {
 namespace HWY_NAMESPACE {
 namespace hn = hwy::HWY_NAMESPACE;
 
-/// Calls body(0), …, body(n − 1) with constants, so that arrays indexed by them live in registers: GCC does not take
-/// arrays apart that loops run over, however short. Under a sanitizer, which checks every one of these calls, a kernel
-/// would take minutes to compile: there it is a loop.
+/// Calls body(0), …, body(n − 1) with compile-time constants, so that arrays which these index can stay in registers.
+/// GCC keeps an array in memory if a loop runs over it, however short. With a sanitizer this is a loop: the sanitizer
+/// checks each of these calls, and a kernel would take minutes to compile.
 template <int n, class Body>
 HWY_INLINE void unrolled(const Body& body) {
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
@@ -38,7 +38,7 @@ HWY_INLINE void unrolled(const Body& body) {
 #endif
 }
 
-/// The same for 0, …, i − 1, with i a constant of unrolled()'s (or its loop's variable).
+/// The same for 0, …, i − 1, where i is an argument of the body of unrolled().
 template <class Index, class Body>
 HWY_INLINE void unrolled_below(Index i, const Body& body) {
   if constexpr (std::is_same_v<Index, int>)
@@ -46,7 +46,7 @@ HWY_INLINE void unrolled_below(Index i, const Body& body) {
   else
     unrolled<Index::value>(body);
 }
-/// For 0, …, i.
+/// The same for 0, …, i.
 template <class Index, class Body>
 HWY_INLINE void unrolled_through(Index i, const Body& body) {
   unrolled_below(i, body);
@@ -61,11 +61,11 @@ HWY_INLINE double where_negative(double x, double then, double otherwise) { retu
 HWY_INLINE double negative(double x) { return -x; }
 HWY_INLINE double fused(double a, double b, double c) { return a * b + c; }
 
-// A vector of doubles or floats. The logarithm of a number that is not positive, normal and finite is some finite
-// number here, not a NaN: callers test before they take it.
+// A vector of doubles or floats. The logarithm of a number that is not positive, normal and finite is an arbitrary
+// finite number, not NaN. Callers check the number first.
 
-/// ln(1 + f)/f² − 1/f for f from √½ − 1 to √2 − 1, to 7·10⁻¹⁷ of ln(1 + f): the polynomial −½ + f R(f) of which the
-/// largest error is least (Remez' algorithm), its coefficients rounded.
+/// ln(1 + f)/f² − 1/f for f from √½ − 1 to √2 − 1, with an error of at most 7·10⁻¹⁷ ln(1 + f). This is the polynomial
+/// −½ + f R(f) with the smallest maximal error (Remez' algorithm), with rounded coefficients.
 template <class V, class D = hn::DFromV<V>>
 HWY_INLINE V logarithm_series(V f) {
   constexpr int kDegree = 18;
@@ -92,7 +92,7 @@ HWY_INLINE V logarithm_series(V f) {
   };
   const D d;
   const V f2 = f * f, f4 = f2 * f2;
-  V part[4];  // Horner's rule in f⁴ four times side by side, since each waits for itself
+  V part[4];  // four independent Horner schemes in f⁴, because each step of one waits for the last
   unrolled<4>([&](auto j) {
     const int last = kDegree - (kDegree - j) % 4;
     part[j] = hn::Set(d, kSeries[last]);
@@ -104,9 +104,9 @@ HWY_INLINE V logarithm_series(V f) {
   return hn::MulAdd(f2, hn::MulAdd(f, part[3], part[2]), hn::MulAdd(f, part[1], part[0]));
 }
 
-/// Of a positive normal double, to two units in the last place. With x = 2^e (1 + f) and 1 + f from √½ to √2 it is
-/// e ln 2 + ln(1 + f), here by a polynomial: the usual series in f/(2 + f) has fewer terms, but the division takes
-/// longer than what they save.
+/// The logarithm of a positive normal double, to two units in the last place. With x = 2^e (1 + f) and 1 + f from √½ to
+/// √2 it is e ln 2 + ln(1 + f), which a polynomial computes. The usual series in f/(2 + f) has fewer terms, but its
+/// division takes longer than the terms that it saves.
 template <class V, class D = hn::DFromV<V>>
 HWY_INLINE V logarithm(V x) {
   const D d;
@@ -122,15 +122,16 @@ HWY_INLINE V logarithm(V x) {
     return hn::MulAdd(hn::ConvertTo(d, exponent), hn::Set(d, 0.6931471805599453 * 0x1p-52), of_fraction);
   }
 }
-/// x^(−1/3) of a positive normal double to two units in the last place, in a third of the time that a logarithm and an
-/// exponential take. The bits of a double are nearly linear in its logarithm: a third of them, taken from a constant,
-/// is a root with y = 1 − x r³ below 0.11, and each step of the series r (1 − y)^(−1/3) raises y to its fifth power.
+/// x^(−1/3) of a positive normal double, to two units in the last place, in a third of the time of a logarithm and an
+/// exponential. The bits of a double are nearly linear in its logarithm. So a constant minus a third of the bits gives
+/// an approximation r for which y = 1 − x r³ is below 0.11. Each step of the series r (1 − y)^(−1/3) raises y to its
+/// fifth power.
 template <class V, class D = hn::DFromV<V>>
 HWY_INLINE V inverse_cube_root(V x) {
   static_assert(std::is_same_v<hn::TFromD<D>, double>);
   const D d;
   const hn::RebindToSigned<D> bits;
-  // 4/3 of the exponent's bias, less 0.051, which makes the largest y least; found by trying.
+  // 4/3 of the exponent's bias minus 0.051. The 0.051 minimises the largest y and was found by experiment.
   const V constant = hn::Set(d, 4.0 / 3 * (1023 - 0.051) * 0x1p52);
   const V root = hn::MulAdd(hn::ConvertTo(d, hn::BitCast(bits, x)), hn::Set(d, -1.0 / 3), constant);
   V r = hn::BitCast(d, hn::ConvertTo(bits, root));

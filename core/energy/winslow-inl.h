@@ -1,7 +1,8 @@
-// Winslow: W = Q/J, with Q = |F|² (the paper's) or, in 3-D, Q = |cof F|² (the true one)
-// Turner, Peiró, Moxey 2016, section 3.1. The Winslow functional is |∇χ⁻¹|² over the physical domain, |F⁻¹|² J over the
-// straight-sided one, and that is |cof F|²/J in 3-D; in 2-D |cof F| = |F|. The paper's |F|²/J is another functional in
-// 3-D: it falls when F = 1 is scaled up, the true one rises.
+// Winslow: W = Q/J, where Q = |F|², or in the true form in 3-D Q = |cof F|²
+// Turner, Peiró, Moxey 2016, section 3.1. The Winslow functional is the integral of |∇χ⁻¹|² over the physical domain.
+// Over the straight-sided domain this is the integral of |F⁻¹|² J = |cof F|²/J. In 2-D |cof F| = |F|. In 3-D the form
+// of the paper, |F|²/J, is another functional: if F = 1 is scaled up, it decreases, and the Winslow functional
+// increases.
 #if defined(VARIMESH_ENERGY_WINSLOW_INL_H) == defined(HWY_TARGET_TOGGLE)
 #ifdef VARIMESH_ENERGY_WINSLOW_INL_H
 #undef VARIMESH_ENERGY_WINSLOW_INL_H
@@ -17,15 +18,10 @@ namespace varimesh {
 namespace HWY_NAMESPACE {
 
 template <int d, Winslow form>
-struct WinslowEnergy {
+struct WinslowEnergy : EnergyProperties {
   static constexpr Quadratic kQuadratic =
       d == 3 && form == Winslow::True ? Quadratic::Cofactor : Quadratic::Deformation;
-  static constexpr StrainTerm kStrain = StrainTerm::None;
-  static constexpr JacobianFunction kFunction = JacobianFunction::None;
-  static constexpr bool kBarrier = true;
-  static constexpr bool kTraceOfStrain = false;
-  static constexpr bool kMixed = true;    ///< f_QJ ≠ 0
-  static constexpr bool kCurved = false;  ///< f_QQ ≠ 0
+  static constexpr bool kMixed = true;
 
   explicit WinslowEnergy(const Material&) {}
 
@@ -35,8 +31,8 @@ struct WinslowEnergy {
     return Q / j.positive;
   }
 
-  /// f_Q = 1/J',  f_J = −Q/(J' s),  f_QJ = −1/(J' s),  f_JJ = 2 Q/s³ — for δ = 0 < J the limit of
-  /// (1/J')'' = 2/s³ is what is wanted, since s = J = J' there.
+  /// f_Q = 1/J',  f_J = −Q/(J' s),  f_QJ = −1/(J' s),  f_JJ = 2 Q/s³. For δ = 0 < J
+  /// this is Q (1/J)'' = 2 Q/J³, because s = J' = J.
   template <class T>
   HWY_INLINE Partials<T> partials(T Q, const Regularised<T>& j) const {
     const T inverse = number<T>(1) / j.positive;

@@ -1,4 +1,4 @@
-// Mesh files on disk: mapped for reading, written whole.
+// Mesh files on disk: reading maps them into memory, and writing uses OutputFile.
 #include <fcntl.h>
 #include <sys/mman.h>
 #include <sys/stat.h>
@@ -16,7 +16,7 @@ namespace {
 
 std::string reason() { return std::system_category().message(errno); }
 
-// A descriptor that closes itself.
+// Closes a file descriptor at the end of its scope.
 struct Descriptor {
   int number = -1;
   Descriptor(const Descriptor&) = delete;
@@ -27,7 +27,7 @@ struct Descriptor {
   }
 };
 
-// What cannot be mapped (a pipe, a special file) is read to its end.
+// Reads a file that cannot be mapped, such as a pipe, to its end.
 Expected<MeshFile> read_stream(int descriptor) {
   std::string bytes;
   char piece[1 << 16];

@@ -1,94 +1,155 @@
-// The table of formats, and the doors: which reader, which writer, by content and by name.
+// The table of formats, and the choice of a format by content, by name and by file name.
 #include "core/formats/formats.h"
 
 #include <algorithm>
 #include <array>
+#include <cassert>
 #include <filesystem>
 
-#include "core/formats/gmsh_read.h"
-#include "core/formats/gmsh_write.h"
+#include "core/formats/format_table.h"
+#include "core/formats/gmsh/read.h"
+#include "core/formats/gmsh/write.h"
 #include "core/formats/vtu.h"
 
 namespace varimesh::formats {
 
 namespace {
 
-constexpr std::array<FormatInfo, 5> kFormats = {{
-    {Format::Msh22, "msh22", ".msh", true},
-    {Format::Msh22Binary, "msh22-binary", ".msh", true},
-    {Format::Msh41, "msh41", ".msh", true},
-    {Format::Msh41Binary, "msh41-binary", ".msh", true},
-    {Format::Vtu, "vtu", ".vtu", false},
-}};
+// What is written if nothing else decides.
+constexpr Format kDefaultFormat = Format::Msh41Binary;
+constexpr std::string_view kDefaultExtension = ".msh";
 
-bool starts_with_section(std::string_view bytes) {
-  const std::size_t at = bytes.find_first_not_of(" \t\r\n");
-  return at != std::string_view::npos && bytes[at] == '$';
+// One row per format.
+constexpr std::array kTable = {
+    FormatEntry{Format::Msh22, "msh22", ".msh", begins_like_gmsh, read_gmsh, write_gmsh},
+    FormatEntry{Format::Msh22Binary, "msh22-binary", ".msh", begins_like_gmsh, read_gmsh, write_gmsh},
+    FormatEntry{Format::Msh41, "msh41", ".msh", begins_like_gmsh, read_gmsh, write_gmsh},
+    FormatEntry{Format::Msh41Binary, "msh41-binary", ".msh", begins_like_gmsh, read_gmsh, write_gmsh},
+    FormatEntry{Format::Vtu, "vtu", ".vtu", nullptr, nullptr, write_vtu},
+};
+
+constexpr std::array kInfos = [] {
+  std::array<FormatInfo, kTable.size()> infos{};
+  for (std::size_t i = 0; i < kTable.size(); ++i)
+    infos[i] = {kTable[i].format, kTable[i].name, kTable[i].extension, kTable[i].read != nullptr};
+  return infos;
+}();
+
+const FormatEntry* find(std::span<const FormatEntry> table, Format format) {
+  const auto found =
+      std::find_if(table.begin(), table.end(), [&](const auto& entry) { return entry.format == format; });
+  return found == table.end() ? nullptr : &*found;
 }
 
-std::string name_of(Format format) {
-  const auto* found =
-      std::find_if(kFormats.begin(), kFormats.end(), [&](const FormatInfo& info) { return info.format == format; });
-  return found == kFormats.end() ? "auto" : std::string(found->name);
+// The format to write to a file with this extension: `read_as` if it has the extension, otherwise the last in the table
+// that has. Null if no format has the extension.
+const FormatEntry* find_by_extension(std::span<const FormatEntry> table, std::string_view extension, Format read_as) {
+  const FormatEntry* found = nullptr;
+  for (const FormatEntry& entry : table) {
+    if (entry.extension != extension || entry.write == nullptr) continue;
+    if (entry.format == read_as) return &entry;
+    found = &entry;
+  }
+  return found;
 }
 
-// Why the bytes are not a mesh, as far as a look at them tells.
+// The extension of a path that a format of the table has, in lower case; empty if there is none.
+std::string_view known_extension(std::span<const FormatEntry> table, std::string_view path) {
+  std::string lower(path);
+  std::transform(lower.begin(), lower.end(), lower.begin(), [](unsigned char c) { return char(std::tolower(c)); });
+  for (const FormatEntry& entry : table)
+    if (lower.ends_with(entry.extension)) return entry.extension;
+  return {};
+}
+
+bool is_device_or_pipe(std::string_view path) {
+  std::error_code error;
+  const auto status = std::filesystem::status(std::filesystem::path(path), error);
+  return (!error && std::filesystem::is_other(status)) || path.starts_with("/dev/");
+}
+
+// Why the bytes are not a mesh, as far as their beginning shows.
 const char* not_a_mesh(std::string_view bytes) {
   if (bytes.empty()) return "The file is empty (0 bytes); a Gmsh MSH 2.2 or 4.1 file was expected.";
   if (bytes.substr(0, 4096).find("<VTKFile") != std::string_view::npos)
-    return "The file is a VTK file, which is written but not read: hand in the Gmsh MSH file (2.2 or 4.1).";
+    return "The file is a VTK file, which VariMesh can only write; give it the Gmsh MSH file (2.2 or 4.1).";
   return "The file is not a mesh that can be read: it does not begin with a section such as $MeshFormat (byte 0); a "
-         "Gmsh "
-         "MSH 2.2 or 4.1 file was expected.";
+         "Gmsh MSH 2.2 or 4.1 file was expected.";
 }
 
 }  // namespace
 
-std::span<const FormatInfo> all() { return kFormats; }
+// === For any table =======================================================================================
 
-Expected<Format> from_name(std::string_view name) {
+Expected<Format> from_name(std::span<const FormatEntry> table, std::string_view name) {
   if (name == "auto" || name.empty()) return Format::Auto;
   std::string names = "auto";
-  for (const FormatInfo& info : kFormats) {
-    if (info.name == name) return info.format;
-    names += ", " + std::string(info.name);
+  for (const FormatEntry& entry : table) {
+    if (entry.name == name) return entry.format;
+    names += ", " + std::string(entry.name);
   }
-  return bad_option("There is no format '" + std::string(name) + "'; there are " + names + ".");
+  return bad_option("There is no format '" + std::string(name) + "'; the formats are " + names + ".");
 }
 
-Expected<Format> for_output(std::string_view path, Format requested, Format read_as) {
-  std::string lower(path);
-  std::transform(lower.begin(), lower.end(), lower.begin(), [](unsigned char c) { return char(std::tolower(c)); });
-  const bool vtu = lower.ends_with(".vtu"), msh = lower.ends_with(".msh");
-  if (requested != Format::Auto) {
-    if (requested == Format::Vtu ? msh : vtu)
-      return bad_option("The ending of '" + std::string(path) + "' contradicts the format " + name_of(requested) +
-                        ": change one of the two.");
+Expected<Format> for_output(std::span<const FormatEntry> table, std::string_view path, Format requested,
+                            Format read_as) {
+  std::string_view extension = known_extension(table, path);
+  if (const FormatEntry* entry = find(table, requested)) {
+    if (!extension.empty() && extension != entry->extension)
+      return bad_option("The ending of '" + std::string(path) + "' contradicts the format " + std::string(entry->name) +
+                        "; change one of them.");
     return requested;
   }
-  if (vtu) return Format::Vtu;
-  std::error_code error;
-  const auto status = std::filesystem::status(std::filesystem::path(path), error);
-  const bool special = (!error && std::filesystem::is_other(status)) || path.starts_with("/dev/");
-  if (msh || special) return read_as == Format::Auto || read_as == Format::Vtu ? Format::Msh41Binary : read_as;
+  if (extension.empty() && is_device_or_pipe(path)) extension = kDefaultExtension;
+  if (const FormatEntry* entry = find_by_extension(table, extension, read_as)) return entry->format;
   return bad_option("The format of '" + std::string(path) +
-                    "' is not known from its ending: end it in .msh or .vtu, or name the format.");
+                    "' cannot be determined from its ending; use the ending .msh or .vtu, or name the format.");
 }
 
-Expected<MeshFile> read(std::string_view bytes) {
-  if (!starts_with_section(bytes)) return bad_input(not_a_mesh(bytes));
+Expected<MeshFile> read(std::span<const FormatEntry> table, std::string_view bytes) {
+  const auto entry = std::find_if(table.begin(), table.end(), [&](const FormatEntry& each) {
+    return each.recognises != nullptr && each.recognises(bytes);
+  });
+  if (entry == table.end()) return bad_input(not_a_mesh(bytes));
   try {
-    return read_gmsh(bytes);
+    return entry->read(bytes);
   } catch (const ReadFailure& failure) {
     return bad_input(failure.sentence);
   } catch (const std::bad_alloc&) {
-    return bad_input("The mesh file cannot be read: it needs more memory than there is.");
+    return bad_input("The mesh file cannot be read: it needs more memory than is available.");
   }
 }
 
+Expected<void> write(std::span<const FormatEntry> table, const HighOrderMesh& mesh, Format format, const Sink& sink,
+                     std::span<const CellField> fields) {
+  const FormatEntry* entry = find(table, format == Format::Auto ? kDefaultFormat : format);
+  assert(entry != nullptr);
+  if (entry->write == nullptr)
+    return bad_option("The format " + std::string(entry->name) + " can only be read; name another format.");
+  return entry->write(mesh, entry->format, sink, fields);
+}
+
+// === For the formats of this library =====================================================================
+
+std::span<const FormatEntry> format_table() { return kTable; }
+
+std::span<const FormatInfo> all() { return kInfos; }
+
+std::string_view format_name(Format format) {
+  const FormatEntry* entry = find(kTable, format);
+  return entry == nullptr ? "auto" : entry->name;
+}
+
+Expected<Format> from_name(std::string_view name) { return from_name(kTable, name); }
+
+Expected<Format> for_output(std::string_view path, Format requested, Format read_as) {
+  return for_output(kTable, path, requested, read_as);
+}
+
+Expected<MeshFile> read(std::string_view bytes) { return read(kTable, bytes); }
+
 Expected<void> write(const HighOrderMesh& mesh, Format format, const Sink& sink, std::span<const CellField> fields) {
-  if (format == Format::Vtu) return write_vtu(mesh, sink, fields);
-  return write_gmsh(mesh, format == Format::Auto ? Format::Msh41Binary : format, sink);
+  return write(kTable, mesh, format, sink, fields);
 }
 
 }  // namespace varimesh::formats

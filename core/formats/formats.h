@@ -1,4 +1,4 @@
-// Files in, files out: one file a format, and the table of them.
+// Reads and writes mesh files, and knows the file formats.
 #pragma once
 
 #include <functional>
@@ -11,68 +11,69 @@
 
 namespace varimesh::formats {
 
-/// File formats. The names are those of the flag, the proto and the documentation.
+/// The file formats. Flags, the contract and the documentation use the same names.
 enum class Format : std::uint8_t {
-  Auto,         ///< Reading: by content. Writing: by the file name's ending; .msh keeps the version that was read.
+  Auto,         ///< Reading: by content. Writing: by the ending of the file name; .msh keeps the version that was read.
   Msh22,        ///< Gmsh MSH 2.2, ASCII.
   Msh22Binary,  ///< Gmsh MSH 2.2, binary.
   Msh41,        ///< Gmsh MSH 4.1, ASCII.
   Msh41Binary,  ///< Gmsh MSH 4.1, binary.
-  Vtu,          ///< VTK unstructured grid, Lagrange cells, appended zlib data; written only.
+  Vtu,          ///< VTK unstructured grid with Lagrange cells and appended zlib data. Can only be written.
 };
 
 struct FormatInfo {
   Format format;
-  std::string_view name;       ///< "msh22", "msh22-binary", "msh41", "msh41-binary", "vtu"
-  std::string_view extension;  ///< ".msh"
-  bool readable;
+  std::string_view name;       ///< For example "msh41-binary".
+  std::string_view extension;  ///< The ending of file names, for example ".msh".
+  bool readable;               ///< Whether files of this format can be read.
 };
 
-/// Every format but Auto.
+/// All formats except Auto.
 std::span<const FormatInfo> all();
 
-/// The format of that name; BadOption lists the names there are.
+/// The format with this name. Errors: BadOption, which lists the names.
 Expected<Format> from_name(std::string_view name);
 
-/// The format that writing to `path` means: `requested`, or by its ending, with `.msh` standing for `read_as` where
-/// that is an MSH format and for Msh41Binary otherwise. What has no ending that is known and is a device or a pipe
-/// takes the format of `.msh`. BadOption for any other ending where nothing is requested, and for one that contradicts
-/// `requested`.
+/// The format in which to write to `path`: `requested`, or the format of the ending if `requested` is Auto.
+///   .vtu                  Vtu
+///   .msh                  `read_as` if that is an MSH format, otherwise Msh41Binary
+///   a device or a pipe    as .msh, unless it has a known ending
+/// Errors: BadOption if the ending contradicts `requested`, or if nothing is requested and the ending is unknown.
 Expected<Format> for_output(std::string_view path, Format requested, Format read_as);
 
-/// A mesh, and what it was read from.
+/// A mesh, and the format from which it was read.
 struct MeshFile {
   HighOrderMesh mesh;
   Format format = Format::Auto;
 };
 
-/// Reads a mesh from a file's bytes. Errors: BadInput with the byte (binary) or line (ASCII) where reading stopped.
+/// Reads a mesh from the bytes of a file. Errors: BadInput, with the byte (binary) or line (ASCII) where reading
+/// stopped.
 Expected<MeshFile> read(std::string_view bytes);
 
-/// Reads the file at `path` (memory-mapped); errors name the path.
+/// Reads the file at `path`, which is mapped into memory. Errors: as for read(), and they name the path.
 Expected<MeshFile> read_file(const std::string& path);
 
-/// Takes the file's bytes piece by piece, in order; returns false to stop (a full disk, a broken pipe).
+/// Receives the bytes of a file piece by piece, in order. Returns false to stop, for example if the disk is full or a
+/// pipe is broken.
 using Sink = std::function<bool(std::string_view)>;
 
-/// A number an element of dimension mesh.dimension, in the mesh's order, for formats that hold fields (VTU cell
-/// arrays).
+/// One number per cell, in the mesh's order, for formats that contain fields. VTU writes them as cell arrays.
 struct CellField {
   std::string name;
   std::span<const double> values;
 };
 
-/// Writes the mesh. ASCII numbers have as many significant digits (17 at most) as reading needs to give the same
-/// doubles. Errors: BadOption
-/// where the format cannot hold the mesh, Output where the sink stopped.
+/// Writes the mesh. ASCII numbers have the digits, 17 at most, that are needed to read the same doubles again. Errors:
+/// BadOption if the format cannot contain the mesh, Output if the sink stopped.
 Expected<void> write(const HighOrderMesh& mesh, Format format, const Sink& sink,
                      std::span<const CellField> fields = {});
 
-/// Writes the file as OutputFile does: no half-written file is ever seen under its name.
+/// Writes a file as OutputFile does: an incomplete file never has the name `path`.
 Expected<void> write_file(const HighOrderMesh& mesh, Format format, const std::string& path,
                           std::span<const CellField> fields = {});
 
-/// Whether `path` can be written, found out before any work is done: OutputFile::check().
+/// Checks, before any work is done, whether a file can be written to `path`: OutputFile::check().
 Expected<void> check_writable(const std::string& path);
 
 }  // namespace varimesh::formats

@@ -1,4 +1,4 @@
-// Finding out where a name leads, and writing there.
+// Finds the file or device to which a name leads, and writes there.
 #include "core/formats/output_file.h"
 
 #include <fcntl.h>
@@ -31,7 +31,7 @@ tl::unexpected<Error> not_written(const std::string& path, int error) {
   return bad_output("'" + path + "' cannot be written: " + std::system_category().message(error) + ".");
 }
 
-// ===== what is unfinished =====
+// ===== Unfinished files =====
 
 struct Unfinished {
   std::mutex mutex;
@@ -44,18 +44,18 @@ Unfinished& unfinished() {
   return *all;
 }
 
-// ===== where a name leads =====
+// ===== The target of a name =====
 
 struct Target {
   enum class Kind { File, Special, Descriptor };
   Kind kind = Kind::File;
-  std::string path;     // of the file itself, links followed
+  std::string path;     // of the file itself, after all links
   int descriptor = -1;  // of this process
   bool exists = false;
   struct stat status {};
 };
 
-// The descriptor of this process that a link such as /dev/stdout leads to in the end, or -1.
+// The descriptor of this process to which a link such as /dev/stdout finally leads, or -1.
 int own_descriptor(const fs::path& link) {
   std::error_code none;
   const fs::path folder = fs::canonical(link.parent_path().empty() ? "." : link.parent_path(), none);
@@ -66,9 +66,9 @@ int own_descriptor(const fs::path& link) {
   return error == std::errc{} && end == name.data() + name.size() ? number : -1;
 }
 
-// Follows links by hand, since the last one may lead to a file that is not there yet.
+// Follows links one by one, because the last one may lead to a file that does not exist yet.
 Expected<Target> find_target(const std::string& path) {
-  if (path.empty()) return bad_output("The output's name is empty.");
+  if (path.empty()) return bad_output("The name of the output file is empty; give a name.");
   Target target;
   fs::path at = path;
   for (int hops = 0; ::lstat(at.c_str(), &target.status) == 0 && S_ISLNK(target.status.st_mode); ++hops) {
@@ -81,7 +81,7 @@ Expected<Target> find_target(const std::string& path) {
     std::error_code error;
     const fs::path next = fs::read_symlink(at, error);
     if (error) return not_written(path, error.value());
-    // The pipes that another process holds open have names that lead nowhere; the link itself does.
+    // A pipe of another process has a name that cannot be opened, such as "pipe:[123]". The link itself can be opened.
     if (next.string().find(":[") != std::string::npos && ::stat(at.c_str(), &target.status) == 0) break;
     at = at.parent_path() / next;
   }
@@ -90,7 +90,7 @@ Expected<Target> find_target(const std::string& path) {
   if (target.exists && S_ISDIR(target.status.st_mode))
     return bad_output("'" + path + "' is a folder; name a file in it.");
   if (target.exists && S_ISSOCK(target.status.st_mode))
-    return bad_output("'" + path + "' is a socket, which no file can be written to; name another one.");
+    return bad_output("'" + path + "' is a socket, to which no file can be written; name a file.");
   if (target.exists && !S_ISREG(target.status.st_mode)) target.kind = Target::Kind::Special;
   return target;
 }
@@ -115,23 +115,24 @@ Expected<void> may_write(const std::string& path, const Target& target) {
   return {};
 }
 
-// ===== opening =====
+// ===== Opening =====
 
-// Gives a new file the owner, the group and the rights of the one that it is to replace.
+// Gives a new file the owner, the group and the permissions of the file that it will replace.
 void keep_rights(int descriptor, const struct stat& old) {
   mode_t rights = old.st_mode & 0777;
-  // Who may not give a file away keeps it as his own, and what the old group could do is not for another one.
+  // If this process may not change the owner, it only changes the group. If it may not change the group either, the new
+  // file gives its group no permissions, because it is not the group that had them.
   const bool grouped = ::fchown(descriptor, old.st_uid, old.st_gid) == 0 ||
                        ::fchown(descriptor, static_cast<uid_t>(-1), old.st_gid) == 0;
   if (!grouped) rights &= ~mode_t{070};
   if (::fchmod(descriptor, rights) != 0) errno = 0;
 }
 
-// Opens a new file beside the target, under a name that nobody else uses. Not mkstemp, whose files are for their owner
-// alone: the result is to have the rights that any new file gets, or those of the file that it replaces.
+// Opens a new file in the folder of the target, under a name that is not in use. mkstemp would make a file that only
+// its owner can read. This file has the permissions of any new file, or those of the file that it will replace.
 int open_beside(const Target& target, std::string* beside) {
   static std::atomic<unsigned> serial{0};
-  // A long name leaves no room for the ending.
+  // Cut, so that a long name leaves room for the ending.
   const std::string name = fs::path(target.path).filename().string().substr(0, 200);
   Unfinished& all = unfinished();
   const std::lock_guard lock(all.mutex);
@@ -150,7 +151,7 @@ int open_beside(const Target& target, std::string* beside) {
   return -1;
 }
 
-// Brings the new name to the disk; a folder that cannot be opened or synchronised has nothing to bring. Gives errno.
+// Brings the new name to the disk. Ignores folders that cannot be opened or synchronised. Returns errno, or 0.
 int sync_folder_of(const std::string& path) {
   const int folder = ::open(folder_of(path).c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
   if (folder < 0) return 0;
@@ -159,7 +160,7 @@ int sync_folder_of(const std::string& path) {
   return error == EINVAL || error == EROFS ? 0 : error;
 }
 
-// Writes the bytes of one file over those of another, down to the disk. Gives errno.
+// Overwrites one file with the bytes of another and brings them to the disk. Returns errno, or 0.
 int copy_over(const std::string& from, const std::string& to) {
   const int source = ::open(from.c_str(), O_RDONLY | O_CLOEXEC);
   if (source < 0) return errno;
@@ -187,7 +188,7 @@ void remove_unfinished(const std::string& beside) {
 
 }  // namespace
 
-// ===== the class =====
+// ===== The class =====
 
 Expected<OutputFile> OutputFile::open(const std::string& path) {
   const auto target = find_target(path);
@@ -214,7 +215,7 @@ Expected<void> OutputFile::check(const std::string& path) {
   const auto target = find_target(path);
   if (!target) return tl::unexpected(target.error());
   if (auto may = may_write(path, *target); !may) return may;
-  // Opening a pipe and closing it again would tell its reader that all is over.
+  // A pipe is not opened: closing it again would tell its reader that the output has ended.
   if (target->kind != Target::Kind::File) return {};
   std::string beside;
   const int descriptor = open_beside(*target, &beside);
@@ -241,7 +242,7 @@ bool OutputFile::write(std::string_view bytes) {
     const ssize_t written = ::write(descriptor_, bytes.data(), bytes.size());
     if (written < 0 && errno == EINTR) continue;
     if (written < 0 && errno == EAGAIN) {
-      // A pipe that whoever opened it made non-blocking.
+      // A pipe that the process which opened it made non-blocking.
       pollfd ready{descriptor_, POLLOUT, 0};
       ::poll(&ready, 1, -1);
       continue;
@@ -255,7 +256,7 @@ bool OutputFile::write(std::string_view bytes) {
 }
 
 Expected<void> OutputFile::commit() {
-  // Renaming before the bytes are on the disk could leave an empty file under the name after a power cut.
+  // If the file got its name before its bytes were on the disk, a power cut could leave an empty file with this name.
   if (error_ == 0 && !beside_.empty() && ::fsync(descriptor_) != 0 && errno != EINVAL && errno != EROFS) error_ = errno;
   if (::close(std::exchange(descriptor_, -1)) != 0 && error_ == 0) error_ = errno;
   if (error_ == 0 && !beside_.empty()) {
@@ -266,12 +267,12 @@ Expected<void> OutputFile::commit() {
       beside_.clear();
       error_ = sync_folder_of(target_);
     } else if (errno == EBUSY || errno == EXDEV) {
-      // Something is mounted on the name, as containers do with single files: it can be written to and not replaced.
+      // Something is mounted on the name, as containers do with single files. It can be overwritten but not replaced.
       error_ = copy_over(beside_, target_);
       if (error_ != 0) {
-        all.files.erase(beside_);  // all that is whole, and so it stays
+        all.files.erase(beside_);  // the only complete copy, so it stays
         return bad_output("'" + path_ + "' cannot be written: " + std::system_category().message(error_) +
-                          ". What was to be in it is in '" + std::exchange(beside_, {}) + "'.");
+                          ". The result is in '" + std::exchange(beside_, {}) + "'.");
       }
     } else {
       error_ = errno;
@@ -283,7 +284,7 @@ Expected<void> OutputFile::commit() {
 
 void OutputFile::discard_all() {
   Unfinished& all = unfinished();
-  all.mutex.lock();  // and never unlocked: nothing more is opened or renamed
+  all.mutex.lock();  // never unlocked, so that no other file is opened or renamed
   for (const std::string& file : all.files) ::unlink(file.c_str());
   all.files.clear();
 }

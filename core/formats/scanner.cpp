@@ -1,4 +1,4 @@
-// The parts of the scanner that run once a section or once a failure.
+// The parts of the scanner that are not called for every number.
 #include "core/formats/scanner.h"
 
 #include <algorithm>
@@ -12,7 +12,7 @@ std::string_view trimmed(std::string_view text) {
   return text;
 }
 
-// A token as it may be shown in a sentence: short, and without bytes that would spoil a terminal.
+// A token as error messages show it: short, and without bytes that could disturb a terminal.
 std::string shown(std::string_view token) {
   std::string text;
   for (char c : token.substr(0, 24)) text += (c > ' ' && c < 127) ? c : '?';
@@ -50,7 +50,7 @@ std::int64_t Scanner::count(const char* what, std::size_t least, bool as_text) {
   const std::int64_t value = as_text ? text_integer(what) : size(what);
   if (value < 0) fail(std::string(what) + " is negative");
   if (std::size_t(value) > left() / least + 1)
-    fail_truncated(("all that " + std::string(what) + ", " + std::to_string(value) + ", announces").c_str());
+    fail_truncated(("everything that " + std::string(what) + ", " + std::to_string(value) + ", announces").c_str());
   if (value > std::numeric_limits<std::int32_t>::max()) fail(std::string(what) + " exceeds 2147483647");
   return value;
 }
@@ -68,7 +68,7 @@ void Scanner::fail(const std::string& what) const {
 void Scanner::fail_truncated(const char* what) const {
   throw ReadFailure{"The mesh file ends at byte " + std::to_string(end_ - begin_) +
                     (section.empty() ? "" : " inside $" + section) + ", where " + what +
-                    " should follow: it is truncated, so write or copy it again."};
+                    " should follow: it is incomplete, so write or copy it again."};
 }
 
 void Scanner::fail_token(const char* what) const {

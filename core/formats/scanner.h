@@ -1,4 +1,4 @@
-// Reads numbers and lines from a file's bytes, text or binary, and says where it was when something was wrong.
+// Reads numbers and lines from the bytes of a file, text or binary, and reports the position of errors.
 #pragma once
 
 #include <charconv>
@@ -11,19 +11,19 @@
 
 namespace varimesh::formats {
 
-/// Thrown inside the readers alone, and turned into an Error at their door (read()): a parser that returned each
-/// failure would be mostly that.
+/// Thrown only inside the readers; read() converts it to an Error. A parser that returned every failure would consist
+/// mostly of error handling.
 struct ReadFailure {
   std::string sentence;
 };
 
-/// A cursor over a file's bytes. Numbers are read as text or as native binary by `binary`; nothing is copied.
+/// A cursor over the bytes of a file. Reads numbers as text, or in native binary if `binary` is set. Copies nothing.
 class Scanner {
  public:
   explicit Scanner(std::string_view bytes) : begin_(bytes.data()), at_(begin_), end_(begin_ + bytes.size()) {}
 
   bool binary = false;
-  std::string section;  ///< Name of the section being read, for the sentences.
+  std::string section;  ///< Name of the section that is being read, for error messages.
 
   std::size_t offset() const { return std::size_t(at_ - begin_); }
   std::size_t left() const { return std::size_t(end_ - at_); }
@@ -34,26 +34,30 @@ class Scanner {
     while (at_ < end_ && static_cast<unsigned char>(*at_) <= ' ') ++at_;
   }
 
-  /// What is left of this line, without its end; moves past it.
+  /// The rest of this line without its end. The cursor moves to the next line.
   std::string_view line();
 
-  /// The bytes before the next line that is `text` alone; stays before that line. `found` is false where there is none.
+  /// The bytes before the next line that consists of `text`. The cursor moves to this line. If there is none, `found`
+  /// is false and the cursor does not move.
   std::string_view until_line(std::string_view text, bool& found);
 
-  /// An integer written in digits, whatever the file's mode.
+  // The functions below take what they read as words for error messages, for example "a node's number".
+
+  /// An integer as text, also in binary files.
   std::int64_t text_integer(const char* what);
-  /// A number written as text, whatever the file's mode.
+  /// A number as text, also in binary files.
   double text_number(const char* what);
 
-  /// A C int, a C size_t and a double: text or binary.
+  /// A C int, a C size_t and a double: as text or binary.
   int integer(const char* what);
   std::int64_t size(const char* what) { return binary ? raw_size(what) : text_integer(what); }
   double number(const char* what) { return binary ? raw<double>(what) : text_number(what); }
 
-  /// A count of things that each take at least `least` bytes, so that a damaged count never asks for memory.
+  /// A count of things that each need at least `least` bytes of the file. Fails if the file is too short for them, so a
+  /// damaged count never causes a large allocation. `as_text`: as text, also in binary files.
   std::int64_t count(const char* what, std::size_t least, bool as_text = false);
 
-  /// Stops with a sentence that ends in the place.
+  /// Throw a ReadFailure. Its sentence contains the position in the file.
   [[noreturn]] void fail(const std::string& what) const;
   [[noreturn]] void fail_truncated(const char* what) const;
 
@@ -88,7 +92,7 @@ inline std::int64_t Scanner::text_integer(const char* what) {
   const char* digits = p;
   std::int64_t value = 0;
   while (p < end_ && static_cast<unsigned char>(*p - '0') <= 9) value = value * 10 + (*p++ - '0');
-  // 18 digits always fit; nothing that counts in a mesh needs more.
+  // 18 digits always fit, and no number in a mesh file needs more.
   if (p == digits || p - digits > 18 || (p<end_&& static_cast<unsigned char>(*p)> ' ')) fail_token(what);
   at_ = p;
   return negative ? -value : value;
@@ -101,7 +105,7 @@ inline double Scanner::text_number(const char* what) {
   double value = 0;
   const auto [stop, error] = std::from_chars(p, end_, value);
   if (stop == p || (stop<end_&& static_cast<unsigned char>(*stop)> ' ')) fail_token(what);
-  // from_chars leaves the value alone when it is too large or too small for a double; strtod says which.
+  // from_chars does not set the value if it is too large or too small for a double; strtod does.
   if (error == std::errc::result_out_of_range) value = std::strtod(std::string(p, stop).c_str(), nullptr);
   at_ = stop;
   return value;

@@ -1,9 +1,9 @@
-// Where VTK puts the nodes of its Lagrange cells, and so which of Gmsh's nodes comes when.
+// The positions of the nodes of VTK's Lagrange cells, and the node in Gmsh's order at each position.
 //
-// The orders are VTK's, as its classes vtkHigherOrderTriangle, …Quadrilateral, …Tetra, …Hexahedron and …Wedge define
-// them (VTK 9): vertices, edges, faces, interior. Edges and faces of tensor cells run along the axes, those of
-// simplices and of a prism's triangles go round; the hexahedron's four upright edges are in the order that holds from
-// file version 2.1 on.
+// VTK 9 defines its node order in the classes vtkHigherOrderTriangle, …Quadrilateral, …Tetra, …Hexahedron and …Wedge:
+// vertices, edges, faces, interior. The edges and faces of tensor cells run along the axes. Those of simplices and of a
+// prism's triangles go around the cell. The four upright edges of the hexahedron have the order of file version 2.1 and
+// later.
 #include <algorithm>
 #include <array>
 #include <cassert>
@@ -30,7 +30,8 @@ void add_edge(Positions& list, const Position& from, const Position& to, int ord
   for (int k = 1; k < order; ++k) list.push_back(blend(from, to, k, order));
 }
 
-// A triangle of `order` steps an edge with the given corners: vertices, edges, then the triangle inside, of order − 3.
+// A triangle with the given corners and `order` steps per edge: its vertices, its edges, and then the triangle of order
+// − 3 inside it.
 void add_triangle(Positions& list, Position a, Position b, Position c, int order) {
   for (; order > 0; order -= 3) {
     list.insert(list.end(), {a, b, c});
@@ -49,7 +50,7 @@ void add_triangle(Positions& list, Position a, Position b, Position c, int order
   if (order == 0) list.push_back(a);
 }
 
-// The nodes strictly inside such a triangle.
+// Only the nodes strictly inside such a triangle.
 void add_triangle_inside(Positions& list, const Position& a, const Position& b, const Position& c, int order) {
   Positions whole;
   add_triangle(whole, a, b, c, order);
@@ -104,7 +105,7 @@ Positions hexahedron(int p) {
   return list;
 }
 
-// Inside a triangle row by row, as VTK's wedge has it (its triangle goes round).
+// The nodes inside a triangle of VTK's wedge, row by row. VTK's own triangle goes around instead.
 void add_rows(Positions& list, int k, int p) {
   for (int j = 1; j < p; ++j)
     for (int i = 1; i + j < p; ++i) list.push_back({i, j, k});
@@ -131,7 +132,7 @@ struct Types {
   std::uint8_t linear, lagrange;
 };
 
-// vtkCellType.h
+// From vtkCellType.h.
 Types types(Shape shape) {
   switch (shape) {
     case Shape::Point:
@@ -193,7 +194,7 @@ VtkCell vtk_cell(Shape shape, int order) {
   for (const Position& position : positions) {
     Position at = position;
     if (shape == Shape::Pyramid && order > 1) {
-      // The hexahedron's corners, upright edges, base and top are the pyramid's; the rest has no node.
+      // The pyramid has nodes for the hexahedron's corners, upright edges, base and top; other points are additional.
       const bool corner = (at[0] == 0 || at[0] == order) && (at[1] == 0 || at[1] == order);
       if (at[2] == order) {
         at = {0, 0, order};

@@ -1,6 +1,6 @@
 // Writes VTK unstructured grids: appended raw data in zlib-compressed blocks.
-// Format: "VTK XML Formats" in the VTK documentation; version 2.2 of the file says that hexahedra have the corrected
-// order.
+// Format: "VTK XML Formats" in the VTK documentation. Version 2.2 of the file means that hexahedra have the corrected
+// node order.
 #include "core/formats/vtu.h"
 
 #include <zlib.h>
@@ -10,15 +10,15 @@
 #include <cstring>
 #include <map>
 
-#include "core/formats/output.h"
+#include "core/formats/buffered_output.h"
 #include "core/reference/basis.h"
 
 namespace varimesh::formats {
 
 namespace {
 
-// An array as it stands in the appended data: a header of UInt64 (blocks, bytes a block, bytes of a last, shorter
-// block, compressed bytes of each) and the compressed blocks.
+// An array as the appended data contains it: a header of UInt64 and the compressed blocks. The header has the number of
+// blocks, the bytes per block, the bytes of the last block if it is shorter, and the compressed bytes of each block.
 class CompressedArray {
  public:
   template <class T>
@@ -36,7 +36,7 @@ class CompressedArray {
 
   std::size_t bytes() const { return 8 * (3 + sizes_.size()) + data_.size(); }
 
-  void write(Output& out) const {
+  void write(BufferedOutput& out) const {
     const std::uint64_t partial = last_ == kBlock ? 0 : last_;
     std::vector<std::uint64_t> header{sizes_.size(), kBlock, partial};
     header.insert(header.end(), sizes_.begin(), sizes_.end());
@@ -51,7 +51,7 @@ class CompressedArray {
     uLongf size = compressBound(uLong(used_));
     const std::size_t old = data_.size();
     data_.resize(old + size);
-    // Level 1: coordinates hardly compress, and higher levels take four times as long for a few per cent.
+    // Level 1, because coordinates hardly compress: higher levels take four times as long and save a few per cent.
     compress2(reinterpret_cast<Bytef*>(data_.data() + old), &size, reinterpret_cast<const Bytef*>(block_.data()),
               uLong(used_), 1);
     data_.resize(old + size);
@@ -65,7 +65,7 @@ class CompressedArray {
   std::vector<std::uint64_t> sizes_;
 };
 
-// What an array is called in the file, and its data.
+// An array of the file, with its data.
 struct Array {
   std::string name;
   std::string type;
@@ -80,8 +80,8 @@ std::vector<const ElementBlock*> cell_blocks(const HighOrderMesh& mesh) {
   return blocks;
 }
 
-// The additional points of a pyramid written as a hexahedron: rows of the pyramid's basis at the hexahedron's lattice,
-// collapsed towards the apex.
+// The additional points of a pyramid that is written as a hexahedron: the values of the pyramid's basis at the points
+// of the hexahedron's lattice, collapsed towards the apex. One row per point.
 Eigen::MatrixXd added_points(int order) {
   const VtkCell cell = vtk_cell(Shape::Pyramid, order);
   const auto positions = vtk_positions(Shape::Pyramid, order);
@@ -98,7 +98,7 @@ Eigen::MatrixXd added_points(int order) {
   return reference::basis_values(Shape::Pyramid, order, reference::NodeSet::Equispaced, 3, points);
 }
 
-// The grid's arrays, filled in one pass over the cells.
+// The arrays of the grid, filled in one pass over the cells.
 class Grid {
  public:
   Grid(const HighOrderMesh& mesh, std::span<const CellField> fields);
@@ -172,7 +172,7 @@ std::string escaped(std::string_view name) {
   return text;
 }
 
-void declare(Output& out, const Array& array, std::size_t& offset) {
+void declare(BufferedOutput& out, const Array& array, std::size_t& offset) {
   out.text("        <DataArray type=\"" + array.type + "\" Name=\"" + escaped(array.name) + "\" NumberOfComponents=\"" +
            std::to_string(array.components) + "\" format=\"appended\" offset=\"" + std::to_string(offset) + "\"/>\n");
   offset += array.data.bytes();
@@ -180,13 +180,13 @@ void declare(Output& out, const Array& array, std::size_t& offset) {
 
 }  // namespace
 
-Expected<void> write_vtu(const HighOrderMesh& mesh, const Sink& sink, std::span<const CellField> fields) {
+Expected<void> write_vtu(const HighOrderMesh& mesh, Format, const Sink& sink, std::span<const CellField> fields) {
   for (const CellField& field : fields)
     if (field.values.size() != mesh.element_count(mesh.dimension))
       return bad_option("The field '" + field.name + "' has " + std::to_string(field.values.size()) + " values for " +
-                        std::to_string(mesh.element_count(mesh.dimension)) + " cells: give one a cell.");
+                        std::to_string(mesh.element_count(mesh.dimension)) + " cells; give one value per cell.");
   const Grid grid(mesh, fields);
-  Output out(sink);
+  BufferedOutput out(sink);
   std::size_t offset = 0;
   out.text("<?xml version=\"1.0\"?>\n<VTKFile type=\"UnstructuredGrid\" version=\"2.2\" byte_order=\"");
   out.text(std::endian::native == std::endian::little ? "LittleEndian" : "BigEndian");

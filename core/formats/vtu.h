@@ -1,4 +1,4 @@
-// VTK unstructured grids. Internal to core/formats.
+// Writes VTK unstructured grids. Internal to core/formats.
 #pragma once
 
 #include <array>
@@ -9,23 +9,23 @@
 
 namespace varimesh::formats {
 
-/// Writes the cells of the mesh's dimension, with their fields, to a VTU file. Its points are the mesh's nodes in
-/// order, and behind them those that pyramids of order 2 and more add.
-Expected<void> write_vtu(const HighOrderMesh& mesh, const Sink& sink, std::span<const CellField> fields);
+/// Writes the cells of the mesh, with their fields, to a VTU file. The points of the file are the mesh's nodes in
+/// order. Additional points of pyramids of order 2 and above follow.
+Expected<void> write_vtu(const HighOrderMesh& mesh, Format format, const Sink& sink, std::span<const CellField> fields);
 
-/// How one kind of cell is written to VTK.
+/// How VTK stores the cells of one shape and order.
 struct VtkCell {
   std::uint8_t type = 0;   ///< VTK's cell type.
-  std::vector<int> nodes;  ///< For each VTK node the node in Gmsh's order; −1 where there is none (pyramids).
+  std::vector<int> nodes;  ///< For each VTK node, the node in Gmsh's order; −1 for additional points of pyramids.
 };
 
-/// VTK's cell for a shape and order: linear ones as VTK's own, higher ones as Lagrange cells. Pyramids of order 2 and
-/// more become Lagrange hexahedra whose top face is the apex: VTK 9.1 has no Lagrange pyramid, its quadratic one lacks
-/// the node in the middle of the base, and the pyramid's functions are polynomials of the same order on the hexahedron,
-/// so nothing is lost.
+/// The VTK cell for a shape and order: VTK's linear cells for order 1, Lagrange cells for higher orders. Pyramids of
+/// order 2 and above become Lagrange hexahedra whose top face is the apex. VTK 9.1 has no Lagrange pyramid, and its
+/// quadratic pyramid lacks the node in the middle of the base. The functions of the pyramid are polynomials of the same
+/// order on the hexahedron, so the geometry stays exact.
 VtkCell vtk_cell(Shape shape, int order);
 
-/// Lattice position of each of VTK's nodes; for pyramids of order 2 and more that of the hexahedron.
+/// The lattice position of each VTK node. For pyramids of order 2 and above these are positions in the hexahedron.
 std::vector<std::array<int, 3>> vtk_positions(Shape shape, int order);
 
 }  // namespace varimesh::formats

@@ -8,7 +8,7 @@
 namespace varimesh {
 namespace {
 
-/// Adds the time of its life to a sum.
+/// Adds the time between its construction and its destruction to a sum.
 class TimeAdder {
  public:
   explicit TimeAdder(double& sum) : sum_(sum) {}
@@ -24,7 +24,7 @@ class TimeAdder {
 constexpr std::size_t kNodesPerTask = 4096;
 constexpr std::size_t kCellsPerTask = 512;
 
-/// Between arrays of the same size.
+/// The arrays have the same size.
 void copy_in_parallel(const std::vector<double>& from, std::vector<double>& to, const Team& team) {
   team.for_ranges(from.size(), 4 * kNodesPerTask, [&](std::size_t begin, std::size_t end) {
     std::copy_n(from.data() + begin, end - begin, to.data() + begin);
@@ -67,7 +67,7 @@ void Guard::set_unrepairable(std::span<const UnrepairableGroup> groups) {
 
 std::vector<std::int32_t> Guard::moved_cells(const std::vector<double>& positions) const {
   const std::size_t d = problem_.dimension;
-  std::vector<char> moved(mesh_.node_count(), 0), concerned(cell_nodes_.size(), 0);
+  std::vector<char> moved(mesh_.node_count(), 0), touched(cell_nodes_.size(), 0);
   team_.for_ranges(problem_.free.size(), kNodesPerTask, [&](std::size_t begin, std::size_t end) {
     for (std::size_t rank = begin; rank < end; ++rank) {
       const std::size_t node = problem_.free[rank];
@@ -76,14 +76,14 @@ std::vector<std::int32_t> Guard::moved_cells(const std::vector<double>& position
   });
   team_.for_ranges(cell_nodes_.size(), kCellsPerTask, [&](std::size_t begin, std::size_t end) {
     for (std::size_t cell = begin; cell < end; ++cell)
-      concerned[cell] = std::any_of(cell_nodes_[cell], cell_nodes_[cell] + cell_size_[cell],
-                                    [&](std::int32_t node) { return moved[node] != 0; })
-                            ? 1
-                            : 0;
+      touched[cell] = std::any_of(cell_nodes_[cell], cell_nodes_[cell] + cell_size_[cell],
+                                  [&](std::int32_t node) { return moved[node] != 0; })
+                          ? 1
+                          : 0;
   });
   std::vector<std::int32_t> cells;
-  for (std::size_t cell = 0; cell < concerned.size(); ++cell)
-    if (concerned[cell] != 0) cells.push_back(static_cast<std::int32_t>(cell));
+  for (std::size_t cell = 0; cell < touched.size(); ++cell)
+    if (touched[cell] != 0) cells.push_back(static_cast<std::int32_t>(cell));
   return cells;
 }
 
@@ -114,19 +114,15 @@ std::vector<double> Guard::coordinates() const {
   return coordinates;
 }
 
-bool Guard::restore(const std::vector<double>& kept, const std::vector<double>& seen) {
+bool Guard::restore(const std::vector<double>& kept, const std::vector<double>& latest) {
   std::vector<double> positions = problem_.positions;
   if (!set_free_positions(problem_, kept, positions)) return false;
   certify_at(positions);
   keep();
-  if (!set_free_positions(problem_, seen, positions)) return false;
+  if (!set_free_positions(problem_, latest, positions)) return false;
   certify_at(positions);
   count();
   return true;
-}
-
-std::vector<double> Guard::free_of(const std::vector<double>& positions) const {
-  return free_positions(problem_, positions);
 }
 
 void Guard::certify_moved() {
@@ -164,8 +160,8 @@ std::int64_t Guard::unrepaired() const {
 
 std::vector<Standing> Guard::standings() const {
   std::vector<Standing> result;
-  for (const CellSet& block : problem_.sets)
-    for (const std::int32_t number : block.mesh_cell)
+  for (const CellSet& set : problem_.sets)
+    for (const std::int32_t number : set.mesh_cell)
       result.push_back(latest_certificates_[number].is_valid() ? Standing::Valid
                        : certificates_[number].is_valid()      ? Standing::Lost
                        : unrepairable_[number] != 0            ? Standing::Unrepairable
@@ -184,11 +180,11 @@ void Guard::count() {
 }
 
 void Guard::write_unrepairable() {
-  for (CellSet& block : problem_.sets) {
-    block.unrepairable.resize(block.count);
-    for (std::int32_t cell = 0; cell < block.count; ++cell) {
-      const std::size_t number = block.mesh_cell[cell];
-      block.unrepairable[cell] = unrepairable_[number] != 0 && !latest_certificates_[number].is_valid() ? 1 : 0;
+  for (CellSet& set : problem_.sets) {
+    set.unrepairable.resize(set.count);
+    for (std::int32_t cell = 0; cell < set.count; ++cell) {
+      const std::size_t number = set.mesh_cell[cell];
+      set.unrepairable[cell] = unrepairable_[number] != 0 && !latest_certificates_[number].is_valid() ? 1 : 0;
     }
   }
 }

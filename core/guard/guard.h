@@ -1,5 +1,5 @@
-// What is proved stays proved: cells that moved are certified again after every iteration, and the mesh that is handed
-// out has lost none of the certificates that it came with.
+// Keeps every certificate: cells that moved are certified again after every iteration, and the resulting mesh has lost
+// none of the certificates that the input mesh had.
 #pragma once
 
 #include <cstdint>
@@ -14,81 +14,83 @@
 
 namespace varimesh {
 
-/// How a cell stands.
+/// What is known about a cell.
 enum class Standing : std::uint8_t {
-  Valid,         ///< Certified.
-  Lost,          ///< Not certified, but certified in the kept state.
-  Uncertified,   ///< Not certified, in no unrepairable group.
-  Unrepairable,  ///< Not certified, in an unrepairable group.
+  Valid,         ///< Certified valid.
+  Lost,          ///< Not certified valid, but it is in the kept state.
+  Uncertified,   ///< Not certified valid, and in no unrepairable group.
+  Unrepairable,  ///< Not certified valid, and in an unrepairable group.
 };
 
-/// Watches over a problem whose nodes move. Certificates are of the coordinates as they would be written now, so that
-/// conversion and rounding are covered.
+/// Watches over a problem whose nodes move. Certificates are for the coordinates as they would be written to a file
+/// now, so they cover conversion and rounding.
 ///
-/// The optimiser may pass through meshes in which a cell has lost its certificate: the energy sees J at its quadrature
-/// points only, and barring its way between them costs a hundred times the iterations where it would have come out on
-/// the other side. So the guard keeps the best state seen, the latest in which no cell was uncertified that an earlier
-/// kept state had certified. Where the run ends in a state that has lost some, the free nodes of these cells go back to
-/// where they were in the kept state, and so do those of neighbours that this would lose, until none is lost. At worst
-/// all of it is taken back, so this ends.
+/// The optimiser may pass through meshes in which a cell has lost its certificate. The energy sees J at its quadrature
+/// points only. Such a step often leads to a valid mesh on the other side, and forbidding it costs a hundred times the
+/// iterations. So the guard keeps a state: the latest one in which no cell is uncertified that an earlier kept state
+/// had certified. If the run ends in a state that has lost certificates, the free nodes of the cells concerned go back
+/// to where they are in the kept state. If that costs a neighbour its certificate, the neighbour's free nodes go back
+/// too, until nothing is lost. In the worst case all nodes go back, so this ends.
 ///
-/// Everything is to be called inside team.run(), and the result does not depend on the number of threads.
+/// Call everything inside team.run(). The result does not depend on the number of threads.
 class Guard {
  public:
-  /// `certificates`: what `certifier` says of mesh.coordinates. `mesh` and `certifier` must outlive the guard.
+  /// `certificates` are those of `certifier` for mesh.coordinates, one per cell in the mesh's order. All references
+  /// must outlive the guard.
   Guard(const HighOrderMesh& mesh, const Frame& frame, Problem& problem, const Certifier& certifier,
         std::vector<Certificate> certificates, const Team& team);
 
-  /// Cells in these groups are kept out of the barrier for as long as they are not certified valid
-  /// (CellSet::unrepairable)
+  /// Keeps the cells of these groups out of the barrier while they are not certified valid (CellSet::unrepairable).
   void set_unrepairable(std::span<const UnrepairableGroup> groups);
 
-  /// After an iteration: certifies the cells that moved, and keeps the state where nothing is lost by that.
+  /// After an iteration: certifies the cells that moved, and keeps the state if no certificate is lost.
   void certify_moved();
 
-  /// Puts back what is lost against the kept state, and keeps the outcome. Positions stay where they are.
+  /// Restores what is lost compared with the kept state, and keeps the outcome. The problem's positions do not change.
   void restore_lost();
 
-  /// The same, and moves the problem's nodes there. The deformation gradients are left to be rebuilt.
+  /// The same, and moves the problem's nodes to the kept state. The caller must rebuild the deformation gradients.
   void return_to_kept();
 
   /// Cells that are not certified valid as of the last certify_moved().
   std::int64_t uncertified() const { return uncertified_; }
-  /// Those of them that are in no unrepairable group.
+  /// The cells of these that are in no unrepairable group.
   std::int64_t repairable() const { return repairable_; }
-  /// Cells that are certified valid in the kept state and were not at the last certify_moved().
+  /// Cells that are certified valid in the kept state but were not at the last certify_moved().
   std::int64_t lost() const { return static_cast<std::int64_t>(lost_.size()); }
 
-  /// Positions of the free nodes in the kept state and at the last look: all that tells this state from the first.
+  /// Checkpoints hold the positions of the free nodes in the kept state and at the last certify_moved(). Everything
+  /// else follows from them.
   template <class Archive>
   void state(Archive& archive) {
-    std::vector<double> kept = free_of(positions_), seen = free_of(latest_positions_);
-    archive(kept, seen);
+    std::vector<double> kept = free_positions(problem_, positions_);
+    std::vector<double> latest = free_positions(problem_, latest_positions_);
+    archive(kept, latest);
     if constexpr (Archive::kReads)
-      if (!restore(kept, seen)) archive.fail();
+      if (!restore(kept, latest)) archive.fail();
   }
 
-  /// How the problem's cells stood at the last certify_moved(), by CellSet::first + cell.
+  /// What was known about the problem's cells at the last certify_moved(), by CellSet::first + cell.
   std::vector<Standing> standings() const;
 
-  /// The kept state: the mesh's coordinates, and what is proved about them, one a cell in the mesh's order. The
-  /// coordinates are made of the positions where they are not those of the last look.
+  /// The kept state: the mesh's coordinates (3 per node, interleaved), and their certificates, one per cell in the
+  /// mesh's order.
   std::vector<double> coordinates() const;
   const std::vector<Certificate>& certificates() const { return certificates_; }
-  /// Its cells that are not certified valid and in no unrepairable group.
+  /// The cells of the kept state that are not certified valid and in no unrepairable group.
   std::int64_t unrepaired() const;
 
-  /// What all this took so far.
+  /// Seconds spent in certify_moved() and restore_lost() so far.
   double seconds() const { return seconds_; }
 
  private:
-  /// Cells with a node that is not where `latest_positions_` has it, in order.
+  /// Cells with a node that is not where `latest_positions_` has it, in ascending order.
   std::vector<std::int32_t> moved_cells(const std::vector<double>& positions) const;
-  /// Brings latest_certificates_… and lost_ up to date with nodes at these positions.
+  /// Brings lost_ and everything named latest_ up to date with nodes at these positions.
   void certify_at(const std::vector<double>& positions);
   void keep();
-  std::vector<double> free_of(const std::vector<double>& positions) const;
-  bool restore(const std::vector<double>& kept, const std::vector<double>& seen);
+  /// From the positions of free nodes in the kept and in the latest state; false if there are too few or too many.
+  bool restore(const std::vector<double>& kept, const std::vector<double>& latest);
   void count();
   void write_unrepairable();
 
@@ -104,7 +106,7 @@ class Guard {
   std::vector<double> positions_;   ///< The kept state.
   std::vector<Certificate> certificates_;
   bool kept_is_latest_ = true;
-  std::vector<double> latest_positions_;  ///< What was looked at last.
+  std::vector<double> latest_positions_;  ///< The state that was certified last.
   std::vector<double> latest_coordinates_;
   std::vector<Certificate> latest_certificates_;
   std::vector<std::int32_t> lost_;

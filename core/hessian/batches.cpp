@@ -6,7 +6,7 @@
 namespace varimesh {
 namespace {
 
-BatchSet make_batch_block(const CellSet& cells, const std::vector<std::int32_t>& rank, int entries) {
+BatchSet make_batch_set(const CellSet& cells, const std::vector<std::int32_t>& rank, int entries) {
   const int d = cells.dimension, nodes = cells.nodes_per_cell;
   BatchSet set;
   set.cells = &cells;
@@ -29,7 +29,7 @@ BatchSet make_batch_block(const CellSet& cells, const std::vector<std::int32_t>&
       for (int k = 0; k < d; ++k)
         for (int l = 0; l <= k; ++l) set.squares.push_back(static_cast<float>(slope[k] * slope[l]));
     }
-  set.parts.resize(static_cast<std::size_t>(set.count) * nodes * 2 * d * kBatch);
+  set.contributions.resize(static_cast<std::size_t>(set.count) * nodes * 2 * d * kBatch);
   set.linearisation.resize(set.count * set.linearisation_size());
   set.deformation.resize(set.count * set.deformation_size());
   set.mean.resize(static_cast<std::size_t>(set.count) * (d * d + 1) * kBatch);
@@ -37,7 +37,7 @@ BatchSet make_batch_block(const CellSet& cells, const std::vector<std::int32_t>&
   return set;
 }
 
-/// A⁻¹ of a cell at a point; where affine, at point 0.
+/// A⁻¹ of a cell at a point; for affine sets at point 0.
 Eigen::MatrixXd inverse_target(const CellSet& cells, std::int32_t cell, int point) {
   const int d = cells.dimension, stride = cells.affine ? 1 : cells.stride;
   const double* from = cells.inverse_target_of(cell) + point;
@@ -60,7 +60,7 @@ std::vector<BatchSet> make_batches(const Problem& problem, const HessianKernels&
   std::vector<std::int32_t> rank(nodes, static_cast<std::int32_t>(problem.free.size()));
   for (std::size_t f = 0; f < problem.free.size(); ++f) rank[problem.free[f]] = static_cast<std::int32_t>(f);
   std::vector<BatchSet> batches;
-  for (const CellSet& cells : problem.sets) batches.push_back(make_batch_block(cells, rank, kernels.entries()));
+  for (const CellSet& cells : problem.sets) batches.push_back(make_batch_set(cells, rank, kernels.entries()));
   copy_targets(batches);
   return batches;
 }

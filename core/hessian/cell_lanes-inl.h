@@ -1,9 +1,10 @@
-// Vectors at the nodes of a batch's cells, a lane a cell: from the mesh's nodes, and to the cells' parts.
-#if defined(VARIMESH_OPTIMISE_CELL_LANES_INL_H) == defined(HWY_TARGET_TOGGLE)
-#ifdef VARIMESH_OPTIMISE_CELL_LANES_INL_H
-#undef VARIMESH_OPTIMISE_CELL_LANES_INL_H
+// Vectors at the nodes of a batch's cells, one cell per lane: read from the free nodes, and written to the cells'
+// contributions.
+#if defined(VARIMESH_HESSIAN_CELL_LANES_INL_H) == defined(HWY_TARGET_TOGGLE)
+#ifdef VARIMESH_HESSIAN_CELL_LANES_INL_H
+#undef VARIMESH_HESSIAN_CELL_LANES_INL_H
 #else
-#define VARIMESH_OPTIMISE_CELL_LANES_INL_H
+#define VARIMESH_HESSIAN_CELL_LANES_INL_H
 #endif
 
 #include "core/hessian/float_matrix-inl.h"
@@ -28,7 +29,8 @@ class CellLanes {
         }
   }
 
-  /// From components of sixteen cells to vectors: who adds up a node's cells reads one cache line a cell.
+  /// From component-wise lanes of sixteen cells to one vector after another, so that adding up the cells of a node
+  /// reads one cache line per cell.
   static HWY_INLINE void interleave(const float* vectors, int nodes, float* result) {
     const FloatTag tag;
     for (int n = 0; n < nodes; ++n)
@@ -49,7 +51,7 @@ class CellLanes {
 #else
   static constexpr bool kTurns = d == 3;
 
-  /// Four numbers a lane, the last of them not wanted, and each four lanes turned from rows to columns.
+  /// Reads four numbers per lane, of which the last is not needed, and transposes each group of four lanes.
   static HWY_INLINE void gather_node(const std::int32_t* ranks, const float* direction, float* u) {
     const FloatTag tag;
     const Floats a = every_fourth(tag, ranks, direction), b = every_fourth(tag, ranks + 1, direction);

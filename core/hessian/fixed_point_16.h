@@ -1,4 +1,4 @@
-// Numbers in 16 bits: so many whole steps, of which the largest number has 32767.
+// Fixed-point numbers in 16 bits: a number is stored as a whole number of steps, the largest as 32767 of them.
 #pragma once
 
 #include <algorithm>
@@ -10,7 +10,7 @@ namespace varimesh {
 
 inline constexpr float kLargestFixedPoint = std::numeric_limits<std::int16_t>::max();
 
-/// To the nearest; what is beyond the largest is the largest.
+/// Rounds to the nearest; larger numbers become the largest.
 inline std::int16_t to_fixed_point(double steps) {
   return static_cast<std::int16_t>(std::lrint(std::clamp<double>(steps, -kLargestFixedPoint, kLargestFixedPoint)));
 }

@@ -1,9 +1,9 @@
-// Small matrices in single precision, a lane a cell.
-#if defined(VARIMESH_OPTIMISE_FLOAT_MATRIX_INL_H) == defined(HWY_TARGET_TOGGLE)
-#ifdef VARIMESH_OPTIMISE_FLOAT_MATRIX_INL_H
-#undef VARIMESH_OPTIMISE_FLOAT_MATRIX_INL_H
+// Small matrices in single precision, one cell per lane.
+#if defined(VARIMESH_HESSIAN_FLOAT_MATRIX_INL_H) == defined(HWY_TARGET_TOGGLE)
+#ifdef VARIMESH_HESSIAN_FLOAT_MATRIX_INL_H
+#undef VARIMESH_HESSIAN_FLOAT_MATRIX_INL_H
 #else
-#define VARIMESH_OPTIMISE_FLOAT_MATRIX_INL_H
+#define VARIMESH_HESSIAN_FLOAT_MATRIX_INL_H
 #endif
 
 #include "core/energy/number-inl.h"
@@ -17,9 +17,10 @@ using FloatTag = hn::CappedTag<float, kBatch>;
 using Floats = hn::Vec<FloatTag>;
 
 HWY_INLINE Floats load(const float* at) { return hn::Load(FloatTag(), at); }
+/// `value` in every lane.
 HWY_INLINE Floats every(float value) { return hn::Set(FloatTag(), value); }
 
-/// A d × d matrix a lane.
+/// One d × d matrix per lane.
 template <int d>
 struct FloatMatrix {
   Floats at[d][d];
@@ -74,7 +75,7 @@ struct FloatMatrix {
   }
 };
 
-/// a × b. A function of its own, as the next, since compilers leave a lambda this large out of line.
+/// a × b. This and the next are functions of their own because compilers do not inline a lambda of this size.
 HWY_INLINE void cross(const Floats* a, const Floats* b, Floats* out) {
   unrolled<3>([&](auto j) {
     const int j1 = (j + 1) % 3, j2 = (j + 2) % 3;

@@ -1,9 +1,9 @@
-// FoldedGradient applied to the cells of a batch, a lane a cell.
-#if defined(VARIMESH_OPTIMISE_FOLDED_GRADIENT_INL_H) == defined(HWY_TARGET_TOGGLE)
-#ifdef VARIMESH_OPTIMISE_FOLDED_GRADIENT_INL_H
-#undef VARIMESH_OPTIMISE_FOLDED_GRADIENT_INL_H
+// FoldedGradient applied to the cells of a batch, one cell per lane.
+#if defined(VARIMESH_HESSIAN_FOLDED_GRADIENT_INL_H) == defined(HWY_TARGET_TOGGLE)
+#ifdef VARIMESH_HESSIAN_FOLDED_GRADIENT_INL_H
+#undef VARIMESH_HESSIAN_FOLDED_GRADIENT_INL_H
 #else
-#define VARIMESH_OPTIMISE_FOLDED_GRADIENT_INL_H
+#define VARIMESH_HESSIAN_FOLDED_GRADIENT_INL_H
 #endif
 
 #include "core/hessian/float_matrix-inl.h"
@@ -13,7 +13,7 @@ HWY_BEFORE_NAMESPACE();
 namespace varimesh {
 namespace HWY_NAMESPACE {
 
-/// body(n) with n a constant, for 0 ≤ n ≤ most.
+/// Calls body(n) with n as a compile-time constant, for 0 ≤ n ≤ most.
 template <int most, class Body>
 HWY_INLINE void with_constant(int n, const Body& body) {
   if (n == most)
@@ -22,7 +22,7 @@ HWY_INLINE void with_constant(int n, const Body& body) {
     with_constant<most - 1>(n, body);
 }
 
-/// From members to components, and from components to members: the table of signs is symmetric.
+/// From members to components, or from components to members: the table of signs is symmetric, so both are the same.
 template <int mirrors>
 HWY_INLINE void add_with_signs(Floats* values) {
   unrolled<mirrors>([&](auto bit) {
@@ -37,44 +37,45 @@ HWY_INLINE void add_with_signs(Floats* values) {
   });
 }
 
-/// Arrays over nodes: d vectors of kBatch floats each; over slots: d × d vectors each, row-major in (component i,
-/// derivative α).
+/// Arrays over nodes have d vectors of kBatch floats per node. Arrays over slots have d × d such vectors per slot,
+/// row-major in (component i, derivative α).
 template <int d>
 struct FoldedLanes {
-  // Accumulators in registers: AVX-512 has 32, AVX2 and SSE 16.
+  // Rows of the table per pass; the accumulators must fit in registers: AVX-512 has 32, AVX2 and SSE have 16.
   static constexpr int kTile = (HWY_TARGET == HWY_AVX3 ? 24 : 12) / d;
 
   using Places = std::array<int, 8> FoldedGradient::Orbit::*;
 
-  /// The components of values at nodes.
+  /// From values at nodes to their components.
   static HWY_INLINE void fold(const FoldedGradient& gradient, const float* nodes, float* components) {
     between<&FoldedGradient::Orbit::member, &FoldedGradient::Orbit::component>(gradient, nodes, components);
   }
 
-  /// Its transpose.
+  /// The transpose of fold().
   static HWY_INLINE void unfold(const FoldedGradient& gradient, const float* components, float* nodes) {
     between<&FoldedGradient::Orbit::component, &FoldedGradient::Orbit::member>(gradient, components, nodes);
   }
 
-  /// Between the components of an orbit's slots and their values, in place.
+  /// From the components of an orbit's slots to their values, or back, in place.
   static HWY_INLINE void turn(float* slots, const FoldedGradient::Orbit& orbit) {
     with_constant<d>(orbit.mirrors, [&](auto mirrors) {
       if constexpr (mirrors > 0) turn_slots<mirrors>(slots + orbit.component[0] * d * d * kBatch);
     });
   }
 
-  /// Components at points of derivatives, from components at nodes.
+  /// From components at nodes to components of the derivatives at points.
   static HWY_INLINE void forward(const FoldedGradient& gradient, const float* components, float* slots) {
-    for (const FoldedGradient::Part& part : gradient.parts)
-      in_tiles(static_cast<int>(part.rows.size()),
-               [&](auto tile, int row) { forward_tile<tile>(part, row, components + part.first * d * kBatch, slots); });
+    for (const FoldedGradient::Parity& parity : gradient.parities)
+      in_tiles(static_cast<int>(parity.rows.size()), [&](auto tile, int row) {
+        forward_tile<tile>(parity, row, components + parity.first * d * kBatch, slots);
+      });
   }
 
-  /// Its transpose.
+  /// The transpose of forward().
   static HWY_INLINE void backward(const FoldedGradient& gradient, const float* slots, float* components) {
-    for (const FoldedGradient::Part& part : gradient.parts)
-      in_tiles(part.nodes, [&](auto tile, int node) {
-        backward_tile<tile>(part, node, slots, components + (part.first + node) * d * kBatch);
+    for (const FoldedGradient::Parity& parity : gradient.parities)
+      in_tiles(parity.nodes, [&](auto tile, int node) {
+        backward_tile<tile>(parity, node, slots, components + (parity.first + node) * d * kBatch);
       });
   }
 
@@ -104,7 +105,7 @@ struct FoldedLanes {
     }
   }
 
-  /// body(size, first) for tiles as alike as may be that make up `count`.
+  /// Splits `count` rows into tiles of nearly the same size and calls body(size, first) for each.
   template <class Body>
   static HWY_INLINE void in_tiles(int count, const Body& body) {
     const int tiles = (count + kTile - 1) / kTile;
@@ -117,13 +118,13 @@ struct FoldedLanes {
   }
 
   template <int tile>
-  static HWY_FLATTEN HWY_NOINLINE void forward_tile(const FoldedGradient::Part& part, int row, const float* components,
-                                                    float* slots) {
-    const std::size_t rows = part.rows.size();
-    const float* table = part.forward.data();  // null where there are no nodes
+  static HWY_FLATTEN HWY_NOINLINE void forward_tile(const FoldedGradient::Parity& parity, int row,
+                                                    const float* components, float* slots) {
+    const std::size_t rows = parity.rows.size();
+    const float* table = parity.forward.data();  // null if there are no nodes
     Floats sum[tile * d];
     unrolled<tile * d>([&](auto entry) { sum[entry] = hn::Zero(FloatTag()); });
-    for (int n = 0; n < part.nodes; ++n) {
+    for (int n = 0; n < parity.nodes; ++n) {
       Floats x[d];
       unrolled<d>([&](auto i) { x[i] = load(components + (n * d + i) * kBatch); });
       unrolled<tile>([&](auto r) {
@@ -132,18 +133,18 @@ struct FoldedLanes {
       });
     }
     unrolled<tile>([&](auto r) {
-      float* to = slots + part.rows[row + r] * kBatch;
+      float* to = slots + parity.rows[row + r] * kBatch;
       unrolled<d>([&](auto i) { hn::Store(sum[r * d + i], FloatTag(), to + i * d * kBatch); });
     });
   }
 
   template <int tile>
-  static HWY_FLATTEN HWY_NOINLINE void backward_tile(const FoldedGradient::Part& part, int node, const float* slots,
+  static HWY_FLATTEN HWY_NOINLINE void backward_tile(const FoldedGradient::Parity& parity, int node, const float* slots,
                                                      float* components) {
-    const float* table = part.backward.data() + node;
+    const float* table = parity.backward.data() + node;
     Floats sum[tile * d];
     unrolled<tile * d>([&](auto entry) { sum[entry] = hn::Zero(FloatTag()); });
-    for (const int row : part.rows) {
+    for (const int row : parity.rows) {
       const float* from = slots + row * kBatch;
       Floats x[d];
       unrolled<d>([&](auto i) { x[i] = load(from + i * d * kBatch); });
@@ -151,7 +152,7 @@ struct FoldedLanes {
         const Floats slope = every(table[n]);
         unrolled<d>([&](auto i) { sum[n * d + i] = hn::MulAdd(x[i], slope, sum[n * d + i]); });
       });
-      table += part.nodes;
+      table += parity.nodes;
     }
     unrolled<tile>([&](auto n) {
       unrolled<d>([&](auto i) { hn::Store(sum[n * d + i], FloatTag(), components + (n * d + i) * kBatch); });

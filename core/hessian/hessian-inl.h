@@ -1,15 +1,13 @@
-// Products of the energy's second derivative with a direction, a lane a cell, in single precision.
+// Products of the energy's second derivative with a direction, one cell per lane, in single precision.
 //
-// For a direction u on the nodes, dG = Σ u_n ⊗ ∇_ξ φ_n and dF = dG A⁻¹ at every point; then (numerics of f(Q, J'), C =
-// cof F)
-//     dP = 2 f_Q dF + 4 f_QQ (F:dF) F + 2 f_QJ [(C:dF) F + (F:dF) C] + f_JJ (C:dF) C + f_J dC,
-// and the cell's part of the product at node n is Σ w dP A⁻ᵀ ∇_ξ φ_n. The gradient operator and its transpose would be
-// most of the work; the cell's mirrors take them apart (folded_gradient.h).
-#if defined(VARIMESH_OPTIMISE_HESSIAN_INL_H) == defined(HWY_TARGET_TOGGLE)
-#ifdef VARIMESH_OPTIMISE_HESSIAN_INL_H
-#undef VARIMESH_OPTIMISE_HESSIAN_INL_H
+// For a direction u at the nodes, dG = Σ u_n ⊗ ∇_ξ φ_n and dF = dG A⁻¹ at every point. With the change dP of the stress
+// along dF (stress_change-inl.h), the cell's contribution to the product at node n is Σ w dP A⁻ᵀ ∇_ξ φ_n. The gradient
+// operator and its transpose would be most of the work; the mirrors of the cell make them cheaper (folded_gradient.h).
+#if defined(VARIMESH_HESSIAN_INL_H) == defined(HWY_TARGET_TOGGLE)
+#ifdef VARIMESH_HESSIAN_INL_H
+#undef VARIMESH_HESSIAN_INL_H
 #else
-#define VARIMESH_OPTIMISE_HESSIAN_INL_H
+#define VARIMESH_HESSIAN_INL_H
 #endif
 
 #include <array>
@@ -20,8 +18,10 @@
 #include "core/hessian/batches.h"
 #include "core/hessian/cell_lanes-inl.h"
 #include "core/hessian/folded_gradient-inl.h"
+#include "core/hessian/kept_points-inl.h"
 #include "core/hessian/linearisation-inl.h"
 #include "core/hessian/node_vector-inl.h"
+#include "core/hessian/stress_change-inl.h"
 
 HWY_BEFORE_NAMESPACE();
 namespace varimesh {
@@ -29,15 +29,16 @@ namespace HWY_NAMESPACE {
 
 template <class E, int d>
 class VectorHessian final : public VectorLinearisation<E, d> {
-  using Kept = VectorLinearisation<E, d>;
-  using Kept::kEntries, Kept::kJ, Kept::kJJ, Kept::kQ, Kept::kQJ, Kept::kQQ, Kept::kW, Kept::kSides, Kept::energy_;
-  using Kept::mu;
+  using Base = VectorLinearisation<E, d>;
+  using Base::energy_;
+  using Kept = KeptPartials<E>;
   using Gradient = FoldedLanes<d>;
   using Cells = CellLanes<d>;
+  static constexpr int kSides = triangle_size(d);  // numbers in a symmetric d × d matrix
   static constexpr int kTensor = tensor_size(d);
 
  public:
-  using Kept::Kept;
+  using Base::Base;
 
   HWY_FLATTEN void node_blocks(BatchSet& set, std::int32_t b) const override {
     const int nodes = set.cells->nodes_per_cell;
@@ -47,7 +48,7 @@ class VectorHessian final : public VectorLinearisation<E, d> {
       add_up_blocks(set, b, lane, scratch.data() + lane);
     for (int n = 0; n < nodes; ++n)
       for (int lane = 0; lane < kBatch; ++lane) {
-        float* to = set.parts.data() + set.part_index(b * kBatch + lane, n, 2 * d);
+        float* to = set.contributions.data() + set.contribution_index(b * kBatch + lane, n, 2 * d);
         for (int entry = 0; entry < kSides; ++entry) to[entry] = scratch[(n * kSides + entry) * kBatch + lane];
         if (!set.left_factor.empty()) turn_block_by_left_factor(set, b, lane, to);
       }
@@ -58,7 +59,7 @@ class VectorHessian final : public VectorLinearisation<E, d> {
     const int per_cell = cells.affine ? 1 : cells.points;
     alignas(64) float sums[kTensor * kBatch];
     for (int lane = 0; lane < kBatch; lane += static_cast<int>(hn::Lanes(FloatTag()))) {
-      const KeptPoint kept(set, b, lane);
+      const KeptPoints<E, d> kept(set, b, lane);
       Floats M[kTensor];
       unrolled<kTensor>([&](auto entry) { M[entry] = hn::Zero(FloatTag()); });
       for (int q = 0; q < cells.points; ++q) {
@@ -80,8 +81,8 @@ class VectorHessian final : public VectorLinearisation<E, d> {
   void apply(BatchSet& set, std::int32_t b, std::span<const float> direction) const override {
     const CellSet& cells = *set.cells;
     const int nodes = cells.nodes_per_cell;
-    // Scratch a thread: the direction of the batch's cells and then their part of the product; its components; and dG
-    // and then w dP A⁻ᵀ at their points.
+    // Scratch of the thread: `u` has the direction at the batch's nodes and in the end the product; `components` has
+    // the components of `u`; `slopes` has dG and then w dP A⁻ᵀ at the points.
     static thread_local AlignedVector<float> scratch;
     const std::size_t direction_size = static_cast<std::size_t>(nodes) * d * kBatch;
     scratch.resize(2 * direction_size + static_cast<std::size_t>(cells.points) * d * d * kBatch);
@@ -98,18 +99,18 @@ class VectorHessian final : public VectorLinearisation<E, d> {
       Gradient::unfold(set.gradient, components + lane, u + lane);
     }
     times_left_factor(set, b, u);
-    Cells::interleave(u, nodes, set.parts.data() + set.part_index(b * kBatch, 0, d));
+    Cells::interleave(u, nodes, set.contributions.data() + set.contribution_index(b * kBatch, 0, d));
   }
 
   double add_up(const Problem& problem, const std::vector<BatchSet>& batches, const float* direction, float* product,
                 std::int32_t first, std::int32_t last) const override {
-    const std::array<PartsOf, kShapes> parts =
-        parts_of(batches, [&](std::size_t b) { return batches[b].cells->nodes_per_cell; });
-    double along[d] = {};  // a sum each, so that no addition waits for the one before
+    const std::array<Contributions, kShapes> contributions =
+        contributions_of(batches, [&](std::size_t b) { return batches[b].cells->nodes_per_cell; });
+    double along[d] = {};  // one sum per component, so that no addition waits for the one before
     for (std::int32_t rank = first; rank < last; ++rank) {
       const Incidence* cells = problem.incidences.data();
       const NodeVector<d> sum =
-          sum_of_parts<d>(cells + problem.offsets[rank], cells + problem.offsets[rank + 1], parts);
+          sum_of_contributions<d>(cells + problem.offsets[rank], cells + problem.offsets[rank + 1], contributions);
       alignas(16) float numbers[4];
       sum.store(numbers);
       float* to = product + static_cast<std::ptrdiff_t>(rank) * d;
@@ -123,44 +124,12 @@ class VectorHessian final : public VectorLinearisation<E, d> {
   }
 
  private:
-  using Steps = hn::Rebind<std::int16_t, FloatTag>;
-
-  /// What was kept of a slot of the cells in the lanes from `lane` on.
-  class KeptPoint {
-   public:
-    HWY_INLINE KeptPoint(const BatchSet& set, std::int32_t b, int lane)
-        : partials_(set.linearisation.data() + b * set.linearisation_size() + lane),
-          steps_(set.deformation.data() + b * set.deformation_size() + lane),
-          mean_(set.mean.data() + static_cast<std::size_t>(b) * (d * d + 1) * kBatch + lane) {}
-    HWY_INLINE FloatMatrix<d> deformation(int slot) const {
-      const Floats step = load(mean_ + d * d * kBatch);
-      FloatMatrix<d> F;
-      unrolled<d>([&](auto i) {
-        unrolled<d>([&](auto j) {
-          const std::int16_t* steps = steps_ + (static_cast<std::size_t>(slot) * d * d + i * d + j) * kBatch;
-          const Floats count =
-              hn::ConvertTo(FloatTag(), hn::PromoteTo(hn::Rebind<std::int32_t, FloatTag>(), hn::Load(Steps(), steps)));
-          F.at[i][j] = hn::MulAdd(count, step, load(mean_ + (i * d + j) * kBatch));
-        });
-      });
-      return F;
-    }
-    HWY_INLINE const float* partials(int slot) const {
-      return partials_ + static_cast<std::size_t>(slot) * kEntries * kBatch;
-    }
-
-   private:
-    const float* partials_;
-    const std::int16_t* steps_;
-    const float* mean_;
-  };
-
-  /// out[(n kSides + ij) kBatch] = Σ over points of T(ik, jl) ∂_k φ_n ∂_l φ_n, with T = w A⁻¹ (d²W/dF²) A⁻ᵀ at each.
+  /// out[(n kSides + ij) kBatch] = Σ over points of T(ik, jl) ∂_k φ_n ∂_l φ_n, with T = w A⁻¹ (d²W/dF²) A⁻ᵀ.
   HWY_INLINE void add_up_blocks(const BatchSet& set, std::int32_t b, int lane, float* out) const {
     const FloatTag tag;
     const CellSet& cells = *set.cells;
     const int nodes = cells.nodes_per_cell, per_cell = cells.affine ? 1 : cells.points;
-    const KeptPoint kept(set, b, lane);
+    const KeptPoints<E, d> kept(set, b, lane);
     const float* targets = set.inverse_target.data() + static_cast<std::size_t>(b) * per_cell * d * d * kBatch + lane;
     for (int entry = 0; entry < nodes * kSides; ++entry) hn::Store(hn::Zero(tag), tag, out + entry * kBatch);
     for (int q = 0; q < cells.points; ++q) {
@@ -181,17 +150,17 @@ class VectorHessian final : public VectorLinearisation<E, d> {
     }
   }
 
-  /// T(ik, jl) for i ≥ j and k ≥ l, those of k ≠ l added to their mirror image.
+  /// T(ik, jl) for i ≥ j and k ≥ l; for k ≠ l the sum of T(ik, jl) and T(il, jk).
   HWY_INLINE void point_tensor(const FloatMatrix<d>& F, const float* partials, const FloatMatrix<d>& inverse,
                                float* T) const {
     const FloatTag tag;
-    FloatMatrix<d> change[d][d];  // w dP A⁻ᵀ of dG = e_j ⊗ e_l
+    FloatMatrix<d> change[d][d];  // [j][l]: w dP A⁻ᵀ for dG = e_j ⊗ e_l
     unrolled<d>([&](auto j) {
       unrolled<d>([&](auto l) {
         FloatMatrix<d> dF;
         unrolled<d>(
             [&](auto i) { unrolled<d>([&](auto m) { dF.at[i][m] = i == j ? inverse.at[l][m] : hn::Zero(tag); }); });
-        change[j][l] = stress_change(F, partials, dF).template times<true>(inverse);
+        change[j][l] = stress_change(energy_, F, partials, dF).template times<true>(inverse);
       });
     });
     unrolled<d>([&](auto i) {
@@ -207,7 +176,7 @@ class VectorHessian final : public VectorLinearisation<E, d> {
     });
   }
 
-  /// L B L of a lower triangle.
+  /// Replaces the symmetric block B by L B L; `triangle` is its lower triangle by rows.
   static void turn_block_by_left_factor(const BatchSet& set, std::int32_t b, int lane, float* triangle) {
     const float* L = set.left_factor.data() + static_cast<std::size_t>(b) * d * d * kBatch + lane;
     float turned[kSides] = {};
@@ -220,8 +189,8 @@ class VectorHessian final : public VectorLinearisation<E, d> {
     std::copy_n(turned, kSides, triangle);
   }
 
-  /// The vectors at a batch's nodes times their cell's left factor, in place: of a direction and, L being symmetric, of
-  /// the result.
+  /// Multiplies the vectors at a batch's nodes with the left factors of their cells, in place. L is symmetric, so this
+  /// is right for a direction and for the result.
   static HWY_NOINLINE void times_left_factor(const BatchSet& set, std::int32_t b, float* vectors) {
     if (set.left_factor.empty()) return;
     const float* factor = set.left_factor.data() + static_cast<std::size_t>(b) * d * d * kBatch;
@@ -243,7 +212,7 @@ class VectorHessian final : public VectorLinearisation<E, d> {
     }
   }
 
-  /// A⁻¹ of what BatchSet::inverse_target has.
+  /// A⁻¹ from the matrix in BatchSet::inverse_target.
   static HWY_INLINE FloatMatrix<d> in_reference_coordinates(const BatchSet& set, const FloatMatrix<d>& inverse) {
     const double* numbers = set.gradient.directions.data();  // column-major
     FloatMatrix<d> directions;
@@ -253,12 +222,13 @@ class VectorHessian final : public VectorLinearisation<E, d> {
     return directions.transposed_times(inverse);
   }
 
+  /// Adds the term of one point to the mean tensor M (HessianKernels::mean_tensors).
   HWY_INLINE void add_mean(const FloatMatrix<d>& F, const float* partials, const FloatMatrix<d>& inverse,
                            Floats* M) const {
-    Floats shape = load(partials + kQ * kBatch) * every(2.0F);
+    Floats shape = load(partials + Kept::kQ * kBatch) * every(2.0F);
     if constexpr (E::kStrain != StrainTerm::None)
-      shape = hn::MulAdd(load(partials + kW * kBatch), every(static_cast<float>(mu())), shape);
-    const Floats volume = hn::Max(load(partials + kJJ * kBatch), hn::Zero(FloatTag()));
+      shape = hn::MulAdd(load(partials + Kept::kW * kBatch), every(static_cast<float>(energy_.mu)), shape);
+    const Floats volume = hn::Max(load(partials + Kept::kJJ * kBatch), hn::Zero(FloatTag()));
     const FloatMatrix<d> S = inverse.template times<true>(inverse);  // A⁻¹ A⁻ᵀ
     const FloatMatrix<d> c = cofactor_of<d>(F).template times<true>(inverse);
     unrolled<d * d>([&](auto ik) {
@@ -271,7 +241,7 @@ class VectorHessian final : public VectorLinearisation<E, d> {
     });
   }
 
-  /// Displacements are multiplied by L before they become dG: L M L in i and j.
+  /// Replaces M by L M L, with L acting on i and j: displacements are multiplied with L before they become dG.
   static void turn_by_left_factor(const BatchSet& set, std::int32_t b, int lane, float* M) {
     const float* L = set.left_factor.data() + static_cast<std::size_t>(b) * d * d * kBatch + lane;
     float turned[kTensor] = {};
@@ -286,7 +256,7 @@ class VectorHessian final : public VectorLinearisation<E, d> {
     std::copy_n(turned, kTensor, M);
   }
 
-  /// The components of dG become those of w dP A⁻ᵀ.
+  /// Replaces the components of dG by those of w dP A⁻ᵀ.
   HWY_INLINE void at_points(const BatchSet& set, std::int32_t b, int lane, float* slopes) const {
     for (const FoldedGradient::Orbit& orbit : set.gradient.point_orbits) {
       Gradient::turn(slopes, orbit);
@@ -295,11 +265,11 @@ class VectorHessian final : public VectorLinearisation<E, d> {
     }
   }
 
-  /// dG becomes w dP A⁻ᵀ in `count` slots from `first` on.
+  /// Replaces dG by w dP A⁻ᵀ in `count` slots from `first` on.
   HWY_FLATTEN HWY_NOINLINE void at_values(const BatchSet& set, std::int32_t b, int lane, int first, int count,
                                           float* slopes) const {
     const CellSet& cells = *set.cells;
-    const KeptPoint kept(set, b, lane);
+    const KeptPoints<E, d> kept(set, b, lane);
     const int per_cell = cells.affine ? 1 : cells.points;
     const float* targets = set.inverse_target.data() + static_cast<std::size_t>(b) * per_cell * d * d * kBatch + lane;
     FloatMatrix<d> inverse;
@@ -310,87 +280,11 @@ class VectorHessian final : public VectorLinearisation<E, d> {
       FloatMatrix<d> dG;
       dG.load_from(slope);
       const FloatMatrix<d> out =
-          stress_change(kept.deformation(slot), kept.partials(slot), dG.template times<false>(inverse))
+          stress_change(energy_, kept.deformation(slot), kept.partials(slot), dG.template times<false>(inverse))
               .template times<true>(inverse);
       unrolled<d>([&](auto i) {
         unrolled<d>([&](auto k) { hn::Store(out.at[i][k], FloatTag(), slope + (i * d + k) * kBatch); });
       });
-    }
-  }
-
-  /// w dP of dF.
-  HWY_INLINE FloatMatrix<d> stress_change(const FloatMatrix<d>& F, const float* partials,
-                                          const FloatMatrix<d>& dF) const {
-    const auto entry = [&](int index) { return load(partials + index * kBatch); };
-    const FloatMatrix<d> C = cofactor_of<d>(F);
-    const Floats dJ = C.inner(dF), two = every(2.0F);
-    FloatMatrix<d> dP = cofactor_change<d>(F, dF);
-    dP.scale(entry(kJ));
-    Floats along_C = entry(kJJ) * dJ;
-    if constexpr (E::kQuadratic == Quadratic::Deformation) {
-      dP.add(two * entry(kQ), dF);
-      if constexpr (E::kMixed || E::kCurved) {
-        const Floats dQ = two * F.inner(dF);
-        Floats along_F = hn::Zero(FloatTag());
-        if constexpr (E::kMixed) {
-          along_F = entry(kQJ) * dJ;
-          along_C = hn::MulAdd(entry(kQJ), dQ, along_C);
-        }
-        if constexpr (E::kCurved) along_F = hn::MulAdd(entry(kQQ), dQ, along_F);
-        dP.add(two * along_F, F);
-      }
-    } else {
-      // Q = |C|²: dQ/dF = 2 (|F|² F − F Fᵀ F), and its change along dF.
-      const FloatMatrix<d> B = F.template times<true>(F), dB = dF.template times<true>(F);  // F Fᵀ, dF Fᵀ
-      const Floats square = F.inner(F), dot = F.inner(dF);
-      FloatMatrix<d> slope = B.template times<false>(F);  // F Fᵀ F
-      slope.scale(every(-1.0F));
-      slope.add(square, F);
-      const Floats dQ = two * slope.inner(dF);
-      FloatMatrix<d> change = B.template times<false>(dF);
-      change.add(every(1.0F), dB.template times<false>(F));
-      FloatMatrix<d> dBt;
-      unrolled<d>([&](auto i) { unrolled<d>([&](auto j) { dBt.at[i][j] = dB.at[j][i]; }); });
-      change.add(every(1.0F), dBt.template times<false>(F));
-      change.scale(every(-1.0F));
-      change.add(square, dF);
-      change.add(two * dot, F);
-      dP.add(two * entry(kQ), change);
-      if constexpr (E::kMixed) {
-        dP.add(two * entry(kQJ) * dJ, slope);
-        along_C = hn::MulAdd(entry(kQJ), dQ, along_C);
-      }
-    }
-    dP.add(along_C, C);
-    if constexpr (E::kStrain == StrainTerm::GreenLagrange) add_green_lagrange(entry(kW), F, dF, dP);
-    if constexpr (E::kStrain == StrainTerm::Small) add_small_strain(entry(kW), dF, dP);
-    return dP;
-  }
-
-  /// 2μ (dF E + F dE), E = (FᵀF − 1)/2, dE = sym(Fᵀ dF).
-  HWY_INLINE void add_green_lagrange(Floats w, const FloatMatrix<d>& F, const FloatMatrix<d>& dF,
-                                     FloatMatrix<d>& dP) const {
-    FloatMatrix<d> twice_E = F.transposed_times(F);
-    unrolled<d>([&](auto i) { twice_E.at[i][i] = twice_E.at[i][i] - every(1.0F); });
-    const FloatMatrix<d> half = F.transposed_times(dF);
-    FloatMatrix<d> twice_dE;
-    unrolled<d>([&](auto i) { unrolled<d>([&](auto j) { twice_dE.at[i][j] = half.at[i][j] + half.at[j][i]; }); });
-    const Floats w_mu = w * every(static_cast<float>(mu()));
-    dP.add(w_mu, dF.template times<false>(twice_E));
-    dP.add(w_mu, F.template times<false>(twice_dE));
-  }
-
-  /// 2μ sym dF, and λ tr dF 1 in the classical form.
-  HWY_INLINE void add_small_strain(Floats w, const FloatMatrix<d>& dF, FloatMatrix<d>& dP) const {
-    const Floats w_mu = w * every(static_cast<float>(mu()));
-    Floats trace = hn::Zero(FloatTag());
-    unrolled<d>([&](auto i) {
-      trace = trace + dF.at[i][i];
-      unrolled<d>([&](auto j) { dP.at[i][j] = hn::MulAdd(w_mu, dF.at[i][j] + dF.at[j][i], dP.at[i][j]); });
-    });
-    if constexpr (E::kTraceOfStrain) {
-      const Floats pressure = w * every(static_cast<float>(energy_.lambda)) * trace;
-      unrolled<d>([&](auto i) { dP.at[i][i] = dP.at[i][i] + pressure; });
     }
   }
 };

@@ -1,13 +1,13 @@
-// What Newton's method wants of the cells before it multiplies: the gradient in double precision, and in single what
-// products need of each point. A lane a quadrature point.
+// What Newton's method computes in each cell before its products: the gradient in double precision, and what the
+// products need of each point in single precision. One quadrature point per lane.
 //
-// With F = G A⁻¹, G = Σ x_n ⊗ ∇_ξ φ_n, a cell's part of the gradient at node n is Σ w P A⁻ᵀ ∇_ξ φ_n (the chain rule); P
-// = dW/dF is core/energy/density-inl.h's.
-#if defined(VARIMESH_OPTIMISE_LINEARISATION_INL_H) == defined(HWY_TARGET_TOGGLE)
-#ifdef VARIMESH_OPTIMISE_LINEARISATION_INL_H
-#undef VARIMESH_OPTIMISE_LINEARISATION_INL_H
+// With F = G A⁻¹ and G = Σ x_n ⊗ ∇_ξ φ_n, the chain rule gives a cell's contribution to the gradient at node n: Σ w P
+// A⁻ᵀ ∇_ξ φ_n. P = dW/dF comes from core/energy/density-inl.h.
+#if defined(VARIMESH_HESSIAN_LINEARISATION_INL_H) == defined(HWY_TARGET_TOGGLE)
+#ifdef VARIMESH_HESSIAN_LINEARISATION_INL_H
+#undef VARIMESH_HESSIAN_LINEARISATION_INL_H
 #else
-#define VARIMESH_OPTIMISE_LINEARISATION_INL_H
+#define VARIMESH_HESSIAN_LINEARISATION_INL_H
 #endif
 
 #include <algorithm>
@@ -21,6 +21,7 @@
 #include "core/energy/table-inl.h"
 #include "core/hessian/batches.h"
 #include "core/hessian/fixed_point_16.h"
+#include "core/hessian/kept_points-inl.h"
 #include "core/kernels/left_factor.h"
 
 HWY_BEFORE_NAMESPACE();
@@ -31,11 +32,12 @@ template <class E, int d>
 class VectorLinearisation : public HessianKernels {
   using PointTag = hn::CappedTag<double, kPointPadding>;
   using Points = hn::Vec<PointTag>;
+  using Kept = KeptPartials<E>;
 
  public:
   explicit VectorLinearisation(const E& energy) : energy_(energy) {}
 
-  int entries() const override { return kEntries; }
+  int entries() const override { return Kept::kEntries; }
 
   HWY_FLATTEN void linearise(BatchSet& set, std::int32_t b, const double* deformation) const override {
     const CellSet& cells = *set.cells;
@@ -49,28 +51,16 @@ class VectorLinearisation : public HessianKernels {
       keep_deformation(set, b, lane, F);
       linearise_cell(set, cell, slope, F, set.linearisation.data() + b * set.linearisation_size() + lane,
                      stress.data());
-      cell_gradient(cells, cell, stress.data(), set.parts.data() + set.part_index(b * kBatch + lane, 0, 2 * d));
+      cell_gradient(cells, cell, stress.data(),
+                    set.contributions.data() + set.contribution_index(b * kBatch + lane, 0, 2 * d));
     }
   }
 
  protected:
-  // What is kept a point beside F: w f_Q, w f_J, w f_JJ, then w f_QJ, w f_QQ and w where the energy needs them.
-  static constexpr int kQ = 0, kJ = kQ + 1, kJJ = kJ + 1;
-  static constexpr int kQJ = kJJ + 1;
-  static constexpr int kQQ = kQJ + (E::kMixed ? 1 : 0);
-  static constexpr int kW = kQQ + (E::kCurved ? 1 : 0);
-  static constexpr int kEntries = kW + (E::kStrain != StrainTerm::None ? 1 : 0);
-  static constexpr int kSides = triangle_size(d);  // numbers in a symmetric matrix
-
-  double mu() const {
-    if constexpr (E::kStrain != StrainTerm::None) return energy_.mu;
-    return 0;
-  }
-
   E energy_;
 
  private:
-  /// Of one cell, to BatchSet::deformation and BatchSet::mean.
+  /// Writes F of one cell to BatchSet::deformation and BatchSet::mean.
   static HWY_INLINE void keep_deformation(BatchSet& set, std::int32_t b, int lane, const double* deformation) {
     const CellSet& cells = *set.cells;
     float* mean = set.mean.data() + static_cast<std::size_t>(b) * (d * d + 1) * kBatch + lane;
@@ -81,7 +71,7 @@ class VectorLinearisation : public HessianKernels {
       for (int q = 0; q < cells.points; ++q) largest = std::max(largest, std::abs(F[q] - middle));
       mean[entry * kBatch] = middle;
     }
-    // No smaller than what a float can divide by.
+    // At least the smallest normal float, to divide by.
     const float step = std::max(static_cast<float>(largest / kLargestFixedPoint), std::numeric_limits<float>::min());
     mean[d * d * kBatch] = step;
     std::int16_t* to = set.deformation.data() + b * set.deformation_size() + lane;
@@ -92,7 +82,8 @@ class VectorLinearisation : public HessianKernels {
       }
   }
 
-  /// What is kept of a cell beside F (`kept`, as BatchSet::linearisation) and w dW/dG at its points, d·d × stride.
+  /// Computes the partial derivatives that are kept of a cell (`kept`, as BatchSet::linearisation), and w dW/dG at its
+  /// points (`stress`, d·d × stride).
   HWY_INLINE void linearise_cell(const BatchSet& set, std::int32_t cell, double slope, const double* deformation,
                                  float* kept, double* stress) const {
     const PointTag tag;
@@ -103,11 +94,11 @@ class VectorLinearisation : public HessianKernels {
       const Points weight = hn::Set(tag, slope) * (cells.affine ? hn::Load(tag, cells.weights.data() + q) *
                                                                       hn::Set(tag, *cells.measure_of(cell))
                                                                 : hn::Load(tag, cells.measure_of(cell) + q));
-      alignas(64) double entries[kEntries][kPointPadding];
+      alignas(64) double entries[Kept::kEntries][kPointPadding];
       const Matrix<Points, d> P = expand(deformation + q, cells.stride, weight, cells.delta_squared[cell], entries);
       for (int p = 0; p < std::min(width, cells.points - q); ++p)
-        for (int entry = 0; entry < kEntries; ++entry)
-          kept[(set.gradient.slots[q + p] * kEntries + entry) * kBatch] = static_cast<float>(entries[entry][p]);
+        for (int entry = 0; entry < Kept::kEntries; ++entry)
+          kept[(set.gradient.slots[q + p] * Kept::kEntries + entry) * kBatch] = static_cast<float>(entries[entry][p]);
       for (int i = 0; i < d; ++i)
         for (int k = 0; k < d; ++k) {
           Points sum = hn::Zero(tag);  // P A⁻ᵀ
@@ -121,7 +112,7 @@ class VectorLinearisation : public HessianKernels {
     }
   }
 
-  /// What is kept of some points, a lane each; returns w P.
+  /// Computes the partial derivatives that are kept of some points, one per lane; returns w P.
   HWY_INLINE Matrix<Points, d> expand(const double* deformation, int stride, Points w, double delta_squared,
                                       double (*kept)[kPointPadding]) const {
     const PointTag tag;
@@ -132,25 +123,26 @@ class VectorLinearisation : public HessianKernels {
     const Points Q = E::kQuadratic == Quadratic::Cofactor ? dot<d>(C, C) : dot<d>(F, F);
     const Partials<Points> p =
         energy_.partials(Q, regularised<E::kFunction>(determinant<d>(F), hn::Set(tag, delta_squared)));
-    hn::Store(w * p.f_Q, tag, kept[kQ]);
-    hn::Store(w * p.f_J, tag, kept[kJ]);
-    hn::Store(w * p.f_JJ, tag, kept[kJJ]);
-    if constexpr (E::kMixed) hn::Store(w * p.f_QJ, tag, kept[kQJ]);
-    if constexpr (E::kCurved) hn::Store(w * p.f_QQ, tag, kept[kQQ]);
-    if constexpr (E::kStrain != StrainTerm::None) hn::Store(w, tag, kept[kW]);
+    hn::Store(w * p.f_Q, tag, kept[Kept::kQ]);
+    hn::Store(w * p.f_J, tag, kept[Kept::kJ]);
+    hn::Store(w * p.f_JJ, tag, kept[Kept::kJJ]);
+    if constexpr (E::kMixed) hn::Store(w * p.f_QJ, tag, kept[Kept::kQJ]);
+    if constexpr (E::kCurved) hn::Store(w * p.f_QQ, tag, kept[Kept::kQQ]);
+    if constexpr (E::kStrain != StrainTerm::None) hn::Store(w, tag, kept[Kept::kW]);
     Matrix<Points, d> P = density_gradient<d>(energy_, F, C, p);
     for (int k = 0; k < d * d; ++k) P[k / d][k % d] = w * P[k / d][k % d];
     return P;
   }
 
-  /// x without the digits that a float has no room for. Not by way of a float: where GCC 12.2 vectorises straight-line
-  /// code, (double)(float)x comes out as x (g++ -O2: x − (double)(float)x is then 0).
+  /// x without the digits that do not fit in a float. It does not convert to float and back: when GCC 12.2 vectorises
+  /// straight-line code, it turns (double)(float)x into x (with g++ -O2, x − (double)(float)x is then 0).
   static HWY_INLINE double with_a_floats_digits(double x) {
     return std::bit_cast<double>(std::bit_cast<std::uint64_t>(x) & ~((std::uint64_t{1} << 29) - 1));
   }
 
-  /// Each node's part Σ w dW/dG ∂φ_n/∂ξ, times L, in two floats a component.
-  static HWY_INLINE void cell_gradient(const CellSet& cells, std::int32_t cell, const double* stress, float* parts) {
+  /// Each node's contribution Σ w dW/dG ∂φ_n/∂ξ, times L, as two floats per component.
+  static HWY_INLINE void cell_gradient(const CellSet& cells, std::int32_t cell, const double* stress,
+                                       float* contributions) {
     const PointTag tag;
     for (int n = 0; n < cells.nodes_per_cell; ++n) {
       const double* slopes = cells.derivatives_of(n);
@@ -166,7 +158,7 @@ class VectorLinearisation : public HessianKernels {
       double g[d], turned[d];
       unrolled<d>([&](auto i) { g[i] = hn::GetLane(hn::SumOfLanes(tag, sum[i])); });
       varimesh::times_left_factor(cells.left_factor_of(cell), d, g, turned);
-      float* to = parts + n * kBatch * 2 * d;
+      float* to = contributions + n * kBatch * 2 * d;
       for (int i = 0; i < d; ++i) {
         const double high = with_a_floats_digits(turned[i]);
         to[i] = static_cast<float>(high);

@@ -1,9 +1,9 @@
-// A node's vector, a lane a component.
-#if defined(VARIMESH_OPTIMISE_NODE_VECTOR_INL_H) == defined(HWY_TARGET_TOGGLE)
-#ifdef VARIMESH_OPTIMISE_NODE_VECTOR_INL_H
-#undef VARIMESH_OPTIMISE_NODE_VECTOR_INL_H
+// The vector of one node, one component per lane.
+#if defined(VARIMESH_HESSIAN_NODE_VECTOR_INL_H) == defined(HWY_TARGET_TOGGLE)
+#ifdef VARIMESH_HESSIAN_NODE_VECTOR_INL_H
+#undef VARIMESH_HESSIAN_NODE_VECTOR_INL_H
 #else
-#define VARIMESH_OPTIMISE_NODE_VECTOR_INL_H
+#define VARIMESH_HESSIAN_NODE_VECTOR_INL_H
 #endif
 
 #include <hwy/highway.h>
@@ -19,64 +19,65 @@ namespace HWY_NAMESPACE {
 
 namespace hn = hwy::HWY_NAMESPACE;
 
-/// padded(d) numbers; what is read and written need not be aligned.
+/// padded(d) numbers. Loads and stores need no alignment.
 template <int d>
 struct NodeVector {
   using Tag = hn::CappedTag<float, padded(d)>;
-  static constexpr int kParts = padded(d) / static_cast<int>(hn::MaxLanes(Tag()));  // 1, but where vectors are numbers
-  static_assert(kParts == 1 || kParts == padded(d));
+  /// Registers per vector: 1, or padded(d) if the machine's vectors have only one lane.
+  static constexpr int kRegisters = padded(d) / static_cast<int>(hn::MaxLanes(Tag()));
+  static_assert(kRegisters == 1 || kRegisters == padded(d));
 
-  hn::Vec<Tag> part[kParts];
+  hn::Vec<Tag> lanes[kRegisters];
 
   static HWY_INLINE NodeVector zero() {
     NodeVector out;
-    for (auto& part : out.part) part = hn::Zero(Tag());
+    for (auto& lanes : out.lanes) lanes = hn::Zero(Tag());
     return out;
   }
   static HWY_INLINE NodeVector load(const float* from) {
     NodeVector out;
-    for (int p = 0; p < kParts; ++p) out.part[p] = hn::LoadU(Tag(), from + p);
+    for (int r = 0; r < kRegisters; ++r) out.lanes[r] = hn::LoadU(Tag(), from + r);
     return out;
   }
   HWY_INLINE void store(float* to) const {
-    for (int p = 0; p < kParts; ++p) hn::StoreU(part[p], Tag(), to + p);
+    for (int r = 0; r < kRegisters; ++r) hn::StoreU(lanes[r], Tag(), to + r);
   }
   static HWY_INLINE NodeVector load(const std::int16_t* from) {
     NodeVector out;
-    for (int p = 0; p < kParts; ++p)
-      out.part[p] = hn::ConvertTo(
-          Tag(), hn::PromoteTo(hn::Rebind<std::int32_t, Tag>(), hn::LoadU(hn::Rebind<std::int16_t, Tag>(), from + p)));
+    for (int r = 0; r < kRegisters; ++r)
+      out.lanes[r] = hn::ConvertTo(
+          Tag(), hn::PromoteTo(hn::Rebind<std::int32_t, Tag>(), hn::LoadU(hn::Rebind<std::int16_t, Tag>(), from + r)));
     return out;
   }
   /// this + s · other
   HWY_INLINE NodeVector plus(float s, const NodeVector& other) const {
     NodeVector out;
-    for (int p = 0; p < kParts; ++p) out.part[p] = hn::MulAdd(other.part[p], hn::Set(Tag(), s), part[p]);
+    for (int r = 0; r < kRegisters; ++r) out.lanes[r] = hn::MulAdd(other.lanes[r], hn::Set(Tag(), s), lanes[r]);
     return out;
   }
-  /// this + s · (what is at `from`)
+  /// this + s · (the vector at `from`)
   HWY_INLINE NodeVector plus(float s, const float* from) const { return plus(s, load(from)); }
   HWY_INLINE NodeVector operator+(const NodeVector& other) const {
     NodeVector out;
-    for (int p = 0; p < kParts; ++p) out.part[p] = part[p] + other.part[p];
+    for (int r = 0; r < kRegisters; ++r) out.lanes[r] = lanes[r] + other.lanes[r];
     return out;
   }
   HWY_INLINE NodeVector operator-(const NodeVector& other) const {
     NodeVector out;
-    for (int p = 0; p < kParts; ++p) out.part[p] = part[p] - other.part[p];
+    for (int r = 0; r < kRegisters; ++r) out.lanes[r] = lanes[r] - other.lanes[r];
     return out;
   }
 };
 
-/// The sum of a node's cells' parts, d wide, in their order. In 3-D a number past a part's last is read: in
-/// BatchSet::parts there is room for more than d.
+/// The sum of the contributions of a node's cells (width d), in the order of its incidences. In 3-D this reads one
+/// number past each contribution; BatchSet::contributions has room for 2 d per node.
 template <int d>
-HWY_INLINE NodeVector<d> sum_of_parts(const Incidence* first, const Incidence* last,
-                                      const std::array<PartsOf, kShapes>& parts) {
+HWY_INLINE NodeVector<d> sum_of_contributions(const Incidence* first, const Incidence* last,
+                                              const std::array<Contributions, kShapes>& contributions) {
   NodeVector<d> sum = NodeVector<d>::zero();
   for (; first < last; ++first) {
-    const PartsOf& of = parts[first->set];
-    sum = sum + NodeVector<d>::load(of.data + part_index(first->cell, first->local, of.nodes, d));
+    const Contributions& set = contributions[first->set];
+    sum = sum + NodeVector<d>::load(set.data + contribution_index(first->cell, first->local, set.nodes, d));
   }
   return sum;
 }

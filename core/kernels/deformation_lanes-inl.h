@@ -1,10 +1,10 @@
-// The deformation gradient at as many quadrature points as a vector has lanes, and what the sweeps' kernels ask of it:
+// The deformation gradient at some quadrature points, one per vector lane, and what the sweeps' kernels need of it:
 // |F|², J, cofactors, F v and F Fᵀ, as any book on continuum mechanics defines them.
-#if defined(VARIMESH_OPTIMISE_DEFORMATION_LANES_INL_H) == defined(HWY_TARGET_TOGGLE)
-#ifdef VARIMESH_OPTIMISE_DEFORMATION_LANES_INL_H
-#undef VARIMESH_OPTIMISE_DEFORMATION_LANES_INL_H
+#if defined(VARIMESH_KERNELS_DEFORMATION_LANES_INL_H) == defined(HWY_TARGET_TOGGLE)
+#ifdef VARIMESH_KERNELS_DEFORMATION_LANES_INL_H
+#undef VARIMESH_KERNELS_DEFORMATION_LANES_INL_H
 #else
-#define VARIMESH_OPTIMISE_DEFORMATION_LANES_INL_H
+#define VARIMESH_KERNELS_DEFORMATION_LANES_INL_H
 #endif
 
 #include "core/base/index.h"
@@ -24,7 +24,7 @@ HWY_INLINE double sum_of(Lanes v) { return hn::GetLane(hn::SumOfLanes(Tag(), v))
 HWY_INLINE double min_of(Lanes v) { return hn::GetLane(hn::MinOfLanes(Tag(), v)); }
 HWY_INLINE double max_of(Lanes v) { return hn::GetLane(hn::MaxOfLanes(Tag(), v)); }
 
-/// F at some points, one lane each.
+/// F at some points, one per lane.
 template <int d>
 struct Gradient {
   Lanes F[d][d];

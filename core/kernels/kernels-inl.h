@@ -1,16 +1,16 @@
-// The vectorised kernels: a lane a quadrature point, everything affine in the one node that moves.
+// The vectorised kernels: one quadrature point per vector lane. F is affine in the one node that moves.
 //
-// Moving a node by a changes F to F + a ⊗ g with g = A⁻ᵀ ∇_ξ φ. Then J + a·c with c = C g exactly (C = cof F), and the
-// invariants' first and second derivatives in a need y = F g, c and a few products of them; no derivative matrix is
-// applied. With f(Q, J') of the energy, weights w and Q = |F|²:
+// Moving a node by a changes F to F + a ⊗ g with g = A⁻ᵀ ∇_ξ φ. J becomes exactly J + a·c with c = C g (C = cof F), and
+// the first and second derivatives of the invariants in a need only y = F g, c and a few products of them; no matrix of
+// derivatives is applied. With f(Q, J') of the energy, weights w and Q = |F|²:
 //     gradient  Σ w (2 f_Q y + f_J c)
 //     Hessian   Σ w (2 f_Q |g|² 1 + 4 f_QQ y yᵀ + 2 f_QJ (c yᵀ + y cᵀ) + f_JJ c cᵀ)
 // For Q = |C|² replace 2 y by k = 2 (|F|² y − F Fᵀ y) and 2 |g|² 1 by 2 [y yᵀ + (|F|² |g|² − |y|²) 1 − |g|² F Fᵀ].
-#if defined(VARIMESH_OPTIMISE_KERNELS_INL_H) == defined(HWY_TARGET_TOGGLE)
-#ifdef VARIMESH_OPTIMISE_KERNELS_INL_H
-#undef VARIMESH_OPTIMISE_KERNELS_INL_H
+#if defined(VARIMESH_KERNELS_INL_H) == defined(HWY_TARGET_TOGGLE)
+#ifdef VARIMESH_KERNELS_INL_H
+#undef VARIMESH_KERNELS_INL_H
 #else
-#define VARIMESH_OPTIMISE_KERNELS_INL_H
+#define VARIMESH_KERNELS_INL_H
 #endif
 
 #include <limits>
@@ -28,11 +28,11 @@ HWY_BEFORE_NAMESPACE();
 namespace varimesh {
 namespace HWY_NAMESPACE {
 
-/// One energy in one dimension. See Kernels for what each function does.
+/// The kernels of one energy in one dimension. Kernels says what each function does.
 template <class E, int d>
 class VectorKernels final : public Kernels {
   static constexpr int kEntries = d * (d + 1) / 2;
-  static constexpr double kHuge = 1e100;  // beyond this |F|² counts as not finite
+  static constexpr double kHuge = 1e100;  // a J or an energy beyond this counts as not finite
 
  public:
   explicit VectorKernels(const E& energy) : energy_(energy) {}
@@ -43,7 +43,7 @@ class VectorKernels final : public Kernels {
   HWY_FLATTEN StarExpansion expand(std::span<const StarCell> star) const override {
     Sums<d> sums;
     for (const StarCell& cell : star) {
-      // What was summed so far is dropped; to look for such cells first would cost every star a loop.
+      // Drops the sums so far. Looking for such cells beforehand would cost every star a loop.
       if (cell.left_factor != nullptr) return expand_through_left_factors(*this, d, star);
       if (is_plain(cell))
         cell.affine ? expand_cell<true, true>(cell, sums) : expand_cell<false, true>(cell, sums);
@@ -163,18 +163,18 @@ class VectorKernels final : public Kernels {
   }
 
  private:
-  /// Whether J' = J at every point: the root and the division of the general case take as long as the rest. Only with a
-  /// barrier does J stay positive.
+  /// Whether J' = J at every point. The root and the division of the general case take as long as the rest. J stays
+  /// positive only with a barrier.
   static bool is_plain(const StarCell& cell) { return E::kBarrier && cell.delta_squared == 0; }
 
   static constexpr bool kKeepsFunction = E::kFunction != JacobianFunction::None;
-  /// Where F comes in by J and |F|² alone.
+  /// Whether the energy depends on F only through J and |F|².
   static constexpr bool kHasLine = E::kQuadratic == Quadratic::Deformation && E::kStrain == StrainTerm::None;
-  /// What of StarCell::line is the function of J where energy_after() has been, by points; the Line comes before it.
+  /// Where StarCell::line keeps the function of J of the last energy_after(), by points; the Line comes before it.
   static constexpr int kFunctionAt = kHasLine ? Line<d>::kSize : 0;
   static HWY_INLINE double* function_after(const StarCell& cell) { return cell.line + kFunctionAt * cell.stride; }
 
-  /// J' at points q…, with the function of J that is kept (null: taken anew).
+  /// J' at the points from q on. `function`: the function of J that is kept; null: it is evaluated here.
   template <bool plain>
   static HWY_INLINE Regularised<Lanes> jacobian_if(Lanes J, double delta_squared, const double* function, int q) {
     if constexpr (!plain) return regularised<E::kFunction>(J, hn::Set(Tag(), delta_squared));
@@ -209,7 +209,7 @@ class VectorKernels final : public Kernels {
   HWY_INLINE CellScan scan_cell(const CellSet& set, std::int32_t cell, const double* F, const double* function) const {
     const double infinity = std::numeric_limits<double>::infinity();
     Lanes energy = zero(), smallest = hn::Set(Tag(), infinity), largest = hn::Set(Tag(), -infinity);
-    Lanes low = smallest, high = largest;  // of det ∇χ_M = J |det A|, where |det A| is not the same everywhere
+    Lanes low = smallest, high = largest;  // of det ∇χ_M = J |det A|, if |det A| varies
     for (int q = 0; q < set.stride; q += static_cast<int>(hn::Lanes(Tag()))) {
       Gradient<d> at;
       at.load_from(F, set.stride, q);
@@ -254,7 +254,7 @@ class VectorKernels final : public Kernels {
 
   template <bool affine, bool plain>
   HWY_INLINE bool add_energy_after(const StarCell& cell, const Lanes* a, Lanes& sum) const {
-    // The logarithm of a number that is not positive is a finite number here, so J and finiteness are tested first.
+    // logarithm() returns a finite number even for J ≤ 0, so J is tested first.
     const Lanes lowest = hn::Set(Tag(), E::kBarrier && cell.delta_squared == 0 ? 0.0 : -kHuge);
     const Lanes huge = hn::Set(Tag(), kHuge);
     for (int q = 0; q < cell.stride; q += static_cast<int>(hn::Lanes(Tag()))) {
@@ -300,7 +300,7 @@ class VectorKernels final : public Kernels {
     }
   }
 
-  /// The part f(Q, J').
+  /// Adds f(Q, J') and its derivatives.
   HWY_INLINE void add_invariants(const Gradient<d>& at, const Regularised<Lanes>& j, Lanes square,
                                  Lanes cofactor_square, Lanes w, Lanes gg, const Lanes* y, const Lanes* c,
                                  Sums<d>& sums) const {

@@ -2,7 +2,7 @@
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "core/kernels/kernels_3d.cpp"
 #include <hwy/foreach_target.h>
-// Highway wants its targets' includes after foreach_target.h.
+// Highway needs these includes after foreach_target.h.
 #include <hwy/highway.h>
 
 #include "core/kernels/kernels-inl.h"

@@ -18,15 +18,15 @@ StarExpansion expand_through_left_factors(const Kernels& kernels, int d, std::sp
   StarExpansion sum;
   for (const StarCell& turned : star) {
     const StarCell cell = without_left_factor(turned);
-    const StarExpansion seen = kernels.expand({&cell, 1});
-    sum.energy += seen.energy;
-    sum.measure += seen.measure;
+    const StarExpansion plain = kernels.expand({&cell, 1});
+    sum.energy += plain.energy;
+    sum.measure += plain.measure;
     std::array<double, 3> gradient{};
-    times_left_factor(turned.left_factor, d, seen.gradient.data(), gradient.data());
-    double half[3][3], full[3][3];  // rows: L times the columns of H, then L times the columns of that
+    times_left_factor(turned.left_factor, d, plain.gradient.data(), gradient.data());
+    double half[3][3], full[3][3];  // rows: L times the columns of H, then L times the columns of `half`
     for (int j = 0; j < d; ++j) {
       double column[3];
-      for (int i = 0; i < d; ++i) column[i] = seen.hessian[symmetric_index(i, j)];
+      for (int i = 0; i < d; ++i) column[i] = plain.hessian[symmetric_index(i, j)];
       times_left_factor(turned.left_factor, d, column, half[j]);
     }
     for (int i = 0; i < d; ++i) {
@@ -46,9 +46,9 @@ double energy_through_left_factors(const Kernels& kernels, int d, std::span<cons
   double sum = 0;
   for (const StarCell& turned : star) {
     const StarCell cell = without_left_factor(turned);
-    double seen[3];
-    times_left_factor(turned.left_factor, d, step, seen);
-    sum += kernels.energy_after({&cell, 1}, seen);
+    double turned_step[3];
+    times_left_factor(turned.left_factor, d, step, turned_step);
+    sum += kernels.energy_after({&cell, 1}, turned_step);
   }
   return sum;
 }

@@ -1,7 +1,7 @@
-// A metric's directions: the factor on the left of ∇χ_M in the deformation gradient of a cell that has one.
+// The directions of a metric: the left factor in the deformation gradient of a cell that has one.
 //
-// F = L ∇χ_M A⁻¹ with a symmetric L of determinant 1. Where the node moves by a, F changes by L a ⊗ g instead of a ⊗ g:
-// all that is known without L holds for the step L a, and a gradient and a Hessian in it become L g and L H L.
+// F = L ∇χ_M A⁻¹ with a symmetric L of determinant 1. If the node moves by a, F changes by L a ⊗ g instead of a ⊗ g. So
+// every formula without L holds for the step L a, and its gradient g and Hessian H become L g and L H L.
 #pragma once
 
 #include <span>
@@ -18,8 +18,8 @@ inline void times_left_factor(const double* factor, int d, const double* x, doub
   }
 }
 
-/// Kernels::expand and energy_after for stars with left factors, with kernels that know only those without: they are
-/// asked for one cell after the other.
+/// Kernels::expand and energy_after for stars with left factors. They call the kernels for one cell after another,
+/// without its left factor.
 StarExpansion expand_through_left_factors(const Kernels& kernels, int d, std::span<const StarCell> star);
 double energy_through_left_factors(const Kernels& kernels, int d, std::span<const StarCell> star, const double* step);
 

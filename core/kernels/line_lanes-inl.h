@@ -1,9 +1,10 @@
-// What a node's visit makes of the points of a cell, as many as a vector has lanes.
-#if defined(VARIMESH_OPTIMISE_LINE_LANES_INL_H) == defined(HWY_TARGET_TOGGLE)
-#ifdef VARIMESH_OPTIMISE_LINE_LANES_INL_H
-#undef VARIMESH_OPTIMISE_LINE_LANES_INL_H
+// What a visit to a node computes at the quadrature points of a cell, one per vector lane, and what it keeps of that
+// for the line search.
+#if defined(VARIMESH_KERNELS_LINE_LANES_INL_H) == defined(HWY_TARGET_TOGGLE)
+#ifdef VARIMESH_KERNELS_LINE_LANES_INL_H
+#undef VARIMESH_KERNELS_LINE_LANES_INL_H
 #else
-#define VARIMESH_OPTIMISE_LINE_LANES_INL_H
+#define VARIMESH_KERNELS_LINE_LANES_INL_H
 #endif
 
 #include "core/kernels/deformation_lanes-inl.h"
@@ -13,7 +14,7 @@ HWY_BEFORE_NAMESPACE();
 namespace varimesh {
 namespace HWY_NAMESPACE {
 
-/// g = A⁻ᵀ ∇_ξ φ at points q…
+/// g = A⁻ᵀ ∇_ξ φ at the points from q on.
 template <int d, bool affine>
 HWY_INLINE void node_gradient(const StarCell& cell, int q, Lanes* g) {
   unrolled<d>([&](auto k) {
@@ -32,7 +33,7 @@ HWY_INLINE Lanes weight(const StarCell& cell, int q) {
   return load(cell.measure + q);
 }
 
-/// The sums of StarExpansion, a lane a point.
+/// The sums of StarExpansion, one point per lane.
 template <int d>
 struct Sums {
   Lanes energy, measure, gradient[d], hessian[d * (d + 1) / 2];
@@ -42,8 +43,8 @@ struct Sums {
   }
 };
 
-/// What is kept of an expansion: J and Q = |F|² are polynomials of the node's displacement a at every point, J + a·c
-/// and Q + 2 a·y + |a|² |g|². Vectors of one point after the other.
+/// What is kept of an expansion for the line search. At every point J and Q = |F|² are polynomials of the node's
+/// displacement a: J + a·c and Q + 2 a·y + |a|² |g|². Layout: kSize vectors per group of points.
 template <int d>
 struct Line {
   static constexpr int kJ = 0, kQ = 1, kGG = 2, kC = 3, kY = kC + d, kG = kY + d, kSize = kG + d;
@@ -64,7 +65,7 @@ struct Line {
     });
   }
 
-  /// J and Q with the node displaced by a, of which `aa` is the square.
+  /// J and Q with the node displaced by a; `aa` is |a|².
   static HWY_INLINE void after(const StarCell& cell, int q, const Lanes* a, Lanes aa, Lanes& J, Lanes& Q) {
     Lanes along = zero();
     J = load(at(cell, q, kJ));

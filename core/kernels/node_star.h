@@ -1,4 +1,4 @@
-// The cells of one free node, as the kernels take them.
+// The star of one free node, in the form that the kernels take.
 #pragma once
 
 #include <array>
@@ -11,16 +11,16 @@
 
 namespace varimesh {
 
-/// Gathers the star of free node `rank` on the stack; only stars of more than kMostCells cells go to the heap.
+/// Gathers the star of free node `rank` on the stack. Only stars of more than kMostCells cells go to the heap.
 class NodeStar {
  public:
-  /// What stays in the second-level cache.
+  /// Numbers in the scratch space of a visit; they fit in the second-level cache.
   static constexpr std::size_t kMostNumbers = 1 << 14;
 
   NodeStar(Problem& problem, std::int32_t rank) : NodeStar(problem, rank, 0, nullptr) {}
 
-  /// With room in `scratch`, which has kMostNumbers, for the `line_size` numbers a point that expand() leaves for the
-  /// rest of a visit (Kernels::line_size): of as many cells as it has room for.
+  /// With room for StarCell::line, for as many cells as fit in `scratch` (kMostNumbers long). `line_size`:
+  /// Kernels::line_size().
   NodeStar(Problem& problem, std::int32_t rank, int line_size, double* scratch) {
     const std::int32_t first = problem.offsets[rank];
     count_ = problem.offsets[rank + 1] - first;
@@ -30,7 +30,7 @@ class NodeStar {
     for (std::int32_t i = 0; i < count_; ++i) {
       const Incidence& at = problem.incidences[first + i];
       CellSet& set = problem.sets[at.set];
-      // One matrix to read in place of one a point, which comes from farther away than it takes to use it.
+      // One matrix per cell is faster to read than one per point, which comes from memory.
       const double* uniform = set.uniform_target_of(at.cell);
       cells[i] = {set.deformation_of(at.cell),
                   set.derivatives_of(at.local),

@@ -1,5 +1,5 @@
-// The plain kernels: one point after another, W and its derivatives from core/energy/density.h, nothing cached but F.
-// Slow on purpose; the vectorised kernels must agree with them.
+// The plain kernels: one point after another, with W and its derivatives from core/energy/density.h. They keep nothing
+// but F. They are the readable reference that the vectorised kernels are compared with, and need not be fast.
 #include <Eigen/Dense>
 #include <cmath>
 #include <limits>
@@ -16,12 +16,10 @@ class PlainKernels final : public Kernels {
   using VectorD = Eigen::Matrix<double, d, 1>;
 
  public:
-  explicit PlainKernels(const Material& material)
-      : material_(material),
-        barrier_(material.energy != Energy::LinearElastic || material.volumetric == Volumetric::Log) {}
+  explicit PlainKernels(const Material& material) : material_(material), barrier_(has_barrier(material)) {}
 
-  /// Moving a node by a makes F + L a ⊗ g of F, with g = A⁻ᵀ ∇_ξ φ; so the gradient of the star's energy is Σ w L P g
-  /// and its Hessian Σ w L (g · d²W/dF² · g) L.
+  /// Moving a node by a changes F to F + L a ⊗ g, with g = A⁻ᵀ ∇_ξ φ. So the gradient of the star's energy is Σ w L P g
+  /// and its Hessian is Σ w L (g · d²W/dF² · g) L.
   StarExpansion expand(std::span<const StarCell> star) const override {
     StarExpansion sum;
     for (const StarCell& cell : star) {
@@ -98,12 +96,12 @@ class PlainKernels final : public Kernels {
     }
   }
 
-  CellScan scan(const CellSet& set, std::int32_t cell, const double* of_cell, const double*) const override {
+  CellScan scan(const CellSet& set, std::int32_t cell, const double* cell_deformation, const double*) const override {
     CellScan out;
     double smallest = std::numeric_limits<double>::infinity(), largest = -smallest;
     out.smallest_jacobian = smallest;
     for (int q = 0; q < set.points; ++q) {
-      const MatrixD F = deformation(of_cell, set.stride, q);
+      const MatrixD F = deformation(cell_deformation, set.stride, q);
       const double volume = set.affine ? set.measure_of(cell)[0] : set.measure_of(cell)[q] / set.weights[q];
       const double J = F.determinant();
       out.smallest_jacobian = std::min(out.smallest_jacobian, J);

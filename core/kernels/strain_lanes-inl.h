@@ -1,10 +1,10 @@
-// The linear elastic energies' own part at as many quadrature points as a vector has lanes: μ E:E with E the small or
-// Green-Lagrange's strain, and λ/2 (tr E)² of the small one where the energy has it.
-#if defined(VARIMESH_OPTIMISE_STRAIN_LANES_INL_H) == defined(HWY_TARGET_TOGGLE)
-#ifdef VARIMESH_OPTIMISE_STRAIN_LANES_INL_H
-#undef VARIMESH_OPTIMISE_STRAIN_LANES_INL_H
+// The strain terms of the linear elastic energies at some quadrature points, one per vector lane: μ E:E, with E the
+// small strain or the Green-Lagrange strain, and for energies that have it λ/2 (tr E)² of the small strain.
+#if defined(VARIMESH_KERNELS_STRAIN_LANES_INL_H) == defined(HWY_TARGET_TOGGLE)
+#ifdef VARIMESH_KERNELS_STRAIN_LANES_INL_H
+#undef VARIMESH_KERNELS_STRAIN_LANES_INL_H
 #else
-#define VARIMESH_OPTIMISE_STRAIN_LANES_INL_H
+#define VARIMESH_KERNELS_STRAIN_LANES_INL_H
 #endif
 
 #include "core/base/index.h"
@@ -15,7 +15,7 @@ HWY_BEFORE_NAMESPACE();
 namespace varimesh {
 namespace HWY_NAMESPACE {
 
-/// Its value. |FᵀF − 1| = |FFᵀ − 1|.
+/// The value of the strain terms. |FᵀF − 1| = |FFᵀ − 1|.
 template <int d, class E>
 HWY_INLINE Lanes strain_value(const E& energy, const Gradient<d>& at) {
   const Lanes one = hn::Set(Tag(), 1.0);
@@ -47,7 +47,7 @@ HWY_INLINE Lanes strain_value(const E& energy, const Gradient<d>& at) {
   }
 }
 
-/// With E = (FᵀF − 1)/2 and y = F g: gradient 2μ F E g, Hessian μ (|g|² F Fᵀ + y yᵀ) + 2μ (g·E g) 1,
+/// Adds μ E:E for E = (FᵀF − 1)/2. With y = F g: gradient 2μ F E g, Hessian μ (|g|² F Fᵀ + y yᵀ) + 2μ (g·E g) 1,
 /// where F E g = (F Fᵀ y − y)/2 and g·E g = (|y|² − |g|²)/2.
 template <int d, class E>
 HWY_INLINE void add_green_lagrange(const E& energy, const Gradient<d>& at, Lanes w, Lanes gg, const Lanes* y,
@@ -70,7 +70,8 @@ HWY_INLINE void add_green_lagrange(const E& energy, const Gradient<d>& at, Lanes
   });
 }
 
-/// With E = sym F − 1: gradient 2μ E g, Hessian μ (|g|² 1 + g gᵀ); of λ/2 (tr E)²: λ tr E g and λ g gᵀ.
+/// Adds the terms of E = sym F − 1. μ E:E has the gradient 2μ E g and the Hessian μ (|g|² 1 + g gᵀ); λ/2 (tr E)² has λ
+/// tr E g and λ g gᵀ.
 template <int d, class E>
 HWY_INLINE void add_small_strain(const E& energy, const Gradient<d>& at, Lanes w, const Lanes* g, Lanes gg,
                                  Sums<d>& sums) {

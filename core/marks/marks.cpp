@@ -1,3 +1,4 @@
+// Measures the cells, and divides blocks so that unrepairable cells have blocks of their own.
 #include "core/marks/marks.h"
 
 #include <algorithm>
@@ -11,7 +12,7 @@ namespace {
 
 constexpr const char* kName = "unrepairable";
 
-/// A block of the same kind without elements.
+/// An empty block of the same shape, order, entity and groups.
 ElementBlock empty_like(const ElementBlock& block) {
   ElementBlock empty;
   empty.shape = block.shape;
@@ -22,6 +23,7 @@ ElementBlock empty_like(const ElementBlock& block) {
   return empty;
 }
 
+/// Copies one element to the end of another block.
 void append(const ElementBlock& from, std::size_t element, ElementBlock& to) {
   const std::size_t nodes = static_cast<std::size_t>(reference::node_count(from.shape, from.order));
   to.numbers.push_back(from.numbers[element]);
@@ -62,7 +64,7 @@ class Marker {
       if (marked.size() == 0) continue;
       marked.entity = entity_for(block.entity);
       marked.physical.push_back(tag_);
-      if (marked.physical.size() > 1) marked.repeat_numbers.clear();  // given afresh by formats that want them
+      if (marked.physical.size() > 1) marked.repeat_numbers.clear();  // formats that need them give new ones
       blocks.push_back(std::move(marked));
     }
     mesh_.blocks = std::move(blocks);
@@ -70,7 +72,7 @@ class Marker {
   }
 
  private:
-  /// A mesh that comes back has marks of its former life.
+  /// Removes the group from an earlier call, which a mesh has if it was written and read again.
   void remove_former() {
     const auto is_former = [&](const PhysicalGroup& group) {
       return group.dimension == mesh_.dimension && group.name == kName;
@@ -92,7 +94,7 @@ class Marker {
     return block.size() > 0 && reference::info(block.shape).dimension == mesh_.dimension;
   }
 
-  /// An entity like `original`, in one more physical group; one an original.
+  /// The tag of an entity that is like `original` and also in the new physical group. Makes one per original.
   int entity_for(int original) {
     const auto [found, is_new] = entities_.emplace(original, next_entity_);
     if (!is_new) return found->second;

@@ -1,4 +1,4 @@
-// What a mesh file can tell a viewer about its cells: numbers to colour them by, and a group of those to look at.
+// What a mesh file tells a viewer about its cells: values by which to colour them, and a group of unrepairable cells.
 #pragma once
 
 #include <span>
@@ -10,25 +10,26 @@
 
 namespace varimesh {
 
-/// Cell arrays for formats that hold fields:
+/// Cell arrays for formats that contain fields:
 ///   scaled_jacobian, distortion_jacobian  as in CellQuality
-///   certified     1 valid, −1 invalid, 0 undecided
-///   unrepairable  number of the group that the cell is in, from 1 in the order given; 0 where it is in none
+///   certified     1: valid, −1: invalid, 0: undecided
+///   unrepairable  the number of the cell's group, from 1 in the given order; 0 if it is in no group
 class CellMarks {
  public:
-  /// `threads` 0 means all. The mesh must have passed check().
+  /// The mesh must have passed check_structure().
+  /// @param threads how many threads to use; 0: all of the machine's
   CellMarks(const HighOrderMesh& mesh, std::span<const UnrepairableGroup> groups, int threads);
 
-  /// Views of the arrays; they live as long as this object.
+  /// Views of the arrays. They are valid as long as this object.
   std::vector<formats::CellField> fields() const;
 
  private:
   std::vector<double> scaled_jacobian_, distortion_jacobian_, certified_, unrepairable_;
 };
 
-/// Puts the groups' cells into one more physical group, named "unrepairable", so that formats without fields show them:
-/// each block of cells is cut into those in no group and, behind them on an elementary entity of their own, those in
-/// one. Numbers of elements and nodes, other groups and coordinates stay.
+/// Adds the cells of all groups to a new physical group named "unrepairable", for formats without fields. If a block
+/// contains such cells, they are moved to a new block behind it, on an elementary entity of its own. Numbers of
+/// elements and nodes, other groups and coordinates stay the same.
 void mark_unrepairable(HighOrderMesh& mesh, std::span<const UnrepairableGroup> groups);
 
 }  // namespace varimesh

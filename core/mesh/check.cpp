@@ -1,4 +1,4 @@
-// The checks, from the cheap to the dear; each stops at its first fault and counts those like it.
+// The checks, in order of cost. Each reports its first fault and counts the faults of the same kind.
 #include "core/mesh/check.h"
 
 #include <algorithm>
@@ -14,44 +14,23 @@ namespace varimesh {
 
 namespace {
 
-using Text = std::string;
+std::string name_of(Shape shape) { return std::string(reference::info(shape).name); }
 
-Text number_of(std::int64_t value) { return std::to_string(value); }
-
-Text name_of(Shape shape) { return Text(reference::info(shape).name); }
-
-// "; there are 12 such elements in all" where there is more than the one that was named.
-Text and_more(std::size_t count, const char* things) {
-  return count > 1 ? " (" + number_of(std::int64_t(count)) + " such " + things + " in all)" : "";
+// " (12 such elements in all)" if there are more than the one that the sentence names.
+std::string and_more(std::size_t count, const char* things) {
+  return count > 1 ? " (" + std::to_string(count) + " such " + things + " in all)" : "";
 }
 
-// === Tables that fit together ============================================================================
-// A file's reader has seen to these; a mesh that came as data may not.
+// === Arrays that fit together ============================================================================
+// A file's reader ensures this. A mesh that is given as data may be wrong.
 
-Expected<void> check_tables(const HighOrderMesh& mesh) {
-  const auto nodes = std::int64_t(mesh.node_count());
+Expected<void> check_arrays(const HighOrderMesh& mesh) {
   if (mesh.coordinates.size() % 3 != 0)
-    return bad_input("The mesh's coordinates are not three a node: give x, y and z for each.");
+    return bad_input("The mesh does not have three coordinates per node; give x, y and z for each.");
   if (mesh.node_numbers.size() != mesh.node_count())
-    return bad_input("The mesh has " + number_of(nodes) + " nodes and " +
-                     number_of(std::int64_t(mesh.node_numbers.size())) + " node numbers: give one a node.");
-  for (const ElementBlock& block : mesh.blocks) {
-    const int largest = block.shape == Shape::Point ? 1 : kMaxOrder;
-    if (block.order < 1 || block.order > largest)
-      return bad_input("A block of " + Text(reference::info(block.shape).plural) + " on entity " +
-                       number_of(block.entity) + " has order " + number_of(block.order) +
-                       "; orders 1 to 10 are taken.");
-    const auto stride = std::size_t(reference::node_count(block.shape, block.order));
-    if (block.nodes.size() != block.size() * stride)
-      return bad_input("A block of " + Text(reference::info(block.shape).plural) + " on entity " +
-                       number_of(block.entity) + " has " + number_of(std::int64_t(block.nodes.size())) + " nodes for " +
-                       number_of(std::int64_t(block.size())) + " elements of " + number_of(std::int64_t(stride)) + ".");
-    for (std::size_t k = 0; k < block.nodes.size(); ++k)
-      if (block.nodes[k] < 0 || block.nodes[k] >= nodes)
-        return bad_input("Element " + number_of(block.numbers[k / stride]) + " refers to node index " +
-                         number_of(block.nodes[k]) + ", and there are " + number_of(nodes) + " nodes.");
-  }
-  return {};
+    return bad_input("The mesh has " + std::to_string(mesh.node_count()) + " nodes and " +
+                     std::to_string(mesh.node_numbers.size()) + " node numbers; give one number per node.");
+  return check_blocks(mesh);
 }
 
 // === What kind of mesh ===================================================================================
@@ -59,23 +38,24 @@ Expected<void> check_tables(const HighOrderMesh& mesh) {
 Expected<void> check_kind(const HighOrderMesh& mesh) {
   if (mesh.blocks.empty() || mesh.node_count() == 0)
     return bad_input(
-        "The mesh is empty: it has no elements. In Gmsh, see that Mesh.SaveAll=1 or that physical groups "
-        "cover the cells.");
+        "The mesh is empty: it has no elements. In Gmsh, set Mesh.SaveAll=1 or make sure that physical groups cover "
+        "the cells.");
   int dimension = 0;
   for (const ElementBlock& block : mesh.blocks)
     if (block.size() > 0) dimension = std::max(dimension, reference::info(block.shape).dimension);
   if (dimension < 2)
-    return bad_input("The mesh has dimension " + number_of(dimension) +
-                     ": only points and lines. Cells of dimension 2 or 3 are needed; save the surface or volume too.");
+    return bad_input("The mesh has dimension " + std::to_string(dimension) +
+                     ": it contains only points and lines. Save its surface or volume elements too.");
   if (dimension != mesh.dimension)
-    return bad_input("The mesh says it has dimension " + number_of(mesh.dimension) + ", and its elements have " +
-                     number_of(dimension) + ".");
+    return bad_input("The mesh claims to have dimension " + std::to_string(mesh.dimension) +
+                     ", but its elements have dimension " + std::to_string(dimension) + "; correct its dimension.");
   for (const ElementBlock& block : mesh.blocks) {
     const int d = reference::info(block.shape).dimension;
     if (block.size() == 0 || d < dimension - 1 || block.order == mesh.order || block.shape == Shape::Point) continue;
-    return bad_input("Orders are mixed: element " + number_of(block.numbers.front()) + " (" + name_of(block.shape) +
-                     ") has order " + number_of(block.order) + " and the cells have order " + number_of(mesh.order) +
-                     ". Write the mesh with one order, in Gmsh with -order " + number_of(mesh.order) + ".");
+    return bad_input("Orders are mixed: element " + std::to_string(block.numbers.front()) + " (" +
+                     name_of(block.shape) + ") has order " + std::to_string(block.order) +
+                     ", but the cells have order " + std::to_string(mesh.order) +
+                     ". Write the mesh with one order, in Gmsh with -order " + std::to_string(mesh.order) + ".");
   }
   return {};
 }
@@ -90,11 +70,12 @@ Expected<void> check_coordinates(const HighOrderMesh& mesh) {
     if (count++ == 0) first = i;
   }
   if (count == 0) return {};
-  return bad_input("Node " + number_of(mesh.node_numbers[first]) + " has a coordinate that is not a finite number" +
-                   and_more(count, "nodes") + ": write the mesh again.");
+  return bad_input("Node " + std::to_string(mesh.node_numbers[first]) +
+                   " has a coordinate that is not a finite number" + and_more(count, "nodes") +
+                   "; write the mesh again.");
 }
 
-// A 2-D mesh has to lie in a plane z = constant, up to what rounding in a mesh generator leaves.
+// A 2-D mesh must lie in a plane z = constant, except for rounding errors of the mesh generator.
 Expected<void> check_plane(const HighOrderMesh& mesh) {
   if (mesh.dimension != 2) return {};
   std::array<double, 3> low, high;
@@ -109,7 +90,7 @@ Expected<void> check_plane(const HighOrderMesh& mesh) {
       }
   const double diagonal = std::hypot(high[0] - low[0], high[1] - low[1], high[2] - low[2]);
   if (high[2] - low[2] <= 1e-9 * diagonal) return {};
-  return bad_input("The mesh is a surface in space: it has no volume cells, and its z goes from " +
+  return bad_input("The mesh is a surface in space: it has no volume elements, and z ranges from " +
                    std::to_string(low[2]) + " to " + std::to_string(high[2]) +
                    ". A 2-D mesh must lie in a plane z = constant; for a 3-D mesh save the volume elements too.");
 }
@@ -126,20 +107,21 @@ Expected<void> check_distinct_nodes(const HighOrderMesh& mesh) {
       for (std::size_t k = 0; k < stride; ++k) {
         const auto node = std::size_t(block.nodes[e * stride + k]);
         if (seen_in[node] == element)
-          return bad_input("Element " + number_of(block.numbers[e]) + " (" + name_of(block.shape) + ") has node " +
-                           number_of(mesh.node_numbers[node]) + " twice: degenerate elements are not taken.");
+          return bad_input("Element " + std::to_string(block.numbers[e]) + " (" + name_of(block.shape) + ") has node " +
+                           std::to_string(mesh.node_numbers[node]) +
+                           " twice; write the mesh without degenerate elements.");
         seen_in[node] = element;
       }
   }
   return {};
 }
 
-// At a vertex from which as many edges go out as there are dimensions, the Jacobian of the vertex map is the
-// determinant of the edge vectors, but for a positive factor. On simplices one vertex says it all; the apex of a
-// pyramid is left out.
+// A vertex with as many edges as there are dimensions. There the Jacobian of the straight-sided map is the determinant
+// of the edge vectors, up to a positive factor. A simplex needs only one corner. The apex of a pyramid has four edges,
+// so it is not a corner.
 struct Corner {
   std::size_t vertex;
-  std::array<std::size_t, 3> others;  ///< In the order in which the reference cell's determinant is positive.
+  std::array<std::size_t, 3> others;  ///< Ordered so that the determinant of the reference cell is positive.
 };
 
 double determinant(const std::array<std::array<double, 3>, 3>& a) {
@@ -147,7 +129,7 @@ double determinant(const std::array<std::array<double, 3>, 3>& a) {
          a[0][2] * (a[1][0] * a[2][1] - a[1][1] * a[2][0]);
 }
 
-// Edge vectors from a corner; in 2-D the third is the unit vector along z.
+// The edge vectors from a corner. In 2-D the third is the unit vector along z.
 template <class Position>
 std::array<std::array<double, 3>, 3> edges_at(const Corner& corner, int dimension, Position&& position) {
   std::array<std::array<double, 3>, 3> edges{};
@@ -180,7 +162,7 @@ std::vector<Corner> corners(Shape shape) {
   return result;
 }
 
-// 1: positive at every corner; −1: negative at every corner; 0: zero somewhere, or of both signs.
+// The sign of the determinants at all corners: 1 if all are positive, −1 if all are negative, 0 otherwise.
 int orientation(const HighOrderMesh& mesh, const std::vector<Corner>& corners, const std::int32_t* nodes) {
   int sign = 0;
   for (const Corner& corner : corners) {
@@ -188,7 +170,7 @@ int orientation(const HighOrderMesh& mesh, const std::vector<Corner>& corners, c
     const auto edges = edges_at(corner, mesh.dimension, position);
     double scale = 1;
     for (const auto& edge : edges) scale *= std::hypot(edge[0], edge[1], edge[2]);
-    // What rounding leaves of a determinant that is zero counts as zero.
+    // A value within the rounding error counts as zero.
     const double value = determinant(edges);
     const double zero = 4 * std::numeric_limits<double>::epsilon() * scale;
     const int here = value > zero ? 1 : value < -zero ? -1 : 0;
@@ -201,25 +183,25 @@ int orientation(const HighOrderMesh& mesh, const std::vector<Corner>& corners, c
 Expected<MeshCheck> check_straight_sided(const HighOrderMesh& mesh, const Cells& cells) {
   std::vector<std::int8_t> signs(cells.count());
   std::array<std::size_t, 3> tally{};
-  for (const Cells::Run& run : cells.runs()) {
-    const std::vector<Corner> at = corners(run.block->shape);
-    for (std::size_t e = 0; e < run.block->size(); ++e) {
-      const int sign = orientation(mesh, at, run.block->nodes.data() + e * run.stride);
-      signs[run.first + e] = std::int8_t(sign);
+  for (const Cells::Range& range : cells.ranges()) {
+    const std::vector<Corner> at = corners(range.block->shape);
+    for (std::size_t e = 0; e < range.block->size(); ++e) {
+      const int sign = orientation(mesh, at, range.block->nodes.data() + e * range.stride);
+      signs[range.first + e] = std::int8_t(sign);
       ++tally[std::size_t(sign + 1)];
     }
   }
-  // The minority is the wrong one; a mesh that is the other way round throughout is accepted.
+  // The cells in the minority are wrong. A mesh in which all cells are mirrored is accepted.
   const bool clockwise = tally[0] > tally[2];
   const std::int8_t good = clockwise ? -1 : 1;
   const std::size_t bad = signs.size() - tally[clockwise ? 0 : 2];
   if (bad == 0) return MeshCheck{clockwise};
   const auto first =
       std::size_t(std::find_if(signs.begin(), signs.end(), [&](auto s) { return s != good; }) - signs.begin());
-  const Text how = signs[first] == 0 ? "is degenerate or folded" : "is inverted";
-  return bad_input("Element " + number_of(cells.number(first)) + " (" + name_of(cells.shape(first)) + ") " + how +
-                   " even with straight sides: its vertices alone give a Jacobian that is not positive" +
-                   and_more(bad, "elements") + ". Moving nodes keeps vertices' order, so mend the linear mesh first.");
+  const std::string how = signs[first] == 0 ? "is degenerate or folded" : "is inverted";
+  return bad_input("Element " + std::to_string(cells.number(first)) + " (" + name_of(cells.shape(first)) + ") " + how +
+                   " even with straight sides: its vertices define a Jacobian that is not positive" +
+                   and_more(bad, "elements") + ". Correct the linear mesh first.");
 }
 
 // === Duplicates ==========================================================================================
@@ -235,17 +217,17 @@ Expected<void> check_duplicates(const Cells& cells) {
     return sorted;
   };
   std::vector<std::pair<std::uint64_t, std::int32_t>> hashes(cells.count());
-  for (const Cells::Run& run : cells.runs())
-    for (std::size_t e = 0; e < run.block->size(); ++e) {
-      // Commutative, so that the order of the vertices does not matter: a sum of well mixed vertex numbers.
+  for (const Cells::Range& range : cells.ranges())
+    for (std::size_t e = 0; e < range.block->size(); ++e) {
+      // A sum of well-mixed vertex numbers, so that the order of the vertices does not matter.
       std::uint64_t hash = 0;
-      for (std::size_t k = 0; k < std::size_t(reference::info(run.block->shape).vertices); ++k) {
-        std::uint64_t x = std::uint64_t(run.block->nodes[e * run.stride + k]) + 0x9e3779b97f4a7c15u;
+      for (std::size_t k = 0; k < std::size_t(reference::info(range.block->shape).vertices); ++k) {
+        std::uint64_t x = std::uint64_t(range.block->nodes[e * range.stride + k]) + 0x9e3779b97f4a7c15u;
         x = (x ^ (x >> 30)) * 0xbf58476d1ce4e5b9u;  // splitmix64
         x = (x ^ (x >> 27)) * 0x94d049bb133111ebu;
         hash += x ^ (x >> 31);
       }
-      hashes[run.first + e] = {hash, std::int32_t(run.first + e)};
+      hashes[range.first + e] = {hash, std::int32_t(range.first + e)};
     }
   std::sort(hashes.begin(), hashes.end());
   std::int32_t first = -1, twin = -1;
@@ -257,16 +239,35 @@ Expected<void> check_duplicates(const Cells& cells) {
     if (count++ == 0 || a < first) first = a, twin = b;
   }
   if (count == 0) return {};
-  return bad_input("Elements " + number_of(cells.number(std::size_t(first))) + " and " +
-                   number_of(cells.number(std::size_t(twin))) + " are the same " +
-                   name_of(cells.shape(std::size_t(first))) + " twice" + and_more(count, "pairs") +
-                   ": remove the duplicates.");
+  return bad_input("Elements " + std::to_string(cells.number(std::size_t(first))) + " and " +
+                   std::to_string(cells.number(std::size_t(twin))) + " are the same " +
+                   name_of(cells.shape(std::size_t(first))) + and_more(count, "pairs") + "; remove the duplicates.");
 }
 
 }  // namespace
 
-Expected<void> check_to_judge(const HighOrderMesh& mesh) {
-  for (auto step : {check_kind, check_tables, check_coordinates, check_plane, check_distinct_nodes})
+Expected<void> check_blocks(const HighOrderMesh& mesh) {
+  const auto nodes = std::int64_t(mesh.node_count());
+  for (const ElementBlock& block : mesh.blocks) {
+    const std::string where = "A block of " + std::string(reference::info(block.shape).plural) + " on entity " +
+                              std::to_string(block.entity) + " has ";
+    const int largest = block.shape == Shape::Point ? 1 : kMaxOrder;
+    if (block.order < 1 || block.order > largest)
+      return bad_input(where + "order " + std::to_string(block.order) + "; possible orders are 1 to 10.");
+    const auto stride = std::size_t(reference::node_count(block.shape, block.order));
+    if (block.nodes.size() != block.size() * stride)
+      return bad_input(where + std::to_string(block.nodes.size()) + " nodes for " + std::to_string(block.size()) +
+                       " elements; each needs " + std::to_string(stride) + ".");
+    for (std::size_t k = 0; k < block.nodes.size(); ++k)
+      if (block.nodes[k] < 0 || block.nodes[k] >= nodes)
+        return bad_input("Element " + std::to_string(block.numbers[k / stride]) + " refers to node index " +
+                         std::to_string(block.nodes[k]) + ", but the mesh has " + std::to_string(nodes) + " nodes.");
+  }
+  return {};
+}
+
+Expected<void> check_structure(const HighOrderMesh& mesh) {
+  for (auto step : {check_kind, check_arrays, check_coordinates, check_plane, check_distinct_nodes})
     if (auto done = step(mesh); !done) return tl::unexpected<Error>(done.error());
   const Cells cells(mesh, mesh.dimension);
   if (auto done = check_duplicates(cells); !done) return tl::unexpected<Error>(done.error());
@@ -275,7 +276,7 @@ Expected<void> check_to_judge(const HighOrderMesh& mesh) {
 }
 
 Expected<MeshCheck> check(const HighOrderMesh& mesh) {
-  if (auto done = check_to_judge(mesh); !done) return tl::unexpected<Error>(done.error());
+  if (auto done = check_structure(mesh); !done) return tl::unexpected<Error>(done.error());
   return check_straight_sided(mesh, Cells(mesh, mesh.dimension));
 }
 

@@ -1,4 +1,4 @@
-// Whether a mesh can be optimised at all; every refusal names the element or node and says what to do.
+// Checks whether a mesh can be optimised. Every error names the element or node and says what to do.
 #pragma once
 
 #include <vector>
@@ -8,20 +8,27 @@
 
 namespace varimesh {
 
-/// What the checks found out on the way.
+/// What check() finds out about an accepted mesh.
 struct MeshCheck {
-  bool clockwise = false;  ///< A 2-D mesh (or a 3-D one) whose elements are all numbered the other way round: accepted.
+  bool clockwise = false;  ///< The vertices of all cells, in 2-D or 3-D, are in mirrored order.
 };
 
-/// Checks what every later step relies on: there are elements of dimension 2 or 3, of one order and of known shapes;
-/// all coordinates are finite; a 2-D mesh lies in a plane z = constant; each cell's nodes are distinct; no cell appears
-/// twice; cells conform (a facet has one or two cells, which agree on its nodes); every straight-sided cell (its
-/// vertices alone) has a positive Jacobian, or all of them a negative one.
-/// Errors: BadInput, with the sentence for the first fault found, how many there are like it, and what to do.
+/// Checks everything that an optimisation relies on: check_structure(), and that all straight-sided cells (the cells
+/// that their vertices define) have a positive Jacobian, or all of them a negative one.
+/// Errors: BadInput, which describes the first fault, says how many there are of its kind, and what to do.
 Expected<MeshCheck> check(const HighOrderMesh& mesh);
 
-/// The same but for the straight-sided cells: what judging a mesh relies on. An optimised mesh may have cells that are
-/// inverted with straight sides, among those that cannot be repaired or where curved edges leave room.
-Expected<void> check_to_judge(const HighOrderMesh& mesh);
+/// Checks everything that the measures of quality rely on:
+///   - there are elements of dimension 2 or 3, of one order and of known shapes
+///   - all coordinates are finite, and a 2-D mesh lies in a plane z = constant
+///   - the nodes of each cell are distinct, and no cell appears twice
+///   - cells conform: a facet has one or two cells, which have the same nodes on it
+/// Straight-sided cells may be inverted: an optimised mesh may contain such cells if they cannot be repaired or if
+/// their curved edges leave room. Errors as for check().
+Expected<void> check_structure(const HighOrderMesh& mesh);
+
+/// Checks that each block has a possible order, as many nodes as its elements need, and only nodes of the mesh. Errors:
+/// BadInput.
+Expected<void> check_blocks(const HighOrderMesh& mesh);
 
 }  // namespace varimesh

@@ -1,4 +1,4 @@
-// Two elements that share a facet must have the same nodes there, each in the same place of the facet's lattice.
+// Two elements that share a facet must have the same nodes there, each at the same position of the facet's lattice.
 #include "core/mesh/conformity.h"
 
 #include <algorithm>
@@ -11,17 +11,15 @@ namespace varimesh {
 
 namespace {
 
-std::string number_of(std::int64_t value) { return std::to_string(value); }
-
-// Which node of a facet seen from one side is which seen from the other, for each way in which the vertices can
-// correspond. A lattice node is known by its weights at the vertices: barycentric on lines and triangles, bilinear on
-// quadrilaterals.
+// How the nodes of a facet as one cell orders them correspond to those as the other cell orders them, for each way in
+// which the vertices can correspond. A lattice node is identified by its weights at the vertices: barycentric on lines
+// and triangles, bilinear on quadrilaterals.
 class FacetMaps {
  public:
   explicit FacetMaps(int order) : order_(order) {}
 
-  /// map[i] is the node, in the second facet's order, of node i of the first, where vertex k of the first is vertex
-  /// turn[k] of the second. Empty where the turn is no symmetry (a quadrilateral's vertices out of order).
+  /// The number in the second order of each node of the first order, if vertex k of the first order is vertex turn[k]
+  /// of the second. Empty if `turn` is not a symmetry of the shape.
   const std::vector<int>& map(Shape shape, const std::array<int, 4>& turn) {
     auto [at, is_new] = maps_.try_emplace({shape, turn});
     if (is_new) at->second = make(shape, turn);
@@ -57,11 +55,11 @@ class FacetMaps {
   std::map<std::pair<Shape, std::array<int, 4>>, std::vector<int>> maps_;
 };
 
-// A facet as one element sees it.
+// A facet with its nodes in the order of one element.
 struct FacetNodes {
   Shape shape;
   const std::int32_t* nodes;      ///< The element's nodes.
-  const std::vector<int>* local;  ///< Which of them lie on the facet, in the facet's order; null: all, in order.
+  const std::vector<int>* local;  ///< The positions of the facet's nodes in `nodes`; null: all nodes, in order.
   std::int32_t node(std::size_t i) const { return nodes[local ? std::size_t((*local)[i]) : i]; }
 };
 
@@ -86,7 +84,7 @@ std::string describe(const char* what, const FacetNodes& facet, const HighOrderM
     text += (k == 0             ? " "
              : k + 1 < vertices ? ", "
                                 : " and ") +
-            number_of(mesh.node_numbers[std::size_t(facet.node(std::size_t(k)))]);
+            std::to_string(mesh.node_numbers[std::size_t(facet.node(std::size_t(k)))]);
   return text;
 }
 
@@ -102,11 +100,11 @@ class FacetView {
     return std::size_t(after - facets_.first.begin()) - 1;
   }
   FacetNodes nodes(std::size_t cell, std::int32_t facet) const {
-    const Cells::Run& run = cells_.run(cell);
+    const Cells::Range& range = cells_.range_of(cell);
     const int local = facet - facets_.first[cell];
-    return {reference::info(run.block->shape).facets[std::size_t(local)].shape,
-            run.block->nodes.data() + (cell - run.first) * run.stride,
-            &reference::facet_nodes(run.block->shape, mesh_.order, local)};
+    return {reference::info(range.block->shape).facets[std::size_t(local)].shape,
+            range.block->nodes.data() + (cell - range.first) * range.stride,
+            &reference::facet_nodes(range.block->shape, mesh_.order, local)};
   }
 
  private:
@@ -115,15 +113,18 @@ class FacetView {
   Cells cells_;
 };
 
+constexpr const char* kDisagree =
+    ": they have different nodes between the same vertices; write the mesh so that neighbours share them.";
+
 const char* facet_word(const HighOrderMesh& mesh) { return mesh.dimension == 3 ? "face" : "edge"; }
 
 Expected<void> check_crowded(const HighOrderMesh& mesh, const Facets& facets, const FacetView& view) {
   if (facets.crowded < 0) return {};
   const std::size_t cell = view.cell_of(facets.crowded);
-  return bad_input("Element " + number_of(view.cells().number(cell)) + " and at least two others share the " +
+  return bad_input("Element " + std::to_string(view.cells().number(cell)) + " and at least two others share the " +
                    describe(facet_word(mesh), view.nodes(cell, facets.crowded), mesh) + " (" +
-                   number_of(std::int64_t(facets.crowded_count)) +
-                   " such in all): a facet has one or two cells. Look for overlapping or doubled parts.");
+                   std::to_string(facets.crowded_count) +
+                   " such in all), but a facet can have at most two cells; look for overlapping or duplicate parts.");
 }
 
 Expected<void> check_shared_facets(const HighOrderMesh& mesh, const Facets& facets, const FacetView& view) {
@@ -148,17 +149,15 @@ Expected<void> check_shared_facets(const HighOrderMesh& mesh, const Facets& face
         if (!agree(here, element, maps)) other = borders.number(std::size_t(border));
       }
       if (other >= 0)
-        return bad_input(
-            "Elements " + number_of(view.cells().number(cell)) + " and " + number_of(other) + " disagree on the " +
-            describe(facet_word(mesh), here, mesh) +
-            ": they have other nodes between the same vertices. Write the mesh so that neighbours share them.");
+        return bad_input("Elements " + std::to_string(view.cells().number(cell)) + " and " + std::to_string(other) +
+                         " disagree on the " + describe(facet_word(mesh), here, mesh) + kDisagree);
     }
   return {};
 }
 
 // === The boundary ========================================================================================
-// Cells that meet along an edge but not across a face, and faces of four vertices that lie on faces of three, can only
-// be found among the facets that have one cell.
+// Two kinds of faults concern only the facets that have one cell: cells that share an edge but no face, and faces with
+// four vertices that lie on faces with three.
 
 struct BoundaryEdge {
   std::array<std::int32_t, 2> vertices;
@@ -191,18 +190,17 @@ Expected<void> check_hanging_faces(const HighOrderMesh& mesh, const std::vector<
           sorted_triple(facet.node((skip + 1) % 4), facet.node((skip + 2) % 4), facet.node((skip + 3) % 4));
       const auto at = std::lower_bound(triangles.begin(), triangles.end(), std::pair(key, std::size_t(0)));
       if (at != triangles.end() && at->first == key)
-        return bad_input("Elements " + number_of(view.cells().number(cell)) + " and " +
-                         number_of(view.cells().number(at->second)) +
-                         " do not conform: a triangular face of the second "
-                         "lies on the quadrilateral " +
-                         describe("face", facet, mesh) + " of the first. Put pyramids between them.");
+        return bad_input("Elements " + std::to_string(view.cells().number(cell)) + " and " +
+                         std::to_string(view.cells().number(at->second)) +
+                         " do not conform: a triangular face of the second lies on the quadrilateral " +
+                         describe("face", facet, mesh) + " of the first; put pyramids between them.");
     }
   }
   return {};
 }
 
-// The nodes of an edge of a face from its vertex of smaller index to the other; those of a face come as its vertices,
-// then edge by edge, order − 1 each.
+// The nodes of an edge of a face, from the vertex with the smaller index to the other. A face lists its vertices, and
+// then order − 1 nodes for each edge.
 std::vector<std::int32_t> edge_nodes(const FacetNodes& face, std::int32_t edge, int order) {
   const std::int32_t vertices = reference::info(face.shape).vertices;
   std::vector<std::int32_t> nodes;
@@ -232,11 +230,10 @@ Expected<void> check_boundary_edges(const HighOrderMesh& mesh, const std::vector
     if (edge_nodes(view.nodes(a, edges[i - 1].facet), edges[i - 1].edge, mesh.order) ==
         edge_nodes(view.nodes(b, edges[i].facet), edges[i].edge, mesh.order))
       continue;
-    return bad_input(
-        "Elements " + number_of(view.cells().number(a)) + " and " + number_of(view.cells().number(b)) +
-        " disagree on the edge of nodes " + number_of(mesh.node_numbers[std::size_t(edges[i].vertices[0])]) + " and " +
-        number_of(mesh.node_numbers[std::size_t(edges[i].vertices[1])]) +
-        ": they have other nodes between the same vertices. Write the mesh so that neighbours share them.");
+    return bad_input("Elements " + std::to_string(view.cells().number(a)) + " and " +
+                     std::to_string(view.cells().number(b)) + " disagree on the edge of nodes " +
+                     std::to_string(mesh.node_numbers[std::size_t(edges[i].vertices[0])]) + " and " +
+                     std::to_string(mesh.node_numbers[std::size_t(edges[i].vertices[1])]) + kDisagree);
   }
   return {};
 }

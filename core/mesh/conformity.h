@@ -1,4 +1,4 @@
-// Whether neighbouring cells fit together: internal to check().
+// Checks that neighbouring cells fit together. Used by check_structure().
 #pragma once
 
 #include "core/base/error.h"
@@ -6,8 +6,8 @@
 
 namespace varimesh {
 
-/// Checks that no facet has three cells, that no face of four vertices meets faces of three, and that the elements on
-/// each side of a facet or edge have the same nodes there, in the same places.
+/// Checks that no facet has three cells, that no face with four vertices meets faces with three, and that the elements
+/// on both sides of a facet or edge have the same nodes there, at the same positions.
 Expected<void> check_conformity(const HighOrderMesh& mesh, const Facets& facets);
 
 }  // namespace varimesh

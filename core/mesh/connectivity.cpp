@@ -1,5 +1,5 @@
-// Facets are matched by their sorted vertices: put into buckets by the smallest one, then sorted within a bucket, which
-// holds a dozen. No map, no allocation a facet.
+// Facets are matched by their sorted vertices. They are put into buckets by the smallest vertex and sorted within each
+// bucket, which has about a dozen entries. This needs no map and no allocation per facet.
 #include "core/mesh/connectivity.h"
 
 #include <algorithm>
@@ -14,24 +14,24 @@ namespace varimesh {
 Cells::Cells(const HighOrderMesh& mesh, int dimension) {
   for (const ElementBlock& block : mesh.blocks) {
     if (reference::info(block.shape).dimension != dimension || block.size() == 0) continue;
-    runs_.push_back({&block, count_, std::size_t(reference::node_count(block.shape, block.order))});
+    ranges_.push_back({&block, count_, std::size_t(reference::node_count(block.shape, block.order))});
     count_ += block.size();
   }
 }
 
-const Cells::Run& Cells::run(std::size_t cell) const {
+const Cells::Range& Cells::range_of(std::size_t cell) const {
   assert(cell < count_);
-  return *std::prev(
-      std::upper_bound(runs_.begin(), runs_.end(), cell, [](std::size_t c, const Run& run) { return c < run.first; }));
+  return *std::prev(std::upper_bound(ranges_.begin(), ranges_.end(), cell,
+                                     [](std::size_t c, const Range& range) { return c < range.first; }));
 }
 
 std::span<const std::int32_t> Cells::nodes(std::size_t cell) const {
-  const Run& at = run(cell);
+  const Range& at = range_of(cell);
   return {at.block->nodes.data() + (cell - at.first) * at.stride, at.stride};
 }
 
 std::int64_t Cells::number(std::size_t cell) const {
-  const Run& at = run(cell);
+  const Range& at = range_of(cell);
   return at.block->numbers[cell - at.first];
 }
 
@@ -41,8 +41,8 @@ namespace {
 
 constexpr std::int32_t kNone = -1;
 
-// A facet in the bucket of its smallest vertex: the other vertices, ascending, and which facet it is. Boundary elements
-// are entered behind the cells' facets.
+// A facet in the bucket of its smallest vertex: the other vertices, ascending, and the facet's index. Boundary elements
+// have indices after those of the facets.
 struct Entry {
   std::array<std::int32_t, 3> rest;
   std::int32_t facet;
@@ -51,15 +51,15 @@ struct Entry {
   }
 };
 
-// Calls visit(facet, sorted vertices) for the facets of all cells, in order; a missing fourth vertex is the largest
-// int.
+// Calls visit(facet, sorted vertices) for the facets of all cells, in order. Missing vertices are the largest int.
+// Returns the number of facets.
 template <class Visit>
 std::int32_t visit_facets(const Cells& cells, Visit&& visit) {
   std::int32_t facet = 0;
-  for (const Cells::Run& run : cells.runs()) {
-    const auto shape_facets = reference::info(run.block->shape).facets;
-    for (std::size_t e = 0; e < run.block->size(); ++e) {
-      const std::int32_t* nodes = run.block->nodes.data() + e * run.stride;
+  for (const Cells::Range& range : cells.ranges()) {
+    const auto shape_facets = reference::info(range.block->shape).facets;
+    for (std::size_t e = 0; e < range.block->size(); ++e) {
+      const std::int32_t* nodes = range.block->nodes.data() + e * range.stride;
       for (const reference::Facet& local : shape_facets) {
         std::array<std::int32_t, 4> vertices;
         for (std::size_t k = 0; k < 4; ++k)
@@ -73,21 +73,23 @@ std::int32_t visit_facets(const Cells& cells, Visit&& visit) {
   return facet;
 }
 
+// The same for the vertices of boundary elements, whose indices start at `facet`.
 template <class Visit>
 void visit_elements(const Cells& elements, std::int32_t facet, Visit&& visit) {
-  for (const Cells::Run& run : elements.runs()) {
-    const auto count = std::size_t(reference::info(run.block->shape).vertices);
-    for (std::size_t e = 0; e < run.block->size(); ++e) {
+  for (const Cells::Range& range : elements.ranges()) {
+    const auto count = std::size_t(reference::info(range.block->shape).vertices);
+    for (std::size_t e = 0; e < range.block->size(); ++e) {
       std::array<std::int32_t, 4> vertices;
       vertices.fill(std::numeric_limits<std::int32_t>::max());
-      std::copy_n(run.block->nodes.data() + e * run.stride, count, vertices.begin());
+      std::copy_n(range.block->nodes.data() + e * range.stride, count, vertices.begin());
       std::sort(vertices.begin(), vertices.end());
       visit(facet++, vertices);
     }
   }
 }
 
-// Takes in the facets, and perhaps elements, that have the same vertices.
+// Records that the facets and boundary elements in `same` have the same vertices. Indices from `total` on are boundary
+// elements.
 void link(Facets& result, std::span<const Entry> same, std::int32_t total) {
   const auto border = std::find_if(same.begin(), same.end(), [&](const Entry& e) { return e.facet >= total; });
   const auto cells = std::size_t(border - same.begin());
@@ -102,7 +104,7 @@ void link(Facets& result, std::span<const Entry> same, std::int32_t total) {
   result.opposite[std::size_t(same[1].facet)] = same[0].facet;
 }
 
-// Takes in the entries of one bucket.
+// Finds the entries of one bucket that have the same vertices.
 void link_bucket(Facets& result, std::span<Entry> bucket, std::int32_t total) {
   std::sort(bucket.begin(), bucket.end());
   for (std::size_t a = 0, b = 0; a < bucket.size(); a = b) {
@@ -120,8 +122,8 @@ void match(Facets& result, const HighOrderMesh& mesh, const Cells& cells) {
   visit_elements(borders, total, tally);
   for (std::size_t i = 1; i < start.size(); ++i) start[i] += start[i - 1];
 
-  // Vertices are taken a range at a time, so that the entries of a large mesh are never all in memory: they would be
-  // the largest table of the whole check.
+  // One range of vertices at a time, so that the entries of a large mesh are never all in memory. They would be the
+  // largest table of all checks.
   constexpr std::int32_t kEntries = std::int32_t(1) << 21;
   std::vector<Entry> entries;
   for (std::size_t low = 0, high = 0; low < mesh.node_count(); low = high) {
@@ -148,16 +150,16 @@ Facets facets(const HighOrderMesh& mesh) {
   Facets result;
   result.first.reserve(cells.count() + 1);
   std::int32_t total = 0;
-  for (const Cells::Run& run : cells.runs())
-    for (std::size_t e = 0; e < run.block->size(); ++e) {
+  for (const Cells::Range& range : cells.ranges())
+    for (std::size_t e = 0; e < range.block->size(); ++e) {
       result.first.push_back(total);
-      total += std::int32_t(reference::info(run.block->shape).facets.size());
+      total += std::int32_t(reference::info(range.block->shape).facets.size());
     }
   result.first.push_back(total);
   result.opposite.assign(std::size_t(total), kNone);
   match(result, mesh, cells);
   std::sort(result.elements.begin(), result.elements.end());
-  // Only now, so that the table and the entries that made it are not in memory at once.
+  // Filled only now, so that this table and the entries in match() are not in memory at the same time.
   result.neighbour.assign(std::size_t(total), kNone);
   for (std::size_t cell = 0; cell < cells.count(); ++cell)
     for (std::int32_t f = result.first[cell]; f < result.first[cell + 1]; ++f)
@@ -171,14 +173,14 @@ Facets facets(const HighOrderMesh& mesh) {
 std::vector<bool> fixed_nodes(const HighOrderMesh& mesh, const Facets& facets) {
   std::vector<bool> fixed(mesh.node_count(), false);
   const Cells cells(mesh, mesh.dimension);
-  for (const Cells::Run& run : cells.runs()) {
-    const ElementBlock& block = *run.block;
+  for (const Cells::Range& range : cells.ranges()) {
+    const ElementBlock& block = *range.block;
     const std::size_t facet_count = reference::info(block.shape).facets.size();
     for (std::size_t e = 0; e < block.size(); ++e)
       for (std::size_t f = 0; f < facet_count; ++f) {
-        if (facets.neighbour[std::size_t(facets.first[run.first + e]) + f] >= 0) continue;
+        if (facets.neighbour[std::size_t(facets.first[range.first + e]) + f] >= 0) continue;
         for (int local : reference::facet_nodes(block.shape, block.order, int(f)))
-          fixed[std::size_t(block.nodes[e * run.stride + std::size_t(local)])] = true;
+          fixed[std::size_t(block.nodes[e * range.stride + std::size_t(local)])] = true;
       }
   }
   for (const ElementBlock& block : mesh.blocks)

@@ -1,3 +1,4 @@
+// Reads lists of displacements, and checks every boundary node before the mesh is changed.
 #include "core/mesh/displacements.h"
 
 #include <cmath>
@@ -5,15 +6,15 @@
 #include <string>
 #include <unordered_map>
 
+#include "core/base/text_lines.h"
 #include "core/mesh/connectivity.h"
-#include "core/mesh/words.h"
 
 namespace varimesh {
 namespace {
 
 // === Text ================================================================================================
 
-// The displacement in a line, or nothing where the line does not hold one.
+// The displacement that a line contains, if it is well-formed.
 std::optional<NodeDisplacement> parse_line(std::string_view line, int dimension) {
   NodeDisplacement displacement;
   if (!parse(next_word(line), displacement.number)) return std::nullopt;
@@ -28,7 +29,7 @@ std::optional<NodeDisplacement> parse_line(std::string_view line, int dimension)
 
 // === Boundary nodes ======================================================================================
 
-// Index of each boundary node by its number; inner nodes have −1 − index, so that they are told from unknown ones.
+// The index of each boundary node by its number. Inner nodes have −1 − index, to distinguish them from unknown nodes.
 std::unordered_map<std::int64_t, std::int64_t> number_boundary(const HighOrderMesh& mesh) {
   const std::vector<bool> fixed = fixed_nodes(mesh);
   std::unordered_map<std::int64_t, std::int64_t> index;
@@ -43,10 +44,10 @@ Expected<std::size_t> find_boundary_node(const std::unordered_map<std::int64_t, 
   const auto found = index.find(number);
   if (found == index.end())
     return bad_input(std::string(source) + " names node " + std::to_string(number) +
-                     ", which the mesh does not have: the boundary's nodes need the mesh's own numbers.");
+                     ", which the mesh does not have; use the node numbers of the mesh.");
   if (found->second < 0)
     return bad_input(std::string(source) + " names node " + std::to_string(number) +
-                     ", which is inside the mesh: only boundary nodes may be given a place, the rest follows.");
+                     ", which is inside the mesh; move only nodes on the boundary.");
   return std::size_t(found->second);
 }
 
@@ -60,12 +61,12 @@ Expected<std::vector<NodeDisplacement>> read_displacements(std::string_view text
     if (!displacement)
       return bad_input(
           "Line " + std::to_string(number) + " of the displacements is not a node number and " +
-          (dimension == 2 ? "two or three numbers: write 'number dx dy'" : "three numbers: write 'number dx dy dz'") +
+          (dimension == 2 ? "two or three numbers; write 'number dx dy'" : "three numbers; write 'number dx dy dz'") +
           " for each node.");
     displacements.push_back(*displacement);
   }
   if (displacements.empty())
-    return bad_input("The list of displacements is empty: write a line 'number dx dy dz' for each node that moves.");
+    return bad_input("The list of displacements is empty; write a line 'number dx dy dz' for each node that moves.");
   return displacements;
 }
 
@@ -77,14 +78,14 @@ Expected<void> displace_boundary(HighOrderMesh& mesh, std::span<const NodeDispla
     const auto node = find_boundary_node(index, displacement.number, "The list of displacements");
     if (!node) return tl::unexpected(node.error());
     const std::string name = "node " + std::to_string(displacement.number);
-    if (moved[*node]) return bad_input("The list of displacements names " + name + " twice: give each node once.");
+    if (moved[*node]) return bad_input("The list of displacements names " + name + " twice; name each node once.");
     moved[*node] = true;
     if (mesh.dimension == 2 && displacement.by[2] != 0)
       return bad_input("The displacement of " + name + " has a dz of " + std::to_string(displacement.by[2]) +
-                       ", which would move it out of the 2-D mesh's plane: give dx and dy alone.");
+                       ", which would move it out of the plane of the 2-D mesh; give only dx and dy.");
     for (std::size_t k = 0; k < 3; ++k) {
       if (!std::isfinite(displacement.by[k]))
-        return bad_input("The displacement of " + name + " is not a finite number: mend the list.");
+        return bad_input("The displacement of " + name + " is not a finite number; correct the list.");
       coordinates[3 * *node + k] += displacement.by[k];
     }
   }
@@ -102,17 +103,18 @@ Expected<void> replace_boundary(HighOrderMesh& mesh, const HighOrderMesh& bounda
   for (std::size_t n = 0; n < boundary.node_count(); ++n) {
     if (!used[n]) continue;
     any = true;
-    const auto node = find_boundary_node(index, boundary.node_numbers[n], "The boundary's mesh");
+    const auto node = find_boundary_node(index, boundary.node_numbers[n], "The mesh of the boundary");
     if (!node) return tl::unexpected(node.error());
     for (std::size_t k = 0; k < 3; ++k) {
       const double x = boundary.coordinates[3 * n + k];
       if (!std::isfinite(x))
         return bad_input("Node " + std::to_string(boundary.node_numbers[n]) +
-                         " of the boundary's mesh has a coordinate that is not a finite number: write it again.");
+                         " of the mesh of the boundary has a coordinate that is not a finite number; write that mesh "
+                         "again.");
       coordinates[3 * *node + k] = x;
     }
   }
-  if (!any) return bad_input("The boundary's mesh has no elements: save its lines (2-D) or faces (3-D) too.");
+  if (!any) return bad_input("The mesh of the boundary has no elements; save its lines (2-D) or faces (3-D) too.");
   mesh.coordinates = std::move(coordinates);
   return {};
 }

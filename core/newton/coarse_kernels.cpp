@@ -1,5 +1,5 @@
-// The preconditioner's loops, compiled once for each instruction set. A lane is a component, since vectors longer than
-// a node's would have to gather; but in restrict_cells it is a cell.
+// The preconditioner's loops, compiled once for each instruction set. A lane is a component of a node's vector, since
+// longer vectors would have to gather. Only in restrict_cells a lane is a cell.
 #include "core/newton/coarse_kernels.h"
 
 #include <algorithm>
@@ -9,7 +9,7 @@
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "core/newton/coarse_kernels.cpp"
 #include <hwy/foreach_target.h>
-// Highway wants its targets' includes after foreach_target.h.
+// Highway needs these includes after foreach_target.h.
 #include <hwy/highway.h>
 
 #include "core/hessian/cell_lanes-inl.h"
@@ -24,11 +24,12 @@ class VectorCoarseKernels final : public CoarseKernels {
   static constexpr int kNode = padded(d);
   using Node = NodeVector<d>;
 
-  /// A sum in d columns, so that each addition need not wait for the one before.
+  /// A sum kept as d columns, so that an addition need not wait for the one before.
   struct Sum {
     Node column[3];
     HWY_INLINE Sum() : column{Node::zero(), Node::zero(), Node::zero()} {}
-    /// += K x, of d columns of d numbers. In 3-D what follows a column comes into the fourth number of the sum.
+    /// += K x, where K is d columns of d numbers. In 3-D the number after a column goes into the sum's unused fourth
+    /// one.
     template <class Number>
     HWY_INLINE void add(const Number* K, const float* x) {
       column[0] = column[0].plus(x[0], Node::load(K));
@@ -38,7 +39,7 @@ class VectorCoarseKernels final : public CoarseKernels {
     HWY_INLINE Node total() const { return column[0] + (column[1] + column[2]); }
   };
 
-  /// Σ K_ij x_j of a row's entries from `begin` to `end`, in the matrix' steps.
+  /// Σ K_ij x_j over a row's entries from `begin` to `end`, in the steps of the matrix.
   static HWY_INLINE Node times_x(const BlockRows& rows, std::int64_t begin, std::int64_t end) {
     Sum sum;
     for (std::int64_t e = begin; e < end; ++e)
@@ -87,14 +88,15 @@ class VectorCoarseKernels final : public CoarseKernels {
           });
         unrolled<d>([&](auto i) { hn::Store(sum[i], FloatTag(), out + (a * d + i) * kBatch + lane); });
       }
-    CellLanes<d>::interleave(out, coarse, set.parts.data() + part_index(b * kBatch, 0, coarse, d));
+    CellLanes<d>::interleave(out, coarse, set.contributions.data() + contribution_index(b * kBatch, 0, coarse, d));
   }
 
-  void add_up(const std::array<PartsOf, kShapes>& parts, const std::int32_t* begin, const Incidence* cells,
-              const float* blocks, float* to, std::int32_t first, std::int32_t last) const override {
+  void add_up(const std::array<Contributions, kShapes>& contributions, const std::int32_t* begin,
+              const Incidence* cells, const float* blocks, float* to, std::int32_t first,
+              std::int32_t last) const override {
     for (std::ptrdiff_t i = first; i < last; ++i) {
       alignas(16) float at[4];
-      sum_of_parts<d>(cells + begin[i], cells + begin[i + 1], parts).store(at);
+      sum_of_contributions<d>(cells + begin[i], cells + begin[i + 1], contributions).store(at);
       Sum sum;
       sum.add(blocks + i * d * d, at);
       sum.total().store(to + i * kNode);
@@ -122,7 +124,7 @@ class VectorCoarseKernels final : public CoarseKernels {
   }
 
  private:
-  /// What a node of a cell gets from the cell's coarse nodes.
+  /// The value at a node of a cell, interpolated from the cell's coarse nodes.
   static HWY_INLINE Node interpolated(const Incidence& at, const CoarseSpace& space, const float* coarse) {
     const CoarseSpace::Set& set = space.sets[at.set];
     const std::int32_t* nodes = set.nodes.data() + static_cast<std::ptrdiff_t>(at.cell) * set.nodes_per_cell;

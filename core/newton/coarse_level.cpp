@@ -12,15 +12,12 @@
 namespace varimesh {
 namespace {
 
-constexpr std::int32_t kNodesPerTask = 128;  // of a colour, of which there are many small ones
-constexpr double kNothing = 1e-34;           // blocks are about 1 at most; the inverse of less is no float
-constexpr double kLeastPivot = 1e-14;        // of the largest
-/// A bound of the matrix' size above which the coarse level is of order 1.
+constexpr std::int32_t kNodesPerTask = 128;  // small, since there are many small colours
+constexpr double kNothing = 1e-34;           // blocks are at most about 1; the inverse of a smaller one is no float
+/// If the matrix might be larger than this, the coarse level is of order 1.
 constexpr std::size_t kMostBytes = std::size_t{8} << 30;
-/// Beyond so many linear nodes a sparse factor would take more memory and time than it saves.
-constexpr std::int32_t kMostLinear = 200000;
 
-/// v becomes L v or Lᵀ v, from L⁻¹; 0 where that is 0.
+/// Replaces v by L v, given L⁻¹; by 0 if that is 0.
 template <int d>
 void times_factor(const Eigen::Matrix<float, d, d, Eigen::RowMajor>& inverse, float* v) {
   Eigen::Map<Eigen::Matrix<float, d, 1>> at(v);
@@ -29,6 +26,7 @@ void times_factor(const Eigen::Matrix<float, d, d, Eigen::RowMajor>& inverse, fl
   else
     inverse.template triangularView<Eigen::Lower>().solveInPlace(at);
 }
+/// The same for Lᵀ v.
 template <int d>
 void times_factor_transposed(const Eigen::Matrix<float, d, d, Eigen::RowMajor>& inverse, float* v) {
   Eigen::Map<Eigen::Matrix<float, d, 1>> at(v);
@@ -38,39 +36,7 @@ void times_factor_transposed(const Eigen::Matrix<float, d, d, Eigen::RowMajor>& 
     inverse.transpose().template triangularView<Eigen::Upper>().solveInPlace(at);
 }
 
-/// Values at order-2 nodes of functions of order 1, where both nodes are free.
-SparseRows linear_to_quadratic(const Problem& problem, const CoarseSpace& quadratic, const CoarseSpace& linear) {
-  std::vector<std::vector<std::pair<std::int32_t, float>>> rows(quadratic.count);
-  for (std::size_t b = 0; b < problem.sets.size(); ++b) {
-    const Shape shape = problem.sets[b].shape;
-    const CoarseSpace::Set &fine = quadratic.sets[b], &coarse = linear.sets[b];
-    const Eigen::MatrixXd values = reference::basis_values(
-        shape, 1, reference::NodeSet::Equispaced, problem.dimension,
-        reference::nodes(shape, quadratic.order, reference::NodeSet::Equispaced, problem.dimension));
-    for (std::int32_t cell = 0; cell < problem.sets[b].count; ++cell)
-      for (int n = 0; n < fine.nodes_per_cell; ++n) {
-        const std::int32_t node = fine.nodes[static_cast<std::size_t>(cell) * fine.nodes_per_cell + n];
-        if (node < 0 || !rows[node].empty()) continue;
-        for (int v = 0; v < coarse.nodes_per_cell; ++v) {
-          const std::int32_t vertex = coarse.nodes[static_cast<std::size_t>(cell) * coarse.nodes_per_cell + v];
-          if (vertex >= 0 && std::abs(values(n, v)) > 1e-12)
-            rows[node].emplace_back(vertex, static_cast<float>(values(n, v)));
-        }
-      }
-  }
-  SparseRows out;
-  out.begin.push_back(0);
-  for (const auto& row : rows) {
-    for (const auto& [column, factor] : row) {
-      out.column.push_back(column);
-      out.factor.push_back(factor);
-    }
-    out.begin.push_back(static_cast<std::int32_t>(out.column.size()));
-  }
-  return out;
-}
-
-/// 2 where the mesh and the memory have room for it: a row of a hexahedral mesh has 125 blocks.
+/// 2 if the mesh has that order and the matrix fits in memory: a row of it has 125 blocks in a hexahedral mesh.
 int coarse_order(const Problem& problem) {
   std::size_t bytes = 0;
   for (const CellSet& set : problem.sets) {
@@ -81,48 +47,21 @@ int coarse_order(const Problem& problem) {
   return bytes <= kMostBytes ? 2 : 1;
 }
 
-}  // namespace
-
-CoarseLevel::CoarseLevel(const Problem& problem, std::vector<BatchSet>& batches, const Team& team)
-    : problem_(problem),
-      batches_(batches),
-      team_(team),
-      space_(coarse_space(problem, coarse_order(problem))),
-      linear_(coarse_space(problem, 1)),
-      kernels_(make_coarse_kernels(problem.dimension)) {
-  for (const CellSet& set : problem.sets)
-    tensors_.emplace_back(static_cast<std::size_t>(set.count) * tensor_size(set.dimension));
-  colour();
-  for (const CoarseSpace::Set& set : space_.sets) to_coarse_.push_back(transposed(set.values, set.nodes_per_cell));
-  find_neighbours();
-  from_linear_ = linear_to_quadratic(problem, space_, linear_);
-  to_linear_ = transposed(from_linear_, linear_.count);
-  const int d = problem.dimension;
-  const std::size_t floats = static_cast<std::size_t>(space_.count) * padded(d);
-  entry_.resize(column_.size() * d * d + 1);
-  inverse_factor_.resize(static_cast<std::size_t>(space_.count) * d * d + 1);
-  r_.resize(floats);
-  x_.resize(floats);
-  residual_.resize(floats);
-  rows_ = {row_begin_.data(), column_.data(), entry_.data(), r_.data(), x_.data(), residual_.data()};
-  solves_linear_ = linear_.count > 0 && linear_.count <= kMostLinear;
-  linear_right_.resize(linear_.count, d);
-}
-
-void CoarseLevel::colour() {
-  // The nodes of a cell all differ in colour: greedily, in the order in which the cells name them.
-  std::vector<std::vector<std::int32_t>> cells(space_.count);
-  std::vector<std::vector<std::int32_t>> used(problem_.cells);  // colours in each cell
-  for (std::size_t b = 0; b < problem_.sets.size(); ++b) {
-    const CoarseSpace::Set& set = space_.sets[b];
+/// Colours the nodes so that those of a cell all differ, greedily in the order of their numbers, and renumbers them by
+/// colour. Returns colours + 1 numbers: where each colour's nodes begin.
+std::vector<std::int32_t> sort_by_colour(const Problem& problem, CoarseSpace& space) {
+  std::vector<std::vector<std::int32_t>> cells(space.count);
+  std::vector<std::vector<std::int32_t>> used(problem.cells);  // by cell: the colours of its nodes
+  for (std::size_t b = 0; b < problem.sets.size(); ++b) {
+    const CoarseSpace::Set& set = space.sets[b];
     for (std::size_t i = 0; i < set.nodes.size(); ++i)
       if (set.nodes[i] >= 0)
-        cells[set.nodes[i]].push_back(problem_.sets[b].first + static_cast<std::int32_t>(i / set.nodes_per_cell));
+        cells[set.nodes[i]].push_back(problem.sets[b].first + static_cast<std::int32_t>(i / set.nodes_per_cell));
   }
-  std::vector<std::int32_t> colour_of(space_.count);
+  std::vector<std::int32_t> colour_of(space.count);
   std::vector<char> taken;
   std::int32_t count = 0;
-  for (std::int32_t node = 0; node < space_.count; ++node) {
+  for (std::int32_t node = 0; node < space.count; ++node) {
     taken.assign(count + 1, 0);
     for (const std::int32_t cell : cells[node])
       for (const std::int32_t colour : used[cell]) taken[colour] = 1;
@@ -131,37 +70,62 @@ void CoarseLevel::colour() {
     colour_of[node] = colour;
     for (const std::int32_t cell : cells[node]) used[cell].push_back(colour);
   }
-  colours_.assign(count + 1, 0);
-  for (const std::int32_t colour : colour_of) ++colours_[colour + 1];
-  for (std::int32_t colour = 0; colour < count; ++colour) colours_[colour + 1] += colours_[colour];
-  std::vector<std::int32_t> next(colours_.begin(), colours_.end() - 1), number(space_.count);
-  for (std::int32_t node = 0; node < space_.count; ++node) number[node] = next[colour_of[node]]++;
-  renumber(space_, number);
+  std::vector<std::int32_t> colours(count + 1, 0);
+  for (const std::int32_t colour : colour_of) ++colours[colour + 1];
+  for (std::int32_t colour = 0; colour < count; ++colour) colours[colour + 1] += colours[colour];
+  std::vector<std::int32_t> next(colours.begin(), colours.end() - 1), number(space.count);
+  for (std::int32_t node = 0; node < space.count; ++node) number[node] = next[colour_of[node]]++;
+  renumber(space, number);
+  return colours;
 }
 
-void CoarseLevel::find_neighbours() {
-  places_begin_.assign(space_.count + 1, 0);
+}  // namespace
+
+CoarseLevel::CoarseLevel(const Problem& problem, std::vector<BatchSet>& batches, const Team& team)
+    : problem_(problem),
+      batches_(batches),
+      team_(team),
+      space_(coarse_space(problem, coarse_order(problem))),
+      colours_(sort_by_colour(problem, space_)),
+      linear_(problem, space_, team),
+      kernels_(make_coarse_kernels(problem.dimension)) {
+  for (const CellSet& set : problem.sets)
+    tensors_.emplace_back(static_cast<std::size_t>(set.count) * tensor_size(set.dimension));
+  for (const CoarseSpace::Set& set : space_.sets) to_coarse_.push_back(transposed(set.values, set.nodes_per_cell));
+  find_pattern();
+  const int d = problem.dimension;
+  const std::size_t floats = static_cast<std::size_t>(space_.count) * padded(d);
+  entry_.resize(column_.size() * d * d + 1);
+  inverse_factor_.resize(static_cast<std::size_t>(space_.count) * d * d + 1);
+  r_.resize(floats);
+  x_.resize(floats);
+  residual_.resize(floats);
+  rows_ = {row_begin_.data(), column_.data(), entry_.data(), r_.data(), x_.data(), residual_.data()};
+}
+
+void CoarseLevel::find_pattern() {
+  offsets_.assign(space_.count + 1, 0);
   for (const CoarseSpace::Set& set : space_.sets)
     for (const std::int32_t node : set.nodes)
-      if (node >= 0) ++places_begin_[node + 1];
-  for (std::int32_t node = 0; node < space_.count; ++node) places_begin_[node + 1] += places_begin_[node];
-  places_.resize(places_begin_.back());
-  std::vector<std::int32_t> next(places_begin_.begin(), places_begin_.end() - 1);
+      if (node >= 0) ++offsets_[node + 1];
+  for (std::int32_t node = 0; node < space_.count; ++node) offsets_[node + 1] += offsets_[node];
+  incidences_.resize(offsets_.back());
+  std::vector<std::int32_t> next(offsets_.begin(), offsets_.end() - 1);
   for (std::size_t b = 0; b < space_.sets.size(); ++b) {
     const CoarseSpace::Set& set = space_.sets[b];
     for (std::size_t i = 0; i < set.nodes.size(); ++i)
       if (set.nodes[i] >= 0)
-        places_[next[set.nodes[i]]++] = {static_cast<std::int32_t>(i / set.nodes_per_cell),
-                                         static_cast<std::int16_t>(b),
-                                         static_cast<std::int16_t>(i % set.nodes_per_cell)};
+        incidences_[next[set.nodes[i]]++] = {static_cast<std::int32_t>(i / set.nodes_per_cell),
+                                             static_cast<std::int16_t>(b),
+                                             static_cast<std::int16_t>(i % set.nodes_per_cell)};
   }
   row_begin_.push_back(0);
   std::vector<std::int32_t> row;
   for (std::int32_t node = 0; node < space_.count; ++node) {
     row.clear();
-    for (std::int32_t p = places_begin_[node]; p < places_begin_[node + 1]; ++p) {
-      const CoarseSpace::Set& set = space_.sets[places_[p].set];
-      const auto first = set.nodes.begin() + static_cast<std::ptrdiff_t>(places_[p].cell) * set.nodes_per_cell;
+    for (std::int32_t p = offsets_[node]; p < offsets_[node + 1]; ++p) {
+      const CoarseSpace::Set& set = space_.sets[incidences_[p].set];
+      const auto first = set.nodes.begin() + static_cast<std::ptrdiff_t>(incidences_[p].cell) * set.nodes_per_cell;
       std::copy_if(first, first + set.nodes_per_cell, std::back_inserter(row),
                    [node](std::int32_t n) { return n >= 0 && n != node; });
     }
@@ -196,8 +160,8 @@ CoarseLevel::BlockMatrix<d> CoarseLevel::stiffness(const Tensor<d>& M, const Coa
 template <int d>
 void CoarseLevel::factorise_diagonal(std::int32_t node) {
   BlockMatrix<d> K = BlockMatrix<d>::Zero();
-  for (std::int32_t p = places_begin_[node]; p < places_begin_[node + 1]; ++p) {
-    const Incidence& at = places_[p];
+  for (std::int32_t p = offsets_[node]; p < offsets_[node + 1]; ++p) {
+    const Incidence& at = incidences_[p];
     K += stiffness<d>(tensor<d>(at.set, at.cell), space_.sets[at.set], at.local, at.local);
   }
   Eigen::Matrix<double, d, d> D = K.template cast<double>();
@@ -217,8 +181,8 @@ void CoarseLevel::assemble_row(std::int32_t node) {
   const auto begin = column_.begin() + row_begin_[node], end = column_.begin() + row_begin_[node + 1];
   static thread_local std::vector<BlockMatrix<d>> row;
   row.assign(end - begin, BlockMatrix<d>::Zero());
-  for (std::int32_t p = places_begin_[node]; p < places_begin_[node + 1]; ++p) {
-    const Incidence& at = places_[p];
+  for (std::int32_t p = offsets_[node]; p < offsets_[node + 1]; ++p) {
+    const Incidence& at = incidences_[p];
     const CoarseSpace::Set& set = space_.sets[at.set];
     const Tensor<d> M = tensor<d>(at.set, at.cell);
     const std::int32_t* nodes = set.nodes.data() + static_cast<std::size_t>(at.cell) * set.nodes_per_cell;
@@ -240,57 +204,6 @@ CoarseLevel::BlockMatrix<d> CoarseLevel::inverse_factor(std::int32_t node) const
   return Eigen::Map<const Eigen::Matrix<float, d, d>>(inverse_factor_.data() + static_cast<std::size_t>(node) * d * d);
 }
 
-template <class Body>
-void CoarseLevel::for_linear_pairs(const Body& body) const {
-  for (std::size_t b = 0; b < linear_.sets.size(); ++b) {
-    const CoarseSpace::Set& set = linear_.sets[b];
-    const int n = set.nodes_per_cell;
-    for (std::int32_t cell = 0; cell < problem_.sets[b].count; ++cell) {
-      const std::int32_t* nodes = set.nodes.data() + static_cast<std::size_t>(cell) * n;
-      for (int i = 0; i < n; ++i)
-        for (int j = 0; j < n; ++j)
-          if (nodes[j] >= 0 && nodes[i] >= nodes[j]) body(b, cell, i, j, nodes[i], nodes[j]);
-    }
-  }
-}
-
-void CoarseLevel::find_linear_pattern() {
-  linear_matrix_.resize(linear_.count, linear_.count);
-  {
-    std::vector<Eigen::Triplet<double>> entries;
-    for_linear_pairs([&](std::size_t, std::int32_t, int, int, std::int32_t row, std::int32_t column) {
-      entries.emplace_back(row, column, 0.0);
-    });
-    linear_matrix_.setFromTriplets(entries.begin(), entries.end());
-  }
-  factor_.analyzePattern(linear_matrix_);
-}
-
-template <int d>
-void CoarseLevel::assemble_linear() {
-  if (linear_matrix_.nonZeros() == 0) find_linear_pattern();
-  linear_matrix_.coeffs().setZero();
-  for_linear_pairs([&](std::size_t b, std::int32_t cell, int i, int j, std::int32_t row, std::int32_t column) {
-    const CoarseSpace::Set& set = linear_.sets[b];
-    const float* means = set.stiffness.data() + (static_cast<std::size_t>(i) * set.nodes_per_cell + j) * d * d;
-    const float* M = tensors_[b].data() + static_cast<std::size_t>(cell) * tensor_size(d);
-    double sum = 0;  // over the directions m of Σ M(m m, k l) means(k l)
-    for (int m = 0; m < d; ++m)
-      for (int k = 0; k < d; ++k)
-        for (int l = 0; l < d; ++l) {
-          const int mk = m * d + std::max(k, l), ml = m * d + std::min(k, l);
-          sum += static_cast<double>(M[lower_index(mk, ml)]) * means[k * d + l];
-        }
-    linear_matrix_.coeffRef(row, column) += sum / d * (i == j ? 1 + 1e-6 : 1.0);
-  });
-  // Where the p-norm makes next to nothing of a vertex's cells, the factor still needs a pivot.
-  const double largest = linear_matrix_.coeffs().maxCoeff();
-  for (std::int32_t vertex = 0; vertex < linear_.count; ++vertex)
-    linear_matrix_.coeffRef(vertex, vertex) += kLeastPivot * largest;
-  factor_.factorize(linear_matrix_);
-  if (factor_.info() != Eigen::Success) solves_linear_ = false;
-}
-
 void CoarseLevel::assemble(const HessianKernels& hessian) {
   if (space_.count == 0) return;
   for (std::size_t b = 0; b < batches_.size(); ++b)
@@ -306,7 +219,7 @@ void CoarseLevel::make_matrix() {
                  [&](std::int32_t node) { d == 2 ? factorise_diagonal<2>(node) : factorise_diagonal<3>(node); });
   team_.for_each(space_.count, kNodesPerTask / 4,
                  [&](std::int32_t node) { d == 2 ? assemble_row<2>(node) : assemble_row<3>(node); });
-  if (solves_linear_) d == 2 ? assemble_linear<2>() : assemble_linear<3>();
+  if (linear_.is_used()) linear_.assemble(tensors_);
 }
 
 template <class Body>
@@ -322,24 +235,14 @@ void CoarseLevel::correct_linear() {
   constexpr std::size_t kStride = padded(d);
   for_nodes(0, space_.count, [&](std::int32_t first, std::int32_t last) {
     kernels_->residual(rows_, first, last);
-    for (std::int32_t node = first; node < last; ++node)  // L_i times it
+    for (std::int32_t node = first; node < last; ++node)  // to the scale of K: L_i times it
       times_factor<d>(inverse_factor<d>(node), &residual_[node * kStride]);
   });
-  team_.for_each(linear_.count, kNodesPerTask, [&](std::int32_t vertex) {
-    std::array<double, 3> sum{};
-    for (std::int32_t i = to_linear_.begin[vertex]; i < to_linear_.begin[vertex + 1]; ++i)
-      for (int k = 0; k < d; ++k) sum[k] += to_linear_.factor[i] * residual_[to_linear_.column[i] * kStride + k];
-    for (int k = 0; k < d; ++k) linear_right_(vertex, k) = sum[k];
-  });
-  linear_left_.resize(linear_.count, d);
-  team_.for_each(d, 1, [&](std::int32_t k) { linear_left_.col(k) = factor_.solve(linear_right_.col(k)); });
+  linear_.solve(residual_.data());
   for_nodes(0, space_.count, [&](std::int32_t first, std::int32_t last) {
     for (std::int32_t node = first; node < last; ++node) {
-      std::array<float, d> correction{};
-      for (std::int32_t i = from_linear_.begin[node]; i < from_linear_.begin[node + 1]; ++i)
-        for (int k = 0; k < d; ++k)
-          correction[k] += static_cast<float>(from_linear_.factor[i] * linear_left_(from_linear_.column[i], k));
-      times_factor_transposed<d>(inverse_factor<d>(node), correction.data());  // L_iᵀ times it
+      std::array<float, d> correction = linear_.value<d>(node);
+      times_factor_transposed<d>(inverse_factor<d>(node), correction.data());  // to the scale of x: L_iᵀ times it
       for (int k = 0; k < d; ++k) x_[node * kStride + k] += correction[k];
     }
   });
@@ -361,16 +264,17 @@ void CoarseLevel::solve(std::span<const float> shared) {
     team_.for_each(batches_[b].count, 4, [&](std::int32_t batch) {
       kernels_->restrict_cells(batches_[b], batch, to_coarse_[b], shared.data());
     });
-  const auto parts = parts_of(batches_, [&](std::size_t b) { return space_.sets[b].nodes_per_cell; });
+  const auto contributions = contributions_of(batches_, [&](std::size_t b) { return space_.sets[b].nodes_per_cell; });
   for_nodes(0, space_.count, [&](std::int32_t first, std::int32_t last) {
-    kernels_->add_up(parts, places_begin_.data(), places_.data(), inverse_factor_.data(), r_.data(), first, last);
+    kernels_->add_up(contributions, offsets_.data(), incidences_.data(), inverse_factor_.data(), r_.data(), first,
+                     last);
   });
-  // From zero: what comes later counts for nothing yet.
+  // x is 0 at first, so the nodes of later colours do not count yet.
   for (std::size_t colour = 0; colour + 1 < colours_.size(); ++colour)
     for_nodes(colours_[colour], colours_[colour + 1],
               [&](std::int32_t first, std::int32_t last) { kernels_->forward(rows_, first, last); });
   const int d = problem_.dimension;
-  if (solves_linear_) d == 2 ? correct_linear<2>() : correct_linear<3>();
+  if (linear_.is_used()) d == 2 ? correct_linear<2>() : correct_linear<3>();
   for (std::size_t colour = colours_.size() - 1; colour-- > 0;)
     for_nodes(colours_[colour], colours_[colour + 1],
               [&](std::int32_t first, std::int32_t last) { kernels_->backward(rows_, first, last); });

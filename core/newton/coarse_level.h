@@ -1,7 +1,7 @@
-// The coarse part of the preconditioner: the Hessian on quadratic displacements, and below it on linear ones.
+// The coarse level of the preconditioner: the Hessian for displacements of order 2, with one of order 1 below it.
 #pragma once
 
-#include <Eigen/SparseCholesky>
+#include <Eigen/Core>
 #include <cstdint>
 #include <memory>
 #include <span>
@@ -12,32 +12,32 @@
 #include "core/hessian/batches.h"
 #include "core/newton/coarse_kernels.h"
 #include "core/newton/coarse_space.h"
+#include "core/newton/linear_level.h"
 #include "core/problem/problem.h"
 
 namespace varimesh {
 
-/// I V Iᵀ. I takes displacements of order 2 (of order 1 on a mesh of order 1) to the free nodes, and V is one
-/// symmetric cycle on their stiffness matrix: forward block Gauss–Seidel by colours, the problem of order 1 by sparse
-/// Cholesky, backward block Gauss–Seidel. Of the problem of order 1 only what a direction does to itself is kept, its
-/// mean over the directions: one scalar factor for all of them, with the same number of iterations as the whole. The
-/// matrix is made of each cell's mean tensor, from which the part of the Hessian that need not be positive is left out
-/// (HessianKernels::mean_tensors), so that it is positive definite whatever the mesh.
+/// I V Iᵀ. I interpolates displacements of order 2 (of order 1 on a mesh of order 1) at the free nodes. V is one
+/// symmetric cycle on their stiffness matrix K: forward block Gauss–Seidel by colours, a correction by the linear level
+/// (linear_level.h), backward block Gauss–Seidel. K is assembled from the mean tensors of the cells, which leave out
+/// the part of the Hessian that may be negative (HessianKernels::mean_tensors). So K is positive definite for every
+/// mesh.
 ///
-/// Of the matrix K, its diagonal raised by 1e-6, L_i⁻¹ of K_ii = L_i L_iᵀ is kept, and L_i⁻¹ K_ij L_j⁻ᵀ, of which no
-/// number is larger than 1, in steps of 1/32767: the cycle is on that, which has the unit matrix on its diagonal. Steps
-/// of K's own entries would lose what is weak in thin cells beside what is strong.
+/// With K_ii = L_i L_iᵀ, its diagonal raised by 1e-6, what is kept is L_i⁻¹, and L_i⁻¹ K_ij L_j⁻ᵀ in steps of 1/32767:
+/// none of its entries is larger than 1. The cycle works on this matrix, whose diagonal is the unit matrix. Steps of
+/// the entries of K itself would lose the weak couplings in thin cells beside the strong ones.
 class CoarseLevel {
  public:
-  /// `batches` of the problem; their parts are where restriction adds up.
+  /// `batches`: of the problem. solve() overwrites their contributions. All arguments are kept by reference.
   CoarseLevel(const Problem& problem, std::vector<BatchSet>& batches, const Team& team);
 
-  /// The matrix anew, from what `hessian` has linearised.
+  /// Assembles the matrix from what `hessian` has linearised.
   void assemble(const HessianKernels& hessian);
 
-  /// What the matrix is made of, where it will be used again.
+  /// Reads or writes what the matrix is made from, if it will be used again (`is_used`).
   template <class Archive>
   void state(Archive& archive, bool is_used) {
-    archive(solves_linear_);
+    linear_.state(archive);
     for (std::vector<float>& tensors : tensors_) {
       const std::size_t size = tensors.size();
       if (is_used) archive(tensors);
@@ -49,29 +49,29 @@ class CoarseLevel {
       if (is_used) make_matrix();
   }
 
-  /// V Iᵀ r, of `shared`, which has for each free node its part of r a cell: r over the number of its cells, d floats,
-  /// then padded(d) zeros.
+  /// V Iᵀ r. `shared`: r of each free node divided by the number of its cells, d floats per free node, then padded(d)
+  /// zeros.
   void solve(std::span<const float> shared);
 
-  /// Where the coarse nodes are, and padded(d) floats for each.
+  /// The coarse nodes, and the result of solve(): padded(d) floats for each.
   const CoarseSpace& space() const { return space_; }
   const float* solution() const { return x_.data(); }
 
  private:
-  /// From the tensors.
+  /// Assembles the matrices of both levels from the tensors.
   void make_matrix();
-  void colour();
-  void find_neighbours();
+  /// Sets offsets_, incidences_, row_begin_ and column_.
+  void find_pattern();
   template <int d>
   using BlockMatrix = Eigen::Matrix<float, d, d, Eigen::RowMajor>;
 
-  /// A row for each (i j), a column for each (k l).
+  /// M of a cell: a row for each (i j), a column for each (k l).
   template <int d>
   using Tensor = Eigen::Matrix<float, d * d, d * d, Eigen::RowMajor>;
 
   template <int d>
   Tensor<d> tensor(std::size_t set, std::int32_t cell) const;
-  /// M times the means of ∂_k φ_a ∂_l φ_b: the cell's block between its coarse nodes a and b.
+  /// The block of a cell between its coarse nodes a and b: M times the means of ∂_k φ_a ∂_l φ_b.
   template <int d>
   static BlockMatrix<d> stiffness(const Tensor<d>& M, const CoarseSpace::Set& set, int a, int b);
   template <int d>
@@ -80,44 +80,33 @@ class CoarseLevel {
   BlockMatrix<d> inverse_factor(std::int32_t node) const;
   template <int d>
   void assemble_row(std::int32_t node);
-  /// Calls body(set, cell, i, j, row, column) for every cell's linear nodes i and j of which the one's number is not
-  /// below the other's: the lower triangle.
-  template <class Body>
-  void for_linear_pairs(const Body& body) const;
-  void find_linear_pattern();
-  template <int d>
-  void assemble_linear();
   /// Calls body(first, last) for ranges of the coarse nodes from `begin` to `end`.
   template <class Body>
   void for_nodes(std::int32_t begin, std::int32_t end, const Body& body) const;
+  /// Adds the correction of the linear level to x.
   template <int d>
   void correct_linear();
-  /// L⁻ᵀ times what the cycle has found.
+  /// Multiplies the result of the cycle with L⁻ᵀ.
   template <int d>
   void unscale();
 
   const Problem& problem_;
   std::vector<BatchSet>& batches_;
   const Team& team_;
-  CoarseSpace space_;                   ///< Of order 2; its nodes are sorted by colour.
-  CoarseSpace linear_;                  ///< Of order 1.
-  std::vector<SparseRows> to_coarse_;   ///< Of each set, the transpose of its values.
-  SparseRows from_linear_, to_linear_;  ///< Values of order 2 from those of order 1, and the transpose.
-  std::vector<std::int32_t> colours_;   ///< Where each colour's nodes begin, and their end.
-  std::vector<std::int32_t> places_begin_;
-  std::vector<Incidence> places_;            ///< The cells of each coarse node.
-  std::vector<std::int64_t> row_begin_;      ///< Block rows.
-  std::vector<std::int32_t> column_;         ///< Ascending in a row.
-  AlignedVector<std::int16_t> entry_;        ///< As BlockRows has them.
-  AlignedVector<float> inverse_factor_;      ///< L⁻¹, d columns of d a node, and one more number; 0 where K_ii is.
+  CoarseSpace space_;                  ///< Of order 2; its nodes are sorted by colour.
+  std::vector<std::int32_t> colours_;  ///< colours + 1: where each colour's nodes begin.
+  LinearLevel linear_;
+  std::vector<SparseRows> to_coarse_;        ///< By set: the transpose of its values.
+  std::vector<std::int32_t> offsets_;        ///< nodes + 1: where each coarse node's incidences begin.
+  std::vector<Incidence> incidences_;        ///< The cells of each coarse node.
+  std::vector<std::int64_t> row_begin_;      ///< nodes + 1: where each row's blocks begin.
+  std::vector<std::int32_t> column_;         ///< Ascending in each row, without the diagonal.
+  AlignedVector<std::int16_t> entry_;        ///< As BlockRows::entry.
+  AlignedVector<float> inverse_factor_;      ///< L⁻¹: d columns of d per node, and one more number; 0 if K_ii is 0.
   std::vector<std::vector<float>> tensors_;  ///< By set: as HessianKernels::mean_tensors.
-  AlignedVector<float> r_, x_, residual_;    ///< padded(d) a node.
-  BlockRows rows_{};                         ///< All of these.
+  AlignedVector<float> r_, x_, residual_;    ///< padded(d) per node.
+  BlockRows rows_{};                         ///< Points to the arrays above.
   std::unique_ptr<CoarseKernels> kernels_;
-  Eigen::SparseMatrix<double> linear_matrix_;  ///< Lower triangle.
-  Eigen::SimplicialLDLT<Eigen::SparseMatrix<double>> factor_;
-  bool solves_linear_ = false;
-  Eigen::MatrixXd linear_right_, linear_left_;  ///< linear nodes × d
 };
 
 }  // namespace varimesh

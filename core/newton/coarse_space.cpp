@@ -15,8 +15,8 @@ namespace {
 using reference::NodePlace;
 using reference::NodeSet;
 
-/// A vertex, edge, face or cell by its sorted vertices; −1 where there are fewer than four. A cell's interior is named
-/// by its number.
+/// Identifies a vertex, edge or face by its sorted vertices, filled up to four with −1, and the interior of a cell by
+/// the cell's number.
 using Key = std::array<std::int32_t, 4>;
 
 struct KeyHash {
@@ -42,7 +42,7 @@ Key key_of(const reference::ShapeInfo& shape, NodePlace place, const std::int32_
   return key;
 }
 
-/// For each node of the coarse cell, a node of the fine one in the same place.
+/// For each node of the coarse cell, a node of the fine cell in the same vertex, edge, face or interior.
 std::vector<int> fine_companions(Shape shape, int order, int fine_order) {
   const auto& coarse = reference::node_places(shape, order);
   const auto& fine = reference::node_places(shape, fine_order);
@@ -55,6 +55,7 @@ std::vector<int> fine_companions(Shape shape, int order, int fine_order) {
   return companions;
 }
 
+/// As CoarseSpace::Set::stiffness.
 std::vector<float> mean_stiffness(Shape shape, int order, int d) {
   const reference::Quadrature rule = reference::quadrature(shape, order, 2 * order);
   const auto gradients = reference::basis_gradients(shape, order, NodeSet::Equispaced, d, rule.points);
@@ -70,7 +71,7 @@ std::vector<float> mean_stiffness(Shape shape, int order, int d) {
   return stiffness;
 }
 
-/// Values of the coarse cell's basis at the fine one's nodes.
+/// Values of the coarse cell's basis at the nodes of the fine cell.
 SparseRows values_at_nodes(const CellSet& cells, int order) {
   const Eigen::MatrixXd values =
       reference::basis_values(cells.shape, order, NodeSet::Equispaced, cells.dimension,

@@ -1,4 +1,4 @@
-// A space of order 1 or 2 on the cells of the mesh: where its unknowns are, and how fine nodes follow them.
+// A space of order 1 or 2 on the cells of the mesh: its nodes, and how values at the mesh's nodes follow from them.
 #pragma once
 
 #include <cstdint>
@@ -15,28 +15,30 @@ struct SparseRows {
   std::vector<float> factor;
 };
 
-/// Lagrange nodes of order 1 or 2 in those vertices, edges, faces and cells whose own nodes may move.
+/// Lagrange nodes of order 1 or 2, in the vertices, edges, faces and cells whose own nodes are free.
 struct CoarseSpace {
   int order = 0;
   std::int32_t count = 0;  ///< Nodes; d unknowns each.
-  struct Set {             ///< As Problem::sets.
+  struct Set {             ///< One for each of Problem::sets.
     int nodes_per_cell = 0;
-    std::vector<std::int32_t> nodes;  ///< cells × nodes_per_cell; −1 where fixed.
+    std::vector<std::int32_t> nodes;  ///< cells × nodes_per_cell; −1: fixed.
     /// nodes_per_cell × nodes_per_cell × d·d: means of ∂_k φ_a ∂_l φ_b over the reference cell, innermost (k, l).
     std::vector<float> stiffness;
-    /// A row a node of the fine cell: its value is Σ factor · value of the cell's coarse node `column`. All cells of a
-    /// node agree on it.
+    /// One row per node of the fine cell: its value is Σ factor · value of the cell's coarse node `column`. All cells
+    /// of a node give it the same value.
     SparseRows values;
   };
   std::vector<Set> sets;
 };
 
-/// The space of that order, no higher than the mesh's. Nodes are numbered as the cells name them.
+/// The space of this order, which is at most that of the mesh. Nodes are numbered in the order in which they first
+/// occur in the cells.
 CoarseSpace coarse_space(const Problem& problem, int order);
 
 /// Gives node i the number `number[i]`, a permutation.
 void renumber(CoarseSpace& space, const std::vector<std::int32_t>& number);
 
+/// The transpose of a matrix with this many columns.
 SparseRows transposed(const SparseRows& rows, std::int32_t columns);
 
 }  // namespace varimesh

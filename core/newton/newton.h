@@ -1,4 +1,4 @@
-// All free nodes at once: truncated Newton with matrix-free conjugate gradients.
+// Newton's method: all free nodes move at once. Truncated Newton steps with matrix-free conjugate gradients.
 #pragma once
 
 #include <array>
@@ -11,6 +11,7 @@
 #include "core/kernels/kernels.h"
 #include "core/kernels/p_norm.h"
 #include "core/newton/preconditioner.h"
+#include "core/newton/reduction.h"
 #include "core/problem/problem.h"
 
 namespace varimesh {
@@ -19,31 +20,31 @@ namespace varimesh {
 struct NewtonOutcome {
   double residual = 0;       ///< Largest displacement of a node in the full step, before the line search.
   double gradient_norm = 0;  ///< √ Σ |G|² at the start of the step.
-  double damping = 0;        ///< The share of the full step that was taken; 0: none lowered the energy.
-  bool failed = false;       ///< The step is not a number, or there is none although the gradient is not 0.
-  bool cut_short = false;    ///< By negative curvature: the full step, and so the residual, is not known.
-  int products = 0;          ///< Of the Hessian and a direction.
+  double damping = 0;        ///< Share of the full step that was taken; 0: no step lowered the energy.
+  bool failed = false;       ///< The step is not finite, or it is 0 although the gradient is not.
+  bool cut_short = false;    ///< Negative curvature ended the step early: the full step and its residual are not known.
+  int products = 0;          ///< Products of the Hessian and a direction.
 };
 
-/// Newton steps on a problem: gradient, energy and steps in double precision (the gradient to 48 bits of a cell's
-/// part), directions, products and the preconditioner in single. The products' Hessian is exact; where conjugate
-/// gradients meet a direction of negative curvature they stop with what they have. The line search never raises the
-/// energy and never makes a valid cell invalid.
+/// Newton steps on a problem. Gradient, energy and steps are in double precision (each cell's contribution to the
+/// gradient has 48 bits); directions, products and the preconditioner are in single precision. Products use the exact
+/// Hessian. If conjugate gradients meet a direction of negative curvature, they stop with the step that they have. The
+/// line search never makes a valid cell invalid, and raises the energy by no more than rounding.
 ///
-/// Goes by the nodes' positions: deformation gradients are computed where they are needed, a batch of cells at a time,
-/// and kept by nobody. Expects the cells' δ to be up to date (Sweeper::scan).
+/// Works from the positions of the nodes: it computes deformation gradients a batch of cells at a time and does not
+/// hold them. Expects the δ of the cells to be up to date (Sweeper::scan).
 class Newton {
  public:
-  /// `tolerance`: the residual at which the run will end; steps are solved as tightly as helps to get there.
+  /// `tolerance`: the residual at which the run will end. Steps are solved as tightly as is useful to get there.
   Newton(Problem& problem, const Kernels& kernels, const HessianKernels& hessian, const PNorm& norm, double tolerance,
          const Team& team);
 
   NewtonOutcome step();
 
-  /// By cell: what the deformation gradients say after the step, with the δ that there was before it.
+  /// By cell: the scans after the step, with the δ from before it.
   std::span<const CellScan> scans() const { return scans_; }
 
-  /// What a step leaves for the next.
+  /// Reads or writes what a step leaves for the next.
   template <class Archive>
   void state(Archive& archive) {
     archive(last_gradient_, coarse_is_old_, products_when_new_);
@@ -51,47 +52,47 @@ class Newton {
   }
 
  private:
-  /// Σ term(i), or the largest term(i) or 0, for i < count: in tasks of `grain`, so that the sum depends on nothing
-  /// else.
-  template <class Term, class Combine>
-  double reduce(std::size_t count, std::size_t grain, const Term& term, const Combine& combine);
-  template <class Term>
-  double add_up(std::size_t count, std::size_t grain, const Term& term);
-  template <class Term>
-  double largest_of(std::size_t count, std::size_t grain, const Term& term);
-  /// Sets gradient_ and what products and the preconditioner need, from the nodes' positions.
+  // === Linearisation (linearisation.cpp) ===
+  /// From the positions of the nodes, sets gradient_ and what products and the preconditioner need.
   void linearise();
-  /// Finds out how large the Hessian is, so that it fits single precision. The p-norm's is taken to be the energy's
-  /// times the largest slope of a cell.
+  /// Sets hessian_scale_ so that the Hessian fits single precision. That of the p-norm is estimated as that of the
+  /// energy times the largest slope of a cell.
   void scale_hessian();
-  /// Of a free node's own block of the energy's Hessian, by size.
+  /// The largest absolute entry of a free node's own block of the energy's Hessian.
   double largest_entry(std::int32_t rank);
   void linearise_batch(std::size_t set, std::int32_t batch);
-  /// The p-norm's part of it: each cell's gradient, for its curvature.
+  /// Only for the p-norm: keeps the cells' gradients, for the term with its curvature.
   void keep_cell_gradients(std::size_t set, std::int32_t batch);
-  /// Of a free node, from its cells' parts.
+  /// The gradient of a free node, and its own block of the Hessian (lower triangle by rows), from its cells'
+  /// contributions.
   void add_up_gradient(std::int32_t rank);
   std::array<double, 6> added_up_block(std::int32_t rank) const;
-  /// Adds g (g · direction) of each cell of the batch to its result.
-  void add_norm_part(std::size_t set, std::int32_t batch);
+
+  // === The linear system ===
+  struct LinearSystem;
+  /// Only for the p-norm: adds g (g · direction) of each cell of the batch to its contributions.
+  void add_norm_term(std::size_t set, std::int32_t batch);
   /// product_ = H direction_; returns direction_ · product_.
   double multiply();
-  /// Solves H x = −G to the forcing term, or to what the tolerance asks for. `scale` makes a displacement of x;
-  /// `first`: G · M⁻¹ G.
-  void conjugate_gradients(double first, double forcing, double scale, NewtonOutcome& outcome);
-  /// Whether a step may end that conjugate gradients have solved to this share of its beginning.
+  /// Solves H x = −G with conjugate gradients, up to the forcing term or as the tolerance requires. x times `scale` is
+  /// the displacement. `initial`: G · M⁻¹ G.
+  void solve(double initial, double forcing, double scale, NewtonOutcome& outcome);
+  /// Whether conjugate gradients may stop. `share`: of the initial residual, what is left.
   bool is_solved(double share, double forcing, double scale);
-  /// Of a node in the step, in the step's scale.
+  /// The largest displacement of a node in step_, in the scale of step_.
   double largest_displacement();
+
+  // === The line search ===
+  /// Moves the nodes by a share of the step and returns the share; 0: no step was accepted.
   double search(double slope);
-  /// Energy with every free node displaced from `start` by alpha times the step; +∞ where that makes a valid cell
+  /// The energy with every free node displaced from `start` by alpha times the step; +∞ if that makes a valid cell
   /// invalid.
   double energy_at(double alpha, const std::vector<double>& start);
-  /// Deformation gradients of every cell, looked at and forgotten.
+  /// Scans every cell, from the positions of the nodes.
   void scan_all();
-  /// Σ slope V over the cells: what rounding in their densities is multiplied with.
+  /// Σ slope V over the cells, the factor of rounding errors in their densities.
   double rounding();
-  /// The energy of the last scans, likewise.
+  /// The energy of the last scans; +∞ if a valid cell has become invalid.
   double scanned_energy();
 
   Problem& problem_;
@@ -100,23 +101,24 @@ class Newton {
   PNorm norm_;
   double tolerance_;
   const Team& team_;
+  Reduction reduction_;
   std::vector<BatchSet> batches_;
   Preconditioner preconditioner_;
-  std::vector<AlignedVector<float>> cell_gradients_;  ///< √curvature g by set, as its parts, d wide; p ≠ 1 only.
-  double hessian_scale_ = 1;                          ///< What the Hessian is divided by in products and blocks.
+  /// By set, as BatchSet::contributions of width d: √curvature g. Only for p ≠ 1.
+  std::vector<AlignedVector<float>> cell_gradients_;
+  double hessian_scale_ = 1;  ///< The Hessian is divided by this in products and blocks.
   std::size_t unknowns_ = 0;
-  double last_gradient_ = 0;  ///< In the preconditioner's norm, of the step before.
-  /// d a free node: the gradient, and during the line search, which has no use for it, where the nodes were.
+  double last_gradient_ = 0;  ///< Gradient of the step before, in the preconditioner's norm.
+  /// d per free node: the gradient. The line search does not need it and keeps the nodes' first positions here.
   std::vector<double> gradient_;
   std::vector<double> step_;
-  std::vector<float> residual_;  ///< d a free node.
-  // d a free node and padded(d) more, which are 0:
+  std::vector<float> residual_;  ///< d per free node.
+  // d per free node, then padded(d) zeros:
   std::vector<float> direction_;
   std::vector<float> product_;   ///< H direction_, and when that has been used, M⁻¹ residual_.
-  std::vector<double> partial_;  ///< Of add_up and largest_of, a task's.
   std::vector<CellScan> scans_;  ///< By cell.
-  bool coarse_is_old_ = true;    ///< The coarse level is to be assembled again.
-  int products_when_new_ = 0;    ///< Of the step after it was.
+  bool coarse_is_old_ = true;    ///< The coarse level has to be assembled again.
+  int products_when_new_ = 0;    ///< Products of the first step with the present coarse level.
 };
 
 }  // namespace varimesh

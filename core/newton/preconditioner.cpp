@@ -9,8 +9,8 @@ namespace varimesh {
 namespace {
 
 constexpr std::int32_t kNodesPerTask = 2048;
-constexpr double kLeastEigenvalue = 1e-3;  // of a set, relative to its largest
-constexpr double kNothing = 1e-34;         // the largest blocks are about 1
+constexpr double kLeastEigenvalue = 1e-3;  // of a block, relative to its largest
+constexpr double kNothing = 1e-34;         // the largest blocks are about 1; the inverse of a smaller one is no float
 
 template <int d>
 void invert_block(const std::array<double, 6>& triangle, float* inverse) {
@@ -18,10 +18,10 @@ void invert_block(const std::array<double, 6>& triangle, float* inverse) {
   for (int i = 0, entry = 0; i < d; ++i)
     for (int j = 0; j <= i; ++j, ++entry) H(i, j) = H(j, i) = triangle[entry];
   if (!(H.norm() >= kNothing)) {
-    std::fill_n(inverse, triangle_size(d), 0.0F);  // its inverse is no float: the node waits for the others
+    std::fill_n(inverse, triangle_size(d), 0.0F);  // the node does not move until the block is larger
     return;
   }
-  // |H| |H⁻¹| in the Frobenius norm bounds the eigenvalues' ratio: where it is small nothing is clamped.
+  // |H| |H⁻¹| in the Frobenius norm bounds the ratio of the eigenvalues. If it is small, nothing has to be clamped.
   Eigen::Matrix<double, d, d> out;
   const Eigen::LLT<Eigen::Matrix<double, d, d>> factor(H);
   if (factor.info() == Eigen::Success) out = factor.solve(Eigen::Matrix<double, d, d>::Identity());
@@ -54,11 +54,11 @@ void Preconditioner::set_block(std::int32_t rank, const std::array<double, 6>& t
 double Preconditioner::apply(std::span<const float> r, std::span<float> z) {
   const std::size_t d = problem_.dimension;
   const auto nodes = static_cast<std::int32_t>(problem_.free.size());
-  // Until z is known it has a node's part of r for each of its cells.
+  // Before z is known, its memory holds r of each node divided by the number of its cells.
   team_.for_ranges(problem_.free.size(), kNodesPerTask, [&](std::size_t begin, std::size_t end) {
     for (std::size_t rank = begin; rank < end; ++rank) {
-      const float part = 1 / static_cast<float>(problem_.offsets[rank + 1] - problem_.offsets[rank]);
-      for (std::size_t k = rank * d; k < (rank + 1) * d; ++k) z[k] = part * r[k];
+      const float share = 1 / static_cast<float>(problem_.offsets[rank + 1] - problem_.offsets[rank]);
+      for (std::size_t k = rank * d; k < (rank + 1) * d; ++k) z[k] = share * r[k];
     }
   });
   coarse_.solve(z);

@@ -1,4 +1,4 @@
-// An approximate inverse of the whole mesh's Hessian.
+// The preconditioner: an approximate inverse of the whole mesh's Hessian.
 #pragma once
 
 #include <array>
@@ -15,20 +15,20 @@
 
 namespace varimesh {
 
-/// M⁻¹ = D⁻¹ + I V Iᵀ, with D the d × d blocks of the nodes, their eigenvalues made positive (no smaller than 1e-3 of
-/// the block's largest), and I V Iᵀ the coarse level's part.
+/// M⁻¹ = D⁻¹ + I V Iᵀ. D has the d × d blocks of the nodes, with their eigenvalues made positive (at least 1e-3 of the
+/// block's largest); I V Iᵀ is the coarse level.
 class Preconditioner {
  public:
-  /// `batches` of the problem; apply() uses their parts.
+  /// `batches`: of the problem. apply() overwrites their contributions. All arguments are kept by reference.
   Preconditioner(const Problem& problem, std::vector<BatchSet>& batches, const Team& team);
 
-  /// Takes the block of free node `rank`: xx, xy, yy, xz, yz, zz of the lower triangle by rows.
+  /// Sets the block of free node `rank`: its lower triangle by rows, xx, xy, yy, xz, yz, zz.
   void set_block(std::int32_t rank, const std::array<double, 6>& triangle);
 
   CoarseLevel& coarse() { return coarse_; }
 
-  /// z = M⁻¹ r, d floats a free node; z has padded(d) more at its end, which are 0. Returns r · z, the
-  /// same whatever the number of threads.
+  /// z = M⁻¹ r, d floats per free node; z has padded(d) zeros more at its end. Returns r · z, which does not depend on
+  /// the number of threads.
   double apply(std::span<const float> r, std::span<float> z);
 
  private:
@@ -36,8 +36,8 @@ class Preconditioner {
   const Team& team_;
   CoarseLevel coarse_;
   std::unique_ptr<CoarseKernels> kernels_;
-  AlignedVector<float> inverse_blocks_;  ///< Lower triangle by rows, a free node.
-  std::vector<double> partial_;          ///< Of r · z, a task's.
+  AlignedVector<float> inverse_blocks_;  ///< By free node: lower triangle by rows.
+  std::vector<double> partial_;          ///< By task: its part of r · z.
 };
 
 }  // namespace varimesh

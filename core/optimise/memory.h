@@ -8,10 +8,10 @@
 
 namespace varimesh {
 
-/// Bytes that optimise() has in use at most, the mesh that is handed in and its result among them: a sum over the
-/// arrays that it may come to keep, and a share for those that come and go. On meshes of some thousand cells and more
-/// 1.3 to 1.8 times what is measured, the most where the mesh never needs a sweep, which keeps what Newton's method
-/// does without; a program's own tens of MB come on top.
+/// An upper estimate of the bytes that optimise() has in use at any time, including the input mesh and the result. It
+/// is the sum over the arrays that a run may keep, plus a share for temporary ones. On meshes of some thousand cells
+/// and more it is 1.3 to 1.8 times the measured value. It is highest for a mesh that never needs a sweep, because
+/// sweeps keep arrays that Newton's method does without. The program itself takes some tens of MB more.
 std::int64_t memory_needed(const HighOrderMesh& mesh, const Options& options);
 
 }  // namespace varimesh

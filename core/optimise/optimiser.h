@@ -1,4 +1,4 @@
-// The one thing the library does: move the free nodes until the mesh is valid and smooth.
+// The one thing that the library does: it moves the free nodes until the mesh is valid and smooth.
 #pragma once
 
 #include <memory>
@@ -12,23 +12,26 @@
 
 namespace varimesh {
 
-/// Optimises a mesh. Checks it and the options first: BadInput, BadOption. The same mesh in other units of length takes
-/// the same path, and the result is the same bit for bit whatever the number of threads.
+struct SetUp;
+
+/// Optimises a mesh. Checks the mesh and the options first. Errors: BadInput, BadOption. The same mesh in other units
+/// of length takes the same path. The result is the same bit for bit whatever the number of threads.
 Expected<Result> optimise(HighOrderMesh mesh, const Options& options = {}, const OnIteration& on_iteration = {},
                           const RunControl& control = {});
 
-/// What the mesh is, without optimising it: sizes, and how many nodes would move with these options.
+/// The sizes of a mesh, and how many nodes would move with these options. Nothing is optimised. Errors: BadInput,
+/// BadOption.
 Expected<MeshSummary> summarise(const HighOrderMesh& mesh, const Options& options = {});
 
 /// Repeated work on one mesh topology (a moving boundary, a design loop): set up once, run for each set of coordinates.
 class Optimiser {
  public:
-  /// Checks the mesh and the options, colours the nodes and prepares the tables.
+  /// Checks the mesh and the options, colours the nodes and prepares the tables. Errors: BadInput, BadOption.
   static Expected<Optimiser> create(const HighOrderMesh& mesh, const Options& options = {});
   static Expected<Optimiser> create(HighOrderMesh&& mesh, const Options& options = {});
 
-  /// Optimises the mesh with these coordinates (3 a node, interleaved, as HighOrderMesh::coordinates).
-  /// Errors: BadInput where they are not finite or a straight-sided cell is inverted.
+  /// Optimises the mesh with these coordinates (3 per node, interleaved, as HighOrderMesh::coordinates).
+  /// Errors: BadInput if there are too few or too many, if one is not finite, or if a straight-sided cell is inverted.
   Expected<Result> run(std::vector<double> coordinates, const OnIteration& on_iteration = {},
                        const RunControl& control = {});
 
@@ -37,11 +40,8 @@ class Optimiser {
   ~Optimiser();
 
  private:
-  struct State;
-  explicit Optimiser(std::unique_ptr<State> state);
-  friend Expected<Result> optimise(HighOrderMesh mesh, const Options& options, const OnIteration& on_iteration,
-                                   const RunControl& control);
-  std::unique_ptr<State> state_;
+  explicit Optimiser(std::unique_ptr<SetUp> set_up);
+  std::unique_ptr<SetUp> set_up_;
 };
 
 }  // namespace varimesh

@@ -5,11 +5,11 @@
 namespace varimesh {
 namespace {
 
-constexpr int kPatience = 10;  // iterations without fewer uncertified cells
+constexpr int kPatience = 10;  // iterations that a phase may take without fewer uncertified cells
 constexpr int kSweepsWhenStuck = 5;
 constexpr int kMostTimesStuck = 3;
 constexpr int kMostTimesUntangled = 3;
-constexpr int kMostWithoutFewer = 10;  // iterations, with Until::Valid
+constexpr int kMostWithoutFewer = 10;  // iterations that a run with Until::Valid may take without fewer of them
 
 }  // namespace
 
@@ -36,7 +36,7 @@ bool PhaseChooser::next(std::int64_t repairable, std::int64_t unrepaired, bool s
   switch (phase_) {
     case Phase::Untangle:
       if (!stuck) return true;
-      // Where it has brought nothing and Newton was tried before, there is nothing to wait for.
+      // If untangling certified nothing and Newton was tried before, there is nothing to wait for.
       turn_to(Phase::Newton, newton_tried_ && !may_untangle(unrepaired) ? 0 : kPatience);
       return true;
     case Phase::Newton:

@@ -1,4 +1,4 @@
-// Which phase comes next, and when to stop.
+// Which phase of a stage comes next, and when to stop.
 #pragma once
 
 #include <cstdint>
@@ -8,17 +8,17 @@
 
 namespace varimesh {
 
-/// What is still to be hoped for.
+/// What may still certify more cells.
 enum class Outlook : std::uint8_t {
-  Nothing,        ///< The present phase has had its time, and no other is to come.
+  Nothing,        ///< The present phase has had its time, and no other will come.
   Patience,       ///< The present phase may still bring something.
-  AnotherMethod,  ///< Another phase is to come for what is not certified.
+  AnotherMethod,  ///< Another phase will come for the uncertified cells.
 };
 
-/// Which phase comes next. Method::Auto sweeps until every cell that can be is certified valid, or until so many sweeps
-/// brought no more of them, and goes on with Newton; where a Newton step finds no lower energy, a few sweeps get it off
-/// the spot. Where Newton, too, brings no more of them, the rest is untangled, and Newton goes on from there. Where a
-/// valid mesh is all that is asked for, untangling comes before Newton.
+/// Chooses the next phase. Method::Auto sweeps until every cell that can be certified is, or until ten sweeps have
+/// certified no more of them. Then it goes on with Newton. If a Newton step finds no lower energy, a few sweeps move
+/// the mesh to where one may. If Newton certifies no more cells either, the rest is untangled, and Newton goes on from
+/// there. With Until::Valid, untangling comes before Newton.
 class PhaseChooser {
  public:
   PhaseChooser(const Options& options, std::int64_t repairable)
@@ -28,14 +28,14 @@ class PhaseChooser {
 
   Phase phase() const { return phase_; }
 
-  /// After an iteration: false where nothing is left to try. `repairable` and `unrepaired` as the guard has them.
-  /// `stuck`: it found no lower energy, or has converged; untangling: it has come to its end.
+  /// After an iteration: false if nothing is left to try. `repairable` and `unrepaired` are the guard's. `stuck`: the
+  /// iteration found no lower energy or has converged; for untangling: it has come to its end.
   bool next(std::int64_t repairable, std::int64_t unrepaired, bool stuck);
 
-  /// Untangling begins with so many cells.
+  /// Untangling begins with this many unrepaired cells.
   void untangling_from(std::int64_t unrepaired);
 
-  /// What may still bring certificates. Untangling is tried again only where it has brought some.
+  /// What may still certify more cells. Untangling is tried again only if it has certified some.
   Outlook outlook(std::int64_t unrepaired) const;
 
   template <class Archive>
@@ -44,7 +44,7 @@ class PhaseChooser {
   }
 
  private:
-  /// Whether untangling has not been tried, or has brought some and may bring more.
+  /// Whether untangling has not been tried, or has certified cells and may certify more.
   bool may_untangle(std::int64_t unrepaired) const;
   void turn_to(Phase phase, int patience);
 
@@ -52,22 +52,22 @@ class PhaseChooser {
   Until until_;
   Phase phase_ = Phase::Sweeps;
   std::int64_t fewest_;
-  std::int64_t untangled_from_ = -1;  ///< Unrepaired cells when untangling last began,
-  std::int64_t fewest_before_ = -1;   ///< and fewest_ then.
+  std::int64_t untangled_from_ = -1;  ///< Unrepaired cells when untangling last began.
+  std::int64_t fewest_before_ = -1;   ///< fewest_ at that time.
   int times_untangled_ = 0;
   bool newton_tried_ = false;
-  int patience_ = 10;  ///< Iterations without fewer uncertified cells.
+  int patience_ = 10;  ///< Iterations that may still pass without fewer uncertified cells.
   int times_stuck_ = 0;
 };
 
-/// Whether an iteration was the last.
+/// Decides whether an iteration was the last.
 class Stopper {
  public:
   explicit Stopper(const Options& options) : options_(options) {}
 
-  /// Asked after every iteration, before it starts with iteration 0 as things are. `bound`: the proved minimum of the
-  /// scaled Jacobian, asked for with until_js alone. Lack of progress ends a run where the outlook is nothing,
-  /// convergence where no other method is to come.
+  /// Call it after every iteration, and once before the first with iteration 0, the mesh as it is. `bound` is the
+  /// proved minimum of the scaled Jacobian; only until_js needs it. Lack of progress ends a run only if the outlook is
+  /// Nothing, and convergence only if no other method will come.
   std::optional<StopReason> after(const Iteration& iteration, bool converged, Outlook outlook, double bound);
 
   template <class Archive>

@@ -1,4 +1,4 @@
-// What comes of a run: the mesh, its quality before and after, and why the run ended.
+// The result of a run: the mesh, its quality before and after, and why the run ended.
 #pragma once
 
 #include <cstdint>
@@ -16,12 +16,12 @@ namespace varimesh {
 enum class StopReason : std::uint8_t {
   Converged,   ///< The residual is at most the tolerance.
   Valid,       ///< Until::Valid: every cell is certified valid.
-  Repaired,    ///< Until::Valid: every cell that is not certified valid is named unrepairable.
-  NoProgress,  ///< Until::Valid: ten iterations brought no fewer uncertified cells; or no lower energy was found.
+  Repaired,    ///< Until::Valid: every cell that is not certified valid is unrepairable.
+  NoProgress,  ///< Until::Valid: no fewer uncertified cells after ten iterations. Or: no lower energy was found.
   Quality,     ///< until_js is reached.
-  TimeLimit,
-  Iterations,  ///< max_iterations.
-  Stopped,     ///< Control::Stop.
+  TimeLimit,   ///< time_limit is reached.
+  Iterations,  ///< max_iterations is reached.
+  Stopped,     ///< The caller returned Control::Stop.
 };
 
 /// Sizes of a mesh, and how many of its nodes would move.
@@ -35,10 +35,10 @@ struct MeshSummary {
 
 /// Everything that a run says about itself, without the mesh.
 struct RunSummary {
-  MeshSummary sizes;  ///< Of the mesh that came in, in the order that was optimised.
+  MeshSummary sizes;  ///< Of the input mesh, in the order in which it was optimised.
   int iterations = 0;
-  int resumed_from = 0;  ///< The iteration after which a checkpoint let the run go on; 0: it began at the beginning.
-  double seconds = 0;    ///< From the mesh as handed in to the result in memory, reports included.
+  int resumed_from = 0;      ///< The iteration whose checkpoint the run went on from; 0 if it began at the beginning.
+  double seconds = 0;        ///< From the input mesh to the result in memory, quality reports included.
   double proof_seconds = 0;  ///< The part of `seconds` spent on certificates and on finding what cannot be repaired.
   double residual = 0;       ///< Of the last iteration.
   bool converged = false;    ///< residual ≤ tolerance.
@@ -51,11 +51,11 @@ struct RunSummary {
   std::vector<Iteration> history;
 };
 
-/// What came of an optimisation: its summary, and the mesh.
+/// The result of a run: its summary, and the mesh.
 struct Result : RunSummary {
-  /// The mesh that came in with new coordinates. Coordinates of fixed nodes are the same bit for bit. A cell that came
-  /// in certified valid is certified valid here too, however the run ended. With Repair::Split the mesh may have more
-  /// elements and nodes, numbered above those that came in.
+  /// The input mesh with new coordinates. Fixed nodes have the same coordinates bit for bit. A cell that is certified
+  /// valid in the input mesh is certified valid here too, however the run ended. With Repair::Split the mesh may have
+  /// more elements and nodes, numbered above those of the input.
   HighOrderMesh mesh;
 };
 

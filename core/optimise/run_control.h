@@ -1,4 +1,4 @@
-// How a caller follows a run and steers it: callbacks, threads, checkpoints.
+// How a caller follows and steers a run: callbacks, threads, checkpoints.
 #pragma once
 
 #include <cstdint>
@@ -11,29 +11,29 @@ namespace varimesh {
 
 enum class Control : std::uint8_t { Continue, Stop };
 
-/// Called after every iteration, one call at a time; Stop ends the run with the mesh as it is.
+/// Called after every iteration, one call at a time. Stop ends the run with the mesh as it is.
 using OnIteration = std::function<Control(const Iteration&)>;
 
-/// Takes the next bytes; false: it wants no more of them.
+/// Takes the next bytes of a checkpoint. False if it wants no more.
 using CheckpointSink = std::function<bool(std::string_view)>;
-/// Writes a checkpoint piece by piece; false where the sink stopped it.
+/// Writes a checkpoint piece by piece. False if the sink stopped it.
 using WriteCheckpoint = std::function<bool(const CheckpointSink&)>;
 
-/// What a run asks between its iterations, from the thread that called it. All may be left empty.
+/// What a run asks between its iterations, on the thread that called it. Everything may be left empty.
 struct RunControl {
-  /// Whether the state after this iteration is to be kept. Asked after Newton steps and steps of untangling, and after
-  /// sweeps whose number is a multiple of ten; before OnIteration.
+  /// Whether to save a checkpoint after this iteration. Called before OnIteration: after Newton steps and steps of
+  /// untangling, and after sweeps whose number is a multiple of ten.
   std::function<bool(const Iteration&)> checkpoint_due;
-  /// Called where it is; `write` works during the call alone.
+  /// Called if checkpoint_due said yes. `write` works only during the call.
   std::function<void(const Iteration&, const WriteCheckpoint& write)> save_checkpoint;
-  /// What such a `write` wrote, of the same mesh and the same options (but for threads, max_iterations and time_limit):
-  /// the run goes on behind that iteration and ends with the same bytes as one that nothing interrupted, on a machine
-  /// with the same vector instructions. Its history is whole, and its seconds go on. A checkpoint of another mesh, of
-  /// other options or of another version, or one that is damaged, is passed over: the run begins at the beginning.
+  /// The bytes of such a `write` for the same mesh and the same options (except threads, max_iterations and
+  /// time_limit). The run goes on after that iteration. On a machine with the same vector instructions it ends with the
+  /// same bytes as an uninterrupted run. Its history is complete, and its seconds go on. A checkpoint that is damaged,
+  /// or for another mesh, other options or another version, is ignored: the run begins at the beginning.
   std::string_view checkpoint;
-  /// How many threads the next iteration may use, at least 1; asked before each. Without it: Options::threads.
+  /// How many threads the next iteration may use, at least 1. Called before each. If empty: Options::threads.
   std::function<int()> threads;
-  /// Whether the run is to end as by Control::Stop: asked where nothing is iterated, between the steps of splitting.
+  /// Whether to end the run as Control::Stop does. Called between the steps of splitting, when nothing is iterated.
   std::function<bool()> stop_asked;
 };
 

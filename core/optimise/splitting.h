@@ -1,25 +1,28 @@
-// Room where the boundary leaves none: splits what has to be split, and optimises from there.
+// Optimising with --repair split: makes room by splits where the boundary leaves none, and optimises from there.
 #pragma once
 
 #include "core/optimise/optimiser.h"
 
 namespace varimesh {
 
-/// The free function optimise() for Repair::Split and a mesh that has passed check() and needs no change of order.
+/// The free function optimise() for Repair::Split. The mesh has passed check() and needs no change of order.
 ///
-/// 1. Groups of tetrahedra that have little room by the boundary (weak_groups(): a margin of at most 0.08) and an
-///    element that is not certified valid are given room by splits, in passes over the mesh as it comes out of the
-///    last, until no such group is left that may be split.
-/// 2. The mesh is optimised as with Repair::Report.
-/// 3. Second look: where elements are left, groups at their corners with J ≤ 0 are split whatever their margin, in the
-///    mesh as it was before 2, and 2 begins again; four times at most.
+/// 1. Splits, in passes: groups of tetrahedra that have little room at the boundary (split_candidates.h; a margin of at
+///    most 0.08) and an element that is not certified valid get room by splits. Each pass works on the mesh that the
+///    last one made, until no such group is left that may be split.
+/// 2. Optimises the mesh as with Repair::Report.
+/// 3. If elements are left that are not certified valid: in the mesh as it was before step 2, splits the groups at
+///    their corners with J ≤ 0 whatever their margin. Then step 2 starts again. There are at most four such rounds.
 ///
-/// The best mesh that came of that is kept: the fewest uncertified elements, of those the highest minimum Js. Where
-/// some are left, the mesh is optimised without a split as well, and where that leaves no more, it is what comes out.
-/// The options' limits of time and iterations are for all of it. Elements with a folded boundary face are never split
-/// for their own sake. Why it ended is said of the run that the mesh is from, unless elements are left and a limit of
-/// all of it, or a stop, kept it from going on. Of `control` the number of threads is used, and whether to stop is
-/// asked between the steps of splitting: there are no checkpoints. It ends: there are at most eight passes a look.
+/// The best mesh of these is kept: the one with the fewest uncertified elements, and of those the one with the highest
+/// minimum Js. If some are left, the mesh is also optimised without a split. If that leaves no more of them, it is the
+/// result. The options' limits of time and iterations are for everything together. Elements with a folded boundary face
+/// are never split for their own sake.
+///
+/// The stop reason is that of the run that the mesh comes from. But if elements are left, and a limit for everything
+/// together or a stop kept it from going on, the reason is that limit or stop. Of `control` it uses the number of
+/// threads, and stop_asked between the steps of splitting; there are no checkpoints. It ends: there are at most eight
+/// passes per round.
 Result optimise_by_splitting(const HighOrderMesh& mesh, const Options& options, const OnIteration& on_iteration,
                              const RunControl& control = {});
 

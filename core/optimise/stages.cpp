@@ -7,7 +7,7 @@
 namespace varimesh {
 namespace {
 
-/// What a stage makes of the options' λ and κ, and its least p-norm.
+/// Factor of λ and κ in a later stage, and its least p-norm.
 struct Pressure {
   double bulk, p_norm;
 };
@@ -29,9 +29,9 @@ std::vector<Stage> make_stages(const Options& options, int dimension) {
   stages.push_back(make_stage(options, dimension));
   if (options.objective == Objective::Energy) return stages;
   const Material first = material(options);
-  const bool elastic = options.energy == Energy::Hyperelastic || options.energy == Energy::LinearElastic;
+  const bool elastic = has_bulk_constant(first);
   for (const Pressure& pressure : kPressures) {
-    if (!elastic && stages.size() > 1) break;  // without λ and κ, the next would be the same
+    if (!elastic && stages.size() > 1) break;  // the energy has no λ and κ: the next stage would be the same
     Options pressed = options;
     pressed.lambda = pressure.bulk * first.lambda;
     pressed.kappa = pressure.bulk * first.kappa;

@@ -1,4 +1,4 @@
-// What is minimised, one after another.
+// The stages of a run: which energies are minimised, one after another.
 #pragma once
 
 #include <memory>
@@ -10,17 +10,17 @@
 
 namespace varimesh {
 
-/// One energy to be minimised, from where the stage before it ended.
+/// One energy to minimise. A stage starts where the one before it ended.
 struct Stage {
-  Options options;  ///< Those asked for, but for the constants and the p-norm.
+  Options options;  ///< Those of the run, but with the stage's constants and p-norm.
   std::unique_ptr<Kernels> kernels;
-  std::unique_ptr<HessianKernels> hessian;  ///< Where the method needs it.
+  std::unique_ptr<HessianKernels> hessian;  ///< Null if the method does not need it.
 };
 
-/// The stages of an optimisation: first the energy asked for. With Objective::Worst more follow, whose λ and κ are ever
-/// greater against μ, whose p-norm weighs the worst cells more, and whose targets are leveled (targets.h). A large λ
-/// holds J to that of the target, everywhere in a cell, so that its least comes close to its greatest; what limits it
-/// is the quadrature, which has to see all of the cell (docs/objectives.md has the figures).
+/// The stages of a run. The first is the energy of the options. With Objective::Worst more follow: their λ and κ grow
+/// relative to μ, their p-norm gives the worst cells more weight, and their targets are leveled (targets.h). A large λ
+/// holds J close to that of the target everywhere in a cell, so the least J comes close to the greatest. The limit is
+/// the quadrature, which must see all of the cell (docs/objectives.md has the figures).
 std::vector<Stage> make_stages(const Options& options, int dimension);
 
 }  // namespace varimesh

@@ -35,9 +35,9 @@ constexpr OptionRange kPositive{.without_least = true};
 constexpr OptionRange upto(double most) { return {.most = most}; }
 constexpr Words kConstantValues = "a positive number, or 0 for the value from the set of constants";
 
-/// Options whose type says what values there are.
+/// An option whose type says which values are possible.
 constexpr OptionInfo row(Words name, OptionMember member, Words help) { return {name, member, {}, {}, help}; }
-/// Numbers: `values` says the range in words.
+/// An option that is a number; `values` gives the range in words.
 constexpr OptionInfo number(Words name, OptionMember member, OptionRange range, Words values, Words help) {
   return {name, member, range, values, help};
 }
@@ -53,9 +53,12 @@ const std::array kTable{
         "The form of the Winslow energy in 3-D: the true functional, or the one of the paper"),
     row("constants", choice<Constants, &Options::constants>(kConstants),
         "The set that mu, lambda and kappa come from if they are 0"),
-    number("mu", &Options::mu, kNotNegative, kConstantValues, "The shear modulus, dimensionless"),
-    number("lambda", &Options::lambda, kNotNegative, kConstantValues, "The first Lamé constant, dimensionless"),
-    number("kappa", &Options::kappa, kNotNegative, kConstantValues, "The bulk modulus, dimensionless"),
+    number("mu", &Options::mu, kNotNegative, kConstantValues,
+           "The shear modulus, dimensionless; 0: from the set of constants"),
+    number("lambda", &Options::lambda, kNotNegative, kConstantValues,
+           "The first Lamé constant, dimensionless; 0: from the set of constants"),
+    number("kappa", &Options::kappa, kNotNegative, kConstantValues,
+           "The bulk modulus, dimensionless; 0: from the set of constants"),
     row("regularisation", choice<Regularisation, &Options::regularisation>(kRegularisation),
         "Whether each element has its own δ, or each node one δ for all elements around it"),
     row("method", choice<Method, &Options::method>(kMethod),

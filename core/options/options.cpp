@@ -15,23 +15,21 @@ Expected<void> check(const Options& options) {
   const bool takes_field = options.target == Target::Size || options.target == Target::Strain;
   if (takes_field && options.target_field.values.empty())
     return bad_option(
-        "The target needs a field and target_field is empty: give a size or strain per element or vertex.");
+        "The target needs a field, and target_field is empty; give a size or strain per element or vertex.");
   if (!takes_field && !options.target_field.values.empty())
-    return bad_option("target_field is given, but the target takes none: choose the target size or strain.");
+    return bad_option("target_field is given, but the target takes no field; choose the target size or strain.");
   if (options.objective == Objective::Worst && options.until_js > 0)
     return bad_option(
-        "objective is worst and until_js is given, but worst raises the lowest scaled Jacobian as far as it goes; "
-        "leave "
-        "until_js at 0, or objective at energy.");
+        "objective is worst and until_js is given, but worst raises the lowest scaled Jacobian as far as it can; "
+        "leave until_js at 0, or objective at energy.");
   if (options.repair == Repair::Split && takes_field)
     return bad_option(
-        "repair is split and the target is a field: split elements would have no values in it; choose another target, "
-        "or split first and then optimise with the field.");
+        "repair is split and the target is a field, but split elements would have no values in the field; choose "
+        "another target, or split first and then optimise with the field.");
   if (options.repair == Repair::Split && options.region_below > 0)
     return bad_option(
-        "repair is split and region_below is given: split elements have to move wherever they are; leave region_below "
-        "at "
-        "0.");
+        "repair is split and region_below is given, but split elements must be able to move wherever they are; leave "
+        "region_below at 0.");
   return {};
 }
 

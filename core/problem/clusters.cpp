@@ -5,11 +5,11 @@
 namespace varimesh {
 namespace {
 
-/// The vertices of all cells, and the cells of all vertices.
+/// The vertices of each cell, and the cells at each vertex.
 struct Neighbourhoods {
   std::vector<const std::int32_t*> vertices;  // by cell
   std::vector<int> vertex_count;              // by cell
-  std::vector<std::int32_t> begin;            // by node
+  std::vector<std::int32_t> begin;            // by node: where its cells begin in `cells`
   std::vector<std::int32_t> cells;
 
   explicit Neighbourhoods(const HighOrderMesh& mesh) : begin(mesh.node_count() + 1, 0) {
@@ -37,8 +37,8 @@ Clusters cluster_cells(const HighOrderMesh& mesh, std::int32_t size) {
   const Neighbourhoods near(mesh);
   Clusters clusters;
   std::vector<char> taken(near.vertices.size(), 0), waits(near.vertices.size(), 0);
-  std::deque<std::int32_t> front;    // of the cluster that grows
-  std::deque<std::int32_t> waiting;  // of all, oldest first
+  std::deque<std::int32_t> front;    // neighbours of the cluster that grows
+  std::deque<std::int32_t> waiting;  // neighbours of all clusters, oldest first
   std::int32_t room = 0;
   const auto take = [&](std::int32_t cell) {
     if (room == 0) {

@@ -1,4 +1,4 @@
-// Cells that are near each other, a few hundred at a time: what a sweep works on while their data are in cache.
+// Clusters of a few hundred cells that are near each other: a sweep works on one while its data are in cache.
 #pragma once
 
 #include <cstdint>
@@ -8,14 +8,15 @@
 
 namespace varimesh {
 
-/// All cells of dimension mesh.dimension, by their number in the mesh's order, cluster by cluster.
+/// All cells of dimension mesh.dimension, cluster by cluster. A cell is given by its number in the mesh's order.
 struct Clusters {
   std::vector<std::int32_t> cells;
-  std::vector<std::int32_t> begin;  ///< Where each cluster begins in `cells`; one more than there are clusters.
+  std::vector<std::int32_t> begin;  ///< clusters + 1: where each cluster begins in `cells`.
 };
 
-/// Grows clusters of `size` cells from cell to cell over common vertices, each from where the last one stopped. They
-/// depend on topology and numbering alone, not on coordinates: a mesh that is turned is swept in the same order.
+/// Grows clusters of `size` cells from cell to cell over common vertices. Each cluster starts where the last one
+/// stopped. The clusters depend only on the topology and the numbering, not on the coordinates: a rotated mesh is swept
+/// in the same order.
 Clusters cluster_cells(const HighOrderMesh& mesh, std::int32_t size);
 
 }  // namespace varimesh

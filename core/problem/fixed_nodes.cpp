@@ -17,7 +17,7 @@ using Group = std::pair<int, int>;  // dimension, tag
 
 // === Groups by name ======================================================================================
 
-// Every physical group of the mesh; those that its elements are in may have no name.
+// Every physical group of the mesh: those with a name, and those that an element belongs to.
 std::vector<Group> groups_of(const HighOrderMesh& mesh) {
   std::vector<Group> groups;
   for (const PhysicalGroup& group : mesh.physical_groups) groups.emplace_back(group.dimension, group.tag);
@@ -47,7 +47,7 @@ bool parse_whole(const std::string& text, std::size_t from, int& value) {
   return error == std::errc() && stop == text.data() + text.size();
 }
 
-// The groups that a user means by a name, a tag or "dimension:tag".
+// The groups that `text` means: a name, a tag or "dimension:tag".
 Expected<std::vector<Group>> find_groups(const HighOrderMesh& mesh, const std::string& text) {
   std::vector<Group> found;
   for (const PhysicalGroup& group : mesh.physical_groups)
@@ -60,11 +60,11 @@ Expected<std::vector<Group>> find_groups(const HighOrderMesh& mesh, const std::s
   for (const Group& group : groups_of(mesh))
     if (is_tag && group.second == tag && (dimension < 0 || group.first == dimension)) found.push_back(group);
   if (found.empty())
-    return bad_option("There is no physical group '" + text + "' in the mesh; it has " + list_groups(mesh) + ".");
+    return bad_option("The mesh has no physical group '" + text + "'. Its groups: " + list_groups(mesh) + ".");
   if (found.size() > 1)
     return bad_option("The tag " + text + " belongs to physical groups of " + std::to_string(found.size()) +
-                      " dimensions: say which by 'dimension:tag', such as '" + std::to_string(found.front().first) +
-                      ":" + text + "'.");
+                      " dimensions: give 'dimension:tag', such as '" + std::to_string(found.front().first) + ":" +
+                      text + "'.");
   return found;
 }
 
@@ -76,15 +76,15 @@ bool is_in(const ElementBlock& block, const std::vector<Group>& groups) {
   });
 }
 
-// === The choice ==========================================================================================
+// === Fixing and freeing ==================================================================================
 
-class Choice {
+// Which nodes are fixed. The public functions are called in the order of their declaration.
+class FixedNodes {
  public:
-  explicit Choice(const HighOrderMesh& mesh) : mesh_(mesh), cells_(mesh, mesh.dimension), facets_(facets(mesh)) {}
+  explicit FixedNodes(const HighOrderMesh& mesh) : mesh_(mesh), cells_(mesh, mesh.dimension), facets_(facets(mesh)) {}
 
-  std::vector<bool> take() { return std::move(fixed_); }
-
-  Expected<void> start(const std::vector<std::string>& free) {
+  // The outer boundary and all interfaces, except those of the groups in `free`.
+  Expected<void> fix_boundary(const std::vector<std::string>& free) {
     std::vector<Group> freed;
     for (const std::string& text : free) {
       const auto groups = find_groups(mesh_, text);
@@ -92,8 +92,8 @@ class Choice {
       for (const Group& group : *groups)
         if (group.first != mesh_.dimension - 1)
           return bad_option("The group '" + text + "' has dimension " + std::to_string(group.first) +
-                            "; only groups of " + (mesh_.dimension == 3 ? "faces" : "lines") +
-                            " between cells can be freed, since only they are fixed.");
+                            ": only groups of " + (mesh_.dimension == 3 ? "faces" : "lines") +
+                            " between cells can be freed, since only their nodes are fixed.");
       if (const auto checked = check_inside(text, *groups); !checked) return checked;
       freed.insert(freed.end(), groups->begin(), groups->end());
     }
@@ -110,14 +110,14 @@ class Choice {
     for (std::size_t n = 0; n < nodes->size(); ++n)
       if ((*nodes)[n] && outer_[n])
         return bad_option("Node " + std::to_string(mesh_.node_numbers[n]) +
-                          " cannot be freed: it lies on the outer boundary, which has no geometry to slide on.");
+                          " cannot be freed: it lies on the outer boundary, and there is no geometry to slide on.");
     for_each_related(*nodes, [&](std::int32_t other, bool, bool bounded) {
       if (bounded) fixed_[std::size_t(other)] = false;
     });
     return {};
   }
 
-  Expected<void> fix(const std::vector<std::string>& names) {
+  Expected<void> fix_groups(const std::vector<std::string>& names) {
     for (const std::string& text : names) {
       const auto groups = find_groups(mesh_, text);
       if (!groups) return tl::unexpected(groups.error());
@@ -153,6 +153,8 @@ class Choice {
       if (!inside[cell]) fix_all(cells_.nodes(cell));
   }
 
+  std::vector<bool> take() { return std::move(fixed_); }
+
  private:
   template <class Nodes>
   void fix_all(const Nodes& nodes) {
@@ -170,14 +172,15 @@ class Choice {
       }
   }
 
-  // Whether a group that is to be freed has no element on the outer boundary.
+  // Refuses groups that have an element on the outer boundary.
   Expected<void> check_inside(const std::string& text, const std::vector<Group>& groups) const {
     const Cells borders(mesh_, mesh_.dimension - 1);
     for (const auto& [facet, border] : facets_.elements)
-      if (facets_.neighbour[std::size_t(facet)] < 0 && is_in(*borders.run(std::size_t(border)).block, groups))
+      if (facets_.neighbour[std::size_t(facet)] < 0 && is_in(*borders.range_of(std::size_t(border)).block, groups))
         return bad_option("The group '" + text + "' cannot be freed: its element " +
                           std::to_string(borders.number(std::size_t(border))) +
-                          " lies on the outer boundary, which has no geometry to slide on. Interfaces inside can be.");
+                          " lies on the outer boundary, and there is no geometry to slide on. Only interfaces inside "
+                          "the mesh can be freed.");
     return {};
   }
 
@@ -189,14 +192,14 @@ class Choice {
     for (const std::int64_t number : numbers) {
       const auto found = index.find(number);
       if (found == index.end())
-        return bad_option(std::string(option) + " names node " + std::to_string(number) +
-                          ", which the mesh does not have: use the numbers of its file.");
+        return bad_option(std::string(option) + " has node " + std::to_string(number) +
+                          ", which is not in the mesh: use the node numbers of the mesh file.");
       wanted[found->second] = true;
     }
     return wanted;
   }
 
-  // Calls use(other node, other bounds it, it bounds other) for every wanted node and every node of the cells round it.
+  // Calls use(other node, other bounds it, it bounds other) for every wanted node and every node of its cells.
   template <class Use>
   void for_each_related(const std::vector<bool>& wanted, Use use) const {
     if (std::none_of(wanted.begin(), wanted.end(), [](bool is) { return is; })) return;
@@ -231,13 +234,13 @@ class Choice {
 }  // namespace
 
 Expected<std::vector<bool>> choose_fixed_nodes(const HighOrderMesh& mesh, const Options& options) {
-  Choice choice(mesh);
-  if (const auto done = choice.start(options.free); !done) return tl::unexpected(done.error());
-  if (const auto done = choice.free_nodes(options.free_nodes); !done) return tl::unexpected(done.error());
-  if (const auto done = choice.fix(options.fix); !done) return tl::unexpected(done.error());
-  if (const auto done = choice.fix_nodes(options.fix_nodes); !done) return tl::unexpected(done.error());
-  if (options.region_below > 0) choice.fix_outside_region(options.region_below, options.rings, options.threads);
-  return choice.take();
+  FixedNodes fixed(mesh);
+  if (const auto done = fixed.fix_boundary(options.free); !done) return tl::unexpected(done.error());
+  if (const auto done = fixed.free_nodes(options.free_nodes); !done) return tl::unexpected(done.error());
+  if (const auto done = fixed.fix_groups(options.fix); !done) return tl::unexpected(done.error());
+  if (const auto done = fixed.fix_nodes(options.fix_nodes); !done) return tl::unexpected(done.error());
+  if (options.region_below > 0) fixed.fix_outside_region(options.region_below, options.rings, options.threads);
+  return fixed.take();
 }
 
 }  // namespace varimesh

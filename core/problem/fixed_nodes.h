@@ -1,4 +1,4 @@
-// Which nodes may move: the boundary by default, and what the user fixes, frees or leaves out.
+// Which nodes are fixed: by default those of the boundary, and what the user fixes or frees.
 #pragma once
 
 #include <vector>
@@ -9,17 +9,21 @@
 
 namespace varimesh {
 
-/// For every node whether it is fixed, in this order:
-/// 1. the nodes on facets with one neighbour and on every element of one dimension less (see fixed_nodes), but for the
-///    elements of the groups in `options.free`; a node that another such element or the outer boundary has stays fixed;
-/// 2. `free_nodes` are let go, each with all nodes of the vertex, edge or face that it lies in and of whatever that one
-///    bounds, since nothing may move at the rim of what is fixed;
-/// 3. `fix` and `fix_nodes` are fixed, each node with all nodes of its edge or face and of its rim;
-/// 4. with `region_below`, every node that a cell has outside the region: the cells whose scaled Jacobian is below it
-///    and `rings` layers of cells round them, neighbours by a vertex. These nodes come back bit for bit.
+/// For every node whether it is fixed. The rules are applied in this order:
+/// 1. Fixed are the nodes of facets with only one cell (the outer boundary) and of every element of one dimension less
+///    (see fixed_nodes). Elements of the groups in `options.free` do not fix their nodes. A node that also belongs to
+///    the outer boundary or to another such element stays fixed.
+/// 2. Each node in `free_nodes` is freed, together with all nodes of the vertex, edge or face that it lies in and of
+///    everything that this one bounds. The rim of a fixed edge or face must not move.
+/// 3. The nodes of the groups in `fix` are fixed. Each node in `fix_nodes` is fixed too, together with all nodes of the
+///    edge or face that it lies in and of its rim.
+/// 4. With `region_below`, every node of a cell outside the region is fixed. The region consists of the cells whose
+///    scaled Jacobian is below `region_below`, and of `rings` layers of cells around them (neighbours by a vertex). The
+///    coordinates of the fixed nodes do not change by a bit.
 ///
-/// Expects a mesh that has passed check(). Errors: BadOption for a group or node that is not there, for a group to be
-/// freed that is not of interface elements, and for what lies on the outer boundary, which has no geometry to slide on.
+/// Expects a mesh that has passed check(). Errors: BadOption if a group or node does not exist, if a group to be freed
+/// has no interface elements, and if a node or group to be freed lies on the outer boundary, since there is no geometry
+/// to slide on.
 Expected<std::vector<bool>> choose_fixed_nodes(const HighOrderMesh& mesh, const Options& options);
 
 }  // namespace varimesh

@@ -14,10 +14,10 @@ using reference::NodePlace;
 using reference::NodeSet;
 
 constexpr std::int32_t kCellsPerTask = 256;
-constexpr double kRounding = 1e-13;  // entries that are none or one come as close as that
+constexpr double kRounding = 1e-13;  // entries that should be 0 or 1 differ from it by less
 
-/// The conversion with exact zeros where a node does not depend on another, and exact ones where the two sets have the
-/// same node (all of them up to order 2), instead of rounding errors.
+/// The conversion without rounding errors in entries that are exactly 0 or 1: 0 if a node does not depend on another,
+/// and 1 if the two node sets have the same node (up to order 2 they have all in common).
 Eigen::MatrixXd exact_conversion(Shape shape, int order, NodeSet from, NodeSet to, int ambient) {
   Eigen::MatrixXd matrix = reference::conversion(shape, order, from, to, ambient);
   const auto& places = reference::node_places(shape, order);

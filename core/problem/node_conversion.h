@@ -1,5 +1,5 @@
-// Between the file's equispaced nodes in the user's unit of length and the solver's optimised ones in relative
-// coordinates.
+// Converts file nodes to solver nodes and back. File nodes are equispaced and have the user's unit of length; solver
+// nodes are the optimised node set in relative coordinates.
 #pragma once
 
 #include <cstdint>
@@ -15,7 +15,7 @@
 
 namespace varimesh {
 
-/// The relative coordinates: (x − centre)/diagonal of the bounding box of all nodes.
+/// Relative coordinates are (x − centre)/diagonal, for the bounding box of all nodes.
 struct Frame {
   std::array<double, 3> centre{};
   double diagonal = 1;
@@ -23,35 +23,35 @@ struct Frame {
 
 Frame frame_of(const HighOrderMesh& mesh);
 
-/// Whether a cell's part (vertex, edge, face, interior) belongs to `whole` or bounds it: whether what happens to a node
-/// in `part` moves equispaced nodes in `whole`.
+/// Whether `part` of a cell (a vertex, edge, face or the interior) is `whole` or bounds it. If so, equispaced nodes in
+/// `whole` move when an optimised node in `part` does.
 bool in_closure(const reference::ShapeInfo& shape, reference::NodePlace part, reference::NodePlace whole);
 
-/// Positions (mesh.dimension a node, interleaved) of the optimised nodes, relative to the frame, by exact interpolation
-/// in the cells. Nodes that no cell has keep their own.
+/// Positions of the optimised nodes in the frame (mesh.dimension numbers per node, interleaved), by exact interpolation
+/// in the cells. Nodes that belong to no cell keep their own positions.
 std::vector<double> solver_positions(const HighOrderMesh& mesh, const Frame& frame);
 
-/// The mesh's coordinates as its optimised nodes move, for all cells or for some.
+/// Turns positions of the optimised nodes into coordinates of the mesh's own nodes, for all cells or for some.
 ///
-/// What did not move comes back verbatim, since displacements are converted and not positions: a node's coordinates
-/// change only where a node of the vertex, edge, face or cell that it lies in has moved. z of a 2-D mesh is kept.
+/// It converts displacements and not positions, so the coordinates of a node do not change by a bit unless a node of
+/// the vertex, edge, face or cell that it lies in has moved. z of a 2-D mesh is kept.
 class NodeConversion {
  public:
-  /// `before`: solver_positions of the mesh, of which a copy is kept, as is a reference to the mesh.
+  /// Keeps a reference to the mesh. `before`: solver_positions() of the mesh.
   NodeConversion(const HighOrderMesh& mesh, const Frame& frame, std::vector<double> before);
 
-  /// Sets the coordinates of the nodes that these cells give (numbers in the mesh's order) for optimised nodes at
-  /// `after`. A node's coordinates are given by the first of its cells; so after nodes have moved, call it for every
-  /// cell that has one of them. `coordinates` is 3 a node, as HighOrderMesh::coordinates.
+  /// Sets `coordinates` (3 per node, as HighOrderMesh::coordinates) for optimised nodes at `after`. The first cell of a
+  /// node sets its coordinates, so pass every cell that has a node which has moved. `cells`: numbers in the mesh's
+  /// order.
   void update(const std::vector<double>& after, std::span<const std::int32_t> cells, std::vector<double>& coordinates,
               const Team& team) const;
 
  private:
   struct Term {
-    int node;  ///< Of the cell.
+    int node;  ///< Local number in the cell.
     double factor;
   };
-  struct Rows {  ///< The conversion of one shape without its zeros: a row a node of the cell.
+  struct Rows {  ///< The conversion of one shape without its zeros: one row per node of the cell.
     std::vector<int> begin;
     std::vector<Term> terms;
   };
@@ -68,11 +68,11 @@ class NodeConversion {
   std::vector<double> before_;
   std::map<std::pair<Shape, int>, Rows> rows_;
   std::vector<Cell> cells_;
-  std::vector<std::int32_t> owned_begin_;  ///< cells + 1
-  std::vector<std::int16_t> owned_;        ///< Nodes of a cell whose coordinates it gives.
+  std::vector<std::int32_t> owned_begin_;  ///< cells + 1: where each cell's entries begin in owned_.
+  std::vector<std::int16_t> owned_;        ///< The nodes whose coordinates the cell sets, by local number.
 };
 
-/// All of the mesh's coordinates after its optimised nodes went from `before` to `after`.
+/// The coordinates of all nodes of the mesh after its optimised nodes moved from `before` to `after`.
 std::vector<double> file_coordinates(const HighOrderMesh& mesh, const Frame& frame, const std::vector<double>& before,
                                      const std::vector<double>& after);
 

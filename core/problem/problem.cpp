@@ -58,8 +58,8 @@ void list_incidences(Problem& problem, const std::vector<bool>& fixed) {
   }
 }
 
-/// A set for each shape, without cells but with their count.
-void add_blocks(Problem& problem, const HighOrderMesh& mesh, int degree) {
+/// Adds a set for each shape, with the number of its cells but without the cells.
+void add_sets(Problem& problem, const HighOrderMesh& mesh, int degree) {
   for (const ElementBlock& elements : mesh.blocks) {
     const reference::ShapeInfo& shape = reference::info(elements.shape);
     if (shape.dimension != mesh.dimension || elements.size() == 0) continue;
@@ -84,8 +84,8 @@ void add_blocks(Problem& problem, const HighOrderMesh& mesh, int degree) {
   }
 }
 
-/// So many cells that their deformation gradients stay in the second-level cache; fewer where there would not be enough
-/// clusters to share out.
+/// The number of cells whose deformation gradients fit in the second-level cache; fewer if there would be too few
+/// clusters to share among the threads.
 std::int32_t cluster_size(const Problem& problem) {
   std::size_t bytes = 0;
   for (const CellSet& set : problem.sets)
@@ -95,7 +95,7 @@ std::int32_t cluster_size(const Problem& problem) {
       std::min(kClusterBytes * cells / std::max<std::size_t>(bytes, 1), cells / kFewestClusters), 1, 100000));
 }
 
-void fill_blocks(Problem& problem, const HighOrderMesh& mesh, const Clusters& clusters) {
+void fill_sets(Problem& problem, const HighOrderMesh& mesh, const Clusters& clusters) {
   std::vector<const std::int32_t*> nodes;
   std::vector<CellSet*> sets;
   for (const ElementBlock& elements : mesh.blocks) {
@@ -162,9 +162,9 @@ Problem build_problem(const HighOrderMesh& mesh, const std::vector<bool>& fixed,
   assert(fixed.size() == mesh.node_count());
   Problem problem;
   problem.dimension = mesh.dimension;
-  add_blocks(problem, mesh, quadrature_degree > 0 ? quadrature_degree : 2 * mesh.order);
+  add_sets(problem, mesh, quadrature_degree > 0 ? quadrature_degree : 2 * mesh.order);
   const Clusters clusters = cluster_cells(mesh, cluster_size(problem));
-  fill_blocks(problem, mesh, clusters);
+  fill_sets(problem, mesh, clusters);
   list_incidences(problem, fixed);
   return problem;
 }

@@ -1,4 +1,4 @@
-// The cells of a mesh as the kernels see them: tables a shape, targets and deformation gradients a cell.
+// What the solver works on: tables per shape, targets and deformation gradients per cell, positions and free nodes.
 #pragma once
 
 #include <cstdint>
@@ -9,20 +9,20 @@
 
 namespace varimesh {
 
-/// Quadrature points of a cell are padded to a multiple of this, by repeating the last with weight 0, so that a vector
-/// of any width up to 8 doubles never straddles two arrays.
+/// The quadrature points of a cell are padded to a multiple of this by repeating the last one with weight 0. So a
+/// vector of up to 8 doubles never straddles two arrays.
 inline constexpr int kPointPadding = 8;
 
-/// All cells of one shape. Arrays over quadrature points come last and are `stride` long.
+/// All cells of one shape. The innermost index of an array over quadrature points is the point, with length `stride`.
 struct CellSet {
   Shape shape = Shape::Triangle;
   int dimension = 0;
   int order = 0;
   int nodes_per_cell = 0;
-  int degree = 0;       ///< Of the quadrature rule asked for.
+  int degree = 0;       ///< Degree asked of the quadrature rule.
   int points = 0;       ///< Quadrature points of the rule.
   int stride = 0;       ///< The same, padded.
-  bool affine = false;  ///< The target is one matrix a cell.
+  bool affine = false;  ///< Each cell's target is the same matrix at all its points.
   std::int32_t count = 0;
   std::int32_t first = 0;  ///< Number of this set's first cell among all cells.
 
@@ -30,36 +30,35 @@ struct CellSet {
   std::vector<std::int32_t> nodes;      ///< count × nodes_per_cell, indices of mesh nodes.
   AlignedVector<double> derivatives;    ///< nodes_per_cell × dimension × stride: ∂φ_i/∂ξ_k.
   AlignedVector<double> weights;        ///< stride: quadrature weights, 0 in the padding.
-  /// A⁻¹ of the target A (row-major d × d): count × d·d where affine, else count × d·d × stride.
+  /// A⁻¹ of the target A (row-major d × d): count × d·d if affine, else count × d·d × stride.
   AlignedVector<double> inverse_target;
-  /// |det A| where affine (count), else weight times |det A| (count × stride).
+  /// If affine, |det A| (count); else weight times |det A| (count × stride).
   AlignedVector<double> measure;
-  /// Of cells whose target is one matrix up to rounding where the set's vary (a parallelepiped, an extruded
-  /// triangle): A⁻¹ and |det A|, count × (d·d + 1), |det A| being 0 for all others. Empty where the set's do not
-  /// vary.
+  /// For sets that are not affine: cells whose target is the same matrix at all points up to rounding (a
+  /// parallelepiped, an extruded triangle). count × (d·d + 1): A⁻¹, row-major, and |det A|, which is 0 for all other
+  /// cells. Empty for affine sets.
   std::vector<double> uniform_target;
-  /// L of F = L ∇χ_M A⁻¹ (row-major d × d): count × d·d, symmetric, of determinant 1. Empty: 1.
+  /// L of F = L ∇χ_M A⁻¹ (row-major d × d): count × d·d, symmetric, of determinant 1. Empty: L = 1.
   AlignedVector<double> left_factor;
-  /// F, row-major: count × d·d × stride. Empty while nobody keeps it (hold_deformation): it is the most that a cell
-  /// has.
+  /// F, row-major: count × d·d × stride. Empty unless hold_deformation() was called; it is the largest array of a set.
   AlignedVector<double> deformation;
-  /// What the energy takes of J at the points, ln J or J^(−1/3) (jacobian-inl.h), beside F: count × stride. Right
-  /// wherever J > 0, for a J that may have been rounded otherwise than that of F. Empty where it takes neither.
+  /// Beside F the function of J that the energy needs, ln J or J^(−1/3) (jacobian-inl.h): count × stride. Valid
+  /// wherever J > 0; its J may have been rounded differently from the J of F. Empty if the energy needs neither.
   AlignedVector<double> jacobian_function;
-  std::vector<double> energy_slope;   ///< What products weight each cell with (the p-norm's slope); empty: 1.
-  std::vector<double> delta_squared;  ///< δ² of J' a cell, dimensionless; 0 for a cell with J > 0 at every point.
-  std::vector<char> unrepairable;     ///< Cells that no free node can repair: never in the barrier. Empty: none.
+  std::vector<double> energy_slope;   ///< Weight of each cell in Hessian products (the p-norm's slope); empty: 1.
+  std::vector<double> delta_squared;  ///< δ² of J' per cell, dimensionless; 0 for a cell with J > 0 at every point.
+  std::vector<char> unrepairable;     ///< Cells that no free node can repair, never in the barrier. Empty: none.
 
-  /// Numbers in a cell's F.
+  /// Numbers in the F of one cell.
   std::size_t deformation_size() const { return static_cast<std::size_t>(dimension) * dimension * stride; }
-  /// Null where none is kept.
+  /// Null if F is not held.
   double* deformation_of(std::int32_t cell) {
     return deformation.empty() ? nullptr : deformation.data() + cell * deformation_size();
   }
   const double* deformation_of(std::int32_t cell) const {
     return deformation.empty() ? nullptr : deformation.data() + cell * deformation_size();
   }
-  /// Null where none is kept.
+  /// Null if the function of J is not held.
   double* jacobian_function_of(std::int32_t cell) {
     return jacobian_function.empty() ? nullptr : jacobian_function.data() + static_cast<std::size_t>(cell) * stride;
   }
@@ -69,13 +68,13 @@ struct CellSet {
   const double* inverse_target_of(std::int32_t cell) const {
     return inverse_target.data() + static_cast<std::size_t>(cell) * dimension * dimension * (affine ? 1 : stride);
   }
-  /// d·d + 1 numbers; null where the cell has none.
+  /// d·d + 1 numbers; null if the cell has none.
   const double* uniform_target_of(std::int32_t cell) const {
     const std::size_t size = static_cast<std::size_t>(dimension) * dimension + 1;
     const double* of_cell = uniform_target.empty() ? nullptr : uniform_target.data() + cell * size;
     return of_cell != nullptr && of_cell[size - 1] > 0 ? of_cell : nullptr;
   }
-  /// Null: 1.
+  /// Null: L = 1.
   const double* left_factor_of(std::int32_t cell) const {
     return left_factor.empty() ? nullptr : left_factor.data() + static_cast<std::size_t>(cell) * dimension * dimension;
   }
@@ -89,41 +88,44 @@ struct CellSet {
 
 /// A cell that a node belongs to, and which of the cell's nodes it is.
 struct Incidence {
-  std::int32_t cell = 0;  ///< Within its set.
-  std::int16_t set = 0;
-  std::int16_t local = 0;
+  std::int32_t cell = 0;   ///< Number of the cell within its set.
+  std::int16_t set = 0;    ///< Index in Problem::sets.
+  std::int16_t local = 0;  ///< Local number of the node in the cell.
 };
 
-/// Everything the optimiser works on. Coordinates are relative: (x − centre)/diagonal of the bounding box, so that the
-/// unit of length plays no part.
+/// Everything the optimiser works on. Coordinates are relative, (x − centre)/diagonal of the bounding box, so they have
+/// no unit.
 struct Problem {
   int dimension = 0;
   std::vector<CellSet> sets;
   std::int32_t cells = 0;
-  std::vector<std::int32_t> cluster;  ///< By cell (set.first + cell): cells of one cluster are near each other.
+  std::vector<std::int32_t> cluster;  ///< By cell (set.first + cell): the number of its cluster (clusters.h).
   std::int32_t clusters = 0;
-  std::vector<double> positions;      ///< dimension a node, interleaved, of the optimised nodes.
-  std::vector<std::int32_t> free;     ///< Nodes that may move, as the cells name them: neighbours are near.
+  std::vector<double> positions;      ///< Of the optimised nodes: `dimension` numbers per node, interleaved.
+  std::vector<std::int32_t> free;     ///< Nodes that may move, in the order in which they first occur in the cells.
   std::vector<std::int32_t> offsets;  ///< free.size() + 1: where each free node's incidences begin.
   std::vector<Incidence> incidences;
 };
 
 /// Groups the cells by shape and, within a shape, by cluster; builds the tables and lists the incidences of the free
-/// nodes. `quadrature_degree` 0 means 2 P. Positions, targets and deformation gradients are left to be set.
+/// nodes. `quadrature_degree` 0 means 2 P. The caller has to set positions, targets and deformation gradients.
+///
+/// @param fixed for every node of the mesh whether it is fixed
 Problem build_problem(const HighOrderMesh& mesh, const std::vector<bool>& fixed, int quadrature_degree);
 
-/// Makes room for the deformation gradients, and for the energy's function of J where it `keeps_function`, or gives it
-/// back. hold: true where the room is new, and they are to be computed.
+/// Allocates CellSet::deformation and, if `keeps_function`, CellSet::jacobian_function. Returns whether any of it is
+/// new, so that the caller has to compute it.
 bool hold_deformation(Problem& problem, bool keeps_function);
 bool holds_deformation(const Problem& problem);
+/// Frees both.
 void drop_deformation(Problem& problem);
 
-/// What an array of all nodes' positions has of the free ones, d numbers each, and back; false where it is not of that
-/// size.
+/// The positions of the free nodes, d numbers each, taken from the positions of all nodes.
 std::vector<double> free_positions(const Problem& problem, const std::vector<double>& positions);
+/// Puts them back. Returns false, and changes nothing, if `free` has the wrong size.
 bool set_free_positions(const Problem& problem, const std::vector<double>& free, std::vector<double>& positions);
 
-/// Sets the targets to the straight-sided cells on the vertices of `positions`; targets.h has the others.
+/// Sets each cell's target to the straight-sided cell on the vertices of `positions`; targets.h has the other targets.
 void set_straight_sided_targets(Problem& problem);
 
 }  // namespace varimesh

@@ -7,12 +7,12 @@
 #include <unordered_map>
 
 #include "core/mesh/connectivity.h"
-#include "core/mesh/words.h"
+#include "core/base/text_lines.h"
 
 namespace varimesh {
 namespace {
 
-// What a value belongs to, for the sentences.
+// What a value belongs to, for messages.
 const char* thing(Per per) { return per == Per::Cell ? "element " : "node "; }
 
 // === Which cell or node ==================================================================================
@@ -26,30 +26,30 @@ std::unordered_map<std::int64_t, std::size_t> number_things(const HighOrderMesh&
   return index;
 }
 
-// For each value the cell or node that it belongs to.
+// The index of the cell or node that each value belongs to.
 Expected<std::vector<std::size_t>> match(const HighOrderMesh& mesh, const Cells& cells, const TargetField& field,
                                          std::size_t count) {
   std::vector<std::size_t> at(field.values.size() / std::size_t(field.components));
   if (field.numbers.empty()) {
     if (at.size() != count)
-      return bad_option("target_field has " + std::to_string(at.size()) + " values and the mesh " +
+      return bad_option("target_field has " + std::to_string(at.size()) + " values, but the mesh has " +
                         std::to_string(count) + (field.per == Per::Cell ? " cells" : " nodes") +
-                        ": give one each, or their numbers too.");
+                        ": give one value for each, or give the numbers too.");
     std::iota(at.begin(), at.end(), std::size_t(0));
     return at;
   }
   if (field.numbers.size() != at.size())
     return bad_option("target_field has " + std::to_string(field.numbers.size()) + " numbers and values for " +
-                      std::to_string(at.size()) + ": give as many of each.");
+                      std::to_string(at.size()) + ": give one number for each value.");
   const auto index = number_things(mesh, cells, field.per);
   std::vector<bool> seen(count, false);
   for (std::size_t i = 0; i < at.size(); ++i) {
     const std::string name = thing(field.per) + std::to_string(field.numbers[i]);
     const auto found = index.find(field.numbers[i]);
     if (found == index.end())
-      return bad_input("The target field names " + name + ", which is no " +
-                       (field.per == Per::Cell ? "cell" : "node") + " of the mesh: use the numbers of its file.");
-    if (seen[found->second]) return bad_input("The target field names " + name + " twice: give it one value.");
+      return bad_input("The target field has a value for " + name + ", which is no " +
+                       (field.per == Per::Cell ? "cell" : "node") + " of the mesh: use the numbers of the mesh file.");
+    if (seen[found->second]) return bad_input("The target field lists " + name + " twice: give one value.");
     seen[found->second] = true;
     at[i] = found->second;
   }
@@ -65,7 +65,7 @@ Eigen::MatrixXd tensor(const double* entries, int d) {
   return matrix;
 }
 
-// The stretch that a value means, in place; false where it is not positive.
+// Turns a value into its stretch, in place. False if the stretch is not positive.
 bool stretch_of(double* value, int components, Target target, int d) {
   for (int c = 0; c < components; ++c)
     if (!std::isfinite(value[c])) return false;
@@ -86,18 +86,18 @@ bool stretch_of(double* value, int components, Target target, int d) {
 tl::unexpected<Error> not_positive(Target target, const std::string& name) {
   if (target == Target::Strain)
     return bad_input("The strain of " + name +
-                     " leaves nothing of it: give a finite number above -1, or a tensor whose eigenvalues are.");
+                     " is not above -1: give a finite number above -1, or a tensor whose eigenvalues are above -1.");
   return bad_input("The size of " + name +
-                   " is not positive: give a finite edge length above 0, or a metric whose eigenvalues are.");
+                   " is not positive: give a finite edge length above 0, or a metric whose eigenvalues are above 0.");
 }
 
-// Nodes that are a cell's vertices: those that need a value.
+// For every node whether it is a vertex of a cell. Only vertices need a value.
 std::vector<bool> vertices_of(const HighOrderMesh& mesh, const Cells& cells) {
   std::vector<bool> vertex(mesh.node_count(), false);
-  for (const Cells::Run& run : cells.runs())
-    for (std::size_t e = 0; e < run.block->size(); ++e)
-      for (int v = 0; v < reference::info(run.block->shape).vertices; ++v)
-        vertex[std::size_t(run.block->nodes[e * run.stride + std::size_t(v)])] = true;
+  for (const Cells::Range& range : cells.ranges())
+    for (std::size_t e = 0; e < range.block->size(); ++e)
+      for (int v = 0; v < reference::info(range.block->shape).vertices; ++v)
+        vertex[std::size_t(range.block->nodes[e * range.stride + std::size_t(v)])] = true;
   return vertex;
 }
 
@@ -113,11 +113,11 @@ Expected<TargetField> read_target_field(std::string_view text) {
   };
   const std::string_view heading = next_line(text, line, number) ? next_word(line) : std::string_view{};
   if (heading != "elements" && heading != "nodes")
-    return refuse("does not say what the values belong to: begin with a line 'elements' or 'nodes'.");
+    return refuse("does not say what the values belong to: begin the file with a line 'elements' or 'nodes'.");
   field.per = heading == "elements" ? Per::Cell : Per::Vertex;
   while (next_line(text, line, number)) {
     std::int64_t thing_number = 0;
-    if (!parse(next_word(line), thing_number)) return refuse("does not begin with a number of an element or node.");
+    if (!parse(next_word(line), thing_number)) return refuse("does not begin with the number of an element or node.");
     field.numbers.push_back(thing_number);
     int components = 0;
     for (std::string_view word = next_word(line); !word.empty(); word = next_word(line), ++components) {
@@ -128,9 +128,10 @@ Expected<TargetField> read_target_field(std::string_view text) {
     if (field.components == 0) field.components = components;
     if (components == 0 || components != field.components)
       return refuse("has " + std::to_string(components) +
-                    " values: give one, or the 3 (2-D) or 6 (3-D) entries of a tensor, and as many in each line.");
+                    " values: give one, or the 3 (2-D) or 6 (3-D) entries of a tensor, the same in each line.");
   }
-  if (field.components == 0) return refuse("is the last and there was no value: give a line 'number value' each.");
+  if (field.components == 0)
+    return refuse("is the last, and there is no value in the file: give one line 'number value' per value.");
   return field;
 }
 
@@ -142,11 +143,11 @@ Expected<StretchField> resolve_target_field(const HighOrderMesh& mesh, const Opt
   const int d = mesh.dimension;
   if (field.components != 1 && field.components != d * (d + 1) / 2)
     return bad_option("target_field has " + std::to_string(field.components) + " components; a " + std::to_string(d) +
-                      "-D mesh takes 1 or " + std::to_string(d * (d + 1) / 2) + ".");
+                      "-D mesh needs 1 or " + std::to_string(d * (d + 1) / 2) + ".");
   const auto components = std::size_t(field.components);
   if (field.values.size() % components != 0)
-    return bad_option("target_field has " + std::to_string(field.values.size()) + " values, which is no multiple of " +
-                      std::to_string(components) + " components.");
+    return bad_option("target_field has " + std::to_string(field.values.size()) +
+                      " values, which is not a multiple of its " + std::to_string(components) + " components.");
   const Cells cells(mesh, d);
   const std::size_t count = field.per == Per::Cell ? cells.count() : mesh.node_count();
   const auto at = match(mesh, cells, field, count);
@@ -154,7 +155,7 @@ Expected<StretchField> resolve_target_field(const HighOrderMesh& mesh, const Opt
 
   stretch.per = field.per;
   stretch.components = field.components;
-  // Where nothing is said: no strain, that is S = 1.
+  // Cells and nodes without a value have no strain: S = 1.
   stretch.values.resize(count * components);
   for (std::size_t i = 0; i < count; ++i)
     for (int k = 0, entry = 0; k < d && entry < field.components; entry += ++k + 1)
@@ -175,9 +176,10 @@ Expected<StretchField> resolve_target_field(const HighOrderMesh& mesh, const Opt
   if (options.target == Target::Strain) return stretch;
   for (std::size_t i = 0; i < count; ++i)
     if (needs[i])
-      return bad_input("The target field has no size for " + std::string(thing(field.per)) +
-                       std::to_string(field.per == Per::Cell ? cells.number(i) : mesh.node_numbers[i]) +
-                       (field.per == Per::Cell ? ": give every cell one." : ", a vertex: give every vertex one."));
+      return bad_input(
+          "The target field has no size for " + std::string(thing(field.per)) +
+          std::to_string(field.per == Per::Cell ? cells.number(i) : mesh.node_numbers[i]) +
+          (field.per == Per::Cell ? ": give one for every cell." : ", which is a vertex: give one for every vertex."));
   return stretch;
 }
 

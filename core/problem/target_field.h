@@ -1,4 +1,4 @@
-// Sizes and strains that users hand in, checked and turned into what the targets are made with.
+// The sizes and strains that users give: reads them, checks them and turns them into stretches for the targets.
 #pragma once
 
 #include <string_view>
@@ -10,24 +10,24 @@
 
 namespace varimesh {
 
-/// Reads a field from text: a first line "elements" (a value a cell) or "nodes" (a value a vertex), then a line "number
-/// value" each, or "number xx xy yy" (2-D) or "number xx xy yy xz yz zz" (3-D) for a tensor; separated by blanks; empty
-/// lines and what follows a # are passed over. Errors: BadInput with the line.
+/// Reads a field from text. The first line is "elements" (one value per cell) or "nodes" (one value per vertex). Then
+/// comes one line per value: "number value", or for a tensor "number xx xy yy" (2-D) or "number xx xy yy xz yz zz"
+/// (3-D), separated by blanks. Empty lines and everything after a # are ignored. Errors: BadInput with the line.
 Expected<TargetField> read_target_field(std::string_view text);
 
-/// A field as the targets use it: for each cell (in the mesh's order) or node the stretch S, symmetric and positive.
-/// For a size S is h or M^(−1/2), a length; for a strain it is 1 + ε or 1 + E, without a unit. Interpolating S, and not
-/// M, between vertices keeps a size that grows by equal steps just that.
+/// A field as the targets use it: the stretch S, symmetric and positive definite, of each cell (in the mesh's order) or
+/// node. For a size S is h or M^(−1/2), a length; for a strain it is 1 + ε or 1 + E, dimensionless. Between vertices S
+/// is interpolated and not M, so a size that grows linearly stays linear.
 struct StretchField {
   Target target = Target::StraightSided;
   Per per = Per::Cell;
-  int components = 0;  ///< 0: no field; 1: S is a number; else its lower triangle by rows.
-  std::vector<double> values;
+  int components = 0;          ///< 0: no field; 1: S is a number; else d (d + 1)/2: its lower triangle by rows.
+  std::vector<double> values;  ///< (cells or nodes) × components.
 };
 
-/// Matches the options' field with the mesh. Errors: BadInput for a number that the mesh does not have or that comes
-/// twice, a cell or vertex without a size, a size, metric or 1 + strain that is not positive; BadOption where
-/// `components` or the number of values does not fit.
+/// Matches options.target_field with the mesh. Errors: BadInput if a number is not in the mesh or occurs twice, if a
+/// cell or vertex has no size, or if a size, metric or 1 + strain is not positive; BadOption if `components` or the
+/// number of values does not fit.
 Expected<StretchField> resolve_target_field(const HighOrderMesh& mesh, const Options& options);
 
 }  // namespace varimesh

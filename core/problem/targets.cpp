@@ -1,4 +1,4 @@
-// A new target is one function of CellAtHand and one line in the table at the end of the file's first part.
+// A new kind of target is one function of TargetInputs and one line in kTargets.
 #include "core/problem/targets.h"
 
 #include <Eigen/Dense>
@@ -19,41 +19,41 @@ using MatrixD = Eigen::Matrix<double, d, d>;
 
 // === The targets =========================================================================================
 
-// What a target may depend on, at one quadrature point of one cell.
+// What a target can depend on, at one quadrature point of one cell.
 template <int d>
-struct CellAtHand {
-  MatrixD<d> straight;  // ∇χ_L here
-  MatrixD<d> stretch;   // S here, 1 without a field; its size alone where L has the rest
+struct TargetInputs {
+  MatrixD<d> straight;  // ∇χ_L at the point
+  MatrixD<d> stretch;   // S at the point, 1 without a field; only its size if L has the rest
   MatrixD<d> regular;   // W
-  MatrixD<d> rotation;  // R, of the whole cell
-  double edge = 0;      // of the regular shape with the straight-sided cell's volume
+  MatrixD<d> rotation;  // R of the cell
+  double edge = 0;      // edge length of the regular shape with the volume of the straight-sided cell
 };
 
 template <int d>
-MatrixD<d> straight_sided(const CellAtHand<d>& cell) {
+MatrixD<d> straight_sided(const TargetInputs<d>& cell) {
   return cell.straight;
 }
 
 template <int d>
-MatrixD<d> ideal(const CellAtHand<d>& cell) {
+MatrixD<d> ideal(const TargetInputs<d>& cell) {
   return cell.edge * cell.rotation * cell.regular;
 }
 
 template <int d>
-MatrixD<d> sized(const CellAtHand<d>& cell) {
+MatrixD<d> sized(const TargetInputs<d>& cell) {
   return cell.stretch * cell.rotation * cell.regular;
 }
 
 template <int d>
-MatrixD<d> strained(const CellAtHand<d>& cell) {
+MatrixD<d> strained(const TargetInputs<d>& cell) {
   return cell.stretch * cell.straight;
 }
 
 struct TargetEntry {
   Target target;
-  bool is_regular;  // made of W: the rotation and the edge are worth computing
-  MatrixD<2> (*plane)(const CellAtHand<2>&);
-  MatrixD<3> (*solid)(const CellAtHand<3>&);
+  bool is_regular;  // depends on W, so that the rotation and the edge are needed
+  MatrixD<2> (*plane)(const TargetInputs<2>&);
+  MatrixD<3> (*solid)(const TargetInputs<3>&);
 };
 
 constexpr TargetEntry kTargets[] = {
@@ -72,8 +72,8 @@ const TargetEntry& entry_of(Target target) {
 
 // === Regular shapes ======================================================================================
 
-// W: gradient of the affine map from the reference cell to the regular shape with edges of length 1. Every edge of a
-// reference cell along an axis has length 2.
+// W: the gradient of the affine map from the reference cell to the regular shape with edges of length 1. The edges of a
+// reference cell along the axes have length 2.
 Eigen::Matrix3d regular_shape(Shape shape) {
   const double root3 = std::sqrt(3.0), root2 = std::sqrt(2.0);
   Eigen::Matrix3d twice = Eigen::Matrix3d::Identity();
@@ -84,12 +84,12 @@ Eigen::Matrix3d regular_shape(Shape shape) {
   return 0.5 * twice;
 }
 
-// === Block by set ======================================================================================
+// === Targets of one set ==================================================================================
 
-// The values of a field on a set's cells.
-struct FieldOnBlock {
+// The values of a field on the cells of a set.
+struct FieldOnSet {
   const StretchField& field;
-  const std::vector<std::int32_t>& mesh_cell;  // the cell's number in the mesh's order
+  const std::vector<std::int32_t>& mesh_cell;  // numbers of the cells in the mesh's order
   Eigen::MatrixXd vertex_values;               // points × vertices
   double scale = 1;                            // from the field's unit to the problem's
 
@@ -114,25 +114,25 @@ struct FieldOnBlock {
   }
 };
 
-// The edge of a cube as large as the unit cube stretched by S.
+// The edge of a cube with the volume of the unit cube stretched by S.
 template <int d>
 double size_of(const MatrixD<d>& stretch) {
   return std::pow(stretch.determinant(), 1.0 / d);
 }
 
-// The orthogonal factor of a matrix; its determinant has the matrix's sign.
+// The orthogonal factor of a matrix. Its determinant has the sign of the matrix's determinant.
 template <int d>
 MatrixD<d> polar_rotation(const MatrixD<d>& matrix) {
   const Eigen::JacobiSVD<MatrixD<d>> svd(matrix, Eigen::ComputeFullU | Eigen::ComputeFullV);
   return svd.matrixU() * svd.matrixV().transpose();
 }
 
-// The orthogonal matrix closest to `rotation` that takes the coordinate axes to eigenvectors of `stretch`, with the
-// sign of its determinant.
+// The orthogonal matrix closest to `rotation` that takes the coordinate axes to eigenvectors of `stretch` and has a
+// determinant of the same sign as `rotation`.
 template <int d>
 MatrixD<d> along_axes(const MatrixD<d>& stretch, const MatrixD<d>& rotation) {
   const MatrixD<d> axes = Eigen::SelfAdjointEigenSolver<MatrixD<d>>(stretch).eigenvectors();
-  const MatrixD<d> seen = axes.transpose() * rotation;
+  const MatrixD<d> wanted = axes.transpose() * rotation;  // `rotation` in the eigenvectors' coordinates
   MatrixD<d> best = rotation;
   double closest = -1;
   std::array<int, d> order{};
@@ -141,8 +141,8 @@ MatrixD<d> along_axes(const MatrixD<d>& stretch, const MatrixD<d>& rotation) {
     for (int signs = 0; signs < (1 << d); ++signs) {
       MatrixD<d> turn = MatrixD<d>::Zero();
       for (int i = 0; i < d; ++i) turn(order[i], i) = (signs >> i & 1) != 0 ? -1 : 1;
-      const double likeness = turn.cwiseProduct(seen).sum();
-      if (turn.determinant() * seen.determinant() < 0 || likeness <= closest) continue;
+      const double likeness = turn.cwiseProduct(wanted).sum();
+      if (turn.determinant() * wanted.determinant() < 0 || likeness <= closest) continue;
       closest = likeness;
       best = axes * turn;
     }
@@ -155,11 +155,11 @@ bool has_axes(Shape shape) {
 }
 
 template <int d>
-class BlockTargets {
+class TargetSetter {
  public:
-  BlockTargets(const Problem& problem, CellSet& set, const TargetEntry& target, const FieldOnBlock& field)
+  TargetSetter(const Problem& problem, CellSet& set, const TargetEntry& target, const FieldOnSet& field)
       : problem_(problem),
-        block_(set),
+        set_(set),
         target_(target),
         field_(field),
         rule_(reference::quadrature(set.shape, set.order, set.degree)),
@@ -167,56 +167,56 @@ class BlockTargets {
             reference::basis_gradients(set.shape, 1, reference::NodeSet::Equispaced, set.dimension, rule_.points)),
         straight_(static_cast<std::size_t>(set.points)),
         turns_freely_(target.target == Target::Size && field.field.components > 1 && !has_axes(set.shape)) {
-    at_.regular = regular_shape(set.shape).template topLeftCorner<d, d>();
+    inputs_.regular = regular_shape(set.shape).template topLeftCorner<d, d>();
   }
 
-  void set() {
+  void set_all() {
     const bool varies = field_.field.components > 0 && field_.field.per == Per::Vertex;
-    block_.affine = reference::info(block_.shape).affine && !varies;
-    per_cell_ = block_.affine ? 1 : block_.stride;
-    block_.inverse_target.resize(static_cast<std::size_t>(block_.count) * d * d * per_cell_);
-    block_.measure.resize(static_cast<std::size_t>(block_.count) * per_cell_);
-    block_.left_factor.resize(turns_freely_ ? static_cast<std::size_t>(block_.count) * d * d : 0);
-    for (std::int32_t cell = 0; cell < block_.count; ++cell) set_cell(cell);
+    set_.affine = reference::info(set_.shape).affine && !varies;
+    per_cell_ = set_.affine ? 1 : set_.stride;
+    set_.inverse_target.resize(static_cast<std::size_t>(set_.count) * d * d * per_cell_);
+    set_.measure.resize(static_cast<std::size_t>(set_.count) * per_cell_);
+    set_.left_factor.resize(turns_freely_ ? static_cast<std::size_t>(set_.count) * d * d : 0);
+    for (std::int32_t cell = 0; cell < set_.count; ++cell) set_cell(cell);
   }
 
  private:
   void set_cell(std::int32_t cell) {
-    const std::int32_t* nodes = block_.nodes.data() + static_cast<std::size_t>(cell) * block_.nodes_per_cell;
-    double* inverse = block_.inverse_target.data() + static_cast<std::size_t>(cell) * d * d * per_cell_;
-    double* measure = block_.measure.data() + static_cast<std::size_t>(cell) * per_cell_;
-    const int points = std::min(per_cell_, block_.points);
+    const std::int32_t* nodes = set_.nodes.data() + static_cast<std::size_t>(cell) * set_.nodes_per_cell;
+    double* inverse = set_.inverse_target.data() + static_cast<std::size_t>(cell) * d * d * per_cell_;
+    double* measure = set_.measure.data() + static_cast<std::size_t>(cell) * per_cell_;
+    const int points = std::min(per_cell_, set_.points);
     for (int q = 0; q < points; ++q) straight_[q] = straight_gradient(nodes, q);
     if (target_.is_regular) fit_regular(nodes, cell, points);
     for (int q = 0; q < per_cell_; ++q) {
       const int point = std::min(q, points - 1);
-      at_.straight = straight_[point];
-      at_.stretch = field_.at<d>(nodes, cell, point);
-      if (turns_freely_) at_.stretch = size_of<d>(at_.stretch) * MatrixD<d>::Identity();
+      inputs_.straight = straight_[point];
+      inputs_.stretch = field_.at<d>(nodes, cell, point);
+      if (turns_freely_) inputs_.stretch = size_of<d>(inputs_.stretch) * MatrixD<d>::Identity();
       const MatrixD<d> A = evaluate();
       const MatrixD<d> inverse_A = A.inverse();
       for (int i = 0; i < d; ++i)
         for (int j = 0; j < d; ++j) inverse[(i * d + j) * per_cell_ + q] = inverse_A(i, j);
-      measure[q] = std::abs(A.determinant()) * (block_.affine ? 1.0 : block_.weights[q]);
+      measure[q] = std::abs(A.determinant()) * (set_.affine ? 1.0 : set_.weights[q]);
     }
   }
 
   MatrixD<d> evaluate() const {
     if constexpr (d == 2)
-      return target_.plane(at_);
+      return target_.plane(inputs_);
     else
-      return target_.solid(at_);
+      return target_.solid(inputs_);
   }
 
   MatrixD<d> straight_gradient(const std::int32_t* nodes, int point) const {
     MatrixD<d> A = MatrixD<d>::Zero();
-    for (int v = 0; v < reference::info(block_.shape).vertices; ++v)
+    for (int v = 0; v < reference::info(set_.shape).vertices; ++v)
       for (int k = 0; k < d; ++k)
         for (int i = 0; i < d; ++i) A(i, k) += problem_.positions[nodes[v] * d + i] * gradients_[k](point, v);
     return A;
   }
 
-  // The rotation, the edge and the left factor, from means over the cell.
+  // Sets the rotation, the edge and the left factor from means over the cell.
   void fit_regular(const std::int32_t* nodes, std::int32_t cell, int points) {
     MatrixD<d> straight = MatrixD<d>::Zero(), stretch = MatrixD<d>::Zero();
     double weight = 0, volume = 0;
@@ -226,42 +226,44 @@ class BlockTargets {
       straight += rule_.weights[q] * straight_[q];
       stretch += rule_.weights[q] * field_.at<d>(nodes, cell, q);
     }
-    at_.rotation = polar_rotation<d>(stretch.inverse() * straight * at_.regular.inverse());
+    inputs_.rotation = polar_rotation<d>(stretch.inverse() * straight * inputs_.regular.inverse());
     if (turns_freely_) set_left_factor(cell, stretch);
-    if (field_.field.components > 1 && has_axes(block_.shape)) at_.rotation = along_axes<d>(stretch, at_.rotation);
-    at_.edge = std::pow(volume / (weight * at_.regular.determinant()), 1.0 / d);
+    if (field_.field.components > 1 && has_axes(set_.shape))
+      inputs_.rotation = along_axes<d>(stretch, inputs_.rotation);
+    inputs_.edge = std::pow(volume / (weight * inputs_.regular.determinant()), 1.0 / d);
   }
 
-  // L does not depend on the stretch's size: the sum over the points does as well as the mean.
+  // L does not depend on the size of the stretch, so `stretch` may be the sum over the points instead of their mean.
   void set_left_factor(std::int32_t cell, const MatrixD<d>& stretch) {
     const MatrixD<d> factor = size_of<d>(stretch) * stretch.inverse();
-    double* out = block_.left_factor.data() + static_cast<std::size_t>(cell) * d * d;
+    double* out = set_.left_factor.data() + static_cast<std::size_t>(cell) * d * d;
     for (int i = 0; i < d; ++i)
       for (int j = 0; j < d; ++j) out[i * d + j] = factor(std::max(i, j), std::min(i, j));
   }
 
   const Problem& problem_;
-  CellSet& block_;
+  CellSet& set_;
   const TargetEntry& target_;
-  const FieldOnBlock& field_;
+  const FieldOnSet& field_;
   reference::Quadrature rule_;
   std::vector<Eigen::MatrixXd> gradients_;
   std::vector<MatrixD<d>> straight_;
-  bool turns_freely_ = false;  // in a metric: L has its directions
-  CellAtHand<d> at_;
+  bool turns_freely_ = false;  // a simplex or pyramid in a metric: L has the directions of the metric
+  TargetInputs<d> inputs_;
   int per_cell_ = 1;
 };
 
-// === Targets that turn out not to vary ===================================================================
+// === Targets that are the same at all points of a cell ===================================================
 
 constexpr double kRounding = 1e-13;
 
-// Whether all n numbers are as the first, to rounding of `scale`.
+// Whether all n numbers equal the first one up to rounding of `scale`.
 bool all_alike(const double* numbers, int n, double scale) {
   return std::all_of(numbers, numbers + n, [&](double x) { return std::abs(x - numbers[0]) <= kRounding * scale; });
 }
 
-// Row k of A⁻¹ is what the map's direction k is measured with: in a thin cell the rows' sizes are far apart.
+// Row k of A⁻¹ measures the map's direction k. In a thin cell the sizes of the rows are far apart, so each has its own
+// scale.
 bool is_uniform(const CellSet& set, std::int32_t cell) {
   const int d = set.dimension;
   const double *inverse = set.inverse_target_of(cell), *measure = set.measure_of(cell);
@@ -295,14 +297,14 @@ void find_uniform_targets(CellSet& set) {
 void set_targets(Problem& problem, const StretchField& field, double diagonal) {
   const TargetEntry& target = entry_of(field.target);
   for (CellSet& set : problem.sets) {
-    FieldOnBlock on_block{field, set.mesh_cell, {}, field.target == Target::Size ? 1 / diagonal : 1.0};
+    FieldOnSet on_set{field, set.mesh_cell, {}, field.target == Target::Size ? 1 / diagonal : 1.0};
     if (field.components > 0 && field.per == Per::Vertex)
-      on_block.vertex_values = reference::basis_values(set.shape, 1, reference::NodeSet::Equispaced, set.dimension,
-                                                       reference::quadrature(set.shape, set.order, set.degree).points);
+      on_set.vertex_values = reference::basis_values(set.shape, 1, reference::NodeSet::Equispaced, set.dimension,
+                                                     reference::quadrature(set.shape, set.order, set.degree).points);
     if (problem.dimension == 2)
-      BlockTargets<2>(problem, set, target, on_block).set();
+      TargetSetter<2>(problem, set, target, on_set).set_all();
     else
-      BlockTargets<3>(problem, set, target, on_block).set();
+      TargetSetter<3>(problem, set, target, on_set).set_all();
     find_uniform_targets(set);
   }
 }

@@ -8,8 +8,8 @@
 
 namespace varimesh {
 
-/// quality() without certifying again: `certificates` is what `certifier` says of mesh.coordinates, one per cell in the
-/// mesh's order. Do not call it inside team.run().
+/// quality() without certifying again. `certificates` are those of `certifier` for mesh.coordinates, one per cell in
+/// the mesh's order. Do not call it inside team.run().
 QualityReport quality(const HighOrderMesh& mesh, const Certifier& certifier, std::vector<Certificate> certificates,
                       int intervals, const Team& team);
 

@@ -1,4 +1,4 @@
-// The lattice kernel, compiled for every vector unit that Highway knows on this architecture; a lane is a cell.
+// The lattice kernel, compiled for every vector unit that Highway knows on this architecture. Each lane is a cell.
 #include "core/quality/lattice_kernel.h"
 
 #include <algorithm>
@@ -49,7 +49,7 @@ HWY_INLINE V Determinant(const double* HWY_RESTRICT gradients, int nodes, const 
   return r0 * (s1 * t2 - s2 * t1) - r1 * (s0 * t2 - s2 * t0) + r2 * (s0 * t1 - s1 * t0);
 }
 
-/// The smallest and the largest of a sequence, and where they came first.
+/// The smallest and the largest value of a sequence, and where they first occur.
 struct Range {
   V low, high, low_at, high_at;
 
@@ -106,7 +106,8 @@ void Sample(const LatticeTable& table, const double* HWY_RESTRICT x, std::size_t
   Write(jacobian.high_at, cells, out, &Extremes::high_at);
   Write(sum / hn::Set(d, static_cast<double>(points)), cells, out, &Extremes::mean);
   if (table.vertices == 0) return;
-  // A cell whose straight-sided form is itself inverted has no deformation gradient to speak of: nowhere positive.
+  // If the straight-sided form of a cell is itself inverted, there is no deformation gradient. It counts as nowhere
+  // positive.
   const auto inverted = hn::And(hn::Le(straight.low, hn::Zero(d)), hn::Ge(straight.high, hn::Zero(d)));
   const V nowhere = hn::Set(d, -1.0);
   Write(hn::IfThenElse(inverted, nowhere, distortion.low), cells, out, &Extremes::distortion_low);
@@ -136,7 +137,7 @@ void sample(const LatticeTable& table, const double* x, std::size_t cells, Extre
 
 namespace {
 
-/// A points × nodes matrix a direction, as [point][node][direction].
+/// One points × nodes matrix per direction, as [point][node][direction].
 std::vector<double> interleaved(const std::vector<Eigen::MatrixXd>& gradients) {
   std::vector<double> out;
   out.reserve(static_cast<std::size_t>(gradients[0].size()) * gradients.size());
@@ -168,8 +169,8 @@ void sample_on_lattice(const LatticeTable& table, const double* coordinates, con
   const std::size_t lanes = lattice_lanes();
   const auto d = static_cast<std::size_t>(table.dimension);
   workspace.resize(static_cast<std::size_t>(table.nodes) * d * lanes);
-  // Relative to each cell's first node: a mesh far from the origin keeps its digits. Lanes without a cell repeat the
-  // last one.
+  // Coordinates are relative to each cell's first node, so a mesh far from the origin keeps its digits. Lanes without a
+  // cell repeat the last one.
   for (std::size_t lane = 0; lane < lanes; ++lane) {
     const std::int32_t* list = nodes[std::min(lane, cells - 1)];
     const double* origin = coordinates + 3 * static_cast<std::size_t>(list[0]);

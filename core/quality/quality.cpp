@@ -1,4 +1,4 @@
-// What the samples of det ∇χ_M and the certificates say of every cell, and of the mesh.
+// Samples det ∇χ_M in every cell, and puts samples and certificates together to a report.
 #include <Eigen/Core>
 #include <cassert>
 
@@ -6,12 +6,12 @@
 #include "core/quality/certified_quality.h"
 #include "core/quality/lattice_kernel.h"
 #include "core/reference/basis.h"
-#include "core/validity/cell_ranges.h"
+#include "core/validity/cell_batches.h"
 
 namespace varimesh {
 namespace {
 
-using detail::CellRange;
+using detail::CellBatch;
 using detail::Extremes;
 using detail::LatticeTable;
 
@@ -21,15 +21,15 @@ using detail::LatticeTable;
 
 int default_intervals(int order) { return std::max(2 * order + 2, 8); }
 
-/// min / max, −1 where the value is nowhere positive.
+/// min / max; −1 if the value is nowhere positive.
 double ratio(double low, double high) { return high > 0 ? low / high : -1.0; }
 
-/// J of every cell on the lattice, as extremes.
+/// The extremes of J on the lattice in every cell.
 struct Samples {
   std::vector<Extremes> cells;
-  std::vector<CellRange> batches;
+  std::vector<CellBatch> batches;
   std::map<std::pair<Shape, int>, LatticeTable> tables;
-  double sign = 1;  // −1 where the mesh is numbered clockwise
+  double sign = 1;  // −1 if the mesh is numbered clockwise
   int intervals = 0;
 
   double low(std::size_t cell) const { return sign > 0 ? cells[cell].low : -cells[cell].high; }
@@ -38,7 +38,7 @@ struct Samples {
   double scaled_jacobian(std::size_t cell) const { return ratio(low(cell), high(cell)); }
 };
 
-/// The sign that most cells have: a clockwise mesh is judged as its mirror image.
+/// The sign that most cells have. A clockwise mesh is judged as its mirror image.
 double orientation(const std::vector<Extremes>& cells) {
   const auto negative = std::ranges::count_if(cells, [](const Extremes& e) { return e.mean < 0; });
   return 2 * static_cast<std::size_t>(negative) > cells.size() ? -1.0 : 1.0;
@@ -53,13 +53,13 @@ Samples sample(const HighOrderMesh& mesh, int intervals, const Team& team) {
     return detail::lattice_table(shape, order, samples.intervals, mesh.dimension);
   });
   const std::size_t lanes = detail::lattice_lanes();
-  samples.batches = detail::cell_ranges(mesh, [&](const ElementBlock&) { return lanes; });
+  samples.batches = detail::cell_batches(mesh, [&](const ElementBlock&) { return lanes; });
   team.run([&] {
     team.for_ranges(samples.batches.size(), 8, [&](std::size_t begin, std::size_t end) {
       std::vector<double> workspace;
       std::vector<const std::int32_t*> nodes(lanes);
       for (std::size_t b = begin; b != end; ++b) {
-        const CellRange& batch = samples.batches[b];
+        const CellBatch& batch = samples.batches[b];
         for (std::size_t i = 0; i < batch.count; ++i) nodes[i] = batch.nodes(i);
         detail::sample_on_lattice(samples.tables.at({batch.block->shape, batch.block->order}), mesh.coordinates.data(),
                                   nodes.data(), batch.count, workspace, &samples.cells[batch.cell]);
@@ -74,7 +74,7 @@ CellQuality cell_quality(const Samples& samples) {
   CellQuality quality;
   quality.scaled_jacobian.resize(samples.cells.size());
   quality.distortion_jacobian.resize(samples.cells.size());
-  for (const CellRange& batch : samples.batches) {
+  for (const CellBatch& batch : samples.batches) {
     const bool affine = reference::info(batch.block->shape).affine;
     for (std::size_t i = batch.cell; i < batch.cell + batch.count; ++i) {
       quality.scaled_jacobian[i] = samples.scaled_jacobian(i);
@@ -86,8 +86,8 @@ CellQuality cell_quality(const Samples& samples) {
   return quality;
 }
 
-/// Where a lattice point of a cell lies in space.
-std::array<double, 3> place(const HighOrderMesh& mesh, const CellRange& batch, std::size_t i,
+/// Physical coordinates of a point of a batch's i-th cell.
+std::array<double, 3> place(const HighOrderMesh& mesh, const CellBatch& batch, std::size_t i,
                             const reference::Points& point) {
   const ElementBlock& block = *batch.block;
   const Eigen::MatrixXd values =
@@ -102,7 +102,7 @@ std::array<double, 3> place(const HighOrderMesh& mesh, const CellRange& batch, s
 std::vector<InvalidElement> invalid_elements(const HighOrderMesh& mesh, const Samples& samples,
                                              const CellQuality& quality) {
   std::vector<InvalidElement> invalid;
-  for (const CellRange& batch : samples.batches) {
+  for (const CellBatch& batch : samples.batches) {
     for (std::size_t i = 0; i < batch.count; ++i) {
       const std::size_t cell = batch.cell + i;
       if (samples.low(cell) > 0) continue;
@@ -118,7 +118,7 @@ std::vector<InvalidElement> invalid_elements(const HighOrderMesh& mesh, const Sa
 std::vector<UncertifiedElement> uncertified_elements(const HighOrderMesh& mesh,
                                                      const std::vector<Certificate>& certificates) {
   std::vector<UncertifiedElement> uncertified;
-  for (const CellRange& batch : detail::cell_ranges(mesh, [](const ElementBlock& block) { return block.size(); }))
+  for (const CellBatch& batch : detail::whole_blocks(mesh))
     for (std::size_t i = 0; i < batch.count; ++i) {
       const Certificate& certificate = certificates[batch.cell + i];
       if (!certificate.is_valid())
@@ -130,7 +130,7 @@ std::vector<UncertifiedElement> uncertified_elements(const HighOrderMesh& mesh,
 }  // namespace
 
 // ---------------------------------------------------------------------------------------------------------------------
-// The doors
+// Public functions
 // ---------------------------------------------------------------------------------------------------------------------
 
 std::vector<std::int64_t> uncertified_numbers(const QualityReport& report) {

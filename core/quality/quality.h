@@ -1,4 +1,4 @@
-// How good a mesh is: the scaled Jacobian of every cell on a dense lattice, and the distortion Jacobian beside it.
+// How good a mesh is: the scaled Jacobian and the distortion Jacobian of every cell, sampled on a dense lattice.
 #pragma once
 
 #include <array>
@@ -13,7 +13,7 @@ namespace varimesh {
 /// A cell that is invalid: its Jacobian is not positive somewhere.
 struct InvalidElement {
   std::int64_t number = 0;        ///< Element number as the file has it.
-  double scaled_jacobian = 0;     ///< Its min J / max J (at most 0), dimensionless; −1 where J is nowhere positive.
+  double scaled_jacobian = 0;     ///< min J / max J (at most 0), dimensionless; −1 if J is nowhere positive.
   std::array<double, 3> place{};  ///< Physical coordinates of the sample with the smallest J.
 };
 
@@ -24,38 +24,38 @@ struct UncertifiedElement {
   std::array<double, 3> place{};  ///< Physical coordinates where J ≤ 0, or where it is in doubt.
 };
 
-/// Quality of a whole mesh. Everything is dimensionless but the places. What is sampled is no proof: `certified` is.
+/// The quality report of a mesh. Everything is dimensionless except the places. Samples prove nothing; `certified`
+/// does.
 struct QualityReport {
   static constexpr int kBins = 50;
 
-  double min_scaled_jacobian = 0;      ///< Smallest over the cells of Js = min det ∇χ_M / max det ∇χ_M.
-  double mean_scaled_jacobian = 0;     ///< Mean over the cells of Js, each clipped from below at −1.
-  double min_distortion_jacobian = 0;  ///< The same ratio for det F; equal to Js on simplices.
+  double min_scaled_jacobian = 0;      ///< The smallest Js = min det ∇χ_M / max det ∇χ_M of a cell.
+  double mean_scaled_jacobian = 0;     ///< The mean Js of the cells, each clipped from below at −1.
+  double min_distortion_jacobian = 0;  ///< The smallest such ratio for det F; equal to Js on simplices.
   std::int64_t invalid_elements = 0;
-  std::array<std::int64_t, kBins>
-      histogram{};                      ///< Counts of Js in kBins equal bins of [0, 1]; invalid cells are not in it.
-  std::vector<InvalidElement> invalid;  ///< Every invalid cell, worst first.
-  int lattice_intervals = 0;            ///< Intervals an edge of the lattice that was sampled.
+  std::array<std::int64_t, kBins> histogram{};  ///< Cells by Js, in kBins equal bins of [0, 1]; without invalid cells.
+  std::vector<InvalidElement> invalid;          ///< Every invalid cell, worst first.
+  int lattice_intervals = 0;                    ///< Intervals per edge of the sampled lattice.
 
-  /// How many cells are proved valid, proved invalid or neither. The lower bound is sharp to 0.01 of a cell's largest J
-  /// and, like the mean, of Js clipped from below at −1.
+  /// How many cells are proved valid, proved invalid, or neither, and a lower bound of Js over all cells. The bound is
+  /// within 0.002 of the minimum, unless subdivision reaches its limits first.
   CertificateSummary certified;
-  std::vector<UncertifiedElement> uncertified;  ///< Every cell not certified valid, in the mesh's order.
+  std::vector<UncertifiedElement> uncertified;  ///< Every cell that is not certified valid, in the mesh's order.
 };
 
-/// Js and distortion Jacobian of each cell (elements of dimension mesh.dimension, in the mesh's order).
+/// Js and the distortion Jacobian of each cell (elements of dimension mesh.dimension, in the mesh's order).
 struct CellQuality {
-  std::vector<double> scaled_jacobian;  ///< min J / max J; −1 where J is nowhere positive.
+  std::vector<double> scaled_jacobian;  ///< min J / max J; −1 if J is nowhere positive.
   std::vector<double> distortion_jacobian;
 };
 
 /// The element numbers of the report's uncertified cells.
 std::vector<std::int64_t> uncertified_numbers(const QualityReport& report);
 
-/// Samples every cell on the uniform lattice with `intervals` intervals an edge, vertices and edges included (0: the
-/// default, max(2 P + 2, 8)). J is taken relative to the mesh's orientation, so a mesh that is clockwise throughout is
-/// judged as its mirror image. `threads` 0 means all; the result does not depend on it.
-/// The mesh must have passed check().
+/// Samples every cell on the uniform lattice with `intervals` intervals per edge, vertices and edges included (0: the
+/// default, max(2 P + 2, 8)). J is relative to the mesh's orientation, so a mesh that is clockwise throughout is judged
+/// as its mirror image. `threads` 0 means all; the result does not depend on it. The mesh must have passed
+/// check_structure().
 CellQuality cell_quality(const HighOrderMesh& mesh, int intervals = 0, int threads = 0);
 QualityReport quality(const HighOrderMesh& mesh, int intervals = 0, int threads = 0);
 

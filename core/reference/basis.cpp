@@ -1,6 +1,6 @@
-// Lagrange bases. Lines, triangles, tetrahedra and pyramids go through their modal basis (Vandermonde matrix, factored
-// once); the others are products of those, which is what their modal bases would give, at far less work: a hexahedron
-// of order 10 has 1331 nodes.
+// Lagrange bases. Lines, triangles, tetrahedra and pyramids use their modal basis, with a Vandermonde matrix that is
+// factored once. The bases of the other shapes are products of these. Their modal bases would give the same with far
+// more work: a hexahedron of order 10 has 1331 nodes.
 #include "core/reference/basis.h"
 
 #include <Eigen/LU>
@@ -14,7 +14,7 @@
 namespace varimesh::reference {
 namespace {
 
-/// The factors of a product cell: shapes whose lattice directions follow one another.
+/// The shapes of which a cell is the product. Their lattice directions follow one another.
 std::vector<Shape> factors(Shape shape) {
   switch (shape) {
     case Shape::Quadrilateral:
@@ -28,7 +28,7 @@ std::vector<Shape> factors(Shape shape) {
   }
 }
 
-/// Node number, in each factor, of each node of the product cell.
+/// For each factor, the number of the factor's node that belongs to each node of the product cell.
 using FactorNodes = std::vector<std::vector<int>>;
 
 const FactorNodes& factor_nodes(Shape shape, int order) {
@@ -56,7 +56,7 @@ const FactorNodes& factor_nodes(Shape shape, int order) {
 
 using Factorisation = Eigen::PartialPivLU<Eigen::MatrixXd>;
 
-/// The transposed Vandermonde matrix of a node set, factored: modes × nodes.
+/// The factored transposed Vandermonde matrix of a node set, modes × nodes.
 const Factorisation& vandermonde(Shape shape, int order, NodeSet set, int ambient) {
   static Cache<std::array<int, 4>, Factorisation> cache;
   return cache.get({static_cast<int>(shape), order, static_cast<int>(set), ambient}, [&] {
@@ -64,12 +64,12 @@ const Factorisation& vandermonde(Shape shape, int order, NodeSet set, int ambien
   });
 }
 
-/// Modal values (or derivatives) at points, points × modes, to Lagrange ones, points × nodes.
+/// Converts modal values or derivatives at points, points × modes, to those of the Lagrange basis, points × nodes.
 Eigen::MatrixXd to_lagrange(Shape shape, int order, NodeSet set, int ambient, const Eigen::MatrixXd& modal) {
   return vandermonde(shape, order, set, ambient).solve(modal.transpose()).transpose();
 }
 
-/// Values and derivatives of one factor's Lagrange basis at the points' coordinates in that factor.
+/// Values and derivatives of the Lagrange basis of one factor, at the points' coordinates in this factor.
 struct FactorBasis {
   Eigen::MatrixXd values;
   std::vector<Eigen::MatrixXd> gradients;
@@ -93,7 +93,7 @@ std::vector<FactorBasis> evaluate_factors(Shape shape, int order, NodeSet set, i
   return bases;
 }
 
-/// Products of one matrix a factor, points × nodes of the product cell.
+/// Multiplies one matrix per factor: points × nodes of the product cell.
 Eigen::MatrixXd multiply(Shape shape, int order, const std::vector<const Eigen::MatrixXd*>& of_factors) {
   const FactorNodes& numbers = factor_nodes(shape, order);
   Eigen::MatrixXd product(of_factors[0]->rows(), node_count(shape, order));
@@ -105,7 +105,7 @@ Eigen::MatrixXd multiply(Shape shape, int order, const std::vector<const Eigen::
   return product;
 }
 
-/// The α of a product cell's triangles is the tetrahedron's whatever the caller says: a prism lives in space.
+/// A prism is always in 3-D, so its triangles use the tetrahedron's α whatever the caller asks for.
 int ambient_of(Shape shape, int ambient) { return info(shape).dimension == 3 ? 3 : ambient; }
 
 }  // namespace
@@ -155,7 +155,7 @@ Points uniform_lattice(Shape shape, int intervals) {
   std::vector<std::array<double, 3>> points;
   for (int k = 0; k <= steps(2); ++k) {
     if (shape == Shape::Pyramid && k == n) break;
-    // What is left of a row once the directions above have taken their share.
+    // How many steps the higher directions leave for this one.
     const int layer = shape == Shape::Pyramid || shape == Shape::Tetrahedron ? n - k : steps(1);
     for (int j = 0; j <= layer; ++j) {
       int row = shape == Shape::Pyramid ? layer : steps(0);
@@ -166,7 +166,7 @@ Points uniform_lattice(Shape shape, int intervals) {
     }
   }
   if (shape == Shape::Pyramid) {
-    // The gradient at the apex depends on the direction it is approached from: along the axis and along the four edges.
+    // The gradient at the apex depends on the direction of approach: here along the axis and along the four edges.
     constexpr double kStep = 1e-6, kHalfWidth = kStep / 2;
     points.push_back({0, 0, 1 - kStep});
     for (int v = 0; v < 4; ++v)

@@ -1,4 +1,4 @@
-// Results that are made once per key, may be asked for from any thread, and stay where they are for ever.
+// A cache for results that are computed once per key. Any thread may use it, and its entries never move.
 #pragma once
 
 #include <map>
@@ -7,13 +7,13 @@
 
 namespace varimesh::reference {
 
-/// Keeps one value a key. Values are made outside the lock, since making one may ask the same cache for another; if two
-/// threads make the same value, the first is kept. References stay valid as long as the cache, because a map never
-/// moves its entries.
+/// Keeps one value per key. A value is made outside the lock, because making it may need another value of the same
+/// cache. If two threads make the same value, the first is kept. References stay valid as long as the cache, because a
+/// map never moves its entries.
 template <class Key, class Value>
 class Cache {
  public:
-  /// The value for `key`, made by `make()` if it is not there yet.
+  /// The value for `key`. make() makes it if the cache does not have it yet.
   template <class Make>
   const Value& get(const Key& key, Make make) {
     {

@@ -1,4 +1,4 @@
-// Gauss–Jacobi rules: Golub and Welsch's eigenvalues, polished by Newton's method to the last bit that double has.
+// Gauss–Jacobi rules: the eigenvalues of Golub and Welsch, refined by Newton's method to the precision of a double.
 #include <Eigen/Eigenvalues>
 #include <cassert>
 #include <cmath>
@@ -8,8 +8,9 @@
 namespace varimesh::reference {
 namespace {
 
-/// Coefficients of the orthonormal polynomials' recurrence, √β_{k+1} p_{k+1} = (x − α_k) p_k − √β_k p_{k−1}; β_0 is the
-/// integral of the weight. W. Gautschi, Orthogonal Polynomials: Computation and Approximation, 2004, table 1.1.
+/// The coefficients of the recurrence of the orthonormal polynomials, √β_{k+1} p_{k+1} = (x − α_k) p_k − √β_k p_{k−1}.
+/// β_0 is the integral of the weight. W. Gautschi, Orthogonal Polynomials: Computation and Approximation, 2004,
+/// table 1.1.
 struct Recurrence {
   Eigen::VectorXd alpha, beta;
 };
@@ -23,14 +24,14 @@ Recurrence recurrence(int n, double a, double b) {
   }
   for (int k = 1; k <= n; ++k) {
     const double s = 2 * k + a + b;
-    // For k = 1 the general formula is 0/0 where a + b = −1; its limit cancels the factor k + a + b against s − 1.
+    // For k = 1 the general formula is 0/0 if a + b = −1. In its limit the factors k + a + b and s − 1 cancel.
     r.beta[k] = k == 1 ? 4 * (1 + a) * (1 + b) / (s * s * (s + 1))
                        : 4 * k * (k + a) * (k + b) * (k + a + b) / (s * s * (s + 1) * (s - 1));
   }
   return r;
 }
 
-/// p_n, its derivative, and the sum of the squares of p_0 … p_{n−1} at x (the reciprocal of the Gauss weight).
+/// p_n and its derivative at x, and the sum of the squares of p_0 … p_{n−1}, the reciprocal of the Gauss weight.
 struct Evaluation {
   double value, derivative, squares;
 };
@@ -67,7 +68,7 @@ std::pair<Eigen::VectorXd, Eigen::VectorXd> gauss_jacobi(int n, double a, double
       points[i] -= at.value / at.derivative;
     }
   }
-  // A symmetric weight has a symmetric rule; in floating point it has to be told so.
+  // A symmetric weight has a symmetric rule, except for rounding errors. This removes them.
   if (a == b) {
     const Eigen::VectorXd mirrored = -points.reverse();
     points = 0.5 * (points + mirrored);

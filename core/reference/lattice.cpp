@@ -1,5 +1,6 @@
-// The order in which Gmsh numbers the nodes of a high-order cell: vertices, edges, faces, interior, each of the last
-// two as a smaller cell numbered in the same way (Gmsh reference manual, "Node ordering", "High-order elements").
+// The order in which Gmsh numbers the nodes of a high-order cell: vertices, edges, faces, interior. The nodes of a face
+// or of the interior are numbered like those of a smaller cell (Gmsh reference manual, "Node ordering", "High-order
+// elements").
 #include <cassert>
 #include <map>
 
@@ -14,8 +15,8 @@ using Lattice = std::vector<Position>;
 
 Lattice number_lattice(Shape shape, int order);
 
-/// Lattice position of a vertex: order where the reference coordinate is +1, else 0. A pyramid's layers shrink towards
-/// their first corner, so that its apex is (0, 0, order).
+/// The lattice position of a vertex: `order` in each direction in which the reference coordinate is +1, otherwise 0.
+/// The layers of a pyramid shrink towards their first corner, so the apex is (0, 0, order).
 Position vertex_position(Shape shape, int vertex, int order) {
   if (shape == Shape::Pyramid && vertex == 4) return {0, 0, static_cast<std::int8_t>(order)};
   const ShapeInfo& cell = info(shape);
@@ -25,8 +26,8 @@ Position vertex_position(Shape shape, int vertex, int order) {
   return position;
 }
 
-/// Takes a position in a facet's own lattice (line, triangle or quadrilateral) to the cell's: the facet's first vertex
-/// is the origin, its second and its last lie along the two directions.
+/// Converts a position in the lattice of a facet (line, triangle or quadrilateral) to the cell's lattice. The facet's
+/// first vertex is the origin; its second and last vertices lie along the two directions.
 Position facet_to_cell(Shape shape, const Facet& facet, const Position& in_facet, int order) {
   const int last = info(facet.shape).vertices - 1;
   const Position origin = vertex_position(shape, facet.vertices[0], order);
@@ -40,8 +41,8 @@ Position facet_to_cell(Shape shape, const Facet& facet, const Position& in_facet
   return position;
 }
 
-/// Order of the smaller cell of the same shape that the interior nodes form; negative where there are none. A line's
-/// inner nodes form no smaller line, they come one after another.
+/// The order of the smaller cell of the same shape that the interior nodes form; negative if they form none. The inner
+/// nodes of a line are numbered one after another, not as a smaller line.
 int interior_order(Shape shape, int order) {
   switch (shape) {
     case Shape::Quadrilateral:
@@ -60,8 +61,8 @@ int interior_order(Shape shape, int order) {
   return -1;
 }
 
-/// Interior positions of a prism. Gmsh does not number them as a smaller prism but goes, triangle node by triangle
-/// node, along the third direction, whose nodes come in the order of a line's.
+/// Interior positions of a prism. Gmsh does not number them as a smaller prism. For each triangle node it goes along
+/// the third direction, in the order of the nodes of a line.
 Lattice prism_interior(int order) {
   Lattice interior;
   if (order < 3) return interior;

@@ -12,7 +12,7 @@ Mirrors mirrors(Shape shape) {
     return Eigen::Map<const Eigen::Vector3d>(cell.vertex[v].data()).head(d);
   };
   Mirrors out{d, Eigen::VectorXd::Zero(d), Eigen::MatrixXd::Identity(d, d)};
-  // From the middle of the first edge to what lies opposite it on a simplex: no mirror turns it round.
+  // On a simplex, no mirror reverses the direction from the middle of the first edge to the opposite vertex or edge.
   const Eigen::VectorXd middle = (vertex(0) + vertex(1)) / 2;
   switch (shape) {
     case Shape::Triangle:
@@ -41,7 +41,7 @@ Mirrors mirrors(Shape shape) {
       out.count = 2;
       break;
     default:
-      break;  // a square or a cube: every coordinate
+      break;  // a square or a cube: every coordinate is a mirror
   }
   return out;
 }

@@ -1,4 +1,4 @@
-// The mirrors of a reference cell.
+// The mirror symmetries of a reference cell.
 #pragma once
 
 #include <Eigen/Core>
@@ -7,17 +7,17 @@
 
 namespace varimesh::reference {
 
-/// Coordinates s of a cell in which its mirrors are changes of sign: ξ = origin + Σ s_α τ_α, and for every α < count
-/// the map that turns s_α into −s_α and leaves the others takes the cell to itself. On a simplex such a map swaps two
-/// vertices, in a tensor direction its ends.
+/// Coordinates s of a cell in which each mirror is a change of sign: ξ = origin + Σ s_α τ_α. For every α < count, the
+/// map that replaces s_α by −s_α and keeps the other coordinates maps the cell to itself. On a simplex such a map swaps
+/// two vertices; in a tensor direction it swaps the two ends.
 struct Mirrors {
-  int count = 0;               ///< Of mirrors, at most the dimension.
+  int count = 0;               ///< The number of mirrors, at most the dimension.
   Eigen::VectorXd origin;      ///< Reference coordinates of s = 0.
-  Eigen::MatrixXd directions;  ///< Row α: τ_α in reference coordinates.
+  Eigen::MatrixXd directions;  ///< dimension × dimension; row α is τ_α in reference coordinates.
 };
 
-/// Of a cell of dimension 2 or 3: one mirror of a triangle, two of a quadrilateral, a tetrahedron, a prism and a
-/// pyramid, three of a hexahedron.
+/// The mirrors of a cell of dimension 2 or 3. A triangle has one; a quadrilateral, a tetrahedron, a prism and a pyramid
+/// have two; a hexahedron has three.
 Mirrors mirrors(Shape shape);
 
 }  // namespace varimesh::reference

@@ -1,8 +1,8 @@
-// The modes are products of Jacobi polynomials in collapsed coordinates (M. Dubiner, J. Sci. Comput. 6, 1991; on
-// pyramids M. Bergot, G. Cohen, M. Duruflé, J. Sci. Comput. 42, 2010, whose span is the space of A. Johnen, C.
-// Geuzaine, J. Comp. Phys. 299, 2015). On simplices they are evaluated from homogeneous recurrences, t^n P_n(x / t),
-// which never divide, and derivatives come from the same recurrences carried out on dual numbers: exact, and no
-// singular vertex.
+// The modes are products of Jacobi polynomials in collapsed coordinates (M. Dubiner, J. Sci. Comput. 6, 1991). On
+// pyramids they are those of M. Bergot, G. Cohen, M. Duruflé, J. Sci. Comput. 42, 2010, which span the space of
+// A. Johnen, C. Geuzaine, J. Comp. Phys. 299, 2015. On simplices they are evaluated by homogeneous recurrences,
+// t^n P_n(x / t), which never divide. The same recurrences on dual numbers give exact derivatives without a singular
+// vertex.
 #include "core/reference/modal.h"
 
 #include <cassert>
@@ -16,7 +16,7 @@ struct Dual {
   double value = 0;
   std::array<double, 3> gradient{};
 
-  Dual(double v = 0) : value(v) {}  // NOLINT(google-explicit-constructor): constants take part in formulas
+  Dual(double v = 0) : value(v) {}  // NOLINT(google-explicit-constructor): formulas contain constants
 
   static Dual coordinate(double v, int direction) {
     Dual d(v);
@@ -52,8 +52,8 @@ Dual operator/(const Dual& a, const Dual& b) {
 double value_of(double x) { return x; }
 double value_of(const Dual& x) { return x.value; }
 
-/// t^n P_n^{(a,0)}(x / t) for n = 0 … order, by the three-term recurrence (NIST Digital Library, 18.9.2) made
-/// homogeneous.
+/// t^n P_n^{(a,0)}(x / t) for n = 0 … order, by the homogeneous form of the three-term recurrence (NIST Digital Library
+/// of Mathematical Functions, 18.9.2).
 template <class Number>
 std::vector<Number> scaled_jacobi(int order, double a, const Number& x, const Number& t) {
   std::vector<Number> p(order + 1, Number(1));
@@ -110,8 +110,8 @@ std::vector<Number> tetrahedron_modes(int order, const Coordinates<Number>& at) 
   return modes;
 }
 
-/// P_i(x/t) P_j(y/t) t^m P_k^{(2m+2,0)}(z), t = (1 − z)/2, m = max(i, j), k ≤ order − m. At the apex, where x/t may be
-/// anything in [−1, 1], only m = 0 is left: values exist there, gradients do not.
+/// P_i(x/t) P_j(y/t) t^m P_k^{(2m+2,0)}(z), t = (1 − z)/2, m = max(i, j), k ≤ order − m. At the apex x/t may be any
+/// number in [−1, 1]. Only the modes with m = 0 differ from zero there, so values exist but gradients do not.
 template <class Number>
 std::vector<Number> pyramid_modes(int order, const Coordinates<Number>& at) {
   const Number one(1), t = Number(0.5) * (one - at[2]);

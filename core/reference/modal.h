@@ -11,7 +11,8 @@ namespace varimesh::reference {
 /// Values of the orthonormal modal basis: points × modes.
 Eigen::MatrixXd modal_values(Shape shape, int order, const Points& at);
 
-/// Gradients of the orthonormal modal basis: one points × modes matrix a direction.
+/// Gradients of the orthonormal modal basis: one points × modes matrix per direction. On pyramids `at` must not contain
+/// the apex.
 std::vector<Eigen::MatrixXd> modal_gradients(Shape shape, int order, const Points& at);
 
 }  // namespace varimesh::reference

@@ -1,4 +1,4 @@
-// The rule each shape is integrated with: stored symmetric ones on simplices, products and conical products elsewhere.
+// The quadrature rule of each shape: stored symmetric rules on simplices, products and conical products elsewhere.
 #include "core/reference/quadrature.h"
 
 #include <algorithm>
@@ -10,7 +10,7 @@
 namespace varimesh::reference {
 namespace {
 
-/// Points a direction that integrate polynomials of that degree: n points do up to 2n − 1.
+/// The points per direction that this degree needs: n points integrate polynomials up to degree 2n − 1.
 int gauss_points(int degree) { return degree / 2 + 1; }
 
 Quadrature from_table(int dimension, const StoredRule& rule) {
@@ -25,7 +25,7 @@ Quadrature line_rule(int n) {
   return {points, weights, 2 * n - 1};
 }
 
-/// Every point of `a` with every point of `b`, in the directions that follow.
+/// Combines every point of `a` with every point of `b`. The coordinates of `b` follow those of `a`.
 Quadrature product(const Quadrature& a, const Quadrature& b) {
   Quadrature all;
   all.points.resize(a.points.rows() * b.points.rows(), a.points.cols() + b.points.cols());
@@ -40,9 +40,9 @@ Quadrature product(const Quadrature& a, const Quadrature& b) {
   return all;
 }
 
-/// Conical product of Gauss–Jacobi rules (A. H. Stroud, Approximate Calculation of Multiple Integrals, 1971): a rule on
-/// the base, shrunk towards `apex` along the last direction h, where its measure shrinks with t = (1 − h)/2 to the
-/// power of its dimension; that factor is the Jacobi weight.
+/// The conical product of Gauss–Jacobi rules (A. H. Stroud, Approximate Calculation of Multiple Integrals, 1971): a
+/// rule on the base that shrinks towards `apex` along the last direction h. At h its measure is t^dimension times that
+/// of the base, t = (1 − h)/2. This factor is the Jacobi weight.
 Quadrature conical(const Quadrature& base, const Eigen::RowVectorXd& apex, int n) {
   const auto dimension = static_cast<int>(base.points.cols());
   const auto [heights, weights] = gauss_jacobi(n, dimension, 0);

@@ -1,14 +1,14 @@
-// Symmetric quadrature rules of the tetrahedron, points strictly inside, weights positive.
+// Symmetric quadrature rules for the tetrahedron. All points are strictly inside, and all weights are positive.
 // Source: F. D. Witherden, P. E. Vincent, On the identification of symmetric quadrature rules for finite element
 // methods, Comput. Math. Appl. 69 (2015) 1232-1241, and later rules of the same family; 20 significant digits.
-// Generated data: a row is a point's 3 coordinates on the reference tetrahedron and its weight.
+// Generated data: each row has the 3 coordinates of a point on the reference tetrahedron, and its weight.
 #include "core/reference/quadrature_tables.h"
 
 namespace varimesh::reference {
 namespace {
 
 // clang-format off
-constexpr double kDegree1[] = {  // 1 points
+constexpr double kDegree1[] = {  // 1 point
   -0.5, -0.5, -0.5, 1.3333333333333333333,
 };
 constexpr double kDegree2[] = {  // 4 points

@@ -1,14 +1,14 @@
-// Symmetric quadrature rules of the triangle, points strictly inside, weights positive.
+// Symmetric quadrature rules for the triangle. All points are strictly inside, and all weights are positive.
 // Source: F. D. Witherden, P. E. Vincent, On the identification of symmetric quadrature rules for finite element
 // methods, Comput. Math. Appl. 69 (2015) 1232-1241, and later rules of the same family; 20 significant digits.
-// Generated data: a row is a point's 2 coordinates on the reference triangle and its weight.
+// Generated data: each row has the 2 coordinates of a point on the reference triangle, and its weight.
 #include "core/reference/quadrature_tables.h"
 
 namespace varimesh::reference {
 namespace {
 
 // clang-format off
-constexpr double kDegree1[] = {  // 1 points
+constexpr double kDegree1[] = {  // 1 point
   -0.33333333333333333333, -0.33333333333333333333, 2,
 };
 constexpr double kDegree2[] = {  // 3 points

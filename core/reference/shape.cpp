@@ -1,5 +1,5 @@
-// The table of shapes. Vertices, edges and faces are numbered, and faces oriented outward, as in the section "Node
-// ordering" of the Gmsh reference manual.
+// The table of shapes. The numbers of vertices, edges and faces, and the outward orientation of faces, are those of the
+// section "Node ordering" of the Gmsh reference manual.
 #include "core/reference/shape.h"
 
 #include <cassert>

@@ -14,7 +14,7 @@ namespace {
 using reference::NodeSet;
 using Barycentric = std::array<double, 4>;
 
-/// Nodes of an edge from its first vertex to its second, both included, by their weights on the second.
+/// The nodes of an edge from its first vertex to its second, both included.
 std::vector<int> nodes_along(const Eigen::MatrixXd& linear, int a, int b, int order) {
   std::vector<int> nodes(at(order) + 1, -1);
   for (Eigen::Index n = 0; n < linear.rows(); ++n)
@@ -22,7 +22,7 @@ std::vector<int> nodes_along(const Eigen::MatrixXd& linear, int a, int b, int or
   return nodes;
 }
 
-/// Adds factor × what the edge between vertices a and b says at λ.
+/// Adds factor × the contribution of the edge between vertices a and b at λ to a row of weights on nodes.
 void add_edge(const Eigen::MatrixXd& linear, int a, int b, int order, const Barycentric& lambda, double factor,
               Eigen::Ref<Eigen::RowVectorXd, 0, Eigen::InnerStride<>> row) {
   const double t = (1 + lambda[at(b)] - lambda[at(a)]) / 2;
@@ -30,7 +30,7 @@ void add_edge(const Eigen::MatrixXd& linear, int a, int b, int order, const Bary
   point(0, 0) = 2 * t - 1;
   const Eigen::MatrixXd values = reference::basis_values(Shape::Line, order, NodeSet::Equispaced, 3, point);
   const std::vector<int> nodes = nodes_along(linear, a, b, order);
-  // Gmsh's order on a line is its ends, then the inner nodes from the first to the last; ends do not deviate.
+  // Gmsh lists a line's two ends, then the inner nodes from the first to the last. The ends do not deviate.
   for (int i = 1; i < order; ++i)
     row[nodes[at(i)]] += factor * lambda[at(a)] * lambda[at(b)] / (t * (1 - t)) * values(0, i + 1);
 }
@@ -41,12 +41,11 @@ Barycentric at_node(const Eigen::MatrixXd& linear, int node) {
   return lambda;
 }
 
-Blend make_blend(Shape shape, int order) {
+void sort_nodes(Shape shape, int order, Blend& result) {
   const auto& info = reference::info(shape);
   const auto& places = reference::node_places(shape, order);
   const auto& lattice = reference::lattice(shape, order);
   const auto nodes = static_cast<Eigen::Index>(places.size());
-  Blend result;
   result.edges.resize(info.edges.size());
   result.faces.resize(info.faces.size());
   result.linear.setZero(nodes, info.vertices);
@@ -61,17 +60,26 @@ Blend make_blend(Shape shape, int order) {
     if (place.dimension == 2) result.faces[at(place.index)].push_back(static_cast<int>(n));
     if (place.dimension == 3) result.inside.push_back(static_cast<int>(n));
   }
+}
+
+void blend_faces(Shape shape, int order, Blend& result) {
+  const auto& info = reference::info(shape);
   const Eigen::MatrixXd& linear = result.linear;
   for (std::size_t f = 0; f < info.faces.size(); ++f) {
     const auto& v = info.faces[f].vertices;
     Eigen::MatrixXd& matrix = result.on_face.emplace_back();
-    matrix.setZero(static_cast<Eigen::Index>(result.faces[f].size()), nodes);
+    matrix.setZero(static_cast<Eigen::Index>(result.faces[f].size()), linear.rows());
     for (std::size_t i = 0; i < result.faces[f].size(); ++i)
       for (std::size_t k = 0; k < 3; ++k)
         add_edge(linear, v[k], v[(k + 1) % 3], order, at_node(linear, result.faces[f][i]), 1,
                  matrix.row(static_cast<Eigen::Index>(i)));
   }
-  result.in_cell.setZero(static_cast<Eigen::Index>(result.inside.size()), nodes);
+}
+
+void blend_inside(Shape shape, int order, Blend& result) {
+  const auto& info = reference::info(shape);
+  const Eigen::MatrixXd& linear = result.linear;
+  result.in_cell.setZero(static_cast<Eigen::Index>(result.inside.size()), linear.rows());
   for (std::size_t i = 0; i < result.inside.size(); ++i) {
     const Barycentric lambda = at_node(linear, result.inside[i]);
     auto row = result.in_cell.row(static_cast<Eigen::Index>(i));
@@ -93,6 +101,13 @@ Blend make_blend(Shape shape, int order) {
       for (std::size_t k = 0; k < 3; ++k) add_edge(linear, v[k], v[(k + 1) % 3], order, mu, -factor, row);
     }
   }
+}
+
+Blend make_blend(Shape shape, int order) {
+  Blend result;
+  sort_nodes(shape, order, result);
+  blend_faces(shape, order, result);
+  blend_inside(shape, order, result);
   return result;
 }
 

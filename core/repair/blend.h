@@ -1,4 +1,4 @@
-// What the edges and faces of a simplex say about its inside. Internal to core/repair.
+// How nodes on the faces and inside a simplex follow its edges and faces. Internal to the library.
 #pragma once
 
 #include <Eigen/Core>
@@ -8,21 +8,21 @@
 
 namespace varimesh::detail {
 
-/// Edges, faces and inner nodes of one shape and order, and the blending of deviations from the straight-sided simplex.
+/// The edges, faces and inner nodes of one shape and order, and how deviations from the straight-sided simplex blend.
 ///
-/// With barycentric coordinates λ, an edge (a, b) whose deviation is e(t) gives λ_a λ_b / (t (1 − t)) e(t) with
-/// t = (1 + λ_b − λ_a)/2, and in a tetrahedron a face whose deviation beyond its edges' is f(μ) gives
-/// λ_a λ_b λ_c / (μ_a μ_b μ_c) f(μ) with μ = λ + λ_d/3. All vanish on the other edges and faces.
+/// With barycentric coordinates λ, an edge (a, b) that deviates by e(t) contributes λ_a λ_b / (t (1 − t)) e(t) with
+/// t = (1 + λ_b − λ_a)/2. In a tetrahedron, a face that deviates by f(μ) beyond what its edges contribute adds
+/// λ_a λ_b λ_c / (μ_a μ_b μ_c) f(μ) with μ = λ + λ_d/3. All contributions vanish on the other edges and faces.
 struct Blend {
   std::vector<std::vector<int>> edges;   ///< By edge: its inner nodes.
-  std::vector<std::vector<int>> faces;   ///< By face: its inner nodes. Of a triangle the one face is itself.
-  std::vector<int> inside;               ///< Of a tetrahedron.
-  std::vector<Eigen::MatrixXd> on_face;  ///< By face: inner nodes × all nodes, zero but for nodes of its edges.
-  Eigen::MatrixXd in_cell;               ///< inside × all nodes, zero but for nodes of edges and faces.
-  Eigen::MatrixXd linear;                ///< All nodes × vertices: the straight-sided place.
+  std::vector<std::vector<int>> faces;   ///< By face: its inner nodes. A triangle is its own only face.
+  std::vector<int> inside;               ///< The inner nodes of a tetrahedron; empty for a triangle.
+  std::vector<Eigen::MatrixXd> on_face;  ///< By face: inner nodes × all nodes; zero except for nodes of its edges.
+  Eigen::MatrixXd in_cell;               ///< inside × all nodes; zero except for nodes of edges and faces.
+  Eigen::MatrixXd linear;                ///< All nodes × vertices: gives the straight-sided positions.
 };
 
-/// Of triangles and tetrahedra; made once, kept for ever.
+/// For triangles and tetrahedra. It is made once and kept until the program ends.
 const Blend& blend(Shape shape, int order);
 
 }  // namespace varimesh::detail

@@ -1,4 +1,4 @@
-// Finds the tetrahedra round each place, cuts them one after another, and looks shared nodes up by their vertices.
+// Finds the tetrahedra around each place, cuts them one after another, and finds shared nodes by their vertices.
 #include "core/repair/split.h"
 
 #include <algorithm>
@@ -7,6 +7,8 @@
 #include <string>
 
 #include "core/base/index.h"
+#include "core/diagnosis/elements_text.h"
+#include "core/diagnosis/node_positions.h"
 #include "core/mesh/connectivity.h"
 #include "core/reference/basis.h"
 
@@ -15,17 +17,16 @@ namespace {
 
 using reference::NodeSet;
 
-/// A node by the vertices that it lies between, in ascending order, and its weight on each of them (of P together).
+/// A node by the vertices that it lies between, in ascending order, and its weight on each of them. The weights add up
+/// to the order P.
 using NodeKey = std::array<std::pair<std::int32_t, std::int32_t>, 4>;
 
 constexpr std::pair<std::int32_t, std::int32_t> kNobody{-1, 0};
 
-int size(const SplitPlace& place) { return place[2] < 0 ? 2 : 3; }
-
-/// Local numbers of the place's vertices; fewer than the place has where the tetrahedron does not have it.
+/// Local numbers of those vertices of the place that the tetrahedron has.
 std::vector<int> local_vertices(const SplitPlace& place, const std::int32_t* nodes) {
   std::vector<int> result;
-  for (int k = 0; k < size(place); ++k)
+  for (int k = 0; k < vertex_count(place); ++k)
     for (int v = 0; v < 4; ++v)
       if (nodes[v] == place[at(k)]) result.push_back(v);
   return result;
@@ -53,7 +54,7 @@ class Splitter {
     }
   }
 
-  HighOrderMesh run(std::span<const SplitPlace> places, std::vector<RepairStep>& steps) {
+  HighOrderMesh split(std::span<const SplitPlace> places, std::vector<RepairStep>& steps) {
     const std::vector<std::vector<Member>> members = members_of(places);
     const bool classified =
         std::ranges::none_of(result_.node_blocks, [](const NodeBlock& block) { return block.dimension < 0; });
@@ -73,7 +74,8 @@ class Splitter {
     std::size_t element;
   };
 
-  /// Puts the last nodes into a block of nodes, the one before where it is of the same entity and not the first.
+  /// Puts the last nodes into a block of nodes: into the last block if it is of the same entity and not the first that
+  /// splitting makes, else into a new one.
   void classify(std::int32_t first, std::int32_t count, int dimension, int entity, bool is_first) {
     NodeBlock& last = result_.node_blocks.back();
     if (!is_first && last.dimension == dimension && last.entity == entity)
@@ -82,7 +84,7 @@ class Splitter {
       result_.node_blocks.push_back({dimension, entity, first, count});
   }
 
-  /// Tetrahedra by place. A tetrahedron is looked for by its vertex of the place that has the lowest index.
+  /// The tetrahedra of each place. They are found by the place's vertex with the lowest index.
   std::vector<std::vector<Member>> members_of(std::span<const SplitPlace> places) const {
     std::vector<std::vector<Member>> members(places.size());
     std::multimap<std::int32_t, std::size_t> by_vertex;
@@ -95,7 +97,7 @@ class Splitter {
         for (int v = 0; v < 4; ++v) {
           const auto [first, last] = by_vertex.equal_range(nodes[v]);
           for (auto entry = first; entry != last; ++entry)
-            if (local_vertices(places[entry->second], nodes).size() == at(size(places[entry->second])))
+            if (local_vertices(places[entry->second], nodes).size() == at(vertex_count(places[entry->second])))
               members[entry->second].push_back({b, e});
         }
       }
@@ -111,9 +113,9 @@ class Splitter {
     return result;
   }
 
-  /// Values of the parent's basis at the nodes of the part that has the place's centre for vertex `replaced`.
-  const Eigen::MatrixXd& pattern(const std::vector<int>& split, int replaced) {
-    std::vector<int> name = split;
+  /// Values of the parent's basis at the nodes of the part whose vertex `replaced` is the place's centre.
+  const Eigen::MatrixXd& pattern(const std::vector<int>& vertices, int replaced) {
+    std::vector<int> name = vertices;
     std::ranges::sort(name);
     name.push_back(replaced);
     const auto [entry, is_new] = patterns_.try_emplace(name);
@@ -122,7 +124,7 @@ class Splitter {
     for (int v = 0; v < 4; ++v)
       for (int c = 0; c < 3; ++c) corner(v, c) = reference::info(Shape::Tetrahedron).vertex[at(v)][at(c)];
     Eigen::RowVector3d centre = Eigen::RowVector3d::Zero();
-    for (const int v : split) centre += corner.row(v) / static_cast<double>(split.size());
+    for (const int v : vertices) centre += corner.row(v) / static_cast<double>(vertices.size());
     corner.row(replaced) = centre;
     reference::Points points = reference::Points::Zero(static_cast<Eigen::Index>(weights_.size()), 3);
     for (std::size_t n = 0; n < weights_.size(); ++n)
@@ -135,14 +137,14 @@ class Splitter {
 
   std::int32_t vacant_or_new_node() { return next_vacant_ < vacant_.size() ? vacant_[next_vacant_++] : new_node(); }
 
-  /// What the parents of one place have.
+  /// The tetrahedra that are split at one place.
   struct Parents {
     std::vector<std::vector<std::int32_t>> nodes;
     std::vector<Eigen::MatrixXd> positions;
-    std::map<NodeKey, std::int32_t> known;  // what stays and what is new, by vertices
+    std::map<NodeKey, std::int32_t> known;  // nodes that stay and nodes that are new, by vertices
   };
 
-  /// Vacant is what lies on the place, or between it and something else.
+  /// Nodes on the place, or between it and something else, become vacant: new nodes take their numbers.
   Parents parents_of(const SplitPlace& place, const std::vector<Member>& members) {
     const std::size_t stride = weights_.size();
     Parents parents;
@@ -151,10 +153,9 @@ class Splitter {
     for (const Member& member : members) {
       const auto* nodes = result_.blocks[member.block].nodes.data() + member.element * stride;
       parents.nodes.emplace_back(nodes, nodes + stride);
-      Eigen::MatrixXd& x = parents.positions.emplace_back(stride, 3);
+      parents.positions.push_back(detail::node_positions(result_.coordinates, parents.nodes.back()));
       const std::vector<int> local = local_vertices(place, nodes);
       for (std::size_t n = 0; n < stride; ++n) {
-        for (int c = 0; c < 3; ++c) x(static_cast<Eigen::Index>(n), c) = result_.coordinates[3 * at(nodes[n]) + at(c)];
         if (std::ranges::all_of(local, [&](int v) { return weights_[n][at(v)] > 0; }))
           vacant_.push_back(nodes[n]);
         else
@@ -169,9 +170,9 @@ class Splitter {
   RepairStep cut(const SplitPlace& place, const std::vector<Member>& members) {
     assert(!members.empty());
     RepairStep step;
-    for (int k = 0; k < size(place); ++k) step.vertices.push_back(result_.node_numbers[at(place[at(k)])]);
+    for (int k = 0; k < vertex_count(place); ++k) step.vertices.push_back(result_.node_numbers[at(place[at(k)])]);
     Parents parents = parents_of(place, members);
-    const std::int32_t centre = new_node();  // with a number of its own, above all there are
+    const std::int32_t centre = new_node();  // with a new number, above all others
     step.node = result_.node_numbers[at(centre)];
     for (std::size_t m = 0; m < members.size(); ++m) {
       const std::vector<int> local = local_vertices(place, parents.nodes[m].data());
@@ -183,7 +184,7 @@ class Splitter {
         put(members[m], part, nodes_of_part(vertices, x, parents.known), step);
       }
     }
-    step.kind = size(place) == 2 ? RepairStep::Kind::SplitEdge : RepairStep::Kind::SplitFace;
+    step.kind = vertex_count(place) == 2 ? RepairStep::Kind::SplitEdge : RepairStep::Kind::SplitFace;
     step.sentence = sentence(step);
     return step;
   }
@@ -209,7 +210,7 @@ class Splitter {
     return static_cast<std::int32_t>(result_.node_count()) - 1;
   }
 
-  /// The first part takes the parent's place.
+  /// Adds a part to the mesh. The first one takes the place and the number of its parent.
   void put(const Member& member, std::size_t part, const std::vector<std::int32_t>& nodes, RepairStep& step) {
     ElementBlock& block = result_.blocks[member.block];
     if (part == 0) {
@@ -236,7 +237,7 @@ class Splitter {
 }  // namespace
 
 HighOrderMesh split(const HighOrderMesh& mesh, std::span<const SplitPlace> places, std::vector<RepairStep>& steps) {
-  return Splitter(mesh).run(places, steps);
+  return Splitter(mesh).split(places, steps);
 }
 
 }  // namespace varimesh

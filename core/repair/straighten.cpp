@@ -1,4 +1,5 @@
-// Chooses what is to be straight, moves it and what it carries along, and takes back what would lose a certificate.
+// Chooses edges and faces, straightens them, carries their neighbours along, and gives up those that cost a
+// certificate.
 #include "core/repair/straighten.h"
 
 #include <algorithm>
@@ -7,6 +8,8 @@
 #include <string>
 
 #include "core/base/index.h"
+#include "core/diagnosis/elements_text.h"
+#include "core/diagnosis/node_positions.h"
 #include "core/mesh/connectivity.h"
 #include "core/repair/blend.h"
 #include "core/validity/certifier.h"
@@ -15,7 +18,7 @@ namespace varimesh {
 namespace {
 
 using detail::Blend;
-/// An edge, face or cell by its vertices in ascending order; −1 where there are fewer.
+/// An edge, face or cell by its vertices in ascending order, filled up with −1.
 using Part = std::array<std::int32_t, 4>;
 
 class Straightener {
@@ -30,13 +33,13 @@ class Straightener {
         cells_(mesh, mesh.dimension),
         facets_(facets(mesh)) {}
 
-  std::vector<RepairStep> run(std::span<const UnrepairableGroup> groups) {
+  std::vector<RepairStep> straighten(std::span<const UnrepairableGroup> groups) {
     std::vector<std::vector<std::int32_t>> wanted;
     for (const UnrepairableGroup& group : groups) {
       wanted.push_back(neighbourhood(group));
       for (const std::int32_t cell : wanted.back()) add_parts(cell);
     }
-    if (!parts_.empty()) move();
+    if (!parts_.empty()) straighten_parts();
     std::vector<RepairStep> steps;
     for (std::size_t g = 0; g < groups.size(); ++g)
       if (!wanted[g].empty()) say(groups[g], wanted[g], steps);
@@ -50,7 +53,7 @@ class Straightener {
     return shape == Shape::Triangle || shape == Shape::Tetrahedron;
   }
 
-  /// The group's cells that are not certified and those that share a facet with one, as far as they are simplices.
+  /// The simplices among the group's uncertified cells and the cells that share a facet with one.
   std::vector<std::int32_t> neighbourhood(const UnrepairableGroup& group) const {
     std::vector<std::int32_t> result;
     for (const std::int32_t cell : group.cells) {
@@ -84,8 +87,8 @@ class Straightener {
     return result;
   }
 
-  /// Calls visit(part, its inner nodes, what its boundary says of them) for the edges, the faces and the inside of a
-  /// simplex, in this order.
+  /// Calls visit(part, its inner nodes, how they follow the part's boundary) for the edges, the faces and the inside of
+  /// a simplex, in this order.
   template <class Visit>
   void for_each_part(std::int32_t cell, Visit&& visit) const {
     const auto& info = reference::info(cells_.shape(at(cell)));
@@ -107,21 +110,18 @@ class Straightener {
     });
   }
 
-  /// The cell's nodes at these coordinates, less their straight-sided places.
+  /// How far the cell's nodes at these coordinates deviate from their straight-sided places: nodes × 3.
   Eigen::MatrixXd deviation(std::int32_t cell, const std::vector<double>& coordinates) const {
-    const auto nodes = cells_.nodes(at(cell));
-    Eigen::MatrixXd x(static_cast<Eigen::Index>(nodes.size()), 3);
-    for (std::size_t n = 0; n < nodes.size(); ++n)
-      for (int c = 0; c < 3; ++c) x(static_cast<Eigen::Index>(n), c) = coordinates[3 * at(nodes[n]) + at(c)];
+    const Eigen::MatrixXd x = detail::node_positions(coordinates, cells_.nodes(at(cell)));
     const Eigen::MatrixXd& linear = blend_of(cell).linear;
     return x - linear * x.topRows(linear.cols());
   }
 
-  /// The coordinates with all parts straight; `cells` are those that have a vertex of one.
+  /// The coordinates with all chosen parts straight. `cells` are the simplices that have a vertex of one.
   std::vector<double> straight(const std::vector<std::int32_t>& cells) const {
     std::vector<double> result = mesh_.coordinates;
     std::vector<char> done(mesh_.node_count(), 0);
-    // Edges first, then faces, then cells: what is round a part is in place before it.
+    // Edges first, then faces, then cells: the boundary of a part is in place before the part itself.
     for (int dimension = 1; dimension <= mesh_.dimension; ++dimension)
       for (const std::int32_t cell : cells) place_parts(cell, dimension, done, result);
     return result;
@@ -130,15 +130,15 @@ class Straightener {
   void place_parts(std::int32_t cell, int dimension, std::vector<char>& done, std::vector<double>& result) const {
     const auto nodes = cells_.nodes(at(cell));
     const Eigen::MatrixXd before = deviation(cell, mesh_.coordinates), after = deviation(cell, result);
-    for_each_part(cell, [&](const Part& part, const std::vector<int>& local, const Eigen::MatrixXd& says) {
+    for_each_part(cell, [&](const Part& part, const std::vector<int>& local, const Eigen::MatrixXd& follow) {
       const auto vertices = std::ranges::count_if(part, [](std::int32_t v) { return v >= 0; });
       if (vertices != dimension + 1 || local.empty() || done[at(nodes[at(local[0])])] || !is_free(cell, local)) return;
       const bool chosen = parts_.contains(part);
       Eigen::MatrixXd moved = Eigen::MatrixXd::Zero(static_cast<Eigen::Index>(local.size()), 3);
       if (chosen) moved = -before(local, Eigen::all);
-      if (says.size() > 0 && chosen) moved += says * after;
-      if (says.size() > 0 && !chosen) moved += says * (after - before);
-      if (!chosen && (says.size() == 0 || after == before)) return;
+      if (follow.size() > 0 && chosen) moved += follow * after;
+      if (follow.size() > 0 && !chosen) moved += follow * (after - before);
+      if (!chosen && (follow.size() == 0 || after == before)) return;
       for (std::size_t n = 0; n < local.size(); ++n) {
         const std::size_t node = at(nodes[at(local[n])]);
         done[node] = 1;
@@ -148,8 +148,9 @@ class Straightener {
     });
   }
 
-  /// Cells that have all vertices of an edge that is to be straight, or of another part; simplices alone are carried.
-  void move() {
+  /// Straightens the chosen parts; gives up those of cells that would lose their certificate, and tries the others
+  /// again.
+  void straighten_parts() {
     std::vector<double> moved;
     for (;;) {
       std::vector<char> touched(mesh_.node_count(), 0);
@@ -170,7 +171,7 @@ class Straightener {
       certifier_.certify(moved, all, now, team_);
       bool lost = false;
       for (const std::int32_t cell : all)
-        if (certificates_[at(cell)].is_valid() && !now[at(cell)].is_valid()) lost = take_back(cell) || lost;
+        if (certificates_[at(cell)].is_valid() && !now[at(cell)].is_valid()) lost = give_up(cell) || lost;
       if (lost) continue;
       mesh_.coordinates = std::move(moved);
       certificates_ = std::move(now);
@@ -178,9 +179,9 @@ class Straightener {
     }
   }
 
-  /// Leaves the cell's parts as they are; a cell that is no simplex has all parts taken back that share a vertex with
-  /// it, as does one that has none of its own.
-  bool take_back(std::int32_t cell) {
+  /// Drops the cell's parts from those to straighten. If it has none, or is no simplex, drops all parts that share a
+  /// vertex with it. True if there were any.
+  bool give_up(std::int32_t cell) {
     std::size_t erased = 0;
     if (is_simplex(cell))
       for_each_part(cell, [&](const Part& part, const std::vector<int>&, const Eigen::MatrixXd&) {
@@ -208,15 +209,15 @@ class Straightener {
     for (const std::int32_t cell : wanted)
       (is_straight(cell) ? done : left).elements.push_back(cells_.number(at(cell)));
     const std::string where = group.vertex != 0 ? " at node " + std::to_string(group.vertex)
-                                                : " round element " + std::to_string(group.elements.front());
+                                                : " around element " + std::to_string(group.elements.front());
     if (!done.elements.empty()) {
       done.kind = RepairStep::Kind::Straightened;
-      done.sentence = "Straight-sided but for the boundary" + where + ": " +
+      done.sentence = "Made straight-sided except on the boundary" + where + ": " +
                       elements_text(done.elements, "element", "elements") + ".";
       steps.push_back(std::move(done));
     }
     if (!left.elements.empty()) {
-      left.sentence = "Left curved" + where + ", since straight sides would make one of their neighbours invalid: " +
+      left.sentence = "Left curved" + where + ", because straight sides would make a neighbour invalid: " +
                       elements_text(left.elements, "element", "elements") + ".";
       steps.push_back(std::move(left));
     }
@@ -230,8 +231,8 @@ class Straightener {
     if (others.empty()) return;
     RepairStep step;
     step.elements.assign(others.begin(), others.end());
-    step.sentence = "Straight sides are offered for triangles and tetrahedra alone: " +
-                    elements_text(step.elements, "element", "elements") + " stay as optimising left them.";
+    step.sentence = "Only triangles and tetrahedra can be made straight-sided: " +
+                    elements_text(step.elements, "element", "elements") + " stay as the optimisation left them.";
     steps.push_back(std::move(step));
   }
 
@@ -242,7 +243,7 @@ class Straightener {
   const Team& team_;
   Cells cells_;
   Facets facets_;
-  std::set<Part> parts_;  // to be straight
+  std::set<Part> parts_;  // those to straighten
 };
 
 }  // namespace
@@ -250,7 +251,7 @@ class Straightener {
 std::vector<RepairStep> straighten(HighOrderMesh& mesh, const std::vector<bool>& fixed, const Certifier& certifier,
                                    std::vector<Certificate>& certificates, std::span<const UnrepairableGroup> groups,
                                    const Team& team) {
-  return Straightener(mesh, fixed, certifier, certificates, team).run(groups);
+  return Straightener(mesh, fixed, certifier, certificates, team).straighten(groups);
 }
 
 }  // namespace varimesh

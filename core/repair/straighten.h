@@ -1,4 +1,4 @@
-// Elements beside what cannot be repaired made straight-sided, where the boundary and their neighbours allow it.
+// Makes elements around what cannot be repaired straight-sided, as far as the boundary and their neighbours allow.
 #pragma once
 
 #include <span>
@@ -12,15 +12,16 @@
 
 namespace varimesh {
 
-/// Makes straight-sided the triangles and tetrahedra of these groups that are not certified valid, and those that share
-/// a facet with one: nodes on their free edges go to equal parts of the straight line, nodes on their free faces and
-/// inside to where the edges (and faces) round them say, which is the straight-sided place where these are straight.
-/// Other cells round an edge or face that moves are carried along in the same way. Vertices and fixed nodes stay, bit
-/// for bit.
+/// Makes those triangles and tetrahedra of these groups straight-sided that are not certified valid, and those that
+/// share a facet with one. Nodes on their free edges go to equal parts of the straight line between its ends. Nodes on
+/// their free faces and inside follow the edges and faces around them (blend.h); if these are straight, so is the
+/// element. Other cells around an edge or face that moves are carried along in the same way. Vertices and fixed nodes
+/// stay bit for bit. docs/repair.md has the formulas.
 ///
-/// No certificate is lost: where a cell that is certified valid would not be any more, its edges and faces stay as they
-/// are, and the rest is tried again; this ends, since each time fewer are left. `certificates` are of mesh.coordinates,
-/// and are so again afterwards. Call it inside team.run(). Returns a step for each group.
+/// No certificate is lost: if a cell would lose its own, its edges and faces stay as they are, and the others are tried
+/// again. This ends, because fewer are left each time. `fixed` is by node. `certificates` are those of mesh.coordinates
+/// on entry and again afterwards, one per cell in the mesh's order. Call it inside team.run(). Returns what was done to
+/// each group, and what was left.
 std::vector<RepairStep> straighten(HighOrderMesh& mesh, const std::vector<bool>& fixed, const Certifier& certifier,
                                    std::vector<Certificate>& certificates, std::span<const UnrepairableGroup> groups,
                                    const Team& team);

@@ -4,19 +4,20 @@
 #include <cmath>
 #include <limits>
 
+#include "core/base/line_search.h"
 #include "core/kernels/node_star.h"
+#include "core/kernels/regularisation.h"
 
 namespace varimesh {
 namespace {
 
 constexpr std::int32_t kNodesPerTask = 64;
 constexpr std::int32_t kCellsPerTask = 64;
-constexpr double kArmijo = 1e-4;  // share of the predicted decrease that a step must bring
-constexpr int kMostHalvings = 40;
-constexpr double kEnergyNoise = 1e-14;  // of the star's measure: below it an energy's change is rounding
+constexpr int kMostTrials = 40;         // of a line search
+constexpr double kEnergyNoise = 1e-14;  // relative to the star's measure: a smaller change of the energy is rounding
 
-/// −H⁻¹ G by H's cofactors, with one division where a factorisation waits for d of them; false where H is not positive,
-/// or the pivots of its factor L D Lᵀ (quotients of minors, one by the last) are far apart.
+/// −H⁻¹ G by the cofactors of H. This takes one division; a factorisation would wait for d of them. False if H is not
+/// positive definite, or if the pivots of its factorisation L D Lᵀ (quotients of successive minors) are far apart.
 template <int d>
 bool direct_step(const Eigen::Matrix<double, d, d>& H, const Eigen::Matrix<double, d, 1>& G,
                  Eigen::Matrix<double, d, 1>& step) {
@@ -38,7 +39,7 @@ bool direct_step(const Eigen::Matrix<double, d, d>& H, const Eigen::Matrix<doubl
     C[2][1] = H(1, 0) * H(2, 0) - H(0, 0) * H(2, 1);
     C[2][2] = second;
     const double third = H(0, 0) * C[0][0] + H(1, 0) * C[1][0] + H(2, 0) * C[2][0];
-    // Pivots first, second/first and third/second, compared with each other after multiplication.
+    // The pivots are first, second/first and third/second. They are compared after multiplication by first · second.
     const double a = first * first * second, b = second * second, c = third * first;
     const double least = std::min(a, std::min(b, c)), most = std::max(a, std::max(b, c));
     if (!(first > 0 && second > 0 && third > 0 && least > kSpread * most)) return false;
@@ -76,10 +77,12 @@ std::array<double, 3> newton_step(const StarExpansion& expansion, int dimension)
   return dimension == 2 ? newton_step_of<2>(expansion) : newton_step_of<3>(expansion);
 }
 
-Sweeper::Sweeper(Problem& problem, const Schedule& schedule, const Kernels& kernels, Regularisation regularisation,
+// === Scans and δ =========================================================================================
+
+Sweeper::Sweeper(Problem& problem, const ColouredNodes& coloured, const Kernels& kernels, Regularisation regularisation,
                  const PNorm& norm, double rest, const Team& team)
     : problem_(problem),
-      schedule_(schedule),
+      coloured_(coloured),
       kernels_(kernels),
       line_size_(kernels.line_size()),
       regularisation_(regularisation),
@@ -91,12 +94,12 @@ Sweeper::Sweeper(Problem& problem, const Schedule& schedule, const Kernels& kern
       rest_(rest),
       moved_at_(problem.cells, 0),
       moves_(problem.cells, 0.0) {
-  grain_ = std::max<std::int32_t>(1, static_cast<std::int32_t>(kNodesPerTask * schedule.group_count() /
+  grain_ = std::max<std::int32_t>(1, static_cast<std::int32_t>(kNodesPerTask * coloured.group_count() /
                                                                std::max<std::size_t>(1, problem.free.size())));
   for (const CellSet& set : problem.sets)
     for (std::int32_t cell = 0; cell < set.count; ++cell) measure_ += cell_measure(set, cell);
-  for (std::size_t group = 0; group + 1 < schedule.groups.size(); ++group)
-    largest_group_ = std::max<std::int64_t>(largest_group_, schedule.groups[group + 1] - schedule.groups[group]);
+  for (std::size_t group = 0; group + 1 < coloured.groups.size(); ++group)
+    largest_group_ = std::max<std::int64_t>(largest_group_, coloured.groups[group + 1] - coloured.groups[group]);
 }
 
 void Sweeper::rebuild() {
@@ -117,8 +120,8 @@ bool Sweeper::refresh() {
   drop_deformation(problem_);
   for (CellSet& set : problem_.sets)
     team_.for_each(set.count, kCellsPerTask, [&](std::int32_t cell) {
-      set.delta_squared[cell] = delta_squared_of(set, cell, look_at(set, cell));
-      scans_[set.first + cell] = look_at(set, cell);
+      set.delta_squared[cell] = delta_squared_of(set, cell, scan_of(set, cell).smallest_jacobian);
+      scans_[set.first + cell] = scan_of(set, cell);
     });
   std::fill(changed_.begin(), changed_.end(), 0);
   return true;
@@ -132,19 +135,14 @@ void Sweeper::changed() {
 void Sweeper::changed(std::span<const CellScan> scans) {
   std::copy(scans.begin(), scans.end(), scans_.begin());
   for (CellSet& set : problem_.sets)
-    team_.for_each(set.count, kCellsPerTask, [&](std::int32_t cell) { judge_cell(set, cell); });
+    team_.for_each(set.count, kCellsPerTask, [&](std::int32_t cell) { update_delta(set, cell); });
   std::fill(changed_.begin(), changed_.end(), 0);
   wake();
 }
 
 void Sweeper::wake() { std::fill(visited_at_.begin(), visited_at_.end(), 0); }
 
-double Sweeper::delta_squared_of(const CellSet& set, std::int32_t cell, const CellScan& scan) {
-  const bool unrepairable = !set.unrepairable.empty() && set.unrepairable[cell] != 0;
-  return unrepairable ? kUnrepairableDeltaSquared : delta_squared_for(scan.smallest_jacobian);
-}
-
-CellScan Sweeper::look_at(const CellSet& set, std::int32_t cell) const {
+CellScan Sweeper::scan_of(const CellSet& set, std::int32_t cell) const {
   if (!set.deformation.empty()) return kernels_.scan_kept(set, cell);
   static thread_local AlignedVector<double> deformation;
   deformation.resize(set.deformation_size());
@@ -152,30 +150,29 @@ CellScan Sweeper::look_at(const CellSet& set, std::int32_t cell) const {
   return kernels_.scan(set, cell, deformation.data(), nullptr);
 }
 
-void Sweeper::scan_cell(CellSet& set, std::int32_t cell) {
-  scans_[set.first + cell] = look_at(set, cell);
+void Sweeper::rescan(CellSet& set, std::int32_t cell) {
+  scans_[set.first + cell] = scan_of(set, cell);
   changed_[set.first + cell] = 0;
-  judge_cell(set, cell);
+  update_delta(set, cell);
 }
 
-void Sweeper::judge_cell(CellSet& set, std::int32_t cell) {
+void Sweeper::update_delta(CellSet& set, std::int32_t cell) {
   CellScan& scan = scans_[set.first + cell];
-  const double delta_squared = delta_squared_of(set, cell, scan);
+  const double delta_squared = delta_squared_of(set, cell, scan.smallest_jacobian);
   if (delta_squared == set.delta_squared[cell]) return;
   set.delta_squared[cell] = delta_squared;
-  scan = look_at(set, cell);
-  moved_at_[set.first + cell] = clock_;  // another function to minimise
+  scan = scan_of(set, cell);
+  moved_at_[set.first + cell] = clock_;  // the energy of the cell is another function now: wakes its nodes
 }
 
 ScanOutcome Sweeper::scan() {
   ScanOutcome outcome;
   outcome.min_scaled_jacobian = 1;
-  ++clock_;  // later than every visit so far: a cell that gets another δ wakes its nodes
+  ++clock_;  // later than every visit so far, so that a cell with a new δ wakes its nodes
   for (CellSet& set : problem_.sets) {
     team_.for_each(set.count, kCellsPerTask, [&](std::int32_t cell) {
-      const bool unrepairable = !set.unrepairable.empty() && set.unrepairable[cell] != 0;
-      if (changed_[set.first + cell] != 0 || unrepairable != (set.delta_squared[cell] == kUnrepairableDeltaSquared))
-        scan_cell(set, cell);
+      const bool was_unrepairable = set.delta_squared[cell] == kUnrepairableDeltaSquared;
+      if (changed_[set.first + cell] != 0 || is_unrepairable(set, cell) != was_unrepairable) rescan(set, cell);
     });
     for (std::int32_t cell = 0; cell < set.count; ++cell) {
       const CellScan& scan = scans_[set.first + cell];
@@ -189,17 +186,19 @@ ScanOutcome Sweeper::scan() {
   return outcome;
 }
 
+// === Sweeps ==============================================================================================
+
 SweepOutcome Sweeper::sweep() {
-  visits_.resize(problem_.free.size());  // the first time
+  visits_.resize(problem_.free.size());  // only the first sweep allocates
   visited_at_.resize(problem_.free.size());
   if (!holds_deformation(problem_)) rebuild();
-  for (std::size_t colour = 0; colour + 1 < schedule_.colours.size(); ++colour) {
-    const std::int32_t first = schedule_.colours[colour], count = schedule_.colours[colour + 1] - first;
+  for (std::size_t colour = 0; colour + 1 < coloured_.colours.size(); ++colour) {
+    const std::int32_t first = coloured_.colours[colour], count = coloured_.colours[colour + 1] - first;
     team_.for_each(count, grain_, [&](std::int32_t group) {
       static thread_local AlignedVector<double> scratch(NodeStar::kMostNumbers);
       std::int64_t now = clock_;
-      for (std::int32_t i = schedule_.groups[first + group]; i < schedule_.groups[first + group + 1]; ++i)
-        visits_[schedule_.nodes[i]] = visit(schedule_.nodes[i], ++now, scratch.data());
+      for (std::int32_t i = coloured_.groups[first + group]; i < coloured_.groups[first + group + 1]; ++i)
+        visits_[coloured_.nodes[i]] = visit(coloured_.nodes[i], ++now, scratch.data());
     });
     clock_ += largest_group_;
   }
@@ -240,7 +239,7 @@ double Sweeper::star_delta_squared(std::int32_t rank, std::span<StarCell> star) 
   for (std::size_t i = 0; i < star.size(); ++i) {
     const Incidence& at = problem_.incidences[problem_.offsets[rank] + i];
     const CellSet& set = problem_.sets[at.set];
-    if (!set.unrepairable.empty() && set.unrepairable[at.cell] != 0) continue;
+    if (is_unrepairable(set, at.cell)) continue;
     smallest = std::min(smallest, kernels_.smallest_jacobian(star.subspan(i, 1)));
   }
   return delta_squared_for(smallest);
@@ -269,26 +268,24 @@ Sweeper::Visit Sweeper::visit(std::int32_t rank, std::int64_t now, double* scrat
   const Visit visit{std::sqrt(length), squared_gradient, true};
   if (!(length > 0) || !(slope < 0)) return visit;
 
-  // Backtracking never raises the energy, but by rounding where the predicted decrease is itself lost in it.
-  const double noise = kEnergyNoise * here.measure;
-  double alpha = 1;
-  for (int halving = 0; halving < kMostHalvings; ++halving, alpha *= 0.5) {
-    const std::array<double, 3> step{alpha * full[0], alpha * full[1], alpha * full[2]};
-    const double energy = energy_after(kernels_, star, step.data(), norm_);
-    const bool lower = energy <= here.energy + kArmijo * alpha * slope;
-    const bool lost_in_rounding = -slope < noise && energy <= here.energy + noise;
-    if (!lower && !lost_in_rounding) continue;
-    kernels_.move(star, step.data());
-    double* x = problem_.positions.data() + static_cast<std::size_t>(problem_.free[rank]) * d;
-    for (int i = 0; i < d; ++i) x[i] += step[i];
-    if (visit.step > rest_) visited_at_[rank] = 0;  // there is more to come
-    note_move(rank, now, alpha * visit.step);
+  std::array<double, 3> step{};
+  const AcceptedStep accepted =
+      backtrack({here.energy, slope, kEnergyNoise * here.measure, kMostTrials}, [&](double alpha) {
+        step = {alpha * full[0], alpha * full[1], alpha * full[2]};
+        return energy_after(kernels_, star, step.data(), norm_);
+      });
+  if (accepted.alpha == 0) {
+    // Near J = 0 the kept function of J may differ from that of F by more than can be gained: compute it from F again.
+    for (const StarCell& cell : star)
+      if (cell.jacobian_function != nullptr)
+        kernels_.take_function(cell.deformation, cell.stride, cell.jacobian_function);
     return visit;
   }
-  // Next to J = 0 the kept function of J may differ from that of F by more than there is to gain. Then from F again.
-  for (const StarCell& cell : star)
-    if (cell.jacobian_function != nullptr)
-      kernels_.take_function(cell.deformation, cell.stride, cell.jacobian_function);
+  kernels_.move(star, step.data());
+  double* x = problem_.positions.data() + static_cast<std::size_t>(problem_.free[rank]) * d;
+  for (int i = 0; i < d; ++i) x[i] += step[i];
+  if (visit.step > rest_) visited_at_[rank] = 0;  // the node is not at rest yet
+  note_move(rank, now, accepted.alpha * visit.step);
   return visit;
 }
 

@@ -1,4 +1,4 @@
-// Node-wise Newton in coloured sweeps: every free node in turn minimises the energy of its star.
+// Sweeps: every free node in turn takes a Newton step on the energy of its star, colour by colour.
 #pragma once
 
 #include <span>
@@ -8,7 +8,7 @@
 #include "core/kernels/kernels.h"
 #include "core/kernels/p_norm.h"
 #include "core/problem/problem.h"
-#include "core/sweeps/schedule.h"
+#include "core/sweeps/colouring.h"
 
 namespace varimesh {
 
@@ -16,45 +16,47 @@ namespace varimesh {
 struct SweepOutcome {
   double residual = 0;       ///< Largest full Newton step of a node, before its line search.
   double gradient_norm = 0;  ///< √ Σ |G|² of the nodes' gradients, each as its node was visited.
-  std::int64_t visited = 0;
+  std::int64_t visited = 0;  ///< Nodes that were not passed over.
 };
 
-/// What the deformation gradients say of the whole mesh.
+/// The energy and the validity of the whole mesh, from its deformation gradients.
 struct ScanOutcome {
   double energy = 0;               ///< Σ w W / Σ w, or the p-norm of the cells' means.
   double min_scaled_jacobian = 0;  ///< At the quadrature points.
   std::int64_t invalid = 0;        ///< Cells with J ≤ 0 at a quadrature point.
 };
 
-/// Sweeps over a problem. Keeps what a sweep needs, so that nothing is allocated inside one but the first after other
-/// methods, or after none.
+/// Sweeps over a problem. It keeps the memory that a sweep needs, so a sweep allocates nothing, except the first one
+/// and the first after other methods.
 class Sweeper {
  public:
-  /// `rest`: a node is passed over while none of its cells has seen its nodes move by more than this (their moves
-  /// added up, relative to the diagonal of the bounding box) since its last visit; below 0: none is passed over.
-  Sweeper(Problem& problem, const Schedule& schedule, const Kernels& kernels, Regularisation regularisation,
+  /// `rest`: a node is passed over while in each of its cells the nodes have moved by no more than this since its last
+  /// visit (the lengths of their moves added up, relative to the diagonal of the bounding box). Below 0: no node is
+  /// passed over.
+  Sweeper(Problem& problem, const ColouredNodes& coloured, const Kernels& kernels, Regularisation regularisation,
           const PNorm& norm, double rest, const Team& team);
 
-  /// Deformation gradients from the nodes' positions, of every cell in which a sweep has moved one since this was done
-  /// last (now and then, against drift), and of all where none are kept.
+  /// Computes the deformation gradients from the positions of the nodes, against the drift of updating them move by
+  /// move: for every cell in which a sweep has moved a node since the last rebuild, or for all cells if none are held.
   void rebuild();
 
-  /// Who is awake. Right after a rebuild nothing else matters: what is cached comes back by refresh().
+  /// Reads or writes which nodes are awake. Right after a rebuild this is the whole state: refresh() restores what is
+  /// cached.
   template <class Archive>
   void state(Archive& archive) {
     archive(clock_, visited_at_, moved_at_, moves_);
   }
-  /// After the state was read: δ and what a scan keeps, from the nodes' positions; no deformation gradients are kept.
-  /// False where the state was another problem's.
+  /// After the state was read: computes δ and the scans from the positions of the nodes, and frees the deformation
+  /// gradients. Returns false if the state belongs to another problem.
   bool refresh();
 
-  /// Looks at the cells that changed and sets their δ from their own smallest J, for the sweep to come. Where no
-  /// deformation gradients are kept it goes by the nodes' positions.
+  /// Scans the cells that changed and sets their δ from their smallest J, for the next sweep. If no deformation
+  /// gradients are held, it computes them cell by cell from the positions of the nodes.
   ScanOutcome scan();
 
-  /// The nodes and, where they are kept, the deformation gradients have changed by other means than a sweep.
+  /// To be called after another method has moved nodes (and updated the deformation gradients, if they are held).
   void changed();
-  /// The nodes have, these are the cells' scans since, and no deformation gradients are kept.
+  /// The same if the new scans of all cells are known and no deformation gradients are held.
   void changed(std::span<const CellScan> scans);
 
   /// Visits every free node that is not at rest once, colour by colour.
@@ -69,44 +71,48 @@ class Sweeper {
     double squared_gradient = 0;
     bool made = false;
   };
-  /// `scratch`: NodeStar::kMostNumbers that the thread has for the visit.
+  /// Minimises the energy of one star by one Newton step with a line search. `scratch`: NodeStar::kMostNumbers numbers
+  /// of the thread.
   Visit visit(std::int32_t rank, std::int64_t now, double* scratch);
   bool at_rest(std::int32_t rank) const;
-  /// After the node moved by `length`: its cells have changed, and wake its neighbours where that adds up.
+  /// After the node moved by `length`: marks its cells as changed, and wakes their nodes if the moves in a cell add up
+  /// to more than rest_.
   void note_move(std::int32_t rank, std::int64_t now, double length);
+  /// δ² for Regularisation::Patch: one for the star, from its smallest J. Unrepairable cells do not count.
   double star_delta_squared(std::int32_t rank, std::span<StarCell> star) const;
-  CellScan look_at(const CellSet& set, std::int32_t cell) const;
-  void scan_cell(CellSet& set, std::int32_t cell);
-  /// Sets δ from the scan, and does it again where that is another function.
-  void judge_cell(CellSet& set, std::int32_t cell);
-  static double delta_squared_of(const CellSet& set, std::int32_t cell, const CellScan& scan);
+  /// Scans a cell as it is now.
+  CellScan scan_of(const CellSet& set, std::int32_t cell) const;
+  /// Scans a changed cell, keeps the scan and updates δ.
+  void rescan(CellSet& set, std::int32_t cell);
+  /// Sets δ of a cell from its scan. If δ changes, scans the cell again, since its energy is another function then.
+  void update_delta(CellSet& set, std::int32_t cell);
 
   Problem& problem_;
-  const Schedule& schedule_;
+  const ColouredNodes& coloured_;
   const Kernels& kernels_;
   int line_size_;
   Regularisation regularisation_;
   PNorm norm_;
   const Team& team_;
-  double measure_ = 0;           ///< Of all cells.
-  std::vector<Visit> visits_;    ///< By rank, so that sums are taken in one order.
-  std::vector<CellScan> scans_;  ///< By cell, likewise.
-  std::vector<char> changed_;    ///< By cell: since the last scan.
-  std::vector<char> drifted_;    ///< By cell: since the last rebuild.
+  double measure_ = 0;           ///< Σ weight |det A| over all cells.
+  std::vector<Visit> visits_;    ///< By rank, so that sums are always taken in the same order.
+  std::vector<CellScan> scans_;  ///< By cell, for the same reason.
+  std::vector<char> changed_;    ///< By cell: whether it has changed since the last scan.
+  std::vector<char> drifted_;    ///< By cell: whether a sweep has changed it since the last rebuild.
 
-  // Who is awake. Times count visits; cells of one colour have none in common, so no two threads write to one cell.
+  // Which nodes are awake. Times count visits. Groups of one colour share no cell, so no two threads write to one cell.
   double rest_;
   std::int64_t clock_ = 1;
-  std::int64_t largest_group_ = 0;
-  std::int32_t grain_ = 1;  ///< Groups a task.
-  std::vector<std::int64_t>
-      visited_at_;  ///< By rank; 0: to be visited again, come what may. Empty before the first sweep.
-  std::vector<std::int64_t> moved_at_;  ///< By cell: when it last saw its nodes move far enough.
-  std::vector<double> moves_;           ///< By cell: added up since then.
+  std::int64_t largest_group_ = 0;  ///< Nodes in the largest group.
+  std::int32_t grain_ = 1;          ///< Groups per task.
+  /// By rank: time of the last visit; 0: to be visited in the next sweep. Empty before the first sweep.
+  std::vector<std::int64_t> visited_at_;
+  std::vector<std::int64_t> moved_at_;  ///< By cell: when the moves of its nodes last added up to more than rest_.
+  std::vector<double> moves_;           ///< By cell: the lengths of moves added up since then.
 };
 
-/// The step −H⁻¹ G of a star's expansion, d numbers, with the eigenvalues of H made positive where they are not: each
-/// is replaced by its absolute value, but by no less than 1e-3 of the largest.
+/// The Newton step −H⁻¹ G of a star's expansion, d numbers. Eigenvalues of H that are not positive are made so: each
+/// eigenvalue is replaced by its absolute value, and by no less than 1e-3 of the largest.
 std::array<double, 3> newton_step(const StarExpansion& expansion, int dimension);
 
 }  // namespace varimesh

@@ -1,4 +1,4 @@
-// The formula and its derivatives, a cell at a time.
+// The energy of untangling and its derivatives, one cell at a time.
 #include "core/untangle/coefficient_energy.h"
 
 #include <Eigen/LU>
@@ -12,8 +12,8 @@ namespace varimesh {
 namespace {
 
 constexpr double kTheta = 0.5;
-constexpr double kCondemnedEpsilon = 1;
-/// Of the largest entry of ∂B/∂x: what is below it is rounding, where the exact entry is 0.
+constexpr double kUnrepairableEpsilon = 1;
+/// Entries of ∂B/∂x below this share of the largest one are rounding errors of 0.
 constexpr double kNoSlope = 1e-12;
 
 using Matrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, 3, 3>;
@@ -22,7 +22,7 @@ using Matrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, 3, 3>;
 // Functions of I = |F|² and J
 // ---------------------------------------------------------------------------------------------------------------------
 
-/// s = √(J² + ε²) and χ; for J < 0 as ε²/(2 (s − J)), since s + J cancels.
+/// s = √(J² + ε²) and χ. For J < 0, where s + J cancels, χ is computed as ε²/(2 (s − J)).
 struct Regularised {
   double s, chi;
   Regularised(double jacobian, double epsilon)
@@ -32,8 +32,9 @@ struct Regularised {
 
 /// f = I b/d with b = χ^−m, m = 2/d, and
 ///     f_I = b/d,  f_J = −m I b/(d s),  f_IJ = −m b/(d s),  f_JJ = I b/(d s²) max(m (m + J/s), 2 m²).
-/// Of the second derivatives without f_J d²J: 2 f_I |dF|² + 4 f_IJ (F:dF)(C:dF) + f_JJ (C:dF)² is not negative where
-/// f_JJ is at least I b 2 m²/(d s²), because |dF|² ≥ (F:dF)²/I; the true f_JJ has m (m + J/s), less where J/s < m.
+/// The second derivative without f_J d²J is 2 f_I |dF|² + 4 f_IJ (F:dF)(C:dF) + f_JJ (C:dF)². Since |dF|² ≥ (F:dF)²/I,
+/// it is not negative if f_JJ is at least I b 2 m²/(d s²). The exact f_JJ has m (m + J/s) instead of 2 m², which is
+/// less if J/s < m.
 struct ShapeTerm {
   double f, I_slope, J_slope, IJ, JJ;
   ShapeTerm(double I, double jacobian, double epsilon, int d) {
@@ -47,7 +48,7 @@ struct ShapeTerm {
   }
 };
 
-/// h = (B² + 1)/χ, h' = 2 B/χ − (B² + 1)/(χ s), h'' = 2/χ − 4 B/(χ s) + 2 (B² + 1)/s³ or 0 where that is negative.
+/// h = (B² + 1)/χ, h' = 2 B/χ − (B² + 1)/(χ s), h'' = 2/χ − 4 B/(χ s) + 2 (B² + 1)/s³, or 0 if that is negative.
 struct Barrier {
   double h, slope, curvature;
   Barrier(double B, double epsilon) {
@@ -62,7 +63,7 @@ struct Barrier {
 // The map at a quadrature point
 // ---------------------------------------------------------------------------------------------------------------------
 
-/// What the target gives at point q: A⁻¹, and weight times |det A|.
+/// The target at quadrature point q: A⁻¹, and weight times |det A|.
 struct Point {
   Matrix inverse_target;
   double weight;
@@ -120,14 +121,13 @@ Matrix cofactor(const Matrix& F) {
 
 double regularised_jacobian(double jacobian, double epsilon) { return Regularised(jacobian, epsilon).chi; }
 
-CoefficientEnergy::CoefficientEnergy(const CellSet& set)
-    : block_(set), table_(coefficient_table(set.shape, set.order)) {}
+CoefficientEnergy::CoefficientEnergy(const CellSet& set) : set_(set), table_(coefficient_table(set.shape, set.order)) {}
 
 double CoefficientEnergy::coefficient_scale(std::int32_t cell) const {
   double weights = 0;
-  for (int q = 0; q < block_.points; ++q) weights += block_.weights[static_cast<std::size_t>(q)];
-  const double scale = weights / cell_measure(block_, cell);
-  return Point(block_, cell, 0).inverse_target.determinant() < 0 ? -scale : scale;
+  for (int q = 0; q < set_.points; ++q) weights += set_.weights[static_cast<std::size_t>(q)];
+  const double scale = weights / cell_measure(set_, cell);
+  return Point(set_, cell, 0).inverse_target.determinant() < 0 ? -scale : scale;
 }
 
 Eigen::VectorXd CoefficientEnergy::coefficients(const Cell& cell) const {
@@ -154,13 +154,13 @@ double CoefficientEnergy::value(const Cell& cell, double epsilon) const {
 }
 
 double CoefficientEnergy::shape_value(const Cell& cell, double epsilon) const {
-  const Matrix factor = left_factor(block_, cell.number);
-  const double measure = cell_measure(block_, cell.number), at = cell.unrepairable ? kCondemnedEpsilon : epsilon;
+  const Matrix factor = left_factor(set_, cell.number);
+  const double measure = cell_measure(set_, cell.number), at = cell.unrepairable ? kUnrepairableEpsilon : epsilon;
   double sum = 0;
-  for (int q = 0; q < block_.points; ++q) {
-    const Point point(block_, cell.number, q);
-    const Matrix F = deformation(block_, cell.positions, factor, point, q);
-    sum += point.weight / measure * ShapeTerm(F.squaredNorm(), F.determinant(), at, block_.dimension).f;
+  for (int q = 0; q < set_.points; ++q) {
+    const Point point(set_, cell.number, q);
+    const Matrix F = deformation(set_, cell.positions, factor, point, q);
+    sum += point.weight / measure * ShapeTerm(F.squaredNorm(), F.determinant(), at, set_.dimension).f;
   }
   return sum;
 }
@@ -174,7 +174,7 @@ double CoefficientEnergy::barrier_value(const Cell& cell, double epsilon) const 
 }
 
 CoefficientEnergy::Expansion CoefficientEnergy::expand(const Cell& cell, double epsilon) const {
-  const Eigen::Index unknowns = static_cast<Eigen::Index>(cell.free.size()) * block_.dimension;
+  const Eigen::Index unknowns = static_cast<Eigen::Index>(cell.free.size()) * set_.dimension;
   Expansion out{0, Eigen::VectorXd::Zero(unknowns), Eigen::MatrixXd::Zero(unknowns, unknowns)};
   if (unknowns == 0) return out;
   add_shape(cell, epsilon, out);
@@ -182,24 +182,24 @@ CoefficientEnergy::Expansion CoefficientEnergy::expand(const Cell& cell, double 
   return out;
 }
 
-/// With g_n = A⁻ᵀ ∇φ_n at a point, moving node n by a adds L a ⊗ g_n to F: F:dF = a · y_n with y = L F g, C:dF = a ·
+/// With g_n = A⁻ᵀ ∇φ_n at a point, moving node n by a adds L a ⊗ g_n to F. So F:dF = a · y_n with y = L F g, C:dF = a ·
 /// c_n with c = L C g, and |dF|² = Σ (L a_m · L a_n)(g_m · g_n).
 void CoefficientEnergy::add_shape(const Cell& cell, double epsilon, Expansion& out) const {
-  const int d = block_.dimension, points = block_.points;
+  const int d = set_.dimension, points = set_.points;
   const Eigen::Index nodes = static_cast<Eigen::Index>(cell.free.size());
-  const Matrix factor = left_factor(block_, cell.number);
-  const double measure = cell_measure(block_, cell.number), at = cell.unrepairable ? kCondemnedEpsilon : epsilon;
+  const Matrix factor = left_factor(set_, cell.number);
+  const double measure = cell_measure(set_, cell.number), at = cell.unrepairable ? kUnrepairableEpsilon : epsilon;
   Eigen::MatrixXd gradients(nodes, points * d), y(nodes * d, points), c(nodes * d, points);
   Eigen::VectorXd II(points * d), IJ(points), JJ(points);
   for (int q = 0; q < points; ++q) {
-    const Point point(block_, cell.number, q);
-    const Matrix F = deformation(block_, cell.positions, factor, point, q), C = cofactor(F);
+    const Point point(set_, cell.number, q);
+    const Matrix F = deformation(set_, cell.positions, factor, point, q), C = cofactor(F);
     const ShapeTerm f(F.squaredNorm(), F.determinant(), at, d);
     const double w = point.weight / measure;
     for (Eigen::Index n = 0; n < nodes; ++n) {
       const auto g = gradients.row(n).segment(q * d, d);
       gradients.row(n).segment(q * d, d).noalias() =
-          reference_gradient(block_, cell.free[static_cast<std::size_t>(n)], q).head(d) * point.inverse_target;
+          reference_gradient(set_, cell.free[static_cast<std::size_t>(n)], q).head(d) * point.inverse_target;
       y.col(q).segment(n * d, d).noalias() = factor * (F * g.transpose());
       c.col(q).segment(n * d, d).noalias() = factor * (C * g.transpose());
     }

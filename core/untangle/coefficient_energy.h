@@ -1,4 +1,4 @@
-// The energy of untangling: shape at the quadrature points, and a barrier on the Bernstein coefficients of J.
+// The energy of untangling: a shape term at the quadrature points, and a barrier on the Bernstein coefficients of J.
 #pragma once
 
 #include <Eigen/Core>
@@ -10,35 +10,36 @@
 
 namespace varimesh {
 
-/// χ(J) = (s + J)/2 with s = √(J² + ε²): positive for every J, and J itself where J ≫ ε.
+/// χ(J) = (s + J)/2 with s = √(J² + ε²): positive for every J, and nearly J if J ≫ ε.
 double regularised_jacobian(double jacobian, double epsilon);
 
-/// Of one cell, with w the quadrature weights times |det A| over their sum, J = det F, and B_k the Bernstein
-/// coefficients of det ∇χ_M over the target's mean measure (so that all are 1 in a cell that is its target):
+/// The energy of one cell:
 ///
 ///     E = Σ_q w_q |F|² / (d χ(J)^(2/d)) + θ/2 mean_k (B_k² + 1)/χ(B_k),   θ = 0.5
 ///
-/// E is at least 1 + θ; smaller cells count like larger ones. A cell that cannot be repaired has the first term alone,
-/// with ε = 1 there: it keeps a shape and presses on nobody. As ε → 0 the second term grows beyond bounds where a B_k
-/// is not positive; where all are, J > 0 in the whole cell.
+/// w are the quadrature weights times |det A|, divided by their sum; J = det F; B_k are the Bernstein coefficients of
+/// det ∇χ_M divided by the mean measure of the target, so all are 1 in a cell that is its target. E is at least 1 + θ.
+/// Small cells count as much as large ones. An unrepairable cell has only the first term, with ε = 1: it keeps a shape
+/// and does not press on its neighbours. As ε → 0 the second term grows without bound unless all B_k are positive; if
+/// they are, J > 0 in the whole cell.
 class CoefficientEnergy {
  public:
-  /// Keeps a reference to the set, whose targets must stay as they are.
+  /// Keeps a reference to the set, whose targets must not change.
   explicit CoefficientEnergy(const CellSet& set);
 
-  /// A cell and what is asked of it.
+  /// A cell, and which of its nodes may move.
   struct Cell {
     std::int32_t number = 0;    ///< In the set.
-    bool unrepairable = false;  ///< Without the barrier.
+    bool unrepairable = false;  ///< If so, it has no barrier.
     std::vector<int> free;      ///< Local numbers of the nodes that may move.
-    std::vector<int> movable;   ///< Coefficients that depend on them: those in the barrier. Set by find_movable().
+    std::vector<int> movable;   ///< Coefficients that depend on them, those in the barrier. Set by find_movable().
     Eigen::MatrixXd positions;  ///< nodes × d
   };
   void find_movable(Cell& cell) const;
 
-  /// E and its derivatives by the free nodes' components (n · d + c for the n-th of them). The Hessian is positive
-  /// semidefinite: J's own second derivatives are left out, and second derivatives of the two functions are kept from
-  /// being negative (coefficient_energy.cpp says how).
+  /// E and its derivatives by the components of the free nodes (n · d + c for component c of the n-th free node). The
+  /// Hessian is positive semidefinite: it leaves out the second derivatives of J, and the second derivatives of the two
+  /// functions are kept from being negative (coefficient_energy.cpp says how).
   struct Expansion {
     double value = 0;
     Eigen::VectorXd gradient;
@@ -48,10 +49,10 @@ class CoefficientEnergy {
 
   double value(const Cell& cell, double epsilon) const;
 
-  /// B_k, all of them.
+  /// All B_k.
   Eigen::VectorXd coefficients(const Cell& cell) const;
 
-  /// Smallest B_k that a free node moves; +∞ where there is none, and of unrepairable cells.
+  /// The smallest B_k that depends on a free node; +∞ if there is none or if the cell is unrepairable.
   double smallest_coefficient(const Cell& cell) const;
 
  private:
@@ -59,10 +60,10 @@ class CoefficientEnergy {
   double barrier_value(const Cell& cell, double epsilon) const;
   void add_shape(const Cell& cell, double epsilon, Expansion& out) const;
   void add_barrier(const Cell& cell, double epsilon, Expansion& out) const;
-  /// One over the target's mean measure, with its sign.
+  /// 1 over the mean measure of the target, with the sign of det A.
   double coefficient_scale(std::int32_t cell) const;
 
-  const CellSet& block_;
+  const CellSet& set_;
   const CoefficientTable& table_;
 };
 

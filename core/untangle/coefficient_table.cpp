@@ -1,4 +1,4 @@
-// Builds the tables from those of the certificates, and multiplies polynomials with them.
+// Builds the tables from those of the certificates, and multiplies polynomials by them.
 #include "core/untangle/coefficient_table.h"
 
 #include <utility>
@@ -13,8 +13,9 @@ namespace {
 
 using detail::BernsteinSpace;
 
-/// Numbers in `product` of the products of all coefficients of `a` and `b`.
-std::vector<std::uint16_t> numbers(const BernsteinSpace& a, const BernsteinSpace& b, const BernsteinSpace& product) {
+/// For each pair of coefficients of `a` and `b` (those of `b` innermost): the number of their product in `product`.
+std::vector<std::uint16_t> product_numbers(const BernsteinSpace& a, const BernsteinSpace& b,
+                                           const BernsteinSpace& product) {
   std::vector<std::uint16_t> result;
   result.reserve(at(a.size()) * at(b.size()));
   for (const detail::Exponents& x : a.exponents())
@@ -32,7 +33,7 @@ BernsteinSpace product_space(const BernsteinSpace& a, const BernsteinSpace& b) {
   return BernsteinSpace(factors);
 }
 
-/// Scaled coefficients of χ from the optimised nodes.
+/// The matrix from the optimised nodes to the scaled coefficients of χ.
 Eigen::MatrixXd map_of_nodes(const detail::JacobianTable& table) {
   Eigen::MatrixXd of_equispaced = Eigen::MatrixXd::Zero(table.map.size(), table.nodes);
   for (int row = 0; row < table.map.size(); ++row)
@@ -57,9 +58,9 @@ CoefficientTable make_table(const detail::JacobianTable& from) {
                                                differences[i].minus_weight * map.row(differences[i].minus);
     const BernsteinSpace& next = from.derivative[at((r + 1) % d)];
     const BernsteinSpace cofactor = d == 2 ? next : product_space(next, from.derivative[at((r + 2) % d)]);
-    if (d == 3) table.cross[at(r)] = numbers(next, from.derivative[at((r + 2) % d)], cofactor);
+    if (d == 3) table.cross[at(r)] = product_numbers(next, from.derivative[at((r + 2) % d)], cofactor);
     table.cofactor_size[at(r)] = cofactor.size();
-    table.product[at(r)] = numbers(from.derivative[at(r)], cofactor, from.jacobian);
+    table.product[at(r)] = product_numbers(from.derivative[at(r)], cofactor, from.jacobian);
   }
   return table;
 }
@@ -67,7 +68,7 @@ CoefficientTable make_table(const detail::JacobianTable& from) {
 }  // namespace
 
 CoefficientTable::Vectors CoefficientTable::derivatives(const Eigen::MatrixXd& positions) const {
-  // Differences from the first node, so that where the cell lies costs no digits.
+  // Relative to the first node, so that no digits are lost if the cell is far from the origin.
   const Eigen::MatrixXd relative = positions.rowwise() - positions.row(0);
   Vectors result;
   for (int r = 0; r < dimension; ++r) result[at(r)].noalias() = derivative[at(r)] * relative;
@@ -116,7 +117,7 @@ Eigen::MatrixXd CoefficientTable::slope(const Vectors& cofactors, const std::vec
     chosen = derivative[r](Eigen::all, nodes);
     const Eigen::MatrixXd& b = cofactors[r];
     for (int c = 0; c < dimension; ++c) {
-      // dJ = Σ_i dg_r,i,c (the polynomial λ^i C_r,c): a column an i.
+      // dJ = Σ_i dg_r,i,c (the polynomial λ^i C_r,c): one column per i.
       of_derivative.setZero(size, chosen.rows());
       const std::uint16_t* number = product[r].data();
       for (Eigen::Index i = 0; i < chosen.rows(); ++i)

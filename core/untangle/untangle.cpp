@@ -1,4 +1,4 @@
-// Chooses the patches, runs them, and keeps the best of each.
+// Finds the patches, untangles them, and keeps the best state of each.
 #include "core/untangle/untangle.h"
 
 #include <algorithm>
@@ -11,14 +11,14 @@ namespace {
 
 constexpr int kFirstLayers = 2;
 constexpr int kMostLayers = 4;
-constexpr int kPatience = 8;  // outer steps without fewer bad cells
-/// Hessians of a patch's cells that fit in memory, in numbers: 2 GiB.
+constexpr int kPatience = 8;  // a patch ends after this many outer steps without fewer bad cells
+/// Patches whose cells' Hessians have more numbers than this, 2 GiB, are left out.
 constexpr std::size_t kMostEntries = std::size_t{1} << 28;
 
-/// Which cells are active and which nodes free, and in which patch they are.
-class Choice {
+/// Finds the active cells, the nodes that may move, and the patches that they form.
+class PatchFinder {
  public:
-  Choice(const Problem& problem, std::span<const Standing> standings, int layers)
+  PatchFinder(const Problem& problem, std::span<const Standing> standings, int layers)
       : problem_(problem),
         active_(at(problem.cells), 0),
         rank_(problem.positions.size() / at(problem.dimension), -1),
@@ -31,13 +31,13 @@ class Choice {
     join();
   }
 
-  /// Lists of members and of nodes by patch, in the order of the cells and of the nodes.
-  struct Lists {
+  /// The members and the nodes of one patch, in the order of the cells and of the nodes.
+  struct Found {
     std::vector<UntanglePatch::Member> members;
     std::vector<std::int32_t> nodes;
   };
-  std::vector<Lists> lists(std::span<const Standing> standings) {
-    std::vector<Lists> result;
+  std::vector<Found> patches(std::span<const Standing> standings) {
+    std::vector<Found> result;
     std::vector<std::int32_t> patch_of(parent_.size(), -1), number(parent_.size(), -1);
     for (std::size_t f = 0; f < parent_.size(); ++f) {
       if (!free_[f]) continue;
@@ -70,7 +70,7 @@ class Choice {
           visit(std::span(set.nodes).subspan(at(cell) * at(set.nodes_per_cell), at(set.nodes_per_cell)));
   }
 
-  /// Cells that share a vertex with an active one.
+  /// Makes the cells active that share a vertex with an active one.
   void add_layer() {
     std::vector<char> touched(rank_.size(), 0);
     for (const CellSet& set : problem_.sets) {
@@ -101,7 +101,7 @@ class Choice {
     return f;
   }
 
-  /// Free nodes of one cell belong to one patch.
+  /// Joins the free nodes of each active cell to one patch (union-find).
   void join() {
     std::iota(parent_.begin(), parent_.end(), 0);
     for_active([&](std::span<const std::int32_t> nodes) {
@@ -116,7 +116,7 @@ class Choice {
     });
   }
 
-  /// `unknown` is left as ranks among the problem's free nodes.
+  /// Its `unknown` are still ranks among the problem's free nodes.
   UntanglePatch::Member make_member(std::int16_t b, std::int32_t cell, std::span<const Standing> standings) const {
     const CellSet& set = problem_.sets[at(b)];
     const int d = problem_.dimension;
@@ -138,9 +138,9 @@ class Choice {
 
   const Problem& problem_;
   std::vector<char> active_;          // by cell
-  std::vector<std::int32_t> rank_;    // by node, among the problem's free nodes
-  std::vector<std::int32_t> parent_;  // by rank
-  std::vector<char> free_;            // by rank
+  std::vector<std::int32_t> rank_;    // by node: its rank in Problem::free; −1: fixed
+  std::vector<std::int32_t> parent_;  // by rank: union-find of the nodes that are in one patch
+  std::vector<char> free_;            // by rank: whether the node may move
 };
 
 bool fits_in_memory(const std::vector<UntanglePatch::Member>& members, int dimension) {
@@ -165,7 +165,7 @@ Untangler::Untangler(Problem& problem, const Kernels& kernels, Guard& guard, con
   rebuild();
   first_unrepaired_ = guard.unrepaired();
   for (const CellSet& set : problem.sets) energies_.emplace_back(set);
-  choose(kFirstLayers);
+  find_patches(kFirstLayers);
 }
 
 Untangler::Untangler(ToBeRead, Problem& problem, const Kernels& kernels, Guard& guard, const Team& team)
@@ -173,42 +173,42 @@ Untangler::Untangler(ToBeRead, Problem& problem, const Kernels& kernels, Guard& 
   for (const CellSet& set : problem.sets) energies_.emplace_back(set);
 }
 
-void Untangler::choose(int layers) {
+void Untangler::find_patches(int layers) {
   layers_ = layers;
-  places_.clear();
+  patches_.clear();
   const std::vector<Standing> standings = guard_.standings();
-  for (Choice::Lists& lists : Choice(problem_, standings, layers).lists(standings)) {
-    if (!fits_in_memory(lists.members, problem_.dimension)) continue;
-    UntanglePatch patch(energies_, std::move(lists.members), std::move(lists.nodes), problem_.dimension);
-    const Look first = look(patch, standings);
-    if (first.repairable == 0) continue;  // nothing here that these nodes could mend
-    const Best best{first.rank, patch.positions()};
-    places_.push_back({patch, best, best, patch.bad_cells(), first.repairable, 0, false});
+  for (PatchFinder::Found& found : PatchFinder(problem_, standings, layers).patches(standings)) {
+    if (!fits_in_memory(found.members, problem_.dimension)) continue;
+    UntanglePatch patch(energies_, std::move(found.members), std::move(found.nodes), problem_.dimension);
+    const Assessment first = assess(patch, standings);
+    if (first.repairable == 0) continue;  // its free nodes cannot repair anything
+    const Best best{first.badness, patch.positions()};
+    patches_.push_back({patch, best, best, patch.bad_cells(), first.repairable, 0, false});
   }
 }
 
-Untangler::Look Untangler::look(const UntanglePatch& patch, std::span<const Standing> standings) const {
-  Look result;
+Untangler::Assessment Untangler::assess(const UntanglePatch& patch, std::span<const Standing> standings) const {
+  Assessment result;
   for (const UntanglePatch::Member& member : patch.members()) {
     const Standing standing = standings[at(problem_.sets[at(member.set)].first + member.cell.number)];
     result.lost = result.lost || standing == Standing::Lost;
-    result.rank.uncertified += standing == Standing::Valid ? 0 : 1;
+    result.badness.uncertified += standing == Standing::Valid ? 0 : 1;
     result.repairable += standing == Standing::Lost || standing == Standing::Uncertified ? 1 : 0;
   }
-  result.rank.depth = -patch.smallest_coefficient();
+  result.badness.depth = -patch.smallest_coefficient();
   return result;
 }
 
 UntangleOutcome Untangler::step() {
-  std::vector<UntangleStep> steps(places_.size());
-  team_.for_each(static_cast<std::int32_t>(places_.size()), 1, [&](std::int32_t i) {
-    if (places_[at(i)].ended) return;
-    steps[at(i)] = places_[at(i)].patch.step(team_);
+  std::vector<UntangleStep> steps(patches_.size());
+  team_.for_each(static_cast<std::int32_t>(patches_.size()), 1, [&](std::int32_t i) {
+    if (patches_[at(i)].ended) return;
+    steps[at(i)] = patches_[at(i)].patch.step(team_);
   });
   UntangleOutcome outcome;
-  for (std::size_t i = 0; i < places_.size(); ++i) {
-    if (places_[i].ended) continue;
-    const UntanglePatch& patch = places_[i].patch;
+  for (std::size_t i = 0; i < patches_.size(); ++i) {
+    if (patches_[i].ended) continue;
+    const UntanglePatch& patch = patches_[i].patch;
     write(patch, patch.positions());
     outcome.residual = std::max(outcome.residual, steps[i].residual);
     outcome.gradient_norm = std::max(outcome.gradient_norm, steps[i].gradient_norm);
@@ -219,31 +219,34 @@ UntangleOutcome Untangler::step() {
 
 void Untangler::judge() {
   const std::vector<Standing> standings = guard_.standings();
-  for (Place& place : places_)
-    if (!place.ended) judge(place, standings);
+  for (TrackedPatch& tracked : patches_)
+    if (!tracked.ended) judge(tracked, standings);
   if (done()) finish();
 }
 
-void Untangler::judge(Place& place, std::span<const Standing> standings) const {
-  const Look now = look(place.patch, standings);
-  if (now.rank < place.any.rank) place.any = {now.rank, place.patch.positions()};
-  if (!now.lost && now.rank < place.safe.rank) place.safe = {now.rank, place.patch.positions()};
-  ++place.without_fewer;
-  if (place.patch.bad_cells() < place.fewest_bad || now.repairable < place.fewest_uncertified) place.without_fewer = 0;
-  place.fewest_bad = std::min(place.fewest_bad, place.patch.bad_cells());
-  place.fewest_uncertified = std::min(place.fewest_uncertified, now.repairable);
-  place.ended = now.repairable == 0 || place.without_fewer >= kPatience;
+void Untangler::judge(TrackedPatch& tracked, std::span<const Standing> standings) const {
+  const Assessment now = assess(tracked.patch, standings);
+  if (now.badness < tracked.best.badness) tracked.best = {now.badness, tracked.patch.positions()};
+  if (!now.lost && now.badness < tracked.best_without_loss.badness)
+    tracked.best_without_loss = {now.badness, tracked.patch.positions()};
+  ++tracked.without_fewer;
+  if (tracked.patch.bad_cells() < tracked.fewest_bad || now.repairable < tracked.fewest_uncertified)
+    tracked.without_fewer = 0;
+  tracked.fewest_bad = std::min(tracked.fewest_bad, tracked.patch.bad_cells());
+  tracked.fewest_uncertified = std::min(tracked.fewest_uncertified, now.repairable);
+  tracked.ended = now.repairable == 0 || tracked.without_fewer >= kPatience;
 }
 
 void Untangler::finish() {
-  for (const Place& place : places_) write(place.patch, place.safe.positions);
+  for (const TrackedPatch& tracked : patches_) write(tracked.patch, tracked.best_without_loss.positions);
   guard_.certify_moved();
   if (guard_.unrepaired() > 0 && layers_ < kMostLayers) {
-    choose(2 * layers_);
-    if (!places_.empty()) return;
+    find_patches(2 * layers_);
+    if (!patches_.empty()) return;
   }
-  for (const Place& place : places_)
-    if (place.any.rank.uncertified < place.safe.rank.uncertified) write(place.patch, place.any.positions);
+  for (const TrackedPatch& tracked : patches_)
+    if (tracked.best.badness.uncertified < tracked.best_without_loss.badness.uncertified)
+      write(tracked.patch, tracked.best.positions);
   guard_.certify_moved();
   if (guard_.unrepaired() < first_unrepaired_ || guard_.repairable() < first_repairable_) return;
   problem_.positions = first_positions_;
@@ -252,7 +255,7 @@ void Untangler::finish() {
 }
 
 bool Untangler::done() const {
-  return std::all_of(places_.begin(), places_.end(), [](const Place& place) { return place.ended; });
+  return std::all_of(patches_.begin(), patches_.end(), [](const TrackedPatch& tracked) { return tracked.ended; });
 }
 
 void Untangler::rebuild() {

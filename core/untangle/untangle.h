@@ -1,4 +1,5 @@
-// The last resort: cells that sweeps and Newton leave tangled, patch by patch, by their Bernstein coefficients.
+// Untangling: makes the cells valid that sweeps and Newton's method leave tangled, patch by patch, by a barrier on
+// their Bernstein coefficients.
 #pragma once
 
 #include <cstdint>
@@ -15,113 +16,123 @@
 
 namespace varimesh {
 
-/// What an outer step of all patches did.
+/// What an outer step of all patches did: the largest values of the patches' UntangleSteps, and the nodes that moved.
 struct UntangleOutcome {
   double residual = 0;
   double gradient_norm = 0;
   std::int64_t active_nodes = 0;
 };
 
-/// Active are the cells that are uncertified and in no unrepairable group, and two layers of cells (neighbours by a
-/// vertex) round them; free are the nodes whose cells are all active. Cells that share a free node make a patch;
-/// patches are independent of each other and run at the same time. What is left is tried once more with four layers, as
-/// deep as a tangled boundary layer may have to be moved. docs/untangling.md has the method, and why it ends.
+/// The cells that are uncertified and in no unrepairable group are active, and so are two layers of cells around them
+/// (neighbours by a vertex). A free node may move if all its cells are active. Cells that share such a node form a
+/// patch; patches are independent of each other and are untangled at the same time. If cells are left over, everything
+/// is tried once more with four layers, since a tangled boundary layer may have to be moved as deep as that.
+/// docs/untangling.md describes the method and says why it ends.
 ///
-/// Everything is to be called inside team.run(), and the result does not depend on the number of threads. Deformation
-/// gradients are kept up to date.
+/// Call all functions inside team.run(). The result does not depend on the number of threads. Deformation gradients are
+/// kept up to date.
 class Untangler {
  public:
-  /// Takes the problem to the guard's best state, so that nothing is lost, and chooses the patches there.
+  /// Takes the problem back to the state that the guard has kept, so that no certificate is lost, and finds the patches
+  /// there.
   Untangler(Problem& problem, const Kernels& kernels, Guard& guard, const Team& team);
 
-  /// One whose state is to be read.
+  /// An untangler whose state is read next.
   struct ToBeRead {};
   Untangler(ToBeRead, Problem& problem, const Kernels& kernels, Guard& guard, const Team& team);
 
-  /// Between judge() and step(), where not done(). Positions of the nodes are the problem's.
+  /// Reads or writes the state, after judge() and before step(), while not done(). The positions of the nodes are not
+  /// part of it: they are the problem's.
   template <class Archive>
   void state(Archive& archive) {
     std::vector<double> first = free_positions(problem_, first_positions_);
-    std::uint64_t count = places_.size();
+    std::uint64_t count = patches_.size();
     archive(first, first_repairable_, first_unrepaired_, layers_, count);
     if constexpr (Archive::kReads)
       if (!set_free_positions(problem_, first, first_positions_)) archive.fail();
     for (std::uint64_t i = 0; i < count; ++i) {
       if constexpr (Archive::kReads) {
         if (archive.failed()) return;
-        places_.push_back({UntanglePatch(energies_, problem_.dimension), {}, {}});
+        patches_.push_back({UntanglePatch(energies_, problem_.dimension), {}, {}});
       }
-      place_state(archive, places_[i]);
+      patch_state(archive, patches_[i]);
     }
   }
 
-  /// An outer step of every patch that goes on. The guard is to look at what came of it, then judge() is to be called.
+  /// An outer step of every patch that has not ended. After it, let the guard certify the mesh and then call judge().
   UntangleOutcome step();
 
-  /// Keeps the best that each patch has been at. Where all have come to their end, the guard sees the best without a
-  /// loss, and the problem goes on from the best, lost cells or not, as it may from a sweep. Where that is no better
-  /// than what the untangling began with, the problem goes back there: other methods may find a way from it.
+  /// Keeps the best state of each patch so far. When all patches have ended, the guard certifies the best state without
+  /// a lost certificate, and the problem then continues from the best state of all, even if certificates are lost
+  /// there, as after a sweep. If that is no better than the state before the untangling, the problem goes back to it,
+  /// since other methods may still get on from there.
   void judge();
 
-  /// Whether every patch has come to its end.
+  /// Whether every patch has ended.
   bool done() const;
 
  private:
-  /// How good a patch is, lower is better.
-  struct Rank {
-    int uncertified = 0;  ///< Cells, lost or unrepairable ones, too.
+  /// How bad the state of a patch is; lower is better. Compared by `uncertified` first.
+  struct Badness {
+    int uncertified = 0;  ///< Uncertified cells, including lost and unrepairable ones.
     double depth = 0;     ///< −min B
-    auto operator<=>(const Rank&) const = default;
+    auto operator<=>(const Badness&) const = default;
   };
   struct Best {
-    Rank rank;
+    Badness badness;
     Eigen::VectorXd positions;
   };
-  struct Place {
+  /// A patch with its best states.
+  struct TrackedPatch {
     UntanglePatch patch;
-    Best safe, any;              ///< Without a lost cell, and whatever is lost.
-    int fewest_bad = 0;          ///< Cells with a coefficient that is not positive.
-    int fewest_uncertified = 0;  ///< Of those that can be repaired.
-    int without_fewer = 0;       ///< Outer steps without fewer of either.
+    Best best_without_loss;      ///< The best state in which no cell has lost its certificate.
+    Best best;                   ///< The best state of all.
+    int fewest_bad = 0;          ///< Fewest cells with a coefficient that is not positive.
+    int fewest_uncertified = 0;  ///< Fewest uncertified cells, without the unrepairable ones.
+    int without_fewer = 0;       ///< Outer steps since either of these last fell.
     bool ended = false;
   };
-  /// What the standings say of a patch as it is.
-  struct Look {
-    Rank rank;
-    int repairable = 0;  ///< Uncertified cells that can be repaired.
-    bool lost = false;
+  /// The present state of a patch according to the guard.
+  struct Assessment {
+    Badness badness;
+    int repairable = 0;  ///< Uncertified cells, without the unrepairable ones.
+    bool lost = false;   ///< A cell has lost its certificate.
   };
-  Look look(const UntanglePatch& patch, std::span<const Standing> standings) const;
-  void judge(Place& place, std::span<const Standing> standings) const;
+  Assessment assess(const UntanglePatch& patch, std::span<const Standing> standings) const;
+  void judge(TrackedPatch& tracked, std::span<const Standing> standings) const;
   template <class Archive>
-  void place_state(Archive& archive, Place& place) {
-    place.patch.state(archive);
+  void patch_state(Archive& archive, TrackedPatch& tracked) {
+    tracked.patch.state(archive);
     if constexpr (Archive::kReads)
-      if (archive.failed() || !place.patch.gather(problem_)) return archive.fail();
-    for (Best* best : {&place.safe, &place.any}) {
+      if (archive.failed() || !tracked.patch.gather(problem_)) return archive.fail();
+    for (Best* best : {&tracked.best_without_loss, &tracked.best}) {
       std::vector<double> positions(best->positions.begin(), best->positions.end());
-      archive(best->rank.uncertified, best->rank.depth, positions);
+      archive(best->badness.uncertified, best->badness.depth, positions);
       if constexpr (Archive::kReads) {
-        if (positions.size() != static_cast<std::size_t>(place.patch.positions().size())) return archive.fail();
-        best->positions = Eigen::Map<const Eigen::VectorXd>(positions.data(), place.patch.positions().size());
+        if (positions.size() != static_cast<std::size_t>(tracked.patch.positions().size())) return archive.fail();
+        best->positions = Eigen::Map<const Eigen::VectorXd>(positions.data(), tracked.patch.positions().size());
       }
     }
-    archive(place.fewest_bad, place.fewest_uncertified, place.without_fewer, place.ended);
+    archive(tracked.fewest_bad, tracked.fewest_uncertified, tracked.without_fewer, tracked.ended);
   }
+  /// Ends the untangling, or starts it again with more layers.
   void finish();
-  /// Patches with so many layers.
-  void choose(int layers);
+  /// Finds the patches with this many layers around the uncertified cells.
+  void find_patches(int layers);
+  /// Computes all deformation gradients from the positions.
   void rebuild();
+  /// Writes the positions of a patch's nodes into the problem, and updates the deformation gradients.
   void write(const UntanglePatch& patch, const Eigen::VectorXd& positions);
 
   Problem& problem_;
   const Kernels& kernels_;
   Guard& guard_;
   const Team& team_;
-  std::vector<double> first_positions_;  ///< Where the problem was when the untangling began.
-  std::int64_t first_repairable_ = 0, first_unrepaired_ = 0;
-  std::vector<CoefficientEnergy> energies_;
-  std::vector<Place> places_;
+  std::vector<double> first_positions_;      ///< Positions when the untangling began.
+  std::int64_t first_repairable_ = 0;        ///< Guard::repairable() when it began.
+  std::int64_t first_unrepaired_ = 0;        ///< Guard::unrepaired() when it began.
+  std::vector<CoefficientEnergy> energies_;  ///< By set.
+  std::vector<TrackedPatch> patches_;
   int layers_ = 0;
 };
 

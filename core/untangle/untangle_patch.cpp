@@ -1,4 +1,5 @@
-// Newton steps with a positive semidefinite Hessian, conjugate gradients with node blocks, and the schedule of ε.
+// Newton steps with a positive semidefinite Hessian, conjugate gradients preconditioned by the nodes' blocks, and the
+// schedule of ε.
 #include "core/untangle/untangle_patch.h"
 
 #include <Eigen/Cholesky>
@@ -7,29 +8,67 @@
 #include <limits>
 #include <unordered_map>
 
+#include "core/base/conjugate_gradients.h"
 #include "core/base/index.h"
+#include "core/base/line_search.h"
 
 namespace varimesh {
 namespace {
 
 constexpr int kNewtonSteps = 3;  // for each ε
 constexpr int kMostProducts = 60;
-constexpr double kForcing = 0.1;
-constexpr double kArmijo = 1e-4;
-constexpr int kMostHalvings = 30;
+constexpr double kForcing = 0.1;  // share of the initial residual to which conjugate gradients solve
+constexpr int kMostTrials = 31;   // of a line search, before any doubling
 constexpr int kMostDoublings = 4;
 constexpr double kLeastDecrease = 0.3;  // σ
 constexpr double kLeastEpsilon = 1e-10;
-constexpr double kSmallDecrease = 1e-4;  // relative: below it another step at this ε is wasted
+constexpr double kSmallDecrease = 1e-4;  // relative: after a smaller one no further step is taken at this ε
 constexpr std::int32_t kCellsPerTask = 4;
 
 using Block = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, 3, 3>;
 
-/// The inverse of a node's set, which is positive definite but for rounding.
-Block inverse(const Block& set) {
-  const double floor = 1e-12 * set.trace() + std::numeric_limits<double>::min();
-  return (set + floor * Block::Identity(set.rows(), set.cols())).llt().solve(Block::Identity(set.rows(), set.cols()));
+/// The inverse of a node's block, which is positive definite except for rounding.
+Block inverse(const Block& block) {
+  const double floor = 1e-12 * block.trace() + std::numeric_limits<double>::min();
+  const Block identity = Block::Identity(block.rows(), block.cols());
+  return (block + floor * identity).llt().solve(identity);
 }
+
+/// H x = −G with the inverses of the nodes' blocks as the preconditioner, for conjugate_gradients(). `Multiply`: a
+/// function that returns H times a vector.
+template <class Multiply>
+struct LinearSystem {
+  const Multiply& times_hessian;
+  const std::vector<Block>& inverse_blocks;
+  Eigen::VectorXd x, r, z, p, Hp;
+  double target = 0;  // of r · z
+
+  LinearSystem(const Multiply& times, const std::vector<Block>& inverses, const Eigen::VectorXd& gradient)
+      : times_hessian(times),
+        inverse_blocks(inverses),
+        x(Eigen::VectorXd::Zero(gradient.size())),
+        r(-gradient),
+        z(gradient.size()) {}
+
+  double multiply() {
+    Hp = times_hessian(p);
+    return p.dot(Hp);
+  }
+  void advance(double alpha) {
+    x += alpha * p;
+    r -= alpha * Hp;
+  }
+  double precondition() {
+    Eigen::Index first = 0;
+    for (const Block& block : inverse_blocks) {
+      z.segment(first, block.rows()).noalias() = block * r.segment(first, block.rows());
+      first += block.rows();
+    }
+    return r.dot(z);
+  }
+  bool is_solved(double rz) const { return rz <= target; }
+  void turn(double beta) { p = z + beta * p; }
+};
 
 }  // namespace
 
@@ -41,7 +80,7 @@ UntanglePatch::UntanglePatch(const std::vector<CoefficientEnergy>& energies, std
     for (std::size_t i = 0; i < member.unknown.size(); ++i)
       positions_.segment(member.unknown[i] * dimension, dimension) = member.cell.positions.row(member.cell.free[i]);
   for (Member& member : members_) energies_[at(member.set)].find_movable(member.cell);
-  look_at_coefficients();
+  measure_coefficients();
   epsilon_ = std::max(0.2 * std::abs(smallest_), kLeastEpsilon);
 }
 
@@ -79,12 +118,12 @@ void UntanglePatch::place(const Eigen::VectorXd& positions) {
 }
 
 double UntanglePatch::value(const Team& team) const {
-  std::vector<double> parts(members_.size());
+  std::vector<double> values(members_.size());
   team.for_each(static_cast<std::int32_t>(members_.size()), kCellsPerTask, [&](std::int32_t i) {
-    parts[at(i)] = energies_[at(members_[at(i)].set)].value(members_[at(i)].cell, epsilon_);
+    values[at(i)] = energies_[at(members_[at(i)].set)].value(members_[at(i)].cell, epsilon_);
   });
   double sum = 0;
-  for (const double part : parts) sum += part;
+  for (const double value : values) sum += value;
   return std::isfinite(sum) ? sum : std::numeric_limits<double>::infinity();
 }
 
@@ -105,20 +144,20 @@ double UntanglePatch::expand(const Team& team) {
 }
 
 Eigen::VectorXd UntanglePatch::multiply(const Eigen::VectorXd& x, const Team& team) const {
-  std::vector<Eigen::VectorXd> parts(members_.size());
+  std::vector<Eigen::VectorXd> products(members_.size());
   team.for_each(static_cast<std::int32_t>(members_.size()), kCellsPerTask, [&](std::int32_t i) {
     const std::vector<std::int32_t>& unknown = members_[at(i)].unknown;
     Eigen::VectorXd own(static_cast<Eigen::Index>(unknown.size()) * dimension_);
     for (std::size_t n = 0; n < unknown.size(); ++n)
       own.segment(static_cast<Eigen::Index>(n) * dimension_, dimension_) =
           x.segment(unknown[n] * dimension_, dimension_);
-    parts[at(i)].noalias() = expansions_[at(i)].hessian * own;
+    products[at(i)].noalias() = expansions_[at(i)].hessian * own;
   });
   Eigen::VectorXd sum = Eigen::VectorXd::Zero(x.size());
   for (std::size_t i = 0; i < members_.size(); ++i)
     for (std::size_t n = 0; n < members_[i].unknown.size(); ++n)
       sum.segment(members_[i].unknown[n] * dimension_, dimension_) +=
-          parts[i].segment(static_cast<Eigen::Index>(n) * dimension_, dimension_);
+          products[i].segment(static_cast<Eigen::Index>(n) * dimension_, dimension_);
   return sum;
 }
 
@@ -130,30 +169,13 @@ Eigen::VectorXd UntanglePatch::direction(const Team& team) const {
       blocks[at(members_[i].unknown[n])] += expansions_[i].hessian.block(first, first, dimension_, dimension_);
     }
   for (Block& block : blocks) block = inverse(block);
-  const auto precondition = [&](const Eigen::VectorXd& r) {
-    Eigen::VectorXd z(r.size());
-    for (std::size_t n = 0; n < blocks.size(); ++n) {
-      const auto first = static_cast<Eigen::Index>(n) * dimension_;
-      z.segment(first, dimension_).noalias() = blocks[n] * r.segment(first, dimension_);
-    }
-    return z;
-  };
-  Eigen::VectorXd x = Eigen::VectorXd::Zero(gradient_.size()), r = -gradient_, z = precondition(r), p = z;
-  double rz = r.dot(z);
-  const double target = kForcing * kForcing * rz;
-  for (int product = 0; product < kMostProducts && rz > 0; ++product) {
-    const Eigen::VectorXd Hp = multiply(p, team);
-    const double curvature = p.dot(Hp);
-    if (!(curvature > 0)) break;
-    x += rz / curvature * p;
-    r -= rz / curvature * Hp;
-    z = precondition(r);
-    const double next = r.dot(z);
-    if (next <= target) break;
-    p = z + next / rz * p;
-    rz = next;
-  }
-  return x;
+  const auto times_hessian = [&](const Eigen::VectorXd& x) { return multiply(x, team); };
+  LinearSystem system(times_hessian, blocks, gradient_);
+  const double rz = system.precondition();
+  system.p = system.z;
+  system.target = kForcing * kForcing * rz;
+  conjugate_gradients(system, rz, kMostProducts);
+  return system.x;
 }
 
 bool UntanglePatch::search(const Eigen::VectorXd& step, double before, const Team& team) {
@@ -165,22 +187,15 @@ bool UntanglePatch::search(const Eigen::VectorXd& step, double before, const Tea
     return value(team);
   };
   if (!(slope < 0)) return false;
-  double alpha = 1, energy = energy_at(alpha);
-  for (int halving = 0; !(energy <= before + kArmijo * alpha * slope); ++halving) {
-    if (halving == kMostHalvings) {
-      energy_at(0);
-      return false;
-    }
-    energy = energy_at(alpha /= 2);
+  AcceptedStep accepted = backtrack({before, slope, 0, kMostTrials}, energy_at);
+  // A full step may be doubled as long as the energy falls.
+  for (int doubling = 0; doubling < kMostDoublings && accepted.alpha >= 1; ++doubling) {
+    const double further = energy_at(2 * accepted.alpha);
+    if (!(further < accepted.energy)) break;
+    accepted = {2 * accepted.alpha, further};
   }
-  for (int doubling = 0; doubling < kMostDoublings && alpha >= 1; ++doubling) {
-    const double further = energy_at(2 * alpha);
-    if (!(further < energy)) break;
-    energy = further;
-    alpha *= 2;
-  }
-  energy_at(alpha);
-  return true;
+  energy_at(accepted.alpha);
+  return accepted.alpha > 0;
 }
 
 UntangleStep UntanglePatch::step(const Team& team) {
@@ -198,12 +213,12 @@ UntangleStep UntanglePatch::step(const Team& team) {
     if (!search(full, energy, team) || value(team) > (1 - kSmallDecrease) * energy) break;
   }
   expansions_.clear();
-  look_at_coefficients();
+  measure_coefficients();
   next_epsilon(before, value(team));
   return outcome;
 }
 
-void UntanglePatch::look_at_coefficients() {
+void UntanglePatch::measure_coefficients() {
   smallest_ = std::numeric_limits<double>::infinity();
   bad_ = 0;
   for (const Member& member : members_) {

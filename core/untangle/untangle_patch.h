@@ -1,4 +1,4 @@
-// One patch of cells to be untangled: its free nodes move, and nothing outside of it notices.
+// One patch of cells to be untangled. Only nodes move whose cells are all in the patch, so nothing changes outside it.
 #pragma once
 
 #include <Eigen/Core>
@@ -13,33 +13,34 @@ namespace varimesh {
 /// What an outer step did. Lengths are relative to the diagonal of the bounding box.
 struct UntangleStep {
   double residual = 0;       ///< Largest displacement of a node in a full Newton step.
-  double gradient_norm = 0;  ///< At the beginning.
+  double gradient_norm = 0;  ///< At the start of the step.
 };
 
-/// Minimises the sum of CoefficientEnergy over a patch's cells while ε goes to zero by the schedule of V. Garanzha,
-/// I. Kaporin, L. Kudryavtseva, F. Protais, N. Ray, D. Sokolov, Foldover-free maps in 50 lines of code, ACM Trans.
-/// Graph. 40, 2021: with D the smallest coefficient and E₀, E₁ the energy before and after the step at its ε,
+/// Minimises the sum of CoefficientEnergy over the cells of a patch while ε goes to zero by the schedule of V.
+/// Garanzha, I. Kaporin, L. Kudryavtseva, F. Protais, N. Ray, D. Sokolov, Foldover-free maps in 50 lines of code, ACM
+/// Trans. Graph. 40, 2021. With D the smallest coefficient and E₀, E₁ the energies before and after the step at its ε,
 ///
-///     σ = max(0.3, 1 − E₁/E₀),   m = (1 − σ) χ(D, ε),   ε ← 2 √(m (m − D)) where D ≤ m, else 1e-10;
+///     σ = max(0.3, 1 − E₁/E₀),   m = (1 − σ) χ(D, ε),   ε ← 2 √(m (m − D)) if D ≤ m, else 1e-10.
 ///
-/// so that χ(D, ε) becomes m: the barrier comes closer by the part that the energy fell. At first ε = |D|/5.
+/// χ(D, ε) then becomes m: the barrier moves closer in proportion to the decrease of the energy. At first ε = |D|/5.
 class UntanglePatch {
  public:
   struct Member {
     std::int16_t set = 0;
     CoefficientEnergy::Cell cell;
-    std::vector<std::int32_t> unknown;  ///< Number among the patch's nodes of each of the cell's free nodes.
+    std::vector<std::int32_t> unknown;  ///< For each of the cell's free nodes, its number among the patch's nodes.
   };
 
-  /// `energies` has one a set and must outlive the patch. `members`: by set and cell.
+  /// `energies`: one per set; they must outlive the patch. `members`: sorted by set and cell. `nodes`: the nodes that
+  /// move, as numbers of mesh nodes.
   UntanglePatch(const std::vector<CoefficientEnergy>& energies, std::vector<Member> members,
                 std::vector<std::int32_t> nodes, int dimension);
 
-  /// An empty one, whose state is to be read.
+  /// An empty patch, whose state is read next.
   UntanglePatch(const std::vector<CoefficientEnergy>& energies, int dimension)
       : energies_(energies), dimension_(dimension) {}
 
-  /// All but positions, which the problem has.
+  /// Reads or writes everything except positions, which the problem has.
   template <class Archive>
   void state(Archive& archive) {
     std::uint64_t count = members_.size();
@@ -53,14 +54,14 @@ class UntanglePatch {
       archive(member.set, member.cell.number, member.cell.unrepairable, member.cell.movable);
     }
   }
-  /// After the state was read: takes the rest from the problem, whose nodes are where the patch has them. False where
-  /// the state was another problem's.
+  /// After the state was read: takes the positions from the problem, whose nodes are where the patch had moved them.
+  /// Returns false if the state belongs to another problem.
   bool gather(const Problem& problem);
 
-  /// At most three Newton steps, then the next ε.
+  /// An outer step: at most three Newton steps, then the next ε.
   UntangleStep step(const Team& team);
 
-  /// The free nodes, as the mesh has them, and d numbers for each: where they are.
+  /// The nodes that move, as numbers of mesh nodes, and their positions, d numbers each.
   const std::vector<std::int32_t>& nodes() const { return nodes_; }
   const Eigen::VectorXd& positions() const { return positions_; }
   const std::vector<Member>& members() const { return members_; }
@@ -70,16 +71,21 @@ class UntanglePatch {
   int bad_cells() const { return bad_; }
 
  private:
+  /// Copies these positions to the members' cells.
   void place(const Eigen::VectorXd& positions);
+  /// The energy of the patch.
   double value(const Team& team) const;
-  /// Gradient and the cells' Hessians; returns the energy.
+  /// Sets the gradient and the cells' Hessians; returns the energy.
   double expand(const Team& team);
   /// Solves H x = −G with conjugate gradients.
   Eigen::VectorXd direction(const Team& team) const;
+  /// H x
   Eigen::VectorXd multiply(const Eigen::VectorXd& x, const Team& team) const;
-  /// Takes the step, or part or a multiple of it; false where nothing lowers the energy.
+  /// Takes the step, or a part or a multiple of it. Returns false, and takes none, if none lowers the energy.
   bool search(const Eigen::VectorXd& step, double before, const Team& team);
-  void look_at_coefficients();
+  /// Sets smallest_ and bad_.
+  void measure_coefficients();
+  /// Sets the next ε from the energies before and after an outer step.
   void next_epsilon(double before, double after);
 
   const std::vector<CoefficientEnergy>& energies_;
@@ -87,8 +93,9 @@ class UntanglePatch {
   std::vector<std::int32_t> nodes_;
   int dimension_;
   Eigen::VectorXd positions_;
-  double epsilon_ = 0, smallest_ = 0;
-  int bad_ = 0;
+  double epsilon_ = 0;
+  double smallest_ = 0;  ///< The smallest coefficient.
+  int bad_ = 0;          ///< Cells with a coefficient that is not positive.
   Eigen::VectorXd gradient_;
   std::vector<CoefficientEnergy::Expansion> expansions_;  ///< By member.
 };

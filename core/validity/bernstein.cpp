@@ -23,7 +23,7 @@ long double multinomial_of(const Exponents& exponents, int offset, const Factor&
   return result;
 }
 
-/// Visits all exponents of one factor with the others given.
+/// Visits all exponents of one factor; the others stay as they are.
 template <class Visit>
 void each_of_factor(Exponents& exponents, int offset, const Factor& factor, Visit&& visit) {
   const auto fill = [&](auto&& self, int k, int left) -> void {
@@ -40,7 +40,7 @@ void each_of_factor(Exponents& exponents, int offset, const Factor& factor, Visi
   fill(fill, factor.dimension, factor.degree);
 }
 
-/// Exponents as a number: the first barycentric coordinate of each factor follows from the others and is left out.
+/// Exponents read as the digits of a number. The first of each factor follows from the others and is left out.
 std::size_t key(const Exponents& exponents, const std::vector<Factor>& factors) {
   std::size_t result = 0;
   int at = 0;
@@ -72,7 +72,7 @@ std::vector<Factor> factors_of(Shape shape, int degree) {
   }
 }
 
-/// Which factor direction r differentiates, and which of its barycentric coordinates grows.
+/// Which factor a direction r belongs to, and which of its barycentric coordinates grows along it.
 struct Direction {
   int factor, coordinate;
 };
@@ -95,7 +95,7 @@ BernsteinSpace product_space(const BernsteinSpace& a, const BernsteinSpace& b) {
   return BernsteinSpace(factors);
 }
 
-/// Number in the product of the pair (i, j).
+/// Number in the product space of the product of coefficients i and j.
 std::size_t product_index(const BernsteinSpace& a, const BernsteinSpace& b, const BernsteinSpace& product, int i,
                           int j) {
   Exponents sum = a.exponents()[static_cast<std::size_t>(i)];
@@ -144,8 +144,8 @@ void add_conversion(JacobianTable& table) {
   }
 }
 
-/// Direction r: c'_δ = (δ_k + 1) c_{δ + e_k} − (δ_0 + 1) c_{δ + e_0}, k the coordinate that grows. (The 2 that ξ has in
-/// place of λ is in jacobian_reciprocal.)
+/// Direction r: c'_δ = (δ_k + 1) c_{δ + e_k} − (δ_0 + 1) c_{δ + e_0}, where coordinate k grows. (The factor 2 between
+/// the derivatives with respect to λ and to ξ is in jacobian_reciprocal.)
 void add_derivative(JacobianTable& table, int r) {
   const auto [factor, coordinate] = direction_of(table.shape, r);
   const bool divided = table.shape == Shape::Pyramid && r < 2;  // by s, the first coordinate of the last factor
@@ -195,7 +195,7 @@ void add_products(JacobianTable& table) {
     table.jacobian_terms = convolution(a, table.cross, table.jacobian);
     roundings = 2 * longest(table.cross_terms.start) + 3 * longest(table.jacobian_terms.start);
   }
-  // Beside the sums: a product each, and two for the multinomial and its reciprocal.
+  // Besides the sums there are the products, and two roundings for the multinomial and its reciprocal.
   table.product_roundings = roundings + 8;
   const long double scale = table.dimension == 2 ? 0.25L : 0.125L;
   for (int i = 0; i < table.jacobian.size(); ++i) {
@@ -215,7 +215,7 @@ void add_corners(JacobianTable& table) {
       bool full = false;
       for (int k = 0; k <= factors[f].dimension; ++k) {
         const auto slot = static_cast<std::size_t>(table.jacobian.offset(static_cast<int>(f)) + k);
-        // A factor of degree 0 is constant along it: any of its corners stands for all.
+        // J is constant along a factor of degree 0: any of its corners stands for all.
         const bool here = exponents[slot] == factors[f].degree && !full;
         at[slot] = here ? 1 : 0;
         full |= here;
@@ -235,7 +235,8 @@ JacobianTable make_table(Shape shape, int order) {
   table.dimension = reference::info(shape).dimension;
   table.map = BernsteinSpace(factors_of(shape, order));
   add_conversion(table);
-  // Table entry, difference from the first node, product and sum of the row, then the difference of two rows.
+  // The table entry, the difference from the first node, the products and sums of a row, then the difference of two
+  // rows.
   table.conversion_roundings = longest(table.row_start) + 16 + 1 + 4;
   for (int r = 0; r < table.dimension; ++r) add_derivative(table, r);
   add_products(table);

@@ -5,13 +5,13 @@
 #include <limits>
 #include <type_traits>
 
-#include "core/validity/certificate_kernel.h"
-#include "core/validity/coefficient_error-inl.h"
+#include "core/validity/rounding.h"
+#include "core/validity/rounding_bound-inl.h"
 
 namespace varimesh::detail {
 namespace {
 
-/// The two arithmetics: products in Real, the conversion of the nodes in Wide.
+/// The two arithmetics. Products are in Real, the conversion of the nodes in Wide.
 struct Plain {
   using Real = double;
   using Wide = double;
@@ -23,7 +23,7 @@ struct Plain {
 struct Extended {
   using Real = long double;
   using Wide = Quad;
-  // Quad has 113 bits where it is not long double.
+  // Quad has 113 bits unless it is long double.
   static constexpr long double kWideUnit =
       std::is_same_v<Quad, long double> ? std::numeric_limits<long double>::epsilon() / 2 : 0x1p-113L;
   static const std::vector<Quad>& conversion(const JacobianTable& table) { return table.wide_value; }
@@ -32,7 +32,8 @@ struct Extended {
 
 /// Scaled coefficients of χ − x₀, [coefficient][component].
 template <class Arithmetic>
-std::vector<typename Arithmetic::Wide> convert(const HardCell& cell, std::array<typename Arithmetic::Real, 3>& extent) {
+std::vector<typename Arithmetic::Wide> convert(const CellToCertify& cell,
+                                               std::array<typename Arithmetic::Real, 3>& extent) {
   using Wide = typename Arithmetic::Wide;
   using Real = typename Arithmetic::Real;
   const JacobianTable& table = *cell.table;
@@ -75,7 +76,7 @@ std::vector<Real> cross_products(const JacobianTable& table, const std::vector<R
 }
 
 template <class Arithmetic>
-Coefficients<typename Arithmetic::Real> coefficients(const HardCell& cell) {
+Coefficients<typename Arithmetic::Real> coefficients(const CellToCertify& cell) {
   using Real = typename Arithmetic::Real;
   const JacobianTable& table = *cell.table;
   const auto d = static_cast<std::size_t>(table.dimension);
@@ -97,15 +98,15 @@ Coefficients<typename Arithmetic::Real> coefficients(const HardCell& cell) {
     }
     // The second term is the rounding from Wide to Real.
     for (std::size_t c = 0; c < d; ++c)
-      error[r][c] = rounding_error<Real>(table.conversion_roundings, Arithmetic::kWideUnit) * Real(table.condition[r]) *
-                        extent[c] +
+      error[r][c] = relative_rounding<Real>(table.conversion_roundings, Arithmetic::kWideUnit) *
+                        Real(table.condition[r]) * extent[c] +
                     2 * unit * size[r][c];
   }
   Coefficients<Real> result;
-  const Real product = rounding_error<Real>(table.product_roundings, unit);
+  const Real product = relative_rounding<Real>(table.product_roundings, unit);
   const auto number = [](double c) { return Real(c); };
-  result.error = d == 2 ? HWY_NAMESPACE::coefficient_error<2>(size, error, product, number)
-                        : HWY_NAMESPACE::coefficient_error<3>(size, error, product, number);
+  result.error = d == 2 ? HWY_NAMESPACE::rounding_bound<2>(size, error, product, number)
+                        : HWY_NAMESPACE::rounding_bound<3>(size, error, product, number);
   for (const Real x : extent) result.error += x * 0;
   result.values.reserve(static_cast<std::size_t>(table.jacobian.size()));
   const std::vector<Real> cross = d == 3 ? cross_products(table, g[1], g[2]) : std::vector<Real>();
@@ -125,11 +126,11 @@ Coefficients<typename Arithmetic::Real> coefficients(const HardCell& cell) {
 
 }  // namespace
 
-Coefficients<double> plain_coefficients(const HardCell& cell) { return coefficients<Plain>(cell); }
+Coefficients<double> plain_coefficients(const CellToCertify& cell) { return coefficients<Plain>(cell); }
 
-Coefficients<long double> extended_coefficients(const HardCell& cell) { return coefficients<Extended>(cell); }
+Coefficients<long double> extended_coefficients(const CellToCertify& cell) { return coefficients<Extended>(cell); }
 
-std::array<double, 3> physical_place(const HardCell& cell, const std::array<double, 6>& barycentric) {
+std::array<double, 3> physical_place(const CellToCertify& cell, const std::array<double, 6>& barycentric) {
   const JacobianTable& table = *cell.table;
   std::array<double, 3> extent{}, place{};
   const std::vector<double> map = convert<Plain>(cell, extent);

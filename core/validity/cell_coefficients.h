@@ -1,6 +1,6 @@
-// Bernstein coefficients of J in one cell, a number at a time: in double, as the batched kernel has them, and in wider
-// arithmetic for where that drowns in rounding. How, and what they err by, is in certificate.h. Internal to
-// core/quality.
+// Bernstein coefficients of J in one cell, one number at a time: in double, like the batched kernel, and in wider
+// arithmetic for cells whose answer is lost in rounding. Internal to the library. certifier.h has the method, and
+// rounding_bound-inl.h the bound on its errors.
 #pragma once
 
 #include <array>
@@ -11,16 +11,16 @@
 
 namespace varimesh::detail {
 
-/// A cell to certify, in the terms of the kernel.
-struct HardCell {
+/// One cell to certify, as the kernel has it.
+struct CellToCertify {
   const JacobianTable* table = nullptr;
-  const double* coordinates = nullptr;
-  const std::int32_t* nodes = nullptr;
-  double scale = 1;
-  double sign = 1;
+  const double* coordinates = nullptr;  ///< x y z of every node of the mesh.
+  const std::int32_t* nodes = nullptr;  ///< The cell's node indices, in Gmsh's order.
+  double scale = 1;                     ///< A power of two that brings the mesh to a size of about one.
+  double sign = 1;                      ///< −1 if the mesh is numbered clockwise.
 };
 
-/// Bernstein coefficients of the scaled J, and what none of them errs by more than.
+/// Bernstein coefficients of the scaled J, and a bound on the error of each of them.
 template <class Real>
 struct Coefficients {
   std::vector<Real> values;
@@ -28,12 +28,12 @@ struct Coefficients {
 };
 
 /// In double.
-Coefficients<double> plain_coefficients(const HardCell& cell);
+Coefficients<double> plain_coefficients(const CellToCertify& cell);
 
 /// Nodes converted in 113 bits, products in long double.
-Coefficients<long double> extended_coefficients(const HardCell& cell);
+Coefficients<long double> extended_coefficients(const CellToCertify& cell);
 
-/// Physical coordinates of the point with these barycentric coordinates (of all factors, one behind the other).
-std::array<double, 3> physical_place(const HardCell& cell, const std::array<double, 6>& barycentric);
+/// Physical coordinates of the point with these barycentric coordinates (of all factors, one after the other).
+std::array<double, 3> physical_place(const CellToCertify& cell, const std::array<double, 6>& barycentric);
 
 }  // namespace varimesh::detail

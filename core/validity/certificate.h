@@ -12,28 +12,29 @@
 namespace varimesh {
 
 /// What is proved about one cell. Bounds are of J = det ∇χ_M with respect to the reference cell (shape.h), relative to
-/// the mesh's orientation, in the cube (square) of the file's unit of length; they hold for the coordinates as given.
+/// the mesh's orientation, in the cube (in 2-D the square) of the file's unit of length. They hold for the coordinates
+/// as given.
 struct Certificate {
   enum class Answer : std::uint8_t {
     Valid,      ///< J > 0 in the whole cell.
     Invalid,    ///< J ≤ 0 at `place`.
-    Undecided,  ///< Neither, at the depth allowed; never counted as valid.
+    Undecided,  ///< Neither could be proved within the options' limits; never counted as valid.
   };
   Answer answer = Answer::Undecided;
   double lower_bound = -std::numeric_limits<double>::max();  ///< J is nowhere smaller.
   double upper_bound = std::numeric_limits<double>::max();   ///< J is nowhere greater.
-  /// min J / max J is no smaller; −1 where J is proved nowhere positive; the lowest double where nothing is known.
+  /// min J / max J is no smaller. −1 if J is proved nowhere positive; the lowest double if nothing is known.
   double scaled_jacobian_lower_bound = -std::numeric_limits<double>::max();
   std::array<double, 3> place{};  ///< Physical coordinates where J ≤ 0 (invalid) or where it is in doubt (undecided).
 
   bool is_valid() const { return answer == Answer::Valid; }
 };
 
-/// How far a certificate goes.
+/// How much work a certificate may take.
 struct CertificateOptions {
-  int max_depth = 60;    ///< Bisections one inside the other. Three halve a 3-D cell's size.
+  int max_depth = 60;    ///< Bisections inside one another. Three halve the size of a 3-D cell.
   int max_cells = 4000;  ///< Parts that one cell may be cut into.
-  /// Beyond the answer, bounds are sharpened until min J / max J is known to within this; infinity: not at all.
+  /// After the answer is known, bounds are sharpened until min J / max J is known to within this. Infinity: not at all.
   double gap = std::numeric_limits<double>::infinity();
 };
 
@@ -47,7 +48,7 @@ struct CertificateSummary {
 
 CertificateSummary summarise(std::span<const Certificate> certificates);
 
-/// Certifies a whole mesh once. `threads` 0 means all.
+/// Certifies all cells of a mesh (elements of dimension mesh.dimension, in the mesh's order). `threads` 0 means all.
 std::vector<Certificate> certify(const HighOrderMesh& mesh, const CertificateOptions& options = {}, int threads = 0);
 
 }  // namespace varimesh

@@ -1,4 +1,4 @@
-// The batched kernel, compiled for every vector unit that Highway knows on this architecture; a lane is a cell.
+// The batched kernel, compiled for every vector unit that Highway knows on this architecture. Each lane is a cell.
 #include "core/validity/certificate_kernel.h"
 
 #include <algorithm>
@@ -6,12 +6,14 @@
 #include <limits>
 #include <utility>
 
+#include "core/validity/rounding.h"
+
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "core/validity/certificate_kernel.cpp"
 #include <hwy/foreach_target.h>  // IWYU pragma: keep
 #include <hwy/highway.h>
 
-#include "core/validity/coefficient_error-inl.h"
+#include "core/validity/rounding_bound-inl.h"
 
 HWY_BEFORE_NAMESPACE();
 namespace varimesh::detail::HWY_NAMESPACE {
@@ -22,8 +24,8 @@ using V = hn::Vec<D>;
 
 std::size_t Lanes() { return hn::Lanes(D()); }
 
-/// Where the parts of the workspace begin; every array is [coefficient][component][lane].
-struct Parts {
+/// The arrays in the workspace, each [coefficient][component][lane].
+struct Arrays {
   double* nodes;
   double* map;
   std::array<double*, 3> derivative;
@@ -31,7 +33,7 @@ struct Parts {
   double* jacobian;
 };
 
-Parts divide(const JacobianTable& table, std::size_t lanes, std::vector<double>& workspace) {
+Arrays divide(const JacobianTable& table, std::size_t lanes, std::vector<double>& workspace) {
   const auto d = static_cast<std::size_t>(table.dimension);
   const auto doubles = [&](int coefficients, std::size_t components) {
     return static_cast<std::size_t>(coefficients) * components * lanes;
@@ -40,22 +42,22 @@ Parts divide(const JacobianTable& table, std::size_t lanes, std::vector<double>&
                        doubles(table.cross.size(), 3) + kMostLanes;
   for (std::size_t r = 0; r < d; ++r) needed += doubles(table.derivative[r].size(), d);
   if (workspace.size() < needed) workspace.resize(needed);
-  // Vectors are aligned by hand: 32 doubles are the widest there are.
+  // Vectors are aligned by hand; the widest hold 32 doubles.
   auto address = reinterpret_cast<std::uintptr_t>(workspace.data());
   const std::uintptr_t step = sizeof(double) * lanes;
   address = (address + step - 1) / step * step;
   auto* at = reinterpret_cast<double*>(address);
   const auto take = [&](std::size_t count) { return std::exchange(at, at + count); };
-  Parts parts{};
-  parts.nodes = take(doubles(table.nodes, d));
-  parts.map = take(doubles(table.map.size(), d));
-  for (std::size_t r = 0; r < d; ++r) parts.derivative[r] = take(doubles(table.derivative[r].size(), d));
-  parts.cross = take(doubles(table.cross.size(), 3));
-  parts.jacobian = take(doubles(table.jacobian.size(), 1));
-  return parts;
+  Arrays arrays{};
+  arrays.nodes = take(doubles(table.nodes, d));
+  arrays.map = take(doubles(table.map.size(), d));
+  for (std::size_t r = 0; r < d; ++r) arrays.derivative[r] = take(doubles(table.derivative[r].size(), d));
+  arrays.cross = take(doubles(table.cross.size(), 3));
+  arrays.jacobian = take(doubles(table.jacobian.size(), 1));
+  return arrays;
 }
 
-/// Coordinates relative to each cell's first node, lane by lane; lanes without a cell repeat the last one.
+/// Coordinates relative to each cell's first node, lane by lane. Lanes without a cell repeat the last one.
 void Gather(const KernelInput& input, std::size_t lanes, double* out) {
   const int d = input.table->dimension, nodes = input.table->nodes;
   for (std::size_t lane = 0; lane < lanes; ++lane) {
@@ -141,7 +143,7 @@ template <int kDim>
 V Coefficient(const JacobianTable& table, int k, const double* HWY_RESTRICT a, const double* HWY_RESTRICT b) {
   const D d;
   const std::size_t lanes = Lanes();
-  V sum = hn::Zero(d), second = sum;  // two chains, since one would wait for itself
+  V sum = hn::Zero(d), second = sum;  // two chains: in a single one each sum waits for the last
   for (std::uint32_t e = table.jacobian_terms.start[k]; e < table.jacobian_terms.start[k + 1]; ++e) {
     const double* p = a + table.jacobian_terms.pairs[e][0] * kDim * lanes;
     const double* q = b + table.jacobian_terms.pairs[e][1] * kDim * lanes;
@@ -158,7 +160,7 @@ V Coefficient(const JacobianTable& table, int k, const double* HWY_RESTRICT a, c
   return hn::Add(sum, second);
 }
 
-/// Largest coordinate of each component; NaN in `probe` where one is not finite.
+/// Largest absolute coordinate of each component. `probe` is NaN if a coordinate is not finite, else 0.
 template <int kDim>
 void Extents(const JacobianTable& table, const double* HWY_RESTRICT nodes, double* HWY_RESTRICT extent,
              double* HWY_RESTRICT probe) {
@@ -182,7 +184,7 @@ struct Number {
   HWY_INLINE V operator()(double c) const { return hn::Set(D(), c); }
 };
 
-/// What the coefficients of each lane may be wrong by. `measure` holds the sizes of the derivatives [r][c][lane], the
+/// The bound on the error of each lane's coefficients. `measure` holds the sizes of the derivatives [r][c][lane], the
 /// extents [c][lane] and the probe [lane].
 template <int kDim>
 V Error(const JacobianTable& table, const double* HWY_RESTRICT measure) {
@@ -192,14 +194,14 @@ V Error(const JacobianTable& table, const double* HWY_RESTRICT measure) {
   const double* extent = measure + kDim * kDim * lanes;
   V sizes[3][3], errors[3][3];
   for (int r = 0; r < kDim; ++r) {
-    const V conversion = hn::Set(d, rounding_error(table.conversion_roundings, unit) * table.condition[r]);
+    const V conversion = hn::Set(d, relative_rounding(table.conversion_roundings, unit) * table.condition[r]);
     for (int c = 0; c < kDim; ++c) {
       sizes[r][c] = hn::Load(d, measure + (r * kDim + c) * lanes);
       errors[r][c] = conversion * hn::Load(d, extent + c * lanes);
     }
   }
-  const V product = hn::Set(d, rounding_error(table.product_roundings, unit));
-  return coefficient_error<kDim>(sizes, errors, product, Number()) + hn::Load(d, extent + kDim * lanes);
+  const V product = hn::Set(d, relative_rounding(table.product_roundings, unit));
+  return rounding_bound<kDim>(sizes, errors, product, Number()) + hn::Load(d, extent + kDim * lanes);
 }
 
 template <int kDim>
@@ -207,29 +209,30 @@ void Run(const KernelInput& input, std::vector<double>& workspace, KernelOutput&
   const D d;
   const std::size_t lanes = Lanes();
   const JacobianTable& table = *input.table;
-  const Parts parts = divide(table, lanes, workspace);
+  const Arrays arrays = divide(table, lanes, workspace);
   HWY_ALIGN double measure[13 * kMostLanes];
-  Gather(input, lanes, parts.nodes);
-  Convert<kDim>(table, parts.nodes, parts.map);
+  Gather(input, lanes, arrays.nodes);
+  Convert<kDim>(table, arrays.nodes, arrays.map);
   for (int r = 0; r < kDim; ++r)
-    Differentiate<kDim>(table, r, parts.map, parts.derivative[r], measure + static_cast<std::size_t>(r) * kDim * lanes);
+    Differentiate<kDim>(table, r, arrays.map, arrays.derivative[r],
+                        measure + static_cast<std::size_t>(r) * kDim * lanes);
   double* extent = measure + kDim * kDim * lanes;
-  Extents<kDim>(table, parts.nodes, extent, extent + kDim * lanes);
-  if constexpr (kDim == 3) Cross(table, parts.derivative[1], parts.derivative[2], parts.cross);
-  const double* right = kDim == 3 ? parts.cross : parts.derivative[1];
+  Extents<kDim>(table, arrays.nodes, extent, extent + kDim * lanes);
+  if constexpr (kDim == 3) Cross(table, arrays.derivative[1], arrays.derivative[2], arrays.cross);
+  const double* right = kDim == 3 ? arrays.cross : arrays.derivative[1];
   V least = hn::Set(d, std::numeric_limits<double>::max()), greatest = hn::Neg(least);
   for (int k = 0; k < table.jacobian.size(); ++k) {
-    const V scaled = Coefficient<kDim>(table, k, parts.derivative[0], right);
+    const V scaled = Coefficient<kDim>(table, k, arrays.derivative[0], right);
     const V value = hn::Mul(scaled, hn::Set(d, table.jacobian_reciprocal[k] * input.sign));
-    hn::Store(value, d, parts.jacobian + k * lanes);
+    hn::Store(value, d, arrays.jacobian + k * lanes);
     least = hn::Min(least, value);
     greatest = hn::Max(greatest, value);
   }
   hn::StoreU(least, d, output.least.data());
   hn::StoreU(greatest, d, output.greatest.data());
   for (std::size_t k = 0; k < table.corners.size(); ++k)
-    hn::StoreU(hn::Load(d, parts.jacobian + table.corners[k] * lanes), d, output.corner[k].data());
-  output.coefficients = parts.jacobian;
+    hn::StoreU(hn::Load(d, arrays.jacobian + table.corners[k] * lanes), d, output.corner[k].data());
+  output.coefficients = arrays.jacobian;
   hn::StoreU(Error<kDim>(table, measure), d, output.error.data());
 }
 

@@ -1,4 +1,4 @@
-// Certifies cells: the batched kernel first, which settles nearly all, then subdivision for the few that it leaves.
+// Certifies cells: first with the batched kernel, which is enough for nearly all, then the few others by subdivision.
 #include "core/validity/certifier.h"
 
 #include <algorithm>
@@ -6,7 +6,7 @@
 #include <cmath>
 #include <numeric>
 
-#include "core/validity/cell_ranges.h"
+#include "core/validity/cell_batches.h"
 #include "core/validity/certificate_kernel.h"
 #include "core/validity/orientation.h"
 #include "core/validity/subdivision.h"
@@ -14,12 +14,12 @@
 namespace varimesh {
 namespace {
 
-using detail::HardCell;
+using detail::CellToCertify;
 
-/// Cells that a task takes at a time: enough to fill vectors, few enough to share out the hard ones.
+/// Cells that a task takes at a time: enough to fill vectors, and few enough to share out the hard ones.
 constexpr std::size_t kGrain = 64;
 
-/// A power of two that brings the mesh's larger side to between 1/2 and 1; 1 where there is nothing to go by.
+/// A power of two that brings the mesh's largest extent to between 1/2 and 1; 1 if the mesh has no finite extent.
 double power_of_two_scale(const HighOrderMesh& mesh) {
   double extent = 0;
   for (std::size_t c = 0; c < 3; ++c) {
@@ -36,9 +36,9 @@ double power_of_two_scale(const HighOrderMesh& mesh) {
   return std::ldexp(1.0, std::clamp(-exponent - 1, -1000, 1000));
 }
 
-/// What the kernel says of one lane; false where it cannot tell.
-bool settle(const HardCell& cell, const detail::KernelOutput& output, std::size_t lane, double gap,
-            Certificate& certificate) {
+/// The certificate that follows from the kernel's output in one lane; false if it does not tell enough.
+bool certify_lane(const CellToCertify& cell, const detail::KernelOutput& output, std::size_t lane, double gap,
+                  Certificate& certificate) {
   const double error = output.error[lane];
   const std::size_t corners = cell.table->corners.size();
   double lowest = output.corner[0][lane], highest = lowest;
@@ -76,14 +76,14 @@ bool settle(const HardCell& cell, const detail::KernelOutput& output, std::size_
 Certifier::Certifier(const HighOrderMesh& mesh, CertificateOptions options)
     : options_(options), scale_(power_of_two_scale(mesh)), sign_(detail::orientation(mesh)) {
   assert(mesh.dimension == 2 || mesh.dimension == 3);
-  for (const detail::CellRange& batch : detail::cell_ranges(mesh, [](const ElementBlock& b) { return b.size(); }))
+  for (const detail::CellBatch& batch : detail::whole_blocks(mesh))
     for (std::size_t i = 0; i < batch.count; ++i) cells_.push_back({batch.block, batch.nodes(i)});
   all_.resize(cells_.size());
   std::iota(all_.begin(), all_.end(), 0);
 }
 
-void Certifier::certify_run(std::span<const double> coordinates, std::span<const std::int32_t> cells,
-                            std::span<Certificate> certificates) const {
+void Certifier::certify_on_one_thread(std::span<const double> coordinates, std::span<const std::int32_t> cells,
+                                      std::span<Certificate> certificates) const {
   thread_local std::vector<double> workspace;
   const std::size_t lanes = detail::kernel_lanes();
   detail::KernelOutput output;
@@ -101,9 +101,9 @@ void Certifier::certify_run(std::span<const double> coordinates, std::span<const
     }
     detail::bernstein_kernel(input, workspace, output);
     for (std::size_t lane = 0; lane < input.cells; ++lane) {
-      const HardCell cell{input.table, coordinates.data(), input.nodes[lane], scale_, sign_};
+      const CellToCertify cell{input.table, coordinates.data(), input.nodes[lane], scale_, sign_};
       Certificate& certificate = certificates[static_cast<std::size_t>(cells[first + lane])];
-      if (settle(cell, output, lane, options_.gap, certificate)) continue;
+      if (certify_lane(cell, output, lane, options_.gap, certificate)) continue;
       detail::Coefficients<double> known{{}, output.error[lane]};
       known.values.resize(static_cast<std::size_t>(input.table->jacobian.size()));
       for (std::size_t k = 0; k < known.values.size(); ++k) known.values[k] = output.coefficients[k * lanes + lane];
@@ -117,7 +117,7 @@ void Certifier::certify(std::span<const double> coordinates, std::span<const std
                         std::span<Certificate> certificates, const Team& team) const {
   assert(certificates.size() == cells_.size());
   team.for_ranges(cells.size(), kGrain, [&](std::size_t begin, std::size_t end) {
-    certify_run(coordinates, cells.subspan(begin, end - begin), certificates);
+    certify_on_one_thread(coordinates, cells.subspan(begin, end - begin), certificates);
   });
 }
 
@@ -145,7 +145,7 @@ CertificateSummary Certifier::sharpen(std::span<const double> coordinates, std::
     const Certificate better = detail::subdivide(
         {&detail::jacobian_table(block.shape, block.order), coordinates.data(), cells_[cell].nodes, scale_, sign_},
         options);
-    // An answer once given stands: a search for a sharper bound may end elsewhere, its budget spent.
+    // An answer once given stands. The search for a sharper bound may spend its budget and end with another one.
     if (better.answer == certificates[cell].answer &&
         better.scaled_jacobian_lower_bound >= certificates[cell].scaled_jacobian_lower_bound)
       certificates[cell] = better;

@@ -23,7 +23,7 @@ Quad magnitude(Quad x) { return x < 0 ? -x : x; }
 // Simplices, and products of them
 // ---------------------------------------------------------------------------------------------------------------------
 
-/// polynomial × (form · λ), all homogeneous: the next higher degree.
+/// polynomial × (form · λ), both homogeneous: the degree rises by one.
 std::vector<std::int64_t> times_form(const std::vector<std::int64_t>& polynomial, const BernsteinSpace& from,
                                      const BernsteinSpace& to, const std::array<std::int64_t, 4>& form) {
   const int corners = from.factors()[0].dimension + 1;
@@ -64,7 +64,7 @@ std::vector<Quad> lagrange_on_simplex(int dimension, int order, const Exponents&
   return result;
 }
 
-/// The conversion on one simplex: a row a coefficient, a column a lattice position, both in the space's order.
+/// The conversion on one simplex: one row per coefficient, one column per lattice position, both in the space's order.
 Matrix simplex_conversion(int dimension, int order) {
   const BernsteinSpace space({{dimension, order}});
   Matrix result = zero_matrix(space.size(), space.size());
@@ -76,7 +76,7 @@ Matrix simplex_conversion(int dimension, int order) {
   return result;
 }
 
-/// Exponents of factor f alone, as those of a one-factor space.
+/// The exponents of factor f only, as those of a space with one factor.
 Exponents of_factor(const Exponents& exponents, const BernsteinSpace& space, std::size_t f) {
   Exponents result{};
   const int offset = space.offset(static_cast<int>(f));
@@ -85,7 +85,7 @@ Exponents of_factor(const Exponents& exponents, const BernsteinSpace& space, std
   return result;
 }
 
-/// Lattice position (i, j, k) of a node as exponents: the first coordinate of each factor is what is left of the order.
+/// Lattice position (i, j, k) of a node as exponents. The first of each factor is what the others leave of the order.
 Exponents node_exponents(const std::array<std::int8_t, 3>& position, const BernsteinSpace& space, int order) {
   Exponents result{};
   std::size_t direction = 0;
@@ -139,9 +139,9 @@ std::vector<Quad> times_line(const std::vector<Quad>& polynomial, Quad a, Quad b
   return result;
 }
 
-/// The pyramid's layer with n intervals an edge (s = n/P) has (n + 1)² nodes. The space is spanned by
-/// q_m(u, v) s^m Π_{n > m} (s − n/P), m = 0 … P, q_m of degree m in u and in v: the m-th kind vanishes on all layers
-/// finer than its own, so that the layers are interpolated one after another, from the base up.
+/// The pyramid's layer with n intervals per edge (s = n/P) has (n + 1)² nodes. The space is spanned by
+/// q_m(u, v) s^m Π_{n > m} (s − n/P), m = 0 … P, with q_m of degree m in u and in v. The m-th kind vanishes on all
+/// layers finer than its own, so the layers can be interpolated one after another, from the base up.
 class PyramidConversion {
  public:
   explicit PyramidConversion(int order) : order_(order) {
@@ -167,7 +167,7 @@ class PyramidConversion {
   }
 
  private:
-  /// s^m Π_{n > m} (s − n/P), 1 on its own layer, as scaled coefficients by the exponent of t = 1 − s.
+  /// s^m Π_{n > m} (s − n/P), scaled to be 1 on its own layer, as scaled coefficients by the exponent of t = 1 − s.
   std::vector<Quad> height(int m) const {
     std::vector<Quad> result{Quad(1)};
     const Quad P = order_;
@@ -177,7 +177,7 @@ class PyramidConversion {
     return result;
   }
 
-  /// The same on the layer with n intervals.
+  /// Its value on the layer with n intervals.
   Quad height_at(int m, int n) const {
     Quad result = 1;
     for (int k = 0; k < m; ++k) result *= Quad(n) / m;
@@ -219,7 +219,7 @@ class PyramidConversion {
     return result;
   }
 
-  /// Takes the m-th kind with values q on its own layer away from a coarser layer.
+  /// Subtracts from a coarser layer what the m-th kind has there if its values on its own layer are q.
   void subtract(const Matrix& q, int m, int coarser, Matrix& residual) const {
     const Quad factor = height_at(m, coarser);
     const Matrix& at = evaluation_[static_cast<std::size_t>(m)][static_cast<std::size_t>(coarser)];
@@ -232,6 +232,7 @@ class PyramidConversion {
         for (std::size_t j = 0; j < q.size(); ++j) residual[a][b] -= half[a][j] * at[b][j];
   }
 
+  /// Adds the coefficients of the m-th kind with values q on its own layer to column `node`.
   void add(const Matrix& q, int m, std::size_t node, const BernsteinSpace& space, Matrix& result) const {
     const auto n = static_cast<std::size_t>(order_) + 1;
     const Matrix& up = elevated_[static_cast<std::size_t>(m)];
@@ -253,7 +254,7 @@ class PyramidConversion {
   int order_;
   std::vector<std::vector<Quad>> height_;
   std::vector<Matrix> elevated_;
-  std::vector<std::vector<Matrix>> evaluation_;  // by degree and by the coarser layer's intervals
+  std::vector<std::vector<Matrix>> evaluation_;  // by m, and by the intervals of the coarser layer
 };
 
 Matrix pyramid_conversion(int order, const BernsteinSpace& space) {
@@ -262,7 +263,7 @@ Matrix pyramid_conversion(int order, const BernsteinSpace& space) {
   Matrix result = zero_matrix(space.size(), static_cast<int>(lattice.size()));
   for (std::size_t node = 0; node < lattice.size(); ++node)
     conversion.column(order - lattice[node][2], lattice[node][0], lattice[node][1], node, space, result);
-  // What is zero in exact arithmetic is under 1e-30 here; the smallest entry that is not is above 1e-10.
+  // Entries that are zero in exact arithmetic are below 1e-30 here; the smallest other entry is above 1e-10.
   for (std::vector<Quad>& row : result)
     for (Quad& entry : row)
       if (magnitude(entry) < Quad(1e-20)) entry = 0;

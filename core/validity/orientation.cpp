@@ -1,29 +1,29 @@
-// The sign of the straight-sided cells, by majority.
+// The sign that most straight-sided cells have.
 #include "core/validity/orientation.h"
 
 #include <Eigen/Core>
 
 #include "core/reference/basis.h"
-#include "core/validity/cell_ranges.h"
+#include "core/validity/cell_batches.h"
 
 namespace varimesh::detail {
 namespace {
 
-/// Gradients of the straight-sided cell's basis at the middle of the reference cell: vertices × dimension.
-Eigen::MatrixXd middle_gradients(Shape shape, int dimension) {
+/// Gradients of the straight-sided cell's basis at the centre of the reference cell: vertices × dimension.
+Eigen::MatrixXd centre_gradients(Shape shape, int dimension) {
   const reference::ShapeInfo& cell = reference::info(shape);
-  reference::Points middle = reference::Points::Zero(1, dimension);
+  reference::Points centre = reference::Points::Zero(1, dimension);
   for (int v = 0; v < cell.vertices; ++v)
     for (int c = 0; c < dimension; ++c)
-      middle(0, c) += cell.vertex[static_cast<std::size_t>(v)][static_cast<std::size_t>(c)] / cell.vertices;
-  const auto gradients = reference::basis_gradients(shape, 1, reference::NodeSet::Equispaced, dimension, middle);
+      centre(0, c) += cell.vertex[static_cast<std::size_t>(v)][static_cast<std::size_t>(c)] / cell.vertices;
+  const auto gradients = reference::basis_gradients(shape, 1, reference::NodeSet::Equispaced, dimension, centre);
   Eigen::MatrixXd result(cell.vertices, dimension);
   for (int r = 0; r < dimension; ++r) result.col(r) = gradients[static_cast<std::size_t>(r)].row(0).transpose();
   return result;
 }
 
-/// det ∇χ_L in the middle of the straight-sided cell with these vertices.
-double middle_jacobian(const HighOrderMesh& mesh, const std::int32_t* nodes, const Eigen::MatrixXd& gradients) {
+/// det ∇χ_L at the centre of the straight-sided cell with these vertices.
+double centre_jacobian(const HighOrderMesh& mesh, const std::int32_t* nodes, const Eigen::MatrixXd& gradients) {
   Eigen::Matrix3d matrix = Eigen::Matrix3d::Identity();
   const int d = mesh.dimension;
   matrix.topLeftCorner(d, d).setZero();
@@ -42,12 +42,12 @@ double middle_jacobian(const HighOrderMesh& mesh, const std::int32_t* nodes, con
 
 double orientation(const HighOrderMesh& mesh) {
   const auto gradients = tables_for_cells<Eigen::MatrixXd>(
-      mesh, [&](Shape shape, int) { return middle_gradients(shape, mesh.dimension); });
+      mesh, [&](Shape shape, int) { return centre_gradients(shape, mesh.dimension); });
   std::size_t negative = 0, cells = 0;
-  for (const CellRange& batch : cell_ranges(mesh, [](const ElementBlock& b) { return b.size(); })) {
+  for (const CellBatch& batch : whole_blocks(mesh)) {
     const Eigen::MatrixXd& gradient = gradients.at({batch.block->shape, batch.block->order});
     for (std::size_t i = 0; i < batch.count; ++i)
-      negative += middle_jacobian(mesh, batch.nodes(i), gradient) < 0 ? 1 : 0;
+      negative += centre_jacobian(mesh, batch.nodes(i), gradient) < 0 ? 1 : 0;
     cells += batch.count;
   }
   return 2 * negative > cells ? -1 : 1;

@@ -1,4 +1,4 @@
-// Bernstein coefficients of one cell, bisected by de Casteljau's algorithm, the most doubtful part first.
+// Bisects the Bernstein coefficients of one cell by de Casteljau's algorithm, the most doubtful part first.
 #include "core/validity/subdivision.h"
 
 #include <algorithm>
@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "core/reference/cache.h"
-#include "core/validity/outward_rounding.h"
+#include "core/validity/rounding.h"
 
 namespace varimesh::detail {
 namespace {
@@ -19,8 +19,8 @@ namespace {
 // ---------------------------------------------------------------------------------------------------------------------
 
 /// An edge of a factor, between its barycentric coordinates in slots a and b. A line holds the coefficients whose other
-/// exponents are the same, by growing exponent of b: as functions along the edge they are univariate of degree
-/// length − 1, and a bisection of the edge mixes nothing else.
+/// exponents are the same, by growing exponent of b. Along the edge they are those of a univariate polynomial of degree
+/// length − 1. A bisection of the edge mixes only the coefficients of one line.
 struct Edge {
   std::size_t a = 0, b = 0;
   std::vector<std::uint16_t> coefficients;
@@ -60,9 +60,8 @@ const std::vector<Edge>& edges_of(const JacobianTable& table) {
 // The search
 // ---------------------------------------------------------------------------------------------------------------------
 
-/// A part of the cell, with its coefficients and the barycentric coordinates of its corners: corners[slot] is the
-/// corner of the part's factor that the slot belongs to, in barycentric coordinates of that factor (from the slot's
-/// offset on).
+/// A part of the cell, with its coefficients and its corners. corners[slot] is the corner of the factor that the slot
+/// belongs to, in barycentric coordinates of that factor (from its first slot on).
 template <class Real>
 struct Part {
   std::vector<Real> values;
@@ -81,13 +80,13 @@ struct Part {
 template <class Real>
 class Search {
  public:
-  Search(const HardCell& cell, const CertificateOptions& options)
+  Search(const CellToCertify& cell, const CertificateOptions& options)
       : table_(*cell.table), options_(options), edges_(edges_of(*cell.table)) {
     open_.reserve(kUsualParts);
   }
 
-  /// Works until the answer and the gap are reached or the budget is spent.
-  void run(Coefficients<Real> root) {
+  /// Cuts parts until the answer is known to within the gap or the budget is spent.
+  void search(Coefficients<Real> root) {
     Part<Real> whole;
     whole.values = std::move(root.values);
     whole.error = root.error;
@@ -118,7 +117,7 @@ class Search {
     for (const Part<Real>& part : open_) most = std::max(most, part.greatest + part.error);
     return most;
   }
-  /// max J is at least this.
+  /// A lower bound of max J.
   Real greatest_seen() const { return greatest_seen_; }
   const std::array<double, 6>& place() const { return place_; }
 
@@ -129,18 +128,18 @@ class Search {
 
   bool done() const {
     const Part<Real>& worst = open_.front();
-    // What is left can be proved neither positive nor negative.
+    // The rest can be proved neither positive nor negative.
     const bool hopeless = touches_zero_ && worst.least >= -worst.error;
     const bool answered = answer_ == Certificate::Answer::Invalid || lower() > 0 || hopeless;
     return answered && (hopeless || !std::isfinite(options_.gap) || greatest_seen_ <= 0 ||
                         slack_below() + slack_above() <= Real(options_.gap));
   }
 
-  /// How much of the scaled Jacobian's uncertainty is due to min J, and to max J.
+  /// How much of the scaled Jacobian's uncertainty is due to min J, and how much to max J.
   Real slack_below() const { return (least_seen_ - lower()) / greatest_seen_; }
   Real slack_above() const { return lower() > 0 ? lower() * (1 / greatest_seen_ - 1 / upper()) : 0; }
 
-  /// The part to cut next: the lowest one, or where only max J is in doubt, the highest.
+  /// The part to cut next: the lowest one, or the highest one if mainly max J is in doubt.
   Part<Real> take() {
     if (std::isfinite(options_.gap) && lower() > 0 && greatest_seen_ > 0 && slack_above() > slack_below()) {
       const auto highest =
@@ -222,7 +221,7 @@ class Search {
     push(std::move(second));
   }
 
-  /// `near` keeps corner a, `far` keeps corner b; both hold the whole part's coefficients on entry.
+  /// Afterwards `near` holds the half at corner a and `far` the half at corner b. On entry both hold the whole part.
   static void de_casteljau(const Edge& edge, std::vector<Real>& near, std::vector<Real>& far) {
     std::array<Real, 32> row;
     for (std::size_t line = 0; line + 1 < edge.start.size(); ++line) {
@@ -240,21 +239,21 @@ class Search {
   const JacobianTable& table_;
   const CertificateOptions& options_;
   const std::vector<Edge>& edges_;
-  std::vector<Part<Real>> open_;  // a heap, the smallest coefficient first; never empty after the root is in
+  std::vector<Part<Real>> open_;  // a heap, the smallest coefficient first; never empty once the whole cell is in
   Certificate::Answer answer_ = Certificate::Answer::Undecided;
   bool finite_ = false;
-  bool touches_zero_ = false;  // J is 0 at some corner as far as the arithmetic can tell: never to be proved valid
+  bool touches_zero_ = false;  // within rounding, J is 0 at some corner: the cell can never be proved valid
   bool limited_by_rounding_ = false;
   Real greatest_seen_ = -std::numeric_limits<Real>::max(), least_seen_ = std::numeric_limits<Real>::max();
   std::array<double, 6> place_{};
 };
 
-/// One attempt; true where a wider arithmetic may tell more.
+/// One attempt; true if wider arithmetic may tell more.
 template <class Real>
-bool attempt(const HardCell& cell, const CertificateOptions& options, Coefficients<Real> coefficients,
+bool attempt(const CellToCertify& cell, const CertificateOptions& options, Coefficients<Real> coefficients,
              Certificate& certificate) {
   Search<Real> search(cell, options);
-  search.run(std::move(coefficients));
+  search.search(std::move(coefficients));
   if (!search.finite()) return false;
   certificate.answer = search.answer();
   set_bounds(cell, static_cast<double>(search.lower()), static_cast<double>(search.upper()),
@@ -266,37 +265,37 @@ bool attempt(const HardCell& cell, const CertificateOptions& options, Coefficien
 }  // namespace
 
 // ---------------------------------------------------------------------------------------------------------------------
-// The doors
+// Public functions
 // ---------------------------------------------------------------------------------------------------------------------
 
-Certificate subdivide(const HardCell& cell, const CertificateOptions& options) {
+Certificate subdivide(const CellToCertify& cell, const CertificateOptions& options) {
   return subdivide(cell, options, plain_coefficients(cell));
 }
 
-Certificate subdivide(const HardCell& cell, const CertificateOptions& options, Coefficients<double> coefficients) {
+Certificate subdivide(const CellToCertify& cell, const CertificateOptions& options, Coefficients<double> coefficients) {
   Certificate certificate;
   if (attempt(cell, options, std::move(coefficients), certificate))
     attempt(cell, options, extended_coefficients(cell), certificate);
   return certificate;
 }
 
-void set_bounds(const HardCell& cell, double lower, double upper, double greatest, Certificate& certificate) {
-  // The arguments are rounded to nearest: one step outwards holds, and another one after the quotient.
-  lower = below(lower);
-  upper = above(upper);
-  greatest = below(greatest);
-  // Powers of two, so exact; one after the other, so that nothing overflows which the last would not.
+void set_bounds(const CellToCertify& cell, double lower, double upper, double greatest, Certificate& certificate) {
+  // The arguments are rounded to nearest: one step outwards makes them bounds, and so does another after the quotient.
+  lower = next_below(lower);
+  upper = next_above(upper);
+  greatest = next_below(greatest);
+  // Powers of two, so this is exact. Multiplied one by one, no intermediate result overflows unless the last one does.
   const double inverse = 1 / cell.scale;
   double unit = inverse;
   for (int i = 1; i < cell.table->dimension; ++i) unit *= inverse;
-  certificate.lower_bound = below(lower * unit);
-  certificate.upper_bound = above(upper * unit);
+  certificate.lower_bound = next_below(lower * unit);
+  certificate.upper_bound = next_above(upper * unit);
   if (lower >= 0)
-    certificate.scaled_jacobian_lower_bound = std::max(0.0, below(lower / upper));
+    certificate.scaled_jacobian_lower_bound = std::max(0.0, next_below(lower / upper));
   else if (greatest > 0)
-    certificate.scaled_jacobian_lower_bound = below(lower / greatest);
+    certificate.scaled_jacobian_lower_bound = next_below(lower / greatest);
   else if (upper <= 0)
-    certificate.scaled_jacobian_lower_bound = -1;  // what a cell has whose J is nowhere positive
+    certificate.scaled_jacobian_lower_bound = -1;  // by definition, if J is nowhere positive
 }
 
 }  // namespace varimesh::detail

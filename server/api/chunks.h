@@ -1,4 +1,4 @@
-// Pieces of meshes as they come in.
+// The chunks of a mesh that a client sends.
 #pragma once
 
 #include <string>
@@ -9,8 +9,8 @@
 
 namespace varimesh::server {
 
-/// The bytes that a chunk stands for: its own, or those of its frame, which `buffer` then holds. INVALID_ARGUMENT where
-/// it is too large or damaged.
+/// Returns the bytes of a chunk: its data, or the content of its zstd frame, which is then stored in `buffer`.
+/// Fails with INVALID_ARGUMENT if the chunk is too large or damaged.
 Answer<std::string_view> bytes_of(const v1::Chunk& chunk, std::string* buffer);
 
 }  // namespace varimesh::server

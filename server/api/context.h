@@ -1,21 +1,21 @@
-// What every handler works with, and how a unary one leaves the reaction's thread.
+// What all handlers share, and how a unary call is moved to the pool.
 #pragma once
 
 #include <grpcpp/grpcpp.h>
 
 #include <utility>
 
-#include "server/api/calls.h"
-#include "server/api/status.h"
-#include "server/jobs/pool.h"
-#include "server/jobs/scheduler.h"
+#include "server/limits.h"
 #include "server/meshes/mesh_store.h"
-#include "server/operations/limits.h"
-#include "server/operations/peers.h"
+#include "server/resources/pool.h"
+#include "server/scheduling/scheduler.h"
+#include "server/streams/calls.h"
+#include "server/streams/peer_counts.h"
+#include "server/streams/status.h"
 
 namespace varimesh::server {
 
-/// The parts of a running server, as the handlers see them. All outlive every call.
+/// The parts of a running server that the handlers use. All of them outlive every call.
 struct ApiContext {
   Scheduler& scheduler;
   MeshStore& meshes;
@@ -27,7 +27,7 @@ struct ApiContext {
   TimePoint start_time;
 };
 
-/// A unary call whose work is done on the pool, because it may wait for a disk or a database.
+/// Answers a unary call with the status of `work`, which runs on the pool because it may wait for a disk or a database.
 template <class Work>
 grpc::ServerUnaryReactor* unary(grpc::CallbackServerContext* call, Pool& pool, Work work) {
   grpc::ServerUnaryReactor* reactor = call->DefaultReactor();

@@ -1,23 +1,35 @@
-// Handlers of JobService: each translates, asks the scheduler, answers.
+// Handlers of JobService. Each translates the request, asks the scheduler and answers.
 #include "server/api/job_service.h"
 
 #include <optional>
 
 #include "core/base/version.h"
-#include "server/api/event_source.h"
-#include "server/api/sources.h"
+#include "server/addresses.h"
+#include "server/api/result_source.h"
+#include "server/jobs/timestamps.h"
+#include "server/streams/event_source.h"
 
 namespace varimesh::server {
 namespace {
 
-using Code = Failure::Code;
-
-/// Answers with the job, or says why there is none.
+/// Answers with the job, or with the reason why there is none.
 template <class Response>
 grpc::Status answer(Answer<v1::Job> job, Response* response) {
   if (!job) return status(job.error());
   *response->mutable_job() = std::move(*job);
   return grpc::Status::OK;
+}
+
+/// Removes the lists of elements, since a list of jobs is an overview. GetJob has them.
+void shorten(v1::Job& job) {
+  if (!job.has_metrics()) return;
+  v1::Metrics& metrics = *job.mutable_metrics();
+  for (v1::QualityReport* report : {metrics.mutable_before(), metrics.mutable_after()}) {
+    report->clear_invalid();
+    report->mutable_certified()->clear_uncertified();
+  }
+  metrics.clear_unrepairable();
+  metrics.clear_repairs();
 }
 
 }  // namespace
@@ -45,16 +57,7 @@ grpc::ServerUnaryReactor* JobService::ListJobs(grpc::CallbackServerContext* call
     auto page = api_.scheduler.list(filter, request->page_size(), request->page_token());
     if (!page) return status(page.error());
     for (v1::Job& job : page->jobs) {
-      // A list is an overview: the places of invalid cells are in the job itself.
-      if (job.has_metrics()) {
-        for (v1::QualityReport* report :
-             {job.mutable_metrics()->mutable_before(), job.mutable_metrics()->mutable_after()}) {
-          report->clear_invalid();
-          report->mutable_certified()->clear_uncertified();
-        }
-        job.mutable_metrics()->clear_unrepairable();
-        job.mutable_metrics()->clear_repairs();
-      }
+      shorten(job);
       *response->add_jobs() = std::move(job);
     }
     response->set_next_page_token(page->next_page_token);
@@ -78,7 +81,7 @@ grpc::ServerUnaryReactor* JobService::DeleteJob(grpc::CallbackServerContext* cal
 
 grpc::ServerWriteReactor<v1::WatchJobResponse>* JobService::WatchJob(grpc::CallbackServerContext* call,
                                                                      const v1::WatchJobRequest* request) {
-  // The job is looked up by the first pull, on the pool.
+  // The first pull looks the job up, on the pool.
   struct Watch {
     std::shared_ptr<const void> place;
     v1::WatchJobRequest request;
@@ -91,7 +94,7 @@ grpc::ServerWriteReactor<v1::WatchJobResponse>* JobService::WatchJob(grpc::Callb
   watch->place = api_.watches.take(address);
   if (watch->place == nullptr)
     return StreamOut<v1::WatchJobResponse>::refuse(api_, call,
-                                                   peer_limit_status(address, api_.watches.most(), "watches"));
+                                                   status(peer_limit(address, api_.watches.most(), "open watches")));
   return StreamOut<v1::WatchJobResponse>::open(
       api_, call,
       Pump<v1::WatchJobResponse>::Source([this, watch](v1::WatchJobResponse* response, bool idle, grpc::Status* ended) {
@@ -112,18 +115,13 @@ grpc::ServerWriteReactor<v1::WatchJobResponse>* JobService::WatchJob(grpc::Callb
 grpc::Status JobService::check_resumption(const v1::WatchJobRequest& request, const EventLog& log) {
   if (request.after_sequence() >= 0 && log.can_resume_after(request.after_sequence())) return grpc::Status::OK;
   const auto job = api_.scheduler.get(request.name());
-  return status(Failure{Code::OutOfRange,
-                        "SEQUENCE_EXPIRED",
-                        "The events behind number " + std::to_string(request.after_sequence()) + " of " +
-                            request.name() + " are not kept; watch it from 0.",
-                        {{"job", request.name()}, {"oldest_sequence", std::to_string(log.oldest_sequence())}},
-                        0},
+  return status(sequence_expired(request.name(), request.after_sequence(), log.oldest_sequence()),
                 job ? &*job : nullptr);
 }
 
 grpc::ServerWriteReactor<v1::GetResultResponse>* JobService::GetResult(grpc::CallbackServerContext* call,
                                                                        const v1::GetResultRequest* request) {
-  // The job is looked up by the first pull, on the pool.
+  // The first pull looks the job up, on the pool.
   auto result = std::make_shared<std::optional<ResultSource>>();
   return StreamOut<v1::GetResultResponse>::open(
       api_, call,
@@ -132,10 +130,7 @@ grpc::ServerWriteReactor<v1::GetResultResponse>* JobService::GetResult(grpc::Cal
               v1::GetResultResponse* response, bool, grpc::Status* ended) {
             if (!*result) {
               auto job = api_.scheduler.get(name);
-              if (job && job->results().empty())
-                job = failure(Code::FailedPrecondition, "JOB_NOT_SUCCEEDED",
-                              name + " has no result: its state is " + v1::JobState_Name(job->state()) + ".",
-                              {{"job", name}, {"state", v1::JobState_Name(job->state())}});
+              if (job && job->results().empty()) job = job_without_result(name, v1::JobState_Name(job->state()));
               if (!job) {
                 *ended = status(job.error());
                 return Pull::End;

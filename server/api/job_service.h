@@ -1,4 +1,4 @@
-// JobService: submissions, states, events, results.
+// JobService of the contract: submissions, states, events and results.
 #pragma once
 
 #include "server/api/stream_out.h"
@@ -6,6 +6,7 @@
 
 namespace varimesh::server {
 
+/// Handles the calls of JobService. The calls are documented in service.proto.
 class JobService : public v1::JobService::CallbackService {
  public:
   explicit JobService(const ApiContext& api) : api_(api) {}
@@ -28,7 +29,7 @@ class JobService : public v1::JobService::CallbackService {
                                           v1::GetServerInfoResponse* response) override;
 
  private:
-  /// OUT_OF_RANGE where the watch cannot go on where it wants to.
+  /// Returns OUT_OF_RANGE if the watch cannot continue after the event that it asks for.
   grpc::Status check_resumption(const v1::WatchJobRequest& request, const EventLog& log);
 
   const ApiContext& api_;

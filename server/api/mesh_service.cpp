@@ -4,30 +4,27 @@
 #include <chrono>
 #include <optional>
 
-#include "server/api/upload.h"
+#include "server/api/upload_session.h"
 
 namespace varimesh::server {
 namespace {
 
-using Code = Failure::Code;
 using Clock = std::chrono::steady_clock;
 
-constexpr Clock::time_point kNotNow = Clock::time_point::max();
+/// The time of a read that has not begun.
+constexpr Clock::time_point kNever = Clock::time_point::max();
 
 grpc::Status idle_status() {
-  return status(Failure{Code::NotFound,
-                        "UPLOAD_NOT_FOUND",
-                        "Nothing came for " + std::to_string(kUploadLifetime.count()) +
-                            " minutes, and the upload is dropped; begin it again.",
-                        {},
-                        0});
+  return status(upload_not_found("The upload was dropped because no data arrived for " +
+                                 std::to_string(kUploadLifetime.count()) + " minutes"));
 }
 
-/// A stream of an upload's messages: reads one, lets the pool store it, reads the next.
+/// A stream with the messages of an upload. It reads a message, stores it on the pool, and reads the next.
 template <class Reactor, class Request>
 class Receiving : public Reactor, public Call {
  public:
-  /// What gRPC is to be given; `self`: this, which then keeps itself until gRPC is done with it.
+  /// Starts the stream and returns the reactor for gRPC. `self` is this object, which keeps itself alive until
+  /// OnDone().
   Reactor* open(const std::shared_ptr<Receiving>& self) {
     self_ = self;
     const grpc::Status refused = api_.calls.add(self) ? session_.refused() : stopping_status();
@@ -42,7 +39,7 @@ class Receiving : public Reactor, public Call {
 
   void OnReadDone(bool ok) override {
     std::lock_guard lock(mutex_);
-    reading_since_ = kNotNow;
+    reading_since_ = kNever;
     if (finished_) return;
     api_.pool.post([this, ok, alive = self_] {
       const grpc::Status status = guarded([&] { return ok ? session_.take(request_) : session_.complete(); });
@@ -64,7 +61,7 @@ class Receiving : public Reactor, public Call {
     std::lock_guard lock(mutex_);
     if (!std::exchange(finished_, true)) this->Finish(status);
   }
-  /// The store drops an upload that nobody touches for so long; a stream that only waits for its chunks goes with it.
+  /// Ends a stream whose client sends nothing for as long as the store keeps an idle upload.
   void tick(Clock::time_point now) override {
     std::unique_lock lock(mutex_);
     const bool is_idle = now - reading_since_ > kUploadLifetime;
@@ -75,27 +72,27 @@ class Receiving : public Reactor, public Call {
  protected:
   Receiving(const ApiContext& api, const std::string& peer) : api_(api), session_(api, peer) {}
 
-  /// With the lock held: session_ has taken a message.
+  /// Called with the lock held after session_ has handled a message.
   virtual void answer() = 0;
 
   const ApiContext& api_;
-  UploadSession session_;  ///< By the pool alone, one task at a time.
+  UploadSession session_;  ///< Used only on the pool, by one task at a time.
   std::mutex mutex_;
   bool finished_ = false;
-  std::shared_ptr<Receiving> self_;  ///< Until gRPC is done.
+  std::shared_ptr<Receiving> self_;  ///< Keeps this object alive until OnDone().
 
  private:
-  /// With the lock held.
+  /// Requires the lock.
   void read() {
     reading_since_ = Clock::now();
     this->StartRead(&request_);
   }
 
-  Request request_;  ///< Touched by gRPC while it reads, by the pool after.
-  Clock::time_point reading_since_ = kNotNow;
+  Request request_;  ///< Used by gRPC during a read, and by the pool after it.
+  Clock::time_point reading_since_ = kNever;
 };
 
-/// UploadMesh: answered once, with the mesh.
+/// UploadMesh: one answer at the end, with the mesh.
 class Upload final : public Receiving<grpc::ServerReadReactor<v1::UploadMeshRequest>, v1::UploadMeshRequest> {
  public:
   Upload(const ApiContext& api, const std::string& peer, v1::UploadMeshResponse* response)
@@ -109,10 +106,10 @@ class Upload final : public Receiving<grpc::ServerReadReactor<v1::UploadMeshRequ
     Finish(grpc::Status::OK);
   }
 
-  v1::UploadMeshResponse* const response_;  ///< gRPC's, and gone once the call is finished.
+  v1::UploadMeshResponse* const response_;  ///< Owned by gRPC; invalid once the call is finished.
 };
 
-/// SendMesh: what is stored is said as soon as the answer before has gone.
+/// SendMesh: acknowledges the stored bytes as soon as the previous answer has been written.
 class Sending final
     : public Receiving<grpc::ServerBidiReactor<v1::SendMeshRequest, v1::SendMeshResponse>, v1::SendMeshRequest> {
  public:
@@ -121,12 +118,12 @@ class Sending final
   void OnWriteDone(bool ok) override {
     std::lock_guard lock(mutex_);
     writing_ = false;
-    if (ok) say();
+    if (ok) acknowledge();
   }
   void tick(Clock::time_point now) override {
     {
       std::lock_guard lock(mutex_);
-      // The context lives as long as gRPC refers to this.
+      // The context exists as long as gRPC refers to this reactor.
       if (self_ != nullptr && writing_ && now - writing_since_ > api_.limits.stalled_reader) call_->TryCancel();
     }
     Receiving::tick(now);
@@ -136,19 +133,19 @@ class Sending final
   void answer() override {
     committed_ = session_.committed();
     stored_ = session_.stored();
-    say();
+    acknowledge();
   }
 
-  /// With the lock held.
-  void say() {
+  /// Requires the lock.
+  void acknowledge() {
     if (finished_ || writing_) return;
     if (stored_) {
       *response_.mutable_mesh() = *stored_;
       finished_ = true;
       begin_write();
       StartWriteAndFinish(&response_, grpc::WriteOptions(), grpc::Status::OK);
-    } else if (committed_ != said_) {
-      response_.set_committed_size(said_ = committed_);
+    } else if (committed_ != acknowledged_) {
+      response_.set_committed_size(acknowledged_ = committed_);
       begin_write();
       StartWrite(&response_);
     }
@@ -160,21 +157,16 @@ class Sending final
   }
 
   grpc::CallbackServerContext* const call_;
-  std::int64_t committed_ = 0, said_ = -1;
+  std::int64_t committed_ = 0, acknowledged_ = -1;
   std::optional<v1::StoredMesh> stored_;
-  v1::SendMeshResponse response_;  ///< Touched by gRPC while it writes.
+  v1::SendMeshResponse response_;  ///< Used by gRPC during a write.
   bool writing_ = false;
   Clock::time_point writing_since_;
 };
 
 grpc::Status check_offset(std::int64_t offset, std::int64_t size) {
   if (offset >= 0 && offset <= size) return grpc::Status::OK;
-  return status(
-      Failure{Code::OutOfRange,
-              "WRONG_OFFSET",
-              "The mesh has " + std::to_string(size) + " bytes, and the offset is " + std::to_string(offset) + ".",
-              {{"size", std::to_string(size)}},
-              0});
+  return status(offset_outside_mesh(offset, size));
 }
 
 }  // namespace
@@ -212,7 +204,7 @@ grpc::ServerWriteReactor<v1::DownloadMeshResponse>* MeshService::DownloadMesh(gr
   };
   auto state = std::make_shared<State>();
   state->request = *request;
-  // The mesh is opened by the first pull, on the pool.
+  // The first pull opens the mesh, on the pool.
   return StreamOut<v1::DownloadMeshResponse>::open(
       api_, call,
       Pump<v1::DownloadMeshResponse>::Source(

@@ -1,4 +1,4 @@
-// MeshService: meshes in and out, by content.
+// MeshService of the contract: uploads and downloads of meshes, which are named by their digests.
 #pragma once
 
 #include "server/api/stream_out.h"
@@ -6,6 +6,7 @@
 
 namespace varimesh::server {
 
+/// Handles the calls of MeshService. The calls are documented in service.proto.
 class MeshService : public v1::MeshService::CallbackService {
  public:
   explicit MeshService(const ApiContext& api) : api_(api) {}

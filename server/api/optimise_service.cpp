@@ -1,31 +1,32 @@
-// The reactor of OptimiseService: reads the spec and the mesh, submits, then writes events and results.
+// The reactor of OptimiseService. It reads the spec and the mesh, submits the job, and writes its events and its
+// result.
 #include "server/api/optimise_service.h"
 
 #include <optional>
 
+#include "server/addresses.h"
 #include "server/api/chunks.h"
-#include "server/api/event_source.h"
-#include "server/api/sources.h"
+#include "server/api/result_source.h"
+#include "server/streams/event_source.h"
 
 namespace varimesh::server {
 namespace {
 
-using Code = Failure::Code;
-
-class OneCall : public grpc::ServerBidiReactor<v1::OptimiseRequest, v1::OptimiseResponse>,
-                public Call,
-                public Listener {
+/// The stream of one call to Optimise.
+class OptimiseStream : public grpc::ServerBidiReactor<v1::OptimiseRequest, v1::OptimiseResponse>,
+                       public Call,
+                       public Listener {
  public:
-  static OneCall* open(const ApiContext& api, grpc::CallbackServerContext* call) {
-    std::shared_ptr<OneCall> stream(new OneCall(api, call));
+  static OptimiseStream* open(const ApiContext& api, grpc::CallbackServerContext* call) {
+    std::shared_ptr<OptimiseStream> stream(new OptimiseStream(api, call));
     stream->self_ = stream;
     stream->weak_ = stream;
     if (!api.calls.add(stream))
       stream->end(stopping_status());
     else if (stream->upload_ == nullptr)
-      stream->end(peer_limit_status(stream->address_, api.uploads.most(), "uploads"));
+      stream->end(status(peer_limit(stream->address_, api.uploads.most(), "open uploads")));
     else if (stream->watch_ == nullptr)
-      stream->end(peer_limit_status(stream->address_, api.watches.most(), "watches"));
+      stream->end(status(peer_limit(stream->address_, api.watches.most(), "open watches")));
     else
       stream->read();
     return stream.get();
@@ -43,7 +44,7 @@ class OneCall : public grpc::ServerBidiReactor<v1::OptimiseRequest, v1::Optimise
   void OnWriteDone(bool ok) override { pump_.on_write_done(ok); }
   void OnCancel() override { end(grpc::Status::CANCELLED); }
   void OnDone() override {
-    const std::shared_ptr<OneCall> last = std::move(self_);
+    const std::shared_ptr<OptimiseStream> last = std::move(self_);
     api_.calls.remove(last);
   }
   void end(const grpc::Status& status) override { pump_.end(status); }
@@ -51,7 +52,7 @@ class OneCall : public grpc::ServerBidiReactor<v1::OptimiseRequest, v1::Optimise
   void poke() override { pump_.poke(); }
 
  private:
-  OneCall(const ApiContext& api, grpc::CallbackServerContext* call)
+  OptimiseStream(const ApiContext& api, grpc::CallbackServerContext* call)
       : api_(api),
         address_(peer_address(call->peer())),
         upload_(api.uploads.take(address_)),
@@ -60,53 +61,44 @@ class OneCall : public grpc::ServerBidiReactor<v1::OptimiseRequest, v1::Optimise
               {[this](const v1::OptimiseResponse* response) { StartWrite(response); },
                [this](const grpc::Status& status) { Finish(status); }, [call] { call->TryCancel(); }}) {}
 
-  static grpc::Status refuse(const char* sentence) {
-    return status(Failure{Code::InvalidArgument, "BAD_REQUEST", sentence, {}, 0});
-  }
+  static grpc::Status refuse(const char* sentence) { return status(bad_request(sentence)); }
 
   void read() {
     pump_.unless_finished([this] { StartRead(&request_); });
   }
 
-  /// A message that came: the spec, or a chunk of the mesh.
+  /// Handles a message from the client: the spec, or a chunk of the mesh.
   grpc::Status take() {
-    if (request_.has_spec()) {
-      if (spec_) return refuse("The spec must be sent once, first.");
-      if (request_.spec().size() > api_.limits.max_mesh_bytes) return too_large();
-      spec_ = std::move(*request_.mutable_spec());
-      auto writer = api_.meshes.create();
-      if (!writer) return status(writer.error());
-      writer_ = std::move(*writer);
-      return grpc::Status::OK;
-    }
-    if (!spec_) return refuse("The spec must be sent first.");
-    const v1::Chunk& chunk = request_.chunk();
+    if (request_.has_spec()) return take_spec();
+    if (!spec_) return refuse("The spec must be sent before the first chunk.");
     if (!request_.has_chunk()) return refuse("A message has neither a spec nor a chunk.");
+    return take_chunk(request_.chunk());
+  }
+
+  grpc::Status take_spec() {
+    if (spec_) return refuse("The spec must be sent exactly once, as the first message.");
+    const std::int64_t size = request_.spec().size(), max = api_.limits.max_mesh_bytes;
+    if (size > max) return status(mesh_too_large(max, size));
+    spec_ = std::move(*request_.mutable_spec());
+    auto writer = api_.meshes.create();
+    if (!writer) return status(writer.error());
+    writer_ = std::move(*writer);
+    return grpc::Status::OK;
+  }
+
+  grpc::Status take_chunk(const v1::Chunk& chunk) {
     const auto bytes = bytes_of(chunk, &buffer_);
     if (!bytes) return status(bytes.error());
-    if (chunk.offset() != received_) return refuse("The chunks must come in order, each with its offset.");
+    if (chunk.offset() != received_) return refuse("The chunks must be sent in order, each with its offset.");
     received_ += static_cast<std::int64_t>(bytes->size());
-    if (received_ > api_.limits.max_mesh_bytes) return too_large();
+    if (received_ > api_.limits.max_mesh_bytes) return status(mesh_too_large(api_.limits.max_mesh_bytes));
     if (writer_->append(*bytes)) return grpc::Status::OK;
-    return status(Failure{Code::ResourceExhausted,
-                          "STORE_FULL",
-                          "The server's disk takes no more; free space there, or ask whoever runs it.",
-                          {},
-                          30});
+    return status(store_full("The server's disk has no room for the mesh"));
   }
 
-  grpc::Status too_large() const {
-    return status(Failure{Code::ResourceExhausted,
-                          "MESH_TOO_LARGE",
-                          "The mesh has more than the " + std::to_string(api_.limits.max_mesh_bytes) +
-                              " bytes that the server takes (its flag --max-mesh-bytes).",
-                          {},
-                          0});
-  }
-
-  /// Everything is there: queue the job and begin to write.
+  /// Submits the job when the client has sent everything, and starts to write.
   grpc::Status submit() {
-    if (!spec_) return refuse("The stream ended before its spec.");
+    if (!spec_) return refuse("The stream ended without a spec.");
     if (spec_->size() > 0 && spec_->size() != received_) return refuse("The stream ended before the end of the mesh.");
     const auto stored = writer_->commit();
     writer_.reset();
@@ -114,7 +106,7 @@ class OneCall : public grpc::ServerBidiReactor<v1::OptimiseRequest, v1::Optimise
     if (!stored) return status(stored.error());
     v1::JobSpec spec = spec_->spec();
     spec.mutable_mesh()->set_digest(stored->digest);
-    const auto job = api_.scheduler.submit(spec_->request_id(), spec, false, address_);  // pins the mesh
+    const auto job = api_.scheduler.submit(spec_->request_id(), spec, false, address_);  // adds a reference to the mesh
     api_.meshes.release(stored->digest);
     if (!job) return status(job.error());
     auto log = api_.scheduler.events(job->name());
@@ -155,10 +147,10 @@ class OneCall : public grpc::ServerBidiReactor<v1::OptimiseRequest, v1::Optimise
 
   const ApiContext& api_;
   const std::string address_;
-  std::shared_ptr<const void> upload_, watch_;  ///< Its places among the peer's.
+  std::shared_ptr<const void> upload_, watch_;  ///< Its places among the open uploads and watches of the address.
   Pump<v1::OptimiseResponse> pump_;
   v1::OptimiseRequest request_;
-  // By the pool alone, one task at a time.
+  // Used only on the pool, by one task at a time.
   std::optional<v1::OptimiseSpec> spec_;
   std::unique_ptr<BlobWriter> writer_;
   std::int64_t received_ = 0;
@@ -167,15 +159,15 @@ class OneCall : public grpc::ServerBidiReactor<v1::OptimiseRequest, v1::Optimise
   bool accepted_sent_ = false;
   std::optional<EventSource> events_;
   std::optional<ResultSource> results_;
-  std::shared_ptr<OneCall> self_;  ///< gRPC's reference; dropped in OnDone.
-  std::weak_ptr<OneCall> weak_;
+  std::shared_ptr<OptimiseStream> self_;  ///< Keeps this object alive until OnDone().
+  std::weak_ptr<OptimiseStream> weak_;
 };
 
 }  // namespace
 
 grpc::ServerBidiReactor<v1::OptimiseRequest, v1::OptimiseResponse>* OptimiseService::Optimise(
     grpc::CallbackServerContext* call) {
-  return OneCall::open(api_, call);
+  return OptimiseStream::open(api_, call);
 }
 
 }  // namespace varimesh::server

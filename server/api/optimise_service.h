@@ -1,4 +1,4 @@
-// OptimiseService: everything in one call, a façade over meshes and jobs.
+// OptimiseService of the contract: upload, job and result in one call.
 #pragma once
 
 #include "server/api/context.h"
@@ -6,6 +6,7 @@
 
 namespace varimesh::server {
 
+/// Handles the call Optimise, which uses the mesh store and the scheduler like the other services do.
 class OptimiseService : public v1::OptimiseService::CallbackService {
  public:
   explicit OptimiseService(const ApiContext& api) : api_(api) {}

@@ -1,4 +1,4 @@
-// A server-streaming reactor round a Pump.
+// A server-streaming gRPC reactor that uses a Pump.
 #pragma once
 
 #include <grpcpp/grpcpp.h>
@@ -7,14 +7,16 @@
 #include <memory>
 
 #include "server/api/context.h"
-#include "server/api/pump.h"
+#include "server/streams/pump.h"
 
 namespace varimesh::server {
 
-/// A server-streaming call that writes what a source gives. It lives until OnDone and as long as the pool works for it.
+/// A server-streaming call that writes the messages of a source. It exists until OnDone(), and as long as the pool
+/// works for it.
 template <class Response>
 class StreamOut : public grpc::ServerWriteReactor<Response>, public Call, public Listener {
  public:
+  /// Starts the stream. `subscribe` registers it as a listener that is poked when the source may have more.
   static grpc::ServerWriteReactor<Response>* open(const ApiContext& api, grpc::CallbackServerContext* call,
                                                   Answer<typename Pump<Response>::Source> source,
                                                   const std::function<void(std::weak_ptr<Listener>)>& subscribe = {}) {
@@ -25,6 +27,7 @@ class StreamOut : public grpc::ServerWriteReactor<Response>, public Call, public
     return stream.get();
   }
 
+  /// Ends the call at once with a status.
   static grpc::ServerWriteReactor<Response>* refuse(const ApiContext& api, grpc::CallbackServerContext* call,
                                                     const grpc::Status& why) {
     auto stream = make(api, call);
@@ -58,7 +61,7 @@ class StreamOut : public grpc::ServerWriteReactor<Response>, public Call, public
 
   CallRegistry& calls_;
   Pump<Response> pump_;
-  std::shared_ptr<StreamOut> self_;  ///< gRPC's reference; dropped in OnDone.
+  std::shared_ptr<StreamOut> self_;  ///< Keeps this object alive until OnDone().
 };
 
 }  // namespace varimesh::server

@@ -1,15 +1,17 @@
-// Keeping, thinning and delivering events.
+// Stores, thins and delivers events.
 #include "server/jobs/event_log.h"
 
 #include <algorithm>
 #include <cassert>
 
+#include "server/jobs/timestamps.h"
+
 namespace varimesh::server {
 namespace {
 
-/// The first event behind `after` in a sequence ordered by number.
+/// Returns the first event whose number is greater than `after`. The events must be ordered by number.
 template <class Events>
-auto behind(const Events& events, std::int64_t after) {
+auto first_after(const Events& events, std::int64_t after) {
   return std::upper_bound(events.begin(), events.end(), after,
                           [](std::int64_t sequence, const v1::JobEvent& event) { return sequence < event.sequence(); });
 }
@@ -65,9 +67,9 @@ void EventLog::close() {
 EventLog::Next EventLog::next(std::int64_t after, std::chrono::nanoseconds min_interval,
                               std::chrono::system_clock::time_point last_iteration, v1::JobEvent* event) const {
   std::lock_guard lock(mutex_);
-  const auto kept = behind(kept_, after);
-  auto iteration = behind(iterations_, after);
-  const auto last = kept == kept_.end() ? iterations_.end() : behind(iterations_, kept->sequence());
+  const auto kept = first_after(kept_, after);
+  auto iteration = first_after(iterations_, after);
+  const auto last = kept == kept_.end() ? iterations_.end() : first_after(iterations_, kept->sequence());
   if (static_cast<std::size_t>(last - iteration) > limits_.max_backlog)
     iteration = last - static_cast<std::ptrdiff_t>(limits_.max_backlog / 4);
   if (min_interval.count() > 0)
@@ -81,10 +83,10 @@ EventLog::Next EventLog::next(std::int64_t after, std::chrono::nanoseconds min_i
     *event = *kept;
   else
     return closed_ ? Next::End : Next::Wait;
-  // Everything between is an iteration, since the next of the others is never passed over. What was in a block that was
-  // lost is not known, and does not count.
-  const std::int64_t block = (event->sequence() - 1) / kSequenceBlock * kSequenceBlock;
-  event->set_thinned(event->sequence() - std::max(after, block) - 1);
+  // All events in between are iterations, since events of the other kinds are never skipped. The numbers that an
+  // earlier range left unused are not counted.
+  const std::int64_t range = (event->sequence() - 1) / kSequenceRange * kSequenceRange;
+  event->set_thinned(event->sequence() - std::max(after, range) - 1);
   return Next::Event;
 }
 
@@ -117,19 +119,6 @@ void EventLog::notify() {
   }
   for (const auto& weak : listeners)
     if (const auto listener = weak.lock()) listener->poke();
-}
-
-google::protobuf::Timestamp timestamp(std::chrono::system_clock::time_point time) {
-  const auto nanoseconds = std::chrono::duration_cast<std::chrono::nanoseconds>(time.time_since_epoch()).count();
-  google::protobuf::Timestamp result;
-  result.set_seconds(nanoseconds / 1'000'000'000);
-  result.set_nanos(static_cast<std::int32_t>(nanoseconds % 1'000'000'000));
-  return result;
-}
-
-std::chrono::system_clock::time_point time_point(const google::protobuf::Timestamp& time) {
-  return std::chrono::system_clock::time_point(std::chrono::duration_cast<std::chrono::system_clock::duration>(
-      std::chrono::seconds(time.seconds()) + std::chrono::nanoseconds(time.nanos())));
 }
 
 }  // namespace varimesh::server

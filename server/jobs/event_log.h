@@ -1,4 +1,4 @@
-// What happened to one job, in order, and who wants to hear of it.
+// The events of one job, in order, and the listeners that are told of new ones.
 #pragma once
 
 #include <chrono>
@@ -14,23 +14,24 @@
 
 namespace varimesh::server {
 
-/// Hears that there is something new. Called from the thread that brought it; must not block.
+/// Is told when there may be something new. Called from the thread that adds the event.
 class Listener {
  public:
   virtual ~Listener() = default;
+  /// Must not block.
   virtual void poke() = 0;
 };
 
-/// Numbers come in blocks, and a job whose server was lost goes on in the next one: nobody knows which numbers of the
-/// block before were seen, nor of what.
-inline constexpr std::int64_t kSequenceBlock = 1'000'000'000;
+/// Event numbers are divided into ranges of this size. A job whose server was lost continues in the next range, since
+/// nobody knows which numbers of the previous range clients have seen, or for which events.
+inline constexpr std::int64_t kSequenceRange = 1'000'000'000;
 
-/// The events of one job. States, quality and log lines are kept; of the iterations the newest `max_iterations`. A
-/// watcher has no queue of its own: it reads on from the last sequence number that it delivered, so that a slow one
-/// costs nothing, and what it misses is the gap in the numbers, which holds iterations only.
+/// The events of one job. All states, quality reports and log lines are kept, and the newest `max_iterations`
+/// iterations. A watcher has no queue: it continues from the last number that it delivered, so a slow watcher costs
+/// nothing. What it misses is the gap in the numbers, which contains only iterations. Thread-safe.
 class EventLog {
  public:
-  /// Of the iterations kept, and of those a watcher may be behind before it is thinned.
+  /// How many iterations are kept, and how many a watcher may be behind before some are skipped.
   struct Limits {
     std::size_t max_iterations = 4096;
     std::size_t max_backlog = 1024;
@@ -38,30 +39,32 @@ class EventLog {
 
   EventLog() : EventLog(Limits{}) {}
   explicit EventLog(Limits limits) : limits_(limits) {}
-  /// Of a job that was there before: what the job store has kept of it, in order.
+  /// The log of a job with earlier events, which the job store has kept, in order.
   explicit EventLog(std::vector<v1::JobEvent> kept) : EventLog() { add(std::move(kept)); }
 
-  /// Gives the event its sequence number, keeps it, tells the listeners.
+  /// Gives the event its number, stores it, and tells the listeners. Returns the number.
   std::int64_t append(v1::JobEvent event);
-  /// For events that the job store keeps and numbers: `store` is told the last number given, and no other is given
-  /// until it returns; the events it returns are kept and told. It may wait for a disk: readers go on meanwhile.
+  /// Adds events that the job store keeps and numbers. `store` gets the last number in use and returns the events; no
+  /// other numbers are given until it returns. It may wait for a disk, while readers continue.
   void append_stored(const std::function<std::vector<v1::JobEvent>(std::int64_t last_sequence)>& store);
-  /// No event will follow: watchers that have delivered everything are at the end.
+  /// States that no events will follow, so that watchers that have delivered everything are at the end.
   void close();
 
   enum class Next { Event, Wait, End };
-  /// The event to deliver after `after`, with the count of iterations thinned in between. An iteration is only
-  /// delivered if its time is `min_interval` after `last_iteration` or later; a watcher far behind jumps to the newest
-  /// ones.
+  /// Finds the next event after number `after`, with the number of iterations that were skipped. An iteration is
+  /// delivered only if its time is at least `min_interval` after `last_iteration`. A watcher that is far behind skips
+  /// to the newest iterations.
   Next next(std::int64_t after, std::chrono::nanoseconds min_interval,
             std::chrono::system_clock::time_point last_iteration, v1::JobEvent* event) const;
 
-  /// Whether a watch may go on after this number: it was given, and nothing behind it has been dropped. 0 always may.
+  /// Returns whether a watch can continue after this number: it was given, and no later event has been dropped. Always
+  /// true for 0.
   bool can_resume_after(std::int64_t sequence) const;
   std::int64_t last_sequence() const;
-  /// The oldest event that is kept and has nothing dropped behind it.
+  /// The number of the oldest kept event after which no event has been dropped.
   std::int64_t oldest_sequence() const;
 
+  /// Adds a listener. It is removed when it no longer exists.
   void subscribe(std::weak_ptr<Listener> listener);
 
  private:
@@ -69,18 +72,14 @@ class EventLog {
   void notify();
 
   const Limits limits_;
-  std::mutex numbers_;  ///< Held by who gives a number, until the event is there. Taken before the other.
+  std::mutex numbers_;  ///< Held from giving a number until the event is stored. Locked before mutex_.
   mutable std::mutex mutex_;
   std::int64_t last_sequence_ = 0;
-  std::int64_t dropped_through_ = 0;  ///< The newest iteration that is not kept any more.
+  std::int64_t dropped_through_ = 0;  ///< The number of the newest iteration that was dropped.
   bool closed_ = false;
   std::vector<v1::JobEvent> kept_;       ///< States, quality, log lines.
-  std::deque<v1::JobEvent> iterations_;  ///< The newest of them.
+  std::deque<v1::JobEvent> iterations_;  ///< The newest ones.
   std::vector<std::weak_ptr<Listener>> listeners_;
 };
-
-/// A point in time as the messages have it, and back.
-google::protobuf::Timestamp timestamp(std::chrono::system_clock::time_point time);
-std::chrono::system_clock::time_point time_point(const google::protobuf::Timestamp& time);
 
 }  // namespace varimesh::server

@@ -1,4 +1,4 @@
-// The life of a job as a store sees it.
+// The rules of a job's life.
 #include "server/jobs/job_record.h"
 
 #include <google/protobuf/util/message_differencer.h>
@@ -8,11 +8,11 @@
 #include <charconv>
 
 #include "server/jobs/event_log.h"
+#include "server/jobs/timestamps.h"
+#include "server/refusals.h"
 
 namespace varimesh::server {
 namespace {
-
-using Code = Failure::Code;
 
 v1::JobEvent quality(v1::QualityEvent::Stage stage, const v1::QualityReport& report) {
   v1::JobEvent event;
@@ -24,9 +24,9 @@ v1::JobEvent quality(v1::QualityEvent::Stage stage, const v1::QualityReport& rep
 v1::JobError lost_too_often(int times) {
   v1::JobError error;
   error.set_reason("LOST");
-  error.set_message("The server that ran the job ended " + std::to_string(times) +
-                    " times while it ran it, and it came no further; look at its log and at the mesh before "
-                    "submitting it again.");
+  error.set_message("The server ended " + std::to_string(times) +
+                    " times while it ran this job, and the job made no progress; check the server's log and the mesh "
+                    "before you submit the job again.");
   return error;
 }
 
@@ -75,14 +75,13 @@ Changed JobTransitions::claim(JobRecord& record, const std::string& worker) cons
 
 Answer<void> JobTransitions::check(const JobRecord& record, const Claim& claim) const {
   if (record.token == claim.token && !record.worker.empty()) return {};
-  return failure(Code::Aborted, "CLAIM_LOST", "Another worker has taken " + claim.name + " over.",
-                 {{"job", claim.name}});
+  return claim_lost(claim.name);
 }
 
 Changed JobTransitions::finish(JobRecord& record, const Ending& ending, std::int64_t last_sequence) const {
   record.job.set_last_sequence(std::max(record.job.last_sequence(), last_sequence));
   Changed changed;
-  // A cancel that came just before the attempt was given up is not forgotten.
+  // If the job was cancelled just before its attempt was given up, it stays cancelled.
   const bool cancelled = ending.state == v1::JOB_STATE_PENDING && record.job.state() == v1::JOB_STATE_CANCELLING;
   const v1::JobState state = cancelled ? v1::JOB_STATE_CANCELLED : ending.state;
   if (ending.error) *record.job.mutable_error() = *ending.error;
@@ -123,13 +122,13 @@ void JobTransitions::note_progress(JobRecord& record, const v1::Iteration& itera
   record.job.set_last_sequence(std::max(record.job.last_sequence(), last_sequence));
   if (iteration.number() <= record.furthest) return;
   record.furthest = iteration.number();
-  // Only attempts that come no further count: what is poisonous does not get past the place where it is.
+  // Only attempts without progress count, since a job that makes the server crash does not get past that point.
   record.lost = 0;
 }
 
 Changed JobTransitions::note_checkpoint(JobRecord& record, const CheckpointReference& checkpoint) const {
   Changed changed{record.job, {}, {}};
-  // The next attempt begins further on, and so it may be lost again.
+  // The next attempt starts later than this one, so this one does not count if it is lost.
   if (!record.checkpoint || checkpoint.iteration > record.checkpoint->iteration) record.lost = 0;
   if (record.checkpoint) changed.released.push_back(record.checkpoint->digest);
   record.checkpoint = checkpoint;
@@ -144,9 +143,10 @@ bool JobTransitions::is_lost(const JobRecord& record, const std::string& worker,
 }
 
 Changed JobTransitions::take_back(JobRecord& record) const {
-  // Nobody knows how many iterations of the lost attempt were told, so the next event is in a block of its own.
+  // Nobody knows how many iterations of the lost attempt were delivered, so the next event starts a new range of
+  // numbers.
   record.job.set_last_sequence(
-      std::max(record.job.last_sequence(), (record.job.last_sequence() / kSequenceBlock + 1) * kSequenceBlock));
+      std::max(record.job.last_sequence(), (record.job.last_sequence() / kSequenceRange + 1) * kSequenceRange));
   Changed changed;
   v1::JobState state = v1::JOB_STATE_PENDING;
   if (record.job.state() == v1::JOB_STATE_CANCELLING) {
@@ -164,7 +164,7 @@ Changed JobTransitions::take_back(JobRecord& record) const {
   return changed;
 }
 
-// ===== what stores ask of a record =====
+// ===== questions about a record =====
 
 std::int64_t turn_of(const v1::Job& job) {
   using std::chrono::duration_cast, std::chrono::milliseconds;
@@ -195,39 +195,17 @@ bool matches(const v1::Job& job, const JobFilter& filter) {
 
 Answer<void> check_same(const v1::Job& job, const Submission& submission) {
   if (google::protobuf::util::MessageDifferencer::Equals(job.spec(), submission.spec)) return {};
-  return failure(Code::AlreadyExists, "REQUEST_ID_USED",
-                 "The request id '" + submission.request_id + "' was used for " + job.name() +
-                     ", which has another spec; choose a new one.",
-                 {{"job", job.name()}});
+  return request_id_used(submission.request_id, job.name());
 }
 
-tl::unexpected<Failure> job_not_found(const std::string& name) {
-  return failure(Code::NotFound, "JOB_NOT_FOUND", "There is no job '" + name + "'; list the jobs there are.",
-                 {{"job", name}});
-}
-
-tl::unexpected<Failure> job_not_ended(const std::string& name) {
-  return failure(Code::FailedPrecondition, "JOB_NOT_ENDED", name + " has not ended; cancel it first.", {{"job", name}});
-}
-
-tl::unexpected<Failure> queue_full(int pending) {
-  return failure(Code::ResourceExhausted, "QUEUE_FULL",
-                 std::to_string(pending) + " jobs wait already, which is the most; try again later.", {}, 5);
-}
-
-tl::unexpected<Failure> owner_full(const std::string& owner, int pending) {
-  return failure(Code::ResourceExhausted, "PEER_LIMIT",
-                 std::to_string(pending) + " jobs of " + owner +
-                     " wait already, which is the most of one address; try again later.",
-                 {{"peer", owner}}, 5);
-}
+Refusal too_many_waiting(const std::string& owner, int pending) { return peer_limit(owner, pending, "waiting jobs"); }
 
 Answer<std::int64_t> parse_page_token(const std::string& token) {
   if (token.empty()) return 0;
   std::int64_t key = 0;
   const auto parsed = std::from_chars(token.data(), token.data() + token.size(), key);
   if (parsed.ec != std::errc() || parsed.ptr != token.data() + token.size() || key <= 0)
-    return failure(Code::InvalidArgument, "BAD_REQUEST", "The page token is not one that this server gave.");
+    return bad_request("The page token was not issued by this server.");
   return key;
 }
 

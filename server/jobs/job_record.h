@@ -1,24 +1,25 @@
-// What a store keeps of a job, and how it changes: the rules that all stores share.
+// The record of a job in a store, and the rules of how it changes. All stores share them.
 #pragma once
 
 #include "server/jobs/job_store.h"
 
 namespace varimesh::server {
 
+/// What a store keeps of a job.
 struct JobRecord {
-  v1::Job job;  ///< `last_sequence` is the last number known to the store.
-  std::int64_t token = 0;
-  int lost = 0;      ///< Attempts that ended with their worker since one came further than all before it.
-  int furthest = 0;  ///< The last iteration that any attempt is known to have come to.
-  std::string owner;
-  std::string worker;
+  v1::Job job;             ///< `last_sequence` is the last event number that the store knows.
+  std::int64_t token = 0;  ///< Of the newest claim.
+  int lost = 0;            ///< Attempts that were lost with their worker since the last progress.
+  int furthest = 0;        ///< The last iteration that any attempt is known to have reached.
+  std::string owner;       ///< Empty: unknown.
+  std::string worker;      ///< Empty: no worker runs the job.
   TimePoint lease_end{};
   std::string history_digest;
   std::optional<CheckpointReference> checkpoint;
 };
 
-/// The changes of a job's state, each with the events that tell of it and the digests that it releases. Each adjusts
-/// the record, and nothing else; the store saves both in one transaction.
+/// The changes of a job. Each function changes the record and nothing else, and returns the events of the change and
+/// the digests that it releases. The store saves the record and the events in one transaction.
 class JobTransitions {
  public:
   explicit JobTransitions(const JobStoreSettings& settings) : settings_(settings) {}
@@ -27,14 +28,15 @@ class JobTransitions {
 
   Changed create(JobRecord& record, const Submission& submission) const;
   Changed claim(JobRecord& record, const std::string& worker) const;
-  /// CLAIM_LOST where the record is another worker's, or the job has ended.
+  /// CLAIM_LOST if another worker has the job, or the job has ended.
   Answer<void> check(const JobRecord& record, const Claim& claim) const;
+  /// Renews the lease.
   void renew(JobRecord& record) const { record.lease_end = settings_.clock() + settings_.lease; }
   Changed finish(JobRecord& record, const Ending& ending, std::int64_t last_sequence) const;
   Changed cancel(JobRecord& record, std::int64_t last_sequence) const;
   void note_progress(JobRecord& record, const v1::Iteration& iteration, std::int64_t last_sequence) const;
   Changed note_checkpoint(JobRecord& record, const CheckpointReference& checkpoint) const;
-  /// Whether take_back() is for this record.
+  /// Returns whether the job is lost, so that take_back() applies to it.
   bool is_lost(const JobRecord& record, const std::string& worker, const std::set<std::string>& running) const;
   Changed take_back(JobRecord& record) const;
 
@@ -45,21 +47,20 @@ class JobTransitions {
   const JobStoreSettings settings_;
 };
 
-/// Where a job stands in the queue: the smallest goes first, of equal ones the oldest. In milliseconds.
+/// Returns the position of a job in the queue, in milliseconds. The job with the smallest value is next; among equal
+/// values, the oldest.
 std::int64_t turn_of(const v1::Job& job);
-/// Everything that the record refers to in the mesh store.
+/// Returns the digests of everything in the mesh store that the record refers to.
 std::vector<std::string> digests_of(const JobRecord& record);
-/// What the next attempt reads.
+/// Adds the digests that the next attempt reads.
 void add_needed(const JobRecord& record, std::set<std::string>* digests);
 bool matches(const v1::Job& job, const JobFilter& filter);
-/// Whether a repeated submission is the same; the sentence says so where not.
+/// REQUEST_ID_USED if a repeated submission has another spec than the job.
 Answer<void> check_same(const v1::Job& job, const Submission& submission);
 
-tl::unexpected<Failure> job_not_found(const std::string& name);
-tl::unexpected<Failure> job_not_ended(const std::string& name);
-tl::unexpected<Failure> queue_full(int pending);
-tl::unexpected<Failure> owner_full(const std::string& owner, int pending);
-/// The key of the last job on the page before, from a token that a store gave; 0: from the newest.
+/// PEER_LIMIT: the owner already has this many waiting jobs.
+Refusal too_many_waiting(const std::string& owner, int pending);
+/// Returns the key of the last job on the previous page, from the token that a store gave; 0: no previous page.
 Answer<std::int64_t> parse_page_token(const std::string& token);
 
 }  // namespace varimesh::server

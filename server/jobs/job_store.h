@@ -1,5 +1,4 @@
-// Where jobs are kept: the interface, whatever database is behind it. tests/server/job_store_conformance.h says what
-// every store must do.
+// The store of jobs: its interface. tests/server/jobs/job_store_conformance.h tests what every store must do.
 #pragma once
 
 #include <chrono>
@@ -18,39 +17,41 @@ namespace varimesh::server {
 
 using TimePoint = std::chrono::system_clock::time_point;
 
-/// What every store is told.
+/// The settings of every store.
 struct JobStoreSettings {
-  std::function<TimePoint()> clock = std::chrono::system_clock::now;  ///< The only one that leases go by.
-  std::chrono::milliseconds lease{30'000};  ///< A worker that is not heard of for so long has lost its job.
-  int max_attempts = 3;                     ///< A job that was lost so often without coming further is FAILED.
-  int max_running_of_owner = 0;             ///< No more are claimed of one owner's at a time; 0: no limit.
+  std::function<TimePoint()> clock = std::chrono::system_clock::now;  ///< The clock of the leases.
+  std::chrono::milliseconds lease{30'000};  ///< A worker that does not renew its lease for this long loses its job.
+  int max_attempts = 3;                     ///< A job that is lost this often without progress becomes FAILED.
+  int max_running_of_owner = 0;             ///< How many jobs of one owner can be claimed at a time. 0: no limit.
 };
 
-/// A job's place in the queue: a step of priority is worth so long a wait, so that nobody waits for ever.
+/// One step of priority counts as much as this waiting time, so that no job waits for ever.
 inline constexpr std::chrono::minutes kPriorityStep{10};
 
-/// The solver's state, in the mesh store.
+/// A saved state of the solver, in the mesh store.
 struct CheckpointReference {
   std::string digest;
   int iteration = 0;
 };
 
-/// A worker's right to run a job. The token goes into every write, so that a worker that was given up cannot disturb.
+/// The right of a worker to run a job. Every write includes the token, so a worker that has lost the job cannot change
+/// it.
 struct Claim {
   std::string name;
   std::int64_t token = 0;
   int attempt = 0;
   v1::JobSpec spec;
-  std::optional<CheckpointReference> checkpoint;  ///< Where an attempt before this one had come to.
+  std::optional<CheckpointReference> checkpoint;  ///< The state that an earlier attempt has saved.
 };
 
-/// A job as a change left it. The events of the change are in the store together with it.
+/// A job after a change. The store has saved the job and the events of the change together.
 struct Changed {
   v1::Job job;
-  std::vector<v1::JobEvent> events;   ///< Numbered; none: nothing changed.
-  std::vector<std::string> released;  ///< Digests that the job refers to no more.
+  std::vector<v1::JobEvent> events;   ///< With their numbers. Empty: nothing has changed.
+  std::vector<std::string> released;  ///< Digests that the job no longer refers to.
 };
 
+/// A new claim, and the events of the change.
 struct Claimed {
   Claim claim;
   std::vector<v1::JobEvent> events;
@@ -60,11 +61,12 @@ struct Submission {
   std::string request_id;
   v1::JobSpec spec;
   std::string name;
-  int max_pending = 0;           ///< RESOURCE_EXHAUSTED (QUEUE_FULL) where so many wait already.
-  std::string owner;             ///< Whose job it is; empty: nobody knows, and no limit of running jobs holds.
-  int max_pending_of_owner = 0;  ///< PEER_LIMIT where so many of the owner's wait already; 0: no limit.
+  int max_pending = 0;           ///< RESOURCE_EXHAUSTED (QUEUE_FULL) if this many jobs already wait.
+  std::string owner;             ///< The owner of the job. Empty: unknown; then no limit on running jobs applies.
+  int max_pending_of_owner = 0;  ///< PEER_LIMIT if this many jobs of the owner already wait. 0: no limit.
 };
 
+/// Which jobs to list: those in one of the states (empty: any) that have all of the labels.
 struct JobFilter {
   std::set<v1::JobState> states;
   std::map<std::string, std::string> labels;
@@ -77,75 +79,76 @@ struct JobPage {
 
 struct JobCounts {
   int pending = 0;
-  int running = 0;  ///< CANCELLING ones too.
+  int running = 0;  ///< Including CANCELLING jobs.
 };
 
 /// How an attempt ended.
 struct Ending {
-  v1::JobState state =
-      v1::JOB_STATE_FAILED;  ///< PENDING: not at all; the job is to be gone on with by another attempt.
+  v1::JobState state = v1::JOB_STATE_FAILED;  ///< PENDING: the job has not ended, and another attempt will continue it.
   std::optional<v1::JobError> error;
-  std::optional<v1::Metrics> metrics;  ///< Its reports become the events of quality.
+  std::optional<v1::Metrics> metrics;  ///< Its quality reports become events.
   std::vector<v1::StoredMesh> results;
-  std::string history_digest;  ///< Of a serialised v1::History; empty: none.
+  std::string history_digest;  ///< Of a serialised v1::History. Empty: none.
 };
 
-/// Jobs, their states and what happened to them. All calls may come from any thread and may wait for a disk. What a
-/// call has answered is kept, whatever happens to the process afterwards, if the store is durable().
+/// Stores jobs, their states and their events. Thread-safe; all calls may wait for a disk. If the store is durable(),
+/// what a call has answered is kept, whatever happens to the process afterwards.
 ///
-/// Any call can fail with RESOURCE_EXHAUSTED (STORE_FULL: the disk is full) or INTERNAL; then nothing was changed.
-/// Calls with a claim fail with ABORTED (CLAIM_LOST) where the job is another worker's by now, calls with a name with
-/// NOT_FOUND.
+/// Every call can fail with RESOURCE_EXHAUSTED (STORE_FULL: the disk is full) or INTERNAL; then nothing has changed.
+/// Calls with a claim fail with ABORTED (CLAIM_LOST) if another worker has taken the job over. Calls with a name fail
+/// with NOT_FOUND if there is no such job.
 ///
-/// Events of state and quality are numbered here, behind the last number known here and behind `last_sequence`, the
-/// last that the caller has given to an iteration. A job that was lost goes on in the next block of numbers, since
-/// nobody knows which of the last block were seen.
+/// The store numbers the events of state and quality. Their numbers follow the last number that the store knows and
+/// `last_sequence`, the last number that the caller has given to an iteration. A job that was lost continues in the
+/// next range of numbers, since nobody knows which numbers of the last range clients have seen.
 class JobStore {
  public:
   virtual ~JobStore() = default;
+  /// Whether the jobs outlive the process.
   virtual bool durable() const = 0;
 
-  /// Keeps a new job, or finds that of the same request, without events. ALREADY_EXISTS where that had another spec.
+  /// Stores a new job, or returns the job of the same request, without events. ALREADY_EXISTS if that has another spec.
   virtual Answer<Changed> submit(const Submission& submission) = 0;
   virtual Answer<v1::Job> get(const std::string& name) = 0;
-  /// Newest first.
+  /// Lists jobs, newest first. `page_token` is empty or comes from the previous page.
   virtual Answer<JobPage> list(const JobFilter& filter, int page_size, const std::string& page_token) = 0;
   virtual Answer<JobCounts> counts() = 0;
-  /// All events of state and quality, in order.
+  /// Returns all events of state and quality, in order.
   virtual Answer<std::vector<v1::JobEvent>> events(const std::string& name) = 0;
 
-  /// The job whose turn it is, now RUNNING, with a lease; none where none waits but of owners that have enough running.
+  /// Claims the next job, which becomes RUNNING, with a lease. Returns nothing if no job waits, except jobs of owners
+  /// that already have as many running as they may have.
   virtual Answer<std::optional<Claimed>> claim(const std::string& worker) = 0;
-  /// Renews the lease. True: somebody asked for the job to be cancelled.
-  virtual Answer<bool> heartbeat(const Claim& claim) = 0;
-  /// What a watcher who comes late wants to see; called at most twice a second a job.
+  /// Renews the lease. Returns true if the job is to be cancelled.
+  virtual Answer<bool> renew_lease(const Claim& claim) = 0;
+  /// Records the newest iteration for watchers that connect later. Called at most twice per second and job.
   virtual Answer<void> note_progress(const Claim& claim, const v1::Iteration& iteration,
                                      std::int64_t last_sequence) = 0;
-  /// The next attempt begins here. The checkpoint before, where there is one, is released.
+  /// Records a checkpoint, from which the next attempt will continue, and releases the previous one.
   virtual Answer<Changed> note_checkpoint(const Claim& claim, const CheckpointReference& checkpoint) = 0;
-  /// The attempt's end, which is the job's unless its state is PENDING.
+  /// Records the end of the attempt. Unless the state is PENDING, it is the end of the job.
   virtual Answer<Changed> finish(const Claim& claim, const Ending& ending, std::int64_t last_sequence) = 0;
 
   /// PENDING becomes CANCELLED, RUNNING becomes CANCELLING, every other state stays.
   virtual Answer<Changed> request_cancel(const std::string& name, std::int64_t last_sequence) = 0;
-  /// Takes jobs from workers whose lease has run out, and all from `worker`, which has none now: they wait again, or
-  /// are CANCELLED where that was asked for, or FAILED after the last attempt. Jobs named in `running` stay: whoever
-  /// asks runs them, and could only not renew their leases.
+  /// Takes jobs back from workers whose lease has expired, and all jobs from `worker`, which has just started and runs
+  /// none. They become PENDING, or CANCELLED if that was requested, or FAILED after the last attempt. The jobs in
+  /// `running` are not taken back: the caller runs them but could not renew their leases.
   virtual Answer<std::vector<Changed>> take_back(const std::string& worker, const std::set<std::string>& running) = 0;
 
-  /// Where the history of a job that has a result lies.
+  /// Returns the digest of the history of a job that has a result.
   virtual Answer<std::string> history_digest(const std::string& name) = 0;
-  /// Forgets a job and releases all it refers to. FAILED_PRECONDITION where it has not ended.
+  /// Deletes a job and releases everything that it refers to. FAILED_PRECONDITION if it has not ended.
   virtual Answer<Changed> remove(const std::string& name) = 0;
-  /// Names of the jobs that ended longest ago, beyond the newest `keep`.
+  /// Returns the names of all ended jobs except the `keep` that ended last.
   virtual Answer<std::vector<std::string>> ended_beyond(std::size_t keep) = 0;
-  /// What all jobs refer to in the mesh store, once for each reference.
+  /// Returns the digests that all jobs refer to, once per reference.
   virtual Answer<std::vector<std::string>> digests() = 0;
-  /// What the jobs that have not ended read: their meshes and checkpoints.
+  /// Returns the digests of the meshes and checkpoints of all jobs that have not ended.
   virtual Answer<std::set<std::string>> needed_digests() = 0;
 };
 
-/// Whether a job in that state will never change again.
+/// Returns whether a job in this state will never change again.
 inline bool has_ended(v1::JobState state) {
   return state == v1::JOB_STATE_SUCCEEDED || state == v1::JOB_STATE_FAILED || state == v1::JOB_STATE_CANCELLED;
 }

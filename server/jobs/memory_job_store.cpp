@@ -1,7 +1,9 @@
-// Maps under one lock.
+// The job store in memory.
 #include "server/jobs/memory_job_store.h"
 
 #include <algorithm>
+
+#include "server/refusals.h"
 
 namespace varimesh::server {
 namespace {
@@ -58,7 +60,7 @@ Answer<Changed> MemoryJobStore::submit(const Submission& submission) {
   if (static_cast<int>(pending_.size()) >= submission.max_pending) return queue_full(static_cast<int>(pending_.size()));
   const int waiting = count_of(pending_of_, submission.owner);
   if (submission.max_pending_of_owner > 0 && waiting >= submission.max_pending_of_owner)
-    return owner_full(submission.owner, waiting);
+    return too_many_waiting(submission.owner, waiting);
   const auto entry = entries_.emplace(++counter_, Entry()).first;
   by_name_[submission.name] = entry->first;
   if (!submission.request_id.empty()) by_request_[submission.request_id] = entry->first;
@@ -71,7 +73,7 @@ Answer<v1::Job> MemoryJobStore::get(const std::string& name) {
 }
 
 Answer<JobPage> MemoryJobStore::list(const JobFilter& filter, int page_size, const std::string& page_token) {
-  // The token is the key of the last job on the page before; new jobs get larger ones, so that pages stay stable.
+  // The token is the number of the last job on the previous page. New jobs get larger numbers, so pages do not shift.
   const auto below = parse_page_token(page_token);
   if (!below) return tl::unexpected(below.error());
   std::lock_guard lock(mutex_);
@@ -114,7 +116,7 @@ Answer<std::optional<Claimed>> MemoryJobStore::claim(const std::string& worker) 
                  std::move(changed.events)};
 }
 
-Answer<bool> MemoryJobStore::heartbeat(const Claim& claim) {
+Answer<bool> MemoryJobStore::renew_lease(const Claim& claim) {
   std::lock_guard lock(mutex_);
   return find(claim).map([this](const auto& entry) {
     transitions_.renew(entry->second.record);

@@ -1,4 +1,4 @@
-// Jobs in memory: they go with the process.
+// A job store in memory. The jobs are lost when the process ends.
 #pragma once
 
 #include <deque>
@@ -12,6 +12,7 @@
 
 namespace varimesh::server {
 
+/// A job store of maps under one lock.
 class MemoryJobStore : public JobStore {
  public:
   explicit MemoryJobStore(const JobStoreSettings& settings = {}) : transitions_(settings) {}
@@ -23,7 +24,7 @@ class MemoryJobStore : public JobStore {
   Answer<JobCounts> counts() override;
   Answer<std::vector<v1::JobEvent>> events(const std::string& name) override;
   Answer<std::optional<Claimed>> claim(const std::string& worker) override;
-  Answer<bool> heartbeat(const Claim& claim) override;
+  Answer<bool> renew_lease(const Claim& claim) override;
   Answer<void> note_progress(const Claim& claim, const v1::Iteration& iteration, std::int64_t last_sequence) override;
   Answer<Changed> note_checkpoint(const Claim& claim, const CheckpointReference& checkpoint) override;
   Answer<Changed> finish(const Claim& claim, const Ending& ending, std::int64_t last_sequence) override;
@@ -40,11 +41,11 @@ class MemoryJobStore : public JobStore {
     JobRecord record;
     std::vector<v1::JobEvent> events;
   };
-  using Entries = std::map<std::int64_t, Entry>;  ///< By order of submission.
+  using Entries = std::map<std::int64_t, Entry>;  ///< By number, in the order of submission.
 
   Answer<Entries::iterator> find(const std::string& name);
   Answer<Entries::iterator> find(const Claim& claim);
-  /// Brings the queues up to date with what a transition did, and keeps its events.
+  /// Updates the queues after a transition, and stores its events.
   Changed apply(Entries::iterator entry, v1::JobState before, Changed changed);
 
   const JobTransitions transitions_;
@@ -53,7 +54,7 @@ class MemoryJobStore : public JobStore {
   Entries entries_;
   std::map<std::string, std::int64_t> by_name_;
   std::map<std::string, std::int64_t> by_request_;
-  std::set<std::pair<std::int64_t, std::int64_t>> pending_;  ///< By turn, then by order of submission.
+  std::set<std::pair<std::int64_t, std::int64_t>> pending_;  ///< By turn, then by number.
   std::map<std::string, int> pending_of_, running_of_;       ///< By owner.
   std::set<std::int64_t> running_;
   std::deque<std::int64_t> ended_;

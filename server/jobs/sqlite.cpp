@@ -1,4 +1,4 @@
-// The few calls of SQLite that are needed.
+// Wraps the functions of SQLite that the job store needs.
 #include "server/jobs/sqlite.h"
 
 #include <fcntl.h>
@@ -68,8 +68,8 @@ std::string_view SqliteQuery::view(int column) const {
 // ===== database =====
 
 SqliteDatabase::SqliteDatabase(const std::string& path) {
-  // SQLite would let everybody read the file; those that it makes beside it have the same rights. One that is there is
-  // not opened: closing it would end the locks of this process's other connections.
+  // SQLite would make the file readable for everybody, and gives the files beside it the same permissions. A file that
+  // exists is not opened here, since closing it would release the locks of this process's other connections.
   if (const int made = ::open(path.c_str(), O_CREAT | O_EXCL | O_WRONLY | O_CLOEXEC, 0600); made >= 0) ::close(made);
   sqlite3* opened = nullptr;
   const int result =
@@ -110,7 +110,7 @@ SqliteTransaction::~SqliteTransaction() {
   try {
     database_.run("ROLLBACK");
   } catch (const SqliteError&) {
-    // SQLite has rolled back by itself, as it does when the disk is full.
+    // SQLite has already rolled back, for instance because the disk is full.
   }
 }
 

@@ -1,4 +1,4 @@
-// SQLite with its resources tied to objects and its errors thrown; whoever uses it catches them at its own door.
+// SQLite with objects that own its resources. Errors are thrown as SqliteError, which SqliteJobStore catches.
 #pragma once
 
 #include <sqlite3.h>
@@ -12,12 +12,12 @@
 
 namespace varimesh::server {
 
-/// What SQLite could not do.
+/// An error of SQLite.
 class SqliteError : public std::exception {
  public:
   SqliteError(sqlite3* database, const std::string& what);
   const char* what() const noexcept override { return what_.c_str(); }
-  /// The disk, or the share of it that is ours, is full.
+  /// Whether the disk, or this user's quota, is full.
   bool disk_full() const { return disk_full_; }
 
  private:
@@ -25,12 +25,12 @@ class SqliteError : public std::exception {
   bool disk_full_ = false;
 };
 
-/// Bytes, where a string would be text.
+/// Marks bytes as a BLOB; a plain string is bound as TEXT.
 struct SqliteBytes {
   std::string_view bytes;
 };
 
-/// One run of a statement; resets it when it goes, or finalises it where nobody else has it.
+/// One execution of a statement. The destructor resets the statement, or finalises it if this object owns it.
 class SqliteQuery {
  public:
   enum class Statement { Kept, Own };
@@ -40,18 +40,18 @@ class SqliteQuery {
   SqliteQuery(const SqliteQuery&) = delete;
   SqliteQuery& operator=(const SqliteQuery&) = delete;
 
-  /// Binds the next parameter. What it views must live until the query is over.
+  /// Binds the next parameter. The bytes of a view must stay valid until the query is destroyed.
   SqliteQuery& bind(std::int64_t value);
   SqliteQuery& bind(std::string_view text);
   SqliteQuery& bind(SqliteBytes bytes);
   SqliteQuery& bind_null();
-  /// False at the end.
+  /// Moves to the next row. Returns false after the last one.
   bool step();
   void run() { step(); }
 
   std::int64_t number(int column) const { return sqlite3_column_int64(statement_, column); }
   bool is_null(int column) const { return sqlite3_column_type(statement_, column) == SQLITE_NULL; }
-  /// Text or bytes; valid until the next step.
+  /// Text or bytes, valid until the next step.
   std::string_view view(int column) const;
   std::string text(int column) const { return std::string(view(column)); }
 
@@ -64,17 +64,17 @@ class SqliteQuery {
   int parameter_ = 0;
 };
 
-/// A connection. One thread at a time.
+/// A connection to a database. One thread at a time.
 class SqliteDatabase {
  public:
-  /// Makes the file, for its owner alone, where it is not there.
+  /// Creates the file, accessible only to its owner, if it does not exist.
   explicit SqliteDatabase(const std::string& path);
 
-  /// Runs statements that give nothing back.
+  /// Runs statements without results.
   void run(const char* statements);
-  /// Statements are prepared once and kept.
+  /// Runs a statement that is prepared once and kept.
   SqliteQuery query(std::string_view statement);
-  /// For statements of which there are many: prepared anew each time.
+  /// Runs a statement that is prepared for this call only, for statements with many variants.
   SqliteQuery query_once(std::string_view statement);
   std::int64_t last_key() const { return sqlite3_last_insert_rowid(database_.get()); }
   int changes() const { return sqlite3_changes(database_.get()); }
@@ -92,7 +92,7 @@ class SqliteDatabase {
   std::map<std::string, std::unique_ptr<sqlite3_stmt, Finalise>, std::less<>> statements_;
 };
 
-/// Writes all or nothing: rolled back unless committed.
+/// A transaction that is rolled back unless it is committed.
 class SqliteTransaction {
  public:
   explicit SqliteTransaction(SqliteDatabase& database) : database_(database) { database_.run("BEGIN IMMEDIATE"); }

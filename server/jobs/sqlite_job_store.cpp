@@ -1,43 +1,20 @@
-// Rows to records and back; the rules are in job_record.cpp.
+// The calls of the store. The rules are in job_record.cpp, and the rows in sqlite_rows.cpp.
 #include "server/jobs/sqlite_job_store.h"
 
 #include <algorithm>
-#include <cassert>
 #include <limits>
 #include <type_traits>
 
+#include "server/jobs/sqlite_rows.h"
 #include "server/jobs/sqlite_schema.h"
+#include "server/refusals.h"
 
 namespace varimesh::server {
 namespace {
 
-using Code = Failure::Code;
-
-// The columns that row_of() reads, in its order.
-#define VARIMESH_ROW                                                                                 \
-  "jobs.key, token, lost, worker, lease_end, history, checkpoint, checkpoint_iteration, job, spec, " \
-  "furthest"
-
-std::int64_t nanoseconds(TimePoint time) {
-  return std::chrono::duration_cast<std::chrono::nanoseconds>(time.time_since_epoch()).count();
-}
-
-TimePoint from_nanoseconds(std::int64_t count) {
-  return TimePoint(std::chrono::duration_cast<TimePoint::duration>(std::chrono::nanoseconds(count)));
-}
-
-template <class Message>
-void parse(std::string_view bytes, Message* message) {
-  [[maybe_unused]] const bool ok = message->ParseFromArray(bytes.data(), static_cast<int>(bytes.size()));
-  assert(ok);
-}
-
-tl::unexpected<Failure> failure_of(const SqliteError& error) {
-  if (error.disk_full())
-    return failure(Code::ResourceExhausted, "STORE_FULL",
-                   "The server's disk is full and takes no more jobs; free space there, or ask whoever runs it.", {},
-                   30);
-  return failure(Code::Internal, "INTERNAL", std::string("The store of jobs failed (") + error.what() + ").");
+Refusal refusal_of(const SqliteError& error) {
+  if (error.disk_full()) return store_full("The server's disk has no room for the job");
+  return internal_failure(std::string("The job store failed (") + error.what() + ").");
 }
 
 }  // namespace
@@ -52,17 +29,17 @@ Answer<std::unique_ptr<SqliteJobStore>> SqliteJobStore::open(const std::string& 
   try {
     std::unique_ptr<SqliteJobStore> store(new SqliteJobStore(path, settings));
     if (!set_up_schema(store->writer_))
-      return failure(Code::Internal, "INTERNAL",
-                     path + " was written by a newer version of varimeshd; run that one, or name another directory.");
+      return internal_failure(
+          path + " was written by a newer version of varimeshd; run that version, or choose another directory.");
     store->reader_.run("PRAGMA query_only = 1");
     return store;
   } catch (const SqliteError& error) {
-    return failure(Code::Internal, "INTERNAL",
-                   std::string("The store of jobs cannot be opened (") + error.what() + "); name another directory.");
+    return internal_failure(std::string("The job store cannot be opened (") + error.what() +
+                            "); choose another directory.");
   }
 }
 
-// ===== transactions, rows =====
+// ===== transactions =====
 
 void SqliteJobStore::write(Write& change) {
   std::unique_lock lock(queue_mutex_);
@@ -82,7 +59,7 @@ void SqliteJobStore::write(Write& change) {
 
 void SqliteJobStore::write_all(const std::vector<Write*>& changes) {
   const auto fail_all = [&](const SqliteError& error) {
-    for (Write* change : changes) change->failed = failure_of(error).value();
+    for (Write* change : changes) change->failed = refusal_of(error).value();
   };
   try {
     SqliteTransaction transaction(writer_);
@@ -116,86 +93,31 @@ Answer<Result> SqliteJobStore::read(const std::function<Answer<Result>(SqliteDat
   try {
     return work(reader_);
   } catch (const SqliteError& error) {
-    return failure_of(error);
+    return refusal_of(error);
   }
 }
 
 template <class Result>
 Answer<Result> SqliteJobStore::write(const Claim& claim, const std::function<Result(JobRecord&)>& work) {
   return write<Result>([&](SqliteDatabase& database) -> Answer<Result> {
-    auto row = load(database, claim.name);
+    auto row = load_job(database, claim.name);
     if (!row) return tl::unexpected(row.error());
     if (const auto checked = transitions_.check(row->record, claim); !checked) return tl::unexpected(checked.error());
     Result result = work(row->record);
-    save(database, *row);
-    if constexpr (std::is_same_v<Result, Changed>) keep(database, row->key, result);
+    save_job(database, *row);
+    if constexpr (std::is_same_v<Result, Changed>) save_events(database, row->key, result);
     return result;
   });
 }
 
-SqliteJobStore::Row SqliteJobStore::row_of(const SqliteQuery& query) {
-  Row row;
-  row.key = query.number(0);
-  row.record.token = query.number(1);
-  row.record.lost = static_cast<int>(query.number(2));
-  row.record.worker = query.text(3);
-  row.record.lease_end = from_nanoseconds(query.number(4));
-  row.record.history_digest = query.text(5);
-  if (!query.is_null(6)) row.record.checkpoint = {query.text(6), static_cast<int>(query.number(7))};
-  parse(query.view(8), &row.record.job);
-  parse(query.view(9), row.record.job.mutable_spec());
-  row.record.furthest = static_cast<int>(query.number(10));
-  return row;
-}
-
-Answer<SqliteJobStore::Row> SqliteJobStore::load(SqliteDatabase& database, const std::string& name) {
-  auto query = database.query("SELECT " VARIMESH_ROW " FROM jobs JOIN specs USING(key) WHERE name = ?");
-  query.bind(name);
-  if (!query.step()) return job_not_found(name);
-  return row_of(query);
-}
-
-void SqliteJobStore::save(SqliteDatabase& database, const Row& row) {
-  const JobRecord& record = row.record;
-  v1::Job job = record.job;
-  job.clear_spec();
-  const std::string bytes = job.SerializeAsString();
-  auto query = database.query(
-      "UPDATE jobs SET state = ?, ended = ?, token = ?, lost = ?, worker = ?, lease_end = ?, history = ?, "
-      "checkpoint = ?, checkpoint_iteration = ?, furthest = ?, job = ? WHERE key = ?");
-  query.bind(job.state());
-  if (has_ended(job.state()))
-    query.bind(job.end_time().seconds() * 1'000'000'000 + job.end_time().nanos());
-  else
-    query.bind_null();
-  query.bind(record.token).bind(record.lost).bind(record.worker).bind(nanoseconds(record.lease_end));
-  query.bind(record.history_digest);
-  if (record.checkpoint)
-    query.bind(record.checkpoint->digest).bind(record.checkpoint->iteration);
-  else
-    query.bind_null().bind(0);
-  query.bind(record.furthest).bind(SqliteBytes{bytes}).bind(row.key).run();
-}
-
-void SqliteJobStore::keep(SqliteDatabase& database, std::int64_t key, const Changed& changed) {
-  for (const v1::JobEvent& event : changed.events) {
-    const std::string bytes = event.SerializeAsString();
-    database.query("INSERT INTO events VALUES(?, ?, ?)")
-        .bind(key)
-        .bind(event.sequence())
-        .bind(SqliteBytes{bytes})
-        .run();
-  }
-}
-
-// ===== callers =====
+// ===== calls of clients =====
 
 Answer<Changed> SqliteJobStore::submit(const Submission& submission) {
   return write<Changed>([&](SqliteDatabase& database) -> Answer<Changed> {
     if (!submission.request_id.empty()) {
-      auto query = database.query("SELECT " VARIMESH_ROW " FROM jobs JOIN specs USING(key) WHERE request_id = ?");
+      auto query = database.query(select_job_rows("WHERE request_id = ?"));
       if (query.bind(submission.request_id).step()) {
-        const Row row = row_of(query);
+        const JobRow row = read_job_row(query);
         if (const auto same = check_same(row.record.job, submission); !same) return tl::unexpected(same.error());
         return Changed{row.record.job, {}, {}};
       }
@@ -207,41 +129,28 @@ Answer<Changed> SqliteJobStore::submit(const Submission& submission) {
       auto of_owner = database.query("SELECT COUNT(*) FROM jobs WHERE state = 1 AND owner = ?");
       of_owner.bind(submission.owner).step();
       if (of_owner.number(0) >= submission.max_pending_of_owner)
-        return owner_full(submission.owner, static_cast<int>(of_owner.number(0)));
+        return too_many_waiting(submission.owner, static_cast<int>(of_owner.number(0)));
     }
 
-    Row row;
+    JobRow row;
     Changed changed = transitions_.create(row.record, submission);
-    auto insert = database.query(
-        "INSERT INTO jobs(name, request_id, state, turn, token, lost, worker, lease_end, history, "
-        "checkpoint_iteration, job, owner) VALUES(?, ?, 0, ?, 0, 0, '', 0, '', 0, x'', ?)");
-    insert.bind(submission.name);
-    if (submission.request_id.empty())
-      insert.bind_null();
-    else
-      insert.bind(submission.request_id);
-    insert.bind(turn_of(row.record.job)).bind(submission.owner).run();
-    row.key = database.last_key();
-    const std::string spec = submission.spec.SerializeAsString();
-    database.query("INSERT INTO specs VALUES(?, ?)").bind(row.key).bind(SqliteBytes{spec}).run();
-    for (const auto& [name, value] : submission.spec.labels())
-      database.query("INSERT INTO labels VALUES(?, ?, ?)").bind(name).bind(value).bind(row.key).run();
-    save(database, row);
-    keep(database, row.key, changed);
+    insert_job(database, submission, row);
+    save_job(database, row);
+    save_events(database, row.key, changed);
     return changed;
   });
 }
 
 Answer<v1::Job> SqliteJobStore::get(const std::string& name) {
   return read<v1::Job>([&](SqliteDatabase& database) {
-    return load(database, name).map([](Row&& row) { return std::move(row.record.job); });
+    return load_job(database, name).map([](JobRow&& row) { return std::move(row.record.job); });
   });
 }
 
 Answer<JobPage> SqliteJobStore::list(const JobFilter& filter, int page_size, const std::string& page_token) {
   const auto below = parse_page_token(page_token);
   if (!below) return tl::unexpected(below.error());
-  std::string statement = "SELECT " VARIMESH_ROW " FROM jobs JOIN specs USING(key) WHERE jobs.key < ?";
+  std::string statement = select_job_rows("WHERE jobs.key < ?");
   std::string separator = " AND state IN (";
   for (const v1::JobState state : filter.states) {
     statement += separator + std::to_string(static_cast<int>(state));
@@ -259,7 +168,7 @@ Answer<JobPage> SqliteJobStore::list(const JobFilter& filter, int page_size, con
     query.bind(page_size + 1);
     JobPage page;
     for (std::int64_t last = 0; query.step();) {
-      Row row = row_of(query);
+      JobRow row = read_job_row(query);
       if (static_cast<int>(page.jobs.size()) == page_size) {
         page.next_page_token = std::to_string(last);
         break;
@@ -282,42 +191,40 @@ Answer<JobCounts> SqliteJobStore::counts() {
 
 Answer<std::vector<v1::JobEvent>> SqliteJobStore::events(const std::string& name) {
   return read<std::vector<v1::JobEvent>>([&](SqliteDatabase& database) -> Answer<std::vector<v1::JobEvent>> {
-    const auto row = load(database, name);
+    const auto row = load_job(database, name);
     if (!row) return tl::unexpected(row.error());
     auto query = database.query("SELECT event FROM events WHERE key = ? ORDER BY sequence");
     query.bind(row->key);
     std::vector<v1::JobEvent> events;
-    while (query.step()) parse(query.view(0), &events.emplace_back());
+    while (query.step()) parse_stored(query.view(0), &events.emplace_back());
     return events;
   });
 }
 
 Answer<Changed> SqliteJobStore::request_cancel(const std::string& name, std::int64_t last_sequence) {
   return write<Changed>([&](SqliteDatabase& database) -> Answer<Changed> {
-    auto row = load(database, name);
+    auto row = load_job(database, name);
     if (!row) return tl::unexpected(row.error());
     Changed changed = transitions_.cancel(row->record, last_sequence);
     if (changed.events.empty()) return changed;
-    save(database, *row);
-    keep(database, row->key, changed);
+    save_job(database, *row);
+    save_events(database, row->key, changed);
     return changed;
   });
 }
 
 Answer<std::string> SqliteJobStore::history_digest(const std::string& name) {
   return read<std::string>([&](SqliteDatabase& database) {
-    return load(database, name).map([](const Row& row) { return row.record.history_digest; });
+    return load_job(database, name).map([](const JobRow& row) { return row.record.history_digest; });
   });
 }
 
 Answer<Changed> SqliteJobStore::remove(const std::string& name) {
   return write<Changed>([&](SqliteDatabase& database) -> Answer<Changed> {
-    auto row = load(database, name);
+    auto row = load_job(database, name);
     if (!row) return tl::unexpected(row.error());
     if (!has_ended(row->record.job.state())) return job_not_ended(name);
-    for (const char* statement : {"DELETE FROM events WHERE key = ?", "DELETE FROM labels WHERE key = ?",
-                                  "DELETE FROM specs WHERE key = ?", "DELETE FROM jobs WHERE key = ?"})
-      database.query(statement).bind(row->key).run();
+    delete_job(database, row->key);
     return Changed{row->record.job, {}, digests_of(row->record)};
   });
 }
@@ -335,51 +242,49 @@ Answer<std::vector<std::string>> SqliteJobStore::ended_beyond(std::size_t keep) 
 
 Answer<std::vector<std::string>> SqliteJobStore::digests() {
   return read<std::vector<std::string>>([](SqliteDatabase& database) -> Answer<std::vector<std::string>> {
-    auto query = database.query("SELECT " VARIMESH_ROW " FROM jobs JOIN specs USING(key)");
+    auto query = database.query(select_job_rows());
     std::vector<std::string> all;
     while (query.step())
-      for (std::string& digest : digests_of(row_of(query).record)) all.push_back(std::move(digest));
+      for (std::string& digest : digests_of(read_job_row(query).record)) all.push_back(std::move(digest));
     return all;
   });
 }
 
 Answer<std::set<std::string>> SqliteJobStore::needed_digests() {
   return read<std::set<std::string>>([](SqliteDatabase& database) -> Answer<std::set<std::string>> {
-    auto query = database.query("SELECT " VARIMESH_ROW " FROM jobs JOIN specs USING(key) WHERE ended IS NULL");
+    auto query = database.query(select_job_rows("WHERE ended IS NULL"));
     std::set<std::string> needed;
-    while (query.step()) add_needed(row_of(query).record, &needed);
+    while (query.step()) add_needed(read_job_row(query).record, &needed);
     return needed;
   });
 }
 
-// ===== workers =====
+// ===== calls of workers =====
 
 Answer<std::optional<Claimed>> SqliteJobStore::claim(const std::string& worker) {
   using Result = std::optional<Claimed>;
-  // Most looks into the queue find it empty, and those write nothing.
+  // The queue is usually empty, and then nothing is written.
   const auto waiting = counts();
   if (!waiting) return tl::unexpected(waiting.error());
   if (waiting->pending == 0) return Result();
   return write<Result>([&](SqliteDatabase& database) -> Answer<Result> {
     const int most = transitions_.settings().max_running_of_owner;
     auto query = database.query(
-        "SELECT " VARIMESH_ROW
-        " FROM jobs JOIN specs USING(key) WHERE state = 1 AND owner NOT IN (SELECT owner FROM "
-        "jobs WHERE worker <> '' AND owner <> '' GROUP BY owner HAVING COUNT(*) >= ?) ORDER BY turn, jobs.key "
-        "LIMIT 1");
+        select_job_rows("WHERE state = 1 AND owner NOT IN (SELECT owner FROM jobs WHERE worker <> '' AND owner <> '' "
+                        "GROUP BY owner HAVING COUNT(*) >= ?) ORDER BY turn, jobs.key LIMIT 1"));
     query.bind(most > 0 ? most : std::numeric_limits<int>::max());
     if (!query.step()) return Result();
-    Row row = row_of(query);
+    JobRow row = read_job_row(query);
     Changed changed = transitions_.claim(row.record, worker);
-    save(database, row);
-    keep(database, row.key, changed);
+    save_job(database, row);
+    save_events(database, row.key, changed);
     const JobRecord& record = row.record;
     return Claimed{{record.job.name(), record.token, record.job.attempt(), record.job.spec(), record.checkpoint},
                    std::move(changed.events)};
   });
 }
 
-Answer<bool> SqliteJobStore::heartbeat(const Claim& claim) {
+Answer<bool> SqliteJobStore::renew_lease(const Claim& claim) {
   return write<bool>(claim, [this](JobRecord& record) {
     transitions_.renew(record);
     return record.job.state() == v1::JOB_STATE_CANCELLING;
@@ -411,17 +316,17 @@ Answer<std::vector<Changed>> SqliteJobStore::take_back(const std::string& worker
   if (!claimed) return tl::unexpected(claimed.error());
   if (claimed->running == 0) return Result();
   return write<Result>([&](SqliteDatabase& database) -> Answer<Result> {
-    std::vector<Row> rows;
+    std::vector<JobRow> rows;
     {
-      auto query = database.query("SELECT " VARIMESH_ROW " FROM jobs JOIN specs USING(key) WHERE worker <> ''");
-      while (query.step()) rows.push_back(row_of(query));
+      auto query = database.query(select_job_rows("WHERE worker <> ''"));
+      while (query.step()) rows.push_back(read_job_row(query));
     }
     Result all;
-    for (Row& row : rows) {
+    for (JobRow& row : rows) {
       if (!transitions_.is_lost(row.record, worker, running)) continue;
       all.push_back(transitions_.take_back(row.record));
-      save(database, row);
-      keep(database, row.key, all.back());
+      save_job(database, row);
+      save_events(database, row.key, all.back());
     }
     return all;
   });

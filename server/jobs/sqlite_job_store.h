@@ -1,4 +1,4 @@
-// Jobs in a SQLite database beside the server: they outlive it.
+// A job store in an SQLite database. The jobs outlive the server.
 #pragma once
 
 #include <condition_variable>
@@ -14,11 +14,12 @@
 
 namespace varimesh::server {
 
-/// One writer, whose transactions are on the disk when a call returns (WAL, synchronous=FULL), and one reader, which
-/// waits for no writer. The file belongs to one process at a time; see operations/state_directory.h.
+/// A job store with one writing connection, whose transactions are on the disk when a call returns (WAL,
+/// synchronous=FULL), and one reading connection, which does not wait for the writer. One process at a time may use the
+/// file; state/state_directory.h ensures that.
 class SqliteJobStore : public JobStore {
  public:
-  /// Makes the file where it is not there. INTERNAL where it cannot be opened or was written by a newer version.
+  /// Creates the file if it does not exist. INTERNAL if it cannot be opened or was written by a newer version.
   static Answer<std::unique_ptr<SqliteJobStore>> open(const std::string& path, const JobStoreSettings& settings = {});
 
   bool durable() const override { return true; }
@@ -28,7 +29,7 @@ class SqliteJobStore : public JobStore {
   Answer<JobCounts> counts() override;
   Answer<std::vector<v1::JobEvent>> events(const std::string& name) override;
   Answer<std::optional<Claimed>> claim(const std::string& worker) override;
-  Answer<bool> heartbeat(const Claim& claim) override;
+  Answer<bool> renew_lease(const Claim& claim) override;
   Answer<void> note_progress(const Claim& claim, const v1::Iteration& iteration, std::int64_t last_sequence) override;
   Answer<Changed> note_checkpoint(const Claim& claim, const CheckpointReference& checkpoint) override;
   Answer<Changed> finish(const Claim& claim, const Ending& ending, std::int64_t last_sequence) override;
@@ -41,41 +42,33 @@ class SqliteJobStore : public JobStore {
   Answer<std::set<std::string>> needed_digests() override;
 
  private:
-  struct Row {
-    std::int64_t key = 0;
-    JobRecord record;
-  };
   SqliteJobStore(const std::string& path, const JobStoreSettings& settings);
 
   /// A change that waits to be written, on the stack of its caller.
   struct Write {
-    std::function<bool(SqliteDatabase&)> work;  ///< False: it refuses, and leaves nothing.
+    std::function<bool(SqliteDatabase&)> work;  ///< Returns false if it refuses; then nothing is written.
     std::optional<Failure> failed;
     bool done = false;
   };
+  /// Writes the change. One of the callers writes all waiting changes in one transaction; the others wait for it.
   void write(Write& change);
   void write_all(const std::vector<Write*>& changes);
 
-  /// Runs `work` in a transaction, on the disk when this returns, or not at all.
+  /// Runs `work` in a transaction, which is on the disk when this returns, or has no effect.
   template <class Result>
   Answer<Result> write(const std::function<Answer<Result>(SqliteDatabase&)>& work);
   template <class Result>
   Answer<Result> read(const std::function<Answer<Result>(SqliteDatabase&)>& work);
-  /// Changes the job of a claim that is still good.
+  /// Changes the job of a claim if the claim is still valid.
   template <class Result>
   Answer<Result> write(const Claim& claim, const std::function<Result(JobRecord&)>& work);
-
-  static Answer<Row> load(SqliteDatabase& database, const std::string& name);
-  static Row row_of(const SqliteQuery& query);
-  static void save(SqliteDatabase& database, const Row& row);
-  static void keep(SqliteDatabase& database, std::int64_t key, const Changed& changed);
 
   const JobTransitions transitions_;
   std::mutex queue_mutex_;
   std::condition_variable written_;
   std::vector<Write*> queue_;
-  bool writing_ = false;   ///< One of the callers writes, for itself and for those that come meanwhile.
-  SqliteDatabase writer_;  ///< Used by that one alone.
+  bool writing_ = false;   ///< One of the callers is writing.
+  SqliteDatabase writer_;  ///< Used only by that caller.
   std::mutex reader_mutex_;
   SqliteDatabase reader_;
 };

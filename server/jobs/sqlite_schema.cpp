@@ -1,4 +1,4 @@
-// The tables, and how they are made.
+// The tables and their versions.
 #include "server/jobs/sqlite_schema.h"
 
 #include "varimesh/v1/job.pb.h"
@@ -6,20 +6,21 @@
 namespace varimesh::server {
 namespace {
 
-/// Of the tables as they are here; a change of them is a new one, and brings the old ones up to it.
+/// The version of the tables below. A change of the tables gets a new version and a step that updates older tables.
 constexpr int kVersion = 3;
 
-// The spec never changes and may be large, so it is not written again with every change of the job.
+// The spec never changes and may be large. It has a table of its own, so that it is not written with every change of a
+// job.
 constexpr char kSchema[] = R"(
 CREATE TABLE jobs(
-  key INTEGER PRIMARY KEY AUTOINCREMENT,  -- order of submission
+  key INTEGER PRIMARY KEY AUTOINCREMENT,  -- in the order of submission
   name TEXT NOT NULL UNIQUE,
   request_id TEXT UNIQUE,                 -- NULL: none
   state INTEGER NOT NULL,                 -- v1.JobState
   turn INTEGER NOT NULL,                  -- place in the queue, smallest first, in milliseconds
-  ended INTEGER,                          -- when, in nanoseconds since 1970; NULL: not yet
+  ended INTEGER,                          -- time of the end, in nanoseconds since 1970; NULL: not yet
   token INTEGER NOT NULL,                 -- of the newest claim
-  lost INTEGER NOT NULL,                  -- attempts that ended with their worker, and came no further
+  lost INTEGER NOT NULL,                  -- attempts that were lost with their worker since the last progress
   worker TEXT NOT NULL,                   -- empty: none
   lease_end INTEGER NOT NULL,             -- in nanoseconds since 1970
   history TEXT NOT NULL,                  -- digest; empty: none
@@ -40,11 +41,11 @@ PRAGMA user_version = 1;
 )";
 
 constexpr char kToVersion2[] = R"(
-ALTER TABLE jobs ADD COLUMN furthest INTEGER NOT NULL DEFAULT 0;  -- iteration that any attempt has come to
+ALTER TABLE jobs ADD COLUMN furthest INTEGER NOT NULL DEFAULT 0;  -- last iteration that any attempt has reached
 PRAGMA user_version = 2;
 )";
 constexpr char kToVersion3[] = R"(
-ALTER TABLE jobs ADD COLUMN owner TEXT NOT NULL DEFAULT '';  -- whose job it is; empty: nobody knows
+ALTER TABLE jobs ADD COLUMN owner TEXT NOT NULL DEFAULT '';  -- of the job; empty: unknown
 CREATE INDEX jobs_waiting_of ON jobs(owner) WHERE state = 1;
 PRAGMA user_version = 3;
 )";

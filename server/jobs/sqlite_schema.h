@@ -1,11 +1,12 @@
-// The tables in which SqliteJobStore keeps jobs.
+// The tables of SqliteJobStore.
 #pragma once
 
 #include "server/jobs/sqlite.h"
 
 namespace varimesh::server {
 
-/// Sets the connection up to write, and makes the tables where there are none. False where a newer version made them.
+/// Configures the connection for writing, and creates the tables or updates them. Returns false if a newer version made
+/// the tables.
 bool set_up_schema(SqliteDatabase& database);
 
 }  // namespace varimesh::server

@@ -1,4 +1,4 @@
-// Mappings, and readers that keep one piece in memory.
+// Mapped files, and readers that have one piece in memory.
 #include "server/meshes/blobs.h"
 
 #include <fcntl.h>
@@ -11,15 +11,17 @@
 #include <cstdlib>
 
 #include "core/base/write_all.h"
+#include "server/limits.h"
+#include "server/meshes/read_at.h"
 #include "server/meshes/zstd.h"
-#include "server/operations/limits.h"
+#include "server/refusals.h"
 
 namespace varimesh::server {
 namespace {
 
-static_assert(kFrameBytes == kChunkBytes, "a stored frame is sent as it is");
+static_assert(kFrameBytes == kChunkBytes, "stored frames are sent without being compressed again");
 
-/// A file mapped for reading. Its pages are dropped with it.
+/// A file mapped for reading.
 class MappedBlob : public Blob {
  public:
   MappedBlob(void* data, std::size_t size) : data_(data), size_(size) {}
@@ -33,11 +35,11 @@ class MappedBlob : public Blob {
   std::size_t size_;
 };
 
-tl::unexpected<Failure> unreadable() {
-  return failure(Failure::Code::DataLoss, "INTERNAL",
-                 "The stored mesh cannot be read any more; ask whoever runs the server to look at its disk.");
+Refusal unreadable() {
+  return data_lost("The stored mesh can no longer be read; ask the server's operator to check its disk.");
 }
 
+/// Reads an uncompressed file.
 class PlainReader : public BlobReader {
  public:
   PlainReader(int file, std::int64_t size) : file_(file), size_(size) {}
@@ -45,14 +47,8 @@ class PlainReader : public BlobReader {
   std::int64_t size() const override { return size_; }
   Answer<Piece> read(std::int64_t offset, bool zstd) override {
     Piece piece;
-    piece.bytes.resize(std::min<std::size_t>(kChunkBytes, static_cast<std::size_t>(size_ - offset)));
-    for (std::size_t filled = 0; filled < piece.bytes.size();) {
-      const ssize_t got = ::pread(file_, piece.bytes.data() + filled, piece.bytes.size() - filled,
-                                  offset + static_cast<std::int64_t>(filled));
-      if (got < 0 && errno == EINTR) continue;
-      if (got <= 0) return unreadable();
-      filled += static_cast<std::size_t>(got);
-    }
+    const auto wanted = std::min<std::size_t>(kChunkBytes, static_cast<std::size_t>(size_ - offset));
+    if (!read_at(file_, offset, wanted, &piece.bytes) || piece.bytes.size() < wanted) return unreadable();
     piece.size = static_cast<std::int64_t>(piece.bytes.size());
     if (!zstd) return piece;
     if (std::string frame = zstd_compress(piece.bytes); !frame.empty()) {
@@ -67,6 +63,7 @@ class PlainReader : public BlobReader {
   const std::int64_t size_;
 };
 
+/// Reads a compressed file. A piece is at most one frame.
 class FrameReader : public BlobReader {
  public:
   explicit FrameReader(std::unique_ptr<ZstdFile> file) : file_(std::move(file)) {}
@@ -89,11 +86,11 @@ class FrameReader : public BlobReader {
   const std::unique_ptr<ZstdFile> file_;
 };
 
-/// A file that is gone with its descriptor; −1 where none can be made.
+/// Creates a file without a name, which is deleted when its descriptor is closed. −1 if that fails (errno).
 int nameless_file(const std::filesystem::path& directory) {
   const int file = ::open(directory.c_str(), O_TMPFILE | O_RDWR | O_CLOEXEC, 0600);
   if (file >= 0) return file;
-  std::string path = (directory / "part-XXXXXX").string();  // not every file system has such files
+  std::string path = (directory / "part-XXXXXX").string();  // some file systems do not support O_TMPFILE
   const int named = ::mkostemp(path.data(), O_CLOEXEC);
   if (named >= 0) ::unlink(path.c_str());
   return named;
@@ -132,8 +129,8 @@ std::unique_ptr<BlobReader> read_file(int file, Form form) {
     auto compressed = ZstdFile::open(file);
     return compressed == nullptr ? nullptr : std::make_unique<FrameReader>(std::move(compressed));
   }
-  struct stat facts {};
-  if (::fstat(file, &facts) == 0) return std::make_unique<PlainReader>(file, facts.st_size);
+  struct stat status {};
+  if (::fstat(file, &status) == 0) return std::make_unique<PlainReader>(file, status.st_size);
   ::close(file);
   return nullptr;
 }

@@ -1,4 +1,4 @@
-// Stored bytes in files, plain or compressed, as those who work on them and those who send them want them.
+// Opens the files of the mesh store, plain or compressed, as mapped memory or as readers.
 #pragma once
 
 #include <filesystem>
@@ -8,15 +8,15 @@
 
 namespace varimesh::server {
 
-/// What a file of the store holds.
+/// The form of a file in the store.
 enum class Form { Plain, Zstd };
 
-/// Maps a plain file, whose descriptor stays the caller's. Null where that is not possible (errno).
+/// Maps a plain file. The caller keeps the descriptor. Null if that fails (errno).
 std::shared_ptr<const Blob> map_file(int file, std::size_t size);
-/// Writes the content of a compressed file, whose descriptor it takes over, to a file without a name in `directory`,
-/// and maps that, so that the memory can be taken for others. Null where it cannot be read or written (errno).
+/// Takes ownership of the descriptor of a compressed file, writes the content to a file without a name in `directory`,
+/// and maps that file, so the system can reclaim the memory. Null if reading or writing fails (errno).
 std::shared_ptr<const Blob> expand_file(int file, const std::filesystem::path& directory);
-/// Takes the descriptor over. Null where the file is damaged.
+/// Takes ownership of the descriptor. Null if the file is damaged.
 std::unique_ptr<BlobReader> read_file(int file, Form form);
 
 }  // namespace varimesh::server

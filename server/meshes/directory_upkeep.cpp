@@ -1,4 +1,4 @@
-// What happens to the directory when nobody asks: reading it at the beginning, compressing, sweeping.
+// Work on the directory that no call asks for: reading it at the start, compression, and sweeping.
 #include <fcntl.h>
 #include <sys/stat.h>
 #include <unistd.h>
@@ -16,7 +16,8 @@
 namespace varimesh::server {
 namespace {
 
-constexpr std::int64_t kLeastCompressed = 64 * 1024;  // below it a file wins nothing but trouble
+/// Smaller files are not compressed, since that would save almost nothing.
+constexpr std::int64_t kLeastCompressed = 64 * 1024;
 
 }  // namespace
 
@@ -36,10 +37,10 @@ void DirectoryMeshStore::read_directory() {
   for (const auto& file : std::filesystem::directory_iterator(directory_, ignored)) {
     const std::string name = file.path().filename().string();
     if (name.rfind("part-", 0) == 0) std::filesystem::remove(file.path(), ignored);
-    if (is_digest(name)) read_entry(file.path(), name, Form::Plain);
-    if (file.path().extension() == ".zst" && is_digest(file.path().stem().string())) compressed.push_back(file.path());
+    if (is_sha256(name)) read_entry(file.path(), name, Form::Plain);
+    if (file.path().extension() == ".zst" && is_sha256(file.path().stem().string())) compressed.push_back(file.path());
   }
-  // Where both are there, the process ended between the naming of one and the removal of the other.
+  // If there are both files of a mesh, the process ended after it named one and before it removed the other.
   for (const std::filesystem::path& path : compressed) read_entry(path, path.stem().string(), Form::Zstd);
 }
 
@@ -55,7 +56,7 @@ void DirectoryMeshStore::read_entry(const std::filesystem::path& path, const std
     entry.size = opened->size();
     std::filesystem::remove(path_of(digest, Form::Plain), ignored);
   }
-  // Whoever was told that a mesh is there before the process ended has this long to make use of it.
+  // A client that was told before the process ended that the store has a mesh has one hour to use it.
   const auto written = std::chrono::file_clock::to_sys(std::filesystem::last_write_time(path, ignored));
   entry.touched = std::max(settings_.clock() - settings_.lifetime + std::chrono::hours(1),
                            std::chrono::time_point_cast<std::chrono::system_clock::duration>(written));
@@ -76,7 +77,7 @@ std::string DirectoryMeshStore::next_to_compress(const std::set<std::string>& ne
 
 void DirectoryMeshStore::compress_idle(const std::set<std::string>& needed, const std::function<bool()>& given_up) {
   if (settings_.compress_after.count() == 0) return;
-  // What is needed only since then was asked for since then, and is not idle before this ends.
+  // A mesh that becomes needed during this call has been used during it, and so is not idle before `end`.
   const auto end = settings_.clock() + settings_.compress_after;
   while (!given_up() && settings_.clock() < end) {
     const std::string digest = next_to_compress(needed);
@@ -97,8 +98,8 @@ bool DirectoryMeshStore::compress(const std::string& digest, const std::function
   } else if (from < 0 && !is_too_many) {
     outcome = Compression::Unreadable;
   }
-  struct stat facts {};
-  if (outcome == Compression::Smaller && (::fstat(to, &facts) != 0 || (durable_ && ::fdatasync(to) != 0)))
+  struct stat status {};
+  if (outcome == Compression::Smaller && (::fstat(to, &status) != 0 || (durable_ && ::fdatasync(to) != 0)))
     outcome = Compression::Failed;
   if (from >= 0) ::close(from);
   if (to >= 0) ::close(to);
@@ -118,9 +119,9 @@ bool DirectoryMeshStore::compress(const std::string& digest, const std::function
     return outcome != Compression::Failed;
   }
   entry->second.form = Form::Zstd;
-  entry->second.stored = facts.st_size;
+  entry->second.stored = status.st_size;
   lock.unlock();
-  // The plain file goes when the other is sure to stay; where that cannot be said, at the next start.
+  // The plain file is removed once the compressed file is certainly on the disk, or else at the next start.
   if (durable_ && !sync_directory(directory_)) return false;
   lock.lock();
   entry = entries_.find(digest);
@@ -130,11 +131,12 @@ bool DirectoryMeshStore::compress(const std::string& digest, const std::function
 }
 
 void DirectoryMeshStore::give_up_reading(Entries::iterator entry, bool is_gone, int reason) {
-  if (is_gone && std::filesystem::exists(path_of(entry->first, entry->second.form))) return;  // it has come back since
+  if (is_gone && std::filesystem::exists(path_of(entry->first, entry->second.form)))
+    return;  // it was stored again meanwhile
   entry->second.stays_plain = true;
-  settings_.log("The stored mesh " + entry->first + " cannot be read (" + std::strerror(reason) +
-                "); look at the disk.");
-  // Once it is forgotten, an upload brings it back. What jobs refer to stays, so that their references count right.
+  settings_.log("The stored mesh " + entry->first + " cannot be read (" + std::strerror(reason) + "); check the disk.");
+  // Without the entry the mesh can be uploaded again. A mesh that jobs refer to keeps its entry, so that its references
+  // are counted correctly.
   if (is_gone && entry->second.references == 0) drop(entry);
 }
 
@@ -164,7 +166,7 @@ void DirectoryMeshStore::sweep() {
   std::sort(idle.begin(), idle.end(), [](const auto& a, const auto& b) { return a.first < b.first; });
   for (const auto& [touched, entry] : idle) {
     const bool too_old = now - touched >= settings_.lifetime;
-    // Whoever was told just now that it is there is about to refer to it.
+    // A client that was just told that the store has this mesh is about to refer to it.
     const bool too_much = settings_.max_total_bytes > 0 && total > settings_.max_total_bytes &&
                           now - touched > std::min<std::chrono::minutes>(kUploadLifetime, settings_.lifetime);
     if (!too_old && !too_much) continue;

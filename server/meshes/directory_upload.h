@@ -1,20 +1,23 @@
-// An upload on its way into the directory store.
+// What the files of the directory store share: uploads, and writing to the disk.
 #pragma once
 
 #include <unistd.h>
 
 #include <mutex>
 
+#include "core/base/sha256.h"
 #include "server/meshes/directory_mesh_store.h"
-#include "server/meshes/sha256.h"
 
 namespace varimesh::server {
 
-/// Brings the names of new files in a directory to the disk; false where that cannot be done (errno).
+/// The refusal of a mesh that the disk cannot take, for the reason `why` and errno.
+Refusal cannot_store(const std::string& why);
+
+/// Writes the names of new files in a directory to the disk. Returns false if that fails (errno).
 bool sync_directory(const std::filesystem::path& directory);
 
-/// An upload under way. Its own mutex orders the streams that may follow each other; the store's is taken within it,
-/// and within the store's it is only tried.
+/// An upload that has not ended. Its mutex orders the streams that continue it one after another. The store's mutex may
+/// be locked while this one is held; while the store's is held, this one is only tried.
 struct DirectoryMeshStore::Upload {
   ~Upload() {
     if (file >= 0) ::close(file);
@@ -24,9 +27,9 @@ struct DirectoryMeshStore::Upload {
   std::mutex mutex;
   std::string digest;
   std::int64_t size = 0;
-  std::int64_t committed = 0;
-  std::int64_t generation = 0;
-  bool ended = false;  ///< The store knows it no more.
+  std::int64_t committed = 0;   ///< Bytes received so far.
+  std::int64_t generation = 0;  ///< Number of the newest stream.
+  bool ended = false;           ///< The store has dropped or finished it.
   int file = -1;
   std::filesystem::path path;
   Sha256 hash;

@@ -1,4 +1,4 @@
-// Where meshes and results lie, by content: the interface, whatever holds the bytes.
+// The store of meshes and results, which are named by the SHA-256 of their bytes: its interface.
 #pragma once
 
 #include <chrono>
@@ -11,52 +11,54 @@
 
 namespace varimesh::server {
 
-/// An upload that nobody touches for so long is dropped; who was told that a mesh is there has as long to refer to it.
+/// An upload that receives no data for this long is dropped. A client that was told that the store has a mesh has this
+/// long to submit a job with it.
 inline constexpr auto kUploadLifetime = std::chrono::minutes(10);
 
-/// The bytes of a stored mesh all at once, readable for as long as somebody holds this.
+/// All bytes of a stored mesh in memory, valid as long as this object exists.
 class Blob {
  public:
   virtual ~Blob() = default;
   virtual std::string_view bytes() const = 0;
 };
 
-/// The bytes of a stored mesh piece by piece, in little memory. One thread at a time.
+/// Reads a stored mesh piece by piece, with little memory. One thread at a time.
 class BlobReader {
  public:
   struct Piece {
     std::string bytes;
-    std::int64_t size = 0;  ///< Of what they stand for; 0 at the end.
-    bool is_zstd = false;   ///< They are one zstd frame.
+    std::int64_t size = 0;  ///< Size of the uncompressed piece, in bytes; 0 at the end of the mesh.
+    bool is_zstd = false;   ///< `bytes` is one zstd frame.
   };
   virtual ~BlobReader() = default;
+  /// Size of the mesh in bytes.
   virtual std::int64_t size() const = 0;
-  /// What begins at `offset`, which is at most size(). With `zstd` as a frame where that is smaller.
+  /// Returns the piece that begins at `offset`, which must be at most size(). `zstd`: as a frame, if that is smaller.
   virtual Answer<Piece> read(std::int64_t offset, bool zstd) = 0;
 };
 
-/// What the store knows of a mesh.
+/// The name and the size of a stored mesh.
 struct StoredBytes {
   std::string digest;
   std::int64_t size = 0;
 };
 
-/// Takes a result as it is written. Destroyed without commit(), it leaves nothing.
+/// Writes a result piece by piece. Nothing is stored if it is destroyed without commit().
 class BlobWriter {
  public:
   virtual ~BlobWriter() = default;
-  /// False where the store is full.
+  /// Returns false if the store is full.
   virtual bool append(std::string_view bytes) = 0;
-  /// The mesh is in the store, with one more reference to it.
+  /// Puts the mesh into the store and adds a reference to it.
   virtual Answer<StoredBytes> commit() = 0;
 };
 
-/// A stream's right to write an upload; a later stream with the same id takes it over.
+/// The right of a stream to write an upload. A later stream with the same id takes the upload over.
 struct UploadTicket {
   std::string id;
   std::int64_t generation = 0;
-  std::int64_t committed = 0;  ///< Bytes that need not be sent again.
-  bool complete = false;       ///< The mesh is in the store already.
+  std::int64_t committed = 0;  ///< The number of bytes that need not be sent again.
+  bool complete = false;       ///< The mesh is already in the store.
 };
 
 struct UploadProgress {
@@ -64,32 +66,41 @@ struct UploadProgress {
   bool complete = false;
 };
 
-/// Meshes by content. All calls may come from any thread, and may wait for a disk.
-/// What has references (commit() and retain() give one, release() takes one) stays. A result goes with its last one; a
-/// mesh that was uploaded, or that somebody was told is there, is pinned, and goes when it is swept.
+/// Stores meshes by content. Thread-safe; all calls may wait for a disk.
+///
+/// A mesh with references stays: commit() and retain() add a reference, release() removes one. A mesh that was
+/// uploaded, or that a client was told is in the store, is pinned. Without references a pinned mesh stays until sweep()
+/// deletes it; other meshes are deleted with their last reference.
 class MeshStore {
  public:
   virtual ~MeshStore() = default;
 
+  /// Begins an upload, or continues the upload with this id. INVALID_ARGUMENT for an id or digest of the wrong form;
+  /// RESOURCE_EXHAUSTED if there is no room or the mesh is too large; ALREADY_EXISTS if the id belongs to an upload of
+  /// another mesh.
   virtual Answer<UploadTicket> begin_upload(const std::string& id, const std::string& digest, std::int64_t size) = 0;
-  /// Appends a chunk and says how much is there now. ABORTED where another stream took the upload over.
+  /// Appends a chunk and returns the number of bytes received so far. ABORTED if another stream has taken the upload
+  /// over.
   virtual Answer<std::int64_t> append(const UploadTicket& ticket, std::int64_t offset, std::string_view bytes) = 0;
   /// Compares the digest and puts the mesh into the store.
   virtual Answer<StoredBytes> finish_upload(const UploadTicket& ticket) = 0;
+  /// NOT_FOUND if neither the upload nor the mesh is known.
   virtual Answer<UploadProgress> query_upload(const std::string& id, const std::string& digest) = 0;
 
-  /// A writer for bytes whose digest is not known yet.
+  /// Returns a writer for bytes whose digest is not known yet.
   virtual Answer<std::unique_ptr<BlobWriter>> create() = 0;
-  /// NOT_FOUND where it is not there.
+  /// Returns all bytes of a mesh. NOT_FOUND if it is not in the store.
   virtual Answer<std::shared_ptr<const Blob>> open(const std::string& digest) = 0;
-  /// Likewise.
+  /// Returns a reader of a mesh. NOT_FOUND if it is not in the store.
   virtual Answer<std::unique_ptr<BlobReader>> read(const std::string& digest) = 0;
-  /// Whether the mesh is there; if so it stays, for as long as the store keeps what nobody touches.
+  /// Pins a mesh and returns true, or returns false if it is not in the store.
   virtual bool pin(const std::string& digest) = 0;
-  /// Nothing happens where it is not there.
+  /// Adds a reference. Does nothing if the mesh is not in the store.
   virtual void retain(const std::string& digest) = 0;
+  /// Removes a reference.
   virtual void release(const std::string& digest) = 0;
-  /// Now and then: drops what has no references and is too old, or the oldest of it where the store is too large.
+  /// Called regularly: deletes meshes without references that are too old, and the oldest of them if the store is too
+  /// large.
   virtual void sweep() = 0;
 };
 

@@ -1,4 +1,4 @@
-// Frames by libzstd; the table as in zstd's contrib/seekable_format/zstd_seekable_compression_format.md.
+// Frames by libzstd. The table of frames follows zstd's contrib/seekable_format/zstd_seekable_compression_format.md.
 #include "server/meshes/zstd.h"
 
 #include <sys/stat.h>
@@ -7,32 +7,34 @@
 
 #include <algorithm>
 #include <cassert>
-#include <cerrno>
 #include <limits>
 
 #include "core/base/write_all.h"
+#include "server/meshes/read_at.h"
 
 namespace varimesh::server {
 namespace {
 
-constexpr int kLevelOnTheWay = 1, kLevelAtRest = 3;
+/// Compression levels of chunks on the wire and of stored files.
+constexpr int kWireLevel = 1, kFileLevel = 3;
 constexpr std::uint32_t kSkippableMagic = 0x184D2A5E, kSeekableMagic = 0x8F92EAB1;
 constexpr std::size_t kTableHeader = 8, kTableEntry = 8, kTableFooter = 9;
+/// How many frames of a file are compressed to find out whether it is worth it.
 constexpr std::size_t kSamples = 32;
 
 bool is_worth_it(std::size_t compressed, std::size_t plain) { return compressed < plain - plain / 8; }
 
 class Compressor {
  public:
-  explicit Compressor(int level, bool checksum) : context_(ZSTD_createCCtx()) {
+  Compressor(int level, bool checksum) : context_(ZSTD_createCCtx()) {
     ZSTD_CCtx_setParameter(context_.get(), ZSTD_c_compressionLevel, level);
     ZSTD_CCtx_setParameter(context_.get(), ZSTD_c_checksumFlag, checksum ? 1 : 0);
   }
-  /// One frame, in the place of what was in `frame`.
+  /// Replaces `frame` by one frame with these bytes.
   void compress(std::string_view bytes, std::string* frame) {
     frame->resize(ZSTD_compressBound(bytes.size()));
     const std::size_t size = ZSTD_compress2(context_.get(), frame->data(), frame->size(), bytes.data(), bytes.size());
-    assert(!ZSTD_isError(size));  // there is room enough
+    assert(!ZSTD_isError(size));  // the buffer is large enough
     frame->resize(size);
   }
 
@@ -42,22 +44,6 @@ class Compressor {
   };
   std::unique_ptr<ZSTD_CCtx, Free> context_;
 };
-
-/// Fewer bytes than asked for only at the end of the file; false where it cannot be read.
-bool read_at(int file, std::int64_t offset, std::size_t size, std::string* bytes) {
-  bytes->resize(size);
-  std::size_t filled = 0;
-  while (filled < size) {
-    const ssize_t got =
-        ::pread(file, bytes->data() + filled, size - filled, offset + static_cast<std::int64_t>(filled));
-    if (got < 0 && errno == EINTR) continue;
-    if (got < 0) return false;
-    if (got == 0) break;
-    filled += static_cast<std::size_t>(got);
-  }
-  bytes->resize(filled);
-  return true;
-}
 
 void put(std::uint32_t number, std::string* bytes) {
   for (int i = 0; i < 4; ++i, number >>= 8) *bytes += static_cast<char>(number & 255);
@@ -69,7 +55,7 @@ std::uint32_t number_at(std::string_view bytes, std::size_t at) {
   return number;
 }
 
-/// What is to be expected of the file, by frames from all over it.
+/// Compresses frames from all parts of the file to find out whether compressing all of it is worth it.
 Compression try_samples(int file, std::size_t frames, Compressor& compressor) {
   std::string plain, frame;
   std::size_t before = 0, after = 0;
@@ -89,7 +75,7 @@ Compression try_samples(int file, std::size_t frames, Compressor& compressor) {
 }  // namespace
 
 std::string zstd_compress(std::string_view bytes) {
-  thread_local Compressor compressor(kLevelOnTheWay, false);
+  thread_local Compressor compressor(kWireLevel, false);
   std::string frame;
   compressor.compress(bytes, &frame);
   if (!is_worth_it(frame.size(), bytes.size())) frame.clear();
@@ -105,12 +91,12 @@ bool zstd_decompress(std::string_view frame, std::size_t most, std::string* byte
 }
 
 Compression compress_file(int from, int to, const std::function<bool()>& given_up) {
-  struct stat facts {};
-  if (::fstat(from, &facts) != 0) return Compression::Unreadable;
-  const auto size = static_cast<std::size_t>(facts.st_size);
+  struct stat status {};
+  if (::fstat(from, &status) != 0) return Compression::Unreadable;
+  const auto size = static_cast<std::size_t>(status.st_size);
   const std::size_t frames = (size + kFrameBytes - 1) / kFrameBytes;
   if (frames > std::numeric_limits<std::uint32_t>::max() / kTableEntry) return Compression::NotWorthIt;
-  Compressor compressor(kLevelAtRest, true);
+  Compressor compressor(kFileLevel, true);
   if (const Compression expected = try_samples(from, frames, compressor); expected != Compression::Smaller)
     return expected;
   std::string plain, frame, table;
@@ -125,7 +111,7 @@ Compression compress_file(int from, int to, const std::function<bool()>& given_u
     if (!write_all(to, frame)) return Compression::Failed;
   }
   put(static_cast<std::uint32_t>(frames), &table);
-  table += '\0';  // no checksums in the table: the frames have their own
+  table += '\0';  // no checksums in the table, since the frames have their own
   put(kSeekableMagic, &table);
   return write_all(to, table) ? Compression::Smaller : Compression::Failed;
 }
@@ -134,9 +120,9 @@ Compression compress_file(int from, int to, const std::function<bool()>& given_u
 
 std::unique_ptr<ZstdFile> ZstdFile::open(int file) {
   std::unique_ptr<ZstdFile> opened(new ZstdFile(file));
-  struct stat facts {};
-  if (::fstat(file, &facts) != 0) return nullptr;
-  const auto end = static_cast<std::int64_t>(facts.st_size);
+  struct stat status {};
+  if (::fstat(file, &status) != 0) return nullptr;
+  const auto end = static_cast<std::int64_t>(status.st_size);
   constexpr std::size_t kLeast = kTableHeader + kTableFooter;
   std::string table;
   if (end < static_cast<std::int64_t>(kLeast) ||

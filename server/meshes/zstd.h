@@ -1,4 +1,4 @@
-// zstd: frames on their way, and files of frames that can be read from any place.
+// zstd: single frames for the wire, and files of frames that can be read from any position.
 #pragma once
 
 #include <cstddef>
@@ -11,36 +11,38 @@
 
 namespace varimesh::server {
 
-/// One frame of the bytes that says its content's size; nothing where it is not smaller by an eighth.
+/// Returns one frame that states the size of its content, or nothing if it is not at least an eighth smaller than the
+/// bytes.
 std::string zstd_compress(std::string_view bytes);
-/// The content of one whole frame; false where it is none, is damaged, or has, or does not say that it has, at most
-/// `most` bytes.
+/// Decompresses one whole frame. Returns false if it is not exactly one frame, is damaged, or does not state that its
+/// content has at most `most` bytes.
 bool zstd_decompress(std::string_view frame, std::size_t most, std::string* bytes);
 
-/// Bytes of content in each frame of a file but the last.
+/// Bytes of content in each frame of a file. The last frame may have fewer.
 inline constexpr std::size_t kFrameBytes = 256 * 1024;
 
-/// What came of an attempt to compress a file.
+/// The outcome of an attempt to compress a file.
 enum class Compression { Smaller, NotWorthIt, Unreadable, Failed };
 
-/// Writes the file `from` to `to`, which is empty, as frames with checksums and a table of their places (zstd's
-/// seekable format: the zstd program reads it too). NotWorthIt where samples do not become smaller by an eighth. Failed
-/// where nothing more can be written (errno), or it was given up, which is asked before each frame.
+/// Compresses the file `from` into the empty file `to`, as frames with checksums and a table of their positions (zstd's
+/// seekable format, which the zstd program can read). Returns NotWorthIt if samples do not become at least an eighth
+/// smaller; Failed, with errno, if `to` cannot be written; and Failed if `given_up`, which is called before each frame,
+/// returns true.
 Compression compress_file(int from, int to, const std::function<bool()>& given_up);
 
-/// A file that compress_file() wrote.
+/// A file that compress_file() has written.
 class ZstdFile {
  public:
-  /// Takes the descriptor over. Null where the file is no such one.
+  /// Takes ownership of the descriptor. Null if the file is not of this kind.
   static std::unique_ptr<ZstdFile> open(int file);
   ~ZstdFile();
   ZstdFile(const ZstdFile&) = delete;
   ZstdFile& operator=(const ZstdFile&) = delete;
 
-  /// Of the content, in bytes.
+  /// Size of the content, in bytes.
   std::int64_t size() const { return size_; }
   std::size_t frames() const { return places_.size() - 1; }
-  /// The frame as it is, or its content; false where it cannot be read.
+  /// Reads the compressed frame, or its content. Returns false if it cannot be read.
   bool read_frame(std::size_t frame, std::string* bytes) const;
   bool read_content(std::size_t frame, std::string* bytes) const;
 
@@ -49,7 +51,7 @@ class ZstdFile {
 
   const int file_;
   std::int64_t size_ = 0;
-  std::vector<std::int64_t> places_;  ///< Of the frames, and of their end.
+  std::vector<std::int64_t> places_;  ///< Positions of the frames in the file, and of their end.
 };
 
 }  // namespace varimesh::server

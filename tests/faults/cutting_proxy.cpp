@@ -1,4 +1,4 @@
-// One thread that polls all connections.
+// One thread polls all connections.
 #include "tests/faults/cutting_proxy.h"
 
 #include <poll.h>
@@ -18,7 +18,7 @@ namespace varimesh::server::testing {
 namespace {
 
 using Clock = std::chrono::steady_clock;
-/// A client that sends nothing for so long waits for an answer.
+/// A client that sends nothing for this long waits for an answer.
 constexpr auto kQuiet = std::chrono::milliseconds(100);
 
 sockaddr_un address_of(const std::filesystem::path& path) {
@@ -54,7 +54,7 @@ struct CuttingProxy::Connection {
   const int client, server;
   const std::int64_t limit;
   std::int64_t handed_on = 0, held = 0;
-  Clock::time_point heard = Clock::now();  ///< From the client.
+  Clock::time_point heard = Clock::now();  ///< Time of the last data from the client.
 };
 
 CuttingProxy::CuttingProxy(std::filesystem::path listen, std::filesystem::path server, std::int64_t longest)

@@ -1,4 +1,5 @@
-// A way to the server that breaks: for clients that must go on, and to count what they have to send again.
+// A proxy in front of the server that cuts connections, to test that clients continue and to count what they must send
+// again.
 #pragma once
 
 #include <sys/types.h>
@@ -13,18 +14,18 @@
 
 namespace varimesh::server::testing {
 
-/// Hands on what comes over a unix socket, and cuts each connection at random: behind a number of bytes it takes what
-/// the client sends and hands nothing on, until the client sends no more; then both ends are closed.
+/// Forwards the data of connections to a unix socket, and cuts each connection after a random number of bytes. From
+/// then on it reads what the client sends and forwards nothing; when the client stops sending, it closes both ends.
 class CuttingProxy {
  public:
-  /// Cuts behind 1 to `longest` bytes on their way to the server.
+  /// Cuts each connection after 1 to `longest` bytes to the server.
   CuttingProxy(std::filesystem::path listen, std::filesystem::path server, std::int64_t longest);
   ~CuttingProxy();
   CuttingProxy(const CuttingProxy&) = delete;
   CuttingProxy& operator=(const CuttingProxy&) = delete;
 
   int cuts() const { return cuts_; }
-  /// The most bytes that a client sent and nobody acknowledged.
+  /// The largest number of bytes that a client has sent without an acknowledgement.
   std::int64_t most_held() const { return most_held_; }
 
  private:
@@ -32,7 +33,7 @@ class CuttingProxy {
 
   void run();
   void accept();
-  /// False where the connection is over.
+  /// Forwards data. Returns false if the connection has ended.
   bool serve(Connection& connection, short client_events, short server_events);
 
   const std::filesystem::path path_, server_;

@@ -1,10 +1,10 @@
-// Fills the disk of the real server (a small tmpfs) under running jobs, and holds it to what must be true then: it
-// takes nothing more and says so, it is not ready, what runs goes on, nothing is lost, and it is itself again when
-// there is room.
+// Fills the disk of the real server (a small tmpfs) while jobs run, and checks what must hold then: the server refuses
+// meshes and jobs with the reason, it is not ready, running jobs continue, nothing is lost, and the server recovers
+// when there is room again.
 //
-//   full_disk         half a minute; needs the right to mount a tmpfs
+//   full_disk         half a minute; needs the permission to mount a tmpfs
 //
-// Exit status: 0 all held; 1 some did not, each in a line; 77 not run, with the reason.
+// Exit status: 0: everything held; 1: something did not, with a line for each; 77: not run, with the reason.
 #include <sys/mount.h>
 
 #include <cstdio>
@@ -13,9 +13,7 @@
 #include <thread>
 
 #include "server/jobs/sqlite.h"
-#include "server/meshes/sha256.h"
-#include "tests/faults/real_server.h"
-#include "varimesh/v1/service.grpc.pb.h"
+#include "tests/faults/caller.h"
 
 namespace varimesh::server::testing {
 namespace {
@@ -28,8 +26,7 @@ void expect(bool held, const std::string& what) {
   violations += held ? 0 : 1;
 }
 
-/// Whether something becomes true within minutes: a job of a second takes its time under a sanitizer, on a busy
-/// machine.
+/// Waits until a condition is true, for up to five minutes, since a sanitizer and a busy machine make jobs slow.
 bool soon(const std::function<bool()>& condition) {
   for (int i = 0; i < 6000; ++i) {
     if (condition()) return true;
@@ -38,7 +35,7 @@ bool soon(const std::function<bool()>& condition) {
   return condition();
 }
 
-/// A tmpfs that goes with it.
+/// A tmpfs that is unmounted when this object is destroyed.
 class SmallDisk {
  public:
   SmallDisk() {
@@ -53,11 +50,11 @@ class SmallDisk {
   bool mounted() const { return mounted_; }
   std::filesystem::path state() const { return path_ / "state"; }
 
-  /// Leaves no more than so many bytes.
+  /// Fills the disk until at most `leave` bytes are free.
   void fill(std::int64_t leave) const {
     std::ofstream file(path_ / "filler", std::ios::binary | std::ios::app);
-    const std::string block(4096, 'x');
-    while (file && free() > leave) file.write(block.data(), static_cast<std::streamsize>(block.size())).flush();
+    const std::string page(4096, 'x');
+    while (file && free() > leave) file.write(page.data(), static_cast<std::streamsize>(page.size())).flush();
   }
   void empty() const { std::filesystem::remove(path_ / "filler"); }
 
@@ -68,68 +65,6 @@ class SmallDisk {
   bool mounted_ = false;
 };
 
-class Client {
- public:
-  explicit Client(const RealServer& server)
-      : jobs_(v1::JobService::NewStub(server.channel())), meshes_(v1::MeshService::NewStub(server.channel())) {}
-
-  grpc::Status upload(const std::string& bytes, std::string* digest) const {
-    Sha256 hash;
-    hash.update(bytes);
-    *digest = hash.finish();
-    grpc::ClientContext context;
-    context.set_wait_for_ready(true);
-    v1::UploadMeshResponse response;
-    const auto writer = meshes_->UploadMesh(&context, &response);
-    v1::UploadMeshRequest request;
-    request.mutable_header()->set_upload_id(*digest);
-    request.mutable_header()->set_digest(*digest);
-    request.mutable_header()->set_size(static_cast<std::int64_t>(bytes.size()));
-    writer->Write(request);
-    request.mutable_chunk()->set_data(bytes);
-    writer->Write(request);
-    writer->WritesDone();
-    return writer->Finish();
-  }
-  grpc::Status submit(const std::string& digest, int iterations, std::string* name) const {
-    v1::SubmitJobRequest request;
-    request.mutable_spec()->mutable_mesh()->set_digest(digest);
-    v1::Options& options = *request.mutable_spec()->mutable_options();
-    options.set_max_iterations(iterations);
-    options.set_tolerance(1e-300);
-    options.set_active_set(false);
-    options.set_method(v1::METHOD_SWEEPS);
-    options.set_threads(1);
-    grpc::ClientContext context;
-    context.set_wait_for_ready(true);
-    v1::SubmitJobResponse response;
-    const grpc::Status status = jobs_->SubmitJob(&context, request, &response);
-    *name = response.job().name();
-    return status;
-  }
-  v1::Job get(const std::string& name) const {
-    v1::GetJobRequest request;
-    request.set_name(name);
-    grpc::ClientContext context;
-    context.set_wait_for_ready(true);
-    v1::GetJobResponse response;
-    const grpc::Status status = jobs_->GetJob(&context, request, &response);
-    if (!status.ok()) expect(false, name + " is known: " + status.error_message());
-    return response.job();
-  }
-  grpc::Status cancel(const std::string& name) const {
-    v1::CancelJobRequest request;
-    request.set_name(name);
-    grpc::ClientContext context;
-    v1::CancelJobResponse response;
-    return jobs_->CancelJob(&context, request, &response);
-  }
-
- private:
-  std::unique_ptr<v1::JobService::Stub> jobs_;
-  std::unique_ptr<v1::MeshService::Stub> meshes_;
-};
-
 int run() {
   const SmallDisk disk;
   if (!disk.mounted()) {
@@ -138,42 +73,43 @@ int run() {
   }
   RealServer server(VARIMESHD, {"--threads", "2", "--reserve-bytes", std::to_string(kReserve)}, disk.state());
   server.start();
-  const Client client(server);
-  std::ifstream file(VARIMESH_SOURCE_DIR "/tests/cases/circle_p5.msh", std::ios::binary);
-  const std::string mesh(std::istreambuf_iterator<char>(file), {});
+  const Caller client(server.channel());
+  const std::string mesh = read_case("circle_p5.msh");
   std::string digest, other, longest, shorter, waiting, refused;
-  expect(client.upload(mesh, &digest).ok(), "a mesh is taken while there is room");
-  client.submit(digest, 1'000'000, &longest);
-  client.submit(digest, 300, &shorter);
-  client.submit(digest, 10, &waiting);
+  expect(client.try_upload(mesh, &digest).ok(), "a mesh is accepted while there is room");
+  client.try_submit(sweeps(digest, 1'000'000), &longest);
+  client.try_submit(sweeps(digest, 300), &shorter);
+  client.try_submit(sweeps(digest, 10), &waiting);
   expect(soon([&] { return client.get(longest).state() == v1::JOB_STATE_RUNNING; }), "a job runs");
 
   disk.fill(kReserve / 2);
-  expect(soon([&] { return !server.serves(); }), "not ready when less than the reserve is left");
-  const grpc::Status submitted = client.submit(digest, 10, &refused), uploaded = client.upload(mesh + "\n", &other);
+  expect(soon([&] { return !server.serves(); }), "the server is not ready if less than the reserve is free");
+  const grpc::Status submitted = client.try_submit(sweeps(digest, 10), &refused),
+                     uploaded = client.try_upload(mesh + "\n", &other);
   expect(reason_of(submitted) == "STORE_FULL", "a job is refused with STORE_FULL: " + submitted.error_message());
   expect(reason_of(uploaded) == "STORE_FULL", "a mesh is refused with STORE_FULL: " + uploaded.error_message());
   expect(soon([&] { return client.get(shorter).state() == v1::JOB_STATE_SUCCEEDED; }),
-         "a job that ends has its result stored in the reserve");
+         "the result of a running job is stored in the reserve");
   expect(soon([&] { return client.get(waiting).state() == v1::JOB_STATE_SUCCEEDED; }),
-         "a job that was taken before is run");
+         "a job that was accepted before is run");
 
   disk.fill(0);
   const auto last = client.get(longest).last_sequence();
-  expect(soon([&] { return client.get(longest).last_sequence() > last; }), "with no byte left the job still goes on");
+  expect(soon([&] { return client.get(longest).last_sequence() > last; }),
+         "with no byte free a running job still continues");
 
   disk.empty();
-  expect(soon([&] { return server.serves(); }), "ready again when there is room");
-  expect(client.upload(mesh + "\n", &other).ok(), "a mesh is taken again");
-  expect(client.submit(digest, 10, &refused).ok(), "a job is taken again");
+  expect(soon([&] { return server.serves(); }), "the server is ready again when there is room");
+  expect(client.try_upload(mesh + "\n", &other).ok(), "a mesh is accepted again");
+  expect(client.try_submit(sweeps(digest, 10), &refused).ok(), "a job is accepted again");
   client.cancel(longest);
   expect(soon([&] { return client.get(longest).state() == v1::JOB_STATE_CANCELLED; }), "the long job can be cancelled");
-  expect(soon([&] { return client.get(refused).state() == v1::JOB_STATE_SUCCEEDED; }), "the new job is done");
+  expect(soon([&] { return client.get(refused).state() == v1::JOB_STATE_SUCCEEDED; }), "the new job succeeds");
 
   server.kill();
   server.start();
   for (const std::string& name : {longest, shorter, waiting, refused}) client.get(name);
-  expect(server.stop() == 0, "it stops as it should");
+  expect(server.stop() == 0, "the server stops with exit status 0");
   SqliteDatabase database((disk.state() / "jobs.sqlite").string());
   auto check = database.query("PRAGMA integrity_check");
   expect(check.step() && check.text(0) == "ok", "the database is intact");

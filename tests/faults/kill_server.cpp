@@ -1,27 +1,24 @@
-// Ends the real server at random moments while jobs wait and run and clients submit and watch, two times in three by
-// SIGKILL and otherwise by SIGTERM, starts it again each time, and holds what the clients saw against what the service
-// promises.
+// Ends the real server at random moments while jobs wait and run and clients submit and watch: two times out of three
+// by SIGKILL, otherwise by SIGTERM. Starts the server again each time, and compares what the clients saw with what the
+// service promises.
 //
-//   kill_server                      100 times, 20 jobs at a time: some minutes
-//   kill_server --kills 6 --jobs 6   the short form, one of the default tests
+//   kill_server                      100 times, with 20 jobs at a time; some minutes
+//   kill_server --kills 6 --jobs 6   the short form (one of the default tests)
 //   kill_server --seed 7             another sequence of moments
 //
-// Exit status: 0 all promises held; 1 some did not, each in a line.
+// Exit status: 0: all promises held; 1: some did not, with a line for each.
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <atomic>
 #include <cstdio>
-#include <fstream>
 #include <map>
 #include <mutex>
 #include <random>
 #include <set>
 #include <thread>
 
-#include "server/meshes/sha256.h"
-#include "tests/faults/real_server.h"
+#include "tests/faults/caller.h"
 #include "tests/server/watch_guarantees.h"
-#include "varimesh/v1/service.grpc.pb.h"
 
 namespace varimesh::server::testing {
 namespace {
@@ -34,7 +31,7 @@ struct Arguments {
   unsigned seed = 1;
 };
 
-/// Everything that was promised and not held.
+/// Prints and counts the promises that did not hold.
 class Violations {
  public:
   void add(const std::string& what) {
@@ -52,12 +49,14 @@ class Violations {
   std::atomic<int> count_ = 0;
 };
 
-/// What a client does when the server is away: it waits and asks again. A call that comes in the moment in which a
-/// server shuts down is CANCELLED by gRPC (service.proto).
+/// Returns whether the server is away, so that a client waits and tries again. gRPC answers CANCELLED to a call that
+/// arrives while the server shuts down (service.proto).
 bool is_away(const grpc::Status& status) {
   return status.error_code() == grpc::StatusCode::UNAVAILABLE || status.error_code() == grpc::StatusCode::CANCELLED;
 }
-/// Milliseconds between two ends, at most. Jobs have to come as far as a checkpoint in it, under a sanitizer too.
+
+/// Longest time between two ends of the server, in milliseconds. Jobs must reach a checkpoint in it, also under a
+/// sanitizer.
 #if defined(__SANITIZE_ADDRESS__)
 constexpr int kLongestLife = 15000;
 #else
@@ -66,7 +65,7 @@ constexpr int kLongestLife = 1200;
 
 void pause() { std::this_thread::sleep_for(std::chrono::milliseconds(10)); }
 
-/// Repeats a call until the server is there to answer it.
+/// Repeats a call until the server answers it.
 template <class Call>
 grpc::Status persist(const Call& call) {
   while (true) {
@@ -78,7 +77,7 @@ grpc::Status persist(const Call& call) {
   }
 }
 
-/// A job that the server has acknowledged, and the watcher that follows it to its end.
+/// A job that the server has accepted, and the thread that watches it to its end.
 struct Watched {
   std::string name;
   std::string request_id;
@@ -88,18 +87,14 @@ struct Watched {
   std::thread watcher;
 };
 
+/// Runs the whole test.
 class Campaign {
  public:
   explicit Campaign(const Arguments& arguments)
       : arguments_(arguments),
         server_(arguments.program, {"--threads", "2", "--log-level", "info", "--checkpoint-seconds", "0.05"}),
-        random_(arguments.seed) {
-    std::ifstream file(arguments.mesh, std::ios::binary);
-    mesh_.assign(std::istreambuf_iterator<char>(file), {});
-    Sha256 hash;
-    hash.update(mesh_);
-    digest_ = hash.finish();
-  }
+        random_(arguments.seed),
+        mesh_(read_file(arguments.mesh)) {}
 
   int run() {
     server_.start();
@@ -107,7 +102,7 @@ class Campaign {
     upload();
     learn_results();
     for (int kill = 1; kill <= arguments_.kills; ++kill) {
-      std::thread client([&] { top_up(); });  // it may be cut in the middle
+      std::thread client([&] { top_up(); });  // the server may end while this runs
       std::this_thread::sleep_for(std::chrono::milliseconds(std::uniform_int_distribution<>(0, kLongestLife)(random_)));
       if (kill % 3 == 0)
         stop_gently();
@@ -122,13 +117,11 @@ class Campaign {
     check();
     stop_gently();
     std::printf(
-        "%d ends, %zu jobs, %d attempts broken off, %d began behind a checkpoint, %d jobs lost three times, ready "
-        "again within %lld ms, stopped "
-        "within "
-        "%lld ms: %s\n",
+        "%d ends, %zu jobs, %d attempts lost, %d continued from a checkpoint, %d jobs lost three times, ready again "
+        "within %lld ms, stopped within %lld ms: %s\n",
         arguments_.kills, watched_.size(), lost_attempts_, resumed_, given_up_,
         static_cast<long long>(slowest_start_.count()), static_cast<long long>(slowest_stop_.count()),
-        violations_.count() == 0 ? "all held" : "NOT ALL HELD");
+        violations_.count() == 0 ? "all promises held" : "SOME DID NOT HOLD");
     return violations_.count() == 0 ? 0 : 1;
   }
 
@@ -139,28 +132,14 @@ class Campaign {
       violations_.add("exit status " + std::to_string(status) + " after SIGTERM");
     const auto took = std::chrono::steady_clock::now() - begun;
     slowest_stop_ = std::max(slowest_stop_, std::chrono::duration_cast<std::chrono::milliseconds>(took));
-    if (took > std::chrono::seconds(30)) violations_.add("it took more than 30 s to stop");
+    if (took > std::chrono::seconds(30)) violations_.add("the server took more than 30 s to stop");
   }
 
-  // ===== what clients do =====
+  // ===== clients =====
 
   void upload() {
-    const auto stub = v1::MeshService::NewStub(server_.channel());
-    grpc::ClientContext context;
-    v1::UploadMeshResponse response;
-    const auto writer = stub->UploadMesh(&context, &response);
-    v1::UploadMeshRequest request;
-    request.mutable_header()->set_upload_id("the mesh");
-    request.mutable_header()->set_digest(digest_);
-    request.mutable_header()->set_size(static_cast<std::int64_t>(mesh_.size()));
-    writer->Write(request);
-    for (std::size_t at = 0; at < mesh_.size(); at += 256 * 1024) {
-      request.mutable_chunk()->set_offset(static_cast<std::int64_t>(at));
-      request.mutable_chunk()->set_data(mesh_.substr(at, 256 * 1024));
-      writer->Write(request);
-    }
-    writer->WritesDone();
-    if (const auto status = writer->Finish(); !status.ok()) violations_.add("upload: " + status.error_message());
+    if (const auto status = Caller(server_.channel()).try_upload(mesh_, &digest_); !status.ok())
+      violations_.add("upload: " + status.error_message());
   }
 
   v1::JobSpec spec(int variant) const {
@@ -168,7 +147,7 @@ class Campaign {
     spec.mutable_mesh()->set_digest(digest_);
     v1::Options& options = *spec.mutable_options();
     options.set_max_iterations(10 + 8 * variant);
-    // Every other job is sweeps for some seconds, so that it has a checkpoint to go on from.
+    // Every other job does sweeps for some seconds, so that it has a checkpoint to continue from.
     if (variant % 2 == 1) {
       options.set_method(v1::METHOD_SWEEPS);
       options.set_active_set(false);
@@ -179,7 +158,7 @@ class Campaign {
     return spec;
   }
 
-  /// What each variant gives when nobody disturbs it.
+  /// Runs each variant undisturbed and remembers its result.
   void learn_results() {
     for (int variant = 0; variant < kVariants; ++variant) submit(variant);
     for (const auto& watched : watched_) {
@@ -205,7 +184,7 @@ class Campaign {
     watched_.push_back(std::move(watched));
   }
 
-  /// As many jobs as shall wait and run.
+  /// Submits jobs until as many wait and run as were asked for.
   void top_up() {
     std::size_t unfinished = 0;
     for (const auto& watched : watched_) unfinished += watched->ended ? 0 : 1;
@@ -246,7 +225,7 @@ class Campaign {
     return response.job();
   }
 
-  // ===== what must hold =====
+  // ===== checks =====
 
   void check() {
     std::multiset<std::string> requests;
@@ -262,10 +241,11 @@ class Campaign {
         violations_.add(watched->request_id + " has " + std::to_string(requests.count(watched->request_id)) + " jobs");
       check(*watched);
     }
-    if (lost_attempts_ >= kFewAttempts && resumed_ == 0) violations_.add("no attempt went on from a checkpoint");
+    if (lost_attempts_ >= kFewAttempts && resumed_ == 0) violations_.add("no attempt continued from a checkpoint");
   }
 
-  /// Attempts after the first whose first iteration that was seen is not the job's first.
+  /// Returns the number of attempts after the first that continued from a checkpoint, by the first iteration that was
+  /// seen of each.
   static int resumed(const WatchHistory& history) {
     std::map<int, int> first;
     for (const WatchedStream& stream : history)
@@ -291,7 +271,7 @@ class Campaign {
     lost_attempts_ += std::max(0, job.attempt() - 1);
     resumed_ += resumed(watched.history);
 
-    // The server's own account, which holds every state and quality report.
+    // What the server itself has recorded, with every state and quality report.
     Watched again;
     again.name = watched.name;
     watch(again);
@@ -309,19 +289,19 @@ class Campaign {
     violations_.expect(invented(watched.history, truth), job.name());
   }
 
-  /// A state or quality report that was seen and is not in the server's account did not happen.
+  /// Reports a state or quality report that was seen but that the server has not recorded.
   static std::string invented(const WatchHistory& history, const std::vector<v1::JobEvent>& truth) {
     std::set<std::int64_t> happened;
     for (const v1::JobEvent& event : truth) happened.insert(event.sequence());
     for (const WatchedStream& stream : history)
       for (const v1::JobEvent& event : stream.events)
         if (must_be_delivered(event) && happened.count(event.sequence()) == 0)
-          return "event " + std::to_string(event.sequence()) + " was seen and is not known any more";
+          return "event " + std::to_string(event.sequence()) + " was seen but is no longer known";
     return {};
   }
 
   static constexpr int kVariants = 6;
-  static constexpr int kFewAttempts = 5;  ///< All of them may have been broken off in their first ten iterations.
+  static constexpr int kFewAttempts = 5;  ///< This many may all have been lost in their first ten iterations.
 
   const Arguments arguments_;
   RealServer server_;
@@ -342,12 +322,12 @@ int main(int argc, char** argv) {
   using namespace varimesh::server::testing;
   std::setvbuf(stdout, nullptr, _IOLBF, 0);
   Arguments arguments;
-  CLI::App app{"Kills varimeshd again and again and checks that nothing is lost."};
-  app.add_option("--kills", arguments.kills, "How often")->capture_default_str();
-  app.add_option("--jobs", arguments.jobs, "Jobs that wait and run at any time")->capture_default_str();
-  app.add_option("--seed", arguments.seed, "Of the moments")->capture_default_str();
-  app.add_option("--server", arguments.program, "The varimeshd to kill")->capture_default_str();
-  app.add_option("--mesh", arguments.mesh, "What the jobs work on")->capture_default_str();
+  CLI::App app{"Ends varimeshd again and again, and checks that nothing is lost."};
+  app.add_option("--kills", arguments.kills, "How often to end the server")->capture_default_str();
+  app.add_option("--jobs", arguments.jobs, "Jobs that wait or run at any time")->capture_default_str();
+  app.add_option("--seed", arguments.seed, "Seed of the random moments")->capture_default_str();
+  app.add_option("--server", arguments.program, "The varimeshd to end")->capture_default_str();
+  app.add_option("--mesh", arguments.mesh, "The mesh of the jobs")->capture_default_str();
   CLI11_PARSE(app, argc, argv);
   return Campaign(arguments).run();
 }

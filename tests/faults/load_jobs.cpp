@@ -1,7 +1,6 @@
-// Trials of jobs: cancels, repeated requests, the server's end, small ones beside a large one, the way through a
-// server.
+// Trials of jobs: cancelling, repeated requests, stopping the server, small jobs beside a large one, and the overhead
+// of a server.
 #include <algorithm>
-#include <fstream>
 #include <set>
 #include <thread>
 
@@ -37,9 +36,9 @@ void cancel(const Setting& setting, Verdict& verdict) {
     running = std::max(running, milliseconds_since(begun));
     has_result = has_result && job.results_size() == 1 && job.metrics().iterations() > 0;
   }
-  verdict.expect_at_most(queued, 200, "ms", "a job that waits is cancelled");
-  verdict.expect_at_most(running, 2000, "ms", "a job that runs is cancelled");
-  verdict.expect(has_result, "a job that was cancelled while it ran has its best mesh");
+  verdict.expect_at_most(queued, 200, "ms", "cancelling a waiting job");
+  verdict.expect_at_most(running, 2000, "ms", "cancelling a running job");
+  verdict.expect(has_result, "a job that was cancelled while it ran has the best mesh so far");
 }
 
 void repeated_request(const Setting& setting, Verdict& verdict) {
@@ -69,11 +68,11 @@ void repeated_request(const Setting& setting, Verdict& verdict) {
     refused = refused &&
               caller.jobs->SubmitJob(&context, request, &response).error_code() == grpc::StatusCode::ALREADY_EXISTS;
   }
-  verdict.expect(one_job, "ten submissions at once with one request id make one job");
-  verdict.expect(refused, "the same id with another spec is ALREADY_EXISTS");
+  verdict.expect(one_job, "ten concurrent submissions with the same request id make one job");
+  verdict.expect(refused, "the same request id with another spec is refused with ALREADY_EXISTS");
 }
 
-/// When the job was last started, in milliseconds since 1970; 0: it was not.
+/// Returns when the first attempt at a job was started, in milliseconds since 1970; 0 if it was not.
 double last_start(const Caller& caller, const std::string& name) {
   v1::WatchJobRequest request;
   request.set_name(name);
@@ -99,7 +98,7 @@ void end_of_the_server(const Setting& setting, Verdict& verdict) {
   {
     const Caller caller(server.channel());
     digest = caller.upload(read_case("circle_p5.msh"));
-    // Jobs that end all the time, so that there is always one to be claimed.
+    // These jobs are short, so the server often claims a new one.
     for (int i = 0; i < (setting.short_form ? 40 : 300); ++i) jobs.push_back(caller.submit(sweeps(digest, 30)));
   }
   std::this_thread::sleep_for(std::chrono::milliseconds(300));
@@ -109,7 +108,7 @@ void end_of_the_server(const Setting& setting, Verdict& verdict) {
   const int status = server.stop();
   const double took = milliseconds_since(begun);
   verdict.expect(status == 0, "exit status " + std::to_string(status) + " after SIGTERM with jobs running");
-  verdict.expect_at_most(took, 30'000, "ms", "to stop");
+  verdict.expect_at_most(took, 30'000, "ms", "stopping the server");
   server.start();
   const Caller caller(server.channel());
   bool all = true;
@@ -119,11 +118,11 @@ void end_of_the_server(const Setting& setting, Verdict& verdict) {
     caller.wait_for(name, kEnded, &job);
     all = all && job.state() == v1::JOB_STATE_SUCCEEDED;
     const double start = last_start(caller, name);
-    // Of the first attempt: those of the server that was stopped, or of the next one, seconds later.
+    // The start was on the server that was stopped if it is not seconds later.
     if (start <= asked + took) latest = std::max(latest, start - asked);
   }
-  verdict.expect_at_most(latest, 100, "ms", "from SIGTERM to the last job that was claimed");
-  verdict.expect(all, "all jobs are done after the restart");
+  verdict.expect_at_most(latest, 100, "ms", "from SIGTERM to the last claimed job");
+  verdict.expect(all, "all jobs succeed after the restart");
 }
 
 void small_beside_large(const Setting& setting, Verdict& verdict) {
@@ -155,12 +154,12 @@ void small_beside_large(const Setting& setting, Verdict& verdict) {
     for (int i = 0; i < 10; ++i) slowest = std::max(slowest, run_small());
   });
   const double cores = std::thread::hardware_concurrency();
-  verdict.expect_at_most(slowest / alone, 2, "times its time alone",
+  verdict.expect_at_most(slowest / alone, 2, "times its time without the large one",
                          "the slowest of ten small jobs beside a large one");
-  std::printf("the large one: %.1f iterations a second alone, %.1f beside the small ones\n", undisturbed, beside);
-  // One of the cores is lent; a tenth for what the measurement cannot see.
+  std::printf("the large job: %.1f iterations per second alone, %.1f beside the small ones\n", undisturbed, beside);
+  // The large job lends one core; a tenth is the uncertainty of the measurement.
   verdict.expect_at_most((undisturbed - beside) / undisturbed, 1 / cores + 0.1, "of its speed",
-                         "what the large one loses");
+                         "what the large job loses");
 }
 
 void through_a_server(const Setting& setting, Verdict& verdict) {
@@ -174,7 +173,8 @@ void through_a_server(const Setting& setting, Verdict& verdict) {
     auto begun = Clock::now();
     auto file = formats::read_file(path);
     const auto result = optimise(std::move(file->mesh));
-    if (!formats::write_file(result->mesh, file->format, direct)) return verdict.expect(false, "it can be written");
+    if (!formats::write_file(result->mesh, file->format, direct))
+      return verdict.expect(false, "the mesh can be written");
     alone.push_back(milliseconds_since(begun));
     begun = Clock::now();
     const auto mesh = client->upload_file(path);
@@ -183,17 +183,12 @@ void through_a_server(const Setting& setting, Verdict& verdict) {
     const auto job = client->submit(spec);
     const auto ended = client->watch(job->name(), 0, [](const v1::JobEvent&) { return true; });
     if (!ended || ended->results_size() != 1 || !client->download(ended->results(0), out))
-      return verdict.expect(false, "a job is done by a server");
+      return verdict.expect(false, "the job succeeds on a server");
     through.push_back(milliseconds_since(begun));
   }
-  const auto bytes = [](const std::string& name) {
-    std::ifstream file(name, std::ios::binary);
-    return std::string(std::istreambuf_iterator<char>(file), {});
-  };
-  verdict.expect(bytes(out) == bytes(direct), "bit for bit the same mesh");
+  verdict.expect(read_file(out) == read_file(direct), "the mesh is the same bit for bit");
   std::printf("alone %.1f ms, through a server %.1f ms (medians)\n", quantile(alone, 0.5), quantile(through, 0.5));
-  verdict.expect_at_most(quantile(through, 0.5) - quantile(alone, 0.5), 30, "ms",
-                         "what the way through a server costs");
+  verdict.expect_at_most(quantile(through, 0.5) - quantile(alone, 0.5), 30, "ms", "the overhead of a server");
 }
 
 }  // namespace

@@ -1,10 +1,10 @@
-// Trials of meshes on their way: uploads that are cut, a large one, and how fast they are.
+// Trials of transfers: uploads that are cut, a large mesh, and the speed of uploads.
 #include <algorithm>
 #include <cstdint>
 #include <fstream>
 
 #include "client/client.h"
-#include "server/meshes/sha256.h"
+#include "core/base/sha256.h"
 #include "tests/faults/cutting_proxy.h"
 #include "tests/faults/load.h"
 
@@ -13,7 +13,7 @@ namespace {
 
 constexpr std::size_t kChunk = 256 * 1024;
 
-/// Bytes of a mesh that is none, made as they are needed.
+/// Returns part of an endless sequence of pseudo-random bytes, which stand for a mesh.
 std::string piece(std::int64_t at, std::size_t size) {
   std::string bytes(size, 0);
   for (std::size_t i = 0; i < size; i += 8) {
@@ -43,7 +43,8 @@ std::int64_t committed(const Caller& caller, const v1::UploadMeshRequest& head) 
   return caller.meshes->QueryUpload(&context, query, &known).ok() ? known.committed_size() : 0;
 }
 
-/// Sends from `from` on, at most `most` bytes, and then cuts the stream where the mesh is not whole. How far it came.
+/// Sends at most `most` bytes of a mesh from `from` on. Cuts the stream if the mesh is not complete then. Returns how
+/// many bytes of the mesh have been sent.
 std::int64_t send(const Caller& caller, const v1::UploadMeshRequest& head, std::int64_t from, std::int64_t most,
                   grpc::Status* status) {
   grpc::ClientContext context;
@@ -67,7 +68,7 @@ std::int64_t send(const Caller& caller, const v1::UploadMeshRequest& head, std::
   return at;
 }
 
-/// A file that no other is like.
+/// Writes a file with bytes that no other file has.
 std::string write_mesh(const RealServer& server, std::int64_t size) {
   static std::int64_t beginning = 0;
   const std::string path = (server.folder() / "mesh").string();
@@ -88,10 +89,10 @@ void cut_upload(const Setting& setting, Verdict& verdict) {
   for (int round = 0; whole && round < (setting.short_form ? 3 : 10); ++round)
     whole = client->upload_file(write_mesh(server, 10'000'000)).has_value();
   verdict.expect(whole && proxy.cuts() > 0,
-                 "the client's uploads come to their end through " + std::to_string(proxy.cuts()) + " cut connections");
-  // A hundredth for what HTTP/2 puts round the bytes.
+                 "the client completes its uploads over " + std::to_string(proxy.cuts()) + " cut connections");
+  // One hundredth for the framing of HTTP/2.
   verdict.expect(static_cast<std::size_t>(proxy.most_held()) <= kChunk * 101 / 100,
-                 "sent again after a cut: " + std::to_string(proxy.most_held()) + " bytes at most, one chunk");
+                 "sent again after a cut: at most " + std::to_string(proxy.most_held()) + " bytes, one chunk");
   const grpc::Status too_large = [&] {
     v1::UploadMeshRequest head = header("large", 8);
     head.mutable_header()->set_size(100'000'001);
@@ -103,7 +104,7 @@ void cut_upload(const Setting& setting, Verdict& verdict) {
   }();
   verdict.expect(
       too_large.error_code() == grpc::StatusCode::RESOURCE_EXHAUSTED && reason_of(too_large) == "MESH_TOO_LARGE",
-      "a mesh larger than allowed is refused before its data");
+      "a mesh that is too large is refused at its header");
 }
 
 void upload_speed(const Setting& setting, Verdict& verdict) {
@@ -115,16 +116,12 @@ void upload_speed(const Setting& setting, Verdict& verdict) {
   bool whole = true;
   const std::int64_t size = setting.short_form ? 5'000'000 : 50'000'000;
   for (int i = 0; i < (setting.short_form ? 3 : 20); ++i) {
-    const auto read = [](const std::string& path) {
-      std::ifstream file(path, std::ios::binary);
-      return std::string(std::istreambuf_iterator<char>(file), {});
-    };
-    const std::string bytes = read(write_mesh(server, size));
+    const std::string bytes = read_file(write_mesh(server, size));
     auto begun = Clock::now();
     caller.upload(bytes);
     ahead.push_back(milliseconds_since(begun));
     const std::string path = write_mesh(server, size);
-    read(path);
+    read_file(path);  // so that both uploads read from the file cache
     begun = Clock::now();
     whole = whole && client->upload_file(path).has_value();
     acknowledged.push_back(milliseconds_since(begun));
@@ -141,18 +138,18 @@ void large_mesh(const Setting& setting, Verdict& verdict) {
   const Caller caller(server.channel());
   const std::int64_t size = setting.short_form ? std::int64_t{64} << 20 : std::int64_t{2} << 30;
   const v1::UploadMeshRequest head = header("large", size);
-  // What a first, small transfer leaves is no part of the mesh.
+  // The memory that a first, small transfer needs does not belong to the mesh.
   grpc::Status status;
   send(caller, header("small", 1 << 20), 0, size, &status);
   const long idle = memory_kib(server.process(), "VmRSS");
   long most = idle;
   for (std::int64_t at = 0; at < size;) {
-    // In parts, to look at the server in between.
+    // In parts, to measure the server in between.
     at = send(caller, head, committed(caller, head), std::int64_t{32} << 20, &status);
     most = std::max(most, memory_kib(server.process(), "VmRSS"));
   }
-  verdict.expect(status.ok(), "a mesh of " + std::to_string(size >> 20) + " MiB comes in");
-  verdict.expect_at_most(double(most - idle) / 1024, 64, "MiB", "more memory on its way in");
+  verdict.expect(status.ok(), "a mesh of " + std::to_string(size >> 20) + " MiB is uploaded");
+  verdict.expect_at_most(double(most - idle) / 1024, 64, "MiB", "additional memory during the upload");
   v1::DownloadMeshRequest request;
   request.set_digest(head.header().digest());
   grpc::ClientContext context;
@@ -164,8 +161,8 @@ void large_mesh(const Setting& setting, Verdict& verdict) {
     came += static_cast<std::int64_t>(response.chunk().data().size());
     if ((came >> 18) % 16 == 0) most = std::max(most, memory_kib(server.process(), "VmRSS"));
   }
-  verdict.expect(reader->Finish().ok() && came == size, "and goes out");
-  verdict.expect_at_most(double(most - idle) / 1024, 64, "MiB", "more memory on its way out");
+  verdict.expect(reader->Finish().ok() && came == size, "it is downloaded again");
+  verdict.expect_at_most(double(most - idle) / 1024, 64, "MiB", "additional memory during the download");
 }
 
 }  // namespace

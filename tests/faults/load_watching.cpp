@@ -1,4 +1,4 @@
-// Trials of those who watch.
+// Trials of watchers.
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -21,7 +21,7 @@ std::size_t open_files(pid_t process) {
   return static_cast<std::size_t>(std::distance(begin(files), end(files)));
 }
 
-/// A process of its own that watches, from before this one makes its threads; it is killed and not asked.
+/// Another process, started before this process has threads, and ended by SIGKILL.
 class OtherProcess {
  public:
   explicit OtherProcess(std::vector<std::string> words) {
@@ -56,19 +56,19 @@ void client_killed_in_mid_watch(const Setting& setting, Verdict& verdict) {
   OtherProcess client({VARIMESH, "watch", job, "--server", "unix:" + (server.folder() / "socket").string(), "--quiet"});
   while (open_files(server.process()) <= before) std::this_thread::sleep_for(std::chrono::milliseconds(5));
   std::this_thread::sleep_for(std::chrono::milliseconds(300));
-  verdict.expect(open_files(server.process()) > before, "a client watches");
+  verdict.expect(open_files(server.process()) > before, "a client watches the job");
   const auto killed = Clock::now();
   client.kill();
   while (open_files(server.process()) > before && milliseconds_since(killed) < 10'000)
     std::this_thread::sleep_for(std::chrono::milliseconds(5));
-  verdict.expect(open_files(server.process()) <= before,
-                 "it is killed: its stream is freed after " + std::to_string(milliseconds_since(killed)) + " ms");
+  verdict.expect(open_files(server.process()) <= before, "the client is killed, and its stream is freed after " +
+                                                             std::to_string(milliseconds_since(killed)) + " ms");
   const auto last = caller.get(job).last_sequence();
   std::this_thread::sleep_for(std::chrono::milliseconds(500));
-  verdict.expect(caller.get(job).last_sequence() > last, "the job goes on");
+  verdict.expect(caller.get(job).last_sequence() > last, "the job continues");
 }
 
-/// Opens a watch with a window of a few KiB and reads nothing of it.
+/// Opens a watch with a window of a few KiB and does not read from it.
 class StalledWatcher {
  public:
   StalledWatcher(const RealServer& server, const std::string& job) {
@@ -82,7 +82,7 @@ class StalledWatcher {
     request.set_name(job);
     reader_ = stub_->WatchJob(&context_, request);
   }
-  /// Waits for the end of the stream and then reads what had come.
+  /// Reads what has arrived, to the end of the stream, and returns its status.
   grpc::Status end() {
     v1::WatchJobResponse response;
     while (reader_->Read(&response)) {
@@ -100,7 +100,7 @@ void watcher_that_stops_reading(const Setting& setting, Verdict& verdict) {
   RealServer server(setting.program, {"--threads", "2"});
   server.start();
   const Caller caller(server.channel());
-  // Many iterations a second, so that there is much to be sent.
+  // This job has many iterations per second, so there is much to send.
   const std::string job = caller.submit(sweeps(caller.upload(read_case("nine_triangles.msh")), 100'000'000));
   caller.wait_for(job, {v1::JOB_STATE_RUNNING});
   std::atomic<std::int64_t> seen = 0, iterations = 0;
@@ -114,10 +114,10 @@ void watcher_that_stops_reading(const Setting& setting, Verdict& verdict) {
       if (response.event().has_iteration()) iterations = response.event().iteration().number();
     reader->Finish();
   });
-  std::this_thread::sleep_for(std::chrono::seconds(setting.short_form ? 1 : 20));  // the ring of events is full
-  // The job's history grows meanwhile, some hundred MiB in the time that this takes, and is no watcher's. As it
-  // outgrows its room the old and the new lie side by side for some milliseconds, so that of each half second the least
-  // counts.
+  std::this_thread::sleep_for(
+      std::chrono::seconds(setting.short_form ? 1 : 20));  // now the log has as many iterations as it keeps
+  // The history of the job grows by some hundred MiB in this time and is subtracted. While its storage is moved, the
+  // old and the new copy exist for some milliseconds, so the smallest value of each half second counts.
   const auto without_history = [&] {
     double least = std::numeric_limits<double>::infinity();
     for (const auto half = Clock::now(); milliseconds_since(half) < 500;) {
@@ -135,15 +135,15 @@ void watcher_that_stops_reading(const Setting& setting, Verdict& verdict) {
   std::this_thread::sleep_for(std::chrono::milliseconds(200));
   const std::int64_t seen_before = seen;
   while (milliseconds_since(begun) < patience) most = std::max(most, without_history());
-  verdict.expect_at_most(most - before, 16, "MiB", "more memory with a watcher that reads nothing");
-  verdict.expect(seen > seen_before, "another watcher goes on meanwhile");
+  verdict.expect_at_most(most - before, 16, "MiB", "additional memory for a watcher that does not read");
+  verdict.expect(seen > seen_before, "another watcher continues meanwhile");
   if (!setting.short_form) {
     const double waited = milliseconds_since(begun);
     const auto asked = Clock::now();
     const grpc::Status status = stalled.end();
     verdict.expect(
         !status.ok() && milliseconds_since(asked) < 1000,
-        "after " + std::to_string(waited / 1000) + " s its stream has been ended: " + status.error_message());
+        "after " + std::to_string(waited / 1000) + " s the server has ended its stream: " + status.error_message());
   }
   other_context.TryCancel();
   other.join();
@@ -181,10 +181,12 @@ void hundred_watchers(const Setting& setting, Verdict& verdict) {
   for (grpc::ClientContext& context : contexts) context.TryCancel();
   for (std::thread& watcher : watchers) watcher.join();
   const std::size_t count = contexts.size();
-  verdict.expect(delays.size() > 5 * count, std::to_string(count) + " watchers had " + std::to_string(delays.size()) +
-                                                " events, p50 " + std::to_string(quantile(delays, 0.5)) + " ms");
-  verdict.expect_at_most(quantile(delays, 0.99), 100, "ms",
-                         "p99 from an event to its watcher, " + std::to_string(count) + " watchers, 10 a second each");
+  verdict.expect(delays.size() > 5 * count, std::to_string(count) + " watchers received " +
+                                                std::to_string(delays.size()) + " events, p50 " +
+                                                std::to_string(quantile(delays, 0.5)) + " ms");
+  verdict.expect_at_most(
+      quantile(delays, 0.99), 100, "ms",
+      "p99 from an event to its watcher, with " + std::to_string(count) + " watchers and 10 events per second each");
 }
 
 }  // namespace

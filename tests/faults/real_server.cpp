@@ -1,4 +1,4 @@
-// Starting, killing and waiting.
+// Starts the server, ends it and waits for it.
 #include "tests/faults/real_server.h"
 
 #include <fcntl.h>
@@ -25,7 +25,7 @@ using std::chrono::steady_clock;
 
 bool says_serving(const std::shared_ptr<grpc::Channel>& channel) {
   grpc::ClientContext context;
-  // A connection is made while a call waits for it: one that does not wait leaves it to a poll every five seconds.
+  // A call that waits makes the channel connect at once. Otherwise the channel would try only every five seconds.
   context.set_wait_for_ready(true);
   context.set_deadline(std::chrono::system_clock::now() + std::chrono::seconds(1));
   grpc::health::v1::HealthCheckResponse response;
@@ -85,8 +85,7 @@ std::chrono::milliseconds RealServer::start() {
       return std::chrono::duration_cast<std::chrono::milliseconds>(steady_clock::now() - begun);
     std::this_thread::sleep_for(std::chrono::milliseconds(2));
   }
-  std::fprintf(stderr, "%s does not come up within a minute; its log is %s\n", program_.c_str(),
-               (folder_ / "log").c_str());
+  std::fprintf(stderr, "%s is not ready after a minute; its log is %s\n", program_.c_str(), (folder_ / "log").c_str());
   std::_Exit(1);
 }
 

@@ -1,4 +1,4 @@
-// The real varimeshd as a process that can be killed and started again on its state.
+// The real varimeshd, as a process that can be killed and started again with the same state.
 #pragma once
 
 #include <grpcpp/grpcpp.h>
@@ -12,24 +12,26 @@
 
 namespace varimesh::server::testing {
 
-/// A server on a socket and a state directory of its own, in a folder that goes with it.
+/// A server with its own unix socket and state directory, in a folder that is deleted with this object.
 class RealServer {
  public:
-  /// `state` empty: in the folder.
+  /// `state`: the state directory. Empty: a directory in the folder.
   RealServer(std::string program, std::vector<std::string> flags, std::filesystem::path state = {});
   ~RealServer();
   RealServer(const RealServer&) = delete;
   RealServer& operator=(const RealServer&) = delete;
 
-  /// Starts it and waits until it says SERVING; how long that took. Ends the program where it does not come up.
+  /// Starts the server and waits until it is SERVING. Returns how long that took. Ends this program if the server is
+  /// not SERVING after a minute.
   std::chrono::milliseconds start();
+  /// Ends the server by SIGKILL.
   void kill();
-  /// SIGTERM; the exit status.
+  /// Ends the server by SIGTERM and returns its exit status.
   int stop();
 
-  /// Whether it says SERVING now.
+  /// Returns whether the server is SERVING.
   bool serves() const;
-  /// A connection of its own.
+  /// Returns a new connection.
   std::shared_ptr<grpc::Channel> channel() const;
   const std::filesystem::path& folder() const { return folder_; }
   pid_t process() const { return process_; }
@@ -43,7 +45,7 @@ class RealServer {
   pid_t process_ = -1;
 };
 
-/// The reason in an error's ErrorInfo; empty where it has none.
+/// Returns the reason in the ErrorInfo of a status; empty if there is none.
 std::string reason_of(const grpc::Status& status);
 
 }  // namespace varimesh::server::testing

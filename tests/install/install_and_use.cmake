@@ -1,11 +1,28 @@
 # Called by ctest: installs component `core` of ${build} below ${work}, then configures, builds and runs the project in
-# ${source} against that and nothing else.
+# ${source}/program with this installation. CMake does not find Eigen there, and headers of Eigen and oneTBB are errors.
 file(REMOVE_RECURSE ${work})
 
 include(${CMAKE_CURRENT_LIST_DIR}/step.cmake)
+include(${CMAKE_CURRENT_LIST_DIR}/poison.cmake)
 
 step(${CMAKE_COMMAND} --install ${build} --component core --prefix ${work}/prefix)
+
+file(GLOB_RECURSE package_files ${work}/prefix/*.cmake)
+foreach(file ${package_files})
+  file(STRINGS ${file} mentions REGEX "[Ee]igen")
+  if(mentions)
+    message(FATAL_ERROR "${file} needs Eigen:\n${mentions}")
+  endif()
+endforeach()
+
+set(poison ${work}/poison)
+poison(${poison} ${eigen_include} "Eigen/*")
+poison(${poison} ${tbb_include} "tbb/*.h" "oneapi/*.h" "oneapi/tbb/*.h")
+expect_poisoned(${compiler} ${poison} Eigen/Core)
+expect_poisoned(${compiler} ${poison} oneapi/tbb/parallel_for.h)
+
 step(${CMAKE_COMMAND} -S ${source}/program -B ${work}/build -G ${generator} -D CMAKE_BUILD_TYPE=${build_type}
-     -D CMAKE_CXX_COMPILER=${compiler} -D CMAKE_CXX_FLAGS_RELWITHDEBINFO=${flags} -D CMAKE_PREFIX_PATH=${work}/prefix)
+     -D CMAKE_CXX_COMPILER=${compiler} -D CMAKE_CXX_FLAGS=-I${poison} -D CMAKE_CXX_FLAGS_RELWITHDEBINFO=${flags}
+     -D CMAKE_PREFIX_PATH=${work}/prefix -D CMAKE_DISABLE_FIND_PACKAGE_Eigen3=ON)
 step(${CMAKE_COMMAND} --build ${work}/build)
 step(${work}/build/untangle ${mesh} ${work}/optimised.msh)

@@ -1,8 +1,8 @@
-// Servers that follow each other on one state directory. That they may also be killed is tests/faults' to show.
+// Servers that follow each other on one state directory. tests/faults also kills them.
 #include <filesystem>
 
 #include "server/jobs/sqlite_job_store.h"
-#include "tests/server/harness.h"
+#include "tests/server/service.h"
 #include "tests/server/watch_guarantees.h"
 
 namespace varimesh::server::testing {
@@ -26,7 +26,7 @@ class Restart : public ::testing::Test {
   std::filesystem::path state_;
 };
 
-TEST_F(Restart, FindsWhatHasEnded) {
+TEST_F(Restart, KeepsJobsThatHaveEnded) {
   std::string name, digest;
   std::vector<v1::JobEvent> events;
   {
@@ -39,26 +39,26 @@ TEST_F(Restart, FindsWhatHasEnded) {
   const v1::Job job = service.get(name);
   EXPECT_EQ(job.state(), v1::JOB_STATE_SUCCEEDED);
   EXPECT_EQ(service.download(digest), "a mesh");
-  EXPECT_EQ(service.upload("a mesh"), digest) << "known by its digest";
+  EXPECT_EQ(service.upload("a mesh"), digest) << "the server knows the mesh";
   const WatchHistory history{{0, service.watch(name)}};
   EXPECT_EQ(broken_order(history), "");
   EXPECT_EQ(broken_reliability(history, events), "");
-  EXPECT_EQ(broken_resumption(history), "") << "its iterations are thinned, and counted";
-  EXPECT_EQ(service.watch(name, 3).front().thinned(), 4) << "a watch that saw the third goes on";
+  EXPECT_EQ(broken_resumption(history), "") << "its iterations are skipped and counted";
+  EXPECT_EQ(service.watch(name, 3).front().thinned(), 4) << "a watch continues after the third event";
 }
 
-TEST_F(Restart, RunsWhatWaitedAndGoesOnWithWhatRan) {
+TEST_F(Restart, RunsWaitingJobsAndContinuesRunningOnes) {
   std::string running, waiting;
   WatchHistory history;
   std::atomic<int> begun = 0;
   {
-    // It runs until the server stops.
+    // The job runs until the server stops.
     Engine engine = echo_engine(40, [&](int) { ++begun; });
     engine.run = [run = engine.run](RunRequest request, const RunHooks& hooks) {
       RunHooks waiting = hooks;
-      waiting.checkpoint_due = [&](int i) {
-        while (i == 20 && !hooks.given_up()) std::this_thread::yield();
-        return hooks.checkpoint_due(i);
+      waiting.control.checkpoint_due = [&](const Iteration& iteration) {
+        while (iteration.number == 20 && !hooks.given_up()) std::this_thread::yield();
+        return hooks.control.checkpoint_due(iteration);
       };
       return run(std::move(request), waiting);
     };
@@ -80,17 +80,17 @@ TEST_F(Restart, RunsWhatWaitedAndGoesOnWithWhatRan) {
   EXPECT_EQ(service.download(first.results(0).digest()), "the first");
   EXPECT_EQ(second.state(), v1::JOB_STATE_SUCCEEDED);
   EXPECT_EQ(second.attempt(), 1);
-  EXPECT_EQ(begun, 20 + 40) << "the first went on from the checkpoint that it made when the server stopped";
+  EXPECT_EQ(begun, 20 + 40) << "the first job continued from the checkpoint that was saved when the server stopped";
   EXPECT_EQ(broken_order(history), "");
   EXPECT_EQ(broken_uniqueness(history), "");
   EXPECT_EQ(broken_resumption(history), "");
   EXPECT_EQ(broken_reliability(history, service.watch(running)), "");
 }
 
-TEST_F(Restart, GivesBackAJobThatCannotWaitForItsEnd) {
+TEST_F(Restart, LeavesAJobThatDoesNotEndToTheNextServer) {
   std::string name;
   for (int round = 1; round <= 4; ++round) {
-    Gate stopped;  // before the service, whose job waits for it
+    Gate stopped;  // declared before the service, whose job waits for it
     Service service(options(echo_engine(3, [&](int) { stopped.wait(); })));
     if (round == 1) name = service.submit(service.spec_for("a mesh")).name();
     while (service.get(name).state() != v1::JOB_STATE_RUNNING) std::this_thread::yield();
@@ -98,7 +98,7 @@ TEST_F(Restart, GivesBackAJobThatCannotWaitForItsEnd) {
     {
       const auto store = SqliteJobStore::open(state_ / "jobs.sqlite");
       const auto job = (*store)->get(name);
-      EXPECT_EQ(job->state(), v1::JOB_STATE_PENDING) << "whatever becomes of the process now";
+      EXPECT_EQ(job->state(), v1::JOB_STATE_PENDING) << "whatever happens to the process now";
       EXPECT_EQ(job->attempt(), round);
     }
     stopped.open();
@@ -107,7 +107,7 @@ TEST_F(Restart, GivesBackAJobThatCannotWaitForItsEnd) {
   EXPECT_EQ(service.wait_for(name).state(), v1::JOB_STATE_SUCCEEDED);
 }
 
-TEST_F(Restart, KnowsARequestThatWasMadeBefore) {
+TEST_F(Restart, KnowsEarlierRequestIds) {
   std::string name;
   v1::JobSpec spec;
   {
@@ -125,7 +125,7 @@ TEST_F(Restart, KnowsARequestThatWasMadeBefore) {
   EXPECT_EQ(job.state(), v1::JOB_STATE_SUCCEEDED);
 }
 
-TEST_F(Restart, LeavesNothingOfAJobThatIsDeleted) {
+TEST_F(Restart, LeavesNoFilesOfADeletedJob) {
   std::string name;
   {
     const Service service(options(echo_engine()));
@@ -140,7 +140,7 @@ TEST_F(Restart, LeavesNothingOfAJobThatIsDeleted) {
   EXPECT_TRUE(std::filesystem::is_empty(state_ / "meshes"));
 }
 
-TEST_F(Restart, MakesWhatItsOwnerAloneCanRead) {
+TEST_F(Restart, CreatesFilesThatOnlyTheirOwnerCanRead) {
   for (const char* ending : {"plain", "deep/separator/", "deep/separators//", "deep/dot/."}) {
     ServerOptions deep = options(echo_engine());
     deep.state = (state_ / ending).string();
@@ -152,7 +152,7 @@ TEST_F(Restart, MakesWhatItsOwnerAloneCanRead) {
   }
 }
 
-TEST_F(Restart, LetsOneServerHaveTheDirectory) {
+TEST_F(Restart, AllowsOneServerPerDirectory) {
   const Service first(options(echo_engine()));
   const auto second = Server::start(options(echo_engine()));
   ASSERT_FALSE(second);

@@ -1,4 +1,5 @@
-// The guarantees of a watch, each with a validator of its own, run over what a watcher recorded.
+// The guarantees of a watch. Each has a function that checks it in the record of a watcher and returns what is wrong;
+// empty: nothing.
 #pragma once
 
 #include <algorithm>
@@ -11,19 +12,19 @@
 
 namespace varimesh::server::testing {
 
-/// One stream as its reader saw it: where it began, and what came.
+/// The record of one stream: after which number it began, and its events.
 struct WatchedStream {
   std::int64_t after_sequence = 0;
   std::vector<v1::JobEvent> events;
 };
 
-/// All streams of one watcher of one job, in order: each goes on after the last event of the one before.
+/// All streams of one watcher of one job, in order. Each continues after the last event of the previous one.
 using WatchHistory = std::vector<WatchedStream>;
 
-/// States and quality reports are what no watcher may miss.
+/// Returns whether no watcher may miss the event: states and quality reports.
 inline bool must_be_delivered(const v1::JobEvent& event) { return event.has_state_change() || event.has_quality(); }
 
-/// Ordered: the numbers of a stream grow; a bookmark has that of the last event.
+/// Ordered: the numbers in a stream increase. A bookmark has the number of the last event.
 inline std::string broken_order(const WatchHistory& history) {
   for (const WatchedStream& stream : history) {
     std::int64_t last = stream.after_sequence;
@@ -36,7 +37,7 @@ inline std::string broken_order(const WatchHistory& history) {
   return {};
 }
 
-/// Unique: no number comes twice, over all streams.
+/// Unique: no number occurs twice in all streams together.
 inline std::string broken_uniqueness(const WatchHistory& history) {
   std::map<std::int64_t, int> seen;
   for (const WatchedStream& stream : history)
@@ -46,7 +47,7 @@ inline std::string broken_uniqueness(const WatchHistory& history) {
   return {};
 }
 
-/// Reliable: every state and quality report of `truth` came, as it was.
+/// Reliable: all states and quality reports in `truth` were delivered unchanged.
 inline std::string broken_reliability(const WatchHistory& history, const std::vector<v1::JobEvent>& truth) {
   std::map<std::int64_t, const v1::JobEvent*> came;
   for (const WatchedStream& stream : history)
@@ -65,8 +66,8 @@ inline std::string broken_reliability(const WatchHistory& history, const std::ve
   return {};
 }
 
-/// Resumable: a stream goes on after the last event of the one before, and what it thinned explains every gap in a
-/// block of numbers.
+/// Resumable: a stream continues after the last event of the previous one, and the counts of skipped iterations explain
+/// every gap in a range of numbers.
 inline std::string broken_resumption(const WatchHistory& history) {
   std::int64_t last = 0;
   for (const WatchedStream& stream : history) {
@@ -74,8 +75,8 @@ inline std::string broken_resumption(const WatchHistory& history) {
       return "a stream began after " + std::to_string(stream.after_sequence) + " and not after " + std::to_string(last);
     for (const v1::JobEvent& event : stream.events) {
       if (event.has_bookmark()) continue;
-      const std::int64_t block = (event.sequence() - 1) / kSequenceBlock * kSequenceBlock;
-      if (event.sequence() != std::max(last, block) + event.thinned() + 1)
+      const std::int64_t range = (event.sequence() - 1) / kSequenceRange * kSequenceRange;
+      if (event.sequence() != std::max(last, range) + event.thinned() + 1)
         return "event " + std::to_string(event.sequence()) + " came after " + std::to_string(last) + " and says that " +
                std::to_string(event.thinned()) + " were thinned";
       last = event.sequence();
@@ -84,7 +85,7 @@ inline std::string broken_resumption(const WatchHistory& history) {
   return {};
 }
 
-/// Bookmarked: no two messages of a stream are further apart than the contract allows, by their times.
+/// Bookmarked: by their times, two consecutive messages of a stream are at most `most_seconds` apart.
 inline std::string broken_bookmarks(const WatchHistory& history, std::int64_t most_seconds) {
   for (const WatchedStream& stream : history)
     for (std::size_t i = 1; i < stream.events.size(); ++i)

@@ -1,4 +1,4 @@
-// What the 3-D views before and after share: the camera, and what is shown of the mesh.
+// State that the 3-D views before and after share: the camera, and the choice of what is shown.
 
 class Shared3d {
   constructor(scene, choice) {
@@ -16,7 +16,7 @@ class Shared3d {
     this.look([0, 0, 0], this.size * 1.5);
   }
 
-  /** Looks at a place, relative to the scene's centre, from a distance. */
+  /** Looks from a distance at a place, which is relative to the centre of the scene. */
   look(place, distance) {
     this.target = new THREE.Vector3(...place);
     this.camera.position.set(0.52, -0.72, 0.46).normalize().multiplyScalar(distance).add(this.target);
@@ -32,7 +32,7 @@ class Shared3d {
     }
   }
 
-  /** A view was turned by hand: the others go along. */
+  /** Called when a view was turned by hand; turns the others too. */
   turned(by) {
     this.target = by.controls.target.clone();
     for (const view of this.views) {

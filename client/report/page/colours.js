@@ -1,4 +1,4 @@
-// The colour of a scaled Jacobian: steps that look equal, for every kind of colour vision.
+// The colours of scaled Jacobians. Equal steps look equal, and the colours differ in lightness, so colour vision is not needed.
 
 const COLOURS = 64;
 
@@ -20,7 +20,7 @@ function srgb(lightness, chroma, hue) {
   });
 }
 
-/** From dark violet over blue and green to pale yellow, lightness in equal steps. */
+/** Colours from dark violet through blue and green to pale yellow, in equal steps of lightness. */
 function colourTable() {
   return Array.from({length: COLOURS}, (_, i) => {
     const t = i / (COLOURS - 1);
@@ -32,26 +32,26 @@ function colourTable() {
 const RAMP = colourTable();
 const darkTheme = matchMedia('(prefers-color-scheme: dark)');
 
-/** Which of the colours Js has. Poor elements stand out from the page: dark where it is light, light where it is dark. */
+/** The index of the colour of Js. Poor elements stand out: they are dark in the light theme and light in the dark theme. */
 function colourIndex(js) {
   const bin = Math.min(COLOURS - 1, Math.max(0, Math.floor(js * COLOURS)));
   return darkTheme.matches ? COLOURS - 1 - bin : bin;
 }
 
-/** The value of a custom property of the theme as [r, g, b]. */
+/** A colour of the theme, by the name of its custom property, as [r, g, b]. */
 function themeColour(name) {
   const text = getComputedStyle(document.documentElement).getPropertyValue(name).trim();
   return [1, 3, 5].map((at) => parseInt(text.slice(at, at + 2), 16));
 }
 
-/** [r, g, b] of Js; elements that are not positive somewhere have a colour outside the ramp. */
+/** The colour of Js as [r, g, b]. Elements whose Js is not positive have a colour that is not in the ramp. */
 function colourOf(js) {
   return js > 0 ? RAMP[colourIndex(js)] : themeColour('--invalid');
 }
 
 const css = ([r, g, b]) => `rgb(${r} ${g} ${b})`;
 
-/** What the colours and marks mean. */
+/** The legend of colours and marks. */
 function legend(hasUnrepairable) {
   const ramp = make('canvas', {class: 'ramp', width: COLOURS, height: 1, 'aria-hidden': 'true'});
   const invalid = make('canvas', {class: 'swatch', width: 1, height: 1, 'aria-hidden': 'true'});
@@ -70,14 +70,14 @@ function legend(hasUnrepairable) {
   const sign = (shape) => draw('svg', {width: 16, height: 16, viewBox: '-8 -8 16 16', 'aria-hidden': 'true'}, ...shape);
   const parts = [
     make('span', {}, 'scaled Jacobian 0', ramp, '1'),
-    make('span', {}, invalid, 'invalid: not positive somewhere'),
-    make('span', {}, sign([draw('circle', {class: 'ring', r: 6})]), 'the worst, numbered'),
+    make('span', {}, invalid, 'invalid: Jacobian not positive everywhere'),
+    make('span', {}, sign([draw('circle', {class: 'ring', r: 6})]), 'worst elements, numbered'),
   ];
-  if (hasUnrepairable) parts.push(make('span', {}, sign([crossMark()]), 'no movement of nodes repairs it'));
+  if (hasUnrepairable) parts.push(make('span', {}, sign([crossMark()]), 'cannot be repaired by moving nodes'));
   return make('div', {class: 'legend'}, ...parts);
 }
 
-/** The mark of what cannot be repaired. */
+/** The mark of an unrepairable element. */
 function crossMark() {
   return draw('path', {class: 'cross', d: 'M-5 -5L5 5M-5 5L5 -5'});
 }

@@ -1,8 +1,8 @@
-// Residual, energy and smallest scaled Jacobian by iteration, with the phases of the method shaded.
+// Charts of the residual, the energy and the smallest scaled Jacobian by iteration, with the phases of the method shaded.
 
 const CURVES = [
   ['residual', 'Residual', 'relative step', true],
-  ['energy', 'Energy', 'per measure', null],
+  ['energy', 'Energy', 'per area or volume', null],
   ['min_scaled_jacobian', 'Smallest scaled Jacobian', 'at quadrature points', false],
 ];
 
@@ -12,7 +12,7 @@ function convergence(section, history) {
   for (const [key, title, y, log] of CURVES) {
     const values = history[key];
     const positive = values.every((value) => value > 0);
-    // An energy that falls by orders of magnitude shows nothing on a linear axis.
+    // On a linear axis nothing can be seen of an energy that falls by orders of magnitude.
     const decades = positive && Math.max(...values.slice(0, 5000)) > 50 * Math.min(...values.slice(-5000));
     const place = make('div');
     columns.append(place);

@@ -1,6 +1,9 @@
-// Faces of a 3-D mesh as lattices of points, triangles and lines: scene_3d.cpp is the other side.
+// Faces of a 3-D mesh as lattices of points, triangles and lines. scene_3d.cpp packs them.
 
-/** Triangles and outline of a lattice with so many intervals an edge, as numbers of its points. */
+/**
+ * The lattice on a face with this many corners and this many intervals per edge: the number of its points, and the indices
+ * of the points of its triangles and of the lines of its outline.
+ */
 function latticePattern(corners, intervals) {
   const rows = [];
   let count = 0;
@@ -8,44 +11,44 @@ function latticePattern(corners, intervals) {
     rows.push(count);
     count += corners === 3 ? intervals - j + 1 : intervals + 1;
   }
-  const at = (i, j) => rows[j] + i;
+  const point = (i, j) => rows[j] + i;
   const triangles = [];
   for (let j = 0; j < intervals; ++j) {
     const last = corners === 3 ? intervals - j : intervals;
     for (let i = 0; i < last; ++i) {
-      triangles.push(at(i, j), at(i + 1, j), at(i, j + 1));
-      if (corners === 4 || i + 1 < last) triangles.push(at(i + 1, j), at(i + 1, j + 1), at(i, j + 1));
+      triangles.push(point(i, j), point(i + 1, j), point(i, j + 1));
+      if (corners === 4 || i + 1 < last) triangles.push(point(i + 1, j), point(i + 1, j + 1), point(i, j + 1));
     }
   }
   const lines = [];
   for (let k = 0; k < intervals; ++k) {
-    lines.push(at(k, 0), at(k + 1, 0), at(0, k), at(0, k + 1));
-    if (corners === 3) lines.push(at(intervals - k, k), at(intervals - k - 1, k + 1));
-    else lines.push(at(k, intervals), at(k + 1, intervals), at(intervals, k), at(intervals, k + 1));
+    lines.push(point(k, 0), point(k + 1, 0), point(0, k), point(0, k + 1));
+    if (corners === 3) lines.push(point(intervals - k, k), point(intervals - k - 1, k + 1));
+    else lines.push(point(k, intervals), point(k + 1, intervals), point(intervals, k), point(intervals, k + 1));
   }
   return {count, triangles, lines};
 }
 
-/** All faces of one set, of one shape. */
+/** The faces of one set and of one shape. `description` is an entry of scene.sets. */
 class FaceSet {
-  constructor(facts, arrays) {
-    Object.assign(this, facts);
-    this.cells = arrays[`${facts.name}_cells`];
-    this.pattern = latticePattern(facts.corners, facts.intervals);
+  constructor(description, arrays) {
+    Object.assign(this, description);
+    this.cells = arrays[`${description.name}_cells`];
+    this.pattern = latticePattern(description.corners, description.intervals);
     this.arrays = arrays;
     this.known = {};
   }
 
-  /** x y z of every point of every face, relative to the scene's centre. */
-  positions(stage) {
-    const of = this.stages > 1 ? stage : 'before';
-    return this.known[of] ??= this.unpack(of);
+  /** x, y and z of all points of all faces, relative to the centre of the scene. */
+  positions(snapshot) {
+    const stored = this.snapshots > 1 ? snapshot : 'before';
+    return this.known[stored] ??= this.unpack(stored);
   }
 
-  unpack(stage) {
-    const origins = this.arrays[`${this.name}_${stage}_origins`];
-    const scales = this.arrays[`${this.name}_${stage}_scales`];
-    const steps = this.arrays[`${this.name}_${stage}_steps`];
+  unpack(snapshot) {
+    const origins = this.arrays[`${this.name}_${snapshot}_origins`];
+    const scales = this.arrays[`${this.name}_${snapshot}_scales`];
+    const steps = this.arrays[`${this.name}_${snapshot}_steps`];
     const positions = new Float32Array(steps.length);
     const each = 3 * this.pattern.count;
     for (let face = 0; face < this.cells.length; ++face) {
@@ -54,7 +57,7 @@ class FaceSet {
     return positions;
   }
 
-  /** Numbers of the points of the triangles, or lines, of those faces that `shown` says yes to. */
+  /** The points of the triangles or lines in `pattern`, for the faces of the cells for which shown(cell) is true. */
   select(pattern, shown) {
     let faces = 0;
     for (const cell of this.cells) faces += shown(cell) ? 1 : 0;

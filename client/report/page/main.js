@@ -1,4 +1,4 @@
-// The page, from top to bottom.
+// Builds the page from top to bottom.
 
 /** A section with a heading, added to the page. */
 function addSection(id, title, note) {
@@ -15,13 +15,13 @@ function addHead(report) {
       make('h1', {}, report.title), make('p', {class: `verdict ${kind}`}, sentence), tiles(report.document));
 }
 
-/** The views; returns what shows a place in them. */
+/** Adds the views. Returns a function (place, size) that shows a place in them, or null if there are no views. */
 async function addPictures(report) {
   if (!report.scene) {
-    if (report.no_picture) addSection('pictures', 'The mesh', report.no_picture);
+    if (report.picture_note) addSection('pictures', 'The mesh', report.picture_note);
     return null;
   }
-  const section = addSection('pictures', 'The mesh, coloured by scaled Jacobian', report.no_picture);
+  const section = addSection('pictures', 'The mesh, coloured by scaled Jacobian', report.picture_note);
   const arrays = await unpack(document.getElementById('arrays').textContent, report.scene.arrays);
   const cells = new CellTable(report.scene, arrays);
   const crosses = report.document.unrepairable;
@@ -29,36 +29,36 @@ async function addPictures(report) {
 }
 
 function addTables(report, go) {
-  const section = addSection('tables', 'Figures');
+  const section = addSection('tables', 'Numbers');
   section.append(make('div', {class: 'columns'}, qualityTable(report.document), meshTable(report.document)));
   if (report.scene) {
-    const worst = addSection('worst', 'The worst elements', 'Rings in the views are numbered as these rows are.');
-    worst.append(make('div', {class: 'columns'}, ...report.scene.stages.map((stage) => worstTable(report.scene, stage, go))));
+    const worst = addSection('worst', 'The worst elements', 'The numbers of the rows are those of the rings in the views.');
+    worst.append(make('div', {class: 'columns'}, ...report.scene.snapshots.map((snapshot) => worstTable(report.scene, snapshot, go))));
   }
   if (report.document.unrepairable.length) {
-    addSection('unrepairable', 'Beyond repair').append(unrepairableTable(report.document.unrepairable));
+    addSection('unrepairable', 'Elements that cannot be repaired').append(unrepairableTable(report.document.unrepairable));
   }
 }
 
 function addOrigin(report) {
-  const section = addSection('origin', 'Where this comes from');
+  const section = addSection('origin', 'Origin of this report');
   section.append(table('Origin', ['', ''], report.origin.map(([name, text]) => [name, {text, class: 'text'}])));
   if (!report.options.length) return;
   const rows = report.options.map(({name, value, help}) => [name, value || 'default', help]);
-  section.append(make('details', {open: rows.some((row) => row[1] !== 'default')}, make('summary', {}, 'Options'), table('Options', ['Flag', 'Value', 'What it is'], rows)));
+  section.append(make('details', {open: rows.some((row) => row[1] !== 'default')}, make('summary', {}, 'Options'), table('Options', ['Flag', 'Value', 'Meaning'], rows)));
 }
 
 async function main() {
   const report = JSON.parse(document.getElementById('report').textContent);
   addHead(report);
   const go = await addPictures(report);
-  histograms(addSection('histograms', 'Elements by scaled Jacobian', 'Js = min J / max J in each element, 1 at best.'), report);
+  histograms(addSection('histograms', 'Elements by scaled Jacobian', 'The scaled Jacobian of an element is min J / max J; 1 is the best value.'), report);
   if (report.history.iteration?.length) {
-    convergence(addSection('convergence', 'Convergence', 'Shaded: the phases of the method.'), report.history);
+    convergence(addSection('convergence', 'Convergence', 'Shading shows the phases of the method.'), report.history);
   }
   addTables(report, go);
   addOrigin(report);
-  // Two frames on, all of it has been drawn.
+  // After two frames, everything has been drawn.
   requestAnimationFrame(() => requestAnimationFrame(() => { document.documentElement.dataset.ready = 'yes'; }));
 }
 

@@ -1,9 +1,9 @@
-// Marks over a view, of the same size however near it is: rings round the worst elements, crosses where nothing helps.
+// Marks over a view, whose size does not change with the zoom: rings round the worst elements, crosses on unrepairable ones.
 
 const RINGS = 5;
 
 class Overlay {
-  /** rings: [{place}], worst first; crosses: [{place}]; places as the view's project() takes them. */
+  /** rings: [{place}], worst first; crosses: [{place}]. Places are arguments of project() below. */
   constructor(view, rings, crosses) {
     this.svg = draw('svg', {class: 'marks', 'aria-hidden': 'true'});
     this.tip = make('div', {class: 'tip', hidden: true});
@@ -21,7 +21,7 @@ class Overlay {
     this.marks.push({place, node});
   }
 
-  /** project(place) → [x, y] in pixels, or null where it is out of sight. */
+  /** Moves the marks. project(place) returns [x, y] in pixels, or null if the place cannot be seen. */
   follow(project) {
     for (const {place, node} of this.marks) {
       const at = project(place);
@@ -30,8 +30,8 @@ class Overlay {
     }
   }
 
-  /** Text beside the pointer; none hides it. */
-  say(text, x = 0, y = 0) {
+  /** Shows text beside the pointer, or hides it if the text is empty. */
+  showText(text, x = 0, y = 0) {
     this.tip.hidden = !text;
     if (!text) return;
     this.tip.textContent = text;

@@ -1,7 +1,7 @@
-// Cells of a 2-D mesh as closed paths of Bézier curves: scene_2d.cpp is the other side. The plane is relative to the
-// scene's centre, y upwards.
+// The cells of a 2-D mesh as closed paths of Bézier curves. scene_2d.cpp packs them. Coordinates are relative to the centre
+// of the scene; y points upwards.
 
-/** Takes a path as text for SVG. */
+/** A pen that writes a path as text for SVG. */
 class PathText {
   constructor() { this.text = ''; }
   moveTo(x, y) { this.text += `M${x} ${y}`; }
@@ -18,19 +18,19 @@ class Paths2d {
     this.first = new Int32Array(arrays.cell_sides.length + 1);
     arrays.cell_sides.forEach((sides, i) => { this.first[i + 1] = this.first[i] + sides; });
     this.count = arrays.cell_sides.length;
-    this.stages = {};
-    for (const stage of scene.stages) {
-      this.stages[stage] =
-          {vertices: arrays[`vertices_${stage}`], scales: arrays[`bend_scales_${stage}`], bends: arrays[`bends_${stage}`]};
+    this.snapshots = {};
+    for (const snapshot of scene.snapshots) {
+      this.snapshots[snapshot] =
+          {vertices: arrays[`vertices_${snapshot}`], scales: arrays[`bend_scales_${snapshot}`], bends: arrays[`bends_${snapshot}`]};
     }
-    // No more digits than single precision has.
+    // Digits beyond single precision are left out.
     const size = Math.max(scene.box[3] - scene.box[0], scene.box[4] - scene.box[1]);
     this.unit = 10 ** Math.floor(Math.log10(size) - 7);
   }
 
-  /** One edge from its beginning, where the pen is, to its end, or the other way round. */
-  traceEdge(stage, edge, backwards, pen) {
-    const {vertices, scales, bends} = this.stages[stage];
+  /** Traces an edge from its first end to its second, or backwards. The pen is at the beginning. */
+  traceEdge(snapshot, edge, backwards, pen) {
+    const {vertices, scales, bends} = this.snapshots[snapshot];
     const from = 2 * this.ends[2 * edge + (backwards ? 1 : 0)];
     const to = 2 * this.ends[2 * edge + (backwards ? 0 : 1)];
     const [x0, y0, x1, y1] = [vertices[from], vertices[from + 1], vertices[to], vertices[to + 1]];
@@ -41,18 +41,18 @@ class Paths2d {
     }
     const base = 2 * edge * this.points;
     const steps = this.points + 1;
-    const at = (k) => {
+    const control = (k) => {
       if (k === steps) return [x1, y1];
       const t = k / steps;
       const i = base + 2 * ((backwards ? steps - k : k) - 1);
       return [x0 + t * (x1 - x0) + scale * bends[i], y0 + t * (y1 - y0) + scale * bends[i + 1]];
     };
-    for (let k = 1; k < steps; k += 3) pen.bezierCurveTo(...at(k), ...at(k + 1), ...at(k + 2));
+    for (let k = 1; k < steps; k += 3) pen.bezierCurveTo(...control(k), ...control(k + 1), ...control(k + 2));
   }
 
-  /** The closed path of a cell. */
-  trace(stage, cell, pen) {
-    const {vertices} = this.stages[stage];
+  /** Traces the closed path of a cell. */
+  trace(snapshot, cell, pen) {
+    const {vertices} = this.snapshots[snapshot];
     for (let i = this.first[cell]; i < this.first[cell + 1]; ++i) {
       const edge = Math.abs(this.edges[i]) - 1;
       const backwards = this.edges[i] < 0;
@@ -60,22 +60,22 @@ class Paths2d {
         const vertex = 2 * this.ends[2 * edge + (backwards ? 1 : 0)];
         pen.moveTo(vertices[vertex], vertices[vertex + 1]);
       }
-      this.traceEdge(stage, edge, backwards, pen);
+      this.traceEdge(snapshot, edge, backwards, pen);
     }
     pen.closePath();
   }
 
-  /** Every edge once. */
-  traceEdges(stage, pen) {
-    const {vertices} = this.stages[stage];
+  /** Traces every edge once. */
+  traceEdges(snapshot, pen) {
+    const {vertices} = this.snapshots[snapshot];
     for (let edge = 0; 2 * edge < this.ends.length; ++edge) {
       const vertex = 2 * this.ends[2 * edge];
       pen.moveTo(vertices[vertex], vertices[vertex + 1]);
-      this.traceEdge(stage, edge, false, pen);
+      this.traceEdge(snapshot, edge, false, pen);
     }
   }
 
-  /** A pen whose text has as many digits as there are. */
+  /** A pen for text, which rounds to the digits that single precision has. */
   text() {
     const round = (value) => Number((Math.round(value / this.unit) * this.unit).toPrecision(9));
     const pen = new PathText();
@@ -88,14 +88,14 @@ class Paths2d {
     };
   }
 
-  /** x, y, x, y of a box round each cell, no smaller than it is. */
-  boxes(stage) {
+  /** A box round each cell: smallest x, smallest y, largest x, largest y. It may be larger than the cell. */
+  boxes(snapshot) {
     this.known ??= {};
-    return this.known[stage] ??= this.findBoxes(stage);
+    return this.known[snapshot] ??= this.findBoxes(snapshot);
   }
 
-  findBoxes(stage) {
-    const {vertices, scales, bends} = this.stages[stage];
+  findBoxes(snapshot) {
+    const {vertices, scales, bends} = this.snapshots[snapshot];
     const largest = bends instanceof Int8Array ? 127 : 32767;
     const boxes = new Float32Array(4 * this.count);
     for (let cell = 0; cell < this.count; ++cell) {

@@ -1,15 +1,15 @@
 // The section with the views of the mesh, their legend and their controls.
 
-const STAGE_TITLES = {before: 'Before', after: 'After'};
+const SNAPSHOT_TITLES = {before: 'Before', after: 'After'};
 
-/** A box for each stage, side by side where there is room. */
-function viewBoxes(stages) {
+/** A box for each snapshot, side by side if there is room. */
+function viewBoxes(snapshots) {
   const boxes = {};
   const columns = make('div', {class: 'columns'});
-  for (const stage of stages) {
-    boxes[stage] = make('div', {class: 'view view-size'});
+  for (const snapshot of snapshots) {
+    boxes[snapshot] = make('div', {class: 'view view-size'});
     columns.append(make('figure', {},
-        make('figcaption', {}, make('h3', {}, stages.length > 1 ? STAGE_TITLES[stage] : 'The mesh')), boxes[stage]));
+        make('figcaption', {}, make('h3', {}, snapshots.length > 1 ? SNAPSHOT_TITLES[snapshot] : 'The mesh')), boxes[snapshot]));
   }
   return {boxes, columns};
 }
@@ -20,29 +20,29 @@ function button(text, act) {
   return node;
 }
 
-/** A second pair of views of a mesh in which single elements are too small to be seen. */
+/** A second pair of views, for meshes in which single elements are too small to be seen. */
 function closeUp(section, scene, paths, table, crosses) {
-  const one = scene.worst[scene.stages[0]][0];
+  const one = scene.worst[scene.snapshots[0]][0];
   const viewport = new Viewport2d(scene.box[3] - scene.box[0], scene.box[4] - scene.box[1]);
   if (8 * one.size > viewport.span / 4) return;
-  const {boxes, columns} = viewBoxes(scene.stages);
-  section.append(make('h2', {}, scene.stages.length > 1 ? 'Round the element that was worst' : 'Round the worst element'), columns);
+  const {boxes, columns} = viewBoxes(scene.snapshots);
+  section.append(make('h2', {}, scene.snapshots.length > 1 ? 'Around the element that was worst' : 'Around the worst element'), columns);
   viewport.show(one.place[0] - scene.centre[0], one.place[1] - scene.centre[1], 8 * one.size);
-  for (const stage of scene.stages) new View2d(boxes[stage], scene, paths, table, stage, viewport, crosses);
+  for (const snapshot of scene.snapshots) new View2d(boxes[snapshot], scene, paths, table, snapshot, viewport, crosses);
 }
 
-/** The 2-D views; returns go(place, size), which shows a place in all of them. */
+/** Adds the 2-D views. Returns go(place, size), which shows a place in all of them. */
 function pictures2d(section, scene, arrays, table, crosses) {
-  const {boxes, columns} = viewBoxes(scene.stages);
+  const {boxes, columns} = viewBoxes(scene.snapshots);
   const viewport = new Viewport2d(scene.box[3] - scene.box[0], scene.box[4] - scene.box[1]);
   const go = (place, size) => viewport.show(place[0] - scene.centre[0], place[1] - scene.centre[1], 8 * size);
-  const last = scene.worst[scene.stages.at(-1)][0];
+  const last = scene.worst[scene.snapshots.at(-1)][0];
   section.append(legend(crosses.length > 0), columns, make('div', {class: 'controls'},
       button('Whole mesh', () => viewport.reset()), button('Worst element', () => go(last.place, last.size)),
-      button('Nearer', () => viewport.zoom(0.6)), button('Further', () => viewport.zoom(1 / 0.6)),
-      make('span', {class: 'quiet small'}, 'Drag to move; click, then turn the wheel, or + − and arrow keys, to zoom.')));
+      button('Zoom in', () => viewport.zoom(0.6)), button('Zoom out', () => viewport.zoom(1 / 0.6)),
+      make('span', {class: 'quiet small'}, 'Drag to move. After a click on a view, the wheel and the keys + and − zoom, and the arrow keys move.')));
   const paths = new Paths2d(scene, arrays);
-  for (const stage of scene.stages) new View2d(boxes[stage], scene, paths, table, stage, viewport, crosses);
+  for (const snapshot of scene.snapshots) new View2d(boxes[snapshot], scene, paths, table, snapshot, viewport, crosses);
   closeUp(section, scene, paths, table, crosses);
   return go;
 }
@@ -65,7 +65,7 @@ function slider({min, max, step, value}, show, act) {
 
 const SKINS = ['solid', 'through', 'none'];
 
-/** What can be chosen of a 3-D mesh. */
+/** The controls that choose what is shown of a 3-D mesh. */
 function controls3d(scene, shared) {
   const {axis, at, threshold, skin} = shared.choice;
   let side = 0.5;
@@ -83,17 +83,17 @@ function controls3d(scene, shared) {
       labelled('Boundary', choice(['solid', 'see-through', 'hidden'], SKINS.indexOf(skin), (i) => shared.select({skin: SKINS[i]}))),
       labelled('Cut', choice(['none', 'across x', 'across y', 'across z'], axis + 1, (i) => { shared.select({axis: i - 1}); move(side); })),
       slider({min: 0, max: 1, step: 0.01, value: 0.5}, (to) => `${Math.round(100 * to)} %`, move), flip,
-      labelled('Elements under', slider({min: 0, max: up, step: up / 100, value: threshold}, (js) => js.toFixed(2),
+      labelled('Elements below', slider({min: 0, max: up, step: up / 100, value: threshold}, (js) => js.toFixed(2),
           (js) => shared.select({threshold: js}))));
 }
 
-/** The 3-D views, or a sentence where they cannot be drawn. */
+/** Adds the 3-D views, or a sentence if they cannot be drawn. Returns go(place, size) as pictures2d() does, or null. */
 function pictures3d(section, scene, arrays, table, crosses) {
   if (!document.createElement('canvas').getContext('webgl2')) {
-    section.append(make('p', {}, 'This browser does not draw in three dimensions (WebGL 2), so the views are left out; all that follows is here.'));
+    section.append(make('p', {}, 'This browser cannot draw in three dimensions (WebGL 2), so there are no views. The rest of the report is complete.'));
     return null;
   }
-  const {boxes, columns} = viewBoxes(scene.stages);
+  const {boxes, columns} = viewBoxes(scene.snapshots);
   const whole = scene.whole === scene.cells;
   const shared = new Shared3d(scene, {axis: whole ? 1 : -1, at: 0, flip: false,
     threshold: Math.min(whole ? 0 : 0.5, Math.max(0.01, scene.whole_up_to)), skin: whole ? 'solid' : 'through'});
@@ -101,19 +101,19 @@ function pictures3d(section, scene, arrays, table, crosses) {
   const go = (place, size) => {
     shared.look(place.map((value, d) => value - scene.centre[d]), 6 * size);
   };
-  const last = scene.worst[scene.stages.at(-1)][0];
+  const last = scene.worst[scene.snapshots.at(-1)][0];
   const bar = controls3d(scene, shared);
   section.append(legend(crosses.length > 0), columns, bar, make('div', {class: 'controls'},
       button('Whole mesh', () => shared.reset()), button('Worst element', () => go(last.place, last.size)),
-      button('Nearer', () => shared.zoom(0.7)), button('Further', () => shared.zoom(1 / 0.7)),
-      make('span', {class: 'quiet small'}, 'Drag to turn; click, then turn the wheel, or + − and arrow keys.')));
+      button('Zoom in', () => shared.zoom(0.7)), button('Zoom out', () => shared.zoom(1 / 0.7)),
+      make('span', {class: 'quiet small'}, 'Drag to turn. After a click on a view, the wheel and the keys + and − zoom, and the arrow keys turn.')));
   if (!whole) {
-    section.append(make('p', {class: 'quiet small'}, `Of ${grouped(scene.cells)} elements the page holds those with a face on the ` +
-        `boundary, and, whole, the ${grouped(scene.whole)} with the smallest scaled Jacobians.`));
+    section.append(make('p', {class: 'quiet small'}, `The mesh has ${grouped(scene.cells)} elements. The page shows the faces on the ` +
+        `boundary, and all faces of the ${grouped(scene.whole)} elements with the smallest scaled Jacobians.`));
   }
-  const sets = scene.sets.map((facts) => new FaceSet(facts, arrays));
-  for (const stage of scene.stages) {
-    shared.views.push(new View3d(boxes[stage], scene, arrays, sets, table, stage, shared, crosses));
+  const sets = scene.sets.map((description) => new FaceSet(description, arrays));
+  for (const snapshot of scene.snapshots) {
+    shared.views.push(new View3d(boxes[snapshot], scene, arrays, sets, table, snapshot, shared, crosses));
   }
   shared.follow();
   return go;

@@ -1,23 +1,23 @@
-// The numbers: key figures, histograms, tables of quality, of the worst elements and of what cannot be repaired.
+// Key figures, histograms, and the tables of quality, of the worst elements and of the unrepairable elements.
 
-/** The reports in a document, in order: [[name, quality]]. */
+/** The quality reports in a document, in order: [[name of the snapshot, quality]]. */
 function qualities(document) {
   return document.quality ? [['before', document.quality]] : [['before', document.before], ['after', document.after]];
 }
 
-/** A sentence about how the mesh is now, and whether that is good. */
+/** Whether the last snapshot is valid, as ['good' or 'bad', a sentence]. */
 function verdict(document) {
   const last = qualities(document).at(-1)[1];
   const {elements} = document.mesh;
   const left = elements - last.certified.valid;
   if (left === 0) return ['good', `All ${grouped(elements)} elements are certified valid.`];
-  const named = new Set(document.unrepairable.flatMap((group) => group.elements)).size;
+  const unrepairable = new Set(document.unrepairable.flatMap((group) => group.elements)).size;
   const parts = [`${grouped(left)} of ${grouped(elements)} elements ${left === 1 ? 'is' : 'are'} not certified valid`];
-  if (named) parts.push(`${grouped(named)} of these no movement of interior nodes can repair`);
+  if (unrepairable) parts.push(`no movement of interior nodes can repair ${grouped(unrepairable)} of these`);
   return ['bad', `${parts.join('; ')}.`];
 }
 
-/** The few figures that matter most. */
+/** The most important figures. */
 function tiles(document) {
   const list = qualities(document);
   const [first, last] = [list[0][1], list.at(-1)[1]];
@@ -37,10 +37,10 @@ function tiles(document) {
   return make('dl', {class: 'tiles'}, ...all);
 }
 
-/** Histograms of both stages on the same axes. */
+/** Histograms of the snapshots, on the same axes. */
 function histograms(section, report) {
-  const list = qualities(report.document).filter(([stage]) => report.histograms[stage]);
-  const most = Math.max(...list.flatMap(([stage, quality]) => [...report.histograms[stage], quality.invalid_elements]), 1);
+  const list = qualities(report.document).filter(([snapshot]) => report.histograms[snapshot]);
+  const most = Math.max(...list.flatMap(([snapshot, quality]) => [...report.histograms[snapshot], quality.invalid_elements]), 1);
   let log = most > 50;
   const paint = [];
   const toggle = button('Logarithmic counts', () => {
@@ -51,12 +51,12 @@ function histograms(section, report) {
   toggle.setAttribute('aria-pressed', log);
   const columns = make('div', {class: 'columns'});
   section.append(make('div', {class: 'controls'}, toggle), columns);
-  for (const [stage, quality] of list) {
-    const title = list.length > 1 ? STAGE_TITLES[stage] : 'All elements';
+  for (const [snapshot, quality] of list) {
+    const title = list.length > 1 ? SNAPSHOT_TITLES[snapshot] : 'All elements';
     const place = make('div');
     columns.append(make('div', {}, make('h3', {}, title), place));
     let width = 0;
-    const again = () => width && place.replaceChildren(histogramChart({width, counts: report.histograms[stage],
+    const again = () => width && place.replaceChildren(histogramChart({width, counts: report.histograms[snapshot],
       below: quality.invalid_elements, most, log, fill: (js) => css(colourOf(js ?? -1)),
       names: {x: 'scaled Jacobian', y: 'elements', title: `Histogram of the scaled Jacobian, ${title.toLowerCase()}`}}));
     paint.push(again);
@@ -68,18 +68,18 @@ function histograms(section, report) {
 const QUALITY_ROWS = [
   ['Smallest scaled Jacobian', (one) => one.min_scaled_jacobian, jacobian, 'min_scaled_jacobian'],
   ['Mean scaled Jacobian', (one) => one.mean_scaled_jacobian, jacobian, 'mean_scaled_jacobian'],
-  ['Smallest distortion', (one) => one.min_distortion_jacobian, jacobian, 'min_distortion_jacobian'],
+  ['Smallest distortion Jacobian', (one) => one.min_distortion_jacobian, jacobian, 'min_distortion_jacobian'],
   ['Invalid elements, sampled', (one) => one.invalid_elements, grouped, 'invalid_elements'],
   ['Certified valid', (one) => one.certified.valid, grouped, 'certified.valid'],
   ['Certified invalid', (one) => one.certified.invalid, grouped, 'certified.invalid'],
   ['Undecided', (one) => one.certified.undecided, grouped, 'certified.undecided'],
-  ['Proved smallest scaled Jacobian', (one) => one.certified.min_scaled_jacobian_lower_bound, jacobian,
+  ['Proved lower bound of the smallest scaled Jacobian', (one) => one.certified.min_scaled_jacobian_lower_bound, jacobian,
     'certified.min_scaled_jacobian_lower_bound'],
 ];
 
 function qualityTable(document) {
   const list = qualities(document);
-  const heads = list.map(([stage]) => ({text: list.length > 1 ? STAGE_TITLES[stage] : 'Value', class: 'number'}));
+  const heads = list.map(([snapshot]) => ({text: list.length > 1 ? SNAPSHOT_TITLES[snapshot] : 'Value', class: 'number'}));
   const rows = QUALITY_ROWS.map(([name, pick, show]) => [name, ...list.map(([, one]) => numberCell(pick(one), show(pick(one))))]);
   const node = table('Quality', ['', ...heads], rows);
   node.id = 'quality-table';
@@ -95,14 +95,14 @@ function meshTable(document) {
     if (document[name] !== undefined) rows.push([name, numberCell(document[name], show(document[name]))]);
   }
   if (document.converged !== undefined) rows.push(['converged', {text: document.converged ? 'yes' : 'no', class: 'number'}]);
-  const node = table(document.energy ? 'Mesh and run' : 'Mesh', ['', {text: 'Value', class: 'number'}], rows);
+  const node = table(document.energy ? 'Mesh and optimisation' : 'Mesh', ['', {text: 'Value', class: 'number'}], rows);
   node.id = 'mesh-table';
   return node;
 }
 
-/** The worst elements of a stage; go(place, size) shows one. */
-function worstTable(scene, stage, go) {
-  const rows = scene.worst[stage].map((one, i) => {
+/** The table of the worst elements of a snapshot. go(place, size) shows a place in the views. */
+function worstTable(scene, snapshot, go) {
+  const rows = scene.worst[snapshot].map((one, i) => {
     const show = go ? button('show', () => {
       go(one.place, one.size);
       document.getElementById('pictures').scrollIntoView({block: 'start'});
@@ -110,8 +110,8 @@ function worstTable(scene, stage, go) {
     const place = one.place.slice(0, scene.dimension).map((x) => readable(Number(x.toPrecision(3)))).join(', ');
     return [String(i + 1), numberCell(one.number, String(one.number)), one.shape, numberCell(one.scaled_jacobian, jacobian(one.scaled_jacobian)), show, {text: place, class: 'place'}];
   });
-  return table(scene.stages.length > 1 ? `The worst ${stage}` : 'The worst elements',
-      ['', {text: 'Element', class: 'number'}, 'Shape', {text: 'Scaled Jacobian', class: 'number'}, '', 'Middle'], rows);
+  return table(scene.snapshots.length > 1 ? `The worst elements ${snapshot}` : 'The worst elements',
+      ['', {text: 'Element', class: 'number'}, 'Shape', {text: 'Scaled Jacobian', class: 'number'}, '', 'Centre'], rows);
 }
 
 function unrepairableTable(groups) {
@@ -119,6 +119,6 @@ function unrepairableTable(groups) {
   const rows = groups.slice(0, most).map((group, i) =>
     [String(i + 1), group.kind, group.elements.join(', '), numberCell(group.determinant), group.sentence]);
   const more = groups.length > most ? ` (the first ${most} of ${grouped(groups.length)})` : '';
-  return table(`What no movement of interior nodes repairs${more}`,
-      ['', 'Kind', 'Elements', {text: 'Determinant', class: 'number'}, 'What and what to do'], rows);
+  return table(`Elements that no movement of interior nodes can repair${more}`,
+      ['', 'Kind', 'Elements', {text: 'Determinant', class: 'number'}, 'Reason and remedy'], rows);
 }

@@ -1,4 +1,4 @@
-// The arrays of numbers: packing.cpp is the other side.
+// Unpacks the arrays of numbers that packing.cpp packed.
 
 const ARRAY_TYPES = {Float32: Float32Array, Float64: Float64Array, Int8: Int8Array, Int16: Int16Array, Int32: Int32Array, Uint8: Uint8Array};
 
@@ -10,7 +10,7 @@ function bytesOf(base64) {
   return bytes;
 }
 
-/** {name: typed array} from the text and its directory. */
+/** Returns {name: typed array} from the base64 text and the directory of the arrays. */
 async function unpack(base64, directory) {
   const packed = new Blob([bytesOf(base64)]).stream().pipeThrough(new DecompressionStream('deflate'));
   const bytes = new Uint8Array(await new Response(packed).arrayBuffer());

@@ -1,12 +1,12 @@
-// A 2-D mesh in colour. Small meshes are SVG; of large ones, which SVG is too slow for, the same curves go to a canvas.
+// Views of a 2-D mesh in colour. A mesh with few curves is drawn as SVG. For others SVG is too slow, and a canvas is used.
 
 const MOST_SVG_CURVES = 60000;
-const SMALL = 4;  // pixels: a cell of this size may as well be a box
+const SMALL = 4;  // In pixels. A smaller cell is drawn as a box.
 
-/** Cells by colour: bin b for Js in [b, b + 1) / COLOURS, and last the invalid ones. */
-function cellsByColour(table, stage) {
+/** The cells by colour: bin b has the cells with Js in [b, b + 1) / COLOURS, the last bin has the invalid cells. */
+function cellsByColour(table, snapshot) {
   const bins = Array.from({length: COLOURS + 1}, () => []);
-  table.js[stage].forEach((js, cell) => bins[js > 0 ? Math.min(COLOURS - 1, Math.floor(js * COLOURS)) : COLOURS].push(cell));
+  table.js[snapshot].forEach((js, cell) => bins[js > 0 ? Math.min(COLOURS - 1, Math.floor(js * COLOURS)) : COLOURS].push(cell));
   return bins;
 }
 
@@ -14,26 +14,26 @@ const rgbOfBin = (bin) => (bin === COLOURS ? colourOf(-1) : colourOf((bin + 0.5)
 const colourOfBin = (bin) => css(rgbOfBin(bin));
 
 class SvgDrawing {
-  constructor(paths, table, stage) {
-    this.node = draw('svg', {class: 'drawing', role: 'img', 'aria-label': `the mesh ${stage}, coloured by scaled Jacobian`});
+  constructor(paths, table, snapshot) {
+    this.node = draw('svg', {class: 'drawing', role: 'img', 'aria-label': `the mesh ${snapshot}, coloured by scaled Jacobian`});
     this.plane = draw('g');
     this.node.append(this.plane);
     const fills = [];
-    cellsByColour(table, stage).forEach((cells, bin) => {
+    cellsByColour(table, snapshot).forEach((cells, bin) => {
       if (!cells.length) return;
       const pen = paths.text();
-      for (const cell of cells) paths.trace(stage, cell, pen);
+      for (const cell of cells) paths.trace(snapshot, cell, pen);
       const path = draw('path', {d: pen.text});
       fills.push([path, bin]);
       this.plane.append(path);
     });
     const pen = paths.text();
-    paths.traceEdges(stage, pen);
+    paths.traceEdges(snapshot, pen);
     this.plane.append(draw('path', {class: 'outline', d: pen.text}));
     for (let cell = 0; cell < table.count; ++cell) {
-      if (!table.invalid(stage, cell) && !table.unrepairable(cell)) continue;
+      if (!table.invalid(snapshot, cell) && !table.unrepairable(cell)) continue;
       const outline = paths.text();
-      paths.trace(stage, cell, outline);
+      paths.trace(snapshot, cell, outline);
       this.plane.append(draw('path', {class: table.unrepairable(cell) ? 'flagged never' : 'flagged', d: outline.text}));
     }
     const paint = () => { for (const [path, bin] of fills) path.setAttribute('fill', colourOfBin(bin)); };
@@ -48,11 +48,11 @@ class SvgDrawing {
 }
 
 class CanvasDrawing {
-  constructor(paths, table, stage) {
-    Object.assign(this, {paths, table, stage});
-    this.node = make('canvas', {role: 'img', 'aria-label': `the mesh ${stage}, coloured by scaled Jacobian`});
-    this.boxes = paths.boxes(stage);
-    this.bins = cellsByColour(table, stage);
+  constructor(paths, table, snapshot) {
+    Object.assign(this, {paths, table, snapshot});
+    this.node = make('canvas', {role: 'img', 'aria-label': `the mesh ${snapshot}, coloured by scaled Jacobian`});
+    this.boxes = paths.boxes(snapshot);
+    this.bins = cellsByColour(table, snapshot);
     darkTheme.addEventListener('change', () => this.repaint());
   }
 
@@ -63,7 +63,7 @@ class CanvasDrawing {
     requestAnimationFrame(() => { this.waiting = false; this.repaint(); });
   }
 
-  /** Cells in sight, as [cell, size in pixels]. */
+  /** Yields the cells that can be seen, as [cell, size in pixels]. */
   * inSight(cells, {x, y, span}, width, height) {
     const unit = span / width;
     const [left, right] = [x - span / 2, x + span / 2];
@@ -89,35 +89,35 @@ class CanvasDrawing {
     const large = this.paintSmall(pen, size, scale, move);
     pen.setTransform(scale, 0, 0, -scale, ...move);
     const line = getComputedStyle(document.documentElement).getPropertyValue('--mesh-line');
-    const fat = css(themeColour('--invalid'));
+    const invalidLine = css(themeColour('--invalid'));
     large.forEach((cells, bin) => {
       pen.fillStyle = colourOfBin(bin);
       for (const [cell, pixels] of cells) {
         pen.beginPath();
-        this.paths.trace(this.stage, cell, pen);
+        this.paths.trace(this.snapshot, cell, pen);
         pen.fill();
-        const flagged = this.table.invalid(this.stage, cell);
+        const flagged = this.table.invalid(this.snapshot, cell);
         if (pixels < 8) continue;
-        pen.strokeStyle = flagged ? fat : line;
+        pen.strokeStyle = flagged ? invalidLine : line;
         pen.lineWidth = ((flagged ? 2 : 0.7) * ratio) / scale;
         pen.stroke();
       }
     });
   }
 
-  /** Puts cells of few pixels there as the pixels of their boxes, the worse over the better; returns the others by bin. */
+  /** Paints the cells of few pixels as boxes, worse cells over better ones. Returns the other cells that can be seen, by bin. */
   paintSmall(pen, size, scale, move) {
     const image = pen.createImageData(...size);
     const pixels = new Uint32Array(image.data.buffer);
     const large = this.bins.map(() => []);
     const [viewport, width, height] = this.seen;
     for (let bin = COLOURS; bin >= 0; --bin) {
-      const place = bin === 0 ? COLOURS : bin - 1;  // 63, 62, …, 0, and the invalid ones last
-      const [r, g, b] = rgbOfBin(place);
-      const colour = (255 << 24) | (b << 16) | (g << 8) | r;  // as little-endian machines have it, which all are by now
-      for (const [cell, long] of this.inSight(this.bins[place], viewport, width, height)) {
-        if (long >= SMALL) {
-          large[place].push([cell, long]);
+      const painted = bin === 0 ? COLOURS : bin - 1;  // 63, 62, …, 0, then the invalid cells
+      const [r, g, b] = rgbOfBin(painted);
+      const colour = (255 << 24) | (b << 16) | (g << 8) | r;  // for little-endian machines, which all are
+      for (const [cell, extent] of this.inSight(this.bins[painted], viewport, width, height)) {
+        if (extent >= SMALL) {
+          large[painted].push([cell, extent]);
           continue;
         }
         const i = 4 * cell;
@@ -134,21 +134,21 @@ class CanvasDrawing {
   }
 }
 
-/** One stage of a 2-D mesh in `host`, steered together with the others on `viewport`. */
+/** The view of one snapshot of a 2-D mesh in the element `host`. Views with the same viewport move together. */
 class View2d {
-  constructor(host, scene, paths, table, stage, viewport, crosses) {
-    Object.assign(this, {host, paths, table, stage, viewport});
+  constructor(host, scene, paths, table, snapshot, viewport, crosses) {
+    Object.assign(this, {host, paths, table, snapshot, viewport});
     const Drawing = paths.edges.length * scene.pieces <= MOST_SVG_CURVES ? SvgDrawing : CanvasDrawing;
-    this.drawing = new Drawing(paths, table, stage);
+    this.drawing = new Drawing(paths, table, snapshot);
     host.append(this.drawing.node);
-    this.overlay = new Overlay(host, scene.worst[stage], crosses);
+    this.overlay = new Overlay(host, scene.worst[snapshot], crosses);
     this.centre = scene.centre;
     viewport.views.push(this);
     steer(host, viewport);
     new ResizeObserver(() => this.follow(viewport)).observe(host);
     this.probe = document.createElement('canvas').getContext('2d');
     host.addEventListener('pointermove', (event) => this.point(event));
-    host.addEventListener('pointerleave', () => this.overlay.say(''));
+    host.addEventListener('pointerleave', () => this.overlay.showText(''));
   }
 
   follow(viewport) {
@@ -161,18 +161,18 @@ class View2d {
   }
 
   point(event) {
-    if (event.buttons) return this.overlay.say('');
+    if (event.buttons) return this.overlay.showText('');
     const [x, y] = this.viewport.under(this.host, event.clientX, event.clientY);
-    const boxes = this.paths.boxes(this.stage);
+    const boxes = this.paths.boxes(this.snapshot);
     for (let cell = 0; cell < this.paths.count; ++cell) {
       const i = 4 * cell;
       if (x < boxes[i] || y < boxes[i + 1] || x > boxes[i + 2] || y > boxes[i + 3]) continue;
       const path = new Path2D();
-      this.paths.trace(this.stage, cell, path);
+      this.paths.trace(this.snapshot, cell, path);
       if (!this.probe.isPointInPath(path, x, y)) continue;
       const box = this.host.getBoundingClientRect();
-      return this.overlay.say(this.table.say(this.stage, cell), event.clientX - box.left, event.clientY - box.top);
+      return this.overlay.showText(this.table.describe(this.snapshot, cell), event.clientX - box.left, event.clientY - box.top);
     }
-    this.overlay.say('');
+    this.overlay.showText('');
   }
 }

@@ -1,25 +1,25 @@
-// A 3-D mesh that turns: its boundary, and the elements behind a cut or under a threshold.
+// Views of a 3-D mesh that can be turned: its boundary, and the elements behind a cut or below a threshold.
 
-/** Colours of a face set's points, linear as the library takes them. */
-function pointColours(faces, table, stage) {
+/** The colours of all points of a face set, in the linear colour space of the library. */
+function pointColours(faces, table, snapshot) {
   const linear = (value) => ((value / 255 + 0.055) / 1.055) ** 2.4 * 65535;
   const bins = Array.from({length: COLOURS}, (_, bin) => colourOf((bin + 0.5) / COLOURS).map(linear));
   const invalid = colourOf(-1).map(linear);
   const colours = new Uint16Array(3 * faces.cells.length * faces.pattern.count);
   let next = 0;
   for (const cell of faces.cells) {
-    const js = table.js[stage][cell];
+    const js = table.js[snapshot][cell];
     const colour = js > 0 ? bins[Math.min(COLOURS - 1, Math.floor(js * COLOURS))] : invalid;
     for (let i = 0; i < faces.pattern.count; ++i) for (let c = 0; c < 3; ++c) colours[next++] = colour[c];
   }
   return colours;
 }
 
-/** One set of faces as the library draws it. */
+/** One set of faces as objects of the library. */
 class DrawnFaces {
-  constructor(scene, faces, table, stage) {
-    Object.assign(this, {faces, table, stage});
-    const place = new THREE.BufferAttribute(faces.positions(stage), 3);
+  constructor(scene, faces, table, snapshot) {
+    Object.assign(this, {faces, table, snapshot});
+    const place = new THREE.BufferAttribute(faces.positions(snapshot), 3);
     this.surface = new THREE.BufferGeometry();
     this.surface.setAttribute('position', place);
     this.surface.setIndex(new THREE.BufferAttribute(faces.select(faces.pattern.triangles, () => true), 1));
@@ -36,11 +36,11 @@ class DrawnFaces {
   }
 
   colour() {
-    this.surface.setAttribute('color', new THREE.BufferAttribute(pointColours(this.faces, this.table, this.stage), 3, true));
+    this.surface.setAttribute('color', new THREE.BufferAttribute(pointColours(this.faces, this.table, this.snapshot), 3, true));
     this.ink.color.set(darkTheme.matches ? 0xdfe6ea : 0x141c22);
   }
 
-  /** Which cells are there, and whether one can see through them. */
+  /** Shows the faces of the cells for which shown(cell) is true. */
   show(shown, seeThrough) {
     this.surface.setIndex(new THREE.BufferAttribute(this.faces.select(this.faces.pattern.triangles, shown), 1));
     this.outline.setIndex(new THREE.BufferAttribute(this.faces.select(this.faces.pattern.lines, shown), 1));
@@ -51,21 +51,21 @@ class DrawnFaces {
   }
 }
 
-/** One stage in `host`; views share the camera and the choice of what is shown. */
+/** The view of one snapshot in the element `host`. Views share the camera and the choice of what is shown. */
 class View3d {
-  constructor(host, scene, arrays, sets, table, stage, shared, crosses) {
-    Object.assign(this, {host, table, stage, shared, centre: scene.centre, middles: arrays.middles});
+  constructor(host, scene, arrays, sets, table, snapshot, shared, crosses) {
+    Object.assign(this, {host, table, snapshot, shared, centre: scene.centre, middles: arrays.middles});
     this.whole = scene.whole === scene.cells;
     this.renderer = new THREE.WebGLRenderer({antialias: true, alpha: true});
     this.renderer.domElement.setAttribute('role', 'img');
-    this.renderer.domElement.setAttribute('aria-label', `the mesh ${stage}, coloured by scaled Jacobian`);
+    this.renderer.domElement.setAttribute('aria-label', `the mesh ${snapshot}, coloured by scaled Jacobian`);
     host.append(this.renderer.domElement);
     this.world = new THREE.Scene();
     this.world.add(new THREE.HemisphereLight(0xffffff, 0xc8c8c8, 2.2));
     this.lamp = new THREE.DirectionalLight(0xffffff, 1.3);
     this.world.add(this.lamp);
-    this.drawn = sets.map((faces) => new DrawnFaces(this.world, faces, table, stage));
-    this.overlay = new Overlay(host, scene.worst[stage], crosses);
+    this.drawn = sets.map((faces) => new DrawnFaces(this.world, faces, table, snapshot));
+    this.overlay = new Overlay(host, scene.worst[snapshot], crosses);
     this.controls = new THREE.OrbitControls(shared.camera, host);
     this.controls.enableZoom = false;
     host.tabIndex = 0;
@@ -74,7 +74,7 @@ class View3d {
     host.addEventListener('pointerdown', () => host.focus({preventScroll: true}));
     this.controls.addEventListener('change', () => shared.turned(this));
     host.addEventListener('pointermove', (event) => this.point(event));
-    host.addEventListener('pointerleave', () => this.overlay.say(''));
+    host.addEventListener('pointerleave', () => this.overlay.showText(''));
     host.addEventListener('keydown', (event) => this.press(event));
     new ResizeObserver(() => this.resize()).observe(host);
     darkTheme.addEventListener('change', () => { for (const one of this.drawn) one.colour(); this.paint(); });
@@ -82,11 +82,11 @@ class View3d {
     this.resize();
   }
 
-  /** Shows what the shared choice says: a cut takes away the cells whose middle is beyond it. */
+  /** Shows what has been chosen. A cut removes the cells whose middle is beyond it. */
   select() {
     const {axis, at, flip, threshold, skin} = this.shared.choice;
     const beyond = (cell) => axis >= 0 && (this.middles[3 * cell + axis] > at) !== flip;
-    const poor = (cell) => this.table.js[this.stage][cell] < threshold;
+    const poor = (cell) => this.table.js[this.snapshot][cell] < threshold;
     const cut = axis >= 0 && this.whole && skin === 'solid';
     for (const one of this.drawn) {
       if (one.faces.set === 'skin') one.show((cell) => skin !== 'none' && !beyond(cell), skin === 'through');
@@ -122,9 +122,9 @@ class View3d {
     });
   }
 
-  /** Says what is under the pointer. */
+  /** Describes the element under the pointer. */
   point(event) {
-    if (event.buttons) return this.overlay.say('');
+    if (event.buttons) return this.overlay.showText('');
     if (this.pointing) return;
     this.pointing = true;
     requestAnimationFrame(() => {
@@ -135,9 +135,9 @@ class View3d {
       ray.setFromCamera(new THREE.Vector2((x / box.width) * 2 - 1, 1 - (y / box.height) * 2), this.shared.camera);
       const solid = this.drawn.filter((one) => one.mesh.visible && !one.solid.transparent);
       const hit = ray.intersectObjects(solid.map((one) => one.mesh))[0];
-      if (!hit) return this.overlay.say('');
+      if (!hit) return this.overlay.showText('');
       const {faces} = solid.find((one) => one.mesh === hit.object);
-      this.overlay.say(this.table.say(this.stage, faces.cellOf(hit.face.a)), x, y);
+      this.overlay.showText(this.table.describe(this.snapshot, faces.cellOf(hit.face.a)), x, y);
     });
   }
 

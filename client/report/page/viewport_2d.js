@@ -1,7 +1,7 @@
-// What part of the plane is seen; the views before and after share it.
+// The visible part of the plane, which the views before and after share.
 
 class Viewport2d {
-  /** width, height: the size of what there is to see. */
+  /** width, height: the size of the mesh. */
   constructor(width, height) {
     this.whole = {width, height};
     this.views = [];
@@ -13,7 +13,7 @@ class Viewport2d {
     this.show(0, 0, Math.max(this.whole.width, this.whole.height / this.shape) * 1.04);
   }
 
-  /** The middle, and how much of x is seen. */
+  /** Shows the point (x, y) in the middle; `span` is the visible range of x. */
   show(x, y, span) {
     this.x = x;
     this.y = y;
@@ -25,7 +25,7 @@ class Viewport2d {
     for (const view of this.views) view.follow(this);
   }
 
-  /** By a factor, keeping the point (x, y) where it is. */
+  /** Changes the span by a factor. The point (x, y) stays where it is on the screen. */
   zoom(factor, x = this.x, y = this.y) {
     this.show(x + (this.x - x) * factor, y + (this.y - y) * factor, this.span * factor);
   }
@@ -34,7 +34,7 @@ class Viewport2d {
     this.show(this.x + x, this.y + y, this.span);
   }
 
-  /** The point of the plane under a pixel of an element. */
+  /** The point of the plane at a pixel of an element. */
   under(element, clientX, clientY) {
     const box = element.getBoundingClientRect();
     const unit = this.span / box.width;
@@ -42,7 +42,7 @@ class Viewport2d {
   }
 }
 
-/** Mouse, fingers and keys of a view. The wheel turns the page until the view is clicked or focused. */
+/** Connects the mouse, fingers and keys in a view to the viewport. The wheel scrolls the page unless the view has the focus. */
 function steer(element, viewport) {
   const fingers = new Map();
   const unit = () => viewport.span / element.clientWidth;

@@ -2,6 +2,8 @@
 //   paper_colouring MESH
 // tests/bench/paper uses it. A sweep goes through the colours one after another; the threads share the work of one
 // colour.
+#include "core/sweeps/colouring.h"
+
 #include <algorithm>
 #include <cstdio>
 #include <string>
@@ -10,7 +12,6 @@
 #include "core/formats/formats.h"
 #include "core/problem/fixed_nodes.h"
 #include "core/problem/problem.h"
-#include "core/sweeps/schedule.h"
 
 namespace {
 
@@ -31,14 +32,14 @@ void print_counts(const char* name, const std::vector<int>& counts) {
 }
 
 /// Prints for each colour how many groups can be worked on at the same time, and how many nodes they have.
-void print_colouring(const char* name, const Schedule& schedule) {
+void print_colouring(const char* name, const ColouredNodes& coloured) {
   std::vector<int> groups, nodes;
-  for (std::size_t colour = 0; colour < schedule.colour_count(); ++colour) {
-    const std::int32_t first = schedule.colours[colour], last = schedule.colours[colour + 1];
+  for (std::size_t colour = 0; colour < coloured.colour_count(); ++colour) {
+    const std::int32_t first = coloured.colours[colour], last = coloured.colours[colour + 1];
     groups.push_back(last - first);
-    nodes.push_back(schedule.groups[last] - schedule.groups[first]);
+    nodes.push_back(coloured.groups[last] - coloured.groups[first]);
   }
-  std::printf("\"%s\": {\"colours\": %zu, ", name, schedule.colour_count());
+  std::printf("\"%s\": {\"colours\": %zu, ", name, coloured.colour_count());
   print_counts("groups", groups);
   std::printf(", ");
   print_counts("nodes", nodes);
@@ -56,9 +57,9 @@ int main(int argc, char** argv) {
   const Problem problem = build_problem(file->mesh, *fixed, 0);
   std::printf("{\"free_nodes\": %zu, \"most_free_nodes_of_a_cell\": %d, ", problem.free.size(),
               most_free_nodes_of_a_cell(problem));
-  print_colouring("node", make_schedule(problem, Colouring::Node));
+  print_colouring("node", colour_nodes(problem, Colouring::Node));
   std::printf(", ");
-  print_colouring("group", make_schedule(problem, Colouring::Group));
+  print_colouring("group", colour_nodes(problem, Colouring::Group));
   std::printf("}\n");
   return 0;
 }

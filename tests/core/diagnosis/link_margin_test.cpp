@@ -5,7 +5,8 @@
 
 #include <cmath>
 
-#include "core/repair/weak_groups.h"
+#include "core/repair/choose_splits.h"
+#include "core/repair/split_candidates.h"
 #include "tests/core/support/balls.h"
 #include "tests/core/support/meshes.h"
 
@@ -96,7 +97,7 @@ TEST(WeakGroupsTest, WantTheDiagonalOfSixInABall) {
   const std::vector<bool> fixed = fixed_nodes(mesh);
   const SplitRules rules(mesh, cells, fixed);
   EXPECT_EQ(choose_splits(groups, rules), (std::vector<SplitPlace>{{0, 7, -1}}));
-  EXPECT_EQ(rules.cells_round({0, 7, -1}), (std::vector<std::int32_t>{0, 1, 2, 3, 4, 5}));
+  EXPECT_EQ(rules.cells_around({0, 7, -1}), (std::vector<std::int32_t>{0, 1, 2, 3, 4, 5}));
 }
 
 TEST(WeakGroupsTest, WantTheFaceWhereItsEdgesAreOnTheBoundary) {

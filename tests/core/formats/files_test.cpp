@@ -149,9 +149,9 @@ TEST(Utf8, IsToldFromOtherBytes) {
   const std::vector<std::string> texts = {"", "\xc3\xa4", "\xe2\x82\xac", "\xf0\x9f\x98\x80"};
   const std::vector<std::string> others = {"W\xe4nde",         "\xc3", "\xc0\x80", "\xe0\x80\x80", "\xed\xa0\x80",
                                            "\xf4\x90\x80\x80", "\xff"};
-  for (const std::string& text : texts) EXPECT_TRUE(formats::is_utf8(text)) << text;
-  for (const std::string& other : others) EXPECT_FALSE(formats::is_utf8(other)) << formats::as_utf8(other);
-  EXPECT_EQ(formats::as_utf8("W\xe4nde \xc3\xa4"), "W\\xe4nde \xc3\xa4");
+  for (const std::string& text : texts) EXPECT_TRUE(is_utf8(text)) << text;
+  for (const std::string& other : others) EXPECT_FALSE(is_utf8(other)) << as_utf8(other);
+  EXPECT_EQ(as_utf8("W\xe4nde \xc3\xa4"), "W\\xe4nde \xc3\xa4");
 }
 
 TEST(ReadFile, ErrorsNameThePath) {

@@ -61,7 +61,7 @@ TEST(GmshErrors, NodeThatIsNotThere) {
 }
 
 TEST(GmshErrors, NodeNumbersThatAreWrong) {
-  EXPECT_SAYS(kHead + "$Nodes\n2\n5 0 0 0\n5 1 0 0\n$EndNodes\n", "node number 5 comes twice");
+  EXPECT_SAYS(kHead + "$Nodes\n2\n5 0 0 0\n5 1 0 0\n$EndNodes\n", "node number 5 appears twice");
   EXPECT_SAYS(kHead + "$Nodes\n2\n0 0 0 0\n5 1 0 0\n$EndNodes\n", "not positive");
 }
 

@@ -37,19 +37,19 @@ TEST_P(FoldedGradientOf, IsTheTableThatItCameFrom) {
     const FoldedGradient folded = fold_gradient(cells);
     const int d = cells.dimension;
     std::size_t rows = 0;
-    for (const FoldedGradient::Part& part : folded.parts) rows += part.rows.size();
+    for (const FoldedGradient::Parity& parity : folded.parities) rows += parity.rows.size();
     EXPECT_EQ(rows, std::size_t(cells.points) * d);  // each is set, by whatever part
     for (int n = 0; n < cells.nodes_per_cell; ++n) {
       std::vector<double> unit(cells.nodes_per_cell);
       unit[n] = 1;
       const std::vector<double> components = with_signs(folded.node_orbits, unit, true);
       std::vector<std::vector<double>> slots(d, std::vector<double>(cells.points));
-      for (const FoldedGradient::Part& part : folded.parts)
-        for (std::size_t row = 0; row < part.rows.size(); ++row)
-          for (int i = 0; i < part.nodes; ++i) {
-            ASSERT_EQ(part.forward[i * part.rows.size() + row], part.backward[row * part.nodes + i]);
-            slots[part.rows[row] % (d * d)][part.rows[row] / (d * d)] +=
-                part.backward[row * part.nodes + i] * components[part.first + i];
+      for (const FoldedGradient::Parity& parity : folded.parities)
+        for (std::size_t row = 0; row < parity.rows.size(); ++row)
+          for (int i = 0; i < parity.nodes; ++i) {
+            ASSERT_EQ(parity.forward[i * parity.rows.size() + row], parity.backward[row * parity.nodes + i]);
+            slots[parity.rows[row] % (d * d)][parity.rows[row] / (d * d)] +=
+                parity.backward[row * parity.nodes + i] * components[parity.first + i];
           }
       for (int alpha = 0; alpha < d; ++alpha) {
         const std::vector<double> values = with_signs(folded.point_orbits, slots[alpha], false);
@@ -69,7 +69,8 @@ TEST(FoldedGradient, LeavesAShareOfTheTable) {
     const Problem problem = testing::make_problem(testing::grid(filling, {1, 1, 1}, order));
     const CellSet& cells = problem.sets[0];
     double entries = 0;
-    for (const FoldedGradient::Part& part : fold_gradient(cells).parts) entries += double(part.backward.size());
+    for (const FoldedGradient::Parity& parity : fold_gradient(cells).parities)
+      entries += double(parity.backward.size());
     return entries / (double(cells.points) * cells.nodes_per_cell * cells.dimension);
   };
   // 2^−mirrors, and a little more for nodes and points that mirrors leave in place.

@@ -61,7 +61,7 @@ class KernelsTest : public ::testing::TestWithParam<Case> {
     if (metric) set_target(Target::Size, metric_field());
     fast_ = make_kernels(GetParam().material.material, problem_.dimension);
     plain_ = make_plain_kernels(GetParam().material.material, problem_.dimension);
-    sweeper_.emplace(problem_, schedule_, *plain_, Regularisation::Element, PNorm{}, -1.0, team_);
+    sweeper_.emplace(problem_, coloured_, *plain_, Regularisation::Element, PNorm{}, -1.0, team_);
     sweeper_->rebuild();
     invalid_ = sweeper_->scan().invalid;
   }
@@ -88,7 +88,7 @@ class KernelsTest : public ::testing::TestWithParam<Case> {
 
   HighOrderMesh mesh_;
   Problem problem_;
-  Schedule schedule_;
+  ColouredNodes coloured_;
   Team team_{1};
   std::unique_ptr<Kernels> fast_, plain_;
   std::optional<Sweeper> sweeper_;
@@ -300,7 +300,7 @@ TEST_P(KernelsTest, CellsPartsAddUpToTheirNodesExpansions) {
         for (std::int32_t i = problem_.offsets[rank]; i < problem_.offsets[rank + 1]; ++i) {
           const Incidence& at = problem_.incidences[i];
           const BatchSet& set = batches[at.set];
-          add(sums[rank], set.parts.data() + set.part_index(at.cell, at.local, 2 * d));
+          add(sums[rank], set.contributions.data() + set.contribution_index(at.cell, at.local, 2 * d));
         }
     };
     for (BatchSet& set : batches)

@@ -144,7 +144,7 @@ TEST(Check, TwistedHexahedron) {
 TEST(Check, DuplicateElements) {
   EXPECT_REFUSED(
       linear(kSquare, {{Shape::Triangle, {0, 1, 2}}, {Shape::Triangle, {0, 2, 3}}, {Shape::Triangle, {2, 3, 0}}}),
-      "Elements 2 and 3 are the same triangle twice");
+      "Elements 2 and 3 are the same triangle; remove");
 }
 
 TEST(Check, ThreeCellsAtOneFacet) {

@@ -99,7 +99,8 @@ TEST_P(CoarseLevelTest, IsNearTheInverseOfTheHessianOnAMeshOfOrderTwo) {
     for (std::int32_t i = problem_.offsets[rank]; i < problem_.offsets[rank + 1]; ++i) {
       const Incidence& at = problem_.incidences[i];
       const BatchSet& block = batches_[at.set];
-      for (std::size_t k = 0; k < d; ++k) Hu[rank * d + k] += block.parts[block.part_index(at.cell, at.local, d) + k];
+      for (std::size_t k = 0; k < d; ++k)
+        Hu[rank * d + k] += block.contributions[block.contribution_index(at.cell, at.local, d) + k];
     }
   const std::vector<float> VHu = apply(Hu);
   const double likeness = dot(Hu, VHu) / dot(Hu, u);

@@ -1,5 +1,5 @@
 // A run that is broken off anywhere goes on from its checkpoint to the same bytes.
-#include "core/optimise/checkpoint.h"
+#include "core/checkpoint/checkpoint.h"
 
 #include <gtest/gtest.h>
 
@@ -8,6 +8,7 @@
 #include <set>
 
 #include "core/mesh/connectivity.h"
+#include "core/optimise/optimiser.h"
 #include "tests/core/support/cases.h"
 #include "tests/core/support/meshes.h"
 

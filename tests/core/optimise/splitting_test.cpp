@@ -77,7 +77,8 @@ TEST(RepairSplitTest, SaysThatItIsNotOfferedForOtherShapes) {
   const Result result = run(mesh, with(Repair::Split));
   ASSERT_EQ(result.repairs.size(), 1u);
   EXPECT_EQ(result.repairs[0].kind, RepairStep::Kind::Left);
-  EXPECT_NE(result.repairs[0].sentence.find("tetrahedra alone"), std::string::npos) << result.repairs[0].sentence;
+  EXPECT_NE(result.repairs[0].sentence.find("Only tetrahedra can be split"), std::string::npos)
+      << result.repairs[0].sentence;
   EXPECT_EQ(result.mesh.element_count(3), 1u);
 }
 

@@ -301,7 +301,7 @@ TEST(TargetFieldOnAMesh, IsRefusedWithASentenceWhereItDoesNotFit) {
   expect(sentence(Target::Size, {Per::Cell, 3, {1}, {1.0, 2.0, 1.0}}), "not positive");
   expect(sentence(Target::Size, {Per::Cell, 6, {1}, {1, 0, 1, 0, 0, 1}}), "components");
   expect(sentence(Target::Size, {Per::Cell, 1, {}, {1.0}}), "8 cells");
-  expect(sentence(Target::Strain, {Per::Cell, 1, {3}, {-1.0}}), "leaves nothing");
+  expect(sentence(Target::Strain, {Per::Cell, 1, {3}, {-1.0}}), "not above -1");
 }
 
 }  // namespace

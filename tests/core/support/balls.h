@@ -8,7 +8,7 @@
 
 #include "core/mesh/connectivity.h"
 #include "core/mesh/high_order_mesh.h"
-#include "core/mesh/order.h"
+#include "core/mesh/change_order.h"
 #include "core/reference/basis.h"
 #include "core/reference/quadrature.h"
 

@@ -13,7 +13,7 @@
 
 #include "core/mesh/connectivity.h"
 #include "core/mesh/high_order_mesh.h"
-#include "core/mesh/order.h"
+#include "core/mesh/change_order.h"
 
 namespace varimesh::testing {
 

@@ -76,7 +76,8 @@ class WholeMesh {
       for (std::int32_t i = problem_.offsets[rank]; i < problem_.offsets[rank + 1]; ++i) {
         const Incidence& at = problem_.incidences[i];
         const BatchSet& block = batches[at.set];
-        for (int k = 0; k < d; ++k) out[rank * d + k] += block.parts[block.part_index(at.cell, at.local, d) + k];
+        for (int k = 0; k < d; ++k)
+          out[rank * d + k] += block.contributions[block.contribution_index(at.cell, at.local, d) + k];
       }
     return out;
   }

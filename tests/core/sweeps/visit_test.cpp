@@ -78,9 +78,9 @@ TEST(KeptFunction, IsTakenAnewWhereNoStepIsAccepted) {
   testing::shake(mesh, 0.01, 7);
   Problem problem = make_problem(mesh);
   const auto kernels = make_kernels(material(Options{}), 3);
-  const Schedule schedule = make_schedule(problem, Colouring::Group);
+  const ColouredNodes coloured = colour_nodes(problem, Colouring::Group);
   const Team team(1);
-  Sweeper sweeper(problem, schedule, *kernels, Regularisation::Element, PNorm{}, -1, team);
+  Sweeper sweeper(problem, coloured, *kernels, Regularisation::Element, PNorm{}, -1, team);
   sweeper.rebuild();
   ASSERT_EQ(sweeper.scan().invalid, 0);
   // All stars look better than any step can make them: the energy falls with ln J up to μ/λ.

@@ -9,7 +9,7 @@
 #include "core/reference/basis.h"
 #include "core/validity/cell_coefficients.h"
 #include "core/validity/certificate_kernel.h"
-#include "core/validity/outward_rounding.h"
+#include "core/validity/rounding.h"
 #include "tests/core/support/made_cells.h"
 
 namespace varimesh::detail {
@@ -53,7 +53,7 @@ double evaluate(const BernsteinSpace& space, const std::vector<long double>& coe
   return static_cast<double>(sum);
 }
 
-HardCell hard_cell(const HighOrderMesh& mesh, std::size_t cell) {
+CellToCertify hard_cell(const HighOrderMesh& mesh, std::size_t cell) {
   const ElementBlock& block = mesh.blocks[0];
   const JacobianTable& table = jacobian_table(block.shape, block.order);
   return {&table, mesh.coordinates.data(), block.nodes.data() + cell * static_cast<std::size_t>(table.nodes), 1, 1};
@@ -120,10 +120,10 @@ TEST(Outward, IsTheNextDouble) {
                    least = std::numeric_limits<double>::denorm_min(), most = std::numeric_limits<double>::max();
   for (const double x : {0.0, -0.0, least, -least, 2 * least, -2 * least, 1.0, -1.0, 1 - 0x1p-53, -2.0, 0x1p-1022,
                          -0x1p-1022, most, -most, infinity, -infinity, 3e-310, 6.02e23}) {
-    EXPECT_EQ(above(x), std::nextafter(x, infinity)) << x;
-    EXPECT_EQ(below(x), std::nextafter(x, -infinity)) << x;
+    EXPECT_EQ(next_above(x), std::nextafter(x, infinity)) << x;
+    EXPECT_EQ(next_below(x), std::nextafter(x, -infinity)) << x;
   }
-  EXPECT_TRUE(std::isnan(above(std::nan(""))) && std::isnan(below(std::nan(""))));
+  EXPECT_TRUE(std::isnan(next_above(std::nan(""))) && std::isnan(next_below(std::nan(""))));
 }
 
 TEST_P(Tables, DegreesAreTheKnownOnes) {

@@ -10,7 +10,7 @@
 #include "core/hessian/batches.h"
 #include "core/kernels/kernels.h"
 #include "core/problem/problem.h"
-#include "core/sweeps/schedule.h"
+#include "core/sweeps/colouring.h"
 #include "core/sweeps/sweep.h"
 #include "tests/core/support/problems.h"
 
@@ -37,7 +37,8 @@ inline double product_flops(const BatchSet& block) {
     return additions;
   };
   double flops = block.cells->points * (d == 3 ? 240 : 80);
-  for (const FoldedGradient::Part& part : block.gradient.parts) flops += 4.0 * d * double(part.backward.size());
+  for (const FoldedGradient::Parity& parity : block.gradient.parities)
+    flops += 4.0 * d * double(parity.backward.size());
   return flops + 2 * d * signs(block.gradient.node_orbits) + 2 * d * d * signs(block.gradient.point_orbits);
 }
 
@@ -47,9 +48,9 @@ class SweepLoad {
   SweepLoad(const HighOrderMesh& mesh, const Options& options)
       : problem_(testing::make_problem(mesh)),
         start_(problem_.positions),
-        schedule_(make_schedule(problem_, options.colouring)),
+        coloured_(colour_nodes(problem_, options.colouring)),
         kernels_(make_kernels(material(options), mesh.dimension)),
-        sweeper_(problem_, schedule_, *kernels_, options.regularisation, PNorm{1}, -1, team_) {}
+        sweeper_(problem_, coloured_, *kernels_, options.regularisation, PNorm{1}, -1, team_) {}
 
   void reset() {
     problem_.positions = start_;
@@ -67,7 +68,7 @@ class SweepLoad {
   Team team_{1};
   Problem problem_;
   std::vector<double> start_;
-  Schedule schedule_;
+  ColouredNodes coloured_;
   std::unique_ptr<Kernels> kernels_;
   Sweeper sweeper_;
 };

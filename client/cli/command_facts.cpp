@@ -1,0 +1,119 @@
+#include "client/cli/command_facts.h"
+
+#include <algorithm>
+#include <array>
+
+#include "client/cli/names.h"
+#include "varimesh/v1/job.pb.h"
+
+namespace varimesh::client {
+namespace {
+
+constexpr std::array kExamples{
+    Example{"", "optimise a mesh on this machine", "varimesh optimise wing.msh -o better.msh -o better.vtu"},
+    Example{"", "the same on a server", "varimesh optimise wing.msh -o better.msh --server HOST:PORT"},
+    Example{"", "check that every element is proved valid", "varimesh quality better.msh --certify"},
+    Example{"", "show versions, threads and disk space of this machine", "varimesh doctor"},
+    Example{"optimise", "write the result in the format of the input, and for ParaView",
+            "varimesh optimise wing.msh -o better.msh -o better.vtu"},
+    Example{"optimise", "use another energy, on a server",
+            "varimesh optimise wing.msh -o better.msh --energy winslow --server HOST:PORT"},
+    Example{"optimise", "stop when every element is certified valid or cannot be repaired",
+            "varimesh optimise wing.msh -o better.msh --until valid"},
+    Example{"optimise", "for scripts: print a JSON document and write all iterations",
+            "varimesh optimise wing.msh -o better.msh --json --history history.csv"},
+    Example{"optimise", "write a page that shows the result",
+            "varimesh optimise wing.msh -o better.msh --report wing.html"},
+    Example{"optimise", "move nodes only near poor elements",
+            "varimesh optimise wing.msh -o better.msh --region-below 0.5 --rings 2"},
+    Example{"submit", "submit a job and print its name", "varimesh submit wing.msh --server HOST:PORT"},
+    Example{"submit", "safe to repeat, because the same request id gives the same job",
+            "varimesh submit wing.msh --server HOST:PORT --request-id wing-1 --label case=wing"},
+    Example{"submit", "ask for the result in two formats",
+            "varimesh submit wing.msh --server HOST:PORT --output-format msh41-binary --output-format vtu"},
+    Example{"watch", "follow a job; Ctrl-C stops watching, and the job goes on",
+            "varimesh watch JOB --server HOST:PORT"},
+    Example{"result", "fetch the mesh", "varimesh result JOB --server HOST:PORT -o better.msh"},
+    Example{"cancel", "end a job after its current iteration and keep its best mesh",
+            "varimesh cancel JOB --server HOST:PORT"},
+    Example{"delete", "delete a job and its results", "varimesh delete JOB --server HOST:PORT"},
+    Example{"jobs", "list the jobs that are running", "varimesh jobs --server HOST:PORT --state running"},
+    Example{"jobs", "for scripts: list the jobs with a label",
+            "varimesh jobs --server HOST:PORT --label case=wing --json"},
+    Example{"info", "show the formats, energies and limits of a server", "varimesh info --server HOST:PORT"},
+    Example{"quality", "print a table", "varimesh quality wing.msh"},
+    Example{"quality", "exit with status 4 if an element is not certified valid",
+            "varimesh quality wing.msh --certify"},
+    Example{"quality", "say which elements cannot be repaired and why, and mark them for a viewer",
+            "varimesh quality wing.msh --diagnose -o marked.vtu"},
+    Example{"convert", "write a mesh for ParaView", "varimesh convert wing.msh wing.vtu"},
+    Example{"convert", "write Gmsh's binary format", "varimesh convert wing.msh binary.msh --format msh41-binary"},
+    Example{"doctor", "check this machine", "varimesh doctor"},
+    Example{"doctor", "check this machine and a server", "varimesh doctor --server HOST:PORT"},
+    Example{"completion", "print the completion script for bash", "varimesh completion bash"},
+    Example{"man", "print the manual page of a command, as troff", "varimesh man optimise"},
+};
+
+std::vector<std::string> split(const std::string& text, char separator) {
+  std::vector<std::string> parts{""};
+  for (const char c : text)
+    if (c == separator)
+      parts.emplace_back();
+    else
+      parts.back() += c;
+  return parts;
+}
+
+/// The possible values of a flag: those in its placeholder, the formats, or the states of a job.
+std::vector<std::string> choices_of(const CLI::Option& option, const std::string& value) {
+  if (value.find('|') != std::string::npos) return split(value, '|');
+  if (option.check_lname("format") || option.check_lname("output-format"))
+    return spellings(*v1::MeshFormat_descriptor());
+  if (option.check_lname("state")) return spellings(*v1::JobState_descriptor());
+  return {};
+}
+
+FlagFacts facts_of(const CLI::Option& option) {
+  FlagFacts facts;
+  facts.argument = option.get_positional();
+  // After a colon, the type's name goes on with the checks.
+  if (option.get_type_size() != 0) facts.value = split(option.get_type_name(), ':').front();
+  if (facts.argument) {
+    facts.names = {facts.value == "TEXT" || facts.value == "text" ? option.get_name(true) : facts.value};
+    std::transform(facts.names[0].begin(), facts.names[0].end(), facts.names[0].begin(), ::toupper);
+  } else {
+    for (const std::string& name : option.get_snames()) facts.names.push_back("-" + name);
+    for (const std::string& name : option.get_lnames()) facts.names.push_back("--" + name);
+  }
+  facts.choices = choices_of(option, facts.value);
+  facts.help = option.get_description();
+  facts.group = option.get_group();
+  constexpr std::array files{"IN", "OUT", "MESH", "DIR"};
+  facts.file = facts.value.rfind("FILE", 0) == 0 || std::find(files.begin(), files.end(), facts.value) != files.end();
+  facts.required = option.get_required();
+  facts.repeated = option.get_expected_max() > 1 && !facts.argument;
+  return facts;
+}
+
+}  // namespace
+
+std::span<const Example> all_examples() { return kExamples; }
+
+CommandFacts facts_of(const CLI::App& command) {
+  CommandFacts facts;
+  if (command.get_parent() != nullptr) facts.name = command.get_name();
+  facts.purpose = command.get_description();
+  for (const Example& example : kExamples)
+    if (example.command == facts.name) facts.examples.push_back(example);
+  for (const CLI::Option* option : command.get_options()) facts.flags.push_back(facts_of(*option));
+  return facts;
+}
+
+std::vector<CommandFacts> subcommand_facts(const CLI::App& program) {
+  std::vector<CommandFacts> all;
+  for (const CLI::App* command : program.get_subcommands([](const CLI::App*) { return true; }))
+    all.push_back(facts_of(*command));
+  return all;
+}
+
+}  // namespace varimesh::client

@@ -1,0 +1,172 @@
+#include "client/cli/completion.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "client/cli/names.h"
+
+namespace varimesh::client {
+namespace {
+
+/// The text up to the first full stop or semicolon, because a shell shows a single line.
+std::string brief(const std::string& help) { return help.substr(0, std::min(help.find(';'), help.find(". "))); }
+
+std::string quoted(const std::string& text) {
+  std::string out = "'";
+  for (const char c : text) out += c == '\'' ? std::string("'\\''") : std::string(1, c);
+  return out + "'";
+}
+
+// ===== bash =====
+
+/// What may follow in a bash command line, as words and as lines of `case` statements.
+struct BashWords {
+  std::string commands;  ///< The commands and the flags of the program.
+  std::string flags;     ///< For each command: its flags.
+  std::string values;    ///< For each command and flag: its values.
+};
+
+BashWords bash_words(const CommandFacts& program, const std::vector<CommandFacts>& commands) {
+  BashWords words;
+  for (const CommandFacts& command : commands) {
+    words.commands += command.name + " ";
+    std::string flags;
+    for (const FlagFacts& flag : command.flags) {
+      if (flag.argument) continue;
+      flags += joined(flag.names, " ") + " ";
+      if (flag.value.empty()) continue;
+      std::string pattern;
+      for (const std::string& name : flag.names)
+        pattern += (pattern.empty() ? "'" : "|'") + command.name + " " + name + "'";
+      // If the possible values are not known, nothing is offered, and no flags either.
+      const std::string action = flag.file              ? "_varimesh_files; return"
+                                 : flag.choices.empty() ? "return"
+                                                        : "words='" + joined(flag.choices, " ") + "'";
+      words.values += fmt::format("    {}) {} ;;\n", pattern, action);
+    }
+    words.flags += "      " + command.name + ") words='" + flags + "' ;;\n";
+  }
+  for (const FlagFacts& flag : program.flags) words.commands += joined(flag.names, " ") + " ";
+  return words;
+}
+
+}  // namespace
+
+std::string bash_completion(const CommandFacts& program, const std::vector<CommandFacts>& commands) {
+  const BashWords words = bash_words(program, commands);
+  return R"(# Completion of varimesh for bash; made by `varimesh completion bash`.
+_varimesh_files() {
+  compopt -o filenames
+  mapfile -t COMPREPLY < <(compgen -f -- "$cur")
+}
+_varimesh() {
+  local cur=${COMP_WORDS[COMP_CWORD]} prev=${COMP_WORDS[COMP_CWORD - 1]} command=${COMP_WORDS[1]} words=
+  COMPREPLY=()
+  # bash splits --energy=win into three words.
+  if [ "$cur" = = ]; then cur=; elif [ "$prev" = = ]; then prev=${COMP_WORDS[COMP_CWORD - 2]}; fi
+  if [ "$COMP_CWORD" = 1 ]; then
+    mapfile -t COMPREPLY < <(compgen -W ')" +
+         words.commands + R"(' -- "$cur")
+    return
+  fi
+  case "$command $prev" in
+)" + words.values +
+         R"(  esac
+  if [ -z "$words" ] && [[ $cur == -* ]]; then
+    case $command in
+)" + words.flags +
+         R"(    esac
+  fi
+  if [ -n "$words" ]; then
+    mapfile -t COMPREPLY < <(compgen -W "$words" -- "$cur")
+  else
+    case $command in
+      man) mapfile -t COMPREPLY < <(compgen -W ')" +
+         words.commands + R"(' -- "$cur") ;;
+      completion) mapfile -t COMPREPLY < <(compgen -W 'bash zsh fish' -- "$cur") ;;
+      *) _varimesh_files ;;
+    esac
+  fi
+}
+complete -F _varimesh varimesh
+)";
+}
+
+// ===== zsh =====
+
+namespace {
+
+std::string zsh_text(const std::string& help) {
+  std::string out;
+  for (const char c : brief(help)) {
+    if (c == '[' || c == ']' || c == ':' || c == '\\') out += '\\';
+    out += c;
+  }
+  return out;
+}
+
+std::string zsh_action(const FlagFacts& flag) {
+  return flag.file ? "_files" : flag.choices.empty() ? " " : "(" + joined(flag.choices, " ") + ")";
+}
+
+std::string zsh_flag(const FlagFacts& flag, const std::string& name) {
+  const std::string equals = flag.value.empty() ? "" : name.rfind("--", 0) == 0 ? "=" : "+";
+  const std::string value = flag.value.empty() ? "" : ":value:" + zsh_action(flag);
+  return (flag.repeated ? "*" : "") + name + equals + "[" + zsh_text(flag.help) + "]" + value;
+}
+
+}  // namespace
+
+std::string zsh_completion(const std::vector<CommandFacts>& commands) {
+  std::string list, cases;
+  for (const CommandFacts& command : commands) {
+    list += "  " + quoted(command.name + ":" + zsh_text(command.purpose)) + "\n";
+    cases += "  " + command.name + ")\n    _arguments -s \\\n";
+    int position = 0;
+    for (const FlagFacts& flag : command.flags) {
+      if (flag.argument) {
+        const std::string argument = fmt::format("{}:{}:{}", ++position, zsh_text(flag.names[0]), zsh_action(flag));
+        cases += "      " + quoted(argument) + " \\\n";
+        continue;
+      }
+      for (const std::string& name : flag.names) cases += "      " + quoted(zsh_flag(flag, name)) + " \\\n";
+    }
+    cases += "      && return\n    ;;\n";
+  }
+  return "#compdef varimesh\n# Completion of varimesh for zsh; made by `varimesh completion zsh`.\nlocal -a "
+         "commands\ncommands=(\n" +
+         list +
+         ")\nif (( CURRENT == 2 )); then\n  _describe command commands\n  return\nfi\n"
+         "local command=$words[2]\nshift words\n(( CURRENT-- ))\ncase $command in\n" +
+         cases + "esac\n";
+}
+
+// ===== fish =====
+
+std::string fish_completion(const std::vector<CommandFacts>& commands) {
+  std::string out = "# Completion of varimesh for fish; made by `varimesh completion fish`.\ncomplete -c varimesh -f\n";
+  for (const CommandFacts& command : commands) {
+    out += "complete -c varimesh -n __fish_use_subcommand -a " + command.name + " -d " + quoted(command.purpose) + "\n";
+    const std::string when = "complete -c varimesh -n '__fish_seen_subcommand_from " + command.name + "'";
+    for (const FlagFacts& flag : command.flags) {
+      if (flag.argument) {
+        if (flag.file) out += when + " -F\n";
+        if (!flag.choices.empty()) out += when + " -a " + quoted(joined(flag.choices, " ")) + "\n";
+        continue;
+      }
+      out += when;
+      for (const std::string& name : flag.names)
+        out += name.rfind("--", 0) == 0 ? " -l " + name.substr(2) : " -s " + name.substr(1);
+      if (flag.file)
+        out += " -r -F";
+      else if (!flag.value.empty())
+        out += " -x";
+      if (!flag.choices.empty()) out += " -a " + quoted(joined(flag.choices, " "));
+      out += " -d " + quoted(brief(flag.help)) + "\n";
+    }
+  }
+  return out;
+}
+
+}  // namespace varimesh::client

@@ -1,0 +1,25 @@
+// The text of --help, and suggestions for misspelt words.
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <string>
+#include <vector>
+
+namespace varimesh::client {
+
+/// Formats the help of the program and of its commands, examples first. Install it before commands are added.
+class Help : public CLI::FormatterBase {
+ public:
+  /// `width` is in characters; 0 stands for the width of the terminal, or 100 without a terminal.
+  explicit Help(int width = 0) : width_(width) {}
+  std::string make_help(const CLI::App* command, std::string name, CLI::AppFormatMode mode) const override;
+
+ private:
+  const int width_;
+};
+
+/// A sentence about the first word of a command line that is neither a command nor a flag, with a suggestion if one is
+/// near. Empty if all words are known. `words` does not include the program's name.
+std::string unknown_word(const CLI::App& program, const std::vector<std::string>& words);
+
+}  // namespace varimesh::client

@@ -1,0 +1,40 @@
+// varimesh cancel: asks a job to end.
+#include <iostream>
+
+#include "client/cli/names.h"
+#include "client/commands/commands.h"
+#include "client/commands/remote_job.h"
+#include "client/io/documents.h"
+#include "client/jobs/connection.h"
+#include "client/process/exit_status.h"
+
+namespace varimesh::client {
+namespace {
+
+struct Arguments {
+  CommonFlags common;
+  std::string job;
+};
+
+int cancel(const Arguments& arguments) {
+  const auto connection = connect(arguments.common);
+  if (!connection) return connection.error();
+  const auto job = connection->client->cancel(full_name(arguments.job));
+  if (!job) return print_error(job.error());
+  if (arguments.common.json)
+    print(document(*job));
+  else
+    std::cout << job->name() << ' ' << spelled(job->state()) << '\n';
+  return kDone;
+}
+
+}  // namespace
+
+Action add_cancel(CLI::App& app) {
+  auto arguments = std::make_shared<Arguments>();
+  CLI::App& command = add_remote_command(app, "cancel", "End a job after its current iteration", &arguments->common);
+  add_job_argument(command, &arguments->job);
+  return [arguments] { return cancel(*arguments); };
+}
+
+}  // namespace varimesh::client

@@ -1,0 +1,57 @@
+// varimesh convert: writes a mesh in another format.
+#include <optional>
+#include <span>
+
+#include "client/commands/commands.h"
+#include "client/process/exit_status.h"
+#include "client/process/interrupts.h"
+#include "core/formats/formats.h"
+#include "core/mesh/check.h"
+#include "core/marks/marks.h"
+
+namespace varimesh::client {
+namespace {
+
+struct Arguments {
+  std::string input, output, format;
+};
+
+int convert(const Arguments& arguments) {
+  end_at_first_interrupt();
+  formats::Format requested = formats::Format::Auto;
+  if (!arguments.format.empty()) {
+    const auto found = formats::from_name(arguments.format);
+    if (!found) return print_error(found.error());
+    requested = *found;
+  }
+  // A wrong format and an output that cannot be written are found before the work starts.
+  if (const auto known = formats::for_output(arguments.output, requested, formats::Format::Auto); !known)
+    return print_error(known.error());
+  if (const auto writable = formats::check_writable(arguments.output); !writable) return print_error(writable.error());
+  const auto file = formats::read_file(arguments.input);
+  if (!file) return print_error(file.error());
+  const auto format = formats::for_output(arguments.output, requested, file->format);
+  if (!format) return print_error(format.error());
+
+  // A mesh whose quality cannot be computed is written without marks.
+  std::optional<CellMarks> marks;
+  if (*format == formats::Format::Vtu && check_structure(file->mesh))
+    marks.emplace(file->mesh, std::span<const UnrepairableGroup>{}, 0);
+  const auto written = formats::write_file(file->mesh, *format, arguments.output,
+                                           marks ? marks->fields() : std::vector<formats::CellField>{});
+  return written ? kDone : print_error(written.error());
+}
+
+}  // namespace
+
+Action add_convert(CLI::App& app) {
+  auto arguments = std::make_shared<Arguments>();
+  CLI::App& command = *app.add_subcommand("convert", "Write a mesh in another format");
+  command.add_option("input", arguments->input, "The mesh file to read")->required()->type_name("IN");
+  command.add_option("output", arguments->output, "The file to write (.msh, .vtu)")->required()->type_name("OUT");
+  command.add_option("--format", arguments->format, "Name of the format; default: by the ending of OUT")
+      ->type_name("NAME");
+  return [arguments] { return convert(*arguments); };
+}
+
+}  // namespace varimesh::client

@@ -1,0 +1,44 @@
+// varimesh info: shows what a server is and accepts.
+#include <fmt/format.h>
+
+#include <iostream>
+
+#include "client/commands/commands.h"
+#include "client/io/documents.h"
+#include "client/jobs/connection.h"
+#include "client/process/exit_status.h"
+
+namespace varimesh::client {
+namespace {
+
+int info(const CommonFlags& flags) {
+  const auto connection = connect(flags);
+  if (!connection) return connection.error();
+  const auto answer = connection->client->info();
+  if (!answer) return print_error(answer.error());
+  const Json entries = document(*answer);
+  if (flags.json) {
+    print(entries);
+    return kDone;
+  }
+  for (const auto& [key, value] : entries.items()) {
+    std::string text = value.is_string() ? value.get<std::string>() : "";
+    if (value.is_array())
+      for (const auto& one : value) text += (text.empty() ? "" : ", ") + one.get<std::string>();
+    std::cout << fmt::format("{:<27}{}\n", key, text.empty() ? value.dump() : text);
+  }
+  return kDone;
+}
+
+}  // namespace
+
+Action add_info(CLI::App& app) {
+  auto flags = std::make_shared<CommonFlags>();
+  CLI::App& command = *app.add_subcommand(
+      "info", "Show the version, formats, energies and limits of a server; without --server, of this program");
+  add_server_flag(command, flags.get());
+  add_json_flag(command, flags.get());
+  return [flags] { return info(*flags); };
+}
+
+}  // namespace varimesh::client

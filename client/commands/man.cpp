@@ -1,0 +1,58 @@
+// varimesh man: prints a manual page, or writes all of them.
+#include <filesystem>
+#include <fstream>
+#include <iostream>
+
+#include "client/cli/manual.h"
+#include "client/commands/commands.h"
+#include "client/process/exit_status.h"
+
+namespace varimesh::client {
+namespace {
+
+int write_pages(const std::filesystem::path& folder, const CommandFacts& program,
+                const std::vector<CommandFacts>& commands) {
+  const auto write = [&](const std::string& name, const std::string& text) {
+    std::ofstream file(folder / (name + ".1"));
+    file << text;
+    return static_cast<bool>(file.flush());
+  };
+  bool written = write("varimesh", manual_page(program, commands));
+  for (const CommandFacts& one : commands) written = written && write("varimesh-" + one.name, manual_page(one, {}));
+  if (written) return kDone;
+  std::cerr << "varimesh: the pages cannot be written into '" << folder.string() << "'; name a folder that exists."
+            << std::endl;
+  return kInputRefused;
+}
+
+}  // namespace
+
+Action add_man(CLI::App& app) {
+  struct Arguments {
+    std::string command, folder;
+  };
+  auto arguments = std::make_shared<Arguments>();
+  CLI::App& command = *app.add_subcommand("man", "Print the manual page of a command or of the program");
+  command.add_option("command", arguments->command, "The command; without one, the page of the program")
+      ->type_name("COMMAND");
+  command.add_option("--all", arguments->folder, "Write all pages into this folder, which must exist")
+      ->type_name("DIR");
+  return [arguments, &app]() -> int {
+    const auto commands = subcommand_facts(app);
+    if (!arguments->folder.empty()) return write_pages(arguments->folder, facts_of(app), commands);
+    if (arguments->command.empty()) {
+      std::cout << manual_page(facts_of(app), commands);
+      return kDone;
+    }
+    for (const CommandFacts& one : commands)
+      if (one.name == arguments->command) {
+        std::cout << manual_page(one, {});
+        return kDone;
+      }
+    std::cerr << "varimesh: there is no command '" << arguments->command << "'; varimesh --help lists them."
+              << std::endl;
+    return kUsage;
+  };
+}
+
+}  // namespace varimesh::client

@@ -1,0 +1,76 @@
+// varimesh optimise: optimises a mesh, in this process or on a server.
+#include "client/cli/option_flags.h"
+#include "client/commands/commands.h"
+#include "client/io/inputs.h"
+#include "client/io/outputs.h"
+#include "client/io/report_page.h"
+#include "client/jobs/connection.h"
+#include "client/jobs/deliver.h"
+#include "client/jobs/follow.h"
+#include "client/process/exit_status.h"
+
+namespace varimesh::client {
+namespace {
+
+struct Arguments {
+  CommonFlags common;
+  Input input;
+  std::vector<std::string> outputs;
+  std::string format, history, report, request_id;
+  v1::Options options;
+};
+
+int optimise(const Arguments& arguments) {
+  // Outputs that cannot be written are found before the work starts.
+  const auto outputs = check_outputs(arguments.outputs, arguments.format);
+  if (!outputs) return print_error(outputs.error());
+  const auto distinct = check_distinct(*outputs, {arguments.history, arguments.report}, arguments.common.json);
+  if (!distinct) return print_error(distinct.error());
+
+  const auto connection = connect(arguments.common);
+  if (!connection) return connection.error();
+  Client* client = connection->client.get();
+  const auto mesh = upload(*client, arguments.input);
+  if (!mesh) return print_error(mesh.error());
+  v1::JobSpec spec;
+  spec.mutable_mesh()->set_digest(mesh->digest());
+  *spec.mutable_options() = arguments.options;
+  for (const v1::MeshFormat format : formats_with_report(formats_of(*outputs), arguments.report))
+    spec.add_outputs(format);
+  const auto job = client->submit(spec, arguments.request_id);
+  if (!job) return print_error(job.error());
+
+  const auto ended = follow(client, job->name(), 0, arguments.common, OnInterrupt::CancelJob);
+  if (!ended) return ended.error();
+  Delivery delivery;
+  delivery.input = arguments.input.mesh;
+  delivery.outputs = *outputs;
+  delivery.history = arguments.history;
+  delivery.report = arguments.report;
+  return deliver(client, *ended, delivery, arguments.common);
+}
+
+}  // namespace
+
+Action add_optimise(CLI::App& app) {
+  auto arguments = std::make_shared<Arguments>();
+  CLI::App& command = *app.add_subcommand("optimise", "Optimise a mesh and write the result");
+  add_input(command, &arguments->input);
+  command.add_option("-o,--output", arguments->outputs, "Write the result to this file (.msh, .vtu); may be repeated")
+      ->required()
+      ->type_name("OUT")
+      ->allow_extra_args(false);
+  command.add_option("--format", arguments->format, "Format of the .msh outputs; default: that of the input")
+      ->type_name("NAME");
+  add_history_flag(command, &arguments->history);
+  add_report_flag(command, &arguments->report);
+  add_request_id_flag(command, &arguments->request_id);
+  add_server_flag(command, &arguments->common);
+  add_compress_flag(command, &arguments->common);
+  add_json_flag(command, &arguments->common);
+  add_quiet_flag(command, &arguments->common);
+  add_options(command, &arguments->options);
+  return [arguments] { return optimise(*arguments); };
+}
+
+}  // namespace varimesh::client

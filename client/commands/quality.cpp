@@ -1,0 +1,122 @@
+// varimesh quality: computes and certifies the quality of a mesh, in this process.
+#include "core/quality/quality.h"
+
+#include <iostream>
+
+#include "client/cli/common_flags.h"
+#include "client/commands/commands.h"
+#include "client/io/documents.h"
+#include "client/io/outputs.h"
+#include "client/io/report_page.h"
+#include "client/io/summary.h"
+#include "client/process/exit_status.h"
+#include "client/process/interrupts.h"
+#include "core/formats/formats.h"
+#include "core/mesh/check.h"
+#include "core/optimise/optimiser.h"
+#include "core/diagnosis/diagnosis.h"
+#include "core/marks/marks.h"
+
+namespace varimesh::client {
+namespace {
+
+struct Arguments {
+  CommonFlags common;
+  std::string input, output, report;
+  int lattice = 0;
+  int threads = 0;
+  bool certify = false, diagnose = false;
+};
+
+/// Checks that the output and the report can be written, before the work starts.
+Expected<void> check_files(const Arguments& arguments) {
+  std::vector<Output> outputs;
+  if (!arguments.output.empty()) {
+    if (const auto known = formats::for_output(arguments.output, formats::Format::Auto, formats::Format::Auto); !known)
+      return tl::unexpected(known.error());
+    if (auto writable = formats::check_writable(arguments.output); !writable) return writable;
+    outputs.push_back({arguments.output});
+  }
+  return check_distinct(outputs, {arguments.report}, arguments.common.json);
+}
+
+/// Writes the mesh with marks on its elements: cell arrays in VTU, a physical group in MSH.
+Expected<void> write_marked(const Arguments& arguments, formats::MeshFile& file,
+                            const std::vector<UnrepairableGroup>& groups) {
+  const auto format = formats::for_output(arguments.output, formats::Format::Auto, file.format);
+  if (!format) return tl::unexpected(format.error());
+  const CellMarks marks(file.mesh, groups, arguments.threads);
+  std::vector<formats::CellField> fields;
+  if (*format == formats::Format::Vtu)
+    fields = marks.fields();
+  else
+    mark_unrepairable(file.mesh, groups);
+  return formats::write_file(file.mesh, *format, arguments.output, fields);
+}
+
+/// The groups of uncertified elements that no movement of nodes can repair, if any of the outputs shows them.
+std::vector<UnrepairableGroup> find_unrepairable(const Arguments& arguments, const HighOrderMesh& mesh,
+                                                 const QualityReport& quality) {
+  const bool shown =
+      arguments.diagnose || arguments.common.json || !arguments.output.empty() || !arguments.report.empty();
+  if (quality.uncertified.empty() || !shown) return {};
+  return with_any_of(diagnose(mesh, arguments.threads), uncertified_numbers(quality));
+}
+
+void print_summary(const Arguments& arguments, const MeshSummary& mesh, const QualityReport& quality,
+                   const std::vector<UnrepairableGroup>& groups) {
+  std::ostream& out = any_is_standard_output({{arguments.output}}) ? std::cerr : std::cout;
+  out << summary(mesh, quality);
+  if (!arguments.diagnose) return;
+  if (groups.empty()) out << "found no elements that moving nodes cannot repair\n";
+  for (const UnrepairableGroup& group : groups) out << group.sentence << "\n";
+}
+
+int quality(const Arguments& arguments) {
+  end_at_first_interrupt();
+  if (const auto checked = check_files(arguments); !checked) return print_error(checked.error());
+  auto file = formats::read_file(arguments.input);
+  if (!file) return print_error(file.error());
+  if (const auto checked = check_structure(file->mesh); !checked) return print_error(checked.error());
+  const auto mesh = summarise(file->mesh);
+  if (!mesh) return print_error(mesh.error());
+  const QualityReport found = varimesh::quality(file->mesh, arguments.lattice, arguments.threads);
+  const auto groups = find_unrepairable(arguments, file->mesh, found);
+  if (!arguments.output.empty())
+    if (const auto written = write_marked(arguments, *file, groups); !written) return print_error(written.error());
+  if (!arguments.report.empty())
+    if (const auto written =
+            write_quality_report(arguments.report, arguments.input, std::move(file->mesh), *mesh, found, groups);
+        !written)
+      return print_error(written.error());
+  if (arguments.common.json)
+    print(document(*mesh, found, groups));
+  else
+    print_summary(arguments, *mesh, found, groups);
+  return arguments.certify ? print_uncertified(found.certified.invalid, found.certified.undecided) : kDone;
+}
+
+}  // namespace
+
+Action add_quality(CLI::App& app) {
+  auto arguments = std::make_shared<Arguments>();
+  CLI::App& command = *app.add_subcommand("quality", "Show how good a mesh is and which elements are proved valid");
+  command.add_option("input", arguments->input, "The mesh file to read")->required()->type_name("IN");
+  command
+      .add_option("--lattice", arguments->lattice,
+                  "Sample each element on a lattice with this many intervals per edge; 0: the default")
+      ->check(CLI::Range(0, 1000));
+  command.add_option("--threads", arguments->threads, "Number of threads; 0: all")->check(CLI::Range(0, 4096));
+  command.add_flag("--certify", arguments->certify, "Exit with status 4 if an element is not certified valid");
+  command.add_flag("--diagnose", arguments->diagnose,
+                   "Say which elements no movement of interior nodes can repair, and why");
+  command
+      .add_option("-o,--output", arguments->output,
+                  "Write the mesh with marks on its elements (.vtu: cell arrays, .msh: a physical group)")
+      ->type_name("OUT");
+  add_report_flag(command, &arguments->report);
+  add_json_flag(command, &arguments->common);
+  return [arguments] { return quality(*arguments); };
+}
+
+}  // namespace varimesh::client

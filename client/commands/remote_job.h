@@ -1,0 +1,27 @@
+// What the commands for the jobs of a server share.
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <string>
+#include <vector>
+
+#include "client/cli/common_flags.h"
+#include "client/client.h"
+#include "core/base/error.h"
+
+namespace varimesh::client {
+
+/// Adds a subcommand with --server, which is required, and --json.
+CLI::App& add_remote_command(CLI::App& app, const char* name, const char* purpose, CommonFlags* flags);
+/// Adds the positional argument JOB.
+void add_job_argument(CLI::App& command, std::string* job);
+/// Adds --label; `help` is its text.
+void add_label_flag(CLI::App& command, std::vector<std::string>* labels, const char* help);
+
+/// The full name of a job, which may be given without its "jobs/".
+std::string full_name(const std::string& job);
+/// Turns KEY=VALUE into entries of `map`. Errors: BadOption.
+Expected<void> parse_labels(const std::vector<std::string>& labels,
+                            google::protobuf::Map<std::string, std::string>* map);
+
+}  // namespace varimesh::client

@@ -1,0 +1,55 @@
+// varimesh result: fetches the result of a job.
+#include "client/commands/commands.h"
+#include "client/commands/remote_job.h"
+#include "client/io/outputs.h"
+#include "client/jobs/connection.h"
+#include "client/jobs/deliver.h"
+#include "client/process/exit_status.h"
+
+namespace varimesh::client {
+namespace {
+
+struct Arguments {
+  CommonFlags common;
+  std::string job, format, history, report;
+  std::vector<std::string> outputs;
+};
+
+int result(const Arguments& arguments) {
+  const auto outputs = check_outputs(arguments.outputs, arguments.format);
+  if (!outputs) return print_error(outputs.error());
+  const auto distinct = check_distinct(*outputs, {arguments.history, arguments.report}, arguments.common.json);
+  if (!distinct) return print_error(distinct.error());
+  const auto connection = connect(arguments.common);
+  if (!connection) return connection.error();
+  Client* client = connection->client.get();
+  const auto job = client->get(full_name(arguments.job));
+  if (!job) return print_error(job.error());
+  Delivery delivery;
+  delivery.outputs = *outputs;
+  delivery.history = arguments.history;
+  delivery.report = arguments.report;
+  delivery.accepts_cancelled = true;
+  return deliver(client, *job, delivery, arguments.common);
+}
+
+}  // namespace
+
+Action add_result(CLI::App& app) {
+  auto arguments = std::make_shared<Arguments>();
+  CLI::App& command = add_remote_command(
+      app, "result", "Fetch the result of a job that has succeeded, or was cancelled while it ran", &arguments->common);
+  add_job_argument(command, &arguments->job);
+  command.add_option("-o,--output", arguments->outputs, "Write the result to this file; may be repeated")
+      ->type_name("OUT")
+      ->allow_extra_args(false);
+  command.add_option("--format", arguments->format, "One of the formats of the job; default: that of the input")
+      ->type_name("NAME");
+  add_history_flag(command, &arguments->history);
+  add_report_flag(command, &arguments->report);
+  add_compress_flag(command, &arguments->common);
+  add_quiet_flag(command, &arguments->common);
+  return [arguments] { return result(*arguments); };
+}
+
+}  // namespace varimesh::client

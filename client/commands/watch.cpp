@@ -1,0 +1,40 @@
+// varimesh watch: follows a job to its end.
+#include "client/commands/commands.h"
+#include "client/commands/remote_job.h"
+#include "client/jobs/connection.h"
+#include "client/jobs/deliver.h"
+#include "client/jobs/follow.h"
+
+namespace varimesh::client {
+namespace {
+
+struct Arguments {
+  CommonFlags common;
+  std::string job;
+  std::int64_t after = 0;
+};
+
+int watch(const Arguments& arguments) {
+  const auto connection = connect(arguments.common);
+  if (!connection) return connection.error();
+  Client* client = connection->client.get();
+  const auto ended = follow(client, full_name(arguments.job), arguments.after, arguments.common, OnInterrupt::LeaveJob);
+  if (!ended) return ended.error();
+  return deliver(client, *ended, {}, arguments.common);
+}
+
+}  // namespace
+
+Action add_watch(CLI::App& app) {
+  auto arguments = std::make_shared<Arguments>();
+  CLI::App& command = add_remote_command(app, "watch", "Follow a job to its end", &arguments->common);
+  add_job_argument(command, &arguments->job);
+  command
+      .add_option("--after", arguments->after,
+                  "Begin after the event with this sequence number; default: from the start")
+      ->check(CLI::NonNegativeNumber);
+  add_quiet_flag(command, &arguments->common);
+  return [arguments] { return watch(*arguments); };
+}
+
+}  // namespace varimesh::client

@@ -1,0 +1,163 @@
+#include "client/io/documents.h"
+
+#include <iostream>
+
+#include "client/cli/names.h"
+
+namespace varimesh::client {
+namespace {
+
+Json mesh_document(const v1::MeshSummary& mesh) {
+  return {{"dimension", mesh.dimension()},
+          {"order", mesh.order()},
+          {"elements", mesh.elements()},
+          {"nodes", mesh.nodes()},
+          {"free_nodes", mesh.free_nodes()}};
+}
+
+Json quality_document(const v1::QualityReport& quality) {
+  const v1::Certified& certified = quality.certified();
+  return {{"min_scaled_jacobian", quality.min_scaled_jacobian()},
+          {"mean_scaled_jacobian", quality.mean_scaled_jacobian()},
+          {"min_distortion_jacobian", quality.min_distortion_jacobian()},
+          {"invalid_elements", quality.invalid_elements()},
+          {"certified",
+           {{"valid", certified.valid()},
+            {"invalid", certified.invalid()},
+            {"undecided", certified.undecided()},
+            {"min_scaled_jacobian_lower_bound", certified.min_scaled_jacobian_lower_bound()}}}};
+}
+
+Json group_document(const v1::UnrepairableGroup& group) {
+  Json elements = Json::array();
+  for (const std::int64_t element : group.elements()) elements.push_back(element);
+  Json document = {{"kind", spelled(group.kind())},
+                   {"elements", std::move(elements)},
+                   {"place", {group.x(), group.y(), group.z()}},
+                   {"determinant", group.determinant()},
+                   {"sentence", group.sentence()}};
+  if (group.vertex() != 0) document["vertex"] = group.vertex();
+  return document;
+}
+
+Json group_document(const UnrepairableGroup& group) {
+  constexpr const char* kKinds[] = {"vertex", "vertex-group", "edge", "face", "folded-face", "fan"};
+  Json document = {{"kind", kKinds[static_cast<int>(group.kind)]},
+                   {"elements", group.elements},
+                   {"place", group.place},
+                   {"determinant", group.determinant},
+                   {"sentence", group.sentence}};
+  if (group.vertex != 0) document["vertex"] = group.vertex;
+  return document;
+}
+
+template <class Groups>
+Json groups_document(const Groups& groups) {
+  Json all = Json::array();
+  for (const auto& group : groups) all.push_back(group_document(group));
+  return all;
+}
+
+Json repairs_document(const v1::Metrics& metrics) {
+  Json all = Json::array();
+  for (const v1::RepairStep& step : metrics.repairs()) {
+    Json document = {{"kind", spelled(step.kind())}, {"sentence", step.sentence()}};
+    for (const std::int64_t element : step.elements()) document["elements"].push_back(element);
+    for (const std::int64_t element : step.new_elements()) document["new_elements"].push_back(element);
+    for (const std::int64_t vertex : step.vertices()) document["vertices"].push_back(vertex);
+    if (step.node() != 0) document["node"] = step.node();
+    all.push_back(std::move(document));
+  }
+  return all;
+}
+
+const char* spelled(Certificate::Answer answer) {
+  return answer == Certificate::Answer::Invalid ? "invalid" : "undecided";
+}
+
+}  // namespace
+
+Json document(const v1::Metrics& metrics) {
+  return {{"mesh", mesh_document(metrics.mesh())},
+          {"energy", spelled(metrics.energy())},
+          {"method", spelled(metrics.method())},
+          {"iterations", metrics.iterations()},
+          {"seconds", metrics.seconds()},
+          {"residual", metrics.residual()},
+          {"converged", metrics.converged()},
+          {"stop_reason", spelled(metrics.stop_reason())},
+          {"before", quality_document(metrics.before())},
+          {"after", quality_document(metrics.after())},
+          {"unrepairable", groups_document(metrics.unrepairable())},
+          {"repairs", repairs_document(metrics)}};
+}
+
+Json document(const MeshSummary& mesh, const QualityReport& quality, const std::vector<UnrepairableGroup>& groups) {
+  Json uncertified = Json::array();
+  for (const UncertifiedElement& element : quality.uncertified)
+    uncertified.push_back({{"number", element.number}, {"answer", spelled(element.answer)}, {"place", element.place}});
+  Json invalid = Json::array();
+  for (const InvalidElement& element : quality.invalid)
+    invalid.push_back(
+        {{"number", element.number}, {"scaled_jacobian", element.scaled_jacobian}, {"place", element.place}});
+  return {{"mesh",
+           {{"dimension", mesh.dimension},
+            {"order", mesh.order},
+            {"elements", mesh.elements},
+            {"nodes", mesh.nodes},
+            {"free_nodes", mesh.free_nodes}}},
+          {"quality",
+           {{"min_scaled_jacobian", quality.min_scaled_jacobian},
+            {"mean_scaled_jacobian", quality.mean_scaled_jacobian},
+            {"min_distortion_jacobian", quality.min_distortion_jacobian},
+            {"invalid_elements", quality.invalid_elements},
+            {"lattice_intervals", quality.lattice_intervals},
+            {"histogram", quality.histogram},
+            {"invalid", std::move(invalid)},
+            {"certified",
+             {{"valid", quality.certified.valid},
+              {"invalid", quality.certified.invalid},
+              {"undecided", quality.certified.undecided},
+              {"min_scaled_jacobian_lower_bound", quality.certified.min_scaled_jacobian_lower_bound}}},
+            {"uncertified", std::move(uncertified)}}},
+          {"unrepairable", groups_document(groups)}};
+}
+
+Json document(const v1::Job& job) {
+  Json result = {{"job", job.name()}, {"state", spelled(job.state())}};
+  if (job.spec().priority() != 0) result["priority"] = job.spec().priority();
+  if (!job.request_id().empty()) result["request_id"] = job.request_id();
+  if (!job.spec().labels().empty()) {
+    Json labels = Json::object();
+    for (const auto& [key, value] : job.spec().labels()) labels[key] = value;
+    result["labels"] = std::move(labels);
+  }
+  if (job.has_iteration()) result["iterations"] = job.iteration().number();
+  if (job.has_error()) result["error"] = {{"reason", job.error().reason()}, {"message", job.error().message()}};
+  if (job.has_metrics()) result["metrics"] = document(job.metrics());
+  return result;
+}
+
+Json document(const v1::GetServerInfoResponse& info) {
+  Json inputs = Json::array(), outputs = Json::array(), energies = Json::array();
+  for (const int format : info.input_formats()) inputs.push_back(spelled(static_cast<v1::MeshFormat>(format)));
+  for (const int format : info.output_formats()) outputs.push_back(spelled(static_cast<v1::MeshFormat>(format)));
+  for (const int energy : info.energies()) energies.push_back(spelled(static_cast<v1::Energy>(energy)));
+  return {{"version", info.version()},
+          {"threads", info.limits().threads()},
+          {"max_mesh_bytes", info.limits().max_mesh_bytes()},
+          {"max_pending_jobs", info.limits().max_pending_jobs()},
+          {"max_pending_jobs_per_peer", info.limits().max_pending_jobs_per_peer()},
+          {"max_running_jobs_per_peer", info.limits().max_running_jobs_per_peer()},
+          {"max_watches_per_peer", info.limits().max_watches_per_peer()},
+          {"max_uploads_per_peer", info.limits().max_uploads_per_peer()},
+          {"pending_jobs", info.pending_jobs()},
+          {"running_jobs", info.running_jobs()},
+          {"input_formats", inputs},
+          {"output_formats", outputs},
+          {"energies", energies}};
+}
+
+void print(const Json& document) { std::cout << document.dump(2) << '\n'; }
+
+}  // namespace varimesh::client

@@ -1,0 +1,28 @@
+// The JSON documents that the command prints; their keys are in snake_case.
+#pragma once
+
+#include <nlohmann/json.hpp>
+#include <vector>
+
+#include "core/optimise/optimiser.h"
+#include "core/quality/quality.h"
+#include "varimesh/v1/service.pb.h"
+
+namespace varimesh::client {
+
+using Json = nlohmann::ordered_json;
+
+/// The result of an optimisation: {"mesh", "energy", "method", "iterations", "seconds", "residual", "converged",
+/// "stop_reason", "before", "after", "unrepairable", "repairs"}.
+Json document(const v1::Metrics& metrics);
+/// The quality of a mesh: {"mesh", "quality", "unrepairable"}.
+Json document(const MeshSummary& mesh, const QualityReport& quality, const std::vector<UnrepairableGroup>& groups);
+/// A job as submit, cancel and jobs print it: {"job", "state", …}.
+Json document(const v1::Job& job);
+/// What a server is and accepts: {"version", "threads", …}.
+Json document(const v1::GetServerInfoResponse& info);
+
+/// Prints the document on standard output.
+void print(const Json& document);
+
+}  // namespace varimesh::client

@@ -1,0 +1,62 @@
+#include "client/io/inputs.h"
+
+#include "client/library/failures.h"
+#include "client/library/input_file.h"
+#include "client/process/interrupts.h"
+#include "core/formats/formats.h"
+#include "core/mesh/displacements.h"
+
+namespace varimesh::client {
+namespace {
+
+tl::unexpected<Failure> refused(const std::string& path, const Error& error) {
+  return refusal("BAD_INPUT", path + ": " + error.sentence);
+}
+
+Outcome<void> move_boundary(HighOrderMesh& mesh, const Input& input) {
+  if (!input.boundary.empty()) {
+    const auto boundary = formats::read_file(input.boundary);
+    if (!boundary) return refusal("BAD_INPUT", boundary.error().sentence);
+    if (const auto done = replace_boundary(mesh, boundary->mesh); !done) return refused(input.boundary, done.error());
+  }
+  if (!input.displacements.empty()) {
+    const auto text = read_whole(input.displacements, [] { return interrupt_count() > 0; });
+    if (!text) return tl::unexpected(text.error());
+    const auto displacements = read_displacements(*text, mesh.dimension);
+    if (!displacements) return refused(input.displacements, displacements.error());
+    if (const auto done = displace_boundary(mesh, *displacements); !done)
+      return refused(input.displacements, done.error());
+  }
+  return {};
+}
+
+}  // namespace
+
+void add_input(CLI::App& command, Input* input) {
+  command.add_option("input", input->mesh, "The mesh file to read")->required()->type_name("IN");
+  command
+      .add_option("--displacements", input->displacements,
+                  "First move boundary nodes of a straight mesh; the file has one line 'number dx dy dz' per node")
+      ->type_name("FILE");
+  command
+      .add_option(
+          "--boundary", input->boundary,
+          "First move each boundary node to the position that the node of the same number has in this mesh, which "
+          "contains only the boundary")
+      ->type_name("MESH");
+}
+
+Outcome<v1::StoredMesh> upload(Client& client, const Input& input) {
+  if (input.displacements.empty() && input.boundary.empty()) return client.upload_file(input.mesh);
+  auto file = formats::read_file(input.mesh);
+  if (!file) return refusal("BAD_INPUT", file.error().sentence);
+  if (const auto moved = move_boundary(file->mesh, input); !moved) return tl::unexpected(moved.error());
+  auto curved = InputFile::temporary(input.mesh);
+  if (!curved) return tl::unexpected(curved.error());
+  const auto written =
+      formats::write(file->mesh, file->format, [&](std::string_view bytes) { return curved->append(bytes); });
+  if (!written) return file_failure(written.error().sentence);
+  return client.upload(*curved);
+}
+
+}  // namespace varimesh::client

@@ -1,0 +1,25 @@
+// The input of a job: a mesh file, and files that give the mesh its curved boundary before it is sent.
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <string>
+
+#include "client/client.h"
+#include "core/base/error.h"
+
+namespace varimesh::client {
+
+/// Paths of the files that make up an input.
+struct Input {
+  std::string mesh;
+  std::string displacements;  ///< A file of displacements of boundary nodes; empty: none.
+  std::string boundary;       ///< A mesh file with only the curved boundary; empty: none.
+};
+
+/// Adds the positional argument IN, and the flags --displacements and --boundary.
+void add_input(CLI::App& command, Input* input);
+
+/// Uploads the mesh, after its boundary nodes have been moved as the other files say.
+Outcome<v1::StoredMesh> upload(Client& client, const Input& input);
+
+}  // namespace varimesh::client

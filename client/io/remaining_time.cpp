@@ -1,0 +1,45 @@
+#include "client/io/remaining_time.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace varimesh::client {
+namespace {
+
+constexpr std::size_t kRecent = 20;
+constexpr double kLeastFall = 0.05;  ///< In decades; below it, the residual counts as standing still.
+
+void lower(std::optional<double>* estimate, double seconds) {
+  *estimate = std::max(0.0, estimate->has_value() ? std::min(**estimate, seconds) : seconds);
+}
+
+}  // namespace
+
+RemainingTime::RemainingTime(const v1::Options& options)
+    : tolerance_(options.has_tolerance() ? options.tolerance() : 1e-6),
+      max_iterations_(options.has_max_iterations() ? options.max_iterations() : 1000),
+      time_limit_(options.time_limit()),
+      has_stages_(options.objective() == v1::OBJECTIVE_WORST) {}
+
+void RemainingTime::add(const v1::Iteration& iteration) {
+  // In each phase the residual falls at a different rate.
+  if (iteration.phase() != latest_.phase()) recent_.clear();
+  latest_ = iteration;
+  if (iteration.residual() > 0) recent_.push_back({iteration.seconds(), std::log10(iteration.residual())});
+  if (recent_.size() > kRecent) recent_.pop_front();
+}
+
+std::optional<double> RemainingTime::seconds() const {
+  std::optional<double> left;
+  if (time_limit_ > 0) lower(&left, time_limit_ - latest_.seconds());
+  if (has_stages_ || recent_.size() < 3) return left;
+  const double elapsed = recent_.back().seconds - recent_.front().seconds;
+  const double steps = static_cast<double>(recent_.size() - 1);
+  lower(&left, elapsed / steps * (max_iterations_ - latest_.number()));
+  const double fall = recent_.front().log_residual - recent_.back().log_residual;
+  if (fall >= kLeastFall && tolerance_ > 0)
+    lower(&left, elapsed * (recent_.back().log_residual - std::log10(tolerance_)) / fall);
+  return left;
+}
+
+}  // namespace varimesh::client

@@ -1,0 +1,210 @@
+#include "client/io/report_page.h"
+
+#include <fmt/format.h>
+#include <google/protobuf/util/time_util.h>
+
+#include <algorithm>
+#include <filesystem>
+
+#include "client/cli/names.h"
+#include "client/io/documents.h"
+#include "client/library/failures.h"
+#include "client/process/temporary_folder.h"
+#include "client/report/report.h"
+#include "core/base/version.h"
+#include "core/formats/formats.h"
+#include "core/mesh/change_order.h"
+#include "core/options/option_table.h"
+
+namespace varimesh::client {
+namespace {
+
+using google::protobuf::util::TimeUtil;
+
+/// Whether meshes of this format can be read; the other formats are only written.
+bool readable(v1::MeshFormat format) { return format != v1::MESH_FORMAT_VTU && format != v1::MESH_FORMAT_PARTS; }
+
+/// Fetches a mesh from the server by way of the temporary file `file`.
+Outcome<std::shared_ptr<const HighOrderMesh>> fetch_mesh(Client* client, const v1::StoredMesh& stored,
+                                                         const std::filesystem::path& file) {
+  if (const auto done = client->download(stored, file); !done) return tl::unexpected(done.error());
+  auto read = formats::read_file(file);
+  std::filesystem::remove(file);
+  if (!read) return file_failure(read.error().sentence, "BAD_INPUT");
+  return std::make_shared<const HighOrderMesh>(std::move(read->mesh));
+}
+
+/// Sets the report's meshes, or the sentence that says why there are none.
+Outcome<void> fetch_meshes(Client* client, const v1::Job& job, Report* report) {
+  const auto result = std::find_if(job.results().begin(), job.results().end(),
+                                   [](const v1::StoredMesh& one) { return readable(one.format()); });
+  if (!readable(job.spec().mesh().format()) || result == job.results().end()) {
+    report->picture_note =
+        "There is no picture, because a report can read meshes only from MSH files, and the input or the results of "
+        "this "
+        "job have other formats. Submit an MSH file, and request one among the outputs.";
+    return {};
+  }
+  const TemporaryFolder folder;
+  if (folder.path().empty())
+    return file_failure(
+        "No temporary folder can be made for the report's meshes; set TMPDIR to a folder where files can be made.",
+        "OUTPUT");
+  v1::StoredMesh stored;
+  stored.set_digest(job.spec().mesh().digest());
+  auto before = fetch_mesh(client, stored, folder.path() / "before");
+  if (!before) return tl::unexpected(before.error());
+  if (const int order = job.spec().options().order(); order > 0) {
+    auto changed = change_order(**before, order);
+    if (!changed) return file_failure(changed.error().sentence, "BAD_INPUT");
+    *before = std::make_shared<const HighOrderMesh>(std::move(*changed));
+  }
+  auto after = fetch_mesh(client, *result, folder.path() / "after");
+  if (!after) return tl::unexpected(after.error());
+  report->before = *before;
+  report->after = *after;
+  return {};
+}
+
+/// The value of a field in the spelling of its flag.
+std::string spelled_value(const v1::Options& options, const google::protobuf::FieldDescriptor& field) {
+  const auto* reflection = v1::Options::GetReflection();
+  switch (field.cpp_type()) {
+    case google::protobuf::FieldDescriptor::CPPTYPE_ENUM:
+      return spelled(*reflection->GetEnum(options, &field));
+    case google::protobuf::FieldDescriptor::CPPTYPE_DOUBLE:
+      return fmt::format("{:.6g}", reflection->GetDouble(options, &field));
+    case google::protobuf::FieldDescriptor::CPPTYPE_BOOL:
+      return reflection->GetBool(options, &field) ? "on" : "off";
+    case google::protobuf::FieldDescriptor::CPPTYPE_INT32:
+      return std::to_string(reflection->GetInt32(options, &field));
+    default:
+      return fmt::format("{} values", options.target_field().values_size());
+  }
+}
+
+/// All values of a repeated field, with commas between them.
+std::string spelled_list(const v1::Options& options, const google::protobuf::FieldDescriptor& field) {
+  const auto* reflection = v1::Options::GetReflection();
+  const bool is_text = field.cpp_type() == google::protobuf::FieldDescriptor::CPPTYPE_STRING;
+  std::vector<std::string> values;
+  for (int i = 0; i < reflection->FieldSize(options, &field); ++i)
+    values.push_back(is_text ? reflection->GetRepeatedString(options, &field, i)
+                             : std::to_string(reflection->GetRepeatedInt64(options, &field, i)));
+  return joined(values, ", ");
+}
+
+/// All options as flags: [{"name", "value", "help"}]. The value of an option that was not given is "".
+Json options_document(const v1::Options& options) {
+  const auto* reflection = v1::Options::GetReflection();
+  Json rows = Json::array();
+  for (const OptionInfo& option : option_table()) {
+    const auto* field = v1::Options::descriptor()->FindFieldByName(std::string(option.name));
+    std::string text;
+    if (field->is_repeated())
+      text = spelled_list(options, *field);
+    else if (reflection->HasField(options, field))
+      text = spelled_value(options, *field);
+    rows.push_back({{"name", "--" + dashed(std::string(option.name))}, {"value", text}, {"help", option.help}});
+  }
+  return rows;
+}
+
+/// The history as one list per column.
+Json history_document(const std::vector<v1::Iteration>& history) {
+  Json columns = {{"iteration", Json::array()},        {"phase", Json::array()},
+                  {"energy", Json::array()},           {"residual", Json::array()},
+                  {"seconds", Json::array()},          {"min_scaled_jacobian", Json::array()},
+                  {"invalid_elements", Json::array()}, {"active_nodes", Json::array()}};
+  for (const v1::Iteration& one : history) {
+    columns["iteration"].push_back(one.number());
+    columns["phase"].push_back(spelled(one.phase()));
+    columns["energy"].push_back(one.energy());
+    columns["residual"].push_back(one.residual());
+    columns["seconds"].push_back(one.seconds());
+    columns["min_scaled_jacobian"].push_back(one.min_scaled_jacobian());
+    columns["invalid_elements"].push_back(one.invalid_elements());
+    columns["active_nodes"].push_back(one.active_nodes());
+  }
+  return columns;
+}
+
+std::string time_text(const google::protobuf::Timestamp& time) {
+  return time.seconds() == 0 ? "–" : TimeUtil::ToString(TimeUtil::SecondsToTimestamp(time.seconds()));
+}
+
+Marks marks_of(const v1::Metrics& metrics) {
+  Marks marks;
+  for (const auto& [snapshot, quality] : {std::pair{0U, &metrics.before()}, std::pair{1U, &metrics.after()}})
+    for (const v1::UncertifiedElement& element : quality->certified().uncertified())
+      marks.uncertified[snapshot].insert(element.number());
+  for (const v1::UnrepairableGroup& group : metrics.unrepairable())
+    marks.unrepairable.insert(group.elements().begin(), group.elements().end());
+  return marks;
+}
+
+/// Where the result comes from: [[name, text], …].
+Json origin_document(const v1::Job& job, const std::string& input, const std::string& server_version) {
+  Json origin = Json::array();
+  if (!input.empty()) origin.push_back({"mesh", input});
+  origin.push_back({"mesh, SHA-256", job.spec().mesh().digest()});
+  origin.push_back({"job", job.name()});
+  for (const auto& [key, value] : job.spec().labels()) origin.push_back({"label " + key, value});
+  origin.push_back({"varimesh, the command", std::string(version())});
+  origin.push_back({"varimesh, the service", server_version});
+  origin.push_back({"submitted", time_text(job.create_time())});
+  origin.push_back({"started", time_text(job.start_time())});
+  origin.push_back({"ended", time_text(job.end_time())});
+  return origin;
+}
+
+/// The last part of the path, by which a reader knows the mesh.
+std::string title_of(const std::string& input) { return std::filesystem::path(input).filename().string(); }
+
+}  // namespace
+
+std::vector<v1::MeshFormat> formats_with_report(std::vector<v1::MeshFormat> formats, const std::string& report) {
+  if (!report.empty() && std::none_of(formats.begin(), formats.end(), readable))
+    formats.push_back(v1::MESH_FORMAT_UNSPECIFIED);
+  return formats;
+}
+
+Outcome<void> write_job_report(Client* client, const v1::Job& job, const std::string& input, const std::string& path) {
+  Report report;
+  report.title = input.empty() ? job.name() : title_of(input);
+  report.document = document(job.metrics());
+  for (const auto& [snapshot, quality] :
+       {std::pair{"before", &job.metrics().before()}, std::pair{"after", &job.metrics().after()}})
+    report.histograms[snapshot] = std::vector<std::int64_t>(quality->histogram().begin(), quality->histogram().end());
+  const auto result = client->result(job.name());
+  if (!result) return tl::unexpected(result.error());
+  report.history = history_document(result->history);
+  report.options = options_document(job.spec().options());
+  const auto server = client->info();
+  if (!server) return tl::unexpected(server.error());
+  report.origin = origin_document(job, input, server->version());
+  report.marks = marks_of(job.metrics());
+  if (auto fetched = fetch_meshes(client, job, &report); !fetched) return fetched;
+  if (const auto written = write_report(path, report); !written)
+    return file_failure(written.error().sentence, "OUTPUT");
+  return {};
+}
+
+Expected<void> write_quality_report(const std::string& path, const std::string& input, HighOrderMesh mesh,
+                                    const MeshSummary& summary, const QualityReport& quality,
+                                    const std::vector<UnrepairableGroup>& groups) {
+  Report report;
+  report.title = title_of(input);
+  report.document = document(summary, quality, groups);
+  report.histograms["before"] = quality.histogram;
+  report.origin.push_back({"mesh", input});
+  report.origin.push_back({"varimesh, the command", std::string(version())});
+  report.origin.push_back({"written", time_text(TimeUtil::GetCurrentTime())});
+  for (const UncertifiedElement& element : quality.uncertified) report.marks.uncertified[0].insert(element.number);
+  for (const UnrepairableGroup& group : groups)
+    report.marks.unrepairable.insert(group.elements.begin(), group.elements.end());
+  report.before = std::make_shared<const HighOrderMesh>(std::move(mesh));
+  return write_report(path, report);
+}
+
+}  // namespace varimesh::client

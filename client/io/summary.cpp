@@ -1,0 +1,94 @@
+#include "client/io/summary.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+namespace varimesh::client {
+namespace {
+
+std::string sizes(int dimension, int order, std::int64_t elements, std::int64_t nodes, std::int64_t free_nodes) {
+  return fmt::format("{}-D mesh of order {}: {} elements, {} nodes, {} of them free\n", dimension, order, elements,
+                     nodes, free_nodes);
+}
+
+/// The sentences of the first few groups of unrepairable elements, or steps of repair. `what` names them in the plural.
+template <class Items>
+std::string sentences(const Items& items, const char* what) {
+  constexpr int kShown = 5;
+  std::string text;
+  for (int i = 0; i < std::min(kShown, items.size()); ++i) text += items[i].sentence() + "\n";
+  if (items.size() > kShown) text += fmt::format("and {} more {}; --json lists all\n", items.size() - kShown, what);
+  return text;
+}
+
+/// The histogram with one line per non-empty bin. The bins of the quality report are merged to ten, which are easier to
+/// read.
+std::string histogram(const QualityReport& quality) {
+  constexpr std::size_t kLines = 10;
+  constexpr std::size_t kEach = QualityReport::kBins / kLines;
+  std::string text;
+  if (quality.invalid_elements > 0) text += fmt::format("  0 or less   {:>10}\n", quality.invalid_elements);
+  for (std::size_t line = 0; line < kLines; ++line) {
+    std::int64_t count = 0;
+    for (std::size_t bin = 0; bin < kEach; ++bin) count += quality.histogram[line * kEach + bin];
+    if (count > 0)
+      text += fmt::format("  {:.1f} to {:.1f}  {:>10}\n", static_cast<double>(line) / 10.0,
+                          static_cast<double>(line + 1) / 10.0, count);
+  }
+  return text;
+}
+
+}  // namespace
+
+std::string summary(const v1::Metrics& metrics) {
+  const v1::MeshSummary& mesh = metrics.mesh();
+  const v1::QualityReport& before = metrics.before();
+  const v1::QualityReport& after = metrics.after();
+  return sizes(mesh.dimension(), mesh.order(), mesh.elements(), mesh.nodes(), mesh.free_nodes()) +
+         fmt::format("{} iterations in {:.3g} s, residual {:.3g}, {}\n", metrics.iterations(), metrics.seconds(),
+                     metrics.residual(), metrics.converged() ? "converged" : "not converged") +
+         fmt::format("                          {:>10}  {:>10}\n", "before", "after") +
+         fmt::format("smallest scaled Jacobian  {:>10.5f}  {:>10.5f}\n", before.min_scaled_jacobian(),
+                     after.min_scaled_jacobian()) +
+         fmt::format("mean scaled Jacobian      {:>10.5f}  {:>10.5f}\n", before.mean_scaled_jacobian(),
+                     after.mean_scaled_jacobian()) +
+         fmt::format("smallest distortion       {:>10.5f}  {:>10.5f}\n", before.min_distortion_jacobian(),
+                     after.min_distortion_jacobian()) +
+         fmt::format("invalid elements          {:>10}  {:>10}\n", before.invalid_elements(),
+                     after.invalid_elements()) +
+         fmt::format("certified valid           {:>10}  {:>10}\n", before.certified().valid(),
+                     after.certified().valid()) +
+         fmt::format("undecided                 {:>10}  {:>10}\n", before.certified().undecided(),
+                     after.certified().undecided()) +
+         fmt::format("proved scaled Jacobian    {:>10.5f}  {:>10.5f}\n",
+                     before.certified().min_scaled_jacobian_lower_bound(),
+                     after.certified().min_scaled_jacobian_lower_bound()) +
+         sentences(metrics.repairs(), "steps of repair") +
+         sentences(metrics.unrepairable(), "groups of elements that no movement of nodes can repair");
+}
+
+std::string summary(const MeshSummary& mesh, const QualityReport& quality) {
+  std::string text = sizes(mesh.dimension, mesh.order, mesh.elements, mesh.nodes, mesh.free_nodes) +
+                     fmt::format(
+                         "smallest scaled Jacobian  {:>10.5f}\nmean scaled Jacobian      {:>10.5f}\n"
+                         "smallest distortion       {:>10.5f}\ninvalid elements          {:>10}\n"
+                         "certified valid           {:>10}\nundecided                 {:>10}\n"
+                         "proved scaled Jacobian    {:>10.5f}\n"
+                         "elements by scaled Jacobian, sampled on a lattice of {} intervals per edge\n",
+                         quality.min_scaled_jacobian, quality.mean_scaled_jacobian, quality.min_distortion_jacobian,
+                         quality.invalid_elements, quality.certified.valid, quality.certified.undecided,
+                         quality.certified.min_scaled_jacobian_lower_bound, quality.lattice_intervals) +
+                     histogram(quality);
+  constexpr std::size_t kShown = 10;
+  for (std::size_t i = 0; i < std::min(kShown, quality.invalid.size()); ++i) {
+    const InvalidElement& element = quality.invalid[i];
+    text += fmt::format("  element {} is invalid: {:.4f} at ({:.6g}, {:.6g}, {:.6g})\n", element.number,
+                        element.scaled_jacobian, element.place[0], element.place[1], element.place[2]);
+  }
+  if (quality.invalid.size() > kShown)
+    text += fmt::format("  and {} more; --json lists all\n", quality.invalid.size() - kShown);
+  return text;
+}
+
+}  // namespace varimesh::client

@@ -1,0 +1,17 @@
+// Summaries of results and of the quality of meshes, as text for people.
+#pragma once
+
+#include <string>
+
+#include "core/optimise/optimiser.h"
+#include "core/quality/quality.h"
+#include "varimesh/v1/service.pb.h"
+
+namespace varimesh::client {
+
+/// The result of an optimisation: the mesh, how it went, the quality before and after, and what cannot be repaired.
+std::string summary(const v1::Metrics& metrics);
+/// The quality of a mesh, with its histogram and its first invalid elements.
+std::string summary(const MeshSummary& mesh, const QualityReport& quality);
+
+}  // namespace varimesh::client

@@ -1,0 +1,50 @@
+#include "client/process/interrupts.h"
+
+#include <pthread.h>
+#include <unistd.h>
+
+#include <atomic>
+#include <csignal>
+#include <thread>
+
+#include "client/process/exit_status.h"
+#include "client/process/temporary_folder.h"
+
+namespace varimesh::client {
+namespace {
+
+std::atomic<int> count = 0;
+std::atomic<bool> first_ends = false;
+
+[[noreturn]] void end_at_once() {
+  remove_temporary_files();
+  constexpr char message[] = "varimesh: interrupted\n";
+  (void)!::write(STDERR_FILENO, message, sizeof message - 1);
+  _exit(kInterrupted);
+}
+
+}  // namespace
+
+int interrupt_count() { return count; }
+
+void catch_interrupts() {
+  // A thread waits for the signals, because a signal handler may not do what has to be done. All threads that are
+  // started later inherit the mask and so leave the signals to this one.
+  sigset_t signals;
+  sigemptyset(&signals);
+  sigaddset(&signals, SIGINT);
+  sigaddset(&signals, SIGTERM);
+  pthread_sigmask(SIG_BLOCK, &signals, nullptr);
+  std::signal(SIGPIPE, SIG_IGN);
+  std::thread([signals] {
+    for (int signal = 0; sigwait(&signals, &signal) == 0;)
+      if (count.fetch_add(1) > 0 || first_ends) end_at_once();
+  }).detach();
+}
+
+void end_at_first_interrupt() {
+  first_ends = true;
+  if (interrupt_count() > 0) end_at_once();
+}
+
+}  // namespace varimesh::client

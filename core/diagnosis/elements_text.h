@@ -1,0 +1,15 @@
+// How sentences for humans name elements.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace varimesh {
+
+/// "tetrahedron 4711", or "tetrahedra 12, 13 and 20 more": at most eight numbers. `name` is for one element, `plural`
+/// for several, as in ShapeInfo.
+std::string elements_text(const std::vector<std::int64_t>& elements, std::string_view name, std::string_view plural);
+
+}  // namespace varimesh

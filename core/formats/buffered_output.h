@@ -1,0 +1,91 @@
+// Buffered output of text and binary numbers to a sink, without an allocation per number.
+#pragma once
+
+#include <charconv>
+#include <cstdint>
+#include <cstring>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "core/formats/formats.h"
+
+namespace varimesh::formats {
+
+/// Collects bytes and passes them to the sink in pieces. After the sink has refused a piece, it gets no more.
+class BufferedOutput {
+ public:
+  explicit BufferedOutput(const Sink& sink, bool binary = false) : binary(binary), sink_(sink) {
+    buffer_.resize(kPiece + kRoom);
+  }
+
+  const bool binary;
+
+  /// Writes the bytes unchanged.
+  void text(std::string_view bytes) {
+    if (bytes.size() > kRoom) return large(bytes);
+    std::memcpy(room(), bytes.data(), bytes.size());
+    used_ += bytes.size();
+  }
+  /// Writes an integer as text, also in binary files.
+  void text_integer(std::int64_t value) {
+    used_ = std::size_t(std::to_chars(room(), last(), value).ptr - buffer_.data());
+  }
+  /// Writes the shortest text that reads as the same double, 17 significant digits or fewer, also in binary files.
+  void text_number(double value) { used_ = std::size_t(std::to_chars(room(), last(), value).ptr - buffer_.data()); }
+
+  /// Write a C int, a C size_t and a double: in binary, or as text followed by a space.
+  void integer(int value) { binary ? raw(std::int32_t(value)) : spaced(value); }
+  void size(std::int64_t value) { binary ? raw(std::uint64_t(value)) : spaced(value); }
+  void number(double value) {
+    if (binary) return raw(value);
+    text_number(value);
+    text(" ");
+  }
+  /// Ends a line in ASCII files; does nothing in binary files.
+  void end_line() {
+    if (!binary) text("\n");
+  }
+
+  /// Passes the remaining bytes to the sink. Errors: Output if the sink has refused a piece.
+  Expected<void> finish() {
+    flush();
+    if (!stopped_) return {};
+    return tl::unexpected<Error>(
+        {Error::Kind::Output, "Writing stopped before the end of the mesh; the disk may be full."});
+  }
+
+ private:
+  static constexpr std::size_t kPiece = std::size_t(1) << 18;
+  static constexpr std::size_t kRoom = 64;  // more than any number needs
+
+  char* room() {
+    if (used_ > kPiece) flush();
+    return buffer_.data() + used_;
+  }
+  char* last() { return buffer_.data() + buffer_.size(); }
+  void flush() {
+    if (!stopped_ && used_ > 0 && !sink_({buffer_.data(), used_})) stopped_ = true;
+    used_ = 0;
+  }
+  void large(std::string_view bytes) {
+    flush();
+    if (!stopped_ && !sink_(bytes)) stopped_ = true;
+  }
+  void spaced(std::int64_t value) {
+    text_integer(value);
+    text(" ");
+  }
+  template <class T>
+  void raw(T value) {
+    std::memcpy(room(), &value, sizeof(T));
+    used_ += sizeof(T);
+  }
+
+  const Sink& sink_;
+  std::vector<char> buffer_;
+  std::size_t used_ = 0;
+  bool stopped_ = false;
+};
+
+}  // namespace varimesh::formats

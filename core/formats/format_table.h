@@ -1,0 +1,38 @@
+// The table of formats: everything that reading and writing need to know about a format. Internal to core/formats.
+#pragma once
+
+#include "core/formats/formats.h"
+
+namespace varimesh::formats {
+
+/// One format. A format that can only be written has no `recognises` and no `read`; one that can only be read has no
+/// `write`.
+struct FormatEntry {
+  Format format;
+  std::string_view name;
+  std::string_view extension;
+  /// Whether the bytes begin like a file of this format.
+  bool (*recognises)(std::string_view bytes) = nullptr;
+  /// Reads a file. Errors are returned, or thrown as ReadFailure.
+  Expected<MeshFile> (*read)(std::string_view bytes) = nullptr;
+  /// Writes a file. Formats without fields ignore `fields`.
+  Expected<void> (*write)(const HighOrderMesh& mesh, Format format, const Sink& sink,
+                          std::span<const CellField> fields) = nullptr;
+};
+
+/// The formats of this library. If several formats have the same extension, the last of them is the one that is written
+/// if nothing else decides.
+std::span<const FormatEntry> format_table();
+
+/// The functions of formats.h for any table.
+Expected<Format> from_name(std::span<const FormatEntry> table, std::string_view name);
+Expected<Format> for_output(std::span<const FormatEntry> table, std::string_view path, Format requested,
+                            Format read_as);
+Expected<MeshFile> read(std::span<const FormatEntry> table, std::string_view bytes);
+Expected<void> write(std::span<const FormatEntry> table, const HighOrderMesh& mesh, Format format, const Sink& sink,
+                     std::span<const CellField> fields);
+
+/// The name of a format of this library; "auto" for Format::Auto.
+std::string_view format_name(Format format);
+
+}  // namespace varimesh::formats

@@ -1,0 +1,158 @@
+// Reads the sections of MSH 4.1, ASCII and binary.
+#include "core/formats/gmsh/read.h"
+
+namespace varimesh::formats {
+
+namespace {
+
+std::vector<int> read_tags(Scanner& scan, const char* how_many, const char* what) {
+  const std::int64_t n = scan.count(how_many, scan.binary ? 4 : 2);
+  std::vector<int> tags(static_cast<std::size_t>(n));
+  for (int& tag : tags) tag = scan.integer(what);
+  return tags;
+}
+
+void read_box(Scanner& scan, Entity& entity) {
+  const int n = entity.dimension == 0 ? 3 : 6;
+  for (int k = 0; k < n; ++k) entity.box[std::size_t(k)] = scan.number("an entity's extent");
+  if (n == 3)
+    for (std::size_t k = 0; k < 3; ++k) entity.box[k + 3] = entity.box[k];
+}
+
+void read_groups_and_boundary(Scanner& scan, Entity& entity) {
+  entity.physical = read_tags(scan, "an entity's number of physical groups", "an entity's physical group");
+  if (entity.dimension > 0)
+    entity.boundary = read_tags(scan, "an entity's number of bounding entities", "a bounding entity");
+}
+
+}  // namespace
+
+void read_entities_41(GmshReading& reading) {
+  Scanner& scan = reading.scanner;
+  std::array<std::int64_t, 4> counts{};
+  for (std::int64_t& n : counts) n = scan.count("the number of entities", 8);
+  for (int d = 0; d < 4; ++d)
+    for (std::int64_t i = 0; i < counts[std::size_t(d)]; ++i) {
+      Entity entity;
+      entity.dimension = d;
+      entity.tag = scan.integer("an entity's tag");
+      read_box(scan, entity);
+      read_groups_and_boundary(scan, entity);
+      if (!entity.physical.empty()) reading.entity_groups[{d, entity.tag}] = entity.physical;
+      reading.mesh.entities.push_back(std::move(entity));
+    }
+}
+
+void read_partitioned_entities_41(GmshReading& reading) {
+  Scanner& scan = reading.scanner;
+  scan.size("the number of partitions");
+  const std::int64_t ghosts = scan.count("the number of ghost entities", scan.binary ? 8 : 4);
+  for (std::int64_t i = 0; i < 2 * ghosts; ++i) scan.integer("a ghost entity");
+  std::array<std::int64_t, 4> counts{};
+  for (std::int64_t& n : counts) n = scan.count("the number of partitioned entities", 8);
+  for (int d = 0; d < 4; ++d)
+    for (std::int64_t i = 0; i < counts[std::size_t(d)]; ++i) {
+      Entity entity;
+      entity.dimension = d;
+      entity.tag = scan.integer("a partitioned entity's tag");
+      scan.integer("a partitioned entity's parent dimension");
+      scan.integer("a partitioned entity's parent");
+      read_tags(scan, "a partitioned entity's number of partitions", "a partition");
+      read_box(scan, entity);
+      read_groups_and_boundary(scan, entity);
+      if (!entity.physical.empty()) reading.entity_groups[{d, entity.tag}] = entity.physical;
+    }
+}
+
+void read_nodes_41(GmshReading& reading) {
+  Scanner& scan = reading.scanner;
+  HighOrderMesh& mesh = reading.mesh;
+  const std::int64_t blocks = scan.count("the number of node blocks", 8);
+  const std::int64_t total = scan.count("the number of nodes", 8);
+  scan.size("the smallest node number");
+  scan.size("the largest node number");
+  mesh.node_numbers.reserve(std::size_t(total));
+  mesh.coordinates.reserve(std::size_t(3 * total));
+  for (std::int64_t b = 0; b < blocks; ++b) {
+    NodeBlock block;
+    block.dimension = scan.integer("a node block's dimension");
+    block.entity = scan.integer("a node block's entity");
+    const int parametric = scan.integer("a node block's parametric flag");
+    const std::int64_t n = scan.count("a node block's number of nodes", 8);
+    if (block.dimension < 0 || block.dimension > 3) scan.fail("a node block's dimension must be 0 to 3");
+    if (n > total - std::int64_t(mesh.node_numbers.size())) scan.fail("the node blocks have more nodes than announced");
+    block.first = std::int32_t(mesh.node_numbers.size());
+    block.count = std::int32_t(n);
+    for (std::int64_t i = 0; i < n; ++i) mesh.node_numbers.push_back(scan.size("a node's number"));
+    // Parameters on the entity are skipped, because they are wrong after the nodes have moved.
+    const int parameters = parametric != 0 ? block.dimension : 0;
+    for (std::int64_t i = 0; i < n; ++i) {
+      for (int k = 0; k < 3; ++k) mesh.coordinates.push_back(scan.number("a node's coordinate"));
+      for (int k = 0; k < parameters; ++k) scan.number("a node's parameter");
+    }
+    mesh.node_blocks.push_back(block);
+  }
+  if (std::int64_t(mesh.node_numbers.size()) != total) scan.fail("the node blocks have fewer nodes than announced");
+  reading.index.build(mesh.node_numbers, scan);
+}
+
+void read_elements_41(GmshReading& reading) {
+  Scanner& scan = reading.scanner;
+  const std::int64_t blocks = scan.count("the number of element blocks", 8);
+  std::int64_t left = scan.count("the number of elements", 4);
+  scan.size("the smallest element number");
+  scan.size("the largest element number");
+  for (std::int64_t b = 0; b < blocks; ++b) {
+    const int dimension = scan.integer("an element block's dimension");
+    ElementBlock block;
+    block.entity = scan.integer("an element block's entity");
+    const GmshType type = accepted_type(scan, scan.integer("an element block's type"));
+    block.shape = type.shape;
+    block.order = type.order;
+    if (dimension != reference::info(type.shape).dimension)
+      scan.fail("an element block of dimension " + std::to_string(dimension) + " contains " +
+                std::string(reference::info(type.shape).plural));
+    const auto per_element = std::size_t(reference::node_count(type.shape, type.order));
+    const std::int64_t n =
+        scan.count("an element block's number of elements", (per_element + 1) * (scan.binary ? 8 : 2));
+    if (n > left) scan.fail("the element blocks have more elements than announced");
+    left -= n;
+    if (const auto at = reading.entity_groups.find({dimension, block.entity}); at != reading.entity_groups.end())
+      block.physical = at->second;
+    block.numbers.resize(std::size_t(n));
+    block.nodes.resize(std::size_t(n) * per_element);
+    std::int32_t* node = block.nodes.data();
+    for (std::int64_t& number : block.numbers) {
+      number = scan.size("an element's number");
+      for (std::size_t k = 0; k < per_element; ++k)
+        *node++ = reading.node(scan.size("an element's node"), "element", number);
+    }
+    reading.mesh.blocks.push_back(std::move(block));
+  }
+  if (left != 0) scan.fail("the element blocks have fewer elements than announced");
+}
+
+void read_periodic_41(GmshReading& reading) {
+  Scanner& scan = reading.scanner;
+  const std::int64_t links = scan.count("the number of periodic links", 8);
+  for (std::int64_t i = 0; i < links; ++i) {
+    PeriodicLink link;
+    link.dimension = scan.integer("a periodic entity's dimension");
+    link.entity = scan.integer("a periodic entity");
+    link.master = scan.integer("a periodic entity's master");
+    const std::int64_t affine = scan.count("the length of a periodic link's affine map", 2);
+    link.affine.resize(std::size_t(affine));
+    for (double& value : link.affine) value = scan.number("a periodic link's affine map");
+    const std::int64_t n = scan.count("the number of periodic nodes", scan.binary ? 16 : 3);
+    link.nodes.reserve(std::size_t(n));
+    for (std::int64_t k = 0; k < n; ++k) {
+      const std::int64_t slave = scan.size("a periodic node");
+      const std::int64_t master = scan.size("a periodic node's master");
+      link.nodes.emplace_back(reading.node(slave, "periodic entity", link.entity),
+                              reading.node(master, "periodic entity", link.entity));
+    }
+    reading.mesh.periodic.push_back(std::move(link));
+  }
+}
+
+}  // namespace varimesh::formats

@@ -1,0 +1,142 @@
+// Writes the sections of MSH 2.2, ASCII and binary.
+#include <algorithm>
+#include <cstdlib>
+
+#include "core/formats/gmsh/types.h"
+#include "core/formats/gmsh/write.h"
+
+namespace varimesh::formats {
+
+namespace {
+
+void write_nodes(const HighOrderMesh& mesh, BufferedOutput& out) {
+  out.text("$Nodes\n");
+  out.text_integer(std::int64_t(mesh.node_count()));
+  out.text("\n");
+  for (std::size_t i = 0; i < mesh.node_count(); ++i) {
+    const double* x = mesh.coordinates.data() + 3 * i;
+    if (out.binary) {
+      out.integer(int(mesh.node_numbers[i]));
+      for (int k = 0; k < 3; ++k) out.number(x[k]);
+      continue;
+    }
+    out.text_integer(mesh.node_numbers[i]);
+    for (int k = 0; k < 3; ++k) {
+      out.text(" ");
+      out.text_number(x[k]);
+    }
+    out.text("\n");
+  }
+  out.text(out.binary ? "\n$EndNodes\n" : "$EndNodes\n");
+}
+
+// The data of an element that differ between its repetitions. In binary each element is a group of one, as in Gmsh's
+// own files.
+struct ElementLine {
+  int type;
+  std::int64_t number;
+  int physical;
+};
+
+void write_element(const HighOrderMesh& mesh, const ElementBlock& block, ElementLine line,
+                   std::span<const std::int32_t> nodes, BufferedOutput& out) {
+  const int tags = block.partitions.empty() ? 2 : 3 + int(block.partitions.size());
+  if (out.binary) {
+    for (int value : {line.type, 1, tags, int(line.number)}) out.integer(value);
+  } else {
+    out.size(line.number);
+    out.integer(line.type);
+    out.integer(tags);
+  }
+  out.integer(line.physical);
+  out.integer(block.entity);
+  if (!block.partitions.empty()) out.integer(int(block.partitions.size()));
+  for (int partition : block.partitions) out.integer(partition);
+  for (std::size_t k = 0; k < nodes.size(); ++k) {
+    const std::int64_t number = mesh.node_numbers[std::size_t(nodes[k])];
+    if (out.binary) {
+      out.integer(int(number));
+    } else {
+      out.text_integer(number);
+      out.text(k + 1 < nodes.size() ? " " : "\n");
+    }
+  }
+}
+
+// The tag of the group in MSH 2.2. A negative tag in MSH 4.1 means that the group reverses the entity. Gmsh's own 2.2
+// files have no such sign.
+int group_tag(const HighOrderMesh& mesh, int tag) { return mesh.entities.empty() ? tag : std::abs(tag); }
+
+// An element in several physical groups is repeated for each further group, directly after itself, as Gmsh does it. The
+// repetition has the number that it had in an MSH 2.2 file, or a new number. The reader joins repetitions again.
+void write_elements(const HighOrderMesh& mesh, BufferedOutput& out) {
+  std::int64_t lines = 0, fresh = 0;
+  for (const ElementBlock& block : mesh.blocks) {
+    lines += std::int64_t(block.size() * std::max<std::size_t>(1, block.physical.size()));
+    for (std::int64_t number : block.numbers) fresh = std::max(fresh, number);
+    for (std::int64_t number : block.repeat_numbers) fresh = std::max(fresh, number);
+  }
+  out.text("$Elements\n");
+  out.text_integer(lines);
+  out.text("\n");
+  for (const ElementBlock& block : mesh.blocks) {
+    const auto per_element = std::size_t(reference::node_count(block.shape, block.order));
+    const int type = gmsh_type_number(block.shape, block.order);
+    const std::size_t copies = block.physical.empty() ? 0 : block.physical.size() - 1;
+    const bool known = block.repeat_numbers.size() == copies * block.size();
+    for (std::size_t e = 0; e < block.size(); ++e) {
+      const std::span nodes(block.nodes.data() + e * per_element, per_element);
+      write_element(mesh, block,
+                    {type, block.numbers[e], block.physical.empty() ? 0 : group_tag(mesh, block.physical[0])}, nodes,
+                    out);
+      for (std::size_t k = 0; k < copies; ++k)
+        write_element(
+            mesh, block,
+            {type, known ? block.repeat_numbers[e * copies + k] : ++fresh, group_tag(mesh, block.physical[k + 1])},
+            nodes, out);
+    }
+  }
+  out.text(out.binary ? "\n$EndElements\n" : "$EndElements\n");
+}
+
+// The section is text, also in binary files.
+void write_periodic(const HighOrderMesh& mesh, BufferedOutput& out) {
+  if (mesh.periodic.empty()) return;
+  const auto pair = [&](std::int64_t a, std::int64_t b) {
+    out.text_integer(a);
+    out.text(" ");
+    out.text_integer(b);
+    out.text("\n");
+  };
+  out.text("$Periodic\n");
+  out.text_integer(std::int64_t(mesh.periodic.size()));
+  out.text("\n");
+  for (const PeriodicLink& link : mesh.periodic) {
+    out.text_integer(link.dimension);
+    out.text(" ");
+    pair(link.entity, link.master);
+    if (!link.affine.empty()) {
+      out.text("Affine");
+      for (double value : link.affine) {
+        out.text(" ");
+        out.text_number(value);
+      }
+      out.text("\n");
+    }
+    out.text_integer(std::int64_t(link.nodes.size()));
+    out.text("\n");
+    for (const auto& [node, master] : link.nodes)
+      pair(mesh.node_numbers[std::size_t(node)], mesh.node_numbers[std::size_t(master)]);
+  }
+  out.text("$EndPeriodic\n");
+}
+
+}  // namespace
+
+void write_body_22(const HighOrderMesh& mesh, BufferedOutput& out) {
+  write_nodes(mesh, out);
+  write_elements(mesh, out);
+  write_periodic(mesh, out);
+}
+
+}  // namespace varimesh::formats

@@ -1,0 +1,43 @@
+// The best mesh that a run has passed through.
+#pragma once
+
+#include <cstdint>
+#include <limits>
+#include <vector>
+
+#include "core/guard/guard.h"
+#include "core/validity/certifier.h"
+
+namespace varimesh {
+
+/// Keeps the best mesh of a run with until_js or Objective::Worst: the one with the fewest uncertified cells, and of
+/// those the one with the highest proved minimum of the scaled Jacobian.
+class BestMesh {
+ public:
+  explicit BestMesh(const Certifier& certifier) : certifier_(certifier) {}
+
+  /// Returns the proved minimum of the scaled Jacobian in the guard's kept state. Keeps the coordinates of that state
+  /// if it is the best so far. Call it inside team.run().
+  double consider(const Guard& guard);
+  /// 3 per node, interleaved, as HighOrderMesh::coordinates; empty until a state has been considered.
+  const std::vector<double>& coordinates() const { return coordinates_; }
+  /// The proved minimum of the scaled Jacobian in the best mesh.
+  double highest() const { return highest_; }
+
+  /// Objective::Worst: a mesh with a smaller mean scaled Jacobian is not considered.
+  double least_mean = -1;
+
+  template <class Archive>
+  void state(Archive& archive) {
+    archive(highest_, fewest_, coordinates_, least_mean);
+  }
+
+ private:
+  const Certifier& certifier_;
+  std::vector<Certificate> certificates_;
+  std::vector<double> coordinates_;
+  double highest_ = -std::numeric_limits<double>::infinity();
+  std::int64_t fewest_ = std::numeric_limits<std::int64_t>::max();  ///< Uncertified cells of the best mesh.
+};
+
+}  // namespace varimesh

@@ -1,0 +1,175 @@
+#include "core/optimise/continuation.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "core/checkpoint/checkpoint.h"
+#include "core/problem/node_conversion.h"
+#include "core/problem/targets.h"
+
+namespace varimesh {
+namespace {
+
+/// How much of the mean scaled Jacobian may be given up to raise the lowest.
+constexpr double kMeanGivenForWorst = 0.01;
+
+}  // namespace
+
+Continuation::Continuation(SetUp& set_up, const Certifier& certifier, const Stopwatch& watch,
+                           const OnIteration& on_iteration, const RunControl& control, Team& team)
+    : set_up_(set_up),
+      certifier_(certifier),
+      watch_(watch),
+      on_iteration_(on_iteration),
+      control_(control),
+      team_(team),
+      frame_(frame_of(set_up.mesh)) {}
+
+bool Continuation::run(std::vector<Certificate>& certificates, Result& result) {
+  set_up_.problem.positions = solver_positions(set_up_.mesh, frame_);
+  set_targets(set_up_.problem, set_up_.target, frame_.diagonal);
+  std::optional<StopReason> nothing_to_do;
+  if (control_.checkpoint.empty())
+    nothing_to_do = begin(certificates, result.unrepairable);
+  else if (!resume(certificates, result.unrepairable))
+    return false;
+  result.resumed_from = stage_run_->last().number;
+  if (nothing_to_do)
+    result.stop_reason = *nothing_to_do;
+  else
+    iterate(result);
+  const std::size_t stages = set_up_.stages.size();
+  while (stages > 1 && next_stage_may_help(result.stop_reason) && !nothing_to_do &&
+         (result.stop_reason == StopReason::Converged || result.stop_reason == StopReason::NoProgress) &&
+         ++stage_ < stages) {
+    nothing_to_do = begin_next_stage();
+    if (!nothing_to_do) iterate(result);
+  }
+  finish(certificates, result);
+  return true;
+}
+
+// ===== beginning a stage =====
+
+void Continuation::set_up_stage(const std::vector<Certificate>& certificates,
+                                std::span<const UnrepairableGroup> unrepairable) {
+  guard_.emplace(set_up_.mesh, frame_, set_up_.problem, certifier_, certificates, team_);
+  if (set_up_.options.repair != Repair::None) guard_->set_unrepairable(unrepairable);
+  best_.emplace(certifier_);
+  stage_run_.emplace(context(), watch_);
+}
+
+StageContext Continuation::context() {
+  const Stage& stage = set_up_.stages[stage_];
+  return {stage.options,       set_up_.problem, set_up_.coloured, *stage.kernels,
+          stage.hessian.get(), *guard_,         *best_,           team_};
+}
+
+std::optional<StopReason> Continuation::begin(const std::vector<Certificate>& certificates,
+                                              std::span<const UnrepairableGroup> unrepairable) {
+  std::optional<StopReason> nothing_to_do;
+  team_.run([&] {
+    set_up_stage(certificates, unrepairable);
+    nothing_to_do = stage_run_->begin();
+  });
+  return nothing_to_do;
+}
+
+/// Finds the stage that the checkpoint is from: its fingerprint fits no other.
+bool Continuation::resume(const std::vector<Certificate>& certificates,
+                          std::span<const UnrepairableGroup> unrepairable) {
+  for (stage_ = 0; stage_ < set_up_.stages.size(); ++stage_) {
+    bool usable = false;
+    team_.run([&] {
+      set_up_.problem.positions = solver_positions(set_up_.mesh, frame_);  // an attempt at reading spoils them
+      if (stage_ > 0) level_targets(set_up_.problem);
+      set_up_stage(certificates, unrepairable);
+      usable = stage_run_->resume(control_.checkpoint, fingerprint_of_stage());
+    });
+    if (usable) return true;
+  }
+  return false;
+}
+
+std::optional<StopReason> Continuation::begin_next_stage() {
+  level_targets(set_up_.problem);
+  std::optional<StopReason> nothing_to_do;
+  team_.run([&] {
+    StageRun::Carried carried = stage_run_->carry_over();
+    stage_run_.emplace(context(), watch_);
+    stage_run_->follow(std::move(carried));
+    nothing_to_do = stage_run_->begin();
+  });
+  return nothing_to_do;
+}
+
+// ===== iterating, and what comes after =====
+
+void Continuation::iterate(Result& result) {
+  const std::uint64_t fingerprint = fingerprint_of_stage();
+  bool stopped = false;
+  std::optional<StopReason> reason;
+  while (!stopped && !reason) {
+    if (control_.threads) team_.set_threads(control_.threads());
+    team_.run([&] { reason = stage_run_->step(); });
+    const Iteration& last = stage_run_->last();
+    if (!reason && control_.checkpoint_due && stage_run_->can_be_kept() && control_.checkpoint_due(last))
+      control_.save_checkpoint(last, [&](const CheckpointSink& sink) { return stage_run_->write(sink, fingerprint); });
+    stopped = on_iteration_ && on_iteration_(last) == Control::Stop;
+  }
+  result.iterations = stage_run_->last().number;
+  result.residual = stage_run_->last().residual;
+  result.converged = stage_run_->converged();
+  result.stopped = stopped;
+  result.stop_reason = stopped ? StopReason::Stopped : *reason;
+}
+
+/// Called at the end of a stage. Considers its mesh for the best one, unless its mean has fallen too far. True if it is
+/// the best so far, or if the stage was broken off before it could be, which says nothing about the next stage.
+bool Continuation::next_stage_may_help(StopReason ended) {
+  team_.run([&] {
+    guard_->certify_moved();
+    guard_->restore_lost();
+  });
+  HighOrderMesh kept = set_up_.mesh;
+  kept.coordinates = guard_->coordinates();
+  const std::vector<double> scaled_jacobian = cell_quality(kept, 0, set_up_.options.threads).scaled_jacobian;
+  double mean = 0;
+  for (const double js : scaled_jacobian) mean += std::max(js, -1.0) / static_cast<double>(scaled_jacobian.size());
+  if (stage_ == 0) best_->least_mean = mean - kMeanGivenForWorst;
+  if (mean < best_->least_mean) return false;
+  const double before = best_->highest();
+  team_.run([&] { best_->consider(*guard_); });
+  return best_->highest() > before || ended == StopReason::NoProgress;
+}
+
+void Continuation::finish(std::vector<Certificate>& certificates, Result& result) {
+  const bool keeps_best = set_up_.options.until_js > 0 || set_up_.stages.size() > 1;
+  result.seconds = stage_run_->seconds();
+  result.history = stage_run_->take_history();
+  stage_run_.reset();  // frees what Newton's method needed
+  drop_deformation(set_up_.problem);
+  const Stopwatch watch;
+  team_.run([&] {
+    guard_->certify_moved();
+    if (guard_->lost() > 0 && result.converged) {
+      result.converged = false;
+      result.stop_reason = StopReason::NoProgress;
+    }
+    guard_->restore_lost();
+    if (set_up_.options.until_js > 0) best_->consider(*guard_);
+    result.mesh.coordinates = keeps_best ? best_->coordinates() : guard_->coordinates();
+    certificates = guard_->certificates();
+    result.proof_seconds += guard_->seconds();
+    if (keeps_best) certifier_.certify(result.mesh.coordinates, certificates, team_);
+  });
+  result.seconds += watch.seconds();
+}
+
+/// 0 if no checkpoint is read or written.
+std::uint64_t Continuation::fingerprint_of_stage() const {
+  if (!control_.checkpoint_due && control_.checkpoint.empty()) return 0;
+  return fingerprint(set_up_.mesh, set_up_.fixed, set_up_.target, set_up_.stages[stage_].options);
+}
+
+}  // namespace varimesh

@@ -1,0 +1,61 @@
+// The stages of one run, one after another: a single one for Objective::Energy, several for Objective::Worst.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "core/base/stopwatch.h"
+#include "core/base/team.h"
+#include "core/guard/best_mesh.h"
+#include "core/guard/guard.h"
+#include "core/optimise/result.h"
+#include "core/optimise/run_control.h"
+#include "core/optimise/set_up.h"
+#include "core/optimise/stage_run.h"
+#include "core/validity/certifier.h"
+
+namespace varimesh {
+
+/// Everything of a run that lies between the quality reports before and after. Each object is for one run, and
+/// everything that its constructor takes must outlive it.
+class Continuation {
+ public:
+  /// `watch` runs since the run began, set-up included.
+  Continuation(SetUp& set_up, const Certifier& certifier, const Stopwatch& watch, const OnIteration& on_iteration,
+               const RunControl& control, Team& team);
+
+  /// Runs the stages. `certificates` are of set_up.mesh on entry and of the result's mesh afterwards. Of result.mesh it
+  /// sets the coordinates only; the rest can be copied once the memory of the run has been freed. Returns false and
+  /// changes neither of them if control.checkpoint cannot be used; a run from the beginning needs a new Continuation.
+  bool run(std::vector<Certificate>& certificates, Result& result);
+
+ private:
+  /// Makes guard, best mesh and stage anew. `certificates` and `unrepairable` are those of set_up.mesh.
+  void set_up_stage(const std::vector<Certificate>& certificates, std::span<const UnrepairableGroup> unrepairable);
+  StageContext context();
+  std::optional<StopReason> begin(const std::vector<Certificate>& certificates,
+                                  std::span<const UnrepairableGroup> unrepairable);
+  bool resume(const std::vector<Certificate>& certificates, std::span<const UnrepairableGroup> unrepairable);
+  void iterate(Result& result);
+  bool next_stage_may_help(StopReason ended);
+  std::optional<StopReason> begin_next_stage();
+  void finish(std::vector<Certificate>& certificates, Result& result);
+  std::uint64_t fingerprint_of_stage() const;
+
+  SetUp& set_up_;
+  const Certifier& certifier_;
+  const Stopwatch& watch_;
+  const OnIteration& on_iteration_;
+  const RunControl& control_;
+  Team& team_;
+  Frame frame_;
+  std::size_t stage_ = 0;
+  std::optional<Guard> guard_;
+  std::optional<BestMesh> best_;
+  std::optional<StageRun> stage_run_;
+};
+
+}  // namespace varimesh

@@ -1,0 +1,40 @@
+// What an optimiser prepares once for a mesh topology, before its first run.
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "core/base/error.h"
+#include "core/mesh/high_order_mesh.h"
+#include "core/optimise/result.h"
+#include "core/optimise/stages.h"
+#include "core/options/options.h"
+#include "core/problem/problem.h"
+#include "core/problem/target_field.h"
+#include "core/sweeps/colouring.h"
+
+namespace varimesh {
+
+/// A checked mesh with everything that its runs share. It must stay where it is in memory while a run refers to it.
+struct SetUp {
+  HighOrderMesh mesh;  ///< In the order in which it is optimised.
+  Options options;
+  MeshSummary summary;
+  std::vector<bool> fixed;  ///< By node of the mesh.
+  StretchField target;
+  /// These three stay empty if there is nothing to iterate here: no iterations are allowed, or the runs between splits
+  /// have optimisers of their own.
+  Problem problem;
+  ColouredNodes coloured;
+  std::vector<Stage> stages;
+  double seconds = 0;  ///< What the set-up took. The first run counts it as its own and sets it to 0.
+};
+
+/// Checks the mesh and the options, changes the order if asked to, colours the nodes and prepares the tables.
+/// Errors: BadInput, BadOption.
+Expected<std::unique_ptr<SetUp>> set_up(HighOrderMesh&& mesh, const Options& options);
+
+/// Sizes of the mesh, and how many of its nodes would move. `fixed`: by node.
+MeshSummary mesh_summary(const HighOrderMesh& mesh, const std::vector<bool>& fixed);
+
+}  // namespace varimesh

@@ -1,0 +1,111 @@
+// One stage of a run, iteration by iteration: which method works next, what is known afterwards, and whether to go on.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string_view>
+#include <vector>
+
+#include "core/base/stopwatch.h"
+#include "core/base/team.h"
+#include "core/guard/best_mesh.h"
+#include "core/guard/guard.h"
+#include "core/newton/newton.h"
+#include "core/optimise/optimiser.h"
+#include "core/optimise/phases.h"
+#include "core/sweeps/sweep.h"
+#include "core/untangle/untangle.h"
+
+namespace varimesh {
+
+/// What a stage works with. All of it outlives the stage.
+struct StageContext {
+  const Options& options;
+  Problem& problem;
+  const ColouredNodes& coloured;
+  const Kernels& kernels;
+  const HessianKernels* hessian;  ///< Null if the method makes no Newton steps.
+  Guard& guard;
+  BestMesh& best;
+  const Team& team;
+};
+
+/// The iterations of one stage. The comments say which functions to call inside team.run(). The result does not depend
+/// on the number of threads, which may change between the calls.
+class StageRun {
+ public:
+  /// Inside team.run(). `watch` runs since the whole run began, set-up included.
+  StageRun(const StageContext& context, const Stopwatch& watch);
+
+  /// What a stage hands to the next.
+  struct Carried {
+    std::vector<Iteration> history;
+    double first_gradient = 0;  ///< Norm of the energy's gradient in the first iteration of the run.
+    Stopwatch watch;
+  };
+  Carried carry_over() { return {std::move(history_), first_gradient_, watch_}; }
+  void follow(Carried carried);
+
+  /// Inside team.run(): examines the mesh as it is. Returns a reason to stop if there is nothing to do.
+  std::optional<StopReason> begin();
+  /// Inside team.run(): goes on after the iteration that the checkpoint was written after. Returns false if the
+  /// checkpoint cannot be used; then this stage and its context cannot be used either.
+  bool resume(std::string_view checkpoint, std::uint64_t fingerprint);
+  /// Inside team.run(): one iteration. Returns a reason to stop if it was the last.
+  std::optional<StopReason> step();
+
+  /// Whether the state can be written now: the deformation gradients must be those that the positions give.
+  bool can_be_kept() const { return exact_; }
+  /// Writes the state as a checkpoint; false if the sink stopped.
+  bool write(const CheckpointSink& sink, std::uint64_t fingerprint);
+
+  const Iteration& last() const { return iteration_; }
+  bool converged() const { return converged_; }
+  double seconds() const { return watch_.seconds(); }
+  std::vector<Iteration> take_history() { return std::move(history_); }
+
+ private:
+  /// What every method says about its iteration.
+  struct MethodOutcome {
+    double gradient = 0;  ///< Norm of the energy's gradient.
+    bool stuck = false;   ///< No lower energy was found, or the phase has come to its end.
+    bool failed = false;  ///< The residual says nothing.
+    bool whole = true;    ///< Every free node was visited.
+  };
+  MethodOutcome sweep();
+  MethodOutcome newton_step();
+  MethodOutcome untangle();
+  void certify(MethodOutcome& outcome);
+  void record(const MethodOutcome& outcome);
+  std::optional<StopReason> reason_to_stop(const MethodOutcome& outcome);
+  Newton& newton();
+
+  template <class Archive>
+  void state(Archive& archive);
+  template <class Archive>
+  void methods_state(Archive& archive);
+
+  const Options& options_;
+  Problem& problem_;
+  const Kernels& kernels_;
+  const HessianKernels* hessian_;
+  Guard& guard_;
+  BestMesh& best_;
+  const Team& team_;
+  Stopwatch watch_;
+  PNorm norm_;
+  Sweeper sweeper_;
+  PhaseChooser chooser_;
+  Stopper stopper_;
+  std::optional<Newton> newton_;  ///< Set up when it is first needed.
+  std::optional<Untangler> untangler_;
+  Iteration iteration_;
+  std::vector<Iteration> history_;
+  double first_gradient_ = 0;
+  int began_ = 0;     ///< Iterations of the stages before this one.
+  double bound_ = 0;  ///< The proved minimum of the scaled Jacobian; only with until_js.
+  bool converged_ = false;
+  bool exact_ = false;  ///< See can_be_kept().
+};
+
+}  // namespace varimesh

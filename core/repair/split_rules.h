@@ -1,0 +1,52 @@
+// Which edges and faces may be split, and which cells have them. Internal to the library.
+#pragma once
+
+#include <Eigen/Core>
+#include <array>
+#include <cstdint>
+#include <set>
+#include <span>
+#include <utility>
+#include <vector>
+
+#include "core/mesh/connectivity.h"
+#include "core/mesh/high_order_mesh.h"
+#include "core/repair/split.h"
+
+namespace varimesh {
+
+/// Decides for each edge and face of a mesh whether it may be split.
+class SplitRules {
+ public:
+  /// `fixed`: by node, as in diagnose(). Keeps references to all three.
+  SplitRules(const HighOrderMesh& mesh, const Cells& cells, const std::vector<bool>& fixed);
+
+  /// Whether the edge or face may be split: no fixed node and no element of a lower dimension lies on it, all cells
+  /// around it are tetrahedra, and neither their straight-sided forms nor those of the parts are flat.
+  bool may_split(const SplitPlace& place) const;
+
+  /// The cells that have the edge or face, in ascending order.
+  std::vector<std::int32_t> cells_around(const SplitPlace& place) const;
+
+  /// Whether the face is on the boundary or has an element of its own.
+  bool is_boundary(const SplitPlace& face) const;
+
+ private:
+  /// Forbids splitting the face or edge with these corners, given in order around it, and the edges of the face.
+  void forbid(std::span<const std::int32_t> corners);
+  bool may_cut(std::int32_t cell, const SplitPlace& place) const;
+  Eigen::RowVectorXd basis_at_centre(std::size_t vertices) const;
+
+  const HighOrderMesh& mesh_;
+  const Cells& cells_;
+  const std::vector<bool>& fixed_;
+  std::set<SplitPlace> faces_;                             // those on the boundary or with an element
+  std::set<std::pair<std::int32_t, std::int32_t>> edges_;  // theirs, and those with an element
+  std::vector<std::uint32_t> first_;                       // by node: the start of its cells in cells_of_
+  std::vector<std::int32_t> cells_of_;
+  double sign_;
+  // Values of the basis at the centre of some of a tetrahedron's vertices; bit v of the index stands for vertex v.
+  std::array<Eigen::RowVectorXd, 16> centre_basis_;
+};
+
+}  // namespace varimesh

@@ -1,9 +1,0 @@
-# embed_files(OUTPUT NAMESPACE FILE…): a source in the current binary folder with the files' contents (embed.cmake).
-function(embed_files output namespace)
-  list(JOIN ARGN "|" files)
-  add_custom_command(OUTPUT ${CMAKE_CURRENT_BINARY_DIR}/${output}
-    COMMAND ${CMAKE_COMMAND} -D OUTPUT=${CMAKE_CURRENT_BINARY_DIR}/${output} -D NAMESPACE=${namespace} -D "FILES=${files}"
-            -P ${PROJECT_SOURCE_DIR}/deploy/web/embed.cmake
-    DEPENDS ${ARGN} ${PROJECT_SOURCE_DIR}/deploy/web/embed.cmake
-    VERBATIM)
-endfunction()

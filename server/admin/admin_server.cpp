@@ -1,0 +1,152 @@
+// Answers HTTP requests, with civetweb.
+#include "server/admin/admin_server.h"
+
+#include <civetweb.h>
+
+#include <array>
+#include <charconv>
+#include <cstring>
+#include <string_view>
+
+#include "server/addresses.h"
+#include "server/admin/page_files.h"
+
+namespace varimesh::server {
+namespace {
+
+/// The page may load only this server's own files and must not execute markup from job data.
+constexpr const char* kPolicy =
+    "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; img-src data:; base-uri 'none'; "
+    "form-action 'none'; frame-ancestors 'none'";
+
+constexpr std::string_view kText = "text/plain; charset=utf-8", kJson = "application/json";
+
+struct PageFile {
+  std::string_view path, type;
+  std::initializer_list<const std::string_view*> parts;
+};
+
+const std::array<PageFile, 3> kFiles{
+    PageFile{"/", "text/html; charset=utf-8", {&page::watch_html}},
+    PageFile{"/watch.css", "text/css; charset=utf-8", {&page::theme_css, &page::watch_css}},
+    PageFile{"/watch.js",
+             "text/javascript; charset=utf-8",
+             {&page::dom_js, &page::numbers_js, &page::axes_js, &page::charts_js, &page::curves_js, &page::watch_js}}};
+
+void send(mg_connection* connection, int status, std::string_view type, std::string_view body, const char* more = "") {
+  const bool head = std::strcmp(mg_get_request_info(connection)->request_method, "HEAD") == 0;
+  mg_printf(connection,
+            "HTTP/1.1 %d %s\r\nContent-Type: %.*s\r\nContent-Length: %zu\r\nCache-Control: no-store\r\n"
+            "Content-Security-Policy: %s\r\nX-Content-Type-Options: nosniff\r\nReferrer-Policy: no-referrer\r\n"
+            "Cross-Origin-Resource-Policy: same-origin\r\nConnection: close\r\n%s\r\n",
+            status, mg_get_response_code_text(connection, status), static_cast<int>(type.size()), type.data(),
+            body.size(), kPolicy, more);
+  if (!head) mg_write(connection, body.data(), body.size());
+}
+
+/// Returns a field of the query string, decoded; empty if it is missing.
+std::string field(const mg_request_info& request, const char* name) {
+  if (request.query_string == nullptr) return {};
+  std::array<char, 512> value{};
+  const int length =
+      mg_get_var(request.query_string, std::strlen(request.query_string), name, value.data(), value.size());
+  return length > 0 ? std::string(value.data(), static_cast<std::size_t>(length)) : std::string();
+}
+
+void send(mg_connection* connection, const Answer<std::string>& document) {
+  if (document) return send(connection, 200, kJson, *document);
+  const bool missing = document.error().code == Failure::Code::NotFound;
+  send(connection, missing ? 404 : 503, kText, document.error().sentence + "\n");
+}
+
+}  // namespace
+
+bool is_own_host(const char* host) {
+  if (host == nullptr) return false;
+  std::string_view name = host;
+  const auto bracket = name.find(']');
+  const auto colon = name.find(':', bracket == std::string_view::npos ? 0 : bracket);
+  if (colon != std::string_view::npos) {
+    for (const char c : name.substr(colon + 1))
+      if (c < '0' || c > '9') return false;
+    name = name.substr(0, colon);
+  }
+  return name == "localhost" || name == "[::1]" ||
+         (name.rfind("127.", 0) == 0 && is_loopback(std::string(name) + ":0"));
+}
+
+Expected<std::unique_ptr<AdminServer>> AdminServer::start(const std::string& address,
+                                                          std::unique_ptr<LiveStatus> live_status,
+                                                          std::function<bool()> ready) {
+  const auto colon = address.rfind(':');
+  unsigned port = 65536;
+  if (colon != std::string::npos) std::from_chars(address.data() + colon + 1, address.data() + address.size(), port);
+  const std::string host = address.substr(0, colon);
+  if (port > 65535 || !is_own_host(address.c_str()))
+    return bad_option("Only this machine may use the admin port, but '" + address +
+                      "' is not a loopback address with a port; write --admin 127.0.0.1:9464.");
+
+  std::unique_ptr<AdminServer> admin(new AdminServer(std::move(live_status), std::move(ready)));
+  const std::string numeric = (host == "localhost" ? "127.0.0.1" : host) + ":" + std::to_string(port);
+  // There is no document root, so files of the disk are never served. There are few threads, and none waits long.
+  const char* options[] = {"listening_ports",    numeric.c_str(), "num_threads", "4",
+                           "request_timeout_ms", "10000",         nullptr};
+  mg_callbacks callbacks{};
+  callbacks.begin_request = handle;
+  callbacks.log_message = [](const mg_connection*, const char*) { return 1; };  // not to standard error
+  admin->context_ = mg_start(&callbacks, admin.get(), options);
+  std::array<mg_server_port, 1> ports{};
+  if (admin->context_ == nullptr ||
+      mg_get_server_ports(admin->context_, static_cast<int>(ports.size()), ports.data()) != 1)
+    return tl::unexpected(
+        Error{Error::Kind::Output, "Cannot listen on " + address +
+                                       " for --admin: the address is taken, or it is not an "
+                                       "address of this machine; choose another (port 0 is any free port)."});
+  admin->address_ = host + ":" + std::to_string(ports[0].port);
+  return admin;
+}
+
+AdminServer::~AdminServer() {
+  if (context_ != nullptr) mg_stop(context_);
+}
+
+int AdminServer::handle(mg_connection* connection) {
+  const auto* admin = static_cast<const AdminServer*>(mg_get_request_info(connection)->user_data);
+  try {
+    admin->answer(connection);
+  } catch (const std::exception&) {  // out of memory, if anything; the page asks again
+    send(connection, 503, kText, "The server cannot answer now; try again.\n");
+  }
+  return 1;  // every request has been answered
+}
+
+void AdminServer::answer(mg_connection* connection) const {
+  const mg_request_info& request = *mg_get_request_info(connection);
+  const std::string_view method = request.request_method, path = request.local_uri;
+  if (!is_own_host(mg_get_header(connection, "Host")))
+    return send(connection, 421, kText, "Only this machine may use this port; use the address 127.0.0.1.\n");
+  if (method != "GET" && method != "HEAD")
+    return send(connection, 405, kText, "This port is read-only; use gRPC to submit and cancel jobs.\n",
+                "Allow: GET, HEAD\r\n");
+  for (const PageFile& file : kFiles) {
+    if (file.path != path) continue;
+    std::string body;
+    for (const std::string_view* part : file.parts) body += *part;
+    return send(connection, 200, file.type, body);
+  }
+  if (path == "/healthz/live") return send(connection, 200, kText, "live\n");
+  if (path == "/healthz/ready") {
+    const bool ready = ready_();
+    return send(connection, ready ? 200 : 503, kText, ready ? "ready\n" : "not ready\n");
+  }
+  if (path == "/api/status") return send(connection, live_status_->status());
+  if (path == "/api/iterations") {
+    const std::string after = field(request, "after");
+    std::int64_t number = 0;
+    std::from_chars(after.data(), after.data() + after.size(), number);
+    return send(connection, live_status_->iterations(field(request, "job"), number));
+  }
+  send(connection, 404, kText, "There is nothing at this address.\n");
+}
+
+}  // namespace varimesh::server

@@ -1,0 +1,56 @@
+// The admin port: health checks, and the live page that shows the jobs. It uses plain HTTP, accepts requests only from
+// this machine, and cannot change anything.
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <string>
+
+#include "core/base/error.h"
+#include "server/admin/live_status.h"
+
+struct mg_connection;
+struct mg_context;
+
+namespace varimesh::server {
+
+/// An HTTP server with threads of its own, so that an open page never delays a call.
+///
+///   GET /                       the live page; its script and style are beside it
+///   GET /healthz/live           200 as long as the process answers
+///   GET /healthz/ready          200 if the server accepts jobs, otherwise 503
+///   GET /api/status             LiveStatus::status()
+///   GET /api/iterations?job=NAME&after=N    LiveStatus::iterations()
+///
+/// Other methods get 405. Requests whose Host is not a loopback name get 421, so that a foreign page whose host name
+/// was made to point here (DNS rebinding) cannot read anything.
+class AdminServer {
+ public:
+  /// Listens on HOST:PORT. HOST is in 127.0.0.0/8, [::1] or localhost, and port 0 is any free port. `ready`: whether
+  /// the server accepts jobs. Errors: BadOption for any other address, Output if the address is taken.
+  static Expected<std::unique_ptr<AdminServer>> start(const std::string& address,
+                                                      std::unique_ptr<LiveStatus> live_status,
+                                                      std::function<bool()> ready);
+  ~AdminServer();
+  AdminServer(const AdminServer&) = delete;
+  AdminServer& operator=(const AdminServer&) = delete;
+
+  /// The address with the port that was chosen.
+  const std::string& address() const { return address_; }
+
+ private:
+  AdminServer(std::unique_ptr<LiveStatus> live_status, std::function<bool()> ready)
+      : live_status_(std::move(live_status)), ready_(std::move(ready)) {}
+  static int handle(mg_connection* connection);
+  void answer(mg_connection* connection) const;
+
+  const std::unique_ptr<LiveStatus> live_status_;
+  const std::function<bool()> ready_;
+  std::string address_;
+  mg_context* context_ = nullptr;
+};
+
+/// Returns whether a Host header is a loopback name, with or without a port. Null: the request has no Host header.
+bool is_own_host(const char* host);
+
+}  // namespace varimesh::server

@@ -1,0 +1,87 @@
+// Asks the server for its jobs every second and shows them. The page cannot change anything on the server.
+
+const EVERY = 1000;      // milliseconds between two requests
+const MOST_CURVES = 16;  // running jobs whose curves are drawn
+
+const cards = new Map();
+
+const byId = (id) => document.getElementById(id);
+const ago = (time, now) => ({text: `${duration(Math.max(0, now - time) / 1000)} ago`, class: 'when'});
+
+function showTiles(status) {
+  const tile = (name, value, more) => make('div', {class: 'tile'}, make('dt', {}, name), make('dd', {}, value, make('small', {}, more)));
+  byId('tiles').replaceChildren(
+      tile('Running', grouped(status.running), ` on ${grouped(status.threads)} threads`),
+      tile('Waiting', grouped(status.pending), ` of at most ${grouped(status.max_pending_jobs)}`),
+      tile('Up for', duration((status.time - status.start_time) / 1000), ''),
+      tile('Version', status.version, ''));
+}
+
+/** Keeps the card of a job as long as the job runs, so that a chart does not disappear while somebody reads it. */
+async function showRunning(jobs, now) {
+  const names = new Set(jobs.map((job) => job.job));
+  for (const name of cards.keys()) if (!names.has(name)) cards.delete(name);
+  const shown = jobs.slice(0, MOST_CURVES);
+  for (const job of shown) if (!cards.has(job.job)) cards.set(job.job, new JobCard(job));
+  await Promise.all(shown.map((job) => cards.get(job.job).follow().catch(() => {})));
+  for (const job of shown) cards.get(job.job).tell(job, now);
+  const nodes = shown.map((job) => cards.get(job.job).node);
+  if (!jobs.length) nodes.push(make('p', {class: 'quiet'}, 'No job is running.'));
+  if (jobs.length > MOST_CURVES) nodes.push(make('p', {class: 'quiet'}, `and ${jobs.length - MOST_CURVES} more`));
+  const place = byId('running');
+  if (nodes.length !== place.children.length || nodes.some((node, i) => node !== place.children[i])) place.replaceChildren(...nodes);
+}
+
+function showWaiting(jobs, now) {
+  const rows = jobs.map((job, i) => [{text: grouped(i + 1), class: 'number'}, {text: job.job, class: 'when'}, make('span', {}, ...labelsOf(job)),
+    numberCell(job.priority), ago(job.submitted, now)]);
+  const head = [{text: 'Position', class: 'number'}, 'Job', 'Labels', {text: 'Priority', class: 'number'}, 'Submitted'];
+  byId('waiting').replaceChildren(rows.length ? table('Waiting jobs, in the order in which they will run', head, rows) :
+      make('p', {class: 'quiet'}, 'No job is waiting.'));
+}
+
+function outcome(job) {
+  if (job.error) return {text: job.error, class: 'failed'};
+  if (!job.min_scaled_jacobian) return '';
+  const left = job.not_certified;
+  return left ? `${grouped(left)} of ${grouped(job.elements)} elements not certified valid` : 'all elements certified valid';
+}
+
+function showEnded(jobs, now) {
+  const rows = jobs.map((job) => [job.job, make('span', {}, ...labelsOf(job)),
+    {text: job.state, class: job.state === 'failed' ? 'when failed' : 'when'}, ago(job.ended, now),
+    {text: job.began ? duration((job.ended - job.began) / 1000) : '–', class: 'number'}, numberCell(job.iterations ?? null),
+    {text: job.min_scaled_jacobian ? job.min_scaled_jacobian.map(jacobian).join(' → ') : '–', class: 'number'}, outcome(job)]);
+  const head = ['Job', 'Labels', 'State', 'Ended', {text: 'Took', class: 'number'}, {text: 'Iterations', class: 'number'},
+    {text: 'Smallest Js', class: 'number'}, 'Outcome'];
+  byId('ended').replaceChildren(rows.length ? table('Newest first, at most 100', head, rows) :
+      make('p', {class: 'quiet'}, 'No job has ended.'));
+}
+
+async function ask() {
+  const answer = await fetch('api/status');
+  if (!answer.ok) throw new Error(await answer.text());
+  const status = await answer.json();
+  const jobs = (...states) => status.jobs.filter((job) => states.includes(job.state));
+  showTiles(status);
+  showWaiting(jobs('pending'), status.time);
+  showEnded(jobs('succeeded', 'failed', 'cancelled'), status.time);
+  await showRunning(jobs('running', 'cancelling'), status.time);
+  byId('state').className = 'quiet';
+  byId('state').textContent = `As of ${instant(status.time)}. This page is read-only.`;
+}
+
+async function watch() {
+  if (!document.hidden) {
+    try {
+      await ask();
+    } catch (error) {
+      byId('state').className = 'lost';
+      byId('state').textContent = 'The server does not answer. Trying again …';
+    }
+    document.documentElement.dataset.ready = 'yes';
+  }
+  setTimeout(watch, EVERY);
+}
+
+watch();

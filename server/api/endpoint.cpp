@@ -1,0 +1,72 @@
+// Starts and stops the gRPC server.
+#include "server/api/endpoint.h"
+
+#include <grpcpp/ext/proto_server_reflection_plugin.h>
+#include <grpcpp/grpcpp.h>
+#include <sys/stat.h>
+
+#include <algorithm>
+
+#include "server/addresses.h"
+
+namespace varimesh::server {
+namespace {
+
+/// Threads for disks and hashing, which wait more than they work.
+constexpr int kPoolThreads = 4;
+
+}  // namespace
+
+Endpoint::Endpoint(Scheduler& scheduler, MeshStore& meshes, const Limits& limits, TimePoint start_time)
+    : watches_(limits.max_watches_per_peer),
+      uploads_(limits.max_uploads_per_peer),
+      pool_(kPoolThreads),
+      context_{scheduler, meshes, pool_, calls_, watches_, uploads_, limits, start_time},
+      health_(context_),
+      mesh_service_(context_),
+      job_service_(context_),
+      optimise_service_(context_) {}
+
+Expected<void> Endpoint::listen(const std::string& address) {
+  grpc::reflection::InitProtoReflectionServerBuilderPlugin();
+  grpc::ServerBuilder builder;
+  // Otherwise two servers could start on the same port and would share the calls.
+  builder.AddChannelArgument(GRPC_ARG_ALLOW_REUSEPORT, 0);
+  // The server detects clients behind a dead connection, and accepts the pings of clients that check theirs.
+  builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_TIME_MS, 60'000);
+  builder.AddChannelArgument(GRPC_ARG_HTTP2_MIN_RECV_PING_INTERVAL_WITHOUT_DATA_MS, 10'000);
+  builder.RegisterService(&health_);
+  builder.RegisterService(&mesh_service_);
+  builder.RegisterService(&job_service_);
+  builder.RegisterService(&optimise_service_);
+  if (!address.empty()) builder.AddListeningPort(address, grpc::InsecureServerCredentials(), &port_);
+
+  const bool socket = is_unix_socket(address);
+  const mode_t mask = socket ? ::umask(0177) : 0;  // only the owner may use the socket
+  server_ = builder.BuildAndStart();
+  if (socket) ::umask(mask);
+  if (server_ == nullptr || (!address.empty() && port_ == 0))
+    return tl::unexpected(Error{Error::Kind::Output, "Cannot listen on " + address +
+                                                         ": the address is taken, or it is not an address of this "
+                                                         "machine; choose another (port 0 is any free port)."});
+  if (socket)
+    address_ = address;
+  else if (!address.empty())
+    address_ = address.substr(0, address.rfind(':')) + ":" + std::to_string(port_);
+  return {};
+}
+
+std::shared_ptr<grpc::Channel> Endpoint::in_process_channel() {
+  return server_->InProcessChannel(grpc::ChannelArguments());
+}
+
+void Endpoint::stop(std::chrono::steady_clock::time_point deadline, const std::function<void()>& between) {
+  health_.set_serving(false);
+  calls_.end_all(stopping_status());
+  between();
+  calls_.wait_empty(std::min(deadline, std::chrono::steady_clock::now() + std::chrono::seconds(5)));
+  server_->Shutdown(std::chrono::system_clock::now() + std::chrono::seconds(2));
+  server_->Wait();
+}
+
+}  // namespace varimesh::server

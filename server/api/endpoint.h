@@ -1,0 +1,58 @@
+// The gRPC server: all services, the address that it listens on, and the calls that are open.
+#pragma once
+
+#include <grpcpp/channel.h>
+
+#include <chrono>
+#include <functional>
+#include <memory>
+#include <string>
+
+#include "core/base/error.h"
+#include "server/api/context.h"
+#include "server/api/health.h"
+#include "server/api/job_service.h"
+#include "server/api/mesh_service.h"
+#include "server/api/optimise_service.h"
+
+namespace varimesh::server {
+
+/// Answers calls from listen() until stop().
+class Endpoint {
+ public:
+  /// `scheduler`, `meshes` and `limits` must outlive this object. `start_time`: what GetServerInfo answers.
+  Endpoint(Scheduler& scheduler, MeshStore& meshes, const Limits& limits, TimePoint start_time);
+
+  /// Listens on HOST:PORT or unix:PATH; an empty address means in-process channels only. Call it once. Errors: Output
+  /// if the address is already in use or does not belong to this machine.
+  Expected<void> listen(const std::string& address);
+
+  /// The address with the port that was chosen; empty if there is none.
+  const std::string& address() const { return address_; }
+  int port() const { return port_; }
+  std::shared_ptr<grpc::Channel> in_process_channel();
+
+  HealthService& health() { return health_; }
+  /// Lets the open streams cancel stalled clients and send bookmarks; call it a few times per second.
+  void tick() { calls_.tick(std::chrono::steady_clock::now()); }
+
+  /// Answers NOT_SERVING, ends all streams with UNAVAILABLE, calls `between`, and shuts down. Streams have until
+  /// `deadline`, and at most 5 s, to end.
+  void stop(std::chrono::steady_clock::time_point deadline, const std::function<void()>& between);
+
+ private:
+  // In the order in which they use each other.
+  CallRegistry calls_;
+  PeerCounts watches_, uploads_;
+  Pool pool_;
+  const ApiContext context_;
+  HealthService health_;
+  MeshService mesh_service_;
+  JobService job_service_;
+  OptimiseService optimise_service_;
+  std::unique_ptr<grpc::Server> server_;
+  std::string address_;
+  int port_ = 0;
+};
+
+}  // namespace varimesh::server

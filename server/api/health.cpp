@@ -1,0 +1,69 @@
+// Health checks and watches of the health.
+#include "server/api/health.h"
+
+#include <array>
+#include <string_view>
+#include <utility>
+
+namespace varimesh::server {
+namespace {
+
+using grpc::health::v1::HealthCheckResponse;
+
+constexpr std::array<std::string_view, 4> kServices{"", "varimesh.v1.MeshService", "varimesh.v1.JobService",
+                                                    "varimesh.v1.OptimiseService"};
+
+}  // namespace
+
+void HealthService::set_serving(bool serving) {
+  std::vector<std::weak_ptr<Listener>> watchers;
+  {
+    std::lock_guard lock(mutex_);
+    if (std::exchange(serving_, serving) == serving) return;
+    std::erase_if(watchers_, [](const auto& watcher) { return watcher.expired(); });
+    watchers = watchers_;
+  }
+  for (const auto& weak : watchers)
+    if (const auto watcher = weak.lock()) watcher->poke();
+}
+
+HealthCheckResponse::ServingStatus HealthService::state(const std::string& service) {
+  if (std::find(kServices.begin(), kServices.end(), service) == kServices.end())
+    return HealthCheckResponse::SERVICE_UNKNOWN;
+  std::lock_guard lock(mutex_);
+  return serving_ ? HealthCheckResponse::SERVING : HealthCheckResponse::NOT_SERVING;
+}
+
+grpc::ServerUnaryReactor* HealthService::Check(grpc::CallbackServerContext* call,
+                                               const grpc::health::v1::HealthCheckRequest* request,
+                                               HealthCheckResponse* response) {
+  // Answered on this thread, since a probe must not wait for the pool.
+  grpc::ServerUnaryReactor* reactor = call->DefaultReactor();
+  const auto found = state(request->service());
+  response->set_status(found);
+  reactor->Finish(found == HealthCheckResponse::SERVICE_UNKNOWN
+                      ? grpc::Status(grpc::StatusCode::NOT_FOUND, "This server has no service of that name.")
+                      : grpc::Status::OK);
+  return reactor;
+}
+
+grpc::ServerWriteReactor<HealthCheckResponse>* HealthService::Watch(
+    grpc::CallbackServerContext* call, const grpc::health::v1::HealthCheckRequest* request) {
+  auto last = std::make_shared<int>(-1);
+  return StreamOut<HealthCheckResponse>::open(
+      api_, call,
+      Pump<HealthCheckResponse>::Source(
+          [this, service = request->service(), last](HealthCheckResponse* response, bool, grpc::Status*) {
+            const auto now = state(service);
+            if (now == *last) return Pull::Wait;
+            *last = now;
+            response->set_status(now);
+            return Pull::Message;
+          }),
+      [this](std::weak_ptr<Listener> listener) {
+        std::lock_guard lock(mutex_);
+        watchers_.push_back(std::move(listener));
+      });
+}
+
+}  // namespace varimesh::server

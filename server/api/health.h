@@ -1,0 +1,42 @@
+// The gRPC health service.
+#pragma once
+
+#include <map>
+#include <memory>
+#include <mutex>
+#include <string>
+#include <vector>
+
+#include "grpc/health/v1/health.grpc.pb.h"
+#include "server/api/stream_out.h"
+
+namespace varimesh::server {
+
+/// Answers NOT_SERVING until the server is ready and again while it stops, for the server as a whole ("") and for each
+/// of its services.
+class HealthService : public grpc::health::v1::Health::CallbackService {
+ public:
+  explicit HealthService(const ApiContext& api) : api_(api) {}
+
+  void set_serving(bool serving);
+  bool serving() {
+    std::lock_guard lock(mutex_);
+    return serving_;
+  }
+
+  grpc::ServerUnaryReactor* Check(grpc::CallbackServerContext* call,
+                                  const grpc::health::v1::HealthCheckRequest* request,
+                                  grpc::health::v1::HealthCheckResponse* response) override;
+  grpc::ServerWriteReactor<grpc::health::v1::HealthCheckResponse>* Watch(
+      grpc::CallbackServerContext* call, const grpc::health::v1::HealthCheckRequest* request) override;
+
+ private:
+  grpc::health::v1::HealthCheckResponse::ServingStatus state(const std::string& service);
+
+  const ApiContext& api_;
+  std::mutex mutex_;
+  bool serving_ = false;
+  std::vector<std::weak_ptr<Listener>> watchers_;
+};
+
+}  // namespace varimesh::server

@@ -1,0 +1,52 @@
+// Reads the history and the meshes of a job.
+#include "server/api/result_source.h"
+
+namespace varimesh::server {
+
+Answer<bool> ResultSource::pull(Piece* piece) {
+  constexpr int kBatch = 1000;
+  if (!job_sent_) {
+    job_sent_ = true;
+    piece->job = job_;
+    return true;
+  }
+  if (!history_) {
+    auto history = api_.scheduler.history(job_.name());
+    if (!history) return tl::unexpected(history.error());
+    history_ = std::move(*history);
+  }
+  if (next_iteration_ < history_->iterations_size()) {
+    piece->history.emplace();
+    const int end = std::min(next_iteration_ + kBatch, history_->iterations_size());
+    for (; next_iteration_ < end; ++next_iteration_)
+      piece->history->add_iterations()->Swap(history_->mutable_iterations(next_iteration_));
+    return true;
+  }
+  return with_meshes_ ? pull_chunk(piece) : Answer<bool>(false);
+}
+
+Answer<bool> ResultSource::pull_chunk(Piece* piece) {
+  while (result_ < job_.results_size()) {
+    if (reader_ == nullptr) {
+      auto reader = api_.meshes.read(job_.results(result_).digest());
+      if (!reader) return tl::unexpected(reader.error());
+      reader_ = std::move(*reader);
+      offset_ = 0;
+    }
+    auto data = reader_->read(offset_, false);
+    if (!data) return tl::unexpected(data.error());
+    if (data->size > 0) {
+      v1::ResultChunk& chunk = piece->chunk.emplace();
+      chunk.set_result(result_);
+      chunk.mutable_chunk()->set_offset(offset_);
+      chunk.mutable_chunk()->set_data(std::move(data->bytes));
+      offset_ += data->size;
+      return true;
+    }
+    reader_.reset();
+    ++result_;
+  }
+  return false;
+}
+
+}  // namespace varimesh::server

@@ -1,0 +1,76 @@
+// Reads a mesh, optimises it with the numerical library, and writes the results.
+#include <utility>
+
+#include "core/marks/marks.h"
+#include "core/optimise/memory.h"
+#include "core/optimise/optimiser.h"
+#include "server/engine/engine.h"
+#include "server/engine/mesh_parts.h"
+#include "server/engine/translate.h"
+
+namespace varimesh::server {
+namespace {
+
+Expected<formats::MeshFile> read_mesh(std::string_view bytes, v1::MeshFormat format) {
+  if (format != v1::MESH_FORMAT_PARTS) return formats::read(bytes);
+  return read_mesh_parts(bytes).map([](HighOrderMesh&& mesh) {
+    return formats::MeshFile{std::move(mesh), formats::Format::Auto};
+  });
+}
+
+/// Returns the formats to write: those asked for, with UNSPECIFIED replaced by the format of the input.
+std::vector<v1::MeshFormat> definite_outputs(std::vector<v1::MeshFormat> outputs, v1::MeshFormat read_as) {
+  if (outputs.empty()) outputs.push_back(v1::MESH_FORMAT_UNSPECIFIED);
+  for (v1::MeshFormat& output : outputs)
+    if (output == v1::MESH_FORMAT_UNSPECIFIED) output = read_as;
+  return outputs;
+}
+
+Expected<void> write_mesh(const Result& result, v1::MeshFormat format, int threads, const formats::Sink& sink) {
+  if (format == v1::MESH_FORMAT_PARTS) return write_mesh_parts(result.mesh, sink);
+  if (format == v1::MESH_FORMAT_VTU) {
+    const CellMarks marks(result.mesh, result.unrepairable, threads);
+    return formats::write(result.mesh, format_from(format), sink, marks.fields());
+  }
+  // MSH 2.2 repeats an element for each additional group. Some readers do not know that and would count it twice.
+  const bool repeats = format == v1::MESH_FORMAT_MSH22 || format == v1::MESH_FORMAT_MSH22_BINARY;
+  if (result.unrepairable.empty() || repeats) return formats::write(result.mesh, format_from(format), sink);
+  HighOrderMesh marked = result.mesh;
+  mark_unrepairable(marked, result.unrepairable);
+  return formats::write(marked, format_from(format), sink);
+}
+
+Expected<RunSummary> run(RunRequest request, const RunHooks& hooks) {
+  auto file = read_mesh(request.input->bytes(), request.format);
+  request.input.reset();
+  if (!file) return tl::unexpected(file.error());
+  const v1::MeshFormat read_as =
+      request.format == v1::MESH_FORMAT_PARTS ? v1::MESH_FORMAT_PARTS : to_proto(file->format);
+
+  if (hooks.admit)
+    if (const auto admitted = hooks.admit(memory_needed(file->mesh, request.options)); !admitted)
+      return tl::unexpected(admitted.error());
+  if (hooks.control.stop_asked()) {
+    RunSummary summary;
+    summary.stopped = true;
+    return summary;
+  }
+  auto result = optimise(std::move(file->mesh), request.options, hooks.on_iteration, hooks.control);
+  if (!result) return tl::unexpected(result.error());
+  const bool wanted = !(result->stopped && hooks.given_up());
+  if (wanted)
+    for (const v1::MeshFormat format : definite_outputs(request.outputs, read_as))
+      if (const auto written = write_mesh(*result, format, request.options.threads, hooks.open_output(format));
+          !written)
+        return tl::unexpected(written.error());
+  return std::move(static_cast<RunSummary&>(*result));
+}
+
+}  // namespace
+
+Engine core_engine() {
+  return {[](const Options& options) { return check(options); },
+          [](RunRequest request, const RunHooks& hooks) { return run(std::move(request), hooks); }};
+}
+
+}  // namespace varimesh::server

@@ -1,0 +1,55 @@
+// The numerical library as the service uses it: two functions, so that tests of the service can replace it.
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <vector>
+
+#include "core/formats/formats.h"
+#include "core/optimise/iteration.h"
+#include "core/optimise/result.h"
+#include "core/optimise/run_control.h"
+#include "core/options/options.h"
+#include "server/meshes/mesh_store.h"
+#include "varimesh/v1/mesh.pb.h"
+
+namespace varimesh::server {
+
+/// The input of a run.
+struct RunRequest {
+  std::shared_ptr<const Blob> input;  ///< The bytes of the mesh. Released as soon as the mesh is read.
+  v1::MeshFormat format = v1::MESH_FORMAT_UNSPECIFIED;
+  Options options;                      ///< `threads` is what the thread budget gives, never 0.
+  std::vector<v1::MeshFormat> outputs;  ///< The formats of the results. Empty: the format of the input.
+};
+
+/// What a run calls, from the thread that runs it.
+struct RunHooks {
+  OnIteration on_iteration;
+  /// Checkpoints, threads, and whether the run is to stop, as the library asks for them. `control.checkpoint` is what
+  /// an earlier attempt at the job has saved. If it can be used, the run continues from there, to the same bytes as
+  /// without the interruption; otherwise, and if it is empty, the run starts from the beginning. `control.stop_asked`
+  /// must be set.
+  RunControl control;
+  /// Called once the mesh is read, with the memory that the run needs, in bytes. Waits until there is enough or the run
+  /// is to stop. Errors: BadInput if there can never be enough.
+  std::function<Expected<void>(std::int64_t bytes)> admit;
+  /// Whether a stopped run will be continued by another server, so that nobody needs its outputs.
+  std::function<bool()> given_up;
+  /// Returns the sink for the next output. The format is never UNSPECIFIED.
+  std::function<formats::Sink(v1::MeshFormat)> open_output;
+};
+
+/// Runs jobs.
+struct Engine {
+  /// Checks options without a mesh. Errors: BadOption.
+  std::function<Expected<void>(const Options&)> check_options;
+  /// Reads the mesh, optimises it and writes the outputs. If the run is stopped, the outputs have the best mesh so far.
+  /// Errors: BadInput, BadOption, Output.
+  std::function<Expected<RunSummary>(RunRequest, const RunHooks&)> run;
+};
+
+/// The engine that uses the numerical library.
+Engine core_engine();
+
+}  // namespace varimesh::server

@@ -1,0 +1,20 @@
+// Meshes as a sequence of MeshPart messages, each preceded by its length. Programs that have their mesh in memory send
+// this format instead of a mesh file.
+#pragma once
+
+#include <string_view>
+
+#include "core/base/error.h"
+#include "core/formats/formats.h"
+#include "core/mesh/high_order_mesh.h"
+
+namespace varimesh::server {
+
+/// Reads a mesh from the bytes of its parts. Nodes and elements are numbered from 1 in the order of the parts. Errors:
+/// BadInput, with the number of the part and the byte at which it begins.
+Expected<HighOrderMesh> read_mesh_parts(std::string_view bytes);
+
+/// Writes a mesh as parts of at most 1 MiB. Errors: Output if the sink stops, or a name is not UTF-8.
+Expected<void> write_mesh_parts(const HighOrderMesh& mesh, const formats::Sink& sink);
+
+}  // namespace varimesh::server

@@ -1,0 +1,126 @@
+// Fields of the message have the names of the table. The value of an enum is that of the library plus one, since 0
+// means "not said". Tests hold the message against the table.
+#include "server/engine/option_messages.h"
+
+#include <google/protobuf/reflection.h>
+
+#include <cassert>
+#include <string>
+
+#include "core/options/option_table.h"
+#include "server/refusals.h"
+
+namespace varimesh::server {
+namespace {
+
+using google::protobuf::FieldDescriptor;
+using google::protobuf::Reflection;
+
+const FieldDescriptor& field_of(const OptionInfo& option) {
+  const FieldDescriptor* field = v1::Options::descriptor()->FindFieldByName(std::string(option.name));
+  assert(field != nullptr);
+  return *field;
+}
+
+/// Reads one option; called with its member. False if this server does not know the value.
+struct FromMessage {
+  const v1::Options& message;
+  const FieldDescriptor& field;
+  Options& options;
+  const Reflection& reflection = *v1::Options::GetReflection();
+
+  /// A number without presence has the default 0 in the library as well.
+  bool is_given() const { return !field.has_presence() || reflection.HasField(message, &field); }
+
+  bool operator()(double Options::*member) const {
+    if (is_given()) options.*member = reflection.GetDouble(message, &field);
+    return true;
+  }
+  bool operator()(int Options::*member) const {
+    if (is_given()) options.*member = reflection.GetInt32(message, &field);
+    return true;
+  }
+  bool operator()(bool Options::*member) const {
+    if (is_given()) options.*member = reflection.GetBool(message, &field);
+    return true;
+  }
+  bool operator()(std::vector<std::string> Options::*member) const {
+    const auto values = reflection.GetRepeatedFieldRef<std::string>(message, &field);
+    (options.*member).assign(values.begin(), values.end());
+    return true;
+  }
+  bool operator()(std::vector<std::int64_t> Options::*member) const {
+    const auto values = reflection.GetRepeatedFieldRef<std::int64_t>(message, &field);
+    (options.*member).assign(values.begin(), values.end());
+    return true;
+  }
+  bool operator()(const ChoiceMember& member) const {
+    const int value = reflection.GetEnumValue(message, &field);
+    if (value < 0 || value > static_cast<int>(member.words.size())) return false;
+    if (value > 0) member.set(options, value - 1);
+    return true;
+  }
+  bool operator()(TargetField Options::*member) const {
+    const v1::TargetField& from = message.target_field();
+    if (!v1::Per_IsValid(from.per())) return false;
+    TargetField& to = options.*member;
+    if (from.per() != v1::PER_UNSPECIFIED) to.per = from.per() == v1::PER_CELL ? Per::Cell : Per::Vertex;
+    if (is_given()) to.components = from.components();
+    to.numbers.assign(from.numbers().begin(), from.numbers().end());
+    to.values.assign(from.values().begin(), from.values().end());
+    return true;
+  }
+};
+
+/// Writes one option; called with its member.
+struct ToMessage {
+  const Options& options;
+  const FieldDescriptor& field;
+  v1::Options& message;
+  const Reflection& reflection = *v1::Options::GetReflection();
+
+  void operator()(double Options::*member) const { reflection.SetDouble(&message, &field, options.*member); }
+  void operator()(int Options::*member) const { reflection.SetInt32(&message, &field, options.*member); }
+  void operator()(bool Options::*member) const { reflection.SetBool(&message, &field, options.*member); }
+  void operator()(std::vector<std::string> Options::*member) const {
+    for (const std::string& value : options.*member) reflection.AddString(&message, &field, value);
+  }
+  void operator()(std::vector<std::int64_t> Options::*member) const {
+    for (const std::int64_t value : options.*member) reflection.AddInt64(&message, &field, value);
+  }
+  void operator()(const ChoiceMember& member) const {
+    reflection.SetEnumValue(&message, &field, member.get(options) + 1);
+  }
+  void operator()(TargetField Options::*member) const {
+    const TargetField& from = options.*member;
+    if (from.values.empty()) return;
+    v1::TargetField& to = *message.mutable_target_field();
+    to.set_per(from.per == Per::Cell ? v1::PER_CELL : v1::PER_VERTEX);
+    to.set_components(from.components);
+    to.mutable_numbers()->Assign(from.numbers.begin(), from.numbers.end());
+    to.mutable_values()->Assign(from.values.begin(), from.values.end());
+  }
+};
+
+}  // namespace
+
+Answer<Options> options_from(const v1::Options& message) {
+  Options options;
+  for (const OptionInfo& option : option_table())
+    if (!std::visit(FromMessage{message, field_of(option), options}, option.member)) {
+      const std::string name(option.name);
+      return invalid_option(
+          "The option '" + name + "' has a value that this server does not know; GetServerInfo returns its version.",
+          {{"option", name}});
+    }
+  return options;
+}
+
+v1::Options to_proto(const Options& options) {
+  v1::Options message;
+  for (const OptionInfo& option : option_table())
+    std::visit(ToMessage{options, field_of(option), message}, option.member);
+  return message;
+}
+
+}  // namespace varimesh::server

@@ -1,0 +1,195 @@
+// Conversion field by field. The enums of the contract are those of the library plus one, which the assertions below
+// check.
+#include "server/engine/translate.h"
+
+#include <algorithm>
+#include <cassert>
+
+#include "core/base/utf8.h"
+
+namespace varimesh::server {
+namespace {
+
+template <class Message, class Value>
+constexpr bool same(Message message, Value value) {
+  return static_cast<int>(message) == static_cast<int>(value) + 1;
+}
+static_assert(same(v1::RepairStep::KIND_SPLIT_EDGE, RepairStep::Kind::SplitEdge) &&
+              same(v1::RepairStep::KIND_SPLIT_FACE, RepairStep::Kind::SplitFace) &&
+              same(v1::RepairStep::KIND_STRAIGHTENED, RepairStep::Kind::Straightened) &&
+              same(v1::RepairStep::KIND_LEFT, RepairStep::Kind::Left));
+static_assert(same(v1::STOP_REASON_CONVERGED, StopReason::Converged) &&
+              same(v1::STOP_REASON_STOPPED, StopReason::Stopped));
+static_assert(same(v1::UnrepairableGroup::KIND_VERTEX, UnrepairableGroup::Kind::Vertex) &&
+              same(v1::UnrepairableGroup::KIND_FAN, UnrepairableGroup::Kind::Fan));
+static_assert(same(v1::PHASE_SWEEPS, Phase::Sweeps) && same(v1::PHASE_NEWTON, Phase::Newton) &&
+              same(v1::PHASE_UNTANGLE, Phase::Untangle));
+
+template <class Message, class Value>
+Message give(Value value) {
+  return static_cast<Message>(static_cast<int>(value) + 1);
+}
+
+}  // namespace
+
+v1::Iteration to_proto(const Iteration& iteration) {
+  v1::Iteration message;
+  message.set_phase(give<v1::Phase>(iteration.phase));
+  message.set_number(iteration.number);
+  message.set_energy(iteration.energy);
+  message.set_residual(iteration.residual);
+  message.set_relative_gradient(iteration.relative_gradient);
+  message.set_min_scaled_jacobian(iteration.min_scaled_jacobian);
+  message.set_invalid_elements(iteration.invalid_elements);
+  message.set_repairable_elements(iteration.repairable_elements);
+  message.set_active_nodes(iteration.active_nodes);
+  message.set_products(iteration.products);
+  message.set_seconds(iteration.seconds);
+  return message;
+}
+
+v1::MeshSummary to_proto(const MeshSummary& summary) {
+  v1::MeshSummary message;
+  message.set_dimension(summary.dimension);
+  message.set_order(summary.order);
+  message.set_elements(summary.elements);
+  message.set_nodes(summary.nodes);
+  message.set_free_nodes(summary.free_nodes);
+  return message;
+}
+
+v1::QualityReport to_proto(const QualityReport& report) {
+  v1::QualityReport message;
+  message.set_min_scaled_jacobian(report.min_scaled_jacobian);
+  message.set_mean_scaled_jacobian(report.mean_scaled_jacobian);
+  message.set_min_distortion_jacobian(report.min_distortion_jacobian);
+  message.set_invalid_elements(report.invalid_elements);
+  for (const std::int64_t count : report.histogram) message.add_histogram(count);
+  const std::size_t named = std::min(report.invalid.size(), static_cast<std::size_t>(kMaxInvalidNamed));
+  for (std::size_t i = 0; i < named; ++i) {
+    v1::InvalidElement& element = *message.add_invalid();
+    element.set_number(report.invalid[i].number);
+    element.set_scaled_jacobian(report.invalid[i].scaled_jacobian);
+    element.set_x(report.invalid[i].place[0]);
+    element.set_y(report.invalid[i].place[1]);
+    element.set_z(report.invalid[i].place[2]);
+  }
+  message.set_lattice_intervals(report.lattice_intervals);
+  v1::Certified& certified = *message.mutable_certified();
+  certified.set_valid(report.certified.valid);
+  certified.set_invalid(report.certified.invalid);
+  certified.set_undecided(report.certified.undecided);
+  certified.set_min_scaled_jacobian_lower_bound(report.certified.min_scaled_jacobian_lower_bound);
+  for (std::size_t i = 0; i < std::min(report.uncertified.size(), static_cast<std::size_t>(kMaxInvalidNamed)); ++i) {
+    const UncertifiedElement& found = report.uncertified[i];
+    v1::UncertifiedElement& element = *certified.add_uncertified();
+    element.set_number(found.number);
+    element.set_answer(found.answer == Certificate::Answer::Invalid ? v1::UncertifiedElement::ANSWER_INVALID
+                                                                    : v1::UncertifiedElement::ANSWER_UNDECIDED);
+    element.set_x(found.place[0]);
+    element.set_y(found.place[1]);
+    element.set_z(found.place[2]);
+  }
+  return message;
+}
+
+v1::UnrepairableGroup to_proto(const UnrepairableGroup& group) {
+  v1::UnrepairableGroup message;
+  message.set_kind(give<v1::UnrepairableGroup::Kind>(group.kind));
+  message.set_vertex(group.vertex);
+  message.mutable_elements()->Assign(group.elements.begin(), group.elements.end());
+  message.set_x(group.place[0]);
+  message.set_y(group.place[1]);
+  message.set_z(group.place[2]);
+  message.set_determinant(group.determinant);
+  message.set_sentence(group.sentence);
+  return message;
+}
+
+v1::RepairStep to_proto(const RepairStep& step) {
+  v1::RepairStep message;
+  message.set_kind(give<v1::RepairStep::Kind>(step.kind));
+  message.mutable_vertices()->Assign(step.vertices.begin(), step.vertices.end());
+  message.set_node(step.node);
+  message.mutable_elements()->Assign(step.elements.begin(), step.elements.end());
+  message.mutable_new_elements()->Assign(step.new_elements.begin(), step.new_elements.end());
+  message.set_sentence(step.sentence);
+  return message;
+}
+
+v1::Metrics metrics(const RunSummary& summary, const Options& options) {
+  v1::Metrics message;
+  *message.mutable_mesh() = to_proto(summary.sizes);
+  message.set_energy(give<v1::Energy>(options.energy));
+  message.set_method(give<v1::Method>(options.method));
+  message.set_iterations(summary.iterations);
+  message.set_seconds(summary.seconds);
+  message.set_residual(summary.residual);
+  message.set_converged(summary.converged);
+  *message.mutable_before() = to_proto(summary.before);
+  *message.mutable_after() = to_proto(summary.after);
+  message.set_stop_reason(give<v1::StopReason>(summary.stop_reason));
+  for (std::size_t i = 0; i < std::min(summary.unrepairable.size(), static_cast<std::size_t>(kMaxInvalidNamed)); ++i)
+    *message.add_unrepairable() = to_proto(summary.unrepairable[i]);
+  for (std::size_t i = 0; i < std::min(summary.repairs.size(), static_cast<std::size_t>(kMaxInvalidNamed)); ++i)
+    *message.add_repairs() = to_proto(summary.repairs[i]);
+  return message;
+}
+
+v1::JobError to_proto(const Error& error) {
+  v1::JobError message;
+  switch (error.kind) {
+    case Error::Kind::BadInput:
+      message.set_reason("BAD_INPUT");
+      break;
+    case Error::Kind::BadOption:
+      message.set_reason("BAD_OPTION");
+      break;
+    case Error::Kind::Output:
+      message.set_reason("OUTPUT");
+      break;
+    case Error::Kind::Internal:
+      message.set_reason("INTERNAL");
+      break;
+  }
+  // A sentence may quote the mesh, whose text may not be UTF-8.
+  message.set_message(as_utf8(error.sentence));
+  return message;
+}
+
+formats::Format format_from(v1::MeshFormat message) {
+  switch (message) {
+    case v1::MESH_FORMAT_MSH22:
+      return formats::Format::Msh22;
+    case v1::MESH_FORMAT_MSH22_BINARY:
+      return formats::Format::Msh22Binary;
+    case v1::MESH_FORMAT_MSH41:
+      return formats::Format::Msh41;
+    case v1::MESH_FORMAT_MSH41_BINARY:
+      return formats::Format::Msh41Binary;
+    case v1::MESH_FORMAT_VTU:
+      return formats::Format::Vtu;
+    default:
+      return formats::Format::Auto;
+  }
+}
+
+v1::MeshFormat to_proto(formats::Format format) {
+  switch (format) {
+    case formats::Format::Auto:
+      return v1::MESH_FORMAT_UNSPECIFIED;
+    case formats::Format::Msh22:
+      return v1::MESH_FORMAT_MSH22;
+    case formats::Format::Msh22Binary:
+      return v1::MESH_FORMAT_MSH22_BINARY;
+    case formats::Format::Msh41:
+      return v1::MESH_FORMAT_MSH41;
+    case formats::Format::Msh41Binary:
+      return v1::MESH_FORMAT_MSH41_BINARY;
+    case formats::Format::Vtu:
+      return v1::MESH_FORMAT_VTU;
+  }
+  return v1::MESH_FORMAT_UNSPECIFIED;
+}
+
+}  // namespace varimesh::server

@@ -1,0 +1,28 @@
+// Conversion between the structs of the library and the messages of the contract.
+#pragma once
+
+#include "core/base/error.h"
+#include "core/formats/formats.h"
+#include "core/optimise/result.h"
+#include "core/options/options.h"
+#include "server/engine/option_messages.h"
+#include "varimesh/v1/job.pb.h"
+
+namespace varimesh::server {
+
+/// How many invalid cells, unrepairable groups and repair steps a message lists at most, so that it stays small.
+inline constexpr int kMaxInvalidNamed = 1000;
+
+v1::Iteration to_proto(const Iteration& iteration);
+v1::MeshSummary to_proto(const MeshSummary& summary);
+v1::QualityReport to_proto(const QualityReport& report);
+v1::UnrepairableGroup to_proto(const UnrepairableGroup& group);
+v1::RepairStep to_proto(const RepairStep& step);
+v1::Metrics metrics(const RunSummary& summary, const Options& options);
+v1::JobError to_proto(const Error& error);
+
+/// Returns the format of the library; Auto if the message is not a file format.
+formats::Format format_from(v1::MeshFormat message);
+v1::MeshFormat to_proto(formats::Format format);
+
+}  // namespace varimesh::server

@@ -1,0 +1,149 @@
+// The flags of varimeshd, with their ranges, defaults and help.
+#include "server/flags.h"
+
+#include <CLI/CLI.hpp>
+#include <iostream>
+#include <vector>
+
+#include "core/base/nearest_word.h"
+#include "core/base/version.h"
+#include "server/resources/memory_budget.h"
+
+namespace varimesh::server {
+namespace {
+
+/// Flags whose units differ from those of the field that they set.
+struct Units {
+  double checkpoint_seconds = 5;
+  int mesh_lifetime_hours = 7 * 24;
+  int compress_minutes = 10;
+};
+
+void add_connection_flags(CLI::App& app, Flags& flags) {
+  ServerOptions& options = flags.options;
+  app.add_option("--listen", options.listen, "HOST:PORT or unix:PATH; port 0 is any free port")->capture_default_str();
+  app.add_option("--admin", options.admin,
+                 "HOST:PORT on loopback for plain HTTP: health checks, and a page that shows the jobs; port 0 is any "
+                 "free port");
+  app.add_flag("--insecure", options.insecure,
+               "Allow --listen beyond loopback although nothing is encrypted or authenticated");
+  app.add_option("--port-file", flags.port_file, "Write the address to this file instead of standard output");
+  app.add_option("--log-level", flags.log_level, "trace, debug, info, warn, error or off")->capture_default_str();
+}
+
+void add_resource_flags(CLI::App& app, Limits& limits) {
+  app.add_option("--threads", limits.threads, "Threads shared by the running jobs; 0: all threads of the machine")
+      ->check(CLI::Range(0, 4096));
+  app.add_option("--max-memory-bytes", limits.max_memory_bytes,
+                 "Memory that all running jobs may use together; a job that needs more fails (default: nine tenths of "
+                 "the machine's; 0: no limit)")
+      ->check(CLI::NonNegativeNumber);
+}
+
+void add_queue_flags(CLI::App& app, Limits& limits) {
+  app.add_option("--max-mesh-bytes", limits.max_mesh_bytes, "Size of the largest mesh that the server accepts")
+      ->capture_default_str()
+      ->check(CLI::PositiveNumber);
+  app.add_option("--max-pending-jobs", limits.max_pending_jobs, "Jobs that may wait")
+      ->capture_default_str()
+      ->check(CLI::PositiveNumber);
+  app.add_option("--max-pending-jobs-per-peer", limits.max_pending_jobs_per_peer,
+                 "Jobs of one address that may wait (all unix sockets count as one address); 0: no limit")
+      ->capture_default_str()
+      ->check(CLI::NonNegativeNumber);
+  app.add_option("--max-running-jobs-per-peer", limits.max_running_jobs_per_peer,
+                 "Jobs of one address that run at a time, while its other jobs wait; 0: no limit")
+      ->capture_default_str()
+      ->check(CLI::NonNegativeNumber);
+  app.add_option("--max-watches-per-peer", limits.max_watches_per_peer,
+                 "Watches that one address may have open; 0: no limit")
+      ->capture_default_str()
+      ->check(CLI::NonNegativeNumber);
+  app.add_option("--max-uploads-per-peer", limits.max_uploads_per_peer,
+                 "Uploads that one address may have open; 0: no limit")
+      ->capture_default_str()
+      ->check(CLI::NonNegativeNumber);
+}
+
+void add_state_flags(CLI::App& app, ServerOptions& options, Units& units) {
+  Limits& limits = options.limits;
+  app.add_option("--state", options.state,
+                 "Directory for jobs, meshes and results that outlive the server (default: they are deleted when the "
+                 "server ends)");
+  app.add_option("--data", options.data,
+                 "Without --state: directory in which the temporary directory for meshes is created (default: TMPDIR, "
+                 "or /tmp)");
+  app.add_option("--max-ended-jobs", limits.max_ended_jobs,
+                 "Jobs that are remembered, with their results, after their end")
+      ->capture_default_str()
+      ->check(CLI::NonNegativeNumber);
+  app.add_option("--max-store-bytes", limits.max_store_bytes,
+                 "Delete the oldest meshes that no job refers to when the store is larger than this; 0: no limit")
+      ->capture_default_str()
+      ->check(CLI::NonNegativeNumber);
+  app.add_option("--reserve-bytes", limits.reserve_bytes,
+                 "Disk space kept free for the running jobs; with less, the server accepts no meshes and no jobs")
+      ->capture_default_str()
+      ->check(CLI::NonNegativeNumber);
+  app.add_option("--checkpoint-seconds", units.checkpoint_seconds,
+                 "With --state: the state of a running job is saved after 30 s, or after ten iterations and this many "
+                 "seconds")
+      ->capture_default_str()
+      ->check(CLI::Range(0.0, 30.0));
+  app.add_option("--mesh-lifetime", units.mesh_lifetime_hours, "Hours that a mesh is kept that no job refers to")
+      ->capture_default_str()
+      ->check(CLI::PositiveNumber);
+  app.add_option("--compress-after", units.compress_minutes,
+                 "Minutes without a request after which a mesh or a result is compressed; 0: never")
+      ->capture_default_str()
+      ->check(CLI::NonNegativeNumber);
+}
+
+/// Returns the message about the first word that is not a flag.
+std::string message_about_unknown_word(const CLI::App& app) {
+  const std::string word = app.remaining().front().substr(0, app.remaining().front().find('='));
+  std::vector<std::string> names;
+  for (const CLI::Option* option : app.get_options())
+    for (const std::string& name : option->get_lnames()) names.push_back("--" + name);
+  const std::string meant = varimesh::nearest_word(word, names);
+  return "there is no option '" + word + "'" +
+         (meant.empty() ? "; varimeshd --help lists all options." : "; did you mean '" + meant + "'?");
+}
+
+}  // namespace
+
+std::optional<Flags> parse_flags(int argc, char** argv, int* exit_status) {
+  Flags flags;
+  Units units;
+  Limits& limits = flags.options.limits;
+  flags.options.listen = "127.0.0.1:50051";
+  limits.reserve_bytes = std::int64_t{64} << 20;
+  limits.max_memory_bytes = machine_memory();
+
+  CLI::App app{"Serves mesh optimisation over gRPC (package varimesh.v1)."};
+  app.set_version_flag("--version", std::string(version()));
+  add_connection_flags(app, flags);
+  add_resource_flags(app, limits);
+  add_queue_flags(app, limits);
+  add_state_flags(app, flags.options, units);
+  app.add_option("--drain-seconds,--drain-timeout", flags.drain_seconds,
+                 "Seconds that the running jobs may take to end when the server stops")
+      ->capture_default_str()
+      ->check(CLI::NonNegativeNumber);
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ExtrasError&) {
+    std::cerr << "varimeshd: " << message_about_unknown_word(app) << '\n';
+    *exit_status = 2;
+    return std::nullopt;
+  } catch (const CLI::ParseError& error) {
+    *exit_status = app.exit(error) == 0 ? 0 : 2;
+    return std::nullopt;
+  }
+  limits.checkpoint_pause = std::chrono::milliseconds(static_cast<int>(1000 * units.checkpoint_seconds));
+  limits.mesh_lifetime = std::chrono::hours(units.mesh_lifetime_hours);
+  limits.compress_after = std::chrono::minutes(units.compress_minutes);
+  return flags;
+}
+
+}  // namespace varimesh::server

@@ -1,0 +1,23 @@
+// The command line of varimeshd.
+#pragma once
+
+#include <optional>
+#include <string>
+
+#include "server/server.h"
+
+namespace varimesh::server {
+
+/// What the user asked for.
+struct Flags {
+  ServerOptions options;  ///< Without an engine.
+  std::string port_file;  ///< The file for the address. Empty: standard output.
+  std::string log_level = "info";
+  int drain_seconds = 30;  ///< How long the running jobs may take to end when the server stops.
+};
+
+/// Parses the command line. Returns nothing if the program is to end with `exit_status`: after --help, --version or an
+/// error, which have been printed.
+std::optional<Flags> parse_flags(int argc, char** argv, int* exit_status);
+
+}  // namespace varimesh::server

@@ -1,0 +1,44 @@
+// The rows in which SqliteJobStore keeps jobs and their events.
+#pragma once
+
+#include <cassert>
+#include <cstdint>
+#include <string>
+#include <string_view>
+
+#include "server/jobs/job_record.h"
+#include "server/jobs/sqlite.h"
+
+namespace varimesh::server {
+
+/// A job's row: its key, which grows in the order of submission, and its record.
+struct JobRow {
+  std::int64_t key = 0;
+  JobRecord record;
+};
+
+/// Returns "SELECT … FROM jobs JOIN specs", with the columns that read_job_row() reads. `rest` is the rest of the
+/// statement, from WHERE on.
+std::string select_job_rows(std::string_view rest = {});
+/// Returns the current row of a query made by select_job_rows(). The owner is not read.
+JobRow read_job_row(const SqliteQuery& query);
+/// Returns the row of a job. NOT_FOUND (JOB_NOT_FOUND) if there is no such job.
+Answer<JobRow> load_job(SqliteDatabase& database, const std::string& name);
+
+/// Inserts a new job with its spec and labels, and sets the key of the row.
+void insert_job(SqliteDatabase& database, const Submission& submission, JobRow& row);
+/// Writes the record of a row. The spec never changes and is not written again.
+void save_job(SqliteDatabase& database, const JobRow& row);
+/// Stores the events of a change.
+void save_events(SqliteDatabase& database, std::int64_t key, const Changed& changed);
+/// Deletes a job with its spec, labels and events.
+void delete_job(SqliteDatabase& database, std::int64_t key);
+
+/// Parses a message that this store has written.
+template <class Message>
+void parse_stored(std::string_view bytes, Message* message) {
+  [[maybe_unused]] const bool ok = message->ParseFromArray(bytes.data(), static_cast<int>(bytes.size()));
+  assert(ok);
+}
+
+}  // namespace varimesh::server

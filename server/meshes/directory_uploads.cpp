@@ -1,0 +1,127 @@
+// Uploads: how they begin, continue after a cut, and end.
+#include <fcntl.h>
+#include <unistd.h>
+
+#include <cerrno>
+
+#include "core/base/write_all.h"
+#include "server/meshes/directory_mesh_store.h"
+#include "server/meshes/directory_upload.h"
+#include "server/refusals.h"
+
+namespace varimesh::server {
+
+Answer<UploadTicket> DirectoryMeshStore::begin_upload(const std::string& id, const std::string& digest,
+                                                      std::int64_t size) {
+  if (id.empty() || id.size() > 128) return bad_request("The upload id must have 1 to 128 bytes.");
+  if (!is_sha256(digest))
+    return bad_request("The digest must be the SHA-256 of the mesh as 64 lowercase hexadecimal digits.");
+  if (size < 0 || size > settings_.max_mesh_bytes) return mesh_too_large(settings_.max_mesh_bytes, size);
+  while (true) {
+    if (pin(digest)) return UploadTicket{id, 0, size, true};
+    if (!has_room(size))
+      return store_full("The server's disk has no room for a mesh of " + std::to_string(size) + " bytes");
+    const auto found = find_or_make(id, digest, size);
+    if (!found) return tl::unexpected(found.error());
+    Upload& upload = **found;
+    // While another stream finishes this upload it holds the lock; after that the mesh is in the store.
+    std::lock_guard lock(upload.mutex);
+    if (upload.ended) continue;
+    if (upload.digest != digest || upload.size != size) return upload_id_used(id);
+    upload.touched = settings_.clock();
+    return UploadTicket{id, ++upload.generation, upload.committed, false};
+  }
+}
+
+Answer<std::shared_ptr<DirectoryMeshStore::Upload>> DirectoryMeshStore::find_or_make(const std::string& id,
+                                                                                     const std::string& digest,
+                                                                                     std::int64_t size) {
+  const std::filesystem::path path = temporary_path();
+  std::lock_guard lock(mutex_);
+  drop_old_uploads();
+  std::shared_ptr<Upload>& upload = uploads_[id];
+  if (upload != nullptr) return upload;
+  auto made = std::make_shared<Upload>();
+  made->digest = digest;
+  made->size = size;
+  made->touched = settings_.clock();
+  made->file = ::open(path.c_str(), O_CREAT | O_EXCL | O_WRONLY | O_CLOEXEC, 0600);
+  if (made->file < 0) {
+    uploads_.erase(id);
+    return cannot_store("a file cannot be created");
+  }
+  made->path = path;
+  return upload = std::move(made);
+}
+
+Answer<std::shared_ptr<DirectoryMeshStore::Upload>> DirectoryMeshStore::find(const UploadTicket& ticket) {
+  std::lock_guard lock(mutex_);
+  const auto found = uploads_.find(ticket.id);
+  if (found == uploads_.end()) return upload_not_found("The upload '" + ticket.id + "' is no longer known");
+  return found->second;
+}
+
+Answer<std::int64_t> DirectoryMeshStore::append(const UploadTicket& ticket, std::int64_t offset,
+                                                std::string_view bytes) {
+  const auto found = find(ticket);
+  if (!found) return tl::unexpected(found.error());
+  Upload& upload = **found;
+  std::lock_guard lock(upload.mutex);
+  if (upload.generation != ticket.generation) return upload_taken_over();
+  if (offset != upload.committed) return chunk_out_of_order(offset, upload.committed);
+  if (static_cast<std::int64_t>(bytes.size()) > upload.size - upload.committed) {
+    forget(ticket.id, upload);
+    return upload_larger_than_declared(upload.size);
+  }
+  if (!write_all(upload.file, bytes)) {
+    // Part of the chunk may be in the file. Remove it, so that the file has exactly the committed bytes.
+    const int reason = errno;
+    if (::ftruncate(upload.file, upload.committed) == 0) ::lseek(upload.file, upload.committed, SEEK_SET);
+    errno = reason;
+    return cannot_store("the disk cannot take more data");
+  }
+  upload.hash.update(bytes);
+  upload.committed += static_cast<std::int64_t>(bytes.size());
+  upload.touched = settings_.clock();
+  return upload.committed;
+}
+
+Answer<StoredBytes> DirectoryMeshStore::finish_upload(const UploadTicket& ticket) {
+  const auto found = find(ticket);
+  if (!found) return tl::unexpected(found.error());
+  Upload& upload = **found;
+  // The lock is held to the end, so a stream that begins the upload again meanwhile waits for the outcome.
+  std::lock_guard lock(upload.mutex);
+  if (upload.generation != ticket.generation) return upload_taken_over();
+  if (upload.committed != upload.size)
+    return bad_request("The stream ended after " + std::to_string(upload.committed) + " of " +
+                           std::to_string(upload.size) + " bytes; continue from there, or start again.",
+                       {{"committed_size", std::to_string(upload.committed)}});
+  const StoredBytes stored{upload.hash.finish(), upload.size};
+  auto result = stored.digest == upload.digest ? adopt(upload.path, upload.file, stored, true)
+                                               : Answer<StoredBytes>(digest_mismatch(stored.digest, upload.digest));
+  forget(ticket.id, upload);
+  return result;
+}
+
+void DirectoryMeshStore::forget(const std::string& id, Upload& upload) {
+  ++upload.generation;
+  upload.ended = true;
+  std::lock_guard lock(mutex_);
+  if (const auto found = uploads_.find(id); found != uploads_.end() && found->second.get() == &upload)
+    uploads_.erase(found);
+}
+
+Answer<UploadProgress> DirectoryMeshStore::query_upload(const std::string& id, const std::string& digest) {
+  std::int64_t size = 0;
+  if (pin(digest, &size)) return UploadProgress{size, true};
+  if (const auto found = find({id, 0, 0, false})) {
+    std::lock_guard lock((*found)->mutex);
+    if (!(*found)->ended) return UploadProgress{(*found)->committed, false};
+  }
+  // The upload may have been finished since the first line.
+  if (pin(digest, &size)) return UploadProgress{size, true};
+  return upload_not_found("Neither this upload nor this mesh is known");
+}
+
+}  // namespace varimesh::server

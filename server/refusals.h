@@ -1,0 +1,81 @@
+// One function for each kind of refusal, so that the same situation always gets the same code, reason and sentence.
+// The comment of each function names the code and the reason.
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <optional>
+#include <string>
+
+#include "server/failure.h"
+
+namespace varimesh::server {
+
+// ===== requests that make no sense =====
+
+/// INVALID_ARGUMENT, BAD_REQUEST.
+Refusal bad_request(std::string sentence, std::map<std::string, std::string> metadata = {});
+/// INVALID_ARGUMENT, BAD_OPTION.
+Refusal invalid_option(std::string sentence, std::map<std::string, std::string> metadata = {});
+
+// ===== no room =====
+
+/// RESOURCE_EXHAUSTED, STORE_FULL. `what` is the beginning of the sentence; the remedy is added to it.
+Refusal store_full(const std::string& what);
+/// RESOURCE_EXHAUSTED, STORE_FULL: a history has too many iterations for one message.
+Refusal history_too_large();
+/// RESOURCE_EXHAUSTED, QUEUE_FULL. `pending`: the number of jobs that wait.
+Refusal queue_full(int pending);
+/// RESOURCE_EXHAUSTED, PEER_LIMIT. `most`: how many `things` ("open watches") one address may have.
+Refusal peer_limit(const std::string& address, int most, const std::string& things);
+/// RESOURCE_EXHAUSTED, MESH_TOO_LARGE. `max` and `size` are in bytes; `size` is empty if it is not known.
+Refusal mesh_too_large(std::int64_t max, std::optional<std::int64_t> size = {});
+
+// ===== meshes and uploads =====
+
+/// NOT_FOUND, MESH_NOT_FOUND.
+Refusal mesh_not_found(const std::string& digest);
+/// FAILED_PRECONDITION, MESH_NOT_FOUND: a job needs a mesh that is not in the store.
+Refusal mesh_missing(const std::string& digest);
+/// NOT_FOUND, UPLOAD_NOT_FOUND. `what` is the beginning of the sentence; the remedy is added to it.
+Refusal upload_not_found(const std::string& what);
+/// ABORTED, UPLOAD_TAKEN_OVER.
+Refusal upload_taken_over();
+/// ALREADY_EXISTS, UPLOAD_ID_USED.
+Refusal upload_id_used(const std::string& id);
+/// INVALID_ARGUMENT, MESH_LARGER_THAN_SAID. `size`: the number of bytes in the header.
+Refusal upload_larger_than_declared(std::int64_t size);
+/// INVALID_ARGUMENT, DIGEST_MISMATCH.
+Refusal digest_mismatch(const std::string& received, const std::string& declared);
+/// OUT_OF_RANGE, WRONG_OFFSET: a chunk does not follow the `committed` bytes that the server has.
+Refusal chunk_out_of_order(std::int64_t offset, std::int64_t committed);
+/// OUT_OF_RANGE, WRONG_OFFSET: a download begins outside the mesh, which has `size` bytes.
+Refusal offset_outside_mesh(std::int64_t offset, std::int64_t size);
+
+// ===== jobs =====
+
+/// NOT_FOUND, JOB_NOT_FOUND.
+Refusal job_not_found(const std::string& name);
+/// FAILED_PRECONDITION, JOB_NOT_ENDED.
+Refusal job_not_ended(const std::string& name);
+/// FAILED_PRECONDITION, JOB_NOT_SUCCEEDED. `state`: the name of the job's state.
+Refusal job_without_result(const std::string& name, const std::string& state);
+/// ALREADY_EXISTS, REQUEST_ID_USED. `job`: the job that the request id belongs to.
+Refusal request_id_used(const std::string& request_id, const std::string& job);
+/// ABORTED, CLAIM_LOST.
+Refusal claim_lost(const std::string& name);
+/// OUT_OF_RANGE, SEQUENCE_EXPIRED. `oldest`: the oldest event after which a watch can continue without a gap.
+Refusal sequence_expired(const std::string& name, std::int64_t after, std::int64_t oldest);
+
+// ===== the server itself =====
+
+/// UNAVAILABLE, STOPPING.
+Refusal server_stopping(int retry_seconds);
+/// UNAVAILABLE, STORE_FULL: a directory cannot be used when the server starts.
+Refusal directory_unusable(std::string sentence);
+/// DATA_LOSS, INTERNAL: stored bytes cannot be read any more.
+Refusal data_lost(std::string sentence);
+/// INTERNAL, INTERNAL.
+Refusal internal_failure(std::string sentence);
+
+}  // namespace varimesh::server

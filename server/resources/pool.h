@@ -1,0 +1,35 @@
+// Threads for work that may take time, such as disk access, hashing and parsing, which gRPC's threads must not do.
+#pragma once
+
+#include <condition_variable>
+#include <deque>
+#include <functional>
+#include <mutex>
+#include <thread>
+#include <vector>
+
+namespace varimesh::server {
+
+/// A fixed number of threads that run tasks in the order in which they are posted.
+class Pool {
+ public:
+  explicit Pool(int threads);
+  /// Runs all posted tasks, then joins the threads.
+  ~Pool();
+  Pool(const Pool&) = delete;
+  Pool& operator=(const Pool&) = delete;
+
+  /// `task` must not throw.
+  void post(std::function<void()> task);
+
+ private:
+  void run();
+
+  std::mutex mutex_;
+  std::condition_variable ready_;
+  std::deque<std::function<void()>> tasks_;
+  bool stopping_ = false;
+  std::vector<std::thread> threads_;
+};
+
+}  // namespace varimesh::server

@@ -1,0 +1,269 @@
+// The steps of an attempt: open the mesh, run the engine, store the results.
+#include "server/scheduling/attempt.h"
+
+#include <exception>
+#include <new>
+#include <utility>
+
+#include "server/engine/translate.h"
+#include "server/jobs/timestamps.h"
+#include "server/refusals.h"
+
+namespace varimesh::server {
+namespace {
+
+Ending failed(const Error& error) {
+  Ending ending;
+  ending.state = v1::JOB_STATE_FAILED;
+  ending.error = to_proto(error);
+  return ending;
+}
+
+Ending failed(const Failure& failure) {
+  return failed(Error{failure.code == Failure::Code::ResourceExhausted ? Error::Kind::Output : Error::Kind::Internal,
+                      failure.sentence});
+}
+
+/// Adds every iteration to the event log, and reports one every half second to the store.
+class Progress {
+ public:
+  explicit Progress(const Attempt& attempt) : attempt_(attempt) {}
+
+  Control operator()(const Iteration& iteration) {
+    const TimePoint now = attempt_.clock();
+    v1::JobEvent event;
+    event.set_attempt(attempt_.claim.attempt);
+    *event.mutable_time() = timestamp(now);
+    *event.mutable_iteration() = to_proto(iteration);
+    if (now - noted_ >= std::chrono::milliseconds(500)) {
+      noted_ = now;
+      attempt_.note_progress(event.iteration());
+    }
+    attempt_.log.append(std::move(event));
+    return attempt_.cancelled() || attempt_.stopping() ? Control::Stop : Control::Continue;
+  }
+
+ private:
+  const Attempt& attempt_;
+  TimePoint noted_{};
+};
+
+/// Decides when a checkpoint is due and puts it into the mesh store. A checkpoint that cannot be written is skipped;
+/// the job continues, and its previous checkpoint stays valid.
+class Checkpoints {
+ public:
+  explicit Checkpoints(const Attempt& attempt) : attempt_(attempt), saved_(attempt.clock()) {
+    if (attempt.claim.checkpoint) iteration_ = attempt.claim.checkpoint->iteration;
+  }
+
+  bool due(int iteration) const {
+    if (attempt_.note_checkpoint == nullptr || iteration == iteration_) return false;
+    const auto since = attempt_.clock() - saved_;
+    // Small meshes take only a moment for ten iterations, and a checkpoint waits for the disk.
+    const bool often_enough =
+        since < kInterval && (iteration - iteration_ < kIterations || since < attempt_.checkpoint_pause);
+    return !often_enough || attempt_.stopping();
+  }
+
+  void save(int iteration, const WriteCheckpoint& write) {
+    auto writer = attempt_.meshes.create();
+    if (!writer || !write([&](std::string_view bytes) { return (*writer)->append(bytes); })) return;
+    const auto stored = (*writer)->commit();
+    if (!stored) return;
+    attempt_.note_checkpoint({stored->digest, iteration});
+    saved_ = attempt_.clock();
+    iteration_ = iteration;
+  }
+
+ private:
+  static constexpr int kIterations = 10;
+  static constexpr std::chrono::seconds kInterval{30};
+
+  const Attempt& attempt_;
+  TimePoint saved_;
+  int iteration_ = 0;
+};
+
+/// The memory of a run. While the run waits for memory, other jobs have its threads.
+class Memory {
+ public:
+  Memory(MemoryBudget& budget, const LentThreads& threads, std::function<bool()> given_up)
+      : budget_(budget), threads_(threads), given_up_(std::move(given_up)) {}
+  ~Memory() {
+    if (taken_ > 0) budget_.give_back(taken_);
+  }
+
+  Expected<void> take(std::int64_t bytes) {
+    if (!budget_.can_ever_fit(bytes))
+      return bad_input("The mesh needs about " + mebibytes(bytes) +
+                       " of memory with these options, but the jobs of this " + "server have only " +
+                       mebibytes(budget_.limit()) +
+                       " together (its flag --max-memory-bytes); use a machine with more memory, a lower order, or "
+                       "the method sweeps.");
+    bool rests = false;
+    const bool taken = budget_.take(bytes, [&] {
+      if (!std::exchange(rests, true)) threads_.rest(true);
+      return given_up_();
+    });
+    if (rests) threads_.rest(false);
+    if (taken) taken_ = bytes;
+    return {};
+  }
+
+ private:
+  static std::string mebibytes(std::int64_t bytes) { return std::to_string((bytes >> 20) + 1) + " MiB"; }
+
+  MemoryBudget& budget_;
+  const LentThreads& threads_;
+  const std::function<bool()> given_up_;
+  std::int64_t taken_ = 0;
+};
+
+/// Writes the outputs of a run to the mesh store. They are released again unless take() is called.
+class Outputs {
+ public:
+  explicit Outputs(MeshStore& meshes) : meshes_(meshes) {}
+  ~Outputs() {
+    for (const v1::StoredMesh& mesh : stored_) meshes_.release(mesh.digest());
+  }
+
+  /// Closes the previous output and opens the next one.
+  formats::Sink open(v1::MeshFormat format) {
+    close();
+    auto created = meshes_.create();
+    if (!created) {
+      failure_ = created.error();
+      return [](std::string_view) { return false; };
+    }
+    writer_ = std::move(*created);
+    format_ = format;
+    return [this](std::string_view bytes) {
+      if (writer_->append(bytes)) return true;
+      failure_ = store_full("The server's disk has no room for the result").value();
+      return false;
+    };
+  }
+
+  /// Closes the last output.
+  void close() {
+    if (writer_ == nullptr) return;
+    const auto stored = writer_->commit();
+    writer_.reset();
+    if (!stored) {
+      failure_ = stored.error();
+      return;
+    }
+    v1::StoredMesh mesh;
+    mesh.set_digest(stored->digest);
+    mesh.set_size(stored->size);
+    mesh.set_format(format_);
+    stored_.push_back(std::move(mesh));
+  }
+
+  /// The last failure of the store, if there was one.
+  const std::optional<Failure>& failure() const { return failure_; }
+  /// Returns the outputs, with their references.
+  std::vector<v1::StoredMesh> take() { return std::exchange(stored_, {}); }
+
+ private:
+  MeshStore& meshes_;
+  std::unique_ptr<BlobWriter> writer_;
+  v1::MeshFormat format_ = v1::MESH_FORMAT_UNSPECIFIED;
+  std::vector<v1::StoredMesh> stored_;
+  std::optional<Failure> failure_;
+};
+
+/// Stores the history and returns its digest.
+Answer<std::string> store_history(MeshStore& meshes, const std::vector<Iteration>& iterations) {
+  v1::History history;
+  for (const Iteration& iteration : iterations) *history.add_iterations() = to_proto(iteration);
+  auto writer = meshes.create();
+  if (!writer) return tl::unexpected(writer.error());
+  std::string bytes;
+  if (!history.SerializeToString(&bytes)) return history_too_large();
+  if (!(*writer)->append(bytes)) return store_full("The server's disk has no room for the history of the iterations");
+  return (*writer)->commit().map([](const StoredBytes& stored) { return stored.digest; });
+}
+
+RunRequest request_of(const Attempt& attempt, std::shared_ptr<const Blob> input, const Options& options) {
+  const v1::JobSpec& spec = attempt.claim.spec;
+  RunRequest request;
+  request.input = std::move(input);
+  request.format = spec.mesh().format();
+  request.options = options;
+  request.options.threads = attempt.threads.now();
+  for (const int format : spec.outputs()) request.outputs.push_back(static_cast<v1::MeshFormat>(format));
+  return request;
+}
+
+/// Returns the state that an earlier attempt has saved; null if there is none.
+std::shared_ptr<const Blob> saved_state(const Attempt& attempt) {
+  if (!attempt.claim.checkpoint) return nullptr;
+  // Without it the run starts from the beginning, which costs nothing but time.
+  auto blob = attempt.meshes.open(attempt.claim.checkpoint->digest);
+  return blob ? std::move(*blob) : nullptr;
+}
+
+Ending run(const Attempt& attempt) {
+  auto input = attempt.meshes.open(attempt.claim.spec.mesh().digest());
+  if (!input) return failed(input.error());
+  const auto options = options_from(attempt.claim.spec.options());
+  if (!options) return failed(Error{Error::Kind::BadOption, options.error().sentence});
+  const std::shared_ptr<const Blob> checkpoint = saved_state(attempt);
+
+  Progress progress(attempt);
+  Checkpoints checkpoints(attempt);
+  Outputs outputs(attempt.meshes);
+  const auto given_up = [&] { return attempt.stopping() && !attempt.cancelled(); };
+  const auto stop_asked = [&] { return attempt.cancelled() || attempt.stopping(); };
+  Memory memory(attempt.memory, attempt.threads, stop_asked);
+  RunHooks hooks;
+  hooks.on_iteration = [&](const Iteration& iteration) { return progress(iteration); };
+  hooks.control.stop_asked = stop_asked;
+  hooks.control.threads = attempt.threads.now;
+  hooks.control.checkpoint_due = [&](const Iteration& iteration) { return checkpoints.due(iteration.number); };
+  hooks.control.save_checkpoint = [&](const Iteration& iteration, const WriteCheckpoint& write) {
+    checkpoints.save(iteration.number, write);
+  };
+  if (checkpoint != nullptr) hooks.control.checkpoint = checkpoint->bytes();
+  hooks.admit = [&](std::int64_t bytes) { return memory.take(bytes); };
+  hooks.given_up = given_up;
+  hooks.open_output = [&](v1::MeshFormat format) { return outputs.open(format); };
+
+  const auto outcome = attempt.engine.run(request_of(attempt, std::move(*input), *options), hooks);
+  if (outputs.failure()) return failed(*outputs.failure());
+  if (!outcome) return failed(outcome.error());
+  Ending ending;
+  if (outcome->stopped && given_up()) {
+    ending.state = v1::JOB_STATE_PENDING;
+    return ending;
+  }
+  outputs.close();
+  if (outputs.failure()) return failed(*outputs.failure());
+  const auto history = store_history(attempt.meshes, outcome->history);
+  if (!history) return failed(history.error());
+
+  // The result of a cancelled job is the best mesh so far.
+  ending.state = outcome->stopped || attempt.cancelled() ? v1::JOB_STATE_CANCELLED : v1::JOB_STATE_SUCCEEDED;
+  ending.metrics = metrics(*outcome, *options);
+  ending.history_digest = *history;
+  ending.results = outputs.take();
+  return ending;
+}
+
+}  // namespace
+
+Ending run_attempt(const Attempt& attempt) {
+  try {
+    return run(attempt);
+  } catch (const std::bad_alloc&) {
+    return failed(
+        Error{Error::Kind::Internal,
+              "There was not enough memory for this mesh; use a machine with more memory, or a smaller mesh."});
+  } catch (const std::exception& error) {
+    return failed(Error{Error::Kind::Internal,
+                        std::string("The run ended unexpectedly (") + error.what() + "); please report it."});
+  }
+}
+
+}  // namespace varimesh::server

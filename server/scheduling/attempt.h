@@ -1,0 +1,38 @@
+// One attempt at a job, from the mesh in the store to the results in the store.
+#pragma once
+
+#include <functional>
+
+#include "server/engine/engine.h"
+#include "server/jobs/event_log.h"
+#include "server/jobs/job_store.h"
+#include "server/meshes/mesh_store.h"
+#include "server/resources/memory_budget.h"
+#include "server/resources/thread_shares.h"
+
+namespace varimesh::server {
+
+/// Everything that an attempt uses.
+struct Attempt {
+  const Claim& claim;
+  const Engine& engine;
+  MeshStore& meshes;
+  EventLog& log;
+  const LentThreads& threads;
+  MemoryBudget& memory;
+  std::function<TimePoint()> clock;
+  std::function<bool()> cancelled;  ///< Whether the job was cancelled.
+  std::function<bool()> stopping;   ///< Whether the server stops and the job is to be continued later.
+  std::function<void(const v1::Iteration&)> note_progress;  ///< Called at most twice per second.
+  /// Shortest time between two checkpoints, except when the server stops.
+  std::chrono::milliseconds checkpoint_pause{5'000};
+  /// Records a checkpoint that is in the mesh store, and takes over its reference. Null: no checkpoints are saved.
+  std::function<void(const CheckpointReference&)> note_checkpoint;
+};
+
+/// Runs the attempt to its end and adds its iterations to the event log. Never throws: all failures are returned in the
+/// ending. The state is PENDING if the run ended because the server stops. If the ending has no results, everything
+/// that was stored has been released.
+Ending run_attempt(const Attempt& attempt);
+
+}  // namespace varimesh::server

@@ -1,0 +1,55 @@
+// Leases: how a worker keeps its jobs, and how lost jobs are taken back.
+#include <set>
+
+#include "server/scheduling/scheduler.h"
+
+namespace varimesh::server {
+
+Answer<void> Scheduler::recover() {
+  {
+    std::lock_guard lock(mutex_);
+    const auto digests = jobs_->digests();
+    if (!digests) return tl::unexpected(digests.error());
+    for (const std::string& digest : *digests) meshes_->retain(digest);
+  }
+  take_back(settings_.worker);
+  return {};
+}
+
+void Scheduler::take_back(const std::string& worker) {
+  std::lock_guard lock(mutex_);
+  std::set<std::string> running_here;
+  for (const auto& [name, running] : running_) running_here.insert(name);
+  const auto taken = jobs_->take_back(worker, running_here);
+  if (!taken) return settings_.log("jobs", "cannot be taken back: " + taken.error().sentence);
+  for (const Changed& changed : *taken) {
+    settings_.log(changed.job.name(), "was lost and is now " + v1::JobState_Name(changed.job.state()));
+    publish(changed);
+  }
+}
+
+void Scheduler::renew_leases() {
+  std::vector<std::shared_ptr<Running>> all;
+  {
+    std::lock_guard lock(mutex_);
+    for (const auto& [name, running] : running_) all.push_back(running);
+  }
+  for (const auto& running : all) {
+    const auto cancel = jobs_->renew_lease(running->claim);
+    if (!cancel) settings_.log(running->claim.name, "lease cannot be renewed: " + cancel.error().sentence);
+    const bool lost = !cancel && cancel.error().code == Failure::Code::Aborted;
+    if (lost || (cancel && *cancel)) running->cancelled = true;
+  }
+}
+
+void Scheduler::tick() {
+  if (stopping_) return;
+  if (const TimePoint now = settings_.clock(); now >= next_renewal_) {
+    next_renewal_ = now + settings_.renewal_interval;
+    renew_leases();
+    take_back("");
+  }
+  start_jobs();
+}
+
+}  // namespace varimesh::server

@@ -1,0 +1,326 @@
+// The life of a job, from its submission to its deletion. The leases are in leases.cpp.
+#include "server/scheduling/scheduler.h"
+
+#include <algorithm>
+#include <cassert>
+#include <set>
+
+#include "core/base/sha256.h"
+#include "server/engine/translate.h"
+#include "server/refusals.h"
+#include "server/scheduling/attempt.h"
+
+namespace varimesh::server {
+namespace {
+
+/// How many event logs of ended jobs stay in memory, with all their iterations.
+constexpr std::size_t kEndedLogs = 100;
+
+}  // namespace
+
+Scheduler::Scheduler(JobStore* jobs, MeshStore* meshes, Engine engine, SchedulerSettings settings)
+    : jobs_(jobs),
+      meshes_(meshes),
+      engine_(std::move(engine)),
+      settings_(std::move(settings)),
+      memory_(settings_.memory) {}
+
+Scheduler::~Scheduler() { assert(running_.empty()); }
+
+// ===== calls of clients =====
+
+Answer<void> Scheduler::check(const v1::JobSpec& spec) {
+  if (!is_sha256(spec.mesh().digest()))
+    return bad_request("The spec must name its mesh by SHA-256: 64 lowercase hexadecimal digits.");
+  if (!v1::MeshFormat_IsValid(spec.mesh().format()) || spec.mesh().format() == v1::MESH_FORMAT_VTU)
+    return bad_request(
+        "This server does not read the format of the mesh; GetServerInfo lists the formats that it reads.");
+  std::set<int> outputs;
+  for (const int output : spec.outputs()) {
+    if (!v1::MeshFormat_IsValid(output))
+      return bad_request(
+          "This server does not write the format of an output; GetServerInfo lists the formats that it writes.");
+    if (!outputs.insert(output).second)
+      return bad_request("The same output format is requested twice; request it once.");
+  }
+  if (spec.labels().size() > 32) return bad_request("A job can have at most 32 labels.");
+  for (const auto& [key, value] : spec.labels())
+    if (key.empty() || key.size() > 128 || value.size() > 128)
+      return bad_request("A label's key must have 1 to 128 bytes, and its value at most 128.");
+  if (spec.priority() < -100 || spec.priority() > 100) return bad_request("The priority must be from -100 to 100.");
+  const auto options = options_from(spec.options());
+  if (!options) return tl::unexpected(options.error());
+  if (const auto accepted = engine_.check_options(*options); !accepted)
+    return invalid_option(accepted.error().sentence);
+  if (!meshes_->pin(spec.mesh().digest())) return mesh_missing(spec.mesh().digest());
+  return {};
+}
+
+Answer<v1::Job> Scheduler::submit(const std::string& request_id, const v1::JobSpec& spec, bool validate_only,
+                                  const std::string& owner) {
+  if (request_id.size() > 128) return bad_request("The request id must have at most 128 bytes.");
+  if (const auto checked = check(spec); !checked) return tl::unexpected(checked.error());
+  if (validate_only) {
+    v1::Job job;
+    *job.mutable_spec() = spec;
+    return job;
+  }
+  if (!settings_.has_room())
+    return store_full("The server's disk is nearly full, and the remaining space is reserved for the running jobs");
+  if (stopping_) return server_stopping(5);
+  // The lock is not held, so that many submissions share a transaction; nobody knows the job before the store does. The
+  // reference is counted first, since the job may be run and deleted before submit() returns.
+  meshes_->retain(spec.mesh().digest());
+  auto submitted = jobs_->submit(
+      {request_id, spec, settings_.new_name(), settings_.max_pending, owner, settings_.max_pending_of_owner});
+  const bool is_new = submitted && !submitted->events.empty();
+  if (!is_new) meshes_->release(spec.mesh().digest());
+  if (!submitted) return tl::unexpected(submitted.error());
+  if (!is_new) return get(submitted->job.name());
+  settings_.log(submitted->job.name(), "submitted");
+  start_jobs();
+  return submitted->job;
+}
+
+Answer<v1::Job> Scheduler::get(const std::string& name) {
+  auto job = jobs_->get(name);
+  if (job) {
+    std::lock_guard lock(mutex_);
+    if (const auto log = logs_.find(name); log != logs_.end()) job->set_last_sequence(log->second->last_sequence());
+  }
+  return job;
+}
+
+Answer<JobPage> Scheduler::list(const JobFilter& filter, int page_size, const std::string& page_token) {
+  if (page_size < 0) return bad_request("The page size must not be negative.");
+  for (const v1::JobState state : filter.states)
+    if (!v1::JobState_IsValid(state) || state == v1::JOB_STATE_UNSPECIFIED)
+      return bad_request("The state " + std::to_string(static_cast<int>(state)) +
+                         " cannot be listed, since no job can be in it.");
+  if (filter.labels.size() > 32) return bad_request("Jobs can be listed by at most 32 labels; no job has more.");
+  return jobs_->list(filter, page_size == 0 ? 100 : std::min(page_size, 1000), page_token);
+}
+
+Answer<v1::Job> Scheduler::cancel(const std::string& name) {
+  std::lock_guard lock(mutex_);
+  const auto changed = change(name, [&](std::int64_t last) { return jobs_->request_cancel(name, last); });
+  if (!changed) return tl::unexpected(changed.error());
+  if (changed->events.empty()) return changed->job;
+  if (const auto running = running_.find(name); running != running_.end()) running->second->cancelled = true;
+  settings_.log(name, "cancel requested");
+  return changed->job;
+}
+
+Answer<v1::Job> Scheduler::remove(const std::string& name) {
+  std::lock_guard lock(mutex_);
+  const auto removed = jobs_->remove(name);
+  if (!removed) return tl::unexpected(removed.error());
+  forget(*removed);
+  return removed->job;
+}
+
+Answer<std::shared_ptr<EventLog>> Scheduler::events(const std::string& name) {
+  // The lock is held because a job that ended while its log is created would leave a log that is never closed.
+  std::lock_guard lock(mutex_);
+  return log_of(name);
+}
+
+Answer<v1::History> Scheduler::history(const std::string& name) {
+  const auto digest = jobs_->history_digest(name);
+  if (!digest) return tl::unexpected(digest.error());
+  v1::History history;
+  if (digest->empty()) return history;
+  const auto blob = meshes_->open(*digest);
+  if (!blob) return tl::unexpected(blob.error());
+  const std::string_view bytes = (*blob)->bytes();
+  if (!history.ParseFromArray(bytes.data(), static_cast<int>(bytes.size())))
+    return data_lost("The stored history of " + name + " cannot be read.");
+  return history;
+}
+
+// ===== changes and their events =====
+
+Answer<Changed> Scheduler::change(const std::string& name, const std::function<Answer<Changed>(std::int64_t)>& change) {
+  Answer<Changed> changed;
+  if (const auto found = logs_.find(name); found != logs_.end()) {
+    const std::shared_ptr<EventLog> log = found->second;
+    log->append_stored([&](std::int64_t last) {
+      changed = change(last);
+      return changed ? changed->events : std::vector<v1::JobEvent>();
+    });
+    if (changed && !changed->events.empty() && has_ended(changed->job.state())) close(name, *log);
+  } else {
+    changed = change(0);  // there are no event numbers that the store does not know
+  }
+  if (changed)
+    for (const std::string& digest : changed->released) meshes_->release(digest);
+  return changed;
+}
+
+void Scheduler::publish(const Changed& changed) {
+  [[maybe_unused]] const auto published = change(changed.job.name(), [&](std::int64_t) { return changed; });
+  assert(published);
+}
+
+Answer<std::shared_ptr<EventLog>> Scheduler::log_of(const std::string& name) {
+  if (const auto found = logs_.find(name); found != logs_.end()) return found->second;
+  const auto job = jobs_->get(name);
+  if (!job) return tl::unexpected(job.error());
+  auto events = jobs_->events(name);
+  if (!events) return tl::unexpected(events.error());
+  const auto log = std::make_shared<EventLog>(std::move(*events));
+  logs_[name] = log;
+  if (has_ended(job->state())) close(name, *log);
+  return log;
+}
+
+void Scheduler::close(const std::string& name, EventLog& log) {
+  log.close();
+  ended_logs_.push_back(name);
+  if (ended_logs_.size() <= kEndedLogs) return;
+  logs_.erase(ended_logs_.front());
+  ended_logs_.pop_front();
+}
+
+void Scheduler::forget(const Changed& removed) {
+  for (const std::string& digest : removed.released) meshes_->release(digest);
+  logs_.erase(removed.job.name());
+  std::erase(ended_logs_, removed.job.name());
+}
+
+// ===== running =====
+
+std::shared_ptr<Scheduler::Running> Scheduler::claim() {
+  if (stopping_ || static_cast<int>(running_.size()) >= settings_.threads) return nullptr;
+  auto claimed = jobs_->claim(settings_.worker);
+  if (!claimed) settings_.log("jobs", "cannot be claimed: " + claimed.error().sentence);
+  if (!claimed || !*claimed) return nullptr;
+  auto running = std::make_shared<Running>();
+  running->claim = std::move((*claimed)->claim);
+  const std::string& name = running->claim.name;
+  if (const auto log = logs_.find(name); log != logs_.end())
+    log->second->append_stored([&](std::int64_t) { return (*claimed)->events; });
+  const auto log = log_of(name);
+  running->log = log ? *log : (logs_[name] = std::make_shared<EventLog>((*claimed)->events));
+  running_[name] = running;
+  ++inside_;
+  return running;
+}
+
+void Scheduler::start_jobs() {
+  while (true) {
+    std::shared_ptr<Running> running;
+    {
+      std::lock_guard lock(mutex_);
+      running = claim();
+    }
+    if (running == nullptr) return;
+    const int asked = running->claim.spec.options().threads();
+    settings_.launch(asked > 0 ? std::min(asked, settings_.threads) : settings_.threads,
+                     [this, running](const LentThreads& threads) { run(running, threads); });
+  }
+}
+
+void Scheduler::run(const std::shared_ptr<Running>& running, const LentThreads& threads) {
+  const Claim& claim = running->claim;
+  settings_.log(claim.name, "started, attempt " + std::to_string(claim.attempt));
+  Attempt attempt{claim,
+                  engine_,
+                  *meshes_,
+                  *running->log,
+                  threads,
+                  memory_,
+                  settings_.clock,
+                  [&] { return running->cancelled.load(); },
+                  [this] { return jobs_->durable() && stopping_; },
+                  [&](const v1::Iteration& iteration) {
+                    // A failure does not matter, since the next iteration follows soon.
+                    [[maybe_unused]] const auto noted =
+                        jobs_->note_progress(claim, iteration, running->log->last_sequence());
+                  },
+                  settings_.checkpoint_pause,
+                  nullptr};
+  if (jobs_->durable())
+    attempt.note_checkpoint = [&](const CheckpointReference& checkpoint) {
+      const auto noted = jobs_->note_checkpoint(claim, checkpoint);
+      if (!noted) meshes_->release(checkpoint.digest);
+      if (noted)
+        for (const std::string& digest : noted->released) meshes_->release(digest);
+    };
+  const Ending ending = run_attempt(attempt);
+  settings_.log(claim.name,
+                v1::JobState_Name(ending.state) + (ending.error ? ": " + ending.error->message() : std::string()));
+  while (!finish(*running, ending)) {
+    // The disk is full, so the result waits for room. If the server stops, the next server runs the job again.
+    std::unique_lock lock(mutex_);
+    if (!ended_.wait_for(lock, std::chrono::seconds(1), [this] { return stopping_.load(); })) continue;
+    if (give_back(*running)) release(ending);
+    break;
+  }
+  start_jobs();
+  // This must be the last statement: when the count is 0, no thread uses this object any more.
+  std::lock_guard lock(mutex_);
+  --inside_;
+  ended_.notify_all();
+}
+
+bool Scheduler::give_back(const Running& running) {
+  const std::string& name = running.claim.name;
+  Ending ending;
+  ending.state = v1::JOB_STATE_PENDING;
+  const auto given = change(name, [&](std::int64_t last) { return jobs_->finish(running.claim, ending, last); });
+  settings_.log(name,
+                given ? "was left to the next server" : "cannot be left to the next server: " + given.error().sentence);
+  erase(running);
+  return given.has_value();
+}
+
+void Scheduler::erase(const Running& running) {
+  const auto found = running_.find(running.claim.name);
+  if (found != running_.end() && found->second.get() == &running) running_.erase(found);
+}
+
+bool Scheduler::finish(const Running& running, const Ending& ending) {
+  std::lock_guard lock(mutex_);
+  const std::string& name = running.claim.name;
+  const auto finished = change(name, [&](std::int64_t last) { return jobs_->finish(running.claim, ending, last); });
+  if (!finished) {
+    const bool lost =
+        finished.error().code == Failure::Code::Aborted || finished.error().code == Failure::Code::NotFound;
+    settings_.log(name, "cannot be finished: " + finished.error().sentence);
+    if (!lost) return false;
+    // Another worker has the job now, so the results of this attempt are deleted.
+    release(ending);
+  }
+  erase(running);
+  if (const auto old = jobs_->ended_beyond(static_cast<std::size_t>(settings_.max_ended)))
+    for (const std::string& forgotten : *old)
+      if (const auto removed = jobs_->remove(forgotten)) forget(*removed);
+  return true;
+}
+
+void Scheduler::release(const Ending& ending) {
+  for (const v1::StoredMesh& result : ending.results) meshes_->release(result.digest());
+  if (!ending.history_digest.empty()) meshes_->release(ending.history_digest);
+}
+
+// ===== stopping =====
+
+void Scheduler::stop() {
+  std::lock_guard lock(mutex_);
+  stopping_ = true;
+  ended_.notify_all();
+  if (jobs_->durable()) return;
+  for (const auto& [name, running] : running_) running->cancelled = true;
+}
+
+bool Scheduler::drain(std::chrono::steady_clock::time_point deadline) {
+  std::unique_lock lock(mutex_);
+  if (ended_.wait_until(lock, deadline, [this] { return inside_ == 0; })) return true;
+  if (!jobs_->durable()) return false;
+  const auto left = running_;
+  for (const auto& [name, running] : left) give_back(*running);
+  return false;
+}
+
+}  // namespace varimesh::server

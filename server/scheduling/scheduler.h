@@ -1,0 +1,126 @@
+// Accepts jobs, decides which job runs when, cancels jobs and deletes old ones.
+#pragma once
+
+#include <atomic>
+#include <condition_variable>
+#include <deque>
+#include <functional>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <string>
+
+#include "server/engine/engine.h"
+#include "server/jobs/event_log.h"
+#include "server/jobs/job_store.h"
+#include "server/meshes/mesh_store.h"
+#include "server/resources/memory_budget.h"
+#include "server/resources/thread_shares.h"
+
+namespace varimesh::server {
+
+/// The settings of the scheduler. Time, names and threads are passed in, so that tests can control them.
+struct SchedulerSettings {
+  int threads = 1;                            ///< The thread budget. At most this many jobs run at a time.
+  int max_pending = 1000;                     ///< Jobs that may wait. More are refused with QUEUE_FULL.
+  int max_pending_of_owner = 0;               ///< Jobs of one owner that may wait; PEER_LIMIT. 0: no limit.
+  int max_ended = 1000;                       ///< Ended jobs that are kept with their results; older ones are deleted.
+  std::string worker = "local";               ///< The name under which jobs are claimed, also after a restart.
+  std::chrono::seconds renewal_interval{10};  ///< Time between two renewals of the leases: a third of a lease.
+  std::chrono::milliseconds checkpoint_pause{5'000};  ///< Shortest time between two checkpoints of a job.
+  std::function<TimePoint()> clock = std::chrono::system_clock::now;
+  std::function<bool()> has_room = [] {
+    return true;
+  };                                      ///< Whether the disk has room for another job; STORE_FULL if not.
+  std::function<std::string()> new_name;  ///< Returns a new unique name, "jobs/…". Thread-safe.
+  std::int64_t memory = 0;                ///< Memory of all running jobs together, in bytes. 0: no limit.
+  using Job = std::function<void(const LentThreads& threads)>;
+  /// Runs a job, with at most `threads` threads, on another thread.
+  std::function<void(int threads, Job job)> launch;
+  std::function<void(const std::string& job, const std::string& what)> log = [](const auto&, const auto&) {};
+};
+
+/// Runs the jobs of a store. One lock orders the changes of a job's state together with their events. Thread-safe.
+class Scheduler {
+ public:
+  Scheduler(JobStore* jobs, MeshStore* meshes, Engine engine, SchedulerSettings settings);
+  /// Requires that no job runs: drain() has returned true.
+  ~Scheduler();
+
+  /// Takes back the jobs that were running when the previous process ended, and counts the references of all jobs. Call
+  /// it first, before any other call. tick() then starts the jobs.
+  Answer<void> recover();
+  /// Called about once per second: renews leases, takes lost jobs back, and starts waiting jobs.
+  void tick();
+
+  /// Checks everything that can be checked without running the job, and queues it unless `validate_only` is true.
+  /// `owner`: the owner of the job, for the limits per owner.
+  Answer<v1::Job> submit(const std::string& request_id, const v1::JobSpec& spec, bool validate_only,
+                         const std::string& owner = {});
+  Answer<v1::Job> get(const std::string& name);
+  Answer<JobPage> list(const JobFilter& filter, int page_size, const std::string& page_token);
+  Answer<v1::Job> cancel(const std::string& name);
+  Answer<v1::Job> remove(const std::string& name);
+  Answer<JobCounts> counts() { return jobs_->counts(); }
+
+  Answer<std::shared_ptr<EventLog>> events(const std::string& name);
+  /// Returns all iterations of a job that has SUCCEEDED.
+  Answer<v1::History> history(const std::string& name);
+
+  /// Starts no more jobs and asks the running jobs to end. If the store is durable, they become PENDING, and the next
+  /// process continues them from their checkpoints; a job without a checkpoint starts again. Otherwise they are
+  /// cancelled.
+  void stop();
+  /// Waits for the running jobs. Returns false if some still run at the deadline. If the store is durable, those are
+  /// PENDING in the store by then and their attempts do not count as lost, so the process may end at once.
+  bool drain(std::chrono::steady_clock::time_point deadline);
+
+ private:
+  struct Running {
+    Claim claim;
+    std::shared_ptr<EventLog> log;
+    std::atomic<bool> cancelled = false;
+  };
+
+  Answer<void> check(const v1::JobSpec& spec);
+  // The following require the lock.
+  /// Changes a job in the store and adds the events to its log. `change` gets the last event number in use.
+  Answer<Changed> change(const std::string& name, const std::function<Answer<Changed>(std::int64_t)>& change);
+  /// Adds the events of a change that the store has already made to the log of the job.
+  void publish(const Changed& changed);
+  Answer<std::shared_ptr<EventLog>> log_of(const std::string& name);
+  void close(const std::string& name, EventLog& log);
+  void forget(const Changed& removed);
+  std::shared_ptr<Running> claim();
+
+  void start_jobs();
+  void run(const std::shared_ptr<Running>& running, const LentThreads& threads);
+  /// Requires the lock. Makes the job PENDING again, without the result of its attempt. Returns false if the store
+  /// fails.
+  bool give_back(const Running& running);
+  /// Requires the lock. Removes this attempt, and no other attempt at the same job, from the running ones.
+  void erase(const Running& running);
+  /// Records the end of an attempt. Returns false if the store cannot do so now.
+  bool finish(const Running& running, const Ending& ending);
+  void release(const Ending& ending);
+  // leases.cpp:
+  void renew_leases();
+  void take_back(const std::string& worker);
+
+  JobStore* const jobs_;
+  MeshStore* const meshes_;
+  const Engine engine_;
+  const SchedulerSettings settings_;
+  MemoryBudget memory_;
+  std::mutex mutex_;
+  std::condition_variable ended_;
+  std::map<std::string, std::shared_ptr<EventLog>>
+      logs_;  ///< Logs of the jobs that run or are watched, and of the jobs that ended last.
+  std::deque<std::string> ended_logs_;
+  std::map<std::string, std::shared_ptr<Running>> running_;
+  int inside_ = 0;  ///< Threads in run(), or about to enter it.
+  std::atomic<bool> stopping_ = false;
+  TimePoint next_renewal_{};  ///< Used only by tick().
+};
+
+}  // namespace varimesh::server

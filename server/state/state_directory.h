@@ -1,0 +1,34 @@
+// The directory in which a server keeps everything that outlives it. One server at a time uses it.
+#pragma once
+
+#include <filesystem>
+#include <memory>
+#include <string>
+
+#include "core/base/error.h"
+
+namespace varimesh::server {
+
+/// Holds the lock of the directory until it is destroyed or the process ends for whatever reason.
+class StateDirectory {
+ public:
+  /// Creates the directory, accessible only to its owner, if it does not exist, and locks it. Errors: Output if that is
+  /// not possible, or if another server holds the lock.
+  static Expected<std::unique_ptr<StateDirectory>> take(const std::string& given);
+  ~StateDirectory();
+  StateDirectory(const StateDirectory&) = delete;
+  StateDirectory& operator=(const StateDirectory&) = delete;
+
+  /// The path of the jobs' database.
+  std::string jobs() const { return (path_ / "jobs.sqlite").string(); }
+  /// The path of the directory of meshes.
+  std::string meshes() const { return (path_ / "meshes").string(); }
+
+ private:
+  StateDirectory(std::filesystem::path path, int lock) : path_(std::move(path)), lock_(lock) {}
+
+  const std::filesystem::path path_;
+  const int lock_;
+};
+
+}  // namespace varimesh::server

@@ -1,0 +1,52 @@
+// Chooses the stores and opens them. This is the one place that names them.
+#include "server/state/stores.h"
+
+#include <spdlog/spdlog.h>
+
+#include "server/jobs/memory_job_store.h"
+#include "server/jobs/sqlite_job_store.h"
+
+namespace varimesh::server {
+namespace {
+
+tl::unexpected<Error> output_error(const Failure& failure) {
+  return tl::unexpected(Error{Error::Kind::Output, failure.sentence});
+}
+
+DirectoryMeshSettings mesh_settings(const Limits& limits) {
+  DirectoryMeshSettings settings;
+  settings.max_mesh_bytes = limits.max_mesh_bytes;
+  settings.max_total_bytes = limits.max_store_bytes;
+  settings.reserve_bytes = limits.reserve_bytes;
+  settings.lifetime = limits.mesh_lifetime;
+  settings.compress_after = limits.compress_after;
+  settings.log = [](const std::string& line) { spdlog::warn("{}", line); };
+  return settings;
+}
+
+}  // namespace
+
+Expected<std::unique_ptr<Stores>> Stores::open(const StoreSettings& settings) {
+  std::unique_ptr<Stores> stores(new Stores);
+  JobStoreSettings job_settings;
+  job_settings.clock = settings.clock;
+  job_settings.max_running_of_owner = settings.limits.max_running_jobs_per_peer;
+  if (settings.state.empty()) {
+    stores->jobs_ = std::make_unique<MemoryJobStore>(job_settings);
+  } else {
+    auto directory = StateDirectory::take(settings.state);
+    if (!directory) return tl::unexpected(directory.error());
+    stores->state_ = std::move(*directory);
+    auto jobs = SqliteJobStore::open(stores->state_->jobs(), job_settings);
+    if (!jobs) return output_error(jobs.error());
+    stores->jobs_ = std::move(*jobs);
+  }
+  auto meshes = stores->state_ != nullptr
+                    ? DirectoryMeshStore::open_directory(stores->state_->meshes(), mesh_settings(settings.limits))
+                    : DirectoryMeshStore::create(settings.data, mesh_settings(settings.limits));
+  if (!meshes) return output_error(meshes.error());
+  stores->meshes_ = std::move(*meshes);
+  return stores;
+}
+
+}  // namespace varimesh::server

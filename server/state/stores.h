@@ -1,0 +1,44 @@
+// Everything that a server keeps: jobs, meshes and results.
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <string>
+
+#include "core/base/error.h"
+#include "server/jobs/job_store.h"
+#include "server/limits.h"
+#include "server/meshes/directory_mesh_store.h"
+#include "server/state/state_directory.h"
+
+namespace varimesh::server {
+
+/// Where the stores are.
+struct StoreSettings {
+  /// A directory of jobs and meshes that outlive the server. Empty: both are deleted when the server ends.
+  std::string state;
+  /// If `state` is empty: the directory in which the temporary directory for meshes is created. Empty: the system's
+  /// directory for temporary files.
+  std::string data;
+  Limits limits;
+  std::function<TimePoint()> clock;
+};
+
+/// Owns the stores, and the state directory if there is one.
+class Stores {
+ public:
+  /// Errors: Output if a directory or database cannot be used, or if another server uses the state directory.
+  static Expected<std::unique_ptr<Stores>> open(const StoreSettings& settings);
+
+  JobStore& jobs() { return *jobs_; }
+  DirectoryMeshStore& meshes() { return *meshes_; }
+
+ private:
+  Stores() = default;
+
+  std::unique_ptr<StateDirectory> state_;  ///< Null if nothing outlives the server.
+  std::unique_ptr<DirectoryMeshStore> meshes_;
+  std::unique_ptr<JobStore> jobs_;
+};
+
+}  // namespace varimesh::server

@@ -1,0 +1,28 @@
+// The events of a job as the source of a stream. WatchJob and Optimise share it.
+#pragma once
+
+#include <chrono>
+#include <memory>
+
+#include "server/jobs/event_log.h"
+#include "server/streams/pump.h"
+
+namespace varimesh::server {
+
+/// A reader's position in the events of a job.
+class EventSource {
+ public:
+  EventSource(std::shared_ptr<EventLog> log, std::int64_t after, std::chrono::nanoseconds min_interval)
+      : log_(std::move(log)), cursor_(after), min_interval_(min_interval) {}
+
+  /// Returns the next event, or a bookmark if there is no event and `idle` says that a bookmark is due.
+  Pull pull(v1::JobEvent* event, bool idle);
+
+ private:
+  const std::shared_ptr<EventLog> log_;
+  std::int64_t cursor_;
+  const std::chrono::nanoseconds min_interval_;
+  std::chrono::system_clock::time_point last_iteration_{};
+};
+
+}  // namespace varimesh::server

@@ -1,0 +1,65 @@
+// Threads that call a function at regular intervals.
+#include "server/upkeep.h"
+
+#include <sys/resource.h>
+
+#include <chrono>
+#include <condition_variable>
+#include <functional>
+#include <mutex>
+#include <thread>
+
+namespace varimesh::server {
+
+/// Calls a function at regular intervals, on a thread of its own.
+class Upkeep::Ticker {
+ public:
+  Ticker(std::chrono::milliseconds interval, std::function<void()> tick)
+      : thread_([this, interval, tick = std::move(tick)] {
+          std::unique_lock lock(mutex_);
+          while (!stopped_.wait_for(lock, interval, [this] { return stopping_; })) {
+            lock.unlock();
+            tick();
+            lock.lock();
+          }
+        }) {}
+  ~Ticker() {
+    {
+      std::lock_guard lock(mutex_);
+      stopping_ = true;
+    }
+    stopped_.notify_all();
+    thread_.join();
+  }
+
+ private:
+  std::mutex mutex_;
+  std::condition_variable stopped_;
+  bool stopping_ = false;
+  std::thread thread_;
+};
+
+Upkeep::Upkeep(Scheduler& scheduler, Stores& stores, Endpoint& endpoint) {
+  using std::chrono::milliseconds, std::chrono::seconds, std::chrono::minutes;
+  streams_ = std::make_unique<Ticker>(milliseconds(250), [&endpoint] { endpoint.tick(); });
+  jobs_ = std::make_unique<Ticker>(seconds(1), [&scheduler, &stores, &endpoint] {
+    scheduler.tick();
+    endpoint.health().set_serving(stores.meshes().has_room());
+  });
+  sweeping_ = std::make_unique<Ticker>(minutes(1), [&stores] { stores.meshes().sweep(); });
+  compression_ = std::make_unique<Ticker>(minutes(1), [this, &stores] {
+    ::setpriority(PRIO_PROCESS, 0, 19);  // applies to this thread only: the running jobs go first
+    if (const auto needed = stores.jobs().needed_digests())
+      stores.meshes().compress_idle(*needed, [this] { return stopping_.load(); });
+  });
+}
+
+Upkeep::~Upkeep() { stopping_ = true; }
+
+void Upkeep::stop_jobs() {
+  stopping_ = true;
+  jobs_.reset();
+  compression_.reset();
+}
+
+}  // namespace varimesh::server

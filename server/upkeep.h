@@ -1,0 +1,31 @@
+// The regular work of a running server, each kind on a thread of its own.
+#pragma once
+
+#include <atomic>
+#include <memory>
+
+#include "server/api/endpoint.h"
+#include "server/scheduling/scheduler.h"
+#include "server/state/stores.h"
+
+namespace varimesh::server {
+
+/// From its construction on: lets streams cancel stalled clients (every 250 ms), renews leases, starts jobs and updates
+/// the server's health (every second), and deletes old meshes and compresses idle ones (every minute). Everything it is
+/// given must outlive it.
+class Upkeep {
+ public:
+  Upkeep(Scheduler& scheduler, Stores& stores, Endpoint& endpoint);
+  ~Upkeep();
+
+  /// Stops the threads that start jobs and compress meshes. The others run until this object is destroyed.
+  void stop_jobs();
+
+ private:
+  class Ticker;
+
+  std::atomic<bool> stopping_ = false;
+  std::unique_ptr<Ticker> streams_, jobs_, sweeping_, compression_;
+};
+
+}  // namespace varimesh::server

@@ -1,0 +1,72 @@
+"""varimesh completion, in the shells that are installed. Run with the name of a group."""
+import shutil
+import sys
+import unittest
+
+from help_words import COMMANDS, OPTIONS, shell
+from programs import WithFolder, run
+
+
+class Completed(WithFolder):
+    def setUp(self):
+        super().setUp()
+        for name in ("bash", "zsh", "fish"):
+            (self.folder / name).write_text(run("completion", name).stdout)
+        (self.folder / "wing mesh.msh").touch()
+
+
+class Bash(Completed):
+    def bash(self, *words):
+        script = (f"cd '{self.folder}'; source ./bash; COMP_WORDS=(varimesh {' '.join(words)}); COMP_CWORD={len(words)}; "
+                  "compopt() { :; }; _varimesh; printf '%s\\n' \"${COMPREPLY[@]}\"")
+        return shell("bash", "-c", script).stdout.split("\n")[:-1]
+
+    def test_completes(self):
+        self.assertEqual(self.bash("opt"), ["optimise"])
+        self.assertEqual(set(self.bash("''")) - {"-h", "--help", "--version"}, set(COMMANDS))
+        self.assertEqual(self.bash("optimise", "--ener"), ["--energy"])
+        self.assertEqual(self.bash("optimise", "--energy", "w"), ["winslow"])
+        self.assertEqual(self.bash("optimise", "--energy", "=", "w"), ["winslow"])
+        self.assertEqual(self.bash("submit", "--output-format", "msh41-"), ["msh41-binary"])
+        self.assertEqual(self.bash("jobs", "--state", "ca"), ["cancelling", "cancelled"])
+        self.assertEqual(self.bash("optimise", "wing"), ["wing mesh.msh"])
+        self.assertEqual(self.bash("optimise", "--tolerance", "wing"), [""])
+        self.assertEqual(set(OPTIONS) - set(self.bash("optimise", "--")), set())
+
+
+class Fish(Completed):
+    def fish(self, line):
+        done = shell("fish", "-c", f"cd '{self.folder}'; source fish; complete -C '{line}'")
+        self.assertEqual(done.stderr, "")
+        return [one.split("\t")[0] for one in done.stdout.splitlines()]
+
+    def test_completes(self):
+        self.assertEqual(self.fish("varimesh opt"), ["optimise"])
+        self.assertEqual(self.fish("varimesh optimise --ener"), ["--energy"])
+        self.assertEqual(self.fish("varimesh optimise --energy w"), ["winslow"])
+        self.assertEqual(self.fish("varimesh convert wing"), ["wing mesh.msh"])
+        self.assertEqual(set(OPTIONS) - set(self.fish("varimesh optimise --")), set())
+
+
+class Zsh(Completed):
+    def test_completes(self):
+        """Checks what the script passes to zsh's own functions."""
+        script = ("_arguments() { print -rl -- \"$@\" }; _describe() { print -rl -- $commands }; "
+                  f"run() {{ words=(varimesh \"$@\"); CURRENT=$(( $#words )); source {self.folder}/zsh }}; ")
+        done = shell("zsh", "-f", "-c", script + "run ''")
+        self.assertEqual([line.split(":")[0] for line in done.stdout.splitlines()], COMMANDS)
+        done = shell("zsh", "-f", "-c", script + "run optimise ''")
+        self.assertEqual(done.stderr, "")
+        self.assertIn("--energy=[The energy that is minimised]:value:(hyperelastic linear-elastic winslow distortion)", done.stdout)
+        self.assertIn("*--output=[Write the result to this file (", done.stdout)
+        self.assertIn("1:IN:_files", done.stdout)
+        for option in OPTIONS:
+            self.assertIn(f"{option}=[", done.stdout)
+
+
+if __name__ == "__main__":
+    needed = {"Fish": "fish", "Zsh": "zsh"}.get(sys.argv[1])
+    if needed and not shutil.which(needed):
+        print(f"SKIPPED: {needed} is missing (deploy/setup test)")
+        sys.exit(77)
+    unittest.main(verbosity=2)

@@ -1,0 +1,59 @@
+#include "client/cli/help.h"
+
+#include <gtest/gtest.h>
+
+#include "client/cli/names.h"
+#include "client/commands/commands.h"
+#include "core/base/nearest_word.h"
+#include "core/options/option_table.h"
+
+namespace varimesh::client {
+namespace {
+
+TEST(Suggestions, AreWordsWithASmallDifference) {
+  const std::vector<std::string> known{"--energy", "--method", "--max-iterations", "-o", "--output"};
+  EXPECT_EQ(nearest_word("--enrgy", known), "--energy");
+  EXPECT_EQ(nearest_word("--mehtod", known), "--method");
+  EXPECT_EQ(nearest_word("--max", known), "--max-iterations");
+  EXPECT_EQ(nearest_word("--colour", known), "");
+}
+
+TEST(Suggestions, AreMadeForTheFirstUnknownWord) {
+  CLI::App app;
+  const auto commands = add_commands(app);
+  EXPECT_NE(unknown_word(app, {"optimize", "a.msh"}).find("'optimise'"), std::string::npos);
+  EXPECT_NE(unknown_word(app, {"optimise", "a.msh", "--toleranse=1"}).find("'--tolerance'"), std::string::npos);
+  EXPECT_EQ(unknown_word(app, {"optimise", "a.msh", "-o", "b.msh", "--energy", "winslow"}), "");
+  EXPECT_EQ(unknown_word(app, {"--version"}), "");
+}
+
+TEST(Help, BeginsWithExamplesAndIsWrapped) {
+  CLI::App app;
+  const auto commands = add_commands(app);
+  for (const CLI::App* command : app.get_subcommands([](const CLI::App*) { return true; })) {
+    const std::string help = Help(80).make_help(command, "", CLI::AppFormatMode::Normal);
+    const auto at = help.find("\nExamples:\n  # ");
+    EXPECT_LT(at, help.find("\nUsage: varimesh " + command->get_name())) << command->get_name();
+    std::size_t begin = help.find("\nOptions:");
+    while (begin < help.size()) {
+      const std::size_t end = std::min(help.find('\n', begin + 1), help.size());
+      const std::string line = help.substr(begin + 1, end - begin - 1);
+      begin = end;
+      // The names of flags and their values are not wrapped.
+      if (line.rfind("  -", 0) != 0) {
+        EXPECT_LE(line.size(), 84U) << line;  // These are bytes, and some letters have two.
+      }
+    }
+  }
+}
+
+TEST(Help, ListsAllOptionsOfTheTable) {
+  CLI::App app;
+  const auto commands = add_commands(app);
+  const std::string help = Help(100).make_help(app.get_subcommand("optimise"), "", CLI::AppFormatMode::Normal);
+  for (const OptionInfo& option : option_table())
+    EXPECT_NE(help.find("\n  --" + dashed(std::string(option.name)) + " "), std::string::npos) << option.name;
+}
+
+}  // namespace
+}  // namespace varimesh::client

@@ -1,0 +1,26 @@
+"""varimesh convert: a mesh is the same in another format."""
+import json
+import unittest
+
+from programs import MESH, WithFolder, run
+
+
+class Convert(WithFolder):
+    def test_changes_the_format_and_nothing_else(self):
+        binary, back = self.folder / "binary.msh", self.folder / "back.msh"
+        self.assertEqual(run("convert", MESH, binary, "--format", "msh41-binary").returncode, 0)
+        self.assertTrue(binary.read_bytes().startswith(b"$MeshFormat\n4.1 1 8"))
+        self.assertEqual(run("convert", binary, back, "--format", "msh22").returncode, 0)
+        one, other = (json.loads(run("quality", path, "--json").stdout) for path in (MESH, back))
+        self.assertEqual(one, other)
+
+    def test_a_format_that_contradicts_the_ending_is_refused(self):
+        for name, form in (("out.vtu", "msh22"), ("out.msh", "vtu")):
+            done = run("convert", MESH, self.folder / name, "--format", form)
+            self.assertEqual(done.returncode, 2, done.stderr)
+            self.assertIn("contradicts", done.stderr)
+        self.assertEqual(list(self.folder.iterdir()), [])
+
+
+if __name__ == "__main__":
+    unittest.main(verbosity=2)

@@ -1,0 +1,54 @@
+"""varimesh doctor: what it finds, and its colours."""
+import json
+import os
+import pty
+import subprocess
+import unittest
+
+from programs import LARGER, MESH, VARIMESH, Server, WithFolder, run
+
+
+class Doctor(WithFolder):
+    def test_finds_nothing_wrong_with_this_machine(self):
+        found = json.loads(run("doctor", "--json").stdout)
+        self.assertEqual(list(found), ["varimesh", "grpc", "protobuf", "processor", "vectors", "threads", "temporary files"])
+        self.assertFalse([one for one in found.values() if one["wrong"]])
+        self.assertRegex(found["vectors"]["found"], "^(EMU128|SCALAR|SSE4|SSSE3|SSE2|AVX2|AVX3|AVX3_DL|NEON)$")
+        self.assertEqual(found["threads"]["found"].split()[0], str(len(os.sched_getaffinity(0))))
+
+    def test_finds_what_is_wrong(self):
+        server = Server()
+        self.addCleanup(server.stop)
+        well = run("doctor", "--server", server.address)
+        self.assertEqual(well.returncode, 0, well.stdout)
+        self.assertIn("answered in", well.stdout)
+        away = run("doctor", "--server", "127.0.0.1:1")
+        self.assertEqual(away.returncode, 5)
+        self.assertIn("no  server", away.stdout)
+        full = run("doctor", env={**os.environ, "TMPDIR": "/proc"})
+        self.assertEqual(full.returncode, 1)
+        self.assertIn("set TMPDIR", full.stdout)
+
+
+class Colour(WithFolder):
+    def test_is_used_only_on_a_terminal(self):
+        for arguments in (["--help"], ["doctor"], ["quality", MESH], ["optimise", LARGER, "-o", self.folder / "o.msh"]):
+            done = run(*arguments)
+            self.assertNotIn("\x1b", done.stdout + done.stderr, arguments)
+
+    def on_a_terminal(self, **environment):
+        ours, theirs = pty.openpty()
+        process = subprocess.Popen([VARIMESH, "doctor"], stdout=theirs, env={**os.environ, **environment})
+        process.wait(20)
+        os.close(theirs)
+        text = os.read(ours, 65536).decode()
+        os.close(ours)
+        return text
+
+    def test_is_not_used_on_a_terminal_with_no_color(self):
+        self.assertIn("\x1b[32mok\x1b[0m", self.on_a_terminal(NO_COLOR=""))
+        self.assertNotIn("\x1b", self.on_a_terminal(NO_COLOR="1"))
+
+
+if __name__ == "__main__":
+    unittest.main(verbosity=2)

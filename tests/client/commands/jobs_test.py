@@ -1,0 +1,88 @@
+"""The commands for the jobs of a server: submit, watch, result, jobs, cancel, delete and info."""
+import json
+import subprocess
+import unittest
+
+from programs import ENDLESS, LARGER, MESH, Server, WithFolder, WithServer, run, start
+
+
+class Jobs(WithServer):
+    def test_a_job_is_submitted_watched_and_fetched(self):
+        done = self.remote("submit", MESH, "--label", "for=test", "--request-id", "once")
+        self.assertEqual(done.returncode, 0, done.stderr)
+        job = done.stdout.strip()
+        self.assertRegex(job, r"^jobs/[0-9a-f]{16}$")
+        again = self.remote("submit", MESH, "--label", "for=test", "--request-id", "once")
+        self.assertEqual(again.stdout.strip(), job)
+        watched = self.remote("watch", job, "--json")
+        self.assertEqual(watched.returncode, 0, watched.stderr)
+        self.assertTrue(json.loads(watched.stdout)["converged"])
+        out = self.folder / "out.msh"
+        self.assertEqual(self.remote("result", job, "-o", out).returncode, 0)
+        self.assertTrue(out.exists())
+        jobs = json.loads(self.remote("jobs", "--label", "for=test", "--json").stdout)["jobs"]
+        self.assertEqual([entry["job"] for entry in jobs], [job])
+        self.assertEqual(jobs[0]["state"], "succeeded")
+
+    def test_a_job_that_runs_is_not_deleted(self):
+        job = self.remote("submit", LARGER, *ENDLESS).stdout.strip()
+        refused = self.remote("delete", job)
+        self.assertEqual(refused.returncode, 2, refused.stderr)
+        self.assertIn(f"{job} has not ended; cancel it first.", refused.stderr)
+        self.assertEqual(self.remote("cancel", job).returncode, 0)
+        self.assertEqual(self.remote("watch", job, "--quiet").returncode, 1)
+        self.assertEqual(self.remote("delete", job).returncode, 0)
+
+    def test_a_priority_is_kept_and_has_bounds(self):
+        job = self.remote("submit", MESH, "--priority", "7", "--json")
+        self.assertEqual(json.loads(job.stdout)["priority"], 7)
+        self.assertEqual(self.remote("submit", MESH, "--priority", "101").returncode, 2)
+
+    def test_info_lists_the_energies(self):
+        facts = json.loads(self.remote("info", "--json").stdout)
+        self.assertIn("hyperelastic", facts["energies"])
+
+    def test_an_unknown_job_is_a_usage_error(self):
+        self.assertEqual(self.remote("watch", "jobs/none").returncode, 2)
+
+
+class Watch(WithFolder):
+    def test_an_event_that_does_not_exist_is_refused(self):
+        server = Server()
+        try:
+            job = run("submit", MESH, "--server", server.address).stdout.strip()
+            self.assertEqual(run("watch", job, "--server", server.address).returncode, 0)
+            ahead = run("watch", job, "--after", 99999, "--server", server.address)
+            self.assertEqual((ahead.returncode, ahead.stdout), (2, ""), ahead.stderr)
+            self.assertRegex(ahead.stderr, r"has no event number 99999: its last is \d+;")
+            out = self.folder / "out.msh"
+            lost = run("result", job, "-o", out, "--history", self.folder / "missing" / "history.csv", "--server",
+                       server.address)
+            self.assertEqual(lost.returncode, 3, lost.stderr)
+            self.assertIn("history.csv", lost.stderr)
+            self.assertFalse(out.exists())
+            document = run("watch", job, "--json", "--server", server.address)
+            self.assertTrue(json.loads(document.stdout)["converged"])
+        finally:
+            server.stop()
+
+
+class Submit(WithFolder):
+    def test_a_submission_that_is_refused_for_now_is_repeated(self):
+        server = Server("--threads", "1", "--max-pending-jobs-per-peer", "1")
+        submit = ["submit", LARGER, *ENDLESS, "--server", server.address]
+        for _ in range(2):  # One runs, one waits.
+            waiting = run(*submit)
+            self.assertEqual(waiting.returncode, 0, waiting.stderr)
+        third = start(*submit, stdout=subprocess.PIPE)
+        with self.assertRaises(subprocess.TimeoutExpired):
+            third.wait(1)
+        run("cancel", waiting.stdout.strip(), "--server", server.address)
+        out, err = third.communicate(timeout=40)
+        self.assertEqual(third.returncode, 0, err)
+        self.assertRegex(out, r"^jobs/")
+        self.assertEqual(server.stop()[0], 0)
+
+
+if __name__ == "__main__":
+    unittest.main(verbosity=2)

@@ -1,0 +1,188 @@
+"""varimesh optimise: exit statuses, what is printed where, and the same result with and without a server."""
+import csv
+import json
+import re
+import signal
+import socket
+import subprocess
+import unittest
+
+from programs import ENDLESS, FOLDED, LARGER, MESH, WithFolder, WithServer, run, start, wait_for_line
+
+QUALITY = ["min_scaled_jacobian", "mean_scaled_jacobian", "min_distortion_jacobian", "invalid_elements", "certified"]
+
+
+class InProcess(WithFolder):
+    def test_prints_one_document_and_nothing_else(self):
+        out = self.folder / "out.msh"
+        done = run("optimise", MESH, "-o", out, "--json")
+        self.assertEqual(done.returncode, 0, done.stderr)
+        document = json.loads(done.stdout)
+        self.assertEqual(list(document), ["mesh", "energy", "method", "iterations", "seconds", "residual", "converged",
+                                          "stop_reason", "before", "after", "unrepairable", "repairs"])
+        self.assertEqual(list(document["mesh"]), ["dimension", "order", "elements", "nodes", "free_nodes"])
+        self.assertEqual(list(document["before"]), QUALITY)
+        self.assertEqual(document["before"]["invalid_elements"], 2)
+        self.assertEqual(document["after"]["invalid_elements"], 0)
+        self.assertEqual({key: document["before"]["certified"][key] for key in ("valid", "invalid", "undecided")},
+                         {"valid": 7, "invalid": 2, "undecided": 0})
+        self.assertEqual(document["after"]["certified"]["valid"], 9)
+        self.assertGreater(document["after"]["certified"]["min_scaled_jacobian_lower_bound"], 0)
+        self.assertEqual((document["stop_reason"], document["unrepairable"]), ("converged", []))
+        self.assertEqual(document["energy"], "hyperelastic")
+        self.assertTrue(out.read_bytes().startswith(b"$MeshFormat\n2.2 0 8"))
+
+    def test_writes_several_outputs_and_the_history(self):
+        msh, vtu, history = (self.folder / name for name in ("a.msh", "a.vtu", "a.csv"))
+        done = run("optimise", MESH, "-o", msh, "-o", vtu, "--history", history, "--quiet")
+        self.assertEqual((done.returncode, done.stdout, done.stderr), (0, "", ""))
+        self.assertIn(b"VTKFile", vtu.read_bytes()[:200])
+        lines = history.read_text().splitlines()
+        self.assertTrue(lines[0].startswith("iteration,phase,energy,residual"))
+        self.assertTrue(lines[1].startswith("1,sweeps,"), lines[1])
+        for row in csv.DictReader(lines):
+            self.assertEqual(row["phase"] == "newton", int(row["products"]) > 0, row)
+        self.assertEqual(row["phase"], "newton")
+        self.assertEqual(sorted(path.name for path in self.folder.iterdir()), ["a.csv", "a.msh", "a.vtu"])
+
+    def test_prints_progress_as_plain_lines_in_a_pipe(self):
+        done = run("optimise", MESH, "-o", self.folder / "out.msh")
+        self.assertEqual(done.returncode, 0)
+        self.assertRegex(done.stderr, r"residual \d\.\d+e")
+        self.assertNotIn("\r", done.stderr)
+        self.assertNotIn("\x1b", done.stderr)
+        self.assertIn("invalid elements", done.stdout)
+
+    def test_exits_with_4_if_elements_are_still_invalid(self):
+        out = self.folder / "out.msh"
+        done = run("optimise", MESH, "-o", out, "--max-iterations", 0, "--json")
+        self.assertEqual(done.returncode, 4, done.stderr)
+        self.assertEqual(json.loads(done.stdout)["iterations"], 0)
+        self.assertTrue(out.exists())
+
+    def test_exits_with_2_if_the_usage_is_wrong(self):
+        out = self.folder / "out.msh"
+        for arguments in (["optimise"], ["optimise", MESH], ["fly"], ["optimise", MESH, "-o", out, "--energy", "none"],
+                          ["optimise", MESH, "-o", out, "--tolerance", "-1"],
+                          ["optimise", MESH, "-o", self.folder / "out.xyz"],
+                          ["jobs"]):
+            done = run(*arguments)
+            self.assertEqual(done.returncode, 2, f"{arguments}: {done.stderr}")
+            self.assertTrue(done.stderr, arguments)
+        self.assertFalse(out.exists())
+
+    def test_exits_with_3_if_the_input_is_refused(self):
+        whole = MESH.read_bytes()
+        bad = {
+            "empty file": b"",
+            "not a mesh": b"solid cube\n",
+            "truncated": whole[:len(whole) // 2],
+            "not a number": re.sub(rb"(?m)^1 \S+ ", b"1 nan ", whole, count=1),
+        }
+        for name, content in bad.items():
+            path, out = self.folder / "in.msh", self.folder / "out.msh"
+            path.write_bytes(content)
+            done = run("optimise", path, "-o", out, "--json")
+            self.assertEqual(done.returncode, 3, f"{name}: {done.stderr}")
+            self.assertEqual(done.stdout, "", name)
+            self.assertRegex(done.stderr, r"varimesh: .{20,}", name)
+            self.assertFalse(out.exists(), name)
+        done = run("optimise", self.folder / "missing.msh", "-o", self.folder / "out.msh")
+        self.assertEqual(done.returncode, 3, done.stderr)
+
+    def test_exits_with_5_if_there_is_no_server(self):
+        with socket.socket() as free:
+            free.bind(("127.0.0.1", 0))
+            address = "127.0.0.1:%d" % free.getsockname()[1]
+        done = run("optimise", MESH, "-o", self.folder / "out.msh", "--server", address)
+        self.assertEqual(done.returncode, 5, done.stderr)
+
+    def test_finds_an_output_that_cannot_be_written_before_the_work(self):
+        done = run("optimise", MESH, "-o", self.folder / "missing" / "out.msh")
+        self.assertEqual(done.returncode, 3, done.stderr)
+        self.assertNotIn("residual", done.stderr)
+
+    def test_lists_and_marks_unrepairable_elements(self):
+        folded, out = self.folder / "folded.msh", self.folder / "out.msh"
+        folded.write_text(FOLDED)
+        done = run("optimise", folded, "-o", out, "--format", "msh41", "--until", "valid", "--json")
+        self.assertEqual(done.returncode, 4, done.stderr)
+        document = json.loads(done.stdout)
+        unrepairable = {element for group in document["unrepairable"] for element in group["elements"]}
+        left = {one["number"] for one in json.loads(run("quality", out, "--json").stdout)["quality"]["uncertified"]}
+        self.assertEqual(document["stop_reason"], "repaired")
+        self.assertTrue(left and left <= unrepairable, (left, unrepairable))
+        self.assertIn('"unrepairable"', out.read_text())
+
+    def test_says_what_the_repair_did(self):
+        folded, out = self.folder / "folded.msh", self.folder / "out.msh"
+        folded.write_text(FOLDED)
+        done = run("optimise", folded, "-o", out, "--repair", "split", "--json")
+        self.assertEqual(done.returncode, 4, done.stderr)
+        (left,) = json.loads(done.stdout)["repairs"]
+        self.assertEqual(left["kind"], "left")
+        self.assertIn("tetrahedra", left["sentence"])
+        done = run("optimise", folded, "-o", out, "--repair", "straighten")
+        self.assertEqual(done.returncode, 4, done.stderr)
+        self.assertRegex(done.stdout, r"(?i)straight|curved")
+        done = run("optimise", folded, "-o", out, "--repair", "split", "--region-below", "0.5")
+        self.assertEqual(done.returncode, 2, done.stderr)
+        self.assertIn("region_below", done.stderr)
+
+    def test_ctrl_c_cancels_the_job_and_says_so(self):
+        out = self.folder / "out.msh"
+        process = start("optimise", LARGER, "-o", out, *ENDLESS, stdout=subprocess.PIPE)
+        wait_for_line(process, "residual")
+        process.send_signal(signal.SIGINT)
+        stdout, stderr = process.communicate(timeout=30)
+        self.assertEqual(process.returncode, 130, stderr)
+        self.assertIn("cancel", stderr)
+        self.assertEqual(stdout, "")
+        self.assertFalse(out.exists())
+
+
+class OnAServer(WithServer):
+    def test_gives_the_same_bytes_as_without_a_server(self):
+        here, there = self.folder / "here.msh", self.folder / "there.msh"
+        self.assertEqual(run("optimise", MESH, "-o", here).returncode, 0)
+        done = self.remote("optimise", MESH, "-o", there)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        self.assertEqual(here.read_bytes(), there.read_bytes())
+
+    def test_ten_clients_at_once_get_the_same_bytes_as_one(self):
+        alone = self.folder / "alone.msh"
+        self.assertIn(run("optimise", LARGER, "-o", alone, "--max-iterations", 5, "--quiet").returncode, (0, 4))
+        outs = [self.folder / f"{i}.msh" for i in range(10)]
+        clients = [start("optimise", LARGER, "-o", out, "--max-iterations", 5, "--quiet", "--server", self.server.address,
+                         stderr=subprocess.DEVNULL) for out in outs]
+        for client in clients:
+            self.assertIn(client.wait(50), (0, 4))
+        for out in outs:
+            self.assertEqual(out.read_bytes(), alone.read_bytes())
+
+    def test_compression_does_not_change_the_result(self):
+        plain, compressed = self.folder / "plain.msh", self.folder / "compressed.msh"
+        for out, flags in ((plain, []), (compressed, ["--compress"])):
+            done = self.remote("optimise", LARGER, "-o", out, "--max-iterations", "3", *flags)
+            self.assertEqual(done.returncode, 4, done.stderr)
+        self.assertEqual(plain.read_bytes(), compressed.read_bytes())
+
+    def test_a_job_cancelled_by_someone_else_exits_with_1(self):
+        process = start("optimise", LARGER, "-o", self.folder / "out.msh", *ENDLESS, "--server", self.server.address)
+        wait_for_line(process, "residual")
+        running = json.loads(self.remote("jobs", "--state", "running", "--json").stdout)["jobs"]
+        for job in running:
+            self.assertEqual(self.remote("cancel", job["job"]).returncode, 0)
+        _, stderr = process.communicate(timeout=30)
+        self.assertEqual(process.returncode, 1, stderr)
+        self.assertIn("someone else", stderr)
+
+    def test_the_server_survives_bad_input(self):
+        path = self.folder / "bad.msh"
+        path.write_bytes(MESH.read_bytes()[:300])
+        self.assertEqual(self.remote("optimise", path, "-o", self.folder / "out.msh").returncode, 3)
+        self.assertEqual(self.remote("optimise", MESH, "-o", self.folder / "out.msh").returncode, 0)
+
+
+if __name__ == "__main__":
+    unittest.main(verbosity=2)

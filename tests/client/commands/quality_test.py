@@ -1,0 +1,46 @@
+"""varimesh quality: documents, exit statuses, and the marks of unrepairable elements."""
+import json
+import unittest
+
+from programs import FOLDED, MESH, WithFolder, run
+
+
+class Quality(WithFolder):
+    def test_prints_a_table_or_one_document(self):
+        done = run("quality", MESH, "--json", "--lattice", 12)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        document = json.loads(done.stdout)
+        self.assertEqual(list(document), ["mesh", "quality", "unrepairable"])
+        self.assertEqual([one["answer"] for one in document["quality"]["uncertified"]], ["invalid", "invalid"])
+        self.assertEqual(document["quality"]["invalid_elements"], 2)
+        self.assertEqual(document["quality"]["lattice_intervals"], 12)
+        self.assertEqual(len(document["quality"]["invalid"]), 2)
+        self.assertIn("invalid", run("quality", MESH).stdout)
+
+    def test_exits_with_4_if_an_element_is_not_certified(self):
+        self.assertEqual(run("quality", MESH).returncode, 0)
+        done = run("quality", MESH, "--certify")
+        self.assertEqual((done.returncode, done.stderr), (4, "varimesh: 2 elements are invalid\n"))
+        out = self.folder / "out.msh"
+        self.assertEqual(run("optimise", MESH, "-o", out, "--until", "valid", "--quiet").returncode, 0)
+        self.assertEqual(run("quality", out, "--certify").returncode, 0)
+
+    def test_accepts_a_mesh_that_optimise_refuses(self):
+        # With node 1 on the other side, the first triangle is inverted even with straight sides.
+        inverted = self.folder / "inverted.msh"
+        inverted.write_text(FOLDED.replace("\n1 0 0 0\n", "\n1 1 1.5 0\n"))
+        self.assertEqual(run("optimise", inverted, "-o", self.folder / "out.msh").returncode, 3)
+        done = run("quality", inverted, "--certify", "--diagnose")
+        self.assertEqual(done.returncode, 4, done.stderr)
+
+    def test_says_and_marks_what_cannot_be_repaired(self):
+        folded, marked = self.folder / "folded.msh", self.folder / "marked.msh"
+        folded.write_text(FOLDED)
+        done = run("quality", folded, "--diagnose", "-o", marked)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        self.assertRegex(done.stdout, r"triangle 1: .*must be")
+        self.assertIn('"unrepairable"', marked.read_text())
+
+
+if __name__ == "__main__":
+    unittest.main(verbosity=2)

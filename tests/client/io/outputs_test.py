@@ -1,0 +1,81 @@
+"""Outputs: links, pipes, devices, standard output, full disks."""
+import os
+import stat
+import threading
+import unittest
+from pathlib import Path
+
+from programs import MESH, WithFolder, run, run_bytes
+
+
+class Outputs(WithFolder):
+    def setUp(self):
+        super().setUp()
+        self.plain = self.folder / "plain.msh"
+        self.assertEqual(run("optimise", MESH, "-o", self.plain, "--quiet").returncode, 0)
+
+    def test_links_are_followed_and_permissions_kept(self):
+        (self.folder / "real").mkdir()
+        for name, command in (("a.msh", ["optimise", MESH, "--quiet", "-o"]), ("b.msh", ["convert", MESH]),
+                              ("c.csv", ["optimise", MESH, "--quiet", "-o", self.folder / "out.msh", "--history"])):
+            target, link = self.folder / "real" / name, self.folder / name
+            target.write_text("old")
+            target.chmod(0o640)
+            link.symlink_to(Path("real") / name)
+            done = run(*command, link)
+            self.assertEqual(done.returncode, 0, f"{name}: {done.stderr}")
+            self.assertTrue(link.is_symlink(), name)
+            self.assertGreater(target.stat().st_size, 100, name)
+            self.assertEqual(target.stat().st_mode & 0o777, 0o640, name)
+        self.assertEqual((self.folder / "a.msh").read_bytes(), self.plain.read_bytes())
+        self.assertEqual(len(list((self.folder / "real").iterdir())), 3)
+
+    def test_a_link_to_a_missing_file_makes_the_file(self):
+        link = self.folder / "link.msh"
+        link.symlink_to("made.msh")
+        self.assertEqual(run("optimise", MESH, "-o", link, "--quiet").returncode, 0)
+        self.assertTrue(link.is_symlink())
+        self.assertEqual((self.folder / "made.msh").read_bytes(), self.plain.read_bytes())
+
+    def test_a_pipe_gets_the_bytes(self):
+        pipe, got = self.folder / "pipe.msh", []
+        os.mkfifo(pipe)
+        reader = threading.Thread(target=lambda: got.append(pipe.read_bytes()), daemon=True)
+        reader.start()
+        done = run("optimise", MESH, "-o", pipe, "--quiet")
+        reader.join(10)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        self.assertTrue(stat.S_ISFIFO(pipe.stat().st_mode))
+        self.assertEqual(got, [self.plain.read_bytes()])
+
+    def test_a_device_stays_a_device(self):
+        device = self.folder / "null"
+        try:
+            os.mknod(device, 0o666 | stat.S_IFCHR, os.stat("/dev/null").st_rdev)
+            device.open("wb").close()
+        except OSError as error:
+            self.skipTest(f"no device can be made here: {error}")
+        done = run("optimise", MESH, "-o", device, "--quiet")
+        self.assertEqual(done.returncode, 0, done.stderr)
+        self.assertTrue(stat.S_ISCHR(device.stat().st_mode))
+
+    def test_standard_output_gets_only_the_mesh(self):
+        done = run_bytes("optimise", MESH, "-o", "/dev/stdout")
+        self.assertEqual(done.returncode, 0, done.stderr)
+        self.assertEqual(done.stdout, self.plain.read_bytes())
+        self.assertIn(b"invalid elements", done.stderr)
+        both = run("optimise", MESH, "-o", "/dev/stdout", "--json")
+        self.assertEqual((both.returncode, both.stdout), (2, ""))
+
+    def test_exits_with_3_if_standard_output_is_full(self):
+        for arguments in (["optimise", MESH, "-o", self.folder / "o.msh", "--json"], ["quality", MESH], ["info"],
+                          ["optimise", MESH, "-o", "/dev/stdout", "--quiet"], ["--help"]):
+            with open("/dev/full", "wb") as full:
+                done = run_bytes(*arguments, stdout=full)
+            self.assertEqual(done.returncode, 3, arguments)
+            self.assertIn(b"cannot be written", done.stderr, arguments)
+            self.assertIn(b"No space left", done.stderr, arguments)
+
+
+if __name__ == "__main__":
+    unittest.main(verbosity=2)

@@ -1,0 +1,58 @@
+"""Commands while the server goes away and comes back."""
+import re
+import subprocess
+import time
+import unittest
+
+from programs import ENDLESS, LARGER, VARIMESHD, Server, WithFolder, run, start, wait_for_line
+
+
+class Connection(WithFolder):
+    def test_says_when_the_server_goes_and_when_it_is_back(self):
+        server = Server()
+        client = start("optimise", LARGER, "-o", self.folder / "out.msh", *ENDLESS, "--server", server.address)
+        wait_for_line(client, "residual")
+        server.process.kill()
+        wait_for_line(client, "the server is not answering; trying again")
+        server.stop()
+        back = subprocess.Popen([VARIMESHD, "--listen", server.address, "--log-level", "off"], stdout=subprocess.DEVNULL)
+        try:
+            _, stderr = client.communicate(timeout=30)
+        finally:
+            back.terminate()
+            back.wait(20)
+        # The servers keep their jobs in memory, so the new one does not know the job.
+        self.assertEqual(re.findall("not answering|answers again", stderr), ["answers again"], stderr)
+        self.assertEqual(client.returncode, 2, stderr)
+
+    def test_goes_on_after_a_restart_of_the_server(self):
+        work = [LARGER, "--method", "sweeps", "--active-set", "off", "--tolerance", "1e-300", "--max-iterations", "1000"]
+        alone, out, fetched = (self.folder / name for name in ("alone.msh", "out.msh", "fetched.msh"))
+        self.assertEqual(run("optimise", *work, "-o", alone, "--quiet").returncode, 0)
+        flags = ["--state", self.folder / "state", "--checkpoint-seconds", "0.1"]
+        server = Server(*flags)
+        optimising = start("optimise", *work, "-o", out, "--server", server.address)
+        wait_for_line(optimising, "residual")
+        job = run("jobs", "--server", server.address).stdout.split()[0]
+        watching = start("watch", job, "--server", server.address)
+        wait_for_line(watching, "residual")
+        time.sleep(0.5)
+        server.process.kill()
+        for client in (optimising, watching):
+            wait_for_line(client, "the server is not answering; trying again")
+        server.stop()
+        back = Server(*flags, listen=server.address)
+        try:
+            for client in (optimising, watching):
+                _, stderr = client.communicate(timeout=60)
+                self.assertEqual(client.returncode, 0, stderr)
+                self.assertEqual(re.findall("not answering|answers again", stderr), ["answers again"], stderr)
+            self.assertEqual(run("result", job, "-o", fetched, "--server", back.address).returncode, 0)
+            self.assertEqual(out.read_bytes(), alone.read_bytes())
+            self.assertEqual(fetched.read_bytes(), alone.read_bytes())
+        finally:
+            back.stop()
+
+
+if __name__ == "__main__":
+    unittest.main(verbosity=2)

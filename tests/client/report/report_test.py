@@ -1,0 +1,168 @@
+"""The page of --report in a headless Chromium: it opens without errors and without a network, and its numbers are those of
+--json."""
+import json
+import re
+import sys
+import unittest
+
+import browser
+from programs import CASES, FOLDED, Server, WithFolder, run
+
+MARKUP = "<img src=x onerror=alert(1)>&amp;.msh"
+
+
+def rounded(text):
+    """The number in the text of a table cell."""
+    text = text.replace(",", "").replace("−", "-")
+    if match := re.fullmatch(r"(.*) × 10([⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+)", text):
+        power = match[2].translate(str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789"))
+        return float(match[1]) * 10.0 ** int(power)
+    return float(text)
+
+
+class Report(WithFolder):
+    @classmethod
+    def setUpClass(cls):
+        if browser.find() is None:
+            print("SKIPPED: there is no chromium to open reports with")
+            sys.exit(77)
+        cls.page = browser.Page()
+
+    @classmethod
+    def tearDownClass(cls):
+        cls.page.close()
+
+    def open(self, path):
+        self.page.errors.clear()
+        self.page.requests.clear()
+        self.page.look(1280, 900)
+        self.page.open(path)
+        self.assertEqual(self.page.errors, [])
+        asked = [one for one in self.page.requests if not one.startswith(("blob:", "data:")) and one != "about:blank"]
+        self.assertEqual(len(asked), 1, asked)
+
+    def cells(self, table):
+        """For each row of a table: its name, and for each cell the value with all digits and the text."""
+        return self.page.value(f"""[...document.querySelectorAll('#{table} tbody tr')].map((row) => [
+            row.querySelector('th').textContent, [...row.querySelectorAll('td')].map((cell) =>
+                [cell.dataset.value ?? null, cell.textContent])])""")
+
+    def check_table(self, table, expected):
+        """Checks that the cells have exactly these values, and that their texts are near them."""
+        shown = dict(self.cells(table))
+        for name, values in expected.items():
+            self.assertEqual(len(shown[name]), len(values), name)
+            for (exact, text), value in zip(shown[name], values):
+                self.assertEqual(float(exact), value, name)
+                self.assertAlmostEqual(rounded(text), value, delta=max(6e-5, 6e-3 * abs(value)), msg=name)
+
+    def check_numbers(self, document):
+        snapshots = [document["before"], document["after"]] if "before" in document else [document["quality"]]
+        self.check_table("quality-table", {
+            "Smallest scaled Jacobian": [one["min_scaled_jacobian"] for one in snapshots],
+            "Mean scaled Jacobian": [one["mean_scaled_jacobian"] for one in snapshots],
+            "Smallest distortion Jacobian": [one["min_distortion_jacobian"] for one in snapshots],
+            "Invalid elements, sampled": [one["invalid_elements"] for one in snapshots],
+            "Certified valid": [one["certified"]["valid"] for one in snapshots],
+            "Certified invalid": [one["certified"]["invalid"] for one in snapshots],
+            "Undecided": [one["certified"]["undecided"] for one in snapshots],
+            "Proved lower bound of the smallest scaled Jacobian": [one["certified"]["min_scaled_jacobian_lower_bound"] for one in snapshots]})
+        self.check_table("mesh-table", {key.replace("_", " ", 1): [value] for key, value in document["mesh"].items()})
+        if "iterations" in document:
+            self.check_table("mesh-table", {key: [document[key]] for key in ("iterations", "seconds", "residual")})
+
+    def optimise(self, mesh, *arguments):
+        page = self.folder / "report.html"
+        done = run("optimise", mesh, "-o", self.folder / "out.vtu", "--report", page, "--json", *arguments)
+        self.assertIn(done.returncode, (0, 4), done.stderr)
+        self.open(page)
+        return json.loads(done.stdout)
+
+    def test_shows_a_mesh_in_two_dimensions_as_curves(self):
+        document = self.optimise(CASES / "nine_triangles.msh", "--energy", "winslow")
+        self.check_numbers(document)
+        self.assertEqual(self.page.value("document.querySelectorAll('#pictures svg.drawing').length"), 2)
+        # Before the optimisation, only the two edges at the bottom are curved; after it, the inner edges are too.
+        outline = self.page.value("document.querySelector('#pictures .outline').getAttribute('d')")
+        self.assertEqual(outline.count("C"), 2 * 2)  # Two curves per edge of order 4.
+        outline = self.page.value("document.querySelectorAll('#pictures .outline')[1].getAttribute('d')")
+        self.assertGreater(outline.count("C"), 2 * 10)
+        self.assertEqual(self.page.value("document.querySelectorAll('#pictures .view')[0].querySelectorAll('.flagged').length"), 2)
+        self.assertEqual(self.page.value("document.querySelectorAll('#pictures .view')[1].querySelectorAll('.flagged').length"), 0)
+        worst = self.page.value("[...document.querySelectorAll('#worst table')].map((one) => one.querySelectorAll('td')[2].dataset.value)")
+        for value, snapshot in zip(worst, ("before", "after")):
+            self.assertAlmostEqual(float(value), document[snapshot]["min_scaled_jacobian"], 12)
+        self.assertIn("winslow", self.page.value("document.getElementById('origin').textContent"))
+        self.assertEqual(self.page.value("document.querySelectorAll('#convergence .curve').length"), 3)
+        self.assertIn("newton", self.page.value("document.querySelector('#convergence').textContent"))
+
+    def test_shows_a_mesh_in_three_dimensions(self):
+        self.check_numbers(self.optimise(CASES / "sphere_p3.msh"))
+        pictures = []
+        for cut in ("2", "0"):  # across y, none
+            self.page.value(f"""(() => {{ const cut = document.querySelectorAll('#pictures select')[1];
+                cut.value = '{cut}'; cut.dispatchEvent(new Event('change')); }})()""")
+            self.page.value("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
+            pictures.append([self.page.picture(f"#pictures figure:nth-child({one}) .view") for one in (1, 2)])
+        # The views before and after differ inside the mesh; without a cut, the boundary hides the inside.
+        self.assertEqual(len(set(pictures[0])), 2)
+        for with_cut, without in zip(*pictures):
+            self.assertNotEqual(with_cut, without)
+        self.assertEqual(self.page.errors, [])
+
+    def test_has_the_same_histograms_as_the_document(self):
+        page = self.folder / "report.html"
+        done = run("quality", CASES / "sphere_p3.msh", "--report", page, "--json")
+        document = json.loads(done.stdout)
+        self.open(page)
+        self.check_numbers(document)
+        bars = self.page.value("[...document.querySelectorAll('#histograms rect title')].map((one) => one.textContent)")
+        counts = [int(bar.rsplit(": ", 1)[1].replace(",", "")) for bar in bars]
+        self.assertEqual(counts[0], document["quality"]["invalid_elements"])
+        self.assertEqual(counts[1:], [count for count in document["quality"]["histogram"] if count > 0])
+
+    def test_marks_unrepairable_elements(self):
+        mesh = self.folder / "folded.msh"
+        mesh.write_text(FOLDED)
+        document = self.optimise(mesh)
+        self.assertTrue(document["unrepairable"])
+        self.assertGreater(self.page.value("document.querySelectorAll('#pictures .never').length"), 0)
+        self.assertIn(document["unrepairable"][0]["sentence"], self.page.value("document.getElementById('unrepairable').textContent"))
+        self.assertIn("no movement of interior nodes can repair", self.page.value("document.querySelector('.verdict').textContent"))
+
+    def test_shows_a_job_of_a_server_and_never_treats_names_as_markup(self):
+        mesh = self.folder / MARKUP
+        mesh.write_bytes((CASES / "nine_triangles.msh").read_bytes())
+        page = self.folder / "report.html"
+        server = Server()
+        self.addCleanup(server.stop)
+        run("optimise", mesh, "-o", self.folder / "out.msh", "--report", page, "--server", server.address)
+        self.open(page)
+        self.assertEqual(self.page.value("document.querySelector('h1').textContent"), MARKUP)
+        job = run("submit", mesh, "--label", "run=<b>bold</b>", "--server", server.address).stdout.strip()
+        run("watch", job, "--server", server.address)
+        done = run("result", job, "--report", page, "--json", "--server", server.address)
+        self.open(page)
+        self.check_numbers(json.loads(done.stdout))
+        self.assertIn("<b>bold</b>", self.page.value("document.getElementById('origin').textContent"))
+        self.assertEqual(self.page.value("document.querySelectorAll('main b, main img, header img').length"), 0)
+
+    def test_fits_narrow_screens_and_the_dark_theme(self):
+        self.optimise(CASES / "aerofoil_p4.msh")
+        for width, dark in ((390, False), (390, True), (1280, True)):
+            self.page.look(width, 844, dark)
+            self.page.value("new Promise((done) => setTimeout(done, 100))")
+            self.assertLessEqual(self.page.value("document.documentElement.scrollWidth"), width)
+        self.assertEqual(self.page.errors, [])
+
+    def test_is_refused_if_it_cannot_be_written(self):
+        done = run("quality", CASES / "nine_triangles.msh", "--report", self.folder / "none" / "report.html")
+        self.assertEqual(done.returncode, 3)
+        out = self.folder / "out.msh"
+        done = run("optimise", CASES / "nine_triangles.msh", "-o", out, "--report", out)
+        self.assertEqual(done.returncode, 2)
+        self.assertFalse(out.exists())
+
+
+if __name__ == "__main__":
+    unittest.main()

@@ -1,0 +1,52 @@
+"""The server program as a user meets it: its flags, its addresses, and how it ends."""
+import signal
+import subprocess
+import unittest
+
+from programs import ENDLESS, LARGER, VARIMESHD, Server, WithFolder, run, start, wait_for_line
+
+
+class Varimeshd(WithFolder):
+    def test_suggests_the_flag_for_a_misspelt_one(self):
+        for word, meant in (("--max-memory-byte", "'--max-memory-bytes'"), ("--listn=x", "'--listen'"),
+                            ("--qqqq", "varimeshd --help")):
+            done = subprocess.run([VARIMESHD, word], capture_output=True, text=True, timeout=20)
+            self.assertEqual(done.returncode, 2)
+            self.assertIn(meant, done.stderr)
+
+    def test_refuses_addresses_beyond_loopback(self):
+        done = subprocess.run([VARIMESHD, "--listen", "0.0.0.0:0"], capture_output=True, text=True, timeout=20)
+        self.assertEqual(done.returncode, 2)
+        self.assertIn("--insecure", done.stderr)
+
+    def test_a_second_server_on_the_port_is_refused(self):
+        server = Server()
+        self.addCleanup(server.stop)
+        second = subprocess.run([VARIMESHD, "--listen", server.address], capture_output=True, text=True, timeout=20)
+        self.assertEqual(second.returncode, 1, second.stderr)
+        self.assertIn("taken", second.stderr)
+
+    def test_sigterm_with_a_job_and_a_watcher_ends_in_order(self):
+        server = Server()
+        client = start("optimise", LARGER, "-o", self.folder / "out.msh", *ENDLESS, "--server", server.address)
+        wait_for_line(client, "residual")
+        status, left = server.stop()
+        self.assertEqual((status, left), (0, []), "".join(server.log))
+        client.send_signal(signal.SIGINT)  # The client waits for the server to come back.
+        client.communicate(timeout=30)
+        self.assertIn(client.returncode, (1, 5, 130))
+
+    def test_only_the_owner_may_use_a_socket(self):
+        path = self.folder / "socket"
+        process = subprocess.Popen([VARIMESHD, "--listen", f"unix:{path}", "--log-level", "off"],
+                                   stdout=subprocess.PIPE, text=True)
+        self.assertIn("unix:", process.stdout.readline())
+        self.assertEqual(path.stat().st_mode & 0o777, 0o600)
+        self.assertEqual(run("info", "--server", f"unix:{path}").returncode, 0)
+        process.terminate()
+        self.assertEqual(process.wait(20), 0)
+        process.stdout.close()
+
+
+if __name__ == "__main__":
+    unittest.main(verbosity=2)

@@ -1,0 +1,141 @@
+"""The admin port: health checks, who may use it, and the live page, in a headless Chromium with a running server that has
+50 jobs. ctest runs it with VARIMESH, VARIMESHD and VARIMESH_SOURCE_DIR in the environment."""
+import http.client
+import json
+import os
+import re
+import subprocess
+import sys
+import time
+import unittest
+from pathlib import Path
+
+TESTS = Path(os.environ["VARIMESH_SOURCE_DIR"]) / "tests"
+sys.path[:0] = [str(TESTS / "client"), str(TESTS / "pages")]
+import browser
+from programs import CASES, VARIMESHD, Server, run
+
+MARKUP = '<img src=x onerror="document.title=1"><script>document.title=2</script>'
+ENDLESS = ["--method", "sweeps", "--active-set", "off", "--tolerance", "1e-300", "--max-iterations", "10000000"]
+
+
+class WithAdminPort(unittest.TestCase):
+    def setUp(self):
+        self.server = Server("--admin", "127.0.0.1:0", "--threads", "1")
+        self.addCleanup(self.server.stop)
+        deadline = time.monotonic() + 20
+        while not (found := re.search(r"http://(127\.0\.0\.1:\d+)/", "".join(self.server.log))):
+            self.assertLess(time.monotonic(), deadline)
+            time.sleep(0.01)
+        self.admin = found[1]
+
+    def ask(self, path, method="GET", **headers):
+        connection = http.client.HTTPConnection(self.admin, timeout=20)
+        self.addCleanup(connection.close)
+        connection.request(method, path, headers=headers)
+        answer = connection.getresponse()
+        return answer.status, answer.headers, answer.read().decode()
+
+    def submit(self, mesh, *arguments):
+        done = run("submit", CASES / mesh, "--server", self.server.address, *arguments)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        return done.stdout.strip()
+
+
+class Port(WithAdminPort):
+    def test_answers_health_checks(self):
+        self.assertEqual(self.ask("/healthz/live")[0], 200)
+        self.assertEqual(self.ask("/healthz/ready")[::2], (200, "ready\n"))
+
+    def test_accepts_only_get_requests_from_this_machine(self):
+        port = self.admin.rsplit(":", 1)[1]
+        for host, status in ((f"localhost:{port}", 200), (f"[::1]:{port}", 200), ("127.0.0.1", 200),
+                             ("evil.example", 421), (f"evil.example:{port}", 421), ("127.evil.example", 421),
+                             ("localhost.evil.example", 421), ("[::1].evil.example", 421), ("", 421)):
+            self.assertEqual(self.ask("/api/status", Host=host)[0], status, host)
+        for method in ("POST", "PUT", "DELETE", "OPTIONS", "PATCH"):
+            self.assertEqual(self.ask("/api/status", method)[0], 405, method)
+        status, headers, _ = self.ask("/")
+        self.assertEqual(status, 200)
+        self.assertIn("default-src 'none'", headers["Content-Security-Policy"])
+        self.assertNotIn("unsafe", headers["Content-Security-Policy"])
+        for path in ("/etc/passwd", "/../etc/passwd", "/api/", "/api/iterations?job=jobs/none"):
+            self.assertEqual(self.ask(path)[0], 404, path)
+
+    def test_refuses_other_addresses_than_loopback_and_a_taken_port(self):
+        for address in ("0.0.0.0:0", "192.0.2.1:9464", "example.com:9464", "127.0.0.1", "127.0.0.1:70000", ":9464"):
+            done = subprocess.run([VARIMESHD, "--listen", "127.0.0.1:0", "--admin", address], capture_output=True,
+                                  text=True, timeout=20)
+            self.assertEqual(done.returncode, 2, address)
+            self.assertIn("loopback", done.stderr)
+        taken = subprocess.run([VARIMESHD, "--listen", "127.0.0.1:0", "--admin", self.admin], capture_output=True,
+                               text=True, timeout=20)
+        self.assertEqual(taken.returncode, 1)
+        self.assertIn("is taken", taken.stderr)
+
+    def test_returns_the_iterations_after_a_given_event(self):
+        job = self.submit("circle_p5.msh", *ENDLESS)
+        rows, sequence = [], 0
+        deadline = time.monotonic() + 30
+        while len(rows) < 20:
+            self.assertLess(time.monotonic(), deadline)
+            answer = json.loads(self.ask(f"/api/iterations?job={job}&after={sequence}")[2])
+            self.assertGreaterEqual(answer["sequence"], sequence)
+            sequence = answer["sequence"]
+            rows += answer["iterations"]
+            time.sleep(0.05)
+        numbers = [row[0] for row in rows]
+        self.assertEqual(numbers, sorted(set(numbers)))
+        self.assertEqual({row[1] for row in rows}, {"sweeps"})
+        run("cancel", job, "--server", self.server.address)
+
+
+class Page(WithAdminPort):
+    @classmethod
+    def setUpClass(cls):
+        if browser.find() is None:
+            print("SKIPPED: chromium is not installed")
+            sys.exit(77)
+
+    def setUp(self):
+        super().setUp()
+        self.page = browser.Page()
+        self.addCleanup(self.page.close)
+
+    def text(self, selector):
+        return self.page.value(f"document.querySelector({json.dumps(selector)})?.textContent ?? ''")
+
+    def test_shows_fifty_jobs_and_the_curves_of_the_running_one(self):
+        running = self.submit("circle_p5.msh", *ENDLESS, "--label", "name=" + MARKUP)
+        first = self.submit("nine_triangles.msh", "--label", "file=" + MARKUP)
+        for _ in range(48):
+            last = self.submit("nine_triangles.msh")
+        self.page.open(f"http://{self.admin}/")
+        self.page.wait("document.querySelectorAll('#waiting tbody tr').length === 49")
+        self.page.wait("document.querySelectorAll('#running .job').length === 1")
+        rows = self.page.value("[...document.querySelectorAll('#waiting tbody tr')].map((row) => row.children[1].textContent)")
+        self.assertEqual((rows[0], rows[-1]), (first, last))
+        self.page.wait("document.querySelectorAll('#running .curve').length === 3")
+        self.assertEqual(self.text("#running h3"), running)
+        self.assertEqual(self.text("#running .label"), "name=" + MARKUP)
+        self.assertEqual(self.text("#waiting .label"), "file=" + MARKUP)
+        drawn = self.page.value("document.querySelector('#running .curve').getAttribute('d')")
+        self.page.wait(f"document.querySelector('#running .curve')?.getAttribute('d') !== {json.dumps(drawn)}")
+        self.page.look(390, 844, dark=True)
+        self.assertLessEqual(self.page.value("document.documentElement.scrollWidth"), 390)
+
+        run("cancel", running, "--server", self.server.address)
+        self.page.wait("document.querySelectorAll('#ended tbody tr').length === 50", 60)
+        states = self.page.value("[...document.querySelectorAll('#ended tbody tr')].map((row) => row.children[2].textContent)")
+        self.assertEqual((states.count("succeeded"), states.count("cancelled")), (49, 1))
+        self.assertIn("all elements certified valid", self.text("#ended tbody"))
+        self.assertIn("No job is running", self.text("#running"))
+        self.assertEqual(self.page.value("document.title"), "varimeshd")
+        self.assertEqual(self.page.value("document.querySelectorAll('main img, main script').length"), 0)
+        self.assertEqual(self.page.errors, [])
+        hosts = {re.sub(r"^(\w+://[^/]*)/.*", r"\1", one) for one in self.page.requests if one.startswith("http")}
+        self.assertEqual(hosts, {f"http://{self.admin}"})
+
+
+if __name__ == "__main__":
+    unittest.main()

@@ -1,0 +1,93 @@
+// UploadMesh: uploads with one answer at the end.
+#include "tests/server/service.h"
+
+namespace varimesh::server::testing {
+namespace {
+
+TEST(UploadMesh, ContinuesAfterACut) {
+  const Service service(echo_engine());
+  const std::string bytes(3000, 'x');
+  v1::UploadMeshRequest header;
+  header.mutable_header()->set_upload_id("mine");
+  header.mutable_header()->set_digest(sha256(bytes));
+  header.mutable_header()->set_size(3000);
+  {
+    grpc::ClientContext context;
+    v1::UploadMeshResponse response;
+    const auto writer = service.meshes->UploadMesh(&context, &response);
+    writer->Write(header);
+    v1::UploadMeshRequest chunk;
+    chunk.mutable_chunk()->set_data(bytes.substr(0, 1000));
+    writer->Write(chunk);
+    writer->WritesDone();
+    const grpc::Status status = writer->Finish();
+    EXPECT_EQ(status.error_code(), grpc::StatusCode::INVALID_ARGUMENT) << "the stream ended too early";
+    EXPECT_EQ(info_of(status).metadata().at("committed_size"), "1000");
+  }
+  grpc::ClientContext query_context;
+  v1::QueryUploadRequest query;
+  query.set_upload_id("mine");
+  v1::QueryUploadResponse known;
+  ASSERT_TRUE(service.meshes->QueryUpload(&query_context, query, &known).ok());
+  EXPECT_EQ(known.committed_size(), 1000);
+  EXPECT_FALSE(known.complete());
+
+  grpc::ClientContext context;
+  v1::UploadMeshResponse response;
+  const auto writer = service.meshes->UploadMesh(&context, &response);
+  writer->Write(header);
+  v1::UploadMeshRequest chunk;
+  chunk.mutable_chunk()->set_offset(1000);
+  chunk.mutable_chunk()->set_data(bytes.substr(1000));
+  writer->Write(chunk);
+  writer->WritesDone();
+  ASSERT_TRUE(writer->Finish().ok());
+  EXPECT_EQ(service.download(header.header().digest()), bytes);
+}
+
+/// Declares `size` bytes with some digest under the id "mine", sends `bytes`, and returns the status of the call.
+grpc::Status upload(const Service& service, std::int64_t size, const std::string& bytes) {
+  v1::UploadMeshRequest message;
+  message.mutable_header()->set_upload_id("mine");
+  message.mutable_header()->set_digest(std::string(64, 'b'));
+  message.mutable_header()->set_size(size);
+  grpc::ClientContext context;
+  v1::UploadMeshResponse response;
+  const auto writer = service.meshes->UploadMesh(&context, &response);
+  writer->Write(message);
+  if (!bytes.empty()) {
+    message.mutable_chunk()->set_data(bytes);
+    writer->Write(message);
+    writer->WritesDone();
+  }
+  return writer->Finish();
+}
+
+TEST(UploadMesh, RefusesBytesWithAnotherDigest) {
+  const Service service(echo_engine());
+  const grpc::Status status = upload(service, 3, "abc");
+  EXPECT_EQ(status.error_code(), grpc::StatusCode::INVALID_ARGUMENT);
+  EXPECT_EQ(info_of(status).reason(), "DIGEST_MISMATCH");
+}
+
+TEST(UploadMesh, RefusesMoreBytesThanDeclaredAndKeepsNothing) {
+  const Service service(echo_engine());
+  const grpc::Status status = upload(service, 3, "abcd");
+  EXPECT_EQ(status.error_code(), grpc::StatusCode::INVALID_ARGUMENT);
+  EXPECT_EQ(info_of(status).reason(), "MESH_LARGER_THAN_SAID");
+  grpc::ClientContext again;
+  v1::QueryUploadRequest query;
+  query.set_upload_id("mine");
+  v1::QueryUploadResponse known;
+  EXPECT_EQ(service.meshes->QueryUpload(&again, query, &known).error_code(), grpc::StatusCode::NOT_FOUND);
+}
+
+TEST(UploadMesh, RefusesATooLargeMeshAtItsHeader) {
+  ServerOptions options = options_with(echo_engine());
+  options.limits.max_mesh_bytes = 100;
+  const Service service(std::move(options));
+  EXPECT_EQ(info_of(upload(service, 101, "")).reason(), "MESH_TOO_LARGE");
+}
+
+}  // namespace
+}  // namespace varimesh::server::testing

@@ -1,0 +1,108 @@
+// The message of the contract has the fields of the library's table, and options come through it unchanged.
+#include "server/engine/option_messages.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cctype>
+
+#include "core/options/option_table.h"
+
+namespace varimesh::server {
+namespace {
+
+using google::protobuf::FieldDescriptor;
+
+/// "GREEN_LAGRANGE" of STRAIN_GREEN_LAGRANGE, in small letters with dashes.
+std::string spelled(const google::protobuf::EnumValueDescriptor& value) {
+  std::string name = value.name().substr(value.type()->name().size() + 1);
+  for (char& c : name) c = c == '_' ? '-' : static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+  return name;
+}
+
+TEST(OptionMessages, HaveAFieldForEachOptionAndNoOther) {
+  const auto* message = v1::Options::descriptor();
+  for (const OptionInfo& option : option_table())
+    EXPECT_NE(message->FindFieldByName(std::string(option.name)), nullptr) << option.name;
+  for (int i = 0; i < message->field_count(); ++i)
+    EXPECT_EQ(std::count_if(option_table().begin(), option_table().end(),
+                            [&](const OptionInfo& option) { return option.name == message->field(i)->name(); }),
+              1)
+        << message->field(i)->name();
+}
+
+TEST(OptionMessages, HaveTheWordsOfEachChoiceInTheSameOrder) {
+  for (const OptionInfo& option : option_table()) {
+    const auto* choice = std::get_if<ChoiceMember>(&option.member);
+    if (choice == nullptr) continue;
+    const auto* type = v1::Options::descriptor()->FindFieldByName(std::string(option.name))->enum_type();
+    ASSERT_EQ(static_cast<std::size_t>(type->value_count()), choice->words.size() + 1) << option.name;
+    for (std::size_t i = 0; i < choice->words.size(); ++i)
+      EXPECT_EQ(spelled(*type->FindValueByNumber(static_cast<int>(i) + 1)), choice->words[i]) << option.name;
+  }
+}
+
+TEST(OptionMessages, LeaveTheDefaultsOfTheLibraryWhereNothingIsSaid) {
+  const auto options = options_from(v1::Options());
+  ASSERT_TRUE(options);
+  const Options defaults;
+  EXPECT_EQ(to_proto(*options).SerializeAsString(), to_proto(defaults).SerializeAsString());
+  EXPECT_EQ(options->tolerance, defaults.tolerance);
+  EXPECT_EQ(options->max_iterations, defaults.max_iterations);
+  EXPECT_EQ(options->rings, defaults.rings);
+  EXPECT_EQ(options->active_set, defaults.active_set);
+}
+
+TEST(OptionMessages, BringEveryOptionThroughUnchanged) {
+  Options options;
+  for (const OptionInfo& option : option_table()) {
+    if (const auto* member = std::get_if<double Options::*>(&option.member)) options.*(*member) = 0.25;
+    if (const auto* member = std::get_if<int Options::*>(&option.member)) options.*(*member) = 7;
+    if (const auto* member = std::get_if<bool Options::*>(&option.member)) options.*(*member) = false;
+    if (const auto* member = std::get_if<ChoiceMember>(&option.member))
+      member->set(options, static_cast<int>(member->words.size()) - 1);
+    if (const auto* member = std::get_if<std::vector<std::string> Options::*>(&option.member))
+      options.*(*member) = {"wall", "3:7"};
+    if (const auto* member = std::get_if<std::vector<std::int64_t> Options::*>(&option.member))
+      options.*(*member) = {5, std::int64_t{1} << 40};
+  }
+  options.target_field = {Per::Vertex, 3, {1, 2}, {.1, .2, .3, .4, .5, .6}};
+  const v1::Options message = to_proto(options);
+  const auto back = options_from(message);
+  ASSERT_TRUE(back);
+  EXPECT_EQ(to_proto(*back).SerializeAsString(), message.SerializeAsString());
+  for (const OptionInfo& option : option_table()) {
+    if (const auto* member = std::get_if<double Options::*>(&option.member)) {
+      EXPECT_EQ((*back).*(*member), 0.25) << option.name;
+    }
+    if (const auto* member = std::get_if<int Options::*>(&option.member)) {
+      EXPECT_EQ((*back).*(*member), 7) << option.name;
+    }
+    if (const auto* member = std::get_if<ChoiceMember>(&option.member)) {
+      EXPECT_EQ(member->get(*back), static_cast<int>(member->words.size()) - 1) << option.name;
+    }
+  }
+  EXPECT_FALSE(back->active_set);
+  EXPECT_EQ(back->fix, options.fix);
+  EXPECT_EQ(back->fix_nodes, options.fix_nodes);
+  EXPECT_EQ(back->target_field.values, options.target_field.values);
+  EXPECT_EQ(back->target_field.per, Per::Vertex);
+}
+
+TEST(OptionMessages, RefuseAnEnumValueThatThisServerDoesNotKnow) {
+  for (const OptionInfo& option : option_table()) {
+    if (!std::holds_alternative<ChoiceMember>(option.member)) continue;
+    v1::Options message;
+    v1::Options::GetReflection()->SetEnumValue(
+        &message, v1::Options::descriptor()->FindFieldByName(std::string(option.name)), 99);
+    const auto options = options_from(message);
+    ASSERT_FALSE(options) << option.name;
+    EXPECT_NE(options.error().sentence.find(std::string(option.name)), std::string::npos);
+  }
+  v1::Options message;
+  message.mutable_target_field()->set_per(static_cast<v1::Per>(99));
+  EXPECT_FALSE(options_from(message));
+}
+
+}  // namespace
+}  // namespace varimesh::server

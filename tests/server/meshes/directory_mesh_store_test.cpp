@@ -1,0 +1,119 @@
+// Meshes by content: references, lifetimes and restarts.
+#include "server/meshes/directory_mesh_store.h"
+
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <fstream>
+
+#include "tests/server/meshes/stores.h"
+
+namespace varimesh::server::testing {
+namespace {
+
+TEST(DirectoryMeshStore, DropsAResultWithItsLastReference) {
+  const auto store = new_store();
+  const StoredBytes first = write(*store, "result"), second = write(*store, "result");
+  EXPECT_EQ(first.digest, second.digest);
+  store->release(first.digest);
+  ASSERT_TRUE(store->open(first.digest));
+  EXPECT_EQ((*store->open(first.digest))->bytes(), "result");
+  store->release(first.digest);
+  EXPECT_FALSE(store->open(first.digest));
+}
+
+TEST(DirectoryMeshStore, KeepsAPinnedResultWithoutReferences) {
+  const auto store = new_store();
+  const StoredBytes stored = write(*store, "result");
+  ASSERT_TRUE(store->pin(stored.digest));
+  store->release(stored.digest);
+  EXPECT_TRUE(store->open(stored.digest));
+}
+
+TEST(DirectoryMeshStore, DeletesItsTemporaryDirectory) {
+  std::filesystem::path parent = std::filesystem::path(::testing::TempDir()) / "varimesh-empty";
+  std::filesystem::create_directories(parent);
+  {
+    const auto store = std::move(*DirectoryMeshStore::create(parent.string(), settings_with()));
+    write(*store, "result");
+    ASSERT_TRUE(store->begin_upload("id", sha256("abc"), 3));
+  }
+  EXPECT_TRUE(std::filesystem::is_empty(parent));
+  std::filesystem::remove(parent);
+}
+
+TEST(DirectoryMeshStore, SweepsOldMeshesWithoutReferences) {
+  Time now = std::chrono::system_clock::now();
+  const auto store = new_store([&] { return now; });
+  const StoredBytes pinned = write(*store, "pinned"), referred = write(*store, "referred");
+  ASSERT_TRUE(store->pin(pinned.digest));
+  store->release(pinned.digest);
+  now += std::chrono::hours(20);
+  store->sweep();
+  ASSERT_TRUE(store->pin(pinned.digest)) << "it is used again";
+  now += std::chrono::hours(20);
+  store->sweep();
+  EXPECT_TRUE(store->open(pinned.digest));
+  now += std::chrono::hours(23);
+  store->sweep();
+  EXPECT_TRUE(store->open(pinned.digest)) << "read 23 hours ago";
+  now += std::chrono::hours(24);
+  store->sweep();
+  EXPECT_FALSE(store->open(pinned.digest));
+  EXPECT_TRUE(store->open(referred.digest));
+}
+
+TEST(DirectoryMeshStore, SweepsTheOldestMeshesIfItIsTooLarge) {
+  Time now = std::chrono::system_clock::now();
+  DirectoryMeshSettings settings = settings_with([&] { return now; });
+  settings.max_total_bytes = 25;
+  const auto store = std::move(*DirectoryMeshStore::create(::testing::TempDir(), settings));
+  std::vector<std::string> digests;
+  for (const char* bytes : {"ten bytes 1", "ten bytes 2", "ten bytes 3", "ten bytes 4"}) {
+    digests.push_back(write(*store, bytes).digest);
+    store->pin(digests.back());
+    if (digests.size() != 1) store->release(digests.back());
+    now += std::chrono::minutes(15);
+  }
+  store->sweep();
+  EXPECT_TRUE(store->open(digests[0])) << "the oldest, but it has a reference";
+  EXPECT_FALSE(store->open(digests[1]));
+  EXPECT_FALSE(store->open(digests[2]));
+  EXPECT_TRUE(store->open(digests[3]));
+}
+
+TEST(DirectoryMeshStore, HasTheSameMeshesAfterARestart) {
+  const std::filesystem::path directory = std::filesystem::path(::testing::TempDir()) / "varimesh-kept";
+  Time now = std::chrono::system_clock::now();
+  std::string digest, result;
+  const auto open = [&] {
+    return std::move(*DirectoryMeshStore::open_directory(directory.string(), settings_with([&] { return now; })));
+  };
+  {
+    const auto store = open();
+    digest = write(*store, "a mesh").digest;
+    result = write(*store, "a result").digest;
+    ASSERT_TRUE(store->begin_upload("broken", sha256("abc"), 3));
+  }
+  std::ofstream(directory / "part-77") << "left by a writer that was killed";
+  now += std::chrono::hours(48);
+  {
+    const auto store = open();
+    store->retain(result);
+    ASSERT_TRUE(store->open(result));
+    EXPECT_EQ((*store->open(result))->bytes(), "a result");
+    store->sweep();
+    // Checked in the directory, since open() counts as a use.
+    EXPECT_TRUE(std::filesystem::exists(directory / digest)) << "a client that was told of it has an hour to use it";
+    now += std::chrono::hours(2);
+    store->sweep();
+    EXPECT_FALSE(store->open(digest));
+    ASSERT_TRUE(store->open(result));
+    store->release(result);
+  }
+  EXPECT_TRUE(std::filesystem::is_empty(directory));
+  std::filesystem::remove(directory);
+}
+
+}  // namespace
+}  // namespace varimesh::server::testing

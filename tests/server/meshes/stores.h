@@ -1,0 +1,42 @@
+// Mesh stores for tests, in temporary directories.
+#pragma once
+
+#include <gtest/gtest.h>
+
+#include <memory>
+#include <string>
+
+#include "core/base/sha256.h"
+#include "server/meshes/directory_mesh_store.h"
+
+namespace varimesh::server::testing {
+
+using Time = std::chrono::system_clock::time_point;
+
+inline DirectoryMeshSettings settings_with(std::function<Time()> clock = std::chrono::system_clock::now) {
+  DirectoryMeshSettings settings;
+  settings.max_mesh_bytes = 1000;
+  settings.lifetime = std::chrono::hours(24);
+  settings.clock = std::move(clock);
+  return settings;
+}
+
+inline std::unique_ptr<DirectoryMeshStore> new_store(std::function<Time()> clock = std::chrono::system_clock::now) {
+  return std::move(*DirectoryMeshStore::create(::testing::TempDir(), settings_with(std::move(clock))));
+}
+
+/// Writes a result and returns its digest and size.
+inline StoredBytes write(MeshStore& store, const std::string& bytes) {
+  auto writer = std::move(*store.create());
+  EXPECT_TRUE(writer->append(bytes));
+  return *writer->commit();
+}
+
+/// Text that compresses well.
+inline std::string long_text(int lines) {
+  std::string text;
+  for (int i = 0; i < lines; ++i) text += std::to_string(i) + " 0.123456 " + std::to_string(i % 7) + "\n";
+  return text;
+}
+
+}  // namespace varimesh::server::testing

@@ -1,0 +1,152 @@
+// One attempt at a job, with an engine of the test's own.
+#include "server/scheduling/attempt.h"
+
+#include <gtest/gtest.h>
+
+#include <stdexcept>
+
+#include "tests/server/meshes/stores.h"
+
+namespace varimesh::server::testing {
+namespace {
+
+class AttemptTest : public ::testing::Test {
+ protected:
+  AttemptTest() : meshes_(new_store()) {
+    claim_.name = "jobs/1";
+    claim_.attempt = 1;
+    claim_.spec.mutable_mesh()->set_digest(write(*meshes_, "a mesh").digest);
+  }
+
+  Ending run(std::function<Expected<RunSummary>(RunRequest, const RunHooks&)> work) {
+    Engine engine;
+    engine.run = std::move(work);
+    const LentThreads threads{[] { return 2; }};
+    return run_attempt({claim_, engine, *meshes_, log_, threads, memory_, [this] { return now_; },
+                        [this] { return cancelled_; }, [this] { return stopping_; },
+                        [this](const v1::Iteration& iteration) { noted_.push_back(iteration.number()); },
+                        std::chrono::milliseconds(0),
+                        [this](const CheckpointReference& checkpoint) { checkpoints_.push_back(checkpoint); }});
+  }
+
+  static Iteration iteration(int number) {
+    Iteration iteration;
+    iteration.number = number;
+    return iteration;
+  }
+
+  std::unique_ptr<DirectoryMeshStore> meshes_;
+  Claim claim_;
+  EventLog log_;
+  MemoryBudget memory_{1000};
+  Time now_ = Time(std::chrono::hours(1));
+  bool cancelled_ = false, stopping_ = false;
+  std::vector<int> noted_;
+  std::vector<CheckpointReference> checkpoints_;
+};
+
+TEST_F(AttemptTest, StoresTheResultAndTheHistory) {
+  const Ending ending = run([](RunRequest request, const RunHooks& hooks) -> Expected<RunSummary> {
+    EXPECT_EQ(request.options.threads, 2);
+    EXPECT_TRUE(hooks.open_output(v1::MESH_FORMAT_MSH22)(request.input->bytes()));
+    RunSummary outcome;
+    outcome.history = {iteration(1)};
+    return outcome;
+  });
+  EXPECT_EQ(ending.state, v1::JOB_STATE_SUCCEEDED);
+  ASSERT_EQ(ending.results.size(), 1u);
+  EXPECT_EQ((*meshes_->open(ending.results[0].digest()))->bytes(), "a mesh");
+  v1::History history;
+  const auto stored = *meshes_->open(ending.history_digest);
+  ASSERT_TRUE(history.ParseFromString(std::string(stored->bytes())));
+  EXPECT_EQ(history.iterations_size(), 1);
+}
+
+TEST_F(AttemptTest, LogsEveryIterationAndReportsSomeToTheStore) {
+  run([this](RunRequest, const RunHooks& hooks) -> Expected<RunSummary> {
+    for (int i = 1; i <= 5; ++i) {
+      EXPECT_EQ(hooks.on_iteration(iteration(i)), Control::Continue);
+      now_ += std::chrono::milliseconds(300);
+    }
+    return RunSummary();
+  });
+  EXPECT_EQ(log_.last_sequence(), 5);
+  EXPECT_EQ(noted_, (std::vector<int>{1, 3, 5})) << "at most one every 500 ms";
+}
+
+TEST_F(AttemptTest, ReleasesTheOutputsOfARunThatFails) {
+  std::string digest;
+  const Ending ending = run([&](RunRequest, const RunHooks& hooks) -> Expected<RunSummary> {
+    hooks.open_output(v1::MESH_FORMAT_MSH22)("a result");
+    hooks.open_output(v1::MESH_FORMAT_VTU)("another");
+    digest = sha256("a result");
+    EXPECT_TRUE(meshes_->open(digest));
+    return bad_input("Byte 0 is bad.");
+  });
+  EXPECT_EQ(ending.state, v1::JOB_STATE_FAILED);
+  EXPECT_EQ(ending.error->reason(), "BAD_INPUT");
+  EXPECT_FALSE(meshes_->open(digest));
+}
+
+TEST_F(AttemptTest, FailsWithASentenceAfterAnException) {
+  const Ending ending =
+      run([](RunRequest, const RunHooks&) -> Expected<RunSummary> { throw std::runtime_error("out of luck"); });
+  EXPECT_EQ(ending.state, v1::JOB_STATE_FAILED);
+  EXPECT_EQ(ending.error->reason(), "INTERNAL");
+  EXPECT_NE(ending.error->message().find("out of luck"), std::string::npos);
+}
+
+TEST_F(AttemptTest, IsPendingAgainIfTheServerStops) {
+  const Ending ending = run([this](RunRequest, const RunHooks& hooks) -> Expected<RunSummary> {
+    stopping_ = true;
+    EXPECT_TRUE(hooks.control.checkpoint_due(iteration(3))) << "one more before the server stops";
+    hooks.control.save_checkpoint(iteration(3), [](const CheckpointSink& sink) { return sink("state"); });
+    RunSummary outcome;
+    outcome.stopped = hooks.on_iteration(iteration(3)) == Control::Stop;
+    EXPECT_TRUE(hooks.given_up());
+    return outcome;
+  });
+  EXPECT_EQ(ending.state, v1::JOB_STATE_PENDING);
+  ASSERT_EQ(checkpoints_.size(), 1u);
+  EXPECT_EQ(checkpoints_[0].iteration, 3);
+  EXPECT_EQ(checkpoints_[0].digest, sha256("state"));
+}
+
+TEST_F(AttemptTest, ContinuesFromTheCheckpointOfItsClaim) {
+  claim_.checkpoint = CheckpointReference{write(*meshes_, "state").digest, 7};
+  run([](RunRequest, const RunHooks& hooks) -> Expected<RunSummary> {
+    EXPECT_EQ(hooks.control.checkpoint, "state");
+    EXPECT_FALSE(hooks.control.checkpoint_due(iteration(7))) << "that one is already saved";
+    return RunSummary();
+  });
+  claim_.checkpoint = CheckpointReference{sha256("lost"), 7};
+  run([](RunRequest, const RunHooks& hooks) -> Expected<RunSummary> {
+    EXPECT_TRUE(hooks.control.checkpoint.empty()) << "from the beginning";
+    return RunSummary();
+  });
+}
+
+TEST_F(AttemptTest, SavesACheckpointAfterTenIterationsOrHalfAMinute) {
+  run([this](RunRequest, const RunHooks& hooks) -> Expected<RunSummary> {
+    EXPECT_FALSE(hooks.control.checkpoint_due(iteration(9)));
+    EXPECT_TRUE(hooks.control.checkpoint_due(iteration(10)));
+    now_ += std::chrono::seconds(30);
+    EXPECT_TRUE(hooks.control.checkpoint_due(iteration(1)));
+    return RunSummary();
+  });
+}
+
+TEST_F(AttemptTest, RefusesAMeshThatNeedsMoreMemoryThanThereIs) {
+  run([](RunRequest, const RunHooks& hooks) -> Expected<RunSummary> {
+    EXPECT_TRUE(hooks.admit(1000));
+    const auto refused = hooks.admit(1001);
+    EXPECT_FALSE(refused);
+    EXPECT_NE(refused.error().sentence.find("--max-memory-bytes"), std::string::npos);
+    return RunSummary();
+  });
+  EXPECT_TRUE(memory_.take(1000, [] { return true; })) << "the memory was given back";
+  memory_.give_back(1000);
+}
+
+}  // namespace
+}  // namespace varimesh::server::testing
