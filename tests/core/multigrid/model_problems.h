@@ -1,7 +1,9 @@
 // Stiffness matrices of −∇·(κ∇u) in linear functions on structured grids, to try multigrid on.
 #pragma once
 
+#include <Eigen/Dense>
 #include <Eigen/SparseCore>
+#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <functional>
