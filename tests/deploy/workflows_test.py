@@ -1,4 +1,4 @@
-"""The recipes of deploy/workflows and the commands of docs/workflows.md, with a real server."""
+"""Runs the recipes of deploy/workflows and the commands of docs/workflows.md with a real server."""
 import json
 import os
 import re
@@ -58,7 +58,7 @@ class Snakemake(WithServer):
         self.assertIn(b"VTKFile", (self.folder / "solver/plate.vtu").read_bytes()[:200])
         self.assertEqual([job["state"] for job in self.jobs()], ["succeeded"])
 
-        # As if the step had been lost with its outputs: the server has the job, and no second one is made.
+        # Remove all outputs, as if the step had been lost. The server still has the job and makes no second one.
         whole = (self.folder / "solver/plate.msh").read_bytes()
         for left in [*self.folder.glob("solver/*"), *self.folder.glob("mesh/optimised.*")]:
             left.unlink()

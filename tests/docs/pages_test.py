@@ -1,5 +1,5 @@
-"""Checks the pages. Links lead somewhere, named files exist, excerpts are in the files that they are from, and commands
-run as they are, in their order, in a folder of their own. ctest runs this with the name of a group."""
+"""Checks the documentation: links have targets, named files exist, excerpts are in the files that they quote, and commands
+run as printed, in order, in a temporary folder. ctest runs this with the name of a group."""
 import contextlib
 import importlib.util
 import io
@@ -18,10 +18,10 @@ PAGES = [SOURCE / "README.md", *sorted((SOURCE / "docs").glob("*.md"))]
 NOTES = sorted((SOURCE / "docs" / "notes").glob("*.md"))
 BLOCK = re.compile(r"(?:<!-- (?P<note>[^\n]*) -->\n)?^```(?P<kind>\w*)\n(?P<text>.*?)^```$", re.DOTALL | re.MULTILINE)
 
-# Pages whose commands other tests run.
+# Pages whose commands are run by other tests.
 ELSEWHERE = {"python.md": "tests/client/python/documentation_test.py", "workflows.md": "tests/deploy/workflows_test.py"}
 
-# Blocks that are not run here, by page and first word or two, and why.
+# Blocks that are not run here, by page and first words, with the reason.
 NOT_HERE = {
     ("README.md", "deploy/demo"): "sets the machine up; what every change must pass",
     ("development.md", "tests/run"): "the tests themselves",
@@ -38,7 +38,7 @@ NOT_HERE = {
 
 
 class Block:
-    """A fenced block: its kind, its text, the comment in the line above it, and the number of the line before it."""
+    """A fenced block: its kind, its text, the comment in the line above it, and the number of the line before its text."""
 
     def __init__(self, page, match):
         self.kind, self.text, self.note = match["kind"], match["text"], match["note"] or ""
@@ -61,7 +61,7 @@ def prose(page):
 
 
 def slug(heading):
-    """The anchor of a heading, as GitHub makes it."""
+    """The anchor that GitHub gives a heading."""
     words = re.sub(r"`|\[([^]]*)\]\([^)]*\)", r"\1", heading).strip().lower()
     return re.sub(r"[^\w\- ]", "", words).replace(" ", "-")
 
@@ -114,7 +114,7 @@ class Links(unittest.TestCase):
 
 class Excerpts(unittest.TestCase):
     def test_are_in_the_file_that_they_are_from(self):
-        """`<!-- from FILE -->` names the file. A line of three dots stands for lines left out."""
+        """`<!-- from FILE -->` names the quoted file. A line of three dots stands for omitted lines."""
         excerpts = 0
         for page in PAGES:
             for block in blocks(page):
@@ -133,7 +133,7 @@ class Excerpts(unittest.TestCase):
 
 
 class WithPrograms(support.WithFolder):
-    """A folder, and a PATH in which the programs of the build tree and Debian's python3 come first."""
+    """A temporary folder, and a PATH that begins with the programs of the build tree and Debian's python3."""
 
     def setUp(self):
         super().setUp()
@@ -146,8 +146,8 @@ class WithPrograms(support.WithFolder):
         self.environment = {**os.environ, "PATH": f"{programs}:{os.environ['PATH']}", "HOME": str(self.folder)}
 
     def run_page(self, page, replace=None, names=None):
-        """Runs the page's blocks: each block of sh as a script, all blocks of Python in one interpreter. Returns what
-        each printed."""
+        """Runs the page's blocks: each sh block as a script, all Python blocks in one interpreter. Returns the output of
+        each."""
         printed = []
         for block in blocks(page):
             if not block.runs:
@@ -165,7 +165,7 @@ class WithPrograms(support.WithFolder):
         return printed
 
     def run_shell(self, text, block):
-        text = "trap 'kill $(jobs -p) 2>/dev/null || true; wait' EXIT\n" + text  # ends a server left running
+        text = "trap 'kill $(jobs -p) 2>/dev/null || true; wait' EXIT\n" + text  # ends any server that is still running
         done = subprocess.run(["bash", "-euc", text], cwd=self.work, env=self.environment, text=True, timeout=200,
                               stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
         self.assertEqual(done.returncode, 0, f"{block.where}:\n{done.stdout}")

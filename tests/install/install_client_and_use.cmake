@@ -1,5 +1,5 @@
-# Called by ctest: installs components `client` and `client-development` of ${build} below ${work}, builds the project in
-# ${source} against them and nothing else of this tree, and runs it with a server.
+# Called by ctest. Installs components `client` and `client-development` of ${build} below ${work}, builds the project in
+# ${source} against the installed files only, and runs it with a server.
 file(REMOVE_RECURSE ${work})
 file(MAKE_DIRECTORY ${work})
 

@@ -1,5 +1,5 @@
 #!/bin/sh
-# run_remote.sh VARIMESHD PROGRAM FOLDER MESH: runs the example with a server of its own.
+# run_remote.sh VARIMESHD PROGRAM FOLDER MESH: starts a server and runs the example with it.
 set -e
 "$1" --listen "unix:$3/socket" --data "$3" --log-level error &
 server=$!

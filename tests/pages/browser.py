@@ -1,4 +1,4 @@
-"""A headless Chromium, driven over its DevTools pipe; the standard library is enough."""
+"""Drives a headless Chromium over its DevTools pipe, with the standard library only."""
 import base64
 import json
 import os
@@ -9,7 +9,7 @@ import tempfile
 import time
 from pathlib import Path
 
-# As root, as in containers, Chromium runs only without its sandbox. The pages are our own.
+# As root, as in containers, Chromium runs only without its sandbox. It opens only VariMesh's own pages.
 FLAGS = ["--headless=new", "--no-sandbox", "--remote-debugging-pipe", "--disable-gpu-sandbox", "--use-angle=swiftshader",
          "--enable-unsafe-swiftshader", "--hide-scrollbars", "--no-first-run", "--disable-background-networking",
          "--disable-component-update", "--disable-sync", "--disable-dev-shm-usage"]
@@ -21,7 +21,7 @@ def find():
 
 
 class Page:
-    """One tab. `errors` gathers what its console and its scripts complain of, `requests` the addresses asked for."""
+    """One tab. `errors` collects the complaints of its console and scripts, `requests` the addresses that it requested."""
 
     def __init__(self, width=1280, height=900, dark=False):
         self.folder = tempfile.TemporaryDirectory()
@@ -51,7 +51,7 @@ class Page:
         os.close(self.input), os.close(self.output)
         try:
             self.folder.cleanup()
-        except OSError:  # a helper of the browser may still write
+        except OSError:  # another process of the browser may still write
             time.sleep(0.5)
             shutil.rmtree(self.folder.name, ignore_errors=True)
 
@@ -76,7 +76,7 @@ class Page:
         return answer["result"]
 
     def listen(self, deadline):
-        """Takes in what the browser says, waiting for something until the deadline."""
+        """Reads the browser's messages, waiting for one until the deadline."""
         ready, _, _ = select.select([self.input], [], [], max(0, deadline - time.monotonic()))
         assert ready, "the browser does not answer"
         bytes_read = os.read(self.input, 1 << 20)
@@ -100,13 +100,13 @@ class Page:
             self.requests.append(facts["request"]["url"])
 
     def look(self, width, height, dark=False):
-        """The size of the window, in CSS pixels, and the theme."""
+        """Sets the size of the window, in CSS pixels, and the theme."""
         self.ask("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=width < 600)
         self.ask("Emulation.setEmulatedMedia",
                  features=[{"name": "prefers-color-scheme", "value": "dark" if dark else "light"}])
 
     def open(self, address, ready="document.documentElement?.dataset.ready === 'yes'", patience=60):
-        """Opens an address or a file and waits until `ready` is true; returns the seconds that it took."""
+        """Opens an address or a file and waits until `ready` is true. Returns the time taken, in seconds."""
         self.ask("Page.navigate", url="about:blank")
         self.wait("location.href === 'about:blank'")
         start = time.monotonic()
@@ -121,13 +121,13 @@ class Page:
             time.sleep(0.02)
 
     def value(self, expression):
-        """What a JavaScript expression is, as JSON; promises are waited for."""
+        """The value of a JavaScript expression, as JSON. Waits for promises."""
         answer = self.ask("Runtime.evaluate", expression=expression, returnByValue=True, awaitPromise=True)
         assert "exceptionDetails" not in answer, answer["exceptionDetails"]
         return answer["result"].get("value")
 
     def picture(self, selector=None):
-        """A screenshot as PNG: what is in the window, or the first element of that selector."""
+        """A screenshot as PNG: of the window, or of the first element that matches the selector."""
         clip = {}
         if selector:
             box = self.value(f"""(() => {{ const box = document.querySelector({json.dumps(selector)}).getBoundingClientRect();

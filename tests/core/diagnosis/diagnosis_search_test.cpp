@@ -1,5 +1,5 @@
-// What is named by a point condition is confirmed by a search of its own: wherever the free nodes of the cell go, its
-// worst J stays where it is; a look-alike that is not named is found a valid place.
+// Cells that a point condition calls unrepairable, confirmed by an independent search: wherever the free nodes go, the
+// cell stays invalid. For a similar cell that is not called unrepairable, the search finds a valid place.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -18,13 +18,13 @@ namespace {
 using testing::Place;
 using Kind = UnrepairableGroup::Kind;
 
-/// One cell, and which of its nodes are held.
+/// One cell, and which of its nodes are fixed.
 struct HeldCell {
   HighOrderMesh mesh;
   std::vector<bool> fixed;
 };
 
-/// A cell whose nodes at `map` are held where `held` says so of their reference coordinates.
+/// A cell with its nodes placed by `map`. `held` says by reference coordinates which nodes are fixed.
 HeldCell held_cell(Shape shape, int order, const std::function<Place(Place)>& map,
                    const std::function<bool(Place)>& held) {
   HeldCell cell;
@@ -36,8 +36,8 @@ HeldCell held_cell(Shape shape, int order, const std::function<Place(Place)>& ma
 }
 
 /// Whether hill climbing on the worst sampled J, from many starts, ends in a cell that is certified valid. Samples can
-/// step over a line where J is 0; the certificate does not.
-bool a_search_gets_it_right(HeldCell cell, int starts) {
+/// miss a line where J is 0. The certificate cannot.
+bool search_finds_a_valid_cell(HeldCell cell, int starts) {
   std::mt19937 random(1);
   std::normal_distribution<double> normal;
   const auto d = static_cast<std::size_t>(cell.mesh.dimension);
@@ -73,27 +73,27 @@ std::vector<Kind> kinds(const HeldCell& cell) {
   return found;
 }
 
-/// Named, and no search gets the cell right.
+/// The cell is called unrepairable, and no search makes it valid.
 void expect_confirmed(const HeldCell& cell, Kind kind) {
   ASSERT_TRUE(std::ranges::count(cell.fixed, false) > 0);
   EXPECT_TRUE(std::ranges::count(kinds(cell), kind) > 0);
-  EXPECT_FALSE(a_search_gets_it_right(cell, 12));
+  EXPECT_FALSE(search_finds_a_valid_cell(cell, 12));
 }
 
-/// Not named, and a search gets the cell right, from a start that is tangled.
+/// The cell is not called unrepairable, and a search makes it valid from a tangled start.
 void expect_repairable(HeldCell cell) {
   EXPECT_TRUE(kinds(cell).empty());
-  EXPECT_TRUE(a_search_gets_it_right(std::move(cell), 12));
+  EXPECT_TRUE(search_finds_a_valid_cell(std::move(cell), 12));
 }
 
 bool near(double a, double b) { return std::abs(a - b) < 1e-9; }
 
-/// The edges of a tetrahedron at its first vertex are held.
+/// Whether a node is on an edge of a tetrahedron at its first vertex.
 bool on_edges_at_first_vertex(Place p) { return (near(p[0], -1) + near(p[1], -1) + near(p[2], -1)) >= 2; }
 
 TEST(DiagnosisSearch, EdgesInOnePlane) {
   const auto cell = [](double height) {
-    // The edge along the third axis leaves the first vertex at this height over the plane of the other two.
+    // The edge along the third axis leaves the first vertex at this height above the plane of the other two edges.
     return held_cell(
         Shape::Tetrahedron, 3,
         [=](Place p) {
@@ -121,8 +121,8 @@ TEST(DiagnosisSearch, TheEdgeBetweenTwoFixedFaces) {
 }
 
 TEST(DiagnosisSearch, ACellWithOneFreeNode) {
-  // A quadratic tetrahedron of which only the middle of one edge is free: at the points of the opposite edge that its
-  // share of J misses, held nodes alone decide.
+  // A quadratic tetrahedron with one free node, in the middle of an edge. At some points of the opposite edge J does
+  // not depend on it, so only fixed nodes decide there.
   const auto cell = [](double fold) {
     return held_cell(
         Shape::Tetrahedron, 2,
@@ -133,7 +133,7 @@ TEST(DiagnosisSearch, ACellWithOneFreeNode) {
         [](Place p) { return !(near(p[0], -1) && near(p[1], 0) && near(p[2], 0)); });
   };
   ASSERT_FALSE(kinds(cell(2.5)).empty());
-  EXPECT_FALSE(a_search_gets_it_right(cell(2.5), 12));
+  EXPECT_FALSE(search_finds_a_valid_cell(cell(2.5), 12));
   expect_repairable(cell(0.4));
 }
 

@@ -1,4 +1,4 @@
-// What is named in whole meshes, and what must not be.
+// Which cells of whole meshes are called unrepairable, and which must not be.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -16,7 +16,7 @@ namespace {
 using testing::Place;
 using Kind = UnrepairableGroup::Kind;
 
-/// Nodes at one place become one node.
+/// Merges nodes at the same place.
 void merge_nodes(HighOrderMesh& mesh) {
   std::map<std::array<long, 3>, std::int32_t> number;
   std::vector<double> coordinates;
@@ -33,10 +33,10 @@ void merge_nodes(HighOrderMesh& mesh) {
   for (std::size_t n = 0; n < mesh.node_count(); ++n) mesh.node_numbers[n] = static_cast<std::int64_t>(n) + 1;
 }
 
-/// n³ unit cubes less those in the middle where `hollow`, as hexahedra or as six tetrahedra each.
+/// n³ unit cubes, without the inner ones if `hollow`, as hexahedra or as six tetrahedra each.
 HighOrderMesh cubes(int n, int order, bool hollow, bool tetrahedra) {
   HighOrderMesh mesh = testing::empty_mesh(tetrahedra ? Shape::Tetrahedron : Shape::Hexahedron, order);
-  // Kuhn's six tetrahedra: one a permutation of the axes, along the main diagonal.
+  // Kuhn's six tetrahedra along the main diagonal, one for each permutation of the axes.
   const int permutations[6][3] = {{0, 1, 2}, {1, 2, 0}, {2, 0, 1}, {0, 2, 1}, {1, 0, 2}, {2, 1, 0}};
   for (int i = 0; i < n * n * n; ++i) {
     const int corner[3] = {i % n, i / n % n, i / n / n};
@@ -52,7 +52,7 @@ HighOrderMesh cubes(int n, int order, bool hollow, bool tetrahedra) {
     for (int k = 0; k < 6; ++k)
       testing::add_cell(mesh, Shape::Tetrahedron, [&](Place p) {
         const double a = (p[0] + 1) / 2, b = (p[1] + 1) / 2, c = (p[2] + 1) / 2;
-        // Vertices 0, e_i, e_i + e_j, 1; an odd permutation takes the middle two the other way round.
+        // Vertices 0, e_i, e_i + e_j, 1. An odd permutation swaps the middle two.
         const double first = a + b + c, second = k < 3 ? b + c : a + c, third = c;
         Place at{};
         at[static_cast<std::size_t>(permutations[k][0])] = first;
@@ -101,7 +101,7 @@ TEST(Diagnosis, TangledFreeNodesAreNotNamed) {
   EXPECT_TRUE(diagnose(mesh).empty());
 }
 
-/// A single quadratic tetrahedron, all of whose nodes are fixed, with one node moved.
+/// A single quadratic tetrahedron with one node moved. All its nodes are fixed.
 HighOrderMesh lone_tetrahedron(std::size_t node, Place by) {
   HighOrderMesh mesh = testing::one_cell(Shape::Tetrahedron, 2, [](Place p) { return p; });
   mesh.blocks[0].numbers = {4711};
@@ -110,7 +110,8 @@ HighOrderMesh lone_tetrahedron(std::size_t node, Place by) {
 }
 
 TEST(Diagnosis, ACellWithFixedEdgesInOnePlaneIsNamedAtItsVertex) {
-  // Node 4 is the middle of the edge from vertex 0 to vertex 1: its tangent at vertex 0 now points away from the cell.
+  // Node 4 is the middle of the edge from vertex 0 to vertex 1. The edge's tangent at vertex 0 now points away from the
+  // cell.
   const HighOrderMesh mesh = lone_tetrahedron(4, {-0.6, 0.2, 0.2});
   const auto groups = diagnose(mesh);
   ASSERT_GE(count(groups, Kind::Vertex), 1);
@@ -143,15 +144,15 @@ TEST(Diagnosis, AFlatFaceThatFoldsIsNamed) {
   EXPECT_EQ(count(groups, Kind::FoldedFace), 1);
 }
 
-TEST(Diagnosis, AFaceThatBulgesIsNot) {
+TEST(Diagnosis, AFaceThatBulgesIsNotNamed) {
   for (const double height : {-0.4, -2.0})
     EXPECT_EQ(count(diagnose(lone_tetrahedron(4, {0, 0, height})), Kind::FoldedFace), 0);
 }
 
-TEST(Diagnosis, TriangleWhoseEdgesFoldIsNamedAtTheVertex) {
+TEST(Diagnosis, ATriangleWithFoldedEdgesIsNamedAtTheVertex) {
   HighOrderMesh mesh = testing::one_cell(Shape::Triangle, 2, [](Place p) { return p; });
-  mesh.coordinates[3 * 3] = -1.2;     // the middle of the first edge, so that it leaves vertex 0
-  mesh.coordinates[3 * 3 + 1] = 0.4;  // on the wrong side of the third
+  mesh.coordinates[3 * 3] = -1.2;     // the middle of the first edge, which now leaves vertex 0
+  mesh.coordinates[3 * 3 + 1] = 0.4;  // on the wrong side of the third edge
   const auto groups = diagnose(mesh);
   ASSERT_GE(count(groups, Kind::Vertex), 1);
   EXPECT_EQ(groups.front().vertex, 1);

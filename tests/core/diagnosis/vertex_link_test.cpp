@@ -1,4 +1,4 @@
-// The vertex condition on the sphere, each verdict confirmed by a search over the free directions.
+// The vertex condition on the sphere. A search over the free directions confirms each verdict.
 #include "core/diagnosis/vertex_link.h"
 
 #include <gtest/gtest.h>
@@ -21,11 +21,11 @@ Vector unit(Vector v) {
 LinkDirection fixed(Vector v) { return {unit(v), true}; }
 LinkDirection free_direction(Vector v) { return {unit(v), false}; }
 
-/// A fence b, c, d round one free direction f, number 3: three corners.
+/// Three corners: a fence of directions 0, 1 and 2 around one free direction, number 3.
 std::vector<LinkCorner> fan() { return {{0, {0, 1, 3, -1}}, {1, {1, 2, 3, -1}}, {2, {2, 0, 3, -1}}}; }
 
-/// The best that a free direction can do for the smallest determinant of the three corners of fan(), and the solid
-/// angle that they fill there.
+/// The largest value that the smallest determinant of the three corners of fan() can take over all free directions, and
+/// the solid angle that the corners fill there.
 struct Found {
   double margin, angle;
 };
@@ -43,8 +43,9 @@ Found search(const Vector& b, const Vector& c, const Vector& d, bool may_wrap) {
   return best;
 }
 
-/// Six boundary directions round a vertex of a smooth surface, the solid above; the second is tilted by `tilt`. The
-/// first three fence in a piece of three corners (free direction 6), the others the rest (free direction 7).
+/// Six boundary directions around a vertex of a smooth surface, with the solid above. The second is tilted by `tilt`.
+/// The first three fence in a piece of three corners (free direction 6), the others fence in the rest (free direction
+/// 7).
 struct Smooth {
   std::vector<LinkDirection> directions;
   std::vector<LinkCorner> corners;
@@ -88,13 +89,13 @@ TEST(VertexLink, OneCellTheWrongWayRoundIsNamed) {
   ASSERT_EQ(link_faults(directions, corners).size(), 1U);
 }
 
-TEST(VertexLink, TheCornerOfACavityIsFineThoughItsDeterminantIsNegative) {
-  // All but one octant is solid: seen from the solid the three edges go the other way round.
+TEST(VertexLink, TheCornerOfACavityIsFineAlthoughItsDeterminantIsNegative) {
+  // All octants but one are solid. Seen from the solid, the three edges go the other way round.
   const std::vector<LinkDirection> directions{fixed({1, 0, 0}), fixed({0, 0, 1}), fixed({0, 1, 0}),
                                               free_direction({-1, -1, -1})};
   ASSERT_LT(determinant(directions[0].unit, directions[1].unit, directions[2].unit), 0);
   EXPECT_TRUE(link_faults(directions, fan()).empty());
-  // And so it is: a free direction that makes all three corners positive exists, filling 7/8 of the sphere.
+  // There is a free direction that makes all three corners positive. They fill 7/8 of the sphere.
   const Found found = search(directions[0].unit, directions[1].unit, directions[2].unit, true);
   EXPECT_GT(found.margin, 0.5);
   EXPECT_NEAR(found.angle, 3.5 * kPi, 1e-6);
@@ -122,7 +123,7 @@ TEST(VertexLink, OnASmoothSurfaceTheSignOfATinyDeterminantDecides) {
     EXPECT_LT(faults[0].determinant, 0);
     EXPECT_GT(faults[0].angle, 3.9 * kPi * (1 - 0.2));
     EXPECT_LT(faults[0].room, 2.5 * kPi);
-    // No free direction helps but by going round the whole vertex.
+    // A free direction helps only by going around the whole vertex.
     const auto& d = bad.directions;
     EXPECT_LE(search(d[0].unit, d[1].unit, d[2].unit, false).margin, 0);
     const auto& g = good.directions;
@@ -139,8 +140,8 @@ TEST(VertexLink, APieceWithAFlatFenceIsNamed) {
   EXPECT_EQ(faults[0].corners.size(), 3U);
 }
 
-/// The best that the free direction can do for the smallest determinant of these corners, in each of which it is the
-/// last of three, and the solid angle that they fill there.
+/// The largest value that the smallest determinant of these corners can take over all free directions, and the solid
+/// angle that the corners fill there. The free direction is the last of three in each corner.
 Found search(const std::vector<LinkDirection>& directions, const std::vector<LinkCorner>& corners, double most_angle) {
   std::mt19937 random(1);
   std::normal_distribution<double> normal;
@@ -159,8 +160,8 @@ Found search(const std::vector<LinkDirection>& directions, const std::vector<Lin
   return best;
 }
 
-TEST(VertexLink, AFreeEdgeThatTwoFixedPairsWantOnOppositeSidesIsNamed) {
-  // Round the free direction 4: the pairs (0, 1) and (3, 2) span one plane and want it above and below.
+TEST(VertexLink, AFreeEdgeNeededOnOppositeSidesByTwoFixedPairsIsNamed) {
+  // Around the free direction 4, the pairs (0, 1) and (3, 2) span one plane. One needs it above, the other below.
   const std::vector<LinkDirection> directions{fixed({1, 0, 0}),
                                               fixed({0, 1, 0}),
                                               fixed({-1, 0.2, 0}),
@@ -185,8 +186,8 @@ TEST(VertexLink, AFreeEdgeWithRoomIsFine) {
 }
 
 TEST(VertexLink, AFenceOfFourCountsLikeOneOfThree) {
-  // Eight boundary directions round a vertex of a smooth surface, the solid above. A piece of four corners is fenced in
-  // by the first four, of which the inner two are tilted.
+  // Eight boundary directions around a vertex of a smooth surface, with the solid above. The first four fence in a
+  // piece of four corners. The inner two of them are tilted.
   for (const double tilt : {-0.2, -0.05, -0.01, 0.01, 0.05, 0.2}) {
     std::vector<LinkDirection> directions;
     for (int i = 0; i < 8; ++i)
@@ -198,7 +199,7 @@ TEST(VertexLink, AFenceOfFourCountsLikeOneOfThree) {
     corners.push_back({14, {0, 3, 9, -1}});
     for (int i = 3; i < 8; ++i) corners.push_back({11 + i, {i, (i + 1) % 8, 9, -1}});
     const auto faults = link_faults(directions, corners);
-    // Within the half space that the solid fills, more or less.
+    // Roughly within the half space that the solid fills.
     const bool possible = search(directions, piece, 3 * kPi).margin > 0;
     EXPECT_EQ(possible, tilt < 0) << tilt;
     ASSERT_EQ(faults.size(), possible ? 0U : 1U) << tilt;
@@ -209,7 +210,7 @@ TEST(VertexLink, AFenceOfFourCountsLikeOneOfThree) {
 }
 
 TEST(VertexLink, APieceThatFillsHalfTheSphereIsFine) {
-  // Three boundary edges in one plane at 120°: the determinant is 0, the solid angle 2π, and all of it is there.
+  // Three boundary edges in one plane at 120°: the determinant is 0, and the whole solid angle of 2π is available.
   const std::vector<LinkDirection> directions{fixed({1, 0, 0}), fixed({-0.5, std::sqrt(0.75), 0}),
                                               fixed({-0.5, -std::sqrt(0.75), 0}), free_direction({0, 0, 1})};
   EXPECT_TRUE(link_faults(directions, fan()).empty());

@@ -1,5 +1,5 @@
 // Every energy's first and second derivatives against finite differences in quadruple precision, in 2-D and 3-D, for J
-// positive, near zero and negative, δ from 1e-8 to 1e-1.
+// positive, near zero and negative, and for δ from 1e-8 to 1e-1.
 #include <gtest/gtest.h>
 
 #include <Eigen/Dense>
@@ -43,7 +43,7 @@ Eigen::Matrix<double, d, d> with_determinant(double J, std::mt19937& random) {
   do {
     for (int i = 0; i < d * d; ++i) F(i / d, i % d) = normal(random);
   } while (std::abs(F.determinant()) < 0.3);
-  // Replace the smallest singular value by what the determinant asks for.
+  // Choose the smallest singular value so that the determinant is J.
   Eigen::JacobiSVD<Eigen::Matrix<double, d, d>> svd(F, Eigen::ComputeFullU | Eigen::ComputeFullV);
   Eigen::Matrix<double, d, 1> sigma = svd.singularValues();
   const double sign = svd.matrixU().determinant() * svd.matrixV().determinant();
@@ -53,12 +53,12 @@ Eigen::Matrix<double, d, d> with_determinant(double J, std::mt19937& random) {
   return svd.matrixU() * sigma.asDiagonal() * svd.matrixV().transpose();
 }
 
-/// The exact W of the double precision F, in quadruple precision, by differences of the fourth order.
+/// Compares with differences of fourth order of W, evaluated in quadruple precision at the given F.
 template <int d>
 void expect_derivatives(const Material& material, const Eigen::Matrix<double, d, d>& F, double delta) {
   const Density<d> got = density<d>(material, F, delta * delta);
   const Quad delta_squared{static_cast<__float128>(delta * delta)};
-  // Small against δ and |J|, the lengths on which the regularised Jacobian bends.
+  // The step is small against δ and |J|, over which the regularised Jacobian bends.
   const double bend = std::max(1e-12, std::hypot(delta, F.determinant()));
   const __float128 h = static_cast<__float128>(1e-4) * static_cast<__float128>(std::min(1.0, bend));
   const auto W = [&](const QuadMatrix<d>& at) {
@@ -91,23 +91,23 @@ void expect_derivatives(const Material& material, const Eigen::Matrix<double, d,
   EXPECT_LE((got.H - hessian).norm(), 1e-7 * hessian.norm() + 1e-12) << "J = " << F.determinant() << ", δ = " << delta;
 }
 
-class Derivatives : public testing::TestWithParam<NamedMaterial> {};
+class EnergyDerivatives : public testing::TestWithParam<NamedMaterial> {};
 
-TEST_P(Derivatives, MatchFiniteDifferencesIn2D) {
+TEST_P(EnergyDerivatives, MatchFiniteDifferencesIn2D) {
   std::mt19937 random(1);
   for (const double delta : {1e-8, 1e-6, 1e-4, 1e-2, 1e-1})
     for (const double J : {2.0, 0.5, 1e-2, 1e-4, 0.0, -1e-4, -1e-2, -0.5, -2.0})
       expect_derivatives<2>(GetParam().material, with_determinant<2>(J, random), delta);
 }
 
-TEST_P(Derivatives, MatchFiniteDifferencesIn3D) {
+TEST_P(EnergyDerivatives, MatchFiniteDifferencesIn3D) {
   std::mt19937 random(2);
   for (const double delta : {1e-8, 1e-6, 1e-4, 1e-2, 1e-1})
     for (const double J : {2.0, 0.5, 1e-2, 1e-4, 0.0, -1e-4, -1e-2, -0.5, -2.0})
       expect_derivatives<3>(GetParam().material, with_determinant<3>(J, random), delta);
 }
 
-TEST_P(Derivatives, MatchWithoutRegularisationWhereValid) {
+TEST_P(EnergyDerivatives, MatchWithoutRegularisationIfJIsPositive) {
   std::mt19937 random(3);
   for (const double J : {3.0, 1.0, 0.1, 1e-3}) {
     expect_derivatives<2>(GetParam().material, with_determinant<2>(J, random), 0);
@@ -115,7 +115,7 @@ TEST_P(Derivatives, MatchWithoutRegularisationWhereValid) {
   }
 }
 
-INSTANTIATE_TEST_SUITE_P(Energies, Derivatives, testing::ValuesIn(every_material()),
+INSTANTIATE_TEST_SUITE_P(Energies, EnergyDerivatives, testing::ValuesIn(every_material()),
                          [](const auto& info) { return info.param.name; });
 
 }  // namespace

@@ -1,4 +1,4 @@
-// The energies' values against the formulas of the paper written out, and what each is known to do at F = 1.
+// The energies' values against the paper's formulas written out, and their known gradients at F = 1.
 #include <gtest/gtest.h>
 
 #include <Eigen/Dense>
@@ -23,14 +23,14 @@ const Material& named(const std::string& name) {
   throw std::logic_error("no material " + name);
 }
 
-TEST(Formulas, Hyperelastic) {
+TEST(EnergyDensity, Hyperelastic) {
   const Eigen::Matrix3d F = some_deformation();
   const double L = std::log(F.determinant()), mu = 1 / 2.8, lambda = 1 / 0.6;
   EXPECT_NEAR(energy_density<3>(named("Hyperelastic"), F, 0),
               mu / 2 * (F.squaredNorm() - 3) - mu * L + lambda / 2 * L * L, 1e-15);
 }
 
-TEST(Formulas, LinearElastic) {
+TEST(EnergyDensity, LinearElastic) {
   const Eigen::Matrix3d F = some_deformation(), one = Eigen::Matrix3d::Identity();
   const Eigen::Matrix3d small = (F + F.transpose()) / 2 - one, green = (F.transpose() * F - one) / 2;
   const double L = std::log(F.determinant()), mu = 1 / 2.8, bulk = 1 / 0.6;
@@ -42,7 +42,7 @@ TEST(Formulas, LinearElastic) {
               mu * green.squaredNorm() + bulk / 2 * std::pow(green.trace(), 2), 1e-15);
 }
 
-TEST(Formulas, WinslowAndDistortion) {
+TEST(EnergyDensity, WinslowAndDistortion) {
   const Eigen::Matrix3d F = some_deformation();
   const double J = F.determinant();
   const Eigen::Matrix3d cofactor = J * F.inverse().transpose();
@@ -51,10 +51,9 @@ TEST(Formulas, WinslowAndDistortion) {
   EXPECT_NEAR(energy_density<3>(named("Distortion"), F, 0), F.squaredNorm() / (3 * std::pow(J, 2.0 / 3)), 1e-14);
 }
 
-TEST(Formulas, AnUndeformedMeshIsStationary) {
-  // With the boundary fixed, F = 1 throughout is stationary where P(1) is a multiple of the identity, since ∫ div δu =
-  // 0; it is 0 itself but for Winslow's energies in 3-D, where |cof F|²/J grows with a uniform scaling and |F|²/J
-  // falls.
+TEST(EnergyDensity, AnUndeformedMeshIsStationary) {
+  // With a fixed boundary, F = 1 everywhere is stationary if P(1) is a multiple of the identity, since ∫ div δu = 0.
+  // P(1) is 0 except for Winslow's energies in 3-D: |cof F|²/J grows with a uniform scaling, and |F|²/J falls.
   for (const NamedMaterial& entry : every_material()) {
     const Material& m = entry.material;
     EXPECT_LE(density<2>(m, Eigen::Matrix2d::Identity(), 0).P.norm(), 1e-14) << entry.name;
@@ -66,8 +65,8 @@ TEST(Formulas, AnUndeformedMeshIsStationary) {
   }
 }
 
-TEST(Formulas, TheRegularisedJacobianDoesNotCancel) {
-  // In floating point J + √(J² + δ²) is 0 here, and its logarithm −∞; J' is δ²/(4 |J|) to first order.
+TEST(EnergyDensity, TheRegularisedJacobianDoesNotCancel) {
+  // In floating point J + √(J² + δ²) is 0 here, and its logarithm is −∞. To first order J' is δ²/(4 |J|).
   const double delta = 1e-8;
   const Eigen::Matrix2d F = Eigen::Vector2d(1, -1).asDiagonal();
   const double W = energy_density<2>(named("Hyperelastic"), F, delta * delta);

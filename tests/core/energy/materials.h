@@ -1,6 +1,7 @@
-// Every energy with every form it comes in.
+// Every energy in all its forms.
 #pragma once
 
+#include <ostream>
 #include <string>
 #include <vector>
 
@@ -12,6 +13,8 @@ struct NamedMaterial {
   std::string name;
   Material material;
 };
+
+inline void PrintTo(const NamedMaterial& one, std::ostream* out) { *out << one.name; }
 
 inline std::vector<NamedMaterial> every_material() {
   const auto make = [](Energy energy, Strain strain, Volumetric volumetric, Winslow winslow) {

@@ -1,4 +1,4 @@
-// The vectors' own functions against quadruple precision, on every instruction set that this machine has.
+// The vectorised logarithm and inverse cube root against quadruple precision, on every instruction set of this machine.
 #include <quadmath.h>
 
 #include <cmath>
@@ -16,7 +16,7 @@ HWY_BEFORE_NAMESPACE();
 namespace varimesh {
 namespace HWY_NAMESPACE {
 
-/// In place; as many numbers as fill whole vectors of any width.
+/// In place. `count` is a multiple of every vector's width.
 void take_logarithms(double* x, std::size_t count) {
   const hn::ScalableTag<double> d;
   for (std::size_t i = 0; i < count; i += hn::Lanes(d)) hn::StoreU(logarithm(hn::LoadU(d, x + i)), d, x + i);
@@ -43,7 +43,8 @@ HWY_EXPORT(take_inverse_cube_roots);
 
 constexpr std::size_t kCount = 1 << 16;
 
-/// Calls use(name) with each of the machine's instruction sets as the one to use, then leaves them all as they were.
+/// Calls use(name) once for each of the machine's instruction sets, with that one selected. Afterwards all are
+/// available again.
 template <class Use>
 void on_every_target(const Use& use) {
   const std::int64_t supported = hwy::SupportedTargets();
@@ -56,7 +57,7 @@ void on_every_target(const Use& use) {
   hwy::GetChosenTarget().Update(hwy::SupportedTargets());
 }
 
-/// Every exponent, the neighbourhood of 1, and where one interval of the series ends and the next begins.
+/// Numbers with every exponent, numbers near 1, and the ends of the intervals of the series.
 std::vector<double> positive_numbers() {
   std::mt19937 random(5);
   std::uniform_real_distribution<double> fraction(1, 2), near(-1e-3, 1e-3);
@@ -69,14 +70,14 @@ std::vector<double> positive_numbers() {
   return x;
 }
 
-/// Of a unit in the last place.
+/// The error in units in the last place.
 double error_of(double got, __float128 exact) {
   const double rounded = std::abs(static_cast<double>(exact));
   if (rounded == 0) return got == 0 ? 0 : 1e9;
   return std::abs(static_cast<double>(got - exact)) / (std::nextafter(rounded, 1e308) - rounded);
 }
 
-TEST(Numbers, LogarithmsAreRightToTwoUnitsInTheLastPlace) {
+TEST(VectorFunctions, LogarithmsAreRightToTwoUnitsInTheLastPlace) {
   const std::vector<double> x = positive_numbers();
   on_every_target([&](const char* target) {
     std::vector<double> got = x;
@@ -85,7 +86,7 @@ TEST(Numbers, LogarithmsAreRightToTwoUnitsInTheLastPlace) {
   });
 }
 
-TEST(Numbers, LogarithmsOfWhatHasNoneAreFinite) {
+TEST(VectorFunctions, LogarithmsOfNumbersWithoutOneAreFinite) {
   std::vector<double> x(kCount, -1.0);
   x[0] = 0;
   x[1] = HUGE_VAL;
@@ -99,7 +100,7 @@ TEST(Numbers, LogarithmsOfWhatHasNoneAreFinite) {
   });
 }
 
-TEST(Numbers, InverseCubeRootsAreRightToTwoUnitsInTheLastPlace) {
+TEST(VectorFunctions, InverseCubeRootsAreRightToTwoUnitsInTheLastPlace) {
   const std::vector<double> x = positive_numbers();
   on_every_target([&](const char* target) {
     std::vector<double> got = x;

@@ -1,4 +1,5 @@
-// Quadruple precision as a type of number for the energies: finite differences of doubles are too coarse near J = 0.
+// Quadruple precision as a number type for the energies. Finite differences in double precision are too coarse near
+// J = 0.
 #pragma once
 
 #include <quadmath.h>

@@ -1,7 +1,9 @@
 #!/usr/bin/python3
-"""check_msh.py FOLDER: Gmsh opens every SHAPE_ORDER_FORMAT.msh there and sees one_cell() of samples.h; run by peers_test.cpp.
+"""check_msh.py FOLDER: checks that Gmsh opens every SHAPE_ORDER_FORMAT.msh in the folder and sees one_cell() of samples.h.
+peers_test.cpp runs it.
 
-Element 7 in group 5, "the cell", nodes numbered 2, 5, 8, … and Gmsh's own reference nodes, under the map, where they are.
+The cell must be element 7 in group 5, "the cell", with nodes numbered 2, 5, 8, …, which lie where the map puts Gmsh's own
+reference nodes.
 """
 import glob
 import os
@@ -29,7 +31,7 @@ for path in files:
     try:
         name, _, got_order, _, local, _ = gmsh.model.mesh.getElementProperties(types[0])
     except Exception:
-        # Gmsh 4.8 reads prisms above order 2 but knows no basis for them: numbers and groups are all there is to ask.
+        # Gmsh 4.8 reads prisms above order 2 but has no basis for them, so only numbers and groups can be checked.
         assert shape == "prism" and order > 2, path
         local = None
     else:
@@ -38,7 +40,7 @@ for path in files:
     assert gmsh.model.getPhysicalName(dim, 5) == "the cell", path
     for i, node in enumerate(nodes[0] if local is not None else []):
         u = [local[dim * i + k] for k in range(dim)] + [0.0] * (3 - dim)
-        # Gmsh's simplices go from 0 to 1, also in the plane of a prism; its pyramid's height does too.
+        # Gmsh's simplices go from 0 to 1, and so do a prism's triangle and a pyramid's height.
         if shape in ("triangle", "tetrahedron"):
             u[:dim] = [2 * v - 1 for v in u[:dim]]
         elif shape == "prism":

@@ -1,9 +1,9 @@
 #!/usr/bin/python3
-"""check_vtu.py map FOLDER | measure FILE MEASURE CELLS: what VTK makes of VTU files; run by peers_test.cpp.
+"""check_vtu.py map FOLDER | measure FILE MEASURE CELLS: checks how VTK reads VTU files. peers_test.cpp runs it.
 
-map: each file SHAPE_ORDER.vtu holds one cell, the reference cell under the map of one_cell() in samples.h. VTK's cell is
-evaluated at points inside and must give the map's values; its numbers and fields must be there.
-measure: the cells' areas or volumes must add up to MEASURE, to the 1 % that VTK's linear pieces leave.
+map: each file SHAPE_ORDER.vtu holds one cell, the reference cell under the map of one_cell() in samples.h. VTK evaluates
+its cell at inner points and must find the map's values, the cell's numbers and its fields.
+measure: the cells' areas or volumes must add up to MEASURE within 1.5 %, since VTK measures linear pieces.
 """
 import glob
 import os
@@ -27,7 +27,7 @@ def mapped(dim, order, x, y, z):
 
 
 def reference(shape, order, r, s, t):
-    """Our reference coordinates of VTK's parametric ones, which go from 0 to 1."""
+    """VariMesh's reference coordinates from VTK's parametric ones, which go from 0 to 1."""
     x, y, z = 2 * r - 1, 2 * s - 1, 2 * t - 1
     if shape == "pyramid" and order > 1:  # a hexahedron collapsed towards the apex
         return x * (1 - t), y * (1 - t), z
@@ -45,7 +45,7 @@ def check_map(path):
     assert data.GetArray("physical").GetTuple1(0) == 5, path
     assert data.GetArray("order").GetTuple1(0) == order, path
     if shape == "pyramid" and order == 1:
-        return  # VTK's own linear pyramid is another, bilinear map inside; its corners are checked by Gmsh's order
+        return  # VTK's linear pyramid has another map inside; check_msh.py checks its corners
     cell = grid.GetCell(0)
     for point in ((0.2, 0.3, 0.1), (0.1, 0.15, 0.6), (0.5, 0.05, 0.3), (0.05, 0.55, 0.35)):
         value = [0.0] * 3

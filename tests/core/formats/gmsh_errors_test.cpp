@@ -1,6 +1,7 @@
-// Bad files get a sentence that says what and where, and no file ever does more harm than that.
+// Bad files are refused with a sentence that says what is wrong and where. No file does any other harm.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <random>
 
 #include "tests/core/support/samples.h"
@@ -49,7 +50,7 @@ TEST(GmshErrors, UnknownElementTypeNamesItAndTheLine) {
   EXPECT_SAYS(kHead + kNodes + "$Elements\n1\n1 77 2 1 1 1 2 3\n$EndElements\n", "line 12");
 }
 
-TEST(GmshErrors, IncompleteElementsAreToldFromUnknownOnes) {
+TEST(GmshErrors, IncompleteElementsAreDistinguishedFromUnknownOnes) {
   for (int type : {16, 17, 18, 19, 20, 22, 24, 32, 39, 60, 83, 105, 117, 131})
     EXPECT_SAYS(kHead + kNodes + "$Elements\n1\n1 " + std::to_string(type) + " 2 1 1 1 2 3\n$EndElements\n",
                 "Mesh.SecondOrderIncomplete=0");
@@ -81,7 +82,7 @@ TEST(GmshErrors, SectionsOutOfOrder) {
 }
 
 // === Damaged files =======================================================================================
-// Each is either read or refused with a sentence; under the sanitizers this also says that nothing was overrun.
+// Each is either read or refused with a sentence. Under the sanitizers this also shows that no buffer is overrun.
 
 class DamagedFile : public testing::TestWithParam<Format> {
  protected:
@@ -122,7 +123,11 @@ TEST_P(DamagedFile, WithFlippedBytes) {
 
 INSTANTIATE_TEST_SUITE_P(EveryVersion, DamagedFile,
                          testing::Values(Format::Msh22, Format::Msh22Binary, Format::Msh41, Format::Msh41Binary),
-                         [](const auto& info) { return std::to_string(int(info.param)); });
+                         [](const auto& info) {
+                           std::string name = ::testing::PrintToString(info.param);
+                           std::ranges::replace(name, '-', '_');
+                           return name;
+                         });
 
 }  // namespace
 }  // namespace varimesh

@@ -1,4 +1,4 @@
-// What is read from an MSH file is what is written to one: numbers, groups, and coordinates bit for bit.
+// Numbers, groups and coordinates that are read from an MSH file are written back bit for bit.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -18,7 +18,7 @@ const Format kGmsh[] = {Format::Msh22, Format::Msh22Binary, Format::Msh41, Forma
 const Shape kCells[] = {Shape::Triangle, Shape::Quadrilateral, Shape::Tetrahedron,
                         Shape::Pyramid,  Shape::Prism,         Shape::Hexahedron};
 
-// Number, shape, order, groups and node numbers of every element, in no order.
+// Number, shape, order, groups and node numbers of an element, for sets of them.
 using ElementKey = std::tuple<std::int64_t, Shape, int, std::vector<int>, std::vector<std::int64_t>>;
 
 std::set<ElementKey> elements_of(const HighOrderMesh& mesh) {
@@ -102,7 +102,7 @@ TEST(GmshRoundTrip, TheFourVariantsOfOneMeshAreTheSame) {
     ASSERT_TRUE(other) << other.error().sentence;
     EXPECT_EQ(first->mesh.node_count(), other->mesh.node_count());
     for (int d = 0; d < 4; ++d) EXPECT_EQ(first->mesh.element_count(d), other->mesh.element_count(d));
-    // Gmsh's text has 16 digits, so ASCII and binary agree to rounding only; both binaries agree bit for bit.
+    // Gmsh's text has 16 digits, so ASCII and binary agree only up to rounding.
     std::multiset<double> a, b;
     for (double x : first->mesh.coordinates) a.insert(std::round(x * 1e12) / 1e12 + 0.0);
     for (double x : other->mesh.coordinates) b.insert(std::round(x * 1e12) / 1e12 + 0.0);

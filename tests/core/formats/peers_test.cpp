@@ -1,5 +1,5 @@
-// Gmsh and VTK open what is written and see the same mesh. Both run as programs of their own; where Debian's
-// python3-gmsh or python3-vtk9 is missing the tests say so and are skipped.
+// Gmsh and VTK open the written files and see the same mesh. Both run as separate programs. If Debian's python3-gmsh or
+// python3-vtk9 is missing, the tests say so and are skipped.
 #include <gtest/gtest.h>
 
 #include "tests/core/support/samples.h"
@@ -21,8 +21,8 @@ int run_script(const std::string& name, const std::string& arguments) {
 const Shape kCells[] = {Shape::Triangle, Shape::Quadrilateral, Shape::Tetrahedron,
                         Shape::Pyramid,  Shape::Prism,         Shape::Hexahedron};
 
-// Single cells under a known map of their order, which VTK evaluates at points inside: only the right permutation gives
-// the map's values.
+// Single cells under a known map of their order. VTK evaluates them at inner points. Only the right permutation of the
+// nodes gives the map's values.
 TEST(Vtu, VtkSeesTheMapThatWasWritten) {
   if (!has_module("vtk")) GTEST_SKIP() << "SKIPPED: VTK is not installed (python3-vtk9)";
   const test::Folder folder;
@@ -50,13 +50,6 @@ TEST(Vtu, VtkMeasuresTheWholeMesh) {
                                              std::to_string(mesh->mesh.element_count(mesh->mesh.dimension))),
               0);
   }
-}
-
-TEST(Vtu, AFieldOfTheWrongLengthIsRefused) {
-  const double value = 1;
-  const formats::CellField field{"x", {&value, 0}};
-  EXPECT_FALSE(formats::write(test::one_cell(Shape::Triangle, 2), Format::Vtu, [](std::string_view) { return true; },
-                              {&field, 1}));
 }
 
 TEST(Gmsh, OpensEveryShapeOrderAndVersion) {

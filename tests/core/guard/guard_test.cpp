@@ -1,4 +1,4 @@
-// No certificate is lost, whatever the energy does and whenever a run is cut short.
+// No certificate is lost, whatever the energy does and whenever a run is stopped.
 #include "core/guard/guard.h"
 
 #include <gtest/gtest.h>
@@ -38,7 +38,7 @@ class GuardTest : public ::testing::TestWithParam<Filling> {
     guard_.emplace(mesh_, frame_, problem_, *certifier_, std::move(certificates), team_);
   }
 
-  /// Moves one free node in `every`.
+  /// Moves one in `every` free nodes by up to `size` in each coordinate.
   void shake(double size, std::size_t every = 1) {
     std::uniform_real_distribution<double> push(-size, size);
     for (std::size_t rank = 0; rank < problem_.free.size(); rank += every) {
@@ -79,15 +79,16 @@ TEST_P(GuardTest, PutsBackWhatWasLostAndNoMore) {
   shake(1e-4);
   shake(0.1, problem_.free.size() / 4 + 1);
   guard_->certify_moved();
-  ASSERT_GT(guard_->lost(), 0) << "the shaking was meant to spoil cells";
-  ASSERT_LT(guard_->lost(), static_cast<std::int64_t>(certifier_->cells())) << "and not all of them";
+  ASSERT_GT(guard_->lost(), 0) << "the shaking should spoil some cells";
+  ASSERT_LT(guard_->lost(), static_cast<std::int64_t>(certifier_->cells()))
+      << "the shaking should leave some cells valid";
   EXPECT_EQ(guard_->coordinates(), good);
   const std::vector<double> wanted = problem_.positions;
   guard_->restore_lost();
   EXPECT_EQ(guard_->lost(), 0);
   EXPECT_EQ(problem_.positions, wanted);
   for (const bool valid : kept()) EXPECT_TRUE(valid);
-  EXPECT_NE(guard_->coordinates(), good) << "nodes of cells that were not lost stay where they went";
+  EXPECT_NE(guard_->coordinates(), good) << "nodes of other cells keep their new places";
 }
 
 TEST_P(GuardTest, CertifiesWhatMovedAsIfItWereAll) {
@@ -106,10 +107,10 @@ TEST_P(GuardTest, CertifiesWhatMovedAsIfItWereAll) {
 INSTANTIATE_TEST_SUITE_P(Fillings, GuardTest, ::testing::ValuesIn(testing::kFillings),
                          [](const auto& info) { return std::string(testing::name(info.param)); });
 
-/// Meshes of which a part is valid and a part is not, optimised and cancelled after every iteration in turn.
-class NeverWorse : public ::testing::TestWithParam<std::tuple<Filling, Energy>> {};
+/// Meshes with valid and invalid cells, optimised and stopped after every iteration in turn.
+class StoppedRun : public ::testing::TestWithParam<std::tuple<Filling, Energy>> {};
 
-TEST_P(NeverWorse, WhicheverIterationItIsCancelledAt) {
+TEST_P(StoppedRun, LosesNoCertificateWhicheverIterationItEndsAt) {
   const auto [filling, energy] = GetParam();
   const HighOrderMesh whole = testing::grid(filling, {2, 2, 2}, 2, testing::bent(testing::is_plane(filling) ? 2 : 3));
   HighOrderMesh mesh;
@@ -142,16 +143,17 @@ TEST_P(NeverWorse, WhicheverIterationItIsCancelledAt) {
     }
 }
 
-INSTANTIATE_TEST_SUITE_P(Fillings, NeverWorse,
+INSTANTIATE_TEST_SUITE_P(Fillings, StoppedRun,
                          ::testing::Combine(::testing::ValuesIn(testing::kFillings),
                                             ::testing::Values(Energy::Hyperelastic, Energy::LinearElastic,
                                                               Energy::Winslow, Energy::Distortion)),
                          [](const auto& info) {
-                           return std::string(testing::name(std::get<0>(info.param))) +
-                                  std::to_string(static_cast<int>(std::get<1>(info.param)));
+                           std::string energy(name(std::get<1>(info.param)));
+                           std::ranges::replace(energy, '-', '_');
+                           return testing::name(std::get<0>(info.param)) + ("_" + energy);
                          });
 
-TEST(StopsAt, TheFirstMeshThatIsCertifiedValid) {
+TEST(RunStopsAt, TheFirstMeshThatIsCertifiedValid) {
   Options options;
   options.until = Until::Valid;
   const auto result = optimise(read_case("nine_triangles.msh"), options);
@@ -163,7 +165,7 @@ TEST(StopsAt, TheFirstMeshThatIsCertifiedValid) {
   for (std::size_t i = 0; i + 1 < result->history.size(); ++i) EXPECT_GT(result->history[i].invalid_elements, 0);
 }
 
-TEST(StopsAt, AMeshThatIsValidAlreadyBeforeTheFirstIteration) {
+TEST(RunStopsAt, AMeshThatIsValidAlreadyBeforeTheFirstIteration) {
   Options options;
   options.until = Until::Valid;
   const HighOrderMesh mesh = read_case("annulus_p3.msh");
@@ -174,7 +176,7 @@ TEST(StopsAt, AMeshThatIsValidAlreadyBeforeTheFirstIteration) {
   EXPECT_EQ(result->mesh.coordinates, mesh.coordinates);
 }
 
-TEST(StopsAt, AProvedScaledJacobianAndReturnsTheBest) {
+TEST(RunStopsAt, AProvedScaledJacobianAndReturnsTheBest) {
   Options options;
   const auto whole = optimise(read_case("annulus_p3.msh"), options);
   ASSERT_TRUE(whole) << whole.error().sentence;
@@ -187,7 +189,7 @@ TEST(StopsAt, AProvedScaledJacobianAndReturnsTheBest) {
   EXPECT_LT(part->iterations, whole->iterations);
 }
 
-TEST(StopsAt, TheTimeLimit) {
+TEST(RunStopsAt, TheTimeLimit) {
   Options options;
   options.time_limit = 1e-9;
   const auto result = optimise(read_case("annulus_p3.msh"), options);

@@ -1,4 +1,4 @@
-// The gradient operator taken apart by mirrors against the table that it came from.
+// The gradient operator, split by the cell's mirrors, against the table that it was made from.
 #include "core/hessian/folded_gradient.h"
 
 #include <gtest/gtest.h>
@@ -15,7 +15,7 @@ using testing::Filling;
 
 double sign(int a, int b) { return std::popcount(static_cast<unsigned>(a & b)) % 2 == 0 ? 1 : -1; }
 
-/// The components of values at members, or the values that have these components: Σ ± over the orbit.
+/// The components of the values at an orbit's members, or the values from their components: Σ ± over the orbit.
 std::vector<double> with_signs(const std::vector<FoldedGradient::Orbit>& orbits, const std::vector<double>& from,
                                bool to_components) {
   std::vector<double> to(from.size());
@@ -30,26 +30,26 @@ std::vector<double> with_signs(const std::vector<FoldedGradient::Orbit>& orbits,
 
 class FoldedGradientOf : public ::testing::TestWithParam<std::tuple<Filling, int>> {};
 
-TEST_P(FoldedGradientOf, IsTheTableThatItCameFrom) {
+TEST_P(FoldedGradientOf, IsTheTableThatItWasMadeFrom) {
   const auto [filling, order] = GetParam();
   const Problem problem = testing::make_problem(testing::grid(filling, {1, 1, 1}, order));
   for (const CellSet& cells : problem.sets) {
     const FoldedGradient folded = fold_gradient(cells);
     const int d = cells.dimension;
     std::size_t rows = 0;
-    for (const FoldedGradient::Parity& parity : folded.parities) rows += parity.rows.size();
-    EXPECT_EQ(rows, std::size_t(cells.points) * d);  // each is set, by whatever part
+    for (const FoldedGradient::Parity& part : folded.parities) rows += part.rows.size();
+    EXPECT_EQ(rows, std::size_t(cells.points) * d);  // each is set by one of the parts
     for (int n = 0; n < cells.nodes_per_cell; ++n) {
       std::vector<double> unit(cells.nodes_per_cell);
       unit[n] = 1;
       const std::vector<double> components = with_signs(folded.node_orbits, unit, true);
       std::vector<std::vector<double>> slots(d, std::vector<double>(cells.points));
-      for (const FoldedGradient::Parity& parity : folded.parities)
-        for (std::size_t row = 0; row < parity.rows.size(); ++row)
-          for (int i = 0; i < parity.nodes; ++i) {
-            ASSERT_EQ(parity.forward[i * parity.rows.size() + row], parity.backward[row * parity.nodes + i]);
-            slots[parity.rows[row] % (d * d)][parity.rows[row] / (d * d)] +=
-                parity.backward[row * parity.nodes + i] * components[parity.first + i];
+      for (const FoldedGradient::Parity& part : folded.parities)
+        for (std::size_t row = 0; row < part.rows.size(); ++row)
+          for (int i = 0; i < part.nodes; ++i) {
+            ASSERT_EQ(part.forward[i * part.rows.size() + row], part.backward[row * part.nodes + i]);
+            slots[part.rows[row] % (d * d)][part.rows[row] / (d * d)] +=
+                part.backward[row * part.nodes + i] * components[part.first + i];
           }
       for (int alpha = 0; alpha < d; ++alpha) {
         const std::vector<double> values = with_signs(folded.point_orbits, slots[alpha], false);
@@ -64,16 +64,15 @@ TEST_P(FoldedGradientOf, IsTheTableThatItCameFrom) {
   }
 }
 
-TEST(FoldedGradient, LeavesAShareOfTheTable) {
+TEST(FoldedGradient, HasAShareOfTheTablesEntries) {
   const auto share = [](Filling filling, int order) {
     const Problem problem = testing::make_problem(testing::grid(filling, {1, 1, 1}, order));
     const CellSet& cells = problem.sets[0];
     double entries = 0;
-    for (const FoldedGradient::Parity& parity : fold_gradient(cells).parities)
-      entries += double(parity.backward.size());
+    for (const FoldedGradient::Parity& part : fold_gradient(cells).parities) entries += double(part.backward.size());
     return entries / (double(cells.points) * cells.nodes_per_cell * cells.dimension);
   };
-  // 2^−mirrors, and a little more for nodes and points that mirrors leave in place.
+  // The share is 2^−mirrors, and a little more because some nodes and points lie on a mirror.
   EXPECT_NEAR(share(Filling::Triangles, 5), 0.5, 0.02);
   EXPECT_NEAR(share(Filling::Quadrilaterals, 4), 0.25, 0.02);
   EXPECT_NEAR(share(Filling::Tetrahedra, 4), 0.25, 0.02);

@@ -1,4 +1,4 @@
-// Raising and lowering the order: exact, conforming, and everything that is not a node carries over.
+// Raising and lowering the order is exact and keeps the mesh conforming. Everything but the nodes is carried over.
 #include "core/mesh/change_order.h"
 
 #include <gtest/gtest.h>
@@ -16,15 +16,15 @@ namespace {
 using testing::Filling;
 using testing::Place;
 
-class Order : public ::testing::TestWithParam<Filling> {};
-INSTANTIATE_TEST_SUITE_P(EveryFilling, Order, ::testing::ValuesIn(testing::kFillings),
+class ChangeOrder : public ::testing::TestWithParam<Filling> {};
+INSTANTIATE_TEST_SUITE_P(EveryFilling, ChangeOrder, ::testing::ValuesIn(testing::kFillings),
                          [](const auto& p) { return testing::name(p.param); });
 
 HighOrderMesh bent_grid(Filling filling, int order) {
   return testing::grid(filling, {3, 2, 2}, order, testing::bent(testing::is_plane(filling) ? 2 : 3));
 }
 
-TEST_P(Order, RaisedMeshesPassEveryCheck) {
+TEST_P(ChangeOrder, RaisedMeshesPassEveryCheck) {
   for (const int order : {1, 2, 3, 4, 7, 10}) {
     const HighOrderMesh mesh = bent_grid(GetParam(), order);
     EXPECT_EQ(mesh.order, order);
@@ -33,20 +33,20 @@ TEST_P(Order, RaisedMeshesPassEveryCheck) {
   }
 }
 
-TEST_P(Order, RaisedLinearCellsAreStraightSided) {
+TEST_P(ChangeOrder, RaisedLinearCellsAreStraightSided) {
   const QualityReport report = quality(bent_grid(GetParam(), 4));
   EXPECT_EQ(report.invalid_elements, 0);
   EXPECT_NEAR(report.min_distortion_jacobian, 1, 1e-10);
 }
 
-TEST_P(Order, LoweringUndoesRaising) {
+TEST_P(ChangeOrder, LoweringUndoesRaising) {
   HighOrderMesh mesh = bent_grid(GetParam(), 3);
   testing::shake(mesh, 0.01, 1);
   const auto raised = change_order(mesh, 5);
   ASSERT_TRUE(raised);
   const auto lowered = change_order(*raised, 3);
   ASSERT_TRUE(lowered);
-  // New nodes have new numbers but come in the same order, cell by cell.
+  // New nodes have new numbers but are in the same order in each cell.
   std::map<std::int32_t, std::int32_t> partner;
   for (std::size_t b = 0; b < mesh.blocks.size(); ++b)
     for (std::size_t i = 0; i < mesh.blocks[b].nodes.size(); ++i)
@@ -57,7 +57,7 @@ TEST_P(Order, LoweringUndoesRaising) {
       EXPECT_NEAR(mesh.coordinates[std::size_t(3 * a + k)], lowered->coordinates[std::size_t(3 * b + k)], 1e-13);
 }
 
-TEST_P(Order, VerticesKeepNumbersAndCoordinates) {
+TEST_P(ChangeOrder, VerticesKeepNumbersAndCoordinates) {
   const HighOrderMesh mesh = bent_grid(GetParam(), 2);
   const auto raised = change_order(mesh, 3);
   ASSERT_TRUE(raised);
@@ -84,7 +84,7 @@ TEST_P(Order, VerticesKeepNumbersAndCoordinates) {
             raised->node_count());
 }
 
-TEST_P(Order, ElementsAndGroupsCarryOver) {
+TEST_P(ChangeOrder, ElementsAndGroupsCarryOver) {
   const HighOrderMesh mesh = bent_grid(GetParam(), 1);
   const auto raised = change_order(mesh, 2);
   ASSERT_TRUE(raised);
@@ -98,7 +98,7 @@ TEST_P(Order, ElementsAndGroupsCarryOver) {
   EXPECT_EQ(raised->physical_groups.size(), mesh.physical_groups.size());
 }
 
-TEST(OrderOfTheWholeMesh, NodeBlocksCoverNewNodesOnTheLowestEntity) {
+TEST(ChangeOrderOfAMesh, NodeBlocksCoverNewNodesOnTheLowestEntity) {
   HighOrderMesh mesh = testing::grid(Filling::Triangles, {2, 2, 0}, 1);
   mesh.node_blocks = {{2, 1, 0, std::int32_t(mesh.node_count())}};
   const auto raised = change_order(mesh, 3);
@@ -115,7 +115,7 @@ TEST(OrderOfTheWholeMesh, NodeBlocksCoverNewNodesOnTheLowestEntity) {
   EXPECT_EQ((counts[{2, 1}]), 9 + 8 * 2 + 8);
 }
 
-TEST(OrderOfTheWholeMesh, PeriodicLinksTakeInNewNodes) {
+TEST(ChangeOrderOfAMesh, PeriodicLinksTakeInNewNodes) {
   HighOrderMesh mesh = testing::grid(Filling::Tetrahedra, {2, 2, 2}, 1);
   PeriodicLink link{2, 2, 1, {}, {}};
   for (const std::int32_t node : testing::side_nodes(mesh, 2)) link.nodes.emplace_back(node, node - 2);
@@ -131,7 +131,7 @@ TEST(OrderOfTheWholeMesh, PeriodicLinksTakeInNewNodes) {
   }
 }
 
-TEST(OrderOfTheWholeMesh, SameOrderIsVerbatim) {
+TEST(ChangeOrderOfAMesh, SameOrderIsVerbatim) {
   HighOrderMesh mesh = testing::grid(Filling::Hexahedra, {2, 1, 1}, 3);
   testing::shake(mesh, 0.01, 3);
   const auto same = change_order(mesh, 3);
@@ -140,7 +140,7 @@ TEST(OrderOfTheWholeMesh, SameOrderIsVerbatim) {
   EXPECT_EQ(same->node_numbers, mesh.node_numbers);
 }
 
-TEST(OrderOfTheWholeMesh, RefusesOrdersOutOfRange) {
+TEST(ChangeOrderOfAMesh, RefusesOrdersOutOfRange) {
   const HighOrderMesh mesh = testing::grid(Filling::Triangles, {1, 1, 0}, 1);
   for (const int order : {-1, 0, 11}) {
     const auto refused = change_order(mesh, order);

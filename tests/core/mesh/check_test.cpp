@@ -1,4 +1,4 @@
-// Every fault that a mesh can come with is found and named.
+// Every fault that a mesh can have is found and named.
 #include "core/mesh/check.h"
 
 #include <gtest/gtest.h>
@@ -10,7 +10,7 @@
 namespace varimesh {
 namespace {
 
-// A mesh of linear cells from vertex lists; elements are numbered from 1, nodes from 1.
+// A mesh of linear cells from vertex lists. Elements and nodes are numbered from 1.
 HighOrderMesh linear(std::vector<double> coordinates, std::vector<std::pair<Shape, std::vector<std::int32_t>>> cells) {
   HighOrderMesh mesh;
   mesh.coordinates = std::move(coordinates);
@@ -42,7 +42,7 @@ HighOrderMesh read_case(const std::string& name) {
 const std::vector<double> kSquare = {0, 0, 0, 1, 0, 0, 1, 1, 0, 0, 1, 0};
 const std::vector<double> kCube = {0, 0, 0, 1, 0, 0, 1, 1, 0, 0, 1, 0, 0, 0, 1, 1, 0, 1, 1, 1, 1, 0, 1, 1};
 
-TEST(Check, AcceptsTheCases) {
+TEST(CheckMesh, AcceptsTheCases) {
   for (const char* name : {"nine_triangles.msh", "circle_p5.msh", "aerofoil_p4.msh", "annulus_p3.msh", "sphere_p3.msh",
                            "cylinder_p2.msh"}) {
     const auto checked = check(read_case(name));
@@ -51,7 +51,7 @@ TEST(Check, AcceptsTheCases) {
   }
 }
 
-TEST(Check, AcceptsEveryShapeAtEveryOrder) {
+TEST(CheckMesh, AcceptsEveryShapeAtEveryOrder) {
   for (Shape shape :
        {Shape::Triangle, Shape::Quadrilateral, Shape::Tetrahedron, Shape::Pyramid, Shape::Prism, Shape::Hexahedron})
     for (int order = 2; order <= 10; ++order) {
@@ -60,7 +60,7 @@ TEST(Check, AcceptsEveryShapeAtEveryOrder) {
     }
 }
 
-TEST(Check, AcceptsAMeshThatIsClockwiseThroughoutAndOneInAnotherPlane) {
+TEST(CheckMesh, AcceptsAMeshThatIsClockwiseThroughoutAndOneInAnotherPlane) {
   HighOrderMesh mesh = read_case("nine_triangles.msh");
   for (std::size_t i = 0; i < mesh.node_count(); ++i) {
     mesh.coordinates[3 * i] *= -1;
@@ -73,22 +73,22 @@ TEST(Check, AcceptsAMeshThatIsClockwiseThroughoutAndOneInAnotherPlane) {
 
 // === Kind ================================================================================================
 
-TEST(Check, EmptyMesh) {
+TEST(CheckMesh, EmptyMesh) {
   EXPECT_REFUSED(HighOrderMesh{}, "empty");
   EXPECT_REFUSED(linear(kSquare, {}), "empty");
 }
 
-TEST(Check, OneDimensionalMesh) {
+TEST(CheckMesh, OneDimensionalMesh) {
   EXPECT_REFUSED(linear(kSquare, {{Shape::Line, {0, 1}}, {Shape::Line, {1, 2}}}), "dimension 1");
 }
 
-TEST(Check, SurfaceInSpace) {
+TEST(CheckMesh, SurfaceInSpace) {
   EXPECT_REFUSED(
       linear({0, 0, 0, 1, 0, 0, 1, 1, 1, 0, 1, 0}, {{Shape::Triangle, {0, 1, 2}}, {Shape::Triangle, {0, 2, 3}}}),
       "surface in space");
 }
 
-TEST(Check, MixedOrdersOfCellsAndOfBoundaryElements) {
+TEST(CheckMesh, MixedOrdersOfCellsAndOfBoundaryElements) {
   HighOrderMesh mesh = test::one_cell(Shape::Quadrilateral, 3);
   ElementBlock linear_cell{Shape::Triangle, 1, 1, {}, {99}, {0, 1, 2}, {}, {}};
   mesh.blocks.push_back(linear_cell);
@@ -99,7 +99,7 @@ TEST(Check, MixedOrdersOfCellsAndOfBoundaryElements) {
 
 // === Single elements =====================================================================================
 
-TEST(Check, NotANumber) {
+TEST(CheckMesh, NotANumber) {
   HighOrderMesh mesh = read_case("nine_triangles.msh");
   mesh.coordinates[3 * 40 + 1] = std::nan("");
   EXPECT_REFUSED(mesh, "Node 41 ");
@@ -107,54 +107,54 @@ TEST(Check, NotANumber) {
   EXPECT_REFUSED(mesh, "Node 21 has a coordinate that is not a finite number (2 such nodes in all)");
 }
 
-TEST(Check, IndexOutOfRange) {
+TEST(CheckMesh, IndexOutOfRange) {
   HighOrderMesh mesh = read_case("nine_triangles.msh");
   mesh.blocks[1].nodes[17] = 87;
   EXPECT_REFUSED(mesh, "Element 9 refers to node index 87");
 }
 
-TEST(Check, SameNodeTwiceInOneElement) {
+TEST(CheckMesh, SameNodeTwiceInOneElement) {
   HighOrderMesh mesh = read_case("nine_triangles.msh");
   mesh.blocks[1].nodes[14] = mesh.blocks[1].nodes[13];
   EXPECT_REFUSED(mesh, "Element 8 (triangle) has node");
 }
 
-TEST(Check, InvertedStraightSidedElement) {
+TEST(CheckMesh, InvertedStraightSidedElement) {
   EXPECT_REFUSED(linear({0, 0, 0, 1, 0, 0, 1, 1, 0, 0, 1, 0, 0.8, 0.7, 0, 2, 0.5, 0},
                         {{Shape::Triangle, {0, 1, 2}}, {Shape::Triangle, {0, 2, 3}}, {Shape::Triangle, {2, 1, 4}}}),
                  "Element 3 (triangle) is inverted");
 }
 
-TEST(Check, DegenerateTetrahedron) {
+TEST(CheckMesh, DegenerateTetrahedron) {
   EXPECT_REFUSED(linear({0, 0, 0, 1, 0, 0, 0, 1, 0, 0.3, 0.3, 0}, {{Shape::Tetrahedron, {0, 1, 2, 3}}}), "degenerate");
 }
 
-TEST(Check, QuadrilateralThatIsNotConvex) {
+TEST(CheckMesh, QuadrilateralThatIsNotConvex) {
   EXPECT_REFUSED(linear({0, 0, 0, 1, 0, 0, 0.2, 0.2, 0, 0, 1, 0}, {{Shape::Quadrilateral, {0, 1, 2, 3}}}),
                  "Element 1 (quadrilateral)");
 }
 
-TEST(Check, TwistedHexahedron) {
+TEST(CheckMesh, TwistedHexahedron) {
   EXPECT_TRUE(check(linear(kCube, {{Shape::Hexahedron, {0, 1, 2, 3, 4, 5, 6, 7}}})));
   EXPECT_REFUSED(linear(kCube, {{Shape::Hexahedron, {0, 1, 2, 3, 5, 4, 7, 6}}}), "Element 1 (hexahedron)");
 }
 
 // === Neighbours ==========================================================================================
 
-TEST(Check, DuplicateElements) {
+TEST(CheckMesh, DuplicateElements) {
   EXPECT_REFUSED(
       linear(kSquare, {{Shape::Triangle, {0, 1, 2}}, {Shape::Triangle, {0, 2, 3}}, {Shape::Triangle, {2, 3, 0}}}),
       "Elements 2 and 3 are the same triangle; remove");
 }
 
-TEST(Check, ThreeCellsAtOneFacet) {
+TEST(CheckMesh, ThreeCellsAtOneFacet) {
   std::vector<double> x = kSquare;
   x.insert(x.end(), {0.2, 0.9, 0});
   EXPECT_REFUSED(linear(x, {{Shape::Triangle, {0, 1, 2}}, {Shape::Triangle, {0, 2, 3}}, {Shape::Triangle, {0, 2, 4}}}),
                  "Element 1 and at least two others share the edge of nodes");
 }
 
-TEST(Check, NeighboursWithOtherNodesOnTheirEdge) {
+TEST(CheckMesh, NeighboursWithOtherNodesOnTheirEdge) {
   HighOrderMesh mesh = read_case("nine_triangles.msh");
   // The edge B–M of the first triangle (its second edge) gets a middle node of its own.
   const std::int32_t shared = mesh.blocks[1].nodes[3 + 3 + 1];
@@ -165,14 +165,14 @@ TEST(Check, NeighboursWithOtherNodesOnTheirEdge) {
   EXPECT_REFUSED(mesh, "Elements 8 and 9 disagree on the edge");
 }
 
-TEST(Check, NeighboursWithTheirEdgesNodesInTheSameDirection) {
+TEST(CheckMesh, NeighboursWithTheirEdgesNodesInTheSameDirection) {
   HighOrderMesh mesh = read_case("nine_triangles.msh");
   std::swap(mesh.blocks[1].nodes[6], mesh.blocks[1].nodes[8]);
   EXPECT_REFUSED(mesh, "Elements 8 and 9 disagree on the edge");
 }
 
-TEST(Check, FacesWhoseInnerNodesAreTurned) {
-  // Two tetrahedra of order 5 that share a face have three nodes inside it, in one order only.
+TEST(CheckMesh, FacesWithNodesInAnotherOrder) {
+  // Neighbouring tetrahedra must have the nodes of their common face in one order.
   HighOrderMesh mesh = read_case("sphere_p3.msh");
   const Facets around = facets(mesh);
   const Cells cells(mesh, 3);
@@ -183,13 +183,13 @@ TEST(Check, FacesWhoseInnerNodesAreTurned) {
   EXPECT_REFUSED(mesh, "disagree on the face of nodes");
 }
 
-TEST(Check, BoundaryElementWithOtherNodes) {
+TEST(CheckMesh, BoundaryElementWithOtherNodes) {
   HighOrderMesh mesh = read_case("nine_triangles.msh");
   std::swap(mesh.blocks[0].nodes[2], mesh.blocks[0].nodes[4]);
   EXPECT_REFUSED(mesh, "Elements 8 and 1 disagree on the edge");
 }
 
-TEST(Check, QuadrilateralFaceAgainstTriangularOnes) {
+TEST(CheckMesh, QuadrilateralFaceAgainstTriangularOnes) {
   std::vector<double> x = kCube;
   x.insert(x.end(), {0.5, 0.5, 2});
   EXPECT_TRUE(check(linear(x, {{Shape::Hexahedron, {0, 1, 2, 3, 4, 5, 6, 7}}, {Shape::Pyramid, {4, 5, 6, 7, 8}}})));
@@ -199,10 +199,11 @@ TEST(Check, QuadrilateralFaceAgainstTriangularOnes) {
                  " do not conform: a triangular face");
 }
 
-TEST(Check, CellsThatMeetAlongAnEdgeOnly) {
+TEST(CheckMesh, CellsThatMeetAlongAnEdgeOnly) {
   HighOrderMesh mesh = test::one_cell(Shape::Tetrahedron, 2);
   const auto base = std::int32_t(mesh.node_count());
-  // A second tetrahedron on the edge of nodes 0 and 1, on the other side, first with its node, then with another.
+  // A second tetrahedron on the edge of nodes 0 and 1, on the other side. First it has the edge's middle node, then
+  // another.
   ElementBlock& block = mesh.blocks[0];
   const reference::Points& points = reference::nodes(Shape::Tetrahedron, 2, reference::NodeSet::Equispaced, 3);
   block.numbers.push_back(8);

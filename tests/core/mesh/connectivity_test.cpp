@@ -1,4 +1,4 @@
-// Neighbours across facets, and the nodes that the boundary holds.
+// Neighbours across facets, and the nodes that are fixed on the boundary.
 #include "core/mesh/connectivity.h"
 
 #include <gtest/gtest.h>
@@ -17,7 +17,7 @@ HighOrderMesh read_case(const std::string& name) {
   return file ? file->mesh : HighOrderMesh{};
 }
 
-// The plain way: a map from the set of vertices to the cells.
+// The plain way: a map from sets of vertices to cells.
 TEST(Facets, AgreeWithAMapOfVertexSets) {
   for (const char* name : {"sphere_p3.msh", "cylinder_p2.msh", "circle_p5.msh", "annulus_p3.msh"}) {
     const HighOrderMesh mesh = read_case(name);

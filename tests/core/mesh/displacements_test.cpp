@@ -1,4 +1,4 @@
-// A boundary that is told apart from the mesh: displacements in a list, or a mesh of the boundary alone.
+// A boundary that is given apart from the mesh: as a list of displacements, or as a mesh of the boundary only.
 #include "core/mesh/displacements.h"
 
 #include <gtest/gtest.h>
@@ -18,7 +18,7 @@ std::int32_t inner_node(const HighOrderMesh& mesh) {
 }
 
 TEST(Displacements, ReadsNumbersBlanksAndComments) {
-  const auto read = read_displacements("# bump\n\n  3 0.5 -1e-3 +2\n17\t1 2  # two alone\r\n", 2);
+  const auto read = read_displacements("# bump\n\n  3 0.5 -1e-3 +2\n17\t1 2  # two only\r\n", 2);
   ASSERT_TRUE(read) << read.error().sentence;
   ASSERT_EQ(read->size(), 2u);
   EXPECT_EQ((*read)[0].number, 3);
@@ -26,7 +26,7 @@ TEST(Displacements, ReadsNumbersBlanksAndComments) {
   EXPECT_EQ((*read)[1].by, (std::array{1.0, 2.0, 0.0}));
 }
 
-TEST(Displacements, NamesTheLineThatIsNoDisplacement) {
+TEST(Displacements, NamesTheLineThatIsWrong) {
   for (const char* line : {"5", "5 1", "5 1 2 3 4", "x 1 2 3", "5 1 2 z", "5 1 nope 3"}) {
     const auto read = read_displacements(std::string("1 0 0 0\n") + line, 2);
     ASSERT_FALSE(read) << line;
@@ -34,7 +34,7 @@ TEST(Displacements, NamesTheLineThatIsNoDisplacement) {
   }
 }
 
-TEST(Displacements, HaveThreeNumbersInSpace) {
+TEST(Displacements, NeedThreeNumbersIn3D) {
   EXPECT_TRUE(read_displacements("1 0 0 0\n5 1 2\n", 2));
   const auto read = read_displacements("1 0 0 0\n5 1 2\n", 3);
   ASSERT_FALSE(read);
@@ -42,7 +42,7 @@ TEST(Displacements, HaveThreeNumbersInSpace) {
   EXPECT_NE(read.error().sentence.find("dz"), std::string::npos) << read.error().sentence;
 }
 
-TEST(Displacements, AreThereAtAll) {
+TEST(Displacements, MustNotBeEmpty) {
   for (const char* text : {"", "\n\n", "# nothing\n"}) {
     const auto read = read_displacements(text, 3);
     ASSERT_FALSE(read);
@@ -50,7 +50,7 @@ TEST(Displacements, AreThereAtAll) {
   }
 }
 
-TEST(Displacements, MovesTheNodesNamedAndNoOther) {
+TEST(Displacements, MoveTheirNodesAndNoOthers) {
   HighOrderMesh mesh = testing::grid(Filling::Triangles, {2, 2, 0}, 3);
   const HighOrderMesh before = mesh;
   const std::int32_t node = testing::side_nodes(mesh, 1).front();
@@ -62,7 +62,7 @@ TEST(Displacements, MovesTheNodesNamedAndNoOther) {
   }
 }
 
-TEST(Displacements, RefusesWhatIsNotABoundaryNode) {
+TEST(Displacements, RefuseNodesThatAreNotOnTheBoundary) {
   HighOrderMesh mesh = testing::grid(Filling::Triangles, {2, 2, 0}, 3);
   const HighOrderMesh before = mesh;
   const std::int64_t inside = mesh.node_numbers[std::size_t(inner_node(mesh))];
@@ -79,7 +79,7 @@ TEST(Displacements, RefusesWhatIsNotABoundaryNode) {
     const auto refused = displace_boundary(mesh, list);
     ASSERT_FALSE(refused) << word;
     EXPECT_NE(refused.error().sentence.find(word), std::string::npos) << refused.error().sentence;
-    EXPECT_EQ(mesh.coordinates, before.coordinates) << "left as it was";
+    EXPECT_EQ(mesh.coordinates, before.coordinates) << "a refused list must change nothing";
   }
 }
 
@@ -92,7 +92,7 @@ HighOrderMesh boundary_of(const HighOrderMesh& mesh) {
   return boundary;
 }
 
-TEST(Displacements, ACurvedBoundaryTakesThePlaceOfAStraightOne) {
+TEST(Displacements, ACurvedBoundaryReplacesAStraightOne) {
   const HighOrderMesh straight = testing::grid(Filling::Tetrahedra, {2, 2, 2}, 2);
   HighOrderMesh curved = straight;
   const std::vector<bool> fixed = fixed_nodes(straight);
@@ -103,7 +103,7 @@ TEST(Displacements, ACurvedBoundaryTakesThePlaceOfAStraightOne) {
   EXPECT_EQ(mesh.coordinates, curved.coordinates);
 }
 
-TEST(Displacements, RefusesABoundaryThatIsNotThisMeshs) {
+TEST(Displacements, RefuseTheBoundaryOfAnotherMesh) {
   HighOrderMesh mesh = testing::grid(Filling::Tetrahedra, {1, 1, 1}, 2);
   const auto whole = replace_boundary(mesh, mesh);
   ASSERT_FALSE(whole);

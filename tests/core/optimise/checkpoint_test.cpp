@@ -1,8 +1,11 @@
-// A run that is broken off anywhere goes on from its checkpoint to the same bytes.
+// A run that is broken off anywhere goes on from its checkpoint to the same bytes; a checkpoint that is damaged or of
+// something else is passed over.
 #include "core/checkpoint/checkpoint.h"
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <functional>
 #include <map>
 #include <random>
 #include <set>
@@ -18,8 +21,8 @@ namespace {
 using testing::Filling;
 using testing::read_case;
 
-/// A grid of which one node in three on the curved boundary is out of its place: some cells are left for untangling,
-/// and some that nothing can repair.
+/// A grid with one in three of the boundary's nodes out of place. Some cells are left for untangling, and some cannot
+/// be repaired.
 HighOrderMesh dented(Filling filling, int order, double push) {
   HighOrderMesh mesh = testing::grid(filling, {3, 3, 2}, order);
   const std::vector<bool> fixed = fixed_nodes(mesh);
@@ -51,8 +54,8 @@ struct Case {
   std::string name;
   HighOrderMesh (*mesh)();
   Options options;
-  std::set<Phase> phases;  ///< That it goes through.
-  int stride = 1;          ///< Every so-manieth checkpoint is gone on from.
+  std::set<Phase> phases;  ///< The phases that it goes through.
+  int stride = 1;          ///< Every checkpoint of that number is resumed from.
 };
 
 Options with(const std::function<void(Options&)>& change) {
@@ -84,12 +87,11 @@ void expect_same(const Result& one, const Result& other) {
 const std::set<Phase> kSweeps{Phase::Sweeps}, kNewton{Phase::Newton}, kBoth{Phase::Sweeps, Phase::Newton},
     kAll{Phase::Sweeps, Phase::Newton, Phase::Untangle};
 
-/// So that a failure names the case, and not its bytes.
 void PrintTo(const Case& one, std::ostream* out) { *out << one.name; }
 
-class CheckpointTest : public ::testing::TestWithParam<Case> {};
+class ResumedRun : public ::testing::TestWithParam<Case> {};
 
-TEST_P(CheckpointTest, GoesOnFromEveryCheckpointToTheSameBytes) {
+TEST_P(ResumedRun, GoesOnFromEveryCheckpointToTheSameBytes) {
   const auto undisturbed = optimise(GetParam().mesh(), GetParam().options);
   ASSERT_TRUE(undisturbed) << undisturbed.error().sentence;
   std::map<int, std::string> kept;
@@ -107,7 +109,7 @@ TEST_P(CheckpointTest, GoesOnFromEveryCheckpointToTheSameBytes) {
   for (const auto& [number, checkpoint] : kept) {
     phases.insert(watched->history[std::size_t(number) - 1].phase);
     if (place++ % GetParam().stride != 0) continue;
-    SCOPED_TRACE("behind iteration " + std::to_string(number));
+    SCOPED_TRACE("after iteration " + std::to_string(number));
     RunControl control;
     control.checkpoint = checkpoint;
     Options options = GetParam().options;
@@ -122,7 +124,7 @@ TEST_P(CheckpointTest, GoesOnFromEveryCheckpointToTheSameBytes) {
 }
 
 INSTANTIATE_TEST_SUITE_P(
-    Cases, CheckpointTest,
+    Cases, ResumedRun,
     ::testing::Values(
         Case{"NineTriangles", [] { return read_case("nine_triangles.msh"); },
              with([](Options& o) { o.constants = Constants::Reference; }), kBoth},
@@ -147,7 +149,127 @@ INSTANTIATE_TEST_SUITE_P(
         Case{"UntanglingASolid", [] { return dented(Filling::Tetrahedra, 2, 0.1); }, with([](Options&) {}), kAll, 40}),
     [](const auto& info) { return info.param.name; });
 
-/// A checkpoint of a short run, and what it is of.
+// === Bytes ===============================================================================================
+
+enum class Word : std::uint8_t { First, Second };
+
+/// Numbers of every kind, archived as a class with state does it.
+struct Numbers {
+  std::int32_t number = 0;
+  double real = 0;
+  bool truth = false;
+  Word word = Word::First;
+  std::vector<double> many;
+  std::vector<std::int64_t> none;
+
+  template <class Archive>
+  void state(Archive& archive) {
+    archive(number, real, truth, word, many, none);
+  }
+};
+
+Numbers some_numbers() {
+  Numbers numbers{-7, 0.1, true, Word::Second, {}, {}};
+  for (int i = 0; i < 100000; ++i) numbers.many.push_back(1.0 / (i + 1));  // more than one piece
+  return numbers;
+}
+
+std::string checkpoint_of(Numbers numbers, std::uint64_t fingerprint) {
+  std::string bytes;
+  CheckpointWriter writer(
+      [&](std::string_view part) {
+        bytes += part;
+        return true;
+      },
+      fingerprint);
+  numbers.state(writer);
+  EXPECT_TRUE(writer.finish());
+  return bytes;
+}
+
+TEST(CheckpointReader, ReadsWhatWasWritten) {
+  const Numbers written = some_numbers();
+  const std::string bytes = checkpoint_of(written, 42);
+  Numbers read;
+  read.none = {1, 2};
+  CheckpointReader reader(bytes, 42);
+  read.state(reader);
+  EXPECT_FALSE(reader.failed());
+  EXPECT_EQ(read.number, written.number);
+  EXPECT_EQ(read.real, written.real);
+  EXPECT_EQ(read.truth, written.truth);
+  EXPECT_EQ(read.word, written.word);
+  EXPECT_EQ(read.many, written.many);
+  EXPECT_TRUE(read.none.empty());
+}
+
+TEST(CheckpointReader, FailsOnAnotherFingerprintAndOnEveryChangedByte) {
+  const std::string bytes = checkpoint_of({1, 2, true, Word::Second, {3, 4}, {5}}, 42);
+  EXPECT_FALSE(CheckpointReader(bytes, 42).failed());
+  EXPECT_TRUE(CheckpointReader(bytes, 43).failed());
+  for (std::size_t at = 0; at < bytes.size(); ++at) {
+    std::string damaged = bytes;
+    damaged[at] = static_cast<char>(damaged[at] ^ 1);
+    EXPECT_TRUE(CheckpointReader(damaged, 42).failed()) << "byte " << at;
+    EXPECT_TRUE(CheckpointReader(bytes.substr(0, at), 42).failed()) << "cut at byte " << at;
+  }
+}
+
+TEST(CheckpointReader, FailsBehindTheEndAndGivesZeros) {
+  const std::string bytes = checkpoint_of({1, 2, true, Word::Second, {3, 4}, {5}}, 42);
+  CheckpointReader reader(bytes, 42);
+  Numbers numbers;
+  numbers.state(reader);
+  ASSERT_FALSE(reader.failed());
+  double more = 7;
+  std::vector<double> many{7};
+  reader(more, many);
+  EXPECT_TRUE(reader.failed());
+  EXPECT_EQ(more, 0);
+  EXPECT_TRUE(many.empty());
+}
+
+TEST(CheckpointWriter, SaysIfItsSinkStopped) {
+  int pieces = 0;
+  CheckpointWriter writer([&](std::string_view) { return ++pieces < 2; }, 42);
+  some_numbers().state(writer);
+  EXPECT_FALSE(writer.finish());
+  EXPECT_EQ(pieces, 2) << "it is not asked again";
+}
+
+TEST(Fingerprint, DependsOnEveryByteAndOnTheirOrder) {
+  const auto print = [](std::initializer_list<std::string_view> parts) {
+    Fingerprint fingerprint;
+    for (const std::string_view part : parts) fingerprint.add(part);
+    return fingerprint.value();
+  };
+  EXPECT_EQ(print({"twelve bytes"}), print({"twelve bytes"}));
+  EXPECT_NE(print({"twelve bytes"}), print({"twelve byteS"}));
+  EXPECT_NE(print({"a", "b"}), print({"b", "a"}));
+  EXPECT_NE(print({"ab"}), print({"a", "b"}));
+  EXPECT_NE(print({""}), print({std::string_view("\0", 1)}));
+}
+
+TEST(FingerprintOfARun, LeavesOutOnlyWhatSaysWhenToStop) {
+  const HighOrderMesh mesh = testing::grid(Filling::Triangles, {2, 2, 0}, 2);
+  const std::vector<bool> fixed = fixed_nodes(mesh);
+  const auto print = [&](const std::function<void(Options&)>& change) {
+    return fingerprint(mesh, fixed, {}, with(change));
+  };
+  const std::uint64_t plain = print([](Options&) {});
+  EXPECT_EQ(print([](Options& o) { o.max_iterations = 3, o.time_limit = 5, o.threads = 7; }), plain);
+  EXPECT_NE(print([](Options& o) { o.tolerance = 1e-3; }), plain);
+  EXPECT_NE(print([](Options& o) { o.energy = Energy::Winslow; }), plain);
+  EXPECT_NE(print([](Options& o) { o.p_norm = 2; }), plain);
+  EXPECT_NE(print([](Options& o) { o.until_js = 0.1; }), plain);
+  std::vector<bool> more = fixed;
+  more[std::size_t(std::ranges::find(more, false) - more.begin())] = true;
+  EXPECT_NE(fingerprint(mesh, more, {}, with([](Options&) {})), plain);
+}
+
+// === Unusable checkpoints ================================================================================
+
+/// A checkpoint of a short run, with its mesh and options.
 class UnusableCheckpoint : public ::testing::Test {
  protected:
   void SetUp() override {

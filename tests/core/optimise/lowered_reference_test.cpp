@@ -1,4 +1,5 @@
-// The reference implementation's regression value on the sphere, whose mesh it lowers to order 3 on the way in.
+// The reference implementation's regression value for the sphere. That implementation lowers the mesh to order 3 when
+// it reads it.
 #include <gtest/gtest.h>
 
 #include <cstdlib>
@@ -11,7 +12,7 @@
 namespace varimesh {
 namespace {
 
-TEST(LoweredReference, FiveSweepsOfTheSphereEndWhereTheReferenceDoes) {
+TEST(LoweredReferenceMesh, FiveSweepsOfTheSphereEndWhereTheReferenceDoes) {
   const char* folder = std::getenv("VARIMESH_CASES");
   const std::filesystem::path path = std::filesystem::path(folder ? folder : VARIMESH_SOURCE_DIR "/../shared/cases") /
                                      "meshes/reference_sphere276_p4.msh";
@@ -29,7 +30,7 @@ TEST(LoweredReference, FiveSweepsOfTheSphereEndWhereTheReferenceDoes) {
   const auto result = optimise(*lowered, options);
   ASSERT_TRUE(result) << result.error().sentence;
   EXPECT_EQ(result->sizes.free_nodes, 868);
-  // At the nodes of order 3, as the reference samples it: .6664 ± .02, from .2355 on its own nodes of that order.
+  // The reference samples at its nodes of order 3. It begins at 0.2355 there and ends at 0.6664 ± 0.02.
   EXPECT_NEAR(quality(*lowered, 3).min_scaled_jacobian, 0.2355, 0.01);
   EXPECT_NEAR(quality(result->mesh, 3).min_scaled_jacobian, 0.6664, 0.02);
 }

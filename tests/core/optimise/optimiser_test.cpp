@@ -1,4 +1,4 @@
-// Whole runs: what a user is promised of optimise().
+// Whole runs: what optimise() promises to its users.
 #include "core/optimise/optimiser.h"
 
 #include <gtest/gtest.h>
@@ -16,7 +16,7 @@ namespace {
 using testing::Filling;
 using testing::read_case;
 
-/// The mesh with every place x at R x.
+/// The mesh rotated by this angle.
 HighOrderMesh turned(HighOrderMesh mesh, double angle) {
   const double c = std::cos(angle), s = std::sin(angle);
   testing::move_nodes(mesh, [&](testing::Place p) {
@@ -33,7 +33,7 @@ HighOrderMesh curved(Filling filling, int order) {
   return mesh;
 }
 
-class EveryEnergy : public ::testing::TestWithParam<Energy> {
+class OptimiseWithEnergy : public ::testing::TestWithParam<Energy> {
  protected:
   Options options() const {
     Options options;
@@ -42,7 +42,7 @@ class EveryEnergy : public ::testing::TestWithParam<Energy> {
   }
 };
 
-TEST_P(EveryEnergy, UntanglesTheNineTriangles) {
+TEST_P(OptimiseWithEnergy, UntanglesTheNineTriangles) {
   for (const Method method : {Method::Auto, Method::Sweeps}) {
     Options chosen = options();
     chosen.method = method;
@@ -55,7 +55,7 @@ TEST_P(EveryEnergy, UntanglesTheNineTriangles) {
   }
 }
 
-TEST_P(EveryEnergy, LeavesFixedNodesBitForBit) {
+TEST_P(OptimiseWithEnergy, LeavesFixedNodesBitForBit) {
   const HighOrderMesh mesh = read_case("sphere_p3.msh");
   const std::vector<bool> fixed = fixed_nodes(mesh);
   Options few = options();
@@ -71,7 +71,7 @@ TEST_P(EveryEnergy, LeavesFixedNodesBitForBit) {
   EXPECT_GT(moved, result->sizes.free_nodes / 2);
 }
 
-TEST_P(EveryEnergy, TurnsWithTheMesh) {
+TEST_P(OptimiseWithEnergy, TurnsWithTheMesh) {
   Options five = options();
   five.method = Method::Sweeps;
   five.max_iterations = 5;
@@ -83,14 +83,14 @@ TEST_P(EveryEnergy, TurnsWithTheMesh) {
   }
 }
 
-TEST_P(EveryEnergy, TakesTheSamePathInAnyUnit) {
+TEST_P(OptimiseWithEnergy, TakesTheSamePathInAnyUnit) {
   const HighOrderMesh metres = read_case("nine_triangles.msh");
   HighOrderMesh millimetres = metres;
   for (double& x : millimetres.coordinates) x *= 1000;
   const auto a = optimise(metres, options()), b = optimise(millimetres, options());
   ASSERT_TRUE(a && b);
   EXPECT_EQ(a->iterations, b->iterations);
-  // Sweeps are in double precision throughout, so rounding alone tells the two apart.
+  // Sweeps are in double precision throughout, so only rounding differs.
   Options five = options();
   five.method = Method::Sweeps;
   five.max_iterations = 5;
@@ -103,7 +103,7 @@ TEST_P(EveryEnergy, TakesTheSamePathInAnyUnit) {
     EXPECT_NEAR(1000 * c->mesh.coordinates[i], d->mesh.coordinates[i], 1e-6);
 }
 
-TEST_P(EveryEnergy, GivesTheSameBitsOnAnyNumberOfThreads) {
+TEST_P(OptimiseWithEnergy, GivesTheSameBitsOnAnyNumberOfThreads) {
   for (const Method method : {Method::Sweeps, Method::Newton}) {
     Options one = options(), three = options();
     one.method = three.method = method;
@@ -118,7 +118,7 @@ TEST_P(EveryEnergy, GivesTheSameBitsOnAnyNumberOfThreads) {
   }
 }
 
-TEST_P(EveryEnergy, NewtonAndSweepsEndAtTheSameMesh) {
+TEST_P(OptimiseWithEnergy, NewtonAndSweepsEndAtTheSameMesh) {
   Options newton = options(), sweeps = options();
   newton.method = Method::Newton;
   sweeps.method = Method::Sweeps;
@@ -137,7 +137,7 @@ std::string name_of(const ::testing::TestParamInfo<Energy>& info) {
   return kNames[static_cast<int>(info.param)];
 }
 
-INSTANTIATE_TEST_SUITE_P(Energies, EveryEnergy,
+INSTANTIATE_TEST_SUITE_P(Energies, OptimiseWithEnergy,
                          ::testing::Values(Energy::Hyperelastic, Energy::LinearElastic, Energy::Winslow,
                                            Energy::Distortion),
                          name_of);
@@ -155,7 +155,7 @@ TEST(Optimise, WinslowAndDistortionAreTheSameSweepIn2D) {
   EXPECT_LE(testing::distance(a->mesh, b->mesh), 1e-10);
 }
 
-TEST(Optimise, ThePatchsRegularisationUntanglesToo) {
+TEST(Optimise, TheRegularisationByPatchUntanglesToo) {
   Options options;
   options.regularisation = Regularisation::Patch;
   options.method = Method::Sweeps;
@@ -209,7 +209,7 @@ TEST(Optimise, SweepsNeverRaiseTheEnergyOfAValidMesh) {
     EXPECT_LE(result->history[i].energy, result->history[i - 1].energy * (1 + 1e-12));
 }
 
-TEST(Optimise, ThePNormsOptimumIsOneWhateverTheMethod) {
+TEST(Optimise, ThePNormHasOneOptimumWithEveryMethod) {
   const HighOrderMesh mesh = read_case("nine_triangles.msh");
   Options options;
   options.tolerance = 1e-8;
@@ -220,8 +220,8 @@ TEST(Optimise, ThePNormsOptimumIsOneWhateverTheMethod) {
     const auto newton = optimise(mesh, options);
     ASSERT_TRUE(newton) << newton.error().sentence;
     EXPECT_TRUE(newton->converged) << p;
-    EXPECT_LE(newton->iterations, 40) << "quadratic convergence wants the rank-one part of the Hessian";
-    EXPECT_GT(testing::distance(newton->mesh, last), 1e-3) << "another p is another mesh";
+    EXPECT_LE(newton->iterations, 40) << "quadratic convergence needs the rank-one part of the Hessian";
+    EXPECT_GT(testing::distance(newton->mesh, last), 1e-3) << "another p should give another mesh";
     last = newton->mesh;
     options.method = Method::Sweeps;
     options.max_iterations = 5000;
@@ -231,7 +231,7 @@ TEST(Optimise, ThePNormsOptimumIsOneWhateverTheMethod) {
   }
 }
 
-// The energies of most cells to the 7th power are to single precision next to nothing beside those of the worst.
+// To the 7th power, the energies of most cells vanish in single precision beside those of the worst cells.
 TEST(Optimise, ConvergesWithAPNormThatHardlySeesMostCells) {
   for (const auto& [name, least] : {std::pair{"aerofoil_p4.msh", 0.86}, {"circle_p5.msh", 0.77}}) {
     Options options;

@@ -1,5 +1,5 @@
-// The patch test: a straight-sided mesh whose inner nodes were shaken returns to itself, for every shape alone and
-// mixed, every order and every energy whose optimum it is.
+// The patch test: a straight-sided mesh with shaken inner nodes becomes straight-sided again, for every shape, mixture,
+// order and energy.
 #include <gtest/gtest.h>
 
 #include <cstdlib>
@@ -17,6 +17,12 @@ struct PatchCase {
   int order;
 };
 
+std::string name(const PatchCase& one) {
+  return std::string(testing::name(one.filling)) + "Order" + std::to_string(one.order);
+}
+
+void PrintTo(const PatchCase& one, std::ostream* out) { *out << name(one); }
+
 std::vector<PatchCase> every_case() {
   std::vector<PatchCase> cases;
   for (const Filling filling : testing::kFillings)
@@ -24,7 +30,7 @@ std::vector<PatchCase> every_case() {
   return cases;
 }
 
-/// Above this order in 3-D, the patch tests take minutes: they run where VARIMESH_LONG_TESTS is set.
+/// Above this order in 3-D the patch tests take minutes. They run only if VARIMESH_LONG_TESTS is set.
 constexpr int kLongAbove = 4;
 
 class PatchTest : public ::testing::TestWithParam<PatchCase> {};
@@ -53,9 +59,8 @@ TEST_P(PatchTest, ReturnsToTheStraightSidedMesh) {
   }
 }
 
-INSTANTIATE_TEST_SUITE_P(Shapes, PatchTest, ::testing::ValuesIn(every_case()), [](const auto& info) {
-  return std::string(testing::name(info.param.filling)) + "Order" + std::to_string(info.param.order);
-});
+INSTANTIATE_TEST_SUITE_P(Shapes, PatchTest, ::testing::ValuesIn(every_case()),
+                         [](const auto& info) { return name(info.param); });
 
 TEST(PatchTest, NothingMovesInALinearMeshAtItsOptimum) {
   for (const Filling filling : testing::kFillings) {

@@ -1,5 +1,6 @@
-// The shared cases, where they are: minimum scaled Jacobians that an independent implementation of the method reached
-// with the reference constants, and what the standard ones and Objective::Worst are to reach.
+// The shared cases, if they are there. With the reference constants, the minimum scaled Jacobians are those that an
+// independent implementation of the method reached. With the standard constants and with Objective::Worst, they are
+// limits below which this implementation must not fall.
 #include <gtest/gtest.h>
 
 #include <cstdlib>
@@ -18,10 +19,17 @@ std::filesystem::path shared_case(const std::string& name) {
 
 struct ReferenceCase {
   std::string name;
-  double least;  ///< Of the minimum scaled Jacobian at the end.
+  double least;  ///< Lower limit of the minimum scaled Jacobian at the end.
   Constants constants = Constants::Reference;
   Objective objective = Objective::Energy;
 };
+
+std::string name(const ReferenceCase& one) {
+  return one.name + (one.constants == Constants::Standard ? "_standard" : "_reference") +
+         (one.objective == Objective::Worst ? "_worst" : "");
+}
+
+void PrintTo(const ReferenceCase& one, std::ostream* out) { *out << name(one); }
 
 class ReferenceCases : public ::testing::TestWithParam<ReferenceCase> {};
 
@@ -36,7 +44,7 @@ TEST_P(ReferenceCases, ConvergeValid) {
   options.objective = GetParam().objective;
   const auto result = optimise(std::move(file->mesh), options);
   ASSERT_TRUE(result) << result.error().sentence;
-  // The stages of Objective::Worst may go to and fro until they have had their iterations.
+  // The stages of Objective::Worst may oscillate until their iterations are used up.
   EXPECT_TRUE(result->converged || options.objective == Objective::Worst);
   EXPECT_EQ(result->after.invalid_elements, 0);
   EXPECT_GE(result->after.min_scaled_jacobian, GetParam().least);
@@ -55,11 +63,7 @@ INSTANTIATE_TEST_SUITE_P(Shared, ReferenceCases,
                                            ReferenceCase{"circ500m_p5", 0.99, Constants::Standard, Objective::Worst},
                                            ReferenceCase{"naca524_p5", 0.93, Constants::Standard, Objective::Worst},
                                            ReferenceCase{"nacabl_p4", 0.45, Constants::Standard, Objective::Worst}),
-                         [](const auto& info) {
-                           return info.param.name +
-                                  (info.param.constants == Constants::Standard ? "_standard" : "_reference") +
-                                  (info.param.objective == Objective::Worst ? "_worst" : "");
-                         });
+                         [](const auto& info) { return name(info.param); });
 
 }  // namespace
 }  // namespace varimesh

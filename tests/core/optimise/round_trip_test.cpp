@@ -1,5 +1,5 @@
-// A mesh of all shapes through read, optimise and write, opened and written again by Gmsh with its coordinates
-// unchanged.
+// A mesh of all shapes is read, optimised and written. Gmsh opens the result and writes it again with the same
+// coordinates.
 #include <gtest/gtest.h>
 
 #include <cstdlib>
@@ -16,7 +16,7 @@ using formats::Format;
 
 bool gmsh_is_there() { return std::system("/usr/bin/python3 -c 'import gmsh' >/dev/null 2>&1") == 0; }
 
-/// Gmsh reads the one file and writes the other; true where it had nothing to complain of.
+/// Lets Gmsh read one file and write the other. True if Gmsh had no complaints.
 bool written_again_by_gmsh(const std::string& from, const std::string& to) {
   const std::string program =
       "import gmsh; gmsh.initialize(); gmsh.option.setNumber(\"General.Terminal\", 0); "
@@ -30,7 +30,7 @@ bool written_again_by_gmsh(const std::string& from, const std::string& to) {
   return std::system(("/usr/bin/python3 -c '" + program + "'").c_str()) == 0;
 }
 
-TEST(RoundTrip, AMeshOfAllShapesComesBackFromGmsh) {
+TEST(OptimisedFile, AMeshOfAllShapesComesBackFromGmsh) {
   if (!gmsh_is_there()) GTEST_SKIP() << "SKIPPED: Gmsh is not installed (python3-gmsh)";
   std::string folder = ::testing::TempDir() + "varimesh-round-trip-XXXXXX";
   ASSERT_NE(mkdtemp(folder.data()), nullptr);
@@ -42,7 +42,7 @@ TEST(RoundTrip, AMeshOfAllShapesComesBackFromGmsh) {
       ASSERT_TRUE(formats::write_file(mesh, format, in));
       auto file = formats::read_file(in);
       ASSERT_TRUE(file) << file.error().sentence;
-      mesh = file->mesh;  // nodes by entity, where the format wants them so
+      mesh = file->mesh;  // some formats order nodes by entity
       ASSERT_TRUE(formats::write_file(mesh, format, out));
       const auto verbatim = formats::read_file(out);
       ASSERT_TRUE(verbatim) << verbatim.error().sentence;
@@ -57,7 +57,7 @@ TEST(RoundTrip, AMeshOfAllShapesComesBackFromGmsh) {
       const auto back = formats::read_file(again);
       ASSERT_TRUE(back) << back.error().sentence;
       EXPECT_EQ(back->mesh.element_count(mesh.dimension), mesh.element_count(mesh.dimension));
-      // Gmsh may order nodes by entity: compare by number.
+      // Gmsh may order nodes by entity, so they are compared by number.
       std::vector<std::array<double, 3>> at(mesh.node_count() + 1);
       for (std::size_t n = 0; n < back->mesh.node_count(); ++n)
         std::copy_n(&back->mesh.coordinates[3 * n], 3, at[std::size_t(back->mesh.node_numbers[n])].begin());

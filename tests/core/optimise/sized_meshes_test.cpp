@@ -1,4 +1,4 @@
-// The meshes that sizes, metrics and strains lead to.
+// The meshes that come of sizes, metrics and strains.
 #include <gtest/gtest.h>
 
 #include <Eigen/Dense>
@@ -25,11 +25,11 @@ Options exactly() {
   return options;
 }
 
-// The patch test with the straight-sided cells themselves moved: the size alone knows where they were.
+// A patch test with the straight-sided cells moved too. Only the size says where they were.
 TEST(SizedMeshes, ReturnToTheRegularMeshOfThatSize) {
   const double root3 = std::sqrt(3.0);
   const auto cubes = [](Place at) { return Place{4 * at[0], 3 * at[1], 2 * at[2]}; };
-  // The squares' diagonals are the short ones after this shear, so that the triangles are equilateral.
+  // After this shear the squares' diagonals are the short ones, and the triangles are equilateral.
   const auto sheared = [&](Place at) { return Place{4 * at[0] - 1.5 * at[1], 1.5 * root3 * at[1], 2 * at[2]}; };
   for (const Filling filling : {Filling::Quadrilaterals, Filling::Triangles, Filling::Hexahedra, Filling::Prisms}) {
     const bool on_triangles = filling == Filling::Triangles || filling == Filling::Prisms;
@@ -37,7 +37,7 @@ TEST(SizedMeshes, ReturnToTheRegularMeshOfThatSize) {
         testing::grid(filling, {4, 3, 2}, 2, on_triangles ? testing::Map(sheared) : testing::Map(cubes));
     for (const Energy energy : {Energy::Hyperelastic, Energy::LinearElastic, Energy::Winslow, Energy::Distortion}) {
       for (const Target target : {Target::Size, Target::Ideal}) {
-        // The ideal shape follows the volumes of the cells that came in, so vertices are left alone there.
+        // The ideal shape keeps the volumes of the given cells, so the vertices must stay.
         const auto which = target == Target::Size ? testing::Shaken::AllInterior : testing::Shaken::NotVertices;
         Options options = exactly();
         options.energy = energy;
@@ -53,7 +53,7 @@ TEST(SizedMeshes, ReturnToTheRegularMeshOfThatSize) {
   }
 }
 
-// The same with the regular mesh stretched four times and turned, and the metric in which it is regular.
+// The same with the regular mesh stretched four times and rotated, and with the metric in which it is regular.
 TEST(SizedMeshes, ReturnToTheMeshThatIsRegularInTheMetric) {
   const double root3 = std::sqrt(3.0);
   for (const Filling filling : {Filling::Quadrilaterals, Filling::Triangles, Filling::Hexahedra}) {
@@ -83,24 +83,23 @@ TEST(SizedMeshes, ReturnToTheMeshThatIsRegularInTheMetric) {
   }
 }
 
-// Areas of the cells, by the corners of quadrilaterals: straight-sided results only need that.
+// The areas of the cells.
 std::vector<double> areas(const HighOrderMesh& mesh) {
   Problem problem = testing::make_problem(mesh);
   std::vector<double> result(std::size_t(problem.cells));
   const double diagonal = frame_of(mesh).diagonal;
   const auto kernels = make_plain_kernels(material(Options{}), 2);
   hold_deformation(problem, false);
-  for (CellSet& block : problem.sets)
-    for (std::int32_t cell = 0; cell < block.count; ++cell) {
-      kernels->rebuild(block, cell, problem.positions);
+  for (CellSet& set : problem.sets)
+    for (std::int32_t cell = 0; cell < set.count; ++cell) {
+      kernels->rebuild(set, cell, problem.positions);
       double area = 0;
-      for (int q = 0; q < block.points; ++q) {
-        const double* F = block.deformation_of(cell) + q;
-        const double J = F[0] * F[3 * block.stride] - F[block.stride] * F[2 * block.stride];
-        area +=
-            J * (block.affine ? block.weights[std::size_t(q)] * block.measure_of(cell)[0] : block.measure_of(cell)[q]);
+      for (int q = 0; q < set.points; ++q) {
+        const double* F = set.deformation_of(cell) + q;
+        const double J = F[0] * F[3 * set.stride] - F[set.stride] * F[2 * set.stride];
+        area += J * (set.affine ? set.weights[std::size_t(q)] * set.measure_of(cell)[0] : set.measure_of(cell)[q]);
       }
-      result[std::size_t(block.mesh_cell[std::size_t(cell)])] = area * diagonal * diagonal;
+      result[std::size_t(set.mesh_cell[std::size_t(cell)])] = area * diagonal * diagonal;
     }
   return result;
 }
@@ -115,7 +114,7 @@ Place even(Place at) { return at; }
 
 Place turned(Place at) { return {0.8 * at[0] - 0.6 * at[1], 0.6 * at[0] + 0.8 * at[1], 0}; }
 
-// A square with the vertices of its boundary where one map has them and those inside where another has.
+// A square with its boundary vertices placed by one map and its inner vertices by another.
 HighOrderMesh with_inside(Filling filling, std::array<int, 3> counts, int order, const testing::Map& boundary,
                           const testing::Map& inside) {
   HighOrderMesh linear = testing::grid(filling, counts, 1);
@@ -128,7 +127,7 @@ HighOrderMesh with_inside(Filling filling, std::array<int, 3> counts, int order,
   return *change_order(linear, order);
 }
 
-// The sides of the square that a cell was made of.
+// The sides of the square that a cell was made from, as columns.
 Eigen::Matrix2d sides(const HighOrderMesh& mesh, const Cells& cells, std::size_t cell) {
   const auto corner = [&](int v) {
     const double* x = mesh.coordinates.data() + 3 * cells.nodes(cell)[std::size_t(v)];
@@ -144,7 +143,7 @@ Eigen::Matrix2d sides(const HighOrderMesh& mesh, const Cells& cells, std::size_t
   return A;
 }
 
-// The field that wants the areas of the mesh's cells, and with a metric the ratios of their sides.
+// The field that asks for the areas of the mesh's cells, and with a metric for the ratios of their sides too.
 TargetField field_of(const HighOrderMesh& mesh, bool metric) {
   TargetField field;
   field.components = metric ? 3 : 1;
@@ -187,7 +186,7 @@ class SizedSquares : public ::testing::TestWithParam<Filling> {
   struct Case {
     const char* name;
     std::array<int, 3> counts;
-    testing::Map boundary, inside;  // where the field wants the vertices, and where those inside begin
+    testing::Map boundary, inside;  // where the field asks for the vertices, and where the inner ones begin
     bool metric, at_vertices;
   };
 
@@ -208,9 +207,9 @@ class SizedSquares : public ::testing::TestWithParam<Filling> {
   }
 };
 
-TEST_P(SizedSquares, FollowTheFieldInsideAsTheirBoundaryDoes) {
-  // No mesh has the rectangles of the graded square and the squares of an isotropic size, and triangles that are half
-  // squares cannot be regular either: with the steeper field 5.2 % remain there.
+TEST_P(SizedSquares, FollowTheFieldInside) {
+  // The rectangles of the graded square cannot be the squares that an isotropic size asks for, and triangles that are
+  // half squares cannot be regular. With the steeper field an error of 5.2 % would remain for triangles.
   const double by = GetParam() == Filling::Triangles ? 0.15 : 0.2;
   const testing::Map steep = graded(0.2), turned_steep = [&](Place at) { return turned(steep(at)); };
   const std::array<int, 3> squares{8, 8, 0}, flat{4, 16, 0};
@@ -235,8 +234,8 @@ constexpr int kLayers = 4;
 
 double wall(double x) { return 0.1 * std::sin(3.14159265358979323846 * x); }
 
-// Four layers of quadrilaterals a hundred times as wide as high on a curved wall, and larger ones above. The wall's
-// nodes are on the curve, everything else is straight-sided, so that the layers begin inverted.
+// Four layers of quadrilaterals, a hundred times as wide as high, on a curved wall, and larger ones above. The wall's
+// nodes are on the curve and everything else is straight-sided, so the layers begin inverted.
 HighOrderMesh boundary_layer(int order) {
   const int rows = 10;
   const auto height = [&](double t) {
@@ -252,7 +251,7 @@ HighOrderMesh boundary_layer(int order) {
   return mesh;
 }
 
-// The largest relative change of a layer's height, measured across each cell along ξ = constant, normal to the wall.
+// The largest relative change of a layer's height, measured across each cell along lines ξ = constant.
 double height_error(const HighOrderMesh& mesh) {
   const Cells cells(mesh, 2);
   reference::Points at(10, 2);
@@ -272,7 +271,7 @@ double height_error(const HighOrderMesh& mesh) {
           from[k] += values(2 * i, n) * x;
           to[k] += values(2 * i + 1, n) * x;
         }
-      // The vertices of the layers stand above one another, so heights are vertical ones.
+      // The vertices of the layers lie above one another, so heights are vertical.
       worst = std::max(worst, std::abs((to[1] - from[1]) / kHeight - 1));
     }
   return worst;
@@ -295,7 +294,7 @@ TEST(BoundaryLayer, KeepsItsHeightsUnderAMetric) {
   options.tolerance = 1e-9;
   options.target = Target::Size;
   options.target_field.components = 3;
-  // Across the vertical heights h and along the wall's slope s: the cell's own edges (w, w s) and (0, h) have length 1.
+  // In this metric the cell's own edges have length 1: (0, h) up and (w, w s) along the wall of slope s.
   const Cells cells(mesh, 2);
   for (std::size_t cell = 0; cell < cells.count(); ++cell) {
     const auto corner = [&](int v, int k) {
@@ -313,7 +312,7 @@ TEST(BoundaryLayer, KeepsItsHeightsUnderAMetric) {
   EXPECT_LT(height_error(result->mesh), 0.05);
 }
 
-TEST(StrainedMeshes, WhatIsHeatedGrows) {
+TEST(StrainedMeshes, AHeatedCellGrows) {
   const HighOrderMesh mesh = testing::grid(Filling::Triangles, {4, 4, 0}, 2);
   Options options;
   options.target = Target::Strain;

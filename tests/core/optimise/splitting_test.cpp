@@ -1,4 +1,4 @@
-// The whole way: what --repair does to meshes that no movement of nodes can make valid.
+// Whole runs with --repair split on meshes that no movement of nodes can make valid.
 #include "core/optimise/splitting.h"
 
 #include <gtest/gtest.h>
@@ -36,7 +36,7 @@ void expect_same_boundary(const HighOrderMesh& before, const HighOrderMesh& afte
   }
 }
 
-TEST(RepairSplitTest, MakesValidWhatReportCannot) {
+TEST(RepairBySplitting, MakesMeshesValidThatReportLeavesInvalid) {
   for (const HighOrderMesh& mesh : {testing::six_in_a_ball(3), testing::two_in_a_ball(3)}) {
     const Result reported = run(mesh, with(Repair::Report));
     EXPECT_EQ(reported.after.uncertified.size(), mesh.element_count(3));
@@ -54,14 +54,14 @@ TEST(RepairSplitTest, MakesValidWhatReportCannot) {
   }
 }
 
-TEST(RepairSplitTest, DoesNotDependOnTheNumberOfThreads) {
+TEST(RepairBySplitting, DoesNotDependOnTheNumberOfThreads) {
   const HighOrderMesh mesh = testing::six_in_a_ball(3);
   const Result one = run(mesh, with(Repair::Split)), three = run(mesh, with(Repair::Split, 3));
   EXPECT_EQ(one.mesh.coordinates, three.mesh.coordinates);
   EXPECT_EQ(one.mesh.node_numbers, three.mesh.node_numbers);
 }
 
-TEST(RepairSplitTest, LeavesAValidMeshWhole) {
+TEST(RepairBySplitting, SplitsNothingInAValidMesh) {
   const HighOrderMesh mesh = testing::grid(testing::Filling::Tetrahedra, {2, 2, 2}, 2, testing::bent(3));
   const Result result = run(mesh, with(Repair::Split)), plain = run(mesh, with(Repair::Report));
   EXPECT_TRUE(result.repairs.empty());
@@ -69,7 +69,7 @@ TEST(RepairSplitTest, LeavesAValidMeshWhole) {
   EXPECT_EQ(result.iterations, plain.iterations);
 }
 
-TEST(RepairSplitTest, SaysThatItIsNotOfferedForOtherShapes) {
+TEST(RepairBySplitting, SaysThatItIsNotOfferedForOtherShapes) {
   HighOrderMesh mesh = testing::grid(testing::Filling::Hexahedra, {1, 1, 1}, 3, [](testing::Place x) {
     return testing::Place{x[0] - .5, x[1] - .5, x[2] - .5};
   });
@@ -82,10 +82,10 @@ TEST(RepairSplitTest, SaysThatItIsNotOfferedForOtherShapes) {
   EXPECT_EQ(result.mesh.element_count(3), 1u);
 }
 
-TEST(RepairSplitTest, LeavesPlaneMeshesWhole) {
+TEST(RepairBySplitting, SplitsNothingInPlaneMeshes) {
   HighOrderMesh mesh = testing::grid(testing::Filling::Triangles, {2, 2, 1}, 4);
   const Cells cells(mesh, 2);
-  mesh.coordinates[3 * static_cast<std::size_t>(cells.nodes(0)[14])] -= 0.6;  // a node inside turns the triangle over
+  mesh.coordinates[3 * static_cast<std::size_t>(cells.nodes(0)[14])] -= 0.6;  // an inner node turns the triangle over
   const Result result = run(mesh, with(Repair::Split));
   EXPECT_FALSE(result.before.uncertified.empty());
   EXPECT_TRUE(result.after.uncertified.empty());
@@ -93,7 +93,7 @@ TEST(RepairSplitTest, LeavesPlaneMeshesWhole) {
   EXPECT_TRUE(result.repairs.empty());
 }
 
-TEST(RepairSplitTest, HandsOutNothingWorseWhenStopped) {
+TEST(RepairBySplitting, ReturnsNothingWorseIfStopped) {
   const HighOrderMesh mesh = testing::six_in_a_ball(3);
   const Result result = run(mesh, with(Repair::Split), [](const Iteration&) { return Control::Stop; });
   EXPECT_TRUE(result.stopped);
@@ -103,7 +103,7 @@ TEST(RepairSplitTest, HandsOutNothingWorseWhenStopped) {
   expect_same_boundary(mesh, result.mesh);
 }
 
-TEST(RepairSplitTest, IsStoppedWhileItSplits) {
+TEST(RepairBySplitting, IsStoppedWhileItSplits) {
   const HighOrderMesh mesh = testing::six_in_a_ball(3);
   for (int answers = 0; answers < 6; ++answers) {
     int asked = 0;
@@ -113,13 +113,13 @@ TEST(RepairSplitTest, IsStoppedWhileItSplits) {
     ASSERT_TRUE(result);
     EXPECT_TRUE(result->stopped) << answers;
     EXPECT_EQ(result->stop_reason, StopReason::Stopped);
-    EXPECT_EQ(result->iterations, 0) << "nothing is begun any more";
+    EXPECT_EQ(result->iterations, 0) << "no iteration is begun";
     EXPECT_EQ(result->mesh.coordinates, mesh.coordinates);
-    EXPECT_EQ(asked, answers + 1) << "and nobody asked again";
+    EXPECT_EQ(asked, answers + 1) << "stop_asked is not called again";
   }
 }
 
-TEST(RepairSplitTest, SaysWhichLimitOfAllEndedIt) {
+TEST(RepairBySplitting, SaysWhichLimitEndedIt) {
   const HighOrderMesh mesh = testing::six_in_a_ball(3);
   Options options = with(Repair::Split);
   const Result whole = run(mesh, options);
@@ -136,7 +136,7 @@ TEST(RepairSplitTest, SaysWhichLimitOfAllEndedIt) {
   EXPECT_EQ(none.stop_reason, StopReason::TimeLimit);
 }
 
-TEST(RepairSplitTest, ChecksOnlyWithoutIterations) {
+TEST(RepairBySplitting, ChecksOnlyWithoutIterations) {
   const HighOrderMesh mesh = testing::six_in_a_ball(3);
   Options options = with(Repair::Split);
   options.max_iterations = 0;
@@ -145,7 +145,7 @@ TEST(RepairSplitTest, ChecksOnlyWithoutIterations) {
   EXPECT_EQ(result.mesh.element_count(3), 6u);
 }
 
-TEST(RepairSplitTest, RunsAgainOnOneOptimiser) {
+TEST(RepairBySplitting, RunsAgainOnOneOptimiser) {
   const HighOrderMesh mesh = testing::six_in_a_ball(3);
   auto optimiser = Optimiser::create(mesh, with(Repair::Split));
   ASSERT_TRUE(optimiser) << optimiser.error().sentence;
@@ -155,7 +155,7 @@ TEST(RepairSplitTest, RunsAgainOnOneOptimiser) {
   EXPECT_EQ(first->mesh.coordinates, second->mesh.coordinates);
 }
 
-TEST(RepairSplitTest, RefusesWhatItCannotKeep) {
+TEST(RepairBySplitting, RefusesRegionsAndTargetFields) {
   Options options = with(Repair::Split);
   options.region_below = 0.5;
   EXPECT_FALSE(check(options));
@@ -165,7 +165,7 @@ TEST(RepairSplitTest, RefusesWhatItCannotKeep) {
   EXPECT_FALSE(check(options));
 }
 
-TEST(RepairNoneTest, NamesThemAndKeepsThemInTheBarrier) {
+TEST(RepairNone, NamesUnrepairableCellsAndKeepsThemInTheBarrier) {
   const HighOrderMesh mesh = testing::six_in_a_ball(3);
   const Result none = run(mesh, with(Repair::None)), reported = run(mesh, with(Repair::Report));
   EXPECT_EQ(none.unrepairable.size(), reported.unrepairable.size());

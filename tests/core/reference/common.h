@@ -1,18 +1,18 @@
-// What the tests of the reference cells share: the list of shapes, and polynomials whose integrals and derivatives are
-// known exactly.
+// Shared by the tests of the reference cells: the list of shapes, and polynomials with known derivatives.
 #pragma once
 
 #include <cmath>
 #include <string>
 
 #include "core/reference/nodes.h"
+#include "tests/core/support/print.h"
 
 namespace varimesh::reference {
 
 inline constexpr std::array<Shape, 7> kCells{Shape::Line,    Shape::Triangle, Shape::Quadrilateral, Shape::Tetrahedron,
                                              Shape::Pyramid, Shape::Prism,    Shape::Hexahedron};
 
-/// Says where a failure is.
+/// Names the shape and order in a failure.
 inline std::string at(Shape shape, int order) {
   return std::string(info(shape).name) + " of order " + std::to_string(order);
 }

@@ -23,8 +23,8 @@ struct Pin {
   std::uint64_t fingerprint;
 };
 
-/// From the local node coordinates that Gmsh 4.8.4 gives (gmsh.model.mesh.getElementProperties), times the order: every
-/// shape and order it knows but prisms above order 2, for which that call fails.
+/// From the local node coordinates that Gmsh 4.8.4 gives (gmsh.model.mesh.getElementProperties), times the order, for
+/// every shape and order that it has. For prisms above order 2 that call fails.
 constexpr Pin kGmsh[] = {
     {Shape::Line, 1, 0xcf3b81fa24b57292},          {Shape::Line, 2, 0x242e3ed443c49ea2},
     {Shape::Line, 3, 0x656c1ef443614b3f},          {Shape::Line, 4, 0x76bb866b9b59ba77},
@@ -76,7 +76,7 @@ TEST(Lattice, HoldsEveryPositionOnce) {
 
 TEST(Lattice, PrismsGoAlongTheThirdDirectionInside) {
   const auto& all = lattice(Shape::Prism, 4);
-  // Three interior positions of the triangle, each with the ends of the inner line first and its middle last.
+  // Three inner positions of the triangle. For each, the ends of the inner line come first and its middle last.
   const std::vector<std::array<std::int8_t, 3>> inside(all.end() - 9, all.end());
   const std::vector<std::array<std::int8_t, 3>> expected{{1, 1, 1}, {1, 1, 3}, {1, 1, 2}, {2, 1, 1}, {2, 1, 3},
                                                          {2, 1, 2}, {1, 2, 1}, {1, 2, 3}, {1, 2, 2}};
@@ -84,7 +84,8 @@ TEST(Lattice, PrismsGoAlongTheThirdDirectionInside) {
 }
 
 TEST(Lattice, PrismFacesComeWithTheTrianglesFirst) {
-  // Order 3: 6 vertices, 18 edge nodes, one node in each triangle, four in each quadrilateral from its first vertex on.
+  // Order 3 has 6 vertices, 18 edge nodes, one node in each triangle, and four in each quadrilateral from its first
+  // vertex.
   const auto& all = lattice(Shape::Prism, 3);
   const std::vector<std::array<std::int8_t, 3>> faces(all.begin() + 24, all.begin() + 30);
   const std::vector<std::array<std::int8_t, 3>> expected{{1, 1, 0}, {1, 1, 3}, {1, 0, 1},

@@ -1,4 +1,4 @@
-// Mirrors: each takes the cell to itself.
+// Each mirror maps the cell to itself.
 #include "core/reference/mirrors.h"
 
 #include <gtest/gtest.h>
@@ -6,6 +6,7 @@
 #include <Eigen/Dense>
 
 #include "core/reference/nodes.h"
+#include "tests/core/support/print.h"
 
 namespace varimesh::reference {
 namespace {

@@ -1,4 +1,4 @@
-// Node sets: the textbook's optimised nodes, and neighbours that agree on the face between them.
+// Node sets: the textbook's optimised nodes, which neighbouring cells share on their common face.
 #include "core/reference/nodes.h"
 
 #include <gtest/gtest.h>
@@ -19,7 +19,7 @@ std::pair<double, double> moments(const Points& points) {
   return {points.array().square().sum(), points.array().pow(4).sum()};
 }
 
-// The figures below come from the textbook's formulas in its own coordinates (equilateral cells), coded separately.
+// The figures below come from separate code for the textbook's formulas, in its own coordinates (equilateral cells).
 
 TEST(OptimisedNodes, OfTrianglesAreTheTextbooks) {
   const auto [squares5, fourths5] = moments(nodes(Shape::Triangle, 5, NodeSet::Optimised, 2));
@@ -56,10 +56,10 @@ TEST(OptimisedNodes, OfTrianglesDependOnTheSpaceTheyAreIn) {
   const Points& plane = nodes(Shape::Triangle, 5, NodeSet::Optimised, 2);
   const Points& space = nodes(Shape::Triangle, 5, NodeSet::Optimised, 3);
   EXPECT_GT((plane - space).cwiseAbs().maxCoeff(), 1e-3);
-  EXPECT_EQ(plane.topRows(15), space.topRows(15)) << "edges are the same";
+  EXPECT_EQ(plane.topRows(15), space.topRows(15)) << "the nodes on edges are the same";
 }
 
-TEST(EquispacedNodes, StandOnTheLattice) {
+TEST(EquispacedNodes, LieOnTheLattice) {
   const Points& pyramid = nodes(Shape::Pyramid, 3, NodeSet::Equispaced, 3);
   EXPECT_LT((pyramid.row(node_at(Shape::Pyramid, 3, {0, 2, 1})) - Eigen::RowVector3d(-2. / 3, 2. / 3, -1. / 3)).norm(),
             1e-15);

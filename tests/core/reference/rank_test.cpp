@@ -1,4 +1,4 @@
-// The optimiser's quadrature leaves no mode without energy: the gradient operator's null space is the constants alone.
+// The optimiser's quadrature gives every mode energy: only constants are in the null space of the gradient operator.
 #include <gtest/gtest.h>
 
 #include <Eigen/Cholesky>
@@ -19,7 +19,7 @@ int gradient_rank(Shape shape, int order, const Quadrature& rule) {
     const Eigen::MatrixXd weighted = rule.weights.cwiseSqrt().asDiagonal() * gradient;
     square.selfadjointView<Eigen::Lower>().rankUpdate(weighted.transpose());
   }
-  // Make the diagonal one, so that a pivot says what part of a node's column the others do not explain.
+  // With a diagonal of ones, a pivot says which part of a node's column is independent of the others.
   const Eigen::VectorXd scale = square.diagonal().cwiseSqrt().cwiseInverse();
   square = (scale.asDiagonal() * square * scale.asDiagonal()).eval();
   const Eigen::LDLT<Eigen::MatrixXd, Eigen::Lower> factor(square);
@@ -28,7 +28,7 @@ int gradient_rank(Shape shape, int order, const Quadrature& rule) {
 
 class GradientRank : public testing::TestWithParam<Shape> {};
 
-TEST_P(GradientRank, IsTheNumberOfNodesLessOne) {
+TEST_P(GradientRank, IsOneLessThanTheNumberOfNodes) {
   const Shape shape = GetParam();
   for (int order = 1; order <= 8; ++order)
     EXPECT_EQ(gradient_rank(shape, order, quadrature(shape, order, 2 * order)), node_count(shape, order) - 1)
@@ -38,8 +38,8 @@ TEST_P(GradientRank, IsTheNumberOfNodesLessOne) {
 INSTANTIATE_TEST_SUITE_P(Shapes, GradientRank, testing::ValuesIn(kCells),
                          [](const auto& test) { return std::string(reference::info(test.param).name); });
 
-TEST(GradientRankOfTooFewPoints, FallsShort) {
-  // Order points a direction, one fewer than the optimiser takes.
+TEST(GradientRankOfTooFewPoints, IsLower) {
+  // As many points per direction as the order, one fewer than the optimiser takes.
   for (const Shape shape : {Shape::Quadrilateral, Shape::Hexahedron})
     for (const int order : {2, 4})
       EXPECT_LT(gradient_rank(shape, order, quadrature(shape, order - 1, 2)), node_count(shape, order) - 1)

@@ -1,4 +1,4 @@
-// The table of shapes is consistent with itself: closed, outward, and of the measure it says.
+// The table of shapes is consistent: facets are closed, point outward and enclose the stated measure.
 #include "core/reference/shape.h"
 
 #include <gtest/gtest.h>
@@ -50,7 +50,7 @@ TEST(Shape, EdgesOfPlaneCellsGoRoundCounterClockwise) {
   }
 }
 
-TEST(Shape, EveryEdgeOfAVolumeIsPassedOnceEachWayByItsFaces) {
+TEST(Shape, FacesPassEveryEdgeOfAVolumeOnceEachWay) {
   for (const Shape shape : {Shape::Tetrahedron, Shape::Pyramid, Shape::Prism, Shape::Hexahedron}) {
     const ShapeInfo& cell = info(shape);
     std::map<std::pair<int, int>, int> passed;

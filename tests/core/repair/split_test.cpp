@@ -1,4 +1,4 @@
-// What a split keeps: shape, volume, boundary, numbers, groups; and that the mesh conforms.
+// A split keeps shape, volume, boundary, numbers and groups, and the mesh conforms.
 #include "core/repair/split.h"
 
 #include <gtest/gtest.h>
@@ -24,24 +24,24 @@ HighOrderMesh split_one(const HighOrderMesh& mesh, const SplitPlace& place, std:
   return result;
 }
 
-/// The vertices' node numbers are unchanged by change_order, and so is their place at the front.
-class SplitTest : public ::testing::TestWithParam<int> {
+/// change_order() keeps the vertices' node numbers, and keeps the vertices in front.
+class SplitTetrahedra : public ::testing::TestWithParam<int> {
  protected:
-  SplitTest() {
+  SplitTetrahedra() {
     testing::shake(six_, 0.03);
     testing::shake(two_, 0.03);
   }
   HighOrderMesh six_ = testing::six_in_a_ball(GetParam()), two_ = testing::two_in_a_ball(GetParam());
 };
 
-TEST_P(SplitTest, KeepsTheVolume) {
+TEST_P(SplitTetrahedra, KeepsTheVolume) {
   for (const auto& [mesh, place] : {std::pair(&six_, kDiagonal), std::pair(&two_, kMiddle)}) {
     const HighOrderMesh parts = split_one(*mesh, place);
     EXPECT_NEAR(testing::volume(parts) / testing::volume(*mesh), 1, 1e-12);
   }
 }
 
-TEST_P(SplitTest, ConformsAndHasSoManyElements) {
+TEST_P(SplitTetrahedra, ConformsAndHasTheNumberOfElementsExpected) {
   const HighOrderMesh twelve = split_one(six_, kDiagonal), six = split_one(two_, kMiddle);
   EXPECT_EQ(twelve.element_count(3), 12u);
   EXPECT_EQ(six.element_count(3), 6u);
@@ -55,7 +55,7 @@ TEST_P(SplitTest, ConformsAndHasSoManyElements) {
   }
 }
 
-TEST_P(SplitTest, KeepsBoundaryNodesAndNumbers) {
+TEST_P(SplitTetrahedra, KeepsBoundaryNodesAndNumbers) {
   std::vector<RepairStep> steps;
   const HighOrderMesh parts = split_one(six_, kDiagonal, &steps);
   const std::vector<bool> fixed = fixed_nodes(six_), still = fixed_nodes(parts);
@@ -82,7 +82,7 @@ TEST_P(SplitTest, KeepsBoundaryNodesAndNumbers) {
   EXPECT_NE(steps[0].sentence.find("between nodes 10 and 17"), std::string::npos) << steps[0].sentence;
 }
 
-TEST_P(SplitTest, CarriesEntitiesAndGroupsOver) {
+TEST_P(SplitTetrahedra, CarriesEntitiesAndGroupsOver) {
   const HighOrderMesh parts = split_one(six_, kDiagonal);
   ASSERT_EQ(parts.blocks.size(), 2u);
   for (std::size_t b = 0; b < 2; ++b) {
@@ -100,8 +100,8 @@ TEST_P(SplitTest, CarriesEntitiesAndGroupsOver) {
   EXPECT_EQ(next, static_cast<std::int32_t>(parts.node_count()));
 }
 
-TEST_P(SplitTest, SurvivesEveryFormat) {
-  // MSH 2.2 repeats elements that are in two groups: read from there, the mesh has numbers for it.
+TEST_P(SplitTetrahedra, SurvivesEveryFormat) {
+  // MSH 2.2 repeats elements that are in two groups. A mesh read from it has numbers for the repeats.
   for (const formats::Format format : {formats::Format::Msh22, formats::Format::Msh41Binary}) {
     std::string bytes;
     const formats::Sink sink = [&](std::string_view part) {
@@ -132,7 +132,8 @@ TEST_P(SplitTest, SurvivesEveryFormat) {
   }
 }
 
-INSTANTIATE_TEST_SUITE_P(Orders, SplitTest, ::testing::Values(2, 3, 4, 5));
+INSTANTIATE_TEST_SUITE_P(Orders, SplitTetrahedra, ::testing::Values(2, 3, 4, 5),
+                         [](const auto& info) { return "Order" + std::to_string(info.param); });
 
 }  // namespace
 }  // namespace varimesh

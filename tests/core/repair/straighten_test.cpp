@@ -1,4 +1,4 @@
-// Straight where nothing says otherwise, smooth where the boundary does, and no certificate lost.
+// Elements become straight as far as the boundary allows, and no certificate is lost.
 #include "core/repair/straighten.h"
 
 #include <gtest/gtest.h>
@@ -6,7 +6,6 @@
 #include <cstring>
 #include <numeric>
 
-#include "core/repair/blend.h"
 #include "tests/core/support/balls.h"
 #include "tests/core/support/meshes.h"
 
@@ -19,14 +18,14 @@ struct Straightened {
   std::vector<RepairStep> steps;
 };
 
-/// As if these cells were a group.
-Straightened straightened(HighOrderMesh mesh, std::vector<std::int32_t> named) {
+/// Straightens these cells as one unrepairable group.
+Straightened straightened(HighOrderMesh mesh, std::vector<std::int32_t> chosen) {
   Straightened result;
   const Certifier certifier(mesh);
   const Team team(1);
   const std::vector<bool> fixed = fixed_nodes(mesh);
   UnrepairableGroup group;
-  group.cells = std::move(named);
+  group.cells = std::move(chosen);
   const Cells cells(mesh, mesh.dimension);
   for (const std::int32_t cell : group.cells) group.elements.push_back(cells.number(static_cast<std::size_t>(cell)));
   std::vector<Certificate> certificates(certifier.cells());
@@ -48,10 +47,11 @@ double largest_change(const HighOrderMesh& a, const HighOrderMesh& b) {
   return most;
 }
 
-class StraightenTest : public ::testing::TestWithParam<testing::Filling> {};
+class StraightenShapes : public ::testing::TestWithParam<testing::Filling> {};
 
-TEST_P(StraightenTest, GivesAStraightSidedMeshBack) {
-  // A grid with plane sides, all inner nodes shaken until cells are invalid: everything named is straight again.
+TEST_P(StraightenShapes, GivesAStraightSidedMeshBack) {
+  // A grid with plane sides, with all inner nodes shaken until cells are invalid. Straightening all cells restores the
+  // grid.
   const bool plane = testing::is_plane(GetParam());
   const HighOrderMesh straight = testing::grid(GetParam(), {2, 2, 2}, 4);
   HighOrderMesh shaken = straight;
@@ -74,10 +74,11 @@ TEST_P(StraightenTest, GivesAStraightSidedMeshBack) {
   for (const Certificate& certificate : result.after) EXPECT_EQ(certificate.answer, Certificate::Answer::Valid);
 }
 
-INSTANTIATE_TEST_SUITE_P(Shapes, StraightenTest,
-                         ::testing::Values(testing::Filling::Triangles, testing::Filling::Tetrahedra));
+INSTANTIATE_TEST_SUITE_P(Shapes, StraightenShapes,
+                         ::testing::Values(testing::Filling::Triangles, testing::Filling::Tetrahedra),
+                         [](const auto& info) { return testing::name(info.param); });
 
-TEST(StraightenBallTest, KeepsTheBoundaryAndEveryCertificate) {
+TEST(StraightenBall, KeepsTheBoundaryAndEveryCertificate) {
   HighOrderMesh mesh = testing::six_in_a_ball(4);
   testing::shake(mesh, 0.02);
   const Straightened result = straightened(mesh, {0, 1, 2, 3, 4, 5});
@@ -90,7 +91,8 @@ TEST(StraightenBallTest, KeepsTheBoundaryAndEveryCertificate) {
     if (result.before[c].is_valid()) {
       EXPECT_EQ(result.after[c].answer, Certificate::Answer::Valid);
     }
-  // The diagonal, from (−1, −1, −1)/√3 to (1, 1, 1)/√3, is straight: at equal parts all its components are alike.
+  // The diagonal from (−1, −1, −1)/√3 to (1, 1, 1)/√3 is straight: its nodes divide it equally and have equal
+  // components.
   const auto& places = reference::node_places(Shape::Tetrahedron, 4);
   int on_diagonal = 0;
   for (std::size_t n = 0; n < places.size(); ++n) {
@@ -104,15 +106,15 @@ TEST(StraightenBallTest, KeepsTheBoundaryAndEveryCertificate) {
   EXPECT_EQ(on_diagonal, 3);
 }
 
-TEST(StraightenTakeBackTest, LeavesWhatOthersNeedCurved) {
-  // One side of a square bulges inwards so far that only bent inner edges leave the triangles beside it valid.
+TEST(StraightenTakesBack, KeepsEdgesCurvedIfNeighboursNeedThem) {
+  // One side of a square bulges inwards so far that the triangles beside it are valid only with curved inner edges.
   const auto bulge = [](testing::Place x) {
     return testing::Place{x[0], x[1] + 0.45 * std::sin(M_PI * x[0]) * (1 - x[1]), x[2]};
   };
   HighOrderMesh mesh = testing::grid(testing::Filling::Triangles, {2, 2, 1}, 4);
   testing::move_nodes(mesh, bulge);
   const std::size_t last = mesh.element_count(2) - 1;
-  // The last triangle, at the top, is turned over by one node of its inside.
+  // One inner node turns over the last triangle, at the top.
   const Cells cells(mesh, 2);
   const auto inside = static_cast<std::size_t>(cells.nodes(last)[14]);
   mesh.coordinates[3 * inside] -= 0.6;
@@ -123,19 +125,6 @@ TEST(StraightenTakeBackTest, LeavesWhatOthersNeedCurved) {
       EXPECT_EQ(result.after[c].answer, Certificate::Answer::Valid) << c;
     }
   EXPECT_FALSE(result.steps.empty());
-}
-
-TEST(BlendTest, FollowsAnEdgeThatIsMovedAlong) {
-  // Deviations of a quadratic bubble on one edge of a tetrahedron: λ_a λ_b itself is what comes out everywhere.
-  for (const int order : {3, 4, 5}) {
-    const detail::Blend& table = detail::blend(Shape::Tetrahedron, order);
-    const Eigen::VectorXd bubble = table.linear.col(0).cwiseProduct(table.linear.col(1));
-    for (std::size_t f = 0; f < table.faces.size(); ++f)
-      EXPECT_LT((table.on_face[f] * bubble - bubble(table.faces[f])).cwiseAbs().maxCoeff(), 1e-12);
-    if (!table.inside.empty()) {
-      EXPECT_LT((table.in_cell * bubble - bubble(table.inside)).cwiseAbs().maxCoeff(), 1e-12);
-    }
-  }
 }
 
 }  // namespace

@@ -1,4 +1,4 @@
-// Balls of few tetrahedra, which no movement of inner nodes can make valid, and what to ask of a mesh.
+// Balls of a few tetrahedra that no movement of their inner nodes can make valid, and helpers for them.
 #pragma once
 
 #include <Eigen/LU>
@@ -6,15 +6,15 @@
 #include <random>
 #include <vector>
 
+#include "core/mesh/change_order.h"
 #include "core/mesh/connectivity.h"
 #include "core/mesh/high_order_mesh.h"
-#include "core/mesh/change_order.h"
 #include "core/reference/basis.h"
 #include "core/reference/quadrature.h"
 
 namespace varimesh::testing {
 
-/// Puts all nodes that fixed_nodes() names on the unit sphere round the origin.
+/// Moves every fixed node (fixed_nodes()) onto the unit sphere around the origin.
 inline void round_off(HighOrderMesh& mesh) {
   const std::vector<bool> fixed = fixed_nodes(mesh);
   for (std::size_t n = 0; n < mesh.node_count(); ++n) {
@@ -50,7 +50,7 @@ inline HighOrderMesh ball_of(std::vector<double> vertices, const std::vector<std
   return curved;
 }
 
-/// A cube of six tetrahedra round one of its diagonals, rounded off: each has two faces that lie in one sphere.
+/// A cube of six tetrahedra around one of its diagonals, rounded off to a ball. Each has two faces on the sphere.
 inline HighOrderMesh six_in_a_ball(int order) {
   std::vector<double> vertices;
   for (int n = 0; n < 8; ++n)
@@ -58,13 +58,13 @@ inline HighOrderMesh six_in_a_ball(int order) {
   return ball_of(vertices, {{0, 1, 3, 7}, {0, 3, 2, 7}, {0, 2, 6, 7}, {0, 6, 4, 7}, {0, 4, 5, 7}, {0, 5, 1, 7}}, order);
 }
 
-/// Two tetrahedra with one face in common, rounded off: all their edges lie in the sphere.
+/// Two tetrahedra with one face in common, rounded off to a ball. All their edges lie on the sphere.
 inline HighOrderMesh two_in_a_ball(int order) {
   const double s = std::sqrt(0.75);
   return ball_of({1, 0, 0, -0.5, s, 0, -0.5, -s, 0, 0, 0, 1, 0, 0, -1}, {{0, 1, 2, 3}, {0, 2, 1, 4}}, order);
 }
 
-/// Moves free nodes at random by up to `far`.
+/// Moves free nodes at random by up to `far` in each coordinate.
 inline void shake(HighOrderMesh& mesh, double far) {
   const std::vector<bool> fixed = fixed_nodes(mesh);
   std::mt19937_64 random(5);
@@ -73,7 +73,7 @@ inline void shake(HighOrderMesh& mesh, double far) {
     if (!fixed[i / 3]) mesh.coordinates[i] += push(random);
 }
 
-/// ∫ J, exact for tetrahedra.
+/// ∫ J over the mesh, exact for tetrahedra.
 inline double volume(const HighOrderMesh& mesh) {
   const reference::Quadrature rule = reference::quadrature(Shape::Tetrahedron, mesh.order, 3 * mesh.order);
   const auto gradients =

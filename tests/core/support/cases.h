@@ -1,4 +1,4 @@
-// The small meshes that are kept in tests/cases.
+// The small meshes in tests/cases.
 #pragma once
 
 #include <gtest/gtest.h>
@@ -10,7 +10,7 @@
 
 namespace varimesh::testing {
 
-/// A mesh by its file's name. Where it cannot be read the test has failed, and the mesh is empty.
+/// Reads a mesh by its file name. If it cannot be read, the test fails and the mesh is empty.
 inline HighOrderMesh read_case(const std::string& name) {
   auto file = formats::read_file(std::string(VARIMESH_SOURCE_DIR) + "/tests/cases/" + name);
   EXPECT_TRUE(file) << (file ? "" : file.error().sentence);

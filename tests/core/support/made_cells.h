@@ -1,4 +1,4 @@
-// Small meshes made in a test: cells of any shape and order whose nodes are where a function puts them.
+// Small meshes for tests: cells of any shape and order, with their nodes placed by a function.
 #pragma once
 
 #include <array>
@@ -8,6 +8,7 @@
 
 #include "core/mesh/high_order_mesh.h"
 #include "core/reference/nodes.h"
+#include "tests/core/support/print.h"
 
 namespace varimesh::testing {
 
@@ -16,7 +17,7 @@ using Place = std::array<double, 3>;
 inline constexpr Shape kCellShapes[] = {Shape::Triangle, Shape::Quadrilateral, Shape::Tetrahedron,
                                         Shape::Pyramid,  Shape::Prism,         Shape::Hexahedron};
 
-/// A mesh without elements yet.
+/// A mesh without elements.
 inline HighOrderMesh empty_mesh(Shape shape, int order) {
   HighOrderMesh mesh;
   mesh.dimension = reference::info(shape).dimension;
@@ -54,7 +55,7 @@ HighOrderMesh one_cell(Shape shape, int order, Map&& map) {
   return mesh;
 }
 
-/// Reference cells whose every node is moved by up to `amount` in each coordinate of the mesh's dimension.
+/// Reference cells with every node moved at random by up to `amount` in each coordinate of the mesh's dimension.
 inline HighOrderMesh shaken_cells(Shape shape, int order, int count, double amount, unsigned seed) {
   std::mt19937 random(seed);
   std::uniform_real_distribution<double> shake(-amount, amount);

@@ -1,4 +1,4 @@
-// Structured meshes made in a test: any shape, any mixture, any order, straight-sided, and what to do to them.
+// Structured meshes for tests, of any shape, mixture and order, and ways to deform them.
 #pragma once
 
 #include <algorithm>
@@ -7,29 +7,31 @@
 #include <cmath>
 #include <cstdint>
 #include <functional>
+#include <ostream>
 #include <random>
 #include <string>
 #include <vector>
 
+#include "core/mesh/change_order.h"
 #include "core/mesh/connectivity.h"
 #include "core/mesh/high_order_mesh.h"
-#include "core/mesh/change_order.h"
+#include "tests/core/support/print.h"
 
 namespace varimesh::testing {
 
 using Place = std::array<double, 3>;
 using Map = std::function<Place(Place)>;
 
-/// What a grid's squares or cubes are filled with. Every mesh conforms.
+/// The cells that fill a grid's squares or cubes. Every mesh conforms.
 enum class Filling {
   Quadrilaterals,
-  Triangles,   ///< Two a square.
-  MixedPlane,  ///< Squares and split squares, column by column.
+  Triangles,   ///< Two per square.
+  MixedPlane,  ///< Columns of squares alternate with columns of split squares.
   Hexahedra,
-  Prisms,      ///< Two a cube.
-  Pyramids,    ///< Six a cube, round its centre.
-  Tetrahedra,  ///< Twelve a cube, round its centre.
-  MixedSolid,  ///< Columns in x of hexahedra, of pyramids and tetrahedra, of prisms, of pyramids and tetrahedra, …
+  Prisms,      ///< Two per cube.
+  Pyramids,    ///< Six per cube, around its centre.
+  Tetrahedra,  ///< Twelve per cube, around its centre.
+  MixedSolid,  ///< Columns in x: hexahedra, pyramids and tetrahedra, prisms, pyramids and tetrahedra, …
 };
 
 inline constexpr Filling kFillings[] = {Filling::Quadrilaterals, Filling::Triangles, Filling::MixedPlane,
@@ -43,6 +45,8 @@ inline const char* name(Filling filling) {
                                     "Prisms",         "Pyramids",  "Tetrahedra", "MixedSolid"};
   return kNames[static_cast<int>(filling)];
 }
+
+inline void PrintTo(Filling filling, std::ostream* out) { *out << name(filling); }
 
 /// Makes a linear grid on the unit square or cube.
 class GridMaker {
@@ -112,7 +116,7 @@ class GridMaker {
     }
   }
 
-  // Whether the faces of a cube round a centre are squares across direction `axis` (columns are alike in y and z).
+  // Whether a cube with a centre keeps its square face on that side of direction `axis`. Columns are alike in y and z.
   bool keeps_square(int i, int axis, int side) const {
     if (filling_ == Filling::Pyramids) return true;
     if (filling_ != Filling::MixedSolid || axis != 0) return false;
@@ -134,7 +138,7 @@ class GridMaker {
       return;
     }
     const std::int32_t centre = add_node({(i + 0.5) / n_[0], (j + 0.5) / n_[1], (k + 0.5) / n_[2]});
-    // Faces inward (an outward face turned round), each from its lowest corner: that is where a diagonal begins.
+    // Faces with their normals inward. Each begins at its lowest corner, where its diagonal begins too.
     constexpr std::array<std::array<int, 4>, 6> kFaces{
         {{0, 3, 7, 4}, {1, 5, 6, 2}, {0, 4, 5, 1}, {3, 2, 6, 7}, {0, 1, 2, 3}, {4, 7, 6, 5}}};
     for (std::size_t f = 0; f < 6; ++f) {
@@ -154,9 +158,9 @@ class GridMaker {
     constexpr const char* kSides[] = {"left", "right", "front", "back", "bottom", "top"};
     const int d = mesh_.dimension;
     for (int side = 0; side < 2 * d; ++side) mesh_.physical_groups.push_back({d - 1, side + 1, kSides[side]});
-    const HighOrderMesh cells_alone = mesh_;
-    const Cells cells(cells_alone, d);
-    const Facets all = facets(cells_alone);
+    const HighOrderMesh cells_only = mesh_;
+    const Cells cells(cells_only, d);
+    const Facets all = facets(cells_only);
     for (std::size_t cell = 0; cell < cells.count(); ++cell)
       for (std::int32_t f = all.first[cell]; f < all.first[cell + 1]; ++f) {
         if (all.neighbour[std::size_t(f)] >= 0) continue;
@@ -179,7 +183,7 @@ class GridMaker {
   std::int64_t elements_ = 0;
 };
 
-/// Puts every node where `map` sends it.
+/// Moves every node to where `map` sends it.
 inline void move_nodes(HighOrderMesh& mesh, const Map& map) {
   for (std::size_t n = 0; n < mesh.node_count(); ++n) {
     double* x = mesh.coordinates.data() + 3 * n;
@@ -188,7 +192,7 @@ inline void move_nodes(HighOrderMesh& mesh, const Map& map) {
   }
 }
 
-/// A straight-sided mesh of order `order` on the unit square or cube, whose vertices `map` then moves. Its boundary
+/// A straight-sided mesh of order `order` on the unit square or cube, with its vertices moved by `map`. Its boundary
 /// elements are in the groups "left", "right" (x = 0, 1), "front", "back" (y) and in 3-D "bottom", "top" (z), with tags
 /// 1 to 6 in that order; elements and nodes are numbered from 1.
 inline HighOrderMesh grid(Filling filling, std::array<int, 3> counts, int order, const Map& map = {}) {
@@ -197,7 +201,7 @@ inline HighOrderMesh grid(Filling filling, std::array<int, 3> counts, int order,
   return *change_order(mesh, order);
 }
 
-/// A map of the unit cube to something a little bent, so that no two cells of a grid are alike.
+/// A map that bends the unit cube a little. No two cells of a bent grid are alike.
 inline Map bent(int dimension, double amount = 0.08) {
   return [=](Place at) {
     const auto [x, y, z] = at;
@@ -220,21 +224,21 @@ inline std::vector<bool> vertex_nodes(const HighOrderMesh& mesh) {
 
 enum class Shaken { AllInterior, NotVertices };
 
-/// Moves every node that is not fixed by up to `amount` in each direction of the mesh; with NotVertices the vertices,
-/// and with them the straight-sided cells, stay.
+/// Moves every free node at random by up to `amount` in each direction of the mesh. With NotVertices the vertices stay,
+/// and so do the straight-sided cells.
 inline void shake(HighOrderMesh& mesh, double amount, unsigned seed, Shaken which = Shaken::NotVertices) {
   const std::vector<bool> fixed = fixed_nodes(mesh);
   const std::vector<bool> vertex = vertex_nodes(mesh);
   std::mt19937 random(seed);
   for (std::size_t n = 0; n < mesh.node_count(); ++n)
     for (int k = 0; k < mesh.dimension; ++k) {
-      // Not std::uniform_real_distribution, which differs from one standard library to another.
+      // std::uniform_real_distribution would differ from one standard library to another.
       const double move = amount * (2.0 * double(random()) / double(std::mt19937::max()) - 1.0);
       if (!fixed[n] && !(vertex[n] && which == Shaken::NotVertices)) mesh.coordinates[3 * n + std::size_t(k)] += move;
     }
 }
 
-/// Largest distance between the nodes of two meshes with the same nodes.
+/// Largest difference between the coordinates of two meshes with the same nodes.
 inline double distance(const HighOrderMesh& a, const HighOrderMesh& b) {
   assert(a.coordinates.size() == b.coordinates.size());
   double largest = 0;

@@ -13,7 +13,7 @@
 
 namespace varimesh::testing {
 
-/// A mesh as the kernels see it, with straight-sided targets; deformation gradients are left to be set.
+/// A mesh as the kernels see it, with straight-sided targets. The deformation gradients are not set.
 inline Problem make_problem(const HighOrderMesh& mesh) {
   Problem problem = build_problem(mesh, fixed_nodes(mesh), 0);
   problem.positions = solver_positions(mesh, frame_of(mesh));
@@ -21,7 +21,7 @@ inline Problem make_problem(const HighOrderMesh& mesh) {
   return problem;
 }
 
-/// A number of about 1e-2 for every component of every free node.
+/// Random numbers of up to 0.02, one for every component of every free node.
 inline std::vector<double> random_direction(const Problem& problem, unsigned seed) {
   std::mt19937 random(seed);
   std::uniform_real_distribution<double> uniform(-0.02, 0.02);
@@ -39,8 +39,8 @@ class WholeMesh {
   double energy(const std::vector<double>& direction, double amount) {
     place(direction, amount, plain_);
     double sum = 0;
-    for (CellSet& block : problem_.sets)
-      for (std::int32_t cell = 0; cell < block.count; ++cell) sum += plain_.scan_kept(block, cell).energy;
+    for (CellSet& set : problem_.sets)
+      for (std::int32_t cell = 0; cell < set.count; ++cell) sum += plain_.scan_kept(set, cell).energy;
     place(direction, 0, plain_);
     return sum;
   }
@@ -67,17 +67,17 @@ class WholeMesh {
     std::vector<float> input(direction.begin(), direction.end());
     input.resize(input.size() + padded(d));
     std::vector<double> out(direction.size());
-    for (BatchSet& block : batches)
-      for (std::int32_t b = 0; b < block.count; ++b) {
-        hessian.linearise(block, b, block.cells->deformation_of(b * kBatch));
-        hessian.apply(block, b, input);
+    for (BatchSet& set : batches)
+      for (std::int32_t b = 0; b < set.count; ++b) {
+        hessian.linearise(set, b, set.cells->deformation_of(b * kBatch));
+        hessian.apply(set, b, input);
       }
     for (std::size_t rank = 0; rank < problem_.free.size(); ++rank)
       for (std::int32_t i = problem_.offsets[rank]; i < problem_.offsets[rank + 1]; ++i) {
         const Incidence& at = problem_.incidences[i];
-        const BatchSet& block = batches[at.set];
+        const BatchSet& set = batches[at.set];
         for (int k = 0; k < d; ++k)
-          out[rank * d + k] += block.contributions[block.contribution_index(at.cell, at.local, d) + k];
+          out[rank * d + k] += set.contributions[set.contribution_index(at.cell, at.local, d) + k];
       }
     return out;
   }
@@ -91,8 +91,8 @@ class WholeMesh {
         problem_.positions[at] = start_[at] + amount * direction[rank * d + k];
       }
     hold_deformation(problem_, false);
-    for (CellSet& block : problem_.sets)
-      for (std::int32_t cell = 0; cell < block.count; ++cell) kernels.rebuild(block, cell, problem_.positions);
+    for (CellSet& set : problem_.sets)
+      for (std::int32_t cell = 0; cell < set.count; ++cell) kernels.rebuild(set, cell, problem_.positions);
   }
 
   Problem& problem_;

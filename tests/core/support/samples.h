@@ -12,6 +12,7 @@
 
 #include "core/formats/formats.h"
 #include "core/reference/nodes.h"
+#include "tests/core/support/print.h"
 
 namespace varimesh::test {
 
@@ -36,7 +37,7 @@ inline std::string written(const HighOrderMesh& mesh, formats::Format format) {
   return done ? bytes : "not written: " + done.error().sentence;
 }
 
-/// A folder of its own that goes away with the test.
+/// A temporary folder, removed at the end of the test.
 class Folder {
  public:
   Folder() {
@@ -51,8 +52,8 @@ class Folder {
   std::string path_;
 };
 
-/// One cell of that shape and order: the reference cell under a map of total degree `order`, so that every shape's
-/// space holds it. The scripts beside the tests know the same map.
+/// One cell of that shape and order: the reference cell under a map of total degree `order`, which every shape's space
+/// holds. The scripts check_msh.py and check_vtu.py use the same map.
 inline HighOrderMesh one_cell(Shape shape, int order) {
   HighOrderMesh mesh;
   const int d = reference::info(shape).dimension;

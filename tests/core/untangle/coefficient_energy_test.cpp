@@ -1,4 +1,4 @@
-// The energy of untangling against what it is made of: coefficients that bound J, differences, eigenvalues.
+// The energy of untangling: derivatives against differences, eigenvalues of the Hessian, coefficients that bound J.
 #include "core/untangle/coefficient_energy.h"
 
 #include <gtest/gtest.h>
@@ -22,6 +22,10 @@ using Cell = CoefficientEnergy::Cell;
 
 enum class State { Good, Tangled };
 
+std::string name(State state) { return state == State::Good ? "Good" : "Tangled"; }
+
+void PrintTo(State state, std::ostream* out) { *out << name(state); }
+
 /// The first cell of each shape in a mesh, with every second node free.
 class CoefficientEnergyTest : public ::testing::TestWithParam<std::tuple<Filling, int, State>> {
  protected:
@@ -29,32 +33,32 @@ class CoefficientEnergyTest : public ::testing::TestWithParam<std::tuple<Filling
     const auto [filling, order, state] = GetParam();
     mesh_ = testing::grid(filling, {2, 2, 2}, order, testing::bent(testing::is_plane(filling) ? 2 : 3));
     problem_ = testing::make_problem(mesh_);
-    // Differences are taken in lengths of about a cell.
+    // The steps of the differences below suit cells of this size.
     for (double& x : problem_.positions) x *= 4;
-    for (CellSet& block : problem_.sets) {
-      for (double& a : block.inverse_target) a /= 4;
-      for (double& m : block.measure) m *= std::pow(4, problem_.dimension);
+    for (CellSet& set : problem_.sets) {
+      for (double& a : set.inverse_target) a /= 4;
+      for (double& m : set.measure) m *= std::pow(4, problem_.dimension);
     }
-    for (const CellSet& block : problem_.sets) energies_.emplace_back(block);
+    for (const CellSet& set : problem_.sets) energies_.emplace_back(set);
     for (std::size_t b = 0; b < problem_.sets.size(); ++b) cells_.push_back(make_cell(b, state == State::Tangled));
   }
 
   Cell make_cell(std::size_t b, bool tangled) {
-    const CellSet& block = problem_.sets[b];
+    const CellSet& set = problem_.sets[b];
     Cell cell;
-    cell.positions.resize(block.nodes_per_cell, problem_.dimension);
+    cell.positions.resize(set.nodes_per_cell, problem_.dimension);
     std::uniform_real_distribution<double> push(-1, 1);
-    for (int n = 0; n < block.nodes_per_cell; ++n) {
+    for (int n = 0; n < set.nodes_per_cell; ++n) {
       if (n % 2 == 1 || n == 0) cell.free.push_back(n);
       for (int k = 0; k < problem_.dimension; ++k)
-        cell.positions(n, k) = problem_.positions[std::size_t(block.nodes[std::size_t(n)] * problem_.dimension + k)] +
+        cell.positions(n, k) = problem_.positions[std::size_t(set.nodes[std::size_t(n)] * problem_.dimension + k)] +
                                (tangled ? 0.4 : 0.01) * push(random_);
     }
     energies_[b].find_movable(cell);
     return cell;
   }
 
-  /// Of E by each unknown, by differences of fourth order.
+  /// The derivatives of E by each unknown, from differences of fourth order.
   Eigen::VectorXd differences(std::size_t b, double epsilon) {
     constexpr double h = 1e-4;
     Cell cell = cells_[b];
@@ -96,41 +100,42 @@ class CoefficientEnergyTest : public ::testing::TestWithParam<std::tuple<Filling
 
 TEST_P(CoefficientEnergyTest, HasExactGradientsAndSemidefiniteHessians) { expect_derivatives(0.5); }
 
-TEST_P(CoefficientEnergyTest, HasThemForCondemnedCells) {
+TEST_P(CoefficientEnergyTest, HasThemForUnrepairableCells) {
   for (std::size_t b = 0; b < cells_.size(); ++b) {
     cells_[b].unrepairable = true;
     energies_[b].find_movable(cells_[b]);
     EXPECT_TRUE(cells_[b].movable.empty());
     EXPECT_EQ(energies_[b].smallest_coefficient(cells_[b]), std::numeric_limits<double>::infinity());
-    EXPECT_EQ(energies_[b].value(cells_[b], 1e-3), energies_[b].value(cells_[b], 10.0)) << "ε is for the others";
+    EXPECT_EQ(energies_[b].value(cells_[b], 1e-3), energies_[b].value(cells_[b], 10.0))
+        << "ε has no effect on unrepairable cells";
   }
   expect_derivatives(0.5);
 }
 
 TEST_P(CoefficientEnergyTest, HasThemWithAMetricsLeftFactor) {
-  for (CellSet& block : problem_.sets) {
+  for (CellSet& set : problem_.sets) {
     Eigen::MatrixXd factor = Eigen::MatrixXd::Identity(problem_.dimension, problem_.dimension);
     factor(0, 1) = factor(1, 0) = 0.3;
     factor /= std::pow(factor.determinant(), 1.0 / problem_.dimension);
-    for (std::int32_t cell = 0; cell < block.count; ++cell)
-      block.left_factor.insert(block.left_factor.end(), factor.data(), factor.data() + factor.size());
+    for (std::int32_t cell = 0; cell < set.count; ++cell)
+      set.left_factor.insert(set.left_factor.end(), factor.data(), factor.data() + factor.size());
   }
   expect_derivatives(0.5);
 }
 
-/// The mean of Bernstein coefficients is the mean of the polynomial; on pyramids, whose coefficients are those of a
-/// transformed one, they bound it.
+/// The mean of the Bernstein coefficients is the mean of the polynomial. On pyramids the coefficients belong to a
+/// transformed polynomial and only bound J.
 TEST_P(CoefficientEnergyTest, HasTheBernsteinCoefficientsOfJ) {
   for (std::size_t b = 0; b < cells_.size(); ++b) {
-    const CellSet& block = problem_.sets[b];
+    const CellSet& set = problem_.sets[b];
     const int d = problem_.dimension;
-    const reference::Quadrature rule = reference::quadrature(block.shape, block.order, 3 * block.order);
+    const reference::Quadrature rule = reference::quadrature(set.shape, set.order, 3 * set.order);
     const auto gradients =
-        reference::basis_gradients(block.shape, block.order, reference::NodeSet::Optimised, d, rule.points);
+        reference::basis_gradients(set.shape, set.order, reference::NodeSet::Optimised, d, rule.points);
     double target = 0, weights = 0, mean = 0, sum = 0, least = std::numeric_limits<double>::infinity();
-    for (int q = 0; q < block.points; ++q) {
-      weights += block.weights[std::size_t(q)];
-      target += block.affine ? block.weights[std::size_t(q)] * block.measure[0] : block.measure[std::size_t(q)];
+    for (int q = 0; q < set.points; ++q) {
+      weights += set.weights[std::size_t(q)];
+      target += set.affine ? set.weights[std::size_t(q)] * set.measure[0] : set.measure[std::size_t(q)];
     }
     for (Eigen::Index q = 0; q < rule.points.rows(); ++q) {
       Eigen::MatrixXd gradient(d, d);
@@ -145,10 +150,10 @@ TEST_P(CoefficientEnergyTest, HasTheBernsteinCoefficientsOfJ) {
     const Eigen::VectorXd B = energies_[b].coefficients(cells_[b]);
     const double size = B.cwiseAbs().maxCoeff();
     EXPECT_LE(B.minCoeff(), least + 1e-10 * size);
-    if (block.shape != Shape::Pyramid) {
+    if (set.shape != Shape::Pyramid) {
       EXPECT_NEAR(B.mean(), mean, 1e-10 * size);
     }
-    if (block.affine && block.order == 1) {
+    if (set.affine && set.order == 1) {
       EXPECT_NEAR(B.minCoeff(), least, 1e-12 * size);
     }
   }
@@ -159,8 +164,7 @@ INSTANTIATE_TEST_SUITE_P(Shapes, CoefficientEnergyTest,
                                             ::testing::Values(State::Good, State::Tangled)),
                          [](const auto& info) {
                            return std::string(testing::name(std::get<0>(info.param))) +
-                                  std::to_string(std::get<1>(info.param)) +
-                                  (std::get<2>(info.param) == State::Good ? "Good" : "Tangled");
+                                  std::to_string(std::get<1>(info.param)) + name(std::get<2>(info.param));
                          });
 
 TEST(CoefficientEnergyTest, LeavesOutCoefficientsThatNoFreeNodeMoves) {
@@ -175,7 +179,8 @@ TEST(CoefficientEnergyTest, LeavesOutCoefficientsThatNoFreeNodeMoves) {
   cell.free = {0};
   energy.find_movable(cell);
   const detail::JacobianTable& table = detail::jacobian_table(Shape::Tetrahedron, 3);
-  // A vertex moves them all; a node inside an edge does not move J at the two vertices that the edge does not have.
+  // A vertex moves all coefficients. A node inside an edge does not move J at the two vertices that are not on the
+  // edge.
   EXPECT_EQ(cell.movable.size(), std::size_t(table.jacobian.size()));
   cell.free = {4};
   energy.find_movable(cell);

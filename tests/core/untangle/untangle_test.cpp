@@ -1,4 +1,4 @@
-// Patches that are mended, patches that cannot be, and what is kept of each.
+// Untangling repairs what can be repaired, and leaves the rest of the mesh as it was.
 #include "core/untangle/untangle.h"
 
 #include <gtest/gtest.h>
@@ -11,7 +11,6 @@
 #include "core/formats/formats.h"
 #include "core/mesh/connectivity.h"
 #include "core/optimise/optimiser.h"
-#include "core/optimise/phases.h"
 #include "tests/core/support/meshes.h"
 #include "tests/core/support/problems.h"
 
@@ -20,15 +19,15 @@ namespace {
 
 using testing::Filling;
 
-/// A mesh whose free nodes have been moved, with all that untangling asks for.
-class Patient {
+/// A mesh with some of its free nodes moved, and everything that untangling needs.
+class TangledMesh {
  public:
-  Patient(HighOrderMesh mesh, double push, int threads)
+  TangledMesh(HighOrderMesh mesh, double push, int threads)
       : mesh_(std::move(mesh)), frame_(frame_of(mesh_)), certifier_(mesh_), team_(threads) {
     problem_ = build_problem(mesh_, fixed_nodes(mesh_), 0);
     problem_.positions = solver_positions(mesh_, frame_);
     set_straight_sided_targets(problem_);
-    // One free node in twenty goes astray, in the file's coordinates, too.
+    // Every twentieth free node is moved, in the file's coordinates too.
     const std::vector<double> before = problem_.positions;
     std::mt19937_64 random(3);
     std::uniform_real_distribution<double> far(-push, push);
@@ -72,42 +71,42 @@ class Patient {
   std::optional<Guard> guard_;
 };
 
-class UntangleTest : public ::testing::TestWithParam<Filling> {
+class UntangleShapes : public ::testing::TestWithParam<Filling> {
  protected:
   static HighOrderMesh mesh() {
     return testing::grid(GetParam(), {3, 3, 2}, 2, testing::bent(testing::is_plane(GetParam()) ? 2 : 3));
   }
 };
 
-TEST_P(UntangleTest, MendsEveryCell) {
-  Patient patient(mesh(), 0.15, 1);
-  ASSERT_GT(patient.guard().uncertified(), 0);
-  const int steps = patient.untangle();
+TEST_P(UntangleShapes, RepairsEveryCell) {
+  TangledMesh tangled(mesh(), 0.15, 1);
+  ASSERT_GT(tangled.guard().uncertified(), 0);
+  const int steps = tangled.untangle();
   EXPECT_LT(steps, 60);
-  EXPECT_EQ(patient.guard().uncertified(), 0);
+  EXPECT_EQ(tangled.guard().uncertified(), 0);
 }
 
-TEST_P(UntangleTest, LeavesFixedNodesAndTheRestOfTheMeshAlone) {
-  Patient patient(mesh(), 0.15, 1);
-  const std::vector<bool> fixed = fixed_nodes(patient.mesh());
-  patient.untangle();
-  const std::vector<double>& after = patient.guard().coordinates();
+TEST_P(UntangleShapes, LeavesFixedNodesAsTheyAre) {
+  TangledMesh tangled(mesh(), 0.15, 1);
+  const std::vector<bool> fixed = fixed_nodes(tangled.mesh());
+  tangled.untangle();
+  const std::vector<double>& after = tangled.guard().coordinates();
   for (std::size_t n = 0; n < fixed.size(); ++n)
-    for (std::size_t k = 0; k < 3 && fixed[n]; ++k) EXPECT_EQ(after[3 * n + k], patient.mesh().coordinates[3 * n + k]);
-  EXPECT_NE(after, patient.mesh().coordinates);
+    for (std::size_t k = 0; k < 3 && fixed[n]; ++k) EXPECT_EQ(after[3 * n + k], tangled.mesh().coordinates[3 * n + k]);
+  EXPECT_NE(after, tangled.mesh().coordinates);
 }
 
-TEST_P(UntangleTest, DoesNotDependOnTheNumberOfThreads) {
-  Patient one(mesh(), 0.15, 1), four(mesh(), 0.15, 4);
+TEST_P(UntangleShapes, DoesNotDependOnTheNumberOfThreads) {
+  TangledMesh one(mesh(), 0.15, 1), four(mesh(), 0.15, 4);
   EXPECT_EQ(one.untangle(), four.untangle());
   EXPECT_EQ(one.guard().coordinates(), four.guard().coordinates());
 }
 
-INSTANTIATE_TEST_SUITE_P(Fillings, UntangleTest, ::testing::ValuesIn(testing::kFillings),
+INSTANTIATE_TEST_SUITE_P(Fillings, UntangleShapes, ::testing::ValuesIn(testing::kFillings),
                          [](const auto& info) { return std::string(testing::name(info.param)); });
 
-/// A cube's tetrahedra of which one boundary edge folds over itself: nothing can mend those that own it.
-HighOrderMesh hopeless() {
+/// A cube of tetrahedra with one boundary edge that folds over itself. The tetrahedra on that edge cannot be repaired.
+HighOrderMesh unrepairable_cube() {
   HighOrderMesh mesh = testing::grid(Filling::Tetrahedra, {3, 3, 3}, 2);
   const std::vector<bool> fixed = fixed_nodes(mesh);
   const Cells cells(mesh, 3);
@@ -125,90 +124,32 @@ HighOrderMesh hopeless() {
   return mesh;
 }
 
-TEST(Untangle, EndsWhereNothingCanBeMendedAndPutsEverythingBack) {
-  Patient patient(hopeless(), 0, 1);
-  const std::int64_t before = patient.guard().uncertified();
+TEST(Untangle, EndsIfNothingCanBeRepairedAndPutsEverythingBack) {
+  TangledMesh tangled(unrepairable_cube(), 0, 1);
+  const std::int64_t before = tangled.guard().uncertified();
   ASSERT_GT(before, 0);
-  const std::vector<double> positions = patient.problem().positions;
-  EXPECT_LT(patient.untangle(), 100);
-  EXPECT_EQ(patient.guard().uncertified(), before);
-  EXPECT_EQ(patient.problem().positions, positions);
+  const std::vector<double> positions = tangled.problem().positions;
+  EXPECT_LT(tangled.untangle(), 100);
+  EXPECT_EQ(tangled.guard().uncertified(), before);
+  EXPECT_EQ(tangled.problem().positions, positions);
 }
 
-TEST(Untangle, KeepsCondemnedCellsOutOfTheBarrier) {
-  Patient patient(hopeless(), 0.15, 1);
-  const std::vector<UnrepairableGroup> groups = diagnose(hopeless(), 1);
+TEST(Untangle, KeepsUnrepairableCellsOutOfTheBarrier) {
+  TangledMesh tangled(unrepairable_cube(), 0.15, 1);
+  const std::vector<UnrepairableGroup> groups = diagnose(unrepairable_cube(), 1);
   ASSERT_FALSE(groups.empty());
-  patient.guard().set_unrepairable(groups);
-  ASSERT_GT(patient.guard().repairable(), 0);
-  patient.untangle();
-  EXPECT_EQ(patient.guard().repairable(), 0);
-  EXPECT_GT(patient.guard().uncertified(), 0);
-}
-
-// ---------------------------------------------------------------------------------------------------------------------
-// When it is tried
-// ---------------------------------------------------------------------------------------------------------------------
-
-/// Lets `count` iterations pass that bring nothing.
-void stall(PhaseChooser& chooser, std::int64_t unrepaired, int count) {
-  for (int i = 0; i < count; ++i) chooser.next(unrepaired, unrepaired, false);
-}
-
-TEST(PhaseChooser, UntanglesWhereSweepsAndNewtonHaveStalled) {
-  PhaseChooser chooser(Options(), 5);
-  EXPECT_EQ(chooser.phase(), Phase::Sweeps);
-  stall(chooser, 5, 10);
-  EXPECT_EQ(chooser.phase(), Phase::Newton);
-  EXPECT_EQ(chooser.outlook(5), Outlook::AnotherMethod);
-  stall(chooser, 5, 10);
-  ASSERT_EQ(chooser.phase(), Phase::Untangle);
-  chooser.untangling_from(5);
-  stall(chooser, 5, 100);
-  EXPECT_EQ(chooser.phase(), Phase::Untangle) << "it says itself when it has come to its end";
-  chooser.next(5, 5, true);
-  EXPECT_EQ(chooser.phase(), Phase::Newton);
-  EXPECT_EQ(chooser.outlook(5), Outlook::Nothing) << "untangling brought nothing";
-  stall(chooser, 5, 100);
-  EXPECT_EQ(chooser.phase(), Phase::Newton);
-}
-
-TEST(PhaseChooser, UntanglesAgainOnlyAfterSuccess) {
-  PhaseChooser chooser(Options(), 5);
-  stall(chooser, 5, 20);
-  chooser.untangling_from(5);
-  chooser.next(3, 3, true);
-  EXPECT_EQ(chooser.outlook(3), Outlook::AnotherMethod);
-  stall(chooser, 3, 10);
-  EXPECT_EQ(chooser.phase(), Phase::Untangle);
-}
-
-TEST(PhaseChooser, DoesNotUntangleWhatCannotBeRepaired) {
-  PhaseChooser chooser(Options(), 5);
-  EXPECT_EQ(chooser.outlook(0), Outlook::Nothing);
-  chooser.next(0, 0, false);
-  EXPECT_EQ(chooser.phase(), Phase::Newton);
-  stall(chooser, 0, 50);
-  EXPECT_EQ(chooser.phase(), Phase::Newton);
-}
-
-TEST(PhaseChooser, UntanglesBeforeNewtonWhereValidIsAllThatIsAskedFor) {
-  Options options;
-  options.until = Until::Valid;
-  PhaseChooser chooser(options, 5);
-  stall(chooser, 5, 10);
-  EXPECT_EQ(chooser.phase(), Phase::Untangle);
-  chooser.untangling_from(5);
-  chooser.next(5, 5, true);
-  EXPECT_EQ(chooser.phase(), Phase::Newton);
-  EXPECT_EQ(chooser.outlook(5), Outlook::Patience);
+  tangled.guard().set_unrepairable(groups);
+  ASSERT_GT(tangled.guard().repairable(), 0);
+  tangled.untangle();
+  EXPECT_EQ(tangled.guard().repairable(), 0);
+  EXPECT_GT(tangled.guard().uncertified(), 0);
 }
 
 // ---------------------------------------------------------------------------------------------------------------------
 // Shared cases
 // ---------------------------------------------------------------------------------------------------------------------
 
-/// The shared case of that name; nothing where the cases are not there.
+/// The shared case of that name, or nothing if the shared cases are not there.
 std::optional<HighOrderMesh> shared_case(const std::string& name) {
   const char* folder = std::getenv("VARIMESH_CASES");
   const auto path = std::filesystem::path(folder ? folder : VARIMESH_SOURCE_DIR "/../shared/cases") / "meshes" / name;
@@ -218,7 +159,7 @@ std::optional<HighOrderMesh> shared_case(const std::string& name) {
   return file ? std::optional(std::move(file->mesh)) : std::nullopt;
 }
 
-/// A boundary layer whose two tangled cells can only be mended with many others round them.
+/// A boundary layer with two tangled cells. They can be repaired only if many cells around them move too.
 TEST(Untangle, MovesABoundaryLayerAsAWhole) {
   const auto mesh = shared_case("nacabl_p4.msh");
   if (!mesh) GTEST_SKIP() << "NOT RUN: the shared cases are not there; set VARIMESH_CASES to their folder.";
@@ -230,20 +171,20 @@ TEST(Untangle, MovesABoundaryLayerAsAWhole) {
   EXPECT_EQ(result->history.back().phase, Phase::Untangle);
 }
 
-/// What sweeps and Newton leave of the links of rods: two cells that can be repaired, and are.
-TEST(Untangle, MendsWhatSweepsAndNewtonLeave) {
+/// In this mesh of linked rods, sweeps and Newton leave two cells that can be repaired. Untangling repairs them.
+TEST(Untangle, RepairsWhatSweepsAndNewtonLeave) {
   const auto mesh = shared_case("linkrods_p2.msh");
   if (!mesh) GTEST_SKIP() << "NOT RUN: the shared cases are not there; set VARIMESH_CASES to their folder.";
   const auto result = optimise(*mesh);
   ASSERT_TRUE(result) << result.error().sentence;
   const auto untangled = std::ranges::count(result->history, Phase::Untangle, &Iteration::phase);
   EXPECT_GT(untangled, 0);
-  std::vector<char> named(certify(*mesh).size(), 0);
+  std::vector<char> unrepairable(certify(*mesh).size(), 0);
   for (const UnrepairableGroup& group : result->unrepairable)
-    for (const std::int32_t cell : group.cells) named[std::size_t(cell)] = 1;
+    for (const std::int32_t cell : group.cells) unrepairable[std::size_t(cell)] = 1;
   const std::vector<Certificate> certificates = certify(result->mesh);
   for (std::size_t cell = 0; cell < certificates.size(); ++cell)
-    EXPECT_TRUE(named[cell] != 0 || certificates[cell].is_valid()) << "cell " << cell;
+    EXPECT_TRUE(unrepairable[cell] != 0 || certificates[cell].is_valid()) << "cell " << cell;
 }
 
 }  // namespace

@@ -1,4 +1,4 @@
-// Certificates against dense lattices, on nasty cells, and under changes that must not matter.
+// Certificates against dense lattices, for difficult cells, and under changes that must not matter.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -18,14 +18,14 @@ using testing::Place;
 using Answer = Certificate::Answer;
 
 // ---------------------------------------------------------------------------------------------------------------------
-// Random cells: a third valid, a third invalid, a third on the brink
+// Random cells: a third valid, a third invalid, a third on the boundary between the two
 // ---------------------------------------------------------------------------------------------------------------------
 
-/// Cells whose nodes are base + amplitude · noise, so that the amplitude decides how bad they are.
+/// Cells with nodes at base + amplitude · noise. The amplitude decides how bad they are.
 struct RandomCells {
   HighOrderMesh mesh;
   std::vector<double> base, noise;
-  std::vector<double> amplitude;  // a cell
+  std::vector<double> amplitude;  // per cell
 
   void apply() {
     const std::size_t nodes = mesh.node_count() / amplitude.size();
@@ -33,8 +33,8 @@ struct RandomCells {
   }
 };
 
-/// Reference cells under random affine maps, each just where its smallest sampled J is 0; then every third is drawn
-/// back to be valid and every third pushed on to be invalid.
+/// Reference cells under random affine maps, each with an amplitude at which its smallest sampled J is 0. Then every
+/// third amplitude is reduced, which makes the cell valid, and every third is raised, which makes it invalid.
 RandomCells random_cells(Shape shape, int order, int count, unsigned seed) {
   std::mt19937 random(seed);
   std::uniform_real_distribution<double> uniform(-1, 1);
@@ -71,7 +71,7 @@ RandomCells random_cells(Shape shape, int order, int count, unsigned seed) {
   return cells;
 }
 
-/// What a certificate says must be true of every sample.
+/// What a certificate says must hold at every sample.
 void expect_no_contradiction(const RandomCells& cells, int intervals) {
   const std::vector<Certificate> certificates = certify(cells.mesh);
   const CellQuality quality = cell_quality(cells.mesh, intervals);
@@ -81,7 +81,7 @@ void expect_no_contradiction(const RandomCells& cells, int intervals) {
     const double js = quality.scaled_jacobian[i];
     ++answers[static_cast<std::size_t>(c.answer)];
     EXPECT_LE(c.lower_bound, c.upper_bound);
-    // A lattice's max J falls short of the true one, which raises a positive ratio and lowers a negative one.
+    // A lattice's max J is at most the true one, which raises a positive ratio and lowers a negative one.
     if (js >= 0) {
       EXPECT_LE(c.scaled_jacobian_lower_bound, js + 1e-9) << "cell " << i;
     }
@@ -102,14 +102,14 @@ void expect_no_contradiction(const RandomCells& cells, int intervals) {
   EXPECT_GE(answers[0], static_cast<int>(certificates.size()) / 4);
 }
 
-class CertifiedShape : public ::testing::TestWithParam<Shape> {};
+class CertificateOfShape : public ::testing::TestWithParam<Shape> {};
 
-INSTANTIATE_TEST_SUITE_P(Certificate, CertifiedShape, ::testing::ValuesIn(kCellShapes),
+INSTANTIATE_TEST_SUITE_P(Shapes, CertificateOfShape, ::testing::ValuesIn(kCellShapes),
                          [](const auto& shape) { return testing::name(shape.param); });
 
-TEST_P(CertifiedShape, NeverContradictsALattice) {
+TEST_P(CertificateOfShape, NeverContradictsALattice) {
   for (int order = 1; order <= 4; ++order) {
-    if (order == 1 && reference::info(GetParam()).affine) continue;  // J is constant: no brink
+    if (order == 1 && reference::info(GetParam()).affine) continue;  // J is constant, so no cell is on the boundary
     SCOPED_TRACE(order);
     expect_no_contradiction(random_cells(GetParam(), order, 12, static_cast<unsigned>(100 + order)),
                             reference::info(GetParam()).dimension == 2 ? 40 : 14);
@@ -117,8 +117,9 @@ TEST_P(CertifiedShape, NeverContradictsALattice) {
 }
 
 /// The full form: VARIMESH_LONG_TESTS=1.
-TEST_P(CertifiedShape, LongNeverContradictsALatticeOfFortyIntervals) {
-  if (std::getenv("VARIMESH_LONG_TESTS") == nullptr) GTEST_SKIP() << "set VARIMESH_LONG_TESTS=1 for the 10,000 cells";
+TEST_P(CertificateOfShape, LongNeverContradictsALatticeOfFortyIntervals) {
+  if (std::getenv("VARIMESH_LONG_TESTS") == nullptr)
+    GTEST_SKIP() << "NOT RUN: long; set VARIMESH_LONG_TESTS=1 for the 10,000 cells";
   constexpr int kCells = 282;  // of each shape and order: 36 × 282 > 10,000
   for (int order = 1; order <= 6; ++order) {
     if (order == 1 && reference::info(GetParam()).affine) continue;
@@ -128,10 +129,10 @@ TEST_P(CertifiedShape, LongNeverContradictsALatticeOfFortyIntervals) {
 }
 
 // ---------------------------------------------------------------------------------------------------------------------
-// What must not matter
+// Changes that must not matter
 // ---------------------------------------------------------------------------------------------------------------------
 
-/// Answers may differ only where one is undecided and J is as near to 0 as `tolerance` says.
+/// Answers may differ only if one is undecided and |J| is below `tolerance` there.
 void expect_same_answers(const HighOrderMesh& before, const HighOrderMesh& after, double tolerance) {
   const std::vector<Certificate> a = certify(before), b = certify(after);
   const CellQuality quality = cell_quality(before, 20);
@@ -142,7 +143,7 @@ void expect_same_answers(const HighOrderMesh& before, const HighOrderMesh& after
   }
 }
 
-TEST_P(CertifiedShape, ScaleDoesNotMatter) {
+TEST_P(CertificateOfShape, ScaleDoesNotMatter) {
   const RandomCells cells = random_cells(GetParam(), 3, 12, 300);
   for (const double scale : {1e-6, 1e-3, 7.0, 1e6}) {
     HighOrderMesh scaled = cells.mesh;
@@ -151,7 +152,7 @@ TEST_P(CertifiedShape, ScaleDoesNotMatter) {
   }
 }
 
-TEST_P(CertifiedShape, TranslationDoesNotMatter) {
+TEST_P(CertificateOfShape, TranslationDoesNotMatter) {
   const RandomCells cells = random_cells(GetParam(), 3, 12, 301);
   HighOrderMesh moved = cells.mesh;
   for (std::size_t i = 0; i < moved.coordinates.size(); ++i)
@@ -159,7 +160,7 @@ TEST_P(CertifiedShape, TranslationDoesNotMatter) {
   expect_same_answers(cells.mesh, moved, 1e-6);
 }
 
-TEST_P(CertifiedShape, RotationDoesNotMatter) {
+TEST_P(CertificateOfShape, RotationDoesNotMatter) {
   const RandomCells cells = random_cells(GetParam(), 3, 12, 302);
   HighOrderMesh turned = cells.mesh;
   for (std::size_t n = 0; n < turned.node_count(); ++n) {
@@ -176,14 +177,14 @@ TEST_P(CertifiedShape, RotationDoesNotMatter) {
   expect_same_answers(cells.mesh, turned, 1e-9);
 }
 
-TEST_P(CertifiedShape, AMirroredMeshGetsTheSameAnswers) {
+TEST_P(CertificateOfShape, AMirroredMeshGetsTheSameAnswers) {
   const RandomCells cells = random_cells(GetParam(), 3, 12, 303);
   HighOrderMesh mirrored = cells.mesh;
   for (std::size_t n = 0; n < mirrored.node_count(); ++n) mirrored.coordinates[3 * n] *= -1;
   expect_same_answers(cells.mesh, mirrored, 1e-9);
 }
 
-TEST_P(CertifiedShape, TheOrderOfTheCellsDoesNotMatter) {
+TEST_P(CertificateOfShape, TheOrderOfTheCellsDoesNotMatter) {
   const HighOrderMesh mesh = random_cells(GetParam(), 2, 21, 304).mesh;
   HighOrderMesh reversed = mesh;
   const std::size_t nodes = mesh.blocks[0].nodes.size() / 21;
@@ -197,7 +198,7 @@ TEST_P(CertifiedShape, TheOrderOfTheCellsDoesNotMatter) {
   }
 }
 
-TEST_P(CertifiedShape, TheNumberOfThreadsDoesNotMatter) {
+TEST_P(CertificateOfShape, TheNumberOfThreadsDoesNotMatter) {
   const HighOrderMesh mesh = random_cells(GetParam(), 2, 200, 305).mesh;
   const std::vector<Certificate> one = certify(mesh, {}, 1), two = certify(mesh, {}, 2);
   for (std::size_t i = 0; i < one.size(); ++i) {
@@ -207,14 +208,14 @@ TEST_P(CertifiedShape, TheNumberOfThreadsDoesNotMatter) {
 }
 
 // ---------------------------------------------------------------------------------------------------------------------
-// Nasty cells
+// Difficult cells
 // ---------------------------------------------------------------------------------------------------------------------
 
 Certificate certify_one(Shape shape, int order, const std::function<Place(Place)>& map) {
   return certify(testing::one_cell(shape, order, map)).front();
 }
 
-TEST_P(CertifiedShape, ANeedleIsValid) {
+TEST_P(CertificateOfShape, ANeedleIsValid) {
   for (int order = 1; order <= 6; ++order) {
     const Certificate c = certify_one(GetParam(), order, [](Place p) {
       const double thin = 1e-6 * p[0];
@@ -225,10 +226,10 @@ TEST_P(CertifiedShape, ANeedleIsValid) {
   }
 }
 
-// The certificate is about the coordinates as written, and these maps are exact at the nodes of orders 2 and 4 only: at
-// order 3 the rounded nodes of such a cell may well make it valid by 1e-17.
+// A certificate holds for the coordinates as given. These maps are exact at the nodes of orders 2 and 4 only. At order
+// 3 the rounded nodes of such a cell may make it valid by 1e-17.
 
-TEST_P(CertifiedShape, JZeroOnAFaceIsNotValid) {
+TEST_P(CertificateOfShape, JZeroOnAFaceIsNotValid) {
   // J = 1 + ξ.
   for (const int order : {2, 4})
     EXPECT_NE(certify_one(GetParam(), order,
@@ -240,7 +241,7 @@ TEST_P(CertifiedShape, JZeroOnAFaceIsNotValid) {
         << "order " << order;
 }
 
-TEST_P(CertifiedShape, JTouchingZeroInsideIsNotValid) {
+TEST_P(CertificateOfShape, JTouchingZeroInsideIsNotValid) {
   // J = 3 (ξ + 1/2)² + 3 (η + 1/2)²: the point (−1/2, −1/2, −1/2) is inside every reference cell.
   const auto map = [](Place p) {
     const double a = p[0] + 0.5, b = p[1] + 0.5;
@@ -249,7 +250,7 @@ TEST_P(CertifiedShape, JTouchingZeroInsideIsNotValid) {
   EXPECT_NE(certify_one(GetParam(), 4, map).answer, Answer::Valid);
 }
 
-TEST_P(CertifiedShape, ABarelyPositiveJIsValidAndABarelyNegativeOneIsNot) {
+TEST_P(CertificateOfShape, ABarelyPositiveJIsValidAndABarelyNegativeOneIsNot) {
   // J = (ξ + .4)² + (η + .4)² + (ζ + .4)² ± 1e-7.
   const bool solid = reference::info(GetParam()).dimension == 3;
   for (const double sign : {1.0, -1.0}) {
@@ -262,7 +263,7 @@ TEST_P(CertifiedShape, ABarelyPositiveJIsValidAndABarelyNegativeOneIsNot) {
 }
 
 TEST(Certificate, AVanishingCornerIsNotValid) {
-  // Two edges of the quadrilateral meet in a straight line, so that J is 0 at that corner alone.
+  // Two edges of the quadrilateral meet in a straight line, so J is 0 only at that corner.
   HighOrderMesh mesh = testing::one_cell(Shape::Quadrilateral, 1, [](Place p) { return p; });
   mesh.coordinates = {0, 0, 0, 1, 0, 0, 0.5, 0.5, 0, 0, 1, 0};
   EXPECT_NE(certify(mesh)[0].answer, Answer::Valid);
@@ -273,7 +274,7 @@ TEST(Certificate, AVanishingCornerIsNotValid) {
 }
 
 TEST(Certificate, AnInvalidCellIsNamedWithAPlaceWhereJIsNotPositive) {
-  // J = (1 + 2ξ)(1 + η/2) is not positive for ξ ≤ −1/2, x = ξ + ξ² ≤ … there, y = η + η²/4.
+  // J = (1 + 2ξ)(1 + η/2) is not positive for ξ ≤ −1/2.
   const Certificate c = certify_one(Shape::Quadrilateral, 2, [](Place p) {
     return Place{p[0] + p[0] * p[0], p[1] + p[1] * p[1] / 4, 0};
   });
@@ -307,8 +308,7 @@ TEST(Certificate, ACoordinateThatIsNotANumberIsNeverValid) {
 // ---------------------------------------------------------------------------------------------------------------------
 
 TEST(Certificate, SharpeningFindsAMinimumInsideACell) {
-  // J = (ξ + .4)² + (η + .4)² + (ζ + .4)² + 1/8, least inside with 1/8, greatest at a vertex with 1.96 + .36 + .36 +
-  // 1/8.
+  // J = (ξ + .4)² + (η + .4)² + (ζ + .4)² + 1/8 is least inside, 1/8, and greatest at a vertex, 1.96 + .36 + .36 + 1/8.
   HighOrderMesh mesh = testing::empty_mesh(Shape::Tetrahedron, 3);
   testing::add_cell(mesh, Shape::Tetrahedron, [](Place p) { return p; });
   testing::add_cell(mesh, Shape::Tetrahedron, [](Place p) {

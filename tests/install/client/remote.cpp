@@ -1,4 +1,4 @@
-// Has a mesh optimised by a server, with the installed library: remote HOST:PORT IN OUT
+// Lets a server optimise a mesh, using the installed library: remote HOST:PORT IN OUT
 #include <varimesh/client.h>
 
 #include <cstdio>
@@ -7,7 +7,7 @@ namespace v1 = varimesh::v1;
 
 namespace {
 
-/// What could not be done, as the exit status.
+/// Prints a failure and returns the exit status.
 int report(const varimesh::client::Failure& failure) {
   std::fprintf(stderr, "%s [%s]\n", failure.sentence.c_str(), failure.reason.c_str());
   return 1;

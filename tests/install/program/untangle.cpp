@@ -1,4 +1,4 @@
-// Optimises a mesh with the installed library: untangle IN OUT. docs/api.md shows the same lines.
+// Optimises a mesh with the installed library: untangle IN OUT. docs/api.md shows the same code.
 #include <varimesh/varimesh.h>
 
 #include <cstdio>

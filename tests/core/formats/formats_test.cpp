@@ -1,0 +1,50 @@
+// The table of formats: names, endings, and what is no mesh.
+#include "core/formats/formats.h"
+
+#include <gtest/gtest.h>
+
+#include "tests/core/support/samples.h"
+
+namespace varimesh {
+namespace {
+
+using formats::Format;
+
+TEST(FormatTable, NamesAreFoundAndListed) {
+  EXPECT_EQ(formats::from_name("msh41-binary"), Format::Msh41Binary);
+  const auto unknown = formats::from_name("stl");
+  ASSERT_FALSE(unknown);
+  EXPECT_EQ(unknown.error().kind, Error::Kind::BadOption);
+  EXPECT_NE(unknown.error().sentence.find("msh22-binary"), std::string::npos);
+}
+
+TEST(FormatTable, EndingsDecide) {
+  EXPECT_EQ(formats::for_output("a/b.vtu", Format::Auto, Format::Msh22), Format::Vtu);
+  EXPECT_EQ(formats::for_output("b.MSH", Format::Auto, Format::Msh22), Format::Msh22);
+  EXPECT_EQ(formats::for_output("b.msh", Format::Auto, Format::Auto), Format::Msh41Binary);
+  EXPECT_EQ(formats::for_output("b.dat", Format::Msh41, Format::Auto), Format::Msh41);
+  EXPECT_EQ(formats::for_output("/dev/null", Format::Auto, Format::Msh22), Format::Msh22);
+  EXPECT_FALSE(formats::for_output("b.vtu", Format::Msh41, Format::Auto));
+  EXPECT_FALSE(formats::for_output("b.msh", Format::Vtu, Format::Auto));
+  EXPECT_FALSE(formats::for_output("b.stl", Format::Auto, Format::Msh22));
+}
+
+TEST(FormatTable, HasEveryFormatOnceByItsName) {
+  std::size_t readable = 0;
+  for (const formats::FormatInfo& info : formats::all()) {
+    EXPECT_EQ(formats::from_name(info.name), info.format);
+    readable += info.readable ? 1 : 0;
+  }
+  EXPECT_EQ(formats::all().size(), 5U);
+  EXPECT_EQ(readable, 4U) << "VTU is written only";
+  EXPECT_EQ(formats::from_name("auto"), Format::Auto);
+  EXPECT_EQ(formats::from_name(""), Format::Auto);
+}
+
+TEST(Write, TakesTheBinaryMshFormatByDefault) {
+  const HighOrderMesh mesh = test::one_cell(Shape::Triangle, 2);
+  EXPECT_EQ(test::written(mesh, Format::Auto), test::written(mesh, Format::Msh41Binary));
+}
+
+}  // namespace
+}  // namespace varimesh
