@@ -14,8 +14,6 @@ namespace {
 
 constexpr std::int32_t kNodesPerTask = 128;
 constexpr double kLeastPivot = 1e-14;  // relative to the largest entry
-/// With more free vertices than this a sparse factor would take more memory and time than it saves.
-constexpr std::int32_t kMostNodes = 200000;
 
 /// Values of functions of order 1 at the nodes of the space above; only free nodes on either side.
 SparseRows values_above(const Problem& problem, const CoarseSpace& above, const CoarseSpace& linear) {
@@ -57,7 +55,8 @@ LinearLevel::LinearLevel(const Problem& problem, const CoarseSpace& above, const
       space_(coarse_space(problem, 1)),
       to_above_(values_above(problem, above, space_)),
       from_above_(transposed(to_above_, space_.count)),
-      is_used_(space_.count > 0 && space_.count <= kMostNodes),
+      solver_(team),
+      is_used_(space_.count > 0),
       right_(space_.count, problem.dimension) {}
 
 template <class Body>
@@ -83,7 +82,7 @@ void LinearLevel::find_pattern() {
     });
     matrix_.setFromTriplets(entries.begin(), entries.end());
   }
-  factor_.analyzePattern(matrix_);
+  solver_.analyse(matrix_);
 }
 
 template <int d>
@@ -107,8 +106,7 @@ void LinearLevel::assemble_from(const std::vector<std::vector<float>>& tensors) 
   const double largest = matrix_.coeffs().maxCoeff();
   for (std::int32_t vertex = 0; vertex < space_.count; ++vertex)
     matrix_.coeffRef(vertex, vertex) += kLeastPivot * largest;
-  factor_.factorize(matrix_);
-  if (factor_.info() != Eigen::Success) is_used_ = false;
+  if (!solver_.factorise(matrix_)) is_used_ = false;
 }
 
 void LinearLevel::assemble(const std::vector<std::vector<float>>& tensors) {
@@ -129,8 +127,7 @@ void LinearLevel::restrict_residual(const float* residual) {
 void LinearLevel::solve(const float* residual) {
   const int d = problem_.dimension;
   d == 2 ? restrict_residual<2>(residual) : restrict_residual<3>(residual);
-  solution_.resize(space_.count, d);
-  team_.for_each(d, 1, [&](std::int32_t k) { solution_.col(k) = factor_.solve(right_.col(k)); });
+  solver_.solve(right_, solution_);
 }
 
 }  // namespace varimesh

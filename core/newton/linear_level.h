@@ -1,27 +1,28 @@
-// The level of order 1 below the coarse level: one scalar problem for all directions, solved by sparse Cholesky.
+// The level of order 1 below the coarse level: one scalar problem for all directions.
 #pragma once
 
-#include <Eigen/SparseCholesky>
+#include <Eigen/SparseCore>
 #include <array>
 #include <cstdint>
 #include <vector>
 
 #include "core/base/team.h"
 #include "core/newton/coarse_space.h"
+#include "core/newton/linear_solver.h"
 #include "core/problem/problem.h"
 
 namespace varimesh {
 
 /// Corrections of order 1 to the coarse level. Of the stiffness matrix it keeps only the coupling of each direction
-/// with itself, averaged over the directions. So one scalar factor serves all directions, and the conjugate gradients
-/// take as many iterations as with the whole matrix.
+/// with itself, averaged over the directions. So one scalar problem serves all directions (linear_solver.h), and with a
+/// factor of it the conjugate gradients take as many iterations as with one of the whole matrix.
 class LinearLevel {
  public:
   /// `above`: the space of the coarse level, in its final numbering. Only problem and team are kept by reference.
   LinearLevel(const Problem& problem, const CoarseSpace& above, const Team& team);
 
-  /// Whether there is a factor to solve with: no if the mesh has no free vertices or too many of them, or if the
-  /// factorisation failed once.
+  /// Whether there is something to solve with: no if the mesh has no free vertices, or if the factorisation failed
+  /// once.
   bool is_used() const { return is_used_; }
 
   /// Assembles the matrix and factorises it. `tensors`: by set, as HessianKernels::mean_tensors.
@@ -60,7 +61,7 @@ class LinearLevel {
   CoarseSpace space_;
   SparseRows to_above_, from_above_;    ///< Values at the nodes above from those at the nodes here, and the transpose.
   Eigen::SparseMatrix<double> matrix_;  ///< Lower triangle.
-  Eigen::SimplicialLDLT<Eigen::SparseMatrix<double>> factor_;
+  LinearSolver solver_;
   bool is_used_ = false;
   Eigen::MatrixXd right_, solution_;  ///< nodes × d
 };
