@@ -7,15 +7,14 @@ find_package(Protobuf REQUIRED)
 find_package(PkgConfig REQUIRED)
 pkg_check_modules(grpcpp REQUIRED IMPORTED_TARGET grpc++)
 
-# A shared library, so that a program does not have to link the libraries inside it. The part of the core that it contains,
-# the writing of files, is hidden. The objects are those of the static libraries.
+# A shared library, so that a program does not have to link the libraries inside it. The parts of the core that it contains,
+# the writing of files and SHA-256, are hidden. The objects are those of the static libraries.
 add_library(varimesh_client_shared SHARED
-  $<TARGET_OBJECTS:varimesh_client> $<TARGET_OBJECTS:varimesh_digest> $<TARGET_OBJECTS:varimesh_proto>
-  $<TARGET_OBJECTS:varimesh_messages>)
+  $<TARGET_OBJECTS:varimesh_client> $<TARGET_OBJECTS:varimesh_proto> $<TARGET_OBJECTS:varimesh_messages>)
 target_link_libraries(varimesh_client_shared
   PUBLIC protobuf::libprotobuf PkgConfig::grpcpp
-  PRIVATE $<BUILD_INTERFACE:varimesh> OpenSSL::Crypto PkgConfig::zstd Threads::Threads)
-target_link_options(varimesh_client_shared PRIVATE LINKER:--as-needed LINKER:--exclude-libs,libvarimesh.a)
+  PRIVATE $<BUILD_INTERFACE:varimesh> $<BUILD_INTERFACE:varimesh_digest> OpenSSL::Crypto PkgConfig::zstd Threads::Threads)
+target_link_options(varimesh_client_shared PRIVATE LINKER:--as-needed LINKER:--exclude-libs,libvarimesh.a:libvarimesh_digest.a)
 target_include_directories(varimesh_client_shared INTERFACE $<INSTALL_INTERFACE:include>)
 target_compile_features(varimesh_client_shared INTERFACE cxx_std_17)
 # Before version 1.0, a new minor version may change the interface.

@@ -16,12 +16,6 @@ namespace {
 
 using google::protobuf::FieldDescriptor;
 
-/// The sentence of the table, and the default unless the sentence says what 0 means.
-std::string help_text(const OptionInfo& option) {
-  const std::string text(option.help), usual = default_text(option);
-  return usual.empty() || usual == "0" ? text : text + "; default " + usual;
-}
-
 /// A suggestion for a value that does not exist, with all values that do.
 std::string suggestion(const std::string& name, const google::protobuf::EnumDescriptor& type) {
   const auto known = spellings(type);
@@ -130,6 +124,11 @@ void add_one(CLI::App& command, const OptionInfo& option, v1::Options* options) 
 }
 
 }  // namespace
+
+std::string help_text(const OptionInfo& option) {
+  const std::string text(option.help), usual = default_text(option);
+  return usual.empty() || usual == "0" ? text : text + "; default " + usual;
+}
 
 void add_options(CLI::App& command, v1::Options* options) {
   for (const OptionInfo& option : option_table()) {

@@ -3,9 +3,13 @@
 
 #include <CLI/CLI.hpp>
 
+#include "core/options/option_table.h"
 #include "varimesh/v1/optimise.pb.h"
 
 namespace varimesh::client {
+
+/// The help of an option: the sentence of the table, and the default unless the sentence says what 0 means.
+std::string help_text(const OptionInfo& option);
 
 /// Adds a flag for each option of the table. A flag that is given sets its field in `options`; the others stay
 /// unset.

@@ -7,6 +7,7 @@
 #include <filesystem>
 
 #include "client/cli/names.h"
+#include "client/cli/option_flags.h"
 #include "client/io/documents.h"
 #include "client/library/failures.h"
 #include "client/process/temporary_folder.h"
@@ -105,7 +106,7 @@ Json options_document(const v1::Options& options) {
       text = spelled_list(options, *field);
     else if (reflection->HasField(options, field))
       text = spelled_value(options, *field);
-    rows.push_back({{"name", "--" + dashed(std::string(option.name))}, {"value", text}, {"help", option.help}});
+    rows.push_back({{"name", "--" + dashed(std::string(option.name))}, {"value", text}, {"help", help_text(option)}});
   }
   return rows;
 }

@@ -21,7 +21,7 @@ enum class StopReason : std::uint8_t {
   Quality,     ///< until_js is reached.
   TimeLimit,   ///< time_limit is reached.
   Iterations,  ///< max_iterations is reached.
-  Stopped,     ///< The caller returned Control::Stop.
+  Stopped,     ///< The caller returned Control::Stop, or RunControl::stop_asked said yes.
 };
 
 /// Sizes of a mesh, and how many of its nodes would move.
@@ -42,7 +42,7 @@ struct RunSummary {
   double proof_seconds = 0;  ///< The part of `seconds` spent on certificates and on finding what cannot be repaired.
   double residual = 0;       ///< Of the last iteration.
   bool converged = false;    ///< residual ≤ tolerance.
-  bool stopped = false;      ///< Ended by Control::Stop.
+  bool stopped = false;      ///< Ended by the caller: StopReason::Stopped.
   StopReason stop_reason = StopReason::Iterations;
   QualityReport before;
   QualityReport after;

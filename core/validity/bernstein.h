@@ -37,7 +37,7 @@ class BernsteinSpace {
   const std::vector<Factor>& factors() const { return factors_; }
   const std::vector<Exponents>& exponents() const { return exponents_; }
   int size() const { return static_cast<int>(exponents_.size()); }
-  /// Number of the monomial with these exponents; −1 if it is not in the space.
+  /// Number of the monomial with these exponents, which must add up to the degree of each factor.
   int index(const Exponents& exponents) const;
   /// Product over the factors of degree! / Π γ_k!.
   long double multinomial(int index) const;

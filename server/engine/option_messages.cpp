@@ -108,7 +108,9 @@ Answer<Options> options_from(const v1::Options& message) {
   Options options;
   for (const OptionInfo& option : option_table())
     if (!std::visit(FromMessage{message, field_of(option), options}, option.member)) {
-      const std::string name(option.name);
+      // Of a field, only the enum inside it can be unknown.
+      const bool is_field = std::holds_alternative<TargetField Options::*>(option.member);
+      const std::string name = std::string(option.name) + (is_field ? ".per" : "");
       return invalid_option(
           "The option '" + name + "' has a value that this server does not know; GetServerInfo returns its version.",
           {{"option", name}});

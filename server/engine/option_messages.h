@@ -12,7 +12,7 @@ namespace varimesh::server {
 /// enum that this server does not know. The library checks ranges.
 Answer<Options> options_from(const v1::Options& message);
 
-/// The message with every field set, so that a job keeps its options when a default changes.
+/// The message with every field set, defaults included.
 v1::Options to_proto(const Options& options);
 
 }  // namespace varimesh::server

@@ -96,7 +96,7 @@ class Memory {
   Expected<void> take(std::int64_t bytes) {
     if (!budget_.can_ever_fit(bytes))
       return bad_input("The mesh needs about " + mebibytes(bytes) +
-                       " of memory with these options, but the jobs of this " + "server have only " +
+                       " of memory with these options, but the jobs of this server have only " +
                        mebibytes(budget_.limit()) +
                        " together (its flag --max-memory-bytes); use a machine with more memory, a lower order, or "
                        "the method sweeps.");

@@ -51,6 +51,18 @@ class Planted(unittest.TestCase):
         plant(self.tree, "core/drawer/things.h", "#pragma once")
         self.expect("core/drawer/things.h is in no room of core/ROOMS")
 
+    def test_an_upward_arrow_in_angle_brackets_is_found(self):
+        plant(self.tree, "core/mesh/check.h", "#include <core/optimise/optimiser.h>")
+        self.expect("core/mesh/check.h includes core/optimise/optimiser.h")
+
+    def test_a_relative_path_is_found(self):
+        plant(self.tree, "core/mesh/check.h", '#include "../optimise/optimiser.h"')
+        self.expect("write the path from the root of the repository")
+
+    def test_the_core_knows_no_network(self):
+        plant(self.tree, "core/base/error.h", '#include "varimesh/v1/service.pb.h"')
+        self.expect("core knows no network")
+
     def test_the_core_knows_no_server(self):
         plant(self.tree, "core/mesh/check.cpp", '#include "server/server.h"')
         self.expect("core knows nothing of server")

@@ -1,7 +1,9 @@
 """The rooms of core, server and client as their ROOMS files list them, and the includes between files and rooms."""
 import re
 
-INCLUDE = re.compile(r'^\s*#\s*include\s+"((?:core|server|client)/[^"]+)"', re.M)
+INCLUDE = re.compile(r'^\s*#\s*include\s+["<]((?:core|server|client)/[^">]+)[">]', re.M)
+QUOTED = re.compile(r'^\s*#\s*include\s+"([^"]+)"', re.M)
+CONTRACT = re.compile(r'^\s*#\s*include\s+["<]((?:varimesh|google|grpc|grpcpp)/[^">]+)[">]', re.M)
 HOUSES = ("core", "server", "client")
 
 

@@ -101,7 +101,10 @@ TEST(OptionMessages, RefuseAnEnumValueThatThisServerDoesNotKnow) {
   }
   v1::Options message;
   message.mutable_target_field()->set_per(static_cast<v1::Per>(99));
-  EXPECT_FALSE(options_from(message));
+  const auto options = options_from(message);
+  ASSERT_FALSE(options);
+  EXPECT_EQ(options.error().reason, "BAD_OPTION");
+  EXPECT_EQ(options.error().metadata.at("option"), "target_field.per");
 }
 
 }  // namespace
