@@ -84,6 +84,7 @@ class DirectoryMeshStore : public MeshStore {
   int open_file(Entries::const_iterator entry) const;
   std::filesystem::path temporary_path();
   Answer<std::shared_ptr<Upload>> find(const UploadTicket& ticket);
+  /// Null if the mesh is in the store by now.
   Answer<std::shared_ptr<Upload>> find_or_make(const std::string& id, const std::string& digest, std::int64_t size);
   /// Requires the lock of the upload. Removes it from the store.
   void forget(const std::string& id, Upload& upload);

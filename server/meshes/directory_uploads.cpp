@@ -23,6 +23,7 @@ Answer<UploadTicket> DirectoryMeshStore::begin_upload(const std::string& id, con
       return store_full("The server's disk has no room for a mesh of " + std::to_string(size) + " bytes");
     const auto found = find_or_make(id, digest, size);
     if (!found) return tl::unexpected(found.error());
+    if (*found == nullptr) continue;
     Upload& upload = **found;
     // While another stream finishes this upload it holds the lock; after that the mesh is in the store.
     std::lock_guard lock(upload.mutex);
@@ -39,6 +40,8 @@ Answer<std::shared_ptr<DirectoryMeshStore::Upload>> DirectoryMeshStore::find_or_
   const std::filesystem::path path = temporary_path();
   std::lock_guard lock(mutex_);
   drop_old_uploads();
+  // Another stream may have stored the mesh since the caller looked. Then there is nothing to upload.
+  if (!uploads_.contains(id) && entries_.contains(digest)) return nullptr;
   std::shared_ptr<Upload>& upload = uploads_[id];
   if (upload != nullptr) return upload;
   auto made = std::make_shared<Upload>();
