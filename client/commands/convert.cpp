@@ -6,8 +6,8 @@
 #include "client/process/exit_status.h"
 #include "client/process/interrupts.h"
 #include "core/formats/formats.h"
-#include "core/mesh/check.h"
 #include "core/marks/marks.h"
+#include "core/mesh/check.h"
 
 namespace varimesh::client {
 namespace {

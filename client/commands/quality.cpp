@@ -11,11 +11,11 @@
 #include "client/io/summary.h"
 #include "client/process/exit_status.h"
 #include "client/process/interrupts.h"
+#include "core/diagnosis/diagnosis.h"
 #include "core/formats/formats.h"
+#include "core/marks/marks.h"
 #include "core/mesh/check.h"
 #include "core/optimise/optimiser.h"
-#include "core/diagnosis/diagnosis.h"
-#include "core/marks/marks.h"
 
 namespace varimesh::client {
 namespace {

@@ -6,8 +6,8 @@
 #include <string>
 #include <unordered_map>
 
-#include "core/mesh/connectivity.h"
 #include "core/base/text_lines.h"
+#include "core/mesh/connectivity.h"
 
 namespace varimesh {
 namespace {
