@@ -26,14 +26,14 @@ class Strength {
   bool is_strong(std::size_t row, std::size_t column, float value) const {
     return -value >= (kind_[row] == kLed ? scale_[row] * scale_[row] : scale_[row] * scale_[column]) && value < 0;
   }
-  /// True for a row that needs no correction by a coarser level: relaxation alone makes its error small, because its
-  /// diagonal entry is at least ten times the sum of the others, or because there are no others.
+  /// True for a row that needs no correction by a coarser level: relaxation by itself makes its error small, because
+  /// its diagonal entry is at least ten times the sum of the others, or because there are no others.
   bool is_alone(std::size_t row) const { return kind_[row] == kAlone; }
   bool is_led(std::size_t row) const { return kind_[row] == kLed; }
 
  private:
   enum Kind : std::uint8_t { kMutual, kLed, kAlone };
-  std::vector<float> scale_;  ///< √(θ m_i); infinite for a row that is alone.
+  std::vector<float> scale_;  ///< √(θ m_i); infinite if is_alone(row).
   std::vector<Kind> kind_;
 };
 
@@ -43,11 +43,11 @@ struct Aggregates {
   std::vector<std::int32_t> of_row;  ///< −1 for a row in none.
 };
 
-/// A maximal set of rows no two of which are within two strong connections of each other, and around each of them its
-/// strong neighbours; a row that is left joins the neighbour to which it is tied best, and so does a row that is led.
-/// Rows are chosen in rounds by hashed priorities (Bell, Dalton and Olson, "Exposing fine-grained parallelism in
-/// algebraic multigrid methods", SIAM J. Sci. Comput. 34, 2012), so that threads share the work and the result does not
-/// depend on them.
+/// Forms the aggregates. Each has a root row and the root's strong neighbours. Two roots are always more than two
+/// strong connections apart, and no further root could be added. A row that is left over joins the neighbour with the
+/// strongest connection, and so does a row that is led. Rows are chosen in rounds by hashed priorities (Bell, Dalton
+/// and Olson, "Exposing fine-grained parallelism in algebraic multigrid methods", SIAM J. Sci. Comput. 34, 2012), so
+/// that threads share the work and the result does not depend on them.
 Aggregates aggregate(const Team& team, const LevelMatrix& matrix, const Strength& strength);
 
 }  // namespace varimesh::multigrid

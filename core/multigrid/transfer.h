@@ -15,7 +15,8 @@ namespace varimesh::multigrid {
 /// are negative; if a row of it adds up to less than 0, its diagonal is raised, so that the eigenvalues of D_F⁻¹ A_F
 /// are at most 2. ω = 2/3 is the (4/3)/λ of smoothed aggregation for that bound.
 ///
-/// A row in no aggregate takes what its strong neighbours give it (ω = 1 there); a row that is alone is zero.
+/// A row in no aggregate takes what its strong neighbours give it (ω = 1 there); a row for which is_alone() holds is
+/// zero.
 FloatRows prolongator(const Team& team, const LevelMatrix& matrix, const Strength& strength,
                       const Aggregates& aggregates);
 
