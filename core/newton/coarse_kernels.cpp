@@ -91,7 +91,7 @@ class VectorCoarseKernels final : public CoarseKernels {
     CellLanes<d>::interleave(out, coarse, set.contributions.data() + contribution_index(b * kBatch, 0, coarse, d));
   }
 
-  void add_up(const std::array<Contributions, kShapes>& contributions, const std::int32_t* begin,
+  void add_up(const std::array<Contributions, kShapes>& contributions, const std::int64_t* begin,
               const Incidence* cells, const float* blocks, float* to, std::int32_t first,
               std::int32_t last) const override {
     for (std::ptrdiff_t i = first; i < last; ++i) {

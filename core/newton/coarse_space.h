@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "core/base/team.h"
 #include "core/problem/problem.h"
 
 namespace varimesh {
@@ -31,12 +32,13 @@ struct CoarseSpace {
   std::vector<Set> sets;
 };
 
-/// The space of this order, which is at most that of the mesh. Nodes are numbered in the order in which they first
-/// occur in the cells.
-CoarseSpace coarse_space(const Problem& problem, int order);
+/// The space of this order, which is 1 or 2 and at most that of the mesh. Nodes are numbered in the order in
+/// which they first occur in the cells. A vertex, edge, face or interior counts as free if its own mesh node
+/// with the lowest number is free.
+CoarseSpace coarse_space(const Problem& problem, int order, const Team& team);
 
 /// Gives node i the number `number[i]`, a permutation.
-void renumber(CoarseSpace& space, const std::vector<std::int32_t>& number);
+void renumber(CoarseSpace& space, const std::vector<std::int32_t>& number, const Team& team);
 
 /// The transpose of a matrix with this many columns.
 SparseRows transposed(const SparseRows& rows, std::int32_t columns);

@@ -104,7 +104,7 @@ class CoarseKernelsOn : public ::testing::TestWithParam<Filling> {
     const int d = problem_.dimension;
     kernels_ = make_coarse_kernels(d);
     batches_ = make_batches(problem_, *make_hessian_kernels(material(Options{}), d));
-    space_ = coarse_space(problem_, 2);
+    space_ = coarse_space(problem_, 2, Team(1));
     std::mt19937 random(3);
     std::uniform_real_distribution<float> uniform(-1, 1);
     values_.resize(problem_.free.size() * at(d));
@@ -197,11 +197,11 @@ TEST_P(CoarseKernelsOn, AddUpThePartsOfEachCoarseNode) {
                                                       static_cast<std::int16_t>(s),
                                                       static_cast<std::int16_t>(i % per_cell)});
     }
-  std::vector<std::int32_t> begin{0};
+  std::vector<std::int64_t> begin{0};
   std::vector<Incidence> places;
   for (const auto& of_node : cells) {
     places.insert(places.end(), of_node.begin(), of_node.end());
-    begin.push_back(static_cast<std::int32_t>(places.size()));
+    begin.push_back(static_cast<std::int64_t>(places.size()));
   }
   std::vector<float> blocks(at(space_.count * d * d + 1));
   for (float& number : blocks) number = uniform(random);

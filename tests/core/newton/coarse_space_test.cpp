@@ -23,11 +23,11 @@ TEST(CoarseSpace, HasANodeInEveryPartThatMayMove) {
   // 3 × 3 squares have 4 inner vertices, 12 inner edges and 9 squares; 3 × 3 × 3 cubes have 8 inner vertices, 36 inner
   // edges, 54 inner faces and 27 cubes.
   const Problem squares = testing::make_problem(testing::grid(Filling::Quadrilaterals, {3, 3, 0}, 4));
-  EXPECT_EQ(coarse_space(squares, 1).count, 4);
-  EXPECT_EQ(coarse_space(squares, 2).count, 4 + 12 + 9);
+  EXPECT_EQ(coarse_space(squares, 1, Team(1)).count, 4);
+  EXPECT_EQ(coarse_space(squares, 2, Team(1)).count, 4 + 12 + 9);
   const Problem cubes = testing::make_problem(testing::grid(Filling::Hexahedra, {3, 3, 3}, 3));
-  EXPECT_EQ(coarse_space(cubes, 1).count, 8);
-  EXPECT_EQ(coarse_space(cubes, 2).count, 8 + 36 + 54 + 27);
+  EXPECT_EQ(coarse_space(cubes, 1, Team(1)).count, 8);
+  EXPECT_EQ(coarse_space(cubes, 2, Team(1)).count, 8 + 36 + 54 + 27);
 }
 
 class CoarseSpaceOn : public ::testing::TestWithParam<Filling> {
@@ -39,7 +39,7 @@ INSTANTIATE_TEST_SUITE_P(Fillings, CoarseSpaceOn, ::testing::ValuesIn(testing::k
                          [](const auto& info) { return testing::name(info.param); });
 
 TEST_P(CoarseSpaceOn, NumbersItsNodesAsTheCellsNameThem) {
-  const CoarseSpace space = coarse_space(problem_, 2);
+  const CoarseSpace space = coarse_space(problem_, 2, Team(1));
   std::int32_t next = 0;
   std::set<std::int32_t> seen;
   for (const CoarseSpace::Set& set : space.sets)
@@ -52,7 +52,7 @@ TEST_P(CoarseSpaceOn, NumbersItsNodesAsTheCellsNameThem) {
 
 TEST_P(CoarseSpaceOn, GivesANodeOneValueWhicheverOfItsCellsIsAsked) {
   for (const int order : {1, 2}) {
-    const CoarseSpace space = coarse_space(problem_, order);
+    const CoarseSpace space = coarse_space(problem_, order, Team(1));
     std::vector<double> coarse(std::size_t(space.count));
     std::mt19937 random(1);
     std::uniform_real_distribution<double> uniform(-1, 1);
@@ -87,7 +87,7 @@ TEST_P(CoarseSpaceOn, GivesANodeOneValueWhicheverOfItsCellsIsAsked) {
 
 TEST_P(CoarseSpaceOn, HoldsPolynomialsOfItsOrder) {
   for (const int order : {1, 2}) {
-    const CoarseSpace space = coarse_space(problem_, order);
+    const CoarseSpace space = coarse_space(problem_, order, Team(1));
     for (std::size_t s = 0; s < space.sets.size(); ++s) {
       const CellSet& cells = problem_.sets[s];
       const auto& coarse = reference::nodes(cells.shape, order, reference::NodeSet::Equispaced, cells.dimension);
@@ -108,7 +108,7 @@ TEST_P(CoarseSpaceOn, HoldsPolynomialsOfItsOrder) {
 
 TEST_P(CoarseSpaceOn, HasAStiffnessThatConstantsDoNotFeel) {
   for (const int order : {1, 2})
-    for (const CoarseSpace::Set& set : coarse_space(problem_, order).sets) {
+    for (const CoarseSpace::Set& set : coarse_space(problem_, order, Team(1)).sets) {
       const int d = problem_.dimension, nodes = set.nodes_per_cell;
       const auto entry = [&](int a, int b, int k, int l) {
         return set.stiffness[std::size_t(((a * nodes + b) * d + k) * d + l)];
@@ -129,7 +129,7 @@ TEST_P(CoarseSpaceOn, HasAStiffnessThatConstantsDoNotFeel) {
 TEST(CoarseSpace, HasTheStiffnessOfTheReferenceTriangle) {
   // ∇φ of the vertices (−1, −1), (1, −1), (−1, 1): (−1/2, −1/2), (1/2, 0), (0, 1/2).
   const HighOrderMesh mesh = testing::one_cell(Shape::Triangle, 2, [](testing::Place p) { return p; });
-  const CoarseSpace space = coarse_space(testing::make_problem(mesh), 1);
+  const CoarseSpace space = coarse_space(testing::make_problem(mesh), 1, Team(1));
   const double gradient[3][2] = {{-0.5, -0.5}, {0.5, 0}, {0, 0.5}};
   std::size_t i = 0;
   for (const auto& a : gradient)
@@ -139,9 +139,10 @@ TEST(CoarseSpace, HasTheStiffnessOfTheReferenceTriangle) {
 }
 
 TEST(Renumber, LeavesFixedNodesFixed) {
-  CoarseSpace space = coarse_space(testing::make_problem(testing::grid(Filling::Quadrilaterals, {3, 3, 0}, 2)), 1);
+  CoarseSpace space =
+      coarse_space(testing::make_problem(testing::grid(Filling::Quadrilaterals, {3, 3, 0}, 2)), 1, Team(1));
   const std::vector<std::int32_t> before = space.sets[0].nodes;
-  renumber(space, {3, 1, 0, 2});
+  renumber(space, {3, 1, 0, 2}, Team(1));
   for (std::size_t i = 0; i < before.size(); ++i)
     EXPECT_EQ(space.sets[0].nodes[i], before[i] < 0 ? -1 : (std::vector{3, 1, 0, 2}[std::size_t(before[i])]));
 }
