@@ -67,6 +67,16 @@ bool certify_lane(const CellToCertify& cell, const detail::KernelOutput& output,
   return true;
 }
 
+/// The coefficients of the cell in one lane, and the bound on their error.
+detail::Coefficients<double> known_coefficients(const CellToCertify& cell, const detail::KernelOutput& output,
+                                                std::size_t lane) {
+  detail::Coefficients<double> known{{}, output.error[lane]};
+  known.values.resize(static_cast<std::size_t>(cell.table->jacobian.size()));
+  const std::size_t lanes = detail::kernel_lanes();
+  for (std::size_t k = 0; k < known.values.size(); ++k) known.values[k] = output.coefficients[k * lanes + lane];
+  return known;
+}
+
 }  // namespace
 
 // ---------------------------------------------------------------------------------------------------------------------
@@ -82,15 +92,17 @@ Certifier::Certifier(const HighOrderMesh& mesh, CertificateOptions options)
   std::iota(all_.begin(), all_.end(), 0);
 }
 
-void Certifier::certify_on_one_thread(std::span<const double> coordinates, std::span<const std::int32_t> cells,
-                                      std::span<Certificate> certificates) const {
+/// Runs the kernel on these cells and calls visit(cell number, cell, the kernel's output, lane) for each.
+template <class Visit>
+void Certifier::visit_on_one_thread(std::span<const double> coordinates, std::span<const std::int32_t> cells, Form form,
+                                    const Visit& visit) const {
   thread_local std::vector<double> workspace;
   const std::size_t lanes = detail::kernel_lanes();
   detail::KernelOutput output;
   for (std::size_t first = 0; first < cells.size();) {
     const ElementBlock& block = *cells_[static_cast<std::size_t>(cells[first])].block;
     detail::KernelInput input;
-    input.table = &detail::jacobian_table(block.shape, block.order);
+    input.table = &detail::jacobian_table(block.shape, form == Form::Curved ? block.order : 1);
     input.coordinates = coordinates.data();
     input.scale = scale_;
     input.sign = sign_;
@@ -102,15 +114,33 @@ void Certifier::certify_on_one_thread(std::span<const double> coordinates, std::
     detail::bernstein_kernel(input, workspace, output);
     for (std::size_t lane = 0; lane < input.cells; ++lane) {
       const CellToCertify cell{input.table, coordinates.data(), input.nodes[lane], scale_, sign_};
-      Certificate& certificate = certificates[static_cast<std::size_t>(cells[first + lane])];
-      if (certify_lane(cell, output, lane, options_.gap, certificate)) continue;
-      detail::Coefficients<double> known{{}, output.error[lane]};
-      known.values.resize(static_cast<std::size_t>(input.table->jacobian.size()));
-      for (std::size_t k = 0; k < known.values.size(); ++k) known.values[k] = output.coefficients[k * lanes + lane];
-      certificate = detail::subdivide(cell, options_, std::move(known));
+      visit(static_cast<std::size_t>(cells[first + lane]), cell, output, lane);
     }
     first += input.cells;
   }
+}
+
+void Certifier::certify_on_one_thread(std::span<const double> coordinates, std::span<const std::int32_t> cells,
+                                      std::span<Certificate> certificates) const {
+  visit_on_one_thread(
+      coordinates, cells, Form::Curved,
+      [&](std::size_t number, const CellToCertify& cell, const detail::KernelOutput& output, std::size_t lane) {
+        if (!certify_lane(cell, output, lane, options_.gap, certificates[number]))
+          certificates[number] = detail::subdivide(cell, options_, known_coefficients(cell, output, lane));
+      });
+}
+
+std::vector<char> Certifier::sound_with_straight_sides(std::span<const double> coordinates, const Team& team) const {
+  std::vector<char> sound(cells_.size(), 0);
+  team.for_ranges(cells_.size(), kGrain, [&](std::size_t begin, std::size_t end) {
+    visit_on_one_thread(
+        coordinates, std::span(all_).subspan(begin, end - begin), Form::StraightSided,
+        [&](std::size_t number, const CellToCertify& cell, const detail::KernelOutput& output, std::size_t lane) {
+          const bool clear = output.least[lane] - output.error[lane] > 0;
+          sound[number] = clear || detail::subdivide(cell, {}, known_coefficients(cell, output, lane)).is_valid();
+        });
+  });
+  return sound;
 }
 
 void Certifier::certify(std::span<const double> coordinates, std::span<const std::int32_t> cells,
