@@ -27,9 +27,10 @@ struct NewtonOutcome {
 };
 
 /// Newton steps on a problem. Gradient, energy and steps are in double precision (each cell's contribution to the
-/// gradient has 48 bits); directions, products and the preconditioner are in single precision. Products use the exact
-/// Hessian. If conjugate gradients meet a direction of negative curvature, they stop with the step that they have. The
-/// line search never makes a valid cell invalid, and raises the energy by no more than rounding.
+/// gradient has 48 bits); directions, products and the preconditioner are in single precision. Products use the full
+/// Hessian at deformation gradients that are held to 16 bits (BatchSet::deformation). If conjugate gradients meet a
+/// direction of negative curvature, they stop with the step that they have. The line search never makes a valid cell
+/// invalid, and raises the energy by no more than rounding.
 ///
 /// Works from the positions of the nodes: it computes deformation gradients a batch of cells at a time and does not
 /// hold them. Expects the δ of the cells to be up to date (Sweeper::scan).
