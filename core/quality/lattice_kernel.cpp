@@ -131,10 +131,6 @@ void sample(const LatticeTable& table, const LatticeRows& rows, const double* x,
 
 namespace {
 
-/// Rows of more bytes than this are not kept. Up to order 4 all rows of a shape take less. They are then made for
-/// ranges of this size, which stay in cache while several batches of cells are sampled.
-constexpr std::size_t kMostBytes = std::size_t{4} << 20;
-
 /// One points × nodes matrix per direction, as [point][node][direction].
 std::vector<double> interleaved(const std::vector<Eigen::MatrixXd>& gradients) {
   std::vector<double> out;
@@ -156,7 +152,7 @@ LatticeTable::LatticeTable(Shape shape, int order, int intervals, int dimension)
       basis_(shape, order, reference::NodeSet::Equispaced, dimension, reference::uniform_lattice(shape, intervals)),
       linear_(shape, 1, reference::NodeSet::Equispaced, dimension, basis_.points()) {
   const std::size_t row_bytes = sizeof(double) * at(nodes_) * at(dimension);
-  per_range_ = std::min(at(points().rows()), std::max<std::size_t>(1, kMostBytes / row_bytes));
+  per_range_ = std::min(at(points().rows()), std::max<std::size_t>(1, at(kMostLatticeBytes) / row_bytes));
   if (ranges() == 1) kept_ = make_rows(0);
 }
 

@@ -22,8 +22,6 @@ using detail::LatticeTable;
 
 constexpr std::size_t kBatchesPerTask = 8;
 
-int default_intervals(int order) { return std::max(2 * order + 2, 8); }
-
 /// min / max; −1 if the value is nowhere positive.
 double ratio(double low, double high) { return high > 0 ? low / high : -1.0; }
 
@@ -72,7 +70,7 @@ void sample_batches(const HighOrderMesh& mesh, const LatticeTable& table, std::s
 Samples sample(const HighOrderMesh& mesh, int intervals, const Team& team) {
   assert(mesh.dimension == 2 || mesh.dimension == 3);
   Samples samples;
-  samples.intervals = intervals > 0 ? intervals : default_intervals(mesh.order);
+  samples.intervals = intervals > 0 ? intervals : report_intervals(mesh.order);
   samples.cells.resize(mesh.element_count(mesh.dimension));
   const std::size_t lanes = detail::lattice_lanes();
   samples.batches = detail::cell_batches(mesh, [&](const ElementBlock&) { return lanes; });
@@ -152,6 +150,8 @@ std::vector<UncertifiedElement> uncertified_elements(const HighOrderMesh& mesh,
 // ---------------------------------------------------------------------------------------------------------------------
 // Public functions
 // ---------------------------------------------------------------------------------------------------------------------
+
+int report_intervals(int order) { return std::max(2 * order + 2, 8); }
 
 std::vector<std::int64_t> uncertified_numbers(const QualityReport& report) {
   std::vector<std::int64_t> numbers;
