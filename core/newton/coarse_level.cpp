@@ -110,7 +110,7 @@ void CoarseLevel::find_pattern() {
       if (node >= 0) ++offsets_[node + 1];
   for (std::int32_t node = 0; node < space_.count; ++node) offsets_[node + 1] += offsets_[node];
   incidences_.resize(offsets_.back());
-  std::vector<std::int32_t> next(offsets_.begin(), offsets_.end() - 1);
+  std::vector<std::int64_t> next(offsets_.begin(), offsets_.end() - 1);
   for (std::size_t b = 0; b < space_.sets.size(); ++b) {
     const CoarseSpace::Set& set = space_.sets[b];
     for (std::size_t i = 0; i < set.nodes.size(); ++i)
@@ -123,7 +123,7 @@ void CoarseLevel::find_pattern() {
   std::vector<std::int32_t> row;
   for (std::int32_t node = 0; node < space_.count; ++node) {
     row.clear();
-    for (std::int32_t p = offsets_[node]; p < offsets_[node + 1]; ++p) {
+    for (std::int64_t p = offsets_[node]; p < offsets_[node + 1]; ++p) {
       const CoarseSpace::Set& set = space_.sets[incidences_[p].set];
       const auto first = set.nodes.begin() + static_cast<std::ptrdiff_t>(incidences_[p].cell) * set.nodes_per_cell;
       std::copy_if(first, first + set.nodes_per_cell, std::back_inserter(row),
@@ -160,7 +160,7 @@ CoarseLevel::BlockMatrix<d> CoarseLevel::stiffness(const Tensor<d>& M, const Coa
 template <int d>
 void CoarseLevel::factorise_diagonal(std::int32_t node) {
   BlockMatrix<d> K = BlockMatrix<d>::Zero();
-  for (std::int32_t p = offsets_[node]; p < offsets_[node + 1]; ++p) {
+  for (std::int64_t p = offsets_[node]; p < offsets_[node + 1]; ++p) {
     const Incidence& at = incidences_[p];
     K += stiffness<d>(tensor<d>(at.set, at.cell), space_.sets[at.set], at.local, at.local);
   }
@@ -181,7 +181,7 @@ void CoarseLevel::assemble_row(std::int32_t node) {
   const auto begin = column_.begin() + row_begin_[node], end = column_.begin() + row_begin_[node + 1];
   static thread_local std::vector<BlockMatrix<d>> row;
   row.assign(end - begin, BlockMatrix<d>::Zero());
-  for (std::int32_t p = offsets_[node]; p < offsets_[node + 1]; ++p) {
+  for (std::int64_t p = offsets_[node]; p < offsets_[node + 1]; ++p) {
     const Incidence& at = incidences_[p];
     const CoarseSpace::Set& set = space_.sets[at.set];
     const Tensor<d> M = tensor<d>(at.set, at.cell);

@@ -98,7 +98,7 @@ class CoarseLevel {
   std::vector<std::int32_t> colours_;  ///< colours + 1: where each colour's nodes begin.
   LinearLevel linear_;
   std::vector<SparseRows> to_coarse_;        ///< By set: the transpose of its values.
-  std::vector<std::int32_t> offsets_;        ///< nodes + 1: where each coarse node's incidences begin.
+  std::vector<std::int64_t> offsets_;        ///< nodes + 1: where each coarse node's incidences begin.
   std::vector<Incidence> incidences_;        ///< The cells of each coarse node.
   std::vector<std::int64_t> row_begin_;      ///< nodes + 1: where each row's blocks begin.
   std::vector<std::int32_t> column_;         ///< Ascending in each row, without the diagonal.
