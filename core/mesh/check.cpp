@@ -266,7 +266,21 @@ Expected<void> check_blocks(const HighOrderMesh& mesh) {
   return {};
 }
 
+Expected<void> check_counts(std::int64_t nodes, std::int64_t cells) {
+  const auto refuse = [](std::int64_t count, const char* things, std::int64_t most) {
+    return bad_input("The mesh has " + std::to_string(count) + " " + things + ", but can have at most " +
+                     std::to_string(most) + "; divide it into parts, or use larger elements.");
+  };
+  if (nodes > kMostNodes) return refuse(nodes, "nodes", kMostNodes);
+  if (cells > kMostCells) return refuse(cells, "cells", kMostCells);
+  return {};
+}
+
 Expected<void> check_structure(const HighOrderMesh& mesh) {
+  if (auto done = check_counts(static_cast<std::int64_t>(mesh.node_count()),
+                               static_cast<std::int64_t>(mesh.element_count(mesh.dimension)));
+      !done)
+    return done;
   for (auto step : {check_kind, check_arrays, check_coordinates, check_plane, check_distinct_nodes})
     if (auto done = step(mesh); !done) return tl::unexpected<Error>(done.error());
   const Cells cells(mesh, mesh.dimension);

@@ -118,7 +118,7 @@ SparseRows values_at_nodes(const CellSet& cells, int order) {
         rows.column.push_back(static_cast<std::int32_t>(a));
         rows.factor.push_back(static_cast<float>(values(n, a)));
       }
-    rows.begin.push_back(static_cast<std::int32_t>(rows.column.size()));
+    rows.begin.push_back(static_cast<std::int64_t>(rows.column.size()));
   }
   return rows;
 }
@@ -132,10 +132,10 @@ SparseRows transposed(const SparseRows& rows, std::int32_t columns) {
   for (std::int32_t c = 0; c < columns; ++c) out.begin[c + 1] += out.begin[c];
   out.column.resize(rows.column.size());
   out.factor.resize(rows.factor.size());
-  std::vector<std::int32_t> next(out.begin.begin(), out.begin.end() - 1);
+  std::vector<std::int64_t> next(out.begin.begin(), out.begin.end() - 1);
   for (std::size_t row = 0; row + 1 < rows.begin.size(); ++row)
-    for (std::int32_t i = rows.begin[row]; i < rows.begin[row + 1]; ++i) {
-      const std::int32_t at = next[rows.column[i]]++;
+    for (std::int64_t i = rows.begin[row]; i < rows.begin[row + 1]; ++i) {
+      const std::int64_t at = next[rows.column[i]]++;
       out.column[at] = static_cast<std::int32_t>(row);
       out.factor[at] = rows.factor[i];
     }

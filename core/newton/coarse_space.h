@@ -11,7 +11,7 @@ namespace varimesh {
 
 /// Rows of (column, factor).
 struct SparseRows {
-  std::vector<std::int32_t> begin;  ///< rows + 1
+  std::vector<std::int64_t> begin;  ///< rows + 1
   std::vector<std::int32_t> column;
   std::vector<float> factor;
 };

@@ -128,7 +128,7 @@ void LinearLevel::restrict_residual(const float* residual) {
   constexpr std::size_t kStride = padded(d);
   team_.for_each(space_.count, kNodesPerTask, [&](std::int32_t vertex) {
     std::array<double, 3> sum{};
-    for (std::int32_t i = from_above_.begin[vertex]; i < from_above_.begin[vertex + 1]; ++i)
+    for (std::int64_t i = from_above_.begin[vertex]; i < from_above_.begin[vertex + 1]; ++i)
       for (int k = 0; k < d; ++k) sum[k] += from_above_.factor[i] * residual[from_above_.column[i] * kStride + k];
     for (int k = 0; k < d; ++k) right_[at(vertex) * d + at(k)] = sum[at(k)];
   });

@@ -37,7 +37,7 @@ class LinearLevel {
   template <int d>
   std::array<float, d> value(std::int32_t node) const {
     std::array<float, d> sum{};
-    for (std::int32_t i = to_above_.begin[node]; i < to_above_.begin[node + 1]; ++i)
+    for (std::int64_t i = to_above_.begin[node]; i < to_above_.begin[node + 1]; ++i)
       for (int k = 0; k < d; ++k)
         sum[k] +=
             static_cast<float>(to_above_.factor[i] * solution_[static_cast<std::size_t>(to_above_.column[i]) * d + k]);

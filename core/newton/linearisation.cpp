@@ -20,7 +20,8 @@ constexpr std::size_t kMostBetween = 256;  // are as many, and from at least one
 
 double Newton::largest_entry(std::int32_t rank) {
   NodeStar star(problem_, rank);
-  const std::int32_t first = problem_.offsets[rank], cells = problem_.offsets[rank + 1] - first;
+  const std::int64_t first = problem_.offsets[rank];
+  const auto cells = static_cast<std::int32_t>(problem_.offsets[rank + 1] - first);
   std::vector<std::size_t> begin{0};
   for (std::int32_t i = 0; i < cells; ++i)
     begin.push_back(begin[i] + problem_.sets[problem_.incidences[first + i].set].deformation_size());
@@ -103,7 +104,7 @@ void Newton::add_up_gradient(std::int32_t rank) {
   const int d = problem_.dimension;
   for (int k = 0; k < d; ++k) {
     double sum = 0;
-    for (std::int32_t i = problem_.offsets[rank]; i < problem_.offsets[rank + 1]; ++i) {
+    for (std::int64_t i = problem_.offsets[rank]; i < problem_.offsets[rank + 1]; ++i) {
       const Incidence& at = problem_.incidences[i];
       const BatchSet& set = batches_[at.set];
       const float* numbers = set.contributions.data() + set.contribution_index(at.cell, at.local, 2 * d);
@@ -116,7 +117,7 @@ void Newton::add_up_gradient(std::int32_t rank) {
 std::array<double, 6> Newton::added_up_block(std::int32_t rank) const {
   const int d = problem_.dimension;
   std::array<double, 6> sum{};
-  for (std::int32_t i = problem_.offsets[rank]; i < problem_.offsets[rank + 1]; ++i) {
+  for (std::int64_t i = problem_.offsets[rank]; i < problem_.offsets[rank + 1]; ++i) {
     const Incidence& at = problem_.incidences[i];
     const BatchSet& set = batches_[at.set];
     const float* numbers = set.contributions.data() + set.contribution_index(at.cell, at.local, 2 * d);

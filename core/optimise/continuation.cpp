@@ -62,7 +62,7 @@ void Continuation::set_up_stage(const std::vector<Certificate>& certificates,
 StageContext Continuation::context() {
   const Stage& stage = set_up_.stages[stage_];
   return {stage.options,       set_up_.problem, set_up_.coloured, *stage.kernels,
-          stage.hessian.get(), *guard_,         *best_,           team_};
+          stage.hessian.get(), *guard_,         *best_,           team_,           set_up_.mesh};
 }
 
 std::optional<StopReason> Continuation::begin(const std::vector<Certificate>& certificates,

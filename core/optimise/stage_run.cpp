@@ -1,6 +1,9 @@
 #include "core/optimise/stage_run.h"
 
+#include <cassert>
+
 #include "core/checkpoint/checkpoint.h"
+#include "core/optimise/memory.h"
 
 namespace varimesh {
 namespace {
@@ -29,6 +32,7 @@ StageRun::StageRun(const StageContext& context, const Stopwatch& watch)
       guard_(context.guard),
       best_(context.best),
       team_(context.team),
+      mesh_(context.mesh),
       watch_(watch),
       norm_{options_.p_norm},
       sweeper_(problem_, context.coloured, kernels_, options_.regularisation, norm_,
@@ -68,6 +72,7 @@ std::optional<StopReason> StageRun::step() {
 // ===== the methods =====
 
 StageRun::MethodOutcome StageRun::sweep() {
+  rest_newton();
   const SweepOutcome swept = sweeper_.sweep();
   exact_ = iteration_.number % kIterationsBetweenRebuilds == 0;
   if (exact_) sweeper_.rebuild();
@@ -89,7 +94,8 @@ StageRun::MethodOutcome StageRun::newton_step() {
 
 StageRun::MethodOutcome StageRun::untangle() {
   if (!untangler_) {
-    untangler_.emplace(problem_, kernels_, guard_, team_);
+    rest_newton();
+    untangler_.emplace(problem_, kernels_, guard_, team_, room_for_hessians(mesh_, options_));
     chooser_.untangling_from(guard_.unrepaired());
   }
   const UntangleOutcome untangled = untangler_->step();
@@ -100,8 +106,28 @@ StageRun::MethodOutcome StageRun::untangle() {
 }
 
 Newton& StageRun::newton() {
-  if (!newton_) newton_.emplace(problem_, kernels_, *hessian_, norm_, options_.tolerance, team_);
+  if (newton_) return *newton_;
+  newton_.emplace(problem_, kernels_, *hessian_, norm_, options_.tolerance, team_);
+  if (!rested_newton_.empty()) {
+    CheckpointReader reader({rested_newton_.data(), rested_newton_.size()}, 0);
+    newton_->state(reader);
+    assert(!reader.failed());
+    std::vector<char>().swap(rested_newton_);
+  }
   return *newton_;
+}
+
+void StageRun::rest_newton() {
+  if (!newton_) return;
+  CheckpointWriter writer(
+      [&](std::string_view bytes) {
+        rested_newton_.insert(rested_newton_.end(), bytes.begin(), bytes.end());
+        return true;
+      },
+      0);
+  newton_->state(writer);
+  writer.finish();
+  newton_.reset();
 }
 
 // ===== after every iteration =====
@@ -175,13 +201,13 @@ void StageRun::state(Archive& archive) {
 template <class Archive>
 void StageRun::methods_state(Archive& archive) {
   bool with_newton = newton_.has_value(), with_untangler = untangler_.has_value();
-  archive(with_newton, with_untangler);
+  archive(with_newton, with_untangler, rested_newton_);
   if constexpr (Archive::kReads) {
     if (archive.failed() || (with_newton && hessian_ == nullptr)) return archive.fail();
     if (with_newton) newton();
     if (with_untangler) {
       sweeper_.rebuild();
-      untangler_.emplace(Untangler::ToBeRead{}, problem_, kernels_, guard_, team_);
+      untangler_.emplace(Untangler::ToBeRead{}, problem_, kernels_, guard_, team_, room_for_hessians(mesh_, options_));
     }
   }
   if (with_newton) newton_->state(archive);

@@ -28,6 +28,7 @@ struct StageContext {
   Guard& guard;
   BestMesh& best;
   const Team& team;
+  const HighOrderMesh& mesh;
 };
 
 /// The iterations of one stage. The comments say which functions to call inside team.run(). The result does not depend
@@ -79,6 +80,9 @@ class StageRun {
   void record(const MethodOutcome& outcome);
   std::optional<StopReason> reason_to_stop(const MethodOutcome& outcome);
   Newton& newton();
+  /// Frees the arrays of Newton's method while other methods work, which need as much memory. Keeps what the next step
+  /// needs, so it is the same step.
+  void rest_newton();
 
   template <class Archive>
   void state(Archive& archive);
@@ -92,12 +96,14 @@ class StageRun {
   Guard& guard_;
   BestMesh& best_;
   const Team& team_;
+  const HighOrderMesh& mesh_;
   Stopwatch watch_;
   PNorm norm_;
   Sweeper sweeper_;
   PhaseChooser chooser_;
   Stopper stopper_;
-  std::optional<Newton> newton_;  ///< Set up when it is first needed.
+  std::optional<Newton> newton_;     ///< Set up when it is needed.
+  std::vector<char> rested_newton_;  ///< The state of a Newton whose arrays were freed; empty: there is none.
   std::optional<Untangler> untangler_;
   Iteration iteration_;
   std::vector<Iteration> history_;

@@ -103,7 +103,7 @@ struct Problem {
   std::int32_t clusters = 0;
   std::vector<double> positions;      ///< Of the optimised nodes: `dimension` numbers per node, interleaved.
   std::vector<std::int32_t> free;     ///< Nodes that may move, in the order in which they first occur in the cells.
-  std::vector<std::int32_t> offsets;  ///< free.size() + 1: where each free node's incidences begin.
+  std::vector<std::int64_t> offsets;  ///< free.size() + 1: where each free node's incidences begin.
   std::vector<Incidence> incidences;
 };
 

@@ -214,7 +214,7 @@ SweepOutcome Sweeper::sweep() {
 
 bool Sweeper::at_rest(std::int32_t rank) const {
   if (rest_ < 0 || visited_at_[rank] == 0) return false;
-  for (std::int32_t i = problem_.offsets[rank]; i < problem_.offsets[rank + 1]; ++i) {
+  for (std::int64_t i = problem_.offsets[rank]; i < problem_.offsets[rank + 1]; ++i) {
     const Incidence& at = problem_.incidences[i];
     if (moved_at_[problem_.sets[at.set].first + at.cell] > visited_at_[rank]) return false;
   }
@@ -222,7 +222,7 @@ bool Sweeper::at_rest(std::int32_t rank) const {
 }
 
 void Sweeper::note_move(std::int32_t rank, std::int64_t now, double length) {
-  for (std::int32_t i = problem_.offsets[rank]; i < problem_.offsets[rank + 1]; ++i) {
+  for (std::int64_t i = problem_.offsets[rank]; i < problem_.offsets[rank + 1]; ++i) {
     const Incidence& at = problem_.incidences[i];
     const std::int32_t cell = problem_.sets[at.set].first + at.cell;
     changed_[cell] = drifted_[cell] = 1;

@@ -7,6 +7,7 @@
 
 #include "core/base/team.h"
 #include "core/untangle/coefficient_energy.h"
+#include "core/untangle/hessian_room.h"
 
 namespace varimesh {
 
@@ -58,8 +59,9 @@ class UntanglePatch {
   /// Returns false if the state belongs to another problem.
   bool gather(const Problem& problem);
 
-  /// An outer step: at most three Newton steps, then the next ε.
-  UntangleStep step(const Team& team);
+  /// An outer step: at most three Newton steps, then the next ε. Hessians of cells that `room` has no room for are
+  /// computed again for every product, which is slow. The result does not depend on it.
+  UntangleStep step(const Team& team, HessianRoom& room);
 
   /// The nodes that move, as numbers of mesh nodes, and their positions, d numbers each.
   const std::vector<std::int32_t>& nodes() const { return nodes_; }
@@ -75,8 +77,10 @@ class UntanglePatch {
   void place(const Eigen::VectorXd& positions);
   /// The energy of the patch.
   double value(const Team& team) const;
-  /// Sets the gradient and the cells' Hessians; returns the energy.
-  double expand(const Team& team);
+  /// Sets the gradient, the nodes' blocks and the cells' Hessians, as far as there is room; returns the energy.
+  double expand(const Team& team, HessianRoom& room);
+  /// Gives back the room of the Hessians.
+  void forget_hessians(HessianRoom& room);
   /// Solves H x = −G with conjugate gradients.
   Eigen::VectorXd direction(const Team& team) const;
   /// H x
@@ -91,13 +95,15 @@ class UntanglePatch {
   const std::vector<CoefficientEnergy>& energies_;
   std::vector<Member> members_;
   std::vector<std::int32_t> nodes_;
-  int dimension_;
+  Eigen::Index dimension_;
   Eigen::VectorXd positions_;
   double epsilon_ = 0;
   double smallest_ = 0;  ///< The smallest coefficient.
   int bad_ = 0;          ///< Cells with a coefficient that is not positive.
   Eigen::VectorXd gradient_;
-  std::vector<CoefficientEnergy::Expansion> expansions_;  ///< By member.
+  std::vector<CoefficientEnergy::Expansion> expansions_;  ///< By member. The Hessian is empty if there was no room.
+  std::vector<Eigen::MatrixXd> blocks_;                   ///< By member: each free node's own block, side by side.
+  std::int64_t taken_ = 0;                                ///< Of the room.
 };
 
 }  // namespace varimesh

@@ -48,6 +48,7 @@ int main(int argc, char** argv) {
   }
   std::vector<Row> rows = kCaseRows;
   rows.insert(rows.end(), kMachineRows.begin(), kMachineRows.end());
+  rows.insert(rows.end(), kMemoryRows.begin(), kMemoryRows.end());
   for (const std::string& name : wanted)
     if (std::none_of(rows.begin(), rows.end(), [&](const Row& row) { return begins_with(row.name, name); })) {
       std::fprintf(stderr, "cases_bench: there is no row %s; --list prints the names\n", name.c_str());

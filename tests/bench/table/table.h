@@ -68,5 +68,7 @@ struct Row {
 extern const std::vector<Row> kCaseRows;
 /// machine_rows.cpp: kernels, threads, instruction sets.
 extern const std::vector<Row> kMachineRows;
+/// memory_rows.cpp: the estimate of a run's memory.
+extern const std::vector<Row> kMemoryRows;
 
 }  // namespace varimesh::bench

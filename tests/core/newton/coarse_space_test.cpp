@@ -65,7 +65,7 @@ TEST_P(CoarseSpaceOn, GivesANodeOneValueWhicheverOfItsCellsIsAsked) {
       for (std::int32_t cell = 0; cell < cells.count; ++cell)
         for (int n = 0; n < cells.nodes_per_cell; ++n) {
           double value = 0;
-          for (std::int32_t e = set.values.begin[std::size_t(n)]; e < set.values.begin[std::size_t(n) + 1]; ++e) {
+          for (std::int64_t e = set.values.begin[std::size_t(n)]; e < set.values.begin[std::size_t(n) + 1]; ++e) {
             const std::int32_t node =
                 set.nodes[std::size_t(cell * set.nodes_per_cell + set.values.column[std::size_t(e)])];
             if (node >= 0) value += double(set.values.factor[std::size_t(e)]) * coarse[std::size_t(node)];
@@ -98,7 +98,7 @@ TEST_P(CoarseSpaceOn, HoldsPolynomialsOfItsOrder) {
       const SparseRows& values = space.sets[s].values;
       for (Eigen::Index n = 0; n < fine.rows(); ++n) {
         double sum = 0;
-        for (std::int32_t e = values.begin[std::size_t(n)]; e < values.begin[std::size_t(n) + 1]; ++e)
+        for (std::int64_t e = values.begin[std::size_t(n)]; e < values.begin[std::size_t(n) + 1]; ++e)
           sum += double(values.factor[std::size_t(e)]) * polynomial(coarse.row(values.column[std::size_t(e)]));
         EXPECT_NEAR(sum, polynomial(fine.row(n)), 1e-6);
       }
@@ -153,7 +153,7 @@ TEST(Transposed, SwapsRowsAndColumns) {
   //              [2 0]
   const SparseRows rows{{0, 2, 3}, {0, 2, 1}, {1, 2, 3}};
   const SparseRows columns = transposed(rows, 3);
-  EXPECT_EQ(columns.begin, (std::vector<std::int32_t>{0, 1, 2, 3}));
+  EXPECT_EQ(columns.begin, (std::vector<std::int64_t>{0, 1, 2, 3}));
   EXPECT_EQ(columns.column, (std::vector<std::int32_t>{0, 1, 0}));
   EXPECT_EQ(columns.factor, (std::vector<float>{1, 3, 2}));
   const SparseRows again = transposed(columns, 2);
