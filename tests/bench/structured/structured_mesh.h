@@ -48,7 +48,7 @@ BlockCounts block_counts(std::int64_t elements, int cells_each);
 Expected<HighOrderMesh> cube_with_hole(const StructuredMesh& wanted);
 
 /// The square [0, 1]² with cells × cells quadrilaterals of order 1. Free vertices are shifted along each axis, at
-/// random and by at most `shift` of an edge's length. Errors: BadOption.
-Expected<HighOrderMesh> perturbed_square(int cells, double shift = 0.3);
+/// random and by at most `shift` of an edge's length. Up to 0.25, every cell stays convex. Errors: BadOption.
+Expected<HighOrderMesh> perturbed_square(int cells, double shift = 0.2);
 
 }  // namespace varimesh::bench
