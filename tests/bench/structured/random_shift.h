@@ -1,7 +1,9 @@
 // Shifts points at random, by the same amount on every machine.
 #pragma once
 
+#include <algorithm>
 #include <array>
+#include <cmath>
 #include <cstddef>
 #include <cstdint>
 
@@ -16,9 +18,12 @@ inline double random_number(std::uint64_t key) {
   return static_cast<double>(key >> 11) * 0x1p-52 - 1;
 }
 
-/// Moves the point along each axis by at most `most`. Different keys give different numbers.
+/// Moves the point by a distance of at most `most`. Different keys give different directions.
 inline void shift(std::array<double, 3>& point, std::uint64_t key, double most) {
-  for (std::size_t k = 0; k < 3; ++k) point[k] += most * random_number(3 * key + k);
+  std::array<double, 3> by{};
+  for (std::size_t k = 0; k < 3; ++k) by[k] = random_number(3 * key + k);
+  const double long_as = std::sqrt(by[0] * by[0] + by[1] * by[1] + by[2] * by[2]);
+  for (std::size_t k = 0; k < 3; ++k) point[k] += most * by[k] / std::max(1.0, long_as);
 }
 
 }  // namespace varimesh::bench

@@ -2,10 +2,12 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 
 #include "core/mesh/check.h"
 #include "core/mesh/connectivity.h"
+#include "core/quality/quality.h"
 #include "core/validity/certificate.h"
 #include "tests/core/support/print.h"
 
@@ -62,6 +64,12 @@ TEST(CubeWithHole, IsValidFromTheStart) {
       ASSERT_TRUE(mesh);
       EXPECT_EQ(summarise(certify(*mesh)).valid, std::int64_t(mesh->element_count(3)));
     }
+}
+
+TEST(CubeWithHole, HasNoNearlyFlatHexahedra) {
+  const auto mesh = cube_with_hole(wanted(Shape::Hexahedron, 1, 100'000));
+  ASSERT_TRUE(mesh);
+  EXPECT_GT(quality(*mesh).min_scaled_jacobian, 0.15);
 }
 
 TEST(CubeWithHole, ComesCloseToTheWantedNumberAndShape) {

@@ -269,8 +269,9 @@ void avx2(Bench& bench) {
 }  // namespace
 
 const std::vector<Row> kMachineRows{
-    {"product", true, products}, {"kernel", true, sweep_kernels}, {"memory", true, memory}, {"threads", false, threads},
-    {"avx2", true, avx2},
+    {"product", When::Short, products}, {"kernel", When::Short, sweep_kernels},
+    {"memory", When::Short, memory},    {"threads", When::Full, threads},
+    {"avx2", When::Short, avx2},
 };
 
 }  // namespace varimesh::bench
