@@ -81,13 +81,15 @@ Expected<void> check_plane(const HighOrderMesh& mesh) {
   std::array<double, 3> low, high;
   low.fill(std::numeric_limits<double>::infinity());
   high.fill(-std::numeric_limits<double>::infinity());
-  for (const ElementBlock& block : mesh.blocks)
+  for (const ElementBlock& block : mesh.blocks) {
+    if (reference::info(block.shape).dimension != mesh.dimension) continue;
     for (std::int32_t node : block.nodes)
       for (std::size_t k = 0; k < 3; ++k) {
         const double x = mesh.coordinates[3 * std::size_t(node) + k];
         low[k] = std::min(low[k], x);
         high[k] = std::max(high[k], x);
       }
+  }
   const double diagonal = std::hypot(high[0] - low[0], high[1] - low[1], high[2] - low[2]);
   if (high[2] - low[2] <= 1e-9 * diagonal) return {};
   return bad_input("The mesh is a surface in space: it has no volume elements, and z ranges from " +

@@ -59,15 +59,20 @@ void Newton::linearise() {
   scale_hessian();
   if (!norm_.is_sum() && cell_gradients_.empty())
     for (const BatchSet& set : batches_) cell_gradients_.emplace_back(set.contributions.size() / 2);
-  for (std::size_t set = 0; set < batches_.size(); ++set)
-    team_.for_each(batches_[set].count, kBatchesPerTask, [&](std::int32_t b) { linearise_batch(set, b); });
+  find_gradient();
   const auto nodes = static_cast<std::int32_t>(problem_.free.size());
-  team_.for_each(nodes, kNodesPerTask, [&](std::int32_t rank) { add_up_gradient(rank); });
   for (BatchSet& set : batches_)
     team_.for_each(set.count, kBatchesPerTask, [&](std::int32_t b) { hessian_.node_blocks(set, b); });
   team_.for_each(nodes, kNodesPerTask,
                  [&](std::int32_t rank) { preconditioner_.set_block(rank, added_up_block(rank)); });
   if (coarse_is_old_) preconditioner_.coarse().assemble(hessian_);
+}
+
+void Newton::find_gradient() {
+  for (std::size_t set = 0; set < batches_.size(); ++set)
+    team_.for_each(batches_[set].count, kBatchesPerTask, [&](std::int32_t b) { linearise_batch(set, b); });
+  team_.for_each(static_cast<std::int32_t>(problem_.free.size()), kNodesPerTask,
+                 [&](std::int32_t rank) { add_up_gradient(rank); });
 }
 
 void Newton::linearise_batch(std::size_t number, std::int32_t b) {

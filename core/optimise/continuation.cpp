@@ -13,6 +13,11 @@ namespace {
 /// How much of the mean scaled Jacobian may be given up to raise the lowest.
 constexpr double kMeanGivenForWorst = 0.01;
 
+/// Whether the methods ended the stage, and not a limit or the caller.
+bool ended_by_itself(StopReason reason) {
+  return reason == StopReason::Converged || reason == StopReason::NoProgress || reason == StopReason::MostProducts;
+}
+
 }  // namespace
 
 Continuation::Continuation(SetUp& set_up, const Certifier& certifier, const Stopwatch& watch,
@@ -40,8 +45,7 @@ bool Continuation::run(std::vector<Certificate>& certificates, Result& result) {
     iterate(result);
   const std::size_t stages = set_up_.stages.size();
   while (stages > 1 && next_stage_may_help(result.stop_reason) && !nothing_to_do &&
-         (result.stop_reason == StopReason::Converged || result.stop_reason == StopReason::NoProgress) &&
-         ++stage_ < stages) {
+         ended_by_itself(result.stop_reason) && ++stage_ < stages) {
     nothing_to_do = begin_next_stage();
     if (!nothing_to_do) iterate(result);
   }
@@ -140,7 +144,7 @@ bool Continuation::next_stage_may_help(StopReason ended) {
   if (mean < best_->least_mean) return false;
   const double before = best_->highest();
   team_.run([&] { best_->consider(*guard_); });
-  return best_->highest() > before || ended == StopReason::NoProgress;
+  return best_->highest() > before || ended != StopReason::Converged;
 }
 
 void Continuation::finish(std::vector<Certificate>& certificates, Result& result) {

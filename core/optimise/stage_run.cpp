@@ -1,6 +1,8 @@
 #include "core/optimise/stage_run.h"
 
+#include <algorithm>
 #include <cassert>
+#include <cmath>
 
 #include "core/checkpoint/checkpoint.h"
 #include "core/optimise/memory.h"
@@ -15,11 +17,18 @@ constexpr int kIterationsBetweenRebuilds = 10;
 constexpr int kSettledSweepsBetweenCertificates = 4;
 /// The last stages of Objective::Worst are so stiff that steps may go back and forth for long and raise nothing.
 constexpr int kMostIterationsOfALaterStage = 30;
+/// A step with the largest number of products costs as much as a whole run on a usual mesh. A few of them on the way
+/// happen with a large λ.
+constexpr int kMostWithMostProducts = 10;
+/// Newton steps without a lower energy or residual. Far from the optimum the energy falls in every step.
+constexpr int kMostStanding = 10;
+constexpr double kLowerResidual = 0.5;  // times the least one
+constexpr double kLowerEnergy = 1e-12;  // of the energy; its rounding is less
 
 template <class Archive>
 void iteration_state(Archive& archive, Iteration& i) {
   archive(i.phase, i.number, i.energy, i.residual, i.relative_gradient, i.min_scaled_jacobian, i.invalid_elements,
-          i.repairable_elements, i.active_nodes, i.products, i.seconds);
+          i.repairable_elements, i.active_nodes, i.products, i.linear_solve, i.seconds);
 }
 
 }  // namespace
@@ -61,6 +70,7 @@ std::optional<StopReason> StageRun::step() {
   iteration_.phase = chooser_.phase();
   ++iteration_.number;
   iteration_.products = 0;
+  iteration_.linear_solve = LinearSolve::None;
   MethodOutcome outcome = iteration_.phase == Phase::Sweeps   ? sweep()
                           : iteration_.phase == Phase::Newton ? newton_step()
                                                               : untangle();
@@ -89,7 +99,8 @@ StageRun::MethodOutcome StageRun::newton_step() {
   iteration_.residual = stepped.residual;
   iteration_.active_nodes = static_cast<std::int64_t>(problem_.free.size());
   iteration_.products = stepped.products;
-  return {stepped.gradient_norm, stepped.damping == 0, stepped.failed, !stepped.cut_short};
+  iteration_.linear_solve = stepped.linear_solve;
+  return {stepped.gradient_norm, stepped.damping == 0, stepped.failed, stepped.converged};
 }
 
 StageRun::MethodOutcome StageRun::untangle() {
@@ -160,15 +171,37 @@ std::optional<StopReason> StageRun::reason_to_stop(const MethodOutcome& outcome)
   const bool small = !outcome.failed && iteration_.residual <= options_.tolerance;
   // That the awake nodes hardly move proves nothing: all nodes must be visited.
   if (small && !outcome.whole) sweeper_.wake();
-  converged_ = small && outcome.whole;
+  // The steps of single nodes say little about the optimum (docs/method.md). If Newton's method may follow, it decides.
+  const bool may_end = iteration_.phase == Phase::Newton || options_.method == Method::Sweeps;
+  converged_ = small && outcome.whole && may_end;
   const Outlook outlook = chooser_.outlook(guard_.unrepaired());
   if (const auto reason = stopper_.after(iteration_, converged_, outlook, bound_)) return reason;
+  if (iteration_.phase != Phase::Newton)
+    least_residual_ = 0;
+  else if (const auto reason = newton_ends())
+    return reason;
   if (began_ > 0 && iteration_.number - began_ >= kMostIterationsOfALaterStage) return StopReason::NoProgress;
-  // A small step that was cut short does not end the run. But if something is tangled, it is time for another method.
+  // A small step that proves nothing does not end the run. But if something is tangled, it is time for another method.
   const bool idle = small && guard_.unrepaired() > 0 && iteration_.phase == Phase::Newton;
-  if (!chooser_.next(guard_.repairable(), guard_.unrepaired(), outcome.stuck || converged_ || idle))
+  if (!chooser_.next(guard_.repairable(), guard_.unrepaired(), outcome.stuck || (small && outcome.whole) || idle))
     return StopReason::NoProgress;
   return std::nullopt;
+}
+
+std::optional<StopReason> StageRun::newton_ends() {
+  if (iteration_.linear_solve == LinearSolve::MostProducts && ++most_products_ >= kMostWithMostProducts)
+    return StopReason::MostProducts;
+  // While cells are tangled that may be repaired, δ changes the energy, and other methods decide when to go on.
+  if (guard_.unrepaired() > 0) least_residual_ = 0;
+  const bool first = least_residual_ == 0;
+  if (first || iteration_.residual < kLowerResidual * least_residual_ ||
+      iteration_.energy < least_energy_ - kLowerEnergy * std::abs(least_energy_)) {
+    least_residual_ = first ? iteration_.residual : std::min(least_residual_, iteration_.residual);
+    least_energy_ = first ? iteration_.energy : std::min(least_energy_, iteration_.energy);
+    standing_ = 0;
+    return std::nullopt;
+  }
+  return ++standing_ < kMostStanding ? std::nullopt : std::optional(StopReason::NoProgress);
 }
 
 // ===== checkpoints =====
@@ -187,7 +220,8 @@ void StageRun::state(Archive& archive) {
   stopper_.state(archive);
   best_.state(archive);
   std::uint64_t iterations = history_.size();
-  archive(first_gradient_, began_, bound_, converged_, iterations);
+  archive(first_gradient_, began_, bound_, converged_, most_products_, least_residual_, least_energy_, standing_,
+          iterations);
   for (std::uint64_t i = 0; i < iterations; ++i) {
     if constexpr (Archive::kReads) {
       if (archive.failed()) return;

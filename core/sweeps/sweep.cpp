@@ -227,7 +227,7 @@ void Sweeper::note_move(std::int32_t rank, std::int64_t now, double length) {
     const std::int32_t cell = problem_.sets[at.set].first + at.cell;
     changed_[cell] = drifted_[cell] = 1;
     if (rest_ < 0) continue;  // no node ever rests
-    moves_[cell] += length;
+    moves_[cell] += length / problem_.cell_size[cell];
     if (moves_[cell] <= rest_) continue;
     moves_[cell] = 0;
     moved_at_[cell] = now;
@@ -265,7 +265,7 @@ Sweeper::Visit Sweeper::visit(std::int32_t rank, std::int64_t now, double* scrat
     length += full[i] * full[i];
     squared_gradient += here.gradient[i] * here.gradient[i];
   }
-  const Visit visit{std::sqrt(length), squared_gradient, true};
+  const Visit visit{std::sqrt(length) * problem_.inverse_size[rank], squared_gradient, true};
   if (!(length > 0) || !(slope < 0)) return visit;
 
   std::array<double, 3> step{};
@@ -285,7 +285,7 @@ Sweeper::Visit Sweeper::visit(std::int32_t rank, std::int64_t now, double* scrat
   double* x = problem_.positions.data() + static_cast<std::size_t>(problem_.free[rank]) * d;
   for (int i = 0; i < d; ++i) x[i] += step[i];
   if (visit.step > rest_) visited_at_[rank] = 0;  // the node is not at rest yet
-  note_move(rank, now, accepted.alpha * visit.step);
+  note_move(rank, now, accepted.alpha * std::sqrt(length));
   return visit;
 }
 

@@ -110,7 +110,16 @@ bool UntanglePatch::gather(const Problem& problem) {
       member.unknown.push_back(unknown->second);
     }
   }
+  find_lengths(problem);
   return true;
+}
+
+void UntanglePatch::find_lengths(const Problem& problem) {
+  lengths_.assign(nodes_.size(), std::numeric_limits<double>::infinity());
+  for (const Member& member : members_) {
+    const double size = problem.cell_size[at(problem.sets[at(member.set)].first + member.cell.number)];
+    for (const std::int32_t unknown : member.unknown) lengths_[at(unknown)] = std::min(lengths_[at(unknown)], size);
+  }
 }
 
 void UntanglePatch::place(const Eigen::VectorXd& positions) {
@@ -233,8 +242,10 @@ UntangleStep UntanglePatch::step(const Team& team, HessianRoom& room) {
       outcome.gradient_norm = gradient_.norm();
     }
     const Eigen::VectorXd full = direction(team);
-    for (Eigen::Index n = 0; n < full.size(); n += dimension_)
-      outcome.residual = std::max(outcome.residual, full.segment(n, dimension_).norm());
+    for (std::size_t n = 0; n < nodes_.size(); ++n)
+      outcome.residual =
+          std::max(outcome.residual, full.segment(static_cast<Eigen::Index>(n) * dimension_, dimension_).norm() /
+                                         (lengths_.empty() ? 1 : lengths_[n]));
     if (!search(full, energy, team) || value(team) > (1 - kSmallDecrease) * energy) break;
   }
   forget_hessians(room);

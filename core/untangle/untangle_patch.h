@@ -11,9 +11,10 @@
 
 namespace varimesh {
 
-/// What an outer step did. Lengths are relative to the diagonal of the bounding box.
+/// What an outer step did.
 struct UntangleStep {
-  double residual = 0;       ///< Largest displacement of a node in a full Newton step.
+  double residual = 0;       ///< Largest displacement of a node in a full Newton step, divided by the
+                             ///< smallest size of a cell around the node, if find_lengths() was called.
   double gradient_norm = 0;  ///< At the start of the step.
 };
 
@@ -59,6 +60,9 @@ class UntanglePatch {
   /// Returns false if the state belongs to another problem.
   bool gather(const Problem& problem);
 
+  /// Takes the sizes of the cells, which the residual is measured by, from the problem. gather() does it too.
+  void find_lengths(const Problem& problem);
+
   /// An outer step: at most three Newton steps, then the next ε. Hessians of cells that `room` has no room for are
   /// computed again for every product, which is slow. The result does not depend on it.
   UntangleStep step(const Team& team, HessianRoom& room);
@@ -97,6 +101,7 @@ class UntanglePatch {
   std::vector<std::int32_t> nodes_;
   Eigen::Index dimension_;
   Eigen::VectorXd positions_;
+  std::vector<double> lengths_;  ///< By node of nodes_: the smallest size of its cells.
   double epsilon_ = 0;
   double smallest_ = 0;  ///< The smallest coefficient.
   int bad_ = 0;          ///< Cells with a coefficient that is not positive.

@@ -19,17 +19,21 @@ using detail::CellToCertify;
 /// Cells that a task takes at a time: enough to fill vectors, and few enough to share out the hard ones.
 constexpr std::size_t kGrain = 64;
 
-/// A power of two that brings the mesh's largest extent to between 1/2 and 1; 1 if the mesh has no finite extent.
+/// A power of two that brings the largest extent of the cells to between 1/2 and 1; 1 if they have no finite extent.
 double power_of_two_scale(const HighOrderMesh& mesh) {
-  double extent = 0;
-  for (std::size_t c = 0; c < 3; ++c) {
-    double low = std::numeric_limits<double>::max(), high = -low;
-    for (std::size_t i = c; i < mesh.coordinates.size(); i += 3) {
-      low = std::min(low, mesh.coordinates[i]);
-      high = std::max(high, mesh.coordinates[i]);
-    }
-    extent = std::max(extent, high / 2 - low / 2);
+  constexpr double kFar = std::numeric_limits<double>::max();
+  std::array<double, 3> low{kFar, kFar, kFar}, high{-kFar, -kFar, -kFar};
+  for (const ElementBlock& block : mesh.blocks) {
+    if (reference::info(block.shape).dimension != mesh.dimension) continue;
+    for (const std::int32_t node : block.nodes)
+      for (std::size_t c = 0; c < 3; ++c) {
+        const double x = mesh.coordinates[3 * static_cast<std::size_t>(node) + c];
+        low[c] = std::min(low[c], x);
+        high[c] = std::max(high[c], x);
+      }
   }
+  double extent = 0;
+  for (std::size_t c = 0; c < 3; ++c) extent = std::max(extent, high[c] / 2 - low[c] / 2);
   if (!(extent > 0) || !std::isfinite(extent)) return 1;
   int exponent = 0;
   std::frexp(extent, &exponent);

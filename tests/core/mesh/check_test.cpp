@@ -92,6 +92,13 @@ TEST(CheckMesh, OneDimensionalMesh) {
   EXPECT_REFUSED(linear(kSquare, {{Shape::Line, {0, 1}}, {Shape::Line, {1, 2}}}), "dimension 1");
 }
 
+TEST(CheckMesh, ANodeOfNoCellMayLieOutsideThePlane) {
+  // A point element, as gmsh writes the centre of an arc.
+  const auto checked = check(linear({0, 0, 0, 1, 0, 0, 1, 1, 0, 0, 1, 0, 0, 0, 5},
+                                    {{Shape::Triangle, {0, 1, 2}}, {Shape::Triangle, {0, 2, 3}}, {Shape::Point, {4}}}));
+  EXPECT_TRUE(checked) << checked.error().sentence;
+}
+
 TEST(CheckMesh, SurfaceInSpace) {
   EXPECT_REFUSED(
       linear({0, 0, 0, 1, 0, 0, 1, 1, 1, 0, 1, 0}, {{Shape::Triangle, {0, 1, 2}}, {Shape::Triangle, {0, 2, 3}}}),
