@@ -13,7 +13,6 @@
 #include "core/newton/coarse_kernels.h"
 #include "core/newton/coarse_space.h"
 #include "core/newton/linear_level.h"
-#include "core/newton/node_cells.h"
 #include "core/problem/problem.h"
 
 namespace varimesh {

@@ -1,4 +1,5 @@
-// A space of order 1 or 2 on the cells of the mesh: its nodes, and how values at the mesh's nodes follow from them.
+// A space of order 1 or 2 on the cells of the mesh: its nodes, how values at the mesh's nodes follow from them, and
+// which of them share a cell.
 #pragma once
 
 #include <cstdint>
@@ -42,5 +43,22 @@ void renumber(CoarseSpace& space, const std::vector<std::int32_t>& number, const
 
 /// The transpose of a matrix with this many columns.
 SparseRows transposed(const SparseRows& rows, std::int32_t columns);
+
+/// The cells of each node.
+struct NodeCells {
+  std::vector<std::int64_t> begin;    ///< nodes + 1: where each node's cells begin.
+  std::vector<Incidence> incidences;  ///< By node, in the order of the cells.
+};
+
+NodeCells node_cells(const CoarseSpace& space, const Team& team);
+
+/// The pattern of a symmetric matrix with a row and a column per node. An entry is there if the two nodes share a cell.
+struct NodePattern {
+  std::vector<std::int64_t> begin;   ///< nodes + 1: where each row begins.
+  std::vector<std::int32_t> column;  ///< Ascending in a row.
+};
+
+/// `has_diagonal`: whether a node is in its own row.
+NodePattern node_pattern(const CoarseSpace& space, const NodeCells& cells, bool has_diagonal, const Team& team);
 
 }  // namespace varimesh

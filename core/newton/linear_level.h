@@ -8,7 +8,6 @@
 #include "core/base/team.h"
 #include "core/multigrid/multigrid.h"
 #include "core/newton/coarse_space.h"
-#include "core/newton/node_cells.h"
 #include "core/newton/reduction.h"
 #include "core/problem/problem.h"
 

@@ -3,6 +3,8 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <array>
 #include <cmath>
 #include <map>
 #include <numeric>
@@ -124,6 +126,63 @@ TEST_P(CoarseSpaceOn, HasAStiffnessThatConstantsDoNotFeel) {
             EXPECT_NEAR(sum, 0, 1e-5);
           }
     }
+}
+
+TEST_P(CoarseSpaceOn, IsTheSameForAnyNumberOfThreads) {
+  // 40 × 40 × 3 cells make several tasks.
+  const Problem problem = testing::make_problem(testing::grid(GetParam(), {40, 40, 3}, 2));
+  const CoarseSpace one = coarse_space(problem, 2, Team(1));
+  const NodeCells cells = node_cells(one, Team(1));
+  const NodePattern pattern = node_pattern(one, cells, true, Team(1));
+  for (const int threads : {2, 3}) {
+    const Team team(threads);
+    team.run([&] {
+      const CoarseSpace space = coarse_space(problem, 2, team);
+      EXPECT_EQ(space.count, one.count);
+      for (std::size_t s = 0; s < space.sets.size(); ++s) EXPECT_EQ(space.sets[s].nodes, one.sets[s].nodes);
+      const NodeCells again = node_cells(space, team);
+      EXPECT_EQ(again.begin, cells.begin);
+      EXPECT_TRUE(std::equal(again.incidences.begin(), again.incidences.end(), cells.incidences.begin(),
+                             [](const Incidence& a, const Incidence& b) {
+                               return a.set == b.set && a.cell == b.cell && a.local == b.local;
+                             }));
+      const NodePattern same = node_pattern(space, again, true, team);
+      EXPECT_EQ(same.begin, pattern.begin);
+      EXPECT_EQ(same.column, pattern.column);
+    });
+  }
+}
+
+TEST_P(CoarseSpaceOn, ListsTheCellsOfEachNodeAndTheNodesBesideIt) {
+  const CoarseSpace space = coarse_space(problem_, 2, Team(1));
+  std::vector<std::vector<std::array<int, 3>>> cells(std::size_t(space.count));
+  std::vector<std::set<std::int32_t>> beside(std::size_t(space.count));
+  for (std::size_t s = 0; s < space.sets.size(); ++s) {
+    const int per_cell = space.sets[s].nodes_per_cell;
+    for (int cell = 0; cell < problem_.sets[s].count; ++cell)
+      for (int a = 0; a < per_cell; ++a) {
+        const std::int32_t node = space.sets[s].nodes[std::size_t(cell * per_cell + a)];
+        if (node < 0) continue;
+        cells[std::size_t(node)].push_back({int(s), cell, a});
+        for (int b = 0; b < per_cell; ++b) {
+          const std::int32_t other = space.sets[s].nodes[std::size_t(cell * per_cell + b)];
+          if (other >= 0 && other != node) beside[std::size_t(node)].insert(other);
+        }
+      }
+  }
+  const NodeCells listed = node_cells(space, Team(1));
+  const NodePattern pattern = node_pattern(space, listed, false, Team(1));
+  for (std::size_t node = 0; node < cells.size(); ++node) {
+    std::vector<std::array<int, 3>> own;
+    for (std::int64_t p = listed.begin[node]; p < listed.begin[node + 1]; ++p) {
+      const Incidence& in = listed.incidences[std::size_t(p)];
+      own.push_back({in.set, in.cell, in.local});
+    }
+    EXPECT_EQ(own, cells[node]);
+    const std::vector<std::int32_t> row(pattern.column.begin() + pattern.begin[node],
+                                        pattern.column.begin() + pattern.begin[node + 1]);
+    EXPECT_EQ(row, std::vector<std::int32_t>(beside[node].begin(), beside[node].end()));
+  }
 }
 
 TEST(CoarseSpace, HasTheStiffnessOfTheReferenceTriangle) {
