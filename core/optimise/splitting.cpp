@@ -79,7 +79,8 @@ class RunSequence {
   std::optional<Result> run(const HighOrderMesh& mesh, int max_iterations) {
     Options options = options_;
     options.max_iterations = max_iterations;
-    if (options_.time_limit > 0) options.time_limit = std::max(1e-3, options_.time_limit - watch_.seconds());
+    // 0 would mean no limit. With so little time left, the run ends after its first iteration.
+    if (options_.time_limit > 0) options.time_limit = std::max(1e-9, options_.time_limit - watch_.seconds());
     const int before = static_cast<int>(history_.size());
     const double seconds = watch_.seconds();
     const OnIteration pass_on = [&](Iteration iteration) {

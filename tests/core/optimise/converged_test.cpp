@@ -183,9 +183,13 @@ HighOrderMesh joined(HighOrderMesh one, const HighOrderMesh& other) {
 
 TEST(FarAway, AMeshThatIsTenThousandTimesAsLargeChangesNothing) {
   HighOrderMesh near = layers(Filling::Triangles);
-  HighOrderMesh far = testing::grid(Filling::Quadrilaterals, {4, 4, 0}, 4, testing::bent(2));
+  HighOrderMesh far = testing::grid(Filling::Quadrilaterals, {12, 4, 0}, 4);
   testing::shake(far, 0.01, 3);
-  testing::move_nodes(far, [](Place p) { return Place{1e4 * p[0] + 10, 1e4 * p[1] - 5e3, 0}; });
+  // Nearly a ring around the first mesh, from 100 to 10,000 of its lengths away.
+  testing::move_nodes(far, [](Place p) {
+    const double radius = std::pow(100, 1 + p[1]), angle = 6 * p[0];
+    return Place{radius * std::cos(angle), -radius * std::sin(angle), 0};
+  });
   Options options = with_lambda(10);
   options.tolerance = 1e-10;
   const auto without = optimise(near, options), with = optimise(joined(near, far), options);
