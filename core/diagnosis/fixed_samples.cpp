@@ -82,10 +82,12 @@ FixedSamples::Table FixedSamples::make_table(Shape shape, int order, int dimensi
     }
   }
   const std::size_t row_bytes =
-      at(reference::node_count(shape, order)) * (sizeof(double) * at(dimension) + sizeof(int));
+      at(reference::node_count(shape, order)) * (sizeof(double) * at(dimension + 1) + sizeof(int));
   const bool is_small = row_bytes * at(points.rows()) <= kMostKept;
   table.per_range = is_small ? points.rows() : static_cast<Eigen::Index>(kRangeBytes / row_bytes);
-  if (is_small) table.kept = table.make_rows(0, points.rows());
+  if (!is_small) return table;
+  table.kept = table.make_rows(0, points.rows());
+  table.values = table.basis.values(0, points.rows());
   return table;
 }
 
@@ -136,8 +138,10 @@ std::vector<FixedSample> FixedSamples::worst(std::size_t cell, const std::vector
     const double relative = largest > 0 ? sampled.jacobian[p] / largest : 0;
     auto& entry = worst[at(dimension)];
     if (relative > kZero || (entry && entry->jacobian <= relative)) continue;
-    const Eigen::MatrixXd values = table.basis.values(static_cast<Eigen::Index>(p), 1);
-    entry = FixedSample{dimension, table.vertex[p], row(values * x, 0), relative};
+    const auto point = static_cast<Eigen::Index>(p);
+    const Vector place =
+        table.values.size() > 0 ? row(table.values.row(point) * x, 0) : row(table.basis.values(point, 1).row(0) * x, 0);
+    entry = FixedSample{dimension, table.vertex[p], place, relative};
   }
   std::vector<FixedSample> result;
   for (const auto& entry : worst)

@@ -44,6 +44,7 @@ class FixedSamples {
     reference::BasisAtPoints basis;
     Eigen::Index per_range = 0;            // points of a range, except the last one
     Rows kept;                             // all rows, if there is only one range
+    Eigen::MatrixXd values;                // points × nodes; empty if the rows are not kept
     std::vector<int> dimension;            // by point
     std::vector<int> vertex;               // by point; −1 if it is none
     std::vector<std::vector<int>> facets;  // by facet: its nodes

@@ -39,7 +39,8 @@ class LowOrderCell {
     for (int v = 0; v < info_.vertices; ++v) add(v, {v});
     for (std::size_t e = 0; e < info_.edges.size(); ++e) {
       std::vector<int> closure{info_.edges[e][0], info_.edges[e][1]};
-      if (low_order == 2) closure.push_back(add(first_node(shape, order, 1, static_cast<int>(e)), closure));
+      edge_teller_.push_back(first_node(shape, order, 1, static_cast<int>(e)));
+      if (low_order == 2) closure.push_back(add(edge_teller_.back(), closure));
       edges_.push_back(std::move(closure));
     }
     if (info_.dimension == 3) add_faces(order, low_order);
@@ -50,11 +51,11 @@ class LowOrderCell {
   /// are counted in each of its cells.
   struct Pairs {
     std::int64_t in_edges = 0, in_faces = 0, inside = 0;
-    std::int64_t edges = 0;  ///< That have a pair.
+    std::int64_t in_different_edges = 0;  ///< The same as in_edges, but every edge counts once.
   };
-  /// `nodes`: of the cell in the mesh. `use_edge(node)`: called with the first node of every edge that has a pair.
-  template <class UseEdge>
-  void add_pairs(const std::int32_t* nodes, const std::vector<bool>& fixed, const UseEdge& use_edge, Pairs& pairs) {
+  /// `nodes`: of the cell in the mesh. `is_first(node)`: whether this node of an edge was not asked for before.
+  template <class IsFirst>
+  void add_pairs(const std::int32_t* nodes, const std::vector<bool>& fixed, const IsFirst& is_first, Pairs& pairs) {
     for (std::size_t i = 0; i < teller_.size(); ++i)
       is_free_[i] = teller_[i] >= 0 ? !fixed[at(nodes[teller_[i]])] : !std::ranges::all_of(around_[i], [&](int v) {
         return fixed[at(nodes[v])];
@@ -65,8 +66,7 @@ class LowOrderCell {
       of_edge[e] = pairs_in(edges_[e]);
       below += of_edge[e];
       if (of_edge[e] == 0) continue;
-      ++pairs.edges;
-      if (edges_[e].size() == 3 && teller_[at(edges_[e][2])] >= 0) use_edge(nodes[teller_[at(edges_[e][2])]]);
+      if (edge_teller_[e] >= 0 && is_first(nodes[edge_teller_[e]])) pairs.in_different_edges += of_edge[e];
     }
     pairs.in_edges += below;
     for (const Face& face : faces_) {
@@ -115,6 +115,7 @@ class LowOrderCell {
   std::vector<int> teller_;               // by node
   std::vector<std::vector<int>> around_;  // by node: vertices
   std::vector<std::vector<int>> edges_;   // by edge: nodes
+  std::vector<int> edge_teller_;          // by edge: its first node in the mesh's cell; −1 if it has none
   std::vector<Face> faces_;
   std::array<bool, 27> is_free_{};
 };
@@ -229,10 +230,10 @@ void find_places(const HighOrderMesh& mesh, const Border& border, MeshCounts& co
 std::int64_t count_neighbours(const HighOrderMesh& mesh, const std::vector<bool>& fixed, int low_order,
                               const MeshCounts& counts) {
   std::vector<bool> seen(mesh.node_count(), false);
-  std::int64_t edges = 0;
-  const auto use_edge = [&](std::int32_t node) {
-    edges += seen[at(node)] ? 0 : 1;
+  const auto is_first = [&](std::int32_t node) {
+    const bool was_seen = seen[at(node)];
     seen[at(node)] = true;
+    return !was_seen;
   };
   LowOrderCell::Pairs pairs;
   for (const ElementBlock& block : mesh.blocks) {
@@ -240,15 +241,16 @@ std::int64_t count_neighbours(const HighOrderMesh& mesh, const std::vector<bool>
     LowOrderCell cell(block.shape, block.order, low_order);
     const std::size_t stride = at(reference::node_count(block.shape, block.order));
     for (std::size_t e = 0; e < block.size(); ++e)
-      cell.add_pairs(block.nodes.data() + e * stride, fixed, use_edge, pairs);
+      cell.add_pairs(block.nodes.data() + e * stride, fixed, is_first, pairs);
   }
+  if (mesh.order > 1) return pairs.inside + pairs.in_faces / 2 + pairs.in_different_edges;
+  // Edges have no nodes to know them by: of all edges the mean number of cells.
   double cells_per_edge = 2;
   if (mesh.dimension == 3) {
     std::int64_t in_cells = 0;
     for (std::size_t s = 0; s < kShapes; ++s)
       in_cells += counts.cells[s] * static_cast<std::int64_t>(reference::info(static_cast<Shape>(s)).edges.size());
-    cells_per_edge = static_cast<double>(edges > 0 ? pairs.edges : in_cells) /
-                     static_cast<double>(std::max<std::int64_t>(1, edges > 0 ? edges : counts.all.edges));
+    cells_per_edge = static_cast<double>(in_cells) / static_cast<double>(std::max<std::int64_t>(1, counts.all.edges));
   }
   return pairs.inside + pairs.in_faces / 2 +
          static_cast<std::int64_t>(static_cast<double>(pairs.in_edges) / std::max(1.0, cells_per_edge));

@@ -42,9 +42,10 @@ std::int64_t bytes_of_lattice_tables(const MeshCounts& counts) {
     const auto shape = static_cast<Shape>(s);
     const std::int64_t points = lattice_points(shape, counts.order);
     const std::int64_t row = kDouble * d * reference::node_count(shape, counts.order);
-    const std::int64_t made = std::min(points * row, std::max(row, detail::kMostLatticeBytes));
-    // Rows are made from gradients of the same size.
-    bytes += 2 * made + points * kDouble * (d + factor_tables(shape, counts.order) + factor_tables(shape, 1));
+    const bool is_kept = points * row <= detail::kMostLatticeBytes;
+    // Rows that are not kept are made from gradients of the same size.
+    bytes += (is_kept ? points * row : 2 * std::max(row, detail::kMostLatticeBytes)) +
+             points * kDouble * (d + factor_tables(shape, counts.order) + factor_tables(shape, 1));
   }
   return bytes;
 }

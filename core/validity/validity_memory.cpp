@@ -87,14 +87,16 @@ std::int64_t bytes_of_jacobian_tables(const MeshCounts& counts) {
   constexpr std::int64_t kEntry = sizeof(std::uint16_t) + sizeof(double) + sizeof(detail::Quad);
   // Exponents and where to find them, starts, reciprocals, and the lines along which a subdivision cuts.
   constexpr std::int64_t kOfCoefficient = 120;
-  const std::int64_t lookup = std::int64_t{sizeof(std::int32_t)} * (counts.dimension == 2 ? 1 << 10 : 1 << 15);
+  // Where to find the exponents of a coefficient: all spaces together, up to nine times the order in their last digit.
+  const std::int64_t lookup =
+      std::int64_t{sizeof(std::int32_t)} * 9 * counts.order * (counts.dimension == 2 ? 1 << 5 : 1 << 10);
   std::int64_t bytes = 0;
   for (std::size_t s = 0; s < kShapes; ++s) {
     if (counts.cells[s] == 0) continue;
     const SpaceSizes sizes = space_sizes(static_cast<Shape>(s), counts.order);
     const auto& [a, b, c] = sizes.derivative;
     const std::int64_t pairs = counts.dimension == 2 ? a * b : b * c + a * sizes.cross;
-    bytes += 6 * lookup + kPair * pairs + kEntry * sizes.conversion +
+    bytes += lookup + kPair * pairs + kEntry * sizes.conversion +
              kOfCoefficient * (sizes.jacobian + sizes.cross + a + b + c);
   }
   return bytes;

@@ -67,7 +67,7 @@ TEST(GmshErrors, NodeNumbersThatAreWrong) {
 }
 
 TEST(GmshErrors, CountsThatNothingCanHold) {
-  EXPECT_SAYS(kHead + "$Nodes\n99999999999999\n1 0 0 0\n", "the number of nodes, 99999999999999, announces");
+  EXPECT_SAYS(kHead + "$Nodes\n99999999999999\n1 0 0 0\n", "the number of nodes, 99999999999999, exceeds 2147483647");
   EXPECT_SAYS(kHead + "$Nodes\n-1\n", "negative");
   EXPECT_SAYS(kHead + kNodes + "$Elements\n2\n1 2 2 1 1 1 2 3\n$EndElements\n", "was expected, found '$EndElements'");
 }
