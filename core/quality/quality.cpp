@@ -19,6 +19,8 @@ using detail::LatticeTable;
 // Samples
 // ---------------------------------------------------------------------------------------------------------------------
 
+constexpr int kQuickIntervals = 2;
+
 int default_intervals(int order) { return std::max(2 * order + 2, 8); }
 
 /// min / max; −1 if the value is nowhere positive.
@@ -59,6 +61,7 @@ Samples sample(const HighOrderMesh& mesh, int intervals, const Team& team) {
       std::vector<double> workspace;
       std::vector<const std::int32_t*> nodes(lanes);
       for (std::size_t b = begin; b != end; ++b) {
+        team.look();
         const CellBatch& batch = samples.batches[b];
         for (std::size_t i = 0; i < batch.count; ++i) nodes[i] = batch.nodes(i);
         detail::sample_on_lattice(samples.tables.at({batch.block->shape, batch.block->order}), mesh.coordinates.data(),
@@ -116,7 +119,7 @@ std::vector<InvalidElement> invalid_elements(const HighOrderMesh& mesh, const Sa
 }
 
 std::vector<UncertifiedElement> uncertified_elements(const HighOrderMesh& mesh,
-                                                     const std::vector<Certificate>& certificates) {
+                                                     std::span<const Certificate> certificates) {
   std::vector<UncertifiedElement> uncertified;
   for (const CellBatch& batch : detail::whole_blocks(mesh))
     for (std::size_t i = 0; i < batch.count; ++i) {
@@ -125,6 +128,27 @@ std::vector<UncertifiedElement> uncertified_elements(const HighOrderMesh& mesh,
         uncertified.push_back({batch.block->numbers[batch.first + i], certificate.answer, certificate.place});
     }
   return uncertified;
+}
+
+/// Everything except what is proved.
+QualityReport report_on(const HighOrderMesh& mesh, const Samples& samples, std::span<const Certificate> certificates) {
+  const CellQuality cells = cell_quality(samples);
+  QualityReport report;
+  report.lattice_intervals = samples.intervals;
+  if (cells.scaled_jacobian.empty()) return report;
+  report.min_scaled_jacobian = std::ranges::min(cells.scaled_jacobian);
+  report.min_distortion_jacobian = std::ranges::min(cells.distortion_jacobian);
+  double sum = 0;
+  for (const double js : cells.scaled_jacobian) {
+    sum += std::max(js, -1.0);
+    const int bin = static_cast<int>(js * QualityReport::kBins);
+    if (js > 0) ++report.histogram[static_cast<std::size_t>(std::min(bin, QualityReport::kBins - 1))];
+  }
+  report.mean_scaled_jacobian = sum / static_cast<double>(cells.scaled_jacobian.size());
+  report.invalid = invalid_elements(mesh, samples, cells);
+  report.invalid_elements = static_cast<std::int64_t>(report.invalid.size());
+  report.uncertified = uncertified_elements(mesh, certificates);
+  return report;
 }
 
 }  // namespace
@@ -151,26 +175,18 @@ QualityReport quality(const HighOrderMesh& mesh, int intervals, int threads) {
   return quality(mesh, certifier, std::move(certificates), intervals, team);
 }
 
+CellQuality cell_quality(const HighOrderMesh& mesh, const Team& team) { return cell_quality(sample(mesh, 0, team)); }
+
 QualityReport quality(const HighOrderMesh& mesh, const Certifier& certifier, std::vector<Certificate> certificates,
                       int intervals, const Team& team) {
-  const Samples samples = sample(mesh, intervals, team);
-  const CellQuality cells = cell_quality(samples);
-  QualityReport report;
-  report.lattice_intervals = samples.intervals;
-  if (cells.scaled_jacobian.empty()) return report;
-  report.min_scaled_jacobian = std::ranges::min(cells.scaled_jacobian);
-  report.min_distortion_jacobian = std::ranges::min(cells.distortion_jacobian);
-  double sum = 0;
-  for (const double js : cells.scaled_jacobian) {
-    sum += std::max(js, -1.0);
-    const int bin = static_cast<int>(js * QualityReport::kBins);
-    if (js > 0) ++report.histogram[static_cast<std::size_t>(std::min(bin, QualityReport::kBins - 1))];
-  }
-  report.mean_scaled_jacobian = sum / static_cast<double>(cells.scaled_jacobian.size());
-  report.invalid = invalid_elements(mesh, samples, cells);
-  report.invalid_elements = static_cast<std::int64_t>(report.invalid.size());
-  report.uncertified = uncertified_elements(mesh, certificates);
-  report.certified = certifier.sharpen(mesh.coordinates, certificates);
+  QualityReport report = report_on(mesh, sample(mesh, intervals, team), certificates);
+  report.certified = certifier.sharpen(mesh.coordinates, certificates, Certifier::kMinimumGap, team.stop());
+  return report;
+}
+
+QualityReport quick_quality(const HighOrderMesh& mesh, std::span<const Certificate> certificates, const Team& team) {
+  QualityReport report = report_on(mesh, sample(mesh, kQuickIntervals, team.without_stop()), certificates);
+  report.certified = summarise(certificates);
   return report;
 }
 

@@ -73,14 +73,14 @@ struct LinearSystem {
 }  // namespace
 
 UntanglePatch::UntanglePatch(const std::vector<CoefficientEnergy>& energies, std::vector<Member> members,
-                             std::vector<std::int32_t> nodes, int dimension)
+                             std::vector<std::int32_t> nodes, int dimension, const StopToken* stop)
     : energies_(energies), members_(std::move(members)), nodes_(std::move(nodes)), dimension_(dimension) {
   positions_.resize(static_cast<Eigen::Index>(nodes_.size()) * dimension);
   for (const Member& member : members_)
     for (std::size_t i = 0; i < member.unknown.size(); ++i)
       positions_.segment(member.unknown[i] * dimension, dimension) = member.cell.positions.row(member.cell.free[i]);
-  for (Member& member : members_) energies_[at(member.set)].find_movable(member.cell);
-  measure_coefficients();
+  for (Member& member : members_) energies_[at(member.set)].find_movable(member.cell, stop);
+  measure_coefficients(stop);
   epsilon_ = std::max(0.2 * std::abs(smallest_), kLeastEpsilon);
 }
 
@@ -130,7 +130,7 @@ double UntanglePatch::value(const Team& team) const {
 double UntanglePatch::expand(const Team& team) {
   expansions_.resize(members_.size());
   team.for_each(static_cast<std::int32_t>(members_.size()), 1, [&](std::int32_t i) {
-    expansions_[at(i)] = energies_[at(members_[at(i)].set)].expand(members_[at(i)].cell, epsilon_);
+    expansions_[at(i)] = energies_[at(members_[at(i)].set)].expand(members_[at(i)].cell, epsilon_, team.stop());
   });
   double sum = 0;
   gradient_.setZero(positions_.size());
@@ -213,15 +213,16 @@ UntangleStep UntanglePatch::step(const Team& team) {
     if (!search(full, energy, team) || value(team) > (1 - kSmallDecrease) * energy) break;
   }
   expansions_.clear();
-  measure_coefficients();
+  measure_coefficients(team.stop());
   next_epsilon(before, value(team));
   return outcome;
 }
 
-void UntanglePatch::measure_coefficients() {
+void UntanglePatch::measure_coefficients(const StopToken* stop) {
   smallest_ = std::numeric_limits<double>::infinity();
   bad_ = 0;
   for (const Member& member : members_) {
+    look(stop);
     const double least = energies_[at(member.set)].smallest_coefficient(member.cell);
     smallest_ = std::min(smallest_, least);
     bad_ += least > 0 ? 0 : 1;

@@ -32,9 +32,9 @@ class UntanglePatch {
   };
 
   /// `energies`: one per set; they must outlive the patch. `members`: sorted by set and cell. `nodes`: the nodes that
-  /// move, as numbers of mesh nodes.
+  /// move, as numbers of mesh nodes. Looks at the token, which may be null.
   UntanglePatch(const std::vector<CoefficientEnergy>& energies, std::vector<Member> members,
-                std::vector<std::int32_t> nodes, int dimension);
+                std::vector<std::int32_t> nodes, int dimension, const StopToken* stop = nullptr);
 
   /// An empty patch, whose state is read next.
   UntanglePatch(const std::vector<CoefficientEnergy>& energies, int dimension)
@@ -58,7 +58,8 @@ class UntanglePatch {
   /// Returns false if the state belongs to another problem.
   bool gather(const Problem& problem);
 
-  /// An outer step: at most three Newton steps, then the next ε.
+  /// An outer step: at most three Newton steps, then the next ε. If the team's token interrupts it, the patch is
+  /// spoilt.
   UntangleStep step(const Team& team);
 
   /// The nodes that move, as numbers of mesh nodes, and their positions, d numbers each.
@@ -84,7 +85,7 @@ class UntanglePatch {
   /// Takes the step, or a part or a multiple of it. Returns false, and takes none, if none lowers the energy.
   bool search(const Eigen::VectorXd& step, double before, const Team& team);
   /// Sets smallest_ and bad_.
-  void measure_coefficients();
+  void measure_coefficients(const StopToken* stop);
   /// Sets the next ε from the energies before and after an outer step.
   void next_epsilon(double before, double after);
 

@@ -83,11 +83,12 @@ Certifier::Certifier(const HighOrderMesh& mesh, CertificateOptions options)
 }
 
 void Certifier::certify_on_one_thread(std::span<const double> coordinates, std::span<const std::int32_t> cells,
-                                      std::span<Certificate> certificates) const {
+                                      std::span<Certificate> certificates, const StopToken* stop) const {
   thread_local std::vector<double> workspace;
   const std::size_t lanes = detail::kernel_lanes();
   detail::KernelOutput output;
   for (std::size_t first = 0; first < cells.size();) {
+    look(stop);
     const ElementBlock& block = *cells_[static_cast<std::size_t>(cells[first])].block;
     detail::KernelInput input;
     input.table = &detail::jacobian_table(block.shape, block.order);
@@ -107,7 +108,7 @@ void Certifier::certify_on_one_thread(std::span<const double> coordinates, std::
       detail::Coefficients<double> known{{}, output.error[lane]};
       known.values.resize(static_cast<std::size_t>(input.table->jacobian.size()));
       for (std::size_t k = 0; k < known.values.size(); ++k) known.values[k] = output.coefficients[k * lanes + lane];
-      certificate = detail::subdivide(cell, options_, std::move(known));
+      certificate = detail::subdivide(cell, options_, std::move(known), stop);
     }
     first += input.cells;
   }
@@ -117,7 +118,7 @@ void Certifier::certify(std::span<const double> coordinates, std::span<const std
                         std::span<Certificate> certificates, const Team& team) const {
   assert(certificates.size() == cells_.size());
   team.for_ranges(cells.size(), kGrain, [&](std::size_t begin, std::size_t end) {
-    certify_on_one_thread(coordinates, cells.subspan(begin, end - begin), certificates);
+    certify_on_one_thread(coordinates, cells.subspan(begin, end - begin), certificates, team.stop());
   });
 }
 
@@ -127,7 +128,7 @@ void Certifier::certify(std::span<const double> coordinates, std::span<Certifica
 }
 
 CertificateSummary Certifier::sharpen(std::span<const double> coordinates, std::span<Certificate> certificates,
-                                      double gap) const {
+                                      double gap, const StopToken* stop) const {
   CertificateOptions options = options_;
   options.gap = gap;
   std::vector<std::int32_t> order = all_;
@@ -144,7 +145,7 @@ CertificateSummary Certifier::sharpen(std::span<const double> coordinates, std::
     const ElementBlock& block = *cells_[cell].block;
     const Certificate better = detail::subdivide(
         {&detail::jacobian_table(block.shape, block.order), coordinates.data(), cells_[cell].nodes, scale_, sign_},
-        options);
+        options, stop);
     // An answer that was given once is kept. The search for a sharper bound may spend its budget and end with another
     // answer.
     if (better.answer == certificates[cell].answer &&
