@@ -7,7 +7,7 @@
 
 #include "core/base/nearest_word.h"
 #include "core/base/version.h"
-#include "server/resources/memory_budget.h"
+#include "core/base/machine_memory.h"
 
 namespace varimesh::server {
 namespace {

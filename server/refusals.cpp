@@ -62,6 +62,15 @@ Refusal mesh_too_large(std::int64_t max, std::optional<std::int64_t> size) {
                  {{"max_mesh_bytes", limit}});
 }
 
+Refusal mesh_needs_memory(std::int64_t max, std::int64_t needed) {
+  const std::string limit = std::to_string(max);
+  return refusal(Code::ResourceExhausted, "MESH_TOO_LARGE",
+                 "The mesh takes at least " + std::to_string(needed) +
+                     " bytes of memory, but the jobs of this server have only " + limit +
+                     " together (its flag --max-memory-bytes); use a server with more memory, or a smaller mesh.",
+                 {{"max_memory_bytes", limit}});
+}
+
 // ===== meshes and uploads =====
 
 Refusal mesh_not_found(const std::string& digest) {

@@ -28,6 +28,8 @@ Refusal history_too_large();
 Refusal queue_full(int pending);
 /// RESOURCE_EXHAUSTED, PEER_LIMIT. `most`: how many `things` ("open watches") one address may have.
 Refusal peer_limit(const std::string& address, int most, const std::string& things);
+/// RESOURCE_EXHAUSTED, MESH_TOO_LARGE: the mesh takes at least `needed` bytes of memory, but jobs have `max` together.
+Refusal mesh_needs_memory(std::int64_t max, std::int64_t needed);
 /// RESOURCE_EXHAUSTED, MESH_TOO_LARGE. `max` and `size` are in bytes; `size` is empty if it is not known.
 Refusal mesh_too_large(std::int64_t max, std::optional<std::int64_t> size = {});
 

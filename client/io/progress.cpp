@@ -51,7 +51,7 @@ std::string time_left(const std::optional<double>& seconds) {
 Progress::Progress(bool quiet, const v1::Options& options)
     : quiet_(quiet),
       terminal_(isatty(STDERR_FILENO) == 1),
-      tolerance_(options.has_tolerance() ? options.tolerance() : 1e-6),
+      tolerance_(options.has_tolerance() ? options.tolerance() : 1e-3),
       remaining_time_(options) {}
 
 Progress::~Progress() { clear_bar(); }

@@ -16,7 +16,7 @@ void lower(std::optional<double>* estimate, double seconds) {
 }  // namespace
 
 RemainingTime::RemainingTime(const v1::Options& options)
-    : tolerance_(options.has_tolerance() ? options.tolerance() : 1e-6),
+    : tolerance_(options.has_tolerance() ? options.tolerance() : 1e-3),
       max_iterations_(options.has_max_iterations() ? options.max_iterations() : 1000),
       time_limit_(options.time_limit()),
       has_stages_(options.objective() == v1::OBJECTIVE_WORST) {}

@@ -4,6 +4,8 @@
 
 #include <algorithm>
 
+#include "client/cli/names.h"
+
 namespace varimesh::client {
 namespace {
 
@@ -39,6 +41,14 @@ std::string histogram(const QualityReport& quality) {
   return text;
 }
 
+/// Whether the run converged, and if not, why it ended.
+std::string ending(const v1::Metrics& metrics) {
+  if (metrics.converged()) return "converged";
+  if (metrics.stop_reason() == v1::STOP_REASON_MOST_PRODUCTS)
+    return "not converged: Newton steps reached the largest number of products";
+  return "not converged (" + spelled(metrics.stop_reason()) + ")";
+}
+
 }  // namespace
 
 std::string summary(const v1::Metrics& metrics) {
@@ -47,7 +57,7 @@ std::string summary(const v1::Metrics& metrics) {
   const v1::QualityReport& after = metrics.after();
   return sizes(mesh.dimension(), mesh.order(), mesh.elements(), mesh.nodes(), mesh.free_nodes()) +
          fmt::format("{} iterations in {:.3g} s, residual {:.3g}, {}\n", metrics.iterations(), metrics.seconds(),
-                     metrics.residual(), metrics.converged() ? "converged" : "not converged") +
+                     metrics.residual(), ending(metrics)) +
          fmt::format("                          {:>10}  {:>10}\n", "before", "after") +
          fmt::format("smallest scaled Jacobian  {:>10.5f}  {:>10.5f}\n", before.min_scaled_jacobian(),
                      after.min_scaled_jacobian()) +

@@ -1,6 +1,7 @@
 // The only source file that includes headers of both the client and the server.
 #include "client/local/local.h"
 
+#include "core/base/machine_memory.h"
 #include "server/log.h"
 #include "server/server.h"
 
@@ -24,6 +25,7 @@ Expected<std::unique_ptr<LocalService>> LocalService::start(const std::string& f
   server::ServerOptions options;
   options.engine = server::core_engine();
   options.data = folder;
+  options.limits.max_memory_bytes = machine_memory();
   auto started = server::Server::start(std::move(options));
   if (!started) return tl::unexpected(started.error());
   return std::make_unique<InProcess>(std::move(*started));

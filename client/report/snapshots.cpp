@@ -27,6 +27,19 @@ std::vector<std::int32_t> match(const Cells& first, const Cells& second) {
   return order;
 }
 
+std::array<double, 6> box_of(const HighOrderMesh& mesh, const Cells& cells) {
+  constexpr double kFar = std::numeric_limits<double>::max();
+  std::array<double, 6> box{kFar, kFar, kFar, -kFar, -kFar, -kFar};
+  for (std::size_t cell = 0; cell < cells.count(); ++cell)
+    for (const std::int32_t node : cells.nodes(cell))
+      for (std::size_t d = 0; d < 3; ++d) {
+        const double x = mesh.coordinates[3 * static_cast<std::size_t>(node) + d];
+        box[d] = std::min(box[d], x);
+        box[3 + d] = std::max(box[3 + d], x);
+      }
+  return box;
+}
+
 }  // namespace
 
 Expected<Snapshots> Snapshots::create(std::shared_ptr<const HighOrderMesh> before,
@@ -45,12 +58,7 @@ Expected<Snapshots> Snapshots::create(std::shared_ptr<const HighOrderMesh> befor
       snapshot.scaled_jacobian.push_back(quality.scaled_jacobian[static_cast<std::size_t>(cell)]);
     snapshots.snapshots_.push_back(std::move(snapshot));
   }
-  constexpr double kFar = std::numeric_limits<double>::max();
-  snapshots.box_ = {kFar, kFar, kFar, -kFar, -kFar, -kFar};
-  for (std::size_t i = 0; i < snapshots.mesh().coordinates.size(); ++i) {
-    snapshots.box_[i % 3] = std::min(snapshots.box_[i % 3], snapshots.mesh().coordinates[i]);
-    snapshots.box_[3 + i % 3] = std::max(snapshots.box_[3 + i % 3], snapshots.mesh().coordinates[i]);
-  }
+  snapshots.box_ = box_of(snapshots.mesh(), snapshots.cells());
   for (std::size_t d = 0; d < 3; ++d) snapshots.centre_[d] = snapshots.box_[d] / 2 + snapshots.box_[3 + d] / 2;
   return snapshots;
 }

@@ -44,7 +44,7 @@ class Snapshots {
   double size(std::size_t snapshot, std::size_t cell) const;
   /// The middle of box(). The positions in the page are relative to it, so that single precision is enough.
   const std::array<double, 3>& centre() const { return centre_; }
-  /// The bounding box of the nodes of the first mesh: smallest x, y, z, largest x, y, z.
+  /// The bounding box of the cells of the first mesh: smallest x, y, z, largest x, y, z.
   const std::array<double, 6>& box() const { return box_; }
   /// The `most` cells with the smallest scaled Jacobians in a snapshot, worst first.
   std::vector<std::int32_t> worst(std::size_t snapshot, std::size_t most) const;

@@ -1,13 +1,24 @@
 // The conjugate gradients of Newton's method and of the untangling, whatever their vectors and matrices are made of.
 #pragma once
 
+#include <cstdint>
+
 namespace varimesh {
 
-/// How conjugate gradients ended.
+/// How the conjugate gradients of a Newton step ended.
+enum class LinearSolve : std::uint8_t {
+  None,               ///< There were none: no Newton step was made.
+  Solved,             ///< They reached their forcing term.
+  NegativeCurvature,  ///< A direction had no positive curvature. The step is what was found up to there.
+  MostProducts,       ///< They made the largest number of products. The step is what was found up to there.
+};
+
+/// What conjugate gradients did.
 struct ConjugateGradients {
   int products = 0;                 ///< Of the matrix and a direction.
   double residual = 0;              ///< r · M⁻¹ r before the last product.
   bool negative_curvature = false;  ///< The last direction p has p · A p ≤ 0, and no step was taken along it.
+  bool solved = false;              ///< The system said that x is good enough, or r · M⁻¹ r fell to 0.
 };
 
 /// Solves A x = b for a symmetric matrix A with the preconditioner M: M. R. Hestenes, E. Stiefel, J. Res. Natl. Bur.
@@ -36,7 +47,8 @@ ConjugateGradients conjugate_gradients(System& system, double rz, int most_produ
     }
     system.advance(result.residual / curvature);
     const double next = system.precondition();
-    if (!(next > 0) || system.is_solved(next)) break;
+    result.solved = next == 0 || (next > 0 && system.is_solved(next));
+    if (result.solved || !(next > 0)) break;
     system.turn(next / result.residual);
     result.residual = next;
   }

@@ -9,7 +9,7 @@
 #include "core/base/index.h"
 #include "core/diagnosis/node_positions.h"
 #include "core/diagnosis/vector.h"
-#include "core/reference/basis.h"
+#include "core/reference/cache.h"
 
 namespace varimesh::detail {
 namespace {
@@ -30,6 +30,11 @@ bool on_facet(const reference::ShapeInfo& shape, const reference::Facet& facet, 
   return std::abs(determinant(from_first(corner(1)), last, from_first(p))) < 1e-9;
 }
 
+/// Rows of more bytes than this are not kept. Those of a hexahedron of order 6 and of a tetrahedron of order 10 take
+/// less. Only the few cells between fixed facets are sampled, so making rows again for each of them costs little.
+constexpr std::size_t kMostKept = std::size_t{80} << 20;
+constexpr std::size_t kRangeBytes = std::size_t{4} << 20;
+
 int lattice_intervals(int order) { return std::max(2 * order + 2, 8); }
 
 }  // namespace
@@ -38,25 +43,35 @@ int lattice_intervals(int order) { return std::max(2 * order + 2, 8); }
 // The point condition
 // ---------------------------------------------------------------------------------------------------------------------
 
+FixedSamples::Rows FixedSamples::Table::make_rows(Eigen::Index first, Eigen::Index count) const {
+  Rows rows{first, count, basis.gradients(first, count), {}};
+  for (Eigen::Index p = 0; p < count; ++p) {
+    std::vector<int>& enter = rows.enter.emplace_back();
+    for (Eigen::Index n = 0; n < rows.gradients[0].cols(); ++n) {
+      double most = 0;
+      for (const Eigen::MatrixXd& gradient : rows.gradients) most = std::max(most, std::abs(gradient(p, n)));
+      if (most > 1e-9) enter.push_back(static_cast<int>(n));
+    }
+  }
+  return rows;
+}
+
 FixedSamples::Table FixedSamples::make_table(Shape shape, int order, int dimension) {
   const reference::ShapeInfo& info = reference::info(shape);
-  Table table;
-  table.points = reference::uniform_lattice(shape, lattice_intervals(order));
+  reference::Points points = reference::uniform_lattice(shape, lattice_intervals(order));
   if (shape == Shape::Pyramid) {
     // Near the apex the basis, which is rational, loses digits: leave those points out.
     std::vector<Eigen::Index> keep;
-    for (Eigen::Index p = 0; p < table.points.rows(); ++p)
-      if (table.points(p, 2) < 0.99) keep.push_back(p);
-    table.points = reference::Points(table.points(keep, Eigen::all));
+    for (Eigen::Index p = 0; p < points.rows(); ++p)
+      if (points(p, 2) < 0.99) keep.push_back(p);
+    points = reference::Points(points(keep, Eigen::all));
   }
-  constexpr auto kNodes = reference::NodeSet::Equispaced;
-  table.values = reference::basis_values(shape, order, kNodes, dimension, table.points);
-  table.gradients = reference::basis_gradients(shape, order, kNodes, dimension, table.points);
+  Table table({shape, order, reference::NodeSet::Equispaced, dimension, points});
   for (std::size_t f = 0; f < info.facets.size(); ++f)
     table.facets.push_back(reference::facet_nodes(shape, order, static_cast<int>(f)));
-  for (Eigen::Index p = 0; p < table.points.rows(); ++p) {
+  for (Eigen::Index p = 0; p < points.rows(); ++p) {
     Vector point{};
-    for (int c = 0; c < dimension; ++c) point[at(c)] = table.points(p, c);
+    for (int c = 0; c < dimension; ++c) point[at(c)] = points(p, c);
     const auto on = std::ranges::count_if(info.facets, [&](const auto& facet) { return on_facet(info, facet, point); });
     table.dimension.push_back(std::max(0, dimension - static_cast<int>(on)));
     table.vertex.push_back(-1);
@@ -65,47 +80,64 @@ FixedSamples::Table FixedSamples::make_table(Shape shape, int order, int dimensi
       if (std::abs(corner[0] - point[0]) + std::abs(corner[1] - point[1]) + std::abs(corner[2] - point[2]) < 1e-9)
         table.vertex.back() = v;
     }
-    std::vector<int>& enter = table.enter.emplace_back();
-    for (Eigen::Index n = 0; n < table.values.cols(); ++n) {
-      double most = 0;
-      for (const Eigen::MatrixXd& gradient : table.gradients) most = std::max(most, std::abs(gradient(p, n)));
-      if (most > 1e-9) enter.push_back(static_cast<int>(n));
-    }
   }
+  const std::size_t row_bytes =
+      at(reference::node_count(shape, order)) * (sizeof(double) * at(dimension) + sizeof(int));
+  const bool is_small = row_bytes * at(points.rows()) <= kMostKept;
+  table.per_range = is_small ? points.rows() : static_cast<Eigen::Index>(kRangeBytes / row_bytes);
+  if (is_small) table.kept = table.make_rows(0, points.rows());
   return table;
 }
 
-FixedSamples::FixedSamples(const HighOrderMesh& mesh, const Cells& cells) : mesh_(mesh), cells_(cells) {
-  for (const Cells::Range& range : cells.ranges())
-    if (!tables_.contains(range.block->shape))
-      tables_.emplace(range.block->shape, make_table(range.block->shape, range.block->order, mesh.dimension));
+const FixedSamples::Table& FixedSamples::table(Shape shape, int order, int dimension) {
+  static reference::Cache<std::array<int, 3>, Table> cache;
+  return cache.get({static_cast<int>(shape), order, dimension}, [&] { return make_table(shape, order, dimension); });
+}
+
+FixedSamples::FixedSamples(const HighOrderMesh& mesh, const Cells& cells) : mesh_(mesh), cells_(cells) {}
+
+FixedSamples::Sampled FixedSamples::sample(const Table& table, const Eigen::MatrixXd& x, const std::vector<bool>& held,
+                                           double sign) {
+  Sampled out;
+  const Eigen::Index points = table.basis.points().rows();
+  for (Eigen::Index first = 0; first < points; first += table.per_range) {
+    const Rows made = table.kept.count > 0 ? Rows() : table.make_rows(first, std::min(table.per_range, points - first));
+    const Rows& rows = table.kept.count > 0 ? table.kept : made;
+    std::array<Eigen::MatrixXd, 3> g;
+    for (std::size_t r = 0; r < rows.gradients.size(); ++r) g[r] = rows.gradients[r] * x;
+    for (Eigen::Index p = 0; p < rows.count; ++p) {
+      out.jacobian.push_back(sign * (rows.gradients.size() == 2
+                                         ? g[0](p, 0) * g[1](p, 1) - g[0](p, 1) * g[1](p, 0)
+                                         : determinant(row(g[0], p), row(g[1], p), row(g[2], p))));
+      out.is_held.push_back(std::ranges::all_of(rows.enter[at(p)], [&](int n) { return held[at(n)]; }) ? 1 : 0);
+    }
+  }
+  return out;
 }
 
 std::vector<FixedSample> FixedSamples::worst(std::size_t cell, const std::vector<bool>& fixed, double sign) const {
   const auto nodes = cells_.nodes(cell);
-  const Table& table = tables_.at(cells_.shape(cell));
-  const auto held = [&](int n) { return fixed[at(nodes[at(n)])]; };
-  // Such a point can only lie between two fixed facets (except at vertices in 3-D).
-  if (std::ranges::count_if(table.facets, [&](const auto& facet) { return std::ranges::all_of(facet, held); }) < 2)
-    return {};
-  const Eigen::MatrixXd x = node_positions(mesh_.coordinates, nodes);
-  const int d = mesh_.dimension;
-  std::array<Eigen::MatrixXd, 3> g;
-  for (int r = 0; r < d; ++r) g[at(r)] = table.gradients[at(r)] * x;
-  const auto jacobian = [&](Eigen::Index p) {
-    if (d == 2) return sign * (g[0](p, 0) * g[1](p, 1) - g[0](p, 1) * g[1](p, 0));
-    return sign * determinant(row(g[0], p), row(g[1], p), row(g[2], p));
+  const Table& table = FixedSamples::table(cells_.shape(cell), mesh_.order, mesh_.dimension);
+  std::vector<bool> held;
+  for (const std::int32_t node : nodes) held.push_back(fixed[at(node)]);
+  const auto is_fixed = [&](const auto& facet) {
+    return std::ranges::all_of(facet, [&](int n) { return held[at(n)]; });
   };
+  // Such a point can only lie between two fixed facets (except at vertices in 3-D).
+  if (std::ranges::count_if(table.facets, is_fixed) < 2) return {};
+  const Eigen::MatrixXd x = node_positions(mesh_.coordinates, nodes);
+  const Sampled sampled = sample(table, x, held, sign);
   double largest = 0;
-  for (Eigen::Index p = 0; p < table.points.rows(); ++p) largest = std::max(largest, std::abs(jacobian(p)));
+  for (const double jacobian : sampled.jacobian) largest = std::max(largest, std::abs(jacobian));
   std::array<std::optional<FixedSample>, 4> worst;
-  for (Eigen::Index p = 0; p < table.points.rows(); ++p) {
-    const int dimension = table.dimension[at(p)];
-    if ((d == 3 && dimension == 0) || !std::ranges::all_of(table.enter[at(p)], held)) continue;
-    const double relative = largest > 0 ? jacobian(p) / largest : 0;
+  for (std::size_t p = 0; p < sampled.jacobian.size(); ++p) {
+    const int dimension = table.dimension[p];
+    if ((mesh_.dimension == 3 && dimension == 0) || sampled.is_held[p] == 0) continue;
+    const double relative = largest > 0 ? sampled.jacobian[p] / largest : 0;
     auto& entry = worst[at(dimension)];
     if (relative > kZero || (entry && entry->jacobian <= relative)) continue;
-    entry = FixedSample{dimension, table.vertex[at(p)], row(table.values.row(p) * x, 0), relative};
+    const Eigen::MatrixXd values = table.basis.values(static_cast<Eigen::Index>(p), 1);
+    entry = FixedSample{dimension, table.vertex[p], row(values * x, 0), relative};
   }
   std::vector<FixedSample> result;
   for (const auto& entry : worst)

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "core/mesh/connectivity.h"
-#include "core/reference/nodes.h"
+#include "core/reference/basis.h"
 
 namespace varimesh::detail {
 
@@ -29,20 +29,39 @@ class FixedSamples {
   std::vector<FixedSample> worst(std::size_t cell, const std::vector<bool>& fixed, double sign) const;
 
  private:
-  struct Table {
-    reference::Points points;
-    Eigen::MatrixXd values;                  // points × nodes
-    std::vector<Eigen::MatrixXd> gradients;  // a points × nodes matrix per direction
-    std::vector<int> dimension;              // by point
-    std::vector<int> vertex;                 // by point; −1 if it is none
+  /// The basis at a range of a lattice's points.
+  struct Rows {
+    Eigen::Index first = 0, count = 0;       // the points `first` to `first` + `count` − 1
+    std::vector<Eigen::MatrixXd> gradients;  // a count × nodes matrix per direction
     std::vector<std::vector<int>> enter;     // by point: the nodes that J depends on there
-    std::vector<std::vector<int>> facets;    // by facet: its nodes
+  };
+  /// The lattice of one shape and order. The rows of hexahedra of order 10 would take 450 MB. So they are made for a
+  /// range of points at a time, and kept only if all of them are small.
+  struct Table {
+    explicit Table(reference::BasisAtPoints on_lattice) : basis(std::move(on_lattice)) {}
+    Rows make_rows(Eigen::Index first, Eigen::Index count) const;
+
+    reference::BasisAtPoints basis;
+    Eigen::Index per_range = 0;            // points of a range, except the last one
+    Rows kept;                             // all rows, if there is only one range
+    std::vector<int> dimension;            // by point
+    std::vector<int> vertex;               // by point; −1 if it is none
+    std::vector<std::vector<int>> facets;  // by facet: its nodes
   };
   static Table make_table(Shape shape, int order, int dimension);
+  /// Made once and kept until the program ends.
+  static const Table& table(Shape shape, int order, int dimension);
+
+  /// J at every point, and whether all nodes are held that it depends on there.
+  struct Sampled {
+    std::vector<double> jacobian;
+    std::vector<char> is_held;
+  };
+  /// `x`: the positions of the cell's nodes; `held`: by node of the cell.
+  static Sampled sample(const Table& table, const Eigen::MatrixXd& x, const std::vector<bool>& held, double sign);
 
   const HighOrderMesh& mesh_;
   const Cells& cells_;
-  std::map<Shape, Table> tables_;
 };
 
 /// Flat fixed facets whose normal changes sign (in 2-D, straight edges whose tangent does).

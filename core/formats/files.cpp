@@ -40,14 +40,26 @@ Expected<MeshFile> read_stream(int descriptor) {
   }
 }
 
+/// Rounded up.
+std::string mebibytes(std::int64_t bytes) { return std::to_string(((bytes - 1) >> 20) + 1) + " MiB"; }
+
 }  // namespace
 
-Expected<MeshFile> read_file(const std::string& path) {
+Expected<void> check_memory(std::int64_t file_bytes, std::int64_t memory) {
+  if (memory == 0 || least_memory(file_bytes) <= memory) return {};
+  return bad_input("The file has " + mebibytes(file_bytes) + ". Its mesh takes at least " +
+                   mebibytes(least_memory(file_bytes)) + " of memory, but only " + mebibytes(memory) +
+                   " may be used; use a machine with more memory, or a smaller mesh.");
+}
+
+Expected<MeshFile> read_file(const std::string& path, std::int64_t memory) {
   const Descriptor file(::open(path.c_str(), O_RDONLY | O_CLOEXEC));
   if (file.number < 0) return bad_input("'" + path + "' cannot be opened: " + reason() + ".");
   struct stat status {};
   if (::fstat(file.number, &status) != 0) return bad_input("'" + path + "' cannot be read: " + reason() + ".");
   if (S_ISDIR(status.st_mode)) return bad_input("'" + path + "' is a folder; name a mesh file in it.");
+  if (const auto fits = check_memory(S_ISREG(status.st_mode) ? status.st_size : 0, memory); !fits)
+    return bad_input("'" + path + "': " + fits.error().sentence);
   Expected<MeshFile> result;
   const auto size = std::size_t(status.st_size);
   void* mapped =

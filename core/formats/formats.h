@@ -1,12 +1,14 @@
 // Reads and writes mesh files, and knows the file formats.
 #pragma once
 
+#include <cstdint>
 #include <functional>
 #include <span>
 #include <string>
 #include <string_view>
 
 #include "core/base/error.h"
+#include "core/base/machine_memory.h"
 #include "core/mesh/high_order_mesh.h"
 
 namespace varimesh::formats {
@@ -51,8 +53,17 @@ struct MeshFile {
 /// stopped.
 Expected<MeshFile> read(std::string_view bytes);
 
-/// Reads the file at `path`, which is mapped into memory. Errors: as for read(), and they name the path.
-Expected<MeshFile> read_file(const std::string& path);
+/// The least memory that the mesh of a file of this size takes, in bytes. A text file takes the most bytes for what it
+/// contains: nearly five times as many as memory for a tetrahedron whose nodes have numbers of ten digits.
+constexpr std::int64_t least_memory(std::int64_t file_bytes) { return file_bytes / 5; }
+
+/// Refuses files whose mesh takes more than `memory` bytes, before they are read. `memory` 0: no limit. Errors:
+/// BadInput.
+Expected<void> check_memory(std::int64_t file_bytes, std::int64_t memory);
+
+/// Reads the file at `path`, which is mapped into memory. Errors: as for read() and check_memory(), and they name the
+/// path.
+Expected<MeshFile> read_file(const std::string& path, std::int64_t memory = machine_memory());
 
 /// Receives the bytes of a file piece by piece, in order. Returns false to stop, for example if the disk is full or a
 /// pipe is broken.

@@ -49,9 +49,10 @@ std::string_view Scanner::until_line(std::string_view text, bool& found) {
 std::int64_t Scanner::count(const char* what, std::size_t least, bool as_text) {
   const std::int64_t value = as_text ? text_integer(what) : size(what);
   if (value < 0) fail(std::string(what) + " is negative");
+  if (value > std::numeric_limits<std::int32_t>::max())
+    fail(std::string(what) + ", " + std::to_string(value) + ", exceeds 2147483647, the most that a mesh may have");
   if (std::size_t(value) > left() / least + 1)
     fail_truncated(("everything that " + std::string(what) + ", " + std::to_string(value) + ", announces").c_str());
-  if (value > std::numeric_limits<std::int32_t>::max()) fail(std::string(what) + " exceeds 2147483647");
   return value;
 }
 

@@ -54,7 +54,7 @@ void add_triangle(Positions& list, Position a, Position b, Position c, int order
 void add_triangle_inside(Positions& list, const Position& a, const Position& b, const Position& c, int order) {
   Positions whole;
   add_triangle(whole, a, b, c, order);
-  list.insert(list.end(), whole.begin() + 3 * order, whole.end());
+  list.insert(list.end(), whole.begin() + std::ptrdiff_t{3} * order, whole.end());
 }
 
 Positions tetrahedron(int order) {

@@ -141,7 +141,7 @@ void Grid::add_block(const ElementBlock& block) {
     if (adds) {
       Eigen::MatrixX3d x(stride, 3);
       for (Eigen::Index i = 0; i < stride; ++i)
-        for (Eigen::Index k = 0; k < 3; ++k) x(i, k) = mesh_.coordinates[std::size_t(3 * nodes[i] + k)];
+        for (Eigen::Index k = 0; k < 3; ++k) x(i, k) = mesh_.coordinates[3 * std::size_t(nodes[i]) + std::size_t(k)];
       const Eigen::MatrixX3d y = added_[block.order] * x;
       for (Eigen::Index i = 0; i < y.rows(); ++i)
         for (Eigen::Index k = 0; k < 3; ++k) coordinates.data.put(y(i, k));

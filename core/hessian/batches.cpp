@@ -21,6 +21,8 @@ BatchSet make_batch_set(const CellSet& cells, const std::vector<std::int32_t>& r
         set.ranks[(static_cast<std::size_t>(b) * nodes + n) * kBatch + lane] =
             rank[cells.nodes[static_cast<std::size_t>(cell) * nodes + n]];
     }
+  set.squares.reserve(set.gradient.points.size() * static_cast<std::size_t>(nodes) *
+                      static_cast<std::size_t>(triangle_size(d)));
   for (const int q : set.gradient.points)
     for (int n = 0; n < nodes; ++n) {
       Eigen::VectorXd slope(d);

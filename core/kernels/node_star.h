@@ -22,8 +22,8 @@ class NodeStar {
   /// With room for StarCell::line, for as many cells as fit in `scratch` (kMostNumbers long). `line_size`:
   /// Kernels::line_size().
   NodeStar(Problem& problem, std::int32_t rank, int line_size, double* scratch) {
-    const std::int32_t first = problem.offsets[rank];
-    count_ = problem.offsets[rank + 1] - first;
+    const std::int64_t first = problem.offsets[rank];
+    count_ = static_cast<std::int32_t>(problem.offsets[rank + 1] - first);
     if (count_ > kMostCells) on_heap_.resize(count_);
     const std::span<StarCell> cells = this->cells();
     std::size_t used = 0;

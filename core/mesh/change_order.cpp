@@ -10,6 +10,7 @@
 #include <unordered_map>
 
 #include "core/mesh/check.h"
+#include "core/mesh/mesh_counts.h"
 #include "core/reference/basis.h"
 #include "core/reference/nodes.h"
 
@@ -371,6 +372,12 @@ Expected<HighOrderMesh> change_order(const HighOrderMesh& mesh, int order) {
     return block.shape == Shape::Point || block.order == order;
   });
   if (same) return mesh;
+  std::int64_t nodes_of_cells = 0;
+  for (const ElementBlock& block : mesh.blocks)
+    nodes_of_cells += static_cast<std::int64_t>(block.size()) * reference::node_count(block.shape, order);
+  if (nodes_of_cells > kMostNodes)  // cells share nodes, so there may be fewer
+    if (const auto checked = check_counts(count(mesh, order).nodes(), 0); !checked)
+      return tl::unexpected(checked.error());
   return OrderChange(mesh, order).apply();
 }
 

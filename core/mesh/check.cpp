@@ -81,13 +81,15 @@ Expected<void> check_plane(const HighOrderMesh& mesh) {
   std::array<double, 3> low, high;
   low.fill(std::numeric_limits<double>::infinity());
   high.fill(-std::numeric_limits<double>::infinity());
-  for (const ElementBlock& block : mesh.blocks)
+  for (const ElementBlock& block : mesh.blocks) {
+    if (reference::info(block.shape).dimension != mesh.dimension) continue;
     for (std::int32_t node : block.nodes)
       for (std::size_t k = 0; k < 3; ++k) {
         const double x = mesh.coordinates[3 * std::size_t(node) + k];
         low[k] = std::min(low[k], x);
         high[k] = std::max(high[k], x);
       }
+  }
   const double diagonal = std::hypot(high[0] - low[0], high[1] - low[1], high[2] - low[2]);
   if (high[2] - low[2] <= 1e-9 * diagonal) return {};
   return bad_input("The mesh is a surface in space: it has no volume elements, and z ranges from " +
@@ -266,7 +268,21 @@ Expected<void> check_blocks(const HighOrderMesh& mesh) {
   return {};
 }
 
+Expected<void> check_counts(std::int64_t nodes, std::int64_t cells) {
+  const auto refuse = [](std::int64_t count, const char* things, std::int64_t most) {
+    return bad_input("The mesh has " + std::to_string(count) + " " + things + ", but can have at most " +
+                     std::to_string(most) + "; divide it into parts, or use larger elements.");
+  };
+  if (nodes > kMostNodes) return refuse(nodes, "nodes", kMostNodes);
+  if (cells > kMostCells) return refuse(cells, "cells", kMostCells);
+  return {};
+}
+
 Expected<void> check_structure(const HighOrderMesh& mesh) {
+  if (auto done = check_counts(static_cast<std::int64_t>(mesh.node_count()),
+                               static_cast<std::int64_t>(mesh.element_count(mesh.dimension)));
+      !done)
+    return done;
   for (auto step : {check_kind, check_arrays, check_coordinates, check_plane, check_distinct_nodes})
     if (auto done = step(mesh); !done) return tl::unexpected<Error>(done.error());
   const Cells cells(mesh, mesh.dimension);

@@ -18,7 +18,11 @@ struct MeshCheck {
 /// Errors: BadInput, which describes the first fault, says how many there are of its kind, and what to do.
 Expected<MeshCheck> check(const HighOrderMesh& mesh);
 
+/// Refuses meshes with more nodes or cells than kMostNodes and kMostCells. Errors: BadInput.
+Expected<void> check_counts(std::int64_t nodes, std::int64_t cells);
+
 /// Checks everything that the measures of quality rely on:
+///   - there are not too many nodes or cells: check_counts()
 ///   - there are elements of dimension 2 or 3, of one order and of known shapes
 ///   - all coordinates are finite, and a 2-D mesh lies in a plane z = constant
 ///   - the nodes of each cell are distinct, and no cell appears twice

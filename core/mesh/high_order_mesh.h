@@ -4,6 +4,7 @@
 
 #include <array>
 #include <cstdint>
+#include <limits>
 #include <string>
 #include <utility>
 #include <vector>
@@ -11,6 +12,11 @@
 #include "core/reference/shape.h"
 
 namespace varimesh {
+
+/// Nodes and cells are numbered with 32 bits. Facets and vertices of all cells are numbered so too; no shape has more
+/// than eight.
+inline constexpr std::int64_t kMostNodes = std::numeric_limits<std::int32_t>::max();
+inline constexpr std::int64_t kMostCells = std::numeric_limits<std::int32_t>::max() / 8;
 
 /// A block: consecutive elements of one shape and order on one elementary entity, in the order of the file.
 struct ElementBlock {

@@ -135,4 +135,12 @@ std::size_t Multigrid::bytes() const {
   return sum;
 }
 
+std::int64_t Multigrid::bytes_needed(std::int64_t rows, std::int64_t entries, int columns) {
+  constexpr double kAllLevels = 1.15;  // entries of all levels and transfers, over those of the first
+  constexpr std::int64_t kPerEntry = sizeof(float) + sizeof(std::int32_t);
+  constexpr std::int64_t kPerRow = 100;  // what a row has by itself: its place, diagonal, inverse, aggregate, transfers
+  const std::int64_t vectors = 2 * columns * static_cast<std::int64_t>(sizeof(double));
+  return static_cast<std::int64_t>(kAllLevels * static_cast<double>(kPerEntry * entries)) + (kPerRow + vectors) * rows;
+}
+
 }  // namespace varimesh

@@ -45,6 +45,9 @@ class Multigrid {
   std::vector<std::int32_t> level_rows() const;
   /// What the levels hold.
   std::size_t bytes() const;
+  /// The same before there is a matrix, for one with this many rows and entries off the diagonal, and `columns` as in
+  /// apply(). An estimate from grids of squares, triangles, cubes and tetrahedra.
+  static std::int64_t bytes_needed(std::int64_t rows, std::int64_t entries, int columns);
 
  private:
   struct Level {

@@ -81,7 +81,7 @@ class VectorCoarseKernels final : public CoarseKernels {
       for (int lane = 0; lane < kBatch; lane += static_cast<int>(hn::Lanes(FloatTag()))) {
         Floats sum[d];
         unrolled<d>([&](auto i) { sum[i] = hn::Zero(FloatTag()); });
-        for (std::int32_t e = rows.begin[a]; e < rows.begin[a + 1]; ++e)
+        for (std::int64_t e = rows.begin[a]; e < rows.begin[a + 1]; ++e)
           unrolled<d>([&](auto i) {
             sum[i] = hn::MulAdd(varimesh::HWY_NAMESPACE::load(u + (rows.column[e] * d + i) * kBatch + lane),
                                 every(rows.factor[e]), sum[i]);
@@ -91,7 +91,7 @@ class VectorCoarseKernels final : public CoarseKernels {
     CellLanes<d>::interleave(out, coarse, set.contributions.data() + contribution_index(b * kBatch, 0, coarse, d));
   }
 
-  void add_up(const std::array<Contributions, kShapes>& contributions, const std::int32_t* begin,
+  void add_up(const std::array<Contributions, kShapes>& contributions, const std::int64_t* begin,
               const Incidence* cells, const float* blocks, float* to, std::int32_t first,
               std::int32_t last) const override {
     for (std::ptrdiff_t i = first; i < last; ++i) {
@@ -129,7 +129,7 @@ class VectorCoarseKernels final : public CoarseKernels {
     const CoarseSpace::Set& set = space.sets[at.set];
     const std::int32_t* nodes = set.nodes.data() + static_cast<std::ptrdiff_t>(at.cell) * set.nodes_per_cell;
     Node sum = Node::zero();
-    for (std::int32_t e = set.values.begin[at.local]; e < set.values.begin[at.local + 1]; ++e) {
+    for (std::int64_t e = set.values.begin[at.local]; e < set.values.begin[at.local + 1]; ++e) {
       const std::ptrdiff_t node = nodes[set.values.column[e]];
       if (node >= 0) sum = sum.plus(set.values.factor[e], coarse + node * kNode);
     }

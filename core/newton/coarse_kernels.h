@@ -39,7 +39,7 @@ class CoarseKernels {
   virtual void restrict_cells(BatchSet& set, std::int32_t b, const SparseRows& rows, const float* values) const = 0;
   /// to_i = B_i Σ contributions of the cells of coarse node i, which are cells[begin[i]] to cells[begin[i + 1] − 1].
   /// `to`: padded(d) floats per node. B_i: d columns of d numbers; one more number after the last block.
-  virtual void add_up(const std::array<Contributions, kShapes>& contributions, const std::int32_t* begin,
+  virtual void add_up(const std::array<Contributions, kShapes>& contributions, const std::int64_t* begin,
                       const Incidence* cells, const float* blocks, float* to, std::int32_t first,
                       std::int32_t last) const = 0;
   /// z_i = B_i r_i, plus the value of `coarse` (padded(d) floats per coarse node) at free node i, interpolated in its

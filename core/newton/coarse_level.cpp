@@ -14,8 +14,6 @@ namespace {
 
 constexpr std::int32_t kNodesPerTask = 128;  // small, since there are many small colours
 constexpr double kNothing = 1e-34;  // blocks are at most about 1; the inverse of a smaller one may not fit a float
-/// If the matrix might be larger than this, the coarse level is of order 1.
-constexpr std::size_t kMostBytes = std::size_t{8} << 30;
 
 /// Replaces v by L v, given L⁻¹; by 0 if that is 0.
 template <int d>
@@ -36,46 +34,36 @@ void times_factor_transposed(const Eigen::Matrix<float, d, d, Eigen::RowMajor>& 
     inverse.transpose().template triangularView<Eigen::Upper>().solveInPlace(at);
 }
 
-/// 2 if the mesh has that order and the matrix fits in memory: a row of it has 125 blocks in a hexahedral mesh.
+/// 2 if the mesh has that order. The matrix of hexahedra has 125 blocks per row, which takes 12 KiB per element.
 int coarse_order(const Problem& problem) {
-  std::size_t bytes = 0;
-  for (const CellSet& set : problem.sets) {
-    const std::size_t nodes = reference::node_count(set.shape, 2);
-    bytes += set.count * nodes * nodes * set.dimension * set.dimension * sizeof(std::int16_t);
-    if (set.order < 2) return 1;
-  }
-  return bytes <= kMostBytes ? 2 : 1;
+  const bool is_linear =
+      std::any_of(problem.sets.begin(), problem.sets.end(), [](const CellSet& set) { return set.order < 2; });
+  return is_linear ? 1 : 2;
 }
 
 /// Colours the nodes so that those of a cell all differ, greedily in the order of their numbers, and renumbers them by
 /// colour. Returns colours + 1 numbers: where each colour's nodes begin.
-std::vector<std::int32_t> sort_by_colour(const Problem& problem, CoarseSpace& space) {
-  std::vector<std::vector<std::int32_t>> cells(space.count);
-  std::vector<std::vector<std::int32_t>> used(problem.cells);  // by cell: the colours of its nodes
-  for (std::size_t b = 0; b < problem.sets.size(); ++b) {
-    const CoarseSpace::Set& set = space.sets[b];
-    for (std::size_t i = 0; i < set.nodes.size(); ++i)
-      if (set.nodes[i] >= 0)
-        cells[set.nodes[i]].push_back(problem.sets[b].first + static_cast<std::int32_t>(i / set.nodes_per_cell));
-  }
-  std::vector<std::int32_t> colour_of(space.count);
-  std::vector<char> taken;
-  std::int32_t count = 0;
+std::vector<std::int32_t> sort_by_colour(CoarseSpace& space, const Team& team) {
+  const NodeCells cells = node_cells(space, team);
+  std::vector<std::int32_t> colour_of(at(space.count), -1), used_by;  // used_by: by colour, the last node beside it
   for (std::int32_t node = 0; node < space.count; ++node) {
-    taken.assign(count + 1, 0);
-    for (const std::int32_t cell : cells[node])
-      for (const std::int32_t colour : used[cell]) taken[colour] = 1;
-    const auto colour = static_cast<std::int32_t>(std::find(taken.begin(), taken.end(), 0) - taken.begin());
-    count = std::max(count, colour + 1);
-    colour_of[node] = colour;
-    for (const std::int32_t cell : cells[node]) used[cell].push_back(colour);
+    for (std::int64_t p = cells.begin[at(node)]; p < cells.begin[at(node) + 1]; ++p) {
+      const Incidence& in = cells.incidences[at(p)];
+      const CoarseSpace::Set& set = space.sets[at(in.set)];
+      const std::int32_t* others = set.nodes.data() + at(in.cell) * at(set.nodes_per_cell);
+      for (int n = 0; n < set.nodes_per_cell; ++n)
+        if (others[n] >= 0 && colour_of[at(others[n])] >= 0) used_by[at(colour_of[at(others[n])])] = node;
+    }
+    const auto free = std::find_if(used_by.begin(), used_by.end(), [&](std::int32_t by) { return by != node; });
+    colour_of[at(node)] = static_cast<std::int32_t>(free - used_by.begin());
+    if (free == used_by.end()) used_by.push_back(-1);
   }
-  std::vector<std::int32_t> colours(count + 1, 0);
-  for (const std::int32_t colour : colour_of) ++colours[colour + 1];
-  for (std::int32_t colour = 0; colour < count; ++colour) colours[colour + 1] += colours[colour];
-  std::vector<std::int32_t> next(colours.begin(), colours.end() - 1), number(space.count);
-  for (std::int32_t node = 0; node < space.count; ++node) number[node] = next[colour_of[node]]++;
-  renumber(space, number);
+  std::vector<std::int32_t> colours(used_by.size() + 1, 0);
+  for (const std::int32_t colour : colour_of) ++colours[at(colour) + 1];
+  for (std::size_t colour = 0; colour < used_by.size(); ++colour) colours[colour + 1] += colours[colour];
+  std::vector<std::int32_t> next(colours.begin(), colours.end() - 1);
+  for (std::int32_t& colour : colour_of) colour = next[at(colour)]++;  // now the node's number
+  renumber(space, colour_of, team);
   return colours;
 }
 
@@ -85,55 +73,23 @@ CoarseLevel::CoarseLevel(const Problem& problem, std::vector<BatchSet>& batches,
     : problem_(problem),
       batches_(batches),
       team_(team),
-      space_(coarse_space(problem, coarse_order(problem))),
-      colours_(sort_by_colour(problem, space_)),
-      linear_(problem, space_, team),
+      space_(coarse_space(problem, coarse_order(problem), team)),
+      colours_(sort_by_colour(space_, team)),
+      cells_(node_cells(space_, team)),
+      linear_(problem, space_, cells_, team),
+      pattern_(node_pattern(space_, cells_, false, team)),
       kernels_(make_coarse_kernels(problem.dimension)) {
   for (const CellSet& set : problem.sets)
     tensors_.emplace_back(static_cast<std::size_t>(set.count) * tensor_size(set.dimension));
   for (const CoarseSpace::Set& set : space_.sets) to_coarse_.push_back(transposed(set.values, set.nodes_per_cell));
-  find_pattern();
   const int d = problem.dimension;
   const std::size_t floats = static_cast<std::size_t>(space_.count) * padded(d);
-  entry_.resize(column_.size() * d * d + 1);
+  entry_.resize(pattern_.column.size() * d * d + 1);
   inverse_factor_.resize(static_cast<std::size_t>(space_.count) * d * d + 1);
   r_.resize(floats);
   x_.resize(floats);
   residual_.resize(floats);
-  rows_ = {row_begin_.data(), column_.data(), entry_.data(), r_.data(), x_.data(), residual_.data()};
-}
-
-void CoarseLevel::find_pattern() {
-  offsets_.assign(space_.count + 1, 0);
-  for (const CoarseSpace::Set& set : space_.sets)
-    for (const std::int32_t node : set.nodes)
-      if (node >= 0) ++offsets_[node + 1];
-  for (std::int32_t node = 0; node < space_.count; ++node) offsets_[node + 1] += offsets_[node];
-  incidences_.resize(offsets_.back());
-  std::vector<std::int32_t> next(offsets_.begin(), offsets_.end() - 1);
-  for (std::size_t b = 0; b < space_.sets.size(); ++b) {
-    const CoarseSpace::Set& set = space_.sets[b];
-    for (std::size_t i = 0; i < set.nodes.size(); ++i)
-      if (set.nodes[i] >= 0)
-        incidences_[next[set.nodes[i]]++] = {static_cast<std::int32_t>(i / set.nodes_per_cell),
-                                             static_cast<std::int16_t>(b),
-                                             static_cast<std::int16_t>(i % set.nodes_per_cell)};
-  }
-  row_begin_.push_back(0);
-  std::vector<std::int32_t> row;
-  for (std::int32_t node = 0; node < space_.count; ++node) {
-    row.clear();
-    for (std::int32_t p = offsets_[node]; p < offsets_[node + 1]; ++p) {
-      const CoarseSpace::Set& set = space_.sets[incidences_[p].set];
-      const auto first = set.nodes.begin() + static_cast<std::ptrdiff_t>(incidences_[p].cell) * set.nodes_per_cell;
-      std::copy_if(first, first + set.nodes_per_cell, std::back_inserter(row),
-                   [node](std::int32_t n) { return n >= 0 && n != node; });
-    }
-    std::sort(row.begin(), row.end());
-    column_.insert(column_.end(), row.begin(), std::unique(row.begin(), row.end()));
-    row_begin_.push_back(static_cast<std::int64_t>(column_.size()));
-  }
-  column_.shrink_to_fit();
+  rows_ = {pattern_.begin.data(), pattern_.column.data(), entry_.data(), r_.data(), x_.data(), residual_.data()};
 }
 
 template <int d>
@@ -160,9 +116,9 @@ CoarseLevel::BlockMatrix<d> CoarseLevel::stiffness(const Tensor<d>& M, const Coa
 template <int d>
 void CoarseLevel::factorise_diagonal(std::int32_t node) {
   BlockMatrix<d> K = BlockMatrix<d>::Zero();
-  for (std::int32_t p = offsets_[node]; p < offsets_[node + 1]; ++p) {
-    const Incidence& at = incidences_[p];
-    K += stiffness<d>(tensor<d>(at.set, at.cell), space_.sets[at.set], at.local, at.local);
+  for (std::int64_t p = cells_.begin[at(node)]; p < cells_.begin[at(node) + 1]; ++p) {
+    const Incidence& in = cells_.incidences[at(p)];
+    K += stiffness<d>(tensor<d>(at(in.set), in.cell), space_.sets[at(in.set)], in.local, in.local);
   }
   Eigen::Matrix<double, d, d> D = K.template cast<double>();
   D.diagonal().array() += 1e-6 * D.trace();
@@ -178,20 +134,21 @@ void CoarseLevel::factorise_diagonal(std::int32_t node) {
 
 template <int d>
 void CoarseLevel::assemble_row(std::int32_t node) {
-  const auto begin = column_.begin() + row_begin_[node], end = column_.begin() + row_begin_[node + 1];
+  const auto begin = pattern_.column.begin() + pattern_.begin[at(node)],
+             end = pattern_.column.begin() + pattern_.begin[at(node) + 1];
   static thread_local std::vector<BlockMatrix<d>> row;
   row.assign(end - begin, BlockMatrix<d>::Zero());
-  for (std::int32_t p = offsets_[node]; p < offsets_[node + 1]; ++p) {
-    const Incidence& at = incidences_[p];
-    const CoarseSpace::Set& set = space_.sets[at.set];
-    const Tensor<d> M = tensor<d>(at.set, at.cell);
-    const std::int32_t* nodes = set.nodes.data() + static_cast<std::size_t>(at.cell) * set.nodes_per_cell;
+  for (std::int64_t p = cells_.begin[at(node)]; p < cells_.begin[at(node) + 1]; ++p) {
+    const Incidence& in = cells_.incidences[at(p)];
+    const CoarseSpace::Set& set = space_.sets[at(in.set)];
+    const Tensor<d> M = tensor<d>(at(in.set), in.cell);
+    const std::int32_t* nodes = set.nodes.data() + static_cast<std::size_t>(in.cell) * set.nodes_per_cell;
     for (int b = 0; b < set.nodes_per_cell; ++b)
       if (nodes[b] >= 0 && nodes[b] != node)
-        row[std::lower_bound(begin, end, nodes[b]) - begin] += stiffness<d>(M, set, at.local, b);
+        row[std::lower_bound(begin, end, nodes[b]) - begin] += stiffness<d>(M, set, in.local, b);
   }
   const BlockMatrix<d> own = kLargestFixedPoint * inverse_factor<d>(node);
-  std::int16_t* to = entry_.data() + row_begin_[node] * d * d;
+  std::int16_t* to = entry_.data() + pattern_.begin[at(node)] * d * d;
   for (std::size_t e = 0; e < row.size(); ++e) {
     const BlockMatrix<d> scaled = own * row[e] * inverse_factor<d>(begin[static_cast<std::ptrdiff_t>(e)]).transpose();
     for (int j = 0; j < d; ++j)
@@ -266,8 +223,8 @@ void CoarseLevel::solve(std::span<const float> shared) {
     });
   const auto contributions = contributions_of(batches_, [&](std::size_t b) { return space_.sets[b].nodes_per_cell; });
   for_nodes(0, space_.count, [&](std::int32_t first, std::int32_t last) {
-    kernels_->add_up(contributions, offsets_.data(), incidences_.data(), inverse_factor_.data(), r_.data(), first,
-                     last);
+    kernels_->add_up(contributions, cells_.begin.data(), cells_.incidences.data(), inverse_factor_.data(), r_.data(),
+                     first, last);
   });
   // x is 0 at first, so the nodes of later colours do not count yet.
   for (std::size_t colour = 0; colour + 1 < colours_.size(); ++colour)

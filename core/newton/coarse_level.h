@@ -38,7 +38,6 @@ class CoarseLevel {
   /// Reads or writes what the matrix is made from, if it will be used again (`is_used`).
   template <class Archive>
   void state(Archive& archive, bool is_used) {
-    linear_.state(archive);
     for (std::vector<float>& tensors : tensors_) {
       const std::size_t size = tensors.size();
       if (is_used) archive(tensors);
@@ -61,8 +60,6 @@ class CoarseLevel {
  private:
   /// Assembles the matrices of both levels from the tensors.
   void make_matrix();
-  /// Sets offsets_, incidences_, row_begin_ and column_.
-  void find_pattern();
   template <int d>
   using BlockMatrix = Eigen::Matrix<float, d, d, Eigen::RowMajor>;
 
@@ -94,14 +91,12 @@ class CoarseLevel {
   const Problem& problem_;
   std::vector<BatchSet>& batches_;
   const Team& team_;
-  CoarseSpace space_;                  ///< Of order 2; its nodes are sorted by colour.
+  CoarseSpace space_;                  ///< Its nodes are sorted by colour.
   std::vector<std::int32_t> colours_;  ///< colours + 1: where each colour's nodes begin.
+  NodeCells cells_;                    ///< Of the coarse nodes.
   LinearLevel linear_;
   std::vector<SparseRows> to_coarse_;        ///< By set: the transpose of its values.
-  std::vector<std::int32_t> offsets_;        ///< nodes + 1: where each coarse node's incidences begin.
-  std::vector<Incidence> incidences_;        ///< The cells of each coarse node.
-  std::vector<std::int64_t> row_begin_;      ///< nodes + 1: where each row's blocks begin.
-  std::vector<std::int32_t> column_;         ///< Ascending in each row, without the diagonal.
+  NodePattern pattern_;                      ///< Of the matrix's blocks, without the diagonal.
   AlignedVector<std::int16_t> entry_;        ///< As BlockRows::entry.
   AlignedVector<float> inverse_factor_;      ///< L⁻¹: d columns of d per node, and one more number; 0 if K_ii is 0.
   std::vector<std::vector<float>> tensors_;  ///< By set: as HessianKernels::mean_tensors.

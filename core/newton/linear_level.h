@@ -1,31 +1,32 @@
 // The level of order 1 below the coarse level: one scalar problem for all directions.
 #pragma once
 
-#include <Eigen/SparseCore>
 #include <array>
 #include <cstdint>
 #include <vector>
 
 #include "core/base/team.h"
+#include "core/multigrid/multigrid.h"
 #include "core/newton/coarse_space.h"
-#include "core/newton/linear_solver.h"
+#include "core/newton/reduction.h"
 #include "core/problem/problem.h"
 
 namespace varimesh {
 
 /// Corrections of order 1 to the coarse level. Of the stiffness matrix it keeps only the coupling of each direction
-/// with itself, averaged over the directions. So one scalar problem serves all directions (linear_solver.h), and with a
-/// factor of it the conjugate gradients take as many iterations as with one of the whole matrix.
+/// with itself, averaged over the directions. So one scalar problem serves all directions, and one multigrid cycle of
+/// it (core/multigrid) is the solution. Conjugate gradients take as many iterations with it as with a factor of the
+/// whole matrix (docs/notes/order-1-level.md).
 class LinearLevel {
  public:
-  /// `above`: the space of the coarse level, in its final numbering. Only problem and team are kept by reference.
-  LinearLevel(const Problem& problem, const CoarseSpace& above, const Team& team);
+  /// `above`: the space of the coarse level, in its final numbering, and `cells_above` the cells of its nodes. Only
+  /// problem and team are kept by reference.
+  LinearLevel(const Problem& problem, const CoarseSpace& above, const NodeCells& cells_above, const Team& team);
 
-  /// Whether there is something to solve with: no if the mesh has no free vertices, or if the factorisation failed
-  /// once.
-  bool is_used() const { return is_used_; }
+  /// Whether there is something to solve: no if the mesh has no free vertices.
+  bool is_used() const { return space_.count > 0; }
 
-  /// Assembles the matrix and factorises it. `tensors`: by set, as HessianKernels::mean_tensors.
+  /// Assembles the matrix and sets up multigrid for it. `tensors`: by set, as HessianKernels::mean_tensors.
   void assemble(const std::vector<std::vector<float>>& tensors);
 
   /// Restricts a residual (padded(d) floats per node above) and solves.
@@ -35,35 +36,35 @@ class LinearLevel {
   template <int d>
   std::array<float, d> value(std::int32_t node) const {
     std::array<float, d> sum{};
-    for (std::int32_t i = to_above_.begin[node]; i < to_above_.begin[node + 1]; ++i)
-      for (int k = 0; k < d; ++k) sum[k] += static_cast<float>(to_above_.factor[i] * solution_(to_above_.column[i], k));
+    for (std::int64_t i = to_above_.begin[node]; i < to_above_.begin[node + 1]; ++i)
+      for (int k = 0; k < d; ++k)
+        sum[k] +=
+            static_cast<float>(to_above_.factor[i] * solution_[static_cast<std::size_t>(to_above_.column[i]) * d + k]);
     return sum;
   }
 
-  template <class Archive>
-  void state(Archive& archive) {
-    archive(is_used_);
-  }
-
  private:
-  /// Calls body(set, cell, i, j, row, column) for all pairs of a cell's nodes i and j in the lower triangle: the number
-  /// of node i (row) is not below that of node j (column).
-  template <class Body>
-  void for_pairs(const Body& body) const;
-  void find_pattern();
+  /// Sets the entries of one row.
   template <int d>
-  void assemble_from(const std::vector<std::vector<float>>& tensors);
+  void assemble_row(std::int32_t vertex, const std::vector<std::vector<float>>& tensors);
+  /// The coupling between vertices i and j of a cell.
+  template <int d>
+  double stiffness(std::size_t set, const float* tensor, int i, int j) const;
+  /// Raises the diagonal by a share of the largest entry.
+  void raise_diagonal();
   template <int d>
   void restrict_residual(const float* residual);
 
   const Problem& problem_;
   const Team& team_;
   CoarseSpace space_;
-  SparseRows to_above_, from_above_;    ///< Values at the nodes above from those at the nodes here, and the transpose.
-  Eigen::SparseMatrix<double> matrix_;  ///< Lower triangle.
-  LinearSolver solver_;
-  bool is_used_ = false;
-  Eigen::MatrixXd right_, solution_;  ///< nodes × d
+  NodeCells cells_;                   ///< Of the vertices.
+  SparseRows to_above_, from_above_;  ///< Values at the nodes above from those at the nodes here, and the transpose.
+  NodePattern pattern_;               ///< Of the matrix, diagonal included.
+  std::vector<double> entry_;         ///< By column of the pattern.
+  Multigrid multigrid_;
+  Reduction reduction_;
+  std::vector<double> right_, solution_;  ///< vertices × d, d innermost
 };
 
 }  // namespace varimesh

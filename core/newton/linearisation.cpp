@@ -21,7 +21,8 @@ constexpr std::size_t kMostBetween = 256;  // are as many, and from at least one
 double Newton::largest_entry(std::int32_t rank) {
   team_.look();
   NodeStar star(problem_, rank);
-  const std::int32_t first = problem_.offsets[rank], cells = problem_.offsets[rank + 1] - first;
+  const std::int64_t first = problem_.offsets[rank];
+  const auto cells = static_cast<std::int32_t>(problem_.offsets[rank + 1] - first);
   std::vector<std::size_t> begin{0};
   for (std::int32_t i = 0; i < cells; ++i)
     begin.push_back(begin[i] + problem_.sets[problem_.incidences[first + i].set].deformation_size());
@@ -59,15 +60,20 @@ void Newton::linearise() {
   scale_hessian();
   if (!norm_.is_sum() && cell_gradients_.empty())
     for (const BatchSet& set : batches_) cell_gradients_.emplace_back(set.contributions.size() / 2);
-  for (std::size_t set = 0; set < batches_.size(); ++set)
-    team_.for_each(batches_[set].count, kBatchesPerTask, [&](std::int32_t b) { linearise_batch(set, b); });
+  find_gradient();
   const auto nodes = static_cast<std::int32_t>(problem_.free.size());
-  team_.for_each(nodes, kNodesPerTask, [&](std::int32_t rank) { add_up_gradient(rank); });
   for (BatchSet& set : batches_)
     team_.for_each(set.count, kBatchesPerTask, [&](std::int32_t b) { hessian_.node_blocks(set, b); });
   team_.for_each(nodes, kNodesPerTask,
                  [&](std::int32_t rank) { preconditioner_.set_block(rank, added_up_block(rank)); });
   if (coarse_is_old_) preconditioner_.coarse().assemble(hessian_);
+}
+
+void Newton::find_gradient() {
+  for (std::size_t set = 0; set < batches_.size(); ++set)
+    team_.for_each(batches_[set].count, kBatchesPerTask, [&](std::int32_t b) { linearise_batch(set, b); });
+  team_.for_each(static_cast<std::int32_t>(problem_.free.size()), kNodesPerTask,
+                 [&](std::int32_t rank) { add_up_gradient(rank); });
 }
 
 void Newton::linearise_batch(std::size_t number, std::int32_t b) {
@@ -105,7 +111,7 @@ void Newton::add_up_gradient(std::int32_t rank) {
   const int d = problem_.dimension;
   for (int k = 0; k < d; ++k) {
     double sum = 0;
-    for (std::int32_t i = problem_.offsets[rank]; i < problem_.offsets[rank + 1]; ++i) {
+    for (std::int64_t i = problem_.offsets[rank]; i < problem_.offsets[rank + 1]; ++i) {
       const Incidence& at = problem_.incidences[i];
       const BatchSet& set = batches_[at.set];
       const float* numbers = set.contributions.data() + set.contribution_index(at.cell, at.local, 2 * d);
@@ -118,7 +124,7 @@ void Newton::add_up_gradient(std::int32_t rank) {
 std::array<double, 6> Newton::added_up_block(std::int32_t rank) const {
   const int d = problem_.dimension;
   std::array<double, 6> sum{};
-  for (std::int32_t i = problem_.offsets[rank]; i < problem_.offsets[rank + 1]; ++i) {
+  for (std::int64_t i = problem_.offsets[rank]; i < problem_.offsets[rank + 1]; ++i) {
     const Incidence& at = problem_.incidences[i];
     const BatchSet& set = batches_[at.set];
     const float* numbers = set.contributions.data() + set.contribution_index(at.cell, at.local, 2 * d);

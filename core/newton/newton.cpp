@@ -4,7 +4,6 @@
 #include <cmath>
 #include <limits>
 
-#include "core/base/conjugate_gradients.h"
 #include "core/base/line_search.h"
 #include "core/newton/power_of_two.h"
 
@@ -15,11 +14,11 @@ constexpr std::int32_t kNodesPerTask = 256;
 constexpr std::int32_t kCellsPerTask = 64;
 constexpr std::size_t kCellsPerSum = 512;
 constexpr std::size_t kNumbersPerTask = 16384;
-constexpr int kMostProducts = 1000;     // per Newton step
 constexpr int kMostTrials = 30;         // of a line search
-constexpr double kLargeStep = 1e-3;     // after a larger step the coarse level is assembled again
+constexpr double kLargeStep = 0.05;     // of a cell's size: after a larger step the coarse level is assembled again
 constexpr double kRough = 0.1;          // even the last step is solved to this share of its initial residual,
 constexpr double kFinest = 1e-3;        // and no step is solved beyond this one
+constexpr double kCurved = 0.3;         // of the tolerance: a larger square of the step shows in the next one
 constexpr double kEnergyNoise = 1e-14;  // relative to Σ slope V: a smaller change of the energy is rounding
 
 /// The share of its initial residual to which a step is solved, smaller the faster the gradient falls: S. C. Eisenstat,
@@ -55,12 +54,7 @@ NewtonOutcome Newton::step() {
   linearise();
   outcome.gradient_norm =
       std::sqrt(reduction_.sum(unknowns_, kNumbersPerTask, [&](std::size_t i) { return gradient_[i] * gradient_[i]; }));
-  // Scaled so that numbers in single precision are of order one for all constants and p-norms.
-  const double gradient_scale = power_of_two(
-      reduction_.largest(unknowns_, kNumbersPerTask, [&](std::size_t i) { return std::abs(gradient_[i]); }));
-  team_.for_ranges(unknowns_, kNumbersPerTask, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t i = begin; i < end; ++i) residual_[i] = static_cast<float>(-gradient_[i] / gradient_scale);
-  });
+  const double gradient_scale = scale_residual();
   const double along = preconditioner_.apply(residual_, product_);
   const double norm = std::sqrt(std::max(0.0, along)) * gradient_scale / std::sqrt(hessian_scale_);
   solve(along, forcing_term(norm, last_gradient_), gradient_scale / hessian_scale_, outcome);
@@ -70,9 +64,14 @@ NewtonOutcome Newton::step() {
     step_[i] *= gradient_scale / hessian_scale_;
     return gradient_[i] * step_[i];
   });
-  outcome.residual = largest_displacement();
+  outcome.residual = largest_displacement(step_);
   outcome.failed = !std::isfinite(slope) || (outcome.residual == 0 && outcome.gradient_norm > 0);
+  const double scale = gradient_scale / hessian_scale_, left = distance_left(outcome.residual, scale);
+  const bool is_last =
+      !outcome.failed && outcome.linear_solve == LinearSolve::Solved && outcome.residual + left <= tolerance_;
   if (slope < 0 && !outcome.failed) outcome.damping = search(slope);
+  // If no step was taken, the nodes are still where the step and what is left of it were measured.
+  outcome.converged = is_last && (outcome.damping == 0 || left + defect(gradient_scale) <= tolerance_);
   // The coarse level is used again as long as the mesh hardly changes.
   coarse_is_old_ =
       outcome.damping < 1 || outcome.residual > kLargeStep || outcome.products > 2 * products_when_new_ + 20;
@@ -112,24 +111,63 @@ double Newton::multiply() {
                         });
 }
 
-double Newton::largest_displacement() {
+double Newton::scale_residual() {
+  const double scale = power_of_two(
+      reduction_.largest(unknowns_, kNumbersPerTask, [&](std::size_t i) { return std::abs(gradient_[i]); }));
+  team_.for_ranges(unknowns_, kNumbersPerTask, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) residual_[i] = static_cast<float>(-gradient_[i] / scale);
+  });
+  return scale;
+}
+
+template <class Number>
+double Newton::largest_displacement(const std::vector<Number>& displacements) {
   const std::size_t d = problem_.dimension;
   return std::sqrt(reduction_.largest(problem_.free.size(), kNumbersPerTask / 4, [&](std::size_t rank) {
     double square = 0;
-    for (std::size_t k = 0; k < d; ++k) square += step_[rank * d + k] * step_[rank * d + k];
-    return square;
+    for (std::size_t k = 0; k < d; ++k) {
+      const double component = displacements[rank * d + k];
+      square += component * component;
+    }
+    const double inverse_size = problem_.inverse_size[rank];
+    return square * inverse_size * inverse_size;
   }));
+}
+
+double Newton::distance_left(double step, double scale) {
+  const double residual = largest_displacement(product_) * scale;
+  if (residual == 0) return 0;
+  const Spectrum spectrum = spectrum_.estimate(ritz_);
+  if (!(spectrum.smallest > 0)) return std::numeric_limits<double>::infinity();
+  const double any = residual / spectrum.smallest, reduction = spectrum.reduction(ritz_.count());
+  return reduction < 1 ? std::min(any, step * reduction / (1 - reduction)) : any;
+}
+
+double Newton::defect(double gradient_scale) {
+  std::copy(residual_.begin(), residual_.end(), direction_.begin());
+  find_gradient();
+  team_.for_ranges(unknowns_, kNumbersPerTask, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) gradient_[i] += gradient_scale * static_cast<double>(direction_[i]);
+  });
+  const double scale = scale_residual() / hessian_scale_;
+  preconditioner_.apply(residual_, product_);
+  return largest_displacement(product_) * scale / spectrum_.estimate(ritz_).smallest;
 }
 
 bool Newton::is_solved(double share, double forcing, double scale) {
   if (share > kRough) return false;
-  const double step = largest_displacement() * scale;
-  // The last step need not be solved further once it is known to be the last.
-  if (step * (1 + share) <= tolerance_) return true;
+  const double step = largest_displacement(step_) * scale;
+  if (step <= tolerance_) {
+    const double left = distance_left(step, scale);
+    // The last step need not be solved further once it is known to be the last.
+    if (step + left <= tolerance_) return true;
+    if (std::isinf(left)) return false;  // only more products can tell
+  }
   if (share > forcing) return false;
-  // `left` is what the next step would have to do. If it is just above the tolerance, a few more products save a step.
+  // `left` is what the next step would have to do. If it is just above the tolerance, a few more products save a step,
+  // unless the curvature of the energy, which is about the square of the step, takes the next step above it anyway.
   const double left = share * step;
-  return left <= 0.7 * tolerance_ || left > 5 * tolerance_ || share <= kFinest;
+  return step * step > kCurved * tolerance_ || left <= 0.7 * tolerance_ || left > 5 * tolerance_ || share <= kFinest;
 }
 
 /// The vectors of conjugate gradients on H x = −G, for conjugate_gradients(): x is step_, r is residual_, p is
@@ -140,6 +178,7 @@ struct Newton::LinearSystem {
 
   double multiply() { return newton.multiply(); }
   void advance(double alpha) {
+    newton.ritz_.advance(alpha);
     const auto alpha_float = static_cast<float>(alpha);
     newton.team_.for_ranges(newton.unknowns_, kNumbersPerTask, [&](std::size_t begin, std::size_t end) {
       for (std::size_t i = begin; i < end; ++i) {
@@ -151,6 +190,7 @@ struct Newton::LinearSystem {
   double precondition() { return newton.preconditioner_.apply(newton.residual_, newton.product_); }
   bool is_solved(double rz) { return newton.is_solved(std::sqrt(rz / initial), forcing, scale); }
   void turn(double beta) {
+    newton.ritz_.turn(beta);
     const auto beta_float = static_cast<float>(beta);
     newton.team_.for_ranges(newton.unknowns_, kNumbersPerTask, [&](std::size_t begin, std::size_t end) {
       for (std::size_t i = begin; i < end; ++i)
@@ -162,13 +202,17 @@ struct Newton::LinearSystem {
 void Newton::solve(double initial, double forcing, double scale, NewtonOutcome& outcome) {
   std::fill(step_.begin(), step_.end(), 0.0);
   std::copy(product_.begin(), product_.end(), direction_.begin());
+  ritz_.clear();
   LinearSystem system{*this, initial, forcing, scale};
   const ConjugateGradients result = conjugate_gradients(system, initial, kMostProducts);
+  spectrum_.note(ritz_);
   outcome.products = result.products;
-  if (!result.negative_curvature) return;
+  const bool reached_most = result.products == kMostProducts && !result.solved;
+  outcome.linear_solve = result.negative_curvature ? LinearSolve::NegativeCurvature
+                         : reached_most            ? LinearSolve::MostProducts
+                                                   : LinearSolve::Solved;
   // The quadratic model is not bounded below. The step is what was found so far, or the first direction.
-  outcome.cut_short = result.residual > kRough * kRough * initial;
-  if (result.products == 1) std::copy_n(direction_.begin(), unknowns_, step_.begin());
+  if (result.negative_curvature && result.products == 1) std::copy_n(direction_.begin(), unknowns_, step_.begin());
 }
 
 double Newton::search(double slope) {

@@ -6,40 +6,50 @@
 #include <span>
 #include <vector>
 
+#include "core/base/conjugate_gradients.h"
 #include "core/base/team.h"
 #include "core/hessian/batches.h"
 #include "core/kernels/kernels.h"
 #include "core/kernels/p_norm.h"
 #include "core/newton/preconditioner.h"
 #include "core/newton/reduction.h"
+#include "core/newton/ritz_values.h"
 #include "core/problem/problem.h"
 
 namespace varimesh {
 
-/// What one Newton step did. Lengths are relative to the diagonal of the bounding box.
+/// What one Newton step did. Displacements are in units of the size of the cells around the node (sizes.h).
 struct NewtonOutcome {
   double residual = 0;       ///< Largest displacement of a node in the full step, before the line search.
   double gradient_norm = 0;  ///< √ Σ |G|² at the start of the step.
   double damping = 0;        ///< Share of the full step that was taken; 0: no step lowered the energy.
   bool failed = false;       ///< The step is not finite, or it is 0 although the gradient is not.
-  bool cut_short = false;    ///< Negative curvature ended the step early: the full step and its residual are not known.
-  int products = 0;          ///< Products of the Hessian and a direction.
+  /// Whether every node is within the tolerance of the optimum: the residual is, the linear system was solved far
+  /// enough, and the gradient after the step agrees.
+  bool converged = false;
+  LinearSolve linear_solve = LinearSolve::None;
+  int products = 0;  ///< Products of the Hessian and a direction.
 };
 
 /// Newton steps on a problem. Gradient, energy and steps are in double precision (each cell's contribution to the
-/// gradient has 48 bits); directions, products and the preconditioner are in single precision. Products use the exact
-/// Hessian. If conjugate gradients meet a direction of negative curvature, they stop with the step that they have. The
-/// line search never makes a valid cell invalid, and raises the energy by no more than rounding.
+/// gradient has 48 bits); directions, products and the preconditioner are in single precision. Products use the full
+/// Hessian at deformation gradients that are held to 16 bits (BatchSet::deformation). If conjugate gradients meet a
+/// direction of negative curvature, they stop with the step that they have. The line search never makes a valid cell
+/// invalid, and raises the energy by no more than rounding.
 ///
 /// Works from the positions of the nodes: it computes deformation gradients a batch of cells at a time and does not
 /// hold them. Expects the δ of the cells to be up to date (Sweeper::scan).
 class Newton {
  public:
+  /// Of the Hessian and a direction, per step. Usual steps need 5 to 60, and 400 at λ = 640. If a step needs more than
+  /// this, the preconditioner does not fit the energy.
+  static constexpr int kMostProducts = 1000;
+
   /// `tolerance`: the residual at which the run will end. Steps are solved as tightly as is useful to get there.
   Newton(Problem& problem, const Kernels& kernels, const HessianKernels& hessian, const PNorm& norm, double tolerance,
          const Team& team);
 
-  /// If the team's token interrupts it, the nodes are where they were before.
+  /// If the team's token interrupts it, the nodes are where they were before, or where the step has put them.
   NewtonOutcome step();
 
   /// By cell: the scans after the step, with the δ from before it.
@@ -49,6 +59,7 @@ class Newton {
   template <class Archive>
   void state(Archive& archive) {
     archive(last_gradient_, coarse_is_old_, products_when_new_);
+    spectrum_.state(archive);
     preconditioner_.coarse().state(archive, !coarse_is_old_);
   }
 
@@ -62,6 +73,8 @@ class Newton {
   /// The largest absolute entry of a free node's own block of the energy's Hessian.
   double largest_entry(std::int32_t rank);
   void linearise_batch(std::size_t set, std::int32_t batch);
+  /// Sets gradient_ and the cells' contributions from the positions of the nodes.
+  void find_gradient();
   /// Only for the p-norm: keeps the cells' gradients, for the term with its curvature.
   void keep_cell_gradients(std::size_t set, std::int32_t batch);
   /// The gradient of a free node, and its own block of the Hessian (lower triangle by rows), from its cells'
@@ -75,13 +88,28 @@ class Newton {
   void add_norm_term(std::size_t set, std::int32_t batch);
   /// product_ = H direction_; returns direction_ · product_.
   double multiply();
+  /// Sets residual_ to −gradient_ divided by a power of two, which it returns: numbers in single precision are then of
+  /// order one for all constants and p-norms.
+  double scale_residual();
   /// Solves H x = −G with conjugate gradients, up to the forcing term or as the tolerance requires. x times `scale` is
   /// the displacement. `initial`: G · M⁻¹ G.
   void solve(double initial, double forcing, double scale, NewtonOutcome& outcome);
   /// Whether conjugate gradients may stop. `share`: of the initial residual, what is left.
   bool is_solved(double share, double forcing, double scale);
-  /// The largest displacement of a node in step_, in the scale of step_.
-  double largest_displacement();
+  /// The largest displacement of a node, d numbers per node, in units of the size of the cells around it.
+  template <class Number>
+  double largest_displacement(const std::vector<Number>& displacements);
+  /// An estimate of how far a node is from the solution of the linear system, in units of the size of the cells around
+  /// it, from M⁻¹ r in product_; +∞ if the spectrum is not known yet. `step`: the residual of the step.
+  ///
+  /// Two bounds hold in the norm of M, and the smaller one is taken for the node that is farthest away: M⁻¹ r divided
+  /// by the smallest eigenvalue of M⁻¹H, and what conjugate gradients must have reduced the error to after so many
+  /// products.
+  double distance_left(double step, double scale);
+  /// How far a node is from the optimum because the linear residual and the gradient differ: the residual is carried
+  /// along in single precision, and the energy is not quadratic. `gradient_scale`: that of residual_. Overwrites the
+  /// vectors of conjugate gradients.
+  double defect(double gradient_scale);
 
   // === The line search ===
   /// Moves the nodes by a share of the step and returns the share; 0: no step was accepted.
@@ -111,7 +139,9 @@ class Newton {
   std::vector<AlignedVector<float>> cell_gradients_;
   double hessian_scale_ = 1;  ///< The Hessian is divided by this in products and blocks.
   std::size_t unknowns_ = 0;
-  double last_gradient_ = 0;  ///< Gradient of the step before, in the preconditioner's norm.
+  double last_gradient_ = 0;   ///< Gradient of the step before, in the preconditioner's norm.
+  RitzValues ritz_;            ///< Of the last solve.
+  SpectrumEstimate spectrum_;  ///< Of M⁻¹H.
   /// d per free node: the gradient. The line search does not need it and keeps the nodes' first positions here.
   std::vector<double> gradient_;
   std::vector<double> step_;

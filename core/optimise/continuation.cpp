@@ -14,6 +14,11 @@ namespace {
 /// How much of the mean scaled Jacobian may be given up to raise the lowest.
 constexpr double kMeanGivenForWorst = 0.01;
 
+/// Whether the methods ended the stage, and not a limit or the caller.
+bool ended_by_itself(StopReason reason) {
+  return reason == StopReason::Converged || reason == StopReason::NoProgress || reason == StopReason::MostProducts;
+}
+
 }  // namespace
 
 Continuation::Continuation(SetUp& set_up, const Certifier& certifier, const Stopwatch& watch,
@@ -59,8 +64,7 @@ bool Continuation::run_stages(const std::vector<Certificate>& certificates, Resu
     iterate(result);
   const std::size_t stages = set_up_.stages.size();
   while (stages > 1 && next_stage_may_help(result.stop_reason) && !nothing_to_do &&
-         (result.stop_reason == StopReason::Converged || result.stop_reason == StopReason::NoProgress) &&
-         ++stage_ < stages) {
+         ended_by_itself(result.stop_reason) && ++stage_ < stages) {
     nothing_to_do = begin_next_stage();
     if (!nothing_to_do) iterate(result);
   }
@@ -79,8 +83,8 @@ void Continuation::set_up_stage(const std::vector<Certificate>& certificates,
 
 StageContext Continuation::context() {
   const Stage& stage = set_up_.stages[stage_];
-  return {stage.options,       set_up_.problem, set_up_.coloured, *stage.kernels,
-          stage.hessian.get(), *guard_,         *best_,           team_};
+  return {stage.options, set_up_.problem, set_up_.coloured, *stage.kernels, stage.hessian.get(), *guard_,
+          *best_,        team_,           set_up_.mesh};
 }
 
 std::optional<StopReason> Continuation::begin(const std::vector<Certificate>& certificates,
@@ -158,7 +162,7 @@ bool Continuation::next_stage_may_help(StopReason ended) {
   if (mean < best_->least_mean) return false;
   const double before = best_->highest();
   team_.run([&] { best_->consider(*guard_, team_.stop()); });
-  return best_->highest() > before || ended == StopReason::NoProgress;
+  return best_->highest() > before || ended != StopReason::Converged;
 }
 
 void Continuation::note_interruption(Result& result) {

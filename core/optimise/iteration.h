@@ -3,19 +3,21 @@
 
 #include <cstdint>
 
+#include "core/base/conjugate_gradients.h"
+
 namespace varimesh {
 
 /// What part of the method an iteration belongs to.
 enum class Phase : std::uint8_t { Sweeps, Newton, Untangle };
 
 /// What is known after an iteration: a sweep, a Newton step, or a step of untangling (at most three Newton steps in
-/// every patch). Residuals and Jacobians are dimensionless.
+/// every patch). All numbers but the seconds are dimensionless.
 struct Iteration {
   Phase phase = Phase::Sweeps;
   int number = 0;                     ///< 1, 2, … through the whole run.
   double energy = 0;                  ///< Σ ∫ W(F) |det ∇χ_L| dξ divided by Σ ∫ |det ∇χ_L| dξ.
   double residual = 0;                ///< Largest displacement of a node in the full step, before damping, divided by
-                                      ///< the diagonal of the bounding box.
+                                      ///< the smallest size of a cell around the node (core/problem/sizes.h).
   double relative_gradient = 0;       ///< Norm of the energy's gradient relative to that of the first iteration.
   double min_scaled_jacobian = 0;     ///< At the quadrature points; cheaper than the quality report's, never below it.
   std::int64_t invalid_elements = 0;  ///< Cells that are not certified valid. While all cells are valid, only every
@@ -23,7 +25,8 @@ struct Iteration {
   std::int64_t repairable_elements = 0;  ///< Those of them that are not unrepairable.
   std::int64_t active_nodes = 0;         ///< Free nodes visited.
   int products = 0;                      ///< Products of the Hessian and a vector: conjugate-gradient iterations.
-  double seconds = 0;                    ///< Since the optimisation began.
+  LinearSolve linear_solve = LinearSolve::None;  ///< How these iterations ended.
+  double seconds = 0;                            ///< Since the optimisation began.
 };
 
 }  // namespace varimesh

@@ -139,7 +139,9 @@ Expected<Result> Optimiser::run(std::vector<double> coordinates, const OnIterati
                      ".");
   if (coordinates != mesh.coordinates) {
     mesh.coordinates.swap(coordinates);
-    if (const auto checked = check(mesh); !checked) {
+    Expected<void> checked = check(mesh).map([](const MeshCheck&) {});
+    if (checked) checked = check_straight_sides(mesh, set_up_->options.threads);
+    if (!checked) {
       mesh.coordinates.swap(coordinates);  // keeps the coordinates that were checked last
       return tl::unexpected(checked.error());
     }

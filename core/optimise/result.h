@@ -14,14 +14,19 @@ namespace varimesh {
 
 /// Why a run ended.
 enum class StopReason : std::uint8_t {
-  Converged,   ///< The residual is at most the tolerance.
+  Converged,   ///< Every free node is within the tolerance of the optimum; with Method::Sweeps: the residual is at most
+               ///< the tolerance.
   Valid,       ///< Until::Valid: every cell is certified valid.
   Repaired,    ///< Until::Valid: every cell that is not certified valid is unrepairable.
-  NoProgress,  ///< Until::Valid: no fewer uncertified cells after ten iterations. Or: no lower energy was found.
+  NoProgress,  ///< Until::Valid: no fewer uncertified cells after ten iterations. Or: no lower energy was found, or
+               ///< rounding keeps the residual above the tolerance.
   Quality,     ///< until_js is reached.
   TimeLimit,   ///< time_limit is reached.
   Iterations,  ///< max_iterations is reached.
   Stopped,     ///< The caller returned Control::Stop, or RunControl::stop_asked said yes.
+  /// Newton steps reached the largest number of products again and again before the run converged: the preconditioner
+  /// does not fit the energy (a very large λ). The mesh is the best so far, but not the optimum.
+  MostProducts,
 };
 
 /// Sizes of a mesh, and how many of its nodes would move.
@@ -41,7 +46,7 @@ struct RunSummary {
   double seconds = 0;        ///< From the input mesh to the result in memory, quality reports included.
   double proof_seconds = 0;  ///< The part of `seconds` spent on certificates and on finding what cannot be repaired.
   double residual = 0;       ///< Of the last iteration.
-  bool converged = false;    ///< residual ≤ tolerance.
+  bool converged = false;    ///< StopReason::Converged says what that means.
   bool stopped = false;      ///< Ended by the caller: StopReason::Stopped.
   StopReason stop_reason = StopReason::Iterations;
   QualityReport before;

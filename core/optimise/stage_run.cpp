@@ -1,6 +1,11 @@
 #include "core/optimise/stage_run.h"
 
+#include <algorithm>
+#include <cassert>
+#include <cmath>
+
 #include "core/checkpoint/checkpoint.h"
+#include "core/optimise/memory.h"
 
 namespace varimesh {
 namespace {
@@ -12,11 +17,18 @@ constexpr int kIterationsBetweenRebuilds = 10;
 constexpr int kSettledSweepsBetweenCertificates = 4;
 /// The last stages of Objective::Worst are so stiff that steps may go back and forth for long and raise nothing.
 constexpr int kMostIterationsOfALaterStage = 30;
+/// A step with the largest number of products costs as much as a whole run on a usual mesh. A few of them on the way
+/// happen with a large λ.
+constexpr int kMostWithMostProducts = 10;
+/// Newton steps without a lower energy or residual. Far from the optimum the energy falls in every step.
+constexpr int kMostStanding = 10;
+constexpr double kLowerResidual = 0.5;  // times the least one
+constexpr double kLowerEnergy = 1e-12;  // of the energy; its rounding is less
 
 template <class Archive>
 void iteration_state(Archive& archive, Iteration& i) {
   archive(i.phase, i.number, i.energy, i.residual, i.relative_gradient, i.min_scaled_jacobian, i.invalid_elements,
-          i.repairable_elements, i.active_nodes, i.products, i.seconds);
+          i.repairable_elements, i.active_nodes, i.products, i.linear_solve, i.seconds);
 }
 
 }  // namespace
@@ -29,6 +41,7 @@ StageRun::StageRun(const StageContext& context, const Stopwatch& watch)
       guard_(context.guard),
       best_(context.best),
       team_(context.team),
+      mesh_(context.mesh),
       watch_(watch),
       norm_{options_.p_norm},
       sweeper_(problem_, context.coloured, kernels_, options_.regularisation, norm_,
@@ -57,6 +70,7 @@ std::optional<StopReason> StageRun::step() {
   iteration_.phase = chooser_.phase();
   ++iteration_.number;
   iteration_.products = 0;
+  iteration_.linear_solve = LinearSolve::None;
   MethodOutcome outcome = iteration_.phase == Phase::Sweeps   ? sweep()
                           : iteration_.phase == Phase::Newton ? newton_step()
                                                               : untangle();
@@ -73,6 +87,7 @@ void StageRun::forget_unfinished() {
 // ===== the methods =====
 
 StageRun::MethodOutcome StageRun::sweep() {
+  rest_newton();
   const SweepOutcome swept = sweeper_.sweep();
   exact_ = iteration_.number % kIterationsBetweenRebuilds == 0;
   if (exact_) sweeper_.rebuild();
@@ -89,12 +104,14 @@ StageRun::MethodOutcome StageRun::newton_step() {
   iteration_.residual = stepped.residual;
   iteration_.active_nodes = static_cast<std::int64_t>(problem_.free.size());
   iteration_.products = stepped.products;
-  return {stepped.gradient_norm, stepped.damping == 0, stepped.failed, !stepped.cut_short};
+  iteration_.linear_solve = stepped.linear_solve;
+  return {stepped.gradient_norm, stepped.damping == 0, stepped.failed, stepped.converged};
 }
 
 StageRun::MethodOutcome StageRun::untangle() {
   if (!untangler_) {
-    untangler_.emplace(problem_, kernels_, guard_, team_);
+    rest_newton();
+    untangler_.emplace(problem_, kernels_, guard_, team_, room_for_hessians(mesh_, options_));
     chooser_.untangling_from(guard_.unrepaired());
   }
   const UntangleOutcome untangled = untangler_->step();
@@ -105,8 +122,28 @@ StageRun::MethodOutcome StageRun::untangle() {
 }
 
 Newton& StageRun::newton() {
-  if (!newton_) newton_.emplace(problem_, kernels_, *hessian_, norm_, options_.tolerance, team_);
+  if (newton_) return *newton_;
+  newton_.emplace(problem_, kernels_, *hessian_, norm_, options_.tolerance, team_);
+  if (!rested_newton_.empty()) {
+    CheckpointReader reader({rested_newton_.data(), rested_newton_.size()}, 0);
+    newton_->state(reader);
+    assert(!reader.failed());
+    std::vector<char>().swap(rested_newton_);
+  }
   return *newton_;
+}
+
+void StageRun::rest_newton() {
+  if (!newton_) return;
+  CheckpointWriter writer(
+      [&](std::string_view bytes) {
+        rested_newton_.insert(rested_newton_.end(), bytes.begin(), bytes.end());
+        return true;
+      },
+      0);
+  newton_->state(writer);
+  writer.finish();
+  newton_.reset();
 }
 
 // ===== after every iteration =====
@@ -139,15 +176,37 @@ std::optional<StopReason> StageRun::reason_to_stop(const MethodOutcome& outcome)
   const bool small = !outcome.failed && iteration_.residual <= options_.tolerance;
   // That the awake nodes hardly move proves nothing: all nodes must be visited.
   if (small && !outcome.whole) sweeper_.wake();
-  converged_ = small && outcome.whole;
+  // The steps of single nodes say little about the optimum (docs/method.md). If Newton's method may follow, it decides.
+  const bool may_end = iteration_.phase == Phase::Newton || options_.method == Method::Sweeps;
+  converged_ = small && outcome.whole && may_end;
   const Outlook outlook = chooser_.outlook(guard_.unrepaired());
   if (const auto reason = stopper_.after(iteration_, converged_, outlook, bound_)) return reason;
+  if (iteration_.phase != Phase::Newton)
+    least_residual_ = 0;
+  else if (const auto reason = newton_ends())
+    return reason;
   if (began_ > 0 && iteration_.number - began_ >= kMostIterationsOfALaterStage) return StopReason::NoProgress;
-  // A small step that was cut short does not end the run. But if something is tangled, it is time for another method.
+  // A small step that proves nothing does not end the run. But if something is tangled, it is time for another method.
   const bool idle = small && guard_.unrepaired() > 0 && iteration_.phase == Phase::Newton;
-  if (!chooser_.next(guard_.repairable(), guard_.unrepaired(), outcome.stuck || converged_ || idle))
+  if (!chooser_.next(guard_.repairable(), guard_.unrepaired(), outcome.stuck || (small && outcome.whole) || idle))
     return StopReason::NoProgress;
   return std::nullopt;
+}
+
+std::optional<StopReason> StageRun::newton_ends() {
+  if (iteration_.linear_solve == LinearSolve::MostProducts && ++most_products_ >= kMostWithMostProducts)
+    return StopReason::MostProducts;
+  // While cells are tangled that may be repaired, δ changes the energy, and other methods decide when to go on.
+  if (guard_.unrepaired() > 0) least_residual_ = 0;
+  const bool first = least_residual_ == 0;
+  if (first || iteration_.residual < kLowerResidual * least_residual_ ||
+      iteration_.energy < least_energy_ - kLowerEnergy * std::abs(least_energy_)) {
+    least_residual_ = first ? iteration_.residual : std::min(least_residual_, iteration_.residual);
+    least_energy_ = first ? iteration_.energy : std::min(least_energy_, iteration_.energy);
+    standing_ = 0;
+    return std::nullopt;
+  }
+  return ++standing_ < kMostStanding ? std::nullopt : std::optional(StopReason::NoProgress);
 }
 
 // ===== checkpoints =====
@@ -166,7 +225,8 @@ void StageRun::state(Archive& archive) {
   stopper_.state(archive);
   best_.state(archive);
   std::uint64_t iterations = history_.size();
-  archive(first_gradient_, began_, bound_, converged_, iterations);
+  archive(first_gradient_, began_, bound_, converged_, most_products_, least_residual_, least_energy_, standing_,
+          iterations);
   for (std::uint64_t i = 0; i < iterations; ++i) {
     if constexpr (Archive::kReads) {
       if (archive.failed()) return;
@@ -180,13 +240,13 @@ void StageRun::state(Archive& archive) {
 template <class Archive>
 void StageRun::methods_state(Archive& archive) {
   bool with_newton = newton_.has_value(), with_untangler = untangler_.has_value();
-  archive(with_newton, with_untangler);
+  archive(with_newton, with_untangler, rested_newton_);
   if constexpr (Archive::kReads) {
     if (archive.failed() || (with_newton && hessian_ == nullptr)) return archive.fail();
     if (with_newton) newton();
     if (with_untangler) {
       sweeper_.rebuild();
-      untangler_.emplace(Untangler::ToBeRead{}, problem_, kernels_, guard_, team_);
+      untangler_.emplace(Untangler::ToBeRead{}, problem_, kernels_, guard_, team_, room_for_hessians(mesh_, options_));
     }
   }
   if (with_newton) newton_->state(archive);

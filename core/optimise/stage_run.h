@@ -28,6 +28,7 @@ struct StageContext {
   Guard& guard;
   BestMesh& best;
   const Team& team;
+  const HighOrderMesh& mesh;
 };
 
 /// The iterations of one stage. The comments say which functions to call inside team.run(). The result does not depend
@@ -73,7 +74,8 @@ class StageRun {
     double gradient = 0;  ///< Norm of the energy's gradient.
     bool stuck = false;   ///< No lower energy was found, or the phase has come to its end.
     bool failed = false;  ///< The residual says nothing.
-    bool whole = true;    ///< Every free node was visited.
+    bool whole = true;    ///< The residual tells about every free node: a sweep visited all of them, or Newton's method
+                          ///< found that all are within the tolerance of the optimum.
   };
   MethodOutcome sweep();
   MethodOutcome newton_step();
@@ -81,7 +83,12 @@ class StageRun {
   void certify(MethodOutcome& outcome);
   void record(const MethodOutcome& outcome);
   std::optional<StopReason> reason_to_stop(const MethodOutcome& outcome);
+  /// Newton's method gets no further: its linear systems are not solved, or rounding hides what is left to gain.
+  std::optional<StopReason> newton_ends();
   Newton& newton();
+  /// Frees the arrays of Newton's method while other methods work, which need as much memory. Keeps what the next step
+  /// needs, so it is the same step.
+  void rest_newton();
 
   template <class Archive>
   void state(Archive& archive);
@@ -95,12 +102,14 @@ class StageRun {
   Guard& guard_;
   BestMesh& best_;
   const Team& team_;
+  const HighOrderMesh& mesh_;
   Stopwatch watch_;
   PNorm norm_;
   Sweeper sweeper_;
   PhaseChooser chooser_;
   Stopper stopper_;
-  std::optional<Newton> newton_;  ///< Set up when it is first needed.
+  std::optional<Newton> newton_;     ///< Set up when it is needed.
+  std::vector<char> rested_newton_;  ///< The state of a Newton whose arrays were freed; empty: there is none.
   std::optional<Untangler> untangler_;
   Iteration iteration_;
   std::vector<Iteration> history_;
@@ -108,7 +117,11 @@ class StageRun {
   int began_ = 0;     ///< Iterations of the stages before this one.
   double bound_ = 0;  ///< The proved minimum of the scaled Jacobian; only with until_js.
   bool converged_ = false;
-  bool exact_ = false;  ///< See can_be_kept().
+  int most_products_ = 0;      ///< Newton steps that reached the largest number of products.
+  double least_residual_ = 0;  ///< Of the Newton steps, and
+  double least_energy_ = 0;    ///< the lowest energy, when they were last lowered;
+  int standing_ = 0;           ///< Newton steps since then.
+  bool exact_ = false;         ///< See can_be_kept().
 };
 
 }  // namespace varimesh

@@ -68,9 +68,9 @@ const std::array kTable{
         "What one colour of a sweep is made of: groups of nodes, or single nodes"),
     row("active_set", &Options::active_set,
         "Whether sweeps skip nodes around which nothing has moved by more than the tolerance"),
-    number("tolerance", &Options::tolerance, kPositive, "a positive number, such as 1e-6",
-           "Stop at this residual: the longest step that a node would still take, relative to the diagonal of the "
-           "mesh's bounding box"),
+    number("tolerance", &Options::tolerance, kPositive, "a positive number, such as 1e-3",
+           "Stop when no node is further from the optimum than this fraction of the size of its elements (their "
+           "shortest height)"),
     number("max_iterations", &Options::max_iterations, kNotNegative, "0 or more",
            "Stop after this many iterations; 0 only checks and reports"),
     row("until", choice<Until, &Options::until>(kUntil),

@@ -48,7 +48,7 @@ enum class Colouring : std::uint8_t {
 };
 
 enum class Until : std::uint8_t {
-  Tolerance,  ///< The residual is at most `tolerance`.
+  Tolerance,  ///< Every free node is within `tolerance` of the optimum.
   Valid,      ///< Or sooner: every cell is certified valid or known to be unrepairable, or ten iterations certify no
               ///< further cell and no other method is left to try.
 };
@@ -105,7 +105,8 @@ struct Options {
   Method method = Method::Auto;
   Colouring colouring = Colouring::Group;
   bool active_set = true;          ///< Sweeps skip nodes around which nothing has moved by more than the tolerance.
-  double tolerance = 1e-6;         ///< Stop if the residual, relative to the bounding box's diagonal, is below this.
+  double tolerance = 1e-3;         ///< Stop when no free node is further than this from the optimum, as a fraction of
+                                   ///< the size of the cells around it (core/problem/sizes.h, docs/method.md).
   int max_iterations = 1000;       ///< Stop after this many iterations; 0 only checks and reports.
   Until until = Until::Tolerance;  ///< What else to stop at.
   double until_js = 0;    ///< Above 0: stop when every cell's scaled Jacobian is proved to be at least this. The result

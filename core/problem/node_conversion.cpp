@@ -60,9 +60,14 @@ Frame frame_of(const HighOrderMesh& mesh) {
   std::array<double, 3> low, high;
   low.fill(std::numeric_limits<double>::infinity());
   high.fill(-std::numeric_limits<double>::infinity());
-  for (std::size_t i = 0; i < mesh.coordinates.size(); ++i) {
-    low[i % 3] = std::min(low[i % 3], mesh.coordinates[i]);
-    high[i % 3] = std::max(high[i % 3], mesh.coordinates[i]);
+  for (const ElementBlock& block : mesh.blocks) {
+    if (reference::info(block.shape).dimension != mesh.dimension) continue;
+    for (const std::int32_t node : block.nodes)
+      for (std::size_t k = 0; k < 3; ++k) {
+        const double x = mesh.coordinates[3 * static_cast<std::size_t>(node) + k];
+        low[k] = std::min(low[k], x);
+        high[k] = std::max(high[k], x);
+      }
   }
   Frame frame;
   double square = 0;

@@ -15,7 +15,8 @@
 
 namespace varimesh {
 
-/// Relative coordinates are (x − centre)/diagonal, for the bounding box of all nodes.
+/// Relative coordinates are (x − centre)/diagonal, for the bounding box of the nodes that cells of the highest
+/// dimension use. Other nodes, such as the centres of arcs, count for nothing.
 struct Frame {
   std::array<double, 3> centre{};
   double diagonal = 1;

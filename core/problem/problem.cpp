@@ -46,7 +46,7 @@ void list_incidences(Problem& problem, const std::vector<bool>& fixed) {
   for (std::size_t f = 0; f < problem.free.size(); ++f)
     problem.offsets[f + 1] = problem.offsets[f] + degree[problem.free[f]];
   problem.incidences.resize(problem.offsets.back());
-  std::vector<std::int32_t> fill(problem.offsets.begin(), problem.offsets.end() - 1);
+  std::vector<std::int64_t> fill(problem.offsets.begin(), problem.offsets.end() - 1);
   for (std::size_t b = 0; b < problem.sets.size(); ++b) {
     const CellSet& set = problem.sets[b];
     for (std::size_t n = 0; n < set.nodes.size(); ++n) {

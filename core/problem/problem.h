@@ -103,8 +103,10 @@ struct Problem {
   std::int32_t clusters = 0;
   std::vector<double> positions;      ///< Of the optimised nodes: `dimension` numbers per node, interleaved.
   std::vector<std::int32_t> free;     ///< Nodes that may move, in the order in which they first occur in the cells.
-  std::vector<std::int32_t> offsets;  ///< free.size() + 1: where each free node's incidences begin.
+  std::vector<std::int64_t> offsets;  ///< free.size() + 1: where each free node's incidences begin.
   std::vector<Incidence> incidences;
+  std::vector<float> cell_size;     ///< By cell (set.first + cell): its shortest height (sizes.h).
+  std::vector<float> inverse_size;  ///< By rank: 1 / the smallest size of a cell around the free node.
 };
 
 /// Groups the cells by shape and, within a shape, by cluster; builds the tables and lists the incidences of the free

@@ -8,6 +8,7 @@
 #include <cmath>
 #include <numeric>
 
+#include "core/problem/sizes.h"
 #include "core/reference/basis.h"
 #include "core/reference/quadrature.h"
 
@@ -307,6 +308,7 @@ void set_targets(Problem& problem, const StretchField& field, double diagonal) {
       TargetSetter<3>(problem, set, target, on_set).set_all();
     find_uniform_targets(set);
   }
+  set_sizes(problem);
 }
 
 void level_targets(Problem& problem) {

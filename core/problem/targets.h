@@ -8,7 +8,7 @@
 namespace varimesh {
 
 /// Sets the targets of all cells (CellSet::inverse_target, measure, affine, uniform_target, left_factor) on the
-/// vertices of `positions`.
+/// vertices of `positions`, and their sizes (sizes.h).
 ///
 /// - Straight-sided: A = ∇χ_L at each quadrature point.
 /// - Ideal: A = c R W. W is the gradient of the regular shape with edges of length 1 (an equilateral triangle or

@@ -4,6 +4,7 @@
 #include <algorithm>
 
 #include "core/reference/basis.h"
+#include "core/reference/cache.h"
 
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "core/quality/lattice_kernel.cpp"
@@ -63,62 +64,55 @@ struct Range {
   }
 };
 
-void Write(V value, std::size_t cells, Extremes* out, double Extremes::*field) {
-  double lanes[kMostLatticeLanes];
-  hn::StoreU(value, D(), lanes);
-  for (std::size_t i = 0; i < cells; ++i) out[i].*field = lanes[i];
-}
+/// LatticeProgress in vectors.
+struct Progress {
+  V sum;
+  Range jacobian, straight, distortion;
 
-void Write(V value, std::size_t cells, Extremes* out, std::int32_t Extremes::*field) {
-  double lanes[kMostLatticeLanes];
-  hn::StoreU(value, D(), lanes);
-  for (std::size_t i = 0; i < cells; ++i) out[i].*field = static_cast<std::int32_t>(lanes[i]);
-}
+  explicit Progress(V first) : sum(first), jacobian(first), straight(first), distortion(first) {}
+  explicit Progress(const LatticeProgress& from) : Progress(hn::LoadU(D(), from.lanes[0].data())) {
+    V* const to[] = {&jacobian.low, &jacobian.high, &jacobian.low_at, &jacobian.high_at,
+                     &straight.low, &straight.high, &distortion.low,  &distortion.high};
+    for (std::size_t i = 0; i < 8; ++i) *to[i] = hn::LoadU(D(), from.lanes[i + 1].data());
+  }
+  void keep(LatticeProgress& out) const {
+    const V from[] = {sum,          jacobian.low,  jacobian.high,  jacobian.low_at, jacobian.high_at,
+                      straight.low, straight.high, distortion.low, distortion.high};
+    for (std::size_t i = 0; i < 9; ++i) hn::StoreU(from[i], D(), out.lanes[i].data());
+  }
+};
 
 template <int kDim>
-void Sample(const LatticeTable& table, const double* HWY_RESTRICT x, std::size_t cells, Extremes* out) {
-  const D d;
-  const auto points = static_cast<std::size_t>(table.points.rows());
-  const std::size_t row = static_cast<std::size_t>(table.nodes) * kDim;
-  const std::size_t straight_row = static_cast<std::size_t>(table.vertices) * kDim;
-  Range jacobian(Determinant<kDim>(table.gradients.data(), table.nodes, x));
-  V sum = jacobian.low;
-  Range straight(sum), distortion(sum);
-  for (std::size_t p = 0; p < points; ++p) {
-    const V J = p == 0 ? sum : Determinant<kDim>(table.gradients.data() + p * row, table.nodes, x);
+void Sample(const LatticeTable& table, const LatticeRows& rows, const double* HWY_RESTRICT x, LatticeProgress& out) {
+  const int nodes = table.nodes(), vertices = table.vertices();
+  const std::size_t row = static_cast<std::size_t>(nodes) * kDim;
+  const std::size_t straight_row = static_cast<std::size_t>(vertices) * kDim;
+  Progress progress = rows.first == 0 ? Progress(Determinant<kDim>(rows.gradients.data(), nodes, x)) : Progress(out);
+  for (std::size_t i = 0; i < rows.count; ++i) {
+    const std::size_t p = rows.first + i;
+    const V J = p == 0 ? progress.sum : Determinant<kDim>(rows.gradients.data() + i * row, nodes, x);
     if (p > 0) {
-      sum = sum + J;
-      jacobian.add(J, static_cast<double>(p));
+      progress.sum = progress.sum + J;
+      progress.jacobian.add(J, static_cast<double>(p));
     }
-    if (table.vertices == 0) continue;
-    const V J_straight = Determinant<kDim>(table.straight.data() + p * straight_row, table.vertices, x);
+    if (vertices == 0) continue;
+    const V J_straight = Determinant<kDim>(rows.straight.data() + i * straight_row, vertices, x);
     const V quotient = J / J_straight;
     if (p == 0) {
-      straight = Range(J_straight);
-      distortion = Range(quotient);
+      progress.straight = Range(J_straight);
+      progress.distortion = Range(quotient);
     }
-    straight.add(J_straight, 0);
-    distortion.add(quotient, 0);
+    progress.straight.add(J_straight, 0);
+    progress.distortion.add(quotient, 0);
   }
-  Write(jacobian.low, cells, out, &Extremes::low);
-  Write(jacobian.high, cells, out, &Extremes::high);
-  Write(jacobian.low_at, cells, out, &Extremes::low_at);
-  Write(jacobian.high_at, cells, out, &Extremes::high_at);
-  Write(sum / hn::Set(d, static_cast<double>(points)), cells, out, &Extremes::mean);
-  if (table.vertices == 0) return;
-  // If the straight-sided form of a cell is itself inverted, there is no deformation gradient. It counts as nowhere
-  // positive.
-  const auto inverted = hn::And(hn::Le(straight.low, hn::Zero(d)), hn::Ge(straight.high, hn::Zero(d)));
-  const V nowhere = hn::Set(d, -1.0);
-  Write(hn::IfThenElse(inverted, nowhere, distortion.low), cells, out, &Extremes::distortion_low);
-  Write(hn::IfThenElse(inverted, nowhere, distortion.high), cells, out, &Extremes::distortion_high);
+  progress.keep(out);
 }
 
-void Kernel(const LatticeTable& table, const double* x, std::size_t cells, Extremes* out) {
-  if (table.dimension == 2)
-    Sample<2>(table, x, cells, out);
+void Kernel(const LatticeTable& table, const LatticeRows& rows, const double* x, LatticeProgress& progress) {
+  if (table.dimension() == 2)
+    Sample<2>(table, rows, x, progress);
   else
-    Sample<3>(table, x, cells, out);
+    Sample<3>(table, rows, x, progress);
 }
 
 }  // namespace varimesh::detail::lattice::HWY_NAMESPACE
@@ -130,8 +124,8 @@ namespace lattice {
 HWY_EXPORT(Kernel);
 HWY_EXPORT(Lanes);
 std::size_t lanes() { return HWY_DYNAMIC_DISPATCH(Lanes)(); }
-void sample(const LatticeTable& table, const double* x, std::size_t cells, Extremes* out) {
-  HWY_DYNAMIC_DISPATCH(Kernel)(table, x, cells, out);
+void sample(const LatticeTable& table, const LatticeRows& rows, const double* x, LatticeProgress& progress) {
+  HWY_DYNAMIC_DISPATCH(Kernel)(table, rows, x, progress);
 }
 }  // namespace lattice
 
@@ -149,37 +143,80 @@ std::vector<double> interleaved(const std::vector<Eigen::MatrixXd>& gradients) {
 
 }  // namespace
 
-LatticeTable lattice_table(Shape shape, int order, int intervals, int dimension) {
-  using reference::NodeSet;
-  LatticeTable table;
-  table.dimension = dimension;
-  table.nodes = reference::node_count(shape, order);
-  table.points = reference::uniform_lattice(shape, intervals);
-  table.gradients = interleaved(reference::basis_gradients(shape, order, NodeSet::Equispaced, dimension, table.points));
-  if (reference::info(shape).affine) return table;
-  table.vertices = reference::node_count(shape, 1);
-  table.straight = interleaved(reference::basis_gradients(shape, 1, NodeSet::Equispaced, dimension, table.points));
-  return table;
+// === LatticeTable ========================================================================================
+
+LatticeTable::LatticeTable(Shape shape, int order, int intervals, int dimension)
+    : dimension_(dimension),
+      nodes_(reference::node_count(shape, order)),
+      vertices_(reference::info(shape).affine ? 0 : reference::node_count(shape, 1)),
+      basis_(shape, order, reference::NodeSet::Equispaced, dimension, reference::uniform_lattice(shape, intervals)),
+      linear_(shape, 1, reference::NodeSet::Equispaced, dimension, basis_.points()) {
+  const std::size_t row_bytes = sizeof(double) * at(nodes_) * at(dimension);
+  per_range_ = std::min(at(points().rows()), std::max<std::size_t>(1, at(kMostLatticeBytes) / row_bytes));
+  if (ranges() == 1) kept_ = make_rows(0);
 }
+
+LatticeRows LatticeTable::make_rows(std::size_t range) const {
+  LatticeRows rows;
+  rows.first = range * per_range_;
+  rows.count = std::min(per_range_, at(points().rows()) - rows.first);
+  const auto first = static_cast<Eigen::Index>(rows.first), count = static_cast<Eigen::Index>(rows.count);
+  rows.gradients = interleaved(basis_.gradients(first, count));
+  if (vertices_ > 0) rows.straight = interleaved(linear_.gradients(first, count));
+  return rows;
+}
+
+const LatticeRows& LatticeTable::rows(std::size_t range, LatticeRows& workspace) const {
+  if (kept_.count > 0) return kept_;
+  workspace = make_rows(range);
+  return workspace;
+}
+
+const LatticeTable& lattice_table(Shape shape, int order, int intervals, int dimension) {
+  static reference::Cache<std::array<int, 4>, LatticeTable> cache;
+  return cache.get({static_cast<int>(shape), order, intervals, dimension},
+                   [&] { return LatticeTable(shape, order, intervals, dimension); });
+}
+
+// === Samples =============================================================================================
 
 std::size_t lattice_lanes() { return lattice::lanes(); }
 
-void sample_on_lattice(const LatticeTable& table, const double* coordinates, const std::int32_t* const* nodes,
-                       std::size_t cells, std::vector<double>& workspace, Extremes* out) {
+void sample_rows(const LatticeTable& table, const LatticeRows& rows, const LatticeBatch& batch,
+                 std::vector<double>& workspace, LatticeProgress& progress) {
   const std::size_t lanes = lattice_lanes();
-  const auto d = static_cast<std::size_t>(table.dimension);
-  workspace.resize(static_cast<std::size_t>(table.nodes) * d * lanes);
+  const auto d = static_cast<std::size_t>(table.dimension());
+  workspace.resize(at(table.nodes()) * d * lanes);
   // Coordinates are relative to each cell's first node, so a mesh far from the origin keeps its digits. Lanes without a
   // cell repeat the last one.
   for (std::size_t lane = 0; lane < lanes; ++lane) {
-    const std::int32_t* list = nodes[std::min(lane, cells - 1)];
-    const double* origin = coordinates + 3 * static_cast<std::size_t>(list[0]);
+    const std::int32_t* list = batch.nodes[std::min(lane, batch.cells - 1)];
+    const double* origin = batch.coordinates + 3 * static_cast<std::size_t>(list[0]);
     double* to = workspace.data() + lane;
-    for (int n = 0; n < table.nodes; ++n)
+    for (int n = 0; n < table.nodes(); ++n)
       for (std::size_t c = 0; c < d; ++c, to += lanes)
-        *to = coordinates[3 * static_cast<std::size_t>(list[n]) + c] - origin[c];
+        *to = batch.coordinates[3 * static_cast<std::size_t>(list[n]) + c] - origin[c];
   }
-  lattice::sample(table, workspace.data(), cells, out);
+  lattice::sample(table, rows, workspace.data(), progress);
+}
+
+void finish_samples(const LatticeTable& table, const LatticeProgress& progress, std::size_t cells, Extremes* out) {
+  const auto points = static_cast<double>(table.points().rows());
+  const auto& [sum, low, high, low_at, high_at, straight_low, straight_high, distortion_low, distortion_high] =
+      progress.lanes;
+  for (std::size_t i = 0; i < cells; ++i) {
+    out[i].low = low[i];
+    out[i].high = high[i];
+    out[i].low_at = static_cast<std::int32_t>(low_at[i]);
+    out[i].high_at = static_cast<std::int32_t>(high_at[i]);
+    out[i].mean = sum[i] / points;
+    if (table.vertices() == 0) continue;
+    // If the straight-sided form of a cell is itself inverted, there is no deformation gradient. It counts as nowhere
+    // positive.
+    const bool inverted = straight_low[i] <= 0 && straight_high[i] >= 0;
+    out[i].distortion_low = inverted ? -1 : distortion_low[i];
+    out[i].distortion_high = inverted ? -1 : distortion_high[i];
+  }
 }
 
 }  // namespace varimesh::detail

@@ -6,24 +6,55 @@
 #include <cstdint>
 #include <vector>
 
+#include "core/base/index.h"
 #include "core/mesh/high_order_mesh.h"
-#include "core/reference/nodes.h"
+#include "core/reference/basis.h"
 
 namespace varimesh::detail {
 
 inline constexpr std::size_t kMostLatticeLanes = 32;
+/// Rows of more bytes than this are not kept. Up to order 4 all rows of a shape take less. They are then made for ranges
+/// of this size, which stay in cache while several batches of cells are sampled.
+inline constexpr std::int64_t kMostLatticeBytes = std::int64_t{4} << 20;
 
-/// The lattice of one shape and order.
-struct LatticeTable {
-  int dimension = 0;
-  int nodes = 0;     ///< Nodes of the cell.
-  int vertices = 0;  ///< Vertices of the straight-sided cell, its first nodes; 0 if its J is constant.
-  reference::Points points;
-  std::vector<double> gradients;  ///< ∂(shape function n)/∂ξ_r at point p: [p][n][r].
-  std::vector<double> straight;   ///< The same for the vertices' functions of order 1.
+/// Derivatives of the shape functions at a range of a lattice's points.
+struct LatticeRows {
+  std::size_t first = 0, count = 0;  ///< The points `first` to `first` + `count` − 1.
+  std::vector<double> gradients;     ///< ∂(shape function n)/∂ξ_r at point p: [p][n][r].
+  std::vector<double> straight;      ///< The same for the vertices' functions of order 1; empty if there are none.
 };
 
-LatticeTable lattice_table(Shape shape, int order, int intervals, int dimension);
+/// The lattice of one shape and order. The rows of all points of a hexahedron of order 10 would take 389 MB, so rows
+/// are made for a range of points at a time, and kept only if all of them are small.
+class LatticeTable {
+ public:
+  LatticeTable(Shape shape, int order, int intervals, int dimension);
+
+  int dimension() const { return dimension_; }
+  int nodes() const { return nodes_; }  ///< Nodes of the cell.
+  int vertices() const {
+    return vertices_;
+  }  ///< Vertices of the straight-sided cell, its first nodes; 0 if its J is
+     ///< constant.
+  const reference::Points& points() const { return basis_.points(); }
+  /// Points in a range, except the last one.
+  std::size_t points_per_range() const { return per_range_; }
+  std::size_t ranges() const { return (at(points().rows()) + per_range_ - 1) / per_range_; }
+  /// The rows of a range: those that are kept, or else those made in `workspace`, which must outlive their use.
+  const LatticeRows& rows(std::size_t range, LatticeRows& workspace) const;
+
+ private:
+  LatticeRows make_rows(std::size_t range) const;
+
+  int dimension_, nodes_, vertices_ = 0;
+  std::size_t per_range_ = 0;
+  reference::BasisAtPoints basis_;
+  reference::BasisAtPoints linear_;  ///< Of order 1.
+  LatticeRows kept_;                 ///< All rows, if there is only one range.
+};
+
+/// The table for cells of this shape and order. It is made once and kept until the program ends.
+const LatticeTable& lattice_table(Shape shape, int order, int intervals, int dimension);
 
 /// Extremes in one cell. Their signs follow the mesh's numbering.
 struct Extremes {
@@ -36,9 +67,24 @@ struct Extremes {
 /// Lanes of the vectors of the machine that this runs on.
 std::size_t lattice_lanes();
 
-/// Samples `cells` ≤ lattice_lanes() cells, given by their node lists. `coordinates`: x y z of every node of the mesh,
-/// interleaved. `workspace` is memory that the caller keeps from call to call.
-void sample_on_lattice(const LatticeTable& table, const double* coordinates, const std::int32_t* const* nodes,
-                       std::size_t cells, std::vector<double>& workspace, Extremes* out);
+/// Cells that are sampled together, at most lattice_lanes().
+struct LatticeBatch {
+  const double* coordinates = nullptr;         ///< x y z of every node of the mesh, interleaved.
+  const std::int32_t* const* nodes = nullptr;  ///< The cells' node lists.
+  std::size_t cells = 0;
+};
+
+/// What the points of a batch that were sampled so far have shown, one lane per cell.
+struct LatticeProgress {
+  std::array<std::array<double, kMostLatticeLanes>, 9> lanes{};
+};
+
+/// Samples one range of points. The ranges of a table must follow one another, from the first to the last. `workspace`
+/// is memory that the caller keeps from call to call.
+void sample_rows(const LatticeTable& table, const LatticeRows& rows, const LatticeBatch& batch,
+                 std::vector<double>& workspace, LatticeProgress& progress);
+
+/// The extremes of the batch's cells, once all ranges were sampled.
+void finish_samples(const LatticeTable& table, const LatticeProgress& progress, std::size_t cells, Extremes* out);
 
 }  // namespace varimesh::detail

@@ -1,6 +1,7 @@
 // Samples det ∇χ_M in every cell, and puts samples and certificates together to a report.
 #include <Eigen/Core>
 #include <cassert>
+#include <span>
 
 #include "core/base/team.h"
 #include "core/quality/certified_quality.h"
@@ -19,9 +20,8 @@ using detail::LatticeTable;
 // Samples
 // ---------------------------------------------------------------------------------------------------------------------
 
+constexpr std::size_t kBatchesPerTask = 8;
 constexpr int kQuickIntervals = 2;
-
-int default_intervals(int order) { return std::max(2 * order + 2, 8); }
 
 /// min / max; −1 if the value is nowhere positive.
 double ratio(double low, double high) { return high > 0 ? low / high : -1.0; }
@@ -30,7 +30,6 @@ double ratio(double low, double high) { return high > 0 ? low / high : -1.0; }
 struct Samples {
   std::vector<Extremes> cells;
   std::vector<CellBatch> batches;
-  std::map<std::pair<Shape, int>, LatticeTable> tables;
   double sign = 1;  // −1 if the mesh is numbered clockwise
   int intervals = 0;
 
@@ -46,26 +45,44 @@ double orientation(const std::vector<Extremes>& cells) {
   return 2 * static_cast<std::size_t>(negative) > cells.size() ? -1.0 : 1.0;
 }
 
+const LatticeTable& table_of(const ElementBlock& block, int intervals, int dimension) {
+  return detail::lattice_table(block.shape, block.order, intervals, dimension);
+}
+
+/// Samples batches of one table: all of them in one range of points, then in the next.
+void sample_batches(const HighOrderMesh& mesh, const LatticeTable& table, std::span<const CellBatch> batches,
+                    const Team& team, std::vector<Extremes>& cells) {
+  thread_local std::vector<double> workspace;
+  std::array<const std::int32_t*, detail::kMostLatticeLanes> nodes{};
+  std::array<detail::LatticeProgress, kBatchesPerTask> progress;
+  detail::LatticeRows made;
+  for (std::size_t range = 0; range < table.ranges(); ++range) {
+    const detail::LatticeRows& rows = table.rows(range, made);
+    for (std::size_t b = 0; b < batches.size(); ++b) {
+      team.look();
+      for (std::size_t i = 0; i < batches[b].count; ++i) nodes[i] = batches[b].nodes(i);
+      detail::sample_rows(table, rows, {mesh.coordinates.data(), nodes.data(), batches[b].count}, workspace,
+                          progress[b]);
+    }
+  }
+  for (std::size_t b = 0; b < batches.size(); ++b)
+    detail::finish_samples(table, progress[b], batches[b].count, &cells[batches[b].cell]);
+}
+
 Samples sample(const HighOrderMesh& mesh, int intervals, const Team& team) {
   assert(mesh.dimension == 2 || mesh.dimension == 3);
   Samples samples;
-  samples.intervals = intervals > 0 ? intervals : default_intervals(mesh.order);
+  samples.intervals = intervals > 0 ? intervals : report_intervals(mesh.order);
   samples.cells.resize(mesh.element_count(mesh.dimension));
-  samples.tables = detail::tables_for_cells<LatticeTable>(mesh, [&](Shape shape, int order) {
-    return detail::lattice_table(shape, order, samples.intervals, mesh.dimension);
-  });
   const std::size_t lanes = detail::lattice_lanes();
   samples.batches = detail::cell_batches(mesh, [&](const ElementBlock&) { return lanes; });
   team.run([&] {
-    team.for_ranges(samples.batches.size(), 8, [&](std::size_t begin, std::size_t end) {
-      std::vector<double> workspace;
-      std::vector<const std::int32_t*> nodes(lanes);
-      for (std::size_t b = begin; b != end; ++b) {
-        team.look();
-        const CellBatch& batch = samples.batches[b];
-        for (std::size_t i = 0; i < batch.count; ++i) nodes[i] = batch.nodes(i);
-        detail::sample_on_lattice(samples.tables.at({batch.block->shape, batch.block->order}), mesh.coordinates.data(),
-                                  nodes.data(), batch.count, workspace, &samples.cells[batch.cell]);
+    team.for_ranges(samples.batches.size(), kBatchesPerTask, [&](std::size_t begin, std::size_t end) {
+      for (std::size_t last = begin; begin != end; begin = last) {
+        const ElementBlock& block = *samples.batches[begin].block;
+        while (last != end && last - begin < kBatchesPerTask && samples.batches[last].block == &block) ++last;
+        sample_batches(mesh, table_of(block, samples.intervals, mesh.dimension),
+                       std::span(samples.batches).subspan(begin, last - begin), team, samples.cells);
       }
     });
   });
@@ -109,9 +126,9 @@ std::vector<InvalidElement> invalid_elements(const HighOrderMesh& mesh, const Sa
     for (std::size_t i = 0; i < batch.count; ++i) {
       const std::size_t cell = batch.cell + i;
       if (samples.low(cell) > 0) continue;
-      const LatticeTable& table = samples.tables.at({batch.block->shape, batch.block->order});
+      const LatticeTable& table = table_of(*batch.block, samples.intervals, mesh.dimension);
       invalid.push_back({batch.block->numbers[batch.first + i], quality.scaled_jacobian[cell],
-                         place(mesh, batch, i, table.points.row(samples.low_at(cell)))});
+                         place(mesh, batch, i, table.points().row(samples.low_at(cell)))});
     }
   }
   std::ranges::stable_sort(invalid, {}, &InvalidElement::scaled_jacobian);
@@ -156,6 +173,8 @@ QualityReport report_on(const HighOrderMesh& mesh, const Samples& samples, std::
 // ---------------------------------------------------------------------------------------------------------------------
 // Public functions
 // ---------------------------------------------------------------------------------------------------------------------
+
+int report_intervals(int order) { return std::max(2 * order + 2, 8); }
 
 std::vector<std::int64_t> uncertified_numbers(const QualityReport& report) {
   std::vector<std::int64_t> numbers;

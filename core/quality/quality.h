@@ -52,6 +52,9 @@ struct CellQuality {
 /// The element numbers of the report's uncertified cells.
 std::vector<std::int64_t> uncertified_numbers(const QualityReport& report);
 
+/// Intervals per edge of the lattice that cells of this order are sampled on.
+int report_intervals(int order);
+
 /// Samples every cell on the uniform lattice with `intervals` intervals per edge, vertices and edges included (0: the
 /// default, max(2 P + 2, 8)). J is relative to the mesh's orientation, so a mesh that is clockwise throughout is judged
 /// as its mirror image. `threads` 0 means all; the result does not depend on it. The mesh must have passed

@@ -69,14 +69,21 @@ Eigen::MatrixXd to_lagrange(Shape shape, int order, NodeSet set, int ambient, co
   return vandermonde(shape, order, set, ambient).solve(modal.transpose()).transpose();
 }
 
-/// Values and derivatives of the Lagrange basis of one factor, at the points' coordinates in this factor.
-struct FactorBasis {
-  Eigen::MatrixXd values;
-  std::vector<Eigen::MatrixXd> gradients;
-};
+/// A prism is always in 3-D, so its triangles use the tetrahedron's α whatever the caller asks for.
+int ambient_of(Shape shape, int ambient) { return info(shape).dimension == 3 ? 3 : ambient; }
 
-std::vector<FactorBasis> evaluate_factors(Shape shape, int order, NodeSet set, int ambient, const Points& at,
-                                          bool with_gradients) {
+}  // namespace
+
+// === BasisAtPoints =======================================================================================
+
+BasisAtPoints::BasisAtPoints(Shape shape, int order, NodeSet set, int ambient, Points at)
+    : shape_(shape), order_(order), set_(set), ambient_(ambient_of(shape, ambient)), points_(std::move(at)) {
+  assert(points_.cols() == info(shape).dimension);
+  if (factors(shape).size() > 1) factors_ = evaluate_factors(shape, order, set, ambient_, points_);
+}
+
+std::vector<BasisAtPoints::FactorBasis> BasisAtPoints::evaluate_factors(Shape shape, int order, NodeSet set,
+                                                                        int ambient, const Points& at) {
   std::vector<FactorBasis> bases;
   int direction = 0;
   for (const Shape factor : factors(shape)) {
@@ -84,57 +91,63 @@ std::vector<FactorBasis> evaluate_factors(Shape shape, int order, NodeSet set, i
     const Points part = at.middleCols(direction, dimension);
     FactorBasis basis;
     basis.values = to_lagrange(factor, order, set, ambient, modal_values(factor, order, part));
-    if (with_gradients)
-      for (const Eigen::MatrixXd& modal : modal_gradients(factor, order, part))
-        basis.gradients.push_back(to_lagrange(factor, order, set, ambient, modal));
+    for (const Eigen::MatrixXd& modal : modal_gradients(factor, order, part))
+      basis.gradients.push_back(to_lagrange(factor, order, set, ambient, modal));
     bases.push_back(std::move(basis));
     direction += dimension;
   }
   return bases;
 }
 
-/// Multiplies one matrix per factor: points × nodes of the product cell.
-Eigen::MatrixXd multiply(Shape shape, int order, const std::vector<const Eigen::MatrixXd*>& of_factors) {
-  const FactorNodes& numbers = factor_nodes(shape, order);
-  Eigen::MatrixXd product(of_factors[0]->rows(), node_count(shape, order));
+/// Multiplies one matrix per factor.
+Eigen::MatrixXd BasisAtPoints::multiply(const std::vector<const Eigen::MatrixXd*>& of_factors, Eigen::Index first,
+                                        Eigen::Index count) const {
+  const FactorNodes& numbers = factor_nodes(shape_, order_);
+  Eigen::MatrixXd product(count, node_count(shape_, order_));
   for (Eigen::Index n = 0; n < product.cols(); ++n) {
-    product.col(n) = of_factors[0]->col(numbers[0][n]);
+    product.col(n) = of_factors[0]->col(numbers[0][n]).segment(first, count);
     for (std::size_t f = 1; f < of_factors.size(); ++f)
-      product.col(n).array() *= of_factors[f]->col(numbers[f][n]).array();
+      product.col(n).array() *= of_factors[f]->col(numbers[f][n]).segment(first, count).array();
   }
   return product;
 }
 
-/// A prism is always in 3-D, so its triangles use the tetrahedron's α whatever the caller asks for.
-int ambient_of(Shape shape, int ambient) { return info(shape).dimension == 3 ? 3 : ambient; }
-
-}  // namespace
-
-Eigen::MatrixXd basis_values(Shape shape, int order, NodeSet set, int ambient, const Points& at) {
-  assert(at.cols() == info(shape).dimension);
-  if (shape == Shape::Point) return Eigen::MatrixXd::Ones(at.rows(), 1);
-  auto bases = evaluate_factors(shape, order, set, ambient_of(shape, ambient), at, false);
-  if (bases.size() == 1) return std::move(bases[0].values);
+Eigen::MatrixXd BasisAtPoints::values(Eigen::Index first, Eigen::Index count) const {
+  if (shape_ == Shape::Point) return Eigen::MatrixXd::Ones(count, 1);
+  if (factors_.empty())
+    return to_lagrange(shape_, order_, set_, ambient_, modal_values(shape_, order_, points_.middleRows(first, count)));
   std::vector<const Eigen::MatrixXd*> of_factors;
-  for (const FactorBasis& basis : bases) of_factors.push_back(&basis.values);
-  return multiply(shape, order, of_factors);
+  for (const FactorBasis& basis : factors_) of_factors.push_back(&basis.values);
+  return multiply(of_factors, first, count);
 }
 
-std::vector<Eigen::MatrixXd> basis_gradients(Shape shape, int order, NodeSet set, int ambient, const Points& at) {
-  assert(at.cols() == info(shape).dimension);
-  if (shape == Shape::Point) return {};
-  auto bases = evaluate_factors(shape, order, set, ambient_of(shape, ambient), at, true);
-  if (bases.size() == 1) return std::move(bases[0].gradients);
+std::vector<Eigen::MatrixXd> BasisAtPoints::gradients(Eigen::Index first, Eigen::Index count) const {
   std::vector<Eigen::MatrixXd> gradients;
-  for (std::size_t differentiated = 0; differentiated < bases.size(); ++differentiated) {
+  if (shape_ == Shape::Point) return gradients;
+  if (factors_.empty()) {
+    for (const Eigen::MatrixXd& modal : modal_gradients(shape_, order_, points_.middleRows(first, count)))
+      gradients.push_back(to_lagrange(shape_, order_, set_, ambient_, modal));
+    return gradients;
+  }
+  for (std::size_t differentiated = 0; differentiated < factors_.size(); ++differentiated) {
     std::vector<const Eigen::MatrixXd*> of_factors;
-    for (const FactorBasis& basis : bases) of_factors.push_back(&basis.values);
-    for (const Eigen::MatrixXd& gradient : bases[differentiated].gradients) {
+    for (const FactorBasis& basis : factors_) of_factors.push_back(&basis.values);
+    for (const Eigen::MatrixXd& gradient : factors_[differentiated].gradients) {
       of_factors[differentiated] = &gradient;
-      gradients.push_back(multiply(shape, order, of_factors));
+      gradients.push_back(multiply(of_factors, first, count));
     }
   }
   return gradients;
+}
+
+// === All points at once ==================================================================================
+
+Eigen::MatrixXd basis_values(Shape shape, int order, NodeSet set, int ambient, const Points& at) {
+  return BasisAtPoints(shape, order, set, ambient, at).values(0, at.rows());
+}
+
+std::vector<Eigen::MatrixXd> basis_gradients(Shape shape, int order, NodeSet set, int ambient, const Points& at) {
+  return BasisAtPoints(shape, order, set, ambient, at).gradients(0, at.rows());
 }
 
 const Eigen::MatrixXd& conversion(Shape shape, int order, NodeSet from, NodeSet to, int ambient) {

@@ -64,7 +64,7 @@ Groups by_cluster(const Problem& problem) {
   std::vector<std::int32_t> sizes(problem.clusters + 1, 0);
   for (std::size_t place = 0; place < count; ++place) {
     const std::int32_t node = places.nodes[places.begin[place]];
-    for (std::int32_t i = problem.offsets[node]; i < problem.offsets[node + 1]; ++i) {
+    for (std::int64_t i = problem.offsets[node]; i < problem.offsets[node + 1]; ++i) {
       const Incidence& at = problem.incidences[i];
       cluster_of[place] = std::min(cluster_of[place], problem.cluster[problem.sets[at.set].first + at.cell]);
     }
@@ -87,7 +87,7 @@ std::vector<std::vector<std::int32_t>> cells_of(const Groups& groups, const Prob
   std::vector<std::vector<std::int32_t>> cells(groups.begin.size() - 1);
   for (std::size_t group = 0; group < cells.size(); ++group) {
     for (std::int32_t n = groups.begin[group]; n < groups.begin[group + 1]; ++n)
-      for (std::int32_t i = problem.offsets[groups.nodes[n]]; i < problem.offsets[groups.nodes[n] + 1]; ++i)
+      for (std::int64_t i = problem.offsets[groups.nodes[n]]; i < problem.offsets[groups.nodes[n] + 1]; ++i)
         cells[group].push_back(problem.sets[problem.incidences[i].set].first + problem.incidences[i].cell);
     std::sort(cells[group].begin(), cells[group].end());
     cells[group].erase(std::unique(cells[group].begin(), cells[group].end()), cells[group].end());

@@ -216,7 +216,7 @@ SweepOutcome Sweeper::sweep() {
 
 bool Sweeper::at_rest(std::int32_t rank) const {
   if (rest_ < 0 || visited_at_[rank] == 0) return false;
-  for (std::int32_t i = problem_.offsets[rank]; i < problem_.offsets[rank + 1]; ++i) {
+  for (std::int64_t i = problem_.offsets[rank]; i < problem_.offsets[rank + 1]; ++i) {
     const Incidence& at = problem_.incidences[i];
     if (moved_at_[problem_.sets[at.set].first + at.cell] > visited_at_[rank]) return false;
   }
@@ -224,12 +224,12 @@ bool Sweeper::at_rest(std::int32_t rank) const {
 }
 
 void Sweeper::note_move(std::int32_t rank, std::int64_t now, double length) {
-  for (std::int32_t i = problem_.offsets[rank]; i < problem_.offsets[rank + 1]; ++i) {
+  for (std::int64_t i = problem_.offsets[rank]; i < problem_.offsets[rank + 1]; ++i) {
     const Incidence& at = problem_.incidences[i];
     const std::int32_t cell = problem_.sets[at.set].first + at.cell;
     changed_[cell] = drifted_[cell] = 1;
     if (rest_ < 0) continue;  // no node ever rests
-    moves_[cell] += length;
+    moves_[cell] += length / problem_.cell_size[cell];
     if (moves_[cell] <= rest_) continue;
     moves_[cell] = 0;
     moved_at_[cell] = now;
@@ -267,7 +267,7 @@ Sweeper::Visit Sweeper::visit(std::int32_t rank, std::int64_t now, double* scrat
     length += full[i] * full[i];
     squared_gradient += here.gradient[i] * here.gradient[i];
   }
-  const Visit visit{std::sqrt(length), squared_gradient, true};
+  const Visit visit{std::sqrt(length) * problem_.inverse_size[rank], squared_gradient, true};
   if (!(length > 0) || !(slope < 0)) return visit;
 
   std::array<double, 3> step{};
@@ -287,7 +287,7 @@ Sweeper::Visit Sweeper::visit(std::int32_t rank, std::int64_t now, double* scrat
   double* x = problem_.positions.data() + static_cast<std::size_t>(problem_.free[rank]) * d;
   for (int i = 0; i < d; ++i) x[i] += step[i];
   if (visit.step > rest_) visited_at_[rank] = 0;  // the node is not at rest yet
-  note_move(rank, now, accepted.alpha * visit.step);
+  note_move(rank, now, accepted.alpha * std::sqrt(length));
   return visit;
 }
 

@@ -12,9 +12,10 @@
 
 namespace varimesh {
 
-/// What one sweep did. Lengths are relative to the diagonal of the bounding box.
+/// What one sweep did.
 struct SweepOutcome {
-  double residual = 0;       ///< Largest full Newton step of a node, before its line search.
+  double residual = 0;       ///< Largest full Newton step of a node, before its line search, divided by the smallest
+                             ///< size of a cell around it (sizes.h).
   double gradient_norm = 0;  ///< √ Σ |G|² of the nodes' gradients, each as its node was visited.
   std::int64_t visited = 0;  ///< Nodes that were not skipped.
 };
@@ -31,8 +32,7 @@ struct ScanOutcome {
 class Sweeper {
  public:
   /// `rest`: a sweep skips a node if in each of its cells the nodes have moved by no more than this since its last
-  /// visit (the lengths of their moves added up, relative to the diagonal of the bounding box). Below 0: it skips no
-  /// node.
+  /// visit (the lengths of their moves added up, divided by the size of the cell). Below 0: it skips no node.
   Sweeper(Problem& problem, const ColouredNodes& coloured, const Kernels& kernels, Regularisation regularisation,
           const PNorm& norm, double rest, const Team& team);
 
@@ -69,7 +69,7 @@ class Sweeper {
 
  private:
   struct Visit {
-    double step = 0;
+    double step = 0;  ///< In units of the smallest size of a cell around the node.
     double squared_gradient = 0;
     bool made = false;
   };
@@ -110,7 +110,7 @@ class Sweeper {
   /// By rank: time of the last visit; 0: to be visited in the next sweep. Empty before the first sweep.
   std::vector<std::int64_t> visited_at_;
   std::vector<std::int64_t> moved_at_;  ///< By cell: when the moves of its nodes last added up to more than rest_.
-  std::vector<double> moves_;           ///< By cell: the lengths of moves added up since then.
+  std::vector<double> moves_;           ///< By cell: the moves since then, added up in units of its size.
 };
 
 /// The Newton step −H⁻¹ G of a star's expansion, d numbers. Eigenvalues of H that are not positive are made so: each

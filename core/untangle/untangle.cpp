@@ -90,7 +90,7 @@ class PatchFinder {
   void find_free() {
     free_.assign(problem_.free.size(), 1);
     for (std::size_t f = 0; f < free_.size(); ++f)
-      for (std::int32_t i = problem_.offsets[f]; i < problem_.offsets[f + 1]; ++i) {
+      for (std::int64_t i = problem_.offsets[f]; i < problem_.offsets[f + 1]; ++i) {
         const Incidence& incidence = problem_.incidences[at(i)];
         if (!active_[at(problem_.sets[at(incidence.set)].first + incidence.cell)]) free_[f] = 0;
       }
@@ -154,13 +154,15 @@ bool fits_in_memory(const std::vector<UntanglePatch::Member>& members, int dimen
 
 }  // namespace
 
-Untangler::Untangler(Problem& problem, const Kernels& kernels, Guard& guard, const Team& team)
+Untangler::Untangler(Problem& problem, const Kernels& kernels, Guard& guard, const Team& team,
+                     std::int64_t hessian_bytes)
     : problem_(problem),
       kernels_(kernels),
       guard_(guard),
       team_(team),
       first_positions_(problem.positions),
-      first_repairable_(guard.repairable()) {
+      first_repairable_(guard.repairable()),
+      room_(hessian_bytes) {
   guard.return_to_kept();
   rebuild();
   first_unrepaired_ = guard.unrepaired();
@@ -168,8 +170,14 @@ Untangler::Untangler(Problem& problem, const Kernels& kernels, Guard& guard, con
   find_patches(kFirstLayers);
 }
 
-Untangler::Untangler(ToBeRead, Problem& problem, const Kernels& kernels, Guard& guard, const Team& team)
-    : problem_(problem), kernels_(kernels), guard_(guard), team_(team), first_positions_(problem.positions) {
+Untangler::Untangler(ToBeRead, Problem& problem, const Kernels& kernels, Guard& guard, const Team& team,
+                     std::int64_t hessian_bytes)
+    : problem_(problem),
+      kernels_(kernels),
+      guard_(guard),
+      team_(team),
+      first_positions_(problem.positions),
+      room_(hessian_bytes) {
   for (const CellSet& set : problem.sets) energies_.emplace_back(set);
 }
 
@@ -180,6 +188,7 @@ void Untangler::find_patches(int layers) {
   for (PatchFinder::Found& found : PatchFinder(problem_, standings, layers).patches(standings)) {
     if (!fits_in_memory(found.members, problem_.dimension)) continue;
     UntanglePatch patch(energies_, std::move(found.members), std::move(found.nodes), problem_.dimension, team_.stop());
+    patch.find_lengths(problem_);
     const Assessment first = assess(patch, standings);
     if (first.repairable == 0) continue;  // its free nodes cannot repair anything
     const Best best{first.badness, patch.positions()};
@@ -203,7 +212,7 @@ UntangleOutcome Untangler::step() {
   std::vector<UntangleStep> steps(patches_.size());
   team_.for_each(static_cast<std::int32_t>(patches_.size()), 1, [&](std::int32_t i) {
     if (patches_[at(i)].ended) return;
-    steps[at(i)] = patches_[at(i)].patch.step(team_);
+    steps[at(i)] = patches_[at(i)].patch.step(team_, room_);
   });
   UntangleOutcome outcome;
   for (std::size_t i = 0; i < patches_.size(); ++i) {

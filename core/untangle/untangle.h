@@ -33,13 +33,20 @@ struct UntangleOutcome {
 /// kept up to date.
 class Untangler {
  public:
+  static constexpr std::int64_t kUnlimited = std::int64_t{1} << 62;
+
   /// Takes the problem back to the state that the guard has kept, so that no certificate is lost, and finds the patches
   /// there.
-  Untangler(Problem& problem, const Kernels& kernels, Guard& guard, const Team& team);
+  ///
+  /// `hessian_bytes`: the memory that all patches have together for the Hessians of their cells. It decides the time
+  /// that a step takes, not its result.
+  Untangler(Problem& problem, const Kernels& kernels, Guard& guard, const Team& team,
+            std::int64_t hessian_bytes = kUnlimited);
 
   /// An untangler whose state is read next.
   struct ToBeRead {};
-  Untangler(ToBeRead, Problem& problem, const Kernels& kernels, Guard& guard, const Team& team);
+  Untangler(ToBeRead, Problem& problem, const Kernels& kernels, Guard& guard, const Team& team,
+            std::int64_t hessian_bytes = kUnlimited);
 
   /// Reads or writes the state, after judge() and before step(), while not done(). The positions of the nodes are not
   /// part of it: they are the problem's.
@@ -133,6 +140,7 @@ class Untangler {
   std::int64_t first_unrepaired_ = 0;        ///< Guard::unrepaired() when it began.
   std::vector<CoefficientEnergy> energies_;  ///< By set.
   std::vector<TrackedPatch> patches_;
+  HessianRoom room_;
   int layers_ = 0;
 };
 

@@ -4,9 +4,11 @@
 
 #include <Eigen/Cholesky>
 #include <algorithm>
+#include <atomic>
 #include <cmath>
 #include <limits>
 #include <unordered_map>
+#include <utility>
 
 #include "core/base/conjugate_gradients.h"
 #include "core/base/index.h"
@@ -108,7 +110,16 @@ bool UntanglePatch::gather(const Problem& problem) {
       member.unknown.push_back(unknown->second);
     }
   }
+  find_lengths(problem);
   return true;
+}
+
+void UntanglePatch::find_lengths(const Problem& problem) {
+  lengths_.assign(nodes_.size(), std::numeric_limits<double>::infinity());
+  for (const Member& member : members_) {
+    const double size = problem.cell_size[at(problem.sets[at(member.set)].first + member.cell.number)];
+    for (const std::int32_t unknown : member.unknown) lengths_[at(unknown)] = std::min(lengths_[at(unknown)], size);
+  }
 }
 
 void UntanglePatch::place(const Eigen::VectorXd& positions) {
@@ -127,11 +138,24 @@ double UntanglePatch::value(const Team& team) const {
   return std::isfinite(sum) ? sum : std::numeric_limits<double>::infinity();
 }
 
-double UntanglePatch::expand(const Team& team) {
+double UntanglePatch::expand(const Team& team, HessianRoom& room) {
+  forget_hessians(room);
   expansions_.resize(members_.size());
+  blocks_.resize(members_.size());
+  std::atomic<std::int64_t> taken = 0;
   team.for_each(static_cast<std::int32_t>(members_.size()), 1, [&](std::int32_t i) {
     expansions_[at(i)] = energies_[at(members_[at(i)].set)].expand(members_[at(i)].cell, epsilon_, team.stop());
+    Eigen::MatrixXd& hessian = expansions_[at(i)].hessian;
+    blocks_[at(i)].resize(dimension_, hessian.cols());
+    for (Eigen::Index n = 0; n < hessian.cols(); n += dimension_)
+      blocks_[at(i)].middleCols(n, dimension_) = hessian.block(n, n, dimension_, dimension_);
+    const auto bytes = static_cast<std::int64_t>(sizeof(double)) * hessian.size();
+    if (room.take(bytes))
+      taken += bytes;
+    else
+      hessian.resize(0, 0);
   });
+  taken_ = taken;
   double sum = 0;
   gradient_.setZero(positions_.size());
   for (std::size_t i = 0; i < members_.size(); ++i) {
@@ -143,6 +167,12 @@ double UntanglePatch::expand(const Team& team) {
   return sum;
 }
 
+void UntanglePatch::forget_hessians(HessianRoom& room) {
+  expansions_.clear();
+  blocks_.clear();
+  room.give_back(std::exchange(taken_, 0));
+}
+
 Eigen::VectorXd UntanglePatch::multiply(const Eigen::VectorXd& x, const Team& team) const {
   std::vector<Eigen::VectorXd> products(members_.size());
   team.for_each(static_cast<std::int32_t>(members_.size()), kCellsPerTask, [&](std::int32_t i) {
@@ -151,7 +181,11 @@ Eigen::VectorXd UntanglePatch::multiply(const Eigen::VectorXd& x, const Team& te
     for (std::size_t n = 0; n < unknown.size(); ++n)
       own.segment(static_cast<Eigen::Index>(n) * dimension_, dimension_) =
           x.segment(unknown[n] * dimension_, dimension_);
-    products[at(i)].noalias() = expansions_[at(i)].hessian * own;
+    const Member& member = members_[at(i)];
+    if (expansions_[at(i)].hessian.size() > 0)
+      products[at(i)].noalias() = expansions_[at(i)].hessian * own;
+    else
+      products[at(i)].noalias() = energies_[at(member.set)].expand(member.cell, epsilon_, team.stop()).hessian * own;
   });
   Eigen::VectorXd sum = Eigen::VectorXd::Zero(x.size());
   for (std::size_t i = 0; i < members_.size(); ++i)
@@ -166,7 +200,7 @@ Eigen::VectorXd UntanglePatch::direction(const Team& team) const {
   for (std::size_t i = 0; i < members_.size(); ++i)
     for (std::size_t n = 0; n < members_[i].unknown.size(); ++n) {
       const auto first = static_cast<Eigen::Index>(n) * dimension_;
-      blocks[at(members_[i].unknown[n])] += expansions_[i].hessian.block(first, first, dimension_, dimension_);
+      blocks[at(members_[i].unknown[n])] += blocks_[i].middleCols(first, dimension_);
     }
   for (Block& block : blocks) block = inverse(block);
   const auto times_hessian = [&](const Eigen::VectorXd& x) { return multiply(x, team); };
@@ -198,21 +232,23 @@ bool UntanglePatch::search(const Eigen::VectorXd& step, double before, const Tea
   return accepted.alpha > 0;
 }
 
-UntangleStep UntanglePatch::step(const Team& team) {
+UntangleStep UntanglePatch::step(const Team& team, HessianRoom& room) {
   UntangleStep outcome;
   double before = 0;
   for (int number = 0; number < kNewtonSteps; ++number) {
-    const double energy = expand(team);
+    const double energy = expand(team, room);
     if (number == 0) {
       before = energy;
       outcome.gradient_norm = gradient_.norm();
     }
     const Eigen::VectorXd full = direction(team);
-    for (Eigen::Index n = 0; n < full.size(); n += dimension_)
-      outcome.residual = std::max(outcome.residual, full.segment(n, dimension_).norm());
+    for (std::size_t n = 0; n < nodes_.size(); ++n)
+      outcome.residual =
+          std::max(outcome.residual, full.segment(static_cast<Eigen::Index>(n) * dimension_, dimension_).norm() /
+                                         (lengths_.empty() ? 1 : lengths_[n]));
     if (!search(full, energy, team) || value(team) > (1 - kSmallDecrease) * energy) break;
   }
-  expansions_.clear();
+  forget_hessians(room);
   measure_coefficients(team.stop());
   next_epsilon(before, value(team));
   return outcome;

@@ -7,12 +7,14 @@
 
 #include "core/base/team.h"
 #include "core/untangle/coefficient_energy.h"
+#include "core/untangle/hessian_room.h"
 
 namespace varimesh {
 
-/// What an outer step did. Lengths are relative to the diagonal of the bounding box.
+/// What an outer step did.
 struct UntangleStep {
-  double residual = 0;       ///< Largest displacement of a node in a full Newton step.
+  double residual = 0;       ///< Largest displacement of a node in a full Newton step, divided by the
+                             ///< smallest size of a cell around the node, if find_lengths() was called.
   double gradient_norm = 0;  ///< At the start of the step.
 };
 
@@ -58,9 +60,13 @@ class UntanglePatch {
   /// Returns false if the state belongs to another problem.
   bool gather(const Problem& problem);
 
-  /// An outer step: at most three Newton steps, then the next ε. If the team's token interrupts it, the patch is
-  /// spoilt.
-  UntangleStep step(const Team& team);
+  /// Takes the sizes of the cells, which the residual is measured by, from the problem. gather() does it too.
+  void find_lengths(const Problem& problem);
+
+  /// An outer step: at most three Newton steps, then the next ε. Hessians of cells that `room` has no room for are
+  /// computed again for every product, which is slow. The result does not depend on it. If the team's token interrupts
+  /// it, the patch and the room are spoilt.
+  UntangleStep step(const Team& team, HessianRoom& room);
 
   /// The nodes that move, as numbers of mesh nodes, and their positions, d numbers each.
   const std::vector<std::int32_t>& nodes() const { return nodes_; }
@@ -76,8 +82,10 @@ class UntanglePatch {
   void place(const Eigen::VectorXd& positions);
   /// The energy of the patch.
   double value(const Team& team) const;
-  /// Sets the gradient and the cells' Hessians; returns the energy.
-  double expand(const Team& team);
+  /// Sets the gradient, the nodes' blocks and the cells' Hessians, as far as there is room; returns the energy.
+  double expand(const Team& team, HessianRoom& room);
+  /// Gives back the room of the Hessians.
+  void forget_hessians(HessianRoom& room);
   /// Solves H x = −G with conjugate gradients.
   Eigen::VectorXd direction(const Team& team) const;
   /// H x
@@ -92,13 +100,16 @@ class UntanglePatch {
   const std::vector<CoefficientEnergy>& energies_;
   std::vector<Member> members_;
   std::vector<std::int32_t> nodes_;
-  int dimension_;
+  Eigen::Index dimension_;
   Eigen::VectorXd positions_;
+  std::vector<double> lengths_;  ///< By node of nodes_: the smallest size of its cells.
   double epsilon_ = 0;
   double smallest_ = 0;  ///< The smallest coefficient.
   int bad_ = 0;          ///< Cells with a coefficient that is not positive.
   Eigen::VectorXd gradient_;
-  std::vector<CoefficientEnergy::Expansion> expansions_;  ///< By member.
+  std::vector<CoefficientEnergy::Expansion> expansions_;  ///< By member. The Hessian is empty if there was no room.
+  std::vector<Eigen::MatrixXd> blocks_;                   ///< By member: each free node's own block, side by side.
+  std::int64_t taken_ = 0;                                ///< Of the room.
 };
 
 }  // namespace varimesh

@@ -19,17 +19,21 @@ using detail::CellToCertify;
 /// Cells that a task takes at a time: enough to fill vectors, and few enough to share out the hard ones.
 constexpr std::size_t kGrain = 64;
 
-/// A power of two that brings the mesh's largest extent to between 1/2 and 1; 1 if the mesh has no finite extent.
+/// A power of two that brings the largest extent of the cells to between 1/2 and 1; 1 if they have no finite extent.
 double power_of_two_scale(const HighOrderMesh& mesh) {
-  double extent = 0;
-  for (std::size_t c = 0; c < 3; ++c) {
-    double low = std::numeric_limits<double>::max(), high = -low;
-    for (std::size_t i = c; i < mesh.coordinates.size(); i += 3) {
-      low = std::min(low, mesh.coordinates[i]);
-      high = std::max(high, mesh.coordinates[i]);
-    }
-    extent = std::max(extent, high / 2 - low / 2);
+  constexpr double kFar = std::numeric_limits<double>::max();
+  std::array<double, 3> low{kFar, kFar, kFar}, high{-kFar, -kFar, -kFar};
+  for (const ElementBlock& block : mesh.blocks) {
+    if (reference::info(block.shape).dimension != mesh.dimension) continue;
+    for (const std::int32_t node : block.nodes)
+      for (std::size_t c = 0; c < 3; ++c) {
+        const double x = mesh.coordinates[3 * static_cast<std::size_t>(node) + c];
+        low[c] = std::min(low[c], x);
+        high[c] = std::max(high[c], x);
+      }
   }
+  double extent = 0;
+  for (std::size_t c = 0; c < 3; ++c) extent = std::max(extent, high[c] / 2 - low[c] / 2);
   if (!(extent > 0) || !std::isfinite(extent)) return 1;
   int exponent = 0;
   std::frexp(extent, &exponent);
@@ -67,6 +71,16 @@ bool certify_lane(const CellToCertify& cell, const detail::KernelOutput& output,
   return true;
 }
 
+/// The coefficients of the cell in one lane, and the bound on their error.
+detail::Coefficients<double> known_coefficients(const CellToCertify& cell, const detail::KernelOutput& output,
+                                                std::size_t lane) {
+  detail::Coefficients<double> known{{}, output.error[lane]};
+  known.values.resize(static_cast<std::size_t>(cell.table->jacobian.size()));
+  const std::size_t lanes = detail::kernel_lanes();
+  for (std::size_t k = 0; k < known.values.size(); ++k) known.values[k] = output.coefficients[k * lanes + lane];
+  return known;
+}
+
 }  // namespace
 
 // ---------------------------------------------------------------------------------------------------------------------
@@ -82,8 +96,10 @@ Certifier::Certifier(const HighOrderMesh& mesh, CertificateOptions options)
   std::iota(all_.begin(), all_.end(), 0);
 }
 
-void Certifier::certify_on_one_thread(std::span<const double> coordinates, std::span<const std::int32_t> cells,
-                                      std::span<Certificate> certificates, const StopToken* stop) const {
+/// Runs the kernel on these cells and calls visit(cell number, cell, the kernel's output, lane) for each.
+template <class Visit>
+void Certifier::visit_on_one_thread(std::span<const double> coordinates, std::span<const std::int32_t> cells, Form form,
+                                    const StopToken* stop, const Visit& visit) const {
   thread_local std::vector<double> workspace;
   const std::size_t lanes = detail::kernel_lanes();
   detail::KernelOutput output;
@@ -91,7 +107,7 @@ void Certifier::certify_on_one_thread(std::span<const double> coordinates, std::
     look(stop);
     const ElementBlock& block = *cells_[static_cast<std::size_t>(cells[first])].block;
     detail::KernelInput input;
-    input.table = &detail::jacobian_table(block.shape, block.order);
+    input.table = &detail::jacobian_table(block.shape, form == Form::Curved ? block.order : 1);
     input.coordinates = coordinates.data();
     input.scale = scale_;
     input.sign = sign_;
@@ -103,15 +119,34 @@ void Certifier::certify_on_one_thread(std::span<const double> coordinates, std::
     detail::bernstein_kernel(input, workspace, output);
     for (std::size_t lane = 0; lane < input.cells; ++lane) {
       const CellToCertify cell{input.table, coordinates.data(), input.nodes[lane], scale_, sign_};
-      Certificate& certificate = certificates[static_cast<std::size_t>(cells[first + lane])];
-      if (certify_lane(cell, output, lane, options_.gap, certificate)) continue;
-      detail::Coefficients<double> known{{}, output.error[lane]};
-      known.values.resize(static_cast<std::size_t>(input.table->jacobian.size()));
-      for (std::size_t k = 0; k < known.values.size(); ++k) known.values[k] = output.coefficients[k * lanes + lane];
-      certificate = detail::subdivide(cell, options_, std::move(known), stop);
+      visit(static_cast<std::size_t>(cells[first + lane]), cell, output, lane);
     }
     first += input.cells;
   }
+}
+
+void Certifier::certify_on_one_thread(std::span<const double> coordinates, std::span<const std::int32_t> cells,
+                                      std::span<Certificate> certificates, const StopToken* stop) const {
+  visit_on_one_thread(
+      coordinates, cells, Form::Curved, stop,
+      [&](std::size_t number, const CellToCertify& cell, const detail::KernelOutput& output, std::size_t lane) {
+        if (!certify_lane(cell, output, lane, options_.gap, certificates[number]))
+          certificates[number] = detail::subdivide(cell, options_, known_coefficients(cell, output, lane), stop);
+      });
+}
+
+std::vector<char> Certifier::sound_with_straight_sides(std::span<const double> coordinates, const Team& team) const {
+  std::vector<char> sound(cells_.size(), 0);
+  team.for_ranges(cells_.size(), kGrain, [&](std::size_t begin, std::size_t end) {
+    visit_on_one_thread(
+        coordinates, std::span(all_).subspan(begin, end - begin), Form::StraightSided, team.stop(),
+        [&](std::size_t number, const CellToCertify& cell, const detail::KernelOutput& output, std::size_t lane) {
+          const bool clear = output.least[lane] - output.error[lane] > 0;
+          sound[number] =
+              clear || detail::subdivide(cell, {}, known_coefficients(cell, output, lane), team.stop()).is_valid();
+        });
+  });
+  return sound;
 }
 
 void Certifier::certify(std::span<const double> coordinates, std::span<const std::int32_t> cells,

@@ -44,6 +44,12 @@ class Certifier {
   void certify(std::span<const double> coordinates, std::span<const std::int32_t> cells,
                std::span<Certificate> certificates, const Team& team) const;
 
+  /// Whether the straight-sided form of each cell is sound: J of the map of order 1 on the cell's vertices is proved
+  /// positive in the whole reference cell, by the same method. 1 or 0 per cell. Positive values at the corners would
+  /// not be enough: hexahedra and prisms with straight sides may be inverted on an edge, on a face or inside although
+  /// they are sound at all corners. (On the other shapes J is constant or bilinear.) `coordinates` and `team` as for certify().
+  std::vector<char> sound_with_straight_sides(std::span<const double> coordinates, const Team& team) const;
+
   /// Sharpens the certificate of the cell with the smallest lower bound of the scaled Jacobian, again and again, until
   /// the mesh's minimum is known to within `gap`. Only few cells must be cut for that. Returns the summary. Looks at
   /// the token, which may be null; if it interrupts, all certificates hold as far as they were sharpened.
@@ -55,6 +61,11 @@ class Certifier {
     const ElementBlock* block;
     const std::int32_t* nodes;
   };
+  /// The cells themselves, or the cells of order 1 on their vertices.
+  enum class Form : std::uint8_t { Curved, StraightSided };
+  template <class Visit>
+  void visit_on_one_thread(std::span<const double> coordinates, std::span<const std::int32_t> cells, Form form,
+                           const StopToken* stop, const Visit& visit) const;
   void certify_on_one_thread(std::span<const double> coordinates, std::span<const std::int32_t> cells,
                              std::span<Certificate> certificates, const StopToken* stop) const;
 

@@ -66,9 +66,12 @@ template <class Real>
 struct Part {
   std::vector<Real> values;
   std::array<std::array<double, 6>, 6> corners{};
-  Real error = 0;
+  Real error = 0;  // no coefficient is further from the exact one
   Real least = 0, greatest = 0;
   int depth = 0;
+
+  Real lower() const { return least - error; }
+  Real upper() const { return greatest + error; }
 
   void measure() {
     const auto [low, high] = std::ranges::minmax_element(values);
@@ -81,9 +84,7 @@ template <class Real>
 class Search {
  public:
   Search(const CellToCertify& cell, const CertificateOptions& options, const StopToken* stop)
-      : table_(*cell.table), options_(options), edges_(edges_of(*cell.table)), stop_(stop) {
-    open_.reserve(kUsualParts);
-  }
+      : table_(*cell.table), options_(options), edges_(edges_of(*cell.table)), stop_(stop) {}
 
   /// Cuts parts until the answer is known to within the gap or the budget is spent.
   void search(Coefficients<Real> root) {
@@ -98,38 +99,30 @@ class Search {
     int parts = 1;
     while (!done()) {
       look(stop_);
-      if (parts >= options_.max_cells || open_.front().depth >= options_.max_depth) break;
+      if (parts >= options_.max_cells || open_.lowest().depth >= options_.max_depth) break;
       bisect(take());
       ++parts;
     }
     if (answer_ != Certificate::Answer::Invalid && lower() > 0) answer_ = Certificate::Answer::Valid;
-    if (answer_ == Certificate::Answer::Undecided) place_ = lowest_corner(open_.front()).second;
+    if (answer_ == Certificate::Answer::Undecided) place_ = lowest_corner(open_.lowest()).second;
     limited_by_rounding_ = answer_ == Certificate::Answer::Undecided
-                               ? touches_zero_ || std::abs(open_.front().least) <= 64 * open_.front().error
-                               : answer_ == Certificate::Answer::Valid && is_blunt(open_.front().error, lower());
+                               ? touches_zero_ || std::abs(open_.lowest().least) <= 64 * open_.lowest().error
+                               : answer_ == Certificate::Answer::Valid && is_blunt(open_.lowest().error, lower());
   }
 
   Certificate::Answer answer() const { return answer_; }
   bool finite() const { return finite_; }
   bool limited_by_rounding() const { return limited_by_rounding_; }
-  Real lower() const { return open_.front().least - open_.front().error; }
-  Real upper() const {
-    Real most = -std::numeric_limits<Real>::max();
-    for (const Part<Real>& part : open_) most = std::max(most, part.greatest + part.error);
-    return most;
-  }
+  Real lower() const { return open_.lowest().lower(); }
+  Real upper() const { return open_.upper(); }
   /// A lower bound of max J.
   Real greatest_seen() const { return greatest_seen_; }
   const std::array<double, 6>& place() const { return place_; }
 
  private:
-  static constexpr std::size_t kUsualParts = 16;
-
-  static bool later(const Part<Real>& a, const Part<Real>& b) { return a.least > b.least; }
-
   bool done() const {
-    const Part<Real>& worst = open_.front();
-    // The rest can be proved neither positive nor negative.
+    const Part<Real>& worst = open_.lowest();
+    // The lowest part can be proved neither positive nor negative.
     const bool hopeless = touches_zero_ && worst.least >= -worst.error;
     const bool answered = answer_ == Certificate::Answer::Invalid || lower() > 0 || hopeless;
     return answered && (hopeless || !std::isfinite(options_.gap) || greatest_seen_ <= 0 ||
@@ -142,19 +135,9 @@ class Search {
 
   /// The part to cut next: the lowest one, or the highest one if mainly max J is in doubt.
   Part<Real> take() {
-    if (std::isfinite(options_.gap) && lower() > 0 && greatest_seen_ > 0 && slack_above() > slack_below()) {
-      const auto highest =
-          std::ranges::max_element(open_, {}, [](const Part<Real>& p) { return p.greatest + p.error; });
-      Part<Real> part = std::move(*highest);
-      *highest = std::move(open_.back());
-      open_.pop_back();
-      std::ranges::make_heap(open_, later);
-      return part;
-    }
-    std::ranges::pop_heap(open_, later);
-    Part<Real> part = std::move(open_.back());
-    open_.pop_back();
-    return part;
+    const bool max_in_doubt =
+        std::isfinite(options_.gap) && lower() > 0 && greatest_seen_ > 0 && slack_above() > slack_below();
+    return max_in_doubt ? open_.take_highest() : open_.take_lowest();
   }
 
   void push(Part<Real> part) {
@@ -171,8 +154,7 @@ class Search {
         place_ = place;
       }
     }
-    open_.push_back(std::move(part));
-    std::ranges::push_heap(open_, later);
+    open_.push(std::move(part));
   }
 
   /// The corner of a part with the smallest J, and where it is.
@@ -241,7 +223,7 @@ class Search {
   const CertificateOptions& options_;
   const std::vector<Edge>& edges_;
   const StopToken* stop_;
-  std::vector<Part<Real>> open_;  // a heap, the smallest coefficient first; never empty once the whole cell is in
+  OpenParts<Part<Real>> open_;  // never empty once the whole cell is in
   Certificate::Answer answer_ = Certificate::Answer::Undecided;
   bool finite_ = false;
   bool touches_zero_ = false;  // within rounding, J is 0 at some corner: the cell can never be proved valid

@@ -4,6 +4,7 @@
 
 #include <optional>
 
+#include "core/formats/formats.h"
 #include "server/addresses.h"
 #include "server/api/chunks.h"
 #include "server/api/result_source.h"
@@ -79,6 +80,8 @@ class OptimiseStream : public grpc::ServerBidiReactor<v1::OptimiseRequest, v1::O
     if (spec_) return refuse("The spec must be sent exactly once, as the first message.");
     const std::int64_t size = request_.spec().size(), max = api_.limits.max_mesh_bytes;
     if (size > max) return status(mesh_too_large(max, size));
+    const std::int64_t least = formats::least_memory(size), memory = api_.limits.max_memory_bytes;
+    if (memory > 0 && least > memory) return status(mesh_needs_memory(memory, least));
     spec_ = std::move(*request_.mutable_spec());
     auto writer = api_.meshes.create();
     if (!writer) return status(writer.error());

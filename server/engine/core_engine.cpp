@@ -41,7 +41,11 @@ Expected<void> write_mesh(const Result& result, v1::MeshFormat format, int threa
 }
 
 Expected<RunSummary> run(RunRequest request, const RunHooks& hooks) {
-  auto file = read_mesh(request.input->bytes(), request.format);
+  const std::string_view bytes = request.input->bytes();
+  if (hooks.fits)
+    if (const auto fits = hooks.fits(formats::least_memory(static_cast<std::int64_t>(bytes.size()))); !fits)
+      return tl::unexpected(fits.error());
+  auto file = read_mesh(bytes, request.format);
   request.input.reset();
   if (!file) return tl::unexpected(file.error());
   const v1::MeshFormat read_as =

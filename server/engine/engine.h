@@ -31,6 +31,9 @@ struct RunHooks {
   /// without the interruption; otherwise, and if it is empty, the run starts from the beginning. `control.stop_asked`
   /// must be set.
   RunControl control;
+  /// Called before the mesh is read, with the least memory that it takes, in bytes. Errors: BadInput if there can never
+  /// be enough.
+  std::function<Expected<void>(std::int64_t bytes)> fits;
   /// Called once the mesh is read, with the memory that the run needs, in bytes. Waits until there is enough or the run
   /// is to stop. Errors: BadInput if there can never be enough.
   std::function<Expected<void>(std::int64_t bytes)> admit;

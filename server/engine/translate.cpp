@@ -19,7 +19,10 @@ static_assert(same(v1::RepairStep::KIND_SPLIT_EDGE, RepairStep::Kind::SplitEdge)
               same(v1::RepairStep::KIND_STRAIGHTENED, RepairStep::Kind::Straightened) &&
               same(v1::RepairStep::KIND_LEFT, RepairStep::Kind::Left));
 static_assert(same(v1::STOP_REASON_CONVERGED, StopReason::Converged) &&
-              same(v1::STOP_REASON_STOPPED, StopReason::Stopped));
+              same(v1::STOP_REASON_STOPPED, StopReason::Stopped) &&
+              same(v1::STOP_REASON_MOST_PRODUCTS, StopReason::MostProducts));
+static_assert(same(v1::LINEAR_SOLVE_NONE, LinearSolve::None) && same(v1::LINEAR_SOLVE_SOLVED, LinearSolve::Solved) &&
+              same(v1::LINEAR_SOLVE_MOST_PRODUCTS, LinearSolve::MostProducts));
 static_assert(same(v1::UnrepairableGroup::KIND_VERTEX, UnrepairableGroup::Kind::Vertex) &&
               same(v1::UnrepairableGroup::KIND_FAN, UnrepairableGroup::Kind::Fan));
 static_assert(same(v1::PHASE_SWEEPS, Phase::Sweeps) && same(v1::PHASE_NEWTON, Phase::Newton) &&
@@ -44,6 +47,7 @@ v1::Iteration to_proto(const Iteration& iteration) {
   message.set_repairable_elements(iteration.repairable_elements);
   message.set_active_nodes(iteration.active_nodes);
   message.set_products(iteration.products);
+  message.set_linear_solve(give<v1::LinearSolve>(iteration.linear_solve));
   message.set_seconds(iteration.seconds);
   return message;
 }

@@ -18,6 +18,8 @@ namespace varimesh::server {
 
 struct DirectoryMeshSettings {
   std::int64_t max_mesh_bytes = std::int64_t{16} << 30;  ///< Size of the largest upload.
+  std::int64_t max_memory_bytes =
+      0;  ///< Memory for a mesh that is read. Uploads that take more are refused. 0: no limit.
   std::int64_t max_total_bytes = 0;  ///< Size of the store above which the oldest meshes without references are
                                      ///< deleted. 0: no limit.
   std::int64_t reserve_bytes = 0;    ///< Disk space that uploads leave free.

@@ -5,6 +5,7 @@
 #include <cerrno>
 
 #include "core/base/write_all.h"
+#include "core/formats/formats.h"
 #include "server/meshes/directory_mesh_store.h"
 #include "server/meshes/directory_upload.h"
 #include "server/refusals.h"
@@ -17,6 +18,9 @@ Answer<UploadTicket> DirectoryMeshStore::begin_upload(const std::string& id, con
   if (!is_sha256(digest))
     return bad_request("The digest must be the SHA-256 of the mesh as 64 lowercase hexadecimal digits.");
   if (size < 0 || size > settings_.max_mesh_bytes) return mesh_too_large(settings_.max_mesh_bytes, size);
+  const std::int64_t least = formats::least_memory(size);
+  if (settings_.max_memory_bytes > 0 && least > settings_.max_memory_bytes)
+    return mesh_needs_memory(settings_.max_memory_bytes, least);
   while (true) {
     if (pin(digest)) return UploadTicket{id, 0, size, true};
     if (!has_room(size))

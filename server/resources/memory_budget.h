@@ -4,7 +4,6 @@
 #include <condition_variable>
 #include <cstdint>
 #include <deque>
-#include <filesystem>
 #include <functional>
 #include <mutex>
 
@@ -32,10 +31,5 @@ class MemoryBudget {
   std::deque<const void*> waiting_;
   std::int64_t taken_ = 0;
 };
-
-/// Returns 9/10 of the memory that this process may use, in bytes: the memory of the machine, or the smallest limit of
-/// the process's control group and the groups that contain it (version 1 or 2). 0 if that cannot be determined. `root`:
-/// the directory that contains proc and sys/fs/cgroup.
-std::int64_t machine_memory(const std::filesystem::path& root = "/");
 
 }  // namespace varimesh::server

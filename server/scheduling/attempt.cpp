@@ -116,6 +116,14 @@ class Memory {
     if (taken_ > 0) budget_.give_back(taken_);
   }
 
+  /// Refuses a mesh that takes at least this much, before it is read.
+  Expected<void> check_least(std::int64_t bytes) const {
+    if (budget_.can_ever_fit(bytes)) return {};
+    return bad_input("The mesh takes at least " + mebibytes(bytes) +
+                     " of memory, but the jobs of this server have only " + mebibytes(budget_.limit()) +
+                     " together (its flag --max-memory-bytes); use a machine with more memory, or a smaller mesh.");
+  }
+
   Expected<void> take(std::int64_t bytes) {
     if (!budget_.can_ever_fit(bytes))
       return bad_input("The mesh needs about " + mebibytes(bytes) +
@@ -250,6 +258,7 @@ Ending run(const Attempt& attempt) {
     checkpoints.save(iteration.number, write);
   };
   if (checkpoint != nullptr) hooks.control.checkpoint = checkpoint->bytes();
+  hooks.fits = [&](std::int64_t bytes) { return memory.check_least(bytes); };
   hooks.admit = [&](std::int64_t bytes) { return memory.take(bytes); };
   hooks.given_up = given_up;
   hooks.open_output = [&](v1::MeshFormat format) { return outputs.open(format); };

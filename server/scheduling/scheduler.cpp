@@ -6,6 +6,7 @@
 #include <set>
 
 #include "core/base/sha256.h"
+#include "core/formats/formats.h"
 #include "server/engine/translate.h"
 #include "server/refusals.h"
 #include "server/scheduling/attempt.h"
@@ -53,6 +54,15 @@ Answer<void> Scheduler::check(const v1::JobSpec& spec) {
   if (const auto accepted = engine_.check_options(*options); !accepted)
     return invalid_option(accepted.error().sentence);
   if (!meshes_->pin(spec.mesh().digest())) return mesh_missing(spec.mesh().digest());
+  return check_memory(spec.mesh().digest());
+}
+
+Answer<void> Scheduler::check_memory(const std::string& digest) {
+  if (memory_.limit() == 0) return {};
+  const auto mesh = meshes_->read(digest);
+  if (!mesh) return {};  // the job will say why
+  const std::int64_t least = formats::least_memory((*mesh)->size());
+  if (!memory_.can_ever_fit(least)) return mesh_needs_memory(memory_.limit(), least);
   return {};
 }
 

@@ -83,6 +83,8 @@ class Scheduler {
   };
 
   Answer<void> check(const v1::JobSpec& spec);
+  /// Refuses a stored mesh that takes more memory than all jobs have together.
+  Answer<void> check_memory(const std::string& digest);
   // The following require the lock.
   /// Changes a job in the store and adds the events to its log. `change` gets the last event number in use.
   Answer<Changed> change(const std::string& name, const std::function<Answer<Changed>(std::int64_t)>& change);

@@ -16,6 +16,7 @@ tl::unexpected<Error> output_error(const Failure& failure) {
 DirectoryMeshSettings mesh_settings(const Limits& limits) {
   DirectoryMeshSettings settings;
   settings.max_mesh_bytes = limits.max_mesh_bytes;
+  settings.max_memory_bytes = limits.max_memory_bytes;
   settings.max_total_bytes = limits.max_store_bytes;
   settings.reserve_bytes = limits.reserve_bytes;
   settings.lifetime = limits.mesh_lifetime;

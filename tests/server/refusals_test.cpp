@@ -29,6 +29,7 @@ TEST(Refusals, ForWantOfRoomSayWhenToTryAgain) {
   expect(peer_limit("10.0.0.1", 3, "open watches"), Code::ResourceExhausted, "PEER_LIMIT", 5);
   expect(mesh_too_large(10, 11), Code::ResourceExhausted, "MESH_TOO_LARGE");
   expect(mesh_too_large(10), Code::ResourceExhausted, "MESH_TOO_LARGE");
+  expect(mesh_needs_memory(10, 11), Code::ResourceExhausted, "MESH_TOO_LARGE");
 }
 
 TEST(Refusals, OfMeshesAndUploads) {

@@ -75,7 +75,7 @@ class Client:
             wanted.append("parts")
         job = self.submit(mesh, outputs=list(dict.fromkeys(wanted)), request_id=request_id, labels=labels,
                           priority=priority, **options)  # fmt: skip
-        show = Progress(options.get("tolerance") or 1e-6) if progress else None
+        show = Progress(options.get("tolerance") or 1e-3) if progress else None
         try:
             for event in job.watch():
                 for take in (show, on_event):

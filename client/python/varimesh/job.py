@@ -65,7 +65,7 @@ class Job:
 
     def wait(self, progress: bool = False) -> Job:
         """Waits until the job has ended in any state."""
-        show = Progress(self._message.spec.options.tolerance or 1e-6) if progress else None
+        show = Progress(self._message.spec.options.tolerance or 1e-3) if progress else None
         for event in self.watch():
             if show is not None:
                 show(event)

@@ -17,7 +17,7 @@ class Progress:
     """Takes a job's events and shows them. If the stream is not a terminal, it prints at most one line per second,
     without control characters."""
 
-    def __init__(self, tolerance: float = 1e-6, stream: TextIO | None = None) -> None:
+    def __init__(self, tolerance: float = 1e-3, stream: TextIO | None = None) -> None:
         self._stream = stream or sys.stderr
         self._terminal = self._stream.isatty()
         self._tolerance = tolerance

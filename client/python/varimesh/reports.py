@@ -14,7 +14,7 @@ from .v1 import job_pb2, mesh_pb2, optimise_pb2, quality_pb2, service_pb2
 HISTORY = np.dtype(
     [("number", "i4"), ("phase", "U8"), ("energy", "f8"), ("residual", "f8"), ("relative_gradient", "f8"),
      ("min_scaled_jacobian", "f8"), ("invalid_elements", "i8"), ("active_nodes", "i8"), ("seconds", "f8"),
-     ("repairable_elements", "i8"), ("products", "i4")])  # fmt: skip
+     ("repairable_elements", "i8"), ("products", "i4"), ("linear_solve", "U18")])  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -95,6 +95,7 @@ class Iteration:
     seconds: float
     repairable_elements: int
     products: int
+    linear_solve: str
 
 
 @dataclass(frozen=True)
@@ -160,6 +161,7 @@ def metrics_of(message: optimise_pb2.Metrics) -> Metrics:
 def iteration_of(message: optimise_pb2.Iteration) -> Iteration:
     values = {name: getattr(message, name) for name in Iteration.__dataclass_fields__}
     values["phase"] = spelled(optimise_pb2.Phase.DESCRIPTOR, message.phase)
+    values["linear_solve"] = spelled(optimise_pb2.LinearSolve.DESCRIPTOR, message.linear_solve)
     return Iteration(**values)
 
 

@@ -64,7 +64,7 @@ std::string why_refused(int number) {
            "Mesh.SecondOrderIncomplete=0";
   return "element type " + std::to_string(number) +
          " is not known; use points, lines, triangles, quadrilaterals, tetrahedra, pyramids, prisms and hexahedra of "
-         "order 1 to 10";
+         "order 1 to 10 (pyramids, prisms and hexahedra: 1 to 9)";
 }
 
 }  // namespace varimesh::formats

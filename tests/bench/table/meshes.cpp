@@ -1,10 +1,12 @@
 #include "tests/bench/table/meshes.h"
 
+#include <array>
 #include <cstdio>
 #include <cstdlib>
 #include <optional>
 
 #include "core/formats/formats.h"
+#include "tests/bench/structured/structured_mesh.h"
 
 namespace varimesh::bench {
 namespace {
@@ -25,11 +27,43 @@ std::string quoted(const fs::path& path) {
   return out + "'";
 }
 
+std::optional<Expected<HighOrderMesh>> structured(const std::string& name) {
+  std::array<char, 20> shape{};
+  StructuredMesh wanted;
+  long long elements = 0;
+  int cells = 0;
+  if (std::sscanf(name.c_str(), "squares_%d", &cells) == 1) return perturbed_square(cells);
+  if (std::sscanf(name.c_str(), "%19[a-z]_p%d_%lld", shape.data(), &wanted.order, &elements) != 3) return std::nullopt;
+  wanted.shape = shape.data() == reference::info(Shape::Hexahedron).plural ? Shape::Hexahedron : Shape::Tetrahedron;
+  wanted.elements = elements;
+  return cube_with_hole(wanted);
+}
+
+Expected<std::string> write_structured(const HighOrderMesh& mesh, const fs::path& folder, const std::string& name) {
+  std::error_code failure;
+  fs::create_directories(folder, failure);
+  if (failure) return bad_input(name + ": cannot make the folder " + folder.string() + ": " + failure.message());
+  const std::string path = (folder / (name + ".41b.msh")).string();
+  const Expected<void> written = formats::write_file(mesh, formats::Format::Msh41Binary, path);
+  if (!written) return bad_input(name + ": " + written.error().sentence);
+  return path;
+}
+
 }  // namespace
+
+std::string cube_name(Shape shape, int order, std::int64_t elements) {
+  return std::string(reference::info(shape).plural) + "_p" + std::to_string(order) + "_" + std::to_string(elements);
+}
+
+std::string square_name(int cells) { return "squares_" + std::to_string(cells); }
 
 Expected<std::string> Meshes::find(const std::string& name) const {
   for (const fs::path& folder : {cases_ / "meshes", cache_})
     if (const auto path = in_folder(folder, name)) return *path;
+  if (const auto made = structured(name)) {
+    if (!*made) return bad_input(name + ": " + made->error().sentence);
+    return write_structured(**made, cache_, name);
+  }
   const fs::path script = cases_ / "generate.py";
   std::error_code failure;
   if (!fs::exists(script, failure))

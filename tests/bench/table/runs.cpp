@@ -13,6 +13,7 @@
 #include <fstream>
 
 #include "core/formats/formats.h"
+#include "core/optimise/memory.h"
 #include "core/optimise/optimiser.h"
 #include "tests/bench/core/optimise/loads.h"
 #include "tests/bench/measure_yardstick.h"
@@ -68,10 +69,11 @@ std::vector<double> read_all(int from) {
 template <class Visit>
 void each_number(Measured& m, const Visit& visit) {
   for (Times* times : {&m.wall, &m.processor})
-    for (double* number : {&times->whole, &times->sweep, &times->later, &times->few}) visit(*number);
-  for (double* number : {&m.energy, &m.products, &m.min_scaled_jacobian, &m.sweep_points, &m.peak_bytes})
+    for (double* number : {&times->whole, &times->sweep, &times->later, &times->each, &times->few}) visit(*number);
+  for (double* number : {&m.energy, &m.products, &m.first_products, &m.most_products, &m.later_products,
+                         &m.min_scaled_jacobian, &m.sweep_points, &m.peak_bytes, &m.estimated_bytes})
     visit(*number);
-  for (std::int64_t* number : {&m.elements, &m.invalid, &m.uncertified, &m.below_half}) visit(*number);
+  for (std::int64_t* number : {&m.elements, &m.free_nodes, &m.invalid, &m.uncertified, &m.below_half}) visit(*number);
   for (int* number : {&m.dimension, &m.iterations}) visit(*number);
   visit(m.converged);
 }
@@ -87,19 +89,24 @@ Times times_of(const std::vector<Iteration>& history, const std::vector<double>&
     times.sweep = median(std::move(each));
   }
   times.later = at.back() - at.front();
+  times.each = at.back() / static_cast<double>(at.size());
   const auto few =
       std::find_if(history.begin(), history.end(), [](const Iteration& one) { return one.invalid_elements <= kFew; });
   if (few != history.end()) times.few = at[static_cast<std::size_t>(few - history.begin())];
   return times;
 }
 
-double mean_products(const std::vector<Iteration>& history) {
+void count_products(const std::vector<Iteration>& history, Measured& m) {
   double products = 0, steps = 0;
   for (const Iteration& one : history) {
+    if (one.phase != Phase::Newton) continue;
+    if (steps == 0) m.first_products = one.products;
+    m.most_products = std::max(m.most_products, static_cast<double>(one.products));
     products += one.products;
-    steps += one.phase == Phase::Newton ? 1 : 0;
+    ++steps;
   }
-  return steps > 0 ? products / steps : 0;
+  m.products = steps > 0 ? products / steps : 0;
+  m.later_products = history.empty() ? 0 : products - history.front().products;
 }
 
 void refuse(const Error& error) {
@@ -115,16 +122,17 @@ Measured optimise_file(const std::string& path, const Run& run) {
   if (!file) refuse(file.error());
   std::vector<double> wall_at, processor_at;
   const double processor_start = processor_seconds();
+  Measured m;
+  m.estimated_bytes = static_cast<double>(memory_needed(file->mesh, run.options));
   auto result = optimise(std::move(file->mesh), run.options, [&](const Iteration& one) {
     wall_at.push_back(one.seconds);
     processor_at.push_back(processor_seconds() - processor_start);
     return Control::Continue;
   });
   if (!result) refuse(result.error());
-  Measured m;
   m.wall = times_of(result->history, wall_at, result->seconds);
   m.processor = times_of(result->history, processor_at, processor_seconds() - processor_start);
-  m.products = mean_products(result->history);
+  count_products(result->history, m);
   m.energy = result->history.empty() ? 0 : result->history.back().energy;
   rusage usage{};
   getrusage(RUSAGE_SELF, &usage);
@@ -133,6 +141,7 @@ Measured optimise_file(const std::string& path, const Run& run) {
   m.converged = result->converged;
   m.dimension = result->sizes.dimension;
   m.elements = result->sizes.elements;
+  m.free_nodes = result->sizes.free_nodes;
   const QualityReport& after = result->after;
   m.min_scaled_jacobian = after.min_scaled_jacobian;
   m.invalid = after.invalid_elements;
@@ -163,7 +172,7 @@ double Conditions::normalised(double seconds) const { return seconds * yardstick
 
 Times Measured::normalised() const {
   Times times = this->times();
-  for (double* seconds : {&times.whole, &times.sweep, &times.later, &times.few})
+  for (double* seconds : {&times.whole, &times.sweep, &times.later, &times.each, &times.few})
     *seconds = conditions.normalised(*seconds);
   return times;
 }
@@ -171,7 +180,8 @@ Times Measured::normalised() const {
 std::string Run::key() const {
   const Options& o = options;
   std::string key = mesh + (avx2 ? " avx2" : "") + (want_coordinates ? " coordinates" : "");
-  for (const double number : {double(o.energy), double(o.method), o.lambda, o.tolerance, double(o.max_iterations),
+  for (const double number : {double(o.energy), double(o.constants), double(o.objective), double(o.target),
+                              double(o.order), double(o.method), o.lambda, o.tolerance, double(o.max_iterations),
                               double(o.until), double(o.active_set), double(o.threads), double(repeats)}) {
     std::array<char, 40> text;
     std::snprintf(text.data(), text.size(), " %.17g", number);

@@ -31,6 +31,15 @@ struct Run {
   std::string key() const;
 };
 
+/// A run on one thread until the residual is at most `tolerance`; `lambda` 0: the reference constant.
+inline Run until_tolerance(const std::string& mesh, double tolerance, double lambda = 0) {
+  Run run{mesh};
+  run.options.tolerance = tolerance;
+  run.options.lambda = lambda;
+  run.options.threads = 1;
+  return run;
+}
+
 /// The conditions under which a measurement was taken.
 struct Conditions {
   double yardstick = 0;   ///< GFLOP/s of one thread by processor time, the better of before and after; 0: not measured.
@@ -47,6 +56,7 @@ struct Times {
   double sweep =
       0;  ///< Median over iterations 2 to 6, and its median over Run::repeats; 0 if there are fewer iterations.
   double later = 0;  ///< From the end of the first iteration to the end of the last.
+  double each = 0;   ///< From the start to the end of the last iteration, per iteration.
   double few = -1;   ///< Until the history first shows at most 12 cells not certified; −1: never.
 };
 
@@ -56,12 +66,16 @@ struct Measured {
   Times wall;       ///< The library's own seconds.
   Times processor;  ///< Processor time of all threads.
   bool one_thread = true;
-  double energy = 0;    ///< After the last iteration.
-  double products = 0;  ///< Mean number of products per Newton step.
+  double energy = 0;          ///< After the last iteration.
+  double products = 0;        ///< Mean number of products per Newton step.
+  double first_products = 0;  ///< Products of the first Newton step.
+  double most_products = 0;   ///< The largest number of products in a step.
+  double later_products = 0;  ///< Products of all iterations after the first.
   double min_scaled_jacobian = 0;
-  double sweep_points = 0;  ///< Quadrature points that a sweep visits, summed over nodes and their cells.
-  double peak_bytes = 0;    ///< Resident memory, including that for reading the file.
-  std::int64_t elements = 0, invalid = 0, uncertified = 0;
+  double sweep_points = 0;     ///< Quadrature points that a sweep visits, summed over nodes and their cells.
+  double peak_bytes = 0;       ///< Resident memory, including that for reading the file.
+  double estimated_bytes = 0;  ///< memory_needed().
+  std::int64_t elements = 0, free_nodes = 0, invalid = 0, uncertified = 0;
   std::int64_t below_half = 0;  ///< Cells with a sampled scaled Jacobian below 0.5.
   int dimension = 0, iterations = 0;
   bool converged = false;

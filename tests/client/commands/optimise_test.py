@@ -42,7 +42,8 @@ class InProcess(WithFolder):
         self.assertTrue(lines[1].startswith("1,sweeps,"), lines[1])
         for row in csv.DictReader(lines):
             self.assertEqual(row["phase"] == "newton", int(row["products"]) > 0, row)
-        self.assertEqual(row["phase"], "newton")
+            self.assertEqual(row["phase"] == "newton", row["linear_solve"] != "none", row)
+        self.assertEqual((row["phase"], row["linear_solve"]), ("newton", "solved"))
         self.assertEqual(sorted(path.name for path in self.folder.iterdir()), ["a.csv", "a.msh", "a.vtu"])
 
     def test_prints_progress_as_plain_lines_in_a_pipe(self):

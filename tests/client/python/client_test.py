@@ -26,6 +26,7 @@ class Client(support.WithServer):
         self.assertEqual(result.before.uncertified.tolist(), sorted(result.before.uncertified.tolist()))
         self.assertEqual(len(result.history), result.metrics.iterations)
         self.assertEqual(set(result.history["phase"]), {"sweeps", "newton"})
+        self.assertEqual((result.history["linear_solve"][0], result.history["linear_solve"][-1]), ("none", "solved"))
         self.assertEqual(result.history["residual"][-1], result.metrics.residual)
 
     def test_arrays_give_the_same_bits_as_the_file(self):

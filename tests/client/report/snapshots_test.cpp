@@ -52,6 +52,16 @@ TEST(Snapshots, KnowWhereCellsAreAndHowLarge) {
   EXPECT_EQ(snapshots->size(0, 0), 2);
 }
 
+TEST(Snapshots, NodesThatNoCellUsesAreNotInTheBox) {
+  auto mesh = std::make_shared<HighOrderMesh>(*square(1, 2));
+  mesh->coordinates.insert(mesh->coordinates.end(), {1e5, 1e5, 0});
+  mesh->node_numbers.push_back(5);
+  ++mesh->node_blocks.back().count;
+  const auto snapshots = Snapshots::create(mesh, nullptr);
+  ASSERT_TRUE(snapshots);
+  EXPECT_EQ(snapshots->box(), (std::array<double, 6>{0, 0, 0, 2, 2, 0}));
+}
+
 TEST(Snapshots, TheWorstCellComesFirst) {
   // With its node beyond the diagonal, the second triangle is inverted.
   const auto snapshots = Snapshots::create(square(1, 2, 0.5, 0.5), nullptr);

@@ -62,11 +62,14 @@ TEST(ConjugateGradients, StopWhenTheSystemIsSolvedWellEnough) {
   fine.target = 1e-24;
   EXPECT_LT(rough.solve(100).products, fine.solve(100).products);
   EXPECT_LE(rough.r.dot(rough.z), rough.target);
+  EXPECT_TRUE(rough.solve(100).solved);
 }
 
 TEST(ConjugateGradients, TakeNoMoreProductsThanAllowed) {
   DenseSystem system(matrix(6), Eigen::VectorXd::Ones(6));
-  EXPECT_EQ(system.solve(2).products, 2);
+  const ConjugateGradients result = system.solve(2);
+  EXPECT_EQ(result.products, 2);
+  EXPECT_FALSE(result.solved);
 }
 
 TEST(ConjugateGradients, TakeNoStepAlongNegativeCurvature) {
@@ -75,6 +78,7 @@ TEST(ConjugateGradients, TakeNoStepAlongNegativeCurvature) {
   DenseSystem system(A, Eigen::VectorXd::Unit(3, 0));
   const ConjugateGradients result = system.solve(100);
   EXPECT_TRUE(result.negative_curvature);
+  EXPECT_FALSE(result.solved);
   EXPECT_EQ(result.products, 1);
   EXPECT_EQ(system.x.norm(), 0);
 }

@@ -42,6 +42,41 @@ TEST(WriteFile, AFullDiskIsAnOutputError) {
   EXPECT_GT(taken, 0u);
 }
 
+TEST(ReadFile, RefusesAMeshThatIsLargerThanMemoryBeforeItIsRead) {
+  const Folder folder;
+  const HighOrderMesh mesh = test::one_cell(Shape::Triangle, 2);
+  ASSERT_TRUE(formats::write_file(mesh, Format::Msh41, folder.file("a.msh")));
+  // A hole at the end of the file: it has 8 TiB, and takes no room on the disk.
+  std::filesystem::resize_file(folder.file("a.msh"), std::uintmax_t{1} << 43);
+  const auto refused = formats::read_file(folder.file("a.msh"), std::int64_t{1} << 40);
+  ASSERT_FALSE(refused);
+  EXPECT_EQ(refused.error().kind, Error::Kind::BadInput);
+  EXPECT_NE(refused.error().sentence.find("a.msh': The file has 8388608 MiB. Its mesh takes at least 1677722 MiB of "
+                                          "memory, but only 1048576 MiB may be used"),
+            std::string::npos)
+      << refused.error().sentence;
+}
+
+TEST(CheckMemory, AcceptsWhatMayFit) {
+  EXPECT_TRUE(formats::check_memory(5000, 1000));
+  EXPECT_FALSE(formats::check_memory(5005, 1000));
+  EXPECT_TRUE(formats::check_memory(std::int64_t{1} << 60, 0)) << "no limit";
+}
+
+TEST(LeastMemory, IsAtMostThatOfTheMesh) {
+  for (const Format format : {Format::Msh22, Format::Msh22Binary, Format::Msh41, Format::Msh41Binary})
+    for (const Shape shape : {Shape::Triangle, Shape::Tetrahedron, Shape::Hexahedron})
+      for (const int order : {1, 4}) {
+        const HighOrderMesh mesh = test::one_cell(shape, order);
+        std::size_t bytes = 8 * mesh.node_numbers.size() + 8 * mesh.coordinates.size();
+        for (const ElementBlock& block : mesh.blocks) bytes += 8 * block.numbers.size() + 4 * block.nodes.size();
+        // Sections that are the same for every mesh count too in a small file.
+        constexpr std::int64_t kSections = 100;
+        const auto size = std::int64_t(test::written(mesh, format).size());
+        EXPECT_LE(formats::least_memory(size), std::int64_t(bytes) + kSections);
+      }
+}
+
 TEST(CheckWritable, SaysBeforehand) {
   const Folder folder;
   EXPECT_TRUE(formats::check_writable(folder.file("new.msh")));

@@ -85,6 +85,7 @@ TEST(ScannerCount, NeverBelievesMoreThanTheFileCanHold) {
   const auto count = [](Scanner& s) { s.count("the number of nodes", 4); };
   EXPECT_EQ(failure("3 1 2 3 4 5 6", count), "it was read");
   EXPECT_TRUE(has(failure("99999 1 2 3", count), "99999, announces"));
+  EXPECT_TRUE(has(failure("3000000000 1 2 3", count), "the number of nodes, 3000000000, exceeds 2147483647"));
   EXPECT_TRUE(has(failure("-1", count), "negative"));
 }
 

@@ -57,7 +57,7 @@ TEST_P(HessianKernelsOf, CellsPartsAddUpToTheirNodesExpansions) {
     std::vector<StarExpansion> sums(problem_.free.size());
     const auto add_up = [&](auto add) {
       for (std::size_t rank = 0; rank < sums.size(); ++rank)
-        for (std::int32_t i = problem_.offsets[rank]; i < problem_.offsets[rank + 1]; ++i) {
+        for (std::int64_t i = problem_.offsets[rank]; i < problem_.offsets[rank + 1]; ++i) {
           const Incidence& at = problem_.incidences[i];
           const BatchSet& set = batches[at.set];
           add(sums[rank], set.contributions.data() + set.contribution_index(at.cell, at.local, 2 * d));

@@ -77,7 +77,7 @@ TEST_P(PNormOfStars, AddsUpTheCellsValues) {
   for (std::int32_t rank = 0; rank < std::int32_t(problem_.free.size()); rank += 3) {
     NodeStar star(problem_, rank);
     double sum = 0;
-    for (std::int32_t i = problem_.offsets[std::size_t(rank)]; i < problem_.offsets[std::size_t(rank) + 1]; ++i) {
+    for (std::int64_t i = problem_.offsets[std::size_t(rank)]; i < problem_.offsets[std::size_t(rank) + 1]; ++i) {
       const Incidence& at = problem_.incidences[std::size_t(i)];
       const CellSet& set = problem_.sets[std::size_t(at.set)];
       sum += norm.value(kernels_->scan_kept(set, at.cell).energy, cell_measure(set, at.cell));

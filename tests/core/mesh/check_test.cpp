@@ -42,6 +42,16 @@ HighOrderMesh read_case(const std::string& name) {
 const std::vector<double> kSquare = {0, 0, 0, 1, 0, 0, 1, 1, 0, 0, 1, 0};
 const std::vector<double> kCube = {0, 0, 0, 1, 0, 0, 1, 1, 0, 0, 1, 0, 0, 0, 1, 1, 0, 1, 1, 1, 1, 0, 1, 1};
 
+TEST(CheckCounts, RefusesMoreThan32BitsCanNumber) {
+  EXPECT_TRUE(check_counts(2'147'483'647, 268'435'455));
+  const auto nodes = check_counts(2'147'483'648, 1);
+  ASSERT_FALSE(nodes);
+  EXPECT_NE(nodes.error().sentence.find("2147483648 nodes, but can have at most 2147483647"), std::string::npos);
+  const auto cells = check_counts(1, 268'435'456);
+  ASSERT_FALSE(cells);
+  EXPECT_NE(cells.error().sentence.find("268435456 cells, but can have at most 268435455"), std::string::npos);
+}
+
 TEST(CheckMesh, AcceptsTheCases) {
   for (const char* name : {"nine_triangles.msh", "circle_p5.msh", "aerofoil_p4.msh", "annulus_p3.msh", "sphere_p3.msh",
                            "cylinder_p2.msh"}) {
@@ -80,6 +90,13 @@ TEST(CheckMesh, EmptyMesh) {
 
 TEST(CheckMesh, OneDimensionalMesh) {
   EXPECT_REFUSED(linear(kSquare, {{Shape::Line, {0, 1}}, {Shape::Line, {1, 2}}}), "dimension 1");
+}
+
+TEST(CheckMesh, ANodeOfNoCellMayLieOutsideThePlane) {
+  // A point element, as gmsh writes the centre of an arc.
+  const auto checked = check(linear({0, 0, 0, 1, 0, 0, 1, 1, 0, 0, 1, 0, 0, 0, 5},
+                                    {{Shape::Triangle, {0, 1, 2}}, {Shape::Triangle, {0, 2, 3}}, {Shape::Point, {4}}}));
+  EXPECT_TRUE(checked) << checked.error().sentence;
 }
 
 TEST(CheckMesh, SurfaceInSpace) {

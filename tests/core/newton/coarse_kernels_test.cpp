@@ -104,7 +104,7 @@ class CoarseKernelsOn : public ::testing::TestWithParam<Filling> {
     const int d = problem_.dimension;
     kernels_ = make_coarse_kernels(d);
     batches_ = make_batches(problem_, *make_hessian_kernels(material(Options{}), d));
-    space_ = coarse_space(problem_, 2);
+    space_ = coarse_space(problem_, 2, Team(1));
     std::mt19937 random(3);
     std::uniform_real_distribution<float> uniform(-1, 1);
     values_.resize(problem_.free.size() * at(d));
@@ -139,7 +139,7 @@ TEST_P(CoarseKernelsOn, RestrictEachCellsValuesToItsCoarseNodes) {
       std::vector<double> expected(at(coarse.nodes_per_cell * d), 0.0);
       for (int n = 0; n < cells.nodes_per_cell; ++n) {
         const std::int32_t node = rank[at(cells.nodes[at(cell * cells.nodes_per_cell + n)])];
-        for (std::int32_t e = coarse.values.begin[at(n)]; node >= 0 && e < coarse.values.begin[at(n) + 1]; ++e)
+        for (std::int64_t e = coarse.values.begin[at(n)]; node >= 0 && e < coarse.values.begin[at(n) + 1]; ++e)
           for (int k = 0; k < d; ++k)
             expected[at(coarse.values.column[at(e)] * d + k)] +=
                 double(coarse.values.factor[at(e)]) * values_[at(node * d + k)];
@@ -170,7 +170,7 @@ TEST_P(CoarseKernelsOn, AddNodeBlocksAndInterpolatedValues) {
       double expected = 0;
       for (int l = 0; l < d; ++l)
         expected += double(blocks[at(i * triangle_size(d) + symmetric_index(k, l))]) * values_[at(i * d + l)];
-      for (std::int32_t e = set.values.begin[at(first.local)]; e < set.values.begin[at(first.local) + 1]; ++e) {
+      for (std::int64_t e = set.values.begin[at(first.local)]; e < set.values.begin[at(first.local) + 1]; ++e) {
         const std::int32_t node = set.nodes[at(first.cell * set.nodes_per_cell + set.values.column[at(e)])];
         if (node >= 0) expected += double(set.values.factor[at(e)]) * coarse_[at(node * padded(d) + k)];
       }
@@ -197,11 +197,11 @@ TEST_P(CoarseKernelsOn, AddUpThePartsOfEachCoarseNode) {
                                                       static_cast<std::int16_t>(s),
                                                       static_cast<std::int16_t>(i % per_cell)});
     }
-  std::vector<std::int32_t> begin{0};
+  std::vector<std::int64_t> begin{0};
   std::vector<Incidence> places;
   for (const auto& of_node : cells) {
     places.insert(places.end(), of_node.begin(), of_node.end());
-    begin.push_back(static_cast<std::int32_t>(places.size()));
+    begin.push_back(static_cast<std::int64_t>(places.size()));
   }
   std::vector<float> blocks(at(space_.count * d * d + 1));
   for (float& number : blocks) number = uniform(random);

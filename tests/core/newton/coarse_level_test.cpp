@@ -91,7 +91,7 @@ TEST_P(CoarseLevelTest, IsNearTheInverseOfTheHessianOnAMeshOfOrderTwo) {
     for (std::int32_t b = 0; b < set.count; ++b) hessian_->apply(set, b, padded);
   const std::size_t d = problem_.dimension;
   for (std::size_t rank = 0; rank < problem_.free.size(); ++rank)
-    for (std::int32_t i = problem_.offsets[rank]; i < problem_.offsets[rank + 1]; ++i) {
+    for (std::int64_t i = problem_.offsets[rank]; i < problem_.offsets[rank + 1]; ++i) {
       const Incidence& at = problem_.incidences[i];
       const BatchSet& set = batches_[at.set];
       for (std::size_t k = 0; k < d; ++k)

@@ -6,8 +6,10 @@
 #include <cmath>
 #include <cstring>
 
+#include "core/mesh/check.h"
 #include "core/mesh/connectivity.h"
 #include "tests/core/support/cases.h"
+#include "tests/core/support/made_cells.h"
 #include "tests/core/support/meshes.h"
 
 namespace varimesh {
@@ -270,6 +272,18 @@ TEST(Optimise, RefusesOptionsWithASentence) {
   result = optimise(mesh, options);
   ASSERT_FALSE(result);
   EXPECT_NE(result.error().sentence.find("mu"), std::string::npos);
+}
+
+TEST(Optimise, RefusesStraightSidesThatAreInvertedOnlyInside) {
+  HighOrderMesh mesh = testing::one_cell(Shape::Hexahedron, 1, [](testing::Place p) { return p; });
+  // J is at least 0.38 at the corners, and −0.38 inside.
+  mesh.coordinates = {-1.7, 0.2,  -0.5, 0.3, -2.3, -1.2, 1.9, 0.8, -0.5, -0.2, 1.4, -0.8,
+                      0.1,  -1.9, 1.3,  1.2, 0.2,  -0.1, 0.5, 0.5, 1.9,  -2.0, 2.2, 0.0};
+  ASSERT_TRUE(check(mesh));
+  const auto result = optimise(mesh);
+  ASSERT_FALSE(result);
+  EXPECT_NE(result.error().sentence.find("Element 1 (hexahedron) is inverted inside"), std::string::npos)
+      << result.error().sentence;
 }
 
 TEST(Optimiser, RunsAgainOnNewCoordinates) {

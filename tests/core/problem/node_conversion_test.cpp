@@ -31,6 +31,21 @@ TEST(FrameOf, IsTheCentreAndTheDiagonalOfTheBoundingBox) {
   EXPECT_EQ(frame.diagonal, 13);
 }
 
+TEST(FrameOf, IgnoresNodesThatNoCellUses) {
+  HighOrderMesh mesh = testing::grid(Filling::Triangles, {2, 2, 0}, 2);
+  const Frame frame = frame_of(mesh);
+  mesh.coordinates.insert(mesh.coordinates.end(), {1e5, -1e5, 1e5});
+  mesh.node_numbers.push_back(4711);
+  // As gmsh leaves the centre of an arc: a point element, which is no cell of the highest dimension.
+  ElementBlock point;
+  point.shape = Shape::Point;
+  point.numbers = {4711};
+  point.nodes = {std::int32_t(mesh.node_count()) - 1};
+  mesh.blocks.push_back(point);
+  EXPECT_EQ(frame_of(mesh).centre, frame.centre);
+  EXPECT_EQ(frame_of(mesh).diagonal, frame.diagonal);
+}
+
 class SolverNodes : public ::testing::TestWithParam<Filling> {};
 
 INSTANTIATE_TEST_SUITE_P(Fillings, SolverNodes, ::testing::ValuesIn(testing::kFillings),

@@ -95,7 +95,7 @@ TEST_P(BuildProblem, ListsTheCellsOfEveryFreeNode) {
     const auto node = std::size_t(problem_.free[rank]);
     EXPECT_FALSE(fixed_[node]);
     std::set<std::tuple<int, int, int>> listed;
-    for (std::int32_t i = problem_.offsets[rank]; i < problem_.offsets[rank + 1]; ++i) {
+    for (std::int64_t i = problem_.offsets[rank]; i < problem_.offsets[rank + 1]; ++i) {
       const Incidence& at = problem_.incidences[std::size_t(i)];
       listed.insert({at.set, at.cell, at.local});
     }

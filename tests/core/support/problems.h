@@ -73,7 +73,7 @@ class WholeMesh {
         hessian.apply(set, b, input);
       }
     for (std::size_t rank = 0; rank < problem_.free.size(); ++rank)
-      for (std::int32_t i = problem_.offsets[rank]; i < problem_.offsets[rank + 1]; ++i) {
+      for (std::int64_t i = problem_.offsets[rank]; i < problem_.offsets[rank + 1]; ++i) {
         const Incidence& at = problem_.incidences[i];
         const BatchSet& set = batches[at.set];
         for (int k = 0; k < d; ++k)

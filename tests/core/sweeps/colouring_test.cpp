@@ -30,7 +30,7 @@ std::set<std::int32_t> cells_of(const Problem& problem, const ColouredNodes& sch
   std::set<std::int32_t> cells;
   for (std::int32_t n = schedule.groups[std::size_t(group)]; n < schedule.groups[std::size_t(group) + 1]; ++n) {
     const auto rank = std::size_t(schedule.nodes[std::size_t(n)]);
-    for (std::int32_t i = problem.offsets[rank]; i < problem.offsets[rank + 1]; ++i) {
+    for (std::int64_t i = problem.offsets[rank]; i < problem.offsets[rank + 1]; ++i) {
       const Incidence& at = problem.incidences[std::size_t(i)];
       cells.insert(problem.sets[std::size_t(at.set)].first + at.cell);
     }
@@ -132,7 +132,7 @@ TEST(ScheduleByGroup, PutsTheNodesOfACluster) {
     for (std::int32_t n = schedule.groups[group]; n < schedule.groups[group + 1]; ++n) {
       const auto rank = std::size_t(schedule.nodes[std::size_t(n)]);
       std::int32_t lowest = problem.clusters;
-      for (std::int32_t i = problem.offsets[rank]; i < problem.offsets[rank + 1]; ++i) {
+      for (std::int64_t i = problem.offsets[rank]; i < problem.offsets[rank + 1]; ++i) {
         const Incidence& at = problem.incidences[std::size_t(i)];
         lowest = std::min(lowest, problem.cluster[std::size_t(problem.sets[std::size_t(at.set)].first + at.cell)]);
       }

@@ -53,6 +53,7 @@ class WholeMeshAsPatch : public ::testing::TestWithParam<Filling> {
   std::vector<CoefficientEnergy> energies_;
   std::optional<UntanglePatch> patch_;
   Team team_{1};
+  HessianRoom room_{std::int64_t{1} << 40};
 };
 
 INSTANTIATE_TEST_SUITE_P(Fillings, WholeMeshAsPatch, ::testing::ValuesIn(testing::kFillings),
@@ -77,7 +78,7 @@ TEST_P(WholeMeshAsPatch, MakesEveryCoefficientPositive) {
   ASSERT_LT(patch_->smallest_coefficient(), 0);
   int steps = 0;
   while (patch_->bad_cells() > 0 && steps < 50) {
-    const UntangleStep step = patch_->step(team_);
+    const UntangleStep step = patch_->step(team_, room_);
     EXPECT_GT(step.gradient_norm, 0);
     EXPECT_GT(step.residual, 0);
     ++steps;
@@ -94,6 +95,29 @@ TEST_P(WholeMeshAsPatch, GathersItsPositionsFromTheProblem) {
                 problem_.positions[std::size_t(patch_->nodes()[n] * problem_.dimension + k)]);
 }
 
+TEST_P(WholeMeshAsPatch, DoesNotDependOnTheRoomForHessians) {
+  Eigen::VectorXd unlimited;
+  for (const std::int64_t bytes : {std::int64_t{1} << 40, std::int64_t{100'000}, std::int64_t{0}}) {
+    energies_.clear();
+    prepare(0.15);
+    HessianRoom room(bytes);
+    for (int i = 0; i < 3; ++i) patch_->step(team_, room);
+    EXPECT_EQ(room.left(), bytes) << "everything is given back";
+    if (bytes > 100'000) unlimited = patch_->positions();
+    EXPECT_EQ(patch_->positions(), unlimited);
+  }
+}
+
+TEST(HessianRoom, IsNeverOverdrawn) {
+  HessianRoom room(100);
+  EXPECT_TRUE(room.take(60));
+  EXPECT_FALSE(room.take(60));
+  EXPECT_TRUE(room.take(40));
+  room.give_back(60);
+  EXPECT_TRUE(room.take(60));
+  EXPECT_EQ(room.left(), 0);
+}
+
 TEST_P(WholeMeshAsPatch, DoesNotDependOnTheNumberOfThreads) {
   Eigen::VectorXd alone;
   for (const int threads : {1, 3}) {
@@ -101,7 +125,7 @@ TEST_P(WholeMeshAsPatch, DoesNotDependOnTheNumberOfThreads) {
     prepare(0.15);
     const Team team(threads);
     team.run([&] {
-      for (int i = 0; i < 3; ++i) patch_->step(team);
+      for (int i = 0; i < 3; ++i) patch_->step(team, room_);
     });
     if (threads == 1) alone = patch_->positions();
   }

@@ -1,6 +1,7 @@
 // Certificates against dense lattices, for difficult cells, and under changes that must not matter.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstdlib>
 #include <functional>
@@ -338,6 +339,55 @@ TEST(Certificate, OnlyTheCellsAskedForAreCertifiedAgain) {
   certifier.certify(moved, cells, some, Team(1));
   for (std::size_t i = 0; i < all.size(); ++i)
     EXPECT_DOUBLE_EQ(some[i].lower_bound, all[i].lower_bound * (i == 3 || i == 17 || i == 39 ? 8 : 1));
+}
+
+// ---------------------------------------------------------------------------------------------------------------------
+// Straight-sided forms
+// ---------------------------------------------------------------------------------------------------------------------
+
+std::vector<char> sound(const HighOrderMesh& mesh, int threads = 1) {
+  const Team team(threads);
+  std::vector<char> result;
+  team.run([&] { result = Certifier(mesh).sound_with_straight_sides(mesh.coordinates, team); });
+  return result;
+}
+
+class StraightSides : public ::testing::TestWithParam<Shape> {};
+
+INSTANTIATE_TEST_SUITE_P(Shapes, StraightSides, ::testing::ValuesIn(kCellShapes),
+                         [](const auto& shape) { return testing::name(shape.param); });
+
+TEST_P(StraightSides, AreSoundIfAllSamplesAreEvenWhereCornersTellNothing) {
+  const HighOrderMesh mesh = testing::shaken_cells(GetParam(), 1, 6000, 1.1, 5);
+  const std::vector<char> answers = sound(mesh);
+  const CellQuality corners = cell_quality(mesh, 1), samples = cell_quality(mesh, 24);
+  int hidden = 0, disagree = 0;
+  for (std::size_t i = 0; i < answers.size(); ++i) {
+    // A sound cell has no sample that is not positive. An unsound one between the samples is rare.
+    EXPECT_FALSE(answers[i] != 0 && samples.scaled_jacobian[i] <= 0) << i;
+    disagree += answers[i] == 0 && samples.scaled_jacobian[i] > 0.005 ? 1 : 0;
+    hidden += answers[i] == 0 && corners.scaled_jacobian[i] > 0 ? 1 : 0;
+  }
+  EXPECT_EQ(disagree, 0);
+  // Elsewhere J is constant or bilinear (on pyramids in the collapsed coordinates), so it is least at a corner.
+  const bool may_hide = GetParam() == Shape::Prism || GetParam() == Shape::Hexahedron;
+  EXPECT_EQ(hidden > 0, may_hide) << hidden << " cells";
+  EXPECT_EQ(answers, sound(mesh, 3)) << "for every number of threads";
+}
+
+TEST_P(StraightSides, DependOnVerticesOnlyAndOnTheMeshsOrientation) {
+  HighOrderMesh mesh = testing::shaken_cells(GetParam(), 1, 100, 0.3, 7);
+  HighOrderMesh curved = testing::shaken_cells(GetParam(), 3, 100, 0, 7);
+  const auto vertices = static_cast<std::size_t>(reference::info(GetParam()).vertices);
+  const std::size_t stride = curved.node_count() / 100;
+  for (std::size_t i = 0; i < 100; ++i)
+    for (std::size_t v = 0; v < vertices; ++v)
+      std::copy_n(&mesh.coordinates[3 * (i * vertices + v)], 3, &curved.coordinates[3 * (i * stride + v)]);
+  const std::vector<char> answers = sound(mesh);
+  EXPECT_GT(std::ranges::count(answers, 1), 50);
+  EXPECT_EQ(sound(curved), answers);
+  for (std::size_t i = 0; i < curved.node_count(); ++i) curved.coordinates[3 * i] *= -1;
+  EXPECT_EQ(sound(curved), answers) << "a mesh that is clockwise throughout is its mirror image";
 }
 
 }  // namespace

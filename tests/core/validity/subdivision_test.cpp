@@ -67,6 +67,35 @@ TEST_P(SubdivisionOf, SharpensBoundsToTheGapAskedFor) {
   EXPECT_GE(sharp.upper_bound, greatest * (1 - 1e-12));
 }
 
+/// A part with a least and a greatest coefficient, and the error of both.
+struct PlainPart {
+  double least = 0, greatest = 0, error = 0;
+  double lower() const { return least - error; }
+  double upper() const { return greatest + error; }
+};
+
+TEST(OpenParts, PutsTheLeastProvedBoundFirstAndNotTheLeastCoefficient) {
+  OpenParts<PlainPart> parts;
+  parts.push({2, 4, 1});
+  parts.push({3, 5, 4});  // proves no more than J ≥ −1, although its coefficients are greater
+  parts.push({4, 6, 1});
+  EXPECT_EQ(parts.lowest().lower(), -1) << "the bound of all parts together";
+  EXPECT_EQ(parts.upper(), 9);
+  EXPECT_EQ(parts.take_lowest().least, 3) << "the most doubtful part is cut next";
+  EXPECT_EQ(parts.lowest().lower(), 1);
+  EXPECT_EQ(parts.upper(), 7);
+}
+
+TEST(OpenParts, TakeTheHighestByItsErrorTooAndKeepTheirOrder) {
+  OpenParts<PlainPart> parts;
+  for (const PlainPart& part : {PlainPart{1, 7, 0.5}, PlainPart{2, 6, 3}, PlainPart{0, 2, 0.25}, PlainPart{3, 3, 2}})
+    parts.push(part);
+  EXPECT_EQ(parts.take_highest().greatest, 6);
+  EXPECT_EQ(parts.take_lowest().lower(), -0.25);
+  EXPECT_EQ(parts.take_lowest().lower(), 0.5);
+  EXPECT_EQ(parts.take_lowest().lower(), 1);
+}
+
 TEST(SetBounds, GoOutwardsInTheFilesUnit) {
   const HighOrderMesh mesh = testing::one_cell(Shape::Tetrahedron, 1, [](Place p) { return p; });
   CellToCertify cell = hard_cell(mesh, 0);

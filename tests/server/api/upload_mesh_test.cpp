@@ -89,5 +89,16 @@ TEST(UploadMesh, RefusesATooLargeMeshAtItsHeader) {
   EXPECT_EQ(info_of(upload(service, 101, "")).reason(), "MESH_TOO_LARGE");
 }
 
+TEST(UploadMesh, RefusesAMeshThatTakesMoreMemoryThanAllJobsHave) {
+  ServerOptions options = options_with(echo_engine());
+  options.limits.max_memory_bytes = 1000;
+  const Service service(std::move(options));
+  const grpc::Status status = upload(service, 5005, "");
+  EXPECT_EQ(status.error_code(), grpc::StatusCode::RESOURCE_EXHAUSTED);
+  EXPECT_EQ(info_of(status).reason(), "MESH_TOO_LARGE");
+  EXPECT_NE(status.error_message().find("1001 bytes of memory"), std::string::npos) << status.error_message();
+  EXPECT_NE(info_of(upload(service, 5000, "")).reason(), "MESH_TOO_LARGE");
+}
+
 }  // namespace
 }  // namespace varimesh::server::testing

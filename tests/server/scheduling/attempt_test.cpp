@@ -155,6 +155,10 @@ TEST_F(AttemptTest, SavesACheckpointAfterTenIterationsOrHalfAMinute) {
 
 TEST_F(AttemptTest, RefusesAMeshThatNeedsMoreMemoryThanThereIs) {
   run([](RunRequest, const RunHooks& hooks) -> Expected<RunSummary> {
+    EXPECT_TRUE(hooks.fits(1000));
+    const auto too_large = hooks.fits(1001);
+    EXPECT_FALSE(too_large) << "before it is read";
+    EXPECT_NE(too_large.error().sentence.find("takes at least"), std::string::npos);
     EXPECT_TRUE(hooks.admit(1000));
     const auto refused = hooks.admit(1001);
     EXPECT_FALSE(refused);

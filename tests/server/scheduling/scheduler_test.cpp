@@ -47,6 +47,7 @@ struct RunningScheduler {
     SchedulerSettings settings;
     settings.threads = 3;
     settings.max_ended = 10;
+    settings.memory = 1000;
     settings.renewal_interval = std::chrono::seconds(0);
     settings.new_name = [this] { return "jobs/" + std::to_string(++names); };
     settings.launch = [this](int, SchedulerSettings::Job job) {
@@ -125,6 +126,18 @@ TEST_P(SchedulerConcurrency, MakesOneJobPerRequest) {
   for (std::thread& client : clients) client.join();
   for (const std::string& name : names) EXPECT_EQ(name, names.front());
   EXPECT_EQ(running.scheduler->list({}, 0, "")->jobs.size(), 1u);
+}
+
+TEST_P(SchedulerConcurrency, RefusesAMeshThatTakesMoreMemoryThanAllJobsHave) {
+  RunningScheduler running(GetParam());
+  auto writer = std::move(*running.meshes->create());
+  ASSERT_TRUE(writer->append(std::string(6000, 'x')));
+  v1::JobSpec spec;
+  spec.mutable_mesh()->set_digest(writer->commit()->digest);
+  const auto refused = running.scheduler->submit("large", spec, true);
+  ASSERT_FALSE(refused);
+  EXPECT_EQ(refused.error().reason, "MESH_TOO_LARGE");
+  EXPECT_NE(refused.error().sentence.find("1200 bytes of memory"), std::string::npos) << refused.error().sentence;
 }
 
 TEST_P(SchedulerConcurrency, StopsDuringSubmissions) {

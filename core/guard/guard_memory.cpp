@@ -1,0 +1,24 @@
+#include "core/guard/guard_memory.h"
+
+#include "core/problem/problem_memory.h"
+#include "core/validity/certificate.h"
+
+namespace varimesh {
+namespace {
+
+constexpr std::int64_t kDouble = sizeof(double), kCertificate = sizeof(Certificate);
+
+}  // namespace
+
+std::int64_t bytes_of_guard(const MeshCounts& counts) {
+  const std::int64_t of_node = 1 + 2 * kDouble * counts.dimension + 3 * kDouble;  // free, positions, coordinates
+  // Certificates twice, the nodes of each cell, unrepairable; which nodes and cells have moved.
+  const std::int64_t of_cell = 2 * kCertificate + static_cast<std::int64_t>(sizeof(void*) + 2 * sizeof(int)) + 2;
+  return of_node * counts.nodes() + of_cell * counts.cell_count() + bytes_of_conversion(counts);
+}
+
+std::int64_t bytes_of_best_mesh(const MeshCounts& counts) {
+  return 3 * kDouble * counts.nodes() + kCertificate * counts.cell_count();
+}
+
+}  // namespace varimesh
