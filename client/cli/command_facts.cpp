@@ -34,7 +34,7 @@ constexpr std::array kExamples{
     Example{"watch", "follow a job; Ctrl-C stops watching, and the job goes on",
             "varimesh watch JOB --server HOST:PORT"},
     Example{"result", "fetch the mesh", "varimesh result JOB --server HOST:PORT -o better.msh"},
-    Example{"cancel", "end a job after its current iteration and keep its best mesh",
+    Example{"cancel", "end a job and keep its best mesh",
             "varimesh cancel JOB --server HOST:PORT"},
     Example{"delete", "delete a job and its results", "varimesh delete JOB --server HOST:PORT"},
     Example{"jobs", "list the jobs that are running", "varimesh jobs --server HOST:PORT --state running"},

@@ -32,7 +32,7 @@ int cancel(const Arguments& arguments) {
 
 Action add_cancel(CLI::App& app) {
   auto arguments = std::make_shared<Arguments>();
-  CLI::App& command = add_remote_command(app, "cancel", "End a job after its current iteration", &arguments->common);
+  CLI::App& command = add_remote_command(app, "cancel", "End a job at once and keep its best mesh", &arguments->common);
   add_job_argument(command, &arguments->job);
   return [arguments] { return cancel(*arguments); };
 }

@@ -20,7 +20,10 @@ void gather(const Team& team, std::size_t count, std::size_t chunk, std::vector<
   std::vector<std::vector<Item>> parts((count + chunk - 1) / chunk);
   team.for_each(static_cast<std::int32_t>(parts.size()), 1, [&](std::int32_t part) {
     const std::size_t first = at(part) * chunk;
-    for (std::size_t i = first; i < std::min(count, first + chunk); ++i) make(i, parts[at(part)]);
+    for (std::size_t i = first; i < std::min(count, first + chunk); ++i) {
+      team.look();
+      make(i, parts[at(part)]);
+    }
   });
   for (std::vector<Item>& part : parts) std::ranges::move(part, std::back_inserter(result));
 }

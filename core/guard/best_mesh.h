@@ -17,10 +17,15 @@ class BestMesh {
   explicit BestMesh(const Certifier& certifier) : certifier_(certifier) {}
 
   /// Returns the proved minimum of the scaled Jacobian in the guard's kept state. Keeps the coordinates of that state
-  /// if it is the best so far. Call it inside team.run().
-  double consider(const Guard& guard);
+  /// if it is the best so far. Call it inside team.run(). Looks at the token, which may be null; if it interrupts, the
+  /// best mesh is the same as before.
+  double consider(const Guard& guard, const StopToken* stop = nullptr);
   /// 3 per node, interleaved, as HighOrderMesh::coordinates; empty until a state has been considered.
   const std::vector<double>& coordinates() const { return coordinates_; }
+  /// Those of the best mesh, one per cell in the mesh's order; empty after a checkpoint was read.
+  const std::vector<Certificate>& certificates() const { return best_certificates_; }
+  /// Uncertified cells of the best mesh.
+  std::int64_t fewest() const { return fewest_; }
   /// The proved minimum of the scaled Jacobian in the best mesh.
   double highest() const { return highest_; }
 
@@ -34,7 +39,7 @@ class BestMesh {
 
  private:
   const Certifier& certifier_;
-  std::vector<Certificate> certificates_;
+  std::vector<Certificate> certificates_, best_certificates_;
   std::vector<double> coordinates_;
   double highest_ = -std::numeric_limits<double>::infinity();
   std::int64_t fewest_ = std::numeric_limits<std::int64_t>::max();  ///< Uncertified cells of the best mesh.

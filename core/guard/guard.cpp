@@ -1,6 +1,7 @@
 #include "core/guard/guard.h"
 
 #include <algorithm>
+#include <iterator>
 #include <numeric>
 
 #include "core/base/stopwatch.h"
@@ -24,9 +25,9 @@ class TimeAdder {
 constexpr std::size_t kNodesPerTask = 4096;
 constexpr std::size_t kCellsPerTask = 512;
 
-/// The arrays have the same size.
+/// The arrays have the same size. It is never interrupted.
 void copy_in_parallel(const std::vector<double>& from, std::vector<double>& to, const Team& team) {
-  team.for_ranges(from.size(), 4 * kNodesPerTask, [&](std::size_t begin, std::size_t end) {
+  team.without_stop().for_ranges(from.size(), 4 * kNodesPerTask, [&](std::size_t begin, std::size_t end) {
     std::copy_n(from.data() + begin, end - begin, to.data() + begin);
   });
 }
@@ -88,10 +89,14 @@ std::vector<std::int32_t> Guard::moved_cells(const std::vector<double>& position
 }
 
 void Guard::certify_at(const std::vector<double>& positions) {
-  const std::vector<std::int32_t> moved = moved_cells(positions);
+  std::vector<std::int32_t> moved;
+  std::ranges::set_union(moved_cells(positions), unfinished_, std::back_inserter(moved));
+  unfinished_ = moved;  // if this is interrupted, nothing is known about these cells
+  kept_is_latest_ = kept_is_latest_ && moved.empty();
   conversion_.update(positions, moved, latest_coordinates_, team_);
   certifier_.certify(latest_coordinates_, moved, latest_certificates_, team_);
   copy_in_parallel(positions, latest_positions_, team_);
+  unfinished_.clear();
   kept_is_latest_ = false;
   lost_.clear();
   for (std::size_t cell = 0; cell < latest_certificates_.size(); ++cell)
@@ -110,7 +115,7 @@ std::vector<double> Guard::coordinates() const {
   std::vector<std::int32_t> cells(cell_nodes_.size());
   std::iota(cells.begin(), cells.end(), 0);
   std::vector<double> coordinates = mesh_.coordinates;
-  conversion_.update(positions_, cells, coordinates, team_);
+  conversion_.update(positions_, cells, coordinates, team_.without_stop());
   return coordinates;
 }
 

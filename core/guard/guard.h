@@ -32,6 +32,8 @@ enum class Standing : std::uint8_t {
 /// to where they are in the kept state. If that costs a neighbour its certificate, the neighbour's free nodes go back
 /// too, until nothing is lost. In the worst case all nodes go back, so this ends.
 ///
+/// Certifying may be interrupted (core/base/stop_token.h). Then the kept state is what it was before.
+///
 /// Call everything inside team.run(). The result does not depend on the number of threads.
 class Guard {
  public:
@@ -109,6 +111,8 @@ class Guard {
   std::vector<double> latest_positions_;  ///< The state that was certified last.
   std::vector<double> latest_coordinates_;
   std::vector<Certificate> latest_certificates_;
+  std::vector<std::int32_t>
+      unfinished_;  ///< Cells whose latest coordinates and certificates an interruption has spoilt.
   std::vector<std::int32_t> lost_;
   std::int64_t uncertified_ = 0, repairable_ = 0;
   double seconds_ = 0;

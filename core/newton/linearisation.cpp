@@ -19,6 +19,7 @@ constexpr std::size_t kMostBetween = 256;  // are as many, and from at least one
 }  // namespace
 
 double Newton::largest_entry(std::int32_t rank) {
+  team_.look();
   NodeStar star(problem_, rank);
   const std::int64_t first = problem_.offsets[rank];
   const auto cells = static_cast<std::int32_t>(problem_.offsets[rank + 1] - first);
@@ -80,6 +81,7 @@ void Newton::linearise_batch(std::size_t number, std::int32_t b) {
   static thread_local AlignedVector<double> deformation;
   deformation.resize(kBatch * set.deformation_size());
   for (std::int32_t cell = b * kBatch; cell < std::min(set.count, (b + 1) * kBatch); ++cell) {
+    team_.look();
     double* F = deformation.data() + (cell - b * kBatch) * set.deformation_size();
     kernels_.deform(set, cell, problem_.positions, F);
     const CellScan scan = scans_[set.first + cell] = kernels_.scan(set, cell, F, nullptr);

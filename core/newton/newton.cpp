@@ -225,19 +225,28 @@ double Newton::search(double slope) {
   // Computing F again may, by rounding, turn over a cell that is about to vanish: then no step can be judged.
   if (!std::isfinite(before)) return 0;
   const double noise = 100 * (kEnergyNoise * rounding());
-  const AcceptedStep accepted =
-      backtrack({before, slope, noise, kMostTrials}, [&](double alpha) { return energy_at(alpha, start); });
-  if (accepted.alpha == 0) energy_at(0, start);
-  return accepted.alpha;
+  try {
+    const AcceptedStep accepted =
+        backtrack({before, slope, noise, kMostTrials}, [&](double alpha) { return energy_at(alpha, start); });
+    if (accepted.alpha == 0) energy_at(0, start);
+    return accepted.alpha;
+  } catch (const Interrupted&) {
+    place(0, start, team_.without_stop());
+    throw;
+  }
 }
 
-double Newton::energy_at(double alpha, const std::vector<double>& start) {
+void Newton::place(double alpha, const std::vector<double>& start, const Team& team) {
   const std::size_t d = problem_.dimension;
-  team_.for_ranges(problem_.free.size(), kNumbersPerTask, [&](std::size_t begin, std::size_t end) {
+  team.for_ranges(problem_.free.size(), kNumbersPerTask, [&](std::size_t begin, std::size_t end) {
     for (std::size_t f = begin; f < end; ++f)
       for (std::size_t k = 0; k < d; ++k)
         problem_.positions[problem_.free[f] * d + k] = start[f * d + k] + alpha * step_[f * d + k];
   });
+}
+
+double Newton::energy_at(double alpha, const std::vector<double>& start) {
+  place(alpha, start, team_);
   scan_all();
   return scanned_energy();
 }

@@ -49,6 +49,7 @@ class Newton {
   Newton(Problem& problem, const Kernels& kernels, const HessianKernels& hessian, const PNorm& norm, double tolerance,
          const Team& team);
 
+  /// If the team's token interrupts it, the nodes are where they were before, or where the step has put them.
   NewtonOutcome step();
 
   /// By cell: the scans after the step, with the δ from before it.
@@ -113,6 +114,8 @@ class Newton {
   // === The line search ===
   /// Moves the nodes by a share of the step and returns the share; 0: no step was accepted.
   double search(double slope);
+  /// Puts every free node to `start` plus alpha times the step.
+  void place(double alpha, const std::vector<double>& start, const Team& team);
   /// The energy with every free node displaced from `start` by alpha times the step; +∞ if that makes a valid cell
   /// invalid.
   double energy_at(double alpha, const std::vector<double>& start);

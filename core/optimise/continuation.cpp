@@ -6,6 +6,7 @@
 #include "core/checkpoint/checkpoint.h"
 #include "core/problem/node_conversion.h"
 #include "core/problem/targets.h"
+#include "core/quality/certified_quality.h"
 
 namespace varimesh {
 namespace {
@@ -21,23 +22,41 @@ bool ended_by_itself(StopReason reason) {
 }  // namespace
 
 Continuation::Continuation(SetUp& set_up, const Certifier& certifier, const Stopwatch& watch,
-                           const OnIteration& on_iteration, const RunControl& control, Team& team)
+                           const OnIteration& on_iteration, const RunControl& control, Team& team, Grace& grace)
     : set_up_(set_up),
       certifier_(certifier),
       watch_(watch),
       on_iteration_(on_iteration),
       control_(control),
       team_(team),
+      grace_(grace),
       frame_(frame_of(set_up.mesh)) {}
 
 bool Continuation::run(std::vector<Certificate>& certificates, Result& result) {
+  try {
+    if (!run_stages(certificates, result)) return false;
+  } catch (const Interrupted&) {
+    note_interruption(result);
+  }
+  finish(certificates, result);
+  return true;
+}
+
+bool Continuation::run_stages(const std::vector<Certificate>& certificates, Result& result) {
+  const Options& options = set_up_.options;
   set_up_.problem.positions = solver_positions(set_up_.mesh, frame_);
   set_targets(set_up_.problem, set_up_.target, frame_.diagonal);
   std::optional<StopReason> nothing_to_do;
-  if (control_.checkpoint.empty())
+  if (control_.checkpoint.empty()) {
+    grace_.watch();
+    team_.look();
     nothing_to_do = begin(certificates, result.unrepairable);
-  else if (!resume(certificates, result.unrepairable))
+  } else if (resume(certificates, result.unrepairable)) {
+    if (options.time_limit > 0) grace_.stop_after(options.time_limit - stage_run_->last().seconds);
+    grace_.watch();
+  } else {
     return false;
+  }
   result.resumed_from = stage_run_->last().number;
   if (nothing_to_do)
     result.stop_reason = *nothing_to_do;
@@ -49,7 +68,6 @@ bool Continuation::run(std::vector<Certificate>& certificates, Result& result) {
     nothing_to_do = begin_next_stage();
     if (!nothing_to_do) iterate(result);
   }
-  finish(certificates, result);
   return true;
 }
 
@@ -65,8 +83,8 @@ void Continuation::set_up_stage(const std::vector<Certificate>& certificates,
 
 StageContext Continuation::context() {
   const Stage& stage = set_up_.stages[stage_];
-  return {stage.options,       set_up_.problem, set_up_.coloured, *stage.kernels,
-          stage.hessian.get(), *guard_,         *best_,           team_,           set_up_.mesh};
+  return {stage.options, set_up_.problem, set_up_.coloured, *stage.kernels, stage.hessian.get(), *guard_,
+          *best_,        team_,           set_up_.mesh};
 }
 
 std::optional<StopReason> Continuation::begin(const std::vector<Certificate>& certificates,
@@ -137,23 +155,48 @@ bool Continuation::next_stage_may_help(StopReason ended) {
   });
   HighOrderMesh kept = set_up_.mesh;
   kept.coordinates = guard_->coordinates();
-  const std::vector<double> scaled_jacobian = cell_quality(kept, 0, set_up_.options.threads).scaled_jacobian;
+  const std::vector<double> scaled_jacobian = cell_quality(kept, team_).scaled_jacobian;
   double mean = 0;
   for (const double js : scaled_jacobian) mean += std::max(js, -1.0) / static_cast<double>(scaled_jacobian.size());
   if (stage_ == 0) best_->least_mean = mean - kMeanGivenForWorst;
   if (mean < best_->least_mean) return false;
   const double before = best_->highest();
-  team_.run([&] { best_->consider(*guard_); });
+  team_.run([&] { best_->consider(*guard_, team_.stop()); });
   return best_->highest() > before || ended != StopReason::Converged;
 }
 
+void Continuation::note_interruption(Result& result) {
+  interrupted_ = true;
+  grace_.begin();
+  grace_.say_stopped(result);
+  if (!stage_run_) return;
+  stage_run_->forget_unfinished();
+  result.iterations = stage_run_->last().number;
+  result.residual = stage_run_->last().residual;
+}
+
 void Continuation::finish(std::vector<Certificate>& certificates, Result& result) {
-  const bool keeps_best = set_up_.options.until_js > 0 || set_up_.stages.size() > 1;
+  if (!stage_run_) {  // interrupted before the first stage: the mesh as it came, with the certificates that it has
+    result.mesh.coordinates = set_up_.mesh.coordinates;
+    result.seconds = watch_.seconds();
+    return;
+  }
   result.seconds = stage_run_->seconds();
   result.history = stage_run_->take_history();
   stage_run_.reset();  // frees what Newton's method needed
   drop_deformation(set_up_.problem);
   const Stopwatch watch;
+  // The kept state is whole whatever interrupts the guard.
+  grace_.finish([&] { settle(result); },
+                [&] {
+                  interrupted_ = true;
+                  grace_.say_stopped(result);
+                });
+  take_mesh(certificates, result);
+  result.seconds += watch.seconds();
+}
+
+void Continuation::settle(Result& result) {
   team_.run([&] {
     guard_->certify_moved();
     if (guard_->lost() > 0 && result.converged) {
@@ -161,13 +204,28 @@ void Continuation::finish(std::vector<Certificate>& certificates, Result& result
       result.stop_reason = StopReason::NoProgress;
     }
     guard_->restore_lost();
-    if (set_up_.options.until_js > 0) best_->consider(*guard_);
-    result.mesh.coordinates = keeps_best ? best_->coordinates() : guard_->coordinates();
-    certificates = guard_->certificates();
-    result.proof_seconds += guard_->seconds();
-    if (keeps_best) certifier_.certify(result.mesh.coordinates, certificates, team_);
+    if (set_up_.options.until_js > 0) best_->consider(*guard_, team_.stop());
   });
-  result.seconds += watch.seconds();
+}
+
+void Continuation::take_mesh(std::vector<Certificate>& certificates, Result& result) {
+  certificates = guard_->certificates();
+  const auto uncertified = std::ranges::count_if(certificates, [](const Certificate& c) { return !c.is_valid(); });
+  bool takes_best = set_up_.options.until_js > 0 || set_up_.stages.size() > 1;
+  if (interrupted_) takes_best = takes_best && !best_->coordinates().empty() && best_->fewest() <= uncertified;
+  team_.run([&] { result.mesh.coordinates = takes_best ? best_->coordinates() : guard_->coordinates(); });
+  result.proof_seconds += guard_->seconds();
+  if (!takes_best) return;
+  const auto certify = [&](const Team& team) {
+    team.run([&] { certifier_.certify(result.mesh.coordinates, certificates, team); });
+  };
+  grace_.finish([&] { certify(team_); },
+                [&] {
+                  if (best_->certificates().empty())
+                    certify(team_.without_stop());  // the best mesh is from a checkpoint
+                  else
+                    certificates = best_->certificates();
+                });
 }
 
 /// 0 if no checkpoint is read or written.

@@ -11,6 +11,7 @@
 #include "core/base/team.h"
 #include "core/guard/best_mesh.h"
 #include "core/guard/guard.h"
+#include "core/optimise/grace.h"
 #include "core/optimise/result.h"
 #include "core/optimise/run_control.h"
 #include "core/optimise/set_up.h"
@@ -25,14 +26,17 @@ class Continuation {
  public:
   /// `watch` runs since the run began, set-up included.
   Continuation(SetUp& set_up, const Certifier& certifier, const Stopwatch& watch, const OnIteration& on_iteration,
-               const RunControl& control, Team& team);
+               const RunControl& control, Team& team, Grace& grace);
 
   /// Runs the stages. `certificates` are of set_up.mesh on entry and of the result's mesh afterwards. It sets only the
   /// coordinates of result.mesh; the rest can be copied once the memory of the run has been freed. Returns false and
   /// changes neither of them if control.checkpoint cannot be used; a run from the beginning needs a new Continuation.
+  /// If the token of the run stops it, the result is the best mesh so far.
   bool run(std::vector<Certificate>& certificates, Result& result);
 
  private:
+  /// The stages, one after another. Returns false if the checkpoint cannot be used.
+  bool run_stages(const std::vector<Certificate>& certificates, Result& result);
   /// Makes a new guard, best mesh and stage. `certificates` and `unrepairable` are those of set_up.mesh.
   void set_up_stage(const std::vector<Certificate>& certificates, std::span<const UnrepairableGroup> unrepairable);
   StageContext context();
@@ -42,7 +46,12 @@ class Continuation {
   void iterate(Result& result);
   bool next_stage_may_help(StopReason ended);
   std::optional<StopReason> begin_next_stage();
+  /// The token of the run has interrupted a stage, or the beginning of one.
+  void note_interruption(Result& result);
   void finish(std::vector<Certificate>& certificates, Result& result);
+  /// Brings the guard's kept state up to date.
+  void settle(Result& result);
+  void take_mesh(std::vector<Certificate>& certificates, Result& result);
   std::uint64_t fingerprint_of_stage() const;
 
   SetUp& set_up_;
@@ -51,6 +60,8 @@ class Continuation {
   const OnIteration& on_iteration_;
   const RunControl& control_;
   Team& team_;
+  Grace& grace_;
+  bool interrupted_ = false;
   Frame frame_;
   std::size_t stage_ = 0;
   std::optional<Guard> guard_;

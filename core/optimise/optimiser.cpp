@@ -10,10 +10,10 @@
 #include "core/diagnosis/diagnose.h"
 #include "core/mesh/check.h"
 #include "core/optimise/continuation.h"
+#include "core/optimise/grace.h"
 #include "core/optimise/set_up.h"
 #include "core/optimise/splitting.h"
 #include "core/problem/fixed_nodes.h"
-#include "core/quality/certified_quality.h"
 #include "core/repair/straighten.h"
 #include "core/validity/certifier.h"
 
@@ -23,53 +23,69 @@ namespace {
 /// Certifies the mesh. If a cell is not valid, finds what cannot be repaired; if all are, there is nothing to repair.
 void prove(const SetUp& set_up, const Certifier& certifier, std::vector<Certificate>& certificates, const Team& team,
            Result& result) {
-  const Stopwatch watch;
   team.run([&] {
     certifier.certify(set_up.mesh.coordinates, certificates, team);
     if (!std::ranges::all_of(certificates, &Certificate::is_valid))
       result.unrepairable = diagnose(set_up.mesh, set_up.fixed, team);
   });
-  result.proof_seconds = watch.seconds();
 }
 
 /// Runs all stages. If the checkpoint cannot be used, they start from the beginning.
 void run_stages(SetUp& set_up, const Certifier& certifier, std::vector<Certificate>& certificates,
                 const Stopwatch& watch, const OnIteration& on_iteration, const RunControl& control, Team& team,
-                Result& result) {
-  if (Continuation(set_up, certifier, watch, on_iteration, control, team).run(certificates, result)) return;
+                Grace& grace, Result& result) {
+  if (Continuation(set_up, certifier, watch, on_iteration, control, team, grace).run(certificates, result)) return;
   RunControl from_the_beginning = control;
   from_the_beginning.checkpoint = {};
-  Continuation(set_up, certifier, watch, on_iteration, from_the_beginning, team).run(certificates, result);
+  Continuation(set_up, certifier, watch, on_iteration, from_the_beginning, team, grace).run(certificates, result);
+}
+
+void straighten_result(const SetUp& set_up, const Certifier& certifier, std::vector<Certificate>& certificates,
+                       const Team& team, Grace& grace, Result& result) {
+  const auto straighten_all = [&] {
+    team.run([&] {
+      result.repairs = straighten(result.mesh, set_up.fixed, certifier, certificates, result.unrepairable, team);
+    });
+  };
+  grace.finish(straighten_all, [&] {
+    RepairStep left;
+    left.sentence = "The run was stopped before it could make elements straight-sided; run it again with more time.";
+    result.repairs.push_back(std::move(left));
+  });
 }
 
 /// Optimises the mesh of the set-up as it is.
-Result run_once(SetUp& set_up, const OnIteration& on_iteration, const RunControl& control) {
+Result run_once(SetUp& set_up, const OnIteration& on_iteration, const RunControl& control, StopToken& stop) {
   const Options& options = set_up.options;
-  if (options.repair == Repair::Split && options.max_iterations > 0)
-    return optimise_by_splitting(set_up.mesh, options, on_iteration, control);
   const Stopwatch watch = Stopwatch::started(std::exchange(set_up.seconds, 0));
+  if (options.time_limit > 0) stop.stop_after(options.time_limit - watch.seconds());
+  if (options.repair == Repair::Split && options.max_iterations > 0)
+    return optimise_by_splitting(set_up.mesh, set_up.summary, options, on_iteration, control, stop);
   Team team(control.threads ? control.threads() : options.threads);
   const Certifier certifier(set_up.mesh);
   std::vector<Certificate> certificates(certifier.cells());
+  Grace grace(team, stop, certifier.cells());
+  if (control.checkpoint.empty()) grace.watch();
   Result result;
-  prove(set_up, certifier, certificates, team, result);
+  const Stopwatch proof_watch;
+  grace.finish([&] { prove(set_up, certifier, certificates, team, result); }, [] {});
+  result.proof_seconds = proof_watch.seconds();
   result.sizes = set_up.summary;
-  result.before = quality(set_up.mesh, certifier, certificates, 0, team);
+  result.before = report_quality(set_up.mesh, certifier, certificates, team, grace);
   result.seconds = watch.seconds();
-  if (options.max_iterations == 0) {
+  if (options.max_iterations == 0 || grace.stopped()) {
     result.mesh = set_up.mesh;
     result.after = result.before;
+    if (grace.stopped()) grace.say_stopped(result);
   } else {
-    run_stages(set_up, certifier, certificates, watch, on_iteration, control, team, result);
+    run_stages(set_up, certifier, certificates, watch, on_iteration, control, team, grace, result);
     const Stopwatch after_stages;
     std::vector<double> coordinates = std::move(result.mesh.coordinates);
     result.mesh = set_up.mesh;
     result.mesh.coordinates = std::move(coordinates);
-    if (options.repair == Repair::Straighten)
-      team.run([&] {
-        result.repairs = straighten(result.mesh, set_up.fixed, certifier, certificates, result.unrepairable, team);
-      });
-    result.after = quality(result.mesh, certifier, std::move(certificates), 0, team);
+    if (options.repair == Repair::Straighten && !result.unrepairable.empty())
+      straighten_result(set_up, certifier, certificates, team, grace, result);
+    result.after = report_quality(result.mesh, certifier, certificates, team, grace);
     result.seconds += after_stages.seconds();
   }
   result.unrepairable = with_any_of(std::move(result.unrepairable), uncertified_numbers(result.after));
@@ -80,9 +96,13 @@ Result run_once(SetUp& set_up, const OnIteration& on_iteration, const RunControl
 
 Expected<Result> optimise(HighOrderMesh mesh, const Options& options, const OnIteration& on_iteration,
                           const RunControl& control) {
-  const Expected<std::unique_ptr<SetUp>> prepared = set_up(std::move(mesh), options);
+  StopToken stop(control.stop_asked);
+  if (options.time_limit > 0) stop.stop_after(options.time_limit);
+  // Before it is stopped, a run that goes on from a checkpoint must have the mesh that it had come to.
+  const bool may_stop = control.checkpoint.empty();
+  const Expected<std::unique_ptr<SetUp>> prepared = set_up(std::move(mesh), options, may_stop ? &stop : nullptr);
   if (!prepared) return tl::unexpected(prepared.error());
-  return run_once(**prepared, on_iteration, control);
+  return run_once(**prepared, on_iteration, control, stop);
 }
 
 Expected<MeshSummary> summarise(const HighOrderMesh& mesh, const Options& options) {
@@ -126,7 +146,8 @@ Expected<Result> Optimiser::run(std::vector<double> coordinates, const OnIterati
       return tl::unexpected(checked.error());
     }
   }
-  return run_once(*set_up_, on_iteration, control);
+  StopToken stop(control.stop_asked);
+  return run_once(*set_up_, on_iteration, control, stop);
 }
 
 }  // namespace varimesh

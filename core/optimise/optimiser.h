@@ -16,6 +16,13 @@ struct SetUp;
 
 /// Optimises a mesh. Checks the mesh and the options first. Errors: BadInput, BadOption. The same mesh in other units
 /// of length takes the same path. The result is the same bit for bit for every number of threads.
+///
+/// If the time limit passes or RunControl::stop_asked says yes, the run gives up the iteration that is under way and
+/// ends with the best mesh of those before, with all certificates that are known. It takes at most half a second plus a
+/// tenth of a second per 100,000 elements for that. If this is not enough for the quality report `after`, the report
+/// samples the elements on a coarser lattice (QualityReport::lattice_intervals is 2). If the run is stopped before its
+/// first iteration, the mesh is as it came, `before` is also `after`, and elements that there was no time to certify
+/// are undecided. A run that goes on from a checkpoint is not stopped before it has the state of the checkpoint.
 Expected<Result> optimise(HighOrderMesh mesh, const Options& options = {}, const OnIteration& on_iteration = {},
                           const RunControl& control = {});
 

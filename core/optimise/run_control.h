@@ -19,7 +19,8 @@ using CheckpointSink = std::function<bool(std::string_view)>;
 /// Writes a checkpoint piece by piece. False if the sink stopped it.
 using WriteCheckpoint = std::function<bool(const CheckpointSink&)>;
 
-/// What a run asks between its iterations, on the thread that called it. Everything may be left empty.
+/// What a run asks the caller. Everything except stop_asked is asked between iterations, on the thread that called the
+/// run. Everything may be left empty.
 struct RunControl {
   /// Whether to save a checkpoint after this iteration. Called before OnIteration: after Newton steps and steps of
   /// untangling, and after sweeps whose number is a multiple of ten.
@@ -33,7 +34,9 @@ struct RunControl {
   std::string_view checkpoint;
   /// How many threads the next iteration may use, at least 1. Called before each. If empty: Options::threads.
   std::function<int()> threads;
-  /// Whether to end the run as Control::Stop does. Called between the steps of splitting, when nothing is iterated.
+  /// Whether to end the run at once. It is asked all the time, by all threads of the run at the same time, until it
+  /// says yes, so it must be quick: the load of an atomic flag. What is under way is given up, and the run ends as it
+  /// does at Options::time_limit (optimiser.h).
   std::function<bool()> stop_asked;
 };
 

@@ -59,7 +59,7 @@ MeshSummary mesh_summary(const HighOrderMesh& mesh, const std::vector<bool>& fix
   return summary;
 }
 
-Expected<std::unique_ptr<SetUp>> set_up(HighOrderMesh&& mesh, const Options& options) {
+Expected<std::unique_ptr<SetUp>> set_up(HighOrderMesh&& mesh, const Options& options, const StopToken* stop) {
   const Stopwatch watch;
   if (const auto checked = check(options); !checked) return tl::unexpected(checked.error());
   if (const auto checked = check(mesh); !checked) return tl::unexpected(checked.error());
@@ -81,11 +81,12 @@ Expected<std::unique_ptr<SetUp>> set_up(HighOrderMesh&& mesh, const Options& opt
   result->summary = mesh_summary(mesh, *fixed);
   result->fixed = *fixed;
   result->target = std::move(*target);
-  if (options.max_iterations > 0 && options.repair != Repair::Split) {
-    result->problem = build_problem(mesh, *fixed, options.quadrature_degree);
-    result->coloured = colour_nodes(result->problem, options.colouring);
-    result->stages = make_stages(options, mesh.dimension);
-  }
+  const auto iterates = [&] {
+    return options.max_iterations > 0 && options.repair != Repair::Split && (stop == nullptr || !stop->stopped());
+  };
+  if (iterates()) result->problem = build_problem(mesh, *fixed, options.quadrature_degree);
+  if (iterates()) result->coloured = colour_nodes(result->problem, options.colouring);
+  if (iterates()) result->stages = make_stages(options, mesh.dimension);
   result->mesh = std::move(mesh);
   result->seconds = watch.seconds();
   return result;

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "core/base/error.h"
+#include "core/base/stop_token.h"
 #include "core/mesh/high_order_mesh.h"
 #include "core/optimise/result.h"
 #include "core/optimise/stages.h"
@@ -22,8 +23,8 @@ struct SetUp {
   MeshSummary summary;
   std::vector<bool> fixed;  ///< By node of the mesh.
   StretchField target;
-  /// These three stay empty if there is nothing to iterate here: no iterations are allowed, or the runs between splits
-  /// have optimisers of their own.
+  /// These three stay empty if there is nothing to iterate here: no iterations are allowed, the set-up was stopped, or
+  /// the runs between splits have optimisers of their own.
   Problem problem;
   ColouredNodes coloured;
   std::vector<Stage> stages;
@@ -31,8 +32,8 @@ struct SetUp {
 };
 
 /// Checks the mesh and the options, changes the order if asked to, colours the nodes and prepares the tables.
-/// Errors: BadInput, BadOption.
-Expected<std::unique_ptr<SetUp>> set_up(HighOrderMesh&& mesh, const Options& options);
+/// Errors: BadInput, BadOption. If `stop`, which may be null, says so, it leaves out what only iterations need.
+Expected<std::unique_ptr<SetUp>> set_up(HighOrderMesh&& mesh, const Options& options, const StopToken* stop = nullptr);
 
 /// Checks what check() leaves open: that hexahedra, prisms and pyramids with straight sides are valid on their edges, on
 /// their faces and inside too, and not only at the corners. The mesh must have passed check(). `threads` 0 means all.

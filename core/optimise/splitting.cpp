@@ -14,6 +14,7 @@
 #include "core/diagnosis/elements_text.h"
 #include "core/diagnosis/node_positions.h"
 #include "core/mesh/connectivity.h"
+#include "core/optimise/grace.h"
 #include "core/reference/basis.h"
 #include "core/repair/split_passes.h"
 #include "core/validity/orientation.h"
@@ -31,8 +32,8 @@ constexpr int kMostRounds = 4;
 /// sequence begins when it is constructed, and `on_iteration` must outlive it.
 class RunSequence {
  public:
-  RunSequence(const Options& options, const OnIteration& on_iteration, const RunControl& control)
-      : options_(options), on_iteration_(on_iteration) {
+  RunSequence(const Options& options, const OnIteration& on_iteration, const RunControl& control, const StopToken& stop)
+      : options_(options), on_iteration_(on_iteration), stop_(stop) {
     control_.threads = control.threads;
     control_.stop_asked = control.stop_asked;
     options_.repair = Repair::Report;
@@ -41,15 +42,13 @@ class RunSequence {
 
   /// Whether the limits allow another run, and no stop was asked for.
   bool may_go_on() const {
-    return !stopped_ && static_cast<int>(history_.size()) < options_.max_iterations &&
+    return !stopped() && static_cast<int>(history_.size()) < options_.max_iterations &&
            (options_.time_limit <= 0 || watch_.seconds() < options_.time_limit);
   }
 
-  /// Asks the caller whether to stop. For the time between runs, when no iteration is reported.
-  bool stop_asked() {
-    stopped_ = stopped_ || (control_.stop_asked && control_.stop_asked());
-    return stopped_;
-  }
+  /// Whether the caller or the token has stopped the sequence.
+  bool stopped() const { return stopped_ || stop_.stopped(); }
+  const StopToken& token() const { return stop_; }
 
   /// Optimises the mesh with Repair::Report and in its own order, within what is left of the limits. Returns nothing if
   /// the mesh is refused.
@@ -66,11 +65,12 @@ class RunSequence {
     result.history = std::move(history_);
     result.iterations = static_cast<int>(result.history.size());
     result.seconds = watch_.seconds();
-    result.stopped = stopped_;
-    if (stopped_) {
+    result.stopped = stopped_ || stop_.reason() == StopToken::Reason::Asked;
+    if (result.stopped) {
       result.stop_reason = StopReason::Stopped;
     } else if (!result.after.uncertified.empty()) {  // without the limits, more would have been tried
-      if (options_.time_limit > 0 && result.seconds >= options_.time_limit) result.stop_reason = StopReason::TimeLimit;
+      const bool is_over = options_.time_limit > 0 && result.seconds >= options_.time_limit;
+      if (is_over || stop_.reason() == StopToken::Reason::TimeLimit) result.stop_reason = StopReason::TimeLimit;
       if (result.iterations >= options_.max_iterations) result.stop_reason = StopReason::Iterations;
     }
   }
@@ -97,6 +97,7 @@ class RunSequence {
 
   Options options_;
   const OnIteration& on_iteration_;
+  const StopToken& stop_;
   RunControl control_;
   Stopwatch watch_;
   std::vector<Iteration> history_;
@@ -148,8 +149,8 @@ bool is_better(const Result& a, const Result& b) {
   return left_a != left_b ? left_a < left_b : a.after.min_scaled_jacobian > b.after.min_scaled_jacobian;
 }
 
-/// Splits and optimises in rounds; the best result. Nothing if there was nothing to split, or if a stop was asked for
-/// before the first run.
+/// Splits and optimises in rounds; the best result. Nothing if there was nothing to split, or if the sequence was
+/// stopped before the first run.
 std::optional<Result> optimise_in_rounds(const HighOrderMesh& mesh, const Options& options, RunSequence& runs) {
   HighOrderMesh start = mesh;
   std::vector<RepairStep> steps;
@@ -157,8 +158,8 @@ std::optional<Result> optimise_in_rounds(const HighOrderMesh& mesh, const Option
   std::vector<CellCorner> marked;
   for (int round = 0; round < kMostRounds; ++round) {
     const std::size_t had = steps.size();
-    start = split_in_passes(std::move(start), options, std::move(marked), steps, [&] { return runs.stop_asked(); });
-    if (steps.size() == had || runs.stop_asked()) break;
+    start = split_in_passes(std::move(start), options, std::move(marked), steps, runs.token());
+    if (steps.size() == had || runs.stopped()) break;
     std::optional<Result> result = runs.run(start);
     if (!result) break;
     marked = bad_corners(*result);
@@ -179,7 +180,15 @@ RepairStep left_unsplit(const Result& split, const Result& unsplit) {
 }
 
 /// Adds steps about the uncertified elements that splitting is not offered for, or for which it found nothing to split.
-void say_what_is_left(Result& result) {
+/// If the run was stopped, adds one that says so.
+void say_what_is_left(Result& result, bool stopped) {
+  if (stopped) {
+    if (result.after.uncertified.empty()) return;
+    RepairStep step;
+    step.sentence = "The run was stopped before it had tried everything; run it again with more time.";
+    result.repairs.push_back(std::move(step));
+    return;
+  }
   const Cells cells(result.mesh, result.mesh.dimension);
   const std::set<std::int64_t> uncertified = uncertified_set(result);
   RepairStep other, nothing;
@@ -200,17 +209,41 @@ void say_what_is_left(Result& result) {
   }
 }
 
+/// The quality of the mesh as it came. The token may stop the run meanwhile.
+QualityReport quality_before(const HighOrderMesh& mesh, const Options& options, StopToken& stop) {
+  Team team(options.threads);
+  const Certifier certifier(mesh);
+  std::vector<Certificate> certificates(certifier.cells());
+  Grace grace(team, stop, certifier.cells());
+  grace.watch();
+  grace.finish([&] { team.run([&] { certifier.certify(mesh.coordinates, certificates, team); }); }, [] {});
+  return report_quality(mesh, certifier, certificates, team, grace);
+}
+
+/// The result of a run that was stopped before it had another.
+Result as_it_came(const HighOrderMesh& mesh, const MeshSummary& summary, const QualityReport& before,
+                  const StopToken& stop) {
+  Result result;
+  result.mesh = mesh;
+  result.sizes = summary;
+  result.after = before;
+  result.stop_reason = stop.reason() == StopToken::Reason::TimeLimit ? StopReason::TimeLimit : StopReason::Stopped;
+  return result;
+}
+
 }  // namespace
 
-Result optimise_by_splitting(const HighOrderMesh& mesh, const Options& options, const OnIteration& on_iteration,
-                             const RunControl& control) {
-  RunSequence runs(options, on_iteration, control);
-  QualityReport before = quality(mesh, 0, options.threads);
+Result optimise_by_splitting(const HighOrderMesh& mesh, const MeshSummary& summary, const Options& options,
+                             const OnIteration& on_iteration, const RunControl& control, StopToken& stop) {
+  RunSequence runs(options, on_iteration, control, stop);
+  QualityReport before = quality_before(mesh, options, stop);
   std::optional<Result> best;
-  if (!before.uncertified.empty()) best = optimise_in_rounds(mesh, options, runs);
+  if (!before.uncertified.empty() && !runs.stopped()) best = optimise_in_rounds(mesh, options, runs);
   if (!best || !best->after.uncertified.empty()) {
     const bool optimises = runs.may_go_on();
-    std::optional<Result> unsplit = optimises ? runs.run(mesh) : runs.judge(mesh);
+    std::optional<Result> unsplit = optimises        ? runs.run(mesh)
+                                    : stop.stopped() ? as_it_came(mesh, summary, before, stop)
+                                                     : runs.judge(mesh);
     // A mesh that was optimised replaces the best one if it has no more uncertified elements. The mesh as it came in
     // must have fewer.
     const std::size_t limit = best ? best->after.uncertified.size() + (optimises ? 1 : 0) : 0;
@@ -220,7 +253,7 @@ Result optimise_by_splitting(const HighOrderMesh& mesh, const Options& options, 
     }
   }
   best->before = std::move(before);
-  say_what_is_left(*best);
+  say_what_is_left(*best, runs.stopped());
   runs.finish(*best);
   return std::move(*best);
 }

@@ -1,6 +1,7 @@
 // Optimising with --repair split: makes room by splits where the boundary leaves none, and optimises from there.
 #pragma once
 
+#include "core/base/stop_token.h"
 #include "core/optimise/optimiser.h"
 
 namespace varimesh {
@@ -21,9 +22,11 @@ namespace varimesh {
 ///
 /// The stop reason is that of the run that the mesh comes from. But if elements are left, and a limit for everything
 /// together or a stop kept it from going on, the reason is that limit or stop. It uses only two members of `control`:
-/// the number of threads, and stop_asked between the steps of splitting. There are no checkpoints. It ends: there are
-/// at most eight passes per round.
-Result optimise_by_splitting(const HighOrderMesh& mesh, const Options& options, const OnIteration& on_iteration,
-                             const RunControl& control = {});
+/// the number of threads, and stop_asked. There are no checkpoints. It ends: there are at most eight passes per round.
+///
+/// `summary` is that of the mesh. `stop` is the token of the run. If it stops the run before a split mesh was
+/// optimised, the mesh is as it came.
+Result optimise_by_splitting(const HighOrderMesh& mesh, const MeshSummary& summary, const Options& options,
+                             const OnIteration& on_iteration, const RunControl& control, StopToken& stop);
 
 }  // namespace varimesh

@@ -62,7 +62,7 @@ std::optional<StopReason> StageRun::begin() {
   sweeper_.scan();
   iteration_.invalid_elements = guard_.uncertified();
   iteration_.repairable_elements = guard_.repairable();
-  if (options_.until_js > 0) bound_ = best_.consider(guard_);
+  if (options_.until_js > 0) bound_ = best_.consider(guard_, team_.stop());
   return stopper_.after(iteration_, false, chooser_.outlook(guard_.unrepaired()), bound_);
 }
 
@@ -77,6 +77,11 @@ std::optional<StopReason> StageRun::step() {
   certify(outcome);
   record(outcome);
   return reason_to_stop(outcome);
+}
+
+void StageRun::forget_unfinished() {
+  iteration_ = history_.empty() ? Iteration{} : history_.back();
+  converged_ = false;
 }
 
 // ===== the methods =====
@@ -163,8 +168,8 @@ void StageRun::record(const MethodOutcome& outcome) {
   iteration_.invalid_elements = guard_.uncertified();
   iteration_.repairable_elements = guard_.repairable();
   iteration_.seconds = seconds();
+  if (options_.until_js > 0) bound_ = best_.consider(guard_, team_.stop());
   history_.push_back(iteration_);
-  if (options_.until_js > 0) bound_ = best_.consider(guard_);
 }
 
 std::optional<StopReason> StageRun::reason_to_stop(const MethodOutcome& outcome) {

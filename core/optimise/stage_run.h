@@ -54,6 +54,9 @@ class StageRun {
   bool resume(std::string_view checkpoint, std::uint64_t fingerprint);
   /// Inside team.run(): one iteration. Returns a reason to stop if it was the last.
   std::optional<StopReason> step();
+  /// After the team's token has interrupted begin() or step(): forgets the iteration that was not finished. No other
+  /// function may be called after that, except last() and those that take something out of the stage.
+  void forget_unfinished();
 
   /// Whether the state can be written now: the deformation gradients must be those that the positions give.
   bool can_be_kept() const { return exact_; }

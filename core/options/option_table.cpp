@@ -84,7 +84,7 @@ const std::array kTable{
            "Stop when every element's scaled Jacobian is proved to be at least this, and return the best mesh; 0: "
            "never"),
     number("time_limit", &Options::time_limit, kNotNegative, "seconds, or 0 for no limit",
-           "Stop at the end of the iteration in which this many seconds have passed; 0: never"),
+           "Stop when this many seconds have passed, with the best mesh so far; 0: never"),
     number("threads", &Options::threads, upto(4096), "1 to 4096, or 0 for all",
            "How many threads to use; the result does not depend on it; 0: all of the machine's"),
     number("quadrature_degree", &Options::quadrature_degree, upto(6 * kMaxOrder), "up to 60, or 0 for twice the order",

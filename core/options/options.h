@@ -112,7 +112,7 @@ struct Options {
   double until_js = 0;    ///< Above 0: stop when every cell's scaled Jacobian is proved to be at least this. The result
                           ///< is then, among the meshes with the fewest uncertified cells, the one with the highest
                           ///< proved minimum. Below 1.
-  double time_limit = 0;  ///< Stop at the end of the iteration in which this many seconds have passed; 0: never.
+  double time_limit = 0;  ///< Stop when this many seconds have passed; 0: never.
   int threads = 0;        ///< Threads to use; 0: all of the machine's.
   Objective objective = Objective::Energy;
   double p_norm = 1;  ///< The power, 1 to 16, to which the cells' mean energies are summed. A higher one weighs the

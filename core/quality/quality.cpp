@@ -21,6 +21,7 @@ using detail::LatticeTable;
 // ---------------------------------------------------------------------------------------------------------------------
 
 constexpr std::size_t kBatchesPerTask = 8;
+constexpr int kQuickIntervals = 2;
 
 /// min / max; −1 if the value is nowhere positive.
 double ratio(double low, double high) { return high > 0 ? low / high : -1.0; }
@@ -50,7 +51,7 @@ const LatticeTable& table_of(const ElementBlock& block, int intervals, int dimen
 
 /// Samples batches of one table: all of them in one range of points, then in the next.
 void sample_batches(const HighOrderMesh& mesh, const LatticeTable& table, std::span<const CellBatch> batches,
-                    std::vector<Extremes>& cells) {
+                    const Team& team, std::vector<Extremes>& cells) {
   thread_local std::vector<double> workspace;
   std::array<const std::int32_t*, detail::kMostLatticeLanes> nodes{};
   std::array<detail::LatticeProgress, kBatchesPerTask> progress;
@@ -58,6 +59,7 @@ void sample_batches(const HighOrderMesh& mesh, const LatticeTable& table, std::s
   for (std::size_t range = 0; range < table.ranges(); ++range) {
     const detail::LatticeRows& rows = table.rows(range, made);
     for (std::size_t b = 0; b < batches.size(); ++b) {
+      team.look();
       for (std::size_t i = 0; i < batches[b].count; ++i) nodes[i] = batches[b].nodes(i);
       detail::sample_rows(table, rows, {mesh.coordinates.data(), nodes.data(), batches[b].count}, workspace,
                           progress[b]);
@@ -80,7 +82,7 @@ Samples sample(const HighOrderMesh& mesh, int intervals, const Team& team) {
         const ElementBlock& block = *samples.batches[begin].block;
         while (last != end && last - begin < kBatchesPerTask && samples.batches[last].block == &block) ++last;
         sample_batches(mesh, table_of(block, samples.intervals, mesh.dimension),
-                       std::span(samples.batches).subspan(begin, last - begin), samples.cells);
+                       std::span(samples.batches).subspan(begin, last - begin), team, samples.cells);
       }
     });
   });
@@ -134,7 +136,7 @@ std::vector<InvalidElement> invalid_elements(const HighOrderMesh& mesh, const Sa
 }
 
 std::vector<UncertifiedElement> uncertified_elements(const HighOrderMesh& mesh,
-                                                     const std::vector<Certificate>& certificates) {
+                                                     std::span<const Certificate> certificates) {
   std::vector<UncertifiedElement> uncertified;
   for (const CellBatch& batch : detail::whole_blocks(mesh))
     for (std::size_t i = 0; i < batch.count; ++i) {
@@ -143,6 +145,27 @@ std::vector<UncertifiedElement> uncertified_elements(const HighOrderMesh& mesh,
         uncertified.push_back({batch.block->numbers[batch.first + i], certificate.answer, certificate.place});
     }
   return uncertified;
+}
+
+/// Everything except what is proved.
+QualityReport report_on(const HighOrderMesh& mesh, const Samples& samples, std::span<const Certificate> certificates) {
+  const CellQuality cells = cell_quality(samples);
+  QualityReport report;
+  report.lattice_intervals = samples.intervals;
+  if (cells.scaled_jacobian.empty()) return report;
+  report.min_scaled_jacobian = std::ranges::min(cells.scaled_jacobian);
+  report.min_distortion_jacobian = std::ranges::min(cells.distortion_jacobian);
+  double sum = 0;
+  for (const double js : cells.scaled_jacobian) {
+    sum += std::max(js, -1.0);
+    const int bin = static_cast<int>(js * QualityReport::kBins);
+    if (js > 0) ++report.histogram[static_cast<std::size_t>(std::min(bin, QualityReport::kBins - 1))];
+  }
+  report.mean_scaled_jacobian = sum / static_cast<double>(cells.scaled_jacobian.size());
+  report.invalid = invalid_elements(mesh, samples, cells);
+  report.invalid_elements = static_cast<std::int64_t>(report.invalid.size());
+  report.uncertified = uncertified_elements(mesh, certificates);
+  return report;
 }
 
 }  // namespace
@@ -171,26 +194,18 @@ QualityReport quality(const HighOrderMesh& mesh, int intervals, int threads) {
   return quality(mesh, certifier, std::move(certificates), intervals, team);
 }
 
+CellQuality cell_quality(const HighOrderMesh& mesh, const Team& team) { return cell_quality(sample(mesh, 0, team)); }
+
 QualityReport quality(const HighOrderMesh& mesh, const Certifier& certifier, std::vector<Certificate> certificates,
                       int intervals, const Team& team) {
-  const Samples samples = sample(mesh, intervals, team);
-  const CellQuality cells = cell_quality(samples);
-  QualityReport report;
-  report.lattice_intervals = samples.intervals;
-  if (cells.scaled_jacobian.empty()) return report;
-  report.min_scaled_jacobian = std::ranges::min(cells.scaled_jacobian);
-  report.min_distortion_jacobian = std::ranges::min(cells.distortion_jacobian);
-  double sum = 0;
-  for (const double js : cells.scaled_jacobian) {
-    sum += std::max(js, -1.0);
-    const int bin = static_cast<int>(js * QualityReport::kBins);
-    if (js > 0) ++report.histogram[static_cast<std::size_t>(std::min(bin, QualityReport::kBins - 1))];
-  }
-  report.mean_scaled_jacobian = sum / static_cast<double>(cells.scaled_jacobian.size());
-  report.invalid = invalid_elements(mesh, samples, cells);
-  report.invalid_elements = static_cast<std::int64_t>(report.invalid.size());
-  report.uncertified = uncertified_elements(mesh, certificates);
-  report.certified = certifier.sharpen(mesh.coordinates, certificates);
+  QualityReport report = report_on(mesh, sample(mesh, intervals, team), certificates);
+  report.certified = certifier.sharpen(mesh.coordinates, certificates, Certifier::kMinimumGap, team.stop());
+  return report;
+}
+
+QualityReport quick_quality(const HighOrderMesh& mesh, std::span<const Certificate> certificates, const Team& team) {
+  QualityReport report = report_on(mesh, sample(mesh, kQuickIntervals, team.without_stop()), certificates);
+  report.certified = summarise(certificates);
   return report;
 }
 

@@ -29,37 +29,47 @@ std::vector<bool> folded_cells(const HighOrderMesh& mesh, const std::vector<bool
   return folded;
 }
 
-/// The splits of one pass; none if it was asked to stop. Inside team.run().
+/// The splits of one pass. Inside team.run().
 std::vector<SplitPlace> splits_of_pass(const HighOrderMesh& mesh, const std::vector<bool>& fixed,
-                                       std::vector<CellCorner> marked, const std::function<bool()>& stop_asked,
-                                       const SplitRules& rules, const Cells& cells, const Team& team) {
+                                       std::vector<CellCorner> marked, const SplitRules& rules, const Cells& cells,
+                                       const Team& team) {
   std::vector<Certificate> certificates(cells.count());
   Certifier(mesh).certify(mesh.coordinates, certificates, team);
-  if (stop_asked()) return {};
   const std::vector<bool> folded = folded_cells(mesh, fixed, cells.count(), team);
   WeakRule rule{kWeakMargin, std::vector<bool>(cells.count(), false), std::move(marked)};
   for (std::size_t c = 0; c < cells.count(); ++c) rule.wanted[c] = !folded[c] && !certificates[c].is_valid();
   std::ranges::sort(rule.marked);
-  if (stop_asked()) return {};
   return choose_splits(weak_groups(mesh, fixed, rules, rule, team), rules);
+}
+
+/// One pass over the mesh. False if it found nothing to split.
+bool split_once(HighOrderMesh& mesh, const Options& options, std::vector<CellCorner> marked, const Team& team,
+                std::vector<RepairStep>& steps) {
+  team.look();
+  const Expected<std::vector<bool>> fixed = choose_fixed_nodes(mesh, options);
+  if (!fixed) return false;
+  team.look();
+  const Cells cells(mesh, mesh.dimension);
+  const SplitRules rules(mesh, cells, *fixed);
+  std::vector<SplitPlace> places;
+  team.run([&] { places = splits_of_pass(mesh, *fixed, std::move(marked), rules, cells, team); });
+  team.look();
+  if (places.empty()) return false;
+  mesh = split(mesh, places, steps);
+  return true;
 }
 
 }  // namespace
 
 HighOrderMesh split_in_passes(HighOrderMesh mesh, const Options& options, std::vector<CellCorner> marked,
-                              std::vector<RepairStep>& steps, const std::function<bool()>& stop_asked) {
+                              std::vector<RepairStep>& steps, const StopToken& stop) {
   if (mesh.dimension != 3) return mesh;
-  const Team team(options.threads);
-  for (int pass = 0; pass < kMostPasses && !stop_asked(); ++pass) {
-    const Expected<std::vector<bool>> fixed = choose_fixed_nodes(mesh, options);
-    if (!fixed) break;
-    const Cells cells(mesh, mesh.dimension);
-    const SplitRules rules(mesh, cells, *fixed);
-    std::vector<SplitPlace> places;
-    team.run([&] { places = splits_of_pass(mesh, *fixed, std::move(marked), stop_asked, rules, cells, team); });
-    if (places.empty() || stop_asked()) break;
-    marked.clear();
-    mesh = split(mesh, places, steps);
+  Team team(options.threads);
+  team.set_stop(&stop);
+  try {
+    for (int pass = 0; pass < kMostPasses; ++pass)
+      if (!split_once(mesh, options, std::exchange(marked, {}), team, steps)) break;
+  } catch (const Interrupted&) {  // the mesh is as the last whole pass has left it
   }
   return mesh;
 }

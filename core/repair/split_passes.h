@@ -1,9 +1,9 @@
 // Splits a mesh pass by pass until nothing is left that needs a split. Internal to the library.
 #pragma once
 
-#include <functional>
 #include <vector>
 
+#include "core/base/stop_token.h"
 #include "core/mesh/high_order_mesh.h"
 #include "core/options/options.h"
 #include "core/repair/repair_step.h"
@@ -12,13 +12,13 @@
 namespace varimesh {
 
 /// Finds weak groups (split_candidates.h), chooses splits for them and splits, again and again: in each pass the mesh
-/// that the last one made. Ends if no group is left that may be split, after eight passes, or if `stop_asked` says so;
-/// it is asked several times per pass. A group is weak if its margin is at most 0.08 and one of its elements is not
+/// that the last one made. Ends if no group is left that may be split, after eight passes, or if `stop` says so; a pass
+/// that it interrupts splits nothing. A group is weak if its margin is at most 0.08 and one of its elements is not
 /// certified valid. Elements with a folded boundary face do not count.
 ///
 /// `marked` are corners of the mesh that comes in; in the first pass their groups are weak whatever their margin. Adds
 /// a step to `steps` for each split. Meshes that are not 3-D come back as they are. Do not call it inside team.run().
 HighOrderMesh split_in_passes(HighOrderMesh mesh, const Options& options, std::vector<CellCorner> marked,
-                              std::vector<RepairStep>& steps, const std::function<bool()>& stop_asked);
+                              std::vector<RepairStep>& steps, const StopToken& stop);
 
 }  // namespace varimesh

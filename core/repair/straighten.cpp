@@ -153,6 +153,7 @@ class Straightener {
   void straighten_parts() {
     std::vector<double> moved;
     for (;;) {
+      team_.look();
       std::vector<char> touched(mesh_.node_count(), 0);
       for (const Part& part : parts_)
         for (const std::int32_t vertex : part)

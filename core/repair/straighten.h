@@ -19,9 +19,9 @@ namespace varimesh {
 /// stay bit for bit. docs/repair.md has the formulas.
 ///
 /// No certificate is lost: if a cell would lose its own, its edges and faces stay as they are, and the others are tried
-/// again. This ends, because fewer are left each time. `fixed` is by node. `certificates` are those of mesh.coordinates
-/// on entry and again afterwards, one per cell in the mesh's order. Call it inside team.run(). Returns what was done to
-/// each group, and what was left.
+/// again. This ends, because fewer are left each time. If the team's token interrupts it, nothing has changed. `fixed`
+/// is by node. `certificates` are those of mesh.coordinates on entry and again afterwards, one per cell in the mesh's
+/// order. Call it inside team.run(). Returns what was done to each group, and what was left.
 std::vector<RepairStep> straighten(HighOrderMesh& mesh, const std::vector<bool>& fixed, const Certifier& certifier,
                                    std::vector<Certificate>& certificates, std::span<const UnrepairableGroup> groups,
                                    const Team& team);

@@ -197,8 +197,10 @@ SweepOutcome Sweeper::sweep() {
     team_.for_each(count, grain_, [&](std::int32_t group) {
       static thread_local AlignedVector<double> scratch(NodeStar::kMostNumbers);
       std::int64_t now = clock_;
-      for (std::int32_t i = coloured_.groups[first + group]; i < coloured_.groups[first + group + 1]; ++i)
+      for (std::int32_t i = coloured_.groups[first + group]; i < coloured_.groups[first + group + 1]; ++i) {
+        team_.look();
         visits_[coloured_.nodes[i]] = visit(coloured_.nodes[i], ++now, scratch.data());
+      }
     });
     clock_ += largest_group_;
   }

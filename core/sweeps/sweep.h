@@ -60,7 +60,8 @@ class Sweeper {
   /// The same if the new scans of all cells are known and no deformation gradients are held.
   void changed(std::span<const CellScan> scans);
 
-  /// Visits every free node that is not at rest once, colour by colour.
+  /// Visits every free node that is not at rest once, colour by colour. If the team's token interrupts it, nodes that
+  /// were visited have moved.
   SweepOutcome sweep();
 
   /// Wakes every node.

@@ -135,10 +135,10 @@ Eigen::VectorXd CoefficientEnergy::coefficients(const Cell& cell) const {
   return coefficient_scale(cell.number) * table_.jacobian(derivatives, table_.cofactors(derivatives));
 }
 
-void CoefficientEnergy::find_movable(Cell& cell) const {
+void CoefficientEnergy::find_movable(Cell& cell, const StopToken* stop) const {
   cell.movable.clear();
   if (cell.unrepairable) return;
-  const Eigen::MatrixXd slope = table_.slope(table_.cofactors(table_.derivatives(cell.positions)), cell.free);
+  const Eigen::MatrixXd slope = table_.slope(table_.cofactors(table_.derivatives(cell.positions)), cell.free, stop);
   const double least = slope.size() > 0 ? kNoSlope * slope.cwiseAbs().maxCoeff() : 0;
   for (int k = 0; k < table_.size; ++k)
     if ((slope.row(k).array().abs() > least).any()) cell.movable.push_back(k);
@@ -173,18 +173,18 @@ double CoefficientEnergy::barrier_value(const Cell& cell, double epsilon) const 
   return kTheta / 2 * sum / static_cast<double>(cell.movable.size());
 }
 
-CoefficientEnergy::Expansion CoefficientEnergy::expand(const Cell& cell, double epsilon) const {
+CoefficientEnergy::Expansion CoefficientEnergy::expand(const Cell& cell, double epsilon, const StopToken* stop) const {
   const Eigen::Index unknowns = static_cast<Eigen::Index>(cell.free.size()) * set_.dimension;
   Expansion out{0, Eigen::VectorXd::Zero(unknowns), Eigen::MatrixXd::Zero(unknowns, unknowns)};
   if (unknowns == 0) return out;
-  add_shape(cell, epsilon, out);
-  if (!cell.movable.empty()) add_barrier(cell, epsilon, out);
+  add_shape(cell, epsilon, stop, out);
+  if (!cell.movable.empty()) add_barrier(cell, epsilon, stop, out);
   return out;
 }
 
 /// With g_n = A⁻ᵀ ∇φ_n at a point, moving node n by a adds L a ⊗ g_n to F. So F:dF = a · y_n with y = L F g, C:dF = a ·
 /// c_n with c = L C g, and |dF|² = Σ (L a_m · L a_n)(g_m · g_n).
-void CoefficientEnergy::add_shape(const Cell& cell, double epsilon, Expansion& out) const {
+void CoefficientEnergy::add_shape(const Cell& cell, double epsilon, const StopToken* stop, Expansion& out) const {
   const int d = set_.dimension, points = set_.points;
   const Eigen::Index nodes = static_cast<Eigen::Index>(cell.free.size());
   const Matrix factor = left_factor(set_, cell.number);
@@ -192,6 +192,7 @@ void CoefficientEnergy::add_shape(const Cell& cell, double epsilon, Expansion& o
   Eigen::MatrixXd gradients(nodes, points * d), y(nodes * d, points), c(nodes * d, points);
   Eigen::VectorXd II(points * d), IJ(points), JJ(points);
   for (int q = 0; q < points; ++q) {
+    look(stop);
     const Point point(set_, cell.number, q);
     const Matrix F = deformation(set_, cell.positions, factor, point, q), C = cofactor(F);
     const ShapeTerm f(F.squaredNorm(), F.determinant(), at, d);
@@ -209,21 +210,30 @@ void CoefficientEnergy::add_shape(const Cell& cell, double epsilon, Expansion& o
     IJ[q] = 2 * w * f.IJ;
     JJ[q] = w * f.JJ;
   }
-  const Eigen::MatrixXd half = c * (y * IJ.asDiagonal() + c * (0.5 * JJ).asDiagonal()).transpose();
-  out.hessian += half + half.transpose();
+  const Eigen::Index most = columns_per_look(2 * static_cast<double>(c.rows() * c.rows()));
+  for (Eigen::Index first = 0; first < points; first += most) {
+    look(stop);
+    const Eigen::Index count = std::min<Eigen::Index>(most, points - first);
+    const auto some_c = c.middleCols(first, count), some_y = y.middleCols(first, count);
+    const Eigen::MatrixXd half = some_c * (some_y * IJ.segment(first, count).asDiagonal() +
+                                           some_c * (0.5 * JJ.segment(first, count)).asDiagonal())
+                                              .transpose();
+    out.hessian += half + half.transpose();
+  }
+  look(stop);
   const Eigen::MatrixXd plain = gradients * II.asDiagonal() * gradients.transpose();
   const Matrix square = factor * factor;
   for (Eigen::Index m = 0; m < nodes; ++m)
     for (Eigen::Index n = 0; n < nodes; ++n) out.hessian.block(m * d, n * d, d, d) += plain(m, n) * square;
 }
 
-void CoefficientEnergy::add_barrier(const Cell& cell, double epsilon, Expansion& out) const {
+void CoefficientEnergy::add_barrier(const Cell& cell, double epsilon, const StopToken* stop, Expansion& out) const {
   const auto derivatives = table_.derivatives(cell.positions);
   const auto cofactors = table_.cofactors(derivatives);
   const double scale = coefficient_scale(cell.number);
   const double share = kTheta / 2 / static_cast<double>(cell.movable.size());
   const Eigen::VectorXd B = scale * table_.jacobian(derivatives, cofactors);
-  const Eigen::MatrixXd slope = scale * table_.slope(cofactors, cell.free);
+  const Eigen::MatrixXd slope = scale * table_.slope(cofactors, cell.free, stop);
   Eigen::VectorXd first = Eigen::VectorXd::Zero(table_.size), second = first;
   for (const int k : cell.movable) {
     const Barrier at(B[k], epsilon);
@@ -234,7 +244,11 @@ void CoefficientEnergy::add_barrier(const Cell& cell, double epsilon, Expansion&
   out.gradient.noalias() += slope.transpose() * first;
   const Eigen::MatrixXd root = (second.asDiagonal() * slope).transpose();
   Eigen::MatrixXd lower = Eigen::MatrixXd::Zero(out.hessian.rows(), out.hessian.cols());
-  lower.selfadjointView<Eigen::Lower>().rankUpdate(root);
+  const Eigen::Index most = columns_per_look(static_cast<double>(root.rows() * root.rows()));
+  for (Eigen::Index k = 0; k < root.cols(); k += most) {
+    look(stop);
+    lower.selfadjointView<Eigen::Lower>().rankUpdate(root.middleCols(k, std::min(most, root.cols() - k)));
+  }
   lower.triangularView<Eigen::StrictlyUpper>() = lower.transpose();
   out.hessian += lower;
 }

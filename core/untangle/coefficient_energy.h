@@ -35,17 +35,18 @@ class CoefficientEnergy {
     std::vector<int> movable;   ///< Coefficients that depend on them, those in the barrier. Set by find_movable().
     Eigen::MatrixXd positions;  ///< nodes × d
   };
-  void find_movable(Cell& cell) const;
+  void find_movable(Cell& cell, const StopToken* stop = nullptr) const;
 
   /// E and its derivatives by the components of the free nodes (n · d + c for component c of the n-th free node). The
   /// Hessian is positive semidefinite: it leaves out the second derivatives of J, and the second derivatives of the two
-  /// functions are kept from being negative (coefficient_energy.cpp says how).
+  /// functions are kept from being negative (coefficient_energy.cpp says how). It looks at the token, which may be
+  /// null.
   struct Expansion {
     double value = 0;
     Eigen::VectorXd gradient;
     Eigen::MatrixXd hessian;
   };
-  Expansion expand(const Cell& cell, double epsilon) const;
+  Expansion expand(const Cell& cell, double epsilon, const StopToken* stop = nullptr) const;
 
   double value(const Cell& cell, double epsilon) const;
 
@@ -58,8 +59,8 @@ class CoefficientEnergy {
  private:
   double shape_value(const Cell& cell, double epsilon) const;
   double barrier_value(const Cell& cell, double epsilon) const;
-  void add_shape(const Cell& cell, double epsilon, Expansion& out) const;
-  void add_barrier(const Cell& cell, double epsilon, Expansion& out) const;
+  void add_shape(const Cell& cell, double epsilon, const StopToken* stop, Expansion& out) const;
+  void add_barrier(const Cell& cell, double epsilon, const StopToken* stop, Expansion& out) const;
   /// 1 over the mean measure of the target, with the sign of det A.
   double coefficient_scale(std::int32_t cell) const;
 

@@ -1,6 +1,7 @@
 // Builds the tables from those of the certificates, and multiplies polynomials by them.
 #include "core/untangle/coefficient_table.h"
 
+#include <algorithm>
 #include <utility>
 
 #include "core/base/index.h"
@@ -109,21 +110,32 @@ Eigen::VectorXd CoefficientTable::jacobian(const Vectors& derivatives, const Vec
   return result.cwiseProduct(reciprocal);
 }
 
-Eigen::MatrixXd CoefficientTable::slope(const Vectors& cofactors, const std::vector<int>& nodes) const {
+Eigen::Index columns_per_look(double flops) {
+  constexpr double kFlopsPerLook = 2e9;
+  return std::max<Eigen::Index>(1, static_cast<Eigen::Index>(kFlopsPerLook / flops));
+}
+
+Eigen::MatrixXd CoefficientTable::slope(const Vectors& cofactors, const std::vector<int>& nodes,
+                                        const StopToken* stop) const {
   const Eigen::Index columns = static_cast<Eigen::Index>(nodes.size());
   Eigen::MatrixXd result = Eigen::MatrixXd::Zero(size, columns * dimension);
   Eigen::MatrixXd of_derivative, chosen, part;
   for (std::size_t r = 0; r < at(dimension); ++r) {
     chosen = derivative[r](Eigen::all, nodes);
     const Eigen::MatrixXd& b = cofactors[r];
+    const Eigen::Index most = columns_per_look(2.0 * size * static_cast<double>(chosen.rows()));
     for (int c = 0; c < dimension; ++c) {
+      look(stop);
       // dJ = Σ_i dg_r,i,c (the polynomial λ^i C_r,c): one column per i.
       of_derivative.setZero(size, chosen.rows());
       const std::uint16_t* number = product[r].data();
       for (Eigen::Index i = 0; i < chosen.rows(); ++i)
         for (Eigen::Index j = 0; j < b.rows(); ++j, ++number) of_derivative(*number, i) += b(j, c);
-      part.noalias() = of_derivative * chosen;
-      for (Eigen::Index n = 0; n < columns; ++n) result.col(n * dimension + c) += part.col(n);
+      for (Eigen::Index first = 0; first < columns; first += most) {
+        look(stop);
+        part.noalias() = of_derivative * chosen.middleCols(first, std::min(most, columns - first));
+        for (Eigen::Index n = 0; n < part.cols(); ++n) result.col((first + n) * dimension + c) += part.col(n);
+      }
     }
   }
   return reciprocal.asDiagonal() * result;

@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "core/base/stop_token.h"
 #include "core/reference/shape.h"
 
 namespace varimesh {
@@ -35,9 +36,15 @@ struct CoefficientTable {
   /// The Bernstein coefficients of J.
   Eigen::VectorXd jacobian(const Vectors& derivatives, const Vectors& cofactors) const;
   /// The derivative of each Bernstein coefficient by component c of the n-th of these nodes (local numbers), at
-  /// (coefficient, n · dimension + c).
-  Eigen::MatrixXd slope(const Vectors& cofactors, const std::vector<int>& nodes) const;
+  /// (coefficient, n · dimension + c). Looks at the token, which may be null: a hexahedron of order 10 takes ten
+  /// seconds.
+  Eigen::MatrixXd slope(const Vectors& cofactors, const std::vector<int>& nodes, const StopToken* stop = nullptr) const;
 };
+
+/// How many columns (or terms of a sum) of a product of matrices to compute between two looks at a token, if each takes
+/// this many flops. All of them if that takes less than a tenth of a second. Cutting a product up changes its rounding,
+/// so this must not depend on whether there is a token.
+Eigen::Index columns_per_look(double flops);
 
 /// The table for cells of this shape and order. It is made once and kept until the program ends.
 const CoefficientTable& coefficient_table(Shape shape, int order);

@@ -187,7 +187,7 @@ void Untangler::find_patches(int layers) {
   const std::vector<Standing> standings = guard_.standings();
   for (PatchFinder::Found& found : PatchFinder(problem_, standings, layers).patches(standings)) {
     if (!fits_in_memory(found.members, problem_.dimension)) continue;
-    UntanglePatch patch(energies_, std::move(found.members), std::move(found.nodes), problem_.dimension);
+    UntanglePatch patch(energies_, std::move(found.members), std::move(found.nodes), problem_.dimension, team_.stop());
     patch.find_lengths(problem_);
     const Assessment first = assess(patch, standings);
     if (first.repairable == 0) continue;  // its free nodes cannot repair anything

@@ -75,14 +75,14 @@ struct LinearSystem {
 }  // namespace
 
 UntanglePatch::UntanglePatch(const std::vector<CoefficientEnergy>& energies, std::vector<Member> members,
-                             std::vector<std::int32_t> nodes, int dimension)
+                             std::vector<std::int32_t> nodes, int dimension, const StopToken* stop)
     : energies_(energies), members_(std::move(members)), nodes_(std::move(nodes)), dimension_(dimension) {
   positions_.resize(static_cast<Eigen::Index>(nodes_.size()) * dimension);
   for (const Member& member : members_)
     for (std::size_t i = 0; i < member.unknown.size(); ++i)
       positions_.segment(member.unknown[i] * dimension, dimension) = member.cell.positions.row(member.cell.free[i]);
-  for (Member& member : members_) energies_[at(member.set)].find_movable(member.cell);
-  measure_coefficients();
+  for (Member& member : members_) energies_[at(member.set)].find_movable(member.cell, stop);
+  measure_coefficients(stop);
   epsilon_ = std::max(0.2 * std::abs(smallest_), kLeastEpsilon);
 }
 
@@ -144,7 +144,7 @@ double UntanglePatch::expand(const Team& team, HessianRoom& room) {
   blocks_.resize(members_.size());
   std::atomic<std::int64_t> taken = 0;
   team.for_each(static_cast<std::int32_t>(members_.size()), 1, [&](std::int32_t i) {
-    expansions_[at(i)] = energies_[at(members_[at(i)].set)].expand(members_[at(i)].cell, epsilon_);
+    expansions_[at(i)] = energies_[at(members_[at(i)].set)].expand(members_[at(i)].cell, epsilon_, team.stop());
     Eigen::MatrixXd& hessian = expansions_[at(i)].hessian;
     blocks_[at(i)].resize(dimension_, hessian.cols());
     for (Eigen::Index n = 0; n < hessian.cols(); n += dimension_)
@@ -185,7 +185,7 @@ Eigen::VectorXd UntanglePatch::multiply(const Eigen::VectorXd& x, const Team& te
     if (expansions_[at(i)].hessian.size() > 0)
       products[at(i)].noalias() = expansions_[at(i)].hessian * own;
     else
-      products[at(i)].noalias() = energies_[at(member.set)].expand(member.cell, epsilon_).hessian * own;
+      products[at(i)].noalias() = energies_[at(member.set)].expand(member.cell, epsilon_, team.stop()).hessian * own;
   });
   Eigen::VectorXd sum = Eigen::VectorXd::Zero(x.size());
   for (std::size_t i = 0; i < members_.size(); ++i)
@@ -249,15 +249,16 @@ UntangleStep UntanglePatch::step(const Team& team, HessianRoom& room) {
     if (!search(full, energy, team) || value(team) > (1 - kSmallDecrease) * energy) break;
   }
   forget_hessians(room);
-  measure_coefficients();
+  measure_coefficients(team.stop());
   next_epsilon(before, value(team));
   return outcome;
 }
 
-void UntanglePatch::measure_coefficients() {
+void UntanglePatch::measure_coefficients(const StopToken* stop) {
   smallest_ = std::numeric_limits<double>::infinity();
   bad_ = 0;
   for (const Member& member : members_) {
+    look(stop);
     const double least = energies_[at(member.set)].smallest_coefficient(member.cell);
     smallest_ = std::min(smallest_, least);
     bad_ += least > 0 ? 0 : 1;

@@ -34,9 +34,9 @@ class UntanglePatch {
   };
 
   /// `energies`: one per set; they must outlive the patch. `members`: sorted by set and cell. `nodes`: the nodes that
-  /// move, as numbers of mesh nodes.
+  /// move, as numbers of mesh nodes. Looks at the token, which may be null.
   UntanglePatch(const std::vector<CoefficientEnergy>& energies, std::vector<Member> members,
-                std::vector<std::int32_t> nodes, int dimension);
+                std::vector<std::int32_t> nodes, int dimension, const StopToken* stop = nullptr);
 
   /// An empty patch, whose state is read next.
   UntanglePatch(const std::vector<CoefficientEnergy>& energies, int dimension)
@@ -64,7 +64,8 @@ class UntanglePatch {
   void find_lengths(const Problem& problem);
 
   /// An outer step: at most three Newton steps, then the next ε. Hessians of cells that `room` has no room for are
-  /// computed again for every product, which is slow. The result does not depend on it.
+  /// computed again for every product, which is slow. The result does not depend on it. If the team's token interrupts
+  /// it, the patch and the room are spoilt.
   UntangleStep step(const Team& team, HessianRoom& room);
 
   /// The nodes that move, as numbers of mesh nodes, and their positions, d numbers each.
@@ -92,7 +93,7 @@ class UntanglePatch {
   /// Takes the step, or a part or a multiple of it. Returns false, and takes none, if none lowers the energy.
   bool search(const Eigen::VectorXd& step, double before, const Team& team);
   /// Sets smallest_ and bad_.
-  void measure_coefficients();
+  void measure_coefficients(const StopToken* stop);
   /// Sets the next ε from the energies before and after an outer step.
   void next_epsilon(double before, double after);
 

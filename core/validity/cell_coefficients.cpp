@@ -33,7 +33,8 @@ struct Extended {
 /// Scaled coefficients of χ − x₀, [coefficient][component].
 template <class Arithmetic>
 std::vector<typename Arithmetic::Wide> convert(const CellToCertify& cell,
-                                               std::array<typename Arithmetic::Real, 3>& extent) {
+                                               std::array<typename Arithmetic::Real, 3>& extent,
+                                               const StopToken* stop = nullptr) {
   using Wide = typename Arithmetic::Wide;
   using Real = typename Arithmetic::Real;
   const JacobianTable& table = *cell.table;
@@ -49,9 +50,11 @@ std::vector<typename Arithmetic::Wide> convert(const CellToCertify& cell,
     }
   const auto& value = Arithmetic::conversion(table);
   std::vector<Wide> map(static_cast<std::size_t>(table.map.size()) * d, Wide(0));
-  for (std::size_t row = 0; row + 1 < table.row_start.size(); ++row)
+  for (std::size_t row = 0; row + 1 < table.row_start.size(); ++row) {
+    look(stop);
     for (std::uint32_t e = table.row_start[row]; e < table.row_start[row + 1]; ++e)
       for (std::size_t c = 0; c < d; ++c) map[row * d + c] += value[e] * nodes[table.column[e] * d + c];
+  }
   return map;
 }
 
@@ -76,13 +79,13 @@ std::vector<Real> cross_products(const JacobianTable& table, const std::vector<R
 }
 
 template <class Arithmetic>
-Coefficients<typename Arithmetic::Real> coefficients(const CellToCertify& cell) {
+Coefficients<typename Arithmetic::Real> coefficients(const CellToCertify& cell, const StopToken* stop = nullptr) {
   using Real = typename Arithmetic::Real;
   const JacobianTable& table = *cell.table;
   const auto d = static_cast<std::size_t>(table.dimension);
   constexpr Real unit = std::numeric_limits<Real>::epsilon() / 2;
   std::array<Real, 3> extent{};
-  const auto map = convert<Arithmetic>(cell, extent);
+  const auto map = convert<Arithmetic>(cell, extent, stop);
   std::array<std::vector<Real>, 3> g;
   Real size[3][3] = {}, error[3][3] = {};
   for (std::size_t r = 0; r < d; ++r) {
@@ -111,6 +114,7 @@ Coefficients<typename Arithmetic::Real> coefficients(const CellToCertify& cell) 
   result.values.reserve(static_cast<std::size_t>(table.jacobian.size()));
   const std::vector<Real> cross = d == 3 ? cross_products(table, g[1], g[2]) : std::vector<Real>();
   for (std::size_t k = 0; k + 1 < table.jacobian_terms.start.size(); ++k) {
+    look(stop);
     Real sum = 0;
     for (std::uint32_t e = table.jacobian_terms.start[k]; e < table.jacobian_terms.start[k + 1]; ++e) {
       const auto [i, j] = table.jacobian_terms.pairs[e];
@@ -128,7 +132,9 @@ Coefficients<typename Arithmetic::Real> coefficients(const CellToCertify& cell) 
 
 Coefficients<double> plain_coefficients(const CellToCertify& cell) { return coefficients<Plain>(cell); }
 
-Coefficients<long double> extended_coefficients(const CellToCertify& cell) { return coefficients<Extended>(cell); }
+Coefficients<long double> extended_coefficients(const CellToCertify& cell, const StopToken* stop) {
+  return coefficients<Extended>(cell, stop);
+}
 
 std::array<double, 3> physical_place(const CellToCertify& cell, const std::array<double, 6>& barycentric) {
   const JacobianTable& table = *cell.table;

@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "core/base/stop_token.h"
 #include "core/validity/bernstein.h"
 
 namespace varimesh::detail {
@@ -30,8 +31,9 @@ struct Coefficients {
 /// In double.
 Coefficients<double> plain_coefficients(const CellToCertify& cell);
 
-/// Nodes converted in 113 bits, products in long double.
-Coefficients<long double> extended_coefficients(const CellToCertify& cell);
+/// Nodes converted in 113 bits, products in long double. Looks at the token, which may be null: a hexahedron of order
+/// 10 takes half a second.
+Coefficients<long double> extended_coefficients(const CellToCertify& cell, const StopToken* stop = nullptr);
 
 /// Physical coordinates of the point with these barycentric coordinates (of all factors, one after the other).
 std::array<double, 3> physical_place(const CellToCertify& cell, const std::array<double, 6>& barycentric);

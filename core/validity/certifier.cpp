@@ -99,11 +99,12 @@ Certifier::Certifier(const HighOrderMesh& mesh, CertificateOptions options)
 /// Runs the kernel on these cells and calls visit(cell number, cell, the kernel's output, lane) for each.
 template <class Visit>
 void Certifier::visit_on_one_thread(std::span<const double> coordinates, std::span<const std::int32_t> cells, Form form,
-                                    const Visit& visit) const {
+                                    const StopToken* stop, const Visit& visit) const {
   thread_local std::vector<double> workspace;
   const std::size_t lanes = detail::kernel_lanes();
   detail::KernelOutput output;
   for (std::size_t first = 0; first < cells.size();) {
+    look(stop);
     const ElementBlock& block = *cells_[static_cast<std::size_t>(cells[first])].block;
     detail::KernelInput input;
     input.table = &detail::jacobian_table(block.shape, form == Form::Curved ? block.order : 1);
@@ -125,12 +126,12 @@ void Certifier::visit_on_one_thread(std::span<const double> coordinates, std::sp
 }
 
 void Certifier::certify_on_one_thread(std::span<const double> coordinates, std::span<const std::int32_t> cells,
-                                      std::span<Certificate> certificates) const {
+                                      std::span<Certificate> certificates, const StopToken* stop) const {
   visit_on_one_thread(
-      coordinates, cells, Form::Curved,
+      coordinates, cells, Form::Curved, stop,
       [&](std::size_t number, const CellToCertify& cell, const detail::KernelOutput& output, std::size_t lane) {
         if (!certify_lane(cell, output, lane, options_.gap, certificates[number]))
-          certificates[number] = detail::subdivide(cell, options_, known_coefficients(cell, output, lane));
+          certificates[number] = detail::subdivide(cell, options_, known_coefficients(cell, output, lane), stop);
       });
 }
 
@@ -138,10 +139,11 @@ std::vector<char> Certifier::sound_with_straight_sides(std::span<const double> c
   std::vector<char> sound(cells_.size(), 0);
   team.for_ranges(cells_.size(), kGrain, [&](std::size_t begin, std::size_t end) {
     visit_on_one_thread(
-        coordinates, std::span(all_).subspan(begin, end - begin), Form::StraightSided,
+        coordinates, std::span(all_).subspan(begin, end - begin), Form::StraightSided, team.stop(),
         [&](std::size_t number, const CellToCertify& cell, const detail::KernelOutput& output, std::size_t lane) {
           const bool clear = output.least[lane] - output.error[lane] > 0;
-          sound[number] = clear || detail::subdivide(cell, {}, known_coefficients(cell, output, lane)).is_valid();
+          sound[number] =
+              clear || detail::subdivide(cell, {}, known_coefficients(cell, output, lane), team.stop()).is_valid();
         });
   });
   return sound;
@@ -151,7 +153,7 @@ void Certifier::certify(std::span<const double> coordinates, std::span<const std
                         std::span<Certificate> certificates, const Team& team) const {
   assert(certificates.size() == cells_.size());
   team.for_ranges(cells.size(), kGrain, [&](std::size_t begin, std::size_t end) {
-    certify_on_one_thread(coordinates, cells.subspan(begin, end - begin), certificates);
+    certify_on_one_thread(coordinates, cells.subspan(begin, end - begin), certificates, team.stop());
   });
 }
 
@@ -161,7 +163,7 @@ void Certifier::certify(std::span<const double> coordinates, std::span<Certifica
 }
 
 CertificateSummary Certifier::sharpen(std::span<const double> coordinates, std::span<Certificate> certificates,
-                                      double gap) const {
+                                      double gap, const StopToken* stop) const {
   CertificateOptions options = options_;
   options.gap = gap;
   std::vector<std::int32_t> order = all_;
@@ -178,7 +180,7 @@ CertificateSummary Certifier::sharpen(std::span<const double> coordinates, std::
     const ElementBlock& block = *cells_[cell].block;
     const Certificate better = detail::subdivide(
         {&detail::jacobian_table(block.shape, block.order), coordinates.data(), cells_[cell].nodes, scale_, sign_},
-        options);
+        options, stop);
     // An answer that was given once is kept. The search for a sharper bound may spend its budget and end with another
     // answer.
     if (better.answer == certificates[cell].answer &&

@@ -28,12 +28,16 @@ class Certifier {
   /// Keeps a reference to the mesh, whose elements must stay as they are; its nodes may move.
   explicit Certifier(const HighOrderMesh& mesh, CertificateOptions options = {});
 
+  /// How closely sharpen() finds the mesh's minimum if not told otherwise.
+  static constexpr double kMinimumGap = 0.002;
+
   /// The number of cells of the mesh.
   std::size_t cells() const { return cells_.size(); }
 
   /// Certifies every cell (elements of dimension mesh.dimension, in the mesh's order) with its nodes at `coordinates`
   /// (x y z of each node of the mesh, interleaved). `certificates` has cells() entries. Call it inside team.run(); the
-  /// result does not depend on the number of threads.
+  /// result does not depend on the number of threads. If the team's token interrupts it, each entry is either as it was
+  /// or the new certificate.
   void certify(std::span<const double> coordinates, std::span<Certificate> certificates, const Team& team) const;
 
   /// Certifies only the cells with these numbers (from 0) and keeps the other entries of `certificates`.
@@ -47,9 +51,10 @@ class Certifier {
   std::vector<char> sound_with_straight_sides(std::span<const double> coordinates, const Team& team) const;
 
   /// Sharpens the certificate of the cell with the smallest lower bound of the scaled Jacobian, again and again, until
-  /// the mesh's minimum is known to within `gap`. Only few cells must be cut for that. Returns the summary.
+  /// the mesh's minimum is known to within `gap`. Only few cells must be cut for that. Returns the summary. Looks at
+  /// the token, which may be null; if it interrupts, all certificates hold as far as they were sharpened.
   CertificateSummary sharpen(std::span<const double> coordinates, std::span<Certificate> certificates,
-                             double gap = 0.002) const;
+                             double gap = kMinimumGap, const StopToken* stop = nullptr) const;
 
  private:
   struct Cell {
@@ -60,9 +65,9 @@ class Certifier {
   enum class Form : std::uint8_t { Curved, StraightSided };
   template <class Visit>
   void visit_on_one_thread(std::span<const double> coordinates, std::span<const std::int32_t> cells, Form form,
-                           const Visit& visit) const;
+                           const StopToken* stop, const Visit& visit) const;
   void certify_on_one_thread(std::span<const double> coordinates, std::span<const std::int32_t> cells,
-                             std::span<Certificate> certificates) const;
+                             std::span<Certificate> certificates, const StopToken* stop) const;
 
   CertificateOptions options_;
   std::vector<Cell> cells_;

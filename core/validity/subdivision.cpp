@@ -83,8 +83,8 @@ struct Part {
 template <class Real>
 class Search {
  public:
-  Search(const CellToCertify& cell, const CertificateOptions& options)
-      : table_(*cell.table), options_(options), edges_(edges_of(*cell.table)) {}
+  Search(const CellToCertify& cell, const CertificateOptions& options, const StopToken* stop)
+      : table_(*cell.table), options_(options), edges_(edges_of(*cell.table)), stop_(stop) {}
 
   /// Cuts parts until the answer is known to within the gap or the budget is spent.
   void search(Coefficients<Real> root) {
@@ -98,6 +98,7 @@ class Search {
     push(std::move(whole));
     int parts = 1;
     while (!done()) {
+      look(stop_);
       if (parts >= options_.max_cells || open_.lowest().depth >= options_.max_depth) break;
       bisect(take());
       ++parts;
@@ -221,6 +222,7 @@ class Search {
   const JacobianTable& table_;
   const CertificateOptions& options_;
   const std::vector<Edge>& edges_;
+  const StopToken* stop_;
   OpenParts<Part<Real>> open_;  // never empty once the whole cell is in
   Certificate::Answer answer_ = Certificate::Answer::Undecided;
   bool finite_ = false;
@@ -233,8 +235,8 @@ class Search {
 /// One attempt; true if wider arithmetic may tell more.
 template <class Real>
 bool attempt(const CellToCertify& cell, const CertificateOptions& options, Coefficients<Real> coefficients,
-             Certificate& certificate) {
-  Search<Real> search(cell, options);
+             const StopToken* stop, Certificate& certificate) {
+  Search<Real> search(cell, options, stop);
   search.search(std::move(coefficients));
   if (!search.finite()) return false;
   certificate.answer = search.answer();
@@ -250,14 +252,15 @@ bool attempt(const CellToCertify& cell, const CertificateOptions& options, Coeff
 // Public functions
 // ---------------------------------------------------------------------------------------------------------------------
 
-Certificate subdivide(const CellToCertify& cell, const CertificateOptions& options) {
-  return subdivide(cell, options, plain_coefficients(cell));
+Certificate subdivide(const CellToCertify& cell, const CertificateOptions& options, const StopToken* stop) {
+  return subdivide(cell, options, plain_coefficients(cell), stop);
 }
 
-Certificate subdivide(const CellToCertify& cell, const CertificateOptions& options, Coefficients<double> coefficients) {
+Certificate subdivide(const CellToCertify& cell, const CertificateOptions& options, Coefficients<double> coefficients,
+                      const StopToken* stop) {
   Certificate certificate;
-  if (attempt(cell, options, std::move(coefficients), certificate))
-    attempt(cell, options, extended_coefficients(cell), certificate);
+  if (attempt(cell, options, std::move(coefficients), stop, certificate))
+    attempt(cell, options, extended_coefficients(cell, stop), stop, certificate);
   return certificate;
 }
 

@@ -7,6 +7,7 @@
 #include <utility>
 #include <vector>
 
+#include "core/base/stop_token.h"
 #include "core/validity/cell_coefficients.h"
 #include "core/validity/certificate.h"
 
@@ -59,11 +60,13 @@ class OpenParts {
   std::vector<Part> heap_;
 };
 
-/// Certifies a cell by subdivision: in double, and in wider arithmetic if double cannot tell.
-Certificate subdivide(const CellToCertify& cell, const CertificateOptions& options);
+/// Certifies a cell by subdivision: in double, and in wider arithmetic if double cannot tell. Looks at the token, which
+/// may be null: one cell of a high order may take seconds.
+Certificate subdivide(const CellToCertify& cell, const CertificateOptions& options, const StopToken* stop = nullptr);
 
 /// The same for a cell whose coefficients are known already.
-Certificate subdivide(const CellToCertify& cell, const CertificateOptions& options, Coefficients<double> coefficients);
+Certificate subdivide(const CellToCertify& cell, const CertificateOptions& options, Coefficients<double> coefficients,
+                      const StopToken* stop = nullptr);
 
 /// Whether rounding weakens the lower bound of a valid cell so much that wider arithmetic gives a better one.
 template <class Real>

@@ -54,7 +54,7 @@ Expected<RunSummary> run(RunRequest request, const RunHooks& hooks) {
   if (hooks.admit)
     if (const auto admitted = hooks.admit(memory_needed(file->mesh, request.options)); !admitted)
       return tl::unexpected(admitted.error());
-  if (hooks.control.stop_asked()) {
+  if (hooks.control.stop_asked() || (hooks.given_up && hooks.given_up())) {
     RunSummary summary;
     summary.stopped = true;
     return summary;

@@ -1,6 +1,7 @@
 // The steps of an attempt: open the mesh, run the engine, store the results.
 #include "server/scheduling/attempt.h"
 
+#include <atomic>
 #include <exception>
 #include <new>
 #include <utility>
@@ -82,6 +83,28 @@ class Checkpoints {
   const Attempt& attempt_;
   TimePoint saved_;
   int iteration_ = 0;
+};
+
+/// Whether a run has to stop at once. If the server stops, an iteration that ends soon may still be saved as a
+/// checkpoint: otherwise half a minute of work may be lost. May be called by several threads at the same time.
+class StopAtOnce {
+ public:
+  explicit StopAtOnce(const Attempt& attempt) : attempt_(attempt) {}
+
+  bool operator()() {
+    if (attempt_.cancelled()) return true;
+    if (!attempt_.stopping()) return false;
+    const TimePoint now = attempt_.clock();
+    TimePoint first{};
+    if (stopping_since_.compare_exchange_strong(first, now)) first = now;
+    return now - first >= kPatience;
+  }
+
+ private:
+  static constexpr std::chrono::seconds kPatience{2};
+
+  const Attempt& attempt_;
+  std::atomic<TimePoint> stopping_since_ = TimePoint{};
 };
 
 /// The memory of a run. While the run waits for memory, other jobs have its threads.
@@ -227,7 +250,8 @@ Ending run(const Attempt& attempt) {
   Memory memory(attempt.memory, attempt.threads, stop_asked);
   RunHooks hooks;
   hooks.on_iteration = [&](const Iteration& iteration) { return progress(iteration); };
-  hooks.control.stop_asked = stop_asked;
+  StopAtOnce stop_at_once(attempt);
+  hooks.control.stop_asked = [&] { return stop_at_once(); };
   hooks.control.threads = attempt.threads.now;
   hooks.control.checkpoint_due = [&](const Iteration& iteration) { return checkpoints.due(iteration.number); };
   hooks.control.save_checkpoint = [&](const Iteration& iteration, const WriteCheckpoint& write) {

@@ -72,7 +72,7 @@ class Job:
         return self
 
     def cancel(self) -> Job:
-        """Asks for the job to end. It does so at its next iteration."""
+        """Asks for the job to end. It does so at once, and its result is the best mesh so far."""
         self._message = self._client._cancel(self.name)
         return self
 

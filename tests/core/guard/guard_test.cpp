@@ -72,6 +72,35 @@ TEST_P(GuardTest, KeepsEveryStateThatLosesNothing) {
             file_coordinates(mesh_, frame_, solver_positions(mesh_, frame_), problem_.positions));
 }
 
+TEST_P(GuardTest, KeepsItsStateWhereverItIsInterrupted) {
+  shake(1e-3);
+  guard_->certify_moved();
+  const std::vector<double> good = guard_->coordinates(), good_positions = problem_.positions;
+  shake(1e-3);
+  const std::vector<double> moved = problem_.positions;
+  int looks = 0;
+  for (bool interrupted = true; interrupted; ++looks) {
+    problem_.positions = moved;
+    int left = looks;
+    const StopToken token([&] { return left-- == 0; });
+    team_.set_stop(&token);
+    try {
+      guard_->certify_moved();
+      interrupted = false;
+    } catch (const Interrupted&) {
+      ASSERT_EQ(guard_->coordinates(), good) << looks << " looks";
+    }
+    team_.set_stop(nullptr);
+    if (!interrupted) continue;
+    // The nodes go back. What the interrupted call has computed about them must not count.
+    problem_.positions = good_positions;
+    guard_->certify_moved();
+    ASSERT_EQ(guard_->coordinates(), good) << looks << " looks";
+  }
+  EXPECT_GT(looks, 3);
+  EXPECT_EQ(guard_->coordinates(), file_coordinates(mesh_, frame_, solver_positions(mesh_, frame_), moved));
+}
+
 TEST_P(GuardTest, PutsBackWhatWasLostAndNoMore) {
   shake(1e-3);
   guard_->certify_moved();

@@ -73,6 +73,26 @@ class NewtonOn : public ::testing::TestWithParam<Filling> {
 INSTANTIATE_TEST_SUITE_P(Fillings, NewtonOn, ::testing::ValuesIn(testing::kFillings),
                          [](const auto& info) { return testing::name(info.param); });
 
+TEST_P(NewtonOn, LeavesTheNodesWhereTheyWereIfItIsInterrupted) {
+  prepare(0.05);
+  const std::vector<double> start = problem_.positions;
+  std::int64_t whole = 0;
+  const StopToken counter([&] { return ++whole < 0; });
+  team_.set_stop(&counter);
+  newton_->step();
+  ASSERT_GT(whole, 30);
+  for (std::int64_t looks = 1; looks <= whole; looks += 1 + whole / 37) {
+    team_.set_stop(nullptr);
+    prepare(0.05);
+    std::int64_t looked = 0;
+    const StopToken token([&] { return ++looked == looks; });
+    team_.set_stop(&token);
+    EXPECT_THROW(newton_->step(), Interrupted) << "look " << looks << " of " << whole;
+    EXPECT_EQ(problem_.positions, start) << "look " << looks << " of " << whole;
+  }
+  team_.set_stop(nullptr);
+}
+
 TEST_P(NewtonOn, HasTheGradientOfThePlainKernels) {
   for (const double shake : {0.01, 0.12})
     for (const double p : {1.0, 3.0}) {

@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <numeric>
 #include <random>
 
 #include "core/reference/basis.h"
@@ -73,6 +74,25 @@ TEST_P(CoefficientTableOf, HasTheSlopesOfTheCoefficients) {
       const Eigen::VectorXd error = slope.col(Eigen::Index(i) * table.dimension + c) - (above - below) / (2 * h);
       EXPECT_LT(error.cwiseAbs().maxCoeff(), 1e-6 * (1 + slope.cwiseAbs().maxCoeff()));
     }
+}
+
+TEST(CoefficientTable, HasTheSameSlopesIfItsProductsAreCutUp) {
+  // The products of a whole hexahedron of order 7 are cut into pieces, those of a few nodes are not.
+  const CoefficientTable& table = coefficient_table(Shape::Hexahedron, 7);
+  const Eigen::MatrixXd x = reference::nodes(Shape::Hexahedron, 7, reference::NodeSet::Optimised, 3);
+  std::vector<int> all(std::size_t(x.rows()));
+  std::iota(all.begin(), all.end(), 0);
+  ASSERT_LT(columns_per_look(2.0 * table.size * double(table.derivative[0].rows())), x.rows());
+  const auto cofactors = table.cofactors(table.derivatives(x));
+  const std::vector<int> few = {0, 100, 300, 511};
+  const Eigen::MatrixXd whole = table.slope(cofactors, all), part = table.slope(cofactors, few);
+  for (std::size_t i = 0; i < few.size(); ++i)
+    for (int c = 0; c < 3; ++c) {
+      const Eigen::VectorXd error = whole.col(3 * few[i] + c) - part.col(3 * Eigen::Index(i) + c);
+      EXPECT_LT(error.cwiseAbs().maxCoeff(), 1e-12 * part.cwiseAbs().maxCoeff());
+    }
+  const StopToken stopped([] { return true; });
+  EXPECT_THROW(table.slope(cofactors, few, &stopped), Interrupted);
 }
 
 TEST_P(CoefficientTableOf, DoesNotDependOnWhereTheCellLies) {

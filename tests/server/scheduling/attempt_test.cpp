@@ -112,6 +112,23 @@ TEST_F(AttemptTest, IsPendingAgainIfTheServerStops) {
   EXPECT_EQ(checkpoints_[0].digest, sha256("state"));
 }
 
+TEST_F(AttemptTest, InterruptsAnIterationAtOnceIfCancelledAndAfterAWhileIfTheServerStops) {
+  run([this](RunRequest, const RunHooks& hooks) -> Expected<RunSummary> {
+    EXPECT_FALSE(hooks.control.stop_asked());
+    stopping_ = true;
+    EXPECT_FALSE(hooks.control.stop_asked()) << "an iteration that ends soon can still be saved";
+    now_ += std::chrono::milliseconds(1999);
+    EXPECT_FALSE(hooks.control.stop_asked());
+    now_ += std::chrono::milliseconds(1);
+    EXPECT_TRUE(hooks.control.stop_asked());
+    stopping_ = false;
+    EXPECT_FALSE(hooks.control.stop_asked());
+    cancelled_ = true;
+    EXPECT_TRUE(hooks.control.stop_asked());
+    return RunSummary();
+  });
+}
+
 TEST_F(AttemptTest, ContinuesFromTheCheckpointOfItsClaim) {
   claim_.checkpoint = CheckpointReference{write(*meshes_, "state").digest, 7};
   run([](RunRequest, const RunHooks& hooks) -> Expected<RunSummary> {

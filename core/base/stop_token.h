@@ -1,0 +1,74 @@
+// Tells work that is under way to stop: because the caller asks for it, or because its time is over.
+#pragma once
+
+#include <atomic>
+#include <chrono>
+#include <cstdint>
+#include <functional>
+#include <limits>
+#include <utility>
+
+namespace varimesh {
+
+/// Thrown by StopToken::look(). What was being computed is lost; whoever catches it goes back to a state that is whole.
+struct Interrupted {};
+
+/// A wish to stop. The loops that take long look at it between pieces of work, on all threads. Once a look has found
+/// the wish, all later ones find it too.
+///
+/// To look costs a relaxed load. If there is a question or a time limit, it also costs the question or a reading of the
+/// clock, some 30 ns. So pieces of work should take a microsecond or more.
+class StopToken {
+ public:
+  /// Why to stop.
+  enum class Reason : std::uint8_t { None, Asked, TimeLimit };
+
+  /// Stops never, until it is given a time limit.
+  StopToken() = default;
+  /// Stops when `asked` returns true. It is called at every look, from several threads at the same time; it may be
+  /// empty.
+  explicit StopToken(std::function<bool()> asked) : asked_(std::move(asked)) {}
+
+  /// Stops when this many seconds have passed from now, in place of any limit before. No thread may look meanwhile.
+  void stop_after(double seconds) {
+    constexpr double kFarAway = 1e9;  // about 30 years; the clock's count would overflow at 292
+    deadline_ = seconds < kFarAway
+                    ? Clock::now() + std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(seconds))
+                    : Clock::time_point::max();
+  }
+
+  /// Why to stop, as of the last look.
+  Reason reason() const { return reason_.load(std::memory_order_relaxed); }
+
+  /// A look: whether to stop.
+  bool stopped() const {
+    if (reason() != Reason::None) return true;
+    if (asked_ && asked_()) return stop_for(Reason::Asked);
+    return deadline_ != Clock::time_point::max() && Clock::now() >= deadline_ && stop_for(Reason::TimeLimit);
+  }
+
+  /// A look that throws Interrupted if the work is to stop.
+  void look() const {
+    if (stopped()) throw Interrupted();
+  }
+
+ private:
+  using Clock = std::chrono::steady_clock;
+
+  bool stop_for(Reason reason) const {
+    Reason none = Reason::None;
+    reason_.compare_exchange_strong(none, reason, std::memory_order_relaxed);
+    return true;
+  }
+
+  std::function<bool()> asked_;
+  Clock::time_point deadline_ = Clock::time_point::max();
+  mutable std::atomic<Reason> reason_ = Reason::None;
+};
+
+/// A look at a token that may be missing.
+inline void look(const StopToken* stop) {
+  if (stop != nullptr) stop->look();
+}
+
+}  // namespace varimesh
