@@ -1,16 +1,13 @@
 #include "core/optimise/set_up.h"
 
-#include <algorithm>
 #include <string>
 #include <utility>
 
 #include "core/base/stopwatch.h"
-#include "core/base/team.h"
 #include "core/mesh/change_order.h"
 #include "core/mesh/check.h"
-#include "core/mesh/connectivity.h"
 #include "core/problem/fixed_nodes.h"
-#include "core/validity/certifier.h"
+#include "core/problem/node_conversion.h"
 
 namespace varimesh {
 namespace {
@@ -24,26 +21,6 @@ Expected<void> check_degree(const HighOrderMesh& mesh, int degree) {
 }
 
 }  // namespace
-
-Expected<void> check_straight_sides(const HighOrderMesh& mesh, int threads) {
-  const bool exact_at_corners = std::ranges::all_of(mesh.blocks, [&](const ElementBlock& block) {
-    const reference::ShapeInfo& shape = reference::info(block.shape);
-    return shape.dimension < mesh.dimension || shape.affine || block.shape == Shape::Quadrilateral;
-  });
-  if (exact_at_corners) return {};
-  const Team team(threads);
-  std::vector<char> sound;
-  team.run([&] { sound = Certifier(mesh).sound_with_straight_sides(mesh.coordinates, team); });
-  const auto unsound = static_cast<std::size_t>(std::ranges::count(sound, 0));
-  if (unsound == 0) return {};
-  const Cells cells(mesh, mesh.dimension);
-  const auto first = static_cast<std::size_t>(std::ranges::find(sound, 0) - sound.begin());
-  return bad_input("Element " + std::to_string(cells.number(first)) + " (" +
-                   std::string(reference::info(cells.shape(first)).name) +
-                   ") is inverted inside even with straight sides, although it is sound at its corners" +
-                   (unsound > 1 ? " (" + std::to_string(unsound) + " such elements in all)" : "") +
-                   ". Correct the linear mesh first.");
-}
 
 MeshSummary mesh_summary(const HighOrderMesh& mesh, const std::vector<bool>& fixed) {
   std::vector<bool> used(mesh.node_count(), false);
@@ -62,9 +39,9 @@ MeshSummary mesh_summary(const HighOrderMesh& mesh, const std::vector<bool>& fix
 Expected<std::unique_ptr<SetUp>> set_up(HighOrderMesh&& mesh, const Options& options) {
   const Stopwatch watch;
   if (const auto checked = check(options); !checked) return tl::unexpected(checked.error());
-  if (const auto checked = check(mesh); !checked) return tl::unexpected(checked.error());
-  if (const auto checked = check_straight_sides(mesh, options.threads); !checked)
-    return tl::unexpected(checked.error());
+  if (const auto checked = check_structure(mesh); !checked) return tl::unexpected(checked.error());
+  if (!(frame_of(mesh).diagonal > 0))
+    return bad_input("The mesh has no size: all its nodes are at one place. Write it again with its coordinates.");
   if (options.order > 0 && options.order != mesh.order) {
     Expected<HighOrderMesh> changed = change_order(mesh, options.order);
     if (!changed) return tl::unexpected(changed.error());
