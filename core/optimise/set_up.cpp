@@ -4,10 +4,13 @@
 #include <utility>
 
 #include "core/base/stopwatch.h"
+#include "core/diagnosis/elements_text.h"
 #include "core/mesh/change_order.h"
 #include "core/mesh/check.h"
+#include "core/mesh/connectivity.h"
 #include "core/problem/fixed_nodes.h"
 #include "core/problem/node_conversion.h"
+#include "core/validity/orientation.h"
 
 namespace varimesh {
 namespace {
@@ -18,6 +21,20 @@ Expected<void> check_degree(const HighOrderMesh& mesh, int degree) {
   return bad_option("quadrature_degree " + std::to_string(degree) + " is too low for a mesh of order " +
                     std::to_string(mesh.order) + ": below 2 (P − 1) = " + std::to_string(least) +
                     " the energy does not see all of an element; leave it at 0 for twice the order.");
+}
+
+/// A mesh may be clockwise, but not a part of it.
+Expected<void> check_senses(const HighOrderMesh& mesh) {
+  const std::vector<char> against = detail::numbered_against_most(mesh);
+  if (against.empty()) return {};
+  const Cells cells(mesh, mesh.dimension);
+  std::vector<std::int64_t> numbers;
+  for (std::size_t cell = 0; cell < against.size(); ++cell)
+    if (against[cell] != 0) numbers.push_back(cells.number(cell));
+  return bad_input("The elements are not all numbered in the same sense: " +
+                   elements_text(numbers, "element", "elements") + (numbers.size() == 1 ? " is" : " are") +
+                   " numbered against the others. Number the vertices of all elements alike; in a Gmsh script, "
+                   "ReverseMesh Surface{…} or Volume{…} turns the elements of an entity.");
 }
 
 }  // namespace
@@ -40,6 +57,7 @@ Expected<std::unique_ptr<SetUp>> set_up(HighOrderMesh&& mesh, const Options& opt
   const Stopwatch watch;
   if (const auto checked = check(options); !checked) return tl::unexpected(checked.error());
   if (const auto checked = check_structure(mesh); !checked) return tl::unexpected(checked.error());
+  if (const auto checked = check_senses(mesh); !checked) return tl::unexpected(checked.error());
   if (!(frame_of(mesh).diagonal > 0))
     return bad_input("The mesh has no size: all its nodes are at one place. Write it again with its coordinates.");
   if (options.order > 0 && options.order != mesh.order) {

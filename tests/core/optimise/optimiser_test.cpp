@@ -295,6 +295,23 @@ TEST(Optimise, NamesNoSubstitutesIfThereAreNone) {
   EXPECT_EQ(result->substitute_targets.sentence, "");
 }
 
+TEST(Optimise, RefusesAMeshWhoseElementsAreNumberedInTwoSenses) {
+  HighOrderMesh mesh = testing::grid(Filling::Quadrilaterals, {4, 4, 1}, 2);
+  ElementBlock& block = *std::ranges::find(mesh.blocks, Shape::Quadrilateral, &ElementBlock::shape);
+  // Gmsh's order: four vertices, the middles of the four edges, the centre.
+  for (const std::size_t cell : {3U, 4U}) {
+    std::int32_t* nodes = block.nodes.data() + 9 * cell;
+    std::swap(nodes[1], nodes[3]);
+    std::swap(nodes[4], nodes[7]);
+    std::swap(nodes[5], nodes[6]);
+  }
+  const auto result = optimise(mesh);
+  ASSERT_FALSE(result);
+  const std::string named =
+      "elements " + std::to_string(block.numbers[3]) + " and " + std::to_string(block.numbers[4]) + " are numbered";
+  EXPECT_NE(result.error().sentence.find(named), std::string::npos) << result.error().sentence;
+}
+
 TEST(Optimise, TakesACellThatEnclosesNothingAndRefusesAMeshWithoutSize) {
   HighOrderMesh mesh = testing::one_cell(Shape::Tetrahedron, 2, [](testing::Place p) {
     return testing::Place{p[0], p[1], 0.3 * p[0] - 0.7 * p[1]};
