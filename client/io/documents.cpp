@@ -71,6 +71,12 @@ Json repairs_document(const v1::Metrics& metrics) {
   return all;
 }
 
+Json substitutes_document(const v1::SubstituteTargets& targets) {
+  Json elements = Json::array();
+  for (const std::int64_t element : targets.elements()) elements.push_back(element);
+  return {{"count", targets.count()}, {"elements", std::move(elements)}, {"sentence", targets.sentence()}};
+}
+
 const char* spelled(Certificate::Answer answer) {
   return answer == Certificate::Answer::Invalid ? "invalid" : "undecided";
 }
@@ -78,18 +84,21 @@ const char* spelled(Certificate::Answer answer) {
 }  // namespace
 
 Json document(const v1::Metrics& metrics) {
-  return {{"mesh", mesh_document(metrics.mesh())},
-          {"energy", spelled(metrics.energy())},
-          {"method", spelled(metrics.method())},
-          {"iterations", metrics.iterations()},
-          {"seconds", metrics.seconds()},
-          {"residual", metrics.residual()},
-          {"converged", metrics.converged()},
-          {"stop_reason", spelled(metrics.stop_reason())},
-          {"before", quality_document(metrics.before())},
-          {"after", quality_document(metrics.after())},
-          {"unrepairable", groups_document(metrics.unrepairable())},
-          {"repairs", repairs_document(metrics)}};
+  Json result = {{"mesh", mesh_document(metrics.mesh())},
+                 {"energy", spelled(metrics.energy())},
+                 {"method", spelled(metrics.method())},
+                 {"iterations", metrics.iterations()},
+                 {"seconds", metrics.seconds()},
+                 {"residual", metrics.residual()},
+                 {"converged", metrics.converged()},
+                 {"stop_reason", spelled(metrics.stop_reason())},
+                 {"before", quality_document(metrics.before())},
+                 {"after", quality_document(metrics.after())},
+                 {"unrepairable", groups_document(metrics.unrepairable())},
+                 {"repairs", repairs_document(metrics)}};
+  if (metrics.has_substitute_targets())
+    result["substitute_targets"] = substitutes_document(metrics.substitute_targets());
+  return result;
 }
 
 Json document(const MeshSummary& mesh, const QualityReport& quality, const std::vector<UnrepairableGroup>& groups) {

@@ -74,6 +74,7 @@ std::string summary(const v1::Metrics& metrics) {
          fmt::format("proved scaled Jacobian    {:>10.5f}  {:>10.5f}\n",
                      before.certified().min_scaled_jacobian_lower_bound(),
                      after.certified().min_scaled_jacobian_lower_bound()) +
+         (metrics.has_substitute_targets() ? metrics.substitute_targets().sentence() + "\n" : "") +
          sentences(metrics.repairs(), "steps of repair") +
          sentences(metrics.unrepairable(), "groups of elements that no movement of nodes can repair");
 }

@@ -118,94 +118,6 @@ Expected<void> check_distinct_nodes(const HighOrderMesh& mesh) {
   return {};
 }
 
-// A vertex with as many edges as there are dimensions. There the Jacobian of the straight-sided map is the determinant
-// of the edge vectors, up to a positive factor. A simplex needs only one corner. The apex of a pyramid has four edges,
-// so it is not a corner.
-struct Corner {
-  std::size_t vertex;
-  std::array<std::size_t, 3> others;  ///< Ordered so that the determinant of the reference cell is positive.
-};
-
-double determinant(const std::array<std::array<double, 3>, 3>& a) {
-  return a[0][0] * (a[1][1] * a[2][2] - a[1][2] * a[2][1]) - a[0][1] * (a[1][0] * a[2][2] - a[1][2] * a[2][0]) +
-         a[0][2] * (a[1][0] * a[2][1] - a[1][1] * a[2][0]);
-}
-
-// The edge vectors from a corner. In 2-D the third is the unit vector along z.
-template <class Position>
-std::array<std::array<double, 3>, 3> edges_at(const Corner& corner, int dimension, Position&& position) {
-  std::array<std::array<double, 3>, 3> edges{};
-  edges[2] = {0, 0, 1};
-  const double* origin = position(corner.vertex);
-  for (std::size_t k = 0; k < std::size_t(dimension); ++k) {
-    const double* other = position(corner.others[k]);
-    for (std::size_t c = 0; c < std::size_t(dimension); ++c) edges[k][c] = other[c] - origin[c];
-  }
-  return edges;
-}
-
-std::vector<Corner> corners(Shape shape) {
-  const reference::ShapeInfo& info = reference::info(shape);
-  std::vector<Corner> result;
-  for (std::size_t v = 0; v < std::size_t(info.vertices); ++v) {
-    std::vector<std::size_t> others;
-    for (const auto& edge : info.edges) {
-      if (std::size_t(edge[0]) == v) others.push_back(std::size_t(edge[1]));
-      if (std::size_t(edge[1]) == v) others.push_back(std::size_t(edge[0]));
-    }
-    if (others.size() != std::size_t(info.dimension)) continue;
-    others.resize(3);
-    Corner corner{v, {others[0], others[1], others[2]}};
-    const auto position = [&](std::size_t i) { return info.vertex[i].data(); };
-    if (determinant(edges_at(corner, info.dimension, position)) < 0) std::swap(corner.others[0], corner.others[1]);
-    result.push_back(corner);
-    if (info.affine) break;
-  }
-  return result;
-}
-
-// The sign of the determinants at all corners: 1 if all are positive, −1 if all are negative, 0 otherwise.
-int orientation(const HighOrderMesh& mesh, const std::vector<Corner>& corners, const std::int32_t* nodes) {
-  int sign = 0;
-  for (const Corner& corner : corners) {
-    const auto position = [&](std::size_t i) { return mesh.coordinates.data() + 3 * std::size_t(nodes[i]); };
-    const auto edges = edges_at(corner, mesh.dimension, position);
-    double scale = 1;
-    for (const auto& edge : edges) scale *= std::hypot(edge[0], edge[1], edge[2]);
-    // A value within the rounding error counts as zero.
-    const double value = determinant(edges);
-    const double zero = 4 * std::numeric_limits<double>::epsilon() * scale;
-    const int here = value > zero ? 1 : value < -zero ? -1 : 0;
-    if (here == 0 || (sign != 0 && here != sign)) return 0;
-    sign = here;
-  }
-  return sign;
-}
-
-Expected<MeshCheck> check_straight_sided(const HighOrderMesh& mesh, const Cells& cells) {
-  std::vector<std::int8_t> signs(cells.count());
-  std::array<std::size_t, 3> tally{};
-  for (const Cells::Range& range : cells.ranges()) {
-    const std::vector<Corner> at = corners(range.block->shape);
-    for (std::size_t e = 0; e < range.block->size(); ++e) {
-      const int sign = orientation(mesh, at, range.block->nodes.data() + e * range.stride);
-      signs[range.first + e] = std::int8_t(sign);
-      ++tally[std::size_t(sign + 1)];
-    }
-  }
-  // The cells in the minority are wrong. A mesh in which all cells are mirrored is accepted.
-  const bool clockwise = tally[0] > tally[2];
-  const std::int8_t good = clockwise ? -1 : 1;
-  const std::size_t bad = signs.size() - tally[clockwise ? 0 : 2];
-  if (bad == 0) return MeshCheck{clockwise};
-  const auto first =
-      std::size_t(std::find_if(signs.begin(), signs.end(), [&](auto s) { return s != good; }) - signs.begin());
-  const std::string how = signs[first] == 0 ? "is degenerate or folded" : "is inverted";
-  return bad_input("Element " + std::to_string(cells.number(first)) + " (" + name_of(cells.shape(first)) + ") " + how +
-                   " even with straight sides: its vertices define a Jacobian that is not positive" +
-                   and_more(bad, "elements") + ". Correct the linear mesh first.");
-}
-
 // === Duplicates ==========================================================================================
 
 Expected<void> check_duplicates(const Cells& cells) {
@@ -289,11 +201,6 @@ Expected<void> check_structure(const HighOrderMesh& mesh) {
   if (auto done = check_duplicates(cells); !done) return tl::unexpected<Error>(done.error());
   if (auto done = check_conformity(mesh, facets(mesh)); !done) return tl::unexpected<Error>(done.error());
   return {};
-}
-
-Expected<MeshCheck> check(const HighOrderMesh& mesh) {
-  if (auto done = check_structure(mesh); !done) return tl::unexpected<Error>(done.error());
-  return check_straight_sided(mesh, Cells(mesh, mesh.dimension));
 }
 
 }  // namespace varimesh

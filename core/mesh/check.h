@@ -1,4 +1,4 @@
-// Checks whether a mesh can be optimised. Every error names the element or node and says what to do.
+// Checks whether a mesh can be judged and optimised. Every error names the element or node and says what to do.
 #pragma once
 
 #include <vector>
@@ -8,27 +8,17 @@
 
 namespace varimesh {
 
-/// What check() finds out about an accepted mesh.
-struct MeshCheck {
-  bool clockwise = false;  ///< The vertices of all cells, in 2-D or 3-D, are in mirrored order.
-};
-
-/// Checks everything that an optimisation relies on: check_structure(), and that all straight-sided cells (the cells
-/// that their vertices define) have a positive Jacobian, or all of them a negative one.
-/// Errors: BadInput, which describes the first fault, says how many there are of its kind, and what to do.
-Expected<MeshCheck> check(const HighOrderMesh& mesh);
-
 /// Refuses meshes with more nodes or cells than kMostNodes and kMostCells. Errors: BadInput.
 Expected<void> check_counts(std::int64_t nodes, std::int64_t cells);
 
-/// Checks everything that the measures of quality rely on:
+/// Checks everything that an optimisation and the measures of quality rely on:
 ///   - there are not too many nodes or cells: check_counts()
 ///   - there are elements of dimension 2 or 3, of one order and of known shapes
 ///   - all coordinates are finite, and a 2-D mesh lies in a plane z = constant
 ///   - the nodes of each cell are distinct, and no cell appears twice
 ///   - cells conform: a facet has one or two cells, which have the same nodes on it
-/// Straight-sided cells may be inverted: an optimised mesh may contain such cells if they cannot be repaired or if
-/// their curved edges leave room. Errors as for check().
+/// Cells may be inverted, with curved sides and with straight sides.
+/// Errors: BadInput, which describes the first fault, says how many there are of its kind, and what to do.
 Expected<void> check_structure(const HighOrderMesh& mesh);
 
 /// Checks that each block has a possible order, as many nodes as its elements need, and only nodes of the mesh. Errors:

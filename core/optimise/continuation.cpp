@@ -3,8 +3,12 @@
 #include <algorithm>
 #include <utility>
 
+#include "core/base/index.h"
 #include "core/checkpoint/checkpoint.h"
+#include "core/diagnosis/elements_text.h"
+#include "core/mesh/connectivity.h"
 #include "core/problem/node_conversion.h"
+#include "core/problem/substitute_shapes.h"
 #include "core/problem/targets.h"
 #include "core/quality/certified_quality.h"
 
@@ -45,7 +49,7 @@ bool Continuation::run(std::vector<Certificate>& certificates, Result& result) {
 bool Continuation::run_stages(const std::vector<Certificate>& certificates, Result& result) {
   const Options& options = set_up_.options;
   set_up_.problem.positions = solver_positions(set_up_.mesh, frame_);
-  set_targets(set_up_.problem, set_up_.target, frame_.diagonal);
+  choose_targets(result);
   std::optional<StopReason> nothing_to_do;
   if (control_.checkpoint.empty()) {
     grace_.watch();
@@ -69,6 +73,27 @@ bool Continuation::run_stages(const std::vector<Certificate>& certificates, Resu
     if (!nothing_to_do) iterate(result);
   }
   return true;
+}
+
+/// Sets the targets, and names the cells that do not take their own straight-sided shape.
+void Continuation::choose_targets(Result& result) {
+  SubstituteShapes substitutes;
+  team_.run([&] {
+    const HighOrderMesh& mesh = set_up_.mesh;
+    substitutes = substitute_shapes(mesh, certifier_.sound_with_straight_sides(mesh.coordinates, team_), team_);
+  });
+  set_targets(set_up_.problem, set_up_.target, frame_.diagonal, substitutes);
+  const Cells cells(set_up_.mesh, set_up_.mesh.dimension);
+  SubstituteTargets& named = result.substitute_targets;
+  named = {};
+  for (const std::int32_t cell : substitutes.cells) named.elements.push_back(cells.number(at(cell)));
+  if (named.elements.empty()) return;
+  const bool one = named.elements.size() == 1;
+  named.sentence = "With straight sides, " + elements_text(named.elements, "element", "elements") +
+                   (one ? " is" : " are") + " inverted or nearly flat. " +
+                   (one ? "Its target is made from a regular shape with its"
+                        : "Their targets are made from regular shapes with their") +
+                   " volume.";
 }
 
 // ===== beginning a stage =====

@@ -39,6 +39,7 @@ class Continuation {
   bool run_stages(const std::vector<Certificate>& certificates, Result& result);
   /// Makes a new guard, best mesh and stage. `certificates` and `unrepairable` are those of set_up.mesh.
   void set_up_stage(const std::vector<Certificate>& certificates, std::span<const UnrepairableGroup> unrepairable);
+  void choose_targets(Result& result);
   StageContext context();
   std::optional<StopReason> begin(const std::vector<Certificate>& certificates,
                                   std::span<const UnrepairableGroup> unrepairable);

@@ -139,9 +139,7 @@ Expected<Result> Optimiser::run(std::vector<double> coordinates, const OnIterati
                      ".");
   if (coordinates != mesh.coordinates) {
     mesh.coordinates.swap(coordinates);
-    Expected<void> checked = check(mesh).map([](const MeshCheck&) {});
-    if (checked) checked = check_straight_sides(mesh, set_up_->options.threads);
-    if (!checked) {
+    if (const auto checked = check_structure(mesh); !checked) {
       mesh.coordinates.swap(coordinates);  // keeps the coordinates that were checked last
       return tl::unexpected(checked.error());
     }

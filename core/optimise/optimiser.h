@@ -38,7 +38,7 @@ class Optimiser {
   static Expected<Optimiser> create(HighOrderMesh&& mesh, const Options& options = {});
 
   /// Optimises the mesh with these coordinates (3 per node, interleaved, as HighOrderMesh::coordinates).
-  /// Errors: BadInput if there are too few or too many, if one is not finite, or if a straight-sided cell is inverted.
+  /// Errors: BadInput if there are too few or too many, or if one is not finite.
   Expected<Result> run(std::vector<double> coordinates, const OnIteration& on_iteration = {},
                        const RunControl& control = {});
 

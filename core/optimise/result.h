@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <string>
 #include <vector>
 
 #include "core/diagnosis/diagnosis.h"
@@ -38,6 +39,13 @@ struct MeshSummary {
   std::int64_t free_nodes = 0;  ///< Nodes that may move.
 };
 
+/// The elements whose straight-sided shape is inverted or nearly flat, so that their target has another shape
+/// (core/problem/substitute_shapes.h).
+struct SubstituteTargets {
+  std::vector<std::int64_t> elements;  ///< Element numbers of the resulting mesh, in its order.
+  std::string sentence;                ///< For humans; empty if there are none.
+};
+
 /// Everything that a run says about itself, without the mesh.
 struct RunSummary {
   MeshSummary sizes;  ///< Of the input mesh, in the order in which it was optimised.
@@ -53,6 +61,7 @@ struct RunSummary {
   QualityReport after;
   std::vector<UnrepairableGroup> unrepairable;  ///< What no movement of free nodes can repair.
   std::vector<RepairStep> repairs;              ///< What Repair::Split or Straighten did about it, in order.
+  SubstituteTargets substitute_targets;
   std::vector<Iteration> history;
 };
 

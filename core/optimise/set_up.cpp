@@ -1,16 +1,16 @@
 #include "core/optimise/set_up.h"
 
-#include <algorithm>
 #include <string>
 #include <utility>
 
 #include "core/base/stopwatch.h"
-#include "core/base/team.h"
+#include "core/diagnosis/elements_text.h"
 #include "core/mesh/change_order.h"
 #include "core/mesh/check.h"
 #include "core/mesh/connectivity.h"
 #include "core/problem/fixed_nodes.h"
-#include "core/validity/certifier.h"
+#include "core/problem/node_conversion.h"
+#include "core/validity/orientation.h"
 
 namespace varimesh {
 namespace {
@@ -23,27 +23,21 @@ Expected<void> check_degree(const HighOrderMesh& mesh, int degree) {
                     " the energy does not see all of an element; leave it at 0 for twice the order.");
 }
 
-}  // namespace
-
-Expected<void> check_straight_sides(const HighOrderMesh& mesh, int threads) {
-  const bool exact_at_corners = std::ranges::all_of(mesh.blocks, [&](const ElementBlock& block) {
-    const reference::ShapeInfo& shape = reference::info(block.shape);
-    return shape.dimension < mesh.dimension || shape.affine || block.shape == Shape::Quadrilateral;
-  });
-  if (exact_at_corners) return {};
-  const Team team(threads);
-  std::vector<char> sound;
-  team.run([&] { sound = Certifier(mesh).sound_with_straight_sides(mesh.coordinates, team); });
-  const auto unsound = static_cast<std::size_t>(std::ranges::count(sound, 0));
-  if (unsound == 0) return {};
+/// A mesh may be clockwise, but not a part of it.
+Expected<void> check_senses(const HighOrderMesh& mesh) {
+  const std::vector<char> against = detail::numbered_against_most(mesh);
+  if (against.empty()) return {};
   const Cells cells(mesh, mesh.dimension);
-  const auto first = static_cast<std::size_t>(std::ranges::find(sound, 0) - sound.begin());
-  return bad_input("Element " + std::to_string(cells.number(first)) + " (" +
-                   std::string(reference::info(cells.shape(first)).name) +
-                   ") is inverted inside even with straight sides, although it is sound at its corners" +
-                   (unsound > 1 ? " (" + std::to_string(unsound) + " such elements in all)" : "") +
-                   ". Correct the linear mesh first.");
+  std::vector<std::int64_t> numbers;
+  for (std::size_t cell = 0; cell < against.size(); ++cell)
+    if (against[cell] != 0) numbers.push_back(cells.number(cell));
+  return bad_input("The elements are not all numbered in the same sense: " +
+                   elements_text(numbers, "element", "elements") + (numbers.size() == 1 ? " is" : " are") +
+                   " numbered against the others. Number the vertices of all elements alike; in a Gmsh script, "
+                   "ReverseMesh Surface{…} or Volume{…} turns the elements of an entity.");
 }
+
+}  // namespace
 
 MeshSummary mesh_summary(const HighOrderMesh& mesh, const std::vector<bool>& fixed) {
   std::vector<bool> used(mesh.node_count(), false);
@@ -62,9 +56,10 @@ MeshSummary mesh_summary(const HighOrderMesh& mesh, const std::vector<bool>& fix
 Expected<std::unique_ptr<SetUp>> set_up(HighOrderMesh&& mesh, const Options& options, const StopToken* stop) {
   const Stopwatch watch;
   if (const auto checked = check(options); !checked) return tl::unexpected(checked.error());
-  if (const auto checked = check(mesh); !checked) return tl::unexpected(checked.error());
-  if (const auto checked = check_straight_sides(mesh, options.threads); !checked)
-    return tl::unexpected(checked.error());
+  if (const auto checked = check_structure(mesh); !checked) return tl::unexpected(checked.error());
+  if (const auto checked = check_senses(mesh); !checked) return tl::unexpected(checked.error());
+  if (!(frame_of(mesh).diagonal > 0))
+    return bad_input("The mesh has no size: all its nodes are at one place. Write it again with its coordinates.");
   if (options.order > 0 && options.order != mesh.order) {
     Expected<HighOrderMesh> changed = change_order(mesh, options.order);
     if (!changed) return tl::unexpected(changed.error());

@@ -35,11 +35,6 @@ struct SetUp {
 /// Errors: BadInput, BadOption. If `stop`, which may be null, says so, it leaves out what only iterations need.
 Expected<std::unique_ptr<SetUp>> set_up(HighOrderMesh&& mesh, const Options& options, const StopToken* stop = nullptr);
 
-/// Checks what check() leaves open: that hexahedra, prisms and pyramids with straight sides are valid on their edges, on
-/// their faces and inside too, and not only at the corners. The mesh must have passed check(). `threads` 0 means all.
-/// Errors: BadInput.
-Expected<void> check_straight_sides(const HighOrderMesh& mesh, int threads);
-
 /// Sizes of the mesh, and how many of its nodes would move. `fixed`: by node.
 MeshSummary mesh_summary(const HighOrderMesh& mesh, const std::vector<bool>& fixed);
 

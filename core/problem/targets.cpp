@@ -8,6 +8,7 @@
 #include <cmath>
 #include <numeric>
 
+#include "core/problem/regular_shape.h"
 #include "core/problem/sizes.h"
 #include "core/reference/basis.h"
 #include "core/reference/quadrature.h"
@@ -69,20 +70,6 @@ const TargetEntry& entry_of(Target target) {
     if (entry.target == target) return entry;
   assert(false && "a target that is not in the table");
   return kTargets[0];
-}
-
-// === Regular shapes ======================================================================================
-
-// W: the gradient of the affine map from the reference cell to the regular shape with edges of length 1. The edges of a
-// reference cell along the axes have length 2.
-Eigen::Matrix3d regular_shape(Shape shape) {
-  const double root3 = std::sqrt(3.0), root2 = std::sqrt(2.0);
-  Eigen::Matrix3d twice = Eigen::Matrix3d::Identity();
-  const bool on_triangle = shape == Shape::Triangle || shape == Shape::Tetrahedron || shape == Shape::Prism;
-  if (on_triangle) twice.col(1) << 0.5, root3 / 2, 0;
-  if (shape == Shape::Tetrahedron) twice.col(2) << 0.5, root3 / 6, root2 / root3;
-  if (shape == Shape::Pyramid) twice(2, 2) = 1 / root2;  // its height
-  return 0.5 * twice;
 }
 
 // === Targets of one set ==================================================================================
@@ -158,8 +145,11 @@ bool has_axes(Shape shape) {
 template <int d>
 class TargetSetter {
  public:
-  TargetSetter(const Problem& problem, CellSet& set, const TargetEntry& target, const FieldOnSet& field)
+  TargetSetter(const Problem& problem, CellSet& set, const TargetEntry& target, const FieldOnSet& field,
+               const SubstituteShapes& substitutes, double diagonal)
       : problem_(problem),
+        substitutes_(substitutes),
+        diagonal_(diagonal),
         set_(set),
         target_(target),
         field_(field),
@@ -187,7 +177,9 @@ class TargetSetter {
     double* inverse = set_.inverse_target.data() + static_cast<std::size_t>(cell) * d * d * per_cell_;
     double* measure = set_.measure.data() + static_cast<std::size_t>(cell) * per_cell_;
     const int points = std::min(per_cell_, set_.points);
-    for (int q = 0; q < points; ++q) straight_[q] = straight_gradient(nodes, q);
+    const SubstituteShapes::Vertices* substitute = substitutes_.of(set_.mesh_cell[static_cast<std::size_t>(cell)]);
+    for (int q = 0; q < points; ++q)
+      straight_[q] = substitute != nullptr ? substitute_gradient(*substitute, q) : straight_gradient(nodes, q);
     if (target_.is_regular) fit_regular(nodes, cell, points);
     for (int q = 0; q < per_cell_; ++q) {
       const int point = std::min(q, points - 1);
@@ -217,6 +209,14 @@ class TargetSetter {
     return A;
   }
 
+  MatrixD<d> substitute_gradient(const SubstituteShapes::Vertices& vertices, int point) const {
+    MatrixD<d> A = MatrixD<d>::Zero();
+    for (int v = 0; v < reference::info(set_.shape).vertices; ++v)
+      for (int k = 0; k < d; ++k)
+        for (int i = 0; i < d; ++i) A(i, k) += vertices[v][i] / diagonal_ * gradients_[k](point, v);
+    return A;
+  }
+
   // Sets the rotation, the edge and the left factor from means over the cell.
   void fit_regular(const std::int32_t* nodes, std::int32_t cell, int points) {
     MatrixD<d> straight = MatrixD<d>::Zero(), stretch = MatrixD<d>::Zero();
@@ -243,6 +243,8 @@ class TargetSetter {
   }
 
   const Problem& problem_;
+  const SubstituteShapes& substitutes_;
+  double diagonal_;
   CellSet& set_;
   const TargetEntry& target_;
   const FieldOnSet& field_;
@@ -295,7 +297,7 @@ void find_uniform_targets(CellSet& set) {
 
 }  // namespace
 
-void set_targets(Problem& problem, const StretchField& field, double diagonal) {
+void set_targets(Problem& problem, const StretchField& field, double diagonal, const SubstituteShapes& substitutes) {
   const TargetEntry& target = entry_of(field.target);
   for (CellSet& set : problem.sets) {
     FieldOnSet on_set{field, set.mesh_cell, {}, field.target == Target::Size ? 1 / diagonal : 1.0};
@@ -303,9 +305,9 @@ void set_targets(Problem& problem, const StretchField& field, double diagonal) {
       on_set.vertex_values = reference::basis_values(set.shape, 1, reference::NodeSet::Equispaced, set.dimension,
                                                      reference::quadrature(set.shape, set.order, set.degree).points);
     if (problem.dimension == 2)
-      TargetSetter<2>(problem, set, target, on_set).set_all();
+      TargetSetter<2>(problem, set, target, on_set, substitutes, diagonal).set_all();
     else
-      TargetSetter<3>(problem, set, target, on_set).set_all();
+      TargetSetter<3>(problem, set, target, on_set, substitutes, diagonal).set_all();
     find_uniform_targets(set);
   }
   set_sizes(problem);

@@ -3,6 +3,7 @@
 #pragma once
 
 #include "core/problem/problem.h"
+#include "core/problem/substitute_shapes.h"
 #include "core/problem/target_field.h"
 
 namespace varimesh {
@@ -33,7 +34,9 @@ namespace varimesh {
 ///
 /// @param field from resolve_target_field(); without components for targets without a field
 /// @param diagonal Frame::diagonal, the length in the mesh's unit that is 1 in the problem's coordinates
-void set_targets(Problem& problem, const StretchField& field, double diagonal);
+/// @param substitutes cells in it take the vertices there in place of their own, for every kind of target
+void set_targets(Problem& problem, const StretchField& field, double diagonal,
+                 const SubstituteShapes& substitutes = {});
 
 /// Scales the targets so that det A is the same at all points of a cell, namely its mean: the scaled Jacobian of the
 /// target itself is then 1, and its shape at each point is unchanged. Affine sets do not change.

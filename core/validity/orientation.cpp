@@ -2,7 +2,10 @@
 #include "core/validity/orientation.h"
 
 #include <Eigen/Core>
+#include <algorithm>
+#include <cstdint>
 
+#include "core/mesh/connectivity.h"
 #include "core/reference/basis.h"
 #include "core/validity/cell_batches.h"
 
@@ -38,19 +41,90 @@ double centre_jacobian(const HighOrderMesh& mesh, const std::int32_t* nodes, con
          matrix(0, 2) * (matrix(1, 0) * matrix(2, 1) - matrix(1, 1) * matrix(2, 0));
 }
 
+/// Calls visit(cell, det ∇χ_L at its centre) for all cells in order; returns their number.
+template <class Visit>
+std::size_t for_each_centre(const HighOrderMesh& mesh, Visit&& visit) {
+  const auto gradients = tables_for_cells<Eigen::MatrixXd>(
+      mesh, [&](Shape shape, int) { return centre_gradients(shape, mesh.dimension); });
+  std::size_t cells = 0;
+  for (const CellBatch& batch : whole_blocks(mesh)) {
+    const Eigen::MatrixXd& gradient = gradients.at({batch.block->shape, batch.block->order});
+    for (std::size_t i = 0; i < batch.count; ++i) visit(cells++, centre_jacobian(mesh, batch.nodes(i), gradient));
+  }
+  return cells;
+}
+
+/// Whether two cells with a common facet are numbered in the same sense. Each lists the facet's vertices
+/// counter-clockwise as seen from outside, so the other then lists them in reverse.
+bool agree(const Cells& cells, std::size_t a, std::size_t facet_of_a, std::size_t b, std::size_t facet_of_b) {
+  const auto vertices = [&](std::size_t cell, std::size_t facet) {
+    std::vector<std::int32_t> list;
+    for (const std::int8_t v : reference::info(cells.shape(cell)).facets[facet].vertices)
+      if (v >= 0) list.push_back(cells.nodes(cell)[static_cast<std::size_t>(v)]);
+    return list;
+  };
+  const std::vector<std::int32_t> first = vertices(a, facet_of_a), second = vertices(b, facet_of_b);
+  const auto same = static_cast<std::size_t>(std::ranges::find(second, first.front()) - second.begin());
+  // Two vertices have no order round the facet, but a direction along it.
+  return first.size() == 2 ? same == 1 : second[(same + 1) % second.size()] == first.back();
+}
+
+/// The cells that are joined with this one across facets. Sets their senses relative to it, 1 or −1.
+std::vector<std::int32_t> joined_cells(const Cells& cells, const Facets& facet, std::int32_t start,
+                                       std::vector<std::int8_t>& sense) {
+  std::vector<std::int32_t> group{start};
+  sense[static_cast<std::size_t>(start)] = 1;
+  for (std::size_t next = 0; next < group.size(); ++next) {
+    const auto cell = static_cast<std::size_t>(group[next]);
+    for (std::int32_t f = facet.first[cell]; f < facet.first[cell + 1]; ++f) {
+      const std::int32_t other = facet.neighbour[static_cast<std::size_t>(f)];
+      if (other < 0 || sense[static_cast<std::size_t>(other)] != 0) continue;
+      const std::int32_t opposite = facet.opposite[static_cast<std::size_t>(f)];
+      const bool same =
+          agree(cells, cell, static_cast<std::size_t>(f - facet.first[cell]), static_cast<std::size_t>(other),
+                static_cast<std::size_t>(opposite - facet.first[static_cast<std::size_t>(other)]));
+      sense[static_cast<std::size_t>(other)] = static_cast<std::int8_t>(same ? sense[cell] : -sense[cell]);
+      group.push_back(other);
+    }
+  }
+  return group;
+}
+
 }  // namespace
 
 double orientation(const HighOrderMesh& mesh) {
-  const auto gradients = tables_for_cells<Eigen::MatrixXd>(
-      mesh, [&](Shape shape, int) { return centre_gradients(shape, mesh.dimension); });
-  std::size_t negative = 0, cells = 0;
-  for (const CellBatch& batch : whole_blocks(mesh)) {
-    const Eigen::MatrixXd& gradient = gradients.at({batch.block->shape, batch.block->order});
-    for (std::size_t i = 0; i < batch.count; ++i)
-      negative += centre_jacobian(mesh, batch.nodes(i), gradient) < 0 ? 1 : 0;
-    cells += batch.count;
-  }
+  std::size_t negative = 0;
+  const std::size_t cells =
+      for_each_centre(mesh, [&](std::size_t, double jacobian) { negative += jacobian < 0 ? 1 : 0; });
   return 2 * negative > cells ? -1 : 1;
+}
+
+std::vector<char> numbered_against_most(const HighOrderMesh& mesh) {
+  std::vector<std::int8_t> sign;
+  for_each_centre(mesh, [&](std::size_t, double jacobian) { sign.push_back(jacobian < 0 ? -1 : 1); });
+  if (sign.empty() || std::ranges::count(sign, sign.front()) == std::ssize(sign)) return {};
+  const Cells cells(mesh, mesh.dimension);
+  const Facets facet = facets(mesh);
+  std::vector<std::int8_t> sense(cells.count(), 0);
+  std::int64_t sum = 0;
+  std::vector<std::int32_t> alone;
+  for (std::size_t start = 0; start < sense.size(); ++start) {
+    if (sense[start] != 0) continue;
+    const auto group = joined_cells(cells, facet, static_cast<std::int32_t>(start), sense);
+    std::int64_t agreeing = 0;
+    for (const std::int32_t cell : group)
+      agreeing += sense[static_cast<std::size_t>(cell)] * sign[static_cast<std::size_t>(cell)];
+    for (const std::int32_t cell : group)
+      if (agreeing < 0) sense[static_cast<std::size_t>(cell)] *= -1;
+    if (group.size() == 1) alone.push_back(group.front());
+    for (const std::int32_t cell : group) sum += sense[static_cast<std::size_t>(cell)];
+  }
+  const std::int8_t most = sum < 0 ? -1 : 1;
+  for (const std::int32_t cell : alone) sense[static_cast<std::size_t>(cell)] = most;
+  std::vector<char> against(sense.size(), 0);
+  for (std::size_t cell = 0; cell < sense.size(); ++cell) against[cell] = sense[cell] != most ? 1 : 0;
+  if (std::ranges::count(against, 1) == 0) return {};
+  return against;
 }
 
 }  // namespace varimesh::detail

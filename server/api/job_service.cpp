@@ -30,6 +30,7 @@ void shorten(v1::Job& job) {
   }
   metrics.clear_unrepairable();
   metrics.clear_repairs();
+  if (metrics.has_substitute_targets()) metrics.mutable_substitute_targets()->clear_elements();
 }
 
 }  // namespace

@@ -137,6 +137,13 @@ v1::Metrics metrics(const RunSummary& summary, const Options& options) {
     *message.add_unrepairable() = to_proto(summary.unrepairable[i]);
   for (std::size_t i = 0; i < std::min(summary.repairs.size(), static_cast<std::size_t>(kMaxInvalidNamed)); ++i)
     *message.add_repairs() = to_proto(summary.repairs[i]);
+  if (const auto& elements = summary.substitute_targets.elements; !elements.empty()) {
+    v1::SubstituteTargets& named = *message.mutable_substitute_targets();
+    named.set_count(static_cast<std::int64_t>(elements.size()));
+    const std::size_t listed = std::min(elements.size(), static_cast<std::size_t>(kMaxInvalidNamed));
+    named.mutable_elements()->Assign(elements.begin(), elements.begin() + static_cast<std::ptrdiff_t>(listed));
+    named.set_sentence(summary.substitute_targets.sentence);
+  }
   return message;
 }
 

@@ -10,7 +10,8 @@
 
 namespace varimesh::server {
 
-/// How many invalid cells, unrepairable groups and repair steps a message lists at most, so that it stays small.
+/// How many invalid cells, unrepairable groups, repair steps and substitute targets a message lists at most, so that it
+/// stays small.
 inline constexpr int kMaxInvalidNamed = 1000;
 
 v1::Iteration to_proto(const Iteration& iteration);

@@ -78,6 +78,7 @@ class Metrics:
     after: Quality
     unrepairable: tuple[Unrepairable, ...]
     repairs: tuple[RepairStep, ...]
+    substitute_targets: tuple[int, ...]  # elements whose straight-sided shape could not be their target; at most 1000
 
 
 @dataclass(frozen=True)
@@ -155,7 +156,8 @@ def metrics_of(message: optimise_pb2.Metrics) -> Metrics:
         quality_of(message.before), quality_of(message.after),
         tuple(Unrepairable(tuple(one.elements), one.vertex, one.sentence) for one in message.unrepairable),
         tuple(RepairStep(spelled(optimise_pb2.RepairStep.Kind.DESCRIPTOR, one.kind), tuple(one.elements),
-                         tuple(one.new_elements), one.node, one.sentence) for one in message.repairs))  # fmt: skip
+                         tuple(one.new_elements), one.node, one.sentence) for one in message.repairs),
+        tuple(message.substitute_targets.elements))  # fmt: skip
 
 
 def iteration_of(message: optimise_pb2.Iteration) -> Iteration:

@@ -35,6 +35,11 @@ function addTables(report, go) {
     const worst = addSection('worst', 'The worst elements', 'The numbers of the rows are those of the rings in the views.');
     worst.append(make('div', {class: 'columns'}, ...report.scene.snapshots.map((snapshot) => worstTable(report.scene, snapshot, go))));
   }
+  if (report.document.substitute_targets) {
+    const substitutes = report.document.substitute_targets;
+    const more = substitutes.count > substitutes.elements.length ? ` and ${grouped(substitutes.count - substitutes.elements.length)} more` : '';
+    addSection('substitutes', 'Elements with another target', substitutes.sentence).append(make('p', {}, `Elements ${substitutes.elements.join(', ')}${more}.`));
+  }
   if (report.document.unrepairable.length) {
     addSection('unrepairable', 'Elements that cannot be repaired').append(unrepairableTable(report.document.unrepairable));
   }

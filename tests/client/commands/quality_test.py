@@ -25,11 +25,18 @@ class Quality(WithFolder):
         self.assertEqual(run("optimise", MESH, "-o", out, "--until", "valid", "--quiet").returncode, 0)
         self.assertEqual(run("quality", out, "--certify").returncode, 0)
 
-    def test_accepts_a_mesh_that_optimise_refuses(self):
+    def test_judges_a_mesh_whose_elements_are_inverted_with_straight_sides(self):
         # With node 1 on the other side, the first triangle is inverted even with straight sides.
         inverted = self.folder / "inverted.msh"
         inverted.write_text(FOLDED.replace("\n1 0 0 0\n", "\n1 1 1.5 0\n"))
-        self.assertEqual(run("optimise", inverted, "-o", self.folder / "out.msh").returncode, 3)
+        done = run("optimise", inverted, "-o", self.folder / "out.msh")
+        self.assertEqual(done.returncode, 4, done.stderr)
+        self.assertIn("element 1 is inverted or nearly flat", done.stdout)
+        named = json.loads(run("optimise", inverted, "-o", self.folder / "out.msh", "--json", "--quiet").stdout)
+        self.assertEqual(named["substitute_targets"]["count"], 1)
+        self.assertEqual(named["substitute_targets"]["elements"], [1])
+        usual = json.loads(run("optimise", MESH, "-o", self.folder / "out.msh", "--json", "--quiet").stdout)
+        self.assertNotIn("substitute_targets", usual)
         done = run("quality", inverted, "--certify", "--diagnose")
         self.assertEqual(done.returncode, 4, done.stderr)
 

@@ -28,7 +28,7 @@ TEST_P(ChangeOrder, RaisedMeshesPassEveryCheck) {
   for (const int order : {1, 2, 3, 4, 7, 10}) {
     const HighOrderMesh mesh = bent_grid(GetParam(), order);
     EXPECT_EQ(mesh.order, order);
-    const auto checked = check(mesh);
+    const auto checked = check_structure(mesh);
     EXPECT_TRUE(checked) << "order " << order << ": " << (checked ? "" : checked.error().sentence);
   }
 }

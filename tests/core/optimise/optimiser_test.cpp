@@ -3,12 +3,13 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstring>
 
-#include "core/mesh/check.h"
 #include "core/mesh/connectivity.h"
 #include "tests/core/support/cases.h"
+#include "tests/core/support/curved_strip.h"
 #include "tests/core/support/made_cells.h"
 #include "tests/core/support/meshes.h"
 
@@ -274,16 +275,65 @@ TEST(Optimise, RefusesOptionsWithASentence) {
   EXPECT_NE(result.error().sentence.find("mu"), std::string::npos);
 }
 
-TEST(Optimise, RefusesStraightSidesThatAreInvertedOnlyInside) {
+TEST(Optimise, TakesMeshesThatAreValidOnlyByTheirCurvature) {
+  HighOrderMesh mesh = testing::curved_strip(1.1, 4);
+  testing::shake(mesh, 0.03, 3);
+  const auto result = optimise(mesh);
+  ASSERT_TRUE(result) << result.error().sentence;
+  EXPECT_LT(result->before.min_scaled_jacobian, 0.05);
+  EXPECT_EQ(result->after.certified.valid, result->sizes.elements);
+  EXPECT_GT(result->after.min_scaled_jacobian, 0.5);
+  EXPECT_EQ(result->substitute_targets.elements, (std::vector<std::int64_t>{2, 4}));
+  EXPECT_NE(result->substitute_targets.sentence.find("elements 2 and 4 are inverted"), std::string::npos)
+      << result->substitute_targets.sentence;
+}
+
+TEST(Optimise, NamesNoSubstitutesIfThereAreNone) {
+  const auto result = optimise(testing::curved_strip(1.3, 3));
+  ASSERT_TRUE(result);
+  EXPECT_TRUE(result->substitute_targets.elements.empty());
+  EXPECT_EQ(result->substitute_targets.sentence, "");
+}
+
+TEST(Optimise, RefusesAMeshWhoseElementsAreNumberedInTwoSenses) {
+  HighOrderMesh mesh = testing::grid(Filling::Quadrilaterals, {4, 4, 1}, 2);
+  ElementBlock& block = *std::ranges::find(mesh.blocks, Shape::Quadrilateral, &ElementBlock::shape);
+  // Gmsh's order: four vertices, the middles of the four edges, the centre.
+  for (const std::size_t cell : {3U, 4U}) {
+    std::int32_t* nodes = block.nodes.data() + 9 * cell;
+    std::swap(nodes[1], nodes[3]);
+    std::swap(nodes[4], nodes[7]);
+    std::swap(nodes[5], nodes[6]);
+  }
+  const auto result = optimise(mesh);
+  ASSERT_FALSE(result);
+  const std::string named =
+      "elements " + std::to_string(block.numbers[3]) + " and " + std::to_string(block.numbers[4]) + " are numbered";
+  EXPECT_NE(result.error().sentence.find(named), std::string::npos) << result.error().sentence;
+}
+
+TEST(Optimise, TakesACellThatEnclosesNothingAndRefusesAMeshWithoutSize) {
+  HighOrderMesh mesh = testing::one_cell(Shape::Tetrahedron, 2, [](testing::Place p) {
+    return testing::Place{p[0], p[1], 0.3 * p[0] - 0.7 * p[1]};
+  });
+  const auto flat = optimise(mesh);
+  ASSERT_TRUE(flat) << flat.error().sentence;
+  EXPECT_EQ(flat->mesh.coordinates, mesh.coordinates);
+  EXPECT_EQ(flat->after.certified.valid, 0);
+  std::fill(mesh.coordinates.begin(), mesh.coordinates.end(), 1.5);
+  const auto point = optimise(mesh);
+  ASSERT_FALSE(point);
+  EXPECT_NE(point.error().sentence.find("has no size"), std::string::npos) << point.error().sentence;
+}
+
+TEST(Optimise, GivesATargetToAStraightSidedCellThatIsInvertedOnlyInside) {
   HighOrderMesh mesh = testing::one_cell(Shape::Hexahedron, 1, [](testing::Place p) { return p; });
   // J is at least 0.38 at the corners, and −0.38 inside.
   mesh.coordinates = {-1.7, 0.2,  -0.5, 0.3, -2.3, -1.2, 1.9, 0.8, -0.5, -0.2, 1.4, -0.8,
                       0.1,  -1.9, 1.3,  1.2, 0.2,  -0.1, 0.5, 0.5, 1.9,  -2.0, 2.2, 0.0};
-  ASSERT_TRUE(check(mesh));
   const auto result = optimise(mesh);
-  ASSERT_FALSE(result);
-  EXPECT_NE(result.error().sentence.find("Element 1 (hexahedron) is inverted inside"), std::string::npos)
-      << result.error().sentence;
+  ASSERT_TRUE(result) << result.error().sentence;
+  EXPECT_EQ(result->substitute_targets.elements, (std::vector<std::int64_t>{1}));
 }
 
 TEST(Optimiser, RunsAgainOnNewCoordinates) {

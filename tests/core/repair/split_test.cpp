@@ -50,7 +50,7 @@ TEST_P(SplitTetrahedra, ConformsAndHasTheNumberOfElementsExpected) {
     EXPECT_LT(found.crowded, 0);
     EXPECT_TRUE(check_conformity(*mesh, found));
     EXPECT_EQ(std::ranges::count(found.neighbour, -1), mesh == &twelve ? 12 : 6);
-    const auto checked = check(*mesh);
+    const auto checked = check_structure(*mesh);
     EXPECT_TRUE(checked) << checked.error().sentence;
   }
 }

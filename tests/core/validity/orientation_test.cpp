@@ -3,7 +3,10 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+
 #include "tests/core/support/made_cells.h"
+#include "tests/core/support/meshes.h"
 
 namespace varimesh::detail {
 namespace {
@@ -36,6 +39,42 @@ TEST(Orientation, GoesByTheVerticesAndNotByTheCurvedSides) {
     for (std::size_t i = 3 * static_cast<std::size_t>(vertices); i < mesh.coordinates.size(); i += 3)
       mesh.coordinates[i] *= -100;
     EXPECT_EQ(orientation(mesh), 1);
+  }
+}
+
+TEST(NumberedAgainstMost, IsNoCellThatIsOnlyInverted) {
+  for (const testing::Filling filling : testing::kFillings) {
+    HighOrderMesh mesh = testing::grid(filling, {4, 4, 4}, 1);
+    testing::shake(mesh, 0.5, 2, testing::Shaken::AllInterior);
+    EXPECT_TRUE(numbered_against_most(mesh).empty()) << testing::name(filling);
+    for (std::size_t i = 0; i < mesh.coordinates.size(); i += 3) mesh.coordinates[i] *= -1;
+    EXPECT_TRUE(numbered_against_most(mesh).empty()) << testing::name(filling) << ", clockwise";
+  }
+}
+
+TEST(NumberedAgainstMost, IsACellWhoseVerticesAreMirrored) {
+  // Pairs of vertices whose exchange mirrors the shape.
+  const std::vector<std::pair<Shape, std::vector<std::pair<int, int>>>> mirrors = {
+      {Shape::Triangle, {{0, 1}}},      {Shape::Quadrilateral, {{1, 3}}}, {Shape::Tetrahedron, {{0, 1}}},
+      {Shape::Prism, {{0, 1}, {3, 4}}}, {Shape::Pyramid, {{1, 3}}},       {Shape::Hexahedron, {{1, 3}, {5, 7}}}};
+  for (const testing::Filling filling : testing::kFillings) {
+    HighOrderMesh mesh = testing::grid(filling, {4, 4, 4}, 1);
+    for (const auto& [shape, pairs] : mirrors) {
+      const auto block = std::ranges::find(mesh.blocks, shape, &ElementBlock::shape);
+      if (block == mesh.blocks.end() || reference::info(shape).dimension != mesh.dimension) continue;
+      for (const auto& [a, b] : pairs)
+        std::swap(block->nodes[static_cast<std::size_t>(a)], block->nodes[static_cast<std::size_t>(b)]);
+    }
+    const std::vector<char> against = numbered_against_most(mesh);
+    std::size_t cell = 0, blocks = 0;
+    for (const ElementBlock& block : mesh.blocks) {
+      if (reference::info(block.shape).dimension != mesh.dimension) continue;
+      const bool first = std::ranges::find(mesh.blocks, block.shape, &ElementBlock::shape)->nodes == block.nodes;
+      for (std::size_t e = 0; e < block.size(); ++e, ++cell)
+        EXPECT_EQ(against[cell] != 0, first && e == 0) << testing::name(filling) << " cell " << cell;
+      ++blocks;
+    }
+    EXPECT_GT(blocks, 0U);
   }
 }
 
