@@ -5,9 +5,9 @@
 #include <iostream>
 #include <vector>
 
-#include "core/base/nearest_word.h"
-#include "core/base/version.h"
 #include "core/base/machine_memory.h"
+#include "core/base/version.h"
+#include "core/options/nearest_word.h"
 
 namespace varimesh::server {
 namespace {

@@ -9,7 +9,7 @@
 #include "client/cli/command_facts.h"
 #include "client/cli/names.h"
 #include "client/process/exit_status.h"
-#include "core/base/nearest_word.h"
+#include "core/options/nearest_word.h"
 
 namespace varimesh::client {
 namespace {

@@ -7,7 +7,7 @@
 #include "client/client.h"
 #include "client/library/input_file.h"
 #include "client/process/interrupts.h"
-#include "core/base/nearest_word.h"
+#include "core/options/nearest_word.h"
 #include "core/options/option_table.h"
 #include "core/problem/target_field.h"
 

@@ -4,7 +4,7 @@
 
 #include "client/cli/names.h"
 #include "client/commands/commands.h"
-#include "core/base/nearest_word.h"
+#include "core/options/nearest_word.h"
 #include "core/options/option_table.h"
 
 namespace varimesh::client {

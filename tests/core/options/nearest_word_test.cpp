@@ -1,5 +1,5 @@
 // Which word a misspelt one stands for.
-#include "core/base/nearest_word.h"
+#include "core/options/nearest_word.h"
 
 #include <gtest/gtest.h>
 

@@ -1,5 +1,5 @@
 // The distance between words is Damerau's: the least number of edits that turn one word into the other.
-#include "core/base/nearest_word.h"
+#include "core/options/nearest_word.h"
 
 #include <algorithm>
 
