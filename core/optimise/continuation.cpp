@@ -13,6 +13,12 @@ namespace {
 /// How much of the mean scaled Jacobian may be given up to raise the lowest.
 constexpr double kMeanGivenForWorst = 0.01;
 
+Frame shared_frame(const HighOrderMesh& mesh, const Team& team) {
+  Frame frame;
+  team.run([&] { frame = frame_of(mesh, team); });
+  return frame;
+}
+
 }  // namespace
 
 Continuation::Continuation(SetUp& set_up, const Certifier& certifier, const Stopwatch& watch,
@@ -23,11 +29,13 @@ Continuation::Continuation(SetUp& set_up, const Certifier& certifier, const Stop
       on_iteration_(on_iteration),
       control_(control),
       team_(team),
-      frame_(frame_of(set_up.mesh)) {}
+      frame_(shared_frame(set_up.mesh, team)) {}
 
 bool Continuation::run(std::vector<Certificate>& certificates, Result& result) {
-  set_up_.problem.positions = solver_positions(set_up_.mesh, frame_);
-  set_targets(set_up_.problem, set_up_.target, frame_.diagonal);
+  team_.run([&] {
+    set_up_.problem.positions = solver_positions(set_up_.mesh, frame_, team_);
+    set_targets(set_up_.problem, set_up_.target, frame_.diagonal, team_);
+  });
   std::optional<StopReason> nothing_to_do;
   if (control_.checkpoint.empty())
     nothing_to_do = begin(certificates, result.unrepairable);
@@ -81,7 +89,7 @@ bool Continuation::resume(const std::vector<Certificate>& certificates,
   for (stage_ = 0; stage_ < set_up_.stages.size(); ++stage_) {
     bool usable = false;
     team_.run([&] {
-      set_up_.problem.positions = solver_positions(set_up_.mesh, frame_);  // an attempt at reading spoils them
+      set_up_.problem.positions = solver_positions(set_up_.mesh, frame_, team_);  // an attempt at reading spoils them
       if (stage_ > 0) level_targets(set_up_.problem);
       set_up_stage(certificates, unrepairable);
       usable = stage_run_->resume(control_.checkpoint, fingerprint_of_stage());

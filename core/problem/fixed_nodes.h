@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "core/base/error.h"
+#include "core/mesh/connectivity.h"
 #include "core/mesh/high_order_mesh.h"
 #include "core/options/options.h"
 
@@ -25,5 +26,7 @@ namespace varimesh {
 /// has no interface elements, and if a node or group to be freed lies on the outer boundary, since there is no geometry
 /// to slide on.
 Expected<std::vector<bool>> choose_fixed_nodes(const HighOrderMesh& mesh, const Options& options);
+/// The same for facets that are known already.
+Expected<std::vector<bool>> choose_fixed_nodes(const HighOrderMesh& mesh, const Options& options, Facets facets);
 
 }  // namespace varimesh

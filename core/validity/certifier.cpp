@@ -6,6 +6,7 @@
 #include <cmath>
 #include <numeric>
 
+#include "core/mesh/bounding_box.h"
 #include "core/validity/cell_batches.h"
 #include "core/validity/certificate_kernel.h"
 #include "core/validity/orientation.h"
@@ -20,16 +21,10 @@ using detail::CellToCertify;
 constexpr std::size_t kGrain = 64;
 
 /// A power of two that brings the mesh's largest extent to between 1/2 and 1; 1 if the mesh has no finite extent.
-double power_of_two_scale(const HighOrderMesh& mesh) {
+double power_of_two_scale(const HighOrderMesh& mesh, const Team& team) {
+  const BoundingBox box = bounding_box(mesh.coordinates, team);
   double extent = 0;
-  for (std::size_t c = 0; c < 3; ++c) {
-    double low = std::numeric_limits<double>::max(), high = -low;
-    for (std::size_t i = c; i < mesh.coordinates.size(); i += 3) {
-      low = std::min(low, mesh.coordinates[i]);
-      high = std::max(high, mesh.coordinates[i]);
-    }
-    extent = std::max(extent, high / 2 - low / 2);
-  }
+  for (std::size_t c = 0; c < 3; ++c) extent = std::max(extent, box.high[c] / 2 - box.low[c] / 2);
   if (!(extent > 0) || !std::isfinite(extent)) return 1;
   int exponent = 0;
   std::frexp(extent, &exponent);
@@ -73,8 +68,8 @@ bool certify_lane(const CellToCertify& cell, const detail::KernelOutput& output,
 // Certifier
 // ---------------------------------------------------------------------------------------------------------------------
 
-Certifier::Certifier(const HighOrderMesh& mesh, CertificateOptions options)
-    : options_(options), scale_(power_of_two_scale(mesh)), sign_(detail::orientation(mesh)) {
+Certifier::Certifier(const HighOrderMesh& mesh, CertificateOptions options, const Team& team)
+    : options_(options), scale_(power_of_two_scale(mesh, team)), sign_(detail::orientation(mesh, team)) {
   assert(mesh.dimension == 2 || mesh.dimension == 3);
   for (const detail::CellBatch& batch : detail::whole_blocks(mesh))
     for (std::size_t i = 0; i < batch.count; ++i) cells_.push_back({batch.block, batch.nodes(i)});
@@ -171,10 +166,13 @@ CertificateSummary summarise(std::span<const Certificate> certificates) {
 }
 
 std::vector<Certificate> certify(const HighOrderMesh& mesh, const CertificateOptions& options, int threads) {
-  const Certifier certifier(mesh, options);
-  std::vector<Certificate> certificates(certifier.cells());
   const Team team(threads);
-  team.run([&] { certifier.certify(mesh.coordinates, certificates, team); });
+  std::vector<Certificate> certificates;
+  team.run([&] {
+    const Certifier certifier(mesh, options, team);
+    certificates.resize(certifier.cells());
+    certifier.certify(mesh.coordinates, certificates, team);
+  });
   return certificates;
 }
 

@@ -25,8 +25,9 @@ namespace varimesh {
 /// long double. If that gives no answer either, the cell is called undecided.
 class Certifier {
  public:
-  /// Keeps a reference to the mesh, whose elements must stay as they are; its nodes may move.
-  explicit Certifier(const HighOrderMesh& mesh, CertificateOptions options = {});
+  /// Keeps a reference to the mesh, whose elements must stay as they are; its nodes may move. Call it inside
+  /// team.run().
+  explicit Certifier(const HighOrderMesh& mesh, CertificateOptions options = {}, const Team& team = Team(1));
 
   /// The number of cells of the mesh.
   std::size_t cells() const { return cells_.size(); }

@@ -2,12 +2,15 @@
 #include "core/validity/orientation.h"
 
 #include <Eigen/Core>
+#include <atomic>
 
 #include "core/reference/basis.h"
 #include "core/validity/cell_batches.h"
 
 namespace varimesh::detail {
 namespace {
+
+constexpr std::size_t kCellsPerTask = 4096;
 
 /// Gradients of the straight-sided cell's basis at the centre of the reference cell: vertices × dimension.
 Eigen::MatrixXd centre_gradients(Shape shape, int dimension) {
@@ -40,16 +43,21 @@ double centre_jacobian(const HighOrderMesh& mesh, const std::int32_t* nodes, con
 
 }  // namespace
 
-double orientation(const HighOrderMesh& mesh) {
+double orientation(const HighOrderMesh& mesh, const Team& team) {
   const auto gradients = tables_for_cells<Eigen::MatrixXd>(
       mesh, [&](Shape shape, int) { return centre_gradients(shape, mesh.dimension); });
-  std::size_t negative = 0, cells = 0;
-  for (const CellBatch& batch : whole_blocks(mesh)) {
-    const Eigen::MatrixXd& gradient = gradients.at({batch.block->shape, batch.block->order});
-    for (std::size_t i = 0; i < batch.count; ++i)
-      negative += centre_jacobian(mesh, batch.nodes(i), gradient) < 0 ? 1 : 0;
-    cells += batch.count;
-  }
+  const std::vector<CellBatch> batches = cell_batches(mesh, [](const ElementBlock&) { return kCellsPerTask; });
+  std::atomic<std::size_t> negative = 0, cells = 0;
+  team.for_ranges(batches.size(), 1, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t b = begin; b < end; ++b) {
+      const CellBatch& batch = batches[b];
+      const Eigen::MatrixXd& gradient = gradients.at({batch.block->shape, batch.block->order});
+      std::size_t here = 0;
+      for (std::size_t i = 0; i < batch.count; ++i) here += centre_jacobian(mesh, batch.nodes(i), gradient) < 0 ? 1 : 0;
+      negative += here;
+      cells += batch.count;
+    }
+  });
   return 2 * negative > cells ? -1 : 1;
 }
 
