@@ -12,6 +12,8 @@
 namespace varimesh::client {
 namespace {
 
+constexpr int kAllThreads = 0;
+
 struct Arguments {
   std::string input, output, format;
 };
@@ -28,7 +30,7 @@ int convert(const Arguments& arguments) {
   if (const auto known = formats::for_output(arguments.output, requested, formats::Format::Auto); !known)
     return print_error(known.error());
   if (const auto writable = formats::check_writable(arguments.output); !writable) return print_error(writable.error());
-  const auto file = formats::read_file(arguments.input);
+  const auto file = formats::read_file(arguments.input, machine_memory(), kAllThreads);
   if (!file) return print_error(file.error());
   const auto format = formats::for_output(arguments.output, requested, file->format);
   if (!format) return print_error(format.error());
@@ -36,9 +38,9 @@ int convert(const Arguments& arguments) {
   // A mesh whose quality cannot be computed is written without marks.
   std::optional<CellMarks> marks;
   if (*format == formats::Format::Vtu && check_structure(file->mesh))
-    marks.emplace(file->mesh, std::span<const UnrepairableGroup>{}, 0);
+    marks.emplace(file->mesh, std::span<const UnrepairableGroup>{}, kAllThreads);
   const auto written = formats::write_file(file->mesh, *format, arguments.output,
-                                           marks ? marks->fields() : std::vector<formats::CellField>{});
+                                           marks ? marks->fields() : std::vector<formats::CellField>{}, kAllThreads);
   return written ? kDone : print_error(written.error());
 }
 

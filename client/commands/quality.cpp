@@ -51,7 +51,7 @@ Expected<void> write_marked(const Arguments& arguments, formats::MeshFile& file,
     fields = marks.fields();
   else
     mark_unrepairable(file.mesh, groups);
-  return formats::write_file(file.mesh, *format, arguments.output, fields);
+  return formats::write_file(file.mesh, *format, arguments.output, fields, arguments.threads);
 }
 
 /// The groups of uncertified elements that no movement of nodes can repair, if any of the outputs shows them.
@@ -75,7 +75,7 @@ void print_summary(const Arguments& arguments, const MeshSummary& mesh, const Qu
 int quality(const Arguments& arguments) {
   end_at_first_interrupt();
   if (const auto checked = check_files(arguments); !checked) return print_error(checked.error());
-  auto file = formats::read_file(arguments.input);
+  auto file = formats::read_file(arguments.input, machine_memory(), arguments.threads);
   if (!file) return print_error(file.error());
   if (const auto checked = check_structure(file->mesh); !checked) return print_error(checked.error());
   const auto mesh = summarise(file->mesh);

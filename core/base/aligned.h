@@ -3,6 +3,7 @@
 
 #include <cstddef>
 #include <new>
+#include <utility>
 #include <vector>
 
 namespace varimesh {
@@ -26,6 +27,27 @@ struct CacheLineAllocator {
 
 template <class T>
 using AlignedVector = std::vector<T, CacheLineAllocator<T>>;
+
+/// The same, but the numbers that resize() adds have no value. A loop that the threads share writes them first, so the
+/// threads also share the work of fetching new memory from the system, and nothing is written twice.
+template <class T>
+struct UntouchedAllocator : CacheLineAllocator<T> {
+  using value_type = T;
+  UntouchedAllocator() = default;
+  template <class U>
+  UntouchedAllocator(const UntouchedAllocator<U>&) {}
+  template <class U>
+  void construct(U* p) {
+    ::new (static_cast<void*>(p)) U;
+  }
+  template <class U, class... Arguments>
+  void construct(U* p, Arguments&&... arguments) {
+    ::new (static_cast<void*>(p)) U(std::forward<Arguments>(arguments)...);
+  }
+};
+
+template <class T>
+using UntouchedVector = std::vector<T, UntouchedAllocator<T>>;
 
 /// Numbers per node in arrays that are padded for vector loads. In 3-D the fourth number has no meaning.
 constexpr int padded(int dimension) { return dimension == 2 ? 2 : 4; }

@@ -1,13 +1,18 @@
 // Buffered output of text and binary numbers to a sink, without an allocation per number.
 #pragma once
 
+#include <algorithm>
+#include <atomic>
 #include <charconv>
 #include <cstdint>
 #include <cstring>
+#include <optional>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
+#include "core/base/shared_work.h"
 #include "core/formats/formats.h"
 
 namespace varimesh::formats {
@@ -15,11 +20,13 @@ namespace varimesh::formats {
 /// Collects bytes and passes them to the sink in pieces. After the sink has refused a piece, it gets no more.
 class BufferedOutput {
  public:
-  explicit BufferedOutput(const Sink& sink, bool binary = false) : binary(binary), sink_(sink) {
+  explicit BufferedOutput(const Sink& sink, bool binary = false, const Team& team = Team(1))
+      : binary(binary), sink_(sink), team_(team) {
     buffer_.resize(kPiece + kRoom);
   }
 
   const bool binary;
+  const Team& team() const { return team_; }
 
   /// Writes the bytes unchanged.
   void text(std::string_view bytes) {
@@ -45,6 +52,34 @@ class BufferedOutput {
   /// Ends a line in ASCII files; does nothing in binary files.
   void end_line() {
     if (!binary) text("\n");
+  }
+
+  /// Writes `count` things. body(out, begin, end) writes those from begin to end − 1; the threads of the team call it
+  /// for pieces of `per_piece` things, with outputs of their own, and the sink receives the pieces in order.
+  template <class Body>
+  void shared(std::size_t count, std::size_t per_piece, const Body& body) {
+    if (team_.threads() == 1 || count <= per_piece) return body(*this, 0, count);
+    flush();
+    std::size_t next = 0;
+    const auto cut = [&]() -> std::optional<std::size_t> {
+      if (next >= count || stopped_) return std::nullopt;
+      return std::exchange(next, next + per_piece);
+    };
+    const auto make = [&](std::size_t begin) {
+      std::string bytes;
+      const Sink append = [&](std::string_view more) {
+        bytes += more;
+        return true;
+      };
+      BufferedOutput piece(append, binary);
+      body(piece, begin, std::min(begin + per_piece, count));
+      piece.flush();
+      return bytes;
+    };
+    in_order(team_, cut, make, [&](const std::string& bytes) {
+      if (!stopped_ && !sink_(bytes)) stopped_ = true;
+      return !stopped_;
+    });
   }
 
   /// Passes the remaining bytes to the sink. Errors: Output if the sink has refused a piece.
@@ -83,9 +118,10 @@ class BufferedOutput {
   }
 
   const Sink& sink_;
+  const Team team_;
   std::vector<char> buffer_;
   std::size_t used_ = 0;
-  bool stopped_ = false;
+  std::atomic<bool> stopped_ = false;
 };
 
 }  // namespace varimesh::formats

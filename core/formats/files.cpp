@@ -28,12 +28,12 @@ struct Descriptor {
 };
 
 // Reads a file that cannot be mapped, such as a pipe, to its end.
-Expected<MeshFile> read_stream(int descriptor) {
+Expected<MeshFile> read_stream(int descriptor, int threads) {
   std::string bytes;
   char piece[1 << 16];
   for (;;) {
     const ssize_t n = ::read(descriptor, piece, sizeof piece);
-    if (n == 0) return read(bytes);
+    if (n == 0) return read(bytes, threads);
     if (n < 0 && errno == EINTR) continue;
     if (n < 0) return bad_input("Reading failed at byte " + std::to_string(bytes.size()) + ": " + reason() + ".");
     bytes.append(piece, std::size_t(n));
@@ -52,7 +52,7 @@ Expected<void> check_memory(std::int64_t file_bytes, std::int64_t memory) {
                    " may be used; use a machine with more memory, or a smaller mesh.");
 }
 
-Expected<MeshFile> read_file(const std::string& path, std::int64_t memory) {
+Expected<MeshFile> read_file(const std::string& path, std::int64_t memory, int threads) {
   const Descriptor file(::open(path.c_str(), O_RDONLY | O_CLOEXEC));
   if (file.number < 0) return bad_input("'" + path + "' cannot be opened: " + reason() + ".");
   struct stat status {};
@@ -65,10 +65,10 @@ Expected<MeshFile> read_file(const std::string& path, std::int64_t memory) {
   void* mapped =
       S_ISREG(status.st_mode) && size > 0 ? ::mmap(nullptr, size, PROT_READ, MAP_PRIVATE, file.number, 0) : MAP_FAILED;
   if (mapped == MAP_FAILED) {
-    result = read_stream(file.number);
+    result = read_stream(file.number, threads);
   } else {
     (void)::madvise(mapped, size, MADV_SEQUENTIAL);
-    result = read({static_cast<const char*>(mapped), size});
+    result = read({static_cast<const char*>(mapped), size}, threads);
     ::munmap(mapped, size);
   }
   if (!result) result.error().sentence = "'" + path + "': " + result.error().sentence;
@@ -76,11 +76,11 @@ Expected<MeshFile> read_file(const std::string& path, std::int64_t memory) {
 }
 
 Expected<void> write_file(const HighOrderMesh& mesh, Format format, const std::string& path,
-                          std::span<const CellField> fields) {
+                          std::span<const CellField> fields, int threads) {
   auto file = OutputFile::open(path);
   if (!file) return tl::unexpected(file.error());
   Expected<void> written = write(
-      mesh, format, [&](std::string_view bytes) { return file->write(bytes); }, fields);
+      mesh, format, [&](std::string_view bytes) { return file->write(bytes); }, fields, threads);
   if (!written && !file->failed()) return written;
   return file->commit();
 }

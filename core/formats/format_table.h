@@ -1,6 +1,7 @@
 // The table of formats: everything that reading and writing need to know about a format. Internal to core/formats.
 #pragma once
 
+#include "core/base/team.h"
 #include "core/formats/formats.h"
 
 namespace varimesh::formats {
@@ -13,11 +14,11 @@ struct FormatEntry {
   std::string_view extension;
   /// Whether the bytes begin like a file of this format.
   bool (*recognises)(std::string_view bytes) = nullptr;
-  /// Reads a file. Errors are returned, or thrown as ReadFailure.
-  Expected<MeshFile> (*read)(std::string_view bytes) = nullptr;
-  /// Writes a file. Formats without fields ignore `fields`.
-  Expected<void> (*write)(const HighOrderMesh& mesh, Format format, const Sink& sink,
-                          std::span<const CellField> fields) = nullptr;
+  /// Reads a file, inside team.run(). Errors are returned, or thrown as ReadFailure.
+  Expected<MeshFile> (*read)(std::string_view bytes, const Team& team) = nullptr;
+  /// Writes a file, inside team.run(). Formats without fields ignore `fields`.
+  Expected<void> (*write)(const HighOrderMesh& mesh, Format format, const Sink& sink, std::span<const CellField> fields,
+                          const Team& team) = nullptr;
 };
 
 /// The formats of this library. If several formats have the same extension, the last of them is the one that is written
@@ -28,9 +29,9 @@ std::span<const FormatEntry> format_table();
 Expected<Format> from_name(std::span<const FormatEntry> table, std::string_view name);
 Expected<Format> for_output(std::span<const FormatEntry> table, std::string_view path, Format requested,
                             Format read_as);
-Expected<MeshFile> read(std::span<const FormatEntry> table, std::string_view bytes);
+Expected<MeshFile> read(std::span<const FormatEntry> table, std::string_view bytes, int threads = 1);
 Expected<void> write(std::span<const FormatEntry> table, const HighOrderMesh& mesh, Format format, const Sink& sink,
-                     std::span<const CellField> fields);
+                     std::span<const CellField> fields, int threads = 1);
 
 /// The name of a format of this library; "auto" for Format::Auto.
 std::string_view format_name(Format format);

@@ -106,13 +106,16 @@ Expected<Format> for_output(std::span<const FormatEntry> table, std::string_view
                     "' cannot be determined from its ending; use the ending .msh or .vtu, or name the format.");
 }
 
-Expected<MeshFile> read(std::span<const FormatEntry> table, std::string_view bytes) {
+Expected<MeshFile> read(std::span<const FormatEntry> table, std::string_view bytes, int threads) {
   const auto entry = std::find_if(table.begin(), table.end(), [&](const FormatEntry& each) {
     return each.recognises != nullptr && each.recognises(bytes);
   });
   if (entry == table.end()) return bad_input(not_a_mesh(bytes));
   try {
-    return entry->read(bytes);
+    const Team team(threads);
+    Expected<MeshFile> file;
+    team.run([&] { file = entry->read(bytes, team); });
+    return file;
   } catch (const ReadFailure& failure) {
     return bad_input(failure.sentence);
   } catch (const std::bad_alloc&) {
@@ -121,12 +124,15 @@ Expected<MeshFile> read(std::span<const FormatEntry> table, std::string_view byt
 }
 
 Expected<void> write(std::span<const FormatEntry> table, const HighOrderMesh& mesh, Format format, const Sink& sink,
-                     std::span<const CellField> fields) {
+                     std::span<const CellField> fields, int threads) {
   const FormatEntry* entry = find(table, format == Format::Auto ? kDefaultFormat : format);
   assert(entry != nullptr);
   if (entry->write == nullptr)
     return bad_option("The format " + std::string(entry->name) + " can only be read; name another format.");
-  return entry->write(mesh, entry->format, sink, fields);
+  const Team team(threads);
+  Expected<void> written;
+  team.run([&] { written = entry->write(mesh, entry->format, sink, fields, team); });
+  return written;
 }
 
 // === For the formats of this library =====================================================================
@@ -146,10 +152,11 @@ Expected<Format> for_output(std::string_view path, Format requested, Format read
   return for_output(kTable, path, requested, read_as);
 }
 
-Expected<MeshFile> read(std::string_view bytes) { return read(kTable, bytes); }
+Expected<MeshFile> read(std::string_view bytes, int threads) { return read(kTable, bytes, threads); }
 
-Expected<void> write(const HighOrderMesh& mesh, Format format, const Sink& sink, std::span<const CellField> fields) {
-  return write(kTable, mesh, format, sink, fields);
+Expected<void> write(const HighOrderMesh& mesh, Format format, const Sink& sink, std::span<const CellField> fields,
+                     int threads) {
+  return write(kTable, mesh, format, sink, fields, threads);
 }
 
 }  // namespace varimesh::formats

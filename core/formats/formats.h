@@ -50,8 +50,9 @@ struct MeshFile {
 };
 
 /// Reads a mesh from the bytes of a file. Errors: BadInput, with the byte (binary) or line (ASCII) where reading
-/// stopped.
-Expected<MeshFile> read(std::string_view bytes);
+/// stopped; the first one in the file, for any number of threads.
+/// @param threads how many threads share the work; 0: as many as the machine has
+Expected<MeshFile> read(std::string_view bytes, int threads = 1);
 
 /// The least memory that the mesh of a file of this size takes, in bytes. A text file takes the most bytes for what it
 /// contains: nearly five times as many as memory for a tetrahedron whose nodes have numbers of ten digits.
@@ -63,10 +64,12 @@ Expected<void> check_memory(std::int64_t file_bytes, std::int64_t memory);
 
 /// Reads the file at `path`, which is mapped into memory. Errors: as for read() and check_memory(), and they name the
 /// path.
-Expected<MeshFile> read_file(const std::string& path, std::int64_t memory = machine_memory());
+/// @param memory the bytes that the mesh may take; 0: no limit
+/// @param threads how many threads share the work; 0: as many as the machine has
+Expected<MeshFile> read_file(const std::string& path, std::int64_t memory = machine_memory(), int threads = 1);
 
 /// Receives the bytes of a file piece by piece, in order. Returns false to stop, for example if the disk is full or a
-/// pipe is broken.
+/// pipe is broken. The pieces may come from different threads, but one after another.
 using Sink = std::function<bool(std::string_view)>;
 
 /// One number per cell, in the mesh's order, for formats that contain fields. VTU writes them as cell arrays.
@@ -76,13 +79,15 @@ struct CellField {
 };
 
 /// Writes the mesh. ASCII numbers have the digits, 17 at most, that are needed to read the same doubles again. Errors:
-/// BadOption if the format cannot contain the mesh, Output if the sink stopped.
-Expected<void> write(const HighOrderMesh& mesh, Format format, const Sink& sink,
-                     std::span<const CellField> fields = {});
+/// BadOption if the format cannot contain the mesh, Output if the sink stopped. The bytes do not depend on the number
+/// of threads.
+/// @param threads how many threads share the work; 0: as many as the machine has
+Expected<void> write(const HighOrderMesh& mesh, Format format, const Sink& sink, std::span<const CellField> fields = {},
+                     int threads = 1);
 
 /// Writes a file as OutputFile does: an incomplete file never has the name `path`.
 Expected<void> write_file(const HighOrderMesh& mesh, Format format, const std::string& path,
-                          std::span<const CellField> fields = {});
+                          std::span<const CellField> fields = {}, int threads = 1);
 
 /// Checks, before any work is done, whether a file can be written to `path`: OutputFile::check().
 Expected<void> check_writable(const std::string& path);

@@ -28,10 +28,18 @@ class Scanner {
   std::size_t offset() const { return std::size_t(at_ - begin_); }
   std::size_t left() const { return std::size_t(end_ - at_); }
   bool at_end() const { return at_ == end_; }
+  std::string_view rest() const { return {at_, left()}; }
+  /// Moves the cursor to a byte of the file.
+  void go_to(std::size_t offset) { at_ = begin_ + offset; }
   char peek() const { return at_ < end_ ? *at_ : '\0'; }
 
   void skip_space() {
     while (at_ < end_ && static_cast<unsigned char>(*at_) <= ' ') ++at_;
+  }
+
+  /// The same between numbers; in binary there is no space.
+  void skip_space_of_text() {
+    if (!binary) skip_space();
   }
 
   /// The rest of this line without its end. The cursor moves to the next line.

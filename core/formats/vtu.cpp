@@ -9,6 +9,7 @@
 #include <bit>
 #include <cstring>
 #include <map>
+#include <utility>
 
 #include "core/formats/buffered_output.h"
 #include "core/reference/basis.h"
@@ -21,16 +22,19 @@ namespace {
 // blocks, the bytes per block, the bytes of the last block if it is shorter, and the compressed bytes of each block.
 class CompressedArray {
  public:
+  explicit CompressedArray(const Team& team) : team_(team), block_(kBlock) {}
+
   template <class T>
   void put(T value) {
-    if (used_ + sizeof(T) > kBlock) flush();
+    if (used_ + sizeof(T) > kBlock) end_block();
     std::memcpy(block_.data() + used_, &value, sizeof(T));
     used_ += sizeof(T);
   }
 
   void finish() {
     last_ = used_;
-    if (used_ > 0) flush();
+    if (used_ > 0) end_block();
+    compress();
     block_ = {};
   }
 
@@ -46,21 +50,38 @@ class CompressedArray {
 
  private:
   static constexpr std::size_t kBlock = std::size_t(1) << 18;  // a multiple of every T's size
+  static constexpr std::size_t kBlocksPerThread = 4;           // that wait to be compressed at the same time
 
-  void flush() {
-    uLongf size = compressBound(uLong(used_));
-    const std::size_t old = data_.size();
-    data_.resize(old + size);
-    // Level 1, because coordinates hardly compress: higher levels take four times as long and save a few per cent.
-    compress2(reinterpret_cast<Bytef*>(data_.data() + old), &size, reinterpret_cast<const Bytef*>(block_.data()),
-              uLong(used_), 1);
-    data_.resize(old + size);
-    sizes_.push_back(size);
+  void end_block() {
+    block_.resize(used_);
+    waiting_.push_back(std::exchange(block_, std::vector<char>(kBlock)));
     used_ = 0;
+    if (waiting_.size() >= kBlocksPerThread * std::size_t(team_.threads())) compress();
   }
 
-  std::vector<char> block_ = std::vector<char>(kBlock);
+  void compress() {
+    std::vector<std::string> compressed(waiting_.size());
+    team_.for_each(std::int32_t(waiting_.size()), 1, [&](std::int32_t i) {
+      const std::vector<char>& block = waiting_[std::size_t(i)];
+      std::string& bytes = compressed[std::size_t(i)];
+      uLongf size = compressBound(uLong(block.size()));
+      bytes.resize(size);
+      // Level 1, because coordinates hardly compress: higher levels take four times as long and save a few per cent.
+      compress2(reinterpret_cast<Bytef*>(bytes.data()), &size, reinterpret_cast<const Bytef*>(block.data()),
+                uLong(block.size()), 1);
+      bytes.resize(size);
+    });
+    for (const std::string& bytes : compressed) {
+      data_ += bytes;
+      sizes_.push_back(bytes.size());
+    }
+    waiting_.clear();
+  }
+
+  const Team& team_;
+  std::vector<char> block_;
   std::size_t used_ = 0, last_ = 0;
+  std::vector<std::vector<char>> waiting_;
   std::string data_;
   std::vector<std::uint64_t> sizes_;
 };
@@ -69,7 +90,7 @@ class CompressedArray {
 struct Array {
   std::string name;
   std::string type;
-  int components = 1;
+  int components;
   CompressedArray data;
 };
 
@@ -101,12 +122,11 @@ Eigen::MatrixXd added_points(int order) {
 // The arrays of the grid, filled in one pass over the cells.
 class Grid {
  public:
-  Grid(const HighOrderMesh& mesh, std::span<const CellField> fields);
+  Grid(const HighOrderMesh& mesh, std::span<const CellField> fields, const Team& team);
 
   std::size_t points = 0, cells = 0;
-  Array coordinates{"Points", "Float64", 3, {}};
-  std::array<Array, 3> topology{
-      {{"connectivity", "Int64", 1, {}}, {"offsets", "Int64", 1, {}}, {"types", "UInt8", 1, {}}}};
+  Array coordinates;
+  std::array<Array, 3> topology;
   std::vector<Array> cell_data;
 
  private:
@@ -117,13 +137,19 @@ class Grid {
   std::map<int, Eigen::MatrixXd> added_;
 };
 
-Grid::Grid(const HighOrderMesh& mesh, std::span<const CellField> fields) : points(mesh.node_count()), mesh_(mesh) {
+Grid::Grid(const HighOrderMesh& mesh, std::span<const CellField> fields, const Team& team)
+    : points(mesh.node_count()),
+      coordinates{"Points", "Float64", 3, CompressedArray(team)},
+      topology{{{"connectivity", "Int64", 1, CompressedArray(team)},
+                {"offsets", "Int64", 1, CompressedArray(team)},
+                {"types", "UInt8", 1, CompressedArray(team)}}},
+      mesh_(mesh) {
   for (double x : mesh.coordinates) coordinates.data.put(x);
-  cell_data.push_back({"element", "Int64", 1, {}});
-  cell_data.push_back({"physical", "Int32", 1, {}});
+  cell_data.push_back({"element", "Int64", 1, CompressedArray(team)});
+  cell_data.push_back({"physical", "Int32", 1, CompressedArray(team)});
   for (const ElementBlock* block : cell_blocks(mesh)) add_block(*block);
   for (const CellField& field : fields) {
-    cell_data.push_back({field.name, "Float64", 1, {}});
+    cell_data.push_back({field.name, "Float64", 1, CompressedArray(team)});
     for (double value : field.values) cell_data.back().data.put(value);
   }
   coordinates.data.finish();
@@ -180,12 +206,13 @@ void declare(BufferedOutput& out, const Array& array, std::size_t& offset) {
 
 }  // namespace
 
-Expected<void> write_vtu(const HighOrderMesh& mesh, Format, const Sink& sink, std::span<const CellField> fields) {
+Expected<void> write_vtu(const HighOrderMesh& mesh, Format, const Sink& sink, std::span<const CellField> fields,
+                         const Team& team) {
   for (const CellField& field : fields)
     if (field.values.size() != mesh.element_count(mesh.dimension))
       return bad_option("The field '" + field.name + "' has " + std::to_string(field.values.size()) + " values for " +
                         std::to_string(mesh.element_count(mesh.dimension)) + " cells; give one value per cell.");
-  const Grid grid(mesh, fields);
+  const Grid grid(mesh, fields, team);
   BufferedOutput out(sink);
   std::size_t offset = 0;
   out.text("<?xml version=\"1.0\"?>\n<VTKFile type=\"UnstructuredGrid\" version=\"2.2\" byte_order=\"");

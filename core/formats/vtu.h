@@ -5,13 +5,15 @@
 #include <cstdint>
 #include <vector>
 
+#include "core/base/team.h"
 #include "core/formats/formats.h"
 
 namespace varimesh::formats {
 
 /// Writes the cells of the mesh, with their fields, to a VTU file. The points of the file are the mesh's nodes in
 /// order. Additional points of pyramids of order 2 and above follow.
-Expected<void> write_vtu(const HighOrderMesh& mesh, Format format, const Sink& sink, std::span<const CellField> fields);
+Expected<void> write_vtu(const HighOrderMesh& mesh, Format format, const Sink& sink, std::span<const CellField> fields,
+                         const Team& team);
 
 /// How VTK stores the cells of one shape and order.
 struct VtkCell {

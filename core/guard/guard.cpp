@@ -4,6 +4,7 @@
 #include <iterator>
 #include <numeric>
 
+#include "core/base/shared_work.h"
 #include "core/base/stopwatch.h"
 
 namespace varimesh {
@@ -23,14 +24,7 @@ class TimeAdder {
 };
 
 constexpr std::size_t kNodesPerTask = 4096;
-constexpr std::size_t kCellsPerTask = 512;
-
-/// The arrays have the same size. It is never interrupted.
-void copy_in_parallel(const std::vector<double>& from, std::vector<double>& to, const Team& team) {
-  team.without_stop().for_ranges(from.size(), 4 * kNodesPerTask, [&](std::size_t begin, std::size_t end) {
-    std::copy_n(from.data() + begin, end - begin, to.data() + begin);
-  });
-}
+constexpr std::size_t kCellsPerChunk = 4096;
 
 }  // namespace
 
@@ -40,13 +34,13 @@ Guard::Guard(const HighOrderMesh& mesh, const Frame& frame, Problem& problem, co
       problem_(problem),
       certifier_(certifier),
       team_(team),
-      conversion_(mesh, frame, problem.positions),
+      conversion_(mesh, frame, problem.positions, team),
       free_(mesh.node_count(), 0),
       unrepairable_(problem.cells, 0),
-      positions_(problem.positions),
+      positions_(shared_copy(problem.positions, team)),
       certificates_(std::move(certificates)),
-      latest_positions_(positions_),
-      latest_coordinates_(mesh.coordinates),
+      latest_positions_(shared_copy(problem.positions, team)),
+      latest_coordinates_(shared_copy(mesh.coordinates, team)),
       latest_certificates_(certificates_) {
   for (const std::int32_t node : problem.free) free_[node] = 1;
   for (const ElementBlock& block : mesh.blocks) {
@@ -66,26 +60,32 @@ void Guard::set_unrepairable(std::span<const UnrepairableGroup> groups) {
   count();
 }
 
+template <class Is>
+std::vector<std::int32_t> Guard::cells_where(const Is& is) const {
+  const std::size_t cells = cell_nodes_.size();
+  std::vector<std::vector<std::int32_t>> parts(chunks_of(cells, kCellsPerChunk));
+  for_chunks(team_.without_stop(), cells, kCellsPerChunk, [&](std::size_t chunk, std::size_t begin, std::size_t end) {
+    for (std::size_t cell = begin; cell < end; ++cell)
+      if (is(cell)) parts[chunk].push_back(static_cast<std::int32_t>(cell));
+  });
+  std::vector<std::int32_t> found;
+  for (const std::vector<std::int32_t>& part : parts) found.insert(found.end(), part.begin(), part.end());
+  return found;
+}
+
 std::vector<std::int32_t> Guard::moved_cells(const std::vector<double>& positions) const {
   const std::size_t d = problem_.dimension;
-  std::vector<char> moved(mesh_.node_count(), 0), touched(cell_nodes_.size(), 0);
+  std::vector<char> moved(mesh_.node_count(), 0);
   team_.for_ranges(problem_.free.size(), kNodesPerTask, [&](std::size_t begin, std::size_t end) {
     for (std::size_t rank = begin; rank < end; ++rank) {
       const std::size_t node = problem_.free[rank];
       moved[node] = std::equal(&positions[node * d], &positions[node * d] + d, &latest_positions_[node * d]) ? 0 : 1;
     }
   });
-  team_.for_ranges(cell_nodes_.size(), kCellsPerTask, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t cell = begin; cell < end; ++cell)
-      touched[cell] = std::any_of(cell_nodes_[cell], cell_nodes_[cell] + cell_size_[cell],
-                                  [&](std::int32_t node) { return moved[node] != 0; })
-                          ? 1
-                          : 0;
+  return cells_where([&](std::size_t cell) {
+    return std::any_of(cell_nodes_[cell], cell_nodes_[cell] + cell_size_[cell],
+                       [&](std::int32_t node) { return moved[node] != 0; });
   });
-  std::vector<std::int32_t> cells;
-  for (std::size_t cell = 0; cell < touched.size(); ++cell)
-    if (touched[cell] != 0) cells.push_back(static_cast<std::int32_t>(cell));
-  return cells;
 }
 
 void Guard::certify_at(const std::vector<double>& positions) {
@@ -95,23 +95,21 @@ void Guard::certify_at(const std::vector<double>& positions) {
   kept_is_latest_ = kept_is_latest_ && moved.empty();
   conversion_.update(positions, moved, latest_coordinates_, team_);
   certifier_.certify(latest_coordinates_, moved, latest_certificates_, team_);
-  copy_in_parallel(positions, latest_positions_, team_);
+  shared_copy<double>(positions, latest_positions_, team_);
   unfinished_.clear();
   kept_is_latest_ = false;
-  lost_.clear();
-  for (std::size_t cell = 0; cell < latest_certificates_.size(); ++cell)
-    if (certificates_[cell].is_valid() && !latest_certificates_[cell].is_valid())
-      lost_.push_back(static_cast<std::int32_t>(cell));
+  lost_ = cells_where(
+      [&](std::size_t cell) { return certificates_[cell].is_valid() && !latest_certificates_[cell].is_valid(); });
 }
 
 void Guard::keep() {
-  copy_in_parallel(latest_positions_, positions_, team_);
-  certificates_ = latest_certificates_;
+  shared_copy<double>(latest_positions_, positions_, team_);
+  shared_copy<Certificate>(latest_certificates_, certificates_, team_);
   kept_is_latest_ = true;
 }
 
 std::vector<double> Guard::coordinates() const {
-  if (kept_is_latest_) return latest_coordinates_;
+  if (kept_is_latest_) return {latest_coordinates_.begin(), latest_coordinates_.end()};
   std::vector<std::int32_t> cells(cell_nodes_.size());
   std::iota(cells.begin(), cells.end(), 0);
   std::vector<double> coordinates = mesh_.coordinates;
@@ -153,14 +151,13 @@ void Guard::restore_lost() {
 
 void Guard::return_to_kept() {
   restore_lost();
-  problem_.positions = positions_;
+  shared_copy<double>(positions_, problem_.positions, team_);
 }
 
 std::int64_t Guard::unrepaired() const {
-  std::int64_t sum = 0;
-  for (std::size_t cell = 0; cell < latest_certificates_.size(); ++cell)
-    sum += !certificates_[cell].is_valid() && unrepairable_[cell] == 0 ? 1 : 0;
-  return sum;
+  return static_cast<std::int64_t>(cells_where([&](std::size_t cell) {
+                                     return !certificates_[cell].is_valid() && unrepairable_[cell] == 0;
+                                   }).size());
 }
 
 std::vector<Standing> Guard::standings() const {
@@ -175,22 +172,20 @@ std::vector<Standing> Guard::standings() const {
 }
 
 void Guard::count() {
-  uncertified_ = repairable_ = 0;
-  for (std::size_t cell = 0; cell < latest_certificates_.size(); ++cell) {
-    if (latest_certificates_[cell].is_valid()) continue;
-    ++uncertified_;
-    repairable_ += unrepairable_[cell] == 0 ? 1 : 0;
-  }
+  const std::vector<std::int32_t> bad =
+      cells_where([&](std::size_t cell) { return !latest_certificates_[cell].is_valid(); });
+  uncertified_ = static_cast<std::int64_t>(bad.size());
+  repairable_ = std::ranges::count_if(bad, [&](std::int32_t cell) { return unrepairable_[cell] == 0; });
   write_unrepairable();
 }
 
 void Guard::write_unrepairable() {
   for (CellSet& set : problem_.sets) {
     set.unrepairable.resize(set.count);
-    for (std::int32_t cell = 0; cell < set.count; ++cell) {
+    team_.without_stop().for_each(set.count, static_cast<std::int32_t>(kCellsPerChunk), [&](std::int32_t cell) {
       const std::size_t number = set.mesh_cell[cell];
       set.unrepairable[cell] = unrepairable_[number] != 0 && !latest_certificates_[number].is_valid() ? 1 : 0;
-    }
+    });
   }
 }
 

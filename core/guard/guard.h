@@ -6,6 +6,7 @@
 #include <span>
 #include <vector>
 
+#include "core/base/aligned.h"
 #include "core/base/team.h"
 #include "core/diagnosis/diagnosis.h"
 #include "core/problem/node_conversion.h"
@@ -86,6 +87,10 @@ class Guard {
   double seconds() const { return seconds_; }
 
  private:
+  /// The cells for which is(cell) is true, in ascending order. It is never interrupted, so the lists and counts always
+  /// fit the certificates.
+  template <class Is>
+  std::vector<std::int32_t> cells_where(const Is& is) const;
   /// Cells with a node that is not where `latest_positions_` has it, in ascending order.
   std::vector<std::int32_t> moved_cells(const std::vector<double>& positions) const;
   /// Brings lost_ and everything named latest_ up to date with nodes at these positions.
@@ -103,13 +108,13 @@ class Guard {
   NodeConversion conversion_;
   std::vector<const std::int32_t*> cell_nodes_;  ///< By cell of the mesh.
   std::vector<int> cell_size_;
-  std::vector<char> free_;          ///< By node.
-  std::vector<char> unrepairable_;  ///< By cell: in an unrepairable group.
-  std::vector<double> positions_;   ///< The kept state.
+  std::vector<char> free_;             ///< By node.
+  std::vector<char> unrepairable_;     ///< By cell: in an unrepairable group.
+  UntouchedVector<double> positions_;  ///< The kept state.
   std::vector<Certificate> certificates_;
   bool kept_is_latest_ = true;
-  std::vector<double> latest_positions_;  ///< The state that was certified last.
-  std::vector<double> latest_coordinates_;
+  UntouchedVector<double> latest_positions_;  ///< The state that was certified last.
+  UntouchedVector<double> latest_coordinates_;
   std::vector<Certificate> latest_certificates_;
   std::vector<std::int32_t>
       unfinished_;  ///< Cells whose latest coordinates and certificates an interruption has spoilt.

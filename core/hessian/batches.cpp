@@ -6,7 +6,10 @@
 namespace varimesh {
 namespace {
 
-BatchSet make_batch_set(const CellSet& cells, const std::vector<std::int32_t>& rank, int entries) {
+constexpr std::int32_t kBatchesPerTask = 64;
+constexpr std::size_t kNodesPerTask = 16384;
+
+BatchSet make_batch_set(const CellSet& cells, const std::vector<std::int32_t>& rank, int entries, const Team& team) {
   const int d = cells.dimension, nodes = cells.nodes_per_cell;
   BatchSet set;
   set.cells = &cells;
@@ -14,13 +17,14 @@ BatchSet make_batch_set(const CellSet& cells, const std::vector<std::int32_t>& r
   set.entries = entries;
   set.gradient = fold_gradient(cells);
   set.ranks.resize(static_cast<std::size_t>(set.count) * nodes * kBatch);
-  for (std::int32_t b = 0; b < set.count; ++b)
+  team.for_each(set.count, kBatchesPerTask, [&](std::int32_t b) {
     for (int lane = 0; lane < kBatch; ++lane) {
       const std::int32_t cell = std::min(b * kBatch + lane, cells.count - 1);
       for (int n = 0; n < nodes; ++n)
         set.ranks[(static_cast<std::size_t>(b) * nodes + n) * kBatch + lane] =
             rank[cells.nodes[static_cast<std::size_t>(cell) * nodes + n]];
     }
+  });
   set.squares.reserve(set.gradient.points.size() * static_cast<std::size_t>(nodes) *
                       static_cast<std::size_t>(triangle_size(d)));
   for (const int q : set.gradient.points)
@@ -57,17 +61,19 @@ std::size_t BatchSet::deformation_size() const {
   return static_cast<std::size_t>(cells->points) * cells->dimension * cells->dimension * kBatch;
 }
 
-std::vector<BatchSet> make_batches(const Problem& problem, const HessianKernels& kernels) {
+std::vector<BatchSet> make_batches(const Problem& problem, const HessianKernels& kernels, const Team& team) {
   const std::size_t nodes = problem.positions.size() / problem.dimension;
   std::vector<std::int32_t> rank(nodes, static_cast<std::int32_t>(problem.free.size()));
-  for (std::size_t f = 0; f < problem.free.size(); ++f) rank[problem.free[f]] = static_cast<std::int32_t>(f);
+  team.for_ranges(problem.free.size(), kNodesPerTask, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t f = begin; f < end; ++f) rank[problem.free[f]] = static_cast<std::int32_t>(f);
+  });
   std::vector<BatchSet> batches;
-  for (const CellSet& cells : problem.sets) batches.push_back(make_batch_set(cells, rank, kernels.entries()));
-  copy_targets(batches);
+  for (const CellSet& cells : problem.sets) batches.push_back(make_batch_set(cells, rank, kernels.entries(), team));
+  copy_targets(batches, team);
   return batches;
 }
 
-void copy_targets(std::vector<BatchSet>& batches) {
+void copy_targets(std::vector<BatchSet>& batches, const Team& team) {
   for (BatchSet& set : batches) {
     const CellSet& cells = *set.cells;
     const int square = cells.dimension * cells.dimension, per_cell = cells.affine ? 1 : cells.points;
@@ -79,7 +85,7 @@ void copy_targets(std::vector<BatchSet>& batches) {
       set.left_factor[i] = static_cast<float>(factor[i / kBatch % square]);
     }
     const Eigen::MatrixXd to_s = set.gradient.directions.transpose().inverse();
-    for (std::int32_t cell = 0; cell < set.count * kBatch; ++cell)
+    team.for_each(set.count * kBatch, kBatch * kBatchesPerTask, [&](std::int32_t cell) {
       for (int slot = 0; slot < per_cell; ++slot) {
         const Eigen::MatrixXd inverse =
             to_s * inverse_target(cells, std::min(cell, cells.count - 1), cells.affine ? 0 : set.gradient.points[slot]);
@@ -88,6 +94,7 @@ void copy_targets(std::vector<BatchSet>& batches) {
           set.inverse_target[(place * square + entry) * kBatch + cell % kBatch] =
               static_cast<float>(inverse(entry / cells.dimension, entry % cells.dimension));
       }
+    });
   }
 }
 

@@ -9,6 +9,7 @@
 
 #include "core/base/aligned.h"
 #include "core/base/index.h"
+#include "core/base/team.h"
 #include "core/energy/material.h"
 #include "core/hessian/folded_gradient.h"
 #include "core/problem/problem.h"
@@ -37,19 +38,19 @@ struct BatchSet {
   AlignedVector<float> squares;  ///< points × nodes × d (d + 1)/2: ∂φ_n/∂s_k ∂φ_n/∂s_l, lower triangle by rows.
   /// count × (affine ? 1 : points) × d·d × lane: A_s⁻¹, which is A⁻¹ in the coordinates s of `gradient`: dF = (∂u/∂s)
   /// A_s⁻¹.
-  AlignedVector<float> inverse_target;
-  AlignedVector<float> left_factor;    ///< count × d·d × lane; empty: L = 1.
-  AlignedVector<float> linearisation;  ///< count × points × entries × lane.
+  UntouchedVector<float> inverse_target;
+  AlignedVector<float> left_factor;      ///< count × d·d × lane; empty: L = 1.
+  UntouchedVector<float> linearisation;  ///< count × points × entries × lane.
   /// count × points × d·d × lane: F minus the mean over the cell's points, in steps of 1/32767 of the cell's largest
   /// such difference.
-  AlignedVector<std::int16_t> deformation;
-  AlignedVector<float> mean;  ///< count × (d·d + 1) × lane: the mean of F over the cell's points, and the step.
+  UntouchedVector<std::int16_t> deformation;
+  UntouchedVector<float> mean;  ///< count × (d·d + 1) × lane: the mean of F over the cell's points, and the step.
   /// count × nodes × lane: rank of the node among the free nodes; Problem::free.size() if it is fixed.
   std::vector<std::int32_t> ranks;
   /// count × nodes × lane × width: what each cell contributes to a sum over the cells of a node. Used in turn for the
   /// product (width d), for the gradient and for the node's own block of the Hessian (width 2 d), and for the nodes of
   /// a coarse space (width d, coarse nodes instead of nodes).
-  AlignedVector<float> contributions;
+  UntouchedVector<float> contributions;
 
   std::size_t linearisation_size() const;  ///< Numbers per batch.
   std::size_t deformation_size() const;    ///< Numbers per batch.
@@ -115,10 +116,11 @@ class HessianKernels {
 
 std::unique_ptr<HessianKernels> make_hessian_kernels(const Material& material, int dimension);
 
-/// Batches of the problem's cells, with their tables and targets. Keeps pointers to the problem's sets.
-std::vector<BatchSet> make_batches(const Problem& problem, const HessianKernels& kernels);
+/// Batches of the problem's cells, with their tables and targets. Keeps pointers to the problem's sets. Call it inside
+/// team.run().
+std::vector<BatchSet> make_batches(const Problem& problem, const HessianKernels& kernels, const Team& team = Team(1));
 
-/// Copies the targets again after they have changed.
-void copy_targets(std::vector<BatchSet>& batches);
+/// Copies the targets again after they have changed. Call it inside team.run().
+void copy_targets(std::vector<BatchSet>& batches, const Team& team = Team(1));
 
 }  // namespace varimesh

@@ -3,16 +3,21 @@
 
 #include <algorithm>
 #include <array>
+#include <bit>
 #include <cmath>
 #include <limits>
 #include <numeric>
 
+#include "core/base/shared_work.h"
+#include "core/mesh/bounding_box.h"
 #include "core/mesh/conformity.h"
 #include "core/mesh/connectivity.h"
 
 namespace varimesh {
 
 namespace {
+
+constexpr std::size_t kNodesPerTask = 16384, kCellsPerTask = 2048, kIndicesPerTask = 65536;
 
 std::string name_of(Shape shape) { return std::string(reference::info(shape).name); }
 
@@ -24,18 +29,39 @@ std::string and_more(std::size_t count, const char* things) {
 // === Arrays that fit together ============================================================================
 // A file's reader ensures this. A mesh that is given as data may be wrong.
 
-Expected<void> check_arrays(const HighOrderMesh& mesh) {
+Expected<void> check_blocks(const HighOrderMesh& mesh, const Team& team) {
+  const auto nodes = std::int64_t(mesh.node_count());
+  for (const ElementBlock& block : mesh.blocks) {
+    const std::string where = "A block of " + std::string(reference::info(block.shape).plural) + " on entity " +
+                              std::to_string(block.entity) + " has ";
+    const int largest = block.shape == Shape::Point ? 1 : kMaxOrder;
+    if (block.order < 1 || block.order > largest)
+      return bad_input(where + "order " + std::to_string(block.order) + "; possible orders are 1 to 10.");
+    const auto stride = std::size_t(reference::node_count(block.shape, block.order));
+    if (block.nodes.size() != block.size() * stride)
+      return bad_input(where + std::to_string(block.nodes.size()) + " nodes for " + std::to_string(block.size()) +
+                       " elements; each needs " + std::to_string(stride) + ".");
+    const std::size_t k = first_of(team, block.nodes.size(), kIndicesPerTask,
+                                   [&](std::size_t i) { return block.nodes[i] < 0 || block.nodes[i] >= nodes; });
+    if (k < block.nodes.size())
+      return bad_input("Element " + std::to_string(block.numbers[k / stride]) + " refers to node index " +
+                       std::to_string(block.nodes[k]) + ", but the mesh has " + std::to_string(nodes) + " nodes.");
+  }
+  return {};
+}
+
+Expected<void> check_arrays(const HighOrderMesh& mesh, const Team& team) {
   if (mesh.coordinates.size() % 3 != 0)
     return bad_input("The mesh does not have three coordinates per node; give x, y and z for each.");
   if (mesh.node_numbers.size() != mesh.node_count())
     return bad_input("The mesh has " + std::to_string(mesh.node_count()) + " nodes and " +
                      std::to_string(mesh.node_numbers.size()) + " node numbers; give one number per node.");
-  return check_blocks(mesh);
+  return check_blocks(mesh, team);
 }
 
 // === What kind of mesh ===================================================================================
 
-Expected<void> check_kind(const HighOrderMesh& mesh) {
+Expected<void> check_kind(const HighOrderMesh& mesh, const Team&) {
   if (mesh.blocks.empty() || mesh.node_count() == 0)
     return bad_input(
         "The mesh is empty: it has no elements. In Gmsh, set Mesh.SaveAll=1 or make sure that physical groups cover "
@@ -62,34 +88,24 @@ Expected<void> check_kind(const HighOrderMesh& mesh) {
 
 // === Coordinates =========================================================================================
 
-Expected<void> check_coordinates(const HighOrderMesh& mesh) {
-  std::size_t first = 0, count = 0;
-  for (std::size_t i = 0; i < mesh.node_count(); ++i) {
-    const double* x = mesh.coordinates.data() + 3 * i;
-    if (std::isfinite(x[0]) && std::isfinite(x[1]) && std::isfinite(x[2])) continue;
-    if (count++ == 0) first = i;
-  }
-  if (count == 0) return {};
+Expected<void> check_coordinates(const HighOrderMesh& mesh, const Team& team) {
+  const auto is_bad = [&](std::size_t node) {
+    const double* x = mesh.coordinates.data() + 3 * node;
+    return !(std::isfinite(x[0]) && std::isfinite(x[1]) && std::isfinite(x[2]));
+  };
+  const std::size_t first = first_of(team, mesh.node_count(), kNodesPerTask, is_bad);
+  if (first == mesh.node_count()) return {};
+  std::size_t count = 0;
+  for (std::size_t i = first; i < mesh.node_count(); ++i) count += is_bad(i) ? 1 : 0;
   return bad_input("Node " + std::to_string(mesh.node_numbers[first]) +
                    " has a coordinate that is not a finite number" + and_more(count, "nodes") +
                    "; write the mesh again.");
 }
 
 // A 2-D mesh must lie in a plane z = constant, except for rounding errors of the mesh generator.
-Expected<void> check_plane(const HighOrderMesh& mesh) {
+Expected<void> check_plane(const HighOrderMesh& mesh, const Team& team) {
   if (mesh.dimension != 2) return {};
-  std::array<double, 3> low, high;
-  low.fill(std::numeric_limits<double>::infinity());
-  high.fill(-std::numeric_limits<double>::infinity());
-  for (const ElementBlock& block : mesh.blocks) {
-    if (reference::info(block.shape).dimension != mesh.dimension) continue;
-    for (std::int32_t node : block.nodes)
-      for (std::size_t k = 0; k < 3; ++k) {
-        const double x = mesh.coordinates[3 * std::size_t(node) + k];
-        low[k] = std::min(low[k], x);
-        high[k] = std::max(high[k], x);
-      }
-  }
+  const auto [low, high] = bounding_box(mesh, team);
   const double diagonal = std::hypot(high[0] - low[0], high[1] - low[1], high[2] - low[2]);
   if (high[2] - low[2] <= 1e-9 * diagonal) return {};
   return bad_input("The mesh is a surface in space: it has no volume elements, and z ranges from " +
@@ -99,28 +115,57 @@ Expected<void> check_plane(const HighOrderMesh& mesh) {
 
 // === Single cells ========================================================================================
 
-Expected<void> check_distinct_nodes(const HighOrderMesh& mesh) {
-  std::vector<std::int64_t> seen_in(mesh.node_count(), -1);
-  std::int64_t element = 0;
+// Finds nodes that an element has twice. The table is a quarter full, so most nodes are found or entered at once.
+class NodeTable {
+ public:
+  explicit NodeTable(std::size_t nodes) : slots_(std::bit_ceil(4 * nodes), -1) {}
+
+  // The position of the first node that occurs for the second time; `count` if all are distinct.
+  std::size_t first_repeated(const std::int32_t* nodes, std::size_t count) {
+    std::fill(slots_.begin(), slots_.end(), -1);
+    for (std::size_t k = 0; k < count; ++k) {
+      // Neighbouring numbers go to slots that are far apart (D. Knuth, The Art of Computer Programming 3, section 6.4).
+      std::size_t slot = std::uint32_t(nodes[k]) * 2654435769u;
+      for (slot >>= 8;; ++slot) {
+        std::int32_t& at = slots_[slot & (slots_.size() - 1)];
+        if (at == nodes[k]) return k;
+        if (at >= 0) continue;
+        at = nodes[k];
+        break;
+      }
+    }
+    return count;
+  }
+
+ private:
+  std::vector<std::int32_t> slots_;
+};
+
+Expected<void> check_distinct_nodes(const HighOrderMesh& mesh, const Team& team) {
   for (const ElementBlock& block : mesh.blocks) {
     if (reference::info(block.shape).dimension < mesh.dimension - 1) continue;
     const auto stride = std::size_t(reference::node_count(block.shape, block.order));
-    for (std::size_t e = 0; e < block.size(); ++e, ++element)
-      for (std::size_t k = 0; k < stride; ++k) {
-        const auto node = std::size_t(block.nodes[e * stride + k]);
-        if (seen_in[node] == element)
-          return bad_input("Element " + std::to_string(block.numbers[e]) + " (" + name_of(block.shape) + ") has node " +
-                           std::to_string(mesh.node_numbers[node]) +
-                           " twice; write the mesh without degenerate elements.");
-        seen_in[node] = element;
-      }
+    const std::size_t tasks = chunks_of(block.size(), kCellsPerTask);
+    std::vector<std::size_t> first(tasks, block.size());  // the first fault of each chunk
+    for_chunks(team, block.size(), kCellsPerTask, [&](std::size_t chunk, std::size_t begin, std::size_t end) {
+      NodeTable table(stride);
+      for (std::size_t e = begin; e < end && first[chunk] == block.size(); ++e)
+        if (table.first_repeated(block.nodes.data() + e * stride, stride) < stride) first[chunk] = e;
+    });
+    const auto fault = std::find_if(first.begin(), first.end(), [&](std::size_t e) { return e < block.size(); });
+    if (fault == first.end()) continue;
+    const std::int32_t* nodes = block.nodes.data() + *fault * stride;
+    const std::int32_t node = nodes[NodeTable(stride).first_repeated(nodes, stride)];
+    return bad_input("Element " + std::to_string(block.numbers[*fault]) + " (" + name_of(block.shape) + ") has node " +
+                     std::to_string(mesh.node_numbers[std::size_t(node)]) +
+                     " twice; write the mesh without degenerate elements.");
   }
   return {};
 }
 
 // === Duplicates ==========================================================================================
 
-Expected<void> check_duplicates(const Cells& cells) {
+Expected<void> check_duplicates(const Cells& cells, const Team& team) {
   const auto vertices = [&](std::size_t cell) {
     std::array<std::int32_t, 8> sorted;
     sorted.fill(-1);
@@ -132,18 +177,20 @@ Expected<void> check_duplicates(const Cells& cells) {
   };
   std::vector<std::pair<std::uint64_t, std::int32_t>> hashes(cells.count());
   for (const Cells::Range& range : cells.ranges())
-    for (std::size_t e = 0; e < range.block->size(); ++e) {
-      // A sum of well-mixed vertex numbers, so that the order of the vertices does not matter.
-      std::uint64_t hash = 0;
-      for (std::size_t k = 0; k < std::size_t(reference::info(range.block->shape).vertices); ++k) {
-        std::uint64_t x = std::uint64_t(range.block->nodes[e * range.stride + k]) + 0x9e3779b97f4a7c15u;
-        x = (x ^ (x >> 30)) * 0xbf58476d1ce4e5b9u;  // splitmix64
-        x = (x ^ (x >> 27)) * 0x94d049bb133111ebu;
-        hash += x ^ (x >> 31);
+    team.for_ranges(range.block->size(), kCellsPerTask, [&](std::size_t begin, std::size_t end) {
+      for (std::size_t e = begin; e < end; ++e) {
+        // A sum of well-mixed vertex numbers, so that the order of the vertices does not matter.
+        std::uint64_t hash = 0;
+        for (std::size_t k = 0; k < std::size_t(reference::info(range.block->shape).vertices); ++k) {
+          std::uint64_t x = std::uint64_t(range.block->nodes[e * range.stride + k]) + 0x9e3779b97f4a7c15u;
+          x = (x ^ (x >> 30)) * 0xbf58476d1ce4e5b9u;  // splitmix64
+          x = (x ^ (x >> 27)) * 0x94d049bb133111ebu;
+          hash += x ^ (x >> 31);
+        }
+        hashes[range.first + e] = {hash, std::int32_t(range.first + e)};
       }
-      hashes[range.first + e] = {hash, std::int32_t(range.first + e)};
-    }
-  std::sort(hashes.begin(), hashes.end());
+    });
+  sort_distinct(team, hashes);
   std::int32_t first = -1, twin = -1;
   std::size_t count = 0;
   for (std::size_t i = 1; i < hashes.size(); ++i) {
@@ -160,26 +207,6 @@ Expected<void> check_duplicates(const Cells& cells) {
 
 }  // namespace
 
-Expected<void> check_blocks(const HighOrderMesh& mesh) {
-  const auto nodes = std::int64_t(mesh.node_count());
-  for (const ElementBlock& block : mesh.blocks) {
-    const std::string where = "A block of " + std::string(reference::info(block.shape).plural) + " on entity " +
-                              std::to_string(block.entity) + " has ";
-    const int largest = block.shape == Shape::Point ? 1 : kMaxOrder;
-    if (block.order < 1 || block.order > largest)
-      return bad_input(where + "order " + std::to_string(block.order) + "; possible orders are 1 to 10.");
-    const auto stride = std::size_t(reference::node_count(block.shape, block.order));
-    if (block.nodes.size() != block.size() * stride)
-      return bad_input(where + std::to_string(block.nodes.size()) + " nodes for " + std::to_string(block.size()) +
-                       " elements; each needs " + std::to_string(stride) + ".");
-    for (std::size_t k = 0; k < block.nodes.size(); ++k)
-      if (block.nodes[k] < 0 || block.nodes[k] >= nodes)
-        return bad_input("Element " + std::to_string(block.numbers[k / stride]) + " refers to node index " +
-                         std::to_string(block.nodes[k]) + ", but the mesh has " + std::to_string(nodes) + " nodes.");
-  }
-  return {};
-}
-
 Expected<void> check_counts(std::int64_t nodes, std::int64_t cells) {
   const auto refuse = [](std::int64_t count, const char* things, std::int64_t most) {
     return bad_input("The mesh has " + std::to_string(count) + " " + things + ", but can have at most " +
@@ -190,17 +217,23 @@ Expected<void> check_counts(std::int64_t nodes, std::int64_t cells) {
   return {};
 }
 
-Expected<void> check_structure(const HighOrderMesh& mesh) {
+Expected<void> check_structure(const HighOrderMesh& mesh, const Team& team, Facets* found) {
   if (auto done = check_counts(static_cast<std::int64_t>(mesh.node_count()),
                                static_cast<std::int64_t>(mesh.element_count(mesh.dimension)));
       !done)
     return done;
   for (auto step : {check_kind, check_arrays, check_coordinates, check_plane, check_distinct_nodes})
-    if (auto done = step(mesh); !done) return tl::unexpected<Error>(done.error());
+    if (auto done = step(mesh, team); !done) return tl::unexpected<Error>(done.error());
   const Cells cells(mesh, mesh.dimension);
-  if (auto done = check_duplicates(cells); !done) return tl::unexpected<Error>(done.error());
-  if (auto done = check_conformity(mesh, facets(mesh)); !done) return tl::unexpected<Error>(done.error());
+  if (auto done = check_duplicates(cells, team); !done) return tl::unexpected<Error>(done.error());
+  Facets facet = facets(mesh, team);
+  if (auto done = check_conformity(mesh, facet, team); !done) return tl::unexpected<Error>(done.error());
+  if (found != nullptr) *found = std::move(facet);
   return {};
 }
+
+Expected<void> check_blocks(const HighOrderMesh& mesh) { return check_blocks(mesh, Team(1)); }
+
+Expected<void> check_structure(const HighOrderMesh& mesh) { return check_structure(mesh, Team(1)); }
 
 }  // namespace varimesh

@@ -8,6 +8,9 @@
 
 namespace varimesh {
 
+class Team;
+struct Facets;
+
 /// Refuses meshes with more nodes or cells than kMostNodes and kMostCells. Errors: BadInput.
 Expected<void> check_counts(std::int64_t nodes, std::int64_t cells);
 
@@ -20,6 +23,10 @@ Expected<void> check_counts(std::int64_t nodes, std::int64_t cells);
 /// Cells may be inverted, with curved sides and with straight sides.
 /// Errors: BadInput, which describes the first fault, says how many there are of its kind, and what to do.
 Expected<void> check_structure(const HighOrderMesh& mesh);
+/// The same, shared by the threads of a team. The first fault is the same for any number of threads. Call it inside
+/// team.run().
+/// @param found if not null, receives the facets, which the check has to find (core/mesh/connectivity.h)
+Expected<void> check_structure(const HighOrderMesh& mesh, const Team& team, Facets* found = nullptr);
 
 /// Checks that each block has a possible order, as many nodes as its elements need, and only nodes of the mesh. Errors:
 /// BadInput.

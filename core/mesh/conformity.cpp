@@ -5,11 +5,14 @@
 #include <array>
 #include <map>
 
+#include "core/base/shared_work.h"
 #include "core/reference/nodes.h"
 
 namespace varimesh {
 
 namespace {
+
+constexpr std::size_t kCellsPerTask = 2048, kFacetsPerTask = 16384, kEdgesPerTask = 1024;
 
 // How the nodes of a facet as one cell orders them correspond to those as the other cell orders them, for each way in
 // which the vertices can correspond. A lattice node is identified by its weights at the vertices: barycentric on lines
@@ -21,8 +24,12 @@ class FacetMaps {
   /// The number in the second order of each node of the first order, if vertex k of the first order is vertex turn[k]
   /// of the second. Empty if `turn` is not a symmetry of the shape.
   const std::vector<int>& map(Shape shape, const std::array<int, 4>& turn) {
+    if (shape == last_shape_ && turn == last_turn_) return *last_;
     auto [at, is_new] = maps_.try_emplace({shape, turn});
     if (is_new) at->second = make(shape, turn);
+    last_shape_ = shape;
+    last_turn_ = turn;
+    last_ = &at->second;
     return at->second;
   }
 
@@ -53,6 +60,10 @@ class FacetMaps {
 
   int order_;
   std::map<std::pair<Shape, std::array<int, 4>>, std::vector<int>> maps_;
+  // Many neighbours in a row correspond in the same way.
+  Shape last_shape_ = Shape::Point;
+  std::array<int, 4> last_turn_{};
+  const std::vector<int>* last_ = nullptr;
 };
 
 // A facet with its nodes in the order of one element.
@@ -91,8 +102,14 @@ std::string describe(const char* what, const FacetNodes& facet, const HighOrderM
 // The facets of one mesh, by their index in Facets.
 class FacetView {
  public:
-  FacetView(const HighOrderMesh& mesh, const Facets& facets)
-      : mesh_(mesh), facets_(facets), cells_(mesh, mesh.dimension) {}
+  FacetView(const HighOrderMesh& mesh, const Facets& facets) : facets_(facets), cells_(mesh, mesh.dimension) {
+    for (const Cells::Range& range : cells_.ranges()) {
+      const Shape shape = range.block->shape;
+      if (!local_[std::size_t(shape)].empty()) continue;
+      for (std::size_t f = 0; f < reference::info(shape).facets.size(); ++f)
+        local_[std::size_t(shape)].push_back(&reference::facet_nodes(shape, mesh.order, int(f)));
+    }
+  }
 
   const Cells& cells() const { return cells_; }
   std::size_t cell_of(std::int32_t facet) const {
@@ -101,16 +118,17 @@ class FacetView {
   }
   FacetNodes nodes(std::size_t cell, std::int32_t facet) const {
     const Cells::Range& range = cells_.range_of(cell);
-    const int local = facet - facets_.first[cell];
-    return {reference::info(range.block->shape).facets[std::size_t(local)].shape,
-            range.block->nodes.data() + (cell - range.first) * range.stride,
-            &reference::facet_nodes(range.block->shape, mesh_.order, local)};
+    const Shape shape = range.block->shape;
+    const auto local = std::size_t(facet - facets_.first[cell]);
+    return {reference::info(shape).facets[local].shape, range.block->nodes.data() + (cell - range.first) * range.stride,
+            local_[std::size_t(shape)][local]};
   }
 
  private:
-  const HighOrderMesh& mesh_;
   const Facets& facets_;
   Cells cells_;
+  // By shape and facet: the local nodes. Looking them up in reference:: takes a lock, for which the threads would wait.
+  std::array<std::vector<const std::vector<int>*>, kShapes> local_;
 };
 
 constexpr const char* kDisagree =
@@ -127,31 +145,50 @@ Expected<void> check_crowded(const HighOrderMesh& mesh, const Facets& facets, co
                    " such in all), but a facet can have at most two cells; look for overlapping or duplicate parts.");
 }
 
-Expected<void> check_shared_facets(const HighOrderMesh& mesh, const Facets& facets, const FacetView& view) {
-  FacetMaps maps(mesh.order);
+// The element that disagrees with a cell on its facet f: the cell on the other side, or else the boundary element; −1
+// if none does. A pair of cells is compared at the facet with the smaller index.
+std::int64_t disagreeing(const FacetView& view, const Facets& facets, const Cells& borders, FacetMaps& maps,
+                         std::size_t cell, std::int32_t f, std::int32_t border) {
+  const std::int32_t opposite = facets.opposite[std::size_t(f)];
+  if (opposite < f && border < 0) return -1;
+  const FacetNodes here = view.nodes(cell, f);
+  if (opposite > f) {
+    const auto neighbour = std::size_t(facets.neighbour[std::size_t(f)]);
+    if (!agree(here, view.nodes(neighbour, opposite), maps)) return view.cells().number(neighbour);
+  }
+  if (border < 0) return -1;
+  const FacetNodes element{borders.shape(std::size_t(border)), borders.nodes(std::size_t(border)).data(), nullptr};
+  return agree(here, element, maps) ? -1 : borders.number(std::size_t(border));
+}
+
+Expected<void> check_shared_facets(const HighOrderMesh& mesh, const Facets& facets, const FacetView& view,
+                                   const Team& team) {
+  struct Fault {
+    std::size_t cell = 0;
+    std::int32_t facet = -1;
+    std::int64_t other = -1;
+  };
   const Cells borders(mesh, mesh.dimension - 1);
-  auto next = facets.elements.begin();
-  for (std::size_t cell = 0; cell < view.cells().count(); ++cell)
-    for (std::int32_t f = facets.first[cell]; f < facets.first[cell + 1]; ++f) {
-      while (next != facets.elements.end() && next->first < f) ++next;
-      const std::int32_t border = next != facets.elements.end() && next->first == f ? next->second : -1;
-      const std::int32_t opposite = facets.opposite[std::size_t(f)];
-      if (opposite < f && border < 0) continue;
-      const FacetNodes here = view.nodes(cell, f);
-      std::int64_t other = -1;
-      if (opposite > f) {
-        const auto neighbour = std::size_t(facets.neighbour[std::size_t(f)]);
-        if (!agree(here, view.nodes(neighbour, opposite), maps)) other = view.cells().number(neighbour);
+  const std::size_t cells = view.cells().count();
+  std::vector<Fault> faults(chunks_of(cells, kCellsPerTask));  // the first of each chunk
+  for_chunks(team, cells, kCellsPerTask, [&](std::size_t chunk, std::size_t begin, std::size_t end) {
+    FacetMaps maps(mesh.order);
+    auto next = std::lower_bound(facets.elements.begin(), facets.elements.end(), std::pair(facets.first[begin], 0));
+    for (std::size_t cell = begin; cell < end; ++cell)
+      for (std::int32_t f = facets.first[cell]; f < facets.first[cell + 1]; ++f) {
+        while (next != facets.elements.end() && next->first < f) ++next;
+        const std::int32_t border = next != facets.elements.end() && next->first == f ? next->second : -1;
+        const std::int64_t other = disagreeing(view, facets, borders, maps, cell, f, border);
+        if (other < 0) continue;
+        faults[chunk] = {cell, f, other};
+        return;
       }
-      if (border >= 0 && other < 0) {
-        const FacetNodes element{borders.shape(std::size_t(border)), borders.nodes(std::size_t(border)).data(),
-                                 nullptr};
-        if (!agree(here, element, maps)) other = borders.number(std::size_t(border));
-      }
-      if (other >= 0)
-        return bad_input("Elements " + std::to_string(view.cells().number(cell)) + " and " + std::to_string(other) +
-                         " disagree on the " + describe(facet_word(mesh), here, mesh) + kDisagree);
-    }
+  });
+  for (const Fault& fault : faults)
+    if (fault.facet >= 0)
+      return bad_input("Elements " + std::to_string(view.cells().number(fault.cell)) + " and " +
+                       std::to_string(fault.other) + " disagree on the " +
+                       describe(facet_word(mesh), view.nodes(fault.cell, fault.facet), mesh) + kDisagree);
   return {};
 }
 
@@ -211,7 +248,7 @@ std::vector<std::int32_t> edge_nodes(const FacetNodes& face, std::int32_t edge, 
 }
 
 Expected<void> check_boundary_edges(const HighOrderMesh& mesh, const std::vector<std::int32_t>& boundary,
-                                    const FacetView& view) {
+                                    const FacetView& view, const Team& team) {
   std::vector<BoundaryEdge> edges;
   for (std::int32_t f : boundary) {
     const FacetNodes face = view.nodes(view.cell_of(f), f);
@@ -221,35 +258,47 @@ Expected<void> check_boundary_edges(const HighOrderMesh& mesh, const std::vector
       edges.push_back({{std::min(a, b), std::max(a, b)}, f, e});
     }
   }
-  std::sort(edges.begin(), edges.end(), [](const BoundaryEdge& a, const BoundaryEdge& b) {
-    return std::tie(a.vertices, a.facet) < std::tie(b.vertices, b.facet);
+  // A face has an edge once, so no two entries are equal.
+  sort_distinct(team, edges, [](const BoundaryEdge& a, const BoundaryEdge& b) {
+    return std::tie(a.vertices, a.facet, a.edge) < std::tie(b.vertices, b.facet, b.edge);
   });
-  for (std::size_t i = 1; i < edges.size(); ++i) {
-    if (edges[i].vertices != edges[i - 1].vertices) continue;
-    const std::size_t a = view.cell_of(edges[i - 1].facet), b = view.cell_of(edges[i].facet);
-    if (edge_nodes(view.nodes(a, edges[i - 1].facet), edges[i - 1].edge, mesh.order) ==
-        edge_nodes(view.nodes(b, edges[i].facet), edges[i].edge, mesh.order))
-      continue;
-    return bad_input("Elements " + std::to_string(view.cells().number(a)) + " and " +
-                     std::to_string(view.cells().number(b)) + " disagree on the edge of nodes " +
-                     std::to_string(mesh.node_numbers[std::size_t(edges[i].vertices[0])]) + " and " +
-                     std::to_string(mesh.node_numbers[std::size_t(edges[i].vertices[1])]) + kDisagree);
-  }
-  return {};
+  const auto disagree = [&](const BoundaryEdge& a, const BoundaryEdge& b) {
+    return a.vertices == b.vertices && edge_nodes(view.nodes(view.cell_of(a.facet), a.facet), a.edge, mesh.order) !=
+                                           edge_nodes(view.nodes(view.cell_of(b.facet), b.facet), b.edge, mesh.order);
+  };
+  const std::size_t pairs = edges.empty() ? 0 : edges.size() - 1;
+  const std::size_t i =
+      first_of(team, pairs, kEdgesPerTask, [&](std::size_t k) { return disagree(edges[k], edges[k + 1]); });
+  if (i == pairs) return {};
+  return bad_input("Elements " + std::to_string(view.cells().number(view.cell_of(edges[i].facet))) + " and " +
+                   std::to_string(view.cells().number(view.cell_of(edges[i + 1].facet))) +
+                   " disagree on the edge of nodes " +
+                   std::to_string(mesh.node_numbers[std::size_t(edges[i].vertices[0])]) + " and " +
+                   std::to_string(mesh.node_numbers[std::size_t(edges[i].vertices[1])]) + kDisagree);
+}
+
+// The facets that have one cell, in order.
+std::vector<std::int32_t> boundary_facets(const Facets& facets, const Team& team) {
+  std::vector<std::vector<std::int32_t>> parts(chunks_of(facets.neighbour.size(), kFacetsPerTask));
+  for_chunks(team, facets.neighbour.size(), kFacetsPerTask, [&](std::size_t chunk, std::size_t begin, std::size_t end) {
+    for (std::size_t f = begin; f < end; ++f)
+      if (facets.neighbour[f] < 0) parts[chunk].push_back(std::int32_t(f));
+  });
+  std::vector<std::int32_t> boundary;
+  for (const std::vector<std::int32_t>& part : parts) boundary.insert(boundary.end(), part.begin(), part.end());
+  return boundary;
 }
 
 }  // namespace
 
-Expected<void> check_conformity(const HighOrderMesh& mesh, const Facets& facets) {
+Expected<void> check_conformity(const HighOrderMesh& mesh, const Facets& facets, const Team& team) {
   const FacetView view(mesh, facets);
   if (auto done = check_crowded(mesh, facets, view); !done) return done;
-  if (auto done = check_shared_facets(mesh, facets, view); !done) return done;
+  if (auto done = check_shared_facets(mesh, facets, view, team); !done) return done;
   if (mesh.dimension < 3) return {};
-  std::vector<std::int32_t> boundary;
-  for (std::size_t f = 0; f < facets.neighbour.size(); ++f)
-    if (facets.neighbour[f] < 0) boundary.push_back(std::int32_t(f));
+  const std::vector<std::int32_t> boundary = boundary_facets(facets, team);
   if (auto done = check_hanging_faces(mesh, boundary, view); !done) return done;
-  return check_boundary_edges(mesh, boundary, view);
+  return check_boundary_edges(mesh, boundary, view, team);
 }
 
 }  // namespace varimesh

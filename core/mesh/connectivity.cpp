@@ -7,6 +7,7 @@
 #include <cassert>
 #include <limits>
 
+#include "core/base/shared_work.h"
 #include "core/reference/nodes.h"
 
 namespace varimesh {
@@ -40,6 +41,7 @@ std::int64_t Cells::number(std::size_t cell) const {
 namespace {
 
 constexpr std::int32_t kNone = -1;
+constexpr std::size_t kCellsPerTask = 2048, kBucketsPerTask = 4096;
 
 // A facet in the bucket of its smallest vertex: the other vertices, ascending, and the facet's index. Boundary elements
 // have indices after those of the facets.
@@ -51,31 +53,36 @@ struct Entry {
   }
 };
 
-// Calls visit(facet, sorted vertices) for the facets of all cells, in order. Missing vertices are the largest int.
-// Returns the number of facets.
+// Calls visit(facet, sorted vertices) for the facets of all cells, in no particular order. Missing vertices are the
+// largest int. Returns the number of facets.
 template <class Visit>
-std::int32_t visit_facets(const Cells& cells, Visit&& visit) {
-  std::int32_t facet = 0;
+std::int32_t visit_facets(const Cells& cells, const Team& team, const Visit& visit) {
+  std::int32_t first = 0;
   for (const Cells::Range& range : cells.ranges()) {
     const auto shape_facets = reference::info(range.block->shape).facets;
-    for (std::size_t e = 0; e < range.block->size(); ++e) {
-      const std::int32_t* nodes = range.block->nodes.data() + e * range.stride;
-      for (const reference::Facet& local : shape_facets) {
-        std::array<std::int32_t, 4> vertices;
-        for (std::size_t k = 0; k < 4; ++k)
-          vertices[k] =
-              local.vertices[k] < 0 ? std::numeric_limits<std::int32_t>::max() : nodes[std::size_t(local.vertices[k])];
-        std::sort(vertices.begin(), vertices.end());
-        visit(facet++, vertices);
+    const auto per_cell = std::int32_t(shape_facets.size());
+    team.for_ranges(range.block->size(), kCellsPerTask, [&](std::size_t begin, std::size_t end) {
+      for (std::size_t e = begin; e < end; ++e) {
+        const std::int32_t* nodes = range.block->nodes.data() + e * range.stride;
+        std::int32_t facet = first + std::int32_t(e) * per_cell;
+        for (const reference::Facet& local : shape_facets) {
+          std::array<std::int32_t, 4> vertices;
+          for (std::size_t k = 0; k < 4; ++k)
+            vertices[k] = local.vertices[k] < 0 ? std::numeric_limits<std::int32_t>::max()
+                                                : nodes[std::size_t(local.vertices[k])];
+          std::sort(vertices.begin(), vertices.end());
+          visit(facet++, vertices);
+        }
       }
-    }
+    });
+    first += std::int32_t(range.block->size()) * per_cell;
   }
-  return facet;
+  return first;
 }
 
 // The same for the vertices of boundary elements, whose indices start at `facet`.
 template <class Visit>
-void visit_elements(const Cells& elements, std::int32_t facet, Visit&& visit) {
+void visit_elements(const Cells& elements, std::int32_t facet, const Visit& visit) {
   for (const Cells::Range& range : elements.ranges()) {
     const auto count = std::size_t(reference::info(range.block->shape).vertices);
     for (std::size_t e = 0; e < range.block->size(); ++e) {
@@ -88,16 +95,29 @@ void visit_elements(const Cells& elements, std::int32_t facet, Visit&& visit) {
   }
 }
 
+// What the buckets of one task contribute to the lists of Facets.
+struct Found {
+  std::vector<std::pair<std::int32_t, std::int32_t>> elements;
+  std::int32_t crowded = kNone;
+  std::size_t crowded_count = 0;
+
+  void add_to(Facets& result) const {
+    result.elements.insert(result.elements.end(), elements.begin(), elements.end());
+    if (crowded >= 0 && (result.crowded < 0 || crowded < result.crowded)) result.crowded = crowded;
+    result.crowded_count += crowded_count;
+  }
+};
+
 // Records that the facets and boundary elements in `same` have the same vertices. Indices from `total` on are boundary
 // elements.
-void link(Facets& result, std::span<const Entry> same, std::int32_t total) {
+void link(Facets& result, Found& found, std::span<const Entry> same, std::int32_t total) {
   const auto border = std::find_if(same.begin(), same.end(), [&](const Entry& e) { return e.facet >= total; });
   const auto cells = std::size_t(border - same.begin());
   for (std::size_t k = 0; k < cells && border != same.end(); ++k)
-    result.elements.emplace_back(same[k].facet, border->facet - total);
+    found.elements.emplace_back(same[k].facet, border->facet - total);
   if (cells > 2) {
-    if (result.crowded < 0 || same[0].facet < result.crowded) result.crowded = same[0].facet;
-    ++result.crowded_count;
+    if (found.crowded < 0 || same[0].facet < found.crowded) found.crowded = same[0].facet;
+    ++found.crowded_count;
   }
   if (cells < 2) return;
   result.opposite[std::size_t(same[0].facet)] = same[1].facet;
@@ -105,20 +125,23 @@ void link(Facets& result, std::span<const Entry> same, std::int32_t total) {
 }
 
 // Finds the entries of one bucket that have the same vertices.
-void link_bucket(Facets& result, std::span<Entry> bucket, std::int32_t total) {
+void link_bucket(Facets& result, Found& found, std::span<Entry> bucket, std::int32_t total) {
   std::sort(bucket.begin(), bucket.end());
   for (std::size_t a = 0, b = 0; a < bucket.size(); a = b) {
     while (b < bucket.size() && bucket[b].rest == bucket[a].rest) ++b;
-    link(result, bucket.subspan(a, b - a), total);
+    link(result, found, bucket.subspan(a, b - a), total);
   }
 }
 
-void match(Facets& result, const HighOrderMesh& mesh, const Cells& cells) {
+// The threads fill the buckets in any order. The buckets are sorted afterwards, so this does not show.
+void match(Facets& result, const HighOrderMesh& mesh, const Cells& cells, const Team& team) {
   const Cells borders(mesh, mesh.dimension - 1);
   const std::int32_t total = result.first.back();
   std::vector<std::int32_t> start(mesh.node_count() + 1, 0);
-  const auto tally = [&](std::int32_t, const std::array<std::int32_t, 4>& v) { ++start[std::size_t(v[0]) + 1]; };
-  visit_facets(cells, tally);
+  const auto tally = [&](std::int32_t, const std::array<std::int32_t, 4>& v) {
+    count_up(start[std::size_t(v[0]) + 1], team);
+  };
+  visit_facets(cells, team, tally);
   visit_elements(borders, total, tally);
   for (std::size_t i = 1; i < start.size(); ++i) start[i] += start[i - 1];
 
@@ -134,18 +157,23 @@ void match(Facets& result, const HighOrderMesh& mesh, const Cells& cells) {
     std::vector<std::int32_t> next(start.begin() + std::ptrdiff_t(low), start.begin() + std::ptrdiff_t(high));
     const auto enter = [&](std::int32_t facet, const std::array<std::int32_t, 4>& v) {
       const auto bucket = std::size_t(v[0]) - low;
-      if (bucket < next.size()) entries[std::size_t(next[bucket]++ - base)] = {{v[1], v[2], v[3]}, facet};
+      if (bucket < next.size()) entries[std::size_t(count_up(next[bucket], team) - base)] = {{v[1], v[2], v[3]}, facet};
     };
-    visit_facets(cells, enter);
+    visit_facets(cells, team, enter);
     visit_elements(borders, total, enter);
-    for (std::size_t node = low; node < high; ++node)
-      link_bucket(result, {entries.data() + (start[node] - base), std::size_t(start[node + 1] - start[node])}, total);
+    std::vector<Found> found(chunks_of(high - low, kBucketsPerTask));
+    for_chunks(team, high - low, kBucketsPerTask, [&](std::size_t chunk, std::size_t begin, std::size_t end) {
+      for (std::size_t node = low + begin; node < low + end; ++node)
+        link_bucket(result, found[chunk],
+                    {entries.data() + (start[node] - base), std::size_t(start[node + 1] - start[node])}, total);
+    });
+    for (const Found& part : found) part.add_to(result);
   }
 }
 
 }  // namespace
 
-Facets facets(const HighOrderMesh& mesh) {
+Facets facets(const HighOrderMesh& mesh, const Team& team) {
   const Cells cells(mesh, mesh.dimension);
   Facets result;
   result.first.reserve(cells.count() + 1);
@@ -157,14 +185,16 @@ Facets facets(const HighOrderMesh& mesh) {
     }
   result.first.push_back(total);
   result.opposite.assign(std::size_t(total), kNone);
-  match(result, mesh, cells);
-  std::sort(result.elements.begin(), result.elements.end());
+  match(result, mesh, cells, team);
+  sort_distinct(team, result.elements);
   // Filled only now, so that this table and the entries in match() are not in memory at the same time.
   result.neighbour.assign(std::size_t(total), kNone);
-  for (std::size_t cell = 0; cell < cells.count(); ++cell)
-    for (std::int32_t f = result.first[cell]; f < result.first[cell + 1]; ++f)
-      if (const std::int32_t other = result.opposite[std::size_t(f)]; other >= 0)
-        result.neighbour[std::size_t(other)] = std::int32_t(cell);
+  team.for_ranges(cells.count(), kCellsPerTask, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t cell = begin; cell < end; ++cell)
+      for (std::int32_t f = result.first[cell]; f < result.first[cell + 1]; ++f)
+        if (const std::int32_t other = result.opposite[std::size_t(f)]; other >= 0)
+          result.neighbour[std::size_t(other)] = std::int32_t(cell);
+  });
   return result;
 }
 

@@ -43,7 +43,7 @@ MeshCounts count(const HighOrderMesh& mesh, int order);
 /// The bytes of a mesh with these counts.
 std::int64_t bytes_of_mesh(const MeshCounts& counts);
 
-/// The most bytes that check() has in use.
+/// The most bytes that check_structure() has in use.
 std::int64_t bytes_of_check(const MeshCounts& counts);
 
 }  // namespace varimesh

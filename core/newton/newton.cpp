@@ -39,7 +39,7 @@ Newton::Newton(Problem& problem, const Kernels& kernels, const HessianKernels& h
       tolerance_(tolerance),
       team_(team),
       reduction_(team),
-      batches_(make_batches(problem, hessian)),
+      batches_(make_batches(problem, hessian, team)),
       preconditioner_(problem, batches_, team),
       unknowns_(problem.free.size() * problem.dimension),
       gradient_(unknowns_),

@@ -23,6 +23,12 @@ bool ended_by_itself(StopReason reason) {
   return reason == StopReason::Converged || reason == StopReason::NoProgress || reason == StopReason::MostProducts;
 }
 
+Frame shared_frame(const HighOrderMesh& mesh, const Team& team) {
+  Frame frame;
+  team.run([&] { frame = frame_of(mesh, team.without_stop()); });
+  return frame;
+}
+
 }  // namespace
 
 Continuation::Continuation(SetUp& set_up, const Certifier& certifier, const Stopwatch& watch,
@@ -34,7 +40,7 @@ Continuation::Continuation(SetUp& set_up, const Certifier& certifier, const Stop
       control_(control),
       team_(team),
       grace_(grace),
-      frame_(frame_of(set_up.mesh)) {}
+      frame_(shared_frame(set_up.mesh, team)) {}
 
 bool Continuation::run(std::vector<Certificate>& certificates, Result& result) {
   try {
@@ -48,7 +54,7 @@ bool Continuation::run(std::vector<Certificate>& certificates, Result& result) {
 
 bool Continuation::run_stages(const std::vector<Certificate>& certificates, Result& result) {
   const Options& options = set_up_.options;
-  set_up_.problem.positions = solver_positions(set_up_.mesh, frame_);
+  team_.run([&] { set_up_.problem.positions = solver_positions(set_up_.mesh, frame_, team_); });
   choose_targets(result);
   std::optional<StopReason> nothing_to_do;
   if (control_.checkpoint.empty()) {
@@ -81,8 +87,8 @@ void Continuation::choose_targets(Result& result) {
   team_.run([&] {
     const HighOrderMesh& mesh = set_up_.mesh;
     substitutes = substitute_shapes(mesh, certifier_.sound_with_straight_sides(mesh.coordinates, team_), team_);
+    set_targets(set_up_.problem, set_up_.target, frame_.diagonal, substitutes, team_);
   });
-  set_targets(set_up_.problem, set_up_.target, frame_.diagonal, substitutes);
   const Cells cells(set_up_.mesh, set_up_.mesh.dimension);
   SubstituteTargets& named = result.substitute_targets;
   named = {};
@@ -128,7 +134,7 @@ bool Continuation::resume(const std::vector<Certificate>& certificates,
   for (stage_ = 0; stage_ < set_up_.stages.size(); ++stage_) {
     bool usable = false;
     team_.run([&] {
-      set_up_.problem.positions = solver_positions(set_up_.mesh, frame_);  // an attempt at reading spoils them
+      set_up_.problem.positions = solver_positions(set_up_.mesh, frame_, team_);  // an attempt at reading spoils them
       if (stage_ > 0) level_targets(set_up_.problem);
       set_up_stage(certificates, unrepairable);
       usable = stage_run_->resume(control_.checkpoint, fingerprint_of_stage());

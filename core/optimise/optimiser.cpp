@@ -2,6 +2,7 @@
 #include "core/optimise/optimiser.h"
 
 #include <algorithm>
+#include <optional>
 #include <string>
 #include <utility>
 
@@ -54,6 +55,15 @@ void straighten_result(const SetUp& set_up, const Certifier& certifier, std::vec
   });
 }
 
+/// A copy of the mesh with other coordinates. Those of the mesh, its largest array, are not copied.
+HighOrderMesh with_coordinates(HighOrderMesh& mesh, std::vector<double> coordinates) {
+  std::vector<double> kept = std::move(mesh.coordinates);
+  HighOrderMesh copy = mesh;
+  mesh.coordinates = std::move(kept);
+  copy.coordinates = std::move(coordinates);
+  return copy;
+}
+
 /// Optimises the mesh of the set-up as it is.
 Result run_once(SetUp& set_up, const OnIteration& on_iteration, const RunControl& control, StopToken& stop) {
   const Options& options = set_up.options;
@@ -62,7 +72,9 @@ Result run_once(SetUp& set_up, const OnIteration& on_iteration, const RunControl
   if (options.repair == Repair::Split && options.max_iterations > 0)
     return optimise_by_splitting(set_up.mesh, set_up.summary, options, on_iteration, control, stop);
   Team team(control.threads ? control.threads() : options.threads);
-  const Certifier certifier(set_up.mesh);
+  std::optional<Certifier> shared_certifier;
+  team.run([&] { shared_certifier.emplace(set_up.mesh, CertificateOptions{}, team); });
+  const Certifier& certifier = *shared_certifier;
   std::vector<Certificate> certificates(certifier.cells());
   Grace grace(team, stop, certifier.cells());
   if (control.checkpoint.empty()) grace.watch();
@@ -80,9 +92,7 @@ Result run_once(SetUp& set_up, const OnIteration& on_iteration, const RunControl
   } else {
     run_stages(set_up, certifier, certificates, watch, on_iteration, control, team, grace, result);
     const Stopwatch after_stages;
-    std::vector<double> coordinates = std::move(result.mesh.coordinates);
-    result.mesh = set_up.mesh;
-    result.mesh.coordinates = std::move(coordinates);
+    result.mesh = with_coordinates(set_up.mesh, std::move(result.mesh.coordinates));
     if (options.repair == Repair::Straighten && !result.unrepairable.empty())
       straighten_result(set_up, certifier, certificates, team, grace, result);
     result.after = report_quality(result.mesh, certifier, certificates, team, grace);
@@ -107,10 +117,16 @@ Expected<Result> optimise(HighOrderMesh mesh, const Options& options, const OnIt
 
 Expected<MeshSummary> summarise(const HighOrderMesh& mesh, const Options& options) {
   if (const auto checked = check(options); !checked) return tl::unexpected(checked.error());
-  if (const auto checked = check_structure(mesh); !checked) return tl::unexpected(checked.error());
-  const Expected<std::vector<bool>> fixed = choose_fixed_nodes(mesh, options);
+  const Team team(options.threads);
+  Facets facet;
+  Expected<void> checked;
+  team.run([&] { checked = check_structure(mesh, team, &facet); });
+  if (!checked) return tl::unexpected(checked.error());
+  const Expected<std::vector<bool>> fixed = choose_fixed_nodes(mesh, options, std::move(facet));
   if (!fixed) return tl::unexpected(fixed.error());
-  return mesh_summary(mesh, *fixed);
+  MeshSummary summary;
+  team.run([&] { summary = mesh_summary(mesh, *fixed, team); });
+  return summary;
 }
 
 // ===== Optimiser =====
@@ -139,7 +155,10 @@ Expected<Result> Optimiser::run(std::vector<double> coordinates, const OnIterati
                      ".");
   if (coordinates != mesh.coordinates) {
     mesh.coordinates.swap(coordinates);
-    if (const auto checked = check_structure(mesh); !checked) {
+    const Team team(set_up_->options.threads);
+    Expected<void> checked;
+    team.run([&] { checked = check_structure(mesh, team); });
+    if (!checked) {
       mesh.coordinates.swap(coordinates);  // keeps the coordinates that were checked last
       return tl::unexpected(checked.error());
     }

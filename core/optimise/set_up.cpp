@@ -1,5 +1,7 @@
 #include "core/optimise/set_up.h"
 
+#include <atomic>
+#include <optional>
 #include <string>
 #include <utility>
 
@@ -15,6 +17,8 @@
 namespace varimesh {
 namespace {
 
+constexpr std::size_t kIndicesPerTask = 65536;
+
 Expected<void> check_degree(const HighOrderMesh& mesh, int degree) {
   const int least = 2 * (mesh.order - 1);
   if (degree == 0 || degree >= least) return {};
@@ -24,8 +28,8 @@ Expected<void> check_degree(const HighOrderMesh& mesh, int degree) {
 }
 
 /// A mesh may be clockwise, but not a part of it.
-Expected<void> check_senses(const HighOrderMesh& mesh) {
-  const std::vector<char> against = detail::numbered_against_most(mesh);
+Expected<void> check_senses(const HighOrderMesh& mesh, const Facets& facets, const Team& team) {
+  const std::vector<char> against = detail::numbered_against_most(mesh, facets, team);
   if (against.empty()) return {};
   const Cells cells(mesh, mesh.dimension);
   std::vector<std::int64_t> numbers;
@@ -37,51 +41,72 @@ Expected<void> check_senses(const HighOrderMesh& mesh) {
                    "ReverseMesh Surface{…} or Volume{…} turns the elements of an entity.");
 }
 
+/// Checks the mesh and changes its order if the options name one. `found` receives the facets. Inside team.run().
+Expected<void> check_and_change_order(HighOrderMesh& mesh, const Options& options, const Team& team, Facets& found) {
+  if (auto checked = check_structure(mesh, team, &found); !checked) return checked;
+  if (auto checked = check_senses(mesh, found, team); !checked) return checked;
+  if (!(frame_of(mesh, team).diagonal > 0))
+    return bad_input("The mesh has no size: all its nodes are at one place. Write it again with its coordinates.");
+  if (options.order == 0 || options.order == mesh.order) return {};
+  Expected<HighOrderMesh> changed = change_order(mesh, options.order);
+  if (!changed) return tl::unexpected(changed.error());
+  mesh = std::move(*changed);
+  found = facets(mesh, team);
+  return {};
+}
+
 }  // namespace
 
-MeshSummary mesh_summary(const HighOrderMesh& mesh, const std::vector<bool>& fixed) {
-  std::vector<bool> used(mesh.node_count(), false);
+MeshSummary mesh_summary(const HighOrderMesh& mesh, const std::vector<bool>& fixed, const Team& team) {
+  std::vector<char> used(mesh.node_count(), 0);
   for (const ElementBlock& block : mesh.blocks)
     if (reference::info(block.shape).dimension == mesh.dimension)
-      for (const std::int32_t node : block.nodes) used[node] = true;
+      team.for_ranges(block.nodes.size(), kIndicesPerTask, [&](std::size_t begin, std::size_t end) {
+        for (std::size_t k = begin; k < end; ++k)
+          std::atomic_ref(used[block.nodes[k]]).store(1, std::memory_order_relaxed);
+      });
   MeshSummary summary;
   summary.dimension = mesh.dimension;
   summary.order = mesh.order;
   summary.elements = static_cast<std::int64_t>(mesh.element_count(mesh.dimension));
   summary.nodes = static_cast<std::int64_t>(mesh.node_count());
-  for (std::size_t n = 0; n < mesh.node_count(); ++n) summary.free_nodes += used[n] && !fixed[n] ? 1 : 0;
+  std::atomic<std::int64_t> free_nodes{0};
+  team.for_ranges(mesh.node_count(), kIndicesPerTask, [&](std::size_t begin, std::size_t end) {
+    std::int64_t here = 0;
+    for (std::size_t n = begin; n < end; ++n) here += used[n] != 0 && !fixed[n] ? 1 : 0;
+    free_nodes += here;
+  });
+  summary.free_nodes = free_nodes;
   return summary;
 }
 
 Expected<std::unique_ptr<SetUp>> set_up(HighOrderMesh&& mesh, const Options& options, const StopToken* stop) {
   const Stopwatch watch;
   if (const auto checked = check(options); !checked) return tl::unexpected(checked.error());
-  if (const auto checked = check_structure(mesh); !checked) return tl::unexpected(checked.error());
-  if (const auto checked = check_senses(mesh); !checked) return tl::unexpected(checked.error());
-  if (!(frame_of(mesh).diagonal > 0))
-    return bad_input("The mesh has no size: all its nodes are at one place. Write it again with its coordinates.");
-  if (options.order > 0 && options.order != mesh.order) {
-    Expected<HighOrderMesh> changed = change_order(mesh, options.order);
-    if (!changed) return tl::unexpected(changed.error());
-    mesh = std::move(*changed);
-  }
-  const Expected<std::vector<bool>> fixed = choose_fixed_nodes(mesh, options);
+  const Team team(options.threads);
+  Facets facets;
+  Expected<void> checked;
+  team.run([&] { checked = check_and_change_order(mesh, options, team, facets); });
+  if (!checked) return tl::unexpected(checked.error());
+  // Outside team.run(), because a region by quality brings a team of its own.
+  const Expected<std::vector<bool>> fixed = choose_fixed_nodes(mesh, options, std::move(facets));
   if (!fixed) return tl::unexpected(fixed.error());
   Expected<StretchField> target = resolve_target_field(mesh, options);
   if (!target) return tl::unexpected(target.error());
-  if (const auto checked = check_degree(mesh, options.quadrature_degree); !checked)
-    return tl::unexpected(checked.error());
+  if (const auto degree = check_degree(mesh, options.quadrature_degree); !degree) return tl::unexpected(degree.error());
   auto result = std::make_unique<SetUp>();
   result->options = options;
-  result->summary = mesh_summary(mesh, *fixed);
   result->fixed = *fixed;
   result->target = std::move(*target);
   const auto iterates = [&] {
     return options.max_iterations > 0 && options.repair != Repair::Split && (stop == nullptr || !stop->stopped());
   };
-  if (iterates()) result->problem = build_problem(mesh, *fixed, options.quadrature_degree);
-  if (iterates()) result->coloured = colour_nodes(result->problem, options.colouring);
-  if (iterates()) result->stages = make_stages(options, mesh.dimension);
+  team.run([&] {
+    result->summary = mesh_summary(mesh, *fixed, team);
+    if (iterates()) result->problem = build_problem(mesh, *fixed, options.quadrature_degree, team);
+    if (iterates()) result->coloured = colour_nodes(result->problem, options.colouring, team);
+    if (iterates()) result->stages = make_stages(options, mesh.dimension);
+  });
   result->mesh = std::move(mesh);
   result->seconds = watch.seconds();
   return result;

@@ -6,6 +6,7 @@
 
 #include "core/base/error.h"
 #include "core/base/stop_token.h"
+#include "core/base/team.h"
 #include "core/mesh/high_order_mesh.h"
 #include "core/optimise/result.h"
 #include "core/optimise/stages.h"
@@ -31,11 +32,12 @@ struct SetUp {
   double seconds = 0;  ///< What the set-up took. The first run counts it as its own and sets it to 0.
 };
 
-/// Checks the mesh and the options, changes the order if asked to, colours the nodes and prepares the tables.
-/// Errors: BadInput, BadOption. If `stop`, which may be null, says so, it leaves out what only iterations need.
+/// Checks the mesh and the options, changes the order if asked to, colours the nodes and prepares the tables, with
+/// options.threads threads. Errors: BadInput, BadOption. If `stop`, which may be null, says so, it leaves out what only
+/// iterations need.
 Expected<std::unique_ptr<SetUp>> set_up(HighOrderMesh&& mesh, const Options& options, const StopToken* stop = nullptr);
 
-/// Sizes of the mesh, and how many of its nodes would move. `fixed`: by node.
-MeshSummary mesh_summary(const HighOrderMesh& mesh, const std::vector<bool>& fixed);
+/// Sizes of the mesh, and how many of its nodes would move. `fixed`: by node. Call it inside team.run().
+MeshSummary mesh_summary(const HighOrderMesh& mesh, const std::vector<bool>& fixed, const Team& team = Team(1));
 
 }  // namespace varimesh

@@ -6,7 +6,7 @@
 
 namespace varimesh {
 
-/// The free function optimise() for Repair::Split. The mesh has passed check() and needs no change of order.
+/// The free function optimise() for Repair::Split. The mesh has passed check_structure() and needs no change of order.
 ///
 /// 1. Splits, in passes: groups of tetrahedra that have little room at the boundary (split_candidates.h; a margin of at
 ///    most 0.08) and an element that is not certified valid get room by splits. Each pass works on the mesh that the

@@ -5,7 +5,6 @@
 #include <string>
 #include <unordered_map>
 
-#include "core/mesh/connectivity.h"
 #include "core/problem/node_conversion.h"
 #include "core/quality/quality.h"
 #include "core/reference/nodes.h"
@@ -81,7 +80,8 @@ bool is_in(const ElementBlock& block, const std::vector<Group>& groups) {
 // Which nodes are fixed. The public functions are called in the order of their declaration.
 class FixedNodes {
  public:
-  explicit FixedNodes(const HighOrderMesh& mesh) : mesh_(mesh), cells_(mesh, mesh.dimension), facets_(facets(mesh)) {}
+  FixedNodes(const HighOrderMesh& mesh, Facets facets)
+      : mesh_(mesh), cells_(mesh, mesh.dimension), facets_(std::move(facets)) {}
 
   // The outer boundary and all interfaces, except those of the groups in `free`.
   Expected<void> fix_boundary(const std::vector<std::string>& free) {
@@ -234,7 +234,11 @@ class FixedNodes {
 }  // namespace
 
 Expected<std::vector<bool>> choose_fixed_nodes(const HighOrderMesh& mesh, const Options& options) {
-  FixedNodes fixed(mesh);
+  return choose_fixed_nodes(mesh, options, facets(mesh));
+}
+
+Expected<std::vector<bool>> choose_fixed_nodes(const HighOrderMesh& mesh, const Options& options, Facets facets) {
+  FixedNodes fixed(mesh, std::move(facets));
   if (const auto done = fixed.fix_boundary(options.free); !done) return tl::unexpected(done.error());
   if (const auto done = fixed.free_nodes(options.free_nodes); !done) return tl::unexpected(done.error());
   if (const auto done = fixed.fix_groups(options.fix); !done) return tl::unexpected(done.error());

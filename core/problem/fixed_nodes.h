@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "core/base/error.h"
+#include "core/mesh/connectivity.h"
 #include "core/mesh/high_order_mesh.h"
 #include "core/options/options.h"
 
@@ -21,9 +22,11 @@ namespace varimesh {
 ///    scaled Jacobian is below `region_below`, and of `rings` layers of cells around them (neighbours by a vertex). The
 ///    coordinates of the fixed nodes do not change by a bit.
 ///
-/// Expects a mesh that has passed check(). Errors: BadOption if a group or node does not exist, if a group to be freed
-/// has no interface elements, and if a node or group to be freed lies on the outer boundary, since there is no geometry
-/// to slide on.
+/// Expects a mesh that has passed check_structure(). Errors: BadOption if a group or node does not exist, if a group to
+/// be freed has no interface elements, and if a node or group to be freed lies on the outer boundary, since there is no
+/// geometry to slide on.
 Expected<std::vector<bool>> choose_fixed_nodes(const HighOrderMesh& mesh, const Options& options);
+/// The same for facets that are known already.
+Expected<std::vector<bool>> choose_fixed_nodes(const HighOrderMesh& mesh, const Options& options, Facets facets);
 
 }  // namespace varimesh

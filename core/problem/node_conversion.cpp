@@ -5,6 +5,8 @@
 #include <limits>
 #include <numeric>
 
+#include "core/base/shared_work.h"
+#include "core/mesh/bounding_box.h"
 #include "core/reference/basis.h"
 
 namespace varimesh {
@@ -14,6 +16,7 @@ using reference::NodePlace;
 using reference::NodeSet;
 
 constexpr std::int32_t kCellsPerTask = 256;
+constexpr std::size_t kNodesPerTask = 16384;
 constexpr double kRounding = 1e-13;  // entries that should be 0 or 1 differ from it by less
 
 /// The conversion without rounding errors in entries that are exactly 0 or 1: 0 if a node does not depend on another,
@@ -30,14 +33,30 @@ Eigen::MatrixXd exact_conversion(Shape shape, int order, NodeSet from, NodeSet t
   return matrix;
 }
 
-/// Calls use(nodes of the cell, conversion) for every cell of the highest dimension.
-template <class Use>
-void for_each_cell(const HighOrderMesh& mesh, NodeSet from, NodeSet to, Use use) {
+ConversionRows rows_of(const Eigen::MatrixXd& matrix) {
+  ConversionRows rows{{0}, {}};
+  for (int i = 0; i < matrix.rows(); ++i) {
+    for (int j = 0; j < matrix.cols(); ++j)
+      if (matrix(i, j) != 0) rows.terms.push_back({j, matrix(i, j)});
+    rows.begin.push_back(static_cast<int>(rows.terms.size()));
+  }
+  return rows;
+}
+
+/// For every node the first cell that has it, in the mesh's order; the largest int if there is none.
+std::vector<std::int32_t> first_cells(const HighOrderMesh& mesh, const Team& team) {
+  std::vector<std::int32_t> first_cell(mesh.node_count(), std::numeric_limits<std::int32_t>::max());
+  std::size_t first = 0;
   for (const ElementBlock& block : mesh.blocks) {
     if (reference::info(block.shape).dimension != mesh.dimension) continue;
-    const Eigen::MatrixXd matrix = exact_conversion(block.shape, block.order, from, to, mesh.dimension);
-    for (std::size_t e = 0; e < block.size(); ++e) use(block.nodes.data() + e * matrix.rows(), matrix);
+    const auto stride = static_cast<std::size_t>(reference::node_count(block.shape, block.order));
+    team.for_ranges(block.size(), kCellsPerTask, [&](std::size_t begin, std::size_t end) {
+      for (std::size_t k = begin * stride; k < end * stride; ++k)
+        lower_to(first_cell[block.nodes[k]], static_cast<std::int32_t>(first + k / stride), team);
+    });
+    first += block.size();
   }
+  return first_cell;
 }
 
 }  // namespace
@@ -56,86 +75,86 @@ bool in_closure(const reference::ShapeInfo& shape, NodePlace part, NodePlace who
   return is_vertex_of(shape.edges[part.index][0]) && is_vertex_of(shape.edges[part.index][1]);
 }
 
-Frame frame_of(const HighOrderMesh& mesh) {
-  std::array<double, 3> low, high;
-  low.fill(std::numeric_limits<double>::infinity());
-  high.fill(-std::numeric_limits<double>::infinity());
-  for (const ElementBlock& block : mesh.blocks) {
-    if (reference::info(block.shape).dimension != mesh.dimension) continue;
-    for (const std::int32_t node : block.nodes)
-      for (std::size_t k = 0; k < 3; ++k) {
-        const double x = mesh.coordinates[3 * static_cast<std::size_t>(node) + k];
-        low[k] = std::min(low[k], x);
-        high[k] = std::max(high[k], x);
-      }
-  }
+Frame frame_of(const HighOrderMesh& mesh, const Team& team) {
+  const BoundingBox all = bounding_box(mesh, team);
   Frame frame;
   double square = 0;
-  for (int k = 0; k < 3; ++k) {
-    frame.centre[k] = 0.5 * (low[k] + high[k]);
-    square += (high[k] - low[k]) * (high[k] - low[k]);
+  for (std::size_t k = 0; k < 3; ++k) {
+    frame.centre[k] = 0.5 * (all.low[k] + all.high[k]);
+    square += (all.high[k] - all.low[k]) * (all.high[k] - all.low[k]);
   }
   frame.diagonal = std::sqrt(square);
   return frame;
 }
 
-std::vector<double> solver_positions(const HighOrderMesh& mesh, const Frame& frame) {
-  const int d = mesh.dimension;
-  std::vector<double> relative(mesh.node_count() * d);
-  for (std::size_t n = 0; n < mesh.node_count(); ++n)
-    for (int k = 0; k < d; ++k) relative[n * d + k] = (mesh.coordinates[3 * n + k] - frame.centre[k]) / frame.diagonal;
-  std::vector<double> positions = relative;
-  std::vector<bool> done(mesh.node_count(), false);
-  for_each_cell(mesh, NodeSet::Equispaced, NodeSet::Optimised,
-                [&](const std::int32_t* nodes, const Eigen::MatrixXd& to) {
-                  for (int i = 0; i < to.rows(); ++i) {
-                    if (done[nodes[i]]) continue;
-                    done[nodes[i]] = true;
-                    for (int k = 0; k < d; ++k) {
-                      double sum = 0;
-                      for (int j = 0; j < to.cols(); ++j)
-                        sum += to(i, j) * relative[static_cast<std::size_t>(nodes[j]) * d + k];
-                      positions[static_cast<std::size_t>(nodes[i]) * d + k] = sum;
-                    }
-                  }
-                });
+std::vector<double> solver_positions(const HighOrderMesh& mesh, const Frame& frame, const Team& team) {
+  const auto d = static_cast<std::size_t>(mesh.dimension);
+  UntouchedVector<double> relative(mesh.node_count() * d);
+  std::vector<double> positions(mesh.node_count() * d);
+  team.for_ranges(mesh.node_count(), kNodesPerTask, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t n = begin; n < end; ++n)
+      for (std::size_t k = 0; k < d; ++k)
+        positions[n * d + k] = relative[n * d + k] = (mesh.coordinates[3 * n + k] - frame.centre[k]) / frame.diagonal;
+  });
+  const std::vector<std::int32_t> first_cell = first_cells(mesh, team);
+  std::size_t first = 0;
+  for (const ElementBlock& block : mesh.blocks) {
+    if (reference::info(block.shape).dimension != mesh.dimension || block.size() == 0) continue;
+    const ConversionRows rows =
+        rows_of(exact_conversion(block.shape, block.order, NodeSet::Equispaced, NodeSet::Optimised, mesh.dimension));
+    const std::size_t stride = rows.begin.size() - 1;
+    team.for_ranges(block.size(), kCellsPerTask, [&](std::size_t begin, std::size_t end) {
+      for (std::size_t at = begin * stride; at < end * stride; ++at) {
+        const std::int32_t* nodes = block.nodes.data() + at / stride * stride;
+        const std::size_t i = at % stride, node = nodes[i];
+        if (first_cell[node] != static_cast<std::int32_t>(first + at / stride)) continue;
+        for (std::size_t k = 0; k < d; ++k) {
+          double sum = 0;
+          for (int t = rows.begin[i]; t < rows.begin[i + 1]; ++t)
+            sum += rows.terms[t].factor * relative[static_cast<std::size_t>(nodes[rows.terms[t].node]) * d + k];
+          positions[node * d + k] = sum;
+        }
+      }
+    });
+    first += block.size();
+  }
   return positions;
 }
 
-NodeConversion::NodeConversion(const HighOrderMesh& mesh, const Frame& frame, std::vector<double> before)
-    : mesh_(mesh), diagonal_(frame.diagonal), before_(std::move(before)), owned_begin_{0} {
-  std::vector<bool> given(mesh.node_count(), false);
+NodeConversion::NodeConversion(const HighOrderMesh& mesh, const Frame& frame, const std::vector<double>& before,
+                               const Team& team)
+    : mesh_(mesh), diagonal_(frame.diagonal), before_(shared_copy(before, team)) {
+  const std::vector<std::int32_t> first_cell = first_cells(mesh, team);
   for (const ElementBlock& block : mesh.blocks) {
     if (reference::info(block.shape).dimension != mesh.dimension || block.size() == 0) continue;
-    const int nodes = reference::node_count(block.shape, block.order);
-    Rows& rows = rows_[{block.shape, block.order}];
-    if (rows.begin.empty()) {
-      const Eigen::MatrixXd to =
-          exact_conversion(block.shape, block.order, NodeSet::Optimised, NodeSet::Equispaced, mesh.dimension);
-      for (int i = 0; i < nodes; ++i) {
-        rows.begin.push_back(static_cast<int>(rows.terms.size()));
-        for (int j = 0; j < nodes; ++j)
-          if (to(i, j) != 0) rows.terms.push_back({j, to(i, j)});
-      }
-      rows.begin.push_back(static_cast<int>(rows.terms.size()));
-    }
-    for (std::size_t e = 0; e < block.size(); ++e) {
-      const std::int32_t* cell = block.nodes.data() + e * static_cast<std::size_t>(nodes);
-      cells_.push_back({cell, &rows});
-      for (int i = 0; i < nodes; ++i) {
-        if (given[cell[i]]) continue;
-        given[cell[i]] = true;
-        owned_.push_back(static_cast<std::int16_t>(i));
-      }
-      owned_begin_.push_back(static_cast<std::int32_t>(owned_.size()));
-    }
+    ConversionRows& rows = rows_[{block.shape, block.order}];
+    if (rows.begin.empty())
+      rows =
+          rows_of(exact_conversion(block.shape, block.order, NodeSet::Optimised, NodeSet::Equispaced, mesh.dimension));
+    for (std::size_t e = 0; e < block.size(); ++e)
+      cells_.push_back({block.nodes.data() + e * (rows.begin.size() - 1), &rows});
   }
+  // Calls use(cell, local node) for the nodes that first occur in these cells, in order.
+  const auto for_first = [&](std::size_t begin, std::size_t end, const auto& use) {
+    for (std::size_t cell = begin; cell < end; ++cell)
+      for (std::size_t i = 0; i + 1 < cells_[cell].rows->begin.size(); ++i)
+        if (first_cell[cells_[cell].nodes[i]] == static_cast<std::int32_t>(cell)) use(cell, i);
+  };
+  owned_begin_.assign(cells_.size() + 1, 0);
+  team.for_ranges(cells_.size(), kCellsPerTask, [&](std::size_t begin, std::size_t end) {
+    for_first(begin, end, [&](std::size_t cell, std::size_t) { ++owned_begin_[cell]; });
+  });
+  owned_.resize(sums_before(owned_begin_));
+  team.for_ranges(cells_.size(), kCellsPerTask, [&](std::size_t begin, std::size_t end) {
+    std::int32_t next = owned_begin_[begin];
+    for_first(begin, end, [&](std::size_t, std::size_t i) { owned_[next++] = static_cast<std::int16_t>(i); });
+  });
 }
 
 template <std::size_t d>
 void NodeConversion::update_cell(const double* after, std::int32_t number, double* coordinates) const {
   const Cell& cell = cells_[number];
-  const Term* const terms = cell.rows->terms.data();
+  const ConversionRows::Term* const terms = cell.rows->terms.data();
   const int* const begin = cell.rows->begin.data();
   for (std::int32_t o = owned_begin_[number]; o < owned_begin_[number + 1]; ++o) {
     const int i = owned_[o];
@@ -152,8 +171,8 @@ void NodeConversion::update_cell(const double* after, std::int32_t number, doubl
   }
 }
 
-void NodeConversion::update(const std::vector<double>& after, std::span<const std::int32_t> cells,
-                            std::vector<double>& coordinates, const Team& team) const {
+void NodeConversion::update(std::span<const double> after, std::span<const std::int32_t> cells,
+                            std::span<double> coordinates, const Team& team) const {
   team.for_each(static_cast<std::int32_t>(cells.size()), kCellsPerTask, [&](std::int32_t i) {
     if (mesh_.dimension == 2)
       update_cell<2>(after.data(), cells[i], coordinates.data());

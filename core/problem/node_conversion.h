@@ -8,6 +8,7 @@
 #include <utility>
 #include <vector>
 
+#include "core/base/aligned.h"
 #include "core/base/team.h"
 #include "core/mesh/high_order_mesh.h"
 #include "core/problem/problem.h"
@@ -22,15 +23,26 @@ struct Frame {
   double diagonal = 1;
 };
 
-Frame frame_of(const HighOrderMesh& mesh);
+/// Call it inside team.run().
+Frame frame_of(const HighOrderMesh& mesh, const Team& team = Team(1));
 
 /// Whether `part` of a cell (a vertex, edge, face or the interior) is `whole` or bounds it. If so, equispaced nodes in
 /// `whole` move when an optimised node in `part` does.
 bool in_closure(const reference::ShapeInfo& shape, reference::NodePlace part, reference::NodePlace whole);
 
 /// Positions of the optimised nodes in the frame (mesh.dimension numbers per node, interleaved), by exact interpolation
-/// in the cells. Nodes that belong to no cell keep their own positions.
-std::vector<double> solver_positions(const HighOrderMesh& mesh, const Frame& frame);
+/// in the cells. Nodes that belong to no cell keep their own positions. Call it inside team.run().
+std::vector<double> solver_positions(const HighOrderMesh& mesh, const Frame& frame, const Team& team = Team(1));
+
+/// The conversion of the nodes of one shape and order without its zeros: one row per node of the cell.
+struct ConversionRows {
+  struct Term {
+    int node;  ///< Local number in the cell.
+    double factor;
+  };
+  std::vector<int> begin;  ///< nodes + 1: where each row begins in `terms`.
+  std::vector<Term> terms;
+};
 
 /// Turns positions of the optimised nodes into coordinates of the mesh's own nodes, for all cells or for some.
 ///
@@ -38,27 +50,20 @@ std::vector<double> solver_positions(const HighOrderMesh& mesh, const Frame& fra
 /// the vertex, edge, face or cell that it lies in has moved. z of a 2-D mesh is kept.
 class NodeConversion {
  public:
-  /// Keeps a reference to the mesh. `before`: solver_positions() of the mesh.
-  NodeConversion(const HighOrderMesh& mesh, const Frame& frame, std::vector<double> before);
+  /// Keeps a reference to the mesh. `before`: solver_positions() of the mesh. Call it inside team.run().
+  NodeConversion(const HighOrderMesh& mesh, const Frame& frame, const std::vector<double>& before,
+                 const Team& team = Team(1));
 
   /// Sets `coordinates` (3 per node, as HighOrderMesh::coordinates) for optimised nodes at `after`. The first cell of a
   /// node sets its coordinates, so pass every cell that has a node which has moved. `cells`: numbers in the mesh's
   /// order.
-  void update(const std::vector<double>& after, std::span<const std::int32_t> cells, std::vector<double>& coordinates,
+  void update(std::span<const double> after, std::span<const std::int32_t> cells, std::span<double> coordinates,
               const Team& team) const;
 
  private:
-  struct Term {
-    int node;  ///< Local number in the cell.
-    double factor;
-  };
-  struct Rows {  ///< The conversion of one shape without its zeros: one row per node of the cell.
-    std::vector<int> begin;
-    std::vector<Term> terms;
-  };
   struct Cell {
     const std::int32_t* nodes;
-    const Rows* rows;
+    const ConversionRows* rows;
   };
 
   template <std::size_t d>
@@ -66,8 +71,8 @@ class NodeConversion {
 
   const HighOrderMesh& mesh_;
   double diagonal_;
-  std::vector<double> before_;
-  std::map<std::pair<Shape, int>, Rows> rows_;
+  UntouchedVector<double> before_;
+  std::map<std::pair<Shape, int>, ConversionRows> rows_;
   std::vector<Cell> cells_;
   std::vector<std::int32_t> owned_begin_;  ///< cells + 1: where each cell's entries begin in owned_.
   std::vector<std::int16_t> owned_;        ///< The nodes whose coordinates the cell sets, by local number.

@@ -2,7 +2,11 @@
 
 #include <algorithm>
 #include <cassert>
+#include <limits>
+#include <tuple>
+#include <utility>
 
+#include "core/base/shared_work.h"
 #include "core/problem/clusters.h"
 #include "core/reference/basis.h"
 #include "core/reference/quadrature.h"
@@ -14,6 +18,7 @@ using reference::NodeSet;
 
 constexpr std::size_t kClusterBytes = 256 << 10;
 constexpr std::size_t kFewestClusters = 64;
+constexpr std::size_t kCellsPerTask = 1024, kNodesPerTask = 16384;
 
 void fill_tables(CellSet& set, int degree) {
   const int d = set.dimension;
@@ -31,31 +36,77 @@ void fill_tables(CellSet& set, int degree) {
             gradients[k](std::min(q, set.points - 1), i);
 }
 
-void list_incidences(Problem& problem, const std::vector<bool>& fixed) {
-  std::vector<std::int32_t> rank(fixed.size(), -1);
-  std::vector<std::int32_t> degree(fixed.size(), 0);
+/// Numbers the free nodes in the order in which they first occur in the cells. Returns for every node the number, −1 if
+/// it is not free.
+std::vector<std::int32_t> rank_free_nodes(Problem& problem, const std::vector<bool>& fixed, const Team& team) {
+  constexpr std::int32_t kNoCell = std::numeric_limits<std::int32_t>::max();
+  std::vector<std::int32_t> first_cell(fixed.size(), kNoCell);
   for (const CellSet& set : problem.sets)
-    for (const std::int32_t node : set.nodes) ++degree[node];
-  for (const CellSet& set : problem.sets)
-    for (const std::int32_t node : set.nodes) {
-      if (fixed[node] || rank[node] >= 0) continue;
-      rank[node] = static_cast<std::int32_t>(problem.free.size());
-      problem.free.push_back(node);
-    }
-  problem.offsets.assign(problem.free.size() + 1, 0);
-  for (std::size_t f = 0; f < problem.free.size(); ++f)
-    problem.offsets[f + 1] = problem.offsets[f] + degree[problem.free[f]];
-  problem.incidences.resize(problem.offsets.back());
-  std::vector<std::int64_t> fill(problem.offsets.begin(), problem.offsets.end() - 1);
-  for (std::size_t b = 0; b < problem.sets.size(); ++b) {
-    const CellSet& set = problem.sets[b];
-    for (std::size_t n = 0; n < set.nodes.size(); ++n) {
-      const std::int32_t f = rank[set.nodes[n]];
-      if (f < 0) continue;
-      problem.incidences[fill[f]++] = {static_cast<std::int32_t>(n / set.nodes_per_cell), static_cast<std::int16_t>(b),
-                                       static_cast<std::int16_t>(n % set.nodes_per_cell)};
-    }
+    team.for_ranges(static_cast<std::size_t>(set.count), kCellsPerTask, [&](std::size_t begin, std::size_t end) {
+      for (std::size_t n = begin * set.nodes_per_cell; n < end * set.nodes_per_cell; ++n)
+        lower_to(first_cell[set.nodes[n]], set.first + static_cast<std::int32_t>(n / set.nodes_per_cell), team);
+    });
+  // Calls use(node) for the free nodes that first occur in one of these cells, in order.
+  const auto for_first = [&](const CellSet& set, std::size_t begin, std::size_t end, const auto& use) {
+    for (std::size_t n = begin * set.nodes_per_cell; n < end * set.nodes_per_cell; ++n)
+      if (const std::int32_t node = set.nodes[n];
+          !fixed[node] && first_cell[node] == set.first + static_cast<std::int32_t>(n / set.nodes_per_cell))
+        use(node);
+  };
+  std::vector<std::vector<std::size_t>> begins;  // by set and chunk: the number of its first free node
+  std::size_t nodes = 0;
+  for (const CellSet& set : problem.sets) {
+    std::vector<std::size_t>& counts = begins.emplace_back(chunks_of(set.count, kCellsPerTask), 0);
+    for_chunks(team, set.count, kCellsPerTask, [&](std::size_t chunk, std::size_t begin, std::size_t end) {
+      for_first(set, begin, end, [&](std::int32_t) { ++counts[chunk]; });
+    });
+    for (std::size_t& count : counts) nodes += std::exchange(count, nodes);
   }
+  problem.free.resize(nodes);
+  for (std::size_t b = 0; b < problem.sets.size(); ++b)
+    for_chunks(team, problem.sets[b].count, kCellsPerTask, [&](std::size_t chunk, std::size_t begin, std::size_t end) {
+      std::size_t next = begins[b][chunk];
+      for_first(problem.sets[b], begin, end, [&](std::int32_t node) { problem.free[next++] = node; });
+    });
+  std::vector<std::int32_t> rank = std::move(first_cell);
+  team.for_ranges(rank.size(), kNodesPerTask,
+                  [&](std::size_t begin, std::size_t end) { std::fill_n(rank.begin() + begin, end - begin, -1); });
+  team.for_ranges(nodes, kNodesPerTask, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t f = begin; f < end; ++f) rank[problem.free[f]] = static_cast<std::int32_t>(f);
+  });
+  return rank;
+}
+
+/// The threads enter the incidences in any order, so those of a node are sorted afterwards.
+void list_incidences(Problem& problem, const std::vector<bool>& fixed, const Team& team) {
+  const std::vector<std::int32_t> rank = rank_free_nodes(problem, fixed, team);
+  // Calls use(rank, incidence) for all incidences of free nodes.
+  const auto for_incidences = [&](const auto& use) {
+    for (std::size_t b = 0; b < problem.sets.size(); ++b) {
+      const CellSet& set = problem.sets[b];
+      team.for_ranges(static_cast<std::size_t>(set.count), kCellsPerTask, [&](std::size_t begin, std::size_t end) {
+        const std::int32_t* node = set.nodes.data() + begin * set.nodes_per_cell;
+        for (std::size_t cell = begin; cell < end; ++cell)
+          for (int n = 0; n < set.nodes_per_cell; ++n)
+            if (const std::int32_t f = rank[*node++]; f >= 0)
+              use(f, Incidence{static_cast<std::int32_t>(cell), static_cast<std::int16_t>(b),
+                               static_cast<std::int16_t>(n)});
+      });
+    }
+  };
+  problem.offsets.assign(problem.free.size() + 1, 0);
+  for_incidences([&](std::int32_t f, const Incidence&) { count_up(problem.offsets[f], team); });
+  problem.incidences.resize(sums_before(problem.offsets));
+  std::vector<std::int64_t> fill = problem.offsets;
+  for_incidences([&](std::int32_t f, const Incidence& at) { problem.incidences[count_up(fill[f], team)] = at; });
+  if (team.threads() == 1) return;
+  team.for_ranges(problem.free.size(), kNodesPerTask, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t f = begin; f < end; ++f)
+      std::sort(problem.incidences.begin() + problem.offsets[f], problem.incidences.begin() + problem.offsets[f + 1],
+                [](const Incidence& a, const Incidence& b) {
+                  return std::tie(a.set, a.cell, a.local) < std::tie(b.set, b.cell, b.local);
+                });
+  });
 }
 
 /// Adds a set for each shape, with the number of its cells but without the cells.
@@ -95,28 +146,36 @@ std::int32_t cluster_size(const Problem& problem) {
       std::min(kClusterBytes * cells / std::max<std::size_t>(bytes, 1), cells / kFewestClusters), 1, 100000));
 }
 
-void fill_sets(Problem& problem, const HighOrderMesh& mesh, const Clusters& clusters) {
-  std::vector<const std::int32_t*> nodes;
-  std::vector<CellSet*> sets;
+void fill_sets(Problem& problem, const HighOrderMesh& mesh, const Clusters& clusters, const Team& team) {
+  std::vector<const std::int32_t*> nodes(clusters.cells.size());  // by cell of the mesh
+  std::vector<std::int16_t> set_of(clusters.cells.size());
+  std::size_t first = 0;
   for (const ElementBlock& elements : mesh.blocks) {
-    if (reference::info(elements.shape).dimension != mesh.dimension) continue;
-    for (CellSet& set : problem.sets)
-      for (std::size_t e = 0; set.shape == elements.shape && e < elements.size(); ++e) {
-        nodes.push_back(elements.nodes.data() + e * static_cast<std::size_t>(set.nodes_per_cell));
-        sets.push_back(&set);
-      }
+    if (reference::info(elements.shape).dimension != mesh.dimension || elements.size() == 0) continue;
+    const auto set = std::ranges::find(problem.sets, elements.shape, &CellSet::shape);
+    for (std::size_t e = 0; e < elements.size(); ++e) {
+      nodes[first + e] = elements.nodes.data() + e * static_cast<std::size_t>(set->nodes_per_cell);
+      set_of[first + e] = static_cast<std::int16_t>(set - problem.sets.begin());
+    }
+    first += elements.size();
   }
   problem.cluster.resize(problem.cells);
   problem.clusters = static_cast<std::int32_t>(clusters.begin.size()) - 1;
+  for (CellSet& set : problem.sets) set.mesh_cell.reserve(set.count);
   for (std::int32_t cluster = 0; cluster < problem.clusters; ++cluster)
     for (std::int32_t i = clusters.begin[cluster]; i < clusters.begin[cluster + 1]; ++i) {
-      const std::int32_t cell = clusters.cells[i];
-      CellSet& set = *sets[cell];
+      CellSet& set = problem.sets[set_of[clusters.cells[i]]];
       problem.cluster[set.first + static_cast<std::int32_t>(set.mesh_cell.size())] = cluster;
-      set.mesh_cell.push_back(cell);
-      set.nodes.insert(set.nodes.end(), nodes[cell], nodes[cell] + set.nodes_per_cell);
+      set.mesh_cell.push_back(clusters.cells[i]);
     }
-  for (CellSet& set : problem.sets) set.delta_squared.assign(set.count, 0.0);
+  for (CellSet& set : problem.sets) {
+    set.nodes.resize(static_cast<std::size_t>(set.count) * set.nodes_per_cell);
+    team.for_each(set.count, static_cast<std::int32_t>(kCellsPerTask), [&](std::int32_t cell) {
+      std::copy_n(nodes[set.mesh_cell[cell]], set.nodes_per_cell,
+                  set.nodes.begin() + static_cast<std::ptrdiff_t>(cell) * set.nodes_per_cell);
+    });
+    set.delta_squared.assign(set.count, 0.0);
+  }
 }
 
 }  // namespace
@@ -139,12 +198,12 @@ bool hold_deformation(Problem& problem, bool keeps_function) {
 
 void drop_deformation(Problem& problem) {
   for (CellSet& set : problem.sets) {
-    AlignedVector<double>().swap(set.deformation);
-    AlignedVector<double>().swap(set.jacobian_function);
+    UntouchedVector<double>().swap(set.deformation);
+    UntouchedVector<double>().swap(set.jacobian_function);
   }
 }
 
-std::vector<double> free_positions(const Problem& problem, const std::vector<double>& positions) {
+std::vector<double> free_positions(const Problem& problem, std::span<const double> positions) {
   const std::size_t d = problem.dimension;
   std::vector<double> free(problem.free.size() * d);
   for (std::size_t f = 0; f < problem.free.size(); ++f) std::copy_n(&positions[problem.free[f] * d], d, &free[f * d]);
@@ -158,14 +217,15 @@ bool set_free_positions(const Problem& problem, const std::vector<double>& free,
   return true;
 }
 
-Problem build_problem(const HighOrderMesh& mesh, const std::vector<bool>& fixed, int quadrature_degree) {
+Problem build_problem(const HighOrderMesh& mesh, const std::vector<bool>& fixed, int quadrature_degree,
+                      const Team& team) {
   assert(fixed.size() == mesh.node_count());
   Problem problem;
   problem.dimension = mesh.dimension;
   add_sets(problem, mesh, quadrature_degree > 0 ? quadrature_degree : 2 * mesh.order);
-  const Clusters clusters = cluster_cells(mesh, cluster_size(problem));
-  fill_sets(problem, mesh, clusters);
-  list_incidences(problem, fixed);
+  const Clusters clusters = cluster_cells(mesh, cluster_size(problem), team);
+  fill_sets(problem, mesh, clusters, team);
+  list_incidences(problem, fixed, team);
   return problem;
 }
 

@@ -2,9 +2,11 @@
 #pragma once
 
 #include <cstdint>
+#include <span>
 #include <vector>
 
 #include "core/base/aligned.h"
+#include "core/base/team.h"
 #include "core/mesh/high_order_mesh.h"
 
 namespace varimesh {
@@ -31,9 +33,9 @@ struct CellSet {
   AlignedVector<double> derivatives;    ///< nodes_per_cell × dimension × stride: ∂φ_i/∂ξ_k.
   AlignedVector<double> weights;        ///< stride: quadrature weights, 0 in the padding.
   /// A⁻¹ of the target A (row-major d × d): count × d·d if affine, else count × d·d × stride.
-  AlignedVector<double> inverse_target;
+  UntouchedVector<double> inverse_target;
   /// If affine, |det A| (count); else weight times |det A| (count × stride).
-  AlignedVector<double> measure;
+  UntouchedVector<double> measure;
   /// For sets that are not affine: cells whose target is the same matrix at all points up to rounding (a
   /// parallelepiped, an extruded triangle). count × (d·d + 1): A⁻¹, row-major, and |det A|, which is 0 for all other
   /// cells. Empty for affine sets.
@@ -41,10 +43,10 @@ struct CellSet {
   /// L of F = L ∇χ_M A⁻¹ (row-major d × d): count × d·d, symmetric, of determinant 1. Empty: L = 1.
   AlignedVector<double> left_factor;
   /// F, row-major: count × d·d × stride. Empty unless hold_deformation() was called; it is the largest array of a set.
-  AlignedVector<double> deformation;
+  UntouchedVector<double> deformation;
   /// The function of J that the energy needs besides F, ln J or J^(−1/3) (jacobian-inl.h): count × stride. Valid
   /// wherever J > 0; its J may have been rounded differently from the J of F. Empty if the energy needs neither.
-  AlignedVector<double> jacobian_function;
+  UntouchedVector<double> jacobian_function;
   std::vector<double> energy_slope;   ///< Weight of each cell in Hessian products (the p-norm's slope); empty: 1.
   std::vector<double> delta_squared;  ///< δ² of J' per cell, dimensionless; 0 for a cell with J > 0 at every point.
   std::vector<char> unrepairable;     ///< Cells that no free node can repair, never in the barrier. Empty: none.
@@ -104,16 +106,18 @@ struct Problem {
   std::vector<double> positions;      ///< Of the optimised nodes: `dimension` numbers per node, interleaved.
   std::vector<std::int32_t> free;     ///< Nodes that may move, in the order in which they first occur in the cells.
   std::vector<std::int64_t> offsets;  ///< free.size() + 1: where each free node's incidences begin.
-  std::vector<Incidence> incidences;
-  std::vector<float> cell_size;     ///< By cell (set.first + cell): its shortest height (sizes.h).
-  std::vector<float> inverse_size;  ///< By rank: 1 / the smallest size of a cell around the free node.
+  std::vector<Incidence> incidences;  ///< Of one node in the order of the cells (set, then cell).
+  std::vector<float> cell_size;       ///< By cell (set.first + cell): its shortest height (sizes.h).
+  std::vector<float> inverse_size;    ///< By rank: 1 / the smallest size of a cell around the free node.
 };
 
 /// Groups the cells by shape and, within a shape, by cluster; builds the tables and lists the incidences of the free
-/// nodes. `quadrature_degree` 0 means 2 P. The caller has to set positions, targets and deformation gradients.
+/// nodes. `quadrature_degree` 0 means 2 P. The caller has to set positions, targets and deformation gradients. Call it
+/// inside team.run(). The problem does not depend on the number of threads.
 ///
 /// @param fixed for every node of the mesh whether it is fixed
-Problem build_problem(const HighOrderMesh& mesh, const std::vector<bool>& fixed, int quadrature_degree);
+Problem build_problem(const HighOrderMesh& mesh, const std::vector<bool>& fixed, int quadrature_degree,
+                      const Team& team = Team(1));
 
 /// Allocates CellSet::deformation and, if `keeps_function`, CellSet::jacobian_function. Returns whether any of it is
 /// new, so that the caller has to compute it.
@@ -123,7 +127,7 @@ bool holds_deformation(const Problem& problem);
 void drop_deformation(Problem& problem);
 
 /// The positions of the free nodes, d numbers each, taken from the positions of all nodes.
-std::vector<double> free_positions(const Problem& problem, const std::vector<double>& positions);
+std::vector<double> free_positions(const Problem& problem, std::span<const double> positions);
 /// Puts them back. Returns false, and changes nothing, if `free` has the wrong size.
 bool set_free_positions(const Problem& problem, const std::vector<double>& free, std::vector<double>& positions);
 

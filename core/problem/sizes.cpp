@@ -12,6 +12,7 @@ namespace {
 
 /// The thinnest boundary layers have cells some 1e5 times longer than thick. What is thinner has no volume.
 constexpr double kThinnest = 1e-6;
+constexpr std::int32_t kCellsPerTask = 1024, kNodesPerTask = 16384;
 
 /// The mean of the vertices of a reference cell, 1 × dimension.
 reference::Points middle(const reference::ShapeInfo& shape) {
@@ -40,11 +41,11 @@ Eigen::Matrix<double, Eigen::Dynamic, d> facet_gradients(const reference::ShapeI
 }
 
 template <int d>
-void set_sizes_of(Problem& problem, const CellSet& set) {
+void set_sizes_of(Problem& problem, const CellSet& set, const Team& team) {
   const reference::ShapeInfo& shape = reference::info(set.shape);
   const auto facets = facet_gradients<d>(shape);
   const auto slopes = reference::basis_gradients(set.shape, 1, reference::NodeSet::Equispaced, d, middle(shape));
-  for (std::int32_t cell = 0; cell < set.count; ++cell) {
+  team.for_each(set.count, kCellsPerTask, [&](std::int32_t cell) {
     const std::int32_t* nodes = set.nodes.data() + static_cast<std::size_t>(cell) * set.nodes_per_cell;
     const auto position = [&](int v) {
       return Eigen::Map<const Eigen::Matrix<double, d, 1>>(problem.positions.data() + at(nodes[v]) * d);
@@ -61,24 +62,24 @@ void set_sizes_of(Problem& problem, const CellSet& set) {
     const double steepest = (facets * gradient.inverse()).rowwise().norm().maxCoeff();
     const double height = std::isfinite(steepest) && steepest > 0 ? 1 / steepest : 0;
     problem.cell_size[at(set.first + cell)] = static_cast<float>(std::max(height, kThinnest * reach));
-  }
+  });
 }
 
 }  // namespace
 
-void set_sizes(Problem& problem) {
+void set_sizes(Problem& problem, const Team& team) {
   problem.cell_size.resize(at(problem.cells));
   for (const CellSet& set : problem.sets)
-    problem.dimension == 2 ? set_sizes_of<2>(problem, set) : set_sizes_of<3>(problem, set);
+    problem.dimension == 2 ? set_sizes_of<2>(problem, set, team) : set_sizes_of<3>(problem, set, team);
   problem.inverse_size.resize(problem.free.size());
-  for (std::size_t rank = 0; rank < problem.free.size(); ++rank) {
+  team.for_each(static_cast<std::int32_t>(problem.free.size()), kNodesPerTask, [&](std::int32_t rank) {
     float largest = 0;
-    for (std::int32_t i = problem.offsets[rank]; i < problem.offsets[rank + 1]; ++i) {
+    for (std::int64_t i = problem.offsets[at(rank)]; i < problem.offsets[at(rank) + 1]; ++i) {
       const Incidence& incidence = problem.incidences[at(i)];
       largest = std::max(largest, 1 / problem.cell_size[at(problem.sets[at(incidence.set)].first + incidence.cell)]);
     }
-    problem.inverse_size[rank] = largest;
-  }
+    problem.inverse_size[at(rank)] = largest;
+  });
 }
 
 }  // namespace varimesh

@@ -1,6 +1,7 @@
 // The lengths that displacements are measured by: the size of each cell, and of the cells around each free node.
 #pragma once
 
+#include "core/base/team.h"
 #include "core/problem/problem.h"
 
 namespace varimesh {
@@ -15,6 +16,8 @@ namespace varimesh {
 ///
 /// A height that is shorter than 1e-6 of the distance of a vertex from the mean counts as that long, so a
 /// straight-sided cell without volume has a size too.
-void set_sizes(Problem& problem);
+///
+/// Call it inside team.run().
+void set_sizes(Problem& problem, const Team& team = Team(1));
 
 }  // namespace varimesh

@@ -16,6 +16,8 @@
 namespace varimesh {
 namespace {
 
+constexpr std::size_t kCellsPerTask = 1024;
+
 template <int d>
 using MatrixD = Eigen::Matrix<double, d, d>;
 
@@ -161,14 +163,17 @@ class TargetSetter {
     inputs_.regular = regular_shape(set.shape).template topLeftCorner<d, d>();
   }
 
-  void set_all() {
+  void set_all(const Team& team) {
     const bool varies = field_.field.components > 0 && field_.field.per == Per::Vertex;
     set_.affine = reference::info(set_.shape).affine && !varies;
     per_cell_ = set_.affine ? 1 : set_.stride;
     set_.inverse_target.resize(static_cast<std::size_t>(set_.count) * d * d * per_cell_);
     set_.measure.resize(static_cast<std::size_t>(set_.count) * per_cell_);
     set_.left_factor.resize(turns_freely_ ? static_cast<std::size_t>(set_.count) * d * d : 0);
-    for (std::int32_t cell = 0; cell < set_.count; ++cell) set_cell(cell);
+    team.for_ranges(static_cast<std::size_t>(set_.count), kCellsPerTask, [&](std::size_t begin, std::size_t end) {
+      TargetSetter own = *this;  // the inputs of a cell are members
+      for (std::size_t cell = begin; cell < end; ++cell) own.set_cell(static_cast<std::int32_t>(cell));
+    });
   }
 
  private:
@@ -282,22 +287,23 @@ bool is_uniform(const CellSet& set, std::int32_t cell) {
   return true;
 }
 
-void find_uniform_targets(CellSet& set) {
+void find_uniform_targets(CellSet& set, const Team& team) {
   set.uniform_target.clear();
   if (set.affine) return;
   const auto square = static_cast<std::size_t>(set.dimension * set.dimension);
   set.uniform_target.resize(static_cast<std::size_t>(set.count) * (square + 1));
-  for (std::int32_t cell = 0; cell < set.count; ++cell) {
-    if (!is_uniform(set, cell)) continue;
+  team.for_each(set.count, static_cast<std::int32_t>(kCellsPerTask), [&](std::int32_t cell) {
+    if (!is_uniform(set, cell)) return;
     double* out = set.uniform_target.data() + static_cast<std::size_t>(cell) * (square + 1);
     for (std::size_t k = 0; k < square; ++k) out[k] = set.inverse_target_of(cell)[k * set.stride];
     out[square] = set.measure_of(cell)[0] / set.weights[0];
-  }
+  });
 }
 
 }  // namespace
 
-void set_targets(Problem& problem, const StretchField& field, double diagonal, const SubstituteShapes& substitutes) {
+void set_targets(Problem& problem, const StretchField& field, double diagonal, const SubstituteShapes& substitutes,
+                 const Team& team) {
   const TargetEntry& target = entry_of(field.target);
   for (CellSet& set : problem.sets) {
     FieldOnSet on_set{field, set.mesh_cell, {}, field.target == Target::Size ? 1 / diagonal : 1.0};
@@ -305,12 +311,12 @@ void set_targets(Problem& problem, const StretchField& field, double diagonal, c
       on_set.vertex_values = reference::basis_values(set.shape, 1, reference::NodeSet::Equispaced, set.dimension,
                                                      reference::quadrature(set.shape, set.order, set.degree).points);
     if (problem.dimension == 2)
-      TargetSetter<2>(problem, set, target, on_set, substitutes, diagonal).set_all();
+      TargetSetter<2>(problem, set, target, on_set, substitutes, diagonal).set_all(team);
     else
-      TargetSetter<3>(problem, set, target, on_set, substitutes, diagonal).set_all();
-    find_uniform_targets(set);
+      TargetSetter<3>(problem, set, target, on_set, substitutes, diagonal).set_all(team);
+    find_uniform_targets(set, team);
   }
-  set_sizes(problem);
+  set_sizes(problem, team);
 }
 
 void level_targets(Problem& problem) {
@@ -331,7 +337,7 @@ void level_targets(Problem& problem) {
         measure[q] = mean * set.weights[q];
       }
     }
-    find_uniform_targets(set);
+    find_uniform_targets(set, Team(1));
   }
 }
 

@@ -35,8 +35,10 @@ namespace varimesh {
 /// @param field from resolve_target_field(); without components for targets without a field
 /// @param diagonal Frame::diagonal, the length in the mesh's unit that is 1 in the problem's coordinates
 /// @param substitutes cells in it take the vertices there in place of their own, for every kind of target
-void set_targets(Problem& problem, const StretchField& field, double diagonal,
-                 const SubstituteShapes& substitutes = {});
+///
+/// Call it inside team.run().
+void set_targets(Problem& problem, const StretchField& field, double diagonal, const SubstituteShapes& substitutes = {},
+                 const Team& team = Team(1));
 
 /// Scales the targets so that det A is the same at all points of a cell, namely its mean: the scaled Jacobian of the
 /// target itself is then 1, and its shape at each point is unchanged. Affine sets do not change.

@@ -28,6 +28,8 @@ struct ColouredNodes {
 /// as one group. Its nodes are visited place by place (the interior of a cell, a face, an edge, a vertex). This needs
 /// few colours, and the deformation gradients of a cluster are read from memory once per sweep instead of once per
 /// colour.
-ColouredNodes colour_nodes(const Problem& problem, Colouring colouring);
+///
+/// Choosing the colours is serial; the team shares the rest. Call it inside team.run().
+ColouredNodes colour_nodes(const Problem& problem, Colouring colouring, const Team& team = Team(1));
 
 }  // namespace varimesh

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <numeric>
 
+#include "core/mesh/bounding_box.h"
 #include "core/validity/cell_batches.h"
 #include "core/validity/certificate_kernel.h"
 #include "core/validity/orientation.h"
@@ -20,20 +21,10 @@ using detail::CellToCertify;
 constexpr std::size_t kGrain = 64;
 
 /// A power of two that brings the largest extent of the cells to between 1/2 and 1; 1 if they have no finite extent.
-double power_of_two_scale(const HighOrderMesh& mesh) {
-  constexpr double kFar = std::numeric_limits<double>::max();
-  std::array<double, 3> low{kFar, kFar, kFar}, high{-kFar, -kFar, -kFar};
-  for (const ElementBlock& block : mesh.blocks) {
-    if (reference::info(block.shape).dimension != mesh.dimension) continue;
-    for (const std::int32_t node : block.nodes)
-      for (std::size_t c = 0; c < 3; ++c) {
-        const double x = mesh.coordinates[3 * static_cast<std::size_t>(node) + c];
-        low[c] = std::min(low[c], x);
-        high[c] = std::max(high[c], x);
-      }
-  }
+double power_of_two_scale(const HighOrderMesh& mesh, const Team& team) {
+  const BoundingBox box = bounding_box(mesh, team);
   double extent = 0;
-  for (std::size_t c = 0; c < 3; ++c) extent = std::max(extent, high[c] / 2 - low[c] / 2);
+  for (std::size_t c = 0; c < 3; ++c) extent = std::max(extent, box.high[c] / 2 - box.low[c] / 2);
   if (!(extent > 0) || !std::isfinite(extent)) return 1;
   int exponent = 0;
   std::frexp(extent, &exponent);
@@ -87,8 +78,8 @@ detail::Coefficients<double> known_coefficients(const CellToCertify& cell, const
 // Certifier
 // ---------------------------------------------------------------------------------------------------------------------
 
-Certifier::Certifier(const HighOrderMesh& mesh, CertificateOptions options)
-    : options_(options), scale_(power_of_two_scale(mesh)), sign_(detail::orientation(mesh)) {
+Certifier::Certifier(const HighOrderMesh& mesh, CertificateOptions options, const Team& team)
+    : options_(options), scale_(power_of_two_scale(mesh, team)), sign_(detail::orientation(mesh, team)) {
   assert(mesh.dimension == 2 || mesh.dimension == 3);
   for (const detail::CellBatch& batch : detail::whole_blocks(mesh))
     for (std::size_t i = 0; i < batch.count; ++i) cells_.push_back({batch.block, batch.nodes(i)});
@@ -207,10 +198,13 @@ CertificateSummary summarise(std::span<const Certificate> certificates) {
 }
 
 std::vector<Certificate> certify(const HighOrderMesh& mesh, const CertificateOptions& options, int threads) {
-  const Certifier certifier(mesh, options);
-  std::vector<Certificate> certificates(certifier.cells());
   const Team team(threads);
-  team.run([&] { certifier.certify(mesh.coordinates, certificates, team); });
+  std::vector<Certificate> certificates;
+  team.run([&] {
+    const Certifier certifier(mesh, options, team);
+    certificates.resize(certifier.cells());
+    certifier.certify(mesh.coordinates, certificates, team);
+  });
   return certificates;
 }
 

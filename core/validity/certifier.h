@@ -25,8 +25,9 @@ namespace varimesh {
 /// long double. If that gives no answer either, the cell is called undecided.
 class Certifier {
  public:
-  /// Keeps a reference to the mesh, whose elements must stay as they are; its nodes may move.
-  explicit Certifier(const HighOrderMesh& mesh, CertificateOptions options = {});
+  /// Keeps a reference to the mesh, whose elements must stay as they are; its nodes may move. Call it inside
+  /// team.run().
+  explicit Certifier(const HighOrderMesh& mesh, CertificateOptions options = {}, const Team& team = Team(1));
 
   /// How closely sharpen() finds the mesh's minimum if not told otherwise.
   static constexpr double kMinimumGap = 0.002;
@@ -47,7 +48,8 @@ class Certifier {
   /// Whether the straight-sided form of each cell is sound: J of the map of order 1 on the cell's vertices is proved
   /// positive in the whole reference cell, by the same method. 1 or 0 per cell. Positive values at the corners would
   /// not be enough: hexahedra and prisms with straight sides may be inverted on an edge, on a face or inside although
-  /// they are sound at all corners. (On the other shapes J is constant or bilinear.) `coordinates` and `team` as for certify().
+  /// they are sound at all corners. (On the other shapes J is constant or bilinear.) `coordinates` and `team` as for
+  /// certify().
   std::vector<char> sound_with_straight_sides(std::span<const double> coordinates, const Team& team) const;
 
   /// Sharpens the certificate of the cell with the smallest lower bound of the scaled Jacobian, again and again, until

@@ -12,6 +12,8 @@
 namespace varimesh::detail {
 namespace {
 
+constexpr std::size_t kCellsPerTask = 4096;
+
 /// Gradients of the straight-sided cell's basis at the centre of the reference cell: vertices × dimension.
 Eigen::MatrixXd centre_gradients(Shape shape, int dimension) {
   const reference::ShapeInfo& cell = reference::info(shape);
@@ -41,17 +43,19 @@ double centre_jacobian(const HighOrderMesh& mesh, const std::int32_t* nodes, con
          matrix(0, 2) * (matrix(1, 0) * matrix(2, 1) - matrix(1, 1) * matrix(2, 0));
 }
 
-/// Calls visit(cell, det ∇χ_L at its centre) for all cells in order; returns their number.
-template <class Visit>
-std::size_t for_each_centre(const HighOrderMesh& mesh, Visit&& visit) {
+/// By cell: −1 if det ∇χ_L is negative at its centre, else 1.
+std::vector<std::int8_t> centre_signs(const HighOrderMesh& mesh, const Team& team) {
   const auto gradients = tables_for_cells<Eigen::MatrixXd>(
       mesh, [&](Shape shape, int) { return centre_gradients(shape, mesh.dimension); });
-  std::size_t cells = 0;
-  for (const CellBatch& batch : whole_blocks(mesh)) {
+  const std::vector<CellBatch> batches = cell_batches(mesh, [](const ElementBlock&) { return kCellsPerTask; });
+  std::vector<std::int8_t> signs(mesh.element_count(mesh.dimension));
+  team.for_each(static_cast<std::int32_t>(batches.size()), 1, [&](std::int32_t b) {
+    const CellBatch& batch = batches[static_cast<std::size_t>(b)];
     const Eigen::MatrixXd& gradient = gradients.at({batch.block->shape, batch.block->order});
-    for (std::size_t i = 0; i < batch.count; ++i) visit(cells++, centre_jacobian(mesh, batch.nodes(i), gradient));
-  }
-  return cells;
+    for (std::size_t i = 0; i < batch.count; ++i)
+      signs[batch.cell + i] = centre_jacobian(mesh, batch.nodes(i), gradient) < 0 ? -1 : 1;
+  });
+  return signs;
 }
 
 /// Whether two cells with a common facet are numbered in the same sense. Each lists the facet's vertices
@@ -92,19 +96,15 @@ std::vector<std::int32_t> joined_cells(const Cells& cells, const Facets& facet, 
 
 }  // namespace
 
-double orientation(const HighOrderMesh& mesh) {
-  std::size_t negative = 0;
-  const std::size_t cells =
-      for_each_centre(mesh, [&](std::size_t, double jacobian) { negative += jacobian < 0 ? 1 : 0; });
-  return 2 * negative > cells ? -1 : 1;
+double orientation(const HighOrderMesh& mesh, const Team& team) {
+  const std::vector<std::int8_t> signs = centre_signs(mesh, team);
+  return 2 * std::ranges::count(signs, -1) > std::ssize(signs) ? -1 : 1;
 }
 
-std::vector<char> numbered_against_most(const HighOrderMesh& mesh) {
-  std::vector<std::int8_t> sign;
-  for_each_centre(mesh, [&](std::size_t, double jacobian) { sign.push_back(jacobian < 0 ? -1 : 1); });
+std::vector<char> numbered_against_most(const HighOrderMesh& mesh, const Facets& facet, const Team& team) {
+  const std::vector<std::int8_t> sign = centre_signs(mesh, team);
   if (sign.empty() || std::ranges::count(sign, sign.front()) == std::ssize(sign)) return {};
   const Cells cells(mesh, mesh.dimension);
-  const Facets facet = facets(mesh);
   std::vector<std::int8_t> sense(cells.count(), 0);
   std::int64_t sum = 0;
   std::vector<std::int32_t> alone;

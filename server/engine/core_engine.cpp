@@ -11,8 +11,8 @@
 namespace varimesh::server {
 namespace {
 
-Expected<formats::MeshFile> read_mesh(std::string_view bytes, v1::MeshFormat format) {
-  if (format != v1::MESH_FORMAT_PARTS) return formats::read(bytes);
+Expected<formats::MeshFile> read_mesh(std::string_view bytes, v1::MeshFormat format, int threads) {
+  if (format != v1::MESH_FORMAT_PARTS) return formats::read(bytes, threads);
   return read_mesh_parts(bytes).map([](HighOrderMesh&& mesh) {
     return formats::MeshFile{std::move(mesh), formats::Format::Auto};
   });
@@ -30,14 +30,15 @@ Expected<void> write_mesh(const Result& result, v1::MeshFormat format, int threa
   if (format == v1::MESH_FORMAT_PARTS) return write_mesh_parts(result.mesh, sink);
   if (format == v1::MESH_FORMAT_VTU) {
     const CellMarks marks(result.mesh, result.unrepairable, threads);
-    return formats::write(result.mesh, format_from(format), sink, marks.fields());
+    return formats::write(result.mesh, format_from(format), sink, marks.fields(), threads);
   }
   // MSH 2.2 repeats an element for each additional group. Some readers do not know that and would count it twice.
   const bool repeats = format == v1::MESH_FORMAT_MSH22 || format == v1::MESH_FORMAT_MSH22_BINARY;
-  if (result.unrepairable.empty() || repeats) return formats::write(result.mesh, format_from(format), sink);
+  if (result.unrepairable.empty() || repeats)
+    return formats::write(result.mesh, format_from(format), sink, {}, threads);
   HighOrderMesh marked = result.mesh;
   mark_unrepairable(marked, result.unrepairable);
-  return formats::write(marked, format_from(format), sink);
+  return formats::write(marked, format_from(format), sink, {}, threads);
 }
 
 Expected<RunSummary> run(RunRequest request, const RunHooks& hooks) {
@@ -45,7 +46,7 @@ Expected<RunSummary> run(RunRequest request, const RunHooks& hooks) {
   if (hooks.fits)
     if (const auto fits = hooks.fits(formats::least_memory(static_cast<std::int64_t>(bytes.size()))); !fits)
       return tl::unexpected(fits.error());
-  auto file = read_mesh(bytes, request.format);
+  auto file = read_mesh(bytes, request.format, request.options.threads);
   request.input.reset();
   if (!file) return tl::unexpected(file.error());
   const v1::MeshFormat read_as =

@@ -5,9 +5,13 @@
 #include <limits>
 #include <map>
 
+#include "core/base/shared_work.h"
+
 namespace varimesh::formats {
 
 namespace {
+
+constexpr std::size_t kIndicesPerTask = 65536;
 
 using Key = std::pair<int, int>;  // dimension, tag
 
@@ -59,7 +63,7 @@ void assign_entities(const HighOrderMesh& mesh, Classification& result) {
 
 // Classifies each node on the entity of lowest dimension, then lowest tag, that has an element with this node. A node
 // without elements belongs to the first entity of the highest dimension.
-void classify_nodes(const HighOrderMesh& mesh, Classification& result) {
+void classify_nodes(const HighOrderMesh& mesh, Classification& result, const Team& team) {
   std::map<Key, std::int32_t> rank;
   for (std::size_t b = 0; b < mesh.blocks.size(); ++b) rank[{dimension_of(mesh.blocks[b]), result.block_entity[b]}] = 0;
   std::vector<Key> keys;
@@ -74,8 +78,10 @@ void classify_nodes(const HighOrderMesh& mesh, Classification& result) {
   std::vector<std::int32_t> owner(mesh.node_count(), std::numeric_limits<std::int32_t>::max());
   for (std::size_t b = 0; b < mesh.blocks.size(); ++b) {
     const std::int32_t position = rank[{dimension_of(mesh.blocks[b]), result.block_entity[b]}];
-    for (std::int32_t node : mesh.blocks[b].nodes)
-      owner[std::size_t(node)] = std::min(owner[std::size_t(node)], position);
+    const std::vector<std::int32_t>& nodes = mesh.blocks[b].nodes;
+    team.for_ranges(nodes.size(), kIndicesPerTask, [&](std::size_t begin, std::size_t end) {
+      for (std::size_t i = begin; i < end; ++i) lower_to(owner[std::size_t(nodes[i])], position, team);
+    });
   }
   std::vector<std::int32_t> start(keys.size() + 1, 0);
   for (std::int32_t& position : owner) {
@@ -93,7 +99,7 @@ void classify_nodes(const HighOrderMesh& mesh, Classification& result) {
 
 }  // namespace
 
-Classification classify_on_entities(const HighOrderMesh& mesh, bool keep_entities) {
+Classification classify_on_entities(const HighOrderMesh& mesh, bool keep_entities, const Team& team) {
   Classification result;
   result.entities = mesh.entities;
   if (keep_entities)
@@ -107,7 +113,7 @@ Classification classify_on_entities(const HighOrderMesh& mesh, bool keep_entitie
   if (classified && covered == std::int64_t(mesh.node_count()))
     result.node_blocks = mesh.node_blocks;
   else
-    classify_nodes(mesh, result);
+    classify_nodes(mesh, result, team);
   return result;
 }
 

@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "core/base/team.h"
 #include "core/mesh/high_order_mesh.h"
 
 namespace varimesh::formats {
@@ -22,6 +23,6 @@ struct Classification {
 /// different entities.
 /// @param keep_entities whether to keep the entities of the blocks even if they are not listed: a section that is
 ///                      written unchanged defines them
-Classification classify_on_entities(const HighOrderMesh& mesh, bool keep_entities);
+Classification classify_on_entities(const HighOrderMesh& mesh, bool keep_entities, const Team& team);
 
 }  // namespace varimesh::formats

@@ -144,7 +144,7 @@ void read_section(GmshReading& reading, const std::string& name) {
   } else {
     if (name == "PartitionedEntities" && !v22) {
       // The section is kept unchanged, but also read, because it says in which groups the parts are.
-      GmshReading copy{reading.scanner, {}, reading.format, {}, {}, false, false};
+      GmshReading copy{reading.team, reading.scanner, {}, reading.format, {}, {}, false, false};
       read_partitioned_entities_41(copy);
       reading.entity_groups.merge(copy.entity_groups);
     }
@@ -168,8 +168,8 @@ bool begins_like_gmsh(std::string_view bytes) {
   return at != std::string_view::npos && bytes[at] == '$';
 }
 
-Expected<MeshFile> read_gmsh(std::string_view bytes) {
-  GmshReading reading{Scanner(bytes), {}, Format::Auto, {}, {}, false, false};
+Expected<MeshFile> read_gmsh(std::string_view bytes, const Team& team) {
+  GmshReading reading{team, Scanner(bytes), {}, Format::Auto, {}, {}, false, false};
   Scanner& scan = reading.scanner;
   for (scan.skip_space(); !scan.at_end(); scan.skip_space()) {
     scan.section.clear();

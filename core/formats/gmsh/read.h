@@ -7,6 +7,7 @@
 #include <utility>
 #include <vector>
 
+#include "core/base/team.h"
 #include "core/formats/formats.h"
 #include "core/formats/gmsh/types.h"
 #include "core/formats/scanner.h"
@@ -41,6 +42,7 @@ using EntityGroups = std::map<std::pair<int, int>, std::vector<int>>;
 
 /// The state of reading one file.
 struct GmshReading {
+  const Team& team;
   Scanner scanner;
   HighOrderMesh mesh;
   Format format = Format::Auto;
@@ -52,10 +54,14 @@ struct GmshReading {
   /// The index of the node with this number. Fails if there is none; the sentence names the element or link, `by`
   /// `by_number`, that refers to it.
   std::int32_t node(std::int64_t number, const char* by, std::int64_t by_number) const {
+    return node(scanner, number, by, by_number);
+  }
+  /// The same for a number that another scanner has read.
+  std::int32_t node(const Scanner& scan, std::int64_t number, const char* by, std::int64_t by_number) const {
     const std::int32_t i = index.find(number);
     if (i < 0)
-      scanner.fail(std::string(by) + " " + std::to_string(by_number) + " refers to node " + std::to_string(number) +
-                   ", which the file does not have");
+      scan.fail(std::string(by) + " " + std::to_string(by_number) + " refers to node " + std::to_string(number) +
+                ", which the file does not have");
     return i;
   }
 };
@@ -78,6 +84,6 @@ void read_periodic_41(GmshReading& reading);
 bool begins_like_gmsh(std::string_view bytes);
 
 /// Reads a whole MSH file of version 2.2 or 4.1, ASCII or binary. Throws ReadFailure.
-Expected<MeshFile> read_gmsh(std::string_view bytes);
+Expected<MeshFile> read_gmsh(std::string_view bytes, const Team& team);
 
 }  // namespace varimesh::formats

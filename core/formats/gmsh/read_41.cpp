@@ -1,5 +1,6 @@
 // Reads the sections of MSH 4.1, ASCII and binary.
 #include "core/formats/gmsh/read.h"
+#include "core/formats/pieces.h"
 
 namespace varimesh::formats {
 
@@ -23,6 +24,87 @@ void read_groups_and_boundary(Scanner& scan, Entity& entity) {
   entity.physical = read_tags(scan, "an entity's number of physical groups", "an entity's physical group");
   if (entity.dimension > 0)
     entity.boundary = read_tags(scan, "an entity's number of bounding entities", "a bounding entity");
+}
+
+// === Long lists, in pieces ===============================================================================
+
+// Appends `count` node numbers to the mesh's.
+void read_node_numbers(GmshReading& reading, std::int64_t count) {
+  Scanner& scan = reading.scanner;
+  std::vector<std::int64_t>& numbers = reading.mesh.node_numbers;
+  const std::size_t end = numbers.size() + std::size_t(count);
+  const auto parse = [](const BytesPiece&, Scanner& from) {
+    std::vector<std::int64_t> read;
+    for (from.skip_space_of_text(); !from.at_end(); from.skip_space_of_text())
+      read.push_back(from.size("a node's number"));
+    return read;
+  };
+  const auto take = [&](const BytesPiece&, const std::vector<std::int64_t>& read) {
+    if (read.size() > end - numbers.size()) return false;
+    numbers.insert(numbers.end(), read.begin(), read.end());
+    return true;
+  };
+  read_in_pieces(scan, reading.team, RecordCutter(scan, count, 8), parse, take);
+  while (numbers.size() < end) numbers.push_back(scan.size("a node's number"));
+}
+
+// Appends the coordinates of `count` nodes to the mesh's.
+void read_coordinates(GmshReading& reading, std::int64_t count, int parameters) {
+  Scanner& scan = reading.scanner;
+  std::vector<double>& coordinates = reading.mesh.coordinates;
+  const std::size_t end = coordinates.size() + 3 * std::size_t(count);
+  const auto node = [&](Scanner& from, std::vector<double>& to) {
+    for (int k = 0; k < 3; ++k) to.push_back(from.number("a node's coordinate"));
+    for (int k = 0; k < parameters; ++k) from.number("a node's parameter");
+  };
+  const auto parse = [&](const BytesPiece&, Scanner& from) {
+    std::vector<double> read;
+    for (from.skip_space_of_text(); !from.at_end(); from.skip_space_of_text()) node(from, read);
+    return read;
+  };
+  const auto take = [&](const BytesPiece&, const std::vector<double>& read) {
+    if (read.size() > end - coordinates.size()) return false;
+    coordinates.insert(coordinates.end(), read.begin(), read.end());
+    return true;
+  };
+  read_in_pieces(scan, reading.team, RecordCutter(scan, count, 8 * (3 + std::size_t(parameters))), parse, take);
+  while (coordinates.size() < end) node(scan, coordinates);
+}
+
+struct ElementsRead {
+  std::vector<std::int64_t> numbers;
+  std::vector<std::int32_t> nodes;
+};
+
+// Appends one element.
+void read_element(const GmshReading& reading, Scanner& from, std::size_t per_element,
+                  std::vector<std::int64_t>& numbers, std::vector<std::int32_t>& nodes) {
+  const std::int64_t number = from.size("an element's number");
+  numbers.push_back(number);
+  for (std::size_t k = 0; k < per_element; ++k)
+    nodes.push_back(reading.node(from, from.size("an element's node"), "element", number));
+}
+
+// Reads the `count` elements of a block.
+void read_block_elements(GmshReading& reading, std::int64_t count, std::size_t per_element, ElementBlock& block) {
+  Scanner& scan = reading.scanner;
+  block.numbers.reserve(std::size_t(count));
+  block.nodes.reserve(std::size_t(count) * per_element);
+  const auto parse = [&](const BytesPiece&, Scanner& from) {
+    ElementsRead read;
+    for (from.skip_space_of_text(); !from.at_end(); from.skip_space_of_text())
+      read_element(reading, from, per_element, read.numbers, read.nodes);
+    return read;
+  };
+  const auto take = [&](const BytesPiece&, const ElementsRead& read) {
+    if (read.numbers.size() > std::size_t(count) - block.numbers.size()) return false;
+    block.numbers.insert(block.numbers.end(), read.numbers.begin(), read.numbers.end());
+    block.nodes.insert(block.nodes.end(), read.nodes.begin(), read.nodes.end());
+    return true;
+  };
+  read_in_pieces(scan, reading.team, RecordCutter(scan, count, 8 * (per_element + 1)), parse, take);
+  while (block.numbers.size() < std::size_t(count))
+    read_element(reading, scan, per_element, block.numbers, block.nodes);
 }
 
 }  // namespace
@@ -83,13 +165,9 @@ void read_nodes_41(GmshReading& reading) {
     if (n > total - std::int64_t(mesh.node_numbers.size())) scan.fail("the node blocks have more nodes than announced");
     block.first = std::int32_t(mesh.node_numbers.size());
     block.count = std::int32_t(n);
-    for (std::int64_t i = 0; i < n; ++i) mesh.node_numbers.push_back(scan.size("a node's number"));
+    read_node_numbers(reading, n);
     // Parameters on the entity are skipped, because they are wrong after the nodes have moved.
-    const int parameters = parametric != 0 ? block.dimension : 0;
-    for (std::int64_t i = 0; i < n; ++i) {
-      for (int k = 0; k < 3; ++k) mesh.coordinates.push_back(scan.number("a node's coordinate"));
-      for (int k = 0; k < parameters; ++k) scan.number("a node's parameter");
-    }
+    read_coordinates(reading, n, parametric != 0 ? block.dimension : 0);
     mesh.node_blocks.push_back(block);
   }
   if (std::int64_t(mesh.node_numbers.size()) != total) scan.fail("the node blocks have fewer nodes than announced");
@@ -119,14 +197,7 @@ void read_elements_41(GmshReading& reading) {
     left -= n;
     if (const auto at = reading.entity_groups.find({dimension, block.entity}); at != reading.entity_groups.end())
       block.physical = at->second;
-    block.numbers.resize(std::size_t(n));
-    block.nodes.resize(std::size_t(n) * per_element);
-    std::int32_t* node = block.nodes.data();
-    for (std::int64_t& number : block.numbers) {
-      number = scan.size("an element's number");
-      for (std::size_t k = 0; k < per_element; ++k)
-        *node++ = reading.node(scan.size("an element's node"), "element", number);
-    }
+    read_block_elements(reading, n, per_element, block);
     reading.mesh.blocks.push_back(std::move(block));
   }
   if (left != 0) scan.fail("the element blocks have fewer elements than announced");

@@ -79,10 +79,11 @@ void write_foreign(const HighOrderMesh& mesh, Format format, BufferedOutput& out
 
 }  // namespace
 
-Expected<void> write_gmsh(const HighOrderMesh& mesh, Format format, const Sink& sink, std::span<const CellField>) {
+Expected<void> write_gmsh(const HighOrderMesh& mesh, Format format, const Sink& sink, std::span<const CellField>,
+                          const Team& team) {
   if (auto possible = check_writable_as(mesh, format); !possible) return possible;
   const bool version22 = format == Format::Msh22 || format == Format::Msh22Binary;
-  BufferedOutput out(sink, format == Format::Msh22Binary || format == Format::Msh41Binary);
+  BufferedOutput out(sink, format == Format::Msh22Binary || format == Format::Msh41Binary, team);
   write_header(version22, out);
   write_physical_names(mesh, out);
   if (version22)

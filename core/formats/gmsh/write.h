@@ -1,14 +1,24 @@
 // Writes Gmsh's MSH files, and what the writers of versions 2.2 and 4.1 share. Internal to core/formats.
 #pragma once
 
+#include "core/base/team.h"
 #include "core/formats/buffered_output.h"
 #include "core/formats/formats.h"
 
 namespace varimesh::formats {
 
 /// Writes a whole MSH file of version 2.2 or 4.1, ASCII or binary. MSH files have no fields, so they are ignored.
-Expected<void> write_gmsh(const HighOrderMesh& mesh, Format format, const Sink& sink,
-                          std::span<const CellField> fields);
+Expected<void> write_gmsh(const HighOrderMesh& mesh, Format format, const Sink& sink, std::span<const CellField> fields,
+                          const Team& team);
+
+/// Nodes, and node numbers of elements, in a piece that one thread writes: 200 to 600 KiB.
+inline constexpr std::size_t kNodesPerPiece = 8192;
+inline constexpr std::size_t kIndicesPerPiece = 65536;
+
+/// Elements in such a piece.
+constexpr std::size_t elements_per_piece(std::size_t nodes_per_element) {
+  return kIndicesPerPiece / (nodes_per_element + 4) + 1;
+}
 
 /// Write the nodes, elements and periodic links, and in MSH 4.1 the entities.
 void write_body_22(const HighOrderMesh& mesh, BufferedOutput& out);

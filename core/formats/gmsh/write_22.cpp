@@ -9,24 +9,28 @@ namespace varimesh::formats {
 
 namespace {
 
+void write_node(const HighOrderMesh& mesh, std::size_t i, BufferedOutput& out) {
+  const double* x = mesh.coordinates.data() + 3 * i;
+  if (out.binary) {
+    out.integer(int(mesh.node_numbers[i]));
+    for (int k = 0; k < 3; ++k) out.number(x[k]);
+    return;
+  }
+  out.text_integer(mesh.node_numbers[i]);
+  for (int k = 0; k < 3; ++k) {
+    out.text(" ");
+    out.text_number(x[k]);
+  }
+  out.text("\n");
+}
+
 void write_nodes(const HighOrderMesh& mesh, BufferedOutput& out) {
   out.text("$Nodes\n");
   out.text_integer(std::int64_t(mesh.node_count()));
   out.text("\n");
-  for (std::size_t i = 0; i < mesh.node_count(); ++i) {
-    const double* x = mesh.coordinates.data() + 3 * i;
-    if (out.binary) {
-      out.integer(int(mesh.node_numbers[i]));
-      for (int k = 0; k < 3; ++k) out.number(x[k]);
-      continue;
-    }
-    out.text_integer(mesh.node_numbers[i]);
-    for (int k = 0; k < 3; ++k) {
-      out.text(" ");
-      out.text_number(x[k]);
-    }
-    out.text("\n");
-  }
+  out.shared(mesh.node_count(), kNodesPerPiece, [&](BufferedOutput& piece, std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) write_node(mesh, i, piece);
+  });
   out.text(out.binary ? "\n$EndNodes\n" : "$EndNodes\n");
 }
 
@@ -84,17 +88,23 @@ void write_elements(const HighOrderMesh& mesh, BufferedOutput& out) {
     const int type = gmsh_type_number(block.shape, block.order);
     const std::size_t copies = block.physical.empty() ? 0 : block.physical.size() - 1;
     const bool known = block.repeat_numbers.size() == copies * block.size();
-    for (std::size_t e = 0; e < block.size(); ++e) {
-      const std::span nodes(block.nodes.data() + e * per_element, per_element);
-      write_element(mesh, block,
-                    {type, block.numbers[e], block.physical.empty() ? 0 : group_tag(mesh, block.physical[0])}, nodes,
-                    out);
-      for (std::size_t k = 0; k < copies; ++k)
-        write_element(
-            mesh, block,
-            {type, known ? block.repeat_numbers[e * copies + k] : ++fresh, group_tag(mesh, block.physical[k + 1])},
-            nodes, out);
-    }
+    // Tags of the groups. An element without a group has the tag 0.
+    std::vector<int> tags;
+    for (const int tag : block.physical) tags.push_back(group_tag(mesh, tag));
+    if (tags.empty()) tags.push_back(0);
+    out.shared(block.size(), elements_per_piece(per_element),
+               [&](BufferedOutput& piece, std::size_t begin, std::size_t end) {
+                 for (std::size_t e = begin; e < end; ++e) {
+                   const std::span nodes(block.nodes.data() + e * per_element, per_element);
+                   write_element(mesh, block, {type, block.numbers[e], tags[0]}, nodes, piece);
+                   for (std::size_t k = 0; k < copies; ++k) {
+                     const std::size_t copy = e * copies + k;
+                     const std::int64_t number = known ? block.repeat_numbers[copy] : fresh + std::int64_t(copy) + 1;
+                     write_element(mesh, block, {type, number, tags[k + 1]}, nodes, piece);
+                   }
+                 }
+               });
+    if (!known) fresh += std::int64_t(copies * block.size());
   }
   out.text(out.binary ? "\n$EndElements\n" : "$EndElements\n");
 }

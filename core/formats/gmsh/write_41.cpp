@@ -47,9 +47,7 @@ void write_entities(const std::vector<Entity>& entities, BufferedOutput& out) {
 }
 
 void write_nodes(const HighOrderMesh& mesh, const Classification& where, BufferedOutput& out) {
-  const auto node = [&](std::int32_t i) {
-    return where.node_order.empty() ? std::size_t(i) : std::size_t(where.node_order[std::size_t(i)]);
-  };
+  const auto node = [&](std::size_t i) { return where.node_order.empty() ? i : std::size_t(where.node_order[i]); };
   const auto [least, most] = std::minmax_element(mesh.node_numbers.begin(), mesh.node_numbers.end());
   const bool any = !mesh.node_numbers.empty();
   begin(out, "Nodes");
@@ -61,14 +59,19 @@ void write_nodes(const HighOrderMesh& mesh, const Classification& where, Buffere
     for (int value : {block.dimension, block.entity, 0}) out.integer(value);
     out.size(block.count);
     out.end_line();
-    for (std::int32_t i = block.first; i < block.first + block.count; ++i) {
-      out.size(mesh.node_numbers[node(i)]);
-      out.end_line();
-    }
-    for (std::int32_t i = block.first; i < block.first + block.count; ++i) {
-      for (std::size_t k = 0; k < 3; ++k) out.number(mesh.coordinates[3 * node(i) + k]);
-      out.end_line();
-    }
+    const auto first = std::size_t(block.first), count = std::size_t(block.count);
+    out.shared(count, kNodesPerPiece, [&](BufferedOutput& piece, std::size_t begin, std::size_t end) {
+      for (std::size_t i = first + begin; i < first + end; ++i) {
+        piece.size(mesh.node_numbers[node(i)]);
+        piece.end_line();
+      }
+    });
+    out.shared(count, kNodesPerPiece, [&](BufferedOutput& piece, std::size_t begin, std::size_t end) {
+      for (std::size_t i = first + begin; i < first + end; ++i) {
+        for (std::size_t k = 0; k < 3; ++k) piece.number(mesh.coordinates[3 * node(i) + k]);
+        piece.end_line();
+      }
+    });
   }
   end(out, "Nodes");
 }
@@ -92,12 +95,15 @@ void write_elements(const HighOrderMesh& mesh, const Classification& where, Buff
       out.integer(value);
     out.size(std::int64_t(block.size()));
     out.end_line();
-    const std::int32_t* node = block.nodes.data();
-    for (std::int64_t number : block.numbers) {
-      out.size(number);
-      for (std::size_t k = 0; k < per_element; ++k) out.size(mesh.node_numbers[std::size_t(*node++)]);
-      out.end_line();
-    }
+    out.shared(block.size(), elements_per_piece(per_element),
+               [&](BufferedOutput& piece, std::size_t begin, std::size_t end) {
+                 const std::int32_t* node = block.nodes.data() + begin * per_element;
+                 for (std::size_t e = begin; e < end; ++e) {
+                   piece.size(block.numbers[e]);
+                   for (std::size_t k = 0; k < per_element; ++k) piece.size(mesh.node_numbers[std::size_t(*node++)]);
+                   piece.end_line();
+                 }
+               });
   }
   end(out, "Elements");
 }
@@ -128,7 +134,7 @@ void write_periodic(const HighOrderMesh& mesh, BufferedOutput& out) {
 
 void write_body_41(const HighOrderMesh& mesh, Format format, BufferedOutput& out) {
   const ForeignSection* partitioned = kept_section(mesh, format, "PartitionedEntities");
-  const Classification where = classify_on_entities(mesh, partitioned != nullptr);
+  const Classification where = classify_on_entities(mesh, partitioned != nullptr, out.team());
   write_entities(where.entities, out);
   if (partitioned != nullptr) {
     begin(out, "PartitionedEntities");

@@ -30,5 +30,14 @@ TEST(Padded, IsAPowerOfTwoNoSmallerThanTheDimension) {
   EXPECT_EQ(padded(3), 4);
 }
 
+TEST(UntouchedVector, KeepsWhatItIsGivenAndIsAligned) {
+  UntouchedVector<float> numbers(7, 2.5F);
+  numbers.push_back(3);
+  numbers.resize(1000);
+  EXPECT_EQ(reinterpret_cast<std::uintptr_t>(numbers.data()) % kCacheLine, 0U);
+  for (std::size_t i = 0; i < 7; ++i) EXPECT_EQ(numbers[i], 2.5F);
+  EXPECT_EQ(numbers[7], 3);
+}
+
 }  // namespace
 }  // namespace varimesh

@@ -17,7 +17,7 @@ constexpr auto kTriangles = Format(100);
 
 bool begins_like_triangles(std::string_view bytes) { return bytes.starts_with("triangles\n"); }
 
-Expected<MeshFile> read_triangles(std::string_view bytes) {
+Expected<MeshFile> read_triangles(std::string_view bytes, const Team&) {
   std::istringstream text{std::string(bytes.substr(bytes.find('\n')))};
   std::size_t nodes = 0, triangles = 0;
   text >> nodes >> triangles;
@@ -41,7 +41,8 @@ Expected<MeshFile> read_triangles(std::string_view bytes) {
   return MeshFile{std::move(mesh), kTriangles};
 }
 
-Expected<void> write_triangles(const HighOrderMesh& mesh, Format, const Sink& sink, std::span<const CellField>) {
+Expected<void> write_triangles(const HighOrderMesh& mesh, Format, const Sink& sink, std::span<const CellField>,
+                               const Team&) {
   std::ostringstream text;
   text.precision(17);
   text << "triangles\n" << mesh.node_count() << " " << mesh.blocks.at(0).size() << "\n";

@@ -80,10 +80,24 @@ TEST_P(MakeBatches, HasTheTargetsInTheGradientsDirections) {
   });
 }
 
+TEST_P(MakeBatches, MakesTheSameWithSeveralThreads) {
+  for (const int threads : {2, 3, 8}) {
+    const Team team(threads);
+    team.run([&] {
+      const std::vector<BatchSet> shared = make_batches(problem_, *kernels_, team);
+      for (std::size_t s = 0; s < shared.size(); ++s) {
+        EXPECT_EQ(shared[s].ranks, batches_[s].ranks);
+        EXPECT_EQ(shared[s].inverse_target, batches_[s].inverse_target);
+        EXPECT_EQ(shared[s].contributions.size(), batches_[s].contributions.size());
+      }
+    });
+  }
+}
+
 TEST_P(MakeBatches, TakesNewTargets) {
   EXPECT_TRUE(batches_[0].left_factor.empty());
   const int d = problem_.dimension;
-  const AlignedVector<float> before = batches_[0].inverse_target;
+  const UntouchedVector<float> before = batches_[0].inverse_target;
   for (CellSet& set : problem_.sets) {
     for (double& number : set.inverse_target) number *= 2;
     set.left_factor.resize(at(set.count * d * d));

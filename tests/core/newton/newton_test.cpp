@@ -127,7 +127,7 @@ TEST_P(NewtonOn, MeasuresTheResidualByTheCells) {
   double most = 0;
   for (std::size_t rank = 0; rank < problem_.free.size(); ++rank) {
     float size = std::numeric_limits<float>::infinity();
-    for (std::int32_t i = problem_.offsets[rank]; i < problem_.offsets[rank + 1]; ++i) {
+    for (std::int64_t i = problem_.offsets[rank]; i < problem_.offsets[rank + 1]; ++i) {
       const Incidence& at = problem_.incidences[std::size_t(i)];
       size = std::min(size, problem_.cell_size[std::size_t(problem_.sets[std::size_t(at.set)].first + at.cell)]);
     }

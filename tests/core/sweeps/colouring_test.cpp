@@ -100,6 +100,34 @@ TEST_P(ScheduleOf, DoesNotDependOnCoordinates) {
   EXPECT_EQ(other.colours, schedule_.colours);
 }
 
+TEST_P(ScheduleOf, DoesNotDependOnTheNumberOfThreads) {
+  for (const int threads : {2, 3, 8}) {
+    const Team team(threads);
+    ColouredNodes shared;
+    team.run([&] { shared = colour_nodes(problem_, std::get<1>(GetParam()), team); });
+    EXPECT_EQ(shared.nodes, schedule_.nodes);
+    EXPECT_EQ(shared.groups, schedule_.groups);
+    EXPECT_EQ(shared.colours, schedule_.colours);
+  }
+}
+
+TEST_P(ScheduleOf, VisitsTheNodesOfAGroupPlaceByPlace) {
+  if (std::get<1>(GetParam()) == Colouring::Node) return;
+  // The nodes of one place are visited together, and places in the order in which they first occur in the cells.
+  for (std::size_t group = 0; group < schedule_.group_count(); ++group) {
+    std::tuple<int, int, int, int> last{-1, 0, 0, 0};
+    for (std::int32_t n = schedule_.groups[group]; n < schedule_.groups[group + 1]; ++n) {
+      const auto rank = std::size_t(schedule_.nodes[std::size_t(n)]);
+      const Incidence& at = problem_.incidences[std::size_t(problem_.offsets[rank])];
+      const CellSet& set = problem_.sets[std::size_t(at.set)];
+      const reference::NodePlace place = reference::node_places(set.shape, set.order)[std::size_t(at.local)];
+      const std::tuple<int, int, int, int> here{at.set, at.cell, place.dimension, place.index};
+      EXPECT_LE(last, here);
+      last = here;
+    }
+  }
+}
+
 TEST(ScheduleByNode, HasOneNodeInEachGroup) {
   const Problem problem = problem_of(testing::grid(Filling::Triangles, {4, 4, 0}, 3));
   const ColouredNodes schedule = colour_nodes(problem, Colouring::Node);

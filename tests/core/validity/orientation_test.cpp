@@ -46,9 +46,9 @@ TEST(NumberedAgainstMost, IsNoCellThatIsOnlyInverted) {
   for (const testing::Filling filling : testing::kFillings) {
     HighOrderMesh mesh = testing::grid(filling, {4, 4, 4}, 1);
     testing::shake(mesh, 0.5, 2, testing::Shaken::AllInterior);
-    EXPECT_TRUE(numbered_against_most(mesh).empty()) << testing::name(filling);
+    EXPECT_TRUE(numbered_against_most(mesh, facets(mesh)).empty()) << testing::name(filling);
     for (std::size_t i = 0; i < mesh.coordinates.size(); i += 3) mesh.coordinates[i] *= -1;
-    EXPECT_TRUE(numbered_against_most(mesh).empty()) << testing::name(filling) << ", clockwise";
+    EXPECT_TRUE(numbered_against_most(mesh, facets(mesh)).empty()) << testing::name(filling) << ", clockwise";
   }
 }
 
@@ -65,7 +65,7 @@ TEST(NumberedAgainstMost, IsACellWhoseVerticesAreMirrored) {
       for (const auto& [a, b] : pairs)
         std::swap(block->nodes[static_cast<std::size_t>(a)], block->nodes[static_cast<std::size_t>(b)]);
     }
-    const std::vector<char> against = numbered_against_most(mesh);
+    const std::vector<char> against = numbered_against_most(mesh, facets(mesh));
     std::size_t cell = 0, blocks = 0;
     for (const ElementBlock& block : mesh.blocks) {
       if (reference::info(block.shape).dimension != mesh.dimension) continue;
@@ -75,6 +75,24 @@ TEST(NumberedAgainstMost, IsACellWhoseVerticesAreMirrored) {
       ++blocks;
     }
     EXPECT_GT(blocks, 0U);
+  }
+}
+
+TEST(NumberedAgainstMost, IsTheSameForAnyNumberOfThreads) {
+  HighOrderMesh mesh = testing::grid(testing::Filling::Tetrahedra, {16, 15, 14}, 1);
+  const auto block = std::ranges::find(mesh.blocks, Shape::Tetrahedron, &ElementBlock::shape);
+  std::ptrdiff_t mirrored = 0;
+  for (std::size_t e = 0; e < block->size(); e += 5000, ++mirrored)
+    std::swap(block->nodes[4 * e], block->nodes[4 * e + 1]);
+  const Facets known = facets(mesh);
+  const std::vector<char> one = numbered_against_most(mesh, known);
+  EXPECT_EQ(std::ranges::count(one, 1), mirrored);
+  for (const int threads : {2, 3, 8}) {
+    const Team team(threads);
+    team.run([&] {
+      EXPECT_EQ(numbered_against_most(mesh, known, team), one) << threads << " threads";
+      EXPECT_EQ(orientation(mesh, team), 1);
+    });
   }
 }
 

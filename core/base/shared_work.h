@@ -1,0 +1,140 @@
+// Loops that a team shares and whose results do not depend on the number of threads.
+#pragma once
+
+#include <oneapi/tbb/parallel_pipeline.h>
+#include <oneapi/tbb/parallel_sort.h>
+
+#include <algorithm>
+#include <atomic>
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <utility>
+#include <vector>
+
+#include "core/base/aligned.h"
+#include "core/base/team.h"
+
+namespace varimesh {
+
+/// Adds 1 to a number that several threads of the team may count with, and returns what it was. The final number does
+/// not depend on the order; what each call returns does.
+template <class Number>
+Number count_up(Number& number, const Team& team) {
+  if (team.threads() == 1) return number++;
+  return std::atomic_ref(number).fetch_add(1, std::memory_order_relaxed);
+}
+
+/// Lowers a number that several threads of the team may lower to `value`, if it is above it.
+inline void lower_to(std::int32_t& number, std::int32_t value, const Team& team) {
+  if (team.threads() == 1) {
+    number = std::min(number, value);
+    return;
+  }
+  std::atomic_ref shared(number);
+  std::int32_t seen = shared.load(std::memory_order_relaxed);
+  while (value < seen && !shared.compare_exchange_weak(seen, value, std::memory_order_relaxed)) {
+  }
+}
+
+/// The number of chunks of `size` items that `count` items make; the last one may be shorter.
+constexpr std::size_t chunks_of(std::size_t count, std::size_t size) { return (count + size - 1) / size; }
+
+/// Calls body(chunk, begin, end) for the chunks of `size` items that make up 0 ≤ i < count. The chunks do not depend on
+/// the number of threads, so they may have a result each. Call it inside team.run().
+template <class Body>
+void for_chunks(const Team& team, std::size_t count, std::size_t size, const Body& body) {
+  team.for_each(static_cast<std::int32_t>(chunks_of(count, size)), 1, [&](std::int32_t chunk) {
+    const std::size_t begin = static_cast<std::size_t>(chunk) * size;
+    body(static_cast<std::size_t>(chunk), begin, std::min(begin + size, count));
+  });
+}
+
+/// The smallest i < count for which is(i) is true; `count` if there is none. `is` is also called for larger i. `grain`:
+/// as in Team. Call it inside team.run().
+template <class Is>
+std::size_t first_of(const Team& team, std::size_t count, std::size_t grain, const Is& is) {
+  std::atomic<std::size_t> first{count};
+  team.for_ranges(count, grain, [&](std::size_t begin, std::size_t end) {
+    if (begin >= first.load(std::memory_order_relaxed)) return;
+    std::size_t i = begin;
+    while (i < end && !is(i)) ++i;
+    std::size_t seen = first.load(std::memory_order_relaxed);
+    while (i < end && i < seen && !first.compare_exchange_weak(seen, i, std::memory_order_relaxed)) {
+    }
+  });
+  return first;
+}
+
+/// Sorts numbers of which no two are equal, so that the result is unique. Call it inside team.run().
+template <class T, class Less = std::less<>>
+void sort_distinct(const Team& team, std::vector<T>& numbers, const Less& less = {}) {
+  if (team.threads() == 1)
+    std::sort(numbers.begin(), numbers.end(), less);
+  else
+    oneapi::tbb::parallel_sort(numbers.begin(), numbers.end(), less);
+}
+
+/// Copies the numbers `from` to an array of the same size. It is never interrupted. Call it inside team.run().
+template <class T>
+void shared_copy(std::span<const T> from, std::span<T> to, const Team& team) {
+  constexpr std::size_t kPerTask = 16384;
+  team.without_stop().for_ranges(from.size(), kPerTask, [&](std::size_t begin, std::size_t end) {
+    std::copy_n(from.data() + begin, end - begin, to.data() + begin);
+  });
+}
+
+/// A new array with these numbers. The threads share the work of fetching its memory. Call it inside team.run().
+template <class T>
+UntouchedVector<T> shared_copy(const std::vector<T>& from, const Team& team) {
+  UntouchedVector<T> to(from.size());
+  shared_copy<T>(from, to, team);
+  return to;
+}
+
+/// Turns counts into where each begins: numbers[i] becomes the sum of all before it, and the sum of all is returned.
+template <class Number>
+Number sums_before(std::vector<Number>& numbers) {
+  Number sum = 0;
+  for (Number& number : numbers) sum += std::exchange(number, sum);
+  return sum;
+}
+
+/// Works on pieces that must be taken in order. next() returns the next piece, or nothing after the last one;
+/// make(piece) does the work, and several threads do it at the same time; take(result) receives the results in the
+/// order of the pieces. next() and take() are each called by one thread at a time. At most threads + 2 pieces are in
+/// memory. Call it inside team.run().
+///
+/// If take() returns false, the rest is dropped; next() and make() may still be called for a few more pieces.
+template <class Next, class Make, class Take>
+void in_order(const Team& team, Next&& next, const Make& make, const Take& take) {
+  if (team.threads() == 1) {
+    for (auto piece = next(); piece; piece = next())
+      if (!take(make(*piece))) return;
+    return;
+  }
+  using Piece = typename decltype(next())::value_type;
+  using Result = decltype(make(std::declval<Piece&>()));
+  std::atomic<bool> stopped{false};
+  const auto cut = [&](oneapi::tbb::flow_control& control) -> Piece {
+    std::optional<Piece> piece;
+    if (!stopped) piece = next();
+    if (!piece) {
+      control.stop();
+      return Piece();
+    }
+    return std::move(*piece);
+  };
+  const auto receive = [&](Result result) {
+    if (!stopped && !take(std::move(result))) stopped = true;
+  };
+  using oneapi::tbb::filter_mode;
+  using oneapi::tbb::make_filter;
+  oneapi::tbb::parallel_pipeline(
+      static_cast<std::size_t>(team.threads()) + 2,
+      make_filter<void, Piece>(filter_mode::serial_in_order, cut) &
+          make_filter<Piece, Result>(filter_mode::parallel, [&](Piece piece) -> Result { return make(piece); }) &
+          make_filter<Result, void>(filter_mode::serial_in_order, receive));
+}
+
+}  // namespace varimesh

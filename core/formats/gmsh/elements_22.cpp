@@ -1,0 +1,370 @@
+// Reads the elements of MSH 2.2, ASCII and binary.
+#include <algorithm>
+#include <cstring>
+#include <limits>
+
+#include "core/formats/gmsh/read.h"
+#include "core/formats/pieces.h"
+
+namespace varimesh::formats {
+
+namespace {
+
+// The last element. It is held back until the next element shows whether it is a repetition for another physical group.
+struct HeldElement {
+  bool any = false;
+  int type = 0;
+  int entity = 0;
+  std::vector<int> physical;
+  std::vector<int> partitions;
+  std::int64_t number = 0;
+  std::vector<std::int64_t> repeats;
+  std::vector<std::int32_t> nodes;
+};
+
+// Reads elements one after another and collects them in blocks.
+class ElementReader {
+ public:
+  ElementReader(const GmshReading& reading, Scanner& scan, std::vector<ElementBlock>& blocks)
+      : reading_(reading), scan_(scan), blocks_(blocks) {}
+
+  // Reads the tags and nodes of one element, whose number, type and number of tags have been read.
+  void read(std::int64_t number, int type, int tag_count);
+  // Reads a whole element as text.
+  void read_text();
+  // Must be called after the last element.
+  void finish() { flush(); }
+  // Takes back the last element of the last block, so that the next one may be its repetition.
+  void hold_last();
+
+ private:
+  void set_type(int type);
+  void read_tags(int count);
+  bool fits_block(const ElementBlock& block) const;
+  void flush();
+
+  const GmshReading& reading_;
+  Scanner& scan_;
+  std::vector<ElementBlock>& blocks_;
+  int type_ = 0;
+  GmshType kind_;
+  std::size_t node_count_ = 0;
+  int physical_ = 0, entity_ = 0;
+  std::vector<int> partitions_;
+  std::vector<std::int32_t> nodes_;
+  HeldElement held_;
+};
+
+void ElementReader::set_type(int type) {
+  kind_ = accepted_type(scan_, type);
+  type_ = type;
+  node_count_ = std::size_t(reference::node_count(kind_.shape, kind_.order));
+  nodes_.resize(node_count_);
+}
+
+// The tags are: physical group, entity, number of partitions, partitions. Old files may have fewer.
+void ElementReader::read_tags(int count) {
+  physical_ = count > 0 ? scan_.integer("an element's physical group") : 0;
+  entity_ = count > 1 ? scan_.integer("an element's entity") : 0;
+  if (count <= 2 && partitions_.empty()) return;
+  partitions_.clear();
+  if (count <= 2) return;
+  const int said = scan_.integer("an element's number of partitions");
+  for (int k = 3; k < count; ++k) {
+    const int partition = scan_.integer("an element's partition");
+    if (k - 3 < said) partitions_.push_back(partition);
+  }
+}
+
+void ElementReader::read(std::int64_t number, int type, int tag_count) {
+  if (type != type_) set_type(type);
+  if (tag_count < 0) scan_.fail("element " + std::to_string(number) + " has a negative number of tags");
+  read_tags(tag_count);
+  for (std::size_t k = 0; k < node_count_; ++k) {
+    const std::int64_t node =
+        scan_.binary ? scan_.integer("an element's node") : scan_.text_integer("an element's node");
+    nodes_[k] = reading_.node(scan_, node, "element", number);
+  }
+  const bool repeats = held_.any && held_.type == type && held_.entity == entity_ && nodes_ == held_.nodes &&
+                       held_.partitions == partitions_ && physical_ != 0 && !held_.physical.empty() &&
+                       std::find(held_.physical.begin(), held_.physical.end(), physical_) == held_.physical.end();
+  if (repeats) {
+    held_.physical.push_back(physical_);
+    held_.repeats.push_back(number);
+    return;
+  }
+  flush();
+  held_.any = true;
+  held_.type = type;
+  held_.entity = entity_;
+  held_.physical.clear();
+  if (physical_ != 0) held_.physical.push_back(physical_);
+  held_.partitions = partitions_;
+  held_.number = number;
+  held_.repeats.clear();
+  held_.nodes = nodes_;
+}
+
+void ElementReader::read_text() {
+  const std::int64_t number = scan_.text_integer("an element's number");
+  const int type = scan_.integer("an element's type");
+  read(number, type, scan_.integer("an element's number of tags"));
+}
+
+bool ElementReader::fits_block(const ElementBlock& block) const {
+  const GmshType kind = gmsh_type(held_.type);
+  return block.shape == kind.shape && block.order == kind.order && block.entity == held_.entity &&
+         block.physical == held_.physical && block.partitions == held_.partitions;
+}
+
+// Frees memory that a block does not need now that another one follows.
+void close(ElementBlock& block) {
+  if (block.size() == block.numbers.capacity()) return;
+  block.numbers.shrink_to_fit();
+  block.nodes.shrink_to_fit();
+}
+
+void ElementReader::flush() {
+  if (!held_.any) return;
+  if (blocks_.empty() || !fits_block(blocks_.back())) {
+    if (!blocks_.empty()) close(blocks_.back());
+    const GmshType kind = gmsh_type(held_.type);
+    blocks_.push_back({kind.shape, kind.order, held_.entity, held_.physical, {}, {}, held_.partitions, {}});
+  }
+  ElementBlock& block = blocks_.back();
+  block.numbers.push_back(held_.number);
+  block.repeat_numbers.insert(block.repeat_numbers.end(), held_.repeats.begin(), held_.repeats.end());
+  block.nodes.insert(block.nodes.end(), held_.nodes.begin(), held_.nodes.end());
+  held_.any = false;
+}
+
+void ElementReader::hold_last() {
+  if (held_.any || blocks_.empty()) return;
+  ElementBlock& block = blocks_.back();
+  const auto per_element = std::ptrdiff_t(block.nodes.size() / block.size());
+  const auto repeats = std::ptrdiff_t(block.repeat_numbers.size() / block.size());
+  held_ = {true,
+           gmsh_type_number(block.shape, block.order),
+           block.entity,
+           block.physical,
+           block.partitions,
+           block.numbers.back(),
+           {block.repeat_numbers.end() - repeats, block.repeat_numbers.end()},
+           {block.nodes.end() - per_element, block.nodes.end()}};
+  block.numbers.pop_back();
+  block.repeat_numbers.resize(block.repeat_numbers.size() - std::size_t(repeats));
+  block.nodes.resize(block.nodes.size() - std::size_t(per_element));
+  if (block.size() == 0) blocks_.pop_back();
+}
+
+// === Pieces ==============================================================================================
+
+// Puts the elements of one piece after another into the blocks of the mesh.
+class Joiner {
+ public:
+  Joiner(std::vector<ElementBlock>& blocks, std::int64_t total) : blocks_(blocks), left_(total) {}
+
+  std::int64_t left() const { return left_; }  ///< Elements of the file that no piece has had.
+
+  // Refuses a piece that begins with the nodes of the last element: it may begin with a repetition. `lines`: elements
+  // of the file in the piece, repetitions included.
+  bool take(std::vector<ElementBlock>& piece, std::int64_t lines) {
+    if (lines > left_ || begins_like_last(piece)) return false;
+    left_ -= lines;
+    for (ElementBlock& block : piece) append(block);
+    return true;
+  }
+
+ private:
+  bool begins_like_last(const std::vector<ElementBlock>& piece) const {
+    if (blocks_.empty() || piece.empty()) return false;
+    const ElementBlock &last = blocks_.back(), &first = piece.front();
+    if (last.shape != first.shape || last.order != first.order) return false;
+    const auto nodes = std::ptrdiff_t(last.nodes.size() / last.size());
+    return std::equal(last.nodes.end() - nodes, last.nodes.end(), first.nodes.begin());
+  }
+
+  void append(ElementBlock& more) {
+    if (blocks_.empty() || !fits(blocks_.back(), more)) {
+      if (!blocks_.empty()) close(blocks_.back());
+      blocks_.push_back(std::move(more));
+      return;
+    }
+    ElementBlock& block = blocks_.back();
+    grow(block, more.size());
+    block.numbers.insert(block.numbers.end(), more.numbers.begin(), more.numbers.end());
+    block.nodes.insert(block.nodes.end(), more.nodes.begin(), more.nodes.end());
+    block.repeat_numbers.insert(block.repeat_numbers.end(), more.repeat_numbers.begin(), more.repeat_numbers.end());
+  }
+
+  static bool fits(const ElementBlock& a, const ElementBlock& b) {
+    return a.shape == b.shape && a.order == b.order && a.entity == b.entity && a.physical == b.physical &&
+           a.partitions == b.partitions;
+  }
+
+  // Doubling the capacity would temporarily need up to three times the block's size. A block that is larger than a
+  // piece therefore reserves memory for all elements that may follow. Pages that are never used cost nothing, and the
+  // rest is freed at the end of the block.
+  void grow(ElementBlock& block, std::size_t more) const {
+    if (block.size() + more <= block.numbers.capacity()) return;
+    const std::size_t per_element = block.nodes.size() / block.size(), all = block.size() + more + std::size_t(left_);
+    block.numbers.reserve(all);
+    block.nodes.reserve(all * per_element);
+  }
+
+  std::vector<ElementBlock>& blocks_;
+  std::int64_t left_;
+};
+
+struct ElementsRead {
+  std::vector<ElementBlock> blocks;
+  std::int64_t lines = 0;
+};
+
+void read_text(GmshReading& reading, std::int64_t n) {
+  Scanner& scan = reading.scanner;
+  Joiner joiner(reading.mesh.blocks, n);
+  const auto parse = [&](const BytesPiece&, Scanner& from) {
+    ElementsRead read;
+    ElementReader reader(reading, from, read.blocks);
+    for (from.skip_space(); !from.at_end(); from.skip_space(), ++read.lines) reader.read_text();
+    reader.finish();
+    return read;
+  };
+  RecordCutter cutter(scan, n, 0);
+  cutter.keeps_alike_lines_together = true;
+  read_in_pieces(scan, reading.team, cutter, parse,
+                 [&](const BytesPiece&, ElementsRead& read) { return joiner.take(read.blocks, read.lines); });
+  ElementReader rest(reading, scan, reading.mesh.blocks);
+  rest.hold_last();
+  for (std::int64_t i = joiner.left(); i > 0; --i) rest.read_text();
+  rest.finish();
+}
+
+// === Binary ==============================================================================================
+
+// A group of elements with one type and number of tags. Gmsh itself writes one element per group.
+struct Group {
+  int type = 0, tags = 0;
+  std::int64_t left = 0;  ///< Elements of the group that have not been read.
+};
+
+// Reads the header of a group of which at most `most` elements may follow.
+Group read_group(Scanner& scan, std::int64_t most) {
+  Group group;
+  group.type = scan.integer("an element type");
+  group.left = scan.integer("a number of elements");
+  group.tags = scan.integer("a number of tags");
+  if (group.left <= 0 || group.left > most)
+    scan.fail("a group of " + std::to_string(group.left) + " elements is out of range");
+  return group;
+}
+
+// A piece begins inside a group if `before` has elements left.
+struct GroupsPiece {
+  std::string_view bytes;
+  Group before, after;
+  std::int64_t elements = 0;
+};
+
+// Cuts after elements, but not between elements that have the same last node, because the second may be a repetition.
+class GroupCutter {
+ public:
+  GroupCutter(const Scanner& scan, std::int64_t count) : ahead_(scan), left_(count) {}
+
+  std::optional<GroupsPiece> operator()() {
+    GroupsPiece piece;
+    piece.before = piece.after = group_;
+    const std::string_view from = ahead_.rest();
+    const std::size_t begin = ahead_.offset();
+    std::size_t end = 0;
+    int alike = 0;
+    try {
+      while (left_ > 0 && (end < kPieceBytes || (alike++ < kMostAlike && repeats_last()))) {
+        if (group_.left == 0) group_ = read_group(ahead_, left_);
+        const GmshType kind = gmsh_type(group_.type);
+        if (kind.kind != GmshType::Kind::Complete || group_.tags < 0) break;
+        const std::size_t size =
+            4 * (1 + std::size_t(group_.tags) + std::size_t(reference::node_count(kind.shape, kind.order)));
+        if (ahead_.left() < size) break;
+        ahead_.go_to(ahead_.offset() + size);
+        end = ahead_.offset() - begin;
+        --group_.left;
+        --left_;
+        ++piece.elements;
+        piece.after = group_;
+      }
+    } catch (const ReadFailure&) {
+      left_ = 0;  // the plain reader says what is wrong
+    }
+    if (end == 0) return std::nullopt;
+    piece.bytes = from.substr(0, end);
+    ahead_.go_to(begin + end);
+    group_ = piece.after;
+    return piece;
+  }
+
+ private:
+  // Whether the next element ends with the same node as the last. Looks only at groups of one element.
+  bool repeats_last() const {
+    constexpr std::size_t kHeader = 12;
+    const GmshType kind = gmsh_type(group_.type);
+    if (group_.left > 0) return false;
+    const std::size_t size =
+        kHeader + 4 * (1 + std::size_t(group_.tags) + std::size_t(reference::node_count(kind.shape, kind.order)));
+    if (ahead_.left() < size) return false;
+    return std::memcmp(ahead_.rest().data() - 4, ahead_.rest().data() + size - 4, 4) == 0;
+  }
+
+  Scanner ahead_;
+  std::int64_t left_;
+  Group group_;
+};
+
+void read_group_element(ElementReader& reader, Scanner& scan, Group& group) {
+  const int number = scan.integer("an element's number");
+  reader.read(number, group.type, group.tags);
+  --group.left;
+}
+
+void read_binary(GmshReading& reading, std::int64_t n) {
+  Scanner& scan = reading.scanner;
+  Joiner joiner(reading.mesh.blocks, n);
+  Group group;
+  const auto parse = [&](const GroupsPiece& piece, Scanner& from) {
+    ElementsRead read;
+    ElementReader reader(reading, from, read.blocks);
+    Group inside = piece.before;
+    for (; !from.at_end(); ++read.lines) {
+      if (inside.left == 0) inside = read_group(from, std::numeric_limits<std::int32_t>::max());
+      read_group_element(reader, from, inside);
+    }
+    reader.finish();
+    return read;
+  };
+  const auto take = [&](const GroupsPiece& piece, ElementsRead& read) {
+    if (!joiner.take(read.blocks, read.lines)) return false;
+    group = piece.after;
+    return true;
+  };
+  read_in_pieces(scan, reading.team, GroupCutter(scan, n), parse, take);
+  ElementReader rest(reading, scan, reading.mesh.blocks);
+  rest.hold_last();
+  for (std::int64_t i = joiner.left(); i > 0; --i) {
+    if (group.left == 0) group = read_group(scan, i);
+    read_group_element(rest, scan, group);
+  }
+  rest.finish();
+}
+
+}  // namespace
+
+void read_elements_22(GmshReading& reading) {
+  Scanner& scan = reading.scanner;
+  const std::int64_t n = scan.count("the number of elements", 8, true);
+  if (!scan.binary) return read_text(reading, n);
+  scan.line();
+  read_binary(reading, n);
+}
+
+}  // namespace varimesh::formats
