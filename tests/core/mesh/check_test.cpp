@@ -92,7 +92,7 @@ TEST(CheckMesh, OneDimensionalMesh) {
 
 TEST(CheckMesh, ANodeOfNoCellMayLieOutsideThePlane) {
   // A point element, as gmsh writes the centre of an arc.
-  const auto checked = check(linear({0, 0, 0, 1, 0, 0, 1, 1, 0, 0, 1, 0, 0, 0, 5},
+  const auto checked = check_structure(linear({0, 0, 0, 1, 0, 0, 1, 1, 0, 0, 1, 0, 0, 0, 5},
                                     {{Shape::Triangle, {0, 1, 2}}, {Shape::Triangle, {0, 2, 3}}, {Shape::Point, {4}}}));
   EXPECT_TRUE(checked) << checked.error().sentence;
 }
