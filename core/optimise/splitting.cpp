@@ -79,7 +79,7 @@ class RunSequence {
   std::optional<Result> run(const HighOrderMesh& mesh, int max_iterations) {
     Options options = options_;
     options.max_iterations = max_iterations;
-    // 0 would mean no limit. With so little time left, the run ends after its first iteration.
+    // 0 would mean no limit. With so little time left, the run ends before its first iteration.
     if (options_.time_limit > 0) options.time_limit = std::max(1e-9, options_.time_limit - watch_.seconds());
     const int before = static_cast<int>(history_.size());
     const double seconds = watch_.seconds();

@@ -89,7 +89,8 @@ class Integrator {
       const ElementBlock& block = *range.block;
       if (tables_.contains(block.shape)) continue;
       // Exact for J on every shape but the pyramid, where J is not a polynomial.
-      const reference::Quadrature rule = reference::quadrature(block.shape, block.order, 3 * block.order);
+      const int degree = mesh.dimension * block.order - (reference::info(block.shape).affine ? mesh.dimension : 1);
+      const reference::Quadrature rule = reference::quadrature(block.shape, block.order, std::max(1, degree));
       const auto gradients = [&](int order) {
         return reference::basis_gradients(block.shape, order, reference::NodeSet::Equispaced, mesh.dimension,
                                           rule.points);
@@ -142,25 +143,33 @@ class Integrator {
   std::map<Shape, Tables> tables_;
 };
 
-/// By cell: 1 if it needs a substitute.
-std::vector<char> needs_substitute(const HighOrderMesh& mesh, const std::vector<char>& sound,
-                                   const Integrator& integrator, const Team& team) {
-  std::vector<char> needs(sound.size(), 0);
-  for (const Cells::Range& range : integrator.cells().ranges()) {
+enum Need : char { kNone, kNearlyFlat, kInverted };
+
+/// By cell: what its vertices say. For nearly all meshes they say that no cell needs a substitute, and then no table is
+/// made.
+std::vector<Need> needs_by_vertices(const HighOrderMesh& mesh, const Cells& cells, const std::vector<char>& sound,
+                                    const Team& team) {
+  std::vector<Need> needs(sound.size(), kNone);
+  for (const Cells::Range& range : cells.ranges()) {
     const std::vector<Corner> at_corners = corners(range.block->shape);
     team.for_ranges(range.block->size(), kCellsPerTask, [&](std::size_t begin, std::size_t end) {
       for (std::size_t e = begin; e < end; ++e) {
         const std::size_t cell = range.first + e;
         const std::int32_t* nodes = range.block->nodes.data() + e * range.stride;
         if (sound[cell] == 0)
-          needs[cell] = 1;
+          needs[cell] = kInverted;
         else if (!has_thick_corner(at_corners, mesh.dimension, mesh.coordinates, nodes))
-          needs[cell] = integrator.straight(range.block->shape, integrator.vertices(cell)).volume <
-                        kFlatShare * integrator.curved(cell).volume;
+          needs[cell] = kNearlyFlat;
       }
     });
   }
   return needs;
+}
+
+/// Whether a nearly flat cell encloses so much more with curved sides that it needs a substitute.
+bool is_flat_for_its_volume(const Integrator& integrator, std::size_t cell) {
+  return integrator.straight(integrator.cells().shape(cell), integrator.vertices(cell)).volume <
+         kFlatShare * integrator.curved(cell).volume;
 }
 
 /// The volume of a cell's substitute.
@@ -220,11 +229,13 @@ const Vertices* SubstituteShapes::of(std::int32_t cell) const {
 }
 
 SubstituteShapes substitute_shapes(const HighOrderMesh& mesh, const std::vector<char>& sound, const Team& team) {
-  const Integrator integrator(mesh);
-  const std::vector<char> needs = needs_substitute(mesh, sound, integrator, team);
   SubstituteShapes result;
-  for (std::size_t c = 0; c < needs.size(); ++c)
-    if (needs[c] != 0) result.cells.push_back(static_cast<std::int32_t>(c));
+  const std::vector<Need> needs = needs_by_vertices(mesh, Cells(mesh, mesh.dimension), sound, team);
+  if (std::ranges::all_of(needs, [](Need need) { return need == kNone; })) return result;
+  const Integrator integrator(mesh);
+  for (std::size_t cell = 0; cell < needs.size(); ++cell)
+    if (needs[cell] == kInverted || (needs[cell] == kNearlyFlat && is_flat_for_its_volume(integrator, cell)))
+      result.cells.push_back(static_cast<std::int32_t>(cell));
   if (result.cells.empty()) return result;
   const Facets facet = facets(mesh);
   for (const std::int32_t c : result.cells) {

@@ -258,7 +258,7 @@ TEST(FingerprintOfARun, LeavesOutOnlyWhatSaysWhenToStop) {
   };
   const std::uint64_t plain = print([](Options&) {});
   EXPECT_EQ(print([](Options& o) { o.max_iterations = 3, o.time_limit = 5, o.threads = 7; }), plain);
-  EXPECT_NE(print([](Options& o) { o.tolerance = 1e-3; }), plain);
+  EXPECT_NE(print([](Options& o) { o.tolerance = 1e-4; }), plain);
   EXPECT_NE(print([](Options& o) { o.energy = Energy::Winslow; }), plain);
   EXPECT_NE(print([](Options& o) { o.p_norm = 2; }), plain);
   EXPECT_NE(print([](Options& o) { o.until_js = 0.1; }), plain);

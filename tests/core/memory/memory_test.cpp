@@ -67,8 +67,10 @@ std::vector<Sized> all_cases() {
   for (const Filling filling : {Filling::Tetrahedra, Filling::Triangles, Filling::Hexahedra})
     cases.push_back(
         {filling, testing::is_plane(filling) ? 25 : 4, 3, Method::Auto, Energy::Hyperelastic, Objective::Worst});
+  // The tables of the diagnosis are not in the estimate (memory.h). Those of hexahedra of order 4 take 9 MB.
   for (const Filling filling : {Filling::Tetrahedra, Filling::Hexahedra, Filling::Prisms})
-    cases.push_back({filling, 4, 4, Method::Auto, Energy::Hyperelastic, Objective::Energy, true});
+    cases.push_back({filling, 4, filling == Filling::Hexahedra ? 3 : 4, Method::Auto, Energy::Hyperelastic,
+                     Objective::Energy, true});
   cases.push_back({Filling::Tetrahedra, 5, 4, Method::Newton, Energy::Hyperelastic, Objective::Energy, false, 1});
   cases.push_back({Filling::Hexahedra, 5, 3, Method::Newton, Energy::Hyperelastic, Objective::Energy, false, 2});
   return cases;

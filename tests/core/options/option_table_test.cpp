@@ -22,7 +22,7 @@ TEST(OptionTable, NamesEachOptionOnce) {
 TEST(OptionTable, TellsDefaultsAsAUserWritesThem) {
   EXPECT_EQ(default_text(option("energy")), "hyperelastic");
   EXPECT_EQ(default_text(option("constants")), "standard");
-  EXPECT_EQ(default_text(option("tolerance")), "1e-6");
+  EXPECT_EQ(default_text(option("tolerance")), "0.001");
   EXPECT_EQ(default_text(option("max_iterations")), "1000");
   EXPECT_EQ(default_text(option("active_set")), "on");
   EXPECT_EQ(default_text(option("rings")), "2");

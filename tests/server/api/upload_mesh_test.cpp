@@ -97,7 +97,7 @@ TEST(UploadMesh, RefusesAMeshThatTakesMoreMemoryThanAllJobsHave) {
   EXPECT_EQ(status.error_code(), grpc::StatusCode::RESOURCE_EXHAUSTED);
   EXPECT_EQ(info_of(status).reason(), "MESH_TOO_LARGE");
   EXPECT_NE(status.error_message().find("1001 bytes of memory"), std::string::npos) << status.error_message();
-  EXPECT_NE(info_of(upload(service, 5000, "")).reason(), "MESH_TOO_LARGE");
+  EXPECT_NE(info_of(upload(service, 5000, "x")).reason(), "MESH_TOO_LARGE");
 }
 
 }  // namespace
