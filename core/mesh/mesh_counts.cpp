@@ -31,6 +31,14 @@ int first_node(Shape shape, int order, int dimension, int index) {
   return found == places.end() ? -1 : static_cast<int>(found - places.begin());
 }
 
+/// The local number of the last node of an edge; −1 if it has none.
+int last_node_of_edge(Shape shape, int order, int edge) {
+  const auto& places = reference::node_places(shape, order);
+  for (int i = static_cast<int>(places.size()); i-- > 0;)
+    if (places[at(i)].dimension == 1 && places[at(i)].index == edge) return i;
+  return -1;
+}
+
 /// The nodes of order 1 or 2 of one shape: which are in each edge and face, and the node of the mesh that tells whether
 /// each is free.
 class LowOrderCell {
@@ -40,6 +48,7 @@ class LowOrderCell {
     for (std::size_t e = 0; e < info_.edges.size(); ++e) {
       std::vector<int> closure{info_.edges[e][0], info_.edges[e][1]};
       edge_teller_.push_back(first_node(shape, order, 1, static_cast<int>(e)));
+      edge_last_.push_back(last_node_of_edge(shape, order, static_cast<int>(e)));
       if (low_order == 2) closure.push_back(add(edge_teller_.back(), closure));
       edges_.push_back(std::move(closure));
     }
@@ -66,7 +75,9 @@ class LowOrderCell {
       of_edge[e] = pairs_in(edges_[e]);
       below += of_edge[e];
       if (of_edge[e] == 0) continue;
-      if (edge_teller_[e] >= 0 && is_first(nodes[edge_teller_[e]])) pairs.in_different_edges += of_edge[e];
+      if (edge_teller_[e] < 0) continue;
+      // Cells may run along an edge in different directions, but the smaller of its outer nodes is the same in all.
+      if (is_first(std::min(nodes[edge_teller_[e]], nodes[edge_last_[e]]))) pairs.in_different_edges += of_edge[e];
     }
     pairs.in_edges += below;
     for (const Face& face : faces_) {
@@ -116,6 +127,7 @@ class LowOrderCell {
   std::vector<std::vector<int>> around_;  // by node: vertices
   std::vector<std::vector<int>> edges_;   // by edge: nodes
   std::vector<int> edge_teller_;          // by edge: its first node in the mesh's cell; −1 if it has none
+  std::vector<int> edge_last_;            // by edge: its last node there
   std::vector<Face> faces_;
   std::array<bool, 27> is_free_{};
 };
