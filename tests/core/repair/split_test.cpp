@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <map>
 
+#include "core/base/team.h"
 #include "core/formats/formats.h"
 #include "core/mesh/check.h"
 #include "core/mesh/conformity.h"
@@ -48,7 +49,7 @@ TEST_P(SplitTetrahedra, ConformsAndHasTheNumberOfElementsExpected) {
   for (const HighOrderMesh* mesh : {&twelve, &six}) {
     const Facets found = facets(*mesh);
     EXPECT_LT(found.crowded, 0);
-    EXPECT_TRUE(check_conformity(*mesh, found));
+    EXPECT_TRUE(check_conformity(*mesh, found, Team(1)));
     EXPECT_EQ(std::ranges::count(found.neighbour, -1), mesh == &twelve ? 12 : 6);
     const auto checked = check_structure(*mesh);
     EXPECT_TRUE(checked) << checked.error().sentence;
