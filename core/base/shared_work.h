@@ -66,7 +66,7 @@ std::size_t first_of(const Team& team, std::size_t count, std::size_t grain, con
   return first;
 }
 
-/// Sorts numbers of which no two are equal, so that the result is unique. Call it inside team.run().
+/// Sorts numbers that are all different, so that the result is unique. Call it inside team.run().
 template <class T, class Less = std::less<>>
 void sort_distinct(const Team& team, std::vector<T>& numbers, const Less& less = {}) {
   if (team.threads() == 1)

@@ -116,8 +116,9 @@ std::array<Eigen::MatrixXd, 3> slopes_along(const Eigen::MatrixXd& directions, c
     slopes[alpha].setZero(cells.points, cells.nodes_per_cell);
     for (int n = 0; n < cells.nodes_per_cell; ++n)
       for (int k = 0; k < cells.dimension; ++k)
-        slopes[alpha].col(n) += directions(alpha, k) * Eigen::Map<const Eigen::VectorXd>(
-                                                           cells.derivatives_of(n) + std::ptrdiff_t{k} * cells.stride, cells.points);
+        slopes[alpha].col(n) +=
+            directions(alpha, k) *
+            Eigen::Map<const Eigen::VectorXd>(cells.derivatives_of(n) + std::ptrdiff_t{k} * cells.stride, cells.points);
   }
   return slopes;
 }

@@ -103,7 +103,7 @@ class Newton {
   /// it, from M⁻¹ r in product_; +∞ if the spectrum is not known yet. `step`: the residual of the step.
   ///
   /// Two bounds hold in the norm of M, and the smaller one is taken for the node that is farthest away: M⁻¹ r divided
-  /// by the smallest eigenvalue of M⁻¹H, and what conjugate gradients must have reduced the error to after so many
+  /// by the smallest eigenvalue of M⁻¹H, and what conjugate gradients must have reduced the error to after this many
   /// products.
   double distance_left(double step, double scale);
   /// How far a node is from the optimum because the linear residual and the gradient differ: the residual is carried

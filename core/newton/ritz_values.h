@@ -46,9 +46,9 @@ struct Spectrum {
   double smallest = 0;  ///< 0: not known.
   double largest = 0;
 
-  /// The share of the error that may be left after so many products, in the norm of M: 2 √κ exp(−2 products / √κ) with
-  /// κ = largest / smallest, from the bound by Chebyshev polynomials (Y. Saad, section 6.11.3). Above 1 it says
-  /// nothing.
+  /// The share of the error that may be left after this many products, in the norm of M:
+  /// 2 √κ exp(−2 products / √κ) with κ = largest / smallest, from the bound by Chebyshev polynomials
+  /// (Y. Saad, section 6.11.3). Above 1 it says nothing.
   double reduction(int products) const;
 };
 

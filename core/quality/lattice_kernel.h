@@ -13,8 +13,8 @@
 namespace varimesh::detail {
 
 inline constexpr std::size_t kMostLatticeLanes = 32;
-/// Rows of more bytes than this are not kept. Up to order 4 all rows of a shape take less. They are then made for ranges
-/// of this size, which stay in cache while several batches of cells are sampled.
+/// Rows of more bytes than this are not kept. Up to order 4 all rows of a shape take less. They are then made for
+/// ranges of this size, which stay in cache while several batches of cells are sampled.
 inline constexpr std::int64_t kMostLatticeBytes = std::int64_t{4} << 20;
 
 /// Derivatives of the shape functions at a range of a lattice's points.

@@ -107,7 +107,7 @@ std::vector<char> numbered_against_most(const HighOrderMesh& mesh, const Facets&
   const Cells cells(mesh, mesh.dimension);
   std::vector<std::int8_t> sense(cells.count(), 0);
   std::int64_t sum = 0;
-  std::vector<std::int32_t> alone;
+  std::vector<std::int32_t> isolated;  // cells without a neighbour
   for (std::size_t start = 0; start < sense.size(); ++start) {
     if (sense[start] != 0) continue;
     const auto group = joined_cells(cells, facet, static_cast<std::int32_t>(start), sense);
@@ -116,11 +116,11 @@ std::vector<char> numbered_against_most(const HighOrderMesh& mesh, const Facets&
       agreeing += sense[static_cast<std::size_t>(cell)] * sign[static_cast<std::size_t>(cell)];
     for (const std::int32_t cell : group)
       if (agreeing < 0) sense[static_cast<std::size_t>(cell)] *= -1;
-    if (group.size() == 1) alone.push_back(group.front());
+    if (group.size() == 1) isolated.push_back(group.front());
     for (const std::int32_t cell : group) sum += sense[static_cast<std::size_t>(cell)];
   }
   const std::int8_t most = sum < 0 ? -1 : 1;
-  for (const std::int32_t cell : alone) sense[static_cast<std::size_t>(cell)] = most;
+  for (const std::int32_t cell : isolated) sense[static_cast<std::size_t>(cell)] = most;
   std::vector<char> against(sense.size(), 0);
   for (std::size_t cell = 0; cell < sense.size(); ++cell) against[cell] = sense[cell] != most ? 1 : 0;
   if (std::ranges::count(against, 1) == 0) return {};

@@ -249,7 +249,7 @@ struct Group {
   std::int64_t left = 0;  ///< Elements of the group that have not been read.
 };
 
-// Reads the header of a group of which at most `most` elements may follow.
+// Reads the header of a group. At most `most` elements may follow it.
 Group read_group(Scanner& scan, std::int64_t most) {
   Group group;
   group.type = scan.integer("an element type");
