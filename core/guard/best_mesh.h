@@ -20,6 +20,15 @@ class BestMesh {
   /// if it is the best so far. Call it inside team.run(). Looks at the token, which may be null; if it interrupts, the
   /// best mesh is the same as before.
   double consider(const Guard& guard, const StopToken* stop = nullptr);
+
+  /// The same in parts, for a caller that asks for more than a high minimum: examine() returns the proved minimum, to
+  /// within `gap`, and keep_examined() keeps the state that was examined last. Call examine() inside team.run().
+  double examine(const Guard& guard, double gap, const StopToken* stop);
+  bool examined_is_better() const;
+  /// 3 per node, interleaved: the state that was examined last, until it is kept.
+  const std::vector<double>& examined() const { return examined_; }
+  void keep_examined();
+
   /// 3 per node, interleaved, as HighOrderMesh::coordinates; empty until a state has been considered.
   const std::vector<double>& coordinates() const { return coordinates_; }
   /// Those of the best mesh, one per cell in the mesh's order; empty after a checkpoint was read.
@@ -40,7 +49,9 @@ class BestMesh {
  private:
   const Certifier& certifier_;
   std::vector<Certificate> certificates_, best_certificates_;
-  std::vector<double> coordinates_;
+  std::vector<double> examined_, coordinates_;
+  double examined_bound_ = 0;
+  std::int64_t examined_uncertified_ = 0;
   double highest_ = -std::numeric_limits<double>::infinity();
   std::int64_t fewest_ = std::numeric_limits<std::int64_t>::max();  ///< Uncertified cells of the best mesh.
 };

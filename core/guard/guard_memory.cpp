@@ -18,7 +18,8 @@ std::int64_t bytes_of_guard(const MeshCounts& counts) {
 }
 
 std::int64_t bytes_of_best_mesh(const MeshCounts& counts) {
-  return 3 * kDouble * counts.nodes() + kCertificate * counts.cell_count();
+  // The best mesh and the one that is compared with it.
+  return 2 * (3 * kDouble * counts.nodes() + kCertificate * counts.cell_count());
 }
 
 }  // namespace varimesh

@@ -156,6 +156,7 @@ double Newton::defect(double gradient_scale) {
 
 bool Newton::is_solved(double share, double forcing, double scale) {
   if (share > kRough) return false;
+  if (rough_) return true;
   const double step = largest_displacement(step_) * scale;
   if (step <= tolerance_) {
     const double left = distance_left(step, scale);
@@ -204,10 +205,10 @@ void Newton::solve(double initial, double forcing, double scale, NewtonOutcome& 
   std::copy(product_.begin(), product_.end(), direction_.begin());
   ritz_.clear();
   LinearSystem system{*this, initial, forcing, scale};
-  const ConjugateGradients result = conjugate_gradients(system, initial, kMostProducts);
+  const ConjugateGradients result = conjugate_gradients(system, initial, most_products_);
   spectrum_.note(ritz_);
   outcome.products = result.products;
-  const bool reached_most = result.products == kMostProducts && !result.solved;
+  const bool reached_most = result.products == most_products_ && !result.solved;
   outcome.linear_solve = result.negative_curvature ? LinearSolve::NegativeCurvature
                          : reached_most            ? LinearSolve::MostProducts
                                                    : LinearSolve::Solved;

@@ -49,6 +49,12 @@ class Newton {
   Newton(Problem& problem, const Kernels& kernels, const HessianKernels& hessian, const PNorm& norm, double tolerance,
          const Team& team);
 
+  /// From now on a linear system is solved only to a tenth of its initial residual, with at most this many products.
+  void solve_roughly(int most_products) {
+    rough_ = true;
+    most_products_ = most_products;
+  }
+
   /// If the team's token interrupts it, the nodes are where they were before, or where the step has put them.
   NewtonOutcome step();
 
@@ -148,10 +154,12 @@ class Newton {
   std::vector<float> residual_;  ///< d per free node.
   // d per free node, then padded(d) zeros:
   std::vector<float> direction_;
-  std::vector<float> product_;   ///< H direction_, and when that has been used, M⁻¹ residual_.
-  std::vector<CellScan> scans_;  ///< By cell.
-  bool coarse_is_old_ = true;    ///< The coarse level has to be assembled again.
-  int products_when_new_ = 0;    ///< Products of the first step with the present coarse level.
+  std::vector<float> product_;         ///< H direction_, and when that has been used, M⁻¹ residual_.
+  std::vector<CellScan> scans_;        ///< By cell.
+  bool coarse_is_old_ = true;          ///< The coarse level has to be assembled again.
+  bool rough_ = false;                 ///< See solve_roughly().
+  int most_products_ = kMostProducts;  ///< Per Newton step.
+  int products_when_new_ = 0;          ///< Products of the first step with the present coarse level.
 };
 
 }  // namespace varimesh

@@ -17,6 +17,9 @@ namespace {
 
 /// How much of the mean scaled Jacobian may be given up to raise the lowest.
 constexpr double kMeanGivenForWorst = 0.01;
+/// How closely the minimum of a mesh is proved when it is compared with others. The report's gap would hide what the
+/// last steps of a stage bring.
+constexpr double kGapOfWorst = 1e-4;
 
 /// Whether the methods ended the stage, and not a limit or the caller.
 bool ended_by_itself(StopReason reason) {
@@ -73,8 +76,8 @@ bool Continuation::run_stages(const std::vector<Certificate>& certificates, Resu
   else
     iterate(result);
   const std::size_t stages = set_up_.stages.size();
-  while (stages > 1 && next_stage_may_help(result.stop_reason) && !nothing_to_do &&
-         ended_by_itself(result.stop_reason) && ++stage_ < stages) {
+  if (stages == 1 || (stage_ == 0 && !has_minimum_to_raise())) return true;
+  while (!nothing_to_do && ended_by_itself(result.stop_reason) && ++stage_ < stages) {
     nothing_to_do = begin_next_stage();
     if (!nothing_to_do) iterate(result);
   }
@@ -165,6 +168,7 @@ void Continuation::iterate(Result& result) {
   while (!stopped && !reason) {
     if (control_.threads) team_.set_threads(control_.threads());
     team_.run([&] { reason = stage_run_->step(); });
+    if (stage_ > 0 && raised_enough() && !reason) reason = StopReason::NoProgress;
     const Iteration& last = stage_run_->last();
     if (!reason && control_.checkpoint_due && stage_run_->can_be_kept() && control_.checkpoint_due(last))
       control_.save_checkpoint(last, [&](const CheckpointSink& sink) { return stage_run_->write(sink, fingerprint); });
@@ -177,23 +181,45 @@ void Continuation::iterate(Result& result) {
   result.stop_reason = stopped ? StopReason::Stopped : *reason;
 }
 
-/// Called at the end of a stage. Considers its mesh for the best one, unless its mean has fallen too far. True if it is
-/// the best so far, or if the stage was interrupted before it could be, which says nothing about the next stage.
-bool Continuation::next_stage_may_help(StopReason ended) {
+double Continuation::mean_scaled_jacobian(const std::vector<double>& coordinates) const {
+  HighOrderMesh mesh = set_up_.mesh;
+  mesh.coordinates = coordinates;
+  const std::vector<double> scaled_jacobian = cell_quality(mesh, team_).scaled_jacobian;
+  double mean = 0;
+  for (const double js : scaled_jacobian) mean += std::max(js, -1.0) / static_cast<double>(scaled_jacobian.size());
+  return mean;
+}
+
+/// Considers the mesh after an iteration of a later stage for the best one, unless its mean has fallen too far. Returns
+/// the proved minimum.
+double Continuation::consider() {
+  double bound = 0;
+  team_.run([&] {
+    guard_->certify_moved();
+    bound = best_->examine(*guard_, kGapOfWorst, team_.stop());
+  });
+  if (best_->examined_is_better() && mean_scaled_jacobian(best_->examined()) >= best_->least_mean)
+    best_->keep_examined();
+  return bound;
+}
+
+/// Called after each iteration of a later stage: whether another iteration would raise the minimum no further.
+bool Continuation::raised_enough() {
+  const bool settled = stage_run_->settles(consider());
+  return settled || (stage_ + 1 < set_up_.stages.size() && stage_run_->is_near_optimum());
+}
+
+/// Called at the end of the first stage. Its mesh is the best so far. If one of its cells is not certified, it has no
+/// minimum to raise.
+bool Continuation::has_minimum_to_raise() {
   team_.run([&] {
     guard_->certify_moved();
     guard_->restore_lost();
+    best_->examine(*guard_, kGapOfWorst, team_.stop());
   });
-  HighOrderMesh kept = set_up_.mesh;
-  kept.coordinates = guard_->coordinates();
-  const std::vector<double> scaled_jacobian = cell_quality(kept, team_).scaled_jacobian;
-  double mean = 0;
-  for (const double js : scaled_jacobian) mean += std::max(js, -1.0) / static_cast<double>(scaled_jacobian.size());
-  if (stage_ == 0) best_->least_mean = mean - kMeanGivenForWorst;
-  if (mean < best_->least_mean) return false;
-  const double before = best_->highest();
-  team_.run([&] { best_->consider(*guard_, team_.stop()); });
-  return best_->highest() > before || ended != StopReason::Converged;
+  best_->least_mean = mean_scaled_jacobian(best_->examined()) - kMeanGivenForWorst;
+  best_->keep_examined();
+  return best_->fewest() == 0;
 }
 
 void Continuation::note_interruption(Result& result) {

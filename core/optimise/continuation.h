@@ -45,7 +45,10 @@ class Continuation {
                                   std::span<const UnrepairableGroup> unrepairable);
   bool resume(const std::vector<Certificate>& certificates, std::span<const UnrepairableGroup> unrepairable);
   void iterate(Result& result);
-  bool next_stage_may_help(StopReason ended);
+  bool has_minimum_to_raise();
+  double mean_scaled_jacobian(const std::vector<double>& coordinates) const;
+  double consider();
+  bool raised_enough();
   std::optional<StopReason> begin_next_stage();
   /// The token of the run has interrupted a stage, or the beginning of one.
   void note_interruption(Result& result);

@@ -10,6 +10,7 @@
 #include "core/base/team.h"
 #include "core/guard/best_mesh.h"
 #include "core/guard/guard.h"
+#include "core/guard/settling.h"
 #include "core/newton/newton.h"
 #include "core/optimise/optimiser.h"
 #include "core/optimise/phases.h"
@@ -63,6 +64,12 @@ class StageRun {
   /// Writes the state as a checkpoint; false if the sink stopped.
   bool write(const CheckpointSink& sink, std::uint64_t fingerprint);
 
+  /// To be called after every step() of a later stage. `lowest`: the proved minimum of the scaled Jacobian. True if the
+  /// stage has raised it as far as it will.
+  bool settles(double lowest) { return settling_.after(lowest, iteration_.energy, full_step_); }
+  /// Whether the last iteration was a whole Newton step so short that the next stage can go on from there.
+  bool is_near_optimum() const;
+
   const Iteration& last() const { return iteration_; }
   bool converged() const { return converged_; }
   double seconds() const { return watch_.seconds(); }
@@ -113,6 +120,8 @@ class StageRun {
   std::optional<Untangler> untangler_;
   Iteration iteration_;
   std::vector<Iteration> history_;
+  Settling settling_;
+  bool full_step_ = false;  ///< The last iteration was a Newton step that was taken as a whole.
   double first_gradient_ = 0;
   int began_ = 0;     ///< Iterations of the stages before this one.
   double bound_ = 0;  ///< The proved minimum of the scaled Jacobian; only with until_js.
