@@ -66,7 +66,7 @@ void Newton::linearise() {
     team_.for_each(set.count, kBatchesPerTask, [&](std::int32_t b) { hessian_.node_blocks(set, b); });
   team_.for_each(nodes, kNodesPerTask,
                  [&](std::int32_t rank) { preconditioner_.set_block(rank, added_up_block(rank)); });
-  if (coarse_is_old_) preconditioner_.coarse().assemble(hessian_);
+  if (coarse_is_old_) preconditioner_.assemble(hessian_);
 }
 
 void Newton::find_gradient() {

@@ -11,8 +11,8 @@
 #include "core/hessian/batches.h"
 #include "core/kernels/kernels.h"
 #include "core/kernels/p_norm.h"
-#include "core/newton/preconditioner.h"
-#include "core/newton/reduction.h"
+#include "core/preconditioner/preconditioner.h"
+#include "core/preconditioner/reduction.h"
 #include "core/newton/ritz_values.h"
 #include "core/problem/problem.h"
 
@@ -66,7 +66,7 @@ class Newton {
   void state(Archive& archive) {
     archive(last_gradient_, coarse_is_old_, products_when_new_);
     spectrum_.state(archive);
-    preconditioner_.coarse().state(archive, !coarse_is_old_);
+    preconditioner_.state(archive, !coarse_is_old_);
   }
 
  private:

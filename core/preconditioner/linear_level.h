@@ -7,8 +7,8 @@
 
 #include "core/base/team.h"
 #include "core/multigrid/multigrid.h"
-#include "core/newton/coarse_space.h"
-#include "core/newton/reduction.h"
+#include "core/preconditioner/coarse_space.h"
+#include "core/preconditioner/reduction.h"
 #include "core/problem/problem.h"
 
 namespace varimesh {

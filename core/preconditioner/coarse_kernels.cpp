@@ -1,13 +1,13 @@
 // The preconditioner's loops, compiled once for each instruction set. A lane is a component of a node's vector, since
 // longer vectors would have to gather. Only in restrict_cells is a lane a cell.
-#include "core/newton/coarse_kernels.h"
+#include "core/preconditioner/coarse_kernels.h"
 
 #include <algorithm>
 
 #include "core/hessian/fixed_point_16.h"
 
 #undef HWY_TARGET_INCLUDE
-#define HWY_TARGET_INCLUDE "core/newton/coarse_kernels.cpp"
+#define HWY_TARGET_INCLUDE "core/preconditioner/coarse_kernels.cpp"
 #include <hwy/foreach_target.h>
 // Highway needs these includes after foreach_target.h.
 #include <hwy/highway.h>

@@ -1,4 +1,4 @@
-#include "core/newton/linear_level.h"
+#include "core/preconditioner/linear_level.h"
 
 #include <algorithm>
 #include <cmath>

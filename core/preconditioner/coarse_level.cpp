@@ -1,4 +1,4 @@
-#include "core/newton/coarse_level.h"
+#include "core/preconditioner/coarse_level.h"
 
 #include <Eigen/Dense>
 #include <algorithm>

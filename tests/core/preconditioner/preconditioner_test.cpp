@@ -1,5 +1,5 @@
 // The preconditioner: its node blocks against plain inverses, and what it returns.
-#include "core/newton/preconditioner.h"
+#include "core/preconditioner/preconditioner.h"
 
 #include <gtest/gtest.h>
 
@@ -51,7 +51,7 @@ class PreconditionerOn : public ::testing::TestWithParam<Filling> {
     std::vector<float> z(r.size() + std::size_t(padded(problem_.dimension)));
     team.run([&] {
       Preconditioner preconditioner(problem_, batches_, team);
-      preconditioner.coarse().assemble(*hessian_);
+      preconditioner.assemble(*hessian_);
       for (std::size_t rank = 0; rank < blocks.size(); ++rank)
         preconditioner.set_block(std::int32_t(rank), blocks[rank]);
       along = preconditioner.apply(r, z);

@@ -1,4 +1,4 @@
-#include "core/newton/preconditioner.h"
+#include "core/preconditioner/preconditioner.h"
 
 #include <Eigen/Dense>
 #include <algorithm>
@@ -41,6 +41,7 @@ Preconditioner::Preconditioner(const Problem& problem, std::vector<BatchSet>& ba
     : problem_(problem),
       team_(team),
       coarse_(problem, batches, team),
+      stretched_(problem, batches, StretchedCells::most_cells(problem), team),
       kernels_(make_coarse_kernels(problem.dimension)),
       inverse_blocks_(problem.free.size() * triangle_size(problem.dimension)),
       partial_((problem.free.size() + kNodesPerTask - 1) / kNodesPerTask) {}
@@ -49,6 +50,11 @@ void Preconditioner::set_block(std::int32_t rank, const std::array<double, 6>& t
   const int d = problem_.dimension;
   float* inverse = inverse_blocks_.data() + static_cast<std::size_t>(rank) * triangle_size(d);
   d == 2 ? invert_block<2>(triangle, inverse) : invert_block<3>(triangle, inverse);
+}
+
+void Preconditioner::assemble(const HessianKernels& hessian) {
+  coarse_.assemble(hessian);
+  stretched_.assemble(coarse_.tensors());
 }
 
 double Preconditioner::apply(std::span<const float> r, std::span<float> z) {
@@ -67,7 +73,7 @@ double Preconditioner::apply(std::span<const float> r, std::span<float> z) {
     partial_[task] = kernels_->precondition(problem_, coarse_.space(), coarse_.solution(), inverse_blocks_.data(),
                                             r.data(), z.data(), first, last);
   });
-  return std::accumulate(partial_.begin(), partial_.end(), 0.0);
+  return std::accumulate(partial_.begin(), partial_.end(), 0.0) + stretched_.add(r, z);
 }
 
 }  // namespace varimesh

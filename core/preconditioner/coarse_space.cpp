@@ -1,4 +1,4 @@
-#include "core/newton/coarse_space.h"
+#include "core/preconditioner/coarse_space.h"
 
 #include <algorithm>
 #include <atomic>

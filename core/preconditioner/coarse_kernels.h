@@ -7,7 +7,7 @@
 
 #include "core/base/aligned.h"
 #include "core/hessian/batches.h"
-#include "core/newton/coarse_space.h"
+#include "core/preconditioner/coarse_space.h"
 
 namespace varimesh {
 

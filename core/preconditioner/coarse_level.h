@@ -10,9 +10,9 @@
 #include "core/base/aligned.h"
 #include "core/base/team.h"
 #include "core/hessian/batches.h"
-#include "core/newton/coarse_kernels.h"
-#include "core/newton/coarse_space.h"
-#include "core/newton/linear_level.h"
+#include "core/preconditioner/coarse_kernels.h"
+#include "core/preconditioner/coarse_space.h"
+#include "core/preconditioner/linear_level.h"
 #include "core/problem/problem.h"
 
 namespace varimesh {
@@ -48,6 +48,9 @@ class CoarseLevel {
     if constexpr (Archive::kReads)
       if (is_used) make_matrix();
   }
+
+  /// By set: what assemble() took from the cells, as HessianKernels::mean_tensors.
+  const std::vector<std::vector<float>>& tensors() const { return tensors_; }
 
   /// V Iᵀ r. `shared`: r of each free node divided by the number of its cells, d floats per free node, then padded(d)
   /// zeros.

@@ -9,14 +9,15 @@
 #include "core/base/aligned.h"
 #include "core/base/team.h"
 #include "core/kernels/kernels.h"
-#include "core/newton/coarse_kernels.h"
-#include "core/newton/coarse_level.h"
+#include "core/preconditioner/coarse_kernels.h"
+#include "core/preconditioner/coarse_level.h"
+#include "core/preconditioner/stretched_cells.h"
 #include "core/problem/problem.h"
 
 namespace varimesh {
 
-/// M⁻¹ = D⁻¹ + I V Iᵀ. D has the d × d blocks of the nodes, with their eigenvalues made positive (at least 1e-3 of the
-/// block's largest); I V Iᵀ is the coarse level.
+/// M⁻¹ = D⁻¹ + I V Iᵀ + S. D has the d × d blocks of the nodes, with their eigenvalues made positive (at least 1e-3 of
+/// the block's largest); I V Iᵀ is the coarse level; S solves on the few most stretched cells (stretched_cells.h).
 class Preconditioner {
  public:
   /// `batches`: of the problem. apply() overwrites their contributions. All arguments are kept by reference.
@@ -24,6 +25,18 @@ class Preconditioner {
 
   /// Sets the block of free node `rank`: its lower triangle by rows, xx, xy, yy, xz, yz, zz.
   void set_block(std::int32_t rank, const std::array<double, 6>& triangle);
+
+  /// Assembles the coarse level and the stretched cells from what `hessian` has linearised. The blocks are not set.
+  void assemble(const HessianKernels& hessian);
+
+  /// Reads or writes what the coarse level and the stretched cells are made from, if they will be used again
+  /// (`is_used`).
+  template <class Archive>
+  void state(Archive& archive, bool is_used) {
+    coarse_.state(archive, is_used);
+    if constexpr (Archive::kReads)
+      if (is_used && !archive.failed()) stretched_.assemble(coarse_.tensors());
+  }
 
   CoarseLevel& coarse() { return coarse_; }
 
@@ -35,6 +48,7 @@ class Preconditioner {
   const Problem& problem_;
   const Team& team_;
   CoarseLevel coarse_;
+  StretchedCells stretched_;
   std::unique_ptr<CoarseKernels> kernels_;
   AlignedVector<float> inverse_blocks_;  ///< By free node: lower triangle by rows.
   std::vector<double> partial_;          ///< By task: its part of r · z.

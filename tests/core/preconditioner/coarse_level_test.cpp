@@ -1,5 +1,5 @@
 // The coarse part of the preconditioner is symmetric and positive, and near the inverse of the Hessian.
-#include "core/newton/coarse_level.h"
+#include "core/preconditioner/coarse_level.h"
 
 #include <gtest/gtest.h>
 
@@ -7,7 +7,7 @@
 #include <random>
 
 #include "core/energy/material.h"
-#include "core/newton/preconditioner.h"
+#include "core/preconditioner/preconditioner.h"
 #include "tests/core/support/meshes.h"
 #include "tests/core/support/problems.h"
 

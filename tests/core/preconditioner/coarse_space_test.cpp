@@ -1,5 +1,5 @@
 // A space of order 1 or 2 on the mesh's cells: its nodes are counted, its functions are polynomials and continuous.
-#include "core/newton/coarse_space.h"
+#include "core/preconditioner/coarse_space.h"
 
 #include <gtest/gtest.h>
 

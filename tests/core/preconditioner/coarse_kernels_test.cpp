@@ -1,5 +1,5 @@
 // The preconditioner's vectorised loops against plain ones.
-#include "core/newton/coarse_kernels.h"
+#include "core/preconditioner/coarse_kernels.h"
 
 #include <gtest/gtest.h>
 
