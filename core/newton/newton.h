@@ -11,9 +11,9 @@
 #include "core/hessian/batches.h"
 #include "core/kernels/kernels.h"
 #include "core/kernels/p_norm.h"
+#include "core/newton/ritz_values.h"
 #include "core/preconditioner/preconditioner.h"
 #include "core/preconditioner/reduction.h"
-#include "core/newton/ritz_values.h"
 #include "core/problem/problem.h"
 
 namespace varimesh {

@@ -34,12 +34,12 @@ class StretchedCells {
   /// long, and 30 products do what 32 do.
   static constexpr std::size_t kMostNodes = 60;
   /// If more than one cell in this many is stretched, as in a boundary layer, none counts: with factors for a part of
-  /// them, an aerofoil takes 740 products in place of 542. The factors of tetrahedra of order 4 take at most 0.2 KiB per
-  /// cell of the mesh.
+  /// them, an aerofoil takes 740 products in place of 542. The factors of tetrahedra of order 4 take at most 0.2 KiB
+  /// per cell of the mesh.
   static constexpr std::int32_t kCellsPerStretched = 64;
 
-  /// `batches`: of the problem. `most_cells`: if more cells are stretched, none counts. Keeps references to problem, batches and
-  /// team.
+  /// `batches`: of the problem. `most_cells`: if more cells are stretched, none counts. Keeps references to problem,
+  /// batches and team.
   StretchedCells(const Problem& problem, const std::vector<BatchSet>& batches, std::int32_t most_cells,
                  const Team& team);
 
