@@ -68,8 +68,9 @@ void add_queue_flags(CLI::App& app, Limits& limits) {
 void add_state_flags(CLI::App& app, ServerOptions& options, Units& units) {
   Limits& limits = options.limits;
   app.add_option("--state", options.state,
-                 "Directory for jobs, meshes and results that outlive the server (default: they are deleted when the "
-                 "server ends)");
+                 "Directory for jobs, meshes and results that outlive the server (default: the environment variable "
+                 "VARIMESH_STATE; without it they are deleted when the server ends)")
+      ->envname("VARIMESH_STATE");
   app.add_option("--data", options.data,
                  "Without --state: directory in which the temporary directory for meshes is created (default: TMPDIR, "
                  "or /tmp)");

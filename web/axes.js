@@ -55,7 +55,8 @@ function rangeOf(values, margin = 0.05) {
   }
   if (low > high) return [0, 1];
   if (margin === 0) return [low, high];
-  // Differences of less than a millionth are noise.
-  const extra = Math.max((high - low) * margin, Math.abs(high) * 1e-6, high === 0 && low === 0 ? margin : 0);
+  // Differences of less than a millionth are noise. A constant curve is in the middle of an axis whose ticks are readable.
+  const constant = high - low <= 1e-6 * Math.abs(high);
+  const extra = constant ? Math.abs(high) * 0.1 || margin : (high - low) * margin;
   return [low - extra, high + extra];
 }

@@ -5,8 +5,11 @@
 namespace varimesh::client {
 
 CLI::Option* add_server_flag(CLI::App& command, CommonFlags* flags) {
-  return command.add_option("--server", flags->server, "Address of a varimeshd: HOST:PORT or unix:PATH")
-      ->type_name("ADDRESS");
+  return command
+      .add_option("--server", flags->server,
+                  "Address of a varimeshd: HOST:PORT or unix:PATH; default: the environment variable VARIMESH_SERVER")
+      ->type_name("ADDRESS")
+      ->envname("VARIMESH_SERVER");
 }
 
 void add_json_flag(CLI::App& command, CommonFlags* flags) {

@@ -35,6 +35,7 @@ int optimise(const Arguments& arguments) {
   v1::JobSpec spec;
   spec.mutable_mesh()->set_digest(mesh->digest());
   *spec.mutable_options() = arguments.options;
+  add_file_label(arguments.input.mesh, spec.mutable_labels());
   for (const v1::MeshFormat format : formats_with_report(formats_of(*outputs), arguments.report))
     spec.add_outputs(format);
   const auto job = client->submit(spec, arguments.request_id);
@@ -55,6 +56,7 @@ int optimise(const Arguments& arguments) {
 Action add_optimise(CLI::App& app) {
   auto arguments = std::make_shared<Arguments>();
   CLI::App& command = *app.add_subcommand("optimise", "Optimise a mesh and write the result");
+  command.alias("optimize");
   add_input(command, &arguments->input);
   command.add_option("-o,--output", arguments->outputs, "Write the result to this file (.msh, .vtu); may be repeated")
       ->required()

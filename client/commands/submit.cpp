@@ -26,6 +26,7 @@ Expected<v1::JobSpec> job_spec(const Arguments& arguments) {
   v1::JobSpec spec;
   if (const auto labels = parse_labels(arguments.labels, spec.mutable_labels()); !labels)
     return tl::unexpected(labels.error());
+  add_file_label(arguments.input.mesh, spec.mutable_labels());
   *spec.mutable_options() = arguments.options;
   spec.set_priority(arguments.priority);
   for (const std::string& name : arguments.formats) {

@@ -1,5 +1,7 @@
 #include "client/io/documents.h"
 
+#include <google/protobuf/util/time_util.h>
+
 #include <iostream>
 
 #include "client/cli/names.h"
@@ -141,6 +143,12 @@ Json document(const v1::Job& job) {
     for (const auto& [key, value] : job.spec().labels()) labels[key] = value;
     result["labels"] = std::move(labels);
   }
+  if (const auto file = job.spec().labels().find("file"); file != job.spec().labels().end())
+    result["file"] = file->second;
+  using google::protobuf::util::TimeUtil;
+  if (job.has_create_time()) result["submitted"] = TimeUtil::ToString(job.create_time());
+  if (job.has_start_time()) result["began"] = TimeUtil::ToString(job.start_time());
+  if (job.has_end_time()) result["ended"] = TimeUtil::ToString(job.end_time());
   if (job.has_iteration()) result["iterations"] = job.iteration().number();
   if (job.has_error()) result["error"] = {{"reason", job.error().reason()}, {"message", job.error().message()}};
   if (job.has_metrics()) result["metrics"] = document(job.metrics());

@@ -1,8 +1,11 @@
 #include "client/io/inputs.h"
 
+#include <filesystem>
+
 #include "client/library/failures.h"
 #include "client/library/input_file.h"
 #include "client/process/interrupts.h"
+#include "core/base/utf8.h"
 #include "core/formats/formats.h"
 #include "core/mesh/displacements.h"
 
@@ -44,6 +47,18 @@ void add_input(CLI::App& command, Input* input) {
           "First move each boundary node to the position that the node of the same number has in this mesh, which "
           "contains only the boundary")
       ->type_name("MESH");
+}
+
+void add_file_label(const std::string& path, google::protobuf::Map<std::string, std::string>* labels) {
+  constexpr std::size_t kMostBytes = 128;  // the contract's limit for a label's value
+  std::string name = as_utf8(std::filesystem::path(path).filename().string());
+  if (name.empty()) return;
+  if (name.size() > kMostBytes) {
+    std::size_t from = name.size() - kMostBytes;
+    while (from < name.size() && (static_cast<unsigned char>(name[from]) & 0xC0) == 0x80) ++from;
+    name = name.substr(from);
+  }
+  labels->insert({"file", name});
 }
 
 Outcome<v1::StoredMesh> upload(Client& client, const Input& input) {

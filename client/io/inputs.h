@@ -20,6 +20,10 @@ struct Input {
 void add_input(CLI::App& command, Input* input);
 
 /// Uploads the mesh, after its boundary nodes have been moved as the other files say.
+/// Adds the label "file" with the name of the mesh file, unless the user has given one. Lists of jobs show it. A name
+/// that is too long for a label loses its beginning.
+void add_file_label(const std::string& path, google::protobuf::Map<std::string, std::string>* labels);
+
 Outcome<v1::StoredMesh> upload(Client& client, const Input& input);
 
 }  // namespace varimesh::client

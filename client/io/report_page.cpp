@@ -23,7 +23,9 @@ namespace {
 using google::protobuf::util::TimeUtil;
 
 /// Whether meshes of this format can be read; the other formats are only written.
-bool readable(v1::MeshFormat format) { return format != v1::MESH_FORMAT_VTU && format != v1::MESH_FORMAT_PARTS; }
+bool readable(v1::MeshFormat format) {
+  return format != v1::MESH_FORMAT_VTU && format != v1::MESH_FORMAT_PARTS && format != v1::MESH_FORMAT_CELL_QUALITY;
+}
 
 /// Fetches a mesh from the server by way of the temporary file `file`.
 Outcome<std::shared_ptr<const HighOrderMesh>> fetch_mesh(Client* client, const v1::StoredMesh& stored,

@@ -22,7 +22,27 @@ Client::Client(const std::shared_ptr<grpc::Channel>& control, const std::shared_
       settings_(std::move(settings)),
       interrupter_(settings_.interrupted ? std::make_shared<Interrupter>(settings_.interrupted) : nullptr) {}
 
-Outcome<Client> Client::connect(const std::string& address, Settings settings) {
+namespace {
+
+/// The address without "http://" and a slash at the end, which people copy from a browser. Errors: an address with
+/// "https://", because this client does not encrypt.
+Outcome<std::string> plain_address(std::string address) {
+  if (address.starts_with("https://"))
+    return refusal("BAD_OPTION", "The address " + address +
+                                     " asks for TLS, which this client does not speak; give HOST:PORT of a server "
+                                     "without TLS, for example through an SSH tunnel.");
+  if (address.starts_with("http://")) address.erase(0, sizeof "http://" - 1);
+  if (!address.starts_with("unix:"))
+    while (address.ends_with('/')) address.pop_back();
+  return address;
+}
+
+}  // namespace
+
+Outcome<Client> Client::connect(const std::string& given, Settings settings) {
+  const auto plain = plain_address(given);
+  if (!plain) return tl::unexpected(plain.error());
+  const std::string& address = *plain;
   const auto channel = [&](int number) {
     grpc::ChannelArguments arguments;
     // Two channels with equal arguments would share one connection.

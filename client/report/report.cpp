@@ -77,7 +77,7 @@ Expected<void> write_report(const std::string& path, const Report& report) {
                           {"script",
                            {page::dom_js, page::numbers_js, page::axes_js, page::charts_js, page::colours_js,
                             page::unpack_js, page::cells_js, page::overlay_js, page::paths_2d_js, page::viewport_2d_js,
-                            page::view_2d_js, page::lattices_js, page::camera_3d_js, page::view_3d_js,
+                            page::view_2d_js, page::lattices_js, page::camera_3d_js, page::cut_js, page::view_3d_js,
                             page::pictures_js, page::quality_js, page::convergence_js, page::main_js}}},
                          &*file);
       !filled)

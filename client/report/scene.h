@@ -28,4 +28,7 @@ nlohmann::ordered_json pack_cells_2d(const Snapshots& snapshots, Packing* packin
 /// cells in the arrays to `shown`.
 nlohmann::ordered_json pack_cells_3d(const Snapshots& snapshots, Packing* packing, std::vector<std::int32_t>* shown);
 
+/// Packs the corners, numbers and scaled Jacobians of all cells of a 3-D mesh, for page/cut.js.
+void pack_corners(const Snapshots& snapshots, Packing* packing);
+
 }  // namespace varimesh::client

@@ -13,7 +13,7 @@ using Json = nlohmann::ordered_json;
 
 // These limits keep a page small enough to send by mail, and fast enough to turn without a graphics card.
 constexpr std::size_t kMostPoints = 100'000;  ///< In one set of faces. More faces get fewer intervals per edge.
-constexpr std::size_t kAllCells = 4000;       ///< In meshes with up to this many cells, all cells are shown whole.
+constexpr std::size_t kAllCells = 4000;       ///< In meshes with up to this many cells, all cells have curved faces.
 constexpr std::size_t kWorstCells = 2000;     ///< In larger meshes, this many of the worst cells of each snapshot are.
 
 struct Face {
@@ -165,7 +165,9 @@ Json pack_cells_3d(const Snapshots& snapshots, Packing* packing, std::vector<std
       middles.push_back(
           static_cast<float>(snapshots.middle(0, static_cast<std::size_t>(cell))[d] - snapshots.centre()[d]));
   packing->add("middles", middles);
-  return {{"sets", sets}, {"whole", whole.size()}, {"whole_up_to", limit}};
+  const bool cuts_need_corners = whole.size() < cells.count();
+  if (cuts_need_corners) pack_corners(snapshots, packing);
+  return {{"sets", sets}, {"whole", whole.size()}, {"whole_up_to", limit}, {"corners", cuts_need_corners}};
 }
 
 }  // namespace varimesh::client

@@ -9,6 +9,7 @@
 #include "core/formats/format_table.h"
 #include "core/formats/gmsh/read.h"
 #include "core/formats/gmsh/write.h"
+#include "core/formats/other_files.h"
 #include "core/formats/vtu.h"
 
 namespace varimesh::formats {
@@ -68,15 +69,6 @@ bool is_device_or_pipe(std::string_view path) {
   return (!error && std::filesystem::is_other(status)) || path.starts_with("/dev/");
 }
 
-// Why the bytes are not a mesh, as far as their beginning shows.
-const char* not_a_mesh(std::string_view bytes) {
-  if (bytes.empty()) return "The file is empty (0 bytes); a Gmsh MSH 2.2 or 4.1 file was expected.";
-  if (bytes.substr(0, 4096).find("<VTKFile") != std::string_view::npos)
-    return "The file is a VTK file, which VariMesh can only write; give it the Gmsh MSH file (2.2 or 4.1).";
-  return "The file is not a mesh that can be read: it does not begin with a section such as $MeshFormat (byte 0); a "
-         "Gmsh MSH 2.2 or 4.1 file was expected.";
-}
-
 }  // namespace
 
 // === For any table =======================================================================================
@@ -110,7 +102,7 @@ Expected<MeshFile> read(std::span<const FormatEntry> table, std::string_view byt
   const auto entry = std::find_if(table.begin(), table.end(), [&](const FormatEntry& each) {
     return each.recognises != nullptr && each.recognises(bytes);
   });
-  if (entry == table.end()) return bad_input(not_a_mesh(bytes));
+  if (entry == table.end()) return bad_input(why_not_a_mesh(bytes));
   try {
     const Team team(threads);
     Expected<MeshFile> file;

@@ -2,8 +2,8 @@
 //
 // VTK 9 defines its node order in the classes vtkHigherOrderTriangle, …Quadrilateral, …Tetra, …Hexahedron and …Wedge:
 // vertices, edges, faces, interior. The edges and faces of tensor cells run along the axes. Those of simplices and of a
-// prism's triangles go around the cell. The four upright edges of the hexahedron have the order of file version 2.1 and
-// later.
+// prism's triangles go around the cell. The four upright edges of the hexahedron have the order of files below
+// version 2.1, row by row.
 #include <algorithm>
 #include <array>
 #include <cassert>
@@ -93,7 +93,7 @@ Positions hexahedron(int p) {
     add_edge(list, {0, p, k}, {p, p, k}, p);
     add_edge(list, {0, 0, k}, {0, p, k}, p);
   }
-  for (const auto& [i, j] : {std::pair(0, 0), {p, 0}, {p, p}, {0, p}}) add_edge(list, {i, j, 0}, {i, j, p}, p);
+  for (const auto& [i, j] : {std::pair(0, 0), {p, 0}, {0, p}, {p, p}}) add_edge(list, {i, j, 0}, {i, j, p}, p);
   for (int i : {0, p})
     for (int k = 1; k < p; ++k) add_edge(list, {i, 0, k}, {i, p, k}, p);
   for (int j : {0, p})
@@ -164,7 +164,7 @@ std::vector<std::array<int, 3>> vtk_positions(Shape shape, int order) {
       return {{0, 0, 0}};
     case Shape::Line:
       list = {{0, 0, 0}, {order, 0, 0}};
-      add_edge(list, list[0], list[1], order);
+      add_edge(list, {0, 0, 0}, {order, 0, 0}, order);
       return list;
     case Shape::Triangle:
       add_triangle(list, {0, 0, 0}, {order, 0, 0}, {0, order, 0}, order);

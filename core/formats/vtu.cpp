@@ -1,6 +1,7 @@
 // Writes VTK unstructured grids: appended raw data in zlib-compressed blocks.
-// Format: "VTK XML Formats" in the VTK documentation. Version 2.2 of the file means that hexahedra have the corrected
-// node order.
+// Format: "VTK XML Formats" in the VTK documentation. The version of the file is 1.0, the newest that meshio reads. In
+// files below 2.1, the upright edges of Lagrange hexahedra have the order of VTK 8, which VTK 9 changes when it reads
+// them.
 #include "core/formats/vtu.h"
 
 #include <zlib.h>
@@ -8,7 +9,9 @@
 #include <Eigen/Core>
 #include <bit>
 #include <cstring>
+#include <limits>
 #include <map>
+#include <set>
 #include <utility>
 
 #include "core/formats/buffered_output.h"
@@ -36,6 +39,15 @@ class CompressedArray {
     if (used_ > 0) end_block();
     compress();
     block_ = {};
+  }
+
+  // Adds up to three bytes, so that the array has `remainder` bytes more than a multiple of 4. They follow the end of
+  // the last zlib stream, where nobody looks for data.
+  void pad(std::size_t remainder) {
+    if (sizes_.empty()) return;
+    const std::size_t added = (4 + remainder - bytes() % 4) % 4;
+    data_.append(added, '\0');
+    sizes_.back() += added;
   }
 
   std::size_t bytes() const { return 8 * (3 + sizes_.size()) + data_.size(); }
@@ -94,10 +106,10 @@ struct Array {
   CompressedArray data;
 };
 
-std::vector<const ElementBlock*> cell_blocks(const HighOrderMesh& mesh) {
+std::vector<const ElementBlock*> blocks_of(const HighOrderMesh& mesh, int dimension) {
   std::vector<const ElementBlock*> blocks;
   for (const ElementBlock& block : mesh.blocks)
-    if (reference::info(block.shape).dimension == mesh.dimension && block.size() > 0) blocks.push_back(&block);
+    if (reference::info(block.shape).dimension == dimension && block.size() > 0) blocks.push_back(&block);
   return blocks;
 }
 
@@ -127,9 +139,10 @@ class Grid {
   std::size_t points = 0, cells = 0;
   Array coordinates;
   std::array<Array, 3> topology;
-  std::vector<Array> cell_data;
+  std::vector<Array> cell_data, field_data;
 
  private:
+  void add_groups(const Team& team);
   void add_block(const ElementBlock& block);
 
   const HighOrderMesh& mesh_;
@@ -147,14 +160,40 @@ Grid::Grid(const HighOrderMesh& mesh, std::span<const CellField> fields, const T
   for (double x : mesh.coordinates) coordinates.data.put(x);
   cell_data.push_back({"element", "Int64", 1, CompressedArray(team)});
   cell_data.push_back({"physical", "Int32", 1, CompressedArray(team)});
-  for (const ElementBlock* block : cell_blocks(mesh)) add_block(*block);
+  cell_data.push_back({"gmsh:physical", "Int32", 1, CompressedArray(team)});
+  cell_data.push_back({"gmsh:geometrical", "Int32", 1, CompressedArray(team)});
+  cell_data.push_back({"dimension", "Int32", 1, CompressedArray(team)});
+  for (int dimension : {mesh.dimension, mesh.dimension - 1})
+    for (const ElementBlock* block : blocks_of(mesh, dimension)) add_block(*block);
   for (const CellField& field : fields) {
     cell_data.push_back({field.name, "Float64", 1, CompressedArray(team)});
     for (double value : field.values) cell_data.back().data.put(value);
+    for (std::size_t face = field.values.size(); face < cells; ++face)
+      cell_data.back().data.put(std::numeric_limits<double>::quiet_NaN());
   }
+  add_groups(team);
   coordinates.data.finish();
   for (Array& array : topology) array.data.finish();
   for (Array& array : cell_data) array.data.finish();
+  for (Array& array : field_data) array.data.finish();
+  // meshio moves arrays to other offsets, which are multiples of 4, and confuses those with offsets of the file. So no
+  // array but the first begins at a multiple of 4.
+  for (Array& array : field_data) array.data.pad(0);
+  coordinates.data.pad(0);
+  for (Array& array : topology) array.data.pad(0);
+  for (Array& array : cell_data) array.data.pad(0);
+  (field_data.empty() ? coordinates : field_data.front()).data.pad(1);
+}
+
+// One field per named group: its tag and its dimension, as meshio has them. A name that two groups have is there once.
+void Grid::add_groups(const Team& team) {
+  std::set<std::string> names;
+  for (const PhysicalGroup& group : mesh_.physical_groups) {
+    if (!names.insert(group.name).second) continue;
+    field_data.push_back({group.name, "Int32", 1, CompressedArray(team)});
+    field_data.back().data.put(std::int32_t(group.tag));
+    field_data.back().data.put(std::int32_t(group.dimension));
+  }
 }
 
 void Grid::add_block(const ElementBlock& block) {
@@ -177,7 +216,11 @@ void Grid::add_block(const ElementBlock& block) {
     topology[1].data.put(offset_);
     topology[2].data.put(cell.type);
     cell_data[0].data.put(block.numbers[e]);
-    cell_data[1].data.put(std::int32_t(block.physical.empty() ? 0 : block.physical.front()));
+    const auto physical = std::int32_t(block.physical.empty() ? 0 : block.physical.front());
+    cell_data[1].data.put(physical);
+    cell_data[2].data.put(physical);
+    cell_data[3].data.put(std::int32_t(block.entity));
+    cell_data[4].data.put(std::int32_t(reference::info(block.shape).dimension));
   }
 }
 
@@ -199,8 +242,19 @@ std::string escaped(std::string_view name) {
 }
 
 void declare(BufferedOutput& out, const Array& array, std::size_t& offset) {
-  out.text("        <DataArray type=\"" + array.type + "\" Name=\"" + escaped(array.name) + "\" NumberOfComponents=\"" +
-           std::to_string(array.components) + "\" format=\"appended\" offset=\"" + std::to_string(offset) + "\"/>\n");
+  // One component is the default. meshio makes a column of an array for which it is said.
+  const std::string components =
+      array.components == 1 ? "" : " NumberOfComponents=\"" + std::to_string(array.components) + "\"";
+  out.text("        <DataArray type=\"" + array.type + "\" Name=\"" + escaped(array.name) + "\"" + components +
+           " format=\"appended\" offset=\"" + std::to_string(offset) + "\"/>\n");
+  offset += array.data.bytes();
+}
+
+// A field's values belong to the whole grid, so their number is given. meshio takes them as a list only if the number
+// of components is not.
+void declare_field(BufferedOutput& out, const Array& array, std::size_t& offset) {
+  out.text("      <DataArray type=\"" + array.type + "\" Name=\"" + escaped(array.name) +
+           "\" NumberOfTuples=\"2\" format=\"appended\" offset=\"" + std::to_string(offset) + "\"/>\n");
   offset += array.data.bytes();
 }
 
@@ -215,9 +269,14 @@ Expected<void> write_vtu(const HighOrderMesh& mesh, Format, const Sink& sink, st
   const Grid grid(mesh, fields, team);
   BufferedOutput out(sink);
   std::size_t offset = 0;
-  out.text("<?xml version=\"1.0\"?>\n<VTKFile type=\"UnstructuredGrid\" version=\"2.2\" byte_order=\"");
+  out.text("<?xml version=\"1.0\"?>\n<VTKFile type=\"UnstructuredGrid\" version=\"1.0\" byte_order=\"");
   out.text(std::endian::native == std::endian::little ? "LittleEndian" : "BigEndian");
   out.text("\" header_type=\"UInt64\" compressor=\"vtkZLibDataCompressor\">\n  <UnstructuredGrid>\n");
+  if (!grid.field_data.empty()) {
+    out.text("    <FieldData>\n");
+    for (const Array& array : grid.field_data) declare_field(out, array, offset);
+    out.text("    </FieldData>\n");
+  }
   out.text("    <Piece NumberOfPoints=\"" + std::to_string(grid.points) + "\" NumberOfCells=\"" +
            std::to_string(grid.cells) + "\">\n      <Points>\n");
   declare(out, grid.coordinates, offset);
@@ -226,6 +285,7 @@ Expected<void> write_vtu(const HighOrderMesh& mesh, Format, const Sink& sink, st
   out.text("      </Cells>\n      <CellData>\n");
   for (const Array& array : grid.cell_data) declare(out, array, offset);
   out.text("      </CellData>\n    </Piece>\n  </UnstructuredGrid>\n  <AppendedData encoding=\"raw\">\n_");
+  for (const Array& array : grid.field_data) array.data.write(out);
   grid.coordinates.data.write(out);
   for (const Array& array : grid.topology) array.data.write(out);
   for (const Array& array : grid.cell_data) array.data.write(out);

@@ -22,6 +22,8 @@ class CellMarks {
 
   /// Views of the arrays. They are valid as long as this object.
   std::vector<formats::CellField> fields() const;
+  std::span<const double> scaled_jacobian() const { return scaled_jacobian_; }
+  std::span<const double> certified() const { return certified_; }
 
  private:
   std::vector<double> scaled_jacobian_, distortion_jacobian_, certified_, unrepairable_;

@@ -6,6 +6,7 @@
 #include "core/base/version.h"
 #include "server/addresses.h"
 #include "server/api/result_source.h"
+#include "server/engine/translate.h"
 #include "server/jobs/timestamps.h"
 #include "server/streams/event_source.h"
 
@@ -161,7 +162,8 @@ grpc::ServerUnaryReactor* JobService::GetServerInfo(grpc::CallbackServerContext*
     response->mutable_limits()->set_max_watches_per_peer(api_.limits.max_watches_per_peer);
     response->mutable_limits()->set_max_uploads_per_peer(api_.limits.max_uploads_per_peer);
     for (int format = v1::MESH_FORMAT_MSH22; v1::MeshFormat_IsValid(format); ++format) {
-      if (format != v1::MESH_FORMAT_VTU) response->add_input_formats(static_cast<v1::MeshFormat>(format));
+      if (is_readable(static_cast<v1::MeshFormat>(format)))
+        response->add_input_formats(static_cast<v1::MeshFormat>(format));
       response->add_output_formats(static_cast<v1::MeshFormat>(format));
     }
     for (int energy = v1::ENERGY_HYPERELASTIC; v1::Energy_IsValid(energy); ++energy)

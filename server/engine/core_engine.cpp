@@ -1,9 +1,13 @@
 // Reads a mesh, optimises it with the numerical library, and writes the results.
+#include <string>
 #include <utility>
 
+#include "core/diagnosis/diagnosis.h"
 #include "core/marks/marks.h"
+#include "core/mesh/check.h"
 #include "core/optimise/memory.h"
 #include "core/optimise/optimiser.h"
+#include "core/quality/quality.h"
 #include "server/engine/engine.h"
 #include "server/engine/mesh_parts.h"
 #include "server/engine/translate.h"
@@ -28,6 +32,8 @@ std::vector<v1::MeshFormat> definite_outputs(std::vector<v1::MeshFormat> outputs
 
 Expected<void> write_mesh(const Result& result, v1::MeshFormat format, int threads, const formats::Sink& sink) {
   if (format == v1::MESH_FORMAT_PARTS) return write_mesh_parts(result.mesh, sink);
+  if (format == v1::MESH_FORMAT_CELL_QUALITY)
+    return write_cell_quality(result.mesh, CellMarks(result.mesh, {}, threads), sink);
   if (format == v1::MESH_FORMAT_VTU) {
     const CellMarks marks(result.mesh, result.unrepairable, threads);
     return formats::write(result.mesh, format_from(format), sink, marks.fields(), threads);
@@ -39,6 +45,40 @@ Expected<void> write_mesh(const Result& result, v1::MeshFormat format, int threa
   HighOrderMesh marked = result.mesh;
   mark_unrepairable(marked, result.unrepairable);
   return formats::write(marked, format_from(format), sink, {}, threads);
+}
+
+Expected<void> write_outputs(const Result& result, const RunRequest& request, v1::MeshFormat read_as,
+                             const RunHooks& hooks) {
+  for (const v1::MeshFormat format : definite_outputs(request.outputs, read_as))
+    if (auto written = write_mesh(result, format, request.options.threads, hooks.open_output(format)); !written)
+      return written;
+  return {};
+}
+
+/// Judges a mesh without moving anything, as the command's `quality` does.
+Expected<Result> judge(HighOrderMesh mesh, const v1::QualityTask& task, int threads) {
+  if (const auto checked = check_structure(mesh); !checked) return tl::unexpected(checked.error());
+  const auto sizes = summarise(mesh);
+  if (!sizes) return tl::unexpected(sizes.error());
+  Result result;
+  result.sizes = *sizes;
+  result.before = result.after = quality(mesh, task.lattice(), threads);
+  if (task.diagnose() && !result.after.uncertified.empty())
+    result.unrepairable = with_any_of(diagnose(mesh, threads), uncertified_numbers(result.after));
+  result.mesh = std::move(mesh);
+  return result;
+}
+
+/// Says that a mesh of order 1 stays straight when its order is raised.
+void note_straight_boundary(const HighOrderMesh& mesh, const RunRequest& request, const RunHooks& hooks) {
+  const int order = request.options.order;
+  if (request.quality || mesh.order != 1 || order <= 1 || !hooks.on_note) return;
+  const std::string raised = std::to_string(order);
+  hooks.on_note(
+      "The mesh has order 1. Raised to order " + raised +
+      ", its boundary is still straight, because new nodes are put on the straight edges and faces. To curve it, "
+      "let the mesh generator raise the order on the geometry (for example: gmsh GEOMETRY -3 -order " +
+      raised + "), or move the boundary nodes of a mesh of order " + raised + " with --boundary or --displacements.");
 }
 
 Expected<RunSummary> run(RunRequest request, const RunHooks& hooks) {
@@ -60,14 +100,14 @@ Expected<RunSummary> run(RunRequest request, const RunHooks& hooks) {
     summary.stopped = true;
     return summary;
   }
-  auto result = optimise(std::move(file->mesh), request.options, hooks.on_iteration, hooks.control);
+  note_straight_boundary(file->mesh, request, hooks);
+  auto result = request.quality ? judge(std::move(file->mesh), *request.quality, request.options.threads)
+                                : optimise(std::move(file->mesh), request.options, hooks.on_iteration, hooks.control);
   if (!result) return tl::unexpected(result.error());
   const bool wanted = !(result->stopped && hooks.given_up());
   if (wanted)
-    for (const v1::MeshFormat format : definite_outputs(request.outputs, read_as))
-      if (const auto written = write_mesh(*result, format, request.options.threads, hooks.open_output(format));
-          !written)
-        return tl::unexpected(written.error());
+    if (const auto written = write_outputs(*result, request, read_as, hooks); !written)
+      return tl::unexpected(written.error());
   return std::move(static_cast<RunSummary&>(*result));
 }
 

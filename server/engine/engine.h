@@ -3,6 +3,8 @@
 
 #include <functional>
 #include <memory>
+#include <optional>
+#include <string>
 #include <vector>
 
 #include "core/formats/formats.h"
@@ -11,6 +13,7 @@
 #include "core/optimise/run_control.h"
 #include "core/options/options.h"
 #include "server/meshes/mesh_store.h"
+#include "varimesh/v1/job.pb.h"
 #include "varimesh/v1/mesh.pb.h"
 
 namespace varimesh::server {
@@ -19,13 +22,16 @@ namespace varimesh::server {
 struct RunRequest {
   std::shared_ptr<const Blob> input;  ///< The bytes of the mesh. Released as soon as the mesh is read.
   v1::MeshFormat format = v1::MESH_FORMAT_UNSPECIFIED;
-  Options options;                      ///< `threads` is what the thread budget gives, never 0.
-  std::vector<v1::MeshFormat> outputs;  ///< The formats of the results. Empty: the format of the input.
+  Options options;                         ///< `threads` is what the thread budget gives, never 0.
+  std::vector<v1::MeshFormat> outputs;     ///< The formats of the results. Empty: the format of the input.
+  std::optional<v1::QualityTask> quality;  ///< If set, the mesh is judged, and nothing moves.
 };
 
 /// What a run calls, from the thread that runs it.
 struct RunHooks {
   OnIteration on_iteration;
+  /// Called with a sentence about the run that people should see. May be empty.
+  std::function<void(const std::string&)> on_note;
   /// Checkpoints, threads, and whether the run is to stop, as the library asks for them. `control.checkpoint` is what
   /// an earlier attempt at the job has saved. If it can be used, the run continues from there, to the same bytes as
   /// without the interruption; otherwise, and if it is empty, the run starts from the beginning. `control.stop_asked`

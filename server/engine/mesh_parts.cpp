@@ -35,6 +35,8 @@ class Assembler {
         return "";
       case v1::MeshPart::kFixedNodes:
         return "fixed nodes are not supported by this server; leave them out";
+      case v1::MeshPart::kCellQuality:
+        return "a mesh does not contain the quality of its cells; leave it out";
       case v1::MeshPart::PART_NOT_SET:
         return "it has no content that this server knows";
     }
@@ -207,6 +209,29 @@ Expected<void> write_mesh_parts(const HighOrderMesh& mesh, const formats::Sink& 
     if (auto done = put_elements(block, sink); !done) return done;
   for (const PhysicalGroup& group : mesh.physical_groups)
     if (auto done = put_group(group, sink); !done) return done;
+  return {};
+}
+
+Expected<void> write_cell_quality(const HighOrderMesh& mesh, const CellMarks& marks, const formats::Sink& sink) {
+  constexpr std::size_t kCells = 32768;  // at most 19 bytes per cell
+  std::vector<std::int64_t> numbers;
+  for (const ElementBlock& block : mesh.blocks)
+    if (reference::info(block.shape).dimension == mesh.dimension)
+      numbers.insert(numbers.end(), block.numbers.begin(), block.numbers.end());
+  const std::span<const double> scaled = marks.scaled_jacobian(), certified = marks.certified();
+  v1::MeshPart part;
+  for (std::size_t first = 0; first < numbers.size(); first += kCells) {
+    v1::CellQuality& cells = *part.mutable_cell_quality();
+    cells.Clear();
+    for (std::size_t i = first; i < std::min(first + kCells, numbers.size()); ++i) {
+      cells.add_numbers(numbers[i]);
+      cells.add_scaled_jacobians(scaled[i]);
+      cells.add_answers(certified[i] > 0   ? v1::CELL_ANSWER_VALID
+                        : certified[i] < 0 ? v1::CELL_ANSWER_INVALID
+                                           : v1::CELL_ANSWER_UNDECIDED);
+    }
+    if (auto done = put(part, sink); !done) return done;
+  }
   return {};
 }
 

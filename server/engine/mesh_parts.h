@@ -6,6 +6,7 @@
 
 #include "core/base/error.h"
 #include "core/formats/formats.h"
+#include "core/marks/marks.h"
 #include "core/mesh/high_order_mesh.h"
 
 namespace varimesh::server {
@@ -16,5 +17,8 @@ Expected<HighOrderMesh> read_mesh_parts(std::string_view bytes);
 
 /// Writes a mesh as parts of at most 1 MiB. Errors: Output if the sink stops, or a name is not UTF-8.
 Expected<void> write_mesh_parts(const HighOrderMesh& mesh, const formats::Sink& sink);
+
+/// Writes the quality of each cell as parts of at most 1 MiB. Errors: Output if the sink stops.
+Expected<void> write_cell_quality(const HighOrderMesh& mesh, const CellMarks& marks, const formats::Sink& sink);
 
 }  // namespace varimesh::server

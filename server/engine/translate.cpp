@@ -185,6 +185,10 @@ formats::Format format_from(v1::MeshFormat message) {
   }
 }
 
+bool is_readable(v1::MeshFormat format) {
+  return v1::MeshFormat_IsValid(format) && format != v1::MESH_FORMAT_VTU && format != v1::MESH_FORMAT_CELL_QUALITY;
+}
+
 v1::MeshFormat to_proto(formats::Format format) {
   switch (format) {
     case formats::Format::Auto:

@@ -26,4 +26,7 @@ v1::JobError to_proto(const Error& error);
 formats::Format format_from(v1::MeshFormat message);
 v1::MeshFormat to_proto(formats::Format format);
 
+/// Returns whether a mesh can be read in this format. Unspecified means a file that is recognised by its content.
+bool is_readable(v1::MeshFormat format);
+
 }  // namespace varimesh::server

@@ -32,9 +32,7 @@ class Progress {
 
   Control operator()(const Iteration& iteration) {
     const TimePoint now = attempt_.clock();
-    v1::JobEvent event;
-    event.set_attempt(attempt_.claim.attempt);
-    *event.mutable_time() = timestamp(now);
+    v1::JobEvent event = event_at(now);
     *event.mutable_iteration() = to_proto(iteration);
     if (now - noted_ >= std::chrono::milliseconds(500)) {
       noted_ = now;
@@ -44,7 +42,20 @@ class Progress {
     return attempt_.cancelled() || attempt_.stopping() ? Control::Stop : Control::Continue;
   }
 
+  void note(const std::string& sentence) {
+    v1::JobEvent event = event_at(attempt_.clock());
+    event.mutable_log()->set_text(sentence);
+    attempt_.log.append(std::move(event));
+  }
+
  private:
+  v1::JobEvent event_at(TimePoint time) const {
+    v1::JobEvent event;
+    event.set_attempt(attempt_.claim.attempt);
+    *event.mutable_time() = timestamp(time);
+    return event;
+  }
+
   const Attempt& attempt_;
   TimePoint noted_{};
 };
@@ -223,6 +234,7 @@ RunRequest request_of(const Attempt& attempt, std::shared_ptr<const Blob> input,
   request.format = spec.mesh().format();
   request.options = options;
   request.options.threads = attempt.threads.now();
+  if (spec.has_quality()) request.quality = spec.quality();
   for (const int format : spec.outputs()) request.outputs.push_back(static_cast<v1::MeshFormat>(format));
   return request;
 }
@@ -250,6 +262,7 @@ Ending run(const Attempt& attempt) {
   Memory memory(attempt.memory, attempt.threads, stop_asked);
   RunHooks hooks;
   hooks.on_iteration = [&](const Iteration& iteration) { return progress(iteration); };
+  hooks.on_note = [&](const std::string& sentence) { progress.note(sentence); };
   StopAtOnce stop_at_once(attempt);
   hooks.control.stop_asked = [&] { return stop_at_once(); };
   hooks.control.threads = attempt.threads.now;

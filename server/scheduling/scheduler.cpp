@@ -17,6 +17,9 @@ namespace {
 /// How many event logs of ended jobs stay in memory, with all their iterations.
 constexpr std::size_t kEndedLogs = 100;
 
+/// The command has the same limit.
+constexpr int kMostLatticeIntervals = 1000;
+
 }  // namespace
 
 Scheduler::Scheduler(JobStore* jobs, MeshStore* meshes, Engine engine, SchedulerSettings settings)
@@ -33,7 +36,7 @@ Scheduler::~Scheduler() { assert(running_.empty()); }
 Answer<void> Scheduler::check(const v1::JobSpec& spec) {
   if (!is_sha256(spec.mesh().digest()))
     return bad_request("The spec must name its mesh by SHA-256: 64 lowercase hexadecimal digits.");
-  if (!v1::MeshFormat_IsValid(spec.mesh().format()) || spec.mesh().format() == v1::MESH_FORMAT_VTU)
+  if (!is_readable(spec.mesh().format()))
     return bad_request(
         "This server does not read the format of the mesh; GetServerInfo lists the formats that it reads.");
   std::set<int> outputs;
@@ -49,6 +52,8 @@ Answer<void> Scheduler::check(const v1::JobSpec& spec) {
     if (key.empty() || key.size() > 128 || value.size() > 128)
       return bad_request("A label's key must have 1 to 128 bytes, and its value at most 128.");
   if (spec.priority() < -100 || spec.priority() > 100) return bad_request("The priority must be from -100 to 100.");
+  if (spec.quality().lattice() < 0 || spec.quality().lattice() > kMostLatticeIntervals)
+    return bad_request("The lattice must have 0 to " + std::to_string(kMostLatticeIntervals) + " intervals per edge.");
   const auto options = options_from(spec.options());
   if (!options) return tl::unexpected(options.error());
   if (const auto accepted = engine_.check_options(*options); !accepted)

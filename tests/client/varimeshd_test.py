@@ -1,5 +1,6 @@
 """The server program as a user meets it: its flags, its addresses, and how it ends."""
 import signal
+import os
 import subprocess
 import unittest
 
@@ -46,6 +47,16 @@ class Varimeshd(WithFolder):
         process.terminate()
         self.assertEqual(process.wait(20), 0)
         process.stdout.close()
+
+    def test_the_state_has_a_default_in_the_environment(self):
+        state = self.folder / "state"
+        process = subprocess.Popen([VARIMESHD, "--listen", "127.0.0.1:0", "--log-level", "off"], stdout=subprocess.PIPE,
+                                   text=True, env={**os.environ, "VARIMESH_STATE": str(state)})
+        process.stdout.readline()
+        process.terminate()
+        self.assertEqual(process.wait(20), 0)
+        process.stdout.close()
+        self.assertTrue(any(state.iterdir()))
 
 
 if __name__ == "__main__":

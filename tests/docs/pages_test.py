@@ -33,6 +33,7 @@ NOT_HERE = {
     ("report.md", "varimeshd --admin"): "it does not end; tests/server/admin/admin_server_test.py starts it",
     ("performance.md", "tests/bench/cases"): "builds the benchmarks",
     ("paper.md", "tests/bench/paper"): "an hour; tests/bench/figures/paper_test.py runs the short form",
+    ("python.md", "deploy/make-wheel"): "deploy/test-wheel does this on a bare Debian 12",
     ("python.md", "cmake --build"): "the build tree of whoever reads; the tests import the package from theirs",
 }
 
@@ -145,12 +146,19 @@ class WithPrograms(support.WithFolder):
         self.work.mkdir()
         self.environment = {**os.environ, "PATH": f"{programs}:{os.environ['PATH']}", "HOME": str(self.folder)}
 
+    @staticmethod
+    def has(name):
+        return shutil.which(name) is not None or importlib.util.find_spec(name) is not None
+
     def run_page(self, page, replace=None, names=None):
         """Runs the page's blocks: each sh block as a script, all Python blocks in one interpreter. Returns the output of
         each."""
         printed = []
         for block in blocks(page):
             if not block.runs:
+                continue
+            if block.note.startswith("needs ") and not self.has(block.note.removeprefix("needs ")):
+                print(f"SKIPPED: {block.where}: {block.note.removeprefix('needs ')} is missing (deploy/setup test)", flush=True)
                 continue
             text = block.text
             for words, others in (replace or {}).items():

@@ -2,18 +2,25 @@
 
     import varimesh
 
+    result = varimesh.optimise((nodes, cells))             # numpy arrays; result.nodes are the new coordinates
+
     with varimesh.local() as client:                       # or varimesh.Client("HOST:PORT")
         result = client.optimise("in.msh", "out.msh", energy="hyperelastic")
         print(result)
 
 The manual is docs/python.md.
 """
-from .adapters import from_gmsh, from_meshio, update_gmsh
+from .requirements import check as _check
+
+_check()
+
+from .adapters import from_gmsh, from_meshio, from_pyvista, to_meshio, update_gmsh
 from .aio import AsyncClient, AsyncJob
 from .client import Client
 from .errors import (
     BadMesh,
     BadOption,
+    BadOutput,
     JobCancelled,
     JobFailed,
     Refused,
@@ -26,12 +33,13 @@ from .local import LocalClient, local
 from .mesh import Block, Mesh
 from .options import Options, TargetField
 from .progress import Progress
-from .reports import Certified, Event, Iteration, Metrics, Quality, RepairStep, ServerInfo, Unrepairable
+from .reports import CellQuality, Certified, Event, Iteration, Metrics, Quality, RepairStep, ServerInfo, Unrepairable
+from .shared import optimise, optimize, quality
 from .version import __version__
 
 __all__ = [
-    "AsyncClient", "AsyncJob", "BadMesh", "BadOption", "Block", "Certified", "Client", "Event", "Iteration", "Job",
+    "AsyncClient", "AsyncJob", "BadMesh", "BadOption", "BadOutput", "Block", "CellQuality", "Certified", "Client", "Event", "Iteration", "Job",
     "JobCancelled", "JobFailed", "LocalClient", "Mesh", "Metrics", "Options", "Progress", "Quality", "Refused",
     "RepairStep", "Result", "ServerInfo", "ServerUnreachable", "Stopped", "TargetField", "Unrepairable", "VarimeshError", "__version__",
-    "from_gmsh", "from_meshio", "local", "update_gmsh",
+    "from_gmsh", "from_meshio", "from_pyvista", "local", "optimise", "optimize", "quality", "to_meshio", "update_gmsh",
 ]  # fmt: skip

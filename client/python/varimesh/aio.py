@@ -8,7 +8,7 @@ from __future__ import annotations
 import asyncio
 import os
 import threading
-from collections.abc import AsyncIterator, Callable, Iterable, Iterator, Mapping
+from collections.abc import AsyncIterator, Callable, Generator, Iterable, Iterator, Mapping
 from types import TracebackType
 from typing import Any, TypeVar, Unpack
 
@@ -18,12 +18,13 @@ from .client import Client, MeshLike, Paths
 from .connection import Stop
 from .job import Job, Result
 from .options import Options
-from .reports import Event, Quality, ServerInfo
+from .reports import CellQuality, Event, ServerInfo
 
 T = TypeVar("T")
 
 
-async def _in_thread(function: Callable[..., T], *arguments: Any, **keywords: Any) -> T:
+async def in_thread(function: Callable[..., T], *arguments: Any, **keywords: Any) -> T:
+    """Awaits a function that runs in a thread of its own. If the task is cancelled, so are the function's calls."""
     loop, stop = asyncio.get_running_loop(), Stop()
     future: asyncio.Future[T] = loop.create_future()
 
@@ -72,7 +73,7 @@ class AsyncJob:
         return self._job.labels
 
     async def refresh(self) -> AsyncJob:
-        await _in_thread(self._job.refresh)
+        await in_thread(self._job.refresh)
         return self
 
     async def watch(self, after: int = 0) -> AsyncIterator[Event]:
@@ -84,7 +85,7 @@ class AsyncJob:
             for event in self._job.watch(after):
                 loop.call_soon_threadsafe(events.put_nowait, event)
 
-        task = asyncio.ensure_future(_in_thread(pump))
+        task = asyncio.ensure_future(in_thread(pump))
         task.add_done_callback(lambda _: events.put_nowait(None))
         try:
             while (event := await events.get()) is not None:
@@ -94,19 +95,23 @@ class AsyncJob:
             task.cancel()
 
     async def wait(self, progress: bool = False) -> AsyncJob:
-        await _in_thread(self._job.wait, progress)
+        await in_thread(self._job.wait, progress)
         return self
 
     async def cancel(self) -> AsyncJob:
-        await _in_thread(self._job.cancel)
+        await in_thread(self._job.cancel)
         return self
 
     async def delete(self) -> None:
-        await _in_thread(self._job.delete)
+        await in_thread(self._job.delete)
+
+    def __await__(self) -> Generator[Any, None, Result]:
+        """As `await` of a Job: waits for its end, and gives its result."""
+        return self._job.__await__()
 
     async def result(self) -> Result:
         """As Job.result(). The result fetches meshes only when they are asked for, which blocks; fetch() avoids that."""
-        return await _in_thread(self._job.result)
+        return await in_thread(self._job.result)
 
     async def fetch(self) -> Result:
         """The result with its mesh in arrays; the job must have been submitted with the output "parts"."""
@@ -116,7 +121,7 @@ class AsyncJob:
             result.mesh  # noqa: B018
             return result
 
-        return await _in_thread(fetch)
+        return await in_thread(fetch)
 
 
 class AsyncClient:
@@ -126,8 +131,15 @@ class AsyncClient:
                  connect: float = 5.0, retry: float = 60.0) -> None:  # fmt: skip
         self._client = Client(address, token, credentials=credentials, connect=connect, retry=retry)
 
+    @classmethod
+    def of(cls, client: Client) -> AsyncClient:
+        """An AsyncClient that calls the server of a Client, such as that of local(), and closes it at its end."""
+        made = cls.__new__(cls)
+        made._client = client
+        return made
+
     async def close(self) -> None:
-        await _in_thread(self._client.close)
+        await in_thread(self._client.close)
 
     async def __aenter__(self) -> AsyncClient:
         return self
@@ -143,41 +155,62 @@ class AsyncClient:
                        **options: Unpack[Options]) -> Result:  # fmt: skip
         """As Client.optimise(), but the result has its mesh already. `on_event` is called in the event loop."""
         loop = asyncio.get_running_loop()
-        tell = None if on_event is None else (lambda event: loop.call_soon_threadsafe(on_event, event))
+        failures: list[BaseException] = []
+
+        def tell(event: Event) -> None:
+            if failures:
+                raise failures[0]  # in the thread that waits for the job, which then cancels it
+            loop.call_soon_threadsafe(call, event)
+
+        def call(event: Event) -> None:
+            assert on_event is not None
+            try:
+                if not failures:
+                    on_event(event)
+            except BaseException as error:  # noqa: BLE001
+                failures.append(error)
 
         def optimise() -> Result:
             result = self._client.optimise(
-                mesh, output, format=format, progress=progress, on_event=tell, arrays=arrays, request_id=request_id,
+                mesh, output, format=format, progress=progress, on_event=None if on_event is None else tell, arrays=arrays, request_id=request_id,
                 labels=labels, priority=priority, **options)  # fmt: skip
             if "parts" in result.formats:
                 result.mesh  # noqa: B018
             return result
 
-        return await _in_thread(optimise)
+        result = await in_thread(optimise)
+        if failures:  # raised by the last event
+            raise failures[0]
+        return result
 
-    async def quality(self, mesh: MeshLike, **options: Unpack[Options]) -> Quality:
-        return await _in_thread(self._client.quality, mesh, **options)
+    optimize = optimise
+
+    async def quality(self, mesh: MeshLike, output: Paths | None = None, *, lattice: int = 0, threads: int = 0,
+                      diagnose: bool = False, format: str | None = None) -> CellQuality:  # fmt: skip
+        """As Client.quality()."""
+        return await in_thread(self._client.quality, mesh, output, lattice=lattice, threads=threads, diagnose=diagnose,
+                               format=format)  # fmt: skip
 
     async def submit(self, mesh: MeshLike, *, outputs: Iterable[str] = (), request_id: str | None = None,
                      labels: Mapping[str, str] | None = None, priority: int = 0,
                      **options: Unpack[Options]) -> AsyncJob:  # fmt: skip
-        return AsyncJob(await _in_thread(self._client.submit, mesh, outputs=outputs, request_id=request_id,
+        return AsyncJob(await in_thread(self._client.submit, mesh, outputs=outputs, request_id=request_id,
                                          labels=labels, priority=priority, **options))  # fmt: skip
 
     async def job(self, name: str) -> AsyncJob:
-        return AsyncJob(await _in_thread(self._client.job, name))
+        return AsyncJob(await in_thread(self._client.job, name))
 
     async def jobs(self, states: Iterable[str] = (), labels: Mapping[str, str] | None = None) -> list[AsyncJob]:
         def everything() -> Iterator[Job]:
             return iter(list(self._client.jobs(states, labels)))
 
-        return [AsyncJob(job) for job in await _in_thread(everything)]
+        return [AsyncJob(job) for job in await in_thread(everything)]
 
     async def info(self) -> ServerInfo:
-        return await _in_thread(self._client.info)
+        return await in_thread(self._client.info)
 
     async def upload(self, mesh: MeshLike) -> str:
-        return await _in_thread(self._client.upload, mesh)
+        return await in_thread(self._client.upload, mesh)
 
     async def download(self, digest: str, path: str | os.PathLike[str] | None = None) -> bytes:
-        return await _in_thread(self._client.download, digest, path)
+        return await in_thread(self._client.download, digest, path)

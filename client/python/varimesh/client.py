@@ -2,6 +2,7 @@
 from __future__ import annotations
 
 import os
+import tempfile
 import uuid
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from types import TracebackType
@@ -12,18 +13,21 @@ import grpc
 from . import reports, transfer
 from .adapters import as_mesh
 from .connection import Connection, Patience, Stop
-from .errors import BadOption, JobCancelled, JobFailed, Stopped
+from .errors import BadOption, BadOutput, JobCancelled, JobFailed, Stopped
 from .job import Job, Result
-from .mesh import to_parts
+from .mesh import Mesh, to_parts
 from .names import spellings, suggestion
-from .options import Options, to_message
+from .numbering import OF_FILES, Numbering
+from .options import Options, numbered_from_one, to_message
 from .progress import Progress
-from .reports import Event, Quality, ServerInfo
+from .reports import CellQuality, Event, Quality, ServerInfo
 from .v1 import job_pb2, mesh_pb2, service_pb2, service_pb2_grpc
 from .watching import watch
 
-#: A file's path, a Mesh, (nodes, cells), a meshio mesh, or the module gmsh.
+#: A file's path, a Mesh, (nodes, cells), a meshio mesh, a pyvista grid, or the module gmsh.
 MeshLike: TypeAlias = Any
+_READABLE = (mesh_pb2.MESH_FORMAT_MSH22, mesh_pb2.MESH_FORMAT_MSH22_BINARY, mesh_pb2.MESH_FORMAT_MSH41,
+             mesh_pb2.MESH_FORMAT_MSH41_BINARY, mesh_pb2.MESH_FORMAT_PARTS)  # fmt: skip
 Paths: TypeAlias = "str | os.PathLike[str] | Sequence[str | os.PathLike[str]]"
 
 
@@ -37,7 +41,7 @@ class Client:
 
     def __init__(self, address: str, token: str | None = None, *, credentials: grpc.ChannelCredentials | None = None,
                  connect: float = 5.0, retry: float = 60.0) -> None:  # fmt: skip
-        self.address = address
+        self.address = address = plain_address(address, credentials is not None)
         self._connection = Connection(address, token, credentials, connect, retry)
         self._jobs = service_pb2_grpc.JobServiceStub(self._connection.control)  # type: ignore[no-untyped-call]
         self._meshes = service_pb2_grpc.MeshServiceStub(self._connection.bulk)  # type: ignore[no-untyped-call]
@@ -61,16 +65,19 @@ class Client:
                  priority: int = 0, **options: Unpack[Options]) -> Result:  # fmt: skip
         """Optimises a mesh and waits for the result.
 
-        `output` names files to write (.msh in `format`, .vtu). `arrays` says whether the result should have its mesh in
-        arrays. By default it has, unless the mesh comes from a file and goes to files. Ctrl-C cancels the job.
+        `output` names files to write (.msh in `format`, .vtu). The result also has its mesh in arrays, unless `arrays` is
+        False, which saves the server the disk space. Ctrl-C and an exception in `on_event` cancel the job. For a mesh in
+        arrays, numbers in options and reports count from 0.
 
-        Raises JobFailed, JobCancelled (by somebody else), Refused, ServerUnreachable, BadOption or BadMesh. It
+        Raises JobFailed, JobCancelled (by somebody else), Refused, ServerUnreachable, BadOption, BadMesh or BadOutput. It
         is no error if elements of the result are not certified valid; `result.valid` says whether all are.
         """
         paths = _paths(output)
+        for path in paths:
+            _check_writable(path)
         mesh = mesh if _is_path(mesh) else as_mesh(mesh)
         wanted = [_format_of(path, format, _is_path(mesh)) for path in paths]
-        if arrays or (arrays is None and not (paths and _is_path(mesh))):
+        if arrays is not False:
             wanted += ["as-read"] if _is_path(mesh) and not paths else []
             wanted.append("parts")
         job = self.submit(mesh, outputs=list(dict.fromkeys(wanted)), request_id=request_id, labels=labels,
@@ -80,7 +87,7 @@ class Client:
             for event in job.watch():
                 for take in (show, on_event):
                     if take is not None:
-                        take(event)
+                        self._tell(job, take, event)
         except (KeyboardInterrupt, Stopped):
             self._cancel_quietly(job)
             raise
@@ -89,15 +96,31 @@ class Client:
         result = job.result()
         for path in paths:
             result.save(path, format=format)
+        if not _is_path(mesh) and arrays is not False:
+            result.mesh  # noqa: B018 - who gave arrays wants arrays, also after the client is closed
         return result
 
-    def quality(self, mesh: MeshLike, **options: Unpack[Options]) -> Quality:
-        """The quality of a mesh that could be optimised. Nothing is moved."""
-        options["max_iterations"] = 0
-        job = self.submit(mesh, **options)
-        job.wait()
+    optimize = optimise
+
+    def quality(self, mesh: MeshLike, output: Paths | None = None, *, lattice: int = 0, threads: int = 0,
+                diagnose: bool = False, format: str | None = None) -> CellQuality:  # fmt: skip
+        """The quality of a mesh and of each of its cells. Nothing is moved. The arguments are those of the command:
+        `lattice` is the number of intervals per edge on which cells are sampled (0: the default), and `diagnose` says
+        which elements no movement of free nodes can repair. `output` names files that get the mesh with marks on its
+        elements (.vtu: cell arrays, .msh: a physical group)."""
+        paths = _paths(output)
+        for path in paths:
+            _check_writable(path)
+        mesh = mesh if _is_path(mesh) else as_mesh(mesh)
+        wanted = dict.fromkeys(_format_of(path, format, _is_path(mesh)) for path in paths)
+        task = job_pb2.QualityTask(lattice=lattice, diagnose=diagnose or bool(paths))
+        job = self._submit_quality(task, mesh if _is_path(mesh) else as_mesh(mesh), [*wanted, "cell-quality"], threads)
         try:
-            return job.result().before
+            result = job.wait().result()
+            for path in paths:
+                result.save(path, format=format)
+            return reports.cell_quality_of(result.after, self.download(result._digest("cell-quality")),
+                                           result._numbering, result.metrics.unrepairable)  # fmt: skip
         finally:
             job.delete()
 
@@ -111,9 +134,11 @@ class Client:
         with the same `request_id` answers with the same job, so a script that gives one can safely run again. Without
         one, each call uses an id of its own when it repeats itself.
         """
-        spec = job_pb2.JobSpec(options=to_message(options), labels=dict(labels or {}), priority=priority,
-                               outputs=[_format_number(name) for name in outputs])  # fmt: skip
         arrays = None if _is_path(mesh) else as_mesh(mesh)
+        message = to_message(options if arrays is None else numbered_from_one(options))
+        labels = {**({} if arrays is not None else {"file": _file_label(mesh)}), **(labels or {})}
+        spec = job_pb2.JobSpec(options=message, labels=labels, priority=priority,
+                               outputs=[_format_number(name) for name in outputs])  # fmt: skip
         spec.mesh.digest = self.upload(mesh if arrays is None else arrays)
         if arrays is not None:
             spec.mesh.format = mesh_pb2.MESH_FORMAT_PARTS
@@ -167,6 +192,56 @@ class Client:
 
     # ===== for Job =====
 
+    def _submit_quality(self, task: job_pb2.QualityTask, mesh: MeshLike, outputs: Iterable[str], threads: int = 0) -> Job:
+        """A job that judges a mesh: a file, a Mesh, or the reference of a mesh that the server has."""
+        spec = job_pb2.JobSpec(quality=task, options=to_message({"threads": threads}),
+                               outputs=[_format_number(name) for name in outputs])  # fmt: skip
+        if isinstance(mesh, mesh_pb2.MeshReference):
+            spec.mesh.CopyFrom(mesh)
+        else:
+            spec.mesh.digest = self.upload(mesh)
+            if isinstance(mesh, Mesh):
+                spec.mesh.format = mesh_pb2.MESH_FORMAT_PARTS
+        request = service_pb2.SubmitJobRequest(request_id=uuid.uuid4().hex, spec=spec)
+        return Job(self, self._connection.call(self._jobs.SubmitJob, request).job)
+
+    def _derived(self, message: job_pb2.Job, format: str) -> bytes:
+        """The mesh of a job's result in another format, or the quality of its cells."""
+        # A file keeps the numbers of elements.
+        stored = [one for one in message.results if one.format in _READABLE]
+        stored.sort(key=lambda one: bool(one.format == mesh_pb2.MESH_FORMAT_PARTS))
+        if not stored:
+            raise BadOption(f"{message.name} has no result in a format that can be read again; submit it with the output "
+                            "'parts' or 'as-read'.")  # fmt: skip
+        reference = mesh_pb2.MeshReference(digest=stored[0].digest)
+        if stored[0].format == mesh_pb2.MESH_FORMAT_PARTS:
+            reference.format = mesh_pb2.MESH_FORMAT_PARTS
+        job = self._submit_quality(job_pb2.QualityTask(), reference, [format])
+        try:
+            return self.download(job.wait().result()._digest(format))
+        finally:
+            job.delete()
+
+    def _cell_quality(self, message: job_pb2.Job, report: Quality, numbering: Numbering) -> CellQuality:
+        return reports.cell_quality_of(report, self._derived(message, "cell-quality"), numbering)
+
+    def _to_pyvista(self, message: job_pb2.Job) -> Any:
+        import pyvista
+
+        with tempfile.TemporaryDirectory(prefix="varimesh-") as folder:
+            path = os.path.join(folder, "mesh.vtu")
+            with open(path, "wb") as file:
+                file.write(self._derived(message, "vtu"))
+            return pyvista.read(path)
+
+    def _tell(self, job: Job, take: Callable[[Event], object], event: Event) -> None:
+        """Gives an event to a callback. If the callback raises, nobody waits for the job any more."""
+        try:
+            take(event)
+        except BaseException:
+            self._cancel_quietly(job)
+            raise
+
     def _get(self, name: str) -> job_pb2.Job:
         job: job_pb2.Job = self._connection.call(self._jobs.GetJob, service_pb2.GetJobRequest(name=name)).job
         return job
@@ -186,14 +261,15 @@ class Client:
     def _delete(self, name: str) -> None:
         self._connection.call(self._jobs.DeleteJob, service_pb2.DeleteJobRequest(name=name))
 
-    def _watch(self, name: str, after: int) -> Iterator[Event]:
-        return (reports.event_of(event) for event in watch(self._connection, self._jobs, name, after))
+    def _watch(self, name: str, after: int, numbering: Numbering = OF_FILES) -> Iterator[Event]:
+        return (reports.event_of(event, numbering) for event in watch(self._connection, self._jobs, name, after))
 
     def _result(self, name: str) -> tuple[job_pb2.Job, list[Any]]:
         """The job and its history."""
         job = self._get(name)
         if reports.state_name(job.state) == "failed":
-            raise JobFailed(job.error.message, job.error.reason, name)
+            from_zero = job.spec.mesh.format == mesh_pb2.MESH_FORMAT_PARTS
+            raise JobFailed(Numbering(from_zero).sentence(job.error.message), job.error.reason, name)
         patience = Patience(self._connection, self._connection.control)
         request = service_pb2.GetResultRequest(name=name, without_meshes=True)
         while True:
@@ -212,6 +288,32 @@ class Client:
 
 def _is_path(mesh: object) -> bool:
     return isinstance(mesh, (str, os.PathLike))
+
+
+def plain_address(address: str, encrypted: bool) -> str:
+    """The address without "http://" and a slash at the end, which people copy from a browser."""
+    if address.startswith("https://") and not encrypted:
+        raise BadOption(f"The address {address} asks for TLS; give HOST:PORT, and credentials=grpc.ssl_channel_credentials().")
+    address = address.removeprefix("http://").removeprefix("https://")
+    return address if address.startswith("unix:") else address.rstrip("/")
+
+
+def _file_label(path: str | os.PathLike[str]) -> str:
+    """The name of a file as the value of a label, which has at most 128 bytes; a longer name loses its beginning."""
+    name = os.fsencode(os.path.basename(os.fspath(path))).decode("utf-8", "replace")
+    return name.encode()[-128:].decode("utf-8", "ignore")
+
+
+def _check_writable(path: str | os.PathLike[str]) -> None:
+    """Raises BadOutput if a file cannot be written, before any work is done."""
+    target = os.path.realpath(path)
+    folder = os.path.dirname(target)
+    if os.path.isdir(target):
+        raise BadOutput(f"{os.fspath(path)} is a folder; name a file in it.")
+    if not os.path.isdir(folder):
+        raise BadOutput(f"{os.fspath(path)} cannot be written: there is no folder {folder}; make it, or name another.")
+    if not os.access(target if os.path.exists(target) else folder, os.W_OK):
+        raise BadOutput(f"{os.fspath(path)} cannot be written: this user may not write there; name another place.")
 
 
 def _paths(output: Paths | None) -> list[str | os.PathLike[str]]:

@@ -31,6 +31,10 @@ class BadOption(VarimeshError, ValueError):
     """There is no such option, or it cannot have this value. Nothing was sent."""
 
 
+class BadOutput(VarimeshError, OSError):
+    """A file cannot be written. Nothing was sent."""
+
+
 class BadMesh(VarimeshError, ValueError):
     """The arrays are not a mesh. Nothing was sent."""
 

@@ -1,24 +1,32 @@
 """A job and its result."""
 from __future__ import annotations
 
+import datetime
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Generator, Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from . import reports
+from . import notebook, reports
+from .adapters import to_meshio
 from .errors import BadOption
+from .numbering import Numbering
 from .mesh import Mesh, from_parts
 from .progress import Progress
-from .reports import Event, Metrics, Quality
-from .v1 import job_pb2
+from .reports import CellQuality, Event, Metrics, Quality
+from .v1 import job_pb2, mesh_pb2
 
 if TYPE_CHECKING:
     from .client import Client
 
 ENDED = {"succeeded", "failed", "cancelled"}
+
+
+def numbering_of(message: job_pb2.Job) -> Numbering:
+    """The numbers of a job's reports: from 0 if its mesh came in arrays."""
+    return Numbering(from_zero=message.spec.mesh.format == mesh_pb2.MESH_FORMAT_PARTS)
 
 
 class Job:
@@ -30,6 +38,19 @@ class Job:
 
     def __repr__(self) -> str:
         return f"<{self.name} {self.state}>"
+
+    def __await__(self) -> Generator[Any, None, Result]:
+        """`await job` waits for its end without blocking the event loop, and gives its result with the mesh in arrays.
+        Cancelling the task does not cancel the job."""
+        from .aio import in_thread  # aio builds on this module
+
+        def finish() -> Result:
+            result = self.wait().result()
+            if "parts" in result.formats:
+                result.mesh  # noqa: B018
+            return result
+
+        return in_thread(finish).__await__()
 
     @property
     def name(self) -> str:
@@ -49,6 +70,17 @@ class Job:
         return dict(self._message.spec.labels)
 
     @property
+    def file(self) -> str | None:
+        """The name of the mesh file; None for a mesh in arrays."""
+        return self.labels.get("file")
+
+    @property
+    def submitted(self) -> datetime.datetime:
+        """When the server took the job."""
+        time: datetime.datetime = self._message.create_time.ToDatetime(tzinfo=datetime.timezone.utc)
+        return time
+
+    @property
     def last_sequence(self) -> int:
         """The sequence number of its newest event."""
         return int(self._message.last_sequence)
@@ -60,7 +92,7 @@ class Job:
     def watch(self, after: int = 0) -> Iterator[Event]:
         """Yields the job's events after the number `after`, each once and in order, until the job ends. Continues by
         itself if the connection breaks or the server restarts."""
-        yield from self._client._watch(self.name, after)
+        yield from self._client._watch(self.name, after, numbering_of(self._message))
         self.refresh()
 
     def wait(self, progress: bool = False) -> Job:
@@ -94,9 +126,11 @@ class Result:
         self._client, self._message, self._source = client, message, source
         self.job = str(message.name)
         self.state = reports.state_name(message.state)
-        self.metrics: Metrics = reports.metrics_of(message.metrics)
+        self._numbering = numbering_of(message)
+        self.metrics: Metrics = reports.metrics_of(message.metrics, self._numbering)
         self.history: NDArray[Any] = reports.history_of(iterations)
         self._mesh: Mesh | None = None
+        self._quality: CellQuality | None = None
 
     def __repr__(self) -> str:
         after = self.metrics.after
@@ -110,6 +144,18 @@ class Result:
     @property
     def after(self) -> Quality:
         return self.metrics.after
+
+    @property
+    def quality(self) -> CellQuality:
+        """The quality of the result and of each of its cells, in the order of its mesh. The server computes the arrays
+        when they are first asked for."""
+        if self._quality is None:
+            self._quality = self._client._cell_quality(self._message, self.after, self._numbering)
+        return self._quality
+
+    def _repr_html_(self) -> str:
+        """A picture of the histogram before and after, and the figures, for notebooks."""
+        return notebook.page(self)
 
     @property
     def valid(self) -> bool:
@@ -132,8 +178,17 @@ class Result:
 
     @property
     def nodes(self) -> NDArray[np.float64]:
-        """The coordinates of the nodes, (nodes, 3)."""
-        return self.mesh.nodes
+        """The coordinates of the nodes: (nodes, 3), or (nodes, 2) if they were given so."""
+        columns = 3 if self._source is None else self._source.columns
+        return self.mesh.nodes[:, :columns]
+
+    def to_meshio(self) -> Any:
+        """The mesh as a meshio.Mesh, with its groups."""
+        return to_meshio(self.mesh)
+
+    def to_pyvista(self) -> Any:
+        """The mesh as a pyvista.UnstructuredGrid: Lagrange cells, with the arrays of a VTU file (docs/report.md)."""
+        return self._client._to_pyvista(self._message)
 
     def save(self, path: str | os.PathLike[str], *, format: str | None = None) -> None:
         """Writes a file in a format that was asked for: a .vtu, or a .msh in `format`. Without `format`, a .msh has the

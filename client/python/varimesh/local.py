@@ -41,9 +41,18 @@ class LocalClient(Client):
             self._stop()
 
 
+# The program of the wheel that deploy/make-wheel builds.
+_IN_WHEEL = Path(__file__).parent / "bin" / "varimeshd"
+
+
 def find_server() -> str:
-    """The path of varimeshd, from VARIMESHD or PATH."""
-    found = os.environ.get("VARIMESHD") or shutil.which("varimeshd")
+    """The path of varimeshd: from VARIMESHD, in this package, or from PATH."""
+    found = os.environ.get("VARIMESHD")
+    if not found and _IN_WHEEL.exists():
+        if not os.access(_IN_WHEEL, os.X_OK):  # not every installer keeps the permission
+            _IN_WHEEL.chmod(0o755)
+        found = str(_IN_WHEEL)
+    found = found or shutil.which("varimeshd")
     if not found:
         raise ServerUnreachable("There is no varimeshd; install varimesh-server, or set VARIMESHD to its path.")
     return found
@@ -71,15 +80,17 @@ def local(*, threads: int = 0, state: str | os.PathLike[str] | None = None, exec
     while not port_file.exists():
         if server.poll() is not None or time.monotonic() > deadline:
             said = log_file.read_text(errors="replace").strip()
-            _end(server, folder)
+            _end(server, folder, os.getpid())
             raise ServerUnreachable(f"{command[0]} did not start: {said or 'it printed nothing'}.")
         time.sleep(0.005)
     client = LocalClient(f"unix:{socket}")
-    client._stop = weakref.finalize(client, _end, server, folder)
+    client._stop = weakref.finalize(client, _end, server, folder, os.getpid())
     return client
 
 
-def _end(server: subprocess.Popen[bytes], folder: Path) -> None:
+def _end(server: subprocess.Popen[bytes], folder: Path, owner: int) -> None:
+    if os.getpid() != owner:  # a fork of the program ends; the server is not its
+        return
     assert server.stdin is not None
     server.stdin.close()
     try:

@@ -68,6 +68,7 @@ class Mesh:
     order: int
     groups: dict[tuple[int, int], str] = field(default_factory=dict)  # names of groups, by dimension and tag
     node_tags: NDArray[np.int64] | None = None  # the numbers of the nodes in their source
+    columns: int = 3  # how many coordinates per node the caller gave
 
     @classmethod
     def from_arrays(
@@ -81,7 +82,8 @@ class Mesh:
         xyz = np.asarray(nodes, dtype=np.float64)
         if xyz.ndim != 2 or xyz.shape[1] not in (2, 3) or len(xyz) == 0:
             raise BadMesh(f"The nodes are an array of shape {xyz.shape}; give (n, 2) or (n, 3).")
-        if xyz.shape[1] == 2:
+        columns = xyz.shape[1]
+        if columns == 2:
             xyz = np.hstack([xyz, np.zeros((len(xyz), 1))])
         if not np.isfinite(xyz).all():
             row = int(np.flatnonzero(~np.isfinite(xyz).all(axis=1))[0])
@@ -89,7 +91,7 @@ class Mesh:
         pairs = cells.items() if isinstance(cells, Mapping) else cells
         blocks = [pair if isinstance(pair, Block) else Block(shape_name(pair[0]), _indices(*pair)) for pair in pairs]
         blocks = [block for block in blocks if len(block.nodes)]
-        return cls(np.ascontiguousarray(xyz), blocks, _check(blocks, len(xyz)), dict(groups or {}))
+        return cls(np.ascontiguousarray(xyz), blocks, _check(blocks, len(xyz)), dict(groups or {}), columns=columns)
 
     @property
     def dimension(self) -> int:

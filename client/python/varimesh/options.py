@@ -2,7 +2,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal, TypedDict
 
 import numpy as np
@@ -74,6 +74,21 @@ def _set_target_field(message: Any, field: object) -> None:
 
 def _as_list(value: Any) -> list[Any]:
     return [value] if isinstance(value, (str, int)) else [item.item() if hasattr(item, "item") else item for item in value]
+
+
+_NUMBERED = ("fix_nodes", "free_nodes")
+
+
+def numbered_from_one(options: Mapping[str, Any]) -> dict[str, Any]:
+    """The options for a mesh in arrays, whose elements and nodes the caller numbers from 0 and the server from 1."""
+    shifted = dict(options)
+    for name in _NUMBERED:
+        if shifted.get(name) is not None:
+            shifted[name] = [number + 1 for number in _as_list(shifted[name])]
+    field = shifted.get("target_field")
+    if isinstance(field, TargetField) and field.numbers is not None:
+        shifted["target_field"] = replace(field, numbers=np.asarray(field.numbers, dtype=np.int64) + 1)
+    return shifted
 
 
 def to_message(options: Mapping[str, Any]) -> optimise_pb2.Options:

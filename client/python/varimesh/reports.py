@@ -8,7 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from . import wire
 from .names import spelled
+from .numbering import OF_FILES, Numbering
 from .v1 import job_pb2, mesh_pb2, optimise_pb2, quality_pb2, service_pb2
 
 HISTORY = np.dtype(
@@ -37,7 +39,18 @@ class Quality:
     invalid_elements: int
     histogram: NDArray[np.int64]
     certified: Certified
-    uncertified: NDArray[np.int64]  # element numbers of the cells that are not certified valid; at most 1000
+    uncertified: NDArray[np.int64]  # numbers of the cells that are not certified valid; at most 1000
+
+
+@dataclass(frozen=True)
+class CellQuality(Quality):
+    """The quality of a mesh and of each of its cells. The arrays have one entry per cell, in the mesh's order."""
+
+    number: NDArray[np.int64]  # of the file, or from 0 for arrays
+    scaled_jacobian: NDArray[np.float64]  # min J / max J; -1 if J is nowhere positive
+    valid: NDArray[np.bool_]  # certified valid: the Jacobian is proved positive in the whole cell
+    invalid: NDArray[np.bool_]  # certified invalid; a cell that is neither is undecided
+    unrepairable: tuple[Unrepairable, ...] = ()  # only if quality() was asked to diagnose
 
 
 @dataclass(frozen=True)
@@ -45,7 +58,7 @@ class Unrepairable:
     """Elements that stay invalid wherever the free nodes go."""
 
     elements: tuple[int, ...]
-    vertex: int  # node number; 0: none
+    vertex: int | None  # node number
     sentence: str
 
 
@@ -56,7 +69,7 @@ class RepairStep:
     kind: str
     elements: tuple[int, ...]
     new_elements: tuple[int, ...]
-    node: int  # the new vertex; 0: none
+    node: int | None  # the new vertex
     sentence: str
 
 
@@ -138,26 +151,45 @@ def format_name(number: int) -> str:
     return spelled(mesh_pb2.MeshFormat.DESCRIPTOR, number)
 
 
-def quality_of(message: quality_pb2.QualityReport) -> Quality:
+def quality_of(message: quality_pb2.QualityReport, numbering: Numbering = OF_FILES) -> Quality:
     certified = message.certified
     return Quality(
         message.min_scaled_jacobian, message.mean_scaled_jacobian, message.min_distortion_jacobian,
         message.invalid_elements, np.array(message.histogram, dtype=np.int64),
         Certified(certified.valid, certified.invalid, certified.undecided, certified.min_scaled_jacobian_lower_bound),
-        np.array([one.number for one in certified.uncertified], dtype=np.int64))  # fmt: skip
+        np.array(numbering.numbers(one.number for one in certified.uncertified), dtype=np.int64))  # fmt: skip
 
 
-def metrics_of(message: optimise_pb2.Metrics) -> Metrics:
+def cell_quality_of(report: Quality, parts: bytes, numbering: Numbering,
+                    unrepairable: tuple[Unrepairable, ...] = ()) -> CellQuality:  # fmt: skip
+    """The report, with the arrays of MESH_FORMAT_CELL_QUALITY."""
+    lists: dict[int, list[NDArray[Any]]] = {1: [], 2: [], 3: []}
+    for message in wire.messages(memoryview(parts)):
+        for _, part in wire.fields(message):
+            assert isinstance(part, memoryview)
+            for key, packed in wire.fields(part):
+                assert isinstance(packed, memoryview)
+                lists[key].append(np.frombuffer(bytes(packed), "<f8") if key == 2 else wire.unpack(bytes(packed)))
+    numbers, scaled, answers = (np.concatenate(lists[key]) if lists[key] else np.zeros(0) for key in (1, 2, 3))
+    numbers = np.array(numbering.numbers(numbers.tolist()), dtype=np.int64)
+    return CellQuality(**{name: getattr(report, name) for name in Quality.__dataclass_fields__}, number=numbers,
+                       scaled_jacobian=scaled, valid=answers == mesh_pb2.CELL_ANSWER_VALID,
+                       invalid=answers == mesh_pb2.CELL_ANSWER_INVALID, unrepairable=unrepairable)  # fmt: skip
+
+
+def metrics_of(message: optimise_pb2.Metrics, numbering: Numbering = OF_FILES) -> Metrics:
     return Metrics(
         message.mesh.elements, message.mesh.nodes, message.mesh.free_nodes,
         spelled(optimise_pb2.Energy.DESCRIPTOR, message.energy), spelled(optimise_pb2.Method.DESCRIPTOR, message.method),
         message.iterations, message.seconds, message.residual, message.converged,
         spelled(optimise_pb2.StopReason.DESCRIPTOR, message.stop_reason),
-        quality_of(message.before), quality_of(message.after),
-        tuple(Unrepairable(tuple(one.elements), one.vertex, one.sentence) for one in message.unrepairable),
-        tuple(RepairStep(spelled(optimise_pb2.RepairStep.Kind.DESCRIPTOR, one.kind), tuple(one.elements),
-                         tuple(one.new_elements), one.node, one.sentence) for one in message.repairs),
-        tuple(message.substitute_targets.elements))  # fmt: skip
+        quality_of(message.before, numbering), quality_of(message.after, numbering),
+        tuple(Unrepairable(numbering.numbers(one.elements), numbering.number_or_none(one.vertex),
+                           numbering.sentence(one.sentence)) for one in message.unrepairable),
+        tuple(RepairStep(spelled(optimise_pb2.RepairStep.Kind.DESCRIPTOR, one.kind), numbering.numbers(one.elements),
+                         numbering.numbers(one.new_elements), numbering.number_or_none(one.node),
+                         numbering.sentence(one.sentence)) for one in message.repairs),
+        numbering.numbers(message.substitute_targets.elements))  # fmt: skip
 
 
 def iteration_of(message: optimise_pb2.Iteration) -> Iteration:
@@ -174,7 +206,7 @@ def history_of(iterations: list[optimise_pb2.Iteration]) -> NDArray[Any]:
     return np.array([tuple(getattr(row, name) for name in names) for row in rows], dtype=HISTORY)
 
 
-def event_of(message: job_pb2.JobEvent) -> Event:
+def event_of(message: job_pb2.JobEvent, numbering: Numbering = OF_FILES) -> Event:
     what: dict[str, Any] = {}
     kind = message.WhichOneof("event")
     if kind == "state_change":
@@ -183,7 +215,7 @@ def event_of(message: job_pb2.JobEvent) -> Event:
         what["iteration"] = iteration_of(message.iteration)
     elif kind == "quality":
         what["stage"] = spelled(job_pb2.QualityEvent.Stage.DESCRIPTOR, message.quality.stage)
-        what["quality"] = quality_of(message.quality.report)
+        what["quality"] = quality_of(message.quality.report, numbering)
     elif kind == "log":
         what["log"] = message.log.text
     time = message.time.ToDatetime(tzinfo=datetime.timezone.utc)

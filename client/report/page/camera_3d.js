@@ -1,5 +1,7 @@
 // State that the 3-D views before and after share: the camera, and the choice of what is shown.
 
+const VIEW_FROM = [0.52, -0.72, 0.46];
+
 class Shared3d {
   constructor(scene, choice) {
     const [x0, y0, z0, x1, y1, z1] = scene.box;
@@ -13,13 +15,34 @@ class Shared3d {
   }
 
   reset() {
-    this.look([0, 0, 0], this.size * 1.5);
+    const {middle, distance} = this.frame();
+    this.look(middle, distance);
+  }
+
+  /** The middle of the box of what the cut leaves, and the distance at which it fills the frame, seen as look() sees it. */
+  frame() {
+    const {axis, at, flip} = this.choice;
+    const low = this.half.map((half) => -half);
+    const high = [...this.half];
+    if (axis >= 0) (flip ? low : high)[axis] = at;
+    const middle = low.map((value, d) => (value + high[d]) / 2);
+    const forth = new THREE.Vector3(...VIEW_FROM).normalize();
+    const right = new THREE.Vector3().crossVectors(this.camera.up, forth).normalize();
+    const up = new THREE.Vector3().crossVectors(forth, right);
+    const tangent = Math.tan((this.camera.fov * Math.PI) / 360);
+    let distance = 0;
+    for (let corner = 0; corner < 8; ++corner) {
+      const place = new THREE.Vector3(...middle.map((value, d) => (corner & (1 << d) ? high[d] - value : low[d] - value)));
+      const across = Math.max(Math.abs(place.dot(up)) / tangent, Math.abs(place.dot(right)) / (tangent * this.camera.aspect));
+      distance = Math.max(distance, across + place.dot(forth));
+    }
+    return {middle, distance: 1.04 * distance};
   }
 
   /** Looks from a distance at a place, which is relative to the centre of the scene. */
   look(place, distance) {
     this.target = new THREE.Vector3(...place);
-    this.camera.position.set(0.52, -0.72, 0.46).normalize().multiplyScalar(distance).add(this.target);
+    this.camera.position.set(...VIEW_FROM).normalize().multiplyScalar(distance).add(this.target);
     this.camera.lookAt(this.target);
     this.follow();
   }
@@ -53,6 +76,24 @@ class Shared3d {
   zoom(factor) {
     this.camera.position.sub(this.target).multiplyScalar(factor).add(this.target);
     this.follow();
+  }
+
+  /** Views have one shape. Until somebody turns or zooms, the mesh fills them. */
+  resize(aspect) {
+    const fills = Math.abs(this.camera.position.distanceTo(this.target) - this.frame().distance) < 1e-6 * this.size;
+    this.camera.aspect = aspect;
+    this.camera.updateProjectionMatrix();
+    if (fills) this.reset();
+  }
+
+  /** Shows only the element with this number, from near; null shows all. */
+  isolate(number) {
+    this.select({only: number});
+    const extent = number === null ? null : this.views[0].extent();
+    this.onIsolate?.(number, number === null || extent !== null);
+    if (number === null) this.reset();
+    else if (extent) this.look(extent.place, 4 * extent.radius);
+    else this.select({only: null});
   }
 
   select(change) {

@@ -9,6 +9,8 @@ class Overlay {
     this.tip = make('div', {class: 'tip', hidden: true});
     view.append(this.svg, this.tip);
     this.marks = [];
+    this.axes = ['x', 'y', 'z'].map((name) => draw('g', {visibility: 'hidden'}, draw('line', {class: 'ring'}), draw('text', {}, name)));
+    this.svg.append(...this.axes);
     for (const {place} of crosses) this.add(place, [crossMark()]);
     rings.slice(0, RINGS).forEach(({place}, i) => this.add(place, [
       draw('circle', {class: 'halo', r: 9}), draw('circle', {class: 'ring', r: 9}), draw('text', {x: 12, y: -6}, String(i + 1)),
@@ -28,6 +30,17 @@ class Overlay {
       if (at) set(node, {transform: `translate(${at[0].toFixed(1)} ${at[1].toFixed(1)})`, visibility: 'visible'});
       else set(node, {visibility: 'hidden'});
     }
+  }
+
+  /** Draws the axes in the corner at the bottom left. directions: [x, y] on the screen for each axis, at most 1 long. */
+  showAxes(directions) {
+    const [size, left, bottom] = [26, 40, this.svg.clientHeight - 40];
+    directions.forEach(([x, y], axis) => {
+      const [line, text] = this.axes[axis].children;
+      set(line, {x1: left, y1: bottom, x2: left + size * x, y2: bottom + size * y});
+      set(text, {x: left + 1.35 * size * x - 3, y: bottom + 1.35 * size * y + 4});
+      set(this.axes[axis], {visibility: 'visible'});
+    });
   }
 
   /** Shows text beside the pointer, or hides it if the text is empty. */

@@ -84,7 +84,27 @@ function controls3d(scene, shared) {
       labelled('Cut', choice(['none', 'across x', 'across y', 'across z'], axis + 1, (i) => { shared.select({axis: i - 1}); move(side); })),
       slider({min: 0, max: 1, step: 0.01, value: 0.5}, (to) => `${Math.round(100 * to)} %`, move), flip,
       labelled('Elements below', slider({min: 0, max: up, step: up / 100, value: threshold}, (js) => js.toFixed(2),
-          (js) => shared.select({threshold: js}))));
+          (js) => shared.select({threshold: js}))),
+      labelled('Only element', onlyElement(shared)), button('All elements', () => shared.isolate(null)));
+}
+
+/** A field for the number of the one element that is shown. */
+function onlyElement(shared) {
+  const input = make('input', {type: 'number', min: 0, step: 1, placeholder: 'number', class: 'element-number'});
+  input.addEventListener('change', () => shared.isolate(input.value === '' ? null : Number(input.value)));
+  shared.onIsolate = (number, found) => {
+    input.value = number ?? '';
+    input.setCustomValidity(found ? '' : 'The page has no element with this number.');
+    input.reportValidity();
+  };
+  return input;
+}
+
+/** Saves the picture of each view as a file. */
+function savePictures(shared) {
+  for (const view of shared.views) {
+    make('a', {href: view.picture(), download: `${document.title.split(' – ')[0]}-${view.snapshot}.png`}).click();
+  }
 }
 
 /** Adds the 3-D views, or a sentence if they cannot be drawn. Returns go(place, size) as pictures2d() does, or null. */
@@ -95,9 +115,7 @@ function pictures3d(section, scene, arrays, table, crosses) {
   }
   const {boxes, columns} = viewBoxes(scene.snapshots);
   const whole = scene.whole === scene.cells;
-  const shared = new Shared3d(scene, {axis: whole ? 1 : -1, at: 0, flip: false,
-    threshold: Math.min(whole ? 0 : 0.5, Math.max(0.01, scene.whole_up_to)), skin: whole ? 'solid' : 'through'});
-  shared.choice.flip = whole;
+  const shared = new Shared3d(scene, {axis: 1, at: 0, flip: true, threshold: 0, skin: 'solid', only: null});
   const go = (place, size) => {
     shared.look(place.map((value, d) => value - scene.centre[d]), 6 * size);
   };
@@ -106,14 +124,16 @@ function pictures3d(section, scene, arrays, table, crosses) {
   section.append(legend(crosses.length > 0), columns, bar, make('div', {class: 'controls'},
       button('Whole mesh', () => shared.reset()), button('Worst element', () => go(last.place, last.size)),
       button('Zoom in', () => shared.zoom(0.7)), button('Zoom out', () => shared.zoom(1 / 0.7)),
-      make('span', {class: 'quiet small'}, 'Drag to turn. After a click on a view, the wheel and the keys + and − zoom, and the arrow keys turn.')));
+      button('Save as PNG', () => savePictures(shared)),
+      make('span', {class: 'quiet small'}, 'Drag to turn. A double click shows only the element under it, or all again. After a click on a view, the wheel and the keys + and − zoom, and the arrow keys turn.')));
   if (!whole) {
-    section.append(make('p', {class: 'quiet small'}, `The mesh has ${grouped(scene.cells)} elements. The page shows the faces on the ` +
-        `boundary, and all faces of the ${grouped(scene.whole)} elements with the smallest scaled Jacobians.`));
+    section.append(make('p', {class: 'quiet small'}, `The mesh has ${grouped(scene.cells)} elements. Those on the boundary, and the ` +
+        `${grouped(scene.whole)} with the smallest scaled Jacobians, are drawn curved, the others that a cut goes through with straight edges.`));
   }
   const sets = scene.sets.map((description) => new FaceSet(description, arrays));
+  const all = scene.corners ? new AllCells(arrays) : null;
   for (const snapshot of scene.snapshots) {
-    shared.views.push(new View3d(boxes[snapshot], scene, arrays, sets, table, snapshot, shared, crosses));
+    shared.views.push(new View3d(boxes[snapshot], scene, arrays, sets, table, snapshot, shared, crosses, all));
   }
   shared.follow();
   return go;

@@ -53,10 +53,10 @@ class DrawnFaces {
 
 /** The view of one snapshot in the element `host`. Views share the camera and the choice of what is shown. */
 class View3d {
-  constructor(host, scene, arrays, sets, table, snapshot, shared, crosses) {
-    Object.assign(this, {host, table, snapshot, shared, centre: scene.centre, middles: arrays.middles});
+  constructor(host, scene, arrays, sets, table, snapshot, shared, crosses, all) {
+    Object.assign(this, {host, table, snapshot, shared, all, centre: scene.centre, middles: arrays.middles});
     this.whole = scene.whole === scene.cells;
-    this.renderer = new THREE.WebGLRenderer({antialias: true, alpha: true});
+    this.renderer = new THREE.WebGLRenderer({antialias: true, alpha: true, preserveDrawingBuffer: true});
     this.renderer.domElement.setAttribute('role', 'img');
     this.renderer.domElement.setAttribute('aria-label', `the mesh ${snapshot}, coloured by scaled Jacobian`);
     host.append(this.renderer.domElement);
@@ -65,6 +65,7 @@ class View3d {
     this.lamp = new THREE.DirectionalLight(0xffffff, 1.3);
     this.world.add(this.lamp);
     this.drawn = sets.map((faces) => new DrawnFaces(this.world, faces, table, snapshot));
+    this.drawnCells = all && new DrawnCells(this.world, all, snapshot);
     this.overlay = new Overlay(host, scene.worst[snapshot], crosses);
     this.controls = new THREE.OrbitControls(shared.camera, host);
     this.controls.enableZoom = false;
@@ -74,17 +75,22 @@ class View3d {
     host.addEventListener('pointerdown', () => host.focus({preventScroll: true}));
     this.controls.addEventListener('change', () => shared.turned(this));
     host.addEventListener('pointermove', (event) => this.point(event));
+    host.addEventListener('dblclick', (event) => this.isolate(event));
     host.addEventListener('pointerleave', () => this.overlay.showText(''));
     host.addEventListener('keydown', (event) => this.press(event));
     new ResizeObserver(() => this.resize()).observe(host);
-    darkTheme.addEventListener('change', () => { for (const one of this.drawn) one.colour(); this.paint(); });
+    darkTheme.addEventListener('change', () => { for (const one of this.drawn) one.colour(); this.drawnCells?.colour(); this.paint(); });
     this.select();
     this.resize();
   }
 
-  /** Shows what has been chosen. A cut removes the cells whose middle is beyond it. */
+  /**
+   * Shows what has been chosen. A cut removes the cells whose middle is beyond it. If the page has only the corners of most
+   * cells, those that the cut goes through are drawn with straight edges.
+   */
   select() {
-    const {axis, at, flip, threshold, skin} = this.shared.choice;
+    const {axis, at, flip, threshold, skin, only} = this.shared.choice;
+    if (only !== null) return this.selectOnly(only);
     const beyond = (cell) => axis >= 0 && (this.middles[3 * cell + axis] > at) !== flip;
     const poor = (cell) => this.table.js[this.snapshot][cell] < threshold;
     const cut = axis >= 0 && this.whole && skin === 'solid';
@@ -92,7 +98,38 @@ class View3d {
       if (one.faces.set === 'skin') one.show((cell) => skin !== 'none' && !beyond(cell), skin === 'through');
       else one.show((cell) => poor(cell) || (cut && !beyond(cell)), false);
     }
+    this.drawnCells?.show(axis >= 0 && skin !== 'none' ? this.all.cutBy(this.snapshot, axis, at) : []);
     this.paint();
+  }
+
+  /** Shows one element: curved if the page has its faces, otherwise with straight edges. */
+  selectOnly(number) {
+    const cell = this.table.numbers.indexOf(number);
+    let faces = 0;
+    for (const one of this.drawn) {
+      one.show((candidate) => one.faces.set === 'inner' && candidate === cell, false);
+      faces += one.surface.index.count;
+    }
+    const other = faces === 0 && this.all ? this.all.cellOfNumber(number) : -1;
+    this.drawnCells?.show(other < 0 ? [] : [other]);
+    this.paint();
+  }
+
+  /** The middle of what is shown, and half its size: {place, radius}; null if nothing is shown. */
+  extent() {
+    const low = [Infinity, Infinity, Infinity];
+    const high = [-Infinity, -Infinity, -Infinity];
+    for (const {mesh, surface} of [...this.drawn, this.drawnCells].filter(Boolean)) {
+      if (!mesh.visible) continue;
+      const places = surface.getAttribute('position').array;
+      const count = surface.index ? surface.index.count : places.length / 3;
+      for (let i = 0; i < count; ++i) {
+        const at = 3 * (surface.index ? surface.index.array[i] : i);
+        for (let d = 0; d < 3; ++d) [low[d], high[d]] = [Math.min(low[d], places[at + d]), Math.max(high[d], places[at + d])];
+      }
+    }
+    if (low[0] > high[0]) return null;
+    return {place: low.map((value, d) => (value + high[d]) / 2), radius: Math.hypot(...low.map((value, d) => high[d] - value)) / 2};
   }
 
   resize() {
@@ -100,8 +137,7 @@ class View3d {
     if (!width) return;
     this.renderer.setPixelRatio(Math.min(2, window.devicePixelRatio || 1));
     this.renderer.setSize(width, height);
-    this.shared.camera.aspect = width / height;
-    this.shared.camera.updateProjectionMatrix();
+    this.shared.resize(width / height);
     this.paint();
   }
 
@@ -116,6 +152,11 @@ class View3d {
     this.lamp.position.copy(camera.position);
     this.renderer.render(this.world, camera);
     const [width, height] = [this.host.clientWidth, this.host.clientHeight];
+    const turned = camera.quaternion.clone().invert();
+    this.overlay.showAxes([[1, 0, 0], [0, 1, 0], [0, 0, 1]].map((axis) => {
+      const {x, y} = new THREE.Vector3(...axis).applyQuaternion(turned);
+      return [x, -y];
+    }));
     this.overlay.follow((place) => {
       const at = new THREE.Vector3(...place.map((value, d) => value - this.centre[d])).project(camera);
       return at.z < 1 ? [((at.x + 1) / 2) * width, ((1 - at.y) / 2) * height] : null;
@@ -129,16 +170,39 @@ class View3d {
     this.pointing = true;
     requestAnimationFrame(() => {
       this.pointing = false;
-      const box = this.host.getBoundingClientRect();
-      const [x, y] = [event.clientX - box.left, event.clientY - box.top];
-      const ray = new THREE.Raycaster();
-      ray.setFromCamera(new THREE.Vector2((x / box.width) * 2 - 1, 1 - (y / box.height) * 2), this.shared.camera);
-      const solid = this.drawn.filter((one) => one.mesh.visible && !one.solid.transparent);
-      const hit = ray.intersectObjects(solid.map((one) => one.mesh))[0];
-      if (!hit) return this.overlay.showText('');
-      const {faces} = solid.find((one) => one.mesh === hit.object);
-      this.overlay.showText(this.table.describe(this.snapshot, faces.cellOf(hit.face.a)), x, y);
+      const {x, y, text} = this.under(event);
+      this.overlay.showText(text, x, y);
     });
+  }
+
+  /** The element under the pointer: its number and a line about it. Without one, the text is empty. */
+  under(event) {
+    const box = this.host.getBoundingClientRect();
+    const [x, y] = [event.clientX - box.left, event.clientY - box.top];
+    const ray = new THREE.Raycaster();
+    ray.setFromCamera(new THREE.Vector2((x / box.width) * 2 - 1, 1 - (y / box.height) * 2), this.shared.camera);
+    const solid = [...this.drawn, this.drawnCells].filter((one) => one?.mesh.visible && !one.solid.transparent);
+    const hit = ray.intersectObjects(solid.map((one) => one.mesh))[0];
+    if (!hit) return {x, y, text: '', number: null};
+    if (hit.object === this.drawnCells?.mesh) {
+      const cell = this.drawnCells.cellOf(hit.faceIndex);
+      return {x, y, text: this.all.describe(this.snapshot, cell), number: this.all.numbers[cell]};
+    }
+    const {faces} = solid.find((one) => one.mesh === hit.object);
+    const cell = faces.cellOf(hit.face.a);
+    return {x, y, text: this.table.describe(this.snapshot, cell), number: this.table.numbers[cell]};
+  }
+
+  /** Shows only the element under the pointer, or all again. */
+  isolate(event) {
+    const {number} = this.under(event);
+    this.shared.isolate(this.shared.choice.only === null ? number : null);
+  }
+
+  /** The picture as a PNG file, without the marks. */
+  picture() {
+    this.render();
+    return this.renderer.domElement.toDataURL('image/png');
   }
 
   press(event) {

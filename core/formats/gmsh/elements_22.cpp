@@ -62,17 +62,19 @@ void ElementReader::set_type(int type) {
   nodes_.resize(node_count_);
 }
 
-// The tags are: physical group, entity, number of partitions, partitions. Old files may have fewer.
+// The tags are: physical group, entity, number of partitions, partitions. Old files may have fewer, and in versions 2.0
+// and 2.1 the third tag is the partition.
 void ElementReader::read_tags(int count) {
   physical_ = count > 0 ? scan_.integer("an element's physical group") : 0;
   entity_ = count > 1 ? scan_.integer("an element's entity") : 0;
   if (count <= 2 && partitions_.empty()) return;
   partitions_.clear();
   if (count <= 2) return;
-  const int said = scan_.integer("an element's number of partitions");
-  for (int k = 3; k < count; ++k) {
+  const int said = reading_.version < 22 ? 1 : scan_.integer("an element's number of partitions");
+  const int first = reading_.version < 22 ? 2 : 3;
+  for (int k = first; k < count; ++k) {
     const int partition = scan_.integer("an element's partition");
-    if (k - 3 < said) partitions_.push_back(partition);
+    if (k - first < said) partitions_.push_back(partition);
   }
 }
 

@@ -1,8 +1,11 @@
 // Reads Gmsh's MSH files: the sequence of sections, and the sections that are the same in both versions.
-// Format: Gmsh reference manual, "MSH file format" (4.1) and "MSH file format version 2" (2.2).
+// Format: Gmsh reference manual, "MSH file format" (4.1) and "MSH file format version 2" (2.2). The manuals of Gmsh 4.0
+// and of Gmsh 2.0 to 2.4 describe the older versions.
 #include "core/formats/gmsh/read.h"
 
 #include <algorithm>
+#include <cmath>
+#include <set>
 
 #include "core/formats/format_table.h"
 
@@ -62,7 +65,9 @@ void read_mesh_format(GmshReading& reading) {
   const double version = scan.text_number("the version of the format");
   const std::int64_t binary = scan.text_integer("the file type (0 or 1)");
   const std::int64_t size = scan.text_integer("the data size");
-  if (version != 2.2 && version != 4.1) {
+  constexpr std::array kVersions{20, 21, 22, 40, 41};
+  reading.version = std::abs(version) < 100 ? int(std::lround(10 * version)) : 0;
+  if (10 * version != reading.version || std::ranges::find(kVersions, reading.version) == kVersions.end()) {
     std::string text = std::to_string(version);
     text.resize(text.find('.') + 2);
     scan.fail("MSH version " + text + " is not supported; write 2.2 or 4.1: " + kHowTo);
@@ -77,7 +82,7 @@ void read_mesh_format(GmshReading& reading) {
       scan.fail(std::string("the file was written on a machine with another byte order; write it as ASCII; ") + kHowTo);
     if (one != 1) scan.fail("the number that shows the byte order is not 1");
   }
-  if (version == 2.2)
+  if (reading.version <= 22)
     reading.format = binary ? Format::Msh22Binary : Format::Msh22;
   else
     reading.format = binary ? Format::Msh41Binary : Format::Msh41;
@@ -89,8 +94,11 @@ void read_physical_names(GmshReading& reading) {
   const std::int64_t n = scan.count("the number of physical names", 4, true);
   for (std::int64_t i = 0; i < n; ++i) {
     PhysicalGroup group;
-    group.dimension = int(scan.text_integer("a physical group's dimension"));
-    group.tag = int(scan.text_integer("a physical group's tag"));
+    const int first_number = int(scan.text_integer("a physical group's dimension"));
+    scan.skip_space();
+    const bool has_dimension = reading.version > 20 || scan.peek() != '"';
+    group.dimension = has_dimension ? first_number : -1;
+    group.tag = has_dimension ? int(scan.text_integer("a physical group's tag")) : first_number;
     const std::string_view rest = scan.line();
     const std::size_t first = rest.find('"'), last = rest.rfind('"');
     if (first == std::string_view::npos || first == last)
@@ -98,6 +106,23 @@ void read_physical_names(GmshReading& reading) {
     group.name = rest.substr(first + 1, last - first - 1);
     reading.mesh.physical_groups.push_back(std::move(group));
   }
+}
+
+// The groups of version 2.0 have no dimension. They get those of the elements that are in them.
+void give_dimensions(HighOrderMesh& mesh) {
+  std::vector<PhysicalGroup> groups;
+  for (const PhysicalGroup& group : mesh.physical_groups) {
+    if (group.dimension >= 0) {
+      groups.push_back(group);
+      continue;
+    }
+    std::set<int> dimensions;
+    for (const ElementBlock& block : mesh.blocks)
+      if (std::ranges::find(block.physical, group.tag) != block.physical.end())
+        dimensions.insert(reference::info(block.shape).dimension);
+    for (int dimension : dimensions) groups.push_back({dimension, group.tag, group.name});
+  }
+  mesh.physical_groups = std::move(groups);
 }
 
 // Keeps a section that VariMesh does not use.
@@ -130,21 +155,25 @@ void read_section(GmshReading& reading, const std::string& name) {
     read_physical_names(reading);
   } else if (name == "Nodes" || (name == "ParametricNodes" && v22)) {
     once(reading.has_nodes);
-    v22 ? read_nodes_22(reading) : read_nodes_41(reading);
+    v22 ? read_nodes_22(reading) : reading.version == 40 ? read_nodes_40(reading) : read_nodes_41(reading);
   } else if (name == "Elements") {
     after_nodes();
     once(reading.has_elements);
-    v22 ? read_elements_22(reading) : read_elements_41(reading);
+    v22 ? read_elements_22(reading) : reading.version == 40 ? read_elements_40(reading) : read_elements_41(reading);
   } else if (name == "Periodic") {
     after_nodes();
-    v22 ? read_periodic_22(reading) : read_periodic_41(reading);
+    if (reading.version == 40 && reading.scanner.binary)
+      reading.scanner.fail(std::string("periodic links are not read from binary files of version 4.0; ") + kHowTo);
+    reading.version <= 40 ? read_periodic_22(reading) : read_periodic_41(reading);
   } else if (name == "Entities" && !v22) {
     if (reading.has_nodes) reading.scanner.fail("the section comes after $Nodes");
     read_entities_41(reading);
   } else {
+    if (name == "PartitionedEntities" && reading.version == 40)
+      reading.scanner.fail(std::string("partitions are not read from files of version 4.0; ") + kHowTo);
     if (name == "PartitionedEntities" && !v22) {
       // The section is kept unchanged, but also read, because it says in which groups the parts are.
-      GmshReading copy{reading.team, reading.scanner, {}, reading.format, {}, {}, false, false};
+      GmshReading copy{reading.team, reading.scanner, {}, reading.format, reading.version, {}, {}, false, false};
       read_partitioned_entities_41(copy);
       reading.entity_groups.merge(copy.entity_groups);
     }
@@ -169,7 +198,7 @@ bool begins_like_gmsh(std::string_view bytes) {
 }
 
 Expected<MeshFile> read_gmsh(std::string_view bytes, const Team& team) {
-  GmshReading reading{team, Scanner(bytes), {}, Format::Auto, {}, {}, false, false};
+  GmshReading reading{team, Scanner(bytes), {}, Format::Auto, 0, {}, {}, false, false};
   Scanner& scan = reading.scanner;
   for (scan.skip_space(); !scan.at_end(); scan.skip_space()) {
     scan.section.clear();
@@ -180,6 +209,8 @@ Expected<MeshFile> read_gmsh(std::string_view bytes, const Team& team) {
       if (reading.format != Format::Auto) scan.fail(kSecondSection);
       read_mesh_format(reading);
       expect_end(scan, name);
+    } else if (reading.format == Format::Auto && name == "NOD") {
+      scan.fail(std::string("MSH version 1 is not supported; write 2.2 or 4.1: ") + kHowTo);
     } else if (reading.format == Format::Auto && name != "Comments") {
       scan.fail("$MeshFormat must come first");
     } else {
@@ -192,6 +223,7 @@ Expected<MeshFile> read_gmsh(std::string_view bytes, const Team& team) {
   if (!reading.has_elements) scan.fail_truncated("$Elements");
   for (ForeignSection& foreign : reading.mesh.foreign) foreign.format = format_name(reading.format);
   set_dimension_and_order(reading.mesh);
+  give_dimensions(reading.mesh);
   return MeshFile{std::move(reading.mesh), reading.format};
 }
 

@@ -1,4 +1,4 @@
-// Reads Gmsh's MSH files, and what the readers of versions 2.2 and 4.1 share. Internal to core/formats.
+// Reads Gmsh's MSH files, and what the readers of its versions share. Internal to core/formats.
 #pragma once
 
 #include <cstdint>
@@ -45,7 +45,8 @@ struct GmshReading {
   const Team& team;
   Scanner scanner;
   HighOrderMesh mesh;
-  Format format = Format::Auto;
+  Format format = Format::Auto;  ///< Files of versions 2.0 and 2.1 count as 2.2, and those of 4.0 as 4.1.
+  int version = 0;               ///< Ten times the version: 20, 21, 22, 40 or 41.
   NodeIndex index;
   EntityGroups entity_groups;
   bool has_nodes = false;
@@ -80,10 +81,14 @@ void read_nodes_41(GmshReading& reading);
 void read_elements_41(GmshReading& reading);
 void read_periodic_41(GmshReading& reading);
 
+/// Version 4.0 has other headers of blocks, numbers of type int, and nodes with their numbers.
+void read_nodes_40(GmshReading& reading);
+void read_elements_40(GmshReading& reading);
+
 /// Whether the bytes begin like an MSH file: with a dollar sign.
 bool begins_like_gmsh(std::string_view bytes);
 
-/// Reads a whole MSH file of version 2.2 or 4.1, ASCII or binary. Throws ReadFailure.
+/// Reads a whole MSH file of version 2.0, 2.1, 2.2, 4.0 or 4.1, ASCII or binary. Throws ReadFailure.
 Expected<MeshFile> read_gmsh(std::string_view bytes, const Team& team);
 
 }  // namespace varimesh::formats

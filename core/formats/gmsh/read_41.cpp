@@ -13,8 +13,9 @@ std::vector<int> read_tags(Scanner& scan, const char* how_many, const char* what
   return tags;
 }
 
-void read_box(Scanner& scan, Entity& entity) {
-  const int n = entity.dimension == 0 ? 3 : 6;
+// A point has one position; in version 4.0 it has a box like the others.
+void read_box(Scanner& scan, Entity& entity, int version) {
+  const int n = entity.dimension == 0 && version > 40 ? 3 : 6;
   for (int k = 0; k < n; ++k) entity.box[std::size_t(k)] = scan.number("an entity's extent");
   if (n == 3)
     for (std::size_t k = 0; k < 3; ++k) entity.box[k + 3] = entity.box[k];
@@ -118,7 +119,7 @@ void read_entities_41(GmshReading& reading) {
       Entity entity;
       entity.dimension = d;
       entity.tag = scan.integer("an entity's tag");
-      read_box(scan, entity);
+      read_box(scan, entity, reading.version);
       read_groups_and_boundary(scan, entity);
       if (!entity.physical.empty()) reading.entity_groups[{d, entity.tag}] = entity.physical;
       reading.mesh.entities.push_back(std::move(entity));
@@ -140,7 +141,7 @@ void read_partitioned_entities_41(GmshReading& reading) {
       scan.integer("a partitioned entity's parent dimension");
       scan.integer("a partitioned entity's parent");
       read_tags(scan, "a partitioned entity's number of partitions", "a partition");
-      read_box(scan, entity);
+      read_box(scan, entity, reading.version);
       read_groups_and_boundary(scan, entity);
       if (!entity.physical.empty()) reading.entity_groups[{d, entity.tag}] = entity.physical;
     }

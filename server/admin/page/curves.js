@@ -8,9 +8,15 @@ const JOB_CURVES = [
 
 const MOST_ROWS = 10000;
 
-/** Returns the labels of a job as elements. */
+/** The name of a job for people: that of its file, and the job's own below it. */
+function nameOf(job) {
+  const {file} = job.labels;
+  return file ? make('span', {}, make('span', {class: 'file'}, file), make('br'), make('span', {class: 'quiet small'}, job.job)) : job.job;
+}
+
+/** Returns the labels of a job as elements, without the name of its file. */
 function labelsOf(job) {
-  return Object.entries(job.labels).map(([key, value]) => make('span', {class: 'label'}, value ? `${key}=${value}` : key));
+  return Object.entries(job.labels).filter(([key]) => key !== 'file').map(([key, value]) => make('span', {class: 'label'}, value ? `${key}=${value}` : key));
 }
 
 class JobCard {
@@ -21,7 +27,7 @@ class JobCard {
     this.line = make('p', {class: 'small'});
     this.charts = make('div', {class: 'columns'});
     this.node = make('div', {class: 'job', 'data-job': job.job},
-        make('h3', {}, job.job), make('div', {}, ...labelsOf(job)), this.line, this.charts);
+        make('h3', {}, nameOf(job)), make('div', {}, ...labelsOf(job)), this.line, this.charts);
   }
 
   /** Shows what the list of jobs says about the job. */

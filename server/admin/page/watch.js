@@ -33,7 +33,7 @@ async function showRunning(jobs, now) {
 }
 
 function showWaiting(jobs, now) {
-  const rows = jobs.map((job, i) => [{text: grouped(i + 1), class: 'number'}, {text: job.job, class: 'when'}, make('span', {}, ...labelsOf(job)),
+  const rows = jobs.map((job, i) => [{text: grouped(i + 1), class: 'number'}, nameOf(job), make('span', {}, ...labelsOf(job)),
     numberCell(job.priority), ago(job.submitted, now)]);
   const head = [{text: 'Position', class: 'number'}, 'Job', 'Labels', {text: 'Priority', class: 'number'}, 'Submitted'];
   byId('waiting').replaceChildren(rows.length ? table('Waiting jobs, in the order in which they will run', head, rows) :
@@ -48,7 +48,7 @@ function outcome(job) {
 }
 
 function showEnded(jobs, now) {
-  const rows = jobs.map((job) => [job.job, make('span', {}, ...labelsOf(job)),
+  const rows = jobs.map((job) => [nameOf(job), make('span', {}, ...labelsOf(job)),
     {text: job.state, class: job.state === 'failed' ? 'when failed' : 'when'}, ago(job.ended, now),
     {text: job.began ? duration((job.ended - job.began) / 1000) : '–', class: 'number'}, numberCell(job.iterations ?? null),
     {text: job.min_scaled_jacobian ? job.min_scaled_jacobian.map(jacobian).join(' → ') : '–', class: 'number'}, outcome(job)]);

@@ -1,5 +1,6 @@
 """The commands for the jobs of a server: submit, watch, result, jobs, cancel, delete and info."""
 import json
+import os
 import subprocess
 import unittest
 
@@ -23,6 +24,49 @@ class Jobs(WithServer):
         jobs = json.loads(self.remote("jobs", "--label", "for=test", "--json").stdout)["jobs"]
         self.assertEqual([entry["job"] for entry in jobs], [job])
         self.assertEqual(jobs[0]["state"], "succeeded")
+
+    def test_jobs_have_names_times_and_files(self):
+        job = self.remote("submit", MESH, "--label", "for=list").stdout.strip()
+        self.remote("watch", job, "--quiet")
+        (entry,) = json.loads(self.remote("jobs", "--label", "for=list", "--json").stdout)["jobs"]
+        self.assertEqual((entry["file"], entry["labels"]), (MESH.name, {"file": MESH.name, "for": "list"}))
+        for time in ("submitted", "began", "ended"):
+            self.assertRegex(entry[time], r"^\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d")
+        head, row = self.remote("jobs", "--label", "for=list").stdout.splitlines()
+        self.assertEqual(head.split(), ["JOB", "STATE", "SUBMITTED", "RAN", "ITERATIONS", "FILE", "AND", "LABELS"])
+        self.assertRegex(row, rf"^{job} +succeeded +\d{{4}}-\d\d-\d\d \d\d:\d\d:\d\d +\d+\.\d s +\d+  {MESH.name}  for=list$")
+        named = self.remote("submit", MESH, "--label", "file=another")
+        self.assertEqual(named.returncode, 0, named.stderr)
+        self.assertIn("no such jobs", self.remote("jobs", "--label", "for=nothing").stderr)
+
+    def test_an_address_may_look_like_a_browser_s(self):
+        address = self.server.address
+        self.assertEqual(run("jobs", "--server", f"http://{address}/").returncode, 0)
+        refused = run("jobs", "--server", f"https://{address}")
+        self.assertEqual(refused.returncode, 2)
+        self.assertIn("asks for TLS", refused.stderr)
+
+    def test_the_address_has_a_default_in_the_environment(self):
+        os.environ["VARIMESH_SERVER"] = self.server.address
+        try:
+            self.assertEqual(run("jobs").returncode, 0)
+            out = self.folder / "out.msh"
+            self.assertEqual(run("optimize", MESH, "-o", out, "--request-id", "by-environment").returncode, 0)
+            self.assertIn("by-environment", run("jobs", "--json").stdout)
+            # Without an address, the command does the work itself.
+            self.assertEqual(run("optimise", MESH, "-o", out, "--server", "", "--request-id", "here").returncode, 0)
+            self.assertNotIn('"here"', run("jobs", "--json").stdout)
+        finally:
+            del os.environ["VARIMESH_SERVER"]
+        self.assertEqual(run("jobs").returncode, 2)
+
+    def test_a_straight_mesh_of_higher_order_is_said_to_be_straight(self):
+        straight, out = self.folder / "straight.msh", self.folder / "out.msh"
+        self.assertEqual(run("optimise", MESH, "-o", straight, "--order", "1").returncode, 0)
+        raised = run("optimise", straight, "-o", out, "--order", "3")
+        self.assertIn("its boundary is still straight", raised.stderr)
+        self.assertIn("--boundary or --displacements", raised.stderr)
+        self.assertNotIn("still straight", run("optimise", MESH, "-o", out, "--order", "5").stderr)
 
     def test_a_job_that_runs_is_not_deleted(self):
         job = self.remote("submit", LARGER, *ENDLESS).stdout.strip()

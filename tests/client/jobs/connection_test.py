@@ -33,7 +33,7 @@ class Connection(WithFolder):
         server = Server(*flags)
         optimising = start("optimise", *work, "-o", out, "--server", server.address)
         wait_for_line(optimising, "residual")
-        job = run("jobs", "--server", server.address).stdout.split()[0]
+        job = run("jobs", "--server", server.address).stdout.splitlines()[1].split()[0]  # below the header
         watching = start("watch", job, "--server", server.address)
         wait_for_line(watching, "residual")
         time.sleep(0.5)

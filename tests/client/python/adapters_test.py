@@ -38,7 +38,43 @@ class Form(support.WithServer):
             self.client.optimise(42)
 
 
+    def test_a_grid_of_vtk_cells_is_taken_as_a_mesh(self):
+        points = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 1, 1]], dtype=float)
+        grid = types.SimpleNamespace(points=points, celltypes=np.array([10, 10]), offset=np.array([0, 4, 8]),
+                                     cell_connectivity=np.array([0, 1, 2, 3, 1, 4, 2, 3]),
+                                     cell_data={"gmsh:physical": np.array([3, 4])})
+        mesh = varimesh.from_pyvista(grid)
+        self.assertEqual([(block.shape, block.physical, block.nodes.tolist()) for block in mesh.blocks],
+                         [("tetrahedron", (3,), [[0, 1, 2, 3]]), ("tetrahedron", (4,), [[1, 4, 2, 3]])])
+        self.assertEqual(self.client.quality(grid).number.tolist(), [0, 1])
+        grid.celltypes = np.array([71, 71])
+        with self.assertRaisesRegex(varimesh.BadMesh, "VTK type 71 with 4 nodes"):
+            varimesh.from_pyvista(grid)
+
+
+class Pyvista(support.WithServer):
+    def test_goes_in_and_out(self):
+        import pyvista
+
+        result = self.client.optimise(CASES / "cylinder_p2.msh", max_iterations=2)
+        grid = result.to_pyvista()
+        self.assertIsInstance(grid, pyvista.UnstructuredGrid)
+        self.assertIn("scaled_jacobian", grid.cell_data)
+        again = varimesh.from_pyvista(grid)
+        np.testing.assert_allclose(again.nodes, result.nodes, rtol=0, atol=1e-12)
+        self.assertEqual(self.client.quality(grid).certified, result.after.certified)
+
+
 class Meshio(support.WithServer):
+    def test_goes_out_and_in_again(self):
+        for case in ("nine_triangles.msh", "cylinder_p2.msh", "sphere_p3.msh"):
+            result = self.client.optimise(CASES / case, max_iterations=1)
+            again = varimesh.from_meshio(result.to_meshio())
+            np.testing.assert_array_equal(again.nodes, result.mesh.nodes)
+            self.assertEqual(again.groups, result.mesh.groups)
+            self.assertEqual([(block.shape, block.nodes.tolist()) for block in again.blocks],
+                             [(block.shape, block.nodes.tolist()) for block in result.mesh.blocks], case)
+
     def test_gives_the_same_result_as_the_file(self):
         import meshio
 
@@ -80,4 +116,4 @@ class Gmsh(support.WithServer):
 
 
 if __name__ == "__main__":
-    support.main(Meshio={"python3-meshio": "meshio"}, Gmsh={"python3-gmsh": "gmsh"})
+    support.main(Meshio={"python3-meshio": "meshio"}, Pyvista={"pyvista (from PyPI)": "pyvista"}, Gmsh={"python3-gmsh": "gmsh"})

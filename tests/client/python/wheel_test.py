@@ -18,7 +18,7 @@ class Wheel(support.WithFolder):
         source, out, site = (self.folder / name for name in ("source", "out", "site"))
         shutil.copytree(PACKAGE, source, ignore=shutil.ignore_patterns("__pycache__", "build", "*.egg-info"))
         out.mkdir()
-        build = "import sys; from setuptools import build_meta; build_meta.build_wheel(sys.argv[1])"
+        build = "import sys; import build_backend; build_backend.build_wheel(sys.argv[1])"
         done = subprocess.run([sys.executable, "-c", build, str(out)], cwd=source, capture_output=True, text=True,
                               env={**os.environ, **PROXIES})
         self.assertEqual(done.returncode, 0, done.stderr[-2000:])
@@ -35,6 +35,15 @@ class Wheel(support.WithFolder):
                               env={**os.environ, "PYTHONPATH": str(site)})
         self.assertEqual(done.returncode, 0, done.stderr)
         self.assertEqual(done.stdout.split()[0], str(site / "varimesh" / "__init__.py"))
+
+    def test_the_sources_say_what_to_run(self):
+        """pip shows what the backend prints before it fails."""
+        source = self.folder / "python"
+        shutil.copytree(support.SOURCE / "client" / "python", source)
+        ask = "import build_backend; build_backend.get_requires_for_build_wheel()"
+        done = subprocess.run([sys.executable, "-c", ask], cwd=source, capture_output=True, text=True)
+        self.assertEqual(done.returncode, 1)
+        self.assertRegex(done.stderr, "is not built: .* --target varimesh_python. Or run deploy/make-wheel")
 
     def test_can_be_imported_beside_google_s_error_details(self):
         """Python's protobuf refuses two files of the same name."""

@@ -20,6 +20,29 @@ def rounded(text):
     return float(text)
 
 
+def cube_of_tetrahedra(n):
+    """A cube of n × n × n small cubes, each cut into six tetrahedra along its diagonal; elements are numbered from 1."""
+    def node(i, j, k):
+        return 1 + i + (n + 1) * (j + (n + 1) * k)
+
+    nodes = [f"{node(i, j, k)} {i / n} {j / n} {k / n}" for k in range(n + 1) for j in range(n + 1) for i in range(n + 1)]
+    steps = ((0, 1, 2), (1, 2, 0), (2, 0, 1), (1, 0, 2), (0, 2, 1), (2, 1, 0))  # the first three are even permutations
+    elements = []
+    for k in range(n):
+        for j in range(n):
+            for i in range(n):
+                for number, axes in enumerate(steps):
+                    at, path = [i, j, k], [node(i, j, k)]
+                    for axis in axes:
+                        at[axis] += 1
+                        path.append(node(*at))
+                    if number > 2:
+                        path[1], path[2] = path[2], path[1]
+                    elements.append(f"{len(elements) + 1} 4 2 1 1 " + " ".join(map(str, path)))
+    return ("$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$Nodes\n%d\n%s\n$EndNodes\n$Elements\n%d\n%s\n$EndElements\n"
+            % (len(nodes), "\n".join(nodes), len(elements), "\n".join(elements)))
+
+
 class Report(WithFolder):
     @classmethod
     def setUpClass(cls):
@@ -109,6 +132,46 @@ class Report(WithFolder):
         for with_cut, without in zip(*pictures):
             self.assertNotEqual(with_cut, without)
         self.assertEqual(self.page.errors, [])
+
+    def test_a_cut_of_a_large_mesh_shows_the_elements_that_it_goes_through(self):
+        """The page has curved faces of at most 4,000 elements, and of this mesh the corners of 6,000."""
+        mesh, page = self.folder / "cube.msh", self.folder / "report.html"
+        mesh.write_text(cube_of_tetrahedra(10))
+        self.assertEqual(run("quality", mesh, "--report", page).returncode, 0)
+        self.open(page)
+
+        def frames():
+            self.page.value("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
+
+        def point_at_middle():
+            self.page.value("""(() => { const view = document.querySelector('#pictures .view').getBoundingClientRect();
+                document.querySelector('#pictures .view').dispatchEvent(new PointerEvent('pointermove', {
+                    clientX: view.left + view.width / 2, clientY: view.top + view.height / 2, bubbles: true})); })()""")
+            frames()
+            return self.page.value("document.querySelector('#pictures .tip').textContent")
+
+        self.assertRegex(point_at_middle(), r"^element \d+: scaled Jacobian about 1\.00$")
+        half = self.page.picture("#pictures .view")
+        self.page.value("""(() => { const cut = document.querySelector('#pictures input[type=range]');
+            cut.value = 0.3; cut.dispatchEvent(new Event('input')); })()""")
+        frames()
+        self.assertNotEqual(self.page.picture("#pictures .view"), half)
+
+        def only(number):
+            self.page.value(f"""(() => {{ const field = document.querySelector('.element-number');
+                field.value = {number}; field.dispatchEvent(new Event('change')); }})()""")
+            frames()
+            return self.page.value("document.querySelector('.element-number').validity.valid")
+
+        self.assertTrue(only(3210))
+        self.assertIn("element 3210:", point_at_middle())
+        self.assertFalse(only(6001))
+        self.assertEqual(self.page.errors, [])
+
+    def test_a_constant_curve_has_readable_ticks(self):
+        self.optimise(CASES / "nine_triangles.msh", "--max-iterations", "1")
+        ticks = self.page.value("""[...document.querySelectorAll('#convergence text')].map((one) => one.textContent)""")
+        self.assertLessEqual(max(len(tick) for tick in ticks if any(c.isdigit() for c in tick)), 8, ticks)
 
     def test_has_the_same_histograms_as_the_document(self):
         page = self.folder / "report.html"

@@ -2,6 +2,7 @@
 // python3-vtk9 is missing, the tests say so and are skipped.
 #include <gtest/gtest.h>
 
+#include "core/reference/nodes.h"
 #include "tests/core/support/samples.h"
 
 namespace varimesh {
@@ -50,6 +51,39 @@ TEST(Vtu, VtkMeasuresTheWholeMesh) {
                                              std::to_string(mesh->mesh.element_count(mesh->mesh.dimension))),
               0);
   }
+}
+
+/// One cell in its group, with its faces in the group 9.
+HighOrderMesh cell_with_faces(Shape shape, int order) {
+  HighOrderMesh mesh = test::one_cell(shape, order);
+  const auto& info = reference::info(shape);
+  for (int f = 0; f < int(info.facets.size()); ++f) {
+    ElementBlock face;
+    face.shape = info.facets[std::size_t(f)].shape;
+    face.order = order;
+    face.entity = f + 1;
+    face.physical = {9};
+    face.numbers = {100 + f};
+    for (int local : reference::facet_nodes(shape, order, f))
+      face.nodes.push_back(mesh.blocks.back().nodes[std::size_t(local)]);
+    mesh.blocks.insert(mesh.blocks.begin(), face);
+  }
+  mesh.physical_groups = {{mesh.dimension - 1, 9, "the <wall> & door"}, {mesh.dimension, 5, "inside"}};
+  return mesh;
+}
+
+TEST(Vtu, MeshioVtkAndGmshAgree) {
+  for (const char* module : {"meshio", "vtk", "gmsh"})
+    if (!has_module(module)) GTEST_SKIP() << "SKIPPED: " << module << " is not installed";
+  const test::Folder folder;
+  for (Shape shape : kCells)
+    for (int order = 1; order <= 4; ++order) {
+      const double value = order;
+      const formats::CellField field{"value", {&value, 1}};
+      const std::string name = std::string(reference::info(shape).name) + "_" + std::to_string(order) + ".vtu";
+      ASSERT_TRUE(formats::write_file(cell_with_faces(shape, order), Format::Vtu, folder.file(name), {&field, 1}));
+    }
+  EXPECT_EQ(run_script("check_meshio.py", "'" + folder.path() + "'"), 0);
 }
 
 TEST(Gmsh, OpensEveryShapeOrderAndVersion) {

@@ -27,7 +27,7 @@ TEST(Translate, ConvertsMessagesToUtf8) {
 TEST(Translate, KnowsEveryFileFormat) {
   for (int value = v1::MESH_FORMAT_MSH22; v1::MeshFormat_IsValid(value); ++value) {
     const auto format = static_cast<v1::MeshFormat>(value);
-    if (format != v1::MESH_FORMAT_PARTS) {
+    if (format != v1::MESH_FORMAT_PARTS && format != v1::MESH_FORMAT_CELL_QUALITY) {
       EXPECT_EQ(to_proto(format_from(format)), format);
     }
   }

@@ -1,0 +1,76 @@
+// Reads the nodes and elements of MSH 4.0, ASCII and binary. Gmsh 4.0 wrote it for a few months.
+#include "core/formats/gmsh/read.h"
+
+namespace varimesh::formats {
+
+namespace {
+
+int entity_dimension(const Scanner& scan, int dimension) {
+  if (dimension < 0 || dimension > 3) scan.fail("an entity's dimension must be 0 to 3");
+  return dimension;
+}
+
+}  // namespace
+
+void read_nodes_40(GmshReading& reading) {
+  Scanner& scan = reading.scanner;
+  HighOrderMesh& mesh = reading.mesh;
+  const std::int64_t blocks = scan.count("the number of node blocks", 8);
+  const std::int64_t total = scan.count("the number of nodes", 8);
+  mesh.node_numbers.reserve(std::size_t(total));
+  mesh.coordinates.reserve(std::size_t(3 * total));
+  for (std::int64_t b = 0; b < blocks; ++b) {
+    NodeBlock block;
+    block.entity = scan.integer("a node block's entity");
+    block.dimension = entity_dimension(scan, scan.integer("a node block's dimension"));
+    const bool parametric = scan.integer("a node block's parametric flag") != 0;
+    const std::int64_t n = scan.count("a node block's number of nodes", 8);
+    if (n > total - std::int64_t(mesh.node_numbers.size())) scan.fail("the node blocks have more nodes than announced");
+    block.first = std::int32_t(mesh.node_numbers.size());
+    block.count = std::int32_t(n);
+    // Parameters on curves and surfaces are skipped, because they are wrong after the nodes have moved.
+    const int parameters = parametric && block.dimension < 3 ? block.dimension : 0;
+    for (std::int64_t i = 0; i < n; ++i) {
+      mesh.node_numbers.push_back(scan.integer("a node's number"));
+      for (int k = 0; k < 3; ++k) mesh.coordinates.push_back(scan.number("a node's coordinate"));
+      for (int k = 0; k < parameters; ++k) scan.number("a node's parameter");
+    }
+    mesh.node_blocks.push_back(block);
+  }
+  if (std::int64_t(mesh.node_numbers.size()) != total) scan.fail("the node blocks have fewer nodes than announced");
+  reading.index.build(mesh.node_numbers, scan);
+}
+
+void read_elements_40(GmshReading& reading) {
+  Scanner& scan = reading.scanner;
+  const std::int64_t blocks = scan.count("the number of element blocks", 8);
+  std::int64_t left = scan.count("the number of elements", 4);
+  for (std::int64_t b = 0; b < blocks; ++b) {
+    ElementBlock block;
+    block.entity = scan.integer("an element block's entity");
+    const int dimension = scan.integer("an element block's dimension");
+    const GmshType type = accepted_type(scan, scan.integer("an element block's type"));
+    block.shape = type.shape;
+    block.order = type.order;
+    if (dimension != reference::info(type.shape).dimension)
+      scan.fail("an element block of dimension " + std::to_string(dimension) + " contains " +
+                std::string(reference::info(type.shape).plural));
+    const auto per_element = std::size_t(reference::node_count(type.shape, type.order));
+    const std::int64_t n =
+        scan.count("an element block's number of elements", (per_element + 1) * (scan.binary ? 4 : 2));
+    if (n > left) scan.fail("the element blocks have more elements than announced");
+    left -= n;
+    if (const auto at = reading.entity_groups.find({dimension, block.entity}); at != reading.entity_groups.end())
+      block.physical = at->second;
+    for (std::int64_t i = 0; i < n; ++i) {
+      const int number = scan.integer("an element's number");
+      block.numbers.push_back(number);
+      for (std::size_t k = 0; k < per_element; ++k)
+        block.nodes.push_back(reading.node(scan.integer("an element's node"), "element", number));
+    }
+    reading.mesh.blocks.push_back(std::move(block));
+  }
+  if (left != 0) scan.fail("the element blocks have fewer elements than announced");
+}
+
+}  // namespace varimesh::formats

@@ -1,0 +1,94 @@
+// The first bytes of files of other programs, and what turns such a file into one that can be read.
+#include "core/formats/other_files.h"
+
+#include <array>
+#include <cctype>
+#include <cstdint>
+#include <cstring>
+
+namespace varimesh::formats {
+
+namespace {
+
+using namespace std::string_view_literals;
+
+struct OtherFile {
+  std::string_view begins;  ///< The first bytes, after white space.
+  std::string_view is;      ///< What the file is.
+  std::string_view run;     ///< What to do with it.
+};
+
+constexpr std::string_view kMeshIt =
+    "make a mesh of it first, for example with: gmsh FILE -3 -order 3 -format msh41 -o mesh.msh (-2 for a plane)";
+constexpr std::string_view kGmshConverts = "convert it, for example with: gmsh FILE -save -format msh41 -o mesh.msh";
+constexpr std::string_view kMeshioConverts =
+    "convert it, for example with: meshio convert FILE mesh.msh --output-format gmsh; better, give VariMesh the MSH "
+    "file "
+    "from which it was made, because other formats lose curved elements or groups";
+
+constexpr std::array kOtherFiles{
+    OtherFile{"ISO-10303-21", "a STEP file, which is a geometry and not a mesh", kMeshIt},
+    OtherFile{"DBRep_DrawableShape", "a BREP file, which is a geometry and not a mesh", kMeshIt},
+    OtherFile{"CASCADE Topology", "a BREP file, which is a geometry and not a mesh", kMeshIt},
+    OtherFile{"\x89HDF\r\n\x1a\n"sv, "an HDF5 file (such as CGNS, MED or XDMF data)", kGmshConverts},
+    OtherFile{"<VTKFile", "a VTK file, which VariMesh can only write", kMeshioConverts},
+    OtherFile{"# vtk DataFile", "a VTK file, which VariMesh can only write", kMeshioConverts},
+    OtherFile{"<Xdmf", "an XDMF file", kMeshioConverts},
+    OtherFile{"<?xml", "an XML file, such as VTU, XDMF or Nektar++", kMeshioConverts},
+    OtherFile{"<NEKTAR", "a Nektar++ file",
+              "give VariMesh the MSH file from which NekMesh made it, and run NekMesh on the result"},
+    OtherFile{
+        "MFEM ", "an MFEM mesh",
+        "give VariMesh the MSH file from which it was made (MFEM reads MSH 2.2 itself); for a mesh that has none, "
+        "save it with Mesh::PrintVTK and run: meshio convert FILE.vtk mesh.msh --output-format gmsh"},
+    OtherFile{"NDIME", "an SU2 mesh", kGmshConverts},
+    OtherFile{
+        "solid ", "an STL file, which is a surface of flat triangles and not a volume mesh",
+        "mesh its inside with Gmsh: merge the file, make a volume of its surface, and run -3 (tutorial t13 of Gmsh)"},
+    OtherFile{"*HEADING", "an Abaqus file", kGmshConverts},
+    OtherFile{"MeshVersionFormatted", "a Medit mesh", kGmshConverts},
+    OtherFile{"\x1f\x8b"sv, "a compressed file", "uncompress it with: gunzip FILE"},
+    OtherFile{"PK\x03\x04"sv, "a ZIP archive", "unpack it with: unzip FILE"},
+};
+
+/// A binary STL file has 80 bytes of anything, the number of triangles, and 50 bytes per triangle.
+bool is_binary_stl(std::string_view bytes) {
+  constexpr std::size_t kHeader = 84, kTriangle = 50;
+  if (bytes.size() < kHeader + kTriangle) return false;
+  std::uint32_t triangles = 0;
+  std::memcpy(&triangles, bytes.data() + 80, sizeof triangles);
+  return bytes.size() == kHeader + kTriangle * triangles;
+}
+
+const OtherFile* find(std::string_view bytes) {
+  std::string_view text = bytes;
+  if (text.starts_with("\xef\xbb\xbf")) text.remove_prefix(3);  // the mark of UTF-8
+  while (!text.empty() && std::isspace(static_cast<unsigned char>(text.front())) != 0) text.remove_prefix(1);
+  // Every XML file may begin with a declaration; what it is stands in its first element.
+  if (text.starts_with("<?xml"))
+    for (const OtherFile& file : kOtherFiles)
+      if (file.begins.front() == '<' && file.begins != "<?xml" &&
+          text.substr(0, 4096).find(file.begins) != std::string_view::npos)
+        return &file;
+  for (const OtherFile& file : kOtherFiles)
+    if (bytes.starts_with(file.begins) || text.starts_with(file.begins)) return &file;
+  if (!is_binary_stl(bytes)) return nullptr;
+  for (const OtherFile& file : kOtherFiles)
+    if (file.begins == "solid ") return &file;
+  return nullptr;
+}
+
+}  // namespace
+
+std::string why_not_a_mesh(std::string_view bytes) {
+  constexpr const char* kExpected = "a Gmsh MSH file (versions 2.0 to 4.1) was expected.";
+  if (bytes.empty()) return std::string("The file is empty (0 bytes); ") + kExpected;
+  if (const OtherFile* file = find(bytes))
+    return "The file is " + std::string(file->is) + "; " + std::string(file->run) + ".";
+  return std::string(
+             "The file is not a mesh that can be read: it does not begin with a section such as $MeshFormat (byte "
+             "0); ") +
+         kExpected;
+}
+
+}  // namespace varimesh::formats
