@@ -17,17 +17,25 @@ Json mesh_document(const v1::MeshSummary& mesh) {
           {"free_nodes", mesh.free_nodes()}};
 }
 
+Json accuracy_document(double loss, const std::vector<double>& modal_parts) {
+  return {{"loss", loss}, {"modal_parts", modal_parts}};
+}
+
 Json quality_document(const v1::QualityReport& quality) {
   const v1::Certified& certified = quality.certified();
-  return {{"min_scaled_jacobian", quality.min_scaled_jacobian()},
-          {"mean_scaled_jacobian", quality.mean_scaled_jacobian()},
-          {"min_distortion_jacobian", quality.min_distortion_jacobian()},
-          {"invalid_elements", quality.invalid_elements()},
-          {"certified",
-           {{"valid", certified.valid()},
-            {"invalid", certified.invalid()},
-            {"undecided", certified.undecided()},
-            {"min_scaled_jacobian_lower_bound", certified.min_scaled_jacobian_lower_bound()}}}};
+  Json document = {{"min_scaled_jacobian", quality.min_scaled_jacobian()},
+                   {"mean_scaled_jacobian", quality.mean_scaled_jacobian()},
+                   {"min_distortion_jacobian", quality.min_distortion_jacobian()},
+                   {"invalid_elements", quality.invalid_elements()},
+                   {"certified",
+                    {{"valid", certified.valid()},
+                     {"invalid", certified.invalid()},
+                     {"undecided", certified.undecided()},
+                     {"min_scaled_jacobian_lower_bound", certified.min_scaled_jacobian_lower_bound()}}}};
+  if (quality.has_accuracy())
+    document["accuracy"] = accuracy_document(
+        quality.accuracy().loss(), {quality.accuracy().modal_parts().begin(), quality.accuracy().modal_parts().end()});
+  return document;
 }
 
 Json group_document(const v1::UnrepairableGroup& group) {
@@ -111,27 +119,30 @@ Json document(const MeshSummary& mesh, const QualityReport& quality, const std::
   for (const InvalidElement& element : quality.invalid)
     invalid.push_back(
         {{"number", element.number}, {"scaled_jacobian", element.scaled_jacobian}, {"place", element.place}});
-  return {{"mesh",
-           {{"dimension", mesh.dimension},
-            {"order", mesh.order},
-            {"elements", mesh.elements},
-            {"nodes", mesh.nodes},
-            {"free_nodes", mesh.free_nodes}}},
-          {"quality",
-           {{"min_scaled_jacobian", quality.min_scaled_jacobian},
-            {"mean_scaled_jacobian", quality.mean_scaled_jacobian},
-            {"min_distortion_jacobian", quality.min_distortion_jacobian},
-            {"invalid_elements", quality.invalid_elements},
-            {"lattice_intervals", quality.lattice_intervals},
-            {"histogram", quality.histogram},
-            {"invalid", std::move(invalid)},
-            {"certified",
-             {{"valid", quality.certified.valid},
-              {"invalid", quality.certified.invalid},
-              {"undecided", quality.certified.undecided},
-              {"min_scaled_jacobian_lower_bound", quality.certified.min_scaled_jacobian_lower_bound}}},
-            {"uncertified", std::move(uncertified)}}},
-          {"unrepairable", groups_document(groups)}};
+  Json result = {{"mesh",
+                  {{"dimension", mesh.dimension},
+                   {"order", mesh.order},
+                   {"elements", mesh.elements},
+                   {"nodes", mesh.nodes},
+                   {"free_nodes", mesh.free_nodes}}},
+                 {"quality",
+                  {{"min_scaled_jacobian", quality.min_scaled_jacobian},
+                   {"mean_scaled_jacobian", quality.mean_scaled_jacobian},
+                   {"min_distortion_jacobian", quality.min_distortion_jacobian},
+                   {"invalid_elements", quality.invalid_elements},
+                   {"lattice_intervals", quality.lattice_intervals},
+                   {"histogram", quality.histogram},
+                   {"invalid", std::move(invalid)},
+                   {"certified",
+                    {{"valid", quality.certified.valid},
+                     {"invalid", quality.certified.invalid},
+                     {"undecided", quality.certified.undecided},
+                     {"min_scaled_jacobian_lower_bound", quality.certified.min_scaled_jacobian_lower_bound}}},
+                   {"uncertified", std::move(uncertified)}}},
+                 {"unrepairable", groups_document(groups)}};
+  if (quality.accuracy)
+    result["quality"]["accuracy"] = accuracy_document(quality.accuracy->loss, quality.accuracy->modal_parts);
+  return result;
 }
 
 Json document(const v1::Job& job) {

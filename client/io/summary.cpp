@@ -49,6 +49,11 @@ std::string ending(const v1::Metrics& metrics) {
   return "not converged (" + spelled(metrics.stop_reason()) + ")";
 }
 
+/// A loss of accuracy in ten characters; "-" if there is none.
+std::string shown_loss(bool is_known, double loss) {
+  return is_known ? fmt::format("{:>10.3g}", loss) : fmt::format("{:>10}", "-");
+}
+
 }  // namespace
 
 std::string summary(const v1::Metrics& metrics) {
@@ -74,6 +79,8 @@ std::string summary(const v1::Metrics& metrics) {
          fmt::format("proved scaled Jacobian    {:>10.5f}  {:>10.5f}\n",
                      before.certified().min_scaled_jacobian_lower_bound(),
                      after.certified().min_scaled_jacobian_lower_bound()) +
+         fmt::format("loss of accuracy          {}  {}\n", shown_loss(before.has_accuracy(), before.accuracy().loss()),
+                     shown_loss(after.has_accuracy(), after.accuracy().loss())) +
          (metrics.has_substitute_targets() ? metrics.substitute_targets().sentence() + "\n" : "") +
          sentences(metrics.repairs(), "steps of repair") +
          sentences(metrics.unrepairable(), "groups of elements that no movement of nodes can repair");
@@ -85,11 +92,13 @@ std::string summary(const MeshSummary& mesh, const QualityReport& quality) {
                          "smallest scaled Jacobian  {:>10.5f}\nmean scaled Jacobian      {:>10.5f}\n"
                          "smallest distortion       {:>10.5f}\ninvalid elements          {:>10}\n"
                          "certified valid           {:>10}\nundecided                 {:>10}\n"
-                         "proved scaled Jacobian    {:>10.5f}\n"
+                         "proved scaled Jacobian    {:>10.5f}\nloss of accuracy          {}\n"
                          "elements by scaled Jacobian, sampled on a lattice of {} intervals per edge\n",
                          quality.min_scaled_jacobian, quality.mean_scaled_jacobian, quality.min_distortion_jacobian,
                          quality.invalid_elements, quality.certified.valid, quality.certified.undecided,
-                         quality.certified.min_scaled_jacobian_lower_bound, quality.lattice_intervals) +
+                         quality.certified.min_scaled_jacobian_lower_bound,
+                         shown_loss(quality.accuracy.has_value(), quality.accuracy.value_or(Accuracy{}).loss),
+                         quality.lattice_intervals) +
                      histogram(quality);
   constexpr std::size_t kShown = 10;
   for (std::size_t i = 0; i < std::min(kShown, quality.invalid.size()); ++i) {

@@ -123,6 +123,7 @@ CellMarks::CellMarks(const HighOrderMesh& mesh, std::span<const UnrepairableGrou
   CellQuality quality = cell_quality(mesh, 0, threads);
   scaled_jacobian_ = std::move(quality.scaled_jacobian);
   distortion_jacobian_ = std::move(quality.distortion_jacobian);
+  accuracy_loss_ = cell_accuracy(mesh, threads).loss;
   for (const Certificate& certificate : certify(mesh, {}, threads))
     certified_.push_back(certificate.is_valid() ? 1 : certificate.answer == Certificate::Answer::Invalid ? -1 : 0);
   for (std::size_t g = groups.size(); g-- > 0;)
@@ -134,7 +135,8 @@ std::vector<formats::CellField> CellMarks::fields() const {
   return {{"scaled_jacobian", scaled_jacobian_},
           {"distortion_jacobian", distortion_jacobian_},
           {"certified", certified_},
-          {"unrepairable", unrepairable_}};
+          {"unrepairable", unrepairable_},
+          {"accuracy_loss", accuracy_loss_}};
 }
 
 void mark_unrepairable(HighOrderMesh& mesh, std::span<const UnrepairableGroup> groups) {

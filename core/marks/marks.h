@@ -14,6 +14,7 @@ namespace varimesh {
 ///   scaled_jacobian, distortion_jacobian  as in CellQuality
 ///   certified     1: valid, −1: invalid, 0: undecided
 ///   unrepairable  the number of the cell's group, from 1 in the given order; 0 if it is in no group
+///   accuracy_loss  CellAccuracy::loss
 class CellMarks {
  public:
   /// The mesh must have passed check_structure().
@@ -26,7 +27,7 @@ class CellMarks {
   std::span<const double> certified() const { return certified_; }
 
  private:
-  std::vector<double> scaled_jacobian_, distortion_jacobian_, certified_, unrepairable_;
+  std::vector<double> scaled_jacobian_, distortion_jacobian_, certified_, unrepairable_, accuracy_loss_;
 };
 
 /// Adds the cells of all groups to a new physical group named "unrepairable", for formats without fields. If a block

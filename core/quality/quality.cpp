@@ -3,6 +3,7 @@
 #include <cassert>
 #include <span>
 
+#include "core/accuracy/team_accuracy.h"
 #include "core/base/team.h"
 #include "core/quality/certified_quality.h"
 #include "core/quality/lattice_kernel.h"
@@ -199,6 +200,7 @@ CellQuality cell_quality(const HighOrderMesh& mesh, const Team& team) { return c
 QualityReport quality(const HighOrderMesh& mesh, const Certifier& certifier, std::vector<Certificate> certificates,
                       int intervals, const Team& team) {
   QualityReport report = report_on(mesh, sample(mesh, intervals, team), certificates);
+  report.accuracy = accuracy(mesh, team);
   report.certified = certifier.sharpen(mesh.coordinates, certificates, Certifier::kMinimumGap, team.stop());
   return report;
 }

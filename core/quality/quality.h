@@ -1,10 +1,13 @@
-// How good a mesh is: the scaled Jacobian and the distortion Jacobian of every cell, sampled on a dense lattice.
+// How good a mesh is: the scaled Jacobian and the distortion Jacobian of every cell, sampled on a dense lattice; what
+// is proved; the loss of accuracy.
 #pragma once
 
 #include <array>
 #include <cstdint>
+#include <optional>
 #include <vector>
 
+#include "core/accuracy/accuracy.h"
 #include "core/mesh/high_order_mesh.h"
 #include "core/validity/certificate.h"
 
@@ -41,6 +44,9 @@ struct QualityReport {
   /// within 0.002 of the minimum, unless subdivision reaches its limits first.
   CertificateSummary certified;
   std::vector<UncertifiedElement> uncertified;  ///< Every cell that is not certified valid, in the mesh's order.
+
+  /// How much accuracy a solver loses because cells are curved. Absent in quick_quality().
+  std::optional<Accuracy> accuracy;
 };
 
 /// Js and the distortion Jacobian of each cell (elements of dimension mesh.dimension, in the mesh's order).

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "core/accuracy/team_accuracy.h"
 #include "core/quality/lattice_kernel.h"
 #include "core/quality/quality.h"
 #include "core/validity/cell_batches.h"
@@ -31,12 +32,12 @@ std::int64_t bytes_of_quality(const MeshCounts& counts) {
   const auto lanes = static_cast<std::int64_t>(detail::lattice_lanes());
   // Extremes, batches, two ratios per cell, and the order in which certificates are sharpened.
   return cells * static_cast<std::int64_t>(sizeof(detail::Extremes) + 2 * sizeof(double) + sizeof(std::int32_t)) +
-         cells / lanes * static_cast<std::int64_t>(sizeof(detail::CellBatch));
+         cells / lanes * static_cast<std::int64_t>(sizeof(detail::CellBatch)) + bytes_of_accuracy(counts);
 }
 
 std::int64_t bytes_of_lattice_tables(const MeshCounts& counts) {
   const std::int64_t d = counts.dimension;
-  std::int64_t bytes = 0;
+  std::int64_t bytes = bytes_of_accuracy_tables(counts);
   for (std::size_t s = 0; s < kShapes; ++s) {
     if (counts.cells[s] == 0) continue;
     const auto shape = static_cast<Shape>(s);

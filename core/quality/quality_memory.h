@@ -10,7 +10,7 @@ namespace varimesh {
 /// The most that quality() has in use, beside the certificates and the tables.
 std::int64_t bytes_of_quality(const MeshCounts& counts);
 
-/// What the tables of the lattices keep, and what a thread makes of them at a time.
+/// What the tables of the lattices and of the loss of accuracy keep, and what a thread makes of them at a time.
 std::int64_t bytes_of_lattice_tables(const MeshCounts& counts);
 
 }  // namespace varimesh

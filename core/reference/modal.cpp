@@ -7,6 +7,7 @@
 
 #include <cassert>
 #include <cmath>
+#include <numeric>
 
 namespace varimesh::reference {
 namespace {
@@ -189,6 +190,45 @@ std::vector<Eigen::MatrixXd> modal_gradients(Shape shape, int order, const Point
       for (Eigen::Index m = 0; m < gradients[c].cols(); ++m) gradients[c](p, m) = modes[m].gradient[c];
   }
   return gradients;
+}
+
+std::vector<int> modal_degrees(Shape shape, int order) {
+  std::vector<int> line(order + 1), degrees;
+  std::iota(line.begin(), line.end(), 0);
+  const auto product = [](const std::vector<int>& a, const std::vector<int>& b) {
+    std::vector<int> all;
+    for (const int x : a)
+      for (const int y : b) all.push_back(std::max(x, y));
+    return all;
+  };
+  switch (shape) {
+    case Shape::Point:
+      return {0};
+    case Shape::Line:
+      return line;
+    case Shape::Triangle:
+      for (int i = 0; i <= order; ++i)
+        for (int j = 0; i + j <= order; ++j) degrees.push_back(i + j);
+      return degrees;
+    case Shape::Quadrilateral:
+      return product(line, line);
+    case Shape::Tetrahedron:
+      for (int i = 0; i <= order; ++i)
+        for (int j = 0; i + j <= order; ++j)
+          for (int k = 0; i + j + k <= order; ++k) degrees.push_back(i + j + k);
+      return degrees;
+    case Shape::Pyramid:
+      for (int m = 0; m <= order; ++m)
+        for (int in_layer = 0; in_layer < 2 * m + 1; ++in_layer)
+          for (int k = 0; k <= order - m; ++k) degrees.push_back(m + k);
+      return degrees;
+    case Shape::Prism:
+      return product(modal_degrees(Shape::Triangle, order), line);
+    case Shape::Hexahedron:
+      return product(product(line, line), line);
+  }
+  assert(false && "a shape that is not in the table");
+  return {};
 }
 
 }  // namespace varimesh::reference

@@ -79,6 +79,11 @@ v1::QualityReport to_proto(const QualityReport& report) {
     element.set_z(report.invalid[i].place[2]);
   }
   message.set_lattice_intervals(report.lattice_intervals);
+  if (report.accuracy) {
+    v1::Accuracy& accuracy = *message.mutable_accuracy();
+    accuracy.set_loss(report.accuracy->loss);
+    for (const double part : report.accuracy->modal_parts) accuracy.add_modal_parts(part);
+  }
   v1::Certified& certified = *message.mutable_certified();
   certified.set_valid(report.certified.valid);
   certified.set_invalid(report.certified.invalid);

@@ -30,6 +30,14 @@ class Certified:
 
 
 @dataclass(frozen=True)
+class Accuracy:
+    """How much accuracy a solver loses because cells are curved; 0 if all are straight-sided."""
+
+    loss: float
+    modal_parts: NDArray[np.float64]  # parts of the cells' maps by degree, from degree 2 to the order of the mesh
+
+
+@dataclass(frozen=True)
 class Quality:
     """The quality of a whole mesh. proto/varimesh/v1/quality.proto describes the fields."""
 
@@ -40,6 +48,7 @@ class Quality:
     histogram: NDArray[np.int64]
     certified: Certified
     uncertified: NDArray[np.int64]  # numbers of the cells that are not certified valid; at most 1000
+    accuracy: Accuracy | None  # None if a run had to end at once
 
 
 @dataclass(frozen=True)
@@ -157,7 +166,9 @@ def quality_of(message: quality_pb2.QualityReport, numbering: Numbering = OF_FIL
         message.min_scaled_jacobian, message.mean_scaled_jacobian, message.min_distortion_jacobian,
         message.invalid_elements, np.array(message.histogram, dtype=np.int64),
         Certified(certified.valid, certified.invalid, certified.undecided, certified.min_scaled_jacobian_lower_bound),
-        np.array(numbering.numbers(one.number for one in certified.uncertified), dtype=np.int64))  # fmt: skip
+        np.array(numbering.numbers(one.number for one in certified.uncertified), dtype=np.int64),
+        Accuracy(message.accuracy.loss, np.array(message.accuracy.modal_parts, dtype=np.float64))
+        if message.HasField("accuracy") else None)  # fmt: skip
 
 
 def cell_quality_of(report: Quality, parts: bytes, numbering: Numbering,

@@ -75,6 +75,7 @@ const QUALITY_ROWS = [
   ['Undecided', (one) => one.certified.undecided, grouped, 'certified.undecided'],
   ['Proved lower bound of the smallest scaled Jacobian', (one) => one.certified.min_scaled_jacobian_lower_bound, jacobian,
     'certified.min_scaled_jacobian_lower_bound'],
+  ['Loss of accuracy', (one) => one.accuracy?.loss, readable, 'accuracy.loss'],
 ];
 
 function qualityTable(document) {

@@ -9,7 +9,8 @@ import unittest
 
 from programs import ENDLESS, FOLDED, LARGER, MESH, WithFolder, WithServer, run, start, wait_for_line
 
-QUALITY = ["min_scaled_jacobian", "mean_scaled_jacobian", "min_distortion_jacobian", "invalid_elements", "certified"]
+QUALITY = ["min_scaled_jacobian", "mean_scaled_jacobian", "min_distortion_jacobian", "invalid_elements", "certified",
+           "accuracy"]
 
 
 class InProcess(WithFolder):
@@ -29,6 +30,11 @@ class InProcess(WithFolder):
         self.assertEqual(document["after"]["certified"]["valid"], 9)
         self.assertGreater(document["after"]["certified"]["min_scaled_jacobian_lower_bound"], 0)
         self.assertEqual((document["stop_reason"], document["unrepairable"]), ("converged", []))
+        for stage in ("before", "after"):
+            accuracy = document[stage]["accuracy"]
+            self.assertEqual(len(accuracy["modal_parts"]), document["mesh"]["order"] - 1)
+            self.assertGreater(accuracy["loss"], 0)
+            self.assertGreater(min(accuracy["modal_parts"]), 0)
         self.assertEqual(document["energy"], "hyperelastic")
         self.assertTrue(out.read_bytes().startswith(b"$MeshFormat\n2.2 0 8"))
 

@@ -15,6 +15,9 @@ class Quality(WithFolder):
         self.assertEqual(document["quality"]["invalid_elements"], 2)
         self.assertEqual(document["quality"]["lattice_intervals"], 12)
         self.assertEqual(len(document["quality"]["invalid"]), 2)
+        self.assertGreater(document["quality"]["accuracy"]["loss"], 0)
+        self.assertEqual(len(document["quality"]["accuracy"]["modal_parts"]), document["mesh"]["order"] - 1)
+        self.assertIn("loss of accuracy ", run("quality", MESH).stdout)
         self.assertIn("invalid", run("quality", MESH).stdout)
 
     def test_exits_with_4_if_an_element_is_not_certified(self):

@@ -154,6 +154,8 @@ class Client(support.WithServer):
         before = len(list(self.client.jobs()))
         quality = self.client.quality(MESH)
         self.assertEqual((quality.certified.invalid, quality.certified.valid), (2, 7))
+        self.assertGreater(quality.accuracy.loss, 0)
+        self.assertEqual(len(quality.accuracy.modal_parts), 3)  # degrees 2 to 4
         self.assertEqual(len(list(self.client.jobs())), before)
 
     def test_info_has_version_energies_and_formats(self):

@@ -89,7 +89,8 @@ class Report(WithFolder):
             "Certified valid": [one["certified"]["valid"] for one in snapshots],
             "Certified invalid": [one["certified"]["invalid"] for one in snapshots],
             "Undecided": [one["certified"]["undecided"] for one in snapshots],
-            "Proved lower bound of the smallest scaled Jacobian": [one["certified"]["min_scaled_jacobian_lower_bound"] for one in snapshots]})
+            "Proved lower bound of the smallest scaled Jacobian": [one["certified"]["min_scaled_jacobian_lower_bound"] for one in snapshots],
+            "Loss of accuracy": [one["accuracy"]["loss"] for one in snapshots]})
         self.check_table("mesh-table", {key.replace("_", " ", 1): [value] for key, value in document["mesh"].items()})
         if "iterations" in document:
             self.check_table("mesh-table", {key: [document[key]] for key in ("iterations", "seconds", "residual")})

@@ -62,13 +62,15 @@ TEST(CellMarks, HasANumberForEveryCellInEveryField) {
     names.push_back(field.name);
     EXPECT_EQ(field.values.size(), 9U) << field.name;
   }
-  EXPECT_EQ(names, (std::vector<std::string>{"scaled_jacobian", "distortion_jacobian", "certified", "unrepairable"}));
+  EXPECT_EQ(names, (std::vector<std::string>{"scaled_jacobian", "distortion_jacobian", "certified", "unrepairable",
+                                             "accuracy_loss"}));
 }
 
 TEST(CellMarks, HoldsTheQualityAndTheCertificates) {
   const HighOrderMesh mesh = testing::read_case("nine_triangles.msh");
   const CellMarks marks(mesh, {}, 1);
   const CellQuality quality = cell_quality(mesh);
+  const CellAccuracy accuracy = cell_accuracy(mesh);
   const std::vector<Certificate> certificates = certify(mesh);
   const auto fields = marks.fields();
   for (std::size_t cell = 0; cell < 9; ++cell) {
@@ -76,6 +78,7 @@ TEST(CellMarks, HoldsTheQualityAndTheCertificates) {
     EXPECT_EQ(fields[1].values[cell], quality.distortion_jacobian[cell]);
     EXPECT_EQ(fields[2].values[cell], certificates[cell].is_valid() ? 1 : -1) << "none is undecided";
     EXPECT_EQ(fields[3].values[cell], 0);
+    EXPECT_EQ(fields[4].values[cell], accuracy.loss[cell]);
   }
   EXPECT_EQ(std::ranges::count(fields[2].values, -1), 2);
 }

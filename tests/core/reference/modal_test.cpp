@@ -45,5 +45,25 @@ TEST(Modal, HasAModeForEveryNode) {
           << at(shape, order);
 }
 
+TEST(Modal, TheModesUpToADegreeAreThoseOfTheLowerOrder) {
+  for (const Shape shape : kCells)
+    for (int order = 1; order <= 5; ++order) {
+      const std::vector<int> degrees = modal_degrees(shape, order);
+      ASSERT_EQ(static_cast<int>(degrees.size()), node_count(shape, order)) << at(shape, order);
+      const Quadrature rule = quadrature(shape, order, 2);
+      const Eigen::MatrixXd modes = modal_values(shape, order, rule.points);
+      for (int low = 1; low <= order; ++low) {
+        const Eigen::MatrixXd lower = modal_values(shape, low, rule.points);
+        Eigen::Index found = 0;
+        for (Eigen::Index mode = 0; mode < modes.cols(); ++mode)
+          if (degrees[static_cast<std::size_t>(mode)] <= low) {
+            ASSERT_LT(found, lower.cols()) << at(shape, order);
+            EXPECT_LT((modes.col(mode) - lower.col(found++)).norm(), 1e-12) << at(shape, order);
+          }
+        EXPECT_EQ(found, lower.cols()) << at(shape, order);
+      }
+    }
+}
+
 }  // namespace
 }  // namespace varimesh::reference

@@ -1,0 +1,162 @@
+// The parts of every cell, a batch of cells at a time, and their sums in the mesh's order.
+#include "core/accuracy/accuracy.h"
+
+#include <Eigen/LU>
+#include <cmath>
+#include <limits>
+
+#include "core/accuracy/parts_table.h"
+#include "core/accuracy/team_accuracy.h"
+#include "core/validity/cell_batches.h"
+
+namespace varimesh {
+namespace {
+
+using detail::CellBatch;
+using detail::PartsTable;
+
+/// Cells whose modes are computed in one product of matrices. More of them gain nothing.
+constexpr std::size_t kBatchCells = 16;
+
+/// Matrices of one batch, which a thread keeps from batch to batch.
+struct Workspace {
+  Eigen::MatrixXd nodes;       ///< Coordinates relative to the cell's first node: nodes × (cells · d).
+  Eigen::MatrixXd modes;       ///< Coefficients of the modes: modes × (cells · d).
+  Eigen::MatrixXd multiplied;  ///< A block of PartsTable::products times `modes`.
+  Eigen::MatrixXd gradient;    ///< Mean gradients: d × (cells · d), transposed.
+};
+
+void gather(const HighOrderMesh& mesh, const CellBatch& batch, Eigen::Index nodes, Eigen::MatrixXd& out) {
+  const auto d = static_cast<std::size_t>(mesh.dimension);
+  out.resize(nodes, static_cast<Eigen::Index>(batch.count * d));
+  for (std::size_t i = 0; i < batch.count; ++i) {
+    const std::int32_t* const list = batch.nodes(i);
+    for (std::size_t c = 0; c < d; ++c) {
+      const auto x = [&](Eigen::Index n) { return mesh.coordinates[3 * static_cast<std::size_t>(list[n]) + c]; };
+      for (Eigen::Index n = 0; n < nodes; ++n) out(n, static_cast<Eigen::Index>(i * d + c)) = x(n) - x(0);
+    }
+  }
+}
+
+/// V_E and m_s of the cells of a batch.
+void measure_cells(const HighOrderMesh& mesh, const CellBatch& batch, CellAccuracy& out) {
+  thread_local Workspace work;
+  const PartsTable& table = detail::parts_table(batch.block->shape, batch.block->order);
+  const double measure = reference::info(batch.block->shape).measure;
+  const int d = mesh.dimension;
+  gather(mesh, batch, table.to_modes.cols(), work.nodes);
+  work.modes.noalias() = table.to_modes * work.nodes;
+  work.gradient.noalias() = table.mean_gradient * work.nodes;
+
+  std::vector<Eigen::MatrixXd> metrics(batch.count);  // J⁻¹ J⁻ᵀ
+  for (std::size_t i = 0; i < batch.count; ++i) {
+    const Eigen::MatrixXd transposed = work.gradient.middleCols(static_cast<Eigen::Index>(i) * d, d);
+    const double determinant = transposed.determinant();
+    out.volumes[batch.cell + i] = measure * std::abs(determinant);
+    if (determinant == 0) continue;
+    const Eigen::MatrixXd inverse = transposed.inverse();
+    metrics[i] = inverse.transpose() * inverse;
+  }
+  for (std::size_t part = 0; part < table.products.size(); ++part) {
+    const Eigen::Index first = table.first[part], count = table.first[part + 1] - first;
+    const auto modes = work.modes.middleRows(first, count);
+    const auto square = [&](std::size_t i) -> double& { return out.modal_parts[(batch.cell + i) * out.parts + part]; };
+    for (int a = 0, pair = 0; a < d; ++a)
+      for (int b = a; b < d; ++b, ++pair) {
+        work.multiplied.noalias() = table.products[part][static_cast<std::size_t>(pair)] * modes;
+        for (std::size_t i = 0; i < batch.count; ++i) {
+          if (metrics[i].size() == 0) continue;
+          const Eigen::Index columns = static_cast<Eigen::Index>(i) * d;
+          const double product =
+              modes.middleCols(columns, d).cwiseProduct(work.multiplied.middleCols(columns, d)).sum();
+          square(i) += (a == b ? 1 : 2) * metrics[i](a, b) * product;
+        }
+      }
+    for (std::size_t i = 0; i < batch.count; ++i)
+      square(i) =
+          metrics[i].size() == 0 ? std::numeric_limits<double>::infinity() : std::sqrt(std::max(square(i), 0.0));
+  }
+}
+
+/// a_E from the parts, if the volumes of all cells are known.
+double loss(const double* parts, std::size_t count, double volume, double total, int dimension) {
+  const double step = std::pow(volume / total, 2.0 / dimension);
+  double sum = 0, weight = 1;
+  for (std::size_t part = count; part-- > 0;) sum += (weight *= step) * parts[part] * parts[part];
+  return volume > 0 ? std::sqrt(sum) : std::numeric_limits<double>::infinity();
+}
+
+}  // namespace
+
+CellAccuracy cell_accuracy(const HighOrderMesh& mesh, const Team& team) {
+  const std::size_t cells = mesh.element_count(mesh.dimension);
+  CellAccuracy found;
+  found.parts = static_cast<std::size_t>(std::max(mesh.order - 1, 0));
+  found.loss.resize(cells);
+  found.modal_parts.resize(cells * found.parts);
+  found.volumes.resize(cells);
+  const auto batches = detail::cell_batches(mesh, [](const ElementBlock&) { return kBatchCells; });
+  team.run([&] {
+    team.for_ranges(batches.size(), 1, [&](std::size_t begin, std::size_t end) {
+      for (std::size_t batch = begin; batch < end; ++batch) measure_cells(mesh, batches[batch], found);
+    });
+  });
+  double total = 0;
+  for (const double volume : found.volumes) total += volume;
+  for (std::size_t cell = 0; cell < cells && found.parts > 0; ++cell)
+    found.loss[cell] =
+        loss(&found.modal_parts[cell * found.parts], found.parts, found.volumes[cell], total, mesh.dimension);
+  return found;
+}
+
+Accuracy accuracy(const HighOrderMesh& mesh, const Team& team) {
+  const CellAccuracy cells = cell_accuracy(mesh, team);
+  Accuracy found;
+  found.modal_parts.resize(cells.parts);
+  double total = 0, sum = 0;
+  bool has_collapsed = false;
+  for (std::size_t cell = 0; cell < cells.loss.size(); ++cell) {
+    const double volume = cells.volumes[cell];
+    total += volume;
+    has_collapsed |= volume == 0;
+    if (volume == 0) continue;
+    sum += volume * cells.loss[cell] * cells.loss[cell];
+    for (std::size_t part = 0; part < cells.parts; ++part) {
+      const double value = cells.modal_parts[cell * cells.parts + part];
+      found.modal_parts[part] += volume * value * value;
+    }
+  }
+  const auto root = [&](double value) {
+    return has_collapsed ? std::numeric_limits<double>::infinity() : std::sqrt(value / total);
+  };
+  if (cells.parts == 0 || cells.loss.empty()) return found;
+  found.loss = root(sum);
+  for (double& part : found.modal_parts) part = root(part);
+  return found;
+}
+
+CellAccuracy cell_accuracy(const HighOrderMesh& mesh, int threads) { return cell_accuracy(mesh, Team(threads)); }
+Accuracy accuracy(const HighOrderMesh& mesh, int threads) { return accuracy(mesh, Team(threads)); }
+
+std::int64_t bytes_of_accuracy(const MeshCounts& counts) {
+  const std::int64_t cells = counts.cell_count();
+  return cells * std::int64_t{sizeof(double)} * (std::max(counts.order - 1, 0) + 2) +
+         cells / static_cast<std::int64_t>(kBatchCells) * static_cast<std::int64_t>(sizeof(CellBatch));
+}
+
+std::int64_t bytes_of_accuracy_tables(const MeshCounts& counts) {
+  std::int64_t numbers = 0;
+  for (std::size_t s = 0; s < kShapes; ++s) {
+    if (counts.cells[s] == 0) continue;
+    const auto shape = static_cast<Shape>(s);
+    const std::int64_t d = reference::info(shape).dimension, nodes = reference::node_count(shape, counts.order);
+    numbers += nodes * (nodes + d);
+    for (int degree = 2; degree <= counts.order; ++degree) {
+      const std::int64_t modes = reference::node_count(shape, degree) - reference::node_count(shape, degree - 1);
+      numbers += d * (d + 1) / 2 * modes * modes;
+    }
+  }
+  return numbers * std::int64_t{sizeof(double)};
+}
+
+}  // namespace varimesh

@@ -1,0 +1,61 @@
+// Integrals by quadrature. All integrands are polynomials, on pyramids in collapsed coordinates, so the rules are
+// exact.
+#include "core/accuracy/parts_table.h"
+
+#include <Eigen/LU>
+#include <numeric>
+#include <utility>
+
+#include "core/reference/cache.h"
+#include "core/reference/modal.h"
+#include "core/reference/quadrature.h"
+
+namespace varimesh::detail {
+namespace {
+
+PartsTable make_table(Shape shape, int order) {
+  const int d = reference::info(shape).dimension;
+  const double measure = reference::info(shape).measure;
+  const reference::Points& nodes = reference::nodes(shape, order, reference::NodeSet::Equispaced, d);
+  const reference::Quadrature rule = reference::quadrature(shape, order, 2 * order);
+  const std::vector<int> degrees = reference::modal_degrees(shape, order);
+  std::vector<int> modes(degrees.size());
+  std::iota(modes.begin(), modes.end(), 0);
+  std::ranges::stable_sort(modes, {}, [&](int mode) { return degrees[static_cast<std::size_t>(mode)]; });
+
+  PartsTable table;
+  const Eigen::MatrixXd coefficients = reference::modal_values(shape, order, nodes).inverse();
+  std::vector<Eigen::MatrixXd> gradients = reference::modal_gradients(shape, order, rule.points);
+  table.mean_gradient.resize(d, nodes.rows());
+  for (int a = 0; a < d; ++a)
+    table.mean_gradient.row(a) = rule.weights.transpose() * gradients[static_cast<std::size_t>(a)] * coefficients;
+  table.mean_gradient /= measure;
+
+  const auto is_straight = [&](int mode) { return degrees[static_cast<std::size_t>(mode)] < 2; };
+  modes.erase(modes.begin(), std::ranges::find_if_not(modes, is_straight));
+  table.to_modes = coefficients(modes, Eigen::all);
+  for (int s = 2; s <= order + 1; ++s)
+    table.first.push_back(std::ranges::count_if(degrees, [&](int degree) { return degree >= 2 && degree < s; }));
+  for (Eigen::MatrixXd& gradient : gradients)
+    gradient = (rule.weights / measure).cwiseSqrt().asDiagonal() * Eigen::MatrixXd(gradient(Eigen::all, modes));
+  for (std::size_t part = 0; part + 1 < table.first.size(); ++part) {
+    const Eigen::Index first = table.first[part], count = table.first[part + 1] - first;
+    std::vector<Eigen::MatrixXd>& products = table.products.emplace_back();
+    for (int a = 0; a < d; ++a)
+      for (int b = a; b < d; ++b) {
+        const Eigen::MatrixXd product = gradients[static_cast<std::size_t>(a)].middleCols(first, count).transpose() *
+                                        gradients[static_cast<std::size_t>(b)].middleCols(first, count);
+        products.emplace_back((product + product.transpose()) / 2);
+      }
+  }
+  return table;
+}
+
+}  // namespace
+
+const PartsTable& parts_table(Shape shape, int order) {
+  static reference::Cache<std::pair<Shape, int>, PartsTable> tables;
+  return tables.get({shape, order}, [&] { return make_table(shape, order); });
+}
+
+}  // namespace varimesh::detail
