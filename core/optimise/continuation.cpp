@@ -115,10 +115,21 @@ void Continuation::set_up_stage(const std::vector<Certificate>& certificates,
   stage_run_.emplace(context(), watch_);
 }
 
+/// The patches of RunControl::shallow_untangling.
+constexpr Untangler::Depth kShallow{1, 2};
+
 StageContext Continuation::context() {
   const Stage& stage = set_up_.stages[stage_];
-  return {stage.options, set_up_.problem, set_up_.coloured, *stage.kernels, stage.hessian.get(), *guard_,
-          *best_,        team_,           set_up_.mesh};
+  return {stage.options,
+          set_up_.problem,
+          set_up_.coloured,
+          *stage.kernels,
+          stage.hessian.get(),
+          *guard_,
+          *best_,
+          team_,
+          set_up_.mesh,
+          control_.shallow_untangling ? kShallow : Untangler::Depth()};
 }
 
 std::optional<StopReason> Continuation::begin(const std::vector<Certificate>& certificates,

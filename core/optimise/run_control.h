@@ -38,6 +38,9 @@ struct RunControl {
   /// says yes, so it must be quick: the load of an atomic flag. What is under way is given up, and the run ends as it
   /// does at Options::time_limit (optimiser.h).
   std::function<bool()> stop_asked;
+  /// Untangling takes small patches only: one layer of cells around those to be repaired, then two, in place of two and
+  /// four. The runs of Repair::Split are like this: a round costs a third, and a split does what a larger patch would.
+  bool shallow_untangling = false;
 };
 
 }  // namespace varimesh

@@ -23,6 +23,8 @@ namespace varimesh {
 namespace {
 
 constexpr int kMostRounds = 4;
+/// The iterations of all rounds together, as a multiple of those without a split, and at least.
+constexpr int kTimesTheIterations = 9, kLeastIterations = 200;
 
 // ---------------------------------------------------------------------------------------------------------------------
 // Several runs that share their limits
@@ -36,13 +38,20 @@ class RunSequence {
       : options_(options), on_iteration_(on_iteration), stop_(stop) {
     control_.threads = control.threads;
     control_.stop_asked = control.stop_asked;
+    control_.shallow_untangling = true;
     options_.repair = Repair::Report;
     options_.order = 0;
+    most_ = options_.max_iterations;
+  }
+
+  /// From now on at most this many more iterations.
+  void allow(int iterations) {
+    most_ = std::min(options_.max_iterations, static_cast<int>(history_.size()) + iterations);
   }
 
   /// Whether the limits allow another run, and no stop was asked for.
   bool may_go_on() const {
-    return !stopped() && static_cast<int>(history_.size()) < options_.max_iterations &&
+    return !stopped() && static_cast<int>(history_.size()) < most_ &&
            (options_.time_limit <= 0 || watch_.seconds() < options_.time_limit);
   }
 
@@ -52,12 +61,7 @@ class RunSequence {
 
   /// Optimises the mesh with Repair::Report and in its own order, within what is left of the limits. Returns nothing if
   /// the mesh is refused.
-  std::optional<Result> run(const HighOrderMesh& mesh) {
-    return run(mesh, options_.max_iterations - static_cast<int>(history_.size()));
-  }
-
-  /// Like run(), without any iteration: only the quality reports are made.
-  std::optional<Result> judge(const HighOrderMesh& mesh) { return run(mesh, 0); }
+  std::optional<Result> run(const HighOrderMesh& mesh) { return run(mesh, most_ - static_cast<int>(history_.size())); }
 
   /// Fills in what concerns the whole sequence: history, iterations, seconds and, if a limit or a stop ended it, the
   /// reason. Takes the history; call it once, at the end.
@@ -101,6 +105,7 @@ class RunSequence {
   RunControl control_;
   Stopwatch watch_;
   std::vector<Iteration> history_;
+  int most_ = 0;  // iterations of all runs together
   bool stopped_ = false;
 };
 
@@ -113,9 +118,9 @@ std::set<std::int64_t> uncertified_set(const Result& result) {
   return {numbers.begin(), numbers.end()};
 }
 
-/// Corners with J ≤ 0 of the tetrahedra that are not certified in the optimised mesh. If a tetrahedron has no such
-/// corner, all its corners.
-std::vector<CellCorner> bad_corners(const Result& result) {
+/// Corners with J ≤ 0 of these tetrahedra in the optimised mesh. If a tetrahedron has no such corner, all its corners.
+/// `numbers` are in ascending order.
+std::vector<CellCorner> bad_corners(const Result& result, const std::vector<std::int64_t>& numbers) {
   const HighOrderMesh& mesh = result.mesh;
   const Cells cells(mesh, mesh.dimension);
   const double sign = detail::orientation(mesh);
@@ -124,10 +129,9 @@ std::vector<CellCorner> bad_corners(const Result& result) {
     for (int c = 0; c < 3; ++c) vertices(v, c) = reference::info(Shape::Tetrahedron).vertex[at(v)][at(c)];
   const auto gradients =
       reference::basis_gradients(Shape::Tetrahedron, mesh.order, reference::NodeSet::Equispaced, 3, vertices);
-  const std::set<std::int64_t> uncertified = uncertified_set(result);
   std::vector<CellCorner> corners;
   for (std::size_t c = 0; c < cells.count(); ++c) {
-    if (cells.shape(c) != Shape::Tetrahedron || !uncertified.contains(cells.number(c))) continue;
+    if (!std::ranges::binary_search(numbers, cells.number(c))) continue;
     const auto nodes = cells.nodes(c);
     const Eigen::MatrixXd x = detail::node_positions(mesh.coordinates, nodes);
     std::vector<CellCorner> bad;
@@ -149,23 +153,42 @@ bool is_better(const Result& a, const Result& b) {
   return left_a != left_b ? left_a < left_b : a.after.min_scaled_jacobian > b.after.min_scaled_jacobian;
 }
 
-/// Splits and optimises in rounds; the best result. Nothing if there was nothing to split, or if the sequence was
+/// Numbers of uncertified tetrahedra that a split may help, in ascending order: those without a folded boundary face.
+std::vector<std::int64_t> worth_a_split(const Result& result) {
+  std::set<std::int64_t> left = uncertified_set(result);
+  for (const UnrepairableGroup& group : result.unrepairable)
+    if (group.kind == UnrepairableGroup::Kind::FoldedFace)
+      for (const std::int64_t element : group.elements) left.erase(element);
+  const Cells cells(result.mesh, result.mesh.dimension);
+  for (std::size_t c = 0; c < cells.count(); ++c)
+    if (cells.shape(c) != Shape::Tetrahedron) left.erase(cells.number(c));
+  return {left.begin(), left.end()};
+}
+
+/// Splits and optimises in rounds, each of which begins with the nodes where they were in `mesh`. `unsplit` is the mesh
+/// optimised without a split. Returns the best result; nothing if there was nothing to split, or if the sequence was
 /// stopped before the first run.
-std::optional<Result> optimise_in_rounds(const HighOrderMesh& mesh, const Options& options, RunSequence& runs) {
+std::optional<Result> optimise_in_rounds(const HighOrderMesh& mesh, const Result& unsplit, const Options& options,
+                                         RunSequence& runs) {
   HighOrderMesh start = mesh;
   std::vector<RepairStep> steps;
   std::optional<Result> best;
+  std::vector<std::int64_t> wanted = worth_a_split(unsplit);
+  std::size_t fewest = 0;  // tetrahedra left that are worth a split
   std::vector<CellCorner> marked;
-  for (int round = 0; round < kMostRounds; ++round) {
+  for (int round = 0; round < kMostRounds && !wanted.empty() && runs.may_go_on(); ++round) {
     const std::size_t had = steps.size();
-    start = split_in_passes(std::move(start), options, std::move(marked), steps, runs.token());
+    start = split_in_passes(std::move(start), options, std::move(wanted), std::move(marked), steps, runs.token());
     if (steps.size() == had || runs.stopped()) break;
     std::optional<Result> result = runs.run(start);
     if (!result) break;
-    marked = bad_corners(*result);
+    wanted = worth_a_split(*result);
+    marked = bad_corners(*result, wanted);
     result->repairs = steps;
+    const bool gains = !best || wanted.size() < fewest;
+    fewest = gains ? wanted.size() : fewest;
     if (!best || is_better(*result, *best)) best = std::move(result);
-    if (best->after.uncertified.empty() || !runs.may_go_on()) break;
+    if (!gains) break;
   }
   return best;
 }
@@ -238,19 +261,15 @@ Result optimise_by_splitting(const HighOrderMesh& mesh, const MeshSummary& summa
   RunSequence runs(options, on_iteration, control, stop);
   QualityReport before = quality_before(mesh, options, stop);
   std::optional<Result> best;
-  if (!before.uncertified.empty() && !runs.stopped()) best = optimise_in_rounds(mesh, options, runs);
-  if (!best || !best->after.uncertified.empty()) {
-    const bool optimises = runs.may_go_on();
-    std::optional<Result> unsplit = optimises        ? runs.run(mesh)
-                                    : stop.stopped() ? as_it_came(mesh, summary, before, stop)
-                                                     : runs.judge(mesh);
-    // A mesh that was optimised replaces the best one if it has no more uncertified elements. The mesh as it came in
-    // must have fewer.
-    const std::size_t limit = best ? best->after.uncertified.size() + (optimises ? 1 : 0) : 0;
-    if (!best || (unsplit && unsplit->after.uncertified.size() < limit)) {
-      if (best) unsplit->repairs.push_back(left_unsplit(*best, *unsplit));
-      best = std::move(unsplit);
-    }
+  if (!runs.stopped()) best = runs.run(mesh);
+  if (!best) best = as_it_came(mesh, summary, before, stop);
+  if (!best->after.uncertified.empty() && runs.may_go_on()) {
+    runs.allow(std::max(kLeastIterations, kTimesTheIterations * best->iterations));
+    std::optional<Result> split = optimise_in_rounds(mesh, *best, options, runs);
+    if (split && split->after.uncertified.size() < best->after.uncertified.size())
+      best = std::move(split);
+    else if (split && !runs.stopped())
+      best->repairs.push_back(left_unsplit(*split, *best));
   }
   best->before = std::move(before);
   say_what_is_left(*best, runs.stopped());

@@ -8,24 +8,27 @@ namespace varimesh {
 
 /// The free function optimise() for Repair::Split. The mesh has passed check_structure() and needs no change of order.
 ///
-/// 1. Splits, in passes: groups of tetrahedra that have little room at the boundary (split_candidates.h; a margin of at
-///    most 0.08) and an element that is not certified valid get room by splits. Each pass works on the mesh that the
-///    last one made, until no such group is left that may be split.
-/// 2. Optimises the mesh as with Repair::Report.
-/// 3. If elements are left that are not certified valid: in the mesh as it was before step 2, splits the groups at
-///    their corners with J ≤ 0 whatever their margin. Then step 2 starts again. There are at most four such rounds.
+/// 1. Optimises the mesh without a split, as with Repair::Report and RunControl::shallow_untangling. If all elements
+///    that are left uncertified have a folded boundary face, or are no tetrahedra, this is the result.
+/// 2. In the mesh as it came, splits in passes: groups of tetrahedra that have little room at the boundary
+///    (split_candidates.h; a margin of at most 0.08) and an element that step 1 has left get room by splits. Each pass
+///    works on the mesh that the last one made, until no such group is left that may be split.
+/// 3. Optimises the mesh as in step 1.
+/// 4. If elements are left that are not certified valid: in the mesh as it was before step 3, splits the groups at
+///    their corners with J ≤ 0 whatever their margin. Then step 3 starts again. There are at most four such rounds, and
+///    a round that leaves no fewer elements that a split might help is the last.
 ///
 /// The best mesh of these is kept: the one with the fewest uncertified elements, and of those the one with the highest
-/// minimum Js. If some are left, the mesh is also optimised without a split. If that leaves no more of them, it is the
-/// result. The options' limits of time and iterations are for everything together. Elements with a folded boundary face
-/// are never split for their own sake.
+/// minimum Js. If the mesh of step 1 has no more of them, it is the result. The rounds together have at most nine times
+/// the iterations of step 1, or 200 if that is more. The options' limits of time and iterations are for everything
+/// together. Elements with a folded boundary face are never split for their own sake.
 ///
 /// The stop reason is that of the run that the mesh comes from. But if elements are left, and a limit for everything
 /// together or a stop kept it from going on, the reason is that limit or stop. It uses only two members of `control`:
 /// the number of threads, and stop_asked. There are no checkpoints. It ends: there are at most eight passes per round.
 ///
-/// `summary` is that of the mesh. `stop` is the token of the run. If it stops the run before a split mesh was
-/// optimised, the mesh is as it came.
+/// `summary` is that of the mesh. `stop` is the token of the run. If it stops step 1 before its first iteration, the
+/// mesh is as it came.
 Result optimise_by_splitting(const HighOrderMesh& mesh, const MeshSummary& summary, const Options& options,
                              const OnIteration& on_iteration, const RunControl& control, StopToken& stop);
 

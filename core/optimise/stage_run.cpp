@@ -48,6 +48,7 @@ StageRun::StageRun(const StageContext& context, const Stopwatch& watch)
       best_(context.best),
       team_(context.team),
       mesh_(context.mesh),
+      depth_(context.untangling_depth),
       watch_(watch),
       norm_{options_.p_norm},
       sweeper_(problem_, context.coloured, kernels_, options_.regularisation, norm_,
@@ -119,7 +120,7 @@ StageRun::MethodOutcome StageRun::newton_step() {
 StageRun::MethodOutcome StageRun::untangle() {
   if (!untangler_) {
     rest_newton();
-    untangler_.emplace(problem_, kernels_, guard_, team_, room_for_hessians(mesh_, options_));
+    untangler_.emplace(problem_, kernels_, guard_, team_, failed_starts_, depth_, room_for_hessians(mesh_, options_));
     chooser_.untangling_from(guard_.unrepaired());
   }
   const UntangleOutcome untangled = untangler_->step();
@@ -250,13 +251,15 @@ void StageRun::state(Archive& archive) {
 template <class Archive>
 void StageRun::methods_state(Archive& archive) {
   bool with_newton = newton_.has_value(), with_untangler = untangler_.has_value();
-  archive(with_newton, with_untangler, rested_newton_);
+  archive(with_newton, with_untangler, rested_newton_, failed_starts_);
   if constexpr (Archive::kReads) {
-    if (archive.failed() || (with_newton && hessian_ == nullptr)) return archive.fail();
+    const bool fits = failed_starts_.empty() || failed_starts_.size() == static_cast<std::size_t>(problem_.cells);
+    if (archive.failed() || !fits || (with_newton && hessian_ == nullptr)) return archive.fail();
     if (with_newton) newton();
     if (with_untangler) {
       sweeper_.rebuild();
-      untangler_.emplace(Untangler::ToBeRead{}, problem_, kernels_, guard_, team_, room_for_hessians(mesh_, options_));
+      untangler_.emplace(Untangler::ToBeRead{}, problem_, kernels_, guard_, team_, failed_starts_, depth_,
+                         room_for_hessians(mesh_, options_));
     }
   }
   if (with_newton) newton_->state(archive);

@@ -30,6 +30,7 @@ struct StageContext {
   BestMesh& best;
   const Team& team;
   const HighOrderMesh& mesh;
+  Untangler::Depth untangling_depth = {};
 };
 
 /// The iterations of one stage. The comments say which functions to call inside team.run(). The result does not depend
@@ -110,6 +111,7 @@ class StageRun {
   BestMesh& best_;
   const Team& team_;
   const HighOrderMesh& mesh_;
+  Untangler::Depth depth_;
   Stopwatch watch_;
   PNorm norm_;
   Sweeper sweeper_;
@@ -118,6 +120,7 @@ class StageRun {
   std::optional<Newton> newton_;     ///< Set up when it is needed.
   std::vector<char> rested_newton_;  ///< The state of a Newton whose arrays were freed; empty: there is none.
   std::optional<Untangler> untangler_;
+  Untangler::FailedStarts failed_starts_;
   Iteration iteration_;
   std::vector<Iteration> history_;
   Settling settling_;

@@ -1,6 +1,7 @@
 // Splits a mesh pass by pass until nothing is left that needs a split. Internal to the library.
 #pragma once
 
+#include <cstdint>
 #include <vector>
 
 #include "core/base/stop_token.h"
@@ -13,12 +14,13 @@ namespace varimesh {
 
 /// Finds weak groups (split_candidates.h), chooses splits for them and splits, again and again: in each pass the mesh
 /// that the last one made. Ends if no group is left that may be split, after eight passes, or if `stop` says so; a pass
-/// that it interrupts splits nothing. A group is weak if its margin is at most 0.08 and one of its elements is not
-/// certified valid. Elements with a folded boundary face do not count.
+/// that it interrupts splits nothing. A group is weak if its margin is at most 0.08 and it has a wanted element that is
+/// not certified valid in this mesh.
 ///
-/// `marked` are corners of the mesh that comes in; in the first pass their groups are weak whatever their margin. Adds
-/// a step to `steps` for each split. Meshes that are not 3-D come back as they are. Do not call it inside team.run().
-HighOrderMesh split_in_passes(HighOrderMesh mesh, const Options& options, std::vector<CellCorner> marked,
-                              std::vector<RepairStep>& steps, const StopToken& stop);
+/// `wanted` are numbers of elements, in ascending order; parts of a wanted element are wanted too. `marked` are corners
+/// of the mesh that comes in; in the first pass their groups are weak whatever their margin. Adds a step to `steps` for
+/// each split. Meshes that are not 3-D come back as they are. Do not call it inside team.run().
+HighOrderMesh split_in_passes(HighOrderMesh mesh, const Options& options, std::vector<std::int64_t> wanted,
+                              std::vector<CellCorner> marked, std::vector<RepairStep>& steps, const StopToken& stop);
 
 }  // namespace varimesh

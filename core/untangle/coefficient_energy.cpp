@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <type_traits>
 
 #include "core/kernels/p_norm.h"
 
@@ -16,7 +17,18 @@ constexpr double kUnrepairableEpsilon = 1;
 /// Entries of ∂B/∂x below this share of the largest one are rounding errors of 0.
 constexpr double kNoSlope = 1e-12;
 
-using Matrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, 3, 3>;
+template <int d>
+using Matrix = Eigen::Matrix<double, d, d>;
+/// Numbers per node: nodes × d.
+template <int d>
+using PerNode = Eigen::Matrix<double, Eigen::Dynamic, d>;
+
+/// Calls work(std::integral_constant<int, d>) with the dimension d. Known sizes make loops over points several times
+/// faster than sizes that are known only at run time.
+template <class Work>
+auto with_dimension(int dimension, const Work& work) {
+  return dimension == 2 ? work(std::integral_constant<int, 2>()) : work(std::integral_constant<int, 3>());
+}
 
 // ---------------------------------------------------------------------------------------------------------------------
 // Functions of I = |F|² and J
@@ -64,52 +76,36 @@ struct Barrier {
 // ---------------------------------------------------------------------------------------------------------------------
 
 /// The target at quadrature point q: A⁻¹, and weight times |det A|.
+template <int d>
 struct Point {
-  Matrix inverse_target;
+  Matrix<d> inverse_target;
   double weight;
   Point(const CellSet& set, std::int32_t cell, int q) {
-    const int d = set.dimension;
     const double *inverse = set.inverse_target_of(cell), *measure = set.measure_of(cell);
     const int stride = set.affine ? 1 : set.stride, at = set.affine ? 0 : q;
-    inverse_target.resize(d, d);
     for (int i = 0; i < d; ++i)
       for (int k = 0; k < d; ++k) inverse_target(i, k) = inverse[(i * d + k) * stride + at];
     weight = set.affine ? set.weights[static_cast<std::size_t>(q)] * measure[0] : measure[q];
   }
 };
 
-/// ∂φ_n/∂ξ as a row.
-Eigen::RowVector3d reference_gradient(const CellSet& set, int node, int q) {
-  Eigen::RowVector3d gradient = Eigen::RowVector3d::Zero();
-  for (int k = 0; k < set.dimension; ++k) gradient[k] = set.derivatives_of(node)[k * set.stride + q];
-  return gradient;
-}
-
 /// L of the cell.
-Matrix left_factor(const CellSet& set, std::int32_t cell) {
-  const int d = set.dimension;
+template <int d>
+Matrix<d> left_factor(const CellSet& set, std::int32_t cell) {
   const double* factor = set.left_factor_of(cell);
-  if (factor == nullptr) return Matrix::Identity(d, d);
-  return Eigen::Map<const Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>>(factor, d, d);
-}
-
-/// F = L (Σ x_n ⊗ ∇φ_n) A⁻¹.
-Matrix deformation(const CellSet& set, const Eigen::MatrixXd& positions, const Matrix& factor, const Point& point,
-                   int q) {
-  const int d = set.dimension;
-  Matrix gradient = Matrix::Zero(d, d);
-  for (int n = 0; n < set.nodes_per_cell; ++n)
-    gradient.noalias() += positions.row(n).transpose() * reference_gradient(set, n, q).head(d);
-  return factor * gradient * point.inverse_target;
+  if (factor == nullptr) return Matrix<d>::Identity();
+  return Eigen::Map<const Eigen::Matrix<double, d, d, Eigen::RowMajor>>(factor);
 }
 
 /// cof F = ∂J/∂F.
-Matrix cofactor(const Matrix& F) {
-  Matrix C(F.rows(), F.cols());
-  if (F.rows() == 2) {
-    C << F(1, 1), -F(1, 0), -F(0, 1), F(0, 0);
-    return C;
-  }
+Matrix<2> cofactor(const Matrix<2>& F) {
+  Matrix<2> C;
+  C << F(1, 1), -F(1, 0), -F(0, 1), F(0, 0);
+  return C;
+}
+
+Matrix<3> cofactor(const Matrix<3>& F) {
+  Matrix<3> C;
   for (int i = 0; i < 3; ++i)
     for (int j = 0; j < 3; ++j)
       C(i, j) = F((i + 1) % 3, (j + 1) % 3) * F((i + 2) % 3, (j + 2) % 3) -
@@ -121,13 +117,24 @@ Matrix cofactor(const Matrix& F) {
 
 double regularised_jacobian(double jacobian, double epsilon) { return Regularised(jacobian, epsilon).chi; }
 
-CoefficientEnergy::CoefficientEnergy(const CellSet& set) : set_(set), table_(coefficient_table(set.shape, set.order)) {}
+CoefficientEnergy::CoefficientEnergy(const CellSet& set)
+    : set_(set),
+      table_(coefficient_table(set.shape, set.order)),
+      gradients_(set.nodes_per_cell, static_cast<Eigen::Index>(set.points) * set.dimension) {
+  for (int q = 0; q < set.points; ++q)
+    for (int k = 0; k < set.dimension; ++k)
+      for (int n = 0; n < set.nodes_per_cell; ++n)
+        gradients_(n, q * set.dimension + k) = set.derivatives_of(n)[k * set.stride + q];
+}
 
 double CoefficientEnergy::coefficient_scale(std::int32_t cell) const {
   double weights = 0;
   for (int q = 0; q < set_.points; ++q) weights += set_.weights[static_cast<std::size_t>(q)];
   const double scale = weights / cell_measure(set_, cell);
-  return Point(set_, cell, 0).inverse_target.determinant() < 0 ? -scale : scale;
+  const bool mirrored = with_dimension(set_.dimension, [&](auto dimension) {
+    return Point<dimension()>(set_, cell, 0).inverse_target.determinant() < 0;
+  });
+  return mirrored ? -scale : scale;
 }
 
 Eigen::VectorXd CoefficientEnergy::coefficients(const Cell& cell) const {
@@ -154,13 +161,20 @@ double CoefficientEnergy::value(const Cell& cell, double epsilon) const {
 }
 
 double CoefficientEnergy::shape_value(const Cell& cell, double epsilon) const {
-  const Matrix factor = left_factor(set_, cell.number);
+  return with_dimension(set_.dimension, [&](auto dimension) { return shape_value_in<dimension()>(cell, epsilon); });
+}
+
+template <int d>
+double CoefficientEnergy::shape_value_in(const Cell& cell, double epsilon) const {
+  const Matrix<d> factor = left_factor<d>(set_, cell.number);
   const double measure = cell_measure(set_, cell.number), at = cell.unrepairable ? kUnrepairableEpsilon : epsilon;
+  const Eigen::Map<const PerNode<d>> positions(cell.positions.data(), set_.nodes_per_cell, d);
   double sum = 0;
   for (int q = 0; q < set_.points; ++q) {
-    const Point point(set_, cell.number, q);
-    const Matrix F = deformation(set_, cell.positions, factor, point, q);
-    sum += point.weight / measure * ShapeTerm(F.squaredNorm(), F.determinant(), at, set_.dimension).f;
+    const Point<d> point(set_, cell.number, q);
+    const Matrix<d> F =
+        factor * positions.transpose().lazyProduct(gradients_.middleCols<d>(q * d)) * point.inverse_target;
+    sum += point.weight / measure * ShapeTerm(F.squaredNorm(), F.determinant(), at, d).f;
   }
   return sum;
 }
@@ -185,24 +199,32 @@ CoefficientEnergy::Expansion CoefficientEnergy::expand(const Cell& cell, double 
 /// With g_n = A⁻ᵀ ∇φ_n at a point, moving node n by a adds L a ⊗ g_n to F. So F:dF = a · y_n with y = L F g, C:dF = a ·
 /// c_n with c = L C g, and |dF|² = Σ (L a_m · L a_n)(g_m · g_n).
 void CoefficientEnergy::add_shape(const Cell& cell, double epsilon, const StopToken* stop, Expansion& out) const {
-  const int d = set_.dimension, points = set_.points;
+  with_dimension(set_.dimension, [&](auto dimension) { add_shape_in<dimension()>(cell, epsilon, stop, out); });
+}
+
+template <int d>
+void CoefficientEnergy::add_shape_in(const Cell& cell, double epsilon, const StopToken* stop, Expansion& out) const {
+  const int points = set_.points;
   const Eigen::Index nodes = static_cast<Eigen::Index>(cell.free.size());
-  const Matrix factor = left_factor(set_, cell.number);
+  const Matrix<d> factor = left_factor<d>(set_, cell.number);
   const double measure = cell_measure(set_, cell.number), at = cell.unrepairable ? kUnrepairableEpsilon : epsilon;
+  const Eigen::Map<const PerNode<d>> positions(cell.positions.data(), set_.nodes_per_cell, d);
   Eigen::MatrixXd gradients(nodes, points * d), y(nodes * d, points), c(nodes * d, points);
   Eigen::VectorXd II(points * d), IJ(points), JJ(points);
   for (int q = 0; q < points; ++q) {
     look(stop);
-    const Point point(set_, cell.number, q);
-    const Matrix F = deformation(set_, cell.positions, factor, point, q), C = cofactor(F);
+    const Point<d> point(set_, cell.number, q);
+    const auto reference = gradients_.middleCols<d>(q * d);
+    const Matrix<d> F = factor * positions.transpose().lazyProduct(reference) * point.inverse_target, C = cofactor(F);
+    const Matrix<d> LF = factor * F, LC = factor * C;
     const ShapeTerm f(F.squaredNorm(), F.determinant(), at, d);
     const double w = point.weight / measure;
     for (Eigen::Index n = 0; n < nodes; ++n) {
-      const auto g = gradients.row(n).segment(q * d, d);
-      gradients.row(n).segment(q * d, d).noalias() =
-          reference_gradient(set_, cell.free[static_cast<std::size_t>(n)], q).head(d) * point.inverse_target;
-      y.col(q).segment(n * d, d).noalias() = factor * (F * g.transpose());
-      c.col(q).segment(n * d, d).noalias() = factor * (C * g.transpose());
+      const Eigen::Matrix<double, 1, d> g =
+          reference.row(cell.free[static_cast<std::size_t>(n)]) * point.inverse_target;
+      gradients.template block<1, d>(n, q * d) = g;
+      y.col(q).template segment<d>(n * d) = LF * g.transpose();
+      c.col(q).template segment<d>(n * d) = LC * g.transpose();
     }
     out.value += w * f.f;
     out.gradient.noalias() += w * (2 * f.I_slope * y.col(q) + f.J_slope * c.col(q));
@@ -222,9 +244,9 @@ void CoefficientEnergy::add_shape(const Cell& cell, double epsilon, const StopTo
   }
   look(stop);
   const Eigen::MatrixXd plain = gradients * II.asDiagonal() * gradients.transpose();
-  const Matrix square = factor * factor;
-  for (Eigen::Index m = 0; m < nodes; ++m)
-    for (Eigen::Index n = 0; n < nodes; ++n) out.hessian.block(m * d, n * d, d, d) += plain(m, n) * square;
+  const Matrix<d> square = factor * factor;
+  for (Eigen::Index n = 0; n < nodes; ++n)
+    for (Eigen::Index m = 0; m < nodes; ++m) out.hessian.template block<d, d>(m * d, n * d) += plain(m, n) * square;
 }
 
 void CoefficientEnergy::add_barrier(const Cell& cell, double epsilon, const StopToken* stop, Expansion& out) const {

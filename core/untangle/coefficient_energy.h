@@ -58,14 +58,19 @@ class CoefficientEnergy {
 
  private:
   double shape_value(const Cell& cell, double epsilon) const;
+  template <int d>
+  double shape_value_in(const Cell& cell, double epsilon) const;
   double barrier_value(const Cell& cell, double epsilon) const;
   void add_shape(const Cell& cell, double epsilon, const StopToken* stop, Expansion& out) const;
+  template <int d>
+  void add_shape_in(const Cell& cell, double epsilon, const StopToken* stop, Expansion& out) const;
   void add_barrier(const Cell& cell, double epsilon, const StopToken* stop, Expansion& out) const;
   /// 1 over the mean measure of the target, with the sign of det A.
   double coefficient_scale(std::int32_t cell) const;
 
   const CellSet& set_;
   const CoefficientTable& table_;
+  Eigen::MatrixXd gradients_;  ///< nodes × (points · d): ∂φ_n/∂ξ_k at point q in column q d + k.
 };
 
 }  // namespace varimesh

@@ -9,9 +9,15 @@
 namespace varimesh {
 namespace {
 
-constexpr int kFirstLayers = 2;
-constexpr int kMostLayers = 4;
-constexpr int kPatience = 8;  // a patch ends after this many outer steps without fewer bad cells
+/// A patch ends after this many outer steps without fewer bad cells: before the first time that there are fewer, and
+/// afterwards. The first steps may make more cells bad before they make fewer.
+constexpr int kFirstPatience = 8, kPatience = 5;
+/// It also ends after this many outer steps in which the smallest coefficient has hardly risen. Patches that became
+/// valid in the end had at most two of them in a row.
+constexpr int kMostStanding = 3;
+constexpr double kRise = 0.02;  // of the smallest coefficient
+/// Patches that may leave a cell uncertified before it is given up. A third one has certified none.
+constexpr int kMostStarts = 2;
 /// Patches whose cells' Hessians have more numbers than this, 2 GiB, are left out.
 constexpr std::size_t kMostEntries = std::size_t{1} << 28;
 
@@ -155,27 +161,32 @@ bool fits_in_memory(const std::vector<UntanglePatch::Member>& members, int dimen
 }  // namespace
 
 Untangler::Untangler(Problem& problem, const Kernels& kernels, Guard& guard, const Team& team,
-                     std::int64_t hessian_bytes)
+                     FailedStarts& failed_starts, Depth depth, std::int64_t hessian_bytes)
     : problem_(problem),
       kernels_(kernels),
       guard_(guard),
       team_(team),
+      failed_starts_(failed_starts),
+      depth_(depth),
       first_positions_(problem.positions),
       first_repairable_(guard.repairable()),
       room_(hessian_bytes) {
+  failed_starts_.resize(at(problem.cells), 0);
   guard.return_to_kept();
   rebuild();
   first_unrepaired_ = guard.unrepaired();
   for (const CellSet& set : problem.sets) energies_.emplace_back(set);
-  find_patches(kFirstLayers);
+  find_patches(depth_.first);
 }
 
 Untangler::Untangler(ToBeRead, Problem& problem, const Kernels& kernels, Guard& guard, const Team& team,
-                     std::int64_t hessian_bytes)
+                     FailedStarts& failed_starts, Depth depth, std::int64_t hessian_bytes)
     : problem_(problem),
       kernels_(kernels),
       guard_(guard),
       team_(team),
+      failed_starts_(failed_starts),
+      depth_(depth),
       first_positions_(problem.positions),
       room_(hessian_bytes) {
   for (const CellSet& set : problem.sets) energies_.emplace_back(set);
@@ -184,7 +195,7 @@ Untangler::Untangler(ToBeRead, Problem& problem, const Kernels& kernels, Guard& 
 void Untangler::find_patches(int layers) {
   layers_ = layers;
   patches_.clear();
-  const std::vector<Standing> standings = guard_.standings();
+  const std::vector<Standing> standings = present_standings();
   for (PatchFinder::Found& found : PatchFinder(problem_, standings, layers).patches(standings)) {
     if (!fits_in_memory(found.members, problem_.dimension)) continue;
     UntanglePatch patch(energies_, std::move(found.members), std::move(found.nodes), problem_.dimension, team_.stop());
@@ -192,7 +203,11 @@ void Untangler::find_patches(int layers) {
     const Assessment first = assess(patch, standings);
     if (first.repairable == 0) continue;  // its free nodes cannot repair anything
     const Best best{first.badness, patch.positions()};
-    patches_.push_back({patch, best, best, patch.bad_cells(), first.repairable, 0, false});
+    patches_.push_back({.patch = patch,
+                        .best_without_loss = best,
+                        .best = best,
+                        .fewest_bad = patch.bad_cells(),
+                        .fewest_uncertified = first.repairable});
   }
 }
 
@@ -227,7 +242,7 @@ UntangleOutcome Untangler::step() {
 }
 
 void Untangler::judge() {
-  const std::vector<Standing> standings = guard_.standings();
+  const std::vector<Standing> standings = present_standings();
   for (TrackedPatch& tracked : patches_)
     if (!tracked.ended) judge(tracked, standings);
   if (done()) finish();
@@ -238,19 +253,41 @@ void Untangler::judge(TrackedPatch& tracked, std::span<const Standing> standings
   if (now.badness < tracked.best.badness) tracked.best = {now.badness, tracked.patch.positions()};
   if (!now.lost && now.badness < tracked.best_without_loss.badness)
     tracked.best_without_loss = {now.badness, tracked.patch.positions()};
-  ++tracked.without_fewer;
-  if (tracked.patch.bad_cells() < tracked.fewest_bad || now.repairable < tracked.fewest_uncertified)
-    tracked.without_fewer = 0;
+  const bool gained = tracked.patch.bad_cells() < tracked.fewest_bad || now.repairable < tracked.fewest_uncertified;
+  tracked.without_fewer = gained ? 0 : tracked.without_fewer + 1;
+  tracked.has_gained = tracked.has_gained || gained;
+  const bool rises = now.badness.depth + kRise * std::abs(now.badness.depth) < tracked.least_depth;
+  tracked.without_rise = gained || rises ? 0 : tracked.without_rise + 1;
+  tracked.least_depth = std::min(tracked.least_depth, now.badness.depth);
   tracked.fewest_bad = std::min(tracked.fewest_bad, tracked.patch.bad_cells());
   tracked.fewest_uncertified = std::min(tracked.fewest_uncertified, now.repairable);
-  tracked.ended = now.repairable == 0 || tracked.without_fewer >= kPatience;
+  tracked.ended = now.repairable == 0 || tracked.without_fewer >= (tracked.has_gained ? kPatience : kFirstPatience) ||
+                  tracked.without_rise >= kMostStanding;
+}
+
+std::vector<Standing> Untangler::present_standings() const {
+  std::vector<Standing> result = guard_.standings();
+  for (std::size_t cell = 0; cell < result.size(); ++cell)
+    if (result[cell] == Standing::Uncertified && failed_starts_[cell] >= kMostStarts)
+      result[cell] = Standing::Unrepairable;
+  return result;
+}
+
+void Untangler::count_failures() {
+  const std::vector<Standing> standings = guard_.standings();
+  for (const TrackedPatch& tracked : patches_)
+    for (const UntanglePatch::Member& member : tracked.patch.members()) {
+      const auto cell = at(problem_.sets[at(member.set)].first + member.cell.number);
+      if (standings[cell] == Standing::Uncertified && failed_starts_[cell] < kMostStarts) ++failed_starts_[cell];
+    }
 }
 
 void Untangler::finish() {
   for (const TrackedPatch& tracked : patches_) write(tracked.patch, tracked.best_without_loss.positions);
   guard_.certify_moved();
-  if (guard_.unrepaired() > 0 && layers_ < kMostLayers) {
-    find_patches(2 * layers_);
+  count_failures();
+  if (guard_.unrepaired() > 0 && layers_ < depth_.second) {
+    find_patches(depth_.second);
     if (!patches_.empty()) return;
   }
   for (const TrackedPatch& tracked : patches_)

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <limits>
 #include <memory>
 #include <span>
 #include <vector>
@@ -23,11 +24,12 @@ struct UntangleOutcome {
   std::int64_t active_nodes = 0;
 };
 
-/// The cells that are uncertified and in no unrepairable group are active, and so are two layers of cells around them
-/// (neighbours by a vertex). A free node may move if all its cells are active. Cells that share such a node form a
-/// patch; patches are independent of each other and are untangled at the same time. If cells are left over, everything
-/// is tried once more with four layers, since a tangled boundary layer may have to be moved as deep as that.
-/// docs/untangling.md describes the method and says why it ends.
+/// The cells that are uncertified and in no unrepairable group are active, and so are Depth::first layers of cells
+/// around them (neighbours by a vertex). A free node may move if all its cells are active. Cells that share such a node
+/// form a patch; patches are independent of each other and are untangled at the same time. If cells are left over, they
+/// are tried once more with Depth::second layers, since a tangled boundary layer may have to be moved as deep as that.
+/// A cell that two patches have left uncertified is given up for the rest of the run: it starts no patch, and in the
+/// patches of others it counts as unrepairable. docs/untangling.md describes the method and says why it ends.
 ///
 /// Call all functions inside team.run(). The result does not depend on the number of threads. Deformation gradients are
 /// kept up to date.
@@ -35,18 +37,27 @@ class Untangler {
  public:
   static constexpr std::int64_t kUnlimited = std::int64_t{1} << 62;
 
+  /// Layers of cells around the uncertified ones: at first, and for cells that are left over.
+  struct Depth {
+    int first = 2, second = 4;
+  };
+
+  /// By cell (CellSet::first + cell): how many patches have ended without certifying it. The caller keeps it from one
+  /// untangler of a run to the next.
+  using FailedStarts = std::vector<std::uint8_t>;
+
   /// Takes the problem back to the state that the guard has kept, so that no certificate is lost, and finds the patches
   /// there.
   ///
-  /// `hessian_bytes`: the memory that all patches have together for the Hessians of their cells. It decides the time
-  /// that a step takes, not its result.
-  Untangler(Problem& problem, const Kernels& kernels, Guard& guard, const Team& team,
-            std::int64_t hessian_bytes = kUnlimited);
+  /// `failed_starts`: empty before the first untangler of a run. `hessian_bytes`: the memory that all patches have
+  /// together for the Hessians of their cells. It decides the time that a step takes, not its result.
+  Untangler(Problem& problem, const Kernels& kernels, Guard& guard, const Team& team, FailedStarts& failed_starts,
+            Depth depth, std::int64_t hessian_bytes = kUnlimited);
 
   /// An untangler whose state is read next.
   struct ToBeRead {};
   Untangler(ToBeRead, Problem& problem, const Kernels& kernels, Guard& guard, const Team& team,
-            std::int64_t hessian_bytes = kUnlimited);
+            FailedStarts& failed_starts, Depth depth, std::int64_t hessian_bytes = kUnlimited);
 
   /// Reads or writes the state, after judge() and before step(), while not done(). The positions of the nodes are not
   /// part of it: they are the problem's.
@@ -97,6 +108,9 @@ class Untangler {
     int fewest_bad = 0;          ///< Fewest cells with a coefficient that is not positive.
     int fewest_uncertified = 0;  ///< Fewest uncertified cells, without the unrepairable ones.
     int without_fewer = 0;       ///< Outer steps since either of these last fell.
+    double least_depth = std::numeric_limits<double>::infinity();  ///< Of all outer steps.
+    int without_rise = 0;     ///< Outer steps since it last fell by more than a little.
+    bool has_gained = false;  ///< Either of the two numbers has fallen.
     bool ended = false;
   };
   /// The present state of a patch according to the guard.
@@ -120,8 +134,13 @@ class Untangler {
         best->positions = Eigen::Map<const Eigen::VectorXd>(positions.data(), tracked.patch.positions().size());
       }
     }
-    archive(tracked.fewest_bad, tracked.fewest_uncertified, tracked.without_fewer, tracked.ended);
+    archive(tracked.fewest_bad, tracked.fewest_uncertified, tracked.without_fewer, tracked.least_depth,
+            tracked.without_rise, tracked.has_gained, tracked.ended);
   }
+  /// What the guard knows about the cells, with those that were given up as unrepairable.
+  std::vector<Standing> present_standings() const;
+  /// Counts the cells that the patches have left uncertified.
+  void count_failures();
   /// Ends the untangling, or starts it again with more layers.
   void finish();
   /// Finds the patches with this many layers around the uncertified cells.
@@ -135,6 +154,8 @@ class Untangler {
   const Kernels& kernels_;
   Guard& guard_;
   const Team& team_;
+  FailedStarts& failed_starts_;
+  Depth depth_;
   std::vector<double> first_positions_;      ///< Positions when the untangling began.
   std::int64_t first_repairable_ = 0;        ///< Guard::repairable() when it began.
   std::int64_t first_unrepaired_ = 0;        ///< Guard::unrepaired() when it began.

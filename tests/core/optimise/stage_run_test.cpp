@@ -32,7 +32,7 @@ class Workbench {
     certifier_.certify(mesh_.coordinates, certificates, team_);
     guard_ = std::make_unique<Guard>(mesh_, frame_, problem_, certifier_, std::move(certificates), team_);
     run_ = std::make_unique<StageRun>(
-        StageContext{options_, problem_, coloured_, *kernels_, hessian_.get(), *guard_, best_, team_, mesh_},
+        StageContext{options_, problem_, coloured_, *kernels_, hessian_.get(), *guard_, best_, team_, mesh_, {}},
         Stopwatch());
   }
 

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include "core/repair/choose_splits.h"
+#include "core/repair/split_passes.h"
 #include "tests/core/support/balls.h"
 #include "tests/core/support/meshes.h"
 
@@ -106,6 +107,20 @@ TEST(SplitRules, SpareFlatCells) {
   const Cells cells(mesh, 3);
   const std::vector<bool> fixed = fixed_nodes(mesh);
   EXPECT_FALSE(SplitRules(mesh, cells, fixed).may_split({0, 7, -1}));
+}
+
+TEST(SplitPasses, SplitOnlyForWantedElements) {
+  const HighOrderMesh mesh = testing::six_in_a_ball(3);
+  const StopToken never;
+  std::vector<RepairStep> steps;
+  split_in_passes(mesh, Options(), {}, {}, steps, never);
+  EXPECT_TRUE(steps.empty());
+  const Cells cells(mesh, 3);
+  std::vector<std::int64_t> all;
+  for (std::size_t c = 0; c < cells.count(); ++c) all.push_back(cells.number(c));
+  std::ranges::sort(all);
+  split_in_passes(mesh, Options(), all, {}, steps, never);
+  EXPECT_FALSE(steps.empty());
 }
 
 }  // namespace

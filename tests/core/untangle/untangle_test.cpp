@@ -42,10 +42,10 @@ class TangledMesh {
   }
 
   /// Untangles to the end; returns the number of outer steps.
-  int untangle() {
+  int untangle(Untangler::Depth depth = {}) {
     int steps = 0;
     team_.run([&] {
-      Untangler untangler(problem_, *kernels_, *guard_, team_);
+      Untangler untangler(problem_, *kernels_, *guard_, team_, failed_starts_, depth);
       do {
         untangler.step();
         guard_->certify_moved();
@@ -69,6 +69,7 @@ class TangledMesh {
   Problem problem_;
   std::unique_ptr<Kernels> kernels_;
   std::optional<Guard> guard_;
+  Untangler::FailedStarts failed_starts_;
 };
 
 class UntangleShapes : public ::testing::TestWithParam<Filling> {
@@ -132,6 +133,12 @@ TEST(Untangle, EndsIfNothingCanBeRepairedAndPutsEverythingBack) {
   EXPECT_LT(tangled.untangle(), 100);
   EXPECT_EQ(tangled.guard().uncertified(), before);
   EXPECT_EQ(tangled.problem().positions, positions);
+}
+
+TEST(Untangle, StartsNoPatchAgainAroundCellsThatItHasGivenUp) {
+  TangledMesh tangled(unrepairable_cube(), 0, 1);
+  EXPECT_GT(tangled.untangle(), 1);
+  EXPECT_EQ(tangled.untangle(), 1) << "there is no patch, so the first step is the last";
 }
 
 TEST(Untangle, KeepsUnrepairableCellsOutOfTheBarrier) {
