@@ -5,6 +5,7 @@
 #include <algorithm>
 
 #include "client/cli/names.h"
+#include "core/diagnosis/elements_text.h"
 
 namespace varimesh::client {
 namespace {
@@ -74,6 +75,7 @@ std::string summary(const v1::Metrics& metrics) {
          fmt::format("proved scaled Jacobian    {:>10.5f}  {:>10.5f}\n",
                      before.certified().min_scaled_jacobian_lower_bound(),
                      after.certified().min_scaled_jacobian_lower_bound()) +
+         joined({metrics.notes().begin(), metrics.notes().end()}, "\n") + (metrics.notes().empty() ? "" : "\n") +
          (metrics.has_substitute_targets() ? metrics.substitute_targets().sentence() + "\n" : "") +
          sentences(metrics.repairs(), "steps of repair") +
          sentences(metrics.unrepairable(), "groups of elements that no movement of nodes can repair");
@@ -91,6 +93,9 @@ std::string summary(const MeshSummary& mesh, const QualityReport& quality) {
                          quality.invalid_elements, quality.certified.valid, quality.certified.undecided,
                          quality.certified.min_scaled_jacobian_lower_bound, quality.lattice_intervals) +
                      histogram(quality);
+  if (!quality.clockwise.empty())
+    text += clockwise_text(quality.clockwise, static_cast<std::size_t>(mesh.elements), mesh.dimension) +
+            "; 'varimesh convert --orient' turns " + (quality.clockwise.size() == 1 ? "it\n" : "them\n");
   constexpr std::size_t kShown = 10;
   for (std::size_t i = 0; i < std::min(kShown, quality.invalid.size()); ++i) {
     const InvalidElement& element = quality.invalid[i];

@@ -164,6 +164,7 @@ std::optional<Result> optimise_in_rounds(const HighOrderMesh& mesh, const Option
     if (!result) break;
     marked = bad_corners(*result);
     result->repairs = steps;
+    result->notes.clear();  // even if the last run moved nothing, the splits did
     if (!best || is_better(*result, *best)) best = std::move(result);
     if (best->after.uncertified.empty() || !runs.may_go_on()) break;
   }

@@ -38,6 +38,8 @@ class Quality:
     histogram: NDArray[np.int64]
     certified: Certified
     uncertified: NDArray[np.int64]  # element numbers of the cells that are not certified valid; at most 1000
+    clockwise_elements: int
+    clockwise: NDArray[np.int64]  # element numbers of the cells that are numbered clockwise; at most 1000
 
 
 @dataclass(frozen=True)
@@ -79,6 +81,7 @@ class Metrics:
     unrepairable: tuple[Unrepairable, ...]
     repairs: tuple[RepairStep, ...]
     substitute_targets: tuple[int, ...]  # elements whose straight-sided shape could not be their target; at most 1000
+    notes: tuple[str, ...]  # which elements came numbered clockwise, and why nothing was moved; mostly empty
 
 
 @dataclass(frozen=True)
@@ -144,7 +147,8 @@ def quality_of(message: quality_pb2.QualityReport) -> Quality:
         message.min_scaled_jacobian, message.mean_scaled_jacobian, message.min_distortion_jacobian,
         message.invalid_elements, np.array(message.histogram, dtype=np.int64),
         Certified(certified.valid, certified.invalid, certified.undecided, certified.min_scaled_jacobian_lower_bound),
-        np.array([one.number for one in certified.uncertified], dtype=np.int64))  # fmt: skip
+        np.array([one.number for one in certified.uncertified], dtype=np.int64),
+        message.clockwise_elements, np.array(message.clockwise, dtype=np.int64))  # fmt: skip
 
 
 def metrics_of(message: optimise_pb2.Metrics) -> Metrics:
@@ -157,7 +161,7 @@ def metrics_of(message: optimise_pb2.Metrics) -> Metrics:
         tuple(Unrepairable(tuple(one.elements), one.vertex, one.sentence) for one in message.unrepairable),
         tuple(RepairStep(spelled(optimise_pb2.RepairStep.Kind.DESCRIPTOR, one.kind), tuple(one.elements),
                          tuple(one.new_elements), one.node, one.sentence) for one in message.repairs),
-        tuple(message.substitute_targets.elements))  # fmt: skip
+        tuple(message.substitute_targets.elements), tuple(message.notes))  # fmt: skip
 
 
 def iteration_of(message: optimise_pb2.Iteration) -> Iteration:
