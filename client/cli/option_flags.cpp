@@ -41,6 +41,15 @@ void add_enum(CLI::App& command, const std::string& flag, const FieldDescriptor&
       ->type_name(joined(spellings(*field.enum_type()), "|"));
 }
 
+/// A flag without a value that says on, and one that says off.
+void add_switch(CLI::App& command, const std::string& flag, const FieldDescriptor* field, const OptionInfo& option,
+                v1::Options* options) {
+  const std::string names = flag + ",!--" + dashed(std::string(option.opposite));  // CLI11 counts down at the second
+  command.add_flag_function(
+      names, [=](std::int64_t count) { v1::Options::GetReflection()->SetBool(options, field, count > 0); },
+      help_text(option));
+}
+
 /// A flag for the names of groups, or for the numbers of nodes. It may be repeated.
 void add_list(CLI::App& command, const std::string& flag, const FieldDescriptor* field, const OptionInfo& option,
               v1::Options* options) {
@@ -95,6 +104,7 @@ void add_one(CLI::App& command, const OptionInfo& option, v1::Options* options) 
   const std::string flag = "--" + dashed(std::string(option.name));
   const auto* reflection = v1::Options::GetReflection();
   if (field->is_repeated()) return add_list(command, flag, field, option, options);
+  if (!option.opposite.empty()) return add_switch(command, flag, field, option, options);
   switch (field->cpp_type()) {
     case FieldDescriptor::CPPTYPE_ENUM:
       add_enum(command, flag, *field, option, options);

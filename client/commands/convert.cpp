@@ -5,9 +5,12 @@
 #include "client/commands/commands.h"
 #include "client/process/exit_status.h"
 #include "client/process/interrupts.h"
+#include "core/base/team.h"
 #include "core/formats/formats.h"
 #include "core/marks/marks.h"
 #include "core/mesh/check.h"
+#include "core/mesh/connectivity.h"
+#include "core/validity/orientation.h"
 
 namespace varimesh::client {
 namespace {
@@ -16,7 +19,22 @@ constexpr int kAllThreads = 0;
 
 struct Arguments {
   std::string input, output, format;
+  bool orient = false;
 };
+
+/// Turns the cells that are numbered clockwise. Errors: BadInput if the mesh does not tell which are.
+Expected<void> orient(HighOrderMesh& mesh) {
+  const Team team(kAllThreads);
+  Facets facets;
+  Expected<void> checked;
+  team.run([&] {
+    checked = check_structure(mesh, team, &facets);
+    if (!checked) return;
+    const std::vector<char> clockwise = detail::clockwise_cells(mesh, facets, team);
+    if (!clockwise.empty()) detail::turn_cells(mesh, clockwise, team);
+  });
+  return checked;
+}
 
 int convert(const Arguments& arguments) {
   end_at_first_interrupt();
@@ -30,11 +48,13 @@ int convert(const Arguments& arguments) {
   if (const auto known = formats::for_output(arguments.output, requested, formats::Format::Auto); !known)
     return print_error(known.error());
   if (const auto writable = formats::check_writable(arguments.output); !writable) return print_error(writable.error());
-  const auto file = formats::read_file(arguments.input, machine_memory(), kAllThreads);
+  auto file = formats::read_file(arguments.input, machine_memory(), kAllThreads);
   if (!file) return print_error(file.error());
   const auto format = formats::for_output(arguments.output, requested, file->format);
   if (!format) return print_error(format.error());
 
+  if (arguments.orient)
+    if (const auto done = orient(file->mesh); !done) return print_error(done.error());
   // A mesh whose quality cannot be computed is written without marks.
   std::optional<CellMarks> marks;
   if (*format == formats::Format::Vtu && check_structure(file->mesh))
@@ -53,6 +73,7 @@ Action add_convert(CLI::App& app) {
   command.add_option("output", arguments->output, "The file to write (.msh, .vtu)")->required()->type_name("OUT");
   command.add_option("--format", arguments->format, "Name of the format; default: by the ending of OUT")
       ->type_name("NAME");
+  command.add_flag("--orient", arguments->orient, "Turn elements that are numbered clockwise");
   return [arguments] { return convert(*arguments); };
 }
 

@@ -14,7 +14,6 @@
 #include "core/diagnosis/diagnosis.h"
 #include "core/formats/formats.h"
 #include "core/marks/marks.h"
-#include "core/mesh/check.h"
 #include "core/optimise/optimiser.h"
 
 namespace varimesh::client {
@@ -77,7 +76,6 @@ int quality(const Arguments& arguments) {
   if (const auto checked = check_files(arguments); !checked) return print_error(checked.error());
   auto file = formats::read_file(arguments.input, machine_memory(), arguments.threads);
   if (!file) return print_error(file.error());
-  if (const auto checked = check_structure(file->mesh); !checked) return print_error(checked.error());
   const auto mesh = summarise(file->mesh);
   if (!mesh) return print_error(mesh.error());
   const QualityReport found = varimesh::quality(file->mesh, arguments.lattice, arguments.threads);

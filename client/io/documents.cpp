@@ -27,6 +27,7 @@ Json quality_document(const v1::QualityReport& quality) {
                    {"mean_scaled_jacobian", quality.mean_scaled_jacobian()},
                    {"min_distortion_jacobian", quality.min_distortion_jacobian()},
                    {"invalid_elements", quality.invalid_elements()},
+                   {"clockwise_elements", quality.clockwise_elements()},
                    {"certified",
                     {{"valid", certified.valid()},
                      {"invalid", certified.invalid()},
@@ -108,6 +109,7 @@ Json document(const v1::Metrics& metrics) {
                  {"repairs", repairs_document(metrics)}};
   if (metrics.has_substitute_targets())
     result["substitute_targets"] = substitutes_document(metrics.substitute_targets());
+  for (const std::string& note : metrics.notes()) result["notes"].push_back(note);
   return result;
 }
 
@@ -133,6 +135,8 @@ Json document(const MeshSummary& mesh, const QualityReport& quality, const std::
                    {"lattice_intervals", quality.lattice_intervals},
                    {"histogram", quality.histogram},
                    {"invalid", std::move(invalid)},
+                   {"clockwise_elements", quality.clockwise.size()},
+                   {"clockwise", quality.clockwise},
                    {"certified",
                     {{"valid", quality.certified.valid},
                      {"invalid", quality.certified.invalid},

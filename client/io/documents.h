@@ -13,7 +13,7 @@ namespace varimesh::client {
 using Json = nlohmann::ordered_json;
 
 /// The result of an optimisation: {"mesh", "energy", "method", "iterations", "seconds", "residual", "converged",
-/// "stop_reason", "before", "after", "unrepairable", "repairs"}, and "substitute_targets" if there are any.
+/// "stop_reason", "before", "after", "unrepairable", "repairs"}, and if there are any "substitute_targets" and "notes".
 Json document(const v1::Metrics& metrics);
 /// The quality of a mesh: {"mesh", "quality", "unrepairable"}.
 Json document(const MeshSummary& mesh, const QualityReport& quality, const std::vector<UnrepairableGroup>& groups);

@@ -5,6 +5,7 @@
 #include <algorithm>
 
 #include "client/cli/names.h"
+#include "core/diagnosis/elements_text.h"
 
 namespace varimesh::client {
 namespace {
@@ -81,6 +82,7 @@ std::string summary(const v1::Metrics& metrics) {
                      after.certified().min_scaled_jacobian_lower_bound()) +
          fmt::format("loss of accuracy          {}  {}\n", shown_loss(before.has_accuracy(), before.accuracy().loss()),
                      shown_loss(after.has_accuracy(), after.accuracy().loss())) +
+         joined({metrics.notes().begin(), metrics.notes().end()}, "\n") + (metrics.notes().empty() ? "" : "\n") +
          (metrics.has_substitute_targets() ? metrics.substitute_targets().sentence() + "\n" : "") +
          sentences(metrics.repairs(), "steps of repair") +
          sentences(metrics.unrepairable(), "groups of elements that no movement of nodes can repair");
@@ -100,6 +102,9 @@ std::string summary(const MeshSummary& mesh, const QualityReport& quality) {
                          shown_loss(quality.accuracy.has_value(), quality.accuracy.value_or(Accuracy{}).loss),
                          quality.lattice_intervals) +
                      histogram(quality);
+  if (!quality.clockwise.empty())
+    text += clockwise_text(quality.clockwise, static_cast<std::size_t>(mesh.elements), mesh.dimension) +
+            "; 'varimesh convert --orient' turns " + (quality.clockwise.size() == 1 ? "it\n" : "them\n");
   constexpr std::size_t kShown = 10;
   for (std::size_t i = 0; i < std::min(kShown, quality.invalid.size()); ++i) {
     const InvalidElement& element = quality.invalid[i];

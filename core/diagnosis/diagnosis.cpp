@@ -197,7 +197,7 @@ std::vector<UnrepairableGroup> diagnose(const HighOrderMesh& mesh, int threads) 
   const std::vector<bool> fixed = fixed_nodes(mesh);
   const Team team(threads);
   std::vector<UnrepairableGroup> groups;
-  team.run([&] { groups = diagnose(mesh, fixed, team); });
+  team.run([&] { groups = diagnose(detail::OrientedMesh(mesh, team).mesh(), fixed, team); });
   return groups;
 }
 

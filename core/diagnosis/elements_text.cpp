@@ -14,4 +14,12 @@ std::string elements_text(const std::vector<std::int64_t>& elements, std::string
   return text;
 }
 
+std::string clockwise_text(const std::vector<std::int64_t>& elements, std::size_t of, int dimension) {
+  const std::string clockwise = dimension == 3 ? "numbered clockwise (left-handed)" : "numbered clockwise";
+  if (elements.size() == 1) return "Element " + std::to_string(elements.front()) + " is " + clockwise;
+  if (elements.size() == of) return "All " + std::to_string(of) + " elements are " + clockwise;
+  return std::to_string(elements.size()) + " elements are " + clockwise + ": " +
+         elements_text(elements, "element", "elements");
+}
+
 }  // namespace varimesh

@@ -3,9 +3,12 @@
 
 #include <algorithm>
 #include <map>
+#include <optional>
 #include <utility>
 
-#include "core/quality/quality.h"
+#include "core/base/team.h"
+#include "core/quality/certified_quality.h"
+#include "core/validity/orientation.h"
 
 namespace varimesh {
 namespace {
@@ -120,11 +123,20 @@ class Marker {
 
 CellMarks::CellMarks(const HighOrderMesh& mesh, std::span<const UnrepairableGroup> groups, int threads)
     : unrepairable_(mesh.element_count(mesh.dimension), 0.0) {
-  CellQuality quality = cell_quality(mesh, 0, threads);
+  const Team team(threads);
+  std::optional<detail::OrientedMesh> oriented;
+  std::vector<Certificate> certificates;
+  team.run([&] {
+    oriented.emplace(mesh, team);
+    const Certifier certifier(oriented->mesh(), CertificateOptions{}, team);
+    certificates.resize(certifier.cells());
+    certifier.certify(mesh.coordinates, certificates, team);
+  });
+  CellQuality quality = cell_quality(oriented->mesh(), team);
   scaled_jacobian_ = std::move(quality.scaled_jacobian);
   distortion_jacobian_ = std::move(quality.distortion_jacobian);
-  accuracy_loss_ = cell_accuracy(mesh, threads).loss;
-  for (const Certificate& certificate : certify(mesh, {}, threads))
+  accuracy_loss_ = cell_accuracy(oriented->mesh(), threads).loss;
+  for (const Certificate& certificate : certificates)
     certified_.push_back(certificate.is_valid() ? 1 : certificate.answer == Certificate::Answer::Invalid ? -1 : 0);
   for (std::size_t g = groups.size(); g-- > 0;)
     for (const std::int32_t cell : groups[g].cells)

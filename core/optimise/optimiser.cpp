@@ -4,12 +4,15 @@
 #include <algorithm>
 #include <optional>
 #include <string>
+#include <unordered_set>
 #include <utility>
 
 #include "core/base/stopwatch.h"
 #include "core/base/team.h"
 #include "core/diagnosis/diagnose.h"
+#include "core/diagnosis/elements_text.h"
 #include "core/mesh/check.h"
+#include "core/mesh/straight_sides.h"
 #include "core/optimise/continuation.h"
 #include "core/optimise/grace.h"
 #include "core/optimise/set_up.h"
@@ -17,6 +20,7 @@
 #include "core/problem/fixed_nodes.h"
 #include "core/repair/straighten.h"
 #include "core/validity/certifier.h"
+#include "core/validity/orientation.h"
 
 namespace varimesh {
 namespace {
@@ -64,8 +68,73 @@ HighOrderMesh with_coordinates(HighOrderMesh& mesh, std::vector<double> coordina
   return copy;
 }
 
-/// Optimises the mesh of the set-up as it is.
-Result run_once(SetUp& set_up, const OnIteration& on_iteration, const RunControl& control, StopToken& stop) {
+/// By cell of the result: 1 if it came clockwise, or is a part of a cell that did.
+std::vector<char> clockwise_in_result(const SetUp& set_up, const Result& result) {
+  if (set_up.options.repair != Repair::Split) return set_up.clockwise;
+  const std::vector<std::int64_t> numbers = detail::cell_numbers(set_up.mesh, set_up.clockwise);
+  std::unordered_set<std::int64_t> came(numbers.begin(), numbers.end());
+  for (const RepairStep& step : result.repairs)
+    for (std::size_t part = 0; part < step.new_elements.size() && !step.elements.empty(); ++part)
+      if (came.contains(step.elements[part * step.elements.size() / step.new_elements.size()]))
+        came.insert(step.new_elements[part]);
+  const Cells cells(result.mesh, result.mesh.dimension);
+  std::vector<char> clockwise(cells.count());
+  for (std::size_t cell = 0; cell < clockwise.size(); ++cell)
+    clockwise[cell] = came.contains(cells.number(cell)) ? 1 : 0;
+  return clockwise;
+}
+
+/// Reports the cells that came clockwise, and turns them back unless the options say otherwise.
+void keep_orientation(const SetUp& set_up, Result& result) {
+  if (set_up.clockwise.empty()) return;
+  const HighOrderMesh& mesh = set_up.mesh;
+  result.before.clockwise = detail::cell_numbers(mesh, set_up.clockwise);
+  std::string& note =
+      result.notes.emplace_back(clockwise_text(result.before.clockwise, set_up.clockwise.size(), mesh.dimension));
+  const bool one = result.before.clockwise.size() == 1;
+  if (set_up.options.orient) {
+    note += one ? ". It is written counter-clockwise." : ". They are written counter-clockwise.";
+    return;
+  }
+  note += one ? ". It is written as it came; the option orient turns it."
+              : ". They are written as they came; the option orient turns them.";
+  const std::vector<char> clockwise = clockwise_in_result(set_up, result);
+  const Team team(set_up.options.threads);
+  team.run([&] { detail::turn_cells(result.mesh, clockwise, team); });
+  result.after.clockwise = detail::cell_numbers(result.mesh, clockwise);
+}
+
+/// Why nothing was moved, though the run was not stopped; empty if something may have been moved.
+std::string why_unmoved(const SetUp& set_up, const Result& result, const Team& team) {
+  if (set_up.summary.free_nodes == 0)
+    return "No node is free, so nothing was moved: all lie on the boundary or are fixed by the options. 'varimesh "
+           "optimise --order' gives elements inner nodes, and '--free' frees interfaces.";
+  if (result.iterations == 0 && result.stop_reason == StopReason::Valid)
+    return "Every element is certified valid already, so nothing was moved.";
+  if (result.iterations == 0 && result.stop_reason == StopReason::Quality)
+    return "Every element has the scaled Jacobian that until_js names already, so nothing was moved.";
+  if (result.iterations != 1 || !result.converged || !result.before.uncertified.empty()) return "";
+  bool straight = set_up.options.target == Target::StraightSided;
+  team.run([&] { straight = straight && has_straight_sides(set_up.mesh, team.without_stop()); });
+  if (straight)
+    return "All elements have straight sides, as their targets have, so nothing was moved; 'varimesh optimise "
+           "--target ideal' makes their shapes more regular.";
+  return "The mesh is at its optimum already, because no node would move by more than the tolerance, so nothing was "
+         "moved.";
+}
+
+/// The mesh as it came, and the note that says why.
+void take_as_it_came(const SetUp& set_up, const std::string& why, Result& result) {
+  result.mesh = set_up.mesh;
+  result.after = result.before;
+  if (!why.empty()) result.notes.push_back(why);
+  if (set_up.summary.free_nodes > 0 || set_up.options.max_iterations == 0) return;
+  result.converged = true;  // there is no free node that could be far from the optimum
+  result.stop_reason = StopReason::Converged;
+}
+
+/// Optimises the mesh of the set-up, in which no cell is clockwise.
+Result run_turned(SetUp& set_up, const OnIteration& on_iteration, const RunControl& control, StopToken& stop) {
   const Options& options = set_up.options;
   const Stopwatch watch = Stopwatch::started(std::exchange(set_up.seconds, 0));
   if (options.time_limit > 0) stop.stop_after(options.time_limit - watch.seconds());
@@ -85,13 +154,14 @@ Result run_once(SetUp& set_up, const OnIteration& on_iteration, const RunControl
   result.sizes = set_up.summary;
   result.before = report_quality(set_up.mesh, certifier, certificates, team, grace);
   result.seconds = watch.seconds();
-  if (options.max_iterations == 0 || grace.stopped()) {
-    result.mesh = set_up.mesh;
-    result.after = result.before;
+  const bool iterates = options.max_iterations > 0 && set_up.summary.free_nodes > 0 && !grace.stopped();
+  if (iterates) run_stages(set_up, certifier, certificates, watch, on_iteration, control, team, grace, result);
+  const Stopwatch after_stages;
+  const std::string unmoved = grace.stopped() ? "" : why_unmoved(set_up, result, team);
+  if (!iterates || !unmoved.empty()) {
+    take_as_it_came(set_up, unmoved, result);
     if (grace.stopped()) grace.say_stopped(result);
   } else {
-    run_stages(set_up, certifier, certificates, watch, on_iteration, control, team, grace, result);
-    const Stopwatch after_stages;
     result.mesh = with_coordinates(set_up.mesh, std::move(result.mesh.coordinates));
     if (options.repair == Repair::Straighten && !result.unrepairable.empty())
       straighten_result(set_up, certifier, certificates, team, grace, result);
@@ -99,6 +169,12 @@ Result run_once(SetUp& set_up, const OnIteration& on_iteration, const RunControl
     result.seconds += after_stages.seconds();
   }
   result.unrepairable = with_any_of(std::move(result.unrepairable), uncertified_numbers(result.after));
+  return result;
+}
+
+Result run_once(SetUp& set_up, const OnIteration& on_iteration, const RunControl& control, StopToken& stop) {
+  Result result = run_turned(set_up, on_iteration, control, stop);
+  keep_orientation(set_up, result);
   return result;
 }
 

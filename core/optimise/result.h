@@ -62,6 +62,8 @@ struct RunSummary {
   std::vector<UnrepairableGroup> unrepairable;  ///< What no movement of free nodes can repair.
   std::vector<RepairStep> repairs;              ///< What Repair::Split or Straighten did about it, in order.
   SubstituteTargets substitute_targets;
+  /// For humans, one sentence or two each: which elements came clockwise, and why nothing was moved. Mostly empty.
+  std::vector<std::string> notes;
   std::vector<Iteration> history;
 };
 
@@ -69,7 +71,9 @@ struct RunSummary {
 struct Result : RunSummary {
   /// The input mesh with new coordinates. Fixed nodes have the same coordinates bit for bit. A cell that is certified
   /// valid in the input mesh is certified valid here too, however the run ended. With Repair::Split the mesh may have
-  /// more elements and nodes, numbered above those of the input.
+  /// more elements and nodes, numbered above those of the input. If the input is at its optimum already or has no free
+  /// node, it comes back bit for bit. Cells that came clockwise are clockwise here too,
+  /// unless Options::orient is set.
   HighOrderMesh mesh;
 };
 

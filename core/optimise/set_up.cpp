@@ -6,7 +6,6 @@
 #include <utility>
 
 #include "core/base/stopwatch.h"
-#include "core/diagnosis/elements_text.h"
 #include "core/mesh/change_order.h"
 #include "core/mesh/check.h"
 #include "core/mesh/connectivity.h"
@@ -27,24 +26,22 @@ Expected<void> check_degree(const HighOrderMesh& mesh, int degree) {
                     " the energy does not see all of an element; leave it at 0 for twice the order.");
 }
 
-/// A mesh may be clockwise, but not a part of it.
-Expected<void> check_senses(const HighOrderMesh& mesh, const Facets& facets, const Team& team) {
-  const std::vector<char> against = detail::numbered_against_most(mesh, facets, team);
-  if (against.empty()) return {};
-  const Cells cells(mesh, mesh.dimension);
-  std::vector<std::int64_t> numbers;
-  for (std::size_t cell = 0; cell < against.size(); ++cell)
-    if (against[cell] != 0) numbers.push_back(cells.number(cell));
-  return bad_input("The elements are not all numbered in the same sense: " +
-                   elements_text(numbers, "element", "elements") + (numbers.size() == 1 ? " is" : " are") +
-                   " numbered against the others. Number the vertices of all elements alike; in a Gmsh script, "
-                   "ReverseMesh Surface{…} or Volume{…} turns the elements of an entity.");
+/// Turns cells that are numbered clockwise. Only then are the facets of the mesh in the order of their cells again.
+std::vector<char> turn_clockwise(HighOrderMesh& mesh, const Team& team, Facets& found) {
+  std::vector<char> clockwise = detail::clockwise_cells(mesh, found, team);
+  if (clockwise.empty()) return clockwise;
+  detail::turn_cells(mesh, clockwise, team);
+  found = {};  // so that two tables are not in memory at the same time
+  found = facets(mesh, team);
+  return clockwise;
 }
 
-/// Checks the mesh and changes its order if the options name one. `found` receives the facets. Inside team.run().
-Expected<void> check_and_change_order(HighOrderMesh& mesh, const Options& options, const Team& team, Facets& found) {
+/// Checks the mesh, turns clockwise cells, and changes the order if the options name one. `found` receives the facets,
+/// `clockwise` the cells that were turned. Inside team.run().
+Expected<void> prepare(HighOrderMesh& mesh, const Options& options, const Team& team, Facets& found,
+                       std::vector<char>& clockwise) {
   if (auto checked = check_structure(mesh, team, &found); !checked) return checked;
-  if (auto checked = check_senses(mesh, found, team); !checked) return checked;
+  clockwise = turn_clockwise(mesh, team, found);
   if (!(frame_of(mesh, team).diagonal > 0))
     return bad_input("The mesh has no size: all its nodes are at one place. Write it again with its coordinates.");
   if (options.order == 0 || options.order == mesh.order) return {};
@@ -85,8 +82,9 @@ Expected<std::unique_ptr<SetUp>> set_up(HighOrderMesh&& mesh, const Options& opt
   if (const auto checked = check(options); !checked) return tl::unexpected(checked.error());
   const Team team(options.threads);
   Facets facets;
+  std::vector<char> clockwise;
   Expected<void> checked;
-  team.run([&] { checked = check_and_change_order(mesh, options, team, facets); });
+  team.run([&] { checked = prepare(mesh, options, team, facets, clockwise); });
   if (!checked) return tl::unexpected(checked.error());
   // Outside team.run(), because a region by quality brings a team of its own.
   const Expected<std::vector<bool>> fixed = choose_fixed_nodes(mesh, options, std::move(facets));
@@ -96,6 +94,7 @@ Expected<std::unique_ptr<SetUp>> set_up(HighOrderMesh&& mesh, const Options& opt
   if (const auto degree = check_degree(mesh, options.quadrature_degree); !degree) return tl::unexpected(degree.error());
   auto result = std::make_unique<SetUp>();
   result->options = options;
+  result->clockwise = std::move(clockwise);
   result->fixed = *fixed;
   result->target = std::move(*target);
   const auto iterates = [&] {

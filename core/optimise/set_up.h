@@ -19,7 +19,8 @@ namespace varimesh {
 
 /// A checked mesh with everything that its runs share. It must stay where it is in memory while a run refers to it.
 struct SetUp {
-  HighOrderMesh mesh;  ///< In the order in which it is optimised.
+  HighOrderMesh mesh;           ///< In the order in which it is optimised, without clockwise cells.
+  std::vector<char> clockwise;  ///< By cell: 1 if it came clockwise and was turned. Empty if none did.
   Options options;
   MeshSummary summary;
   std::vector<bool> fixed;  ///< By node of the mesh.
@@ -32,9 +33,9 @@ struct SetUp {
   double seconds = 0;  ///< What the set-up took. The first run counts it as its own and sets it to 0.
 };
 
-/// Checks the mesh and the options, changes the order if asked to, colours the nodes and prepares the tables, with
-/// options.threads threads. Errors: BadInput, BadOption. If `stop`, which may be null, says so, it leaves out what only
-/// iterations need.
+/// Checks the mesh and the options, turns clockwise cells, changes the order if asked to, colours the nodes and
+/// prepares the tables, with options.threads threads. Errors: BadInput, BadOption. If `stop`, which may be null, says
+/// so, it leaves out what only iterations need.
 Expected<std::unique_ptr<SetUp>> set_up(HighOrderMesh&& mesh, const Options& options, const StopToken* stop = nullptr);
 
 /// Sizes of the mesh, and how many of its nodes would move. `fixed`: by node. Call it inside team.run().

@@ -185,6 +185,7 @@ std::optional<Result> optimise_in_rounds(const HighOrderMesh& mesh, const Result
     wanted = worth_a_split(*result);
     marked = bad_corners(*result, wanted);
     result->repairs = steps;
+    result->notes.clear();  // even if the last run moved nothing, the splits did
     const bool gains = !best || wanted.size() < fewest;
     fewest = gains ? wanted.size() : fewest;
     if (!best || is_better(*result, *best)) best = std::move(result);

@@ -96,6 +96,12 @@ const std::array kTable{
            "The power to which the elements' mean energies are summed; a higher one weighs the worst elements more"),
     number("order", &Options::order, upto(kMaxOrder), "1 to 10, or 0 for the mesh's own order",
            "The order to which the mesh is raised or lowered before it is optimised; 0: as it is"),
+    OptionInfo{"orient",
+               &Options::orient,
+               {},
+               {},
+               "Whether elements that came numbered clockwise are written turned, or (the default) as they came",
+               "keep_orientation"},
     row("target", choice<Target, &Options::target>(kTarget),
         "The shape that each element is compared with; size and strain need a target field"),
     row("target_field", &Options::target_field,
@@ -145,6 +151,7 @@ std::string number_text(double value) {
 
 std::string default_text(const OptionInfo& option) {
   const Options options;
+  if (!option.opposite.empty()) return {};
   return std::visit(Overloaded{[&](double Options::*member) { return number_text(options.*member); },
                                [&](int Options::*member) { return std::to_string(options.*member); },
                                [&](bool Options::*member) { return std::string(options.*member ? "on" : "off"); },

@@ -47,12 +47,15 @@ struct OptionInfo {
   OptionRange range;        ///< For numbers only.
   std::string_view values;  ///< The possible values in words, for pages and errors; empty if the type says it.
   std::string_view help;    ///< One sentence, without the default.
+  /// For an option that is on or off, and off by default: the name of the flag that says off. Its flags take no value.
+  std::string_view opposite = {};
 };
 
 /// All options, in the order of the help and of the documentation.
 std::span<const OptionInfo> option_table();
 
-/// The default as a user would write it, such as "1e-6", "on" or "straight-sided"; empty for a list or a field.
+/// The default as a user would write it, such as "1e-6", "on" or "straight-sided"; empty for a list, a field or an
+/// option with an opposite, whose help says it.
 std::string default_text(const OptionInfo& option);
 
 /// Whether the value is a number or a whole number.

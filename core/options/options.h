@@ -127,6 +127,8 @@ struct Options {
   TargetField target_field;               ///< For the targets Size and Strain. Size needs a value everywhere; Strain
                                           ///< is 0 if there is no value.
 
+  bool orient = false;  ///< Cells that came clockwise are written counter-clockwise, not as they came.
+
   // By default, the nodes on faces with one neighbour and on every boundary or interface element of the file are fixed.
   // The next four options change that. A node that is fixed by name stays fixed even if another option frees it.
   std::vector<std::string> fix;          ///< Physical groups whose nodes stay, by name, by tag, or by "dimension:tag".

@@ -38,7 +38,7 @@ std::string list_groups(const HighOrderMesh& mesh) {
     list += (list.empty() ? "" : ", ") +
             (has_name ? "'" + named->name + "'" : std::to_string(dimension) + ":" + std::to_string(tag));
   }
-  return list.empty() ? "none" : list;
+  return list;
 }
 
 bool parse_whole(const std::string& text, std::size_t from, int& value) {
@@ -59,7 +59,9 @@ Expected<std::vector<Group>> find_groups(const HighOrderMesh& mesh, const std::s
   for (const Group& group : groups_of(mesh))
     if (is_tag && group.second == tag && (dimension < 0 || group.first == dimension)) found.push_back(group);
   if (found.empty())
-    return bad_option("The mesh has no physical group '" + text + "'. Its groups: " + list_groups(mesh) + ".");
+    return bad_option("The mesh has no physical group '" + text + "'. " +
+                      (groups_of(mesh).empty() ? "It has none; name nodes with fix_nodes or free_nodes instead."
+                                               : "Name one of its groups: " + list_groups(mesh) + "."));
   if (found.size() > 1)
     return bad_option("The tag " + text + " belongs to physical groups of " + std::to_string(found.size()) +
                       " dimensions: give 'dimension:tag', such as '" + std::to_string(found.front().first) + ":" +
@@ -93,7 +95,7 @@ class FixedNodes {
         if (group.first != mesh_.dimension - 1)
           return bad_option("The group '" + text + "' has dimension " + std::to_string(group.first) +
                             ": only groups of " + (mesh_.dimension == 3 ? "faces" : "lines") +
-                            " between cells can be freed, since only their nodes are fixed.");
+                            " between cells can be freed, since only their nodes are fixed. Leave it out of free.");
       if (const auto checked = check_inside(text, *groups); !checked) return checked;
       freed.insert(freed.end(), groups->begin(), groups->end());
     }
@@ -109,8 +111,10 @@ class FixedNodes {
     if (!nodes) return tl::unexpected(nodes.error());
     for (std::size_t n = 0; n < nodes->size(); ++n)
       if ((*nodes)[n] && outer_[n])
-        return bad_option("Node " + std::to_string(mesh_.node_numbers[n]) +
-                          " cannot be freed: it lies on the outer boundary, and there is no geometry to slide on.");
+        return bad_option(
+            "Node " + std::to_string(mesh_.node_numbers[n]) +
+            " cannot be freed: it lies on the outer boundary, and there is no geometry to slide on. Leave "
+            "it out of free_nodes.");
     for_each_related(*nodes, [&](std::int32_t other, bool, bool bounded) {
       if (bounded) fixed_[std::size_t(other)] = false;
     });

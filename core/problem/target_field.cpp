@@ -147,7 +147,8 @@ Expected<StretchField> resolve_target_field(const HighOrderMesh& mesh, const Opt
   const auto components = std::size_t(field.components);
   if (field.values.size() % components != 0)
     return bad_option("target_field has " + std::to_string(field.values.size()) +
-                      " values, which is not a multiple of its " + std::to_string(components) + " components.");
+                      " values, which is not a multiple of its " + std::to_string(components) +
+                      " components; give all components of each value.");
   const Cells cells(mesh, d);
   const std::size_t count = field.per == Per::Cell ? cells.count() : mesh.node_count();
   const auto at = match(mesh, cells, field, count);

@@ -1,6 +1,7 @@
 // Samples det ∇χ_M in every cell, and puts samples and certificates together to a report.
 #include <Eigen/Core>
 #include <cassert>
+#include <optional>
 #include <span>
 
 #include "core/accuracy/team_accuracy.h"
@@ -9,6 +10,7 @@
 #include "core/quality/lattice_kernel.h"
 #include "core/reference/basis.h"
 #include "core/validity/cell_batches.h"
+#include "core/validity/orientation.h"
 
 namespace varimesh {
 namespace {
@@ -184,15 +186,26 @@ std::vector<std::int64_t> uncertified_numbers(const QualityReport& report) {
 }
 
 CellQuality cell_quality(const HighOrderMesh& mesh, int intervals, int threads) {
-  return cell_quality(sample(mesh, intervals, Team(threads)));
+  const Team team(threads);
+  std::optional<detail::OrientedMesh> oriented;
+  team.run([&] { oriented.emplace(mesh, team); });
+  return cell_quality(sample(oriented->mesh(), intervals, team));
 }
 
 QualityReport quality(const HighOrderMesh& mesh, int intervals, int threads) {
   const Team team(threads);
-  const Certifier certifier(mesh);
-  std::vector<Certificate> certificates(certifier.cells());
-  team.run([&] { certifier.certify(mesh.coordinates, certificates, team); });
-  return quality(mesh, certifier, std::move(certificates), intervals, team);
+  std::optional<detail::OrientedMesh> oriented;
+  std::optional<Certifier> certifier;
+  std::vector<Certificate> certificates;
+  team.run([&] {
+    oriented.emplace(mesh, team);
+    certifier.emplace(oriented->mesh(), CertificateOptions{}, team);
+    certificates.resize(certifier->cells());
+    certifier->certify(mesh.coordinates, certificates, team);
+  });
+  QualityReport report = quality(oriented->mesh(), *certifier, std::move(certificates), intervals, team);
+  report.clockwise = oriented->clockwise();
+  return report;
 }
 
 CellQuality cell_quality(const HighOrderMesh& mesh, const Team& team) { return cell_quality(sample(mesh, 0, team)); }

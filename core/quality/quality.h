@@ -47,6 +47,10 @@ struct QualityReport {
 
   /// How much accuracy a solver loses because cells are curved. Absent in quick_quality().
   std::optional<Accuracy> accuracy;
+
+  /// Element numbers of the cells that are numbered clockwise (in space: left-handed), in the mesh's order. Everything
+  /// above judges them as if they were turned.
+  std::vector<std::int64_t> clockwise;
 };
 
 /// Js and the distortion Jacobian of each cell (elements of dimension mesh.dimension, in the mesh's order).
@@ -62,9 +66,9 @@ std::vector<std::int64_t> uncertified_numbers(const QualityReport& report);
 int report_intervals(int order);
 
 /// Samples every cell on the uniform lattice with `intervals` intervals per edge, vertices and edges included (0: the
-/// default, max(2 P + 2, 8)). J is relative to the mesh's orientation, so a mesh that is clockwise throughout is judged
-/// as its mirror image. `threads` 0 means all; the result does not depend on it. The mesh must have passed
-/// check_structure().
+/// default, max(2 P + 2, 8)). Cells that are numbered clockwise, all or some, are judged as if they were turned; their
+/// neighbours tell them from cells that are inverted. `threads` 0 means all; the result does not depend on it. The mesh
+/// must have passed check_structure().
 CellQuality cell_quality(const HighOrderMesh& mesh, int intervals = 0, int threads = 0);
 QualityReport quality(const HighOrderMesh& mesh, int intervals = 0, int threads = 0);
 

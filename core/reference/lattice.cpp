@@ -125,6 +125,38 @@ std::vector<NodePlace> make_places(Shape shape, int order) {
   return places;
 }
 
+/// The position that a node at this position has in the turned cell.
+Position turned_position(Shape shape, const Position& at, int order) {
+  const auto [i, j, k] = at;
+  const auto steps = [](int number) { return static_cast<std::int8_t>(number); };
+  switch (shape) {
+    case Shape::Triangle:
+    case Shape::Quadrilateral:
+      return {j, i, k};
+    case Shape::Tetrahedron:
+      return {steps(order - i - j - k), j, k};
+    case Shape::Pyramid:
+      return {steps(order - k - j), steps(order - k - i), k};
+    case Shape::Prism:
+      return {steps(order - i - j), j, k};
+    case Shape::Hexahedron:
+      return {steps(order - j), steps(order - i), k};
+    case Shape::Point:
+    case Shape::Line:
+      break;
+  }
+  assert(!"only cells are turned");
+  return at;
+}
+
+/// The number of the node at each position of the lattice.
+std::map<Position, int> numbers_by_position(Shape shape, int order) {
+  std::map<Position, int> number;
+  const Lattice& cell = lattice(shape, order);
+  for (std::size_t n = 0; n < cell.size(); ++n) number[cell[n]] = static_cast<int>(n);
+  return number;
+}
+
 }  // namespace
 
 const std::vector<std::array<std::int8_t, 3>>& lattice(Shape shape, int order) {
@@ -143,13 +175,22 @@ const std::vector<int>& facet_nodes(Shape shape, int order, int facet) {
   static Cache<std::array<int, 3>, std::vector<int>> cache;
   return cache.get({static_cast<int>(shape), order, facet}, [&] {
     const Facet& which = info(shape).facets[facet];
-    std::map<Position, int> number;
-    const Lattice& cell = lattice(shape, order);
-    for (std::size_t n = 0; n < cell.size(); ++n) number[cell[n]] = static_cast<int>(n);
+    const std::map<Position, int> number = numbers_by_position(shape, order);
     std::vector<int> found;
     for (const Position& position : lattice(which.shape, order))
       found.push_back(number.at(facet_to_cell(shape, which, position, order)));
     return found;
+  });
+}
+
+const std::vector<int>& turned_nodes(Shape shape, int order) {
+  static Cache<std::pair<Shape, int>, std::vector<int>> cache;
+  return cache.get({shape, order}, [&] {
+    const std::map<Position, int> number = numbers_by_position(shape, order);
+    std::vector<int> turned;
+    for (const Position& position : lattice(shape, order))
+      turned.push_back(number.at(turned_position(shape, position, order)));
+    return turned;
   });
 }
 

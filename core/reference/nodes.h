@@ -48,4 +48,15 @@ const std::vector<std::array<std::int8_t, 3>>& lattice(Shape shape, int order);
 /// ShapeInfo::facets.
 const std::vector<int>& facet_nodes(Shape shape, int order, int facet);
 
+/// How a cell of dimension 2 or 3 is numbered when it is turned over, from clockwise to counter-clockwise or back:
+/// entry k is the local number that node k of the turned cell has in the cell as it was. To turn twice gives the cell
+/// back. The nodes stay where they are; these vertices change places:
+///   triangle        1 and 2
+///   quadrilateral   1 and 3
+///   tetrahedron     0 and 1
+///   pyramid         0 and 2
+///   prism           0 and 1, 3 and 4
+///   hexahedron      0 and 2, 4 and 6
+const std::vector<int>& turned_nodes(Shape shape, int order);
+
 }  // namespace varimesh::reference

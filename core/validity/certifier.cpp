@@ -201,7 +201,8 @@ std::vector<Certificate> certify(const HighOrderMesh& mesh, const CertificateOpt
   const Team team(threads);
   std::vector<Certificate> certificates;
   team.run([&] {
-    const Certifier certifier(mesh, options, team);
+    const detail::OrientedMesh oriented(mesh, team);
+    const Certifier certifier(oriented.mesh(), options, team);
     certificates.resize(certifier.cells());
     certifier.certify(mesh.coordinates, certificates, team);
   });

@@ -1,18 +1,25 @@
-// The sign that most straight-sided cells have.
+// The sense of cells relative to their neighbours, and the volume that the outer facets of joined cells enclose.
 #include "core/validity/orientation.h"
 
 #include <Eigen/Core>
+#include <Eigen/Geometry>
 #include <algorithm>
-#include <cstdint>
+#include <array>
+#include <atomic>
+#include <map>
 
-#include "core/mesh/connectivity.h"
 #include "core/reference/basis.h"
+#include "core/reference/quadrature.h"
 #include "core/validity/cell_batches.h"
 
 namespace varimesh::detail {
 namespace {
 
-constexpr std::size_t kCellsPerTask = 4096;
+constexpr std::size_t kCellsPerTask = 4096, kFacetsPerTask = 256;
+
+// ---------------------------------------------------------------------------------------------------------------------
+// The signs of straight-sided cells
+// ---------------------------------------------------------------------------------------------------------------------
 
 /// Gradients of the straight-sided cell's basis at the centre of the reference cell: vertices × dimension.
 Eigen::MatrixXd centre_gradients(Shape shape, int dimension) {
@@ -58,73 +65,222 @@ std::vector<std::int8_t> centre_signs(const HighOrderMesh& mesh, const Team& tea
   return signs;
 }
 
-/// Whether two cells with a common facet are numbered in the same sense. Each lists the facet's vertices
-/// counter-clockwise as seen from outside, so the other then lists them in reverse.
-bool agree(const Cells& cells, std::size_t a, std::size_t facet_of_a, std::size_t b, std::size_t facet_of_b) {
-  const auto vertices = [&](std::size_t cell, std::size_t facet) {
-    std::vector<std::int32_t> list;
-    for (const std::int8_t v : reference::info(cells.shape(cell)).facets[facet].vertices)
-      if (v >= 0) list.push_back(cells.nodes(cell)[static_cast<std::size_t>(v)]);
-    return list;
-  };
-  const std::vector<std::int32_t> first = vertices(a, facet_of_a), second = vertices(b, facet_of_b);
-  const auto same = static_cast<std::size_t>(std::ranges::find(second, first.front()) - second.begin());
-  // Two vertices have no order round the facet, but a direction along it.
-  return first.size() == 2 ? same == 1 : second[(same + 1) % second.size()] == first.back();
+// ---------------------------------------------------------------------------------------------------------------------
+// Joined cells and their senses
+// ---------------------------------------------------------------------------------------------------------------------
+
+/// The vertices of a cell's facet; unused entries are −1.
+std::array<std::int32_t, 4> facet_vertices(const Cells& cells, std::size_t cell, std::size_t facet) {
+  const auto nodes = cells.nodes(cell);
+  std::array<std::int32_t, 4> vertices{-1, -1, -1, -1};
+  const auto& local = reference::info(cells.shape(cell)).facets[facet].vertices;
+  for (std::size_t k = 0; k < local.size() && local[k] >= 0; ++k)
+    vertices[k] = nodes[static_cast<std::size_t>(local[k])];
+  return vertices;
 }
 
-/// The cells that are joined with this one across facets. Sets their senses relative to it, 1 or −1.
-std::vector<std::int32_t> joined_cells(const Cells& cells, const Facets& facet, std::int32_t start,
-                                       std::vector<std::int8_t>& sense) {
-  std::vector<std::int32_t> group{start};
+/// Whether the cells on both sides of a facet of `cell` are numbered in the same sense. Each lists the facet's vertices
+/// counter-clockwise as seen from outside, so the other then lists them in reverse.
+bool agree(const Cells& cells, const Facets& facets, std::size_t cell, std::int32_t facet) {
+  const auto index = static_cast<std::size_t>(facet);
+  const auto other = static_cast<std::size_t>(facets.neighbour[index]);
+  const auto first = facet_vertices(cells, cell, static_cast<std::size_t>(facet - facets.first[cell]));
+  const auto second =
+      facet_vertices(cells, other, static_cast<std::size_t>(facets.opposite[index] - facets.first[other]));
+  const auto count = static_cast<std::size_t>(std::ranges::find(first, -1) - first.begin());
+  const auto same = static_cast<std::size_t>(std::ranges::find(second, first[0]) - second.begin());
+  // Two vertices have no order round the facet, but a direction along it.
+  return count == 2 ? same == 1 : second[(same + 1) % count] == first[count - 1];
+}
+
+/// Whether all neighbours agree.
+bool all_agree(const Cells& cells, const Facets& facets, const Team& team) {
+  std::atomic<bool> yes{true};
+  team.for_ranges(cells.count(), kCellsPerTask, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t cell = begin; cell < end && yes.load(std::memory_order_relaxed); ++cell)
+      for (std::int32_t f = facets.first[cell]; f < facets.first[cell + 1]; ++f)
+        if (facets.opposite[static_cast<std::size_t>(f)] > f && !agree(cells, facets, cell, f))
+          yes.store(false, std::memory_order_relaxed);
+  });
+  return yes;
+}
+
+/// Cells that are joined across facets.
+struct Joined {
+  std::vector<std::int32_t> cells;
+  bool consistent = true;  ///< Whether they can all be numbered in one sense.
+};
+
+/// The cells that are joined with this one. Sets their senses relative to it, 1 or −1.
+Joined joined_cells(const Cells& cells, const Facets& facets, std::int32_t start, std::vector<std::int8_t>& sense) {
+  Joined joined{{start}};
   sense[static_cast<std::size_t>(start)] = 1;
-  for (std::size_t next = 0; next < group.size(); ++next) {
-    const auto cell = static_cast<std::size_t>(group[next]);
-    for (std::int32_t f = facet.first[cell]; f < facet.first[cell + 1]; ++f) {
-      const std::int32_t other = facet.neighbour[static_cast<std::size_t>(f)];
-      if (other < 0 || sense[static_cast<std::size_t>(other)] != 0) continue;
-      const std::int32_t opposite = facet.opposite[static_cast<std::size_t>(f)];
-      const bool same =
-          agree(cells, cell, static_cast<std::size_t>(f - facet.first[cell]), static_cast<std::size_t>(other),
-                static_cast<std::size_t>(opposite - facet.first[static_cast<std::size_t>(other)]));
-      sense[static_cast<std::size_t>(other)] = static_cast<std::int8_t>(same ? sense[cell] : -sense[cell]);
-      group.push_back(other);
+  for (std::size_t next = 0; next < joined.cells.size(); ++next) {
+    const auto cell = static_cast<std::size_t>(joined.cells[next]);
+    for (std::int32_t f = facets.first[cell]; f < facets.first[cell + 1]; ++f) {
+      const std::int32_t other = facets.neighbour[static_cast<std::size_t>(f)];
+      if (other < 0) continue;
+      std::int8_t& of_other = sense[static_cast<std::size_t>(other)];
+      const auto wanted = static_cast<std::int8_t>(agree(cells, facets, cell, f) ? sense[cell] : -sense[cell]);
+      if (of_other != 0 && of_other != wanted) joined.consistent = false;
+      if (of_other != 0) continue;
+      of_other = wanted;
+      joined.cells.push_back(other);
     }
   }
-  return group;
+  return joined;
+}
+
+// ---------------------------------------------------------------------------------------------------------------------
+// The volume that facets enclose
+// ---------------------------------------------------------------------------------------------------------------------
+
+/// What a facet contributes to the volume that is enclosed: ∫ x · n / d over the curved facet, by Gauss's theorem. In
+/// the plane, ½ ∫ x dy − y dx.
+class FacetVolume {
+ public:
+  FacetVolume(const HighOrderMesh& mesh, const Cells& cells) : mesh_(mesh), cells_(cells) {
+    for (const Cells::Range& range : cells.ranges())
+      for (const reference::Facet& facet : reference::info(range.block->shape).facets)
+        if (!tables_.contains(facet.shape)) tables_.emplace(facet.shape, make_table(facet.shape));
+  }
+
+  /// Of a facet of a cell, with places relative to those of node `origin`.
+  double of(std::size_t cell, int facet, std::int32_t origin) const {
+    const Shape shape = cells_.shape(cell);
+    const Table& table = tables_.at(reference::info(shape).facets[static_cast<std::size_t>(facet)].shape);
+    const auto nodes = cells_.nodes(cell);
+    const std::vector<int>& local = reference::facet_nodes(shape, mesh_.order, facet);
+    Eigen::MatrixX3d x(static_cast<Eigen::Index>(local.size()), 3);
+    const Eigen::Map<const Eigen::RowVector3d> from(mesh_.coordinates.data() + 3 * static_cast<std::size_t>(origin));
+    for (std::size_t n = 0; n < local.size(); ++n) {
+      const auto node = static_cast<std::size_t>(nodes[static_cast<std::size_t>(local[n])]);
+      x.row(static_cast<Eigen::Index>(n)) =
+          Eigen::Map<const Eigen::RowVector3d>(mesh_.coordinates.data() + 3 * node) - from;
+    }
+    const Eigen::MatrixX3d place = table.values * x, along = table.gradients[0] * x;
+    const Eigen::MatrixX3d across = mesh_.dimension == 3 ? Eigen::MatrixX3d(table.gradients[1] * x) : place;
+    double sum = 0;
+    for (Eigen::Index q = 0; q < table.weights.size(); ++q) {
+      const Eigen::RowVector3d u = along.row(q), v = across.row(q);
+      const double density = mesh_.dimension == 3 ? place.row(q).dot(u.cross(v)) : v[0] * u[1] - v[1] * u[0];
+      sum += table.weights[q] * density / mesh_.dimension;
+    }
+    return sum;
+  }
+
+ private:
+  struct Table {
+    Eigen::VectorXd weights;
+    Eigen::MatrixXd values;                  // points × nodes
+    std::vector<Eigen::MatrixXd> gradients;  // by direction, the same
+  };
+
+  Table make_table(Shape facet) const {
+    // x has degree P in each direction; one of its two derivatives has P − 1.
+    const reference::Quadrature rule = reference::quadrature(facet, mesh_.order, 3 * mesh_.order - 1);
+    constexpr auto kNodes = reference::NodeSet::Equispaced;
+    Table table{rule.weights, reference::basis_values(facet, mesh_.order, kNodes, mesh_.dimension, rule.points), {}};
+    for (const auto& gradient : reference::basis_gradients(facet, mesh_.order, kNodes, mesh_.dimension, rule.points))
+      table.gradients.emplace_back(gradient);
+    return table;
+  }
+
+  const HighOrderMesh& mesh_;
+  const Cells& cells_;
+  std::map<Shape, Table> tables_;
+};
+
+/// The volume that the outer facets of joined cells enclose, if all are numbered as their senses say.
+double enclosed_volume(const FacetVolume& volume, const Cells& cells, const Facets& facets, const Joined& joined,
+                       const std::vector<std::int8_t>& sense, const Team& team) {
+  std::vector<std::pair<std::int32_t, int>> outer;  // cell, and which of its facets
+  for (const std::int32_t cell : joined.cells)
+    for (std::int32_t f = facets.first[static_cast<std::size_t>(cell)];
+         f < facets.first[static_cast<std::size_t>(cell) + 1]; ++f)
+      if (facets.neighbour[static_cast<std::size_t>(f)] < 0)
+        outer.emplace_back(cell, f - facets.first[static_cast<std::size_t>(cell)]);
+  std::vector<double> parts(outer.size());
+  const std::int32_t origin = cells.nodes(static_cast<std::size_t>(joined.cells.front())).front();
+  team.for_ranges(outer.size(), kFacetsPerTask, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) {
+      const auto cell = static_cast<std::size_t>(outer[i].first);
+      parts[i] = sense[cell] * volume.of(cell, outer[i].second, origin);
+    }
+  });
+  double sum = 0;
+  for (const double part : parts) sum += part;
+  return sum;
 }
 
 }  // namespace
+
+// ---------------------------------------------------------------------------------------------------------------------
+// What the header declares
+// ---------------------------------------------------------------------------------------------------------------------
 
 double orientation(const HighOrderMesh& mesh, const Team& team) {
   const std::vector<std::int8_t> signs = centre_signs(mesh, team);
   return 2 * std::ranges::count(signs, -1) > std::ssize(signs) ? -1 : 1;
 }
 
-std::vector<char> numbered_against_most(const HighOrderMesh& mesh, const Facets& facet, const Team& team) {
-  const std::vector<std::int8_t> sign = centre_signs(mesh, team);
-  if (sign.empty() || std::ranges::count(sign, sign.front()) == std::ssize(sign)) return {};
+std::vector<char> clockwise_cells(const HighOrderMesh& mesh, const Facets& facets, const Team& team) {
   const Cells cells(mesh, mesh.dimension);
+  const std::vector<std::int8_t> sign = centre_signs(mesh, team);
+  if (std::ranges::count(sign, 1) == std::ssize(sign) && all_agree(cells, facets, team)) return {};
+  const FacetVolume volume(mesh, cells);
   std::vector<std::int8_t> sense(cells.count(), 0);
-  std::int64_t sum = 0;
-  std::vector<std::int32_t> isolated;  // cells without a neighbour
   for (std::size_t start = 0; start < sense.size(); ++start) {
     if (sense[start] != 0) continue;
-    const auto group = joined_cells(cells, facet, static_cast<std::int32_t>(start), sense);
-    std::int64_t agreeing = 0;
-    for (const std::int32_t cell : group)
-      agreeing += sense[static_cast<std::size_t>(cell)] * sign[static_cast<std::size_t>(cell)];
-    for (const std::int32_t cell : group)
-      if (agreeing < 0) sense[static_cast<std::size_t>(cell)] *= -1;
-    if (group.size() == 1) isolated.push_back(group.front());
-    for (const std::int32_t cell : group) sum += sense[static_cast<std::size_t>(cell)];
+    const Joined joined = joined_cells(cells, facets, static_cast<std::int32_t>(start), sense);
+    const bool all_positive = std::ranges::all_of(joined.cells, [&](std::int32_t cell) {
+      return sense[static_cast<std::size_t>(cell)] > 0 && sign[static_cast<std::size_t>(cell)] > 0;
+    });
+    const bool turned =
+        joined.consistent && !all_positive && enclosed_volume(volume, cells, facets, joined, sense, team) < 0;
+    for (const std::int32_t cell : joined.cells) {
+      std::int8_t& of_cell = sense[static_cast<std::size_t>(cell)];
+      of_cell = static_cast<std::int8_t>(!joined.consistent ? 1 : turned ? -of_cell : of_cell);
+    }
   }
-  const std::int8_t most = sum < 0 ? -1 : 1;
-  for (const std::int32_t cell : isolated) sense[static_cast<std::size_t>(cell)] = most;
-  std::vector<char> against(sense.size(), 0);
-  for (std::size_t cell = 0; cell < sense.size(); ++cell) against[cell] = sense[cell] != most ? 1 : 0;
-  if (std::ranges::count(against, 1) == 0) return {};
-  return against;
+  std::vector<char> clockwise(sense.size());
+  std::ranges::transform(sense, clockwise.begin(), [](std::int8_t s) { return s < 0 ? 1 : 0; });
+  if (std::ranges::count(clockwise, 1) == 0) return {};
+  return clockwise;
+}
+
+void turn_cells(HighOrderMesh& mesh, std::span<const char> which, const Team& team) {
+  std::size_t first = 0;
+  for (ElementBlock& block : mesh.blocks) {
+    if (reference::info(block.shape).dimension != mesh.dimension || block.size() == 0) continue;
+    const std::vector<int>& turned = reference::turned_nodes(block.shape, block.order);
+    team.for_ranges(block.size(), kCellsPerTask, [&](std::size_t begin, std::size_t end) {
+      std::vector<std::int32_t> before(turned.size());
+      for (std::size_t e = begin; e < end; ++e) {
+        if (which[first + e] == 0) continue;
+        std::int32_t* nodes = block.nodes.data() + e * turned.size();
+        std::copy_n(nodes, turned.size(), before.begin());
+        for (std::size_t k = 0; k < turned.size(); ++k) nodes[k] = before[static_cast<std::size_t>(turned[k])];
+      }
+    });
+    first += block.size();
+  }
+}
+
+std::vector<std::int64_t> cell_numbers(const HighOrderMesh& mesh, std::span<const char> which) {
+  std::vector<std::int64_t> numbers;
+  const Cells cells(mesh, mesh.dimension);
+  for (std::size_t cell = 0; cell < which.size(); ++cell)
+    if (which[cell] != 0) numbers.push_back(cells.number(cell));
+  return numbers;
+}
+
+OrientedMesh::OrientedMesh(const HighOrderMesh& mesh, const Team& team) : mesh_(mesh) {
+  const std::vector<char> clockwise = clockwise_cells(mesh, facets(mesh, team), team);
+  if (clockwise.empty()) return;
+  clockwise_ = cell_numbers(mesh, clockwise);
+  turned_ = mesh;
+  turn_cells(*turned_, clockwise, team);
 }
 
 }  // namespace varimesh::detail

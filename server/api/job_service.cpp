@@ -28,6 +28,7 @@ void shorten(v1::Job& job) {
   for (v1::QualityReport* report : {metrics.mutable_before(), metrics.mutable_after()}) {
     report->clear_invalid();
     report->mutable_certified()->clear_uncertified();
+    report->clear_clockwise();
   }
   metrics.clear_unrepairable();
   metrics.clear_repairs();

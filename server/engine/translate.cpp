@@ -99,6 +99,9 @@ v1::QualityReport to_proto(const QualityReport& report) {
     element.set_y(found.place[1]);
     element.set_z(found.place[2]);
   }
+  message.set_clockwise_elements(static_cast<std::int64_t>(report.clockwise.size()));
+  for (std::size_t i = 0; i < std::min(report.clockwise.size(), static_cast<std::size_t>(kMaxInvalidNamed)); ++i)
+    message.add_clockwise(report.clockwise[i]);
   return message;
 }
 
@@ -149,6 +152,7 @@ v1::Metrics metrics(const RunSummary& summary, const Options& options) {
     named.mutable_elements()->Assign(elements.begin(), elements.begin() + static_cast<std::ptrdiff_t>(listed));
     named.set_sentence(summary.substitute_targets.sentence);
   }
+  for (const std::string& note : summary.notes) message.add_notes(note);
   return message;
 }
 

@@ -56,6 +56,7 @@ class Options(TypedDict, total=False):
     until: Literal["tolerance", "valid"]
     until_js: float
     time_limit: float
+    orient: bool
     repair: Literal["none", "report", "split", "straighten"]
 
 

@@ -49,6 +49,8 @@ class Quality:
     certified: Certified
     uncertified: NDArray[np.int64]  # numbers of the cells that are not certified valid; at most 1000
     accuracy: Accuracy | None  # None if a run had to end at once
+    clockwise_elements: int
+    clockwise: NDArray[np.int64]  # numbers of the cells that are numbered clockwise; at most 1000
 
 
 @dataclass(frozen=True)
@@ -101,6 +103,7 @@ class Metrics:
     unrepairable: tuple[Unrepairable, ...]
     repairs: tuple[RepairStep, ...]
     substitute_targets: tuple[int, ...]  # elements whose straight-sided shape could not be their target; at most 1000
+    notes: tuple[str, ...]  # which elements came numbered clockwise, and why nothing was moved; mostly empty
 
 
 @dataclass(frozen=True)
@@ -168,7 +171,8 @@ def quality_of(message: quality_pb2.QualityReport, numbering: Numbering = OF_FIL
         Certified(certified.valid, certified.invalid, certified.undecided, certified.min_scaled_jacobian_lower_bound),
         np.array(numbering.numbers(one.number for one in certified.uncertified), dtype=np.int64),
         Accuracy(message.accuracy.loss, np.array(message.accuracy.modal_parts, dtype=np.float64))
-        if message.HasField("accuracy") else None)  # fmt: skip
+        if message.HasField("accuracy") else None,
+        message.clockwise_elements, np.array(numbering.numbers(message.clockwise), dtype=np.int64))  # fmt: skip
 
 
 def cell_quality_of(report: Quality, parts: bytes, numbering: Numbering,
@@ -200,7 +204,8 @@ def metrics_of(message: optimise_pb2.Metrics, numbering: Numbering = OF_FILES) -
         tuple(RepairStep(spelled(optimise_pb2.RepairStep.Kind.DESCRIPTOR, one.kind), numbering.numbers(one.elements),
                          numbering.numbers(one.new_elements), numbering.number_or_none(one.node),
                          numbering.sentence(one.sentence)) for one in message.repairs),
-        numbering.numbers(message.substitute_targets.elements))  # fmt: skip
+        numbering.numbers(message.substitute_targets.elements),
+        tuple(numbering.sentence(note) for note in message.notes))  # fmt: skip
 
 
 def iteration_of(message: optimise_pb2.Iteration) -> Iteration:

@@ -35,6 +35,7 @@ function addTables(report, go) {
     const worst = addSection('worst', 'The worst elements', 'The numbers of the rows are those of the rings in the views.');
     worst.append(make('div', {class: 'columns'}, ...report.scene.snapshots.map((snapshot) => worstTable(report.scene, snapshot, go))));
   }
+  if (report.document.notes) addSection('notes', 'Notes', report.document.notes.join(' '));
   if (report.document.substitute_targets) {
     const substitutes = report.document.substitute_targets;
     const more = substitutes.count > substitutes.elements.length ? ` and ${grouped(substitutes.count - substitutes.elements.length)} more` : '';

@@ -51,8 +51,11 @@ TEST(Help, ListsAllOptionsOfTheTable) {
   CLI::App app;
   const auto commands = add_commands(app);
   const std::string help = Help(100).make_help(app.get_subcommand("optimise"), "", CLI::AppFormatMode::Normal);
-  for (const OptionInfo& option : option_table())
-    EXPECT_NE(help.find("\n  --" + dashed(std::string(option.name)) + " "), std::string::npos) << option.name;
+  for (const OptionInfo& option : option_table()) {
+    const std::string flag = "\n  --" + dashed(std::string(option.name));
+    const std::string end = option.opposite.empty() ? " " : ", --" + dashed(std::string(option.opposite)) + "\n";
+    EXPECT_NE(help.find(flag + end), std::string::npos) << option.name;
+  }
 }
 
 }  // namespace

@@ -73,5 +73,16 @@ TEST(OptionFlags, SwitchesAreOnOrOff) {
   EXPECT_THROW(app.parse("--active-set maybe"), CLI::ParseError);
 }
 
+TEST(OptionFlags, AnOppositeSwitchesOffAndNeitherTakesAValue) {
+  for (const auto& [flags, orient] :
+       {std::pair{"--orient --rings 1", true}, std::pair{"--keep-orientation", false}, std::pair{"--rings 1", false}}) {
+    CLI::App app;
+    v1::Options options;
+    add_options(app, &options);
+    app.parse(flags);
+    EXPECT_EQ(options.orient(), orient) << flags;
+  }
+}
+
 }  // namespace
 }  // namespace varimesh::client

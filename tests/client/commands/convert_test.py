@@ -2,7 +2,7 @@
 import json
 import unittest
 
-from programs import MESH, WithFolder, run
+from programs import MESH, WithFolder, clockwise, run
 
 
 class Convert(WithFolder):
@@ -13,6 +13,17 @@ class Convert(WithFolder):
         self.assertEqual(run("convert", binary, back, "--format", "msh22").returncode, 0)
         one, other = (json.loads(run("quality", path, "--json").stdout) for path in (MESH, back))
         self.assertEqual(one, other)
+
+    def test_turns_clockwise_elements_if_asked_to(self):
+        mirrored, out = self.folder / "mirrored.msh", self.folder / "out.msh"
+        mirrored.write_text(clockwise(MESH, (8, 12)))
+        for flags, expected in (([], mirrored), (["--orient"], MESH)):
+            self.assertEqual(run("convert", mirrored, out, *flags).returncode, 0)
+            self.assertEqual(out.read_text(), expected.read_text())
+        mirrored.write_text(mirrored.read_text().replace("\n1 0 0 0\n", "\n1 nan 0 0\n"))
+        done = run("convert", mirrored, out, "--orient")
+        self.assertEqual(done.returncode, 3)
+        self.assertIn("Node 1", done.stderr)
 
     def test_a_format_that_contradicts_the_ending_is_refused(self):
         for name, form in (("out.vtu", "msh22"), ("out.msh", "vtu")):

@@ -7,10 +7,25 @@ import socket
 import subprocess
 import unittest
 
-from programs import ENDLESS, FOLDED, LARGER, MESH, WithFolder, WithServer, run, start, wait_for_line
+from programs import ENDLESS, FOLDED, LARGER, MESH, WithFolder, WithServer, clockwise, run, start, wait_for_line
 
-QUALITY = ["min_scaled_jacobian", "mean_scaled_jacobian", "min_distortion_jacobian", "invalid_elements", "certified",
-           "accuracy"]
+QUALITY = ["min_scaled_jacobian", "mean_scaled_jacobian", "min_distortion_jacobian", "invalid_elements",
+           "clockwise_elements", "certified", "accuracy"]
+
+ONE_TRIANGLE = """$MeshFormat
+2.2 0 8
+$EndMeshFormat
+$Nodes
+3
+1 0 0 0
+2 1 0 0
+3 0 1 0
+$EndNodes
+$Elements
+1
+1 2 2 1 1 1 2 3
+$EndElements
+"""
 
 
 class InProcess(WithFolder):
@@ -120,6 +135,39 @@ class InProcess(WithFolder):
         self.assertEqual(document["stop_reason"], "repaired")
         self.assertTrue(left and left <= unrepairable, (left, unrepairable))
         self.assertIn('"unrepairable"', out.read_text())
+
+    def test_writes_clockwise_elements_as_they_came_or_turned(self):
+        usual, mirrored, out = (self.folder / name for name in ("usual.msh", "mirrored.msh", "out.msh"))
+        self.assertEqual(run("optimise", MESH, "-o", usual, "--quiet").returncode, 0)
+        for elements in (range(8, 17), (9, 14)):
+            mirrored.write_text(clockwise(MESH, elements))
+            for flags, expected in (([], clockwise(usual, elements)), (["--keep-orientation"], clockwise(usual, elements)),
+                                    (["--orient"], usual.read_text())):
+                done = run("optimise", mirrored, "-o", out, *flags)
+                self.assertEqual(done.returncode, 0, done.stderr)
+                self.assertEqual(out.read_text(), expected)
+                self.assertRegex(done.stdout, "numbered clockwise")
+        document = json.loads(run("optimise", mirrored, "-o", out, "--json", "--quiet").stdout)
+        self.assertEqual(document["before"]["clockwise_elements"], 2)
+        self.assertRegex(document["notes"][0], "^2 elements are numbered clockwise: elements 9 and 14. They are written as")
+
+    def test_says_why_nothing_was_moved(self):
+        straight, curved, best, alone, again = (self.folder / f"{name}.msh" for name in range(5))
+        self.assertEqual(run("optimise", MESH, "-o", straight, "--order", 1, "--quiet").returncode, 0)
+        # Only node 6 is free, so the targets stay when it moves.
+        curved.write_text(FOLDED.replace("\n5 1.3 0 0\n", "\n5 0.5 -0.2 0\n"))
+        self.assertEqual(run("optimise", curved, "-o", best, "--quiet").returncode, 0)
+        self.assertNotEqual(best.read_bytes(), curved.read_bytes())
+        alone.write_text(ONE_TRIANGLE)
+        for path, sentence, flags in ((straight, "All elements have straight sides", []),
+                                      (best, "The mesh is at its optimum already", []),
+                                      (alone, "No node is free", []), (alone, "No node is free", ["--repair", "split"]),
+                                      (best, "certified valid already", ["--until", "valid"])):
+            done = run("optimise", path, "-o", again, *flags)
+            self.assertEqual(done.returncode, 0, done.stderr)
+            self.assertIn(sentence, done.stdout)
+            self.assertIn("nothing was moved", done.stdout)
+            self.assertEqual(again.read_bytes(), path.read_bytes())
 
     def test_says_what_the_repair_did(self):
         folded, out = self.folder / "folded.msh", self.folder / "out.msh"

@@ -2,7 +2,7 @@
 import json
 import unittest
 
-from programs import FOLDED, MESH, WithFolder, run
+from programs import FOLDED, MESH, WithFolder, clockwise, run
 
 
 class Quality(WithFolder):
@@ -29,9 +29,9 @@ class Quality(WithFolder):
         self.assertEqual(run("quality", out, "--certify").returncode, 0)
 
     def test_judges_a_mesh_whose_elements_are_inverted_with_straight_sides(self):
-        # With node 1 on the other side, the first triangle is inverted even with straight sides.
+        # With node 1 just on the other side, the first triangle is inverted even with straight sides.
         inverted = self.folder / "inverted.msh"
-        inverted.write_text(FOLDED.replace("\n1 0 0 0\n", "\n1 1 1.5 0\n"))
+        inverted.write_text(FOLDED.replace("\n1 0 0 0\n", "\n1 0.6 0.6 0\n"))
         done = run("optimise", inverted, "-o", self.folder / "out.msh")
         self.assertEqual(done.returncode, 4, done.stderr)
         self.assertIn("element 1 is inverted or nearly flat", done.stdout)
@@ -42,6 +42,19 @@ class Quality(WithFolder):
         self.assertNotIn("substitute_targets", usual)
         done = run("quality", inverted, "--certify", "--diagnose")
         self.assertEqual(done.returncode, 4, done.stderr)
+
+    def test_judges_clockwise_elements_as_if_they_were_turned(self):
+        mirrored = self.folder / "mirrored.msh"
+        usual = json.loads(run("quality", MESH, "--json").stdout)["quality"]
+        self.assertEqual((usual["clockwise_elements"], usual["clockwise"]), (0, []))
+        for elements, sentence in (([9, 14], "2 elements are numbered clockwise: elements 9 and 14; "),
+                                   ([11], "Element 11 is numbered clockwise; "),
+                                   (list(range(8, 17)), "All 9 elements are numbered clockwise; ")):
+            mirrored.write_text(clockwise(MESH, elements))
+            self.assertIn(sentence + "'varimesh convert --orient' turns", run("quality", mirrored).stdout)
+            judged = json.loads(run("quality", mirrored, "--json").stdout)["quality"]
+            self.assertEqual((judged.pop("clockwise_elements"), judged.pop("clockwise")), (len(elements), elements))
+            self.assertEqual(judged, {key: value for key, value in usual.items() if not key.startswith("clockwise")})
 
     def test_says_and_marks_what_cannot_be_repaired(self):
         folded, marked = self.folder / "folded.msh", self.folder / "marked.msh"

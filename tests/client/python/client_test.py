@@ -29,6 +29,21 @@ class Client(support.WithServer):
         self.assertEqual((result.history["linear_solve"][0], result.history["linear_solve"][-1]), ("none", "solved"))
         self.assertEqual(result.history["residual"][-1], result.metrics.residual)
 
+    def test_writes_clockwise_elements_as_they_came_or_turned(self):
+        start = self.client.optimise(MESH, max_iterations=0).mesh
+        cells = start.cells["triangle"]
+        turned = cells[:, [0, 2, 1, 11, 10, 9, 8, 7, 6, 5, 4, 3, 12, 14, 13]]
+        usual = self.client.optimise((start.nodes, {"triangle": cells}))
+        self.assertEqual((usual.metrics.notes, usual.before.clockwise_elements), ((), 0))
+        for orient, expected in ((False, turned), (True, cells)):
+            result = self.client.optimise((start.nodes, {"triangle": turned}), orient=orient)
+            np.testing.assert_array_equal(result.nodes, usual.nodes)
+            np.testing.assert_array_equal(result.mesh.cells["triangle"], expected)
+            self.assertEqual(result.before.clockwise_elements, 9)
+            self.assertEqual(len(result.before.clockwise), 9)
+            self.assertEqual(result.after.clockwise_elements, 0 if orient else 9)
+            self.assertIn("All 9 elements are numbered clockwise", result.metrics.notes[0])
+
     def test_arrays_give_the_same_bits_as_the_file(self):
         for case, shape in ((MESH, "triangle"), (CASES / "sphere_p3.msh", "tetrahedron")):
             of_file = self.client.optimise(case, max_iterations=3)

@@ -1,8 +1,10 @@
 // The node order is Gmsh's.
 #include <gtest/gtest.h>
 
+#include <Eigen/LU>
 #include <set>
 
+#include "core/reference/basis.h"
 #include "core/reference/nodes.h"
 #include "tests/core/reference/common.h"
 
@@ -162,6 +164,30 @@ TEST(FacetNodes, AreTheNodesThatLieOnTheFacet) {
 TEST(FacetNodes, OfALineAreItsEnds) {
   EXPECT_EQ(facet_nodes(Shape::Line, 4, 0), std::vector<int>{0});
   EXPECT_EQ(facet_nodes(Shape::Line, 4, 1), std::vector<int>{1});
+}
+
+TEST(TurnedNodes, AreThoseOfTheMirrorImageOnTheSameNodes) {
+  for (const Shape shape :
+       {Shape::Triangle, Shape::Quadrilateral, Shape::Tetrahedron, Shape::Pyramid, Shape::Prism, Shape::Hexahedron})
+    for (int order = 1; order <= kMaxOrder; ++order) {
+      const int d = info(shape).dimension;
+      const std::vector<int>& turned = turned_nodes(shape, order);
+      const Points& at = nodes(shape, order, NodeSet::Equispaced, d);
+      ASSERT_EQ(static_cast<int>(turned.size()), node_count(shape, order));
+      Points vertices(info(shape).vertices, d), places(at.rows(), d);
+      for (Eigen::Index n = 0; n < at.rows(); ++n) places.row(n) = at.row(turned[static_cast<std::size_t>(n)]);
+      for (Eigen::Index v = 0; v < vertices.rows(); ++v) vertices.row(v) = places.row(v);
+      // The vertices of the turned cell place all its nodes.
+      const Eigen::MatrixXd placed = basis_values(shape, 1, NodeSet::Equispaced, d, at) * vertices;
+      EXPECT_LT((placed - places).cwiseAbs().maxCoeff(), 1e-13) << info(shape).name << " of order " << order;
+      const Points inside = at.colwise().mean();
+      const auto gradients = basis_gradients(shape, 1, NodeSet::Equispaced, d, inside);
+      Eigen::MatrixXd jacobian(d, d);
+      for (int k = 0; k < d; ++k) jacobian.row(k) = gradients[static_cast<std::size_t>(k)] * vertices;
+      EXPECT_NEAR(jacobian.determinant(), -1, 1e-13);
+      for (std::size_t n = 0; n < turned.size(); ++n)
+        EXPECT_EQ(turned[static_cast<std::size_t>(turned[n])], static_cast<int>(n)) << "turned twice";
+    }
 }
 
 }  // namespace

@@ -1,12 +1,15 @@
-// The orientation of a mesh is that of most of its straight-sided cells.
+// Which cells are numbered clockwise: their neighbours and the enclosed volume tell, not their own geometry.
 #include "core/validity/orientation.h"
 
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cmath>
 
+#include "tests/core/support/curved_strip.h"
 #include "tests/core/support/made_cells.h"
 #include "tests/core/support/meshes.h"
+#include "tests/core/support/turned.h"
 
 namespace varimesh::detail {
 namespace {
@@ -42,55 +45,96 @@ TEST(Orientation, GoesByTheVerticesAndNotByTheCurvedSides) {
   }
 }
 
-TEST(NumberedAgainstMost, IsNoCellThatIsOnlyInverted) {
-  for (const testing::Filling filling : testing::kFillings) {
-    HighOrderMesh mesh = testing::grid(filling, {4, 4, 4}, 1);
-    testing::shake(mesh, 0.5, 2, testing::Shaken::AllInterior);
-    EXPECT_TRUE(numbered_against_most(mesh, facets(mesh)).empty()) << testing::name(filling);
-    for (std::size_t i = 0; i < mesh.coordinates.size(); i += 3) mesh.coordinates[i] *= -1;
-    EXPECT_TRUE(numbered_against_most(mesh, facets(mesh)).empty()) << testing::name(filling) << ", clockwise";
+/// The clockwise cells, with facets of the mesh itself.
+std::vector<char> found(const HighOrderMesh& mesh, const Team& team = Team(1)) {
+  return clockwise_cells(mesh, facets(mesh, team), team);
+}
+
+TEST(ClockwiseCells, AreFoundAmongAllShapesAndOrders) {
+  for (const testing::Filling filling : testing::kFillings)
+    for (int order = 1; order <= 4; ++order) {
+      const HighOrderMesh mesh = testing::grid(filling, {4, 2, 2}, order, testing::bent(3, 0.03));
+      EXPECT_TRUE(found(mesh).empty()) << testing::name(filling);
+      for (const auto& chosen : {testing::every_cell, testing::every_third_cell}) {
+        HighOrderMesh mirrored = testing::turned(mesh, chosen);
+        const std::vector<char> clockwise = found(mirrored);
+        EXPECT_EQ(clockwise, testing::cells_that(mesh, chosen)) << testing::name(filling) << " of order " << order;
+        turn_cells(mirrored, clockwise);
+        EXPECT_EQ(testing::nodes_of_blocks(mirrored), testing::nodes_of_blocks(mesh));
+      }
+    }
+}
+
+TEST(ClockwiseCells, AreNoCellsThatAreOnlyInverted) {
+  for (const testing::Filling filling : testing::kFillings)
+    for (const double amount : {0.5, 3.0}) {
+      HighOrderMesh mesh = testing::grid(filling, {4, 4, 4}, 1);
+      testing::shake(mesh, amount, 2, testing::Shaken::AllInterior);
+      EXPECT_TRUE(found(mesh).empty()) << testing::name(filling);
+      EXPECT_EQ(found(testing::turned(mesh, testing::every_third_cell)),
+                testing::cells_that(mesh, testing::every_third_cell))
+          << testing::name(filling);
+      for (std::size_t i = 0; i < mesh.coordinates.size(); i += 3) mesh.coordinates[i] *= -1;
+      EXPECT_EQ(found(mesh), testing::cells_that(mesh, testing::every_cell)) << testing::name(filling);
+    }
+}
+
+TEST(ClockwiseCells, AreFewThoughMostCellsAreInverted) {
+  // The inner vertices of three by three squares are drawn far out.
+  HighOrderMesh mesh = testing::grid(testing::Filling::Quadrilaterals, {3, 3, 1}, 1);
+  for (std::size_t n = 0; n < mesh.node_count(); ++n) {
+    double* x = mesh.coordinates.data() + 3 * n;
+    const bool inner = x[0] > 0.1 && x[0] < 0.9 && x[1] > 0.1 && x[1] < 0.9;
+    for (int c = 0; c < 2 && inner; ++c) x[c] = 0.5 + 8 * (x[c] - 0.5);
+  }
+  EXPECT_EQ(orientation(mesh), -1) << "by the number of cells";
+  EXPECT_TRUE(found(mesh).empty());
+}
+
+TEST(ClockwiseCells, AreJudgedByTheirCurvedSides) {
+  // The middle triangle of the strip is inverted with straight sides, and valid as it is.
+  HighOrderMesh mesh = testing::curved_strip(1.02, 3, 2);
+  ElementBlock& block = mesh.blocks[0];
+  block.numbers = {2};
+  block.nodes = {block.nodes.begin() + 10, block.nodes.begin() + 20};
+  EXPECT_EQ(orientation(mesh), -1) << "with straight sides";
+  EXPECT_TRUE(found(mesh).empty());
+}
+
+TEST(ClockwiseCells, AreJudgedApartFromCellsThatAreNotJoinedToThem) {
+  for (const Shape shape : testing::kCellShapes) {
+    const std::vector<char> first_two = {1, 1, 0, 0, 0};
+    EXPECT_EQ(found(cells(shape, 5, 2)), first_two);
+    EXPECT_EQ(found(cells(shape, 5, 5)), std::vector<char>(5, 1));
   }
 }
 
-TEST(NumberedAgainstMost, IsACellWhoseVerticesAreMirrored) {
-  // Pairs of vertices whose exchange mirrors the shape.
-  const std::vector<std::pair<Shape, std::vector<std::pair<int, int>>>> mirrors = {
-      {Shape::Triangle, {{0, 1}}},      {Shape::Quadrilateral, {{1, 3}}}, {Shape::Tetrahedron, {{0, 1}}},
-      {Shape::Prism, {{0, 1}, {3, 4}}}, {Shape::Pyramid, {{1, 3}}},       {Shape::Hexahedron, {{1, 3}, {5, 7}}}};
-  for (const testing::Filling filling : testing::kFillings) {
-    HighOrderMesh mesh = testing::grid(filling, {4, 4, 4}, 1);
-    for (const auto& [shape, pairs] : mirrors) {
-      const auto block = std::ranges::find(mesh.blocks, shape, &ElementBlock::shape);
-      if (block == mesh.blocks.end() || reference::info(shape).dimension != mesh.dimension) continue;
-      for (const auto& [a, b] : pairs)
-        std::swap(block->nodes[static_cast<std::size_t>(a)], block->nodes[static_cast<std::size_t>(b)]);
-    }
-    const std::vector<char> against = numbered_against_most(mesh, facets(mesh));
-    std::size_t cell = 0, blocks = 0;
-    for (const ElementBlock& block : mesh.blocks) {
-      if (reference::info(block.shape).dimension != mesh.dimension) continue;
-      const bool first = std::ranges::find(mesh.blocks, block.shape, &ElementBlock::shape)->nodes == block.nodes;
-      for (std::size_t e = 0; e < block.size(); ++e, ++cell)
-        EXPECT_EQ(against[cell] != 0, first && e == 0) << testing::name(filling) << " cell " << cell;
-      ++blocks;
-    }
-    EXPECT_GT(blocks, 0U);
+TEST(ClockwiseCells, AreNoneOfAStripThatHasNoSense) {
+  // A Möbius strip of five triangles, laid flat: (0 1 2), (1 2 3), …, (4 0 1).
+  HighOrderMesh mesh = testing::empty_mesh(Shape::Triangle, 1);
+  ElementBlock& block = mesh.blocks.emplace_back();
+  block.shape = Shape::Triangle;
+  for (int i = 0; i < 5; ++i) {
+    for (const double x : {std::cos(1.2566 * i), std::sin(1.2566 * i), 0.0}) mesh.coordinates.push_back(x);
+    mesh.node_numbers.push_back(i + 1);
+    block.numbers.push_back(i + 1);
+    for (int k = 0; k < 3; ++k) block.nodes.push_back((i + k) % 5);
   }
+  EXPECT_TRUE(found(mesh).empty());
 }
 
-TEST(NumberedAgainstMost, IsTheSameForAnyNumberOfThreads) {
+TEST(ClockwiseCells, AreTheSameForAnyNumberOfThreads) {
   HighOrderMesh mesh = testing::grid(testing::Filling::Tetrahedra, {16, 15, 14}, 1);
-  const auto block = std::ranges::find(mesh.blocks, Shape::Tetrahedron, &ElementBlock::shape);
-  std::ptrdiff_t mirrored = 0;
-  for (std::size_t e = 0; e < block->size(); e += 5000, ++mirrored)
-    std::swap(block->nodes[4 * e], block->nodes[4 * e + 1]);
-  const Facets known = facets(mesh);
-  const std::vector<char> one = numbered_against_most(mesh, known);
-  EXPECT_EQ(std::ranges::count(one, 1), mirrored);
-  for (const int threads : {2, 3, 8}) {
+  testing::shake(mesh, 0.1, 2, testing::Shaken::AllInterior);
+  const auto chosen = [](std::size_t cell) { return cell % 5000 == 0; };
+  const HighOrderMesh mirrored = testing::turned(mesh, chosen);
+  for (const int threads : {1, 2, 3, 8}) {
     const Team team(threads);
     team.run([&] {
-      EXPECT_EQ(numbered_against_most(mesh, known, team), one) << threads << " threads";
+      EXPECT_EQ(found(mirrored, team), testing::cells_that(mesh, chosen)) << threads << " threads";
+      HighOrderMesh back = mirrored;
+      turn_cells(back, found(mirrored, team), team);
+      EXPECT_EQ(testing::nodes_of_blocks(back), testing::nodes_of_blocks(mesh));
       EXPECT_EQ(orientation(mesh, team), 1);
     });
   }
