@@ -52,10 +52,10 @@ Expected<RunSummary> run(RunRequest request, const RunHooks& hooks) {
   const v1::MeshFormat read_as =
       request.format == v1::MESH_FORMAT_PARTS ? v1::MESH_FORMAT_PARTS : to_proto(file->format);
 
-  if (hooks.admit)
-    if (const auto admitted = hooks.admit(memory_needed(file->mesh, request.options)); !admitted)
-      return tl::unexpected(admitted.error());
-  if (hooks.control.stop_asked() || (hooks.given_up && hooks.given_up())) {
+  const Expected<bool> admitted =
+      hooks.admit ? hooks.admit(memory_needed(file->mesh, request.options)) : Expected<bool>(true);
+  if (!admitted) return tl::unexpected(admitted.error());
+  if (!*admitted || (hooks.given_up && hooks.given_up())) {
     RunSummary summary;
     summary.stopped = true;
     return summary;
