@@ -35,6 +35,7 @@ Json group_document(const v1::UnrepairableGroup& group) {
                    {"elements", std::move(elements)},
                    {"place", {group.x(), group.y(), group.z()}},
                    {"determinant", group.determinant()},
+                   {"proved", group.proved()},
                    {"sentence", group.sentence()}};
   if (group.vertex() != 0) document["vertex"] = group.vertex();
   return document;
@@ -46,6 +47,7 @@ Json group_document(const UnrepairableGroup& group) {
                    {"elements", group.elements},
                    {"place", group.place},
                    {"determinant", group.determinant},
+                   {"proved", is_proved(group)},
                    {"sentence", group.sentence}};
   if (group.vertex != 0) document["vertex"] = group.vertex;
   return document;
@@ -77,6 +79,28 @@ Json substitutes_document(const v1::SubstituteTargets& targets) {
   return {{"count", targets.count()}, {"elements", std::move(elements)}, {"sentence", targets.sentence()}};
 }
 
+Json left_document(const v1::WhatIsLeft& left) {
+  Json remedies = Json::array();
+  for (const v1::Remedy& remedy : left.remedies())
+    remedies.push_back({{"flags", remedy.flags()}, {"elements", remedy.elements()}, {"sentence", remedy.sentence()}});
+  return {{"uncertified", left.uncertified()},
+          {"proved", left.proved()},
+          {"unproved", left.unproved()},
+          {"sentence", left.sentence()},
+          {"remedies", std::move(remedies)}};
+}
+
+Json left_document(const WhatIsLeft& left) {
+  Json remedies = Json::array();
+  for (const Remedy& remedy : left.remedies)
+    remedies.push_back({{"flags", remedy.flags}, {"elements", remedy.elements}, {"sentence", remedy.sentence}});
+  return {{"uncertified", left.uncertified},
+          {"proved", left.proved},
+          {"unproved", left.unproved},
+          {"sentence", left.sentence},
+          {"remedies", std::move(remedies)}};
+}
+
 const char* spelled(Certificate::Answer answer) {
   return answer == Certificate::Answer::Invalid ? "invalid" : "undecided";
 }
@@ -98,10 +122,13 @@ Json document(const v1::Metrics& metrics) {
                  {"repairs", repairs_document(metrics)}};
   if (metrics.has_substitute_targets())
     result["substitute_targets"] = substitutes_document(metrics.substitute_targets());
+  if (metrics.has_left()) result["left"] = left_document(metrics.left());
+  if (!metrics.kept_as_it_came().empty()) result["kept_as_it_came"] = metrics.kept_as_it_came();
   return result;
 }
 
-Json document(const MeshSummary& mesh, const QualityReport& quality, const std::vector<UnrepairableGroup>& groups) {
+Json document(const MeshSummary& mesh, const QualityReport& quality, const std::vector<UnrepairableGroup>& groups,
+              const WhatIsLeft& left) {
   Json uncertified = Json::array();
   for (const UncertifiedElement& element : quality.uncertified)
     uncertified.push_back({{"number", element.number}, {"answer", spelled(element.answer)}, {"place", element.place}});
@@ -129,7 +156,8 @@ Json document(const MeshSummary& mesh, const QualityReport& quality, const std::
               {"undecided", quality.certified.undecided},
               {"min_scaled_jacobian_lower_bound", quality.certified.min_scaled_jacobian_lower_bound}}},
             {"uncertified", std::move(uncertified)}}},
-          {"unrepairable", groups_document(groups)}};
+          {"unrepairable", groups_document(groups)},
+          {"left", left_document(left)}};
 }
 
 Json document(const v1::Job& job) {

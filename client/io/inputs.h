@@ -20,8 +20,9 @@ struct Input {
 /// Adds the positional argument IN, and the flags --displacements and --boundary.
 void add_input(CLI::App& command, Input* input);
 
-/// Uploads the mesh, after its boundary nodes have been moved as the other files say. `on_read` is called when the input
-/// has been found and pipes have been read to their end, so that from then on nothing but the upload is waited for.
+/// Uploads the mesh, after its boundary nodes have been moved as the other files say. `on_read` is called when the
+/// input has been found and pipes have been read to their end, so that from then on nothing but the upload is waited
+/// for.
 Outcome<v1::StoredMesh> upload(Client& client, const Input& input, const std::function<void()>& on_read = {});
 
 }  // namespace varimesh::client

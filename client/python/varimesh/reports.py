@@ -78,6 +78,8 @@ class Metrics:
     after: Quality
     unrepairable: tuple[Unrepairable, ...]
     repairs: tuple[RepairStep, ...]
+    remedies: tuple[str, ...]  # what to try next about elements that are not certified valid, in sentences
+    kept_as_it_came: str  # why a mesh that came in valid was left as it was; empty if it was not
     substitute_targets: tuple[int, ...]  # elements whose straight-sided shape could not be their target; at most 1000
 
 
@@ -157,6 +159,7 @@ def metrics_of(message: optimise_pb2.Metrics) -> Metrics:
         tuple(Unrepairable(tuple(one.elements), one.vertex, one.sentence) for one in message.unrepairable),
         tuple(RepairStep(spelled(optimise_pb2.RepairStep.Kind.DESCRIPTOR, one.kind), tuple(one.elements),
                          tuple(one.new_elements), one.node, one.sentence) for one in message.repairs),
+        tuple(one.sentence for one in message.left.remedies), message.kept_as_it_came,
         tuple(message.substitute_targets.elements))  # fmt: skip
 
 

@@ -114,6 +114,15 @@ class InProcess(WithFolder):
         self.assertEqual(document["stop_reason"], "repaired")
         self.assertTrue(left and left <= unrepairable, (left, unrepairable))
         self.assertIn('"unrepairable"', out.read_text())
+        self.assertEqual(document["left"]["uncertified"], len(left))
+        self.assertEqual(document["left"]["proved"] + document["left"]["unproved"], len(left & unrepairable))
+
+    def test_ends_with_what_to_try_next(self):
+        folded = self.folder / "folded.msh"
+        folded.write_text(FOLDED)
+        for done in (run("optimise", folded, "-o", self.folder / "out.msh"), run("quality", folded, "--diagnose")):
+            self.assertRegex(done.stdout.splitlines()[-1], "Mesh the boundary anew or refine it at element")
+            self.assertIn("not certified valid. It is proved that", done.stdout)
 
     def test_says_what_the_repair_did(self):
         folded, out = self.folder / "folded.msh", self.folder / "out.msh"

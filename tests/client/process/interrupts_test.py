@@ -81,6 +81,9 @@ class InProcess(WithFolder):
     def test_tetrahedra_that_are_split(self):
         self.check_case("sphere_p3.msh", "--repair", "split")
 
+    def test_prisms(self):
+        self.check_case("cylinder_p2.msh", "--tolerance", "1e-9")
+
     def test_sigterm_is_an_interrupt_too(self):
         out = self.folder / "out.msh"
         status, stderr = self.interrupt(0.2, LARGER, "-o", out, *ENDLESS, number=signal.SIGTERM)
