@@ -84,7 +84,7 @@ void add_target_field(CLI::App& command, const std::string& flag, const OptionIn
       .add_option_function<std::string>(
           flag,
           [=](const std::string& path) {
-            const auto text = read_whole(path, [] { return interrupt_count() > 0; });
+            const auto text = read_whole(path, interrupt_ends_calls);
             if (!text) throw CLI::ValidationError(flag, text.error().sentence);
             const auto field = read_target_field(*text);
             if (!field) throw CLI::ValidationError(flag, path + ": " + field.error().sentence);

@@ -8,6 +8,7 @@
 #include "client/jobs/deliver.h"
 #include "client/jobs/follow.h"
 #include "client/process/exit_status.h"
+#include "client/process/interrupts.h"
 
 namespace varimesh::client {
 namespace {
@@ -30,7 +31,8 @@ int optimise(const Arguments& arguments) {
   const auto connection = connect(arguments.common);
   if (!connection) return connection.error();
   Client* client = connection->client.get();
-  const auto mesh = upload(*client, arguments.input);
+  const bool in_process = arguments.common.server.empty();
+  const auto mesh = upload(*client, arguments.input, in_process ? keep_calls_going : nullptr);
   if (!mesh) return print_error(mesh.error());
   v1::JobSpec spec;
   spec.mutable_mesh()->set_digest(mesh->digest());
@@ -41,13 +43,15 @@ int optimise(const Arguments& arguments) {
   const auto job = client->submit(spec, arguments.request_id);
   if (!job) return print_error(job.error());
 
-  const auto ended = follow(client, job->name(), 0, arguments.common, OnInterrupt::CancelJob);
+  const auto ended =
+      follow(client, job->name(), 0, arguments.common, in_process ? OnInterrupt::EndJob : OnInterrupt::Ask);
   if (!ended) return ended.error();
   Delivery delivery;
   delivery.input = arguments.input.mesh;
   delivery.outputs = *outputs;
   delivery.history = arguments.history;
   delivery.report = arguments.report;
+  delivery.accepts_cancelled = interrupted();
   return deliver(client, *ended, delivery, arguments.common);
 }
 

@@ -63,12 +63,13 @@ std::vector<UnrepairableGroup> find_unrepairable(const Arguments& arguments, con
 }
 
 void print_summary(const Arguments& arguments, const MeshSummary& mesh, const QualityReport& quality,
-                   const std::vector<UnrepairableGroup>& groups) {
+                   const std::vector<UnrepairableGroup>& groups, const WhatIsLeft& left) {
   std::ostream& out = any_is_standard_output({{arguments.output}}) ? std::cerr : std::cout;
   out << summary(mesh, quality);
   if (!arguments.diagnose) return;
   if (groups.empty()) out << "found no elements that moving nodes cannot repair\n";
   for (const UnrepairableGroup& group : groups) out << group.sentence << "\n";
+  out << way_out(left);
 }
 
 int quality(const Arguments& arguments) {
@@ -80,17 +81,18 @@ int quality(const Arguments& arguments) {
   if (!mesh) return print_error(mesh.error());
   const QualityReport found = varimesh::quality(file->mesh, arguments.lattice, arguments.threads);
   const auto groups = find_unrepairable(arguments, file->mesh, found);
+  const WhatIsLeft left = what_is_left(file->mesh, uncertified_numbers(found), groups, {});
   if (!arguments.output.empty())
     if (const auto written = write_marked(arguments, *file, groups); !written) return print_error(written.error());
   if (!arguments.report.empty())
     if (const auto written =
-            write_quality_report(arguments.report, arguments.input, std::move(file->mesh), *mesh, found, groups);
+            write_quality_report(arguments.report, arguments.input, std::move(file->mesh), *mesh, found, groups, left);
         !written)
       return print_error(written.error());
   if (arguments.common.json)
-    print(document(*mesh, found, groups));
+    print(document(*mesh, found, groups, left));
   else
-    print_summary(arguments, *mesh, found, groups);
+    print_summary(arguments, *mesh, found, groups, left);
   return arguments.certify ? print_uncertified(found.certified.invalid, found.certified.undecided) : kDone;
 }
 

@@ -46,6 +46,7 @@ Json group_document(const v1::UnrepairableGroup& group) {
                    {"elements", std::move(elements)},
                    {"place", {group.x(), group.y(), group.z()}},
                    {"determinant", group.determinant()},
+                   {"proved", group.proved()},
                    {"sentence", group.sentence()}};
   if (group.vertex() != 0) document["vertex"] = group.vertex();
   return document;
@@ -57,6 +58,7 @@ Json group_document(const UnrepairableGroup& group) {
                    {"elements", group.elements},
                    {"place", group.place},
                    {"determinant", group.determinant},
+                   {"proved", is_proved(group)},
                    {"sentence", group.sentence}};
   if (group.vertex != 0) document["vertex"] = group.vertex;
   return document;
@@ -88,6 +90,28 @@ Json substitutes_document(const v1::SubstituteTargets& targets) {
   return {{"count", targets.count()}, {"elements", std::move(elements)}, {"sentence", targets.sentence()}};
 }
 
+Json left_document(const v1::WhatIsLeft& left) {
+  Json remedies = Json::array();
+  for (const v1::Remedy& remedy : left.remedies())
+    remedies.push_back({{"flags", remedy.flags()}, {"elements", remedy.elements()}, {"sentence", remedy.sentence()}});
+  return {{"uncertified", left.uncertified()},
+          {"proved", left.proved()},
+          {"unproved", left.unproved()},
+          {"sentence", left.sentence()},
+          {"remedies", std::move(remedies)}};
+}
+
+Json left_document(const WhatIsLeft& left) {
+  Json remedies = Json::array();
+  for (const Remedy& remedy : left.remedies)
+    remedies.push_back({{"flags", remedy.flags}, {"elements", remedy.elements}, {"sentence", remedy.sentence}});
+  return {{"uncertified", left.uncertified},
+          {"proved", left.proved},
+          {"unproved", left.unproved},
+          {"sentence", left.sentence},
+          {"remedies", std::move(remedies)}};
+}
+
 const char* spelled(Certificate::Answer answer) {
   return answer == Certificate::Answer::Invalid ? "invalid" : "undecided";
 }
@@ -110,10 +134,13 @@ Json document(const v1::Metrics& metrics) {
   if (metrics.has_substitute_targets())
     result["substitute_targets"] = substitutes_document(metrics.substitute_targets());
   for (const std::string& note : metrics.notes()) result["notes"].push_back(note);
+  if (metrics.has_left()) result["left"] = left_document(metrics.left());
+  if (!metrics.kept_as_it_came().empty()) result["kept_as_it_came"] = metrics.kept_as_it_came();
   return result;
 }
 
-Json document(const MeshSummary& mesh, const QualityReport& quality, const std::vector<UnrepairableGroup>& groups) {
+Json document(const MeshSummary& mesh, const QualityReport& quality, const std::vector<UnrepairableGroup>& groups,
+              const WhatIsLeft& left) {
   Json uncertified = Json::array();
   for (const UncertifiedElement& element : quality.uncertified)
     uncertified.push_back({{"number", element.number}, {"answer", spelled(element.answer)}, {"place", element.place}});
@@ -143,7 +170,8 @@ Json document(const MeshSummary& mesh, const QualityReport& quality, const std::
                      {"undecided", quality.certified.undecided},
                      {"min_scaled_jacobian_lower_bound", quality.certified.min_scaled_jacobian_lower_bound}}},
                    {"uncertified", std::move(uncertified)}}},
-                 {"unrepairable", groups_document(groups)}};
+                 {"unrepairable", groups_document(groups)},
+                 {"left", left_document(left)}};
   if (quality.accuracy)
     result["quality"]["accuracy"] = accuracy_document(quality.accuracy->loss, quality.accuracy->modal_parts);
   return result;

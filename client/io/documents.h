@@ -13,10 +13,12 @@ namespace varimesh::client {
 using Json = nlohmann::ordered_json;
 
 /// The result of an optimisation: {"mesh", "energy", "method", "iterations", "seconds", "residual", "converged",
-/// "stop_reason", "before", "after", "unrepairable", "repairs"}, and if there are any "substitute_targets" and "notes".
+/// "stop_reason", "before", "after", "unrepairable", "repairs"}, and, if there is something to say,
+/// "substitute_targets", "notes", "left" and "kept_as_it_came".
 Json document(const v1::Metrics& metrics);
-/// The quality of a mesh: {"mesh", "quality", "unrepairable"}.
-Json document(const MeshSummary& mesh, const QualityReport& quality, const std::vector<UnrepairableGroup>& groups);
+/// The quality of a mesh: {"mesh", "quality", "unrepairable", "left"}.
+Json document(const MeshSummary& mesh, const QualityReport& quality, const std::vector<UnrepairableGroup>& groups,
+              const WhatIsLeft& left);
 /// A job as submit, cancel and jobs print it: {"job", "state", …}.
 Json document(const v1::Job& job);
 /// A server's version, its limits and what it accepts: {"version", "threads", …}.

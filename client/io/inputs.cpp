@@ -23,7 +23,7 @@ Outcome<void> move_boundary(HighOrderMesh& mesh, const Input& input) {
     if (const auto done = replace_boundary(mesh, boundary->mesh); !done) return refused(input.boundary, done.error());
   }
   if (!input.displacements.empty()) {
-    const auto text = read_whole(input.displacements, [] { return interrupt_count() > 0; });
+    const auto text = read_whole(input.displacements, interrupt_ends_calls);
     if (!text) return tl::unexpected(text.error());
     const auto displacements = read_displacements(*text, mesh.dimension);
     if (!displacements) return refused(input.displacements, displacements.error());
@@ -61,11 +61,17 @@ void add_file_label(const std::string& path, google::protobuf::Map<std::string, 
   labels->insert({"file", name});
 }
 
-Outcome<v1::StoredMesh> upload(Client& client, const Input& input) {
-  if (input.displacements.empty() && input.boundary.empty()) return client.upload_file(input.mesh);
+Outcome<v1::StoredMesh> upload(Client& client, const Input& input, const std::function<void()>& on_read) {
+  if (input.displacements.empty() && input.boundary.empty()) {
+    const auto whole = InputFile::open(input.mesh, interrupt_ends_calls);
+    if (!whole) return tl::unexpected(whole.error());
+    if (on_read) on_read();
+    return client.upload(*whole);
+  }
   auto file = formats::read_file(input.mesh);
   if (!file) return refusal("BAD_INPUT", file.error().sentence);
   if (const auto moved = move_boundary(file->mesh, input); !moved) return tl::unexpected(moved.error());
+  if (on_read) on_read();
   auto curved = InputFile::temporary(input.mesh);
   if (!curved) return tl::unexpected(curved.error());
   const auto written =

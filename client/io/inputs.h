@@ -2,6 +2,7 @@
 #pragma once
 
 #include <CLI/CLI.hpp>
+#include <functional>
 #include <string>
 
 #include "client/client.h"
@@ -19,11 +20,13 @@ struct Input {
 /// Adds the positional argument IN, and the flags --displacements and --boundary.
 void add_input(CLI::App& command, Input* input);
 
-/// Uploads the mesh, after its boundary nodes have been moved as the other files say.
 /// Adds the label "file" with the name of the mesh file, unless the user has given one. Lists of jobs show it. A name
 /// that is too long for a label loses its beginning.
 void add_file_label(const std::string& path, google::protobuf::Map<std::string, std::string>* labels);
 
-Outcome<v1::StoredMesh> upload(Client& client, const Input& input);
+/// Uploads the mesh, after its boundary nodes have been moved as the other files say. `on_read` is called when the
+/// input has been found and pipes have been read to their end, so that from then on nothing but the upload is waited
+/// for.
+Outcome<v1::StoredMesh> upload(Client& client, const Input& input, const std::function<void()>& on_read = {});
 
 }  // namespace varimesh::client

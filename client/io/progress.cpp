@@ -19,12 +19,9 @@ constexpr auto kLineInterval = std::chrono::milliseconds(1000);
 
 std::string numbers(const v1::Iteration& iteration) {
   const double rate = iteration.seconds() > 0 ? iteration.number() / iteration.seconds() : 0;
-  const bool all_repairable = iteration.repairable_elements() == iteration.invalid_elements();
-  return fmt::format("{} {:>4}  residual {:.2e}  min Js {:>7.4f}  invalid {}{}  {:.1f} s  {:.3g}/s",
+  return fmt::format("{} {:>4}  residual {:.2e}  min Js {:>7.4f}  not certified {}  {:.1f} s  {:.3g}/s",
                      spelled(iteration.phase()), iteration.number(), iteration.residual(),
-                     iteration.min_scaled_jacobian(), iteration.invalid_elements(),
-                     all_repairable ? "" : fmt::format(" ({} repairable)", iteration.repairable_elements()),
-                     iteration.seconds(), rate);
+                     iteration.min_scaled_jacobian(), iteration.left_elements(), iteration.seconds(), rate);
 }
 
 /// A bar that shows how far the residual has fallen towards the tolerance, on a logarithmic scale.

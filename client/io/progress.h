@@ -20,10 +20,11 @@ class Progress {
   void show(const v1::JobEvent& event);
   /// Prints a message on a line of its own.
   void print(const std::string& message);
+  /// Makes room on the terminal for a message of somebody else.
+  void clear_bar();
 
  private:
   void show(const v1::Iteration& iteration, bool last);
-  void clear_bar();
 
   const bool quiet_;
   const bool terminal_;     ///< Standard error is a terminal.

@@ -17,7 +17,7 @@ void lower(std::optional<double>* estimate, double seconds) {
 
 RemainingTime::RemainingTime(const v1::Options& options)
     : tolerance_(options.has_tolerance() ? options.tolerance() : 1e-3),
-      max_iterations_(options.has_max_iterations() ? options.max_iterations() : 1000),
+      max_iterations_(options.max_iterations()),
       time_limit_(options.time_limit()),
       has_stages_(options.objective() == v1::OBJECTIVE_WORST) {}
 
@@ -27,15 +27,18 @@ void RemainingTime::add(const v1::Iteration& iteration) {
   latest_ = iteration;
   if (iteration.residual() > 0) recent_.push_back({iteration.seconds(), std::log10(iteration.residual())});
   if (recent_.size() > kRecent) recent_.pop_front();
+  const std::optional<double> left = estimate();
+  forecast_ = left && (!least_ || *left <= *least_) ? left : std::nullopt;
+  if (forecast_) least_ = forecast_;
 }
 
-std::optional<double> RemainingTime::seconds() const {
+std::optional<double> RemainingTime::estimate() const {
   std::optional<double> left;
   if (time_limit_ > 0) lower(&left, time_limit_ - latest_.seconds());
   if (has_stages_ || recent_.size() < 3) return left;
   const double elapsed = recent_.back().seconds - recent_.front().seconds;
   const double steps = static_cast<double>(recent_.size() - 1);
-  lower(&left, elapsed / steps * (max_iterations_ - latest_.number()));
+  if (max_iterations_ > 0) lower(&left, elapsed / steps * (max_iterations_ - latest_.number()));
   const double fall = recent_.front().log_residual - recent_.back().log_residual;
   if (fall >= kLeastFall && tolerance_ > 0)
     lower(&left, elapsed * (recent_.back().log_residual - std::log10(tolerance_)) / fall);

@@ -195,10 +195,10 @@ Outcome<void> write_job_report(Client* client, const v1::Job& job, const std::st
 
 Expected<void> write_quality_report(const std::string& path, const std::string& input, HighOrderMesh mesh,
                                     const MeshSummary& summary, const QualityReport& quality,
-                                    const std::vector<UnrepairableGroup>& groups) {
+                                    const std::vector<UnrepairableGroup>& groups, const WhatIsLeft& left) {
   Report report;
   report.title = title_of(input);
-  report.document = document(summary, quality, groups);
+  report.document = document(summary, quality, groups, left);
   report.histograms["before"] = quality.histogram;
   report.origin.push_back({"mesh", input});
   report.origin.push_back({"varimesh, the command", std::string(version())});

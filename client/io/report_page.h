@@ -24,6 +24,6 @@ Outcome<void> write_job_report(Client* client, const v1::Job& job, const std::st
 /// Writes the page about the quality of `mesh` to `path`. `input` is the name of the mesh. Errors: Output, BadInput.
 Expected<void> write_quality_report(const std::string& path, const std::string& input, HighOrderMesh mesh,
                                     const MeshSummary& summary, const QualityReport& quality,
-                                    const std::vector<UnrepairableGroup>& groups);
+                                    const std::vector<UnrepairableGroup>& groups, const WhatIsLeft& left);
 
 }  // namespace varimesh::client

@@ -25,6 +25,9 @@ std::string sentences(const Items& items, const char* what) {
   return text;
 }
 
+/// A proved bound; a dash if nothing is proved, which is the lowest double.
+std::string bound_text(double bound) { return bound < -1e300 ? "–" : fmt::format("{:.5f}", bound); }
+
 /// The histogram with one line per non-empty bin. The bins of the quality report are merged to ten, which are easier to
 /// read.
 std::string histogram(const QualityReport& quality) {
@@ -42,12 +45,38 @@ std::string histogram(const QualityReport& quality) {
   return text;
 }
 
-/// Whether the run converged, and if not, why it ended.
+/// Why the run ended.
 std::string ending(const v1::Metrics& metrics) {
-  if (metrics.converged()) return "converged";
-  if (metrics.stop_reason() == v1::STOP_REASON_MOST_PRODUCTS)
-    return "not converged: Newton steps reached the largest number of products";
-  return "not converged (" + spelled(metrics.stop_reason()) + ")";
+  switch (metrics.stop_reason()) {
+    case v1::STOP_REASON_CONVERGED:
+      return "converged";
+    case v1::STOP_REASON_VALID:
+      return "ended because every element is certified valid";
+    case v1::STOP_REASON_REPAIRED:
+      return "ended because moving nodes can repair no more";
+    case v1::STOP_REASON_NO_PROGRESS:
+      return "not converged: ended because there was no progress";
+    case v1::STOP_REASON_QUALITY:
+      return "ended because the scaled Jacobian asked for is proved";
+    case v1::STOP_REASON_TIME_LIMIT:
+      return "not converged: ended by the time limit";
+    case v1::STOP_REASON_ITERATIONS:
+      return "not converged: ended by the largest number of iterations";
+    case v1::STOP_REASON_STOPPED:
+      return "not converged: stopped before its end";
+    case v1::STOP_REASON_MOST_PRODUCTS:
+      return "not converged: Newton steps reached the largest number of products";
+    default:
+      return "ended (" + spelled(metrics.stop_reason()) + ")";
+  }
+}
+
+/// What is left, and what to try next.
+std::string way_out(const v1::WhatIsLeft& left) {
+  if (left.uncertified() == 0) return "";
+  std::string text = left.sentence() + "\n";
+  for (const v1::Remedy& remedy : left.remedies()) text += remedy.sentence() + "\n";
+  return text;
 }
 
 /// A loss of accuracy in ten characters; "-" if there is none.
@@ -56,6 +85,13 @@ std::string shown_loss(bool is_known, double loss) {
 }
 
 }  // namespace
+
+std::string way_out(const WhatIsLeft& left) {
+  if (left.uncertified == 0) return "";
+  std::string text = left.sentence + "\n";
+  for (const Remedy& remedy : left.remedies) text += remedy.sentence + "\n";
+  return text;
+}
 
 std::string summary(const v1::Metrics& metrics) {
   const v1::MeshSummary& mesh = metrics.mesh();
@@ -77,15 +113,16 @@ std::string summary(const v1::Metrics& metrics) {
                      after.certified().valid()) +
          fmt::format("undecided                 {:>10}  {:>10}\n", before.certified().undecided(),
                      after.certified().undecided()) +
-         fmt::format("proved scaled Jacobian    {:>10.5f}  {:>10.5f}\n",
-                     before.certified().min_scaled_jacobian_lower_bound(),
-                     after.certified().min_scaled_jacobian_lower_bound()) +
+         fmt::format("proved scaled Jacobian    {:>10}  {:>10}\n",
+                     bound_text(before.certified().min_scaled_jacobian_lower_bound()),
+                     bound_text(after.certified().min_scaled_jacobian_lower_bound())) +
          fmt::format("loss of accuracy          {}  {}\n", shown_loss(before.has_accuracy(), before.accuracy().loss()),
                      shown_loss(after.has_accuracy(), after.accuracy().loss())) +
          joined({metrics.notes().begin(), metrics.notes().end()}, "\n") + (metrics.notes().empty() ? "" : "\n") +
          (metrics.has_substitute_targets() ? metrics.substitute_targets().sentence() + "\n" : "") +
          sentences(metrics.repairs(), "steps of repair") +
-         sentences(metrics.unrepairable(), "groups of elements that no movement of nodes can repair");
+         sentences(metrics.unrepairable(), "groups of elements that no movement of nodes can repair") +
+         (metrics.kept_as_it_came().empty() ? "" : metrics.kept_as_it_came() + "\n") + way_out(metrics.left());
 }
 
 std::string summary(const MeshSummary& mesh, const QualityReport& quality) {
@@ -94,11 +131,11 @@ std::string summary(const MeshSummary& mesh, const QualityReport& quality) {
                          "smallest scaled Jacobian  {:>10.5f}\nmean scaled Jacobian      {:>10.5f}\n"
                          "smallest distortion       {:>10.5f}\ninvalid elements          {:>10}\n"
                          "certified valid           {:>10}\nundecided                 {:>10}\n"
-                         "proved scaled Jacobian    {:>10.5f}\nloss of accuracy          {}\n"
+                         "proved scaled Jacobian    {:>10}\nloss of accuracy          {}\n"
                          "elements by scaled Jacobian, sampled on a lattice of {} intervals per edge\n",
                          quality.min_scaled_jacobian, quality.mean_scaled_jacobian, quality.min_distortion_jacobian,
                          quality.invalid_elements, quality.certified.valid, quality.certified.undecided,
-                         quality.certified.min_scaled_jacobian_lower_bound,
+                         bound_text(quality.certified.min_scaled_jacobian_lower_bound),
                          shown_loss(quality.accuracy.has_value(), quality.accuracy.value_or(Accuracy{}).loss),
                          quality.lattice_intervals) +
                      histogram(quality);

@@ -11,6 +11,8 @@ namespace varimesh::client {
 
 /// The result of an optimisation: the mesh, how it went, the quality before and after, and what cannot be repaired.
 std::string summary(const v1::Metrics& metrics);
+/// The elements that are not certified valid, and what to try next; empty if there are none.
+std::string way_out(const WhatIsLeft& left);
 /// The quality of a mesh, with its histogram and its first invalid elements.
 std::string summary(const MeshSummary& mesh, const QualityReport& quality);
 

@@ -24,7 +24,7 @@ void print_contact(bool answers, std::chrono::milliseconds retry) {
 
 tl::expected<Connection, int> connect(const CommonFlags& flags) {
   Settings settings;
-  settings.interrupted = [] { return interrupt_count() > 0; };
+  settings.interrupted = interrupt_ends_calls;
   if (!flags.quiet) settings.on_contact = [retry = settings.retry](bool answers) { print_contact(answers, retry); };
   settings.compress = flags.compress && !flags.server.empty();
   Connection connection;

@@ -12,16 +12,15 @@
 namespace varimesh::client {
 namespace {
 
-/// Prints how a job that did not succeed ended, and returns the exit status. `on_server`: not in this process.
-int print_end(const v1::Job& job, const std::string& input, bool on_server) {
+/// Prints how a job that has no result to deliver ended, and returns the exit status.
+int print_end(const v1::Job& job, const std::string& input) {
   if (job.state() == v1::JOB_STATE_FAILED) {
     const bool concerns_input = job.error().reason() == "BAD_INPUT" && !input.empty();
     std::cerr << "varimesh: " << (concerns_input ? "'" + input + "': " : "") << job.error().message() << std::endl;
     return status_of_reason(job.error().reason());
   }
-  if (interrupt_count() > 0) {
-    std::cerr << "varimesh: interrupted; " << job.name() << " is cancelled"
-              << (on_server && job.has_metrics() ? "; 'varimesh result' fetches the mesh that it had" : "")
+  if (interrupted() && job.state() == v1::JOB_STATE_CANCELLED) {
+    std::cerr << "varimesh: interrupted; " << job.name() << " is cancelled and has no mesh, because it had not begun"
               << std::endl;
     return kInterrupted;
   }
@@ -31,13 +30,26 @@ int print_end(const v1::Job& job, const std::string& input, bool on_server) {
   return kJobFailed;
 }
 
+/// Says that an interrupt ended the job, or came after its end, and what was written.
+void print_interruption(const v1::Job& job, bool was_cut_short, const std::vector<Output>& outputs) {
+  std::string written;
+  for (const Output& output : outputs) written += (written.empty() ? "" : ", ") + output.path;
+  const int iterations = job.metrics().iterations();
+  std::cerr << "varimesh: interrupted"
+            << (!was_cut_short    ? " after the run had ended; its result is in "
+                : iterations == 0 ? " before the first iteration; the mesh as it came is in "
+                : iterations == 1 ? " after 1 iteration; the best mesh so far is in "
+                                  : " after " + std::to_string(iterations) + " iterations; the best mesh so far is in ")
+            << written << std::endl;
+}
+
 }  // namespace
 
 int deliver(Client* client, const v1::Job& job, const Delivery& delivery, const CommonFlags& flags) {
   const bool was_cut_short = job.state() == v1::JOB_STATE_CANCELLED && job.has_metrics();
   if (job.state() != v1::JOB_STATE_SUCCEEDED && !(was_cut_short && delivery.accepts_cancelled))
-    return print_end(job, delivery.input, !flags.server.empty());
-  if (was_cut_short)
+    return print_end(job, delivery.input);
+  if (was_cut_short && !interrupted())
     std::cerr << "varimesh: " << job.name() << " was cancelled; the result is the mesh that it had then" << std::endl;
   if (const auto fetched = fetch(*client, job, delivery.outputs); !fetched) return print_error(fetched.error());
   if (!delivery.history.empty()) {
@@ -54,7 +66,10 @@ int deliver(Client* client, const v1::Job& job, const Delivery& delivery, const 
   else if (!flags.quiet)
     (any_is_standard_output(delivery.outputs) ? std::cerr : std::cout) << summary(job.metrics());
   const v1::Certified& certified = job.metrics().after().certified();
-  return print_uncertified(certified.invalid(), certified.undecided());
+  const int status = print_uncertified(certified.invalid(), certified.undecided());
+  if (!interrupted() || delivery.outputs.empty()) return status;
+  print_interruption(job, was_cut_short, delivery.outputs);
+  return kInterrupted;
 }
 
 }  // namespace varimesh::client

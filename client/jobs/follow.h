@@ -1,4 +1,4 @@
-// Following a job to its end. Ctrl-C cancels the job or stops following it.
+// Following a job to its end, and what Ctrl-C means meanwhile.
 #pragma once
 
 #include <cstdint>
@@ -11,10 +11,15 @@
 namespace varimesh::client {
 
 /// What an interrupt does to the job that is being followed.
-enum class OnInterrupt { CancelJob, LeaveJob };
+enum class OnInterrupt {
+  EndJob,    ///< Cancels it; what it has so far is its result. For a job of this process, which would end too.
+  Ask,       ///< Asks on a terminal whether to leave it running or to cancel it. Elsewhere it goes on running.
+  LeaveJob,  ///< It goes on running.
+};
 
-/// Shows the progress of a job after event number `after` until the job ends, and returns the job as it ended. The
-/// error is the exit status; its message has been printed.
+/// Shows the progress of a job after event number `after` until the job ends, and returns the job as it ended. A job
+/// that an interrupt cancelled may have a result. The error is the exit status; its message has been printed. If an
+/// interrupt leaves the job running, the message names the commands that come back to it.
 tl::expected<v1::Job, int> follow(Client* client, const std::string& name, std::int64_t after, const CommonFlags& flags,
                                   OnInterrupt on_interrupt);
 

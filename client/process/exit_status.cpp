@@ -13,7 +13,7 @@ constexpr std::array kExitStatuses{
     ExitStatusMeaning{kInputRefused, "the input was refused, or the output cannot be written"},
     ExitStatusMeaning{kInvalidLeft, "success, but some elements are not certified valid"},
     ExitStatusMeaning{kServer, "the server failed or cannot be reached"},
-    ExitStatusMeaning{kInterrupted, "interrupted"},
+    ExitStatusMeaning{kInterrupted, "interrupted; a run without --server has written its best mesh so far"},
 };
 
 }  // namespace

@@ -13,8 +13,9 @@
 namespace varimesh::client {
 namespace {
 
-std::atomic<int> count = 0;
+std::atomic<int> first_signal = 0;  // 0: there has been none
 std::atomic<bool> first_ends = false;
+std::atomic<bool> calls_go_on = false;
 
 [[noreturn]] void end_at_once() {
   remove_temporary_files();
@@ -25,7 +26,10 @@ std::atomic<bool> first_ends = false;
 
 }  // namespace
 
-int interrupt_count() { return count; }
+bool interrupted() { return first_signal != 0; }
+bool interrupted_by_user() { return first_signal == SIGINT; }
+bool interrupt_ends_calls() { return interrupted() && !calls_go_on; }
+void keep_calls_going() { calls_go_on = true; }
 
 void catch_interrupts() {
   // A thread waits for the signals, because a signal handler must not do what is needed here. All threads that are
@@ -38,13 +42,13 @@ void catch_interrupts() {
   std::signal(SIGPIPE, SIG_IGN);
   std::thread([signals] {
     for (int signal = 0; sigwait(&signals, &signal) == 0;)
-      if (count.fetch_add(1) > 0 || first_ends) end_at_once();
+      if (first_signal.exchange(signal) != 0 || first_ends) end_at_once();
   }).detach();
 }
 
 void end_at_first_interrupt() {
   first_ends = true;
-  if (interrupt_count() > 0) end_at_once();
+  if (interrupted()) end_at_once();
 }
 
 }  // namespace varimesh::client

@@ -1,5 +1,5 @@
-// What Ctrl-C (SIGINT) and SIGTERM do: the first asks the command to stop in an orderly way, the second ends the
-// process at once.
+// What Ctrl-C (SIGINT) and SIGTERM do: the first asks the command to end in an orderly way, which keeps the work that is
+// done so far; the second ends the process at once.
 #pragma once
 
 namespace varimesh::client {
@@ -7,9 +7,16 @@ namespace varimesh::client {
 /// Starts to count interrupts. Call it first, before any thread is started.
 void catch_interrupts();
 
-/// How many interrupts there have been. A command that has something to put in order, such as a job to cancel, stops
-/// when this is no longer 0. A second interrupt ends the process at once, after remove_temporary_files().
-int interrupt_count();
+/// Whether there has been an interrupt. A command that has something to put in order, such as a job to cancel, does so
+/// when this is true. A second interrupt ends the process at once, after remove_temporary_files().
+bool interrupted();
+/// Whether the interrupt was Ctrl-C, so that somebody may sit at the terminal. False if there was none.
+bool interrupted_by_user();
+
+/// Whether calls under way and reading from pipes are to end because of an interrupt.
+bool interrupt_ends_calls();
+/// From now on an interrupt does not end calls, because the command needs them to deliver the work done so far.
+void keep_calls_going();
 
 /// From now on the first interrupt ends the process too. For commands that have nothing to put in order.
 void end_at_first_interrupt();

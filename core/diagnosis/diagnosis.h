@@ -34,6 +34,13 @@ struct UnrepairableGroup {
   std::string sentence;  ///< For humans: what, where and what to do.
 };
 
+/// Whether it is proved that at least one element of the group stays invalid. It is not if the determinant is positive
+/// but so small that there is hardly any room, and not for a vertex group: the diagnosis chooses the groups that need
+/// the least turning, and all elements of a group may be valid if they wind around an edge more than once.
+inline bool is_proved(const UnrepairableGroup& group) {
+  return group.kind != UnrepairableGroup::Kind::VertexGroup && group.determinant <= 0;
+}
+
 /// Keeps the groups that have at least one of these elements. If all elements of a group are certified valid, one of
 /// them goes around its vertex more than once, or another of the vertex's groups is turned inside out instead.
 std::vector<UnrepairableGroup> with_any_of(std::vector<UnrepairableGroup> groups,

@@ -23,6 +23,10 @@ class TimeAdder {
   double& sum_;
 };
 
+std::int64_t uncertified_in(const std::vector<Certificate>& certificates) {
+  return std::ranges::count_if(certificates, [](const Certificate& c) { return !c.is_valid(); });
+}
+
 constexpr std::size_t kNodesPerTask = 4096;
 constexpr std::size_t kCellsPerChunk = 4096;
 
@@ -51,6 +55,7 @@ Guard::Guard(const HighOrderMesh& mesh, const Frame& frame, Problem& problem, co
       cell_size_.push_back(size);
     }
   }
+  kept_uncertified_ = uncertified_in(certificates_);
   count();
 }
 
@@ -106,6 +111,8 @@ void Guard::keep() {
   shared_copy<double>(latest_positions_, positions_, team_);
   shared_copy<Certificate>(latest_certificates_, certificates_, team_);
   kept_is_latest_ = true;
+  kept_uncertified_ = uncertified_in(certificates_);
+  if (kept_uncertified_ <= best_.uncertified) best_ = {};
 }
 
 std::vector<double> Guard::coordinates() const {
@@ -119,9 +126,18 @@ std::vector<double> Guard::coordinates() const {
 
 bool Guard::restore(const std::vector<double>& kept, const std::vector<double>& latest) {
   std::vector<double> positions = problem_.positions;
+  Ending best;
+  best.positions.swap(best_.positions);
+  if (!best.positions.empty()) {
+    if (!set_free_positions(problem_, best.positions, positions)) return false;
+    certify_at(positions);
+    best.certificates = latest_certificates_;
+    best.uncertified = uncertified_in(best.certificates);
+  }
   if (!set_free_positions(problem_, kept, positions)) return false;
   certify_at(positions);
   keep();
+  best_ = std::move(best);
   if (!set_free_positions(problem_, latest, positions)) return false;
   certify_at(positions);
   count();
@@ -131,22 +147,51 @@ bool Guard::restore(const std::vector<double>& kept, const std::vector<double>& 
 void Guard::certify_moved() {
   const TimeAdder stopwatch(seconds_);
   certify_at(problem_.positions);
-  if (lost_.empty()) keep();
+  if (lost_.empty())
+    keep();
+  else
+    try_to_end_here();
   count();
+}
+
+void Guard::try_to_end_here() {
+  // At best only the lost cells become valid again.
+  if (uncertified_in(latest_certificates_) - lost() >= fewest()) return;
+  put_back_lost();
+  if (const std::int64_t uncertified = uncertified_in(latest_certificates_); uncertified < fewest())
+    best_ = {free_positions(problem_, latest_positions_), latest_certificates_, uncertified};
+  certify_at(problem_.positions);
+}
+
+bool Guard::return_to_best() {
+  if (best_.positions.empty()) return false;
+  std::vector<double> positions = problem_.positions;
+  set_free_positions(problem_, best_.positions, positions);
+  shared_copy<double>(positions, positions_, team_);
+  certificates_ = std::move(best_.certificates);
+  kept_uncertified_ = best_.uncertified;
+  kept_is_latest_ = false;
+  best_ = {};
+  return true;
 }
 
 void Guard::restore_lost() {
   const TimeAdder stopwatch(seconds_);
-  std::vector<double> positions = problem_.positions;
-  for (certify_at(positions); !lost_.empty(); certify_at(positions))
+  certify_at(problem_.positions);
+  put_back_lost();
+  keep();
+  count();
+}
+
+void Guard::put_back_lost() {
+  std::vector<double> positions(latest_positions_.begin(), latest_positions_.end());
+  for (; !lost_.empty(); certify_at(positions))
     for (const std::int32_t cell : lost_)
       for (int i = 0; i < cell_size_[cell]; ++i) {
         const std::int32_t node = cell_nodes_[cell][i];
         const std::size_t at = static_cast<std::size_t>(node) * problem_.dimension;
         if (free_[node] != 0) std::copy_n(&positions_[at], problem_.dimension, &positions[at]);
       }
-  keep();
-  count();
 }
 
 void Guard::return_to_kept() {

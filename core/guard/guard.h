@@ -33,6 +33,10 @@ enum class Standing : std::uint8_t {
 /// to where they are in the kept state. If that costs a neighbour its certificate, the neighbour's free nodes go back
 /// too, until nothing is lost. In the worst case all nodes go back, so this ends.
 ///
+/// The same is tried on the way, whenever a state with lost certificates may lead to fewer uncertified cells than any
+/// before. The best outcome is remembered, and return_to_best() makes it the kept state at the end. So a run that is
+/// stopped earlier never has fewer uncertified cells. The iterations do not notice.
+///
 /// Certifying may be interrupted (core/base/stop_token.h). Then the kept state is what it was before.
 ///
 /// Call everything inside team.run(). The result does not depend on the number of threads.
@@ -46,7 +50,8 @@ class Guard {
   /// Keeps the cells of these groups out of the barrier while they are not certified valid (CellSet::unrepairable).
   void set_unrepairable(std::span<const UnrepairableGroup> groups);
 
-  /// After an iteration: certifies the cells that moved, and keeps the state if no certificate is lost.
+  /// After an iteration: certifies the cells that moved, and keeps the state if no certificate is lost. If some are
+  /// lost, tries what the run would have if it ended here.
   void certify_moved();
 
   /// Restores what is lost compared with the kept state, and keeps the outcome. The problem's positions do not change.
@@ -55,20 +60,26 @@ class Guard {
   /// The same, and moves the problem's nodes to the kept state. The caller must rebuild the deformation gradients.
   void return_to_kept();
 
+  /// At the end of a run, after restore_lost(): if an earlier iteration would have ended with fewer uncertified cells,
+  /// the kept state becomes that one. Returns whether it did. It is never interrupted.
+  bool return_to_best();
+
   /// Cells that are not certified valid as of the last certify_moved().
   std::int64_t uncertified() const { return uncertified_; }
   /// Those of them that are in no unrepairable group.
   std::int64_t repairable() const { return repairable_; }
+  /// Cells that would not be certified valid if the run ended with the last certify_moved().
+  std::int64_t fewest() const { return best_.positions.empty() ? kept_uncertified_ : best_.uncertified; }
   /// Cells that are certified valid in the kept state but were not at the last certify_moved().
   std::int64_t lost() const { return static_cast<std::int64_t>(lost_.size()); }
 
-  /// Checkpoints hold the positions of the free nodes in the kept state and at the last certify_moved(). Everything
-  /// else follows from them.
+  /// Checkpoints hold the positions of the free nodes in the kept state, in the best one if it is another, and at the
+  /// last certify_moved(). Everything else follows from them.
   template <class Archive>
   void state(Archive& archive) {
     std::vector<double> kept = free_positions(problem_, positions_);
     std::vector<double> latest = free_positions(problem_, latest_positions_);
-    archive(kept, latest);
+    archive(kept, latest, best_.positions);
     if constexpr (Archive::kReads)
       if (!restore(kept, latest)) archive.fail();
   }
@@ -96,10 +107,23 @@ class Guard {
   /// Brings lost_ and everything named latest_ up to date with nodes at these positions.
   void certify_at(const std::vector<double>& positions);
   void keep();
-  /// From the positions of free nodes in the kept and in the latest state; false if there are too few or too many.
+  /// Finds what restore_lost() would lead to, and remembers it if it is the best so far. Afterwards the state that was
+  /// certified last is certified again.
+  void try_to_end_here();
+  /// From the latest state: moves nodes of lost cells back until nothing is lost, and certifies the outcome.
+  void put_back_lost();
+  /// From best_.positions and the positions of free nodes in the kept and in the latest state; false if there are too
+  /// few or too many.
   bool restore(const std::vector<double>& kept, const std::vector<double>& latest);
   void count();
   void write_unrepairable();
+
+  /// A state that a run would have ended with.
+  struct Ending {
+    std::vector<double> positions;  ///< Of the free nodes, as free_positions(); empty: there is none.
+    std::vector<Certificate> certificates;
+    std::int64_t uncertified = 0;
+  };
 
   const HighOrderMesh& mesh_;
   Problem& problem_;
@@ -112,6 +136,8 @@ class Guard {
   std::vector<char> unrepairable_;     ///< By cell: in an unrepairable group.
   UntouchedVector<double> positions_;  ///< The kept state.
   std::vector<Certificate> certificates_;
+  std::int64_t kept_uncertified_ = 0;
+  Ending best_;  ///< Has fewer uncertified cells than the kept state.
   bool kept_is_latest_ = true;
   UntouchedVector<double> latest_positions_;  ///< The state that was certified last.
   UntouchedVector<double> latest_coordinates_;

@@ -234,7 +234,6 @@ bool Continuation::has_minimum_to_raise() {
 }
 
 void Continuation::note_interruption(Result& result) {
-  interrupted_ = true;
   grace_.begin();
   grace_.say_stopped(result);
   if (!stage_run_) return;
@@ -257,8 +256,8 @@ void Continuation::finish(std::vector<Certificate>& certificates, Result& result
   // The kept state is whole whatever interrupts the guard.
   grace_.finish([&] { settle(result); },
                 [&] {
-                  interrupted_ = true;
                   grace_.say_stopped(result);
+                  team_.run([&] { guard_->return_to_best(); });
                 });
   take_mesh(certificates, result);
   result.seconds += watch.seconds();
@@ -272,6 +271,10 @@ void Continuation::settle(Result& result) {
       result.stop_reason = StopReason::NoProgress;
     }
     guard_->restore_lost();
+    if (guard_->return_to_best() && result.converged) {
+      result.converged = false;
+      result.stop_reason = StopReason::NoProgress;
+    }
     if (set_up_.options.until_js > 0) best_->consider(*guard_, team_.stop());
   });
 }
@@ -279,8 +282,8 @@ void Continuation::settle(Result& result) {
 void Continuation::take_mesh(std::vector<Certificate>& certificates, Result& result) {
   certificates = guard_->certificates();
   const auto uncertified = std::ranges::count_if(certificates, [](const Certificate& c) { return !c.is_valid(); });
-  bool takes_best = set_up_.options.until_js > 0 || set_up_.stages.size() > 1;
-  if (interrupted_) takes_best = takes_best && !best_->coordinates().empty() && best_->fewest() <= uncertified;
+  const bool keeps_best = set_up_.options.until_js > 0 || set_up_.stages.size() > 1;
+  const bool takes_best = keeps_best && !best_->coordinates().empty() && best_->fewest() <= uncertified;
   team_.run([&] { result.mesh.coordinates = takes_best ? best_->coordinates() : guard_->coordinates(); });
   result.proof_seconds += guard_->seconds();
   if (!takes_best) return;

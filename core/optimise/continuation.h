@@ -65,7 +65,6 @@ class Continuation {
   const RunControl& control_;
   Team& team_;
   Grace& grace_;
-  bool interrupted_ = false;
   Frame frame_;
   std::size_t stage_ = 0;
   std::optional<Guard> guard_;

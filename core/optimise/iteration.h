@@ -23,6 +23,7 @@ struct Iteration {
   std::int64_t invalid_elements = 0;  ///< Cells that are not certified valid. While all cells are valid, only every
                                       ///< fourth sweep updates this.
   std::int64_t repairable_elements = 0;  ///< Those of them that are not unrepairable.
+  std::int64_t left_elements = 0;        ///< Cells that would not be certified valid if the run ended here.
   std::int64_t active_nodes = 0;         ///< Free nodes visited.
   int products = 0;                      ///< Products of the Hessian and a vector: conjugate-gradient iterations.
   LinearSolve linear_solve = LinearSolve::None;  ///< How these iterations ended.

@@ -2,6 +2,7 @@
 #include "core/optimise/optimiser.h"
 
 #include <algorithm>
+#include <cstdio>
 #include <optional>
 #include <string>
 #include <unordered_set>
@@ -18,6 +19,7 @@
 #include "core/optimise/set_up.h"
 #include "core/optimise/splitting.h"
 #include "core/problem/fixed_nodes.h"
+#include "core/quality/certified_quality.h"
 #include "core/repair/straighten.h"
 #include "core/validity/certifier.h"
 #include "core/validity/orientation.h"
@@ -133,13 +135,51 @@ void take_as_it_came(const SetUp& set_up, const std::string& why, Result& result
   result.stop_reason = StopReason::Converged;
 }
 
-/// Optimises the mesh of the set-up, in which no cell is clockwise.
-Result run_turned(SetUp& set_up, const OnIteration& on_iteration, const RunControl& control, StopToken& stop) {
+/// Whether a mesh that came in valid would leave with a smaller minimum and a smaller mean of the scaled Jacobian.
+bool is_worse(const QualityReport& before, const QualityReport& after) {
+  return before.uncertified.empty() && after.min_scaled_jacobian < before.min_scaled_jacobian &&
+         after.mean_scaled_jacobian < before.mean_scaled_jacobian;
+}
+
+std::string pair_text(const QualityReport& report) {
+  char text[64];
+  std::snprintf(text, sizeof text, "%.3g and %.3g", report.min_scaled_jacobian, report.mean_scaled_jacobian);
+  return text;
+}
+
+/// Goes back to the mesh as it came if it was valid and better. With another target than the straight-sided shape the
+/// caller asks for a change, which the scaled Jacobian does not judge.
+void keep_the_better(const SetUp& set_up, const std::vector<Certificate>& certificates, const Team& team,
+                     Result& result) {
+  if (!result.before.uncertified.empty() || set_up.options.target != Target::StraightSided) return;
+  QualityReport before = result.before;
+  if (before.lattice_intervals != result.after.lattice_intervals)  // there was no time for the usual report
+    before = quick_quality(set_up.mesh, certificates, team);
+  if (!is_worse(before, result.after)) return;
+  result.kept_as_it_came = "The mesh stays as it came: its smallest and its mean scaled Jacobian are " +
+                           pair_text(before) + ", and " +
+                           (result.converged ? "at the energy's optimum" : "where the run ended") + " they would be " +
+                           pair_text(result.after) + ".";
+  if (set_up.options.objective != Objective::Worst)
+    result.kept_as_it_came += " To raise the smallest, try --objective worst.";
+  result.mesh.coordinates = set_up.mesh.coordinates;
+  result.after = result.before;
+}
+
+Tried tried_by(const Options& options, const RunSummary& result) {
+  Tried tried;
+  tried.movement = result.iterations > 0;
+  tried.until_valid = options.until == Until::Valid;
+  tried.split = options.repair == Repair::Split;
+  tried.cut_short = result.stop_reason == StopReason::TimeLimit || result.stop_reason == StopReason::Iterations ||
+                    result.stop_reason == StopReason::Stopped;
+  return tried;
+}
+
+/// Optimises the mesh of the set-up, in which no cell is clockwise, as it is.
+Result run_stages_once(SetUp& set_up, const OnIteration& on_iteration, const RunControl& control, StopToken& stop) {
   const Options& options = set_up.options;
   const Stopwatch watch = Stopwatch::started(std::exchange(set_up.seconds, 0));
-  if (options.time_limit > 0) stop.stop_after(options.time_limit - watch.seconds());
-  if (options.repair == Repair::Split && options.max_iterations > 0)
-    return optimise_by_splitting(set_up.mesh, set_up.summary, options, on_iteration, control, stop);
   Team team(control.threads ? control.threads() : options.threads);
   std::optional<Certifier> shared_certifier;
   team.run([&] { shared_certifier.emplace(set_up.mesh, CertificateOptions{}, team); });
@@ -166,9 +206,23 @@ Result run_turned(SetUp& set_up, const OnIteration& on_iteration, const RunContr
     if (options.repair == Repair::Straighten && !result.unrepairable.empty())
       straighten_result(set_up, certifier, certificates, team, grace, result);
     result.after = report_quality(result.mesh, certifier, certificates, team, grace);
+    keep_the_better(set_up, certificates, team, result);
     result.seconds += after_stages.seconds();
   }
-  result.unrepairable = with_any_of(std::move(result.unrepairable), uncertified_numbers(result.after));
+  return result;
+}
+
+/// The same, with splits if they were asked for. Says what is left.
+Result run_turned(SetUp& set_up, const OnIteration& on_iteration, const RunControl& control, StopToken& stop) {
+  const Options& options = set_up.options;
+  if (options.time_limit > 0) stop.stop_after(options.time_limit - set_up.seconds);
+  const bool splits = options.repair == Repair::Split && options.max_iterations > 0;
+  if (splits) set_up.seconds = 0;
+  Result result = splits ? optimise_by_splitting(set_up.mesh, set_up.summary, options, on_iteration, control, stop)
+                         : run_stages_once(set_up, on_iteration, control, stop);
+  const std::vector<std::int64_t> uncertified = uncertified_numbers(result.after);
+  result.unrepairable = with_any_of(std::move(result.unrepairable), uncertified);
+  result.left = what_is_left(result.mesh, uncertified, result.unrepairable, tried_by(options, result));
   return result;
 }
 

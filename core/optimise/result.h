@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "core/diagnosis/diagnosis.h"
+#include "core/diagnosis/remedies.h"
 #include "core/mesh/high_order_mesh.h"
 #include "core/optimise/iteration.h"
 #include "core/quality/quality.h"
@@ -64,16 +65,22 @@ struct RunSummary {
   SubstituteTargets substitute_targets;
   /// For humans, one sentence or two each: which elements came clockwise, and why nothing was moved. Mostly empty.
   std::vector<std::string> notes;
+  WhatIsLeft left;              ///< The elements of `after` that are not certified valid, and what to try next.
+  std::string kept_as_it_came;  ///< Why a mesh that came in valid was left as it was; empty if it was not.
   std::vector<Iteration> history;
 };
 
 /// The result of a run: its summary, and the mesh.
 struct Result : RunSummary {
   /// The input mesh with new coordinates. Fixed nodes have the same coordinates bit for bit. A cell that is certified
-  /// valid in the input mesh is certified valid here too, however the run ended. With Repair::Split the mesh may have
-  /// more elements and nodes, numbered above those of the input. If the input is at its optimum already or has no free
-  /// node, it comes back bit for bit. Cells that came clockwise are clockwise here too,
-  /// unless Options::orient is set.
+  /// valid in the input mesh is certified valid here too, however the run ended. Of the meshes that the run could have
+  /// ended with after each of its iterations, it is one with the fewest cells that are not certified valid; among these
+  /// it is the last, and with until_js and Objective::Worst the one with the highest proved minimum of the scaled
+  /// Jacobian. If all cells of the input mesh are certified valid and the target is the straight-sided shape, the
+  /// smallest and the mean scaled Jacobian of `after` are not both lower than those of `before`: the mesh would be as
+  /// it came. With Repair::Split the mesh may have more elements and nodes, numbered above those of the input. If the
+  /// input is at its optimum already or has no free node, it comes back bit for bit. Cells that came clockwise are
+  /// clockwise here too, unless Options::orient is set.
   HighOrderMesh mesh;
 };
 

@@ -34,7 +34,7 @@ constexpr double kLowerEnergy = 1e-12;  // of the energy; its rounding is less
 template <class Archive>
 void iteration_state(Archive& archive, Iteration& i) {
   archive(i.phase, i.number, i.energy, i.residual, i.relative_gradient, i.min_scaled_jacobian, i.invalid_elements,
-          i.repairable_elements, i.active_nodes, i.products, i.linear_solve, i.seconds);
+          i.repairable_elements, i.left_elements, i.active_nodes, i.products, i.linear_solve, i.seconds);
 }
 
 }  // namespace
@@ -69,6 +69,7 @@ std::optional<StopReason> StageRun::begin() {
   sweeper_.scan();
   iteration_.invalid_elements = guard_.uncertified();
   iteration_.repairable_elements = guard_.repairable();
+  iteration_.left_elements = guard_.fewest();
   if (options_.until_js > 0) bound_ = best_.consider(guard_, team_.stop());
   return stopper_.after(iteration_, false, chooser_.outlook(guard_.unrepaired()), bound_);
 }
@@ -177,6 +178,7 @@ void StageRun::record(const MethodOutcome& outcome) {
   iteration_.min_scaled_jacobian = seen.min_scaled_jacobian;
   iteration_.invalid_elements = guard_.uncertified();
   iteration_.repairable_elements = guard_.repairable();
+  iteration_.left_elements = guard_.fewest();
   iteration_.seconds = seconds();
   if (options_.until_js > 0) bound_ = best_.consider(guard_, team_.stop());
   history_.push_back(iteration_);

@@ -41,8 +41,8 @@ struct RunHooks {
   /// be enough.
   std::function<Expected<void>(std::int64_t bytes)> fits;
   /// Called once the mesh is read, with the memory that the run needs, in bytes. Waits until there is enough or the run
-  /// is to stop. Errors: BadInput if there can never be enough.
-  std::function<Expected<void>(std::int64_t bytes)> admit;
+  /// is to stop. False if it is to stop and there is not enough. Errors: BadInput if there can never be enough.
+  std::function<Expected<bool>(std::int64_t bytes)> admit;
   /// Whether a stopped run will be continued by another server, so that nobody needs its outputs.
   std::function<bool()> given_up;
   /// Returns the sink for the next output. The format is never UNSPECIFIED.
@@ -53,7 +53,8 @@ struct RunHooks {
 struct Engine {
   /// Checks options without a mesh. Errors: BadOption.
   std::function<Expected<void>(const Options&)> check_options;
-  /// Reads the mesh, optimises it and writes the outputs. If the run is stopped, the outputs have the best mesh so far.
+  /// Reads the mesh, optimises it and writes the outputs. If the run is stopped, the outputs have the best mesh so far,
+  /// which may be the mesh as it came. Only a run that was not admitted has none.
   /// Errors: BadInput, BadOption, Output.
   std::function<Expected<RunSummary>(RunRequest, const RunHooks&)> run;
 };

@@ -48,6 +48,7 @@ v1::Iteration to_proto(const Iteration& iteration) {
   message.set_active_nodes(iteration.active_nodes);
   message.set_products(iteration.products);
   message.set_linear_solve(give<v1::LinearSolve>(iteration.linear_solve));
+  message.set_left_elements(iteration.left_elements);
   message.set_seconds(iteration.seconds);
   return message;
 }
@@ -115,6 +116,22 @@ v1::UnrepairableGroup to_proto(const UnrepairableGroup& group) {
   message.set_z(group.place[2]);
   message.set_determinant(group.determinant);
   message.set_sentence(group.sentence);
+  message.set_proved(is_proved(group));
+  return message;
+}
+
+v1::WhatIsLeft to_proto(const WhatIsLeft& left) {
+  v1::WhatIsLeft message;
+  message.set_uncertified(left.uncertified);
+  message.set_proved(left.proved);
+  message.set_unproved(left.unproved);
+  for (const Remedy& remedy : left.remedies) {
+    v1::Remedy& added = *message.add_remedies();
+    added.set_flags(remedy.flags);
+    added.set_elements(remedy.elements);
+    added.set_sentence(remedy.sentence);
+  }
+  message.set_sentence(left.sentence);
   return message;
 }
 
@@ -153,6 +170,8 @@ v1::Metrics metrics(const RunSummary& summary, const Options& options) {
     named.set_sentence(summary.substitute_targets.sentence);
   }
   for (const std::string& note : summary.notes) message.add_notes(note);
+  if (summary.left.uncertified > 0) *message.mutable_left() = to_proto(summary.left);
+  message.set_kept_as_it_came(summary.kept_as_it_came);
   return message;
 }
 

@@ -18,6 +18,7 @@ v1::Iteration to_proto(const Iteration& iteration);
 v1::MeshSummary to_proto(const MeshSummary& summary);
 v1::QualityReport to_proto(const QualityReport& report);
 v1::UnrepairableGroup to_proto(const UnrepairableGroup& group);
+v1::WhatIsLeft to_proto(const WhatIsLeft& left);
 v1::RepairStep to_proto(const RepairStep& step);
 v1::Metrics metrics(const RunSummary& summary, const Options& options);
 v1::JobError to_proto(const Error& error);

@@ -135,7 +135,8 @@ class Memory {
                      " together (its flag --max-memory-bytes); use a machine with more memory, or a smaller mesh.");
   }
 
-  Expected<void> take(std::int64_t bytes) {
+  /// Whether the memory was taken; if not, the attempt is to end.
+  Expected<bool> take(std::int64_t bytes) {
     if (!budget_.can_ever_fit(bytes))
       return bad_input("The mesh needs about " + mebibytes(bytes) +
                        " of memory with these options, but the jobs of this server have only " +
@@ -149,7 +150,7 @@ class Memory {
     });
     if (rests) threads_.rest(false);
     if (taken) taken_ = bytes;
-    return {};
+    return taken;
   }
 
  private:

@@ -102,6 +102,8 @@ class Metrics:
     after: Quality
     unrepairable: tuple[Unrepairable, ...]
     repairs: tuple[RepairStep, ...]
+    remedies: tuple[str, ...]  # what to try next about elements that are not certified valid, in sentences
+    kept_as_it_came: str  # why a mesh that came in valid was left as it was; empty if it was not
     substitute_targets: tuple[int, ...]  # elements whose straight-sided shape could not be their target; at most 1000
     notes: tuple[str, ...]  # which elements came numbered clockwise, and why nothing was moved; mostly empty
 
@@ -204,7 +206,8 @@ def metrics_of(message: optimise_pb2.Metrics, numbering: Numbering = OF_FILES) -
         tuple(RepairStep(spelled(optimise_pb2.RepairStep.Kind.DESCRIPTOR, one.kind), numbering.numbers(one.elements),
                          numbering.numbers(one.new_elements), numbering.number_or_none(one.node),
                          numbering.sentence(one.sentence)) for one in message.repairs),
-        numbering.numbers(message.substitute_targets.elements),
+        tuple(numbering.sentence(one.sentence) for one in message.left.remedies),
+        numbering.sentence(message.kept_as_it_came), numbering.numbers(message.substitute_targets.elements),
         tuple(numbering.sentence(note) for note in message.notes))  # fmt: skip
 
 

@@ -11,10 +11,8 @@ function verdict(document) {
   const {elements} = document.mesh;
   const left = elements - last.certified.valid;
   if (left === 0) return ['good', `All ${grouped(elements)} elements are certified valid.`];
-  const unrepairable = new Set(document.unrepairable.flatMap((group) => group.elements)).size;
-  const parts = [`${grouped(left)} of ${grouped(elements)} elements ${left === 1 ? 'is' : 'are'} not certified valid`];
-  if (unrepairable) parts.push(`no movement of interior nodes can repair ${grouped(unrepairable)} of these`);
-  return ['bad', `${parts.join('; ')}.`];
+  const {sentence, remedies} = document.left ?? {sentence: `${grouped(left)} elements are not certified valid.`, remedies: []};
+  return ['bad', [sentence, ...remedies.map((remedy) => remedy.sentence)].join(' ')];
 }
 
 /** The most important figures. */

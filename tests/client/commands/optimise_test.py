@@ -135,6 +135,15 @@ class InProcess(WithFolder):
         self.assertEqual(document["stop_reason"], "repaired")
         self.assertTrue(left and left <= unrepairable, (left, unrepairable))
         self.assertIn('"unrepairable"', out.read_text())
+        self.assertEqual(document["left"]["uncertified"], len(left))
+        self.assertEqual(document["left"]["proved"] + document["left"]["unproved"], len(left & unrepairable))
+
+    def test_ends_with_what_to_try_next(self):
+        folded = self.folder / "folded.msh"
+        folded.write_text(FOLDED)
+        for done in (run("optimise", folded, "-o", self.folder / "out.msh"), run("quality", folded, "--diagnose")):
+            self.assertRegex(done.stdout.splitlines()[-1], "Mesh the boundary anew or refine it at element")
+            self.assertIn("not certified valid. It is proved that", done.stdout)
 
     def test_writes_clockwise_elements_as_they_came_or_turned(self):
         usual, mirrored, out = (self.folder / name for name in ("usual.msh", "mirrored.msh", "out.msh"))
@@ -184,16 +193,16 @@ class InProcess(WithFolder):
         self.assertEqual(done.returncode, 2, done.stderr)
         self.assertIn("region_below", done.stderr)
 
-    def test_ctrl_c_cancels_the_job_and_says_so(self):
+    def test_ctrl_c_keeps_the_work_and_says_so(self):
         out = self.folder / "out.msh"
         process = start("optimise", LARGER, "-o", out, *ENDLESS, stdout=subprocess.PIPE)
         wait_for_line(process, "residual")
         process.send_signal(signal.SIGINT)
         stdout, stderr = process.communicate(timeout=30)
         self.assertEqual(process.returncode, 130, stderr)
-        self.assertIn("cancel", stderr)
-        self.assertEqual(stdout, "")
-        self.assertFalse(out.exists())
+        self.assertRegex(stderr, r"interrupted after \d+ iterations; the best mesh so far is in")
+        self.assertIn("stopped", stdout)
+        self.assertTrue(out.exists())
 
 
 class OnAServer(WithServer):

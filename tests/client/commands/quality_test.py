@@ -10,7 +10,7 @@ class Quality(WithFolder):
         done = run("quality", MESH, "--json", "--lattice", 12)
         self.assertEqual(done.returncode, 0, done.stderr)
         document = json.loads(done.stdout)
-        self.assertEqual(list(document), ["mesh", "quality", "unrepairable"])
+        self.assertEqual(list(document), ["mesh", "quality", "unrepairable", "left"])
         self.assertEqual([one["answer"] for one in document["quality"]["uncertified"]], ["invalid", "invalid"])
         self.assertEqual(document["quality"]["invalid_elements"], 2)
         self.assertEqual(document["quality"]["lattice_intervals"], 12)

@@ -30,6 +30,26 @@ TEST(RemainingTime, FollowsTheResidualOfThePhase) {
   EXPECT_FALSE(remaining.seconds());
 }
 
+TEST(RemainingTime, NeverRises) {
+  RemainingTime remaining{v1::Options()};
+  double least = 1e9;
+  int shown = 0;
+  for (int i = 1; i <= 60; ++i) {  // falls, more and more slowly, and rises now and then
+    remaining.add(iteration(i, i, std::pow(10.0, -2 * std::sqrt(i) + std::sin(i))));
+    if (!remaining.seconds()) continue;
+    EXPECT_LE(*remaining.seconds(), least) << i;
+    least = *remaining.seconds();
+    ++shown;
+  }
+  EXPECT_GT(shown, 0);
+}
+
+TEST(RemainingTime, IsUnknownIfTheResidualStandsStill) {
+  RemainingTime remaining{v1::Options()};
+  for (int i = 1; i <= 8; ++i) remaining.add(iteration(i, i, 0.1));
+  EXPECT_FALSE(remaining.seconds());
+}
+
 TEST(RemainingTime, IsUnknownWithTheObjectiveWorst) {
   v1::Options options;
   options.set_objective(v1::OBJECTIVE_WORST);

@@ -1,0 +1,104 @@
+// Sorts the uncertified elements by what could help them.
+#include "core/diagnosis/remedies.h"
+
+#include <algorithm>
+#include <unordered_map>
+#include <utility>
+
+#include "core/diagnosis/elements_text.h"
+#include "core/mesh/connectivity.h"
+
+namespace varimesh {
+namespace {
+
+/// What the diagnosis says about an element.
+struct Findings {
+  bool in_group = false, proved = false, folded = false;
+};
+
+using Numbers = std::vector<std::int64_t>;
+
+std::string count_text(std::int64_t count) { return std::to_string(count) + (count == 1 ? " element" : " elements"); }
+
+/// The elements by what could help them.
+struct Sorted {
+  Numbers movable;     ///< In no group: movement may repair them.
+  Numbers splittable;  ///< Tetrahedra that a split may help.
+  Numbers boundary;    ///< Only another boundary mesh helps.
+};
+
+Sorted sort_by_remedy(const HighOrderMesh& mesh, const std::unordered_map<std::int64_t, Findings>& found,
+                      const Tried& tried) {
+  Sorted sorted;
+  const Cells cells(mesh, mesh.dimension);
+  for (std::size_t c = 0; c < cells.count(); ++c) {
+    const auto at = found.find(cells.number(c));
+    if (at == found.end()) continue;
+    const auto& [in_group, proved, folded] = at->second;
+    const bool may_split = cells.shape(c) == Shape::Tetrahedron && !folded && !tried.split;
+    const bool may_move = !in_group && (!tried.movement || tried.cut_short || !tried.until_valid);
+    if (may_move) sorted.movable.push_back(at->first);
+    if (may_split && (in_group || tried.movement)) sorted.splittable.push_back(at->first);
+    if (!may_move && !may_split) sorted.boundary.push_back(at->first);
+  }
+  return sorted;
+}
+
+Remedy movement_remedy(std::int64_t count, const Tried& tried) {
+  if (!tried.movement) return {"", count, "Try varimesh optimise: moving nodes may repair " + count_text(count) + "."};
+  if (tried.cut_short)
+    return {"", count, "Give the run more time: moving nodes may still repair " + count_text(count) + "."};
+  return {"--until valid", count,
+          "Try --until valid: it untangles before it smooths, which may help " + count_text(count) + "."};
+}
+
+std::vector<Remedy> remedies_of(const Sorted& sorted, const Tried& tried) {
+  std::vector<Remedy> remedies;
+  if (const auto count = static_cast<std::int64_t>(sorted.movable.size()); count > 0)
+    remedies.push_back(movement_remedy(count, tried));
+  if (const auto count = static_cast<std::int64_t>(sorted.splittable.size()); count > 0)
+    remedies.push_back(
+        {"--repair split", count,
+         "Try --repair split: it splits tetrahedra to make room, which may help " + count_text(count) + "."});
+  if (const auto count = static_cast<std::int64_t>(sorted.boundary.size()); count > 0)
+    remedies.push_back({"", count,
+                        "Mesh the boundary anew or refine it at " +
+                            elements_text(sorted.boundary, "element", "elements") +
+                            ": nothing else is known to help there."});
+  return remedies;
+}
+
+std::string sentence_of(const WhatIsLeft& left) {
+  if (left.uncertified == 0) return "";
+  std::string text = count_text(left.uncertified) + (left.uncertified == 1 ? " is" : " are") + " not certified valid.";
+  if (left.proved > 0)
+    text += " It is proved that moving nodes cannot repair " + std::to_string(left.proved) + " of these.";
+  if (left.unproved > 0)
+    text += " Moving nodes can probably not repair " + std::to_string(left.unproved) +
+            (left.proved > 0 ? " more" : " of these") + ", but that is not proved.";
+  return text;
+}
+
+}  // namespace
+
+WhatIsLeft what_is_left(const HighOrderMesh& mesh, const Numbers& uncertified,
+                        const std::vector<UnrepairableGroup>& groups, const Tried& tried) {
+  std::unordered_map<std::int64_t, Findings> found;
+  for (const std::int64_t number : uncertified) found.try_emplace(number);
+  for (const UnrepairableGroup& group : groups)
+    for (const std::int64_t number : group.elements)
+      if (const auto at = found.find(number); at != found.end()) {
+        at->second.in_group = true;
+        at->second.folded |= group.kind == UnrepairableGroup::Kind::FoldedFace;
+        at->second.proved |= is_proved(group) && group.elements.size() == 1;
+      }
+  WhatIsLeft left;
+  left.uncertified = static_cast<std::int64_t>(found.size());
+  for (const auto& [number, findings] : found)
+    if (findings.in_group) ++(findings.proved ? left.proved : left.unproved);
+  left.remedies = remedies_of(sort_by_remedy(mesh, found, tried), tried);
+  left.sentence = sentence_of(left);
+  return left;
+}
+
+}  // namespace varimesh

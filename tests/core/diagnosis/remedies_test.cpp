@@ -1,0 +1,78 @@
+// Which elements each remedy could help, and what the figures count.
+#include "core/diagnosis/remedies.h"
+
+#include <gtest/gtest.h>
+
+#include "tests/core/support/meshes.h"
+
+namespace varimesh {
+namespace {
+
+using Kind = UnrepairableGroup::Kind;
+
+UnrepairableGroup group(Kind kind, std::vector<std::int64_t> elements, double determinant) {
+  UnrepairableGroup made;
+  made.kind = kind;
+  made.elements = std::move(elements);
+  made.determinant = determinant;
+  return made;
+}
+
+class RemediesTest : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    for (const ElementBlock& block : mesh_.blocks)
+      if (block.shape == Shape::Tetrahedron) numbers_ = block.numbers;
+    ASSERT_GE(numbers_.size(), 6U);
+  }
+
+  const HighOrderMesh mesh_ = testing::grid(testing::Filling::Tetrahedra, {2, 1, 1}, 2, testing::bent(3));
+  std::vector<std::int64_t> numbers_;
+};
+
+TEST_F(RemediesTest, ThereIsNothingToSayAboutAValidMesh) {
+  const WhatIsLeft left = what_is_left(mesh_, {}, {}, {});
+  EXPECT_EQ(left.uncertified, 0);
+  EXPECT_TRUE(left.remedies.empty());
+  EXPECT_EQ(left.sentence, "");
+}
+
+TEST_F(RemediesTest, NamedElementsThatAreCertifiedDoNotCount) {
+  const auto n = numbers_;
+  const std::vector<UnrepairableGroup> groups = {group(Kind::Vertex, {n[0]}, -0.2), group(Kind::Vertex, {n[1]}, 1e-9),
+                                                 group(Kind::VertexGroup, {n[1], n[2], n[3]}, -0.1)};
+  const WhatIsLeft left = what_is_left(mesh_, {n[0], n[1], n[4]}, groups, {});
+  EXPECT_EQ(left.uncertified, 3);
+  EXPECT_EQ(left.proved, 1);
+  EXPECT_EQ(left.unproved, 1);
+  EXPECT_EQ(left.sentence,
+            "3 elements are not certified valid. It is proved that moving nodes cannot repair 1 of these. Moving nodes "
+            "can probably not repair 1 more, but that is not proved.");
+}
+
+TEST_F(RemediesTest, EveryUncertifiedElementHasOne) {
+  const auto n = numbers_;
+  const std::vector<UnrepairableGroup> groups = {group(Kind::Vertex, {n[0]}, -0.2),
+                                                 group(Kind::FoldedFace, {n[1]}, -0.2)};
+  const std::vector<std::int64_t> uncertified = {n[0], n[1], n[2]};
+  const auto flags_and_counts = [&](const Tried& tried) {
+    std::vector<std::pair<std::string, std::int64_t>> all;
+    for (const Remedy& remedy : what_is_left(mesh_, uncertified, groups, tried).remedies)
+      all.emplace_back(remedy.flags, remedy.elements);
+    return all;
+  };
+  using All = std::vector<std::pair<std::string, std::int64_t>>;
+  EXPECT_EQ(flags_and_counts({}), (All{{"", 1}, {"--repair split", 1}, {"", 1}})) << "not optimised yet";
+  Tried tried;
+  tried.movement = true;
+  EXPECT_EQ(flags_and_counts(tried), (All{{"--until valid", 1}, {"--repair split", 2}, {"", 1}}));
+  tried.until_valid = true;
+  EXPECT_EQ(flags_and_counts(tried), (All{{"--repair split", 2}, {"", 1}}));
+  tried.split = true;
+  EXPECT_EQ(flags_and_counts(tried), (All{{"", 3}})) << "only another boundary mesh is left";
+  tried.cut_short = true;
+  EXPECT_EQ(flags_and_counts(tried), (All{{"", 1}, {"", 2}})) << "more time";
+}
+
+}  // namespace
+}  // namespace varimesh
