@@ -23,6 +23,8 @@ namespace varimesh {
 namespace {
 
 constexpr int kMostRounds = 4;
+/// Newton steps before the first split. On meshes that stay tangled, Newton does not end by itself.
+constexpr int kBriefIterations = 40;
 /// The iterations of all rounds together, as a multiple of those without a split, and at least.
 constexpr int kTimesTheIterations = 9, kLeastIterations = 200;
 
@@ -62,6 +64,15 @@ class RunSequence {
   /// Optimises the mesh with Repair::Report and in its own order, within what is left of the limits. Returns nothing if
   /// the mesh is refused.
   std::optional<Result> run(const HighOrderMesh& mesh) { return run(mesh, most_ - static_cast<int>(history_.size())); }
+
+  /// The same without untangling, which takes most of the time where a split is needed.
+  std::optional<Result> run_briefly(const HighOrderMesh& mesh) {
+    const Method method = options_.method;
+    if (method == Method::Auto) options_.method = Method::Newton;
+    std::optional<Result> result = run(mesh, std::min(kBriefIterations, most_ - static_cast<int>(history_.size())));
+    options_.method = method;
+    return result;
+  }
 
   /// Fills in what concerns the whole sequence: history, iterations, seconds and, if a limit or a stop ended it, the
   /// reason. Takes the history; call it once, at the end.
@@ -262,11 +273,15 @@ Result optimise_by_splitting(const HighOrderMesh& mesh, const MeshSummary& summa
   RunSequence runs(options, on_iteration, control, stop);
   QualityReport before = quality_before(mesh, options, stop);
   std::optional<Result> best;
-  if (!runs.stopped()) best = runs.run(mesh);
+  if (!runs.stopped()) best = before.uncertified.empty() ? runs.run(mesh) : runs.run_briefly(mesh);
   if (!best) best = as_it_came(mesh, summary, before, stop);
   if (!best->after.uncertified.empty() && runs.may_go_on()) {
     runs.allow(std::max(kLeastIterations, kTimesTheIterations * best->iterations));
     std::optional<Result> split = optimise_in_rounds(mesh, *best, options, runs);
+    if (!split || !split->after.uncertified.empty()) {
+      std::optional<Result> unsplit = runs.may_go_on() ? runs.run(mesh) : std::nullopt;
+      if (unsplit && is_better(*unsplit, *best)) best = std::move(unsplit);
+    }
     if (split && split->after.uncertified.size() < best->after.uncertified.size())
       best = std::move(split);
     else if (split && !runs.stopped())

@@ -8,18 +8,19 @@ namespace varimesh {
 
 /// The free function optimise() for Repair::Split. The mesh has passed check_structure() and needs no change of order.
 ///
-/// 1. Optimises the mesh without a split, as with Repair::Report and RunControl::shallow_untangling. If all elements
-///    that are left uncertified have a folded boundary face, or are no tetrahedra, this is the result.
+/// 1. Optimises the mesh without a split and without untangling, as with Repair::Report. A mesh that is certified valid
+///    is optimised as with Repair::Report, and that is the result.
 /// 2. In the mesh as it came, splits in passes: groups of tetrahedra that have little room at the boundary
 ///    (split_candidates.h; a margin of at most 0.08) and an element that step 1 has left get room by splits. Each pass
 ///    works on the mesh that the last one made, until no such group is left that may be split.
-/// 3. Optimises the mesh as in step 1.
+/// 3. Optimises the mesh as with Repair::Report and RunControl::shallow_untangling.
 /// 4. If elements are left that are not certified valid: in the mesh as it was before step 3, splits the groups at
 ///    their corners with J ≤ 0 whatever their margin. Then step 3 starts again. There are at most four such rounds, and
 ///    a round that leaves no fewer elements that a split might help is the last.
 ///
 /// The best mesh of these is kept: the one with the fewest uncertified elements, and of those the one with the highest
-/// minimum Js. If the mesh of step 1 has no more of them, it is the result. The rounds together have at most nine times
+/// minimum Js. If some are left, the mesh is also optimised without a split. If that, or step 1, leaves no more of them, it
+/// is the result. The rounds together have at most nine times
 /// the iterations of step 1, or 200 if that is more. The options' limits of time and iterations are for everything
 /// together. Elements with a folded boundary face are never split for their own sake.
 ///
