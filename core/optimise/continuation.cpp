@@ -7,10 +7,12 @@
 #include "core/checkpoint/checkpoint.h"
 #include "core/diagnosis/elements_text.h"
 #include "core/mesh/connectivity.h"
+#include "core/optimise/memory.h"
 #include "core/problem/node_conversion.h"
 #include "core/problem/substitute_shapes.h"
 #include "core/problem/targets.h"
 #include "core/quality/certified_quality.h"
+#include "core/untangle/untangle.h"
 
 namespace varimesh {
 namespace {
@@ -263,6 +265,22 @@ void Continuation::finish(std::vector<Certificate>& certificates, Result& result
   result.seconds += watch.seconds();
 }
 
+/// Makes the cells valid that lost their certificate on the way to the optimum, with their neighbours. If they only
+/// went back to where they had it, those around them would lose theirs, and much of the mesh would have to go back too.
+/// Not for runs that a limit or a stop has ended: these are to end at once.
+void Continuation::untangle_lost(const Result& result) {
+  if (guard_->lost() == 0 || !ended_by_itself(result.stop_reason) || set_up_.options.method != Method::Auto) return;
+  Untangler::FailedStarts failed_starts;
+  Untangler untangler(Untangler::FromHere{}, set_up_.problem, *set_up_.stages[0].kernels, *guard_, team_, failed_starts,
+                      Untangler::Depth(), room_for_hessians(set_up_.mesh, set_up_.options));
+  while (!untangler.done()) {
+    untangler.step();
+    guard_->certify_moved();
+    untangler.judge();
+  }
+  drop_deformation(set_up_.problem);
+}
+
 void Continuation::settle(Result& result) {
   team_.run([&] {
     guard_->certify_moved();
@@ -270,6 +288,7 @@ void Continuation::settle(Result& result) {
       result.converged = false;
       result.stop_reason = StopReason::NoProgress;
     }
+    untangle_lost(result);
     guard_->restore_lost();
     if (guard_->return_to_best() && result.converged) {
       result.converged = false;

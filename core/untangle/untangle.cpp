@@ -171,12 +171,22 @@ Untangler::Untangler(Problem& problem, const Kernels& kernels, Guard& guard, con
       first_positions_(problem.positions),
       first_repairable_(guard.repairable()),
       room_(hessian_bytes) {
-  failed_starts_.resize(at(problem.cells), 0);
   guard.return_to_kept();
-  rebuild();
-  first_unrepaired_ = guard.unrepaired();
-  for (const CellSet& set : problem.sets) energies_.emplace_back(set);
-  find_patches(depth_.first);
+  begin();
+}
+
+Untangler::Untangler(FromHere, Problem& problem, const Kernels& kernels, Guard& guard, const Team& team,
+                     FailedStarts& failed_starts, Depth depth, std::int64_t hessian_bytes)
+    : problem_(problem),
+      kernels_(kernels),
+      guard_(guard),
+      team_(team),
+      failed_starts_(failed_starts),
+      depth_(depth),
+      first_positions_(problem.positions),
+      first_repairable_(guard.repairable()),
+      room_(hessian_bytes) {
+  begin();
 }
 
 Untangler::Untangler(ToBeRead, Problem& problem, const Kernels& kernels, Guard& guard, const Team& team,
@@ -190,6 +200,14 @@ Untangler::Untangler(ToBeRead, Problem& problem, const Kernels& kernels, Guard& 
       first_positions_(problem.positions),
       room_(hessian_bytes) {
   for (const CellSet& set : problem.sets) energies_.emplace_back(set);
+}
+
+void Untangler::begin() {
+  failed_starts_.resize(at(problem_.cells), 0);
+  rebuild();
+  first_unrepaired_ = guard_.unrepaired();
+  for (const CellSet& set : problem_.sets) energies_.emplace_back(set);
+  find_patches(depth_.first);
 }
 
 void Untangler::find_patches(int layers) {
@@ -286,7 +304,7 @@ void Untangler::finish() {
   for (const TrackedPatch& tracked : patches_) write(tracked.patch, tracked.best_without_loss.positions);
   guard_.certify_moved();
   count_failures();
-  if (guard_.unrepaired() > 0 && layers_ < depth_.second) {
+  if ((guard_.unrepaired() > 0 || guard_.lost() > 0) && layers_ < depth_.second) {
     find_patches(depth_.second);
     if (!patches_.empty()) return;
   }

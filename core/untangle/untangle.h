@@ -54,6 +54,12 @@ class Untangler {
   Untangler(Problem& problem, const Kernels& kernels, Guard& guard, const Team& team, FailedStarts& failed_starts,
             Depth depth, std::int64_t hessian_bytes = kUnlimited);
 
+  /// Finds the patches in the problem's present state instead. Cells that have lost their certificate there are made
+  /// valid from where they are, so the others need not go back with them. Its state cannot be written.
+  struct FromHere {};
+  Untangler(FromHere, Problem& problem, const Kernels& kernels, Guard& guard, const Team& team,
+            FailedStarts& failed_starts, Depth depth, std::int64_t hessian_bytes = kUnlimited);
+
   /// An untangler whose state is read next.
   struct ToBeRead {};
   Untangler(ToBeRead, Problem& problem, const Kernels& kernels, Guard& guard, const Team& team,
@@ -143,6 +149,8 @@ class Untangler {
   void count_failures();
   /// Ends the untangling, or starts it again with more layers.
   void finish();
+  /// Finds the first patches.
+  void begin();
   /// Finds the patches with this many layers around the uncertified cells.
   void find_patches(int layers);
   /// Computes all deformation gradients from the positions.

@@ -178,6 +178,45 @@ TEST(Untangle, MovesABoundaryLayerAsAWhole) {
   EXPECT_EQ(result->history.back().phase, Phase::Untangle);
 }
 
+TEST(Untangle, MakesLostCellsValidWhereTheyAre) {
+  // A valid mesh moves: all of it by a little, and one node too far.
+  const HighOrderMesh mesh = testing::grid(Filling::Triangles, {8, 8, 1}, 3);
+  const Frame frame = frame_of(mesh);
+  Problem problem = build_problem(mesh, fixed_nodes(mesh), 0);
+  problem.positions = solver_positions(mesh, frame);
+  set_straight_sided_targets(problem);
+  const Certifier certifier(mesh);
+  const Team team(2);
+  const auto kernels = make_kernels(material(Options()), 2);
+  std::vector<Certificate> certificates(certifier.cells());
+  team.run([&] {
+    certifier.certify(mesh.coordinates, certificates, team);
+    Guard guard(mesh, frame, problem, certifier, certificates, team);
+    const std::vector<double> kept = problem.positions;
+    for (std::size_t f = 0; f < problem.free.size(); ++f)
+      problem.positions[std::size_t(2 * problem.free[f])] += f == problem.free.size() / 2 ? 0.08 : 0.001;
+    const std::vector<double> moved = problem.positions;
+    guard.certify_moved();
+    const std::int64_t lost = guard.lost();
+    ASSERT_GT(lost, 0);
+    Untangler::FailedStarts failed_starts;
+    Untangler untangler(Untangler::FromHere{}, problem, *kernels, guard, team, failed_starts, Untangler::Depth());
+    EXPECT_EQ(problem.positions, moved) << "it begins where the problem is";
+    while (!untangler.done()) {
+      untangler.step();
+      guard.certify_moved();
+      untangler.judge();
+    }
+    EXPECT_EQ(guard.lost(), 0);
+    EXPECT_EQ(guard.uncertified(), 0);
+    // Nodes that no lost cell is near are still where they had moved to.
+    std::size_t where_they_were = 0;
+    for (std::size_t i = 0; i < moved.size(); ++i) where_they_were += problem.positions[i] == moved[i] ? 1 : 0;
+    EXPECT_GT(where_they_were, moved.size() / 3);
+    EXPECT_NE(problem.positions, kept);
+  });
+}
+
 /// In this mesh of linked rods, sweeps and Newton leave two cells that can be repaired. Untangling repairs them.
 TEST(Untangle, RepairsWhatSweepsAndNewtonLeave) {
   const auto mesh = shared_case("linkrods_p2.msh");
