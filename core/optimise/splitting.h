@@ -8,7 +8,8 @@ namespace varimesh {
 
 /// The free function optimise() for Repair::Split. The mesh has passed check_structure() and needs no change of order.
 ///
-/// 1. Optimises the mesh without a split and without untangling, as with Repair::Report. A mesh that is certified valid
+/// 1. Optimises the mesh without a split by at most forty Newton steps, without untangling. A mesh that is certified
+/// valid
 ///    is optimised as with Repair::Report, and that is the result.
 /// 2. In the mesh as it came, splits in passes: groups of tetrahedra that have little room at the boundary
 ///    (split_candidates.h; a margin of at most 0.08) and an element that step 1 has left get room by splits. Each pass
@@ -19,10 +20,10 @@ namespace varimesh {
 ///    a round that leaves no fewer elements that a split might help is the last.
 ///
 /// The best mesh of these is kept: the one with the fewest uncertified elements, and of those the one with the highest
-/// minimum Js. If some are left, the mesh is also optimised without a split. If that, or step 1, leaves no more of them, it
-/// is the result. The rounds together have at most nine times
-/// the iterations of step 1, or 200 if that is more. The options' limits of time and iterations are for everything
-/// together. Elements with a folded boundary face are never split for their own sake.
+/// minimum Js. If some are left, the mesh is also optimised without a split. If that, or step 1, leaves no more of
+/// them, it is the result. The rounds together have at most nine times the iterations of step 1, or 200 if that is
+/// more. The options' limits of time and iterations are for everything together. Elements with a folded boundary face
+/// are never split for their own sake.
 ///
 /// The stop reason is that of the run that the mesh comes from. But if elements are left, and a limit for everything
 /// together or a stop kept it from going on, the reason is that limit or stop. It uses only two members of `control`:
