@@ -123,7 +123,7 @@ class Bench:
         return lambda: self.take(finish(process), history, out)
 
     def take(self, output, history, out):
-        number = lambda text: text if text.isalpha() else float(text)
+        number = lambda text: text if text.replace("-", "").isalpha() else float(text)
         with history.open(newline="") as file:
             lines = [{name: number(text) for name, text in line.items()} for line in csv.DictReader(file)]
         return Run(json.loads(output), lines, out)

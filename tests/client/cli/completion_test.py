@@ -61,7 +61,8 @@ class Zsh(Completed):
         self.assertIn("*--output=[Write the result to this file (", done.stdout)
         self.assertIn("1:IN:_files", done.stdout)
         for option in OPTIONS:
-            self.assertIn(f"{option}=[", done.stdout)
+            value = "" if option == "--orient" else "="  # --orient is a flag
+            self.assertIn(f"{option}{value}[", done.stdout)
 
 
 if __name__ == "__main__":
