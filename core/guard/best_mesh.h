@@ -24,9 +24,13 @@ class BestMesh {
   /// The same in parts, for a caller that asks for more than a high minimum: examine() returns the proved minimum, to
   /// within `gap`, and keep_examined() keeps the state that was examined last. Call examine() inside team.run().
   double examine(const Guard& guard, double gap, const StopToken* stop);
+  /// Whether the state that was examined last is better than the best so far.
   bool examined_is_better() const;
+  /// Whether every cell is certified valid in it.
+  bool examined_is_valid() const { return examined_uncertified_ == 0; }
   /// 3 per node, interleaved: the state that was examined last, until it is kept.
   const std::vector<double>& examined() const { return examined_; }
+  /// Makes it the best.
   void keep_examined();
 
   /// 3 per node, interleaved, as HighOrderMesh::coordinates; empty until a state has been considered.

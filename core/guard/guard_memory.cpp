@@ -12,10 +12,11 @@ constexpr std::int64_t kDouble = sizeof(double), kCertificate = sizeof(Certifica
 
 std::int64_t bytes_of_guard(const MeshCounts& counts) {
   const std::int64_t of_node = 1 + 2 * kDouble * counts.dimension + 3 * kDouble;  // free, positions, coordinates
+  const std::int64_t best_ending = kDouble * counts.dimension * counts.free_nodes();
   // Certificates twice, and once more for the best ending; the nodes of each cell, unrepairable; which nodes and cells
   // have moved.
   const std::int64_t of_cell = 3 * kCertificate + static_cast<std::int64_t>(sizeof(void*) + 2 * sizeof(int)) + 2;
-  return of_node * counts.nodes() + of_cell * counts.cell_count() + bytes_of_conversion(counts);
+  return best_ending + of_node * counts.nodes() + of_cell * counts.cell_count() + bytes_of_conversion(counts);
 }
 
 std::int64_t bytes_of_best_mesh(const MeshCounts& counts) {

@@ -7,6 +7,7 @@
 #include "core/hessian/batches.h"
 #include "core/kernels/kernels.h"
 #include "core/multigrid/multigrid.h"
+#include "core/preconditioner/stretched_cells.h"
 #include "core/reference/mirrors.h"
 #include "core/reference/nodes.h"
 
@@ -76,6 +77,18 @@ std::int64_t bytes_of_coarse_level(const MeshCounts& counts) {
   return bytes + bytes_of_linear_level(counts);
 }
 
+/// As many stretched cells as a mesh may have, each in a group of its own.
+std::int64_t bytes_of_stretched_cells(const MeshCounts& counts, const std::vector<SetSizes>& sets) {
+  std::int64_t bytes = kFloat * counts.cell_count(), largest = 0;
+  for (const SetSizes& set : sets) {
+    if (set.nodes > StretchedCells::kMostCellNodes) return 0;
+    const std::int64_t rows = std::int64_t{set.dimension} * set.nodes;
+    bytes += kFloat * rows * rows;
+    largest = std::max(largest, kFloat * rows * (rows + 1) / 2);
+  }
+  return bytes + counts.cell_count() / StretchedCells::kCellsPerStretched * largest;
+}
+
 /// Vectors by free node: gradient, step, residual, direction, product, inverse blocks; and the scans.
 std::int64_t bytes_of_vectors(const MeshCounts& counts) {
   const std::int64_t d = counts.dimension;
@@ -86,7 +99,8 @@ std::int64_t bytes_of_vectors(const MeshCounts& counts) {
 }  // namespace
 
 std::int64_t bytes_of_newton(const MeshCounts& counts, const std::vector<SetSizes>& sets, const NewtonSizes& sizes) {
-  std::int64_t bytes = bytes_of_coarse_level(counts) + bytes_of_vectors(counts);
+  std::int64_t bytes =
+      bytes_of_coarse_level(counts) + bytes_of_vectors(counts) + bytes_of_stretched_cells(counts, sets);
   for (const SetSizes& set : sets) bytes += bytes_of_batches(set, sizes);
   return bytes;
 }

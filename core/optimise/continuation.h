@@ -53,7 +53,7 @@ class Continuation {
   /// The token of the run has interrupted a stage, or the beginning of one.
   void note_interruption(Result& result);
   void finish(std::vector<Certificate>& certificates, Result& result);
-  void untangle_lost(const Result& result);
+  void untangle_lost(Result& result);
   /// Brings the guard's kept state up to date.
   void settle(Result& result);
   void take_mesh(std::vector<Certificate>& certificates, Result& result);

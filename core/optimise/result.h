@@ -75,12 +75,12 @@ struct Result : RunSummary {
   /// The input mesh with new coordinates. Fixed nodes have the same coordinates bit for bit. A cell that is certified
   /// valid in the input mesh is certified valid here too, however the run ended. Of the meshes that the run could have
   /// ended with after each of its iterations, it is one with the fewest cells that are not certified valid; among these
-  /// it is the last, and with until_js and Objective::Worst the one with the highest proved minimum of the scaled
-  /// Jacobian. If all cells of the input mesh are certified valid and the target is the straight-sided shape, the
-  /// smallest and the mean scaled Jacobian of `after` are not both lower than those of `before`: the mesh would be as
-  /// it came. With Repair::Split the mesh may have more elements and nodes, numbered above those of the input. If the
-  /// input is at its optimum already or has no free node, it comes back bit for bit. Cells that came clockwise are
-  /// clockwise here too, unless Options::orient is set.
+  /// it is the run's last state or else the first with that number, and with until_js and Objective::Worst the one with
+  /// the highest proved minimum of the scaled Jacobian. If all cells of the input mesh are certified valid and the
+  /// target is the straight-sided shape, the smallest and the mean scaled Jacobian of `after` are not both lower than
+  /// those of `before`: the mesh would be as it came. With Repair::Split the mesh may have more elements and nodes,
+  /// numbered above those of the input. If the input is at its optimum already or has no free node, it comes back bit
+  /// for bit. Cells that came clockwise are clockwise here too, unless Options::orient is set.
   HighOrderMesh mesh;
 };
 

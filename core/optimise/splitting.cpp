@@ -51,6 +51,9 @@ class RunSequence {
     most_ = std::min(options_.max_iterations, static_cast<int>(history_.size()) + iterations);
   }
 
+  /// From now on only the limits of the caller count.
+  void allow_all() { most_ = options_.max_iterations; }
+
   /// Whether the limits allow another run, and no stop was asked for.
   bool may_go_on() const {
     return !stopped() && static_cast<int>(history_.size()) < most_ &&
@@ -88,6 +91,9 @@ class RunSequence {
       if (is_over || stop_.reason() == StopToken::Reason::TimeLimit) result.stop_reason = StopReason::TimeLimit;
       if (result.iterations >= options_.max_iterations) result.stop_reason = StopReason::Iterations;
     }
+    // A run that the sequence has cut short was not ended by the caller's limit.
+    if (result.stop_reason == StopReason::Iterations && result.iterations < options_.max_iterations)
+      result.stop_reason = StopReason::NoProgress;
   }
 
  private:
@@ -275,9 +281,16 @@ Result optimise_by_splitting(const HighOrderMesh& mesh, const MeshSummary& summa
   std::optional<Result> best;
   if (!runs.stopped()) best = before.uncertified.empty() ? runs.run(mesh) : runs.run_briefly(mesh);
   if (!best) best = as_it_came(mesh, summary, before, stop);
+  // The brief run may have ended before the optimum. If it left nothing to split, the run goes on as one without
+  // splits.
+  if (best->after.uncertified.empty() && best->stop_reason == StopReason::Iterations && runs.may_go_on()) {
+    std::optional<Result> whole = runs.run(mesh);
+    if (whole && whole->after.uncertified.empty()) best = std::move(whole);
+  }
   if (!best->after.uncertified.empty() && runs.may_go_on()) {
     runs.allow(std::max(kLeastIterations, kTimesTheIterations * best->iterations));
     std::optional<Result> split = optimise_in_rounds(mesh, *best, options, runs);
+    runs.allow_all();
     if (!split || !split->after.uncertified.empty()) {
       std::optional<Result> unsplit = runs.may_go_on() ? runs.run(mesh) : std::nullopt;
       if (unsplit && is_better(*unsplit, *best)) best = std::move(unsplit);

@@ -255,7 +255,8 @@ void StageRun::methods_state(Archive& archive) {
   bool with_newton = newton_.has_value(), with_untangler = untangler_.has_value();
   archive(with_newton, with_untangler, rested_newton_, failed_starts_);
   if constexpr (Archive::kReads) {
-    const bool fits = failed_starts_.empty() || failed_starts_.size() == static_cast<std::size_t>(problem_.cells);
+    const bool fits = (failed_starts_.empty() && !with_untangler) ||
+                      failed_starts_.size() == static_cast<std::size_t>(problem_.cells);
     if (archive.failed() || !fits || (with_newton && hessian_ == nullptr)) return archive.fail();
     if (with_newton) newton();
     if (with_untangler) {

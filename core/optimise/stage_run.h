@@ -30,7 +30,7 @@ struct StageContext {
   BestMesh& best;
   const Team& team;
   const HighOrderMesh& mesh;
-  Untangler::Depth untangling_depth = {};
+  Untangler::Depth untangling_depth = {};  ///< Layers of cells in the patches of untangling.
 };
 
 /// The iterations of one stage. The comments say which functions to call inside team.run(). The result does not depend

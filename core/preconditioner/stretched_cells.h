@@ -29,7 +29,7 @@ class StretchedCells {
   /// 12 give two and eight times as many, and no fewer products.
   static constexpr double kLeastStretching = 12;
   /// Cells with more nodes than this do not count: a dense factor would take too long.
-  static constexpr int kMostCellNodes = 150;
+  static constexpr int kMostCellNodes = 64;
   /// A group of more than one cell has at most this many free nodes. With 150 in that mesh, factors take three times as
   /// long, and 30 products do what 32 do.
   static constexpr std::size_t kMostNodes = 60;

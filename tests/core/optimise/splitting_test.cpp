@@ -7,6 +7,7 @@
 #include <cstring>
 
 #include "tests/core/support/balls.h"
+#include "tests/core/support/cases.h"
 #include "tests/core/support/meshes.h"
 
 namespace varimesh {
@@ -52,6 +53,20 @@ TEST(RepairBySplitting, MakesMeshesValidThatReportLeavesInvalid) {
     expect_same_boundary(mesh, repaired.mesh);
     EXPECT_NEAR(testing::volume(repaired.mesh) / testing::volume(mesh), 1, 1e-12);
   }
+}
+
+TEST(RepairBySplitting, IsARunWithoutSplitsIfMovementRepairsTheMesh) {
+  const HighOrderMesh mesh = testing::read_case("sphere_p3.msh");
+  Options options = with(Repair::Report);
+  options.objective = Objective::Worst;
+  options.max_iterations = 1000;
+  const Result reported = run(mesh, options);
+  options.repair = Repair::Split;
+  const Result split = run(mesh, options);
+  ASSERT_TRUE(reported.after.uncertified.empty());
+  EXPECT_TRUE(split.after.uncertified.empty());
+  EXPECT_TRUE(split.repairs.empty());
+  EXPECT_NEAR(split.after.min_scaled_jacobian, reported.after.min_scaled_jacobian, 0.01);
 }
 
 TEST(RepairBySplitting, DoesNotDependOnTheNumberOfThreads) {
