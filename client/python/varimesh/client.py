@@ -78,7 +78,8 @@ class Client:
         mesh = mesh if _is_path(mesh) else as_mesh(mesh)
         wanted = [_format_of(path, format, _is_path(mesh)) for path in paths]
         if arrays is not False:
-            wanted += ["as-read"] if _is_path(mesh) and not paths else []
+            # A result in the format of the file keeps its numbers, which arrays do not have.
+            wanted += ["as-read"] if _is_path(mesh) and all(one == "vtu" for one in wanted) else []
             wanted.append("parts")
         job = self.submit(mesh, outputs=list(dict.fromkeys(wanted)), request_id=request_id, labels=labels,
                           priority=priority, **options)  # fmt: skip
@@ -130,9 +131,12 @@ class Client:
                labels: Mapping[str, str] | None = None, priority: int = 0, **options: Unpack[Options]) -> Job:  # fmt: skip
         """Sends a mesh and puts a job in the queue.
 
-        `outputs` names formats ("msh41-binary", "vtu", "parts" for arrays, "as-read"); the default is "as-read". A repeat
-        with the same `request_id` answers with the same job, so a script that gives one can safely run again. Without
-        one, each call uses an id of its own when it repeats itself.
+        `outputs` names formats ("msh41-binary", "vtu", "parts" for arrays, "as-read"); the default is "as-read". Arrays have
+        no numbers: if a file's result is asked for as "parts" and in no .msh format, `Result.quality` numbers all elements,
+        those of boundaries included, from 1 in the order of the arrays.
+
+        A repeat with the same `request_id` answers with the same job, so a script that gives one can safely run again.
+        Without one, each call uses an id of its own when it repeats itself.
         """
         arrays = None if _is_path(mesh) else as_mesh(mesh)
         message = to_message(options if arrays is None else numbered_from_one(options))

@@ -7,9 +7,11 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable
 
-# "element 5", "nodes 3, 4 and 7", "elements 1 to 3": a word that names what is numbered, then numbers.
+# "element 5", "nodes 3, 4 and 7", "elements 1 to 3": a word that names what is numbered, then numbers. A count at the
+# end, as in "elements 1, 2 and 12 more", is no number.
 _NAMED = re.compile(r"\b(?:elements?|nodes?|vertex|vertices|cells?|triangles?|quadrilaterals?|tetrahedr(?:on|a)|pyramids?"
-                    r"|prisms?|hexahedr(?:on|a)) \d+(?:(?:, | and | to |, and )\d+)*\b", re.IGNORECASE)  # fmt: skip
+                    r"|prisms?|hexahedr(?:on|a))"
+                    r" \d+\b(?:(?:, and |, | and | to )\d+\b(?! more\b))*", re.IGNORECASE)  # fmt: skip
 
 
 class Numbering:

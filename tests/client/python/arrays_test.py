@@ -2,6 +2,7 @@
 client."""
 import asyncio
 import os
+import re
 import subprocess
 import sys
 import unittest
@@ -49,6 +50,8 @@ class Arrays(support.WithServer):
         self.assertEqual(OF_ARRAYS.sentence(text),
                          "Elements 2, 3 and 11 meet at node 6 (0, 1, 2): 60 elements of 3 kinds; split the edge.")
         self.assertEqual(OF_FILES.sentence(text), text)
+        self.assertEqual(OF_ARRAYS.sentence("Elements 1, 2, 3 and 12 more share nodes 5, 6, and 7, cells 8 to 10."),
+                         "Elements 0, 1, 2 and 12 more share nodes 4, 5, and 6, cells 7 to 9.")
 
     def test_arrays_outlive_the_client(self):
         with varimesh.Client(self.server.address) as client:
@@ -67,6 +70,19 @@ class Arrays(support.WithServer):
         without = self.client.optimise(MESH, self.folder / "out.msh", max_iterations=1, arrays=False)
         self.assertNotIn("parts", without.formats)
         self.assertEqual(len(without.quality.scaled_jacobian), 9)
+
+    def test_cells_keep_the_numbers_of_their_file_if_the_output_is_a_picture(self):
+        head, elements = MESH.read_text().split("$Elements\n16\n")
+        of_101 = self.folder / "of_101.msh"  # its elements are seven lines and nine triangles, numbered from 101
+        of_101.write_text(head + "$Elements\n16\n" + re.sub(r"^(\d+) ", lambda found: f"{int(found[1]) + 100} ", elements,
+                                                           flags=re.MULTILINE))  # fmt: skip
+        for output in (None, self.folder / "out.vtu", [self.folder / "out.vtu", self.folder / "out.msh"]):
+            result = self.client.optimise(of_101, output, max_iterations=0)
+            self.assertEqual(result.quality.number.tolist(), list(range(108, 117)))
+            self.assertEqual(len(result.quality.uncertified), 2)
+            self.assertLessEqual(set(result.quality.uncertified), set(result.quality.number))
+        again = self.client.optimise(result.mesh, self.folder / "out.vtu", max_iterations=0)
+        self.assertEqual(again.quality.number.tolist(), list(range(7, 16)))  # numbers of arrays, the lines included
 
     def test_an_exception_in_a_callback_cancels_the_job(self):
         def fail(event):
