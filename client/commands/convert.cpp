@@ -57,7 +57,7 @@ int convert(const Arguments& arguments) {
     if (const auto done = orient(file->mesh); !done) return print_error(done.error());
   // A mesh whose quality cannot be computed is written without marks.
   std::optional<CellMarks> marks;
-  if (*format == formats::Format::Vtu && check_structure(file->mesh))
+  if (*format == formats::Format::Vtu && check_judgeable(file->mesh))
     marks.emplace(file->mesh, std::span<const UnrepairableGroup>{}, kAllThreads);
   const auto written = formats::write_file(file->mesh, *format, arguments.output,
                                            marks ? marks->fields() : std::vector<formats::CellField>{}, kAllThreads);

@@ -14,6 +14,7 @@
 #include "core/diagnosis/diagnosis.h"
 #include "core/formats/formats.h"
 #include "core/marks/marks.h"
+#include "core/mesh/check.h"
 #include "core/optimise/optimiser.h"
 
 namespace varimesh::client {
@@ -67,7 +68,7 @@ void print_summary(const Arguments& arguments, const MeshSummary& mesh, const Qu
   std::ostream& out = any_is_standard_output({{arguments.output}}) ? std::cerr : std::cout;
   out << summary(mesh, quality);
   if (!arguments.diagnose) return;
-  if (groups.empty()) out << "found no elements that moving nodes cannot repair\n";
+  if (groups.empty() && !quality.is_surface) out << "found no elements that moving nodes cannot repair\n";
   for (const UnrepairableGroup& group : groups) out << group.sentence << "\n";
   out << way_out(left);
 }
@@ -79,6 +80,11 @@ int quality(const Arguments& arguments) {
   if (!file) return print_error(file.error());
   const auto mesh = summarise(file->mesh);
   if (!mesh) return print_error(mesh.error());
+  if (!arguments.report.empty() && is_surface(file->mesh))
+    return print_error(
+        {Error::Kind::BadInput,
+         "A report page cannot show a surface in space. Leave out --report; -o OUT.vtu writes the figures of each "
+         "element, for a viewer such as ParaView."});
   const QualityReport found = varimesh::quality(file->mesh, arguments.lattice, arguments.threads);
   const auto groups = find_unrepairable(arguments, file->mesh, found);
   const WhatIsLeft left = what_is_left(file->mesh, uncertified_numbers(found), groups, {});

@@ -164,6 +164,7 @@ Json document(const MeshSummary& mesh, const QualityReport& quality, const std::
                    {"invalid", std::move(invalid)},
                    {"clockwise_elements", quality.clockwise.size()},
                    {"clockwise", quality.clockwise},
+                   {"is_surface", quality.is_surface},
                    {"certified",
                     {{"valid", quality.certified.valid},
                      {"invalid", quality.certified.invalid},

@@ -15,6 +15,12 @@ std::string sizes(int dimension, int order, std::int64_t elements, std::int64_t 
                      nodes, free_nodes);
 }
 
+std::string sizes(const MeshSummary& mesh, bool is_surface) {
+  if (!is_surface) return sizes(mesh.dimension, mesh.order, mesh.elements, mesh.nodes, mesh.free_nodes);
+  return fmt::format("surface in space of order {}: {} elements, {} nodes; each element is judged along its normal\n",
+                     mesh.order, mesh.elements, mesh.nodes);
+}
+
 /// The sentences of the first few groups of unrepairable elements, or steps of repair. `what` names them in the plural.
 template <class Items>
 std::string sentences(const Items& items, const char* what) {
@@ -126,7 +132,7 @@ std::string summary(const v1::Metrics& metrics) {
 }
 
 std::string summary(const MeshSummary& mesh, const QualityReport& quality) {
-  std::string text = sizes(mesh.dimension, mesh.order, mesh.elements, mesh.nodes, mesh.free_nodes) +
+  std::string text = sizes(mesh, quality.is_surface) +
                      fmt::format(
                          "smallest scaled Jacobian  {:>10.5f}\nmean scaled Jacobian      {:>10.5f}\n"
                          "smallest distortion       {:>10.5f}\ninvalid elements          {:>10}\n"

@@ -13,6 +13,7 @@
 #include "core/diagnosis/gather.h"
 #include "core/diagnosis/vertex_corners.h"
 #include "core/diagnosis/vertex_link.h"
+#include "core/mesh/check.h"
 #include "core/mesh/connectivity.h"
 #include "core/validity/orientation.h"
 
@@ -194,8 +195,9 @@ std::vector<UnrepairableGroup> with_any_of(std::vector<UnrepairableGroup> groups
 }
 
 std::vector<UnrepairableGroup> diagnose(const HighOrderMesh& mesh, int threads) {
-  const std::vector<bool> fixed = fixed_nodes(mesh);
   const Team team(threads);
+  if (is_surface(mesh)) return {};
+  const std::vector<bool> fixed = fixed_nodes(mesh);
   std::vector<UnrepairableGroup> groups;
   team.run([&] { groups = diagnose(detail::OrientedMesh(mesh, team).mesh(), fixed, team); });
   return groups;

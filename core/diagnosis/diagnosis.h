@@ -47,7 +47,7 @@ std::vector<UnrepairableGroup> with_any_of(std::vector<UnrepairableGroup> groups
                                            const std::vector<std::int64_t>& numbers);
 
 /// Finds what cannot be repaired if all nodes of fixed_nodes(mesh) are fixed (core/mesh/connectivity.h). `threads` 0
-/// means all. diagnose.h has the conditions.
+/// means all. diagnose.h has the conditions. Nothing is found on a surface in space, whose nodes do not move at all.
 std::vector<UnrepairableGroup> diagnose(const HighOrderMesh& mesh, int threads = 0);
 
 }  // namespace varimesh

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "core/diagnosis/elements_text.h"
+#include "core/mesh/check.h"
 #include "core/mesh/connectivity.h"
 
 namespace varimesh {
@@ -31,12 +32,13 @@ Sorted sort_by_remedy(const HighOrderMesh& mesh, const std::unordered_map<std::i
                       const Tried& tried) {
   Sorted sorted;
   const Cells cells(mesh, mesh.dimension);
+  const bool nodes_stay = is_surface(mesh);
   for (std::size_t c = 0; c < cells.count(); ++c) {
     const auto at = found.find(cells.number(c));
     if (at == found.end()) continue;
     const auto& [in_group, proved, folded] = at->second;
     const bool may_split = cells.shape(c) == Shape::Tetrahedron && !folded && !tried.split;
-    const bool may_move = !in_group && (!tried.movement || tried.cut_short || !tried.until_valid);
+    const bool may_move = !nodes_stay && !in_group && (!tried.movement || tried.cut_short || !tried.until_valid);
     if (may_move) sorted.movable.push_back(at->first);
     if (may_split && (in_group || tried.movement)) sorted.splittable.push_back(at->first);
     if (!may_move && !may_split) sorted.boundary.push_back(at->first);

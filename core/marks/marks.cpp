@@ -8,7 +8,7 @@
 
 #include "core/base/team.h"
 #include "core/quality/certified_quality.h"
-#include "core/validity/orientation.h"
+#include "core/quality/surface.h"
 
 namespace varimesh {
 namespace {
@@ -124,18 +124,19 @@ class Marker {
 CellMarks::CellMarks(const HighOrderMesh& mesh, std::span<const UnrepairableGroup> groups, int threads)
     : unrepairable_(mesh.element_count(mesh.dimension), 0.0) {
   const Team team(threads);
-  std::optional<detail::OrientedMesh> oriented;
+  std::optional<detail::JudgedMesh> judged;
   std::vector<Certificate> certificates;
   team.run([&] {
-    oriented.emplace(mesh, team);
-    const Certifier certifier(oriented->mesh(), CertificateOptions{}, team);
+    judged.emplace(mesh, team);
+    const Certifier certifier(judged->mesh(), CertificateOptions{}, team);
     certificates.resize(certifier.cells());
-    certifier.certify(mesh.coordinates, certificates, team);
+    certifier.certify(judged->mesh().coordinates, certificates, team);
   });
-  CellQuality quality = cell_quality(oriented->mesh(), team);
+  CellQuality quality = cell_quality(judged->mesh(), team);
   scaled_jacobian_ = std::move(quality.scaled_jacobian);
   distortion_jacobian_ = std::move(quality.distortion_jacobian);
-  accuracy_loss_ = cell_accuracy(oriented->mesh(), threads).loss;
+  if (judged->surface() == nullptr || judged->surface()->is_plane())
+    accuracy_loss_ = cell_accuracy(judged->mesh(), threads).loss;
   for (const Certificate& certificate : certificates)
     certified_.push_back(certificate.is_valid() ? 1 : certificate.answer == Certificate::Answer::Invalid ? -1 : 0);
   for (std::size_t g = groups.size(); g-- > 0;)
@@ -144,11 +145,12 @@ CellMarks::CellMarks(const HighOrderMesh& mesh, std::span<const UnrepairableGrou
 }
 
 std::vector<formats::CellField> CellMarks::fields() const {
-  return {{"scaled_jacobian", scaled_jacobian_},
-          {"distortion_jacobian", distortion_jacobian_},
-          {"certified", certified_},
-          {"unrepairable", unrepairable_},
-          {"accuracy_loss", accuracy_loss_}};
+  std::vector<formats::CellField> fields = {{"scaled_jacobian", scaled_jacobian_},
+                                            {"distortion_jacobian", distortion_jacobian_},
+                                            {"certified", certified_},
+                                            {"unrepairable", unrepairable_}};
+  if (!accuracy_loss_.empty()) fields.push_back({"accuracy_loss", accuracy_loss_});
+  return fields;
 }
 
 void mark_unrepairable(HighOrderMesh& mesh, std::span<const UnrepairableGroup> groups) {

@@ -14,10 +14,10 @@ namespace varimesh {
 ///   scaled_jacobian, distortion_jacobian  as in CellQuality
 ///   certified     1: valid, −1: invalid, 0: undecided
 ///   unrepairable  the number of the cell's group, from 1 in the given order; 0 if it is in no group
-///   accuracy_loss  CellAccuracy::loss
+///   accuracy_loss  CellAccuracy::loss; left out if the mesh is a surface in space that does not lie in one plane
 class CellMarks {
  public:
-  /// The mesh must have passed check_structure().
+  /// The mesh must have passed check_structure(), or check_judgeable() if it is a surface in space.
   /// @param threads how many threads to use; 0: all of the machine's
   CellMarks(const HighOrderMesh& mesh, std::span<const UnrepairableGroup> groups, int threads);
 

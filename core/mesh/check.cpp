@@ -17,6 +17,8 @@ namespace varimesh {
 
 namespace {
 
+// Of the diagonal: what a mesh generator's rounding errors may move nodes out of a plane.
+constexpr double kFlatness = 1e-9;
 constexpr std::size_t kNodesPerTask = 16384, kCellsPerTask = 2048, kIndicesPerTask = 65536;
 
 std::string name_of(Shape shape) { return std::string(reference::info(shape).name); }
@@ -102,15 +104,16 @@ Expected<void> check_coordinates(const HighOrderMesh& mesh, const Team& team) {
                    "; write the mesh again.");
 }
 
-// A 2-D mesh must lie in a plane z = constant, except for rounding errors of the mesh generator.
+// A 2-D mesh must lie in a plane z = constant.
 Expected<void> check_plane(const HighOrderMesh& mesh, const Team& team) {
-  if (mesh.dimension != 2) return {};
+  if (!is_surface(mesh, team)) return {};
   const auto [low, high] = bounding_box(mesh, team);
-  const double diagonal = std::hypot(high[0] - low[0], high[1] - low[1], high[2] - low[2]);
-  if (high[2] - low[2] <= 1e-9 * diagonal) return {};
-  return bad_input("The mesh is a surface in space: it has no volume elements, and z ranges from " +
-                   std::to_string(low[2]) + " to " + std::to_string(high[2]) +
-                   ". A 2-D mesh must lie in a plane z = constant; for a 3-D mesh save the volume elements too.");
+  return bad_input(
+      "The mesh is a surface in space: it has no volume elements, and z ranges from " + std::to_string(low[2]) +
+      " to " + std::to_string(high[2]) +
+      ". Its nodes cannot move along it without its geometry. 'varimesh quality' judges it as it is, and names the "
+      "elements that are folded; to optimise, save the volume elements too, or turn a plane mesh into a plane z = "
+      "constant.");
 }
 
 // === Single cells ========================================================================================
@@ -165,7 +168,8 @@ Expected<void> check_distinct_nodes(const HighOrderMesh& mesh, const Team& team)
 
 // === Duplicates ==========================================================================================
 
-Expected<void> check_duplicates(const Cells& cells, const Team& team) {
+Expected<void> check_duplicates(const HighOrderMesh& mesh, const Team& team) {
+  const Cells cells(mesh, mesh.dimension);
   const auto vertices = [&](std::size_t cell) {
     std::array<std::int32_t, 8> sorted;
     sorted.fill(-1);
@@ -222,18 +226,44 @@ Expected<void> check_structure(const HighOrderMesh& mesh, const Team& team, Face
                                static_cast<std::int64_t>(mesh.element_count(mesh.dimension)));
       !done)
     return done;
-  for (auto step : {check_kind, check_arrays, check_coordinates, check_plane, check_distinct_nodes})
+  for (auto step : {check_kind, check_arrays, check_coordinates, check_plane, check_distinct_nodes, check_duplicates})
     if (auto done = step(mesh, team); !done) return tl::unexpected<Error>(done.error());
-  const Cells cells(mesh, mesh.dimension);
-  if (auto done = check_duplicates(cells, team); !done) return tl::unexpected<Error>(done.error());
   Facets facet = facets(mesh, team);
   if (auto done = check_conformity(mesh, facet, team); !done) return tl::unexpected<Error>(done.error());
   if (found != nullptr) *found = std::move(facet);
   return {};
 }
 
+bool lies_flat(const HighOrderMesh& mesh, const Team& team) {
+  const auto [low, high] = bounding_box(mesh, team);
+  const double diagonal = std::hypot(high[0] - low[0], high[1] - low[1], high[2] - low[2]);
+  return high[2] - low[2] <= kFlatness * diagonal;
+}
+
+bool is_surface(const HighOrderMesh& mesh, const Team& team) { return mesh.dimension == 2 && !lies_flat(mesh, team); }
+
+Expected<void> check_judgeable(const HighOrderMesh& mesh, const Team& team, Facets* found) {
+  if (mesh.dimension != 2) return check_structure(mesh, team, found);
+  // Only a mesh that has passed these has coordinates by which to tell.
+  for (auto step : {check_kind, check_arrays, check_coordinates})
+    if (auto done = step(mesh, team); !done) return tl::unexpected<Error>(done.error());
+  if (!is_surface(mesh, team)) return check_structure(mesh, team, found);
+  // Each cell is judged with nodes of its own.
+  const Cells cells(mesh, mesh.dimension);
+  std::int64_t nodes = 0;
+  for (const Cells::Range& range : cells.ranges()) nodes += std::int64_t(range.block->nodes.size());
+  if (auto done = check_counts(nodes, std::int64_t(cells.count())); !done) return done;
+  for (auto step : {check_distinct_nodes, check_duplicates})
+    if (auto done = step(mesh, team); !done) return tl::unexpected<Error>(done.error());
+  return {};
+}
+
 Expected<void> check_blocks(const HighOrderMesh& mesh) { return check_blocks(mesh, Team(1)); }
 
 Expected<void> check_structure(const HighOrderMesh& mesh) { return check_structure(mesh, Team(1)); }
+
+bool is_surface(const HighOrderMesh& mesh) { return is_surface(mesh, Team(1)); }
+
+Expected<void> check_judgeable(const HighOrderMesh& mesh) { return check_judgeable(mesh, Team(1)); }
 
 }  // namespace varimesh

@@ -28,6 +28,20 @@ Expected<void> check_structure(const HighOrderMesh& mesh);
 /// @param found if not null, receives the facets, which the check has to find (core/mesh/connectivity.h)
 Expected<void> check_structure(const HighOrderMesh& mesh, const Team& team, Facets* found = nullptr);
 
+/// Whether a 2-D mesh lies in a plane z = constant, but for rounding errors of the mesh generator: 10⁻⁹ of its
+/// diagonal. Call it inside team.run().
+bool lies_flat(const HighOrderMesh& mesh, const Team& team);
+
+/// Whether the mesh is a surface in space: 2-D, and not in a plane z = constant. Call it inside team.run().
+bool is_surface(const HighOrderMesh& mesh, const Team& team);
+bool is_surface(const HighOrderMesh& mesh);
+
+/// Checks a mesh that is only to be judged: check_structure(), but a surface in space passes. Its cells may be numbered
+/// in any sense, any number of them may meet at an edge, and they need not conform, because each is judged without its
+/// neighbours. `found` stays as it is if the mesh is a surface in space. Call it inside team.run(). Errors: BadInput.
+Expected<void> check_judgeable(const HighOrderMesh& mesh, const Team& team, Facets* found = nullptr);
+Expected<void> check_judgeable(const HighOrderMesh& mesh);
+
 /// Checks that each block has a possible order, as many nodes as its elements need, and only nodes of the mesh. Errors:
 /// BadInput.
 Expected<void> check_blocks(const HighOrderMesh& mesh);

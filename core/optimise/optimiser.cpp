@@ -250,9 +250,14 @@ Expected<MeshSummary> summarise(const HighOrderMesh& mesh, const Options& option
   const Team team(options.threads);
   Facets facet;
   Expected<void> checked;
-  team.run([&] { checked = check_structure(mesh, team, &facet); });
+  bool surface = false;
+  team.run([&] {
+    checked = check_judgeable(mesh, team, &facet);
+    surface = checked && is_surface(mesh, team);
+  });
   if (!checked) return tl::unexpected(checked.error());
-  const Expected<std::vector<bool>> fixed = choose_fixed_nodes(mesh, options, std::move(facet));
+  const Expected<std::vector<bool>> fixed =
+      surface ? std::vector<bool>(mesh.node_count(), true) : choose_fixed_nodes(mesh, options, std::move(facet));
   if (!fixed) return tl::unexpected(fixed.error());
   MeshSummary summary;
   team.run([&] { summary = mesh_summary(mesh, *fixed, team); });

@@ -8,9 +8,9 @@
 #include "core/base/team.h"
 #include "core/quality/certified_quality.h"
 #include "core/quality/lattice_kernel.h"
+#include "core/quality/surface.h"
 #include "core/reference/basis.h"
 #include "core/validity/cell_batches.h"
-#include "core/validity/orientation.h"
 
 namespace varimesh {
 namespace {
@@ -187,24 +187,25 @@ std::vector<std::int64_t> uncertified_numbers(const QualityReport& report) {
 
 CellQuality cell_quality(const HighOrderMesh& mesh, int intervals, int threads) {
   const Team team(threads);
-  std::optional<detail::OrientedMesh> oriented;
-  team.run([&] { oriented.emplace(mesh, team); });
-  return cell_quality(sample(oriented->mesh(), intervals, team));
+  std::optional<detail::JudgedMesh> judged;
+  team.run([&] { judged.emplace(mesh, team); });
+  return cell_quality(sample(judged->mesh(), intervals, team));
 }
 
 QualityReport quality(const HighOrderMesh& mesh, int intervals, int threads) {
   const Team team(threads);
-  std::optional<detail::OrientedMesh> oriented;
+  std::optional<detail::JudgedMesh> judged;
   std::optional<Certifier> certifier;
   std::vector<Certificate> certificates;
   team.run([&] {
-    oriented.emplace(mesh, team);
-    certifier.emplace(oriented->mesh(), CertificateOptions{}, team);
+    judged.emplace(mesh, team);
+    certifier.emplace(judged->mesh(), CertificateOptions{}, team);
     certificates.resize(certifier->cells());
-    certifier->certify(mesh.coordinates, certificates, team);
+    certifier->certify(judged->mesh().coordinates, certificates, team);
   });
-  QualityReport report = quality(oriented->mesh(), *certifier, std::move(certificates), intervals, team);
-  report.clockwise = oriented->clockwise();
+  QualityReport report = quality(judged->mesh(), *certifier, std::move(certificates), intervals, team);
+  report.clockwise = judged->clockwise();
+  if (judged->surface() != nullptr) judged->surface()->put_in_space(report);
   return report;
 }
 

@@ -45,12 +45,18 @@ struct QualityReport {
   CertificateSummary certified;
   std::vector<UncertifiedElement> uncertified;  ///< Every cell that is not certified valid, in the mesh's order.
 
-  /// How much accuracy a solver loses because cells are curved. Absent in quick_quality().
+  /// How much accuracy a solver loses because cells are curved. Absent in quick_quality(), and if the mesh is a surface
+  /// in space that does not lie in one plane.
   std::optional<Accuracy> accuracy;
 
   /// Element numbers of the cells that are numbered clockwise (in space: left-handed), in the mesh's order. Everything
   /// above judges them as if they were turned.
   std::vector<std::int64_t> clockwise;
+
+  /// Whether the mesh is a surface in space (is_surface() of core/mesh/check.h). Then J is n · (x_ξ × x_η) everywhere
+  /// above, where n is the unit vector along the cell's mean normal. If the surface lies in one plane, all cells have
+  /// the same n, and the mesh is judged as one in the plane.
+  bool is_surface = false;
 };
 
 /// Js and the distortion Jacobian of each cell (elements of dimension mesh.dimension, in the mesh's order).
@@ -68,7 +74,7 @@ int report_intervals(int order);
 /// Samples every cell on the uniform lattice with `intervals` intervals per edge, vertices and edges included (0: the
 /// default, max(2 P + 2, 8)). Cells that are numbered clockwise, all or some, are judged as if they were turned; their
 /// neighbours tell them from cells that are inverted. `threads` 0 means all; the result does not depend on it. The mesh
-/// must have passed check_structure().
+/// must have passed check_structure(), or check_judgeable() if it is a surface in space.
 CellQuality cell_quality(const HighOrderMesh& mesh, int intervals = 0, int threads = 0);
 QualityReport quality(const HighOrderMesh& mesh, int intervals = 0, int threads = 0);
 

@@ -30,15 +30,14 @@ struct Extended {
   static long double reciprocal(const JacobianTable& table, std::size_t k) { return table.long_jacobian_reciprocal[k]; }
 };
 
-/// Scaled coefficients of χ − x₀, [coefficient][component].
+/// Scaled coefficients of the first d components of χ − x₀, [coefficient][component].
 template <class Arithmetic>
-std::vector<typename Arithmetic::Wide> convert(const CellToCertify& cell,
+std::vector<typename Arithmetic::Wide> convert(const CellToCertify& cell, std::size_t d,
                                                std::array<typename Arithmetic::Real, 3>& extent,
                                                const StopToken* stop = nullptr) {
   using Wide = typename Arithmetic::Wide;
   using Real = typename Arithmetic::Real;
   const JacobianTable& table = *cell.table;
-  const auto d = static_cast<std::size_t>(table.dimension);
   const auto at = [&](std::size_t n, std::size_t c) {
     return cell.coordinates[3 * static_cast<std::size_t>(cell.nodes[n]) + c];
   };
@@ -85,7 +84,7 @@ Coefficients<typename Arithmetic::Real> coefficients(const CellToCertify& cell, 
   const auto d = static_cast<std::size_t>(table.dimension);
   constexpr Real unit = std::numeric_limits<Real>::epsilon() / 2;
   std::array<Real, 3> extent{};
-  const auto map = convert<Arithmetic>(cell, extent, stop);
+  const auto map = convert<Arithmetic>(cell, d, extent, stop);
   std::array<std::vector<Real>, 3> g;
   Real size[3][3] = {}, error[3][3] = {};
   for (std::size_t r = 0; r < d; ++r) {
@@ -139,14 +138,13 @@ Coefficients<long double> extended_coefficients(const CellToCertify& cell, const
 std::array<double, 3> physical_place(const CellToCertify& cell, const std::array<double, 6>& barycentric) {
   const JacobianTable& table = *cell.table;
   std::array<double, 3> extent{}, place{};
-  const std::vector<double> map = convert<Plain>(cell, extent);
-  const auto d = static_cast<std::size_t>(table.dimension);
+  const std::vector<double> map = convert<Plain>(cell, 3, extent);
   const double* origin = cell.coordinates + 3 * static_cast<std::size_t>(cell.nodes[0]);
   for (std::size_t k = 0; k < static_cast<std::size_t>(table.map.size()); ++k) {
     double monomial = 1;
     for (std::size_t slot = 0; slot < 6; ++slot)
       for (int e = 0; e < table.map.exponents()[k][slot]; ++e) monomial *= barycentric[slot];
-    for (std::size_t c = 0; c < d; ++c) place[c] += monomial * map[k * d + c];
+    for (std::size_t c = 0; c < 3; ++c) place[c] += monomial * map[3 * k + c];
   }
   for (std::size_t c = 0; c < 3; ++c) place[c] = origin[c] + place[c] / cell.scale;
   return place;

@@ -35,7 +35,8 @@ Coefficients<double> plain_coefficients(const CellToCertify& cell);
 /// 10 takes half a second.
 Coefficients<long double> extended_coefficients(const CellToCertify& cell, const StopToken* stop = nullptr);
 
-/// Physical coordinates of the point with these barycentric coordinates (of all factors, one after the other).
+/// Physical coordinates of the point with these barycentric coordinates (of all factors, one after the other). They are
+/// three in 2-D too.
 std::array<double, 3> physical_place(const CellToCertify& cell, const std::array<double, 6>& barycentric);
 
 }  // namespace varimesh::detail

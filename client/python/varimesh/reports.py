@@ -48,7 +48,7 @@ class Quality:
     histogram: NDArray[np.int64]
     certified: Certified
     uncertified: NDArray[np.int64]  # numbers of the cells that are not certified valid; at most 1000
-    accuracy: Accuracy | None  # None if a run had to end at once
+    accuracy: Accuracy | None  # None if a run had to end at once, and for a curved surface in space
     clockwise_elements: int
     clockwise: NDArray[np.int64]  # numbers of the cells that are numbered clockwise; at most 1000
 

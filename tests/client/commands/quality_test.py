@@ -56,6 +56,28 @@ class Quality(WithFolder):
             self.assertEqual((judged.pop("clockwise_elements"), judged.pop("clockwise")), (len(elements), elements))
             self.assertEqual(judged, {key: value for key, value in usual.items() if not key.startswith("clockwise")})
 
+    def test_judges_a_surface_in_space(self):
+        surface, out = self.folder / "surface.msh", self.folder / "out.msh"
+        surface.write_text(FOLDED.replace("\n4 1 1 0\n", "\n4 1 1 0.3\n"))
+        done = run("quality", surface, "--certify", "--diagnose")
+        self.assertEqual(done.returncode, 4, done.stderr)
+        self.assertIn("surface in space of order 2: 2 elements, 9 nodes; each element is judged along its normal", done.stdout)
+        self.assertIn("element 1 is invalid: ", done.stdout)
+        self.assertIn("Mesh the boundary anew or refine it at element 1: ", done.stdout)
+        judged = json.loads(run("quality", surface, "--json").stdout)
+        self.assertEqual((judged["mesh"]["free_nodes"], judged["quality"]["is_surface"]), (0, True))
+        self.assertEqual([one["number"] for one in judged["quality"]["uncertified"]], [1])
+        self.assertNotIn("accuracy", judged["quality"])
+        self.assertEqual(run("quality", surface, "-o", self.folder / "marked.vtu").returncode, 0)
+        self.assertIn(b"certified", (self.folder / "marked.vtu").read_bytes())
+        done = run("quality", surface, "--report", self.folder / "report.html")
+        self.assertEqual(done.returncode, 3)
+        self.assertIn("Leave out --report", done.stderr)
+        done = run("optimise", surface, "-o", out)
+        self.assertEqual(done.returncode, 3)
+        self.assertIn("'varimesh quality' judges it", done.stderr)
+        self.assertFalse(out.exists())
+
     def test_says_and_marks_what_cannot_be_repaired(self):
         folded, marked = self.folder / "folded.msh", self.folder / "marked.msh"
         folded.write_text(FOLDED)

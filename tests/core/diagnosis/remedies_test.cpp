@@ -74,5 +74,14 @@ TEST_F(RemediesTest, EveryUncertifiedElementHasOne) {
   EXPECT_EQ(flags_and_counts(tried), (All{{"", 1}, {"", 2}})) << "more time";
 }
 
+TEST(Remedies, OnASurfaceInSpaceOnlyAnotherMeshHelps) {
+  HighOrderMesh surface = testing::grid(testing::Filling::Triangles, {2, 2, 0}, 2);
+  testing::move_nodes(surface, [](testing::Place at) { return testing::Place{at[0], at[1], at[0] * at[1]}; });
+  EXPECT_TRUE(diagnose(surface).empty());
+  const WhatIsLeft left = what_is_left(surface, {Cells(surface, 2).number(0)}, {}, {});
+  ASSERT_EQ(left.remedies.size(), 1U);
+  EXPECT_TRUE(left.remedies[0].sentence.starts_with("Mesh the boundary anew")) << left.remedies[0].sentence;
+}
+
 }  // namespace
 }  // namespace varimesh

@@ -101,7 +101,32 @@ TEST(CheckMesh, ANodeOfNoCellMayLieOutsideThePlane) {
 TEST(CheckMesh, SurfaceInSpace) {
   EXPECT_REFUSED(
       linear({0, 0, 0, 1, 0, 0, 1, 1, 1, 0, 1, 0}, {{Shape::Triangle, {0, 1, 2}}, {Shape::Triangle, {0, 2, 3}}}),
-      "surface in space");
+      "'varimesh quality' judges it");
+}
+
+TEST(CheckMesh, ASurfaceInSpaceMayBeJudged) {
+  const std::vector<double> corner = {0, 0, 0, 1, 0, 0, 1, 1, 1, 0, 1, 0};
+  const auto surface = linear(corner, {{Shape::Triangle, {0, 1, 2}}, {Shape::Triangle, {0, 3, 2}}});
+  EXPECT_TRUE(is_surface(surface));
+  EXPECT_TRUE(check_judgeable(surface));
+  std::vector<double> fin = corner;
+  fin.insert(fin.end(), {0, 0, 1});
+  EXPECT_TRUE(check_judgeable(
+      linear(fin, {{Shape::Triangle, {0, 1, 2}}, {Shape::Triangle, {0, 2, 3}}, {Shape::Triangle, {0, 2, 4}}})))
+      << "three walls may meet at an edge";
+  const auto twice = check_judgeable(linear(corner, {{Shape::Triangle, {0, 1, 2}}, {Shape::Triangle, {2, 0, 1}}}));
+  ASSERT_FALSE(twice);
+  EXPECT_NE(twice.error().sentence.find("are the same triangle"), std::string::npos);
+}
+
+TEST(CheckMesh, AMeshInThePlaneIsNoSurfaceInSpace) {
+  const auto flat = linear(kSquare, {{Shape::Triangle, {0, 1, 2}}, {Shape::Triangle, {0, 2, 3}}});
+  EXPECT_FALSE(is_surface(flat));
+  EXPECT_TRUE(check_judgeable(flat));
+  const auto fan = linear({0, 0, 0, 1, 0, 0, 0, 1, 0, 0, -1, 0, 1, 1, 0},
+                          {{Shape::Triangle, {0, 1, 2}}, {Shape::Triangle, {0, 1, 3}}, {Shape::Triangle, {0, 1, 4}}});
+  EXPECT_FALSE(check_judgeable(fan)) << "three cells at an edge";
+  EXPECT_FALSE(is_surface(linear(kCube, {{Shape::Hexahedron, {0, 1, 2, 3, 4, 5, 6, 7}}})));
 }
 
 TEST(CheckMesh, MixedOrdersOfCellsAndOfBoundaryElements) {
