@@ -79,6 +79,7 @@ class Corpus(unittest.TestCase):
         self.assertEqual(len(wrong), len(sentences), done.stderr)
         for line, sentence in zip(wrong, sentences):
             self.assertIn(sentence, line)
+        return done
 
     def finds_nothing(self):
         done = self.corpus()
@@ -129,7 +130,9 @@ class Rules(Corpus):
         sentence = "varimesh: 'meshes/{}.msh': The mesh has mixed orders{}."
         for name, rest in (("helped", "; raise them to one order"), ("left", "; one order was expected")):
             self.plant(name, {"status": 3}, {"status": 3, "errors": sentence.format(name, rest)})
-        self.finds("left: refused, and the sentence does not say what to do: The mesh has mixed orders; one order was")
+        done = self.finds("left: refused, and the sentence does not say what to do: The mesh has mixed orders; one order was")
+        self.assertIn("| The mesh has mixed orders; one order was expected; **breaks a rule** |", done.stdout)
+        self.assertIn("| The mesh has mixed orders; raise them to one order. |", done.stdout)
 
     def test_a_refusal_is_in_the_table(self):
         self.plant("a", {"status": 3}, {"status": 3, "errors": "varimesh: 'a.msh': The file is in pieces; copy it again."})
