@@ -21,7 +21,7 @@ namespace {
 constexpr std::int64_t kSmallThings = std::int64_t{1} << 20;
 
 /// Arrays that grow have up to twice the room that they need, and the allocator rounds up.
-constexpr double kMargin = 1.08;
+constexpr double kMargin = 1.07;
 
 /// It is not known in advance how many cells will be split. Coarse meshes have grown threefold.
 constexpr std::int64_t kGrowthBySplits = 3;
