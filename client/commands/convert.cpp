@@ -22,7 +22,7 @@ struct Arguments {
   bool orient = false;
 };
 
-/// Turns the cells that are numbered clockwise. Errors: BadInput if the mesh does not tell which are.
+/// Turns the cells that are numbered clockwise, if the mesh tells which are. Errors: BadInput, as check_structure().
 Expected<void> orient(HighOrderMesh& mesh) {
   const Team team(kAllThreads);
   Facets facets;

@@ -78,7 +78,9 @@ int quality(const Arguments& arguments) {
   if (const auto checked = check_files(arguments); !checked) return print_error(checked.error());
   auto file = formats::read_file(arguments.input, machine_memory(), arguments.threads);
   if (!file) return print_error(file.error());
-  const auto mesh = summarise(file->mesh);
+  Options options;
+  options.threads = arguments.threads;
+  const auto mesh = summarise(file->mesh, options);
   if (!mesh) return print_error(mesh.error());
   if (!arguments.report.empty() && is_surface(file->mesh))
     return print_error(

@@ -9,8 +9,7 @@ namespace varimesh {
 /// The free function optimise() for Repair::Split. The mesh has passed check_structure() and needs no change of order.
 ///
 /// 1. Optimises the mesh without a split by at most forty Newton steps, without untangling. A mesh that is certified
-/// valid
-///    is optimised as with Repair::Report, and that is the result.
+///    valid is optimised as with Repair::Report, and that is the result.
 /// 2. In the mesh as it came, splits in passes: groups of tetrahedra that have little room at the boundary
 ///    (split_candidates.h; a margin of at most 0.08) and an element that step 1 has left get room by splits. Each pass
 ///    works on the mesh that the last one made, until no such group is left that may be split.

@@ -5,7 +5,6 @@
 
 #include "core/diagnosis/diagnosis.h"
 #include "core/marks/marks.h"
-#include "core/mesh/check.h"
 #include "core/optimise/memory.h"
 #include "core/optimise/optimiser.h"
 #include "core/quality/quality.h"
@@ -80,9 +79,18 @@ Expected<void> write_outputs(const Result& result, const RunRequest& request, v1
   return {};
 }
 
+/// The options of a job that judges a mesh: nothing moves, and only the number of threads is the job's.
+Options judging_options(int threads) {
+  Options options;
+  options.max_iterations = 0;
+  options.threads = threads;
+  return options;
+}
+
 /// Judges a mesh without moving anything, as the command's `quality` does.
-Expected<Result> judge(HighOrderMesh mesh, const v1::QualityTask& task, int threads) {
-  const auto sizes = summarise(mesh);
+Expected<Result> judge(HighOrderMesh mesh, const v1::QualityTask& task, const Options& options) {
+  const int threads = options.threads;
+  const auto sizes = summarise(mesh, options);  // also checks the mesh
   if (!sizes) return tl::unexpected(sizes.error());
   Result result;
   result.sizes = *sizes;
@@ -106,6 +114,7 @@ void note_straight_boundary(const HighOrderMesh& mesh, const RunRequest& request
 }
 
 Expected<RunSummary> run(RunRequest request, const RunHooks& hooks) {
+  if (request.quality) request.options = judging_options(request.options.threads);
   const std::string_view bytes = request.input->bytes();
   if (hooks.fits)
     if (const auto fits = hooks.fits(formats::least_memory(static_cast<std::int64_t>(bytes.size()))); !fits)
@@ -131,7 +140,7 @@ Expected<RunSummary> run(RunRequest request, const RunHooks& hooks) {
   request.options.threads = std::min(request.options.threads, most);
   RunControl control = hooks.control;
   if (control.threads) control.threads = [&] { return std::min(hooks.control.threads(), most); };
-  auto result = request.quality ? judge(std::move(file->mesh), *request.quality, request.options.threads)
+  auto result = request.quality ? judge(std::move(file->mesh), *request.quality, request.options)
                                 : optimise(std::move(file->mesh), request.options, hooks.on_iteration, control);
   if (!result) return tl::unexpected(result.error());
   const bool wanted = !(result->stopped && hooks.given_up());

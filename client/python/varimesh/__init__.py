@@ -33,13 +33,26 @@ from .local import LocalClient, local
 from .mesh import Block, Mesh
 from .options import Options, TargetField
 from .progress import Progress
-from .reports import CellQuality, Certified, Event, Iteration, Metrics, Quality, RepairStep, ServerInfo, Unrepairable
+from .reports import (
+    CellQuality,
+    Certified,
+    Event,
+    Iteration,
+    Metrics,
+    Quality,
+    Remedy,
+    RepairStep,
+    ServerInfo,
+    Unrepairable,
+    WhatIsLeft,
+)
 from .shared import optimise, optimize, quality
 from .version import __version__
 
 __all__ = [
     "AsyncClient", "AsyncJob", "BadMesh", "BadOption", "BadOutput", "Block", "CellQuality", "Certified", "Client", "Event", "Iteration", "Job",
     "JobCancelled", "JobFailed", "LocalClient", "Mesh", "Metrics", "Options", "Progress", "Quality", "Refused",
-    "RepairStep", "Result", "ServerInfo", "ServerUnreachable", "Stopped", "TargetField", "Unrepairable", "VarimeshError", "__version__",
+    "Remedy", "RepairStep", "Result", "ServerInfo", "ServerUnreachable", "Stopped", "TargetField", "Unrepairable", "VarimeshError",
+    "WhatIsLeft", "__version__",
     "from_gmsh", "from_meshio", "from_pyvista", "local", "optimise", "optimize", "quality", "to_meshio", "update_gmsh",
 ]  # fmt: skip

@@ -64,7 +64,7 @@ class Progress:
         self._shown = time.monotonic()
         left = self.seconds_left()
         text = (f"{now.phase} {now.number:>4}  residual {now.residual:.2e}  min Js {now.min_scaled_jacobian:>7.4f}  "
-                f"invalid {now.invalid_elements}  {now.seconds:.1f} s"
+                f"not certified {now.left_elements}  {now.seconds:.1f} s"
                 + ("" if left is None else f"  about {left:.0f} s left"))  # fmt: skip
         if not self._terminal:
             self._line(text)

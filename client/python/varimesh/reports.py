@@ -16,7 +16,7 @@ from .v1 import job_pb2, mesh_pb2, optimise_pb2, quality_pb2, service_pb2
 HISTORY = np.dtype(
     [("number", "i4"), ("phase", "U8"), ("energy", "f8"), ("residual", "f8"), ("relative_gradient", "f8"),
      ("min_scaled_jacobian", "f8"), ("invalid_elements", "i8"), ("active_nodes", "i8"), ("seconds", "f8"),
-     ("repairable_elements", "i8"), ("products", "i4"), ("linear_solve", "U18")])  # fmt: skip
+     ("repairable_elements", "i8"), ("products", "i4"), ("linear_solve", "U18"), ("left_elements", "i8")])  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -85,6 +85,27 @@ class RepairStep:
 
 
 @dataclass(frozen=True)
+class Remedy:
+    """Something to try about elements that are not certified valid."""
+
+    flags: str  # of the command `varimesh optimise`; empty if no flag helps
+    elements: int  # how many it could help
+    sentence: str
+
+
+@dataclass(frozen=True)
+class WhatIsLeft:
+    """The elements that are not certified valid, in figures. An element of an unrepairable group that is certified
+    counts nowhere."""
+
+    uncertified: int
+    proved: int  # of these, proved to be beyond repair by movement of nodes
+    unproved: int  # of these, in an unrepairable group, but without a proof about this element
+    remedies: tuple[Remedy, ...]  # what to try next, the likeliest first
+    sentence: str  # the figures in words; empty if nothing is left
+
+
+@dataclass(frozen=True)
 class Metrics:
     """The result of a job in figures."""
 
@@ -102,10 +123,15 @@ class Metrics:
     after: Quality
     unrepairable: tuple[Unrepairable, ...]
     repairs: tuple[RepairStep, ...]
-    remedies: tuple[str, ...]  # what to try next about elements that are not certified valid, in sentences
+    left: WhatIsLeft
     kept_as_it_came: str  # why a mesh that came in valid was left as it was; empty if it was not
     substitute_targets: tuple[int, ...]  # elements whose straight-sided shape could not be their target; at most 1000
     notes: tuple[str, ...]  # which elements came numbered clockwise, and why nothing was moved; mostly empty
+
+    @property
+    def remedies(self) -> tuple[str, ...]:
+        """What to try next about elements that are not certified valid, in sentences."""
+        return tuple(one.sentence for one in self.left.remedies)
 
 
 @dataclass(frozen=True)
@@ -124,6 +150,7 @@ class Iteration:
     repairable_elements: int
     products: int
     linear_solve: str
+    left_elements: int  # that would not be certified valid if the run ended here
 
 
 @dataclass(frozen=True)
@@ -194,6 +221,11 @@ def cell_quality_of(report: Quality, parts: bytes, numbering: Numbering,
                        invalid=answers == mesh_pb2.CELL_ANSWER_INVALID, unrepairable=unrepairable)  # fmt: skip
 
 
+def left_of(message: quality_pb2.WhatIsLeft, numbering: Numbering) -> WhatIsLeft:
+    remedies = tuple(Remedy(one.flags, one.elements, numbering.sentence(one.sentence)) for one in message.remedies)
+    return WhatIsLeft(message.uncertified, message.proved, message.unproved, remedies, numbering.sentence(message.sentence))
+
+
 def metrics_of(message: optimise_pb2.Metrics, numbering: Numbering = OF_FILES) -> Metrics:
     return Metrics(
         message.mesh.elements, message.mesh.nodes, message.mesh.free_nodes,
@@ -206,7 +238,7 @@ def metrics_of(message: optimise_pb2.Metrics, numbering: Numbering = OF_FILES) -
         tuple(RepairStep(spelled(optimise_pb2.RepairStep.Kind.DESCRIPTOR, one.kind), numbering.numbers(one.elements),
                          numbering.numbers(one.new_elements), numbering.number_or_none(one.node),
                          numbering.sentence(one.sentence)) for one in message.repairs),
-        tuple(numbering.sentence(one.sentence) for one in message.left.remedies),
+        left_of(message.left, numbering),
         numbering.sentence(message.kept_as_it_came), numbering.numbers(message.substitute_targets.elements),
         tuple(numbering.sentence(note) for note in message.notes))  # fmt: skip
 

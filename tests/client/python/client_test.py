@@ -27,6 +27,7 @@ class Client(support.WithServer):
         self.assertEqual(len(result.history), result.metrics.iterations)
         self.assertEqual(set(result.history["phase"]), {"sweeps", "newton"})
         self.assertEqual((result.history["linear_solve"][0], result.history["linear_solve"][-1]), ("none", "solved"))
+        self.assertEqual((result.history["left_elements"][0], result.history["left_elements"][-1]), (2, 0))
         self.assertEqual(result.history["residual"][-1], result.metrics.residual)
 
     def test_writes_clockwise_elements_as_they_came_or_turned(self):
@@ -161,6 +162,11 @@ class Client(support.WithServer):
         named = self.client.optimise(folded, until="valid").metrics
         self.assertIn(0, {element for group in named.unrepairable for element in group.elements})
         self.assertEqual(named.repairs, ())
+        left = named.left
+        self.assertEqual((left.uncertified, left.proved, left.unproved), (1, 1, 0))
+        self.assertIn("1 element", left.sentence)
+        self.assertTrue(left.remedies)
+        self.assertEqual(named.remedies, tuple(one.sentence for one in left.remedies))
         steps = self.client.optimise(folded, repair="straighten").metrics.repairs
         self.assertLessEqual({step.kind for step in steps}, {"straightened", "left"})
         self.assertTrue(steps and all(step.sentence and step.elements for step in steps))
