@@ -23,8 +23,7 @@ constexpr std::string_view kMeshIt =
 constexpr std::string_view kGmshConverts = "convert it, for example with: gmsh FILE -save -format msh41 -o mesh.msh";
 constexpr std::string_view kMeshioConverts =
     "convert it, for example with: meshio convert FILE mesh.msh --output-format gmsh; better, give VariMesh the MSH "
-    "file "
-    "from which it was made, because other formats lose curved elements or groups";
+    "file from which it was made, because other formats lose curved elements or groups";
 
 constexpr std::array kOtherFiles{
     OtherFile{"ISO-10303-21", "a STEP file, which is a geometry and not a mesh", kMeshIt},
@@ -47,6 +46,8 @@ constexpr std::array kOtherFiles{
         "mesh its inside with Gmsh: merge the file, make a volume of its surface, and run -3 (tutorial t13 of Gmsh)"},
     OtherFile{"*HEADING", "an Abaqus file", kGmshConverts},
     OtherFile{"MeshVersionFormatted", "a Medit mesh", kGmshConverts},
+    OtherFile{"CDF\x01"sv, "a NetCDF file, such as Exodus", kMeshioConverts},
+    OtherFile{"CDF\x02"sv, "a NetCDF file, such as Exodus", kMeshioConverts},
     OtherFile{"\x1f\x8b"sv, "a compressed file", "uncompress it with: gunzip FILE"},
     OtherFile{"PK\x03\x04"sv, "a ZIP archive", "unpack it with: unzip FILE"},
 };
@@ -88,7 +89,10 @@ std::string why_not_a_mesh(std::string_view bytes) {
   return std::string(
              "The file is not a mesh that can be read: it does not begin with a section such as $MeshFormat (byte "
              "0); ") +
-         kExpected;
+         kExpected +
+         " If another program wrote the file, let it write MSH, or convert the file, for example with: meshio convert "
+         "FILE "
+         "mesh.msh --output-format gmsh.";
 }
 
 }  // namespace varimesh::formats
