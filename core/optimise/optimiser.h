@@ -27,7 +27,7 @@ Expected<Result> optimise(HighOrderMesh mesh, const Options& options = {}, const
                           const RunControl& control = {});
 
 /// The sizes of a mesh, and how many nodes would move with these options. Nothing is optimised. The mesh may be a
-/// surface in space, of which no node would move. Errors: BadInput, BadOption.
+/// surface in space, whose nodes would not move. Errors: BadInput, BadOption.
 Expected<MeshSummary> summarise(const HighOrderMesh& mesh, const Options& options = {});
 
 /// Repeated work on one mesh topology (a moving boundary, a design loop): set up once, run for each set of coordinates.

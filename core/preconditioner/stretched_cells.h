@@ -17,7 +17,7 @@ namespace varimesh {
 ///
 /// A displacement of order 3 or more that varies along a cell a times as long as it is thick has 1/a² of the stiffness
 /// that the blocks of its nodes have, and a space of order 2 does not contain it. A few hundred such cells of a large
-/// mesh give conjugate gradients so many small eigenvalues that they set the number of products. The dense factors
+/// mesh give the matrix many small eigenvalues, which then set the number of products. The dense factors
 /// remove them.
 ///
 /// K_p is assembled from the mean tensors of the cells, as the coarse level is, so it is positive definite. Its

@@ -1,4 +1,4 @@
-// The elements that a cut goes through, for meshes of which the page has only the corners. scene_cut.cpp packs them.
+// The elements that a cut goes through, if the page has only the corners of the mesh. scene_cut.cpp packs them.
 
 // The faces of cells by their number of corners, in Gmsh's order of corners, and their edges.
 const CELL_FACES = {
