@@ -182,7 +182,7 @@ std::vector<std::int64_t> worth_a_split(const Result& result) {
   return {left.begin(), left.end()};
 }
 
-/// Splits and optimises in rounds, each of which begins with the nodes where they were in `mesh`. `unsplit` is the mesh
+/// Splits and optimises in rounds. Each round begins with the nodes where they were in `mesh`. `unsplit` is the mesh
 /// optimised without a split. Returns the best result; nothing if there was nothing to split, or if the sequence was
 /// stopped before the first run.
 std::optional<Result> optimise_in_rounds(const HighOrderMesh& mesh, const Result& unsplit, const Options& options,

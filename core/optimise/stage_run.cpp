@@ -21,7 +21,7 @@ constexpr int kMostIterationsOfALaterStage = 30;
 /// no minimum: on 10,000 triangles of order 5, one step of 417 products left it at .9965.
 constexpr int kMostProductsOfALaterStage = 60;
 /// A later stage other than the last has done its work after a whole Newton step that is not longer than this, in units
-/// of the cells' size. With any whole step the boundary layer of an aerofoil ends at .644, with this one at .765.
+/// of the cells' size. With any whole step the boundary layer of an aerofoil ended at .644, with this one at .765.
 constexpr double kNearOptimum = 0.05;
 /// A step with the largest number of products costs as much as a whole run on a usual mesh. A few of them on the way
 /// happen with a large λ.

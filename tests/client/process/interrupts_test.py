@@ -32,7 +32,7 @@ class InProcess(WithFolder):
     """The work so far is kept, whenever the interrupt comes."""
 
     def interrupt(self, seconds, *arguments, number=signal.SIGINT):
-        """Returns the status and standard error of a run that is interrupted after so many seconds."""
+        """Returns the status and standard error of a run that is interrupted after this many seconds."""
         process = start("optimise", *arguments, "--quiet")
         wait_until_signals_are_caught(process)
         time.sleep(seconds)
