@@ -19,7 +19,7 @@ RemainingTime::RemainingTime(const v1::Options& options)
     : tolerance_(options.has_tolerance() ? options.tolerance() : 1e-3),
       max_iterations_(options.max_iterations()),
       time_limit_(options.time_limit()),
-      has_stages_(options.objective() == v1::OBJECTIVE_WORST) {}
+      has_stages_(options.objective() == v1::OBJECTIVE_WORST || options.objective() == v1::OBJECTIVE_ACCURACY) {}
 
 void RemainingTime::add(const v1::Iteration& iteration) {
   // In each phase the residual falls at a different rate.

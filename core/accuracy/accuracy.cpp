@@ -4,6 +4,7 @@
 #include <Eigen/LU>
 #include <cmath>
 #include <limits>
+#include <span>
 
 #include "core/accuracy/parts_table.h"
 #include "core/accuracy/team_accuracy.h"
@@ -26,25 +27,24 @@ struct Workspace {
   Eigen::MatrixXd gradient;    ///< Mean gradients: d × (cells · d), transposed.
 };
 
-void gather(const HighOrderMesh& mesh, const CellBatch& batch, Eigen::Index nodes, Eigen::MatrixXd& out) {
-  const auto d = static_cast<std::size_t>(mesh.dimension);
+void gather(std::span<const double> coordinates, std::size_t d, const CellBatch& batch, Eigen::Index nodes,
+            Eigen::MatrixXd& out) {
   out.resize(nodes, static_cast<Eigen::Index>(batch.count * d));
   for (std::size_t i = 0; i < batch.count; ++i) {
     const std::int32_t* const list = batch.nodes(i);
     for (std::size_t c = 0; c < d; ++c) {
-      const auto x = [&](Eigen::Index n) { return mesh.coordinates[3 * static_cast<std::size_t>(list[n]) + c]; };
+      const auto x = [&](Eigen::Index n) { return coordinates[3 * static_cast<std::size_t>(list[n]) + c]; };
       for (Eigen::Index n = 0; n < nodes; ++n) out(n, static_cast<Eigen::Index>(i * d + c)) = x(n) - x(0);
     }
   }
 }
 
 /// V_E and m_s of the cells of a batch.
-void measure_cells(const HighOrderMesh& mesh, const CellBatch& batch, CellAccuracy& out) {
+void measure_cells(std::span<const double> coordinates, int d, const CellBatch& batch, CellAccuracy& out) {
   thread_local Workspace work;
   const PartsTable& table = detail::parts_table(batch.block->shape, batch.block->order);
   const double measure = reference::info(batch.block->shape).measure;
-  const int d = mesh.dimension;
-  gather(mesh, batch, table.to_modes.cols(), work.nodes);
+  gather(coordinates, static_cast<std::size_t>(d), batch, table.to_modes.cols(), work.nodes);
   work.modes.noalias() = table.to_modes * work.nodes;
   work.gradient.noalias() = table.mean_gradient * work.nodes;
 
@@ -86,9 +86,8 @@ double loss(const double* parts, std::size_t count, double volume, double total,
   return volume > 0 ? std::sqrt(sum) : std::numeric_limits<double>::infinity();
 }
 
-}  // namespace
-
-CellAccuracy cell_accuracy(const HighOrderMesh& mesh, const Team& team) {
+/// cell_accuracy() of a mesh with its nodes at `coordinates`.
+CellAccuracy measure(const HighOrderMesh& mesh, std::span<const double> coordinates, const Team& team) {
   const std::size_t cells = mesh.element_count(mesh.dimension);
   CellAccuracy found;
   found.parts = static_cast<std::size_t>(std::max(mesh.order - 1, 0));
@@ -98,7 +97,8 @@ CellAccuracy cell_accuracy(const HighOrderMesh& mesh, const Team& team) {
   const auto batches = detail::cell_batches(mesh, [](const ElementBlock&) { return kBatchCells; });
   team.run([&] {
     team.for_ranges(batches.size(), 1, [&](std::size_t begin, std::size_t end) {
-      for (std::size_t batch = begin; batch < end; ++batch) measure_cells(mesh, batches[batch], found);
+      for (std::size_t batch = begin; batch < end; ++batch)
+        measure_cells(coordinates, mesh.dimension, batches[batch], found);
     });
   });
   double total = 0;
@@ -109,8 +109,16 @@ CellAccuracy cell_accuracy(const HighOrderMesh& mesh, const Team& team) {
   return found;
 }
 
-Accuracy accuracy(const HighOrderMesh& mesh, const Team& team) {
-  const CellAccuracy cells = cell_accuracy(mesh, team);
+}  // namespace
+
+CellAccuracy cell_accuracy(const HighOrderMesh& mesh, const Team& team) {
+  return measure(mesh, mesh.coordinates, team);
+}
+
+Accuracy accuracy(const HighOrderMesh& mesh, const Team& team) { return accuracy(mesh, mesh.coordinates, team); }
+
+Accuracy accuracy(const HighOrderMesh& mesh, std::span<const double> coordinates, const Team& team) {
+  const CellAccuracy cells = measure(mesh, coordinates, team);
   Accuracy found;
   found.modal_parts.resize(cells.parts);
   double total = 0, sum = 0;

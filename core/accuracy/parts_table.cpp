@@ -4,7 +4,7 @@
 
 #include <Eigen/LU>
 #include <numeric>
-#include <utility>
+#include <tuple>
 
 #include "core/reference/cache.h"
 #include "core/reference/modal.h"
@@ -13,10 +13,10 @@
 namespace varimesh::detail {
 namespace {
 
-PartsTable make_table(Shape shape, int order) {
+PartsTable make_table(Shape shape, int order, reference::NodeSet set) {
   const int d = reference::info(shape).dimension;
   const double measure = reference::info(shape).measure;
-  const reference::Points& nodes = reference::nodes(shape, order, reference::NodeSet::Equispaced, d);
+  const reference::Points& nodes = reference::nodes(shape, order, set, d);
   const reference::Quadrature rule = reference::quadrature(shape, order, 2 * order);
   const std::vector<int> degrees = reference::modal_degrees(shape, order);
   std::vector<int> modes(degrees.size());
@@ -53,9 +53,9 @@ PartsTable make_table(Shape shape, int order) {
 
 }  // namespace
 
-const PartsTable& parts_table(Shape shape, int order) {
-  static reference::Cache<std::pair<Shape, int>, PartsTable> tables;
-  return tables.get({shape, order}, [&] { return make_table(shape, order); });
+const PartsTable& parts_table(Shape shape, int order, reference::NodeSet set) {
+  static reference::Cache<std::tuple<Shape, int, reference::NodeSet>, PartsTable> tables;
+  return tables.get({shape, order, set}, [&] { return make_table(shape, order, set); });
 }
 
 }  // namespace varimesh::detail

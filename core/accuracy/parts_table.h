@@ -4,7 +4,7 @@
 #include <Eigen/Core>
 #include <vector>
 
-#include "core/reference/shape.h"
+#include "core/reference/nodes.h"
 
 namespace varimesh::detail {
 
@@ -18,8 +18,8 @@ struct PartsTable {
   std::vector<std::vector<Eigen::MatrixXd>> products;
 };
 
-/// The table of a shape and order, on the equispaced nodes of a mesh's file. It is made once and kept until the program
-/// ends.
-const PartsTable& parts_table(Shape shape, int order);
+/// The table of a shape and order, on the equispaced nodes of a mesh's file or on the optimised ones. It is made once
+/// and kept until the program ends.
+const PartsTable& parts_table(Shape shape, int order, reference::NodeSet set = reference::NodeSet::Equispaced);
 
 }  // namespace varimesh::detail

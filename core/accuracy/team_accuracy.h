@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <span>
 
 #include "core/accuracy/accuracy.h"
 #include "core/base/team.h"
@@ -13,6 +14,8 @@ namespace varimesh {
 /// interrupt them.
 CellAccuracy cell_accuracy(const HighOrderMesh& mesh, const Team& team);
 Accuracy accuracy(const HighOrderMesh& mesh, const Team& team);
+/// The same of the mesh with its nodes at other coordinates, as HighOrderMesh::coordinates.
+Accuracy accuracy(const HighOrderMesh& mesh, std::span<const double> coordinates, const Team& team);
 
 /// The most bytes that accuracy() has in use, beside the tables.
 std::int64_t bytes_of_accuracy(const MeshCounts& counts);

@@ -48,7 +48,7 @@ std::uint64_t fingerprint(const HighOrderMesh& mesh, const std::vector<bool>& fi
                             int(o.regularisation), int(o.method), int(o.colouring), int(o.active_set), int(o.until),
                             o.quadrature_degree, int(o.target), int(o.repair), int(o.objective)})
     print.add(choice);
-  for (const double number : {o.mu, o.lambda, o.kappa, o.tolerance, o.until_js, o.p_norm}) print.add(number);
+  for (const double number : {o.mu, o.lambda, o.kappa, o.tolerance, o.until_js, o.min_js, o.p_norm}) print.add(number);
   return print.value();
 }
 

@@ -20,18 +20,6 @@ constexpr std::int64_t kFloat = sizeof(float), kDouble = sizeof(double), kInt = 
 /// Cells of a set, the lanes past the last one included.
 std::int64_t lanes(const SetSizes& set) { return (set.count + kBatch - 1) / kBatch * kBatch; }
 
-/// What a BatchSet keeps.
-std::int64_t bytes_of_batches(const SetSizes& set, const NewtonSizes& sizes) {
-  const std::int64_t d = set.dimension, square = d * d;
-  std::int64_t of_cell = kFloat * set.nodes * 2 * d + kInt * set.nodes;                // contributions, ranks
-  of_cell += set.points * (kFloat * sizes.hessian_entries + 2 * square);               // the linearisation
-  of_cell += kFloat * (square + 1) + kFloat * square * (set.affine ? 1 : set.points);  // mean, inverse_target
-  of_cell += (sizes.has_left_factor ? kFloat * square : 0) + (sizes.has_norm ? kFloat * set.nodes * d : 0);
-  const std::int64_t mirrors = std::int64_t{1} << reference::mirrors(set.shape).count;
-  const std::int64_t table = kFloat * set.points * set.nodes;
-  return lanes(set) * of_cell + table * (d * (d + 1) / 2 + 2 * d / mirrors);  // squares, the folded gradient
-}
-
 /// Order of the coarse level.
 int coarse_order(const MeshCounts& counts) { return std::min(counts.order, 2); }
 
@@ -97,6 +85,17 @@ std::int64_t bytes_of_vectors(const MeshCounts& counts) {
 }
 
 }  // namespace
+
+std::int64_t bytes_of_batches(const SetSizes& set, const NewtonSizes& sizes) {
+  const std::int64_t d = set.dimension, square = d * d;
+  std::int64_t of_cell = kFloat * set.nodes * 2 * d + kInt * set.nodes;                // contributions, ranks
+  of_cell += set.points * (kFloat * sizes.hessian_entries + 2 * square);               // the linearisation
+  of_cell += kFloat * (square + 1) + kFloat * square * (set.affine ? 1 : set.points);  // mean, inverse_target
+  of_cell += (sizes.has_left_factor ? kFloat * square : 0) + (sizes.has_norm ? kFloat * set.nodes * d : 0);
+  const std::int64_t mirrors = std::int64_t{1} << reference::mirrors(set.shape).count;
+  const std::int64_t table = kFloat * set.points * set.nodes;
+  return lanes(set) * of_cell + table * (d * (d + 1) / 2 + 2 * d / mirrors);  // squares, the folded gradient
+}
 
 std::int64_t bytes_of_newton(const MeshCounts& counts, const std::vector<SetSizes>& sets, const NewtonSizes& sizes) {
   std::int64_t bytes =

@@ -15,6 +15,9 @@ struct NewtonSizes {
   bool has_left_factor = false;  ///< As CellSet::left_factor.
 };
 
+/// What a BatchSet keeps.
+std::int64_t bytes_of_batches(const SetSizes& set, const NewtonSizes& sizes);
+
 /// What Newton's method keeps.
 std::int64_t bytes_of_newton(const MeshCounts& counts, const std::vector<SetSizes>& sets, const NewtonSizes& sizes);
 

@@ -77,6 +77,10 @@ bool Continuation::run_stages(const std::vector<Certificate>& certificates, Resu
     result.stop_reason = *nothing_to_do;
   else
     iterate(result);
+  if (options.objective == Objective::Accuracy) {
+    if (can_lower_loss(result)) lower_loss(result);
+    return true;
+  }
   const std::size_t stages = set_up_.stages.size();
   if (stages == 1 || (stage_ == 0 && !has_minimum_to_raise())) return true;
   while (!nothing_to_do && ended_by_itself(result.stop_reason) && ++stage_ < stages) {
@@ -236,6 +240,46 @@ bool Continuation::has_minimum_to_raise() {
   return true;
 }
 
+/// Brings the problem to the guard's kept state. Whether the descent may begin there: no cell is left that the energy
+/// could make valid.
+bool Continuation::can_lower_loss(const Result& result) {
+  const bool is_done = result.stop_reason == StopReason::Valid || result.stop_reason == StopReason::Repaired ||
+                       ended_by_itself(result.stop_reason);
+  if (!is_done || set_up_.options.until == Until::Valid) return false;
+  team_.run([&] {
+    guard_->certify_moved();
+    guard_->return_to_kept();
+  });
+  return guard_->unrepaired() == 0;
+}
+
+void Continuation::lower_loss(Result& result) {
+  const Options& options = set_up_.options;
+  const bool came_valid = result.before.uncertified.empty();
+  team_.run([&] {
+    stage_run_->free_methods();
+    descent_.emplace(DescentContext{set_up_.mesh, set_up_.problem, *set_up_.stages[0].kernels,
+                                    *set_up_.stages[0].hessian, material(options), *guard_, certifier_, team_,
+                                    options.min_js, came_valid});
+  });
+  result.stop_reason = StopReason::Converged;
+  for (bool last = !descent_->begin() || options.max_iterations <= stage_run_->last().number; !last;) {
+    if (control_.threads) team_.set_threads(control_.threads());
+    const DescentRound round = descent_->round();
+    last = round.last;
+    stage_run_->add(round);
+    result.stopped = on_iteration_ && on_iteration_(stage_run_->last()) == Control::Stop;
+    if (result.stopped)
+      result.stop_reason = StopReason::Stopped;
+    else if (!last && stage_run_->last().number >= options.max_iterations)
+      result.stop_reason = StopReason::Iterations;
+    last = last || result.stop_reason != StopReason::Converged;
+  }
+  result.converged = result.stop_reason == StopReason::Converged;
+  result.iterations = stage_run_->last().number;
+  result.residual = stage_run_->last().residual;
+}
+
 void Continuation::note_interruption(Result& result) {
   grace_.begin();
   grace_.say_stopped(result);
@@ -253,6 +297,8 @@ void Continuation::finish(std::vector<Certificate>& certificates, Result& result
   }
   result.seconds = stage_run_->seconds();
   result.history = stage_run_->take_history();
+  if (descent_) most_accurate_ = descent_->take_best();
+  descent_.reset();
   stage_run_.reset();  // frees what Newton's method needed
   drop_deformation(set_up_.problem);
   const Stopwatch watch;
@@ -313,8 +359,13 @@ void Continuation::take_mesh(std::vector<Certificate>& certificates, Result& res
   const auto uncertified = std::ranges::count_if(certificates, [](const Certificate& c) { return !c.is_valid(); });
   const bool keeps_best = set_up_.options.until_js > 0 || set_up_.stages.size() > 1;
   const bool takes_best = keeps_best && !best_->coordinates().empty() && best_->fewest() <= uncertified;
-  team_.run([&] { result.mesh.coordinates = takes_best ? best_->coordinates() : guard_->coordinates(); });
   result.proof_seconds += guard_->seconds();
+  if (!most_accurate_.coordinates.empty() && most_accurate_.uncertified <= uncertified) {
+    result.mesh.coordinates = std::move(most_accurate_.coordinates);
+    certificates = std::move(most_accurate_.certificates);
+    return;
+  }
+  team_.run([&] { result.mesh.coordinates = takes_best ? best_->coordinates() : guard_->coordinates(); });
   if (!takes_best) return;
   const auto certify = [&](const Team& team) {
     team.run([&] { certifier_.certify(result.mesh.coordinates, certificates, team); });

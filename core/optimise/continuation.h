@@ -9,6 +9,7 @@
 
 #include "core/base/stopwatch.h"
 #include "core/base/team.h"
+#include "core/descent/descent.h"
 #include "core/guard/best_mesh.h"
 #include "core/guard/guard.h"
 #include "core/optimise/grace.h"
@@ -50,6 +51,9 @@ class Continuation {
   double consider();
   bool raised_enough();
   std::optional<StopReason> begin_next_stage();
+  /// Objective::Accuracy, after the only stage: the rounds of the descent.
+  void lower_loss(Result& result);
+  bool can_lower_loss(const Result& result);
   /// The token of the run has interrupted a stage, or the beginning of one.
   void note_interruption(Result& result);
   void finish(std::vector<Certificate>& certificates, Result& result);
@@ -71,6 +75,8 @@ class Continuation {
   std::optional<Guard> guard_;
   std::optional<BestMesh> best_;
   std::optional<StageRun> stage_run_;
+  std::optional<Descent> descent_;
+  Descent::State most_accurate_;  ///< Of the descent; without coordinates if there was none.
 };
 
 }  // namespace varimesh

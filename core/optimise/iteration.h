@@ -8,10 +8,11 @@
 namespace varimesh {
 
 /// What part of the method an iteration belongs to.
-enum class Phase : std::uint8_t { Sweeps, Newton, Untangle };
+enum class Phase : std::uint8_t { Sweeps, Newton, Untangle, Accuracy };
 
-/// What is known after an iteration: a sweep, a Newton step, or a step of untangling (at most three Newton steps in
-/// every patch). All numbers but the seconds are dimensionless.
+/// What is known after an iteration: a sweep, a Newton step, a step of untangling (at most three Newton steps in every
+/// patch), or a round of the descent to the least loss of accuracy (core/descent/descent.h). All numbers but the
+/// seconds are dimensionless.
 struct Iteration {
   Phase phase = Phase::Sweeps;
   int number = 0;                     ///< 1, 2, … through the whole run.
@@ -25,7 +26,8 @@ struct Iteration {
   std::int64_t repairable_elements = 0;  ///< Those of them that are not unrepairable.
   std::int64_t left_elements = 0;        ///< Cells that would not be certified valid if the run ended here.
   std::int64_t active_nodes = 0;         ///< Free nodes visited.
-  int products = 0;                      ///< Products of the Hessian and a vector: conjugate-gradient iterations.
+  int products = 0;  ///< Products of the Hessian and a vector: conjugate-gradient iterations. Phase::Accuracy: steps of
+                     ///< L-BFGS.
   LinearSolve linear_solve = LinearSolve::None;  ///< How these iterations ended.
   double seconds = 0;                            ///< Since the optimisation began.
 };

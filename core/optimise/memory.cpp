@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "core/descent/descent_memory.h"
 #include "core/energy/material.h"
 #include "core/guard/guard_memory.h"
 #include "core/hessian/batches.h"
@@ -96,6 +97,7 @@ struct Run {
     std::int64_t methods = 0;
     if (options.method != Method::Newton) methods = of_sweeps();
     if (options.method != Method::Sweeps) methods = std::max(methods, of_newton());
+    if (options.objective == Objective::Accuracy) methods = std::max(methods, bytes_of_descent(counts, sets, newton));
     return between_methods() + methods;
   }
 };

@@ -115,6 +115,10 @@ std::string why_unmoved(const SetUp& set_up, const Result& result, const Team& t
     return "Every element is certified valid already, so nothing was moved.";
   if (result.iterations == 0 && result.stop_reason == StopReason::Quality)
     return "Every element has the scaled Jacobian that until_js names already, so nothing was moved.";
+  if (set_up.options.objective == Objective::Accuracy) {
+    const bool is_same = result.converged && result.mesh.coordinates == set_up.mesh.coordinates;
+    return is_same ? "No mesh with a lower loss of accuracy was found, so nothing was moved." : "";
+  }
   if (result.iterations != 1 || !result.converged || !result.before.uncertified.empty()) return "";
   bool straight = set_up.options.target == Target::StraightSided;
   team.run([&] { straight = straight && has_straight_sides(set_up.mesh, team.without_stop()); });
@@ -152,6 +156,7 @@ std::string pair_text(const QualityReport& report) {
 void keep_the_better(const SetUp& set_up, const std::vector<Certificate>& certificates, const Team& team,
                      Result& result) {
   if (!result.before.uncertified.empty() || set_up.options.target != Target::StraightSided) return;
+  if (set_up.options.objective == Objective::Accuracy) return;  // the descent has chosen by the loss
   QualityReport before = result.before;
   if (before.lattice_intervals != result.after.lattice_intervals)  // there was no time for the usual report
     before = quick_quality(set_up.mesh, certificates, team);

@@ -17,7 +17,7 @@ namespace varimesh {
 /// Why a run ended.
 enum class StopReason : std::uint8_t {
   Converged,   ///< Every free node is within the tolerance of the optimum; with Method::Sweeps: the residual is at most
-               ///< the tolerance.
+               ///< the tolerance; with Objective::Accuracy: another round would lower the loss by less than 1 %.
   Valid,       ///< Until::Valid: every cell is certified valid.
   Repaired,    ///< Until::Valid: every cell that is not certified valid is unrepairable.
   NoProgress,  ///< Until::Valid: no fewer uncertified cells after ten iterations. Or: no lower energy was found, or
@@ -78,9 +78,11 @@ struct Result : RunSummary {
   /// it is the run's last state or else the first with that number, and with until_js and Objective::Worst the one with
   /// the highest proved minimum of the scaled Jacobian. If all cells of the input mesh are certified valid and the
   /// target is the straight-sided shape, the smallest and the mean scaled Jacobian of `after` are not both lower than
-  /// those of `before`: the mesh would be as it came. With Repair::Split the mesh may have more elements and nodes,
-  /// numbered above those of the input. If the input is at its optimum already or has no free node, it comes back bit
-  /// for bit. Cells that came clockwise are clockwise here too, unless Options::orient is set.
+  /// those of `before`: the mesh would be as it came. With Objective::Accuracy it is the best mesh of the descent
+  /// (core/descent/descent.h) in place of that: if all cells of the input mesh are certified valid, its loss of
+  /// accuracy is not above theirs. With Repair::Split the mesh may have more elements and nodes, numbered above those
+  /// of the input. If the input is at its optimum already or has no free node, it comes back bit for bit. Cells that
+  /// came clockwise are clockwise here too, unless Options::orient is set.
   HighOrderMesh mesh;
 };
 

@@ -269,6 +269,31 @@ void StageRun::methods_state(Archive& archive) {
   if (with_untangler) untangler_->state(archive);
 }
 
+void StageRun::free_methods() {
+  newton_.reset();
+  untangler_.reset();
+  std::vector<char>().swap(rested_newton_);
+  drop_deformation(problem_);
+}
+
+void StageRun::add(const DescentRound& round) {
+  const int number = iteration_.number + 1;
+  iteration_ = {};
+  iteration_.phase = Phase::Accuracy;
+  iteration_.number = number;
+  iteration_.energy = round.energy;
+  iteration_.residual = round.residual;
+  iteration_.relative_gradient = round.relative_gradient;
+  iteration_.min_scaled_jacobian = round.min_scaled_jacobian;
+  iteration_.invalid_elements = guard_.uncertified();
+  iteration_.repairable_elements = guard_.repairable();
+  iteration_.left_elements = guard_.fewest();
+  iteration_.active_nodes = static_cast<std::int64_t>(problem_.free.size());
+  iteration_.products = round.steps;
+  iteration_.seconds = seconds();
+  history_.push_back(iteration_);
+}
+
 bool StageRun::is_near_optimum() const { return full_step_ && iteration_.residual <= kNearOptimum; }
 
 bool StageRun::resume(std::string_view checkpoint, std::uint64_t fingerprint) {

@@ -8,6 +8,7 @@
 
 #include "core/base/stopwatch.h"
 #include "core/base/team.h"
+#include "core/descent/descent.h"
 #include "core/guard/best_mesh.h"
 #include "core/guard/guard.h"
 #include "core/guard/settling.h"
@@ -70,6 +71,11 @@ class StageRun {
   bool settles(double lowest) { return settling_.after(lowest, iteration_.energy, full_step_); }
   /// Whether the last iteration was a whole Newton step so short that the next stage can go on from there.
   bool is_near_optimum() const;
+
+  /// Frees what the methods keep. No step() may follow.
+  void free_methods();
+  /// Adds a round of the descent that follows the stage to the history.
+  void add(const DescentRound& round);
 
   const Iteration& last() const { return iteration_; }
   bool converged() const { return converged_; }

@@ -18,7 +18,8 @@ Stage make_stage(const Options& options, int dimension) {
   Stage stage;
   stage.options = options;
   stage.kernels = make_kernels(material(options), dimension);
-  if (options.method != Method::Sweeps) stage.hessian = make_hessian_kernels(material(options), dimension);
+  const bool needs_hessian = options.method != Method::Sweeps || options.objective == Objective::Accuracy;
+  if (needs_hessian) stage.hessian = make_hessian_kernels(material(options), dimension);
   return stage;
 }
 
@@ -27,7 +28,8 @@ Stage make_stage(const Options& options, int dimension) {
 std::vector<Stage> make_stages(const Options& options, int dimension) {
   std::vector<Stage> stages;
   stages.push_back(make_stage(options, dimension));
-  if (options.objective == Objective::Energy) return stages;
+  if (options.objective == Objective::Accuracy) stages.front().options.until = Until::Valid;
+  if (options.objective != Objective::Worst) return stages;
   const Material first = material(options);
   const bool elastic = has_bulk_constant(first);
   for (const Pressure& pressure : kPressures) {

@@ -27,7 +27,7 @@ constexpr Words kMethod[] = {"auto", "sweeps", "newton"};
 constexpr Words kColouring[] = {"group", "node"};
 constexpr Words kUntil[] = {"tolerance", "valid"};
 constexpr Words kRepair[] = {"none", "report", "split", "straighten"};
-constexpr Words kObjective[] = {"energy", "worst"};
+constexpr Words kObjective[] = {"energy", "worst", "accuracy"};
 constexpr Words kTarget[] = {"straight-sided", "ideal", "size", "strain"};
 
 constexpr OptionRange kNotNegative{};
@@ -91,7 +91,9 @@ const std::array kTable{
            "The degree that the quadrature integrates exactly; 0: twice the order"),
     row("objective", choice<Objective, &Options::objective>(kObjective),
         "What the mesh is to be best at; worst raises the lowest scaled Jacobian as far as it goes, at two to "
-        "twenty times the cost"),
+        "twenty times the cost; accuracy lowers what a solver loses because elements are curved"),
+    number("min_js", &Options::min_js, {.most = 1, .without_most = true}, "a scaled Jacobian from 0 to below 1",
+           "The scaled Jacobian that every element is to keep or reach with the objective accuracy"),
     number("p_norm", &Options::p_norm, {.least = 1, .most = 16}, "1 (the energy itself) to 16",
            "The power to which the elements' mean energies are summed; a higher one weighs the worst elements more"),
     number("order", &Options::order, upto(kMaxOrder), "1 to 10, or 0 for the mesh's own order",

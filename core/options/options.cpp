@@ -22,6 +22,10 @@ Expected<void> check(const Options& options) {
     return bad_option(
         "objective is worst and until_js is given, but worst raises the lowest scaled Jacobian as far as it can; "
         "leave until_js at 0, or objective at energy.");
+  if (options.objective == Objective::Accuracy && options.until_js > 0)
+    return bad_option(
+        "objective is accuracy and until_js is given, but until_js ends a run before the loss of accuracy is lowered; "
+        "give min_js, the scaled Jacobian that every element is to have, and leave until_js at 0.");
   if (options.repair == Repair::Split && takes_field)
     return bad_option(
         "repair is split and the target is a field, but split elements would have no values in the field; choose "

@@ -29,8 +29,10 @@ enum class Constants : std::uint8_t {
 };
 /// What the optimisation improves.
 enum class Objective : std::uint8_t {
-  Energy,  ///< The energy.
-  Worst,   ///< The lowest scaled Jacobian. The mean ends at most 0.01 below the mean at the optimum of the energy.
+  Energy,    ///< The energy.
+  Worst,     ///< The lowest scaled Jacobian. The mean ends at most 0.01 below the mean at the optimum of the energy.
+  Accuracy,  ///< The least loss of accuracy (core/accuracy/accuracy.h) with a scaled Jacobian of at least `min_js`. The
+             ///< energy only makes the mesh valid.
 };
 enum class Regularisation : std::uint8_t {
   Element,  ///< One δ per element, from its own smallest J.
@@ -115,6 +117,8 @@ struct Options {
   double time_limit = 0;  ///< Stop when this many seconds have passed; 0: never.
   int threads = 0;        ///< Threads to use; 0: all of the machine's.
   Objective objective = Objective::Energy;
+  double min_js = 0.1;  ///< Objective::Accuracy only: the scaled Jacobian that every cell is to have at least, from 0
+                        ///< to below 1. If the boundary does not allow it, what it allows.
   double p_norm = 1;  ///< The power, 1 to 16, to which the cells' mean energies are summed. A higher one weighs the
                       ///< worst cells more.
   int quadrature_degree = 0;  ///< Degree that is integrated exactly; 0: 2 P. At least 2 (P − 1) on simplices.

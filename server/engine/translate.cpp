@@ -26,7 +26,7 @@ static_assert(same(v1::LINEAR_SOLVE_NONE, LinearSolve::None) && same(v1::LINEAR_
 static_assert(same(v1::UnrepairableGroup::KIND_VERTEX, UnrepairableGroup::Kind::Vertex) &&
               same(v1::UnrepairableGroup::KIND_FAN, UnrepairableGroup::Kind::Fan));
 static_assert(same(v1::PHASE_SWEEPS, Phase::Sweeps) && same(v1::PHASE_NEWTON, Phase::Newton) &&
-              same(v1::PHASE_UNTANGLE, Phase::Untangle));
+              same(v1::PHASE_UNTANGLE, Phase::Untangle) && same(v1::PHASE_ACCURACY, Phase::Accuracy));
 
 template <class Message, class Value>
 Message give(Value value) {

@@ -49,7 +49,8 @@ class Options(TypedDict, total=False):
     free_nodes: Iterable[int]
     region_below: float
     rings: int
-    objective: Literal["energy", "worst"]
+    objective: Literal["energy", "worst", "accuracy"]
+    min_js: float
     p_norm: float
     order: int
     active_set: bool

@@ -50,16 +50,18 @@ TEST(RemainingTime, IsUnknownIfTheResidualStandsStill) {
   EXPECT_FALSE(remaining.seconds());
 }
 
-TEST(RemainingTime, IsUnknownWithTheObjectiveWorst) {
-  v1::Options options;
-  options.set_objective(v1::OBJECTIVE_WORST);
-  RemainingTime remaining(options);
-  for (int i = 1; i <= 8; ++i) remaining.add(iteration(i, i, std::pow(10.0, -i)));
-  EXPECT_FALSE(remaining.seconds());
-  options.set_time_limit(9);
-  RemainingTime limited(options);
-  for (int i = 1; i <= 8; ++i) limited.add(iteration(i, i, std::pow(10.0, -i)));
-  EXPECT_NEAR(limited.seconds().value_or(-1), 1, 1e-9);
+TEST(RemainingTime, IsUnknownWithTheObjectivesWorstAndAccuracy) {
+  for (const v1::Objective objective : {v1::OBJECTIVE_WORST, v1::OBJECTIVE_ACCURACY}) {
+    v1::Options options;
+    options.set_objective(objective);
+    RemainingTime remaining(options);
+    for (int i = 1; i <= 8; ++i) remaining.add(iteration(i, i, std::pow(10.0, -i)));
+    EXPECT_FALSE(remaining.seconds());
+    options.set_time_limit(9);
+    RemainingTime limited(options);
+    for (int i = 1; i <= 8; ++i) limited.add(iteration(i, i, std::pow(10.0, -i)));
+    EXPECT_NEAR(limited.seconds().value_or(-1), 1, 1e-9);
+  }
 }
 
 TEST(RemainingTime, IsLimitedByIterationsAndTime) {

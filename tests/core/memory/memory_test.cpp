@@ -36,6 +36,7 @@ std::string name(const Sized& sized) {
   constexpr const char* kMethods[] = {"Auto", "BySweeps", "ByNewton"};
   text << kMethods[static_cast<int>(sized.method)] << "Energy" << static_cast<int>(sized.energy);
   if (sized.objective == Objective::Worst) text << "Worst";
+  if (sized.objective == Objective::Accuracy) text << "Accuracy";
   if (sized.is_tangled) text << "Tangled";
   if (sized.from_order > 0) text << "From" << sized.from_order;
   return text.str();
@@ -67,6 +68,10 @@ std::vector<Sized> all_cases() {
   for (const Filling filling : {Filling::Tetrahedra, Filling::Triangles, Filling::Hexahedra})
     cases.push_back(
         {filling, testing::is_plane(filling) ? 25 : 4, 3, Method::Auto, Energy::Hyperelastic, Objective::Worst});
+  for (const Filling filling : {Filling::Tetrahedra, Filling::Triangles, Filling::Hexahedra, Filling::Prisms})
+    for (const int order : {2, 4})
+      cases.push_back({filling, testing::is_plane(filling) ? 40 : 6, order, Method::Auto, Energy::Hyperelastic,
+                       Objective::Accuracy});
   // The tables of the diagnosis are not in the estimate (memory.h). Those of hexahedra of order 4 take 9 MB.
   for (const Filling filling : {Filling::Tetrahedra, Filling::Hexahedra, Filling::Prisms})
     cases.push_back({filling, 4, filling == Filling::Hexahedra ? 3 : 4, Method::Auto, Energy::Hyperelastic,

@@ -30,6 +30,16 @@ TEST(MakeStages, LeavesOutTheHessianIfNoNewtonStepIsToCome) {
   EXPECT_NE(make_stages(options, 2)[0].hessian, nullptr);
 }
 
+TEST(MakeStages, OnlyMakesTheMeshValidBeforeTheDescentForAccuracy) {
+  Options options;
+  options.objective = Objective::Accuracy;
+  options.method = Method::Sweeps;
+  const std::vector<Stage> stages = make_stages(options, 2);
+  ASSERT_EQ(stages.size(), 1U);
+  EXPECT_EQ(stages[0].options.until, Until::Valid);
+  EXPECT_NE(stages[0].hessian, nullptr) << "the barrier takes its gradient from it";
+}
+
 TEST(MakeStages, RaisesLambdaAndKappaForTheWorstCells) {
   for (const Energy energy : {Energy::Hyperelastic, Energy::LinearElastic}) {
     Options options;

@@ -64,6 +64,9 @@ inline std::vector<RunToStop> runs_of_all_phases() {
   add("splitting", six_in_a_ball(3), [](Options& o) { o.repair = Repair::Split; });
   add("straightening", two_in_a_ball(3), [](Options& o) { o.repair = Repair::Straighten; });
   add("worst", read_case("nine_triangles.msh"), [](Options& o) { o.objective = Objective::Worst; });
+  add("accuracy", read_case("nine_triangles.msh"), [](Options& o) { o.objective = Objective::Accuracy; });
+  add("accuracy_of_a_valid_mesh", pushed(Filling::Tetrahedra, {3, 3, 2}, 3, 0.01),
+      [](Options& o) { o.objective = Objective::Accuracy; });
   add("until_js", read_case("annulus_p3.msh"), [](Options& o) { o.until_js = 0.99; });
   add("change_of_order", pushed(Filling::Prisms, {2, 2, 2}, 2, 0.02), [](Options& o) { o.order = 4; });
   add("two_threads", pushed(Filling::Pyramids, {2, 2, 2}, 3, 0.08), [](Options& o) { o.threads = 2; });

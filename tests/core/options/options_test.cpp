@@ -65,6 +65,12 @@ TEST(CheckOptions, RefusesCombinationsThatContradictEachOther) {
   options.objective = Objective::Worst;
   options.until_js = .5;
   EXPECT_NE(refusal(options).find("objective is worst"), std::string::npos);
+  options.objective = Objective::Accuracy;
+  EXPECT_NE(refusal(options).find("objective is accuracy"), std::string::npos);
+  options.until_js = 0;
+  EXPECT_EQ(refusal(options), "");
+  options.min_js = 1;
+  EXPECT_NE(refusal(options).find("min_js"), std::string::npos);
   options = {};
   options.repair = Repair::Split;
   options.region_below = .5;

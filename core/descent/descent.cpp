@@ -1,0 +1,231 @@
+#include "core/descent/descent.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "core/accuracy/team_accuracy.h"
+#include "core/base/line_search.h"
+#include "core/kernels/p_norm.h"
+
+namespace varimesh {
+namespace {
+
+/// ε_e is the squared loss times this. Ten times as much costs 3 % of the loss on the first meshes of docs/accuracy.md;
+/// a third leaves the scaled Jacobian of some elements .05 lower.
+constexpr double kWeight = 3;
+constexpr double kRaise = 4;
+/// A mesh with a higher minimum of the scaled Jacobian may have a loss that is this much higher, until the minimum is
+/// kWanted.
+constexpr double kLossGivenForJs = 1.02;
+/// Cells below this scaled Jacobian get more weight as long as that costs no more.
+constexpr double kWanted = 0.5;
+constexpr int kMostRaises = 8;
+/// A round that lowers the loss by less than this is the last, unless a cell still needs more weight.
+constexpr double kFalls = 0.99;
+/// L-BFGS ends when a whole step would lower the sum by about this share of it.
+constexpr double kLittle = 1e-3;
+constexpr int kMostSteps = 40;
+constexpr int kMostTrials = 12;
+/// The rounding of the loss of a straight-sided mesh is less.
+constexpr double kNoLoss = 1e-12;
+/// How closely the minimum of the scaled Jacobian is proved.
+constexpr double kGap = 1e-3;
+constexpr double kNoise = 1e-13;  // of the sum
+constexpr std::size_t kNodesPerTask = 4096;
+constexpr std::size_t kCellsPerSum = 512;
+
+}  // namespace
+
+Descent::Descent(const DescentContext& context)
+    : context_(context),
+      problem_(context.problem),
+      team_(context.team),
+      reduction_(team_),
+      space_(own_space(problem_)),
+      form_(problem_, space_, team_),
+      barrier_(problem_, context.kernels, context.hessian, form_.volume(), team_),
+      levels_(problem_, context.mesh, space_, team_),
+      quasi_newton_(problem_.free.size() * problem_.dimension, team_),
+      factors_(problem_.cells, 1.0),
+      weights_(problem_.cells),
+      gradient_(problem_.free.size() * problem_.dimension),
+      next_gradient_(gradient_.size()),
+      step_(gradient_.size()),
+      start_(gradient_.size()),
+      work_(gradient_.size()),
+      lost_(problem_.cells, 0) {
+  const std::vector<Standing> standings = context.guard.standings();
+  for (CellSet& set : problem_.sets)
+    for (std::int32_t cell = 0; cell < set.count; ++cell)
+      if (standings[set.first + cell] == Standing::Valid) set.delta_squared[cell] = 0;
+}
+
+bool Descent::begin() {
+  best_ = kept_state();
+  start_loss_ = last_loss_ = best_.loss;
+  if (best_.uncertified == 0 && reaches_bound(best_)) least_loss_ = best_.loss;
+  return start_loss_ > kNoLoss;
+}
+
+Descent::State Descent::kept_state() const {
+  State state;
+  team_.run([&] {
+    state.coordinates = context_.guard.coordinates();
+    state.certificates = context_.guard.certificates();
+    const CertificateSummary summary =
+        context_.certifier.sharpen(state.coordinates, state.certificates, kGap, team_.stop());
+    state.uncertified = summary.invalid + summary.undecided;
+    state.scaled_jacobian = summary.min_scaled_jacobian_lower_bound;
+  });
+  state.loss = accuracy(context_.mesh, state.coordinates, team_).loss;
+  return state;
+}
+
+bool Descent::is_better(const State& state) const {
+  if (state.uncertified != best_.uncertified) return state.uncertified < best_.uncertified;
+  if (context_.came_valid) {
+    const bool is_worth_it = state.loss < kFalls * start_loss_ || best_.scaled_jacobian < kWanted;
+    if (state.loss > start_loss_ || !is_worth_it) return false;
+  }
+  if (reaches_bound(state) != reaches_bound(best_)) return reaches_bound(state);
+  if (!reaches_bound(state)) return state.scaled_jacobian > best_.scaled_jacobian;
+  const double most = kLossGivenForJs * least_loss_;
+  if (best_.loss > most || state.loss > most) return state.loss < best_.loss;
+  const double js = std::min(state.scaled_jacobian, kWanted), of_best = std::min(best_.scaled_jacobian, kWanted);
+  return js != of_best ? js > of_best : state.loss < best_.loss;
+}
+
+void Descent::set_weights(double loss) {
+  const Material& m = context_.material;
+  const double stiffness = has_bulk_constant(m) ? m.mu + (m.lambda + m.mu) / problem_.dimension : 1;
+  for (std::size_t cell = 0; cell < weights_.size(); ++cell) weights_[cell] = kWeight * loss * loss * factors_[cell];
+  std::vector<double> stiff(weights_);
+  for (double& one : stiff) one *= stiffness;
+  levels_.take_diagonals(form_, stiff);
+}
+
+double Descent::evaluate(std::vector<double>& gradient) {
+  const double energy = barrier_.gradient(weights_, gradient);
+  if (!std::isfinite(energy)) return energy;
+  const double loss = form_.gradient(work_);
+  team_.for_ranges(gradient.size(), kNodesPerTask, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) gradient[i] += work_[i];
+  });
+  return energy + loss;
+}
+
+double Descent::find_step() {
+  const auto precondition = [&](std::span<const double> r, std::span<double> z) { levels_.apply(r, z); };
+  double slope = quasi_newton_.direction(gradient_, step_, work_, precondition);
+  if (slope < 0) return slope;
+  quasi_newton_.forget();
+  return quasi_newton_.direction(gradient_, step_, work_, precondition);
+}
+
+void Descent::place(double alpha) {
+  const std::size_t d = problem_.dimension;
+  team_.for_ranges(problem_.free.size(), kNodesPerTask, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t f = begin; f < end; ++f)
+      for (std::size_t k = 0; k < d; ++k)
+        problem_.positions[problem_.free[f] * d + k] = start_[f * d + k] + alpha * step_[f * d + k];
+  });
+}
+
+void Descent::minimise(DescentRound& round) {
+  quasi_newton_.forget();
+  double value = evaluate(gradient_);
+  if (!std::isfinite(value)) return;
+  if (first_gradient_ == 0) first_gradient_ = std::sqrt(quasi_newton_.dot(gradient_, gradient_));
+  while (round.steps < kMostSteps) {
+    const double slope = find_step();
+    if (!(slope < 0) || -slope <= kLittle * value) break;
+    start_ = free_positions(problem_, problem_.positions);
+    const AcceptedStep accepted = backtrack({value, slope, kNoise * value, kMostTrials}, [&](double alpha) {
+      place(alpha);
+      return evaluate(next_gradient_);
+    });
+    if (accepted.alpha == 0) {
+      place(0);
+      break;
+    }
+    ++round.steps;
+    round.residual = accepted.alpha * largest_displacement();
+    for (std::size_t i = 0; i < step_.size(); ++i) {
+      step_[i] *= accepted.alpha;
+      work_[i] = next_gradient_[i] - gradient_[i];
+    }
+    quasi_newton_.note(step_, work_, [&](std::span<const double> r, std::span<double> z) { levels_.apply(r, z); });
+    gradient_.swap(next_gradient_);
+    value = accepted.energy;
+  }
+  round.relative_gradient =
+      first_gradient_ > 0 ? std::sqrt(quasi_newton_.dot(gradient_, gradient_)) / first_gradient_ : 0;
+}
+
+double Descent::largest_displacement() const {
+  const std::size_t d = problem_.dimension;
+  double largest = 0;
+  for (std::size_t f = 0; f < problem_.free.size(); ++f) {
+    double square = 0;
+    for (std::size_t k = 0; k < d; ++k) square += step_[f * d + k] * step_[f * d + k];
+    largest = std::max(largest, std::sqrt(square) * problem_.inverse_size[f]);
+  }
+  return largest;
+}
+
+void Descent::keep_certificates() {
+  context_.guard.certify_moved();
+  const std::vector<Standing> standings = context_.guard.standings();
+  for (std::size_t cell = 0; cell < lost_.size(); ++cell) lost_[cell] = standings[cell] == Standing::Lost ? 1 : 0;
+  if (context_.guard.lost() > 0) context_.guard.return_to_kept();
+}
+
+std::int64_t Descent::raise_low(double wanted) {
+  std::int64_t low = 0;
+  const std::span<const CellScan> scans = barrier_.scans();
+  for (std::size_t cell = 0; cell < factors_.size(); ++cell) {
+    if (lost_[cell] == 0 && scans[cell].scaled_jacobian >= wanted) continue;
+    factors_[cell] *= kRaise;
+    ++low;
+  }
+  return low;
+}
+
+/// Sets what the scans of the last evaluation say.
+void Descent::note_scans(DescentRound& round) const {
+  const std::span<const CellScan> scans = barrier_.scans();
+  double energy = 0, measure = 0;
+  round.min_scaled_jacobian = 1;
+  for (const CellSet& set : problem_.sets)
+    for (std::int32_t cell = 0; cell < set.count; ++cell) {
+      energy += scans[set.first + cell].energy;
+      measure += cell_measure(set, cell);
+      round.min_scaled_jacobian = std::min(round.min_scaled_jacobian, scans[set.first + cell].scaled_jacobian);
+    }
+  round.energy = energy / measure;
+}
+
+DescentRound Descent::round() {
+  DescentRound round;
+  team_.run([&] {
+    set_weights(last_loss_);
+    minimise(round);
+    keep_certificates();
+  });
+  note_scans(round);
+  State state = kept_state();
+  const bool reaches = state.uncertified == 0 && reaches_bound(state);
+  // The scans see the quadrature points only.
+  const double margin = std::max(0.0, round.min_scaled_jacobian - state.scaled_jacobian);
+  const std::int64_t low = raise_low((reaches ? std::max(kWanted, context_.min_js) : context_.min_js) + margin);
+  raises_ += low > 0 ? 1 : 0;
+  if (reaches) least_loss_ = std::min(least_loss_, state.loss);
+  const bool costs = reaches && state.loss > kLossGivenForJs * least_loss_;
+  const bool falls = state.loss < kFalls * last_loss_;
+  round.last = (low == 0 && !falls) || raises_ > kMostRaises || costs;
+  last_loss_ = std::min(last_loss_, state.loss);
+  if (is_better(state)) best_ = std::move(state);
+  return round;
+}
+
+}  // namespace varimesh

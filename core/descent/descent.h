@@ -1,0 +1,120 @@
+// The descent from a valid mesh to the least loss of accuracy, with the energy as its barrier.
+#pragma once
+
+#include <cstdint>
+#include <limits>
+#include <vector>
+
+#include "core/base/team.h"
+#include "core/descent/barrier.h"
+#include "core/descent/modal_form.h"
+#include "core/descent/order_levels.h"
+#include "core/descent/order_space.h"
+#include "core/descent/quasi_newton.h"
+#include "core/energy/material.h"
+#include "core/guard/guard.h"
+#include "core/validity/certifier.h"
+
+namespace varimesh {
+
+/// What a descent works with. All of it outlives the descent.
+struct DescentContext {
+  const HighOrderMesh& mesh;
+  Problem& problem;
+  const Kernels& kernels;
+  const HessianKernels& hessian;
+  Material material;
+  Guard& guard;
+  const Certifier& certifier;
+  const Team& team;
+  double min_js = 0;        ///< Options::min_js.
+  bool came_valid = false;  ///< The loss must not end above what it was at the start of the descent.
+};
+
+/// What one round did.
+struct DescentRound {
+  double residual = 0;             ///< The largest displacement of a node in the last step, in units of the size of the
+                                   ///< cells around it (sizes.h).
+  double relative_gradient = 0;    ///< The norm of the last gradient relative to the first one of the descent.
+  double energy = 0;               ///< Σ ∫ W |det A| over the cells, divided by Σ ∫ |det A|.
+  double min_scaled_jacobian = 0;  ///< At the quadrature points.
+  int steps = 0;                   ///< Of the quasi-Newton method.
+  bool last = false;               ///< Another round would gain nothing.
+};
+
+/// Minimises over the free nodes
+///
+///     Q(x) + 1/V Σ_e ε_e ∫_e W(F) dx,
+///
+/// Q being the squared loss of accuracy (modal_form.h). Q alone keeps no cell valid; the energy does, as a barrier. A
+/// round is a minimisation by L-BFGS with given ε_e. At first ε_e is the same for all cells, the squared loss times a
+/// constant, and falls with the loss from round to round. After a round, the cells whose scaled Jacobian is too low
+/// take four times their ε_e. docs/accuracy.md has the figures.
+///
+/// Certificates are kept (guard.h): a round that costs a cell its certificate puts the cell's nodes back. The best mesh
+/// so far is kept whatever the rounds after it do.
+class Descent {
+ public:
+  /// problem.positions are those of the guard's kept state. Call it inside team.run(), and all other functions outside.
+  /// The team's token may interrupt all of them.
+  explicit Descent(const DescentContext& context);
+
+  /// Takes the mesh as it is for the best. Call it before the first round. False if there is no loss to lower.
+  bool begin();
+
+  /// One round. If the token interrupts it, the best mesh is the same as before.
+  DescentRound round();
+
+  /// A mesh, and what is known about it.
+  struct State {
+    std::vector<double> coordinates;  ///< 3 per node, interleaved, as HighOrderMesh::coordinates.
+    std::vector<Certificate> certificates;
+    std::int64_t uncertified = std::numeric_limits<std::int64_t>::max();
+    double scaled_jacobian = -1;  ///< The proved minimum.
+    double loss = std::numeric_limits<double>::infinity();
+  };
+  /// The best mesh among those with the fewest uncertified cells. If none has the scaled Jacobian of the context, it is
+  /// the one with the highest. Otherwise its loss is within 2 % of the least one of those that have it, and its scaled
+  /// Jacobian is the highest up to 0.5 of those within.
+  const State& best() const { return best_; }
+  State take_best() { return std::move(best_); }
+
+ private:
+  /// The state that the guard keeps.
+  State kept_state() const;
+  bool is_better(const State& state) const;
+  bool reaches_bound(const State& state) const { return state.scaled_jacobian >= context_.min_js; }
+  void set_weights(double loss);
+  /// The sum at problem.positions; sets `gradient`.
+  double evaluate(std::vector<double>& gradient);
+  void minimise(DescentRound& round);
+  /// Finds a quasi-Newton step; returns its slope.
+  double find_step();
+  void place(double alpha);
+  double largest_displacement() const;
+  void keep_certificates();
+  /// Gives cells with a low scaled Jacobian more weight; returns how many there are.
+  std::int64_t raise_low(double wanted);
+  void note_scans(DescentRound& round) const;
+
+  DescentContext context_;
+  Problem& problem_;
+  const Team& team_;
+  Reduction reduction_;
+  OrderSpace space_;
+  ModalForm form_;
+  Barrier barrier_;
+  OrderLevels levels_;
+  QuasiNewton quasi_newton_;
+  std::vector<double> factors_;  ///< By cell: what ε_e has been raised by.
+  std::vector<double> weights_;  ///< By cell: ε_e.
+  std::vector<double> gradient_, next_gradient_, step_, start_, work_;
+  std::vector<char> lost_;  ///< By cell of the problem: it lost its certificate in the last round.
+  double first_gradient_ = 0;
+  double start_loss_ = 0, last_loss_ = 0;
+  double least_loss_ = std::numeric_limits<double>::infinity();  ///< Of the meshes that reach the bound.
+  int raises_ = 0;
+  State best_;
+};
+
+}  // namespace varimesh

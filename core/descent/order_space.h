@@ -1,0 +1,64 @@
+// The maps of lower order on the cells of a mesh: their free nodes, and sums over the cells of each.
+#pragma once
+
+#include <Eigen/Core>
+#include <algorithm>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "core/base/team.h"
+#include "core/mesh/high_order_mesh.h"
+#include "core/problem/problem.h"
+
+namespace varimesh {
+
+/// The continuous maps of one order on the cells of a problem, by their values at the optimised nodes of that order. A
+/// node is free if it lies in a vertex, edge, face or cell whose nodes are free in the problem's own order. A *place*
+/// is a node of a cell; places are numbered set by set, cell by cell, in the order of the cell's nodes.
+struct OrderSpace {
+  int order = 0;
+  std::int32_t count = 0;  ///< Free nodes; d numbers each in all vectors.
+  struct Set {             ///< One for each of Problem::sets.
+    int nodes_per_cell = 0;
+    std::int64_t first = 0;             ///< The set's first place.
+    std::vector<std::int32_t> numbers;  ///< cells × nodes_per_cell: the number of the free node, −1 if it is fixed.
+    std::vector<std::int32_t> owned;    ///< The same, but −1 except at the first place of each free node.
+  };
+  std::vector<Set> sets;
+  std::vector<std::int64_t> begin;   ///< count + 1: where each free node's places begin in `places`.
+  std::vector<std::int64_t> places;  ///< In ascending order for each node.
+  std::int64_t place_count = 0;
+};
+
+/// The space of the problem's own order; its free nodes are numbered as Problem::free.
+OrderSpace own_space(const Problem& problem);
+
+/// The space of a lower order. `mesh` is the one that the problem was built from.
+OrderSpace lower_space(const Problem& problem, const HighOrderMesh& mesh, int order);
+
+/// Cells that matrices are applied to at the same time. The sums do not depend on it.
+inline constexpr std::int32_t kCellsTogether = 16;
+
+/// The values of a vector of the space at the nodes of cells `first` … `first` + `count` − 1 of a set: nodes_per_cell ×
+/// (count · d), 0 at fixed nodes. `numbers` is OrderSpace::Set::numbers or owned.
+void gather(const std::vector<std::int32_t>& numbers, int nodes_per_cell, std::int32_t first, std::int32_t count, int d,
+            std::span<const double> vector, Eigen::MatrixXd& out);
+
+/// out of a node = Σ contributions at its places, in their order. `contributions` has d numbers per place.
+void add_up(const OrderSpace& space, int d, std::span<const double> contributions, std::span<double> out,
+            const Team& team);
+
+/// Calls body(set, first, count) for groups of at most kCellsTogether cells that make up all sets.
+template <class Body>
+void for_cells_together(const Problem& problem, const Team& team, const Body& body) {
+  for (std::size_t set = 0; set < problem.sets.size(); ++set) {
+    const std::int32_t cells = problem.sets[set].count;
+    team.for_each((cells + kCellsTogether - 1) / kCellsTogether, 1, [&](std::int32_t group) {
+      const std::int32_t first = group * kCellsTogether;
+      body(set, first, std::min(kCellsTogether, cells - first));
+    });
+  }
+}
+
+}  // namespace varimesh
