@@ -22,7 +22,13 @@ void QuasiNewton::add(double factor, std::span<const double> from, std::span<dou
 bool QuasiNewton::add_pair(std::span<const double> step, std::span<const double> change) {
   const double curvature = dot(step, change);
   if (!(curvature > 0)) return false;
-  if (pairs_.empty()) pairs_.resize(kPairs);
+  if (pairs_.empty()) {  // all at once, so that the memory of a run does not depend on how many steps it takes
+    pairs_.resize(kPairs);
+    for (Pair& one : pairs_) {
+      one.step.resize(unknowns_);
+      one.change.resize(unknowns_);
+    }
+  }
   newest_ = (newest_ + 1) % kPairs;
   used_ = std::min(used_ + 1, kPairs);
   Pair& added = pair(0);

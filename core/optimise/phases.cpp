@@ -53,6 +53,8 @@ bool PhaseChooser::next(std::int64_t repairable, std::int64_t unrepaired, bool s
       else if (stalled || (repairable == 0 && times_stuck_ == 0))
         turn_to(Phase::Newton, kPatience);
       return true;
+    case Phase::Accuracy:  // comes after all phases of a stage; the chooser never names it
+      return true;
   }
   return true;
 }
