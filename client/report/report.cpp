@@ -74,11 +74,11 @@ Expected<void> write_report(const std::string& path, const Report& report) {
                           {"report", {embedded_all}},
                           {"arrays", {arrays}},
                           {"library", {needs_library ? page::three_min_js : std::string_view()}},
-                          {"script",
-                           {page::dom_js, page::numbers_js, page::axes_js, page::charts_js, page::colours_js,
-                            page::unpack_js, page::cells_js, page::overlay_js, page::paths_2d_js, page::viewport_2d_js,
-                            page::view_2d_js, page::lattices_js, page::camera_3d_js, page::cut_js, page::view_3d_js,
-                            page::pictures_js, page::quality_js, page::convergence_js, page::main_js}}},
+                          {"script", {page::dom_js,       page::numbers_js,     page::axes_js,        page::charts_js,
+                                      page::colours_js,   page::unpack_js,      page::cells_js,       page::overlay_js,
+                                      page::paths_2d_js,  page::viewport_2d_js, page::view_2d_js,     page::lattices_js,
+                                      page::camera_3d_js, page::surface_3d_js,  page::cut_js,         page::view_3d_js,
+                                      page::pictures_js,  page::quality_js,     page::convergence_js, page::main_js}}},
                          &*file);
       !filled)
     return filled;

@@ -67,17 +67,10 @@ class AllCells {
 }
 
 /** Draws cells with straight edges between their corners. */
-class DrawnCells {
+class DrawnCells extends Surface3d {
   constructor(scene, cells, snapshot) {
+    super(scene);
     Object.assign(this, {cells, snapshot, shown: [], owners: []});
-    this.surface = new THREE.BufferGeometry();
-    this.outline = new THREE.BufferGeometry();
-    this.solid = new THREE.MeshLambertMaterial({vertexColors: true, side: THREE.DoubleSide, polygonOffset: true,
-      polygonOffsetFactor: 1, polygonOffsetUnits: 1});
-    this.ink = new THREE.LineBasicMaterial({transparent: true});
-    this.mesh = new THREE.Mesh(this.surface, this.solid);
-    this.lines = new THREE.LineSegments(this.outline, this.ink);
-    scene.add(this.mesh, this.lines);
   }
 
   colour() {
@@ -87,13 +80,11 @@ class DrawnCells {
   show(shown) {
     this.shown = shown;
     this.mesh.visible = this.lines.visible = shown.length > 0;
-    this.ink.color.set(darkTheme.matches ? 0xdfe6ea : 0x141c22);
-    this.ink.opacity = 0.55 * (darkTheme.matches ? 0.6 : 1);
+    this.drawEdges(false);
     if (!shown.length) return;
     const {arrays, corners, first, sizes} = this.cells;
     const places = arrays[`all_vertices_${this.snapshot}`];
-    const linear = (value) => ((value / 255 + 0.055) / 1.055) ** 2.4;
-    const bins = Array.from({length: 256}, (_, value) => colourOf(value / 255).map(linear));
+    const bins = Array.from({length: 256}, (_, value) => colourOf(value / 255).map(linearPart));
     let [triangles, segments] = [0, 0];
     for (const cell of shown) {
       triangles += CELL_TRIANGLES[sizes[cell]].length;

@@ -2,7 +2,7 @@
 
 /** The colours of all points of a face set, in the linear colour space of the library. */
 function pointColours(faces, table, snapshot) {
-  const linear = (value) => ((value / 255 + 0.055) / 1.055) ** 2.4 * 65535;
+  const linear = (value) => linearPart(value) * 65535;
   const bins = Array.from({length: COLOURS}, (_, bin) => colourOf((bin + 0.5) / COLOURS).map(linear));
   const invalid = colourOf(-1).map(linear);
   const colours = new Uint16Array(3 * faces.cells.length * faces.pattern.count);
@@ -15,29 +15,22 @@ function pointColours(faces, table, snapshot) {
   return colours;
 }
 
-/** One set of faces as objects of the library. */
-class DrawnFaces {
+/** Draws one set of faces. */
+class DrawnFaces extends Surface3d {
   constructor(scene, faces, table, snapshot) {
+    super(scene);
     Object.assign(this, {faces, table, snapshot});
     const place = new THREE.BufferAttribute(faces.positions(snapshot), 3);
-    this.surface = new THREE.BufferGeometry();
     this.surface.setAttribute('position', place);
     this.surface.setIndex(new THREE.BufferAttribute(faces.select(faces.pattern.triangles, () => true), 1));
     this.surface.computeVertexNormals();
-    this.outline = new THREE.BufferGeometry();
     this.outline.setAttribute('position', place);
-    this.solid = new THREE.MeshLambertMaterial({vertexColors: true, side: THREE.DoubleSide, polygonOffset: true,
-      polygonOffsetFactor: 1, polygonOffsetUnits: 1});
-    this.ink = new THREE.LineBasicMaterial({transparent: true});
-    this.mesh = new THREE.Mesh(this.surface, this.solid);
-    this.lines = new THREE.LineSegments(this.outline, this.ink);
-    scene.add(this.mesh, this.lines);
     this.colour();
   }
 
   colour() {
     this.surface.setAttribute('color', new THREE.BufferAttribute(pointColours(this.faces, this.table, this.snapshot), 3, true));
-    this.ink.color.set(darkTheme.matches ? 0xdfe6ea : 0x141c22);
+    this.drawEdges(this.solid.transparent);
   }
 
   /** Shows the faces of the cells for which shown(cell) is true. */
@@ -46,7 +39,7 @@ class DrawnFaces {
     this.outline.setIndex(new THREE.BufferAttribute(this.faces.select(this.faces.pattern.lines, shown), 1));
     Object.assign(this.solid, {transparent: seeThrough, opacity: seeThrough ? 0.12 : 1, depthWrite: !seeThrough});
     this.solid.needsUpdate = true;
-    this.ink.opacity = (seeThrough ? 0.12 : 0.55) * (darkTheme.matches ? 0.6 : 1);
+    this.drawEdges(seeThrough);
     this.mesh.visible = this.lines.visible = this.surface.index.count > 0;
   }
 }
