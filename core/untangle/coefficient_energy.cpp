@@ -8,6 +8,7 @@
 #include <type_traits>
 
 #include "core/kernels/p_norm.h"
+#include "core/untangle/dense_product.h"
 
 namespace varimesh {
 namespace {
@@ -193,6 +194,7 @@ CoefficientEnergy::Expansion CoefficientEnergy::expand(const Cell& cell, double 
   if (unknowns == 0) return out;
   add_shape(cell, epsilon, stop, out);
   if (!cell.movable.empty()) add_barrier(cell, epsilon, stop, out);
+  out.hessian.triangularView<Eigen::StrictlyUpper>() = out.hessian.transpose();
   return out;
 }
 
@@ -209,8 +211,9 @@ void CoefficientEnergy::add_shape_in(const Cell& cell, double epsilon, const Sto
   const Matrix<d> factor = left_factor<d>(set_, cell.number);
   const double measure = cell_measure(set_, cell.number), at = cell.unrepairable ? kUnrepairableEpsilon : epsilon;
   const Eigen::Map<const PerNode<d>> positions(cell.positions.data(), set_.nodes_per_cell, d);
-  Eigen::MatrixXd gradients(nodes, points * d), y(nodes * d, points), c(nodes * d, points);
-  Eigen::VectorXd II(points * d), IJ(points), JJ(points);
+  // The part with F:dF and C:dF is left rightᵀ, and the part with |dF|² is from weighted gradientsᵀ.
+  Eigen::MatrixXd gradients(nodes, points * d), weighted(nodes, points * d);
+  Eigen::MatrixXd left(nodes * d, 2 * points), right(nodes * d, 2 * points);
   for (int q = 0; q < points; ++q) {
     look(stop);
     const Point<d> point(set_, cell.number, q);
@@ -219,34 +222,28 @@ void CoefficientEnergy::add_shape_in(const Cell& cell, double epsilon, const Sto
     const Matrix<d> LF = factor * F, LC = factor * C;
     const ShapeTerm f(F.squaredNorm(), F.determinant(), at, d);
     const double w = point.weight / measure;
+    Eigen::VectorXd y(nodes * d), c(nodes * d);
     for (Eigen::Index n = 0; n < nodes; ++n) {
       const Eigen::Matrix<double, 1, d> g =
           reference.row(cell.free[static_cast<std::size_t>(n)]) * point.inverse_target;
       gradients.template block<1, d>(n, q * d) = g;
-      y.col(q).template segment<d>(n * d) = LF * g.transpose();
-      c.col(q).template segment<d>(n * d) = LC * g.transpose();
+      y.template segment<d>(n * d) = LF * g.transpose();
+      c.template segment<d>(n * d) = LC * g.transpose();
     }
+    weighted.template middleCols<d>(q * d) = 2 * w * f.I_slope * gradients.template middleCols<d>(q * d);
+    left.col(2 * q) = c;
+    right.col(2 * q) = 2 * w * f.IJ * y + w * f.JJ * c;
+    left.col(2 * q + 1) = y;
+    right.col(2 * q + 1) = 2 * w * f.IJ * c;
     out.value += w * f.f;
-    out.gradient.noalias() += w * (2 * f.I_slope * y.col(q) + f.J_slope * c.col(q));
-    II.segment(q * d, d).setConstant(2 * w * f.I_slope);
-    IJ[q] = 2 * w * f.IJ;
-    JJ[q] = w * f.JJ;
+    out.gradient.noalias() += w * (2 * f.I_slope * y + f.J_slope * c);
   }
-  const Eigen::Index most = columns_per_look(2 * static_cast<double>(c.rows() * c.rows()));
-  for (Eigen::Index first = 0; first < points; first += most) {
-    look(stop);
-    const Eigen::Index count = std::min<Eigen::Index>(most, points - first);
-    const auto some_c = c.middleCols(first, count), some_y = y.middleCols(first, count);
-    const Eigen::MatrixXd half = some_c * (some_y * IJ.segment(first, count).asDiagonal() +
-                                           some_c * (0.5 * JJ.segment(first, count)).asDiagonal())
-                                              .transpose();
-    out.hessian += half + half.transpose();
-  }
-  look(stop);
-  const Eigen::MatrixXd plain = gradients * II.asDiagonal() * gradients.transpose();
+  detail::add_product(left, right, out.hessian.data(), nodes * d, detail::Entries::Lower, stop);
+  Eigen::MatrixXd plain = Eigen::MatrixXd::Zero(nodes, nodes);
+  detail::add_product(weighted, gradients, plain.data(), nodes, detail::Entries::Lower, stop);
   const Matrix<d> square = factor * factor;
   for (Eigen::Index n = 0; n < nodes; ++n)
-    for (Eigen::Index m = 0; m < nodes; ++m) out.hessian.template block<d, d>(m * d, n * d) += plain(m, n) * square;
+    for (Eigen::Index m = n; m < nodes; ++m) out.hessian.template block<d, d>(m * d, n * d) += plain(m, n) * square;
 }
 
 void CoefficientEnergy::add_barrier(const Cell& cell, double epsilon, const StopToken* stop, Expansion& out) const {
@@ -265,14 +262,7 @@ void CoefficientEnergy::add_barrier(const Cell& cell, double epsilon, const Stop
   }
   out.gradient.noalias() += slope.transpose() * first;
   const Eigen::MatrixXd root = (second.asDiagonal() * slope).transpose();
-  Eigen::MatrixXd lower = Eigen::MatrixXd::Zero(out.hessian.rows(), out.hessian.cols());
-  const Eigen::Index most = columns_per_look(static_cast<double>(root.rows() * root.rows()));
-  for (Eigen::Index k = 0; k < root.cols(); k += most) {
-    look(stop);
-    lower.selfadjointView<Eigen::Lower>().rankUpdate(root.middleCols(k, std::min(most, root.cols() - k)));
-  }
-  lower.triangularView<Eigen::StrictlyUpper>() = lower.transpose();
-  out.hessian += lower;
+  detail::add_product(root, root, out.hessian.data(), root.rows(), detail::Entries::Lower, stop);
 }
 
 }  // namespace varimesh

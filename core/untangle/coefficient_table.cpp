@@ -7,6 +7,7 @@
 #include "core/base/index.h"
 #include "core/reference/basis.h"
 #include "core/reference/cache.h"
+#include "core/untangle/dense_product.h"
 #include "core/validity/bernstein.h"
 
 namespace varimesh {
@@ -110,32 +111,24 @@ Eigen::VectorXd CoefficientTable::jacobian(const Vectors& derivatives, const Vec
   return result.cwiseProduct(reciprocal);
 }
 
-Eigen::Index columns_per_look(double flops) {
-  constexpr double kFlopsPerLook = 2e9;
-  return std::max<Eigen::Index>(1, static_cast<Eigen::Index>(kFlopsPerLook / flops));
-}
-
 Eigen::MatrixXd CoefficientTable::slope(const Vectors& cofactors, const std::vector<int>& nodes,
                                         const StopToken* stop) const {
   const Eigen::Index columns = static_cast<Eigen::Index>(nodes.size());
   Eigen::MatrixXd result = Eigen::MatrixXd::Zero(size, columns * dimension);
-  Eigen::MatrixXd of_derivative, chosen, part;
+  Eigen::MatrixXd of_derivative, chosen;
   for (std::size_t r = 0; r < at(dimension); ++r) {
-    chosen = derivative[r](Eigen::all, nodes);
+    chosen = derivative[r](Eigen::all, nodes).transpose();
     const Eigen::MatrixXd& b = cofactors[r];
-    const Eigen::Index most = columns_per_look(2.0 * size * static_cast<double>(chosen.rows()));
     for (int c = 0; c < dimension; ++c) {
       look(stop);
       // dJ = Σ_i dg_r,i,c (the polynomial λ^i C_r,c): one column per i.
-      of_derivative.setZero(size, chosen.rows());
+      of_derivative.setZero(size, chosen.cols());
       const std::uint16_t* number = product[r].data();
-      for (Eigen::Index i = 0; i < chosen.rows(); ++i)
+      for (Eigen::Index i = 0; i < chosen.cols(); ++i)
         for (Eigen::Index j = 0; j < b.rows(); ++j, ++number) of_derivative(*number, i) += b(j, c);
-      for (Eigen::Index first = 0; first < columns; first += most) {
-        look(stop);
-        part.noalias() = of_derivative * chosen.middleCols(first, std::min(most, columns - first));
-        for (Eigen::Index n = 0; n < part.cols(); ++n) result.col((first + n) * dimension + c) += part.col(n);
-      }
+      // Column n of the product belongs to column n d + c of the result.
+      detail::add_product(of_derivative, chosen, result.data() + c * size, dimension * size, detail::Entries::All,
+                          stop);
     }
   }
   return reciprocal.asDiagonal() * result;

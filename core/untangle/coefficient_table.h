@@ -41,11 +41,6 @@ struct CoefficientTable {
   Eigen::MatrixXd slope(const Vectors& cofactors, const std::vector<int>& nodes, const StopToken* stop = nullptr) const;
 };
 
-/// How many columns (or terms of a sum) of a product of matrices to compute between two looks at a token, if each takes
-/// this many flops. All of them if that takes less than a tenth of a second. Cutting a product up changes its rounding,
-/// so this must not depend on whether there is a token.
-Eigen::Index columns_per_look(double flops);
-
 /// The table for cells of this shape and order. It is made once and kept until the program ends.
 const CoefficientTable& coefficient_table(Shape shape, int order);
 
