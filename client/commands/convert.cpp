@@ -1,4 +1,5 @@
 // varimesh convert: writes a mesh in another format.
+#include <iostream>
 #include <optional>
 #include <span>
 
@@ -59,6 +60,8 @@ int convert(const Arguments& arguments) {
   std::optional<CellMarks> marks;
   if (*format == formats::Format::Vtu && check_judgeable(file->mesh))
     marks.emplace(file->mesh, std::span<const UnrepairableGroup>{}, kAllThreads);
+  if (const std::string lost = formats::left_out(file->mesh, *format); !lost.empty())
+    std::cerr << "varimesh: " << lost << "\n";
   const auto written = formats::write_file(file->mesh, *format, arguments.output,
                                            marks ? marks->fields() : std::vector<formats::CellField>{}, kAllThreads);
   return written ? kDone : print_error(written.error());
@@ -70,7 +73,9 @@ Action add_convert(CLI::App& app) {
   auto arguments = std::make_shared<Arguments>();
   CLI::App& command = *app.add_subcommand("convert", "Write a mesh in another format");
   command.add_option("input", arguments->input, "The mesh file to read")->required()->type_name("IN");
-  command.add_option("output", arguments->output, "The file to write (.msh, .vtu)")->required()->type_name("OUT");
+  command.add_option("output", arguments->output, "The file to write (.msh, .vtu, .mesh)")
+      ->required()
+      ->type_name("OUT");
   command.add_option("--format", arguments->format, "Name of the format; default: by the ending of OUT")
       ->type_name("NAME");
   command.add_flag("--orient", arguments->orient, "Turn elements that are numbered clockwise");

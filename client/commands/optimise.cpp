@@ -23,7 +23,7 @@ struct Arguments {
 
 int optimise(const Arguments& arguments) {
   // Outputs that cannot be written are found before the work starts.
-  const auto outputs = check_outputs(arguments.outputs, arguments.format);
+  const auto outputs = check_outputs(arguments.outputs, arguments.format, arguments.input.mesh);
   if (!outputs) return print_error(outputs.error());
   const auto distinct = check_distinct(*outputs, {arguments.history, arguments.report}, arguments.common.json);
   if (!distinct) return print_error(distinct.error());
@@ -62,7 +62,9 @@ Action add_optimise(CLI::App& app) {
   CLI::App& command = *app.add_subcommand("optimise", "Optimise a mesh and write the result");
   command.alias("optimize");
   add_input(command, &arguments->input);
-  command.add_option("-o,--output", arguments->outputs, "Write the result to this file (.msh, .vtu); may be repeated")
+  command
+      .add_option("-o,--output", arguments->outputs,
+                  "Write the result to this file (.msh, .vtu, .mesh); may be repeated")
       ->required()
       ->type_name("OUT")
       ->allow_extra_args(false);

@@ -4,7 +4,9 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <array>
 #include <filesystem>
+#include <fstream>
 #include <set>
 
 #include "client/cli/names.h"
@@ -22,9 +24,29 @@ v1::MeshFormat to_proto(formats::Format format) {
   return v1::MESH_FORMAT_UNSPECIFIED;
 }
 
+/// Whether no other format has the ending of this one's file names, so that the ending says all.
+bool ending_is_enough(formats::Format format) {
+  const auto infos = formats::all();
+  const auto own = std::find_if(infos.begin(), infos.end(), [&](const auto& info) { return info.format == format; });
+  return std::count_if(infos.begin(), infos.end(),
+                       [&](const auto& info) { return info.extension == own->extension; }) == 1;
+}
+
+/// Whether the file is a mesh whose format has other file names than .msh, so that a .msh cannot have its format.
+bool is_other_than_msh(const std::string& input) {
+  std::error_code error;
+  if (!std::filesystem::is_regular_file(input, error)) return false;
+  std::array<char, 64> begin{};
+  std::ifstream file(input, std::ios::binary);
+  file.read(begin.data(), std::ssize(begin));
+  const formats::Format found = formats::recognised({begin.data(), std::size_t(file.gcount())});
+  return found != formats::Format::Auto && ending_is_enough(found);
+}
+
 }  // namespace
 
-Expected<std::vector<Output>> check_outputs(const std::vector<std::string>& paths, const std::string& format) {
+Expected<std::vector<Output>> check_outputs(const std::vector<std::string>& paths, const std::string& format,
+                                            const std::string& input) {
   formats::Format requested = formats::Format::Auto;
   if (!format.empty()) {
     const auto found = formats::from_name(format);
@@ -34,12 +56,12 @@ Expected<std::vector<Output>> check_outputs(const std::vector<std::string>& path
   std::vector<Output> outputs;
   for (const std::string& path : paths) {
     const auto by_ending = formats::for_output(path, formats::Format::Auto, formats::Format::Auto);
-    const bool ending_decides = by_ending && *by_ending == formats::Format::Vtu;
+    const bool ending_decides = by_ending && ending_is_enough(*by_ending);
     const auto chosen =
         formats::for_output(path, ending_decides ? formats::Format::Auto : requested, formats::Format::Auto);
     if (!chosen) return tl::unexpected(chosen.error());
     if (const auto writable = formats::check_writable(path); !writable) return tl::unexpected(writable.error());
-    const bool as_read = requested == formats::Format::Auto && !ending_decides;
+    const bool as_read = requested == formats::Format::Auto && !ending_decides && !is_other_than_msh(input);
     outputs.push_back({path, as_read ? v1::MESH_FORMAT_UNSPECIFIED : to_proto(*chosen)});
   }
   return outputs;

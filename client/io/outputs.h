@@ -15,10 +15,11 @@ struct Output {
   v1::MeshFormat format = v1::MESH_FORMAT_UNSPECIFIED;  ///< UNSPECIFIED: the format of the input.
 };
 
-/// The outputs for `paths`. A path that ends in .vtu has the format VTU; the others have the format named `format`, or
-/// the format of the input if that is empty. Checks that each file can be written, so that this is known before any
-/// work is done. Errors: BadOption, Output.
-Expected<std::vector<Output>> check_outputs(const std::vector<std::string>& paths, const std::string& format);
+/// The outputs for `paths`. A path that ends in .vtu or .mesh has the format VTU or MFEM; the others have the format
+/// named `format`, or the format of the input if that is empty. Checks that each file can be written, so that this is
+/// known before any work is done. Errors: BadOption, Output.
+Expected<std::vector<Output>> check_outputs(const std::vector<std::string>& paths, const std::string& format,
+                                            const std::string& input = {});
 
 /// Checks that no two of the outputs and the other files (a history, a report) are the same file, that the other files
 /// can be written, and that none of them is standard output if the JSON document goes there. Names of other files may

@@ -19,6 +19,8 @@ struct FormatEntry {
   /// Writes a file, inside team.run(). Formats without fields ignore `fields`.
   Expected<void> (*write)(const HighOrderMesh& mesh, Format format, const Sink& sink, std::span<const CellField> fields,
                           const Team& team) = nullptr;
+  /// Names what a file of this format does not have of the mesh: one sentence, or nothing. Null if it has everything.
+  std::string (*left_out)(const HighOrderMesh& mesh) = nullptr;
 };
 
 /// The formats of this library. If several formats have the same extension, the last of them is the one that is written

@@ -9,6 +9,7 @@
 #include "core/formats/format_table.h"
 #include "core/formats/gmsh/read.h"
 #include "core/formats/gmsh/write.h"
+#include "core/formats/mfem/mfem.h"
 #include "core/formats/other_files.h"
 #include "core/formats/vtu.h"
 
@@ -27,6 +28,7 @@ constexpr std::array kTable = {
     FormatEntry{Format::Msh41, "msh41", ".msh", begins_like_gmsh, read_gmsh, write_gmsh},
     FormatEntry{Format::Msh41Binary, "msh41-binary", ".msh", begins_like_gmsh, read_gmsh, write_gmsh},
     FormatEntry{Format::Vtu, "vtu", ".vtu", nullptr, nullptr, write_vtu},
+    FormatEntry{Format::Mfem, "mfem", ".mesh", begins_like_mfem, read_mfem, write_mfem, not_in_mfem},
 };
 
 constexpr std::array kInfos = [] {
@@ -95,7 +97,7 @@ Expected<Format> for_output(std::span<const FormatEntry> table, std::string_view
   if (extension.empty() && is_device_or_pipe(path)) extension = kDefaultExtension;
   if (const FormatEntry* entry = find_by_extension(table, extension, read_as)) return entry->format;
   return bad_option("The format of '" + std::string(path) +
-                    "' cannot be determined from its ending; use the ending .msh or .vtu, or name the format.");
+                    "' cannot be determined from its ending; use the ending .msh, .vtu or .mesh, or name the format.");
 }
 
 Expected<MeshFile> read(std::span<const FormatEntry> table, std::string_view bytes, int threads) {
@@ -144,7 +146,19 @@ Expected<Format> for_output(std::string_view path, Format requested, Format read
   return for_output(kTable, path, requested, read_as);
 }
 
+Format recognised(std::string_view bytes) {
+  for (const FormatEntry& entry : kTable)
+    if (entry.recognises != nullptr && entry.recognises(bytes)) return entry.format;
+  return Format::Auto;
+}
+
 Expected<MeshFile> read(std::string_view bytes, int threads) { return read(kTable, bytes, threads); }
+
+std::string left_out(const HighOrderMesh& mesh, Format format) {
+  const FormatEntry* entry = find(kTable, format == Format::Auto ? kDefaultFormat : format);
+  assert(entry != nullptr);
+  return entry->left_out == nullptr ? "" : entry->left_out(mesh);
+}
 
 Expected<void> write(const HighOrderMesh& mesh, Format format, const Sink& sink, std::span<const CellField> fields,
                      int threads) {

@@ -21,6 +21,7 @@ enum class Format : std::uint8_t {
   Msh41,        ///< Gmsh MSH 4.1, ASCII.
   Msh41Binary,  ///< Gmsh MSH 4.1, binary.
   Vtu,          ///< VTK unstructured grid with Lagrange cells and appended zlib data. Can only be written.
+  Mfem,         ///< MFEM mesh v1.0 to v1.3, with straight or curved elements.
 };
 
 struct FormatInfo {
@@ -38,10 +39,15 @@ Expected<Format> from_name(std::string_view name);
 
 /// The format in which to write to `path`: `requested`, or the format of the ending if `requested` is Auto.
 ///   .vtu                  Vtu
+///   .mesh                 Mfem
 ///   .msh                  `read_as` if that is an MSH format, otherwise Msh41Binary
 ///   a device or a pipe    as .msh, unless it has a known ending
 /// Errors: BadOption if the ending contradicts `requested`, or if nothing is requested and the ending is unknown.
 Expected<Format> for_output(std::string_view path, Format requested, Format read_as);
+
+/// A format of the bytes' family, by the way they begin: for example one of the MSH formats. Auto if no format that can
+/// be read begins so.
+Format recognised(std::string_view bytes);
 
 /// A mesh, and the format from which it was read.
 struct MeshFile {
@@ -84,6 +90,10 @@ struct CellField {
 /// @param threads how many threads share the work; 0: as many as the machine has
 Expected<void> write(const HighOrderMesh& mesh, Format format, const Sink& sink, std::span<const CellField> fields = {},
                      int threads = 1);
+
+/// One sentence that names what a file of this format does not have of the mesh: groups, numbers, elements of lower
+/// dimension. Empty if it has everything.
+std::string left_out(const HighOrderMesh& mesh, Format format);
 
 /// Writes a file as OutputFile does: an incomplete file never has the name `path`.
 Expected<void> write_file(const HighOrderMesh& mesh, Format format, const std::string& path,

@@ -36,10 +36,6 @@ constexpr std::array kOtherFiles{
     OtherFile{"<?xml", "an XML file, such as VTU, XDMF or Nektar++", kMeshioConverts},
     OtherFile{"<NEKTAR", "a Nektar++ file",
               "give VariMesh the MSH file from which NekMesh made it, and run NekMesh on the result"},
-    OtherFile{
-        "MFEM ", "an MFEM mesh",
-        "give VariMesh the MSH file from which it was made (MFEM reads MSH 2.2 itself); for a mesh that has none, "
-        "save it with Mesh::PrintVTK and run: meshio convert FILE.vtk mesh.msh --output-format gmsh"},
     OtherFile{"NDIME", "an SU2 mesh", kGmshConverts},
     OtherFile{
         "solid ", "an STL file, which is a surface of flat triangles and not a volume mesh",
@@ -82,7 +78,7 @@ const OtherFile* find(std::string_view bytes) {
 }  // namespace
 
 std::string why_not_a_mesh(std::string_view bytes) {
-  constexpr const char* kExpected = "a Gmsh MSH file (versions 2.0 to 4.1) was expected.";
+  constexpr const char* kExpected = "a Gmsh MSH file (versions 2.0 to 4.1) or an MFEM mesh was expected.";
   if (bytes.empty()) return std::string("The file is empty (0 bytes); ") + kExpected;
   if (const OtherFile* file = find(bytes))
     return "The file is " + std::string(file->is) + "; " + std::string(file->run) + ".";

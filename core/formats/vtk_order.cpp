@@ -7,28 +7,13 @@
 #include <algorithm>
 #include <array>
 #include <cassert>
-#include <map>
 
+#include "core/formats/node_order.h"
 #include "core/formats/vtu.h"
-#include "core/reference/nodes.h"
 
 namespace varimesh::formats {
 
 namespace {
-
-using Position = std::array<int, 3>;
-using Positions = std::vector<Position>;
-
-Position blend(const Position& a, const Position& b, int at, int of) {
-  Position p;
-  for (std::size_t k = 0; k < 3; ++k) p[k] = a[k] + (b[k] - a[k]) * at / of;
-  return p;
-}
-
-// The nodes strictly between two vertices that are `order` steps apart.
-void add_edge(Positions& list, const Position& from, const Position& to, int order) {
-  for (int k = 1; k < order; ++k) list.push_back(blend(from, to, k, order));
-}
 
 // A triangle with the given corners and `order` steps per edge: its vertices, its edges, and then the triangle of order
 // − 3 inside it.
@@ -157,7 +142,7 @@ Types types(Shape shape) {
 
 }  // namespace
 
-std::vector<std::array<int, 3>> vtk_positions(Shape shape, int order) {
+Positions vtk_positions(Shape shape, int order) {
   Positions list;
   switch (shape) {
     case Shape::Point:
@@ -187,11 +172,9 @@ std::vector<std::array<int, 3>> vtk_positions(Shape shape, int order) {
 VtkCell vtk_cell(Shape shape, int order) {
   VtkCell cell;
   cell.type = order == 1 ? types(shape).linear : types(shape).lagrange;
-  const Positions positions = vtk_positions(shape, order);
-  const auto& lattice = reference::lattice(shape, order);
-  std::map<Position, int> node_at;
-  for (std::size_t i = 0; i < lattice.size(); ++i) node_at[{lattice[i][0], lattice[i][1], lattice[i][2]}] = int(i);
-  for (const Position& position : positions) {
+  const std::vector<int>& node_at = nodes_by_position(shape, order);
+  const auto side = std::size_t(order) + 1;
+  for (const Position& position : node_positions(NodeOrder::Vtk, shape, order)) {
     Position at = position;
     if (shape == Shape::Pyramid && order > 1) {
       // The pyramid has nodes for the hexahedron's corners, upright edges, base and top; other points are additional.
@@ -205,9 +188,8 @@ VtkCell vtk_cell(Shape shape, int order) {
         for (std::size_t k = 0; k < 2; ++k) at[k] = at[k] == 0 ? 0 : order - at[2];
       }
     }
-    const auto found = node_at.find(at);
-    assert(found != node_at.end());
-    cell.nodes.push_back(found->second);
+    cell.nodes.push_back(node_at[std::size_t(at[0]) + side * (std::size_t(at[1]) + side * std::size_t(at[2]))]);
+    assert(cell.nodes.back() >= 0);
   }
   return cell;
 }

@@ -15,6 +15,7 @@
 #include <utility>
 
 #include "core/formats/buffered_output.h"
+#include "core/formats/node_order.h"
 #include "core/reference/basis.h"
 
 namespace varimesh::formats {
@@ -117,7 +118,7 @@ std::vector<const ElementBlock*> blocks_of(const HighOrderMesh& mesh, int dimens
 // of the hexahedron's lattice, collapsed towards the apex. One row per point.
 Eigen::MatrixXd added_points(int order) {
   const VtkCell cell = vtk_cell(Shape::Pyramid, order);
-  const auto positions = vtk_positions(Shape::Pyramid, order);
+  const Positions& positions = node_positions(NodeOrder::Vtk, Shape::Pyramid, order);
   std::vector<std::array<double, 3>> at;
   for (std::size_t i = 0; i < positions.size(); ++i) {
     if (cell.nodes[i] >= 0) continue;

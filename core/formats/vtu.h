@@ -1,7 +1,6 @@
 // Writes VTK unstructured grids. Internal to core/formats.
 #pragma once
 
-#include <array>
 #include <cstdint>
 #include <vector>
 
@@ -26,8 +25,5 @@ struct VtkCell {
 /// quadratic pyramid lacks the node in the middle of the base. The functions of the pyramid are polynomials of the same
 /// order on the hexahedron, so the geometry stays exact.
 VtkCell vtk_cell(Shape shape, int order);
-
-/// The lattice position of each VTK node. For pyramids of order 2 and above these are positions in the hexahedron.
-std::vector<std::array<int, 3>> vtk_positions(Shape shape, int order);
 
 }  // namespace varimesh::formats

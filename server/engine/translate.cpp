@@ -208,6 +208,8 @@ formats::Format format_from(v1::MeshFormat message) {
       return formats::Format::Msh41Binary;
     case v1::MESH_FORMAT_VTU:
       return formats::Format::Vtu;
+    case v1::MESH_FORMAT_MFEM:
+      return formats::Format::Mfem;
     default:
       return formats::Format::Auto;
   }
@@ -231,6 +233,8 @@ v1::MeshFormat to_proto(formats::Format format) {
       return v1::MESH_FORMAT_MSH41_BINARY;
     case formats::Format::Vtu:
       return v1::MESH_FORMAT_VTU;
+    case formats::Format::Mfem:
+      return v1::MESH_FORMAT_MFEM;
   }
   return v1::MESH_FORMAT_UNSPECIFIED;
 }

@@ -65,9 +65,9 @@ class Client:
                  priority: int = 0, **options: Unpack[Options]) -> Result:  # fmt: skip
         """Optimises a mesh and waits for the result.
 
-        `output` names files to write (.msh in `format`, .vtu). The result also has its mesh in arrays, unless `arrays` is
-        False, which saves the server the disk space. Ctrl-C and an exception in `on_event` cancel the job. For a mesh in
-        arrays, numbers in options and reports count from 0.
+        `output` names files to write (.msh in `format`, .vtu, .mesh). The result also has its mesh in arrays, unless
+        `arrays` is False, which saves the server the disk space. Ctrl-C and an exception in `on_event` cancel the job.
+        For a mesh in arrays, numbers in options and reports count from 0.
 
         Raises JobFailed, JobCancelled (by somebody else), Refused, ServerUnreachable, BadOption, BadMesh or BadOutput. It
         is no error if elements of the result are not certified valid; `result.valid` says whether all are.
@@ -76,10 +76,10 @@ class Client:
         for path in paths:
             _check_writable(path)
         mesh = mesh if _is_path(mesh) else as_mesh(mesh)
-        wanted = [_format_of(path, format, _is_path(mesh)) for path in paths]
+        wanted = [_format_of(path, format, _is_path(mesh) and _is_msh(mesh)) for path in paths]
         if arrays is not False:
             # A result in the format of the file keeps its numbers, which arrays do not have.
-            wanted += ["as-read"] if _is_path(mesh) and all(one == "vtu" for one in wanted) else []
+            wanted += ["as-read"] if _is_path(mesh) and all(one in ("vtu", "mfem") for one in wanted) else []
             wanted.append("parts")
         job = self.submit(mesh, outputs=list(dict.fromkeys(wanted)), request_id=request_id, labels=labels,
                           priority=priority, **options)  # fmt: skip
@@ -113,7 +113,7 @@ class Client:
         for path in paths:
             _check_writable(path)
         mesh = mesh if _is_path(mesh) else as_mesh(mesh)
-        wanted = dict.fromkeys(_format_of(path, format, _is_path(mesh)) for path in paths)
+        wanted = dict.fromkeys(_format_of(path, format, _is_path(mesh) and _is_msh(mesh)) for path in paths)
         task = job_pb2.QualityTask(lattice=lattice, diagnose=diagnose or bool(paths))
         job = self._submit_quality(task, mesh if _is_path(mesh) else as_mesh(mesh), [*wanted, "cell-quality"], threads)
         try:
@@ -326,13 +326,24 @@ def _paths(output: Paths | None) -> list[str | os.PathLike[str]]:
     return [output] if isinstance(output, (str, os.PathLike)) else list(output)
 
 
+def _is_msh(path: Any) -> bool:
+    """Whether a mesh file may be one of Gmsh's, so that a .msh may have its format. Nothing is read from a pipe."""
+    try:
+        if not os.path.isfile(path):
+            return True
+        with open(path, "rb") as file:
+            return file.read(5) != b"MFEM "
+    except OSError:
+        return True
+
+
 def _format_of(path: str | os.PathLike[str], format: str | None, from_file: bool) -> str:
-    """The name of the format in which a file is written."""
+    """The name of the format in which a file is written. `from_file`: a .msh may have the format of the input."""
     ending = os.path.splitext(path)[1].lower()
-    if ending not in (".msh", ".vtu"):
-        raise BadOption(f"The ending of {os.fspath(path)} gives no format; name a .msh or a .vtu file.")
-    if ending == ".vtu":
-        return "vtu"
+    if ending != ".msh" and ending not in reports.FORMAT_OF_ENDING:
+        raise BadOption(f"The ending of {os.fspath(path)} gives no format; name a .msh, a .vtu or a .mesh file.")
+    if ending in reports.FORMAT_OF_ENDING:
+        return reports.FORMAT_OF_ENDING[ending]
     return format or ("as-read" if from_file else "msh41")
 
 

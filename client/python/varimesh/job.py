@@ -191,11 +191,10 @@ class Result:
         return self._client._to_pyvista(self._message)
 
     def save(self, path: str | os.PathLike[str], *, format: str | None = None) -> None:
-        """Writes a file in a format that was asked for: a .vtu, or a .msh in `format`. Without `format`, a .msh has the
-        format in which the server has the result. The file takes its name only when it is complete."""
-        if os.path.splitext(path)[1].lower() == ".vtu":
-            format = "vtu"
-        elif format is None:
+        """Writes a file in a format that was asked for: a .vtu or .mesh, or a .msh in `format`. Without `format`, a .msh
+        has the format in which the server has the result. The file takes its name only when it is complete."""
+        format = reports.FORMAT_OF_ENDING.get(os.path.splitext(path)[1].lower(), format)
+        if format is None:
             format = next((name for name in self.formats if name.startswith("msh")), "msh41")
         self._client.download(self._digest(format), path)
 

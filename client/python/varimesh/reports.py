@@ -188,6 +188,10 @@ def state_name(number: int) -> str:
     return spelled(job_pb2.JobState.DESCRIPTOR, number)
 
 
+#: The formats that have the ending of their files for themselves.
+FORMAT_OF_ENDING = {".vtu": "vtu", ".mesh": "mfem"}
+
+
 def format_name(number: int) -> str:
     return spelled(mesh_pb2.MeshFormat.DESCRIPTOR, number)
 

@@ -5,6 +5,9 @@ import unittest
 from programs import MESH, WithFolder, clockwise, run
 
 
+LEFT_OUT = "varimesh: MFEM's format has no place for the numbers of nodes and elements; the file leaves them out.\n"
+
+
 class Convert(WithFolder):
     def test_changes_the_format_and_nothing_else(self):
         binary, back = self.folder / "binary.msh", self.folder / "back.msh"
@@ -13,6 +16,17 @@ class Convert(WithFolder):
         self.assertEqual(run("convert", binary, back, "--format", "msh22").returncode, 0)
         one, other = (json.loads(run("quality", path, "--json").stdout) for path in (MESH, back))
         self.assertEqual(one, other)
+
+    def test_to_mfem_and_back_keeps_the_quality_and_says_what_is_left_out(self):
+        there, back = self.folder / "there.mesh", self.folder / "back.msh"
+        done = run("convert", MESH, there)
+        self.assertEqual((done.returncode, done.stderr), (0, LEFT_OUT))
+        self.assertTrue(there.read_bytes().startswith(b"MFEM mesh v1."))
+        self.assertEqual(run("convert", there, back, "--format", "msh22").returncode, 0)
+        one, other = (json.loads(run("quality", path, "--json").stdout) for path in (MESH, back))
+        for key in ("valid", "invalid", "undecided"):
+            self.assertEqual(one["certified"][key], other["certified"][key])
+        self.assertAlmostEqual(one["min_scaled_jacobian"], other["min_scaled_jacobian"], 12)
 
     def test_turns_clockwise_elements_if_asked_to(self):
         mirrored, out = self.folder / "mirrored.msh", self.folder / "out.msh"

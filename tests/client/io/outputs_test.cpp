@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include <fstream>
+
 #include "client/process/temporary_folder.h"
 
 namespace varimesh::client {
@@ -24,6 +26,19 @@ TEST_F(Outputs, HaveTheFormatOfTheInputUnlessTheEndingOrTheNameSaysOtherwise) {
   ASSERT_TRUE(binary);
   EXPECT_EQ((*binary)[0].format, v1::MESH_FORMAT_MSH41_BINARY);
   EXPECT_EQ((*binary)[1].format, v1::MESH_FORMAT_VTU);
+}
+
+TEST_F(Outputs, ThatEndInMshNeverHaveTheFormatOfMfem) {
+  std::ofstream(path("in.mesh")) << "MFEM mesh v1.0\n";
+  std::ofstream(path("in.msh")) << "$MeshFormat\n";
+  const std::vector<std::string> paths{path("a.msh"), path("b.mesh")};
+  const auto from_mfem = check_outputs(paths, "", path("in.mesh"));
+  ASSERT_TRUE(from_mfem);
+  EXPECT_EQ((*from_mfem)[0].format, v1::MESH_FORMAT_MSH41_BINARY);
+  EXPECT_EQ((*from_mfem)[1].format, v1::MESH_FORMAT_MFEM);
+  const auto from_msh = check_outputs(paths, "", path("in.msh"));
+  ASSERT_TRUE(from_msh);
+  EXPECT_EQ((*from_msh)[0].format, v1::MESH_FORMAT_UNSPECIFIED);
 }
 
 TEST_F(Outputs, UnknownEndingsFormatsAndFoldersAreRefused) {

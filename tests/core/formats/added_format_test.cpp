@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "core/formats/format_table.h"
+#include "core/formats/node_order.h"
 #include "tests/core/support/samples.h"
 
 namespace varimesh::formats {
@@ -13,17 +14,17 @@ namespace {
 
 constexpr auto kTriangles = Format(100);
 
-// === The format: linear triangles in the plane as text ===================================================
+// === The format: triangles in the plane as text, with their nodes row by row =============================
 
 bool begins_like_triangles(std::string_view bytes) { return bytes.starts_with("triangles\n"); }
 
 Expected<MeshFile> read_triangles(std::string_view bytes, const Team&) {
   std::istringstream text{std::string(bytes.substr(bytes.find('\n')))};
   std::size_t nodes = 0, triangles = 0;
-  text >> nodes >> triangles;
   HighOrderMesh mesh;
   mesh.dimension = 2;
-  mesh.order = 1;
+  text >> mesh.order >> nodes >> triangles;
+  if (!text || mesh.order < 1 || mesh.order > kMaxOrder) return bad_input("The first line of the triangles is wrong.");
   for (std::size_t n = 0; n < nodes && text; ++n) {
     double x = 0, y = 0;
     text >> x >> y;
@@ -32,9 +33,13 @@ Expected<MeshFile> read_triangles(std::string_view bytes, const Team&) {
   }
   ElementBlock block;
   block.shape = Shape::Triangle;
+  block.order = mesh.order;
+  const std::vector<int>& in_gmsh = gmsh_nodes(NodeOrder::Rows, block.shape, block.order);
   for (std::size_t t = 0; t < triangles && text; ++t) {
     block.numbers.push_back(std::int64_t(t) + 1);
-    for (int v = 0; v < 3; ++v) text >> block.nodes.emplace_back();
+    const std::size_t first = block.nodes.size();
+    block.nodes.resize(first + in_gmsh.size());
+    for (const int node : in_gmsh) text >> block.nodes[first + std::size_t(node)];
   }
   if (!text) return bad_input("The file of triangles ends too early; write it again.");
   mesh.blocks.push_back(std::move(block));
@@ -45,10 +50,13 @@ Expected<void> write_triangles(const HighOrderMesh& mesh, Format, const Sink& si
                                const Team&) {
   std::ostringstream text;
   text.precision(17);
-  text << "triangles\n" << mesh.node_count() << " " << mesh.blocks.at(0).size() << "\n";
+  const ElementBlock& block = mesh.blocks.at(0);
+  text << "triangles\n" << mesh.order << " " << mesh.node_count() << " " << block.size() << "\n";
   for (std::size_t n = 0; n < mesh.node_count(); ++n)
     text << mesh.coordinates[3 * n] << " " << mesh.coordinates[3 * n + 1] << "\n";
-  for (const std::int32_t node : mesh.blocks[0].nodes) text << node << "\n";
+  const std::vector<int>& in_gmsh = gmsh_nodes(NodeOrder::Rows, block.shape, block.order);
+  for (std::size_t t = 0; t < block.size(); ++t)
+    for (const int node : in_gmsh) text << block.nodes[t * in_gmsh.size() + std::size_t(node)] << "\n";
   if (sink(text.str())) return {};
   return tl::unexpected<Error>({Error::Kind::Output, "Writing stopped before the end of the mesh."});
 }
@@ -70,18 +78,25 @@ std::string written(const HighOrderMesh& mesh, Format format) {
 }
 
 TEST(AddedFormat, IsReadAndWrittenWithoutLoss) {
-  const HighOrderMesh mesh = test::one_cell(Shape::Triangle, 1);
-  const std::string bytes = written(mesh, kTriangles);
-  const auto file = read(table(), bytes);
-  ASSERT_TRUE(file) << file.error().sentence;
-  EXPECT_EQ(file->format, kTriangles);
-  EXPECT_EQ(file->mesh.coordinates, mesh.coordinates);
-  EXPECT_EQ(file->mesh.blocks.at(0).nodes, mesh.blocks.at(0).nodes);
-  EXPECT_EQ(written(file->mesh, kTriangles), bytes);
+  for (int order = 1; order <= 5; ++order) {
+    const HighOrderMesh mesh = test::one_cell(Shape::Triangle, order);
+    const std::string bytes = written(mesh, kTriangles);
+    const auto file = read(table(), bytes);
+    ASSERT_TRUE(file) << file.error().sentence;
+    EXPECT_EQ(file->format, kTriangles);
+    EXPECT_EQ(file->mesh.coordinates, mesh.coordinates);
+    EXPECT_EQ(file->mesh.blocks.at(0).nodes, mesh.blocks.at(0).nodes);
+    EXPECT_EQ(written(file->mesh, kTriangles), bytes);
+  }
+}
+
+// The corners of a quadratic triangle are 0, 1 and 2 in Gmsh's order, and ends of rows here.
+TEST(AddedFormat, ListsItsNodesRowByRow) {
+  EXPECT_TRUE(written(test::one_cell(Shape::Triangle, 2), kTriangles).ends_with("\n0\n3\n1\n5\n4\n2\n"));
 }
 
 TEST(AddedFormat, ReportsItsErrorsAndLeavesOtherFilesToOtherFormats) {
-  const auto file = read(table(), "triangles\n3 1\n0 0\n");
+  const auto file = read(table(), "triangles\n1 3 1\n0 0\n");
   ASSERT_FALSE(file);
   EXPECT_EQ(file.error().sentence, "The file of triangles ends too early; write it again.");
   const auto other = read(table(), written(test::one_cell(Shape::Triangle, 1), Format::Msh41));
@@ -92,7 +107,7 @@ TEST(AddedFormat, ReportsItsErrorsAndLeavesOtherFilesToOtherFormats) {
 
 TEST(AddedFormat, IsFoundByItsNameAndItsExtension) {
   EXPECT_EQ(from_name(table(), "triangles").value(), kTriangles);
-  EXPECT_NE(from_name(table(), "squares").error().sentence.find("vtu, triangles"), std::string::npos);
+  EXPECT_NE(from_name(table(), "squares").error().sentence.find("mfem, triangles"), std::string::npos);
   EXPECT_EQ(for_output(table(), "mesh.tri", Format::Auto, Format::Msh22).value(), kTriangles);
   EXPECT_EQ(for_output(table(), "mesh.TRI", kTriangles, Format::Auto).value(), kTriangles);
   EXPECT_FALSE(for_output(table(), "mesh.tri", Format::Vtu, Format::Auto));

@@ -20,6 +20,8 @@ TEST(FormatTable, NamesAreFoundAndListed) {
 
 TEST(FormatTable, EndingsDecide) {
   EXPECT_EQ(formats::for_output("a/b.vtu", Format::Auto, Format::Msh22), Format::Vtu);
+  EXPECT_EQ(formats::for_output("a/b.mesh", Format::Auto, Format::Msh22), Format::Mfem);
+  EXPECT_EQ(formats::for_output("b.msh", Format::Auto, Format::Mfem), Format::Msh41Binary);
   EXPECT_EQ(formats::for_output("b.MSH", Format::Auto, Format::Msh22), Format::Msh22);
   EXPECT_EQ(formats::for_output("b.msh", Format::Auto, Format::Auto), Format::Msh41Binary);
   EXPECT_EQ(formats::for_output("b.dat", Format::Msh41, Format::Auto), Format::Msh41);
@@ -29,14 +31,20 @@ TEST(FormatTable, EndingsDecide) {
   EXPECT_FALSE(formats::for_output("b.stl", Format::Auto, Format::Msh22));
 }
 
+TEST(FormatTable, RecognisesAFileByItsBeginning) {
+  EXPECT_EQ(formats::recognised("MFEM mesh v1.0\n"), Format::Mfem);
+  EXPECT_EQ(formats::recognised("$MeshFormat\n"), Format::Msh22) << "the first of the family";
+  EXPECT_EQ(formats::recognised("<VTKFile"), Format::Auto) << "VTU is written only";
+}
+
 TEST(FormatTable, HasEveryFormatOnceByItsName) {
   std::size_t readable = 0;
   for (const formats::FormatInfo& info : formats::all()) {
     EXPECT_EQ(formats::from_name(info.name), info.format);
     readable += info.readable ? 1 : 0;
   }
-  EXPECT_EQ(formats::all().size(), 5U);
-  EXPECT_EQ(readable, 4U) << "VTU is written only";
+  EXPECT_EQ(formats::all().size(), 6U);
+  EXPECT_EQ(readable, 5U) << "VTU is written only";
   EXPECT_EQ(formats::from_name("auto"), Format::Auto);
   EXPECT_EQ(formats::from_name(""), Format::Auto);
 }

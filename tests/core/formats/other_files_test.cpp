@@ -20,7 +20,7 @@ TEST(OtherFiles, AreRecognisedAndTheSentenceSaysWhatToRun) {
   std::string stl(84 + 2 * 50, ' ');
   const std::uint32_t triangles = 2;
   std::memcpy(stl.data() + 80, &triangles, 4);
-  const std::array<std::array<std::string, 3>, 14> files{{
+  const std::array<std::array<std::string, 3>, 13> files{{
       {"ISO-10303-21;\nHEADER;\n", "a STEP file", "gmsh FILE -3"},
       {"DBRep_DrawableShape\n\nCASCADE Topology V1", "a BREP file", "gmsh FILE -3"},
       {std::string("\x89HDF\r\n\x1a\n\0\0", 10), "an HDF5 file", "gmsh FILE -save -format msh41"},
@@ -28,7 +28,6 @@ TEST(OtherFiles, AreRecognisedAndTheSentenceSaysWhatToRun) {
       {"\xef\xbb\xbf<?xml version=\"1.0\"?>\n<VTKFile", "a VTK file", "meshio convert FILE"},
       {"# vtk DataFile Version 3.0\n", "a VTK file", "meshio convert FILE"},
       {"<?xml version=\"1.0\"?>\n<NEKTAR>", "a Nektar++ file", "NekMesh"},
-      {"MFEM mesh v1.0\n", "an MFEM mesh", "Mesh::PrintVTK"},
       {"solid cube\nfacet normal 0 0 1\n", "an STL file", "tutorial t13"},
       {stl, "an STL file", "tutorial t13"},
       {"NDIME= 2\n", "an SU2 mesh", "gmsh FILE -save"},

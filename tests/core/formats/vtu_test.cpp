@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <set>
 
+#include "core/formats/node_order.h"
 #include "core/reference/nodes.h"
 #include "tests/core/support/samples.h"
 
@@ -34,7 +35,7 @@ TEST(VtkCell, PutsEachNodeAtItsLatticePosition) {
        {Shape::Line, Shape::Triangle, Shape::Quadrilateral, Shape::Tetrahedron, Shape::Prism, Shape::Hexahedron})
     for (int order = 1; order <= 6; ++order) {
       const formats::VtkCell cell = formats::vtk_cell(shape, order);
-      const auto positions = formats::vtk_positions(shape, order);
+      const formats::Positions& positions = formats::node_positions(formats::NodeOrder::Vtk, shape, order);
       const auto& lattice = reference::lattice(shape, order);
       ASSERT_EQ(cell.nodes.size(), positions.size());
       for (std::size_t i = 0; i < positions.size(); ++i)
@@ -44,7 +45,7 @@ TEST(VtkCell, PutsEachNodeAtItsLatticePosition) {
 
 TEST(VtkCell, WritesAPyramidAsAHexahedronWhoseTopIsTheApex) {
   const formats::VtkCell cell = formats::vtk_cell(Shape::Pyramid, 3);
-  const auto positions = formats::vtk_positions(Shape::Pyramid, 3);
+  const formats::Positions& positions = formats::node_positions(formats::NodeOrder::Vtk, Shape::Pyramid, 3);
   ASSERT_EQ(cell.nodes.size(), 64U);
   EXPECT_EQ(cell.type, 72) << "VTK's Lagrange hexahedron";
   for (std::size_t i = 0; i < positions.size(); ++i) {

@@ -1,0 +1,24 @@
+// The attributes and attribute sets of MFEM that stand for physical groups. Internal to core/formats.
+#pragma once
+
+#include <map>
+#include <string>
+#include <vector>
+
+#include "core/mesh/high_order_mesh.h"
+
+namespace varimesh::formats {
+
+/// The attributes of the elements of one dimension. Elements that are in the same physical groups have the same one.
+struct MfemAttributes {
+  std::vector<int> of_block;  ///< One positive attribute per block of the mesh; 0 for blocks of another dimension.
+  /// The attributes of each set, in the order of the physical groups: one set per group with a name, and per group
+  /// without a name that is not the first group of its elements.
+  std::vector<std::pair<std::string, std::vector<int>>> sets;
+};
+
+/// Chooses the attributes: the tag of the elements' first group, or the tag of their entity if they are in no group. If
+/// two kinds of elements would have the same attribute, the second gets one that is free.
+MfemAttributes mfem_attributes(const HighOrderMesh& mesh, int dimension);
+
+}  // namespace varimesh::formats

@@ -1,0 +1,302 @@
+// Reads the nodes of MFEM's meshes, and converts them to equispaced nodes.
+#include <algorithm>
+#include <cmath>
+
+#include "core/formats/mfem/read.h"
+#include "core/formats/mfem/topology.h"
+#include "core/formats/node_order.h"
+
+namespace varimesh::formats {
+
+namespace {
+
+/// The cells of the mesh: blocks that have its dimension.
+bool has_cells(const HighOrderMesh& mesh, const ElementBlock& block) {
+  return reference::info(block.shape).dimension == mesh.dimension;
+}
+
+MfemTopology topology_of(const MfemReading& reading) {
+  MfemTopology topology(reading.mesh.dimension, reading.nodes.space.order, reading.vertices);
+  for (const ElementBlock& block : reading.mesh.blocks) {
+    if (!has_cells(reading.mesh, block)) continue;
+    const auto vertices = std::size_t(reference::info(block.shape).vertices);
+    for (std::size_t e = 0; e < block.size(); ++e)
+      topology.add(block.shape, {block.nodes.data() + e * vertices, vertices});
+  }
+  topology.finish();
+  return topology;
+}
+
+/// The numbers of inner things of cells, summed up: MFEM's degrees of freedom, and nodes of the mesh.
+struct Interiors {
+  std::int64_t dofs = 0, nodes = 0;
+};
+
+Interiors count_interiors(const MfemReading& reading) {
+  Interiors sum;
+  for (const ElementBlock& block : reading.mesh.blocks) {
+    if (!has_cells(reading.mesh, block)) continue;
+    sum.dofs += std::int64_t(block.size()) * mfem_interior_count(reading.nodes.space, block.shape);
+    sum.nodes += std::int64_t(block.size()) * inner_node_count(block.shape, reading.nodes.space.order);
+  }
+  return sum;
+}
+
+/// Gives every element its nodes in place of its vertices.
+void set_element_nodes(MfemReading& reading, const MfemTopology& topology) {
+  const int order = reading.nodes.space.order;
+  std::int64_t interior = topology.interior_first();
+  for (ElementBlock& block : reading.mesh.blocks) {
+    const bool cells = has_cells(reading.mesh, block);
+    const auto vertices = std::size_t(reference::info(block.shape).vertices);
+    const auto count = std::size_t(reference::node_count(block.shape, order));
+    const int inner = cells ? inner_node_count(block.shape, order) : 0;
+    std::vector<std::int32_t> nodes(block.size() * count);
+    for (std::size_t e = 0; e < block.size(); ++e, interior += inner)
+      if (!topology.find_nodes(block.shape, {block.nodes.data() + e * vertices, vertices}, std::int32_t(interior),
+                               {nodes.data() + e * count, count}))
+        reading.scanner.fail("boundary element " + std::to_string(block.numbers[e]) +
+                             " (counted from 1, after the elements) is on no element of the mesh");
+    block.nodes = std::move(nodes);
+    block.order = order;
+  }
+}
+
+// === Continuous spaces ===================================================================================
+
+void read_values(MfemReading& reading, std::int64_t dofs) {
+  Scanner& scan = reading.scanner;
+  std::vector<double>& x = reading.mesh.coordinates;
+  const auto components = std::size_t(reading.nodes.components);
+  if (std::size_t(dofs) * components > scan.left()) scan.fail_truncated("the coordinates of all nodes");
+  x.assign(3 * std::size_t(dofs), 0.0);
+  if (reading.nodes.by_nodes) {
+    for (std::size_t c = 0; c < components; ++c)
+      for (std::size_t i = 0; i < std::size_t(dofs); ++i) x[3 * i + c] = scan.number("a node's coordinate");
+  } else {
+    for (std::size_t i = 0; i < std::size_t(dofs); ++i)
+      for (std::size_t c = 0; c < components; ++c) x[3 * i + c] = scan.number("a node's coordinate");
+  }
+}
+
+using Columns = Eigen::Matrix<double, Eigen::Dynamic, 3, Eigen::RowMajor>;
+
+/// Converts degrees of freedom to nodes in place: first inside the cells, then inside faces, then inside edges, because
+/// each step needs the degrees of freedom on the boundary of what it converts.
+class InPlace {
+ public:
+  InPlace(const MfemReading& reading, std::vector<double>& x) : reading_(reading), space_(reading.nodes.space), x_(x) {
+    for (const ElementBlock& block : reading.mesh.blocks) {
+      if (!has_cells(reading.mesh, block)) continue;
+      know(block.shape);
+      for (const reference::Facet& face : mfem_faces(block.shape)) know(face.shape);
+    }
+    know(Shape::Line);
+  }
+
+  /// `dofs`: the first degree of freedom inside the cells.
+  void convert_cells(std::int64_t dofs) {
+    for_each_cell([&](const ElementBlock& block, std::size_t e, std::span<const std::int32_t> nodes) {
+      const MfemConversion& conversion = *conversions_[std::size_t(block.shape)];
+      const Eigen::Index inner = mfem_interior_count(space_, block.shape), made = conversion.to_nodes.rows();
+      if (inner == 0) return;
+      known_.resize(conversion.to_nodes.cols(), 3);
+      Columns& known = known_;
+      for (Eigen::Index i = 0; i < known.rows() - inner; ++i) known.row(i) = at(nodes[std::size_t(i)]);
+      for (Eigen::Index i = 0; i < inner; ++i) known.row(known.rows() - inner + i) = at(std::int32_t(dofs + i));
+      if (conversion.left.size() > 0) check_left(conversion, known, block.numbers[e]);
+      found_.noalias() = conversion.to_nodes * known;
+      for (Eigen::Index i = 0; i < made; ++i) at(std::int32_t(dofs + i)) = found_.row(i);
+      dofs += inner;
+    });
+  }
+
+  void convert_faces() {
+    std::vector<bool> done(x_.size() / 3, false);
+    for_each_cell([&](const ElementBlock& block, std::size_t, std::span<const std::int32_t> nodes) {
+      const auto faces = mfem_faces(block.shape);
+      const MfemLocalNodes& local = *local_[std::size_t(block.shape)];
+      for (std::size_t f = 0; f < faces.size(); ++f) convert_part(faces[f].shape, local.whole_faces[f], nodes, done);
+    });
+  }
+
+  void convert_edges() {
+    std::vector<bool> done(x_.size() / 3, false);
+    for_each_cell([&](const ElementBlock& block, std::size_t, std::span<const std::int32_t> nodes) {
+      const auto edges = mfem_edges(block.shape);
+      const MfemLocalNodes& local = *local_[std::size_t(block.shape)];
+      std::vector<int> whole;
+      for (std::size_t e = 0; e < edges.size(); ++e) {
+        if (space_.order == 1 || done[std::size_t(nodes[std::size_t(local.edges[e][0])])]) continue;
+        whole = {edges[e][0], edges[e][1]};
+        whole.insert(whole.end(), local.edges[e].begin(), local.edges[e].end());
+        convert_part(Shape::Line, whole, nodes, done);
+      }
+    });
+  }
+
+  /// Moves the nodes inside cells to where the mesh has them: pyramids have fewer nodes than degrees of freedom.
+  void close_gaps(std::int64_t dofs) {
+    std::int64_t to = dofs;
+    for_each_cell([&](const ElementBlock& block, std::size_t, std::span<const std::int32_t>) {
+      const int nodes = inner_node_count(block.shape, space_.order);
+      std::copy_n(x_.begin() + 3 * dofs, 3 * nodes, x_.begin() + 3 * to);
+      to += nodes;
+      dofs += mfem_interior_count(space_, block.shape);
+    });
+    x_.resize(std::size_t(3 * to));
+  }
+
+ private:
+  template <class Body>
+  void for_each_cell(const Body& body) {
+    for (const ElementBlock& block : reading_.mesh.blocks) {
+      if (!has_cells(reading_.mesh, block)) continue;
+      const auto count = std::size_t(reference::node_count(block.shape, space_.order));
+      for (std::size_t e = 0; e < block.size(); ++e) body(block, e, std::span(block.nodes.data() + e * count, count));
+    }
+  }
+
+  Eigen::Map<Eigen::RowVector3d> at(std::int32_t node) { return Eigen::Map<Eigen::RowVector3d>(x_.data() + 3 * node); }
+
+  /// Converts what is inside an edge or face whose nodes, in Gmsh's order, are those `local` numbers of the cell.
+  void convert_part(Shape shape, const std::vector<int>& local, std::span<const std::int32_t> nodes,
+                    std::vector<bool>& done) {
+    const MfemConversion& conversion = *conversions_[std::size_t(shape)];
+    const auto inner = std::size_t(conversion.to_nodes.rows()), boundary = local.size() - inner;
+    if (inner == 0 || done[std::size_t(nodes[std::size_t(local[boundary])])]) return;
+    const std::vector<int>& in_file_order = *file_order_[std::size_t(shape)];
+    known_.resize(Eigen::Index(local.size()), 3);
+    for (std::size_t i = 0; i < local.size(); ++i) {
+      const auto own = i < boundary ? i : std::size_t(in_file_order[i]);
+      known_.row(Eigen::Index(i)) = at(nodes[std::size_t(local[own])]);
+    }
+    found_.noalias() = conversion.to_nodes * known_;
+    for (std::size_t i = 0; i < inner; ++i) {
+      const std::int32_t node = nodes[std::size_t(local[boundary + i])];
+      at(node) = found_.row(Eigen::Index(i));
+      done[std::size_t(node)] = true;
+    }
+  }
+
+  void check_left(const MfemConversion& conversion, const Columns& known, std::int64_t number) const {
+    constexpr double kRounding = 1e-9;
+    const double size = (known.colwise().maxCoeff() - known.colwise().minCoeff()).maxCoeff();
+    if ((conversion.left * known).lpNorm<Eigen::Infinity>() <= kRounding * size) return;
+    reading_.scanner.fail("pyramid " + std::to_string(number) +
+                          " (counted from 1) is curved inside in a way that pyramids of VariMesh cannot take, because "
+                          "MFEM's have more nodes; give VariMesh the mesh before MFEM curved it");
+  }
+
+  /// Looks up what all cells of a shape share.
+  void know(Shape shape) {
+    conversions_[std::size_t(shape)] = &mfem_conversion(space_, shape);
+    local_[std::size_t(shape)] = &mfem_local_nodes(shape, space_.order);
+    file_order_[std::size_t(shape)] = &gmsh_nodes(NodeOrder::Mfem, shape, space_.order);
+  }
+
+  const MfemReading& reading_;
+  const MfemSpace& space_;
+  std::vector<double>& x_;
+  std::array<const MfemConversion*, kShapes> conversions_{};
+  std::array<const MfemLocalNodes*, kShapes> local_{};
+  std::array<const std::vector<int>*, kShapes> file_order_{};
+  Columns known_, found_;  // kept, so that cells need no allocation of their own
+};
+
+void read_continuous(MfemReading& reading, const MfemTopology& topology) {
+  const Interiors interiors = count_interiors(reading);
+  const std::int64_t first = topology.interior_first(), dofs = first + interiors.dofs;
+  if (dofs > kMostNodes)
+    reading.scanner.fail("the mesh has " + std::to_string(dofs) + " nodes, more than VariMesh takes");
+  read_values(reading, dofs);
+  set_element_nodes(reading, topology);
+  std::vector<double> x = std::move(reading.mesh.coordinates);
+  InPlace in_place(reading, x);
+  in_place.convert_cells(first);
+  if (reading.mesh.dimension == 3) in_place.convert_faces();
+  in_place.convert_edges();
+  if (interiors.nodes != interiors.dofs) in_place.close_gaps(first);
+  reading.mesh.coordinates = std::move(x);
+}
+
+// === Discontinuous spaces ================================================================================
+
+/// Collects the nodes that cells have in common, and finds cells that do not agree on one.
+class Joining {
+ public:
+  Joining(MfemReading& reading, std::size_t nodes)
+      : reading_(reading), x_(reading.mesh.coordinates), known_(3 * nodes, false) {
+    x_.assign(3 * nodes, 0.0);
+  }
+
+  /// Takes component c of the nodes of a cell.
+  void take(std::size_t c, std::span<const std::int32_t> nodes, const Eigen::VectorXd& values, std::int64_t number) {
+    for (std::size_t i = 0; i < nodes.size(); ++i) {
+      const std::size_t at = 3 * std::size_t(nodes[i]) + c;
+      const double value = values(Eigen::Index(i));
+      if (!known_[at]) x_[at] = value;
+      known_[at] = true;
+      const double gap = std::abs(x_[at] - value), size = values.maxCoeff() - values.minCoeff();
+      // Files have at least six digits, of the coordinate and not of the cell's size.
+      constexpr double kOfSize = 1e-5, kOfCoordinate = 2e-6;
+      if (gap > std::max(kOfSize * size, kOfCoordinate * std::abs(value)))
+        reading_.scanner.fail("element " + std::to_string(number) +
+                              " (counted from 1) has a vertex, edge or face in "
+                              "common with an element that is elsewhere: the mesh is periodic or has gaps; give "
+                              "VariMesh the mesh before MFEM made it periodic");
+    }
+  }
+
+ private:
+  MfemReading& reading_;
+  std::vector<double>& x_;
+  std::vector<bool> known_;
+};
+
+void read_discontinuous(MfemReading& reading, const MfemTopology& topology) {
+  const Interiors interiors = count_interiors(reading);
+  const std::int64_t count = topology.interior_first() + interiors.nodes;
+  if (count > kMostNodes)
+    reading.scanner.fail("the mesh has " + std::to_string(count) + " nodes, more than VariMesh takes");
+  Scanner& scan = reading.scanner;
+  if (std::size_t(interiors.dofs) * std::size_t(reading.nodes.components) > scan.left())
+    scan.fail_truncated("the coordinates of all nodes");
+  set_element_nodes(reading, topology);
+  Joining joining(reading, std::size_t(count));
+  const auto components = std::size_t(reading.nodes.components);
+  // By nodes: one pass over the cells per component. Otherwise one pass for all.
+  const std::size_t passes = reading.nodes.by_nodes ? components : 1, together = components / passes;
+  for (std::size_t pass = 0; pass < passes; ++pass)
+    for (const ElementBlock& block : reading.mesh.blocks) {
+      if (!has_cells(reading.mesh, block)) continue;
+      const MfemConversion& conversion = mfem_conversion(reading.nodes.space, block.shape);
+      const Eigen::Index n = conversion.to_nodes.cols();
+      Eigen::MatrixXd values(n, Eigen::Index(together));
+      for (std::size_t e = 0; e < block.size(); ++e) {
+        for (Eigen::Index i = 0; i < n; ++i)
+          for (Eigen::Index c = 0; c < values.cols(); ++c) values(i, c) = scan.number("a node's coordinate");
+        const Eigen::MatrixXd found = conversion.to_nodes * values;
+        for (std::size_t c = 0; c < together; ++c)
+          joining.take(pass + c, {block.nodes.data() + e * std::size_t(n), std::size_t(n)}, found.col(Eigen::Index(c)),
+                       block.numbers[e]);
+      }
+    }
+}
+
+}  // namespace
+
+void read_mfem_nodes(MfemReading& reading) {
+  const MfemSpace& space = reading.nodes.space;
+  for (const ElementBlock& block : reading.mesh.blocks)
+    if (const std::string why = why_not_in_space(space, block.shape); has_cells(reading.mesh, block) && !why.empty())
+      reading.scanner.fail(why);
+  reading.mesh.order = space.order;
+  const MfemTopology topology = topology_of(reading);
+  if (space.continuous)
+    read_continuous(reading, topology);
+  else
+    read_discontinuous(reading, topology);
+}
+
+}  // namespace varimesh::formats
