@@ -26,7 +26,9 @@ namespace varimesh {
 /// - Fans: if all edges of a corner at v are fixed except one with direction x, its determinant is n · x with a known n
 ///   and must be positive. Each of the corners that share x restricts it to a half-space. If the half-spaces have
 ///   nothing in common, the corners are reported.
-/// - Folded faces: a flat face whose normal changes sign has points without a normal, where J = 0.
+/// - Folded faces: a flat face whose normal changes sign has points without a normal, where J = 0. A curved triangle
+///   whose normals turn by more than 90° counts too, if no derivative into the element that a polynomial can have stays
+///   well on its side (fixed_samples.h).
 std::vector<UnrepairableGroup> diagnose(const HighOrderMesh& mesh, const std::vector<bool>& fixed, const Team& team);
 
 }  // namespace varimesh

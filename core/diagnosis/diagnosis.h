@@ -17,7 +17,8 @@ struct UnrepairableGroup {
     VertexGroup,  ///< Several elements at a vertex, enclosed by fixed edges. The boundary leaves no room for them.
     Edge,         ///< One element along the edge between two fixed faces: J there depends on fixed nodes only.
     Face,         ///< One element, on a face or inside: J there depends on fixed nodes only.
-    FoldedFace,   ///< A flat fixed face (in 2-D a straight edge) that folds over itself: J = 0 in its elements.
+    FoldedFace,   ///< A flat fixed face (in 2-D a straight edge) that folds over itself: J = 0 in its elements. Or a
+                  ///< curved fixed triangle that turns so far within itself that it leaves hardly any room.
     Fan,          ///< Elements around a free edge at a vertex whose other edges there are fixed. Whatever the direction
                   ///< of the free edge, J is not positive in one of them.
   };
@@ -28,8 +29,8 @@ struct UnrepairableGroup {
   std::array<double, 3> place{};       ///< Physical coordinates.
   /// Dimensionless. At a vertex: the determinant of the unit tangents of the three edges. For a fan: its margin, the
   /// largest value that the smallest n · x can have. Along an edge, on a face or inside: J there over the element's
-  /// largest |J|. For a folded face: the smallest component of a normal along the longest normal, over the length of
-  /// the longest normal.
+  /// largest |J|. For a flat folded face: the smallest component of a normal along the longest normal, over the length
+  /// of the longest normal; at most 0. For a curved one: the room that it leaves, above 0; a flat face leaves 1.
   double determinant = 0;
   std::string sentence;  ///< For humans: what, where and what to do.
 };

@@ -65,7 +65,29 @@ class FixedSamples {
   const Cells& cells_;
 };
 
-/// Flat fixed facets whose normal changes sign (in 2-D, straight edges whose tangent does).
+/// The Bernstein polynomials of this degree on the triangle: a row for each point, a column for each polynomial.
+/// `points`: as reference::Points of the reference triangle, two coordinates each.
+Eigen::MatrixXd bernstein_on_triangle(int degree, const Eigen::MatrixXd& points);
+
+/// On a face with unit normals n, the Jacobian of an element of order P is n · v times a positive number, where v is
+/// the derivative of the element's map into the element, a polynomial of degree P − 1 on the face. The room is the
+/// largest value that the smallest n · v can have among the fields whose coefficients have a mean square of one. It is
+/// 1 for a flat face. If it is 0, the element is invalid wherever the free nodes go; if it is small, v must turn so
+/// sharply that the element has hardly any room.
+///
+/// By duality, the room is the distance from 0 to the convex hull of the vectors √K n ⊗ B, with the K polynomials B at
+/// each point. It is computed as in B. F. Mitchell, V. F. Demyanov, V. N. Malozemov, Finding the point of a polyhedron
+/// closest to the origin, SIAM J. Control 12, 1974.
+///
+/// @param fields  by point and polynomial: values of a basis of degree P − 1, for example bernstein_on_triangle()
+/// @param normals by point: the unit normal, three columns
+/// @param enough  the search ends once the room is known to be larger; then the result is a lower bound
+double face_room(const Eigen::MatrixXd& fields, const Eigen::MatrixXd& normals, double enough);
+
+/// Flat fixed facets whose normal changes sign (in 2-D, straight edges whose tangent does), and curved fixed triangles
+/// whose normals turn by more than 90° and leave hardly any room. The jacobian of a sample is the
+/// smallest component of a normal along the longest over the longest, at most 0, or for a curved triangle its room,
+/// above 0.
 class FoldedFacets {
  public:
   FoldedFacets(const HighOrderMesh& mesh, const Cells& cells);
@@ -77,6 +99,7 @@ class FoldedFacets {
   struct Table {
     Eigen::MatrixXd values;
     std::vector<Eigen::MatrixXd> gradients;
+    Eigen::MatrixXd fields;  ///< Of a triangle: as face_room() takes them; else empty.
   };
   bool folded(const Table& table, const Eigen::MatrixXd& coordinates, FixedSample& sample) const;
 

@@ -90,6 +90,14 @@ TEST(FoldedFacets, FindAFlatFaceThatFolds) {
   EXPECT_NEAR(found[0].place[2], -1, 1e-12) << "in the plane of the face";
 }
 
+TEST(FoldedFacets, FindACurvedFaceThatFoldsAndSayHowMuchRoomItLeaves) {
+  // The same, but the middle also leaves the plane, so that the normal turns and vanishes nowhere.
+  const auto found = folded_in(with_middle_moved({0, 1.2, -0.01}));
+  ASSERT_FALSE(found.empty());
+  EXPECT_GT(found[0].jacobian, 0);
+  EXPECT_LT(found[0].jacobian, 0.3);
+}
+
 TEST(FoldedFacets, LeaveAFaceThatBulgesOrBendsALittle) {
   EXPECT_TRUE(folded_in(with_middle_moved({0, 0, -2})).empty());
   EXPECT_TRUE(folded_in(with_middle_moved({0, 0.2, 0})).empty());
