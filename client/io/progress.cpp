@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <limits>
 #include <optional>
 
 #include "client/cli/names.h"
@@ -17,11 +18,26 @@ namespace {
 constexpr auto kBarInterval = std::chrono::milliseconds(50);
 constexpr auto kLineInterval = std::chrono::milliseconds(1000);
 
+/// For example "  12 groups left"; empty if no look for splits has counted them.
+template <class Message>
+std::string groups_left(const Message& message) {
+  if (!message.has_groups_left()) return "";
+  return fmt::format("  {} {} left", message.groups_left(), message.groups_left() == 1 ? "group" : "groups");
+}
+
+/// How far the work has come: a share of it if its amount is known.
+std::string amount(const v1::Work& work, const char* what) {
+  if (work.of() <= 0) return fmt::format("{} {}", work.done(), what);
+  return fmt::format("{} {:.0f} %", what,
+                     100.0 * static_cast<double>(std::min(work.done(), work.of())) / static_cast<double>(work.of()));
+}
+
 std::string numbers(const v1::Iteration& iteration) {
   const double rate = iteration.seconds() > 0 ? iteration.number() / iteration.seconds() : 0;
-  return fmt::format("{} {:>4}  residual {:.2e}  min Js {:>7.4f}  not certified {}  {:.1f} s  {:.3g}/s",
+  return fmt::format("{} {:>4}  residual {:.2e}  min Js {:>7.4f}  not certified {}{}  {:.1f} s  {:.3g}/s",
                      spelled(iteration.phase()), iteration.number(), iteration.residual(),
-                     iteration.min_scaled_jacobian(), iteration.left_elements(), iteration.seconds(), rate);
+                     iteration.min_scaled_jacobian(), iteration.left_elements(), groups_left(iteration),
+                     iteration.seconds(), rate);
 }
 
 /// A bar that shows how far the residual has fallen towards the tolerance, on a logarithmic scale.
@@ -44,6 +60,27 @@ std::string time_left(const std::optional<double>& seconds) {
 }
 
 }  // namespace
+
+std::string progress_text(const v1::Work& work, int iteration) {
+  std::string text;
+  switch (work.activity()) {
+    case v1::Work::ACTIVITY_ASSEMBLY:
+      text = fmt::format("newton {:>4}  {}", iteration, amount(work, "assembly"));
+      break;
+    case v1::Work::ACTIVITY_PRODUCTS:
+      text = fmt::format("newton {:>4}  {}", iteration, amount(work, "products"));
+      break;
+    case v1::Work::ACTIVITY_SWEEP:
+      text = fmt::format("sweeps {:>4}  {}", iteration, amount(work, "nodes"));
+      break;
+    case v1::Work::ACTIVITY_SPLITS:
+      text = fmt::format("splits       {}", amount(work, "looks"));
+      break;
+    default:  // of a newer server
+      text = amount(work, "done");
+  }
+  return text + groups_left(work);
+}
 
 Progress::Progress(bool quiet, const v1::Options& options)
     : quiet_(quiet),
@@ -70,6 +107,7 @@ void Progress::show(const v1::JobEvent& event) {
     show(event.iteration(), false);
     return;
   }
+  if (event.bookmark().has_work()) show(event.bookmark().work());
   if (event.has_log()) print(event.log().text());
   if (!event.has_state_change()) return;
   if (!latest_shown_) show(latest_, true);
@@ -80,25 +118,39 @@ void Progress::show(const v1::Iteration& iteration, bool last) {
   if (first_residual_ == 0) first_residual_ = iteration.residual();
   if (!last) remaining_time_.add(iteration);
   latest_ = iteration;
-  const auto now = std::chrono::steady_clock::now();
-  latest_shown_ = last || now - shown_ >= (terminal_ ? kBarInterval : kLineInterval);
+  latest_shown_ = last || is_due(shown_);
   if (!latest_shown_) return;
-  shown_ = now;
   const std::string left = last ? "" : time_left(remaining_time_.seconds());
+  draw(numbers(iteration), left);
+  if (last && terminal_) std::fputc('\n', stderr);
+  if (last) bar_drawn_ = false;
+}
+
+void Progress::show(const v1::Work& work) {
+  // A short run shows its iterations, and nothing of what is inside them.
+  if (is_due(std::max(began_, shown_))) draw(progress_text(work, latest_.number() + 1), "");
+}
+
+bool Progress::is_due(std::chrono::steady_clock::time_point time) const {
+  return std::chrono::steady_clock::now() - time >= (terminal_ ? kBarInterval : kLineInterval);
+}
+
+void Progress::draw(const std::string& numbers, const std::string& left) {
+  shown_ = std::chrono::steady_clock::now();
   if (!terminal_) {
-    std::fprintf(stderr, "%s\n", (numbers(iteration) + left).c_str());
+    std::fprintf(stderr, "%s\n", (numbers + left).c_str());
     return;
   }
   // A line that wraps cannot be drawn again. If the terminal is too narrow, the bar is left out, then the end of the
   // numbers.
-  std::string line = bar(first_residual_, iteration.residual(), tolerance_) + " " + numbers(iteration) + left;
+  const double residual = latest_.number() > 0 ? latest_.residual() : std::numeric_limits<double>::infinity();
+  std::string line = bar(first_residual_, residual, tolerance_) + " " + numbers + left;
   winsize size{};
   if (ioctl(STDERR_FILENO, TIOCGWINSZ, &size) == 0 && size.ws_col > 1 && line.size() >= size.ws_col)
-    line = numbers(iteration).substr(0, size.ws_col - 1);
+    line = numbers.substr(0, size.ws_col - 1);
   std::fprintf(stderr, "\r\x1b[K%s", line.c_str());
   std::fflush(stderr);
-  bar_drawn_ = !last;
-  if (last) std::fputc('\n', stderr);
+  bar_drawn_ = true;
 }
 
 }  // namespace varimesh::client

@@ -9,6 +9,9 @@
 
 namespace varimesh::client {
 
+/// The work inside the iteration with this number, or between two: for example "newton    1  assembly 25 %".
+std::string progress_text(const v1::Work& work, int iteration);
+
 /// Prints the events of one job.
 class Progress {
  public:
@@ -16,7 +19,8 @@ class Progress {
   Progress(bool quiet, const v1::Options& options);
   ~Progress();
 
-  /// Shows an iteration, if the last one was not shown just before, a change of state or a message of the server.
+  /// Shows an iteration or the work inside one, if the last was not shown just before, a change of state or a message
+  /// of the server.
   void show(const v1::JobEvent& event);
   /// Prints a message on a line of its own.
   void print(const std::string& message);
@@ -25,6 +29,11 @@ class Progress {
 
  private:
   void show(const v1::Iteration& iteration, bool last);
+  void show(const v1::Work& work);
+  /// Whether so much time has passed since `time` that it is time to draw or print again.
+  bool is_due(std::chrono::steady_clock::time_point time) const;
+  /// Draws a bar, the numbers and the time that is left, or prints numbers and time on a line of their own.
+  void draw(const std::string& numbers, const std::string& left);
 
   const bool quiet_;
   const bool terminal_;     ///< Standard error is a terminal.
@@ -32,7 +41,8 @@ class Progress {
   RemainingTime remaining_time_;
   double first_residual_ = 0;
   bool bar_drawn_ = false;                         ///< The last line on the terminal is the bar.
-  std::chrono::steady_clock::time_point shown_{};  ///< When an iteration was last shown.
+  std::chrono::steady_clock::time_point shown_{};  ///< When an iteration or work was last shown.
+  const std::chrono::steady_clock::time_point began_ = std::chrono::steady_clock::now();
   v1::Iteration latest_;
   bool latest_shown_ = true;
 };

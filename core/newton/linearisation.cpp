@@ -56,22 +56,36 @@ void Newton::scale_hessian() {
   for (CellSet& set : problem_.sets) set.energy_slope.assign(set.count, 1 / hessian_scale_);
 }
 
+void Newton::begin_assembly(bool whole) {
+  if (meter_ == nullptr) return;
+  std::int64_t work = whole && coarse_is_old_ ? preconditioner_.assembly_work() : 0;
+  for (const BatchSet& set : batches_) work += std::int64_t{whole ? 2 * kBatch : kBatch} * set.count;
+  meter_->begin(Activity::Assembly, work);
+}
+
 void Newton::linearise() {
+  begin_assembly(true);
   scale_hessian();
   if (!norm_.is_sum() && cell_gradients_.empty())
     for (const BatchSet& set : batches_) cell_gradients_.emplace_back(set.contributions.size() / 2);
   find_gradient();
   const auto nodes = static_cast<std::int32_t>(problem_.free.size());
   for (BatchSet& set : batches_)
-    team_.for_each(set.count, kBatchesPerTask, [&](std::int32_t b) { hessian_.node_blocks(set, b); });
+    team_.for_each(set.count, kBatchesPerTask, [&](std::int32_t b) {
+      hessian_.node_blocks(set, b);
+      count(kBatch);
+    });
   team_.for_each(nodes, kNodesPerTask,
                  [&](std::int32_t rank) { preconditioner_.set_block(rank, added_up_block(rank)); });
-  if (coarse_is_old_) preconditioner_.assemble(hessian_);
+  if (coarse_is_old_) preconditioner_.assemble(hessian_, meter_);
 }
 
 void Newton::find_gradient() {
   for (std::size_t set = 0; set < batches_.size(); ++set)
-    team_.for_each(batches_[set].count, kBatchesPerTask, [&](std::int32_t b) { linearise_batch(set, b); });
+    team_.for_each(batches_[set].count, kBatchesPerTask, [&](std::int32_t b) {
+      linearise_batch(set, b);
+      count(kBatch);
+    });
   team_.for_each(static_cast<std::int32_t>(problem_.free.size()), kNodesPerTask,
                  [&](std::int32_t rank) { add_up_gradient(rank); });
 }

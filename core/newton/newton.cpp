@@ -145,6 +145,7 @@ double Newton::distance_left(double step, double scale) {
 
 double Newton::defect(double gradient_scale) {
   std::copy(residual_.begin(), residual_.end(), direction_.begin());
+  begin_assembly(false);
   find_gradient();
   team_.for_ranges(unknowns_, kNumbersPerTask, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) gradient_[i] += gradient_scale * static_cast<double>(direction_[i]);
@@ -177,7 +178,11 @@ struct Newton::LinearSystem {
   Newton& newton;
   double initial, forcing, scale;
 
-  double multiply() { return newton.multiply(); }
+  double multiply() {
+    const double curvature = newton.multiply();
+    newton.count(1);
+    return curvature;
+  }
   void advance(double alpha) {
     newton.ritz_.advance(alpha);
     const auto alpha_float = static_cast<float>(alpha);
@@ -204,6 +209,7 @@ void Newton::solve(double initial, double forcing, double scale, NewtonOutcome& 
   std::fill(step_.begin(), step_.end(), 0.0);
   std::copy(product_.begin(), product_.end(), direction_.begin());
   ritz_.clear();
+  if (meter_ != nullptr) meter_->begin(Activity::Products);
   LinearSystem system{*this, initial, forcing, scale};
   const ConjugateGradients result = conjugate_gradients(system, initial, most_products_);
   spectrum_.note(ritz_);

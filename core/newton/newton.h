@@ -15,6 +15,7 @@
 #include "core/preconditioner/preconditioner.h"
 #include "core/preconditioner/reduction.h"
 #include "core/problem/problem.h"
+#include "core/progress/work_meter.h"
 
 namespace varimesh {
 
@@ -55,6 +56,9 @@ class Newton {
     most_products_ = most_products;
   }
 
+  /// From now on counts assemblies and products with this meter, which must outlive the object; null: with none.
+  void count_with(WorkMeter* meter) { meter_ = meter; }
+
   /// If the team's token interrupts it, the nodes are where they were before, or where the step has put them.
   NewtonOutcome step();
 
@@ -73,6 +77,11 @@ class Newton {
   // === Linearisation (linearisation.cpp) ===
   /// From the positions of the nodes, sets gradient_ and what products and the preconditioner need.
   void linearise();
+  /// Tells the meter that an assembly begins: a gradient, and with `whole` all that linearise() does.
+  void begin_assembly(bool whole);
+  void count(std::int64_t work) const {
+    if (meter_ != nullptr) meter_->add(work);
+  }
   /// Sets hessian_scale_ so that the Hessian fits single precision. That of the p-norm is estimated as that of the
   /// energy times the largest slope of a cell.
   void scale_hessian();
@@ -138,6 +147,7 @@ class Newton {
   PNorm norm_;
   double tolerance_;
   const Team& team_;
+  WorkMeter* meter_ = nullptr;
   Reduction reduction_;
   std::vector<BatchSet> batches_;
   Preconditioner preconditioner_;

@@ -122,6 +122,8 @@ void Continuation::set_up_stage(const std::vector<Certificate>& certificates,
 }
 
 /// The patches of RunControl::shallow_untangling.
+constexpr Untangler::Depth kOneLayer{1, 1};
+/// The patches around cells that lost their certificate.
 constexpr Untangler::Depth kShallow{1, 2};
 
 StageContext Continuation::context() {
@@ -135,7 +137,8 @@ StageContext Continuation::context() {
           *best_,
           team_,
           set_up_.mesh,
-          control_.shallow_untangling ? kShallow : Untangler::Depth()};
+          control_.shallow_untangling ? kOneLayer : Untangler::Depth(),
+          control_.meter};
 }
 
 std::optional<StopReason> Continuation::begin(const std::vector<Certificate>& certificates,
@@ -316,14 +319,15 @@ void Continuation::finish(std::vector<Certificate>& certificates, Result& result
 /// went back to where they had it, those around them would lose theirs, and much of the mesh would have to go back too.
 /// Not for runs that a limit or a stop has ended: these are to end at once.
 void Continuation::untangle_lost(Result& result) {
-  const bool is_for_it = set_up_.options.method == Method::Auto && stage_ == 0;
+  const bool is_for_it = set_up_.options.method == Method::Auto && stage_ == 0 && control_.untangles_lost;
   if (guard_->lost() == 0 || !is_for_it || !ended_by_itself(result.stop_reason)) return;
   if (grace_.stopped()) return grace_.say_stopped(result);
   const std::vector<double> optimum = set_up_.problem.positions;
   Untangler::FailedStarts failed_starts;  // other cells than those that untangling has given up before
   // Deeper patches around 19 such cells take in most of a published mesh: over a minute in place of 4 s.
   Untangler untangler(Untangler::FromHere{}, set_up_.problem, *set_up_.stages[0].kernels, *guard_, team_, failed_starts,
-                      kShallow, room_for_hessians(set_up_.mesh, set_up_.options));
+                      control_.shallow_untangling ? kOneLayer : kShallow,
+                      room_for_hessians(set_up_.mesh, set_up_.options));
   try {
     while (!untangler.done()) {
       untangler.step();

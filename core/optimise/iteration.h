@@ -30,6 +30,8 @@ struct Iteration {
                      ///< L-BFGS.
   LinearSolve linear_solve = LinearSolve::None;  ///< How these iterations ended.
   double seconds = 0;                            ///< Since the optimisation began.
+  /// Groups of tetrahedra without room that the last look for splits has found; −1 before any look.
+  std::int64_t groups_left = -1;
 };
 
 }  // namespace varimesh

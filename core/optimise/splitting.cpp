@@ -4,6 +4,7 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <functional>
+#include <limits>
 #include <optional>
 #include <set>
 #include <string>
@@ -25,8 +26,22 @@ namespace {
 constexpr int kMostRounds = 4;
 /// Newton steps before the first split. On meshes that stay tangled, Newton does not end by itself.
 constexpr int kBriefIterations = 40;
-/// The iterations of all rounds together, as a multiple of those without a split, and at least.
-constexpr int kTimesTheIterations = 9, kLeastIterations = 200;
+/// The work of all rounds together, and of the run without a split that may follow them, as multiples of the work
+/// before the first split.
+constexpr double kTimesTheWork = 4;
+/// Each may do at least this much, a fraction of a second.
+constexpr double kLeastWork = 3e5;
+/// Work of an iteration per free node that it visits, in units of a visit by a sweep. Measured on tetrahedra of
+/// order 3.
+constexpr double kNewtonWork = 4, kProductWork = 0.1, kUntanglingWork = 80;
+
+/// The work of an iteration, from what it counts: the same on every machine.
+double work_of(const Iteration& iteration) {
+  const auto nodes = static_cast<double>(iteration.active_nodes);
+  if (iteration.phase == Phase::Sweeps) return nodes;
+  if (iteration.phase == Phase::Untangle) return kUntanglingWork * nodes;
+  return nodes * (kNewtonWork + kProductWork * iteration.products);
+}
 
 // ---------------------------------------------------------------------------------------------------------------------
 // Several runs that share their limits
@@ -40,41 +55,86 @@ class RunSequence {
       : options_(options), on_iteration_(on_iteration), stop_(stop) {
     control_.threads = control.threads;
     control_.stop_asked = control.stop_asked;
+    control_.meter = control.meter;
     control_.shallow_untangling = true;
     options_.repair = Repair::Report;
     options_.order = 0;
-    most_ = options_.max_iterations;
   }
 
-  /// From now on at most this many more iterations.
-  void allow(int iterations) {
-    most_ = std::min(options_.max_iterations, static_cast<int>(history_.size()) + iterations);
+  /// Rounds begin. They may do at most this much more work; the iteration that passes it is the last. Cells that lose
+  /// their certificate in a round are not untangled: a split beside them may be next.
+  void begin_rounds(double work) {
+    most_work_ = work_ + work;
+    control_.untangles_lost = false;
   }
 
-  /// From now on only the limits of the caller count.
-  void allow_all() { most_ = options_.max_iterations; }
+  /// Rounds are over. What follows may do at most this much more work.
+  void end_rounds(double work) {
+    most_work_ = work_ + work;
+    control_.untangles_lost = true;
+  }
+  /// The work so far.
+  double work() const { return work_; }
+
+  /// A look for splits has found this many groups.
+  void note_groups(std::int64_t groups) {
+    groups_left_ = groups;
+    if (control_.meter == nullptr) return;
+    control_.meter->found_groups(groups);
+    control_.meter->begin(Activity::Splits);
+    control_.meter->add(++looks_);
+  }
 
   /// Whether the limits allow another run, and no stop was asked for.
   bool may_go_on() const {
-    return !stopped() && static_cast<int>(history_.size()) < most_ &&
+    return !stopped() && !out_of_work() && static_cast<int>(history_.size()) < options_.max_iterations &&
            (options_.time_limit <= 0 || watch_.seconds() < options_.time_limit);
   }
 
   /// Whether the caller or the token has stopped the sequence.
   bool stopped() const { return stopped_ || stop_.stopped(); }
   const StopToken& token() const { return stop_; }
+  /// Whether the work that was allowed is done.
+  bool out_of_work() const { return work_ >= most_work_; }
+
+  /// The same without untangling and with few iterations: untangling takes most of the time where a split is needed.
+  std::optional<Result> run_briefly(const HighOrderMesh& mesh) {
+    const Options whole = options_;
+    if (options_.method == Method::Auto) options_.method = Method::Newton;
+    options_.max_iterations = std::min(options_.max_iterations, static_cast<int>(history_.size()) + kBriefIterations);
+    std::optional<Result> result = run(mesh);
+    options_ = whole;
+    return result;
+  }
 
   /// Optimises the mesh with Repair::Report and in its own order, within what is left of the limits. Returns nothing if
   /// the mesh is refused.
-  std::optional<Result> run(const HighOrderMesh& mesh) { return run(mesh, most_ - static_cast<int>(history_.size())); }
-
-  /// The same without untangling, which takes most of the time where a split is needed.
-  std::optional<Result> run_briefly(const HighOrderMesh& mesh) {
-    const Method method = options_.method;
-    if (method == Method::Auto) options_.method = Method::Newton;
-    std::optional<Result> result = run(mesh, std::min(kBriefIterations, most_ - static_cast<int>(history_.size())));
-    options_.method = method;
-    return result;
+  std::optional<Result> run(const HighOrderMesh& mesh) {
+    Options options = options_;
+    options.max_iterations -= static_cast<int>(history_.size());
+    // 0 would mean no limit. With so little time left, the run ends before its first iteration.
+    if (options_.time_limit > 0) options.time_limit = std::max(1e-9, options_.time_limit - watch_.seconds());
+    const int before = static_cast<int>(history_.size());
+    const double seconds = watch_.seconds();
+    bool asked = false;
+    const OnIteration pass_on = [&](Iteration iteration) {
+      iteration.number += before;
+      iteration.seconds += seconds;
+      iteration.groups_left = groups_left_;
+      work_ += work_of(iteration);
+      history_.push_back(iteration);
+      asked = on_iteration_ && on_iteration_(iteration) == Control::Stop;
+      return asked || out_of_work() ? Control::Stop : Control::Continue;
+    };
+    Expected<Result> result = optimise(mesh, options, pass_on, control_);
+    if (!result) return std::nullopt;
+    const bool cut_short = result->stopped && !asked && stop_.reason() != StopToken::Reason::Asked;
+    if (cut_short) {
+      result->stopped = false;
+      result->stop_reason = StopReason::NoProgress;
+    }
+    stopped_ = stopped_ || result->stopped;
+    return std::move(*result);
   }
 
   /// Fills in what concerns the whole sequence: history, iterations, seconds and, if a limit or a stop ended it, the
@@ -97,32 +157,14 @@ class RunSequence {
   }
 
  private:
-  std::optional<Result> run(const HighOrderMesh& mesh, int max_iterations) {
-    Options options = options_;
-    options.max_iterations = max_iterations;
-    // 0 would mean no limit. With so little time left, the run ends before its first iteration.
-    if (options_.time_limit > 0) options.time_limit = std::max(1e-9, options_.time_limit - watch_.seconds());
-    const int before = static_cast<int>(history_.size());
-    const double seconds = watch_.seconds();
-    const OnIteration pass_on = [&](Iteration iteration) {
-      iteration.number += before;
-      iteration.seconds += seconds;
-      history_.push_back(iteration);
-      return on_iteration_ ? on_iteration_(iteration) : Control::Continue;
-    };
-    Expected<Result> result = optimise(mesh, options, pass_on, control_);
-    if (!result) return std::nullopt;
-    stopped_ = stopped_ || result->stopped;
-    return std::move(*result);
-  }
-
   Options options_;
   const OnIteration& on_iteration_;
   const StopToken& stop_;
   RunControl control_;
   Stopwatch watch_;
   std::vector<Iteration> history_;
-  int most_ = 0;  // iterations of all runs together
+  double work_ = 0, most_work_ = std::numeric_limits<double>::infinity();
+  std::int64_t groups_left_ = -1, looks_ = 0;
   bool stopped_ = false;
 };
 
@@ -170,12 +212,18 @@ bool is_better(const Result& a, const Result& b) {
   return left_a != left_b ? left_a < left_b : a.after.min_scaled_jacobian > b.after.min_scaled_jacobian;
 }
 
+/// Numbers of the elements with a folded boundary face.
+std::set<std::int64_t> owners_of_folded_faces(const Result& result) {
+  std::set<std::int64_t> owners;
+  for (const UnrepairableGroup& group : result.unrepairable)
+    if (group.kind == UnrepairableGroup::Kind::FoldedFace) owners.insert(group.elements.begin(), group.elements.end());
+  return owners;
+}
+
 /// Numbers of uncertified tetrahedra that a split may help, in ascending order: those without a folded boundary face.
 std::vector<std::int64_t> worth_a_split(const Result& result) {
   std::set<std::int64_t> left = uncertified_set(result);
-  for (const UnrepairableGroup& group : result.unrepairable)
-    if (group.kind == UnrepairableGroup::Kind::FoldedFace)
-      for (const std::int64_t element : group.elements) left.erase(element);
+  for (const std::int64_t owner : owners_of_folded_faces(result)) left.erase(owner);
   const Cells cells(result.mesh, result.mesh.dimension);
   for (std::size_t c = 0; c < cells.count(); ++c)
     if (cells.shape(c) != Shape::Tetrahedron) left.erase(cells.number(c));
@@ -195,7 +243,8 @@ std::optional<Result> optimise_in_rounds(const HighOrderMesh& mesh, const Result
   std::vector<CellCorner> marked;
   for (int round = 0; round < kMostRounds && !wanted.empty() && runs.may_go_on(); ++round) {
     const std::size_t had = steps.size();
-    start = split_in_passes(std::move(start), options, std::move(wanted), std::move(marked), steps, runs.token());
+    start = split_in_passes(std::move(start), options, std::move(wanted), std::move(marked), steps, runs.token(),
+                            [&](std::size_t groups) { runs.note_groups(static_cast<std::int64_t>(groups)); });
     if (steps.size() == had || runs.stopped()) break;
     std::optional<Result> result = runs.run(start);
     if (!result) break;
@@ -220,9 +269,26 @@ RepairStep left_unsplit(const Result& split, const Result& unsplit) {
   return step;
 }
 
-/// Adds steps about the uncertified elements that splitting is not offered for, or for which it found nothing to split.
-/// If the run was stopped, adds one that says so.
-void say_what_is_left(Result& result, bool stopped) {
+RepairStep left_step(const std::vector<std::int64_t>& elements, const std::string& before, const std::string& after) {
+  RepairStep step;
+  step.elements = elements;
+  step.sentence = before + elements_text(elements, "tetrahedron", "tetrahedra") + after;
+  return step;
+}
+
+/// The elements that splits have cut.
+std::set<std::int64_t> cut_elements(const std::vector<RepairStep>& steps) {
+  std::set<std::int64_t> cut;
+  for (const RepairStep& step : steps) {
+    cut.insert(step.elements.begin(), step.elements.end());
+    cut.insert(step.new_elements.begin(), step.new_elements.end());
+  }
+  return cut;
+}
+
+/// Adds a step for each reason why elements are left that are not certified valid; each of them is in exactly one. If
+/// the run was stopped, adds one that says so instead. `out_of_work`: the rounds have used up what they may do.
+void say_what_is_left(Result& result, bool stopped, bool out_of_work) {
   if (stopped) {
     if (result.after.uncertified.empty()) return;
     RepairStep step;
@@ -232,22 +298,36 @@ void say_what_is_left(Result& result, bool stopped) {
   }
   const Cells cells(result.mesh, result.mesh.dimension);
   const std::set<std::int64_t> uncertified = uncertified_set(result);
-  RepairStep other, nothing;
-  for (std::size_t c = 0; c < cells.count() && !uncertified.empty(); ++c) {
-    if (!uncertified.contains(cells.number(c))) continue;
-    (cells.shape(c) == Shape::Tetrahedron ? nothing : other).elements.push_back(cells.number(c));
+  if (uncertified.empty()) return;
+  const std::set<std::int64_t> folded = owners_of_folded_faces(result), cut = cut_elements(result.repairs);
+  std::vector<std::int64_t> others, owners, in_vain, untouched;
+  for (std::size_t c = 0; c < cells.count(); ++c) {
+    const std::int64_t number = cells.number(c);
+    if (!uncertified.contains(number)) continue;
+    std::vector<std::int64_t>& reason = folded.contains(number)                ? owners
+                                        : cells.shape(c) != Shape::Tetrahedron ? others
+                                        : cut.contains(number)                 ? in_vain
+                                                                               : untouched;
+    reason.push_back(number);
   }
-  if (!other.elements.empty()) {
-    other.sentence = "Only tetrahedra can be split: " + elements_text(other.elements, "element", "elements") +
-                     " stay as the optimisation left them.";
-    result.repairs.push_back(std::move(other));
+  std::vector<RepairStep>& steps = result.repairs;
+  if (!others.empty()) {
+    RepairStep step;
+    step.elements = others;
+    step.sentence = "Only tetrahedra can be split: " + elements_text(others, "element", "elements") +
+                    " stay as the optimisation left them.";
+    steps.push_back(std::move(step));
   }
-  if (!nothing.elements.empty()) {
-    nothing.sentence = "No interior edge or face could be split to help " +
-                       elements_text(nothing.elements, "tetrahedron", "tetrahedra") +
-                       ": a boundary face folds over itself, or the edges and faces in question are fixed or flat.";
-    result.repairs.push_back(std::move(nothing));
-  }
+  if (!owners.empty())
+    steps.push_back(left_step(owners, "A boundary face folds over itself, so no split was tried for its own sake: ",
+                              "; mesh the boundary anew there, or refine it."));
+  const std::string ended = out_of_work ? " Splits have used up their share of the work." : "";
+  if (!in_vain.empty())
+    steps.push_back(
+        left_step(in_vain, "Splits beside ", " were not enough; that no others would be is not proved." + ended));
+  if (!untouched.empty())
+    steps.push_back(left_step(untouched, "No interior edge or face could be split to help ",
+                              ": those in question are fixed or flat, or have room already." + ended));
 }
 
 /// The quality of the mesh as it came. The token may stop the run meanwhile.
@@ -279,6 +359,7 @@ Result optimise_by_splitting(const HighOrderMesh& mesh, const MeshSummary& summa
   RunSequence runs(options, on_iteration, control, stop);
   QualityReport before = quality_before(mesh, options, stop);
   std::optional<Result> best;
+  bool out_of_work = false;
   if (!runs.stopped()) best = before.uncertified.empty() ? runs.run(mesh) : runs.run_briefly(mesh);
   if (!best) best = as_it_came(mesh, summary, before, stop);
   // The brief run may have ended before the optimum. If it left nothing to split, the run goes on as one without
@@ -288,20 +369,24 @@ Result optimise_by_splitting(const HighOrderMesh& mesh, const MeshSummary& summa
     if (whole && whole->after.uncertified.empty()) best = std::move(whole);
   }
   if (!best->after.uncertified.empty() && runs.may_go_on()) {
-    runs.allow(std::max(kLeastIterations, kTimesTheIterations * best->iterations));
+    const double work = std::max(kLeastWork, kTimesTheWork * runs.work());
+    runs.begin_rounds(work);
     std::optional<Result> split = optimise_in_rounds(mesh, *best, options, runs);
-    runs.allow_all();
-    if (!split || !split->after.uncertified.empty()) {
-      std::optional<Result> unsplit = runs.may_go_on() ? runs.run(mesh) : std::nullopt;
+    const bool ran_out = runs.out_of_work();
+    runs.end_rounds(work);
+    // If only owners of folded faces are left, another run would leave them too.
+    if ((!split || !worth_a_split(*split).empty()) && runs.may_go_on()) {
+      std::optional<Result> unsplit = runs.run(mesh);
       if (unsplit && is_better(*unsplit, *best)) best = std::move(unsplit);
     }
+    out_of_work = ran_out || runs.out_of_work();
     if (split && split->after.uncertified.size() < best->after.uncertified.size())
       best = std::move(split);
     else if (split && !runs.stopped())
       best->repairs.push_back(left_unsplit(*split, *best));
   }
   best->before = std::move(before);
-  say_what_is_left(*best, runs.stopped());
+  say_what_is_left(*best, runs.stopped(), out_of_work);
   runs.finish(*best);
   return std::move(*best);
 }

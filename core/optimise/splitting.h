@@ -19,14 +19,16 @@ namespace varimesh {
 ///    a round that leaves no fewer elements that a split might help is the last.
 ///
 /// The best mesh of these is kept: the one with the fewest uncertified elements, and of those the one with the highest
-/// minimum Js. If some are left, the mesh is also optimised without a split. If that, or step 1, leaves no more of
-/// them, it is the result. The rounds together have at most nine times the iterations of step 1, or 200 if that is
-/// more. The options' limits of time and iterations are for everything together. Elements with a folded boundary face
-/// are never split for their own sake.
+/// minimum Js. If it has uncertified elements without a folded boundary face, the mesh is also optimised without a
+/// split. If that, or step 1, leaves no more of them, it is the result. The rounds together may do four times the work
+/// of step 1, and so may the run after them. Work is counted in visits of free nodes, so it does not depend on the
+/// machine. The options' limits of time and iterations are for everything together. Elements with a folded boundary
+/// face are never split for their own sake.
 ///
 /// The stop reason is that of the run that the mesh comes from. But if elements are left, and a limit for everything
-/// together or a stop kept it from going on, the reason is that limit or stop. It uses only two members of `control`:
-/// the number of threads, and stop_asked. There are no checkpoints. It ends: there are at most eight passes per round.
+/// together or a stop kept it from going on, the reason is that limit or stop. It uses only three members of
+/// `control`: the number of threads, stop_asked and the meter, which it tells the groups that each look has found.
+/// There are no checkpoints. It ends: there are at most eight passes per round.
 ///
 /// `summary` is that of the mesh. `stop` is the token of the run. If it stops step 1 before its first iteration, the
 /// mesh is as it came.

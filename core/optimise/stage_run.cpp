@@ -49,12 +49,15 @@ StageRun::StageRun(const StageContext& context, const Stopwatch& watch)
       team_(context.team),
       mesh_(context.mesh),
       depth_(context.untangling_depth),
+      meter_(context.meter),
       watch_(watch),
       norm_{options_.p_norm},
       sweeper_(problem_, context.coloured, kernels_, options_.regularisation, norm_,
                options_.active_set ? options_.tolerance : -1, team_),
       chooser_(options_, guard_.repairable()),
-      stopper_(options_) {}
+      stopper_(options_) {
+  sweeper_.count_with(meter_);
+}
 
 void StageRun::follow(Carried carried) {
   history_ = std::move(carried.history);
@@ -134,6 +137,7 @@ StageRun::MethodOutcome StageRun::untangle() {
 Newton& StageRun::newton() {
   if (newton_) return *newton_;
   newton_.emplace(problem_, kernels_, *hessian_, norm_, options_.tolerance, team_);
+  newton_->count_with(meter_);
   if (began_ > 0) newton_->solve_roughly(kMostProductsOfALaterStage);
   if (!rested_newton_.empty()) {
     CheckpointReader reader({rested_newton_.data(), rested_newton_.size()}, 0);

@@ -15,6 +15,7 @@
 #include "core/newton/newton.h"
 #include "core/optimise/optimiser.h"
 #include "core/optimise/phases.h"
+#include "core/progress/work_meter.h"
 #include "core/sweeps/sweep.h"
 #include "core/untangle/untangle.h"
 
@@ -32,6 +33,7 @@ struct StageContext {
   const Team& team;
   const HighOrderMesh& mesh;
   Untangler::Depth untangling_depth = {};  ///< Layers of cells in the patches of untangling.
+  WorkMeter* meter = nullptr;              ///< Counts the work inside iterations; null: nobody wants to know.
 };
 
 /// The iterations of one stage. The comments say which functions to call inside team.run(). The result does not depend
@@ -118,6 +120,7 @@ class StageRun {
   const Team& team_;
   const HighOrderMesh& mesh_;
   Untangler::Depth depth_;
+  WorkMeter* meter_;
   Stopwatch watch_;
   PNorm norm_;
   Sweeper sweeper_;

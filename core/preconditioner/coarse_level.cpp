@@ -161,21 +161,31 @@ CoarseLevel::BlockMatrix<d> CoarseLevel::inverse_factor(std::int32_t node) const
   return Eigen::Map<const Eigen::Matrix<float, d, d>>(inverse_factor_.data() + static_cast<std::size_t>(node) * d * d);
 }
 
-void CoarseLevel::assemble(const HessianKernels& hessian) {
-  if (space_.count == 0) return;
-  for (std::size_t b = 0; b < batches_.size(); ++b)
-    team_.for_each(batches_[b].count, 4,
-                   [&](std::int32_t batch) { hessian.mean_tensors(batches_[b], batch, tensors_[b]); });
-  make_matrix();
+std::int64_t CoarseLevel::assembly_work() const {
+  std::int64_t work = space_.count;
+  for (const BatchSet& set : batches_) work += std::int64_t{kBatch} * set.count;
+  return space_.count > 0 ? work : 0;
 }
 
-void CoarseLevel::make_matrix() {
+void CoarseLevel::assemble(const HessianKernels& hessian, WorkMeter* meter) {
+  if (space_.count == 0) return;
+  for (std::size_t b = 0; b < batches_.size(); ++b)
+    team_.for_each(batches_[b].count, 4, [&](std::int32_t batch) {
+      hessian.mean_tensors(batches_[b], batch, tensors_[b]);
+      if (meter != nullptr) meter->add(kBatch);
+    });
+  make_matrix(meter);
+}
+
+void CoarseLevel::make_matrix(WorkMeter* meter) {
   if (space_.count == 0) return;
   const int d = problem_.dimension;
   team_.for_each(space_.count, kNodesPerTask / 4,
                  [&](std::int32_t node) { d == 2 ? factorise_diagonal<2>(node) : factorise_diagonal<3>(node); });
-  team_.for_each(space_.count, kNodesPerTask / 4,
-                 [&](std::int32_t node) { d == 2 ? assemble_row<2>(node) : assemble_row<3>(node); });
+  team_.for_each(space_.count, kNodesPerTask / 4, [&](std::int32_t node) {
+    d == 2 ? assemble_row<2>(node) : assemble_row<3>(node);
+    if (meter != nullptr) meter->add();
+  });
   if (linear_.is_used()) linear_.assemble(tensors_);
 }
 

@@ -14,6 +14,7 @@
 #include "core/preconditioner/coarse_space.h"
 #include "core/preconditioner/linear_level.h"
 #include "core/problem/problem.h"
+#include "core/progress/work_meter.h"
 
 namespace varimesh {
 
@@ -32,8 +33,10 @@ class CoarseLevel {
   /// `batches`: of the problem. solve() overwrites their contributions. All arguments are kept by reference.
   CoarseLevel(const Problem& problem, std::vector<BatchSet>& batches, const Team& team);
 
-  /// Assembles the matrix from what `hessian` has linearised.
-  void assemble(const HessianKernels& hessian);
+  /// Assembles the matrix from what `hessian` has linearised. `meter` may be null. It counts assembly_work().
+  void assemble(const HessianKernels& hessian, WorkMeter* meter = nullptr);
+  /// How many cells and rows assemble() goes through.
+  std::int64_t assembly_work() const;
 
   /// Reads or writes what the matrix is made from, if it will be used again (`is_used`).
   template <class Archive>
@@ -62,7 +65,7 @@ class CoarseLevel {
 
  private:
   /// Assembles the matrices of both levels from the tensors.
-  void make_matrix();
+  void make_matrix(WorkMeter* meter = nullptr);
   template <int d>
   using BlockMatrix = Eigen::Matrix<float, d, d, Eigen::RowMajor>;
 

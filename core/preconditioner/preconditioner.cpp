@@ -52,8 +52,8 @@ void Preconditioner::set_block(std::int32_t rank, const std::array<double, 6>& t
   d == 2 ? invert_block<2>(triangle, inverse) : invert_block<3>(triangle, inverse);
 }
 
-void Preconditioner::assemble(const HessianKernels& hessian) {
-  coarse_.assemble(hessian);
+void Preconditioner::assemble(const HessianKernels& hessian, WorkMeter* meter) {
+  coarse_.assemble(hessian, meter);
   stretched_.assemble(coarse_.tensors());
 }
 

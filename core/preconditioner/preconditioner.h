@@ -13,6 +13,7 @@
 #include "core/preconditioner/coarse_level.h"
 #include "core/preconditioner/stretched_cells.h"
 #include "core/problem/problem.h"
+#include "core/progress/work_meter.h"
 
 namespace varimesh {
 
@@ -27,7 +28,9 @@ class Preconditioner {
   void set_block(std::int32_t rank, const std::array<double, 6>& triangle);
 
   /// Assembles the coarse level and the stretched cells from what `hessian` has linearised. The blocks are not set.
-  void assemble(const HessianKernels& hessian);
+  /// `meter` may be null. It counts assembly_work().
+  void assemble(const HessianKernels& hessian, WorkMeter* meter = nullptr);
+  std::int64_t assembly_work() const { return coarse_.assembly_work(); }
 
   /// Reads or writes what the coarse level and the stretched cells are made from, if they will be used again
   /// (`is_used`).

@@ -19,17 +19,20 @@ namespace {
 constexpr double kWeakMargin = 0.08;
 constexpr int kMostPasses = 8;
 
-/// The splits of one pass. Inside team.run().
+/// The splits of one pass, and how many groups it has found. Inside team.run().
 std::vector<SplitPlace> splits_of_pass(const HighOrderMesh& mesh, const std::vector<bool>& fixed,
                                        const std::vector<std::int64_t>& wanted, std::vector<CellCorner> marked,
-                                       const SplitRules& rules, const Cells& cells, const Team& team) {
+                                       const SplitRules& rules, const Cells& cells, const Team& team,
+                                       std::size_t& found) {
   std::vector<Certificate> certificates(cells.count());
   Certifier(mesh).certify(mesh.coordinates, certificates, team);
   WeakRule rule{kWeakMargin, std::vector<bool>(cells.count(), false), std::move(marked)};
   for (std::size_t c = 0; c < cells.count(); ++c)
     rule.wanted[c] = !certificates[c].is_valid() && std::ranges::binary_search(wanted, cells.number(c));
   std::ranges::sort(rule.marked);
-  return choose_splits(weak_groups(mesh, fixed, rules, rule, team), rules);
+  const std::vector<WeakGroup> groups = weak_groups(mesh, fixed, rules, rule, team);
+  found = groups.size();
+  return choose_splits(groups, rules);
 }
 
 /// Adds the new parts of wanted elements.
@@ -47,7 +50,8 @@ void add_parts(std::span<const RepairStep> steps, std::vector<std::int64_t>& wan
 
 /// One pass over the mesh. False if it found nothing to split.
 bool split_once(HighOrderMesh& mesh, const Options& options, std::vector<std::int64_t>& wanted,
-                std::vector<CellCorner> marked, const Team& team, std::vector<RepairStep>& steps) {
+                std::vector<CellCorner> marked, const Team& team, std::vector<RepairStep>& steps,
+                const OnLook& on_look) {
   team.look();
   const Expected<std::vector<bool>> fixed = choose_fixed_nodes(mesh, options);
   if (!fixed) return false;
@@ -55,8 +59,10 @@ bool split_once(HighOrderMesh& mesh, const Options& options, std::vector<std::in
   const Cells cells(mesh, mesh.dimension);
   const SplitRules rules(mesh, cells, *fixed);
   std::vector<SplitPlace> places;
-  team.run([&] { places = splits_of_pass(mesh, *fixed, wanted, std::move(marked), rules, cells, team); });
+  std::size_t found = 0;
+  team.run([&] { places = splits_of_pass(mesh, *fixed, wanted, std::move(marked), rules, cells, team, found); });
   team.look();
+  if (on_look) on_look(found);
   if (places.empty()) return false;
   const std::size_t had = steps.size();
   mesh = split(mesh, places, steps);
@@ -67,13 +73,14 @@ bool split_once(HighOrderMesh& mesh, const Options& options, std::vector<std::in
 }  // namespace
 
 HighOrderMesh split_in_passes(HighOrderMesh mesh, const Options& options, std::vector<std::int64_t> wanted,
-                              std::vector<CellCorner> marked, std::vector<RepairStep>& steps, const StopToken& stop) {
+                              std::vector<CellCorner> marked, std::vector<RepairStep>& steps, const StopToken& stop,
+                              const OnLook& on_look) {
   if (mesh.dimension != 3) return mesh;
   Team team(options.threads);
   team.set_stop(&stop);
   try {
     for (int pass = 0; pass < kMostPasses; ++pass)
-      if (!split_once(mesh, options, wanted, std::exchange(marked, {}), team, steps)) break;
+      if (!split_once(mesh, options, wanted, std::exchange(marked, {}), team, steps, on_look)) break;
   } catch (const Interrupted&) {  // the mesh is as the last whole pass has left it
   }
   return mesh;

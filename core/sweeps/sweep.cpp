@@ -192,6 +192,7 @@ SweepOutcome Sweeper::sweep() {
   visits_.resize(problem_.free.size());  // only the first sweep allocates
   visited_at_.resize(problem_.free.size());
   if (!holds_deformation(problem_)) rebuild();
+  if (meter_ != nullptr) meter_->begin(Activity::Sweep, static_cast<std::int64_t>(problem_.free.size()));
   for (std::size_t colour = 0; colour + 1 < coloured_.colours.size(); ++colour) {
     const std::int32_t first = coloured_.colours[colour], count = coloured_.colours[colour + 1] - first;
     team_.for_each(count, grain_, [&](std::int32_t group) {
@@ -201,6 +202,7 @@ SweepOutcome Sweeper::sweep() {
         team_.look();
         visits_[coloured_.nodes[i]] = visit(coloured_.nodes[i], ++now, scratch.data());
       }
+      if (meter_ != nullptr) meter_->add(coloured_.groups[first + group + 1] - coloured_.groups[first + group]);
     });
     clock_ += largest_group_;
   }

@@ -8,6 +8,7 @@
 #include "core/kernels/kernels.h"
 #include "core/kernels/p_norm.h"
 #include "core/problem/problem.h"
+#include "core/progress/work_meter.h"
 #include "core/sweeps/colouring.h"
 
 namespace varimesh {
@@ -60,6 +61,9 @@ class Sweeper {
   /// The same if the new scans of all cells are known and no deformation gradients are held.
   void changed(std::span<const CellScan> scans);
 
+  /// From now on counts visits with this meter, which must outlive the object; null: with none.
+  void count_with(WorkMeter* meter) { meter_ = meter; }
+
   /// Visits every free node that is not at rest once, colour by colour. If the team's token interrupts it, nodes that
   /// were visited have moved.
   SweepOutcome sweep();
@@ -96,6 +100,7 @@ class Sweeper {
   Regularisation regularisation_;
   PNorm norm_;
   const Team& team_;
+  WorkMeter* meter_ = nullptr;
   double measure_ = 0;           ///< Σ weight |det A| over all cells.
   std::vector<Visit> visits_;    ///< By rank, so that sums are always taken in the same order.
   std::vector<CellScan> scans_;  ///< By cell, for the same reason.

@@ -27,6 +27,9 @@ static_assert(same(v1::UnrepairableGroup::KIND_VERTEX, UnrepairableGroup::Kind::
               same(v1::UnrepairableGroup::KIND_FAN, UnrepairableGroup::Kind::Fan));
 static_assert(same(v1::PHASE_SWEEPS, Phase::Sweeps) && same(v1::PHASE_NEWTON, Phase::Newton) &&
               same(v1::PHASE_UNTANGLE, Phase::Untangle) && same(v1::PHASE_ACCURACY, Phase::Accuracy));
+static_assert(same(v1::Work::ACTIVITY_ASSEMBLY, Activity::Assembly) &&
+              same(v1::Work::ACTIVITY_PRODUCTS, Activity::Products) &&
+              same(v1::Work::ACTIVITY_SWEEP, Activity::Sweep) && same(v1::Work::ACTIVITY_SPLITS, Activity::Splits));
 
 template <class Message, class Value>
 Message give(Value value) {
@@ -50,6 +53,16 @@ v1::Iteration to_proto(const Iteration& iteration) {
   message.set_linear_solve(give<v1::LinearSolve>(iteration.linear_solve));
   message.set_left_elements(iteration.left_elements);
   message.set_seconds(iteration.seconds);
+  if (iteration.groups_left >= 0) message.set_groups_left(iteration.groups_left);
+  return message;
+}
+
+v1::Work to_proto(const Work& work) {
+  v1::Work message;
+  message.set_activity(give<v1::Work::Activity>(work.activity));
+  message.set_done(work.done);
+  message.set_of(work.of);
+  if (work.groups_left >= 0) message.set_groups_left(work.groups_left);
   return message;
 }
 

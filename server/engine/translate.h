@@ -5,6 +5,7 @@
 #include "core/formats/formats.h"
 #include "core/optimise/result.h"
 #include "core/options/options.h"
+#include "core/progress/work_meter.h"
 #include "server/engine/option_messages.h"
 #include "varimesh/v1/job.pb.h"
 
@@ -15,6 +16,7 @@ namespace varimesh::server {
 inline constexpr int kMaxInvalidNamed = 1000;
 
 v1::Iteration to_proto(const Iteration& iteration);
+v1::Work to_proto(const Work& work);
 v1::MeshSummary to_proto(const MeshSummary& summary);
 v1::QualityReport to_proto(const QualityReport& report);
 v1::UnrepairableGroup to_proto(const UnrepairableGroup& group);

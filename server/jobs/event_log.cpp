@@ -25,6 +25,7 @@ std::int64_t EventLog::append(v1::JobEvent event) {
     std::lock_guard lock(mutex_);
     sequence = ++last_sequence_;
     event.set_sequence(sequence);
+    work_.reset();
     if (event.event_case() == v1::JobEvent::kIteration) {
       iterations_.push_back(std::move(event));
       if (iterations_.size() > limits_.max_iterations) {
@@ -49,11 +50,28 @@ void EventLog::append_stored(const std::function<std::vector<v1::JobEvent>(std::
 
 void EventLog::add(std::vector<v1::JobEvent> events) {
   std::lock_guard lock(mutex_);
+  work_.reset();
   for (v1::JobEvent& event : events) {
     assert(event.sequence() > last_sequence_);
     last_sequence_ = event.sequence();
     kept_.push_back(std::move(event));
   }
+}
+
+void EventLog::set_work(v1::Work work) {
+  {
+    std::lock_guard lock(mutex_);
+    work_ = std::move(work);
+    ++works_;
+  }
+  notify();
+}
+
+std::optional<v1::Work> EventLog::work_after(std::int64_t& seen) const {
+  std::lock_guard lock(mutex_);
+  if (!work_ || works_ <= seen) return std::nullopt;
+  seen = works_;
+  return work_;
 }
 
 void EventLog::close() {

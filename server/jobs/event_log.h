@@ -47,6 +47,10 @@ class EventLog {
   /// Adds events that the job store keeps and numbers. `store` gets the last number in use and returns the events; no
   /// other numbers are given until it returns. It may wait for a disk, while readers continue.
   void append_stored(const std::function<std::vector<v1::JobEvent>(std::int64_t last_sequence)>& store);
+  /// How far the run is. It has no number, is not kept, and holds only until the next event. Tells the listeners.
+  void set_work(v1::Work work);
+  /// Returns the work if it is newer than number `seen`, which becomes its number.
+  std::optional<v1::Work> work_after(std::int64_t& seen) const;
   /// States that no events will follow, so that watchers that have delivered everything are at the end.
   void close();
 
@@ -79,6 +83,8 @@ class EventLog {
   bool closed_ = false;
   std::vector<v1::JobEvent> kept_;       ///< States, quality, log lines.
   std::deque<v1::JobEvent> iterations_;  ///< The newest ones.
+  std::optional<v1::Work> work_;         ///< The newest, if no event has come since.
+  std::int64_t works_ = 0;               ///< How many there have been.
   std::vector<std::weak_ptr<Listener>> listeners_;
 };
 

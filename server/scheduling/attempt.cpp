@@ -264,6 +264,8 @@ Ending run(const Attempt& attempt) {
   RunHooks hooks;
   hooks.on_iteration = [&](const Iteration& iteration) { return progress(iteration); };
   hooks.on_note = [&](const std::string& sentence) { progress.note(sentence); };
+  WorkMeter meter([&](const Work& work) { attempt.log.set_work(to_proto(work)); });
+  hooks.control.meter = &meter;
   StopAtOnce stop_at_once(attempt);
   hooks.control.stop_asked = [&] { return stop_at_once(); };
   hooks.control.threads = attempt.threads.now;

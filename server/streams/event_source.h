@@ -2,7 +2,9 @@
 #pragma once
 
 #include <chrono>
+#include <cstdint>
 #include <memory>
+#include <optional>
 
 #include "server/jobs/event_log.h"
 #include "server/streams/pump.h"
@@ -15,14 +17,19 @@ class EventSource {
   EventSource(std::shared_ptr<EventLog> log, std::int64_t after, std::chrono::nanoseconds min_interval)
       : log_(std::move(log)), cursor_(after), min_interval_(min_interval) {}
 
-  /// Returns the next event, or a bookmark if there is no event and `idle` says that a bookmark is due.
+  /// Returns the next event, or a bookmark if there is no event and the run has come further with its work, or `idle`
+  /// says that a bookmark is due.
   Pull pull(v1::JobEvent* event, bool idle);
 
  private:
+  /// The work of the run, if it is new and the last was delivered at least the interval ago.
+  std::optional<v1::Work> new_work(std::chrono::system_clock::time_point now);
+
   const std::shared_ptr<EventLog> log_;
   std::int64_t cursor_;
   const std::chrono::nanoseconds min_interval_;
-  std::chrono::system_clock::time_point last_iteration_{};
+  std::chrono::system_clock::time_point last_iteration_{}, last_work_{};
+  std::int64_t works_seen_ = 0;
 };
 
 }  // namespace varimesh::server

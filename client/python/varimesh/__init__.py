@@ -45,6 +45,7 @@ from .reports import (
     ServerInfo,
     Unrepairable,
     WhatIsLeft,
+    Work,
 )
 from .shared import optimise, optimize, quality
 from .version import __version__
@@ -53,6 +54,6 @@ __all__ = [
     "AsyncClient", "AsyncJob", "BadMesh", "BadOption", "BadOutput", "Block", "CellQuality", "Certified", "Client", "Event", "Iteration", "Job",
     "JobCancelled", "JobFailed", "LocalClient", "Mesh", "Metrics", "Options", "Progress", "Quality", "Refused",
     "Remedy", "RepairStep", "Result", "ServerInfo", "ServerUnreachable", "Stopped", "TargetField", "Unrepairable", "VarimeshError",
-    "WhatIsLeft", "__version__",
+    "WhatIsLeft", "Work", "__version__",
     "from_gmsh", "from_meshio", "from_pyvista", "local", "optimise", "optimize", "quality", "to_meshio", "update_gmsh",
 ]  # fmt: skip

@@ -8,7 +8,7 @@ import time
 from collections import deque
 from typing import TextIO
 
-from .reports import Event, Iteration
+from .reports import Event, Iteration, Work
 
 _WIDTH = 16
 
@@ -24,12 +24,16 @@ class Progress:
         self._recent: deque[tuple[float, float]] = deque(maxlen=20)  # seconds and log10 of residuals
         self._phase = ""
         self._first = 0.0
+        self._number = 0
+        self._began = time.monotonic()
         self._shown = -math.inf
         self._open = False
 
     def __call__(self, event: Event) -> None:
         if event.iteration is not None:
             self._show(event.iteration)
+        elif event.work is not None:
+            self._show_work(event.work)
         elif event.state is not None:
             self._line(event.state)
         elif event.log is not None:
@@ -59,9 +63,9 @@ class Progress:
         if now.residual > 0:
             self._recent.append((now.seconds, math.log10(now.residual)))
             self._first = self._first or now.residual
-        if time.monotonic() < self._shown + (0.05 if self._terminal else 1.0):
+        self._number = now.number
+        if not self._is_due():
             return
-        self._shown = time.monotonic()
         left = self.seconds_left()
         text = (f"{now.phase} {now.number:>4}  residual {now.residual:.2e}  min Js {now.min_scaled_jacobian:>7.4f}  "
                 f"not certified {now.left_elements}  {now.seconds:.1f} s"
@@ -75,7 +79,27 @@ class Progress:
         elif self._first > self._tolerance > 0:
             done = math.log(self._first / now.residual) / math.log(self._first / self._tolerance)
         filled = int(_WIDTH * min(1.0, max(0.0, done)))
-        bar = "[" + "#" * filled + "." * (_WIDTH - filled) + "] " + text
-        self._stream.write("\r\x1b[K" + bar[: shutil.get_terminal_size().columns - 1])
+        self._draw("[" + "#" * filled + "." * (_WIDTH - filled) + "] " + text)
+
+    def _show_work(self, work: Work) -> None:
+        # A short run shows its iterations, and nothing of what is inside them.
+        if time.monotonic() < self._began + self._interval() or not self._is_due():
+            return
+        amount = f"{100 * min(work.done, work.of) / work.of:.0f} %" if work.of > 0 else str(work.done)
+        groups = "" if work.groups_left is None else f"  groups left {work.groups_left}"
+        text = f"after {self._number:>4}  {work.activity} {amount}{groups}"
+        self._draw(text) if self._terminal else self._line(text)
+
+    def _interval(self) -> float:
+        return 0.05 if self._terminal else 1.0
+
+    def _is_due(self) -> bool:
+        if time.monotonic() < self._shown + self._interval():
+            return False
+        self._shown = time.monotonic()
+        return True
+
+    def _draw(self, line: str) -> None:
+        self._stream.write("\r\x1b[K" + line[: shutil.get_terminal_size().columns - 1])
         self._stream.flush()
         self._open = True

@@ -154,9 +154,19 @@ class Iteration:
 
 
 @dataclass(frozen=True)
+class Work:
+    """How far a run has come inside an iteration, or between two."""
+
+    activity: str  # assembly, products, sweep or splits
+    done: int
+    of: int  # 0: not known
+    groups_left: int | None  # without room, found by the last look for splits; None before any
+
+
+@dataclass(frozen=True)
 class Event:
-    """One thing that happened to a job. One of state, iteration, quality (with stage) and log is set. None is set in a
-    bookmark, which only shows that the server is alive."""
+    """One thing that happened to a job. One of state, iteration, quality (with stage), log and work is set. `work` comes
+    at most ten times per second and is not kept. None is set in a bookmark, which only shows that the server is alive."""
 
     sequence: int
     attempt: int
@@ -167,6 +177,7 @@ class Event:
     stage: str | None = None
     quality: Quality | None = None
     log: str | None = None
+    work: Work | None = None
 
 
 @dataclass(frozen=True)
@@ -273,6 +284,11 @@ def event_of(message: job_pb2.JobEvent, numbering: Numbering = OF_FILES) -> Even
         what["quality"] = quality_of(message.quality.report, numbering)
     elif kind == "log":
         what["log"] = message.log.text
+    elif kind == "bookmark" and message.bookmark.HasField("work"):
+        work = message.bookmark.work
+        groups = work.groups_left if work.HasField("groups_left") else None
+        activity = spelled(job_pb2.Work.Activity.DESCRIPTOR, work.activity)
+        what["work"] = Work(activity, work.done, work.of, groups)
     time = message.time.ToDatetime(tzinfo=datetime.timezone.utc)
     return Event(message.sequence, message.attempt, time, message.thinned, **what)
 

@@ -8,6 +8,7 @@
 
 #include "tests/core/support/balls.h"
 #include "tests/core/support/cases.h"
+#include "tests/core/support/made_cells.h"
 #include "tests/core/support/meshes.h"
 
 namespace varimesh {
@@ -67,6 +68,39 @@ TEST(RepairBySplitting, IsARunWithoutSplitsIfMovementRepairsTheMesh) {
   EXPECT_TRUE(split.after.uncertified.empty());
   EXPECT_TRUE(split.repairs.empty());
   EXPECT_NEAR(split.after.min_scaled_jacobian, reported.after.min_scaled_jacobian, 0.01);
+}
+
+TEST(RepairBySplitting, SaysHowManyGroupsEachLookHasFound) {
+  const HighOrderMesh mesh = testing::six_in_a_ball(3);
+  std::vector<Work> looks;
+  WorkMeter meter([&](const Work& work) { looks.push_back(work); });
+  RunControl control;
+  control.meter = &meter;
+  std::vector<std::int64_t> groups;
+  const auto result = optimise(
+      mesh, with(Repair::Split),
+      [&](const Iteration& iteration) {
+        groups.push_back(iteration.groups_left);
+        return Control::Continue;
+      },
+      control);
+  ASSERT_TRUE(result);
+  EXPECT_TRUE(result->after.uncertified.empty());
+  EXPECT_EQ(groups.front(), -1) << "no look before the run without a split";
+  EXPECT_EQ(groups.back(), 0) << "the last look of a round finds nothing that may be split";
+  EXPECT_FALSE(looks.empty());
+}
+
+TEST(RepairBySplitting, NamesEachElementThatIsLeftOnce) {
+  // The tetrahedron's face 0 1 2 folds within its plane, so nothing inside can help.
+  HighOrderMesh mesh = testing::one_cell(Shape::Tetrahedron, 2, [](testing::Place p) { return p; });
+  mesh.coordinates[3 * 4 + 1] += 1.2;
+  const Result result = run(mesh, with(Repair::Split));
+  ASSERT_EQ(result.after.uncertified.size(), 1u);
+  ASSERT_EQ(result.repairs.size(), 1u);
+  EXPECT_EQ(result.repairs[0].kind, RepairStep::Kind::Left);
+  EXPECT_EQ(result.repairs[0].elements, uncertified_numbers(result.after));
+  EXPECT_NE(result.repairs[0].sentence.find("folds over itself"), std::string::npos) << result.repairs[0].sentence;
 }
 
 TEST(RepairBySplitting, DoesNotDependOnTheNumberOfThreads) {

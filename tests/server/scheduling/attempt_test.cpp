@@ -74,6 +74,27 @@ TEST_F(AttemptTest, LogsEveryIterationAndReportsSomeToTheStore) {
   EXPECT_EQ(noted_, (std::vector<int>{1, 3, 5})) << "at most one every 500 ms";
 }
 
+TEST_F(AttemptTest, ShowsTheWorkInsideAnIterationAndKeepsNoneOfIt) {
+  run([this](RunRequest, const RunHooks& hooks) -> Expected<RunSummary> {
+    WorkMeter* meter = hooks.control.meter;
+    if (meter == nullptr) return tl::unexpected(Error{Error::Kind::Internal, "no meter"});
+    meter->found_groups(3);
+    meter->begin(Activity::Assembly, 8);
+    meter->add(4);
+    std::int64_t seen = 0;
+    const auto work = log_.work_after(seen);
+    EXPECT_TRUE(work);
+    EXPECT_EQ(work->activity(), v1::Work::ACTIVITY_ASSEMBLY);
+    EXPECT_EQ(work->done(), 4);
+    EXPECT_EQ(work->of(), 8);
+    EXPECT_EQ(work->groups_left(), 3);
+    EXPECT_EQ(log_.last_sequence(), 0) << "work has no number";
+    hooks.on_iteration(iteration(1));
+    return RunSummary{};
+  });
+  EXPECT_EQ(log_.last_sequence(), 1);
+}
+
 TEST_F(AttemptTest, ReleasesTheOutputsOfARunThatFails) {
   std::string digest;
   const Ending ending = run([&](RunRequest, const RunHooks& hooks) -> Expected<RunSummary> {

@@ -115,6 +115,36 @@ TEST(PumpConcurrency, DeliversAllEventsToManyStreams) {
   ticker.join();
 }
 
+TEST(EventSource, DeliversTheNewestWorkInABookmarkUntilTheNextEvent) {
+  const auto log = std::make_shared<EventLog>();
+  EventSource source(log, 0, {}), slow(log, 0, std::chrono::hours(1));
+  const auto work = [](std::int64_t done) {
+    v1::Work made;
+    made.set_done(done);
+    return made;
+  };
+  v1::JobEvent event;
+  log->append(v1::JobEvent());
+  EXPECT_EQ(source.pull(&event, false), Pull::Message);
+  EXPECT_EQ(slow.pull(&event, false), Pull::Message);
+  EXPECT_EQ(source.pull(&event, false), Pull::Wait);
+  log->set_work(work(1));
+  log->set_work(work(2));
+  for (EventSource* each : {&source, &slow}) {
+    event.Clear();
+    ASSERT_EQ(each->pull(&event, false), Pull::Message);
+    EXPECT_EQ(event.sequence(), 1) << "of the event before it";
+    EXPECT_EQ(event.bookmark().work().done(), 2);
+    EXPECT_EQ(each->pull(&event, false), Pull::Wait) << "each work once";
+  }
+  log->set_work(work(3));
+  EXPECT_EQ(slow.pull(&event, false), Pull::Wait) << "the watcher wants updates once per hour";
+  log->append(v1::JobEvent());
+  ASSERT_EQ(source.pull(&event, false), Pull::Message);
+  EXPECT_EQ(event.sequence(), 2);
+  EXPECT_EQ(source.pull(&event, false), Pull::Wait) << "the work belonged to the iteration that has ended";
+}
+
 TEST(PumpConcurrency, FinishesOnceIfSeveralThreadsEndIt) {
   for (int round = 0; round < 50; ++round) {
     Streams all(2);

@@ -1,0 +1,69 @@
+// How far a long piece of work has come, for those who wait for it.
+#pragma once
+
+#include <atomic>
+#include <chrono>
+#include <cstdint>
+#include <functional>
+#include <mutex>
+#include <utility>
+
+namespace varimesh {
+
+/// What takes long inside an iteration, or between two.
+enum class Activity : std::uint8_t {
+  Assembly,  ///< What a Newton step prepares: the gradient and the preconditioner. Counted in cells and rows.
+  Products,  ///< Products of the Hessian and a direction. Nobody knows beforehand how many a step takes.
+  Sweep,     ///< Visits of free nodes.
+  Splits,    ///< Looks for tetrahedra that a split may help.
+};
+
+/// How far the present piece of work has come.
+struct Work {
+  Activity activity = Activity::Assembly;
+  std::int64_t done = 0;
+  std::int64_t of = 0;            ///< How much there is; 0 if that is not known.
+  std::int64_t groups_left = -1;  ///< Groups of tetrahedra that the last look for splits has found; −1 before any look.
+};
+
+/// Counts the work of a run and reports it at most ten times per second. What it has not reported by then is lost.
+class WorkMeter {
+ public:
+  /// Called from any thread that works, one call at a time. Must not block.
+  using Report = std::function<void(const Work&)>;
+  static constexpr std::chrono::milliseconds kInterval{100};
+
+  explicit WorkMeter(Report report) : report_(std::move(report)) {}
+
+  /// Another piece of work begins. No thread may add to the one before any more.
+  void begin(Activity activity, std::int64_t of = 0) {
+    activity_ = activity;
+    of_ = of;
+    done_.store(0, std::memory_order_relaxed);
+  }
+
+  /// A look for splits has found this many groups. Every later report says so.
+  void found_groups(std::int64_t groups) { groups_left_ = groups; }
+
+  /// This much more is done. Several threads may call it at the same time. It costs a reading of the clock.
+  void add(std::int64_t amount = 1) {
+    const std::int64_t done = done_.fetch_add(amount, std::memory_order_relaxed) + amount;
+    const Clock::rep now = Clock::now().time_since_epoch().count();
+    Clock::rep due = due_.load(std::memory_order_relaxed);
+    if (now < due || !due_.compare_exchange_strong(due, now + Clock::duration(kInterval).count())) return;
+    const std::unique_lock lock(reporting_, std::try_to_lock);
+    if (lock) report_({activity_, done, of_, groups_left_});
+  }
+
+ private:
+  using Clock = std::chrono::steady_clock;
+
+  const Report report_;
+  Activity activity_ = Activity::Assembly;
+  std::int64_t of_ = 0, groups_left_ = -1;
+  std::atomic<std::int64_t> done_ = 0;
+  std::atomic<Clock::rep> due_ = 0;  ///< When the next report is due, in ticks of the clock.
+  std::mutex reporting_;
+};
+
+}  // namespace varimesh

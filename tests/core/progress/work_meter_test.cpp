@@ -1,0 +1,64 @@
+// A meter reports at most ten times per second, one call at a time, and what it reports is true.
+#include "core/progress/work_meter.h"
+
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <thread>
+#include <vector>
+
+#include "core/base/team.h"
+
+namespace varimesh {
+namespace {
+
+TEST(WorkMeter, ReportsTheFirstWorkAtOnceAndTheRestWhenItIsDue) {
+  std::vector<Work> reports;
+  WorkMeter meter([&](const Work& work) { reports.push_back(work); });
+  meter.begin(Activity::Assembly, 1000);
+  for (int i = 0; i < 500; ++i) meter.add(2);
+  ASSERT_FALSE(reports.empty());
+  EXPECT_EQ(reports[0].activity, Activity::Assembly);
+  EXPECT_EQ(reports[0].done, 2);
+  EXPECT_EQ(reports[0].of, 1000);
+  EXPECT_EQ(reports[0].groups_left, -1);
+  EXPECT_LT(reports.size(), 50u);
+
+  std::this_thread::sleep_for(WorkMeter::kInterval);
+  const std::size_t before = reports.size();
+  meter.found_groups(7);
+  meter.begin(Activity::Products);
+  meter.add();
+  ASSERT_EQ(reports.size(), before + 1);
+  EXPECT_EQ(reports.back().activity, Activity::Products);
+  EXPECT_EQ(reports.back().done, 1) << "a new piece of work starts from nothing";
+  EXPECT_EQ(reports.back().of, 0);
+  EXPECT_EQ(reports.back().groups_left, 7);
+}
+
+TEST(WorkMeter, ReportsAtMostTenTimesPerSecondWhateverTheThreads) {
+  using Clock = std::chrono::steady_clock;
+  std::atomic<int> inside = 0;
+  std::vector<Clock::time_point> times;
+  std::int64_t last = 0;
+  WorkMeter meter([&](const Work& work) {
+    EXPECT_EQ(++inside, 1) << "one call at a time";
+    EXPECT_GE(work.done, last);
+    last = work.done;
+    times.push_back(Clock::now());
+    --inside;
+  });
+  meter.begin(Activity::Sweep, 4);
+  const Team team(4);
+  const auto end = Clock::now() + std::chrono::milliseconds(450);
+  team.run([&] {
+    team.for_each(4, 1, [&](std::int32_t) {
+      while (Clock::now() < end) meter.add();
+    });
+  });
+  EXPECT_GE(times.size(), 2u);
+  EXPECT_LE(times.size(), 5u);
+}
+
+}  // namespace
+}  // namespace varimesh
