@@ -1,0 +1,108 @@
+#include <BRepTools.hxx>
+#include <BRepTopAdaptor_FClass2d.hxx>
+#include <BRep_Tool.hxx>
+#include <Geom_BSplineSurface.hxx>
+#include <Geom_Plane.hxx>
+#include <Geom_RectangularTrimmedSurface.hxx>
+#include <Geom_Surface.hxx>
+#include <Precision.hxx>
+#include <Standard_Failure.hxx>
+#include <algorithm>
+#include <limits>
+#include <mutex>
+
+#include "core/opencascade/shapes.h"
+
+namespace varimesh::cad {
+namespace {
+
+using geometry::Range;
+using geometry::SurfacePoint;
+
+Eigen::Vector3d vector(const gp_XYZ& a) { return {a.X(), a.Y(), a.Z()}; }
+
+// Geom_Surface has no caches, so threads may share it. The classifier has them, so a lock guards it.
+class FaceSurface : public geometry::SurfaceShape {
+ public:
+  FaceSurface(const TopoDS_Face& face, const Handle(Geom_Surface) & surface, const Range& u, const Range& v)
+      : surface_(surface), u_(u), v_(v), inside_(face, BRep_Tool::Tolerance(face)) {}
+
+  SurfacePoint at(double u, double v) const override {
+    try {
+      gp_Pnt x;
+      gp_Vec du, dv, duu, dvv, duv;
+      surface_->D2(u, v, x, du, dv, duu, dvv, duv);
+      return {vector(x.XYZ()),   vector(du.XYZ()),  vector(dv.XYZ()),
+              vector(duu.XYZ()), vector(duv.XYZ()), vector(dvv.XYZ())};
+    } catch (const Standard_Failure&) {
+      const Eigen::Vector3d none = Eigen::Vector3d::Constant(std::numeric_limits<double>::quiet_NaN());
+      return {none, none, none, none, none, none};
+    }
+  }
+  Range u_range() const override { return u_; }
+  Range v_range() const override { return v_; }
+
+  std::array<int, 2> intervals() const override {
+    constexpr int kMost = 150;
+    if (!Handle(Geom_Plane)::DownCast(surface_).IsNull()) return {2, 2};
+    const auto spline = Handle(Geom_BSplineSurface)::DownCast(surface_);
+    if (spline.IsNull()) return {24, 24};
+    return {std::clamp(2 * (spline->NbUKnots() - 1), 16, kMost), std::clamp(2 * (spline->NbVKnots() - 1), 16, kMost)};
+  }
+
+  bool contains(double u, double v) const override {
+    const std::scoped_lock lock(mutex_);
+    try {
+      return inside_.Perform(gp_Pnt2d(u, v)) != TopAbs_OUT;  // moves periodic parameters into the face's range itself
+    } catch (const Standard_Failure&) {
+      return false;
+    }
+  }
+
+ private:
+  Handle(Geom_Surface) surface_;
+  Range u_, v_;
+  mutable std::mutex mutex_;
+  BRepTopAdaptor_FClass2d inside_;
+};
+
+/// Makes the range of a face periodic if the face goes all the way round its surface. Otherwise says how far the
+/// surface goes on beyond the face, up to the length of the range.
+/// @param period of the surface; 0: not periodic
+/// @param least  where the surface begins, maybe −∞
+void extend(double period, double least, double most, Range& range) {
+  const double margin = range.length();
+  if (period > 0 && range.length() > (1 - 1e-9) * period) {
+    range.period = period;
+  } else if (period > 0) {
+    range.margin_before = range.margin_after = std::min(margin, (period - range.length()) / 2);
+  } else {
+    range.margin_before = std::clamp(range.first - least, 0.0, margin);
+    range.margin_after = std::clamp(most - range.last, 0.0, margin);
+  }
+}
+
+}  // namespace
+
+std::shared_ptr<const geometry::SurfaceShape> surface_shape(const TopoDS_Face& face) {
+  Handle(Geom_Surface) surface = BRep_Tool::Surface(face);
+  if (surface.IsNull()) return nullptr;
+  // A trimmed surface forgets that it was periodic.
+  while (true) {
+    const auto trimmed = Handle(Geom_RectangularTrimmedSurface)::DownCast(surface);
+    if (trimmed.IsNull()) break;
+    surface = trimmed->BasisSurface();
+  }
+  Range u, v;
+  BRepTools::UVBounds(face, u.first, u.last, v.first, v.last);
+  for (const Range& range : {u, v})
+    if (!(range.first < range.last) || Precision::IsInfinite(range.first) || Precision::IsInfinite(range.last))
+      return nullptr;
+  double u_least = 0, u_most = 0, v_least = 0, v_most = 0;
+  surface->Bounds(u_least, u_most, v_least, v_most);
+  extend(surface->IsUPeriodic() ? surface->UPeriod() : 0, u_least, u_most, u);
+  extend(surface->IsVPeriodic() ? surface->VPeriod() : 0, v_least, v_most, v);
+  return std::make_shared<FaceSurface>(face, surface, u, v);
+}
+
+}  // namespace varimesh::cad

@@ -1,0 +1,176 @@
+// Reads files that OpenCASCADE itself has written: bodies with formulas, whose points and areas are known.
+#include <BRepAlgoAPI_Cut.hxx>
+#include <BRepBuilderAPI_NurbsConvert.hxx>
+#include <BRepPrimAPI_MakeBox.hxx>
+#include <BRepPrimAPI_MakeCone.hxx>
+#include <BRepPrimAPI_MakeCylinder.hxx>
+#include <BRepPrimAPI_MakeSphere.hxx>
+#include <BRepPrimAPI_MakeTorus.hxx>
+#include <BRepTools.hxx>
+#include <Interface_Static.hxx>
+#include <STEPControl_Writer.hxx>
+#include <TopoDS_Shape.hxx>
+#include <filesystem>
+#include <fstream>
+#include <sstream>
+
+#include "core/geometry/load.h"
+#include "tests/core/geometry/conformance.h"
+
+namespace varimesh::geometry {
+namespace {
+
+class CadFile : public testing::Test {
+ protected:
+  void SetUp() override {
+    folder_ = std::filesystem::temp_directory_path() / ("varimesh_cad_" + std::to_string(::getpid()) + "_" +
+                                                        testing::UnitTest::GetInstance()->current_test_info()->name());
+    std::filesystem::create_directory(folder_);
+  }
+  void TearDown() override { std::filesystem::remove_all(folder_); }
+
+  std::string brep(const TopoDS_Shape& shape) const {
+    const std::string path = folder_ / "model.brep";
+    EXPECT_TRUE(BRepTools::Write(shape, path.c_str()));
+    return path;
+  }
+  std::string step(const TopoDS_Shape& shape, const char* unit = "MM") const {
+    const std::string path = folder_ / "model.step";
+    STEPControl_Writer writer;
+    Interface_Static::SetCVal("write.step.unit", unit);
+    EXPECT_EQ(writer.Transfer(shape, STEPControl_AsIs), IFSelect_RetDone);
+    EXPECT_EQ(writer.Write(path.c_str()), IFSelect_RetDone);
+    return path;
+  }
+  std::string text(const std::string& name, const std::string& content) const {
+    const std::string path = folder_ / name;
+    std::ofstream(path) << content;
+    return path;
+  }
+
+  std::filesystem::path folder_;
+};
+
+/// What every entity of a geometry must fulfil.
+void check_all(const Geometry& geometry) {
+  const double whole = size(geometry);
+  for (const Surface& surface : geometry.surfaces) {
+    check_derivatives(*surface.shape, whole);
+    check_closest_points(*surface.shape, whole);
+    check_seams(*surface.shape, whole);
+  }
+  for (const Curve& curve : geometry.curves) {
+    check_derivatives(*curve.shape, whole);
+    check_closest_points(*curve.shape, whole);
+    for (const int s : curve.surfaces) {
+      const SurfaceSearch search(*geometry.surfaces[static_cast<std::size_t>(s)].shape);
+      for (const double t : places_inside(curve.shape->range()))
+        EXPECT_LT(search.closest(curve.shape->at(t).x).distance, 1e-6 * whole) << "curve " << curve.tag;
+    }
+    for (const int v : curve.vertices) {
+      const Eigen::Vector3d x = geometry.vertices[static_cast<std::size_t>(v)].x;
+      EXPECT_LT(CurveSearch(*curve.shape).closest(x).distance, 1e-6 * whole) << "curve " << curve.tag;
+    }
+  }
+}
+
+TEST_F(CadFile, AnalyticBodiesConform) {
+  const std::pair<const char*, TopoDS_Shape> bodies[] = {
+      {"box", BRepPrimAPI_MakeBox(1, 2, 3).Shape()},    {"cylinder", BRepPrimAPI_MakeCylinder(1, 3).Shape()},
+      {"cone", BRepPrimAPI_MakeCone(2, 1, 3).Shape()},  {"sphere", BRepPrimAPI_MakeSphere(2).Shape()},
+      {"torus", BRepPrimAPI_MakeTorus(2, 0.6).Shape()},
+  };
+  for (const auto& [name, shape] : bodies) {
+    SCOPED_TRACE(name);
+    const auto geometry = load(brep(shape));
+    ASSERT_TRUE(geometry) << geometry.error().sentence;
+    check_all(*geometry);
+  }
+}
+
+TEST_F(CadFile, SplinesConform) {
+  const TopoDS_Shape shape = BRepBuilderAPI_NurbsConvert(BRepPrimAPI_MakeTorus(2, 0.6).Shape()).Shape();
+  const auto geometry = load(brep(shape));
+  ASSERT_TRUE(geometry) << geometry.error().sentence;
+  for (const Surface& surface : geometry->surfaces) {
+    check_derivatives(*surface.shape, 5);
+    check_closest_points(*surface.shape, 5);
+    // Each point is on the torus, whose formula is known.
+    for (const double u : places_inside(surface.shape->u_range()))
+      for (const double v : places_inside(surface.shape->v_range())) {
+        const Eigen::Vector3d x = surface.shape->at(u, v).x;
+        EXPECT_NEAR(std::hypot(std::hypot(x[0], x[1]) - 2, x[2]), 0.6, 1e-12);
+      }
+  }
+}
+
+TEST_F(CadFile, ATorusIsPeriodicBothWays) {
+  const auto geometry = load(brep(BRepPrimAPI_MakeTorus(2, 0.6).Shape()));
+  ASSERT_TRUE(geometry) << geometry.error().sentence;
+  ASSERT_EQ(geometry->surfaces.size(), 1U);
+  EXPECT_GT(geometry->surfaces[0].shape->u_range().period, 6.28);
+  EXPECT_GT(geometry->surfaces[0].shape->v_range().period, 6.28);
+  for (const Curve& curve : geometry->curves) EXPECT_EQ(curve.surfaces, std::vector<int>({0, 0})) << "a seam";
+}
+
+TEST_F(CadFile, ASphereHasPolesAndNoDegenerateCurves) {
+  const auto geometry = load(brep(BRepPrimAPI_MakeSphere(2).Shape()));
+  ASSERT_TRUE(geometry) << geometry.error().sentence;
+  ASSERT_EQ(geometry->curves.size(), 1U) << "only the seam";
+  const SurfaceShape& ball = *geometry->surfaces[0].shape;
+  EXPECT_EQ(ball.at(0.3, ball.v_range().last).normal(), Eigen::Vector3d::Zero());
+}
+
+TEST_F(CadFile, HolesAreOutside) {
+  const TopoDS_Shape plate = BRepPrimAPI_MakeBox(4, 4, 1).Shape();
+  const gp_Ax2 axis(gp_Pnt(2, 2, -1), gp_Dir(0, 0, 1));
+  const auto geometry = load(brep(BRepAlgoAPI_Cut(plate, BRepPrimAPI_MakeCylinder(axis, 1, 3).Shape()).Shape()));
+  ASSERT_TRUE(geometry) << geometry.error().sentence;
+  int with_hole = 0;
+  for (const Surface& surface : geometry->surfaces) {
+    const SurfaceFoot hole = SurfaceSearch(*surface.shape).closest({2, 2, 1});
+    const SurfaceFoot rim = SurfaceSearch(*surface.shape).closest({2.9, 2, 1});
+    const SurfaceFoot solid = SurfaceSearch(*surface.shape).closest({3.5, 3.5, 1});
+    if (solid.distance > 1e-12) continue;
+    ++with_hole;
+    EXPECT_FALSE(surface.shape->contains(hole.u, hole.v));
+    EXPECT_FALSE(surface.shape->contains(rim.u, rim.v));
+    EXPECT_TRUE(surface.shape->contains(solid.u, solid.v));
+  }
+  EXPECT_EQ(with_hole, 1);
+}
+
+TEST_F(CadFile, StepComesInMillimetres) {
+  for (const char* unit : {"MM", "M", "INCH"}) {
+    const auto geometry = load(step(BRepPrimAPI_MakeBox(1, 2, 2).Shape(), unit));
+    ASSERT_TRUE(geometry) << geometry.error().sentence;
+    EXPECT_NEAR(size(*geometry), 3, 1e-9) << unit;
+    EXPECT_EQ(geometry->surfaces.size(), 6U);
+    EXPECT_EQ(geometry->curves.size(), 12U);
+    EXPECT_EQ(geometry->vertices.size(), 8U);
+  }
+}
+
+TEST_F(CadFile, ADamagedFileGivesASentence) {
+  const std::string whole = step(BRepPrimAPI_MakeBox(1, 2, 3).Shape());
+  std::stringstream content;
+  content << std::ifstream(whole).rdbuf();
+  const std::pair<std::string, const char*> cases[] = {
+      {text("cut.step", content.str().substr(0, content.str().size() / 2)), "the STEP file is cut off"},
+      {text("zip.step", std::string("PK\3\4 something else")), "neither a STEP nor an IGES nor a BREP file"},
+      {text("empty.step", ""), "neither a STEP nor an IGES nor a BREP file"},
+      {text("none.step", "ISO-10303-21;\nHEADER;\nENDSEC;\nDATA;\nENDSEC;\nEND-ISO-10303-21;\n"), "STEP file"},
+      {text("cut.brep", "DBRep_DrawableShape\n\nCASCADE Topology V1, (c) Matra-Datavision\nLocations 5\n"),
+       "BREP file"},
+  };
+  for (const auto& [path, sentence] : cases) {
+    const auto geometry = load(path);
+    ASSERT_FALSE(geometry) << path;
+    EXPECT_EQ(geometry.error().kind, Error::Kind::BadInput);
+    EXPECT_NE(geometry.error().sentence.find(sentence), std::string::npos) << geometry.error().sentence;
+    EXPECT_NE(geometry.error().sentence.find(path), std::string::npos);
+  }
+}
+
+}  // namespace
+}  // namespace varimesh::geometry
