@@ -1,0 +1,221 @@
+#include "core/association/association.h"
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+
+#include "core/association/match.h"
+#include "core/geometry/closest_point.h"
+#include "core/mesh/bounding_box.h"
+
+namespace varimesh {
+namespace {
+
+using detail::NodeSurfaces;
+using geometry::Geometry;
+
+/// Closer than this to a vertex, relative to the size, a node on several surfaces is that vertex.
+constexpr double kVertexTolerance = 1e-6;
+/// Two curves whose distances differ by less than this, relative to the size, are equally near.
+constexpr double kRivalTolerance = 1e-9;
+
+/// Places nodes on the curves and vertices of a geometry, whose surfaces have been matched.
+class Placing {
+ public:
+  Placing(const HighOrderMesh& mesh, const Association& association)
+      : mesh_(mesh), geometry_(association.geometry), size_(association.size) {
+    curves_of_.resize(geometry_.surfaces.size());
+    for (const geometry::Curve& curve : geometry_.curves) searches_.emplace_back(*curve.shape);
+    for (std::size_t s = 0; s < geometry_.surfaces.size(); ++s) curves_of_[s] = geometry_.surfaces[s].curves;
+  }
+
+  /// The entity of a node that lies on elements of the surfaces `surfaces` (sorted).
+  NodeEntity entity(std::int32_t node, const std::vector<int>& surfaces) const {
+    const Eigen::Vector3d x = position(node);
+    std::vector<int> curves;
+    for (const int c : curves_of_[static_cast<std::size_t>(surfaces.front())])
+      if (bounds_all(c, surfaces)) curves.push_back(c);
+    if (const auto vertex = vertex_at(x, surfaces); vertex.dimension == 0) return vertex;
+    NodeEntity best;
+    double least = kMatchTolerance * size_, second = least;
+    for (const int c : curves) {
+      const geometry::CurveFoot foot = searches_[static_cast<std::size_t>(c)].closest(x);
+      if (foot.distance >= least) {
+        second = std::min(second, foot.distance);
+        continue;
+      }
+      second = least;
+      least = foot.distance;
+      best = {1, c, foot.distance, {foot.t, 0}};
+    }
+    return second - least < kRivalTolerance * size_ ? NodeEntity{} : best;
+  }
+
+  Eigen::Vector3d position(std::int32_t node) const {
+    return Eigen::Map<const Eigen::Vector3d>(&mesh_.coordinates[3 * static_cast<std::size_t>(node)]);
+  }
+
+  /// A curve of the surface on both of whose sides it lies, and past which its parameters do not go on; −1 if the node
+  /// is on none.
+  NodeEntity slit(std::int32_t node, int surface) const {
+    const geometry::SurfaceShape& shape = *geometry_.surfaces[static_cast<std::size_t>(surface)].shape;
+    if (shape.u_range().period > 0 || shape.v_range().period > 0) return {};
+    for (const int c : curves_of_[static_cast<std::size_t>(surface)]) {
+      const geometry::Curve& curve = geometry_.curves[static_cast<std::size_t>(c)];
+      if (curve.surfaces.size() != 2 || curve.surfaces[0] != curve.surfaces[1]) continue;
+      const geometry::CurveFoot foot = searches_[static_cast<std::size_t>(c)].closest(position(node));
+      if (foot.distance < kVertexTolerance * size_) return {1, c, foot.distance, {foot.t, 0}};
+    }
+    return {};
+  }
+
+ private:
+  bool bounds_all(int curve, const std::vector<int>& surfaces) const {
+    const std::vector<int>& of = geometry_.curves[static_cast<std::size_t>(curve)].surfaces;
+    return std::ranges::all_of(surfaces, [&](int s) { return std::ranges::find(of, s) != of.end(); });
+  }
+
+  /// The vertex at x that lies on all the surfaces. The vertex of a closed curve on which the node may pass it, because
+  /// no other curve but seams ends there, is none.
+  NodeEntity vertex_at(const Eigen::Vector3d& x, const std::vector<int>& surfaces) const {
+    for (std::size_t v = 0; v < geometry_.vertices.size(); ++v) {
+      const double distance = (geometry_.vertices[v].x - x).norm();
+      if (distance > kVertexTolerance * size_) continue;
+      bool passable = surfaces.size() == 2;
+      std::vector<int> around;
+      for (const geometry::Curve& curve : geometry_.curves) {
+        if (std::ranges::find(curve.vertices, static_cast<int>(v)) == curve.vertices.end()) continue;
+        around.insert(around.end(), curve.surfaces.begin(), curve.surfaces.end());
+        const bool seam = curve.surfaces.size() == 2 && curve.surfaces[0] == curve.surfaces[1];
+        passable = passable && (seam || curve.shape->range().period > 0);
+      }
+      const bool on_all =
+          std::ranges::all_of(surfaces, [&](int s) { return std::ranges::find(around, s) != around.end(); });
+      if (on_all && !passable) return {0, static_cast<std::int32_t>(v), distance, {}};
+    }
+    return {};
+  }
+
+  const HighOrderMesh& mesh_;
+  const Geometry& geometry_;
+  double size_;
+  std::vector<geometry::CurveSearch> searches_;
+  std::vector<std::vector<int>> curves_of_;
+};
+
+/// Factors between usual units of length.
+constexpr double kFactors[] = {1,      1e-3,       1e3,   1e-2,   1e2,       1e-1,       10,   25.4, 1 / 25.4,
+                               0.0254, 1 / 0.0254, 304.8, 0.3048, 1 / 304.8, 1 / 0.3048, 1e-6, 1e6};
+
+double unit_factor(double mesh_size, double geometry_size) {
+  double best = 1, least = 0.1;  // samples of curved surfaces miss a little of the box
+  for (const double factor : kFactors) {
+    const double off = std::abs(std::log(mesh_size / (factor * geometry_size)));
+    if (off >= least) continue;
+    best = factor;
+    least = off;
+  }
+  return best;
+}
+
+double size_of(const HighOrderMesh& mesh, const NodeSurfaces& nodes) {
+  BoundingBox box;
+  for (std::size_t node = 0; node < nodes.size(); ++node)
+    if (!nodes[node].empty()) box.extend(&mesh.coordinates[3 * node]);
+  double square = 0;
+  for (std::size_t k = 0; k < 3; ++k) square += std::pow(box.high[k] - box.low[k], 2);
+  return std::sqrt(square);
+}
+
+void place_nodes(const HighOrderMesh& mesh, const NodeSurfaces& tags, const Team& team, Association& result) {
+  std::map<int, int> surface_of;
+  for (const SurfaceMatch& match : result.matches) surface_of[match.tag] = match.surface;
+  std::vector<std::vector<int>> surfaces(mesh.node_count());
+  for (std::size_t node = 0; node < tags.size(); ++node) {
+    bool sure = !tags[node].empty();
+    for (const int tag : tags[node]) sure = sure && surface_of[tag] >= 0;
+    if (!sure) continue;
+    for (const int tag : tags[node]) surfaces[node].push_back(surface_of[tag]);
+    std::ranges::sort(surfaces[node]);
+    const auto repeated = std::ranges::unique(surfaces[node]);
+    surfaces[node].erase(repeated.begin(), repeated.end());
+    for (const int s : surfaces[node])
+      result.surfaces[static_cast<std::size_t>(s)].nodes.push_back(static_cast<std::int32_t>(node));
+  }
+  const Placing placing(mesh, result);
+  const std::vector<bool> border = detail::border_nodes(mesh);
+  result.nodes.assign(mesh.node_count(), {});
+  team.for_each(static_cast<std::int32_t>(mesh.node_count()), 64, [&](std::int32_t node) {
+    const std::vector<int>& on = surfaces[static_cast<std::size_t>(node)];
+    if (on.size() > 1 || (on.size() == 1 && border[static_cast<std::size_t>(node)]))
+      result.nodes[static_cast<std::size_t>(node)] = placing.entity(node, on);
+  });
+  team.for_each(static_cast<std::int32_t>(result.surfaces.size()), 1, [&](std::int32_t s) {
+    SurfaceNodes& own = result.surfaces[static_cast<std::size_t>(s)];
+    if (own.nodes.empty()) return;
+    const geometry::SurfaceSearch search(*result.geometry.surfaces[static_cast<std::size_t>(s)].shape);
+    for (const std::int32_t node : own.nodes) {
+      const geometry::SurfaceFoot foot = search.closest(placing.position(node));
+      own.parameters.push_back({foot.u, foot.v});
+      if (surfaces[static_cast<std::size_t>(node)].size() != 1 || border[static_cast<std::size_t>(node)]) continue;
+      NodeEntity& entity = result.nodes[static_cast<std::size_t>(node)];
+      entity = placing.slit(node, s);
+      if (entity.dimension < 0 && foot.distance < kMatchTolerance * result.size)
+        entity = {2, s, foot.distance, {foot.u, foot.v}};
+    }
+  });
+  for (std::size_t node = 0; node < tags.size(); ++node)
+    if (!tags[node].empty() && result.nodes[node].dimension < 0) result.held.push_back(static_cast<std::int32_t>(node));
+}
+
+}  // namespace
+
+std::array<double, 2>& SurfaceNodes::of(std::int32_t node) {
+  return parameters[static_cast<std::size_t>(std::ranges::lower_bound(nodes, node) - nodes.begin())];
+}
+
+Expected<Association> associate(const HighOrderMesh& mesh, const geometry::Geometry& geometry, const Team& team) {
+  const NodeSurfaces tags = detail::surface_tags_by_node(mesh);
+  Association result;
+  result.size = size_of(mesh, tags);
+  if (!(result.size > 0) || !std::isfinite(result.size))
+    return bad_input(
+        "The mesh has no elements on its surfaces, so it cannot be matched with a geometry. Write it with all elements "
+        "(in Gmsh: Mesh.SaveAll, or physical groups of the surfaces).");
+  const double geometry_size = geometry::size(geometry);
+  result.factor = unit_factor(result.size, geometry_size);
+  result.geometry = result.factor == 1 ? geometry : geometry::scaled(geometry, result.factor);
+  result.surfaces.resize(geometry.surfaces.size());
+  result.matches = detail::match_surfaces(mesh, tags, result.geometry, kMatchTolerance * result.size, team);
+  if (std::ranges::all_of(result.matches, [](const SurfaceMatch& match) { return match.surface < 0; }))
+    return bad_input("No surface of the mesh lies on a surface of the geometry. The mesh is " +
+                     detail::number_text(result.size) + " across and the geometry " +
+                     detail::number_text(geometry_size) +
+                     "; check that they belong together and have the same origin and unit of length.");
+  std::map<int, int> surface_of;
+  for (const SurfaceMatch& match : result.matches) surface_of[match.tag] = match.surface;
+  for (const ElementBlock& block : mesh.blocks)
+    result.surface_of_block.push_back(reference::info(block.shape).dimension == 2 ? surface_of[block.entity] : -1);
+  place_nodes(mesh, tags, team, result);
+  return result;
+}
+
+std::size_t snap(HighOrderMesh& mesh, Association& association, double tolerance) {
+  std::size_t moved = 0;
+  for (std::size_t node = 0; node < association.nodes.size(); ++node) {
+    NodeEntity& entity = association.nodes[node];
+    if (entity.dimension < 0 || entity.distance <= tolerance * association.size) continue;
+    const auto index = static_cast<std::size_t>(entity.entity);
+    const geometry::Geometry& geometry = association.geometry;
+    const Eigen::Vector3d x = entity.dimension == 0 ? geometry.vertices[index].x
+                              : entity.dimension == 1
+                                  ? geometry.curves[index].shape->at(entity.at[0]).x
+                                  : geometry.surfaces[index].shape->at(entity.at[0], entity.at[1]).x;
+    Eigen::Map<Eigen::Vector3d>(&mesh.coordinates[3 * node]) = x;
+    entity.distance = 0;
+    ++moved;
+  }
+  return moved;
+}
+
+}  // namespace varimesh

@@ -1,0 +1,81 @@
+// Which entity of a geometry each boundary node of a mesh belongs to, and how far it lies from it. Internal to the
+// library.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "core/base/error.h"
+#include "core/base/team.h"
+#include "core/geometry/geometry.h"
+#include "core/mesh/high_order_mesh.h"
+
+namespace varimesh {
+
+/// Where a node belongs.
+struct NodeEntity {
+  std::int8_t dimension = -1;  ///< 0: vertex, 1: curve, 2: surface; −1: none that is sure, so the node must be held.
+  std::int32_t entity = -1;    ///< Index in Geometry::vertices, curves or surfaces.
+  double distance = 0;         ///< To the entity, in the mesh's unit of length.
+  std::array<double, 2> at{};  ///< t on a curve, (u, v) on a surface.
+};
+
+/// The nodes of all elements that lie on one surface, those of its boundary curves included.
+struct SurfaceNodes {
+  std::vector<std::int32_t> nodes;                ///< Sorted.
+  std::vector<std::array<double, 2>> parameters;  ///< (u, v) on the surface, by node.
+  /// The parameters of a node that is in `nodes`.
+  std::array<double, 2>& of(std::int32_t node);
+};
+
+/// A surface of the mesh (the elements of dimension 2 with one tag) and the surface of the geometry that it covers.
+struct SurfaceMatch {
+  int tag = 0;          ///< Of the mesh's entity.
+  int surface = -1;     ///< Index in Geometry::surfaces; −1: none fits, or more than one does.
+  int rival = -1;       ///< The nearest surface, if another fits as well, so that neither is taken; −1: none.
+  bool by_tag = false;  ///< The tags agree. Otherwise it was found by distance.
+  double distance = 0;  ///< Largest distance of the samples to the surface, in the mesh's unit of length.
+};
+
+/// A mesh and the geometry that it was made from.
+struct Association {
+  geometry::Geometry geometry;        ///< In the mesh's unit of length.
+  double factor = 1;                  ///< Lengths in the mesh over lengths in the file of the geometry.
+  double size = 0;                    ///< The diagonal of the box around the mesh's nodes.
+  std::vector<SurfaceMatch> matches;  ///< By increasing tag.
+  std::vector<NodeEntity> nodes;  ///< By node of the mesh. Nodes that lie on no surface element have dimension −1.
+  std::vector<SurfaceNodes> surfaces;  ///< By surface of the geometry.
+  std::vector<std::int32_t> held;      ///< Nodes of surface elements with dimension −1.
+
+  /// Index of the surface for each block of elements of the mesh; −1 for blocks of another dimension, and for surfaces
+  /// that did not match.
+  std::vector<int> surface_of_block;
+};
+
+/// How far a node may lie from its entity before the entity is called wrong, relative to Association::size.
+inline constexpr double kMatchTolerance = 1e-3;
+
+/// Associates the mesh with the geometry.
+///
+/// Each surface of the mesh is matched first: the surface with the same tag if samples of the mesh lie on it, else the
+/// one surface on which they do. A surface fits if the samples lie within kMatchTolerance of it and inside its
+/// boundary. If two fit equally well, neither is taken. A node on elements of one surface belongs to this surface; a
+/// node on elements of several belongs to the nearest curve or vertex that bounds all of them. Parameters come from
+/// projection, since those of files are often incomplete.
+///
+/// If the mesh and the geometry differ in size by a usual factor between units (millimetres, metres, inches, …), the
+/// geometry is scaled. Errors: BadInput if no surface matches, with both sizes; if the mesh has no elements of
+/// dimension
+/// 2. The result does not depend on the number of threads. Call it inside team.run().
+Expected<Association> associate(const HighOrderMesh& mesh, const geometry::Geometry& geometry, const Team& team);
+
+/// Sentences for a person: what matched how, what did not, the largest distance of a node, and the first few nodes that
+/// are farther from their entity than `tolerance` times the size.
+std::vector<std::string> describe(const HighOrderMesh& mesh, const Association& association, double tolerance);
+
+/// Moves every node of an entity that is farther from it than `tolerance` times the size to its foot. Returns how many.
+std::size_t snap(HighOrderMesh& mesh, Association& association, double tolerance);
+
+}  // namespace varimesh

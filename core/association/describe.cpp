@@ -1,0 +1,77 @@
+#include <algorithm>
+
+#include "core/association/association.h"
+#include "core/association/match.h"
+
+namespace varimesh {
+namespace {
+
+using detail::number_text;
+
+constexpr std::size_t kShown = 5;
+
+std::string entity_text(const Association& association, const NodeEntity& entity) {
+  const auto index = static_cast<std::size_t>(entity.entity);
+  const geometry::Geometry& geometry = association.geometry;
+  if (entity.dimension == 0) return "vertex " + std::to_string(geometry.vertices[index].tag);
+  if (entity.dimension == 1) return "curve " + std::to_string(geometry.curves[index].tag);
+  return "surface " + std::to_string(geometry.surfaces[index].tag);
+}
+
+std::string unmatched_text(const Association& association, const SurfaceMatch& match) {
+  const auto tag = [&](int s) {
+    return std::to_string(association.geometry.surfaces[static_cast<std::size_t>(s)].tag);
+  };
+  if (match.rival >= 0)
+    return "Surface " + std::to_string(match.tag) + " of the mesh lies on surface " + tag(match.rival) +
+           " of the geometry and on another, so its nodes stay where they are.";
+  return "Surface " + std::to_string(match.tag) +
+         " of the mesh lies on no surface of the geometry, so its nodes stay where they are.";
+}
+
+}  // namespace
+
+std::vector<std::string> describe(const HighOrderMesh& mesh, const Association& association, double tolerance) {
+  std::vector<std::string> sentences;
+  std::size_t by_tag = 0, by_distance = 0;
+  for (const SurfaceMatch& match : association.matches) {
+    by_tag += match.by_tag ? 1 : 0;
+    by_distance += !match.by_tag && match.surface >= 0 ? 1 : 0;
+  }
+  std::array<std::size_t, 3> on{};
+  std::vector<std::pair<double, std::size_t>> off;
+  double largest = 0;
+  for (std::size_t node = 0; node < association.nodes.size(); ++node) {
+    const NodeEntity& entity = association.nodes[node];
+    if (entity.dimension < 0) continue;
+    ++on[static_cast<std::size_t>(entity.dimension)];
+    largest = std::max(largest, entity.distance);
+    if (entity.distance > tolerance * association.size) off.emplace_back(-entity.distance, node);
+  }
+  sentences.push_back("Geometry: " + std::to_string(by_tag + by_distance) + " of " +
+                      std::to_string(association.matches.size()) + " surfaces of the mesh matched (" +
+                      std::to_string(by_tag) + " by tag, " + std::to_string(by_distance) + " by distance); " +
+                      std::to_string(on[0]) + " nodes on vertices, " + std::to_string(on[1]) + " on curves, " +
+                      std::to_string(on[2]) + " on surfaces, at most " + number_text(largest) + " from them.");
+  if (association.factor != 1)
+    sentences.push_back("Lengths in the mesh are " + number_text(association.factor) +
+                        " times those in the geometry, which was scaled.");
+  std::size_t unmatched = 0;
+  for (const SurfaceMatch& match : association.matches)
+    if (match.surface < 0 && ++unmatched <= kShown) sentences.push_back(unmatched_text(association, match));
+  if (unmatched > kShown) sentences.push_back("and " + std::to_string(unmatched - kShown) + " more surfaces.");
+  if (!association.held.empty())
+    sentences.push_back(std::to_string(association.held.size()) +
+                        " boundary nodes belong to no entity for sure and stay where they are, node " +
+                        std::to_string(mesh.node_numbers[static_cast<std::size_t>(association.held.front())]) +
+                        " among them.");
+  std::ranges::sort(off);
+  for (std::size_t i = 0; i < std::min(kShown, off.size()); ++i)
+    sentences.push_back("Node " + std::to_string(mesh.node_numbers[off[i].second]) + " is " +
+                        number_text(-off[i].first) + " from " +
+                        entity_text(association, association.nodes[off[i].second]) + "; --snap moves it there.");
+  if (off.size() > kShown) sentences.push_back("and " + std::to_string(off.size() - kShown) + " more such nodes.");
+  return sentences;
+}
+
+}  // namespace varimesh

@@ -1,0 +1,61 @@
+#include "core/slide/between_nodes.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "core/geometry/closest_point.h"
+
+namespace varimesh::detail {
+namespace {
+
+/// Calls distance(x, parameters of the nearest node) for each sample.
+template <class Distance>
+Distances sample(const std::vector<EntityElement>& elements, int order, const std::vector<EntityNode>& nodes,
+                 const std::vector<double>& coordinates, const Distance& distance) {
+  Distances sum;
+  for (const EntityElement& element : elements) {
+    const EntityTable& table = entity_table(element.shape, order);
+    Eigen::Matrix<double, 3, Eigen::Dynamic> x(3, static_cast<Eigen::Index>(element.nodes.size()));
+    for (std::size_t k = 0; k < element.nodes.size(); ++k)
+      x.col(static_cast<Eigen::Index>(k)) =
+          Eigen::Map<const Eigen::Vector3d>(&coordinates[3 * static_cast<std::size_t>(element.nodes[k])]);
+    for (Eigen::Index p = 0; p < table.between.rows(); ++p) {
+      const Eigen::Vector3d point = x * table.between.row(p).transpose();
+      Eigen::Index nearest = 0;
+      (x.colwise() - point).colwise().squaredNorm().minCoeff(&nearest);
+      const auto node =
+          std::ranges::lower_bound(nodes, element.nodes[static_cast<std::size_t>(nearest)], {}, &EntityNode::node);
+      const double off = distance(point, node->at);
+      sum.largest = std::max(sum.largest, off);
+      sum.sum_of_squares += off * off;
+      sum.samples += 1;
+    }
+  }
+  return sum;
+}
+
+}  // namespace
+
+double Distances::rms() const { return samples > 0 ? std::sqrt(sum_of_squares / samples) : 0; }
+
+void Distances::add(const Distances& other) {
+  largest = std::max(largest, other.largest);
+  sum_of_squares += other.sum_of_squares;
+  samples += other.samples;
+}
+
+Distances curve_distances(const geometry::CurveShape& shape, const std::vector<EntityElement>& elements, int order,
+                          const std::vector<EntityNode>& nodes, const std::vector<double>& coordinates) {
+  return sample(elements, order, nodes, coordinates, [&](const Eigen::Vector3d& x, const std::array<double, 2>& guess) {
+    return geometry::closest_from(shape, x, guess[0]).distance;
+  });
+}
+
+Distances surface_distances(const geometry::SurfaceShape& shape, const std::vector<EntityElement>& elements, int order,
+                            const std::vector<EntityNode>& nodes, const std::vector<double>& coordinates) {
+  return sample(elements, order, nodes, coordinates, [&](const Eigen::Vector3d& x, const std::array<double, 2>& guess) {
+    return geometry::closest_from(shape, x, guess[0], guess[1]).distance;
+  });
+}
+
+}  // namespace varimesh::detail

@@ -1,0 +1,28 @@
+// How far the curved boundary of a mesh lies from its geometry between the nodes. Internal to core/slide.
+#pragma once
+
+#include <vector>
+
+#include "core/slide/entity_newton.h"
+
+namespace varimesh::detail {
+
+/// Distances of samples, in the mesh's unit of length.
+struct Distances {
+  double largest = 0;
+  double sum_of_squares = 0;
+  double samples = 0;
+
+  double rms() const;
+  void add(const Distances& other);
+};
+
+/// The distance of the elements' points between their nodes (EntityTable::between) to the curve or surface.
+/// @param nodes        the nodes of the elements, sorted by index, with their parameters on the entity
+/// @param coordinates  of all nodes of the mesh
+Distances curve_distances(const geometry::CurveShape& shape, const std::vector<EntityElement>& elements, int order,
+                          const std::vector<EntityNode>& nodes, const std::vector<double>& coordinates);
+Distances surface_distances(const geometry::SurfaceShape& shape, const std::vector<EntityElement>& elements, int order,
+                            const std::vector<EntityNode>& nodes, const std::vector<double>& coordinates);
+
+}  // namespace varimesh::detail

@@ -1,0 +1,103 @@
+#include "core/slide/entity_elements.h"
+
+#include <algorithm>
+#include <mutex>
+#include <set>
+
+#include "core/reference/basis.h"
+#include "core/reference/quadrature.h"
+
+namespace varimesh::detail {
+namespace {
+
+/// The weight of all lattice points together, beside 1 for the points of the rule.
+constexpr double kLatticeWeight = 0.05;
+
+using reference::NodeSet;
+using reference::Points;
+
+reference::Quadrature rule(Shape shape, int order) {
+  if (shape != Shape::Line) return reference::quadrature(shape, order, 2 * order);
+  const auto [points, weights] = reference::gauss_jacobi(order + 1, 0, 0);
+  return {Points(points), weights, 2 * order + 1};
+}
+
+EntityTable make_table(Shape shape, int order) {
+  const reference::Quadrature of = rule(shape, order);
+  const Points corners = reference::uniform_lattice(shape, order);
+  Points at(of.points.rows() + corners.rows(), of.points.cols());
+  at << of.points, corners;
+  EntityTable table;
+  table.values = reference::basis_values(shape, order, NodeSet::Equispaced, 3, at);
+  table.derivatives = reference::basis_gradients(shape, order, NodeSet::Equispaced, 3, at);
+  table.straight = reference::basis_gradients(shape, 1, NodeSet::Equispaced, 3, at);
+  table.weights.resize(at.rows());
+  table.weights << of.weights / of.weights.sum(),
+      Eigen::VectorXd::Constant(corners.rows(), kLatticeWeight / static_cast<double>(corners.rows()));
+  table.between =
+      reference::basis_values(shape, order, NodeSet::Equispaced, 3, reference::uniform_lattice(shape, 2 * order + 1));
+  return table;
+}
+
+bool lies_on(const EntityElement& edge, int curve, const Association& association) {
+  const std::vector<int>& ends = association.geometry.curves[static_cast<std::size_t>(curve)].vertices;
+  for (std::size_t k = 0; k < edge.nodes.size(); ++k) {
+    const NodeEntity& entity = association.nodes[static_cast<std::size_t>(edge.nodes[k])];
+    const bool on = entity.dimension == 1 && entity.entity == curve;
+    const bool end = k < 2 && entity.dimension == 0 && std::ranges::find(ends, entity.entity) != ends.end();
+    if (!on && !end) return false;
+  }
+  return true;
+}
+
+}  // namespace
+
+std::vector<std::vector<EntityElement>> curve_elements(const HighOrderMesh& mesh, const Association& association) {
+  std::vector<std::vector<EntityElement>> elements(association.geometry.curves.size());
+  std::set<std::pair<std::int32_t, std::int32_t>> seen;
+  for (std::size_t b = 0; b < mesh.blocks.size(); ++b) {
+    const ElementBlock& block = mesh.blocks[b];
+    if (association.surface_of_block[b] < 0 || block.order < 2) continue;
+    const auto stride = static_cast<std::size_t>(reference::node_count(block.shape, block.order));
+    const auto facets = static_cast<int>(reference::info(block.shape).facets.size());
+    for (std::size_t e = 0; e < block.size(); ++e)
+      for (int facet = 0; facet < facets; ++facet) {
+        EntityElement edge;
+        for (const int local : reference::facet_nodes(block.shape, block.order, facet))
+          edge.nodes.push_back(block.nodes[e * stride + static_cast<std::size_t>(local)]);
+        const NodeEntity& middle = association.nodes[static_cast<std::size_t>(edge.nodes[2])];
+        if (middle.dimension != 1 || !lies_on(edge, middle.entity, association)) continue;
+        if (!seen.emplace(std::minmax(edge.nodes[0], edge.nodes[1])).second) continue;
+        elements[static_cast<std::size_t>(middle.entity)].push_back(std::move(edge));
+      }
+  }
+  return elements;
+}
+
+std::vector<std::vector<EntityElement>> surface_elements(const HighOrderMesh& mesh, const Association& association) {
+  std::vector<std::vector<EntityElement>> elements(association.geometry.surfaces.size());
+  for (std::size_t b = 0; b < mesh.blocks.size(); ++b) {
+    const ElementBlock& block = mesh.blocks[b];
+    const int surface = association.surface_of_block[b];
+    if (surface < 0) continue;
+    const auto stride = static_cast<std::size_t>(reference::node_count(block.shape, block.order));
+    for (std::size_t e = 0; e < block.size(); ++e) {
+      EntityElement element{block.shape, {}};
+      element.nodes.assign(block.nodes.begin() + static_cast<std::ptrdiff_t>(e * stride),
+                           block.nodes.begin() + static_cast<std::ptrdiff_t>((e + 1) * stride));
+      elements[static_cast<std::size_t>(surface)].push_back(std::move(element));
+    }
+  }
+  return elements;
+}
+
+const EntityTable& entity_table(Shape shape, int order) {
+  static std::mutex mutex;
+  static std::map<std::pair<Shape, int>, EntityTable> tables;
+  const std::scoped_lock lock(mutex);
+  const auto [at, is_new] = tables.try_emplace({shape, order});
+  if (is_new) at->second = make_table(shape, order);
+  return at->second;
+}
+
+}  // namespace varimesh::detail

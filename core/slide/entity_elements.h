@@ -1,0 +1,40 @@
+// The elements of a mesh on one curve or surface of a geometry, and the tables of their energy. Internal to core/slide.
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <map>
+#include <span>
+#include <vector>
+
+#include "core/association/association.h"
+
+namespace varimesh::detail {
+
+/// An element of dimension 1 or 2: an edge of the mesh on a curve, or an element on a surface.
+struct EntityElement {
+  Shape shape = Shape::Line;
+  std::vector<std::int32_t> nodes;  ///< Indices of mesh nodes in Gmsh's order.
+};
+
+/// By curve of the geometry: each edge of the surface elements that lies on it, once. Edges of a mesh of order 1 do not
+/// count, because their ends do not say whether they lie on the curve.
+std::vector<std::vector<EntityElement>> curve_elements(const HighOrderMesh& mesh, const Association& association);
+
+/// By surface of the geometry: the elements that lie on it.
+std::vector<std::vector<EntityElement>> surface_elements(const HighOrderMesh& mesh, const Association& association);
+
+/// The basis of a shape at the points where the energy is evaluated: the points of a quadrature rule of degree 2 P, and
+/// with small weights the nodes of the lattice of order P, whose vertices and edges a rule misses.
+struct EntityTable {
+  Eigen::MatrixXd values;                    ///< points × nodes.
+  std::vector<Eigen::MatrixXd> derivatives;  ///< By direction: points × nodes.
+  /// The same derivatives of the map of order 1 on the vertices: the straight-sided element.
+  std::vector<Eigen::MatrixXd> straight;  ///< By direction: points × vertices.
+  Eigen::VectorXd weights;                ///< Sum to 1 plus the small weights.
+  /// Points between the nodes, where the distance to the entity is measured: values of the basis, points × nodes.
+  Eigen::MatrixXd between;
+};
+const EntityTable& entity_table(Shape shape, int order);
+
+}  // namespace varimesh::detail

@@ -1,0 +1,66 @@
+// The energy of the elements on one curve (d = 1) or surface (d = 2) of a geometry. Internal to core/slide.
+#pragma once
+
+#include <Eigen/Core>
+#include <vector>
+
+#include "core/energy/material.h"
+#include "core/slide/entity_elements.h"
+
+namespace varimesh::detail {
+
+/// The elements of one entity, which are all of one order, with their targets.
+///
+/// Let G = ∂x/∂ξ (3 × d) be the derivative of an element's map, and R (d × d) the triangular factor of the same
+/// derivative of its straight-sided form, at the coordinates as they came. So
+///
+///     F = G R⁻¹  (3 × d),      E = Σ_e |e| Σ_q w_q W(|F|², J),
+///     J = N · (f₁ × f₂)  on a surface,      J = N · f₁  on a curve,
+///
+/// where f_k are the columns of F, |e| is the straight-sided element's area or length, and W is the hyperelastic
+/// density of dimension d. N is the unit normal of the surface, or the unit tangent of the curve, interpolated from the
+/// nodes and held fixed while the nodes move by one step. So an element that is folded over has J < 0.
+template <int d>
+class EntityEnergy {
+ public:
+  using Vectors = Eigen::Matrix<double, 3, Eigen::Dynamic>;
+
+  /// @param coordinates of all nodes of the mesh as they came
+  EntityEnergy(const std::vector<EntityElement>& elements, int order, const std::vector<double>& coordinates);
+
+  std::size_t size() const { return tables_.size(); }
+
+  /// What the energy of one element is made of, at its nodes' positions.
+  struct Value {
+    double energy = 0;  ///< Infinite if J ≤ 0 at a point and δ = 0.
+    double least = 0;   ///< The smallest J of its points.
+  };
+  /// @param x       positions of the element's nodes
+  /// @param normal  unit normals (tangents) at the nodes
+  /// @param delta   δ of J' = (J + √(J² + δ²))/2
+  Value value(std::size_t element, const Vectors& x, const Vectors& normal, double delta) const;
+
+  /// The gradient (3 per node) and a positive semidefinite part of the Hessian (3 × 3 per pair of nodes): the terms
+  /// with f_J ∂²J are left out, and f_JJ counts only if it is positive.
+  void derivatives(std::size_t element, const Vectors& x, const Vectors& normal, double delta,
+                   Eigen::VectorXd& gradient, Eigen::MatrixXd& hessian) const;
+
+  /// Length of the shortest straight edge of an element over the order.
+  double spacing(std::size_t element) const { return spacing_[element]; }
+
+ private:
+  struct Point;
+  template <class Visit>
+  void visit(std::size_t element, const Vectors& x, const Vectors& normal, const Visit& visit) const;
+
+  Material material_;
+  std::vector<const EntityTable*> tables_;                         ///< By element.
+  std::vector<std::vector<Eigen::Matrix<double, d, d>>> inverse_;  ///< By element and point: R⁻¹; zero: left out.
+  std::vector<double> measure_;                                    ///< By element: |e|.
+  std::vector<double> spacing_;
+};
+
+extern template class EntityEnergy<1>;
+extern template class EntityEnergy<2>;
+
+}  // namespace varimesh::detail

@@ -1,0 +1,54 @@
+// Newton's method for the nodes of one curve (d = 1) or surface (d = 2), which slide on it. Internal to core/slide.
+#pragma once
+
+#include <Eigen/Core>
+#include <array>
+#include <cstdint>
+#include <vector>
+
+#include "core/association/association.h"
+#include "core/slide/entity_elements.h"
+
+namespace varimesh::detail {
+
+/// A node of the elements of an entity.
+struct EntityNode {
+  std::int32_t node = 0;  ///< Index in the mesh.
+  bool free = false;
+  std::array<double, 2> at{};  ///< Its parameters on the entity.
+  Eigen::Vector3d x = Eigen::Vector3d::Zero();
+};
+
+/// What a slide came to.
+struct EntitySlide {
+  std::vector<EntityNode> nodes;
+  int iterations = 0;
+  std::int64_t folded_before = 0, folded_after = 0;  ///< Elements with J ≤ 0 at a point.
+};
+
+/// The nodes of the elements of a curve or surface, sorted by index. Free are those that belong to the entity itself
+/// and are not fixed.
+/// @param coordinates of all nodes of the mesh
+std::vector<EntityNode> curve_nodes(int curve, const std::vector<EntityElement>& elements,
+                                    const Association& association, const std::vector<double>& coordinates,
+                                    const std::vector<bool>& fixed);
+std::vector<EntityNode> surface_nodes(int surface, const Association& association,
+                                      const std::vector<double>& coordinates, const std::vector<bool>& fixed);
+
+/// Moves the free ones of these nodes to lower the energy (entity_energy.h).
+///
+/// A step solves for the displacements T q of the free nodes with T an orthonormal basis of the tangents: one tangent
+/// on a curve, two on a surface. Then the parameters change by (SᵀS)⁻¹ Sᵀ T q with S the first derivatives, and the
+/// node is put on the entity there. No node moves by more than half the distance between nodes in one step. While an
+/// element is folded, all have the same δ = 0.5 · 0.85^k in step k; after that δ = 0.
+///
+/// @param at_start         coordinates of all nodes of the mesh as they came, which set the targets
+/// @param most_iterations  0: only count the folded elements
+EntitySlide slide_on_curve(int curve, const std::vector<EntityElement>& elements, int order,
+                           const Association& association, const std::vector<double>& at_start,
+                           std::vector<EntityNode> nodes, int most_iterations);
+EntitySlide slide_on_surface(int surface, const std::vector<EntityElement>& elements, int order,
+                             const Association& association, const std::vector<double>& at_start,
+                             std::vector<EntityNode> nodes, int most_iterations);
+
+}  // namespace varimesh::detail

@@ -1,0 +1,76 @@
+#include "core/slide/slide_on_file.h"
+
+#include <algorithm>
+
+#include "core/geometry/load.h"
+#include "core/mesh/check.h"
+#include "core/slide/slide.h"
+
+namespace varimesh {
+namespace {
+
+bool is_named(const PhysicalGroup& group, const std::string& name) {
+  const std::string tag = std::to_string(group.tag);
+  return name == group.name || name == tag || name == std::to_string(group.dimension) + ":" + tag;
+}
+
+Expected<std::vector<bool>> nodes_of_groups(const HighOrderMesh& mesh, const std::vector<std::string>& names) {
+  std::vector<bool> fixed(mesh.node_count(), false);
+  for (const std::string& name : names) {
+    bool found = false;
+    for (const PhysicalGroup& group : mesh.physical_groups) {
+      if (!is_named(group, name)) continue;
+      found = true;
+      for (const ElementBlock& block : mesh.blocks) {
+        const bool in_group = reference::info(block.shape).dimension == group.dimension &&
+                              std::ranges::find(block.physical, group.tag) != block.physical.end();
+        if (!in_group) continue;
+        for (const std::int32_t node : block.nodes) fixed[static_cast<std::size_t>(node)] = true;
+      }
+    }
+    if (!found) return bad_option("The mesh has no physical group '" + name + "', which fix names.");
+  }
+  return fixed;
+}
+
+}  // namespace
+
+Expected<std::vector<std::string>> slide_on_file(HighOrderMesh& mesh, const GeometryOptions& options) {
+  const auto what = slide_on_from_name(options.slide);
+  if (!what) return tl::unexpected(what.error());
+  if (mesh.dimension != 3)
+    return bad_input("A geometry needs a mesh of volume elements; this mesh has dimension " +
+                     std::to_string(mesh.dimension) + ".");
+  if (mesh.order < 2)
+    return bad_input("The mesh has order 1, so its boundary is not curved; make it curved with order 2 or more first.");
+  const Team team(options.threads);
+  Expected<void> checked;
+  team.run([&] { checked = check_structure(mesh, team); });
+  if (!checked) return tl::unexpected(checked.error());
+  const auto fixed = nodes_of_groups(mesh, options.fix);
+  if (!fixed) return tl::unexpected(fixed.error());
+  const auto geometry = geometry::load(options.file);
+  if (!geometry) return tl::unexpected(geometry.error());
+
+  std::vector<std::string> sentences = geometry->notes;
+  Expected<void> done;
+  team.run([&] {
+    auto association = associate(mesh, *geometry, team);
+    if (!association) {
+      done = tl::unexpected(association.error());
+      return;
+    }
+    const auto described = describe(mesh, *association, options.snap_tolerance);
+    sentences.insert(sentences.end(), described.begin(), described.end());
+    if (options.snap) {
+      const std::size_t moved = snap(mesh, *association, options.snap_tolerance);
+      sentences.push_back(std::to_string(moved) + " nodes were moved onto the geometry.");
+    }
+    const SlideReport report = slide(mesh, *association, *what, *fixed, team);
+    sentences.push_back(report.sentence(association->size));
+  });
+  if (!done) return tl::unexpected(done.error());
+  return sentences;
+}
+
+}  // namespace varimesh

@@ -1,0 +1,29 @@
+// Slides the boundary nodes of a mesh on the geometry of a CAD file: reads the file, associates, snaps, slides.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "core/base/error.h"
+#include "core/mesh/high_order_mesh.h"
+
+namespace varimesh {
+
+struct GeometryOptions {
+  std::string file;           ///< A STEP, IGES or BREP file.
+  std::string slide = "all";  ///< Which nodes slide: none, surfaces or all (curves and surfaces).
+  bool snap = false;          ///< First move nodes that are off their curve, surface or vertex onto it.
+  /// A node is off if it is farther than this from its entity, relative to the diagonal of the boundary's box.
+  double snap_tolerance = 1e-6;
+  std::vector<std::string> fix;  ///< Physical groups whose nodes stay, by name, by tag, or by "dimension:tag".
+  int threads = 1;               ///< 0: as many as the machine has.
+};
+
+/// Moves boundary nodes of a 3-D mesh of order 2 or more, as core/slide/slide.h says, and returns sentences that say
+/// what matched, what moved and how far the boundary is from the geometry. No inner node moves. The mesh is unchanged
+/// after an error. Errors: BadInput if the file cannot be read, if nothing matches, or if the mesh has another
+/// dimension or order; BadOption if `slide` is no such word, if a group does not exist, or if OpenCASCADE is not
+/// installed.
+Expected<std::vector<std::string>> slide_on_file(HighOrderMesh& mesh, const GeometryOptions& options);
+
+}  // namespace varimesh

@@ -1,0 +1,142 @@
+#include "core/slide/slide.h"
+
+#include <gtest/gtest.h>
+
+#include <numbers>
+
+#include "core/geometry/analytic.h"
+#include "tests/core/support/surface_grid.h"
+
+namespace varimesh {
+namespace {
+
+using testing::surface_grid;
+constexpr double kTurn = 2 * std::numbers::pi;
+
+/// Moves a place in [0, 1] by a wave that is zero at the vertices of `count` elements, so that the nodes between them
+/// crowd at the middle of each element.
+double crowded(double s, double strength, int count) {
+  return s + strength * std::sin(count * kTurn * s) / (count * kTurn);
+}
+
+geometry::Geometry torus() {
+  geometry::Geometry result;
+  result.surfaces.push_back({1, geometry::torus({}, 2, 0.7), {}});
+  return result;
+}
+
+/// A torus on whose seams elements lie across, with uneven nodes.
+HighOrderMesh torus_mesh(double strength, int columns = 8, int rows = 5) {
+  return surface_grid(*torus().surfaces[0].shape, columns, rows, 3, 1, true, [=](double s, double t) {
+    return std::array<double, 2>{kTurn * (crowded(s, strength, columns) + 0.03 + 0.02 * std::sin(kTurn * t)),
+                                 kTurn * (crowded(t, strength, rows) + 0.05)};
+  });
+}
+
+SlideReport slid(HighOrderMesh& mesh, const geometry::Geometry& geometry, SlideOn what, int threads = 1,
+                 std::vector<bool> fixed = {}) {
+  const Team team(threads);
+  SlideReport report;
+  fixed.resize(mesh.node_count(), false);
+  team.run([&] {
+    auto association = associate(mesh, geometry, team);
+    ASSERT_TRUE(association) << association.error().sentence;
+    ASSERT_TRUE(association->held.empty());
+    report = slide(mesh, *association, what, fixed, team);
+  });
+  return report;
+}
+
+double off_torus(const HighOrderMesh& mesh) {
+  double largest = 0;
+  for (std::size_t node = 0; node < mesh.node_count(); ++node) {
+    const double* x = &mesh.coordinates[3 * node];
+    largest = std::max(largest, std::abs(std::hypot(std::hypot(x[0], x[1]) - 2, x[2]) - 0.7));
+  }
+  return largest;
+}
+
+TEST(Slide, BringsTheBoundaryNearerAndKeepsNodesOnTheSurface) {
+  HighOrderMesh mesh = torus_mesh(0.5);
+  const SlideReport report = slid(mesh, torus(), SlideOn::All);
+  EXPECT_GT(report.nodes, 0);
+  EXPECT_LT(off_torus(mesh), 1e-13);
+  EXPECT_LT(report.after.rms, 0.7 * report.before.rms);
+  EXPECT_LE(report.after.largest, report.before.largest);
+}
+
+TEST(Slide, ConvergesWithOrderFourAtOrderThree) {
+  double rms[2];
+  for (int level = 0; level < 2; ++level) {
+    HighOrderMesh mesh = torus_mesh(0.2, 8 << level, 5 << level);
+    rms[level] = slid(mesh, torus(), SlideOn::All).after.rms;
+  }
+  EXPECT_GT(std::log2(rms[0] / rms[1]), 3.7);
+}
+
+TEST(Slide, HasTheSameBitsForAnyNumberOfThreads) {
+  HighOrderMesh one = torus_mesh(0.5), three = one;
+  slid(one, torus(), SlideOn::All, 1);
+  slid(three, torus(), SlideOn::All, 3);
+  EXPECT_EQ(one.coordinates, three.coordinates);
+}
+
+TEST(Slide, MovesNothingWithNone) {
+  HighOrderMesh mesh = torus_mesh(0.5);
+  const std::vector<double> before = mesh.coordinates;
+  const SlideReport report = slid(mesh, torus(), SlideOn::None);
+  EXPECT_EQ(mesh.coordinates, before);
+  EXPECT_EQ(report.nodes, 0);
+  EXPECT_GT(report.before.rms, 0);
+  EXPECT_EQ(report.after.rms, report.before.rms);
+}
+
+TEST(Slide, KeepsFixedNodes) {
+  HighOrderMesh mesh = torus_mesh(0.5);
+  const std::vector<double> before = mesh.coordinates;
+  std::vector<bool> fixed(mesh.node_count(), false);
+  for (std::size_t node = 0; node < fixed.size(); node += 7) fixed[node] = true;
+  slid(mesh, torus(), SlideOn::All, 1, fixed);
+  for (std::size_t node = 0; node < fixed.size(); ++node)
+    if (fixed[node])
+      for (std::size_t k = 0; k < 3; ++k) EXPECT_EQ(mesh.coordinates[3 * node + k], before[3 * node + k]);
+}
+
+/// A pipe between two circles, on which nodes crowd.
+TEST(Slide, EvensOutNodesOnCurvesAndOnlyWithAll) {
+  geometry::Geometry pipe;
+  geometry::Frame top;
+  top.origin = {0, 0, 2};
+  pipe.curves.push_back({1, geometry::circle({}, 1), {}, {0}});
+  pipe.curves.push_back({2, geometry::circle(top, 1), {}, {0}});
+  pipe.surfaces.push_back({1, geometry::cylinder({}, 1, 2), {0, 1}});
+  const HighOrderMesh start = surface_grid(*pipe.surfaces[0].shape, 6, 3, 3, 1, false, [](double s, double t) {
+    return std::array<double, 2>{kTurn * (s + 0.04 * std::sin(6 * kTurn * s) + 0.1 * t), 2 * crowded(t, 0.2, 3)};
+  });
+  for (const SlideOn what : {SlideOn::All, SlideOn::Surfaces}) {
+    HighOrderMesh mesh = start;
+    const SlideReport report = slid(mesh, pipe, what);
+    EXPECT_EQ(report.curves, what == SlideOn::All ? 2 : 0);
+    bool moved = false;
+    for (std::size_t node = 0; node < mesh.node_count(); ++node) {
+      const double* x = &mesh.coordinates[3 * node];
+      const double z = start.coordinates[3 * node + 2];
+      if (z != 0 && z != 2) continue;
+      EXPECT_NEAR(x[2], z, 1e-15);
+      EXPECT_NEAR(std::hypot(x[0], x[1]), 1, 1e-14);
+      moved = moved || x[0] != start.coordinates[3 * node];
+    }
+    EXPECT_EQ(moved, what == SlideOn::All);
+    EXPECT_LT(report.after.rms, report.before.rms);
+  }
+}
+
+TEST(SlideOnFromName, ListsTheWords) {
+  EXPECT_EQ(*slide_on_from_name("surfaces"), SlideOn::Surfaces);
+  const auto wrong = slide_on_from_name("curves");
+  ASSERT_FALSE(wrong);
+  EXPECT_EQ(wrong.error().kind, Error::Kind::BadOption);
+}
+
+}  // namespace
+}  // namespace varimesh
