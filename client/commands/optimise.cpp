@@ -1,4 +1,6 @@
 // varimesh optimise: optimises a mesh, in this process or on a server.
+#include <iostream>
+
 #include "client/cli/option_flags.h"
 #include "client/commands/commands.h"
 #include "client/io/inputs.h"
@@ -21,7 +23,25 @@ struct Arguments {
   v1::Options options;
 };
 
+/// The input with the options that concern the geometry too. Errors: BadOption if an option does not go with a
+/// geometry.
+Expected<Input> with_geometry(const Arguments& arguments) {
+  Input input = arguments.input;
+  if (input.geometry.file.empty()) return input;
+  const v1::Options& options = arguments.options;
+  if (options.order() > 0)
+    return bad_option("--order does not go with --geometry, because new boundary nodes would not lie on it.");
+  if (options.free_size() > 0 || options.free_nodes_size() > 0 || options.fix_nodes_size() > 0 ||
+      options.region_below() > 0)
+    return bad_option("--geometry goes only with --fix, not with other options that fix or free nodes.");
+  input.geometry.fix.assign(options.fix().begin(), options.fix().end());
+  input.geometry.threads = options.threads();
+  return input;
+}
+
 int optimise(const Arguments& arguments) {
+  const auto input = with_geometry(arguments);
+  if (!input) return print_error(input.error());
   // Outputs that cannot be written are found before the work starts.
   const auto outputs = check_outputs(arguments.outputs, arguments.format, arguments.input.mesh);
   if (!outputs) return print_error(outputs.error());
@@ -32,7 +52,10 @@ int optimise(const Arguments& arguments) {
   if (!connection) return connection.error();
   Client* client = connection->client.get();
   const bool in_process = arguments.common.server.empty();
-  const auto mesh = upload(*client, arguments.input, in_process ? keep_calls_going : nullptr);
+  const auto print_sentence = [&](const std::string& sentence) {
+    if (!arguments.common.quiet) std::cerr << sentence << std::endl;
+  };
+  const auto mesh = upload(*client, *input, in_process ? keep_calls_going : nullptr, print_sentence);
   if (!mesh) return print_error(mesh.error());
   v1::JobSpec spec;
   spec.mutable_mesh()->set_digest(mesh->digest());
@@ -62,6 +85,7 @@ Action add_optimise(CLI::App& app) {
   CLI::App& command = *app.add_subcommand("optimise", "Optimise a mesh and write the result");
   command.alias("optimize");
   add_input(command, &arguments->input);
+  add_geometry_flags(command, &arguments->input.geometry);
   command
       .add_option("-o,--output", arguments->outputs,
                   "Write the result to this file (.msh, .vtu, .mesh); may be repeated")

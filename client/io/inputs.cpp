@@ -49,6 +49,30 @@ void add_input(CLI::App& command, Input* input) {
       ->type_name("MESH");
 }
 
+void add_geometry_flags(CLI::App& command, GeometryOptions* geometry) {
+  constexpr const char* kGroup = "Geometry";
+  auto* file =
+      command
+          .add_option("--geometry", geometry->file,
+                      "Let boundary nodes slide on the model in this STEP, IGES or BREP file before the mesh is "
+                      "optimised")
+          ->type_name("FILE")
+          ->group(kGroup);
+  command
+      .add_option("--slide", geometry->slide,
+                  "Which boundary nodes slide: none, surfaces, or all (on curves and surfaces); default: all")
+      ->type_name("WHICH")
+      ->check(CLI::IsMember({"none", "surfaces", "all"}))
+      ->needs(file)
+      ->group(kGroup);
+  command
+      .add_flag("--snap", geometry->snap,
+                "First move boundary nodes that are off the geometry onto it, if they are farther from it than 1e-6 of "
+                "the mesh's size")
+      ->needs(file)
+      ->group(kGroup);
+}
+
 void add_file_label(const std::string& path, google::protobuf::Map<std::string, std::string>* labels) {
   constexpr std::size_t kMostBytes = 128;  // the contract's limit for a label's value
   std::string name = as_utf8(std::filesystem::path(path).filename().string());
@@ -61,8 +85,9 @@ void add_file_label(const std::string& path, google::protobuf::Map<std::string, 
   labels->insert({"file", name});
 }
 
-Outcome<v1::StoredMesh> upload(Client& client, const Input& input, const std::function<void()>& on_read) {
-  if (input.displacements.empty() && input.boundary.empty()) {
+Outcome<v1::StoredMesh> upload(Client& client, const Input& input, const std::function<void()>& on_read,
+                               const std::function<void(const std::string&)>& on_sentence) {
+  if (input.displacements.empty() && input.boundary.empty() && input.geometry.file.empty()) {
     const auto whole = InputFile::open(input.mesh, interrupt_ends_calls);
     if (!whole) return tl::unexpected(whole.error());
     if (on_read) on_read();
@@ -71,6 +96,13 @@ Outcome<v1::StoredMesh> upload(Client& client, const Input& input, const std::fu
   auto file = formats::read_file(input.mesh);
   if (!file) return refusal("BAD_INPUT", file.error().sentence);
   if (const auto moved = move_boundary(file->mesh, input); !moved) return tl::unexpected(moved.error());
+  if (!input.geometry.file.empty()) {
+    const auto slid = slide_on_file(file->mesh, input.geometry);
+    if (!slid)
+      return refusal(slid.error().kind == Error::Kind::BadOption ? "BAD_OPTION" : "BAD_INPUT", slid.error().sentence);
+    for (const std::string& sentence : *slid)
+      if (on_sentence) on_sentence(sentence);
+  }
   if (on_read) on_read();
   auto curved = InputFile::temporary(input.mesh);
   if (!curved) return tl::unexpected(curved.error());

@@ -7,6 +7,7 @@
 
 #include "client/client.h"
 #include "core/base/error.h"
+#include "core/slide/slide_on_file.h"
 
 namespace varimesh::client {
 
@@ -15,10 +16,14 @@ struct Input {
   std::string mesh;
   std::string displacements;  ///< A file of displacements of boundary nodes; empty: none.
   std::string boundary;       ///< A mesh file with only the curved boundary; empty: none.
+  GeometryOptions geometry;   ///< What the boundary nodes slide on; no file: nothing.
 };
 
 /// Adds the positional argument IN, and the flags --displacements and --boundary.
 void add_input(CLI::App& command, Input* input);
+
+/// Adds the flags --geometry, --slide and --snap.
+void add_geometry_flags(CLI::App& command, GeometryOptions* geometry);
 
 /// Adds the label "file" with the name of the mesh file, unless the user has given one. Lists of jobs show it. A name
 /// that is too long for a label loses its beginning.
@@ -26,7 +31,9 @@ void add_file_label(const std::string& path, google::protobuf::Map<std::string, 
 
 /// Uploads the mesh, after its boundary nodes have been moved as the other files say. `on_read` is called when the
 /// input has been found and pipes have been read to their end, so that from then on nothing but the upload is waited
-/// for.
-Outcome<v1::StoredMesh> upload(Client& client, const Input& input, const std::function<void()>& on_read = {});
+/// for. If there is a geometry, boundary nodes slide on it first, in this process; `on_sentence` gets what this came
+/// to.
+Outcome<v1::StoredMesh> upload(Client& client, const Input& input, const std::function<void()>& on_read = {},
+                               const std::function<void(const std::string&)>& on_sentence = {});
 
 }  // namespace varimesh::client

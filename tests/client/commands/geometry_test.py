@@ -1,0 +1,91 @@
+"""Boundary nodes slide on a CAD model: a pipe with a step, which Gmsh makes and meshes. Skipped, with a word, without Gmsh's
+Python module or without the plugin that reads CAD files."""
+import re
+import subprocess
+import sys
+import unittest
+from pathlib import Path
+
+from programs import MESH, VARIMESH, WithFolder, run
+
+MAKE = """
+import sys, gmsh
+folder = sys.argv[1]
+gmsh.initialize()
+gmsh.option.setNumber("General.Terminal", 0)
+occ = gmsh.model.occ
+occ.fuse([(3, occ.addCylinder(0, 0, 0, 0, 0, 2, 1))], [(3, occ.addCylinder(0, 0, 2, 0, 0, 1, 0.5))])
+occ.synchronize()
+gmsh.write(folder + "/part.brep")
+gmsh.write(folder + "/part.step")
+for key, value in {"Mesh.MeshSizeMax": 0.9, "Mesh.MeshSizeMin": 0.5, "Mesh.MshFileVersion": 4.1, "Mesh.SaveAll": 1,
+                   "Mesh.HighOrderOptimize": 0}.items():
+    gmsh.option.setNumber(key, value)
+gmsh.model.mesh.generate(3)
+gmsh.model.mesh.setOrder(3)
+gmsh.write(folder + "/part.msh")
+gmsh.option.setNumber("Mesh.MshFileVersion", 2.2)
+gmsh.write(folder + "/part22.msh")
+"""
+
+
+def gmsh_python():
+    """A Python that has Gmsh's module, or None."""
+    for python in (sys.executable, "/usr/bin/python3"):
+        if subprocess.run([python, "-c", "import gmsh"], capture_output=True).returncode == 0:
+            return python
+    return None
+
+
+def distances(text):
+    """rms before, rms after, largest before, largest after."""
+    found = re.search(r"rms (\S+) before, (\S+) after; largest (\S+) before, (\S+) after\.", text)
+    return [float(number) for number in found.groups()]
+
+
+class Geometry(WithFolder):
+    def setUp(self):
+        super().setUp()
+        subprocess.run([PYTHON, "-c", MAKE, str(self.folder)], check=True, capture_output=True)
+        self.out = self.folder / "out.msh"
+
+    def slid(self, mesh, model, *more):
+        done = run("optimise", self.folder / mesh, "--geometry", self.folder / model, "-o", self.out, *more)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        return done.stderr
+
+    def test_every_surface_matches_and_the_boundary_comes_nearer(self):
+        for mesh in ("part.msh", "part22.msh"):
+            for model in ("part.brep", "part.step"):
+                text = self.slid(mesh, model)
+                self.assertIn("5 of 5 surfaces of the mesh matched", text)
+                self.assertNotIn("belong to no entity", text)
+                rms_before, rms_after, largest_before, largest_after = distances(text)
+                self.assertLess(rms_after, rms_before)
+                self.assertLessEqual(largest_after, largest_before)
+
+    def test_slide_none_moves_no_boundary_node(self):
+        rms_before, rms_after, *_ = distances(self.slid("part.msh", "part.brep", "--slide", "none"))
+        self.assertEqual(rms_before, rms_after)
+
+    def test_what_cannot_be_used_gives_a_sentence_and_no_file(self):
+        (self.folder / "cut.step").write_bytes((self.folder / "part.step").read_bytes()[:3000])
+        for arguments, status, sentence in (
+                ([self.folder / "part.msh", "--geometry", self.folder / "cut.step"], 3, "the STEP file is cut off"),
+                ([self.folder / "part.msh", "--geometry", self.folder / "none.step"], 3, "is not a file"),
+                ([MESH, "--geometry", self.folder / "part.step"], 3, "needs a mesh of volume elements"),
+                ([self.folder / "part.msh", "--geometry", self.folder / "part.step", "--order", "4"], 2, "--order"),
+                ([self.folder / "part.msh", "--geometry", self.folder / "part.step", "--fix", "no"], 2, "'no'")):
+            done = run("optimise", *arguments, "-o", self.out)
+            self.assertEqual(done.returncode, status, done.stderr)
+            self.assertIn(sentence, done.stderr)
+            self.assertFalse(self.out.exists())
+
+
+if __name__ == "__main__":
+    PYTHON = gmsh_python()
+    plugin = Path(VARIMESH).parent / "libvarimesh_opencascade.so"
+    if PYTHON is None or not plugin.exists():
+        print("skipped: there is no Python module gmsh, or VariMesh was built without OpenCASCADE")
+        sys.exit(77)
+    unittest.main(verbosity=2)
