@@ -19,8 +19,8 @@ namespace {
 constexpr double kZero = 1e-10;
 /// A facet is flat if no node is further from its plane than this fraction of its size.
 constexpr double kFlat = 1e-6;
-/// A curved facet with less room counts as folded. On the meshes of CAD parts that were measured, facets whose normals
-/// turn by more than 90° have either at most .24 or at least .37, mostly above .6. None of the former became valid.
+/// A curved facet with less room counts as folded. On six meshes of CAD parts, facets whose normals turn by more than
+/// 90° have either at most .23 or at least .37, mostly above .6. The limit was chosen on these meshes.
 constexpr double kLeastRoom = 0.3;
 
 Vector row(const Eigen::MatrixXd& matrix, Eigen::Index i) { return {matrix(i, 0), matrix(i, 1), matrix(i, 2)}; }

@@ -43,8 +43,8 @@ struct RunControl {
   /// Counts the work inside iterations and between them. It must outlive the run; null: nobody wants to know.
   WorkMeter* meter = nullptr;
   /// Untangling takes small patches only: one layer of cells around those to be repaired, in place of two and then
-  /// four. The runs of Repair::Split are like this: a split does what a larger patch would. On eight meshes of CAD
-  /// parts a second layer repaired nothing more, and took four times as long.
+  /// four. The runs of Repair::Split are like this: a split does what a larger patch would. On four meshes of CAD
+  /// parts a second layer repaired nothing more, and two of them took four times as long.
   bool shallow_untangling = false;
   /// At the end, cells that have lost their certificate are untangled with their neighbours. If false, they only go
   /// back to where they had it.
