@@ -42,6 +42,11 @@ Expected<void> Endpoint::listen(const std::string& address) {
   if (!address.empty()) builder.AddListeningPort(address, grpc::InsecureServerCredentials(), &port_);
 
   const bool socket = is_unix_socket(address);
+  if (socket) {
+    auto lock = SocketLock::take(address);
+    if (!lock) return tl::unexpected(lock.error());
+    socket_lock_ = std::move(*lock);
+  }
   const mode_t mask = socket ? ::umask(0177) : 0;  // only the owner may use the socket
   server_ = builder.BuildAndStart();
   if (socket) ::umask(mask);

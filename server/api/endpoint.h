@@ -14,6 +14,7 @@
 #include "server/api/job_service.h"
 #include "server/api/mesh_service.h"
 #include "server/api/optimise_service.h"
+#include "server/api/socket_lock.h"
 
 namespace varimesh::server {
 
@@ -24,7 +25,7 @@ class Endpoint {
   Endpoint(Scheduler& scheduler, MeshStore& meshes, const Limits& limits, TimePoint start_time);
 
   /// Listens on HOST:PORT or unix:PATH; an empty address means in-process channels only. Call it once. Errors: Output
-  /// if the address is already in use or does not belong to this machine.
+  /// if the address is already in use or does not belong to this machine. A socket whose server has ended is replaced.
   Expected<void> listen(const std::string& address);
 
   /// The address with the port that was chosen; empty if there is none.
@@ -50,6 +51,7 @@ class Endpoint {
   MeshService mesh_service_;
   JobService job_service_;
   OptimiseService optimise_service_;
+  std::unique_ptr<SocketLock> socket_lock_;  ///< Null unless the server listens on a unix socket.
   std::unique_ptr<grpc::Server> server_;
   std::string address_;
   int port_ = 0;

@@ -70,10 +70,12 @@ std::string_view SqliteQuery::view(int column) const {
 SqliteDatabase::SqliteDatabase(const std::string& path) {
   // SQLite would make the file readable for everybody, and gives the files beside it the same permissions. A file that
   // exists is not opened here, since closing it would release the locks of this process's other connections.
-  if (const int made = ::open(path.c_str(), O_CREAT | O_EXCL | O_WRONLY | O_CLOEXEC, 0600); made >= 0) ::close(made);
+  if (const int made = ::open(path.c_str(), O_CREAT | O_EXCL | O_WRONLY | O_CLOEXEC | O_NOFOLLOW, 0600); made >= 0)
+    ::close(made);
   sqlite3* opened = nullptr;
   const int result =
-      sqlite3_open_v2(path.c_str(), &opened, SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE | SQLITE_OPEN_NOMUTEX, nullptr);
+      sqlite3_open_v2(path.c_str(), &opened,
+                      SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE | SQLITE_OPEN_NOMUTEX | SQLITE_OPEN_NOFOLLOW, nullptr);
   database_.reset(opened);
   if (result != SQLITE_OK) throw SqliteError(opened, path);
   sqlite3_busy_timeout(opened, 10'000);

@@ -145,13 +145,13 @@ void DirectoryMeshStore::take_back(const std::string& digest, bool pinned, bool 
 
 Answer<std::unique_ptr<BlobWriter>> DirectoryMeshStore::create() {
   std::filesystem::path path = temporary_path();
-  const int file = ::open(path.c_str(), O_CREAT | O_EXCL | O_WRONLY | O_CLOEXEC, 0600);
+  const int file = ::open(path.c_str(), O_CREAT | O_EXCL | O_WRONLY | O_CLOEXEC | O_NOFOLLOW, 0600);
   if (file < 0) return cannot_store("a file cannot be created");
   return std::make_unique<Writer>(this, file, std::move(path));
 }
 
 int DirectoryMeshStore::open_file(Entries::const_iterator entry) const {
-  return ::open(path_of(entry->first, entry->second.form).c_str(), O_RDONLY | O_CLOEXEC);
+  return ::open(path_of(entry->first, entry->second.form).c_str(), O_RDONLY | O_CLOEXEC | O_NOFOLLOW);
 }
 
 Answer<std::shared_ptr<const Blob>> DirectoryMeshStore::open(const std::string& digest) {

@@ -22,7 +22,7 @@ constexpr std::int64_t kLeastCompressed = 64 * 1024;
 }  // namespace
 
 bool sync_directory(const std::filesystem::path& directory) {
-  const int file = ::open(directory.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+  const int file = ::open(directory.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC | O_NOFOLLOW);
   if (file < 0) return false;
   const bool synced = ::fsync(file) == 0;
   ::close(file);
@@ -36,6 +36,11 @@ void DirectoryMeshStore::read_directory() {
   std::vector<std::filesystem::path> compressed;
   for (const auto& file : std::filesystem::directory_iterator(directory_, ignored)) {
     const std::string name = file.path().filename().string();
+    if (file.symlink_status(ignored).type() != std::filesystem::file_type::regular) {
+      // A symbolic link could lead to any file of the system, which the store would then give to its clients.
+      settings_.log("'" + file.path().string() + "' is not a file; the store ignores it.");
+      continue;
+    }
     if (name.rfind("part-", 0) == 0) std::filesystem::remove(file.path(), ignored);
     if (is_sha256(name)) read_entry(file.path(), name, Form::Plain);
     if (file.path().extension() == ".zst" && is_sha256(file.path().stem().string())) compressed.push_back(file.path());
@@ -50,7 +55,7 @@ void DirectoryMeshStore::read_entry(const std::filesystem::path& path, const std
   entry.form = form;
   entry.stored = entry.size = static_cast<std::int64_t>(std::filesystem::file_size(path, ignored));
   if (form == Form::Zstd) {
-    const int file = ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
+    const int file = ::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NOFOLLOW);
     const auto opened = file < 0 ? nullptr : ZstdFile::open(file);
     if (opened == nullptr) return;
     entry.size = opened->size();
@@ -87,10 +92,10 @@ void DirectoryMeshStore::compress_idle(const std::set<std::string>& needed, cons
 
 bool DirectoryMeshStore::compress(const std::string& digest, const std::function<bool()>& given_up) {
   const std::filesystem::path path = temporary_path();
-  const int from = ::open(path_of(digest, Form::Plain).c_str(), O_RDONLY | O_CLOEXEC);
+  const int from = ::open(path_of(digest, Form::Plain).c_str(), O_RDONLY | O_CLOEXEC | O_NOFOLLOW);
   int reason = from < 0 ? errno : 0;
   const bool is_gone = reason == ENOENT, is_too_many = reason == EMFILE || reason == ENFILE;
-  const int to = ::open(path.c_str(), O_CREAT | O_EXCL | O_WRONLY | O_CLOEXEC, 0600);
+  const int to = ::open(path.c_str(), O_CREAT | O_EXCL | O_WRONLY | O_CLOEXEC | O_NOFOLLOW, 0600);
   Compression outcome = Compression::Failed;
   if (from >= 0 && to >= 0) {
     outcome = compress_file(from, to, given_up);

@@ -52,7 +52,7 @@ Answer<std::shared_ptr<DirectoryMeshStore::Upload>> DirectoryMeshStore::find_or_
   made->digest = digest;
   made->size = size;
   made->touched = settings_.clock();
-  made->file = ::open(path.c_str(), O_CREAT | O_EXCL | O_WRONLY | O_CLOEXEC, 0600);
+  made->file = ::open(path.c_str(), O_CREAT | O_EXCL | O_WRONLY | O_CLOEXEC | O_NOFOLLOW, 0600);
   if (made->file < 0) {
     uploads_.erase(id);
     return cannot_store("a file cannot be created");

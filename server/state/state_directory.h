@@ -13,7 +13,8 @@ namespace varimesh::server {
 class StateDirectory {
  public:
   /// Creates the directory, accessible only to its owner, if it does not exist, and locks it. Errors: Output if that is
-  /// not possible, or if another server holds the lock.
+  /// not possible, if the directory belongs to another user or others can write into it, or if another server holds the
+  /// lock.
   static Expected<std::unique_ptr<StateDirectory>> take(const std::string& given);
   ~StateDirectory();
   StateDirectory(const StateDirectory&) = delete;

@@ -19,6 +19,14 @@ TEST(SqliteJobStore, RefusesMissingFoldersAndNewerTables) {
   EXPECT_NE(newer.error().sentence.find("newer version"), std::string::npos) << newer.error().sentence;
 }
 
+TEST(SqliteJobStore, FollowsNoLinks) {
+  InFile place;
+  { const auto store = place.open({}); }
+  std::filesystem::rename(place.directory() / "jobs.sqlite", place.directory() / "elsewhere");
+  std::filesystem::create_symlink(place.directory() / "elsewhere", place.directory() / "jobs.sqlite");
+  EXPECT_FALSE(SqliteJobStore::open((place.directory() / "jobs.sqlite").string()));
+}
+
 TEST(SqliteJobStore, UpdatesOldTables) {
   InFile place;
   const JobStoreSettings settings;

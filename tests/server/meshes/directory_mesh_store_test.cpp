@@ -115,5 +115,25 @@ TEST(DirectoryMeshStore, HasTheSameMeshesAfterARestart) {
   std::filesystem::remove(directory);
 }
 
+TEST(DirectoryMeshStore, FollowsNoLinks) {
+  const std::filesystem::path folder = std::filesystem::path(::testing::TempDir()) / "varimesh-links";
+  std::filesystem::create_directories(folder / "meshes");
+  std::ofstream(folder / "secret") << "of the system";
+  const std::string before(64, 'a');
+  std::filesystem::create_symlink(folder / "secret", folder / "meshes" / before);
+  {
+    const auto store = std::move(*DirectoryMeshStore::open_directory((folder / "meshes").string(), settings_with()));
+    EXPECT_FALSE(store->open(before)) << "a link that was there before the server";
+    EXPECT_FALSE(store->read(before));
+    const std::string digest = write(*store, "a mesh").digest;
+    std::filesystem::remove(folder / "meshes" / digest);
+    std::filesystem::create_symlink(folder / "secret", folder / "meshes" / digest);
+    EXPECT_FALSE(store->open(digest)) << "a link that took the place of a mesh";
+    EXPECT_FALSE(store->read(digest));
+  }
+  EXPECT_TRUE(std::filesystem::exists(folder / "secret"));
+  std::filesystem::remove_all(folder);
+}
+
 }  // namespace
 }  // namespace varimesh::server::testing

@@ -2,6 +2,8 @@
 #include "server/state/state_directory.h"
 
 #include <gtest/gtest.h>
+#include <sys/stat.h>
+#include <unistd.h>
 
 #include <fstream>
 
@@ -36,6 +38,47 @@ TEST_F(StateDirectoryTest, HasOneOwnerAtATime) {
     EXPECT_NE(second.error().sentence.find("another varimeshd"), std::string::npos) << second.error().sentence;
   }
   EXPECT_TRUE(StateDirectory::take(folder_.string())) << "the first owner has released it";
+}
+
+TEST_F(StateDirectoryTest, MustNotBeWritableByOthers) {
+  for (const mode_t mode : {0720, 0702, 0777, 01777}) {
+    ASSERT_EQ(::chmod(folder_.c_str(), mode), 0);
+    const auto taken = StateDirectory::take(folder_.string());
+    ASSERT_FALSE(taken) << mode;
+    EXPECT_NE(taken.error().sentence.find("other users can write"), std::string::npos) << taken.error().sentence;
+  }
+  ASSERT_EQ(::chmod(folder_.c_str(), 0755), 0);
+  EXPECT_TRUE(StateDirectory::take(folder_.string()));
+}
+
+TEST_F(StateDirectoryTest, MustBelongToTheUser) {
+  if (::geteuid() != 0) GTEST_SKIP() << "only root can give a directory to another user";
+  ASSERT_EQ(::chown(folder_.c_str(), 65532, 65532), 0);
+  const auto taken = StateDirectory::take(folder_.string());
+  ASSERT_FALSE(taken);
+  EXPECT_NE(taken.error().sentence.find("belongs to another user (uid 65532"), std::string::npos)
+      << taken.error().sentence;
+}
+
+TEST_F(StateDirectoryTest, LeadsThroughNoLinks) {
+  const std::filesystem::path elsewhere = folder_ / "elsewhere";
+  std::filesystem::create_directory(elsewhere);
+  for (const char* name : {"meshes", "lock"}) {
+    const std::filesystem::path state = folder_ / (std::string("with-") + name);
+    ASSERT_TRUE(StateDirectory::take(state.string()));
+    std::filesystem::remove(state / name);
+    std::filesystem::create_symlink(elsewhere / name, state / name);
+    if (name == std::string("meshes")) std::filesystem::create_directory(elsewhere / name);
+    const auto taken = StateDirectory::take(state.string());
+    ASSERT_FALSE(taken) << name;
+    EXPECT_NE(taken.error().sentence.find("symbolic link"), std::string::npos) << taken.error().sentence;
+  }
+  EXPECT_FALSE(std::filesystem::exists(elsewhere / "lock"));
+  // Whoever starts the server may name the directory by a link.
+  std::filesystem::create_symlink(elsewhere, folder_ / "link");
+  const auto taken = StateDirectory::take((folder_ / "link").string());
+  ASSERT_TRUE(taken) << taken.error().sentence;
+  EXPECT_EQ((*taken)->jobs(), (elsewhere / "jobs.sqlite").string()) << "SQLite refuses links";
 }
 
 TEST_F(StateDirectoryTest, CannotBeInsideAFile) {
