@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <cstring>
 #include <limits>
+#include <unordered_set>
 
 #include "core/formats/gmsh/read.h"
 #include "core/formats/pieces.h"
@@ -20,6 +21,24 @@ struct HeldElement {
   std::int64_t number = 0;
   std::vector<std::int64_t> repeats;
   std::vector<std::int32_t> nodes;
+  std::unordered_set<int> many;  // the physical groups, if there are more than kFew
+
+  bool is_in(int group) const {
+    return physical.size() > kFew ? many.contains(group)
+                                  : std::find(physical.begin(), physical.end(), group) != physical.end();
+  }
+  void add(int group) {
+    physical.push_back(group);
+    if (physical.size() > kFew + 1) many.insert(group);
+    if (physical.size() == kFew + 1) many = {physical.begin(), physical.end()};
+  }
+  void clear_groups() {
+    physical.clear();
+    many.clear();
+  }
+
+ private:
+  static constexpr std::size_t kFew = 16;  // a search of more would take long if an element has thousands
 };
 
 // Reads elements one after another and collects them in blocks.
@@ -80,6 +99,7 @@ void ElementReader::read_tags(int count) {
 
 void ElementReader::read(std::int64_t number, int type, int tag_count) {
   if (type != type_) set_type(type);
+  if (number < 0) scan_.fail("element number " + std::to_string(number) + " is negative; renumber the mesh");
   if (tag_count < 0) scan_.fail("element " + std::to_string(number) + " has a negative number of tags");
   read_tags(tag_count);
   for (std::size_t k = 0; k < node_count_; ++k) {
@@ -89,9 +109,9 @@ void ElementReader::read(std::int64_t number, int type, int tag_count) {
   }
   const bool repeats = held_.any && held_.type == type && held_.entity == entity_ && nodes_ == held_.nodes &&
                        held_.partitions == partitions_ && physical_ != 0 && !held_.physical.empty() &&
-                       std::find(held_.physical.begin(), held_.physical.end(), physical_) == held_.physical.end();
+                       !held_.is_in(physical_);
   if (repeats) {
-    held_.physical.push_back(physical_);
+    held_.add(physical_);
     held_.repeats.push_back(number);
     return;
   }
@@ -99,8 +119,8 @@ void ElementReader::read(std::int64_t number, int type, int tag_count) {
   held_.any = true;
   held_.type = type;
   held_.entity = entity_;
-  held_.physical.clear();
-  if (physical_ != 0) held_.physical.push_back(physical_);
+  held_.clear_groups();
+  if (physical_ != 0) held_.add(physical_);
   held_.partitions = partitions_;
   held_.number = number;
   held_.repeats.clear();
@@ -145,14 +165,15 @@ void ElementReader::hold_last() {
   ElementBlock& block = blocks_.back();
   const auto per_element = std::ptrdiff_t(block.nodes.size() / block.size());
   const auto repeats = std::ptrdiff_t(block.repeat_numbers.size() / block.size());
-  held_ = {true,
-           gmsh_type_number(block.shape, block.order),
-           block.entity,
-           block.physical,
-           block.partitions,
-           block.numbers.back(),
-           {block.repeat_numbers.end() - repeats, block.repeat_numbers.end()},
-           {block.nodes.end() - per_element, block.nodes.end()}};
+  held_.any = true;
+  held_.type = gmsh_type_number(block.shape, block.order);
+  held_.entity = block.entity;
+  held_.clear_groups();
+  for (const int group : block.physical) held_.add(group);
+  held_.partitions = block.partitions;
+  held_.number = block.numbers.back();
+  held_.repeats.assign(block.repeat_numbers.end() - repeats, block.repeat_numbers.end());
+  held_.nodes.assign(block.nodes.end() - per_element, block.nodes.end());
   block.numbers.pop_back();
   block.repeat_numbers.resize(block.repeat_numbers.size() - std::size_t(repeats));
   block.nodes.resize(block.nodes.size() - std::size_t(per_element));

@@ -51,6 +51,24 @@ TEST(GmshErrors, UnknownElementTypeNamesItAndTheLine) {
   EXPECT_SAYS(kHead + kNodes + "$Elements\n1\n1 77 2 1 1 1 2 3\n$EndElements\n", "line 12");
 }
 
+TEST(GmshErrors, NegativeElementNumber) {
+  EXPECT_SAYS(kHead + kNodes + "$Elements\n1\n-7 2 2 1 1 1 2 3\n$EndElements\n", "element number -7 is negative");
+  EXPECT_SAYS(kHead + kNodes + "$Elements\n1\n-7 2 2 1 1 1 2 3\n$EndElements\n", "line 12");
+}
+
+TEST(GmshErrors, AnElementInManyGroupsIsReadInLinearTime) {
+  // Comparing each group with all before it would take longer than a test may.
+  constexpr int kGroups = 1'000'000;
+  std::string elements = "$Elements\n" + std::to_string(kGroups) + "\n";
+  for (int i = 1; i <= kGroups; ++i) elements += std::to_string(i) + " 2 2 " + std::to_string(i) + " 1 1 2 3\n";
+  const auto file = formats::read(kHead + kNodes + elements + "$EndElements\n");
+  ASSERT_TRUE(file) << file.error().sentence;
+  ASSERT_EQ(file->mesh.blocks.size(), 1u);
+  EXPECT_EQ(file->mesh.blocks[0].size(), 1u);
+  EXPECT_EQ(file->mesh.blocks[0].physical.size(), static_cast<std::size_t>(kGroups));
+  EXPECT_EQ(file->mesh.blocks[0].repeat_numbers.size(), static_cast<std::size_t>(kGroups - 1));
+}
+
 TEST(GmshErrors, IncompleteElementsAreDistinguishedFromUnknownOnes) {
   for (int type : {16, 17, 18, 19, 20, 22, 24, 32, 39, 60, 83, 105, 117, 131})
     EXPECT_SAYS(kHead + kNodes + "$Elements\n1\n1 " + std::to_string(type) + " 2 1 1 1 2 3\n$EndElements\n",
