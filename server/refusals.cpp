@@ -84,6 +84,11 @@ Refusal mesh_missing(const std::string& digest) {
                  {{"digest", digest}});
 }
 
+Refusal mesh_in_use(const std::string& digest) {
+  return refusal(Code::FailedPrecondition, "MESH_IN_USE", "Jobs refer to the mesh " + digest + "; delete them first.",
+                 {{"digest", digest}});
+}
+
 Refusal upload_not_found(const std::string& what) {
   return refusal(Code::NotFound, "UPLOAD_NOT_FOUND", what + "; start the upload again from byte 0.");
 }

@@ -39,6 +39,8 @@ Refusal mesh_too_large(std::int64_t max, std::optional<std::int64_t> size = {});
 Refusal mesh_not_found(const std::string& digest);
 /// FAILED_PRECONDITION, MESH_NOT_FOUND: a job needs a mesh that is not in the store.
 Refusal mesh_missing(const std::string& digest);
+/// FAILED_PRECONDITION, MESH_IN_USE: a mesh that jobs refer to cannot be deleted.
+Refusal mesh_in_use(const std::string& digest);
 /// NOT_FOUND, UPLOAD_NOT_FOUND. `what` is the beginning of the sentence; the remedy is added to it.
 Refusal upload_not_found(const std::string& what);
 /// ABORTED, UPLOAD_TAKEN_OVER.

@@ -109,7 +109,9 @@ bool Server::stop(std::chrono::milliseconds patience) {
   const auto deadline = std::chrono::steady_clock::now() + patience;
   upkeep_->stop_jobs();
   // The streams end first, so that watchers are told that the server stops and not that it cancels their jobs.
-  endpoint_->stop(deadline, [this] { scheduler_->stop(); });
+  // A job that has not ended at the deadline is given up with the work since its last checkpoint.
+  const auto for_checkpoints = std::min<std::chrono::milliseconds>(std::chrono::seconds(10), patience / 2);
+  endpoint_->stop(deadline, [&] { scheduler_->stop(for_checkpoints); });
   running_ = !scheduler_->drain(deadline);
   return !running_;
 }

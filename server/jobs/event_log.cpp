@@ -92,7 +92,9 @@ EventLog::Next EventLog::next(std::int64_t after, std::chrono::nanoseconds min_i
     iteration = last - static_cast<std::ptrdiff_t>(limits_.max_backlog / 4);
   if (min_interval.count() > 0)
     iteration = std::find_if(iteration, last, [&](const v1::JobEvent& candidate) {
-      return time_point(candidate.time()) >= last_iteration + min_interval;
+      const auto time = time_point(candidate.time());
+      // An earlier time: the clock was set back.
+      return time >= last_iteration + min_interval || time < last_iteration;
     });
 
   if (iteration != last)

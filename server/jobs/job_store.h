@@ -16,6 +16,7 @@
 namespace varimesh::server {
 
 using TimePoint = std::chrono::system_clock::time_point;
+using SteadyTime = std::chrono::steady_clock::time_point;
 
 /// The settings of every store.
 struct JobStoreSettings {
@@ -66,10 +67,14 @@ struct Submission {
   int max_pending_of_owner = 0;  ///< PEER_LIMIT if this many jobs of the owner already wait. 0: no limit.
 };
 
+/// The size of a page of jobs, in bytes, unless its first job is larger. A client takes messages of at most 4 MiB.
+inline constexpr std::size_t kMostPageBytes = std::size_t{1} << 20;
+
 /// Which jobs to list: those in one of the states (empty: any) that have all of the labels.
 struct JobFilter {
   std::set<v1::JobState> states;
   std::map<std::string, std::string> labels;
+  std::size_t most_bytes = kMostPageBytes;  ///< Of all jobs on a page.
 };
 
 struct JobPage {
@@ -110,7 +115,8 @@ class JobStore {
   /// Stores a new job, or returns the job of the same request, without events. ALREADY_EXISTS if that has another spec.
   virtual Answer<Changed> submit(const Submission& submission) = 0;
   virtual Answer<v1::Job> get(const std::string& name) = 0;
-  /// Lists jobs, newest first. `page_token` is empty or comes from the previous page.
+  /// Lists jobs, newest first. `page_token` is empty or comes from the previous page. A page ends after `page_size`
+  /// jobs, or before the job that would make it larger than `filter.most_bytes`; it has at least one job.
   virtual Answer<JobPage> list(const JobFilter& filter, int page_size, const std::string& page_token) = 0;
   virtual Answer<JobCounts> counts() = 0;
   /// Returns all events of state and quality, in order.

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 
+#include "server/jobs/timestamps.h"
 #include "server/refusals.h"
 
 namespace varimesh::server {
@@ -79,9 +80,11 @@ Answer<JobPage> MemoryJobStore::list(const JobFilter& filter, int page_size, con
   std::lock_guard lock(mutex_);
   JobPage page;
   auto entry = std::make_reverse_iterator(*below > 0 ? entries_.lower_bound(*below) : entries_.end());
+  std::size_t bytes = 0;
   for (std::int64_t last = 0; entry != entries_.rend(); ++entry) {
     if (!matches(entry->second.record.job, filter)) continue;
-    if (static_cast<int>(page.jobs.size()) == page_size) {
+    bytes += entry->second.record.job.ByteSizeLong();
+    if (static_cast<int>(page.jobs.size()) == page_size || (bytes > filter.most_bytes && !page.jobs.empty())) {
       page.next_page_token = std::to_string(last);
       break;
     }

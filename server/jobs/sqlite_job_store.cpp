@@ -117,9 +117,10 @@ Answer<Changed> SqliteJobStore::submit(const Submission& submission) {
     if (!submission.request_id.empty()) {
       auto query = database.query(select_job_rows("WHERE request_id = ?"));
       if (query.bind(submission.request_id).step()) {
-        const JobRow row = read_job_row(query);
-        if (const auto same = check_same(row.record.job, submission); !same) return tl::unexpected(same.error());
-        return Changed{row.record.job, {}, {}};
+        const auto row = read_job_row(query);
+        if (!row) return tl::unexpected(row.error());
+        if (const auto same = check_same(row->record.job, submission); !same) return tl::unexpected(same.error());
+        return Changed{row->record.job, {}, {}};
       }
     }
     auto pending = database.query("SELECT COUNT(*) FROM jobs WHERE state = 1");
@@ -167,14 +168,17 @@ Answer<JobPage> SqliteJobStore::list(const JobFilter& filter, int page_size, con
     for (const auto& [name, value] : filter.labels) query.bind(name).bind(value);
     query.bind(page_size + 1);
     JobPage page;
+    int count = 0;
+    std::size_t bytes = 0;
     for (std::int64_t last = 0; query.step();) {
-      JobRow row = read_job_row(query);
-      if (static_cast<int>(page.jobs.size()) == page_size) {
+      bytes += query.view(8).size() + query.view(9).size();  // the job and its spec
+      if (count == page_size || (bytes > filter.most_bytes && count > 0)) {
         page.next_page_token = std::to_string(last);
         break;
       }
-      page.jobs.push_back(std::move(row.record.job));
-      last = row.key;
+      ++count;
+      last = query.number(0);
+      if (auto row = read_job_row(query)) page.jobs.push_back(std::move(row->record.job));  // no damaged ones
     }
     return page;
   });
@@ -193,11 +197,7 @@ Answer<std::vector<v1::JobEvent>> SqliteJobStore::events(const std::string& name
   return read<std::vector<v1::JobEvent>>([&](SqliteDatabase& database) -> Answer<std::vector<v1::JobEvent>> {
     const auto row = load_job(database, name);
     if (!row) return tl::unexpected(row.error());
-    auto query = database.query("SELECT event FROM events WHERE key = ? ORDER BY sequence");
-    query.bind(row->key);
-    std::vector<v1::JobEvent> events;
-    while (query.step()) parse_stored(query.view(0), &events.emplace_back());
-    return events;
+    return load_events(database, *row);
   });
 }
 
@@ -222,6 +222,13 @@ Answer<std::string> SqliteJobStore::history_digest(const std::string& name) {
 Answer<Changed> SqliteJobStore::remove(const std::string& name) {
   return write<Changed>([&](SqliteDatabase& database) -> Answer<Changed> {
     auto row = load_job(database, name);
+    if (!row && row.error().code == Failure::Code::DataLoss) {
+      auto damaged = database.query("SELECT key FROM jobs WHERE name = ?");
+      if (damaged.bind(name).step()) delete_job(database, damaged.number(0));
+      Changed changed;  // what the job refers to is not known
+      changed.job.set_name(name);
+      return changed;
+    }
     if (!row) return tl::unexpected(row.error());
     if (!has_ended(row->record.job.state())) return job_not_ended(name);
     delete_job(database, row->key);
@@ -245,7 +252,8 @@ Answer<std::vector<std::string>> SqliteJobStore::digests() {
     auto query = database.query(select_job_rows());
     std::vector<std::string> all;
     while (query.step())
-      for (std::string& digest : digests_of(read_job_row(query).record)) all.push_back(std::move(digest));
+      if (const auto row = read_job_row(query))
+        for (std::string& digest : digests_of(row->record)) all.push_back(std::move(digest));
     return all;
   });
 }
@@ -254,7 +262,8 @@ Answer<std::set<std::string>> SqliteJobStore::needed_digests() {
   return read<std::set<std::string>>([](SqliteDatabase& database) -> Answer<std::set<std::string>> {
     auto query = database.query(select_job_rows("WHERE ended IS NULL"));
     std::set<std::string> needed;
-    while (query.step()) add_needed(read_job_row(query).record, &needed);
+    while (query.step())
+      if (const auto row = read_job_row(query)) add_needed(row->record, &needed);
     return needed;
   });
 }
@@ -274,11 +283,15 @@ Answer<std::optional<Claimed>> SqliteJobStore::claim(const std::string& worker) 
                         "GROUP BY owner HAVING COUNT(*) >= ?) ORDER BY turn, jobs.key LIMIT 1"));
     query.bind(most > 0 ? most : std::numeric_limits<int>::max());
     if (!query.step()) return Result();
-    JobRow row = read_job_row(query);
-    Changed changed = transitions_.claim(row.record, worker);
-    save_job(database, row);
-    save_events(database, row.key, changed);
-    const JobRecord& record = row.record;
+    auto row = read_job_row(query);
+    if (!row) {
+      set_aside(database, query.number(0));
+      return Result();  // the next call finds the next job
+    }
+    Changed changed = transitions_.claim(row->record, worker);
+    save_job(database, *row);
+    save_events(database, row->key, changed);
+    const JobRecord& record = row->record;
     return Claimed{{record.job.name(), record.token, record.job.attempt(), record.job.spec(), record.checkpoint},
                    std::move(changed.events)};
   });
@@ -317,10 +330,17 @@ Answer<std::vector<Changed>> SqliteJobStore::take_back(const std::string& worker
   if (claimed->running == 0) return Result();
   return write<Result>([&](SqliteDatabase& database) -> Answer<Result> {
     std::vector<JobRow> rows;
+    std::vector<std::int64_t> damaged;
     {
       auto query = database.query(select_job_rows("WHERE worker <> ''"));
-      while (query.step()) rows.push_back(read_job_row(query));
+      while (query.step()) {
+        if (auto row = read_job_row(query))
+          rows.push_back(std::move(*row));
+        else
+          damaged.push_back(query.number(0));
+      }
     }
+    for (const std::int64_t key : damaged) set_aside(database, key);
     Result all;
     for (JobRow& row : rows) {
       if (!transitions_.is_lost(row.record, worker, running)) continue;

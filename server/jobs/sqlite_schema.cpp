@@ -1,13 +1,14 @@
 // The tables and their versions.
 #include "server/jobs/sqlite_schema.h"
 
+#include "server/jobs/sqlite_rows.h"
 #include "varimesh/v1/job.pb.h"
 
 namespace varimesh::server {
 namespace {
 
 /// The version of the tables below. A change of the tables gets a new version and a step that updates older tables.
-constexpr int kVersion = 3;
+constexpr int kVersion = 4;
 
 // The spec never changes and may be large. It has a table of its own, so that it is not written with every change of a
 // job.
@@ -49,6 +50,12 @@ ALTER TABLE jobs ADD COLUMN owner TEXT NOT NULL DEFAULT '';  -- of the job; empt
 CREATE INDEX jobs_waiting_of ON jobs(owner) WHERE state = 1;
 PRAGMA user_version = 3;
 )";
+constexpr char kToVersion4[] = R"(
+ALTER TABLE jobs ADD COLUMN sum INTEGER NOT NULL DEFAULT 0;    -- check sum of the row
+ALTER TABLE specs ADD COLUMN sum INTEGER NOT NULL DEFAULT 0;   -- check sum of the row
+ALTER TABLE events ADD COLUMN sum INTEGER NOT NULL DEFAULT 0;  -- check sum of the row
+PRAGMA user_version = 4;
+)";
 static_assert(v1::JOB_STATE_PENDING == 1);
 
 }  // namespace
@@ -62,6 +69,10 @@ bool set_up_schema(SqliteDatabase& database) {
   if (version < 1) database.run(kSchema);
   if (version < 2) database.run(kToVersion2);
   if (version < 3) database.run(kToVersion3);
+  if (version < 4) {
+    database.run(kToVersion4);
+    add_sums(database);
+  }
   transaction.commit();
   return true;
 }

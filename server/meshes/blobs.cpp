@@ -1,4 +1,4 @@
-// Mapped files, and readers that have one piece in memory.
+// Copies of whole files, and readers that have one piece in memory.
 #include "server/meshes/blobs.h"
 
 #include <fcntl.h>
@@ -9,7 +9,10 @@
 #include <algorithm>
 #include <cerrno>
 #include <cstdlib>
+#include <functional>
+#include <utility>
 
+#include "core/base/sha256.h"
 #include "core/base/write_all.h"
 #include "server/limits.h"
 #include "server/meshes/read_at.h"
@@ -21,13 +24,21 @@ namespace {
 
 static_assert(kFrameBytes == kChunkBytes, "stored frames are sent without being compressed again");
 
-/// A file mapped for reading.
+class MemoryBlob : public Blob {
+ public:
+  explicit MemoryBlob(std::string bytes) : bytes_(std::move(bytes)) {}
+  std::string_view bytes() const override { return bytes_; }
+
+ private:
+  const std::string bytes_;
+};
+
+/// A file mapped for reading. Only a file without a name is mapped: reading a page of a file that was truncated
+/// meanwhile would end the process.
 class MappedBlob : public Blob {
  public:
   MappedBlob(void* data, std::size_t size) : data_(data), size_(size) {}
-  ~MappedBlob() override {
-    if (data_ != nullptr) ::munmap(data_, size_);
-  }
+  ~MappedBlob() override { ::munmap(data_, size_); }
   std::string_view bytes() const override { return {static_cast<const char*>(data_), size_}; }
 
  private:
@@ -96,43 +107,77 @@ int nameless_file(const std::filesystem::path& directory) {
   return named;
 }
 
-}  // namespace
-
-std::shared_ptr<const Blob> map_file(int file, std::size_t size) {
-  if (size == 0) return std::make_shared<const MappedBlob>(nullptr, 0);
-  void* data = ::mmap(nullptr, size, PROT_READ, MAP_PRIVATE, file, 0);
-  return data == MAP_FAILED ? nullptr : std::make_shared<const MappedBlob>(data, size);
-}
-
-std::shared_ptr<const Blob> expand_file(int file, const std::filesystem::path& directory) {
-  const auto compressed = ZstdFile::open(file);
-  const int expanded = compressed == nullptr ? -1 : nameless_file(directory);
-  if (compressed == nullptr) errno = EIO;
-  if (expanded < 0) return nullptr;
-  std::shared_ptr<const Blob> blob;
-  bool good = true;
-  std::string content;
-  for (std::size_t i = 0; good && i < compressed->frames(); ++i) {
-    good = compressed->read_content(i, &content);
-    if (!good) errno = EIO;
-    good = good && write_all(expanded, content);
-  }
-  if (good) blob = map_file(expanded, static_cast<std::size_t>(compressed->size()));
-  const int reason = errno;
-  ::close(expanded);
-  errno = reason;
-  return blob;
-}
-
-std::unique_ptr<BlobReader> read_file(int file, Form form) {
+/// Opens a reader without comparing anything. Null, with errno, if the file is damaged.
+std::unique_ptr<BlobReader> open_reader(int file, Form form) {
   if (form == Form::Zstd) {
     auto compressed = ZstdFile::open(file);
+    if (compressed == nullptr) errno = EBADMSG;
     return compressed == nullptr ? nullptr : std::make_unique<FrameReader>(std::move(compressed));
   }
   struct stat status {};
   if (::fstat(file, &status) == 0) return std::make_unique<PlainReader>(file, status.st_size);
+  const int reason = errno;
   ::close(file);
+  errno = reason;
   return nullptr;
+}
+
+/// Gives the bytes of a file to `take`, piece by piece. Returns false, with errno, if `take` does, or if the bytes are
+/// not the content.
+bool read_all(BlobReader& reader, const Content& content, const std::function<bool(std::string_view)>& take) {
+  errno = EBADMSG;
+  if (reader.size() != content.size) return false;
+  Sha256 hash;
+  for (std::int64_t offset = 0; offset < content.size;) {
+    const auto piece = reader.read(offset, false);
+    if (!piece || piece->size == 0) {
+      errno = EBADMSG;
+      return false;
+    }
+    hash.update(piece->bytes);
+    if (!take(piece->bytes)) return false;
+    offset += piece->size;
+  }
+  const bool same = hash.finish() == content.digest;
+  errno = EBADMSG;
+  return same;
+}
+
+std::shared_ptr<const Blob> map_file(int file, std::size_t size) {
+  void* data = ::mmap(nullptr, size, PROT_READ, MAP_PRIVATE, file, 0);
+  return data == MAP_FAILED ? nullptr : std::make_shared<const MappedBlob>(data, size);
+}
+
+}  // namespace
+
+std::shared_ptr<const Blob> load_file(int file, Form form, const Content& content,
+                                      const std::filesystem::path& directory) {
+  const auto reader = open_reader(file, form);
+  if (reader == nullptr) return nullptr;
+  if (content.size <= kMostInMemory) {
+    std::string bytes;
+    bytes.reserve(static_cast<std::size_t>(std::max<std::int64_t>(content.size, 0)));
+    const bool good = read_all(*reader, content, [&](std::string_view piece) {
+      bytes += piece;
+      return true;
+    });
+    return good ? std::make_shared<const MemoryBlob>(std::move(bytes)) : nullptr;
+  }
+  const int copy = nameless_file(directory);
+  if (copy < 0) return nullptr;
+  std::shared_ptr<const Blob> blob;
+  if (read_all(*reader, content, [&](std::string_view piece) { return write_all(copy, piece); }))
+    blob = map_file(copy, static_cast<std::size_t>(content.size));
+  const int reason = errno;
+  ::close(copy);
+  errno = reason;
+  return blob;
+}
+
+std::unique_ptr<BlobReader> read_file(int file, Form form, const Content& content) {
+  auto reader = open_reader(file, form);
+  if (reader != nullptr && !read_all(*reader, content, [](std::string_view) { return true; })) reader.reset();
+  return reader;
 }
 
 }  // namespace varimesh::server

@@ -1,8 +1,9 @@
-// Opens the files of the mesh store, plain or compressed, as mapped memory or as readers.
+// Opens the files of the mesh store, plain or compressed, and compares them with their digests.
 #pragma once
 
 #include <filesystem>
 #include <memory>
+#include <string>
 
 #include "server/meshes/mesh_store.h"
 
@@ -11,12 +12,22 @@ namespace varimesh::server {
 /// The form of a file in the store.
 enum class Form { Plain, Zstd };
 
-/// Maps a plain file. The caller keeps the descriptor. Null if that fails (errno).
-std::shared_ptr<const Blob> map_file(int file, std::size_t size);
-/// Takes ownership of the descriptor of a compressed file, writes the content to a file without a name in `directory`,
-/// and maps that file, so the system can reclaim the memory. Null if reading or writing fails (errno).
-std::shared_ptr<const Blob> expand_file(int file, const std::filesystem::path& directory);
-/// Takes ownership of the descriptor. Null if the file is damaged.
-std::unique_ptr<BlobReader> read_file(int file, Form form);
+/// Larger meshes are copied to a file without a name, so that the system can reclaim their memory.
+inline constexpr std::int64_t kMostInMemory = std::int64_t{64} << 20;
+
+/// What a file of the store must contain.
+struct Content {
+  std::string digest;
+  std::int64_t size = 0;  ///< In bytes, uncompressed.
+};
+
+/// Takes ownership of the descriptor and returns all bytes of the file. They are a copy, in memory or in a file without
+/// a name in `directory`: nothing that happens to the file later changes them or ends the process. Null if reading or
+/// writing fails (errno); EBADMSG if the file does not have this content.
+std::shared_ptr<const Blob> load_file(int file, Form form, const Content& content,
+                                      const std::filesystem::path& directory);
+/// Takes ownership of the descriptor and reads the file once to compare it with its digest. Null if that fails (errno);
+/// EBADMSG if the file does not have this content.
+std::unique_ptr<BlobReader> read_file(int file, Form form, const Content& content);
 
 }  // namespace varimesh::server

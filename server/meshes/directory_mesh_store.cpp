@@ -2,6 +2,7 @@
 #include "server/meshes/directory_mesh_store.h"
 
 #include <fcntl.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <cerrno>
@@ -15,14 +16,6 @@
 #include "server/refusals.h"
 
 namespace varimesh::server {
-namespace {
-
-/// The refusal of a mesh that is in the store but cannot be read (errno).
-Refusal unreadable(const std::string& digest) {
-  return internal_failure("The mesh " + digest + " cannot be read from the store (" + std::strerror(errno) + ").");
-}
-
-}  // namespace
 
 Refusal cannot_store(const std::string& why) {
   return store_full("The server cannot store the mesh: " + why + " (" + std::strerror(errno) + ")");
@@ -30,8 +23,8 @@ Refusal cannot_store(const std::string& why) {
 /// Writes a result to a temporary file and hashes it.
 class DirectoryMeshStore::Writer : public BlobWriter {
  public:
-  Writer(DirectoryMeshStore* store, int file, std::filesystem::path path)
-      : store_(store), file_(file), path_(std::move(path)) {}
+  Writer(DirectoryMeshStore* store, int file, std::filesystem::path path, std::optional<Promise> promise)
+      : store_(store), file_(file), path_(std::move(path)), promise_(std::move(promise)) {}
   ~Writer() override {
     ::close(file_);
     std::error_code ignored;
@@ -39,7 +32,11 @@ class DirectoryMeshStore::Writer : public BlobWriter {
   }
   bool append(std::string_view bytes) override {
     hash_.update(bytes);
+    const std::int64_t before = size_;
     size_ += static_cast<std::int64_t>(bytes.size());
+    // The size need not be known, and other files grow as well.
+    if (promise_ && size_ / kCheckedBytes != before / kCheckedBytes && !store_->has_room()) return false;
+    if (promise_) promise_->keep(static_cast<std::int64_t>(bytes.size()));
     return write_all(file_, bytes);
   }
   Answer<StoredBytes> commit() override { return store_->adopt(path_, file_, {hash_.finish(), size_}, false); }
@@ -48,8 +45,12 @@ class DirectoryMeshStore::Writer : public BlobWriter {
   DirectoryMeshStore* store_;
   int file_;
   std::filesystem::path path_;
+  std::optional<Promise> promise_;  ///< Empty: a result.
   Sha256 hash_;
   std::int64_t size_ = 0;
+
+  /// After how many bytes the room on the disk is looked at again.
+  static constexpr std::int64_t kCheckedBytes = 1 << 20;
 };
 
 // ===== the directory =====
@@ -110,15 +111,25 @@ Answer<StoredBytes> DirectoryMeshStore::adopt(const std::filesystem::path& path,
     Entries::iterator found;
     std::tie(found, is_new) = entries_.try_emplace(stored.digest);
     Entry& entry = found->second;
-    if (is_new) {
-      std::error_code error;
-      std::filesystem::rename(path, path_of(stored.digest, Form::Plain), error);
-      if (error) {
-        entries_.erase(found);
-        errno = error.value();
-        return cannot_store("a finished file cannot be renamed");
-      }
+    // The new file replaces one that may have been damaged since it was stored. A compressed one is kept, since it
+    // would have to be compressed again.
+    struct stat status {};
+    const bool is_kept = !is_new && !entry.lost && entry.form == Form::Zstd &&
+                         ::lstat(path_of(stored.digest, Form::Zstd).c_str(), &status) == 0 &&
+                         status.st_size == entry.stored;
+    std::error_code error;
+    if (!is_kept) std::filesystem::rename(path, path_of(stored.digest, Form::Plain), error);
+    if (error) {
+      if (is_new) entries_.erase(found);
+      errno = error.value();
+      return cannot_store("a finished file cannot be renamed");
+    }
+    if (!is_kept) {
+      if (entry.form == Form::Zstd) std::filesystem::remove(path_of(stored.digest, Form::Zstd), error);
       entry.size = entry.stored = stored.size;
+      entry.form = Form::Plain;
+      entry.stays_plain = entry.lost = false;
+      entry.writing = ++writings_;
     }
     entry.touched = settings_.clock();
     if (pinned)
@@ -143,70 +154,120 @@ void DirectoryMeshStore::take_back(const std::string& digest, bool pinned, bool 
   if (const auto entry = entries_.find(digest); entry != entries_.end() && entry->second.references == 0) drop(entry);
 }
 
-Answer<std::unique_ptr<BlobWriter>> DirectoryMeshStore::create() {
+Answer<std::unique_ptr<BlobWriter>> DirectoryMeshStore::create(std::optional<std::int64_t> announced) {
+  std::optional<Promise> promise;
+  if (announced) {
+    if (!has_room(*announced + promised_))
+      return store_full("The server's disk has no room for a mesh of " + std::to_string(*announced) + " bytes");
+    promise.emplace(promised_, *announced);
+  }
   std::filesystem::path path = temporary_path();
   const int file = ::open(path.c_str(), O_CREAT | O_EXCL | O_WRONLY | O_CLOEXEC | O_NOFOLLOW, 0600);
   if (file < 0) return cannot_store("a file cannot be created");
-  return std::make_unique<Writer>(this, file, std::move(path));
+  return std::make_unique<Writer>(this, file, std::move(path), std::move(promise));
 }
 
-int DirectoryMeshStore::open_file(Entries::const_iterator entry) const {
-  return ::open(path_of(entry->first, entry->second.form).c_str(), O_RDONLY | O_CLOEXEC | O_NOFOLLOW);
+DirectoryMeshStore::Entries::iterator DirectoryMeshStore::find_stored(const std::string& digest) {
+  const auto entry = entries_.find(digest);
+  return entry == entries_.end() || entry->second.lost ? entries_.end() : entry;
+}
+
+Answer<DirectoryMeshStore::Opened> DirectoryMeshStore::open_file(const std::string& digest) {
+  std::lock_guard lock(mutex_);
+  const auto entry = find_stored(digest);
+  if (entry == entries_.end()) return mesh_not_found(digest);
+  entry->second.touched = settings_.clock();
+  const Form form = entry->second.form;
+  return Opened{::open(path_of(digest, form).c_str(), O_RDONLY | O_CLOEXEC | O_NOFOLLOW), form, entry->second.size,
+                entry->second.writing};
 }
 
 Answer<std::shared_ptr<const Blob>> DirectoryMeshStore::open(const std::string& digest) {
-  std::unique_lock lock(mutex_);
-  const auto entry = entries_.find(digest);
-  if (entry == entries_.end()) return mesh_not_found(digest);
-  entry->second.touched = settings_.clock();
-  const auto size = static_cast<std::size_t>(entry->second.size);
-  const Form form = entry->second.form;
-  const int file = open_file(entry);
-  lock.unlock();
-  if (file < 0) return unreadable(digest);
-  if (form == Form::Zstd) {
-    auto expanded = expand_file(file, directory_);
-    if (expanded == nullptr && errno == ENOSPC)
-      return store_full("The mesh " + digest + " is compressed, and the server's disk has no room to expand it");
-    if (expanded == nullptr) return unreadable(digest);
-    return expanded;
-  }
-  auto mapped = map_file(file, size);
-  const int reason = errno;
-  ::close(file);
-  errno = reason;
-  if (mapped == nullptr) return unreadable(digest);
-  return mapped;
+  const auto opened = open_file(digest);
+  if (!opened) return tl::unexpected(opened.error());
+  auto blob = opened->file < 0 ? nullptr : load_file(opened->file, opened->form, {digest, opened->size}, directory_);
+  if (blob != nullptr) return blob;
+  if (errno == ENOSPC || errno == EDQUOT) return store_full("The server's disk has no room to open the mesh " + digest);
+  return cannot_read(digest, opened->writing);
 }
 
 Answer<std::unique_ptr<BlobReader>> DirectoryMeshStore::read(const std::string& digest) {
-  std::unique_lock lock(mutex_);
-  const auto entry = entries_.find(digest);
-  if (entry == entries_.end()) return mesh_not_found(digest);
-  entry->second.touched = settings_.clock();
-  const Form form = entry->second.form;
-  const int file = open_file(entry);
-  lock.unlock();
-  if (file < 0) return unreadable(digest);
-  errno = EIO;
-  auto reader = read_file(file, form);
-  if (reader == nullptr) return unreadable(digest);
+  const auto opened = open_file(digest);
+  if (!opened) return tl::unexpected(opened.error());
+  auto reader = opened->file < 0 ? nullptr : read_file(opened->file, opened->form, {digest, opened->size});
+  if (reader == nullptr) return cannot_read(digest, opened->writing);
   return reader;
 }
 
-bool DirectoryMeshStore::pin(const std::string& digest) {
-  std::int64_t size = 0;
-  return pin(digest, &size);
+Answer<std::int64_t> DirectoryMeshStore::size_of(const std::string& digest) {
+  std::lock_guard lock(mutex_);
+  const auto entry = find_stored(digest);
+  if (entry == entries_.end()) return mesh_not_found(digest);
+  return entry->second.size;
 }
 
-bool DirectoryMeshStore::pin(const std::string& digest, std::int64_t* size) {
+Refusal DirectoryMeshStore::cannot_read(const std::string& digest, std::int64_t writing) {
+  const int reason = errno;
+  const std::string why = reason == EBADMSG ? "its bytes have changed" : std::strerror(reason);
+  // Other reasons, such as too many open files, pass.
+  const bool damaged = reason == EBADMSG || reason == ENOENT || reason == ELOOP || reason == EIO;
   std::lock_guard lock(mutex_);
-  const auto entry = entries_.find(digest);
-  if (entry == entries_.end()) return false;
-  *size = entry->second.size;
-  entry->second.pinned = true;
+  const auto entry = find_stored(digest);
+  const bool is_same = entry != entries_.end() && entry->second.writing == writing;
+  if (!damaged || !is_same)
+    return internal_failure("The mesh " + digest + " cannot be read from the store (" + why + "); try again.");
+  lose(entry, why);
+  return data_lost("The stored mesh " + digest + " is damaged (" + why +
+                   ") and was removed from the store; upload it, or run the job again.");
+}
+
+void DirectoryMeshStore::lose(Entries::iterator entry, const std::string& why) {
+  settings_.log("The stored mesh " + entry->first + " is damaged (" + why +
+                ") and was removed; the next upload with this digest is taken. Check the disk.");
+  if (entry->second.references == 0) return drop(entry);
+  std::error_code ignored;
+  for (const Form form : {Form::Plain, Form::Zstd}) std::filesystem::remove(path_of(entry->first, form), ignored);
+  entry->second.lost = true;
+  entry->second.pinned = false;
+  entry->second.stored = 0;
+}
+
+DirectoryMeshStore::Entries::iterator DirectoryMeshStore::use(const std::string& digest) {
+  const auto entry = find_stored(digest);
+  if (entry == entries_.end()) return entry;
+  // A client that is told that the store has the mesh does not send it again.
+  struct stat status {};
+  const bool is_there = ::lstat(path_of(digest, entry->second.form).c_str(), &status) == 0;
+  if (!is_there || !S_ISREG(status.st_mode) || status.st_size != entry->second.stored) {
+    lose(entry, is_there ? "its size has changed" : "its file is missing");
+    return entries_.end();
+  }
   entry->second.touched = settings_.clock();
-  return true;
+  return entry;
+}
+
+bool DirectoryMeshStore::touch(const std::string& digest) {
+  std::lock_guard lock(mutex_);
+  return use(digest) != entries_.end();
+}
+
+bool DirectoryMeshStore::pin(const std::string& digest) { return pin_and_measure(digest).has_value(); }
+
+std::optional<std::int64_t> DirectoryMeshStore::pin_and_measure(const std::string& digest) {
+  std::lock_guard lock(mutex_);
+  const auto entry = use(digest);
+  if (entry == entries_.end()) return std::nullopt;
+  entry->second.pinned = true;
+  return entry->second.size;
+}
+
+Answer<void> DirectoryMeshStore::remove(const std::string& digest) {
+  std::lock_guard lock(mutex_);
+  const auto entry = find_stored(digest);
+  if (entry == entries_.end()) return mesh_not_found(digest);
+  if (entry->second.references > 0) return mesh_in_use(digest);
+  drop(entry);
+  return {};
 }
 
 void DirectoryMeshStore::retain(const std::string& digest) {

@@ -1,6 +1,7 @@
 // A mesh store in a directory, with one file per mesh.
 #pragma once
 
+#include <atomic>
 #include <chrono>
 #include <cstdint>
 #include <filesystem>
@@ -8,6 +9,7 @@
 #include <map>
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <set>
 #include <string>
 
@@ -25,15 +27,17 @@ struct DirectoryMeshSettings {
   std::int64_t reserve_bytes = 0;    ///< Disk space that uploads leave free.
   std::chrono::minutes lifetime{7 * 24 * 60};  ///< How long a mesh without references is kept after its last use.
   std::chrono::minutes compress_after{0};      ///< Time since its last use after which a mesh is compressed. 0: never.
-  std::function<std::chrono::system_clock::time_point()> clock = std::chrono::system_clock::now;
+  /// A clock that nobody sets back or forth.
+  std::function<std::chrono::steady_clock::time_point()> clock = std::chrono::steady_clock::now;
   std::function<void(const std::string&)> log = [](const std::string&) {};  ///< Called with problems that the
                                                                             ///< operator should know about.
 };
 
-/// Keeps the meshes in files and maps those that are read, so that a mesh that nobody uses costs no memory. A file gets
-/// its name, the digest, only when it is complete. A mesh that has not been used for a while is compressed if that
-/// makes it smaller; its file is then called DIGEST.zst, with the digest of the uncompressed bytes. An upload that
-/// receives no data for ten minutes is dropped.
+/// Keeps the meshes in files, so that a mesh that nobody uses costs no memory. A file gets its name, the digest, only
+/// when it is complete. Every file is compared with its digest when it is opened. One that is damaged is removed, and
+/// the next upload or result with this digest takes its place. A mesh that has not been used for a while is compressed
+/// if that makes it smaller; its file is then called DIGEST.zst, with the digest of the uncompressed bytes. An upload
+/// that receives no data for ten minutes is dropped.
 class DirectoryMeshStore : public MeshStore {
  public:
   /// Creates a directory in `parent` (empty: the system's directory for temporary files) that is deleted with the
@@ -45,17 +49,21 @@ class DirectoryMeshStore : public MeshStore {
                                                                     DirectoryMeshSettings settings);
   ~DirectoryMeshStore() override;
 
-  /// Returns whether the disk has room for this many bytes beside the reserve.
+  /// Returns whether the disk has room for this many bytes beside the reserve. What clients have announced and not sent
+  /// yet does not count: otherwise an announcement would stop the server.
   bool has_room(std::int64_t bytes = 0) const;
 
   Answer<UploadTicket> begin_upload(const std::string& id, const std::string& digest, std::int64_t size) override;
   Answer<std::int64_t> append(const UploadTicket& ticket, std::int64_t offset, std::string_view bytes) override;
   Answer<StoredBytes> finish_upload(const UploadTicket& ticket) override;
   Answer<UploadProgress> query_upload(const std::string& id, const std::string& digest) override;
-  Answer<std::unique_ptr<BlobWriter>> create() override;
+  Answer<std::unique_ptr<BlobWriter>> create(std::optional<std::int64_t> announced = {}) override;
   Answer<std::shared_ptr<const Blob>> open(const std::string& digest) override;
   Answer<std::unique_ptr<BlobReader>> read(const std::string& digest) override;
+  Answer<std::int64_t> size_of(const std::string& digest) override;
   bool pin(const std::string& digest) override;
+  bool touch(const std::string& digest) override;
+  Answer<void> remove(const std::string& digest) override;
   void retain(const std::string& digest) override;
   void release(const std::string& digest) override;
   void sweep() override;
@@ -72,8 +80,10 @@ class DirectoryMeshStore : public MeshStore {
     std::int64_t stored = 0;  ///< Size of its file in bytes.
     int references = 0;
     bool pinned = false;
-    std::chrono::system_clock::time_point touched;  ///< Time of the last use.
+    std::chrono::steady_clock::time_point touched;  ///< Time of the last use.
     Form form = Form::Plain;
+    std::int64_t writing = 0;  ///< Which of all files that were stored this is.
+    bool lost = false;         ///< Its file was missing or damaged. Jobs refer to the entry.
     bool stays_plain = false;  ///< Compression does not make it smaller, or it cannot be read.
   };
   using Entries = std::map<std::string, Entry>;
@@ -82,15 +92,32 @@ class DirectoryMeshStore : public MeshStore {
   std::filesystem::path path_of(const std::string& digest, Form form) const {
     return directory_ / (form == Form::Zstd ? digest + ".zst" : digest);
   }
-  /// Requires the lock. Opens the file of an entry for reading; −1 if that fails (errno).
-  int open_file(Entries::const_iterator entry) const;
+  /// A file of the store, opened for reading.
+  struct Opened {
+    int file = -1;  ///< −1: it cannot be opened (errno).
+    Form form = Form::Plain;
+    std::int64_t size = 0, writing = 0;
+  };
+  /// Opens the file of a mesh and notes that it is used. NOT_FOUND if the mesh is not in the store.
+  Answer<Opened> open_file(const std::string& digest);
+  /// The refusal of a mesh whose file could not be read for the reason errno. A file that is damaged or missing is
+  /// removed from the store.
+  Refusal cannot_read(const std::string& digest, std::int64_t writing);
+  /// Requires the lock. The entry of a mesh that has a file; entries_.end() if there is none.
+  Entries::iterator find_stored(const std::string& digest);
+  /// Requires the lock. Removes the file of a mesh, and the entry unless jobs refer to it.
+  void lose(Entries::iterator entry, const std::string& why);
   std::filesystem::path temporary_path();
   Answer<std::shared_ptr<Upload>> find(const UploadTicket& ticket);
   /// Null if the mesh is in the store by now.
   Answer<std::shared_ptr<Upload>> find_or_make(const std::string& id, const std::string& digest, std::int64_t size);
   /// Requires the lock of the upload. Removes it from the store.
   void forget(const std::string& id, Upload& upload);
-  bool pin(const std::string& digest, std::int64_t* size);
+  /// Requires the lock. The entry of a mesh whose file has the right size, noted as used now; entries_.end() if there
+  /// is none.
+  Entries::iterator use(const std::string& digest);
+  /// Pins a mesh and returns its size; nothing if it is not in the store.
+  std::optional<std::int64_t> pin_and_measure(const std::string& digest);
   /// Renames a finished file to its digest, or leaves it to be deleted if the store already has the mesh.
   Answer<StoredBytes> adopt(const std::filesystem::path& path, int file, StoredBytes stored, bool pinned);
   /// Undoes adopt() if the file might not outlive a power failure.
@@ -101,8 +128,6 @@ class DirectoryMeshStore : public MeshStore {
   std::string next_to_compress(const std::set<std::string>& needed);
   /// Returns false if it could not be tried.
   bool compress(const std::string& digest, const std::function<bool()>& given_up);
-  /// Requires the lock. Remembers that a file cannot be read, so that it is not tried again.
-  void give_up_reading(Entries::iterator entry, bool is_gone, int reason);
   void drop(Entries::iterator entry);
 
   const std::filesystem::path directory_;
@@ -111,7 +136,8 @@ class DirectoryMeshStore : public MeshStore {
   std::mutex mutex_;    ///< Guards everything below. Never held while bytes are written or hashed.
   Entries entries_;
   std::map<std::string, std::shared_ptr<Upload>> uploads_;
-  std::int64_t counter_ = 0;
+  std::int64_t counter_ = 0, writings_ = 0;
+  std::atomic<std::int64_t> promised_ = 0;  ///< Bytes that clients have announced and not sent yet.
 };
 
 }  // namespace varimesh::server

@@ -62,9 +62,12 @@ void DirectoryMeshStore::read_entry(const std::filesystem::path& path, const std
     std::filesystem::remove(path_of(digest, Form::Plain), ignored);
   }
   // A client that was told before the process ended that the store has a mesh has one hour to use it.
-  const auto written = std::chrono::file_clock::to_sys(std::filesystem::last_write_time(path, ignored));
-  entry.touched = std::max(settings_.clock() - settings_.lifetime + std::chrono::hours(1),
-                           std::chrono::time_point_cast<std::chrono::system_clock::duration>(written));
+  using Age = std::filesystem::file_time_type::duration;
+  const Age age = std::filesystem::file_time_type::clock::now() - std::filesystem::last_write_time(path, ignored);
+  const Age oldest = std::chrono::duration_cast<Age>(settings_.lifetime - std::chrono::hours(1));
+  entry.touched = settings_.clock() - std::chrono::duration_cast<std::chrono::steady_clock::duration>(
+                                          std::min(std::max(age, Age::zero()), oldest));
+  entry.writing = ++writings_;
   entries_[digest] = entry;
 }
 
@@ -74,7 +77,7 @@ std::string DirectoryMeshStore::next_to_compress(const std::set<std::string>& ne
   std::lock_guard lock(mutex_);
   const auto now = settings_.clock();
   for (const auto& [digest, entry] : entries_)
-    if (entry.form == Form::Plain && !entry.stays_plain && entry.size >= kLeastCompressed &&
+    if (entry.form == Form::Plain && !entry.stays_plain && !entry.lost && entry.size >= kLeastCompressed &&
         now - entry.touched >= settings_.compress_after && !needed.contains(digest))
       return digest;
   return {};
@@ -92,9 +95,14 @@ void DirectoryMeshStore::compress_idle(const std::set<std::string>& needed, cons
 
 bool DirectoryMeshStore::compress(const std::string& digest, const std::function<bool()>& given_up) {
   const std::filesystem::path path = temporary_path();
+  const std::int64_t writing = [&] {
+    std::lock_guard lock(mutex_);
+    const auto entry = find_stored(digest);
+    return entry == entries_.end() ? -1 : entry->second.writing;
+  }();
   const int from = ::open(path_of(digest, Form::Plain).c_str(), O_RDONLY | O_CLOEXEC | O_NOFOLLOW);
   int reason = from < 0 ? errno : 0;
-  const bool is_gone = reason == ENOENT, is_too_many = reason == EMFILE || reason == ENFILE;
+  const bool is_gone = reason == ENOENT || reason == ELOOP, is_too_many = reason == EMFILE || reason == ENFILE;
   const int to = ::open(path.c_str(), O_CREAT | O_EXCL | O_WRONLY | O_CLOEXEC | O_NOFOLLOW, 0600);
   Compression outcome = Compression::Failed;
   if (from >= 0 && to >= 0) {
@@ -110,8 +118,8 @@ bool DirectoryMeshStore::compress(const std::string& digest, const std::function
   if (to >= 0) ::close(to);
 
   std::unique_lock lock(mutex_);
-  auto entry = entries_.find(digest);
-  const bool is_there = entry != entries_.end();
+  auto entry = find_stored(digest);
+  const bool is_there = entry != entries_.end() && entry->second.writing == writing;
   std::error_code error;
   if (outcome == Compression::Smaller && is_there) {
     std::filesystem::rename(path, path_of(digest, Form::Zstd), error);
@@ -120,7 +128,14 @@ bool DirectoryMeshStore::compress(const std::string& digest, const std::function
   if (outcome != Compression::Smaller || !is_there) {
     std::filesystem::remove(path, error);
     if (is_there && outcome == Compression::NotWorthIt) entry->second.stays_plain = true;
-    if (is_there && outcome == Compression::Unreadable) give_up_reading(entry, is_gone, reason);
+    if (is_there && outcome == Compression::Unreadable) {
+      const std::string why = std::strerror(reason);
+      entry->second.stays_plain = true;
+      if (is_gone)
+        lose(entry, why);
+      else
+        settings_.log("The stored mesh " + digest + " cannot be read (" + why + "); check the disk.");
+    }
     return outcome != Compression::Failed;
   }
   entry->second.form = Form::Zstd;
@@ -129,20 +144,10 @@ bool DirectoryMeshStore::compress(const std::string& digest, const std::function
   // The plain file is removed once the compressed file is certainly on the disk, or else at the next start.
   if (durable_ && !sync_directory(directory_)) return false;
   lock.lock();
-  entry = entries_.find(digest);
+  entry = find_stored(digest);
   if (entry != entries_.end() && entry->second.form == Form::Zstd)
     std::filesystem::remove(path_of(digest, Form::Plain), error);
   return true;
-}
-
-void DirectoryMeshStore::give_up_reading(Entries::iterator entry, bool is_gone, int reason) {
-  if (is_gone && std::filesystem::exists(path_of(entry->first, entry->second.form)))
-    return;  // it was stored again meanwhile
-  entry->second.stays_plain = true;
-  settings_.log("The stored mesh " + entry->first + " cannot be read (" + std::strerror(reason) + "); check the disk.");
-  // Without the entry the mesh can be uploaded again. A mesh that jobs refer to keeps its entry, so that its references
-  // are counted correctly.
-  if (is_gone && entry->second.references == 0) drop(entry);
 }
 
 // ===== sweeping =====
@@ -163,7 +168,7 @@ void DirectoryMeshStore::sweep() {
   drop_old_uploads();
   const auto now = settings_.clock();
   std::int64_t total = 0;
-  std::vector<std::pair<std::chrono::system_clock::time_point, Entries::iterator>> idle;
+  std::vector<std::pair<std::chrono::steady_clock::time_point, Entries::iterator>> idle;
   for (auto entry = entries_.begin(); entry != entries_.end(); ++entry) {
     total += entry->second.stored;
     if (entry->second.references == 0) idle.emplace_back(entry->second.touched, entry);

@@ -11,6 +11,22 @@
 #include "server/refusals.h"
 
 namespace varimesh::server {
+namespace {
+
+/// Writes bytes at an offset of a file, which has nothing behind it afterwards. Returns false if that fails (errno).
+bool write_at(const std::filesystem::path& path, std::int64_t offset, std::string_view bytes) {
+  const int file = ::open(path.c_str(), O_WRONLY | O_CLOEXEC | O_NOFOLLOW);
+  if (file < 0) return false;
+  // A chunk that the disk could not take may have left part of itself.
+  const bool good =
+      ::ftruncate(file, offset) == 0 && ::lseek(file, offset, SEEK_SET) == offset && write_all(file, bytes);
+  const int reason = errno;
+  ::close(file);
+  errno = reason;
+  return good;
+}
+
+}  // namespace
 
 Answer<UploadTicket> DirectoryMeshStore::begin_upload(const std::string& id, const std::string& digest,
                                                       std::int64_t size) {
@@ -23,8 +39,6 @@ Answer<UploadTicket> DirectoryMeshStore::begin_upload(const std::string& id, con
     return mesh_needs_memory(settings_.max_memory_bytes, least);
   while (true) {
     if (pin(digest)) return UploadTicket{id, 0, size, true};
-    if (!has_room(size))
-      return store_full("The server's disk has no room for a mesh of " + std::to_string(size) + " bytes");
     const auto found = find_or_make(id, digest, size);
     if (!found) return tl::unexpected(found.error());
     if (*found == nullptr) continue;
@@ -45,19 +59,25 @@ Answer<std::shared_ptr<DirectoryMeshStore::Upload>> DirectoryMeshStore::find_or_
   std::lock_guard lock(mutex_);
   drop_old_uploads();
   // Another stream may have stored the mesh since the caller looked. Then there is nothing to upload.
-  if (!uploads_.contains(id) && entries_.contains(digest)) return nullptr;
+  if (!uploads_.contains(id) && find_stored(digest) != entries_.end()) return nullptr;
   std::shared_ptr<Upload>& upload = uploads_[id];
   if (upload != nullptr) return upload;
   auto made = std::make_shared<Upload>();
   made->digest = digest;
   made->size = size;
   made->touched = settings_.clock();
-  made->file = ::open(path.c_str(), O_CREAT | O_EXCL | O_WRONLY | O_CLOEXEC | O_NOFOLLOW, 0600);
-  if (made->file < 0) {
+  if (!has_room(size + promised_)) {
+    uploads_.erase(id);
+    return store_full("The server's disk has no room for a mesh of " + std::to_string(size) + " bytes");
+  }
+  const int file = ::open(path.c_str(), O_CREAT | O_EXCL | O_WRONLY | O_CLOEXEC | O_NOFOLLOW, 0600);
+  if (file < 0) {
     uploads_.erase(id);
     return cannot_store("a file cannot be created");
   }
+  ::close(file);
   made->path = path;
+  made->promise.emplace(promised_, size);
   return upload = std::move(made);
 }
 
@@ -80,13 +100,8 @@ Answer<std::int64_t> DirectoryMeshStore::append(const UploadTicket& ticket, std:
     forget(ticket.id, upload);
     return upload_larger_than_declared(upload.size);
   }
-  if (!write_all(upload.file, bytes)) {
-    // Part of the chunk may be in the file. Remove it, so that the file has exactly the committed bytes.
-    const int reason = errno;
-    if (::ftruncate(upload.file, upload.committed) == 0) ::lseek(upload.file, upload.committed, SEEK_SET);
-    errno = reason;
-    return cannot_store("the disk cannot take more data");
-  }
+  if (!write_at(upload.path, upload.committed, bytes)) return cannot_store("the disk cannot take more data");
+  upload.promise->keep(static_cast<std::int64_t>(bytes.size()));
   upload.hash.update(bytes);
   upload.committed += static_cast<std::int64_t>(bytes.size());
   upload.touched = settings_.clock();
@@ -105,8 +120,14 @@ Answer<StoredBytes> DirectoryMeshStore::finish_upload(const UploadTicket& ticket
                            std::to_string(upload.size) + " bytes; continue from there, or start again.",
                        {{"committed_size", std::to_string(upload.committed)}});
   const StoredBytes stored{upload.hash.finish(), upload.size};
-  auto result = stored.digest == upload.digest ? adopt(upload.path, upload.file, stored, true)
-                                               : Answer<StoredBytes>(digest_mismatch(stored.digest, upload.digest));
+  if (stored.digest != upload.digest) {
+    forget(ticket.id, upload);
+    return digest_mismatch(stored.digest, upload.digest);
+  }
+  const int file = ::open(upload.path.c_str(), O_WRONLY | O_CLOEXEC | O_NOFOLLOW);
+  auto result =
+      file < 0 ? Answer<StoredBytes>(cannot_store("a file cannot be opened")) : adopt(upload.path, file, stored, true);
+  if (file >= 0) ::close(file);
   forget(ticket.id, upload);
   return result;
 }
@@ -120,14 +141,13 @@ void DirectoryMeshStore::forget(const std::string& id, Upload& upload) {
 }
 
 Answer<UploadProgress> DirectoryMeshStore::query_upload(const std::string& id, const std::string& digest) {
-  std::int64_t size = 0;
-  if (pin(digest, &size)) return UploadProgress{size, true};
+  if (const auto size = pin_and_measure(digest)) return UploadProgress{*size, true};
   if (const auto found = find({id, 0, 0, false})) {
     std::lock_guard lock((*found)->mutex);
     if (!(*found)->ended) return UploadProgress{(*found)->committed, false};
   }
   // The upload may have been finished since the first line.
-  if (pin(digest, &size)) return UploadProgress{size, true};
+  if (const auto size = pin_and_measure(digest)) return UploadProgress{*size, true};
   return upload_not_found("Neither this upload nor this mesh is known");
 }
 

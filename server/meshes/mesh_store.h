@@ -4,6 +4,7 @@
 #include <chrono>
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <string>
 #include <string_view>
 
@@ -87,14 +88,24 @@ class MeshStore {
   /// NOT_FOUND if neither the upload nor the mesh is known.
   virtual Answer<UploadProgress> query_upload(const std::string& id, const std::string& digest) = 0;
 
-  /// Returns a writer for bytes whose digest is not known yet.
-  virtual Answer<std::unique_ptr<BlobWriter>> create() = 0;
-  /// Returns all bytes of a mesh. NOT_FOUND if it is not in the store.
+  /// Returns a writer for bytes whose digest is not known yet. `announced`: for what a client sends, its size in bytes,
+  /// 0 if it is not known; such bytes leave the reserve of disk space free. Empty: a result, which may use the reserve.
+  /// RESOURCE_EXHAUSTED if there is no room.
+  virtual Answer<std::unique_ptr<BlobWriter>> create(std::optional<std::int64_t> announced = {}) = 0;
+  /// Returns all bytes of a mesh. NOT_FOUND if it is not in the store; DATA_LOSS if the store had it, but its bytes no
+  /// longer have this digest. Then it is not in the store any more, and can be uploaded again.
   virtual Answer<std::shared_ptr<const Blob>> open(const std::string& digest) = 0;
-  /// Returns a reader of a mesh. NOT_FOUND if it is not in the store.
+  /// Returns a reader of a mesh, whose bytes have been compared with the digest. Errors as for open().
   virtual Answer<std::unique_ptr<BlobReader>> read(const std::string& digest) = 0;
+  /// Returns the size of a mesh in bytes, without reading it. NOT_FOUND if it is not in the store.
+  virtual Answer<std::int64_t> size_of(const std::string& digest) = 0;
   /// Pins a mesh and returns true, or returns false if it is not in the store.
   virtual bool pin(const std::string& digest) = 0;
+  /// Like pin(), but the mesh does not stay without references: the caller is about to add one.
+  virtual bool touch(const std::string& digest) = 0;
+  /// Deletes a mesh that nobody refers to. NOT_FOUND if it is not in the store; FAILED_PRECONDITION if jobs refer to
+  /// it.
+  virtual Answer<void> remove(const std::string& digest) = 0;
   /// Adds a reference. Does nothing if the mesh is not in the store.
   virtual void retain(const std::string& digest) = 0;
   /// Removes a reference.

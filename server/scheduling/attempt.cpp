@@ -4,6 +4,7 @@
 #include <atomic>
 #include <exception>
 #include <new>
+#include <optional>
 #include <utility>
 
 #include "server/engine/translate.h"
@@ -30,16 +31,15 @@ class Progress {
  public:
   explicit Progress(const Attempt& attempt) : attempt_(attempt) {}
 
-  Control operator()(const Iteration& iteration) {
-    const TimePoint now = attempt_.clock();
-    v1::JobEvent event = event_at(now);
+  void operator()(const Iteration& iteration) {
+    const SteadyTime now = attempt_.steady();
+    v1::JobEvent event = event_at(attempt_.clock());
     *event.mutable_iteration() = to_proto(iteration);
-    if (now - noted_ >= std::chrono::milliseconds(500)) {
+    if (!noted_ || now - *noted_ >= std::chrono::milliseconds(500)) {
       noted_ = now;
       attempt_.note_progress(event.iteration());
     }
     attempt_.log.append(std::move(event));
-    return attempt_.cancelled() || attempt_.stopping() ? Control::Stop : Control::Continue;
   }
 
   void note(const std::string& sentence) {
@@ -57,25 +57,28 @@ class Progress {
   }
 
   const Attempt& attempt_;
-  TimePoint noted_{};
+  std::optional<SteadyTime> noted_;
 };
 
 /// Decides when a checkpoint is due and puts it into the mesh store. A checkpoint that cannot be written is skipped;
 /// the job continues, and its previous checkpoint stays valid.
 class Checkpoints {
  public:
-  explicit Checkpoints(const Attempt& attempt) : attempt_(attempt), saved_(attempt.clock()) {
+  explicit Checkpoints(const Attempt& attempt) : attempt_(attempt), saved_(attempt.steady()) {
     if (attempt.claim.checkpoint) iteration_ = attempt.claim.checkpoint->iteration;
   }
 
   bool due(int iteration) const {
     if (attempt_.note_checkpoint == nullptr || iteration == iteration_) return false;
-    const auto since = attempt_.clock() - saved_;
+    const auto since = attempt_.steady() - saved_;
     // Small meshes take only a moment for ten iterations, and a checkpoint waits for the disk.
     const bool often_enough =
         since < kInterval && (iteration - iteration_ < kIterations || since < attempt_.checkpoint_pause);
     return !often_enough || attempt_.stopping();
   }
+
+  /// Whether the next attempt would continue after this iteration.
+  bool has_saved(int iteration) const { return iteration == iteration_; }
 
   void save(int iteration, const WriteCheckpoint& write) {
     auto writer = attempt_.meshes.create();
@@ -83,7 +86,7 @@ class Checkpoints {
     const auto stored = (*writer)->commit();
     if (!stored) return;
     attempt_.note_checkpoint({stored->digest, iteration});
-    saved_ = attempt_.clock();
+    saved_ = attempt_.steady();
     iteration_ = iteration;
   }
 
@@ -92,12 +95,13 @@ class Checkpoints {
   static constexpr std::chrono::seconds kInterval{30};
 
   const Attempt& attempt_;
-  TimePoint saved_;
+  SteadyTime saved_;
   int iteration_ = 0;
 };
 
-/// Whether a run has to stop at once. If the server stops, an iteration that ends soon may still be saved as a
-/// checkpoint: otherwise half a minute of work may be lost. May be called by several threads at the same time.
+/// Whether a run has to stop at once. If the server stops, the run may first reach the next iteration that can be saved
+/// as a checkpoint: otherwise half a minute of work may be lost, or all of it. May be called by several threads at the
+/// same time.
 class StopAtOnce {
  public:
   explicit StopAtOnce(const Attempt& attempt) : attempt_(attempt) {}
@@ -105,17 +109,15 @@ class StopAtOnce {
   bool operator()() {
     if (attempt_.cancelled()) return true;
     if (!attempt_.stopping()) return false;
-    const TimePoint now = attempt_.clock();
-    TimePoint first{};
+    const SteadyTime now = attempt_.steady();
+    SteadyTime first{};
     if (stopping_since_.compare_exchange_strong(first, now)) first = now;
-    return now - first >= kPatience;
+    return now - first >= attempt_.stop_patience();
   }
 
  private:
-  static constexpr std::chrono::seconds kPatience{2};
-
   const Attempt& attempt_;
-  std::atomic<TimePoint> stopping_since_ = TimePoint{};
+  std::atomic<SteadyTime> stopping_since_ = SteadyTime{};
 };
 
 /// The memory of a run. While the run waits for memory, other jobs have its threads.
@@ -262,11 +264,18 @@ Ending run(const Attempt& attempt) {
   const auto stop_asked = [&] { return attempt.cancelled() || attempt.stopping(); };
   Memory memory(attempt.memory, attempt.threads, stop_asked);
   RunHooks hooks;
-  hooks.on_iteration = [&](const Iteration& iteration) { return progress(iteration); };
-  hooks.on_note = [&](const std::string& sentence) { progress.note(sentence); };
   WorkMeter meter([&](const Work& work) { attempt.log.set_work(to_proto(work)); });
   hooks.control.meter = &meter;
   StopAtOnce stop_at_once(attempt);
+  // A run by splitting is never saved.
+  const bool can_be_saved = attempt.note_checkpoint != nullptr && options->repair != Repair::Split;
+  hooks.on_iteration = [&](const Iteration& iteration) {
+    progress(iteration);
+    const bool is_safe = !can_be_saved || checkpoints.has_saved(iteration.number);
+    return attempt.cancelled() || (attempt.stopping() && (is_safe || stop_at_once())) ? Control::Stop
+                                                                                      : Control::Continue;
+  };
+  hooks.on_note = [&](const std::string& sentence) { progress.note(sentence); };
   hooks.control.stop_asked = [&] { return stop_at_once(); };
   hooks.control.threads = attempt.threads.now;
   hooks.control.checkpoint_due = [&](const Iteration& iteration) { return checkpoints.due(iteration.number); };

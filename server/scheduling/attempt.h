@@ -20,14 +20,17 @@ struct Attempt {
   EventLog& log;
   const LentThreads& threads;
   MemoryBudget& memory;
-  std::function<TimePoint()> clock;
-  std::function<bool()> cancelled;  ///< Whether the job was cancelled.
-  std::function<bool()> stopping;   ///< Whether the server stops and the job is to be continued later.
+  std::function<TimePoint()> clock;    ///< For the times of the events.
+  std::function<SteadyTime()> steady;  ///< For intervals; nobody sets it back.
+  std::function<bool()> cancelled;     ///< Whether the job was cancelled.
+  std::function<bool()> stopping;      ///< Whether the server stops and the job is to be continued later.
   std::function<void(const v1::Iteration&)> note_progress;  ///< Called at most twice per second.
   /// Shortest time between two checkpoints, except when the server stops.
   std::chrono::milliseconds checkpoint_pause{5'000};
   /// Records a checkpoint that is in the mesh store, and takes over its reference. Null: no checkpoints are saved.
   std::function<void(const CheckpointReference&)> note_checkpoint;
+  /// How long a run may go on when the server stops, to reach an iteration that can be saved as a checkpoint.
+  std::function<std::chrono::milliseconds()> stop_patience = [] { return std::chrono::milliseconds(10'000); };
 };
 
 /// Runs the attempt to its end and adds its iterations to the event log. Never throws: all failures are returned in the

@@ -44,7 +44,7 @@ void Scheduler::renew_leases() {
 
 void Scheduler::tick() {
   if (stopping_) return;
-  if (const TimePoint now = settings_.clock(); now >= next_renewal_) {
+  if (const SteadyTime now = settings_.steady(); now >= next_renewal_) {
     next_renewal_ = now + settings_.renewal_interval;
     renew_leases();
     take_back("");

@@ -64,9 +64,9 @@ Answer<void> Scheduler::check(const v1::JobSpec& spec) {
 
 Answer<void> Scheduler::check_memory(const std::string& digest) {
   if (memory_.limit() == 0) return {};
-  const auto mesh = meshes_->read(digest);
-  if (!mesh) return {};  // the job will say why
-  const std::int64_t least = formats::least_memory((*mesh)->size());
+  const auto size = meshes_->size_of(digest);
+  if (!size) return {};  // the job will say why
+  const std::int64_t least = formats::least_memory(*size);
   if (!memory_.can_ever_fit(least)) return mesh_needs_memory(memory_.limit(), least);
   return {};
 }
@@ -76,6 +76,8 @@ Answer<v1::Job> Scheduler::submit(const std::string& request_id, const v1::JobSp
   if (request_id.size() > 128) return bad_request("The request id must have at most 128 bytes.");
   if (const auto checked = check(spec); !checked) return tl::unexpected(checked.error());
   if (validate_only) {
+    // Whoever asks is told that the store has the mesh.
+    if (!meshes_->pin(spec.mesh().digest())) return mesh_missing(spec.mesh().digest());
     v1::Job job;
     *job.mutable_spec() = spec;
     return job;
@@ -246,6 +248,7 @@ void Scheduler::run(const std::shared_ptr<Running>& running, const LentThreads& 
                   threads,
                   memory_,
                   settings_.clock,
+                  settings_.steady,
                   [&] { return running->cancelled.load(); },
                   [this] { return jobs_->durable() && stopping_; },
                   [&](const v1::Iteration& iteration) {
@@ -262,6 +265,7 @@ void Scheduler::run(const std::shared_ptr<Running>& running, const LentThreads& 
       if (noted)
         for (const std::string& digest : noted->released) meshes_->release(digest);
     };
+  attempt.stop_patience = [this] { return stop_patience_.load(); };
   const Ending ending = run_attempt(attempt);
   settings_.log(claim.name,
                 v1::JobState_Name(ending.state) + (ending.error ? ": " + ending.error->message() : std::string()));
@@ -321,8 +325,9 @@ void Scheduler::release(const Ending& ending) {
 
 // ===== stopping =====
 
-void Scheduler::stop() {
+void Scheduler::stop(std::chrono::milliseconds patience) {
   std::lock_guard lock(mutex_);
+  stop_patience_ = patience;
   stopping_ = true;
   ended_.notify_all();
   if (jobs_->durable()) return;

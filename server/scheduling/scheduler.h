@@ -28,7 +28,8 @@ struct SchedulerSettings {
   std::string worker = "local";               ///< The name under which jobs are claimed, also after a restart.
   std::chrono::seconds renewal_interval{10};  ///< Time between two renewals of the leases: a third of a lease.
   std::chrono::milliseconds checkpoint_pause{5'000};  ///< Shortest time between two checkpoints of a job.
-  std::function<TimePoint()> clock = std::chrono::system_clock::now;
+  std::function<TimePoint()> clock = std::chrono::system_clock::now;    ///< For the times that clients are told.
+  std::function<SteadyTime()> steady = std::chrono::steady_clock::now;  ///< For intervals; nobody sets it back.
   std::function<bool()> has_room = [] {
     return true;
   };                                      ///< Whether the disk has room for another job; STORE_FULL if not.
@@ -70,7 +71,8 @@ class Scheduler {
   /// Starts no more jobs and asks the running jobs to end. If the store is durable, they become PENDING, and the next
   /// process continues them from their checkpoints; a job without a checkpoint starts again. Otherwise they are
   /// cancelled.
-  void stop();
+  /// `patience`: how long a job may go on to reach an iteration that can be saved as a checkpoint.
+  void stop(std::chrono::milliseconds patience = std::chrono::milliseconds(10'000));
   /// Waits for the running jobs. Returns false if some still run at the deadline. If the store is durable, those are
   /// PENDING in the store by then and their attempts do not count as lost, so the process may end at once.
   bool drain(std::chrono::steady_clock::time_point deadline);
@@ -122,7 +124,8 @@ class Scheduler {
   std::map<std::string, std::shared_ptr<Running>> running_;
   int inside_ = 0;  ///< Threads in run(), or about to enter it.
   std::atomic<bool> stopping_ = false;
-  TimePoint next_renewal_{};  ///< Used only by tick().
+  std::atomic<std::chrono::milliseconds> stop_patience_ = std::chrono::milliseconds(0);  ///< Set before stopping_.
+  SteadyTime next_renewal_{};                                                            ///< Used only by tick().
 };
 
 }  // namespace varimesh::server

@@ -30,6 +30,25 @@ TEST(DirectoryMeshStore, KeepsAPinnedResultWithoutReferences) {
   EXPECT_TRUE(store->open(stored.digest));
 }
 
+TEST(DirectoryMeshStore, DeletesAMeshOnlyIfNobodyRefersToIt) {
+  const auto store = new_store();
+  const std::string digest = write(*store, "result").digest;
+  EXPECT_EQ(store->remove(digest).error().reason, "MESH_IN_USE");
+  ASSERT_TRUE(store->pin(digest));
+  store->release(digest);
+  EXPECT_TRUE(store->remove(digest));
+  EXPECT_FALSE(store->open(digest));
+  EXPECT_EQ(store->remove(digest).error().code, Failure::Code::NotFound);
+}
+
+TEST(DirectoryMeshStore, KeepsNoMeshForHavingBeenTouched) {
+  const auto store = new_store();
+  const std::string digest = write(*store, "result").digest;
+  EXPECT_TRUE(store->touch(digest));
+  store->release(digest);
+  EXPECT_FALSE(store->touch(digest));
+}
+
 TEST(DirectoryMeshStore, DeletesItsTemporaryDirectory) {
   std::filesystem::path parent = std::filesystem::path(::testing::TempDir()) / "varimesh-empty";
   std::filesystem::create_directories(parent);
@@ -43,7 +62,7 @@ TEST(DirectoryMeshStore, DeletesItsTemporaryDirectory) {
 }
 
 TEST(DirectoryMeshStore, SweepsOldMeshesWithoutReferences) {
-  Time now = std::chrono::system_clock::now();
+  Time now = std::chrono::steady_clock::now();
   const auto store = new_store([&] { return now; });
   const StoredBytes pinned = write(*store, "pinned"), referred = write(*store, "referred");
   ASSERT_TRUE(store->pin(pinned.digest));
@@ -64,7 +83,7 @@ TEST(DirectoryMeshStore, SweepsOldMeshesWithoutReferences) {
 }
 
 TEST(DirectoryMeshStore, SweepsTheOldestMeshesIfItIsTooLarge) {
-  Time now = std::chrono::system_clock::now();
+  Time now = std::chrono::steady_clock::now();
   DirectoryMeshSettings settings = settings_with([&] { return now; });
   settings.max_total_bytes = 25;
   const auto store = std::move(*DirectoryMeshStore::create(::testing::TempDir(), settings));
@@ -84,7 +103,7 @@ TEST(DirectoryMeshStore, SweepsTheOldestMeshesIfItIsTooLarge) {
 
 TEST(DirectoryMeshStore, HasTheSameMeshesAfterARestart) {
   const std::filesystem::path directory = std::filesystem::path(::testing::TempDir()) / "varimesh-kept";
-  Time now = std::chrono::system_clock::now();
+  Time now = std::chrono::steady_clock::now();
   std::string digest, result;
   const auto open = [&] {
     return std::move(*DirectoryMeshStore::open_directory(directory.string(), settings_with([&] { return now; })));
@@ -96,7 +115,9 @@ TEST(DirectoryMeshStore, HasTheSameMeshesAfterARestart) {
     ASSERT_TRUE(store->begin_upload("broken", sha256("abc"), 3));
   }
   std::ofstream(directory / "part-77") << "left by a writer that was killed";
-  now += std::chrono::hours(48);
+  for (const std::string& mesh : {digest, result})
+    std::filesystem::last_write_time(directory / mesh,
+                                     std::filesystem::file_time_type::clock::now() - std::chrono::hours(48));
   {
     const auto store = open();
     store->retain(result);
@@ -113,6 +134,89 @@ TEST(DirectoryMeshStore, HasTheSameMeshesAfterARestart) {
   }
   EXPECT_TRUE(std::filesystem::is_empty(directory));
   std::filesystem::remove(directory);
+}
+
+/// A directory with a mesh that jobs refer to, and one that a client has uploaded.
+class DamagedMesh : public ::testing::Test {
+ protected:
+  DamagedMesh() {
+    std::string name = ::testing::TempDir() + "varimesh-damaged-XXXXXX";
+    directory_ = ::mkdtemp(name.data());
+    store_ = std::move(*DirectoryMeshStore::open_directory(directory_.string(), settings_with()));
+    referred_ = write(*store_, bytes_).digest;
+    pinned_ = upload("another mesh");
+  }
+  ~DamagedMesh() override {
+    store_.reset();
+    std::filesystem::remove_all(directory_);
+  }
+
+  /// Uploads a mesh unless the store says that it has it, and returns its digest.
+  std::string upload(const std::string& bytes) {
+    const auto ticket = store_->begin_upload("id", sha256(bytes), static_cast<std::int64_t>(bytes.size()));
+    EXPECT_TRUE(ticket);
+    if (ticket->complete) return sha256(bytes);
+    EXPECT_TRUE(store_->append(*ticket, 0, bytes));
+    const auto stored = store_->finish_upload(*ticket);
+    return stored ? stored->digest : stored.error().sentence;
+  }
+  void flip_bit(const std::string& digest, std::int64_t at) {
+    std::fstream file(directory_ / digest, std::ios::in | std::ios::out | std::ios::binary);
+    file.seekg(at);
+    const char byte = static_cast<char>(file.get() ^ 4);
+    file.seekp(at);
+    file.put(byte);
+  }
+
+  std::filesystem::path directory_;
+  const std::string bytes_ = std::string(900, 'm');
+  std::unique_ptr<DirectoryMeshStore> store_;
+  std::string referred_, pinned_;
+};
+
+TEST_F(DamagedMesh, IsNeverServed) {
+  const std::vector<std::function<void(const std::string&)>> damages{
+      [&](const std::string& digest) { flip_bit(digest, 0); }, [&](const std::string& digest) { flip_bit(digest, 10); },
+      [&](const std::string& digest) { std::filesystem::resize_file(directory_ / digest, 5); },
+      [&](const std::string& digest) { std::filesystem::resize_file(directory_ / digest, 5000); },
+      [&](const std::string& digest) { std::filesystem::remove(directory_ / digest); }};
+  for (const auto& damage : damages)
+    for (const bool whole : {true, false}) {
+      for (const std::string& digest : {referred_, pinned_}) {
+        damage(digest);
+        const auto code = whole ? store_->open(digest).error().code : store_->read(digest).error().code;
+        EXPECT_EQ(code, Failure::Code::DataLoss);
+        EXPECT_EQ(store_->open(digest).error().code, Failure::Code::NotFound) << "its entry is dropped";
+        EXPECT_FALSE(store_->pin(digest)) << "a client is told to send it again";
+        EXPECT_FALSE(std::filesystem::exists(directory_ / digest));
+      }
+      EXPECT_EQ(upload(bytes_), referred_);
+      EXPECT_EQ(upload("another mesh"), pinned_);
+      EXPECT_EQ((*store_->open(referred_))->bytes(), bytes_);
+      EXPECT_EQ((*store_->open(pinned_))->bytes(), "another mesh");
+    }
+  store_->release(referred_);
+  EXPECT_TRUE(store_->open(referred_)) << "it is pinned by its upload";
+}
+
+TEST_F(DamagedMesh, IsTakenAgainIfItsFileIsMissing) {
+  for (const std::string& digest : {referred_, pinned_}) std::filesystem::remove(directory_ / digest);
+  EXPECT_EQ(upload(bytes_), referred_);
+  EXPECT_EQ(upload("another mesh"), pinned_);
+  EXPECT_EQ((*store_->open(referred_))->bytes(), bytes_);
+  EXPECT_EQ((*store_->open(pinned_))->bytes(), "another mesh");
+}
+
+TEST_F(DamagedMesh, DoesNotReachWhoHasOpenedIt) {
+  const auto opened = *store_->open(referred_);
+  std::filesystem::resize_file(directory_ / referred_, 0);
+  EXPECT_EQ(opened->bytes(), bytes_) << "a mapped file would end the process here";
+}
+
+TEST_F(DamagedMesh, IsReplacedByAResultWithTheSameBytes) {
+  flip_bit(referred_, 3);
+  EXPECT_EQ(write(*store_, bytes_).digest, referred_);
+  EXPECT_EQ((*store_->open(referred_))->bytes(), bytes_);
 }
 
 TEST(DirectoryMeshStore, FollowsNoLinks) {

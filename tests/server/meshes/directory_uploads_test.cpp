@@ -3,6 +3,8 @@
 
 #include <atomic>
 #include <filesystem>
+#include <iterator>
+#include <limits>
 #include <thread>
 
 #include "tests/server/meshes/stores.h"
@@ -32,6 +34,53 @@ TEST(DirectoryUploads, AreDroppedAfterTenIdleMinutes) {
   ASSERT_TRUE(store->begin_upload("new", sha256("def"), 3));
   EXPECT_FALSE(store->query_upload("old", ""));
   EXPECT_TRUE(store->query_upload("new", ""));
+}
+
+/// How many descriptors this process has open.
+std::ptrdiff_t open_descriptors() { return std::distance(std::filesystem::directory_iterator("/proc/self/fd"), {}); }
+
+TEST(DirectoryUploads, HoldNoDescriptorWhileTheyRest) {
+  const auto store = new_store();
+  const auto before = open_descriptors();
+  for (int i = 0; i < 100; ++i) {
+    const auto ticket = store->begin_upload(std::to_string(i), sha256("abcdef"), 6);
+    ASSERT_TRUE(ticket);
+    ASSERT_TRUE(store->append(*ticket, 0, "abc"));
+  }
+  EXPECT_EQ(open_descriptors(), before);
+  for (int i = 0; i < 2; ++i) {
+    const auto ticket = store->begin_upload(std::to_string(i), sha256("abcdef"), 6);
+    ASSERT_TRUE(ticket);
+    if (ticket->complete) continue;
+    ASSERT_TRUE(store->append(*ticket, 3, "def"));
+    ASSERT_TRUE(store->finish_upload(*ticket));
+  }
+  EXPECT_EQ((*store->open(sha256("abcdef")))->bytes(), "abcdef");
+}
+
+TEST(DirectoryUploads, CannotTakeTheReserveTogether) {
+  DirectoryMeshSettings settings = settings_with();
+  settings.max_mesh_bytes = std::numeric_limits<std::int64_t>::max();
+  const auto free = static_cast<std::int64_t>(std::filesystem::space(::testing::TempDir()).available);
+  settings.reserve_bytes = free / 4;
+  const auto store = std::move(*DirectoryMeshStore::create(::testing::TempDir(), settings));
+  const std::int64_t half = free / 2;
+  const auto first = store->begin_upload("1", sha256("1"), half);
+  ASSERT_TRUE(first) << "a half and the reserve fit";
+  EXPECT_EQ(store->begin_upload("2", sha256("2"), half).error().reason, "STORE_FULL");
+  EXPECT_EQ(store->create(half).error().reason, "STORE_FULL");
+  EXPECT_TRUE(store->begin_upload("1", sha256("1"), half)) << "its own room is kept for it";
+  EXPECT_TRUE(store->create()) << "a result may use the reserve";
+  EXPECT_TRUE(store->has_room()) << "what is only announced does not stop the server";
+  ASSERT_FALSE(store->append(*first, 0, "x")) << "the second stream has taken the upload over";
+  const auto again = store->begin_upload("1", sha256("1"), half);
+  ASSERT_TRUE(store->append(*again, 0, "x"));
+  {
+    auto writer = store->create(free / 8);
+    ASSERT_TRUE(writer);
+    EXPECT_EQ(store->begin_upload("3", sha256("3"), free / 6).error().reason, "STORE_FULL");
+  }
+  EXPECT_TRUE(store->begin_upload("3", sha256("3"), free / 6)) << "the writer has given its room back";
 }
 
 TEST(DirectoryUploads, AcceptASecondStreamWhileTheFirstFinishes) {

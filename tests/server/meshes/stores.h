@@ -11,9 +11,9 @@
 
 namespace varimesh::server::testing {
 
-using Time = std::chrono::system_clock::time_point;
+using Time = std::chrono::steady_clock::time_point;
 
-inline DirectoryMeshSettings settings_with(std::function<Time()> clock = std::chrono::system_clock::now) {
+inline DirectoryMeshSettings settings_with(std::function<Time()> clock = std::chrono::steady_clock::now) {
   DirectoryMeshSettings settings;
   settings.max_mesh_bytes = 1000;
   settings.lifetime = std::chrono::hours(24);
@@ -21,7 +21,7 @@ inline DirectoryMeshSettings settings_with(std::function<Time()> clock = std::ch
   return settings;
 }
 
-inline std::unique_ptr<DirectoryMeshStore> new_store(std::function<Time()> clock = std::chrono::system_clock::now) {
+inline std::unique_ptr<DirectoryMeshStore> new_store(std::function<Time()> clock = std::chrono::steady_clock::now) {
   return std::move(*DirectoryMeshStore::create(::testing::TempDir(), settings_with(std::move(clock))));
 }
 

@@ -22,8 +22,8 @@ class AttemptTest : public ::testing::Test {
     Engine engine;
     engine.run = std::move(work);
     const LentThreads threads{[] { return 2; }};
-    return run_attempt({claim_, engine, *meshes_, log_, threads, memory_, [this] { return now_; },
-                        [this] { return cancelled_; }, [this] { return stopping_; },
+    return run_attempt({claim_, engine, *meshes_, log_, threads, memory_, [this] { return wall_; },
+                        [this] { return now_; }, [this] { return cancelled_; }, [this] { return stopping_; },
                         [this](const v1::Iteration& iteration) { noted_.push_back(iteration.number()); },
                         std::chrono::milliseconds(0),
                         [this](const CheckpointReference& checkpoint) { checkpoints_.push_back(checkpoint); }});
@@ -39,6 +39,7 @@ class AttemptTest : public ::testing::Test {
   Claim claim_;
   EventLog log_;
   MemoryBudget memory_{1000};
+  TimePoint wall_ = TimePoint(std::chrono::hours(1));
   Time now_ = Time(std::chrono::hours(1));
   bool cancelled_ = false, stopping_ = false;
   std::vector<int> noted_;
@@ -133,12 +134,51 @@ TEST_F(AttemptTest, IsPendingAgainIfTheServerStops) {
   EXPECT_EQ(checkpoints_[0].digest, sha256("state"));
 }
 
+TEST_F(AttemptTest, GoesOnToTheNextIterationThatCanBeSavedIfTheServerStops) {
+  const Ending ending = run([this](RunRequest, const RunHooks& hooks) -> Expected<RunSummary> {
+    const auto save = [&](int number) {
+      EXPECT_TRUE(hooks.control.checkpoint_due(iteration(number)));
+      hooks.control.save_checkpoint(iteration(number), [](const CheckpointSink& sink) { return sink("state"); });
+    };
+    // Like sweeps, which can be saved after each tenth.
+    save(10);
+    EXPECT_EQ(hooks.on_iteration(iteration(10)), Control::Continue);
+    for (int i = 11; i < 20; ++i) {
+      if (i == 13) stopping_ = true;
+      EXPECT_EQ(hooks.on_iteration(iteration(i)), Control::Continue) << "stopped here, the work since 10 would be lost";
+    }
+    save(20);
+    RunSummary outcome;
+    outcome.stopped = hooks.on_iteration(iteration(20)) == Control::Stop;
+    return outcome;
+  });
+  EXPECT_EQ(ending.state, v1::JOB_STATE_PENDING);
+  EXPECT_EQ(checkpoints_.back().iteration, 20);
+}
+
+TEST_F(AttemptTest, StopsAfterAWhileIfNothingCanBeSaved) {
+  run([this](RunRequest, const RunHooks& hooks) -> Expected<RunSummary> {
+    stopping_ = true;
+    EXPECT_EQ(hooks.on_iteration(iteration(1)), Control::Continue);
+    now_ += std::chrono::seconds(10);
+    EXPECT_EQ(hooks.on_iteration(iteration(2)), Control::Stop);
+    return RunSummary();
+  });
+  stopping_ = false;
+  claim_.spec.mutable_options()->set_repair(v1::REPAIR_SPLIT);
+  run([this](RunRequest, const RunHooks& hooks) -> Expected<RunSummary> {
+    stopping_ = true;
+    EXPECT_EQ(hooks.on_iteration(iteration(1)), Control::Stop) << "splits have no checkpoints to wait for";
+    return RunSummary();
+  });
+}
+
 TEST_F(AttemptTest, InterruptsAnIterationAtOnceIfCancelledAndAfterAWhileIfTheServerStops) {
   run([this](RunRequest, const RunHooks& hooks) -> Expected<RunSummary> {
     EXPECT_FALSE(hooks.control.stop_asked());
     stopping_ = true;
     EXPECT_FALSE(hooks.control.stop_asked()) << "an iteration that ends soon can still be saved";
-    now_ += std::chrono::milliseconds(1999);
+    now_ += std::chrono::milliseconds(9999);
     EXPECT_FALSE(hooks.control.stop_asked());
     now_ += std::chrono::milliseconds(1);
     EXPECT_TRUE(hooks.control.stop_asked());
@@ -188,6 +228,18 @@ TEST_F(AttemptTest, RefusesAMeshThatNeedsMoreMemoryThanThereIs) {
   });
   EXPECT_TRUE(memory_.take(1000, [] { return true; })) << "the memory was given back";
   memory_.give_back(1000);
+}
+
+TEST_F(AttemptTest, SavesCheckpointsAlthoughTheClockIsSetBack) {
+  run([this](RunRequest, const RunHooks& hooks) -> Expected<RunSummary> {
+    EXPECT_FALSE(hooks.control.checkpoint_due(iteration(1)));
+    wall_ -= std::chrono::minutes(50);
+    now_ += std::chrono::seconds(30);
+    EXPECT_TRUE(hooks.control.checkpoint_due(iteration(2)));
+    hooks.on_iteration(iteration(2));
+    return RunSummary();
+  });
+  EXPECT_EQ(noted_, std::vector<int>{2});
 }
 
 }  // namespace
