@@ -17,6 +17,7 @@ struct Units {
   double checkpoint_seconds = 5;
   int mesh_lifetime_hours = 7 * 24;
   int compress_minutes = 10;
+  int ended_minutes = 60;
 };
 
 void add_connection_flags(CLI::App& app, Flags& flags) {
@@ -75,7 +76,12 @@ void add_state_flags(CLI::App& app, ServerOptions& options, Units& units) {
                  "Without --state: directory in which the temporary directory for meshes is created (default: TMPDIR, "
                  "or /tmp)");
   app.add_option("--max-ended-jobs", limits.max_ended_jobs,
-                 "Jobs that are remembered, with their results, after their end")
+                 "Jobs that are remembered, with their results, after their end; more are deleted when they are old "
+                 "enough")
+      ->capture_default_str()
+      ->check(CLI::NonNegativeNumber);
+  app.add_option("--min-ended-age", units.ended_minutes,
+                 "Minutes for which every ended job is remembered, however many there are")
       ->capture_default_str()
       ->check(CLI::NonNegativeNumber);
   app.add_option("--max-store-bytes", limits.max_store_bytes,
@@ -143,6 +149,7 @@ std::optional<Flags> parse_flags(int argc, char** argv, int* exit_status) {
   }
   limits.checkpoint_pause = std::chrono::milliseconds(static_cast<int>(1000 * units.checkpoint_seconds));
   limits.mesh_lifetime = std::chrono::hours(units.mesh_lifetime_hours);
+  limits.min_ended_age = std::chrono::minutes(units.ended_minutes);
   limits.compress_after = std::chrono::minutes(units.compress_minutes);
   return flags;
 }

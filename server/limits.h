@@ -15,7 +15,8 @@ struct Limits {
   int max_running_jobs_per_peer = 0;                   ///< Jobs of one address that run at a time. The others wait.
   int max_watches_per_peer = 1000;                     ///< Open watches of one address.
   int max_uploads_per_peer = 100;                      ///< Open uploads of one address, including calls to Optimise.
-  int max_ended_jobs = 1000;                           ///< Jobs that are remembered after their end.
+  int max_ended_jobs = 1000;                           ///< Jobs that are remembered after their end, and
+  std::chrono::minutes min_ended_age{60};              ///< how long every job is remembered, however many there are.
   std::int64_t max_store_bytes = 0;                    ///< Size of the mesh store above which the oldest meshes that no
                                                        ///< job refers to are deleted, in bytes. 0: no limit.
   std::chrono::minutes mesh_lifetime{7 * 24 * 60};     ///< How long a mesh is kept that no job refers to.

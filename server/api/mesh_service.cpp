@@ -195,6 +195,14 @@ grpc::ServerUnaryReactor* MeshService::QueryUpload(grpc::CallbackServerContext* 
   });
 }
 
+grpc::ServerUnaryReactor* MeshService::DeleteMesh(grpc::CallbackServerContext* call,
+                                                  const v1::DeleteMeshRequest* request, v1::DeleteMeshResponse*) {
+  return unary(call, api_.pool, [this, request] {
+    const auto removed = api_.meshes.remove(request->digest());
+    return removed ? grpc::Status::OK : status(removed.error());
+  });
+}
+
 grpc::ServerWriteReactor<v1::DownloadMeshResponse>* MeshService::DownloadMesh(grpc::CallbackServerContext* call,
                                                                               const v1::DownloadMeshRequest* request) {
   struct State {

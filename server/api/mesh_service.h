@@ -17,6 +17,8 @@ class MeshService : public v1::MeshService::CallbackService {
       grpc::CallbackServerContext* call) override;
   grpc::ServerUnaryReactor* QueryUpload(grpc::CallbackServerContext* call, const v1::QueryUploadRequest* request,
                                         v1::QueryUploadResponse* response) override;
+  grpc::ServerUnaryReactor* DeleteMesh(grpc::CallbackServerContext* call, const v1::DeleteMeshRequest* request,
+                                       v1::DeleteMeshResponse* response) override;
   grpc::ServerWriteReactor<v1::DownloadMeshResponse>* DownloadMesh(grpc::CallbackServerContext* call,
                                                                    const v1::DownloadMeshRequest* request) override;
 

@@ -146,8 +146,8 @@ class JobStore {
   virtual Answer<std::string> history_digest(const std::string& name) = 0;
   /// Deletes a job and releases everything that it refers to. FAILED_PRECONDITION if it has not ended.
   virtual Answer<Changed> remove(const std::string& name) = 0;
-  /// Returns the names of all ended jobs except the `keep` that ended last.
-  virtual Answer<std::vector<std::string>> ended_beyond(std::size_t keep) = 0;
+  /// Returns the names of all jobs that ended before `before`, except those among the `keep` that ended last.
+  virtual Answer<std::vector<std::string>> ended_beyond(std::size_t keep, TimePoint before) = 0;
   /// Returns the digests that all jobs refer to, once per reference.
   virtual Answer<std::vector<std::string>> digests() = 0;
   /// Returns the digests of the meshes and checkpoints of all jobs that have not ended.

@@ -189,10 +189,13 @@ Answer<Changed> MemoryJobStore::remove(const std::string& name) {
   return changed;
 }
 
-Answer<std::vector<std::string>> MemoryJobStore::ended_beyond(std::size_t keep) {
+Answer<std::vector<std::string>> MemoryJobStore::ended_beyond(std::size_t keep, TimePoint before) {
   std::lock_guard lock(mutex_);
   std::vector<std::string> names;
-  for (std::size_t i = 0; i + keep < ended_.size(); ++i) names.push_back(entries_.at(ended_[i]).record.job.name());
+  for (std::size_t i = 0; i + keep < ended_.size(); ++i) {
+    const v1::Job& job = entries_.at(ended_[i]).record.job;
+    if (time_point(job.end_time()) < before) names.push_back(job.name());
+  }
   return names;
 }
 

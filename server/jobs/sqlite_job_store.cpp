@@ -236,10 +236,12 @@ Answer<Changed> SqliteJobStore::remove(const std::string& name) {
   });
 }
 
-Answer<std::vector<std::string>> SqliteJobStore::ended_beyond(std::size_t keep) {
+Answer<std::vector<std::string>> SqliteJobStore::ended_beyond(std::size_t keep, TimePoint before) {
   return read<std::vector<std::string>>([&](SqliteDatabase& database) -> Answer<std::vector<std::string>> {
-    auto query =
-        database.query("SELECT name FROM jobs WHERE ended IS NOT NULL ORDER BY ended DESC, key DESC LIMIT -1 OFFSET ?");
+    auto query = database.query(
+        "SELECT name FROM jobs WHERE ended IS NOT NULL AND ended < ? AND (ended, key) <= (SELECT ended, key FROM jobs "
+        "WHERE ended IS NOT NULL ORDER BY ended DESC, key DESC LIMIT 1 OFFSET ?) ORDER BY ended DESC, key DESC");
+    query.bind(std::chrono::duration_cast<std::chrono::nanoseconds>(before.time_since_epoch()).count());
     query.bind(static_cast<std::int64_t>(keep));
     std::vector<std::string> names;
     while (query.step()) names.push_back(query.text(0));

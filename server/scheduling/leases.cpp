@@ -48,6 +48,8 @@ void Scheduler::tick() {
     next_renewal_ = now + settings_.renewal_interval;
     renew_leases();
     take_back("");
+    std::lock_guard lock(mutex_);
+    forget_old();
   }
   start_jobs();
 }

@@ -58,7 +58,7 @@ Answer<void> Scheduler::check(const v1::JobSpec& spec) {
   if (!options) return tl::unexpected(options.error());
   if (const auto accepted = engine_.check_options(*options); !accepted)
     return invalid_option(accepted.error().sentence);
-  if (!meshes_->pin(spec.mesh().digest())) return mesh_missing(spec.mesh().digest());
+  if (!meshes_->touch(spec.mesh().digest())) return mesh_missing(spec.mesh().digest());
   return check_memory(spec.mesh().digest());
 }
 
@@ -312,10 +312,16 @@ bool Scheduler::finish(const Running& running, const Ending& ending) {
     release(ending);
   }
   erase(running);
-  if (const auto old = jobs_->ended_beyond(static_cast<std::size_t>(settings_.max_ended)))
-    for (const std::string& forgotten : *old)
-      if (const auto removed = jobs_->remove(forgotten)) forget(*removed);
+  forget_old();
   return true;
+}
+
+void Scheduler::forget_old() {
+  const auto old =
+      jobs_->ended_beyond(static_cast<std::size_t>(settings_.max_ended), settings_.clock() - settings_.min_ended_age);
+  if (!old) return;
+  for (const std::string& name : *old)
+    if (const auto removed = jobs_->remove(name)) forget(*removed);
 }
 
 void Scheduler::release(const Ending& ending) {

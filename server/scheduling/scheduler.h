@@ -21,12 +21,13 @@ namespace varimesh::server {
 
 /// The settings of the scheduler. Time, names and threads are passed in, so that tests can control them.
 struct SchedulerSettings {
-  int threads = 1;                            ///< The thread budget. At most this many jobs run at a time.
-  int max_pending = 1000;                     ///< Jobs that may wait. More are refused with QUEUE_FULL.
-  int max_pending_of_owner = 0;               ///< Jobs of one owner that may wait; PEER_LIMIT. 0: no limit.
-  int max_ended = 1000;                       ///< Ended jobs that are kept with their results; older ones are deleted.
-  std::string worker = "local";               ///< The name under which jobs are claimed, also after a restart.
-  std::chrono::seconds renewal_interval{10};  ///< Time between two renewals of the leases: a third of a lease.
+  int threads = 1;               ///< The thread budget. At most this many jobs run at a time.
+  int max_pending = 1000;        ///< Jobs that may wait. More are refused with QUEUE_FULL.
+  int max_pending_of_owner = 0;  ///< Jobs of one owner that may wait; PEER_LIMIT. 0: no limit.
+  int max_ended = 1000;          ///< Ended jobs that are kept with their results; older ones are deleted, but only
+  std::chrono::milliseconds min_ended_age{0};         ///< this long after their end, however many there are.
+  std::string worker = "local";                       ///< The name under which jobs are claimed, also after a restart.
+  std::chrono::seconds renewal_interval{10};          ///< Time between two renewals of the leases: a third of a lease.
   std::chrono::milliseconds checkpoint_pause{5'000};  ///< Shortest time between two checkpoints of a job.
   std::function<TimePoint()> clock = std::chrono::system_clock::now;    ///< For the times that clients are told.
   std::function<SteadyTime()> steady = std::chrono::steady_clock::now;  ///< For intervals; nobody sets it back.
@@ -107,6 +108,8 @@ class Scheduler {
   /// Records the end of an attempt. Returns false if the store cannot do so now.
   bool finish(const Running& running, const Ending& ending);
   void release(const Ending& ending);
+  /// Requires the lock. Deletes the jobs that ended too long ago.
+  void forget_old();
   // leases.cpp:
   void renew_leases();
   void take_back(const std::string& worker);

@@ -38,5 +38,50 @@ TEST(Optimise, ReturnsTheJobItsEventsAndTheMesh) {
   EXPECT_EQ(bytes, mesh);
 }
 
+TEST(Optimise, LeavesNoMeshIfItIsRefused) {
+  const Service service(echo_engine());
+  const auto stub = v1::OptimiseService::NewStub(service.channel);
+  grpc::ClientContext context;
+  const auto stream = stub->Optimise(&context);
+  v1::OptimiseRequest request;
+  request.mutable_spec()->mutable_spec()->set_priority(1000);
+  stream->Write(request);
+  request.mutable_chunk()->set_data("a mesh");
+  stream->Write(request);
+  stream->WritesDone();
+  v1::OptimiseResponse response;
+  while (stream->Read(&response)) {
+  }
+  EXPECT_EQ(stream->Finish().error_code(), grpc::StatusCode::INVALID_ARGUMENT);
+  grpc::ClientContext asking;
+  v1::QueryUploadRequest query;
+  query.set_upload_id("none");
+  query.set_digest(sha256("a mesh"));
+  v1::QueryUploadResponse answer;
+  EXPECT_EQ(service.meshes->QueryUpload(&asking, query, &answer).error_code(), grpc::StatusCode::NOT_FOUND);
+}
+
+TEST(Optimise, KeepsEachResultForItsAgeHoweverManyFollow) {
+  for (const bool young : {true, false}) {
+    ServerOptions options = options_with(echo_engine(1));
+    options.limits.max_ended_jobs = 2;
+    if (!young) options.limits.min_ended_age = std::chrono::minutes(0);
+    const Service service(std::move(options));
+    const v1::JobSpec spec = service.spec_for("a mesh");
+    v1::Job first;
+    ASSERT_TRUE(service.submit("mine", spec, &first).ok());
+    service.wait_for(first.name());
+    for (int i = 0; i < 10; ++i) service.wait_for(service.submit(spec).name());
+    grpc::ClientContext context;
+    v1::GetJobRequest request;
+    request.set_name(first.name());
+    v1::GetJobResponse response;
+    EXPECT_EQ(service.jobs->GetJob(&context, request, &response).ok(), young);
+    v1::Job again;
+    ASSERT_TRUE(service.submit("mine", spec, &again).ok());
+    EXPECT_EQ(again.name() == first.name(), young) << "its request id is remembered as long";
+  }
+}
+
 }  // namespace
 }  // namespace varimesh::server::testing

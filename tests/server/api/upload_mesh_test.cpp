@@ -100,5 +100,24 @@ TEST(UploadMesh, RefusesAMeshThatTakesMoreMemoryThanAllJobsHave) {
   EXPECT_NE(info_of(upload(service, 5000, "x")).reason(), "MESH_TOO_LARGE");
 }
 
+TEST(DeleteMesh, DeletesWhatNoJobRefersTo) {
+  const Service service(echo_engine());
+  const auto remove = [&](const std::string& digest) {
+    grpc::ClientContext context;
+    v1::DeleteMeshRequest request;
+    request.set_digest(digest);
+    v1::DeleteMeshResponse response;
+    return service.meshes->DeleteMesh(&context, request, &response);
+  };
+  const v1::Job job = service.wait_for(service.submit(service.spec_for("a mesh")).name());
+  const grpc::Status used = remove(job.spec().mesh().digest());
+  EXPECT_EQ(used.error_code(), grpc::StatusCode::FAILED_PRECONDITION);
+  EXPECT_EQ(info_of(used).reason(), "MESH_IN_USE");
+  const std::string other = service.upload("another mesh");
+  EXPECT_TRUE(remove(other).ok());
+  EXPECT_EQ(remove(other).error_code(), grpc::StatusCode::NOT_FOUND);
+  EXPECT_EQ(service.upload("another mesh"), other) << "it is taken again";
+}
+
 }  // namespace
 }  // namespace varimesh::server::testing

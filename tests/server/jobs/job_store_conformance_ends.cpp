@@ -131,9 +131,10 @@ TEST_P(JobStoreConformance, NamesTheJobsThatEndedLongestAgo) {
     ended.push_back(claimed.name);
   }
   submit();
-  const auto beyond = store_->ended_beyond(2);
+  const auto beyond = store_->ended_beyond(2, now_ + std::chrono::hours(1));
   EXPECT_EQ(std::set<std::string>(beyond->begin(), beyond->end()), (std::set<std::string>{ended[0], ended[1]}));
-  EXPECT_TRUE(store_->ended_beyond(4)->empty());
+  EXPECT_TRUE(store_->ended_beyond(4, now_ + std::chrono::hours(1))->empty());
+  EXPECT_TRUE(store_->ended_beyond(0, now_ - std::chrono::hours(1))->empty()) << "too young, however many there are";
 }
 
 // ===== outliving the process =====
