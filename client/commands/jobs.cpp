@@ -14,6 +14,7 @@
 #include "client/io/documents.h"
 #include "client/jobs/connection.h"
 #include "client/process/exit_status.h"
+#include "core/base/utf8.h"
 
 namespace varimesh::client {
 namespace {
@@ -53,9 +54,7 @@ std::string words_about(const v1::Job& job) {
   std::string words = labels["file"];
   labels.erase("file");
   for (const auto& [key, value] : labels) words += (words.empty() ? "" : "  ") + key + "=" + value;
-  for (char& c : words)
-    if (static_cast<unsigned char>(c) < ' ' || c == '\x7f') c = '?';
-  return words;
+  return as_plain_text(words);
 }
 
 int list(const Arguments& arguments) {
@@ -83,7 +82,7 @@ int list(const Arguments& arguments) {
   }
   std::cout << row("JOB", "STATE", "SUBMITTED", "RAN", "ITERATIONS", "FILE AND LABELS");
   for (const v1::Job& job : *jobs)
-    std::cout << row(job.name(), spelled(job.state()), local_time(job.create_time()), time_run(job),
+    std::cout << row(as_plain_text(job.name()), spelled(job.state()), local_time(job.create_time()), time_run(job),
                      std::to_string(job.has_metrics() ? job.metrics().iterations() : job.iteration().number()),
                      words_about(job));
   return kDone;

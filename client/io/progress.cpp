@@ -11,6 +11,7 @@
 #include <optional>
 
 #include "client/cli/names.h"
+#include "core/base/utf8.h"
 
 namespace varimesh::client {
 namespace {
@@ -108,7 +109,7 @@ void Progress::show(const v1::JobEvent& event) {
     return;
   }
   if (event.bookmark().has_work()) show(event.bookmark().work());
-  if (event.has_log()) print(event.log().text());
+  if (event.has_log()) print(as_plain_text(event.log().text()));
   if (!event.has_state_change()) return;
   if (!latest_shown_) show(latest_, true);
   print(spelled(event.state_change().state()));

@@ -8,6 +8,7 @@
 #include "client/io/summary.h"
 #include "client/process/exit_status.h"
 #include "client/process/interrupts.h"
+#include "core/base/utf8.h"
 
 namespace varimesh::client {
 namespace {
@@ -16,7 +17,8 @@ namespace {
 int print_end(const v1::Job& job, const std::string& input) {
   if (job.state() == v1::JOB_STATE_FAILED) {
     const bool concerns_input = job.error().reason() == "BAD_INPUT" && !input.empty();
-    std::cerr << "varimesh: " << (concerns_input ? "'" + input + "': " : "") << job.error().message() << std::endl;
+    std::cerr << "varimesh: " << (concerns_input ? "'" + input + "': " : "") << as_plain_text(job.error().message())
+              << std::endl;
     return status_of_reason(job.error().reason());
   }
   if (interrupted() && job.state() == v1::JOB_STATE_CANCELLED) {

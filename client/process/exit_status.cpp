@@ -3,6 +3,8 @@
 #include <array>
 #include <iostream>
 
+#include "core/base/utf8.h"
+
 namespace varimesh::client {
 namespace {
 
@@ -31,7 +33,7 @@ int status_of_reason(const std::string& reason) {
 }
 
 int print_error(const Error& error) {
-  std::cerr << "varimesh: " << error.sentence << std::endl;
+  std::cerr << "varimesh: " << as_plain_text(error.sentence) << std::endl;
   switch (error.kind) {
     case Error::Kind::BadInput:
     case Error::Kind::Output:
@@ -45,7 +47,7 @@ int print_error(const Error& error) {
 }
 
 int print_error(const Failure& failure) {
-  std::cerr << "varimesh: " << failure.sentence << std::endl;
+  std::cerr << "varimesh: " << as_plain_text(failure.sentence) << std::endl;
   switch (failure.kind) {
     case Failure::Kind::Transport:
       return kServer;

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cctype>
+#include <limits>
 #include <nlohmann/json.hpp>
 
 #include "core/base/version.h"
@@ -85,10 +86,11 @@ Answer<std::string> LiveStatus::make_status() {
   const auto counts = scheduler_->counts();
   if (!counts) return tl::unexpected(counts.error());
   constexpr int kAll = 1000;
-  auto running = scheduler_->list({{v1::JOB_STATE_RUNNING, v1::JOB_STATE_CANCELLING}, {}}, kAll, "");
-  auto pending = scheduler_->list({{v1::JOB_STATE_PENDING}, {}}, kAll, "");
-  auto ended =
-      scheduler_->list({{v1::JOB_STATE_SUCCEEDED, v1::JOB_STATE_FAILED, v1::JOB_STATE_CANCELLED}, {}}, kMostEnded, "");
+  constexpr std::size_t kAllBytes = std::numeric_limits<std::size_t>::max();
+  auto running = scheduler_->list({{v1::JOB_STATE_RUNNING, v1::JOB_STATE_CANCELLING}, {}, kAllBytes}, kAll, "");
+  auto pending = scheduler_->list({{v1::JOB_STATE_PENDING}, {}, kAllBytes}, kAll, "");
+  auto ended = scheduler_->list(
+      {{v1::JOB_STATE_SUCCEEDED, v1::JOB_STATE_FAILED, v1::JOB_STATE_CANCELLED}, {}, kAllBytes}, kMostEnded, "");
   // The store lists the newest first, but of jobs with equal turns the oldest runs first.
   if (pending) {
     std::reverse(pending->jobs.begin(), pending->jobs.end());

@@ -128,7 +128,7 @@ v1::UnrepairableGroup to_proto(const UnrepairableGroup& group) {
   message.set_y(group.place[1]);
   message.set_z(group.place[2]);
   message.set_determinant(group.determinant);
-  message.set_sentence(group.sentence);
+  message.set_sentence(as_plain_text(group.sentence));
   message.set_proved(is_proved(group));
   return message;
 }
@@ -142,9 +142,9 @@ v1::WhatIsLeft to_proto(const WhatIsLeft& left) {
     v1::Remedy& added = *message.add_remedies();
     added.set_flags(remedy.flags);
     added.set_elements(remedy.elements);
-    added.set_sentence(remedy.sentence);
+    added.set_sentence(as_plain_text(remedy.sentence));
   }
-  message.set_sentence(left.sentence);
+  message.set_sentence(as_plain_text(left.sentence));
   return message;
 }
 
@@ -155,7 +155,7 @@ v1::RepairStep to_proto(const RepairStep& step) {
   message.set_node(step.node);
   message.mutable_elements()->Assign(step.elements.begin(), step.elements.end());
   message.mutable_new_elements()->Assign(step.new_elements.begin(), step.new_elements.end());
-  message.set_sentence(step.sentence);
+  message.set_sentence(as_plain_text(step.sentence));
   return message;
 }
 
@@ -180,9 +180,9 @@ v1::Metrics metrics(const RunSummary& summary, const Options& options) {
     named.set_count(static_cast<std::int64_t>(elements.size()));
     const std::size_t listed = std::min(elements.size(), static_cast<std::size_t>(kMaxInvalidNamed));
     named.mutable_elements()->Assign(elements.begin(), elements.begin() + static_cast<std::ptrdiff_t>(listed));
-    named.set_sentence(summary.substitute_targets.sentence);
+    named.set_sentence(as_plain_text(summary.substitute_targets.sentence));
   }
-  for (const std::string& note : summary.notes) message.add_notes(note);
+  for (const std::string& note : summary.notes) message.add_notes(as_plain_text(note));
   if (summary.left.uncertified > 0) *message.mutable_left() = to_proto(summary.left);
   message.set_kept_as_it_came(summary.kept_as_it_came);
   return message;
@@ -204,8 +204,8 @@ v1::JobError to_proto(const Error& error) {
       message.set_reason("INTERNAL");
       break;
   }
-  // A sentence may quote the mesh, whose text may not be UTF-8.
-  message.set_message(as_utf8(error.sentence));
+  // A sentence may quote the mesh, whose text may be anything.
+  message.set_message(as_plain_text(error.sentence));
   return message;
 }
 

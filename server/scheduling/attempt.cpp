@@ -7,6 +7,7 @@
 #include <optional>
 #include <utility>
 
+#include "core/base/utf8.h"
 #include "server/engine/translate.h"
 #include "server/jobs/timestamps.h"
 #include "server/refusals.h"
@@ -44,7 +45,7 @@ class Progress {
 
   void note(const std::string& sentence) {
     v1::JobEvent event = event_at(attempt_.clock());
-    event.mutable_log()->set_text(sentence);
+    event.mutable_log()->set_text(as_plain_text(sentence));
     attempt_.log.append(std::move(event));
   }
 

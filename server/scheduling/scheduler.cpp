@@ -17,6 +17,9 @@ namespace {
 /// How many event logs of ended jobs stay in memory, with all their iterations.
 constexpr std::size_t kEndedLogs = 100;
 
+/// The largest spec, in bytes. A job with its spec must fit into one message.
+constexpr std::size_t kMostSpecBytes = std::size_t{2} << 20;
+
 /// The command has the same limit.
 constexpr int kMostLatticeIntervals = 1000;
 
@@ -34,6 +37,9 @@ Scheduler::~Scheduler() { assert(running_.empty()); }
 // ===== calls of clients =====
 
 Answer<void> Scheduler::check(const v1::JobSpec& spec) {
+  if (spec.ByteSizeLong() > kMostSpecBytes)
+    return bad_request("The spec has " + std::to_string(spec.ByteSizeLong()) + " bytes; it can have at most " +
+                       std::to_string(kMostSpecBytes) + ". Shorten its lists of nodes and its texts.");
   if (!is_sha256(spec.mesh().digest()))
     return bad_request("The spec must name its mesh by SHA-256: 64 lowercase hexadecimal digits.");
   if (!is_readable(spec.mesh().format()))

@@ -1,11 +1,15 @@
 // The code and the details of a status.
 #include "server/streams/status.h"
 
+#include "core/base/utf8.h"
 #include "google/rpc/error_details.pb.h"
 #include "google/rpc/status.pb.h"
 
 namespace varimesh::server {
 namespace {
+
+/// The largest value in the metadata of an error, in bytes. The longest that the server itself writes is a digest.
+constexpr std::size_t kMostMetadataBytes = 256;
 
 grpc::StatusCode code(Failure::Code code) {
   switch (code) {
@@ -38,11 +42,14 @@ grpc::StatusCode code(Failure::Code code) {
 grpc::Status status(const Failure& failure, const google::protobuf::Message* detail) {
   google::rpc::Status full;
   full.set_code(code(failure.code));
-  full.set_message(failure.sentence);
+  // Every refusal passes here, and some quote what a client has sent.
+  const std::string sentence = as_plain_text(failure.sentence);
+  full.set_message(sentence);
   google::rpc::ErrorInfo info;
   info.set_reason(failure.reason);
   info.set_domain("varimesh");
-  for (const auto& [key, value] : failure.metadata) (*info.mutable_metadata())[key] = value;
+  for (const auto& [key, value] : failure.metadata)
+    (*info.mutable_metadata())[key] = as_plain_text(value, kMostMetadataBytes);
   full.add_details()->PackFrom(info);
   if (failure.retry_seconds > 0) {
     google::rpc::RetryInfo retry;
@@ -50,7 +57,7 @@ grpc::Status status(const Failure& failure, const google::protobuf::Message* det
     full.add_details()->PackFrom(retry);
   }
   if (detail != nullptr) full.add_details()->PackFrom(*detail);
-  return {code(failure.code), failure.sentence, full.SerializeAsString()};
+  return {code(failure.code), sentence, full.SerializeAsString()};
 }
 
 }  // namespace varimesh::server

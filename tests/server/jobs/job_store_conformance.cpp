@@ -127,6 +127,31 @@ TEST_P(JobStoreConformance, ListsPagesThatNewJobsDoNotShift) {
   EXPECT_EQ(store_->list({}, 2, "nonsense").error().code, Failure::Code::InvalidArgument);
 }
 
+TEST_P(JobStoreConformance, EndsAPageBeforeItIsTooLarge) {
+  const auto wide = [] {
+    v1::JobSpec spec = JobStoreConformance::spec();
+    for (int i = 0; i < 1000; ++i) spec.mutable_options()->add_fix_nodes(1'000'000'000 + i);
+    return spec;
+  };
+  for (int i = 0; i < 7; ++i) submit(wide());
+  JobFilter filter;
+  filter.most_bytes = 3 * wide().ByteSizeLong() + 1000;
+  std::vector<std::size_t> pages;
+  std::set<std::string> names;
+  std::string token;
+  do {
+    const auto page = store_->list(filter, 100, token);
+    ASSERT_TRUE(page);
+    pages.push_back(page->jobs.size());
+    for (const v1::Job& job : page->jobs) names.insert(job.name());
+    token = page->next_page_token;
+  } while (!token.empty());
+  EXPECT_EQ(pages, (std::vector<std::size_t>{3, 3, 1}));
+  EXPECT_EQ(names.size(), 7u);
+  filter.most_bytes = 1;
+  EXPECT_EQ(store_->list(filter, 100, "")->jobs.size(), 1u) << "a page is never empty";
+}
+
 TEST_P(JobStoreConformance, FiltersByStatesAndLabels) {
   v1::JobSpec red = spec();
   (*red.mutable_labels())["colour"] = "red";

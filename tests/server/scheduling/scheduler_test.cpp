@@ -140,6 +140,15 @@ TEST_P(SchedulerConcurrency, RefusesAMeshThatTakesMoreMemoryThanAllJobsHave) {
   EXPECT_NE(refused.error().sentence.find("1200 bytes of memory"), std::string::npos) << refused.error().sentence;
 }
 
+TEST_P(SchedulerConcurrency, RefusesASpecThatFitsInNoMessage) {
+  RunningScheduler running(GetParam());
+  v1::JobSpec spec = running.spec();
+  spec.mutable_options()->add_fix(std::string(3'000'000, 'n'));
+  const auto refused = running.scheduler->submit("", spec, true);
+  ASSERT_FALSE(refused);
+  EXPECT_EQ(refused.error().reason, "BAD_REQUEST");
+}
+
 TEST_P(SchedulerConcurrency, StopsDuringSubmissions) {
   for (int round = 0; round < 10; ++round) {
     RunningScheduler running(GetParam());

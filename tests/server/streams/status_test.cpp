@@ -63,5 +63,15 @@ TEST(Status, ReportsAnException) {
   EXPECT_NE(failed.error_message().find("out of luck"), std::string::npos);
 }
 
+TEST(Status, HasOneLineOfAtMostAKibibyte) {
+  const std::string name = "\x1b]0;owned\a\n" + std::string(5'000'000, 'n') + "\xff";
+  const grpc::Status refused = status(job_not_found(name));
+  EXPECT_LE(refused.error_message().size(), 1024u);
+  EXPECT_LE(refused.error_details().size(), 2048u) << "gRPC sends them in a header, which clients limit to 8 KiB";
+  for (const char c : refused.error_message()) EXPECT_GE(static_cast<unsigned char>(c), 0x20);
+  EXPECT_NE(refused.error_message().find("list the jobs to see their names"), std::string::npos);
+  EXPECT_EQ(Details(refused).info.metadata().at("job").find('\n'), std::string::npos);
+}
+
 }  // namespace
 }  // namespace varimesh::server
