@@ -27,9 +27,16 @@ struct Limits {
   std::chrono::milliseconds checkpoint_pause{5'000};   ///< Shortest time between two checkpoints of a running job.
   std::chrono::milliseconds bookmark_interval{10000};  ///< Silence on a watch after which a bookmark is sent. The
                                                        ///< contract promises 15 s.
-  std::chrono::milliseconds stalled_reader{25000};     ///< A stream ends if its client takes longer than this to read
-                                                       ///< one message.
+  std::chrono::milliseconds handshake_timeout{10'000};  ///< A connection that says nothing is closed after this.
+  std::chrono::milliseconds connection_idle{600'000};   ///< A connection without calls is closed after this.
+  std::chrono::milliseconds connection_age{3'600'000};  ///< A connection takes no new calls after this; the client
+                                                        ///< opens another one. Its open calls go on.
+  std::chrono::milliseconds stalled_reader{25000};      ///< A stream ends if its client takes longer than this to read
+                                                        ///< one message.
 };
+
+/// Memory that all connections together may use for messages and headers, in bytes.
+inline constexpr std::size_t kConnectionMemory = std::size_t{512} << 20;
 
 /// Bytes of a mesh in one message. Larger messages cost more time and memory.
 inline constexpr std::size_t kChunkBytes = 256 * 1024;

@@ -17,6 +17,7 @@
 #include "core/base/version.h"
 #include "server/flags.h"
 #include "server/log.h"
+#include "server/resources/descriptors.h"
 #include "server/server.h"
 
 namespace {
@@ -83,10 +84,12 @@ int main(int argc, char** argv) {
   auto flags = varimesh::server::parse_flags(argc, argv, &exit_status);
   if (!flags) return exit_status;
   const sigset_t signals = block_signals();
+  const long descriptors = varimesh::server::raise_descriptor_limit();
   if (const auto log = varimesh::server::start_log(flags->log_level); !log) {
     std::cerr << "varimeshd: " << log.error().sentence << '\n';
     return 2;
   }
+  spdlog::debug("this process may have {} descriptors open", descriptors);
   if (flags->options.state.empty())
     spdlog::info("jobs and meshes are deleted when this process ends; --state DIR keeps them");
 

@@ -65,7 +65,7 @@ Expected<void> Server::start_admin_port() {
   if (options_.admin.empty()) return {};
   auto admin = AdminServer::start(options_.admin,
                                   std::make_unique<LiveStatus>(scheduler_.get(), options_.limits, options_.clock),
-                                  [this] { return endpoint_->health().serving(); });
+                                  [this] { return endpoint_->health().serving() && self_check_->answers(); });
   if (!admin) return tl::unexpected(admin.error());
   admin_ = std::move(*admin);
   return {};
@@ -84,9 +84,12 @@ Expected<std::unique_ptr<Server>> Server::start(ServerOptions options) {
   if (const auto started = server->start_admin_port(); !started) return tl::unexpected(started.error());
   if (const auto listening = server->endpoint_->listen(server->options_.listen); !listening)
     return tl::unexpected(listening.error());
+  server->self_check_ = std::make_unique<SelfCheck>(server->address());
+  server->self_check_->dial();
   server->running_ = true;
   server->scheduler_->tick();
-  server->upkeep_ = std::make_unique<Upkeep>(*server->scheduler_, *server->stores_, *server->endpoint_);
+  server->upkeep_ =
+      std::make_unique<Upkeep>(*server->scheduler_, *server->stores_, *server->endpoint_, *server->self_check_);
   server->endpoint_->health().set_serving(server->stores_->meshes().has_room());
   return server;
 }

@@ -21,6 +21,7 @@ class AdminServer;
 class Endpoint;
 class Scheduler;
 class Stores;
+class SelfCheck;
 class Upkeep;
 
 /// Settings of a server. With the defaults it listens nowhere and uses the whole machine.
@@ -71,6 +72,7 @@ class Server {
   std::unique_ptr<Stores> stores_;
   std::unique_ptr<Scheduler> scheduler_;
   std::unique_ptr<Endpoint> endpoint_;
+  std::unique_ptr<SelfCheck> self_check_;
   std::unique_ptr<AdminServer> admin_;
   std::unique_ptr<Upkeep> upkeep_;
   bool running_ = false;

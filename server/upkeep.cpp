@@ -39,13 +39,14 @@ class Upkeep::Ticker {
   std::thread thread_;
 };
 
-Upkeep::Upkeep(Scheduler& scheduler, Stores& stores, Endpoint& endpoint) {
+Upkeep::Upkeep(Scheduler& scheduler, Stores& stores, Endpoint& endpoint, SelfCheck& self_check) {
   using std::chrono::milliseconds, std::chrono::seconds, std::chrono::minutes;
   streams_ = std::make_unique<Ticker>(milliseconds(250), [&endpoint] { endpoint.tick(); });
   jobs_ = std::make_unique<Ticker>(seconds(1), [&scheduler, &stores, &endpoint] {
     scheduler.tick();
     endpoint.health().set_serving(stores.meshes().has_room());
   });
+  dialling_ = std::make_unique<Ticker>(seconds(5), [&self_check] { self_check.dial(); });
   sweeping_ = std::make_unique<Ticker>(minutes(1), [&stores] { stores.meshes().sweep(); });
   compression_ = std::make_unique<Ticker>(minutes(1), [this, &stores] {
     ::setpriority(PRIO_PROCESS, 0, 19);  // applies to this thread only: the running jobs go first
@@ -60,6 +61,7 @@ void Upkeep::stop_jobs() {
   stopping_ = true;
   jobs_.reset();
   compression_.reset();
+  dialling_.reset();
 }
 
 }  // namespace varimesh::server

@@ -3,6 +3,7 @@
 
 #include <grpcpp/ext/proto_server_reflection_plugin.h>
 #include <grpcpp/grpcpp.h>
+#include <grpcpp/resource_quota.h>
 #include <sys/stat.h>
 
 #include <algorithm>
@@ -14,6 +15,21 @@ namespace {
 
 /// Threads for disks and hashing, which wait more than they work.
 constexpr int kPoolThreads = 4;
+
+int in_milliseconds(std::chrono::milliseconds time) { return static_cast<int>(time.count()); }
+
+/// Limits what a client can take without a call that the services could refuse.
+void set_bounds(grpc::ServerBuilder& builder, const Limits& limits) {
+  grpc::ResourceQuota quota("varimeshd");
+  quota.Resize(kConnectionMemory);
+  builder.SetResourceQuota(quota);
+  // A message of 2 MB can expand to 2 GB before anybody looks at it. Meshes are compressed by zstd, piece by piece.
+  builder.SetCompressionAlgorithmSupportStatus(GRPC_COMPRESS_GZIP, false);
+  builder.SetCompressionAlgorithmSupportStatus(GRPC_COMPRESS_DEFLATE, false);
+  builder.AddChannelArgument(GRPC_ARG_SERVER_HANDSHAKE_TIMEOUT_MS, in_milliseconds(limits.handshake_timeout));
+  builder.AddChannelArgument(GRPC_ARG_MAX_CONNECTION_IDLE_MS, in_milliseconds(limits.connection_idle));
+  builder.AddChannelArgument(GRPC_ARG_MAX_CONNECTION_AGE_MS, in_milliseconds(limits.connection_age));
+}
 
 }  // namespace
 
@@ -35,6 +51,7 @@ Expected<void> Endpoint::listen(const std::string& address) {
   // The server detects clients behind a dead connection, and accepts the pings of clients that check theirs.
   builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_TIME_MS, 60'000);
   builder.AddChannelArgument(GRPC_ARG_HTTP2_MIN_RECV_PING_INTERVAL_WITHOUT_DATA_MS, 10'000);
+  set_bounds(builder, context_.limits);
   builder.RegisterService(&health_);
   builder.RegisterService(&mesh_service_);
   builder.RegisterService(&job_service_);

@@ -67,7 +67,8 @@ class SqliteQuery {
 /// A connection to a database. One thread at a time.
 class SqliteDatabase {
  public:
-  /// Creates the file, accessible only to its owner, if it does not exist. `path` must not lead through a symbolic link.
+  /// Creates the file, accessible only to its owner, if it does not exist. `path` must not lead through a symbolic
+  /// link.
   explicit SqliteDatabase(const std::string& path);
 
   /// Runs statements without results.
