@@ -55,7 +55,9 @@ void expect_same_elements(const HighOrderMesh& a, const HighOrderMesh& b, double
         const auto& physical = cells.range_of(cell).block->physical;
         return physical.empty() ? 0 : physical.front();
       };
-      if (group(from, e) != 0) EXPECT_EQ(group(from, e), group(to, e));
+      if (group(from, e) != 0) {
+        EXPECT_EQ(group(from, e), group(to, e));
+      }
     }
   }
 }

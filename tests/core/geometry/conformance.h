@@ -85,7 +85,9 @@ inline void check_seams(const SurfaceShape& surface, double size) {
       EXPECT_LT(foot.distance, 1e-12 * size);
       EXPECT_NEAR(foot.u, ru.first - 0.01 * ru.period, 1e-9 * ru.period);
     }
-    if (rv.period > 0) EXPECT_LT((surface.at(u, v).x - surface.at(u, v + rv.period).x).norm(), 1e-12 * size);
+    if (rv.period > 0) {
+      EXPECT_LT((surface.at(u, v).x - surface.at(u, v + rv.period).x).norm(), 1e-12 * size);
+    }
   }
 }
 

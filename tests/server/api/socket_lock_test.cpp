@@ -28,7 +28,9 @@ class SocketLockTest : public ::testing::Test {
     (folder_ / "socket").string().copy(name.sun_path, sizeof name.sun_path - 1);
     const int file = ::socket(AF_UNIX, SOCK_STREAM, 0);
     EXPECT_EQ(::bind(file, reinterpret_cast<const sockaddr*>(&name), sizeof name), 0);
-    if (listens) EXPECT_EQ(::listen(file, 1), 0);
+    if (listens) {
+      EXPECT_EQ(::listen(file, 1), 0);
+    }
     return file;
   }
 

@@ -19,7 +19,9 @@ int tcp_socket(int port) {
   const int file = ::socket(AF_INET, SOCK_STREAM, 0);
   const auto* address = reinterpret_cast<const sockaddr*>(&name);
   EXPECT_EQ(port > 0 ? ::connect(file, address, sizeof name) : ::bind(file, address, sizeof name), 0);
-  if (port == 0) EXPECT_EQ(::listen(file, 1), 0);
+  if (port == 0) {
+    EXPECT_EQ(::listen(file, 1), 0);
+  }
   return file;
 }
 
