@@ -3,6 +3,7 @@
 #include <BRep_Builder.hxx>
 #include <BRep_Tool.hxx>
 #include <IGESControl_Reader.hxx>
+#include <Interface_Static.hxx>
 #include <Message.hxx>
 #include <Message_Messenger.hxx>
 #include <Message_PrinterOStream.hxx>
@@ -39,6 +40,7 @@ Kind kind_of(const std::string& head) {
 template <class Reader>
 bool transfer(const std::string& path, const char* what, TopoDS_Shape& shape, std::string& error) {
   Reader reader;
+  Interface_Static::SetCVal("xstep.cascade.unit", "MM");  // the unit of what is read
   if (reader.ReadFile(path.c_str()) != IFSelect_RetDone) {
     error = std::string("it begins like a ") + what + " file, but it is damaged or cut off; export it again.";
     return false;

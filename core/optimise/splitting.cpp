@@ -304,10 +304,10 @@ void say_what_is_left(Result& result, bool stopped, bool out_of_work) {
   for (std::size_t c = 0; c < cells.count(); ++c) {
     const std::int64_t number = cells.number(c);
     if (!uncertified.contains(number)) continue;
-    std::vector<std::int64_t>& reason = folded.contains(number)                ? owners
-                                        : cells.shape(c) != Shape::Tetrahedron ? others
-                                        : cut.contains(number)                 ? in_vain
-                                                                               : untouched;
+    std::vector<std::int64_t>& reason = cells.shape(c) != Shape::Tetrahedron ? others
+                                        : folded.contains(number)            ? owners
+                                        : cut.contains(number)               ? in_vain
+                                                                             : untouched;
     reason.push_back(number);
   }
   std::vector<RepairStep>& steps = result.repairs;

@@ -31,6 +31,7 @@ NOT_HERE = {
     ("server.md", "varimeshd --listen"): "it does not end; tests/client/programs.py starts it",
     ("server.md", "docker build"): "deploy/test-image builds and runs it",
     ("report.md", "varimeshd --admin"): "it does not end; tests/server/admin/admin_server_test.py starts it",
+    ("geometry.md", "varimesh optimise"): "needs a CAD file; tests/client/commands/geometry_test.py makes one",
     ("performance.md", "tests/bench/cases"): "builds the benchmarks",
     ("corpus.md", "tests/bench/corpus"): "minutes; tests/bench/published/corpus_test.py runs the short form",
     ("paper.md", "tests/bench/paper"): "an hour; tests/bench/figures/paper_test.py runs the short form",

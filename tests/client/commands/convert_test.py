@@ -23,7 +23,7 @@ class Convert(WithFolder):
         self.assertEqual((done.returncode, done.stderr), (0, LEFT_OUT))
         self.assertTrue(there.read_bytes().startswith(b"MFEM mesh v1."))
         self.assertEqual(run("convert", there, back, "--format", "msh22").returncode, 0)
-        one, other = (json.loads(run("quality", path, "--json").stdout) for path in (MESH, back))
+        one, other = (json.loads(run("quality", path, "--json").stdout)["quality"] for path in (MESH, back))
         for key in ("valid", "invalid", "undecided"):
             self.assertEqual(one["certified"][key], other["certified"][key])
         self.assertAlmostEqual(one["min_scaled_jacobian"], other["min_scaled_jacobian"], 12)

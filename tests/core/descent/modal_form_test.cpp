@@ -14,7 +14,9 @@ using testing::Filling;
 
 class ModalFormOf : public ::testing::TestWithParam<Filling> {
  protected:
-  void make(int order, const Team& team = Team(1)) {
+  void make(int order) { make(order, team_); }
+  /// `team` must outlive the form.
+  void make(int order, const Team& team) {
     mesh_ = testing::grid(GetParam(), {2, 2, 2}, order, testing::bent(testing::is_plane(GetParam()) ? 2 : 3));
     testing::shake(mesh_, 0.03, 5);
     problem_ = testing::make_problem(mesh_);
@@ -31,6 +33,7 @@ class ModalFormOf : public ::testing::TestWithParam<Filling> {
       for (std::size_t k = 0; k < d; ++k) problem_.positions[problem_.free[f] * d + k] += amount * direction[f * d + k];
   }
 
+  const Team team_{1};
   HighOrderMesh mesh_;
   Problem problem_;
   OrderSpace space_;

@@ -7,7 +7,6 @@
 #include <BRepPrimAPI_MakeSphere.hxx>
 #include <BRepPrimAPI_MakeTorus.hxx>
 #include <BRepTools.hxx>
-#include <Interface_Static.hxx>
 #include <STEPControl_Writer.hxx>
 #include <TopoDS_Shape.hxx>
 #include <filesystem>
@@ -34,10 +33,9 @@ class CadFile : public testing::Test {
     EXPECT_TRUE(BRepTools::Write(shape, path.c_str()));
     return path;
   }
-  std::string step(const TopoDS_Shape& shape, const char* unit = "MM") const {
+  std::string step(const TopoDS_Shape& shape) const {
     const std::string path = folder_ / "model.step";
     STEPControl_Writer writer;
-    Interface_Static::SetCVal("write.step.unit", unit);
     EXPECT_EQ(writer.Transfer(shape, STEPControl_AsIs), IFSelect_RetDone);
     EXPECT_EQ(writer.Write(path.c_str()), IFSelect_RetDone);
     return path;
@@ -141,10 +139,21 @@ TEST_F(CadFile, HolesAreOutside) {
 }
 
 TEST_F(CadFile, StepComesInMillimetres) {
-  for (const char* unit : {"MM", "M", "INCH"}) {
-    const auto geometry = load(step(BRepPrimAPI_MakeBox(1, 2, 2).Shape(), unit));
+  std::stringstream content;
+  content << std::ifstream(step(BRepPrimAPI_MakeBox(1, 2, 2).Shape())).rdbuf();
+  const std::string millimetre = "LENGTH_UNIT() NAMED_UNIT(*) SI_UNIT(.MILLI.,.METRE.)";
+  const std::string in_millimetres = content.str();
+  const std::size_t at = in_millimetres.find(millimetre);
+  ASSERT_NE(at, std::string::npos);
+  // OpenCASCADE 7.6 writes a new unit beside numbers in the unit that was set before, so the unit is put in here.
+  const std::pair<const char*, double> units[] = {{".MILLI.", 1}, {".CENTI.", 10}, {"$", 1000}};
+  for (const auto& [prefix, factor] : units) {
+    std::string with_unit = in_millimetres;
+    with_unit.replace(at, millimetre.size(),
+                      std::string("LENGTH_UNIT() NAMED_UNIT(*) SI_UNIT(") + prefix + ",.METRE.)");
+    const auto geometry = load(text("unit.step", with_unit));
     ASSERT_TRUE(geometry) << geometry.error().sentence;
-    EXPECT_NEAR(size(*geometry), 3, 1e-9) << unit;
+    EXPECT_NEAR(size(*geometry), 3 * factor, 1e-9 * factor) << prefix;
     EXPECT_EQ(geometry->surfaces.size(), 6U);
     EXPECT_EQ(geometry->curves.size(), 12U);
     EXPECT_EQ(geometry->vertices.size(), 8U);
