@@ -119,8 +119,8 @@ struct Options {
   Objective objective = Objective::Energy;
   double min_js = 0.1;  ///< Objective::Accuracy only: the scaled Jacobian that every cell is to have at least, from 0
                         ///< to below 1. If the boundary does not allow it, what it allows.
-  double p_norm = 1;  ///< The power, 1 to 16, to which the cells' mean energies are summed. A higher one weighs the
-                      ///< worst cells more.
+  double p_norm = 1;    ///< The power, 1 to 16, to which the cells' mean energies are summed. A higher one weighs the
+                        ///< worst cells more.
   int quadrature_degree = 0;  ///< Degree that is integrated exactly; 0: 2 P. At least 2 (P − 1) on simplices.
 
   Repair repair = Repair::Report;  ///< Split cannot be combined with target_field or region_below.

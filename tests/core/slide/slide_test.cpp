@@ -98,8 +98,7 @@ TEST(Slide, KeepsFixedNodes) {
   for (std::size_t node = 0; node < fixed.size(); node += 7) fixed[node] = true;
   slid(mesh, torus(), SlideOn::All, 1, fixed);
   for (std::size_t node = 0; node < fixed.size(); ++node)
-    for (std::size_t k = 0; k < 3 && fixed[node]; ++k)
-      EXPECT_EQ(mesh.coordinates[3 * node + k], before[3 * node + k]);
+    for (std::size_t k = 0; k < 3 && fixed[node]; ++k) EXPECT_EQ(mesh.coordinates[3 * node + k], before[3 * node + k]);
 }
 
 /// A pipe between two circles, on which nodes crowd.
