@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <array>
 #include <atomic>
+#include <cmath>
 #include <map>
 
 #include "core/reference/basis.h"
@@ -16,6 +17,8 @@ namespace varimesh::detail {
 namespace {
 
 constexpr std::size_t kCellsPerTask = 4096, kFacetsPerTask = 256;
+/// How far rounding may have moved a vertex, in units of the cell's longest edge from its first vertex.
+constexpr double kRounding = 1e-14;
 
 // ---------------------------------------------------------------------------------------------------------------------
 // The signs of straight-sided cells
@@ -34,23 +37,29 @@ Eigen::MatrixXd centre_gradients(Shape shape, int dimension) {
   return result;
 }
 
-/// det ∇χ_L at the centre of the straight-sided cell with these vertices.
-double centre_jacobian(const HighOrderMesh& mesh, const std::int32_t* nodes, const Eigen::MatrixXd& gradients) {
+/// The sign of det ∇χ_L at the centre of the straight-sided cell with these vertices: −1 or 1, or 0 if it is flat
+/// there, so that the sign is only rounding.
+std::int8_t centre_sign(const HighOrderMesh& mesh, const std::int32_t* nodes, const Eigen::MatrixXd& gradients) {
   Eigen::Matrix3d matrix = Eigen::Matrix3d::Identity();
   const int d = mesh.dimension;
   matrix.topLeftCorner(d, d).setZero();
+  double longest = 0;
   for (Eigen::Index v = 0; v < gradients.rows(); ++v)
     for (int c = 0; c < d; ++c) {
       const double x = mesh.coordinates[3 * static_cast<std::size_t>(nodes[v]) + static_cast<std::size_t>(c)] -
                        mesh.coordinates[3 * static_cast<std::size_t>(nodes[0]) + static_cast<std::size_t>(c)];
+      longest = std::max(longest, std::abs(x));
       for (int r = 0; r < d; ++r) matrix(c, r) += x * gradients(v, r);
     }
-  return matrix(0, 0) * (matrix(1, 1) * matrix(2, 2) - matrix(1, 2) * matrix(2, 1)) -
-         matrix(0, 1) * (matrix(1, 0) * matrix(2, 2) - matrix(1, 2) * matrix(2, 0)) +
-         matrix(0, 2) * (matrix(1, 0) * matrix(2, 1) - matrix(1, 1) * matrix(2, 0));
+  const Eigen::Vector3d u = matrix.col(0), v = matrix.col(1), w = matrix.col(2);
+  const double jacobian = u.dot(v.cross(w));
+  // The derivatives of the determinant with respect to the entries are the cofactors.
+  const double cofactors = v.cross(w).lpNorm<1>() + w.cross(u).lpNorm<1>() + u.cross(v).lpNorm<1>();
+  if (!(std::abs(jacobian) > kRounding * longest * cofactors)) return 0;
+  return static_cast<std::int8_t>(jacobian < 0 ? -1 : 1);
 }
 
-/// By cell: −1 if det ∇χ_L is negative at its centre, else 1.
+/// By cell: centre_sign().
 std::vector<std::int8_t> centre_signs(const HighOrderMesh& mesh, const Team& team) {
   const auto gradients = tables_for_cells<Eigen::MatrixXd>(
       mesh, [&](Shape shape, int) { return centre_gradients(shape, mesh.dimension); });
@@ -59,8 +68,7 @@ std::vector<std::int8_t> centre_signs(const HighOrderMesh& mesh, const Team& tea
   team.for_each(static_cast<std::int32_t>(batches.size()), 1, [&](std::int32_t b) {
     const CellBatch& batch = batches[static_cast<std::size_t>(b)];
     const Eigen::MatrixXd& gradient = gradients.at({batch.block->shape, batch.block->order});
-    for (std::size_t i = 0; i < batch.count; ++i)
-      signs[batch.cell + i] = centre_jacobian(mesh, batch.nodes(i), gradient) < 0 ? -1 : 1;
+    for (std::size_t i = 0; i < batch.count; ++i) signs[batch.cell + i] = centre_sign(mesh, batch.nodes(i), gradient);
   });
   return signs;
 }

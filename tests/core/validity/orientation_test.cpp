@@ -45,6 +45,20 @@ TEST(Orientation, GoesByTheVerticesAndNotByTheCurvedSides) {
   }
 }
 
+/// One cell that is half of a ring; mirrored if `sense` is −1. Its vertices lie on one line, or in space in one plane,
+/// up to rounding.
+HighOrderMesh half_ring(Shape shape, double sense) {
+  return testing::one_cell(shape, 6, [&](Place p) {
+    const double radius = 1.5 + p[0] / 2, angle = std::acos(-1.0) * (1 + p[1]) / 2;
+    return Place{radius * std::cos(angle), sense * radius * std::sin(angle), p[2]};
+  });
+}
+
+TEST(Orientation, DoesNotGoByTheRoundingOfAFlatCell) {
+  for (const Shape shape : {Shape::Quadrilateral, Shape::Hexahedron})
+    for (const double sense : {1.0, -1.0}) EXPECT_EQ(orientation(half_ring(shape, sense)), 1);
+}
+
 /// The clockwise cells, with facets of the mesh itself.
 std::vector<char> found(const HighOrderMesh& mesh, const Team& team = Team(1)) {
   return clockwise_cells(mesh, facets(mesh, team), team);
@@ -99,6 +113,13 @@ TEST(ClockwiseCells, AreJudgedByTheirCurvedSides) {
   block.nodes = {block.nodes.begin() + 10, block.nodes.begin() + 20};
   EXPECT_EQ(orientation(mesh), -1) << "with straight sides";
   EXPECT_TRUE(found(mesh).empty());
+}
+
+TEST(ClockwiseCells, AreJudgedByTheirCurvedSidesIfTheyAreFlatWithoutThem) {
+  for (const Shape shape : {Shape::Quadrilateral, Shape::Hexahedron}) {
+    EXPECT_TRUE(found(half_ring(shape, 1)).empty());
+    EXPECT_EQ(found(half_ring(shape, -1)).size(), 1U);
+  }
 }
 
 TEST(ClockwiseCells, AreJudgedApartFromCellsThatAreNotJoinedToThem) {
