@@ -19,7 +19,7 @@ struct FormatEntry {
   /// Writes a file, inside team.run(). Formats without fields ignore `fields`.
   Expected<void> (*write)(const HighOrderMesh& mesh, Format format, const Sink& sink, std::span<const CellField> fields,
                           const Team& team) = nullptr;
-  /// Names what a file of this format does not have of the mesh: one sentence, or nothing. Null if it has everything.
+  /// One sentence about what a file of this format cannot hold of the mesh, or nothing. Null if it holds everything.
   std::string (*left_out)(const HighOrderMesh& mesh) = nullptr;
 };
 

@@ -42,7 +42,7 @@ const Positions& node_positions(NodeOrder node_order, Shape shape, int order);
 /// and above.
 const std::vector<int>& gmsh_nodes(NodeOrder node_order, Shape shape, int order);
 
-/// Gmsh's local number of the node at each position of the lattice; −1 where the lattice has no node. The position
+/// Gmsh's local number of the node at each position of the lattice; −1 if the lattice has no node there. The position
 /// (i, j, k) has the index i + (order + 1) (j + (order + 1) k).
 const std::vector<int>& nodes_by_position(Shape shape, int order);
 

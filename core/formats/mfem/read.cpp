@@ -131,16 +131,15 @@ void name_groups(MfemReading& reading, int dimension, const std::vector<Attribut
     if (reference::info(block.shape).dimension == dimension) blocks[block.entity].push_back(&block);
   std::set<int> tags, named;
   for (const auto& [attribute, own] : blocks) tags.insert(attribute);
+  for (const AttributeSet& set : sets) tags.insert(set.attributes.begin(), set.attributes.end());
   constexpr std::size_t kMostMemberships = 100'000'000;
   std::size_t memberships = 0;
   for (const AttributeSet& set : sets) {
     const bool names_one = set.attributes.size() == 1 && named.insert(set.attributes[0]).second;
     if (names_one) {
       mesh.physical_groups.push_back({dimension, set.attributes[0], set.name});
-      tags.insert(set.attributes[0]);
       continue;
     }
-    for (const int attribute : set.attributes) tags.insert(attribute);
     const int tag = tags.empty() ? 1 : *tags.rbegin() + 1;
     tags.insert(tag);
     mesh.physical_groups.push_back({dimension, tag, set.name});

@@ -157,7 +157,9 @@ class InPlace {
     }
   }
 
-  Eigen::Map<Eigen::RowVector3d> at(std::int32_t node) { return Eigen::Map<Eigen::RowVector3d>(x_.data() + 3 * node); }
+  Eigen::Map<Eigen::RowVector3d> at(std::int32_t node) {
+    return Eigen::Map<Eigen::RowVector3d>(x_.data() + 3 * std::ptrdiff_t(node));
+  }
 
   /// Converts what is inside an edge or face whose nodes, in Gmsh's order, are those `local` numbers of the cell.
   void convert_part(Shape shape, const std::vector<int>& local, std::span<const std::int32_t> nodes,

@@ -1,6 +1,7 @@
 #include "core/formats/mfem/topology.h"
 
 #include <algorithm>
+#include <bit>
 #include <cassert>
 
 #include "core/formats/node_order.h"
@@ -134,12 +135,23 @@ MfemLocalNodes make_local_nodes(Shape shape, int order) {
   return local;
 }
 
-/// The three lowest of the vertices of a face, ascending. They are the same for no other face of a mesh.
-std::array<std::int32_t, 3> key_of(std::span<const std::int32_t> vertices) {
-  std::array<std::int32_t, 4> sorted{};
+/// The vertices of a face, ascending; −1 comes first if it is a triangle.
+std::array<std::int32_t, 4> key_of(std::span<const std::int32_t> vertices) {
+  std::array<std::int32_t, 4> sorted{-1, -1, -1, -1};
   std::copy(vertices.begin(), vertices.end(), sorted.begin());
-  std::sort(sorted.begin(), sorted.begin() + std::ptrdiff_t(vertices.size()));
-  return {sorted[0], sorted[1], sorted[2]};
+  std::sort(sorted.begin(), sorted.end());
+  return sorted;
+}
+
+/// The bucket of some vertices in a table whose size is a power of two. The multiplier is 2⁶⁴ divided by the golden
+/// ratio (D. E. Knuth, The Art of Computer Programming, volume 3, section 6.4).
+std::size_t bucket_of(std::span<const std::int32_t> vertices, std::size_t buckets) {
+  std::uint64_t hash = 0;
+  for (const std::int32_t vertex : vertices) {
+    hash = (hash ^ std::uint32_t(vertex)) * 0x9e3779b97f4a7c15U;
+    hash ^= hash >> 32;
+  }
+  return hash & (buckets - 1);
 }
 
 int inner_nodes(Shape shape, int order) {
@@ -156,25 +168,24 @@ const MfemLocalNodes& mfem_local_nodes(Shape shape, int order) {
 // === The mesh's edges and faces ==========================================================================
 
 MfemTopology::MfemTopology(int dimension, int order, std::int32_t vertices)
-    : dimension_(dimension), order_(order), edge_head_(std::size_t(vertices), -1) {
-  if (dimension == 3) face_head_.assign(std::size_t(vertices), -1);
+    : dimension_(dimension), order_(order), vertices_(vertices) {
+  // A mesh has about 3 to 7 edges and up to 12 faces per vertex.
+  const std::size_t buckets = std::bit_ceil(4 * std::size_t(vertices) + 1);
+  edge_buckets_.assign(buckets, -1);
+  if (dimension == 3) face_buckets_.assign(buckets, -1);
 }
 
 std::int32_t MfemTopology::edge(std::int32_t a, std::int32_t b) const {
-  const auto [low, high] = std::minmax(a, b);
-  std::int32_t e = edge_head_[std::size_t(low)];
-  while (e >= 0 && edge_end_[std::size_t(e)] != high) e = edge_next_[std::size_t(e)];
+  const std::array<std::int32_t, 2> key{std::min(a, b), std::max(a, b)};
+  std::int32_t e = edge_buckets_[bucket_of(key, edge_buckets_.size())];
+  while (e >= 0 && edges_[std::size_t(e)].vertices != key) e = edges_[std::size_t(e)].next;
   return e;
 }
 
 std::int32_t MfemTopology::face(std::span<const std::int32_t> vertices) const {
   const auto key = key_of(vertices);
-  std::int32_t f = face_head_[std::size_t(key[0])];
-  for (; f >= 0; f = faces_[std::size_t(f)].next) {
-    const auto& other = faces_[std::size_t(f)].vertices;
-    const std::size_t count = other[3] < 0 ? 3 : 4;
-    if (count == vertices.size() && key_of({other.data(), count}) == key) break;
-  }
+  std::int32_t f = face_buckets_[bucket_of(key, face_buckets_.size())];
+  while (f >= 0 && key_of(faces_[std::size_t(f)].vertices) != key) f = faces_[std::size_t(f)].next;
   return f;
 }
 
@@ -182,9 +193,10 @@ void MfemTopology::add(Shape shape, std::span<const std::int32_t> vertices) {
   for (const auto& [a, b] : mfem_edges(shape)) {
     const auto [low, high] = std::minmax(vertices[std::size_t(a)], vertices[std::size_t(b)]);
     if (edge(low, high) >= 0) continue;
-    edge_end_.push_back(high);
-    edge_next_.push_back(edge_head_[std::size_t(low)]);
-    edge_head_[std::size_t(low)] = std::int32_t(edge_end_.size()) - 1;
+    const std::array<std::int32_t, 2> key{low, high};
+    std::int32_t& head = edge_buckets_[bucket_of(key, edge_buckets_.size())];
+    edges_.push_back({key, head});
+    head = std::int32_t(edges_.size()) - 1;
   }
   if (dimension_ < 3) return;
   for (const Facet& facet : mfem_faces(shape)) {
@@ -192,8 +204,7 @@ void MfemTopology::add(Shape shape, std::span<const std::int32_t> vertices) {
     const auto count = std::size_t(reference::info(facet.shape).vertices);
     for (std::size_t v = 0; v < count; ++v) fresh.vertices[v] = vertices[std::size_t(facet.vertices[v])];
     if (face({fresh.vertices.data(), count}) >= 0) continue;
-    std::int32_t& head = face_head_[std::size_t(
-        *std::min_element(fresh.vertices.begin(), fresh.vertices.begin() + std::ptrdiff_t(count)))];
+    std::int32_t& head = face_buckets_[bucket_of(key_of(fresh.vertices), face_buckets_.size())];
     fresh.next = head;
     head = std::int32_t(faces_.size());
     triangles_ += facet.shape == Shape::Triangle ? 1 : 0;
@@ -213,7 +224,7 @@ void MfemTopology::finish() {
     local_[std::size_t(shape)] = &mfem_local_nodes(Shape(shape), order_);
   if (triangles_ == 0 || triangles_ == face_count()) return;
   face_first_.reserve(faces_.size() + 1);
-  std::int32_t first = 0;
+  std::int64_t first = 0;
   for (const Face& face : faces_) {
     face_first_.push_back(first);
     first += inner_nodes(face.vertices[3] < 0 ? Shape::Triangle : Shape::Quadrilateral, order_);

@@ -36,8 +36,8 @@ class MfemTopology {
   /// Must be called after the last cell.
   void finish();
 
-  std::int64_t vertex_count() const { return std::int64_t(edge_head_.size()); }
-  std::int64_t edge_count() const { return std::int64_t(edge_end_.size()); }
+  std::int64_t vertex_count() const { return vertices_; }
+  std::int64_t edge_count() const { return std::int64_t(edges_.size()); }
   std::int64_t face_count() const { return std::int64_t(faces_.size()); }
   /// Number of an edge or of a face; −1 if no cell has it.
   std::int32_t edge(std::int32_t a, std::int32_t b) const;
@@ -53,22 +53,27 @@ class MfemTopology {
                   std::span<std::int32_t> nodes) const;
 
  private:
+  struct Edge {
+    std::array<std::int32_t, 2> vertices;  ///< Ascending.
+    std::int32_t next;                     ///< The next edge in the same bucket, or −1.
+  };
   struct Face {
     std::array<std::int32_t, 4> vertices;  ///< In the direction of its first cell; −1 at the end of a triangle.
-    std::int32_t next;                     ///< The next face with the same lowest vertex, or −1.
+    std::int32_t next;                     ///< The next face in the same bucket, or −1.
   };
   std::int64_t face_first(std::int64_t face) const;
 
   int dimension_, order_;
+  std::int32_t vertices_;
   std::array<const MfemLocalNodes*, kShapes> local_{};
-  // Lists of the edges and faces with the same lowest vertex.
-  std::vector<std::int32_t> edge_head_, edge_end_, edge_next_;
-  std::vector<std::int32_t> face_head_;
+  // Hash tables by all vertices. Lists by one vertex would be long if many cells share it.
+  std::vector<std::int32_t> edge_buckets_, face_buckets_;  ///< The first edge or face of each bucket, or −1.
+  std::vector<Edge> edges_;
   std::vector<Face> faces_;
   std::int64_t triangles_ = 0;
   /// The first degree of freedom of each face, counted from the first of all faces, if triangles and quadrilaterals are
   /// mixed.
-  std::vector<std::int32_t> face_first_;
+  std::vector<std::int64_t> face_first_;
 };
 
 /// The nodes of a cell's edges and faces, as Gmsh's local numbers.

@@ -52,6 +52,14 @@ class Grid {
   /// The number of a vertex from the index of its node; −1 if no cell has it as a vertex.
   std::int32_t vertex(std::int32_t node) const { return number_[std::size_t(node)]; }
   std::int32_t vertices() const { return count_; }
+  /// Whether an element of the boundary is an edge or face of a cell.
+  bool is_side(Shape shape, std::span<const std::int32_t> nodes) const {
+    std::array<std::int32_t, 4> vertices{};
+    const auto used = std::size_t(reference::info(shape).vertices);
+    for (std::size_t v = 0; v < used; ++v)
+      if ((vertices[v] = vertex(nodes[v])) < 0) return false;
+    return (used == 2 ? topology.edge(vertices[0], vertices[1]) : topology.face({vertices.data(), used})) >= 0;
+  }
 
   const HighOrderMesh& mesh;
 
@@ -79,25 +87,41 @@ class Grid {
 
 // === Sections ============================================================================================
 
-void write_elements(const Grid& grid, int dimension, const MfemAttributes& attributes, BufferedOutput& out) {
-  out.text(dimension == grid.mesh.dimension ? "\nelements\n" : "\nboundary\n");
-  out.text_integer(std::int64_t(grid.mesh.element_count(dimension)));
-  out.text("\n");
+/// Calls body(block number, block, nodes) for each element of this dimension that the file has: cells, and the elements
+/// of the boundary that are sides of cells.
+template <class Body>
+void for_each_written(const Grid& grid, int dimension, const Body& body) {
   for (std::size_t b = 0; b < grid.mesh.blocks.size(); ++b) {
     const ElementBlock& block = grid.mesh.blocks[b];
     if (!has_dimension(block, dimension)) continue;
     const auto count = std::size_t(reference::node_count(block.shape, block.order));
     for (std::size_t e = 0; e < block.size(); ++e) {
-      out.text_integer(attributes.of_block[b]);
-      out.text(" ");
-      out.text_integer(mfem_geometry(block.shape));
-      for (std::size_t v = 0; v < std::size_t(reference::info(block.shape).vertices); ++v) {
-        out.text(" ");
-        out.text_integer(grid.vertex(block.nodes[e * count + v]));
-      }
-      out.text("\n");
+      const std::span nodes(block.nodes.data() + e * count, count);
+      if (dimension == grid.mesh.dimension || grid.is_side(block.shape, nodes)) body(b, block, nodes);
     }
   }
+}
+
+std::int64_t written_elements(const Grid& grid, int dimension) {
+  std::int64_t count = 0;
+  for_each_written(grid, dimension, [&](std::size_t, const ElementBlock&, std::span<const std::int32_t>) { ++count; });
+  return count;
+}
+
+void write_elements(const Grid& grid, int dimension, const MfemAttributes& attributes, BufferedOutput& out) {
+  out.text(dimension == grid.mesh.dimension ? "\nelements\n" : "\nboundary\n");
+  out.text_integer(written_elements(grid, dimension));
+  out.text("\n");
+  for_each_written(grid, dimension, [&](std::size_t b, const ElementBlock& block, std::span<const std::int32_t> nodes) {
+    out.text_integer(attributes.of_block[b]);
+    out.text(" ");
+    out.text_integer(mfem_geometry(block.shape));
+    for (std::size_t v = 0; v < std::size_t(reference::info(block.shape).vertices); ++v) {
+      out.text(" ");
+      out.text_integer(grid.vertex(nodes[v]));
+    }
+    out.text("\n");
+  });
 }
 
 void write_sets(std::string_view section, const MfemAttributes& attributes, BufferedOutput& out) {
@@ -273,6 +297,13 @@ std::string not_in_mfem(const HighOrderMesh& mesh) {
   for (int d = mesh.dimension - 2; d >= 0; --d)
     if (const std::size_t n = mesh.element_count(d); n > 0)
       lost.push_back(std::to_string(n) + (d == 0 ? " point" : " line") + (n == 1 ? "" : "s"));
+  const auto sides = mesh.dimension > 1 ? std::int64_t(mesh.element_count(mesh.dimension - 1)) : 0;
+  if (sides > 0) {
+    const Grid grid(mesh, mfem_nodes_of(mesh));
+    if (const std::int64_t n = sides - written_elements(grid, mesh.dimension - 1); n > 0)
+      lost.push_back(std::to_string(n) + (n == 1 ? " boundary element that is" : " boundary elements that are") +
+                     " no side of an element");
+  }
   if (!mesh.periodic.empty()) lost.push_back("periodic links");
   if (std::any_of(mesh.blocks.begin(), mesh.blocks.end(), [](const auto& block) { return !block.partitions.empty(); }))
     lost.push_back("partitions");

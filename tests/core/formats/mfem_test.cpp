@@ -213,6 +213,30 @@ TEST(Mfem, GivesElementsInSeveralGroupsAnAttributeOfTheirOwn) {
             test::written(read_back(test::written(back, Format::Mfem)), Format::Mfem));
 }
 
+/// A triangle and some lines: pairs of nodes, counted from 0. Node 3 is on no triangle.
+HighOrderMesh triangle_with_lines(const std::vector<std::int32_t>& lines) {
+  HighOrderMesh mesh = test::one_cell(Shape::Triangle, 1);
+  mesh.coordinates.insert(mesh.coordinates.end(), {5, 5, 0});
+  mesh.node_numbers.push_back(99);
+  ElementBlock block;
+  block.shape = Shape::Line;
+  block.order = 1;
+  block.nodes = lines;
+  for (std::size_t line = 0; line < lines.size() / 2; ++line) block.numbers.push_back(100 + std::int64_t(line));
+  mesh.blocks.push_back(block);
+  return mesh;
+}
+
+TEST(Mfem, LeavesOutElementsOfTheBoundaryThatAreNoSides) {
+  const HighOrderMesh stray = triangle_with_lines({0, 1, 2, 3});
+  EXPECT_NE(formats::left_out(stray, Format::Mfem).find("1 boundary element that is no side of an element"),
+            std::string::npos);
+  EXPECT_EQ(read_back(test::written(stray, Format::Mfem)).element_count(1), 1U);
+  const HighOrderMesh sides = triangle_with_lines({0, 1, 1, 2});
+  EXPECT_EQ(formats::left_out(sides, Format::Mfem).find("boundary element"), std::string::npos);
+  EXPECT_EQ(read_back(test::written(sides, Format::Mfem)).element_count(1), 2U);
+}
+
 TEST(Mfem, SaysWhatItLeavesOut) {
   HighOrderMesh mesh = testing::grid(Filling::Tetrahedra, {1, 1, 1}, 2);
   EXPECT_EQ(formats::left_out(read_back(test::written(mesh, Format::Mfem)), Format::Mfem), "");
