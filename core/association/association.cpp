@@ -55,8 +55,8 @@ class Placing {
     return Eigen::Map<const Eigen::Vector3d>(&mesh_.coordinates[3 * static_cast<std::size_t>(node)]);
   }
 
-  /// A curve of the surface on both of whose sides it lies, and past which its parameters do not go on; −1 if the node
-  /// is on none.
+  /// The curve that the node lies on, if the surface lies on both sides of this curve and its parameters do not go on
+  /// past it. Otherwise the dimension is −1.
   NodeEntity slit(std::int32_t node, int surface) const {
     const geometry::SurfaceShape& shape = *geometry_.surfaces[static_cast<std::size_t>(surface)].shape;
     if (shape.u_range().period > 0 || shape.v_range().period > 0) return {};
@@ -75,8 +75,8 @@ class Placing {
     return std::ranges::all_of(surfaces, [&](int s) { return std::ranges::find(of, s) != of.end(); });
   }
 
-  /// The vertex at x that lies on all the surfaces. The vertex of a closed curve on which the node may pass it, because
-  /// no other curve but seams ends there, is none.
+  /// The vertex at x that lies on all the surfaces. The vertex of a closed curve does not count if only seams end there
+  /// besides: a node may pass it.
   NodeEntity vertex_at(const Eigen::Vector3d& x, const std::vector<int>& surfaces) const {
     for (std::size_t v = 0; v < geometry_.vertices.size(); ++v) {
       const double distance = (geometry_.vertices[v].x - x).norm();

@@ -60,15 +60,15 @@ inline constexpr double kMatchTolerance = 1e-3;
 /// Associates the mesh with the geometry.
 ///
 /// Each surface of the mesh is matched first: the surface with the same tag if samples of the mesh lie on it, else the
-/// one surface on which they do. A surface fits if the samples lie within kMatchTolerance of it and inside its
-/// boundary. If two fit equally well, neither is taken. A node on elements of one surface belongs to this surface; a
-/// node on elements of several belongs to the nearest curve or vertex that bounds all of them. Parameters come from
-/// projection, since those of files are often incomplete.
+/// one surface on which they do. A surface fits if the samples lie within kMatchTolerance of it and more than half of
+/// them inside its boundary. If two fit equally well, neither is taken. A node on elements of one surface belongs to
+/// it; a node on elements of several belongs to the nearest curve or vertex that bounds all of them. Parameters come
+/// from projection, since those of files are often incomplete.
 ///
 /// If the mesh and the geometry differ in size by a usual factor between units (millimetres, metres, inches, …), the
-/// geometry is scaled. Errors: BadInput if no surface matches, with both sizes; if the mesh has no elements of
-/// dimension
-/// 2. The result does not depend on the number of threads. Call it inside team.run().
+/// geometry is scaled. Errors: BadInput if no surface matches, with both sizes, and if the mesh has no elements of
+/// dimension 2.
+/// The result does not depend on the number of threads. Call it inside team.run().
 Expected<Association> associate(const HighOrderMesh& mesh, const geometry::Geometry& geometry, const Team& team);
 
 /// Sentences for a person: what matched how, what did not, the largest distance of a node, and the first few nodes that

@@ -21,7 +21,7 @@ class Candidate {
  public:
   explicit Candidate(const geometry::Surface& surface) : shape_(surface.shape.get()), search_(*surface.shape) {}
 
-  /// The largest distance of the samples; infinite if one is farther than `limit`, or if half of them lie
+  /// The largest distance of the samples; infinite if one is farther than `limit`, or if half of them or more lie
   /// outside the surface's boundary.
   double distance(const std::vector<Eigen::Vector3d>& samples, double limit) const {
     double largest = 0;

@@ -22,48 +22,67 @@ double negligible(const Eigen::Vector3d& x, const Eigen::Vector3d& point) {
   return kRounding * (x.norm() + point.norm());
 }
 
+/// Where Newton's method stands.
+template <class Parameters, class ShapePoint>
+struct Place {
+  Parameters t;     ///< t of a curve, (u, v) of a surface.
+  ShapePoint at;    ///< The shape there.
+  double distance;  ///< From the point whose foot is sought.
+};
+
+/// Halves the step until the distance falls, and goes there. Returns whether the foot has moved by more than rounding.
+/// @param place_at  gives the Place for parameters, which it clamps to their ranges
+template <class Parameters, class ShapePoint, class PlaceAt>
+bool step_nearer(Place<Parameters, ShapePoint>& now, Parameters step, const Eigen::Vector3d& point,
+                 const PlaceAt& place_at) {
+  for (int half = 0; half < kMostHalvings; ++half, step /= 2) {
+    const Place<Parameters, ShapePoint> there = place_at(Parameters(now.t + step));
+    if (there.distance >= now.distance) continue;
+    const bool moved = (there.at.x - now.at.x).norm() > negligible(now.at.x, point);
+    now = there;
+    return moved;
+  }
+  return false;
+}
+
 }  // namespace
 
-// E(t) = ½ |C(t) − x|², E' = C'·(C − x), E'' = C'·C' + C''·(C − x). Where E'' is not positive, C'·C' replaces it.
+// E(t) = ½ |C(t) − x|², E' = C'·(C − x), E'' = C'·C' + C''·(C − x). If E'' < C'·C'/10, C'·C' replaces it.
 CurveFoot closest_from(const CurveShape& curve, const Eigen::Vector3d& point, double t) {
   const Range range = curve.range();
-  t = range.clamp(t);
-  CurvePoint at = curve.at(t);
-  double distance = distance_to(at.x, point);
-  for (int step = 0; step < kMostSteps && distance < kInfinity; ++step) {
+  const auto place_at = [&](double wish) {
+    const double clamped = range.clamp(wish);
+    const CurvePoint at = curve.at(clamped);
+    return Place<double, CurvePoint>{clamped, at, distance_to(at.x, point)};
+  };
+  auto now = place_at(t);
+  for (int step = 0; step < kMostSteps && now.distance < kInfinity; ++step) {
+    const CurvePoint& at = now.at;
     const Eigen::Vector3d off = at.x - point;
     const double slope = at.dt.dot(off), speed = at.dt.squaredNorm();
     double bend = speed + at.dtt.dot(off);
     if (bend < 0.1 * speed) bend = speed;
     if (bend <= 0) break;
-    double length = -slope / bend;
+    const double length = -slope / bend;
     if (at.dt.norm() * std::abs(length) <= negligible(at.x, point)) break;
-    bool moved = false;
-    for (int half = 0; half < kMostHalvings; ++half, length /= 2) {
-      const double trial = range.clamp(t + length);
-      const CurvePoint there = curve.at(trial);
-      const double reached = distance_to(there.x, point);
-      if (reached >= distance) continue;
-      moved = (there.x - at.x).norm() > negligible(at.x, point);
-      t = trial;
-      at = there;
-      distance = reached;
-      break;
-    }
-    if (!moved) break;
+    if (!step_nearer(now, length, point, place_at)) break;
   }
-  return {t, at.x, distance};
+  return {now.t, now.at.x, now.distance};
 }
 
-// The same with the 2 × 2 Hessian SᵀS + second derivatives · (S − x). If it is not positive definite, SᵀS replaces it.
+// The same with the 2 × 2 Hessian H = SᵀS + second derivatives · (S − x). SᵀS replaces it if it is not clearly positive
+// definite: if H₁₁ ≤ (SᵀS)₁₁/10 or det H ≤ det(SᵀS)/100.
 // A parameter that stands at an end of its range and would leave it is held.
 SurfaceFoot closest_from(const SurfaceShape& surface, const Eigen::Vector3d& point, double u, double v) {
   const Range range_u = surface.u_range(), range_v = surface.v_range();
-  u = range_u.clamp(u);
-  v = range_v.clamp(v);
-  SurfacePoint at = surface.at(u, v);
-  double distance = distance_to(at.x, point);
-  for (int step = 0; step < kMostSteps && distance < kInfinity; ++step) {
+  const auto place_at = [&](const Eigen::Vector2d& wish) {
+    const Eigen::Vector2d clamped(range_u.clamp(wish[0]), range_v.clamp(wish[1]));
+    const SurfacePoint at = surface.at(clamped[0], clamped[1]);
+    return Place<Eigen::Vector2d, SurfacePoint>{clamped, at, distance_to(at.x, point)};
+  };
+  auto now = place_at({u, v});
+  for (int step = 0; step < kMostSteps && now.distance < kInfinity; ++step) {
+    const SurfacePoint& at = now.at;
     const Eigen::Vector3d off = at.x - point;
     Eigen::Vector2d slope(at.du.dot(off), at.dv.dot(off));
     Eigen::Matrix2d first, second;
@@ -73,7 +92,7 @@ SurfaceFoot closest_from(const SurfaceShape& surface, const Eigen::Vector3d& poi
       return range.period <= 0 && ((t <= range.first - range.margin_before && downhill < 0) ||
                                    (t >= range.last + range.margin_after && downhill > 0));
     };
-    const std::array<bool, 2> hold = {held(range_u, u, -slope[0]), held(range_v, v, -slope[1])};
+    const std::array<bool, 2> hold = {held(range_u, now.t[0], -slope[0]), held(range_v, now.t[1], -slope[1])};
     Eigen::Matrix2d bend = first + second;
     if (bend(0, 0) <= 0.1 * first(0, 0) || bend.determinant() <= 0.01 * first.determinant()) bend = first;
     bend.diagonal() += 1e-14 * Eigen::Vector2d::Constant(first.trace());
@@ -84,30 +103,18 @@ SurfaceFoot closest_from(const SurfaceShape& surface, const Eigen::Vector3d& poi
         slope[k] = 0;
       }
     if (!(bend.determinant() > 0)) break;
-    Eigen::Vector2d length(-(bend(1, 1) * slope[0] - bend(0, 1) * slope[1]) / bend.determinant(),
-                           -(bend(0, 0) * slope[1] - bend(1, 0) * slope[0]) / bend.determinant());
+    const Eigen::Vector2d length(-(bend(1, 1) * slope[0] - bend(0, 1) * slope[1]) / bend.determinant(),
+                                 -(bend(0, 0) * slope[1] - bend(1, 0) * slope[0]) / bend.determinant());
     if ((at.du * length[0] + at.dv * length[1]).norm() <= negligible(at.x, point)) break;
-    bool moved = false;
-    for (int half = 0; half < kMostHalvings; ++half, length /= 2) {
-      const double trial_u = range_u.clamp(u + length[0]), trial_v = range_v.clamp(v + length[1]);
-      const SurfacePoint there = surface.at(trial_u, trial_v);
-      const double reached = distance_to(there.x, point);
-      if (reached >= distance) continue;
-      moved = (there.x - at.x).norm() > negligible(at.x, point);
-      u = trial_u;
-      v = trial_v;
-      at = there;
-      distance = reached;
-      break;
-    }
-    if (!moved) break;
+    if (!step_nearer(now, length, point, place_at)) break;
   }
-  return {u, v, at.x, distance};
+  return {now.t[0], now.t[1], now.at.x, now.distance};
 }
 
 namespace {
 
-/// The numbers of samples that are no farther than their neighbours, nearest first, kMostSeeds at most.
+/// The numbers of the kMostSeeds nearest samples, nearest first.
+/// @param seeds  distance and number of each sample that is no farther than its neighbours
 std::vector<int> nearest_first(std::vector<std::pair<double, int>> seeds) {
   const auto count = std::min<std::size_t>(seeds.size(), kMostSeeds);
   std::partial_sort(seeds.begin(), seeds.begin() + static_cast<std::ptrdiff_t>(count), seeds.end());

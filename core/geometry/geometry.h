@@ -1,5 +1,5 @@
 // The geometry on which the boundary nodes of a mesh lie: vertices, curves and surfaces with parameters, and which
-// bounds which. It knows no CAD program. analytic.h and discrete.h make geometries, and load.h reads CAD files.
+// bounds which. It knows no CAD program. analytic.h makes shapes from formulas, and load.h reads CAD files.
 // Internal to the library.
 #pragma once
 

@@ -11,7 +11,7 @@ namespace varimesh::geometry {
 
 /// Reads a STEP, IGES or BREP file with the plugin libvarimesh_opencascade.so. STEP and IGES come in millimetres,
 /// whatever the file's own unit is; BREP has no unit. All bodies of the file are read. Errors: BadInput if the file
-/// cannot be read or has no surface; BadOption if the plugin is not installed, with the package that has it.
+/// cannot be read or has no surface; BadOption if the plugin is not installed, with what to install.
 Expected<Geometry> load(const std::string& path);
 
 /// Where load() looks for the plugin, in this order: the file that the environment variable VARIMESH_OPENCASCADE names,

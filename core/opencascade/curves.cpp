@@ -2,6 +2,7 @@
 #include <Geom_BSplineCurve.hxx>
 #include <Geom_Curve.hxx>
 #include <Geom_TrimmedCurve.hxx>
+#include <Precision.hxx>
 #include <Standard_Failure.hxx>
 #include <algorithm>
 #include <limits>
@@ -13,8 +14,6 @@ namespace {
 
 using geometry::CurvePoint;
 using geometry::Range;
-
-Eigen::Vector3d vector(const gp_XYZ& a) { return {a.X(), a.Y(), a.Z()}; }
 
 // Geom_Curve has no caches, so threads may share it; adaptors have them.
 class EdgeCurve : public geometry::CurveShape {

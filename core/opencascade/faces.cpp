@@ -19,8 +19,6 @@ namespace {
 using geometry::Range;
 using geometry::SurfacePoint;
 
-Eigen::Vector3d vector(const gp_XYZ& a) { return {a.X(), a.Y(), a.Z()}; }
-
 // Geom_Surface has no caches, so threads may share it. The classifier has them, so a lock guards it.
 class FaceSurface : public geometry::SurfaceShape {
  public:

@@ -14,10 +14,10 @@
 #include <TopTools_IndexedMapOfShape.hxx>
 #include <TopoDS.hxx>
 #include <algorithm>
-#include <array>
+#include <exception>
 #include <fstream>
 #include <map>
-#include <sstream>
+#include <string>
 
 #include "core/geometry/plugin.h"
 #include "core/opencascade/shapes.h"

@@ -287,7 +287,7 @@ class EntityNewton {
     for (int k = 0; k < d; ++k) at[static_cast<std::size_t>(k)] += change[k];
     at = entity_.clamp(at);
     Eigen::Vector3d x = entity_.at(at).x;
-    // Where the parameters are uneven, the tangent is no guide.
+    // If the parameters are uneven, the tangent is no guide.
     if (!((x - node.x - by).norm() <= 0.3 * by.norm())) {
       at = entity_.closest(node.x + by, node.at);
       x = entity_.at(at).x;

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <optional>
 
 #include "core/geometry/closest_point.h"
 #include "core/slide/between_nodes.h"
@@ -95,11 +96,15 @@ class Sliding {
     team_.for_each(static_cast<std::int32_t>(association_.surfaces.size()), 1, [&](std::int32_t s) {
       SurfaceNodes& own = association_.surfaces[static_cast<std::size_t>(s)];
       const geometry::SurfaceShape& shape = *association_.geometry.surfaces[static_cast<std::size_t>(s)].shape;
+      std::optional<geometry::SurfaceSearch> search;  // samples the whole surface, and few nodes need it
       for (std::size_t i = 0; i < own.nodes.size(); ++i) {
         const Eigen::Vector3d x = place(mesh_.coordinates, own.nodes[i]), old = place(at_start_, own.nodes[i]);
         if (x == old) continue;
         geometry::SurfaceFoot foot = geometry::closest_from(shape, x, own.parameters[i][0], own.parameters[i][1]);
-        if (foot.distance > 0.5 * (x - old).norm()) foot = geometry::SurfaceSearch(shape).closest(x);
+        if (foot.distance > 0.5 * (x - old).norm()) {
+          if (!search) search.emplace(shape);
+          foot = search->closest(x);
+        }
         own.parameters[i] = {foot.u, foot.v};
       }
     });
@@ -137,8 +142,8 @@ class Sliding {
     }
   }
 
-  /// Slides the nodes of one entity, and takes the largest part of the way that neither folds elements, nor raises a
-  /// distance, nor takes a node out of the entity.
+  /// Slides the nodes of one entity, and takes the largest part of the way on which the number of folded elements and
+  /// the distances do not rise and no node leaves the entity.
   template <class Slide, class Point, class Inside, class Measure>
   Outcome choose(const std::vector<EntityNode>& start, const Slide& slide_nodes, const Point& point,
                  const Inside& inside, const Measure& measure) {
@@ -153,12 +158,15 @@ class Sliding {
     const double rounding = kRounding * association_.size;
     for (const double part : kParts) {
       std::vector<EntityNode> nodes = start;
+      bool moves = false;
       for (std::size_t i = 0; i < nodes.size(); ++i) {
-        if (!nodes[i].free) continue;
+        if (!nodes[i].free || slide.nodes[i].at == start[i].at) continue;  // nodes at poles stay as they are, too
+        moves = true;
         for (std::size_t k = 0; k < 2; ++k) nodes[i].at[k] += part * (slide.nodes[i].at[k] - start[i].at[k]);
         nodes[i].x = part == 1 ? slide.nodes[i].x : point(nodes[i]);
         place(coordinates, nodes[i].node) = nodes[i].x;
       }
+      if (!moves) return outcome;
       if (leaves(start, nodes, inside)) continue;
       const Distances after = measure(nodes, coordinates);
       if (after.largest > outcome.before.largest + rounding || after.rms() > outcome.before.rms() + rounding) continue;
@@ -205,12 +213,13 @@ Expected<SlideOn> slide_on_from_name(std::string_view name) {
 }
 
 std::string SlideReport::sentence(double size) const {
-  char text[512];
+  char text[768];
+  const std::string held = held_back == 0 ? "" : " (on " + std::to_string(held_back) + " they were held back)";
   std::snprintf(text, sizeof text,
-                "%lld boundary nodes slid on %d curves and %d surfaces, by at most %.3g (%.2g of the mesh's size); "
+                "%lld boundary nodes slid on %d curves and %d surfaces%s, by at most %.3g (%.2g of the mesh's size); "
                 "folded surface elements: %lld before, %lld after. Distance between the boundary and the geometry: rms "
                 "%.3g before, %.3g after; largest %.3g before, %.3g after.",
-                static_cast<long long>(nodes), curves, surfaces, farthest, farthest / size,
+                static_cast<long long>(nodes), curves, surfaces, held.c_str(), farthest, farthest / size,
                 static_cast<long long>(folded_before), static_cast<long long>(folded_after), before.rms, after.rms,
                 before.largest, after.largest);
   return text;

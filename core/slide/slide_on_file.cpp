@@ -9,26 +9,29 @@
 namespace varimesh {
 namespace {
 
-bool is_named(const PhysicalGroup& group, const std::string& name) {
-  const std::string tag = std::to_string(group.tag);
-  return name == group.name || name == tag || name == std::to_string(group.dimension) + ":" + tag;
+/// Whether `name` means the physical group of this dimension and tag, by its name, its tag or "dimension:tag". Groups
+/// without a name are not in HighOrderMesh::physical_groups.
+bool is_named(const HighOrderMesh& mesh, int dimension, int tag, const std::string& name) {
+  const std::string number = std::to_string(tag);
+  if (name == number || name == std::to_string(dimension) + ":" + number) return true;
+  return std::ranges::any_of(mesh.physical_groups, [&](const PhysicalGroup& group) {
+    return group.dimension == dimension && group.tag == tag && group.name == name;
+  });
 }
 
 Expected<std::vector<bool>> nodes_of_groups(const HighOrderMesh& mesh, const std::vector<std::string>& names) {
   std::vector<bool> fixed(mesh.node_count(), false);
   for (const std::string& name : names) {
     bool found = false;
-    for (const PhysicalGroup& group : mesh.physical_groups) {
-      if (!is_named(group, name)) continue;
+    for (const ElementBlock& block : mesh.blocks) {
+      const int dimension = reference::info(block.shape).dimension;
+      const bool in_group =
+          std::ranges::any_of(block.physical, [&](int tag) { return is_named(mesh, dimension, tag, name); });
+      if (!in_group) continue;
       found = true;
-      for (const ElementBlock& block : mesh.blocks) {
-        const bool in_group = reference::info(block.shape).dimension == group.dimension &&
-                              std::ranges::find(block.physical, group.tag) != block.physical.end();
-        if (!in_group) continue;
-        for (const std::int32_t node : block.nodes) fixed[static_cast<std::size_t>(node)] = true;
-      }
+      for (const std::int32_t node : block.nodes) fixed[static_cast<std::size_t>(node)] = true;
     }
-    if (!found) return bad_option("The mesh has no physical group '" + name + "', which fix names.");
+    if (!found) return bad_option("The mesh has no elements of a physical group '" + name + "', which fix names.");
   }
   return fixed;
 }
