@@ -83,7 +83,7 @@ void add_state_flags(CLI::App& app, ServerOptions& options, Units& units) {
   app.add_option("--min-ended-age", units.ended_minutes,
                  "Minutes for which every ended job is remembered, however many there are")
       ->capture_default_str()
-      ->check(CLI::NonNegativeNumber);
+      ->check(CLI::Range(0, 60 * 24 * 36500));  // a century; more nanoseconds would overflow
   app.add_option("--max-store-bytes", limits.max_store_bytes,
                  "Delete the oldest meshes that no job refers to when the store is larger than this; 0: no limit")
       ->capture_default_str()

@@ -30,8 +30,9 @@ bool has_listener(const std::string& path) {
   std::memcpy(name.sun_path, path.data(), path.size());
   const int probe = ::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
   if (probe < 0) return false;
-  // EAGAIN: there is a listener, and its queue is full.
-  const bool heard = ::connect(probe, reinterpret_cast<const sockaddr*>(&name), sizeof name) == 0 || errno == EAGAIN;
+  // EAGAIN: there is a listener, and its queue is full. EACCES, EPERM: it is the socket of another user.
+  const bool heard = ::connect(probe, reinterpret_cast<const sockaddr*>(&name), sizeof name) == 0 || errno == EAGAIN ||
+                     errno == EACCES || errno == EPERM;
   ::close(probe);
   return heard;
 }

@@ -146,7 +146,11 @@ Expected<RunSummary> run(RunRequest request, const RunHooks& hooks) {
   RunControl control = hooks.control;
   ProcessorWaits waits;
   if (control.threads)
-    control.threads = [&] { return std::min(hooks.control.threads(), waits.crowded() ? if_crowded : most); };
+    control.threads = [&] {
+      // A small mesh has one thread in any case. To ask costs a file per thread of this process.
+      const bool crowded = if_crowded < most && waits.crowded();
+      return std::min(hooks.control.threads(), crowded ? if_crowded : most);
+    };
   auto result = request.quality ? judge(std::move(file->mesh), *request.quality, request.options)
                                 : optimise(std::move(file->mesh), request.options, hooks.on_iteration, control);
   if (!result) return tl::unexpected(result.error());

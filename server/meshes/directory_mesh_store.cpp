@@ -111,26 +111,19 @@ Answer<StoredBytes> DirectoryMeshStore::adopt(const std::filesystem::path& path,
     Entries::iterator found;
     std::tie(found, is_new) = entries_.try_emplace(stored.digest);
     Entry& entry = found->second;
-    // The new file replaces one that may have been damaged since it was stored. A compressed one is kept, since it
-    // would have to be compressed again.
-    struct stat status {};
-    const bool is_kept = !is_new && !entry.lost && entry.form == Form::Zstd &&
-                         ::lstat(path_of(stored.digest, Form::Zstd).c_str(), &status) == 0 &&
-                         status.st_size == entry.stored;
+    // The new file replaces one that may have been damaged since it was stored.
     std::error_code error;
-    if (!is_kept) std::filesystem::rename(path, path_of(stored.digest, Form::Plain), error);
+    std::filesystem::rename(path, path_of(stored.digest, Form::Plain), error);
     if (error) {
       if (is_new) entries_.erase(found);
       errno = error.value();
       return cannot_store("a finished file cannot be renamed");
     }
-    if (!is_kept) {
-      if (entry.form == Form::Zstd) std::filesystem::remove(path_of(stored.digest, Form::Zstd), error);
-      entry.size = entry.stored = stored.size;
-      entry.form = Form::Plain;
-      entry.stays_plain = entry.lost = false;
-      entry.writing = ++writings_;
-    }
+    if (entry.form == Form::Zstd) std::filesystem::remove(path_of(stored.digest, Form::Zstd), error);
+    entry.size = entry.stored = stored.size;
+    entry.form = Form::Plain;
+    entry.stays_plain = entry.lost = false;
+    entry.writing = ++writings_;
     entry.touched = settings_.clock();
     if (pinned)
       entry.pinned = true;

@@ -111,6 +111,8 @@ class DirectoryMeshStore : public MeshStore {
   Answer<std::shared_ptr<Upload>> find(const UploadTicket& ticket);
   /// Null if the mesh is in the store by now.
   Answer<std::shared_ptr<Upload>> find_or_make(const std::string& id, const std::string& digest, std::int64_t size);
+  /// Requires the lock of the upload. Keeps room for what it still needs; null if there is none.
+  std::shared_ptr<const void> room_for(Upload& upload);
   /// Requires the lock of the upload. Removes it from the store.
   void forget(const std::string& id, Upload& upload);
   /// Requires the lock. The entry of a mesh whose file has the right size, noted as used now; entries_.end() if there

@@ -4,8 +4,8 @@
 #include <algorithm>
 #include <atomic>
 #include <cstdint>
+#include <memory>
 #include <mutex>
-#include <optional>
 #include <utility>
 
 #include "core/base/sha256.h"
@@ -52,7 +52,7 @@ struct DirectoryMeshStore::Upload {
   std::int64_t generation = 0;  ///< Number of the newest stream.
   bool ended = false;           ///< The store has dropped or finished it.
   std::filesystem::path path;
-  std::optional<Promise> promise;
+  std::weak_ptr<Promise> promise;  ///< Of the streams that hold tickets.
   Sha256 hash;
   std::chrono::steady_clock::time_point touched;
 };

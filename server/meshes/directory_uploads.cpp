@@ -47,9 +47,25 @@ Answer<UploadTicket> DirectoryMeshStore::begin_upload(const std::string& id, con
     std::lock_guard lock(upload.mutex);
     if (upload.ended) continue;
     if (upload.digest != digest || upload.size != size) return upload_id_used(id);
+    const auto room = room_for(upload);
+    if (!room) {
+      if (upload.committed == 0) forget(id, upload);
+      return store_full("The server's disk has no room for a mesh of " + std::to_string(size) + " bytes");
+    }
     upload.touched = settings_.clock();
-    return UploadTicket{id, ++upload.generation, upload.committed, false};
+    return UploadTicket{id, ++upload.generation, upload.committed, false, room};
   }
+}
+
+std::shared_ptr<const void> DirectoryMeshStore::room_for(Upload& upload) {
+  std::lock_guard lock(mutex_);
+  std::shared_ptr<Promise> promise = upload.promise.lock();
+  if (promise != nullptr) return promise;
+  const std::int64_t left = upload.size - upload.committed;
+  if (!has_room(left + promised_)) return nullptr;
+  promise = std::make_shared<Promise>(promised_, left);
+  upload.promise = promise;
+  return promise;
 }
 
 Answer<std::shared_ptr<DirectoryMeshStore::Upload>> DirectoryMeshStore::find_or_make(const std::string& id,
@@ -66,10 +82,6 @@ Answer<std::shared_ptr<DirectoryMeshStore::Upload>> DirectoryMeshStore::find_or_
   made->digest = digest;
   made->size = size;
   made->touched = settings_.clock();
-  if (!has_room(size + promised_)) {
-    uploads_.erase(id);
-    return store_full("The server's disk has no room for a mesh of " + std::to_string(size) + " bytes");
-  }
   const int file = ::open(path.c_str(), O_CREAT | O_EXCL | O_WRONLY | O_CLOEXEC | O_NOFOLLOW, 0600);
   if (file < 0) {
     uploads_.erase(id);
@@ -77,7 +89,6 @@ Answer<std::shared_ptr<DirectoryMeshStore::Upload>> DirectoryMeshStore::find_or_
   }
   ::close(file);
   made->path = path;
-  made->promise.emplace(promised_, size);
   return upload = std::move(made);
 }
 
@@ -101,7 +112,7 @@ Answer<std::int64_t> DirectoryMeshStore::append(const UploadTicket& ticket, std:
     return upload_larger_than_declared(upload.size);
   }
   if (!write_at(upload.path, upload.committed, bytes)) return cannot_store("the disk cannot take more data");
-  upload.promise->keep(static_cast<std::int64_t>(bytes.size()));
+  if (const auto promise = upload.promise.lock()) promise->keep(static_cast<std::int64_t>(bytes.size()));
   upload.hash.update(bytes);
   upload.committed += static_cast<std::int64_t>(bytes.size());
   upload.touched = settings_.clock();

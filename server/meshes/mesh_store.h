@@ -60,6 +60,9 @@ struct UploadTicket {
   std::int64_t generation = 0;
   std::int64_t committed = 0;  ///< The number of bytes that need not be sent again.
   bool complete = false;       ///< The mesh is already in the store.
+  /// Room in the store for the bytes that are still to come. It is kept as long as a stream holds its ticket: an upload
+  /// whose stream was cut takes no room from others.
+  std::shared_ptr<const void> room = nullptr;
 };
 
 struct UploadProgress {

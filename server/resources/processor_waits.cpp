@@ -1,3 +1,4 @@
+// Adds up the times that the system counts for each thread.
 #include "server/resources/processor_waits.h"
 
 #include <fstream>

@@ -1,4 +1,4 @@
-// Whether this process has to wait for processors, because other programs compute too.
+// Whether the threads of this process have to wait for processors, as they do if other programs compute too.
 #pragma once
 
 #include <cstdint>

@@ -272,12 +272,13 @@ Ending run(const Attempt& attempt) {
   const bool can_be_saved = attempt.note_checkpoint != nullptr && options->repair != Repair::Split;
   hooks.on_iteration = [&](const Iteration& iteration) {
     progress(iteration);
-    const bool is_safe = !can_be_saved || checkpoints.has_saved(iteration.number);
+    // Rounds for accuracy are never saved either.
+    const bool is_safe = !can_be_saved || iteration.phase == Phase::Accuracy || checkpoints.has_saved(iteration.number);
     return attempt.cancelled() || (attempt.stopping() && (is_safe || stop_at_once())) ? Control::Stop
                                                                                       : Control::Continue;
   };
   hooks.on_note = [&](const std::string& sentence) { progress.note(sentence); };
-  hooks.control.stop_asked = [&] { return stop_at_once(); };
+  hooks.control.stop_asked = [&] { return stop_at_once() || (!can_be_saved && attempt.stopping()); };
   hooks.control.threads = attempt.threads.now;
   hooks.control.checkpoint_due = [&](const Iteration& iteration) { return checkpoints.due(iteration.number); };
   hooks.control.save_checkpoint = [&](const Iteration& iteration, const WriteCheckpoint& write) {

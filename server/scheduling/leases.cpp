@@ -37,7 +37,8 @@ void Scheduler::renew_leases() {
   for (const auto& running : all) {
     const auto cancel = jobs_->renew_lease(running->claim);
     if (!cancel) settings_.log(running->claim.name, "lease cannot be renewed: " + cancel.error().sentence);
-    const bool lost = !cancel && cancel.error().code == Failure::Code::Aborted;
+    const bool lost =
+        !cancel && (cancel.error().code == Failure::Code::Aborted || cancel.error().code == Failure::Code::DataLoss);
     if (lost || (cancel && *cancel)) running->cancelled = true;
   }
 }

@@ -82,7 +82,7 @@ Answer<v1::Job> Scheduler::submit(const std::string& request_id, const v1::JobSp
   if (request_id.size() > 128) return bad_request("The request id must have at most 128 bytes.");
   if (const auto checked = check(spec); !checked) return tl::unexpected(checked.error());
   if (validate_only) {
-    // Whoever asks is told that the store has the mesh.
+    // The client now expects that the store keeps the mesh.
     if (!meshes_->pin(spec.mesh().digest())) return mesh_missing(spec.mesh().digest());
     v1::Job job;
     *job.mutable_spec() = spec;
@@ -94,6 +94,11 @@ Answer<v1::Job> Scheduler::submit(const std::string& request_id, const v1::JobSp
   // The lock is not held, so that many submissions share a transaction; nobody knows the job before the store does. The
   // reference is counted first, since the job may be run and deleted before submit() returns.
   meshes_->retain(spec.mesh().digest());
+  // A mesh that was deleted after check() has found it was not retained.
+  if (!meshes_->touch(spec.mesh().digest())) {
+    meshes_->release(spec.mesh().digest());
+    return mesh_missing(spec.mesh().digest());
+  }
   auto submitted = jobs_->submit(
       {request_id, spec, settings_.new_name(), settings_.max_pending, owner, settings_.max_pending_of_owner});
   const bool is_new = submitted && !submitted->events.empty();
@@ -310,11 +315,12 @@ bool Scheduler::finish(const Running& running, const Ending& ending) {
   const std::string& name = running.claim.name;
   const auto finished = change(name, [&](std::int64_t last) { return jobs_->finish(running.claim, ending, last); });
   if (!finished) {
+    const Failure::Code code = finished.error().code;
     const bool lost =
-        finished.error().code == Failure::Code::Aborted || finished.error().code == Failure::Code::NotFound;
+        code == Failure::Code::Aborted || code == Failure::Code::NotFound || code == Failure::Code::DataLoss;
     settings_.log(name, "cannot be finished: " + finished.error().sentence);
     if (!lost) return false;
-    // Another worker has the job now, so the results of this attempt are deleted.
+    // Another worker has the job now, or its record is gone or damaged. The results of this attempt are deleted.
     release(ending);
   }
   erase(running);

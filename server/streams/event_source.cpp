@@ -18,18 +18,18 @@ Pull EventSource::pull(v1::JobEvent* event, bool idle) {
     case EventLog::Next::Wait:
       break;
   }
-  const auto now = std::chrono::system_clock::now();
-  std::optional<v1::Work> work = new_work(now);
+  std::optional<v1::Work> work = new_work();
   if (!work && !idle) return Pull::Wait;
   event->set_sequence(cursor_);
-  *event->mutable_time() = timestamp(now);
+  *event->mutable_time() = timestamp(std::chrono::system_clock::now());
   v1::Bookmark* bookmark = event->mutable_bookmark();
   if (work) *bookmark->mutable_work() = std::move(*work);
   return Pull::Message;
 }
 
-std::optional<v1::Work> EventSource::new_work(std::chrono::system_clock::time_point now) {
-  if (now < last_work_ + min_interval_) return std::nullopt;
+std::optional<v1::Work> EventSource::new_work() {
+  const auto now = std::chrono::steady_clock::now();
+  if (last_work_ && now - *last_work_ < min_interval_) return std::nullopt;
   std::optional<v1::Work> work = log_->work_after(works_seen_);
   if (work) last_work_ = now;
   return work;

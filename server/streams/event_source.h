@@ -23,12 +23,13 @@ class EventSource {
 
  private:
   /// The work of the run, if it is new and the last was delivered at least the interval ago.
-  std::optional<v1::Work> new_work(std::chrono::system_clock::time_point now);
+  std::optional<v1::Work> new_work();
 
   const std::shared_ptr<EventLog> log_;
   std::int64_t cursor_;
   const std::chrono::nanoseconds min_interval_;
-  std::chrono::system_clock::time_point last_iteration_{}, last_work_{};
+  std::chrono::system_clock::time_point last_iteration_{};
+  std::optional<std::chrono::steady_clock::time_point> last_work_;  ///< When the last work was delivered.
   std::int64_t works_seen_ = 0;
 };
 

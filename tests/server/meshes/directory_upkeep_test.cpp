@@ -81,7 +81,11 @@ TEST_F(IdleMesh, IsCompressedAfterAWhile) {
       EXPECT_EQ(in_pieces(stored.digest, offset, zstd), bytes.substr(static_cast<std::size_t>(offset)));
   EXPECT_EQ(in_pieces(stored.digest, stored.size, false), "");
   EXPECT_EQ(write(*store_, bytes).digest, stored.digest) << "the same bytes again";
+  EXPECT_FALSE(is_compressed(stored.digest)) << "the new file replaces the old one, which may be damaged";
+  EXPECT_EQ(whole(stored.digest), bytes);
+  rest();
   EXPECT_TRUE(is_compressed(stored.digest));
+  EXPECT_EQ(whole(stored.digest), bytes);
 }
 
 TEST_F(IdleMesh, StaysReadableForItsOpenReaders) {

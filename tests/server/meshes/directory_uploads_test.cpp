@@ -83,6 +83,23 @@ TEST(DirectoryUploads, CannotTakeTheReserveTogether) {
   EXPECT_TRUE(store->begin_upload("3", sha256("3"), free / 6)) << "the writer has given its room back";
 }
 
+TEST(DirectoryUploads, TakeNoRoomFromOthersOnceTheyAreCut) {
+  DirectoryMeshSettings settings = settings_with();
+  settings.max_mesh_bytes = std::numeric_limits<std::int64_t>::max();
+  const auto free = static_cast<std::int64_t>(std::filesystem::space(::testing::TempDir()).available);
+  settings.reserve_bytes = free / 4;
+  const auto store = std::move(*DirectoryMeshStore::create(::testing::TempDir(), settings));
+  {
+    const auto first = store->begin_upload("1", sha256("1"), free / 2);
+    ASSERT_TRUE(first && store->append(*first, 0, "x"));
+    EXPECT_EQ(store->begin_upload("2", sha256("2"), free / 2).error().reason, "STORE_FULL");
+  }
+  const auto second = store->begin_upload("2", sha256("2"), free / 2);
+  EXPECT_TRUE(second) << "the stream of the first has ended";
+  EXPECT_EQ(store->begin_upload("1", sha256("1"), free / 2).error().reason, "STORE_FULL") << "its room is gone";
+  EXPECT_EQ(store->query_upload("1", sha256("1"))->committed, 1) << "it may go on later";
+}
+
 TEST(DirectoryUploads, AcceptASecondStreamWhileTheFirstFinishes) {
   const std::filesystem::path directory = std::filesystem::path(::testing::TempDir()) / "varimesh-cut";
   const auto store = std::move(*DirectoryMeshStore::open_directory(directory.string(), settings_with()));
