@@ -19,8 +19,8 @@ class Progress {
   Progress(bool quiet, const v1::Options& options);
   ~Progress();
 
-  /// Shows an iteration or the work inside one, if the last was not shown just before, a change of state or a message
-  /// of the server.
+  /// Shows a change of state, a message of the server, or, if the last was not shown just before, an iteration or the
+  /// work inside one.
   void show(const v1::JobEvent& event);
   /// Prints a message on a line of its own.
   void print(const std::string& message);
@@ -30,7 +30,7 @@ class Progress {
  private:
   void show(const v1::Iteration& iteration, bool last);
   void show(const v1::Work& work);
-  /// Whether so much time has passed since `time` that it is time to draw or print again.
+  /// Whether enough time has passed since `time` to draw or print again.
   bool is_due(std::chrono::steady_clock::time_point time) const;
   /// Draws a bar, the numbers and the time that is left, or prints numbers and time on a line of their own.
   void draw(const std::string& numbers, const std::string& left);

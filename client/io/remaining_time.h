@@ -11,8 +11,8 @@ namespace varimesh::client {
 /// Estimates the remaining time from the iterations so far. It assumes that the residual goes on falling at its recent
 /// rate, and that the job stops at the first of the limits in its options; a job may stop earlier for other reasons.
 /// With the objectives `worst` and `accuracy`, the number of stages or rounds is not known in advance, so only the time
-/// limit counts. An estimate
-/// that is higher than an earlier one shows that the residual does not fall as assumed, so it is no forecast.
+/// limit counts. An estimate that is higher than an earlier one shows that the residual does not fall as assumed, so it
+/// is no forecast.
 class RemainingTime {
  public:
   explicit RemainingTime(const v1::Options& options);
@@ -20,7 +20,7 @@ class RemainingTime {
   /// Takes the next iteration.
   void add(const v1::Iteration& iteration);
   /// The forecast, which never rises. Nothing if there is none: without a time limit, if the objective is `worst` or
-  /// `accuracy` or the current phase has had fewer than three iterations.
+  /// `accuracy`, or if the current phase has had fewer than three iterations.
   std::optional<double> seconds() const { return forecast_; }
 
  private:

@@ -160,7 +160,7 @@ std::vector<UnrepairableGroup> folded_faces(const HighOrderMesh& mesh, const Cel
       group.place = sample.place;
       group.determinant = sample.jacobian;
       const bool plane = mesh.dimension == 2;
-      if (sample.jacobian > 0) {
+      if (sample.is_curved) {
         group.sentence = names_of(cells, group) + ": its fixed face turns by more than 90° within itself at " +
                          place_text(group.place) + " and leaves hardly any room (" + number_text(sample.jacobian) +
                          "; a flat face leaves 1); mesh the boundary anew there, or refine it.";

@@ -207,6 +207,7 @@ bool FoldedFacets::folded(const Table& table, const Eigen::MatrixXd& coordinates
       const double length = std::sqrt(dot(normal[at(p)], normal[at(p)]));
       for (int c = 0; c < 3; ++c) unit(p, c) = length > 0 ? normal[at(p)][at(c)] / length : 0;
     }
+    sample.is_curved = true;
     sample.jacobian = face_room(table.fields, unit, kLeastRoom);
     if (sample.jacobian > kLeastRoom) return false;
   }

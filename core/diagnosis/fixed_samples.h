@@ -16,7 +16,8 @@ struct FixedSample {
   int dimension = 0;              ///< Of the smallest part of the cell it lies in: 0 vertex, 1 edge, 2 face, 3 inside.
   int vertex = -1;                ///< Local number of the vertex if the point is one.
   std::array<double, 3> place{};  ///< Physical coordinates.
-  double jacobian = 0;  ///< J there over the largest |J| sampled in the cell; for a facet, the same for its normal.
+  double jacobian = 0;     ///< J there over the largest |J| sampled in the cell; for a facet, the same for its normal.
+  bool is_curved = false;  ///< Of a folded facet: it is not flat, and `jacobian` is its room (face_room()).
 };
 
 /// The point condition: J must be positive at the points of a cell where it depends on fixed nodes only.
@@ -85,9 +86,8 @@ Eigen::MatrixXd bernstein_on_triangle(int degree, const Eigen::MatrixXd& points)
 double face_room(const Eigen::MatrixXd& fields, const Eigen::MatrixXd& normals, double enough);
 
 /// Flat fixed facets whose normal changes sign (in 2-D, straight edges whose tangent does), and curved fixed triangles
-/// whose normals turn by more than 90° and leave hardly any room. The jacobian of a sample is the
-/// smallest component of a normal along the longest over the longest, at most 0, or for a curved triangle its room,
-/// above 0.
+/// whose normals turn by more than 90° and leave hardly any room. The jacobian of a sample is the smallest component of
+/// a normal along the longest over the longest, at most 0; for a curved triangle it is the room, at least 0.
 class FoldedFacets {
  public:
   FoldedFacets(const HighOrderMesh& mesh, const Cells& cells);

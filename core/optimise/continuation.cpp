@@ -266,7 +266,12 @@ void Continuation::lower_loss(Result& result) {
                                     options.min_js, came_valid});
   });
   result.stop_reason = StopReason::Converged;
-  for (bool last = !descent_->begin() || options.max_iterations <= stage_run_->last().number; !last;) {
+  bool last = !descent_->begin();
+  if (!last && stage_run_->last().number >= options.max_iterations) {
+    result.stop_reason = StopReason::Iterations;
+    last = true;
+  }
+  while (!last) {
     if (control_.threads) team_.set_threads(control_.threads());
     const DescentRound round = descent_->round();
     last = round.last;

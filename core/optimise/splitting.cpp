@@ -97,7 +97,7 @@ class RunSequence {
   /// Whether the work that was allowed is done.
   bool out_of_work() const { return work_ >= most_work_; }
 
-  /// The same without untangling and with few iterations: untangling takes most of the time where a split is needed.
+  /// As run(), but without untangling and with few iterations: untangling takes most of the time if a split is needed.
   std::optional<Result> run_briefly(const HighOrderMesh& mesh) {
     const Options whole = options_;
     if (options_.method == Method::Auto) options_.method = Method::Newton;

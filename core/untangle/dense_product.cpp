@@ -40,33 +40,26 @@ using V = hn::Vec<D>;
 
 std::size_t TileRows() { return kVectors * hn::Lanes(D()); }
 
+/// Adds the rows x, y and z times a number to a column of a tile.
+HWY_INLINE void AddToColumn(V x, V y, V z, double number, V& p, V& q, V& r) {
+  const V w = hn::Set(D(), number);
+  p = hn::MulAdd(x, w, p);
+  q = hn::MulAdd(y, w, q);
+  r = hn::MulAdd(z, w, r);
+}
+
 /// One tile of A Bᵀ, column by column.
 HWY_INLINE void Tile(const double* HWY_RESTRICT a, const double* HWY_RESTRICT b, std::size_t depth,
                      double* HWY_RESTRICT out) {
   const D d;
   const std::size_t lanes = hn::Lanes(d);
-  V x, y, z, w;
   V p0 = hn::Zero(d), p1 = p0, p2 = p0, p3 = p0, q0 = p0, q1 = p0, q2 = p0, q3 = p0, r0 = p0, r1 = p0, r2 = p0, r3 = p0;
   for (std::size_t k = 0; k < depth; ++k, a += kVectors * lanes, b += kColumns) {
-    x = hn::LoadU(d, a);
-    y = hn::LoadU(d, a + lanes);
-    z = hn::LoadU(d, a + 2 * lanes);
-    w = hn::Set(d, b[0]);
-    p0 = hn::MulAdd(x, w, p0);
-    q0 = hn::MulAdd(y, w, q0);
-    r0 = hn::MulAdd(z, w, r0);
-    w = hn::Set(d, b[1]);
-    p1 = hn::MulAdd(x, w, p1);
-    q1 = hn::MulAdd(y, w, q1);
-    r1 = hn::MulAdd(z, w, r1);
-    w = hn::Set(d, b[2]);
-    p2 = hn::MulAdd(x, w, p2);
-    q2 = hn::MulAdd(y, w, q2);
-    r2 = hn::MulAdd(z, w, r2);
-    w = hn::Set(d, b[3]);
-    p3 = hn::MulAdd(x, w, p3);
-    q3 = hn::MulAdd(y, w, q3);
-    r3 = hn::MulAdd(z, w, r3);
+    const V x = hn::LoadU(d, a), y = hn::LoadU(d, a + lanes), z = hn::LoadU(d, a + 2 * lanes);
+    AddToColumn(x, y, z, b[0], p0, q0, r0);
+    AddToColumn(x, y, z, b[1], p1, q1, r1);
+    AddToColumn(x, y, z, b[2], p2, q2, r2);
+    AddToColumn(x, y, z, b[3], p3, q3, r3);
   }
   const V sums[] = {p0, q0, r0, p1, q1, r1, p2, q2, r2, p3, q3, r3};
   for (std::size_t i = 0; i < kVectors * kColumns; ++i) hn::StoreU(sums[i], d, out + i * lanes);

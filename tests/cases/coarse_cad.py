@@ -8,24 +8,7 @@ import sys
 from pathlib import Path
 
 import gmsh
-
-FOLDER = Path(sys.argv[1])
-
-
-def write(name, size):
-    for option, value in (("MeshSizeMin", size / 2), ("MeshSizeMax", size), ("MeshSizeFromCurvature", 0),
-                          ("HighOrderOptimize", 0), ("Binary", 1), ("RandomSeed", 1)):
-        gmsh.option.setNumber("Mesh." + option, value)
-    for order in (3, 4):
-        gmsh.model.mesh.clear()
-        gmsh.model.mesh.generate(3)
-        gmsh.model.mesh.setOrder(order)
-        gmsh.model.removePhysicalGroups()
-        for dimension, group in ((3, "body"), (2, "skin")):
-            tags = [tag for _, tag in gmsh.model.getEntities(dimension)]
-            gmsh.model.setPhysicalName(dimension, gmsh.model.addPhysicalGroup(dimension, tags, 1), group)
-        gmsh.write(str(FOLDER / f"{name}_p{order}.msh"))
-    gmsh.model.remove()
+from coarse_parts import write_all
 
 
 def torus(occ):
@@ -60,9 +43,4 @@ def bracket(occ):
     return 1.2
 
 
-gmsh.initialize(["", "-v", "1"])
-for make in (torus, pipes, bracket):
-    gmsh.model.add(make.__name__)
-    element_size = make(gmsh.model.occ)
-    gmsh.model.occ.synchronize()
-    write(make.__name__, element_size)
+write_all(Path(sys.argv[1]), (torus, pipes, bracket), (3, 4), 2)

@@ -19,11 +19,12 @@ import gmsh
 ORDERS = (2, 3, 4)
 
 
-def write(folder, name, size):
-    for option, value in (("MeshSizeMin", size / 3), ("MeshSizeMax", size), ("MeshSizeFromCurvature", 0),
+def write(folder, name, size, orders, finest):
+    """Writes the model in these orders, with elements of this size, and as small as 1 / finest of it."""
+    for option, value in (("MeshSizeMin", size / finest), ("MeshSizeMax", size), ("MeshSizeFromCurvature", 0),
                           ("HighOrderOptimize", 0), ("Binary", 1), ("RandomSeed", 1)):
         gmsh.option.setNumber("Mesh." + option, value)
-    for order in ORDERS:
+    for order in orders:
         gmsh.model.mesh.clear()
         gmsh.model.mesh.generate(3)
         gmsh.model.mesh.setOrder(order)
@@ -96,17 +97,20 @@ def nested(occ):
 PARTS = (lens, plate, blade, thread, nested)
 
 
-def main():
-    folder, names = Path(sys.argv[1]), sys.argv[2:]
+def write_all(folder, parts, orders, finest):
+    """Makes each part by its function, which builds the geometry and returns the size of elements, and writes it."""
     gmsh.initialize(["", "-v", "1"])
-    for make in PARTS:
-        if names and make.__name__ not in names:
-            continue
+    for make in parts:
         gmsh.model.add(make.__name__)
         size = make(gmsh.model.occ)
         gmsh.model.occ.synchronize()
-        write(folder, make.__name__, size)
+        write(folder, make.__name__, size, orders, finest)
         gmsh.model.remove()
+
+
+def main():
+    names = sys.argv[2:]
+    write_all(Path(sys.argv[1]), [make for make in PARTS if not names or make.__name__ in names], ORDERS, 3)
 
 
 if __name__ == "__main__":
