@@ -3,7 +3,7 @@
 
 #include "client/cli/names.h"
 #include "client/commands/commands.h"
-#include "client/commands/remote_job.h"
+#include "client/jobs/remote_job.h"
 #include "client/io/documents.h"
 #include "client/jobs/connection.h"
 #include "client/process/exit_status.h"

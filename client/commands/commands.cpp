@@ -18,6 +18,8 @@ std::vector<std::pair<std::string, Action>> add_commands(CLI::App& app) {
           {"submit", add_submit(app)},
           {"watch", add_watch(app)},
           {"result", add_result(app)},
+          {"wait", add_wait(app)},
+          {"results", add_results(app)},
           {"jobs", add_jobs(app)},
           {"cancel", add_cancel(app)},
           {"delete", add_delete(app)},

@@ -18,6 +18,8 @@ Action add_convert(CLI::App& app);
 Action add_submit(CLI::App& app);
 Action add_watch(CLI::App& app);
 Action add_result(CLI::App& app);
+Action add_wait(CLI::App& app);
+Action add_results(CLI::App& app);
 Action add_jobs(CLI::App& app);
 Action add_cancel(CLI::App& app);
 Action add_delete(CLI::App& app);

@@ -1,6 +1,6 @@
 // varimesh delete: deletes a job that has ended, and its results.
 #include "client/commands/commands.h"
-#include "client/commands/remote_job.h"
+#include "client/jobs/remote_job.h"
 #include "client/io/documents.h"
 #include "client/jobs/connection.h"
 #include "client/process/exit_status.h"

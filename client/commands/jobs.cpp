@@ -1,20 +1,21 @@
 // varimesh jobs: lists the jobs of a server.
-#include <fmt/chrono.h>
-#include <fmt/format.h>
-#include <google/protobuf/util/time_util.h>
+#include <sys/ioctl.h>
+#include <unistd.h>
 
-#include <ctime>
+#include <algorithm>
 #include <iostream>
 #include <map>
 #include <string>
 
 #include "client/cli/names.h"
 #include "client/commands/commands.h"
-#include "client/commands/remote_job.h"
 #include "client/io/documents.h"
+#include "client/io/job_table.h"
 #include "client/jobs/connection.h"
+#include "client/jobs/remote_job.h"
+#include "client/jobs/several.h"
 #include "client/process/exit_status.h"
-#include "core/base/utf8.h"
+#include "client/process/interrupts.h"
 
 namespace varimesh::client {
 namespace {
@@ -22,53 +23,73 @@ namespace {
 struct Arguments {
   CommonFlags common;
   std::vector<std::string> labels, states;
+  bool watch = false;
 };
 
-std::string row(const std::string& job, const std::string& state, const std::string& submitted,
-                const std::string& seconds, const std::string& iterations, const std::string& words) {
-  std::string line =
-      fmt::format("{:<24}  {:<10}  {:<19}  {:>8}  {:>10}  {}", job, state, submitted, seconds, iterations, words);
-  line.erase(line.find_last_not_of(' ') + 1);
-  return line + "\n";
+Expected<v1::ListJobsRequest> filter_of(const Arguments& arguments) {
+  v1::ListJobsRequest filter;
+  if (const auto labels = parse_labels(arguments.labels, filter.mutable_labels()); !labels)
+    return tl::unexpected(labels.error());
+  for (const std::string& name : arguments.states) {
+    const auto* state = value_of(*v1::JobState_descriptor(), name);
+    if (state == nullptr) return bad_option("There is no state '" + name + "'.");
+    filter.add_states(static_cast<v1::JobState>(state->number()));
+  }
+  return filter;
 }
 
-/// The time in the time zone of this machine: 2026-01-31 14:05:59.
-std::string local_time(const google::protobuf::Timestamp& time) {
-  const std::time_t seconds = time.seconds();
-  std::tm parts{};
-  if (seconds == 0 || localtime_r(&seconds, &parts) == nullptr) return "";
-  return fmt::format("{:%Y-%m-%d %H:%M:%S}", parts);
+void print_table(const std::vector<v1::Job>& jobs) {
+  std::cout << job_heading();
+  for (const v1::Job& job : jobs) std::cout << job_row(job);
 }
 
-/// How long the job has run, in seconds; empty if it has not begun.
-std::string time_run(const v1::Job& job) {
-  if (!job.has_start_time()) return "";
-  using google::protobuf::util::TimeUtil;
-  const auto end = job.has_end_time() ? job.end_time() : TimeUtil::GetCurrentTime();
-  return fmt::format("{:.1f} s", static_cast<double>(TimeUtil::DurationToMilliseconds(end - job.start_time())) / 1000);
+/// Draws as much of the table as the terminal holds, over what was there.
+void draw_table(const std::vector<v1::Job>& jobs) {
+  winsize size{};
+  const bool known = ioctl(STDOUT_FILENO, TIOCGWINSZ, &size) == 0 && size.ws_row > 4;
+  const std::size_t rows = known ? size.ws_row - 3U : 20U, columns = known ? size.ws_col : 80U;
+  std::string picture = "\x1b[H";
+  const auto add = [&](std::string line) {
+    if (line.ends_with('\n')) line.pop_back();
+    picture += line.substr(0, columns) + "\x1b[K\n";
+  };
+  add(job_heading());
+  for (std::size_t i = 0; i < std::min(rows, jobs.size()); ++i) add(job_row(jobs[i]));
+  if (jobs.size() > rows) add("and " + std::to_string(jobs.size() - rows) + " more");
+  std::cout << picture << "\x1b[J" << std::flush;
 }
 
-/// The name of the file, then the other labels. Words of others are made harmless for the terminal.
-std::string words_about(const v1::Job& job) {
-  std::map<std::string, std::string> labels(job.spec().labels().begin(), job.spec().labels().end());
-  std::string words = labels["file"];
-  labels.erase("file");
-  for (const auto& [key, value] : labels) words += (words.empty() ? "" : "  ") + key + "=" + value;
-  return as_plain_text(words);
+/// Shows the jobs every second until all have ended: on a terminal as a table that is drawn anew, elsewhere as one line
+/// whenever the state of a job changes.
+int watch(Client* client, const v1::ListJobsRequest& filter) {
+  const bool draws = isatty(STDOUT_FILENO) == 1;
+  if (draws) std::cout << "\x1b[2J";
+  std::map<std::string, v1::JobState> shown;
+  while (true) {
+    const auto jobs = client->list(filter);
+    if (!jobs && interrupted()) return kInterrupted;
+    if (!jobs) return print_error(jobs.error());
+    if (draws)
+      draw_table(*jobs);
+    else
+      for (auto job = jobs->rbegin(); job != jobs->rend(); ++job)
+        if (auto& state = shown[job->name()]; state != job->state()) {
+          state = job->state();
+          std::cout << job_row(*job) << std::flush;
+        }
+    if (std::ranges::all_of(*jobs, has_ended)) return kDone;
+    sleep_unless_interrupted(std::chrono::seconds(1));
+    if (interrupted()) return kInterrupted;
+  }
 }
 
 int list(const Arguments& arguments) {
-  v1::ListJobsRequest filter;
-  if (const auto labels = parse_labels(arguments.labels, filter.mutable_labels()); !labels)
-    return print_error(labels.error());
-  for (const std::string& name : arguments.states) {
-    const auto* state = value_of(*v1::JobState_descriptor(), name);
-    if (state == nullptr) return print_error(Error{Error::Kind::BadOption, "There is no state '" + name + "'."});
-    filter.add_states(static_cast<v1::JobState>(state->number()));
-  }
+  const auto filter = filter_of(arguments);
+  if (!filter) return print_error(filter.error());
   const auto connection = connect(arguments.common);
   if (!connection) return connection.error();
-  const auto jobs = connection->client->list(filter);
+  if (arguments.watch) return watch(connection->client.get(), *filter);
+  const auto jobs = connection->client->list(*filter);
   if (!jobs) return print_error(jobs.error());
   if (arguments.common.json) {
     Json documents = Json::array();
@@ -80,11 +101,7 @@ int list(const Arguments& arguments) {
     std::cerr << "There are no such jobs on the server." << std::endl;
     return kDone;
   }
-  std::cout << row("JOB", "STATE", "SUBMITTED", "RAN", "ITERATIONS", "FILE AND LABELS");
-  for (const v1::Job& job : *jobs)
-    std::cout << row(as_plain_text(job.name()), spelled(job.state()), local_time(job.create_time()), time_run(job),
-                     std::to_string(job.has_metrics() ? job.metrics().iterations() : job.iteration().number()),
-                     words_about(job));
+  print_table(*jobs);
   return kDone;
 }
 
@@ -97,6 +114,8 @@ Action add_jobs(CLI::App& app) {
       ->type_name("STATE")
       ->allow_extra_args(false);
   add_label_flag(command, &arguments->labels, "List only jobs with this label; may be repeated");
+  command.add_flag("--watch", arguments->watch, "Show the jobs again every second until all have ended")
+      ->excludes("--json");
   return [arguments] { return list(*arguments); };
 }
 

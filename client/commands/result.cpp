@@ -1,6 +1,6 @@
 // varimesh result: fetches the result of a job.
 #include "client/commands/commands.h"
-#include "client/commands/remote_job.h"
+#include "client/jobs/remote_job.h"
 #include "client/io/outputs.h"
 #include "client/jobs/connection.h"
 #include "client/jobs/deliver.h"

@@ -1,32 +1,36 @@
-// varimesh submit: sends a mesh to a server and prints the name of the job.
+// varimesh submit: sends meshes to a server and prints the names of the jobs.
+#include <filesystem>
 #include <iostream>
+#include <set>
 
 #include "client/cli/names.h"
 #include "client/cli/option_flags.h"
 #include "client/commands/commands.h"
-#include "client/commands/remote_job.h"
 #include "client/io/documents.h"
 #include "client/io/inputs.h"
 #include "client/jobs/connection.h"
+#include "client/jobs/remote_job.h"
 #include "client/process/exit_status.h"
+#include "core/base/utf8.h"
 
 namespace varimesh::client {
 namespace {
 
 struct Arguments {
   CommonFlags common;
-  Input input;
+  Input input;                      ///< What all meshes have in common; `mesh` is empty.
+  std::vector<std::string> meshes;  ///< Paths.
   std::string request_id;
   std::vector<std::string> formats, labels;
   int priority = 0;
   v1::Options options;
 };
 
+/// What all jobs have in common.
 Expected<v1::JobSpec> job_spec(const Arguments& arguments) {
   v1::JobSpec spec;
   if (const auto labels = parse_labels(arguments.labels, spec.mutable_labels()); !labels)
     return tl::unexpected(labels.error());
-  add_file_label(arguments.input.mesh, spec.mutable_labels());
   *spec.mutable_options() = arguments.options;
   spec.set_priority(arguments.priority);
   for (const std::string& name : arguments.formats) {
@@ -37,21 +41,63 @@ Expected<v1::JobSpec> job_spec(const Arguments& arguments) {
   return spec;
 }
 
+/// Several meshes are told apart by the names of their files: in the labels, and in the request ids.
+Expected<void> check_meshes(const Arguments& arguments) {
+  if (arguments.meshes.size() == 1) return {};
+  if (!arguments.input.displacements.empty() || !arguments.input.boundary.empty())
+    return bad_option("--displacements and --boundary belong to one mesh; submit the meshes one by one.");
+  if (arguments.request_id.empty()) return {};
+  std::set<std::string> names;
+  for (const std::string& path : arguments.meshes)
+    if (const std::string name = std::filesystem::path(path).filename().string(); !names.insert(name).second)
+      return bad_option("Two meshes have the file name " + name +
+                        ", so --request-id cannot tell them apart; submit them one by one, each with an id.");
+  return {};
+}
+
+/// Uploads a mesh and submits its job. The error is the exit status; its message has been printed.
+tl::expected<v1::Job, int> submit(Client* client, const Arguments& arguments, const std::string& path,
+                                  v1::JobSpec spec) {
+  Input input = arguments.input;
+  input.mesh = path;
+  add_file_label(path, spec.mutable_labels());
+  const auto mesh = upload(*client, input);
+  if (!mesh) return tl::unexpected(print_error(mesh.error()));
+  spec.mutable_mesh()->set_digest(mesh->digest());
+  std::string request_id = arguments.request_id;
+  if (!request_id.empty() && arguments.meshes.size() > 1)
+    request_id += ":" + std::filesystem::path(path).filename().string();
+  auto job = client->submit(spec, request_id);
+  if (!job) return tl::unexpected(print_error(job.error()));
+  return *job;
+}
+
 int submit(const Arguments& arguments) {
-  auto spec = job_spec(arguments);
+  if (const auto fine = check_meshes(arguments); !fine) return print_error(fine.error());
+  const auto spec = job_spec(arguments);
   if (!spec) return print_error(spec.error());
   const auto connection = connect(arguments.common);
   if (!connection) return connection.error();
-  const auto mesh = upload(*connection->client, arguments.input);
-  if (!mesh) return print_error(mesh.error());
-  spec->mutable_mesh()->set_digest(mesh->digest());
-  const auto job = connection->client->submit(*spec, arguments.request_id);
-  if (!job) return print_error(job.error());
-  if (arguments.common.json)
-    print(document(*job));
-  else
-    std::cout << job->name() << '\n';
-  return kDone;
+  Json documents = Json::array();
+  int status = kDone;
+  for (const std::string& path : arguments.meshes) {
+    const auto job = submit(connection->client.get(), arguments, path, *spec);
+    if (!job) {
+      if (status == kDone) status = job.error();
+      // A mesh that is refused is no reason to leave the others out; a server that is lost is.
+      if (job.error() == kServer || job.error() == kInterrupted) break;
+      if (arguments.meshes.size() > 1)
+        std::cerr << "varimesh: " << as_plain_text(path) << " was not submitted" << std::endl;
+      continue;
+    }
+    if (arguments.common.json)
+      documents.push_back(document(*job));
+    else
+      std::cout << job->name() << std::endl;
+  }
+  if (arguments.common.json && arguments.meshes.size() > 1) print({{"jobs", documents}});
+  if (arguments.common.json && arguments.meshes.size() == 1 && !documents.empty()) print(documents.front());
+  return status;
 }
 
 }  // namespace
@@ -59,8 +105,8 @@ int submit(const Arguments& arguments) {
 Action add_submit(CLI::App& app) {
   auto arguments = std::make_shared<Arguments>();
   CLI::App& command =
-      add_remote_command(app, "submit", "Send a mesh to a server and print the name of the job", &arguments->common);
-  add_input(command, &arguments->input);
+      add_remote_command(app, "submit", "Send meshes to a server and print the names of the jobs", &arguments->common);
+  add_inputs(command, &arguments->meshes, &arguments->input);
   command
       .add_option("--output-format", arguments->formats,
                   "Format of the result; default: that of the input; may be repeated")

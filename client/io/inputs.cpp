@@ -35,8 +35,9 @@ Outcome<void> move_boundary(HighOrderMesh& mesh, const Input& input) {
 
 }  // namespace
 
-void add_input(CLI::App& command, Input* input) {
-  command.add_option("input", input->mesh, "The mesh file to read")->required()->type_name("IN");
+namespace {
+
+void add_boundary_flags(CLI::App& command, Input* input) {
   command
       .add_option("--displacements", input->displacements,
                   "First move boundary nodes of a straight mesh; the file has one line 'number dx dy dz' per node")
@@ -47,6 +48,18 @@ void add_input(CLI::App& command, Input* input) {
           "First move each boundary node to the position that the node of the same number has in this mesh, which "
           "contains only the boundary")
       ->type_name("MESH");
+}
+
+}  // namespace
+
+void add_input(CLI::App& command, Input* input) {
+  command.add_option("input", input->mesh, "The mesh file to read")->required()->type_name("IN");
+  add_boundary_flags(command, input);
+}
+
+void add_inputs(CLI::App& command, std::vector<std::string>* meshes, Input* input) {
+  command.add_option("input", *meshes, "The mesh files to read, one job for each")->required()->type_name("IN");
+  add_boundary_flags(command, input);
 }
 
 void add_geometry_flags(CLI::App& command, GeometryOptions* geometry) {

@@ -4,6 +4,7 @@
 #include <CLI/CLI.hpp>
 #include <functional>
 #include <string>
+#include <vector>
 
 #include "client/client.h"
 #include "core/base/error.h"
@@ -21,6 +22,8 @@ struct Input {
 
 /// Adds the positional argument IN, and the flags --displacements and --boundary.
 void add_input(CLI::App& command, Input* input);
+/// The same for several meshes, whose paths go to `meshes`; `input` gets the rest.
+void add_inputs(CLI::App& command, std::vector<std::string>* meshes, Input* input);
 
 /// Adds the flags --geometry, --slide and --snap.
 void add_geometry_flags(CLI::App& command, GeometryOptions* geometry);

@@ -15,7 +15,8 @@ from support import LARGER, MESH, SOURCE, VARIMESH, VARIMESHD, Server
 
 RECIPES = SOURCE / "deploy" / "workflows"
 PATH = os.pathsep.join([str(Path(VARIMESH).parent), str(Path(VARIMESHD).parent), os.environ["PATH"]])
-NEEDS = {"Snakemake": ["snakemake", "gmsh"], "Page": ["snakemake", "gmsh", "cwltool"], "Recipes": []}
+NEEDS = {"Snakemake": ["snakemake", "gmsh"], "Page": ["snakemake", "gmsh", "cwltool"], "Recipes": [],
+         "Many": ["snakemake", "cwltool", "dask-scheduler"]}
 
 
 def varimesh(*arguments):
@@ -79,7 +80,7 @@ class Page(WithServer):
         (self.folder / "deploy").symlink_to(SOURCE / "deploy")
         shutil.copy(MESH, self.folder / "in.msh")
         blocks = re.findall(r"```sh\n(.*?)```", (SOURCE / "docs" / "workflows.md").read_text(), re.DOTALL)
-        self.assertEqual(len(blocks), 4)
+        self.assertEqual(len(blocks), 5)
         script = "set -e\ntrap 'kill %1' EXIT\n" + "\n".join(blocks)
         done = self.run_here("bash", "-c", script)
         self.assertEqual(done.returncode, 0, done.stdout)
@@ -134,7 +135,55 @@ class Recipes(WithServer):
         self.assertEqual(len(self.jobs()), 1)
 
     def test_the_airflow_recipe_compiles(self):
-        compile((RECIPES / "airflow_dag.py").read_text(), "airflow_dag.py", "exec")
+        for recipe in ("airflow_dag.py", "many/airflow_many_dag.py"):
+            compile((RECIPES / recipe).read_text(), recipe, "exec")
+
+
+class Many(WithServer):
+    """Each recipe for many meshes, with six of them."""
+
+    def setUp(self):
+        super().setUp()
+        (self.folder / "meshes").mkdir()
+        for number in range(6):
+            shutil.copy(MESH, self.folder / "meshes" / f"mesh{number}.msh")
+        self.meshes = sorted((self.folder / "meshes").iterdir())
+
+    def assert_all_certified(self, folder):
+        results = sorted((self.folder / folder).glob("*.msh"))
+        self.assertEqual([path.name for path in results], [path.name for path in self.meshes])
+        for path in results:
+            self.assertEqual(varimesh("quality", path, "--certify")[0], 0)
+        self.assertEqual({job["state"] for job in self.jobs()}, {"succeeded"})
+        self.assertEqual(len(self.jobs()), 6)
+
+    def test_snakemake(self):
+        command = ("snakemake", "--cores", 2, "--snakefile", RECIPES / "many" / "Snakefile", "--config",
+                   f"meshes={self.folder / 'meshes'}", f"server={self.server.address}")
+        done = self.run_here(*command)
+        self.assertEqual(done.returncode, 0, done.stdout)
+        self.assert_all_certified("results")
+        self.assertEqual(len((self.folder / "results.txt").read_text().splitlines()), 6)
+        shutil.rmtree(self.folder / "results")
+        shutil.rmtree(self.folder / "jobs")
+        (self.folder / "results.txt").unlink()
+        self.assertEqual(self.run_here(*command).returncode, 0)
+        self.assert_all_certified("results")  # and there are still six jobs
+
+    def test_cwl(self):
+        meshes = [word for mesh in self.meshes for word in ("--meshes", mesh)]
+        done = self.run_here("cwltool", "--quiet", "--parallel", "--no-container", "--preserve-environment", "PATH",
+                             "--outdir", "out", RECIPES / "many" / "many.cwl", "--server", self.server.address, *meshes)
+        self.assertEqual(done.returncode, 0, done.stdout)
+        self.assert_all_certified("out")
+
+    def test_dask(self):
+        self.environment["PYTHONPATH"] = str(Path(VARIMESH).parent / "python" / "package")
+        for _ in range(2):  # The second time, every task joins the job that there is.
+            done = self.run_here(sys.executable, RECIPES / "many" / "dask_many.py", self.server.address, "out", *self.meshes)
+            self.assertEqual(done.returncode, 0, done.stdout)
+            self.assertEqual(done.stdout.count("certified valid"), 6)
+            self.assert_all_certified("out")
 
 
 if __name__ == "__main__":

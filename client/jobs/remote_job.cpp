@@ -1,4 +1,4 @@
-#include "client/commands/remote_job.h"
+#include "client/jobs/remote_job.h"
 
 namespace varimesh::client {
 

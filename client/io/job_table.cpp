@@ -1,0 +1,79 @@
+#include "client/io/job_table.h"
+
+#include <fmt/chrono.h>
+#include <fmt/format.h>
+#include <google/protobuf/util/time_util.h>
+
+#include <ctime>
+#include <map>
+
+#include "client/cli/names.h"
+#include "core/base/utf8.h"
+
+namespace varimesh::client {
+namespace {
+
+std::string row(const std::string& job, const std::string& state, const std::string& submitted,
+                const std::string& seconds, const std::string& iterations, const std::string& words) {
+  std::string line =
+      fmt::format("{:<24}  {:<10}  {:<19}  {:>8}  {:>10}  {}", job, state, submitted, seconds, iterations, words);
+  line.erase(line.find_last_not_of(' ') + 1);
+  return line + "\n";
+}
+
+/// The time in the time zone of this machine: 2026-01-31 14:05:59.
+std::string local_time(const google::protobuf::Timestamp& time) {
+  const std::time_t seconds = time.seconds();
+  std::tm parts{};
+  if (seconds == 0 || localtime_r(&seconds, &parts) == nullptr) return "";
+  return fmt::format("{:%Y-%m-%d %H:%M:%S}", parts);
+}
+
+/// How long the job has run, in seconds; empty if it has not begun.
+std::string time_run(const v1::Job& job) {
+  if (!job.has_start_time()) return "";
+  using google::protobuf::util::TimeUtil;
+  const auto end = job.has_end_time() ? job.end_time() : TimeUtil::GetCurrentTime();
+  return fmt::format("{:.1f} s", static_cast<double>(TimeUtil::DurationToMilliseconds(end - job.start_time())) / 1000);
+}
+
+}  // namespace
+
+std::string job_heading() { return row("JOB", "STATE", "SUBMITTED", "RAN", "ITERATIONS", "FILE AND LABELS"); }
+
+std::string job_row(const v1::Job& job) {
+  return row(as_plain_text(job.name()), spelled(job.state()), local_time(job.create_time()), time_run(job),
+             std::to_string(job.has_metrics() ? job.metrics().iterations() : job.iteration().number()),
+             words_about(job));
+}
+
+std::string words_about(const v1::Job& job) {
+  std::map<std::string, std::string> labels(job.spec().labels().begin(), job.spec().labels().end());
+  std::string words = labels["file"];
+  labels.erase("file");
+  for (const auto& [key, value] : labels) words += (words.empty() ? "" : "  ") + key + "=" + value;
+  return as_plain_text(words);
+}
+
+bool has_ended(const v1::Job& job) {
+  return job.state() == v1::JOB_STATE_SUCCEEDED || job.state() == v1::JOB_STATE_FAILED ||
+         job.state() == v1::JOB_STATE_CANCELLED;
+}
+
+bool has_result(const v1::Job& job) { return has_ended(job) && job.has_metrics() && job.results_size() > 0; }
+
+std::int64_t uncertified(const v1::Job& job) {
+  const v1::Certified& certified = job.metrics().after().certified();
+  return certified.invalid() + certified.undecided();
+}
+
+std::string ending_of(const v1::Job& job) {
+  if (job.has_error()) return as_plain_text(job.error().message());
+  if (!job.has_metrics()) return job.state() == v1::JOB_STATE_CANCELLED ? "it had not begun" : "";
+  const std::int64_t left = uncertified(job);
+  const std::string figures = fmt::format("min Js {:.4f}", job.metrics().after().min_scaled_jacobian());
+  if (left == 0) return figures + ", every element certified valid";
+  return fmt::format("{}, {} {} not certified valid", figures, left, left == 1 ? "element" : "elements");
+}
+
+}  // namespace varimesh::client

@@ -1,0 +1,173 @@
+"""The commands for many jobs at once: submit with several meshes, wait, results, and jobs --watch."""
+import json
+import os
+import pty
+import shutil
+import signal
+import subprocess
+import unittest
+
+from programs import ENDLESS, FOLDED, LARGER, MESH, VARIMESH, WithServer, run, start
+
+
+class Many(WithServer):
+    def setUp(self):
+        super().setUp()
+        self.label = f"test={self.id()}"
+
+    def meshes(self, *names):
+        for name in names:
+            path = self.folder / name
+            path.parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy(MESH, path)
+        return [self.folder / name for name in names]
+
+    def submit(self, *arguments):
+        done = self.remote("submit", *arguments, "--label", self.label)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        return done.stdout.split()
+
+    def test_each_mesh_is_a_job_and_comes_back_under_its_name(self):
+        jobs = self.submit(*self.meshes("a.msh", "b.msh", "c.msh"))
+        self.assertEqual(len(set(jobs)), 3)
+        waited = self.remote("wait", "--all", "--label", self.label)
+        self.assertEqual(waited.returncode, 0, waited.stderr)
+        self.assertEqual(sorted(line.split()[0] for line in waited.stdout.splitlines()), sorted(jobs))
+        for line in waited.stdout.splitlines():
+            self.assertRegex(line, r"succeeded  [abc]\.msh  .*min Js 0\.\d+, every element certified valid$")
+        self.assertIn("3 jobs ended: 3 certified valid", waited.stderr)
+        into = self.folder / "results" / "of" / "run"
+        fetched = self.remote("results", "--label", self.label, "--into", into)
+        self.assertEqual(fetched.returncode, 0, fetched.stderr)
+        self.assertEqual(sorted(os.listdir(into)), ["a.msh", "b.msh", "c.msh"])
+        self.assertEqual(len(fetched.stdout.splitlines()), 3)
+        for mesh in into.iterdir():
+            self.assertEqual(run("quality", mesh, "--certify").returncode, 0)
+        # What is there is not fetched again, and nothing else is overwritten.
+        before = {mesh.name: mesh.stat().st_mtime_ns for mesh in into.iterdir()}
+        (into / "b.msh").unlink()
+        (into / "c.msh").write_text("mine\n")
+        again = self.remote("results", *jobs, "--into", into, "--json")
+        self.assertEqual(again.returncode, 3, again.stderr)
+        self.assertIn("another file at " + str(into / "c.msh"), again.stderr)
+        self.assertEqual((into / "c.msh").read_text(), "mine\n")
+        self.assertEqual((into / "a.msh").stat().st_mtime_ns, before["a.msh"])
+        self.assertTrue((into / "b.msh").exists())
+        files = {entry["file"]: entry["files"] for entry in json.loads(again.stdout)["jobs"]}
+        self.assertEqual(files, {"a.msh": [str(into / "a.msh")], "b.msh": [str(into / "b.msh")], "c.msh": []})
+
+    def test_results_with_one_name_are_kept_apart(self):
+        jobs = self.submit(*self.meshes("x/part.msh", "y/part.msh"))
+        both = self.submit(*self.meshes("two.msh"), "--output-format", "msh22", "--output-format", "msh41")
+        named = self.submit(*self.meshes("z.msh"), "--label", "file=../../escaped.msh")
+        self.assertEqual(self.remote("wait", *jobs, *both, *named, "--quiet").returncode, 0)
+        into = self.folder / "out"
+        self.assertEqual(self.remote("results", "--label", self.label, "--into", into).returncode, 0)
+        ids = sorted(job.split("/")[1] for job in jobs)
+        self.assertEqual(sorted(os.listdir(into)),
+                         sorted([f"part-{ids[0]}.msh", f"part-{ids[1]}.msh", "two-msh22.msh", "two-msh41.msh",
+                                 named[0].split("/")[1] + ".msh"]))
+
+    def test_a_mesh_that_is_refused_does_not_hold_back_the_others(self):
+        good = self.meshes("first.msh", "last.msh")
+        done = self.remote("submit", good[0], self.folder / "missing.msh", good[1], "--label", self.label)
+        self.assertEqual(done.returncode, 3, done.stderr)
+        self.assertEqual(len(done.stdout.split()), 2)
+        self.assertIn("missing.msh was not submitted", done.stderr)
+
+    def test_a_request_id_tells_meshes_apart(self):
+        meshes = self.meshes("a.msh", "b.msh")
+        once = self.submit(*meshes, "--request-id", "all")
+        self.assertEqual(self.submit(*meshes, "--request-id", "all"), once)
+        self.assertEqual(len(set(once)), 2)
+        same = self.remote("submit", *self.meshes("x/a.msh", "y/a.msh"), "--request-id", "other")
+        self.assertEqual(same.returncode, 2)
+        self.assertIn("Two meshes have the file name a.msh", same.stderr)
+
+    def test_the_status_tells_the_worst_end(self):
+        left = self.folder / "folded.msh"
+        left.write_text(FOLDED)
+        bad = self.folder / "bad.msh"
+        bad.write_text("solid cube\n")
+        (left_job,) = self.submit(left)
+        waited = self.remote("wait", left_job)
+        self.assertEqual(waited.returncode, 4, waited.stdout + waited.stderr)
+        self.assertRegex(waited.stdout, r"\d elements? not certified valid")
+        (failed,) = self.submit(bad)
+        waited = self.remote("wait", left_job, failed)
+        self.assertEqual(waited.returncode, 1)
+        self.assertIn("2 jobs ended: 1 with elements that are not certified valid, 1 failed", waited.stderr)
+        fetched = self.remote("results", left_job, failed, "--into", self.folder / "out")
+        self.assertEqual(fetched.returncode, 1)
+        self.assertRegex(fetched.stderr, failed + r"  failed  bad\.msh .*")
+        self.assertEqual(os.listdir(self.folder / "out"), ["folded.msh"])
+
+    def test_nothing_is_chosen_by_accident(self):
+        for wrong in (["wait"], ["wait", "jobs/0000000000000000", "--all"], ["wait", "--label", "is=nowhere"],
+                      ["wait", "jobs/0000000000000000"], ["results", "--into", self.folder]):
+            self.assertEqual(self.remote(*wrong).returncode, 2, wrong)
+        self.assertEqual(self.remote("jobs", "--watch", "--json").returncode, 2)
+
+    def test_waiting_is_interrupted_and_the_job_goes_on(self):
+        (job,) = self.submit(LARGER, *ENDLESS)
+        waiting = start("wait", "--label", self.label, "--server", self.server.address)
+        with self.assertRaises(subprocess.TimeoutExpired):
+            waiting.wait(1)
+        waiting.send_signal(signal.SIGINT)
+        _, errors = waiting.communicate(timeout=20)
+        self.assertEqual(waiting.returncode, 130, errors)
+        self.assertIn(f"varimesh wait --label {self.label} --server {self.server.address}", errors)
+        running = self.remote("results", job, "--into", self.folder / "out")
+        self.assertEqual(running.returncode, 1)
+        self.assertIn("1 job has not ended", running.stderr)
+        self.assertEqual(self.remote("cancel", job).returncode, 0)
+        self.assertEqual(self.remote("wait", job).returncode, 1)
+        # A job that was cancelled while it ran has a mesh too.
+        self.assertEqual(self.remote("results", job, "--into", self.folder / "out").returncode, 1)
+        self.assertEqual(os.listdir(self.folder / "out"), [LARGER.name])
+
+    def test_a_job_that_is_deleted_is_not_waited_for(self):
+        (job,) = self.submit(LARGER, *ENDLESS)
+        waiting = start("wait", job, "--server", self.server.address)
+        with self.assertRaises(subprocess.TimeoutExpired):
+            waiting.wait(1)
+        waiting.send_signal(signal.SIGSTOP)
+        self.remote("cancel", job)
+        self.remote("watch", job, "--quiet")
+        self.assertEqual(self.remote("delete", job).returncode, 0)
+        waiting.send_signal(signal.SIGCONT)
+        _, errors = waiting.communicate(timeout=20)
+        self.assertEqual(waiting.returncode, 1, errors)
+        self.assertIn(f"{job} was deleted by someone else", errors)
+
+
+class Watch(WithServer):
+    def test_every_change_is_one_line(self):
+        job = self.remote("submit", MESH, "--label", "for=lines").stdout.strip()
+        done = self.remote("jobs", "--label", "for=lines", "--watch")
+        self.assertEqual(done.returncode, 0, done.stderr)
+        states = [line.split()[1] for line in done.stdout.splitlines()]
+        self.assertEqual(states[-1], "succeeded")
+        self.assertEqual(len(states), len(set(states)))
+        self.assertTrue(all(line.startswith(job) for line in done.stdout.splitlines()))
+
+    def test_a_terminal_shows_a_table_until_ctrl_c(self):
+        job = self.remote("submit", LARGER, *ENDLESS, "--label", "for=table").stdout.strip()
+        ours, theirs = pty.openpty()
+        watching = subprocess.Popen([VARIMESH, "jobs", "--watch", "--label", "for=table", "--server", self.server.address],
+                                    stdout=theirs, stderr=theirs, stdin=theirs)
+        os.close(theirs)
+        shown = b""
+        while shown.count(b"running") < 2:  # drawn at least twice
+            shown += os.read(ours, 4096)
+        watching.send_signal(signal.SIGINT)
+        self.assertEqual(watching.wait(20), 130)
+        os.close(ours)
+        self.assertIn(b"\x1b[H", shown)
+        self.assertIn(b"FILE AND LABELS", shown)
+        self.assertIn(job.encode(), shown)
+        self.remote("cancel", job)
+
+
+if __name__ == "__main__":
+    unittest.main(verbosity=2)
