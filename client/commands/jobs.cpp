@@ -51,7 +51,10 @@ void draw_table(const std::vector<v1::Job>& jobs) {
   std::string picture = "\x1b[H";
   const auto add = [&](std::string line) {
     if (line.ends_with('\n')) line.pop_back();
-    picture += line.substr(0, columns) + "\x1b[K\n";
+    std::size_t end = std::min(columns, line.size());
+    while (end < line.size() && end > 0 && (static_cast<unsigned char>(line[end]) & 0xC0) == 0x80)
+      --end;  // in a letter
+    picture += line.substr(0, end) + "\x1b[K\n";
   };
   add(job_heading());
   for (std::size_t i = 0; i < std::min(rows, jobs.size()); ++i) add(job_row(jobs[i]));

@@ -1,10 +1,13 @@
 """The commands for many jobs at once: submit with several meshes, wait, results, and jobs --watch."""
+import fcntl
 import json
 import os
 import pty
 import shutil
 import signal
+import struct
 import subprocess
+import termios
 import unittest
 
 from programs import ENDLESS, FOLDED, LARGER, MESH, VARIMESH, WithServer, run, start
@@ -154,6 +157,7 @@ class Watch(WithServer):
     def test_a_terminal_shows_a_table_until_ctrl_c(self):
         job = self.remote("submit", LARGER, *ENDLESS, "--label", "for=table").stdout.strip()
         ours, theirs = pty.openpty()
+        fcntl.ioctl(theirs, termios.TIOCSWINSZ, struct.pack("HHHH", 24, 120, 0, 0))
         watching = subprocess.Popen([VARIMESH, "jobs", "--watch", "--label", "for=table", "--server", self.server.address],
                                     stdout=theirs, stderr=theirs, stdin=theirs)
         os.close(theirs)
