@@ -117,6 +117,8 @@ std::string summary(const v1::Metrics& metrics) {
                      after.invalid_elements()) +
          fmt::format("certified valid           {:>10}  {:>10}\n", before.certified().valid(),
                      after.certified().valid()) +
+         fmt::format("certified invalid         {:>10}  {:>10}\n", before.certified().invalid(),
+                     after.certified().invalid()) +
          fmt::format("undecided                 {:>10}  {:>10}\n", before.certified().undecided(),
                      after.certified().undecided()) +
          fmt::format("proved scaled Jacobian    {:>10}  {:>10}\n",
@@ -136,12 +138,13 @@ std::string summary(const MeshSummary& mesh, const QualityReport& quality) {
                      fmt::format(
                          "smallest scaled Jacobian  {:>10.5f}\nmean scaled Jacobian      {:>10.5f}\n"
                          "smallest distortion       {:>10.5f}\ninvalid elements          {:>10}\n"
-                         "certified valid           {:>10}\nundecided                 {:>10}\n"
-                         "proved scaled Jacobian    {:>10}\nloss of accuracy          {}\n"
+                         "certified valid           {:>10}\ncertified invalid         {:>10}\n"
+                         "undecided                 {:>10}\nproved scaled Jacobian    {:>10}\n"
+                         "loss of accuracy          {}\n"
                          "elements by scaled Jacobian, sampled on a lattice of {} intervals per edge\n",
                          quality.min_scaled_jacobian, quality.mean_scaled_jacobian, quality.min_distortion_jacobian,
-                         quality.invalid_elements, quality.certified.valid, quality.certified.undecided,
-                         bound_text(quality.certified.min_scaled_jacobian_lower_bound),
+                         quality.invalid_elements, quality.certified.valid, quality.certified.invalid,
+                         quality.certified.undecided, bound_text(quality.certified.min_scaled_jacobian_lower_bound),
                          shown_loss(quality.accuracy.has_value(), quality.accuracy.value_or(Accuracy{}).loss),
                          quality.lattice_intervals) +
                      histogram(quality);

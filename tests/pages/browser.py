@@ -120,6 +120,15 @@ class Page:
             assert time.monotonic() < deadline, f"never true: {condition}; {self.errors}"
             time.sleep(0.02)
 
+    def click(self, selector, text):
+        """Clicks, in a user's name, on the first element that matches the selector and has this text."""
+        self.ask("Runtime.evaluate", userGesture=True, expression=f"""
+            [...document.querySelectorAll({json.dumps(selector)})].find((one) => one.textContent === {json.dumps(text)}).click()""")
+
+    def save_downloads(self, folder):
+        """Lets the page save files, in this folder."""
+        self.ask("Page.setDownloadBehavior", behavior="allow", downloadPath=str(folder))
+
     def value(self, expression):
         """The value of a JavaScript expression, as JSON. Waits for promises."""
         answer = self.ask("Runtime.evaluate", expression=expression, returnByValue=True, awaitPromise=True)

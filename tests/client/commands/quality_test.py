@@ -28,6 +28,21 @@ class Quality(WithFolder):
         self.assertEqual(run("optimise", MESH, "-o", out, "--until", "valid", "--quiet").returncode, 0)
         self.assertEqual(run("quality", out, "--certify").returncode, 0)
 
+    def test_counts_an_element_that_is_invalid_only_between_its_samples(self):
+        # J is -0.017 in a small region of the triangle, and at least 0.005 on a lattice of 8 intervals per edge.
+        folded = self.folder / "between.msh"
+        nodes = ((0, 0), (1, 0), (0, 1), (0.28, 0.28), (0.8, 0.76), (-0.04, 0.31))
+        lines = "".join(f"{i} {x} {y} 0\n" for i, (x, y) in enumerate(nodes, 1))
+        folded.write_text(f"$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$Nodes\n6\n{lines}$EndNodes\n"
+                          "$Elements\n1\n1 9 2 1 1 1 2 3 4 5 6\n$EndElements\n")
+        done = run("quality", folded, "--certify")
+        self.assertEqual((done.returncode, done.stderr), (4, "varimesh: 1 element is invalid\n"))
+        for row in (r"invalid elements +0", r"certified valid +0", r"certified invalid +1", r"undecided +0"):
+            self.assertRegex(done.stdout, rf"(?m)^{row}$")
+        done = run("optimise", folded, "-o", self.folder / "out.msh")
+        self.assertEqual(done.returncode, 4)
+        self.assertRegex(done.stdout, r"(?m)^certified invalid +1 +1$")
+
     def test_judges_a_mesh_whose_elements_are_inverted_with_straight_sides(self):
         # With node 1 just on the other side, the first triangle is inverted even with straight sides.
         inverted = self.folder / "inverted.msh"
