@@ -89,8 +89,8 @@ class Curve(WithFolder):
                 with self.subTest(model=name, order=order):
                     model = self.folder / f"{name}.{ending}"
                     make(body, model)
-                    done = run("mesh", model, "--size", "0.5", "--per-turn", "10", "--order", order, "--threads", "1",
-                               "-o", self.out)
+                    done = run("mesh", model, "--size", "0.5", "--per-turn", "10", "--order", order, "--repair",
+                               "split", "--threads", "1", "-o", self.out)
                     self.assertEqual(done.returncode, 0, done.stderr)
                     elements, valid = certified(done.stdout)
                     self.assertEqual(elements, valid)
