@@ -3,9 +3,9 @@
 
 #include "client/cli/names.h"
 #include "client/commands/commands.h"
-#include "client/jobs/remote_job.h"
 #include "client/io/documents.h"
 #include "client/jobs/connection.h"
+#include "client/jobs/remote_job.h"
 #include "client/process/exit_status.h"
 
 namespace varimesh::client {

@@ -13,6 +13,8 @@ namespace varimesh::client {
 using Action = std::function<int()>;
 
 Action add_optimise(CLI::App& app);
+Action add_curve(CLI::App& app);
+Action add_mesh(CLI::App& app);
 Action add_quality(CLI::App& app);
 Action add_convert(CLI::App& app);
 Action add_submit(CLI::App& app);

@@ -1,8 +1,8 @@
 // varimesh delete: deletes a job that has ended, and its results.
 #include "client/commands/commands.h"
-#include "client/jobs/remote_job.h"
 #include "client/io/documents.h"
 #include "client/jobs/connection.h"
+#include "client/jobs/remote_job.h"
 #include "client/process/exit_status.h"
 
 namespace varimesh::client {

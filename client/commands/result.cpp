@@ -1,9 +1,9 @@
 // varimesh result: fetches the result of a job.
 #include "client/commands/commands.h"
-#include "client/jobs/remote_job.h"
 #include "client/io/outputs.h"
 #include "client/jobs/connection.h"
 #include "client/jobs/deliver.h"
+#include "client/jobs/remote_job.h"
 #include "client/process/exit_status.h"
 
 namespace varimesh::client {

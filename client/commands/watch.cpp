@@ -1,9 +1,9 @@
 // varimesh watch: follows a job to its end.
 #include "client/commands/commands.h"
-#include "client/jobs/remote_job.h"
 #include "client/jobs/connection.h"
 #include "client/jobs/deliver.h"
 #include "client/jobs/follow.h"
+#include "client/jobs/remote_job.h"
 
 namespace varimesh::client {
 namespace {

@@ -12,6 +12,8 @@
 namespace varimesh::client {
 namespace {
 
+constexpr const char* kGeometryGroup = "Geometry";
+
 tl::unexpected<Failure> refused(const std::string& path, const Error& error) {
   return refusal("BAD_INPUT", path + ": " + error.sentence);
 }
@@ -32,10 +34,6 @@ Outcome<void> move_boundary(HighOrderMesh& mesh, const Input& input) {
   }
   return {};
 }
-
-}  // namespace
-
-namespace {
 
 void add_boundary_flags(CLI::App& command, Input* input) {
   command
@@ -62,28 +60,30 @@ void add_inputs(CLI::App& command, std::vector<std::string>* meshes, Input* inpu
   add_boundary_flags(command, input);
 }
 
+void add_slide_flags(CLI::App& command, GeometryOptions* geometry) {
+  command
+      .add_option("--slide", geometry->slide,
+                  "Which boundary nodes slide: none, surfaces, or all (on curves and surfaces); default: all")
+      ->type_name("WHICH")
+      ->check(CLI::IsMember({"none", "surfaces", "all"}))
+      ->group(kGeometryGroup);
+  command
+      .add_flag("--snap", geometry->snap,
+                "First move boundary nodes that are off the geometry onto it, if they are farther from it than 1e-6 of "
+                "the mesh's size")
+      ->group(kGeometryGroup);
+}
+
 void add_geometry_flags(CLI::App& command, GeometryOptions* geometry) {
-  constexpr const char* kGroup = "Geometry";
   auto* file =
       command
           .add_option("--geometry", geometry->file,
                       "Let boundary nodes slide on the model in this STEP, IGES or BREP file before the mesh is "
                       "optimised")
           ->type_name("FILE")
-          ->group(kGroup);
-  command
-      .add_option("--slide", geometry->slide,
-                  "Which boundary nodes slide: none, surfaces, or all (on curves and surfaces); default: all")
-      ->type_name("WHICH")
-      ->check(CLI::IsMember({"none", "surfaces", "all"}))
-      ->needs(file)
-      ->group(kGroup);
-  command
-      .add_flag("--snap", geometry->snap,
-                "First move boundary nodes that are off the geometry onto it, if they are farther from it than 1e-6 of "
-                "the mesh's size")
-      ->needs(file)
-      ->group(kGroup);
+          ->group(kGeometryGroup);
+  add_slide_flags(command, geometry);
+  for (const char* flag : {"--slide", "--snap"}) command.get_option(flag)->needs(file);
 }
 
 void add_file_label(const std::string& path, google::protobuf::Map<std::string, std::string>* labels) {
@@ -110,6 +110,7 @@ Outcome<v1::StoredMesh> upload(Client& client, const Input& input, const std::fu
   if (!file) return refusal("BAD_INPUT", file.error().sentence);
   if (const auto moved = move_boundary(file->mesh, input); !moved) return tl::unexpected(moved.error());
   if (!input.geometry.file.empty()) {
+    const EndAtInterrupt ends;
     const auto slid = slide_on_file(file->mesh, input.geometry);
     if (!slid)
       return refusal(slid.error().kind == Error::Kind::BadOption ? "BAD_OPTION" : "BAD_INPUT", slid.error().sentence);

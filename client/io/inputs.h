@@ -27,6 +27,8 @@ void add_inputs(CLI::App& command, std::vector<std::string>* meshes, Input* inpu
 
 /// Adds the flags --geometry, --slide and --snap.
 void add_geometry_flags(CLI::App& command, GeometryOptions* geometry);
+/// Adds --slide and --snap, for commands that always have a geometry.
+void add_slide_flags(CLI::App& command, GeometryOptions* geometry);
 
 /// Adds the label "file" with the name of the mesh file, unless the user has given one. Lists of jobs show it. A name
 /// that is too long for a label loses its beginning.

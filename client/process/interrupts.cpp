@@ -51,4 +51,7 @@ void end_at_first_interrupt() {
   if (interrupted()) end_at_once();
 }
 
+EndAtInterrupt::EndAtInterrupt() : before_(first_ends) { end_at_first_interrupt(); }
+EndAtInterrupt::~EndAtInterrupt() { first_ends = before_; }
+
 }  // namespace varimesh::client

@@ -21,4 +21,17 @@ void keep_calls_going();
 /// From now on the first interrupt ends the process too. For commands that have nothing to put in order.
 void end_at_first_interrupt();
 
+/// While this object lives, the first interrupt ends the process, or at once if there has been one. For a part of a
+/// command that looks at no interrupts and leaves nothing that is worth keeping.
+class EndAtInterrupt {
+ public:
+  EndAtInterrupt();
+  ~EndAtInterrupt();
+  EndAtInterrupt(const EndAtInterrupt&) = delete;
+  EndAtInterrupt& operator=(const EndAtInterrupt&) = delete;
+
+ private:
+  bool before_;
+};
+
 }  // namespace varimesh::client

@@ -6,6 +6,7 @@
 #include <filesystem>
 #include <system_error>
 
+#include "core/geometry/cad_reader.h"
 #include "core/geometry/plugin.h"
 
 namespace varimesh::geometry {
@@ -40,9 +41,11 @@ Expected<Geometry> load(const std::string& path) {
   auto* read = reinterpret_cast<ReadFile*>(dlsym(library, kReadFileSymbol));
   if (read == nullptr)
     return bad_option("'" + plugin + "' belongs to another version of VariMesh; install both from the same package.");
+  const auto shape = read_in_child(std::filesystem::path(plugin).replace_filename(kReaderProgram).string(), path);
+  if (!shape) return tl::unexpected(shape.error());
   Geometry geometry;
   std::string error;
-  if (!read(path, geometry, error)) return bad_input("The geometry '" + path + "' cannot be used: " + error);
+  if (!read(shape->path(), geometry, error)) return bad_input("The geometry '" + path + "' cannot be used: " + error);
   return geometry;
 }
 

@@ -10,8 +10,10 @@
 namespace varimesh::geometry {
 
 /// Reads a STEP, IGES or BREP file with the plugin libvarimesh_opencascade.so. STEP and IGES come in millimetres,
-/// whatever the file's own unit is; BREP has no unit. All bodies of the file are read. Errors: BadInput if the file
-/// cannot be read or has no surface; BadOption if the plugin is not installed, with what to install.
+/// whatever the file's own unit is; BREP has no unit. All bodies of the file are read. A process of its own reads the
+/// file first (varimesh_cad_reader, beside the plugin), so that a file on which OpenCASCADE crashes is refused as any
+/// other. Errors: BadInput if the file cannot be read or has no surface; BadOption if the plugin is not installed, with
+/// what to install.
 Expected<Geometry> load(const std::string& path);
 
 /// Where load() looks for the plugin, in this order: the file that the environment variable VARIMESH_OPENCASCADE names,

@@ -2,6 +2,7 @@
 #include <BRepTools.hxx>
 #include <BRep_Builder.hxx>
 #include <BRep_Tool.hxx>
+#include <BinTools.hxx>
 #include <IGESControl_Reader.hxx>
 #include <Interface_Static.hxx>
 #include <Message.hxx>
@@ -25,12 +26,13 @@
 namespace varimesh::cad {
 namespace {
 
-enum class Kind { Unknown, Step, Iges, Brep };
+enum class Kind { Unknown, Step, Iges, Brep, Binary };
 
-/// By content, since endings lie. A STEP file begins with ISO-10303-21, a BREP file names itself in its first lines,
-/// and an IGES file has the letter S in column 73 of its first line.
+/// By content, since endings lie. A STEP file begins with ISO-10303-21, a BREP file and OpenCASCADE's binary format
+/// name themselves in their first lines, and an IGES file has the letter S in column 73 of its first line.
 Kind kind_of(const std::string& head) {
   if (head.find("ISO-10303-21") != std::string::npos) return Kind::Step;
+  if (head.find("Open CASCADE Topology") < 16) return Kind::Binary;
   if (head.find("DBRep_DrawableShape") != std::string::npos || head.find("CASCADE Topology") != std::string::npos)
     return Kind::Brep;
   const std::string first = head.substr(0, head.find_first_of("\r\n"));
@@ -52,7 +54,10 @@ bool transfer(const std::string& path, const char* what, TopoDS_Shape& shape, st
   return false;
 }
 
+}  // namespace
+
 bool read_shape(const std::string& path, TopoDS_Shape& shape, std::string& error) {
+  Message::DefaultMessenger()->RemovePrinters(STANDARD_TYPE(Message_PrinterOStream));
   std::ifstream file(path, std::ios::binary);
   std::string head(1024, '\0');
   file.read(head.data(), static_cast<std::streamsize>(head.size()));
@@ -80,6 +85,13 @@ bool read_shape(const std::string& path, TopoDS_Shape& shape, std::string& error
       error = "it begins like a BREP file, but it is damaged or cut off; export it again.";
       return false;
     }
+    case Kind::Binary:
+      file.clear();
+      file.seekg(0);
+      BinTools::Read(shape, file);
+      if (!shape.IsNull()) return true;
+      error = "it begins like a binary BREP file, but it is damaged or cut off; export it again.";
+      return false;
     case Kind::Unknown:
       break;
   }
@@ -87,7 +99,8 @@ bool read_shape(const std::string& path, TopoDS_Shape& shape, std::string& error
   return false;
 }
 
-/// Entities are numbered as OpenCASCADE explores the shape, from 1 per dimension. Gmsh does the same.
+namespace {
+
 class Builder {
  public:
   explicit Builder(const TopoDS_Shape& shape) {
@@ -144,27 +157,13 @@ class Builder {
   std::map<int, int> place_;  ///< Of an edge's number: its index in Geometry::curves.
 };
 
-bool read(const std::string& path, geometry::Geometry& result, std::string& error) {
-  try {
-    Message::DefaultMessenger()->RemovePrinters(STANDARD_TYPE(Message_PrinterOStream));
-    TopoDS_Shape shape;
-    if (!read_shape(path, shape, error)) return false;
-    Builder(shape).build(result);
-    if (!result.surfaces.empty()) return true;
-    error = "it has no face with a surface; export the model as solids or surfaces.";
-  } catch (const Standard_Failure& failure) {
-    error = std::string("OpenCASCADE gave up (") + failure.GetMessageString() + "); export it again, as STEP.";
-  } catch (const std::exception& failure) {
-    error = std::string("it is too large or damaged (") + failure.what() + ").";
-  }
+}  // namespace
+
+bool build(const TopoDS_Shape& shape, geometry::Geometry& result, std::string& error) {
+  Builder(shape).build(result);
+  if (!result.surfaces.empty()) return true;
+  error = "it has no face with a surface; export the model as solids or surfaces.";
   return false;
 }
 
-}  // namespace
 }  // namespace varimesh::cad
-
-extern "C" __attribute__((visibility("default"))) bool varimesh_read_cad_1(const std::string& path,
-                                                                           varimesh::geometry::Geometry& geometry,
-                                                                           std::string& error) {
-  return varimesh::cad::read(path, geometry, error);
-}

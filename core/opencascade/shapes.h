@@ -3,8 +3,10 @@
 
 #include <TopoDS_Edge.hxx>
 #include <TopoDS_Face.hxx>
+#include <TopoDS_Shape.hxx>
 #include <gp_XYZ.hxx>
 #include <memory>
+#include <string>
 
 #include "core/geometry/geometry.h"
 
@@ -17,5 +19,13 @@ std::shared_ptr<const geometry::CurveShape> curve_shape(const TopoDS_Edge& edge)
 
 /// Null if the face has no surface with parameters, or if its range of parameters is empty or infinite.
 std::shared_ptr<const geometry::SurfaceShape> surface_shape(const TopoDS_Face& face);
+
+/// Reads a STEP, IGES or BREP file, or one in OpenCASCADE's binary format. Returns false, with a sentence in `error`,
+/// if it cannot be used. May throw Standard_Failure or a standard exception, and may crash on a damaged file.
+bool read_shape(const std::string& path, TopoDS_Shape& shape, std::string& error);
+
+/// Fills `result` with all entities of the shape, numbered as OpenCASCADE explores it, from 1 per dimension. Gmsh does
+/// the same. Returns false, with a sentence in `error`, if there is no surface.
+bool build(const TopoDS_Shape& shape, geometry::Geometry& result, std::string& error);
 
 }  // namespace varimesh::cad

@@ -2,16 +2,18 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "core/geometry/closest_point.h"
 
 namespace varimesh::detail {
 namespace {
 
-/// Calls distance(x, parameters of the nearest node) for each sample.
-template <class Distance>
+/// Calls distance(x, parameters of the nearest node from which Newton's method can start) for each sample.
+/// @param can_start  whether it can start from these parameters
+template <class Distance, class CanStart>
 Distances sample(const std::vector<EntityElement>& elements, int order, const std::vector<EntityNode>& nodes,
-                 const std::vector<double>& coordinates, const Distance& distance) {
+                 const std::vector<double>& coordinates, const Distance& distance, const CanStart& can_start) {
   Distances sum;
   for (const EntityElement& element : elements) {
     const EntityTable& table = entity_table(element.shape, order);
@@ -19,13 +21,18 @@ Distances sample(const std::vector<EntityElement>& elements, int order, const st
     for (std::size_t k = 0; k < element.nodes.size(); ++k)
       x.col(static_cast<Eigen::Index>(k)) =
           Eigen::Map<const Eigen::Vector3d>(&coordinates[3 * static_cast<std::size_t>(element.nodes[k])]);
+    std::vector<std::array<double, 2>> at;
+    Eigen::RowVectorXd penalty = Eigen::RowVectorXd::Zero(x.cols());  // puts nodes behind those that can start
+    for (Eigen::Index k = 0; k < x.cols(); ++k) {
+      const std::int32_t node = element.nodes[static_cast<std::size_t>(k)];
+      at.push_back(std::ranges::lower_bound(nodes, node, {}, &EntityNode::node)->at);
+      if (!can_start(at.back())) penalty[k] = std::numeric_limits<double>::max();
+    }
     for (Eigen::Index p = 0; p < table.between.rows(); ++p) {
       const Eigen::Vector3d point = x * table.between.row(p).transpose();
       Eigen::Index nearest = 0;
-      (x.colwise() - point).colwise().squaredNorm().minCoeff(&nearest);
-      const auto node =
-          std::ranges::lower_bound(nodes, element.nodes[static_cast<std::size_t>(nearest)], {}, &EntityNode::node);
-      const double off = distance(point, node->at);
+      ((x.colwise() - point).colwise().squaredNorm() + penalty).minCoeff(&nearest);
+      const double off = distance(point, at[static_cast<std::size_t>(nearest)]);
       sum.largest = std::max(sum.largest, off);
       sum.sum_of_squares += off * off;
       sum.samples += 1;
@@ -46,16 +53,24 @@ void Distances::add(const Distances& other) {
 
 Distances curve_distances(const geometry::CurveShape& shape, const std::vector<EntityElement>& elements, int order,
                           const std::vector<EntityNode>& nodes, const std::vector<double>& coordinates) {
-  return sample(elements, order, nodes, coordinates, [&](const Eigen::Vector3d& x, const std::array<double, 2>& guess) {
-    return geometry::closest_from(shape, x, guess[0]).distance;
-  });
+  return sample(
+      elements, order, nodes, coordinates,
+      [&](const Eigen::Vector3d& x, const std::array<double, 2>& guess) {
+        return geometry::closest_from(shape, x, guess[0]).distance;
+      },
+      [](const std::array<double, 2>&) { return true; });
 }
 
 Distances surface_distances(const geometry::SurfaceShape& shape, const std::vector<EntityElement>& elements, int order,
                             const std::vector<EntityNode>& nodes, const std::vector<double>& coordinates) {
-  return sample(elements, order, nodes, coordinates, [&](const Eigen::Vector3d& x, const std::array<double, 2>& guess) {
-    return geometry::closest_from(shape, x, guess[0], guess[1]).distance;
-  });
+  return sample(
+      elements, order, nodes, coordinates,
+      [&](const Eigen::Vector3d& x, const std::array<double, 2>& guess) {
+        return geometry::closest_from(shape, x, guess[0], guess[1]).distance;
+      },
+      [&](const std::array<double, 2>& from) {
+        return shape.at(from[0], from[1]).normal() != Eigen::Vector3d::Zero();  // not at a pole
+      });
 }
 
 }  // namespace varimesh::detail

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <cstdio>
 #include <optional>
+#include <set>
 
 #include "core/geometry/closest_point.h"
 #include "core/slide/between_nodes.h"
@@ -29,59 +30,95 @@ Eigen::Map<Eigen::Vector3d> place(std::vector<double>& coordinates, std::int32_t
 
 /// What one entity came to.
 struct Outcome {
-  Distances before, after;
-  std::int64_t folded_before = 0, folded_after = 0;
+  Distances after;
+  std::int64_t folded_after = 0;
   bool moved = false, held_back = false;
   std::vector<EntityNode> nodes;
+};
+
+/// What a surface was like when the mesh came, and what its nodes may not exceed.
+struct Start {
+  Distances distances;
+  std::int64_t folded = 0;
 };
 
 class Sliding {
  public:
   Sliding(HighOrderMesh& mesh, Association& association, const std::vector<bool>& fixed, const Team& team)
-      : mesh_(mesh), association_(association), fixed_(fixed), team_(team), at_start_(mesh.coordinates) {}
+      : mesh_(mesh),
+        association_(association),
+        fixed_(fixed),
+        team_(team),
+        at_start_(mesh.coordinates),
+        nodes_at_start_(association.nodes),
+        surfaces_at_start_(association.surfaces),
+        curve_elements_(detail::curve_elements(mesh, association)),
+        surface_elements_(detail::surface_elements(mesh, association)),
+        curves_(curve_elements_.size()),
+        surfaces_(surface_elements_.size()),
+        start_(surface_elements_.size()) {}
 
   SlideReport run(SlideOn what) {
-    const auto curves = detail::curve_elements(mesh_, association_);
-    const auto surfaces = detail::surface_elements(mesh_, association_);
-    if (what == SlideOn::All) slide_curves(curves);
-    slide_surfaces(surfaces, what != SlideOn::None);
-    for (std::size_t node = 0; node < mesh_.node_count(); ++node) {
-      const auto index = static_cast<std::int32_t>(node);
-      const double by = (place(mesh_.coordinates, index) - place(at_start_, index)).norm();
-      report_.nodes += by > 0 ? 1 : 0;
-      report_.farthest = std::max(report_.farthest, by);
-    }
-    report_.before = {before_.largest, before_.rms()};
-    report_.after = {after_.largest, after_.rms()};
-    return report_;
+    std::vector<int> all;
+    for (std::size_t s = 0; s < surfaces_.size(); ++s)
+      if (!surface_elements_[s].empty()) all.push_back(static_cast<int>(s));
+    measure_start(all);
+    if (what == SlideOn::All) slide_curves();
+    if (what != SlideOn::None) slide_surfaces(all);
+    // The nodes of a curve may have left a surface worse than it came. Then they go back, and the surfaces around try
+    // again. Each time fewer curves have moved, so this ends.
+    for (std::vector<int> blamed = blamed_curves(); !blamed.empty(); blamed = blamed_curves())
+      slide_surfaces(put_back(blamed));
+    return report();
   }
 
  private:
-  void slide_curves(const std::vector<std::vector<EntityElement>>& elements) {
-    std::vector<Outcome> outcomes(elements.size());
-    team_.for_each(static_cast<std::int32_t>(elements.size()), 1, [&](std::int32_t c) {
-      const auto& own = elements[index(c)];
+  void measure_start(const std::vector<int>& all) {
+    const std::vector<bool> none_moves(mesh_.node_count(), true);
+    team_.for_each(static_cast<std::int32_t>(all.size()), 1, [&](std::int32_t i) {
+      const int s = all[index(i)];
+      const auto nodes = detail::surface_nodes(s, association_, mesh_.coordinates, none_moves);
+      Outcome& outcome = surfaces_[index(s)];
+      outcome.after = distances(s, nodes, mesh_.coordinates);
+      outcome.folded_after = slid(s, nodes, 0).folded_before;
+      start_[index(s)] = {outcome.after, outcome.folded_after};
+    });
+  }
+
+  EntitySlide slid(int s, const std::vector<EntityNode>& nodes, int iterations) const {
+    return detail::slide_on_surface(s, surface_elements_[index(s)], mesh_.order, association_, at_start_, nodes,
+                                    iterations);
+  }
+  Distances distances(int s, const std::vector<EntityNode>& nodes, const std::vector<double>& coordinates) const {
+    return detail::surface_distances(*association_.geometry.surfaces[index(s)].shape, surface_elements_[index(s)],
+                                     mesh_.order, nodes, coordinates);
+  }
+
+  // ===== Curves =====
+
+  void slide_curves() {
+    team_.for_each(static_cast<std::int32_t>(curves_.size()), 1, [&](std::int32_t c) {
+      const auto& own = curve_elements_[index(c)];
       if (own.empty()) return;
       const geometry::CurveShape& shape = *association_.geometry.curves[index(c)].shape;
-      outcomes[index(c)] = choose(
-          detail::curve_nodes(c, own, association_, mesh_.coordinates, fixed_),
+      const auto measure = [&](const std::vector<EntityNode>& nodes, const std::vector<double>& coordinates) {
+        return detail::curve_distances(shape, own, mesh_.order, nodes, coordinates);
+      };
+      const auto start = detail::curve_nodes(c, own, association_, mesh_.coordinates, fixed_);
+      const Distances before = measure(start, at_start_);
+      curves_[index(c)] = choose(
+          start, before, before,
           [&](const std::vector<EntityNode>& nodes, int iterations) {
             return detail::slide_on_curve(c, own, mesh_.order, association_, at_start_, nodes, iterations);
           },
           [&](const EntityNode& node) { return shape.at(node.at[0]).x; }, [](const EntityNode&) { return true; },
-          [&](const std::vector<EntityNode>& nodes, const std::vector<double>& coordinates) {
-            return detail::curve_distances(shape, own, mesh_.order, nodes, coordinates);
-          });
+          measure);
     });
-    for (const Outcome& outcome : outcomes) {
-      take(outcome);
-      report_.curves += outcome.moved ? 1 : 0;
-    }
+    for (const Outcome& outcome : curves_) take(outcome);
     follow_curves();
   }
 
   void take(const Outcome& outcome) {
-    report_.held_back += outcome.held_back ? 1 : 0;
     if (!outcome.moved) return;
     for (const EntityNode& node : outcome.nodes) {
       if (!node.free) continue;
@@ -94,8 +131,8 @@ class Sliding {
   /// The parameters, on the surfaces, of the nodes that moved on curves.
   void follow_curves() {
     team_.for_each(static_cast<std::int32_t>(association_.surfaces.size()), 1, [&](std::int32_t s) {
-      SurfaceNodes& own = association_.surfaces[static_cast<std::size_t>(s)];
-      const geometry::SurfaceShape& shape = *association_.geometry.surfaces[static_cast<std::size_t>(s)].shape;
+      SurfaceNodes& own = association_.surfaces[index(s)];
+      const geometry::SurfaceShape& shape = *association_.geometry.surfaces[index(s)].shape;
       std::optional<geometry::SurfaceSearch> search;  // samples the whole surface, and few nodes need it
       for (std::size_t i = 0; i < own.nodes.size(); ++i) {
         const Eigen::Vector3d x = place(mesh_.coordinates, own.nodes[i]), old = place(at_start_, own.nodes[i]);
@@ -110,74 +147,112 @@ class Sliding {
     });
   }
 
-  void slide_surfaces(const std::vector<std::vector<EntityElement>>& elements, bool moves) {
-    std::vector<Outcome> outcomes(elements.size());
-    const std::vector<bool> all(mesh_.node_count(), true);
-    team_.for_each(static_cast<std::int32_t>(elements.size()), 1, [&](std::int32_t s) {
-      const auto& own = elements[index(s)];
-      if (own.empty()) return;
+  /// The curves that have moved and bound a surface that is now worse than it came.
+  std::vector<int> blamed_curves() const {
+    std::set<int> blamed;
+    const double rounding = kRounding * association_.size;
+    for (std::size_t s = 0; s < surfaces_.size(); ++s) {
+      const Outcome& now = surfaces_[s];
+      const Start& start = start_[s];
+      if (now.after.largest <= start.distances.largest + rounding &&
+          now.after.rms() <= start.distances.rms() + rounding && now.folded_after <= start.folded)
+        continue;
+      for (const int c : association_.geometry.surfaces[s].curves)
+        if (curves_[index(c)].moved) blamed.insert(c);
+    }
+    return {blamed.begin(), blamed.end()};
+  }
+
+  /// Puts the nodes of the curves back, and those of the surfaces around. Returns these surfaces.
+  std::vector<int> put_back(const std::vector<int>& curves) {
+    std::set<int> around;
+    for (const int c : curves) {
+      Outcome& outcome = curves_[index(c)];
+      outcome.moved = false;
+      outcome.held_back = true;
+      for (const EntityNode& node : outcome.nodes)
+        if (node.free) put_back(node.node);
+      const std::vector<int>& surfaces = association_.geometry.curves[index(c)].surfaces;
+      around.insert(surfaces.begin(), surfaces.end());
+    }
+    std::vector<int> result;
+    for (const int s : around) {
+      if (surface_elements_[index(s)].empty()) continue;
+      result.push_back(s);
+      SurfaceNodes& own = association_.surfaces[index(s)];
+      for (std::size_t i = 0; i < own.nodes.size(); ++i) {
+        const NodeEntity& entity = association_.nodes[index(own.nodes[i])];
+        if (entity.dimension == 2) put_back(own.nodes[i]);
+        if (place(mesh_.coordinates, own.nodes[i]) == place(at_start_, own.nodes[i]))
+          own.parameters[i] = surfaces_at_start_[index(s)].parameters[i];
+      }
+    }
+    return result;
+  }
+  void put_back(std::int32_t node) {
+    place(mesh_.coordinates, node) = place(at_start_, node);
+    association_.nodes[index(node)] = nodes_at_start_[index(node)];
+  }
+
+  // ===== Surfaces =====
+
+  void slide_surfaces(const std::vector<int>& which) {
+    team_.for_each(static_cast<std::int32_t>(which.size()), 1, [&](std::int32_t i) {
+      const int s = which[index(i)];
       const geometry::SurfaceShape& shape = *association_.geometry.surfaces[index(s)].shape;
-      outcomes[index(s)] = choose(
-          detail::surface_nodes(s, association_, mesh_.coordinates, moves ? fixed_ : all),
-          [&](const std::vector<EntityNode>& nodes, int iterations) {
-            return detail::slide_on_surface(s, own, mesh_.order, association_, at_start_, nodes, iterations);
-          },
+      const auto nodes = detail::surface_nodes(s, association_, mesh_.coordinates, fixed_);
+      const Distances entry = distances(s, nodes, mesh_.coordinates);
+      surfaces_[index(s)] = choose(
+          nodes, entry, start_[index(s)].distances,
+          [&](const std::vector<EntityNode>& from, int iterations) { return slid(s, from, iterations); },
           [&](const EntityNode& node) { return shape.at(node.at[0], node.at[1]).x; },
           [&](const EntityNode& node) { return shape.contains(node.at[0], node.at[1]); },
-          [&](const std::vector<EntityNode>& nodes, const std::vector<double>& coordinates) {
-            return detail::surface_distances(shape, own, mesh_.order, nodes, coordinates);
+          [&](const std::vector<EntityNode>& at, const std::vector<double>& coordinates) {
+            return distances(s, at, coordinates);
           });
     });
-    for (std::size_t s = 0; s < outcomes.size(); ++s) {
-      const Outcome& outcome = outcomes[s];
+    for (const int s : which) {
+      const Outcome& outcome = surfaces_[index(s)];
       take(outcome);
-      if (outcome.moved)
-        for (const EntityNode& node : outcome.nodes)
-          if (node.free) association_.surfaces[s].of(node.node) = node.at;
-      before_.add(outcome.before);
-      after_.add(outcome.after);
-      report_.folded_before += outcome.folded_before;
-      report_.folded_after += outcome.folded_after;
-      report_.surfaces += outcome.moved ? 1 : 0;
+      if (!outcome.moved) continue;
+      for (const EntityNode& node : outcome.nodes)
+        if (node.free) association_.surfaces[index(s)].of(node.node) = node.at;
     }
   }
 
-  /// Slides the nodes of one entity, and takes the largest part of the way on which the number of folded elements and
-  /// the distances do not rise and no node leaves the entity.
+  // ===== Curves and surfaces =====
+
+  /// Slides the nodes of one entity, and takes the largest part of the way on which the number of folded elements does
+  /// not rise, the distances exceed neither those that the nodes have now nor the `start`, and no node leaves the
+  /// entity.
+  /// @param entry  distances where the nodes are now
   template <class Slide, class Point, class Inside, class Measure>
-  Outcome choose(const std::vector<EntityNode>& start, const Slide& slide_nodes, const Point& point,
-                 const Inside& inside, const Measure& measure) {
-    const EntitySlide slide = slide_nodes(start, kMostIterations);
-    Outcome outcome;
-    outcome.folded_before = outcome.folded_after = slide.folded_before;
-    outcome.before = measure(start, at_start_);
-    outcome.after = measure(start, mesh_.coordinates);
-    outcome.nodes = start;
+  Outcome choose(const std::vector<EntityNode>& now, const Distances& entry, const Distances& start,
+                 const Slide& slide_nodes, const Point& point, const Inside& inside, const Measure& measure) {
+    const EntitySlide slide = slide_nodes(now, kMostIterations);
+    Outcome outcome{entry, slide.folded_before, false, false, now};
     if (slide.iterations == 0) return outcome;
     std::vector<double> coordinates = mesh_.coordinates;
     const double rounding = kRounding * association_.size;
+    const double most_largest = std::max(entry.largest, start.largest) + rounding;
+    const double most_rms = std::max(entry.rms(), start.rms()) + rounding;
     for (const double part : kParts) {
-      std::vector<EntityNode> nodes = start;
+      std::vector<EntityNode> nodes = now;
       bool moves = false;
       for (std::size_t i = 0; i < nodes.size(); ++i) {
-        if (!nodes[i].free || slide.nodes[i].at == start[i].at) continue;  // nodes at poles stay as they are, too
+        if (!nodes[i].free || slide.nodes[i].at == now[i].at) continue;  // nodes at poles stay as they are, too
         moves = true;
-        for (std::size_t k = 0; k < 2; ++k) nodes[i].at[k] += part * (slide.nodes[i].at[k] - start[i].at[k]);
+        for (std::size_t k = 0; k < 2; ++k) nodes[i].at[k] += part * (slide.nodes[i].at[k] - now[i].at[k]);
         nodes[i].x = part == 1 ? slide.nodes[i].x : point(nodes[i]);
         place(coordinates, nodes[i].node) = nodes[i].x;
       }
       if (!moves) return outcome;
-      if (leaves(start, nodes, inside)) continue;
+      if (leaves(now, nodes, inside)) continue;
       const Distances after = measure(nodes, coordinates);
-      if (after.largest > outcome.before.largest + rounding || after.rms() > outcome.before.rms() + rounding) continue;
+      if (after.largest > most_largest || after.rms() > most_rms) continue;
       const std::int64_t folded = part == 1 ? slide.folded_after : slide_nodes(nodes, 0).folded_before;
-      if (folded > outcome.folded_before) continue;
-      outcome.after = after;
-      outcome.nodes = std::move(nodes);
-      outcome.moved = true;
-      outcome.held_back = part < 1;
-      outcome.folded_after = folded;
-      return outcome;
+      if (folded > outcome.folded_after) continue;
+      return {after, folded, true, part < 1, std::move(nodes)};
     }
     outcome.held_back = true;
     return outcome;
@@ -194,13 +269,42 @@ class Sliding {
 
   static std::size_t index(std::int32_t node) { return static_cast<std::size_t>(node); }
 
+  SlideReport report() {
+    SlideReport report;
+    Distances before, after;
+    for (std::size_t s = 0; s < surfaces_.size(); ++s) {
+      before.add(start_[s].distances);
+      after.add(surfaces_[s].after);
+      report.folded_before += start_[s].folded;
+      report.folded_after += surfaces_[s].folded_after;
+      report.surfaces += surfaces_[s].moved ? 1 : 0;
+      report.held_back += surfaces_[s].held_back ? 1 : 0;
+    }
+    for (const Outcome& curve : curves_) {
+      report.curves += curve.moved ? 1 : 0;
+      report.held_back += curve.held_back ? 1 : 0;
+    }
+    for (std::size_t node = 0; node < mesh_.node_count(); ++node) {
+      const auto at = static_cast<std::int32_t>(node);
+      const double by = (place(mesh_.coordinates, at) - place(at_start_, at)).norm();
+      report.nodes += by > 0 ? 1 : 0;
+      report.farthest = std::max(report.farthest, by);
+    }
+    report.before = {before.largest, before.rms()};
+    report.after = {after.largest, after.rms()};
+    return report;
+  }
+
   HighOrderMesh& mesh_;
   Association& association_;
   const std::vector<bool>& fixed_;
   const Team& team_;
   std::vector<double> at_start_;
-  Distances before_, after_;
-  SlideReport report_;
+  std::vector<NodeEntity> nodes_at_start_;
+  std::vector<SurfaceNodes> surfaces_at_start_;
+  std::vector<std::vector<EntityElement>> curve_elements_, surface_elements_;
+  std::vector<Outcome> curves_, surfaces_;  ///< What they have come to so far.
+  std::vector<Start> start_;                ///< By surface.
 };
 
 }  // namespace

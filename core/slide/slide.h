@@ -30,7 +30,7 @@ struct BoundaryDistance {
 struct SlideReport {
   std::int64_t nodes = 0;          ///< How many nodes moved.
   double farthest = 0;             ///< The largest movement of a node, in the mesh's unit of length.
-  std::int64_t folded_before = 0;  ///< Surface elements that are folded over at a sample, after curves have slid.
+  std::int64_t folded_before = 0;  ///< Surface elements that are folded over at a sample.
   std::int64_t folded_after = 0;
   int curves = 0, surfaces = 0;  ///< On how many entities nodes moved.
   int held_back = 0;             ///< On how many the nodes moved less than they would, or stayed: see slide().
@@ -45,10 +45,12 @@ struct SlideReport {
 /// afterwards with the boundary fixed. All nodes that move are on their entity afterwards, up to rounding. Vertices,
 /// nodes of `fixed`, nodes at poles and nodes that belong to no entity for sure stay.
 ///
-/// The nodes of a curve or surface do not raise the number of its folded elements or its largest or rms distance, and
-/// none leaves its surface through the boundary. If the optimum would do so, they go only a half, a quarter or an
-/// eighth of the way, or stay. When a surface's turn comes, the nodes on its curves have moved. Its distances are
-/// compared with those at the start, and its folded elements with those after the curves' nodes have moved.
+/// No curve and no surface is farther from its elements afterwards (largest and rms distance between the nodes), none has
+/// more folded elements, and no node leaves its surface through the boundary. If the optimum would do so, the nodes of
+/// an entity go only a half, a quarter or an eighth of the way, or stay. The nodes on a surface may make use of what its
+/// curves have left: its distances may reach those at the start or, if these are larger, those after the curves' nodes
+/// have moved. If a surface is then worse than at the start, the nodes of its curves go back, and the surfaces around
+/// try again.
 ///
 /// The result does not depend on the number of threads. Call it inside team.run().
 SlideReport slide(HighOrderMesh& mesh, Association& association, SlideOn what, const std::vector<bool>& fixed,

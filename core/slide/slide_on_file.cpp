@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "core/curve/curve.h"
 #include "core/geometry/load.h"
 #include "core/mesh/check.h"
 #include "core/slide/slide.h"
@@ -36,44 +37,82 @@ Expected<std::vector<bool>> nodes_of_groups(const HighOrderMesh& mesh, const std
   return fixed;
 }
 
+Expected<void> check_order(const HighOrderMesh& mesh, int order) {
+  if (mesh.dimension != 3)
+    return bad_input("A geometry needs a mesh of volume elements; this mesh has dimension " +
+                     std::to_string(mesh.dimension) + ".");
+  if (order == 0 && mesh.order < 2)
+    return bad_input(
+        "The mesh has order 1, so its boundary is not curved; make it curved with 'varimesh curve' first.");
+  if (order == 0) return {};
+  if (order < 2 || order > kMaxOrder)
+    return bad_option("A curved mesh has order 2 to " + std::to_string(kMaxOrder) + ", not " + std::to_string(order) +
+                      ".");
+  if (mesh.order != 1)
+    return bad_input("The mesh has order " + std::to_string(mesh.order) +
+                     ", but only a mesh of order 1 can be curved; let 'varimesh optimise --geometry' improve a curved "
+                     "one.");
+  return {};
+}
+
+void append(std::vector<std::string>& all, const std::vector<std::string>& more) {
+  all.insert(all.end(), more.begin(), more.end());
+}
+
+/// A mesh whose order has not been raised yet, and a mesh whose order has: the work on either.
+struct Work {
+  HighOrderMesh& mesh;
+  const GeometryOptions& options;
+  SlideOn what;
+  const Team& team;
+  std::vector<std::string> sentences;
+
+  Expected<void> run(const geometry::Geometry& geometry) {
+    auto association = associate(mesh, geometry, team);
+    if (!association) return tl::unexpected(association.error());
+    append(sentences, describe(mesh, *association, options.snap_tolerance));
+    if (options.snap) {
+      const std::size_t moved = snap(mesh, *association, options.snap_tolerance);
+      sentences.push_back(std::to_string(moved) + " nodes were moved onto the geometry.");
+    }
+    if (options.order > 0) {
+      auto curved = curve(mesh, *association, options.order, team);
+      if (!curved) return tl::unexpected(curved.error());
+      append(sentences, curved->report.sentences());
+      mesh = std::move(curved->mesh);
+      *association = std::move(curved->association);
+    }
+    const auto fixed = nodes_of_groups(mesh, options.fix);
+    if (!fixed) return tl::unexpected(fixed.error());
+    const SlideReport report = slide(mesh, *association, what, *fixed, team);
+    sentences.push_back(report.sentence(association->size));
+    return {};
+  }
+};
+
 }  // namespace
 
 Expected<std::vector<std::string>> slide_on_file(HighOrderMesh& mesh, const GeometryOptions& options) {
   const auto what = slide_on_from_name(options.slide);
   if (!what) return tl::unexpected(what.error());
-  if (mesh.dimension != 3)
-    return bad_input("A geometry needs a mesh of volume elements; this mesh has dimension " +
-                     std::to_string(mesh.dimension) + ".");
-  if (mesh.order < 2)
-    return bad_input("The mesh has order 1, so its boundary is not curved; make it curved with order 2 or more first.");
+  if (const auto checked = check_order(mesh, options.order); !checked) return tl::unexpected(checked.error());
   const Team team(options.threads);
   Expected<void> checked;
   team.run([&] { checked = check_structure(mesh, team); });
   if (!checked) return tl::unexpected(checked.error());
-  const auto fixed = nodes_of_groups(mesh, options.fix);
-  if (!fixed) return tl::unexpected(fixed.error());
+  if (const auto fixed = nodes_of_groups(mesh, options.fix); !fixed) return tl::unexpected(fixed.error());
   const auto geometry = geometry::load(options.file);
   if (!geometry) return tl::unexpected(geometry.error());
 
-  std::vector<std::string> sentences = geometry->notes;
+  Work work{mesh, options, *what, team, geometry->notes};
+  std::vector<double> start = mesh.coordinates;
   Expected<void> done;
-  team.run([&] {
-    auto association = associate(mesh, *geometry, team);
-    if (!association) {
-      done = tl::unexpected(association.error());
-      return;
-    }
-    const auto described = describe(mesh, *association, options.snap_tolerance);
-    sentences.insert(sentences.end(), described.begin(), described.end());
-    if (options.snap) {
-      const std::size_t moved = snap(mesh, *association, options.snap_tolerance);
-      sentences.push_back(std::to_string(moved) + " nodes were moved onto the geometry.");
-    }
-    const SlideReport report = slide(mesh, *association, *what, *fixed, team);
-    sentences.push_back(report.sentence(association->size));
-  });
-  if (!done) return tl::unexpected(done.error());
-  return sentences;
+  team.run([&] { done = work.run(*geometry); });
+  if (!done) {
+    mesh.coordinates = std::move(start);
+    return tl::unexpected(done.error());
+  }
+  return std::move(work.sentences);
 }
 
 }  // namespace varimesh

@@ -1,4 +1,4 @@
-// Slides the boundary nodes of a mesh on the geometry of a CAD file: reads the file, associates, snaps, slides.
+// Slides the boundary nodes of a mesh on the geometry of a CAD file: reads the file, associates, snaps, curves, slides.
 #pragma once
 
 #include <string>
@@ -10,7 +10,8 @@
 namespace varimesh {
 
 struct GeometryOptions {
-  std::string file;           ///< A STEP, IGES or BREP file.
+  std::string file;  ///< A STEP, IGES or BREP file.
+  int order = 0;     ///< 0: the mesh is curved. Otherwise it is of order 1 and is first curved with this order.
   std::string slide = "all";  ///< Which nodes slide: none, surfaces or all (curves and surfaces).
   bool snap = false;          ///< First move nodes that are off their curve, surface or vertex onto it.
   /// A node is off if it is farther than this from its entity, relative to the diagonal of the boundary's box.
@@ -20,10 +21,11 @@ struct GeometryOptions {
 };
 
 /// Moves boundary nodes of a 3-D mesh of order 2 or more, as core/slide/slide.h says, and returns sentences that say
-/// what matched, what moved and how far the boundary is from the geometry. No inner node moves. The mesh is unchanged
-/// after an error. Errors: BadInput if the file cannot be read, if nothing matches, or if the mesh has another
-/// dimension or order; BadOption if `slide` is no such word, if a group does not exist, or if OpenCASCADE is not
-/// installed.
+/// what matched, what moved and how far the boundary is from the geometry. No inner node moves. With an order, the mesh
+/// is of order 1 and becomes one of this order before (core/curve/curve.h). The mesh is unchanged after an error.
+/// Errors: BadInput if the file cannot be read, if nothing matches, or if the mesh has another dimension or order;
+/// BadOption if `slide` is no such word, if the order is not 0 or 2 to kMaxOrder, if a group does not exist, or if
+/// OpenCASCADE is not installed.
 Expected<std::vector<std::string>> slide_on_file(HighOrderMesh& mesh, const GeometryOptions& options);
 
 }  // namespace varimesh

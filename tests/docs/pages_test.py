@@ -24,6 +24,7 @@ ELSEWHERE = {"python.md": "tests/client/python/documentation_test.py", "workflow
 # Blocks that are not run here, by page and first words, with the reason.
 NOT_HERE = {
     ("README.md", "deploy/demo"): "sets the machine up; what every change must pass",
+    ("README.md", "varimesh mesh"): "needs a CAD file; tests/client/commands/curve_test.py makes one",
     ("development.md", "tests/run"): "the tests themselves",
     ("development.md", "build/release"): "programs that take hours or need root",
     ("development.md", "tests/bench"): "builds the benchmarks, or takes hours",
@@ -32,6 +33,8 @@ NOT_HERE = {
     ("server.md", "docker build"): "deploy/test-image builds and runs it",
     ("report.md", "varimeshd --admin"): "it does not end; tests/server/admin/admin_server_test.py starts it",
     ("geometry.md", "varimesh optimise"): "needs a CAD file; tests/client/commands/geometry_test.py makes one",
+    ("geometry.md", "varimesh curve"): "needs a CAD file; tests/client/commands/curve_test.py makes one",
+    ("geometry.md", "varimesh mesh"): "needs a CAD file; tests/client/commands/curve_test.py makes one",
     ("performance.md", "tests/bench/cases"): "builds the benchmarks",
     ("corpus.md", "tests/bench/corpus"): "minutes; tests/bench/published/corpus_test.py runs the short form",
     ("paper.md", "tests/bench/paper"): "an hour; tests/bench/figures/paper_test.py runs the short form",

@@ -24,6 +24,9 @@ class Help(WithFolder):
                 words = line.replace("HOST:PORT", server.address).replace("JOB", job).split()
                 done = subprocess.run([VARIMESH, *words[1:]], cwd=self.folder, capture_output=True, text=True, timeout=30)
                 expected = 4 if words[1:] == ["quality", "wing.msh", "--certify"] else 0
+                if command in ("curve", "mesh"):  # the files are missing; commands/curve_test.py runs both to their end
+                    self.assertIn("linear.msh" if command == "curve" else "'part.step' is not a file", done.stderr)
+                    expected = 3
                 self.assertEqual(done.returncode, expected, f"{line}: {done.stderr}")
 
     def test_suggests_words_for_misspelt_ones(self):

@@ -1,0 +1,69 @@
+// varimesh mesh: makes a curved, optimised mesh from a CAD model. The program gmsh makes the straight mesh.
+#include <filesystem>
+#include <iostream>
+
+#include "client/commands/commands.h"
+#include "client/io/gmsh_mesh.h"
+#include "client/jobs/optimise_run.h"
+#include "client/process/exit_status.h"
+#include "client/process/interrupts.h"
+#include "client/process/temporary_folder.h"
+
+namespace varimesh::client {
+namespace {
+
+struct Arguments {
+  OptimiseArguments run;
+  GmshOptions gmsh;
+};
+
+int mesh(Arguments arguments) {
+  Input& input = arguments.run.input;
+  input.geometry.file = arguments.gmsh.model;
+  input.mesh = std::filesystem::path(arguments.gmsh.model).stem().string() + ".msh";
+  std::error_code failed;
+  if (!std::filesystem::is_regular_file(arguments.gmsh.model, failed))
+    return print_error(
+        {Error::Kind::BadInput, "The model '" + arguments.gmsh.model + "' is not a file that can be read."});
+  if (const int status = check_curve(arguments.run); status != kDone) return status;
+  const TemporaryFolder folder;
+  if (folder.path().empty())
+    return print_error({Error::Kind::Output, "No temporary folder can be made; check TMPDIR and its free space."});
+  input.mesh = (folder.path() / input.mesh).string();
+  if (!arguments.run.common.quiet) std::cerr << "Gmsh makes the straight mesh." << std::endl;
+  const auto made = mesh_with_gmsh(arguments.gmsh, folder.path(), input.mesh);
+  if (interrupted()) {
+    std::cerr << "varimesh: interrupted" << std::endl;
+    return kInterrupted;
+  }
+  if (!made) return print_error(made.error());
+  return curve(arguments.run);
+}
+
+}  // namespace
+
+Action add_mesh(CLI::App& app) {
+  auto arguments = std::make_shared<Arguments>();
+  CLI::App& command =
+      *app.add_subcommand("mesh", "Make a curved mesh from a CAD model; the program gmsh makes the straight mesh");
+  command.add_option("model", arguments->gmsh.model, "The STEP, IGES or BREP file to read")
+      ->required()
+      ->type_name("FILE");
+  command
+      .add_option("--size", arguments->gmsh.size,
+                  "The largest length of an edge, in the unit in which the model is read (STEP and IGES: millimetres)")
+      ->required()
+      ->check(CLI::PositiveNumber)
+      ->type_name("LENGTH");
+  command
+      .add_option("--per-turn", arguments->gmsh.elements_per_turn,
+                  "At least this many elements around a full turn of a curved surface; 0: no limit")
+      ->check(CLI::Range(0, 1000))
+      ->type_name("N");
+  add_slide_flags(command, &arguments->run.input.geometry);
+  add_run_flags(command, &arguments->run);
+  command.get_option("--order")->required();
+  return [arguments] { return mesh(*arguments); };
+}
+
+}  // namespace varimesh::client

@@ -1,0 +1,26 @@
+// A straight mesh of a CAD model, made by the program gmsh.
+#pragma once
+
+#include <filesystem>
+#include <string>
+
+#include "core/base/error.h"
+
+namespace varimesh::client {
+
+struct GmshOptions {
+  std::string model;          ///< A STEP, IGES or BREP file.
+  double size = 0;            ///< The largest length of an edge, in the model's unit of length.
+  int elements_per_turn = 0;  ///< At least this many elements around a full turn of a curved surface; 0: no limit.
+};
+
+/// Meshes the model with tetrahedra of order 1, in the unit of length in which OpenCASCADE reads it. gmsh runs as a
+/// process of its own. Nothing is left at `mesh` after an error. Errors: BadOption if gmsh is not in PATH or cannot be
+/// started; BadInput, with the last lines of its output, if it fails; an empty sentence if this command was
+/// interrupted.
+/// @param folder for the files that gmsh writes
+/// @param mesh   where the mesh goes, as MSH 4.1
+Expected<void> mesh_with_gmsh(const GmshOptions& options, const std::filesystem::path& folder,
+                              const std::filesystem::path& mesh);
+
+}  // namespace varimesh::client

@@ -1,0 +1,35 @@
+// What the commands optimise, curve and mesh share: they run one job on a mesh and deliver its result.
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <string>
+#include <vector>
+
+#include "client/cli/common_flags.h"
+#include "client/io/inputs.h"
+
+namespace varimesh::client {
+
+struct OptimiseArguments {
+  CommonFlags common;
+  Input input;
+  std::vector<std::string> outputs;
+  std::string format, history, report, request_id;
+  v1::Options options;
+};
+
+/// Adds all flags except those of the input.
+void add_run_flags(CLI::App& command, OptimiseArguments* arguments);
+
+/// Runs the job and returns the exit status.
+int optimise(const OptimiseArguments& arguments);
+
+/// Makes a curved mesh from a straight one and its geometry: the same with the order in `options` as that of the curved
+/// mesh. If elements are not certified valid at the end, it says on which surfaces they lie.
+int curve(OptimiseArguments arguments);
+
+/// Checks, before any work is done, that the outputs of curve() can be written and its options go together. Returns the
+/// exit status; if it is not kDone, an error has been printed.
+int check_curve(OptimiseArguments arguments);
+
+}  // namespace varimesh::client

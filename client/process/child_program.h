@@ -1,0 +1,31 @@
+// Runs another program as a child process and waits for it.
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+namespace varimesh::client {
+
+/// How a program ended.
+struct ProgramEnd {
+  enum class Way {
+    Exited,       ///< By itself; `status` is its exit status.
+    Signalled,    ///< By a signal; `status` is the signal's number.
+    Interrupted,  ///< This command was interrupted, so the program was killed.
+    NotStarted,   ///< It could not be started; `status` is errno.
+  };
+  Way way = Way::NotStarted;
+  int status = 0;
+};
+
+/// Looks for a program in the folders of PATH. Empty if there is none that can be executed.
+std::string find_program(const std::string& name);
+
+/// Runs a program to its end. Its standard output and error go to the file `log`, and its standard input is empty. If
+/// this command is interrupted meanwhile, the program is killed.
+/// @param arguments without the program's name
+ProgramEnd run_program(const std::string& path, const std::vector<std::string>& arguments,
+                       const std::filesystem::path& log);
+
+}  // namespace varimesh::client

@@ -1,0 +1,212 @@
+"""From a CAD model to a certified curved mesh: 'varimesh mesh' and 'varimesh curve' on bodies with formulas, which Gmsh
+makes. Skipped, with a word, without the program gmsh, its Python module, or the plugin that reads CAD files."""
+import math
+import os
+import re
+import shutil
+import signal
+import stat
+import subprocess
+import sys
+import time
+import unittest
+from pathlib import Path
+
+from geometry_test import distances, gmsh_python
+from programs import VARIMESH, WithFolder, run, start
+
+# The distance of a point to the boundary of each body.
+BODIES = {
+    "sphere": ("occ.addSphere(0, 0, 0, 1)", lambda x, y, z: abs(math.hypot(x, y, z) - 1)),
+    "cylinder": ("occ.addCylinder(0, 0, 0, 0, 0, 2, 1)",
+                 lambda x, y, z: min(abs(math.hypot(x, y) - 1), abs(z), abs(z - 2))),
+    "torus": ("occ.addTorus(0, 0, 0, 1, 0.4)", lambda x, y, z: abs(math.hypot(math.hypot(x, y) - 1, z) - 0.4)),
+    "plate": ("occ.cut([(3, occ.addBox(-1, -1, 0, 2, 2, 0.5))], [(3, occ.addCylinder(0, 0, 0, 0, 0, 0.5, 0.4))])",
+              lambda x, y, z: min(abs(math.hypot(x, y) - 0.4), abs(abs(x) - 1), abs(abs(y) - 1), abs(z),
+                                  abs(z - 0.5))),
+}
+
+MAKE = """
+import sys, gmsh
+gmsh.initialize()
+gmsh.option.setNumber("General.Terminal", 0)
+occ = gmsh.model.occ
+{body}
+occ.synchronize()
+gmsh.write(sys.argv[1])
+"""
+
+STRAIGHT = """
+import sys, gmsh
+gmsh.initialize()
+gmsh.option.setNumber("General.Terminal", 0)
+gmsh.merge(sys.argv[1])
+gmsh.option.setNumber("Mesh.MeshSizeMax", 0.7)
+gmsh.option.setNumber("Mesh.MeshSizeMin", 0.7)
+gmsh.option.setNumber("Mesh.SaveAll", 1)
+gmsh.model.mesh.generate(3)
+gmsh.write(sys.argv[2])
+"""
+
+
+def make(body, path):
+    subprocess.run([PYTHON, "-c", MAKE.format(body=body), str(path)], check=True, capture_output=True)
+
+
+def boundary_nodes(mesh, folder):
+    """The coordinates of the nodes of all surface elements, as triples."""
+    text = folder / "text.msh"
+    subprocess.run([VARIMESH, "convert", mesh, text, "--format", "msh22"], check=True, capture_output=True)
+    lines = iter(text.read_text().splitlines())
+    nodes, used = {}, set()
+    for line in lines:
+        if line == "$Nodes":
+            for _ in range(int(next(lines))):
+                number, *x = next(lines).split()
+                nodes[number] = tuple(map(float, x))
+        if line == "$Elements":
+            for _ in range(int(next(lines))):
+                words = next(lines).split()
+                if words[1] in ("21", "23", "9", "2"):  # triangles of order 3, 4, 2, 1
+                    used.update(words[3 + int(words[2]):])
+    return [nodes[number] for number in used]
+
+
+def certified(text):
+    """How many elements there are, and how many are certified valid after the run."""
+    elements = int(re.search(r"(\d+) elements", text).group(1))
+    return elements, int(re.search(r"certified valid\s+\d+\s+(\d+)", text).group(1))
+
+
+class Curve(WithFolder):
+    def setUp(self):
+        super().setUp()
+        self.out = self.folder / "out.msh"
+
+    def test_one_command_goes_from_a_model_to_a_certified_mesh(self):
+        for name, (body, distance) in BODIES.items():
+            for ending, order in (("step", 3), ("brep", 4)):
+                with self.subTest(model=name, order=order):
+                    model = self.folder / f"{name}.{ending}"
+                    make(body, model)
+                    done = run("mesh", model, "--size", "0.5", "--per-turn", "10", "--order", order, "--repair",
+                               "split", "--threads", "1", "-o", self.out)
+                    self.assertEqual(done.returncode, 0, done.stderr)
+                    elements, valid = certified(done.stdout)
+                    self.assertEqual(elements, valid)
+                    self.assertNotIn("stay on straight sides", done.stderr)
+                    nodes = boundary_nodes(self.out, self.folder)
+                    self.assertGreater(len(nodes), 100)
+                    self.assertLess(max(distance(*x) for x in nodes), 1e-9)
+                    rms_before, rms_after, *_ = distances(done.stderr)
+                    self.assertLessEqual(rms_after, rms_before)
+
+    def test_curve_takes_a_straight_mesh_from_elsewhere(self):
+        model, straight = self.folder / "plate.step", self.folder / "straight.msh"
+        make(BODIES["plate"][0], model)
+        subprocess.run([PYTHON, "-c", STRAIGHT, str(model), str(straight)], check=True, capture_output=True)
+        done = run("curve", straight, "--geometry", model, "--order", 3, "-o", self.out)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        self.assertLess(max(BODIES["plate"][1](*x) for x in boundary_nodes(self.out, self.folder)), 1e-9)
+        self.assertLess(distances(done.stderr)[1], 1e-2)
+
+        # A curved mesh is not curved again.
+        done = run("curve", self.out, "--geometry", model, "--order", 4, "-o", self.folder / "again.msh")
+        self.assertEqual(done.returncode, 3)
+        self.assertIn("only a mesh of order 1 can be curved", done.stderr)
+        self.assertFalse((self.folder / "again.msh").exists())
+        done = run("curve", straight, "--geometry", model, "--order", 1, "-o", self.folder / "again.msh")
+        self.assertEqual(done.returncode, 2)
+        self.assertIn("order 2 to 10", done.stderr)
+
+    def test_without_gmsh_there_is_a_sentence(self):
+        model = self.folder / "sphere.step"
+        make(BODIES["sphere"][0], model)
+        done = run("mesh", model, "--size", 0.5, "--order", 3, "-o", self.out,
+                   env={**os.environ, "PATH": str(self.folder)})
+        self.assertEqual(done.returncode, 2)
+        self.assertIn("'gmsh', which makes the straight mesh, is not in PATH", done.stderr)
+        self.assertFalse(self.out.exists())
+
+    def fake_gmsh(self, script):
+        fake = self.folder / "gmsh"
+        fake.write_text("#!/bin/sh\n" + script)
+        fake.chmod(fake.stat().st_mode | stat.S_IXUSR)
+        return {**os.environ, "PATH": f"{self.folder}:{os.environ['PATH']}"}
+
+    def test_what_gmsh_prints_is_shown_if_it_fails(self):
+        model = self.folder / "sphere.step"
+        make(BODIES["sphere"][0], model)
+        for script, sentence in (("echo 'Error: no such luck' >&2; exit 7", "ended with status 7"),
+                                 ("echo 'Error: no such luck'; kill -SEGV $$", "was ended by signal 11"),
+                                 ("echo 'Error: no such luck'", "wrote no mesh")):
+            done = run("mesh", model, "--size", 0.5, "--order", 3, "-o", self.out, env=self.fake_gmsh(script))
+            self.assertEqual(done.returncode, 3, done.stderr)
+            self.assertIn(sentence, done.stderr)
+            self.assertIn("no such luck", done.stderr)
+            self.assertFalse(self.out.exists())
+
+    def test_an_interrupt_ends_gmsh_too(self):
+        model = self.folder / "sphere.step"
+        make(BODIES["sphere"][0], model)
+        number = self.folder / "number"
+        environment = self.fake_gmsh(f"echo $$ > {number}.tmp; mv {number}.tmp {number}; exec sleep 60")
+        process = start("mesh", model, "--size", 0.5, "--order", 3, "-o", self.out, env=environment)
+        deadline = time.monotonic() + 20
+        while not number.exists() and time.monotonic() < deadline:
+            time.sleep(0.02)
+        child = int(number.read_text())
+        process.send_signal(signal.SIGINT)
+        self.assertEqual(process.wait(20), 130)
+        process.stderr.close()
+        self.assertFalse(Path(f"/proc/{child}").exists())
+        self.assertFalse(self.out.exists())
+
+    def test_an_interrupt_during_the_work_on_the_model_ends_the_command(self):
+        model, straight = self.folder / "sphere.step", self.folder / "straight.msh"
+        make(BODIES["sphere"][0], model)
+        subprocess.run([PYTHON, "-c", STRAIGHT, str(model), str(straight)], check=True, capture_output=True)
+        # A reader that does not end stands for a model that takes long.
+        plugin = Path(VARIMESH).parent / "libvarimesh_opencascade.so"
+        (self.folder / plugin.name).symlink_to(plugin)
+        number, reader = self.folder / "number", self.folder / "varimesh_cad_reader"
+        reader.write_text(f"#!/bin/sh\necho $$ > {number}.tmp; mv {number}.tmp {number}; exec sleep 60\n")
+        reader.chmod(0o755)
+        process = start("curve", straight, "--geometry", model, "--order", 3, "-o", self.out,
+                        env={**os.environ, "VARIMESH_OPENCASCADE": str(self.folder / plugin.name)})
+        deadline = time.monotonic() + 20
+        while not number.exists() and time.monotonic() < deadline:
+            time.sleep(0.02)
+        process.send_signal(signal.SIGINT)
+        self.assertEqual(process.wait(20), 130)
+        process.stderr.close()
+        self.assertFalse(self.out.exists())
+        os.kill(int(number.read_text()), signal.SIGKILL)  # the real reader ends with its parent; the script does not
+
+    def test_a_file_on_which_the_reader_crashes_is_refused(self):
+        model = self.folder / "sphere.step"
+        make(BODIES["sphere"][0], model)
+        plugin = Path(VARIMESH).parent / "libvarimesh_opencascade.so"
+        (self.folder / plugin.name).symlink_to(plugin)
+        reader = self.folder / "varimesh_cad_reader"
+        straight = self.folder / "straight.msh"
+        subprocess.run([PYTHON, "-c", STRAIGHT, str(model), str(straight)], check=True, capture_output=True)
+        for script, status, sentence in (("kill -SEGV $$", 3, "OpenCASCADE crashed while it read it (signal 11)"),
+                                         ("kill -XCPU $$", 3, "took more than"),
+                                         ("printf 'it is damaged.' >&4; exit 3", 3, "it is damaged."),
+                                         ("exit 9", 3, "ended with status 9")):
+            reader.write_text("#!/bin/sh\n" + script + "\n")
+            reader.chmod(0o755)
+            done = run("curve", straight, "--geometry", model, "--order", 3, "-o", self.out,
+                       env={**os.environ, "VARIMESH_OPENCASCADE": str(self.folder / plugin.name)})
+            self.assertEqual(done.returncode, status, done.stderr)
+            self.assertIn(sentence, done.stderr)
+            self.assertFalse(self.out.exists())
+
+
+if __name__ == "__main__":
+    PYTHON = gmsh_python()
+    if PYTHON is None or not (Path(VARIMESH).parent / "libvarimesh_opencascade.so").exists() or not shutil.which("gmsh"):
+        print("skipped: there is no program or Python module gmsh, or VariMesh was built without OpenCASCADE")
+        sys.exit(77)
+    unittest.main(verbosity=2)
