@@ -3,11 +3,11 @@
 #include <iostream>
 
 #include "client/cli/option_flags.h"
-#include "client/io/failed_surfaces.h"
 #include "client/io/outputs.h"
 #include "client/io/report_page.h"
 #include "client/jobs/connection.h"
 #include "client/jobs/deliver.h"
+#include "client/jobs/failed_surfaces.h"
 #include "client/jobs/follow.h"
 #include "client/process/exit_status.h"
 #include "client/process/interrupts.h"

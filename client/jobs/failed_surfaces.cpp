@@ -1,4 +1,4 @@
-#include "client/io/failed_surfaces.h"
+#include "client/jobs/failed_surfaces.h"
 
 #include <algorithm>
 #include <map>
