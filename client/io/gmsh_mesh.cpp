@@ -13,18 +13,20 @@
 namespace varimesh::client {
 namespace {
 
-/// The last lines of a file, each after two spaces. Gmsh prints at most a few lines of errors at its end.
-std::string last_lines(const std::filesystem::path& path) {
-  constexpr std::size_t kShown = 12;
-  std::ifstream file(path);
-  std::deque<std::string> lines;
+/// What gmsh printed about errors, or else its last lines, in one line.
+std::string said(const std::filesystem::path& log) {
+  constexpr std::size_t kShown = 4;
+  std::ifstream file(log);
+  std::deque<std::string> errors, lines;
   for (std::string line; std::getline(file, line);) {
-    lines.push_back("\n  " + as_utf8(line));
-    if (lines.size() > kShown) lines.pop_front();
+    line.erase(0, line.find_first_not_of(" \t"));
+    std::deque<std::string>& kind = line.starts_with("Error") ? errors : lines;
+    kind.push_back(as_utf8(line));
+    if (kind.size() > kShown) kind.pop_front();
   }
   std::string text;
-  for (const std::string& line : lines) text += line;
-  return text.empty() ? " It printed nothing." : " The end of what it printed:" + text;
+  for (const std::string& line : errors.empty() ? lines : errors) text += (text.empty() ? "" : " | ") + line;
+  return text.empty() ? " It printed nothing." : " It printed: " + text;
 }
 
 std::string how(const ProgramEnd& end) {
@@ -57,9 +59,9 @@ Expected<void> mesh_with_gmsh(const GmshOptions& options, const std::filesystem:
   if (end.way == ProgramEnd::Way::NotStarted)
     return bad_option("'" + gmsh + "' cannot be started (" + std::system_category().message(end.status) + ").");
   if (end.way != ProgramEnd::Way::Exited || end.status != 0)
-    return bad_input(gmsh + " could not mesh '" + options.model + "': it " + how(end) + "." + last_lines(log));
+    return bad_input(gmsh + " could not mesh '" + options.model + "': it " + how(end) + "." + said(log));
   std::filesystem::rename(made, mesh, failed);
-  if (failed) return bad_input(gmsh + " wrote no mesh of '" + options.model + "'." + last_lines(log));
+  if (failed) return bad_input(gmsh + " wrote no mesh of '" + options.model + "'." + said(log));
   return {};
 }
 

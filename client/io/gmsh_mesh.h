@@ -16,7 +16,7 @@ struct GmshOptions {
 
 /// Meshes the model with tetrahedra of order 1, in the unit of length in which OpenCASCADE reads it. gmsh runs as a
 /// process of its own. Nothing is left at `mesh` after an error. Errors: BadOption if gmsh is not in PATH or cannot be
-/// started; BadInput, with the last lines of its output, if it fails; an empty sentence if this command was
+/// started; BadInput, with the errors that it printed, if it fails; an empty sentence if this command was
 /// interrupted.
 /// @param folder for the files that gmsh writes
 /// @param mesh   where the mesh goes, as MSH 4.1

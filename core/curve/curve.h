@@ -31,8 +31,9 @@ struct CurvedMesh {
 
 /// A mesh of order `order` (2 or more) with the vertices and elements of `linear`, a mesh of order 1:
 ///
-/// 1. An edge between two surfaces, at the end of a surface, or on both sides of which the same surface ends, lies on
-///    the shortest piece of a curve between its ends. Its nodes are evenly spaced by arc length.
+/// 1. Some edges lie on a curve: those between two surfaces, those at the end of a surface, and those where the same
+///    surface ends on both sides. Such an edge takes the shortest piece of a curve between its ends. Its nodes are
+///    evenly spaced by arc length.
 /// 2. Any other edge of a surface element lies on this surface. Each node is the foot of the middle of its neighbours,
 ///    so the edge is nearly a geodesic, and the chords between its nodes are nearly equal.
 /// 3. Nodes inside surface elements are blended from the edges (blend.h) and projected.

@@ -45,12 +45,12 @@ struct SlideReport {
 /// afterwards with the boundary fixed. All nodes that move are on their entity afterwards, up to rounding. Vertices,
 /// nodes of `fixed`, nodes at poles and nodes that belong to no entity for sure stay.
 ///
-/// No curve and no surface is farther from its elements afterwards (largest and rms distance between the nodes), none has
-/// more folded elements, and no node leaves its surface through the boundary. If the optimum would do so, the nodes of
-/// an entity go only a half, a quarter or an eighth of the way, or stay. The nodes on a surface may make use of what its
-/// curves have left: its distances may reach those at the start or, if these are larger, those after the curves' nodes
-/// have moved. If a surface is then worse than at the start, the nodes of its curves go back, and the surfaces around
-/// try again.
+/// No curve and no surface is farther from its elements afterwards (largest and rms distance between the nodes), none
+/// has more folded elements, and no node leaves its surface through the boundary. If the optimum would do so, the nodes
+/// of an entity go only a half, a quarter or an eighth of the way, or stay. The nodes on a surface may make use of what
+/// its curves have left: its distances may reach those at the start or, if these are larger, those after the curves'
+/// nodes have moved. If a surface is then worse than at the start, the nodes of its curves go back, and the surfaces
+/// around try again.
 ///
 /// The result does not depend on the number of threads. Call it inside team.run().
 SlideReport slide(HighOrderMesh& mesh, Association& association, SlideOn what, const std::vector<bool>& fixed,

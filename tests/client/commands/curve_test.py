@@ -143,7 +143,7 @@ class Curve(WithFolder):
             done = run("mesh", model, "--size", 0.5, "--order", 3, "-o", self.out, env=self.fake_gmsh(script))
             self.assertEqual(done.returncode, 3, done.stderr)
             self.assertIn(sentence, done.stderr)
-            self.assertIn("no such luck", done.stderr)
+            self.assertIn("It printed: Error: no such luck\n", done.stderr)
             self.assertFalse(self.out.exists())
 
     def test_an_interrupt_ends_gmsh_too(self):
