@@ -38,6 +38,8 @@ Expected<v1::ListJobsRequest> filter_of(const Arguments& arguments) {
   return filter;
 }
 
+void print_no_jobs() { std::cerr << "There are no such jobs on the server." << std::endl; }
+
 void print_table(const std::vector<v1::Job>& jobs) {
   std::cout << job_heading();
   for (const v1::Job& job : jobs) std::cout << job_row(job);
@@ -80,6 +82,7 @@ int watch(Client* client, const v1::ListJobsRequest& filter) {
           state = job->state();
           std::cout << job_row(*job) << std::flush;
         }
+    if (jobs->empty()) print_no_jobs();
     if (std::ranges::all_of(*jobs, has_ended)) return kDone;
     sleep_unless_interrupted(std::chrono::seconds(1));
     if (interrupted()) return kInterrupted;
@@ -101,7 +104,7 @@ int list(const Arguments& arguments) {
     return kDone;
   }
   if (jobs->empty()) {
-    std::cerr << "There are no such jobs on the server." << std::endl;
+    print_no_jobs();
     return kDone;
   }
   print_table(*jobs);

@@ -89,7 +89,7 @@ int results(const Arguments& arguments) {
   }
   if (arguments.common.json)
     print({{"jobs", documents}});
-  else if (!arguments.common.quiet)
+  else if (!arguments.common.quiet && running < jobs->size())
     std::cerr << endings.sentence() << std::endl;
   if (running > 0)
     std::cerr << "varimesh: " << running << (running == 1 ? " job has" : " jobs have")

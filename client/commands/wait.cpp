@@ -1,6 +1,9 @@
 // varimesh wait: waits until several jobs have ended.
 #include <unistd.h>
 
+#include <algorithm>
+#include <cctype>
+#include <cstring>
 #include <iostream>
 
 #include "client/cli/names.h"
@@ -71,12 +74,21 @@ class Printer {
   Json documents_ = Json::array();
 };
 
+/// The word as a shell reads it.
+std::string quoted(const std::string& word) {
+  const auto is_plain = [](unsigned char c) { return std::isalnum(c) != 0 || std::strchr("-_./:=,+@%", c) != nullptr; };
+  if (std::ranges::all_of(word, is_plain)) return word;
+  std::string text = "'";
+  for (const char c : word) text += c == '\'' ? std::string("'\\''") : std::string(1, c);
+  return text + "'";
+}
+
 std::string way_back(const Arguments& arguments) {
   std::string line = "varimesh wait";
-  for (const std::string& name : arguments.selection.names) line += " " + name;
+  for (const std::string& name : arguments.selection.names) line += " " + quoted(name);
   if (arguments.selection.all) line += " --all";
-  for (const std::string& label : arguments.selection.labels) line += " --label " + label;
-  return line + " --server " + arguments.common.server;
+  for (const std::string& label : arguments.selection.labels) line += " --label " + quoted(label);
+  return line + " --server " + quoted(arguments.common.server);
 }
 
 int wait_for_jobs(const Arguments& arguments) {

@@ -1,5 +1,7 @@
 #include "client/jobs/selection.h"
 
+#include <set>
+
 #include "client/jobs/remote_job.h"
 #include "client/library/failures.h"
 
@@ -25,7 +27,9 @@ Outcome<std::vector<v1::Job>> chosen(Client* client, const Selection& selection)
     if (listed && listed->empty()) return refusal("BAD_OPTION", "There are no such jobs on the server.");
     return listed;
   }
+  std::set<std::string> seen;
   for (const std::string& name : selection.names) {
+    if (!seen.insert(full_name(name)).second) continue;
     auto job = client->get(full_name(name));
     if (!job) return tl::unexpected(job.error());
     jobs.push_back(std::move(*job));

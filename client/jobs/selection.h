@@ -19,9 +19,9 @@ struct Selection {
 /// Adds the positional arguments JOB and the flags --all and --label.
 void add_selection(CLI::App& command, Selection* selection);
 
-/// The chosen jobs as they are now: in the order of their names on the command line, or newest first. Refused with
-/// BAD_OPTION if nothing was chosen, if names and labels are mixed, or if no job has the labels; with JOB_NOT_FOUND if
-/// a job that is named does not exist.
+/// The chosen jobs as they are now: in the order of their names on the command line, each once, or newest first.
+/// Refused with BAD_OPTION if nothing was chosen, if names and labels are mixed, or if no job has the labels; with
+/// JOB_NOT_FOUND if a job that is named does not exist.
 Outcome<std::vector<v1::Job>> chosen(Client* client, const Selection& selection);
 
 }  // namespace varimesh::client

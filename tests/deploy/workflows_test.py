@@ -169,6 +169,14 @@ class Many(WithServer):
         (self.folder / "results.txt").unlink()
         self.assertEqual(self.run_here(*command).returncode, 0)
         self.assert_all_certified("results")  # and there are still six jobs
+        # With other options, the results are others. A mesh that is gone is left out.
+        self.meshes.pop().unlink()
+        (self.folder / "results.txt").unlink()
+        shutil.rmtree(self.folder / "jobs")
+        done = self.run_here(*command, "options=--energy winslow")
+        self.assertEqual(done.returncode, 0, done.stdout)
+        self.assertEqual(len(list((self.folder / "results").glob("*.msh"))), 5)
+        self.assertEqual(len(self.jobs()), 11)
 
     def test_cwl(self):
         meshes = [word for mesh in self.meshes for word in ("--meshes", mesh)]

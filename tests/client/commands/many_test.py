@@ -3,6 +3,7 @@ import fcntl
 import json
 import os
 import pty
+import shlex
 import shutil
 import signal
 import struct
@@ -50,7 +51,7 @@ class Many(WithServer):
         before = {mesh.name: mesh.stat().st_mtime_ns for mesh in into.iterdir()}
         (into / "b.msh").unlink()
         (into / "c.msh").write_text("mine\n")
-        again = self.remote("results", *jobs, "--into", into, "--json")
+        again = self.remote("results", *jobs, jobs[0], "--into", into, "--json")
         self.assertEqual(again.returncode, 3, again.stderr)
         self.assertIn("another file at " + str(into / "c.msh"), again.stderr)
         self.assertEqual((into / "c.msh").read_text(), "mine\n")
@@ -110,19 +111,23 @@ class Many(WithServer):
                       ["wait", "jobs/0000000000000000"], ["results", "--into", self.folder]):
             self.assertEqual(self.remote(*wrong).returncode, 2, wrong)
         self.assertEqual(self.remote("jobs", "--watch", "--json").returncode, 2)
+        self.assertIn("There are no such jobs", self.remote("jobs", "--watch", "--label", "is=nowhere").stderr)
 
     def test_waiting_is_interrupted_and_the_job_goes_on(self):
-        (job,) = self.submit(LARGER, *ENDLESS)
-        waiting = start("wait", "--label", self.label, "--server", self.server.address)
+        (job,) = self.submit(LARGER, *ENDLESS, "--label", "said=it's here")
+        waiting = start("wait", "--label", self.label, "--label", "said=it's here", "--server", self.server.address)
         with self.assertRaises(subprocess.TimeoutExpired):
             waiting.wait(1)
         waiting.send_signal(signal.SIGINT)
         _, errors = waiting.communicate(timeout=20)
         self.assertEqual(waiting.returncode, 130, errors)
-        self.assertIn(f"varimesh wait --label {self.label} --server {self.server.address}", errors)
+        (line,) = [line for line in errors.splitlines() if line.startswith("  varimesh wait")]
+        self.assertEqual(shlex.split(line)[2:], ["--label", self.label, "--label", "said=it's here", "--server",
+                                                 self.server.address])
         running = self.remote("results", job, "--into", self.folder / "out")
         self.assertEqual(running.returncode, 1)
         self.assertIn("1 job has not ended", running.stderr)
+        self.assertNotIn("0 jobs", running.stderr)
         self.assertEqual(self.remote("cancel", job).returncode, 0)
         self.assertEqual(self.remote("wait", job).returncode, 1)
         # A job that was cancelled while it ran has a mesh too.
