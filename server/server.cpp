@@ -43,7 +43,7 @@ Expected<void> Server::start_scheduler() {
   SchedulerSettings settings;
   settings.threads = threads_.threads();
   settings.max_pending = options_.limits.max_pending_jobs;
-  settings.max_pending_of_owner = options_.limits.max_pending_jobs_per_peer;
+  settings.max_pending_of_peer = options_.limits.max_pending_jobs_per_peer;
   settings.max_ended = options_.limits.max_ended_jobs;
   settings.min_ended_age = options_.limits.min_ended_age;
   settings.checkpoint_pause = options_.limits.checkpoint_pause;

@@ -39,8 +39,8 @@ void shorten(v1::Job& job) {
 
 grpc::ServerUnaryReactor* JobService::SubmitJob(grpc::CallbackServerContext* call, const v1::SubmitJobRequest* request,
                                                 v1::SubmitJobResponse* response) {
-  return unary(call, api_.pool, [this, request, response, owner = peer_address(call->peer())] {
-    return answer(api_.scheduler.submit(request->request_id(), request->spec(), request->validate_only(), owner),
+  return unary(call, api_.pool, [this, request, response, peer = peer_address(call->peer())] {
+    return answer(api_.scheduler.submit(request->request_id(), request->spec(), request->validate_only(), peer),
                   response);
   });
 }

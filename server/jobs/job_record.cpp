@@ -56,7 +56,8 @@ Changed JobTransitions::create(JobRecord& record, const Submission& submission) 
   record.job.set_name(submission.name);
   *record.job.mutable_spec() = submission.spec;
   record.job.set_request_id(submission.request_id);
-  record.owner = submission.owner;
+  record.job.set_owner(submission.owner);
+  record.peer = submission.peer;
   *record.job.mutable_create_time() = timestamp(settings_.clock());
   v1::JobEvent event = change_state(record, v1::JOB_STATE_PENDING);
   return {record.job, {std::move(event)}, {}};
@@ -172,6 +173,11 @@ std::int64_t turn_of(const v1::Job& job) {
   return (created - job.spec().priority() * duration_cast<milliseconds>(kPriorityStep)).count();
 }
 
+Claim claim_of(const JobRecord& record) {
+  const v1::Job& job = record.job;
+  return {job.name(), record.token, job.attempt(), job.spec(), record.checkpoint, job.owner()};
+}
+
 std::vector<std::string> digests_of(const JobRecord& record) {
   std::vector<std::string> digests{record.job.spec().mesh().digest()};
   for (const v1::StoredMesh& result : record.job.results()) digests.push_back(result.digest());
@@ -186,6 +192,7 @@ void add_needed(const JobRecord& record, std::set<std::string>* digests) {
 }
 
 bool matches(const v1::Job& job, const JobFilter& filter) {
+  if (filter.owner && *filter.owner != job.owner()) return false;
   if (!filter.states.empty() && !filter.states.contains(job.state())) return false;
   return std::all_of(filter.labels.begin(), filter.labels.end(), [&](const auto& label) {
     const auto found = job.spec().labels().find(label.first);
@@ -198,7 +205,7 @@ Answer<void> check_same(const v1::Job& job, const Submission& submission) {
   return request_id_used(submission.request_id, job.name());
 }
 
-Refusal too_many_waiting(const std::string& owner, int pending) { return peer_limit(owner, pending, "waiting jobs"); }
+Refusal too_many_waiting(const std::string& peer, int pending) { return peer_limit(peer, pending, "waiting jobs"); }
 
 Answer<std::int64_t> parse_page_token(const std::string& token) {
   if (token.empty()) return 0;

@@ -7,11 +7,11 @@ namespace varimesh::server {
 
 /// What a store keeps of a job.
 struct JobRecord {
-  v1::Job job;             ///< `last_sequence` is the last event number that the store knows.
+  v1::Job job;             ///< With its owner. `last_sequence` is the last event number that the store knows.
   std::int64_t token = 0;  ///< Of the newest claim.
   int lost = 0;            ///< Attempts that were lost with their worker since the last progress.
   int furthest = 0;        ///< The last iteration that any attempt is known to have reached.
-  std::string owner;       ///< Empty: unknown.
+  std::string peer;        ///< Who the limits per peer count. Empty: unknown.
   std::string worker;      ///< Empty: no worker runs the job.
   TimePoint lease_end{};
   std::string history_digest;
@@ -50,6 +50,8 @@ class JobTransitions {
 /// Returns the position of a job in the queue, in milliseconds. The job with the smallest value is next; among equal
 /// values, the oldest.
 std::int64_t turn_of(const v1::Job& job);
+/// Returns the newest claim of the job.
+Claim claim_of(const JobRecord& record);
 /// Returns the digests of everything in the mesh store that the record refers to.
 std::vector<std::string> digests_of(const JobRecord& record);
 /// Adds the digests that the next attempt reads.
@@ -58,8 +60,8 @@ bool matches(const v1::Job& job, const JobFilter& filter);
 /// REQUEST_ID_USED if a repeated submission has another spec than the job.
 Answer<void> check_same(const v1::Job& job, const Submission& submission);
 
-/// PEER_LIMIT: the owner already has this many waiting jobs.
-Refusal too_many_waiting(const std::string& owner, int pending);
+/// PEER_LIMIT: the peer already has this many waiting jobs.
+Refusal too_many_waiting(const std::string& peer, int pending);
 /// Returns the key of the last job on the previous page, from the token that a store gave; 0: no previous page.
 Answer<std::int64_t> parse_page_token(const std::string& token);
 

@@ -23,7 +23,7 @@ struct JobStoreSettings {
   std::function<TimePoint()> clock = std::chrono::system_clock::now;  ///< The clock of the leases.
   std::chrono::milliseconds lease{30'000};  ///< A worker that does not renew its lease for this long loses its job.
   int max_attempts = 3;                     ///< A job that is lost this often without progress becomes FAILED.
-  int max_running_of_owner = 0;             ///< How many jobs of one owner can be claimed at a time. 0: no limit.
+  int max_running_of_peer = 0;              ///< How many jobs of one peer can be claimed at a time. 0: no limit.
 };
 
 /// One step of priority counts as much as this waiting time, so that no job waits for ever.
@@ -43,6 +43,7 @@ struct Claim {
   int attempt = 0;
   v1::JobSpec spec;
   std::optional<CheckpointReference> checkpoint;  ///< The state that an earlier attempt has saved.
+  std::string owner = {};                         ///< The owner of the job.
 };
 
 /// A job after a change. The store has saved the job and the events of the change together.
@@ -62,19 +63,29 @@ struct Submission {
   std::string request_id;
   v1::JobSpec spec;
   std::string name;
-  int max_pending = 0;           ///< RESOURCE_EXHAUSTED (QUEUE_FULL) if this many jobs already wait.
-  std::string owner;             ///< The owner of the job. Empty: unknown; then no limit on running jobs applies.
-  int max_pending_of_owner = 0;  ///< PEER_LIMIT if this many jobs of the owner already wait. 0: no limit.
+  int max_pending = 0;  ///< RESOURCE_EXHAUSTED (QUEUE_FULL) if this many jobs already wait.
+  std::string peer;     ///< Who the limits per peer count. Empty: unknown; then no limit on running jobs applies.
+  int max_pending_of_peer = 0;  ///< PEER_LIMIT if this many jobs of the peer already wait. 0: no limit.
+  std::string owner = {};       ///< Whose job it is. Each owner has request ids of its own. Empty: nobody's.
+};
+
+/// A job that refers to something in the mesh store.
+struct Reference {
+  std::string digest;
+  std::string owner;  ///< Of the job.
+  bool operator==(const Reference&) const = default;
 };
 
 /// The size of a page of jobs, in bytes, unless its first job is larger. A client takes messages of at most 4 MiB.
 inline constexpr std::size_t kMostPageBytes = std::size_t{1} << 20;
 
-/// Which jobs to list: those in one of the states (empty: any) that have all of the labels.
+/// Which jobs to list: those of the owner (nothing: of all) in one of the states (empty: any) that have all of the
+/// labels.
 struct JobFilter {
   std::set<v1::JobState> states;
   std::map<std::string, std::string> labels;
   std::size_t most_bytes = kMostPageBytes;  ///< Of all jobs on a page.
+  std::optional<std::string> owner = {};
 };
 
 struct JobPage {
@@ -112,7 +123,8 @@ class JobStore {
   /// Whether the jobs outlive the process.
   virtual bool durable() const = 0;
 
-  /// Stores a new job, or returns the job of the same request, without events. ALREADY_EXISTS if that has another spec.
+  /// Stores a new job, or returns the job of the same owner and request, without events. ALREADY_EXISTS if that has
+  /// another spec.
   virtual Answer<Changed> submit(const Submission& submission) = 0;
   virtual Answer<v1::Job> get(const std::string& name) = 0;
   /// Lists jobs, newest first. `page_token` is empty or comes from the previous page. A page ends after `page_size`
@@ -122,7 +134,7 @@ class JobStore {
   /// Returns all events of state and quality, in order.
   virtual Answer<std::vector<v1::JobEvent>> events(const std::string& name) = 0;
 
-  /// Claims the next job, which becomes RUNNING, with a lease. Returns nothing if no job waits, except jobs of owners
+  /// Claims the next job, which becomes RUNNING, with a lease. Returns nothing if no job waits, except jobs of peers
   /// that already have as many running as they may have.
   virtual Answer<std::optional<Claimed>> claim(const std::string& worker) = 0;
   /// Renews the lease. Returns true if the job is to be cancelled.
@@ -148,8 +160,8 @@ class JobStore {
   virtual Answer<Changed> remove(const std::string& name) = 0;
   /// Returns the names of all jobs that ended before `before`, except those among the `keep` that ended last.
   virtual Answer<std::vector<std::string>> ended_beyond(std::size_t keep, TimePoint before) = 0;
-  /// Returns the digests that all jobs refer to, once per reference.
-  virtual Answer<std::vector<std::string>> digests() = 0;
+  /// Returns everything that jobs refer to.
+  virtual Answer<std::vector<Reference>> references() = 0;
   /// Returns the digests of the meshes and checkpoints of all jobs that have not ended.
   virtual Answer<std::set<std::string>> needed_digests() = 0;
 };

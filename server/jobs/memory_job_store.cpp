@@ -11,13 +11,13 @@ namespace {
 
 bool is_running(v1::JobState state) { return state == v1::JOB_STATE_RUNNING || state == v1::JOB_STATE_CANCELLING; }
 
-void count(std::map<std::string, int>& counts, const std::string& owner, int change) {
-  const auto entry = counts.try_emplace(owner).first;
+void count(std::map<std::string, int>& counts, const std::string& peer, int change) {
+  const auto entry = counts.try_emplace(peer).first;
   if ((entry->second += change) == 0) counts.erase(entry);
 }
 
-int count_of(const std::map<std::string, int>& counts, const std::string& owner) {
-  const auto found = counts.find(owner);
+int count_of(const std::map<std::string, int>& counts, const std::string& peer) {
+  const auto found = counts.find(peer);
   return found == counts.end() ? 0 : found->second;
 }
 
@@ -41,11 +41,11 @@ Changed MemoryJobStore::apply(Entries::iterator entry, v1::JobState before, Chan
   auto& [key, kept] = *entry;
   const v1::JobState state = kept.record.job.state();
   const std::pair<std::int64_t, std::int64_t> place{turn_of(kept.record.job), key};
-  const std::string& owner = kept.record.owner;
-  if (before == v1::JOB_STATE_PENDING) pending_.erase(place), count(pending_of_, owner, -1);
-  if (state == v1::JOB_STATE_PENDING) pending_.insert(place), count(pending_of_, owner, 1);
-  if (is_running(before)) running_.erase(key), count(running_of_, owner, -1);
-  if (is_running(state)) running_.insert(key), count(running_of_, owner, 1);
+  const std::string& peer = kept.record.peer;
+  if (before == v1::JOB_STATE_PENDING) pending_.erase(place), count(pending_of_, peer, -1);
+  if (state == v1::JOB_STATE_PENDING) pending_.insert(place), count(pending_of_, peer, 1);
+  if (is_running(before)) running_.erase(key), count(running_of_, peer, -1);
+  if (is_running(state)) running_.insert(key), count(running_of_, peer, 1);
   if (has_ended(state) && !has_ended(before)) ended_.push_back(key);
   kept.events.insert(kept.events.end(), changed.events.begin(), changed.events.end());
   return changed;
@@ -53,18 +53,19 @@ Changed MemoryJobStore::apply(Entries::iterator entry, v1::JobState before, Chan
 
 Answer<Changed> MemoryJobStore::submit(const Submission& submission) {
   std::lock_guard lock(mutex_);
-  if (const auto found = by_request_.find(submission.request_id); found != by_request_.end()) {
+  const std::pair request(submission.owner, submission.request_id);
+  if (const auto found = by_request_.find(request); found != by_request_.end()) {
     const v1::Job& job = entries_.at(found->second).record.job;
     if (const auto same = check_same(job, submission); !same) return tl::unexpected(same.error());
     return Changed{job, {}, {}};
   }
   if (static_cast<int>(pending_.size()) >= submission.max_pending) return queue_full(static_cast<int>(pending_.size()));
-  const int waiting = count_of(pending_of_, submission.owner);
-  if (submission.max_pending_of_owner > 0 && waiting >= submission.max_pending_of_owner)
-    return too_many_waiting(submission.owner, waiting);
+  const int waiting = count_of(pending_of_, submission.peer);
+  if (submission.max_pending_of_peer > 0 && waiting >= submission.max_pending_of_peer)
+    return too_many_waiting(submission.peer, waiting);
   const auto entry = entries_.emplace(++counter_, Entry()).first;
   by_name_[submission.name] = entry->first;
-  if (!submission.request_id.empty()) by_request_[submission.request_id] = entry->first;
+  if (!submission.request_id.empty()) by_request_[request] = entry->first;
   return apply(entry, v1::JOB_STATE_UNSPECIFIED, transitions_.create(entry->second.record, submission));
 }
 
@@ -106,17 +107,16 @@ Answer<std::vector<v1::JobEvent>> MemoryJobStore::events(const std::string& name
 
 Answer<std::optional<Claimed>> MemoryJobStore::claim(const std::string& worker) {
   std::lock_guard lock(mutex_);
-  const int most = transitions_.settings().max_running_of_owner;
+  const int most = transitions_.settings().max_running_of_peer;
   const auto turn = std::find_if(pending_.begin(), pending_.end(), [&](const auto& place) {
-    const std::string& owner = entries_.at(place.second).record.owner;
-    return most == 0 || owner.empty() || count_of(running_of_, owner) < most;
+    const std::string& peer = entries_.at(place.second).record.peer;
+    return most == 0 || peer.empty() || count_of(running_of_, peer) < most;
   });
   if (turn == pending_.end()) return std::nullopt;
   const auto entry = entries_.find(turn->second);
   JobRecord& record = entry->second.record;
   Changed changed = apply(entry, v1::JOB_STATE_PENDING, transitions_.claim(record, worker));
-  return Claimed{{record.job.name(), record.token, record.job.attempt(), record.job.spec(), record.checkpoint},
-                 std::move(changed.events)};
+  return Claimed{claim_of(record), std::move(changed.events)};
 }
 
 Answer<bool> MemoryJobStore::renew_lease(const Claim& claim) {
@@ -183,7 +183,7 @@ Answer<Changed> MemoryJobStore::remove(const std::string& name) {
   if (!has_ended(record.job.state())) return job_not_ended(name);
   Changed changed{record.job, {}, digests_of(record)};
   by_name_.erase(name);
-  if (!record.job.request_id().empty()) by_request_.erase(record.job.request_id());
+  if (!record.job.request_id().empty()) by_request_.erase({record.job.owner(), record.job.request_id()});
   std::erase(ended_, (*found)->first);
   entries_.erase(*found);
   return changed;
@@ -199,11 +199,11 @@ Answer<std::vector<std::string>> MemoryJobStore::ended_beyond(std::size_t keep, 
   return names;
 }
 
-Answer<std::vector<std::string>> MemoryJobStore::digests() {
+Answer<std::vector<Reference>> MemoryJobStore::references() {
   std::lock_guard lock(mutex_);
-  std::vector<std::string> all;
+  std::vector<Reference> all;
   for (const auto& [key, entry] : entries_)
-    for (std::string& digest : digests_of(entry.record)) all.push_back(std::move(digest));
+    for (std::string& digest : digests_of(entry.record)) all.push_back({std::move(digest), entry.record.job.owner()});
   return all;
 }
 

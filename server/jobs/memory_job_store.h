@@ -33,7 +33,7 @@ class MemoryJobStore : public JobStore {
   Answer<std::string> history_digest(const std::string& name) override;
   Answer<Changed> remove(const std::string& name) override;
   Answer<std::vector<std::string>> ended_beyond(std::size_t keep, TimePoint before) override;
-  Answer<std::vector<std::string>> digests() override;
+  Answer<std::vector<Reference>> references() override;
   Answer<std::set<std::string>> needed_digests() override;
 
  private:
@@ -53,9 +53,9 @@ class MemoryJobStore : public JobStore {
   std::int64_t counter_ = 0;
   Entries entries_;
   std::map<std::string, std::int64_t> by_name_;
-  std::map<std::string, std::int64_t> by_request_;
-  std::set<std::pair<std::int64_t, std::int64_t>> pending_;  ///< By turn, then by number.
-  std::map<std::string, int> pending_of_, running_of_;       ///< By owner.
+  std::map<std::pair<std::string, std::string>, std::int64_t> by_request_;  ///< By owner and request id.
+  std::set<std::pair<std::int64_t, std::int64_t>> pending_;                 ///< By turn, then by number.
+  std::map<std::string, int> pending_of_, running_of_;                      ///< By peer.
   std::set<std::int64_t> running_;
   std::deque<std::int64_t> ended_;
 };

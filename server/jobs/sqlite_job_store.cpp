@@ -115,8 +115,8 @@ Answer<Result> SqliteJobStore::write(const Claim& claim, const std::function<Res
 Answer<Changed> SqliteJobStore::submit(const Submission& submission) {
   return write<Changed>([&](SqliteDatabase& database) -> Answer<Changed> {
     if (!submission.request_id.empty()) {
-      auto query = database.query(select_job_rows("WHERE request_id = ?"));
-      if (query.bind(submission.request_id).step()) {
+      auto query = database.query(select_job_rows("WHERE owner = ? AND request_id = ?"));
+      if (query.bind(submission.owner).bind(submission.request_id).step()) {
         const auto row = read_job_row(query);
         if (!row) return tl::unexpected(row.error());
         if (const auto same = check_same(row->record.job, submission); !same) return tl::unexpected(same.error());
@@ -126,11 +126,11 @@ Answer<Changed> SqliteJobStore::submit(const Submission& submission) {
     auto pending = database.query("SELECT COUNT(*) FROM jobs WHERE state = 1");
     pending.step();
     if (pending.number(0) >= submission.max_pending) return queue_full(static_cast<int>(pending.number(0)));
-    if (submission.max_pending_of_owner > 0) {
-      auto of_owner = database.query("SELECT COUNT(*) FROM jobs WHERE state = 1 AND owner = ?");
-      of_owner.bind(submission.owner).step();
-      if (of_owner.number(0) >= submission.max_pending_of_owner)
-        return too_many_waiting(submission.owner, static_cast<int>(of_owner.number(0)));
+    if (submission.max_pending_of_peer > 0) {
+      auto of_peer = database.query("SELECT COUNT(*) FROM jobs WHERE state = 1 AND peer = ?");
+      of_peer.bind(submission.peer).step();
+      if (of_peer.number(0) >= submission.max_pending_of_peer)
+        return too_many_waiting(submission.peer, static_cast<int>(of_peer.number(0)));
     }
 
     JobRow row;
@@ -158,6 +158,7 @@ Answer<JobPage> SqliteJobStore::list(const JobFilter& filter, int page_size, con
     separator = ", ";
   }
   if (!filter.states.empty()) statement += ")";
+  if (filter.owner) statement += " AND owner = ?";
   for (std::size_t i = 0; i < filter.labels.size(); ++i)
     statement += " AND EXISTS(SELECT 1 FROM labels WHERE labels.key = jobs.key AND labels.name = ? AND value = ?)";
   statement += " ORDER BY jobs.key DESC LIMIT ?";
@@ -165,6 +166,7 @@ Answer<JobPage> SqliteJobStore::list(const JobFilter& filter, int page_size, con
   return read<JobPage>([&](SqliteDatabase& database) -> Answer<JobPage> {
     auto query = database.query_once(statement);
     query.bind(*below > 0 ? *below : std::numeric_limits<std::int64_t>::max());
+    if (filter.owner) query.bind(*filter.owner);
     for (const auto& [name, value] : filter.labels) query.bind(name).bind(value);
     query.bind(page_size + 1);
     JobPage page;
@@ -249,13 +251,13 @@ Answer<std::vector<std::string>> SqliteJobStore::ended_beyond(std::size_t keep, 
   });
 }
 
-Answer<std::vector<std::string>> SqliteJobStore::digests() {
-  return read<std::vector<std::string>>([](SqliteDatabase& database) -> Answer<std::vector<std::string>> {
+Answer<std::vector<Reference>> SqliteJobStore::references() {
+  return read<std::vector<Reference>>([](SqliteDatabase& database) -> Answer<std::vector<Reference>> {
     auto query = database.query(select_job_rows());
-    std::vector<std::string> all;
+    std::vector<Reference> all;
     while (query.step())
       if (const auto row = read_job_row(query))
-        for (std::string& digest : digests_of(row->record)) all.push_back(std::move(digest));
+        for (std::string& digest : digests_of(row->record)) all.push_back({std::move(digest), row->record.job.owner()});
     return all;
   });
 }
@@ -279,10 +281,10 @@ Answer<std::optional<Claimed>> SqliteJobStore::claim(const std::string& worker) 
   if (!waiting) return tl::unexpected(waiting.error());
   if (waiting->pending == 0) return Result();
   return write<Result>([&](SqliteDatabase& database) -> Answer<Result> {
-    const int most = transitions_.settings().max_running_of_owner;
+    const int most = transitions_.settings().max_running_of_peer;
     auto query = database.query(
-        select_job_rows("WHERE state = 1 AND owner NOT IN (SELECT owner FROM jobs WHERE worker <> '' AND owner <> '' "
-                        "GROUP BY owner HAVING COUNT(*) >= ?) ORDER BY turn, jobs.key LIMIT 1"));
+        select_job_rows("WHERE state = 1 AND peer NOT IN (SELECT peer FROM jobs WHERE worker <> '' AND peer <> '' "
+                        "GROUP BY peer HAVING COUNT(*) >= ?) ORDER BY turn, jobs.key LIMIT 1"));
     query.bind(most > 0 ? most : std::numeric_limits<int>::max());
     if (!query.step()) return Result();
     auto row = read_job_row(query);
@@ -293,9 +295,7 @@ Answer<std::optional<Claimed>> SqliteJobStore::claim(const std::string& worker) 
     Changed changed = transitions_.claim(row->record, worker);
     save_job(database, *row);
     save_events(database, row->key, changed);
-    const JobRecord& record = row->record;
-    return Claimed{{record.job.name(), record.token, record.job.attempt(), record.job.spec(), record.checkpoint},
-                   std::move(changed.events)};
+    return Claimed{claim_of(row->record), std::move(changed.events)};
   });
 }
 

@@ -38,7 +38,7 @@ class SqliteJobStore : public JobStore {
   Answer<std::string> history_digest(const std::string& name) override;
   Answer<Changed> remove(const std::string& name) override;
   Answer<std::vector<std::string>> ended_beyond(std::size_t keep, TimePoint before) override;
-  Answer<std::vector<std::string>> digests() override;
+  Answer<std::vector<Reference>> references() override;
   Answer<std::set<std::string>> needed_digests() override;
 
  private:

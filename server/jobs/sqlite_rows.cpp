@@ -70,6 +70,7 @@ bool read_columns(const SqliteQuery& query, JobRow* row) {
   row->record.history_digest = query.text(5);
   if (!query.is_null(6)) row->record.checkpoint = {query.text(6), static_cast<int>(query.number(7))};
   row->record.furthest = static_cast<int>(query.number(10));
+  row->record.peer = query.text(14);
   return parse(query.view(8), &row->record.job) && parse(query.view(9), row->record.job.mutable_spec());
 }
 
@@ -79,14 +80,15 @@ bool read_columns(const SqliteQuery& query, JobRow* row) {
 
 std::string select_job_rows(std::string_view rest) {
   return "SELECT jobs.key, token, lost, worker, lease_end, history, checkpoint, checkpoint_iteration, job, spec, "
-         "furthest, state, jobs.sum, specs.sum FROM jobs JOIN specs USING(key) " +
+         "furthest, state, jobs.sum, specs.sum, peer, owner FROM jobs JOIN specs USING(key) " +
          std::string(rest);
 }
 
 Answer<JobRow> read_job_row(const SqliteQuery& query) {
   JobRow row;
+  // The check sum covers the owner in the record, but lists are made by the column.
   const bool good = read_columns(query, &row) && query.number(11) == row.record.job.state() &&
-                    query.number(12) == sum_of_job(row, query.view(8)) &&
+                    query.view(15) == row.record.job.owner() && query.number(12) == sum_of_job(row, query.view(8)) &&
                     query.number(13) == sum_of_spec(row.key, query.view(9));
   if (!good) return damaged("a job (row " + std::to_string(row.key) + " of the database)");
   return row;
@@ -123,13 +125,13 @@ Answer<std::vector<v1::JobEvent>> load_events(SqliteDatabase& database, const Jo
 void insert_job(SqliteDatabase& database, const Submission& submission, JobRow& row) {
   auto insert = database.query(
       "INSERT INTO jobs(name, request_id, state, turn, token, lost, worker, lease_end, history, "
-      "checkpoint_iteration, job, owner) VALUES(?, ?, 0, ?, 0, 0, '', 0, '', 0, x'', ?)");
+      "checkpoint_iteration, job, peer, owner) VALUES(?, ?, 0, ?, 0, 0, '', 0, '', 0, x'', ?, ?)");
   insert.bind(submission.name);
   if (submission.request_id.empty())
     insert.bind_null();
   else
     insert.bind(submission.request_id);
-  insert.bind(turn_of(row.record.job)).bind(submission.owner).run();
+  insert.bind(turn_of(row.record.job)).bind(submission.peer).bind(submission.owner).run();
   row.key = database.last_key();
   const std::string spec = submission.spec.SerializeAsString();
   database.query("INSERT INTO specs VALUES(?, ?, ?)")

@@ -20,7 +20,7 @@ struct JobRow {
 /// Returns "SELECT … FROM jobs JOIN specs", with the columns that read_job_row() reads. `rest` is the rest of the
 /// statement, from WHERE on.
 std::string select_job_rows(std::string_view rest = {});
-/// Returns the current row of a query made by select_job_rows(). The owner is not read. DATA_LOSS if the row is not
+/// Returns the current row of a query made by select_job_rows(). DATA_LOSS if the row is not
 /// what was saved: every row has a check sum, since flipped bits can give a record that looks right.
 Answer<JobRow> read_job_row(const SqliteQuery& query);
 /// Makes sure that nobody claims a job whose row is damaged. The row stays until the job is deleted.

@@ -8,7 +8,7 @@ namespace varimesh::server {
 namespace {
 
 /// The version of the tables below. A change of the tables gets a new version and a step that updates older tables.
-constexpr int kVersion = 4;
+constexpr int kVersion = 5;
 
 // The spec never changes and may be large. It has a table of its own, so that it is not written with every change of a
 // job.
@@ -56,6 +56,43 @@ ALTER TABLE specs ADD COLUMN sum INTEGER NOT NULL DEFAULT 0;   -- check sum of t
 ALTER TABLE events ADD COLUMN sum INTEGER NOT NULL DEFAULT 0;  -- check sum of the row
 PRAGMA user_version = 4;
 )";
+// Each owner has request ids of its own, and SQLite can only change a constraint by making the table again. What was
+// called the owner until now is the peer. AUTOINCREMENT goes on where it was, so that keys are never used again.
+constexpr char kToVersion5[] = R"(
+CREATE TABLE jobs_5(
+  key INTEGER PRIMARY KEY AUTOINCREMENT,  -- in the order of submission
+  name TEXT NOT NULL UNIQUE,
+  owner TEXT NOT NULL,                    -- whose job it is; empty: nobody's
+  request_id TEXT,                        -- NULL: none
+  peer TEXT NOT NULL,                     -- who the limits per peer count; empty: unknown
+  state INTEGER NOT NULL,                 -- v1.JobState
+  turn INTEGER NOT NULL,                  -- place in the queue, smallest first, in milliseconds
+  ended INTEGER,                          -- time of the end, in nanoseconds since 1970; NULL: not yet
+  token INTEGER NOT NULL,                 -- of the newest claim
+  lost INTEGER NOT NULL,                  -- attempts that were lost with their worker since the last progress
+  worker TEXT NOT NULL,                   -- empty: none
+  lease_end INTEGER NOT NULL,             -- in nanoseconds since 1970
+  history TEXT NOT NULL,                  -- digest; empty: none
+  checkpoint TEXT,                        -- digest; NULL: none
+  checkpoint_iteration INTEGER NOT NULL,
+  job BLOB NOT NULL,                      -- v1.Job without its spec
+  furthest INTEGER NOT NULL DEFAULT 0,    -- last iteration that any attempt has reached
+  sum INTEGER NOT NULL DEFAULT 0,         -- check sum of the row
+  UNIQUE(owner, request_id)
+);
+INSERT INTO jobs_5 SELECT key, name, '', request_id, owner, state, turn, ended, token, lost, worker, lease_end, history,
+  checkpoint, checkpoint_iteration, job, furthest, sum FROM jobs;
+DELETE FROM sqlite_sequence WHERE name = 'jobs_5';
+INSERT INTO sqlite_sequence(name, seq) SELECT 'jobs_5', seq FROM sqlite_sequence WHERE name = 'jobs';
+DROP TABLE jobs;
+ALTER TABLE jobs_5 RENAME TO jobs;
+CREATE INDEX jobs_waiting ON jobs(turn, key) WHERE state = 1;
+CREATE INDEX jobs_waiting_of ON jobs(peer) WHERE state = 1;
+CREATE INDEX jobs_running ON jobs(key) WHERE worker <> '';
+CREATE INDEX jobs_ended ON jobs(ended, key) WHERE ended IS NOT NULL;
+CREATE INDEX jobs_of ON jobs(owner, key);
+PRAGMA user_version = 5;
+)";
 static_assert(v1::JOB_STATE_PENDING == 1);
 
 }  // namespace
@@ -69,10 +106,9 @@ bool set_up_schema(SqliteDatabase& database) {
   if (version < 1) database.run(kSchema);
   if (version < 2) database.run(kToVersion2);
   if (version < 3) database.run(kToVersion3);
-  if (version < 4) {
-    database.run(kToVersion4);
-    add_sums(database);
-  }
+  if (version < 4) database.run(kToVersion4);
+  if (version < 5) database.run(kToVersion5);
+  if (version < 4) add_sums(database);
   transaction.commit();
   return true;
 }

@@ -8,9 +8,9 @@ namespace varimesh::server {
 Answer<void> Scheduler::recover() {
   {
     std::lock_guard lock(mutex_);
-    const auto digests = jobs_->digests();
-    if (!digests) return tl::unexpected(digests.error());
-    for (const std::string& digest : *digests) meshes_->retain(digest);
+    const auto references = jobs_->references();
+    if (!references) return tl::unexpected(references.error());
+    for (const Reference& reference : *references) meshes_->retain(reference.digest);
   }
   take_back(settings_.worker);
   return {};

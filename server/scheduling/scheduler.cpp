@@ -78,7 +78,7 @@ Answer<void> Scheduler::check_memory(const std::string& digest) {
 }
 
 Answer<v1::Job> Scheduler::submit(const std::string& request_id, const v1::JobSpec& spec, bool validate_only,
-                                  const std::string& owner) {
+                                  const std::string& peer, const std::string& owner) {
   if (request_id.size() > 128) return bad_request("The request id must have at most 128 bytes.");
   if (const auto checked = check(spec); !checked) return tl::unexpected(checked.error());
   if (validate_only) {
@@ -100,7 +100,7 @@ Answer<v1::Job> Scheduler::submit(const std::string& request_id, const v1::JobSp
     return mesh_missing(spec.mesh().digest());
   }
   auto submitted = jobs_->submit(
-      {request_id, spec, settings_.new_name(), settings_.max_pending, owner, settings_.max_pending_of_owner});
+      {request_id, spec, settings_.new_name(), settings_.max_pending, peer, settings_.max_pending_of_peer, owner});
   const bool is_new = submitted && !submitted->events.empty();
   if (!is_new) meshes_->release(spec.mesh().digest());
   if (!submitted) return tl::unexpected(submitted.error());

@@ -21,10 +21,10 @@ namespace varimesh::server {
 
 /// The settings of the scheduler. Time, names and threads are passed in, so that tests can control them.
 struct SchedulerSettings {
-  int threads = 1;               ///< The thread budget. At most this many jobs run at a time.
-  int max_pending = 1000;        ///< Jobs that may wait. More are refused with QUEUE_FULL.
-  int max_pending_of_owner = 0;  ///< Jobs of one owner that may wait; PEER_LIMIT. 0: no limit.
-  int max_ended = 1000;          ///< Ended jobs that are kept with their results; older ones are deleted, but only
+  int threads = 1;              ///< The thread budget. At most this many jobs run at a time.
+  int max_pending = 1000;       ///< Jobs that may wait. More are refused with QUEUE_FULL.
+  int max_pending_of_peer = 0;  ///< Jobs of one peer that may wait; PEER_LIMIT. 0: no limit.
+  int max_ended = 1000;         ///< Ended jobs that are kept with their results; older ones are deleted, but only
   std::chrono::milliseconds min_ended_age{0};         ///< this long after their end, however many there are.
   std::string worker = "local";                       ///< The name under which jobs are claimed, also after a restart.
   std::chrono::seconds renewal_interval{10};          ///< Time between two renewals of the leases: a third of a lease.
@@ -56,9 +56,9 @@ class Scheduler {
   void tick();
 
   /// Checks everything that can be checked without running the job, and queues it unless `validate_only` is true.
-  /// `owner`: the owner of the job, for the limits per owner.
+  /// `peer`: who the limits per peer count. `owner`: whose job it is.
   Answer<v1::Job> submit(const std::string& request_id, const v1::JobSpec& spec, bool validate_only,
-                         const std::string& owner = {});
+                         const std::string& peer = {}, const std::string& owner = {});
   Answer<v1::Job> get(const std::string& name);
   Answer<JobPage> list(const JobFilter& filter, int page_size, const std::string& page_token);
   Answer<v1::Job> cancel(const std::string& name);

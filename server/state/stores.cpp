@@ -31,7 +31,7 @@ Expected<std::unique_ptr<Stores>> Stores::open(const StoreSettings& settings) {
   std::unique_ptr<Stores> stores(new Stores);
   JobStoreSettings job_settings;
   job_settings.clock = settings.clock;
-  job_settings.max_running_of_owner = settings.limits.max_running_jobs_per_peer;
+  job_settings.max_running_of_peer = settings.limits.max_running_jobs_per_peer;
   if (settings.state.empty()) {
     stores->jobs_ = std::make_unique<MemoryJobStore>(job_settings);
   } else {

@@ -64,9 +64,9 @@ TEST_P(JobStoreConformance, LimitsTheWaitingJobs) {
   EXPECT_TRUE(try_submit("c", spec(), 2));
 }
 
-TEST_P(JobStoreConformance, LimitsTheWaitingJobsOfAnOwner) {
-  const auto try_as = [&](const std::string& owner, int most) {
-    return store_->submit({"", spec(), "jobs/" + std::to_string(++names_), 1000, owner, most});
+TEST_P(JobStoreConformance, LimitsTheWaitingJobsOfAPeer) {
+  const auto try_as = [&](const std::string& peer, int most) {
+    return store_->submit({"", spec(), "jobs/" + std::to_string(++names_), 1000, peer, most});
   };
   ASSERT_TRUE(try_as("a", 2));
   ASSERT_TRUE(try_as("a", 2));
@@ -74,19 +74,19 @@ TEST_P(JobStoreConformance, LimitsTheWaitingJobsOfAnOwner) {
   ASSERT_FALSE(refused);
   EXPECT_EQ(refused.error().reason, "PEER_LIMIT");
   EXPECT_GT(refused.error().retry_seconds, 0);
-  EXPECT_TRUE(try_as("b", 2)) << "another owner";
+  EXPECT_TRUE(try_as("b", 2)) << "another peer";
   EXPECT_TRUE(try_as("a", 0)) << "no limit";
   claim();
   claim();
   EXPECT_TRUE(try_as("a", 2)) << "running jobs do not count";
 }
 
-TEST_P(JobStoreConformance, LimitsTheRunningJobsOfAnOwner) {
-  max_running_of_owner_ = 2;
+TEST_P(JobStoreConformance, LimitsTheRunningJobsOfAPeer) {
+  max_running_of_peer_ = 2;
   reopen();
-  for (const char* owner : {"a", "a", "a", "b"}) {
+  for (const char* peer : {"a", "a", "a", "b"}) {
     now_ += std::chrono::milliseconds(1);
-    ASSERT_TRUE(store_->submit({"", spec(), "jobs/" + std::to_string(++names_), 1000, owner, 0}));
+    ASSERT_TRUE(store_->submit({"", spec(), "jobs/" + std::to_string(++names_), 1000, peer, 0}));
   }
   const Claim first = claim();
   EXPECT_EQ(first.name, "jobs/1");
@@ -97,8 +97,8 @@ TEST_P(JobStoreConformance, LimitsTheRunningJobsOfAnOwner) {
   EXPECT_EQ(claim().name, "jobs/3");
 }
 
-TEST_P(JobStoreConformance, DoesNotLimitRunningJobsWithoutAnOwner) {
-  max_running_of_owner_ = 1;
+TEST_P(JobStoreConformance, DoesNotLimitRunningJobsWithoutAPeer) {
+  max_running_of_peer_ = 1;
   reopen();
   submit();
   submit();
@@ -106,6 +106,62 @@ TEST_P(JobStoreConformance, DoesNotLimitRunningJobsWithoutAnOwner) {
   const auto second = store_->claim("worker");
   ASSERT_TRUE(second && *second);
   EXPECT_EQ((*second)->claim.name, "jobs/2");
+}
+
+// ===== owners =====
+
+TEST_P(JobStoreConformance, GivesEachOwnerRequestIdsOfItsOwn) {
+  const auto submit_as = [&](const std::string& owner, const v1::JobSpec& spec) {
+    return store_->submit({"run 1", spec, "jobs/" + std::to_string(++names_), 1000, "peer", 0, owner});
+  };
+  const auto of_ann = submit_as("ann", spec("a"));
+  ASSERT_TRUE(of_ann);
+  EXPECT_EQ(of_ann->job.owner(), "ann");
+  const auto of_bob = submit_as("bob", spec("b"));
+  ASSERT_TRUE(of_bob) << "Bob's id says nothing about Ann's";
+  EXPECT_NE(of_bob->job.name(), of_ann->job.name());
+  EXPECT_FALSE(of_bob->events.empty());
+  const auto again = submit_as("ann", spec("a"));
+  ASSERT_TRUE(again);
+  EXPECT_EQ(again->job.name(), of_ann->job.name());
+  EXPECT_TRUE(again->events.empty());
+  EXPECT_EQ(submit_as("bob", spec("a")).error().reason, "REQUEST_ID_USED");
+  ASSERT_TRUE(submit_as("", spec("c"))) << "nobody's jobs have ids of their own too";
+  EXPECT_EQ(get(of_bob->job.name()).owner(), "bob");
+  EXPECT_EQ(claim().owner, "ann");
+  store_->request_cancel(of_bob->job.name(), 0);
+  ASSERT_TRUE(store_->remove(of_bob->job.name()));
+  const auto anew = submit_as("bob", spec("b"));
+  EXPECT_FALSE(anew->events.empty()) << "the job of this id was deleted";
+  EXPECT_EQ(submit_as("ann", spec("a"))->job.name(), of_ann->job.name());
+}
+
+TEST_P(JobStoreConformance, ListsTheJobsOfAnOwner) {
+  std::vector<std::string> of_ann;
+  for (const char* owner : {"ann", "bob", "ann", "", "ann"}) {
+    v1::JobSpec labelled = spec();
+    (*labelled.mutable_labels())["case"] = "wing";
+    const auto made = store_->submit({"", labelled, "jobs/" + std::to_string(++names_), 1000, "peer", 0, owner});
+    if (std::string(owner) == "ann") of_ann.insert(of_ann.begin(), made->job.name());
+  }
+  JobFilter filter;
+  filter.owner = "ann";
+  filter.labels = {{"case", "wing"}};
+  std::vector<std::string> listed;
+  std::string token;
+  do {
+    const auto page = store_->list(filter, 2, token);
+    for (const v1::Job& job : page->jobs) listed.push_back(job.name());
+    token = page->next_page_token;
+  } while (!token.empty());
+  EXPECT_EQ(listed, of_ann);
+  filter.owner = "";
+  EXPECT_EQ(store_->list(filter, 10, "")->jobs.size(), 1u) << "nobody's jobs, not everybody's";
+  filter.owner = "an";
+  EXPECT_TRUE(store_->list(filter, 10, "")->jobs.empty());
+  filter.owner.reset();
+  EXPECT_EQ(store_->list(filter, 10, "")->jobs.size(), 5u);
+  EXPECT_EQ(store_->references()->front(), (Reference{"mesh", "ann"}));
 }
 
 // ===== listing =====

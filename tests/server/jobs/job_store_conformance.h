@@ -45,7 +45,7 @@ class JobStoreConformance : public ::testing::TestWithParam<StoreKind> {
     settings.clock = [this] { return now_; };
     settings.lease = std::chrono::seconds(30);
     settings.max_attempts = 3;
-    settings.max_running_of_owner = max_running_of_owner_;
+    settings.max_running_of_peer = max_running_of_peer_;
     store_ = place_->open(settings);
   }
 
@@ -91,7 +91,7 @@ class JobStoreConformance : public ::testing::TestWithParam<StoreKind> {
   std::unique_ptr<StorePlace> place_;
   std::unique_ptr<JobStore> store_;
   int names_ = 0;
-  int max_running_of_owner_ = 0;  ///< Takes effect at the next reopen().
+  int max_running_of_peer_ = 0;  ///< Takes effect at the next reopen().
 };
 
 /// The tests of stores whose jobs outlive the process.

@@ -19,8 +19,10 @@ TEST_P(JobStoreConformance, GivesTheNewestCheckpointToTheNextAttempt) {
   ASSERT_TRUE(second.checkpoint);
   EXPECT_EQ(second.checkpoint->digest, "new");
   EXPECT_EQ(second.checkpoint->iteration, 20);
-  const auto digests = store_->digests();
-  EXPECT_EQ(std::multiset<std::string>(digests->begin(), digests->end()), (std::multiset<std::string>{"mesh", "new"}));
+  std::multiset<std::string> digests;
+  const auto references = store_->references();
+  for (const Reference& reference : *references) digests.insert(reference.digest);
+  EXPECT_EQ(digests, (std::multiset<std::string>{"mesh", "new"}));
   submit(spec("waiting"));
   EXPECT_EQ(*store_->needed_digests(), (std::set<std::string>{"mesh", "new", "waiting"}));
   EXPECT_EQ(store_->finish(second, success(), 0)->released, std::vector<std::string>{"new"});
@@ -118,7 +120,7 @@ TEST_P(JobStoreConformance, RemovesAJobAndReleasesItsReferences) {
   EXPECT_EQ(store_->remove(name).error().reason, "JOB_NOT_FOUND");
   EXPECT_EQ(store_->events(name).error().reason, "JOB_NOT_FOUND");
   EXPECT_TRUE(store_->list({{}, {{"colour", "red"}}}, 10, "")->jobs.empty());
-  EXPECT_TRUE(store_->digests()->empty());
+  EXPECT_TRUE(store_->references()->empty());
 }
 
 TEST_P(JobStoreConformance, NamesTheJobsThatEndedLongestAgo) {
@@ -149,7 +151,7 @@ TEST_P(DurableJobStoreConformance, IsTheSameAfterItIsReopened) {
   ASSERT_TRUE(store_->note_checkpoint(claimed, {"checkpoint", 5}));
   const auto before = store_->list({}, 100, "");
   const auto events = store_->events(done);
-  const auto digests = store_->digests();
+  const auto references = store_->references();
 
   reopen();
   const auto after = store_->list({}, 100, "");
@@ -159,7 +161,7 @@ TEST_P(DurableJobStoreConformance, IsTheSameAfterItIsReopened) {
   ASSERT_EQ(store_->events(done)->size(), events->size());
   for (std::size_t i = 0; i < events->size(); ++i)
     EXPECT_EQ((*store_->events(done))[i].SerializeAsString(), (*events)[i].SerializeAsString());
-  EXPECT_EQ(*store_->digests(), *digests);
+  EXPECT_EQ(*store_->references(), *references);
   EXPECT_EQ(store_->list({{kRunning}, {{"colour", "red"}}}, 10, "")->jobs.size(), 1u);
   ASSERT_TRUE(store_->renew_lease(claimed)) << "a claim outlives the process too";
   ASSERT_EQ(store_->take_back("worker", {})->size(), 1u);

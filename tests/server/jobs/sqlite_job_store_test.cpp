@@ -72,7 +72,7 @@ TEST(SqliteJobStore, RefusesFlippedBits) {
 TEST(SqliteJobStore, RefusesRowsWithChangedNumbers) {
   const JobStoreSettings settings;
   for (const char* change : {"state = 3", "token = 9", "lost = 1", "worker = 'other'", "lease_end = 7", "history = 'h'",
-                             "checkpoint = 'c'", "furthest = 5"}) {
+                             "checkpoint = 'c'", "furthest = 5", "owner = 'bob'"}) {
     InFile place;
     ASSERT_TRUE(place.open(settings)->submit({"id", {}, "jobs/damaged", 10, {}, 0}));
     SqliteDatabase((place.directory() / "jobs.sqlite").string())
@@ -81,25 +81,70 @@ TEST(SqliteJobStore, RefusesRowsWithChangedNumbers) {
     EXPECT_EQ(store->get("jobs/damaged").error().code, Failure::Code::DataLoss) << change;
     EXPECT_TRUE(store->take_back("worker", {})) << change;
     EXPECT_FALSE(*store->claim("worker")) << change;
-    EXPECT_TRUE(store->digests());
+    EXPECT_TRUE(store->references());
   }
 }
 
+/// Gives the file the tables of version 4, which had an owner only for the limits per peer.
+constexpr char kBackTo4[] = R"(
+CREATE TABLE jobs_4(key INTEGER PRIMARY KEY AUTOINCREMENT, name TEXT NOT NULL UNIQUE, request_id TEXT UNIQUE,
+  state INTEGER NOT NULL, turn INTEGER NOT NULL, ended INTEGER, token INTEGER NOT NULL, lost INTEGER NOT NULL,
+  worker TEXT NOT NULL, lease_end INTEGER NOT NULL, history TEXT NOT NULL, checkpoint TEXT,
+  checkpoint_iteration INTEGER NOT NULL, job BLOB NOT NULL, furthest INTEGER NOT NULL DEFAULT 0,
+  owner TEXT NOT NULL DEFAULT '', sum INTEGER NOT NULL DEFAULT 0);
+INSERT INTO jobs_4 SELECT key, name, request_id, state, turn, ended, token, lost, worker, lease_end, history, checkpoint,
+  checkpoint_iteration, job, furthest, peer, sum FROM jobs;
+UPDATE sqlite_sequence SET seq = (SELECT seq FROM sqlite_sequence WHERE name = 'jobs') WHERE name = 'jobs_4';
+DROP TABLE jobs;
+ALTER TABLE jobs_4 RENAME TO jobs;
+CREATE INDEX jobs_waiting ON jobs(turn, key) WHERE state = 1;
+CREATE INDEX jobs_waiting_of ON jobs(owner) WHERE state = 1;
+CREATE INDEX jobs_running ON jobs(key) WHERE worker <> '';
+CREATE INDEX jobs_ended ON jobs(ended, key) WHERE ended IS NOT NULL;
+PRAGMA user_version = 4;
+)";
+constexpr char kBackTo1[] = R"(
+ALTER TABLE jobs DROP COLUMN sum;
+ALTER TABLE specs DROP COLUMN sum;
+ALTER TABLE events DROP COLUMN sum;
+DROP INDEX jobs_waiting_of;
+ALTER TABLE jobs DROP COLUMN owner;
+ALTER TABLE jobs DROP COLUMN furthest;
+PRAGMA user_version = 1;
+)";
+
 TEST(SqliteJobStore, UpdatesOldTables) {
-  InFile place;
-  const JobStoreSettings settings;
-  ASSERT_TRUE(place.open(settings)->submit({"id", {}, "jobs/old", 10, {}, 0}));
-  {
+  JobStoreSettings settings;
+  settings.max_running_of_peer = 1;
+  for (const int version : {4, 1}) {
+    InFile place;
+    {
+      const auto store = place.open(settings);
+      for (const char* name : {"jobs/old", "jobs/next", "jobs/newest"})
+        ASSERT_TRUE(store->submit({std::string("id of ") + name, {}, name, 10, "10.0.0.7", 0}));
+      ASSERT_TRUE(store->request_cancel("jobs/newest", 0));
+      ASSERT_TRUE(store->remove("jobs/newest"));
+    }
+    {
+      SqliteDatabase database((place.directory() / "jobs.sqlite").string());
+      database.run(kBackTo4);
+      if (version == 1) database.run(kBackTo1);
+    }
+    const auto store = place.open(settings);
+    ASSERT_TRUE(store->get("jobs/old")) << version;
+    EXPECT_EQ(store->get("jobs/old")->owner(), "");
+    EXPECT_EQ(store->events("jobs/old")->size(), 1u);
+    EXPECT_EQ(store->submit({"id of jobs/old", {}, "jobs/again", 10, {}, 0})->job.name(), "jobs/old");
+    EXPECT_FALSE(store->submit({"id of jobs/old", {}, "jobs/other", 10, {}, 0, "bob"})->events.empty());
     SqliteDatabase database((place.directory() / "jobs.sqlite").string());
-    database.run(
-        "ALTER TABLE jobs DROP COLUMN sum; ALTER TABLE specs DROP COLUMN sum; ALTER TABLE events DROP COLUMN sum; "
-        "DROP INDEX jobs_waiting_of; ALTER TABLE jobs DROP COLUMN owner; ALTER TABLE jobs DROP COLUMN furthest; "
-        "PRAGMA user_version = 1");
+    auto newest = database.query("SELECT key FROM jobs WHERE name = 'jobs/other'");
+    ASSERT_TRUE(newest.step());
+    EXPECT_EQ(newest.number(0), 4) << "the key of the job that was deleted is not used again";
+    EXPECT_TRUE(*store->claim("worker"));
+    const auto second = *store->claim("worker");
+    ASSERT_TRUE(second);
+    EXPECT_EQ(second->claim.name, version == 4 ? "jobs/other" : "jobs/next") << "the limit still knows the peers";
   }
-  const auto store = place.open(settings);
-  ASSERT_TRUE(store->get("jobs/old"));
-  EXPECT_EQ(store->events("jobs/old")->size(), 1u);
-  EXPECT_TRUE(*store->claim("worker"));
 }
 
 }  // namespace
