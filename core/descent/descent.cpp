@@ -208,6 +208,7 @@ void Descent::note_scans(DescentRound& round) const {
 DescentRound Descent::round() {
   DescentRound round;
   team_.run([&] {
+    form_.take_frames();
     set_weights(last_loss_);
     minimise(round);
     keep_certificates();

@@ -47,9 +47,9 @@ struct DescentRound {
 ///     Q(x) + 1/V Σ_e ε_e ∫_e W(F) dx,
 ///
 /// Q being the squared loss of accuracy (modal_form.h). Q alone keeps no cell valid; the energy does, as a barrier. A
-/// round is a minimisation by L-BFGS with given ε_e. At first ε_e is the same for all cells, the squared loss times a
-/// constant, and falls with the loss from round to round. After a round, the cells whose scaled Jacobian is too low
-/// take four times their ε_e. docs/accuracy.md has the figures.
+/// round is a minimisation by L-BFGS with given ε_e and with Q's frames taken from the mesh at its beginning. At first
+/// ε_e is the same for all cells, the squared loss times a constant, and falls with the loss from round to round. After
+/// a round, the cells whose scaled Jacobian is too low take four times their ε_e. docs/accuracy.md has the figures.
 ///
 /// Certificates are kept (guard.h): a round that costs a cell its certificate puts the cell's nodes back. The best mesh
 /// so far is kept whatever the rounds after it do.

@@ -26,14 +26,21 @@ ModalForm::ModalForm(const Problem& problem, const OrderSpace& space, const Team
       team_(team),
       reduction_(team),
       shares_(problem.cells),
+      squared_sizes_(problem.cells),
       metrics_(problem.cells),
       values_(problem.cells),
       contributions_(static_cast<std::size_t>(space.place_count) * problem.dimension) {
-  for_cells_together(problem, team,
+  take_frames();
+}
+
+void ModalForm::take_frames() {
+  for_cells_together(problem_, team_,
                      [&](std::size_t set, std::int32_t first, std::int32_t count) { measure(set, first, count); });
   volume_ = reduction_.sum(shares_.size(), kCellsPerSum, [&](std::size_t cell) { return shares_[cell]; });
-  for (double& share : shares_) share /= volume_;
-  for (const double share : shares_) squared_sizes_.push_back(std::pow(share, 2.0 / problem.dimension));
+  for (std::size_t cell = 0; cell < shares_.size(); ++cell) {
+    shares_[cell] /= volume_;
+    squared_sizes_[cell] = std::pow(shares_[cell], 2.0 / problem_.dimension);
+  }
 }
 
 void ModalForm::gather_positions(const CellSet& set, std::int32_t first, std::int32_t count,

@@ -22,9 +22,11 @@ namespace varimesh {
 /// straight-sided cells, so it does not depend on where vertices are.
 class ModalForm {
  public:
-  /// Takes J and V_E from problem.positions. Cells with det J = 0 do not count. Call it inside team.run(). All
-  /// references must outlive the form.
+  /// Takes the frames. Call it inside team.run(). All references must outlive the form.
   ModalForm(const Problem& problem, const OrderSpace& space, const Team& team);
+
+  /// Takes J and V_E anew from problem.positions. Cells with det J = 0 do not count. Call it inside team.run().
+  void take_frames();
 
   /// Q at problem.positions. `gradient`: ∂Q/∂x of the free nodes, d numbers each.
   double gradient(std::span<double> gradient);

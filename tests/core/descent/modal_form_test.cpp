@@ -51,6 +51,17 @@ TEST_P(ModalFormOf, IsTheSquaredLossOfTheMeshThatItWasMadeOf) {
   }
 }
 
+TEST_P(ModalFormOf, WithFramesTakenAnewIsTheSquaredLossOfTheMeshAsItIsThen) {
+  make(3);
+  move(testing::random_direction(problem_, 3), 1);
+  const double with_old_frames = value();
+  team_.run([&] { form_->take_frames(); });
+  const double anew = value();
+  EXPECT_NE(anew, with_old_frames);
+  team_.run([&] { form_.emplace(problem_, space_, team_); });
+  EXPECT_EQ(value(), anew);
+}
+
 TEST_P(ModalFormOf, HasItsDerivatives) {
   make(3);
   const std::vector<double> direction = testing::random_direction(problem_, 3);
