@@ -1,12 +1,10 @@
 // Loops that a team shares and whose results do not depend on the number of threads.
 #pragma once
 
-#include <oneapi/tbb/parallel_pipeline.h>
-#include <oneapi/tbb/parallel_sort.h>
-
 #include <algorithm>
 #include <atomic>
 #include <cstdint>
+#include <functional>
 #include <optional>
 #include <span>
 #include <utility>
@@ -14,6 +12,7 @@
 
 #include "core/base/aligned.h"
 #include "core/base/team.h"
+#include "core/threads/pipeline.h"
 
 namespace varimesh {
 
@@ -66,13 +65,47 @@ std::size_t first_of(const Team& team, std::size_t count, std::size_t grain, con
   return first;
 }
 
+/// How many of the first n numbers of two merged sorted ranges come from `left`. The numbers are all different.
+template <class T, class Less>
+std::size_t taken_of_left(std::span<const T> left, std::span<const T> right, std::size_t n, const Less& less) {
+  std::size_t low = n > right.size() ? n - right.size() : 0, high = std::min(n, left.size());
+  while (low < high) {
+    const std::size_t middle = (low + high) / 2;
+    if (less(left[middle], right[n - middle - 1]))
+      low = middle + 1;
+    else
+      high = middle;
+  }
+  return low;
+}
+
 /// Sorts numbers that are all different, so that the result is unique. Call it inside team.run().
 template <class T, class Less = std::less<>>
 void sort_distinct(const Team& team, std::vector<T>& numbers, const Less& less = {}) {
-  if (team.threads() == 1)
-    std::sort(numbers.begin(), numbers.end(), less);
-  else
-    oneapi::tbb::parallel_sort(numbers.begin(), numbers.end(), less);
+  constexpr std::size_t kFewest = 4096;  // numbers that are worth a piece
+  const std::size_t count = numbers.size();
+  if (team.threads() == 1 || count < 2 * kFewest) return std::sort(numbers.begin(), numbers.end(), less);
+  std::size_t width = kFewest;
+  while (chunks_of(count, width) > 2 * static_cast<std::size_t>(team.threads())) width *= 2;
+  for_chunks(team, count, width, [&](std::size_t, std::size_t begin, std::size_t end) {
+    std::sort(numbers.data() + begin, numbers.data() + end, less);
+  });
+  std::vector<T> merged(count);
+  for (; width < count; width *= 2) {
+    for_chunks(team, count, kFewest, [&](std::size_t, std::size_t begin, std::size_t end) {
+      const std::size_t start = begin / (2 * width) * (2 * width);  // of the two ranges; pieces do not cross them
+      const std::size_t middle = std::min(count, start + width), stop = std::min(count, start + 2 * width);
+      const std::span<const T> left(numbers.data() + start, middle - start),
+          right(numbers.data() + middle, stop - middle);
+      const std::size_t from_left = taken_of_left(left, right, begin - start, less);
+      const std::size_t to_left = taken_of_left(left, right, end - start, less);
+      std::merge(left.begin() + static_cast<std::ptrdiff_t>(from_left),
+                 left.begin() + static_cast<std::ptrdiff_t>(to_left),
+                 right.begin() + static_cast<std::ptrdiff_t>(begin - start - from_left),
+                 right.begin() + static_cast<std::ptrdiff_t>(end - start - to_left), merged.data() + begin, less);
+    });
+    numbers.swap(merged);
+  }
 }
 
 /// Copies the numbers `from` to an array of the same size. It is never interrupted. Call it inside team.run().
@@ -113,28 +146,8 @@ void in_order(const Team& team, Next&& next, const Make& make, const Take& take)
       if (!take(make(*piece))) return;
     return;
   }
-  using Piece = typename decltype(next())::value_type;
-  using Result = decltype(make(std::declval<Piece&>()));
-  std::atomic<bool> stopped{false};
-  const auto cut = [&](oneapi::tbb::flow_control& control) -> Piece {
-    std::optional<Piece> piece;
-    if (!stopped) piece = next();
-    if (!piece) {
-      control.stop();
-      return Piece();
-    }
-    return std::move(*piece);
-  };
-  const auto receive = [&](Result result) {
-    if (!stopped && !take(std::move(result))) stopped = true;
-  };
-  using oneapi::tbb::filter_mode;
-  using oneapi::tbb::make_filter;
-  oneapi::tbb::parallel_pipeline(
-      static_cast<std::size_t>(team.threads()) + 2,
-      make_filter<void, Piece>(filter_mode::serial_in_order, cut) &
-          make_filter<Piece, Result>(filter_mode::parallel, [&](Piece piece) -> Result { return make(piece); }) &
-          make_filter<Result, void>(filter_mode::serial_in_order, receive));
+  Pipeline pipeline(next, make, take, static_cast<std::size_t>(team.threads()) + 2);
+  team.without_stop().for_each(team.threads(), 1, [&](std::int32_t) { pipeline.work(); });
 }
 
 }  // namespace varimesh

@@ -11,20 +11,14 @@
 #include "server/engine/engine.h"
 #include "server/engine/mesh_parts.h"
 #include "server/engine/translate.h"
-#include "server/resources/processor_waits.h"
 
 namespace varimesh::server {
 namespace {
 
 /// A thread is worth its while from this many pairs of nodes on that share a cell. With less work, most of the time
-/// goes into waiting for a thread that the system has put aside for another program: with ten busy programs on two
-/// cores, 500 triangles of order 5 (0.2 million pairs) took 1.2 s with two threads and 0.35 s with one, and 276
-/// tetrahedra of order 5 (0.9 million) 1.2 to 1.9 s and 0.9 s. On an idle machine these meshes take 0.2 to 0.3 s with
-/// one thread.
+/// goes into waiting for a thread that the system has put aside for another program. On an idle machine, 276 tetrahedra
+/// of order 5 (0.9 million pairs) take 0.3 s with one thread.
 constexpr double kPairsPerThread = 1e6;
-/// The same on a crowded machine: with two busy programs on two cores, 10,000 triangles of order 5 (4.4 million pairs)
-/// took 4.4 s with two threads and 2.9 s with one, and 10,000 tetrahedra of order 4 (12 million) 7.4 s and 6.6 s.
-constexpr double kPairsPerThreadIfCrowded = 1e7;
 /// The same for the bytes of a file that is read.
 constexpr double kBytesPerThread = 1e6;
 
@@ -141,16 +135,10 @@ Expected<RunSummary> run(RunRequest request, const RunHooks& hooks) {
   }
   note_straight_boundary(file->mesh, request, hooks);
   const double pairs = pairs_of_nodes(file->mesh, request.options);
-  const int most = most_threads(pairs, kPairsPerThread), if_crowded = most_threads(pairs, kPairsPerThreadIfCrowded);
+  const int most = most_threads(pairs, kPairsPerThread);
   request.options.threads = std::min(request.options.threads, most);
   RunControl control = hooks.control;
-  ProcessorWaits waits;
-  if (control.threads)
-    control.threads = [&] {
-      // A small mesh has one thread in any case. To ask costs a file per thread of this process.
-      const bool crowded = if_crowded < most && waits.crowded();
-      return std::min(hooks.control.threads(), crowded ? if_crowded : most);
-    };
+  if (control.threads) control.threads = [&] { return std::min(hooks.control.threads(), most); };
   auto result = request.quality ? judge(std::move(file->mesh), *request.quality, request.options)
                                 : optimise(std::move(file->mesh), request.options, hooks.on_iteration, control);
   if (!result) return tl::unexpected(result.error());

@@ -2,20 +2,18 @@
 #pragma once
 
 #include <functional>
-#include <memory>
 
+#include "server/resources/pool.h"
 #include "server/resources/thread_shares.h"
 
 namespace varimesh::server {
 
-/// Runs each job on a thread of a pool. That thread sleeps while the library works in a oneTBB arena of the job; a job
-/// with one thread works on the pool's thread itself. ThreadShares decides how large each arena may be, so many small
-/// jobs can run side by side, and a large job uses all remaining cores.
+/// Runs each job on a thread of a pool, which is one of the job's threads. ThreadShares decides how many each job has,
+/// so many small jobs can run side by side, and a large job uses all remaining cores.
 class ThreadBudget {
  public:
   /// `threads`: the size of the budget. 0: as many as the machine has for this process.
   explicit ThreadBudget(int threads);
-  ~ThreadBudget();
 
   int threads() const { return threads_; }
   /// Runs `job` with at most `threads` threads and returns at once. The job must not throw, and asks regularly how many
@@ -23,9 +21,9 @@ class ThreadBudget {
   void launch(int threads, std::function<void(const LentThreads& threads)> job);
 
  private:
-  struct Control;
   int threads_;
-  std::unique_ptr<Control> control_;
+  ThreadShares shares_;
+  Pool pool_;  ///< The last member, so that its threads are joined before the others are destroyed.
 };
 
 }  // namespace varimesh::server

@@ -1,5 +1,5 @@
 # Called by ctest: installs component `core` of ${build} below ${work}, then configures, builds and runs the project in
-# ${source}/program with this installation. CMake does not find Eigen there, and headers of Eigen and oneTBB are errors.
+# ${source}/program with this installation. CMake does not find Eigen there, and its headers are errors.
 file(REMOVE_RECURSE ${work})
 
 include(${CMAKE_CURRENT_LIST_DIR}/step.cmake)
@@ -17,9 +17,7 @@ endforeach()
 
 set(poison ${work}/poison)
 poison(${poison} ${eigen_include} "Eigen/*")
-poison(${poison} ${tbb_include} "tbb/*.h" "oneapi/*.h" "oneapi/tbb/*.h")
 expect_poisoned(${compiler} ${poison} Eigen/Core)
-expect_poisoned(${compiler} ${poison} oneapi/tbb/parallel_for.h)
 
 step(${CMAKE_COMMAND} -S ${source}/program -B ${work}/build -G ${generator} -D CMAKE_BUILD_TYPE=${build_type}
      -D CMAKE_CXX_COMPILER=${compiler} -D CMAKE_CXX_FLAGS=-I${poison} -D CMAKE_CXX_FLAGS_RELWITHDEBINFO=${flags}
