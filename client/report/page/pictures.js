@@ -100,11 +100,10 @@ function onlyElement(shared) {
   return input;
 }
 
-/** Saves the picture of each view as a file. */
+/** Saves the picture of each view as a file: mesh-before.png and mesh-after.png for mesh.msh. */
 function savePictures(shared) {
-  for (const view of shared.views) {
-    make('a', {href: view.picture(), download: `${document.title.split(' – ')[0]}-${view.snapshot}.png`}).click();
-  }
+  const mesh = document.title.split(' – ')[0].replace(/\.[^.]+$/, '');
+  for (const view of shared.views) make('a', {href: view.picture(), download: `${mesh}-${view.snapshot}.png`}).click();
 }
 
 /** Adds the 3-D views, or a sentence if they cannot be drawn. Returns go(place, size) as pictures2d() does, or null. */

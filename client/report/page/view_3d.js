@@ -192,10 +192,18 @@ class View3d {
     this.shared.isolate(this.shared.choice.only === null ? number : null);
   }
 
-  /** The picture as a PNG file, without the marks. */
+  /** The picture as a PNG file, on the ground of the page and without the marks. */
   picture() {
     this.render();
-    return this.renderer.domElement.toDataURL('image/png');
+    const drawn = this.renderer.domElement;
+    const canvas = document.createElement('canvas');
+    canvas.width = drawn.width;
+    canvas.height = drawn.height;
+    const context = canvas.getContext('2d');
+    context.fillStyle = getComputedStyle(drawn.closest('.view')).backgroundColor;
+    context.fillRect(0, 0, canvas.width, canvas.height);
+    context.drawImage(drawn, 0, 0);
+    return canvas.toDataURL('image/png');
   }
 
   press(event) {

@@ -137,7 +137,8 @@ class Report(WithFolder):
         self.assertEqual(self.page.errors, [])
 
     def saved_picture(self, path):
-        """The width and height of a PNG file, and how many colours it has, as the browser reads it."""
+        """The width and height of a PNG file, how many colours it has, and whether all of it is opaque, as the browser reads
+        it."""
         return self.page.value(f"""(async () => {{
             const picture = new Image();
             picture.src = 'data:image/png;base64,{base64.b64encode(path.read_bytes()).decode()}';
@@ -145,22 +146,23 @@ class Report(WithFolder):
             const canvas = new OffscreenCanvas(picture.width, picture.height).getContext('2d');
             canvas.drawImage(picture, 0, 0);
             const pixels = new Uint32Array(canvas.getImageData(0, 0, picture.width, picture.height).data.buffer);
-            return [picture.width, picture.height, new Set(pixels).size]; }})()""")
+            return [picture.width, picture.height, new Set(pixels).size, pixels.every((pixel) => pixel >>> 24 === 255)]; }})()""")
 
     def test_saves_the_pictures_of_both_views(self):
         self.optimise(CASES / "sphere_p3.msh")
         self.page.save_downloads(self.folder)
         self.page.click("#pictures button", "Save as PNG")
-        files = [self.folder / f"sphere_p3.msh-{snapshot}.png" for snapshot in ("before", "after")]
+        files = [self.folder / f"sphere_p3-{snapshot}.png" for snapshot in ("before", "after")]
         deadline = time.monotonic() + 20
         while not all(file.exists() for file in files) and time.monotonic() < deadline:
             time.sleep(0.05)
         for number, file in enumerate(files, 1):
             size = self.page.value(f"""(() => {{ const view = document.querySelector('#pictures figure:nth-child({number}) canvas');
                 return [view.width, view.height]; }})()""")
-            *saved, colours = self.saved_picture(file)
+            *saved, colours, opaque = self.saved_picture(file)
             self.assertEqual(saved, size)
             self.assertGreater(colours, 100)
+            self.assertTrue(opaque)
         self.assertNotEqual(files[0].read_bytes(), files[1].read_bytes())
         self.assertEqual(self.page.errors, [])
 
