@@ -173,8 +173,9 @@ void keep_the_better(const SetUp& set_up, const std::vector<Certificate>& certif
 
 Tried tried_by(const Options& options, const RunSummary& result) {
   Tried tried;
-  tried.movement = result.iterations > 0;
-  tried.until_valid = options.until == Until::Valid;
+  const bool cannot_move = result.sizes.free_nodes == 0;  // so another run would move nothing either
+  tried.movement = cannot_move || result.iterations > 0;
+  tried.until_valid = cannot_move || options.until == Until::Valid;
   tried.split = options.repair == Repair::Split;
   tried.cut_short = result.stop_reason == StopReason::TimeLimit || result.stop_reason == StopReason::Iterations ||
                     result.stop_reason == StopReason::Stopped;

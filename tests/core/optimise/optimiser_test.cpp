@@ -348,6 +348,18 @@ TEST(Optimise, MovesNothingIfThereIsNothingToMove) {
   expect_unmoved(best->mesh, options, "at its optimum already");
 }
 
+TEST(Optimise, SuggestsNoMovementIfNoNodeIsFree) {
+  const HighOrderMesh tangled = testing::one_cell(Shape::Triangle, 2, [](testing::Place p) {
+    return testing::Place{p[0], p[1] + 2.5 * (1 - p[0] * p[0]) * std::pow((1 - p[1]) / 2, 2),
+                          0};  // the bottom is bent over the other sides
+  });
+  const auto result = optimise(tangled);
+  ASSERT_TRUE(result) << result.error().sentence;
+  ASSERT_EQ(result->left.uncertified, 1);
+  for (const Remedy& remedy : result->left.remedies)
+    EXPECT_EQ(remedy.sentence.find("varimesh optimise"), std::string::npos) << remedy.sentence;
+}
+
 TEST(Optimiser, RunsAgainOnNewCoordinates) {
   const HighOrderMesh mesh = read_case("nine_triangles.msh");
   auto optimiser = Optimiser::create(mesh);
