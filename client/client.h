@@ -46,6 +46,21 @@ struct Failure {
 template <class T>
 using Outcome = tl::expected<T, Failure>;
 
+/// What a client shows to a server that asks who calls, and how it knows the server. The files are in PEM.
+struct Credentials {
+  std::string token;  ///< Sent with every call. Empty: none. Use it only where nobody else can read the connection.
+  std::string token_file;  ///< If `token` is empty: a file that contains the token. Empty: none.
+  /// A file with the authority that the server's certificate must come from. If it is given, or the address begins with
+  /// https://, the connection is encrypted. Empty: the authorities of this machine.
+  std::string authority;
+  std::string certificate;  ///< A file with the client's certificate, for servers that ask for one. Empty: none.
+  std::string key;          ///< A file with the private key of the certificate.
+};
+
+/// Returns the credentials in the environment variables VARIMESH_TOKEN, VARIMESH_TOKEN_FILE, VARIMESH_TLS_AUTHORITY,
+/// VARIMESH_TLS_CERTIFICATE and VARIMESH_TLS_KEY.
+Credentials credentials_from_environment();
+
 /// How a client waits, stops and sends.
 struct Settings {
   std::chrono::milliseconds connect{5000};  ///< How long to wait for the first contact.
@@ -59,6 +74,7 @@ struct Settings {
   bool compress = false;
   /// Called with false when a server that was there stops answering, and with true when it answers again.
   std::function<void(bool answers)> on_contact;
+  Credentials credentials;
 
   bool wants_to_stop() const { return interrupted && interrupted(); }
 };
@@ -76,7 +92,8 @@ class Client {
   /// `bulk` carries the meshes, so that they do not delay the other calls. It may be the same channel as `control`.
   Client(const std::shared_ptr<grpc::Channel>& control, const std::shared_ptr<grpc::Channel>& bulk,
          Settings settings = {});
-  /// Connects to HOST:PORT or unix:PATH, without encryption. Fails if nothing answers within `settings.connect`.
+  /// Connects to HOST:PORT or unix:PATH. A unix socket is not encrypted. Fails if nothing answers within
+  /// `settings.connect`, or if the credentials cannot be read.
   static Outcome<Client> connect(const std::string& address, Settings settings = {});
 
   /// Uploads a file unless the server has it already. An upload that was cut goes on where it stopped. A pipe or a

@@ -39,17 +39,22 @@ bool is_loopback(const std::string& address) {
   return host == "localhost";
 }
 
-Expected<void> check_listen_address(const std::string& address, bool insecure) {
+Expected<void> check_listen_address(const std::string& address, const Protection& protection) {
+  if (is_unix_socket(address) && protection.tls)
+    return bad_option("A unix socket never leaves this machine and is not encrypted; give --listen HOST:PORT for TLS.");
   if (is_unix_socket(address)) return {};
   if (address.rfind(':') == std::string::npos)
     return bad_option("The address '" + address + "' has no port; write HOST:PORT or unix:PATH.");
   if (!has_valid_port(address))
     return bad_option("The address " + address +
                       " has no port from 0 to 65535; write HOST:PORT, with port 0 for a free port.");
-  if (!is_loopback(address) && !insecure)
-    return bad_option("Anybody who can reach " + address +
-                      " could use this server, and nothing would be encrypted; listen on 127.0.0.1, or add "
-                      "--insecure.");
+  const bool is_safe = protection.tls && (protection.mutual || protection.tokens);
+  if (!is_loopback(address) && !is_safe && !protection.insecure)
+    return bad_option("Anybody who can reach " + address + " could " +
+                      (protection.tls ? "use this server"
+                                      : "use this server or read what its clients send, because nothing is encrypted") +
+                      "; listen on 127.0.0.1, or give --tls-certificate and --tls-key, and either --tls-authority or "
+                      "--tokens. If you trust the network and everybody in it, add --insecure.");
   return {};
 }
 

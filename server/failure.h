@@ -13,6 +13,8 @@ namespace varimesh::server {
 struct Failure {
   enum class Code {
     InvalidArgument,
+    Unauthenticated,
+    PermissionDenied,
     NotFound,
     AlreadyExists,
     FailedPrecondition,

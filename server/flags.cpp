@@ -8,6 +8,7 @@
 #include "core/base/machine_memory.h"
 #include "core/base/version.h"
 #include "core/options/nearest_word.h"
+#include "server/token_command.h"
 
 namespace varimesh::server {
 namespace {
@@ -22,12 +23,28 @@ struct Units {
 
 void add_connection_flags(CLI::App& app, Flags& flags) {
   ServerOptions& options = flags.options;
-  app.add_option("--listen", options.listen, "HOST:PORT or unix:PATH; port 0 is any free port")->capture_default_str();
+  app.add_option("--listen", options.listen,
+                 "HOST:PORT or unix:PATH; port 0 is any free port (default: 127.0.0.1:50051 with --tokens or TLS; "
+                 "otherwise a unix socket that only its owner can use, in the directory of --state if it is given)");
   app.add_option("--admin", options.admin,
                  "HOST:PORT on loopback for plain HTTP: health checks, and a page that shows the jobs; port 0 is any "
                  "free port");
+  app.add_option(
+         "--tokens", options.tokens,
+         "File of the tokens that callers need, one line each, as 'varimeshd token' writes it; it is read again "
+         "when it changes (default: the environment variable VARIMESH_TOKENS; without it, everybody may do "
+         "everything)")
+      ->envname("VARIMESH_TOKENS");
+  app.add_option("--tls-certificate", options.tls.certificate,
+                 "File with the server's certificate and those that lead to its authority, in PEM: connections are "
+                 "encrypted. The files of the three flags are read again when they change");
+  app.add_option("--tls-key", options.tls.key, "File with the private key of the certificate, in PEM");
+  app.add_option(
+      "--tls-authority", options.tls.authority,
+      "File with the authority whose certificates clients must have, in PEM. Without --tokens, jobs belong to "
+      "the common name in the client's certificate");
   app.add_flag("--insecure", options.insecure,
-               "Allow --listen beyond loopback although nothing is encrypted or authenticated");
+               "Allow --listen beyond loopback although everybody may call, or nothing is encrypted");
   app.add_option("--port-file", flags.port_file, "Write the address to this file instead of standard output");
   app.add_option("--log-level", flags.log_level, "trace, debug, info, warn, error or off")->capture_default_str();
 }
@@ -106,9 +123,10 @@ void add_state_flags(CLI::App& app, ServerOptions& options, Units& units) {
       ->check(CLI::NonNegativeNumber);
 }
 
-/// Returns the message about the first word that is not a flag.
+/// Returns the message about the first word that is not a flag of the program or its subcommand.
 std::string message_about_unknown_word(const CLI::App& app) {
-  const std::string word = app.remaining().front().substr(0, app.remaining().front().find('='));
+  const std::string first = app.remaining(true).front();
+  const std::string word = first.substr(0, first.find('='));
   std::vector<std::string> names;
   for (const CLI::Option* option : app.get_options())
     for (const std::string& name : option->get_lnames()) names.push_back("--" + name);
@@ -123,7 +141,6 @@ std::optional<Flags> parse_flags(int argc, char** argv, int* exit_status) {
   Flags flags;
   Units units;
   Limits& limits = flags.options.limits;
-  flags.options.listen = "127.0.0.1:50051";
   limits.reserve_bytes = std::int64_t{64} << 20;
   limits.max_memory_bytes = machine_memory();
 
@@ -137,10 +154,13 @@ std::optional<Flags> parse_flags(int argc, char** argv, int* exit_status) {
                  "Seconds that the running jobs may take to end when the server stops")
       ->capture_default_str()
       ->check(CLI::NonNegativeNumber);
+  const CLI::App& token_command = add_token_command(app, exit_status);
   try {
     app.parse(argc, argv);
+    if (token_command.parsed()) return std::nullopt;
   } catch (const CLI::ExtrasError&) {
-    std::cerr << "varimeshd: " << message_about_unknown_word(app) << '\n';
+    const CLI::App& used = token_command.parsed() ? token_command : app;
+    std::cerr << "varimeshd: " << message_about_unknown_word(used) << '\n';
     *exit_status = 2;
     return std::nullopt;
   } catch (const CLI::ParseError& error) {

@@ -1,8 +1,10 @@
 // varimeshd: serves mesh optimisation over gRPC.
 //
-//   varimeshd                                     listens on 127.0.0.1:50051
-//   varimeshd --listen 127.0.0.1:0                on any free port, which it prints
-//   varimeshd --listen unix:/run/varimesh.sock    on a socket that only its owner can use
+//   varimeshd                                     listens on a socket that only its owner can use, and prints its
+//   address varimeshd --tokens tokens                     on 127.0.0.1:50051, for those who have a token varimeshd
+//   --listen 127.0.0.1:0                on any free port of this machine, for all its users varimeshd --listen
+//   0.0.0.0:50051 --tls-certificate server.pem --tls-key server-key.pem --tokens tokens
+//                                                 for those in the network who have a token
 //   varimeshd --listen 0.0.0.0:50051 --insecure   for anybody who can reach this address
 //   varimeshd --admin 127.0.0.1:9464              with health checks and a page that shows the jobs, for a browser
 //   varimeshd --state /var/lib/varimesh           keeps jobs and meshes there; the next server continues the jobs
@@ -15,15 +17,18 @@
 #include <string>
 
 #include "core/base/version.h"
+#include "server/addresses.h"
 #include "server/flags.h"
 #include "server/log.h"
 #include "server/resources/descriptors.h"
 #include "server/server.h"
+#include "server/state/default_address.h"
 
 namespace {
 
 using varimesh::server::Flags;
 using varimesh::server::Server;
+using varimesh::server::ServerOptions;
 
 /// Blocks SIGTERM and SIGINT, so that only sigwait() receives them. Called before any thread is started, since threads
 /// inherit the blocked signals.
@@ -63,6 +68,31 @@ bool announce(const Server& server, const std::string& port_file) {
   return true;
 }
 
+/// Sets the address if the user gave none.
+varimesh::Expected<void> choose_address(ServerOptions& options) {
+  if (!options.listen.empty()) return {};
+  options.listen = "127.0.0.1:50051";
+  if (!options.tokens.empty() || options.tls.are_given()) return {};
+  const auto socket = varimesh::server::private_socket(options.state);
+  if (!socket) return tl::unexpected(socket.error());
+  options.listen = *socket;
+  return {};
+}
+
+/// Says who may use the server if that is more people than the user may think; empty: nobody else.
+std::string warning_about(const ServerOptions& options) {
+  const bool knows_callers = options.tls.are_mutual() || !options.tokens.empty();
+  if (varimesh::server::is_loopback(options.listen)) {
+    if (!varimesh::server::is_unix_socket(options.listen) && !knows_callers)
+      spdlog::warn("every user of this machine can use this server; --tokens or a unix socket keep them out");
+    return {};
+  }
+  const std::string who = "everybody who can reach " + options.listen + " can ";
+  if (!options.tls.are_given() && knows_callers) return who + "read and change what its clients send, their tokens too";
+  if (!options.tls.are_given()) return who + "use this server, and read and change what its clients send";
+  return knows_callers ? "" : who + "use this server";
+}
+
 /// Waits for a signal and stops the server.
 void wait_and_stop(Server& server, const sigset_t& signals, int drain_seconds) {
   int signal = 0;
@@ -93,12 +123,18 @@ int main(int argc, char** argv) {
   if (flags->options.state.empty())
     spdlog::info("jobs and meshes are deleted when this process ends; --state DIR keeps them");
 
+  if (const auto address = choose_address(flags->options); !address) {
+    std::cerr << "varimeshd: " << address.error().sentence << '\n';
+    return address.error().kind == varimesh::Error::Kind::BadOption ? 2 : 1;
+  }
   flags->options.engine = varimesh::server::core_engine();
+  const std::string warning = warning_about(flags->options);
   auto server = Server::start(std::move(flags->options));
   if (!server) {
     std::cerr << "varimeshd: " << server.error().sentence << '\n';
     return server.error().kind == varimesh::Error::Kind::BadOption ? 2 : 1;
   }
+  if (!warning.empty()) std::cerr << "varimeshd: WARNING: " << warning << std::endl;
   if (!announce(**server, flags->port_file)) return 1;
 
   wait_and_stop(**server, signals, flags->drain_seconds);

@@ -26,6 +26,32 @@ Refusal invalid_option(std::string sentence, std::map<std::string, std::string> 
   return refusal(Code::InvalidArgument, "BAD_OPTION", std::move(sentence), std::move(metadata));
 }
 
+// ===== who calls =====
+
+Refusal token_missing() {
+  return refusal(Code::Unauthenticated, "TOKEN_MISSING",
+                 "This server asks who calls; give a token (varimesh: --token-file FILE or VARIMESH_TOKEN).");
+}
+
+Refusal token_unknown() {
+  return refusal(Code::Unauthenticated, "TOKEN_UNKNOWN",
+                 "The server does not know this token, or it has expired; ask the server's operator for another one.");
+}
+
+Refusal certificate_nameless() {
+  return refusal(
+      Code::Unauthenticated, "CERTIFICATE_NAMELESS",
+      "The owner of a job is the common name in the client's certificate, and there is none; use a certificate "
+      "that has one, or give the server --tokens.");
+}
+
+Refusal right_missing(const std::string& caller, const std::string& rights, const std::string& method) {
+  return refusal(Code::PermissionDenied, "RIGHT_MISSING",
+                 "The token of " + caller + " does not have the right to " + rights + ", which " + method +
+                     " needs; ask the server's operator for another one.",
+                 {{"rights", rights}});
+}
+
 // ===== no room =====
 
 Refusal store_full(const std::string& what) {
@@ -45,11 +71,11 @@ Refusal queue_full(int pending) {
                  kLimitRetrySeconds);
 }
 
-Refusal peer_limit(const std::string& address, int most, const std::string& things) {
+Refusal peer_limit(const std::string& peer, int most, const std::string& things) {
   return refusal(Code::ResourceExhausted, "PEER_LIMIT",
-                 address + " already has " + std::to_string(most) + " " + things +
-                     ", the most that one address may have; end some, or try again later.",
-                 {{"peer", address}}, kLimitRetrySeconds);
+                 peer + " already has " + std::to_string(most) + " " + things +
+                     ", the most that one caller may have; end some, or try again later.",
+                 {{"peer", peer}}, kLimitRetrySeconds);
 }
 
 Refusal mesh_too_large(std::int64_t max, std::optional<std::int64_t> size) {

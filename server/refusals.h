@@ -18,6 +18,17 @@ Refusal bad_request(std::string sentence, std::map<std::string, std::string> met
 /// INVALID_ARGUMENT, BAD_OPTION.
 Refusal invalid_option(std::string sentence, std::map<std::string, std::string> metadata = {});
 
+// ===== who calls =====
+
+/// UNAUTHENTICATED, TOKEN_MISSING.
+Refusal token_missing();
+/// UNAUTHENTICATED, TOKEN_UNKNOWN.
+Refusal token_unknown();
+/// UNAUTHENTICATED, CERTIFICATE_NAMELESS.
+Refusal certificate_nameless();
+/// PERMISSION_DENIED, RIGHT_MISSING. `rights`: the names of the rights that the token of `caller` lacks for `method`.
+Refusal right_missing(const std::string& caller, const std::string& rights, const std::string& method);
+
 // ===== no room =====
 
 /// RESOURCE_EXHAUSTED, STORE_FULL. `what` is the beginning of the sentence; the remedy is added to it.
@@ -26,8 +37,8 @@ Refusal store_full(const std::string& what);
 Refusal history_too_large();
 /// RESOURCE_EXHAUSTED, QUEUE_FULL. `pending`: the number of jobs that wait.
 Refusal queue_full(int pending);
-/// RESOURCE_EXHAUSTED, PEER_LIMIT. `most`: how many `things` ("open watches") one address may have.
-Refusal peer_limit(const std::string& address, int most, const std::string& things);
+/// RESOURCE_EXHAUSTED, PEER_LIMIT. `most`: how many `things` ("open watches") one owner or one address may have.
+Refusal peer_limit(const std::string& peer, int most, const std::string& things);
 /// RESOURCE_EXHAUSTED, MESH_TOO_LARGE: the mesh takes at least `needed` bytes of memory, but jobs have `max` together.
 Refusal mesh_needs_memory(std::int64_t max, std::int64_t needed);
 /// RESOURCE_EXHAUSTED, MESH_TOO_LARGE. `max` and `size` are in bytes; `size` is empty if it is not known.

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "grpc/health/v1/health.grpc.pb.h"
+#include "server/tls/tls.h"
 
 namespace varimesh::server {
 
@@ -17,11 +18,15 @@ std::string own_address(const std::string& address) {
   return address;
 }
 
-SelfCheck::SelfCheck(std::string address, std::chrono::milliseconds patience)
-    : address_(own_address(address)), patience_(patience), answers_(address.empty()) {}
+SelfCheck::SelfCheck(std::string address, bool tls, std::chrono::milliseconds patience)
+    : address_(own_address(address)), tls_(tls), patience_(patience), answers_(address.empty()) {}
 
 void SelfCheck::dial() {
   if (address_.empty()) return;
+  if (tls_) {
+    answers_ = speaks_tls(address_, patience_);
+    return;
+  }
   grpc::ChannelArguments arguments;
   arguments.SetInt(GRPC_ARG_USE_LOCAL_SUBCHANNEL_POOL, 1);  // otherwise an open connection would be used again
   arguments.SetInt(GRPC_ARG_ENABLE_HTTP_PROXY, 0);

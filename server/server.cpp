@@ -5,6 +5,7 @@
 
 #include <random>
 
+#include "server/access/callers_view.h"
 #include "server/addresses.h"
 #include "server/admin/admin_server.h"
 #include "server/api/endpoint.h"
@@ -30,6 +31,15 @@ std::string random_name() {
 
 Server::Server(ServerOptions options) : options_(std::move(options)), threads_(options_.limits.threads) {
   options_.limits.threads = threads_.threads();
+}
+
+Expected<void> Server::read_tokens() {
+  access_ = options_.tls.are_mutual() ? Access::with_certificates() : std::make_unique<Access>();
+  if (options_.tokens.empty()) return {};
+  auto access = Access::with_tokens(options_.tokens, options_.clock);
+  if (!access) return tl::unexpected(access.error());
+  access_ = std::move(*access);
+  return {};
 }
 
 Expected<void> Server::open_stores() {
@@ -63,33 +73,44 @@ Expected<void> Server::start_scheduler() {
 
 Expected<void> Server::start_admin_port() {
   if (options_.admin.empty()) return {};
-  auto admin = AdminServer::start(options_.admin,
-                                  std::make_unique<LiveStatus>(scheduler_.get(), options_.limits, options_.clock),
-                                  [this] { return endpoint_->health().serving() && self_check_->answers(); });
+  auto admin = AdminServer::start(
+      options_.admin, std::make_unique<LiveStatus>(scheduler_.get(), options_.limits, options_.clock),
+      [this] { return endpoint_->health().serving() && self_check_->answers(); },
+      [this](std::string_view authorization) -> Answer<CallersView> {
+        auto caller = access_->admit(Method::LivePage, authorization, "127.0.0.1");
+        if (!caller) return tl::unexpected(caller.error());
+        return CallersView(*scheduler_, stores_->meshes(), std::move(*caller));
+      });
   if (!admin) return tl::unexpected(admin.error());
   admin_ = std::move(*admin);
   return {};
 }
 
 Expected<std::unique_ptr<Server>> Server::start(ServerOptions options) {
+  const Protection protection{options.tls.are_given(), options.tls.are_mutual(), !options.tokens.empty(),
+                              options.insecure};
   if (!options.listen.empty())
-    if (const auto checked = check_listen_address(options.listen, options.insecure); !checked)
+    if (const auto checked = check_listen_address(options.listen, protection); !checked)
       return tl::unexpected(checked.error());
+  if (const auto checked = check_tls_files(options.tls); !checked) return tl::unexpected(checked.error());
 
   std::unique_ptr<Server> server(new Server(std::move(options)));
+  if (const auto read = server->read_tokens(); !read) return tl::unexpected(read.error());
   if (const auto opened = server->open_stores(); !opened) return tl::unexpected(opened.error());
   if (const auto started = server->start_scheduler(); !started) return tl::unexpected(started.error());
-  server->endpoint_ = std::make_unique<Endpoint>(*server->scheduler_, server->stores_->meshes(),
+  server->endpoint_ = std::make_unique<Endpoint>(*server->scheduler_, server->stores_->meshes(), *server->access_,
                                                  server->options_.limits, server->options_.clock());
   if (const auto started = server->start_admin_port(); !started) return tl::unexpected(started.error());
-  if (const auto listening = server->endpoint_->listen(server->options_.listen); !listening)
+  if (const auto listening =
+          server->endpoint_->listen(server->options_.listen, server_credentials(server->options_.tls));
+      !listening)
     return tl::unexpected(listening.error());
-  server->self_check_ = std::make_unique<SelfCheck>(server->address());
+  server->self_check_ = std::make_unique<SelfCheck>(server->address(), server->options_.tls.are_given());
   server->self_check_->dial();
   server->running_ = true;
   server->scheduler_->tick();
-  server->upkeep_ =
-      std::make_unique<Upkeep>(*server->scheduler_, *server->stores_, *server->endpoint_, *server->self_check_);
+  server->upkeep_ = std::make_unique<Upkeep>(*server->scheduler_, *server->stores_, *server->access_,
+                                             *server->endpoint_, *server->self_check_, server->options_.tls);
   server->endpoint_->health().set_serving(server->stores_->meshes().has_room());
   return server;
 }

@@ -14,9 +14,11 @@
 #include "server/jobs/job_store.h"
 #include "server/limits.h"
 #include "server/resources/thread_budget.h"
+#include "server/tls/tls.h"
 
 namespace varimesh::server {
 
+class Access;
 class AdminServer;
 class Endpoint;
 class Scheduler;
@@ -28,7 +30,9 @@ class Upkeep;
 struct ServerOptions {
   std::string listen;     ///< HOST:PORT (port 0: any free port) or unix:PATH. Empty: in-process channels only.
   std::string admin;      ///< HOST:PORT on loopback for health checks and the live page. Empty: none.
-  bool insecure = false;  ///< Allows addresses beyond loopback although nothing is encrypted.
+  TlsFiles tls;           ///< Certificates. Without them nothing is encrypted.
+  bool insecure = false;  ///< Allows addresses beyond loopback although everybody may call or read.
+  std::string tokens;     ///< A file of tokens, which says who may call. Empty: everybody.
   std::string state;      ///< A directory of jobs and meshes that outlive the server. Empty: both are deleted with it.
   std::string data;  ///< If `state` is empty: the directory in which the temporary directory for meshes is created.
                      ///< Empty: the system's directory for temporary files.
@@ -42,7 +46,8 @@ struct ServerOptions {
 class Server {
  public:
   /// Listens and serves. Jobs that another server left in `state` are continued. Errors: BadOption for an address that
-  /// the server may not listen on; Output if the address is taken or the state cannot be used.
+  /// the server may not listen on, or for tokens or certificates that cannot be used; Output if the address is taken or
+  /// the state cannot be used.
   static Expected<std::unique_ptr<Server>> start(ServerOptions options);
   /// Calls stop() if that was not done, and waits for the running jobs.
   ~Server();
@@ -62,6 +67,7 @@ class Server {
  private:
   explicit Server(ServerOptions options);
   /// The steps of start(). Errors as there.
+  Expected<void> read_tokens();
   Expected<void> open_stores();
   Expected<void> start_scheduler();
   Expected<void> start_admin_port();
@@ -71,6 +77,7 @@ class Server {
   ThreadBudget threads_;
   std::unique_ptr<Stores> stores_;
   std::unique_ptr<Scheduler> scheduler_;
+  std::unique_ptr<Access> access_;
   std::unique_ptr<Endpoint> endpoint_;
   std::unique_ptr<SelfCheck> self_check_;
   std::unique_ptr<AdminServer> admin_;

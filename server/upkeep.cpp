@@ -1,6 +1,7 @@
 // Threads that call a function at regular intervals.
 #include "server/upkeep.h"
 
+#include <spdlog/spdlog.h>
 #include <sys/resource.h>
 
 #include <chrono>
@@ -39,12 +40,23 @@ class Upkeep::Ticker {
   std::thread thread_;
 };
 
-Upkeep::Upkeep(Scheduler& scheduler, Stores& stores, Endpoint& endpoint, SelfCheck& self_check) {
+Upkeep::Upkeep(Scheduler& scheduler, Stores& stores, Access& access, Endpoint& endpoint, SelfCheck& self_check,
+               const TlsFiles& tls) {
   using std::chrono::milliseconds, std::chrono::seconds, std::chrono::minutes;
   streams_ = std::make_unique<Ticker>(milliseconds(250), [&endpoint] { endpoint.tick(); });
   jobs_ = std::make_unique<Ticker>(seconds(1), [&scheduler, &stores, &endpoint] {
     scheduler.tick();
     endpoint.health().set_serving(stores.meshes().has_room());
+  });
+  tokens_ = std::make_unique<Ticker>(seconds(1), [&access] {
+    const auto read = access.refresh();
+    if (!read)
+      spdlog::error("{} The tokens stay as they were.", read.error().sentence);
+    else if (*read)
+      spdlog::info("the tokens were read again");
+  });
+  certificates_ = std::make_unique<Ticker>(minutes(1), [&tls] {
+    if (const auto checked = check_tls_files(tls); !checked) spdlog::error("{}", checked.error().sentence);
   });
   dialling_ = std::make_unique<Ticker>(seconds(5), [&self_check] { self_check.dial(); });
   sweeping_ = std::make_unique<Ticker>(minutes(1), [&stores] { stores.meshes().sweep(); });

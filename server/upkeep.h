@@ -4,19 +4,22 @@
 #include <atomic>
 #include <memory>
 
+#include "server/access/access.h"
 #include "server/api/endpoint.h"
 #include "server/scheduling/scheduler.h"
 #include "server/self_check.h"
 #include "server/state/stores.h"
+#include "server/tls/tls.h"
 
 namespace varimesh::server {
 
 /// From its construction on: lets streams cancel stalled clients (every 250 ms), renews leases, starts jobs and updates
-/// the server's health (every second), dials the server (every 5 s), and deletes old meshes and compresses idle ones
-/// (every minute). Everything it is given must outlive it.
+/// the server's health (every second), reads changed tokens (every second), dials the server (every 5 s), and deletes
+/// old meshes and compresses idle ones (every minute). Everything it is given must outlive it.
 class Upkeep {
  public:
-  Upkeep(Scheduler& scheduler, Stores& stores, Endpoint& endpoint, SelfCheck& self_check);
+  Upkeep(Scheduler& scheduler, Stores& stores, Access& access, Endpoint& endpoint, SelfCheck& self_check,
+         const TlsFiles& tls);
   ~Upkeep();
 
   /// Stops the threads that start jobs and compress meshes. The others run until this object is destroyed.
@@ -26,7 +29,7 @@ class Upkeep {
   class Ticker;
 
   std::atomic<bool> stopping_ = false;
-  std::unique_ptr<Ticker> streams_, jobs_, sweeping_, compression_, dialling_;
+  std::unique_ptr<Ticker> streams_, jobs_, tokens_, certificates_, sweeping_, compression_, dialling_;
 };
 
 }  // namespace varimesh::server

@@ -60,6 +60,8 @@ constexpr std::array kExamples{
     Example{"convert", "write Gmsh's binary format", "varimesh convert wing.msh binary.msh --format msh41-binary"},
     Example{"doctor", "check this machine", "varimesh doctor"},
     Example{"doctor", "check this machine and a server", "varimesh doctor --server HOST:PORT"},
+    Example{"certificates", "make certificates for a server on this machine, and for two clients",
+            "varimesh certificates DIR --client ann --client bob"},
     Example{"completion", "print the completion script for bash", "varimesh completion bash"},
     Example{"man", "print the manual page of a command, as troff", "varimesh man optimise"},
 };

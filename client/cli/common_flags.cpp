@@ -5,6 +5,32 @@
 namespace varimesh::client {
 
 CLI::Option* add_server_flag(CLI::App& command, CommonFlags* flags) {
+  command
+      .add_option_function<std::string>(
+          "--token-file",
+          [flags](const std::string& path) {
+            flags->credentials.token.clear();
+            flags->credentials.token_file = path;
+          },
+          "File with the token for a server that asks who calls; default: the environment variables VARIMESH_TOKEN "
+          "(the "
+          "token itself) and VARIMESH_TOKEN_FILE")
+      ->type_name("FILE");
+  command
+      .add_option(
+          "--tls-authority", flags->credentials.authority,
+          "File with the authority of the server's certificate, in PEM: the connection is encrypted; default: the "
+          "environment variable VARIMESH_TLS_AUTHORITY. With an address that begins with https://, the authorities "
+          "of this machine need no flag")
+      ->type_name("FILE");
+  command
+      .add_option("--tls-certificate", flags->credentials.certificate,
+                  "File with a certificate for a server that asks for one, in PEM; default: VARIMESH_TLS_CERTIFICATE")
+      ->type_name("FILE");
+  command
+      .add_option("--tls-key", flags->credentials.key,
+                  "File with the private key of the certificate, in PEM; default: VARIMESH_TLS_KEY")
+      ->type_name("FILE");
   return command
       .add_option("--server", flags->server,
                   "Address of a varimeshd: HOST:PORT or unix:PATH; default: the environment variable VARIMESH_SERVER")

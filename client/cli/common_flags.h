@@ -4,6 +4,8 @@
 #include <CLI/CLI.hpp>
 #include <string>
 
+#include "client/client.h"
+
 namespace varimesh::client {
 
 struct CommonFlags {
@@ -11,9 +13,10 @@ struct CommonFlags {
   bool json = false;
   bool quiet = false;
   bool compress = false;  ///< Send and fetch meshes compressed.
+  Credentials credentials = credentials_from_environment();
 };
 
-/// Adds --server and returns it.
+/// Adds --server and what belongs to it, and returns it.
 CLI::Option* add_server_flag(CLI::App& command, CommonFlags* flags);
 void add_json_flag(CLI::App& command, CommonFlags* flags);
 void add_quiet_flag(CLI::App& command, CommonFlags* flags);

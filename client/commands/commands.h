@@ -27,6 +27,7 @@ Action add_cancel(CLI::App& app);
 Action add_delete(CLI::App& app);
 Action add_info(CLI::App& app);
 Action add_doctor(CLI::App& app);
+Action add_certificates(CLI::App& app);
 Action add_completion(CLI::App& app);
 Action add_man(CLI::App& app);
 

@@ -65,11 +65,12 @@ Finding temporary_files() {
               : ""};
 }
 
-Finding server(const std::string& address) {
+Finding server(const std::string& address, const Credentials& credentials) {
   const auto started = std::chrono::steady_clock::now();
   Settings settings;
   settings.connect = std::chrono::seconds(2);
   settings.retry = std::chrono::seconds(2);
+  settings.credentials = credentials;
   auto client = Client::connect(address, settings);
   if (!client) return {"server", address, client.error().sentence};
   const auto info = client->info();
@@ -113,7 +114,7 @@ int doctor(const CommonFlags& flags) {
       threads(),
       temporary_files(),
   };
-  if (!flags.server.empty()) findings.push_back(server(flags.server));
+  if (!flags.server.empty()) findings.push_back(server(flags.server, flags.credentials));
   if (flags.json)
     print_json(findings);
   else

@@ -180,6 +180,7 @@ Json document(const MeshSummary& mesh, const QualityReport& quality, const std::
 
 Json document(const v1::Job& job) {
   Json result = {{"job", job.name()}, {"state", spelled(job.state())}};
+  if (!job.owner().empty()) result["owner"] = job.owner();
   if (job.spec().priority() != 0) result["priority"] = job.spec().priority();
   if (!job.request_id().empty()) result["request_id"] = job.request_id();
   if (!job.spec().labels().empty()) {

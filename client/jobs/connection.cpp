@@ -27,6 +27,7 @@ tl::expected<Connection, int> connect(const CommonFlags& flags) {
   settings.interrupted = interrupt_ends_calls;
   if (!flags.quiet) settings.on_contact = [retry = settings.retry](bool answers) { print_contact(answers, retry); };
   settings.compress = flags.compress && !flags.server.empty();
+  settings.credentials = flags.credentials;
   Connection connection;
   if (flags.server.empty()) {
     connection.folder = std::make_unique<TemporaryFolder>();

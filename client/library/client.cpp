@@ -3,6 +3,7 @@
 
 #include <grpcpp/grpcpp.h>
 
+#include "client/library/authorisation.h"
 #include "client/library/failures.h"
 #include "client/library/interrupter.h"
 #include "client/library/random_id.h"
@@ -24,25 +25,37 @@ Client::Client(const std::shared_ptr<grpc::Channel>& control, const std::shared_
 
 namespace {
 
-/// The address without "http://" and a slash at the end, which people copy from a browser. Errors: an address with
-/// "https://", because this client does not encrypt.
-Outcome<std::string> plain_address(std::string address) {
-  if (address.starts_with("https://"))
-    return refusal("BAD_OPTION", "The address " + address +
-                                     " asks for TLS, which this client does not speak; give HOST:PORT of a server "
-                                     "without TLS, for example through an SSH tunnel.");
-  if (address.starts_with("http://")) address.erase(0, sizeof "http://" - 1);
-  if (!address.starts_with("unix:"))
-    while (address.ends_with('/')) address.pop_back();
-  return address;
+/// Removes "http://" or "https://" and a slash at the end, which people copy from a browser. Returns whether the
+/// address asks for TLS.
+bool make_plain(std::string* address) {
+  if (address->starts_with("unix:")) return false;
+  const bool encrypted = address->starts_with("https://");
+  if (encrypted) address->erase(0, sizeof "https://" - 1);
+  if (address->starts_with("http://")) address->erase(0, sizeof "http://" - 1);
+  while (address->ends_with('/')) address->pop_back();
+  return encrypted;
+}
+
+/// Says why a connection does not come about.
+std::string reason_of(const std::shared_ptr<grpc::Channel>& channel) {
+  grpc::ClientContext context;
+  context.set_deadline(std::chrono::system_clock::now() + std::chrono::seconds(1));
+  v1::GetServerInfoResponse response;
+  return v1::JobService::NewStub(channel)->GetServerInfo(&context, {}, &response).error_message();
 }
 
 }  // namespace
 
 Outcome<Client> Client::connect(const std::string& given, Settings settings) {
-  const auto plain = plain_address(given);
-  if (!plain) return tl::unexpected(plain.error());
-  const std::string& address = *plain;
+  std::string address = given;
+  bool encrypted = make_plain(&address);
+  auto token = token_of(settings.credentials);
+  if (!token) return tl::unexpected(token.error());
+  settings.credentials.token = std::move(*token);
+  const Credentials files = address.starts_with("unix:") ? Credentials{} : settings.credentials;
+  encrypted = encrypted || !(files.authority + files.certificate + files.key).empty();
+  const auto credentials = channel_credentials(files, encrypted);
+  if (!credentials) return tl::unexpected(credentials.error());
   const auto channel = [&](int number) {
     grpc::ChannelArguments arguments;
     // Two channels with equal arguments would share one connection.
@@ -52,12 +65,16 @@ Outcome<Client> Client::connect(const std::string& given, Settings settings) {
     arguments.SetInt(GRPC_ARG_KEEPALIVE_TIME_MS, 15'000);
     arguments.SetInt(GRPC_ARG_KEEPALIVE_TIMEOUT_MS, 5'000);
     arguments.SetInt(GRPC_ARG_MAX_RECONNECT_BACKOFF_MS, 2'000);
-    return grpc::CreateCustomChannel(address, grpc::InsecureChannelCredentials(), arguments);
+    return grpc::CreateCustomChannel(address, *credentials, arguments);
   };
   const auto control = channel(1);
   const auto deadline = std::chrono::steady_clock::now() + settings.connect;
   while (!control->WaitForConnected(std::chrono::system_clock::now() + std::chrono::milliseconds(100))) {
     if (settings.wants_to_stop()) return interruption(kInterruptedCall);
+    if (std::chrono::steady_clock::now() > deadline && encrypted)
+      return transport_failure("There is no server at " + address + " that TLS leads to (" + reason_of(control) +
+                               "); check the address, and that the server's certificate is for it and comes from the "
+                               "authority (--tls-authority).");
     if (std::chrono::steady_clock::now() > deadline)
       return transport_failure("There is no server at " + address + "; start varimeshd there, or name another server.");
   }
@@ -72,6 +89,7 @@ Outcome<Response> Client::call(grpc::Status (v1::JobService::Stub::*method)(grpc
   const bool last = settings_.wants_to_stop();  // see Settings::last_word
   while (true) {
     grpc::ClientContext context;
+    authorise(settings_, &context);
     context.set_deadline(std::chrono::system_clock::now() + (last ? settings_.last_word : std::chrono::seconds(30)));
     const Interrupter::Registration registration(last ? nullptr : interrupter_.get(), &context);
     Response response;
@@ -135,6 +153,7 @@ Outcome<JobResult> Client::result(const std::string& name) {
   RetryPolicy retries(settings_);
   while (true) {
     grpc::ClientContext context;
+    authorise(settings_, &context);
     const Interrupter::Registration registration(interrupter_.get(), &context);
     const auto reader = jobs_->GetResult(&context, request);
     JobResult result;

@@ -2,6 +2,7 @@
 #include <grpcpp/grpcpp.h>
 
 #include "client/client.h"
+#include "client/library/authorisation.h"
 #include "client/library/failures.h"
 #include "client/library/interrupter.h"
 #include "client/library/retry_policy.h"
@@ -44,6 +45,7 @@ Outcome<void> Client::download(const v1::StoredMesh& mesh, const std::string& pa
   RetryPolicy retries(settings_);
   while (true) {
     grpc::ClientContext context;
+    authorise(settings_, &context);
     const Interrupter::Registration registration(interrupter_.get(), &context);
     const auto stream = meshes_->DownloadMesh(&context, request);
     const bool damaged = !read_chunks(*stream, *file, digest, &request, &retries);

@@ -4,6 +4,7 @@
 #include <algorithm>
 
 #include "client/client.h"
+#include "client/library/authorisation.h"
 #include "client/library/failures.h"
 #include "client/library/input_file.h"
 #include "client/library/interrupter.h"
@@ -74,6 +75,7 @@ Outcome<std::optional<v1::StoredMesh>> Client::try_upload(const InputFile& file,
                                                           std::int64_t* committed, RetryPolicy* retries,
                                                           grpc::Status* status) {
   grpc::ClientContext context;
+  authorise(settings_, &context);
   const Interrupter::Registration registration(interrupter_.get(), &context);
   const auto stream = meshes_->SendMesh(&context);
   v1::SendMeshRequest request;

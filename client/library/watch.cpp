@@ -6,6 +6,7 @@
 #include <mutex>
 
 #include "client/client.h"
+#include "client/library/authorisation.h"
 #include "client/library/failures.h"
 #include "client/library/retry_policy.h"
 
@@ -16,7 +17,9 @@ namespace {
 /// connection stays alive. When the queue is full, reading pauses and the server thins out the events.
 class EventStream : public grpc::ClientReadReactor<v1::WatchJobResponse> {
  public:
-  EventStream(v1::JobService::Stub& stub, const v1::WatchJobRequest& request) : request_(request) {
+  EventStream(v1::JobService::Stub& stub, const v1::WatchJobRequest& request, const Settings& settings)
+      : request_(request) {
+    authorise(settings, &context_);
     stub.async()->WatchJob(&context_, &request_, this);
     StartRead(&response_);
     StartCall();
@@ -103,7 +106,7 @@ Outcome<v1::Job> Client::watch(const std::string& name, std::int64_t after_seque
   std::int64_t seen = after_sequence;
   RetryPolicy retries(settings_);
   while (true) {
-    EventStream stream(*jobs_, request);
+    EventStream stream(*jobs_, request, settings_);
     v1::JobEvent event;
     auto next = EventStream::Next::Timeout;
     while (next != EventStream::Next::End) {

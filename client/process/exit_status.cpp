@@ -11,7 +11,9 @@ namespace {
 constexpr std::array kExitStatuses{
     ExitStatusMeaning{kDone, "success, and every element is certified valid (quality checks that only with --certify)"},
     ExitStatusMeaning{kJobFailed, "the job failed, or someone else cancelled it"},
-    ExitStatusMeaning{kUsage, "wrong usage: an unknown or unsuitable option, or a job that does not exist"},
+    ExitStatusMeaning{kUsage,
+                      "wrong usage: an unknown or unsuitable option, a job that does not exist, or a token that "
+                      "does not allow it"},
     ExitStatusMeaning{kInputRefused, "the input was refused, or the output cannot be written"},
     ExitStatusMeaning{kInvalidLeft, "success, but some elements are not certified valid"},
     ExitStatusMeaning{kServer, "the server failed or cannot be reached"},
@@ -25,7 +27,8 @@ std::span<const ExitStatusMeaning> exit_statuses() { return kExitStatuses; }
 int status_of_reason(const std::string& reason) {
   if (reason == "BAD_INPUT" || reason == "OUTPUT" || reason == "MESH_TOO_LARGE") return kInputRefused;
   if (reason == "BAD_OPTION" || reason == "BAD_REQUEST" || reason == "JOB_NOT_FOUND" || reason == "JOB_NOT_ENDED" ||
-      reason == "REQUEST_ID_USED")
+      reason == "REQUEST_ID_USED" || reason == "TOKEN_MISSING" || reason == "TOKEN_UNKNOWN" ||
+      reason == "RIGHT_MISSING")
     return kUsage;
   if (reason == "STORE_FULL" || reason == "QUEUE_FULL" || reason == "PEER_LIMIT" || reason == "STOPPING")
     return kServer;

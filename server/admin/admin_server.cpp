@@ -53,10 +53,17 @@ std::string field(const mg_request_info& request, const char* name) {
   return length > 0 ? std::string(value.data(), static_cast<std::size_t>(length)) : std::string();
 }
 
+void refuse(mg_connection* connection, const Failure& why) {
+  const int status = why.code == Failure::Code::NotFound           ? 404
+                     : why.code == Failure::Code::Unauthenticated  ? 401
+                     : why.code == Failure::Code::PermissionDenied ? 403
+                                                                   : 503;
+  send(connection, status, kText, why.sentence + "\n", status == 401 ? "WWW-Authenticate: Bearer\r\n" : "");
+}
+
 void send(mg_connection* connection, const Answer<std::string>& document) {
   if (document) return send(connection, 200, kJson, *document);
-  const bool missing = document.error().code == Failure::Code::NotFound;
-  send(connection, missing ? 404 : 503, kText, document.error().sentence + "\n");
+  refuse(connection, document.error());
 }
 
 }  // namespace
@@ -77,7 +84,7 @@ bool is_own_host(const char* host) {
 
 Expected<std::unique_ptr<AdminServer>> AdminServer::start(const std::string& address,
                                                           std::unique_ptr<LiveStatus> live_status,
-                                                          std::function<bool()> ready) {
+                                                          std::function<bool()> ready, Admit admit) {
   const auto colon = address.rfind(':');
   unsigned port = 65536;
   if (colon != std::string::npos) std::from_chars(address.data() + colon + 1, address.data() + address.size(), port);
@@ -86,7 +93,7 @@ Expected<std::unique_ptr<AdminServer>> AdminServer::start(const std::string& add
     return bad_option("Only this machine may use the admin port, but '" + address +
                       "' is not a loopback address with a port; write --admin 127.0.0.1:9464.");
 
-  std::unique_ptr<AdminServer> admin(new AdminServer(std::move(live_status), std::move(ready)));
+  std::unique_ptr<AdminServer> admin(new AdminServer(std::move(live_status), std::move(ready), std::move(admit)));
   const std::string numeric = (host == "localhost" ? "127.0.0.1" : host) + ":" + std::to_string(port);
   // There is no document root, so files of the disk are never served. There are few threads, and none waits long.
   const char* options[] = {"listening_ports",    numeric.c_str(), "num_threads", "4",
@@ -139,12 +146,22 @@ void AdminServer::answer(mg_connection* connection) const {
     const bool ready = ready_();
     return send(connection, ready ? 200 : 503, kText, ready ? "ready\n" : "not ready\n");
   }
-  if (path == "/api/status") return send(connection, live_status_->status());
+  if (path.starts_with("/api/")) return answer_about_jobs(connection);
+  send(connection, 404, kText, "There is nothing at this address.\n");
+}
+
+void AdminServer::answer_about_jobs(mg_connection* connection) const {
+  const mg_request_info& request = *mg_get_request_info(connection);
+  const std::string_view path = request.local_uri;
+  const char* authorization = mg_get_header(connection, "Authorization");
+  const auto view = admit_(authorization == nullptr ? "" : authorization);
+  if (!view) return refuse(connection, view.error());
+  if (path == "/api/status") return send(connection, live_status_->status(*view));
   if (path == "/api/iterations") {
     const std::string after = field(request, "after");
     std::int64_t number = 0;
     std::from_chars(after.data(), after.data() + after.size(), number);
-    return send(connection, live_status_->iterations(field(request, "job"), number));
+    return send(connection, LiveStatus::iterations(*view, field(request, "job"), number));
   }
   send(connection, 404, kText, "There is nothing at this address.\n");
 }

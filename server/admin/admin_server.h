@@ -5,6 +5,7 @@
 #include <functional>
 #include <memory>
 #include <string>
+#include <string_view>
 
 #include "core/base/error.h"
 #include "server/admin/live_status.h"
@@ -22,15 +23,21 @@ namespace varimesh::server {
 ///   GET /api/status             LiveStatus::status()
 ///   GET /api/iterations?job=NAME&after=N    LiveStatus::iterations()
 ///
+/// What is below /api needs "Authorization: Bearer TOKEN" if the server asks who calls: without a token the answer is
+/// 401, without the right to read 403, and other owners' jobs are not there.
+///
 /// Other methods get 405. Requests whose Host is not a loopback name get 421, so that a foreign page whose host name
 /// was made to point here (DNS rebinding) cannot read anything.
 class AdminServer {
  public:
+  /// Lets a caller in, with the header "authorization".
+  using Admit = std::function<Answer<CallersView>(std::string_view authorization)>;
+
   /// Listens on HOST:PORT. HOST is in 127.0.0.0/8, [::1] or localhost, and port 0 is any free port. `ready`: whether
   /// the server accepts jobs. Errors: BadOption for any other address, Output if the address is taken.
   static Expected<std::unique_ptr<AdminServer>> start(const std::string& address,
                                                       std::unique_ptr<LiveStatus> live_status,
-                                                      std::function<bool()> ready);
+                                                      std::function<bool()> ready, Admit admit);
   ~AdminServer();
   AdminServer(const AdminServer&) = delete;
   AdminServer& operator=(const AdminServer&) = delete;
@@ -39,13 +46,16 @@ class AdminServer {
   const std::string& address() const { return address_; }
 
  private:
-  AdminServer(std::unique_ptr<LiveStatus> live_status, std::function<bool()> ready)
-      : live_status_(std::move(live_status)), ready_(std::move(ready)) {}
+  AdminServer(std::unique_ptr<LiveStatus> live_status, std::function<bool()> ready, Admit admit)
+      : live_status_(std::move(live_status)), ready_(std::move(ready)), admit_(std::move(admit)) {}
   static int handle(mg_connection* connection);
   void answer(mg_connection* connection) const;
+  /// Answers a request below /api.
+  void answer_about_jobs(mg_connection* connection) const;
 
   const std::unique_ptr<LiveStatus> live_status_;
   const std::function<bool()> ready_;
+  const Admit admit_;
   std::string address_;
   mg_context* context_ = nullptr;
 };

@@ -51,6 +51,7 @@ Json job_document(const v1::Job& job) {
                    {"submitted", time_or_null(job.has_create_time(), job.create_time())},
                    {"began", time_or_null(job.has_start_time(), job.start_time())},
                    {"ended", time_or_null(job.has_end_time(), job.end_time())}};
+  if (!job.owner().empty()) document["owner"] = job.owner();
   for (const auto& [key, value] : job.spec().labels()) document["labels"][key] = value;
   if (job.has_iteration()) {
     document["iteration"] = iteration_row(job.iteration());
@@ -72,25 +73,28 @@ std::string printed(const Json& document) { return document.dump(-1, ' ', false,
 
 }  // namespace
 
-Answer<std::string> LiveStatus::status() {
+Answer<std::string> LiveStatus::status(const CallersView& view) {
   const std::lock_guard lock(mutex_);
   const auto now = std::chrono::steady_clock::now();
-  if (made_ == std::chrono::steady_clock::time_point{} || now - made_ >= kStatusInterval) {
-    status_ = make_status();
-    made_ = std::chrono::steady_clock::now();
+  std::erase_if(made_, [&](const auto& made) { return now - made.second.time >= kStatusInterval; });
+  const std::string owner = view.caller().sees_all() ? "" : view.caller().owner;
+  auto made = made_.find(owner);
+  if (made == made_.end()) {
+    Answer<std::string> status = make_status(view);
+    made = made_.emplace(owner, Made{std::chrono::steady_clock::now(), std::move(status)}).first;
   }
-  return status_;
+  return made->second.status;
 }
 
-Answer<std::string> LiveStatus::make_status() {
+Answer<std::string> LiveStatus::make_status(const CallersView& view) const {
   const auto counts = scheduler_->counts();
   if (!counts) return tl::unexpected(counts.error());
   constexpr int kAll = 1000;
   constexpr std::size_t kAllBytes = std::numeric_limits<std::size_t>::max();
-  auto running = scheduler_->list({{v1::JOB_STATE_RUNNING, v1::JOB_STATE_CANCELLING}, {}, kAllBytes}, kAll, "");
-  auto pending = scheduler_->list({{v1::JOB_STATE_PENDING}, {}, kAllBytes}, kAll, "");
-  auto ended = scheduler_->list(
-      {{v1::JOB_STATE_SUCCEEDED, v1::JOB_STATE_FAILED, v1::JOB_STATE_CANCELLED}, {}, kAllBytes}, kMostEnded, "");
+  auto running = view.list({{v1::JOB_STATE_RUNNING, v1::JOB_STATE_CANCELLING}, {}, kAllBytes}, kAll, "");
+  auto pending = view.list({{v1::JOB_STATE_PENDING}, {}, kAllBytes}, kAll, "");
+  auto ended = view.list({{v1::JOB_STATE_SUCCEEDED, v1::JOB_STATE_FAILED, v1::JOB_STATE_CANCELLED}, {}, kAllBytes},
+                         kMostEnded, "");
   // The store lists the newest first, but of jobs with equal turns the oldest runs first.
   if (pending) {
     std::reverse(pending->jobs.begin(), pending->jobs.end());
@@ -112,8 +116,8 @@ Answer<std::string> LiveStatus::make_status() {
                   {"jobs", std::move(jobs)}});
 }
 
-Answer<std::string> LiveStatus::iterations(const std::string& job, std::int64_t after) {
-  const auto log = scheduler_->events(job);
+Answer<std::string> LiveStatus::iterations(const CallersView& view, const std::string& job, std::int64_t after) {
+  const auto log = view.events(job);
   if (!log) return tl::unexpected(log.error());
   // Iterations that the log has dropped are skipped, as for any watcher that is behind.
   constexpr int kMost = 4096;

@@ -3,17 +3,19 @@
 
 #include <chrono>
 #include <functional>
+#include <map>
 #include <mutex>
 #include <string>
 
+#include "server/access/callers_view.h"
 #include "server/failure.h"
 #include "server/limits.h"
 #include "server/scheduling/scheduler.h"
 
 namespace varimesh::server {
 
-/// The state of the server and of its jobs. Thread-safe. However many pages are open, the store is asked for the jobs
-/// at most once per `kStatusInterval`.
+/// The state of the server and of the jobs that are there for a caller. Thread-safe. However many pages are open, the
+/// store is asked for the jobs of each owner at most once per `kStatusInterval`.
 class LiveStatus {
  public:
   static constexpr std::chrono::milliseconds kStatusInterval{500};
@@ -27,22 +29,26 @@ class LiveStatus {
   ///            {…}, "min_scaled_jacobian": [before, after], "error"}]}
   /// The jobs are the running ones, then the waiting ones in the order in which they will run, then the ended ones,
   /// newest first. Times are in milliseconds since 1970.
-  Answer<std::string> status();
+  Answer<std::string> status(const CallersView& view);
 
   /// {"sequence", "ended", "iterations": [[number, phase, energy, residual, min Js, seconds], …]}: the iterations of a
   /// running job after the event number `after`. NOT_FOUND if there is no such job.
-  Answer<std::string> iterations(const std::string& job, std::int64_t after);
+  static Answer<std::string> iterations(const CallersView& view, const std::string& job, std::int64_t after);
 
  private:
-  Answer<std::string> make_status();
+  /// What was answered last, and when.
+  struct Made {
+    std::chrono::steady_clock::time_point time;
+    Answer<std::string> status;
+  };
+  Answer<std::string> make_status(const CallersView& view) const;
 
   Scheduler* const scheduler_;
   const Limits& limits_;
   const std::function<TimePoint()> clock_;
   const TimePoint start_;
   std::mutex mutex_;  ///< Held while the status is made, so that other threads wait for the same status.
-  std::chrono::steady_clock::time_point made_{};
-  Answer<std::string> status_;
+  std::map<std::string, Made> made_;  ///< By owner; "" for callers who see all jobs.
 };
 
 }  // namespace varimesh::server

@@ -1,10 +1,14 @@
-// What all handlers share, and how a unary call is moved to the pool.
+// What all handlers share, how a caller is let in, and how a unary call is moved to the pool.
 #pragma once
 
+#include <grpc/grpc_security_constants.h>
 #include <grpcpp/grpcpp.h>
 
 #include <utility>
 
+#include "server/access/access.h"
+#include "server/access/callers_view.h"
+#include "server/addresses.h"
 #include "server/limits.h"
 #include "server/meshes/mesh_store.h"
 #include "server/resources/pool.h"
@@ -19,6 +23,7 @@ namespace varimesh::server {
 struct ApiContext {
   Scheduler& scheduler;
   MeshStore& meshes;
+  const Access& access;
   Pool& pool;
   CallRegistry& calls;
   PeerCounts& watches;
@@ -27,11 +32,36 @@ struct ApiContext {
   TimePoint start_time;
 };
 
-/// Answers a unary call with the status of `work`, which runs on the pool because it may wait for a disk or a database.
+/// Lets the caller of a method in, with the token in the call's metadata or the certificate of the connection. Every
+/// handler begins with it, and sees jobs and meshes only through what it returns. Errors: those of Access::admit().
+template <class Context>
+Answer<CallersView> admit(const ApiContext& api, const Context& call, Method method) {
+  const auto& metadata = call.client_metadata();
+  const auto header = metadata.find("authorization");
+  const std::string_view authorization =
+      header == metadata.end() ? std::string_view() : std::string_view(header->second.data(), header->second.size());
+  std::string name;
+  if (api.access.names_certificates()) {
+    const auto names = call.auth_context()->FindPropertyValues(GRPC_X509_CN_PROPERTY_NAME);
+    if (!names.empty()) name.assign(names.front().data(), names.front().size());
+  }
+  auto caller = api.access.admit(method, authorization, peer_address(call.peer()), name);
+  if (!caller) return tl::unexpected(caller.error());
+  return CallersView(api.scheduler, api.meshes, std::move(*caller));
+}
+
+/// Answers a unary call with the status of `work`, which gets what the caller may see. It runs on the pool because it
+/// may wait for a disk or a database.
 template <class Work>
-grpc::ServerUnaryReactor* unary(grpc::CallbackServerContext* call, Pool& pool, Work work) {
+grpc::ServerUnaryReactor* unary(const ApiContext& api, grpc::CallbackServerContext* call, Method method, Work work) {
   grpc::ServerUnaryReactor* reactor = call->DefaultReactor();
-  pool.post([reactor, work = std::move(work)] { reactor->Finish(guarded(work)); });
+  auto view = admit(api, *call, method);
+  if (!view)
+    reactor->Finish(status(view.error()));
+  else
+    api.pool.post([reactor, view = std::move(*view), work = std::move(work)] {
+      reactor->Finish(guarded([&] { return work(view); }));
+    });
   return reactor;
 }
 

@@ -8,6 +8,7 @@
 
 #include <algorithm>
 
+#include "server/access/reflection_guard.h"
 #include "server/addresses.h"
 
 namespace varimesh::server {
@@ -33,17 +34,19 @@ void set_bounds(grpc::ServerBuilder& builder, const Limits& limits) {
 
 }  // namespace
 
-Endpoint::Endpoint(Scheduler& scheduler, MeshStore& meshes, const Limits& limits, TimePoint start_time)
+Endpoint::Endpoint(Scheduler& scheduler, MeshStore& meshes, const Access& access, const Limits& limits,
+                   TimePoint start_time)
     : watches_(limits.max_watches_per_peer),
       uploads_(limits.max_uploads_per_peer),
       pool_(kPoolThreads),
-      context_{scheduler, meshes, pool_, calls_, watches_, uploads_, limits, start_time},
+      context_{scheduler, meshes, access, pool_, calls_, watches_, uploads_, limits, start_time},
       health_(context_),
       mesh_service_(context_),
       job_service_(context_),
       optimise_service_(context_) {}
 
-Expected<void> Endpoint::listen(const std::string& address) {
+Expected<void> Endpoint::listen(const std::string& address,
+                                const std::shared_ptr<grpc::ServerCredentials>& credentials) {
   grpc::reflection::InitProtoReflectionServerBuilderPlugin();
   grpc::ServerBuilder builder;
   // Otherwise two servers could start on the same port and would share the calls.
@@ -56,7 +59,8 @@ Expected<void> Endpoint::listen(const std::string& address) {
   builder.RegisterService(&mesh_service_);
   builder.RegisterService(&job_service_);
   builder.RegisterService(&optimise_service_);
-  if (!address.empty()) builder.AddListeningPort(address, grpc::InsecureServerCredentials(), &port_);
+  if (!address.empty()) builder.AddListeningPort(address, credentials, &port_);
+  if (context_.access.asks()) guard_reflection(builder, context_.access);
 
   const bool socket = is_unix_socket(address);
   if (socket) {

@@ -21,12 +21,13 @@ namespace varimesh::server {
 /// Answers calls from listen() until stop().
 class Endpoint {
  public:
-  /// `scheduler`, `meshes` and `limits` must outlive this object. `start_time`: what GetServerInfo answers.
-  Endpoint(Scheduler& scheduler, MeshStore& meshes, const Limits& limits, TimePoint start_time);
+  /// All but `start_time`, which GetServerInfo answers, must outlive this object.
+  Endpoint(Scheduler& scheduler, MeshStore& meshes, const Access& access, const Limits& limits, TimePoint start_time);
 
-  /// Listens on HOST:PORT or unix:PATH; an empty address means in-process channels only. Call it once. Errors: Output
-  /// if the address is already in use or does not belong to this machine. A socket whose server has ended is replaced.
-  Expected<void> listen(const std::string& address);
+  /// Listens on HOST:PORT or unix:PATH with these credentials; an empty address means in-process channels only. Call it
+  /// once. Errors: Output if the address is already in use or does not belong to this machine. A socket whose server
+  /// has ended is replaced.
+  Expected<void> listen(const std::string& address, const std::shared_ptr<grpc::ServerCredentials>& credentials);
 
   /// The address with the port that was chosen; empty if there is none.
   const std::string& address() const { return address_; }

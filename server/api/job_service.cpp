@@ -4,7 +4,6 @@
 #include <optional>
 
 #include "core/base/version.h"
-#include "server/addresses.h"
 #include "server/api/result_source.h"
 #include "server/engine/translate.h"
 #include "server/jobs/timestamps.h"
@@ -39,25 +38,24 @@ void shorten(v1::Job& job) {
 
 grpc::ServerUnaryReactor* JobService::SubmitJob(grpc::CallbackServerContext* call, const v1::SubmitJobRequest* request,
                                                 v1::SubmitJobResponse* response) {
-  return unary(call, api_.pool, [this, request, response, peer = peer_address(call->peer())] {
-    return answer(api_.scheduler.submit(request->request_id(), request->spec(), request->validate_only(), peer),
-                  response);
+  return unary(api_, call, Method::SubmitJob, [request, response](const CallersView& view) {
+    return answer(view.submit(request->request_id(), request->spec(), request->validate_only()), response);
   });
 }
 
 grpc::ServerUnaryReactor* JobService::GetJob(grpc::CallbackServerContext* call, const v1::GetJobRequest* request,
                                              v1::GetJobResponse* response) {
-  return unary(call, api_.pool,
-               [this, request, response] { return answer(api_.scheduler.get(request->name()), response); });
+  return unary(api_, call, Method::GetJob,
+               [request, response](const CallersView& view) { return answer(view.get(request->name()), response); });
 }
 
 grpc::ServerUnaryReactor* JobService::ListJobs(grpc::CallbackServerContext* call, const v1::ListJobsRequest* request,
                                                v1::ListJobsResponse* response) {
-  return unary(call, api_.pool, [this, request, response] {
+  return unary(api_, call, Method::ListJobs, [request, response](const CallersView& view) {
     JobFilter filter;
     for (const int state : request->states()) filter.states.insert(static_cast<v1::JobState>(state));
     filter.labels.insert(request->labels().begin(), request->labels().end());
-    auto page = api_.scheduler.list(filter, request->page_size(), request->page_token());
+    auto page = view.list(std::move(filter), request->page_size(), request->page_token());
     if (!page) return status(page.error());
     for (v1::Job& job : page->jobs) {
       shorten(job);
@@ -70,14 +68,14 @@ grpc::ServerUnaryReactor* JobService::ListJobs(grpc::CallbackServerContext* call
 
 grpc::ServerUnaryReactor* JobService::CancelJob(grpc::CallbackServerContext* call, const v1::CancelJobRequest* request,
                                                 v1::CancelJobResponse* response) {
-  return unary(call, api_.pool,
-               [this, request, response] { return answer(api_.scheduler.cancel(request->name()), response); });
+  return unary(api_, call, Method::CancelJob,
+               [request, response](const CallersView& view) { return answer(view.cancel(request->name()), response); });
 }
 
 grpc::ServerUnaryReactor* JobService::DeleteJob(grpc::CallbackServerContext* call, const v1::DeleteJobRequest* request,
                                                 v1::DeleteJobResponse*) {
-  return unary(call, api_.pool, [this, request] {
-    const auto removed = api_.scheduler.remove(request->name());
+  return unary(api_, call, Method::DeleteJob, [request](const CallersView& view) {
+    const auto removed = view.remove(request->name());
     return removed ? grpc::Status::OK : status(removed.error());
   });
 }
@@ -86,33 +84,37 @@ grpc::ServerWriteReactor<v1::WatchJobResponse>* JobService::WatchJob(grpc::Callb
                                                                      const v1::WatchJobRequest* request) {
   // The first pull looks the job up, on the pool.
   struct Watch {
+    explicit Watch(const CallersView& callers) : view(callers) {}
+    const CallersView view;
     std::shared_ptr<const void> place;
     v1::WatchJobRequest request;
     std::weak_ptr<Listener> listener;
     std::optional<EventSource> events;
   };
-  auto watch = std::make_shared<Watch>();
-  watch->request = *request;
-  const std::string address = peer_address(call->peer());
-  watch->place = api_.watches.take(address);
-  if (watch->place == nullptr)
-    return StreamOut<v1::WatchJobResponse>::refuse(api_, call,
-                                                   status(peer_limit(address, api_.watches.most(), "open watches")));
-  return StreamOut<v1::WatchJobResponse>::open(
-      api_, call,
-      Pump<v1::WatchJobResponse>::Source([this, watch](v1::WatchJobResponse* response, bool idle, grpc::Status* ended) {
-        if (!watch->events) {
-          auto log = api_.scheduler.events(watch->request.name());
-          *ended = log ? check_resumption(watch->request, **log) : status(log.error());
-          if (!ended->ok()) return Pull::End;
-          (*log)->subscribe(watch->listener);
-          const auto interval = std::chrono::seconds(watch->request.min_interval().seconds()) +
-                                std::chrono::nanoseconds(watch->request.min_interval().nanos());
-          watch->events.emplace(std::move(*log), watch->request.after_sequence(), interval);
-        }
-        return watch->events->pull(response->mutable_event(), idle);
-      }),
-      [watch](std::weak_ptr<Listener> listener) { watch->listener = std::move(listener); });
+  using Stream = StreamOut<v1::WatchJobResponse>;
+  auto watch = std::make_shared<std::shared_ptr<Watch>>();
+  return Stream::open(
+      api_, call, Method::WatchJob,
+      [this, request, watch](const CallersView& view) -> Answer<Stream::Source> {
+        auto made = *watch = std::make_shared<Watch>(view);
+        made->request = *request;
+        const std::string& peer = view.caller().peer;
+        made->place = api_.watches.take(peer);
+        if (made->place == nullptr) return peer_limit(peer, api_.watches.most(), "open watches");
+        return Stream::Source([this, made](v1::WatchJobResponse* response, bool idle, grpc::Status* ended) {
+          if (!made->events) {
+            auto log = made->view.events(made->request.name());
+            *ended = log ? check_resumption(made->request, **log) : status(log.error());
+            if (!ended->ok()) return Pull::End;
+            (*log)->subscribe(made->listener);
+            const auto interval = std::chrono::seconds(made->request.min_interval().seconds()) +
+                                  std::chrono::nanoseconds(made->request.min_interval().nanos());
+            made->events.emplace(std::move(*log), made->request.after_sequence(), interval);
+          }
+          return made->events->pull(response->mutable_event(), idle);
+        });
+      },
+      [watch](std::weak_ptr<Listener> listener) { (*watch)->listener = std::move(listener); });
 }
 
 grpc::Status JobService::check_resumption(const v1::WatchJobRequest& request, const EventLog& log) {
@@ -125,35 +127,36 @@ grpc::Status JobService::check_resumption(const v1::WatchJobRequest& request, co
 grpc::ServerWriteReactor<v1::GetResultResponse>* JobService::GetResult(grpc::CallbackServerContext* call,
                                                                        const v1::GetResultRequest* request) {
   // The first pull looks the job up, on the pool.
-  auto result = std::make_shared<std::optional<ResultSource>>();
-  return StreamOut<v1::GetResultResponse>::open(
-      api_, call,
-      Pump<v1::GetResultResponse>::Source(
-          [this, result, name = request->name(), with_meshes = !request->without_meshes()](
-              v1::GetResultResponse* response, bool, grpc::Status* ended) {
-            if (!*result) {
-              auto job = api_.scheduler.get(name);
-              if (job && job->results().empty()) job = job_without_result(name, v1::JobState_Name(job->state()));
-              if (!job) {
-                *ended = status(job.error());
-                return Pull::End;
-              }
-              result->emplace(api_, std::move(*job), with_meshes);
+  using Stream = StreamOut<v1::GetResultResponse>;
+  return Stream::open(
+      api_, call, Method::GetResult, [this, request](const CallersView& view) -> Answer<Stream::Source> {
+        auto result = std::make_shared<std::optional<ResultSource>>();
+        return Stream::Source([this, view, result, name = request->name(), with_meshes = !request->without_meshes()](
+                                  v1::GetResultResponse* response, bool, grpc::Status* ended) {
+          if (!*result) {
+            auto job = view.get(name);
+            if (job && job->results().empty()) job = job_without_result(name, v1::JobState_Name(job->state()));
+            if (!job) {
+              *ended = status(job.error());
+              return Pull::End;
             }
-            ResultSource::Piece piece;
-            const auto more = (*result)->pull(&piece);
-            if (!more) *ended = status(more.error());
-            if (!more || !*more) return Pull::End;
-            if (piece.job) *response->mutable_job() = std::move(*piece.job);
-            if (piece.history) *response->mutable_history() = std::move(*piece.history);
-            if (piece.chunk) *response->mutable_chunk() = std::move(*piece.chunk);
-            return Pull::Message;
-          }));
+            result->emplace(api_, std::move(*job), with_meshes);
+          }
+          ResultSource::Piece piece;
+          const auto more = (*result)->pull(&piece);
+          if (!more) *ended = status(more.error());
+          if (!more || !*more) return Pull::End;
+          if (piece.job) *response->mutable_job() = std::move(*piece.job);
+          if (piece.history) *response->mutable_history() = std::move(*piece.history);
+          if (piece.chunk) *response->mutable_chunk() = std::move(*piece.chunk);
+          return Pull::Message;
+        });
+      });
 }
 
 grpc::ServerUnaryReactor* JobService::GetServerInfo(grpc::CallbackServerContext* call, const v1::GetServerInfoRequest*,
                                                     v1::GetServerInfoResponse* response) {
-  return unary(call, api_.pool, [this, response] {
+  return unary(api_, call, Method::GetServerInfo, [this, response](const CallersView&) {
     response->set_version(std::string(version()));
     response->mutable_limits()->set_max_mesh_bytes(api_.limits.max_mesh_bytes);
     response->mutable_limits()->set_max_pending_jobs(api_.limits.max_pending_jobs);

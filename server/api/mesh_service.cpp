@@ -70,7 +70,8 @@ class Receiving : public Reactor, public Call {
   }
 
  protected:
-  Receiving(const ApiContext& api, const std::string& peer) : api_(api), session_(api, peer) {}
+  Receiving(const ApiContext& api, const grpc::CallbackServerContext& call, Method method)
+      : api_(api), session_(api, admit(api, call, method)) {}
 
   /// Called with the lock held after session_ has handled a message.
   virtual void answer() = 0;
@@ -95,8 +96,8 @@ class Receiving : public Reactor, public Call {
 /// UploadMesh: one answer at the end, with the mesh.
 class Upload final : public Receiving<grpc::ServerReadReactor<v1::UploadMeshRequest>, v1::UploadMeshRequest> {
  public:
-  Upload(const ApiContext& api, const std::string& peer, v1::UploadMeshResponse* response)
-      : Receiving(api, peer), response_(response) {}
+  Upload(const ApiContext& api, const grpc::CallbackServerContext& call, v1::UploadMeshResponse* response)
+      : Receiving(api, call, Method::UploadMesh), response_(response) {}
 
  private:
   void answer() override {
@@ -113,7 +114,8 @@ class Upload final : public Receiving<grpc::ServerReadReactor<v1::UploadMeshRequ
 class Sending final
     : public Receiving<grpc::ServerBidiReactor<v1::SendMeshRequest, v1::SendMeshResponse>, v1::SendMeshRequest> {
  public:
-  Sending(const ApiContext& api, grpc::CallbackServerContext* call) : Receiving(api, call->peer()), call_(call) {}
+  Sending(const ApiContext& api, grpc::CallbackServerContext* call)
+      : Receiving(api, *call, Method::SendMesh), call_(call) {}
 
   void OnWriteDone(bool ok) override {
     std::lock_guard lock(mutex_);
@@ -173,7 +175,7 @@ grpc::Status check_offset(std::int64_t offset, std::int64_t size) {
 
 grpc::ServerReadReactor<v1::UploadMeshRequest>* MeshService::UploadMesh(grpc::CallbackServerContext* call,
                                                                         v1::UploadMeshResponse* response) {
-  const auto upload = std::make_shared<Upload>(api_, call->peer(), response);
+  const auto upload = std::make_shared<Upload>(api_, *call, response);
   return upload->open(upload);
 }
 
@@ -186,8 +188,8 @@ grpc::ServerBidiReactor<v1::SendMeshRequest, v1::SendMeshResponse>* MeshService:
 grpc::ServerUnaryReactor* MeshService::QueryUpload(grpc::CallbackServerContext* call,
                                                    const v1::QueryUploadRequest* request,
                                                    v1::QueryUploadResponse* response) {
-  return unary(call, api_.pool, [this, request, response] {
-    const auto progress = api_.meshes.query_upload(request->upload_id(), request->digest());
+  return unary(api_, call, Method::QueryUpload, [request, response](const CallersView& view) {
+    const auto progress = view.query_upload(request->upload_id(), request->digest());
     if (!progress) return status(progress.error());
     response->set_committed_size(progress->committed);
     response->set_complete(progress->complete);
@@ -197,8 +199,8 @@ grpc::ServerUnaryReactor* MeshService::QueryUpload(grpc::CallbackServerContext* 
 
 grpc::ServerUnaryReactor* MeshService::DeleteMesh(grpc::CallbackServerContext* call,
                                                   const v1::DeleteMeshRequest* request, v1::DeleteMeshResponse*) {
-  return unary(call, api_.pool, [this, request] {
-    const auto removed = api_.meshes.remove(request->digest());
+  return unary(api_, call, Method::DeleteMesh, [request](const CallersView& view) {
+    const auto removed = view.remove_mesh(request->digest());
     return removed ? grpc::Status::OK : status(removed.error());
   });
 }
@@ -210,31 +212,31 @@ grpc::ServerWriteReactor<v1::DownloadMeshResponse>* MeshService::DownloadMesh(gr
     v1::DownloadMeshRequest request;
     bool first = true;
   };
-  auto state = std::make_shared<State>();
-  state->request = *request;
-  // The first pull opens the mesh, on the pool.
-  return StreamOut<v1::DownloadMeshResponse>::open(
-      api_, call,
-      Pump<v1::DownloadMeshResponse>::Source(
-          [this, state](v1::DownloadMeshResponse* response, bool, grpc::Status* ended) {
-            std::int64_t offset = state->request.offset();
-            if (state->reader == nullptr) {
-              auto reader = api_.meshes.read(state->request.digest());
-              *ended = reader ? check_offset(offset, (*reader)->size()) : status(reader.error());
-              if (!ended->ok()) return Pull::End;
-              state->reader = std::move(*reader);
-            }
-            auto piece = state->reader->read(offset, state->request.encoding() == v1::ENCODING_ZSTD);
-            if (!piece) *ended = status(piece.error());
-            if (!piece || (piece->size == 0 && !std::exchange(state->first, false))) return Pull::End;
-            state->first = false;
-            state->request.set_offset(offset + piece->size);
-            response->set_size(state->reader->size());
-            response->mutable_chunk()->set_offset(offset);
-            response->mutable_chunk()->set_data(std::move(piece->bytes));
-            if (piece->is_zstd) response->mutable_chunk()->set_encoding(v1::ENCODING_ZSTD);
-            return Pull::Message;
-          }));
+  using Stream = StreamOut<v1::DownloadMeshResponse>;
+  return Stream::open(api_, call, Method::DownloadMesh, [request](const CallersView& view) -> Answer<Stream::Source> {
+    auto state = std::make_shared<State>();
+    state->request = *request;
+    // The first pull opens the mesh, on the pool.
+    return Stream::Source([view, state](v1::DownloadMeshResponse* response, bool, grpc::Status* ended) {
+      const std::int64_t offset = state->request.offset();
+      if (state->reader == nullptr) {
+        auto reader = view.read(state->request.digest());
+        *ended = reader ? check_offset(offset, (*reader)->size()) : status(reader.error());
+        if (!ended->ok()) return Pull::End;
+        state->reader = std::move(*reader);
+      }
+      auto piece = state->reader->read(offset, state->request.encoding() == v1::ENCODING_ZSTD);
+      if (!piece) *ended = status(piece.error());
+      if (!piece || (piece->size == 0 && !std::exchange(state->first, false))) return Pull::End;
+      state->first = false;
+      state->request.set_offset(offset + piece->size);
+      response->set_size(state->reader->size());
+      response->mutable_chunk()->set_offset(offset);
+      response->mutable_chunk()->set_data(std::move(piece->bytes));
+      if (piece->is_zstd) response->mutable_chunk()->set_encoding(v1::ENCODING_ZSTD);
+      return Pull::Message;
+    });
+  });
 }
 
 }  // namespace varimesh::server

@@ -5,7 +5,6 @@
 #include <optional>
 
 #include "core/formats/formats.h"
-#include "server/addresses.h"
 #include "server/api/chunks.h"
 #include "server/api/result_source.h"
 #include "server/streams/event_source.h"
@@ -24,10 +23,12 @@ class OptimiseStream : public grpc::ServerBidiReactor<v1::OptimiseRequest, v1::O
     stream->weak_ = stream;
     if (!api.calls.add(stream))
       stream->end(stopping_status());
+    else if (!stream->view_)
+      stream->end(status(stream->view_.error()));
     else if (stream->upload_ == nullptr)
-      stream->end(status(peer_limit(stream->address_, api.uploads.most(), "open uploads")));
+      stream->end(status(peer_limit(stream->view_->caller().peer, api.uploads.most(), "open uploads")));
     else if (stream->watch_ == nullptr)
-      stream->end(status(peer_limit(stream->address_, api.watches.most(), "open watches")));
+      stream->end(status(peer_limit(stream->view_->caller().peer, api.watches.most(), "open watches")));
     else
       stream->read();
     return stream.get();
@@ -55,9 +56,9 @@ class OptimiseStream : public grpc::ServerBidiReactor<v1::OptimiseRequest, v1::O
  private:
   OptimiseStream(const ApiContext& api, grpc::CallbackServerContext* call)
       : api_(api),
-        address_(peer_address(call->peer())),
-        upload_(api.uploads.take(address_)),
-        watch_(api.watches.take(address_)),
+        view_(admit(api, *call, Method::Optimise)),
+        upload_(view_ ? api.uploads.take(view_->caller().peer) : nullptr),
+        watch_(view_ ? api.watches.take(view_->caller().peer) : nullptr),
         pump_(api.pool, api.limits,
               {[this](const v1::OptimiseResponse* response) { StartWrite(response); },
                [this](const grpc::Status& status) { Finish(status); }, [call] { call->TryCancel(); }}) {}
@@ -109,10 +110,11 @@ class OptimiseStream : public grpc::ServerBidiReactor<v1::OptimiseRequest, v1::O
     if (!stored) return status(stored.error());
     v1::JobSpec spec = spec_->spec();
     spec.mutable_mesh()->set_digest(stored->digest);
-    const auto job = api_.scheduler.submit(spec_->request_id(), spec, false, address_);  // adds a reference to the mesh
+    view_->grant(stored->digest);
+    const auto job = view_->submit(spec_->request_id(), spec, false);  // adds a reference to the mesh
     api_.meshes.release(stored->digest);
     if (!job) return status(job.error());
-    auto log = api_.scheduler.events(job->name());
+    auto log = view_->events(job->name());
     if (!log) return status(log.error());
     accepted_ = *job;
     events_.emplace(*log, 0, std::chrono::nanoseconds(0));
@@ -133,7 +135,7 @@ class OptimiseStream : public grpc::ServerBidiReactor<v1::OptimiseRequest, v1::O
       const Pull got = events_->pull(response->mutable_event(), idle);
       if (got != Pull::End) return got;
       response->Clear();
-      const auto job = api_.scheduler.get(accepted_->name());
+      const auto job = view_->get(accepted_->name());
       if (!job) *ended = status(job.error());
       if (!job || job->results().empty()) return Pull::End;
       results_.emplace(api_, *job, true);
@@ -149,8 +151,8 @@ class OptimiseStream : public grpc::ServerBidiReactor<v1::OptimiseRequest, v1::O
   }
 
   const ApiContext& api_;
-  const std::string address_;
-  std::shared_ptr<const void> upload_, watch_;  ///< Its places among the open uploads and watches of the address.
+  const Answer<CallersView> view_;              ///< Or why the caller is not let in.
+  std::shared_ptr<const void> upload_, watch_;  ///< Its places among the open uploads and watches of the caller.
   Pump<v1::OptimiseResponse> pump_;
   v1::OptimiseRequest request_;
   // Used only on the pool, by one task at a time.

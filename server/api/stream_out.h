@@ -16,22 +16,26 @@ namespace varimesh::server {
 template <class Response>
 class StreamOut : public grpc::ServerWriteReactor<Response>, public Call, public Listener {
  public:
-  /// Starts the stream. `subscribe` registers it as a listener that is poked when the source may have more.
+  using Source = typename Pump<Response>::Source;
+  using Subscribe = std::function<void(std::weak_ptr<Listener>)>;
+
+  /// Starts the stream of a caller who is let in. `make_source` gets what the caller may see. `subscribe` registers the
+  /// stream as a listener that is poked when the source may have more.
+  static grpc::ServerWriteReactor<Response>* open(
+      const ApiContext& api, grpc::CallbackServerContext* call, Method method,
+      const std::function<Answer<Source>(const CallersView& view)>& make_source, const Subscribe& subscribe = {}) {
+    const auto view = admit(api, *call, method);
+    if (!view) return refuse(api, call, status(view.error()));
+    return open(api, call, make_source(*view), subscribe);
+  }
+
+  /// Starts a stream that everybody may have.
   static grpc::ServerWriteReactor<Response>* open(const ApiContext& api, grpc::CallbackServerContext* call,
-                                                  Answer<typename Pump<Response>::Source> source,
-                                                  const std::function<void(std::weak_ptr<Listener>)>& subscribe = {}) {
+                                                  Answer<Source> source, const Subscribe& subscribe) {
     if (!source) return refuse(api, call, status(source.error()));
     auto stream = make(api, call);
     if (subscribe) subscribe(std::weak_ptr<Listener>(stream));
     stream->pump_.start(stream, std::move(*source));
-    return stream.get();
-  }
-
-  /// Ends the call at once with a status.
-  static grpc::ServerWriteReactor<Response>* refuse(const ApiContext& api, grpc::CallbackServerContext* call,
-                                                    const grpc::Status& why) {
-    auto stream = make(api, call);
-    stream->end(why);
     return stream.get();
   }
 
@@ -46,6 +50,14 @@ class StreamOut : public grpc::ServerWriteReactor<Response>, public Call, public
   void poke() override { pump_.poke(); }
 
  private:
+  /// Ends the call at once with a status.
+  static grpc::ServerWriteReactor<Response>* refuse(const ApiContext& api, grpc::CallbackServerContext* call,
+                                                    const grpc::Status& why) {
+    auto stream = make(api, call);
+    stream->end(why);
+    return stream.get();
+  }
+
   StreamOut(const ApiContext& api, grpc::CallbackServerContext* call)
       : calls_(api.calls),
         pump_(api.pool, api.limits,

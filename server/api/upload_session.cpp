@@ -7,7 +7,7 @@ namespace varimesh::server {
 
 grpc::Status UploadSession::begin(const v1::UploadHeader& header) {
   if (ticket_) return status(bad_request("The header must be sent exactly once, as the first message."));
-  const auto ticket = meshes_.begin_upload(header.upload_id(), header.digest(), header.size());
+  const auto ticket = view_->begin_upload(header.upload_id(), header.digest(), header.size());
   if (!ticket) return status(ticket.error());
   ticket_ = *ticket;
   committed_ = ticket_->committed;
@@ -19,7 +19,7 @@ grpc::Status UploadSession::append(const v1::Chunk& chunk) {
   if (!ticket_) return status(bad_request("The header must be sent before the first chunk."));
   const auto bytes = bytes_of(chunk, &buffer_);
   if (!bytes) return status(bytes.error());
-  const auto committed = meshes_.append(*ticket_, chunk.offset(), *bytes);
+  const auto committed = view_->append(*ticket_, chunk.offset(), *bytes);
   if (!committed) return status(committed.error());
   committed_ = *committed;
   return grpc::Status::OK;
@@ -27,7 +27,7 @@ grpc::Status UploadSession::append(const v1::Chunk& chunk) {
 
 grpc::Status UploadSession::complete() {
   if (!ticket_) return status(bad_request("The stream ended without a header."));
-  const auto stored = meshes_.finish_upload(*ticket_);
+  const auto stored = view_->finish_upload(*ticket_);
   if (!stored) return status(stored.error());
   store(*stored);
   return grpc::Status::OK;

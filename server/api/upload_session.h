@@ -5,7 +5,6 @@
 
 #include <optional>
 
-#include "server/addresses.h"
 #include "server/api/context.h"
 #include "varimesh/v1/service.pb.h"
 
@@ -14,19 +13,21 @@ namespace varimesh::server {
 /// Handles the messages of one stream. One thread at a time.
 class UploadSession {
  public:
-  UploadSession(const ApiContext& api, const std::string& peer)
-      : meshes_(api.meshes),
-        address_(peer_address(peer)),
+  /// `view`: what the caller may see, or why the caller is not let in.
+  UploadSession(const ApiContext& api, Answer<CallersView> view)
+      : view_(std::move(view)),
         most_(api.uploads.most()),
-        place_(api.uploads.take(address_)) {}
+        place_(view_ ? api.uploads.take(view_->caller().peer) : nullptr) {}
 
-  /// Returns an error if the caller's address already has as many open uploads as it may have. An upload whose stream
-  /// was cut, and which the store keeps for a while, does not count.
+  /// Returns an error if the caller is not let in, or already has as many open uploads as one caller may have. An
+  /// upload whose stream was cut, and which the store keeps for a while, does not count.
   grpc::Status refused() const {
-    return place_ == nullptr ? status(peer_limit(address_, most_, "open uploads")) : grpc::Status::OK;
+    if (!view_) return status(view_.error());
+    return place_ == nullptr ? status(peer_limit(view_->caller().peer, most_, "open uploads")) : grpc::Status::OK;
   }
 
-  /// Handles a message; the first must be the header. Both calls have the same two kinds of messages.
+  /// Handles a message of a caller who is not refused; the first must be the header. Both calls have the same two kinds
+  /// of messages.
   template <class Request>
   grpc::Status take(const Request& request) {
     if (request.has_header()) return begin(request.header());
@@ -46,8 +47,7 @@ class UploadSession {
   grpc::Status append(const v1::Chunk& chunk);
   void store(const StoredBytes& bytes);
 
-  MeshStore& meshes_;
-  const std::string address_;
+  const Answer<CallersView> view_;
   const int most_;
   const std::shared_ptr<const void> place_;
   std::optional<UploadTicket> ticket_;

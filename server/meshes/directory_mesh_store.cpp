@@ -244,23 +244,14 @@ bool DirectoryMeshStore::touch(const std::string& digest) {
   return use(digest) != entries_.end();
 }
 
-bool DirectoryMeshStore::pin(const std::string& digest) { return pin_and_measure(digest).has_value(); }
+bool DirectoryMeshStore::pin(const std::string& digest) { return pin_and_measure(digest, "").has_value(); }
 
-std::optional<std::int64_t> DirectoryMeshStore::pin_and_measure(const std::string& digest) {
+std::optional<std::int64_t> DirectoryMeshStore::pin_and_measure(const std::string& digest, const std::string& owner) {
   std::lock_guard lock(mutex_);
   const auto entry = use(digest);
-  if (entry == entries_.end()) return std::nullopt;
+  if (entry == entries_.end() || !belongs(*entry, owner)) return std::nullopt;
   entry->second.pinned = true;
   return entry->second.size;
-}
-
-Answer<void> DirectoryMeshStore::remove(const std::string& digest) {
-  std::lock_guard lock(mutex_);
-  const auto entry = find_stored(digest);
-  if (entry == entries_.end()) return mesh_not_found(digest);
-  if (entry->second.references > 0) return mesh_in_use(digest);
-  drop(entry);
-  return {};
 }
 
 void DirectoryMeshStore::retain(const std::string& digest) {
@@ -280,6 +271,7 @@ void DirectoryMeshStore::release(const std::string& digest) {
 void DirectoryMeshStore::drop(Entries::iterator entry) {
   std::error_code ignored;
   for (const Form form : {Form::Plain, Form::Zstd}) std::filesystem::remove(path_of(entry->first, form), ignored);
+  if (!entry->second.owners.empty()) std::filesystem::remove(owners_of(entry->first), ignored);
   entries_.erase(entry);
 }
 

@@ -53,17 +53,21 @@ class DirectoryMeshStore : public MeshStore {
   /// yet does not count: otherwise an announcement would stop the server.
   bool has_room(std::int64_t bytes = 0) const;
 
-  Answer<UploadTicket> begin_upload(const std::string& id, const std::string& digest, std::int64_t size) override;
+  Answer<UploadTicket> begin_upload(const std::string& id, const std::string& digest, std::int64_t size,
+                                    const std::string& owner = {}) override;
   Answer<std::int64_t> append(const UploadTicket& ticket, std::int64_t offset, std::string_view bytes) override;
   Answer<StoredBytes> finish_upload(const UploadTicket& ticket) override;
-  Answer<UploadProgress> query_upload(const std::string& id, const std::string& digest) override;
+  Answer<UploadProgress> query_upload(const std::string& id, const std::string& digest,
+                                      const std::string& owner = {}) override;
   Answer<std::unique_ptr<BlobWriter>> create(std::optional<std::int64_t> announced = {}) override;
   Answer<std::shared_ptr<const Blob>> open(const std::string& digest) override;
   Answer<std::unique_ptr<BlobReader>> read(const std::string& digest) override;
   Answer<std::int64_t> size_of(const std::string& digest) override;
   bool pin(const std::string& digest) override;
   bool touch(const std::string& digest) override;
-  Answer<void> remove(const std::string& digest) override;
+  Answer<void> remove(const std::string& digest, const std::string& owner = {}) override;
+  void grant(const std::string& digest, const std::string& owner) override;
+  bool belongs_to(const std::string& digest, const std::string& owner) override;
   void retain(const std::string& digest) override;
   void release(const std::string& digest) override;
   void sweep() override;
@@ -82,9 +86,10 @@ class DirectoryMeshStore : public MeshStore {
     bool pinned = false;
     std::chrono::steady_clock::time_point touched;  ///< Time of the last use.
     Form form = Form::Plain;
-    std::int64_t writing = 0;  ///< Which of all files that were stored this is.
-    bool lost = false;         ///< Its file was missing or damaged. Jobs refer to the entry.
-    bool stays_plain = false;  ///< Compression does not make it smaller, or it cannot be read.
+    std::int64_t writing = 0;      ///< Which of all files that were stored this is.
+    bool lost = false;             ///< Its file was missing or damaged. Jobs refer to the entry.
+    bool stays_plain = false;      ///< Compression does not make it smaller, or it cannot be read.
+    std::set<std::string> owners;  ///< Marks of the owners: see mark_of().
   };
   using Entries = std::map<std::string, Entry>;
 
@@ -107,19 +112,29 @@ class DirectoryMeshStore : public MeshStore {
   Entries::iterator find_stored(const std::string& digest);
   /// Requires the lock. Removes the file of a mesh, and the entry unless jobs refer to it.
   void lose(Entries::iterator entry, const std::string& why);
+  std::filesystem::path owners_of(const std::string& digest) const { return directory_ / (digest + ".owners"); }
   std::filesystem::path temporary_path();
   Answer<std::shared_ptr<Upload>> find(const UploadTicket& ticket);
-  /// Null if the mesh is in the store by now.
-  Answer<std::shared_ptr<Upload>> find_or_make(const std::string& id, const std::string& digest, std::int64_t size);
+  /// Null if the owner has the mesh by now.
+  Answer<std::shared_ptr<Upload>> find_or_make(const UploadTicket& ticket, const std::string& digest,
+                                               std::int64_t size);
   /// Requires the lock of the upload. Keeps room for what it still needs; null if there is none.
   std::shared_ptr<const void> room_for(Upload& upload);
   /// Requires the lock of the upload. Removes it from the store.
-  void forget(const std::string& id, Upload& upload);
+  void forget(const UploadTicket& ticket, Upload& upload);
   /// Requires the lock. The entry of a mesh whose file has the right size, noted as used now; entries_.end() if there
   /// is none.
   Entries::iterator use(const std::string& digest);
-  /// Pins a mesh and returns its size; nothing if it is not in the store.
-  std::optional<std::int64_t> pin_and_measure(const std::string& digest);
+  /// Pins a mesh and returns its size; nothing if the owner does not have it.
+  std::optional<std::int64_t> pin_and_measure(const std::string& digest, const std::string& owner);
+  // directory_owners.cpp:
+  /// Requires the lock. Whether the mesh belongs to the owner.
+  static bool belongs(const Entries::value_type& entry, const std::string& owner);
+  /// Notes for good that a mesh belongs to an owner. STORE_FULL if that cannot be written.
+  Answer<void> grant_for_good(const std::string& digest, const std::string& owner);
+  /// Requires the lock. Writes the owners of a mesh to the disk. Returns false if that fails (errno).
+  bool write_owners(const Entries::value_type& entry);
+  void read_owners();
   /// Renames a finished file to its digest, or leaves it to be deleted if the store already has the mesh.
   Answer<StoredBytes> adopt(const std::filesystem::path& path, int file, StoredBytes stored, bool pinned);
   /// Undoes adopt() if the file might not outlive a power failure.
@@ -137,7 +152,7 @@ class DirectoryMeshStore : public MeshStore {
   const bool durable_;  ///< The directory outlives the store.
   std::mutex mutex_;    ///< Guards everything below. Never held while bytes are written or hashed.
   Entries entries_;
-  std::map<std::string, std::shared_ptr<Upload>> uploads_;
+  std::map<std::pair<std::string, std::string>, std::shared_ptr<Upload>> uploads_;  ///< By owner and id.
   std::int64_t counter_ = 0, writings_ = 0;
   std::atomic<std::int64_t> promised_ = 0;  ///< Bytes that clients have announced and not sent yet.
 };

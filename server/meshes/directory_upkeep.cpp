@@ -47,6 +47,7 @@ void DirectoryMeshStore::read_directory() {
   }
   // If there are both files of a mesh, the process ended after it named one and before it removed the other.
   for (const std::filesystem::path& path : compressed) read_entry(path, path.stem().string(), Form::Zstd);
+  read_owners();
 }
 
 void DirectoryMeshStore::read_entry(const std::filesystem::path& path, const std::string& digest, Form form) {

@@ -29,7 +29,7 @@ bool write_at(const std::filesystem::path& path, std::int64_t offset, std::strin
 }  // namespace
 
 Answer<UploadTicket> DirectoryMeshStore::begin_upload(const std::string& id, const std::string& digest,
-                                                      std::int64_t size) {
+                                                      std::int64_t size, const std::string& owner) {
   if (id.empty() || id.size() > 128) return bad_request("The upload id must have 1 to 128 bytes.");
   if (!is_sha256(digest))
     return bad_request("The digest must be the SHA-256 of the mesh as 64 lowercase hexadecimal digits.");
@@ -38,8 +38,8 @@ Answer<UploadTicket> DirectoryMeshStore::begin_upload(const std::string& id, con
   if (settings_.max_memory_bytes > 0 && least > settings_.max_memory_bytes)
     return mesh_needs_memory(settings_.max_memory_bytes, least);
   while (true) {
-    if (pin(digest)) return UploadTicket{id, 0, size, true};
-    const auto found = find_or_make(id, digest, size);
+    if (pin_and_measure(digest, owner)) return UploadTicket{id, 0, size, true, nullptr, owner};
+    const auto found = find_or_make({id, 0, 0, false, nullptr, owner}, digest, size);
     if (!found) return tl::unexpected(found.error());
     if (*found == nullptr) continue;
     Upload& upload = **found;
@@ -49,11 +49,11 @@ Answer<UploadTicket> DirectoryMeshStore::begin_upload(const std::string& id, con
     if (upload.digest != digest || upload.size != size) return upload_id_used(id);
     const auto room = room_for(upload);
     if (!room) {
-      if (upload.committed == 0) forget(id, upload);
+      if (upload.committed == 0) forget({id, 0, 0, false, nullptr, owner}, upload);
       return store_full("The server's disk has no room for a mesh of " + std::to_string(size) + " bytes");
     }
     upload.touched = settings_.clock();
-    return UploadTicket{id, ++upload.generation, upload.committed, false, room};
+    return UploadTicket{id, ++upload.generation, upload.committed, false, room, owner};
   }
 }
 
@@ -68,15 +68,17 @@ std::shared_ptr<const void> DirectoryMeshStore::room_for(Upload& upload) {
   return promise;
 }
 
-Answer<std::shared_ptr<DirectoryMeshStore::Upload>> DirectoryMeshStore::find_or_make(const std::string& id,
+Answer<std::shared_ptr<DirectoryMeshStore::Upload>> DirectoryMeshStore::find_or_make(const UploadTicket& ticket,
                                                                                      const std::string& digest,
                                                                                      std::int64_t size) {
+  const std::pair key(ticket.owner, ticket.id);
   const std::filesystem::path path = temporary_path();
   std::lock_guard lock(mutex_);
   drop_old_uploads();
   // Another stream may have stored the mesh since the caller looked. Then there is nothing to upload.
-  if (!uploads_.contains(id) && find_stored(digest) != entries_.end()) return nullptr;
-  std::shared_ptr<Upload>& upload = uploads_[id];
+  const auto stored = find_stored(digest);
+  if (!uploads_.contains(key) && stored != entries_.end() && belongs(*stored, ticket.owner)) return nullptr;
+  std::shared_ptr<Upload>& upload = uploads_[key];
   if (upload != nullptr) return upload;
   auto made = std::make_shared<Upload>();
   made->digest = digest;
@@ -84,7 +86,7 @@ Answer<std::shared_ptr<DirectoryMeshStore::Upload>> DirectoryMeshStore::find_or_
   made->touched = settings_.clock();
   const int file = ::open(path.c_str(), O_CREAT | O_EXCL | O_WRONLY | O_CLOEXEC | O_NOFOLLOW, 0600);
   if (file < 0) {
-    uploads_.erase(id);
+    uploads_.erase(key);
     return cannot_store("a file cannot be created");
   }
   ::close(file);
@@ -94,7 +96,7 @@ Answer<std::shared_ptr<DirectoryMeshStore::Upload>> DirectoryMeshStore::find_or_
 
 Answer<std::shared_ptr<DirectoryMeshStore::Upload>> DirectoryMeshStore::find(const UploadTicket& ticket) {
   std::lock_guard lock(mutex_);
-  const auto found = uploads_.find(ticket.id);
+  const auto found = uploads_.find({ticket.owner, ticket.id});
   if (found == uploads_.end()) return upload_not_found("The upload '" + ticket.id + "' is no longer known");
   return found->second;
 }
@@ -108,7 +110,7 @@ Answer<std::int64_t> DirectoryMeshStore::append(const UploadTicket& ticket, std:
   if (upload.generation != ticket.generation) return upload_taken_over();
   if (offset != upload.committed) return chunk_out_of_order(offset, upload.committed);
   if (static_cast<std::int64_t>(bytes.size()) > upload.size - upload.committed) {
-    forget(ticket.id, upload);
+    forget(ticket, upload);
     return upload_larger_than_declared(upload.size);
   }
   if (!write_at(upload.path, upload.committed, bytes)) return cannot_store("the disk cannot take more data");
@@ -132,33 +134,38 @@ Answer<StoredBytes> DirectoryMeshStore::finish_upload(const UploadTicket& ticket
                        {{"committed_size", std::to_string(upload.committed)}});
   const StoredBytes stored{upload.hash.finish(), upload.size};
   if (stored.digest != upload.digest) {
-    forget(ticket.id, upload);
+    forget(ticket, upload);
     return digest_mismatch(stored.digest, upload.digest);
   }
   const int file = ::open(upload.path.c_str(), O_WRONLY | O_CLOEXEC | O_NOFOLLOW);
   auto result =
       file < 0 ? Answer<StoredBytes>(cannot_store("a file cannot be opened")) : adopt(upload.path, file, stored, true);
   if (file >= 0) ::close(file);
-  forget(ticket.id, upload);
+  if (result)
+    if (const auto granted = grant_for_good(stored.digest, ticket.owner); !granted)
+      result = tl::unexpected(granted.error());
+  forget(ticket, upload);
   return result;
 }
 
-void DirectoryMeshStore::forget(const std::string& id, Upload& upload) {
+void DirectoryMeshStore::forget(const UploadTicket& ticket, Upload& upload) {
   ++upload.generation;
   upload.ended = true;
   std::lock_guard lock(mutex_);
-  if (const auto found = uploads_.find(id); found != uploads_.end() && found->second.get() == &upload)
+  if (const auto found = uploads_.find({ticket.owner, ticket.id});
+      found != uploads_.end() && found->second.get() == &upload)
     uploads_.erase(found);
 }
 
-Answer<UploadProgress> DirectoryMeshStore::query_upload(const std::string& id, const std::string& digest) {
-  if (const auto size = pin_and_measure(digest)) return UploadProgress{*size, true};
-  if (const auto found = find({id, 0, 0, false})) {
+Answer<UploadProgress> DirectoryMeshStore::query_upload(const std::string& id, const std::string& digest,
+                                                        const std::string& owner) {
+  if (const auto size = pin_and_measure(digest, owner)) return UploadProgress{*size, true};
+  if (const auto found = find({id, 0, 0, false, nullptr, owner})) {
     std::lock_guard lock((*found)->mutex);
     if (!(*found)->ended) return UploadProgress{(*found)->committed, false};
   }
   // The upload may have been finished since the first line.
-  if (const auto size = pin_and_measure(digest)) return UploadProgress{*size, true};
+  if (const auto size = pin_and_measure(digest, owner)) return UploadProgress{*size, true};
   return upload_not_found("Neither this upload nor this mesh is known");
 }
 

@@ -63,6 +63,7 @@ struct UploadTicket {
   /// Room in the store for the bytes that are still to come. It is kept as long as a stream holds its ticket: an upload
   /// whose stream was cut takes no room from others.
   std::shared_ptr<const void> room = nullptr;
+  std::string owner = {};
 };
 
 struct UploadProgress {
@@ -71,6 +72,11 @@ struct UploadProgress {
 };
 
 /// Stores meshes by content. Thread-safe; all calls may wait for a disk.
+///
+/// A mesh belongs to every owner who has sent all its bytes or has it as a result: a digest is no right to the bytes.
+/// Owners do not learn of each other's meshes. For an owner without a mesh it is not there: the bytes must be sent
+/// again, and are compared with the digest again. Each owner has upload ids of its own. A server that does not ask who
+/// calls has the one owner "".
 ///
 /// A mesh with references stays: commit() and retain() add a reference, release() removes one. A mesh that was
 /// uploaded, or that a client was told is in the store, is pinned. Without references a pinned mesh stays until sweep()
@@ -82,14 +88,16 @@ class MeshStore {
   /// Begins an upload, or continues the upload with this id. INVALID_ARGUMENT for an id or digest of the wrong form;
   /// RESOURCE_EXHAUSTED if there is no room or the mesh is too large; ALREADY_EXISTS if the id belongs to an upload of
   /// another mesh.
-  virtual Answer<UploadTicket> begin_upload(const std::string& id, const std::string& digest, std::int64_t size) = 0;
+  virtual Answer<UploadTicket> begin_upload(const std::string& id, const std::string& digest, std::int64_t size,
+                                            const std::string& owner = {}) = 0;
   /// Appends a chunk and returns the number of bytes received so far. ABORTED if another stream has taken the upload
   /// over.
   virtual Answer<std::int64_t> append(const UploadTicket& ticket, std::int64_t offset, std::string_view bytes) = 0;
   /// Compares the digest and puts the mesh into the store.
   virtual Answer<StoredBytes> finish_upload(const UploadTicket& ticket) = 0;
   /// NOT_FOUND if neither the upload nor the mesh is known.
-  virtual Answer<UploadProgress> query_upload(const std::string& id, const std::string& digest) = 0;
+  virtual Answer<UploadProgress> query_upload(const std::string& id, const std::string& digest,
+                                              const std::string& owner = {}) = 0;
 
   /// Returns a writer for bytes whose digest is not known yet. `announced`: for what a client sends, its size in bytes,
   /// 0 if it is not known; such bytes leave the reserve of disk space free. Empty: a result, which may use the reserve.
@@ -107,8 +115,13 @@ class MeshStore {
   /// Like pin(), but the mesh does not stay without references: the caller is about to add one.
   virtual bool touch(const std::string& digest) = 0;
   /// Deletes a mesh that nobody refers to. NOT_FOUND if it is not in the store; FAILED_PRECONDITION if jobs refer to
-  /// it.
-  virtual Answer<void> remove(const std::string& digest) = 0;
+  /// it. With an owner, the mesh no longer belongs to that owner, and is deleted if nobody else has or needs it.
+  virtual Answer<void> remove(const std::string& digest, const std::string& owner = {}) = 0;
+  /// Notes that a mesh belongs to an owner too. Does nothing if the mesh is not in the store. It is forgotten with the
+  /// process: uploads are noted for good, and who has a result is known from the jobs.
+  virtual void grant(const std::string& digest, const std::string& owner) = 0;
+  /// Whether the mesh is in the store and belongs to the owner. All meshes belong to the owner "".
+  virtual bool belongs_to(const std::string& digest, const std::string& owner) = 0;
   /// Adds a reference. Does nothing if the mesh is not in the store.
   virtual void retain(const std::string& digest) = 0;
   /// Removes a reference.

@@ -10,7 +10,10 @@ Answer<void> Scheduler::recover() {
     std::lock_guard lock(mutex_);
     const auto references = jobs_->references();
     if (!references) return tl::unexpected(references.error());
-    for (const Reference& reference : *references) meshes_->retain(reference.digest);
+    for (const Reference& reference : *references) {
+      meshes_->retain(reference.digest);
+      meshes_->grant(reference.digest, reference.owner);
+    }
   }
   take_back(settings_.worker);
   return {};

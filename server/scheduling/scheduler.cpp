@@ -313,6 +313,7 @@ void Scheduler::erase(const Running& running) {
 bool Scheduler::finish(const Running& running, const Ending& ending) {
   std::lock_guard lock(mutex_);
   const std::string& name = running.claim.name;
+  for (const v1::StoredMesh& result : ending.results) meshes_->grant(result.digest(), running.claim.owner);
   const auto finished = change(name, [&](std::int64_t last) { return jobs_->finish(running.claim, ending, last); });
   if (!finished) {
     const Failure::Code code = finished.error().code;

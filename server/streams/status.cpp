@@ -15,6 +15,10 @@ grpc::StatusCode code(Failure::Code code) {
   switch (code) {
     case Failure::Code::InvalidArgument:
       return grpc::StatusCode::INVALID_ARGUMENT;
+    case Failure::Code::Unauthenticated:
+      return grpc::StatusCode::UNAUTHENTICATED;
+    case Failure::Code::PermissionDenied:
+      return grpc::StatusCode::PERMISSION_DENIED;
     case Failure::Code::NotFound:
       return grpc::StatusCode::NOT_FOUND;
     case Failure::Code::AlreadyExists:

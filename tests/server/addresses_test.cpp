@@ -23,20 +23,29 @@ TEST(ListenAddress, IsLoopbackOnlyIfNoOtherMachineCanReachIt) {
 }
 
 TEST(ListenAddress, NeedsAPortThatExists) {
-  EXPECT_TRUE(check_listen_address("127.0.0.1:65535", false));
-  EXPECT_TRUE(check_listen_address("unix:/run/varimesh.sock", false));
+  EXPECT_TRUE(check_listen_address("127.0.0.1:65535", {}));
+  EXPECT_TRUE(check_listen_address("unix:/run/varimesh.sock", {}));
   for (const char* address : {"127.0.0.1", "127.0.0.1:", "127.0.0.1:65536", "127.0.0.1:-1", "127.0.0.1:80x"}) {
-    const auto checked = check_listen_address(address, true);
+    const auto checked = check_listen_address(address, {true, true, true, true});
     ASSERT_FALSE(checked) << address;
     EXPECT_EQ(checked.error().kind, Error::Kind::BadOption) << address;
   }
 }
 
-TEST(ListenAddress, BeyondLoopbackMustBeAllowed) {
-  const auto refused = check_listen_address("0.0.0.0:50051", false);
-  ASSERT_FALSE(refused);
-  EXPECT_NE(refused.error().sentence.find("--insecure"), std::string::npos) << refused.error().sentence;
-  EXPECT_TRUE(check_listen_address("0.0.0.0:50051", true));
+TEST(ListenAddress, BeyondLoopbackNeedsTlsAndCallersThatAreKnown) {
+  using Given = Protection;
+  for (const Protection& given : {Given{}, Given{.tokens = true}, Given{.tls = true}}) {
+    const auto refused = check_listen_address("0.0.0.0:50051", given);
+    ASSERT_FALSE(refused);
+    EXPECT_NE(refused.error().sentence.find("--insecure"), std::string::npos) << refused.error().sentence;
+  }
+  for (const Protection& given :
+       {Given{.tls = true, .mutual = true}, Given{.tls = true, .tokens = true}, Given{.insecure = true}})
+    EXPECT_TRUE(check_listen_address("0.0.0.0:50051", given));
+}
+
+TEST(ListenAddress, ASocketIsNotEncrypted) {
+  EXPECT_FALSE(check_listen_address("unix:/run/varimesh.sock", {.tls = true}));
 }
 
 }  // namespace

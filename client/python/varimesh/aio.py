@@ -14,7 +14,7 @@ from typing import Any, TypeVar, Unpack
 
 import grpc
 
-from .client import Client, MeshLike, Paths
+from .client import Client, MeshLike, Path, Paths
 from .connection import Stop
 from .job import Job, Result
 from .options import Options
@@ -67,6 +67,10 @@ class AsyncJob:
     @property
     def state(self) -> str:
         return self._job.state
+
+    @property
+    def owner(self) -> str:
+        return self._job.owner
 
     @property
     def labels(self) -> Mapping[str, str]:
@@ -127,9 +131,12 @@ class AsyncJob:
 class AsyncClient:
     """A Client whose calls to the server are awaited. Cancelling the task that awaits optimise() cancels the job."""
 
-    def __init__(self, address: str, token: str | None = None, *, credentials: grpc.ChannelCredentials | None = None,
+    def __init__(self, address: str, token: str | None = None, *, token_file: str | os.PathLike[str] | None = None,
+                 authority: Path | None = None, certificate: Path | None = None, key: Path | None = None,
+                 credentials: grpc.ChannelCredentials | None = None, channel: grpc.Channel | None = None,
                  connect: float = 5.0, retry: float = 60.0) -> None:  # fmt: skip
-        self._client = Client(address, token, credentials=credentials, connect=connect, retry=retry)
+        self._client = Client(address, token, token_file=token_file, authority=authority, certificate=certificate, key=key,
+                              credentials=credentials, channel=channel, connect=connect, retry=retry)  # fmt: skip
 
     @classmethod
     def of(cls, client: Client) -> AsyncClient:

@@ -12,7 +12,7 @@ import grpc
 
 from . import reports, transfer
 from .adapters import as_mesh
-from .connection import Connection, Patience, Stop
+from .connection import Connection, Patience, Stop, find_credentials, find_token
 from .errors import BadOption, BadOutput, JobCancelled, JobFailed, Stopped
 from .job import Job, Result
 from .mesh import Mesh, to_parts
@@ -28,21 +28,33 @@ from .watching import watch
 MeshLike: TypeAlias = Any
 _READABLE = (mesh_pb2.MESH_FORMAT_MSH22, mesh_pb2.MESH_FORMAT_MSH22_BINARY, mesh_pb2.MESH_FORMAT_MSH41,
              mesh_pb2.MESH_FORMAT_MSH41_BINARY, mesh_pb2.MESH_FORMAT_PARTS)  # fmt: skip
+Path: TypeAlias = "str | os.PathLike[str]"
 Paths: TypeAlias = "str | os.PathLike[str] | Sequence[str | os.PathLike[str]]"
 
 
 class Client:
     """The client of one server. Any thread may call it. A call repeats itself while the server is away.
 
-    `address` is HOST:PORT or unix:PATH. `token` is sent with every call; a server that has no tokens ignores it. Use it
-    only on connections that others cannot read: loopback, or with `credentials`. `connect` is how many seconds to wait
+    `address` is HOST:PORT or unix:PATH. `token` is sent with every call; a server that has no tokens ignores it. It can
+    also be in a file, `token_file`, or in the environment variables VARIMESH_TOKEN and VARIMESH_TOKEN_FILE; `token=""` is
+    none. Use it only on connections that others cannot read: loopback, or with TLS. `connect` is how many seconds to wait
     for the first contact, `retry` for a server that went away.
+
+    For TLS, `authority` is a file with the authority that the server's certificate must come from; `certificate` and `key`
+    are files for a server that asks for a certificate. The environment variables VARIMESH_TLS_AUTHORITY,
+    VARIMESH_TLS_CERTIFICATE and VARIMESH_TLS_KEY stand for them. An address that begins with https:// is for servers whose
+    authority this machine knows. Instead of files, `credentials` takes gRPC's, and `channel` a channel that is ready, which
+    carries everything and is not closed; then `address` is only for messages.
     """
 
-    def __init__(self, address: str, token: str | None = None, *, credentials: grpc.ChannelCredentials | None = None,
+    def __init__(self, address: str, token: str | None = None, *, token_file: str | os.PathLike[str] | None = None,
+                 authority: Path | None = None, certificate: Path | None = None, key: Path | None = None,
+                 credentials: grpc.ChannelCredentials | None = None, channel: grpc.Channel | None = None,
                  connect: float = 5.0, retry: float = 60.0) -> None:  # fmt: skip
-        self.address = address = plain_address(address, credentials is not None)
-        self._connection = Connection(address, token, credentials, connect, retry)
+        if credentials is None and channel is None:
+            credentials = find_credentials(address, authority, certificate, key)
+        self.address = address = plain_address(address)
+        self._connection = Connection(address, find_token(token, token_file), credentials, connect, retry, channel)
         self._jobs = service_pb2_grpc.JobServiceStub(self._connection.control)  # type: ignore[no-untyped-call]
         self._meshes = service_pb2_grpc.MeshServiceStub(self._connection.bulk)  # type: ignore[no-untyped-call]
 
@@ -294,10 +306,8 @@ def _is_path(mesh: object) -> bool:
     return isinstance(mesh, (str, os.PathLike))
 
 
-def plain_address(address: str, encrypted: bool) -> str:
+def plain_address(address: str) -> str:
     """The address without "http://" and a slash at the end, which people copy from a browser."""
-    if address.startswith("https://") and not encrypted:
-        raise BadOption(f"The address {address} asks for TLS; give HOST:PORT, and credentials=grpc.ssl_channel_credentials().")
     address = address.removeprefix("http://").removeprefix("https://")
     return address if address.startswith("unix:") else address.rstrip("/")
 

@@ -4,18 +4,21 @@ Repeating is safe: every call of the contract is made to be repeated.
 """
 from __future__ import annotations
 
+import os
 import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Any
+from pathlib import Path
+from typing import Any, TypeAlias
 
 import grpc
 
-from .errors import Refused, ServerUnreachable, Stopped, VarimeshError
+from .errors import BadOption, Refused, ServerUnreachable, Stopped, VarimeshError
 from .rpc import error_details_pb2, status_pb2
 
 _CALL_SECONDS = 30.0
+PathLike: TypeAlias = "str | os.PathLike[str]"
 
 
 def _details(error: grpc.RpcError) -> tuple[error_details_pb2.ErrorInfo, float]:
@@ -145,17 +148,61 @@ def wait_for_channel(channel: grpc.Channel, seconds: float, metadata: Any = ()) 
     return True
 
 
-class Connection:
-    """Two channels to one server. Meshes have their own, so that they do not delay other calls."""
+def find_token(token: str | None, token_file: str | os.PathLike[str] | None) -> str:
+    """The token that was given, or that of a file, or that of VARIMESH_TOKEN or VARIMESH_TOKEN_FILE. Empty: none."""
+    if token is None and token_file is None:
+        token = os.environ.get("VARIMESH_TOKEN") or None
+        token_file = os.environ.get("VARIMESH_TOKEN_FILE") or None
+    if token is None and token_file is not None:
+        try:
+            token = Path(token_file).read_text(encoding="ascii").strip()
+        except (OSError, UnicodeDecodeError):
+            token = ""
+        if not token:
+            raise BadOption(f"The file of the token {os.fspath(token_file)} cannot be read or is empty; name a file with a token.")
+    token = (token or "").strip()
+    if any(not "!" <= letter <= "~" for letter in token):
+        raise BadOption("The token is not one line of letters, digits and signs; check where it comes from.")
+    return token
 
-    def __init__(self, address: str, token: str | None, credentials: grpc.ChannelCredentials | None,
-                 connect_seconds: float, retry_seconds: float) -> None:  # fmt: skip
+
+def find_credentials(address: str, authority: PathLike | None, certificate: PathLike | None,
+                     key: PathLike | None) -> grpc.ChannelCredentials | None:  # fmt: skip
+    """Credentials of files in PEM, or of those that VARIMESH_TLS_AUTHORITY, VARIMESH_TLS_CERTIFICATE and VARIMESH_TLS_KEY
+    name. None: the connection is not encrypted."""
+    if authority is None and certificate is None and key is None and not address.startswith("unix:"):
+        authority, certificate, key = (os.environ.get("VARIMESH_TLS_" + name) or None
+                                       for name in ("AUTHORITY", "CERTIFICATE", "KEY"))  # fmt: skip
+    if authority is None and certificate is None and key is None and not address.startswith("https://"):
+        return None
+    if (certificate is None) != (key is None):
+        raise BadOption("A certificate and its key belong together; give both.")
+    parts = []
+    for path in (authority, key, certificate):
+        try:
+            text = None if path is None else Path(path).read_bytes()
+        except OSError:
+            text = b""
+        if text is not None and b"-----BEGIN " not in text:
+            raise BadOption(f"The file {path!s} cannot be read or has nothing in PEM; name a file with a certificate or a key.")
+        parts.append(text)
+    return grpc.ssl_channel_credentials(*parts)
+
+
+class Connection:
+    """Two channels to one server. Meshes have their own, so that they do not delay other calls; but a channel of the
+    caller carries everything, and stays open."""
+
+    def __init__(self, address: str, token: str, credentials: grpc.ChannelCredentials | None, connect_seconds: float,
+                 retry_seconds: float, channel: grpc.Channel | None = None) -> None:  # fmt: skip
         self.address = address
         self.retry_seconds = retry_seconds
         self._connect_seconds = connect_seconds
         self.metadata = (("authorization", f"Bearer {token}"),) if token else ()
         self._met = False
-        self.control, self.bulk = (self._open(address, credentials, number) for number in (1, 2))
+        self._encrypted, self._owned = credentials is not None, channel is None
+        self.control = channel or self._open(address, credentials, 1)
+        self.bulk = channel or self._open(address, credentials, 2)
 
     @staticmethod
     def _open(address: str, credentials: grpc.ChannelCredentials | None, number: int) -> grpc.Channel:
@@ -180,9 +227,20 @@ class Connection:
         stop = Stop.of_this_thread()
         while not wait_for_channel(self.control, 0.2, self.metadata):
             stop.check()
+            if time.monotonic() > deadline and self._encrypted:
+                raise ServerUnreachable(f"There is no server at {self.address} that TLS leads to ({self._why()}); check the "
+                                        "address, and that the server's certificate is for it and comes from the authority.")
             if time.monotonic() > deadline:
                 raise ServerUnreachable(f"There is no server at {self.address}; start varimeshd there, or name another.")
         self._met = True
+
+    def _why(self) -> str:
+        """Why a connection does not come about."""
+        try:
+            self.control.unary_unary("/grpc.health.v1.Health/Check")(b"", timeout=1)
+        except grpc.RpcError as error:
+            return error.details() or ""
+        return "it answers only now"
 
     def call(self, method: Any, request: Any) -> Any:
         """Sends one request and returns the answer."""
@@ -207,5 +265,6 @@ class Connection:
             yield call
 
     def close(self) -> None:
-        self.control.close()
-        self.bulk.close()
+        if self._owned:
+            self.control.close()
+            self.bulk.close()

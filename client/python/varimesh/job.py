@@ -66,6 +66,11 @@ class Job:
         return self.state in ENDED
 
     @property
+    def owner(self) -> str:
+        """Whose job it is; empty on a server that does not ask who calls."""
+        return str(self._message.owner)
+
+    @property
     def labels(self) -> Mapping[str, str]:
         return dict(self._message.spec.labels)
 

@@ -83,7 +83,7 @@ def local(*, threads: int = 0, state: str | os.PathLike[str] | None = None, exec
             _end(server, folder, os.getpid())
             raise ServerUnreachable(f"{command[0]} did not start: {said or 'it printed nothing'}.")
         time.sleep(0.005)
-    client = LocalClient(f"unix:{socket}")
+    client = LocalClient(f"unix:{socket}", token="")
     client._stop = weakref.finalize(client, _end, server, folder, os.getpid())
     return client
 

@@ -44,7 +44,7 @@ class JobCard {
 
   /** Fetches the new iterations and draws the curves. */
   async follow() {
-    const answer = await fetch(`api/iterations?job=${encodeURIComponent(this.name)}&after=${this.sequence}`);
+    const answer = await fetchFromServer(`iterations?job=${encodeURIComponent(this.name)}&after=${this.sequence}`);
     if (!answer.ok) return;
     const {sequence, iterations} = await answer.json();
     this.sequence = sequence;

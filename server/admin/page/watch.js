@@ -1,4 +1,4 @@
-// Asks the server for its jobs every second and shows them. The page cannot change anything on the server.
+// Asks the server for its jobs every second and shows them, or asks for a token if the server wants one. The page cannot change anything on the server.
 
 const EVERY = 1000;      // milliseconds between two requests
 const MOST_CURVES = 16;  // running jobs whose curves are drawn
@@ -58,9 +58,32 @@ function showEnded(jobs, now) {
       make('p', {class: 'quiet'}, 'No job has ended.'));
 }
 
+/** Asks for a path below api/, with the token that was typed, if there is one. */
+function fetchFromServer(path) {
+  const token = sessionStorage.getItem('token');
+  return fetch('api/' + path, token ? {headers: {Authorization: `Bearer ${token}`}} : {});
+}
+
+/** Shows why the server does not let this page in, with a field for a token. The browser forgets it with the page's tab. */
+function askForToken(why) {
+  byId('state').className = 'lost';
+  byId('state').textContent = why;
+  if (byId('token').childElementCount) return;
+  const field = make('input', {type: 'password', autocomplete: 'off', 'aria-label': 'Token'});
+  const button = make('button', {type: 'button'}, 'Use this token');
+  button.addEventListener('click', () => {
+    sessionStorage.setItem('token', field.value.trim());
+    byId('token').replaceChildren();
+    watchOnce();
+  });
+  byId('token').replaceChildren(field, ' ', button);
+}
+
 async function ask() {
-  const answer = await fetch('api/status');
+  const answer = await fetchFromServer('status');
+  if (answer.status === 401 || answer.status === 403) return askForToken(await answer.text());
   if (!answer.ok) throw new Error(await answer.text());
+  byId('token').replaceChildren();
   const status = await answer.json();
   const jobs = (...states) => status.jobs.filter((job) => states.includes(job.state));
   showTiles(status);
@@ -71,16 +94,18 @@ async function ask() {
   byId('state').textContent = `As of ${instant(status.time)}. This page is read-only.`;
 }
 
-async function watch() {
-  if (!document.hidden) {
-    try {
-      await ask();
-    } catch (error) {
-      byId('state').className = 'lost';
-      byId('state').textContent = 'The server does not answer. Trying again …';
-    }
-    document.documentElement.dataset.ready = 'yes';
+async function watchOnce() {
+  try {
+    await ask();
+  } catch (error) {
+    byId('state').className = 'lost';
+    byId('state').textContent = 'The server does not answer. Trying again …';
   }
+  document.documentElement.dataset.ready = 'yes';
+}
+
+async function watch() {
+  if (!document.hidden) await watchOnce();
   setTimeout(watch, EVERY);
 }
 

@@ -6,6 +6,7 @@ import os
 import re
 import subprocess
 import sys
+import tempfile
 import time
 import unittest
 from pathlib import Path
@@ -20,8 +21,10 @@ ENDLESS = ["--method", "sweeps", "--active-set", "off", "--tolerance", "1e-300",
 
 
 class WithAdminPort(unittest.TestCase):
+    FLAGS = ()
+
     def setUp(self):
-        self.server = Server("--admin", "127.0.0.1:0", "--threads", "1")
+        self.server = Server("--admin", "127.0.0.1:0", "--threads", "1", *self.FLAGS)
         self.addCleanup(self.server.stop)
         deadline = time.monotonic() + 20
         while not (found := re.search(r"http://(127\.0\.0\.1:\d+)/", "".join(self.server.log))):
@@ -87,6 +90,71 @@ class Port(WithAdminPort):
         numbers = [row[0] for row in rows]
         self.assertEqual(numbers, sorted(set(numbers)))
         self.assertEqual({row[1] for row in rows}, {"sweeps"})
+        run("cancel", job, "--server", self.server.address)
+
+
+class Tokens(WithAdminPort):
+    """The same rules as for calls: who has no token gets nothing about jobs, and others' jobs are not there."""
+
+    def setUp(self):
+        folder = tempfile.TemporaryDirectory()
+        self.addCleanup(folder.cleanup)
+        file = Path(folder.name) / "tokens"
+
+        def make(name, *roles):
+            flags = [word for role in roles for word in ("--role", role)]
+            return subprocess.run([VARIMESHD, "token", name, "--tokens", file, *flags], capture_output=True, text=True, timeout=20,
+                                  check=True).stdout.strip()
+
+        self.ann, self.bob, self.admin_token = make("ann"), make("bob"), make("operator", "admin")
+        self.submitter = make("ann", "submit")
+        self.FLAGS = ("--tokens", str(file))
+        super().setUp()
+
+    def ask_as(self, token, path):
+        status, headers, body = self.ask(path, **({"Authorization": "Bearer " + token} if token else {}))
+        return (status, json.loads(body)) if status == 200 else (status, headers)
+
+    def test_callers_see_their_own_jobs(self):
+        os.environ["VARIMESH_TOKEN"] = self.ann
+        self.addCleanup(os.environ.pop, "VARIMESH_TOKEN")
+        job = self.submit("circle_p5.msh", *ENDLESS)
+        path = f"/api/iterations?job={job}&after=0"
+        status, headers = self.ask_as("", "/api/status")
+        self.assertEqual((status, headers["WWW-Authenticate"]), (401, "Bearer"))
+        self.assertEqual(self.ask_as("wrong", "/api/status")[0], 401)
+        self.assertEqual(self.ask_as("", path)[0], 401)
+        self.assertEqual(self.ask_as(self.submitter, "/api/status")[0], 403)
+        for token, jobs, code in ((self.ann, [(job, "ann")], 200), (self.admin_token, [(job, "ann")], 200), (self.bob, [], 404)):
+            shown = self.ask_as(token, "/api/status")[1]
+            self.assertEqual([(one["job"], one["owner"]) for one in shown["jobs"]], jobs)
+            self.assertEqual(self.ask_as(token, path)[0], code)
+        self.assertEqual(self.ask("/")[0], 200, "the page itself says nothing")
+        self.assertEqual(self.ask("/healthz/ready")[0], 200)
+        run("cancel", job, "--server", self.server.address)
+
+
+class TokenPage(Tokens):
+    @classmethod
+    def setUpClass(cls):
+        if browser.find() is None:
+            print("SKIPPED: chromium is not installed")
+            sys.exit(77)
+
+    def test_callers_see_their_own_jobs(self):
+        os.environ["VARIMESH_TOKEN"] = self.ann
+        self.addCleanup(os.environ.pop, "VARIMESH_TOKEN")
+        job = self.submit("circle_p5.msh", *ENDLESS)
+        page = browser.Page()
+        self.addCleanup(page.close)
+        page.open(f"http://{self.admin}/")
+        page.wait("document.querySelector('#token input')")
+        self.assertIn("asks who calls", page.value("document.querySelector('#state').textContent"))
+        page.value(f"document.querySelector('#token input').value = {json.dumps(self.ann)}")
+        page.value("document.querySelector('#token button').click()")
+        page.wait("document.querySelectorAll('#running .curve').length === 3")
+        self.assertIn(job, page.value("document.querySelector('#running h3').textContent"))
+        self.assertEqual(page.value("document.querySelectorAll('#token input').length"), 0)
         run("cancel", job, "--server", self.server.address)
 
 

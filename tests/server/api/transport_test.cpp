@@ -85,7 +85,7 @@ TEST(SelfCheck, KnowsWhetherTheServerAnswers) {
   sockaddr_in name{};
   socklen_t size = sizeof name;
   ::getsockname(listener, reinterpret_cast<sockaddr*>(&name), &size);
-  SelfCheck check("0.0.0.0:" + std::to_string(ntohs(name.sin_port)), std::chrono::milliseconds(300));
+  SelfCheck check("0.0.0.0:" + std::to_string(ntohs(name.sin_port)), false, std::chrono::milliseconds(300));
   check.dial();
   EXPECT_FALSE(check.answers());
   ::close(listener);

@@ -1,0 +1,62 @@
+// varimesh certificates: makes certificates for a server and its clients.
+#include "client/tls/certificates.h"
+
+#include <unistd.h>
+
+#include <array>
+#include <iostream>
+
+#include "client/commands/commands.h"
+#include "client/process/exit_status.h"
+
+namespace varimesh::client {
+namespace {
+
+/// The names by which this machine reaches itself, and its own.
+std::vector<std::string> names_of_this_machine() {
+  std::vector<std::string> names{"localhost", "127.0.0.1", "::1"};
+  std::array<char, 256> name{};
+  if (gethostname(name.data(), name.size() - 1) == 0 && name[0] != '\0' && std::string(name.data()) != "localhost")
+    names.emplace_back(name.data());
+  return names;
+}
+
+int make(CertificateOrder order) {
+  if (order.hosts.empty()) order.hosts = names_of_this_machine();
+  if (order.clients.empty()) order.clients = {"client"};
+  const auto made = make_certificates(order);
+  if (!made) return print_error(made.error());
+  for (const std::string& name : *made) std::cout << (order.folder / name).string() << std::endl;
+  return kDone;
+}
+
+}  // namespace
+
+Action add_certificates(CLI::App& app) {
+  auto order = std::make_shared<CertificateOrder>();
+  CLI::App& command =
+      *app.add_subcommand("certificates", "Make an authority, and certificates for a server and its clients");
+  command.add_option("DIR", order->folder, "Where to write the files; an authority that is there is used again")
+      ->required()
+      ->type_name("DIR");
+  command
+      .add_option(
+          "--host", order->hosts,
+          "A name or an IP address of the server; may be repeated; default: localhost, 127.0.0.1, ::1 and the name "
+          "of this machine")
+      ->type_name("HOST")
+      ->allow_extra_args(false);
+  command
+      .add_option("--client", order->clients,
+                  "The name of a client, which owns the jobs that it submits; may be repeated; default: client")
+      ->type_name("NAME")
+      ->allow_extra_args(false);
+  command
+      .add_option("--days", order->days,
+                  "For how many days the certificates are valid (365); 0: they have expired, for tests")
+      ->type_name("N")
+      ->check(CLI::Range(0, 36500));
+  return [order] { return make(*order); };
+}
+
+}  // namespace varimesh::client

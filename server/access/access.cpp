@@ -1,0 +1,125 @@
+// Reads the file of tokens, and compares tokens with it.
+#include "server/access/access.h"
+
+#include <fcntl.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cctype>
+#include <cerrno>
+#include <cstring>
+#include <utility>
+
+#include "server/meshes/read_at.h"
+#include "server/refusals.h"
+
+namespace varimesh::server {
+namespace {
+
+constexpr std::int64_t kMostFileBytes = std::int64_t{16} << 20;
+
+/// Returns the token of "Bearer TOKEN"; empty if there is none.
+std::string_view token_of(std::string_view authorization) {
+  constexpr std::string_view scheme = "bearer ";
+  if (authorization.size() <= scheme.size()) return {};
+  for (std::size_t i = 0; i < scheme.size(); ++i)
+    if (std::tolower(static_cast<unsigned char>(authorization[i])) != scheme[i]) return {};
+  return authorization.substr(scheme.size());
+}
+
+tl::unexpected<Error> unusable(const std::string& file, const std::string& why) {
+  return bad_option("The file of tokens '" + file + "' cannot be used: " + why + ".");
+}
+
+/// Closes a descriptor at the end of a block.
+struct Closing {
+  int file;
+  ~Closing() {
+    if (file >= 0) ::close(file);
+  }
+};
+
+}  // namespace
+
+Expected<std::unique_ptr<Access>> Access::with_tokens(const std::string& file, std::function<WallTime()> clock) {
+  auto loaded = load(file);
+  if (!loaded) return tl::unexpected(loaded.error());
+  auto access = std::make_unique<Access>();
+  access->file_ = file;
+  access->clock_ = std::move(clock);
+  access->tokens_ = std::make_shared<const Tokens>(std::move(loaded->tokens));
+  access->version_ = loaded->version;
+  return access;
+}
+
+std::unique_ptr<Access> Access::with_certificates() {
+  auto access = std::make_unique<Access>();
+  access->names_certificates_ = true;
+  return access;
+}
+
+Expected<Access::Loaded> Access::load(const std::string& file) {
+  const Closing opened{::open(file.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK)};
+  struct stat status {};
+  if (opened.file < 0 || ::fstat(opened.file, &status) != 0) return unusable(file, std::strerror(errno));
+  if (!S_ISREG(status.st_mode)) return unusable(file, "it is not a file");
+  if (status.st_uid != ::geteuid() && status.st_uid != 0)
+    return unusable(file, "it belongs to another user (uid " + std::to_string(status.st_uid) + ")");
+  if ((status.st_mode & (S_IWGRP | S_IWOTH)) != 0)
+    return unusable(file, "other users can write it; run chmod go-w on it");
+  if (status.st_size > kMostFileBytes) return unusable(file, "it has more than 16 MiB");
+  std::string text;
+  if (!read_at(opened.file, 0, static_cast<std::size_t>(status.st_size), &text))
+    return unusable(file, std::strerror(errno));
+  auto tokens = Tokens::parse(text);
+  if (!tokens) return tl::unexpected(tokens.error());
+  const Version version{status.st_mtim.tv_sec * 1'000'000'000 + status.st_mtim.tv_nsec, status.st_size, status.st_ino};
+  return Loaded{std::move(*tokens), version};
+}
+
+Expected<Access::Version> Access::version_of(const std::string& file) {
+  struct stat status {};
+  if (::stat(file.c_str(), &status) != 0) return unusable(file, std::strerror(errno));
+  return Version{status.st_mtim.tv_sec * 1'000'000'000 + status.st_mtim.tv_nsec, status.st_size, status.st_ino};
+}
+
+Answer<Caller> Access::admit(Method method, std::string_view authorization, const std::string& address,
+                             const std::string& certificate) const {
+  std::shared_ptr<const Tokens> tokens;
+  {
+    std::lock_guard lock(mutex_);
+    tokens = tokens_;
+  }
+  if (names_certificates_) {
+    if (certificate.empty()) return certificate_nameless();
+    return Caller{certificate, certificate, kSubmit | kRead | kCancel};
+  }
+  if (tokens == nullptr) return Caller{"", address, kAllRights};
+  const std::string_view token = token_of(authorization);
+  if (token.empty()) return token_missing();
+  const auto principal = tokens->find(token, clock_());
+  if (!principal) return token_unknown();
+  const MethodRule& rule = rule_of(method);
+  if (!principal->rights.contains(rule.needed))
+    return right_missing(principal->name, names_of(rule.needed.without(principal->rights)),
+                         std::string(rule.name.substr(rule.name.rfind('/') + 1)));
+  return Caller{principal->name, principal->name, principal->rights};
+}
+
+Expected<bool> Access::refresh() {
+  if (tokens_ == nullptr) return false;
+  const auto version = version_of(file_);
+  const Version seen = version ? *version : Version();
+  if (seen == version_) return false;
+  version_ = seen;
+  if (!version) return tl::unexpected(version.error());
+  auto loaded = load(file_);
+  if (!loaded) return tl::unexpected(loaded.error());
+  auto tokens = std::make_shared<const Tokens>(std::move(loaded->tokens));
+  std::lock_guard lock(mutex_);
+  tokens_ = std::move(tokens);
+  return true;
+}
+
+}  // namespace varimesh::server

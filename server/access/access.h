@@ -1,0 +1,77 @@
+// Who calls: the door of the server.
+#pragma once
+
+#include <chrono>
+#include <functional>
+#include <memory>
+#include <mutex>
+#include <string>
+#include <string_view>
+
+#include "core/base/error.h"
+#include "server/access/rights.h"
+#include "server/access/tokens.h"
+#include "server/failure.h"
+
+namespace varimesh::server {
+
+/// Who calls, and what the caller may do.
+struct Caller {
+  std::string owner;  ///< Whose jobs the caller submits. Empty: the server does not ask.
+  std::string peer;   ///< Who the limits per peer count: the owner or, if the server does not ask, the address.
+  Rights rights;
+  /// Whether the jobs and meshes of all owners are there for this caller.
+  bool sees_all() const { return rights.contains(kAdmin); }
+};
+
+/// Lets callers in by their tokens or certificates. Thread-safe.
+class Access {
+ public:
+  /// A server that does not ask who calls: everybody may do everything.
+  Access() = default;
+  /// Reads the tokens of a file. Errors: BadOption if it cannot be read, if others can write it, or if a line is wrong.
+  static Expected<std::unique_ptr<Access>> with_tokens(
+      const std::string& file, std::function<WallTime()> clock = std::chrono::system_clock::now);
+
+  /// A server whose callers have certificates: the name in it is the owner, who may do everything but see what belongs
+  /// to others.
+  static std::unique_ptr<Access> with_certificates();
+
+  /// Returns the caller of a method. UNAUTHENTICATED (TOKEN_MISSING or TOKEN_UNKNOWN) without a valid token,
+  /// PERMISSION_DENIED (RIGHT_MISSING) if the token does not allow the method. `authorization`: the header of that
+  /// name, "Bearer TOKEN". `address`: the address of the caller, without its port. `certificate`: the name in the
+  /// caller's certificate, if names_certificates(); without one: UNAUTHENTICATED (CERTIFICATE_NAMELESS).
+  Answer<Caller> admit(Method method, std::string_view authorization, const std::string& address,
+                       const std::string& certificate = {}) const;
+  /// Whether it matters who calls.
+  bool asks() const { return tokens_ != nullptr || names_certificates_; }
+  /// Whether the owner is the name in the caller's certificate.
+  bool names_certificates() const { return names_certificates_; }
+
+  /// Called regularly, by one thread: reads the file again if it has changed, and returns whether it did. Errors: as
+  /// with_tokens(), once for each change; then the tokens stay as they were.
+  Expected<bool> refresh();
+
+ private:
+  /// What shows that the file has changed.
+  struct Version {
+    std::int64_t modified = 0, size = 0;
+    std::uint64_t inode = 0;
+    bool operator==(const Version&) const = default;
+  };
+  struct Loaded {
+    Tokens tokens;
+    Version version;
+  };
+  static Expected<Loaded> load(const std::string& file);
+  static Expected<Version> version_of(const std::string& file);
+
+  bool names_certificates_ = false;
+  std::string file_;
+  std::function<WallTime()> clock_;
+  mutable std::mutex mutex_;
+  std::shared_ptr<const Tokens> tokens_;  ///< Null: callers need none.
+  Version version_;                       ///< Of the newest attempt to read the file.
+};
+
+}  // namespace varimesh::server

@@ -1,0 +1,96 @@
+// Looks at the owner of everything before it is used.
+#include "server/access/callers_view.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "core/base/sha256.h"
+#include "server/refusals.h"
+
+namespace varimesh::server {
+
+// ===== jobs =====
+
+Answer<void> CallersView::check_job(const std::string& name) const {
+  if (caller_.sees_all()) return {};
+  const auto job = scheduler_->get(name);
+  if (!job) return tl::unexpected(job.error());
+  if (job->owner() != caller_.owner) return job_not_found(name);
+  return {};
+}
+
+Answer<v1::Job> CallersView::submit(const std::string& request_id, const v1::JobSpec& spec, bool validate_only) const {
+  const std::string& digest = spec.mesh().digest();
+  if (is_sha256(digest) && !may_use(digest)) return mesh_missing(digest);
+  return scheduler_->submit(request_id, spec, validate_only, caller_.peer, caller_.owner);
+}
+
+Answer<v1::Job> CallersView::get(const std::string& name) const {
+  auto job = scheduler_->get(name);
+  if (job && !caller_.sees_all() && job->owner() != caller_.owner) return job_not_found(name);
+  return job;
+}
+
+Answer<JobPage> CallersView::list(JobFilter filter, int page_size, const std::string& page_token) const {
+  if (!caller_.sees_all()) filter.owner = caller_.owner;
+  return scheduler_->list(filter, page_size, page_token);
+}
+
+Answer<v1::Job> CallersView::cancel(const std::string& name) const {
+  if (const auto checked = check_job(name); !checked) return tl::unexpected(checked.error());
+  return scheduler_->cancel(name);
+}
+
+Answer<v1::Job> CallersView::remove(const std::string& name) const {
+  if (const auto checked = check_job(name); !checked) return tl::unexpected(checked.error());
+  return scheduler_->remove(name);
+}
+
+Answer<std::shared_ptr<EventLog>> CallersView::events(const std::string& name) const {
+  if (const auto checked = check_job(name); !checked) return tl::unexpected(checked.error());
+  return scheduler_->events(name);
+}
+
+// ===== meshes =====
+
+Answer<UploadTicket> CallersView::begin_upload(const std::string& id, const std::string& digest,
+                                               std::int64_t size) const {
+  return meshes_->begin_upload(id, digest, size, caller_.owner);
+}
+
+Answer<UploadProgress> CallersView::query_upload(const std::string& id, const std::string& digest) const {
+  return meshes_->query_upload(id, digest, caller_.owner);
+}
+
+Answer<std::unique_ptr<BlobReader>> CallersView::read(const std::string& digest) const {
+  if (!may_use(digest)) return mesh_not_found(digest);
+  return meshes_->read(digest);
+}
+
+Answer<void> CallersView::remove_mesh(const std::string& digest) const {
+  if (caller_.sees_all()) return meshes_->remove(digest, "");
+  if (!may_use(digest)) return mesh_not_found(digest);
+  // The store counts the jobs of all owners, and the answer must not tell whether there are others.
+  const auto used = refers_to(digest);
+  if (!used) return tl::unexpected(used.error());
+  if (*used) return mesh_in_use(digest);
+  return meshes_->remove(digest, caller_.owner);
+}
+
+Answer<bool> CallersView::refers_to(const std::string& digest) const {
+  JobFilter filter;
+  filter.owner = caller_.owner;
+  std::string token;
+  do {
+    const auto page = scheduler_->list(filter, 1000, token);
+    if (!page) return tl::unexpected(page.error());
+    for (const v1::Job& job : page->jobs) {
+      const auto is_result = [&](const v1::StoredMesh& result) { return result.digest() == digest; };
+      if (job.spec().mesh().digest() == digest || std::ranges::any_of(job.results(), is_result)) return true;
+    }
+    token = page->next_page_token;
+  } while (!token.empty());
+  return false;
+}
+
+}  // namespace varimesh::server

@@ -1,0 +1,58 @@
+// The jobs and meshes of a server as one caller sees them: those of other owners are not there.
+#pragma once
+
+#include <memory>
+#include <string>
+
+#include "server/access/access.h"
+#include "server/meshes/mesh_store.h"
+#include "server/scheduling/scheduler.h"
+
+namespace varimesh::server {
+
+/// Every handler of a call uses the scheduler and the mesh store through this object. What belongs to another owner is
+/// refused with the same words as what does not exist. Thread-safe; all calls may wait for a disk.
+class CallersView {
+ public:
+  CallersView(Scheduler& scheduler, MeshStore& meshes, Caller caller)
+      : scheduler_(&scheduler), meshes_(&meshes), caller_(std::move(caller)) {}
+
+  const Caller& caller() const { return caller_; }
+
+  // As Scheduler has them.
+  /// The mesh must be the caller's: who knows only its digest cannot use it.
+  Answer<v1::Job> submit(const std::string& request_id, const v1::JobSpec& spec, bool validate_only) const;
+  Answer<v1::Job> get(const std::string& name) const;
+  Answer<JobPage> list(JobFilter filter, int page_size, const std::string& page_token) const;
+  Answer<v1::Job> cancel(const std::string& name) const;
+  Answer<v1::Job> remove(const std::string& name) const;
+  Answer<std::shared_ptr<EventLog>> events(const std::string& name) const;
+
+  // As MeshStore has them.
+  Answer<UploadTicket> begin_upload(const std::string& id, const std::string& digest, std::int64_t size) const;
+  Answer<std::int64_t> append(const UploadTicket& ticket, std::int64_t offset, std::string_view bytes) const {
+    return meshes_->append(ticket, offset, bytes);
+  }
+  Answer<StoredBytes> finish_upload(const UploadTicket& ticket) const { return meshes_->finish_upload(ticket); }
+  Answer<UploadProgress> query_upload(const std::string& id, const std::string& digest) const;
+  Answer<std::unique_ptr<BlobReader>> read(const std::string& digest) const;
+  /// FAILED_PRECONDITION if jobs of the caller refer to the mesh. If other owners have it too, they keep it.
+  Answer<void> remove_mesh(const std::string& digest) const;
+  /// Notes that the caller has sent all bytes of a mesh, which is referred to.
+  void grant(const std::string& digest) const { meshes_->grant(digest, caller_.owner); }
+
+ private:
+  /// NOT_FOUND unless the job is there for the caller.
+  Answer<void> check_job(const std::string& name) const;
+  bool may_use(const std::string& digest) const {
+    return caller_.sees_all() || meshes_->belongs_to(digest, caller_.owner);
+  }
+  /// Whether a job of the caller refers to the mesh.
+  Answer<bool> refers_to(const std::string& digest) const;
+
+  Scheduler* scheduler_;
+  MeshStore* meshes_;
+  Caller caller_;
+};
+
+}  // namespace varimesh::server

@@ -1,0 +1,106 @@
+// Whose a mesh is. The owners of uploads are in a file beside the mesh, DIGEST.owners.
+#include <fcntl.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <fstream>
+#include <system_error>
+#include <vector>
+
+#include "core/base/sha256.h"
+#include "core/base/write_all.h"
+#include "server/meshes/directory_mesh_store.h"
+#include "server/meshes/directory_upload.h"
+#include "server/refusals.h"
+
+namespace varimesh::server {
+namespace {
+
+/// What stands for an owner of a mesh, in memory and on the disk. A flipped bit in it makes it nobody's.
+std::string mark_of(const std::string& digest, const std::string& owner) { return sha256(digest + " " + owner); }
+
+}  // namespace
+
+bool DirectoryMeshStore::belongs(const Entries::value_type& entry, const std::string& owner) {
+  return owner.empty() || entry.second.owners.contains(mark_of(entry.first, owner));
+}
+
+bool DirectoryMeshStore::belongs_to(const std::string& digest, const std::string& owner) {
+  std::lock_guard lock(mutex_);
+  const auto entry = find_stored(digest);
+  return entry != entries_.end() && belongs(*entry, owner);
+}
+
+void DirectoryMeshStore::grant(const std::string& digest, const std::string& owner) {
+  if (owner.empty()) return;
+  std::lock_guard lock(mutex_);
+  if (const auto entry = entries_.find(digest); entry != entries_.end())
+    entry->second.owners.insert(mark_of(digest, owner));
+}
+
+Answer<void> DirectoryMeshStore::grant_for_good(const std::string& digest, const std::string& owner) {
+  if (owner.empty()) return {};
+  {
+    std::lock_guard lock(mutex_);
+    const auto entry = entries_.find(digest);
+    if (entry == entries_.end()) return upload_not_found("The mesh was deleted while it was uploaded");
+    entry->second.owners.insert(mark_of(digest, owner));
+    if (durable_ && !write_owners(*entry)) return cannot_store("the file of its owners cannot be written");
+  }
+  if (durable_ && !sync_directory(directory_)) return cannot_store("a directory cannot be written to the disk");
+  return {};
+}
+
+Answer<void> DirectoryMeshStore::remove(const std::string& digest, const std::string& owner) {
+  std::lock_guard lock(mutex_);
+  const auto entry = find_stored(digest);
+  if (entry == entries_.end() || !belongs(*entry, owner)) return mesh_not_found(digest);
+  if (owner.empty() && entry->second.references > 0) return mesh_in_use(digest);
+  entry->second.owners.erase(mark_of(digest, owner));
+  if (owner.empty() || (entry->second.references == 0 && entry->second.owners.empty())) {
+    drop(entry);
+    return {};
+  }
+  if (durable_ && !write_owners(*entry)) return cannot_store("the file of its owners cannot be written");
+  return {};
+}
+
+bool DirectoryMeshStore::write_owners(const Entries::value_type& entry) {
+  const std::filesystem::path path = directory_ / ("part-" + std::to_string(++counter_));
+  const int file = ::open(path.c_str(), O_CREAT | O_EXCL | O_WRONLY | O_CLOEXEC | O_NOFOLLOW, 0600);
+  if (file < 0) return false;
+  std::string text;
+  for (const std::string& mark : entry.second.owners) text += mark + "\n";
+  const bool written = write_all(file, text) && ::fdatasync(file) == 0;
+  int reason = errno;
+  ::close(file);
+  std::error_code error;
+  if (written) {
+    std::filesystem::rename(path, owners_of(entry.first), error);
+    if (!error) return true;
+    reason = error.value();
+  }
+  std::filesystem::remove(path, error);
+  errno = reason;
+  return false;
+}
+
+void DirectoryMeshStore::read_owners() {
+  std::error_code ignored;
+  std::vector<std::filesystem::path> stale;
+  for (const auto& file : std::filesystem::directory_iterator(directory_, ignored)) {
+    if (file.symlink_status(ignored).type() != std::filesystem::file_type::regular) continue;
+    if (file.path().extension() != ".owners") continue;
+    const auto entry = entries_.find(file.path().stem().string());
+    if (entry == entries_.end()) {
+      stale.push_back(file.path());
+      continue;
+    }
+    std::ifstream lines(file.path());
+    for (std::string mark; std::getline(lines, mark);)
+      if (is_sha256(mark)) entry->second.owners.insert(mark);
+  }
+  for (const std::filesystem::path& path : stale) std::filesystem::remove(path, ignored);
+}
+
+}  // namespace varimesh::server

@@ -1,0 +1,375 @@
+// What is there for whom: two owners and an admin on one server.
+#include <google/protobuf/descriptor.h>
+#include <grpcpp/generic/generic_stub.h>
+#include <grpcpp/support/byte_buffer.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <fstream>
+#include <tuple>
+
+#include "server/access/rights.h"
+#include "tests/server/service.h"
+
+namespace varimesh::server::testing {
+namespace {
+
+constexpr const char* kAnn = "token-of-ann";
+constexpr const char* kBob = "token-of-bob";
+constexpr const char* kReader = "token-of-reader";
+constexpr const char* kSubmitter = "token-of-submitter";
+constexpr const char* kOperator = "token-of-operator";
+
+/// Returns the answer of a unary call with a token.
+template <class Stub, class Request, class Response>
+grpc::Status call_as(const std::string& token, Stub& stub,
+                     grpc::Status (Stub::*method)(grpc::ClientContext*, const Request&, Response*),
+                     const Request& request, Response* response) {
+  grpc::ClientContext context;
+  if (!token.empty()) context.AddMetadata("authorization", "Bearer " + token);
+  return (stub.*method)(&context, request, response);
+}
+
+class Owners : public ::testing::Test {
+ protected:
+  Owners() {
+    std::string name = ::testing::TempDir() + "varimesh-owners-XXXXXX";
+    folder_ = ::mkdtemp(name.data());
+    std::ofstream tokens(folder_ / "tokens");
+    for (const auto& [owner, roles, token] : {std::tuple{"ann", "submit,read,cancel", kAnn},
+                                              {"bob", "submit,read,cancel", kBob},
+                                              {"ann", "read", kReader},
+                                              {"ann", "submit", kSubmitter},
+                                              {"operator", "admin", kOperator}})
+      tokens << owner << ' ' << roles << ' ' << sha256(token) << '\n';
+    tokens.close();
+    start();
+  }
+  ~Owners() override {
+    gate_.open();
+    service_.reset();
+    std::filesystem::remove_all(folder_);
+  }
+
+  void start() {
+    service_.reset();
+    ServerOptions options = options_with(echo_engine(3, [this](int) { gate_.wait(); }));
+    options.tokens = (folder_ / "tokens").string();
+    options.state = (folder_ / "state").string();
+    service_ = std::make_unique<Service>(std::move(options));
+  }
+
+  grpc::Status submit(const std::string& token, const std::string& digest, v1::Job* job,
+                      const std::string& request_id = "") {
+    v1::SubmitJobRequest request;
+    request.set_request_id(request_id);
+    request.mutable_spec()->mutable_mesh()->set_digest(digest);
+    (*request.mutable_spec()->mutable_labels())["case"] = "wing";
+    v1::SubmitJobResponse response;
+    const auto status = call_as(token, *service_->jobs, &v1::JobService::Stub::SubmitJob, request, &response);
+    *job = response.job();
+    return status;
+  }
+  grpc::Status get(const std::string& token, const std::string& name, v1::Job* job) {
+    v1::GetJobRequest request;
+    request.set_name(name);
+    v1::GetJobResponse response;
+    const auto status = call_as(token, *service_->jobs, &v1::JobService::Stub::GetJob, request, &response);
+    *job = response.job();
+    return status;
+  }
+  std::vector<std::string> list(const std::string& token, bool labelled = true) {
+    v1::ListJobsRequest request;
+    if (labelled) (*request.mutable_labels())["case"] = "wing";
+    v1::ListJobsResponse response;
+    EXPECT_TRUE(call_as(token, *service_->jobs, &v1::JobService::Stub::ListJobs, request, &response).ok());
+    std::vector<std::string> names;
+    for (const v1::Job& job : response.jobs()) names.push_back(job.name());
+    return names;
+  }
+  /// Begins an upload and returns how many bytes the server already has; `size`: it has the mesh. Sends the rest.
+  std::int64_t upload(const std::string& token, const std::string& bytes, const std::string& id = "upload") {
+    grpc::ClientContext context;
+    context.AddMetadata("authorization", "Bearer " + token);
+    const auto stream = service_->meshes->SendMesh(&context);
+    v1::SendMeshRequest request;
+    request.mutable_header()->set_digest(sha256(bytes));
+    request.mutable_header()->set_upload_id(id);
+    request.mutable_header()->set_size(static_cast<std::int64_t>(bytes.size()));
+    stream->Write(request);
+    v1::SendMeshResponse response;
+    std::int64_t had = -1;
+    if (stream->Read(&response)) had = response.has_mesh() ? response.mesh().size() : response.committed_size();
+    if (!response.has_mesh() && had >= 0) {
+      request.mutable_chunk()->set_offset(had);
+      request.mutable_chunk()->set_data(bytes.substr(static_cast<std::size_t>(had)));
+      stream->Write(request);
+    }
+    stream->WritesDone();
+    while (stream->Read(&response)) continue;
+    EXPECT_TRUE(stream->Finish().ok());
+    return had;
+  }
+  grpc::Status download(const std::string& token, const std::string& digest, std::string* bytes) {
+    grpc::ClientContext context;
+    context.AddMetadata("authorization", "Bearer " + token);
+    v1::DownloadMeshRequest request;
+    request.set_digest(digest);
+    const auto reader = service_->meshes->DownloadMesh(&context, request);
+    v1::DownloadMeshResponse response;
+    while (reader->Read(&response)) *bytes += response.chunk().data();
+    return reader->Finish();
+  }
+  grpc::Status watch(const std::string& token, const std::string& name) {
+    grpc::ClientContext context;
+    context.AddMetadata("authorization", "Bearer " + token);
+    v1::WatchJobRequest request;
+    request.set_name(name);
+    const auto reader = service_->jobs->WatchJob(&context, request);
+    v1::WatchJobResponse response;
+    while (reader->Read(&response)) continue;
+    return reader->Finish();
+  }
+  template <class Request, class Response>
+  grpc::Status about(const std::string& token, const std::string& name,
+                     grpc::Status (v1::JobService::Stub::*method)(grpc::ClientContext*, const Request&, Response*)) {
+    Request request;
+    request.set_name(name);
+    Response response;
+    return call_as(token, *service_->jobs, method, request, &response);
+  }
+  grpc::Status cancel(const std::string& token, const std::string& name) {
+    return about(token, name, &v1::JobService::Stub::CancelJob);
+  }
+  grpc::Status remove(const std::string& token, const std::string& name) {
+    return about(token, name, &v1::JobService::Stub::DeleteJob);
+  }
+  grpc::Status remove_mesh(const std::string& token, const std::string& digest) {
+    v1::DeleteMeshRequest request;
+    request.set_digest(digest);
+    v1::DeleteMeshResponse response;
+    return call_as(token, *service_->meshes, &v1::MeshService::Stub::DeleteMesh, request, &response);
+  }
+  std::string query(const std::string& token, const std::string& id, const std::string& digest) {
+    v1::QueryUploadRequest request;
+    request.set_upload_id(id);
+    request.set_digest(digest);
+    v1::QueryUploadResponse response;
+    const auto status = call_as(token, *service_->meshes, &v1::MeshService::Stub::QueryUpload, request, &response);
+    return !status.ok() ? info_of(status).reason() : response.complete() ? "complete" : "begun";
+  }
+
+  std::filesystem::path folder_;
+  Gate gate_;
+  std::unique_ptr<Service> service_;
+};
+
+/// An answer without what names the thing that was asked for.
+std::string shape(const grpc::Status& status, const std::string& name) {
+  std::string text = std::to_string(status.error_code()) + status.error_message() + info_of(status).DebugString();
+  for (auto at = text.find(name); at != std::string::npos; at = text.find(name)) text.replace(at, name.size(), "NAME");
+  return text;
+}
+
+TEST_F(Owners, DoNotSeeEachOthersJobs) {
+  const std::string digest = sha256("ann's mesh");
+  upload(kAnn, "ann's mesh");
+  v1::Job job, other;
+  ASSERT_TRUE(submit(kAnn, digest, &job).ok());
+  EXPECT_EQ(job.owner(), "ann");
+  const std::string& name = job.name();
+  const std::string none = "jobs/0123456789abcdef";
+  ASSERT_EQ(name.size(), none.size());
+
+  EXPECT_EQ(shape(get(kBob, name, &other), name), shape(get(kBob, none, &other), none));
+  EXPECT_EQ(info_of(get(kBob, name, &other)).reason(), "JOB_NOT_FOUND");
+  EXPECT_EQ(shape(cancel(kBob, name), name), shape(cancel(kBob, none), none));
+  EXPECT_EQ(shape(remove(kBob, name), name), shape(remove(kBob, none), none));
+  EXPECT_EQ(shape(watch(kBob, name), name), shape(watch(kBob, none), none));
+  EXPECT_TRUE(list(kBob).empty());
+  EXPECT_TRUE(list(kBob, false).empty());
+  EXPECT_EQ(list(kAnn), std::vector<std::string>{name});
+  EXPECT_EQ(list(kOperator), std::vector<std::string>{name});
+  ASSERT_TRUE(get(kAnn, name, &other).ok());
+  EXPECT_EQ(other.state(), v1::JOB_STATE_RUNNING) << "Bob's cancellation did nothing";
+  ASSERT_TRUE(get(kReader, name, &other).ok()) << "Ann's other token";
+
+  gate_.open();
+  EXPECT_TRUE(watch(kAnn, name).ok());
+  grpc::ClientContext context;
+  context.AddMetadata("authorization", std::string("Bearer ") + kBob);
+  v1::GetResultRequest request;
+  request.set_name(name);
+  const auto result = service_->jobs->GetResult(&context, request);
+  v1::GetResultResponse piece;
+  EXPECT_FALSE(result->Read(&piece));
+  EXPECT_EQ(info_of(result->Finish()).reason(), "JOB_NOT_FOUND");
+  EXPECT_FALSE(remove(kBob, name).ok());
+  EXPECT_TRUE(remove(kOperator, name).ok()) << "an admin may";
+}
+
+TEST_F(Owners, GetNothingForADigest) {
+  gate_.open();
+  const std::string bytes = "ann's mesh", digest = sha256(bytes), none = sha256("nobody's mesh");
+  EXPECT_EQ(upload(kAnn, bytes), 0);
+  EXPECT_EQ(upload(kAnn, bytes), static_cast<std::int64_t>(bytes.size())) << "Ann has it";
+  v1::Job job, other;
+  std::string got;
+  EXPECT_EQ(shape(submit(kBob, digest, &other), digest), shape(submit(kBob, none, &other), none));
+  EXPECT_EQ(info_of(submit(kBob, digest, &other)).reason(), "MESH_NOT_FOUND");
+  EXPECT_EQ(shape(download(kBob, digest, &got), digest), shape(download(kBob, none, &got), none));
+  EXPECT_EQ(shape(remove_mesh(kBob, digest), digest), shape(remove_mesh(kBob, none), none));
+  EXPECT_EQ(query(kBob, "upload", digest), "UPLOAD_NOT_FOUND");
+  EXPECT_EQ(query(kAnn, "", digest), "complete");
+  EXPECT_EQ(got, "");
+
+  EXPECT_EQ(upload(kBob, bytes), 0) << "Bob must send all bytes, under an upload id that Ann has used";
+  ASSERT_TRUE(submit(kBob, digest, &job).ok());
+  EXPECT_TRUE(watch(kBob, job.name()).ok());
+  EXPECT_TRUE(remove_mesh(kAnn, digest).ok()) << "no job of Ann's refers to it, and Bob's are not there for her";
+  EXPECT_EQ(info_of(download(kAnn, digest, &got)).reason(), "MESH_NOT_FOUND");
+  EXPECT_TRUE(download(kBob, digest, &got).ok());
+  EXPECT_EQ(got, bytes);
+  EXPECT_EQ(info_of(remove_mesh(kBob, digest)).reason(), "MESH_IN_USE");
+  ASSERT_TRUE(remove(kBob, job.name()).ok());
+  EXPECT_TRUE(remove_mesh(kBob, digest).ok());
+  EXPECT_EQ(info_of(remove_mesh(kOperator, digest)).reason(), "MESH_NOT_FOUND") << "nobody had it any more";
+}
+
+TEST_F(Owners, ResultsBelongToTheOwnerOfTheJob) {
+  gate_.open();
+  upload(kAnn, "ann's mesh");
+  v1::Job job;
+  ASSERT_TRUE(submit(kAnn, sha256("ann's mesh"), &job).ok());
+  EXPECT_TRUE(watch(kAnn, job.name()).ok());
+  ASSERT_TRUE(get(kAnn, job.name(), &job).ok());
+  ASSERT_EQ(job.results_size(), 1);
+  const std::string digest = job.results(0).digest();
+  for (int i = 0; i < 2; ++i) {
+    std::string got;
+    EXPECT_FALSE(download(kBob, digest, &got).ok());
+    EXPECT_EQ(got, "");
+    EXPECT_TRUE(download(kAnn, digest, &got).ok());
+    EXPECT_TRUE(download(kOperator, digest, &got).ok());
+    start();  // the next server knows it too
+  }
+  v1::Job again;
+  EXPECT_FALSE(get(kBob, job.name(), &again).ok());
+  EXPECT_TRUE(get(kAnn, job.name(), &again).ok());
+}
+
+TEST_F(Owners, KeepTheirUploadsWhenTheServerStartsAgain) {
+  upload(kAnn, "ann's mesh");
+  upload(kBob, "everybody's mesh");
+  upload(kAnn, "everybody's mesh");
+  start();
+  EXPECT_EQ(query(kAnn, "", sha256("ann's mesh")), "complete");
+  EXPECT_EQ(query(kBob, "", sha256("ann's mesh")), "UPLOAD_NOT_FOUND");
+  EXPECT_EQ(query(kAnn, "", sha256("everybody's mesh")), "complete");
+  EXPECT_EQ(query(kBob, "", sha256("everybody's mesh")), "complete");
+}
+
+TEST_F(Owners, HaveRequestIdsOfTheirOwn) {
+  upload(kAnn, "a mesh");
+  upload(kBob, "another mesh");
+  v1::Job of_ann, of_bob, again;
+  ASSERT_TRUE(submit(kAnn, sha256("a mesh"), &of_ann, "run 1").ok());
+  ASSERT_TRUE(submit(kBob, sha256("another mesh"), &of_bob, "run 1").ok());
+  EXPECT_NE(of_ann.name(), of_bob.name());
+  ASSERT_TRUE(submit(kAnn, sha256("a mesh"), &again, "run 1").ok());
+  EXPECT_EQ(again.name(), of_ann.name());
+}
+
+TEST_F(Owners, HaveTheRightsOfTheirTokens) {
+  upload(kSubmitter, "a mesh");
+  v1::Job job, other;
+  ASSERT_TRUE(submit(kSubmitter, sha256("a mesh"), &job).ok());
+  EXPECT_EQ(get(kSubmitter, job.name(), &other).error_code(), grpc::StatusCode::PERMISSION_DENIED);
+  EXPECT_EQ(watch(kSubmitter, job.name()).error_code(), grpc::StatusCode::PERMISSION_DENIED);
+  EXPECT_EQ(cancel(kReader, job.name()).error_code(), grpc::StatusCode::PERMISSION_DENIED);
+  EXPECT_EQ(submit(kReader, sha256("a mesh"), &other).error_code(), grpc::StatusCode::PERMISSION_DENIED);
+  EXPECT_EQ(info_of(cancel(kReader, job.name())).reason(), "RIGHT_MISSING");
+  EXPECT_TRUE(get(kReader, job.name(), &other).ok());
+}
+
+// ===== every method =====
+
+/// Returns the status of a call with an empty message, and closes the stream.
+grpc::Status call_by_name(const std::shared_ptr<grpc::Channel>& channel, const std::string& method,
+                          const std::string& token) {
+  grpc::GenericStub stub(channel);
+  grpc::ClientContext context;
+  context.set_deadline(std::chrono::system_clock::now() + std::chrono::seconds(20));
+  if (!token.empty()) context.AddMetadata("authorization", "Bearer " + token);
+  grpc::CompletionQueue queue;
+  const auto call = stub.PrepareCall(&context, method, &queue);
+  const auto wait = [&queue] {
+    void* tag = nullptr;
+    bool ok = false;
+    return queue.Next(&tag, &ok) && ok;
+  };
+  call->StartCall(&queue);
+  wait();
+  grpc::Slice empty;
+  call->WriteLast(grpc::ByteBuffer(&empty, 1), grpc::WriteOptions(), &queue);
+  wait();
+  grpc::ByteBuffer answer;
+  do {
+    call->Read(&answer, &queue);
+  } while (wait());
+  grpc::Status status;
+  call->Finish(&status, &queue);
+  wait();
+  return status;
+}
+
+std::vector<std::string> all_methods() {
+  std::vector<std::string> methods;
+  for (const char* name : {"varimesh.v1.MeshService", "varimesh.v1.JobService", "varimesh.v1.OptimiseService"}) {
+    const auto* service = google::protobuf::DescriptorPool::generated_pool()->FindServiceByName(name);
+    for (int i = 0; i < service->method_count(); ++i)
+      methods.push_back(std::string("/") + name + "/" + service->method(i)->name());
+  }
+  return methods;
+}
+
+TEST_F(Owners, AreAskedByEveryMethod) {
+  for (const std::string& method : all_methods()) {
+    const auto refused = call_by_name(service_->channel, method, "");
+    EXPECT_EQ(refused.error_code(), grpc::StatusCode::UNAUTHENTICATED) << method;
+    EXPECT_EQ(info_of(refused).reason(), "TOKEN_MISSING") << method;
+    EXPECT_EQ(info_of(call_by_name(service_->channel, method, "token-of-nobody")).reason(), "TOKEN_UNKNOWN") << method;
+    const auto admitted = call_by_name(service_->channel, method, kOperator).error_code();
+    EXPECT_NE(admitted, grpc::StatusCode::UNAUTHENTICATED) << method;
+    EXPECT_NE(admitted, grpc::StatusCode::PERMISSION_DENIED) << method;
+  }
+}
+
+TEST_F(Owners, TheTableHasEveryMethodAndTheHandlersUseIt) {
+  std::size_t found = 0;
+  for (const std::string& method : all_methods()) {
+    const auto rules = method_rules();
+    const auto rule = std::ranges::find(rules, method, &MethodRule::name);
+    ASSERT_NE(rule, rules.end()) << method << " is not in the table of rights";
+    ++found;
+    for (const auto& [rights, token] : {std::pair{kRead, kReader}, {kSubmit, kSubmitter}}) {
+      const auto code = call_by_name(service_->channel, method, token).error_code();
+      EXPECT_EQ(code == grpc::StatusCode::PERMISSION_DENIED, !rights.contains(rule->needed)) << method << token;
+    }
+  }
+  EXPECT_EQ(found + 2, method_rules().size()) << "reflection and the live page are no methods of ours";
+}
+
+TEST_F(Owners, AreAskedByReflection) {
+  const std::string method = "/grpc.reflection.v1alpha.ServerReflection/ServerReflectionInfo";
+  EXPECT_EQ(call_by_name(service_->channel, method, "").error_code(), grpc::StatusCode::CANCELLED);
+  EXPECT_EQ(call_by_name(service_->channel, method, kSubmitter).error_code(), grpc::StatusCode::CANCELLED);
+  EXPECT_TRUE(call_by_name(service_->channel, method, kReader).ok());
+}
+
+TEST_F(Owners, AreNotAskedByHealthChecks) {
+  EXPECT_TRUE(call_by_name(service_->channel, "/grpc.health.v1.Health/Check", "").ok());
+}
+
+}  // namespace
+}  // namespace varimesh::server::testing
