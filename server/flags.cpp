@@ -123,6 +123,22 @@ void add_state_flags(CLI::App& app, ServerOptions& options, Units& units) {
       ->check(CLI::NonNegativeNumber);
 }
 
+void add_database_flags(CLI::App& app, Flags& flags) {
+  const char* const name = "--store";
+  const auto add = [&](CLI::App& to, const char* what) {
+    return to.add_option(name, flags.store, what)->envname("VARIMESH_STORE");
+  };
+  add(app,
+      "With --state: address of a PostgreSQL database for the jobs, postgresql://USER@HOST/DATABASE; the state "
+      "directory "
+      "then keeps only meshes and results. The password comes from the file that PGPASSFILE names, or from PGPASSWORD "
+      "(default: the environment variable VARIMESH_STORE; without it the jobs are in the state directory)");
+  CLI::App* const migrate =
+      app.add_subcommand("migrate", "Make the tables of the database of --store, or update them, and end");
+  add(*migrate, "Address of the database, as for the server")->required();
+  migrate->callback([&flags] { flags.migrate = true; });
+}
+
 /// Returns the message about the first word that is not a flag of the program or its subcommand.
 std::string message_about_unknown_word(const CLI::App& app) {
   const std::string first = app.remaining(true).front();
@@ -150,6 +166,7 @@ std::optional<Flags> parse_flags(int argc, char** argv, int* exit_status) {
   add_resource_flags(app, limits);
   add_queue_flags(app, limits);
   add_state_flags(app, flags.options, units);
+  add_database_flags(app, flags);
   app.add_option("--drain-seconds,--drain-timeout", flags.drain_seconds,
                  "Seconds that the running jobs may take to end when the server stops")
       ->capture_default_str()

@@ -8,6 +8,8 @@
 //   varimeshd --listen 0.0.0.0:50051 --insecure   for anybody who can reach this address
 //   varimeshd --admin 127.0.0.1:9464              with health checks and a page that shows the jobs, for a browser
 //   varimeshd --state /var/lib/varimesh           keeps jobs and meshes there; the next server continues the jobs
+//   varimeshd migrate --store postgresql://farm@db/varimesh    makes the tables of a database for the jobs
+//   varimeshd --state meshes --store postgresql://…            keeps the jobs there
 #include <spdlog/spdlog.h>
 
 #include <csignal>
@@ -20,6 +22,7 @@
 #include "server/addresses.h"
 #include "server/flags.h"
 #include "server/log.h"
+#include "server/postgres/database.h"
 #include "server/resources/descriptors.h"
 #include "server/server.h"
 #include "server/state/default_address.h"
@@ -93,6 +96,35 @@ std::string warning_about(const ServerOptions& options) {
   return knows_callers ? "" : who + "use this server";
 }
 
+/// Makes or updates the tables of the database. Returns the exit status.
+int migrate(const std::string& store) {
+  const auto checked = varimesh::server::check_postgres(store);
+  const auto done = checked ? varimesh::server::migrate_postgres(store) : tl::unexpected(checked.error());
+  if (!done) {
+    std::cerr << "varimeshd: " << done.error().sentence << '\n';
+    return done.error().kind == varimesh::Error::Kind::BadOption ? 2 : 1;
+  }
+  std::cout << *done << '\n';
+  return 0;
+}
+
+/// Makes the server keep its jobs in the database. Returns false, after a message, if the address cannot be used.
+bool use_database(varimesh::server::ServerOptions& options, const std::string& store) {
+  if (store.empty()) return true;
+  if (const auto checked = varimesh::server::check_postgres(store); !checked) {
+    std::cerr << "varimeshd: " << checked.error().sentence << '\n';
+    return false;
+  }
+  if (options.state.empty()) {
+    std::cerr << "varimeshd: --store keeps jobs, but their meshes and results need a directory; add --state DIR.\n";
+    return false;
+  }
+  options.open_jobs = [store](const varimesh::server::JobStoreSettings& settings) {
+    return varimesh::server::open_postgres(store, settings, [](const std::string& line) { spdlog::warn("{}", line); });
+  };
+  return true;
+}
+
 /// Waits for a signal and stops the server.
 void wait_and_stop(Server& server, const sigset_t& signals, int drain_seconds) {
   int signal = 0;
@@ -113,6 +145,7 @@ int main(int argc, char** argv) {
   int exit_status = 0;
   auto flags = varimesh::server::parse_flags(argc, argv, &exit_status);
   if (!flags) return exit_status;
+  if (flags->migrate) return migrate(flags->store);
   const sigset_t signals = block_signals();
   const long descriptors = varimesh::server::raise_descriptor_limit();
   if (const auto log = varimesh::server::start_log(flags->log_level); !log) {
@@ -123,6 +156,7 @@ int main(int argc, char** argv) {
   if (flags->options.state.empty())
     spdlog::info("jobs and meshes are deleted when this process ends; --state DIR keeps them");
 
+  if (!use_database(flags->options, flags->store)) return 2;
   if (const auto address = choose_address(flags->options); !address) {
     std::cerr << "varimeshd: " << address.error().sentence << '\n';
     return address.error().kind == varimesh::Error::Kind::BadOption ? 2 : 1;

@@ -6,8 +6,9 @@ namespace {
 
 using Code = Failure::Code;
 
-/// After a refusal because the disk is full, a client tries again after 30 s; after other limits, after 5 s.
-constexpr int kDiskRetrySeconds = 30, kLimitRetrySeconds = 5;
+/// After a refusal because the disk is full, a client tries again after 30 s; after other limits, after 5 s; without
+/// the database, after 2 s.
+constexpr int kDiskRetrySeconds = 30, kLimitRetrySeconds = 5, kDatabaseRetrySeconds = 2;
 
 Refusal refusal(Code code, std::string reason, std::string sentence, std::map<std::string, std::string> metadata = {},
                 int retry_seconds = 0) {
@@ -194,6 +195,12 @@ Refusal sequence_expired(const std::string& name, std::int64_t after, std::int64
 Refusal server_stopping(int retry_seconds) {
   return refusal(Code::Unavailable, "STOPPING", "The server is stopping; try again when it is back.", {},
                  retry_seconds);
+}
+
+Refusal store_unavailable() {
+  return refusal(Code::Unavailable, "STORE_UNAVAILABLE",
+                 "The server cannot reach the database of its jobs at the moment; try again later.", {},
+                 kDatabaseRetrySeconds);
 }
 
 Refusal directory_unusable(std::string sentence) {

@@ -43,7 +43,7 @@ Expected<void> Server::read_tokens() {
 }
 
 Expected<void> Server::open_stores() {
-  auto opened = Stores::open({options_.state, options_.data, options_.limits, options_.clock});
+  auto opened = Stores::open({options_.state, options_.data, options_.limits, options_.clock, options_.open_jobs});
   if (!opened) return tl::unexpected(opened.error());
   stores_ = std::move(*opened);
   return {};

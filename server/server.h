@@ -37,6 +37,8 @@ struct ServerOptions {
   std::string data;  ///< If `state` is empty: the directory in which the temporary directory for meshes is created.
                      ///< Empty: the system's directory for temporary files.
   Limits limits;
+  /// Opens a job store elsewhere, such as in a database, while meshes are kept in `state`. Empty: jobs are there too.
+  std::function<Expected<std::unique_ptr<JobStore>>(const JobStoreSettings&)> open_jobs;
   Engine engine;  ///< Runs the jobs: core_engine(), or an engine of a test.
   std::function<TimePoint()> clock = std::chrono::system_clock::now;
   std::function<std::string()> new_name;  ///< Makes the names of new jobs. Empty: random names.

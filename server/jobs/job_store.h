@@ -20,7 +20,8 @@ using SteadyTime = std::chrono::steady_clock::time_point;
 
 /// The settings of every store.
 struct JobStoreSettings {
-  std::function<TimePoint()> clock = std::chrono::system_clock::now;  ///< The clock of the leases.
+  /// The clock of the leases. A store in a database uses the database's clock if this is empty.
+  std::function<TimePoint()> clock = std::chrono::system_clock::now;
   std::chrono::milliseconds lease{30'000};  ///< A worker that does not renew its lease for this long loses its job.
   int max_attempts = 3;                     ///< A job that is lost this often without progress becomes FAILED.
   int max_running_of_peer = 0;              ///< How many jobs of one peer can be claimed at a time. 0: no limit.
@@ -110,7 +111,8 @@ struct Ending {
 /// Stores jobs, their states and their events. Thread-safe; all calls may wait for a disk. If the store is durable(),
 /// it keeps what a call has answered, whatever happens to the process afterwards.
 ///
-/// Every call can fail with RESOURCE_EXHAUSTED (STORE_FULL: the disk is full) or INTERNAL; then nothing has changed.
+/// Every call can fail with RESOURCE_EXHAUSTED (STORE_FULL: the disk is full), INTERNAL, or UNAVAILABLE
+/// (STORE_UNAVAILABLE: a database cannot be reached); then nothing has changed.
 /// Calls with a claim fail with ABORTED (CLAIM_LOST) if another worker has taken the job over. Calls with a name fail
 /// with NOT_FOUND if there is no such job.
 ///

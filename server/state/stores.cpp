@@ -25,6 +25,17 @@ DirectoryMeshSettings mesh_settings(const Limits& limits) {
   return settings;
 }
 
+Expected<std::unique_ptr<JobStore>> open_jobs(const StoreSettings& settings, const StateDirectory& state,
+                                              JobStoreSettings job_settings) {
+  if (settings.open_jobs) {
+    job_settings.clock = nullptr;  // the database has a clock that all its servers share
+    return settings.open_jobs(job_settings);
+  }
+  auto jobs = SqliteJobStore::open(state.jobs(), job_settings);
+  if (!jobs) return output_error(jobs.error());
+  return std::unique_ptr<JobStore>(std::move(*jobs));
+}
+
 }  // namespace
 
 Expected<std::unique_ptr<Stores>> Stores::open(const StoreSettings& settings) {
@@ -38,8 +49,8 @@ Expected<std::unique_ptr<Stores>> Stores::open(const StoreSettings& settings) {
     auto directory = StateDirectory::take(settings.state);
     if (!directory) return tl::unexpected(directory.error());
     stores->state_ = std::move(*directory);
-    auto jobs = SqliteJobStore::open(stores->state_->jobs(), job_settings);
-    if (!jobs) return output_error(jobs.error());
+    auto jobs = open_jobs(settings, *stores->state_, job_settings);
+    if (!jobs) return tl::unexpected(jobs.error());
     stores->jobs_ = std::move(*jobs);
   }
   auto meshes = stores->state_ != nullptr

@@ -22,6 +22,8 @@ struct StoreSettings {
   std::string data;
   Limits limits;
   std::function<TimePoint()> clock;
+  /// Opens a job store elsewhere, for jobs that are not in `state`. Empty: they are there.
+  std::function<Expected<std::unique_ptr<JobStore>>(const JobStoreSettings&)> open_jobs;
 };
 
 /// Owns the stores, and the state directory if there is one.

@@ -5,6 +5,7 @@
 //   kill_server                      100 times, with 20 jobs at a time; some minutes
 //   kill_server --kills 6 --jobs 6   the short form (one of the default tests)
 //   kill_server --seed 7             another sequence of moments
+//   kill_server --store URL          with the jobs in a PostgreSQL database, which must have its tables
 //
 // Exit status: 0: all promises held; 1: some did not, with a line for each.
 #include <CLI/CLI.hpp>
@@ -29,7 +30,14 @@ struct Arguments {
   int kills = 100;
   int jobs = 20;
   unsigned seed = 1;
+  std::string store;  ///< Empty: the state directory.
 };
+
+std::vector<std::string> flags_of(const Arguments& arguments) {
+  std::vector<std::string> flags{"--threads", "2", "--log-level", "info", "--checkpoint-seconds", "0.05"};
+  if (!arguments.store.empty()) flags.insert(flags.end(), {"--store", arguments.store});
+  return flags;
+}
 
 /// Prints and counts the promises that did not hold.
 class Violations {
@@ -92,7 +100,7 @@ class Campaign {
  public:
   explicit Campaign(const Arguments& arguments)
       : arguments_(arguments),
-        server_(arguments.program, {"--threads", "2", "--log-level", "info", "--checkpoint-seconds", "0.05"}),
+        server_(arguments.program, flags_of(arguments)),
         random_(arguments.seed),
         mesh_(read_file(arguments.mesh)) {}
 
@@ -327,6 +335,7 @@ int main(int argc, char** argv) {
   app.add_option("--jobs", arguments.jobs, "Jobs that wait or run at any time")->capture_default_str();
   app.add_option("--seed", arguments.seed, "Seed of the random moments")->capture_default_str();
   app.add_option("--server", arguments.program, "The varimeshd to end")->capture_default_str();
+  app.add_option("--store", arguments.store, "The address of the database of the jobs");
   app.add_option("--mesh", arguments.mesh, "The mesh of the jobs")->capture_default_str();
   CLI11_PARSE(app, argc, argv);
   return Campaign(arguments).run();

@@ -1,0 +1,207 @@
+// Wraps the functions of libpq that the job store needs.
+#include "server/postgres/connection.h"
+
+#include <poll.h>
+
+#include <algorithm>
+#include <cerrno>
+
+namespace varimesh::server {
+namespace {
+
+/// How long the database may take to answer a statement. Its own limit, statement_timeout, is shorter.
+constexpr std::chrono::seconds kAnswer{15};
+
+using Kind = PostgresError::Kind;
+
+Kind kind_of(std::string_view state) {
+  const auto begins = [&](std::string_view prefix) { return state.substr(0, prefix.size()) == prefix; };
+  if (state == "40001" || state == "40P01" || state == "55P03") return Kind::Retry;  // deadlock, a lock that is held
+  if (state == "53100") return Kind::Full;                                           // disk full
+  // Broken connections, no more connections, shutting down or starting, a standby, and statements that took too long.
+  if (begins("08") || begins("57P") || state == "53300" || state == "25006" || state == "25P03" || state == "57014")
+    return Kind::Lost;
+  return Kind::Other;
+}
+
+/// Returns the message on one line.
+std::string one_line(const char* message) {
+  std::string line = message == nullptr ? "" : message;
+  while (!line.empty() && (line.back() == '\n' || line.back() == ' ')) line.pop_back();
+  std::replace(line.begin(), line.end(), '\n', ' ');
+  return line;
+}
+
+}  // namespace
+
+// ===== values and rows =====
+
+PostgresValues& PostgresValues::add(std::int64_t value) {
+  values_.push_back({std::to_string(value), false, false});
+  return *this;
+}
+
+PostgresValues& PostgresValues::add(std::string_view bytes) {
+  values_.push_back({std::string(bytes), false, true});
+  return *this;
+}
+
+PostgresValues& PostgresValues::add_null() {
+  values_.push_back({{}, true, false});
+  return *this;
+}
+
+/// The values as libpq takes them. They point into the values.
+struct PostgresValues::Arrays {
+  explicit Arrays(const PostgresValues& values) {
+    for (const Value& value : values.values_) {
+      bytes.push_back(value.null ? nullptr : value.bytes.data());
+      lengths.push_back(static_cast<int>(value.bytes.size()));
+      formats.push_back(value.binary ? 1 : 0);
+    }
+  }
+  int count() const { return static_cast<int>(bytes.size()); }
+
+  std::vector<const char*> bytes;
+  std::vector<int> lengths, formats;
+};
+
+std::string_view PostgresRows::view(int row, int column) const {
+  return {PQgetvalue(result_.get(), row, column), static_cast<std::size_t>(PQgetlength(result_.get(), row, column))};
+}
+
+std::int64_t PostgresRows::number(int row, int column) const {
+  const std::string_view bytes = view(row, column);
+  if (PQfformat(result_.get(), column) == 0) return bytes.empty() ? 0 : std::stoll(std::string(bytes));
+  std::uint64_t bits = 0;  // the most significant byte comes first
+  for (const char byte : bytes) bits = bits << 8 | static_cast<unsigned char>(byte);
+  if (bytes.size() == 4) return static_cast<std::int32_t>(bits);
+  return static_cast<std::int64_t>(bits);
+}
+
+// ===== connection =====
+
+PostgresConnection::PostgresConnection(const std::string& url) {
+  // The values before `dbname` are defaults, which the address can replace.
+  const char* const keywords[] = {
+      "fallback_application_name", "connect_timeout",      "keepalives_idle", "keepalives_interval", "keepalives_count",
+      "tcp_user_timeout",          "target_session_attrs", "dbname",          "client_encoding",     nullptr};
+  const char* const values[] = {"varimeshd", "3", "10", "3", "3", "10000", "read-write", url.c_str(), "UTF8", nullptr};
+  connection_.reset(PQconnectdbParams(keywords, values, 1));
+  if (connection_ == nullptr) throw PostgresError(Kind::Other, "out of memory");
+  if (PQstatus(connection_.get()) != CONNECTION_OK)
+    throw PostgresError(Kind::Lost, one_line(PQerrorMessage(connection_.get())));
+  PQsetNoticeProcessor(
+      connection_.get(), [](void*, const char*) {}, nullptr);
+  PQsetnonblocking(connection_.get(), 1);
+  // A process that is stopped in the middle of a transaction must not hold its locks for ever.
+  run("SET statement_timeout = '10s'; SET lock_timeout = '5s'; SET idle_in_transaction_session_timeout = '10s'");
+}
+
+void PostgresConnection::lose(const std::string& what) {
+  connection_.reset();
+  throw PostgresError(Kind::Lost, what);
+}
+
+void PostgresConnection::fail(const std::string& what) {
+  const std::string message = what.empty() ? one_line(PQerrorMessage(connection_.get())) : what;
+  if (PQstatus(connection_.get()) != CONNECTION_OK) lose(message);
+  throw PostgresError(Kind::Other, message);
+}
+
+void PostgresConnection::wait(bool for_writing) {
+  pollfd waited{PQsocket(connection_.get()), static_cast<short>(for_writing ? POLLIN | POLLOUT : POLLIN), 0};
+  const auto end = std::chrono::steady_clock::now() + kAnswer;
+  while (true) {
+    const auto left = std::chrono::duration_cast<std::chrono::milliseconds>(end - std::chrono::steady_clock::now());
+    const int ready = ::poll(&waited, 1, static_cast<int>(std::max<std::int64_t>(left.count(), 0)));
+    if (ready > 0) return;
+    if (ready < 0 && errno == EINTR) continue;
+    lose("the database does not answer");
+  }
+}
+
+PostgresRows PostgresConnection::result(const std::string& statement) {
+  for (int left = PQflush(connection_.get()); left != 0; left = PQflush(connection_.get())) {
+    if (left < 0) fail({});
+    wait(true);
+    if (PQconsumeInput(connection_.get()) == 0) fail({});
+  }
+  PostgresRows last(nullptr);
+  std::string state, message;
+  while (true) {
+    while (PQisBusy(connection_.get()) != 0) {
+      wait(false);
+      if (PQconsumeInput(connection_.get()) == 0) fail({});
+    }
+    PGresult* one = PQgetResult(connection_.get());
+    if (one == nullptr) break;
+    const ExecStatusType status = PQresultStatus(one);
+    if (status != PGRES_TUPLES_OK && status != PGRES_COMMAND_OK && message.empty()) {
+      const char* code = PQresultErrorField(one, PG_DIAG_SQLSTATE);
+      state = code == nullptr ? "" : code;
+      message = one_line(PQresultErrorMessage(one)) + " (" + statement.substr(0, 40) + ")";
+    }
+    last = PostgresRows(one);
+  }
+  if (message.empty()) return last;
+  if (PQstatus(connection_.get()) != CONNECTION_OK) lose(message);
+  throw PostgresError(kind_of(state), message);
+}
+
+PostgresRows PostgresConnection::run(const std::string& statements) {
+  if (broken()) lose("the connection to the database was lost");
+  if (PQsendQuery(connection_.get(), statements.c_str()) == 0) fail({});
+  return result(statements);
+}
+
+PostgresRows PostgresConnection::query(const std::string& statement, const PostgresValues& values) {
+  if (broken()) lose("the connection to the database was lost");
+  auto found = prepared_.find(statement);
+  if (found == prepared_.end()) {
+    const std::string name = "s" + std::to_string(prepared_.size());
+    if (PQsendPrepare(connection_.get(), name.c_str(), statement.c_str(), 0, nullptr) == 0) fail({});
+    result(statement);
+    found = prepared_.emplace(statement, name).first;
+  }
+  const PostgresValues::Arrays sent(values);
+  if (PQsendQueryPrepared(connection_.get(), found->second.c_str(), sent.count(), sent.bytes.data(),
+                          sent.lengths.data(), sent.formats.data(), 1) == 0)
+    fail({});
+  return result(statement);
+}
+
+PostgresRows PostgresConnection::query_once(const std::string& statement, const PostgresValues& values) {
+  if (broken()) lose("the connection to the database was lost");
+  const PostgresValues::Arrays sent(values);
+  if (PQsendQueryParams(connection_.get(), statement.c_str(), sent.count(), nullptr, sent.bytes.data(),
+                        sent.lengths.data(), sent.formats.data(), 1) == 0)
+    fail({});
+  return result(statement);
+}
+
+// ===== transaction =====
+
+PostgresTransaction::PostgresTransaction(PostgresConnection& connection) : connection_(connection) {
+  const PostgresRows begun = connection_.run(
+      "BEGIN; SELECT (extract(epoch FROM clock_timestamp()) * 1000000)::bigint, pg_current_xact_id()::text::bigint");
+  time_ = TimePoint(std::chrono::duration_cast<TimePoint::duration>(std::chrono::microseconds(begun.number(0, 0))));
+  number_ = begun.number(0, 1);
+}
+
+PostgresTransaction::~PostgresTransaction() {
+  if (!open_ || connection_.broken()) return;
+  try {
+    connection_.run("ROLLBACK");
+  } catch (const PostgresError&) {
+    // The database rolls back when it sees that the connection is closed.
+  }
+}
+
+void PostgresTransaction::commit() {
+  committing_ = true;
+  connection_.run("COMMIT");
+  open_ = false;
+}
+
+}  // namespace varimesh::server

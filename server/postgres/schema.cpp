@@ -1,0 +1,88 @@
+// The steps, and their versions.
+#include "server/postgres/schema.h"
+
+#include "server/refusals.h"
+#include "varimesh/v1/job.pb.h"
+
+namespace varimesh::server {
+namespace {
+
+// Texts that clients choose are bytes, since PostgreSQL's text cannot hold a zero byte. The spec never changes and may
+// be large; it has a table of its own, so that it is not written with every change of a job. Room is left in the pages
+// of jobs, so that a renewed lease changes no index.
+constexpr char kToVersion1[] = R"(
+CREATE TABLE jobs(
+  key BIGINT GENERATED ALWAYS AS IDENTITY PRIMARY KEY,  -- in the order of submission
+  name TEXT NOT NULL UNIQUE,
+  owner BYTEA NOT NULL,                                 -- of the job; empty: nobody
+  request_id BYTEA,                                     -- NULL: none
+  peer TEXT NOT NULL,                                   -- whom the limits per peer count; empty: unknown
+  state INTEGER NOT NULL,                               -- v1.JobState
+  turn BIGINT NOT NULL,                                 -- place in the queue, smallest first, in milliseconds
+  ended BIGINT,                                         -- time of the end, in nanoseconds since 1970; NULL: not yet
+  token BIGINT NOT NULL,                                -- of the newest claim
+  lost INTEGER NOT NULL,                                -- attempts lost with their worker since the last progress
+  furthest INTEGER NOT NULL,                            -- last iteration that any attempt has reached
+  worker TEXT NOT NULL,                                 -- empty: none
+  lease_end BIGINT NOT NULL,                            -- in nanoseconds since 1970, on the database's clock
+  history TEXT NOT NULL,                                -- digest; empty: none
+  checkpoint TEXT,                                      -- digest; NULL: none
+  checkpoint_iteration INTEGER NOT NULL,
+  job BYTEA NOT NULL,                                   -- v1.Job without its spec
+  UNIQUE(owner, request_id)
+) WITH (fillfactor = 70);
+CREATE INDEX jobs_waiting ON jobs(turn, key) WHERE state = 1;
+CREATE INDEX jobs_waiting_of ON jobs(peer) WHERE state = 1;
+CREATE INDEX jobs_running ON jobs(key) WHERE worker <> '';
+CREATE INDEX jobs_ended ON jobs(ended, key) WHERE ended IS NOT NULL;
+CREATE INDEX jobs_of ON jobs(owner, key);
+CREATE TABLE specs(key BIGINT PRIMARY KEY REFERENCES jobs ON DELETE CASCADE, spec BYTEA NOT NULL);  -- v1.JobSpec
+CREATE TABLE labels(name BYTEA NOT NULL, value BYTEA NOT NULL, key BIGINT NOT NULL REFERENCES jobs ON DELETE CASCADE,
+  PRIMARY KEY(name, value, key));
+CREATE INDEX labels_of ON labels(key);
+CREATE TABLE events(key BIGINT NOT NULL REFERENCES jobs ON DELETE CASCADE, sequence BIGINT NOT NULL,
+  event BYTEA NOT NULL,                                 -- v1.JobEvent
+  PRIMARY KEY(key, sequence));
+)";
+static_assert(v1::JOB_STATE_PENDING == 1);
+
+/// Step i leads from version i to version i + 1. A step that was released is never changed.
+constexpr const char* kSteps[] = {kToVersion1};
+
+constexpr char kVersions[] =
+    "CREATE TABLE IF NOT EXISTS varimesh_schema(version INTEGER PRIMARY KEY, made TIMESTAMPTZ NOT NULL DEFAULT now())";
+
+}  // namespace
+
+const int kPostgresVersion = static_cast<int>(std::size(kSteps));
+
+int postgres_version(PostgresConnection& connection) {
+  const PostgresRows table = connection.run("SELECT to_regclass('varimesh_schema') IS NOT NULL");
+  if (table.view(0, 0) != "t") return 0;
+  return static_cast<int>(connection.run("SELECT coalesce(max(version), 0) FROM varimesh_schema").number(0, 0));
+}
+
+Answer<int> migrate_postgres(PostgresConnection& connection) {
+  PostgresTransaction transaction(connection);
+  // Released with the transaction. The number is only ours: it is "varimesh" in bytes.
+  connection.run(
+      "SET LOCAL statement_timeout = 0; SET LOCAL lock_timeout = 0; SELECT "
+      "pg_advisory_xact_lock(x'766172696d657368'::bigint)");
+  connection.run(kVersions);
+  const int before = postgres_version(connection);
+  if (before > kPostgresVersion) return postgres_too_new(before);
+  for (int version = before; version < kPostgresVersion; ++version) {
+    connection.run(kSteps[version]);
+    connection.run("INSERT INTO varimesh_schema(version) VALUES(" + std::to_string(version + 1) + ")");
+  }
+  transaction.commit();
+  return before;
+}
+
+Refusal postgres_too_new(int version) {
+  return internal_failure("The database was made by a newer varimeshd (its tables have version " +
+                          std::to_string(version) + ", this program knows " + std::to_string(kPostgresVersion) +
+                          "); run that version, or choose another database.");
+}
+
+}  // namespace varimesh::server

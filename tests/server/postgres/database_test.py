@@ -1,0 +1,152 @@
+#!/usr/bin/env python3
+"""varimeshd with its jobs in PostgreSQL, from outside: tables, refusals, and a database that ends while jobs run. ctest runs
+it with VARIMESH, VARIMESHD and VARIMESH_SOURCE_DIR in the environment. It starts a PostgreSQL server of its own.
+
+  database_test.py             the short form: the database is away for 4 seconds (one of the default tests)
+  database_test.py --away 60   the long form
+"""
+import json
+import os
+import re
+import subprocess
+import sys
+import tempfile
+import time
+import unittest
+import urllib.request
+from pathlib import Path
+
+HERE = Path(__file__).resolve().parent
+TREE = HERE.parents[2]
+for variable, path in {"VARIMESH": "build/release/client/varimesh", "VARIMESHD": "build/release/server/varimeshd",
+                       "KILL_SERVER": "build/release/tests/faults/kill_server", "VARIMESH_SOURCE_DIR": "."}.items():
+    os.environ.setdefault(variable, str(TREE / path))
+sys.path[:0] = [str(HERE.parents[1] / "client")]
+from programs import ENDLESS, LARGER, MESH, VARIMESH, VARIMESHD, Server, run
+
+away_seconds = 4
+
+
+def processor_seconds(server):
+    fields = Path(f"/proc/{server.process.pid}/stat").read_text().rsplit(")", 1)[1].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+
+class WithDatabase(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        cls.place = tempfile.TemporaryDirectory()
+        cls.file = Path(cls.place.name) / "database"
+        cls.database("start")
+        cls.store = cls.file.read_text().strip()
+
+    @classmethod
+    def tearDownClass(cls):
+        cls.database("stop")
+        cls.place.cleanup()
+
+    @classmethod
+    def database(cls, step):
+        subprocess.run([HERE / "database_server", step, cls.file], check=True, timeout=120)
+
+    def migrate(self):
+        return subprocess.run([VARIMESHD, "migrate", "--store", self.store], capture_output=True, text=True, timeout=30)
+
+    def serve(self):
+        state = tempfile.TemporaryDirectory()
+        self.addCleanup(state.cleanup)
+        server = Server("--state", state.name, "--store", self.store, "--threads", "2", "--admin", "127.0.0.1:0")
+        self.addCleanup(server.stop)
+        return server
+
+    def ask(self, server, *arguments):
+        done = run(*arguments, "--server", server.address)
+        self.assertEqual(done.returncode, 0, done.stderr + "".join(server.log))
+        return done.stdout.strip()
+
+    def job(self, server, name):
+        """What the admin port says about the job."""
+        address = re.search(r"http://(127\.0\.0\.1:\d+)/", "".join(server.log))[1]
+        with urllib.request.urlopen(f"http://{address}/api/status", timeout=20) as answer:
+            return next(job for job in json.load(answer)["jobs"] if job["job"] == name)
+
+    def wait_for(self, server, name, state):
+        deadline = time.monotonic() + 60
+        while self.job(server, name)["state"] != state:
+            self.assertLess(time.monotonic(), deadline, "".join(server.log))
+            time.sleep(0.1)
+
+
+class Jobs(WithDatabase):
+    def test_1_needs_tables_and_a_state_directory(self):
+        with tempfile.TemporaryDirectory() as state:
+            for flags, status, words in (
+                    (["--store", self.store], 2, "--state"),
+                    (["--store", "postgresql://farm:secret@host/jobs", "--state", state], 2, "PGPASSFILE"),
+                    (["--store", "file.sqlite", "--state", state], 2, "postgresql://"),
+                    (["--store", self.store, "--state", state], 1, "varimeshd migrate")):
+                done = subprocess.run([VARIMESHD, "--listen", "127.0.0.1:0", *flags], capture_output=True, text=True,
+                                      timeout=30)
+                self.assertEqual(done.returncode, status, done.stderr)
+                self.assertIn(words, done.stderr)
+                self.assertNotIn("secret", done.stderr)
+
+    def test_2_migrates_once(self):
+        first, second = self.migrate(), self.migrate()
+        self.assertEqual((first.returncode, second.returncode), (0, 0), first.stderr + second.stderr)
+        self.assertIn("Made the tables", first.stdout)
+        self.assertIn("already", second.stdout)
+
+    def test_3_runs_a_job(self):
+        self.migrate()
+        server = self.serve()
+        with tempfile.TemporaryDirectory() as folder:
+            done = run("optimise", MESH, Path(folder) / "out.msh", "--server", server.address)
+            self.assertEqual(done.returncode, 0, done.stderr)
+            self.assertTrue((Path(folder) / "out.msh").exists())
+        self.assertIn("succeeded", self.ask(server, "jobs").lower())
+
+    def test_4_jobs_go_on_while_the_database_is_away(self):
+        self.migrate()
+        server = self.serve()
+        endless = self.ask(server, "submit", LARGER, *ENDLESS, "--threads", "1")
+        self.wait_for(server, endless, "running")
+        self.database("kill")
+        begun, work = time.monotonic(), processor_seconds(server)
+        waiting = subprocess.Popen([VARIMESH, "submit", str(MESH), "--server", server.address], stdout=subprocess.PIPE,
+                                   stderr=subprocess.PIPE, text=True)
+        time.sleep(begun + away_seconds - time.monotonic())
+        self.assertIsNone(server.process.poll(), "".join(server.log))
+        self.assertGreater(processor_seconds(server) - work, 0.2 * away_seconds, "the job went on")
+        self.database("again")
+        back = time.monotonic()
+        submitted = [self.ask(server, "submit", MESH)]
+        self.assertLess(time.monotonic() - back, 5, "a submission after the return of the database")
+        output, errors = waiting.communicate(timeout=100)
+        self.assertIn(waiting.returncode, (0, 5), errors)  # it has waited, or failed in order
+        if waiting.returncode == 0:
+            submitted.append(output.strip())
+        for name in submitted:
+            self.wait_for(server, name, "succeeded")
+        kept = self.job(server, endless)
+        self.assertEqual((kept["state"], kept["attempt"]), ("running", 1), "".join(server.log))
+        log = "".join(server.log)
+        self.assertIn("the database cannot be reached", log)
+        self.assertIn("the database is back", log)
+        self.ask(server, "cancel", endless)
+        self.wait_for(server, endless, "cancelled")
+
+
+if __name__ == "__main__":
+    if "--away" in sys.argv:
+        at = sys.argv.index("--away")
+        away_seconds = float(sys.argv[at + 1])
+        del sys.argv[at:at + 2]
+    with tempfile.TemporaryDirectory() as tried:
+        file = Path(tried) / "database"
+        start = subprocess.run([HERE / "database_server", "start", file], capture_output=True, text=True, timeout=120)
+        if start.returncode != 0:
+            print(f"SKIPPED: {start.stdout.strip()}")
+            sys.exit(77)
+        subprocess.run([HERE / "database_server", "stop", file], check=True, timeout=60)
+    unittest.main(verbosity=2)

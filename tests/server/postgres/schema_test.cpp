@@ -1,0 +1,84 @@
+// Tests of the tables and their versions, and of the address.
+#include "server/postgres/schema.h"
+
+#include <gtest/gtest.h>
+
+#include <thread>
+
+#include "server/postgres/database.h"
+#include "tests/server/postgres/databases.h"
+
+namespace varimesh::server::testing {
+namespace {
+
+PostgresSettings at(const InDatabase& place) {
+  PostgresSettings where;
+  where.url = place.url();
+  return where;
+}
+
+TEST(PostgresSchema, IsMadeOnceAndThenLeftAlone) {
+  InDatabase place(InDatabase::Tables::None);
+  const auto first = migrate_postgres(place.url());
+  ASSERT_TRUE(first) << first.error().sentence;
+  EXPECT_NE(first->find("Made the tables"), std::string::npos) << *first;
+  auto store = InDatabase::open({}, place.url());
+  ASSERT_TRUE(store->submit({"", {}, "jobs/1", 10, {}, 0}));
+  const auto second = migrate_postgres(place.url());
+  ASSERT_TRUE(second) << second.error().sentence;
+  EXPECT_NE(second->find("already"), std::string::npos) << *second;
+  EXPECT_TRUE(store->get("jobs/1"));
+}
+
+TEST(PostgresSchema, IsMadeByTwoProgramsAtTheSameTime) {
+  InDatabase place(InDatabase::Tables::None);
+  std::vector<std::thread> programs;
+  for (int i = 0; i < 4; ++i)
+    programs.emplace_back([&] {
+      const auto made = migrate_postgres(place.url());
+      EXPECT_TRUE(made) << made.error().sentence;
+    });
+  for (std::thread& program : programs) program.join();
+  EXPECT_EQ(place.run("SELECT count(*) FROM varimesh_schema").number(0, 0), kPostgresVersion);
+}
+
+TEST(PostgresSchema, HasToBeMadeBeforeTheStoreIsOpened) {
+  InDatabase place(InDatabase::Tables::None);
+  const auto store = PostgresJobStore::open(at(place));
+  ASSERT_FALSE(store);
+  EXPECT_NE(store.error().sentence.find("varimeshd migrate"), std::string::npos) << store.error().sentence;
+}
+
+TEST(PostgresSchema, OfANewerVersionIsRefused) {
+  InDatabase place;
+  place.run("INSERT INTO varimesh_schema(version) VALUES(99)");
+  const auto store = PostgresJobStore::open(at(place));
+  ASSERT_FALSE(store);
+  EXPECT_NE(store.error().sentence.find("99"), std::string::npos) << store.error().sentence;
+  const auto migrated = migrate_postgres(place.url());
+  ASSERT_FALSE(migrated);
+  EXPECT_NE(migrated.error().sentence.find("newer varimeshd"), std::string::npos) << migrated.error().sentence;
+}
+
+TEST(PostgresAddress, IsRefusedWithAPassword) {
+  EXPECT_TRUE(check_postgres("postgresql://farm@host:5433/jobs?sslmode=verify-full"));
+  EXPECT_TRUE(check_postgres("postgres:///jobs?host=/run/postgresql"));
+  for (const char* address :
+       {"postgresql://farm:secret@host/jobs", "postgresql://host/jobs?password=secret",
+        "postgresql://host/jobs?sslpassword=secret", "mysql://host/jobs", "jobs", "postgresql://[host"}) {
+    const auto checked = check_postgres(address);
+    ASSERT_FALSE(checked) << address;
+    EXPECT_EQ(checked.error().kind, Error::Kind::BadOption);
+    EXPECT_EQ(checked.error().sentence.find("secret"), std::string::npos) << checked.error().sentence;
+  }
+}
+
+TEST(PostgresAddress, ThatNobodyAnswersIsReported) {
+  const auto store = open_postgres("postgresql:///jobs?host=/tmp/there-is-no-such-folder", {}, [](const auto&) {});
+  ASSERT_FALSE(store);
+  EXPECT_EQ(store.error().kind, Error::Kind::Output);
+  EXPECT_NE(store.error().sentence.find("there-is-no-such-folder"), std::string::npos) << store.error().sentence;
+}
+
+}  // namespace
+}  // namespace varimesh::server::testing
