@@ -8,6 +8,7 @@
 #include "core/base/machine_memory.h"
 #include "core/base/version.h"
 #include "core/options/nearest_word.h"
+#include "server/maintenance/commands.h"
 #include "server/token_command.h"
 
 namespace varimesh::server {
@@ -65,6 +66,18 @@ void add_queue_flags(CLI::App& app, Limits& limits) {
   app.add_option("--max-pending-jobs", limits.max_pending_jobs, "Jobs that may wait")
       ->capture_default_str()
       ->check(CLI::PositiveNumber);
+  app.add_option("--max-job-iterations", limits.max_job_iterations,
+                 "Iterations of a job; a job that asks for more is refused")
+      ->capture_default_str()
+      ->check(CLI::Range(1, 1'000'000));
+  app.add_option(
+         "--max-job-seconds", limits.max_job_seconds,
+         "Seconds that a job runs; a job that asks for more is refused, and one without a time limit has this one")
+      ->capture_default_str()
+      ->check(CLI::Range(1.0, 1e9));
+  app.add_option("--max-priority", limits.max_priority, "The highest priority of a job; a higher one is refused")
+      ->capture_default_str()
+      ->check(CLI::Range(-100, 100));
   app.add_option("--max-pending-jobs-per-peer", limits.max_pending_jobs_per_peer,
                  "Jobs of one address that may wait (all unix sockets count as one address); 0: no limit")
       ->capture_default_str()
@@ -159,8 +172,12 @@ std::optional<Flags> parse_flags(int argc, char** argv, int* exit_status) {
   Limits& limits = flags.options.limits;
   limits.reserve_bytes = std::int64_t{64} << 20;
   limits.max_memory_bytes = machine_memory();
+  limits.max_job_iterations = 100'000;
+  limits.max_job_seconds = 7 * 24 * 3600;
+  limits.max_priority = 10;
 
   CLI::App app{"Serves mesh optimisation over gRPC (package varimesh.v1)."};
+  app.footer(kCommands);
   app.set_version_flag("--version", std::string(version()));
   add_connection_flags(app, flags);
   add_resource_flags(app, limits);

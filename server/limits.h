@@ -15,6 +15,9 @@ struct Limits {
   int max_running_jobs_per_peer = 0;                   ///< Jobs of one address that run at a time. The others wait.
   int max_watches_per_peer = 1000;                     ///< Open watches of one address.
   int max_uploads_per_peer = 100;                      ///< Open uploads of one address, including calls to Optimise.
+  int max_job_iterations = 0;                          ///< Iterations of a job. 0: no limit.
+  double max_job_seconds = 0;                          ///< Seconds that a job runs. 0: no limit.
+  int max_priority = 100;                              ///< The highest priority of a job.
   int max_ended_jobs = 1000;                           ///< Jobs that are remembered after their end, and
   std::chrono::minutes min_ended_age{60};              ///< how long every job is remembered, however many there are.
   std::int64_t max_store_bytes = 0;                    ///< Size of the mesh store above which the oldest meshes that no

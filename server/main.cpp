@@ -1,13 +1,15 @@
 // varimeshd: serves mesh optimisation over gRPC.
 //
-//   varimeshd                                     listens on a socket that only its owner can use, and prints its
-//   address varimeshd --tokens tokens                     on 127.0.0.1:50051, for those who have a token varimeshd
-//   --listen 127.0.0.1:0                on any free port of this machine, for all its users varimeshd --listen
-//   0.0.0.0:50051 --tls-certificate server.pem --tls-key server-key.pem --tokens tokens
+//   varimeshd                                     listens on a socket that only its owner can use, and prints its address
+//   varimeshd --tokens tokens                     on 127.0.0.1:50051, for those who have a token
+//   varimeshd --listen 127.0.0.1:0                on any free port of this machine, for all its users
+//   varimeshd --listen 0.0.0.0:50051 --tls-certificate server.pem --tls-key server-key.pem --tokens tokens
 //                                                 for those in the network who have a token
 //   varimeshd --listen 0.0.0.0:50051 --insecure   for anybody who can reach this address
 //   varimeshd --admin 127.0.0.1:9464              with health checks and a page that shows the jobs, for a browser
 //   varimeshd --state /var/lib/varimesh           keeps jobs and meshes there; the next server continues the jobs
+//   varimeshd check --state /var/lib/varimesh     compares everything that is kept with its digests
+//   varimeshd backup --state /var/lib/varimesh /backup/varimesh
 //   varimeshd migrate --store postgresql://farm@db/varimesh    makes the tables of a database for the jobs
 //   varimeshd --state meshes --store postgresql://…            keeps the jobs there
 #include <spdlog/spdlog.h>
@@ -22,6 +24,7 @@
 #include "server/addresses.h"
 #include "server/flags.h"
 #include "server/log.h"
+#include "server/maintenance/commands.h"
 #include "server/postgres/database.h"
 #include "server/resources/descriptors.h"
 #include "server/server.h"
@@ -142,6 +145,7 @@ void wait_and_stop(Server& server, const sigset_t& signals, int drain_seconds) {
 }  // namespace
 
 int main(int argc, char** argv) {
+  if (const auto status = varimesh::server::run_command(argc, argv)) return *status;
   int exit_status = 0;
   auto flags = varimesh::server::parse_flags(argc, argv, &exit_status);
   if (!flags) return exit_status;

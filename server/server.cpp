@@ -9,6 +9,7 @@
 #include "server/addresses.h"
 #include "server/admin/admin_server.h"
 #include "server/api/endpoint.h"
+#include "server/engine/work_limits.h"
 #include "server/scheduling/scheduler.h"
 #include "server/state/stores.h"
 #include "server/upkeep.h"
@@ -63,7 +64,10 @@ Expected<void> Server::start_scheduler() {
   settings.memory = options_.limits.max_memory_bytes;
   settings.launch = [this](int threads, SchedulerSettings::Job job) { threads_.launch(threads, std::move(job)); };
   settings.log = [](const std::string& job, const std::string& what) { spdlog::info("{} {}", job, what); };
-  scheduler_ = std::make_unique<Scheduler>(&stores_->jobs(), &stores_->meshes(), options_.engine, std::move(settings));
+  settings.max_priority = options_.limits.max_priority;
+  const WorkLimits work{options_.limits.max_job_iterations, options_.limits.max_job_seconds};
+  scheduler_ = std::make_unique<Scheduler>(&stores_->jobs(), &stores_->meshes(), within(work, options_.engine),
+                                           std::move(settings));
   // This is done before anybody can call the server, because a job that this server has claimed itself must not be
   // taken back.
   if (const auto recovered = scheduler_->recover(); !recovered)

@@ -14,7 +14,8 @@ struct FormatEntry {
   std::string_view extension;
   /// Whether the bytes begin like a file of this format.
   bool (*recognises)(std::string_view bytes) = nullptr;
-  /// Reads a file, inside team.run(). Errors are returned, or thrown as ReadFailure.
+  /// Reads a file, inside team.run(). Errors are returned, or thrown as ReadFailure. A reader of files that others may
+  /// have made counts its memory in an Allowance, which also looks at the team's token.
   Expected<MeshFile> (*read)(std::string_view bytes, const Team& team) = nullptr;
   /// Writes a file, inside team.run(). Formats without fields ignore `fields`.
   Expected<void> (*write)(const HighOrderMesh& mesh, Format format, const Sink& sink, std::span<const CellField> fields,
@@ -31,7 +32,8 @@ std::span<const FormatEntry> format_table();
 Expected<Format> from_name(std::span<const FormatEntry> table, std::string_view name);
 Expected<Format> for_output(std::span<const FormatEntry> table, std::string_view path, Format requested,
                             Format read_as);
-Expected<MeshFile> read(std::span<const FormatEntry> table, std::string_view bytes, int threads = 1);
+Expected<MeshFile> read(std::span<const FormatEntry> table, std::string_view bytes, int threads = 1,
+                        const StopToken* stop = nullptr);
 Expected<void> write(std::span<const FormatEntry> table, const HighOrderMesh& mesh, Format format, const Sink& sink,
                      std::span<const CellField> fields, int threads = 1);
 

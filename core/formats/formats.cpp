@@ -100,18 +100,22 @@ Expected<Format> for_output(std::span<const FormatEntry> table, std::string_view
                     "' cannot be determined from its ending; use the ending .msh, .vtu or .mesh, or name the format.");
 }
 
-Expected<MeshFile> read(std::span<const FormatEntry> table, std::string_view bytes, int threads) {
+Expected<MeshFile> read(std::span<const FormatEntry> table, std::string_view bytes, int threads,
+                        const StopToken* stop) {
   const auto entry = std::find_if(table.begin(), table.end(), [&](const FormatEntry& each) {
     return each.recognises != nullptr && each.recognises(bytes);
   });
   if (entry == table.end()) return bad_input(why_not_a_mesh(bytes));
   try {
-    const Team team(threads);
+    Team team(threads);
+    team.set_stop(stop);
     Expected<MeshFile> file;
     team.run([&] { file = entry->read(bytes, team); });
     return file;
   } catch (const ReadFailure& failure) {
     return bad_input(failure.sentence);
+  } catch (const Interrupted&) {
+    return bad_input("Reading the mesh file was stopped before its end.");
   } catch (const std::bad_alloc&) {
     return bad_input("The mesh file cannot be read: it needs more memory than is available.");
   }
@@ -152,7 +156,9 @@ Format recognised(std::string_view bytes) {
   return Format::Auto;
 }
 
-Expected<MeshFile> read(std::string_view bytes, int threads) { return read(kTable, bytes, threads); }
+Expected<MeshFile> read(std::string_view bytes, int threads, const StopToken* stop) {
+  return read(kTable, bytes, threads, stop);
+}
 
 std::string left_out(const HighOrderMesh& mesh, Format format) {
   const FormatEntry* entry = find(kTable, format == Format::Auto ? kDefaultFormat : format);

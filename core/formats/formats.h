@@ -9,6 +9,7 @@
 
 #include "core/base/error.h"
 #include "core/base/machine_memory.h"
+#include "core/base/stop_token.h"
 #include "core/mesh/high_order_mesh.h"
 
 namespace varimesh::formats {
@@ -56,9 +57,19 @@ struct MeshFile {
 };
 
 /// Reads a mesh from the bytes of a file. Errors: BadInput, with the byte (binary) or line (ASCII) where reading
-/// stopped; the first one in the file, for any number of threads.
+/// stopped; the first one in the file, for any number of threads. Takes at most most_memory_to_read().
 /// @param threads how many threads share the work; 0: as many as the machine has
-Expected<MeshFile> read(std::string_view bytes, int threads = 1);
+/// @param stop    if it asks to stop, reading ends soon, with an error; may be null
+Expected<MeshFile> read(std::string_view bytes, int threads = 1, const StopToken* stop = nullptr);
+
+/// The most memory that reading a file of this size with so many threads takes, in bytes, besides the file itself. A
+/// file that asks for more is refused: most meshes take less than their files, but damaged and malicious files announce
+/// what they do not contain.
+constexpr std::int64_t most_memory_to_read(std::int64_t file_bytes, int threads = 1) {
+  constexpr int kThreads = 6;  // each further one takes 4 MiB for the pieces that it works on
+  return 8 * file_bytes + (std::int64_t{64} << 20) +
+         (std::int64_t{4} << 20) * (threads > kThreads ? threads - kThreads : 0);
+}
 
 /// The least memory that the mesh of a file of this size takes, in bytes. A text file takes the most bytes for what it
 /// contains: nearly five times as many as memory for a tetrahedron whose nodes have numbers of ten digits.

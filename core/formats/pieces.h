@@ -36,13 +36,15 @@ void read_in_pieces(Scanner& scan, const Team& team, Next&& next, const Parse& p
   const auto make = [&](Piece& piece) {
     std::pair<Piece, std::optional<Records>> made{std::move(piece), std::nullopt};
     Scanner inside(made.first.bytes);
+    Allowance allowance(kPieceMemory, team.stop());
     inside.binary = scan.binary;
+    inside.allowance = &allowance;
     try {
       made.second = parse(made.first, inside);
       inside.skip_space_of_text();
       if (!inside.at_end()) made.second.reset();
     } catch (const ReadFailure&) {
-      // The plain reader says what is wrong.
+      // The plain reader says what is wrong, or reads what is too large for a piece.
     }
     return made;
   };

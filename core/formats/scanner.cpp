@@ -72,6 +72,12 @@ void Scanner::fail_truncated(const char* what) const {
                     " should follow: it is incomplete, so write or copy it again."};
 }
 
+void Scanner::fail_memory() const {
+  fail(
+      "up to here, the mesh takes more memory than 8 times the size of the file, which has very many very small parts; "
+      "join its blocks of elements, its entities or its groups");
+}
+
 void Scanner::fail_token(const char* what) const {
   const char* stop = std::find_if(at_, end_, [](char c) { return static_cast<unsigned char>(c) <= ' '; });
   fail(std::string(what) + " was expected, found '" + shown({at_, std::size_t(stop - at_)}) + "'");

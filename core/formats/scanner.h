@@ -8,6 +8,10 @@
 #include <limits>
 #include <string>
 #include <string_view>
+#include <utility>
+#include <vector>
+
+#include "core/formats/allowance.h"
 
 namespace varimesh::formats {
 
@@ -23,7 +27,8 @@ class Scanner {
   explicit Scanner(std::string_view bytes) : begin_(bytes.data()), at_(begin_), end_(begin_ + bytes.size()) {}
 
   bool binary = false;
-  std::string section;  ///< Name of the section that is being read, for error messages.
+  std::string section;             ///< Name of the section that is being read, for error messages.
+  Allowance* allowance = nullptr;  ///< What counts the memory of the mesh; null: nothing does.
 
   std::size_t offset() const { return std::size_t(at_ - begin_); }
   std::size_t left() const { return std::size_t(end_ - at_); }
@@ -65,9 +70,39 @@ class Scanner {
   /// damaged count never causes a large allocation. `as_text`: as text, also in binary files.
   std::int64_t count(const char* what, std::size_t least, bool as_text = false);
 
+  // The functions below count memory before it is taken, and fail if the file asks for too much.
+
+  void take_memory(std::size_t bytes) const {
+    if (allowance != nullptr && !allowance->take(bytes)) fail_memory();
+  }
+  /// Makes room in a vector, for one element or for exactly as many as are given.
+  template <class T>
+  void make_room(std::vector<T>& values, std::size_t more = 1) const {
+    if (allowance != nullptr && !allowance->make_room(values, more)) fail_memory();
+  }
+  template <class T>
+  void reserve(std::vector<T>& values, std::size_t size) const {
+    if (allowance == nullptr)
+      values.reserve(size);
+    else if (!allowance->reserve(values, size))
+      fail_memory();
+  }
+  /// Adds an element.
+  template <class T>
+  void add(std::vector<T>& values, T value) const {
+    make_room(values);
+    values.push_back(std::move(value));
+  }
+
+  /// Called for every record. Throws Interrupted if reading is to stop.
+  void look() const {
+    if (allowance != nullptr) allowance->look();
+  }
+
   /// Throw a ReadFailure. Its sentence contains the position in the file.
   [[noreturn]] void fail(const std::string& what) const;
   [[noreturn]] void fail_truncated(const char* what) const;
+  [[noreturn]] void fail_memory() const;
 
  private:
   template <class T>

@@ -31,7 +31,8 @@ constexpr Words kObjective[] = {"energy", "worst", "accuracy"};
 constexpr Words kTarget[] = {"straight-sided", "ideal", "size", "strain"};
 
 constexpr OptionRange kNotNegative{};
-constexpr OptionRange kPositive{.without_least = true};
+/// Rounding moves a node by about this fraction of its element, so no run can come closer.
+constexpr double kLeastTolerance = 1e-15;
 constexpr OptionRange upto(double most) { return {.most = most}; }
 constexpr Words kConstantValues = "a positive number, or 0 for the value from the set of constants";
 
@@ -68,7 +69,7 @@ const std::array kTable{
         "What one colour of a sweep is made of: groups of nodes, or single nodes"),
     row("active_set", &Options::active_set,
         "Whether sweeps skip nodes around which nothing has moved by more than the tolerance"),
-    number("tolerance", &Options::tolerance, kPositive, "a positive number, such as 1e-3",
+    number("tolerance", &Options::tolerance, {.least = kLeastTolerance}, "1e-15 or more, such as 1e-3",
            "Stop when no node is further from the optimum than this fraction of the size of its elements (their "
            "shortest height)"),
     number("max_iterations", &Options::max_iterations, kNotNegative, "0 or more",

@@ -7,10 +7,16 @@
 #include "server/api/result_source.h"
 #include "server/engine/translate.h"
 #include "server/jobs/timestamps.h"
+#include "server/refusals.h"
 #include "server/streams/event_source.h"
 
 namespace varimesh::server {
 namespace {
+
+/// Whether a client may ask for this time between the iterations that it sees: not negative, and at most an hour.
+bool is_interval(const google::protobuf::Duration& time) {
+  return time.seconds() >= 0 && time.seconds() <= 3600 && time.nanos() >= 0 && time.nanos() < 1'000'000'000;
+}
 
 /// Answers with the job, or with the reason why there is none.
 template <class Response>
@@ -96,6 +102,8 @@ grpc::ServerWriteReactor<v1::WatchJobResponse>* JobService::WatchJob(grpc::Callb
   return Stream::open(
       api_, call, Method::WatchJob,
       [this, request, watch](const CallersView& view) -> Answer<Stream::Source> {
+        if (!is_interval(request->min_interval()))
+          return bad_request("The interval between iterations must be from 0 to 3600 seconds.");
         auto made = *watch = std::make_shared<Watch>(view);
         made->request = *request;
         const std::string& peer = view.caller().peer;

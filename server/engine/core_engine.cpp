@@ -1,8 +1,11 @@
 // Reads a mesh, optimises it with the numerical library, and writes the results.
 #include <algorithm>
+#include <optional>
 #include <string>
 #include <utility>
 
+#include "core/base/stop_token.h"
+#include "core/base/stopwatch.h"
 #include "core/diagnosis/diagnosis.h"
 #include "core/marks/marks.h"
 #include "core/optimise/memory.h"
@@ -37,9 +40,10 @@ double pairs_of_nodes(const HighOrderMesh& mesh, const Options& options) {
   return pairs;
 }
 
-Expected<formats::MeshFile> read_mesh(std::string_view bytes, v1::MeshFormat format, int threads) {
-  if (format != v1::MESH_FORMAT_PARTS) return formats::read(bytes, threads);
-  return read_mesh_parts(bytes).map([](HighOrderMesh&& mesh) {
+Expected<formats::MeshFile> read_mesh(std::string_view bytes, v1::MeshFormat format, int threads,
+                                      const StopToken& stop) {
+  if (format != v1::MESH_FORMAT_PARTS) return formats::read(bytes, threads, &stop);
+  return read_mesh_parts(bytes, &stop).map([](HighOrderMesh&& mesh) {
     return formats::MeshFile{std::move(mesh), formats::Format::Auto};
   });
 }
@@ -111,36 +115,60 @@ void note_straight_boundary(const HighOrderMesh& mesh, const RunRequest& request
       raised + "), or move the boundary nodes of a mesh of order " + raised + " with --boundary or --displacements.");
 }
 
+/// The summary of a run that was stopped before it had a mesh.
+RunSummary stopped_early() {
+  RunSummary summary;
+  summary.stopped = true;
+  return summary;
+}
+
+/// Reads the mesh of the request, with the memory for it, and takes the time from the request's time limit. Nothing if
+/// the run is to stop.
+Expected<std::optional<formats::MeshFile>> read_input(RunRequest& request, const RunHooks& hooks) {
+  const std::string_view bytes = request.input->bytes();
+  const auto size = static_cast<std::int64_t>(bytes.size());
+  const int threads =
+      std::min(request.options.threads, most_threads(static_cast<double>(bytes.size()), kBytesPerThread));
+  if (hooks.admit_reading) {
+    const auto admitted = hooks.admit_reading(formats::least_memory(size), formats::most_memory_to_read(size, threads));
+    if (!admitted) return tl::unexpected(admitted.error());
+    if (!*admitted) return std::nullopt;
+  }
+  double& limit = request.options.time_limit;
+  StopToken stop([&] { return hooks.control.stop_asked() || (hooks.given_up && hooks.given_up()); });
+  if (limit > 0) stop.stop_after(limit);
+  const Stopwatch watch;
+  auto file = read_mesh(bytes, request.format, threads, stop);
+  request.input.reset();
+  if (stop.reason() == StopToken::Reason::Asked) return std::nullopt;
+  if (stop.reason() == StopToken::Reason::TimeLimit)
+    return bad_input("The time limit passed while the mesh was read; allow more seconds, or none (0).");
+  if (!file) return tl::unexpected(file.error());
+  if (limit > 0) limit = std::max(1e-9, limit - watch.seconds());
+  return std::move(*file);
+}
+
 Expected<RunSummary> run(RunRequest request, const RunHooks& hooks) {
   if (request.quality) request.options = judging_options(request.options.threads);
-  const std::string_view bytes = request.input->bytes();
-  if (hooks.fits)
-    if (const auto fits = hooks.fits(formats::least_memory(static_cast<std::int64_t>(bytes.size()))); !fits)
-      return tl::unexpected(fits.error());
-  auto file =
-      read_mesh(bytes, request.format,
-                std::min(request.options.threads, most_threads(static_cast<double>(bytes.size()), kBytesPerThread)));
-  request.input.reset();
+  auto file = read_input(request, hooks);
   if (!file) return tl::unexpected(file.error());
+  if (!*file) return stopped_early();
+  HighOrderMesh mesh = std::move((*file)->mesh);
   const v1::MeshFormat read_as =
-      request.format == v1::MESH_FORMAT_PARTS ? v1::MESH_FORMAT_PARTS : to_proto(file->format);
+      request.format == v1::MESH_FORMAT_PARTS ? v1::MESH_FORMAT_PARTS : to_proto((*file)->format);
 
   const Expected<bool> admitted =
-      hooks.admit ? hooks.admit(memory_needed(file->mesh, request.options)) : Expected<bool>(true);
+      hooks.admit ? hooks.admit(memory_needed(mesh, request.options)) : Expected<bool>(true);
   if (!admitted) return tl::unexpected(admitted.error());
-  if (!*admitted || (hooks.given_up && hooks.given_up())) {
-    RunSummary summary;
-    summary.stopped = true;
-    return summary;
-  }
-  note_straight_boundary(file->mesh, request, hooks);
-  const double pairs = pairs_of_nodes(file->mesh, request.options);
+  if (!*admitted || (hooks.given_up && hooks.given_up())) return stopped_early();
+  note_straight_boundary(mesh, request, hooks);
+  const double pairs = pairs_of_nodes(mesh, request.options);
   const int most = most_threads(pairs, kPairsPerThread);
   request.options.threads = std::min(request.options.threads, most);
   RunControl control = hooks.control;
   if (control.threads) control.threads = [&] { return std::min(hooks.control.threads(), most); };
-  auto result = request.quality ? judge(std::move(file->mesh), *request.quality, request.options)
-                                : optimise(std::move(file->mesh), request.options, hooks.on_iteration, control);
+  auto result = request.quality ? judge(std::move(mesh), *request.quality, request.options)
+                                : optimise(std::move(mesh), request.options, hooks.on_iteration, control);
   if (!result) return tl::unexpected(result.error());
   const bool wanted = !(result->stopped && hooks.given_up());
   if (wanted)

@@ -37,11 +37,12 @@ struct RunHooks {
   /// without the interruption; otherwise, and if it is empty, the run starts from the beginning. `control.stop_asked`
   /// must be set.
   RunControl control;
-  /// Called before the mesh is read, with the least memory that it takes, in bytes. Errors: BadInput if there can never
-  /// be enough.
-  std::function<Expected<void>(std::int64_t bytes)> fits;
-  /// Called once the mesh is read, with the memory that the run needs, in bytes. Waits until there is enough or the run
-  /// is to stop. False if it is to stop and there is not enough. Errors: BadInput if there can never be enough.
+  /// Called before the mesh is read, with the least and the most memory that reading it takes, in bytes. Waits until
+  /// there is enough or the run is to stop. False if it is to stop. Errors: BadInput if there can never be the least.
+  std::function<Expected<bool>(std::int64_t least, std::int64_t most)> admit_reading;
+  /// Called once the mesh is read, with the memory that the run needs, in bytes, the mesh included. Waits until there
+  /// is enough or the run is to stop. False if it is to stop and there is not enough. Errors: BadInput if there can
+  /// never be enough.
   std::function<Expected<bool>(std::int64_t bytes)> admit;
   /// Whether a stopped run will be continued by another server, so that nobody needs its outputs.
   std::function<bool()> given_up;
@@ -54,8 +55,8 @@ struct Engine {
   /// Checks options without a mesh. Errors: BadOption.
   std::function<Expected<void>(const Options&)> check_options;
   /// Reads the mesh, optimises it and writes the outputs. If the run is stopped, the outputs have the best mesh so far,
-  /// which may be the mesh as it came. Only a run that was not admitted has none.
-  /// Errors: BadInput, BadOption, Output.
+  /// which may be the mesh as it came. Only a run that was not admitted, or was stopped while it read the mesh, has
+  /// none. Errors: BadInput, BadOption, Output.
   std::function<Expected<RunSummary>(RunRequest, const RunHooks&)> run;
 };
 

@@ -5,8 +5,10 @@
 
 #include <algorithm>
 #include <limits>
+#include <optional>
 
 #include "core/base/utf8.h"
+#include "core/formats/allowance.h"
 #include "varimesh/v1/mesh.pb.h"
 
 namespace varimesh::server {
@@ -17,10 +19,20 @@ using google::protobuf::io::CodedOutputStream;
 
 constexpr std::uint32_t kMaxPart = 1 << 20;
 
+const char* const kTooMuchMemory =
+    "up to here the mesh takes more memory than 8 times its parts, which are too many and too small; send more "
+    "elements "
+    "in each part";
+
 /// Assembles a mesh from its parts. Each method returns what is wrong with its part; empty: nothing.
 class Assembler {
  public:
+  /// `bytes`: the size of all parts together. `stop` may be null.
+  explicit Assembler(std::size_t bytes, const StopToken* stop)
+      : bytes_(bytes), allowance_(formats::most_mesh_memory(static_cast<std::int64_t>(bytes)), stop) {}
+
   std::string take(const v1::MeshPart& part) {
+    allowance_.look();
     if (!started_ && part.part_case() != v1::MeshPart::kHeader) return "the header must come first";
     switch (part.part_case()) {
       case v1::MeshPart::kHeader:
@@ -30,9 +42,7 @@ class Assembler {
       case v1::MeshPart::kElements:
         return take_elements(part.elements());
       case v1::MeshPart::kPhysicalGroup:
-        mesh_.physical_groups.push_back(
-            {part.physical_group().dimension(), part.physical_group().tag(), part.physical_group().name()});
-        return "";
+        return take_group(part.physical_group());
       case v1::MeshPart::kFixedNodes:
         return "fixed nodes are not supported by this server; leave them out";
       case v1::MeshPart::kCellQuality:
@@ -52,7 +62,9 @@ class Assembler {
     return "";
   }
 
-  HighOrderMesh take_mesh() {
+  /// Nothing if there is too little memory.
+  std::optional<HighOrderMesh> take_mesh() {
+    if (!allowance_.reserve(mesh_.node_numbers, nodes_)) return std::nullopt;
     mesh_.node_numbers.resize(nodes_);
     for (std::size_t i = 0; i < nodes_; ++i) mesh_.node_numbers[i] = static_cast<std::int64_t>(i) + 1;
     mesh_.node_blocks = {{-1, 0, 0, static_cast<std::int32_t>(nodes_)}};
@@ -71,14 +83,24 @@ class Assembler {
     mesh_.dimension = header.dimension();
     mesh_.order = header.order();
     nodes_ = static_cast<std::size_t>(header.nodes());
-    return "";
+    // The header may announce more than the parts contain.
+    const std::size_t most = std::min(nodes_, bytes_ / (3 * sizeof(double)));
+    return allowance_.reserve(mesh_.coordinates, 3 * most) ? "" : kTooMuchMemory;
   }
 
   std::string take_coordinates(const v1::NodeCoordinates& part) {
     if (part.xyz_size() % 3 != 0) return "the number of coordinates is not a multiple of three";
     if (mesh_.coordinates.size() + static_cast<std::size_t>(part.xyz_size()) > 3 * nodes_)
       return "there are more coordinates than the header's " + std::to_string(nodes_) + " nodes";
+    if (!allowance_.make_room(mesh_.coordinates, static_cast<std::size_t>(part.xyz_size()))) return kTooMuchMemory;
     mesh_.coordinates.insert(mesh_.coordinates.end(), part.xyz().begin(), part.xyz().end());
+    return "";
+  }
+
+  std::string take_group(const v1::PhysicalGroup& group) {
+    if (!allowance_.take(group.name().size() + formats::kAllocation) || !allowance_.make_room(mesh_.physical_groups, 1))
+      return kTooMuchMemory;
+    mesh_.physical_groups.push_back({group.dimension(), group.tag(), group.name()});
     return "";
   }
 
@@ -94,16 +116,44 @@ class Assembler {
     for (const std::int32_t node : part.nodes())
       if (node < 0 || static_cast<std::size_t>(node) >= nodes_)
         return "node " + std::to_string(node) + " does not exist; nodes are counted from 0";
-    ElementBlock& block = mesh_.blocks.emplace_back();
-    block.shape = shape;
-    block.order = dimension == 0 ? 1 : mesh_.order;
-    block.entity = part.entity();
-    block.physical.assign(part.physical().begin(), part.physical().end());
-    block.nodes.assign(part.nodes().begin(), part.nodes().end());
-    for (int i = 0; i < part.nodes_size() / nodes; ++i) block.numbers.push_back(++elements_);
+    const auto count = static_cast<std::size_t>(part.nodes_size() / nodes);
+    if (count == 0) return "";
+    ElementBlock* block = block_for(part, shape);
+    if (block == nullptr || !grow(block->numbers, count) ||
+        !grow(block->nodes, count * static_cast<std::size_t>(nodes)))
+      return kTooMuchMemory;
+    block->nodes.insert(block->nodes.end(), part.nodes().begin(), part.nodes().end());
+    for (std::size_t i = 0; i < count; ++i) block->numbers.push_back(++elements_);
     return "";
   }
 
+  /// The block of these elements: the last one if it is of the same kind, otherwise a new one. Null if there is too
+  /// little memory.
+  ElementBlock* block_for(const v1::ElementPart& part, Shape shape) {
+    if (!mesh_.blocks.empty()) {
+      ElementBlock& last = mesh_.blocks.back();
+      if (last.shape == shape && last.entity == part.entity() && std::ranges::equal(last.physical, part.physical()))
+        return &last;
+    }
+    const std::size_t groups = static_cast<std::size_t>(part.physical_size()) * sizeof(int);
+    if (!allowance_.take(groups + formats::kAllocation) || !allowance_.make_room(mesh_.blocks, 1)) return nullptr;
+    ElementBlock& block = mesh_.blocks.emplace_back();
+    block.shape = shape;
+    block.order = reference::info(shape).dimension == 0 ? 1 : mesh_.order;
+    block.entity = part.entity();
+    block.physical.assign(part.physical().begin(), part.physical().end());
+    return &block;
+  }
+
+  /// Makes room for `more` values, and for half as many as there are.
+  template <class T>
+  bool grow(std::vector<T>& values, std::size_t more) {
+    const std::size_t size = values.size() + more;
+    return size <= values.capacity() || allowance_.reserve(values, std::max(size, values.size() * 3 / 2));
+  }
+
+  std::size_t bytes_;
+  formats::Allowance allowance_;
   HighOrderMesh mesh_;
   std::size_t nodes_ = 0;
   std::int64_t elements_ = 0;
@@ -176,8 +226,8 @@ Expected<void> put_group(const PhysicalGroup& group, const formats::Sink& sink) 
 
 }  // namespace
 
-Expected<HighOrderMesh> read_mesh_parts(std::string_view bytes) {
-  Assembler assembler;
+Expected<HighOrderMesh> read_mesh_parts(std::string_view bytes, const StopToken* stop) try {
+  Assembler assembler(bytes.size(), stop);
   std::size_t offset = 0;
   for (int number = 1; offset < bytes.size(); ++number) {
     const auto refuse = [&](const std::string& what) {
@@ -199,7 +249,11 @@ Expected<HighOrderMesh> read_mesh_parts(std::string_view bytes) {
   }
   if (const std::string wrong = assembler.missing(); !wrong.empty())
     return bad_input("The parts of the mesh are incomplete: " + wrong + ".");
-  return assembler.take_mesh();
+  auto mesh = assembler.take_mesh();
+  if (!mesh) return bad_input(std::string("The parts of the mesh cannot be read: ") + kTooMuchMemory + ".");
+  return std::move(*mesh);
+} catch (const Interrupted&) {
+  return bad_input("Reading the parts of the mesh was stopped before their end.");
 }
 
 Expected<void> write_mesh_parts(const HighOrderMesh& mesh, const formats::Sink& sink) {

@@ -5,6 +5,7 @@
 #include <string_view>
 
 #include "core/base/error.h"
+#include "core/base/stop_token.h"
 #include "core/formats/formats.h"
 #include "core/marks/marks.h"
 #include "core/mesh/high_order_mesh.h"
@@ -12,8 +13,9 @@
 namespace varimesh::server {
 
 /// Reads a mesh from the bytes of its parts. Nodes and elements are numbered from 1 in the order of the parts. Errors:
-/// BadInput, with the number of the part and the byte at which it begins.
-Expected<HighOrderMesh> read_mesh_parts(std::string_view bytes);
+/// BadInput, with the number of the part and the byte at which it begins. Takes at most formats::most_memory_to_read().
+/// `stop`: if it asks to stop, reading ends soon, with an error; may be null.
+Expected<HighOrderMesh> read_mesh_parts(std::string_view bytes, const StopToken* stop = nullptr);
 
 /// Writes a mesh as parts of at most 1 MiB. Errors: Output if the sink stops, or a name is not UTF-8.
 Expected<void> write_mesh_parts(const HighOrderMesh& mesh, const formats::Sink& sink);

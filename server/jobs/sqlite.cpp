@@ -105,6 +105,14 @@ SqliteQuery SqliteDatabase::query_once(std::string_view statement) {
   return {database_.get(), prepare(statement, 0), SqliteQuery::Statement::Own};
 }
 
+void SqliteDatabase::copy_to(SqliteDatabase& target) {
+  sqlite3_backup* const copy = sqlite3_backup_init(target.database_.get(), "main", database_.get(), "main");
+  if (copy == nullptr) throw SqliteError(target.database_.get(), "backup");
+  const int result = sqlite3_backup_step(copy, -1);
+  sqlite3_backup_finish(copy);  // sets the error of the target
+  if (result != SQLITE_DONE) throw SqliteError(target.database_.get(), "backup");
+}
+
 // ===== transaction =====
 
 SqliteTransaction::~SqliteTransaction() {

@@ -77,6 +77,8 @@ class SqliteDatabase {
   SqliteQuery query(std::string_view statement);
   /// Runs a statement that is prepared for this call only, for statements with many variants.
   SqliteQuery query_once(std::string_view statement);
+  /// Copies the whole database, as it is at one moment, over another one, also while other processes write to it.
+  void copy_to(SqliteDatabase& target);
   std::int64_t last_key() const { return sqlite3_last_insert_rowid(database_.get()); }
   int changes() const { return sqlite3_changes(database_.get()); }
 

@@ -174,6 +174,12 @@ std::shared_ptr<const Blob> load_file(int file, Form form, const Content& conten
   return blob;
 }
 
+bool is_whole(const std::filesystem::path& path, Form form, const std::string& digest) {
+  const int file = ::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NOFOLLOW);
+  const auto reader = file < 0 ? nullptr : open_reader(file, form);
+  return reader != nullptr && read_all(*reader, {digest, reader->size()}, [](std::string_view) { return true; });
+}
+
 std::unique_ptr<BlobReader> read_file(int file, Form form, const Content& content) {
   auto reader = open_reader(file, form);
   if (reader != nullptr && !read_all(*reader, content, [](std::string_view) { return true; })) reader.reset();

@@ -30,4 +30,7 @@ std::shared_ptr<const Blob> load_file(int file, Form form, const Content& conten
 /// EBADMSG if the file does not have this content.
 std::unique_ptr<BlobReader> read_file(int file, Form form, const Content& content);
 
+/// Whether the file, read to its end, has the content of this digest.
+bool is_whole(const std::filesystem::path& path, Form form, const std::string& digest);
+
 }  // namespace varimesh::server

@@ -6,11 +6,18 @@
 
 namespace varimesh::server {
 
-bool MemoryBudget::take(std::int64_t bytes, const std::function<bool()>& given_up) {
+bool MemoryBudget::exchange(std::int64_t held, std::int64_t bytes, const std::function<bool()>& given_up) {
   std::unique_lock lock(mutex_);
   const void* place = &lock;
-  waiting_.push_back(place);
-  const auto is_turn = [&] { return waiting_.front() == place && (limit_ == 0 || taken_ + bytes <= limit_); };
+  const bool holds = held > 0;
+  waiting_.insert(holds ? waiting_.begin() + static_cast<std::ptrdiff_t>(holders_) : waiting_.end(), place);
+  holders_ += holds ? 1 : 0;
+  held_ += held;
+  changed_.notify_all();  // perhaps now all that hold memory wait
+  const auto is_turn = [&] {
+    const bool fits = limit_ == 0 || taken_ - held + bytes <= limit_;
+    return waiting_.front() == place && (fits || (holds && taken_ == held_));
+  };
   bool gave_up = false;
   while (!gave_up && !changed_.wait_for(lock, std::chrono::milliseconds(100), is_turn)) {
     lock.unlock();
@@ -18,7 +25,9 @@ bool MemoryBudget::take(std::int64_t bytes, const std::function<bool()>& given_u
     lock.lock();
   }
   waiting_.erase(std::find(waiting_.begin(), waiting_.end(), place));
-  if (!gave_up) taken_ += bytes;
+  holders_ -= holds ? 1 : 0;
+  held_ -= held;
+  if (!gave_up) taken_ += bytes - held;
   changed_.notify_all();
   return !gave_up;
 }

@@ -130,15 +130,17 @@ class Memory {
     if (taken_ > 0) budget_.give_back(taken_);
   }
 
-  /// Refuses a mesh that takes at least this much, before it is read.
-  Expected<void> check_least(std::int64_t bytes) const {
-    if (budget_.can_ever_fit(bytes)) return {};
-    return bad_input("The mesh takes at least " + mebibytes(bytes) +
-                     " of memory, but the jobs of this server have only " + mebibytes(budget_.limit()) +
-                     " together (its flag --max-memory-bytes); use a machine with more memory, or a smaller mesh.");
+  /// Takes the memory for reading a mesh: at least `least`, at most `most`, or all that there is. False if the attempt
+  /// is to end.
+  Expected<bool> take_for_reading(std::int64_t least, std::int64_t most) {
+    if (!budget_.can_ever_fit(least))
+      return bad_input("The mesh takes at least " + mebibytes(least) +
+                       " of memory, but the jobs of this server have only " + mebibytes(budget_.limit()) +
+                       " together (its flag --max-memory-bytes); use a machine with more memory, or a smaller mesh.");
+    return wait(budget_.can_ever_fit(most) ? most : budget_.limit());
   }
 
-  /// Whether the memory was taken; if not, the attempt is to end.
+  /// Takes the memory for a run, in place of that for reading its mesh. False if the attempt is to end.
   Expected<bool> take(std::int64_t bytes) {
     if (!budget_.can_ever_fit(bytes))
       return bad_input("The mesh needs about " + mebibytes(bytes) +
@@ -146,17 +148,22 @@ class Memory {
                        mebibytes(budget_.limit()) +
                        " together (its flag --max-memory-bytes); use a machine with more memory, a lower order, or "
                        "the method sweeps.");
+    return wait(bytes);
+  }
+
+ private:
+  bool wait(std::int64_t bytes) {
     bool rests = false;
-    const bool taken = budget_.take(bytes, [&] {
+    const auto given_up = [&] {
       if (!std::exchange(rests, true)) threads_.rest(true);
       return given_up_();
-    });
+    };
+    const bool taken = taken_ > 0 ? budget_.exchange(taken_, bytes, given_up) : budget_.take(bytes, given_up);
     if (rests) threads_.rest(false);
     if (taken) taken_ = bytes;
     return taken;
   }
 
- private:
   static std::string mebibytes(std::int64_t bytes) { return std::to_string((bytes >> 20) + 1) + " MiB"; }
 
   MemoryBudget& budget_;
@@ -285,7 +292,7 @@ Ending run(const Attempt& attempt) {
     checkpoints.save(iteration.number, write);
   };
   if (checkpoint != nullptr) hooks.control.checkpoint = checkpoint->bytes();
-  hooks.fits = [&](std::int64_t bytes) { return memory.check_least(bytes); };
+  hooks.admit_reading = [&](std::int64_t least, std::int64_t most) { return memory.take_for_reading(least, most); };
   hooks.admit = [&](std::int64_t bytes) { return memory.take(bytes); };
   hooks.given_up = given_up;
   hooks.open_output = [&](v1::MeshFormat format) { return outputs.open(format); };

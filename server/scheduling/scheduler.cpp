@@ -57,7 +57,8 @@ Answer<void> Scheduler::check(const v1::JobSpec& spec) {
   for (const auto& [key, value] : spec.labels())
     if (key.empty() || key.size() > 128 || value.size() > 128)
       return bad_request("A label's key must have 1 to 128 bytes, and its value at most 128.");
-  if (spec.priority() < -100 || spec.priority() > 100) return bad_request("The priority must be from -100 to 100.");
+  if (spec.priority() < -100 || spec.priority() > settings_.max_priority)
+    return bad_request("The priority must be from -100 to " + std::to_string(settings_.max_priority) + ".");
   if (spec.quality().lattice() < 0 || spec.quality().lattice() > kMostLatticeIntervals)
     return bad_request("The lattice must have 0 to " + std::to_string(kMostLatticeIntervals) + " intervals per edge.");
   const auto options = options_from(spec.options());

@@ -24,6 +24,7 @@ struct SchedulerSettings {
   int threads = 1;              ///< The thread budget. At most this many jobs run at a time.
   int max_pending = 1000;       ///< Jobs that may wait. More are refused with QUEUE_FULL.
   int max_pending_of_peer = 0;  ///< Jobs of one peer that may wait; PEER_LIMIT. 0: no limit.
+  int max_priority = 100;       ///< The highest priority of a job.
   int max_ended = 1000;         ///< Ended jobs that are kept with their results; older ones are deleted, but only
   std::chrono::milliseconds min_ended_age{0};         ///< this long after their end, however many there are.
   std::string worker = "local";                       ///< The name under which jobs are claimed, also after a restart.

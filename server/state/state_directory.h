@@ -20,6 +20,7 @@ class StateDirectory {
   StateDirectory(const StateDirectory&) = delete;
   StateDirectory& operator=(const StateDirectory&) = delete;
 
+  const std::filesystem::path& path() const { return path_; }
   /// The path of the jobs' database.
   std::string jobs() const { return (path_ / "jobs.sqlite").string(); }
   /// The path of the directory of meshes.

@@ -16,7 +16,7 @@ CASES = Path(os.environ["VARIMESH_SOURCE_DIR"]) / "tests" / "cases"
 MESH = CASES / "nine_triangles.msh"
 LARGER = CASES / "circle_p5.msh"
 # Options of an optimisation that goes on until it is cancelled.
-ENDLESS = ["--method", "sweeps", "--tolerance", "1e-300", "--max-iterations", "100000000"]
+ENDLESS = ["--method", "sweeps", "--tolerance", "1e-15", "--max-iterations", "100000"]
 
 # Two triangles of order 2. Node 5, the middle of the straight boundary edge from node 1 to node 2, lies beyond node 2.
 FOLDED = """$MeshFormat

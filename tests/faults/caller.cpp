@@ -111,7 +111,7 @@ v1::JobSpec sweeps(const std::string& digest, int iterations, int threads) {
   spec.mutable_mesh()->set_digest(digest);
   v1::Options& options = *spec.mutable_options();
   options.set_max_iterations(iterations);
-  options.set_tolerance(1e-300);
+  options.set_tolerance(1e-15);
   options.set_active_set(false);
   options.set_method(v1::METHOD_SWEEPS);
   options.set_threads(threads);

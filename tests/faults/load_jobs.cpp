@@ -22,7 +22,7 @@ void cancel(const Setting& setting, Verdict& verdict) {
   double queued = 0, running = 0;
   bool has_result = true;
   for (int i = 0; i < (setting.short_form ? 3 : 20); ++i) {
-    const std::string first = caller.submit(sweeps(digest, 1'000'000)), second = caller.submit(sweeps(digest, 10));
+    const std::string first = caller.submit(sweeps(digest, 100'000)), second = caller.submit(sweeps(digest, 10));
     caller.wait_for(first, {v1::JOB_STATE_RUNNING});
     auto begun = Clock::now();
     caller.cancel(second);

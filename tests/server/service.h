@@ -95,7 +95,13 @@ struct Service {
   explicit Service(ServerOptions options) {
     auto started = Server::start(std::move(options));
     if (!started) ADD_FAILURE() << started.error().sentence;
-    server = std::move(*started);
+    use(std::move(*started));
+  }
+  /// Without a server; use() gives it one.
+  Service() = default;
+
+  void use(std::unique_ptr<Server> running) {
+    server = std::move(running);
     channel = new_channel();
     jobs = v1::JobService::NewStub(channel);
     meshes = v1::MeshService::NewStub(channel);

@@ -4,6 +4,7 @@
 #include <limits>
 #include <unordered_set>
 
+#include "core/formats/gmsh/blocks.h"
 #include "core/formats/gmsh/read.h"
 #include "core/formats/pieces.h"
 
@@ -27,18 +28,22 @@ struct HeldElement {
     return physical.size() > kFew ? many.contains(group)
                                   : std::find(physical.begin(), physical.end(), group) != physical.end();
   }
-  void add(int group) {
-    physical.push_back(group);
+  void add(int group, const Scanner& scan) {
+    scan.add(physical, group);
+    if (physical.size() > kFew) scan.take_memory(kHashed);
     if (physical.size() > kFew + 1) many.insert(group);
     if (physical.size() == kFew + 1) many = {physical.begin(), physical.end()};
   }
-  void clear_groups() {
+  void clear_groups(const Scanner& scan) {
+    if (physical.size() > kFew && scan.allowance != nullptr)
+      scan.allowance->give_back((physical.size() - kFew) * kHashed);
     physical.clear();
     many.clear();
   }
 
  private:
-  static constexpr std::size_t kFew = 16;  // a search of more would take long if an element has thousands
+  static constexpr std::size_t kHashed = 64;  // what a group in the set takes, at most
+  static constexpr std::size_t kFew = 16;     // a search of more would take long if an element has thousands
 };
 
 // Reads elements one after another and collects them in blocks.
@@ -93,11 +98,12 @@ void ElementReader::read_tags(int count) {
   const int first = reading_.version < 22 ? 2 : 3;
   for (int k = first; k < count; ++k) {
     const int partition = scan_.integer("an element's partition");
-    if (k - first < said) partitions_.push_back(partition);
+    if (k - first < said) scan_.add(partitions_, partition);
   }
 }
 
 void ElementReader::read(std::int64_t number, int type, int tag_count) {
+  scan_.look();
   if (type != type_) set_type(type);
   if (number < 0) scan_.fail("element number " + std::to_string(number) + " is negative; renumber the mesh");
   if (tag_count < 0) scan_.fail("element " + std::to_string(number) + " has a negative number of tags");
@@ -111,16 +117,17 @@ void ElementReader::read(std::int64_t number, int type, int tag_count) {
                        held_.partitions == partitions_ && physical_ != 0 && !held_.physical.empty() &&
                        !held_.is_in(physical_);
   if (repeats) {
-    held_.add(physical_);
-    held_.repeats.push_back(number);
+    held_.add(physical_, scan_);
+    scan_.add(held_.repeats, number);
     return;
   }
   flush();
   held_.any = true;
   held_.type = type;
   held_.entity = entity_;
-  held_.clear_groups();
-  if (physical_ != 0) held_.add(physical_);
+  held_.clear_groups(scan_);
+  if (physical_ != 0) held_.add(physical_, scan_);
+  scan_.reserve(held_.partitions, partitions_.size());
   held_.partitions = partitions_;
   held_.number = number;
   held_.repeats.clear();
@@ -139,24 +146,17 @@ bool ElementReader::fits_block(const ElementBlock& block) const {
          block.physical == held_.physical && block.partitions == held_.partitions;
 }
 
-// Frees memory that a block does not need now that another one follows.
-void close(ElementBlock& block) {
-  if (block.size() == block.numbers.capacity()) return;
-  block.numbers.shrink_to_fit();
-  block.nodes.shrink_to_fit();
-}
-
 void ElementReader::flush() {
   if (!held_.any) return;
   if (blocks_.empty() || !fits_block(blocks_.back())) {
-    if (!blocks_.empty()) close(blocks_.back());
+    if (!blocks_.empty()) close(blocks_.back(), scan_);
     const GmshType kind = gmsh_type(held_.type);
-    blocks_.push_back({kind.shape, kind.order, held_.entity, held_.physical, {}, {}, held_.partitions, {}});
+    add_block(blocks_, {kind.shape, kind.order, held_.entity, held_.physical, {}, {}, held_.partitions, {}}, scan_);
   }
   ElementBlock& block = blocks_.back();
-  block.numbers.push_back(held_.number);
-  block.repeat_numbers.insert(block.repeat_numbers.end(), held_.repeats.begin(), held_.repeats.end());
-  block.nodes.insert(block.nodes.end(), held_.nodes.begin(), held_.nodes.end());
+  scan_.add(block.numbers, held_.number);
+  add_values(block.repeat_numbers, held_.repeats, scan_);
+  add_values(block.nodes, held_.nodes, scan_);
   held_.any = false;
 }
 
@@ -168,10 +168,11 @@ void ElementReader::hold_last() {
   held_.any = true;
   held_.type = gmsh_type_number(block.shape, block.order);
   held_.entity = block.entity;
-  held_.clear_groups();
-  for (const int group : block.physical) held_.add(group);
+  held_.clear_groups(scan_);
+  for (const int group : block.physical) held_.add(group, scan_);
   held_.partitions = block.partitions;
   held_.number = block.numbers.back();
+  scan_.reserve(held_.repeats, std::size_t(repeats));
   held_.repeats.assign(block.repeat_numbers.end() - repeats, block.repeat_numbers.end());
   held_.nodes.assign(block.nodes.end() - per_element, block.nodes.end());
   block.numbers.pop_back();
@@ -182,63 +183,6 @@ void ElementReader::hold_last() {
 
 // === Pieces ==============================================================================================
 
-// Puts the elements of one piece after another into the blocks of the mesh.
-class Joiner {
- public:
-  Joiner(std::vector<ElementBlock>& blocks, std::int64_t total) : blocks_(blocks), left_(total) {}
-
-  std::int64_t left() const { return left_; }  ///< Elements of the file that no piece has had.
-
-  // Refuses a piece that begins with the nodes of the last element: it may begin with a repetition. `lines`: elements
-  // of the file in the piece, repetitions included.
-  bool take(std::vector<ElementBlock>& piece, std::int64_t lines) {
-    if (lines > left_ || begins_like_last(piece)) return false;
-    left_ -= lines;
-    for (ElementBlock& block : piece) append(block);
-    return true;
-  }
-
- private:
-  bool begins_like_last(const std::vector<ElementBlock>& piece) const {
-    if (blocks_.empty() || piece.empty()) return false;
-    const ElementBlock &last = blocks_.back(), &first = piece.front();
-    if (last.shape != first.shape || last.order != first.order) return false;
-    const auto nodes = std::ptrdiff_t(last.nodes.size() / last.size());
-    return std::equal(last.nodes.end() - nodes, last.nodes.end(), first.nodes.begin());
-  }
-
-  void append(ElementBlock& more) {
-    if (blocks_.empty() || !fits(blocks_.back(), more)) {
-      if (!blocks_.empty()) close(blocks_.back());
-      blocks_.push_back(std::move(more));
-      return;
-    }
-    ElementBlock& block = blocks_.back();
-    grow(block, more.size());
-    block.numbers.insert(block.numbers.end(), more.numbers.begin(), more.numbers.end());
-    block.nodes.insert(block.nodes.end(), more.nodes.begin(), more.nodes.end());
-    block.repeat_numbers.insert(block.repeat_numbers.end(), more.repeat_numbers.begin(), more.repeat_numbers.end());
-  }
-
-  static bool fits(const ElementBlock& a, const ElementBlock& b) {
-    return a.shape == b.shape && a.order == b.order && a.entity == b.entity && a.physical == b.physical &&
-           a.partitions == b.partitions;
-  }
-
-  // Doubling the capacity would temporarily need up to three times the block's size. A block that is larger than a
-  // piece therefore reserves memory for all elements that may follow. Pages that are never used cost nothing, and the
-  // rest is freed at the end of the block.
-  void grow(ElementBlock& block, std::size_t more) const {
-    if (block.size() + more <= block.numbers.capacity()) return;
-    const std::size_t per_element = block.nodes.size() / block.size(), all = block.size() + more + std::size_t(left_);
-    block.numbers.reserve(all);
-    block.nodes.reserve(all * per_element);
-  }
-
-  std::vector<ElementBlock>& blocks_;
-  std::int64_t left_;
-};
-
 struct ElementsRead {
   std::vector<ElementBlock> blocks;
   std::int64_t lines = 0;
@@ -246,7 +190,7 @@ struct ElementsRead {
 
 void read_text(GmshReading& reading, std::int64_t n) {
   Scanner& scan = reading.scanner;
-  Joiner joiner(reading.mesh.blocks, n);
+  Joiner joiner(reading.mesh.blocks, n, scan);
   const auto parse = [&](const BytesPiece&, Scanner& from) {
     ElementsRead read;
     ElementReader reader(reading, from, read.blocks);
@@ -256,8 +200,9 @@ void read_text(GmshReading& reading, std::int64_t n) {
   };
   RecordCutter cutter(scan, n, 0);
   cutter.keeps_alike_lines_together = true;
-  read_in_pieces(scan, reading.team, cutter, parse,
-                 [&](const BytesPiece&, ElementsRead& read) { return joiner.take(read.blocks, read.lines); });
+  read_in_pieces(scan, reading.team, cutter, parse, [&](const BytesPiece& piece, ElementsRead& read) {
+    return joiner.take(read.blocks, read.lines, piece.bytes.size());
+  });
   ElementReader rest(reading, scan, reading.mesh.blocks);
   rest.hold_last();
   for (std::int64_t i = joiner.left(); i > 0; --i) rest.read_text();
@@ -352,7 +297,7 @@ void read_group_element(ElementReader& reader, Scanner& scan, Group& group) {
 
 void read_binary(GmshReading& reading, std::int64_t n) {
   Scanner& scan = reading.scanner;
-  Joiner joiner(reading.mesh.blocks, n);
+  Joiner joiner(reading.mesh.blocks, n, scan);
   Group group;
   const auto parse = [&](const GroupsPiece& piece, Scanner& from) {
     ElementsRead read;
@@ -366,7 +311,7 @@ void read_binary(GmshReading& reading, std::int64_t n) {
     return read;
   };
   const auto take = [&](const GroupsPiece& piece, ElementsRead& read) {
-    if (!joiner.take(read.blocks, read.lines)) return false;
+    if (!joiner.take(read.blocks, read.lines, piece.bytes.size())) return false;
     group = piece.after;
     return true;
   };

@@ -4,8 +4,9 @@
 #include "core/formats/gmsh/read.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
-#include <set>
+#include <map>
 
 #include "core/formats/format_table.h"
 
@@ -25,7 +26,9 @@ void NodeIndex::build(const std::vector<std::int64_t>& numbers, const Scanner& s
     largest_ = std::max(largest_, numbers[i]);
   }
   if (identity_) return;
+  scanner.look();
   if (largest_ <= std::int64_t(2 * numbers.size() + 1024)) {
+    scanner.reserve(dense_, std::size_t(largest_) + 1);
     dense_.assign(std::size_t(largest_) + 1, -1);
     for (std::size_t i = 0; i < numbers.size(); ++i) {
       std::int32_t& slot = dense_[std::size_t(numbers[i])];
@@ -34,6 +37,7 @@ void NodeIndex::build(const std::vector<std::int64_t>& numbers, const Scanner& s
     }
     return;
   }
+  scanner.reserve(sorted_, numbers.size());
   sorted_.resize(numbers.size());
   for (std::size_t i = 0; i < numbers.size(); ++i) sorted_[i] = {numbers[i], std::int32_t(i)};
   std::sort(sorted_.begin(), sorted_.end());
@@ -93,6 +97,7 @@ void read_physical_names(GmshReading& reading) {
   Scanner& scan = reading.scanner;
   const std::int64_t n = scan.count("the number of physical names", 4, true);
   for (std::int64_t i = 0; i < n; ++i) {
+    scan.look();
     PhysicalGroup group;
     const int first_number = int(scan.text_integer("a physical group's dimension"));
     scan.skip_space();
@@ -103,24 +108,37 @@ void read_physical_names(GmshReading& reading) {
     const std::size_t first = rest.find('"'), last = rest.rfind('"');
     if (first == std::string_view::npos || first == last)
       scan.fail("a physical group's name in quotation marks was expected");
+    scan.take_memory(kAllocation + last - first);
     group.name = rest.substr(first + 1, last - first - 1);
-    reading.mesh.physical_groups.push_back(std::move(group));
+    scan.add(reading.mesh.physical_groups, std::move(group));
   }
 }
 
 // The groups of version 2.0 have no dimension. They get those of the elements that are in them.
-void give_dimensions(HighOrderMesh& mesh) {
-  std::vector<PhysicalGroup> groups;
+void give_dimensions(GmshReading& reading) {
+  HighOrderMesh& mesh = reading.mesh;
+  const auto has_none = [](const PhysicalGroup& group) { return group.dimension < 0; };
+  if (std::ranges::none_of(mesh.physical_groups, has_none)) return;
+  std::map<int, std::array<bool, 4>> found;  // by tag: the dimensions of its elements
   for (const PhysicalGroup& group : mesh.physical_groups) {
-    if (group.dimension >= 0) {
-      groups.push_back(group);
-      continue;
+    reading.scanner.take_memory(kTreeNode);
+    found[group.tag] = {};
+  }
+  for (const ElementBlock& block : mesh.blocks)
+    for (const int tag : block.physical) {
+      reading.scanner.look();
+      if (const auto at = found.find(tag); at != found.end())
+        at->second[std::size_t(reference::info(block.shape).dimension)] = true;
     }
-    std::set<int> dimensions;
-    for (const ElementBlock& block : mesh.blocks)
-      if (std::ranges::find(block.physical, group.tag) != block.physical.end())
-        dimensions.insert(reference::info(block.shape).dimension);
-    for (int dimension : dimensions) groups.push_back({dimension, group.tag, group.name});
+  std::vector<PhysicalGroup> groups;
+  const auto add = [&](int dimension, const PhysicalGroup& group) {
+    reading.scanner.take_memory(kAllocation + group.name.size());
+    reading.scanner.add(groups, PhysicalGroup{dimension, group.tag, group.name});
+  };
+  for (const PhysicalGroup& group : mesh.physical_groups) {
+    if (!has_none(group)) add(group.dimension, group);
+    for (int dimension = 0; dimension < 4 && has_none(group); ++dimension)
+      if (found[group.tag][std::size_t(dimension)]) add(dimension, group);
   }
   mesh.physical_groups = std::move(groups);
 }
@@ -130,7 +148,8 @@ void read_foreign(GmshReading& reading, const std::string& name) {
   bool found = false;
   const std::string_view bytes = reading.scanner.until_line("$End" + name, found);
   if (!found) reading.scanner.fail_truncated(("$End" + name).c_str());
-  reading.mesh.foreign.push_back({name, std::string(bytes), {}});
+  reading.scanner.take_memory(bytes.size() + name.size() + 3 * kAllocation);
+  reading.scanner.add(reading.mesh.foreign, ForeignSection{name, std::string(bytes), {}});
 }
 
 void expect_end(Scanner& scan, const std::string& name) {
@@ -173,7 +192,8 @@ void read_section(GmshReading& reading, const std::string& name) {
       reading.scanner.fail(std::string("partitions are not read from files of version 4.0; ") + kHowTo);
     if (name == "PartitionedEntities" && !v22) {
       // The section is kept unchanged, but also read, because it says in which groups the parts are.
-      GmshReading copy{reading.team, reading.scanner, {}, reading.format, reading.version, {}, {}, false, false};
+      GmshReading copy{
+          reading.team, reading.allowance, reading.scanner, {}, reading.format, reading.version, {}, {}, false, false};
       read_partitioned_entities_41(copy);
       reading.entity_groups.merge(copy.entity_groups);
     }
@@ -198,10 +218,13 @@ bool begins_like_gmsh(std::string_view bytes) {
 }
 
 Expected<MeshFile> read_gmsh(std::string_view bytes, const Team& team) {
-  GmshReading reading{team, Scanner(bytes), {}, Format::Auto, 0, {}, {}, false, false};
+  Allowance allowance(most_mesh_memory(std::int64_t(bytes.size())), team.stop());
+  GmshReading reading{team, allowance, Scanner(bytes), {}, Format::Auto, 0, {}, {}, false, false};
   Scanner& scan = reading.scanner;
+  scan.allowance = &allowance;
   for (scan.skip_space(); !scan.at_end(); scan.skip_space()) {
     scan.section.clear();
+    scan.look();
     if (scan.peek() != '$') scan.fail("the first line of a section ($...) was expected");
     const std::string name(scan.line().substr(1));
     scan.section = name.substr(0, 40);
@@ -223,7 +246,7 @@ Expected<MeshFile> read_gmsh(std::string_view bytes, const Team& team) {
   if (!reading.has_elements) scan.fail_truncated("$Elements");
   for (ForeignSection& foreign : reading.mesh.foreign) foreign.format = format_name(reading.format);
   set_dimension_and_order(reading.mesh);
-  give_dimensions(reading.mesh);
+  give_dimensions(reading);
   return MeshFile{std::move(reading.mesh), reading.format};
 }
 

@@ -43,6 +43,7 @@ using EntityGroups = std::map<std::pair<int, int>, std::vector<int>>;
 /// The state of reading one file.
 struct GmshReading {
   const Team& team;
+  Allowance& allowance;
   Scanner scanner;
   HighOrderMesh mesh;
   Format format = Format::Auto;  ///< Files of versions 2.0 and 2.1 count as 2.2, and those of 4.0 as 4.1.
@@ -69,6 +70,9 @@ struct GmshReading {
 
 /// The shape and order for a number of an element type. Fails if VariMesh cannot read such elements.
 GmshType accepted_type(const Scanner& scanner, int number);
+
+/// Gives a block the physical groups of its entity.
+void take_groups(GmshReading& reading, int dimension, ElementBlock& block);
 
 /// Each reads the contents of one section. The scanner has read the line with the section's name.
 void read_nodes_22(GmshReading& reading);

@@ -15,8 +15,9 @@ struct NodesRead {
 
 // Appends one node.
 void read_node(Scanner& from, bool parametric, std::vector<std::int64_t>& numbers, std::vector<double>& coordinates) {
-  numbers.push_back(from.binary ? from.integer("a node's number") : from.text_integer("a node's number"));
-  for (std::size_t k = 0; k < 3; ++k) coordinates.push_back(from.number("a node's coordinate"));
+  from.look();
+  from.add<std::int64_t>(numbers, from.binary ? from.integer("a node's number") : from.text_integer("a node's number"));
+  for (std::size_t k = 0; k < 3; ++k) from.add(coordinates, from.number("a node's coordinate"));
   if (!parametric) return;
   // Parameters on the entity are skipped, because they are wrong after the nodes have moved.
   const int dimension = from.integer("a node's entity dimension");
@@ -33,8 +34,8 @@ void read_nodes_22(GmshReading& reading) {
   const bool parametric = scan.section == "ParametricNodes";
   const std::int64_t n = scan.count("the number of nodes", 8, true);
   if (scan.binary) scan.line();
-  mesh.node_numbers.reserve(std::size_t(n));
-  mesh.coordinates.reserve(std::size_t(3 * n));
+  scan.reserve(mesh.node_numbers, std::size_t(n));
+  scan.reserve(mesh.coordinates, std::size_t(3 * n));
   const auto parse = [&](const BytesPiece&, Scanner& from) {
     NodesRead read;
     for (from.skip_space_of_text(); !from.at_end(); from.skip_space_of_text())
@@ -60,6 +61,7 @@ void read_periodic_22(GmshReading& reading) {
   Scanner& scan = reading.scanner;
   const std::int64_t links = scan.count("the number of periodic links", 6, true);
   for (std::int64_t i = 0; i < links; ++i) {
+    scan.look();
     PeriodicLink link;
     link.dimension = int(scan.text_integer("a periodic entity's dimension"));
     link.entity = int(scan.text_integer("a periodic entity"));
@@ -69,17 +71,18 @@ void read_periodic_22(GmshReading& reading) {
       Scanner affine(scan.line().substr(6));
       affine.section = scan.section;
       for (affine.skip_space(); !affine.at_end(); affine.skip_space())
-        link.affine.push_back(affine.text_number("a periodic link's affine map"));
+        scan.add(link.affine, affine.text_number("a periodic link's affine map"));
     }
     const std::int64_t n = scan.count("the number of periodic nodes", 3, true);
-    link.nodes.reserve(std::size_t(n));
+    scan.reserve(link.nodes, std::size_t(n));
     for (std::int64_t k = 0; k < n; ++k) {
+      scan.look();
       const std::int64_t slave = scan.text_integer("a periodic node");
       const std::int64_t master = scan.text_integer("a periodic node's master");
       link.nodes.emplace_back(reading.node(slave, "periodic entity", link.entity),
                               reading.node(master, "periodic entity", link.entity));
     }
-    reading.mesh.periodic.push_back(std::move(link));
+    scan.add(reading.mesh.periodic, std::move(link));
   }
 }
 

@@ -17,8 +17,8 @@ void read_nodes_40(GmshReading& reading) {
   HighOrderMesh& mesh = reading.mesh;
   const std::int64_t blocks = scan.count("the number of node blocks", 8);
   const std::int64_t total = scan.count("the number of nodes", 8);
-  mesh.node_numbers.reserve(std::size_t(total));
-  mesh.coordinates.reserve(std::size_t(3 * total));
+  scan.reserve(mesh.node_numbers, std::size_t(total));
+  scan.reserve(mesh.coordinates, std::size_t(3 * total));
   for (std::int64_t b = 0; b < blocks; ++b) {
     NodeBlock block;
     block.entity = scan.integer("a node block's entity");
@@ -31,11 +31,13 @@ void read_nodes_40(GmshReading& reading) {
     // Parameters on curves and surfaces are skipped, because they are wrong after the nodes have moved.
     const int parameters = parametric && block.dimension < 3 ? block.dimension : 0;
     for (std::int64_t i = 0; i < n; ++i) {
+      scan.look();
       mesh.node_numbers.push_back(scan.integer("a node's number"));
       for (int k = 0; k < 3; ++k) mesh.coordinates.push_back(scan.number("a node's coordinate"));
       for (int k = 0; k < parameters; ++k) scan.number("a node's parameter");
     }
-    mesh.node_blocks.push_back(block);
+    scan.look();
+    scan.add(mesh.node_blocks, block);
   }
   if (std::int64_t(mesh.node_numbers.size()) != total) scan.fail("the node blocks have fewer nodes than announced");
   reading.index.build(mesh.node_numbers, scan);
@@ -60,15 +62,18 @@ void read_elements_40(GmshReading& reading) {
         scan.count("an element block's number of elements", (per_element + 1) * (scan.binary ? 4 : 2));
     if (n > left) scan.fail("the element blocks have more elements than announced");
     left -= n;
-    if (const auto at = reading.entity_groups.find({dimension, block.entity}); at != reading.entity_groups.end())
-      block.physical = at->second;
+    take_groups(reading, dimension, block);
+    scan.look();
+    scan.reserve(block.numbers, std::size_t(n));
+    scan.reserve(block.nodes, std::size_t(n) * per_element);
     for (std::int64_t i = 0; i < n; ++i) {
+      scan.look();
       const int number = scan.integer("an element's number");
       block.numbers.push_back(number);
       for (std::size_t k = 0; k < per_element; ++k)
         block.nodes.push_back(reading.node(scan.integer("an element's node"), "element", number));
     }
-    reading.mesh.blocks.push_back(std::move(block));
+    scan.add(reading.mesh.blocks, std::move(block));
   }
   if (left != 0) scan.fail("the element blocks have fewer elements than announced");
 }

@@ -8,7 +8,9 @@ namespace {
 
 std::vector<int> read_tags(Scanner& scan, const char* how_many, const char* what) {
   const std::int64_t n = scan.count(how_many, scan.binary ? 4 : 2);
-  std::vector<int> tags(static_cast<std::size_t>(n));
+  std::vector<int> tags;
+  scan.reserve(tags, static_cast<std::size_t>(n));
+  tags.resize(static_cast<std::size_t>(n));
   for (int& tag : tags) tag = scan.integer(what);
   return tags;
 }
@@ -37,7 +39,7 @@ void read_node_numbers(GmshReading& reading, std::int64_t count) {
   const auto parse = [](const BytesPiece&, Scanner& from) {
     std::vector<std::int64_t> read;
     for (from.skip_space_of_text(); !from.at_end(); from.skip_space_of_text())
-      read.push_back(from.size("a node's number"));
+      from.add(read, from.size("a node's number"));
     return read;
   };
   const auto take = [&](const BytesPiece&, const std::vector<std::int64_t>& read) {
@@ -46,7 +48,7 @@ void read_node_numbers(GmshReading& reading, std::int64_t count) {
     return true;
   };
   read_in_pieces(scan, reading.team, RecordCutter(scan, count, 8), parse, take);
-  while (numbers.size() < end) numbers.push_back(scan.size("a node's number"));
+  for (; numbers.size() < end; scan.look()) scan.add(numbers, scan.size("a node's number"));
 }
 
 // Appends the coordinates of `count` nodes to the mesh's.
@@ -55,7 +57,8 @@ void read_coordinates(GmshReading& reading, std::int64_t count, int parameters) 
   std::vector<double>& coordinates = reading.mesh.coordinates;
   const std::size_t end = coordinates.size() + 3 * std::size_t(count);
   const auto node = [&](Scanner& from, std::vector<double>& to) {
-    for (int k = 0; k < 3; ++k) to.push_back(from.number("a node's coordinate"));
+    from.look();
+    for (int k = 0; k < 3; ++k) from.add(to, from.number("a node's coordinate"));
     for (int k = 0; k < parameters; ++k) from.number("a node's parameter");
   };
   const auto parse = [&](const BytesPiece&, Scanner& from) {
@@ -80,17 +83,18 @@ struct ElementsRead {
 // Appends one element.
 void read_element(const GmshReading& reading, Scanner& from, std::size_t per_element,
                   std::vector<std::int64_t>& numbers, std::vector<std::int32_t>& nodes) {
+  from.look();
   const std::int64_t number = from.size("an element's number");
-  numbers.push_back(number);
+  from.add(numbers, number);
   for (std::size_t k = 0; k < per_element; ++k)
-    nodes.push_back(reading.node(from, from.size("an element's node"), "element", number));
+    from.add(nodes, reading.node(from, from.size("an element's node"), "element", number));
 }
 
 // Reads the `count` elements of a block.
 void read_block_elements(GmshReading& reading, std::int64_t count, std::size_t per_element, ElementBlock& block) {
   Scanner& scan = reading.scanner;
-  block.numbers.reserve(std::size_t(count));
-  block.nodes.reserve(std::size_t(count) * per_element);
+  scan.reserve(block.numbers, std::size_t(count));
+  scan.reserve(block.nodes, std::size_t(count) * per_element);
   const auto parse = [&](const BytesPiece&, Scanner& from) {
     ElementsRead read;
     for (from.skip_space_of_text(); !from.at_end(); from.skip_space_of_text())
@@ -108,7 +112,21 @@ void read_block_elements(GmshReading& reading, std::int64_t count, std::size_t p
     read_element(reading, scan, per_element, block.numbers, block.nodes);
 }
 
+// Keeps the groups of an entity for the elements that follow.
+void note_groups(GmshReading& reading, const Entity& entity) {
+  if (entity.physical.empty()) return;
+  reading.scanner.take_memory(kTreeNode + kAllocation + entity.physical.size() * sizeof(int));
+  reading.entity_groups[{entity.dimension, entity.tag}] = entity.physical;
+}
+
 }  // namespace
+
+void take_groups(GmshReading& reading, int dimension, ElementBlock& block) {
+  const auto at = reading.entity_groups.find({dimension, block.entity});
+  if (at == reading.entity_groups.end()) return;
+  reading.scanner.reserve(block.physical, at->second.size());
+  block.physical = at->second;
+}
 
 void read_entities_41(GmshReading& reading) {
   Scanner& scan = reading.scanner;
@@ -116,13 +134,14 @@ void read_entities_41(GmshReading& reading) {
   for (std::int64_t& n : counts) n = scan.count("the number of entities", 8);
   for (int d = 0; d < 4; ++d)
     for (std::int64_t i = 0; i < counts[std::size_t(d)]; ++i) {
+      scan.look();
       Entity entity;
       entity.dimension = d;
       entity.tag = scan.integer("an entity's tag");
       read_box(scan, entity, reading.version);
       read_groups_and_boundary(scan, entity);
-      if (!entity.physical.empty()) reading.entity_groups[{d, entity.tag}] = entity.physical;
-      reading.mesh.entities.push_back(std::move(entity));
+      note_groups(reading, entity);
+      scan.add(reading.mesh.entities, std::move(entity));
     }
 }
 
@@ -135,6 +154,7 @@ void read_partitioned_entities_41(GmshReading& reading) {
   for (std::int64_t& n : counts) n = scan.count("the number of partitioned entities", 8);
   for (int d = 0; d < 4; ++d)
     for (std::int64_t i = 0; i < counts[std::size_t(d)]; ++i) {
+      scan.look();
       Entity entity;
       entity.dimension = d;
       entity.tag = scan.integer("a partitioned entity's tag");
@@ -143,7 +163,7 @@ void read_partitioned_entities_41(GmshReading& reading) {
       read_tags(scan, "a partitioned entity's number of partitions", "a partition");
       read_box(scan, entity, reading.version);
       read_groups_and_boundary(scan, entity);
-      if (!entity.physical.empty()) reading.entity_groups[{d, entity.tag}] = entity.physical;
+      note_groups(reading, entity);
     }
 }
 
@@ -154,8 +174,8 @@ void read_nodes_41(GmshReading& reading) {
   const std::int64_t total = scan.count("the number of nodes", 8);
   scan.size("the smallest node number");
   scan.size("the largest node number");
-  mesh.node_numbers.reserve(std::size_t(total));
-  mesh.coordinates.reserve(std::size_t(3 * total));
+  scan.reserve(mesh.node_numbers, std::size_t(total));
+  scan.reserve(mesh.coordinates, std::size_t(3 * total));
   for (std::int64_t b = 0; b < blocks; ++b) {
     NodeBlock block;
     block.dimension = scan.integer("a node block's dimension");
@@ -169,7 +189,8 @@ void read_nodes_41(GmshReading& reading) {
     read_node_numbers(reading, n);
     // Parameters on the entity are skipped, because they are wrong after the nodes have moved.
     read_coordinates(reading, n, parametric != 0 ? block.dimension : 0);
-    mesh.node_blocks.push_back(block);
+    scan.look();
+    scan.add(mesh.node_blocks, block);
   }
   if (std::int64_t(mesh.node_numbers.size()) != total) scan.fail("the node blocks have fewer nodes than announced");
   reading.index.build(mesh.node_numbers, scan);
@@ -196,10 +217,10 @@ void read_elements_41(GmshReading& reading) {
         scan.count("an element block's number of elements", (per_element + 1) * (scan.binary ? 8 : 2));
     if (n > left) scan.fail("the element blocks have more elements than announced");
     left -= n;
-    if (const auto at = reading.entity_groups.find({dimension, block.entity}); at != reading.entity_groups.end())
-      block.physical = at->second;
+    scan.look();
+    take_groups(reading, dimension, block);
     read_block_elements(reading, n, per_element, block);
-    reading.mesh.blocks.push_back(std::move(block));
+    scan.add(reading.mesh.blocks, std::move(block));
   }
   if (left != 0) scan.fail("the element blocks have fewer elements than announced");
 }
@@ -208,22 +229,25 @@ void read_periodic_41(GmshReading& reading) {
   Scanner& scan = reading.scanner;
   const std::int64_t links = scan.count("the number of periodic links", 8);
   for (std::int64_t i = 0; i < links; ++i) {
+    scan.look();
     PeriodicLink link;
     link.dimension = scan.integer("a periodic entity's dimension");
     link.entity = scan.integer("a periodic entity");
     link.master = scan.integer("a periodic entity's master");
     const std::int64_t affine = scan.count("the length of a periodic link's affine map", 2);
+    scan.reserve(link.affine, std::size_t(affine));
     link.affine.resize(std::size_t(affine));
     for (double& value : link.affine) value = scan.number("a periodic link's affine map");
     const std::int64_t n = scan.count("the number of periodic nodes", scan.binary ? 16 : 3);
-    link.nodes.reserve(std::size_t(n));
+    scan.reserve(link.nodes, std::size_t(n));
     for (std::int64_t k = 0; k < n; ++k) {
+      scan.look();
       const std::int64_t slave = scan.size("a periodic node");
       const std::int64_t master = scan.size("a periodic node's master");
       link.nodes.emplace_back(reading.node(slave, "periodic entity", link.entity),
                               reading.node(master, "periodic entity", link.entity));
     }
-    reading.mesh.periodic.push_back(std::move(link));
+    scan.add(reading.mesh.periodic, std::move(link));
   }
 }
 

@@ -56,6 +56,7 @@ void read_elements(MfemReading& reading, int dimension, const char* what) {
   std::int64_t number = 0;
   for (const ElementBlock& block : blocks) number += std::int64_t(block.size());
   for (std::int64_t e = 0; e < n; ++e) {
+    scan.look();
     const std::int64_t attribute = scan.text_integer("an element's attribute");
     const std::int64_t geometry = scan.text_integer("an element's geometry type");
     if (attribute < 1 || attribute > kMostAttribute)
@@ -67,12 +68,14 @@ void read_elements(MfemReading& reading, int dimension, const char* what) {
     if (reference::info(shape).dimension != dimension)
       scan.fail("an element of geometry type " + std::to_string(geometry) + " does not have dimension " +
                 std::to_string(dimension));
-    if (blocks.size() == own || blocks.back().shape != shape || blocks.back().entity != int(attribute))
-      blocks.push_back({shape, 1, int(attribute), {int(attribute)}, {}, {}, {}, {}});
+    if (blocks.size() == own || blocks.back().shape != shape || blocks.back().entity != int(attribute)) {
+      scan.take_memory(kAllocation + sizeof(int));
+      scan.add(blocks, ElementBlock{shape, 1, int(attribute), {int(attribute)}, {}, {}, {}, {}});
+    }
     ElementBlock& block = blocks.back();
-    block.numbers.push_back(++number);
+    scan.add(block.numbers, ++number);
     for (int v = 0; v < reference::info(shape).vertices; ++v)
-      block.nodes.push_back(scan.integer("an element's vertex"));
+      scan.add(block.nodes, scan.integer("an element's vertex"));
   }
 }
 
@@ -100,6 +103,7 @@ std::vector<AttributeSet> read_sets(Scanner& scan) {
   const std::int64_t n = scan.count("the number of attribute sets", 4);
   std::vector<AttributeSet> sets;
   for (std::int64_t i = 0; i < n; ++i) {
+    scan.look();
     AttributeSet set;
     skip_comments(scan);
     const std::string_view rest = scan.rest();
@@ -107,16 +111,18 @@ std::vector<AttributeSet> read_sets(Scanner& scan) {
     if (scan.at_end()) scan.fail_truncated("an attribute set");
     if (rest.front() != '"' || end == std::string_view::npos)
       scan.fail("the name of an attribute set in quotation marks was expected");
+    scan.take_memory(end + kAllocation);
     set.name = rest.substr(1, end - 1);
     scan.go_to(scan.offset() + end + 1);
     const std::int64_t size = scan.count("the number of attributes in a set", 2);
     for (std::int64_t k = 0; k < size; ++k) {
-      set.attributes.push_back(scan.integer("an attribute of a set"));
+      scan.look();
+      scan.add(set.attributes, scan.integer("an attribute of a set"));
       if (set.attributes.back() < 1 || set.attributes.back() > kMostAttribute)
         scan.fail("the attribute " + std::to_string(set.attributes.back()) + " of a set is not from 1 to " +
                   std::to_string(kMostAttribute));
     }
-    sets.push_back(std::move(set));
+    scan.add(sets, std::move(set));
   }
   return sets;
 }
@@ -126,29 +132,36 @@ std::vector<AttributeSet> read_sets(Scanner& scan) {
 void name_groups(MfemReading& reading, int dimension, const std::vector<AttributeSet>& sets) {
   if (sets.empty()) return;
   HighOrderMesh& mesh = reading.mesh;
+  const Scanner& scan = reading.scanner;
   std::map<int, std::vector<ElementBlock*>> blocks;  // by attribute
-  for (ElementBlock& block : mesh.blocks)
-    if (reference::info(block.shape).dimension == dimension) blocks[block.entity].push_back(&block);
+  for (ElementBlock& block : mesh.blocks) {
+    if (reference::info(block.shape).dimension != dimension) continue;
+    scan.take_memory(kTreeNode);
+    scan.add(blocks[block.entity], &block);
+  }
   std::set<int> tags, named;
   for (const auto& [attribute, own] : blocks) tags.insert(attribute);
-  for (const AttributeSet& set : sets) tags.insert(set.attributes.begin(), set.attributes.end());
-  constexpr std::size_t kMostMemberships = 100'000'000;
-  std::size_t memberships = 0;
+  for (const AttributeSet& set : sets) {
+    scan.take_memory(3 * set.attributes.size() * kTreeNode);  // tags, named and the set below
+    tags.insert(set.attributes.begin(), set.attributes.end());
+  }
   for (const AttributeSet& set : sets) {
     const bool names_one = set.attributes.size() == 1 && named.insert(set.attributes[0]).second;
+    scan.take_memory(set.name.size() + kAllocation + kTreeNode);
     if (names_one) {
-      mesh.physical_groups.push_back({dimension, set.attributes[0], set.name});
+      scan.add(mesh.physical_groups, PhysicalGroup{dimension, set.attributes[0], set.name});
       continue;
     }
     const int tag = tags.empty() ? 1 : *tags.rbegin() + 1;
     tags.insert(tag);
-    mesh.physical_groups.push_back({dimension, tag, set.name});
+    scan.add(mesh.physical_groups, PhysicalGroup{dimension, tag, set.name});
     for (const int attribute : std::set<int>(set.attributes.begin(), set.attributes.end())) {
       const auto found = blocks.find(attribute);
       if (found == blocks.end()) continue;
-      memberships += found->second.size();
-      if (memberships > kMostMemberships) reading.scanner.fail("the attribute sets put elements into too many groups");
-      for (ElementBlock* block : found->second) block->physical.push_back(tag);
+      for (ElementBlock* block : found->second) {
+        scan.look();
+        scan.add(block->physical, tag);
+      }
     }
   }
 }
@@ -190,6 +203,9 @@ void read_space(MfemReading& reading) {
   if (reading.nodes.components < reading.mesh.dimension) scan.fail("the nodes have fewer components than dimensions");
   if (ordering != 0 && ordering != 1) scan.fail("the ordering must be 0 (by nodes) or 1 (by components)");
   reading.nodes.by_nodes = ordering == 0;
+  // Every vertex of a cell has coordinates of its own, of at least two bytes each.
+  if (std::size_t(reading.vertices) * std::size_t(reading.nodes.components) > scan.left())
+    scan.fail_truncated("the coordinates of all vertices");
   if (!versioned) return;
   if (peek_word(scan).starts_with("NURBS"))
     scan.fail("the nodes are those of NURBS; save the mesh after Mesh::SetCurvature(order)");
@@ -206,8 +222,9 @@ void read_vertex_coordinates(MfemReading& reading) {
               std::to_string(reading.mesh.dimension));
   if (std::size_t(reading.vertices) * std::size_t(components) > scan.left())
     scan.fail_truncated("the vertices' coordinates");
+  scan.reserve(reading.mesh.coordinates, 3 * std::size_t(reading.vertices));
   reading.mesh.coordinates.assign(3 * std::size_t(reading.vertices), 0.0);
-  for (std::size_t v = 0; v < std::size_t(reading.vertices); ++v)
+  for (std::size_t v = 0; v < std::size_t(reading.vertices); ++v, scan.look())
     for (std::size_t c = 0; c < std::size_t(components); ++c)
       reading.mesh.coordinates[3 * v + c] = scan.number("a vertex's coordinate");
   reading.nodes.components = components;
@@ -217,9 +234,11 @@ void read_vertex_coordinates(MfemReading& reading) {
 
 bool begins_like_mfem(std::string_view bytes) { return bytes.starts_with("MFEM "); }
 
-Expected<MeshFile> read_mfem(std::string_view bytes, const Team&) {
+Expected<MeshFile> read_mfem(std::string_view bytes, const Team& team) {
+  Allowance allowance(most_mesh_memory(std::int64_t(bytes.size())), team.stop());
   MfemReading reading{Scanner(bytes), {}, {}, 0};
   Scanner& scan = reading.scanner;
+  scan.allowance = &allowance;
   HighOrderMesh& mesh = reading.mesh;
   const int version = read_version(scan);
   expect(scan, "dimension");
@@ -262,6 +281,7 @@ Expected<MeshFile> read_mfem(std::string_view bytes, const Team&) {
       scan.fail("something follows the last number: the sections have other sizes than they announce");
   }
   const std::size_t nodes = mesh.node_count();
+  scan.reserve(mesh.node_numbers, nodes);
   mesh.node_numbers.resize(nodes);
   for (std::size_t i = 0; i < nodes; ++i) mesh.node_numbers[i] = std::int64_t(i) + 1;
   mesh.node_blocks.push_back({-1, 0, 0, std::int32_t(nodes)});

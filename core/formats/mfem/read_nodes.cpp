@@ -16,12 +16,14 @@ bool has_cells(const HighOrderMesh& mesh, const ElementBlock& block) {
 }
 
 MfemTopology topology_of(const MfemReading& reading) {
-  MfemTopology topology(reading.mesh.dimension, reading.nodes.space.order, reading.vertices);
+  MfemTopology topology(reading.mesh.dimension, reading.nodes.space.order, reading.vertices, &reading.scanner);
   for (const ElementBlock& block : reading.mesh.blocks) {
     if (!has_cells(reading.mesh, block)) continue;
     const auto vertices = std::size_t(reference::info(block.shape).vertices);
-    for (std::size_t e = 0; e < block.size(); ++e)
+    for (std::size_t e = 0; e < block.size(); ++e) {
+      reading.scanner.look();
       topology.add(block.shape, {block.nodes.data() + e * vertices, vertices});
+    }
   }
   topology.finish();
   return topology;
@@ -51,12 +53,15 @@ void set_element_nodes(MfemReading& reading, const MfemTopology& topology) {
     const auto vertices = std::size_t(reference::info(block.shape).vertices);
     const auto count = std::size_t(reference::node_count(block.shape, order));
     const int inner = cells ? inner_node_count(block.shape, order) : 0;
-    std::vector<std::int32_t> nodes(block.size() * count);
-    for (std::size_t e = 0; e < block.size(); ++e, interior += inner)
+    std::vector<std::int32_t> nodes;
+    reading.scanner.reserve(nodes, block.size() * count);
+    nodes.resize(block.size() * count);
+    for (std::size_t e = 0; e < block.size(); ++e, interior += inner, reading.scanner.look())
       if (!topology.find_nodes(block.shape, {block.nodes.data() + e * vertices, vertices}, std::int32_t(interior),
                                {nodes.data() + e * count, count}))
         reading.scanner.fail("boundary element " + std::to_string(block.numbers[e]) +
                              " (counted from 1, after the elements) is on no element of the mesh");
+    reading.scanner.allowance->give_back(block.nodes.capacity() * sizeof block.nodes[0]);
     block.nodes = std::move(nodes);
     block.order = order;
   }
@@ -69,12 +74,14 @@ void read_values(MfemReading& reading, std::int64_t dofs) {
   std::vector<double>& x = reading.mesh.coordinates;
   const auto components = std::size_t(reading.nodes.components);
   if (std::size_t(dofs) * components > scan.left()) scan.fail_truncated("the coordinates of all nodes");
+  scan.reserve(x, 3 * std::size_t(dofs));
   x.assign(3 * std::size_t(dofs), 0.0);
   if (reading.nodes.by_nodes) {
     for (std::size_t c = 0; c < components; ++c)
-      for (std::size_t i = 0; i < std::size_t(dofs); ++i) x[3 * i + c] = scan.number("a node's coordinate");
+      for (std::size_t i = 0; i < std::size_t(dofs); ++i, scan.look())
+        x[3 * i + c] = scan.number("a node's coordinate");
   } else {
-    for (std::size_t i = 0; i < std::size_t(dofs); ++i)
+    for (std::size_t i = 0; i < std::size_t(dofs); ++i, scan.look())
       for (std::size_t c = 0; c < components; ++c) x[3 * i + c] = scan.number("a node's coordinate");
   }
 }
@@ -153,7 +160,10 @@ class InPlace {
     for (const ElementBlock& block : reading_.mesh.blocks) {
       if (!has_cells(reading_.mesh, block)) continue;
       const auto count = std::size_t(reference::node_count(block.shape, space_.order));
-      for (std::size_t e = 0; e < block.size(); ++e) body(block, e, std::span(block.nodes.data() + e * count, count));
+      for (std::size_t e = 0; e < block.size(); ++e) {
+        reading_.scanner.look();
+        body(block, e, std::span(block.nodes.data() + e * count, count));
+      }
     }
   }
 
@@ -229,6 +239,7 @@ class Joining {
  public:
   Joining(MfemReading& reading, std::size_t nodes)
       : reading_(reading), x_(reading.mesh.coordinates), known_(3 * nodes, false) {
+    reading.scanner.reserve(x_, 3 * nodes);
     x_.assign(3 * nodes, 0.0);
   }
 
@@ -276,6 +287,7 @@ void read_discontinuous(MfemReading& reading, const MfemTopology& topology) {
       const Eigen::Index n = conversion.to_nodes.cols();
       Eigen::MatrixXd values(n, Eigen::Index(together));
       for (std::size_t e = 0; e < block.size(); ++e) {
+        scan.look();
         for (Eigen::Index i = 0; i < n; ++i)
           for (Eigen::Index c = 0; c < values.cols(); ++c) values(i, c) = scan.number("a node's coordinate");
         const Eigen::MatrixXd found = conversion.to_nodes * values;

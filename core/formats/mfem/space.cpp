@@ -154,7 +154,7 @@ double multinomial(std::array<int, 4> parts) {
 
 /// The Bernstein polynomial of a lattice position at a point of the unit cell. Not for pyramids.
 double bernstein(Shape shape, int order, const Position& at, const std::array<double, 3>& x) {
-  const auto [i, j, k] = at;
+  const int i = at[0], j = at[1], k = at[2];
   const auto line = [&](int index, double u) {
     return multinomial({index, order - index, 0, 0}) * std::pow(u, index) * std::pow(1 - u, order - index);
   };

@@ -167,10 +167,11 @@ const MfemLocalNodes& mfem_local_nodes(Shape shape, int order) {
 
 // === The mesh's edges and faces ==========================================================================
 
-MfemTopology::MfemTopology(int dimension, int order, std::int32_t vertices)
-    : dimension_(dimension), order_(order), vertices_(vertices) {
+MfemTopology::MfemTopology(int dimension, int order, std::int32_t vertices, const Scanner* counted)
+    : dimension_(dimension), order_(order), vertices_(vertices), counted_(counted) {
   // A mesh has about 3 to 7 edges and up to 12 faces per vertex.
   const std::size_t buckets = std::bit_ceil(4 * std::size_t(vertices) + 1);
+  if (counted_ != nullptr) counted_->take_memory(std::size_t(dimension - 1) * buckets * sizeof edge_buckets_[0]);
   edge_buckets_.assign(buckets, -1);
   if (dimension == 3) face_buckets_.assign(buckets, -1);
 }
@@ -195,6 +196,7 @@ void MfemTopology::add(Shape shape, std::span<const std::int32_t> vertices) {
     if (edge(low, high) >= 0) continue;
     const std::array<std::int32_t, 2> key{low, high};
     std::int32_t& head = edge_buckets_[bucket_of(key, edge_buckets_.size())];
+    if (counted_ != nullptr) counted_->make_room(edges_);
     edges_.push_back({key, head});
     head = std::int32_t(edges_.size()) - 1;
   }
@@ -208,6 +210,7 @@ void MfemTopology::add(Shape shape, std::span<const std::int32_t> vertices) {
     fresh.next = head;
     head = std::int32_t(faces_.size());
     triangles_ += facet.shape == Shape::Triangle ? 1 : 0;
+    if (counted_ != nullptr) counted_->make_room(faces_);
     faces_.push_back(fresh);
   }
 }
@@ -223,6 +226,7 @@ void MfemTopology::finish() {
   for (int shape = int(Shape::Line); shape < kShapes; ++shape)
     local_[std::size_t(shape)] = &mfem_local_nodes(Shape(shape), order_);
   if (triangles_ == 0 || triangles_ == face_count()) return;
+  if (counted_ != nullptr) counted_->take_memory((faces_.size() + 1) * sizeof face_first_[0]);
   face_first_.reserve(faces_.size() + 1);
   std::int64_t first = 0;
   for (const Face& face : faces_) {

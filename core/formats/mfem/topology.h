@@ -12,6 +12,7 @@
 #include <span>
 #include <vector>
 
+#include "core/formats/scanner.h"
 #include "core/reference/shape.h"
 
 namespace varimesh::formats {
@@ -28,9 +29,12 @@ struct MfemLocalNodes;
 /// Gmsh's.
 class MfemTopology {
  public:
-  MfemTopology(int dimension, int order, std::int32_t vertices);
+  /// `counted`: the scanner of the file from which the cells are read, which counts the memory; null: nothing does. It
+  /// must outlive the last call of finish().
+  MfemTopology(int dimension, int order, std::int32_t vertices, const Scanner* counted = nullptr);
 
-  /// Numbers the edges and faces of a cell that are new. Cells come in the file's order.
+  /// Numbers the edges and faces of a cell that are new. Cells come in the file's order. Throws ReadFailure if the file
+  /// asks for too much memory.
   void add(Shape shape, std::span<const std::int32_t> vertices);
 
   /// Must be called after the last cell.
@@ -65,6 +69,7 @@ class MfemTopology {
 
   int dimension_, order_;
   std::int32_t vertices_;
+  const Scanner* counted_;
   std::array<const MfemLocalNodes*, kShapes> local_{};
   // Hash tables by all vertices. Lists by one vertex would be long if many cells share it.
   std::vector<std::int32_t> edge_buckets_, face_buckets_;  ///< The first edge or face of each bucket, or −1.

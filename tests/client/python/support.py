@@ -20,7 +20,7 @@ SOURCE = Path(os.environ["VARIMESH_SOURCE_DIR"])
 CASES = SOURCE / "tests" / "cases"
 MESH = CASES / "nine_triangles.msh"
 LARGER = CASES / "circle_p5.msh"
-ENDLESS = {"method": "sweeps", "tolerance": 1e-300, "max_iterations": 100_000_000}
+ENDLESS = {"method": "sweeps", "tolerance": 1e-15, "max_iterations": 100_000}
 
 _PACKAGES = {"grpc": "python3-grpcio", "google.protobuf": "python3-protobuf", "numpy": "python3-numpy"}
 

@@ -48,7 +48,7 @@ class Broken(support.WithServer):
 
     def test_a_watch_resumes_after_the_last_event(self):
         proxy, client = self.through(20_000, 20_000)
-        job = client.submit(LARGER, method="sweeps", tolerance=1e-300, max_iterations=400)
+        job = client.submit(LARGER, method="sweeps", tolerance=1e-15, max_iterations=400)
         numbers = sequence_numbers(client.job(job.name).watch())
         self.assertGreaterEqual(proxy.cuts, 1)
         self.assertEqual(numbers, sorted(set(numbers)))
@@ -71,7 +71,7 @@ class Away(support.WithFolder):
     def test_a_watch_continues_when_the_server_comes_back(self):
         server = Server("--state", str(self.folder / "state"), folder=self.folder)
         client = varimesh.Client(server.address)
-        job = client.submit(LARGER, method="sweeps", tolerance=1e-300, max_iterations=300)
+        job = client.submit(LARGER, method="sweeps", tolerance=1e-15, max_iterations=300)
         numbers, attempts = [], set()
         for event in job.watch():
             kept = sequence_numbers([event])
@@ -113,7 +113,7 @@ from varimesh import local
 client = varimesh.local()
 with open(f"/proc/{client._stop.peek()[2][0].pid}/task/{client._stop.peek()[2][0].pid}/children") as file:
     print(client.address, *file.read().split(), flush=True)
-client.optimise(sys.argv[1], method="sweeps", tolerance=1e-300, max_iterations=100_000_000,
+client.optimise(sys.argv[1], method="sweeps", tolerance=1e-15, max_iterations=100_000,
                 on_event=lambda event: event.iteration and print("iteration", flush=True))
 """
 

@@ -59,6 +59,46 @@ TEST(Submit, ChecksButDoesNotQueueWithValidateOnly) {
   EXPECT_EQ(all.jobs_size(), 0);
 }
 
+TEST(Submit, RefusesMoreWorkThanTheServerAllows) {
+  ServerOptions options = options_with(echo_engine());
+  options.limits.max_job_iterations = 50;
+  options.limits.max_job_seconds = 60;
+  options.limits.max_priority = 3;
+  const Service service(std::move(options));
+  const v1::JobSpec good = service.spec_for("a mesh");
+  v1::Job job;
+  v1::JobSpec spec = good;
+  spec.mutable_options()->set_max_iterations(51);
+  EXPECT_NE(service.submit("", spec, &job).error_message().find("--max-job-iterations"), std::string::npos);
+  spec.mutable_options()->set_max_iterations(50);
+  spec.mutable_options()->set_time_limit(61);
+  EXPECT_NE(service.submit("", spec, &job).error_message().find("60 seconds"), std::string::npos);
+  spec = good;
+  spec.set_priority(4);
+  EXPECT_NE(service.submit("", spec, &job).error_message().find("from -100 to 3"), std::string::npos);
+  spec.set_priority(3);
+  spec.mutable_options()->set_max_iterations(50);
+  spec.mutable_options()->set_time_limit(60);
+  EXPECT_TRUE(service.submit("", spec, &job).ok());
+}
+
+TEST(Job, HasTheServersTimeLimitIfItHasNone) {
+  std::vector<double> limits;
+  Engine engine = echo_engine();
+  engine.run = [&, echo = engine.run](RunRequest request, const RunHooks& hooks) {
+    limits.push_back(request.options.time_limit);
+    return echo(std::move(request), hooks);
+  };
+  ServerOptions options = options_with(engine);
+  options.limits.max_job_seconds = 60;
+  const Service service(std::move(options));
+  v1::JobSpec spec = service.spec_for("a mesh");
+  service.wait_for(service.submit(spec).name());
+  spec.mutable_options()->set_time_limit(5);
+  service.wait_for(service.submit(spec).name());
+  EXPECT_EQ(limits, (std::vector<double>{60, 5}));
+}
+
 TEST(Job, FailsWithTheEnginesSentenceAboutABadMesh) {
   const Service service(echo_engine());
   const v1::Job ended = service.wait_for(service.submit(service.spec_for("bad mesh")).name());

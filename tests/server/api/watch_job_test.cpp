@@ -54,6 +54,30 @@ TEST(WatchJob, RefusesANumberThatWasNeverGiven) {
   EXPECT_EQ(current.name(), job.name());
 }
 
+TEST(WatchJob, RefusesAnIntervalThatMakesNoSense) {
+  const Service service(echo_engine());
+  const v1::Job job = service.submit(service.spec_for("a mesh"));
+  const auto watch = [&](std::int64_t seconds, std::int32_t nanos) {
+    grpc::ClientContext context;
+    v1::WatchJobRequest request;
+    request.set_name(job.name());
+    request.mutable_min_interval()->set_seconds(seconds);
+    request.mutable_min_interval()->set_nanos(nanos);
+    const auto stream = service.jobs->WatchJob(&context, request);
+    v1::WatchJobResponse response;
+    while (stream->Read(&response)) {
+    }
+    return stream->Finish().error_code();
+  };
+  EXPECT_EQ(watch(3600, 0), grpc::StatusCode::OK);
+  for (const auto& [seconds, nanos] : {std::pair<std::int64_t, std::int32_t>{-1, 0},
+                                       {3601, 0},
+                                       {std::numeric_limits<std::int64_t>::max(), 0},
+                                       {0, -1},
+                                       {0, 1'000'000'000}})
+    EXPECT_EQ(watch(seconds, nanos), grpc::StatusCode::INVALID_ARGUMENT) << seconds << " s " << nanos << " ns";
+}
+
 TEST(WatchJob, SendsABookmarkIfNothingHappens) {
   Gate gate;
   ServerOptions options = options_with(echo_engine(1, [&](int) { gate.wait(); }));

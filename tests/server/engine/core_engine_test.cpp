@@ -75,5 +75,48 @@ TEST(CoreEngine, AdmitsAMeshToBeJudgedWhateverTheOtherOptionsSay) {
   EXPECT_GT(admitted_bytes(plain, false), judging) << "an optimisation needs more";
 }
 
+/// A file of many nodes that is read in a fraction of a second.
+std::string many_nodes() {
+  std::string text = "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$Nodes\n400000\n";
+  for (int i = 1; i <= 400000; ++i) text += std::to_string(i) + " 0.25 0.5 0\n";
+  return text + "$EndNodes\n$Elements\n1\n1 2 2 1 1 1 2 3\n$EndElements\n";
+}
+
+TEST(CoreEngine, LooksAtCancelAndTimeLimitWhileItReads) {
+  RunRequest request;
+  request.input = std::make_shared<Bytes>(many_nodes());
+  request.options.threads = 1;
+  std::atomic<int> asked = 0;
+  std::int64_t least = 0, most = 0;
+  RunHooks hooks;
+  hooks.admit_reading = [&](std::int64_t at_least, std::int64_t at_most) -> Expected<bool> {
+    EXPECT_EQ(asked, 0) << "before it is read";
+    least = at_least;
+    most = at_most;
+    return true;
+  };
+  hooks.admit = [&](std::int64_t) -> Expected<bool> {
+    ADD_FAILURE() << "the mesh was read to its end";
+    return false;
+  };
+  hooks.control.stop_asked = [&] { return ++asked > 3; };
+  const auto cancelled = core_engine().run(request, hooks);
+  ASSERT_TRUE(cancelled) << cancelled.error().sentence;
+  EXPECT_TRUE(cancelled->stopped);
+  EXPECT_GT(least, 0);
+  EXPECT_EQ(most, formats::most_memory_to_read(static_cast<std::int64_t>(request.input->bytes().size())));
+
+  hooks.control.stop_asked = [] { return false; };
+  request.options.time_limit = 1e-6;
+  const auto late = core_engine().run(request, hooks);
+  ASSERT_FALSE(late);
+  EXPECT_NE(late.error().sentence.find("time limit"), std::string::npos) << late.error().sentence;
+
+  hooks.admit_reading = [&](std::int64_t, std::int64_t) -> Expected<bool> { return false; };
+  const auto refused = core_engine().run(request, hooks);
+  ASSERT_TRUE(refused);
+  EXPECT_TRUE(refused->stopped) << "it is not admitted";
+}
+
 }  // namespace
 }  // namespace varimesh::server

@@ -3,6 +3,8 @@
 
 #include <gtest/gtest.h>
 
+#include "varimesh/v1/mesh.pb.h"
+
 namespace varimesh::server {
 namespace {
 
@@ -55,6 +57,26 @@ TEST(MeshParts, PreserveAMesh) {
   EXPECT_EQ(back->blocks[0].physical, mesh.blocks[0].physical);
   EXPECT_EQ(back->blocks[0].entity, 7);
   EXPECT_EQ(back->physical_groups[0].name, "sheet");
+}
+
+TEST(MeshParts, JoinPartsOfOneKindAndDropEmptyOnes) {
+  HighOrderMesh mesh = two_triangles();
+  ElementBlock half = mesh.blocks[0];
+  half.nodes.resize(3);
+  half.numbers.resize(1);
+  ElementBlock other = half;
+  other.physical = {4};
+  mesh.blocks = {half, half, other, half};
+  v1::MeshPart empty;
+  empty.mutable_elements()->set_shape(v1::SHAPE_TRIANGLE);
+  const std::string nothing = empty.SerializeAsString();
+  const auto back = read_mesh_parts(parts_of(mesh) + static_cast<char>(nothing.size()) + nothing);
+  ASSERT_TRUE(back) << back.error().sentence;
+  ASSERT_EQ(back->blocks.size(), 3u);
+  EXPECT_EQ(back->blocks[0].numbers, (std::vector<std::int64_t>{1, 2}));
+  EXPECT_EQ(back->blocks[0].nodes, (std::vector<std::int32_t>{0, 1, 2, 0, 1, 2}));
+  EXPECT_EQ(back->blocks[1].physical, std::vector<int>{4});
+  EXPECT_EQ(back->blocks[2].numbers, std::vector<std::int64_t>{4});
 }
 
 TEST(MeshParts, ReportWhereTheyAreCutOff) {

@@ -50,5 +50,41 @@ TEST(MemoryBudgetConcurrency, NeverExceedsTheLimitAndKeepsTheOrder) {
   EXPECT_LE(most, 100);
 }
 
+TEST(MemoryBudget, ServesJobsThatHoldMemoryFirst) {
+  MemoryBudget budget(100);
+  const auto give_up = [] { return true; };
+  ASSERT_TRUE(budget.take(40, give_up));
+  EXPECT_FALSE(budget.take(70, give_up)) << "they have 60 left";
+  EXPECT_TRUE(budget.exchange(40, 90, give_up)) << "its own 40 count for it";
+  EXPECT_FALSE(budget.take(11, give_up));
+  EXPECT_TRUE(budget.exchange(90, 10, give_up)) << "it needs less now";
+  EXPECT_TRUE(budget.take(90, give_up));
+  EXPECT_FALSE(budget.exchange(10, 20, give_up)) << "the other has 90 and runs";
+  budget.give_back(100);
+  EXPECT_TRUE(budget.take(100, give_up)) << "who gave up kept its 10";
+}
+
+TEST(MemoryBudgetConcurrency, JobsThatAllWaitForMoreDoNotWaitForEver) {
+  MemoryBudget budget(100);
+  ASSERT_TRUE(budget.take(50, [] { return false; }));
+  ASSERT_TRUE(budget.take(50, [] { return false; }));
+  std::vector<std::thread> jobs;
+  std::atomic<int> done = 0;
+  for (int job = 0; job < 2; ++job)
+    jobs.emplace_back([&] {
+      EXPECT_TRUE(budget.exchange(50, 80, [] { return false; }));
+      ++done;
+      budget.give_back(80);
+    });
+  std::thread reader([&] {
+    EXPECT_TRUE(budget.take(100, [] { return false; }));
+    ++done;
+    budget.give_back(100);
+  });
+  for (std::thread& job : jobs) job.join();
+  reader.join();
+  EXPECT_EQ(done, 3);
+}
+
 }  // namespace
 }  // namespace varimesh::server

@@ -216,9 +216,8 @@ TEST_F(AttemptTest, SavesACheckpointAfterTenIterationsOrHalfAMinute) {
 
 TEST_F(AttemptTest, RefusesAMeshThatNeedsMoreMemoryThanThereIs) {
   run([](RunRequest, const RunHooks& hooks) -> Expected<RunSummary> {
-    EXPECT_TRUE(hooks.fits(1000));
-    const auto too_large = hooks.fits(1001);
-    EXPECT_FALSE(too_large) << "before it is read";
+    const auto too_large = hooks.admit_reading(1001, 2000);
+    ASSERT_FALSE(too_large) << "before it is read";
     EXPECT_NE(too_large.error().sentence.find("takes at least"), std::string::npos);
     EXPECT_TRUE(hooks.admit(1000));
     const auto refused = hooks.admit(1001);
@@ -227,6 +226,25 @@ TEST_F(AttemptTest, RefusesAMeshThatNeedsMoreMemoryThanThereIs) {
     return RunSummary();
   });
   EXPECT_TRUE(memory_.take(1000, [] { return true; })) << "the memory was given back";
+  memory_.give_back(1000);
+}
+
+TEST_F(AttemptTest, TakesTheMemoryForReadingBeforeTheMeshIsRead) {
+  run([this](RunRequest, const RunHooks& hooks) -> Expected<RunSummary> {
+    EXPECT_TRUE(hooks.admit_reading(200, 800).value_or(false));
+    EXPECT_FALSE(memory_.take(201, [] { return true; })) << "it is taken";
+    EXPECT_TRUE(hooks.admit(300).value_or(false));
+    EXPECT_FALSE(memory_.take(701, [] { return true; }));
+    EXPECT_TRUE(memory_.take(700, [] { return true; })) << "what is not needed any more was given back";
+    memory_.give_back(700);
+    return RunSummary();
+  });
+  run([this](RunRequest, const RunHooks& hooks) -> Expected<RunSummary> {
+    EXPECT_TRUE(hooks.admit_reading(200, 5000).value_or(false)) << "it gets all that there is";
+    EXPECT_FALSE(memory_.take(1, [] { return true; }));
+    return RunSummary();
+  });
+  EXPECT_TRUE(memory_.take(1000, [] { return true; }));
   memory_.give_back(1000);
 }
 

@@ -1,0 +1,68 @@
+// How much memory a mesh may take while its file is read, and a look at whether to stop. Internal to core/formats and
+// to readers like them.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include "core/base/stop_token.h"
+
+namespace varimesh::formats {
+
+/// The most memory that the mesh of a file of this size takes while it is read, in bytes. A file that asks for more is
+/// refused: a few bytes can announce many empty blocks, each of which takes more memory than the bytes do. The pieces
+/// that threads work on take at most kPieceMemory more each, and a thread has one or two of them.
+constexpr std::int64_t most_mesh_memory(std::int64_t file_bytes) { return 8 * file_bytes + (std::int64_t{32} << 20); }
+
+/// The most memory that a piece of kPieceBytes takes, in bytes; one that takes more is not read as a piece.
+inline constexpr std::int64_t kPieceMemory = std::int64_t{4} << 20;
+
+/// What an allocation takes besides its bytes, at most.
+inline constexpr std::size_t kAllocation = 32;
+
+/// What a number in a std::set or a std::map takes, with a small value, at most.
+inline constexpr std::size_t kTreeNode = 64 + kAllocation;
+
+/// Counts the memory of one mesh while it is read. One thread at a time.
+class Allowance {
+ public:
+  /// `stop` may be null.
+  explicit Allowance(std::int64_t most, const StopToken* stop = nullptr) : left_(most), stop_(stop) {}
+
+  /// Returns false if this is more than is left. It counts all the same, so that give_back() is right.
+  bool take(std::size_t bytes) { return (left_ -= std::int64_t(bytes)) >= 0; }
+  void give_back(std::size_t bytes) { left_ += std::int64_t(bytes); }
+
+  /// Makes room for `more` elements, and returns false if there is too little memory. Room for a single element grows
+  /// by half of what is there.
+  template <class T>
+  bool make_room(std::vector<T>& values, std::size_t more) {
+    const std::size_t size = values.size() + more, before = values.capacity();
+    return size <= before || reserve(values, more > 1 ? size : size + before / 2);
+  }
+
+  /// As values.reserve(size).
+  template <class T>
+  bool reserve(std::vector<T>& values, std::size_t size) {
+    const std::size_t before = values.capacity();
+    if (size <= before) return true;
+    if (!take(size * sizeof(T) + kAllocation)) return false;
+    values.reserve(size);
+    if (before > 0) give_back(before * sizeof(T) + kAllocation);
+    return true;
+  }
+
+  /// Called for every record. Throws Interrupted if reading is to stop.
+  void look() {
+    constexpr unsigned kRecordsPerLook = 1024;
+    if (++records_ % kRecordsPerLook == 0) varimesh::look(stop_);
+  }
+
+ private:
+  std::int64_t left_;
+  const StopToken* stop_;
+  unsigned records_ = 0;
+};
+
+}  // namespace varimesh::formats

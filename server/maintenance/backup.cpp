@@ -1,0 +1,177 @@
+// The database is copied by SQLite's backup API, the files one by one. A running server may delete a file after the
+// database was copied; then a newer copy of the database no longer refers to it.
+#include "server/maintenance/backup.h"
+
+#include <fcntl.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstring>
+#include <filesystem>
+#include <set>
+#include <system_error>
+#include <utility>
+
+#include "core/base/write_all.h"
+#include "server/jobs/sqlite_rows.h"
+#include "server/jobs/sqlite_schema.h"
+#include "server/meshes/blobs.h"
+#include "server/meshes/directory_upload.h"
+#include "server/meshes/read_at.h"
+#include "server/state/state_directory.h"
+
+namespace varimesh::server {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// How often the database is copied anew because files were deleted meanwhile.
+constexpr int kRounds = 20;
+
+tl::unexpected<Error> cannot(const std::string& what, const std::string& why) {
+  return tl::unexpected(Error{Error::Kind::Output, "Cannot " + what + " (" + why + ")."});
+}
+
+/// The files that the jobs of a database refer to.
+struct Needed {
+  std::int64_t jobs = 0;
+  std::set<std::string> files, checkpoints;
+};
+
+/// Appends the bytes of a file to another one. Returns false if that fails (errno).
+bool copy_bytes(int from, int to) {
+  constexpr std::size_t kPiece = std::size_t{1} << 20;
+  std::string piece;
+  for (std::int64_t offset = 0;; offset += static_cast<std::int64_t>(piece.size())) {
+    if (!read_at(from, offset, kPiece, &piece)) return false;
+    if (piece.empty()) return ::fdatasync(to) == 0;
+    if (!write_all(to, piece)) return false;
+  }
+}
+
+class Backup {
+ public:
+  Backup(fs::path from, const StateDirectory& to) : from_(std::move(from)), to_(to) {}
+
+  Expected<BackupReport> run() {
+    std::set<std::string> missing;
+    Needed needed;
+    for (int round = 0; round < kRounds; ++round) {
+      auto copied = copy_database();
+      if (!copied) return tl::unexpected(copied.error());
+      needed = std::move(*copied);
+      std::set<std::string> now_missing;
+      for (const auto* digests : {&needed.files, &needed.checkpoints})
+        for (const std::string& digest : *digests) {
+          const auto found = copy_file(digest);
+          if (!found) return tl::unexpected(found.error());
+          if (!*found && digests == &needed.files) now_missing.insert(digest);
+        }
+      // What is missing twice was not deleted meanwhile.
+      if (std::exchange(missing, std::move(now_missing)) == missing || missing.empty()) break;
+    }
+    if (const auto finished = finish(needed); !finished) return tl::unexpected(finished.error());
+    for (const std::string& digest : missing)
+      report_.damage.push_back("The file " + digest + " is missing or damaged in '" + from_.string() +
+                               "'; varimeshd check says which job refers to it.");
+    report_.jobs = needed.jobs;
+    report_.files = static_cast<std::int64_t>(needed.files.size() + needed.checkpoints.size() - missing.size());
+    return std::move(report_);
+  }
+
+ private:
+  Expected<Needed> copy_database() {
+    std::error_code ignored;
+    for (const char* ending : {"", "-wal", "-shm", "-journal"}) fs::remove(new_database() + ending, ignored);
+    try {
+      SqliteDatabase source((from_ / "jobs.sqlite").string()), target(new_database());
+      source.copy_to(target);
+      if (!set_up_schema(target))
+        return cannot("back up '" + from_.string() + "'", "a newer version of varimeshd wrote it; use that version");
+      target.run("PRAGMA journal_mode = DELETE");
+      return needed_by(target);
+    } catch (const SqliteError& error) {
+      return cannot("copy the database of jobs", error.what());
+    }
+  }
+
+  static Needed needed_by(SqliteDatabase& database) {
+    Needed needed;
+    auto query = database.query_once(select_job_rows());
+    while (query.step()) {
+      ++needed.jobs;
+      auto row = read_job_row(query);
+      if (!row) continue;  // a damaged row stays damaged
+      if (row->record.checkpoint) needed.checkpoints.insert(row->record.checkpoint->digest);
+      row->record.checkpoint.reset();
+      for (std::string& digest : digests_of(row->record)) needed.files.insert(std::move(digest));
+    }
+    return needed;
+  }
+
+  /// Whether the backup has the file now. False if it is not in the state directory.
+  Expected<bool> copy_file(const std::string& digest) {
+    for (const std::string ending : {"", ".zst"})
+      if (fs::exists(fs::path(to_.meshes()) / (digest + ending))) return true;
+    // The server may compress the file at any time.
+    for (const auto& [ending, form] : {std::pair{"", Form::Plain}, {".zst", Form::Zstd}, {"", Form::Plain}}) {
+      const int source = ::open((from_ / "meshes" / (digest + ending)).c_str(), O_RDONLY | O_CLOEXEC | O_NOFOLLOW);
+      if (source < 0) continue;
+      const fs::path part = fs::path(to_.meshes()) / "part-backup";
+      const int target = ::open(part.c_str(), O_CREAT | O_TRUNC | O_WRONLY | O_CLOEXEC | O_NOFOLLOW, 0600);
+      const bool copied = target >= 0 && copy_bytes(source, target);
+      const int reason = errno;
+      if (target >= 0) ::close(target);
+      ::close(source);
+      if (!copied) return cannot("write to '" + to_.meshes() + "'", std::strerror(reason));
+      if (!is_whole(part, form, digest)) continue;
+      std::error_code error;
+      fs::rename(part, fs::path(to_.meshes()) / (digest + ending), error);
+      if (error) return cannot("write to '" + to_.meshes() + "'", error.message());
+      ++report_.copied;
+      return true;
+    }
+    return false;
+  }
+
+  /// Puts the new database in the place of the old one, once its files are on the disk, and then deletes the files that
+  /// only the old one needed.
+  Expected<void> finish(const Needed& needed) {
+    std::error_code error;
+    fs::remove(fs::path(to_.meshes()) / "part-backup", error);
+    if (!sync_directory(to_.meshes())) return cannot("write to '" + to_.meshes() + "'", std::strerror(errno));
+    for (const char* ending : {"-wal", "-shm"}) fs::remove(to_.jobs() + ending, error);
+    fs::rename(new_database(), to_.jobs(), error);
+    if (error || !sync_directory(to_.path()))
+      return cannot("write to '" + to_.path().string() + "'", error ? error.message() : std::strerror(errno));
+    for (const auto& file : fs::directory_iterator(to_.meshes(), error)) {
+      const fs::path name = file.path().filename();
+      const std::string digest = name.extension() == ".zst" ? name.stem().string() : name.string();
+      if (!needed.files.contains(digest) && !needed.checkpoints.contains(digest)) fs::remove(file.path(), error);
+    }
+    return {};
+  }
+
+  std::string new_database() const { return to_.jobs() + ".new"; }
+
+  const fs::path from_;
+  const StateDirectory& to_;
+  BackupReport report_;
+};
+
+}  // namespace
+
+Expected<BackupReport> back_up(const std::string& from, const std::string& to) {
+  std::error_code error;
+  if (!fs::exists(fs::path(from) / "jobs.sqlite", error))
+    return tl::unexpected(Error{Error::Kind::Output, "'" + from +
+                                                         "' holds no jobs of a server; name the directory that the "
+                                                         "server has as --state."});
+  if (fs::equivalent(from, to, error))
+    return tl::unexpected(Error{Error::Kind::Output, "A backup needs a directory of its own; name another one."});
+  const auto target = StateDirectory::take(to);
+  if (!target) return tl::unexpected(target.error());
+  return Backup(fs::canonical(from, error), **target).run();
+}
+
+}  // namespace varimesh::server

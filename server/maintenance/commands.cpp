@@ -1,0 +1,82 @@
+// The command lines of check and backup, and what they print.
+#include "server/maintenance/commands.h"
+
+#include <CLI/CLI.hpp>
+#include <iostream>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "server/maintenance/backup.h"
+#include "server/maintenance/check.h"
+
+namespace varimesh::server {
+namespace {
+
+// Exit statuses, as those of the server.
+constexpr int kDamaged = 1, kWrongUsage = 2, kCannot = 1;
+
+std::string counted(std::int64_t count, const std::string& what) {
+  return std::to_string(count) + " " + what + (count == 1 ? "" : "s");
+}
+
+void print_damage(const std::vector<std::string>& damage) {
+  for (const std::string& sentence : damage) std::cout << sentence << '\n';
+}
+
+int fail(const Error& error) {
+  std::cerr << "varimeshd: " << error.sentence << '\n';
+  return kCannot;
+}
+
+int run_check(const std::string& state, bool repair) {
+  const auto report = check_state(state, repair);
+  if (!report) return fail(report.error());
+  print_damage(report->damage);
+  std::cout << counted(report->jobs, "job") << ", " << counted(report->files, "whole file") << " ("
+            << report->unreferenced << " that no job refers to); "
+            << (report->damage.empty() ? "nothing is damaged" : counted(report->damage.size(), "fault")) << ".\n";
+  return report->damage.empty() ? 0 : kDamaged;
+}
+
+int run_backup(const std::string& state, const std::string& copy) {
+  const auto report = back_up(state, copy);
+  if (!report) return fail(report.error());
+  print_damage(report->damage);
+  std::cout << counted(report->jobs, "job") << " and " << counted(report->files, "file") << " are in " << copy << " ("
+            << report->copied << " copied now).\n";
+  return report->damage.empty() ? 0 : kDamaged;
+}
+
+}  // namespace
+
+std::optional<int> run_command(int argc, char** argv) {
+  const std::string_view command = argc > 1 ? argv[1] : "";
+  if (command != "check" && command != "backup") return std::nullopt;
+  CLI::App app{command == "check"
+                   ? "Reads every row and every file of a state directory that no server uses, and says what is "
+                     "damaged or missing. Exit status: 0 if nothing is, otherwise 1."
+                   : "Copies a state directory, also while a server uses it. The copy is a state directory itself: to "
+                     "restore it, start varimeshd with it as --state. Exit status: 0 if everything was copied, "
+                     "otherwise 1.",
+               "varimeshd " + std::string(command)};
+  std::string state, copy;
+  bool repair = false;
+  app.add_option("--state", state, "The directory of the server (default: the environment variable VARIMESH_STATE)")
+      ->envname("VARIMESH_STATE")
+      ->required();
+  if (command == "check")
+    app.add_flag("--repair", repair,
+                 "Move damaged files to the folder 'damaged', so that the server takes them again, and take damaged "
+                 "jobs out of the queue");
+  else
+    app.add_option("COPY", copy, "The directory of the backup, new or with an earlier backup")->required();
+  try {
+    app.parse(argc - 1, argv + 1);
+  } catch (const CLI::ParseError& error) {
+    return app.exit(error) == 0 ? 0 : kWrongUsage;
+  }
+  return command == "check" ? run_check(state, repair) : run_backup(state, copy);
+}
+
+}  // namespace varimesh::server
