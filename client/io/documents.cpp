@@ -122,6 +122,7 @@ Json document(const v1::Metrics& metrics) {
   Json result = {{"mesh", mesh_document(metrics.mesh())},
                  {"energy", spelled(metrics.energy())},
                  {"method", spelled(metrics.method())},
+                 {"objective", spelled(metrics.objective())},
                  {"iterations", metrics.iterations()},
                  {"seconds", metrics.seconds()},
                  {"residual", metrics.residual()},

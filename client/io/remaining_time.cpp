@@ -2,12 +2,25 @@
 
 #include <algorithm>
 #include <cmath>
+#include <string>
+
+#include "core/options/option_table.h"
 
 namespace varimesh::client {
 namespace {
 
 constexpr std::size_t kRecent = 20;
 constexpr double kLeastFall = 0.05;  ///< In decades; below it, the residual counts as standing still.
+
+/// Whether the energy's optimum is asked for, by name or by an option of the energy (core/options/options.h).
+bool asks_for_energy(const v1::Options& options) {
+  if (options.objective() != v1::OBJECTIVE_UNSPECIFIED && options.objective() != v1::OBJECTIVE_AUTO)
+    return options.objective() == v1::OBJECTIVE_ENERGY;
+  return std::ranges::any_of(option_table(), [&](const OptionInfo& option) {
+    const auto* field = v1::Options::descriptor()->FindFieldByName(std::string(option.name));
+    return is_of_energy(option) && v1::Options::GetReflection()->HasField(options, field);
+  });
+}
 
 void lower(std::optional<double>* estimate, double seconds) {
   *estimate = std::max(0.0, estimate->has_value() ? std::min(**estimate, seconds) : seconds);
@@ -19,7 +32,7 @@ RemainingTime::RemainingTime(const v1::Options& options)
     : tolerance_(options.has_tolerance() ? options.tolerance() : 1e-3),
       max_iterations_(options.max_iterations()),
       time_limit_(options.time_limit()),
-      has_stages_(options.objective() == v1::OBJECTIVE_WORST || options.objective() == v1::OBJECTIVE_ACCURACY) {}
+      has_stages_(!asks_for_energy(options)) {}
 
 void RemainingTime::add(const v1::Iteration& iteration) {
   // In each phase the residual falls at a different rate.

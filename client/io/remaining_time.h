@@ -10,9 +10,9 @@ namespace varimesh::client {
 
 /// Estimates the remaining time from the iterations so far. It assumes that the residual goes on falling at its recent
 /// rate, and that the job stops at the first of the limits in its options; a job may stop earlier for other reasons.
-/// With the objectives `worst` and `accuracy`, the number of stages or rounds is not known in advance, so only the time
-/// limit counts. An estimate that is higher than an earlier one shows that the residual does not fall as assumed, so it
-/// is no forecast.
+/// With the objectives `worst` and `accuracy`, which is the default, the number of stages or rounds is not known in
+/// advance, so only the time limit counts. An estimate that is higher than an earlier one shows that the residual does
+/// not fall as assumed, so it is no forecast.
 class RemainingTime {
  public:
   explicit RemainingTime(const v1::Options& options);

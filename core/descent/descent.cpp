@@ -53,7 +53,8 @@ Descent::Descent(const DescentContext& context)
       step_(gradient_.size()),
       start_(gradient_.size()),
       work_(gradient_.size()),
-      lost_(problem_.cells, 0) {
+      lost_(problem_.cells, 0),
+      uncertified_(problem_.cells, 0) {
   const std::vector<Standing> standings = context.guard.standings();
   for (CellSet& set : problem_.sets)
     for (std::int32_t cell = 0; cell < set.count; ++cell)
@@ -87,6 +88,7 @@ bool Descent::is_better(const State& state) const {
     const bool is_worth_it = state.loss < kFalls * start_loss_ || best_.scaled_jacobian < kWanted;
     if (state.loss > start_loss_ || !is_worth_it) return false;
   }
+  if (state.uncertified > 0) return state.loss < best_.loss;
   if (reaches_bound(state) != reaches_bound(best_)) return reaches_bound(state);
   if (!reaches_bound(state)) return state.scaled_jacobian > best_.scaled_jacobian;
   const double most = kLossGivenForJs * least_loss_;
@@ -176,7 +178,10 @@ double Descent::largest_displacement() const {
 void Descent::keep_certificates() {
   context_.guard.certify_moved();
   const std::vector<Standing> standings = context_.guard.standings();
-  for (std::size_t cell = 0; cell < lost_.size(); ++cell) lost_[cell] = standings[cell] == Standing::Lost ? 1 : 0;
+  for (std::size_t cell = 0; cell < lost_.size(); ++cell) {
+    lost_[cell] = standings[cell] == Standing::Lost ? 1 : 0;
+    uncertified_[cell] = standings[cell] == Standing::Uncertified || standings[cell] == Standing::Unrepairable ? 1 : 0;
+  }
   if (context_.guard.lost() > 0) context_.guard.return_to_kept();
 }
 
@@ -184,7 +189,7 @@ std::int64_t Descent::raise_low(double wanted) {
   std::int64_t low = 0;
   const std::span<const CellScan> scans = barrier_.scans();
   for (std::size_t cell = 0; cell < factors_.size(); ++cell) {
-    if (lost_[cell] == 0 && scans[cell].scaled_jacobian >= wanted) continue;
+    if (uncertified_[cell] != 0 || (lost_[cell] == 0 && scans[cell].scaled_jacobian >= wanted)) continue;
     factors_[cell] *= kRaise;
     ++low;
   }

@@ -73,9 +73,9 @@ class Descent {
     double scaled_jacobian = -1;  ///< The proved minimum.
     double loss = std::numeric_limits<double>::infinity();
   };
-  /// The best mesh among those with the fewest uncertified cells. If none has the scaled Jacobian of the context, it is
-  /// the one with the highest. Otherwise its loss is within 2 % of the least one of those that have it, and its scaled
-  /// Jacobian is the highest up to 0.5 of those within.
+  /// The best mesh among those with the fewest uncertified cells. If there are such cells, it is the one with the least
+  /// loss. If none has the scaled Jacobian of the context, it is the one with the highest. Otherwise its loss is within
+  /// 2 % of the least one of those that have it, and its scaled Jacobian is the highest up to 0.5 of those within.
   const State& best() const { return best_; }
   State take_best() { return std::move(best_); }
 
@@ -109,7 +109,8 @@ class Descent {
   std::vector<double> factors_;  ///< By cell: what ε_e has been raised by.
   std::vector<double> weights_;  ///< By cell: ε_e.
   std::vector<double> gradient_, next_gradient_, step_, start_, work_;
-  std::vector<char> lost_;  ///< By cell of the problem: it lost its certificate in the last round.
+  std::vector<char> lost_;         ///< By cell of the problem: it lost its certificate in the last round.
+  std::vector<char> uncertified_;  ///< By cell of the problem: it had no certificate after the last round.
   double first_gradient_ = 0;
   double start_loss_ = 0, last_loss_ = 0;
   double least_loss_ = std::numeric_limits<double>::infinity();  ///< Of the meshes that reach the bound.

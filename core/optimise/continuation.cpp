@@ -243,8 +243,8 @@ bool Continuation::has_minimum_to_raise() {
   return true;
 }
 
-/// Brings the problem to the guard's kept state. Whether the descent may begin there: no cell is left that the energy
-/// could make valid.
+/// Brings the problem to the guard's kept state. Whether the descent may begin there: the energy has done what it can
+/// for the validity of cells, and no split may follow.
 bool Continuation::can_lower_loss(const Result& result) {
   const bool is_done = result.stop_reason == StopReason::Valid || result.stop_reason == StopReason::Repaired ||
                        ended_by_itself(result.stop_reason);
@@ -253,7 +253,7 @@ bool Continuation::can_lower_loss(const Result& result) {
     guard_->certify_moved();
     guard_->return_to_kept();
   });
-  return guard_->unrepaired() == 0;
+  return guard_->unrepaired() == 0 || !control_.shallow_untangling;
 }
 
 void Continuation::lower_loss(Result& result) {

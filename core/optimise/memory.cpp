@@ -30,7 +30,7 @@ constexpr std::int64_t kGrowthBySplits = 3;
 /// What the phases of a run have in use, for one mesh and its options.
 struct Run {
   const MeshCounts& counts;
-  const Options& options;
+  Options options;
   std::vector<SetSizes> sets;
   NewtonSizes newton;
   bool keeps_function = false;
@@ -39,6 +39,7 @@ struct Run {
 
   Run(const MeshCounts& of_mesh, const Options& of_run)
       : counts(of_mesh), options(of_run), sets(set_sizes(of_mesh, of_run.quadrature_degree)) {
+    options.objective = objective_of(of_run, of_mesh.order);
     const bool is_worst = options.objective == Objective::Worst;
     newton.hessian_entries = make_hessian_kernels(material(options), counts.dimension)->entries();
     newton.has_norm = options.p_norm > 1 || is_worst;

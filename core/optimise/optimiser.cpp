@@ -115,16 +115,15 @@ std::string why_unmoved(const SetUp& set_up, const Result& result, const Team& t
     return "Every element is certified valid already, so nothing was moved.";
   if (result.iterations == 0 && result.stop_reason == StopReason::Quality)
     return "Every element has the scaled Jacobian that until_js names already, so nothing was moved.";
-  if (set_up.options.objective == Objective::Accuracy) {
-    const bool is_same = result.converged && result.mesh.coordinates == set_up.mesh.coordinates;
-    return is_same ? "No mesh with a lower loss of accuracy was found, so nothing was moved." : "";
-  }
-  if (result.iterations != 1 || !result.converged || !result.before.uncertified.empty()) return "";
+  const bool is_for_accuracy = set_up.options.objective == Objective::Accuracy;
+  const bool is_same = is_for_accuracy ? result.mesh.coordinates == set_up.mesh.coordinates : result.iterations == 1;
+  if (!is_same || !result.converged || !result.before.uncertified.empty()) return "";
   bool straight = set_up.options.target == Target::StraightSided;
   team.run([&] { straight = straight && has_straight_sides(set_up.mesh, team.without_stop()); });
   if (straight)
     return "All elements have straight sides, as their targets have, so nothing was moved; 'varimesh optimise "
            "--target ideal' makes their shapes more regular.";
+  if (is_for_accuracy) return "No mesh with a lower loss of accuracy was found, so nothing was moved.";
   return "The mesh is at its optimum already, because no node would move by more than the tolerance, so nothing was "
          "moved.";
 }

@@ -79,11 +79,12 @@ std::optional<StopReason> Stopper::after(const Iteration& iteration, bool conver
     ++without_fewer_;
   }
   const bool last = outlook != Outlook::AnotherMethod;
-  if (options_.until == Until::Valid) {
+  if (options_.until == Until::Valid || options_.objective == Objective::Accuracy) {
     if (iteration.invalid_elements == 0) return StopReason::Valid;
     if (iteration.repairable_elements == 0 && last) return StopReason::Repaired;
-    if (without_fewer_ >= kMostWithoutFewer && outlook == Outlook::Nothing) return StopReason::NoProgress;
   }
+  if (options_.until == Until::Valid && without_fewer_ >= kMostWithoutFewer && outlook == Outlook::Nothing)
+    return StopReason::NoProgress;
   if (options_.until_js > 0 && bound >= options_.until_js) return StopReason::Quality;
   if (converged && last) return StopReason::Converged;
   if (options_.time_limit > 0 && iteration.seconds >= options_.time_limit) return StopReason::TimeLimit;

@@ -60,7 +60,9 @@ class PhaseChooser {
   int times_stuck_ = 0;
 };
 
-/// Decides whether an iteration was the last.
+/// Decides whether an iteration was the last. With Objective::Accuracy the phases are those of Objective::Energy, and
+/// end as soon as the mesh is valid or only unrepairable cells are left. So the accuracy objective certifies no fewer
+/// cells than the energy's optimum.
 class Stopper {
  public:
   explicit Stopper(const Options& options) : options_(options) {}

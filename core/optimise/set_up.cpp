@@ -77,8 +77,9 @@ MeshSummary mesh_summary(const HighOrderMesh& mesh, const std::vector<bool>& fix
   return summary;
 }
 
-Expected<std::unique_ptr<SetUp>> set_up(HighOrderMesh&& mesh, const Options& options, const StopToken* stop) {
+Expected<std::unique_ptr<SetUp>> set_up(HighOrderMesh&& mesh, const Options& given, const StopToken* stop) {
   const Stopwatch watch;
+  Options options = given;
   if (const auto checked = check(options); !checked) return tl::unexpected(checked.error());
   const Team team(options.threads);
   Facets facets;
@@ -86,6 +87,7 @@ Expected<std::unique_ptr<SetUp>> set_up(HighOrderMesh&& mesh, const Options& opt
   Expected<void> checked;
   team.run([&] { checked = prepare(mesh, options, team, facets, clockwise); });
   if (!checked) return tl::unexpected(checked.error());
+  options.objective = objective_of(options, mesh.order);
   // Outside team.run(), because a region by quality brings a team of its own.
   const Expected<std::vector<bool>> fixed = choose_fixed_nodes(mesh, options, std::move(facets));
   if (!fixed) return tl::unexpected(fixed.error());

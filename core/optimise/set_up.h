@@ -21,7 +21,7 @@ namespace varimesh {
 struct SetUp {
   HighOrderMesh mesh;           ///< In the order in which it is optimised, without clockwise cells.
   std::vector<char> clockwise;  ///< By cell: 1 if it came clockwise and was turned. Empty if none did.
-  Options options;
+  Options options;              ///< With the objective that the run has, never Objective::Auto.
   MeshSummary summary;
   std::vector<bool> fixed;  ///< By node of the mesh.
   StretchField target;

@@ -28,7 +28,6 @@ Stage make_stage(const Options& options, int dimension) {
 std::vector<Stage> make_stages(const Options& options, int dimension) {
   std::vector<Stage> stages;
   stages.push_back(make_stage(options, dimension));
-  if (options.objective == Objective::Accuracy) stages.front().options.until = Until::Valid;
   if (options.objective != Objective::Worst) return stages;
   const Material first = material(options);
   const bool elastic = has_bulk_constant(first);

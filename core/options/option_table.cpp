@@ -1,5 +1,6 @@
 #include "core/options/option_table.h"
 
+#include <algorithm>
 #include <array>
 #include <charconv>
 #include <cmath>
@@ -27,7 +28,7 @@ constexpr Words kMethod[] = {"auto", "sweeps", "newton"};
 constexpr Words kColouring[] = {"group", "node"};
 constexpr Words kUntil[] = {"tolerance", "valid"};
 constexpr Words kRepair[] = {"none", "report", "split", "straighten"};
-constexpr Words kObjective[] = {"energy", "worst", "accuracy"};
+constexpr Words kObjective[] = {"energy", "worst", "accuracy", "auto"};
 constexpr Words kTarget[] = {"straight-sided", "ideal", "size", "strain"};
 
 constexpr OptionRange kNotNegative{};
@@ -91,8 +92,9 @@ const std::array kTable{
     number("quadrature_degree", &Options::quadrature_degree, upto(6 * kMaxOrder), "up to 60, or 0 for twice the order",
            "The degree that the quadrature integrates exactly; 0: twice the order"),
     row("objective", choice<Objective, &Options::objective>(kObjective),
-        "What the mesh is to be best at; worst raises the lowest scaled Jacobian as far as it goes, at two to "
-        "twenty times the cost; accuracy lowers what a solver loses because elements are curved"),
+        "What the mesh is to be best at; energy stops at the energy's optimum; worst raises the lowest scaled Jacobian "
+        "as far as it goes, at two to twenty times the cost; accuracy lowers what a solver loses because elements are "
+        "curved; auto is energy if an option of the energy is given or the order is 1, and accuracy otherwise"),
     number("min_js", &Options::min_js, {.most = 1, .without_most = true}, "a scaled Jacobian from 0 to below 1",
            "The scaled Jacobian that every element is to keep or reach with the objective accuracy"),
     number("p_norm", &Options::p_norm, {.least = 1, .most = 16}, "1 (the energy itself) to 16",
@@ -124,6 +126,10 @@ const std::array kTable{
            "How many layers of elements around those below region_below may move"),
 };
 
+// The options that only matter on the way to the energy's optimum.
+constexpr Words kOfEnergy[] = {"energy", "strain", "volumetric", "winslow",  "constants", "mu",    "lambda",
+                               "kappa",  "method", "tolerance",  "until_js", "p_norm",    "target"};
+
 template <class... Cases>
 struct Overloaded : Cases... {
   using Cases::operator()...;
@@ -139,6 +145,17 @@ bool OptionRange::contains(double value) const {
 }
 
 std::span<const OptionInfo> option_table() { return kTable; }
+
+bool is_of_energy(const OptionInfo& option) { return std::ranges::find(kOfEnergy, option.name) != std::end(kOfEnergy); }
+
+bool is_default(const OptionInfo& option, const Options& options) {
+  const Options usual;
+  return std::visit(Overloaded{[&](double Options::*member) { return options.*member == usual.*member; },
+                               [&](int Options::*member) { return options.*member == usual.*member; },
+                               [&](const ChoiceMember& member) { return member.get(options) == member.get(usual); },
+                               [](const auto&) { return false; }},
+                    option.member);
+}
 
 bool is_number(const OptionInfo& option) {
   return std::holds_alternative<double Options::*>(option.member) ||

@@ -58,6 +58,12 @@ std::span<const OptionInfo> option_table();
 /// option with an opposite, whose help says it.
 std::string default_text(const OptionInfo& option);
 
+/// Whether the option speaks of an energy, of its constants, or of where and how to stop at its optimum. Whoever names
+/// such an option and no objective gets the energy's optimum.
+bool is_of_energy(const OptionInfo& option);
+/// Whether the option is a number, a whole number or a choice, and has its default.
+bool is_default(const OptionInfo& option, const Options& options);
+
 /// Whether the value is a number or a whole number.
 bool is_number(const OptionInfo& option);
 /// The value of an option that is a number; NaN for other types.

@@ -1,5 +1,6 @@
 #include "core/options/options.h"
 
+#include <algorithm>
 #include <cmath>
 #include <string>
 
@@ -35,6 +36,13 @@ Expected<void> check(const Options& options) {
         "repair is split and region_below is given, but split elements must be able to move wherever they are; leave "
         "region_below at 0.");
   return {};
+}
+
+Objective objective_of(const Options& options, int order) {
+  if (options.objective != Objective::Auto) return options.objective;
+  const bool names_energy = std::ranges::any_of(
+      option_table(), [&](const OptionInfo& option) { return is_of_energy(option) && !is_default(option, options); });
+  return names_energy || order == 1 ? Objective::Energy : Objective::Accuracy;
 }
 
 }  // namespace varimesh

@@ -33,6 +33,8 @@ enum class Objective : std::uint8_t {
   Worst,     ///< The lowest scaled Jacobian. The mean ends at most 0.01 below the mean at the optimum of the energy.
   Accuracy,  ///< The least loss of accuracy (core/accuracy/accuracy.h) with a scaled Jacobian of at least `min_js`. The
              ///< energy only makes the mesh valid.
+  Auto,      ///< The default: Accuracy, or Energy if there is nothing to lower or another option asks for the energy's
+             ///< optimum (objective_of()).
 };
 enum class Regularisation : std::uint8_t {
   Element,  ///< One δ per element, from its own smallest J.
@@ -116,7 +118,7 @@ struct Options {
                           ///< proved minimum. Below 1.
   double time_limit = 0;  ///< Stop when this many seconds have passed; 0: never.
   int threads = 0;        ///< Threads to use; 0: all of the machine's.
-  Objective objective = Objective::Energy;
+  Objective objective = Objective::Auto;
   double min_js = 0.1;  ///< Objective::Accuracy only: the scaled Jacobian that every cell is to have at least, from 0
                         ///< to below 1. If the boundary does not allow it, what it allows.
   double p_norm = 1;    ///< The power, 1 to 16, to which the cells' mean energies are summed. A higher one weighs the
@@ -146,5 +148,10 @@ struct Options {
 /// Checks ranges and combinations that do not depend on the mesh. Errors: BadOption, which names the option and its
 /// range.
 Expected<void> check(const Options& options);
+
+/// The objective of a run on a mesh of this order: that of the options, or what Objective::Auto stands for. This is
+/// Energy if one of options_of_energy() (option_table.h) is not at its default, and for order 1, whose elements have no
+/// curvature. Otherwise it is Accuracy.
+Objective objective_of(const Options& options, int order);
 
 }  // namespace varimesh

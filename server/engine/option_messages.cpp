@@ -4,6 +4,7 @@
 
 #include <google/protobuf/reflection.h>
 
+#include <algorithm>
 #include <cassert>
 #include <string>
 
@@ -102,6 +103,13 @@ struct ToMessage {
   }
 };
 
+/// Whether an option of the energy is said, even with its default.
+bool names_energy(const v1::Options& message) {
+  return std::ranges::any_of(option_table(), [&](const OptionInfo& option) {
+    return is_of_energy(option) && v1::Options::GetReflection()->HasField(message, &field_of(option));
+  });
+}
+
 }  // namespace
 
 Answer<Options> options_from(const v1::Options& message) {
@@ -115,13 +123,17 @@ Answer<Options> options_from(const v1::Options& message) {
           "The option '" + name + "' has a value that this server does not know; GetServerInfo returns its version.",
           {{"option", name}});
     }
+  if (options.objective == Objective::Auto && names_energy(message)) options.objective = Objective::Energy;
   return options;
 }
 
 v1::Options to_proto(const Options& options) {
   v1::Options message;
-  for (const OptionInfo& option : option_table())
+  for (const OptionInfo& option : option_table()) {
+    // To name an option of the energy would ask for the energy's optimum.
+    if (options.objective == Objective::Auto && is_of_energy(option) && is_default(option, options)) continue;
     std::visit(ToMessage{options, field_of(option), message}, option.member);
+  }
   return message;
 }
 

@@ -164,6 +164,7 @@ v1::Metrics metrics(const RunSummary& summary, const Options& options) {
   *message.mutable_mesh() = to_proto(summary.sizes);
   message.set_energy(give<v1::Energy>(options.energy));
   message.set_method(give<v1::Method>(options.method));
+  message.set_objective(give<v1::Objective>(objective_of(options, summary.sizes.order)));
   message.set_iterations(summary.iterations);
   message.set_seconds(summary.seconds);
   message.set_residual(summary.residual);

@@ -5,7 +5,7 @@
     result = varimesh.optimise((nodes, cells))             # numpy arrays; result.nodes are the new coordinates
 
     with varimesh.local() as client:                       # or varimesh.Client("HOST:PORT")
-        result = client.optimise("in.msh", "out.msh", energy="hyperelastic")
+        result = client.optimise("in.msh", "out.msh", min_js=0.2)
         print(result)
 
 The manual is docs/python.md.

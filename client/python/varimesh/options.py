@@ -49,7 +49,7 @@ class Options(TypedDict, total=False):
     free_nodes: Iterable[int]
     region_below: float
     rings: int
-    objective: Literal["energy", "worst", "accuracy"]
+    objective: Literal["energy", "worst", "accuracy", "auto"]
     min_js: float
     p_norm: float
     order: int

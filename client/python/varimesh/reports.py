@@ -127,6 +127,7 @@ class Metrics:
     kept_as_it_came: str  # why a mesh that came in valid was left as it was; empty if it was not
     substitute_targets: tuple[int, ...]  # elements whose straight-sided shape could not be their target; at most 1000
     notes: tuple[str, ...]  # which elements came numbered clockwise, and why nothing was moved; mostly empty
+    objective: str  # that of the run, never auto
 
     @property
     def remedies(self) -> tuple[str, ...]:
@@ -255,7 +256,8 @@ def metrics_of(message: optimise_pb2.Metrics, numbering: Numbering = OF_FILES) -
                          numbering.sentence(one.sentence)) for one in message.repairs),
         left_of(message.left, numbering),
         numbering.sentence(message.kept_as_it_came), numbering.numbers(message.substitute_targets.elements),
-        tuple(numbering.sentence(note) for note in message.notes))  # fmt: skip
+        tuple(numbering.sentence(note) for note in message.notes),
+        spelled(optimise_pb2.Objective.DESCRIPTOR, message.objective))  # fmt: skip
 
 
 def iteration_of(message: optimise_pb2.Iteration) -> Iteration:

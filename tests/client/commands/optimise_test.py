@@ -7,7 +7,7 @@ import socket
 import subprocess
 import unittest
 
-from programs import ENDLESS, FOLDED, LARGER, MESH, WithFolder, WithServer, clockwise, run, start, wait_for_line
+from programs import CASES, ENDLESS, FOLDED, LARGER, MESH, WithFolder, WithServer, clockwise, run, start, wait_for_line
 
 QUALITY = ["min_scaled_jacobian", "mean_scaled_jacobian", "min_distortion_jacobian", "invalid_elements",
            "clockwise_elements", "certified", "accuracy"]
@@ -34,8 +34,8 @@ class InProcess(WithFolder):
         done = run("optimise", MESH, "-o", out, "--json")
         self.assertEqual(done.returncode, 0, done.stderr)
         document = json.loads(done.stdout)
-        self.assertEqual(list(document), ["mesh", "energy", "method", "iterations", "seconds", "residual", "converged",
-                                          "stop_reason", "before", "after", "unrepairable", "repairs"])
+        self.assertEqual(list(document), ["mesh", "energy", "method", "objective", "iterations", "seconds", "residual",
+                                          "converged", "stop_reason", "before", "after", "unrepairable", "repairs"])
         self.assertEqual(list(document["mesh"]), ["dimension", "order", "elements", "nodes", "free_nodes"])
         self.assertEqual(list(document["before"]), QUALITY)
         self.assertEqual(document["before"]["invalid_elements"], 2)
@@ -50,12 +50,13 @@ class InProcess(WithFolder):
             self.assertEqual(len(accuracy["modal_parts"]), document["mesh"]["order"] - 1)
             self.assertGreater(accuracy["loss"], 0)
             self.assertGreater(min(accuracy["modal_parts"]), 0)
-        self.assertEqual(document["energy"], "hyperelastic")
+        self.assertEqual((document["energy"], document["objective"]), ("hyperelastic", "accuracy"))
         self.assertTrue(out.read_bytes().startswith(b"$MeshFormat\n2.2 0 8"))
 
     def test_writes_several_outputs_and_the_history(self):
         msh, vtu, history = (self.folder / name for name in ("a.msh", "a.vtu", "a.csv"))
-        done = run("optimise", MESH, "-o", msh, "-o", vtu, "--history", history, "--quiet")
+        done = run("optimise", MESH, "-o", msh, "-o", vtu, "--history", history, "--quiet", "--objective",
+                   "energy")
         self.assertEqual((done.returncode, done.stdout, done.stderr), (0, "", ""))
         self.assertIn(b"VTKFile", vtu.read_bytes()[:200])
         lines = history.read_text().splitlines()
@@ -165,11 +166,11 @@ class InProcess(WithFolder):
         self.assertEqual(run("optimise", MESH, "-o", straight, "--order", 1, "--quiet").returncode, 0)
         # Only node 6 is free, so the targets stay when it moves.
         curved.write_text(FOLDED.replace("\n5 1.3 0 0\n", "\n5 0.5 -0.2 0\n"))
-        self.assertEqual(run("optimise", curved, "-o", best, "--quiet").returncode, 0)
+        self.assertEqual(run("optimise", curved, "-o", best, "--quiet", "--objective", "energy").returncode, 0)
         self.assertNotEqual(best.read_bytes(), curved.read_bytes())
         alone.write_text(ONE_TRIANGLE)
         for path, sentence, flags in ((straight, "All elements have straight sides", []),
-                                      (best, "The mesh is at its optimum already", []),
+                                      (best, "The mesh is at its optimum already", ["--objective", "energy"]),
                                       (alone, "No node is free", []), (alone, "No node is free", ["--repair", "split"]),
                                       (best, "certified valid already", ["--until", "valid"])):
             done = run("optimise", path, "-o", again, *flags)
@@ -177,6 +178,20 @@ class InProcess(WithFolder):
             self.assertIn(sentence, done.stdout)
             self.assertIn("nothing was moved", done.stdout)
             self.assertEqual(again.read_bytes(), path.read_bytes())
+
+    def test_lowers_the_loss_of_accuracy_unless_the_energy_is_named(self):
+        results = [[], ["--objective", "accuracy"], ["--energy", "hyperelastic"], ["--objective", "energy"]]
+        losses = []
+        for i, flags in enumerate(results):
+            out = self.folder / f"{i}.msh"
+            done = run("optimise", CASES / "disc_p4.msh", "-o", out, "--json", "--quiet", *flags)
+            self.assertEqual(done.returncode, 0, done.stderr)
+            results[i] = out.read_bytes()
+            losses.append([json.loads(done.stdout)[when]["accuracy"]["loss"] for when in ("before", "after")])
+        self.assertEqual(results[0], results[1])
+        self.assertEqual(results[2], results[3])
+        self.assertLess(losses[0][1], 0.6 * losses[0][0])
+        self.assertGreater(losses[2][1], losses[2][0])
 
     def test_says_what_the_repair_did(self):
         folded, out = self.folder / "folded.msh", self.folder / "out.msh"

@@ -7,6 +7,12 @@
 namespace varimesh::client {
 namespace {
 
+v1::Options for_energy() {
+  v1::Options options;
+  options.set_objective(v1::OBJECTIVE_ENERGY);
+  return options;
+}
+
 v1::Iteration iteration(int number, double seconds, double residual, v1::Phase phase = v1::PHASE_SWEEPS) {
   v1::Iteration made;
   made.set_number(number);
@@ -18,7 +24,7 @@ v1::Iteration iteration(int number, double seconds, double residual, v1::Phase p
 
 TEST(RemainingTime, FollowsTheResidualOfThePhase) {
   v1::Options options;
-  options.set_tolerance(1e-6);
+  options.set_tolerance(1e-6);  // which asks for the energy's optimum
   RemainingTime remaining(options);
   for (int i = 1; i <= 4; ++i) {
     EXPECT_FALSE(i < 4 && remaining.seconds());
@@ -31,7 +37,7 @@ TEST(RemainingTime, FollowsTheResidualOfThePhase) {
 }
 
 TEST(RemainingTime, NeverRises) {
-  RemainingTime remaining{v1::Options()};
+  RemainingTime remaining(for_energy());
   double least = 1e9;
   int shown = 0;
   for (int i = 1; i <= 60; ++i) {  // falls, more and more slowly, and rises now and then
@@ -45,13 +51,14 @@ TEST(RemainingTime, NeverRises) {
 }
 
 TEST(RemainingTime, IsUnknownIfTheResidualStandsStill) {
-  RemainingTime remaining{v1::Options()};
+  RemainingTime remaining(for_energy());
   for (int i = 1; i <= 8; ++i) remaining.add(iteration(i, i, 0.1));
   EXPECT_FALSE(remaining.seconds());
 }
 
-TEST(RemainingTime, IsUnknownWithTheObjectivesWorstAndAccuracy) {
-  for (const v1::Objective objective : {v1::OBJECTIVE_WORST, v1::OBJECTIVE_ACCURACY}) {
+TEST(RemainingTime, IsUnknownWithTheObjectivesWorstAndAccuracyAndByDefault) {
+  for (const v1::Objective objective :
+       {v1::OBJECTIVE_WORST, v1::OBJECTIVE_ACCURACY, v1::OBJECTIVE_AUTO, v1::OBJECTIVE_UNSPECIFIED}) {
     v1::Options options;
     options.set_objective(objective);
     RemainingTime remaining(options);
@@ -65,7 +72,7 @@ TEST(RemainingTime, IsUnknownWithTheObjectivesWorstAndAccuracy) {
 }
 
 TEST(RemainingTime, IsLimitedByIterationsAndTime) {
-  v1::Options options;
+  v1::Options options = for_energy();
   options.set_max_iterations(10);
   RemainingTime standing(options);
   for (int i = 1; i <= 4; ++i) standing.add(iteration(i, 2.0 * i, 0.1));

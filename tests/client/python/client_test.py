@@ -23,6 +23,8 @@ class Client(support.WithServer):
         self.assertTrue(result.valid)
         self.assertEqual((result.metrics.energy, result.before.certified.invalid, result.after.certified.valid),
                          ("winslow", 2, 9))
+        self.assertEqual(result.metrics.objective, "energy")
+        self.assertEqual(self.client.optimise(MESH).metrics.objective, "accuracy")
         self.assertEqual(result.before.uncertified.tolist(), sorted(result.before.uncertified.tolist()))
         self.assertEqual(len(result.history), result.metrics.iterations)
         self.assertEqual(set(result.history["phase"]), {"sweeps", "newton"})

@@ -13,6 +13,7 @@
 #include "core/mesh/connectivity.h"
 #include "core/optimise/optimiser.h"
 #include "tests/core/support/cases.h"
+#include "tests/core/support/for_energy.h"
 #include "tests/core/support/meshes.h"
 
 namespace varimesh {
@@ -59,7 +60,7 @@ struct Case {
 };
 
 Options with(const std::function<void(Options&)>& change) {
-  Options options;
+  Options options = testing::for_energy();
   options.threads = 1;
   change(options);
   return options;
@@ -329,7 +330,7 @@ TEST_F(UnusableCheckpoint, OfAShorterRunIsNone) {
 }
 
 TEST(RunControl, ChangesThreadsBetweenIterations) {
-  Options options;
+  Options options = testing::for_energy();
   options.threads = 1;
   const auto alone = optimise(read_case("sphere_p3.msh"), options);
   int asked = 0;

@@ -8,13 +8,16 @@
 #include "core/optimise/optimiser.h"
 #include "core/validity/certificate.h"
 #include "tests/core/accuracy/plain_poisson.h"
+#include "tests/core/support/balls.h"
 #include "tests/core/support/cases.h"
+#include "tests/core/support/for_energy.h"
 #include "tests/core/support/meshes.h"
 
 namespace varimesh {
 namespace {
 
 using testing::Filling;
+using testing::for_energy;
 using testing::PlainPoisson;
 using testing::read_case;
 
@@ -47,7 +50,7 @@ TEST(AccuracyObjective, LowersTheErrorOfASolverOnMeshesThatCameInValid) {
 TEST(AccuracyObjective, CostsLessThanTheEnergyOnAMeshThatCameInInvalid) {
   const HighOrderMesh mesh = read_case("sphere_p3.msh");
   ASSERT_FALSE(all_valid(mesh));
-  const auto accurate = optimise(mesh, for_accuracy()), energy = optimise(mesh);
+  const auto accurate = optimise(mesh, for_accuracy()), energy = optimise(mesh, for_energy());
   ASSERT_TRUE(accurate && energy);
   ASSERT_TRUE(all_valid(accurate->mesh));
   EXPECT_GE(accurate->after.certified.min_scaled_jacobian_lower_bound, 0.1 - 1e-3);
@@ -105,6 +108,39 @@ TEST(AccuracyObjective, LeavesFixedNodesAndStraightSidedMeshesAsTheyAre) {
   const auto same = optimise(straight, for_accuracy());
   ASSERT_TRUE(same);
   EXPECT_EQ(same->mesh.coordinates, straight.coordinates);
+  ASSERT_EQ(same->notes.size(), 1U);
+  EXPECT_NE(same->notes[0].find("straight sides"), std::string::npos) << same->notes[0];
+  const HighOrderMesh plate = read_case("cylinder_p2.msh");
+  const auto kept = optimise(plate, for_accuracy());
+  ASSERT_TRUE(kept);
+  EXPECT_EQ(kept->mesh.coordinates, plate.coordinates);
+  ASSERT_EQ(kept->notes.size(), 1U);
+  EXPECT_NE(kept->notes[0].find("lower loss of accuracy"), std::string::npos) << kept->notes[0];
+}
+
+TEST(DefaultObjective, IsAccuracyForCurvedElementsAndTheEnergyForStraightOnes) {
+  for (const char* name : {"disc_p4.msh", "sphere_p3.msh"}) {
+    const HighOrderMesh mesh = read_case(name);
+    const auto usual = optimise(mesh), accurate = optimise(mesh, for_accuracy());
+    ASSERT_TRUE(usual && accurate);
+    EXPECT_EQ(usual->mesh.coordinates, accurate->mesh.coordinates) << name;
+  }
+  HighOrderMesh linear = testing::grid(Filling::Triangles, {3, 3, 1}, 1);
+  testing::shake(linear, 0.2, 3);
+  const auto usual = optimise(linear), energy = optimise(linear, for_energy());
+  ASSERT_TRUE(usual && energy);
+  EXPECT_EQ(usual->mesh.coordinates, energy->mesh.coordinates);
+}
+
+TEST(DefaultObjective, CertifiesNoFewerElementsThanTheEnergyIfSomeCannotBeRepaired) {
+  for (const HighOrderMesh& mesh : {testing::six_in_a_ball(3), read_case("solid_ball_p3.msh")}) {
+    const auto usual = optimise(mesh), energy = optimise(mesh, for_energy());
+    ASSERT_TRUE(usual && energy);
+    ASSERT_FALSE(energy->after.uncertified.empty()) << "make the mesh harder";
+    EXPECT_LE(usual->after.uncertified.size(), energy->after.uncertified.size());
+    EXPECT_LE(usual->after.accuracy->loss, energy->after.accuracy->loss);
+    EXPECT_EQ(usual->history.back().phase, Phase::Accuracy);
+  }
 }
 
 class AccuracyObjectiveOn : public ::testing::TestWithParam<Filling> {};

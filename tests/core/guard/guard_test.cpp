@@ -10,6 +10,7 @@
 #include "core/mesh/connectivity.h"
 #include "core/optimise/optimiser.h"
 #include "tests/core/support/cases.h"
+#include "tests/core/support/for_energy.h"
 #include "tests/core/support/meshes.h"
 #include "tests/core/support/problems.h"
 
@@ -154,7 +155,7 @@ TEST_P(StoppedRun, LosesNoCertificateWhicheverIterationItEndsAt) {
   const std::vector<bool> fixed = fixed_nodes(mesh);
   for (const Method method : {Method::Auto, Method::Sweeps, Method::Newton})
     for (int last = 1; last <= 6; ++last) {
-      Options options;
+      Options options = testing::for_energy();
       options.energy = energy;
       options.method = method;
       options.threads = 1;
@@ -206,7 +207,7 @@ TEST(RunStopsAt, AMeshThatIsValidAlreadyBeforeTheFirstIteration) {
 }
 
 TEST(RunStopsAt, AProvedScaledJacobianAndReturnsTheBest) {
-  Options options;
+  Options options = testing::for_energy();
   const auto whole = optimise(read_case("annulus_p3.msh"), options);
   ASSERT_TRUE(whole) << whole.error().sentence;
   const double start = whole->before.certified.min_scaled_jacobian_lower_bound;

@@ -5,6 +5,7 @@
 
 #include "core/validity/certificate.h"
 #include "tests/core/optimise/stopped_runs.h"
+#include "tests/core/support/for_energy.h"
 
 namespace varimesh {
 namespace {
@@ -52,7 +53,7 @@ INSTANTIATE_TEST_SUITE_P(Meshes, TangledRun, ::testing::ValuesIn(tangled_runs())
                          [](const auto& info) { return info.param.name; });
 
 TEST(ValidMesh, StaysAsItCameIfItsMinimumAndItsMeanWouldFall) {
-  Options options;
+  Options options = testing::for_energy();
   options.threads = 1;
   const HighOrderMesh mesh = read_case("cylinder_p2.msh");
   const auto result = optimise(mesh, options);
@@ -67,7 +68,7 @@ TEST(ValidMesh, StaysAsItCameIfItsMinimumAndItsMeanWouldFall) {
 }
 
 TEST(ValidMesh, IsChangedIfOnlyOneOfThemFalls) {
-  Options options;
+  Options options = testing::for_energy();
   options.threads = 1;
   const HighOrderMesh mesh = read_case("annulus_p3.msh");
   const auto result = optimise(mesh, options);

@@ -8,6 +8,7 @@
 #include "core/optimise/optimiser.h"
 #include "tests/core/support/balls.h"
 #include "tests/core/support/cases.h"
+#include "tests/core/support/for_energy.h"
 
 namespace varimesh {
 namespace {
@@ -18,7 +19,7 @@ class WorstObjective : public ::testing::TestWithParam<std::string> {
 };
 
 TEST_P(WorstObjective, RaisesTheLowestScaledJacobianAndKeepsTheMean) {
-  Options options;
+  Options options = testing::for_energy();
   const auto energy = optimise(mesh(), options);
   options.objective = Objective::Worst;
   const auto worst = optimise(mesh(), options);
@@ -41,7 +42,7 @@ TEST_P(WorstObjective, RaisesTheLowestScaledJacobianAndKeepsTheMean) {
 }
 
 TEST_P(WorstObjective, AStopLeavesTheBestMeshSoFar) {
-  Options options;
+  Options options = testing::for_energy();
   const auto energy = optimise(mesh(), options);
   options.objective = Objective::Worst;
   const int last = energy->iterations + 2;  // in the second stage
@@ -55,7 +56,7 @@ TEST_P(WorstObjective, AStopLeavesTheBestMeshSoFar) {
 }
 
 TEST_P(WorstObjective, HandsOutTheBestMeshThatALaterStagePassedThrough) {
-  Options options;
+  Options options = testing::for_energy();
   const auto energy = optimise(mesh(), options);
   options.objective = Objective::Worst;
   double highest = energy->after.certified.min_scaled_jacobian_lower_bound;
@@ -80,7 +81,7 @@ TEST_P(WorstObjective, EndsALaterStageBeforeItsOptimumAndSaysSo) {
 
 TEST(WorstObjective, MakesNoFurtherStageIfACellCannotBeCertified) {
   const HighOrderMesh mesh = testing::six_in_a_ball(3);
-  Options options;
+  Options options = testing::for_energy();
   const auto energy = optimise(mesh, options);
   options.objective = Objective::Worst;
   const auto worst = optimise(mesh, options);

@@ -10,6 +10,7 @@
 #include "core/mesh/connectivity.h"
 #include "tests/core/support/cases.h"
 #include "tests/core/support/curved_strip.h"
+#include "tests/core/support/for_energy.h"
 #include "tests/core/support/made_cells.h"
 #include "tests/core/support/meshes.h"
 
@@ -39,7 +40,7 @@ HighOrderMesh curved(Filling filling, int order) {
 class OptimiseWithEnergy : public ::testing::TestWithParam<Energy> {
  protected:
   Options options() const {
-    Options options;
+    Options options = testing::for_energy();
     options.energy = GetParam();
     return options;
   }
@@ -193,7 +194,7 @@ TEST(Optimise, NoIterationsChangeNothing) {
 
 TEST(Optimise, StopsWhenTold) {
   int calls = 0;
-  const auto result = optimise(read_case("nine_triangles.msh"), {}, [&](const Iteration& iteration) {
+  const auto result = optimise(read_case("nine_triangles.msh"), testing::for_energy(), [&](const Iteration& iteration) {
     EXPECT_EQ(iteration.number, ++calls);
     return calls == 2 ? Control::Stop : Control::Continue;
   });
@@ -279,7 +280,7 @@ TEST(Optimise, RefusesOptionsWithASentence) {
 TEST(Optimise, TakesMeshesThatAreValidOnlyByTheirCurvature) {
   HighOrderMesh mesh = testing::curved_strip(1.1, 4);
   testing::shake(mesh, 0.03, 3);
-  const auto result = optimise(mesh);
+  const auto result = optimise(mesh, testing::for_energy());
   ASSERT_TRUE(result) << result.error().sentence;
   EXPECT_LT(result->before.min_scaled_jacobian, 0.05);
   EXPECT_EQ(result->after.certified.valid, result->sizes.elements);
@@ -332,7 +333,7 @@ TEST(Optimise, MovesNothingIfThereIsNothingToMove) {
     EXPECT_NE(result->notes[0].find(why), std::string::npos) << result->notes[0];
     EXPECT_EQ(result->after.min_scaled_jacobian, result->before.min_scaled_jacobian);
   };
-  Options options;
+  const Options options = testing::for_energy();
   for (const Filling filling : testing::kFillings)
     for (const int order : {1, 3}) expect_unmoved(testing::grid(filling, {3, 3, 3}, order), options, "straight sides");
   expect_unmoved(testing::one_cell(Shape::Prism, 1, [](testing::Place p) { return p; }), options, "No node is free");
@@ -341,7 +342,7 @@ TEST(Optimise, MovesNothingIfThereIsNothingToMove) {
     return testing::Place{p[0], p[1] - 0.2 * (1 - p[0] * p[0]) * (1 - p[1]) / 2, 0};
   });
   bent.coordinates[3 * 8] += 0.3;  // away from the optimum, so that the optimum is better than the start
-  const auto best = optimise(bent);
+  const auto best = optimise(bent, options);
   ASSERT_TRUE(best);
   EXPECT_TRUE(best->notes.empty());
   EXPECT_NE(best->mesh.coordinates, bent.coordinates);

@@ -163,6 +163,17 @@ TEST(Stopper, StopsIfOnlyUnrepairableCellsAreLeft) {
   EXPECT_EQ(stopper.after(iteration(2, 3, 0), false, Outlook::Nothing, 0), StopReason::Repaired);
 }
 
+TEST(Stopper, OfTheAccuracyObjectiveStopsAtAValidMeshButIsAsPatientAsThatOfTheEnergy) {
+  Options options;
+  options.objective = Objective::Accuracy;
+  Stopper valid(options), unrepairable(options), stalled(options);
+  EXPECT_EQ(valid.after(iteration(1, 0, 0), false, Outlook::Nothing, 0), StopReason::Valid);
+  EXPECT_EQ(unrepairable.after(iteration(1, 3, 0), false, Outlook::Nothing, 0), StopReason::Repaired);
+  for (int number = 1; number <= 50; ++number)
+    EXPECT_EQ(stalled.after(iteration(number, 5, 5), false, Outlook::Nothing, 0), std::nullopt);
+  EXPECT_EQ(stalled.after(iteration(51, 5, 5), true, Outlook::Nothing, 0), StopReason::Converged);
+}
+
 TEST(Stopper, StopsAfterTenIterationsWithoutFewerUncertifiedCells) {
   Options options;
   options.until = Until::Valid;

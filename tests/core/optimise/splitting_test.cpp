@@ -8,6 +8,7 @@
 
 #include "tests/core/support/balls.h"
 #include "tests/core/support/cases.h"
+#include "tests/core/support/for_energy.h"
 #include "tests/core/support/made_cells.h"
 #include "tests/core/support/meshes.h"
 
@@ -15,7 +16,7 @@ namespace varimesh {
 namespace {
 
 Options with(Repair repair, int threads = 1) {
-  Options options;
+  Options options = testing::for_energy();
   options.repair = repair;
   options.threads = threads;
   options.max_iterations = 60;
@@ -108,6 +109,17 @@ TEST(RepairBySplitting, DoesNotDependOnTheNumberOfThreads) {
   const Result one = run(mesh, with(Repair::Split)), three = run(mesh, with(Repair::Split, 3));
   EXPECT_EQ(one.mesh.coordinates, three.mesh.coordinates);
   EXPECT_EQ(one.mesh.node_numbers, three.mesh.node_numbers);
+}
+
+TEST(RepairBySplitting, LowersTheLossOfAccuracyOfWhatItMakesValid) {
+  const HighOrderMesh mesh = testing::six_in_a_ball(3);
+  Options options = with(Repair::Split);
+  const Result energy = run(mesh, options);
+  options.objective = Objective::Accuracy;
+  const Result accurate = run(mesh, options);
+  EXPECT_TRUE(accurate.after.uncertified.empty());
+  EXPECT_EQ(accurate.history.back().phase, Phase::Accuracy);
+  EXPECT_LT(accurate.after.accuracy->loss, energy.after.accuracy->loss);
 }
 
 TEST(RepairBySplitting, SplitsNothingInAValidMesh) {

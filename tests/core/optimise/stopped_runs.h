@@ -36,6 +36,7 @@ inline HighOrderMesh pushed(Filling filling, std::array<int, 3> counts, int orde
 inline RunToStop run_to_stop(const std::string& name, HighOrderMesh mesh, const std::function<void(Options&)>& set) {
   RunToStop run{name, std::move(mesh), {}};
   run.options.threads = 1;
+  run.options.objective = Objective::Energy;
   run.options.max_iterations = 60;
   set(run.options);
   return run;

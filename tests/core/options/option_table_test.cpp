@@ -42,7 +42,7 @@ TEST(OptionTable, HasAWordForEachValueOfAnEnum) {
   EXPECT_EQ(last_word("target", [](Options& o) { o.target = Target::Strain; }), "strain");
   EXPECT_EQ(last_word("method", [](Options& o) { o.method = Method::Newton; }), "newton");
   EXPECT_EQ(last_word("until", [](Options& o) { o.until = Until::Valid; }), "valid");
-  EXPECT_EQ(last_word("objective", [](Options& o) { o.objective = Objective::Accuracy; }), "accuracy");
+  EXPECT_EQ(last_word("objective", [](Options& o) { o.objective = Objective::Auto; }), "auto");
 }
 
 TEST(OptionTable, SetsTheFieldThatItNames) {

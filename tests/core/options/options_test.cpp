@@ -77,5 +77,38 @@ TEST(CheckOptions, RefusesCombinationsThatContradictEachOther) {
   EXPECT_NE(refusal(options).find("region_below"), std::string::npos);
 }
 
+/// Sets the option to a value that is not its default.
+void change(const OptionInfo& info, Options& options) {
+  if (const auto* real = std::get_if<double Options::*>(&info.member)) options.*(*real) = 0.75;
+  if (const auto* whole = std::get_if<int Options::*>(&info.member)) options.*(*whole) = 7;
+  if (const auto* choice = std::get_if<ChoiceMember>(&info.member))
+    choice->set(options, choice->get(options) == 0 ? 1 : 0);
+}
+
+TEST(ObjectiveOf, IsAccuracyUnlessAnOptionOfTheEnergyIsNamed) {
+  EXPECT_EQ(objective_of({}, 2), Objective::Accuracy);
+  int of_energy = 0;
+  for (const OptionInfo& info : option_table()) {
+    Options options;
+    change(info, options);
+    if (info.name == "objective") continue;
+    EXPECT_EQ(objective_of(options, 3), is_of_energy(info) ? Objective::Energy : Objective::Accuracy) << info.name;
+    of_energy += is_of_energy(info) ? 1 : 0;
+    EXPECT_EQ(is_of_energy(info) && is_default(info, options), false) << info.name;
+  }
+  EXPECT_EQ(of_energy, 13);
+}
+
+TEST(ObjectiveOf, IsTheEnergyInOrderOne) { EXPECT_EQ(objective_of({}, 1), Objective::Energy); }
+
+TEST(ObjectiveOf, IsTheOneThatIsNamed) {
+  for (const Objective objective : {Objective::Energy, Objective::Worst, Objective::Accuracy}) {
+    Options options;
+    options.objective = objective;
+    options.lambda = 3;
+    EXPECT_EQ(objective_of(options, 1), objective);
+  }
+}
+
 }  // namespace
 }  // namespace varimesh

@@ -11,6 +11,7 @@
 #include "core/formats/formats.h"
 #include "core/mesh/connectivity.h"
 #include "core/optimise/optimiser.h"
+#include "tests/core/support/for_energy.h"
 #include "tests/core/support/meshes.h"
 #include "tests/core/support/problems.h"
 
@@ -221,7 +222,7 @@ TEST(Untangle, MakesLostCellsValidWhereTheyAre) {
 TEST(Untangle, RepairsWhatSweepsAndNewtonLeave) {
   const auto mesh = shared_case("linkrods_p2.msh");
   if (!mesh) GTEST_SKIP() << "NOT RUN: the shared cases are not there; set VARIMESH_CASES to their folder.";
-  const auto result = optimise(*mesh);
+  const auto result = optimise(*mesh, testing::for_energy());
   ASSERT_TRUE(result) << result.error().sentence;
   const auto untangled = std::ranges::count(result->history, Phase::Untangle, &Iteration::phase);
   EXPECT_GT(untangled, 0);

@@ -8,7 +8,7 @@ int main(int, char** arguments) {
   if (!file) return std::puts(file.error().sentence.c_str()), 3;
 
   varimesh::Options options;
-  options.energy = varimesh::Energy::Hyperelastic;
+  options.min_js = 0.2;
   auto result = varimesh::optimise(std::move(file->mesh), options);
   if (!result) return std::puts(result.error().sentence.c_str()), 1;
 

@@ -89,6 +89,28 @@ TEST(OptionMessages, BringEveryOptionThroughUnchanged) {
   EXPECT_EQ(back->target_field.per, Per::Vertex);
 }
 
+TEST(OptionMessages, AskForTheEnergyIfAnOptionOfItIsNamed) {
+  v1::Options message;
+  EXPECT_EQ(options_from(message)->objective, Objective::Auto);
+  message.set_until(v1::UNTIL_VALID);
+  message.set_min_js(0.3);
+  EXPECT_EQ(options_from(message)->objective, Objective::Auto);
+  for (const v1::Objective objective : {v1::OBJECTIVE_UNSPECIFIED, v1::OBJECTIVE_AUTO}) {
+    v1::Options named;
+    named.set_objective(objective);
+    named.set_energy(v1::ENERGY_HYPERELASTIC);  // with its default, too
+    EXPECT_EQ(options_from(named)->objective, Objective::Energy);
+    named.clear_energy();
+    named.set_tolerance(1e-3);
+    EXPECT_EQ(options_from(named)->objective, Objective::Energy);
+    named.clear_tolerance();
+    EXPECT_EQ(options_from(named)->objective, Objective::Auto);
+  }
+  message.set_energy(v1::ENERGY_HYPERELASTIC);
+  message.set_objective(v1::OBJECTIVE_ACCURACY);
+  EXPECT_EQ(options_from(message)->objective, Objective::Accuracy);
+}
+
 TEST(OptionMessages, RefuseAnEnumValueThatThisServerDoesNotKnow) {
   for (const OptionInfo& option : option_table()) {
     if (!std::holds_alternative<ChoiceMember>(option.member)) continue;
