@@ -57,6 +57,7 @@ constexpr std::array kExamples{
             "varimesh quality wing.msh --diagnose -o marked.vtu"},
     Example{"convert", "write a mesh for ParaView", "varimesh convert wing.msh wing.vtu"},
     Example{"convert", "write a mesh for MFEM", "varimesh convert wing.msh wing.mesh"},
+    Example{"convert", "write a mesh for Nektar++", "varimesh convert wing.msh wing.xml"},
     Example{"convert", "write Gmsh's binary format", "varimesh convert wing.msh binary.msh --format msh41-binary"},
     Example{"doctor", "check this machine", "varimesh doctor"},
     Example{"doctor", "check this machine and a server", "varimesh doctor --server HOST:PORT"},

@@ -36,7 +36,7 @@ bool ending_is_enough(formats::Format format) {
 bool is_other_than_msh(const std::string& input) {
   std::error_code error;
   if (!std::filesystem::is_regular_file(input, error)) return false;
-  std::array<char, 64> begin{};
+  std::array<char, 4096> begin{};
   std::ifstream file(input, std::ios::binary);
   file.read(begin.data(), std::ssize(begin));
   const formats::Format found = formats::recognised({begin.data(), std::size_t(file.gcount())});

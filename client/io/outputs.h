@@ -15,10 +15,10 @@ struct Output {
   v1::MeshFormat format = v1::MESH_FORMAT_UNSPECIFIED;  ///< UNSPECIFIED: the format of the input.
 };
 
-/// The outputs for `paths`. A path that ends in .vtu or .mesh has the format VTU or MFEM; the others have the format
-/// named `format`, or, if that is empty, the format of the input; a .msh file has a format of Gmsh if the file `input`
-/// has another. Checks that each file can be written, so that this is known before any work is done. Errors: BadOption,
-/// Output.
+/// The outputs for `paths`. A path that ends in .vtu, .mesh, .xml or .su2 has the format VTU, MFEM, Nektar++ or SU2;
+/// the others have the format named `format`, or, if that is empty, the format of the input; a .msh file has a format
+/// of Gmsh if the file `input` has another. Checks that each file can be written, so that this is known before any work
+/// is done. Errors: BadOption, Output.
 Expected<std::vector<Output>> check_outputs(const std::vector<std::string>& paths, const std::string& format,
                                             const std::string& input = {});
 

@@ -5,6 +5,7 @@
 #include "client/cli/option_flags.h"
 #include "client/io/outputs.h"
 #include "client/io/report_page.h"
+#include "client/jobs/certified_files.h"
 #include "client/jobs/connection.h"
 #include "client/jobs/deliver.h"
 #include "client/jobs/failed_surfaces.h"
@@ -82,13 +83,18 @@ int optimise(const OptimiseArguments& arguments) {
   delivery.history = arguments.history;
   delivery.report = arguments.report;
   delivery.accepts_cancelled = interrupted();
-  return deliver(client, *ended, delivery, arguments.common);
+  const int status = deliver(client, *ended, delivery, arguments.common);
+  if (status != kDone) return status;
+  const std::string left = uncertified_file(*outputs);
+  if (left.empty()) return status;
+  std::cerr << "varimesh: " << left << std::endl;
+  return kInvalidLeft;
 }
 
 void add_run_flags(CLI::App& command, OptimiseArguments* arguments) {
   command
       .add_option("-o,--output", arguments->outputs,
-                  "Write the result to this file (.msh, .vtu, .mesh); may be repeated")
+                  "Write the result to this file (.msh, .vtu, .mesh, .xml, .su2); may be repeated")
       ->required()
       ->type_name("OUT")
       ->allow_extra_args(false);

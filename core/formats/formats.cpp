@@ -9,9 +9,13 @@
 #include "core/formats/format_table.h"
 #include "core/formats/gmsh/read.h"
 #include "core/formats/gmsh/write.h"
+#include "core/formats/ism/ism.h"
 #include "core/formats/mfem/mfem.h"
+#include "core/formats/nektar/nektar.h"
 #include "core/formats/other_files.h"
+#include "core/formats/su2/su2.h"
 #include "core/formats/vtu.h"
+#include "core/formats/vtu/read.h"
 
 namespace varimesh::formats {
 
@@ -27,14 +31,18 @@ constexpr std::array kTable = {
     FormatEntry{Format::Msh22Binary, "msh22-binary", ".msh", begins_like_gmsh, read_gmsh, write_gmsh},
     FormatEntry{Format::Msh41, "msh41", ".msh", begins_like_gmsh, read_gmsh, write_gmsh},
     FormatEntry{Format::Msh41Binary, "msh41-binary", ".msh", begins_like_gmsh, read_gmsh, write_gmsh},
-    FormatEntry{Format::Vtu, "vtu", ".vtu", nullptr, nullptr, write_vtu},
+    FormatEntry{Format::Vtu, "vtu", ".vtu", begins_like_vtk, read_vtu, write_vtu},
     FormatEntry{Format::Mfem, "mfem", ".mesh", begins_like_mfem, read_mfem, write_mfem, not_in_mfem},
+    FormatEntry{Format::Nektar, "nektar", ".xml", begins_like_nektar, read_nektar, write_nektar, not_in_nektar},
+    FormatEntry{Format::Su2, "su2", ".su2", nullptr, nullptr, write_su2, not_in_su2},
+    FormatEntry{Format::Ism, "ism", ".ism", begins_like_ism, read_ism},
 };
 
 constexpr std::array kInfos = [] {
   std::array<FormatInfo, kTable.size()> infos{};
   for (std::size_t i = 0; i < kTable.size(); ++i)
-    infos[i] = {kTable[i].format, kTable[i].name, kTable[i].extension, kTable[i].read != nullptr};
+    infos[i] = {kTable[i].format, kTable[i].name, kTable[i].extension, kTable[i].read != nullptr,
+                kTable[i].write != nullptr};
   return infos;
 }();
 
@@ -89,6 +97,8 @@ Expected<Format> for_output(std::span<const FormatEntry> table, std::string_view
                             Format read_as) {
   std::string_view extension = known_extension(table, path);
   if (const FormatEntry* entry = find(table, requested)) {
+    if (entry->write == nullptr)
+      return bad_option("The format " + std::string(entry->name) + " can only be read; name another format.");
     if (!extension.empty() && extension != entry->extension)
       return bad_option("The ending of '" + std::string(path) + "' contradicts the format " + std::string(entry->name) +
                         "; change one of them.");
@@ -96,8 +106,9 @@ Expected<Format> for_output(std::span<const FormatEntry> table, std::string_view
   }
   if (extension.empty() && is_device_or_pipe(path)) extension = kDefaultExtension;
   if (const FormatEntry* entry = find_by_extension(table, extension, read_as)) return entry->format;
-  return bad_option("The format of '" + std::string(path) +
-                    "' cannot be determined from its ending; use the ending .msh, .vtu or .mesh, or name the format.");
+  return bad_option(
+      "The format of '" + std::string(path) +
+      "' cannot be determined from its ending; use the ending .msh, .vtu, .mesh, .xml or .su2, or name the format.");
 }
 
 Expected<MeshFile> read(std::span<const FormatEntry> table, std::string_view bytes, int threads,

@@ -21,8 +21,11 @@ enum class Format : std::uint8_t {
   Msh22Binary,  ///< Gmsh MSH 2.2, binary.
   Msh41,        ///< Gmsh MSH 4.1, ASCII.
   Msh41Binary,  ///< Gmsh MSH 4.1, binary.
-  Vtu,          ///< VTK unstructured grid with Lagrange cells and appended zlib data. Can only be written.
+  Vtu,          ///< VTK unstructured grid. Written with Lagrange cells and appended zlib data.
   Mfem,         ///< MFEM mesh v1.0 to v1.3, with straight or curved elements.
+  Nektar,       ///< Nektar++ XML, as text or compressed.
+  Su2,          ///< SU2 mesh: the vertices only, and straight elements. Can only be written.
+  Ism,          ///< ISM mesh of HOHQMesh: quadrilaterals or hexahedra with curved sides. Can only be read.
 };
 
 struct FormatInfo {
@@ -30,6 +33,7 @@ struct FormatInfo {
   std::string_view name;       ///< For example "msh41-binary".
   std::string_view extension;  ///< The ending of file names, for example ".msh".
   bool readable;               ///< Whether files of this format can be read.
+  bool writable;               ///< Whether they can be written.
 };
 
 /// All formats except Auto.
@@ -41,6 +45,7 @@ Expected<Format> from_name(std::string_view name);
 /// The format in which to write to `path`: `requested`, or the format of the ending if `requested` is Auto.
 ///   .vtu                  Vtu
 ///   .mesh                 Mfem
+///   .xml                  Nektar
 ///   .msh                  `read_as` if that is an MSH format, otherwise Msh41Binary
 ///   a device or a pipe    as .msh, unless it has a known ending
 /// Errors: BadOption if the ending contradicts `requested`, or if nothing is requested and the ending is unknown.

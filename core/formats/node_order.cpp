@@ -102,6 +102,17 @@ Positions mfem_positions(Shape shape, int order) {
   return list;
 }
 
+Positions nektar_positions(Shape shape, int order) {
+  if (shape != Shape::Triangle) return rows(shape, order);
+  const Position a{0, 0, 0}, b{order, 0, 0}, c{0, order, 0};
+  Positions list{a, b, c};
+  add_edge(list, a, b, order);
+  add_edge(list, b, c, order);
+  add_edge(list, c, a, order);
+  add_face_rows(list, a, b, c, order, true);
+  return list;
+}
+
 // One row per node order.
 constexpr std::array kTable = {
     NodeOrderEntry{NodeOrder::Gmsh, "gmsh", "Gmsh reference manual, section \"Node ordering\"", gmsh_positions},
@@ -116,6 +127,10 @@ constexpr std::array kTable = {
                    mfem_positions},
     NodeOrderEntry{NodeOrder::Rows, "rows",
                    "MFEM's documentation of L2_FECollection; HOPR's description of its mesh format", rows},
+    NodeOrderEntry{
+        NodeOrder::Nektar, "nektar",
+        "Nektar++ developer guide, \"NodalTriEvenlySpaced\" and \"PolyEvenlySpaced\"; user guide, \"Curved\"",
+        nektar_positions},
 };
 
 }  // namespace

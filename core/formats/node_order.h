@@ -16,10 +16,11 @@ using Positions = std::vector<Position>;
 
 /// The orders in which file formats list the nodes of a cell. VariMesh's meshes have Gmsh's order.
 enum class NodeOrder : std::uint8_t {
-  Gmsh,  ///< Vertices, edges, faces, interior; faces and interior ordered recursively in the same way.
-  Vtk,   ///< VTK's Lagrange cells, in files below version 2.1.
-  Mfem,  ///< The degrees of freedom of MFEM's continuous elements: vertices, edges, faces row by row, interior.
-  Rows,  ///< Row by row: i fastest, then j, then k.
+  Gmsh,    ///< Vertices, edges, faces, interior; faces and interior ordered recursively in the same way.
+  Vtk,     ///< VTK's Lagrange cells, in files below version 2.1.
+  Mfem,    ///< The degrees of freedom of MFEM's continuous elements: vertices, edges, faces row by row, interior.
+  Rows,    ///< Row by row: i fastest, then j, then k.
+  Nektar,  ///< Curves of Nektar++: triangles by vertices, edges and rows of the interior; other shapes row by row.
 };
 
 /// One row of the table.

@@ -1,6 +1,7 @@
 // The first bytes of files of other programs, and what turns such a file into one that can be read.
 #include "core/formats/other_files.h"
 
+#include <algorithm>
 #include <array>
 #include <cctype>
 #include <cstdint>
@@ -20,26 +21,30 @@ struct OtherFile {
 
 constexpr std::string_view kMeshIt =
     "make a mesh of it first, for example with: gmsh FILE -3 -order 3 -format msh41 -o mesh.msh (-2 for a plane)";
+constexpr std::string_view kMeshInside =
+    "mesh its inside with Gmsh: merge the file, make a volume of its surface, and run -3 (tutorial t13 of Gmsh)";
+constexpr std::string_view kMeshSurface =
+    "make an STL file of it with: meshio convert FILE surface.stl; then mesh its inside with Gmsh (tutorial t13 of "
+    "Gmsh)";
 constexpr std::string_view kGmshConverts = "convert it, for example with: gmsh FILE -save -format msh41 -o mesh.msh";
+constexpr std::string_view kVtu = "make a VTU file of it, for example with: meshio convert FILE mesh.vtu";
 constexpr std::string_view kMeshioConverts =
     "convert it, for example with: meshio convert FILE mesh.msh --output-format gmsh; better, give VariMesh the MSH "
     "file from which it was made, because other formats lose curved elements or groups";
+
+constexpr std::string_view kObj = "v ";
 
 constexpr std::array kOtherFiles{
     OtherFile{"ISO-10303-21", "a STEP file, which is a geometry and not a mesh", kMeshIt},
     OtherFile{"DBRep_DrawableShape", "a BREP file, which is a geometry and not a mesh", kMeshIt},
     OtherFile{"CASCADE Topology", "a BREP file, which is a geometry and not a mesh", kMeshIt},
     OtherFile{"\x89HDF\r\n\x1a\n"sv, "an HDF5 file (such as CGNS, MED or XDMF data)", kGmshConverts},
-    OtherFile{"<VTKFile", "a VTK file, which VariMesh can only write", kMeshioConverts},
-    OtherFile{"# vtk DataFile", "a VTK file, which VariMesh can only write", kMeshioConverts},
+    OtherFile{"# vtk DataFile", "a VTK file of the legacy format", kVtu},
     OtherFile{"<Xdmf", "an XDMF file", kMeshioConverts},
-    OtherFile{"<?xml", "an XML file, such as VTU, XDMF or Nektar++", kMeshioConverts},
-    OtherFile{"<NEKTAR", "a Nektar++ file",
-              "give VariMesh the MSH file from which NekMesh made it, and run NekMesh on the result"},
+    OtherFile{"<?xml", "an XML file, such as XDMF", kMeshioConverts},
     OtherFile{"NDIME", "an SU2 mesh", kGmshConverts},
-    OtherFile{
-        "solid ", "an STL file, which is a surface of flat triangles and not a volume mesh",
-        "mesh its inside with Gmsh: merge the file, make a volume of its surface, and run -3 (tutorial t13 of Gmsh)"},
+    OtherFile{"solid ", "an STL file, which is a surface of flat triangles and not a volume mesh", kMeshInside},
+    OtherFile{kObj, "an OBJ file, which is a surface of flat facets and not a volume mesh", kMeshSurface},
     OtherFile{"*HEADING", "an Abaqus file", kGmshConverts},
     OtherFile{"MeshVersionFormatted", "a Medit mesh", kGmshConverts},
     OtherFile{"CDF\x01"sv, "a NetCDF file, such as Exodus", kMeshioConverts},
@@ -57,6 +62,13 @@ bool is_binary_stl(std::string_view bytes) {
   return bytes.size() == kHeader + kTriangle * triangles;
 }
 
+/// Whether the first line that is no comment gives a vertex, a name or a library of materials.
+bool is_obj(std::string_view text) {
+  while (text.starts_with('#') || text.starts_with('\n') || text.starts_with('\r'))
+    text.remove_prefix(std::min(text.size(), std::min(text.find('\n'), text.size()) + 1));
+  return text.starts_with(kObj) || text.starts_with("mtllib ") || text.starts_with("o ");
+}
+
 const OtherFile* find(std::string_view bytes) {
   std::string_view text = bytes;
   if (text.starts_with("\xef\xbb\xbf")) text.remove_prefix(3);  // the mark of UTF-8
@@ -69,16 +81,19 @@ const OtherFile* find(std::string_view bytes) {
         return &file;
   for (const OtherFile& file : kOtherFiles)
     if (bytes.starts_with(file.begins) || text.starts_with(file.begins)) return &file;
-  if (!is_binary_stl(bytes)) return nullptr;
-  for (const OtherFile& file : kOtherFiles)
-    if (file.begins == "solid ") return &file;
-  return nullptr;
+  const auto known = [](std::string_view begins) {
+    return std::find_if(kOtherFiles.begin(), kOtherFiles.end(),
+                        [&](const auto& file) { return file.begins == begins; });
+  };
+  if (is_obj(text)) return known(kObj);
+  return is_binary_stl(bytes) ? known("solid ") : nullptr;
 }
 
 }  // namespace
 
 std::string why_not_a_mesh(std::string_view bytes) {
-  constexpr const char* kExpected = "a Gmsh MSH file (versions 2.0 to 4.1) or an MFEM mesh was expected.";
+  constexpr const char* kExpected =
+      "a Gmsh MSH file (versions 2.0 to 4.1), an MFEM mesh, a Nektar++ file, a VTU file or an ISM mesh was expected.";
   if (bytes.empty()) return std::string("The file is empty (0 bytes); ") + kExpected;
   if (const OtherFile* file = find(bytes))
     return "The file is " + std::string(file->is) + "; " + std::string(file->run) + ".";

@@ -10,13 +10,14 @@
 #include <bit>
 #include <cstring>
 #include <limits>
-#include <map>
 #include <set>
 #include <utility>
 
 #include "core/formats/buffered_output.h"
 #include "core/formats/node_order.h"
+#include "core/formats/xml/xml.h"
 #include "core/reference/basis.h"
+#include "core/reference/cache.h"
 
 namespace varimesh::formats {
 
@@ -148,7 +149,6 @@ class Grid {
 
   const HighOrderMesh& mesh_;
   std::int64_t offset_ = 0;
-  std::map<int, Eigen::MatrixXd> added_;
 };
 
 Grid::Grid(const HighOrderMesh& mesh, std::span<const CellField> fields, const Team& team)
@@ -201,14 +201,13 @@ void Grid::add_block(const ElementBlock& block) {
   const VtkCell cell = vtk_cell(block.shape, block.order);
   const auto stride = Eigen::Index(reference::node_count(block.shape, block.order));
   const bool adds = block.shape == Shape::Pyramid && block.order > 1;
-  if (adds && !added_.contains(block.order)) added_[block.order] = added_points(block.order);
   for (std::size_t e = 0; e < block.size(); ++e, ++cells) {
     const std::int32_t* nodes = block.nodes.data() + std::ptrdiff_t(e) * stride;
     if (adds) {
       Eigen::MatrixX3d x(stride, 3);
       for (Eigen::Index i = 0; i < stride; ++i)
         for (Eigen::Index k = 0; k < 3; ++k) x(i, k) = mesh_.coordinates[3 * std::size_t(nodes[i]) + std::size_t(k)];
-      const Eigen::MatrixX3d y = added_[block.order] * x;
+      const Eigen::MatrixX3d y = vtk_added_points(block.order) * x;
       for (Eigen::Index i = 0; i < y.rows(); ++i)
         for (Eigen::Index k = 0; k < 3; ++k) coordinates.data.put(y(i, k));
     }
@@ -227,26 +226,11 @@ void Grid::add_block(const ElementBlock& block) {
 
 // === The file ============================================================================================
 
-std::string escaped(std::string_view name) {
-  std::string text;
-  for (char c : name) {
-    if (c == '&')
-      text += "&amp;";
-    else if (c == '<')
-      text += "&lt;";
-    else if (c == '"')
-      text += "&quot;";
-    else
-      text += c;
-  }
-  return text;
-}
-
 void declare(BufferedOutput& out, const Array& array, std::size_t& offset) {
   // One component is the default. meshio makes a column of an array for which it is said.
   const std::string components =
       array.components == 1 ? "" : " NumberOfComponents=\"" + std::to_string(array.components) + "\"";
-  out.text("        <DataArray type=\"" + array.type + "\" Name=\"" + escaped(array.name) + "\"" + components +
+  out.text("        <DataArray type=\"" + array.type + "\" Name=\"" + escaped_xml(array.name) + "\"" + components +
            " format=\"appended\" offset=\"" + std::to_string(offset) + "\"/>\n");
   offset += array.data.bytes();
 }
@@ -254,12 +238,17 @@ void declare(BufferedOutput& out, const Array& array, std::size_t& offset) {
 // A field's values belong to the whole grid, so their number is given. meshio takes them as a list only if the number
 // of components is not.
 void declare_field(BufferedOutput& out, const Array& array, std::size_t& offset) {
-  out.text("      <DataArray type=\"" + array.type + "\" Name=\"" + escaped(array.name) +
+  out.text("      <DataArray type=\"" + array.type + "\" Name=\"" + escaped_xml(array.name) +
            "\" NumberOfTuples=\"2\" format=\"appended\" offset=\"" + std::to_string(offset) + "\"/>\n");
   offset += array.data.bytes();
 }
 
 }  // namespace
+
+const Eigen::MatrixXd& vtk_added_points(int order) {
+  static reference::Cache<int, Eigen::MatrixXd> cache;
+  return cache.get(order, [&] { return added_points(order); });
+}
 
 Expected<void> write_vtu(const HighOrderMesh& mesh, Format, const Sink& sink, std::span<const CellField> fields,
                          const Team& team) {

@@ -1,6 +1,7 @@
 // Writes VTK unstructured grids. Internal to core/formats.
 #pragma once
 
+#include <Eigen/Core>
 #include <cstdint>
 #include <vector>
 
@@ -25,5 +26,9 @@ struct VtkCell {
 /// quadratic pyramid lacks the node in the middle of the base. The functions of the pyramid are polynomials of the same
 /// order on the hexahedron, so the geometry stays exact.
 VtkCell vtk_cell(Shape shape, int order);
+
+/// The additional points of a pyramid of order 2 and above, in the order of the −1 of VtkCell::nodes: a matrix for the
+/// nodes of the pyramid, one row per point.
+const Eigen::MatrixXd& vtk_added_points(int order);
 
 }  // namespace varimesh::formats

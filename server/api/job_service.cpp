@@ -176,7 +176,8 @@ grpc::ServerUnaryReactor* JobService::GetServerInfo(grpc::CallbackServerContext*
     for (int format = v1::MESH_FORMAT_MSH22; v1::MeshFormat_IsValid(format); ++format) {
       if (is_readable(static_cast<v1::MeshFormat>(format)))
         response->add_input_formats(static_cast<v1::MeshFormat>(format));
-      response->add_output_formats(static_cast<v1::MeshFormat>(format));
+      if (is_writable(static_cast<v1::MeshFormat>(format)))
+        response->add_output_formats(static_cast<v1::MeshFormat>(format));
     }
     for (int energy = v1::ENERGY_HYPERELASTIC; v1::Energy_IsValid(energy); ++energy)
       response->add_energies(static_cast<v1::Energy>(energy));

@@ -48,11 +48,12 @@ Expected<formats::MeshFile> read_mesh(std::string_view bytes, v1::MeshFormat for
   });
 }
 
-/// Returns the formats to write: those asked for, with UNSPECIFIED replaced by the format of the input.
+/// Returns the formats to write: those asked for, with UNSPECIFIED replaced by the format of the input, or by MSH 4.1
+/// if that can only be read.
 std::vector<v1::MeshFormat> definite_outputs(std::vector<v1::MeshFormat> outputs, v1::MeshFormat read_as) {
   if (outputs.empty()) outputs.push_back(v1::MESH_FORMAT_UNSPECIFIED);
   for (v1::MeshFormat& output : outputs)
-    if (output == v1::MESH_FORMAT_UNSPECIFIED) output = read_as;
+    if (output == v1::MESH_FORMAT_UNSPECIFIED) output = is_writable(read_as) ? read_as : v1::MESH_FORMAT_MSH41_BINARY;
   return outputs;
 }
 

@@ -224,14 +224,22 @@ formats::Format format_from(v1::MeshFormat message) {
       return formats::Format::Vtu;
     case v1::MESH_FORMAT_MFEM:
       return formats::Format::Mfem;
+    case v1::MESH_FORMAT_NEKTAR:
+      return formats::Format::Nektar;
+    case v1::MESH_FORMAT_ISM:
+      return formats::Format::Ism;
+    case v1::MESH_FORMAT_SU2:
+      return formats::Format::Su2;
     default:
       return formats::Format::Auto;
   }
 }
 
 bool is_readable(v1::MeshFormat format) {
-  return v1::MeshFormat_IsValid(format) && format != v1::MESH_FORMAT_VTU && format != v1::MESH_FORMAT_CELL_QUALITY;
+  return v1::MeshFormat_IsValid(format) && format != v1::MESH_FORMAT_SU2 && format != v1::MESH_FORMAT_CELL_QUALITY;
 }
+
+bool is_writable(v1::MeshFormat format) { return v1::MeshFormat_IsValid(format) && format != v1::MESH_FORMAT_ISM; }
 
 v1::MeshFormat to_proto(formats::Format format) {
   switch (format) {
@@ -249,6 +257,12 @@ v1::MeshFormat to_proto(formats::Format format) {
       return v1::MESH_FORMAT_VTU;
     case formats::Format::Mfem:
       return v1::MESH_FORMAT_MFEM;
+    case formats::Format::Nektar:
+      return v1::MESH_FORMAT_NEKTAR;
+    case formats::Format::Ism:
+      return v1::MESH_FORMAT_ISM;
+    case formats::Format::Su2:
+      return v1::MESH_FORMAT_SU2;
   }
   return v1::MESH_FORMAT_UNSPECIFIED;
 }

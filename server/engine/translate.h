@@ -31,5 +31,7 @@ v1::MeshFormat to_proto(formats::Format format);
 
 /// Returns whether a mesh can be read in this format. Unspecified means a file that is recognised by its content.
 bool is_readable(v1::MeshFormat format);
+/// Whether it can be written.
+bool is_writable(v1::MeshFormat format);
 
 }  // namespace varimesh::server

@@ -47,7 +47,7 @@ Answer<void> Scheduler::check(const v1::JobSpec& spec) {
         "This server does not read the format of the mesh; GetServerInfo lists the formats that it reads.");
   std::set<int> outputs;
   for (const int output : spec.outputs()) {
-    if (!v1::MeshFormat_IsValid(output))
+    if (!v1::MeshFormat_IsValid(output) || !is_writable(static_cast<v1::MeshFormat>(output)))
       return bad_request(
           "This server does not write the format of an output; GetServerInfo lists the formats that it writes.");
     if (!outputs.insert(output).second)

@@ -77,7 +77,7 @@ class Client:
                  priority: int = 0, **options: Unpack[Options]) -> Result:  # fmt: skip
         """Optimises a mesh and waits for the result.
 
-        `output` names files to write (.msh in `format`, .vtu, .mesh). The result also has its mesh in arrays, unless
+        `output` names files to write (.msh in `format`, .vtu, .mesh, .xml, .su2). The result also has its mesh in arrays, unless
         `arrays` is False, which saves the server the disk space. Ctrl-C and an exception in `on_event` cancel the job.
         For a mesh in arrays, numbers in options and reports count from 0.
 
@@ -91,7 +91,7 @@ class Client:
         wanted = [_format_of(path, format, _is_path(mesh) and _is_msh(mesh)) for path in paths]
         if arrays is not False:
             # A result in the format of the file keeps its numbers, which arrays do not have.
-            wanted += ["as-read"] if _is_path(mesh) and all(one in ("vtu", "mfem") for one in wanted) else []
+            wanted += ["as-read"] if _is_path(mesh) and all(one in reports.FORMAT_OF_ENDING.values() for one in wanted) else []
             wanted.append("parts")
         job = self.submit(mesh, outputs=list(dict.fromkeys(wanted)), request_id=request_id, labels=labels,
                           priority=priority, **options)  # fmt: skip
@@ -342,7 +342,8 @@ def _is_msh(path: Any) -> bool:
         if not os.path.isfile(path):
             return True
         with open(path, "rb") as file:
-            return file.read(5) != b"MFEM "
+            begin = file.read(4096).lstrip()
+            return not begin.startswith((b"MFEM ", b"<"))
     except OSError:
         return True
 
@@ -351,7 +352,7 @@ def _format_of(path: str | os.PathLike[str], format: str | None, from_file: bool
     """The name of the format in which a file is written. `from_file`: a .msh may have the format of the input."""
     ending = os.path.splitext(path)[1].lower()
     if ending != ".msh" and ending not in reports.FORMAT_OF_ENDING:
-        raise BadOption(f"The ending of {os.fspath(path)} gives no format; name a .msh, a .vtu or a .mesh file.")
+        raise BadOption(f"The ending of {os.fspath(path)} gives no format; name a .msh, .vtu, .mesh, .xml or .su2 file.")
     if ending in reports.FORMAT_OF_ENDING:
         return reports.FORMAT_OF_ENDING[ending]
     return format or ("as-read" if from_file else "msh41")

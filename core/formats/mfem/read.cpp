@@ -236,7 +236,7 @@ bool begins_like_mfem(std::string_view bytes) { return bytes.starts_with("MFEM "
 
 Expected<MeshFile> read_mfem(std::string_view bytes, const Team& team) {
   Allowance allowance(most_mesh_memory(std::int64_t(bytes.size())), team.stop());
-  MfemReading reading{Scanner(bytes), {}, {}, 0};
+  MfemReading reading{team, Scanner(bytes), {}, {}, 0};
   Scanner& scan = reading.scanner;
   scan.allowance = &allowance;
   HighOrderMesh& mesh = reading.mesh;

@@ -10,6 +10,7 @@ namespace varimesh::formats {
 
 /// The state of reading one file.
 struct MfemReading {
+  const Team& team;
   Scanner scanner;
   HighOrderMesh mesh;  ///< Its blocks have the vertices only, until the nodes are read.
   MfemNodes nodes;

@@ -5,6 +5,7 @@
 #include "core/formats/mfem/read.h"
 #include "core/formats/mfem/topology.h"
 #include "core/formats/node_order.h"
+#include "core/formats/pieces.h"
 
 namespace varimesh::formats {
 
@@ -76,14 +77,31 @@ void read_values(MfemReading& reading, std::int64_t dofs) {
   if (std::size_t(dofs) * components > scan.left()) scan.fail_truncated("the coordinates of all nodes");
   scan.reserve(x, 3 * std::size_t(dofs));
   x.assign(3 * std::size_t(dofs), 0.0);
-  if (reading.nodes.by_nodes) {
-    for (std::size_t c = 0; c < components; ++c)
-      for (std::size_t i = 0; i < std::size_t(dofs); ++i, scan.look())
-        x[3 * i + c] = scan.number("a node's coordinate");
-  } else {
-    for (std::size_t i = 0; i < std::size_t(dofs); ++i, scan.look())
-      for (std::size_t c = 0; c < components; ++c) x[3 * i + c] = scan.number("a node's coordinate");
-  }
+  const std::size_t count = std::size_t(dofs) * components;
+  std::size_t read_so_far = 0, node = 0, component = 0;
+  const auto put = [&](double value) {
+    x[3 * node + component] = value;
+    ++read_so_far;
+    if (reading.nodes.by_nodes) {
+      if (++node == std::size_t(dofs)) node = 0, ++component;
+    } else {
+      if (++component == components) component = 0, ++node;
+    }
+  };
+  const auto parse = [](const BytesPiece&, Scanner& from) {
+    std::vector<double> read;
+    for (from.skip_space(); !from.at_end(); from.skip_space()) read.push_back(from.number("a node's coordinate"));
+    return read;
+  };
+  const auto take = [&](const BytesPiece&, const std::vector<double>& read) {
+    if (read.size() > count - read_so_far) return false;
+    for (const double value : read) put(value);
+    return true;
+  };
+  // A line has one number, or all components of a node.
+  read_in_pieces(scan, reading.team, RecordCutter(scan, reading.nodes.by_nodes ? std::int64_t(count) : dofs, 0), parse,
+                 take);
+  while (read_so_far < count) put(scan.number("a node's coordinate"));
 }
 
 using Columns = Eigen::Matrix<double, Eigen::Dynamic, 3, Eigen::RowMajor>;

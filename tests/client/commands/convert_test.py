@@ -17,16 +17,28 @@ class Convert(WithFolder):
         one, other = (json.loads(run("quality", path, "--json").stdout) for path in (MESH, back))
         self.assertEqual(one, other)
 
-    def test_to_mfem_and_back_keeps_the_quality_and_says_what_is_left_out(self):
-        there, back = self.folder / "there.mesh", self.folder / "back.msh"
-        done = run("convert", MESH, there)
-        self.assertEqual((done.returncode, done.stderr), (0, LEFT_OUT))
-        self.assertTrue(there.read_bytes().startswith(b"MFEM mesh v1."))
-        self.assertEqual(run("convert", there, back, "--format", "msh22").returncode, 0)
-        one, other = (json.loads(run("quality", path, "--json").stdout)["quality"] for path in (MESH, back))
-        for key in ("valid", "invalid", "undecided"):
-            self.assertEqual(one["certified"][key], other["certified"][key])
-        self.assertAlmostEqual(one["min_scaled_jacobian"], other["min_scaled_jacobian"], 12)
+    def test_to_other_formats_and_back_keeps_the_quality_and_says_what_is_left_out(self):
+        for name, start, left_out in (
+            ("there.mesh", b"MFEM mesh v1.", LEFT_OUT),
+            ("there.xml", b'<?xml version="1.0" encoding="utf-8" ?>\n<NEKTAR>', LEFT_OUT.replace("MFEM", "Nektar++")),
+            ("there.vtu", b'<?xml version="1.0"?>\n<VTKFile', ""),
+        ):
+            there, back = self.folder / name, self.folder / "back.msh"
+            done = run("convert", MESH, there)
+            self.assertEqual((done.returncode, done.stderr), (0, left_out))
+            self.assertTrue(there.read_bytes().startswith(start))
+            self.assertEqual(run("convert", there, back, "--format", "msh22").returncode, 0)
+            one, other = (json.loads(run("quality", path, "--json").stdout)["quality"] for path in (MESH, back))
+            for key in ("valid", "invalid", "undecided"):
+                self.assertEqual(one["certified"][key], other["certified"][key])
+            self.assertAlmostEqual(one["min_scaled_jacobian"], other["min_scaled_jacobian"], 12)
+
+    def test_for_su2_the_curved_sides_are_left_out(self):
+        out = self.folder / "out.su2"
+        done = run("convert", MESH, out)
+        self.assertEqual(done.returncode, 0)
+        self.assertIn("curved sides", done.stderr)
+        self.assertTrue(out.read_text().startswith("NDIME= 2\nNELEM= 9\n"))
 
     def test_turns_clockwise_elements_if_asked_to(self):
         mirrored, out = self.folder / "mirrored.msh", self.folder / "out.msh"

@@ -21,6 +21,7 @@ TEST(FormatTable, NamesAreFoundAndListed) {
 TEST(FormatTable, EndingsDecide) {
   EXPECT_EQ(formats::for_output("a/b.vtu", Format::Auto, Format::Msh22), Format::Vtu);
   EXPECT_EQ(formats::for_output("a/b.mesh", Format::Auto, Format::Msh22), Format::Mfem);
+  EXPECT_EQ(formats::for_output("a/b.xml", Format::Auto, Format::Msh22), Format::Nektar);
   EXPECT_EQ(formats::for_output("b.msh", Format::Auto, Format::Mfem), Format::Msh41Binary);
   EXPECT_EQ(formats::for_output("b.MSH", Format::Auto, Format::Msh22), Format::Msh22);
   EXPECT_EQ(formats::for_output("b.msh", Format::Auto, Format::Auto), Format::Msh41Binary);
@@ -28,13 +29,18 @@ TEST(FormatTable, EndingsDecide) {
   EXPECT_EQ(formats::for_output("/dev/null", Format::Auto, Format::Msh22), Format::Msh22);
   EXPECT_FALSE(formats::for_output("b.vtu", Format::Msh41, Format::Auto));
   EXPECT_FALSE(formats::for_output("b.msh", Format::Vtu, Format::Auto));
+  EXPECT_EQ(formats::for_output("b.su2", Format::Auto, Format::Auto), Format::Su2);
+  EXPECT_FALSE(formats::for_output("b.mesh", Format::Ism, Format::Auto)) << "can only be read";
+  EXPECT_EQ(formats::for_output("b.mesh", Format::Auto, Format::Ism), Format::Mfem);
   EXPECT_FALSE(formats::for_output("b.stl", Format::Auto, Format::Msh22));
 }
 
 TEST(FormatTable, RecognisesAFileByItsBeginning) {
   EXPECT_EQ(formats::recognised("MFEM mesh v1.0\n"), Format::Mfem);
+  EXPECT_EQ(formats::recognised("<?xml version=\"1.0\"?>\n<NEKTAR>"), Format::Nektar);
+  EXPECT_EQ(formats::recognised("24 13 5\n0.5 -0.5 -0.5\n"), Format::Ism);
   EXPECT_EQ(formats::recognised("$MeshFormat\n"), Format::Msh22) << "the first of the family";
-  EXPECT_EQ(formats::recognised("<VTKFile"), Format::Auto) << "VTU is written only";
+  EXPECT_EQ(formats::recognised("<VTKFile type=\"UnstructuredGrid\">"), Format::Vtu);
 }
 
 TEST(FormatTable, HasEveryFormatOnceByItsName) {
@@ -43,8 +49,8 @@ TEST(FormatTable, HasEveryFormatOnceByItsName) {
     EXPECT_EQ(formats::from_name(info.name), info.format);
     readable += info.readable ? 1 : 0;
   }
-  EXPECT_EQ(formats::all().size(), 6U);
-  EXPECT_EQ(readable, 5U) << "VTU is written only";
+  EXPECT_EQ(formats::all().size(), 9U);
+  EXPECT_EQ(readable, 8U);
   EXPECT_EQ(formats::from_name("auto"), Format::Auto);
   EXPECT_EQ(formats::from_name(""), Format::Auto);
 }

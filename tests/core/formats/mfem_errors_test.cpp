@@ -1,9 +1,8 @@
 // Bad files of MFEM are refused with a sentence that says what is wrong and where.
 #include <gtest/gtest.h>
 
-#include <random>
-
 #include "core/formats/mfem/mfem.h"
+#include "tests/core/support/formats.h"
 #include "tests/core/support/meshes.h"
 #include "tests/core/support/samples.h"
 
@@ -11,13 +10,6 @@ namespace varimesh {
 namespace {
 
 using formats::Format;
-
-std::string why_not(const std::string& bytes) {
-  const auto mesh = formats::read(bytes);
-  return mesh ? "it was read" : mesh.error().sentence;
-}
-
-#define EXPECT_SAYS(bytes, words) EXPECT_NE(why_not(bytes).find(words), std::string::npos) << why_not(bytes)
 
 const std::string kHead = "MFEM mesh v1.0\n# a comment\n\ndimension\n2\n\n";
 const std::string kElements = "elements\n2\n1 2 0 1 2\n1 2 1 3 2\n\nboundary\n1\n3 1 0 1\n\n";
@@ -37,7 +29,7 @@ TEST(MfemErrors, ReadsTheMeshThatTheyDamage) {
   EXPECT_EQ(file->mesh.element_count(2), 2U);
   EXPECT_EQ(file->mesh.element_count(1), 1U);
   EXPECT_EQ(file->mesh.blocks[1].physical, std::vector<int>{3});
-  EXPECT_EQ(why_not(kHead + kElements + nodes("H1_2D_P1", 4)), "it was read");
+  EXPECT_EQ(testing::why_not(kHead + kElements + nodes("H1_2D_P1", 4)), "it was read");
 }
 
 TEST(MfemErrors, KindsOfMeshesThatAreNotTaken) {
@@ -105,30 +97,18 @@ std::vector<std::string> sound_files() {
 
 TEST(DamagedMfemFile, IsRefusedWhereverItIsCutShort) {
   for (const std::string& whole : sound_files()) {
-    ASSERT_EQ(why_not(whole), "it was read");
+    ASSERT_EQ(testing::why_not(whole), "it was read");
     for (std::size_t k = 0; k < 200; ++k) {
       const std::string cut = whole.substr(0, k * whole.size() / 200);
       if (cut.size() + 1 == whole.size()) continue;  // without the end of the last line
       EXPECT_FALSE(formats::read(cut)) << "cut at byte " << cut.size();
-      EXPECT_GT(why_not(cut).size(), 20U);
+      EXPECT_GT(testing::why_not(cut).size(), 20U);
     }
   }
 }
 
 TEST(DamagedMfemFile, IsReadOrRefusedWithFlippedBytes) {
-  std::mt19937 random(20160926);
-  for (const std::string& whole : sound_files())
-    for (int k = 0; k < 500; ++k) {
-      std::string damaged = whole;
-      damaged[random() % damaged.size()] = char(random() & 0xff);
-      const auto mesh = formats::read(damaged);
-      if (!mesh) {
-        EXPECT_GT(mesh.error().sentence.size(), 20U);
-      } else {
-        for (const ElementBlock& block : mesh->mesh.blocks)
-          for (const std::int32_t node : block.nodes) ASSERT_LT(std::size_t(node), mesh->mesh.node_count());
-      }
-    }
+  for (const std::string& whole : sound_files()) testing::expect_survives_flips(whole, 500);
 }
 
 }  // namespace

@@ -4,10 +4,10 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
-#include <random>
 
 #include "core/mesh/check.h"
 #include "core/mesh/connectivity.h"
+#include "tests/core/support/formats.h"
 #include "tests/core/support/meshes.h"
 #include "tests/core/support/samples.h"
 
@@ -15,25 +15,9 @@ namespace varimesh {
 namespace {
 
 using formats::Format;
+using testing::curved_grid;
 using testing::Filling;
-
-/// A grid under a polynomial map of degree `order`, which the space of every shape holds.
-HighOrderMesh curved_grid(Filling filling, int order) {
-  HighOrderMesh mesh = testing::grid(filling, {2, 1, 1}, order);
-  const bool solid = mesh.dimension == 3;
-  testing::move_nodes(mesh, [&](testing::Place at) {
-    const auto [x, y, z] = at;
-    return testing::Place{x + 0.1 * std::pow(y, order), y + 0.1 * std::pow(solid ? z : x, order),
-                          solid ? z + 0.1 * std::pow(x, order) : 0};
-  });
-  return mesh;
-}
-
-HighOrderMesh read_back(const std::string& bytes) {
-  const auto file = formats::read(bytes);
-  EXPECT_TRUE(file) << (file ? "" : file.error().sentence);
-  return file ? file->mesh : HighOrderMesh{};
-}
+using testing::read_back;
 
 /// Expects the same elements, in the same order, with the same nodes up to rounding, and the same attributes.
 void expect_same_elements(const HighOrderMesh& a, const HighOrderMesh& b, double tolerance) {

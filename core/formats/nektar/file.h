@@ -1,0 +1,94 @@
+// A Nektar++ file as it is: lists of vertices, edges, faces, elements and curves with their numbers. Internal to
+// core/formats.
+//
+// Sources: Nektar++ user guide, chapter "XML Session File", section "Geometry"; for compressed files the documentation
+// of the structures in SpatialDomains/MeshEntities.hpp (64-bit numbers, then zlib, then base64).
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "core/formats/file_allowance.h"
+#include "core/formats/xml/xml.h"
+#include "core/mesh/high_order_mesh.h"
+
+namespace varimesh::formats {
+
+/// The numbers of a list of things, which need not be consecutive.
+class NektarIds {
+ public:
+  void add(std::int64_t id) { ids_.push_back(id); }
+  /// Must be called after the last add(). Returns false, and a number that occurs twice, if there is one.
+  bool finish(std::int64_t& twice);
+  /// The position of a number in the list; −1 if it is not there.
+  std::int32_t find(std::int64_t id) const;
+  std::int64_t operator[](std::size_t i) const { return ids_[i]; }
+  std::size_t size() const { return ids_.size(); }
+
+ private:
+  std::vector<std::int64_t> ids_;
+  std::vector<std::pair<std::int64_t, std::int32_t>> sorted_;  ///< Empty if the numbers are 0, 1, 2, …
+};
+
+/// Faces or elements: a shape and the numbers of their edges or faces.
+struct NektarParts {
+  NektarIds ids;
+  std::vector<Shape> shapes;
+  std::vector<std::int64_t> sides;  ///< One after another: as many as each shape has.
+};
+
+/// The kinds of points on curves.
+enum class NektarPoints : std::uint8_t { EvenlySpaced, GaussLobatto, OtherTriangle };
+
+/// A curved edge or face.
+struct NektarCurve {
+  std::int64_t id = 0;  ///< Of the edge, face or, in 2-D, element.
+  NektarPoints points = NektarPoints::EvenlySpaced;
+  std::int64_t count = 0;
+  std::size_t first = 0;  ///< Its first point in NektarFile::points, or in NektarFile::index of a compressed file.
+};
+
+struct NektarComposite {
+  std::int64_t id = 0;
+  std::string name;
+  XmlText text;
+};
+
+struct NektarFile {
+  std::string_view bytes;
+  int dimension = 0;
+  bool compressed = false;
+  NektarIds vertex_ids, edge_ids;
+  std::vector<double> vertices;     ///< Three numbers for each.
+  std::vector<std::int64_t> edges;  ///< Numbers of two vertices for each.
+  NektarParts faces, elements;      ///< In 2-D there are no faces.
+  std::vector<NektarCurve> curved_edges, curved_faces;
+  std::vector<double> points;       ///< Three numbers for each point of a curve.
+  std::vector<std::int64_t> index;  ///< In compressed files: numbers of points.
+  std::vector<NektarComposite> composites;
+  std::vector<ForeignSection> others;  ///< Everything outside the geometry, and the domain.
+
+  /// Point k of a curve. The curve must have been checked.
+  const double* point(const NektarCurve& curve, std::size_t k) const {
+    return points.data() + 3 * (index.empty() ? curve.first + k : std::size_t(index[curve.first + k]));
+  }
+};
+
+/// The number of edges of a face, or of faces of an element.
+int nektar_sides(Shape shape);
+
+/// The letter of a shape in Nektar++'s files: T, Q, A, P, R, H; E for edges, V for vertices.
+char nektar_letter(Shape shape);
+
+/// Reads the lists. Their numbers are unique, but may refer to things that are not there. Throws ReadFailure.
+NektarFile parse_nektar(std::string_view bytes, FileAllowance& allowance);
+
+/// Names in HighOrderMesh::foreign: the section of the domain, and the notes that the lists are text and which tag
+/// composite 0 got.
+inline constexpr std::string_view kNektarDomain = "DOMAIN", kNektarText = "text", kNektarZero = "composite 0";
+
+}  // namespace varimesh::formats

@@ -1,0 +1,89 @@
+// What a file of Nektar++ does not have of a mesh.
+#include <algorithm>
+
+#include "core/formats/mfem/space.h"
+#include "core/formats/nektar/blending.h"
+#include "core/formats/nektar/grid.h"
+#include "core/formats/nektar/nektar.h"
+
+namespace varimesh::formats {
+
+namespace {
+
+bool has_dimension(const ElementBlock& block, int dimension) {
+  return reference::info(block.shape).dimension == dimension;
+}
+
+/// The cells whose interior is not the one that Nektar++ makes of their boundary, to within rounding.
+std::int64_t other_interiors(const HighOrderMesh& mesh, const std::vector<std::int32_t>& vertices) {
+  std::int64_t count = 0;
+  if (mesh.dimension < 3) return 0;
+  constexpr double kRounding = 1e-12;
+  Eigen::Matrix<double, Eigen::Dynamic, 3, Eigen::RowMajor> x;
+  for (const ElementBlock& block : mesh.blocks) {
+    if (!has_dimension(block, 3) || inner_node_count(block.shape, mesh.order) == 0) continue;
+    const NektarBlending& blending = nektar_blending(block.shape, mesh.order);
+    const auto nodes = std::size_t(reference::node_count(block.shape, mesh.order));
+    x.resize(Eigen::Index(nodes), 3);
+    for (std::size_t e = 0; e < block.size(); ++e) {
+      const std::span own(block.nodes.data() + e * nodes, nodes);
+      const std::vector<int> turned = nektar_turned_nodes(block.shape, mesh.order, own, vertices);
+      for (std::size_t i = 0; i < nodes; ++i)
+        x.row(Eigen::Index(i)) = Eigen::Map<const Eigen::RowVector3d>(mesh.coordinates.data() +
+                                                                      3 * std::ptrdiff_t(own[std::size_t(turned[i])]));
+      const auto boundary = x.topRows(blending.inside.cols());
+      const double size = (x.colwise().maxCoeff() - x.colwise().minCoeff()).maxCoeff();
+      const double gap = (blending.inside * boundary - x.bottomRows(blending.inside.rows())).lpNorm<Eigen::Infinity>();
+      const double left = blending.outside.rows() == 0 ? 0 : (blending.outside * boundary).lpNorm<Eigen::Infinity>();
+      if (!(std::max(gap, left) <= kRounding * std::max(size, x.lpNorm<Eigen::Infinity>()))) ++count;
+    }
+  }
+  return count;
+}
+
+}  // namespace
+
+std::string not_in_nektar(const HighOrderMesh& mesh) {
+  const auto vertices = nektar_vertices(mesh);
+  if (!vertices || mesh.dimension < 2) return "";
+  std::vector<std::string> lost;
+  const auto counted = [&](std::int64_t n, const char* one, const char* more) {
+    if (n > 0) lost.push_back(std::to_string(n) + (n == 1 ? one : more));
+  };
+  for (int d = mesh.dimension - 2; d >= 0; --d)
+    counted(std::int64_t(mesh.element_count(d)), d == 0 ? " point" : " line", d == 0 ? " points" : " lines");
+  const NektarGrid grid(mesh, *vertices);
+  std::int64_t stray = 0;
+  for (const ElementBlock& block : mesh.blocks) {
+    const auto count = std::size_t(reference::node_count(block.shape, block.order));
+    if (has_dimension(block, mesh.dimension - 1))
+      for (std::size_t e = 0; e < block.size(); ++e)
+        stray += grid.side(block.shape, {block.nodes.data() + e * count, count}) < 0 ? 1 : 0;
+  }
+  counted(stray, " boundary element that is no side of an element", " boundary elements that are no sides of elements");
+  if (!mesh.periodic.empty()) lost.push_back("periodic links");
+  if (std::any_of(mesh.blocks.begin(), mesh.blocks.end(), [](const auto& block) { return !block.partitions.empty(); }))
+    lost.push_back("partitions");
+  if (!mesh.entities.empty()) lost.push_back("entities of the geometry");
+  // A file's numbers are counted in the order of its lists, as a reader of it counts them.
+  std::int64_t next = 0;
+  bool renumbers = !grid.has_file_order();
+  for (const std::int64_t number : mesh.node_numbers) renumbers = renumbers || number != ++next;
+  next = 0;
+  for (const int d : {mesh.dimension, mesh.dimension - 1})
+    for (const ElementBlock& block : mesh.blocks)
+      if (has_dimension(block, d))
+        for (const std::int64_t number : block.numbers) renumbers = renumbers || number != ++next;
+  if (renumbers) lost.push_back("the numbers of nodes and elements");
+  std::string text;
+  for (std::size_t i = 0; i < lost.size(); ++i) text += (i == 0 ? "" : i + 1 == lost.size() ? " and " : ", ") + lost[i];
+  if (!text.empty()) text = "Nektar++'s format has no place for " + text + "; the file leaves them out.";
+  if (const std::int64_t n = other_interiors(mesh, *vertices); n > 0)
+    text += (text.empty() ? "" : " ") +
+            std::string("Nektar++ makes the interior of cells from their edges and faces; ") + std::to_string(n) +
+            (n == 1 ? " cell gets" : " cells get") +
+            " another interior than the mesh has, so certify the file itself with: varimesh quality FILE --certify";
+  return text;
+}
+
+}  // namespace varimesh::formats

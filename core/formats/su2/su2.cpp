@@ -1,0 +1,139 @@
+#include "core/formats/su2/su2.h"
+
+#include <algorithm>
+#include <cstdlib>
+#include <map>
+
+#include "core/formats/buffered_output.h"
+#include "core/formats/vtu.h"
+
+namespace varimesh::formats {
+
+namespace {
+
+bool has_dimension(const ElementBlock& block, int dimension) {
+  return reference::info(block.shape).dimension == dimension;
+}
+
+/// The points of the file: the vertices of cells, in the order of the nodes.
+class Points {
+ public:
+  explicit Points(const HighOrderMesh& mesh) : number_(mesh.node_count(), -1) {
+    for (const ElementBlock& block : mesh.blocks) {
+      if (!has_dimension(block, mesh.dimension)) continue;
+      const auto stride = std::size_t(reference::node_count(block.shape, block.order));
+      for (std::size_t e = 0; e < block.size(); ++e)
+        for (std::size_t v = 0; v < std::size_t(reference::info(block.shape).vertices); ++v)
+          number_[std::size_t(block.nodes[e * stride + v])] = 0;
+    }
+    for (std::int64_t& number : number_)
+      if (number == 0) number = count_++;
+  }
+  std::int64_t count() const { return count_; }
+  std::int64_t of(std::int32_t node) const { return number_[std::size_t(node)]; }
+
+ private:
+  std::vector<std::int64_t> number_;
+  std::int64_t count_ = 0;
+};
+
+/// The blocks of each group of the boundary, by tag.
+std::map<int, std::vector<const ElementBlock*>> markers(const HighOrderMesh& mesh) {
+  std::map<int, std::vector<const ElementBlock*>> found;
+  for (const ElementBlock& block : mesh.blocks)
+    if (has_dimension(block, mesh.dimension - 1) && !block.physical.empty())
+      found[std::abs(block.physical.front())].push_back(&block);
+  return found;
+}
+
+/// The name of a group, in which SU2 takes no blanks.
+std::string marker_name(const HighOrderMesh& mesh, int tag) {
+  std::string name = "group_" + std::to_string(tag);
+  for (const PhysicalGroup& group : mesh.physical_groups)
+    if (group.dimension == mesh.dimension - 1 && group.tag == tag && !group.name.empty()) name = group.name;
+  std::replace_if(
+      name.begin(), name.end(), [](unsigned char c) { return c <= ' ' || c == '(' || c == ')' || c == ','; }, '_');
+  return name;
+}
+
+void write_elements(const ElementBlock& block, const Points& points, BufferedOutput& out) {
+  const auto stride = std::size_t(reference::node_count(block.shape, block.order));
+  const int type = vtk_cell(block.shape, 1).type;
+  for (std::size_t e = 0; e < block.size(); ++e) {
+    out.text_integer(type);
+    for (std::size_t v = 0; v < std::size_t(reference::info(block.shape).vertices); ++v) {
+      out.text(" ");
+      out.text_integer(points.of(block.nodes[e * stride + v]));
+    }
+    out.text("\n");
+  }
+}
+
+void write_count(BufferedOutput& out, const char* name, std::int64_t count) {
+  out.text(name);
+  out.text("= ");
+  out.text_integer(count);
+  out.text("\n");
+}
+
+}  // namespace
+
+std::string not_in_su2(const HighOrderMesh& mesh) {
+  std::vector<std::string> lost;
+  if (mesh.order > 1) lost.push_back("curved sides, because SU2's elements are straight between their vertices");
+  const auto any_block = [&](const auto& is) { return std::any_of(mesh.blocks.begin(), mesh.blocks.end(), is); };
+  if (any_block([&](const auto& block) { return has_dimension(block, mesh.dimension) && !block.physical.empty(); }))
+    lost.push_back("groups of cells");
+  std::int64_t ungrouped = 0;
+  for (const ElementBlock& block : mesh.blocks)
+    if (has_dimension(block, mesh.dimension - 1) && block.physical.empty()) ungrouped += std::int64_t(block.size());
+  if (ungrouped > 0)
+    lost.push_back(std::to_string(ungrouped) + (ungrouped == 1 ? " boundary element" : " boundary elements") +
+                   " without a group");
+  if (any_block(
+          [&](const auto& block) { return has_dimension(block, mesh.dimension - 1) && block.physical.size() > 1; }))
+    lost.push_back("the second group of boundary elements");
+  for (int d = mesh.dimension - 2; d >= 0; --d)
+    if (const std::size_t n = mesh.element_count(d); n > 0)
+      lost.push_back(std::to_string(n) + (d == 0 ? " point" : " line") + (n == 1 ? "" : "s"));
+  if (!mesh.periodic.empty()) lost.push_back("periodic links");
+  if (!mesh.entities.empty()) lost.push_back("entities of the geometry");
+  std::string text;
+  for (std::size_t i = 0; i < lost.size(); ++i) text += (i == 0 ? "" : i + 1 == lost.size() ? " and " : ", ") + lost[i];
+  return text.empty() ? text : "SU2's format has no place for " + text + "; the file leaves them out.";
+}
+
+Expected<void> write_su2(const HighOrderMesh& mesh, Format, const Sink& sink, std::span<const CellField>,
+                         const Team& team) {
+  bool flat = true;
+  for (std::size_t i = 2; i < mesh.coordinates.size(); i += 3)
+    flat = flat && mesh.coordinates[i] == mesh.coordinates[2];
+  if (mesh.dimension < 2 || (mesh.dimension == 2 && !flat))
+    return bad_option("SU2 takes meshes of a plane and of solids only; write vtu.");
+  const Points points(mesh);
+  BufferedOutput out(sink, false, team);
+  write_count(out, "NDIME", mesh.dimension);
+  write_count(out, "NELEM", std::int64_t(mesh.element_count(mesh.dimension)));
+  for (const ElementBlock& block : mesh.blocks)
+    if (has_dimension(block, mesh.dimension)) write_elements(block, points, out);
+  write_count(out, "NPOIN", points.count());
+  for (std::size_t node = 0; node < mesh.node_count(); ++node) {
+    if (points.of(std::int32_t(node)) < 0) continue;
+    for (std::size_t k = 0; k < std::size_t(mesh.dimension); ++k) {
+      out.text_number(mesh.coordinates[3 * node + k]);
+      out.text(k + 1 < std::size_t(mesh.dimension) ? " " : "\n");
+    }
+  }
+  const auto all = markers(mesh);
+  write_count(out, "NMARK", std::int64_t(all.size()));
+  for (const auto& [tag, blocks] : all) {
+    out.text("MARKER_TAG= " + marker_name(mesh, tag) + "\n");
+    std::int64_t count = 0;
+    for (const ElementBlock* block : blocks) count += std::int64_t(block->size());
+    write_count(out, "MARKER_ELEMS", count);
+    for (const ElementBlock* block : blocks) write_elements(*block, points, out);
+  }
+  return out.finish();
+}
+
+}  // namespace varimesh::formats

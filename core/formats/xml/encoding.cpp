@@ -1,0 +1,100 @@
+#include "core/formats/xml/encoding.h"
+
+#include <zlib.h>
+
+#include <array>
+#include <cstdint>
+#include <memory>
+
+namespace varimesh::formats {
+
+namespace {
+
+constexpr std::string_view kAlphabet = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+constexpr std::uint8_t kSpace = 64, kPadding = 65, kOther = 66;
+
+constexpr std::array kValues = [] {
+  std::array<std::uint8_t, 256> values{};
+  for (std::size_t c = 0; c < 256; ++c) values[c] = c <= ' ' ? kSpace : kOther;
+  for (std::size_t i = 0; i < kAlphabet.size(); ++i) values[static_cast<unsigned char>(kAlphabet[i])] = std::uint8_t(i);
+  values['='] = kPadding;
+  return values;
+}();
+
+}  // namespace
+
+bool decode_base64(std::string_view text, std::string& bytes) {
+  bytes.reserve(bytes.size() + text.size() / 4 * 3 + 3);
+  std::uint32_t group = 0;
+  int digits = 0, padding = 0;
+  for (const char c : text) {
+    const std::uint8_t value = kValues[static_cast<unsigned char>(c)];
+    if (value == kSpace) continue;
+    if (value == kOther || (value != kPadding && padding > 0)) return false;
+    if (value == kPadding) ++padding;
+    group = group << 6 | (value == kPadding ? 0U : value);
+    if (++digits < 4) continue;
+    if (padding > 2) return false;
+    for (int k = 0; k < 3 - padding; ++k) bytes += char(group >> (16 - 8 * k) & 0xff);
+    group = 0, digits = 0, padding = 0;
+  }
+  return digits == 0;
+}
+
+void encode_base64(std::string_view bytes, std::string& text) {
+  text.reserve(text.size() + (bytes.size() + 2) / 3 * 4);
+  for (std::size_t at = 0; at < bytes.size(); at += 3) {
+    const std::size_t n = std::min<std::size_t>(3, bytes.size() - at);
+    std::uint32_t group = 0;
+    for (std::size_t k = 0; k < 3; ++k) group = group << 8 | (k < n ? static_cast<unsigned char>(bytes[at + k]) : 0U);
+    for (std::size_t k = 0; k < 4; ++k) text += k <= n ? kAlphabet[group >> (18 - 6 * k) & 63] : '=';
+  }
+}
+
+bool inflate_zlib(std::string_view stream, std::string& bytes, FileAllowance& allowance) {
+  z_stream state{};
+  if (inflateInit(&state) != Z_OK) throw std::bad_alloc();
+  const std::unique_ptr<z_stream, decltype(&inflateEnd)> owner(&state, inflateEnd);
+  constexpr std::size_t kLargest = std::size_t(1) << 30;
+  std::size_t used = bytes.size(), read = 0;
+  for (std::size_t room = std::max<std::size_t>(4 * stream.size(), 1 << 12);;) {
+    room = std::min(room, kLargest);
+    allowance.take(room, 1);
+    bytes.resize(used + room);
+    const std::size_t piece = std::min(stream.size() - read, kLargest);
+    state.next_in = reinterpret_cast<Bytef*>(const_cast<char*>(stream.data() + read));
+    state.avail_in = uInt(piece);
+    state.next_out = reinterpret_cast<Bytef*>(bytes.data() + used);
+    state.avail_out = uInt(room);
+    const int status = inflate(&state, Z_NO_FLUSH);
+    read += piece - state.avail_in;
+    used += room - state.avail_out;
+    if (status == Z_STREAM_END) break;
+    if ((status != Z_OK && status != Z_BUF_ERROR) || (state.avail_out > 0 && read == stream.size())) return false;
+    room = state.avail_out > 0 ? state.avail_out : used;
+  }
+  allowance.give_back(bytes.size() - used);
+  bytes.resize(used);
+  return true;
+}
+
+void deflate_zlib(std::string_view bytes, std::string& stream, int level) {
+  z_stream state{};
+  if (deflateInit(&state, level) != Z_OK) throw std::bad_alloc();
+  const std::unique_ptr<z_stream, decltype(&deflateEnd)> owner(&state, deflateEnd);
+  constexpr std::size_t kLargest = std::size_t(1) << 30;
+  std::array<char, 1 << 16> piece;
+  for (int status = Z_OK; status != Z_STREAM_END;) {
+    if (state.avail_in == 0 && !bytes.empty()) {
+      state.next_in = reinterpret_cast<Bytef*>(const_cast<char*>(bytes.data()));
+      state.avail_in = uInt(std::min(bytes.size(), kLargest));
+      bytes.remove_prefix(state.avail_in);
+    }
+    state.next_out = reinterpret_cast<Bytef*>(piece.data());
+    state.avail_out = uInt(piece.size());
+    status = deflate(&state, bytes.empty() ? Z_FINISH : Z_NO_FLUSH);
+    stream.append(piece.data(), piece.size() - state.avail_out);
+  }
+}
+
+}  // namespace varimesh::formats

@@ -1,0 +1,25 @@
+// Base64 and zlib, as XML files of meshes contain binary numbers. Internal to core/formats.
+#pragma once
+
+#include <string>
+#include <string_view>
+
+#include "core/formats/file_allowance.h"
+
+namespace varimesh::formats {
+
+/// The bytes that base64 text stands for; white space is skipped. Returns false if the text is not base64. Padding ends
+/// a group, and more groups may follow.
+bool decode_base64(std::string_view text, std::string& bytes);
+
+/// Appends the text of the bytes.
+void encode_base64(std::string_view bytes, std::string& text);
+
+/// Appends what one zlib stream contains; bytes after its end mean nothing. Takes the memory from the allowance.
+/// Returns false if the stream is damaged or incomplete.
+bool inflate_zlib(std::string_view stream, std::string& bytes, FileAllowance& allowance);
+
+/// Appends a zlib stream of the bytes.
+void deflate_zlib(std::string_view bytes, std::string& stream, int level);
+
+}  // namespace varimesh::formats

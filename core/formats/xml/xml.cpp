@@ -1,0 +1,166 @@
+#include "core/formats/xml/xml.h"
+
+#include <expat.h>
+
+#include <algorithm>
+#include <cstring>
+#include <exception>
+#include <memory>
+#include <optional>
+#include <string>
+
+#include "core/formats/scanner.h"
+
+namespace varimesh::formats {
+
+namespace {
+
+constexpr int kDeepest = 64;
+// Expat takes an int for a length, and looks at its time limits between pieces.
+constexpr std::size_t kPiece = std::size_t(1) << 24;
+
+/// The state of a walk. Exceptions must not pass through expat, which is written in C, so they wait here.
+class Walk {
+ public:
+  Walk(std::string_view bytes, XmlVisitor& visitor)
+      : bytes_(bytes), visitor_(visitor), parser_(XML_ParserCreate(nullptr), XML_ParserFree) {
+    if (!parser_) throw std::bad_alloc();
+    XML_SetUserData(parser_.get(), this);
+    XML_SetElementHandler(parser_.get(), start, end);
+    XML_SetXmlDeclHandler(parser_.get(), declaration);
+    XML_SetStartDoctypeDeclHandler(parser_.get(), doctype);
+  }
+
+  void run() {
+    std::size_t at = 0;
+    do {
+      const std::size_t length = std::min(kPiece, bytes_.size() - at);
+      const bool last = at + length == bytes_.size();
+      if (XML_Parse(parser_.get(), bytes_.data() + at, int(length), last ? 1 : 0) == XML_STATUS_ERROR) {
+        if (failure_) std::rethrow_exception(failure_);
+        if (!ended_) fail(XML_ErrorString(XML_GetErrorCode(parser_.get())));
+        return;
+      }
+      at += length;
+    } while (at < bytes_.size());
+  }
+
+ private:
+  [[noreturn]] void fail(const std::string& what) const {
+    Scanner scan(bytes_);
+    scan.go_to(std::min(position(), bytes_.size()));
+    if (scan.at_end()) scan.fail_truncated("the end of the XML");
+    scan.fail("it is not well-formed XML: " + what);
+  }
+
+  std::size_t position() const { return std::size_t(std::max<XML_Index>(0, XML_GetCurrentByteIndex(parser_.get()))); }
+
+  template <class Body>
+  void guarded(const Body& body) {
+    if (failure_ || ended_) return;
+    try {
+      body();
+    } catch (...) {
+      failure_ = std::current_exception();
+    }
+    if (failure_ || ended_) XML_StopParser(parser_.get(), XML_FALSE);
+  }
+
+  static void start(void* self, const XML_Char* name, const XML_Char** attributes) {
+    auto& walk = *static_cast<Walk*>(self);
+    walk.guarded([&] {
+      if (++walk.depth_ > kDeepest) walk.fail("its elements are nested too deeply");
+      walk.element_.name = name;
+      walk.element_.begin = walk.position();
+      walk.element_.attributes.clear();
+      for (; attributes[0] != nullptr; attributes += 2)
+        walk.element_.attributes.emplace_back(attributes[0], attributes[1]);
+      walk.text_ = walk.position() + std::size_t(XML_GetCurrentByteCount(walk.parser_.get()));
+      if (!walk.visitor_.begins(walk.element_)) walk.ended_ = true;
+    });
+  }
+
+  static void end(void* self, const XML_Char* name) {
+    auto& walk = *static_cast<Walk*>(self);
+    walk.guarded([&] {
+      --walk.depth_;
+      const std::size_t at = walk.position();
+      walk.visitor_.ends(name, {std::min(walk.text_, at), at - std::min(walk.text_, at)});
+      walk.text_ = at + std::size_t(XML_GetCurrentByteCount(walk.parser_.get()));
+    });
+  }
+
+  static void declaration(void* self, const XML_Char*, const XML_Char* encoding, int) {
+    auto& walk = *static_cast<Walk*>(self);
+    walk.guarded([&] {
+      std::string lower(encoding == nullptr ? "utf-8" : encoding);
+      std::transform(lower.begin(), lower.end(), lower.begin(), [](unsigned char c) { return char(std::tolower(c)); });
+      if (lower != "utf-8" && lower != "us-ascii") walk.fail("its encoding is not UTF-8; convert it with iconv");
+    });
+  }
+
+  static void doctype(void* self, const XML_Char*, const XML_Char*, const XML_Char*, int) {
+    auto& walk = *static_cast<Walk*>(self);
+    walk.guarded(
+        [&] { walk.fail("it declares a document type, which mesh files do not need; remove the declaration"); });
+  }
+
+  std::string_view bytes_;
+  XmlVisitor& visitor_;
+  std::unique_ptr<XML_ParserStruct, decltype(&XML_ParserFree)> parser_;
+  std::exception_ptr failure_;
+  bool ended_ = false;
+  int depth_ = 0;
+  XmlElement element_;    // kept, so that elements need no allocation of their own
+  std::size_t text_ = 0;  // where the text began that may end next
+};
+
+}  // namespace
+
+const std::string_view* XmlElement::find(std::string_view attribute) const {
+  for (const auto& [name, value] : attributes)
+    if (name == attribute) return &value;
+  return nullptr;
+}
+
+std::string_view XmlElement::get(std::string_view attribute) const {
+  const std::string_view* value = find(attribute);
+  return value == nullptr ? std::string_view() : *value;
+}
+
+void walk_xml(std::string_view bytes, XmlVisitor& visitor) { Walk(bytes, visitor).run(); }
+
+std::string escaped_xml(std::string_view text) {
+  std::string escaped;
+  for (const char c : text) {
+    if (c == '&')
+      escaped += "&amp;";
+    else if (c == '<')
+      escaped += "&lt;";
+    else if (c == '"')
+      escaped += "&quot;";
+    else
+      escaped += c;
+  }
+  return escaped;
+}
+
+bool begins_with_element(std::string_view bytes, std::string_view name) {
+  std::string_view text = bytes.substr(0, 1 << 16);
+  if (text.starts_with("\xef\xbb\xbf")) text.remove_prefix(3);  // the mark of UTF-8
+  const auto skip = [&](std::string_view open, std::string_view close) {
+    if (!text.starts_with(open)) return false;
+    const std::size_t stop = text.find(close);
+    text = stop == std::string_view::npos ? std::string_view() : text.substr(stop + close.size());
+    return true;
+  };
+  do {
+    while (!text.empty() && static_cast<unsigned char>(text.front()) <= ' ') text.remove_prefix(1);
+  } while (skip("<?", "?>") || skip("<!--", "-->"));
+  if (!text.starts_with('<')) return false;
+  text.remove_prefix(1);
+  return text.starts_with(name) && text.size() > name.size() &&
+         (static_cast<unsigned char>(text[name.size()]) <= ' ' || text[name.size()] == '>' || text[name.size()] == '/');
+}
+
+}  // namespace varimesh::formats

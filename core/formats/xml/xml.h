@@ -1,0 +1,49 @@
+// Walks through an XML file with expat. Internal to core/formats.
+#pragma once
+
+#include <cstddef>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+namespace varimesh::formats {
+
+/// An element of an XML file, as it begins.
+struct XmlElement {
+  std::string_view name;
+  std::vector<std::pair<std::string_view, std::string_view>> attributes;
+  std::size_t begin = 0;  ///< The byte of the file where its tag begins.
+
+  /// The value of an attribute; null if the element does not have it.
+  const std::string_view* find(std::string_view attribute) const;
+  /// The value, or nothing.
+  std::string_view get(std::string_view attribute) const;
+};
+
+/// Bytes of the file: offset and length. They stay in the file, which may be much larger than memory for copies.
+struct XmlText {
+  std::size_t begin = 0, length = 0;
+};
+
+/// Receives the elements of a file in order. May throw ReadFailure.
+class XmlVisitor {
+ public:
+  virtual ~XmlVisitor() = default;
+  /// An element begins. Return true to go on inside it, false to end the walk.
+  virtual bool begins(const XmlElement& element) = 0;
+  /// An element ends. `text` are the bytes since its last child, or since its tag if it has none.
+  virtual void ends(std::string_view name, XmlText text) = 0;
+};
+
+/// Walks through the file. Throws ReadFailure if it is not well-formed, declares a document type (which can make a
+/// small file huge), nests elements deeper than 64, or is not in UTF-8 or ASCII.
+void walk_xml(std::string_view bytes, XmlVisitor& visitor);
+
+/// The text as an attribute in quotation marks has it.
+std::string escaped_xml(std::string_view text);
+
+/// Whether the bytes are XML whose first element has this name.
+bool begins_with_element(std::string_view bytes, std::string_view name);
+
+}  // namespace varimesh::formats

@@ -1,0 +1,132 @@
+// Bad files of Nektar++ are refused with a sentence that says what is wrong and where.
+#include <gtest/gtest.h>
+
+#include "core/formats/xml/encoding.h"
+#include "tests/core/support/formats.h"
+#include "tests/core/support/meshes.h"
+#include "tests/core/support/samples.h"
+
+namespace varimesh {
+namespace {
+
+using formats::Format;
+
+/// Two triangles. Each part may be replaced.
+struct Parts {
+  std::string head = "<?xml version=\"1.0\"?>\n<NEKTAR>\n<GEOMETRY DIM=\"2\" SPACE=\"2\">\n";
+  std::string vertices =
+      "<VERTEX>\n<V ID=\"0\">0 0 0</V><V ID=\"1\">1 0 0</V>\n<V ID=\"2\">1 1 0</V><V ID=\"3\">0 1 0</V>\n</VERTEX>\n";
+  std::string edges =
+      "<EDGE><E ID=\"0\">0 1</E><E ID=\"1\">1 2</E><E ID=\"2\">2 0</E><E ID=\"3\">2 3</E><E ID=\"4\">3 0</E></EDGE>\n";
+  std::string elements = "<ELEMENT><T ID=\"0\">0 1 2</T><T ID=\"1\">2 3 4</T></ELEMENT>\n";
+  std::string curved =
+      "<CURVED><E ID=\"0\" EDGEID=\"0\" NUMPOINTS=\"3\" TYPE=\"PolyEvenlySpaced\">0 0 0 .5 -.1 0 1 0 0</E></CURVED>\n";
+  std::string composites = "<COMPOSITE><C ID=\"1\"> T[0-1] </C><C ID=\"2\"> E[0,3] </C></COMPOSITE>\n";
+  std::string tail = "<DOMAIN> C[1] </DOMAIN>\n</GEOMETRY>\n</NEKTAR>\n";
+
+  std::string whole() const { return head + vertices + edges + elements + curved + composites + tail; }
+};
+
+std::string with(std::string Parts::*part, const std::string& text) {
+  Parts parts;
+  parts.*part = text;
+  return parts.whole();
+}
+
+TEST(NektarErrors, ReadsTheMeshThatTheyDamage) {
+  const auto file = formats::read(Parts().whole());
+  ASSERT_TRUE(file) << file.error().sentence;
+  EXPECT_EQ(file->format, Format::Nektar);
+  EXPECT_EQ(file->mesh.order, 2);
+  EXPECT_EQ(file->mesh.element_count(2), 2U);
+  EXPECT_EQ(file->mesh.element_count(1), 2U);
+}
+
+TEST(NektarErrors, KindsOfFilesThatAreNotTaken) {
+  EXPECT_SAYS("<NEKTAR></NEKTAR>", "no GEOMETRY");
+  EXPECT_SAYS(with(&Parts::head, "<NEKTAR><GEOMETRY DIM=\"1\">"), "dimension 1");
+  EXPECT_SAYS(with(&Parts::head, "<NEKTAR><GEOMETRY DIM=\"2\" HDF5FILE=\"a.nekg\">"), "NekMesh");
+  EXPECT_SAYS(with(&Parts::head, "<NEKTAR><GEOMETRY>"), "attribute DIM is missing");
+  EXPECT_SAYS(with(&Parts::vertices, "<VERTEX XSCALE=\"2\"></VERTEX>"), "XSCALE");
+  EXPECT_SAYS("<?xml version=\"1.0\"?>\n<!DOCTYPE a [<!ENTITY b \"c\">]><NEKTAR>&b;</NEKTAR>", "document type");
+}
+
+TEST(NektarErrors, NamesTheLine) { EXPECT_SAYS(with(&Parts::edges, "<EDGE><E ID=\"0\">0 b</E>"), "line 7"); }
+
+TEST(NektarErrors, WrongIndices) {
+  EXPECT_SAYS(with(&Parts::edges, "<EDGE><E ID=\"0\">0 7</E></EDGE>"), "refers to vertex 7, which is not in the file");
+  EXPECT_SAYS(with(&Parts::edges, "<EDGE><E ID=\"0\">1 1</E></EDGE>"), "the same vertex twice");
+  EXPECT_SAYS(with(&Parts::elements, "<ELEMENT><T ID=\"0\">0 1 9</T></ELEMENT>"), "refers to edge 9");
+  EXPECT_SAYS(with(&Parts::elements, "<ELEMENT><T ID=\"0\">0 1 3</T></ELEMENT>"), "do not go around");
+  EXPECT_SAYS(with(&Parts::elements, "<ELEMENT><T ID=\"0\">0 1 2</T><T ID=\"0\">2 3 4</T></ELEMENT>"), "occurs twice");
+  EXPECT_SAYS(with(&Parts::elements, "<ELEMENT><A ID=\"0\">0 1 2 3</A></ELEMENT>"), "no shape of dimension 2");
+  EXPECT_SAYS(with(&Parts::composites, "<COMPOSITE><C ID=\"1\"> T[0-2] </C></COMPOSITE>"), "T[2]");
+  EXPECT_SAYS(with(&Parts::composites, "<COMPOSITE><C ID=\"1\"> T[0] E[1] </C></COMPOSITE>"), "mixes dimensions");
+  EXPECT_SAYS(with(&Parts::composites, "<COMPOSITE><C ID=\"1\"> T[3-0] </C></COMPOSITE>"), "backwards");
+  EXPECT_SAYS(with(&Parts::composites, "<COMPOSITE><C ID=\"1\"> T0 </C></COMPOSITE>"), "a list such as");
+}
+
+TEST(NektarErrors, WrongCurves) {
+  const auto curve = [](const std::string& attributes, const std::string& points) {
+    return with(&Parts::curved, "<CURVED><E ID=\"0\" " + attributes + ">" + points + "</E></CURVED>");
+  };
+  const std::string good = "0 0 0 .5 -.1 0 1 0 0", type = " TYPE=\"PolyEvenlySpaced\"";
+  EXPECT_SAYS(curve("EDGEID=\"0\" NUMPOINTS=\"3\"" + type, good), "it was read");
+  EXPECT_SAYS(curve("EDGEID=\"8\" NUMPOINTS=\"3\"" + type, good), "an edge that is not in the file");
+  EXPECT_SAYS(curve("EDGEID=\"1\" NUMPOINTS=\"3\"" + type, good), "does not meet its vertices");
+  EXPECT_SAYS(curve("EDGEID=\"0\" NUMPOINTS=\"4\"" + type, good), "a coordinate of a curve should follow");
+  EXPECT_SAYS(curve("EDGEID=\"0\" NUMPOINTS=\"2\"" + type, good), "more numbers follow");
+  EXPECT_SAYS(curve("EDGEID=\"0\" NUMPOINTS=\"999999999999\"" + type, good), "larger than the number of points");
+  EXPECT_SAYS(curve("EDGEID=\"0\" NUMPOINTS=\"3\" TYPE=\"Fourier\"", good), "'Fourier'");
+  std::string many;
+  for (int k = 0; k <= 11; ++k) many += std::to_string(k / 11.0) + " 0 0 ";
+  EXPECT_SAYS(curve("EDGEID=\"0\" NUMPOINTS=\"12\"" + type, many), "order 1 to 10");
+}
+
+TEST(NektarErrors, DamagedCompressedLists) {
+  const auto packed = [](const std::string& text) {
+    return with(&Parts::vertices, "<VERTEX COMPRESSED=\"B64Z-LittleEndian\" BITSIZE=\"64\">" + text + "</VERTEX>");
+  };
+  EXPECT_SAYS(packed("%%%"), "not base64");
+  EXPECT_SAYS(packed("AAAA"), "damaged or incomplete");
+  std::string stream, text;
+  formats::deflate_zlib("1234567", stream, 6);
+  formats::encode_base64(stream, text);
+  EXPECT_SAYS(packed(text), "no multiple of 32");
+  EXPECT_SAYS(with(&Parts::vertices, "<VERTEX COMPRESSED=\"gz\"></VERTEX>"), "compression is not");
+}
+
+TEST(NektarErrors, AFewBytesNeverTakeMuchMemory) {
+  // A gigabyte of zeros, compressed.
+  const std::string zeros(std::size_t(1) << 28, '\0');
+  std::string stream, text;
+  formats::deflate_zlib(zeros, stream, 9);
+  formats::encode_base64(stream, text);
+  EXPECT_SAYS(with(&Parts::vertices, "<VERTEX COMPRESSED=\"B64Z-LittleEndian\">" + text + "</VERTEX>"),
+              "8 times the memory of the file");
+  std::string deep;
+  for (int k = 0; k < 100; ++k) deep += "<a>";
+  EXPECT_SAYS("<NEKTAR>" + deep, "nested too deeply");
+}
+
+// === Damaged files =======================================================================================
+
+std::vector<std::string> sound_files() {
+  std::vector<std::string> files{Parts().whole()};
+  HighOrderMesh mesh = testing::grid(testing::Filling::MixedSolid, {3, 1, 1}, 3);
+  files.push_back(test::written(mesh, Format::Nektar));
+  mesh.foreign.push_back({"text", "", "nektar"});
+  files.push_back(test::written(mesh, Format::Nektar));
+  return files;
+}
+
+TEST(DamagedNektarFile, IsRefusedWhereverItIsCutShort) {
+  for (const std::string& whole : sound_files()) testing::expect_refused_if_cut(whole, whole.size());
+}
+
+TEST(DamagedNektarFile, IsReadOrRefusedWithFlippedBytes) {
+  for (const std::string& whole : sound_files()) testing::expect_survives_flips(whole, 1000);
+}
+
+}  // namespace
+}  // namespace varimesh

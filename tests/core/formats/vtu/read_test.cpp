@@ -1,0 +1,213 @@
+// VTK's unstructured grids are read: every shape and order, every encoding, and what VTK and meshio write.
+#include "core/formats/vtu/read.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <filesystem>
+
+#include "core/mesh/check.h"
+#include "core/mesh/connectivity.h"
+#include "tests/core/support/formats.h"
+#include "tests/core/support/meshes.h"
+#include "tests/core/support/samples.h"
+
+namespace varimesh {
+namespace {
+
+using formats::Format;
+using testing::curved_grid;
+using testing::Filling;
+using testing::read_back;
+
+/// Expects the same elements of these dimensions in the same order, with the same nodes, groups and numbers.
+void expect_same_elements(const HighOrderMesh& a, const HighOrderMesh& b, const std::string& where) {
+  ASSERT_EQ(a.dimension, b.dimension) << where;
+  EXPECT_EQ(a.order, b.order) << where;
+  for (const int d : {a.dimension, a.dimension - 1}) {
+    const Cells from(a, d), to(b, d);
+    ASSERT_EQ(from.count(), to.count()) << where;
+    for (std::size_t e = 0; e < from.count(); ++e) {
+      ASSERT_EQ(from.shape(e), to.shape(e)) << where;
+      EXPECT_EQ(from.number(e), to.number(e)) << where;
+      const auto own = from.nodes(e), other = to.nodes(e);
+      ASSERT_EQ(own.size(), other.size()) << where;
+      for (std::size_t i = 0; i < own.size(); ++i)
+        for (std::size_t k = 0; k < 3; ++k)
+          ASSERT_EQ(a.coordinates[3 * std::size_t(own[i]) + k], b.coordinates[3 * std::size_t(other[i]) + k])
+              << where << ", node " << i << " of " << reference::info(from.shape(e)).name;
+      EXPECT_EQ(from.range_of(e).block->physical, to.range_of(e).block->physical) << where;
+    }
+  }
+}
+
+class VtuShapes : public ::testing::TestWithParam<Filling> {};
+
+TEST_P(VtuShapes, ComeBackBitForBit) {
+  for (int order = 1; order <= 5; ++order) {
+    const HighOrderMesh mesh = curved_grid(GetParam(), order);
+    const std::string bytes = test::written(mesh, Format::Vtu);
+    const HighOrderMesh back = read_back(bytes);
+    expect_same_elements(mesh, back, "order " + std::to_string(order));
+    EXPECT_EQ(back.node_count(), mesh.node_count()) << "no points of pyramids are left";
+    EXPECT_EQ(back.physical_groups.size(), mesh.physical_groups.size());
+    EXPECT_EQ(test::written(back, Format::Vtu), bytes);
+    const auto sound = check_structure(back);
+    EXPECT_TRUE(sound) << sound.error().sentence;
+  }
+}
+
+TEST_P(VtuShapes, ChainWithGmshsFormats) {
+  for (int order = 1; order <= 5; ++order) {
+    const HighOrderMesh mesh = curved_grid(GetParam(), order);
+    for (const Format other : {Format::Msh22, Format::Msh41Binary}) {
+      const HighOrderMesh back = read_back(test::written(read_back(test::written(mesh, other)), Format::Vtu));
+      expect_same_elements(mesh, back, "order " + std::to_string(order));
+    }
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(EveryShape, VtuShapes, ::testing::ValuesIn(testing::kFillings),
+                         [](const auto& info) { return std::string(testing::name(info.param)); });
+
+const Shape kCells[] = {Shape::Triangle, Shape::Quadrilateral, Shape::Tetrahedron,
+                        Shape::Pyramid,  Shape::Prism,         Shape::Hexahedron};
+
+TEST(VtuRead, TakesEveryOrderOfEveryShape) {
+  for (const Shape shape : kCells)
+    for (int order = 1; order <= 10; ++order) {
+      const HighOrderMesh mesh = test::one_cell(shape, order);
+      expect_same_elements(mesh, read_back(test::written(mesh, Format::Vtu)), std::string(reference::info(shape).name));
+    }
+}
+
+/// Reads all files of the folder that a script wrote from single cells, and compares them.
+void expect_rewritten(const std::string& program, const std::string& module, int most) {
+  if (std::system(("/usr/bin/python3 -c 'import " + module + "' >/dev/null 2>&1").c_str()) != 0)
+    GTEST_SKIP() << "SKIPPED: " << module << " is not installed";
+  const test::Folder folder;
+  std::map<std::string, HighOrderMesh> meshes;
+  for (const Shape shape : kCells)
+    for (int order = 1; order <= most; ++order) {
+      const std::string name = std::string(reference::info(shape).name) + "_" + std::to_string(order);
+      meshes[name] = test::one_cell(shape, order);
+      ASSERT_TRUE(formats::write_file(meshes[name], Format::Vtu, folder.file(name + ".vtu")));
+    }
+  const std::string script = test::source_file("tests/core/formats/vtu/rewrite_vtu.py");
+  ASSERT_EQ(std::system(("/usr/bin/python3 '" + script + "' " + program + " '" + folder.path() + "'").c_str()), 0);
+  int read = 0;
+  for (const auto& file : std::filesystem::directory_iterator(folder.path())) {
+    const std::string name = file.path().filename().string();
+    if (!name.ends_with(".again.vtu")) continue;
+    const auto back = formats::read_file(file.path().string());
+    ASSERT_TRUE(back) << back.error().sentence;
+    expect_same_elements(meshes.at(name.substr(0, name.find('.'))), back->mesh, name);
+    ++read;
+  }
+  EXPECT_GE(read, 3 * 6 * most);
+}
+
+TEST(VtuRead, ReadsEveryFormThatVtkWrites) { expect_rewritten("vtk", "vtk", 5); }
+
+TEST(VtuRead, ReadsEveryFormThatMeshioWrites) { expect_rewritten("meshio", "meshio", 5); }
+
+// === Cells of fixed order, and errors ====================================================================
+
+/// A grid of text. Points lie on the lattice {0, 1, 2}³.
+std::string grid_of(int type, const std::vector<std::array<int, 3>>& nodes, const std::string& version = "0.1") {
+  std::string points, list;
+  for (std::size_t i = 0; i < nodes.size(); ++i) {
+    for (const int x : nodes[i]) points += std::to_string(x / 2.0) + " ";
+    list += std::to_string(i) + " ";
+  }
+  const std::string n = std::to_string(nodes.size());
+  return "<?xml version=\"1.0\"?>\n<VTKFile type=\"UnstructuredGrid\" version=\"" + version +
+         "\" byte_order=\"LittleEndian\">\n<UnstructuredGrid>\n<Piece NumberOfPoints=\"" + n +
+         "\" NumberOfCells=\"1\">\n<Points>\n<DataArray type=\"Float32\" NumberOfComponents=\"3\" format=\"ascii\">" +
+         points +
+         "</DataArray>\n</Points>\n<Cells>\n<DataArray type=\"Int32\" Name=\"connectivity\" format=\"ascii\">" + list +
+         "</DataArray>\n<DataArray type=\"Int32\" Name=\"offsets\" format=\"ascii\">" + n +
+         "</DataArray>\n<DataArray type=\"UInt8\" Name=\"types\" format=\"ascii\">" + std::to_string(type) +
+         "</DataArray>\n</Cells>\n</Piece>\n</UnstructuredGrid>\n</VTKFile>\n";
+}
+
+using Nodes = std::vector<std::array<int, 3>>;
+const Nodes kQuad9 = {{0, 0, 0}, {2, 0, 0}, {2, 2, 0}, {0, 2, 0}, {1, 0, 0},
+                      {2, 1, 0}, {1, 2, 0}, {0, 1, 0}, {1, 1, 0}};
+// From the documentation of vtkTriQuadraticHexahedron: edges of the base, of the top, upright; faces; centre.
+const Nodes kHex27 = {{0, 0, 0}, {2, 0, 0}, {2, 2, 0}, {0, 2, 0}, {0, 0, 2}, {2, 0, 2}, {2, 2, 2},
+                      {0, 2, 2}, {1, 0, 0}, {2, 1, 0}, {1, 2, 0}, {0, 1, 0}, {1, 0, 2}, {2, 1, 2},
+                      {1, 2, 2}, {0, 1, 2}, {0, 0, 1}, {2, 0, 1}, {2, 2, 1}, {0, 2, 1}, {0, 1, 1},
+                      {2, 1, 1}, {1, 0, 1}, {1, 2, 1}, {1, 1, 0}, {1, 1, 2}, {1, 1, 1}};
+
+/// Whether each node of the only cell is where its position on the lattice is.
+void expect_on_lattice(const std::string& bytes, Shape shape, int order) {
+  const HighOrderMesh mesh = read_back(bytes);
+  ASSERT_EQ(mesh.blocks.size(), 1U);
+  ASSERT_EQ(mesh.blocks[0].shape, shape);
+  const auto& lattice = reference::lattice(shape, order);
+  for (std::size_t i = 0; i < lattice.size(); ++i)
+    for (std::size_t k = 0; k < 3; ++k)
+      EXPECT_EQ(mesh.coordinates[3 * std::size_t(mesh.blocks[0].nodes[i]) + k], double(lattice[i][k]) / order) << i;
+}
+
+TEST(VtuRead, KnowsTheCellsOfFixedOrder) {
+  expect_on_lattice(grid_of(28, kQuad9), Shape::Quadrilateral, 2);
+  expect_on_lattice(grid_of(29, kHex27), Shape::Hexahedron, 2);
+  expect_on_lattice(grid_of(72, kHex27, "2.2"), Shape::Hexahedron, 2);
+  Nodes old = kHex27;
+  std::swap(old[18], old[19]);
+  expect_on_lattice(grid_of(72, old, "2.0"), Shape::Hexahedron, 2);
+  const Nodes voxel = {{0, 0, 0}, {2, 0, 0}, {0, 2, 0}, {2, 2, 0}, {0, 0, 2}, {2, 0, 2}, {0, 2, 2}, {2, 2, 2}};
+  expect_on_lattice(grid_of(11, voxel), Shape::Hexahedron, 1);
+  const Nodes prism = {{0, 0, 0}, {2, 0, 0}, {0, 2, 0}, {0, 0, 2}, {2, 0, 2}, {0, 2, 2},
+                       {1, 0, 0}, {1, 1, 0}, {0, 1, 0}, {1, 0, 2}, {1, 1, 2}, {0, 1, 2},
+                       {0, 0, 1}, {2, 0, 1}, {0, 2, 1}, {1, 0, 1}, {1, 1, 1}, {0, 1, 1}};
+  expect_on_lattice(grid_of(32, prism), Shape::Prism, 2);
+  const Nodes tet = {{0, 0, 0}, {2, 0, 0}, {0, 2, 0}, {0, 0, 2}, {1, 0, 0},
+                     {1, 1, 0}, {0, 1, 0}, {0, 0, 1}, {1, 0, 1}, {0, 1, 1}};
+  expect_on_lattice(grid_of(24, tet), Shape::Tetrahedron, 2);
+}
+
+TEST(VtuReadErrors, AreSaid) {
+  const std::string whole = grid_of(28, kQuad9);
+  const auto with = [&](const std::string& from, const std::string& to) {
+    std::string changed = whole;
+    EXPECT_NE(changed.find(from), std::string::npos) << from;
+    return changed.replace(changed.find(from), from.size(), to);
+  };
+  EXPECT_SAYS(whole, "it was read");
+  EXPECT_SAYS(with("UnstructuredGrid", "PolyData"), "reads UnstructuredGrid");
+  EXPECT_SAYS(with("byte_order", "compressor=\"vtkLZ4DataCompressor\" byte_order"), "compressed with vtkLZ4");
+  EXPECT_SAYS(with("NumberOfPoints=\"9\"", "NumberOfPoints=\"8\""), "has 27 values; 24 were expected");
+  EXPECT_SAYS(with("NumberOfPoints=\"9\"", "NumberOfPoints=\"-1\""), "not a number from 0");
+  EXPECT_SAYS(with("NumberOfCells=\"1\"", "NumberOfCells=\"2\""), "2 were expected");
+  EXPECT_SAYS(with(" 8 </DataArray>", " 9 </DataArray>"), "refers to point 9, but the points are 0 to 8");
+  EXPECT_SAYS(with(">9</DataArray>", ">10</DataArray>"), "the offsets of the cells");
+  EXPECT_SAYS(with(">28</DataArray>", ">23</DataArray>"), "serendipity");
+  EXPECT_SAYS(with(">28</DataArray>", ">77</DataArray>"), "Bézier");
+  EXPECT_SAYS(with(">28</DataArray>", ">71</DataArray>"), "which no tetrahedron of order 1 to 10 has");
+  EXPECT_SAYS(with("Int32", "Float64"), "whole numbers");
+  EXPECT_SAYS(with("Int32", "String"), "unknown type 'String'");
+  EXPECT_SAYS(with("format=\"ascii\"", "format=\"appended\" offset=\"0\""), "no AppendedData");
+  EXPECT_SAYS(with("format=\"ascii\"", "format=\"binary\""), "base64");
+  EXPECT_SAYS(with("connectivity", "elsewhere"), "no array 'connectivity'");
+}
+
+std::vector<std::string> sound_files() {
+  return {grid_of(29, kHex27), test::written(testing::grid(Filling::MixedSolid, {3, 1, 1}, 2), Format::Vtu)};
+}
+
+TEST(DamagedVtuFile, IsRefusedWhereverItIsCutShort) {
+  // What follows the last array means nothing.
+  const std::vector<std::string> files = sound_files();
+  testing::expect_refused_if_cut(files[0], files[0].find("</UnstructuredGrid>"));
+  testing::expect_refused_if_cut(files[1], files[1].find("\n  </AppendedData>") - 4);
+}
+
+TEST(DamagedVtuFile, IsReadOrRefusedWithFlippedBytes) {
+  for (const std::string& whole : sound_files()) testing::expect_survives_flips(whole, 2000);
+}
+
+}  // namespace
+}  // namespace varimesh
