@@ -20,6 +20,7 @@ struct Units {
   int mesh_lifetime_hours = 7 * 24;
   int compress_minutes = 10;
   int ended_minutes = 60;
+  double lease_seconds = 30;
 };
 
 void add_connection_flags(CLI::App& app, Flags& flags) {
@@ -136,7 +137,7 @@ void add_state_flags(CLI::App& app, ServerOptions& options, Units& units) {
       ->check(CLI::NonNegativeNumber);
 }
 
-void add_database_flags(CLI::App& app, Flags& flags) {
+void add_database_flags(CLI::App& app, Flags& flags, Units& units) {
   const char* const name = "--store";
   const auto add = [&](CLI::App& to, const char* what) {
     return to.add_option(name, flags.store, what)->envname("VARIMESH_STORE");
@@ -146,6 +147,11 @@ void add_database_flags(CLI::App& app, Flags& flags) {
       "directory "
       "then keeps only meshes and results. The password comes from the file that PGPASSFILE names, or from PGPASSWORD "
       "(default: the environment variable VARIMESH_STORE; without it the jobs are in the state directory)");
+  app.add_option(
+         "--lease-seconds", units.lease_seconds,
+         "With --store: seconds without a sign of life after which a server's running jobs go back to the queue")
+      ->capture_default_str()
+      ->check(CLI::Range(1.0, 3600.0));
   CLI::App* const migrate =
       app.add_subcommand("migrate", "Make the tables of the database of --store, or update them, and end");
   add(*migrate, "Address of the database, as for the server")->required();
@@ -183,7 +189,7 @@ std::optional<Flags> parse_flags(int argc, char** argv, int* exit_status) {
   add_resource_flags(app, limits);
   add_queue_flags(app, limits);
   add_state_flags(app, flags.options, units);
-  add_database_flags(app, flags);
+  add_database_flags(app, flags, units);
   app.add_option("--drain-seconds,--drain-timeout", flags.drain_seconds,
                  "Seconds that the running jobs may take to end when the server stops")
       ->capture_default_str()
@@ -202,6 +208,7 @@ std::optional<Flags> parse_flags(int argc, char** argv, int* exit_status) {
     return std::nullopt;
   }
   limits.checkpoint_pause = std::chrono::milliseconds(static_cast<int>(1000 * units.checkpoint_seconds));
+  limits.lease = std::chrono::milliseconds(static_cast<int>(1000 * units.lease_seconds));
   limits.mesh_lifetime = std::chrono::hours(units.mesh_lifetime_hours);
   limits.min_ended_age = std::chrono::minutes(units.ended_minutes);
   limits.compress_after = std::chrono::minutes(units.compress_minutes);

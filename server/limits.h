@@ -28,6 +28,7 @@ struct Limits {
   std::int64_t max_memory_bytes = 0;                   ///< Memory of all running jobs together, in bytes. 0: no limit.
   int threads = 0;                                     ///< Threads shared by the running jobs. 0: all of the machine's.
   std::chrono::milliseconds checkpoint_pause{5'000};   ///< Shortest time between two checkpoints of a running job.
+  std::chrono::milliseconds lease{30'000};             ///< How long a worker keeps a job without a sign of life.
   std::chrono::milliseconds bookmark_interval{10000};  ///< Silence on a watch after which a bookmark is sent. The
                                                        ///< contract promises 15 s.
   std::chrono::milliseconds handshake_timeout{10'000};  ///< A connection that says nothing is closed after this.

@@ -1,6 +1,6 @@
 // varimeshd: serves mesh optimisation over gRPC.
 //
-//   varimeshd                                     listens on a socket that only its owner can use, and prints its address
+//   varimeshd                                     on a socket that only its owner can use; prints its address
 //   varimeshd --tokens tokens                     on 127.0.0.1:50051, for those who have a token
 //   varimeshd --listen 127.0.0.1:0                on any free port of this machine, for all its users
 //   varimeshd --listen 0.0.0.0:50051 --tls-certificate server.pem --tls-key server-key.pem --tokens tokens

@@ -2,6 +2,7 @@
 #include "server/server.h"
 
 #include <spdlog/spdlog.h>
+#include <unistd.h>
 
 #include <random>
 
@@ -17,15 +18,25 @@
 namespace varimesh::server {
 namespace {
 
-std::string random_name() {
+/// Returns 128 random bits as text.
+std::string random_text() {
   std::random_device device;
   constexpr char digits[] = "0123456789abcdef";
-  std::string name = "jobs/";
+  std::string name;
   for (int i = 0; i < 4; ++i) {
     std::uint32_t bits = device();
     for (int j = 0; j < 4; ++j, bits >>= 4) name += digits[bits & 15];
   }
   return name;
+}
+
+std::string random_name() { return "jobs/" + random_text(); }
+
+/// Returns a name that no other process has, on whatever machine, and that says to people which process it is.
+std::string unique_worker_name() {
+  char host[256] = "";
+  ::gethostname(host, sizeof host - 1);
+  return std::string(host) + ":" + std::to_string(::getpid()) + ":" + random_text().substr(0, 8);
 }
 
 }  // namespace
@@ -53,6 +64,8 @@ Expected<void> Server::open_stores() {
 Expected<void> Server::start_scheduler() {
   SchedulerSettings settings;
   settings.threads = threads_.threads();
+  if (stores_->jobs().shared()) settings.worker = unique_worker_name();
+  settings.renewal_interval = options_.limits.lease / 3;
   settings.max_pending = options_.limits.max_pending_jobs;
   settings.max_pending_of_peer = options_.limits.max_pending_jobs_per_peer;
   settings.max_ended = options_.limits.max_ended_jobs;

@@ -133,11 +133,12 @@ inline std::int64_t Scanner::text_integer(const char* what) {
   const bool negative = *p == '-';
   if (*p == '-' || *p == '+') ++p;
   const char* digits = p;
-  std::int64_t value = 0;
-  while (p < end_ && static_cast<unsigned char>(*p - '0') <= 9) value = value * 10 + (*p++ - '0');
+  std::uint64_t magnitude = 0;  // of more digits than a number may have, the rest of a division by 2⁶⁴
+  while (p < end_ && static_cast<unsigned char>(*p - '0') <= 9) magnitude = magnitude * 10 + std::uint64_t(*p++ - '0');
   // 18 digits always fit, and no number in a mesh file needs more.
   if (p == digits || p - digits > 18 || (p<end_&& static_cast<unsigned char>(*p)> ' ')) fail_token(what);
   at_ = p;
+  const auto value = std::int64_t(magnitude);
   return negative ? -value : value;
 }
 

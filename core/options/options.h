@@ -150,8 +150,8 @@ struct Options {
 Expected<void> check(const Options& options);
 
 /// The objective of a run on a mesh of this order: that of the options, or what Objective::Auto stands for. This is
-/// Energy if one of options_of_energy() (option_table.h) is not at its default, and for order 1, whose elements have no
-/// curvature. Otherwise it is Accuracy.
+/// Energy if an option of the energy (is_of_energy() in option_table.h) is not at its default, and for order 1, whose
+/// elements have no curvature. Otherwise it is Accuracy.
 Objective objective_of(const Options& options, int order);
 
 }  // namespace varimesh

@@ -74,12 +74,21 @@ std::optional<v1::Work> EventLog::work_after(std::int64_t& seen) const {
   return work_;
 }
 
-void EventLog::close() {
+bool EventLog::close() {
   {
     std::lock_guard lock(mutex_);
+    if (closed_) return false;
     closed_ = true;
   }
   notify();
+  return true;
+}
+
+v1::JobState EventLog::state() const {
+  std::lock_guard lock(mutex_);
+  const auto newest =
+      std::find_if(kept_.rbegin(), kept_.rend(), [](const v1::JobEvent& event) { return event.has_state_change(); });
+  return newest == kept_.rend() ? v1::JOB_STATE_UNSPECIFIED : newest->state_change().state();
 }
 
 EventLog::Next EventLog::next(std::int64_t after, std::chrono::nanoseconds min_interval,

@@ -52,7 +52,10 @@ class EventLog {
   /// Returns the work if it is newer than number `seen`, which becomes its number.
   std::optional<v1::Work> work_after(std::int64_t& seen) const;
   /// States that no events will follow, so that watchers that have delivered everything are at the end.
-  void close();
+  /// Returns whether this was not stated before.
+  bool close();
+  /// The newest state of the job; unspecified if no event says.
+  v1::JobState state() const;
 
   enum class Next { Event, Wait, End };
   /// Finds the next event after number `after`, with the number of iterations that were skipped. An iteration is

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cassert>
 #include <charconv>
+#include <utility>
 
 #include "server/jobs/event_log.h"
 #include "server/jobs/timestamps.h"
@@ -80,8 +81,8 @@ Answer<void> JobTransitions::check(const JobRecord& record, const Claim& claim) 
 }
 
 Changed JobTransitions::finish(JobRecord& record, const Ending& ending, std::int64_t last_sequence) const {
+  Changed changed = see_cancel(record, last_sequence);
   record.job.set_last_sequence(std::max(record.job.last_sequence(), last_sequence));
-  Changed changed;
   // If the job was cancelled just before its attempt was given up, it stays cancelled.
   const bool cancelled = ending.state == v1::JOB_STATE_PENDING && record.job.state() == v1::JOB_STATE_CANCELLING;
   const v1::JobState state = cancelled ? v1::JOB_STATE_CANCELLED : ending.state;
@@ -112,6 +113,23 @@ Changed JobTransitions::cancel(JobRecord& record, std::int64_t last_sequence) co
       changed.released.push_back(record.checkpoint->digest);
       record.checkpoint.reset();
     }
+  }
+  changed.job = record.job;
+  return changed;
+}
+
+Changed JobTransitions::ask_to_cancel(JobRecord& record) const {
+  if (record.job.state() != v1::JOB_STATE_RUNNING) return cancel(record, 0);
+  record.job.set_state(v1::JOB_STATE_CANCELLING);
+  record.cancel_unseen = true;
+  return {record.job, {}, {}};
+}
+
+Changed JobTransitions::see_cancel(JobRecord& record, std::int64_t last_sequence) const {
+  Changed changed;
+  if (std::exchange(record.cancel_unseen, false)) {
+    record.job.set_last_sequence(std::max(record.job.last_sequence(), last_sequence));
+    changed.events.push_back(change_state(record, v1::JOB_STATE_CANCELLING));
   }
   changed.job = record.job;
   return changed;
@@ -148,7 +166,7 @@ Changed JobTransitions::take_back(JobRecord& record) const {
   // numbers.
   record.job.set_last_sequence(
       std::max(record.job.last_sequence(), (record.job.last_sequence() / kSequenceRange + 1) * kSequenceRange));
-  Changed changed;
+  Changed changed = see_cancel(record, 0);
   v1::JobState state = v1::JOB_STATE_PENDING;
   if (record.job.state() == v1::JOB_STATE_CANCELLING) {
     state = v1::JOB_STATE_CANCELLED;

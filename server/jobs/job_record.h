@@ -16,6 +16,7 @@ struct JobRecord {
   TimePoint lease_end{};
   std::string history_digest;
   std::optional<CheckpointReference> checkpoint;
+  bool cancel_unseen = false;  ///< The job is CANCELLING, but there is no event of that yet.
 };
 
 /// The changes of a job. Each function changes the record and nothing else, and returns the events of the change and
@@ -34,6 +35,10 @@ class JobTransitions {
   void renew(JobRecord& record) const { record.lease_end = settings_.clock() + settings_.lease; }
   Changed finish(JobRecord& record, const Ending& ending, std::int64_t last_sequence) const;
   Changed cancel(JobRecord& record, std::int64_t last_sequence) const;
+  /// Asks for the end of a job whose event numbers only its worker knows.
+  Changed ask_to_cancel(JobRecord& record) const;
+  /// Adds the event that ask_to_cancel() has left out.
+  Changed see_cancel(JobRecord& record, std::int64_t last_sequence) const;
   void note_progress(JobRecord& record, const v1::Iteration& iteration, std::int64_t last_sequence) const;
   Changed note_checkpoint(JobRecord& record, const CheckpointReference& checkpoint) const;
   /// Returns whether the job is lost, so that take_back() applies to it.

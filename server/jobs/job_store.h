@@ -99,6 +99,17 @@ struct JobCounts {
   int running = 0;  ///< Including CANCELLING jobs.
 };
 
+/// What another process has done in a store that is shared.
+struct News {
+  enum class Kind {
+    Reconnected,  ///< News may have been lost.
+    Queue,        ///< A job waits.
+    Cancel        ///< A job is to be cancelled.
+  };
+  Kind kind = Kind::Queue;
+  std::string job = {};  ///< Of Cancel.
+};
+
 /// How an attempt ended.
 struct Ending {
   v1::JobState state = v1::JOB_STATE_FAILED;  ///< PENDING: the job has not ended, and another attempt will continue it.
@@ -124,6 +135,11 @@ class JobStore {
   virtual ~JobStore() = default;
   /// Whether the jobs outlive the process.
   virtual bool durable() const = 0;
+  /// Whether other processes use the store at the same time.
+  virtual bool shared() const { return false; }
+  /// Calls `listener` when another process has changed something, from a thread of the store. Empty: no more; when this
+  /// returns, no call is under way. The news are hints: they may be late, or lost, and some are needless.
+  virtual void listen(std::function<void(const News&)>) {}
 
   /// Stores a new job, or returns the job of the same owner and request, without events. ALREADY_EXISTS if that has
   /// another spec.
@@ -151,6 +167,11 @@ class JobStore {
 
   /// PENDING becomes CANCELLED, RUNNING becomes CANCELLING, every other state stays.
   virtual Answer<Changed> request_cancel(const std::string& name, std::int64_t last_sequence) = 0;
+  /// As request_cancel(), for a caller that does not know the last event number of a running job. Such a job becomes
+  /// CANCELLING without an event; see_cancel() adds it.
+  virtual Answer<Changed> ask_to_cancel(const std::string& name) { return request_cancel(name, 0); }
+  /// Adds the event of a cancel request that renew_lease() has told of, if it has none.
+  virtual Answer<Changed> see_cancel(const Claim&, std::int64_t) { return Changed{}; }
   /// Takes jobs back from workers whose lease has expired, and all jobs from `worker`, which has just started and runs
   /// none. They become PENDING, or CANCELLED if that was requested, or FAILED after the last attempt. The jobs in
   /// `running` are not taken back: the caller runs them but could not renew their leases.

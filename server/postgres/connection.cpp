@@ -180,6 +180,18 @@ PostgresRows PostgresConnection::query_once(const std::string& statement, const 
   return result(statement);
 }
 
+std::vector<std::string> PostgresConnection::wait_for_news(std::chrono::milliseconds most) {
+  if (broken()) lose("the connection to the database was lost");
+  pollfd waited{PQsocket(connection_.get()), POLLIN, 0};
+  if (::poll(&waited, 1, static_cast<int>(most.count())) > 0 && PQconsumeInput(connection_.get()) == 0) fail({});
+  std::vector<std::string> texts;
+  while (PGnotify* const news = PQnotifies(connection_.get())) {
+    texts.emplace_back(news->extra);
+    PQfreemem(news);
+  }
+  return texts;
+}
+
 // ===== transaction =====
 
 PostgresTransaction::PostgresTransaction(PostgresConnection& connection) : connection_(connection) {

@@ -86,6 +86,9 @@ class PostgresConnection {
   /// Runs statements without parameters, and returns the rows of the last one.
   PostgresRows run(const std::string& statements);
 
+  /// Waits for notifications, and returns their texts; none if none came in time.
+  std::vector<std::string> wait_for_news(std::chrono::milliseconds most);
+
   /// Whether the connection can be used no more.
   bool broken() const { return connection_ == nullptr || PQstatus(connection_.get()) != CONNECTION_OK; }
 

@@ -171,6 +171,27 @@ Answer<Changed> PostgresJobStore::request_cancel(const std::string& name, std::i
       PostgresTransactions::Outcome::CanBeAskedAgain);
 }
 
+Answer<Changed> PostgresJobStore::ask_to_cancel(const std::string& name) {
+  return database_.write<Changed>(
+      [&](PostgresWork& transaction) -> Answer<Changed> {
+        auto row = postgres::load(transaction.connection, name, Lock::Row);
+        if (!row) return tl::unexpected(row.error());
+        const v1::JobState before = row->record.job.state();
+        Changed changed = transaction.transitions.ask_to_cancel(row->record);
+        if (changed.job.state() == before) return changed;
+        postgres::save(transaction.connection, *row);
+        postgres::save_events(transaction.connection, row->key, changed);
+        if (row->record.cancel_unseen) postgres::notify(transaction.connection, postgres::kCancelNews + name);
+        return changed;
+      },
+      PostgresTransactions::Outcome::CanBeAskedAgain);
+}
+
+void PostgresJobStore::listen(std::function<void(const News&)> listener) {
+  listener_.reset();
+  if (listener) listener_ = std::make_unique<PostgresListener>(database_.where().url, std::move(listener));
+}
+
 Answer<std::string> PostgresJobStore::history_digest(const std::string& name) {
   return database_.read<std::string>([&](PostgresConnection& connection) {
     return postgres::load(connection, name, Lock::None).map([](const Row& row) { return row.record.history_digest; });

@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "server/postgres/listener.h"
 #include "server/postgres/transactions.h"
 
 namespace varimesh::server {
@@ -28,6 +29,8 @@ class PostgresJobStore : public JobStore {
                                                         const JobStoreSettings& settings = {});
 
   bool durable() const override { return true; }
+  bool shared() const override { return true; }
+  void listen(std::function<void(const News&)> listener) override;
   Answer<Changed> submit(const Submission& submission) override;
   Answer<v1::Job> get(const std::string& name) override;
   Answer<JobPage> list(const JobFilter& filter, int page_size, const std::string& page_token) override;
@@ -39,6 +42,8 @@ class PostgresJobStore : public JobStore {
   Answer<Changed> note_checkpoint(const Claim& claim, const CheckpointReference& checkpoint) override;
   Answer<Changed> finish(const Claim& claim, const Ending& ending, std::int64_t last_sequence) override;
   Answer<Changed> request_cancel(const std::string& name, std::int64_t last_sequence) override;
+  Answer<Changed> ask_to_cancel(const std::string& name) override;
+  Answer<Changed> see_cancel(const Claim& claim, std::int64_t last_sequence) override;
   Answer<std::vector<Changed>> take_back(const std::string& worker, const std::set<std::string>& running) override;
   Answer<std::string> history_digest(const std::string& name) override;
   Answer<Changed> remove(const std::string& name) override;
@@ -58,6 +63,7 @@ class PostgresJobStore : public JobStore {
   bool has_ample_room(int max_pending);
 
   PostgresTransactions database_;
+  std::unique_ptr<PostgresListener> listener_;
   std::mutex waiting_mutex_;
   std::int64_t waiting_ = 0;  ///< Jobs that waited when they were counted, and those that this process added since.
   std::optional<SteadyTime> counted_;

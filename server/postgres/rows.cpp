@@ -7,7 +7,21 @@ namespace varimesh::server::postgres {
 namespace {
 
 /// The columns of select_rows(), in their order.
-enum Column { Key, Token, Lost, Worker, LeaseEnd, History, Checkpoint, CheckpointIteration, Job, Spec, Furthest, Peer };
+enum Column {
+  Key,
+  Token,
+  Lost,
+  Worker,
+  LeaseEnd,
+  History,
+  Checkpoint,
+  CheckpointIteration,
+  Job,
+  Spec,
+  Furthest,
+  Peer,
+  CancelUnseen
+};
 
 std::int64_t nanoseconds(TimePoint time) {
   return std::chrono::duration_cast<std::chrono::nanoseconds>(time.time_since_epoch()).count();
@@ -38,7 +52,7 @@ void add_record(PostgresValues& values, const JobRecord& record) {
     values.add(record.checkpoint->digest).add(record.checkpoint->iteration);
   else
     values.add_null().add(std::int64_t{0});
-  values.add(job.SerializeAsString());
+  values.add(std::int64_t{record.cancel_unseen}).add(job.SerializeAsString());
 }
 
 }  // namespace
@@ -47,7 +61,7 @@ void add_record(PostgresValues& values, const JobRecord& record) {
 
 std::string select_rows(std::string_view rest) {
   return "SELECT jobs.key, token, lost, worker, lease_end, history, checkpoint, checkpoint_iteration, job, spec, "
-         "furthest, peer FROM jobs JOIN specs ON specs.key = jobs.key " +
+         "furthest, peer, cancel_unseen::integer FROM jobs JOIN specs ON specs.key = jobs.key " +
          std::string(rest);
 }
 
@@ -65,6 +79,7 @@ Answer<Row> read_row(const PostgresRows& rows, int at) {
     record.checkpoint = {rows.text(at, Checkpoint), static_cast<int>(rows.number(at, CheckpointIteration))};
   record.furthest = static_cast<int>(rows.number(at, Furthest));
   record.peer = rows.text(at, Peer);
+  record.cancel_unseen = rows.number(at, CancelUnseen) != 0;
   if (!parse(rows.view(at, Job), &record.job) || !parse(rows.view(at, Spec), record.job.mutable_spec()))
     return damaged("a job (row " + std::to_string(row.key) + " of the database)");
   return row;
@@ -111,8 +126,8 @@ bool insert(PostgresConnection& connection, const Submission& submission, Row& r
   add_record(values, row.record);
   const PostgresRows inserted = connection.query(
       "INSERT INTO jobs(name, request_id, owner, peer, turn, state, ended, token, lost, furthest, worker, lease_end, "
-      "history, checkpoint, checkpoint_iteration, job) "
-      "VALUES($1, $2, $3, $4, $5, $6, $7, $8, $9, $10, $11, $12, $13, $14, $15, $16) "
+      "history, checkpoint, checkpoint_iteration, cancel_unseen, job) "
+      "VALUES($1, $2, $3, $4, $5, $6, $7, $8, $9, $10, $11, $12, $13, $14, $15, $16::integer::boolean, $17) "
       "ON CONFLICT(owner, request_id) DO NOTHING RETURNING key",
       values);
   if (inserted.count() == 0) return false;
@@ -130,11 +145,18 @@ void save(PostgresConnection& connection, const Row& row) {
   add_record(values, row.record);
   connection.query(
       "UPDATE jobs SET state = $2, ended = $3, token = $4, lost = $5, furthest = $6, worker = $7, lease_end = $8, "
-      "history = $9, checkpoint = $10, checkpoint_iteration = $11, job = $12 WHERE key = $1",
+      "history = $9, checkpoint = $10, checkpoint_iteration = $11, cancel_unseen = $12::integer::boolean, job = $13 "
+      "WHERE key = $1",
       values);
 }
 
+void notify(PostgresConnection& connection, const std::string& news) {
+  connection.query("SELECT pg_notify('varimesh', $1::text)", PostgresValues().add(news));
+}
+
 void save_events(PostgresConnection& connection, std::int64_t key, const Changed& changed) {
+  for (const v1::JobEvent& event : changed.events)
+    if (event.state_change().state() == v1::JOB_STATE_PENDING) notify(connection, kQueueNews);
   for (const v1::JobEvent& event : changed.events)
     connection.query("INSERT INTO events VALUES($1, $2, $3)",
                      PostgresValues().add(key).add(event.sequence()).add(event.SerializeAsString()));

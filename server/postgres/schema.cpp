@@ -44,10 +44,13 @@ CREATE TABLE events(key BIGINT NOT NULL REFERENCES jobs ON DELETE CASCADE, seque
   event BYTEA NOT NULL,                                 -- v1.JobEvent
   PRIMARY KEY(key, sequence));
 )";
+constexpr char kToVersion2[] = R"(
+ALTER TABLE jobs ADD COLUMN cancel_unseen BOOLEAN NOT NULL DEFAULT false;  -- CANCELLING, without an event of it yet
+)";
 static_assert(v1::JOB_STATE_PENDING == 1);
 
 /// Step i leads from version i to version i + 1. A step that was released is never changed.
-constexpr const char* kSteps[] = {kToVersion1};
+constexpr const char* kSteps[] = {kToVersion1, kToVersion2};
 
 constexpr char kVersions[] =
     "CREATE TABLE IF NOT EXISTS varimesh_schema(version INTEGER PRIMARY KEY, made TIMESTAMPTZ NOT NULL DEFAULT now())";

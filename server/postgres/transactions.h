@@ -36,6 +36,9 @@ class PostgresTransactions {
       : settings_(settings), where_(where), pool_(where.url, where.connections, where.log) {}
 
   const JobStoreSettings& settings() const { return settings_; }
+  const PostgresSettings& where() const { return where_; }
+  /// Whether the database could not be reached when it was last tried.
+  bool is_away() { return pool_.lost_since().has_value(); }
 
   /// Runs `work` outside a transaction, for a single statement.
   template <class Result>

@@ -3,6 +3,7 @@
 
 #include "server/postgres/postgres_job_store.h"
 #include "server/postgres/rows.h"
+#include "server/refusals.h"
 
 namespace varimesh::server {
 namespace {
@@ -75,6 +76,7 @@ Answer<bool> PostgresJobStore::renew_lease(const Claim& claim) {
 
 Answer<void> PostgresJobStore::note_progress(const Claim& claim, const v1::Iteration& iteration,
                                              std::int64_t last_sequence) {
+  if (database_.is_away()) return store_unavailable();  // the run does not wait for it; other calls try again
   return write<bool>(claim,
                      [&](const JobTransitions& transitions, JobRecord& record) {
                        transitions.note_progress(record, iteration, last_sequence);
@@ -92,6 +94,12 @@ Answer<Changed> PostgresJobStore::note_checkpoint(const Claim& claim, const Chec
 Answer<Changed> PostgresJobStore::finish(const Claim& claim, const Ending& ending, std::int64_t last_sequence) {
   return write<Changed>(claim, [&](const JobTransitions& transitions, JobRecord& record) {
     return transitions.finish(record, ending, last_sequence);
+  });
+}
+
+Answer<Changed> PostgresJobStore::see_cancel(const Claim& claim, std::int64_t last_sequence) {
+  return write<Changed>(claim, [&](const JobTransitions& transitions, JobRecord& record) {
+    return transitions.see_cancel(record, last_sequence);
   });
 }
 

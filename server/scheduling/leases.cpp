@@ -1,33 +1,34 @@
 // Leases: how a worker keeps its jobs, and how lost jobs are taken back.
 #include <set>
+#include <utility>
 
 #include "server/scheduling/scheduler.h"
 
 namespace varimesh::server {
 
 Answer<void> Scheduler::recover() {
-  {
-    std::lock_guard lock(mutex_);
-    const auto references = jobs_->references();
-    if (!references) return tl::unexpected(references.error());
-    for (const Reference& reference : *references) {
-      meshes_->retain(reference.digest);
-      meshes_->grant(reference.digest, reference.owner);
-    }
+  const auto references = jobs_->references();
+  if (!references) return tl::unexpected(references.error());
+  for (const Reference& reference : *references) {
+    meshes_->retain(reference.digest);
+    meshes_->grant(reference.digest, reference.owner);
   }
   take_back(settings_.worker);
   return {};
 }
 
 void Scheduler::take_back(const std::string& worker) {
-  std::lock_guard lock(mutex_);
   std::set<std::string> running_here;
-  for (const auto& [name, running] : running_) running_here.insert(name);
+  {
+    std::lock_guard lock(mutex_);
+    for (const auto& [name, running] : running_) running_here.insert(name);
+  }
   const auto taken = jobs_->take_back(worker, running_here);
   if (!taken) return settings_.log("jobs", "cannot be taken back: " + taken.error().sentence);
   for (const Changed& changed : *taken) {
     settings_.log(changed.job.name(), "was lost and is now " + v1::JobState_Name(changed.job.state()));
-    publish(changed);
+    logs_.publish(changed);
+    release(changed.released);
   }
 }
 
@@ -37,22 +38,42 @@ void Scheduler::renew_leases() {
     std::lock_guard lock(mutex_);
     for (const auto& [name, running] : running_) all.push_back(running);
   }
-  for (const auto& running : all) {
-    const auto cancel = jobs_->renew_lease(running->claim);
-    if (!cancel) settings_.log(running->claim.name, "lease cannot be renewed: " + cancel.error().sentence);
-    const bool lost =
-        !cancel && (cancel.error().code == Failure::Code::Aborted || cancel.error().code == Failure::Code::DataLoss);
-    if (lost || (cancel && *cancel)) running->cancelled = true;
+  for (const auto& running : all) renew_lease(*running);
+}
+
+void Scheduler::renew_lease(Running& running) {
+  const Claim& claim = running.claim;
+  const auto cancel = jobs_->renew_lease(claim);
+  if (!cancel) settings_.log(claim.name, "lease cannot be renewed: " + cancel.error().sentence);
+  const bool lost =
+      !cancel && (cancel.error().code == Failure::Code::Aborted || cancel.error().code == Failure::Code::DataLoss);
+  if (cancel && *cancel && running.log->state() != v1::JOB_STATE_CANCELLING) {
+    const auto seen = change(claim.name, [&](std::int64_t last) { return jobs_->see_cancel(claim, last); });
+    if (!seen) settings_.log(claim.name, "cannot record its cancel request: " + seen.error().sentence);
   }
+  if (lost || (cancel && *cancel)) running.cancelled = true;
+}
+
+void Scheduler::hear(const News& news) {
+  if (stopping_) return;
+  std::vector<std::shared_ptr<Running>> running;
+  {
+    std::lock_guard lock(mutex_);
+    for (const auto& [name, one] : running_)
+      if (news.kind == News::Kind::Reconnected || (news.kind == News::Kind::Cancel && news.job == name))
+        running.push_back(one);
+  }
+  for (const auto& one : running) renew_lease(*one);
+  if (news.kind != News::Kind::Cancel) start_jobs();
 }
 
 void Scheduler::tick() {
   if (stopping_) return;
+  if (!std::exchange(listening_, true)) jobs_->listen([this](const News& news) { hear(news); });
   if (const SteadyTime now = settings_.steady(); now >= next_renewal_) {
     next_renewal_ = now + settings_.renewal_interval;
     renew_leases();
     take_back("");
-    std::lock_guard lock(mutex_);
     forget_old();
   }
   start_jobs();

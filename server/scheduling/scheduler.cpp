@@ -14,9 +14,6 @@
 namespace varimesh::server {
 namespace {
 
-/// How many event logs of ended jobs stay in memory, with all their iterations.
-constexpr std::size_t kEndedLogs = 100;
-
 /// The largest spec, in bytes. A job with its spec must fit into one message.
 constexpr std::size_t kMostSpecBytes = std::size_t{2} << 20;
 
@@ -30,9 +27,13 @@ Scheduler::Scheduler(JobStore* jobs, MeshStore* meshes, Engine engine, Scheduler
       meshes_(meshes),
       engine_(std::move(engine)),
       settings_(std::move(settings)),
-      memory_(settings_.memory) {}
+      memory_(settings_.memory),
+      logs_(jobs) {}
 
-Scheduler::~Scheduler() { assert(running_.empty()); }
+Scheduler::~Scheduler() {
+  jobs_->listen({});
+  assert(running_.empty());
+}
 
 // ===== calls of clients =====
 
@@ -113,10 +114,8 @@ Answer<v1::Job> Scheduler::submit(const std::string& request_id, const v1::JobSp
 
 Answer<v1::Job> Scheduler::get(const std::string& name) {
   auto job = jobs_->get(name);
-  if (job) {
-    std::lock_guard lock(mutex_);
-    if (const auto log = logs_.find(name); log != logs_.end()) job->set_last_sequence(log->second->last_sequence());
-  }
+  if (const auto log = logs_.find(name); job && log != nullptr)
+    job->set_last_sequence(std::max(job->last_sequence(), log->last_sequence()));
   return job;
 }
 
@@ -131,27 +130,35 @@ Answer<JobPage> Scheduler::list(const JobFilter& filter, int page_size, const st
 }
 
 Answer<v1::Job> Scheduler::cancel(const std::string& name) {
-  std::lock_guard lock(mutex_);
+  if (jobs_->shared() && !runs_here(name)) {
+    const auto asked = jobs_->ask_to_cancel(name);
+    if (!asked) return tl::unexpected(asked.error());
+    logs_.publish(*asked);
+    release(asked->released);
+    settings_.log(name, "cancel requested");
+    return asked->job;
+  }
   const auto changed = change(name, [&](std::int64_t last) { return jobs_->request_cancel(name, last); });
   if (!changed) return tl::unexpected(changed.error());
   if (changed->events.empty()) return changed->job;
-  if (const auto running = running_.find(name); running != running_.end()) running->second->cancelled = true;
+  {
+    std::lock_guard lock(mutex_);
+    if (const auto running = running_.find(name); running != running_.end()) running->second->cancelled = true;
+  }
   settings_.log(name, "cancel requested");
   return changed->job;
 }
 
-Answer<v1::Job> Scheduler::remove(const std::string& name) {
+bool Scheduler::runs_here(const std::string& name) {
   std::lock_guard lock(mutex_);
+  return running_.contains(name);
+}
+
+Answer<v1::Job> Scheduler::remove(const std::string& name) {
   const auto removed = jobs_->remove(name);
   if (!removed) return tl::unexpected(removed.error());
   forget(*removed);
   return removed->job;
-}
-
-Answer<std::shared_ptr<EventLog>> Scheduler::events(const std::string& name) {
-  // The lock is held because a job that ended while its log is created would leave a log that is never closed.
-  std::lock_guard lock(mutex_);
-  return log_of(name);
 }
 
 Answer<v1::History> Scheduler::history(const std::string& name) {
@@ -170,79 +177,53 @@ Answer<v1::History> Scheduler::history(const std::string& name) {
 // ===== changes and their events =====
 
 Answer<Changed> Scheduler::change(const std::string& name, const std::function<Answer<Changed>(std::int64_t)>& change) {
-  Answer<Changed> changed;
-  if (const auto found = logs_.find(name); found != logs_.end()) {
-    const std::shared_ptr<EventLog> log = found->second;
-    log->append_stored([&](std::int64_t last) {
-      changed = change(last);
-      return changed ? changed->events : std::vector<v1::JobEvent>();
-    });
-    if (changed && !changed->events.empty() && has_ended(changed->job.state())) close(name, *log);
-  } else {
-    changed = change(0);  // there are no event numbers that the store does not know
-  }
-  if (changed)
-    for (const std::string& digest : changed->released) meshes_->release(digest);
+  const auto changed = logs_.change(name, change);
+  if (changed) release(changed->released);
   return changed;
 }
 
-void Scheduler::publish(const Changed& changed) {
-  [[maybe_unused]] const auto published = change(changed.job.name(), [&](std::int64_t) { return changed; });
-  assert(published);
-}
-
-Answer<std::shared_ptr<EventLog>> Scheduler::log_of(const std::string& name) {
-  if (const auto found = logs_.find(name); found != logs_.end()) return found->second;
-  const auto job = jobs_->get(name);
-  if (!job) return tl::unexpected(job.error());
-  auto events = jobs_->events(name);
-  if (!events) return tl::unexpected(events.error());
-  const auto log = std::make_shared<EventLog>(std::move(*events));
-  logs_[name] = log;
-  if (has_ended(job->state())) close(name, *log);
-  return log;
-}
-
-void Scheduler::close(const std::string& name, EventLog& log) {
-  log.close();
-  ended_logs_.push_back(name);
-  if (ended_logs_.size() <= kEndedLogs) return;
-  logs_.erase(ended_logs_.front());
-  ended_logs_.pop_front();
+void Scheduler::release(const std::vector<std::string>& digests) {
+  for (const std::string& digest : digests) meshes_->release(digest);
 }
 
 void Scheduler::forget(const Changed& removed) {
-  for (const std::string& digest : removed.released) meshes_->release(digest);
-  logs_.erase(removed.job.name());
-  std::erase(ended_logs_, removed.job.name());
+  release(removed.released);
+  logs_.forget(removed.job.name());
 }
 
 // ===== running =====
 
 std::shared_ptr<Scheduler::Running> Scheduler::claim() {
-  if (stopping_ || static_cast<int>(running_.size()) >= settings_.threads) return nullptr;
+  {
+    std::lock_guard lock(mutex_);
+    if (stopping_ || static_cast<int>(running_.size()) + claiming_ >= settings_.threads) return nullptr;
+    ++claiming_;
+    ++inside_;
+  }
   auto claimed = jobs_->claim(settings_.worker);
   if (!claimed) settings_.log("jobs", "cannot be claimed: " + claimed.error().sentence);
-  if (!claimed || !*claimed) return nullptr;
-  auto running = std::make_shared<Running>();
-  running->claim = std::move((*claimed)->claim);
-  const std::string& name = running->claim.name;
-  if (const auto log = logs_.find(name); log != logs_.end())
-    log->second->append_stored([&](std::int64_t) { return (*claimed)->events; });
-  const auto log = log_of(name);
-  running->log = log ? *log : (logs_[name] = std::make_shared<EventLog>((*claimed)->events));
-  running_[name] = running;
-  ++inside_;
+  std::shared_ptr<Running> running;
+  if (claimed && *claimed) {
+    running = std::make_shared<Running>();
+    running->claim = std::move((*claimed)->claim);
+    running->log = logs_.claimed(running->claim.name, std::move((*claimed)->events));
+  }
+  std::lock_guard lock(mutex_);
+  --claiming_;
+  if (running == nullptr) {
+    --inside_;
+    ended_.notify_all();
+    return nullptr;
+  }
+  running_[running->claim.name] = running;
+  // A cancel request that came before this line has not found the job among the running ones.
+  if (running->log->state() == v1::JOB_STATE_CANCELLING || (stopping_ && !jobs_->durable())) running->cancelled = true;
   return running;
 }
 
 void Scheduler::start_jobs() {
   while (true) {
-    std::shared_ptr<Running> running;
-    {
-      std::lock_guard lock(mutex_);
-      running = claim();
-    }
+    const std::shared_ptr<Running> running = claim();
     if (running == nullptr) return;
     const int asked = running->claim.spec.options().threads();
     settings_.launch(asked > 0 ? std::min(asked, settings_.threads) : settings_.threads,
@@ -274,8 +255,7 @@ void Scheduler::run(const std::shared_ptr<Running>& running, const LentThreads& 
     attempt.note_checkpoint = [&](const CheckpointReference& checkpoint) {
       const auto noted = jobs_->note_checkpoint(claim, checkpoint);
       if (!noted) meshes_->release(checkpoint.digest);
-      if (noted)
-        for (const std::string& digest : noted->released) meshes_->release(digest);
+      if (noted) release(noted->released);
     };
   attempt.stop_patience = [this] { return stop_patience_.load(); };
   const Ending ending = run_attempt(attempt);
@@ -283,8 +263,10 @@ void Scheduler::run(const std::shared_ptr<Running>& running, const LentThreads& 
                 v1::JobState_Name(ending.state) + (ending.error ? ": " + ending.error->message() : std::string()));
   while (!finish(*running, ending)) {
     // The disk is full, so the result waits for room. If the server stops, the next server runs the job again.
-    std::unique_lock lock(mutex_);
-    if (!ended_.wait_for(lock, std::chrono::seconds(1), [this] { return stopping_.load(); })) continue;
+    {
+      std::unique_lock lock(mutex_);
+      if (!ended_.wait_for(lock, std::chrono::seconds(1), [this] { return stopping_.load(); })) continue;
+    }
     if (give_back(*running)) release(ending);
     break;
   }
@@ -307,12 +289,12 @@ bool Scheduler::give_back(const Running& running) {
 }
 
 void Scheduler::erase(const Running& running) {
+  std::lock_guard lock(mutex_);
   const auto found = running_.find(running.claim.name);
   if (found != running_.end() && found->second.get() == &running) running_.erase(found);
 }
 
 bool Scheduler::finish(const Running& running, const Ending& ending) {
-  std::lock_guard lock(mutex_);
   const std::string& name = running.claim.name;
   for (const v1::StoredMesh& result : ending.results) meshes_->grant(result.digest(), running.claim.owner);
   const auto finished = change(name, [&](std::int64_t last) { return jobs_->finish(running.claim, ending, last); });
@@ -355,10 +337,13 @@ void Scheduler::stop(std::chrono::milliseconds patience) {
 }
 
 bool Scheduler::drain(std::chrono::steady_clock::time_point deadline) {
-  std::unique_lock lock(mutex_);
-  if (ended_.wait_until(lock, deadline, [this] { return inside_ == 0; })) return true;
-  if (!jobs_->durable()) return false;
-  const auto left = running_;
+  std::map<std::string, std::shared_ptr<Running>> left;
+  {
+    std::unique_lock lock(mutex_);
+    if (ended_.wait_until(lock, deadline, [this] { return inside_ == 0; })) return true;
+    if (!jobs_->durable()) return false;
+    left = running_;
+  }
   for (const auto& [name, running] : left) give_back(*running);
   return false;
 }

@@ -3,7 +3,6 @@
 
 #include <atomic>
 #include <condition_variable>
-#include <deque>
 #include <functional>
 #include <map>
 #include <memory>
@@ -11,11 +10,11 @@
 #include <string>
 
 #include "server/engine/engine.h"
-#include "server/jobs/event_log.h"
 #include "server/jobs/job_store.h"
 #include "server/meshes/mesh_store.h"
 #include "server/resources/memory_budget.h"
 #include "server/resources/thread_shares.h"
+#include "server/scheduling/job_logs.h"
 
 namespace varimesh::server {
 
@@ -26,10 +25,11 @@ struct SchedulerSettings {
   int max_pending_of_peer = 0;  ///< Jobs of one peer that may wait; PEER_LIMIT. 0: no limit.
   int max_priority = 100;       ///< The highest priority of a job.
   int max_ended = 1000;         ///< Ended jobs that are kept with their results; older ones are deleted, but only
-  std::chrono::milliseconds min_ended_age{0};         ///< this long after their end, however many there are.
-  std::string worker = "local";                       ///< The name under which jobs are claimed, also after a restart.
-  std::chrono::seconds renewal_interval{10};          ///< Time between two renewals of the leases: a third of a lease.
-  std::chrono::milliseconds checkpoint_pause{5'000};  ///< Shortest time between two checkpoints of a job.
+  std::chrono::milliseconds min_ended_age{0};  ///< this long after their end, however many there are.
+  /// The name under which jobs are claimed. The only process that uses a store keeps its name after a restart.
+  std::string worker = "local";
+  std::chrono::milliseconds renewal_interval{10'000};  ///< Time between two renewals of the leases: a third of a lease.
+  std::chrono::milliseconds checkpoint_pause{5'000};   ///< Shortest time between two checkpoints of a job.
   std::function<TimePoint()> clock = std::chrono::system_clock::now;    ///< For the times that clients are told.
   std::function<SteadyTime()> steady = std::chrono::steady_clock::now;  ///< For intervals; nobody sets it back.
   std::function<bool()> has_room = [] {
@@ -43,7 +43,7 @@ struct SchedulerSettings {
   std::function<void(const std::string& job, const std::string& what)> log = [](const auto&, const auto&) {};
 };
 
-/// Runs the jobs of a store. One lock orders the changes of a job's state together with their events. Thread-safe.
+/// Runs the jobs of a store. Thread-safe.
 class Scheduler {
  public:
   Scheduler(JobStore* jobs, MeshStore* meshes, Engine engine, SchedulerSettings settings);
@@ -66,7 +66,7 @@ class Scheduler {
   Answer<v1::Job> remove(const std::string& name);
   Answer<JobCounts> counts() { return jobs_->counts(); }
 
-  Answer<std::shared_ptr<EventLog>> events(const std::string& name);
+  Answer<std::shared_ptr<EventLog>> events(const std::string& name) { return logs_.of(name); }
   /// Returns all iterations of a job that has SUCCEEDED.
   Answer<v1::History> history(const std::string& name);
 
@@ -87,32 +87,32 @@ class Scheduler {
   };
 
   Answer<void> check(const v1::JobSpec& spec);
+  bool runs_here(const std::string& name);
   /// Refuses a stored mesh that takes more memory than all jobs have together.
   Answer<void> check_memory(const std::string& digest);
-  // The following require the lock.
   /// Changes a job in the store and adds the events to its log. `change` gets the last event number in use.
   Answer<Changed> change(const std::string& name, const std::function<Answer<Changed>(std::int64_t)>& change);
-  /// Adds the events of a change that the store has already made to the log of the job.
-  void publish(const Changed& changed);
-  Answer<std::shared_ptr<EventLog>> log_of(const std::string& name);
-  void close(const std::string& name, EventLog& log);
+  void release(const std::vector<std::string>& digests);
   void forget(const Changed& removed);
+  /// Claims a job if fewer run than may run. Returns null if there is none.
   std::shared_ptr<Running> claim();
 
   void start_jobs();
   void run(const std::shared_ptr<Running>& running, const LentThreads& threads);
-  /// Requires the lock. Makes the job PENDING again, without the result of its attempt. Returns false if the store
-  /// fails.
+  /// Makes the job PENDING again, without the result of its attempt. Returns false if the store fails.
   bool give_back(const Running& running);
-  /// Requires the lock. Removes this attempt, and no other attempt at the same job, from the running ones.
+  /// Removes this attempt, and no other attempt at the same job, from the running ones.
   void erase(const Running& running);
   /// Records the end of an attempt. Returns false if the store cannot do so now.
   bool finish(const Running& running, const Ending& ending);
   void release(const Ending& ending);
-  /// Requires the lock. Deletes the jobs that ended too long ago.
+  /// Deletes the jobs that ended too long ago.
   void forget_old();
   // leases.cpp:
   void renew_leases();
+  void renew_lease(Running& running);
+  /// Acts on what another process has done.
+  void hear(const News& news);
   void take_back(const std::string& worker);
 
   JobStore* const jobs_;
@@ -120,16 +120,16 @@ class Scheduler {
   const Engine engine_;
   const SchedulerSettings settings_;
   MemoryBudget memory_;
-  std::mutex mutex_;
+  JobLogs logs_;
+  std::mutex mutex_;  ///< Never held while a store works.
   std::condition_variable ended_;
-  std::map<std::string, std::shared_ptr<EventLog>>
-      logs_;  ///< Logs of the jobs that run or are watched, and of the jobs that ended last.
-  std::deque<std::string> ended_logs_;
   std::map<std::string, std::shared_ptr<Running>> running_;
-  int inside_ = 0;  ///< Threads in run(), or about to enter it.
+  int claiming_ = 0;  ///< Threads that claim a job.
+  int inside_ = 0;    ///< Those, and threads in run() or about to enter it.
   std::atomic<bool> stopping_ = false;
   std::atomic<std::chrono::milliseconds> stop_patience_ = std::chrono::milliseconds(0);  ///< Set before stopping_.
   SteadyTime next_renewal_{};                                                            ///< Used only by tick().
+  bool listening_ = false;                                                               ///< Used only by tick().
 };
 
 }  // namespace varimesh::server

@@ -42,6 +42,7 @@ Expected<std::unique_ptr<Stores>> Stores::open(const StoreSettings& settings) {
   std::unique_ptr<Stores> stores(new Stores);
   JobStoreSettings job_settings;
   job_settings.clock = settings.clock;
+  job_settings.lease = settings.limits.lease;
   job_settings.max_running_of_peer = settings.limits.max_running_jobs_per_peer;
   if (settings.state.empty()) {
     stores->jobs_ = std::make_unique<MemoryJobStore>(job_settings);

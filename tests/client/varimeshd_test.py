@@ -4,7 +4,7 @@ import os
 import subprocess
 import unittest
 
-from programs import ENDLESS, LARGER, VARIMESHD, Server, WithFolder, run, start, wait_for_line
+from programs import ENDLESS, LARGER, MESH, VARIMESHD, Server, WithFolder, run, start, wait_for_line
 
 
 class Varimeshd(WithFolder):
@@ -57,6 +57,44 @@ class Varimeshd(WithFolder):
         self.assertEqual(process.wait(20), 0)
         process.stdout.close()
         self.assertTrue(any(state.iterdir()))
+
+    def maintain(self, *words):
+        return subprocess.run([VARIMESHD, *words], capture_output=True, text=True, timeout=60)
+
+    def test_a_backup_of_a_running_server_is_a_state_of_its_own(self):
+        state, copy = self.folder / "state", self.folder / "copy"
+        server = Server("--state", state)
+        done = run("submit", MESH, "--server", server.address)
+        self.assertEqual(run("watch", done.stdout.strip(), "--server", server.address).returncode, 0)
+        waiting = run("submit", LARGER, *ENDLESS, "--server", server.address).stdout.strip()
+        backup = self.maintain("backup", "--state", state, copy)
+        self.assertEqual(backup.returncode, 0, backup.stdout + backup.stderr)
+        self.assertIn("2 jobs and ", backup.stdout)
+        self.assertIn("another varimeshd uses it", self.maintain("check", "--state", state).stderr)
+        server.stop()
+        for each in (state, copy):
+            check = self.maintain("check", "--state", each)
+            self.assertEqual(check.returncode, 0, check.stdout + check.stderr)
+            self.assertIn("nothing is damaged", check.stdout)
+        server = Server("--state", copy)
+        self.addCleanup(server.stop)
+        jobs = run("jobs", "--server", server.address).stdout
+        self.assertIn(done.stdout.strip(), jobs)
+        self.assertEqual(run("cancel", waiting, "--server", server.address).returncode, 0)
+
+    def test_check_finds_and_repairs_a_damaged_file(self):
+        state = self.folder / "state"
+        server = Server("--state", state)
+        done = run("submit", MESH, "--server", server.address)
+        self.assertEqual(run("watch", done.stdout.strip(), "--server", server.address).returncode, 0)
+        server.stop()
+        damaged = max((state / "meshes").iterdir(), key=lambda path: path.stat().st_size)
+        damaged.write_bytes(damaged.read_bytes()[:-1])
+        check = self.maintain("check", "--state", state, "--repair")
+        self.assertEqual(check.returncode, 1, check.stdout + check.stderr)
+        self.assertIn(f"The file {damaged.name} is damaged and was moved to", check.stdout)
+        self.assertTrue((state / "damaged" / damaged.name).exists())
+        self.assertEqual(self.maintain("check").returncode, 2)
 
 
 if __name__ == "__main__":

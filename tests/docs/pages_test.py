@@ -32,6 +32,7 @@ NOT_HERE = {
     ("server.md", "varimeshd --listen"): "it does not end; tests/client/programs.py starts it",
     ("server.md", "varimeshd token"): "the server in it does not end; tests/client/jobs/tokens_test.py makes tokens",
     ("server.md", "varimeshd migrate"): "it needs a database; tests/server/postgres/database_test.py starts one",
+    ("server.md", "varimeshd backup"): "needs a state directory; tests/client/varimeshd_test.py has one",
     ("server.md", "docker build"): "deploy/test-image builds and runs it",
     ("security.md", "varimesh certificates"): "the server in it does not end; tests/client/jobs/tls_test.py does this",
     ("security.md", "varimeshd --listen"): "it does not end; tests/deploy/nginx_test.py starts it",

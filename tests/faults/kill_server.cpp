@@ -35,7 +35,7 @@ struct Arguments {
 
 std::vector<std::string> flags_of(const Arguments& arguments) {
   std::vector<std::string> flags{"--threads", "2", "--log-level", "info", "--checkpoint-seconds", "0.05"};
-  if (!arguments.store.empty()) flags.insert(flags.end(), {"--store", arguments.store});
+  if (!arguments.store.empty()) flags.insert(flags.end(), {"--store", arguments.store, "--lease-seconds", "3"});
   return flags;
 }
 

@@ -105,7 +105,7 @@ void ElementReader::read_tags(int count) {
 void ElementReader::read(std::int64_t number, int type, int tag_count) {
   scan_.look();
   if (type != type_) set_type(type);
-  if (number < 0) scan_.fail("element number " + std::to_string(number) + " is negative; renumber the mesh");
+  element_number(scan_, number);
   if (tag_count < 0) scan_.fail("element " + std::to_string(number) + " has a negative number of tags");
   read_tags(tag_count);
   for (std::size_t k = 0; k < node_count_; ++k) {

@@ -71,6 +71,12 @@ struct GmshReading {
 /// The shape and order for a number of an element type. Fails if VariMesh cannot read such elements.
 GmshType accepted_type(const Scanner& scanner, int number);
 
+/// The number of an element. Fails if it is negative.
+inline std::int64_t element_number(const Scanner& scan, std::int64_t number) {
+  if (number < 0) scan.fail("element number " + std::to_string(number) + " is negative; renumber the mesh");
+  return number;
+}
+
 /// Gives a block the physical groups of its entity.
 void take_groups(GmshReading& reading, int dimension, ElementBlock& block);
 

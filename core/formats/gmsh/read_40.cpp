@@ -68,7 +68,7 @@ void read_elements_40(GmshReading& reading) {
     scan.reserve(block.nodes, std::size_t(n) * per_element);
     for (std::int64_t i = 0; i < n; ++i) {
       scan.look();
-      const int number = scan.integer("an element's number");
+      const std::int64_t number = element_number(scan, scan.integer("an element's number"));
       block.numbers.push_back(number);
       for (std::size_t k = 0; k < per_element; ++k)
         block.nodes.push_back(reading.node(scan.integer("an element's node"), "element", number));

@@ -84,7 +84,7 @@ struct ElementsRead {
 void read_element(const GmshReading& reading, Scanner& from, std::size_t per_element,
                   std::vector<std::int64_t>& numbers, std::vector<std::int32_t>& nodes) {
   from.look();
-  const std::int64_t number = from.size("an element's number");
+  const std::int64_t number = element_number(from, from.size("an element's number"));
   from.add(numbers, number);
   for (std::size_t k = 0; k < per_element; ++k)
     from.add(nodes, reading.node(from, from.size("an element's node"), "element", number));

@@ -30,7 +30,8 @@ Expected<void> check_writable_as(const HighOrderMesh& mesh, Format format) {
   const auto large = [](std::int64_t number) { return number > kLargest; };
   bool any = std::any_of(mesh.node_numbers.begin(), mesh.node_numbers.end(), large);
   for (const ElementBlock& block : mesh.blocks)
-    any = any || std::any_of(block.numbers.begin(), block.numbers.end(), large);
+    any = any || std::any_of(block.numbers.begin(), block.numbers.end(), large) ||
+          std::any_of(block.repeat_numbers.begin(), block.repeat_numbers.end(), large);
   if (any)
     return bad_option(
         "Binary MSH 2.2 cannot contain node or element numbers above 2147483647; write msh41-binary instead.");
@@ -47,6 +48,13 @@ void write_header(bool version22, BufferedOutput& out) {
   out.text("$EndMeshFormat\n");
 }
 
+// A name as it can stand between quotation marks on one line. Other formats may have names of several lines.
+std::string on_one_line(std::string name) {
+  std::ranges::replace_if(
+      name, [](char c) { return static_cast<unsigned char>(c) < ' '; }, ' ');
+  return name;
+}
+
 void write_physical_names(const HighOrderMesh& mesh, BufferedOutput& out) {
   if (mesh.physical_groups.empty()) return;
   out.text("$PhysicalNames\n");
@@ -57,7 +65,7 @@ void write_physical_names(const HighOrderMesh& mesh, BufferedOutput& out) {
     out.text(" ");
     out.text_integer(group.tag);
     out.text(" \"");
-    out.text(group.name);
+    out.text(on_one_line(group.name));
     out.text("\"");
   }
   out.text("\n$EndPhysicalNames\n");

@@ -183,7 +183,7 @@ class Reading {
     scan_.line();
     const std::vector<std::string_view> names = words_of(scan_.line());
     if (names.size() != sides) {
-      if (scan_.at_end()) scan_.fail_truncated("the names of an element's sides");
+      if (names.empty() && scan_.at_end()) scan_.fail_truncated("the names of an element's sides");
       scan_.fail("an element has " + std::to_string(names.size()) + " names of sides; it has " + std::to_string(sides) +
                  " sides");
     }
@@ -373,7 +373,7 @@ bool begins_like_ism(std::string_view bytes) {
   Scanner scan(bytes.substr(0, 1024));
   const std::vector<std::string_view> counts = words_of(scan.line()), node = words_of(scan.line());
   return counts.size() == 3 && std::all_of(counts.begin(), counts.end(), is_count) && node.size() == 3 &&
-         std::all_of(node.begin(), node.end(), is_number) && node[0].find('.') != std::string_view::npos;
+         std::all_of(node.begin(), node.end(), is_number);
 }
 
 Expected<MeshFile> read_ism(std::string_view bytes, const Team&) {

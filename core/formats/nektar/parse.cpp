@@ -71,6 +71,7 @@ class Parser : public XmlVisitor {
     finish(file_.vertex_ids, "vertex");
     finish(file_.edge_ids, "edge");
     finish(file_.faces.ids, "face");
+    sort_elements();
     finish(file_.elements.ids, "element");
     for (std::vector<NektarCurve>* curves : {&file_.curved_edges, &file_.curved_faces}) check_points(*curves);
     return std::move(file_);
@@ -304,6 +305,29 @@ class Parser : public XmlVisitor {
     const std::size_t end = close == std::string_view::npos ? file_.bytes.size() : close + 1;
     allowance_.take(1, end - begin);
     file_.others.push_back({path_.back(), std::string(file_.bytes.substr(begin, end - begin)), "nektar"});
+  }
+
+  /// Compressed files list the elements of each shape by themselves; their numbers tell the order.
+  void sort_elements() {
+    NektarParts& parts = file_.elements;
+    std::vector<std::pair<std::int64_t, std::size_t>> order;  // number, position
+    std::vector<std::size_t> first;                           // of its sides
+    std::size_t sides = 0;
+    for (std::size_t e = 0; e < parts.ids.size(); ++e) {
+      order.emplace_back(parts.ids[e], e);
+      first.push_back(sides);
+      sides += std::size_t(nektar_sides(parts.shapes[e]));
+    }
+    if (std::is_sorted(order.begin(), order.end())) return;
+    std::sort(order.begin(), order.end());
+    NektarParts sorted;
+    for (const auto& [number, at] : order) {
+      sorted.ids.add(number);
+      sorted.shapes.push_back(parts.shapes[at]);
+      const auto begin = parts.sides.begin() + std::ptrdiff_t(first[at]);
+      sorted.sides.insert(sorted.sides.end(), begin, begin + nektar_sides(parts.shapes[at]));
+    }
+    parts = std::move(sorted);
   }
 
   void finish(NektarIds& ids, const char* what) const {

@@ -250,6 +250,9 @@ class Reading {
       if (!kind) fail(kind.error().sentence + " (cell " + std::to_string(cell) + ", counted from 0)");
       const bool is_pyramid = kind->shape == Shape::Hexahedron && kind->order > 1 && nodes[4] == nodes[5] &&
                               nodes[5] == nodes[6] && nodes[6] == nodes[7];
+      if (is_pyramid && kind->order > 2)
+        fail("cell " + std::to_string(cell) + " (counted from 0) is a pyramid of order " + std::to_string(kind->order) +
+             ", whose inner nodes VTK's cells do not have; give VariMesh the MSH file from which it was made");
       if (is_pyramid) {
         kind = vtk_pyramid(kind->order, new_order || types_[cell] == 29);
         check_pyramid(*kind, nodes, cell);

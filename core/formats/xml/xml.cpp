@@ -156,7 +156,7 @@ bool begins_with_element(std::string_view bytes, std::string_view name) {
   };
   do {
     while (!text.empty() && static_cast<unsigned char>(text.front()) <= ' ') text.remove_prefix(1);
-  } while (skip("<?", "?>") || skip("<!--", "-->"));
+  } while (skip("<?", "?>") || skip("<!--", "-->") || skip("<!DOCTYPE", text.find('[') < text.find('>') ? "]>" : ">"));
   if (!text.starts_with('<')) return false;
   text.remove_prefix(1);
   return text.starts_with(name) && text.size() > name.size() &&

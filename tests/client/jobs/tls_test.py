@@ -13,7 +13,7 @@ import time
 import unittest
 from pathlib import Path
 
-from programs import ENDLESS, MESH, VARIMESHD, Server, WithFolder, run, start
+from programs import ENDLESS, LARGER, MESH, VARIMESHD, Server, WithFolder, run, start
 
 VARIABLES = ("TOKEN", "TOKEN_FILE", "TLS_AUTHORITY", "TLS_CERTIFICATE", "TLS_KEY")
 
@@ -206,7 +206,8 @@ class Calling(WithCertificates):
 
     def test_certificates_are_replaced_while_watches_run(self):
         ann = as_client(self.certificates, "ann")
-        name = run("submit", MESH, *ENDLESS, "--server", self.server.address, *ann, env=environment()).stdout.strip()
+        name = run("submit", LARGER, *ENDLESS, "--active-set", "off", "--server", self.server.address, *ann,
+                   env=environment()).stdout.strip()
         old = self.folder / "old"
         old.mkdir()
         for path in self.certificates.iterdir():
@@ -214,6 +215,7 @@ class Calling(WithCertificates):
         watches = [start("watch", name, "--server", self.server.address, *ann, env=environment())
                    for _ in range(50)]
         for watch in watches:
+            self.addCleanup(watch.kill)
             self.assertTrue(watch.stderr.readline())
         for path in self.certificates.iterdir():
             path.unlink()

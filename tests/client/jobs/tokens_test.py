@@ -8,7 +8,7 @@ import subprocess
 import time
 import unittest
 
-from programs import ENDLESS, MESH, VARIMESHD, Server, WithFolder, run, start
+from programs import ENDLESS, LARGER, MESH, VARIMESHD, Server, WithFolder, run, start
 
 EVERYTHING = ("submit", "read", "cancel")
 
@@ -101,7 +101,7 @@ class Calling(CallingBase):
         self.assertIn("does not have the right to submit", done.stderr)
 
     def test_another_owners_job_is_not_there(self):
-        done = self.call(self.ann, "submit", MESH, *ENDLESS, "--label", "case=wing", "--request-id", "one")
+        done = self.call(self.ann, "submit", LARGER, *ENDLESS, "--active-set", "off", "--label", "case=wing", "--request-id", "one")
         self.assertEqual(done.returncode, 0, done.stderr)
         name = done.stdout.strip()
         for command in (["watch", name], ["cancel", name], ["delete", name], ["result", name, "-o", self.folder / "stolen.msh"],
@@ -119,10 +119,11 @@ class Calling(CallingBase):
         self.assertEqual(self.call(self.ann, "cancel", name).returncode, 0)
 
     def test_tokens_are_replaced_while_watches_run(self):
-        name = self.call(self.ann, "submit", MESH, *ENDLESS).stdout.strip()
+        name = self.call(self.ann, "submit", LARGER, *ENDLESS, "--active-set", "off").stdout.strip()
         watches = [start("watch", name, "--server", self.server.address, env=environment(VARIMESH_TOKEN=self.ann))
                    for _ in range(10)]
         for watch in watches:
+            self.addCleanup(watch.kill)
             self.assertTrue(watch.stderr.readline())
         self.file.write_text("")
         new = make_token(self.file, "ann", *EVERYTHING)
@@ -141,6 +142,16 @@ class Calling(CallingBase):
             self.assertLess(time.monotonic(), deadline)
             time.sleep(0.05)
         self.assertEqual(self.call(new, "jobs").returncode, 0)
+
+    def test_a_check_of_the_state_knows_the_files_of_owners(self):
+        state = self.folder / "state"
+        server = Server("--tokens", str(self.file), "--state", str(state))
+        done = run("submit", MESH, "--server", server.address, env=environment(VARIMESH_TOKEN=self.ann))
+        self.assertEqual(done.returncode, 0, done.stderr)
+        self.assertEqual(server.stop()[0], 0)
+        self.assertEqual(len(list((state / "meshes").glob("*.owners"))), 1)
+        done = subprocess.run([VARIMESHD, "check", "--state", state], capture_output=True, text=True, timeout=20)
+        self.assertEqual(done.returncode, 0, done.stdout + done.stderr)
 
     def test_no_token_is_in_the_log(self):
         self.call(self.ann, "submit", MESH)

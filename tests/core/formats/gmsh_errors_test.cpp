@@ -56,6 +56,35 @@ TEST(GmshErrors, NegativeElementNumber) {
   EXPECT_SAYS(kHead + kNodes + "$Elements\n1\n-7 2 2 1 1 1 2 3\n$EndElements\n", "line 12");
 }
 
+TEST(GmshErrors, NegativeElementNumberInTheOtherVersions) {
+  EXPECT_SAYS(
+      "$MeshFormat\n4.1 0 8\n$EndMeshFormat\n$Nodes\n1 3 1 3\n2 1 0 3\n1\n2\n3\n0 0 0\n1 0 0\n0 1 0\n$EndNodes\n"
+      "$Elements\n1 1 1 1\n2 1 2 1\n-7 1 2 3\n$EndElements\n",
+      "element number -7 is negative");
+  EXPECT_SAYS(
+      "$MeshFormat\n4 0 8\n$EndMeshFormat\n$Nodes\n1 3\n1 2 0 3\n1 0 0 0\n2 1 0 0\n3 0 1 0\n$EndNodes\n"
+      "$Elements\n1 1\n1 2 2 1\n-7 1 2 3\n$EndElements\n",
+      "element number -7 is negative");
+}
+
+TEST(GmshErrors, NumbersOfManyDigits) {
+  EXPECT_SAYS(kHead + "$Nodes\n99999999999999999999999999\n", "was expected, found '9999999999");
+}
+
+TEST(GmshErrors, ANameOfSeveralLinesIsWrittenOnOne) {
+  auto file = formats::read(kHead + kNodes + "$Elements\n1\n1 2 2 1 1 1 2 3\n$EndElements\n");
+  ASSERT_TRUE(file) << file.error().sentence;
+  file->mesh.physical_groups = {{2, 1, "two\nlines \"quoted\"\t"}};  // as MFEM and MeshPart messages may have it
+  std::string bytes;
+  ASSERT_TRUE(formats::write(file->mesh, Format::Msh41, [&](std::string_view piece) {
+    bytes += piece;
+    return true;
+  }));
+  const auto back = formats::read(bytes);
+  ASSERT_TRUE(back) << back.error().sentence;
+  EXPECT_EQ(back->mesh.physical_groups.at(0).name, "two lines \"quoted\" ");
+}
+
 TEST(GmshErrors, AnElementInManyGroupsIsReadInLinearTime) {
   // Comparing each group with all before it would take longer than a test may.
   constexpr int kGroups = 1'000'000;

@@ -167,7 +167,13 @@ TEST(Stopper, OfTheAccuracyObjectiveStopsAtAValidMeshButIsAsPatientAsThatOfTheEn
   Options options;
   options.objective = Objective::Accuracy;
   Stopper valid(options), unrepairable(options), stalled(options);
-  EXPECT_EQ(valid.after(iteration(1, 0, 0), false, Outlook::Nothing, 0), StopReason::Valid);
+  Iteration low = iteration(1, 0, 0), high = iteration(2, 0, 0);
+  low.min_scaled_jacobian = 0.99 * options.min_js;
+  high.min_scaled_jacobian = options.min_js;
+  EXPECT_EQ(valid.after(low, false, Outlook::Nothing, 0), std::nullopt);
+  EXPECT_EQ(valid.after(high, false, Outlook::Nothing, 0), StopReason::Valid);
+  Stopper came_valid(options);
+  EXPECT_EQ(came_valid.after(iteration(0, 0, 0), false, Outlook::Nothing, 0), StopReason::Valid);
   EXPECT_EQ(unrepairable.after(iteration(1, 3, 0), false, Outlook::Nothing, 0), StopReason::Repaired);
   for (int number = 1; number <= 50; ++number)
     EXPECT_EQ(stalled.after(iteration(number, 5, 5), false, Outlook::Nothing, 0), std::nullopt);

@@ -106,6 +106,7 @@ TEST(CoreEngine, LooksAtCancelAndTimeLimitWhileItReads) {
   EXPECT_GT(least, 0);
   EXPECT_EQ(most, formats::most_memory_to_read(static_cast<std::int64_t>(request.input->bytes().size())));
 
+  asked = 0;
   hooks.control.stop_asked = [] { return false; };
   request.options.time_limit = 1e-6;
   const auto late = core_engine().run(request, hooks);

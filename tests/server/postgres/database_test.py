@@ -1,13 +1,16 @@
 #!/usr/bin/env python3
-"""varimeshd with its jobs in PostgreSQL, from outside: tables, refusals, and a database that ends while jobs run. ctest runs
-it with VARIMESH, VARIMESHD and VARIMESH_SOURCE_DIR in the environment. It starts a PostgreSQL server of its own.
+"""varimeshd with its jobs in PostgreSQL, from outside: tables, refusals, a database that ends while jobs run, and servers
+that are stopped and killed. ctest runs it with VARIMESH, VARIMESHD, KILL_SERVER and VARIMESH_SOURCE_DIR in the
+environment. It starts a PostgreSQL server of its own.
 
-  database_test.py             the short form: the database is away for 4 seconds (one of the default tests)
-  database_test.py --away 60   the long form
+  database_test.py                          the short form (one of the default tests): the database is away for 4
+                                            seconds, and the server is killed 4 times
+  database_test.py --away 60 --kills 100    the long form
 """
 import json
 import os
 import re
+import signal
 import subprocess
 import sys
 import tempfile
@@ -24,7 +27,7 @@ for variable, path in {"VARIMESH": "build/release/client/varimesh", "VARIMESHD":
 sys.path[:0] = [str(HERE.parents[1] / "client")]
 from programs import ENDLESS, LARGER, MESH, VARIMESH, VARIMESHD, Server, run
 
-away_seconds = 4
+away_seconds, kills = 4, 4
 
 
 def processor_seconds(server):
@@ -52,10 +55,10 @@ class WithDatabase(unittest.TestCase):
     def migrate(self):
         return subprocess.run([VARIMESHD, "migrate", "--store", self.store], capture_output=True, text=True, timeout=30)
 
-    def serve(self):
+    def serve(self, *flags):
         state = tempfile.TemporaryDirectory()
         self.addCleanup(state.cleanup)
-        server = Server("--state", state.name, "--store", self.store, "--threads", "2", "--admin", "127.0.0.1:0")
+        server = Server("--state", state.name, "--store", self.store, "--threads", "2", "--admin", "127.0.0.1:0", *flags)
         self.addCleanup(server.stop)
         return server
 
@@ -136,8 +139,48 @@ class Jobs(WithDatabase):
         self.ask(server, "cancel", endless)
         self.wait_for(server, endless, "cancelled")
 
+    def test_5_a_server_that_slept_too_long_loses_its_job(self):
+        self.migrate()
+        first, second = self.serve("--lease-seconds", "2"), self.serve("--lease-seconds", "2")
+        # Both servers have the mesh of the job, each in its own directory.
+        self.ask(second, "submit", LARGER, "--max-iterations", "1")
+        for server in (first, second):
+            self.addCleanup(os.kill, server.process.pid, signal.SIGCONT)
+        os.kill(second.process.pid, signal.SIGSTOP)
+        job = self.ask(first, "submit", LARGER, *ENDLESS[:-1], "1000", "--threads", "1", "--label", "case=slept")
+        self.wait_for(first, job, "running")
+        os.kill(first.process.pid, signal.SIGSTOP)
+        os.kill(second.process.pid, signal.SIGCONT)
+        begun = time.monotonic()
+        while self.job(second, job)["attempt"] < 2:
+            self.assertLess(time.monotonic(), begun + 2 + 10, "the lease, and the next look of the other server")
+            time.sleep(0.05)
+        os.kill(first.process.pid, signal.SIGCONT)
+        self.wait_for(second, job, "succeeded")
+        kept = self.job(second, job)
+        self.assertEqual(kept["attempt"], 2)
+        deadline = time.monotonic() + 30
+        while not re.search(rf"{job} (lease cannot be renewed|cannot be finished): Another worker", "".join(first.log)):
+            self.assertLess(time.monotonic(), deadline, "".join(first.log))
+            time.sleep(0.1)
+        with tempfile.TemporaryDirectory() as folder:
+            run("result", job, "--server", second.address, "--output", Path(folder) / "out.msh")
+            self.assertTrue((Path(folder) / "out.msh").exists())
+        self.assertEqual(self.job(second, job), kept, "the late end has changed nothing")
+
+    def test_6_nothing_is_lost_when_the_server_is_killed(self):
+        self.migrate()
+        done = subprocess.run([os.environ["KILL_SERVER"], "--store", self.store, "--kills", str(kills), "--jobs", "4"],
+                              capture_output=True, text=True, timeout=3000)
+        print(done.stdout.strip().splitlines()[-1], file=sys.stderr)
+        self.assertEqual(done.returncode, 0, done.stdout + done.stderr)
+
 
 if __name__ == "__main__":
+    if "--kills" in sys.argv:
+        at = sys.argv.index("--kills")
+        kills = int(sys.argv[at + 1])
+        del sys.argv[at:at + 2]
     if "--away" in sys.argv:
         at = sys.argv.index("--away")
         away_seconds = float(sys.argv[at + 1])

@@ -193,6 +193,36 @@ TEST_F(PostgresStore, KeepsTheLimitOfAPeerAmongSeveralStores) {
   EXPECT_EQ(claimed, 3);
 }
 
+TEST_F(PostgresStore, KeepsACancelRequestUntilTheWorkerOfTheJobSeesIt) {
+  submit();
+  const Claim first = claim();
+  const auto asked = store_->ask_to_cancel("jobs/1");
+  ASSERT_TRUE(asked);
+  EXPECT_EQ(asked->job.state(), v1::JOB_STATE_CANCELLING);
+  EXPECT_TRUE(asked->events.empty()) << "only the worker knows the last number";
+  EXPECT_TRUE(*store_->renew_lease(first));
+  const auto seen = store_->see_cancel(first, 50);
+  ASSERT_EQ(seen->events.size(), 1u);
+  EXPECT_EQ(seen->events[0].sequence(), 51);
+  EXPECT_TRUE(store_->see_cancel(first, 60)->events.empty()) << "once";
+
+  submit();
+  const Claim second = claim();
+  ASSERT_TRUE(store_->ask_to_cancel("jobs/2"));
+  Ending ending;
+  ending.state = v1::JOB_STATE_CANCELLED;
+  const auto finished = store_->finish(second, ending, 70);
+  ASSERT_EQ(finished->events.size(), 2u) << "the run ended before its worker has seen the request";
+  EXPECT_EQ(finished->events[0].state_change().state(), v1::JOB_STATE_CANCELLING);
+  EXPECT_EQ(finished->events[0].sequence(), 71);
+  EXPECT_EQ(store_->ask_to_cancel("jobs/2")->job.state(), v1::JOB_STATE_CANCELLED) << "too late";
+
+  submit();
+  claim();
+  ASSERT_TRUE(store_->ask_to_cancel("jobs/3"));
+  EXPECT_EQ(store_->take_back("worker", {})->back().job.state(), v1::JOB_STATE_CANCELLED) << "its worker was lost";
+}
+
 TEST_F(PostgresStore, SetsADamagedRowAside) {
   submit();
   submit();

@@ -30,6 +30,23 @@ TEST(PostgresSchema, IsMadeOnceAndThenLeftAlone) {
   EXPECT_TRUE(store->get("jobs/1"));
 }
 
+TEST(PostgresSchema, IsUpdatedFromVersion1) {
+  InDatabase place;
+  auto store = InDatabase::open({}, place.url());
+  ASSERT_TRUE(store->submit({"id", {}, "jobs/old", 10, {}, 0}));
+  store.reset();
+  place.run("ALTER TABLE jobs DROP COLUMN cancel_unseen; DELETE FROM varimesh_schema WHERE version > 1");
+  const auto refused = PostgresJobStore::open(at(place));
+  ASSERT_FALSE(refused);
+  EXPECT_NE(refused.error().sentence.find("varimeshd migrate"), std::string::npos) << refused.error().sentence;
+  const auto updated = migrate_postgres(place.url());
+  ASSERT_TRUE(updated) << updated.error().sentence;
+  EXPECT_NE(updated->find("from version 1"), std::string::npos) << *updated;
+  store = InDatabase::open({}, place.url());
+  EXPECT_EQ(store->submit({"id", {}, "jobs/new", 10, {}, 0})->job.name(), "jobs/old");
+  EXPECT_TRUE(*store->claim("worker"));
+}
+
 TEST(PostgresSchema, IsMadeByTwoProgramsAtTheSameTime) {
   InDatabase place(InDatabase::Tables::None);
   std::vector<std::thread> programs;

@@ -51,7 +51,7 @@ TEST(NektarErrors, KindsOfFilesThatAreNotTaken) {
   EXPECT_SAYS("<?xml version=\"1.0\"?>\n<!DOCTYPE a [<!ENTITY b \"c\">]><NEKTAR>&b;</NEKTAR>", "document type");
 }
 
-TEST(NektarErrors, NamesTheLine) { EXPECT_SAYS(with(&Parts::edges, "<EDGE><E ID=\"0\">0 b</E>"), "line 7"); }
+TEST(NektarErrors, NamesTheLine) { EXPECT_SAYS(with(&Parts::edges, "<EDGE><E ID=\"0\">0 b</E>"), "line 8"); }
 
 TEST(NektarErrors, WrongIndices) {
   EXPECT_SAYS(with(&Parts::edges, "<EDGE><E ID=\"0\">0 7</E></EDGE>"), "refers to vertex 7, which is not in the file");

@@ -21,7 +21,8 @@ using testing::Filling;
 using testing::read_back;
 
 /// Expects the same elements of these dimensions in the same order, with the same nodes, groups and numbers.
-void expect_same_elements(const HighOrderMesh& a, const HighOrderMesh& b, const std::string& where) {
+void expect_same_elements(const HighOrderMesh& a, const HighOrderMesh& b, const std::string& where,
+                          double tolerance = 0) {
   ASSERT_EQ(a.dimension, b.dimension) << where;
   EXPECT_EQ(a.order, b.order) << where;
   for (const int d : {a.dimension, a.dimension - 1}) {
@@ -34,7 +35,8 @@ void expect_same_elements(const HighOrderMesh& a, const HighOrderMesh& b, const 
       ASSERT_EQ(own.size(), other.size()) << where;
       for (std::size_t i = 0; i < own.size(); ++i)
         for (std::size_t k = 0; k < 3; ++k)
-          ASSERT_EQ(a.coordinates[3 * std::size_t(own[i]) + k], b.coordinates[3 * std::size_t(other[i]) + k])
+          ASSERT_NEAR(a.coordinates[3 * std::size_t(own[i]) + k], b.coordinates[3 * std::size_t(other[i]) + k],
+                      tolerance)
               << where << ", node " << i << " of " << reference::info(from.shape(e)).name;
       EXPECT_EQ(from.range_of(e).block->physical, to.range_of(e).block->physical) << where;
     }
@@ -43,8 +45,11 @@ void expect_same_elements(const HighOrderMesh& a, const HighOrderMesh& b, const 
 
 class VtuShapes : public ::testing::TestWithParam<Filling> {};
 
+/// VTK has no cell for the inner nodes of pyramids of order 3 and above, so these are refused.
+int most_order(Filling filling) { return filling == Filling::Pyramids || filling == Filling::MixedSolid ? 2 : 5; }
+
 TEST_P(VtuShapes, ComeBackBitForBit) {
-  for (int order = 1; order <= 5; ++order) {
+  for (int order = 1; order <= most_order(GetParam()); ++order) {
     const HighOrderMesh mesh = curved_grid(GetParam(), order);
     const std::string bytes = test::written(mesh, Format::Vtu);
     const HighOrderMesh back = read_back(bytes);
@@ -58,7 +63,7 @@ TEST_P(VtuShapes, ComeBackBitForBit) {
 }
 
 TEST_P(VtuShapes, ChainWithGmshsFormats) {
-  for (int order = 1; order <= 5; ++order) {
+  for (int order = 1; order <= most_order(GetParam()); ++order) {
     const HighOrderMesh mesh = curved_grid(GetParam(), order);
     for (const Format other : {Format::Msh22, Format::Msh41Binary}) {
       const HighOrderMesh back = read_back(test::written(read_back(test::written(mesh, other)), Format::Vtu));
@@ -77,6 +82,10 @@ TEST(VtuRead, TakesEveryOrderOfEveryShape) {
   for (const Shape shape : kCells)
     for (int order = 1; order <= 10; ++order) {
       const HighOrderMesh mesh = test::one_cell(shape, order);
+      if (shape == Shape::Pyramid && order > 2) {
+        EXPECT_SAYS(test::written(mesh, Format::Vtu), "a pyramid of order " + std::to_string(order));
+        continue;
+      }
       expect_same_elements(mesh, read_back(test::written(mesh, Format::Vtu)), std::string(reference::info(shape).name));
     }
 }
@@ -88,23 +97,26 @@ void expect_rewritten(const std::string& program, const std::string& module, int
   const test::Folder folder;
   std::map<std::string, HighOrderMesh> meshes;
   for (const Shape shape : kCells)
-    for (int order = 1; order <= most; ++order) {
+    for (int order = 1; order <= (shape == Shape::Pyramid ? 2 : most); ++order) {
       const std::string name = std::string(reference::info(shape).name) + "_" + std::to_string(order);
       meshes[name] = test::one_cell(shape, order);
       ASSERT_TRUE(formats::write_file(meshes[name], Format::Vtu, folder.file(name + ".vtu")));
     }
   const std::string script = test::source_file("tests/core/formats/vtu/rewrite_vtu.py");
-  ASSERT_EQ(std::system(("/usr/bin/python3 '" + script + "' " + program + " '" + folder.path() + "'").c_str()), 0);
+  ASSERT_EQ(
+      std::system(("/usr/bin/python3 '" + script + "' " + program + " '" + folder.path() + "' >/dev/null").c_str()), 0);
   int read = 0;
   for (const auto& file : std::filesystem::directory_iterator(folder.path())) {
     const std::string name = file.path().filename().string();
     if (!name.ends_with(".again.vtu")) continue;
     const auto back = formats::read_file(file.path().string());
     ASSERT_TRUE(back) << back.error().sentence;
-    expect_same_elements(meshes.at(name.substr(0, name.find('.'))), back->mesh, name);
+    // meshio writes text with twelve digits.
+    const double tolerance = program == "meshio" && name.find(".ascii.") != std::string::npos ? 1e-11 : 0;
+    expect_same_elements(meshes.at(name.substr(0, name.find('.'))), back->mesh, name, tolerance);
     ++read;
   }
-  EXPECT_GE(read, 3 * 6 * most);
+  EXPECT_GE(read, 3 * (5 * most + 2)) << "pyramids have order 1 and 2";
 }
 
 TEST(VtuRead, ReadsEveryFormThatVtkWrites) { expect_rewritten("vtk", "vtk", 5); }
@@ -199,10 +211,13 @@ std::vector<std::string> sound_files() {
 }
 
 TEST(DamagedVtuFile, IsRefusedWhereverItIsCutShort) {
-  // What follows the last array means nothing.
+  // What follows the last array that is read means nothing.
   const std::vector<std::string> files = sound_files();
   testing::expect_refused_if_cut(files[0], files[0].find("</UnstructuredGrid>"));
-  testing::expect_refused_if_cut(files[1], files[1].find("\n  </AppendedData>") - 4);
+  const std::string data = "<AppendedData encoding=\"raw\">\n_",
+                    last = "Name=\"dimension\" format=\"appended\" offset=\"";
+  const std::size_t offset = std::stoul(files[1].substr(files[1].find(last) + last.size()));
+  testing::expect_refused_if_cut(files[1], files[1].find(data) + data.size() + offset - 4);
 }
 
 TEST(DamagedVtuFile, IsReadOrRefusedWithFlippedBytes) {

@@ -1,0 +1,115 @@
+// Fills the queue in a PostgreSQL database and measures how long it takes to submit, claim and finish jobs, by several
+// stores at the same time. It prints figures and does not judge them.
+//
+//   FSYNC=on tests/server/postgres/database_server start FILE
+//   varimeshd migrate --store "$(cat FILE)"
+//   measure_queue --store "$(cat FILE)" --jobs 100000
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <cstdio>
+#include <mutex>
+#include <thread>
+
+#include "server/postgres/postgres_job_store.h"
+
+namespace varimesh::server::testing {
+namespace {
+
+struct Arguments {
+  std::string store;
+  int jobs = 100'000;
+  int workers = 4;
+  int repetitions = 500;  ///< Of each worker.
+};
+
+/// The times of many calls.
+class Times {
+ public:
+  template <class Call>
+  auto measure(const Call& call) {
+    const auto begun = std::chrono::steady_clock::now();
+    auto answer = call();
+    const std::chrono::duration<double, std::milli> took = std::chrono::steady_clock::now() - begun;
+    std::lock_guard lock(mutex_);
+    all_.push_back(took.count());
+    return answer;
+  }
+  void print(const char* what) {
+    std::sort(all_.begin(), all_.end());
+    const auto at = [&](double part) {
+      return all_[static_cast<std::size_t>(part * static_cast<double>(all_.size() - 1))];
+    };
+    std::printf("%-8s %6zu times   p50 %7.2f ms   p99 %7.2f ms   most %7.2f ms\n", what, all_.size(), at(0.5), at(0.99),
+                at(1));
+  }
+
+ private:
+  std::mutex mutex_;
+  std::vector<double> all_;
+};
+
+/// Copies the one job in the database until there are as many as asked for.
+void fill(PostgresConnection& connection, int jobs) {
+  connection.run("SET statement_timeout = 0");
+  const std::string count = std::to_string(jobs);
+  connection.run(
+      "WITH made AS (INSERT INTO jobs(name, owner, peer, state, turn, token, lost, furthest, worker, lease_end, "
+      "history, "
+      "checkpoint_iteration, job) SELECT 'jobs/copy' || i, owner, peer, 1, turn, 0, 0, 0, '', 0, '', 0, job FROM jobs, "
+      "generate_series(1, " +
+      count +
+      ") AS i WHERE name = 'jobs/first' RETURNING key) "
+      "INSERT INTO specs SELECT made.key, spec FROM made, specs JOIN jobs USING(key) WHERE name = 'jobs/first'");
+  connection.run("ANALYZE");
+}
+
+int run(const Arguments& arguments) {
+  PostgresSettings where;
+  where.url = arguments.store;
+  JobStoreSettings settings;
+  settings.clock = nullptr;
+  const auto open = [&] { return PostgresJobStore::open(where, settings); };
+  const auto store = open();
+  if (!store) return std::fprintf(stderr, "%s\n", store.error().sentence.c_str()), 1;
+  v1::JobSpec spec;
+  spec.mutable_mesh()->set_digest(std::string(64, 'a'));
+  if (!(*store)->submit({"", spec, "jobs/first", 1 << 30, {}, 0})) return 1;
+  PostgresConnection connection(arguments.store);
+  fill(connection, arguments.jobs);
+
+  Times submit, claim, finish;
+  std::vector<std::thread> workers;
+  for (int worker = 0; worker < arguments.workers; ++worker)
+    workers.emplace_back([&, worker] {
+      const auto own = open();
+      if (!own) return;
+      Ending ending;
+      ending.state = v1::JOB_STATE_SUCCEEDED;
+      for (int i = 0; i < arguments.repetitions; ++i) {
+        const std::string name = "jobs/" + std::to_string(worker) + "_" + std::to_string(i);
+        submit.measure([&] { return (*own)->submit({"", spec, name, 1 << 30, {}, 0}); });
+        const auto claimed = claim.measure([&] { return (*own)->claim("worker " + std::to_string(worker)); });
+        if (claimed && *claimed) finish.measure([&] { return (*own)->finish((*claimed)->claim, ending, 0); });
+      }
+    });
+  for (std::thread& worker : workers) worker.join();
+  std::printf("%d jobs wait, %d workers\n", (*store)->counts()->pending, arguments.workers);
+  submit.print("submit");
+  claim.print("claim");
+  finish.print("finish");
+  return 0;
+}
+
+}  // namespace
+}  // namespace varimesh::server::testing
+
+int main(int argc, char** argv) {
+  varimesh::server::testing::Arguments arguments;
+  CLI::App app{"Measures a long queue in PostgreSQL."};
+  app.add_option("--store", arguments.store, "The address of the database, which must be empty")->required();
+  app.add_option("--jobs", arguments.jobs, "Jobs that wait")->capture_default_str();
+  app.add_option("--workers", arguments.workers, "Stores that are used at the same time")->capture_default_str();
+  app.add_option("--repetitions", arguments.repetitions, "Jobs of each worker")->capture_default_str();
+  CLI11_PARSE(app, argc, argv);
+  return varimesh::server::testing::run(arguments);
+}

@@ -1,0 +1,147 @@
+// Two schedulers on one database, as two servers have them: one that only takes jobs, and one that runs them.
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <condition_variable>
+#include <thread>
+
+#include "server/meshes/directory_mesh_store.h"
+#include "server/resources/pool.h"
+#include "server/scheduling/scheduler.h"
+#include "tests/server/postgres/databases.h"
+
+namespace varimesh::server::testing {
+namespace {
+
+using std::chrono::milliseconds, std::chrono::seconds;
+
+/// Runs until it is stopped.
+Engine endless_engine() {
+  Engine engine;
+  engine.check_options = [](const Options&) -> Expected<void> { return {}; };
+  engine.run = [](RunRequest request, const RunHooks& hooks) -> Expected<RunSummary> {
+    RunSummary outcome;
+    for (Iteration iteration; !outcome.stopped; std::this_thread::sleep_for(milliseconds(5))) {
+      ++iteration.number;
+      outcome.stopped = hooks.on_iteration(iteration) == Control::Stop;
+    }
+    hooks.open_output(v1::MESH_FORMAT_MSH22)(request.input->bytes());
+    return outcome;
+  };
+  return engine;
+}
+
+/// A scheduler with a store of its own. Leases are renewed only when a test calls tick().
+struct Node {
+  Node(const InDatabase& place, DirectoryMeshStore& meshes, std::string name, int threads) {
+    JobStoreSettings settings;
+    settings.clock = nullptr;
+    jobs = InDatabase::open(settings, place.url());
+    SchedulerSettings scheduling;
+    scheduling.threads = threads;
+    scheduling.worker = name;
+    scheduling.renewal_interval = milliseconds(0);
+    scheduling.new_name = [this, name] { return "jobs/" + name + std::to_string(++names); };
+    scheduling.launch = [this](int, SchedulerSettings::Job job) {
+      workers.post([job = std::move(job)] { job({[] { return 1; }}); });
+    };
+    scheduler = std::make_unique<Scheduler>(jobs.get(), &meshes, endless_engine(), std::move(scheduling));
+    const auto recovered = scheduler->recover();
+    EXPECT_TRUE(recovered) << recovered.error().sentence;
+    scheduler->tick();
+  }
+  ~Node() {
+    scheduler->stop(milliseconds(0));
+    EXPECT_TRUE(scheduler->drain(std::chrono::steady_clock::now() + seconds(30)));
+  }
+
+  std::unique_ptr<PostgresJobStore> jobs;
+  std::atomic<int> names = 0;
+  std::unique_ptr<Scheduler> scheduler;
+  Pool workers{2};  ///< Destroyed before the scheduler, whose jobs it runs.
+};
+
+class TwoServers : public ::testing::Test {
+ protected:
+  TwoServers() {
+    auto writer = std::move(*meshes_->create());
+    EXPECT_TRUE(writer->append("a mesh"));
+    spec_.mutable_mesh()->set_digest(writer->commit()->digest);
+  }
+
+  std::string submit() {
+    const auto job = front_.scheduler->submit("", spec_, false);
+    EXPECT_TRUE(job) << job.error().sentence;
+    return job ? job->name() : "";
+  }
+  /// Returns how long it took until the job was in the state, as the front end sees it; a minute if it never was.
+  milliseconds wait_for(const std::string& name, v1::JobState state) {
+    const auto begun = std::chrono::steady_clock::now();
+    while (std::chrono::steady_clock::now() - begun < seconds(20)) {
+      if (front_.scheduler->get(name)->state() == state)
+        return std::chrono::duration_cast<milliseconds>(std::chrono::steady_clock::now() - begun);
+      std::this_thread::sleep_for(milliseconds(10));
+    }
+    return seconds(60);
+  }
+
+  InDatabase place_;
+  std::unique_ptr<DirectoryMeshStore> meshes_ = std::move(*DirectoryMeshStore::create(::testing::TempDir(), {}));
+  v1::JobSpec spec_;
+  Node front_{place_, *meshes_, "front", 0};
+  Node worker_{place_, *meshes_, "worker", 1};
+};
+
+TEST_F(TwoServers, TellEachOtherOfJobsAndOfCancelRequests) {
+  const std::string name = submit();
+  EXPECT_LT(wait_for(name, v1::JOB_STATE_RUNNING), seconds(5)) << "nobody has called tick() since";
+  const auto cancelled = front_.scheduler->cancel(name);
+  ASSERT_TRUE(cancelled) << cancelled.error().sentence;
+  EXPECT_EQ(cancelled->state(), v1::JOB_STATE_CANCELLING);
+  EXPECT_LT(wait_for(name, v1::JOB_STATE_CANCELLED), seconds(5)) << "much sooner than the next heartbeat";
+  std::vector<v1::JobState> states;
+  std::int64_t last = 0;
+  const auto events = front_.jobs->events(name);
+  for (const v1::JobEvent& event : *events) {
+    EXPECT_GT(event.sequence(), last);
+    last = event.sequence();
+    if (event.has_state_change()) states.push_back(event.state_change().state());
+  }
+  EXPECT_EQ(states, (std::vector<v1::JobState>{v1::JOB_STATE_PENDING, v1::JOB_STATE_RUNNING, v1::JOB_STATE_CANCELLING,
+                                               v1::JOB_STATE_CANCELLED}));
+  EXPECT_EQ(front_.scheduler->get(name)->results_size(), 1);
+}
+
+TEST_F(TwoServers, CancelAWaitingJobAtOnce) {
+  const std::string running = submit(), waiting = submit();
+  wait_for(running, v1::JOB_STATE_RUNNING);
+  EXPECT_EQ(front_.scheduler->cancel(waiting)->state(), v1::JOB_STATE_CANCELLED);
+  EXPECT_EQ(front_.scheduler->get(running)->state(), v1::JOB_STATE_RUNNING);
+}
+
+TEST_F(TwoServers, StopARunWhoseLeaseWasLostAndThrowItsResultAway) {
+  const std::string name = submit();
+  wait_for(name, v1::JOB_STATE_RUNNING);
+  place_.run("UPDATE jobs SET token = token + 1, worker = 'another'");
+  worker_.scheduler->tick();
+  // The place is free again when the run has ended.
+  const std::string next = submit();
+  EXPECT_LT(wait_for(next, v1::JOB_STATE_RUNNING), seconds(5));
+  EXPECT_EQ(front_.scheduler->get(name)->state(), v1::JOB_STATE_RUNNING) << "of the other worker";
+  EXPECT_EQ(front_.scheduler->get(name)->results_size(), 0);
+}
+
+TEST_F(TwoServers, DoNotHoldTheirLockWhileTheDatabaseIsSlow) {
+  PostgresConnection other(place_.url());
+  other.run("BEGIN; LOCK TABLE jobs IN ACCESS EXCLUSIVE MODE");
+  std::thread slow([this] { worker_.scheduler->tick(); });
+  std::this_thread::sleep_for(milliseconds(300));
+  const auto begun = std::chrono::steady_clock::now();
+  worker_.scheduler->stop(milliseconds(0));
+  EXPECT_LT(std::chrono::steady_clock::now() - begun, milliseconds(200));
+  other.run("COMMIT");
+  slow.join();
+}
+
+}  // namespace
+}  // namespace varimesh::server::testing
