@@ -291,7 +291,7 @@ class UnusableCheckpoint : public ::testing::Test {
   }
 
   HighOrderMesh mesh_ = read_case("nine_triangles.msh");
-  Options options_;
+  Options options_ = testing::for_energy();
   Result undisturbed_;
   std::string kept_;
 };
