@@ -4,6 +4,7 @@
 #include <spdlog/spdlog.h>
 #include <unistd.h>
 
+#include <filesystem>
 #include <random>
 
 #include "server/access/callers_view.h"
@@ -32,11 +33,14 @@ std::string random_text() {
 
 std::string random_name() { return "jobs/" + random_text(); }
 
-/// Returns a name that no other process has, on whatever machine, and that says to people which process it is.
-std::string unique_worker_name() {
+/// Returns the name under which a server claims jobs in a store that servers share. No other running server has it,
+/// since one at a time uses a state directory; the next one on the directory does, and takes back the jobs at once.
+std::string worker_name(const std::string& state) {
   char host[256] = "";
   ::gethostname(host, sizeof host - 1);
-  return std::string(host) + ":" + std::to_string(::getpid()) + ":" + random_text().substr(0, 8);
+  std::error_code error;
+  const std::filesystem::path path = std::filesystem::canonical(state, error);
+  return std::string(host) + ":" + (error ? random_text() : path.string());
 }
 
 }  // namespace
@@ -64,7 +68,7 @@ Expected<void> Server::open_stores() {
 Expected<void> Server::start_scheduler() {
   SchedulerSettings settings;
   settings.threads = threads_.threads();
-  if (stores_->jobs().shared()) settings.worker = unique_worker_name();
+  if (stores_->jobs().shared()) settings.worker = worker_name(options_.state);
   settings.renewal_interval = options_.limits.lease / 3;
   settings.max_pending = options_.limits.max_pending_jobs;
   settings.max_pending_of_peer = options_.limits.max_pending_jobs_per_peer;

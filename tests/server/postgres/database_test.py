@@ -104,7 +104,7 @@ class Jobs(WithDatabase):
         self.migrate()
         server = self.serve()
         with tempfile.TemporaryDirectory() as folder:
-            done = run("optimise", MESH, Path(folder) / "out.msh", "--server", server.address)
+            done = run("optimise", MESH, "--output", Path(folder) / "out.msh", "--server", server.address)
             self.assertEqual(done.returncode, 0, done.stderr)
             self.assertTrue((Path(folder) / "out.msh").exists())
         self.assertIn("succeeded", self.ask(server, "jobs").lower())
