@@ -24,7 +24,7 @@ std::string why_not(const std::string& bytes) {
 TEST(GmshErrors, NotAMesh) {
   EXPECT_SAYS("", "empty");
   EXPECT_SAYS("hello\n", "not a mesh");
-  EXPECT_SAYS("<?xml version=\"1.0\"?><VTKFile>", "VTK");
+  EXPECT_SAYS("<?xml version=\"1.0\"?><VTKFile>", "UnstructuredGrid (.vtu)");
   EXPECT_SAYS("$Hello\nworld\n", "$MeshFormat must come first");
 }
 
