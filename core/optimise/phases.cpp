@@ -79,13 +79,12 @@ std::optional<StopReason> Stopper::after(const Iteration& iteration, bool conver
     ++without_fewer_;
   }
   const bool last = outlook != Outlook::AnotherMethod;
-  const bool for_accuracy = options_.objective == Objective::Accuracy;
+  const bool for_accuracy = options_.objective == Objective::Accuracy && options_.until != Until::Valid;
   if (options_.until == Until::Valid || for_accuracy) {
     // The descent keeps the bound on the scaled Jacobian more easily than it reaches it.
-    const bool goes_on = for_accuracy && options_.until != Until::Valid && iteration.number > 0 &&
-                         iteration.min_scaled_jacobian < options_.min_js;
+    const bool goes_on = for_accuracy && iteration.number > 0 && iteration.min_scaled_jacobian < options_.min_js;
     if (iteration.invalid_elements == 0 && !goes_on) return StopReason::Valid;
-    if (iteration.repairable_elements == 0 && last) return StopReason::Repaired;
+    if (iteration.invalid_elements > 0 && iteration.repairable_elements == 0 && last) return StopReason::Repaired;
   }
   if (options_.until == Until::Valid && without_fewer_ >= kMostWithoutFewer && outlook == Outlook::Nothing)
     return StopReason::NoProgress;
