@@ -56,7 +56,8 @@ class PostgresJobStore : public JobStore {
 
   /// Changes the job of a claim if the claim is still valid.
   template <class Result>
-  Answer<Result> write(const Claim& claim, const std::function<Result(const JobTransitions&, JobRecord&)>& work);
+  Answer<Result> write(const Claim& claim, const std::function<Result(const JobTransitions&, JobRecord&)>& work,
+                       PostgresTransactions::Outcome outcome = PostgresTransactions::Outcome::MustBeKnown);
   /// QUEUE_FULL or PEER_LIMIT if another job may not wait.
   Answer<void> check_room(PostgresConnection& connection, const Submission& submission);
   /// Whether a count of the waiting jobs shows, without another one, that there is room for more.

@@ -26,13 +26,14 @@ Refusal refusal_of(const PostgresError& error) {
 
 }  // namespace
 
-std::optional<Failure> PostgresTransactions::with_connection(const std::function<void(PostgresConnection&)>& work) {
+std::optional<Failure> PostgresTransactions::with_connection(const std::function<void(PostgresConnection&)>& work,
+                                                             std::chrono::milliseconds patience) {
   const SteadyTime start = std::chrono::steady_clock::now();
   // When the database is known to be away, the call fails at its first try.
-  const SteadyTime end = pool_.lost_since().value_or(start) + where_.patience;
+  const SteadyTime end = pool_.lost_since().value_or(start) + patience;
   for (std::chrono::milliseconds pause{20};; pause = std::min(pause * 2, std::chrono::milliseconds(500))) {
     try {
-      auto lent = pool_.take(start + where_.patience);
+      auto lent = pool_.take(start + patience);
       work(*lent);
       return std::nullopt;
     } catch (const PostgresError& error) {
@@ -45,21 +46,24 @@ std::optional<Failure> PostgresTransactions::with_connection(const std::function
 
 std::optional<Failure> PostgresTransactions::with_transaction(const std::function<bool(PostgresWork&)>& work,
                                                               Outcome outcome) {
+  const auto patience = outcome == Outcome::CanBeSkipped ? std::chrono::milliseconds(0) : where_.patience;
   while (true) {
     std::optional<std::int64_t> unknown;
-    const auto failed = with_connection([&](PostgresConnection& connection) {
-      PostgresTransaction open(connection);
-      JobStoreSettings settings = settings_;
-      if (!settings.clock) settings.clock = [now = open.time()] { return now; };
-      PostgresWork transaction{connection, JobTransitions(settings)};
-      if (!work(transaction)) return;
-      try {
-        open.commit();
-      } catch (const PostgresError& error) {
-        if (error.kind() != Kind::Lost) throw;
-        unknown = open.number();
-      }
-    });
+    const auto failed = with_connection(
+        [&](PostgresConnection& connection) {
+          PostgresTransaction open(connection);
+          JobStoreSettings settings = settings_;
+          if (!settings.clock) settings.clock = [now = open.time()] { return now; };
+          PostgresWork transaction{connection, JobTransitions(settings)};
+          if (!work(transaction)) return;
+          try {
+            open.commit();
+          } catch (const PostgresError& error) {
+            if (error.kind() != Kind::Lost) throw;
+            unknown = open.number();
+          }
+        },
+        patience);
     if (failed) return failed;
     if (!unknown) return std::nullopt;
     const auto committed = was_committed(*unknown, outcome);
@@ -77,7 +81,7 @@ std::optional<bool> PostgresTransactions::was_committed(std::int64_t number, Out
       if (rows.view(0, 0) != "in progress") committed = rows.view(0, 0) == "committed";
     });
     if (committed) return committed;
-    if (failed && outcome == Outcome::CanBeAskedAgain) return std::nullopt;
+    if (outcome == Outcome::CanBeSkipped || (failed && outcome == Outcome::CanBeAskedAgain)) return std::nullopt;
     std::this_thread::sleep_for(std::chrono::milliseconds(100));
   }
 }

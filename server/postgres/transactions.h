@@ -29,8 +29,9 @@ struct PostgresWork {
 class PostgresTransactions {
  public:
   /// What happens if the connection is lost while the transaction is committed, so that only the database knows the
-  /// outcome: wait until it can be asked, or give up in time because the caller can repeat the call.
-  enum class Outcome { MustBeKnown, CanBeAskedAgain };
+  /// outcome: wait until it can be asked, or give up in time because the caller can repeat the call. A call that can be
+  /// skipped waits for nothing.
+  enum class Outcome { MustBeKnown, CanBeAskedAgain, CanBeSkipped };
 
   PostgresTransactions(const PostgresSettings& where, const JobStoreSettings& settings)
       : settings_(settings), where_(where), pool_(where.url, where.connections, where.log) {}
@@ -66,7 +67,11 @@ class PostgresTransactions {
   }
 
  private:
-  std::optional<Failure> with_connection(const std::function<void(PostgresConnection&)>& work);
+  std::optional<Failure> with_connection(const std::function<void(PostgresConnection&)>& work) {
+    return with_connection(work, where_.patience);
+  }
+  std::optional<Failure> with_connection(const std::function<void(PostgresConnection&)>& work,
+                                         std::chrono::milliseconds patience);
   std::optional<Failure> with_transaction(const std::function<bool(PostgresWork&)>& work, Outcome outcome);
   /// Returns whether the transaction was committed; nothing if that cannot be found out in time.
   std::optional<bool> was_committed(std::int64_t number, Outcome outcome);

@@ -18,17 +18,20 @@ std::int64_t nanoseconds(TimePoint time) {
 
 template <class Result>
 Answer<Result> PostgresJobStore::write(const Claim& claim,
-                                       const std::function<Result(const JobTransitions&, JobRecord&)>& work) {
-  return database_.write<Result>([&](PostgresWork& transaction) -> Answer<Result> {
-    auto row = postgres::load(transaction.connection, claim.name, Lock::Row);
-    if (!row) return tl::unexpected(row.error());
-    if (const auto checked = transaction.transitions.check(row->record, claim); !checked)
-      return tl::unexpected(checked.error());
-    Result result = work(transaction.transitions, row->record);
-    postgres::save(transaction.connection, *row);
-    if constexpr (std::is_same_v<Result, Changed>) postgres::save_events(transaction.connection, row->key, result);
-    return result;
-  });
+                                       const std::function<Result(const JobTransitions&, JobRecord&)>& work,
+                                       PostgresTransactions::Outcome outcome) {
+  return database_.write<Result>(
+      [&](PostgresWork& transaction) -> Answer<Result> {
+        auto row = postgres::load(transaction.connection, claim.name, Lock::Row);
+        if (!row) return tl::unexpected(row.error());
+        if (const auto checked = transaction.transitions.check(row->record, claim); !checked)
+          return tl::unexpected(checked.error());
+        Result result = work(transaction.transitions, row->record);
+        postgres::save(transaction.connection, *row);
+        if constexpr (std::is_same_v<Result, Changed>) postgres::save_events(transaction.connection, row->key, result);
+        return result;
+      },
+      outcome);
 }
 
 Answer<std::optional<Claimed>> PostgresJobStore::claim(const std::string& worker) {
@@ -77,11 +80,13 @@ Answer<bool> PostgresJobStore::renew_lease(const Claim& claim) {
 Answer<void> PostgresJobStore::note_progress(const Claim& claim, const v1::Iteration& iteration,
                                              std::int64_t last_sequence) {
   if (database_.is_away()) return store_unavailable();  // the run does not wait for it; other calls try again
-  return write<bool>(claim,
-                     [&](const JobTransitions& transitions, JobRecord& record) {
-                       transitions.note_progress(record, iteration, last_sequence);
-                       return true;
-                     })
+  return write<bool>(
+             claim,
+             [&](const JobTransitions& transitions, JobRecord& record) {
+               transitions.note_progress(record, iteration, last_sequence);
+               return true;
+             },
+             PostgresTransactions::Outcome::CanBeSkipped)
       .map([](bool) {});
 }
 

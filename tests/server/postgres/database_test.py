@@ -118,10 +118,12 @@ class Jobs(WithDatabase):
         begun, work = time.monotonic(), processor_seconds(server)
         waiting = subprocess.Popen([VARIMESH, "submit", str(MESH), "--server", server.address], stdout=subprocess.PIPE,
                                    stderr=subprocess.PIPE, text=True)
-        time.sleep(begun + away_seconds - time.monotonic())
-        self.assertIsNone(server.process.poll(), "".join(server.log))
-        self.assertGreater(processor_seconds(server) - work, 0.2 * away_seconds, "the job went on")
-        self.database("again")
+        try:
+            time.sleep(begun + away_seconds - time.monotonic())
+            self.assertIsNone(server.process.poll(), "".join(server.log))
+            self.assertGreater(processor_seconds(server) - work, 0.2 * away_seconds, "the job went on")
+        finally:
+            self.database("again")
         back = time.monotonic()
         submitted = [self.ask(server, "submit", MESH)]
         self.assertLess(time.monotonic() - back, 5, "a submission after the return of the database")

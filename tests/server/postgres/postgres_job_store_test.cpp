@@ -144,6 +144,15 @@ TEST_F(PostgresStore, AnswersUnavailableWhileTheDatabaseIsAway) {
   EXPECT_EQ(store_->list({}, 100, "")->jobs.size(), 2u);
 }
 
+TEST_F(PostgresStore, DoesNotLetARunWaitForTheDatabase) {
+  submit();
+  const Claim claimed = claim();
+  socket_.set_open(false);
+  const auto begun = std::chrono::steady_clock::now();
+  for (int i = 0; i < 10; ++i) EXPECT_EQ(store_->note_progress(claimed, {}, i).error().reason, "STORE_UNAVAILABLE");
+  EXPECT_LT(std::chrono::steady_clock::now() - begun, milliseconds(500));
+}
+
 TEST_F(PostgresStore, WaitsForADatabaseThatIsAwayForAMoment) {
   submit();
   socket_.set_open(false);
