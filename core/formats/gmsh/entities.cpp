@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <limits>
 #include <map>
+#include <set>
 
 #include "core/base/shared_work.h"
 
@@ -26,6 +27,14 @@ void extend_box(Entity& entity, const HighOrderMesh& mesh, const ElementBlock& b
     }
 }
 
+// A tag above all others, or if there is no larger number, the first that nothing has.
+int free_tag(int dimension, int& largest, const std::set<Key>& taken) {
+  if (largest < std::numeric_limits<int>::max()) return ++largest;
+  int tag = 1;
+  while (taken.contains({dimension, tag})) ++tag;
+  return tag;
+}
+
 // Gives each block an entity that has the block's physical groups. Makes a new entity if there is none.
 void assign_entities(const HighOrderMesh& mesh, Classification& result) {
   std::map<Key, std::size_t> listed;
@@ -34,8 +43,12 @@ void assign_entities(const HighOrderMesh& mesh, Classification& result) {
     listed[{result.entities[i].dimension, result.entities[i].tag}] = i;
   for (const Entity& entity : result.entities)
     largest[entity.dimension] = std::max(largest[entity.dimension], entity.tag);
-  for (const ElementBlock& block : mesh.blocks)
+  std::set<Key> taken;
+  for (const auto& [key, place] : listed) taken.insert(key);
+  for (const ElementBlock& block : mesh.blocks) {
     largest[dimension_of(block)] = std::max(largest[dimension_of(block)], block.entity);
+    taken.insert({dimension_of(block), block.entity});
+  }
 
   std::map<std::pair<Key, std::vector<int>>, std::size_t> chosen;
   std::vector<bool> made(result.entities.size(), false);
@@ -48,7 +61,8 @@ void assign_entities(const HighOrderMesh& mesh, Classification& result) {
       if (known != listed.end() && result.entities[known->second].physical == block.physical) {
         at->second = known->second;
       } else {
-        const int tag = known == listed.end() && block.entity > 0 ? block.entity : ++largest[d];
+        const int tag = known == listed.end() && block.entity > 0 ? block.entity : free_tag(d, largest[d], taken);
+        taken.insert({d, tag});
         constexpr double kFar = std::numeric_limits<double>::max();
         result.entities.push_back({d, tag, {kFar, kFar, kFar, -kFar, -kFar, -kFar}, block.physical, {}});
         made.push_back(true);

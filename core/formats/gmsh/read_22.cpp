@@ -68,7 +68,11 @@ void read_periodic_22(GmshReading& reading) {
     link.master = int(scan.text_integer("a periodic entity's master"));
     scan.skip_space();
     if (scan.peek() == 'A') {
-      Scanner affine(scan.line().substr(6));
+      constexpr std::string_view kAffine = "Affine";
+      const std::string_view line = scan.line();
+      if (!line.starts_with(kAffine))
+        scan.fail("a periodic link's affine map was expected, which begins with 'Affine'");
+      Scanner affine(line.substr(kAffine.size()));
       affine.section = scan.section;
       for (affine.skip_space(); !affine.at_end(); affine.skip_space())
         scan.add(link.affine, affine.text_number("a periodic link's affine map"));

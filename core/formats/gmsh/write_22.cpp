@@ -1,6 +1,7 @@
 // Writes the sections of MSH 2.2, ASCII and binary.
 #include <algorithm>
 #include <cstdlib>
+#include <limits>
 
 #include "core/formats/gmsh/types.h"
 #include "core/formats/gmsh/write.h"
@@ -69,7 +70,9 @@ void write_element(const HighOrderMesh& mesh, const ElementBlock& block, Element
 
 // The tag of the group in MSH 2.2. A negative tag in MSH 4.1 means that the group reverses the entity. Gmsh's own 2.2
 // files have no such sign.
-int group_tag(const HighOrderMesh& mesh, int tag) { return mesh.entities.empty() ? tag : std::abs(tag); }
+int group_tag(const HighOrderMesh& mesh, int tag) {
+  return mesh.entities.empty() || tag == std::numeric_limits<int>::min() ? tag : std::abs(tag);
+}
 
 // An element in several physical groups is repeated for each further group, directly after itself, as Gmsh does it. The
 // repetition has the number that it had in an MSH 2.2 file, or a new number. The reader joins repetitions again.

@@ -2,18 +2,26 @@
 
 #include <algorithm>
 #include <cstdlib>
+#include <limits>
 #include <set>
 
 namespace varimesh::formats {
 
 namespace {
 
+/// A tag without its sign; the largest int for the one int that has no opposite.
+int magnitude(int tag) {
+  return tag == std::numeric_limits<int>::min() ? std::numeric_limits<int>::max() : std::abs(tag);
+}
+
+bool is_attribute(int number) { return number >= 1 && number <= kMostAttribute; }
+
 /// What an element is in: its physical groups, or minus its entity if it is in none. MSH 4.1 marks groups that reverse
 /// an entity with a minus sign.
 std::vector<int> membership(const ElementBlock& block) {
   std::vector<int> in;
-  for (const int tag : block.physical) in.push_back(std::abs(tag));
-  if (in.empty()) in.push_back(-std::abs(block.entity));
+  for (const int tag : block.physical) in.push_back(magnitude(tag));
+  if (in.empty()) in.push_back(-magnitude(block.entity));
   return in;
 }
 
@@ -28,7 +36,7 @@ MfemAttributes mfem_attributes(const HighOrderMesh& mesh, int dimension) {
       if (attribute.try_emplace(membership(block), 0).second) order.push_back(membership(block));
   std::set<int> used;
   const auto give = [&](std::vector<int>& in, int wanted) {
-    if (attribute[in] == 0 && wanted > 0 && used.insert(wanted).second) attribute[in] = wanted;
+    if (attribute[in] == 0 && is_attribute(wanted) && used.insert(wanted).second) attribute[in] = wanted;
   };
   for (auto& in : order)
     if (in.size() == 1 && in[0] > 0) give(in, in[0]);
@@ -62,7 +70,9 @@ MfemAttributes mfem_attributes(const HighOrderMesh& mesh, int dimension) {
         groups.emplace_back(tag, "group " + std::to_string(tag));
   for (const auto& [tag, name] : groups) {
     // A group without elements keeps its name by its tag.
-    std::vector<int> own = members.contains(tag) ? members[tag] : std::vector{tag};
+    std::vector<int> own = members.contains(tag) ? members[tag]
+                           : is_attribute(tag)   ? std::vector{tag}
+                                                 : std::vector<int>();
     std::ranges::sort(own);
     std::string plain = name;
     std::ranges::replace(plain, '"', '\'');

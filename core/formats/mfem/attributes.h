@@ -9,6 +9,10 @@
 
 namespace varimesh::formats {
 
+/// Attributes are from 1 to this. Tags of groups that are no attributes follow the largest attribute, and must be an
+/// int too.
+inline constexpr int kMostAttribute = 1'000'000'000;
+
 /// The attributes of the elements of one dimension. Elements that are in the same physical groups have the same one.
 struct MfemAttributes {
   std::vector<int> of_block;  ///< One positive attribute per block of the mesh; 0 for blocks of another dimension.

@@ -6,14 +6,12 @@
 #include <set>
 
 #include "core/formats/format_table.h"
+#include "core/formats/mfem/attributes.h"
 #include "core/formats/mfem/mfem.h"
 
 namespace varimesh::formats {
 
 namespace {
-
-/// Tags of groups that are no attributes follow the largest attribute, and must be an int too.
-constexpr std::int64_t kMostAttribute = 1'000'000'000;
 
 constexpr std::array kShapeOfGeometry = {Shape::Point,       Shape::Line,       Shape::Triangle, Shape::Quadrilateral,
                                          Shape::Tetrahedron, Shape::Hexahedron, Shape::Prism,    Shape::Pyramid};

@@ -67,6 +67,28 @@ TEST(GmshErrors, NegativeElementNumberInTheOtherVersions) {
       "element number -7 is negative");
 }
 
+TEST(GmshErrors, AnAffineMapWithAnotherName) {
+  EXPECT_SAYS(kHead + kNodes + "$Elements\n1\n1 2 2 1 1 1 2 3\n$EndElements\n$Periodic\n1\n1 1 2\nA\n",
+              "which begins with 'Affine'");
+}
+
+TEST(GmshErrors, TheLargestTagHasNoSuccessor) {
+  // The group of the second block is not that of its entity, so it needs an entity of its own.
+  const auto file = formats::read(
+      kHead + kNodes + "$Elements\n2\n1 2 2 1 2147483647 1 2 3\n2 2 2 2 2147483647 1 3 2\n" + "$EndElements\n");
+  ASSERT_TRUE(file) << file.error().sentence;
+  std::string bytes;
+  ASSERT_TRUE(formats::write(file->mesh, Format::Msh41, [&](std::string_view piece) {
+    bytes += piece;
+    return true;
+  }));
+  const auto back = formats::read(bytes);
+  ASSERT_TRUE(back) << back.error().sentence;
+  ASSERT_EQ(back->mesh.blocks.size(), 2u);
+  EXPECT_EQ(back->mesh.blocks[0].entity, 2147483647);
+  EXPECT_EQ(back->mesh.blocks[1].entity, 1);
+}
+
 TEST(GmshErrors, NumbersOfManyDigits) {
   EXPECT_SAYS(kHead + "$Nodes\n99999999999999999999999999\n", "was expected, found '9999999999");
 }

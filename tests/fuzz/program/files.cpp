@@ -1,0 +1,45 @@
+// Mesh files of every format: reading them takes bounded memory and gives a whole mesh or a sentence. What is written
+// of the mesh can be read again, and writing that gives the same bytes in Gmsh's formats.
+#include "tests/fuzz/program/meshes.h"
+
+namespace {
+
+using namespace varimesh;
+
+void write_and_read(const HighOrderMesh& mesh, formats::Format format) {
+  const auto write = [&](const HighOrderMesh& each) {
+    return fuzz::written([&](const formats::Sink& sink) { return formats::write(each, format, sink); });
+  };
+  const std::string first = write(mesh);
+  if (first.empty() || format == formats::Format::Vtu) return;
+  const auto again = formats::read(first);
+  if (!again) std::fprintf(stderr, "%s\n%s\n", again.error().sentence.c_str(), first.substr(0, 4096).c_str());
+  fuzz::expect(again.has_value(), "what was written cannot be read");
+  fuzz::expect_whole(again->mesh);
+  // MFEM's files have other nodes on curved elements, which are rounded, and none outside the elements.
+  if (format == formats::Format::Mfem) return;
+  fuzz::expect(again->mesh.node_count() == mesh.node_count(), "nodes were lost or added");
+  const std::string second = write(again->mesh);
+  if (second != first) std::fprintf(stderr, "--- first\n%s\n--- second\n%s\n", first.c_str(), second.c_str());
+  fuzz::expect(second == first, "writing what was read gives other bytes");
+}
+
+}  // namespace
+
+extern "C" int LLVMFuzzerInitialize(int*, char***) {
+  varimesh::fuzz::count_memory();
+  return 0;
+}
+
+extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+  const std::string_view bytes(reinterpret_cast<const char*>(data), size);
+  const auto file = fuzz::within_memory(formats::most_memory_to_read(static_cast<std::int64_t>(size)),
+                                        [&] { return formats::read(bytes); });
+  if (!file) {
+    fuzz::expect(!file.error().sentence.empty(), "a refusal has no sentence");
+    return 0;
+  }
+  fuzz::expect_whole(file->mesh);
+  for (const formats::FormatInfo& format : formats::all()) write_and_read(file->mesh, format.format);
+  return 0;
+}
