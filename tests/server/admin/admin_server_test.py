@@ -148,7 +148,7 @@ class TokenPage(Tokens):
         page = browser.Page()
         self.addCleanup(page.close)
         page.open(f"http://{self.admin}/")
-        page.wait("document.querySelector('#token input')")
+        page.wait("document.querySelectorAll('#token input').length === 1")
         self.assertIn("asks who calls", page.value("document.querySelector('#state').textContent"))
         page.value(f"document.querySelector('#token input').value = {json.dumps(self.ann)}")
         page.value("document.querySelector('#token button').click()")
