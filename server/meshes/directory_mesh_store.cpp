@@ -271,7 +271,7 @@ void DirectoryMeshStore::release(const std::string& digest) {
 void DirectoryMeshStore::drop(Entries::iterator entry) {
   std::error_code ignored;
   for (const Form form : {Form::Plain, Form::Zstd}) std::filesystem::remove(path_of(entry->first, form), ignored);
-  if (!entry->second.owners.empty()) std::filesystem::remove(owners_of(entry->first), ignored);
+  std::filesystem::remove(owners_of(entry->first), ignored);
   entries_.erase(entry);
 }
 
