@@ -66,6 +66,7 @@ Answer<void> DirectoryMeshStore::remove(const std::string& digest, const std::st
 }
 
 bool DirectoryMeshStore::write_owners(const Entries::value_type& entry) {
+  if (entry.second.owners.empty()) return ::unlink(owners_of(entry.first).c_str()) == 0 || errno == ENOENT;
   const std::filesystem::path path = directory_ / ("part-" + std::to_string(++counter_));
   const int file = ::open(path.c_str(), O_CREAT | O_EXCL | O_WRONLY | O_CLOEXEC | O_NOFOLLOW, 0600);
   if (file < 0) return false;
