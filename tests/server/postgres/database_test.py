@@ -174,8 +174,8 @@ class Jobs(WithDatabase):
         self.migrate()
         done = subprocess.run([os.environ["KILL_SERVER"], "--store", self.store, "--kills", str(kills), "--jobs", "4"],
                               capture_output=True, text=True, timeout=3000)
-        print(done.stdout.strip().splitlines()[-1], file=sys.stderr)
         self.assertEqual(done.returncode, 0, done.stdout + done.stderr)
+        print(done.stdout.strip().splitlines()[-1], file=sys.stderr)  # the summary
 
 
 if __name__ == "__main__":
