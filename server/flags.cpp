@@ -162,11 +162,14 @@ void add_database_flags(CLI::App& app, Flags& flags, Units& units) {
 std::string message_about_unknown_word(const CLI::App& app) {
   const std::string first = app.remaining(true).front();
   const std::string word = first.substr(0, first.find('='));
+  const bool is_option = word.starts_with("-");
   std::vector<std::string> names;
   for (const CLI::Option* option : app.get_options())
     for (const std::string& name : option->get_lnames()) names.push_back("--" + name);
+  if (!is_option)
+    for (const CLI::App* command : app.get_subcommands({})) names.push_back(command->get_name());
   const std::string meant = varimesh::nearest_word(word, names);
-  return "there is no option '" + word + "'" +
+  return std::string("there is no ") + (is_option ? "option '" : "subcommand '") + word + "'" +
          (meant.empty() ? "; varimeshd --help lists all options." : "; did you mean '" + meant + "'?");
 }
 
@@ -183,7 +186,8 @@ std::optional<Flags> parse_flags(int argc, char** argv, int* exit_status) {
   limits.max_priority = 10;
 
   CLI::App app{"Serves mesh optimisation over gRPC (package varimesh.v1)."};
-  app.footer(kCommands);
+  describe_commands(app);
+  app.footer("varimeshd SUBCOMMAND --help says more.");
   app.set_version_flag("--version", std::string(version()));
   add_connection_flags(app, flags);
   add_resource_flags(app, limits);
@@ -198,6 +202,13 @@ std::optional<Flags> parse_flags(int argc, char** argv, int* exit_status) {
   try {
     app.parse(argc, argv);
     if (token_command.parsed()) return std::nullopt;
+    for (const char* const command : {"check", "backup"})
+      if (app.got_subcommand(command)) {
+        std::cerr << "varimeshd: write the options of " << command << " behind it: varimeshd " << command
+                  << " --state DIR\n";
+        *exit_status = 2;
+        return std::nullopt;
+      }
   } catch (const CLI::ExtrasError&) {
     const CLI::App& used = token_command.parsed() ? token_command : app;
     std::cerr << "varimeshd: " << message_about_unknown_word(used) << '\n';

@@ -50,6 +50,11 @@ int run_backup(const std::string& state, const std::string& copy) {
 
 }  // namespace
 
+void describe_commands(CLI::App& app) {
+  app.add_subcommand("check", "Compare everything in the state directory with its digests, while no server uses it");
+  app.add_subcommand("backup", "Copy the state directory, also while a server uses it; the copy is one too");
+}
+
 std::optional<int> run_command(int argc, char** argv) {
   const std::string_view command = argc > 1 ? argv[1] : "";
   if (command != "check" && command != "backup") return std::nullopt;
