@@ -183,7 +183,7 @@ std::optional<Flags> parse_flags(int argc, char** argv, int* exit_status) {
   limits.max_memory_bytes = machine_memory();
   limits.max_job_iterations = 100'000;
   limits.max_job_seconds = 7 * 24 * 3600;
-  limits.max_priority = 10;
+  limits.max_priority = 100;
 
   CLI::App app{"Serves mesh optimisation over gRPC (package varimesh.v1)."};
   describe_commands(app);

@@ -138,7 +138,7 @@ void small_beside_large(const Setting& setting, Verdict& verdict) {
   };
   double alone = 0;
   for (int i = 0; i < 3; ++i) alone = std::max(alone, run_small());
-  const std::string large = caller.submit(sweeps(large_mesh, 1'000'000, 0));
+  const std::string large = caller.submit(sweeps(large_mesh, 100'000, 0));
   caller.wait_for(large, {v1::JOB_STATE_RUNNING});
   std::this_thread::sleep_for(std::chrono::milliseconds(500));
   const auto rate = [&](const std::function<void()>& meanwhile) {

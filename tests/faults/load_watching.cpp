@@ -61,7 +61,7 @@ void client_killed_in_mid_watch(const Setting& setting, Verdict& verdict) {
   RealServer server(setting.program, {"--threads", "2"});
   server.start();
   const Caller caller(server.channel());
-  const std::string job = caller.submit(sweeps(caller.upload(read_case("circle_p5.msh")), 1'000'000));
+  const std::string job = caller.submit(sweeps(caller.upload(read_case("circle_p5.msh")), 100'000));
   caller.wait_for(job, {v1::JOB_STATE_RUNNING});
   const std::size_t before = lasting_files(server);
   OtherProcess client({VARIMESH, "watch", job, "--server", "unix:" + (server.folder() / "socket").string(), "--quiet"});
@@ -108,11 +108,13 @@ class StalledWatcher {
 };
 
 void watcher_that_stops_reading(const Setting& setting, Verdict& verdict) {
-  RealServer server(setting.program, {"--threads", "2"});
+  RealServer server(setting.program, {"--threads", "2", "--max-job-iterations", "1000000"});
   server.start();
   const Caller caller(server.channel());
-  // This job has many iterations per second, so there is much to send.
-  const std::string job = caller.submit(sweeps(caller.upload(read_case("nine_triangles.msh")), 100'000'000));
+  // This job has many iterations per second, so there is much to send. With a large λ it converges slowly.
+  v1::JobSpec spec = sweeps(caller.upload(read_case("nine_triangles.msh")), 1'000'000);
+  spec.mutable_options()->set_lambda(1e4);
+  const std::string job = caller.submit(spec);
   caller.wait_for(job, {v1::JOB_STATE_RUNNING});
   std::atomic<std::int64_t> seen = 0, iterations = 0;
   grpc::ClientContext other_context;
@@ -164,7 +166,7 @@ void hundred_watchers(const Setting& setting, Verdict& verdict) {
   RealServer server(setting.program, {"--threads", "1"});
   server.start();
   const Caller caller(server.channel());
-  const std::string job = caller.submit(sweeps(caller.upload(read_case("circle_p5.msh")), 1'000'000));
+  const std::string job = caller.submit(sweeps(caller.upload(read_case("circle_p5.msh")), 100'000));
   caller.wait_for(job, {v1::JOB_STATE_RUNNING});
   std::mutex mutex;
   std::vector<double> delays;
