@@ -1,5 +1,5 @@
 // Mesh files of every format: reading them takes bounded memory and gives a whole mesh or a sentence. What is written
-// of the mesh can be read again, and writing that gives the same bytes in Gmsh's formats.
+// of the mesh in Gmsh's formats and MFEM's can be read again, and writing that gives the same bytes in Gmsh's.
 #include "tests/fuzz/program/meshes.h"
 
 namespace {
@@ -11,7 +11,7 @@ void write_and_read(const HighOrderMesh& mesh, formats::Format format) {
     return fuzz::written([&](const formats::Sink& sink) { return formats::write(each, format, sink); });
   };
   const std::string first = write(mesh);
-  if (first.empty() || format == formats::Format::Vtu) return;
+  if (first.empty()) return;
   const auto again = formats::read(first);
   if (!again) std::fprintf(stderr, "%s\n%s\n", again.error().sentence.c_str(), first.substr(0, 4096).c_str());
   fuzz::expect(again.has_value(), "what was written cannot be read");
@@ -40,6 +40,9 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     return 0;
   }
   fuzz::expect_whole(file->mesh);
-  for (const formats::FormatInfo& format : formats::all()) write_and_read(file->mesh, format.format);
+  // The other formats are only read: SU2's has no curved elements, and Nektar++'s and VTK's leave out inner nodes.
+  using formats::Format;
+  for (const Format format : {Format::Msh22, Format::Msh22Binary, Format::Msh41, Format::Msh41Binary, Format::Mfem})
+    write_and_read(file->mesh, format);
   return 0;
 }
