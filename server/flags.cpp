@@ -80,19 +80,19 @@ void add_queue_flags(CLI::App& app, Limits& limits) {
       ->capture_default_str()
       ->check(CLI::Range(-100, 100));
   app.add_option("--max-pending-jobs-per-peer", limits.max_pending_jobs_per_peer,
-                 "Jobs of one address that may wait (all unix sockets count as one address); 0: no limit")
+                 "Jobs of one peer (the owner of the token or certificate, or the address) that may wait; 0: no limit")
       ->capture_default_str()
       ->check(CLI::NonNegativeNumber);
   app.add_option("--max-running-jobs-per-peer", limits.max_running_jobs_per_peer,
-                 "Jobs of one address that run at a time, while its other jobs wait; 0: no limit")
+                 "Jobs of one peer that run at a time, while its other jobs wait; 0: no limit")
       ->capture_default_str()
       ->check(CLI::NonNegativeNumber);
   app.add_option("--max-watches-per-peer", limits.max_watches_per_peer,
-                 "Watches that one address may have open; 0: no limit")
+                 "Watches that one peer may have open; 0: no limit")
       ->capture_default_str()
       ->check(CLI::NonNegativeNumber);
   app.add_option("--max-uploads-per-peer", limits.max_uploads_per_peer,
-                 "Uploads that one address may have open; 0: no limit")
+                 "Uploads that one peer may have open; 0: no limit")
       ->capture_default_str()
       ->check(CLI::NonNegativeNumber);
 }

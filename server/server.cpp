@@ -108,6 +108,15 @@ Expected<void> Server::start_admin_port() {
 }
 
 Expected<std::unique_ptr<Server>> Server::start(ServerOptions options) {
+  try {
+    return start_or_throw(std::move(options));
+  } catch (const std::exception& error) {
+    return tl::unexpected(Error{Error::Kind::Output, std::string("The server cannot start: ") + error.what() +
+                                                         "; a limit on threads or memory may be too low."});
+  }
+}
+
+Expected<std::unique_ptr<Server>> Server::start_or_throw(ServerOptions options) {
   const Protection protection{options.tls.are_given(), options.tls.are_mutual(), !options.tokens.empty(),
                               options.insecure};
   if (!options.listen.empty())
@@ -128,10 +137,10 @@ Expected<std::unique_ptr<Server>> Server::start(ServerOptions options) {
     return tl::unexpected(listening.error());
   server->self_check_ = std::make_unique<SelfCheck>(server->address(), server->options_.tls.are_given());
   server->self_check_->dial();
-  server->running_ = true;
-  server->scheduler_->tick();
   server->upkeep_ = std::make_unique<Upkeep>(*server->scheduler_, *server->stores_, *server->access_,
                                              *server->endpoint_, *server->self_check_, server->options_.tls);
+  server->running_ = true;
+  server->scheduler_->tick();
   server->endpoint_->health().set_serving(server->stores_->meshes().has_room());
   return server;
 }

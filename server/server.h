@@ -68,6 +68,8 @@ class Server {
 
  private:
   explicit Server(ServerOptions options);
+  /// As start(); what the packages that it stands on throw goes on to the caller.
+  static Expected<std::unique_ptr<Server>> start_or_throw(ServerOptions options);
   /// The steps of start(). Errors as there.
   Expected<void> read_tokens();
   Expected<void> open_stores();

@@ -62,8 +62,7 @@ class PhaseChooser {
 
 /// Decides whether an iteration was the last. With Objective::Accuracy the phases are those of Objective::Energy, and
 /// end as soon as the mesh is valid and has Options::min_js at the quadrature points, or only unrepairable cells are
-/// left. So the accuracy objective certifies no fewer
-/// cells than the energy's optimum.
+/// left. So the accuracy objective certifies no fewer cells than the energy's optimum.
 class Stopper {
  public:
   explicit Stopper(const Options& options) : options_(options) {}

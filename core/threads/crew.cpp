@@ -4,6 +4,9 @@
 
 #include <algorithm>
 #include <cassert>
+#include <deque>
+#include <memory>
+#include <system_error>
 #include <thread>
 #include <utility>
 
@@ -44,22 +47,34 @@ int machine_threads() {
   return std::max(1, known > 0 ? known : static_cast<int>(std::thread::hardware_concurrency()));
 }
 
-/// The helpers of the process. They are started when a crew wants more than there are, and live as long as the process.
+/// The helpers of the process. One is started if there are fewer than the open crews have asked for, and lives as long
+/// as the process. A helper that has not come back yet from a crew that has closed counts: the next crew waits for it.
 class Helpers {
  public:
-  /// Sends an idle helper to the crew.
-  static void send_to(std::shared_ptr<Crew> crew) {
+  /// Sends a helper to the crew, as soon as one is idle. False if there are too few and the system starts no more.
+  static bool send_to(std::shared_ptr<Crew> crew) {
     Helpers& helpers = all();
     const std::scoped_lock lock(helpers.mutex_);
-    if (helpers.idle_.empty()) {
-      auto* helper = new Helper{.crew = std::move(crew), .called = {}};
-      std::thread([&helpers, helper] { helpers.live(*helper); }).detach();
-      return;
+    if (helpers.idle_.empty() && helpers.asked_for_ == helpers.count_) {
+      if (!helpers.start(std::move(crew))) return false;
+    } else if (helpers.idle_.empty()) {
+      helpers.waiting_.push_back(std::move(crew));
+    } else {
+      Helper* const helper = helpers.idle_.back();
+      helpers.idle_.pop_back();
+      helper->crew = std::move(crew);
+      helper->called.notify_one();
     }
-    Helper* const helper = helpers.idle_.back();
-    helpers.idle_.pop_back();
-    helper->crew = std::move(crew);
-    helper->called.notify_one();
+    ++helpers.asked_for_;
+    return true;
+  }
+
+  /// The crew, which has asked for `count` helpers, has closed.
+  static void give_back(const Crew* crew, int count) {
+    Helpers& helpers = all();
+    const std::scoped_lock lock(helpers.mutex_);
+    helpers.asked_for_ -= count;
+    std::erase_if(helpers.waiting_, [&](const std::shared_ptr<Crew>& waits) { return waits.get() == crew; });
   }
 
  private:
@@ -74,6 +89,19 @@ class Helpers {
     return *helpers;
   }
 
+  bool start(std::shared_ptr<Crew> crew) {
+    auto helper = std::make_unique<Helper>();
+    helper->crew = std::move(crew);
+    try {
+      std::thread([this, self = helper.get()] { live(*self); }).detach();
+    } catch (const std::system_error&) {
+      return false;
+    }
+    static_cast<void>(helper.release());  // lives as long as its thread
+    ++count_;
+    return true;
+  }
+
   [[noreturn]] void live(Helper& self) {
     std::unique_lock lock(mutex_);
     for (;;) {
@@ -83,12 +111,20 @@ class Helpers {
       crew->help();
       crew.reset();
       lock.lock();
-      idle_.push_back(&self);
+      if (waiting_.empty()) {
+        idle_.push_back(&self);
+      } else {
+        self.crew = std::move(waiting_.front());
+        waiting_.pop_front();
+      }
     }
   }
 
   std::mutex mutex_;
+  int count_ = 0;      ///< How many helpers there are.
+  int asked_for_ = 0;  ///< How many the open crews have asked for.
   std::vector<Helper*> idle_;
+  std::deque<std::shared_ptr<Crew>> waiting_;  ///< One entry for each helper that a crew still waits for.
 };
 
 // ===== opening and closing =====
@@ -112,6 +148,7 @@ void Crew::close() {
   closed_ = true;
   changes_.fetch_add(1, std::memory_order_release);
   opened_changed_.notify_all();
+  if (borrowed_ > 0) Helpers::give_back(this, borrowed_);
 }
 
 // ===== loops =====
@@ -127,7 +164,8 @@ void Crew::share(std::size_t count, std::size_t grain, const LoopBody& body) {
   {
     const std::scoped_lock lock(mutex_);
     const int wanted = static_cast<int>(std::min<std::size_t>(pieces, static_cast<std::size_t>(threads_))) - 1;
-    for (; borrowed_ < wanted; ++borrowed_) Helpers::send_to(shared_from_this());
+    // Without helpers, the threads that there are do the loop.
+    while (borrowed_ < wanted && Helpers::send_to(shared_from_this())) ++borrowed_;
     open_.push_back(&loop);
     changes_.fetch_add(1, std::memory_order_release);
     for (int i = std::min(wanted, asleep_); i > 0; --i) opened_changed_.notify_one();

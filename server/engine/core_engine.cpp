@@ -1,5 +1,6 @@
 // Reads a mesh, optimises it with the numerical library, and writes the results.
 #include <algorithm>
+#include <cmath>
 #include <optional>
 #include <string>
 #include <utility>
@@ -90,6 +91,17 @@ Options judging_options(int threads) {
   return options;
 }
 
+/// An upper bound on the memory of the tables with which a quality job samples the cells: for each point of the
+/// lattice, the derivatives of all shape functions.
+std::int64_t memory_of_lattice(const HighOrderMesh& mesh, int intervals) {
+  double most = 0;
+  for (const ElementBlock& block : mesh.blocks) {
+    const double points = std::pow(intervals + 1.0, reference::info(block.shape).dimension);
+    most = std::max(most, points * reference::node_count(block.shape, block.order) * 3 * sizeof(double));
+  }
+  return static_cast<std::int64_t>(std::min(most, 1e18));
+}
+
 /// Judges a mesh without moving anything, as the command's `quality` does.
 Expected<Result> judge(HighOrderMesh mesh, const v1::QualityTask& task, const Options& options) {
   const int threads = options.threads;
@@ -158,8 +170,9 @@ Expected<RunSummary> run(RunRequest request, const RunHooks& hooks) {
   const v1::MeshFormat read_as =
       request.format == v1::MESH_FORMAT_PARTS ? v1::MESH_FORMAT_PARTS : to_proto((*file)->format);
 
+  const std::int64_t lattice = request.quality ? memory_of_lattice(mesh, request.quality->lattice()) : 0;
   const Expected<bool> admitted =
-      hooks.admit ? hooks.admit(memory_needed(mesh, request.options)) : Expected<bool>(true);
+      hooks.admit ? hooks.admit(memory_needed(mesh, request.options) + lattice) : Expected<bool>(true);
   if (!admitted) return tl::unexpected(admitted.error());
   if (!*admitted || (hooks.given_up && hooks.given_up())) return stopped_early();
   note_straight_boundary(mesh, request, hooks);

@@ -216,7 +216,7 @@ class Reading {
       if (array == nullptr || array->components > 1 || array->type.starts_with("Float")) continue;
       auto values = vtk_integers(*array, cells, declared_.encoding, allowance_);
       for (const std::int64_t value : values)
-        if (std::abs(value) > 1'000'000'000)
+        if (value < -1'000'000'000 || value > 1'000'000'000)
           fail("the array '" + array->name + "' has the value " + std::to_string(value) + ", which is no tag");
       return values;
     }

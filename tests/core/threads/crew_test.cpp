@@ -4,6 +4,8 @@
 #include <gtest/gtest.h>
 
 #include <chrono>
+#include <filesystem>
+#include <iterator>
 #include <mutex>
 #include <set>
 #include <stdexcept>
@@ -103,6 +105,19 @@ TEST(Crew, WorksBesideOthers) {
     });
   for (std::thread& run : runs) run.join();
   EXPECT_EQ(sum, 6 * 50 * 100);
+}
+
+std::ptrdiff_t threads_of_this_process() {
+  return std::distance(std::filesystem::directory_iterator("/proc/self/task"), {});
+}
+
+TEST(Crew, TakesTheHelpersOfTheCrewBefore) {
+  const std::ptrdiff_t before = threads_of_this_process();
+  for (int round = 0; round < 300; ++round) {
+    const Crew::Opened opened(3);
+    share(100, 3, [](std::size_t, std::size_t) {});
+  }
+  EXPECT_LE(threads_of_this_process(), before + 2);
 }
 
 TEST(Crew, TheMachineHasAThread) { EXPECT_GE(machine_threads(), 1); }
