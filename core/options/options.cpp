@@ -27,6 +27,11 @@ Expected<void> check(const Options& options) {
     return bad_option(
         "objective is accuracy and until_js is given, but until_js ends a run before the loss of accuracy is lowered; "
         "give min_js, the scaled Jacobian that every element is to have, and leave until_js at 0.");
+  constexpr int kCurved = 2;  // an order at which Objective::Auto depends on the options only
+  if (objective_of(options, kCurved) != Objective::Accuracy && options.min_js != Options().min_js)
+    return bad_option(
+        "min_js is given, but only the objective accuracy looks at it, and the other options ask for the optimum of an "
+        "energy; give until_js, or leave out the objective and the options of the energy.");
   if (options.repair == Repair::Split && takes_field)
     return bad_option(
         "repair is split and the target is a field, but split elements would have no values in the field; choose "
