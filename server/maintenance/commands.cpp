@@ -43,6 +43,11 @@ int run_backup(const std::string& state, const std::string& copy) {
   const auto report = back_up(state, copy);
   if (!report) return fail(report.error());
   print_damage(report->damage);
+  if (report->kept_earlier) {
+    std::cout << "The earlier backup in " << copy << " was not replaced; repair the state directory or delete the "
+              << "damaged jobs, or name a new directory for a backup of what is left.\n";
+    return kDamaged;
+  }
   std::cout << counted(report->jobs, "job") << " and " << counted(report->files, "file") << " are in " << copy << " ("
             << report->copied << " copied now).\n";
   return report->damage.empty() ? 0 : kDamaged;

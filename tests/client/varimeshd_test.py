@@ -1,6 +1,8 @@
 """The server program as a user meets it: its flags, its addresses, and how it ends."""
+import contextlib
 import signal
 import os
+import sqlite3
 import subprocess
 import unittest
 
@@ -81,6 +83,36 @@ class Varimeshd(WithFolder):
         jobs = run("jobs", "--server", server.address).stdout
         self.assertIn(done.stdout.strip(), jobs)
         self.assertEqual(run("cancel", waiting, "--server", server.address).returncode, 0)
+
+    def test_a_backup_keeps_the_earlier_one_from_damage(self):
+        state, copy = self.folder / "state", self.folder / "copy"
+        server = Server("--state", state)
+        done = run("submit", MESH, "--server", server.address)
+        self.assertEqual(run("watch", done.stdout.strip(), "--server", server.address).returncode, 0)
+        server.stop()
+        self.assertEqual(self.maintain("backup", "--state", state, copy).returncode, 0)
+        swapped = self.maintain("backup", "--state", copy, state)
+        self.assertEqual(swapped.returncode, 1)
+        self.assertIn("is no backup", swapped.stderr)
+        names = sorted(path.name for path in (copy / "meshes").iterdir())
+        mesh = max((copy / "meshes").iterdir(), key=lambda path: path.stat().st_size)
+        whole = mesh.read_bytes()
+        mesh.write_bytes(whole[:-1])
+        owners = f"{names[0].removesuffix('.zst')}.owners"
+        (state / "meshes" / owners).write_text("0" * 64 + "\n")
+        again = self.maintain("backup", "--state", state, copy)
+        self.assertEqual(again.returncode, 0, again.stdout + again.stderr)
+        self.assertIn("(1 copied now)", again.stdout)
+        self.assertEqual(mesh.read_bytes(), whole)
+        self.assertTrue((copy / "meshes" / owners).exists())
+        with contextlib.closing(sqlite3.connect(state / "jobs.sqlite")) as database, database:
+            database.execute("UPDATE jobs SET sum = 7")
+        damaged = self.maintain("backup", "--state", state, copy)
+        self.assertEqual(damaged.returncode, 1, damaged.stdout + damaged.stderr)
+        self.assertIn("was not replaced", damaged.stdout)
+        check = self.maintain("check", "--state", copy)
+        self.assertEqual(check.returncode, 0, check.stdout + check.stderr)
+        self.assertEqual(sorted(path.name for path in (copy / "meshes").iterdir()), sorted([*names, owners]))
 
     def test_check_finds_and_repairs_a_damaged_file(self):
         state = self.folder / "state"

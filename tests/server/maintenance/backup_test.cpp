@@ -3,6 +3,7 @@
 
 #include <map>
 
+#include "server/jobs/sqlite.h"
 #include "server/maintenance/check.h"
 #include "tests/server/maintenance/state_folder.h"
 
@@ -125,8 +126,60 @@ TEST_F(Backup, SaysWhatTheDirectoryItselfHasLost) {
   EXPECT_FALSE(std::filesystem::exists(copy_ / "meshes" / sha256("a mesh"))) << "damage is not copied";
 }
 
+TEST_F(Backup, KeepsTheEarlierOneIfARowIsDamaged) {
+  {
+    const Service service(options(echo_engine(), state_));
+    service.wait_for(service.submit(service.spec_for("a mesh")).name());
+  }
+  EXPECT_TRUE(back_up().damage.empty());
+  SqliteDatabase((state_ / "jobs.sqlite").string()).run("UPDATE jobs SET sum = 7");
+  const BackupReport report = back_up();
+  EXPECT_EQ(report.damage.size(), 1u);
+  EXPECT_TRUE(report.kept_earlier);
+  const auto checked = check_state(copy_.string(), false);
+  ASSERT_TRUE(checked) << checked.error().sentence;
+  EXPECT_TRUE(checked->damage.empty()) << checked->damage.front();
+  EXPECT_EQ(checked->files, 2);
+}
+
+TEST_F(Backup, CopiesAgainWhatIsDamagedInTheEarlierOne) {
+  {
+    const Service service(options(echo_engine(), state_));
+    service.wait_for(service.submit(service.spec_for("a mesh")).name());
+  }
+  back_up();
+  write(copy_ / "meshes" / sha256("a mesh"), "a mash");
+  EXPECT_EQ(back_up().copied, 1);
+  EXPECT_EQ(bytes_of(copy_ / "meshes" / sha256("a mesh")), "a mesh");
+}
+
+TEST_F(Backup, HasTheOwnersOfTheMeshes) {
+  {
+    const Service service(options(echo_engine(), state_));
+    service.wait_for(service.submit(service.spec_for("a mesh")).name());
+  }
+  const std::string name = sha256("a mesh") + ".owners";
+  write(state_ / "meshes" / name, sha256("an owner") + "\n");
+  for (int round = 0; round < 2; ++round) {
+    EXPECT_TRUE(back_up().damage.empty());
+    EXPECT_EQ(bytes_of(copy_ / "meshes" / name), sha256("an owner") + "\n");
+  }
+  std::filesystem::remove(state_ / "meshes" / name);
+  back_up();
+  EXPECT_FALSE(std::filesystem::exists(copy_ / "meshes" / name)) << "the owner has deleted the mesh";
+}
+
+TEST_F(Backup, RefusesADirectoryThatIsNoBackup) {
+  { const Service service(options(echo_engine(), state_)), other(options(echo_engine(), copy_)); }
+  const auto swapped = server::back_up(copy_.string(), state_.string());
+  ASSERT_FALSE(swapped);
+  EXPECT_NE(swapped.error().sentence.find("is no backup"), std::string::npos);
+}
+
 TEST_F(Backup, RefusesItsOwnDirectoryAndOneThatAServerUses) {
-  const Service service(options(echo_engine(), state_)), other(options(echo_engine(), copy_));
+  const Service service(options(echo_engine(), state_));
+  back_up();
+  const Service other(options(echo_engine(), copy_));
   EXPECT_FALSE(server::back_up(state_.string(), state_.string()));
   const auto used = server::back_up(state_.string(), copy_.string());
   ASSERT_FALSE(used);
