@@ -41,9 +41,11 @@ class PostgresPool {
   /// When the database could no longer be reached. Nothing while it can, as far as is known.
   std::optional<SteadyTime> lost_since();
 
+  /// The database has answered.
+  void note_reached();
+
  private:
   void give_back(std::unique_ptr<PostgresConnection> connection);
-  void note_reached();
   void note_lost(const std::string& why);
 
   const std::string url_;

@@ -1,6 +1,8 @@
 // Reads and writes the rows of jobs.
 #include "server/postgres/rows.h"
 
+#include <algorithm>
+
 #include "server/refusals.h"
 
 namespace varimesh::server::postgres {
@@ -35,6 +37,12 @@ bool parse(std::string_view bytes, Message* message) {
 Refusal damaged(const std::string& what) {
   return data_lost("The record of " + what +
                    " is damaged; ask the server's operator to check its database, delete the job and submit it again.");
+}
+
+/// Whether a job can have this name. PostgreSQL answers with an error to text with a zero byte or that is not UTF-8.
+bool can_be_name(std::string_view name) {
+  return name.starts_with("jobs/") &&
+         std::all_of(name.begin(), name.end(), [](char letter) { return letter > ' ' && letter <= '~'; });
 }
 
 /// Adds the values of everything that save() writes.
@@ -94,6 +102,7 @@ void set_aside(PostgresConnection& connection, std::int64_t key) {
 }
 
 Answer<Row> load(PostgresConnection& connection, const std::string& name, Lock lock) {
+  if (!can_be_name(name)) return job_not_found(name);
   const PostgresRows rows =
       connection.query(select_rows(lock == Lock::Row ? "WHERE name = $1 FOR UPDATE OF jobs" : "WHERE name = $1"),
                        PostgresValues().add(name));

@@ -21,7 +21,7 @@ Refusal refusal_of(const PostgresError& error) {
     case Kind::Other:
       break;
   }
-  return internal_failure(std::string("The job store failed (") + error.what() + ").");
+  return internal_failure("The job store failed; the log of the server says why.");
 }
 
 }  // namespace
@@ -35,10 +35,14 @@ std::optional<Failure> PostgresTransactions::with_connection(const std::function
     try {
       auto lent = pool_.take(start + patience);
       work(*lent);
+      if (!(*lent).broken()) pool_.note_reached();
       return std::nullopt;
     } catch (const PostgresError& error) {
       const bool again = error.kind() == Kind::Lost || error.kind() == Kind::Retry;
-      if (!again || std::chrono::steady_clock::now() + pause >= end) return refusal_of(error).value();
+      if (!again || std::chrono::steady_clock::now() + pause >= end) {
+        if (error.kind() == Kind::Other) where_.log(std::string("the job store failed: ") + error.what());
+        return refusal_of(error).value();
+      }
     }
     std::this_thread::sleep_for(pause);
   }

@@ -104,7 +104,9 @@ Answer<v1::Job> Scheduler::submit(const std::string& request_id, const v1::JobSp
   auto submitted = jobs_->submit(
       {request_id, spec, settings_.new_name(), settings_.max_pending, peer, settings_.max_pending_of_peer, owner});
   const bool is_new = submitted && !submitted->events.empty();
-  if (!is_new) meshes_->release(spec.mesh().digest());
+  // If the database did not tell the outcome, the job may exist and need its mesh. The next start counts again.
+  const bool is_unknown = !submitted && submitted.error().reason == "STORE_UNAVAILABLE";
+  if (!is_new && !is_unknown) meshes_->release(spec.mesh().digest());
   if (!submitted) return tl::unexpected(submitted.error());
   if (!is_new) return get(submitted->job.name());
   settings_.log(submitted->job.name(), "submitted");

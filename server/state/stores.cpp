@@ -3,6 +3,8 @@
 
 #include <spdlog/spdlog.h>
 
+#include <filesystem>
+
 #include "server/jobs/memory_job_store.h"
 #include "server/jobs/sqlite_job_store.h"
 
@@ -25,9 +27,23 @@ DirectoryMeshSettings mesh_settings(const Limits& limits) {
   return settings;
 }
 
+/// Refuses a state directory whose own file has jobs, which nobody would see while the jobs are in a database.
+Expected<void> check_no_jobs(const StateDirectory& state) {
+  if (!std::filesystem::exists(state.jobs())) return {};
+  const auto jobs = SqliteJobStore::open(state.jobs());
+  if (!jobs) return output_error(jobs.error());
+  const auto page = (*jobs)->list({}, 1, "");
+  if (!page) return output_error(page.error());
+  if (page->jobs.empty()) return {};
+  return tl::unexpected(Error{Error::Kind::Output, "The file " + state.jobs() +
+                                                       " has jobs, which a server with --store does not see; start "
+                                                       "without --store, or choose another directory for --state."});
+}
+
 Expected<std::unique_ptr<JobStore>> open_jobs(const StoreSettings& settings, const StateDirectory& state,
                                               JobStoreSettings job_settings) {
   if (settings.open_jobs) {
+    if (const auto checked = check_no_jobs(state); !checked) return tl::unexpected(checked.error());
     job_settings.clock = nullptr;  // the database has a clock that all its servers share
     return settings.open_jobs(job_settings);
   }

@@ -244,6 +244,11 @@ TEST_F(PostgresStore, SetsADamagedRowAside) {
   EXPECT_EQ(store_->get("jobs/1").error().reason, "JOB_NOT_FOUND");
 }
 
+TEST_F(PostgresStore, FindsNoJobOfAnImpossibleName) {
+  for (const std::string& name : {std::string("jobs/\0", 6), std::string("jobs/\xff"), std::string("1"), std::string()})
+    EXPECT_EQ(store_->get(name).error().reason, "JOB_NOT_FOUND");
+}
+
 TEST_F(PostgresStore, KeepsTextsOfAnyBytes) {
   const std::string odd("a\0b", 3), other("a\0c", 3);
   v1::JobSpec spec;
