@@ -1,6 +1,8 @@
 // Reads a mesh, optimises it with the numerical library, and writes the results.
 #include <algorithm>
+#include <atomic>
 #include <cmath>
+#include <mutex>
 #include <optional>
 #include <string>
 #include <utility>
@@ -135,6 +137,9 @@ RunSummary stopped_early() {
   return summary;
 }
 
+/// How long a mesh is still read after the run was asked to stop.
+constexpr double kSecondsToReadOn = 0.25;
+
 /// Reads the mesh of the request, with the memory for it, and takes the time from the request's time limit. Nothing if
 /// the run is to stop.
 Expected<std::optional<formats::MeshFile>> read_input(RunRequest& request, const RunHooks& hooks) {
@@ -148,7 +153,17 @@ Expected<std::optional<formats::MeshFile>> read_input(RunRequest& request, const
     if (!*admitted) return std::nullopt;
   }
   double& limit = request.options.time_limit;
-  StopToken stop([&] { return hooks.control.stop_asked() || (hooks.given_up && hooks.given_up()); });
+  // A run that is stopped hands out the mesh as it came, so a mesh that is nearly read is read to its end.
+  std::atomic<bool> asked = false;
+  StopToken grace;
+  std::mutex first;
+  StopToken stop([&] {
+    if (hooks.given_up && hooks.given_up()) return true;
+    if (!asked && !hooks.control.stop_asked()) return false;
+    const std::scoped_lock lock(first);
+    if (!asked.exchange(true)) grace.stop_after(kSecondsToReadOn);
+    return grace.stopped();
+  });
   if (limit > 0) stop.stop_after(limit);
   const Stopwatch watch;
   auto file = read_mesh(bytes, request.format, threads, stop);
