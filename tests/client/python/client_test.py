@@ -106,7 +106,8 @@ class Client(support.WithServer):
 
     def test_events_are_in_order_and_resume_after_a_number(self):
         job = self.client.submit(MESH)
-        events = list(job.watch())
+        # Work that is reported inside a long iteration has the number of the event before it.
+        events = [event for event in job.watch() if event.work is None]
         numbers = [event.sequence for event in events]
         self.assertEqual(numbers, sorted(set(numbers)))
         self.assertEqual([event.state for event in events if event.state][-1], "succeeded")
