@@ -1,5 +1,5 @@
-// How much memory a reader may take for what a file of XML or ISM says. Internal to core/formats. The readers of records
-// of text have an Allowance (allowance.h), which their Scanner asks.
+// How much memory a reader may take for what a file of XML or ISM says. Internal to core/formats. The readers of
+// records of text have an Allowance (allowance.h), which their Scanner asks.
 #pragma once
 
 #include <cstddef>
@@ -9,8 +9,8 @@
 
 namespace varimesh::formats {
 
-/// Counts what such a reader takes, and refuses a file that asks for more than 8 times its size and 64 MiB. Only a damaged
-/// or hostile file does so, or one that repeats itself, such as a compressed file of zeros.
+/// Counts what such a reader takes, and refuses a file that asks for more than 8 times its size and 64 MiB. Only a
+/// damaged or hostile file does so, or one that repeats itself, such as a compressed file of zeros.
 class FileAllowance {
  public:
   explicit FileAllowance(std::size_t file_bytes) : left_(kTimes * file_bytes + kPlus) {}

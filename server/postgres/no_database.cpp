@@ -6,7 +6,7 @@ namespace {
 
 Error without_libpq() {
   return {Error::Kind::BadOption,
-          "This varimeshd was built without PostgreSQL; install libpq-dev and build it again, or use --state alone."};
+          "This varimeshd was built without PostgreSQL; install libpq-dev and build it again, or leave out --store."};
 }
 
 }  // namespace
