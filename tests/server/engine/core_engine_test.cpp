@@ -1,8 +1,11 @@
 // The engine that uses the numerical library.
 #include <gtest/gtest.h>
 
+#include <atomic>
+#include <chrono>
 #include <memory>
 #include <string>
+#include <thread>
 
 #include "server/engine/engine.h"
 #include "server/engine/mesh_parts.h"
@@ -100,6 +103,10 @@ TEST(CoreEngine, LooksAtCancelAndTimeLimitWhileItReads) {
     return false;
   };
   hooks.control.stop_asked = [&] { return ++asked > 3; };
+  hooks.given_up = [] {
+    std::this_thread::sleep_for(std::chrono::milliseconds(20));  // a look takes so long that reading takes seconds
+    return false;
+  };
   const auto cancelled = core_engine().run(request, hooks);
   ASSERT_TRUE(cancelled) << cancelled.error().sentence;
   EXPECT_TRUE(cancelled->stopped);
@@ -108,6 +115,12 @@ TEST(CoreEngine, LooksAtCancelAndTimeLimitWhileItReads) {
 
   asked = 0;
   hooks.control.stop_asked = [] { return false; };
+  hooks.given_up = [] { return true; };
+  const auto given_up = core_engine().run(request, hooks);
+  ASSERT_TRUE(given_up) << given_up.error().sentence;
+  EXPECT_TRUE(given_up->stopped);
+
+  hooks.given_up = nullptr;
   request.options.time_limit = 1e-6;
   const auto late = core_engine().run(request, hooks);
   ASSERT_FALSE(late);
