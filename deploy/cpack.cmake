@@ -39,7 +39,7 @@ varimesh_package(library libvarimesh-client${abi} "C++ client of the mesh optimi
   SECTION libs)
 varimesh_package(development libvarimesh-dev "Headers of the mesh optimisation library and of the C++ client" SECTION libdevel
   COMPONENTS client-development core
-  DEPENDS "libvarimesh-client${abi} (= ${PROJECT_VERSION}), libgrpc++-dev, libprotobuf-dev, protobuf-compiler, libexpected-dev, libhwy-dev, zlib1g-dev, pkg-config")
+  DEPENDS "libvarimesh-client${abi} (= ${PROJECT_VERSION}), libgrpc++-dev, libprotobuf-dev, protobuf-compiler, libexpected-dev, libhwy-dev, libexpat1-dev, zlib1g-dev, pkg-config")
 varimesh_package(python python3-varimesh "Python package that optimises high-order meshes on a server" SECTION python
   COMPONENTS python DEPENDS "python3 (>= 3.11), python3-grpcio, python3-protobuf, python3-numpy")
 set(CPACK_DEBIAN_SERVER_PACKAGE_SUGGESTS varimesh)
