@@ -1,34 +1,46 @@
-// How much memory a reader may take for what a file of XML or ISM says. Internal to core/formats. The readers of
-// records of text have an Allowance (allowance.h), which their Scanner asks.
+// An allowance that refuses the file itself, for readers of XML and ISM. Internal to core/formats. The readers of
+// records of text ask their Scanner, which names the place in the file.
 #pragma once
 
 #include <cstddef>
-#include <string>
+#include <cstdint>
+#include <limits>
 
+#include "core/formats/allowance.h"
 #include "core/formats/scanner.h"
 
 namespace varimesh::formats {
 
-/// Counts what such a reader takes, and refuses a file that asks for more than 8 times its size and 64 MiB. Only a
-/// damaged or hostile file does so, or one that repeats itself, such as a compressed file of zeros.
+/// The most memory that reading a file of this size takes with these readers, in bytes.
+constexpr std::int64_t most_file_memory(std::int64_t file_bytes) { return 8 * file_bytes + (std::int64_t{64} << 20); }
+
+/// Counts what a reader takes, and throws ReadFailure if a file asks for more than most_file_memory(). Only a damaged
+/// or hostile file does so, or one that repeats itself, such as a compressed file of zeros.
 class FileAllowance {
  public:
-  explicit FileAllowance(std::size_t file_bytes) : left_(kTimes * file_bytes + kPlus) {}
+  /// `stop` may be null.
+  explicit FileAllowance(std::size_t file_bytes, const StopToken* stop = nullptr)
+      : allowance_(most_file_memory(std::int64_t(file_bytes)), stop) {}
 
-  /// Must come before the memory is taken.
+  /// Must come before the memory is taken. Throws Interrupted if reading is to stop.
   void take(std::size_t count, std::size_t bytes_each) {
-    if (bytes_each != 0 && count > left_ / bytes_each)
+    look();
+    constexpr std::size_t kMost = std::numeric_limits<std::int64_t>::max() / 2;
+    if (bytes_each == 0) return;
+    if (count > kMost / bytes_each || !allowance_.take(count * bytes_each))
       throw ReadFailure{
           "The mesh file cannot be read: what it describes takes more than 8 times the memory of the file and 64 MiB. "
           "The file is damaged, or it leaves almost everything out; write it in another format, for example MSH."};
-    left_ -= count * bytes_each;
   }
   /// What was taken and is free again.
-  void give_back(std::size_t bytes) { left_ += bytes; }
+  void give_back(std::size_t bytes) { allowance_.give_back(bytes); }
+  /// Called for every record.
+  void look() { allowance_.look(); }
+  /// For a Scanner that is to count with it.
+  Allowance* counted() { return &allowance_; }
 
  private:
-  static constexpr std::size_t kTimes = 8, kPlus = std::size_t(64) << 20;
-  std::size_t left_;
+  Allowance allowance_;
 };
 
 }  // namespace varimesh::formats

@@ -89,7 +89,7 @@ struct Element {
 
 class Reading {
  public:
-  explicit Reading(std::string_view bytes) : scan_(bytes), allowance_(bytes.size()) {}
+  Reading(std::string_view bytes, const StopToken* stop) : scan_(bytes), allowance_(bytes.size(), stop) {}
 
   HighOrderMesh take() {
     header();
@@ -376,8 +376,8 @@ bool begins_like_ism(std::string_view bytes) {
          std::all_of(node.begin(), node.end(), is_number);
 }
 
-Expected<MeshFile> read_ism(std::string_view bytes, const Team&) {
-  return MeshFile{Reading(bytes).take(), Format::Ism};
+Expected<MeshFile> read_ism(std::string_view bytes, const Team& team) {
+  return MeshFile{Reading(bytes, team.stop()).take(), Format::Ism};
 }
 
 }  // namespace varimesh::formats

@@ -29,6 +29,9 @@ class NektarIds {
   std::int64_t operator[](std::size_t i) const { return ids_[i]; }
   std::size_t size() const { return ids_.size(); }
 
+  /// What finish() takes for each number at most, while the list of pairs grows.
+  static constexpr std::size_t kSortedBytes = 2 * sizeof(std::pair<std::int64_t, std::int32_t>);
+
  private:
   std::vector<std::int64_t> ids_;
   std::vector<std::pair<std::int64_t, std::int32_t>> sorted_;  ///< Empty if the numbers are 0, 1, 2, …

@@ -223,12 +223,14 @@ class Parser : public XmlVisitor {
       return expect_end(scan);
     }
     const std::string bytes = unpacked(text, 8 * (1 + sides));
+    allowance_.take(2, bytes.size());
     for (std::size_t at = 0; at < bytes.size(); at += 8 * (1 + sides)) {
       std::array<std::int64_t, 7> numbers{};
       std::memcpy(numbers.data(), bytes.data() + at, 8 * (1 + sides));
       add(numbers[0]);
       list.sides.insert(list.sides.end(), numbers.begin() + 1, numbers.begin() + 1 + std::ptrdiff_t(sides));
     }
+    allowance_.give_back(bytes.size());
   }
 
   void curve(std::string_view name, XmlText text) {
@@ -289,14 +291,18 @@ class Parser : public XmlVisitor {
     return bytes;
   }
 
+  /// What the body adds to the lists takes as much memory as the record, and up to twice that while a list grows.
   template <class Record, class Body>
   void for_each_packed(XmlText text, const Body& body) {
     const std::string bytes = unpacked(text, sizeof(Record));
+    allowance_.take(2, bytes.size());
     for (std::size_t at = 0; at < bytes.size(); at += sizeof(Record)) {
+      allowance_.look();
       Record record;
       std::memcpy(&record, bytes.data() + at, sizeof(Record));
       body(record);
     }
+    allowance_.give_back(bytes.size());
   }
 
   /// Keeps an element with its tags, from its first byte to its end tag.
@@ -330,8 +336,9 @@ class Parser : public XmlVisitor {
     parts = std::move(sorted);
   }
 
-  void finish(NektarIds& ids, const char* what) const {
+  void finish(NektarIds& ids, const char* what) {
     std::int64_t twice = 0;
+    allowance_.take(ids.size(), NektarIds::kSortedBytes);
     if (!ids.finish(twice))
       Scanner(file_.bytes).fail("the " + std::string(what) + " " + std::to_string(twice) + " occurs twice");
   }

@@ -96,8 +96,9 @@ class Reading {
 
   MfemTopology make_topology() {
     if (file_.vertex_ids.size() > std::size_t(kMostNodes)) fail("it has too many vertices");
-    allowance_.take(file_.elements.shapes.size(), 100);
-    MfemTopology topology(mesh_.dimension, mesh_.order, std::int32_t(file_.vertex_ids.size()));
+    Scanner counted(file_.bytes);
+    counted.allowance = allowance_.counted();
+    MfemTopology topology(mesh_.dimension, mesh_.order, std::int32_t(file_.vertex_ids.size()), &counted);
     for_each_cell(
         [&](std::size_t, Shape shape, std::span<const std::int32_t> vertices) { topology.add(shape, vertices); });
     topology.finish();
@@ -293,8 +294,8 @@ class Reading {
 
 bool begins_like_nektar(std::string_view bytes) { return begins_with_element(bytes, "NEKTAR"); }
 
-Expected<MeshFile> read_nektar(std::string_view bytes, const Team&) {
-  FileAllowance allowance(bytes.size());
+Expected<MeshFile> read_nektar(std::string_view bytes, const Team& team) {
+  FileAllowance allowance(bytes.size(), team.stop());
   NektarFile file = parse_nektar(bytes, allowance);
   if (!file.compressed) file.others.push_back({std::string(kNektarText), "", "nektar"});
   if (file.elements.ids.size() == 0) Scanner(bytes).fail("it has no elements");

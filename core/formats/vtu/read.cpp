@@ -332,10 +332,10 @@ class Reading {
 
 bool begins_like_vtk(std::string_view bytes) { return begins_with_element(bytes, "VTKFile"); }
 
-Expected<MeshFile> read_vtu(std::string_view bytes, const Team&) {
+Expected<MeshFile> read_vtu(std::string_view bytes, const Team& team) {
   Parser parser(bytes);
   walk_xml(bytes, parser);
-  FileAllowance allowance(bytes.size());
+  FileAllowance allowance(bytes.size(), team.stop());
   return MeshFile{Reading(parser.take(), allowance).take(), Format::Vtu};
 }
 

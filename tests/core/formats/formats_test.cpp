@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include "tests/core/support/meshes.h"
 #include "tests/core/support/samples.h"
 
 namespace varimesh {
@@ -53,6 +54,19 @@ TEST(FormatTable, HasEveryFormatOnceByItsName) {
   EXPECT_EQ(readable, 8U);
   EXPECT_EQ(formats::from_name("auto"), Format::Auto);
   EXPECT_EQ(formats::from_name(""), Format::Auto);
+}
+
+TEST(Read, StopsInEveryFormatThatIsWritten) {
+  const HighOrderMesh mesh = testing::grid(testing::Filling::Triangles, {40, 40, 1}, 2);
+  const StopToken stop([] { return true; });
+  for (const formats::FormatInfo& info : formats::all()) {
+    if (!info.readable || info.format == Format::Ism) continue;
+    const std::string bytes = test::written(mesh, info.format);
+    EXPECT_TRUE(formats::read(bytes, 1)) << info.name;
+    const auto stopped = formats::read(bytes, 1, &stop);
+    ASSERT_FALSE(stopped) << info.name;
+    EXPECT_NE(stopped.error().sentence.find("stopped before its end"), std::string::npos) << info.name;
+  }
 }
 
 TEST(Write, TakesTheBinaryMshFormatByDefault) {

@@ -9,6 +9,7 @@
 
 #include "core/formats/formats.h"
 #include "core/formats/gmsh/types.h"
+#include "core/formats/xml/encoding.h"
 #include "tests/core/memory/counted_heap.h"
 #include "tests/core/support/meshes.h"
 
@@ -210,6 +211,29 @@ void expect_within_bounds(const std::vector<File>& files) {
 TEST(MemoryOfReading, IsBoundedForMshFilesOfManySmallParts) { expect_within_bounds(msh_files()); }
 
 TEST(MemoryOfReading, IsBoundedForMfemFilesOfManySmallParts) { expect_within_bounds(mfem_files()); }
+
+/// A compressed file of Nektar++ with many vertices and nothing else. Their numbers are not consecutive, so the reader
+/// sorts them.
+File many_packed_vertices() {
+  struct Vertex {
+    std::int64_t id;
+    double x[3];
+  };
+  constexpr std::int64_t kVertices = 2'000'000;
+  std::string list, packed, text;
+  list.reserve(kVertices * sizeof(Vertex));
+  for (std::int64_t i = 0; i < kVertices; ++i) {
+    const Vertex vertex{kVertices - i, {0.25 * double(i % 7), 0.5 * double(i % 3), 0}};
+    list.append(reinterpret_cast<const char*>(&vertex), sizeof vertex);
+  }
+  formats::deflate_zlib(list, packed, 1);
+  formats::encode_base64(packed, text);
+  return {"nektar-vertices",
+          R"(<NEKTAR><GEOMETRY DIM="3" SPACE="3"><VERTEX COMPRESSED="B64Z-LittleEndian" BITSIZE="64">)" + text +
+              "</VERTEX></GEOMETRY></NEKTAR>"};
+}
+
+TEST(MemoryOfReading, IsBoundedForCompressedNektarFiles) { expect_within_bounds({many_packed_vertices()}); }
 
 TEST(MemoryOfReading, ARefusalSaysWhy) {
   std::string outcome;
