@@ -31,4 +31,8 @@ namespace varimesh {
 ///   well on its side (fixed_samples.h).
 std::vector<UnrepairableGroup> diagnose(const HighOrderMesh& mesh, const std::vector<bool>& fixed, const Team& team);
 
+/// diagnose() of core/diagnosis/diagnosis.h with the team's threads. Do not call it inside team.run(). The team's token
+/// may interrupt it.
+std::vector<UnrepairableGroup> diagnose(const HighOrderMesh& mesh, const Team& team);
+
 }  // namespace varimesh

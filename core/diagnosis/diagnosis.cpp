@@ -202,7 +202,10 @@ std::vector<UnrepairableGroup> with_any_of(std::vector<UnrepairableGroup> groups
 }
 
 std::vector<UnrepairableGroup> diagnose(const HighOrderMesh& mesh, int threads) {
-  const Team team(threads);
+  return diagnose(mesh, Team(threads));
+}
+
+std::vector<UnrepairableGroup> diagnose(const HighOrderMesh& mesh, const Team& team) {
   if (is_surface(mesh)) return {};
   const std::vector<bool> fixed = fixed_nodes(mesh);
   std::vector<UnrepairableGroup> groups;

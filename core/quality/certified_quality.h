@@ -14,9 +14,13 @@ namespace varimesh {
 QualityReport quality(const HighOrderMesh& mesh, const Certifier& certifier, std::vector<Certificate> certificates,
                       int intervals, const Team& team);
 
-/// The same in a twentieth of the time, for runs that are to end at once: samples are only at the vertices, at the
-/// middle of edges and between them (lattice_intervals 2), no bound is sharpened, and the loss of accuracy is left out.
-/// It is never interrupted.
+/// quality() of core/quality/quality.h with the team's threads. Do not call it inside team.run(). The team's token may
+/// interrupt it.
+QualityReport quality(const HighOrderMesh& mesh, int intervals, const Team& team);
+
+/// The same as the first in a twentieth of the time, for runs that are to end at once: samples are only at the
+/// vertices, at the middle of edges and between them (lattice_intervals 2), no bound is sharpened, and the loss of
+/// accuracy is left out. It is never interrupted.
 QualityReport quick_quality(const HighOrderMesh& mesh, std::span<const Certificate> certificates, const Team& team);
 
 /// cell_quality() on the default lattice with the team's threads. The team's token may interrupt it.

@@ -193,7 +193,10 @@ CellQuality cell_quality(const HighOrderMesh& mesh, int intervals, int threads) 
 }
 
 QualityReport quality(const HighOrderMesh& mesh, int intervals, int threads) {
-  const Team team(threads);
+  return quality(mesh, intervals, Team(threads));
+}
+
+QualityReport quality(const HighOrderMesh& mesh, int intervals, const Team& team) {
   std::optional<detail::JudgedMesh> judged;
   std::optional<Certifier> certifier;
   std::vector<Certificate> certificates;

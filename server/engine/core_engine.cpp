@@ -9,11 +9,12 @@
 
 #include "core/base/stop_token.h"
 #include "core/base/stopwatch.h"
-#include "core/diagnosis/diagnosis.h"
+#include "core/base/team.h"
+#include "core/diagnosis/diagnose.h"
 #include "core/marks/marks.h"
 #include "core/optimise/memory.h"
 #include "core/optimise/optimiser.h"
-#include "core/quality/quality.h"
+#include "core/quality/certified_quality.h"
 #include "server/engine/engine.h"
 #include "server/engine/mesh_parts.h"
 #include "server/engine/translate.h"
@@ -85,11 +86,12 @@ Expected<void> write_outputs(const Result& result, const RunRequest& request, v1
   return {};
 }
 
-/// The options of a job that judges a mesh: nothing moves, and only the number of threads is the job's.
-Options judging_options(int threads) {
+/// The options of a job that judges a mesh: nothing moves, and only the threads and the time limit are the job's.
+Options judging_options(const Options& asked) {
   Options options;
   options.max_iterations = 0;
-  options.threads = threads;
+  options.threads = asked.threads;
+  options.time_limit = asked.time_limit;
   return options;
 }
 
@@ -98,22 +100,35 @@ Options judging_options(int threads) {
 std::int64_t memory_of_lattice(const HighOrderMesh& mesh, int intervals) {
   double most = 0;
   for (const ElementBlock& block : mesh.blocks) {
-    const double points = std::pow(intervals + 1.0, reference::info(block.shape).dimension);
+    const reference::ShapeInfo& shape = reference::info(block.shape);
+    if (shape.dimension != mesh.dimension) continue;
+    const double points = std::pow(intervals + 1.0, shape.dimension) / (shape.affine ? shape.dimension : 1);
     most = std::max(most, points * reference::node_count(block.shape, block.order) * 3 * sizeof(double));
   }
   return static_cast<std::int64_t>(std::min(most, 1e18));
 }
 
 /// Judges a mesh without moving anything, as the command's `quality` does.
-Expected<Result> judge(HighOrderMesh mesh, const v1::QualityTask& task, const Options& options) {
-  const int threads = options.threads;
+Expected<Result> judge(HighOrderMesh mesh, const v1::QualityTask& task, const Options& options, const RunHooks& hooks) {
   const auto sizes = summarise(mesh, options);  // also checks the mesh
   if (!sizes) return tl::unexpected(sizes.error());
   Result result;
   result.sizes = *sizes;
-  result.before = result.after = quality(mesh, task.lattice(), threads);
-  if (task.diagnose() && !result.after.uncertified.empty())
-    result.unrepairable = with_any_of(diagnose(mesh, threads), uncertified_numbers(result.after));
+  StopToken stop(
+      [&] { return (hooks.control.stop_asked && hooks.control.stop_asked()) || (hooks.given_up && hooks.given_up()); });
+  if (options.time_limit > 0) stop.stop_after(options.time_limit);
+  Team team(options.threads);
+  team.set_stop(&stop);
+  try {
+    result.before = result.after = quality(mesh, task.lattice(), team);
+    if (task.diagnose() && !result.after.uncertified.empty())
+      result.unrepairable = with_any_of(diagnose(mesh, team), uncertified_numbers(result.after));
+  } catch (const Interrupted&) {
+    if (stop.reason() == StopToken::Reason::TimeLimit)
+      return bad_input(
+          "The time limit passed while the mesh was judged; allow more seconds, or take a coarser lattice.");
+    result.stopped = true;
+  }
   result.mesh = std::move(mesh);
   return result;
 }
@@ -177,7 +192,7 @@ Expected<std::optional<formats::MeshFile>> read_input(RunRequest& request, const
 }
 
 Expected<RunSummary> run(RunRequest request, const RunHooks& hooks) {
-  if (request.quality) request.options = judging_options(request.options.threads);
+  if (request.quality) request.options = judging_options(request.options);
   auto file = read_input(request, hooks);
   if (!file) return tl::unexpected(file.error());
   if (!*file) return stopped_early();
@@ -196,7 +211,7 @@ Expected<RunSummary> run(RunRequest request, const RunHooks& hooks) {
   request.options.threads = std::min(request.options.threads, most);
   RunControl control = hooks.control;
   if (control.threads) control.threads = [&] { return std::min(hooks.control.threads(), most); };
-  auto result = request.quality ? judge(std::move(mesh), *request.quality, request.options)
+  auto result = request.quality ? judge(std::move(mesh), *request.quality, request.options, hooks)
                                 : optimise(std::move(mesh), request.options, hooks.on_iteration, control);
   if (!result) return tl::unexpected(result.error());
   const bool wanted = !(result->stopped && hooks.given_up());

@@ -22,7 +22,7 @@ class Bytes : public Blob {
   std::string bytes_;
 };
 
-/// A square of two triangles, as MESH_FORMAT_PARTS.
+/// A square of two triangles with an element for a corner, as MESH_FORMAT_PARTS.
 std::string two_triangles() {
   HighOrderMesh mesh;
   mesh.dimension = 2;
@@ -34,7 +34,12 @@ std::string two_triangles() {
   block.order = 1;
   block.numbers = {1, 2};
   block.nodes = {0, 1, 2, 0, 2, 3};
-  mesh.blocks = {block};
+  ElementBlock corner;
+  corner.shape = Shape::Point;
+  corner.order = 1;
+  corner.numbers = {3};
+  corner.nodes = {0};
+  mesh.blocks = {corner, block};
   std::string bytes;
   const auto written = write_mesh_parts(mesh, [&](std::string_view piece) {
     bytes += piece;
@@ -45,12 +50,12 @@ std::string two_triangles() {
 }
 
 /// The memory that a run asks for, in bytes.
-std::int64_t admitted_bytes(const Options& options, bool judges) {
+std::int64_t admitted_bytes(const Options& options, bool judges, int lattice = 0) {
   RunRequest request;
   request.input = std::make_shared<Bytes>(two_triangles());
   request.format = v1::MESH_FORMAT_PARTS;
   request.options = options;
-  if (judges) request.quality.emplace();
+  if (judges) request.quality.emplace().set_lattice(lattice);
   std::int64_t asked = 0;
   RunHooks hooks;
   hooks.control.stop_asked = [] { return false; };
@@ -74,8 +79,36 @@ TEST(CoreEngine, AdmitsAMeshToBeJudgedWhateverTheOtherOptionsSay) {
   costly.fix = {"no such group"};
   const std::int64_t judging = admitted_bytes(plain, true);
   EXPECT_GT(judging, 0);
+  EXPECT_LT(judging, std::int64_t{64} << 20);
   EXPECT_EQ(admitted_bytes(costly, true), judging);
   EXPECT_GT(admitted_bytes(plain, false), judging) << "an optimisation needs more";
+  EXPECT_GT(admitted_bytes(plain, true, 1000), judging + (std::int64_t{30} << 20)) << "a fine lattice needs memory";
+}
+
+TEST(CoreEngine, StopsJudgingAMesh) {
+  RunRequest request;
+  request.input = std::make_shared<Bytes>(two_triangles());
+  request.format = v1::MESH_FORMAT_PARTS;
+  request.options.threads = 1;
+  request.quality.emplace();
+  RunHooks hooks;
+  hooks.given_up = [] { return false; };
+  hooks.open_output = [](v1::MeshFormat) { return [](std::string_view) { return true; }; };
+  hooks.control.stop_asked = [] { return true; };
+  const auto cancelled = core_engine().run(request, hooks);
+  ASSERT_TRUE(cancelled) << cancelled.error().sentence;
+  EXPECT_TRUE(cancelled->stopped);
+
+  hooks.control.stop_asked = [] { return false; };
+  request.options.time_limit = 1e-9;
+  const auto late = core_engine().run(request, hooks);
+  ASSERT_FALSE(late);
+  EXPECT_NE(late.error().sentence.find("time limit"), std::string::npos) << late.error().sentence;
+
+  request.options.time_limit = 0;
+  const auto judged = core_engine().run(request, hooks);
+  ASSERT_TRUE(judged) << judged.error().sentence;
+  EXPECT_FALSE(judged->stopped);
 }
 
 /// A file of many nodes that is read in a fraction of a second.
