@@ -152,6 +152,15 @@ void add_database_flags(CLI::App& app, Flags& flags, Units& units) {
          "With --store: seconds without a sign of life after which a server's running jobs go back to the queue")
       ->capture_default_str()
       ->check(CLI::Range(1.0, 3600.0));
+  app.add_option("--meshes", flags.options.meshes,
+                 "With --store: directory of meshes and results that all servers of the database share (default: a "
+                 "folder of --state, and one server)")
+      ->envname("VARIMESH_MESHES");
+  app.add_option("--role", flags.options.role,
+                 "With --store and --meshes: 'frontend' answers clients, 'worker' runs jobs, 'all' does both")
+      ->transform(CLI::CheckedTransformer(
+          std::map<std::string, Role>{{"all", Role::All}, {"frontend", Role::Frontend}, {"worker", Role::Worker}}))
+      ->default_str("all");
   CLI::App* const migrate =
       app.add_subcommand("migrate", "Make the tables of the database of --store, or update them, and end");
   add(*migrate, "Address of the database, as for the server")->required();

@@ -11,7 +11,8 @@
 //   varimeshd check --state /var/lib/varimesh     compares everything that is kept with its digests
 //   varimeshd backup --state /var/lib/varimesh /backup/varimesh
 //   varimeshd migrate --store postgresql://farm@db/varimesh    makes the tables of a database for the jobs
-//   varimeshd --state meshes --store postgresql://…            keeps the jobs there
+//   varimeshd --state state --store postgresql://…             keeps the jobs there
+//   varimeshd --state state --store postgresql://… --meshes /shared --role worker     runs jobs, beside other servers
 #include <spdlog/spdlog.h>
 
 #include <csignal>
@@ -62,13 +63,18 @@ bool write_port_file(const std::string& path, const std::string& address) {
 /// Tells the address of the server. Returns false, after a message, if the port file cannot be written.
 bool announce(const Server& server, const std::string& port_file) {
   const std::string address = server.address();
-  if (port_file.empty()) {
+  if (address.empty()) {
+    std::cout << "varimeshd runs jobs" << std::endl;
+  } else if (port_file.empty()) {
     std::cout << "varimeshd listens on " << address << std::endl;
   } else if (!write_port_file(port_file, address)) {
     std::cerr << "varimeshd: cannot write " << port_file << "; choose a file in a folder that exists.\n";
     return false;
   }
-  spdlog::info("varimeshd {} listens on {}", varimesh::version(), address);
+  if (address.empty())
+    spdlog::info("varimeshd {} runs jobs and answers no clients", varimesh::version());
+  else
+    spdlog::info("varimeshd {} listens on {}", varimesh::version(), address);
   if (const std::string& admin = server.admin_address(); !admin.empty())
     spdlog::info("the live page is at http://{}/", admin);
   return true;
@@ -76,7 +82,7 @@ bool announce(const Server& server, const std::string& port_file) {
 
 /// Sets the address if the user gave none.
 varimesh::Expected<void> choose_address(ServerOptions& options) {
-  if (!options.listen.empty()) return {};
+  if (!options.listen.empty() || options.role == varimesh::server::Role::Worker) return {};
   options.listen = "127.0.0.1:50051";
   if (!options.tokens.empty() || options.tls.are_given()) return {};
   const auto socket = varimesh::server::private_socket(options.state);
@@ -87,6 +93,7 @@ varimesh::Expected<void> choose_address(ServerOptions& options) {
 
 /// Says who may use the server if that is more people than the user may think; empty: nobody else.
 std::string warning_about(const ServerOptions& options) {
+  if (options.listen.empty()) return {};
   const bool knows_callers = options.tls.are_mutual() || !options.tokens.empty();
   if (varimesh::server::is_loopback(options.listen)) {
     if (!varimesh::server::is_unix_socket(options.listen) && !knows_callers)
@@ -113,6 +120,21 @@ int migrate(const std::string& store) {
 
 /// Makes the server keep its jobs in the database. Returns false, after a message, if the address cannot be used.
 bool use_database(varimesh::server::ServerOptions& options, const std::string& store) {
+  if (store.empty() && (!options.meshes.empty() || options.role != varimesh::server::Role::All)) {
+    std::cerr
+        << "varimeshd: servers share meshes and work through a database; add --store URL, or leave out --meshes and "
+           "--role.\n";
+    return false;
+  }
+  if (options.meshes.empty() && options.role != varimesh::server::Role::All) {
+    std::cerr << "varimeshd: a server that only answers clients or only runs jobs shares its meshes with others; add "
+                 "--meshes DIR.\n";
+    return false;
+  }
+  if (options.role == varimesh::server::Role::Worker && !options.listen.empty()) {
+    std::cerr << "varimeshd: a worker answers no clients; leave out --listen, or --role worker.\n";
+    return false;
+  }
   if (store.empty()) return true;
   if (const auto checked = varimesh::server::check_postgres(store); !checked) {
     std::cerr << "varimeshd: " << checked.error().sentence << '\n';

@@ -46,6 +46,8 @@ std::string worker_name(const std::string& state) {
 }  // namespace
 
 Server::Server(ServerOptions options) : options_(std::move(options)), threads_(options_.limits.threads) {
+  // A front end reads no mesh whole: whether there is memory for a job is the workers' question.
+  if (options_.role == Role::Frontend) options_.limits.max_memory_bytes = 0;
   options_.limits.threads = threads_.threads();
 }
 
@@ -59,7 +61,8 @@ Expected<void> Server::read_tokens() {
 }
 
 Expected<void> Server::open_stores() {
-  auto opened = Stores::open({options_.state, options_.data, options_.limits, options_.clock, options_.open_jobs});
+  auto opened = Stores::open(
+      {options_.state, options_.data, options_.meshes, options_.limits, options_.clock, options_.open_jobs});
   if (!opened) return tl::unexpected(opened.error());
   stores_ = std::move(*opened);
   return {};
@@ -67,7 +70,7 @@ Expected<void> Server::open_stores() {
 
 Expected<void> Server::start_scheduler() {
   SchedulerSettings settings;
-  settings.threads = threads_.threads();
+  settings.threads = options_.role == Role::Frontend ? 0 : threads_.threads();
   if (stores_->jobs().shared()) settings.worker = worker_name(options_.state);
   settings.renewal_interval = options_.limits.lease / 3;
   settings.max_pending = options_.limits.max_pending_jobs;
@@ -162,6 +165,7 @@ std::shared_ptr<grpc::Channel> Server::in_process_channel() { return endpoint_->
 
 bool Server::stop(std::chrono::milliseconds patience) {
   const auto deadline = std::chrono::steady_clock::now() + patience;
+  stores_->jobs().stop_waiting();
   upkeep_->stop_jobs();
   // The streams end first, so that watchers are told that the server stops and not that it cancels their jobs.
   // A job that has not ended at the deadline is given up with the work since its last checkpoint.

@@ -26,6 +26,9 @@ class Stores;
 class SelfCheck;
 class Upkeep;
 
+/// What a server does: answer clients and run jobs, or only one of both.
+enum class Role { All, Frontend, Worker };
+
 /// Settings of a server. With the defaults it listens nowhere and uses the whole machine.
 struct ServerOptions {
   std::string listen;     ///< HOST:PORT (port 0: any free port) or unix:PATH. Empty: in-process channels only.
@@ -39,7 +42,9 @@ struct ServerOptions {
   Limits limits;
   /// Opens a job store elsewhere, such as in a database, while meshes are kept in `state`. Empty: jobs are there too.
   std::function<Expected<std::unique_ptr<JobStore>>(const JobStoreSettings&)> open_jobs;
-  Engine engine;  ///< Runs the jobs: core_engine(), or an engine of a test.
+  std::string meshes;     ///< With `open_jobs`: a directory of meshes that servers share. Empty: they are in `state`.
+  Role role = Role::All;  ///< Other than All: other servers of the same database do the rest.
+  Engine engine;          ///< Runs the jobs: core_engine(), or an engine of a test.
   std::function<TimePoint()> clock = std::chrono::system_clock::now;
   std::function<std::string()> new_name;  ///< Makes the names of new jobs. Empty: random names.
 };

@@ -26,18 +26,18 @@ std::int64_t EventLog::append(v1::JobEvent event) {
     sequence = ++last_sequence_;
     event.set_sequence(sequence);
     work_.reset();
-    if (event.event_case() == v1::JobEvent::kIteration) {
-      iterations_.push_back(std::move(event));
-      if (iterations_.size() > limits_.max_iterations) {
-        dropped_through_ = iterations_.front().sequence();
-        iterations_.pop_front();
-      }
-    } else {
-      kept_.push_back(std::move(event));
-    }
+    keep(std::move(event));
   }
   notify();
   return sequence;
+}
+
+void EventLog::keep(v1::JobEvent event) {
+  if (!event.has_iteration()) return kept_.push_back(std::move(event));
+  iterations_.push_back(std::move(event));
+  if (iterations_.size() <= limits_.max_iterations) return;
+  dropped_through_ = iterations_.front().sequence();
+  iterations_.pop_front();
 }
 
 void EventLog::append_stored(const std::function<std::vector<v1::JobEvent>(std::int64_t last_sequence)>& store) {
@@ -54,7 +54,7 @@ void EventLog::add(std::vector<v1::JobEvent> events) {
   for (v1::JobEvent& event : events) {
     assert(event.sequence() > last_sequence_);
     last_sequence_ = event.sequence();
-    kept_.push_back(std::move(event));
+    keep(std::move(event));
   }
 }
 
@@ -132,6 +132,12 @@ std::int64_t EventLog::last_sequence() const {
 std::int64_t EventLog::oldest_sequence() const {
   std::lock_guard lock(mutex_);
   return dropped_through_ + 1;
+}
+
+bool EventLog::is_watched() const {
+  std::lock_guard lock(mutex_);
+  return !closed_ &&
+         std::any_of(listeners_.begin(), listeners_.end(), [](const auto& listener) { return !listener.expired(); });
 }
 
 void EventLog::subscribe(std::weak_ptr<Listener> listener) {

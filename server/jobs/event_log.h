@@ -71,11 +71,15 @@ class EventLog {
   /// The number of the oldest kept event after which no event has been dropped.
   std::int64_t oldest_sequence() const;
 
+  /// Whether somebody listens, and events may follow.
+  bool is_watched() const;
   /// Adds a listener. It is removed when it no longer exists.
   void subscribe(std::weak_ptr<Listener> listener);
 
  private:
   void add(std::vector<v1::JobEvent> events);
+  /// Requires mutex_. The event has its number.
+  void keep(v1::JobEvent event);
   void notify();
 
   const Limits limits_;

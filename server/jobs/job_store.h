@@ -25,6 +25,9 @@ struct JobStoreSettings {
   std::chrono::milliseconds lease{30'000};  ///< A worker that does not renew its lease for this long loses its job.
   int max_attempts = 3;                     ///< A job that is lost this often without progress becomes FAILED.
   int max_running_of_peer = 0;              ///< How many jobs of one peer can be claimed at a time. 0: no limit.
+  /// The name of the directory that has the meshes of the jobs. A store that outlives its server, elsewhere than in the
+  /// server's directory, refuses a server with another one. Empty: this is not checked.
+  std::string meshes = {};
 };
 
 /// One step of priority counts as much as this waiting time, so that no job waits for ever.
@@ -104,10 +107,11 @@ struct News {
   enum class Kind {
     Reconnected,  ///< News may have been lost.
     Queue,        ///< A job waits.
-    Cancel        ///< A job is to be cancelled.
+    Cancel,       ///< A job is to be cancelled.
+    Changed       ///< A job has new events.
   };
   Kind kind = Kind::Queue;
-  std::string job = {};  ///< Of Cancel.
+  std::string job = {};  ///< Of Cancel and Changed.
 };
 
 /// How an attempt ended.
@@ -137,6 +141,8 @@ class JobStore {
   virtual bool durable() const = 0;
   /// Whether other processes use the store at the same time.
   virtual bool shared() const { return false; }
+  /// The process is about to end: no call waits any longer for the outcome of a change that cannot be asked for.
+  virtual void stop_waiting() {}
   /// Calls `listener` when another process has changed something, from a thread of the store. Empty: no more; when this
   /// returns, no call is under way. The news are hints: they may be late, or lost, and some are needless.
   virtual void listen(std::function<void(const News&)>) {}

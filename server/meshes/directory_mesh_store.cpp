@@ -10,48 +10,10 @@
 #include <system_error>
 #include <tuple>
 
-#include "core/base/sha256.h"
-#include "core/base/write_all.h"
 #include "server/meshes/directory_upload.h"
 #include "server/refusals.h"
 
 namespace varimesh::server {
-
-Refusal cannot_store(const std::string& why) {
-  return store_full("The server cannot store the mesh: " + why + " (" + std::strerror(errno) + ")");
-}
-/// Writes a result to a temporary file and hashes it.
-class DirectoryMeshStore::Writer : public BlobWriter {
- public:
-  Writer(DirectoryMeshStore* store, int file, std::filesystem::path path, std::optional<Promise> promise)
-      : store_(store), file_(file), path_(std::move(path)), promise_(std::move(promise)) {}
-  ~Writer() override {
-    ::close(file_);
-    std::error_code ignored;
-    std::filesystem::remove(path_, ignored);
-  }
-  bool append(std::string_view bytes) override {
-    hash_.update(bytes);
-    const std::int64_t before = size_;
-    size_ += static_cast<std::int64_t>(bytes.size());
-    // The size need not be known, and other files grow as well.
-    if (promise_ && size_ / kCheckedBytes != before / kCheckedBytes && !store_->has_room()) return false;
-    if (promise_) promise_->keep(static_cast<std::int64_t>(bytes.size()));
-    return write_all(file_, bytes);
-  }
-  Answer<StoredBytes> commit() override { return store_->adopt(path_, file_, {hash_.finish(), size_}, false); }
-
- private:
-  DirectoryMeshStore* store_;
-  int file_;
-  std::filesystem::path path_;
-  std::optional<Promise> promise_;  ///< Empty: a result.
-  Sha256 hash_;
-  std::int64_t size_ = 0;
-
-  /// After how many bytes the room on the disk is looked at again.
-  static constexpr std::int64_t kCheckedBytes = 1 << 20;
-};
 
 // ===== the directory =====
 
@@ -157,7 +119,11 @@ Answer<std::unique_ptr<BlobWriter>> DirectoryMeshStore::create(std::optional<std
   std::filesystem::path path = temporary_path();
   const int file = ::open(path.c_str(), O_CREAT | O_EXCL | O_WRONLY | O_CLOEXEC | O_NOFOLLOW, 0600);
   if (file < 0) return cannot_store("a file cannot be created");
-  return std::make_unique<Writer>(this, file, std::move(path), std::move(promise));
+  return std::make_unique<PartWriter>(
+      file, std::move(path), std::move(promise), [this] { return has_room(); },
+      [this](const std::filesystem::path& part, int open, StoredBytes stored) {
+        return adopt(part, open, std::move(stored), false);
+      });
 }
 
 DirectoryMeshStore::Entries::iterator DirectoryMeshStore::find_stored(const std::string& digest) {

@@ -49,9 +49,7 @@ class DirectoryMeshStore : public MeshStore {
                                                                     DirectoryMeshSettings settings);
   ~DirectoryMeshStore() override;
 
-  /// Returns whether the disk has room for this many bytes beside the reserve. What clients have announced and not sent
-  /// yet does not count: otherwise an announcement would stop the server.
-  bool has_room(std::int64_t bytes = 0) const;
+  bool has_room(std::int64_t bytes = 0) const override;
 
   Answer<UploadTicket> begin_upload(const std::string& id, const std::string& digest, std::int64_t size,
                                     const std::string& owner = {}) override;
@@ -71,13 +69,9 @@ class DirectoryMeshStore : public MeshStore {
   void retain(const std::string& digest) override;
   void release(const std::string& digest) override;
   void sweep() override;
-  /// Called regularly, by one thread at a time; a call may take long. Compresses meshes that have not been used for a
-  /// while. Leaves the `needed` ones, since there may be no room to expand them again. Stops if `given_up` returns
-  /// true.
-  void compress_idle(const std::set<std::string>& needed, const std::function<bool()>& given_up);
+  void compress_idle(const std::set<std::string>& needed, const std::function<bool()>& given_up) override;
 
  private:
-  class Writer;
   struct Upload;
   struct Entry {
     std::int64_t size = 0;    ///< Size of the mesh in bytes.

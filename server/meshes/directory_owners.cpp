@@ -14,13 +14,6 @@
 #include "server/refusals.h"
 
 namespace varimesh::server {
-namespace {
-
-/// What stands for an owner of a mesh, in memory and on the disk. A flipped bit in it makes it nobody's.
-std::string mark_of(const std::string& digest, const std::string& owner) { return sha256(digest + " " + owner); }
-
-}  // namespace
-
 bool DirectoryMeshStore::belongs(const Entries::value_type& entry, const std::string& owner) {
   return owner.empty() || entry.second.owners.contains(mark_of(entry.first, owner));
 }

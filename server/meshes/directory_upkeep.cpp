@@ -21,14 +21,6 @@ constexpr std::int64_t kLeastCompressed = 64 * 1024;
 
 }  // namespace
 
-bool sync_directory(const std::filesystem::path& directory) {
-  const int file = ::open(directory.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC | O_NOFOLLOW);
-  if (file < 0) return false;
-  const bool synced = ::fsync(file) == 0;
-  ::close(file);
-  return synced;
-}
-
 // ===== reading =====
 
 void DirectoryMeshStore::read_directory() {

@@ -4,39 +4,17 @@
 
 #include <cerrno>
 
-#include "core/base/write_all.h"
-#include "core/formats/formats.h"
 #include "server/meshes/directory_mesh_store.h"
 #include "server/meshes/directory_upload.h"
 #include "server/refusals.h"
 
 namespace varimesh::server {
-namespace {
-
-/// Writes bytes at an offset of a file, which has nothing behind it afterwards. Returns false if that fails (errno).
-bool write_at(const std::filesystem::path& path, std::int64_t offset, std::string_view bytes) {
-  const int file = ::open(path.c_str(), O_WRONLY | O_CLOEXEC | O_NOFOLLOW);
-  if (file < 0) return false;
-  // A chunk that the disk could not take may have left part of itself.
-  const bool good =
-      ::ftruncate(file, offset) == 0 && ::lseek(file, offset, SEEK_SET) == offset && write_all(file, bytes);
-  const int reason = errno;
-  ::close(file);
-  errno = reason;
-  return good;
-}
-
-}  // namespace
 
 Answer<UploadTicket> DirectoryMeshStore::begin_upload(const std::string& id, const std::string& digest,
                                                       std::int64_t size, const std::string& owner) {
-  if (id.empty() || id.size() > 128) return bad_request("The upload id must have 1 to 128 bytes.");
-  if (!is_sha256(digest))
-    return bad_request("The digest must be the SHA-256 of the mesh as 64 lowercase hexadecimal digits.");
-  if (size < 0 || size > settings_.max_mesh_bytes) return mesh_too_large(settings_.max_mesh_bytes, size);
-  const std::int64_t least = formats::least_memory(size);
-  if (settings_.max_memory_bytes > 0 && least > settings_.max_memory_bytes)
-    return mesh_needs_memory(settings_.max_memory_bytes, least);
+  if (const auto checked = check_upload(id, digest, size, settings_.max_mesh_bytes, settings_.max_memory_bytes);
+      !checked)
+    return tl::unexpected(checked.error());
   while (true) {
     if (pin_and_measure(digest, owner)) return UploadTicket{id, 0, size, true, nullptr, owner};
     const auto found = find_or_make({id, 0, 0, false, nullptr, owner}, digest, size);

@@ -3,8 +3,10 @@
 
 #include <chrono>
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <optional>
+#include <set>
 #include <string>
 #include <string_view>
 
@@ -85,6 +87,10 @@ class MeshStore {
  public:
   virtual ~MeshStore() = default;
 
+  /// Returns whether the disk has room for this many bytes beside the reserve. What clients have announced and not sent
+  /// yet does not count: otherwise an announcement would stop the server.
+  virtual bool has_room(std::int64_t bytes = 0) const = 0;
+
   /// Begins an upload, or continues the upload with this id. INVALID_ARGUMENT for an id or digest of the wrong form;
   /// RESOURCE_EXHAUSTED if there is no room or the mesh is too large; ALREADY_EXISTS if the id belongs to an upload of
   /// another mesh.
@@ -129,6 +135,11 @@ class MeshStore {
   /// Called regularly: deletes meshes without references that are too old, and the oldest of them if the store is too
   /// large.
   virtual void sweep() = 0;
+  /// Called regularly, by one thread at a time; a call may take long. Compresses meshes that have not been used for a
+  /// while, if the store does so. Leaves the `needed` ones, since there may be no room to expand them again. Stops if
+  /// `given_up` returns true.
+  virtual void compress_idle([[maybe_unused]] const std::set<std::string>& needed,
+                             [[maybe_unused]] const std::function<bool()>& given_up) {}
 };
 
 }  // namespace varimesh::server

@@ -13,8 +13,9 @@ namespace {
 constexpr std::chrono::milliseconds kLook{200};
 
 News news_of(const std::string& text) {
-  const std::string_view cancel = postgres::kCancelNews;
-  if (text.rfind(cancel, 0) == 0) return {News::Kind::Cancel, text.substr(cancel.size())};
+  const std::string_view cancel = postgres::kCancelNews, changed = postgres::kChangedNews;
+  if (text.starts_with(cancel)) return {News::Kind::Cancel, text.substr(cancel.size())};
+  if (text.starts_with(changed)) return {News::Kind::Changed, text.substr(changed.size())};
   return {News::Kind::Queue, {}};
 }
 

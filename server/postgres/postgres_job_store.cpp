@@ -30,7 +30,24 @@ Answer<std::unique_ptr<PostgresJobStore>> PostgresJobStore::open(const PostgresS
     return internal_failure("The database has no tables of this version (theirs is " + std::to_string(*version) +
                             ", this program's is " + std::to_string(kPostgresVersion) +
                             "); run varimeshd migrate with the same --store first.");
+  if (const auto checked = store->check_meshes(); !checked) return tl::unexpected(checked.error());
   return store;
+}
+
+Answer<void> PostgresJobStore::check_meshes() {
+  const std::string& ours = database_.settings().meshes;
+  if (ours.empty()) return {};
+  const auto theirs = database_.write<std::string>([&](PostgresWork& transaction) -> Answer<std::string> {
+    transaction.connection.query("INSERT INTO meshes(directory) VALUES($1::text) ON CONFLICT DO NOTHING",
+                                 PostgresValues().add(ours));
+    return transaction.connection.query("SELECT directory FROM meshes").text(0, 0);
+  });
+  if (!theirs) return tl::unexpected(theirs.error());
+  if (*theirs == ours) return {};
+  return internal_failure(
+      "The jobs of this database have their meshes in another directory; start the server with that one (--meshes, or "
+      "--state if no --meshes was given), or choose another database. After the meshes were restored to a new place, "
+      "the file 'name' must be there too.");
 }
 
 bool PostgresJobStore::has_ample_room(int max_pending) {

@@ -24,12 +24,13 @@ namespace varimesh::server {
 class PostgresJobStore : public JobStore {
  public:
   /// Connects to the database. UNAVAILABLE if it cannot be reached; INTERNAL if `varimeshd migrate` has not made its
-  /// tables, or a newer version has.
+  /// tables, if a newer version has, or if its jobs have their meshes in another directory.
   static Answer<std::unique_ptr<PostgresJobStore>> open(const PostgresSettings& where,
                                                         const JobStoreSettings& settings = {});
 
   bool durable() const override { return true; }
   bool shared() const override { return true; }
+  void stop_waiting() override { database_.stop_waiting(); }
   void listen(std::function<void(const News&)> listener) override;
   Answer<Changed> submit(const Submission& submission) override;
   Answer<v1::Job> get(const std::string& name) override;
@@ -54,6 +55,9 @@ class PostgresJobStore : public JobStore {
  private:
   PostgresJobStore(const PostgresSettings& where, const JobStoreSettings& settings) : database_(where, settings) {}
 
+  /// Notes the directory of the meshes if the database has none yet, and compares it otherwise. INTERNAL if they
+  /// differ.
+  Answer<void> check_meshes();
   /// Changes the job of a claim if the claim is still valid.
   template <class Result>
   Answer<Result> write(const Claim& claim, const std::function<Result(const JobTransitions&, JobRecord&)>& work,

@@ -166,6 +166,7 @@ void notify(PostgresConnection& connection, const std::string& news) {
 void save_events(PostgresConnection& connection, std::int64_t key, const Changed& changed) {
   for (const v1::JobEvent& event : changed.events)
     if (event.state_change().state() == v1::JOB_STATE_PENDING) notify(connection, kQueueNews);
+  if (!changed.events.empty()) notify(connection, kChangedNews + changed.job.name());
   for (const v1::JobEvent& event : changed.events)
     connection.query("INSERT INTO events VALUES($1, $2, $3)",
                      PostgresValues().add(key).add(event.sequence()).add(event.SerializeAsString()));

@@ -39,11 +39,12 @@ bool insert(PostgresConnection& connection, const Submission& submission, Row& r
 void save(PostgresConnection& connection, const Row& row);
 /// Returns the events of a job, in order. DATA_LOSS if one cannot be read.
 Answer<std::vector<v1::JobEvent>> load_events(PostgresConnection& connection, const Row& row);
-/// The news that a job waits, and the beginning of the news that a job is to be cancelled; its name follows.
-inline constexpr char kQueueNews[] = "queue", kCancelNews[] = "cancel ";
+/// The news that a job waits, and the beginnings of the news that a job is to be cancelled and that it has new events;
+/// its name follows.
+inline constexpr char kQueueNews[] = "queue", kCancelNews[] = "cancel ", kChangedNews[] = "changed ";
 /// Tells the other processes when the transaction is committed.
 void notify(PostgresConnection& connection, const std::string& news);
-/// Stores the events of a change, and tells the other processes if the job waits.
+/// Stores the events of a change, and tells the other processes.
 void save_events(PostgresConnection& connection, std::int64_t key, const Changed& changed);
 
 }  // namespace varimesh::server::postgres

@@ -47,10 +47,13 @@ CREATE TABLE events(key BIGINT NOT NULL REFERENCES jobs ON DELETE CASCADE, seque
 constexpr char kToVersion2[] = R"(
 ALTER TABLE jobs ADD COLUMN cancel_unseen BOOLEAN NOT NULL DEFAULT false;  -- CANCELLING, without an event of it yet
 )";
+constexpr char kToVersion3[] = R"(
+CREATE TABLE meshes(one BOOLEAN PRIMARY KEY DEFAULT true CHECK(one), directory TEXT NOT NULL);  -- its name
+)";
 static_assert(v1::JOB_STATE_PENDING == 1);
 
 /// Step i leads from version i to version i + 1. A step that was released is never changed.
-constexpr const char* kSteps[] = {kToVersion1, kToVersion2};
+constexpr const char* kSteps[] = {kToVersion1, kToVersion2, kToVersion3};
 
 constexpr char kVersions[] =
     "CREATE TABLE IF NOT EXISTS varimesh_schema(version INTEGER PRIMARY KEY, made TIMESTAMPTZ NOT NULL DEFAULT now())";

@@ -85,7 +85,8 @@ std::optional<bool> PostgresTransactions::was_committed(std::int64_t number, Out
       if (rows.view(0, 0) != "in progress") committed = rows.view(0, 0) == "committed";
     });
     if (committed) return committed;
-    if (outcome == Outcome::CanBeSkipped || (failed && outcome == Outcome::CanBeAskedAgain)) return std::nullopt;
+    if (outcome == Outcome::CanBeSkipped || (failed && (outcome == Outcome::CanBeAskedAgain || stops_)))
+      return std::nullopt;
     std::this_thread::sleep_for(std::chrono::milliseconds(100));
   }
 }

@@ -1,6 +1,7 @@
 // Transactions of the database, repeated when the connection is lost or they meet each other.
 #pragma once
 
+#include <atomic>
 #include <functional>
 #include <optional>
 #include <string>
@@ -38,6 +39,8 @@ class PostgresTransactions {
 
   const JobStoreSettings& settings() const { return settings_; }
   const PostgresSettings& where() const { return where_; }
+  /// From now on a call gives up if the database cannot tell the outcome of its transaction.
+  void stop_waiting() { stops_ = true; }
   /// Whether the database could not be reached when it was last tried.
   bool is_away() { return pool_.lost_since().has_value(); }
 
@@ -79,6 +82,7 @@ class PostgresTransactions {
   const JobStoreSettings settings_;
   const PostgresSettings where_;
   PostgresPool pool_;
+  std::atomic<bool> stops_ = false;
 };
 
 }  // namespace varimesh::server

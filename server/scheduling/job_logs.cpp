@@ -3,6 +3,8 @@
 
 #include <algorithm>
 
+#include "server/jobs/timestamps.h"
+
 namespace varimesh::server {
 namespace {
 
@@ -73,6 +75,34 @@ Answer<Changed> JobLogs::change(const std::string& name,
 
 void JobLogs::publish(const Changed& changed) {
   if (const auto log = find(changed.job.name())) refresh(changed.job.name(), *log, changed.events);
+}
+
+void JobLogs::follow(const std::string& name) {
+  const auto log = find(name);
+  if (log == nullptr || has_ended(log->state())) return;
+  log->append_stored([&](std::int64_t last) {
+    const auto job = jobs_->get(name);  // before the events: one of them may be newer than the iteration
+    std::vector<v1::JobEvent> events = newer(name, last, {});
+    // A server notes an iteration together with the number of the event before it. That number may be given to the
+    // iteration here, unless it belongs to an event that the store has.
+    const std::int64_t newest = events.empty() ? last : events.back().sequence();
+    if (!job || !job->has_iteration() || job->last_sequence() <= newest) return events;
+    v1::JobEvent& iteration = events.emplace_back();
+    iteration.set_sequence(job->last_sequence());
+    iteration.set_attempt(job->attempt());
+    *iteration.mutable_time() = timestamp(std::chrono::system_clock::now());
+    *iteration.mutable_iteration() = job->iteration();
+    return events;
+  });
+  close_ended(name, *log);
+}
+
+std::vector<std::string> JobLogs::watched() const {
+  std::lock_guard lock(mutex_);
+  std::vector<std::string> names;
+  for (const auto& [name, entry] : entries_)
+    if (entry->log->is_watched()) names.push_back(name);
+  return names;
 }
 
 void JobLogs::refresh(const std::string& name, EventLog& log, const std::vector<v1::JobEvent>& known) {

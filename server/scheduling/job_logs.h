@@ -32,6 +32,11 @@ class JobLogs {
   Answer<Changed> change(const std::string& name, const std::function<Answer<Changed>(std::int64_t last)>& change);
   /// Adds the events of a change that the store has already made, if the job has a log.
   void publish(const Changed& changed);
+  /// Adds what another process has done with a job, if the job has a log: the events that the store has, and its newest
+  /// iteration. The job must not run in this process, which would number its events.
+  void follow(const std::string& name);
+  /// The jobs whose logs somebody watches, without those that have ended.
+  std::vector<std::string> watched() const;
   /// Drops the log of a job that was deleted.
   void forget(const std::string& name);
 

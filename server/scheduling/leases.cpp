@@ -56,6 +56,10 @@ void Scheduler::renew_lease(Running& running) {
 
 void Scheduler::hear(const News& news) {
   if (stopping_) return;
+  if (news.kind == News::Kind::Changed) {
+    if (!runs_here(news.job)) logs_.follow(news.job);
+    return;
+  }
   std::vector<std::shared_ptr<Running>> running;
   {
     std::lock_guard lock(mutex_);
@@ -76,6 +80,9 @@ void Scheduler::tick() {
     take_back("");
     forget_old();
   }
+  if (jobs_->shared())
+    for (const std::string& name : logs_.watched())
+      if (!runs_here(name)) logs_.follow(name);
   start_jobs();
 }
 

@@ -156,6 +156,12 @@ bool Scheduler::runs_here(const std::string& name) {
   return running_.contains(name);
 }
 
+Answer<std::shared_ptr<EventLog>> Scheduler::events(const std::string& name) {
+  auto log = logs_.of(name);
+  if (log && jobs_->shared() && !runs_here(name)) logs_.follow(name);
+  return log;
+}
+
 Answer<v1::Job> Scheduler::remove(const std::string& name) {
   const auto removed = jobs_->remove(name);
   if (!removed) return tl::unexpected(removed.error());

@@ -66,7 +66,7 @@ class Scheduler {
   Answer<v1::Job> remove(const std::string& name);
   Answer<JobCounts> counts() { return jobs_->counts(); }
 
-  Answer<std::shared_ptr<EventLog>> events(const std::string& name) { return logs_.of(name); }
+  Answer<std::shared_ptr<EventLog>> events(const std::string& name);
   /// Returns all iterations of a job that has SUCCEEDED.
   Answer<v1::History> history(const std::string& name);
 

@@ -4,9 +4,14 @@
 #include <spdlog/spdlog.h>
 
 #include <filesystem>
+#include <set>
 
 #include "server/jobs/memory_job_store.h"
 #include "server/jobs/sqlite_job_store.h"
+#include "server/meshes/directory_mesh_store.h"
+#include "server/meshes/disk.h"
+#include "server/meshes/shared_mesh_store.h"
+#include "server/state/owned_path.h"
 
 namespace varimesh::server {
 namespace {
@@ -40,41 +45,85 @@ Expected<void> check_no_jobs(const StateDirectory& state) {
                                                        "without --store, or choose another directory for --state."});
 }
 
-Expected<std::unique_ptr<JobStore>> open_jobs(const StoreSettings& settings, const StateDirectory& state,
-                                              JobStoreSettings job_settings) {
-  if (settings.open_jobs) {
-    if (const auto checked = check_no_jobs(state); !checked) return tl::unexpected(checked.error());
-    job_settings.clock = nullptr;  // the database has a clock that all its servers share
-    return settings.open_jobs(job_settings);
+/// Creates the directory that servers share, only for its owner, and returns its name.
+Expected<std::string> take_shared(const std::string& directory) {
+  const auto refuse = [&](const std::string& why) {
+    return tl::unexpected(Error{Error::Kind::Output, "Cannot keep meshes in '" + directory + "': " + why +
+                                                         "; choose another directory (--meshes)."});
+  };
+  std::error_code error;
+  if (!std::filesystem::exists(directory, error)) {
+    std::filesystem::create_directories(directory, error);
+    if (error) return refuse(error.message());
+    std::filesystem::permissions(directory, std::filesystem::perms::owner_all, error);
   }
-  auto jobs = SqliteJobStore::open(state.jobs(), job_settings);
-  if (!jobs) return output_error(jobs.error());
-  return std::unique_ptr<JobStore>(std::move(*jobs));
+  if (const std::string why = why_not_owned(directory, true); !why.empty()) return refuse(why);
+  const auto name = name_of_directory(directory);
+  if (!name) return output_error(name.error());
+  return *name;
+}
+
+/// The digests that any job needs.
+Answer<std::set<std::string>> referenced_by(JobStore& jobs) {
+  const auto references = jobs.references();
+  if (!references) return tl::unexpected(references.error());
+  std::set<std::string> digests;
+  for (const Reference& reference : *references) digests.insert(reference.digest);
+  return digests;
 }
 
 }  // namespace
 
-Expected<std::unique_ptr<Stores>> Stores::open(const StoreSettings& settings) {
-  std::unique_ptr<Stores> stores(new Stores);
+Expected<void> Stores::open_jobs(const StoreSettings& settings) {
   JobStoreSettings job_settings;
   job_settings.clock = settings.clock;
   job_settings.lease = settings.limits.lease;
   job_settings.max_running_of_peer = settings.limits.max_running_jobs_per_peer;
-  if (settings.state.empty()) {
-    stores->jobs_ = std::make_unique<MemoryJobStore>(job_settings);
-  } else {
+  if (state_ == nullptr) {
+    jobs_ = std::make_unique<MemoryJobStore>(job_settings);
+    return {};
+  }
+  if (settings.open_jobs) {
+    if (const auto checked = check_no_jobs(*state_); !checked) return tl::unexpected(checked.error());
+    const std::string meshes = settings.meshes.empty() ? state_->meshes() : settings.meshes;
+    const auto name = take_shared(meshes);
+    if (!name) return tl::unexpected(name.error());
+    job_settings.meshes = *name;
+    job_settings.clock = nullptr;  // the database has a clock that all its servers share
+    auto jobs = settings.open_jobs(job_settings);
+    if (!jobs) return tl::unexpected(jobs.error());
+    jobs_ = std::move(*jobs);
+    return {};
+  }
+  auto jobs = SqliteJobStore::open(state_->jobs(), job_settings);
+  if (!jobs) return output_error(jobs.error());
+  jobs_ = std::move(*jobs);
+  return {};
+}
+
+Expected<void> Stores::open_meshes(const StoreSettings& settings) {
+  const auto keep = [this](auto opened) -> Expected<void> {
+    if (!opened) return output_error(opened.error());
+    meshes_ = std::move(*opened);
+    return {};
+  };
+  const DirectoryMeshSettings limits = mesh_settings(settings.limits);
+  if (!settings.meshes.empty())
+    return keep(SharedMeshStore::open_directory(settings.meshes, state_->meshes(), limits,
+                                                [this] { return referenced_by(*jobs_); }));
+  if (state_ != nullptr) return keep(DirectoryMeshStore::open_directory(state_->meshes(), limits));
+  return keep(DirectoryMeshStore::create(settings.data, limits));
+}
+
+Expected<std::unique_ptr<Stores>> Stores::open(const StoreSettings& settings) {
+  std::unique_ptr<Stores> stores(new Stores);
+  if (!settings.state.empty()) {
     auto directory = StateDirectory::take(settings.state);
     if (!directory) return tl::unexpected(directory.error());
     stores->state_ = std::move(*directory);
-    auto jobs = open_jobs(settings, *stores->state_, job_settings);
-    if (!jobs) return tl::unexpected(jobs.error());
-    stores->jobs_ = std::move(*jobs);
   }
-  auto meshes = stores->state_ != nullptr
-                    ? DirectoryMeshStore::open_directory(stores->state_->meshes(), mesh_settings(settings.limits))
-                    : DirectoryMeshStore::create(settings.data, mesh_settings(settings.limits));
-  if (!meshes) return output_error(meshes.error());
-  stores->meshes_ = std::move(*meshes);
+  if (const auto opened = stores->open_jobs(settings); !opened) return tl::unexpected(opened.error());
+  if (const auto opened = stores->open_meshes(settings); !opened) return tl::unexpected(opened.error());
   return stores;
 }
 

@@ -8,7 +8,7 @@
 #include "core/base/error.h"
 #include "server/jobs/job_store.h"
 #include "server/limits.h"
-#include "server/meshes/directory_mesh_store.h"
+#include "server/meshes/mesh_store.h"
 #include "server/state/state_directory.h"
 
 namespace varimesh::server {
@@ -20,6 +20,8 @@ struct StoreSettings {
   /// If `state` is empty: the directory in which the temporary directory for meshes is created. Empty: the system's
   /// directory for temporary files.
   std::string data;
+  /// With `open_jobs`: a directory of meshes that other servers use at the same time. Empty: they are in `state`.
+  std::string meshes;
   Limits limits;
   std::function<TimePoint()> clock;
   /// Opens a job store elsewhere, for jobs that are not in `state`. Empty: they are there.
@@ -33,14 +35,16 @@ class Stores {
   static Expected<std::unique_ptr<Stores>> open(const StoreSettings& settings);
 
   JobStore& jobs() { return *jobs_; }
-  DirectoryMeshStore& meshes() { return *meshes_; }
+  MeshStore& meshes() { return *meshes_; }
 
  private:
   Stores() = default;
+  Expected<void> open_jobs(const StoreSettings& settings);
+  Expected<void> open_meshes(const StoreSettings& settings);
 
   std::unique_ptr<StateDirectory> state_;  ///< Null if nothing outlives the server.
-  std::unique_ptr<DirectoryMeshStore> meshes_;
   std::unique_ptr<JobStore> jobs_;
+  std::unique_ptr<MeshStore> meshes_;  ///< May ask the jobs which meshes they need.
 };
 
 }  // namespace varimesh::server

@@ -100,8 +100,9 @@ bool CuttingSocket::forward(int client, int server) {
   if (sent.find("COMMIT") == std::string_view::npos) return send_all(server, sent);
   const Cut when = cut_.exchange(Cut::Never);
   if (when == Cut::Never) return send_all(server, sent);
+  if (when == Cut::AfterCommitForGood) open_ = false;
   ++cuts_;
-  if (when == Cut::AfterCommit) {
+  if (when != Cut::BeforeCommit) {
     send_all(server, sent);
     ::recv(server, bytes.data(), bytes.size(), 0);  // waits until it is done
   }

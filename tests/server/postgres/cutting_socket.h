@@ -15,8 +15,9 @@ class CuttingSocket {
  public:
   enum class Cut {
     Never,
-    BeforeCommit,  ///< The server never gets the next COMMIT.
-    AfterCommit    ///< The server commits, but its answer to the next COMMIT gets lost.
+    BeforeCommit,       ///< The server never gets the next COMMIT.
+    AfterCommit,        ///< The server commits, but its answer to the next COMMIT gets lost.
+    AfterCommitForGood  ///< As AfterCommit, and no new connections are taken.
   };
 
   /// `server`: the folder of the server's socket.

@@ -58,7 +58,8 @@ class WithDatabase(unittest.TestCase):
     def serve(self, *flags):
         state = tempfile.TemporaryDirectory()
         self.addCleanup(state.cleanup)
-        server = Server("--state", state.name, "--store", self.store, "--threads", "2", "--admin", "127.0.0.1:0", *flags)
+        server = Server("--state", state.name, "--store", self.store, "--meshes", f"{self.place.name}/meshes", "--threads",
+                        "2", "--admin", "127.0.0.1:0", *flags)
         self.addCleanup(server.stop)
         return server
 
@@ -144,8 +145,6 @@ class Jobs(WithDatabase):
     def test_5_a_server_that_slept_too_long_loses_its_job(self):
         self.migrate()
         first, second = self.serve("--lease-seconds", "2"), self.serve("--lease-seconds", "2")
-        # Both servers have the mesh of the job, each in its own directory.
-        self.ask(second, "submit", LARGER, "--max-iterations", "1")
         for server in (first, second):
             self.addCleanup(os.kill, server.process.pid, signal.SIGCONT)
         os.kill(second.process.pid, signal.SIGSTOP)
@@ -170,8 +169,18 @@ class Jobs(WithDatabase):
             self.assertTrue((Path(folder) / "out.msh").exists())
         self.assertEqual(self.job(second, job), kept, "the late end has changed nothing")
 
-    def test_6_nothing_is_lost_when_the_server_is_killed(self):
+    def test_6_a_server_with_other_meshes_is_refused(self):
         self.migrate()
+        self.serve()
+        with tempfile.TemporaryDirectory() as state:
+            done = subprocess.run([VARIMESHD, "--listen", "127.0.0.1:0", "--state", state, "--store", self.store],
+                                  capture_output=True, text=True, timeout=30)
+            self.assertEqual(done.returncode, 1, done.stderr)
+            self.assertIn("in another directory", done.stderr)
+
+    def test_7_nothing_is_lost_when_the_server_is_killed(self):
+        self.migrate()
+        subprocess.run(["psql", "--quiet", self.store, "--command", "DELETE FROM meshes"], check=True, timeout=30)
         done = subprocess.run([os.environ["KILL_SERVER"], "--store", self.store, "--kills", str(kills), "--jobs", "4"],
                               capture_output=True, text=True, timeout=3000)
         self.assertEqual(done.returncode, 0, done.stdout + done.stderr)

@@ -144,6 +144,25 @@ TEST_F(PostgresStore, AnswersUnavailableWhileTheDatabaseIsAway) {
   EXPECT_EQ(store_->list({}, 100, "")->jobs.size(), 2u);
 }
 
+TEST_F(PostgresStore, WaitsForNoOutcomeOnceTheServerStops) {
+  submit();
+  const Claim claimed = claim();
+  socket_.cut(CuttingSocket::Cut::AfterCommitForGood);
+  std::atomic<bool> answered = false;
+  Answer<Changed> finished;
+  std::thread worker([&] {
+    finished = store_->finish(claimed, success(), 0);
+    answered = true;
+  });
+  std::this_thread::sleep_for(seconds(7));
+  EXPECT_FALSE(answered) << "a result is not thrown away because its end is not known";
+  const auto begun = std::chrono::steady_clock::now();
+  store_->stop_waiting();
+  worker.join();
+  EXPECT_LT(std::chrono::steady_clock::now() - begun, seconds(6));
+  EXPECT_EQ(finished.error().reason, "STORE_UNAVAILABLE");
+}
+
 TEST_F(PostgresStore, DoesNotLetARunWaitForTheDatabase) {
   submit();
   const Claim claimed = claim();
@@ -165,6 +184,19 @@ TEST_F(PostgresStore, WaitsForADatabaseThatIsAwayForAMoment) {
 }
 
 // ===== several processes =====
+
+TEST_F(PostgresStore, IsOfOneDirectoryOfMeshes) {
+  JobStoreSettings settings;
+  PostgresSettings where;
+  where.url = place_.url();
+  settings.meshes = "one";
+  EXPECT_TRUE(PostgresJobStore::open(where, settings));
+  EXPECT_TRUE(PostgresJobStore::open(where, settings)) << "another server that shares them";
+  settings.meshes = "another";
+  const auto refused = PostgresJobStore::open(where, settings);
+  ASSERT_FALSE(refused) << "it would not find the meshes of the jobs";
+  EXPECT_NE(refused.error().sentence.find("--meshes"), std::string::npos) << refused.error().sentence;
+}
 
 TEST_F(PostgresStore, GivesEachJobOfManyToOneOfSeveralStores) {
   constexpr int kJobs = 60;

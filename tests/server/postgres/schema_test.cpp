@@ -35,7 +35,8 @@ TEST(PostgresSchema, IsUpdatedFromVersion1) {
   auto store = InDatabase::open({}, place.url());
   ASSERT_TRUE(store->submit({"id", {}, "jobs/old", 10, {}, 0}));
   store.reset();
-  place.run("ALTER TABLE jobs DROP COLUMN cancel_unseen; DELETE FROM varimesh_schema WHERE version > 1");
+  place.run(
+      "ALTER TABLE jobs DROP COLUMN cancel_unseen; DROP TABLE meshes; DELETE FROM varimesh_schema WHERE version > 1");
   const auto refused = PostgresJobStore::open(at(place));
   ASSERT_FALSE(refused);
   EXPECT_NE(refused.error().sentence.find("varimeshd migrate"), std::string::npos) << refused.error().sentence;

@@ -112,6 +112,55 @@ TEST_F(TwoServers, TellEachOtherOfJobsAndOfCancelRequests) {
   EXPECT_EQ(front_.scheduler->get(name)->results_size(), 1);
 }
 
+/// Counts what it is told.
+class Watcher : public Listener {
+ public:
+  void poke() override { ++pokes; }
+  std::atomic<int> pokes = 0;
+};
+
+TEST_F(TwoServers, LetOneWatchWhatTheOtherRuns) {
+  const std::string name = submit();
+  const auto log = *front_.scheduler->events(name);
+  const auto watcher = std::make_shared<Watcher>();
+  log->subscribe(watcher);
+  std::vector<v1::JobEvent> seen;
+  const auto read = [&] {
+    v1::JobEvent event;
+    while (log->next(seen.empty() ? 0 : seen.back().sequence(), {}, {}, &event) == EventLog::Next::Event)
+      seen.push_back(event);
+    return seen.empty() ? v1::JOB_STATE_UNSPECIFIED : log->state();
+  };
+  const auto is_seen = [&](const std::function<bool()>& enough) {
+    for (const auto begun = std::chrono::steady_clock::now(); std::chrono::steady_clock::now() - begun < seconds(20);) {
+      read();
+      if (enough()) return true;
+      std::this_thread::sleep_for(milliseconds(10));
+    }
+    return false;
+  };
+  EXPECT_TRUE(is_seen([&] { return log->state() == v1::JOB_STATE_RUNNING; })) << "without a tick";
+  EXPECT_TRUE(is_seen([&] {
+    front_.scheduler->tick();  // once a second in a server
+    return seen.back().has_iteration() && seen.back().iteration().number() > 1;
+  }));
+  const std::int64_t cursor = seen.back().sequence();
+  EXPECT_TRUE((*front_.scheduler->events(name))->can_resume_after(cursor));
+  front_.scheduler->cancel(name);
+  EXPECT_TRUE(is_seen([&] { return log->state() == v1::JOB_STATE_CANCELLED; }));
+  v1::JobEvent event;
+  EXPECT_EQ(log->next(seen.back().sequence(), {}, {}, &event), EventLog::Next::End);
+  EXPECT_GT(watcher->pokes, 2);
+  std::vector<v1::JobState> states;
+  for (std::size_t i = 0; i < seen.size(); ++i) {
+    EXPECT_GT(seen[i].sequence(), i > 0 ? seen[i - 1].sequence() : 0);
+    if (seen[i].has_state_change()) states.push_back(seen[i].state_change().state());
+  }
+  EXPECT_EQ(states, (std::vector<v1::JobState>{v1::JOB_STATE_PENDING, v1::JOB_STATE_RUNNING, v1::JOB_STATE_CANCELLING,
+                                               v1::JOB_STATE_CANCELLED}))
+      << "each once";
+}
+
 TEST_F(TwoServers, CancelAWaitingJobAtOnce) {
   const std::string running = submit(), waiting = submit();
   wait_for(running, v1::JOB_STATE_RUNNING);

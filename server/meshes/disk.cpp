@@ -1,0 +1,107 @@
+// Writes files and asks for room.
+#include "server/meshes/disk.h"
+
+#include <fcntl.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstring>
+#include <fstream>
+#include <random>
+#include <system_error>
+
+#include "core/base/write_all.h"
+#include "core/formats/formats.h"
+#include "server/refusals.h"
+
+namespace varimesh::server {
+namespace {
+
+/// After how many bytes the room on the disk is looked at again.
+constexpr std::int64_t kCheckedBytes = 1 << 20;
+
+std::string random_name() {
+  std::random_device device;
+  std::string bits;
+  for (int i = 0; i < 8; ++i) bits += std::to_string(device()) + " ";
+  return sha256(bits);
+}
+
+}  // namespace
+
+Answer<void> check_upload(const std::string& id, const std::string& digest, std::int64_t size,
+                          std::int64_t max_mesh_bytes, std::int64_t max_memory_bytes) {
+  if (id.empty() || id.size() > 128) return bad_request("The upload id must have 1 to 128 bytes.");
+  if (!is_sha256(digest))
+    return bad_request("The digest must be the SHA-256 of the mesh as 64 lowercase hexadecimal digits.");
+  if (size < 0 || size > max_mesh_bytes) return mesh_too_large(max_mesh_bytes, size);
+  const std::int64_t least = formats::least_memory(size);
+  if (max_memory_bytes > 0 && least > max_memory_bytes) return mesh_needs_memory(max_memory_bytes, least);
+  return {};
+}
+
+std::string mark_of(const std::string& digest, const std::string& owner) { return sha256(digest + " " + owner); }
+
+Refusal cannot_store(const std::string& why) {
+  return store_full("The server cannot store the mesh: " + why + " (" + std::strerror(errno) + ")");
+}
+
+bool sync_directory(const std::filesystem::path& directory) {
+  const int file = ::open(directory.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC | O_NOFOLLOW);
+  if (file < 0) return false;
+  const bool synced = ::fsync(file) == 0;
+  ::close(file);
+  return synced;
+}
+
+bool write_at(const std::filesystem::path& path, std::int64_t offset, std::string_view bytes) {
+  const int file = ::open(path.c_str(), O_WRONLY | O_CLOEXEC | O_NOFOLLOW);
+  if (file < 0) return false;
+  // A chunk that the disk could not take may have left part of itself.
+  const bool good =
+      ::ftruncate(file, offset) == 0 && ::lseek(file, offset, SEEK_SET) == offset && write_all(file, bytes);
+  const int reason = errno;
+  ::close(file);
+  errno = reason;
+  return good;
+}
+
+Answer<std::string> name_of_directory(const std::filesystem::path& directory) {
+  const std::filesystem::path path = directory / "name";
+  for (int attempt = 0; attempt < 2; ++attempt) {
+    std::ifstream file(path);
+    if (std::string name; std::getline(file, name) && is_sha256(name)) return name;
+    const std::string name = random_name();
+    const std::filesystem::path part = directory / ("part-" + name);
+    const int made = ::open(part.c_str(), O_CREAT | O_EXCL | O_WRONLY | O_CLOEXEC | O_NOFOLLOW, 0600);
+    if (made < 0) return cannot_store("the name of its directory cannot be written");
+    const bool written = write_all(made, name + "\n") && ::fsync(made) == 0;
+    ::close(made);
+    // Fails if another process was first, whose name then counts.
+    const bool linked = written && (::link(part.c_str(), path.c_str()) == 0 || errno == EEXIST);
+    const int reason = errno;
+    ::unlink(part.c_str());
+    errno = reason;
+    if (!linked || !sync_directory(directory)) return cannot_store("the name of its directory cannot be written");
+  }
+  errno = EBADMSG;
+  return cannot_store("the file " + path.string() + " has no name in it; restore it, or move it away to get a new one");
+}
+
+PartWriter::~PartWriter() {
+  ::close(file_);
+  std::error_code ignored;
+  std::filesystem::remove(path_, ignored);
+}
+
+bool PartWriter::append(std::string_view bytes) {
+  hash_.update(bytes);
+  const std::int64_t before = size_;
+  size_ += static_cast<std::int64_t>(bytes.size());
+  // The size need not be known, and other files grow as well.
+  if (promise_ && size_ / kCheckedBytes != before / kCheckedBytes && !has_room_()) return false;
+  if (promise_) promise_->keep(static_cast<std::int64_t>(bytes.size()));
+  return write_all(file_, bytes);
+}
+
+}  // namespace varimesh::server

@@ -1,0 +1,103 @@
+// Deletes what nobody needs from the shared directory. Several servers may do so at the same time.
+//
+// A file is deleted only if this server has seen it unchanged for ten minutes of its own steady clock. A use changes a
+// file's time. So neither a clock that is set back or forth nor a job that another server is just storing does harm.
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <system_error>
+#include <tuple>
+#include <vector>
+
+#include "core/base/sha256.h"
+#include "server/meshes/shared_mesh_store.h"
+
+namespace varimesh::server {
+
+void SharedMeshStore::look() {
+  const auto now = settings_.clock();
+  const auto oldest = settings_.lifetime - std::min<std::chrono::minutes>(settings_.lifetime, std::chrono::hours(1));
+  const auto today = std::chrono::system_clock::now().time_since_epoch();
+  std::map<std::string, Seen> found;
+  std::error_code error;
+  for (const auto& file : std::filesystem::directory_iterator(directory_, error)) {
+    struct stat status {};
+    if (::lstat(file.path().c_str(), &status) != 0 || !S_ISREG(status.st_mode)) continue;
+    Seen seen{status.st_size, time_of_change(status), now};
+    const auto known = seen_.find(file.path().filename().string());
+    if (known != seen_.end() && known->second.size == seen.size && known->second.changed == seen.changed) {
+      seen.first = known->second.first;
+      seen.age_before = known->second.age_before;
+    } else if (known == seen_.end()) {
+      using Age = std::chrono::steady_clock::duration;
+      const auto age = std::chrono::duration_cast<Age>(today - std::chrono::nanoseconds(seen.changed));
+      seen.age_before = std::clamp<Age>(age, Age::zero(), oldest);
+    }
+    found.emplace(file.path().filename().string(), seen);
+  }
+  if (!error) seen_ = std::move(found);
+}
+
+bool SharedMeshStore::rests(const std::string& name) const {
+  const auto seen = seen_.find(name);
+  return seen != seen_.end() && settings_.clock() - seen->second.first >= kUploadLifetime;
+}
+
+void SharedMeshStore::sweep() {
+  std::lock_guard lock(sweeping_);
+  // The database is asked first: a job that is stored after that has used its mesh after that, or shortly before.
+  const auto referenced = referenced_();
+  use_fresh(referenced);
+  if (!referenced) return;  // nobody knows what is needed
+  look();
+  sweep_meshes(*referenced);
+  sweep_others();
+}
+
+void SharedMeshStore::use_fresh(const Answer<Digests>& referenced) {
+  std::vector<std::string> waiting;
+  {
+    std::lock_guard lock(mutex_);
+    std::erase_if(fresh_, [&](const auto& result) {
+      return (referenced && referenced->contains(result.first)) ||
+             settings_.clock() - result.second >= std::chrono::hours(24);
+    });
+    for (const auto& [digest, stored] : fresh_) waiting.push_back(digest);
+  }
+  for (const std::string& digest : waiting) touch(digest);
+}
+
+void SharedMeshStore::sweep_meshes(const Digests& referenced) {
+  std::int64_t total = 0;
+  std::vector<std::tuple<std::int64_t, std::string, const Seen*>> idle;
+  for (const auto& [name, seen] : seen_) {
+    if (!is_sha256(name)) continue;
+    total += seen.size;
+    if (!referenced.contains(name) && rests(name)) idle.emplace_back(seen.changed, name, &seen);
+  }
+  std::sort(idle.begin(), idle.end());
+  for (const auto& [changed, name, seen] : idle) {
+    const bool is_kept = seen_.contains(name + ".kept");
+    const auto age = settings_.clock() - seen->first + seen->age_before;
+    const bool too_old = !is_kept || age >= settings_.lifetime;
+    const bool too_much = settings_.max_total_bytes > 0 && total > settings_.max_total_bytes;
+    if (!too_old && !too_much) continue;
+    // Somebody may use it at this moment.
+    if (remove_file(name, [changed = changed](const struct stat& now) { return time_of_change(now) == changed; }))
+      total -= seen->size;
+  }
+}
+
+void SharedMeshStore::sweep_others() {
+  for (const auto& [name, seen] : seen_) {
+    if (!rests(name)) continue;
+    const std::string stem = name.substr(0, name.find('.'));
+    if (name.starts_with("upload-") && stem != name && (rests(stem) || !seen_.contains(stem))) drop_upload(stem);
+    const bool is_lone_upload = name.starts_with("upload-") && !seen_.contains(stem + ".about");
+    const bool is_of_no_mesh = stem != name && is_sha256(stem) && !size_of(stem);
+    if (is_lone_upload || is_of_no_mesh || name.starts_with("part-")) ::unlink((directory_ / name).c_str());
+  }
+}
+
+}  // namespace varimesh::server
