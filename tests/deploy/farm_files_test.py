@@ -1,0 +1,111 @@
+#!/usr/bin/env python3
+"""The files of deploy/farm, read by the tools that they are for. A tool that is missing is named, and its test is skipped.
+  farm_files_test.py Compose|Kubernetes|Slurm"""
+import os
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+import unittest
+from pathlib import Path
+
+TREE = Path(os.environ["VARIMESH_SOURCE_DIR"])
+FARM = TREE / "deploy" / "farm"
+VARIMESHD = os.environ["VARIMESHD"]
+TOOLS = {"Compose": "docker-compose", "Kubernetes": "kubectl", "Slurm": "bash"}
+
+
+def flags_of_varimeshd():
+    text = subprocess.run([VARIMESHD, "--help"], capture_output=True, text=True, check=True).stdout
+    return set(re.findall(r"--[a-z-]+", text))
+
+
+class Compose(unittest.TestCase):
+    def config(self, **environment):
+        return subprocess.run(["docker-compose", "-f", str(FARM / "compose.yaml"), "config"], capture_output=True, text=True,
+                              env={**os.environ, **environment}, timeout=60)
+
+    def test_is_read(self):
+        done = self.config(POSTGRES_PASSWORD="secret")
+        self.assertEqual(done.returncode, 0, done.stderr)
+        for name in ("database", "frontend", "migrate", "worker"):
+            self.assertRegex(done.stdout, rf"(?m)^  {name}:$")
+        used = set(re.findall(r"--[a-z-]+(?=\n)", done.stdout)) - {"--directory"}  # a flag of install
+        self.assertLessEqual(used, flags_of_varimeshd(), "varimeshd has these flags")
+
+    def test_needs_a_password(self):
+        environment = {key: value for key, value in os.environ.items() if key != "POSTGRES_PASSWORD"}
+        done = subprocess.run(["docker-compose", "-f", str(FARM / "compose.yaml"), "config"], capture_output=True, text=True,
+                              env=environment, timeout=60)
+        self.assertNotEqual(done.returncode, 0)
+        self.assertIn("set a password", done.stderr)
+
+
+class Kubernetes(unittest.TestCase):
+    def test_is_rendered(self):
+        for overlay, workers in (("small", "1"), ("keda", None)):
+            done = subprocess.run(["kubectl", "kustomize", str(FARM / "kubernetes" / "overlays" / overlay)],
+                                  capture_output=True, text=True, timeout=60)
+            self.assertEqual(done.returncode, 0, done.stderr)
+            parts = done.stdout.split("\n---\n")
+            deployments = [part for part in parts if "kind: Deployment" in part]
+            self.assertEqual(len(deployments), 2)
+            for part in deployments:
+                for line in ("readOnlyRootFilesystem: true", "runAsUser: 65532", "automountServiceAccountToken: false",
+                             "allowPrivilegeEscalation: false", "memory:"):
+                    self.assertIn(line, part)
+                used = set(re.findall(r"^ +- (--[a-z-]+)$", part, re.MULTILINE))
+                self.assertIn("--role", used)
+                self.assertLessEqual(used, flags_of_varimeshd())
+            worker = next(part for part in deployments if "name: varimesh-worker" in part)
+            replicas = re.search(r"^  replicas: (\d+)$", worker, re.MULTILINE)
+            self.assertEqual(replicas and replicas[1], workers)
+
+
+class Slurm(unittest.TestCase):
+    """Slurm itself is played: it gives the variables, sends the signal, and is told to queue the job again."""
+
+    def test_a_worker_is_stopped_and_queued_again(self):
+        with tempfile.TemporaryDirectory() as name:
+            folder = Path(name)
+            for program, body in (("varimeshd", f"echo $$ \"$@\" > {folder}/worker; trap 'sleep 1; echo done > {folder}/end; "
+                                                "exit 0' TERM; while true; do sleep 0.1; done"),
+                                  ("scontrol", f"echo \"$@\" > {folder}/requeued")):
+                (folder / program).write_text(f"#!/bin/bash\n{body}\n")
+                (folder / program).chmod(0o755)
+            job = subprocess.Popen([FARM / "slurm" / "workers.sbatch"],
+                                   env={"PATH": f"{folder}:{os.environ['PATH']}", "TMPDIR": name, "SLURM_JOB_ID": "17",
+                                        "SLURM_CPUS_PER_TASK": "8", "SLURM_MEM_PER_NODE": "1000", "VARIMESH_STORE": "s",
+                                        "VARIMESH_MESHES": "m"})
+            deadline = time.monotonic() + 20
+            while not (folder / "worker").exists():
+                self.assertLess(time.monotonic(), deadline)
+                time.sleep(0.05)
+            time.sleep(0.2)
+            job.send_signal(signal.SIGTERM)
+            self.assertEqual(job.wait(30), 0)
+            self.assertTrue((folder / "end").exists(), "the script waits until the worker has ended")
+            self.assertEqual((folder / "requeued").read_text(), "requeue 17\n")
+            arguments = (folder / "worker").read_text().split()[1:]
+            self.assertIn("--role worker", " ".join(arguments))
+            self.assertEqual(arguments[arguments.index("--threads") + 1], "8")
+            self.assertEqual(int(arguments[arguments.index("--max-memory-bytes") + 1]), 943718400)
+            self.assertLessEqual({word for word in arguments if word.startswith("--")}, flags_of_varimeshd())
+            self.assertEqual(list(folder.glob("varimesh-*")), [], "its state is removed")
+
+    def test_says_what_is_missing(self):
+        done = subprocess.run([FARM / "slurm" / "workers.sbatch"], capture_output=True, text=True,
+                              env={"PATH": os.environ["PATH"]}, timeout=30)
+        self.assertNotEqual(done.returncode, 0)
+        self.assertIn("VARIMESH_STORE", done.stderr)
+
+
+if __name__ == "__main__":
+    tool = TOOLS[sys.argv[1]]
+    if shutil.which(tool) is None:
+        print(f"SKIPPED: deploy/farm: {tool} is missing")
+        sys.exit(77)
+    unittest.main(verbosity=2)
