@@ -19,7 +19,7 @@ namespace varimesh::server {
 /// In the directory, name has the directory's name. DIGEST is a mesh; its time of change is that of its last use.
 /// DIGEST.kept says that it is pinned, and DIGEST.MARK that it belongs to an owner (mark_of()). part-NAME is being
 /// written. upload-KEY has the bytes that an upload has received, and upload-KEY.about says what the upload is; its
-/// lock orders the streams of all servers.
+/// lock orders the streams of all servers. The server that has locked the file sweeper deletes what is not needed.
 ///
 /// The directory's file system must rename files atomically and lock them with flock(), as ext4, xfs and NFS 4 do.
 /// Meshes are not compressed.
@@ -33,6 +33,8 @@ class SharedMeshStore : public MeshStore {
                                                                  const std::string& scratch,
                                                                  DirectoryMeshSettings settings,
                                                                  std::function<Answer<Digests>()> referenced);
+
+  ~SharedMeshStore() override;
 
   bool has_room(std::int64_t bytes = 0) const override;
   Answer<UploadTicket> begin_upload(const std::string& id, const std::string& digest, std::int64_t size,
@@ -115,8 +117,10 @@ class SharedMeshStore : public MeshStore {
   void look();
   /// Whether a file has not changed for ten minutes, as far as this server has seen it.
   bool rests(const std::string& name) const;
-  /// Uses the results that this server has stored and that the database does not know yet.
-  void use_fresh(const Answer<Digests>& referenced);
+  /// Whether this server is the one that sweeps.
+  bool is_sweeper();
+  /// Uses the results that this server has stored and that no job may have yet.
+  void use_fresh();
   void sweep_meshes(const Digests& referenced);
   void sweep_others();
 
@@ -127,7 +131,8 @@ class SharedMeshStore : public MeshStore {
   std::mutex mutex_;                        ///< Guards the next two.
   std::map<std::string, std::weak_ptr<Promise>> promises_;              ///< By the upload's key.
   std::map<std::string, std::chrono::steady_clock::time_point> fresh_;  ///< When this server stored which results.
-  std::mutex sweeping_;                                                 ///< Guards `seen_`.
+  std::mutex sweeping_;                                                 ///< Guards the next two.
+  int sweeper_ = -1;                                                    ///< The descriptor of the file `sweeper`.
   std::map<std::string, Seen> seen_;                                    ///< By the file's name.
 };
 

@@ -1,7 +1,10 @@
-// Deletes what nobody needs from the shared directory. Several servers may do so at the same time.
+// Deletes what nobody needs from the shared directory. One server at a time does so, the one that has locked the file
+// `sweeper`; if it ends, another one takes its place. Nothing would be lost if two did.
 //
 // A file is deleted only if this server has seen it unchanged for ten minutes of its own steady clock. A use changes a
 // file's time. So neither a clock that is set back or forth nor a job that another server is just storing does harm.
+#include <fcntl.h>
+#include <sys/file.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -14,6 +17,16 @@
 #include "server/meshes/shared_mesh_store.h"
 
 namespace varimesh::server {
+namespace {
+
+/// How long after a result was stored the database is asked whether a job has it.
+constexpr std::chrono::minutes kAskAfter{10};
+
+}  // namespace
+
+SharedMeshStore::~SharedMeshStore() {
+  if (sweeper_ >= 0) ::close(sweeper_);
+}
 
 void SharedMeshStore::look() {
   const auto now = settings_.clock();
@@ -46,26 +59,38 @@ bool SharedMeshStore::rests(const std::string& name) const {
 
 void SharedMeshStore::sweep() {
   std::lock_guard lock(sweeping_);
+  use_fresh();
+  if (!is_sweeper()) return;
   // The database is asked first: a job that is stored after that has used its mesh after that, or shortly before.
   const auto referenced = referenced_();
-  use_fresh(referenced);
   if (!referenced) return;  // nobody knows what is needed
   look();
   sweep_meshes(*referenced);
   sweep_others();
 }
 
-void SharedMeshStore::use_fresh(const Answer<Digests>& referenced) {
-  std::vector<std::string> waiting;
+bool SharedMeshStore::is_sweeper() {
+  if (sweeper_ < 0)
+    sweeper_ = ::open((directory_ / "sweeper").c_str(), O_CREAT | O_RDWR | O_CLOEXEC | O_NOFOLLOW, 0600);
+  return sweeper_ >= 0 && ::flock(sweeper_, LOCK_EX | LOCK_NB) == 0;
+}
+
+void SharedMeshStore::use_fresh() {
+  std::map<std::string, std::chrono::steady_clock::time_point> waiting;
   {
     std::lock_guard lock(mutex_);
-    std::erase_if(fresh_, [&](const auto& result) {
-      return (referenced && referenced->contains(result.first)) ||
-             settings_.clock() - result.second >= std::chrono::hours(24);
-    });
-    for (const auto& [digest, stored] : fresh_) waiting.push_back(digest);
+    waiting = fresh_;
   }
-  for (const std::string& digest : waiting) touch(digest);
+  const auto now = settings_.clock();
+  const bool is_any_old =
+      std::any_of(waiting.begin(), waiting.end(), [&](const auto& result) { return now - result.second >= kAskAfter; });
+  const Answer<Digests> referenced = is_any_old ? referenced_() : Digests();
+  for (const auto& [digest, stored] : waiting) {
+    const bool is_known = referenced && referenced->contains(digest);
+    if (!is_known && touch(digest)) continue;
+    std::lock_guard lock(mutex_);
+    fresh_.erase(digest);
+  }
 }
 
 void SharedMeshStore::sweep_meshes(const Digests& referenced) {

@@ -149,10 +149,22 @@ TEST_F(SharedMeshes, StayAsLongAsAJobNeedsThem) {
   wait(hours(2));
   EXPECT_FALSE(has(kept));
   EXPECT_TRUE(has(needed));
-  EXPECT_EQ(files(), 1);
+  EXPECT_EQ(files(), 2) << "the mesh, and the lock of who sweeps";
   needed_ = {};
   wait(minutes(2));
   EXPECT_FALSE(has(needed)) << "its job was deleted";
+}
+
+TEST_F(SharedMeshes, AreSweptByAnotherServerWhenTheFirstHasEnded) {
+  const std::string dropped = write(*two_, "a checkpoint").digest;
+  two_->release(dropped);
+  wait(minutes(5));
+  one_.reset();  // it was the one that swept
+  for (int i = 0; i < 12; ++i) {
+    now_ += minutes(1);
+    two_->sweep();
+  }
+  EXPECT_FALSE(has(dropped));
 }
 
 TEST_F(SharedMeshes, AreNotSweptWhileNobodyKnowsWhatJobsNeed) {
@@ -169,7 +181,7 @@ TEST_F(SharedMeshes, WaitForADatabaseThatComesBack) {
   is_away_ = true;
   wait(hours(2));
   is_away_ = false;
-  two_->sweep();  // before the worker could tell it
+  one_->sweep();  // before the worker could tell it
   two_->sweep();
   EXPECT_TRUE(has(result));
   needed_ = {result};
@@ -224,7 +236,7 @@ TEST_F(SharedMeshes, LeaveNothingOfServersThatWereKilled) {
     wait(minutes(8));
   }
   EXPECT_TRUE(two_->finish_upload(*slow));
-  EXPECT_EQ(files(), 2) << "the mesh and its pin";
+  EXPECT_EQ(files(), 3) << "the mesh, its pin, and the lock of who sweeps";
 }
 
 TEST_F(SharedMeshes, AreNotServedWhenTheyAreDamaged) {
