@@ -91,15 +91,17 @@ varimesh::Expected<void> choose_address(ServerOptions& options) {
   return {};
 }
 
-/// Says who may use the server if that is more people than the user may think; empty: nobody else.
+/// Whether all users of this machine, and nobody else, can use the server.
+bool is_for_this_machine(const ServerOptions& options) {
+  return varimesh::server::is_loopback(options.listen) && !varimesh::server::is_unix_socket(options.listen) &&
+         !options.tls.are_mutual() && options.tokens.empty();
+}
+
+/// Says who beyond this machine may use the server if that is more people than the user may think; empty: nobody.
 std::string warning_about(const ServerOptions& options) {
   if (options.listen.empty()) return {};
   const bool knows_callers = options.tls.are_mutual() || !options.tokens.empty();
-  if (varimesh::server::is_loopback(options.listen)) {
-    if (!varimesh::server::is_unix_socket(options.listen) && !knows_callers)
-      spdlog::warn("every user of this machine can use this server; --tokens or a unix socket keep them out");
-    return {};
-  }
+  if (varimesh::server::is_loopback(options.listen)) return {};
   const std::string who = "everybody who can reach " + options.listen + " can ";
   if (!options.tls.are_given() && knows_callers) return who + "read and change what its clients send, their tokens too";
   if (!options.tls.are_given()) return who + "use this server, and read and change what its clients send";
@@ -179,8 +181,6 @@ int main(int argc, char** argv) {
     return 2;
   }
   spdlog::debug("this process may have {} descriptors open", descriptors);
-  if (flags->options.state.empty())
-    spdlog::info("jobs and meshes are deleted when this process ends; --state DIR keeps them");
 
   if (!use_database(flags->options, flags->store)) return 2;
   if (const auto address = choose_address(flags->options); !address) {
@@ -189,12 +189,16 @@ int main(int argc, char** argv) {
   }
   flags->options.engine = varimesh::server::core_engine();
   const std::string warning = warning_about(flags->options);
+  const bool keeps_jobs = !flags->options.state.empty(), has_neighbours = is_for_this_machine(flags->options);
   auto server = Server::start(std::move(flags->options));
   if (!server) {
     std::cerr << "varimeshd: " << server.error().sentence << '\n';
     return server.error().kind == varimesh::Error::Kind::BadOption ? 2 : 1;
   }
   if (!warning.empty()) std::cerr << "varimeshd: WARNING: " << warning << std::endl;
+  if (has_neighbours)
+    spdlog::warn("every user of this machine can use this server; --tokens or a unix socket keep them out");
+  if (!keeps_jobs) spdlog::info("jobs and meshes are deleted when this process ends; --state DIR keeps them");
   if (!announce(**server, flags->port_file)) return 1;
 
   wait_and_stop(**server, signals, flags->drain_seconds);

@@ -46,6 +46,13 @@ Refusal certificate_nameless() {
       "that has one, or give the server --tokens.");
 }
 
+Refusal page_without_tokens() {
+  return refusal(Code::PermissionDenied, "RIGHT_MISSING",
+                 "This server knows its callers by their certificates, which this page cannot show; start the server "
+                 "with --tokens to read the page with a token, or use 'varimesh jobs --watch'.",
+                 {{"rights", "read"}});
+}
+
 Refusal right_missing(const std::string& caller, const std::string& rights, const std::string& method) {
   return refusal(Code::PermissionDenied, "RIGHT_MISSING",
                  "The token of " + caller + " does not have the right to " + rights + ", which " + method +

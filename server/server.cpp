@@ -8,6 +8,7 @@
 #include <random>
 
 #include "server/access/callers_view.h"
+#include "server/access/page_tokens.h"
 #include "server/addresses.h"
 #include "server/admin/admin_server.h"
 #include "server/api/endpoint.h"
@@ -65,6 +66,7 @@ Expected<void> Server::open_stores() {
       {options_.state, options_.data, options_.meshes, options_.limits, options_.clock, options_.open_jobs});
   if (!opened) return tl::unexpected(opened.error());
   stores_ = std::move(*opened);
+  pages_ = std::make_unique<PageTokens>(stores_->secret());
   return {};
 }
 
@@ -132,7 +134,7 @@ Expected<std::unique_ptr<Server>> Server::start_or_throw(ServerOptions options) 
   if (const auto opened = server->open_stores(); !opened) return tl::unexpected(opened.error());
   if (const auto started = server->start_scheduler(); !started) return tl::unexpected(started.error());
   server->endpoint_ = std::make_unique<Endpoint>(*server->scheduler_, server->stores_->meshes(), *server->access_,
-                                                 server->options_.limits, server->options_.clock());
+                                                 server->options_.limits, *server->pages_, server->options_.clock());
   if (const auto started = server->start_admin_port(); !started) return tl::unexpected(started.error());
   if (const auto listening =
           server->endpoint_->listen(server->options_.listen, server_credentials(server->options_.tls));

@@ -21,6 +21,7 @@ namespace varimesh::server {
 class Access;
 class AdminServer;
 class Endpoint;
+class PageTokens;
 class Scheduler;
 class Stores;
 class SelfCheck;
@@ -87,6 +88,7 @@ class Server {
   std::unique_ptr<Stores> stores_;
   std::unique_ptr<Scheduler> scheduler_;
   std::unique_ptr<Access> access_;
+  std::unique_ptr<PageTokens> pages_;
   std::unique_ptr<Endpoint> endpoint_;
   std::unique_ptr<SelfCheck> self_check_;
   std::unique_ptr<AdminServer> admin_;

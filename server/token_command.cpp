@@ -40,6 +40,11 @@ bool append_line(const std::string& path, const std::string& line) {
 }
 
 int make(const Arguments& arguments) {
+  if (const auto until = time_of(arguments.until); until && *until <= std::chrono::system_clock::now()) {
+    std::cerr << "varimeshd: a token until " << arguments.until
+              << " would have expired already; --until is a day or a time to come, such as 2027-01-31.\n";
+    return 2;
+  }
   const auto made = make_token(arguments.name, arguments.roles, arguments.until);
   if (!made) {
     std::cerr
@@ -64,7 +69,12 @@ CLI::App& add_token_command(CLI::App& app, int* exit_status) {
       "token",
       "Make a token: print it, and append its line, with the SHA-256 instead of the token, to the file of tokens");
   command.add_option("NAME", arguments->name, "Whose token it is")->required();
-  command.add_option("--tokens", arguments->file, "The file of tokens; it is made if it does not exist")->required();
+  command
+      .add_option("--tokens", arguments->file,
+                  "The file of tokens; it is made if it does not exist (default: the environment variable "
+                  "VARIMESH_TOKENS)")
+      ->envname("VARIMESH_TOKENS")
+      ->required();
   command
       .add_option("--role", arguments->roles,
                   "What the token allows: submit, read, cancel or admin; may be repeated (default: the first three)")

@@ -22,6 +22,7 @@ std::vector<std::string> names_of_this_machine() {
 }
 
 int make(CertificateOrder order) {
+  order.keep_server = order.hosts.empty() && !order.clients.empty();
   if (order.hosts.empty()) order.hosts = names_of_this_machine();
   if (order.clients.empty()) order.clients = {"client"};
   const auto made = make_certificates(order);
@@ -43,7 +44,7 @@ Action add_certificates(CLI::App& app) {
       .add_option(
           "--host", order->hosts,
           "A name or an IP address of the server; may be repeated; default: localhost, 127.0.0.1, ::1 and the name "
-          "of this machine")
+          "of this machine. With --client and without --host, the server keeps a certificate that is there")
       ->type_name("HOST")
       ->allow_extra_args(false);
   command

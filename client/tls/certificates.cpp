@@ -214,7 +214,9 @@ Expected<std::vector<std::string>> make_certificates(const CertificateOrder& ord
   if (!authority) return tl::unexpected(authority.error());
   if (!has_authority)
     if (const auto kept = keep("authority", authority); !kept) return tl::unexpected(kept.error());
-  if (const auto kept = keep("server", make_server(order, *authority)); !kept) return tl::unexpected(kept.error());
+  // A running server reads its files again: a certificate for other hosts would break its clients.
+  if (!order.keep_server || !std::filesystem::exists(order.folder / "server.pem", error))
+    if (const auto kept = keep("server", make_server(order, *authority)); !kept) return tl::unexpected(kept.error());
   for (const std::string& name : order.clients)
     if (const auto kept = keep(name, make_client(name, order.days, *authority)); !kept)
       return tl::unexpected(kept.error());

@@ -13,6 +13,7 @@ namespace varimesh::client {
 struct CertificateOrder {
   std::filesystem::path folder;
   std::vector<std::string> hosts;    ///< Names and IP addresses of the server.
+  bool keep_server = false;          ///< The server keeps a certificate that the folder has.
   std::vector<std::string> clients;  ///< The common names of clients, each with a certificate of its own.
   int days = 365;                    ///< How long the certificates are valid. 0: they have already expired, for tests.
 };

@@ -92,6 +92,7 @@ Answer<Caller> Access::admit(Method method, std::string_view authorization, cons
     tokens = tokens_;
   }
   if (names_certificates_) {
+    if (method == Method::LivePage) return page_without_tokens();
     if (certificate.empty()) return certificate_nameless();
     return Caller{certificate, certificate, kSubmit | kRead | kCancel};
   }

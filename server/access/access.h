@@ -40,7 +40,8 @@ class Access {
   /// Returns the caller of a method. UNAUTHENTICATED (TOKEN_MISSING or TOKEN_UNKNOWN) without a valid token,
   /// PERMISSION_DENIED (RIGHT_MISSING) if the token does not allow the method. `authorization`: the header of that
   /// name, "Bearer TOKEN". `address`: the address of the caller, without its port. `certificate`: the name in the
-  /// caller's certificate, if names_certificates(); without one: UNAUTHENTICATED (CERTIFICATE_NAMELESS).
+  /// caller's certificate, if names_certificates(); without one: UNAUTHENTICATED (CERTIFICATE_NAMELESS). Browsers show
+  /// none on the admin port: PERMISSION_DENIED (RIGHT_MISSING).
   Answer<Caller> admit(Method method, std::string_view authorization, const std::string& address,
                        const std::string& certificate = {}) const;
   /// Whether it matters who calls.

@@ -22,7 +22,17 @@ Answer<void> CallersView::check_job(const std::string& name) const {
 Answer<v1::Job> CallersView::submit(const std::string& request_id, const v1::JobSpec& spec, bool validate_only) const {
   const std::string& digest = spec.mesh().digest();
   if (is_sha256(digest) && !may_use(digest)) return mesh_missing(digest);
-  return scheduler_->submit(request_id, spec, validate_only, caller_.peer, caller_.owner);
+  auto job = scheduler_->submit(request_id, spec, validate_only, caller_.peer, caller_.owner);
+  if (!job || caller_.rights.contains(kRead)) return job;
+  // Who may not read learns the name of the job and what was sent: a request id that is repeated is no way to look at
+  // how the job goes.
+  v1::Job receipt;
+  receipt.set_name(job->name());
+  receipt.set_owner(job->owner());
+  receipt.set_request_id(job->request_id());
+  *receipt.mutable_spec() = spec;
+  if (!validate_only) *receipt.mutable_create_time() = job->create_time();
+  return receipt;
 }
 
 Answer<v1::Job> CallersView::get(const std::string& name) const {

@@ -8,6 +8,8 @@
 #include <utility>
 #include <vector>
 
+#include "server/access/certificate_name.h"
+
 namespace varimesh::server {
 namespace {
 
@@ -26,7 +28,8 @@ class Guard : public grpc::experimental::Interceptor {
       const std::string_view authorization = header == metadata->end()
                                                  ? std::string_view()
                                                  : std::string_view(header->second.data(), header->second.size());
-      if (!access_.admit(Method::Reflection, authorization, "")) call_->server_context()->TryCancel();
+      const std::string name = access_.names_certificates() ? name_in_certificate(*call_->server_context()) : "";
+      if (!access_.admit(Method::Reflection, authorization, "", name)) call_->server_context()->TryCancel();
     }
     methods->Proceed();
   }

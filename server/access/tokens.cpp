@@ -39,29 +39,6 @@ bool take(std::string_view& text, char letter) {
   return true;
 }
 
-/// Reads 2027-01-31 or 2027-01-31T12:00:00Z.
-std::optional<WallTime> time_of(std::string_view text) {
-  using namespace std::chrono;
-  const auto year = take_number(text, 4);
-  if (!year || !take(text, '-')) return std::nullopt;
-  const auto month = take_number(text, 2);
-  if (!month || !take(text, '-')) return std::nullopt;
-  const auto day = take_number(text, 2);
-  if (!day) return std::nullopt;
-  const year_month_day date{std::chrono::year(*year), std::chrono::month(static_cast<unsigned>(*month)),
-                            std::chrono::day(static_cast<unsigned>(*day))};
-  if (!date.ok()) return std::nullopt;
-  if (text.empty()) return sys_days(date);
-  if (!take(text, 'T')) return std::nullopt;
-  const auto hour = take_number(text, 2);
-  if (!hour || *hour > 23 || !take(text, ':')) return std::nullopt;
-  const auto minute = take_number(text, 2);
-  if (!minute || *minute > 59 || !take(text, ':')) return std::nullopt;
-  const auto second = take_number(text, 2);
-  if (!second || *second > 59 || text != "Z") return std::nullopt;
-  return sys_days(date) + hours(*hour) + minutes(*minute) + seconds(*second);
-}
-
 /// Returns the rights of "submit,read"; nothing if a role is unknown.
 std::optional<Rights> rights_of(const std::string& roles) {
   Rights rights;
@@ -99,6 +76,28 @@ std::string random_token() {
 }
 
 }  // namespace
+
+std::optional<WallTime> time_of(std::string_view text) {
+  using namespace std::chrono;
+  const auto year = take_number(text, 4);
+  if (!year || !take(text, '-')) return std::nullopt;
+  const auto month = take_number(text, 2);
+  if (!month || !take(text, '-')) return std::nullopt;
+  const auto day = take_number(text, 2);
+  if (!day) return std::nullopt;
+  const year_month_day date{std::chrono::year(*year), std::chrono::month(static_cast<unsigned>(*month)),
+                            std::chrono::day(static_cast<unsigned>(*day))};
+  if (!date.ok()) return std::nullopt;
+  if (text.empty()) return sys_days(date);
+  if (!take(text, 'T')) return std::nullopt;
+  const auto hour = take_number(text, 2);
+  if (!hour || *hour > 23 || !take(text, ':')) return std::nullopt;
+  const auto minute = take_number(text, 2);
+  if (!minute || *minute > 59 || !take(text, ':')) return std::nullopt;
+  const auto second = take_number(text, 2);
+  if (!second || *second > 59 || text != "Z") return std::nullopt;
+  return sys_days(date) + hours(*hour) + minutes(*minute) + seconds(*second);
+}
 
 Expected<Tokens> Tokens::parse(std::string_view text) {
   Tokens tokens;

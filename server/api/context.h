@@ -1,13 +1,14 @@
 // What all handlers share, how a caller is let in, and how a unary call is moved to the pool.
 #pragma once
 
-#include <grpc/grpc_security_constants.h>
 #include <grpcpp/grpcpp.h>
 
 #include <utility>
 
 #include "server/access/access.h"
 #include "server/access/callers_view.h"
+#include "server/access/certificate_name.h"
+#include "server/access/page_tokens.h"
 #include "server/addresses.h"
 #include "server/limits.h"
 #include "server/meshes/mesh_store.h"
@@ -29,6 +30,7 @@ struct ApiContext {
   PeerCounts& watches;
   PeerCounts& uploads;
   const Limits& limits;
+  const PageTokens& pages;
   TimePoint start_time;
 };
 
@@ -40,11 +42,7 @@ Answer<CallersView> admit(const ApiContext& api, const Context& call, Method met
   const auto header = metadata.find("authorization");
   const std::string_view authorization =
       header == metadata.end() ? std::string_view() : std::string_view(header->second.data(), header->second.size());
-  std::string name;
-  if (api.access.names_certificates()) {
-    const auto names = call.auth_context()->FindPropertyValues(GRPC_X509_CN_PROPERTY_NAME);
-    if (!names.empty()) name.assign(names.front().data(), names.front().size());
-  }
+  const std::string name = api.access.names_certificates() ? name_in_certificate(call) : "";
   auto caller = api.access.admit(method, authorization, peer_address(call.peer()), name);
   if (!caller) return tl::unexpected(caller.error());
   return CallersView(api.scheduler, api.meshes, std::move(*caller));

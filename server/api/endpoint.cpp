@@ -35,11 +35,11 @@ void set_bounds(grpc::ServerBuilder& builder, const Limits& limits) {
 }  // namespace
 
 Endpoint::Endpoint(Scheduler& scheduler, MeshStore& meshes, const Access& access, const Limits& limits,
-                   TimePoint start_time)
+                   const PageTokens& pages, TimePoint start_time)
     : watches_(limits.max_watches_per_peer),
       uploads_(limits.max_uploads_per_peer),
       pool_(kPoolThreads),
-      context_{scheduler, meshes, access, pool_, calls_, watches_, uploads_, limits, start_time},
+      context_{scheduler, meshes, access, pool_, calls_, watches_, uploads_, limits, pages, start_time},
       health_(context_),
       mesh_service_(context_),
       job_service_(context_),

@@ -22,7 +22,8 @@ namespace varimesh::server {
 class Endpoint {
  public:
   /// All but `start_time`, which GetServerInfo answers, must outlive this object.
-  Endpoint(Scheduler& scheduler, MeshStore& meshes, const Access& access, const Limits& limits, TimePoint start_time);
+  Endpoint(Scheduler& scheduler, MeshStore& meshes, const Access& access, const Limits& limits, const PageTokens& pages,
+           TimePoint start_time);
 
   /// Listens on HOST:PORT or unix:PATH with these credentials; an empty address means in-process channels only. Call it
   /// once. Errors: Output if the address is already in use or does not belong to this machine. A socket whose server

@@ -57,17 +57,19 @@ grpc::ServerUnaryReactor* JobService::GetJob(grpc::CallbackServerContext* call, 
 
 grpc::ServerUnaryReactor* JobService::ListJobs(grpc::CallbackServerContext* call, const v1::ListJobsRequest* request,
                                                v1::ListJobsResponse* response) {
-  return unary(api_, call, Method::ListJobs, [request, response](const CallersView& view) {
+  return unary(api_, call, Method::ListJobs, [this, request, response](const CallersView& view) {
     JobFilter filter;
     for (const int state : request->states()) filter.states.insert(static_cast<v1::JobState>(state));
     filter.labels.insert(request->labels().begin(), request->labels().end());
-    auto page = view.list(std::move(filter), request->page_size(), request->page_token());
+    const auto before = api_.pages.open(request->page_token(), view.caller());
+    if (!before) return status(before.error());
+    auto page = view.list(std::move(filter), request->page_size(), *before);
     if (!page) return status(page.error());
     for (v1::Job& job : page->jobs) {
       shorten(job);
       *response->add_jobs() = std::move(job);
     }
-    response->set_next_page_token(page->next_page_token);
+    response->set_next_page_token(api_.pages.seal(page->next_page_token, view.caller()));
     return grpc::Status::OK;
   });
 }
@@ -164,7 +166,7 @@ grpc::ServerWriteReactor<v1::GetResultResponse>* JobService::GetResult(grpc::Cal
 
 grpc::ServerUnaryReactor* JobService::GetServerInfo(grpc::CallbackServerContext* call, const v1::GetServerInfoRequest*,
                                                     v1::GetServerInfoResponse* response) {
-  return unary(api_, call, Method::GetServerInfo, [this, response](const CallersView&) {
+  return unary(api_, call, Method::GetServerInfo, [this, response](const CallersView& view) {
     response->set_version(std::string(version()));
     response->mutable_limits()->set_max_mesh_bytes(api_.limits.max_mesh_bytes);
     response->mutable_limits()->set_max_pending_jobs(api_.limits.max_pending_jobs);
@@ -181,6 +183,7 @@ grpc::ServerUnaryReactor* JobService::GetServerInfo(grpc::CallbackServerContext*
     }
     for (int energy = v1::ENERGY_HYPERELASTIC; v1::Energy_IsValid(energy); ++energy)
       response->add_energies(static_cast<v1::Energy>(energy));
+    if (!view.caller().rights.contains(kRead)) return grpc::Status::OK;
     *response->mutable_start_time() = timestamp(api_.start_time);
     const auto counts = api_.scheduler.counts();
     if (!counts) return status(counts.error());

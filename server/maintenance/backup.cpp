@@ -30,8 +30,7 @@ namespace fs = std::filesystem;
 /// How often the database is copied anew because files were deleted meanwhile.
 constexpr int kRounds = 20;
 
-/// The file that tells a backup from the directory of a server.
-constexpr const char* kMarker = "backup-of-varimesh";
+constexpr const char* kMarker = StateDirectory::kBackupMark;
 
 tl::unexpected<Error> cannot(const std::string& what, const std::string& why) {
   return tl::unexpected(Error{Error::Kind::Output, "Cannot " + what + " (" + why + ")."});
@@ -234,7 +233,8 @@ Expected<BackupReport> back_up(const std::string& from, const std::string& to) {
   const fs::path marker = fs::path(to) / kMarker;
   if (fs::exists(to, error) && !fs::exists(marker, error) && !fs::is_empty(to, error))
     return tl::unexpected(Error{Error::Kind::Output, "'" + to + "' is not empty and is no backup (it has no file '" +
-                                                         kMarker + "'); name a new directory."});
+                                                         kMarker +
+                                                         "', or a server has used it since); name a new directory."});
   const auto target = StateDirectory::take(to);
   if (!target) return tl::unexpected(target.error());
   if (!std::ofstream(marker, std::ios::app)) return cannot("write '" + marker.string() + "'", std::strerror(errno));

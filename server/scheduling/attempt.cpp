@@ -86,9 +86,9 @@ class Checkpoints {
     if (!writer || !write([&](std::string_view bytes) { return (*writer)->append(bytes); })) return;
     const auto stored = (*writer)->commit();
     if (!stored) return;
-    attempt_.note_checkpoint({stored->digest, iteration});
+    // If it could not be recorded, another one is tried as soon as it would be due after this one.
     saved_ = attempt_.steady();
-    iteration_ = iteration;
+    if (attempt_.note_checkpoint({stored->digest, iteration})) iteration_ = iteration;
   }
 
  private:

@@ -27,8 +27,9 @@ struct Attempt {
   std::function<void(const v1::Iteration&)> note_progress;  ///< Called at most twice per second.
   /// Shortest time between two checkpoints, except when the server stops.
   std::chrono::milliseconds checkpoint_pause{5'000};
-  /// Records a checkpoint that is in the mesh store, and takes over its reference. Null: no checkpoints are saved.
-  std::function<void(const CheckpointReference&)> note_checkpoint;
+  /// Records a checkpoint that is in the mesh store, and takes over its reference. Returns false if it cannot be
+  /// recorded; then the next attempt begins at an earlier one. Null: no checkpoints are saved.
+  std::function<bool(const CheckpointReference&)> note_checkpoint;
   /// How long a run may go on when the server stops, to reach an iteration that can be saved as a checkpoint.
   std::function<std::chrono::milliseconds()> stop_patience = [] { return std::chrono::milliseconds(10'000); };
 };

@@ -264,6 +264,7 @@ void Scheduler::run(const std::shared_ptr<Running>& running, const LentThreads& 
       const auto noted = jobs_->note_checkpoint(claim, checkpoint);
       if (!noted) meshes_->release(checkpoint.digest);
       if (noted) release(noted->released);
+      return noted.has_value();
     };
   attempt.stop_patience = [this] { return stop_patience_.load(); };
   const Ending ending = run_attempt(attempt);

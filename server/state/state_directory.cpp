@@ -3,16 +3,22 @@
 
 #include <fcntl.h>
 #include <sys/file.h>
+#include <sys/random.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
 #include <cerrno>
 #include <cstring>
 
+#include "core/base/sha256.h"
+#include "core/base/write_all.h"
+#include "server/meshes/read_at.h"
 #include "server/state/owned_path.h"
 
 namespace varimesh::server {
 namespace {
+
+constexpr std::size_t kSecretBytes = 16;
 
 /// Removes trailing separators and dots, since the parent path of "a/b/" would be "a/b" and not "a".
 std::string without_trailing_separators(std::filesystem::path path) {
@@ -56,5 +62,45 @@ Expected<std::unique_ptr<StateDirectory>> StateDirectory::take(const std::string
 }
 
 StateDirectory::~StateDirectory() { ::close(lock_); }
+
+void StateDirectory::become_server() const {
+  std::error_code ignored;
+  std::filesystem::remove(path_ / kBackupMark, ignored);
+}
+
+std::string random_bytes() {
+  std::string bytes(kSecretBytes, '\0');
+  for (std::size_t filled = 0; filled < bytes.size();)
+    if (const ssize_t got = ::getrandom(bytes.data() + filled, bytes.size() - filled, 0); got > 0)
+      filled += static_cast<std::size_t>(got);
+  return bytes;
+}
+
+std::string secret_in(const std::filesystem::path& directory) {
+  const std::string path = directory / "secret", name = sha256(random_bytes()), beside = path + "." + name + ".new";
+  const auto kept = [&] {
+    std::string bytes;
+    const int file = ::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK);
+    if (file < 0) return bytes;
+    if (!read_at(file, 0, kSecretBytes + 1, &bytes) || bytes.size() != kSecretBytes) bytes.clear();
+    ::close(file);
+    return bytes;
+  };
+  std::string bytes = kept();
+  if (!bytes.empty()) return bytes;
+  bytes = random_bytes();
+  const int file = ::open(beside.c_str(), O_CREAT | O_EXCL | O_WRONLY | O_CLOEXEC | O_NOFOLLOW, 0600);
+  if (file < 0) return bytes;
+  const bool written = write_all(file, bytes);
+  ::close(file);
+  // Another server may do the same at this moment: the first one counts. A file that cannot be used is in nobody's way.
+  const bool made = written && (::link(beside.c_str(), path.c_str()) == 0 || kept().empty());
+  if (made)
+    ::rename(beside.c_str(), path.c_str());
+  else if (const std::string other = kept(); !other.empty())
+    bytes = other;
+  ::unlink(beside.c_str());
+  return bytes;
+}
 
 }  // namespace varimesh::server

@@ -25,6 +25,10 @@ class StateDirectory {
   std::string jobs() const { return (path_ / "jobs.sqlite").string(); }
   /// The path of the directory of meshes.
   std::string meshes() const { return (path_ / "meshes").string(); }
+  /// A file with this name says that the directory is a backup, which the next backup may replace.
+  static constexpr const char* kBackupMark = "backup-of-varimesh";
+  /// Removes that file: a server that uses the directory has jobs of its own there.
+  void become_server() const;
 
  private:
   StateDirectory(std::filesystem::path path, int lock) : path_(std::move(path)), lock_(lock) {}
@@ -32,5 +36,11 @@ class StateDirectory {
   const std::filesystem::path path_;
   const int lock_;
 };
+
+/// Returns 16 random bytes.
+std::string random_bytes();
+/// Returns 16 random bytes that are kept in a directory, in the file "secret", for all servers that use it. If they
+/// cannot be kept, others are returned the next time.
+std::string secret_in(const std::filesystem::path& directory);
 
 }  // namespace varimesh::server

@@ -121,10 +121,17 @@ Expected<std::unique_ptr<Stores>> Stores::open(const StoreSettings& settings) {
     auto directory = StateDirectory::take(settings.state);
     if (!directory) return tl::unexpected(directory.error());
     stores->state_ = std::move(*directory);
+    stores->state_->become_server();
+    stores->shared_meshes_ = settings.meshes;
   }
   if (const auto opened = stores->open_jobs(settings); !opened) return tl::unexpected(opened.error());
   if (const auto opened = stores->open_meshes(settings); !opened) return tl::unexpected(opened.error());
   return stores;
+}
+
+std::string Stores::secret() const {
+  if (!shared_meshes_.empty()) return secret_in(shared_meshes_);
+  return state_ != nullptr ? secret_in(state_->path()) : random_bytes();
 }
 
 }  // namespace varimesh::server

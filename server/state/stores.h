@@ -36,6 +36,9 @@ class Stores {
 
   JobStore& jobs() { return *jobs_; }
   MeshStore& meshes() { return *meshes_; }
+  /// 16 random bytes that nobody else knows: the same for all servers on a state directory, or on a directory of meshes
+  /// that they share.
+  std::string secret() const;
 
  private:
   Stores() = default;
@@ -43,6 +46,7 @@ class Stores {
   Expected<void> open_meshes(const StoreSettings& settings);
 
   std::unique_ptr<StateDirectory> state_;  ///< Null if nothing outlives the server.
+  std::string shared_meshes_;              ///< The directory that servers share; empty: none.
   std::unique_ptr<JobStore> jobs_;
   std::unique_ptr<MeshStore> meshes_;  ///< May ask the jobs which meshes they need.
 };

@@ -10,6 +10,7 @@
 #include <openssl/x509.h>
 #include <sys/stat.h>
 #include <sys/time.h>
+#include <unistd.h>
 
 #include <array>
 #include <cerrno>
@@ -46,11 +47,25 @@ tl::unexpected<Error> unusable(const std::string& flag, const std::string& file,
 /// Nobody can type the password of a key into a server.
 int no_password(char*, int, int, void*) { return 0; }
 
+/// Whoever can write a key or an authority can become the server or any client.
+Expected<void> check_nobody_else_writes(const std::string& flag, const std::string& file, struct stat* status) {
+  if (::stat(file.c_str(), status) != 0) return unusable(flag, file, std::strerror(errno));
+  if (status->st_uid != ::geteuid() && status->st_uid != 0)
+    return unusable(flag, file,
+                    "it belongs to another user (uid " + std::to_string(status->st_uid) + "); run chown on it");
+  if ((status->st_mode & (S_IWGRP | S_IWOTH)) != 0)
+    return unusable(flag, file, "other users can write it; run chmod go-w on it");
+  return {};
+}
+
+/// A key of root's may be readable by a group, since that is how systems hand keys to services.
 Expected<void> check_key_is_private(const std::string& file) {
   struct stat status {};
-  if (::stat(file.c_str(), &status) != 0) return unusable("--tls-key", file, std::strerror(errno));
-  if ((status.st_mode & (S_IROTH | S_IWOTH)) != 0)
-    return unusable("--tls-key", file, "every user of this machine can read it; run chmod o-rw on it");
+  if (auto checked = check_nobody_else_writes("--tls-key", file, &status); !checked) return checked;
+  if ((status.st_mode & S_IROTH) != 0)
+    return unusable("--tls-key", file, "every user of this machine can read it; run chmod go-rwx on it");
+  if (status.st_uid != 0 && (status.st_mode & S_IRGRP) != 0)
+    return unusable("--tls-key", file, "the users of its group can read it; run chmod go-rwx on it");
   return {};
 }
 
@@ -70,7 +85,9 @@ Expected<void> check_tls_files(const TlsFiles& files) {
   if (!files.are_given()) return {};
   if (files.certificate.empty() || files.key.empty())
     return bad_option("TLS needs both --tls-certificate and --tls-key; 'varimesh certificates' makes files to try it.");
-  if (const auto checked = check_key_is_private(files.key); !checked) return tl::unexpected(checked.error());
+  if (auto checked = check_key_is_private(files.key); !checked) return checked;
+  if (struct stat status{}; files.are_mutual())
+    if (auto checked = check_nobody_else_writes("--tls-authority", files.authority, &status); !checked) return checked;
   const Owned<SSL_CTX> context(SSL_CTX_new(TLS_server_method()));
   if (context == nullptr) return unusable("--tls-certificate", files.certificate, reason());
   SSL_CTX_set_default_passwd_cb(context.get(), no_password);

@@ -28,6 +28,7 @@ class Varimeshd(WithFolder):
         second = subprocess.run([VARIMESHD, "--listen", server.address], capture_output=True, text=True, timeout=20)
         self.assertEqual(second.returncode, 1, second.stderr)
         self.assertIn("taken", second.stderr)
+        self.assertEqual(len(second.stderr.splitlines()), 1, "nothing is said of a server that does not start")
 
     def test_sigterm_with_a_job_and_a_watcher_ends_in_order(self):
         server = Server()

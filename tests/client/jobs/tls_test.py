@@ -3,6 +3,7 @@ replaced while the server runs. ctest runs it with VARIMESH, VARIMESHD and VARIM
 import importlib.util
 import json
 import os
+import re
 import signal
 import socket
 import ssl
@@ -11,6 +12,8 @@ import subprocess
 import tempfile
 import time
 import unittest
+import urllib.error
+import urllib.request
 from pathlib import Path
 
 from programs import ENDLESS, LARGER, MESH, VARIMESHD, Server, WithFolder, run, start
@@ -56,6 +59,15 @@ class MakingCertificates(WithFolder):
         self.assertNotEqual((self.folder / "server.pem").read_text(), before["server.pem"])
         (self.folder / "authority.pem").write_text("nothing")
         self.assertEqual(run("certificates", self.folder).returncode, 3)
+
+    def test_another_client_leaves_the_certificates_of_the_others(self):
+        make(self.folder, "--host", "mesh.example.org", "--client", "ann")
+        before = {path.name: path.read_bytes() for path in self.folder.iterdir()}
+        made = {Path(path).name for path in make(self.folder, "--client", "bob")}
+        self.assertEqual(made, {"bob.pem", "bob-key.pem"})
+        self.assertEqual({name: (self.folder / name).read_bytes() for name in before}, before)
+        made = {Path(path).name for path in make(self.folder, "--host", "other.example.org", "--client", "bob")}
+        self.assertEqual(made, {"server.pem", "server-key.pem", "bob.pem", "bob-key.pem"})
 
     def test_names_that_cannot_be_are_refused(self):
         for flags in (["--client", "../ann"], ["--client", "server"], ["--client", "a-key"], ["--host", "a/b"], ["--host", ""],
@@ -104,9 +116,23 @@ class Starting(WithFolder):
         self.assertIn("--tls-certificate", self.refuse(*listen, *good[2:4]))
         self.assertIn("values mismatch", self.refuse(*listen, *good[:2], "--tls-key", str(other / "server-key.pem")))
         self.assertIn("--tls-authority", self.refuse(*listen, *good[:4], "--tls-authority", str(self.folder / "none")))
-        (other / "server-key.pem").chmod(0o644)
-        self.assertIn("chmod", self.refuse(*listen, *as_server(other)))
+        for name, modes in (("server-key.pem", (0o644, 0o620, 0o602, 0o604)), ("authority.pem", (0o664, 0o646))):
+            for mode in modes:
+                (other / name).chmod(mode)
+                said = self.refuse(*listen, *as_server(other))
+                self.assertIn("chmod", said, (name, oct(mode)))
+                self.assertIn(name, said)
+            (other / name).chmod(0o600)
         self.assertIn("unix socket", self.refuse("--listen", f"unix:{self.folder}/socket", *good))
+
+    @unittest.skipIf(os.geteuid() != 0, "only root can give files to others")
+    def test_keys_of_others_are_refused(self):
+        for name in ("server-key.pem", "authority.pem"):
+            os.chown(self.certificates / name, 65534, 65534)
+            said = self.refuse("--listen", "127.0.0.1:0", *as_server(self.certificates))
+            self.assertIn("belongs to another user", said)
+            self.assertIn(name, said)
+            os.chown(self.certificates / name, 0, 0)
 
     def test_by_default_only_its_owner_can_use_it(self):
         state = self.folder / "state"
@@ -203,6 +229,29 @@ class Calling(WithCertificates):
         refused = run("cancel", job["job"], "--server", self.server.address, *bob, env=environment())
         self.assertEqual(refused.returncode, 2)
         self.assertIn("There is no job", refused.stderr)
+
+    @unittest.skipUnless(importlib.util.find_spec("grpc"), "python3-grpcio is missing (deploy/setup test)")
+    def test_reflection_answers_to_certificates(self):
+        import grpc
+
+        read = lambda name: (self.certificates / name).read_bytes()
+        credentials = grpc.ssl_channel_credentials(read("authority.pem"), read("ann-key.pem"), read("ann.pem"))
+        with grpc.secure_channel(self.server.address, credentials) as channel:
+            call = channel.stream_stream("/grpc.reflection.v1alpha.ServerReflection/ServerReflectionInfo")
+            answers = list(call(iter([b"\x3a\x00"]), timeout=20))  # list_services
+        self.assertIn(b"varimesh.v1.JobService", answers[0])
+
+    def test_the_live_page_says_who_may_read_it(self):
+        server = Server("--admin", "127.0.0.1:0", *as_server(self.certificates))
+        self.addCleanup(server.stop)
+        deadline = time.monotonic() + 20
+        while not (found := re.search(r"http://(127\.0\.0\.1:\d+)/", "".join(server.log))):
+            self.assertLess(time.monotonic(), deadline)
+            time.sleep(0.01)
+        with self.assertRaises(urllib.error.HTTPError) as refused:
+            urllib.request.urlopen(f"http://{found[1]}/api/status", timeout=20)
+        self.assertEqual(refused.exception.code, 403)
+        self.assertIn("--tokens", refused.exception.read().decode())
 
     def test_certificates_are_replaced_while_watches_run(self):
         ann = as_client(self.certificates, "ann")

@@ -42,6 +42,24 @@ class MakingTokens(WithFolder):
         make_token(file, "ann", "read")
         self.assertEqual(len(file.read_text().splitlines()), 2)
 
+    def test_the_file_has_a_default_in_the_environment(self):
+        file = self.folder / "tokens"
+        done = subprocess.run([VARIMESHD, "token", "ann"], capture_output=True, text=True, timeout=20,
+                              env=environment(VARIMESH_TOKENS=str(file)))
+        self.assertEqual(done.returncode, 0, done.stderr)
+        self.assertTrue(file.read_text().startswith("ann submit,read,cancel "))
+        done = subprocess.run([VARIMESHD, "token", "ann"], capture_output=True, text=True, timeout=20, env=environment())
+        self.assertEqual(done.returncode, 2)
+        self.assertIn("--tokens", done.stderr)
+
+    def test_a_token_that_has_expired_is_not_made(self):
+        for until in ("2020-01-31", "2026-01-01T00:00:00Z", time.strftime("%Y-%m-%d", time.gmtime())):
+            done = subprocess.run([VARIMESHD, "token", "ann", "--until", until, "--tokens", self.folder / "tokens"],
+                                  capture_output=True, text=True, timeout=20)
+            self.assertEqual(done.returncode, 2, until)
+            self.assertIn("expired", done.stderr)
+        self.assertFalse((self.folder / "tokens").exists())
+
     def test_what_cannot_be_in_the_file_is_refused(self):
         for arguments in (["a b"], ["ann", "--role", "write"], ["ann", "--until", "soon"], []):
             done = subprocess.run([VARIMESHD, "token", *arguments, "--tokens", self.folder / "tokens"],

@@ -78,6 +78,13 @@ class Owners : public ::testing::Test {
     *job = response.job();
     return status;
   }
+  /// One job of a caller, and the token of the next page.
+  grpc::Status page(const std::string& token, const std::string& page_token, v1::ListJobsResponse* response) {
+    v1::ListJobsRequest request;
+    request.set_page_size(1);
+    request.set_page_token(page_token);
+    return call_as(token, *service_->jobs, &v1::JobService::Stub::ListJobs, request, response);
+  }
   std::vector<std::string> list(const std::string& token, bool labelled = true) {
     v1::ListJobsRequest request;
     if (labelled) (*request.mutable_labels())["case"] = "wing";
@@ -290,6 +297,62 @@ TEST_F(Owners, HaveTheRightsOfTheirTokens) {
   EXPECT_EQ(submit(kReader, sha256("a mesh"), &other).error_code(), grpc::StatusCode::PERMISSION_DENIED);
   EXPECT_EQ(info_of(cancel(kReader, job.name())).reason(), "RIGHT_MISSING");
   EXPECT_TRUE(get(kReader, job.name(), &other).ok());
+}
+
+TEST_F(Owners, WithoutTheRightToReadGetOnlyAReceipt) {
+  gate_.open();
+  upload(kAnn, "a mesh");
+  v1::Job job, again;
+  ASSERT_TRUE(submit(kSubmitter, sha256("a mesh"), &job, "run 1").ok());
+  EXPECT_TRUE(watch(kAnn, job.name()).ok());
+  ASSERT_TRUE(submit(kAnn, sha256("a mesh"), &again, "run 1").ok());
+  EXPECT_EQ(again.state(), v1::JOB_STATE_SUCCEEDED);
+  EXPECT_EQ(again.results_size(), 1);
+  ASSERT_TRUE(submit(kSubmitter, sha256("a mesh"), &again, "run 1").ok());
+  EXPECT_EQ(again.SerializeAsString(), job.SerializeAsString()) << "how the job went is not told";
+  EXPECT_EQ(again.state(), v1::JOB_STATE_UNSPECIFIED);
+  EXPECT_EQ(again.spec().mesh().digest(), sha256("a mesh"));
+  EXPECT_EQ(again.owner(), "ann");
+  for (const auto& [token, told] : {std::pair{kSubmitter, false}, {kReader, true}}) {
+    v1::GetServerInfoResponse info;
+    ASSERT_TRUE(
+        call_as(token, *service_->jobs, &v1::JobService::Stub::GetServerInfo, v1::GetServerInfoRequest(), &info).ok());
+    EXPECT_EQ(info.has_start_time(), told);
+    EXPECT_GT(info.limits().max_mesh_bytes(), 0);
+  }
+}
+
+TEST_F(Owners, LearnNothingOfOthersFromPageTokens) {
+  gate_.open();
+  upload(kAnn, "a mesh");
+  upload(kBob, "a mesh");
+  std::vector<std::string> submitted;
+  v1::Job job;
+  for (int i = 0; i < 5; ++i) {
+    ASSERT_TRUE(submit(kBob, sha256("a mesh"), &job).ok());
+    ASSERT_TRUE(submit(kAnn, sha256("a mesh"), &job).ok());
+    submitted.insert(submitted.begin(), job.name());
+  }
+  std::vector<std::string> listed;
+  std::string token, second;
+  for (int i = 0; i < 5; ++i) {
+    v1::ListJobsResponse response;
+    ASSERT_TRUE(page(kAnn, token, &response).ok());
+    ASSERT_EQ(response.jobs_size(), 1);
+    listed.push_back(response.jobs(0).name());
+    token = response.next_page_token();
+    if (i == 1) second = token;
+    EXPECT_EQ(token.size(), i < 4 ? 32u : 0u);
+    if (i == 2) start();  // the next server goes on with the list
+  }
+  EXPECT_EQ(listed, submitted);
+  v1::ListJobsResponse response;
+  EXPECT_TRUE(page(kAnn, second, &response).ok());
+  for (const std::string& wrong : {second.substr(1) + second[0], std::string("3"), std::string(32, 'z')})
+    EXPECT_EQ(info_of(page(kAnn, wrong, &response)).reason(), "BAD_REQUEST") << wrong;
+  EXPECT_EQ(info_of(page(kBob, second, &response)).reason(), "BAD_REQUEST") << "the token is Ann's";
+  ASSERT_TRUE(page(kOperator, "", &response).ok());
+  EXPECT_EQ(response.next_page_token(), "10") << "who sees all jobs may know how many there are";
 }
 
 // ===== every method =====

@@ -148,6 +148,7 @@ TEST_F(AccessByFile, KnowsTheNamesInCertificates) {
   EXPECT_EQ(caller->peer, "ann");
   EXPECT_FALSE(caller->sees_all());
   EXPECT_EQ(access->admit(Method::GetJob, "", "10.0.0.7", "").error().reason, "CERTIFICATE_NAMELESS");
+  EXPECT_EQ(access->admit(Method::LivePage, "", "127.0.0.1", "").error().reason, "RIGHT_MISSING");
 }
 
 TEST_F(AccessByFile, ReadsTheFileAgainWhenItChanges) {

@@ -26,7 +26,10 @@ class AttemptTest : public ::testing::Test {
                         [this] { return now_; }, [this] { return cancelled_; }, [this] { return stopping_; },
                         [this](const v1::Iteration& iteration) { noted_.push_back(iteration.number()); },
                         std::chrono::milliseconds(0),
-                        [this](const CheckpointReference& checkpoint) { checkpoints_.push_back(checkpoint); }});
+                        [this](const CheckpointReference& checkpoint) {
+                          checkpoints_.push_back(checkpoint);
+                          return records_;
+                        }});
   }
 
   static Iteration iteration(int number) {
@@ -42,6 +45,7 @@ class AttemptTest : public ::testing::Test {
   TimePoint wall_ = TimePoint(std::chrono::hours(1));
   Time now_ = Time(std::chrono::hours(1));
   bool cancelled_ = false, stopping_ = false;
+  bool records_ = true;  ///< Whether checkpoints can be recorded.
   std::vector<int> noted_;
   std::vector<CheckpointReference> checkpoints_;
 };
@@ -132,6 +136,33 @@ TEST_F(AttemptTest, IsPendingAgainIfTheServerStops) {
   ASSERT_EQ(checkpoints_.size(), 1u);
   EXPECT_EQ(checkpoints_[0].iteration, 3);
   EXPECT_EQ(checkpoints_[0].digest, sha256("state"));
+}
+
+TEST_F(AttemptTest, DoesNotCountACheckpointThatTheStoreHasNotRecorded) {
+  records_ = false;
+  const Ending ending = run([this](RunRequest, const RunHooks& hooks) -> Expected<RunSummary> {
+    const auto save = [&](int number) {
+      EXPECT_TRUE(hooks.control.checkpoint_due(iteration(number))) << number;
+      hooks.control.save_checkpoint(iteration(number), [](const CheckpointSink& sink) { return sink("state"); });
+    };
+    save(10);
+    EXPECT_FALSE(hooks.control.checkpoint_due(iteration(9))) << "not at once again";
+    now_ += std::chrono::seconds(30);
+    records_ = true;
+    save(10);
+    EXPECT_FALSE(hooks.control.checkpoint_due(iteration(10))) << "it is recorded now";
+    stopping_ = true;
+    records_ = false;
+    save(12);
+    RunSummary outcome;
+    EXPECT_EQ(hooks.on_iteration(iteration(12)), Control::Continue) << "the server has time to try the next one";
+    records_ = true;
+    save(13);
+    outcome.stopped = hooks.on_iteration(iteration(13)) == Control::Stop;
+    return outcome;
+  });
+  EXPECT_EQ(ending.state, v1::JOB_STATE_PENDING);
+  EXPECT_EQ(checkpoints_.size(), 4u);
 }
 
 TEST_F(AttemptTest, GoesOnToTheNextIterationThatCanBeSavedIfTheServerStops) {
