@@ -20,6 +20,7 @@ struct Units {
   int mesh_lifetime_hours = 7 * 24;
   int compress_minutes = 10;
   int ended_minutes = 60;
+  int most_ended_hours = 0;
   double lease_seconds = 30;
 };
 
@@ -76,7 +77,8 @@ void add_queue_flags(CLI::App& app, Limits& limits) {
          "Seconds that a job runs; a job that asks for more is refused, and one without a time limit has this one")
       ->capture_default_str()
       ->check(CLI::Range(1.0, 1e9));
-  app.add_option("--max-priority", limits.max_priority, "The highest priority of a job; a higher one is refused")
+  app.add_option("--max-priority", limits.max_priority,
+                 "The highest priority of a job; a higher one is refused. Owners with the role admin may ask for 100")
       ->capture_default_str()
       ->check(CLI::Range(-100, 100));
   app.add_option("--max-pending-jobs-per-peer", limits.max_pending_jobs_per_peer,
@@ -85,6 +87,19 @@ void add_queue_flags(CLI::App& app, Limits& limits) {
       ->check(CLI::NonNegativeNumber);
   app.add_option("--max-running-jobs-per-peer", limits.max_running_jobs_per_peer,
                  "Jobs of one peer that run at a time, while its other jobs wait; 0: no limit")
+      ->capture_default_str()
+      ->check(CLI::NonNegativeNumber);
+  app.add_option("--max-submissions-per-peer", limits.max_submissions_per_peer,
+                 "Jobs that one peer may submit in a minute; 0: no limit")
+      ->capture_default_str()
+      ->check(CLI::NonNegativeNumber);
+  app.add_option("--max-downloads-per-peer", limits.max_downloads_per_peer,
+                 "Downloads of meshes and results that one peer may have open; 0: no limit")
+      ->capture_default_str()
+      ->check(CLI::NonNegativeNumber);
+  app.add_option("--max-bytes-per-owner", limits.max_bytes_per_owner,
+                 "Size of all meshes and results of an owner; an owner who has more can neither upload nor submit. "
+                 "0: no limit")
       ->capture_default_str()
       ->check(CLI::NonNegativeNumber);
   app.add_option("--max-watches-per-peer", limits.max_watches_per_peer,
@@ -106,15 +121,20 @@ void add_state_flags(CLI::App& app, ServerOptions& options, Units& units) {
   app.add_option("--data", options.data,
                  "Without --state: directory in which the temporary directory for meshes is created (default: TMPDIR, "
                  "or /tmp)");
-  app.add_option("--max-ended-jobs", limits.max_ended_jobs,
-                 "Jobs that are remembered, with their results, after their end; more are deleted when they are old "
-                 "enough")
+  app.add_option(
+         "--max-ended-jobs", limits.max_ended_jobs,
+         "Jobs of an owner that are remembered, with their results, after their end; more are deleted when they "
+         "are old enough")
       ->capture_default_str()
       ->check(CLI::NonNegativeNumber);
   app.add_option("--min-ended-age", units.ended_minutes,
                  "Minutes for which every ended job is remembered, however many there are")
       ->capture_default_str()
       ->check(CLI::Range(0, 60 * 24 * 36500));  // a century; more nanoseconds would overflow
+  app.add_option("--max-ended-age", units.most_ended_hours,
+                 "Hours after which every ended job is deleted, with its result; 0: no limit")
+      ->capture_default_str()
+      ->check(CLI::Range(0, 24 * 36500));
   app.add_option("--max-store-bytes", limits.max_store_bytes,
                  "Delete the oldest meshes that no job refers to when the store is larger than this; 0: no limit")
       ->capture_default_str()
@@ -231,6 +251,7 @@ std::optional<Flags> parse_flags(int argc, char** argv, int* exit_status) {
   limits.lease = std::chrono::milliseconds(static_cast<int>(1000 * units.lease_seconds));
   limits.mesh_lifetime = std::chrono::hours(units.mesh_lifetime_hours);
   limits.min_ended_age = std::chrono::minutes(units.ended_minutes);
+  limits.max_ended_age = std::chrono::hours(units.most_ended_hours);
   limits.compress_after = std::chrono::minutes(units.compress_minutes);
   return flags;
 }

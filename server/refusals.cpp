@@ -86,6 +86,21 @@ Refusal peer_limit(const std::string& peer, int most, const std::string& things)
                  {{"peer", peer}}, kLimitRetrySeconds);
 }
 
+Refusal too_many_submissions(const std::string& peer, int most, int seconds) {
+  return refusal(Code::ResourceExhausted, "PEER_LIMIT",
+                 peer + " has submitted " + std::to_string(most) +
+                     " jobs within a minute, the most that one caller may submit; try again later.",
+                 {{"peer", peer}}, seconds);
+}
+
+Refusal owner_full(const std::string& owner, std::int64_t held, std::int64_t most) {
+  return refusal(Code::ResourceExhausted, "OWNER_FULL",
+                 "The meshes and results of " + owner + " have " + std::to_string(held) +
+                     " bytes on this server, and may have " + std::to_string(most) +
+                     " (its flag --max-bytes-per-owner); delete jobs, and meshes that no job refers to.",
+                 {{"held_bytes", std::to_string(held)}, {"max_bytes", std::to_string(most)}});
+}
+
 Refusal mesh_too_large(std::int64_t max, std::optional<std::int64_t> size) {
   const std::string limit = std::to_string(max);
   return refusal(Code::ResourceExhausted, "MESH_TOO_LARGE",

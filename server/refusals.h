@@ -41,6 +41,10 @@ Refusal history_too_large();
 Refusal queue_full(int pending);
 /// RESOURCE_EXHAUSTED, PEER_LIMIT. `most`: how many `things` ("open watches") one owner or one address may have.
 Refusal peer_limit(const std::string& peer, int most, const std::string& things);
+/// RESOURCE_EXHAUSTED, PEER_LIMIT. `most`: how many jobs the peer may submit in a minute. `seconds`: when it may again.
+Refusal too_many_submissions(const std::string& peer, int most, int seconds);
+/// RESOURCE_EXHAUSTED, OWNER_FULL: the meshes and results of `owner` have `held` bytes and may have `most`.
+Refusal owner_full(const std::string& owner, std::int64_t held, std::int64_t most);
 /// RESOURCE_EXHAUSTED, MESH_TOO_LARGE: the mesh takes at least `needed` bytes of memory, but jobs have `max` together.
 Refusal mesh_needs_memory(std::int64_t max, std::int64_t needed);
 /// RESOURCE_EXHAUSTED, MESH_TOO_LARGE. `max` and `size` are in bytes; `size` is empty if it is not known.

@@ -79,6 +79,8 @@ Expected<void> Server::start_scheduler() {
   settings.max_pending_of_peer = options_.limits.max_pending_jobs_per_peer;
   settings.max_ended = options_.limits.max_ended_jobs;
   settings.min_ended_age = options_.limits.min_ended_age;
+  settings.max_ended_age = options_.limits.max_ended_age;
+  settings.max_submissions = options_.limits.max_submissions_per_peer;
   settings.checkpoint_pause = options_.limits.checkpoint_pause;
   settings.clock = options_.clock;
   settings.has_room = [this] { return stores_->meshes().has_room(); };

@@ -30,8 +30,8 @@ int status_of_reason(const std::string& reason) {
       reason == "REQUEST_ID_USED" || reason == "TOKEN_MISSING" || reason == "TOKEN_UNKNOWN" ||
       reason == "RIGHT_MISSING")
     return kUsage;
-  if (reason == "STORE_FULL" || reason == "QUEUE_FULL" || reason == "PEER_LIMIT" || reason == "STOPPING" ||
-      reason == "STORE_UNAVAILABLE")
+  if (reason == "STORE_FULL" || reason == "QUEUE_FULL" || reason == "PEER_LIMIT" || reason == "OWNER_FULL" ||
+      reason == "STOPPING" || reason == "STORE_UNAVAILABLE")
     return kServer;
   return kJobFailed;
 }

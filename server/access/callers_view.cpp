@@ -22,7 +22,10 @@ Answer<void> CallersView::check_job(const std::string& name) const {
 Answer<v1::Job> CallersView::submit(const std::string& request_id, const v1::JobSpec& spec, bool validate_only) const {
   const std::string& digest = spec.mesh().digest();
   if (is_sha256(digest) && !may_use(digest)) return mesh_missing(digest);
-  auto job = scheduler_->submit(request_id, spec, validate_only, caller_.peer, caller_.owner);
+  if (const auto room = meshes_->check_share(caller_.owner, 0); !room) return tl::unexpected(room.error());
+  // On a server that does not ask who calls, everybody is an admin.
+  const bool is_admin = caller_.sees_all() && !caller_.owner.empty();
+  auto job = scheduler_->submit(request_id, spec, validate_only, {caller_.peer, caller_.owner, is_admin});
   if (!job || caller_.rights.contains(kRead)) return job;
   // Who may not read learns the name of the job and what was sent: a request id that is repeated is no way to look at
   // how the job goes.
@@ -66,6 +69,11 @@ Answer<std::shared_ptr<EventLog>> CallersView::events(const std::string& name) c
 Answer<UploadTicket> CallersView::begin_upload(const std::string& id, const std::string& digest,
                                                std::int64_t size) const {
   return meshes_->begin_upload(id, digest, size, caller_.owner);
+}
+
+Answer<std::unique_ptr<BlobWriter>> CallersView::create(std::int64_t announced) const {
+  if (const auto room = meshes_->check_share(caller_.owner, announced); !room) return tl::unexpected(room.error());
+  return meshes_->create(announced);
 }
 
 Answer<UploadProgress> CallersView::query_upload(const std::string& id, const std::string& digest) const {

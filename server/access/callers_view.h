@@ -33,6 +33,8 @@ class CallersView {
   Answer<std::int64_t> append(const UploadTicket& ticket, std::int64_t offset, std::string_view bytes) const {
     return meshes_->append(ticket, offset, bytes);
   }
+  /// For bytes that the caller sends. RESOURCE_EXHAUSTED (OWNER_FULL) if its meshes would have too many bytes.
+  Answer<std::unique_ptr<BlobWriter>> create(std::int64_t announced) const;
   Answer<StoredBytes> finish_upload(const UploadTicket& ticket) const { return meshes_->finish_upload(ticket); }
   Answer<UploadProgress> query_upload(const std::string& id, const std::string& digest) const;
   Answer<std::unique_ptr<BlobReader>> read(const std::string& digest) const;

@@ -27,8 +27,8 @@ class LiveStatus {
   /// {"version", "start_time", "time", "threads", "max_pending_jobs", "pending", "running",
   ///  "jobs": [{"job", "state", "labels", "priority", "attempt", "energy", "submitted", "began", "ended", "iteration":
   ///            {…}, "min_scaled_jacobian": [before, after], "error"}]}
-  /// The jobs are the running ones, then the waiting ones in the order in which they will run, then the ended ones,
-  /// newest first. Times are in milliseconds since 1970.
+  /// The jobs are the running ones, then the waiting ones, those of each peer in the order in which they will run,
+  /// then the ended ones, newest first. Times are in milliseconds since 1970.
   Answer<std::string> status(const CallersView& view);
 
   /// {"sequence", "ended", "iterations": [[number, phase, energy, residual, min Js, seconds], …]}: the iterations of a

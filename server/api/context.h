@@ -29,6 +29,7 @@ struct ApiContext {
   CallRegistry& calls;
   PeerCounts& watches;
   PeerCounts& uploads;
+  PeerCounts& downloads;
   const Limits& limits;
   const PageTokens& pages;
   TimePoint start_time;

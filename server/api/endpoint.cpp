@@ -38,8 +38,9 @@ Endpoint::Endpoint(Scheduler& scheduler, MeshStore& meshes, const Access& access
                    const PageTokens& pages, TimePoint start_time)
     : watches_(limits.max_watches_per_peer),
       uploads_(limits.max_uploads_per_peer),
+      downloads_(limits.max_downloads_per_peer),
       pool_(kPoolThreads),
-      context_{scheduler, meshes, access, pool_, calls_, watches_, uploads_, limits, pages, start_time},
+      context_{scheduler, meshes, access, pool_, calls_, watches_, uploads_, downloads_, limits, pages, start_time},
       health_(context_),
       mesh_service_(context_),
       job_service_(context_),

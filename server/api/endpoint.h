@@ -46,7 +46,7 @@ class Endpoint {
  private:
   // In the order in which they use each other.
   CallRegistry calls_;
-  PeerCounts watches_, uploads_;
+  PeerCounts watches_, uploads_, downloads_;
   Pool pool_;
   const ApiContext context_;
   HealthService health_;

@@ -140,27 +140,31 @@ grpc::ServerWriteReactor<v1::GetResultResponse>* JobService::GetResult(grpc::Cal
   using Stream = StreamOut<v1::GetResultResponse>;
   return Stream::open(
       api_, call, Method::GetResult, [this, request](const CallersView& view) -> Answer<Stream::Source> {
+        const std::string& peer = view.caller().peer;
+        auto place = api_.downloads.take(peer);
+        if (place == nullptr) return peer_limit(peer, api_.downloads.most(), "open downloads");
         auto result = std::make_shared<std::optional<ResultSource>>();
-        return Stream::Source([this, view, result, name = request->name(), with_meshes = !request->without_meshes()](
-                                  v1::GetResultResponse* response, bool, grpc::Status* ended) {
-          if (!*result) {
-            auto job = view.get(name);
-            if (job && job->results().empty()) job = job_without_result(name, v1::JobState_Name(job->state()));
-            if (!job) {
-              *ended = status(job.error());
-              return Pull::End;
-            }
-            result->emplace(api_, std::move(*job), with_meshes);
-          }
-          ResultSource::Piece piece;
-          const auto more = (*result)->pull(&piece);
-          if (!more) *ended = status(more.error());
-          if (!more || !*more) return Pull::End;
-          if (piece.job) *response->mutable_job() = std::move(*piece.job);
-          if (piece.history) *response->mutable_history() = std::move(*piece.history);
-          if (piece.chunk) *response->mutable_chunk() = std::move(*piece.chunk);
-          return Pull::Message;
-        });
+        return Stream::Source(
+            [this, view, place = std::move(place), result, name = request->name(),
+             with_meshes = !request->without_meshes()](v1::GetResultResponse* response, bool, grpc::Status* ended) {
+              if (!*result) {
+                auto job = view.get(name);
+                if (job && job->results().empty()) job = job_without_result(name, v1::JobState_Name(job->state()));
+                if (!job) {
+                  *ended = status(job.error());
+                  return Pull::End;
+                }
+                result->emplace(api_, std::move(*job), with_meshes);
+              }
+              ResultSource::Piece piece;
+              const auto more = (*result)->pull(&piece);
+              if (!more) *ended = status(more.error());
+              if (!more || !*more) return Pull::End;
+              if (piece.job) *response->mutable_job() = std::move(*piece.job);
+              if (piece.history) *response->mutable_history() = std::move(*piece.history);
+              if (piece.chunk) *response->mutable_chunk() = std::move(*piece.chunk);
+              return Pull::Message;
+            });
       });
 }
 

@@ -208,35 +208,40 @@ grpc::ServerUnaryReactor* MeshService::DeleteMesh(grpc::CallbackServerContext* c
 grpc::ServerWriteReactor<v1::DownloadMeshResponse>* MeshService::DownloadMesh(grpc::CallbackServerContext* call,
                                                                               const v1::DownloadMeshRequest* request) {
   struct State {
+    std::shared_ptr<const void> place;  // among the open downloads of the caller
     std::unique_ptr<BlobReader> reader;
     v1::DownloadMeshRequest request;
     bool first = true;
   };
   using Stream = StreamOut<v1::DownloadMeshResponse>;
-  return Stream::open(api_, call, Method::DownloadMesh, [request](const CallersView& view) -> Answer<Stream::Source> {
-    auto state = std::make_shared<State>();
-    state->request = *request;
-    // The first pull opens the mesh, on the pool.
-    return Stream::Source([view, state](v1::DownloadMeshResponse* response, bool, grpc::Status* ended) {
-      const std::int64_t offset = state->request.offset();
-      if (state->reader == nullptr) {
-        auto reader = view.read(state->request.digest());
-        *ended = reader ? check_offset(offset, (*reader)->size()) : status(reader.error());
-        if (!ended->ok()) return Pull::End;
-        state->reader = std::move(*reader);
-      }
-      auto piece = state->reader->read(offset, state->request.encoding() == v1::ENCODING_ZSTD);
-      if (!piece) *ended = status(piece.error());
-      if (!piece || (piece->size == 0 && !std::exchange(state->first, false))) return Pull::End;
-      state->first = false;
-      state->request.set_offset(offset + piece->size);
-      response->set_size(state->reader->size());
-      response->mutable_chunk()->set_offset(offset);
-      response->mutable_chunk()->set_data(std::move(piece->bytes));
-      if (piece->is_zstd) response->mutable_chunk()->set_encoding(v1::ENCODING_ZSTD);
-      return Pull::Message;
-    });
-  });
+  return Stream::open(
+      api_, call, Method::DownloadMesh, [this, request](const CallersView& view) -> Answer<Stream::Source> {
+        auto state = std::make_shared<State>();
+        const std::string& peer = view.caller().peer;
+        state->place = api_.downloads.take(peer);
+        if (state->place == nullptr) return peer_limit(peer, api_.downloads.most(), "open downloads");
+        state->request = *request;
+        // The first pull opens the mesh, on the pool.
+        return Stream::Source([view, state](v1::DownloadMeshResponse* response, bool, grpc::Status* ended) {
+          const std::int64_t offset = state->request.offset();
+          if (state->reader == nullptr) {
+            auto reader = view.read(state->request.digest());
+            *ended = reader ? check_offset(offset, (*reader)->size()) : status(reader.error());
+            if (!ended->ok()) return Pull::End;
+            state->reader = std::move(*reader);
+          }
+          auto piece = state->reader->read(offset, state->request.encoding() == v1::ENCODING_ZSTD);
+          if (!piece) *ended = status(piece.error());
+          if (!piece || (piece->size == 0 && !std::exchange(state->first, false))) return Pull::End;
+          state->first = false;
+          state->request.set_offset(offset + piece->size);
+          response->set_size(state->reader->size());
+          response->mutable_chunk()->set_offset(offset);
+          response->mutable_chunk()->set_data(std::move(piece->bytes));
+          if (piece->is_zstd) response->mutable_chunk()->set_encoding(v1::ENCODING_ZSTD);
+          return Pull::Message;
+        });
+      });
 }
 
 }  // namespace varimesh::server

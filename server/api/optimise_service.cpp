@@ -84,7 +84,7 @@ class OptimiseStream : public grpc::ServerBidiReactor<v1::OptimiseRequest, v1::O
     const std::int64_t least = formats::least_memory(size), memory = api_.limits.max_memory_bytes;
     if (memory > 0 && least > memory) return status(mesh_needs_memory(memory, least));
     spec_ = std::move(*request_.mutable_spec());
-    auto writer = api_.meshes.create(size);
+    auto writer = view_->create(size);
     if (!writer) return status(writer.error());
     writer_ = std::move(*writer);
     return grpc::Status::OK;

@@ -159,7 +159,8 @@ class JobStore {
   virtual Answer<std::vector<v1::JobEvent>> events(const std::string& name) = 0;
 
   /// Claims the next job, which becomes RUNNING, with a lease. Returns nothing if no job waits, except jobs of peers
-  /// that already have as many running as they may have.
+  /// that already have as many running as they may have. Peers take turns (turns.h), and the jobs of each peer come in
+  /// the order of turn_of(). In PostgreSQL, the jobs of all peers come in that order.
   virtual Answer<std::optional<Claimed>> claim(const std::string& worker) = 0;
   /// Renews the lease. Returns true if the job is to be cancelled.
   virtual Answer<bool> renew_lease(const Claim& claim) = 0;
@@ -187,7 +188,8 @@ class JobStore {
   virtual Answer<std::string> history_digest(const std::string& name) = 0;
   /// Deletes a job and releases everything that it refers to. FAILED_PRECONDITION if it has not ended.
   virtual Answer<Changed> remove(const std::string& name) = 0;
-  /// Returns the names of all jobs that ended before `before`, except those among the `keep` that ended last.
+  /// Returns the names of all jobs that ended before `before`, except those among the `keep` of their owner that ended
+  /// last.
   virtual Answer<std::vector<std::string>> ended_beyond(std::size_t keep, TimePoint before) = 0;
   /// Returns everything that jobs refer to.
   virtual Answer<std::vector<Reference>> references() = 0;

@@ -42,11 +42,16 @@ Changed MemoryJobStore::apply(Entries::iterator entry, v1::JobState before, Chan
   const v1::JobState state = kept.record.job.state();
   const std::pair<std::int64_t, std::int64_t> place{turn_of(kept.record.job), key};
   const std::string& peer = kept.record.peer;
-  if (before == v1::JOB_STATE_PENDING) pending_.erase(place), count(pending_of_, peer, -1);
-  if (state == v1::JOB_STATE_PENDING) pending_.insert(place), count(pending_of_, peer, 1);
+  if (before == v1::JOB_STATE_PENDING) {
+    const auto queue = pending_.find(peer);
+    queue->second.erase(place);
+    if (queue->second.empty()) pending_.erase(queue);
+    --pending_count_;
+  }
+  if (state == v1::JOB_STATE_PENDING) pending_[peer].insert(place), ++pending_count_;
   if (is_running(before)) running_.erase(key), count(running_of_, peer, -1);
   if (is_running(state)) running_.insert(key), count(running_of_, peer, 1);
-  if (has_ended(state) && !has_ended(before)) ended_.push_back(key);
+  if (has_ended(state) && !has_ended(before)) ended_[kept.record.job.owner()].push_back(key);
   kept.events.insert(kept.events.end(), changed.events.begin(), changed.events.end());
   return changed;
 }
@@ -59,8 +64,9 @@ Answer<Changed> MemoryJobStore::submit(const Submission& submission) {
     if (const auto same = check_same(job, submission); !same) return tl::unexpected(same.error());
     return Changed{job, {}, {}};
   }
-  if (static_cast<int>(pending_.size()) >= submission.max_pending) return queue_full(static_cast<int>(pending_.size()));
-  const int waiting = count_of(pending_of_, submission.peer);
+  if (pending_count_ >= submission.max_pending) return queue_full(pending_count_);
+  const auto queue = pending_.find(submission.peer);
+  const int waiting = queue == pending_.end() ? 0 : static_cast<int>(queue->second.size());
   if (submission.max_pending_of_peer > 0 && waiting >= submission.max_pending_of_peer)
     return too_many_waiting(submission.peer, waiting);
   const auto entry = entries_.emplace(++counter_, Entry()).first;
@@ -97,7 +103,7 @@ Answer<JobPage> MemoryJobStore::list(const JobFilter& filter, int page_size, con
 
 Answer<JobCounts> MemoryJobStore::counts() {
   std::lock_guard lock(mutex_);
-  return JobCounts{static_cast<int>(pending_.size()), static_cast<int>(running_.size())};
+  return JobCounts{pending_count_, static_cast<int>(running_.size())};
 }
 
 Answer<std::vector<v1::JobEvent>> MemoryJobStore::events(const std::string& name) {
@@ -108,12 +114,15 @@ Answer<std::vector<v1::JobEvent>> MemoryJobStore::events(const std::string& name
 Answer<std::optional<Claimed>> MemoryJobStore::claim(const std::string& worker) {
   std::lock_guard lock(mutex_);
   const int most = transitions_.settings().max_running_of_peer;
-  const auto turn = std::find_if(pending_.begin(), pending_.end(), [&](const auto& place) {
-    const std::string& peer = entries_.at(place.second).record.peer;
-    return most == 0 || peer.empty() || count_of(running_of_, peer) < most;
-  });
-  if (turn == pending_.end()) return std::nullopt;
-  const auto entry = entries_.find(turn->second);
+  std::map<std::string, int> waiting;
+  for (const auto& [peer, queue] : pending_) {
+    const int running = count_of(running_of_, peer);
+    if (most == 0 || peer.empty() || running < most) waiting[peer] = running;
+  }
+  const std::string* const next = turns_.next(waiting);
+  if (next == nullptr) return std::nullopt;
+  turns_.take(*next);
+  const auto entry = entries_.find(pending_.at(*next).begin()->second);
   JobRecord& record = entry->second.record;
   Changed changed = apply(entry, v1::JOB_STATE_PENDING, transitions_.claim(record, worker));
   return Claimed{claim_of(record), std::move(changed.events)};
@@ -184,7 +193,9 @@ Answer<Changed> MemoryJobStore::remove(const std::string& name) {
   Changed changed{record.job, {}, digests_of(record)};
   by_name_.erase(name);
   if (!record.job.request_id().empty()) by_request_.erase({record.job.owner(), record.job.request_id()});
-  std::erase(ended_, (*found)->first);
+  const auto ended = ended_.find(record.job.owner());
+  std::erase(ended->second, (*found)->first);
+  if (ended->second.empty()) ended_.erase(ended);
   entries_.erase(*found);
   return changed;
 }
@@ -192,10 +203,11 @@ Answer<Changed> MemoryJobStore::remove(const std::string& name) {
 Answer<std::vector<std::string>> MemoryJobStore::ended_beyond(std::size_t keep, TimePoint before) {
   std::lock_guard lock(mutex_);
   std::vector<std::string> names;
-  for (std::size_t i = 0; i + keep < ended_.size(); ++i) {
-    const v1::Job& job = entries_.at(ended_[i]).record.job;
-    if (time_point(job.end_time()) < before) names.push_back(job.name());
-  }
+  for (const auto& [owner, ended] : ended_)
+    for (std::size_t i = 0; i + keep < ended.size(); ++i) {
+      const v1::Job& job = entries_.at(ended[i]).record.job;
+      if (time_point(job.end_time()) < before) names.push_back(job.name());
+    }
   return names;
 }
 

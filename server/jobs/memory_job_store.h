@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "server/jobs/job_record.h"
+#include "server/jobs/turns.h"
 
 namespace varimesh::server {
 
@@ -54,10 +55,13 @@ class MemoryJobStore : public JobStore {
   Entries entries_;
   std::map<std::string, std::int64_t> by_name_;
   std::map<std::pair<std::string, std::string>, std::int64_t> by_request_;  ///< By owner and request id.
-  std::set<std::pair<std::int64_t, std::int64_t>> pending_;                 ///< By turn, then by number.
-  std::map<std::string, int> pending_of_, running_of_;                      ///< By peer.
+  using Queue = std::set<std::pair<std::int64_t, std::int64_t>>;            ///< By turn, then by number.
+  std::map<std::string, Queue> pending_;                                    ///< By peer, without empty queues.
+  int pending_count_ = 0;
+  std::map<std::string, int> running_of_;  ///< By peer.
+  Turns turns_;
   std::set<std::int64_t> running_;
-  std::deque<std::int64_t> ended_;
+  std::map<std::string, std::deque<std::int64_t>> ended_;  ///< By owner, without empty queues.
 };
 
 }  // namespace varimesh::server

@@ -240,13 +240,23 @@ Answer<Changed> SqliteJobStore::remove(const std::string& name) {
 
 Answer<std::vector<std::string>> SqliteJobStore::ended_beyond(std::size_t keep, TimePoint before) {
   return read<std::vector<std::string>>([&](SqliteDatabase& database) -> Answer<std::vector<std::string>> {
-    auto query = database.query(
-        "SELECT name FROM jobs WHERE ended IS NOT NULL AND ended < ? AND (ended, key) <= (SELECT ended, key FROM jobs "
-        "WHERE ended IS NOT NULL ORDER BY ended DESC, key DESC LIMIT 1 OFFSET ?) ORDER BY ended DESC, key DESC");
-    query.bind(std::chrono::duration_cast<std::chrono::nanoseconds>(before.time_since_epoch()).count());
-    query.bind(static_cast<std::int64_t>(keep));
+    std::vector<std::string> owners;
+    auto each = database.query(
+        "WITH RECURSIVE owners(owner) AS (SELECT MIN(owner) FROM jobs WHERE ended IS NOT NULL UNION ALL SELECT "
+        "(SELECT MIN(owner) FROM jobs WHERE ended IS NOT NULL AND owner > owners.owner) FROM owners WHERE owners.owner "
+        "IS "
+        "NOT NULL) SELECT owner FROM owners WHERE owner IS NOT NULL");
+    while (each.step()) owners.push_back(each.text(0));
     std::vector<std::string> names;
-    while (query.step()) names.push_back(query.text(0));
+    for (const std::string& owner : owners) {
+      auto query = database.query(
+          "SELECT name FROM jobs WHERE owner = ?1 AND ended IS NOT NULL AND ended < ?2 AND (ended, key) <= "
+          "(SELECT ended, key FROM jobs WHERE owner = ?1 AND ended IS NOT NULL ORDER BY ended DESC, key DESC "
+          "LIMIT 1 OFFSET ?3) ORDER BY ended DESC, key DESC");
+      query.bind(owner).bind(std::chrono::duration_cast<std::chrono::nanoseconds>(before.time_since_epoch()).count());
+      query.bind(static_cast<std::int64_t>(keep));
+      while (query.step()) names.push_back(query.text(0));
+    }
     return names;
   });
 }
@@ -274,6 +284,26 @@ Answer<std::set<std::string>> SqliteJobStore::needed_digests() {
 
 // ===== calls of workers =====
 
+std::map<std::string, int> SqliteJobStore::waiting_peers(SqliteDatabase& database) const {
+  const int most = transitions_.settings().max_running_of_peer;
+  std::map<std::string, int> waiting;
+  // Steps from one peer to the next in the index, however many jobs each has.
+  auto peers = database.query(
+      "WITH RECURSIVE peers(peer) AS (SELECT MIN(peer) FROM jobs WHERE state = 1 UNION ALL "
+      "SELECT (SELECT MIN(peer) FROM jobs WHERE state = 1 AND peer > peers.peer) FROM peers WHERE peers.peer IS NOT "
+      "NULL) "
+      "SELECT peer FROM peers WHERE peer IS NOT NULL");
+  while (peers.step()) waiting[peers.text(0)] = 0;
+  auto running = database.query("SELECT peer, COUNT(*) FROM jobs WHERE worker <> '' GROUP BY peer");
+  while (running.step()) {
+    const auto found = waiting.find(running.text(0));
+    if (found == waiting.end()) continue;
+    found->second = static_cast<int>(running.number(1));
+    if (most > 0 && !found->first.empty() && found->second >= most) waiting.erase(found);
+  }
+  return waiting;
+}
+
 Answer<std::optional<Claimed>> SqliteJobStore::claim(const std::string& worker) {
   using Result = std::optional<Claimed>;
   // The queue is usually empty, and then nothing is written.
@@ -281,21 +311,24 @@ Answer<std::optional<Claimed>> SqliteJobStore::claim(const std::string& worker) 
   if (!waiting) return tl::unexpected(waiting.error());
   if (waiting->pending == 0) return Result();
   return write<Result>([&](SqliteDatabase& database) -> Answer<Result> {
-    const int most = transitions_.settings().max_running_of_peer;
-    auto query = database.query(
-        select_job_rows("WHERE state = 1 AND peer NOT IN (SELECT peer FROM jobs WHERE worker <> '' AND peer <> '' "
-                        "GROUP BY peer HAVING COUNT(*) >= ?) ORDER BY turn, jobs.key LIMIT 1"));
-    query.bind(most > 0 ? most : std::numeric_limits<int>::max());
-    if (!query.step()) return Result();
-    auto row = read_job_row(query);
-    if (!row) {
-      set_aside(database, query.number(0));
-      return Result();  // the next call finds the next job
+    auto waiting_of = waiting_peers(database);
+    while (const std::string* const next = turns_.next(waiting_of)) {
+      const std::string peer = *next;
+      turns_.take(peer);
+      waiting_of.erase(peer);
+      auto query = database.query(select_job_rows("WHERE state = 1 AND peer = ? ORDER BY turn, jobs.key LIMIT 1"));
+      if (!query.bind(peer).step()) continue;  // the index is damaged
+      auto row = read_job_row(query);
+      if (!row) {
+        set_aside(database, query.number(0));
+        return Result();  // the next call finds the next job
+      }
+      Changed changed = transitions_.claim(row->record, worker);
+      save_job(database, *row);
+      save_events(database, row->key, changed);
+      return Claimed{claim_of(row->record), std::move(changed.events)};
     }
-    Changed changed = transitions_.claim(row->record, worker);
-    save_job(database, *row);
-    save_events(database, row->key, changed);
-    return Claimed{claim_of(row->record), std::move(changed.events)};
+    return Result();
   });
 }
 

@@ -11,6 +11,7 @@
 
 #include "server/jobs/job_record.h"
 #include "server/jobs/sqlite.h"
+#include "server/jobs/turns.h"
 
 namespace varimesh::server {
 
@@ -43,6 +44,8 @@ class SqliteJobStore : public JobStore {
 
  private:
   SqliteJobStore(const std::string& path, const JobStoreSettings& settings);
+  /// The peers with jobs that may be claimed, and how many jobs of each run.
+  std::map<std::string, int> waiting_peers(SqliteDatabase& database) const;
 
   /// A change that waits to be written, on the stack of its caller.
   struct Write {
@@ -69,6 +72,7 @@ class SqliteJobStore : public JobStore {
   std::vector<Write*> queue_;
   bool writing_ = false;   ///< One of the callers is writing.
   SqliteDatabase writer_;  ///< Used only by that caller.
+  Turns turns_;            ///< Used only by that caller.
   std::mutex reader_mutex_;
   SqliteDatabase reader_;
 };

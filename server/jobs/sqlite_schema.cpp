@@ -8,7 +8,7 @@ namespace varimesh::server {
 namespace {
 
 /// The version of the tables below. A change of the tables gets a new version and a step that updates older tables.
-constexpr int kVersion = 5;
+constexpr int kVersion = 6;
 
 // The spec never changes and may be large. It has a table of its own, so that it is not written with every change of a
 // job.
@@ -93,6 +93,15 @@ CREATE INDEX jobs_ended ON jobs(ended, key) WHERE ended IS NOT NULL;
 CREATE INDEX jobs_of ON jobs(owner, key);
 PRAGMA user_version = 5;
 )";
+// Peers take turns, and each owner has ended jobs of its own.
+constexpr char kToVersion6[] = R"(
+DROP INDEX jobs_waiting;
+DROP INDEX jobs_waiting_of;
+DROP INDEX jobs_ended;
+CREATE INDEX jobs_waiting_of ON jobs(peer, turn, key) WHERE state = 1;
+CREATE INDEX jobs_ended_of ON jobs(owner, ended, key) WHERE ended IS NOT NULL;
+PRAGMA user_version = 6;
+)";
 static_assert(v1::JOB_STATE_PENDING == 1);
 
 }  // namespace
@@ -108,6 +117,7 @@ bool set_up_schema(SqliteDatabase& database) {
   if (version < 3) database.run(kToVersion3);
   if (version < 4) database.run(kToVersion4);
   if (version < 5) database.run(kToVersion5);
+  if (version < 6) database.run(kToVersion6);
   if (version < 4) add_sums(database);
   transaction.commit();
   return true;

@@ -22,9 +22,10 @@ struct DirectoryMeshSettings {
   std::int64_t max_mesh_bytes = std::int64_t{16} << 30;  ///< Size of the largest upload.
   std::int64_t max_memory_bytes =
       0;  ///< Memory for a mesh that is read. Uploads that take more are refused. 0: no limit.
-  std::int64_t max_total_bytes = 0;  ///< Size of the store above which the oldest meshes without references are
-                                     ///< deleted. 0: no limit.
-  std::int64_t reserve_bytes = 0;    ///< Disk space that uploads leave free.
+  std::int64_t max_total_bytes = 0;     ///< Size of the store above which the oldest meshes without references are
+                                        ///< deleted. 0: no limit.
+  std::int64_t reserve_bytes = 0;       ///< Disk space that uploads leave free.
+  std::int64_t max_bytes_of_owner = 0;  ///< Size of all meshes and results of one owner. 0: no limit.
   std::chrono::minutes lifetime{7 * 24 * 60};  ///< How long a mesh without references is kept after its last use.
   std::chrono::minutes compress_after{0};      ///< Time since its last use after which a mesh is compressed. 0: never.
   /// A clock that nobody sets back or forth.
@@ -66,6 +67,7 @@ class DirectoryMeshStore : public MeshStore {
   Answer<void> remove(const std::string& digest, const std::string& owner = {}) override;
   void grant(const std::string& digest, const std::string& owner) override;
   bool belongs_to(const std::string& digest, const std::string& owner) override;
+  Answer<void> check_share(const std::string& owner, std::int64_t more) override;
   void retain(const std::string& digest) override;
   void release(const std::string& digest) override;
   void sweep() override;
@@ -122,6 +124,17 @@ class DirectoryMeshStore : public MeshStore {
   /// Pins a mesh and returns its size; nothing if the owner does not have it.
   std::optional<std::int64_t> pin_and_measure(const std::string& digest, const std::string& owner);
   // directory_owners.cpp:
+  /// What an owner has: never less than it is, and counted anew before anything is refused for it.
+  struct Share {
+    std::int64_t bytes = 0;
+    std::chrono::steady_clock::time_point counted;
+  };
+  /// Requires the lock. As check_share().
+  Answer<void> check_share_locked(const std::string& owner, std::int64_t more);
+  /// Requires the lock. The bytes of all meshes, results and uploads of an owner.
+  std::int64_t count_share(const std::string& owner) const;
+  /// Requires the lock. Notes that an owner has more.
+  void add_to_share(const std::string& owner, std::int64_t bytes);
   /// Requires the lock. Whether the mesh belongs to the owner.
   static bool belongs(const Entries::value_type& entry, const std::string& owner);
   /// Notes for good that a mesh belongs to an owner. STORE_FULL if that cannot be written.
@@ -147,6 +160,7 @@ class DirectoryMeshStore : public MeshStore {
   std::mutex mutex_;    ///< Guards everything below. Never held while bytes are written or hashed.
   Entries entries_;
   std::map<std::pair<std::string, std::string>, std::shared_ptr<Upload>> uploads_;  ///< By owner and id.
+  std::map<std::string, Share> shares_;  ///< Of owners who have been asked for.
   std::int64_t counter_ = 0, writings_ = 0;
   std::atomic<std::int64_t> promised_ = 0;  ///< Bytes that clients have announced and not sent yet.
 };

@@ -14,6 +14,13 @@
 #include "server/refusals.h"
 
 namespace varimesh::server {
+namespace {
+
+/// For how long an owner who has too much is not counted again, since that looks at every mesh.
+constexpr std::chrono::seconds kShareLifetime{1};
+
+}  // namespace
+
 bool DirectoryMeshStore::belongs(const Entries::value_type& entry, const std::string& owner) {
   return owner.empty() || entry.second.owners.contains(mark_of(entry.first, owner));
 }
@@ -27,8 +34,38 @@ bool DirectoryMeshStore::belongs_to(const std::string& digest, const std::string
 void DirectoryMeshStore::grant(const std::string& digest, const std::string& owner) {
   if (owner.empty()) return;
   std::lock_guard lock(mutex_);
-  if (const auto entry = entries_.find(digest); entry != entries_.end())
-    entry->second.owners.insert(mark_of(digest, owner));
+  const auto entry = entries_.find(digest);
+  if (entry == entries_.end()) return;
+  if (entry->second.owners.insert(mark_of(digest, owner)).second) add_to_share(owner, entry->second.size);
+}
+
+std::int64_t DirectoryMeshStore::count_share(const std::string& owner) const {
+  std::int64_t bytes = 0;
+  for (const auto& entry : entries_)
+    if (!entry.second.owners.empty() && belongs(entry, owner)) bytes += entry.second.size;
+  for (const auto& [key, upload] : uploads_)
+    if (key.first == owner) bytes += upload->size;
+  return bytes;
+}
+
+void DirectoryMeshStore::add_to_share(const std::string& owner, std::int64_t bytes) {
+  if (const auto share = shares_.find(owner); share != shares_.end()) share->second.bytes += bytes;
+}
+
+Answer<void> DirectoryMeshStore::check_share_locked(const std::string& owner, std::int64_t more) {
+  const std::int64_t most = settings_.max_bytes_of_owner;
+  if (most == 0 || owner.empty()) return {};
+  const auto now = settings_.clock();
+  const auto [found, is_new] = shares_.try_emplace(owner);
+  Share& share = found->second;
+  if (is_new || (share.bytes > most - more && now - share.counted >= kShareLifetime)) share = {count_share(owner), now};
+  if (share.bytes <= most - more) return {};
+  return owner_full(owner, share.bytes, most);
+}
+
+Answer<void> DirectoryMeshStore::check_share(const std::string& owner, std::int64_t more) {
+  std::lock_guard lock(mutex_);
+  return check_share_locked(owner, more);
 }
 
 Answer<void> DirectoryMeshStore::grant_for_good(const std::string& digest, const std::string& owner) {

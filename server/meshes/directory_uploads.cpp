@@ -56,8 +56,9 @@ Answer<std::shared_ptr<DirectoryMeshStore::Upload>> DirectoryMeshStore::find_or_
   // Another stream may have stored the mesh since the caller looked. Then there is nothing to upload.
   const auto stored = find_stored(digest);
   if (!uploads_.contains(key) && stored != entries_.end() && belongs(*stored, ticket.owner)) return nullptr;
+  if (const auto known = uploads_.find(key); known != uploads_.end()) return known->second;
+  if (const auto room = check_share_locked(ticket.owner, size); !room) return tl::unexpected(room.error());
   std::shared_ptr<Upload>& upload = uploads_[key];
-  if (upload != nullptr) return upload;
   auto made = std::make_shared<Upload>();
   made->digest = digest;
   made->size = size;
@@ -69,6 +70,7 @@ Answer<std::shared_ptr<DirectoryMeshStore::Upload>> DirectoryMeshStore::find_or_
   }
   ::close(file);
   made->path = path;
+  add_to_share(ticket.owner, size);
   return upload = std::move(made);
 }
 

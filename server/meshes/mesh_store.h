@@ -128,6 +128,9 @@ class MeshStore {
   virtual void grant(const std::string& digest, const std::string& owner) = 0;
   /// Whether the mesh is in the store and belongs to the owner. All meshes belong to the owner "".
   virtual bool belongs_to(const std::string& digest, const std::string& owner) = 0;
+  /// RESOURCE_EXHAUSTED (OWNER_FULL) if the meshes and results of an owner would have more bytes than one owner may
+  /// have, with `more` bytes added. begin_upload() asks this by itself. Never for the owner "".
+  virtual Answer<void> check_share(const std::string& owner, std::int64_t more) = 0;
   /// Adds a reference. Does nothing if the mesh is not in the store.
   virtual void retain(const std::string& digest) = 0;
   /// Removes a reference.

@@ -20,6 +20,8 @@ constexpr std::size_t kMostSpecBytes = std::size_t{2} << 20;
 /// The command has the same limit.
 constexpr int kMostLatticeIntervals = 1000;
 
+constexpr int kHighestPriority = 100;
+
 }  // namespace
 
 Scheduler::Scheduler(JobStore* jobs, MeshStore* meshes, Engine engine, SchedulerSettings settings)
@@ -28,6 +30,7 @@ Scheduler::Scheduler(JobStore* jobs, MeshStore* meshes, Engine engine, Scheduler
       engine_(std::move(engine)),
       settings_(std::move(settings)),
       memory_(settings_.memory),
+      submissions_(settings_.max_submissions, settings_.steady),
       logs_(jobs) {}
 
 Scheduler::~Scheduler() {
@@ -37,7 +40,7 @@ Scheduler::~Scheduler() {
 
 // ===== calls of clients =====
 
-Answer<void> Scheduler::check(const v1::JobSpec& spec) {
+Answer<void> Scheduler::check(const v1::JobSpec& spec, bool is_admin) {
   if (spec.ByteSizeLong() > kMostSpecBytes)
     return bad_request("The spec has " + std::to_string(spec.ByteSizeLong()) + " bytes; it can have at most " +
                        std::to_string(kMostSpecBytes) + ". Shorten its lists of nodes and its texts.");
@@ -58,8 +61,10 @@ Answer<void> Scheduler::check(const v1::JobSpec& spec) {
   for (const auto& [key, value] : spec.labels())
     if (key.empty() || key.size() > 128 || value.size() > 128)
       return bad_request("A label's key must have 1 to 128 bytes, and its value at most 128.");
-  if (spec.priority() < -100 || spec.priority() > settings_.max_priority)
-    return bad_request("The priority must be from -100 to " + std::to_string(settings_.max_priority) + ".");
+  const int most_priority = is_admin ? kHighestPriority : settings_.max_priority;
+  if (spec.priority() < -kHighestPriority || spec.priority() > most_priority)
+    return bad_request("The priority must be from " + std::to_string(-kHighestPriority) + " to " +
+                       std::to_string(most_priority) + ".");
   if (spec.quality().lattice() < 0 || spec.quality().lattice() > kMostLatticeIntervals)
     return bad_request("The lattice must have 0 to " + std::to_string(kMostLatticeIntervals) + " intervals per edge.");
   const auto options = options_from(spec.options());
@@ -80,9 +85,9 @@ Answer<void> Scheduler::check_memory(const std::string& digest) {
 }
 
 Answer<v1::Job> Scheduler::submit(const std::string& request_id, const v1::JobSpec& spec, bool validate_only,
-                                  const std::string& peer, const std::string& owner) {
+                                  const Submitter& submitter) {
   if (request_id.size() > 128) return bad_request("The request id must have at most 128 bytes.");
-  if (const auto checked = check(spec); !checked) return tl::unexpected(checked.error());
+  if (const auto checked = check(spec, submitter.is_admin); !checked) return tl::unexpected(checked.error());
   if (validate_only) {
     // The client now expects that the store keeps the mesh.
     if (!meshes_->pin(spec.mesh().digest())) return mesh_missing(spec.mesh().digest());
@@ -93,20 +98,24 @@ Answer<v1::Job> Scheduler::submit(const std::string& request_id, const v1::JobSp
   if (!settings_.has_room())
     return store_full("The server's disk is nearly full, and the remaining space is reserved for the running jobs");
   if (stopping_) return server_stopping(5);
+  if (const int seconds = submissions_.take(submitter.peer); seconds > 0)
+    return too_many_submissions(submitter.peer, submissions_.most(), seconds);
   // The lock is not held, so that many submissions share a transaction; nobody knows the job before the store does. The
   // reference is counted first, since the job may be run and deleted before submit() returns.
   meshes_->retain(spec.mesh().digest());
   // A mesh that was deleted after check() has found it was not retained.
   if (!meshes_->touch(spec.mesh().digest())) {
     meshes_->release(spec.mesh().digest());
+    submissions_.give_back(submitter.peer);
     return mesh_missing(spec.mesh().digest());
   }
-  auto submitted = jobs_->submit(
-      {request_id, spec, settings_.new_name(), settings_.max_pending, peer, settings_.max_pending_of_peer, owner});
+  auto submitted = jobs_->submit({request_id, spec, settings_.new_name(), settings_.max_pending, submitter.peer,
+                                  settings_.max_pending_of_peer, submitter.owner});
   const bool is_new = submitted && !submitted->events.empty();
   // If the database did not tell the outcome, the job may exist and need its mesh. The next start counts again.
   const bool is_unknown = !submitted && submitted.error().reason == "STORE_UNAVAILABLE";
   if (!is_new && !is_unknown) meshes_->release(spec.mesh().digest());
+  if (!is_new) submissions_.give_back(submitter.peer);  // a repeated call makes no job
   if (!submitted) return tl::unexpected(submitted.error());
   if (!is_new) return get(submitted->job.name());
   settings_.log(submitted->job.name(), "submitted");
@@ -322,11 +331,15 @@ bool Scheduler::finish(const Running& running, const Ending& ending) {
 }
 
 void Scheduler::forget_old() {
-  const auto old =
-      jobs_->ended_beyond(static_cast<std::size_t>(settings_.max_ended), settings_.clock() - settings_.min_ended_age);
-  if (!old) return;
-  for (const std::string& name : *old)
-    if (const auto removed = jobs_->remove(name)) forget(*removed);
+  const TimePoint now = settings_.clock();
+  const auto forget_beyond = [this](std::size_t keep, TimePoint before) {
+    const auto old = jobs_->ended_beyond(keep, before);
+    if (!old) return;
+    for (const std::string& name : *old)
+      if (const auto removed = jobs_->remove(name)) forget(*removed);
+  };
+  forget_beyond(static_cast<std::size_t>(settings_.max_ended), now - settings_.min_ended_age);
+  if (settings_.max_ended_age.count() > 0) forget_beyond(0, now - settings_.max_ended_age);
 }
 
 void Scheduler::release(const Ending& ending) {

@@ -13,6 +13,7 @@
 #include "server/jobs/job_store.h"
 #include "server/meshes/mesh_store.h"
 #include "server/resources/memory_budget.h"
+#include "server/resources/rate.h"
 #include "server/resources/thread_shares.h"
 #include "server/scheduling/job_logs.h"
 
@@ -23,9 +24,11 @@ struct SchedulerSettings {
   int threads = 1;              ///< The thread budget. At most this many jobs run at a time.
   int max_pending = 1000;       ///< Jobs that may wait. More are refused with QUEUE_FULL.
   int max_pending_of_peer = 0;  ///< Jobs of one peer that may wait; PEER_LIMIT. 0: no limit.
-  int max_priority = 100;       ///< The highest priority of a job.
-  int max_ended = 1000;         ///< Ended jobs that are kept with their results; older ones are deleted, but only
-  std::chrono::milliseconds min_ended_age{0};  ///< this long after their end, however many there are.
+  int max_submissions = 0;      ///< Jobs that one peer may submit in a minute; PEER_LIMIT. 0: no limit.
+  int max_priority = 100;       ///< The highest priority of a job, except for admins.
+  int max_ended = 1000;         ///< Ended jobs of an owner that are kept with their results; older ones are deleted,
+  std::chrono::milliseconds min_ended_age{0};  ///< but only this long after their end, however many there are.
+  std::chrono::milliseconds max_ended_age{0};  ///< Ended jobs are deleted after this time. 0: no limit.
   /// The name under which jobs are claimed. The only process that uses a store keeps its name after a restart.
   std::string worker = "local";
   std::chrono::milliseconds renewal_interval{10'000};  ///< Time between two renewals of the leases: a third of a lease.
@@ -43,6 +46,13 @@ struct SchedulerSettings {
   std::function<void(const std::string& job, const std::string& what)> log = [](const auto&, const auto&) {};
 };
 
+/// Who submits a job.
+struct Submitter {
+  std::string peer = {};   ///< Who the limits per peer count.
+  std::string owner = {};  ///< Whose job it is.
+  bool is_admin = false;   ///< The job may have any priority.
+};
+
 /// Runs the jobs of a store. Thread-safe.
 class Scheduler {
  public:
@@ -57,9 +67,8 @@ class Scheduler {
   void tick();
 
   /// Checks everything that can be checked without running the job, and queues it unless `validate_only` is true.
-  /// `peer`: who the limits per peer count. `owner`: whose job it is.
   Answer<v1::Job> submit(const std::string& request_id, const v1::JobSpec& spec, bool validate_only,
-                         const std::string& peer = {}, const std::string& owner = {});
+                         const Submitter& submitter = {});
   Answer<v1::Job> get(const std::string& name);
   Answer<JobPage> list(const JobFilter& filter, int page_size, const std::string& page_token);
   Answer<v1::Job> cancel(const std::string& name);
@@ -86,7 +95,7 @@ class Scheduler {
     std::atomic<bool> cancelled = false;
   };
 
-  Answer<void> check(const v1::JobSpec& spec);
+  Answer<void> check(const v1::JobSpec& spec, bool is_admin);
   bool runs_here(const std::string& name);
   /// Refuses a stored mesh that takes more memory than all jobs have together.
   Answer<void> check_memory(const std::string& digest);
@@ -120,6 +129,7 @@ class Scheduler {
   const Engine engine_;
   const SchedulerSettings settings_;
   MemoryBudget memory_;
+  Rate submissions_;
   JobLogs logs_;
   std::mutex mutex_;  ///< Never held while a store works.
   std::condition_variable ended_;

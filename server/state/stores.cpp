@@ -26,6 +26,7 @@ DirectoryMeshSettings mesh_settings(const Limits& limits) {
   settings.max_memory_bytes = limits.max_memory_bytes;
   settings.max_total_bytes = limits.max_store_bytes;
   settings.reserve_bytes = limits.reserve_bytes;
+  settings.max_bytes_of_owner = limits.max_bytes_per_owner;
   settings.lifetime = limits.mesh_lifetime;
   settings.compress_after = limits.compress_after;
   settings.log = [](const std::string& line) { spdlog::warn("{}", line); };

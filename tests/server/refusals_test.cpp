@@ -27,6 +27,8 @@ TEST(Refusals, ForWantOfRoomSayWhenToTryAgain) {
   expect(history_too_large(), Code::ResourceExhausted, "STORE_FULL");
   expect(queue_full(7), Code::ResourceExhausted, "QUEUE_FULL", 5);
   expect(peer_limit("10.0.0.1", 3, "open watches"), Code::ResourceExhausted, "PEER_LIMIT", 5);
+  expect(too_many_submissions("10.0.0.1", 3, 20), Code::ResourceExhausted, "PEER_LIMIT", 20);
+  expect(owner_full("ann", 11, 10), Code::ResourceExhausted, "OWNER_FULL");
   expect(mesh_too_large(10, 11), Code::ResourceExhausted, "MESH_TOO_LARGE");
   expect(mesh_too_large(10), Code::ResourceExhausted, "MESH_TOO_LARGE");
   expect(mesh_needs_memory(10, 11), Code::ResourceExhausted, "MESH_TOO_LARGE");

@@ -36,7 +36,7 @@ function showWaiting(jobs, now) {
   const rows = jobs.map((job, i) => [{text: grouped(i + 1), class: 'number'}, nameOf(job), make('span', {}, ...labelsOf(job)),
     numberCell(job.priority), ago(job.submitted, now)]);
   const head = [{text: 'Position', class: 'number'}, 'Job', 'Labels', {text: 'Priority', class: 'number'}, 'Submitted'];
-  byId('waiting').replaceChildren(rows.length ? table('Waiting jobs, in the order in which they will run', head, rows) :
+  byId('waiting').replaceChildren(rows.length ? table('Waiting jobs, each caller’s in the order in which they will run', head, rows) :
       make('p', {class: 'quiet'}, 'No job is waiting.'));
 }
 

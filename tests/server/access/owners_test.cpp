@@ -355,6 +355,45 @@ TEST_F(Owners, LearnNothingOfOthersFromPageTokens) {
   EXPECT_EQ(response.next_page_token(), "10") << "who sees all jobs may know how many there are";
 }
 
+TEST_F(Owners, HaveLimitsOfTheirOwn) {
+  gate_.open();
+  service_.reset();
+  ServerOptions options = options_with(echo_engine());
+  options.tokens = (folder_ / "tokens").string();
+  options.limits.max_bytes_per_owner = 20;
+  options.limits.max_priority = 3;
+  service_ = std::make_unique<Service>(std::move(options));
+  upload(kAnn, "fifteen bytes..");
+  upload(kOperator, "a mesh");
+  grpc::ClientContext context;
+  context.AddMetadata("authorization", std::string("Bearer ") + kAnn);
+  const auto stream = service_->meshes->SendMesh(&context);
+  v1::SendMeshRequest request;
+  request.mutable_header()->set_digest(sha256("another mesh"));
+  request.mutable_header()->set_upload_id("another");
+  request.mutable_header()->set_size(12);
+  stream->Write(request);
+  stream->WritesDone();
+  v1::SendMeshResponse response;
+  EXPECT_FALSE(stream->Read(&response));
+  const auto refused = stream->Finish();
+  EXPECT_EQ(refused.error_code(), grpc::StatusCode::RESOURCE_EXHAUSTED);
+  EXPECT_EQ(info_of(refused).reason(), "OWNER_FULL");
+
+  v1::Job job;
+  ASSERT_TRUE(submit(kAnn, sha256("fifteen bytes.."), &job).ok());
+  EXPECT_TRUE(watch(kAnn, job.name()).ok());  // its result has the same bytes, which count once
+  v1::SubmitJobRequest wanted;
+  wanted.mutable_spec()->mutable_mesh()->set_digest(sha256("fifteen bytes.."));
+  wanted.mutable_spec()->set_priority(4);
+  v1::SubmitJobResponse submitted;
+  EXPECT_EQ(info_of(call_as(kAnn, *service_->jobs, &v1::JobService::Stub::SubmitJob, wanted, &submitted)).reason(),
+            "BAD_REQUEST");
+  wanted.mutable_spec()->mutable_mesh()->set_digest(sha256("a mesh"));
+  EXPECT_TRUE(call_as(kOperator, *service_->jobs, &v1::JobService::Stub::SubmitJob, wanted, &submitted).ok())
+      << "an admin may choose any priority";
+}
+
 // ===== every method =====
 
 /// Returns the status of a call with an empty message, and closes the stream.

@@ -109,5 +109,43 @@ TEST(PeerLimit, OfRunningJobsMakesOtherJobsWait) {
   EXPECT_EQ(most, 1);
 }
 
+TEST(PeerLimit, OfDownloads) {
+  ServerOptions options = options_with(echo_engine());
+  options.limits.max_downloads_per_peer = 1;
+  const Service service(std::move(options));
+  const std::string mesh(64 << 20, 'x');  // more than what is on its way while nobody reads
+  const v1::Job job = service.wait_for(service.submit(service.spec_for("a mesh")).name());
+  v1::DownloadMeshRequest large, small;
+  large.set_digest(service.upload(mesh, 1 << 18));
+  small.set_digest(sha256("a mesh"));
+  v1::GetResultRequest result;
+  result.set_name(job.name());
+  v1::DownloadMeshResponse piece;
+  v1::GetResultResponse part;
+  grpc::ClientContext contexts[3];
+  const auto first = service.meshes->DownloadMesh(&contexts[0], large);
+  ASSERT_TRUE(first->Read(&piece));
+  const auto second = service.meshes->DownloadMesh(&contexts[1], small);
+  EXPECT_FALSE(second->Read(&piece));
+  expect_peer_limit(second->Finish());
+  const auto third = service.jobs->GetResult(&contexts[2], result);
+  EXPECT_FALSE(third->Read(&part));
+  expect_peer_limit(third->Finish());
+  std::size_t got = piece.chunk().data().size();
+  while (first->Read(&piece)) got += piece.chunk().data().size();
+  EXPECT_TRUE(first->Finish().ok());
+  EXPECT_EQ(got, mesh.size());
+  // The place is free once the server has noticed the end.
+  grpc::Status status(grpc::StatusCode::UNKNOWN, "");
+  for (int i = 0; i < 1000 && !status.ok(); ++i) {
+    grpc::ClientContext context;
+    const auto reader = service.jobs->GetResult(&context, result);
+    while (reader->Read(&part)) continue;
+    status = reader->Finish();
+    if (!status.ok()) std::this_thread::sleep_for(std::chrono::milliseconds(10));
+  }
+  EXPECT_TRUE(status.ok()) << status.error_message();
+}
+
 }  // namespace
 }  // namespace varimesh::server::testing

@@ -76,8 +76,7 @@ TEST_P(JobStoreConformance, LimitsTheWaitingJobsOfAPeer) {
   EXPECT_GT(refused.error().retry_seconds, 0);
   EXPECT_TRUE(try_as("b", 2)) << "another peer";
   EXPECT_TRUE(try_as("a", 0)) << "no limit";
-  claim();
-  claim();
+  for (int i = 0; i < 3; ++i) claim();
   EXPECT_TRUE(try_as("a", 2)) << "running jobs do not count";
 }
 
@@ -90,8 +89,8 @@ TEST_P(JobStoreConformance, LimitsTheRunningJobsOfAPeer) {
   }
   const Claim first = claim();
   EXPECT_EQ(first.name, "jobs/1");
-  EXPECT_EQ(claim().name, "jobs/2");
-  EXPECT_EQ(claim().name, "jobs/4") << "two jobs of a are running";
+  const std::set<std::string> others{claim().name, claim().name};
+  EXPECT_EQ(others, (std::set<std::string>{"jobs/2", "jobs/4"})) << "two jobs of a are running";
   EXPECT_FALSE(*store_->claim("worker"));
   ASSERT_TRUE(store_->finish(first, success(), 0));
   EXPECT_EQ(claim().name, "jobs/3");

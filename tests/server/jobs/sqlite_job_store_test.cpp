@@ -140,10 +140,11 @@ TEST(SqliteJobStore, UpdatesOldTables) {
     auto newest = database.query("SELECT key FROM jobs WHERE name = 'jobs/other'");
     ASSERT_TRUE(newest.step());
     EXPECT_EQ(newest.number(0), 4) << "the key of the job that was deleted is not used again";
-    EXPECT_TRUE(*store->claim("worker"));
-    const auto second = *store->claim("worker");
-    ASSERT_TRUE(second);
-    EXPECT_EQ(second->claim.name, version == 4 ? "jobs/other" : "jobs/next") << "the limit still knows the peers";
+    std::set<std::string> claimed;
+    while (const auto next = *store->claim("worker")) claimed.insert(next->claim.name);
+    std::set<std::string> expected{"jobs/old", "jobs/other"};
+    if (version == 1) expected.insert("jobs/next");
+    EXPECT_EQ(claimed, expected) << "version 4 knows the peers, and one job of each may run";
   }
 }
 

@@ -127,5 +127,52 @@ TEST_F(DirectoryOwners, LeaveNoFilesOfMeshesThatAreGone) {
   EXPECT_TRUE(has("mesh", "ann"));
 }
 
+TEST(OwnersShare, BoundsWhatAnOwnerStores) {
+  Time now{std::chrono::hours(1)};
+  DirectoryMeshSettings settings = settings_with([&now] { return now; });
+  settings.max_bytes_of_owner = 100;
+  const auto store = std::move(*DirectoryMeshStore::create(::testing::TempDir(), settings));
+  const auto begin = [&](const std::string& owner, const std::string& id, const std::string& bytes) {
+    return store->begin_upload(id, sha256(bytes), static_cast<std::int64_t>(bytes.size()), owner);
+  };
+  const auto upload = [&](const std::string& owner, const std::string& bytes) -> std::string {
+    const auto ticket = begin(owner, sha256(bytes), bytes);
+    if (!ticket) return ticket.error().reason;
+    if (ticket->complete) return "complete";
+    EXPECT_TRUE(store->append(*ticket, 0, bytes));
+    return store->finish_upload(*ticket) ? "stored" : "failed";
+  };
+  const std::string forty(40, 'a'), fifty(50, 'b'), eleven(11, 'c');
+  EXPECT_EQ(upload("ann", forty), "stored");
+  EXPECT_EQ(upload("ann", fifty), "stored");
+  EXPECT_EQ(upload("ann", eleven), "OWNER_FULL");
+  EXPECT_EQ(upload("ann", forty), "complete") << "what she has needs no more room";
+  EXPECT_EQ(upload("bob", forty), "stored") << "the same mesh counts for both";
+  EXPECT_EQ(upload("", std::string(500, 'd')), "stored") << "a server that does not ask knows no owners";
+  EXPECT_TRUE(store->check_share("ann", 10));
+  EXPECT_FALSE(store->check_share("ann", 11));
+
+  EXPECT_TRUE(store->remove(sha256(forty), "ann"));
+  EXPECT_EQ(upload("ann", eleven), "OWNER_FULL") << "she was counted a moment ago";
+  now += std::chrono::seconds(1);
+  EXPECT_EQ(upload("ann", eleven), "stored");
+
+  const auto begun = begin("ann", "cut", std::string(39, 'e'));
+  ASSERT_TRUE(begun);
+  now += std::chrono::seconds(1);
+  EXPECT_EQ(upload("ann", "x"), "OWNER_FULL") << "uploads that have begun count with all their bytes";
+  EXPECT_TRUE(begin("ann", "cut", std::string(39, 'e'))) << "and can be continued";
+  now += kUploadLifetime + std::chrono::seconds(1);
+  store->sweep();
+  EXPECT_EQ(upload("ann", "x"), "stored");
+
+  const StoredBytes result = write(*store, std::string(200, 'r'));
+  store->grant(result.digest, "ann");
+  EXPECT_FALSE(store->check_share("ann", 0)) << "results are kept, and nothing else is taken";
+  store->release(result.digest);
+  now += std::chrono::seconds(1);
+  EXPECT_TRUE(store->check_share("ann", 0));
+}
+
 }  // namespace
 }  // namespace varimesh::server::testing
