@@ -23,9 +23,10 @@
 
 #include "core/base/version.h"
 #include "server/addresses.h"
-#include "server/flags.h"
-#include "server/log.h"
+#include "server/command_line/flags.h"
+#include "server/log/log.h"
 #include "server/maintenance/commands.h"
+#include "server/notify.h"
 #include "server/postgres/database.h"
 #include "server/resources/descriptors.h"
 #include "server/server.h"
@@ -34,6 +35,7 @@
 namespace {
 
 using varimesh::server::Flags;
+using varimesh::server::notify_manager;
 using varimesh::server::Server;
 using varimesh::server::ServerOptions;
 
@@ -77,6 +79,8 @@ bool announce(const Server& server, const std::string& port_file) {
     spdlog::info("varimeshd {} listens on {}", varimesh::version(), address);
   if (const std::string& admin = server.admin_address(); !admin.empty())
     spdlog::info("the live page is at http://{}/", admin);
+  if (const std::string& metrics = server.metrics_address(); !metrics.empty())
+    spdlog::info("the metrics are at http://{}/metrics", metrics);
   return true;
 }
 
@@ -84,7 +88,7 @@ bool announce(const Server& server, const std::string& port_file) {
 varimesh::Expected<void> choose_address(ServerOptions& options) {
   if (!options.listen.empty() || options.role == varimesh::server::Role::Worker) return {};
   options.listen = "127.0.0.1:50051";
-  if (!options.tokens.empty() || options.tls.are_given()) return {};
+  if (options.asks_for_tokens() || options.tls.are_given()) return {};
   const auto socket = varimesh::server::private_socket(options.state);
   if (!socket) return tl::unexpected(socket.error());
   options.listen = *socket;
@@ -94,13 +98,13 @@ varimesh::Expected<void> choose_address(ServerOptions& options) {
 /// Whether all users of this machine, and nobody else, can use the server.
 bool is_for_this_machine(const ServerOptions& options) {
   return varimesh::server::is_loopback(options.listen) && !varimesh::server::is_unix_socket(options.listen) &&
-         !options.tls.are_mutual() && options.tokens.empty();
+         !options.tls.are_mutual() && !options.asks_for_tokens();
 }
 
 /// Says who beyond this machine may use the server if that is more people than the user may think; empty: nobody.
 std::string warning_about(const ServerOptions& options) {
   if (options.listen.empty()) return {};
-  const bool knows_callers = options.tls.are_mutual() || !options.tokens.empty();
+  const bool knows_callers = options.tls.are_mutual() || options.asks_for_tokens();
   if (varimesh::server::is_loopback(options.listen)) return {};
   const std::string who = "everybody who can reach " + options.listen + " can ";
   if (!options.tls.are_given() && knows_callers) return who + "read and change what its clients send, their tokens too";
@@ -157,6 +161,7 @@ void wait_and_stop(Server& server, const sigset_t& signals, int drain_seconds) {
   int signal = 0;
   sigwait(&signals, &signal);
   spdlog::info("stopping");
+  notify_manager("STOPPING=1");
   if (!server.stop(std::chrono::seconds(drain_seconds))) {
     // A job that does not end must not keep the process alive: whoever sent the signal would kill it anyway. With
     // --state the job waits for the next server.
@@ -176,7 +181,7 @@ int main(int argc, char** argv) {
   if (flags->migrate) return migrate(flags->store);
   const sigset_t signals = block_signals();
   const long descriptors = varimesh::server::raise_descriptor_limit();
-  if (const auto log = varimesh::server::start_log(flags->log_level); !log) {
+  if (const auto log = varimesh::server::start_log(flags->log_level, flags->log_format); !log) {
     std::cerr << "varimeshd: " << log.error().sentence << '\n';
     return 2;
   }
@@ -201,6 +206,7 @@ int main(int argc, char** argv) {
   if (!keeps_jobs) spdlog::info("jobs and meshes are deleted when this process ends; --state DIR keeps them");
   if (!announce(**server, flags->port_file)) return 1;
 
+  notify_manager("READY=1\nSTATUS=Listens on " + (*server)->address() + "\n");
   wait_and_stop(**server, signals, flags->drain_seconds);
   return 0;
 }

@@ -57,7 +57,7 @@ Refusal right_missing(const std::string& caller, const std::string& rights, cons
   return refusal(Code::PermissionDenied, "RIGHT_MISSING",
                  "The token of " + caller + " does not have the right to " + rights + ", which " + method +
                      " needs; ask the server's operator for another one.",
-                 {{"rights", rights}});
+                 {{"rights", rights}, {"caller", caller}});
 }
 
 // ===== no room =====

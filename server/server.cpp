@@ -11,8 +11,11 @@
 #include "server/access/page_tokens.h"
 #include "server/addresses.h"
 #include "server/admin/admin_server.h"
+#include "server/admin/probe_server.h"
 #include "server/api/endpoint.h"
 #include "server/engine/work_limits.h"
+#include "server/log/log_fields.h"
+#include "server/metrics/metrics.h"
 #include "server/scheduling/scheduler.h"
 #include "server/state/stores.h"
 #include "server/upkeep.h"
@@ -46,7 +49,8 @@ std::string worker_name(const std::string& state) {
 
 }  // namespace
 
-Server::Server(ServerOptions options) : options_(std::move(options)), threads_(options_.limits.threads) {
+Server::Server(ServerOptions options)
+    : options_(std::move(options)), threads_(options_.limits.threads), metrics_(std::make_unique<Metrics>()) {
   // A front end reads no mesh whole: whether there is memory for a job is the workers' question.
   if (options_.role == Role::Frontend) options_.limits.max_memory_bytes = 0;
   options_.limits.threads = threads_.threads();
@@ -54,8 +58,8 @@ Server::Server(ServerOptions options) : options_(std::move(options)), threads_(o
 
 Expected<void> Server::read_tokens() {
   access_ = options_.tls.are_mutual() ? Access::with_certificates() : std::make_unique<Access>();
-  if (options_.tokens.empty()) return {};
-  auto access = Access::with_tokens(options_.tokens, options_.clock);
+  if (!options_.asks_for_tokens()) return {};
+  auto access = Access::with_tokens(options_.tokens, options_.web_tokens, options_.clock);
   if (!access) return tl::unexpected(access.error());
   access_ = std::move(*access);
   return {};
@@ -87,7 +91,16 @@ Expected<void> Server::start_scheduler() {
   settings.new_name = options_.new_name ? options_.new_name : random_name;
   settings.memory = options_.limits.max_memory_bytes;
   settings.launch = [this](int threads, SchedulerSettings::Job job) { threads_.launch(threads, std::move(job)); };
-  settings.log = [](const std::string& job, const std::string& what) { spdlog::info("{} {}", job, what); };
+  settings.log = [](const std::string& job, const std::string& what) {
+    const LogScope scope({.job = job.starts_with("jobs/") ? job : ""});
+    spdlog::info("{} {}", job, what);
+  };
+  settings.noted = [this](const v1::Job& job) {
+    if (has_ended(job.state()))
+      metrics_->count_end(job);
+    else
+      metrics_->count_submission();
+  };
   settings.max_priority = options_.limits.max_priority;
   const WorkLimits work{options_.limits.max_job_iterations, options_.limits.max_job_seconds};
   scheduler_ = std::make_unique<Scheduler>(&stores_->jobs(), &stores_->meshes(), within(work, options_.engine),
@@ -103,7 +116,7 @@ Expected<void> Server::start_admin_port() {
   if (options_.admin.empty()) return {};
   auto admin = AdminServer::start(
       options_.admin, std::make_unique<LiveStatus>(scheduler_.get(), options_.limits, options_.clock),
-      [this] { return endpoint_->health().serving() && self_check_->answers(); },
+      [this] { return ready(); },
       [this](std::string_view authorization) -> Answer<CallersView> {
         auto caller = access_->admit(Method::LivePage, authorization, "127.0.0.1");
         if (!caller) return tl::unexpected(caller.error());
@@ -111,6 +124,31 @@ Expected<void> Server::start_admin_port() {
       });
   if (!admin) return tl::unexpected(admin.error());
   admin_ = std::move(*admin);
+  return {};
+}
+
+bool Server::ready() const { return endpoint_->health().serving() && self_check_ != nullptr && self_check_->answers(); }
+
+Expected<void> Server::start_metrics_port() {
+  if (options_.metrics.empty()) return {};
+  auto probes = ProbeServer::start(
+      options_.metrics, [this] { return ready(); },
+      [this] {
+        Gauges now;
+        now.ready = ready();
+        if (const auto counts = scheduler_->counts()) {
+          now.pending = counts->pending;
+          now.running = counts->running;
+        }
+        const auto oldest = scheduler_->oldest_pending();
+        if (oldest && *oldest)
+          now.oldest_pending_seconds = std::chrono::duration<double>(options_.clock() - **oldest).count();
+        else if (now.pending == 0)
+          now.oldest_pending_seconds = 0;
+        return metrics_->text(now);
+      });
+  if (!probes) return tl::unexpected(probes.error());
+  probes_ = std::move(*probes);
   return {};
 }
 
@@ -124,7 +162,7 @@ Expected<std::unique_ptr<Server>> Server::start(ServerOptions options) {
 }
 
 Expected<std::unique_ptr<Server>> Server::start_or_throw(ServerOptions options) {
-  const Protection protection{options.tls.are_given(), options.tls.are_mutual(), !options.tokens.empty(),
+  const Protection protection{options.tls.are_given(), options.tls.are_mutual(), options.asks_for_tokens(),
                               options.insecure};
   if (!options.listen.empty())
     if (const auto checked = check_listen_address(options.listen, protection); !checked)
@@ -136,14 +174,17 @@ Expected<std::unique_ptr<Server>> Server::start_or_throw(ServerOptions options) 
   if (const auto opened = server->open_stores(); !opened) return tl::unexpected(opened.error());
   if (const auto started = server->start_scheduler(); !started) return tl::unexpected(started.error());
   server->endpoint_ = std::make_unique<Endpoint>(*server->scheduler_, server->stores_->meshes(), *server->access_,
-                                                 server->options_.limits, *server->pages_, server->options_.clock());
-  if (const auto started = server->start_admin_port(); !started) return tl::unexpected(started.error());
+                                                 server->options_.limits, *server->pages_, server->options_.clock(),
+                                                 server->options_.metrics.empty() ? nullptr : server->metrics_.get());
+  // The port does not answer before the server does, since probes ask for what comes below.
   if (const auto listening =
           server->endpoint_->listen(server->options_.listen, server_credentials(server->options_.tls));
       !listening)
     return tl::unexpected(listening.error());
   server->self_check_ = std::make_unique<SelfCheck>(server->address(), server->options_.tls.are_given());
   server->self_check_->dial();
+  if (const auto started = server->start_admin_port(); !started) return tl::unexpected(started.error());
+  if (const auto started = server->start_metrics_port(); !started) return tl::unexpected(started.error());
   server->upkeep_ = std::make_unique<Upkeep>(*server->scheduler_, *server->stores_, *server->access_,
                                              *server->endpoint_, *server->self_check_, server->options_.tls);
   server->running_ = true;
@@ -164,6 +205,13 @@ const std::string& Server::admin_address() const {
   static const std::string none;
   return admin_ == nullptr ? none : admin_->address();
 }
+
+const std::string& Server::metrics_address() const {
+  static const std::string none;
+  return probes_ == nullptr ? none : probes_->address();
+}
+
+bool Server::answers() const { return self_check_->answers(); }
 
 std::shared_ptr<grpc::Channel> Server::in_process_channel() { return endpoint_->in_process_channel(); }
 

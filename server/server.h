@@ -10,6 +10,7 @@
 #include <string>
 
 #include "core/base/error.h"
+#include "server/access/json_web_tokens.h"
 #include "server/engine/engine.h"
 #include "server/jobs/job_store.h"
 #include "server/limits.h"
@@ -21,7 +22,9 @@ namespace varimesh::server {
 class Access;
 class AdminServer;
 class Endpoint;
+class Metrics;
 class PageTokens;
+class ProbeServer;
 class Scheduler;
 class Stores;
 class SelfCheck;
@@ -34,12 +37,15 @@ enum class Role { All, Frontend, Worker };
 struct ServerOptions {
   std::string listen;     ///< HOST:PORT (port 0: any free port) or unix:PATH. Empty: in-process channels only.
   std::string admin;      ///< HOST:PORT on loopback for health checks and the live page. Empty: none.
+  std::string metrics;    ///< HOST:PORT for health checks and metrics, which others may reach. Empty: none.
   TlsFiles tls;           ///< Certificates. Without them nothing is encrypted.
   bool insecure = false;  ///< Allows addresses beyond loopback although everybody may call or read.
   std::string tokens;     ///< A file of tokens, which says who may call. Empty: everybody.
-  std::string state;      ///< A directory of jobs and meshes that outlive the server. Empty: both are deleted with it.
-  std::string data;  ///< If `state` is empty: the directory in which the temporary directory for meshes is created.
-                     ///< Empty: the system's directory for temporary files.
+  JsonWebTokenSettings web_tokens;  ///< Tokens of an OpenID Connect issuer, which may be used beside those of the file.
+  bool asks_for_tokens() const { return !tokens.empty() || web_tokens.are_given(); }
+  std::string state;  ///< A directory of jobs and meshes that outlive the server. Empty: both are deleted with it.
+  std::string data;   ///< If `state` is empty: the directory in which the temporary directory for meshes is created.
+                      ///< Empty: the system's directory for temporary files.
   Limits limits;
   /// Opens a job store elsewhere, such as in a database, while meshes are kept in `state`. Empty: jobs are there too.
   std::function<Expected<std::unique_ptr<JobStore>>(const JobStoreSettings&)> open_jobs;
@@ -65,6 +71,10 @@ class Server {
   int port() const;
   /// The address of the admin port; empty if there is none.
   const std::string& admin_address() const;
+  /// The address of the port for metrics; empty if there is none.
+  const std::string& metrics_address() const;
+  /// Whether the server has reached itself lately.
+  bool answers() const;
   std::shared_ptr<grpc::Channel> in_process_channel();
 
   /// Stops in order: answers NOT_SERVING, starts no more jobs, finishes all streams with UNAVAILABLE, and shuts down.
@@ -81,10 +91,13 @@ class Server {
   Expected<void> open_stores();
   Expected<void> start_scheduler();
   Expected<void> start_admin_port();
+  Expected<void> start_metrics_port();
+  bool ready() const;
 
   // In the order in which they use each other; they are destroyed in reverse order.
   ServerOptions options_;
   ThreadBudget threads_;
+  std::unique_ptr<Metrics> metrics_;
   std::unique_ptr<Stores> stores_;
   std::unique_ptr<Scheduler> scheduler_;
   std::unique_ptr<Access> access_;
@@ -92,6 +105,7 @@ class Server {
   std::unique_ptr<Endpoint> endpoint_;
   std::unique_ptr<SelfCheck> self_check_;
   std::unique_ptr<AdminServer> admin_;
+  std::unique_ptr<ProbeServer> probes_;
   std::unique_ptr<Upkeep> upkeep_;
   bool running_ = false;
 };

@@ -10,6 +10,8 @@
 #include <mutex>
 #include <thread>
 
+#include "server/notify.h"
+
 namespace varimesh::server {
 
 /// Calls a function at regular intervals, on a thread of its own.
@@ -58,7 +60,10 @@ Upkeep::Upkeep(Scheduler& scheduler, Stores& stores, Access& access, Endpoint& e
   certificates_ = std::make_unique<Ticker>(minutes(1), [&tls] {
     if (const auto checked = check_tls_files(tls); !checked) spdlog::error("{}", checked.error().sentence);
   });
-  dialling_ = std::make_unique<Ticker>(seconds(5), [&self_check] { self_check.dial(); });
+  dialling_ = std::make_unique<Ticker>(seconds(5), [&self_check] {
+    self_check.dial();
+    if (self_check.answers()) notify_manager("WATCHDOG=1");
+  });
   sweeping_ = std::make_unique<Ticker>(minutes(1), [&stores] { stores.meshes().sweep(); });
   compression_ = std::make_unique<Ticker>(minutes(1), [this, &stores] {
     ::setpriority(PRIO_PROCESS, 0, 19);  // applies to this thread only: the running jobs go first

@@ -2,7 +2,7 @@
 #include "client/local/local.h"
 
 #include "core/base/machine_memory.h"
-#include "server/log.h"
+#include "server/log/log.h"
 #include "server/server.h"
 
 namespace varimesh::client {

@@ -11,6 +11,7 @@
 #include <cstring>
 #include <utility>
 
+#include "server/log/log.h"
 #include "server/meshes/read_at.h"
 #include "server/refusals.h"
 
@@ -29,7 +30,7 @@ std::string_view token_of(std::string_view authorization) {
 }
 
 tl::unexpected<Error> unusable(const std::string& file, const std::string& why) {
-  return bad_option("The file of tokens '" + file + "' cannot be used: " + why + ".");
+  return bad_option("The file of tokens or keys '" + file + "' cannot be used: " + why + ".");
 }
 
 /// Closes a descriptor at the end of a block.
@@ -53,13 +54,33 @@ Expected<std::unique_ptr<Access>> Access::with_tokens(const std::string& file, s
   return access;
 }
 
+Expected<std::unique_ptr<Access>> Access::with_tokens(const std::string& file, const JsonWebTokenSettings& web_tokens,
+                                                      std::function<WallTime()> clock) {
+  auto access = file.empty() ? std::make_unique<Access>() : nullptr;
+  if (access == nullptr) {
+    auto opened = with_tokens(file, clock);
+    if (!opened) return opened;
+    access = std::move(*opened);
+  }
+  access->clock_ = std::move(clock);
+  if (!web_tokens.are_given()) return access;
+  access->web_token_settings_ = web_tokens;
+  auto text = web_tokens.keys.empty() ? Text() : read(web_tokens.keys);
+  if (!text) return tl::unexpected(text.error());
+  auto keys = JsonWebTokens::parse(web_tokens, text->text);
+  if (!keys) return tl::unexpected(keys.error());
+  access->web_tokens_ = std::move(*keys);
+  access->keys_version_ = text->version;
+  return access;
+}
+
 std::unique_ptr<Access> Access::with_certificates() {
   auto access = std::make_unique<Access>();
   access->names_certificates_ = true;
   return access;
 }
 
-Expected<Access::Loaded> Access::load(const std::string& file) {
+Expected<Access::Text> Access::read(const std::string& file) {
   const Closing opened{::open(file.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK)};
   struct stat status {};
   if (opened.file < 0 || ::fstat(opened.file, &status) != 0) return unusable(file, std::strerror(errno));
@@ -72,10 +93,16 @@ Expected<Access::Loaded> Access::load(const std::string& file) {
   std::string text;
   if (!read_at(opened.file, 0, static_cast<std::size_t>(status.st_size), &text))
     return unusable(file, std::strerror(errno));
-  auto tokens = Tokens::parse(text);
-  if (!tokens) return tl::unexpected(tokens.error());
   const Version version{status.st_mtim.tv_sec * 1'000'000'000 + status.st_mtim.tv_nsec, status.st_size, status.st_ino};
-  return Loaded{std::move(*tokens), version};
+  return Text{std::move(text), version};
+}
+
+Expected<Access::Loaded> Access::load(const std::string& file) {
+  auto read_text = read(file);
+  if (!read_text) return tl::unexpected(read_text.error());
+  auto tokens = Tokens::parse(read_text->text);
+  if (!tokens) return tl::unexpected(tokens.error());
+  return Loaded{std::move(*tokens), read_text->version};
 }
 
 Expected<Access::Version> Access::version_of(const std::string& file) {
@@ -86,20 +113,36 @@ Expected<Access::Version> Access::version_of(const std::string& file) {
 
 Answer<Caller> Access::admit(Method method, std::string_view authorization, const std::string& address,
                              const std::string& certificate) const {
+  auto caller = find(method, authorization, address, certificate);
+  if (caller) {
+    caller->address = address;
+  } else {
+    const auto named = caller.error().metadata.find("caller");
+    const std::string owner = named == caller.error().metadata.end() ? certificate : named->second;
+    audit("refused", std::string(rule_of(method).name), caller.error().reason, {.owner = owner, .address = address});
+  }
+  return caller;
+}
+
+Answer<Caller> Access::find(Method method, std::string_view authorization, const std::string& address,
+                            const std::string& certificate) const {
   std::shared_ptr<const Tokens> tokens;
+  std::shared_ptr<const JsonWebTokens> web_tokens;
   {
     std::lock_guard lock(mutex_);
     tokens = tokens_;
+    web_tokens = web_tokens_;
   }
   if (names_certificates_) {
     if (method == Method::LivePage) return page_without_tokens();
     if (certificate.empty()) return certificate_nameless();
     return Caller{certificate, certificate, kSubmit | kRead | kCancel};
   }
-  if (tokens == nullptr) return Caller{"", address, kAllRights};
+  if (tokens == nullptr && web_tokens == nullptr) return Caller{"", address, kAllRights};
   const std::string_view token = token_of(authorization);
   if (token.empty()) return token_missing();
-  const auto principal = tokens->find(token, clock_());
+  auto principal = tokens == nullptr ? std::nullopt : tokens->find(token, clock_());
+  if (!principal && web_tokens != nullptr) principal = web_tokens->find(token, clock_());
   if (!principal) return token_unknown();
   const MethodRule& rule = rule_of(method);
   if (!principal->rights.contains(rule.needed))
@@ -109,6 +152,13 @@ Answer<Caller> Access::admit(Method method, std::string_view authorization, cons
 }
 
 Expected<bool> Access::refresh() {
+  const auto tokens = refresh_tokens(), keys = refresh_web_tokens();
+  if (!tokens) return tokens;
+  if (!keys) return keys;
+  return *tokens || *keys;
+}
+
+Expected<bool> Access::refresh_tokens() {
   if (tokens_ == nullptr) return false;
   const auto version = version_of(file_);
   const Version seen = version ? *version : Version();
@@ -120,6 +170,21 @@ Expected<bool> Access::refresh() {
   auto tokens = std::make_shared<const Tokens>(std::move(loaded->tokens));
   std::lock_guard lock(mutex_);
   tokens_ = std::move(tokens);
+  return true;
+}
+
+Expected<bool> Access::refresh_web_tokens() {
+  if (web_tokens_ == nullptr) return false;
+  const auto version = version_of(web_token_settings_.keys);
+  const Version seen = version ? *version : Version();
+  if (seen == keys_version_) return false;
+  keys_version_ = seen;
+  auto text = read(web_token_settings_.keys);
+  if (!text) return tl::unexpected(text.error());
+  auto keys = JsonWebTokens::parse(web_token_settings_, text->text);
+  if (!keys) return tl::unexpected(keys.error());
+  std::lock_guard lock(mutex_);
+  web_tokens_ = std::move(*keys);
   return true;
 }
 

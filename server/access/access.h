@@ -9,9 +9,11 @@
 #include <string_view>
 
 #include "core/base/error.h"
+#include "server/access/json_web_tokens.h"
 #include "server/access/rights.h"
 #include "server/access/tokens.h"
 #include "server/failure.h"
+#include "server/log/log_fields.h"
 
 namespace varimesh::server {
 
@@ -20,6 +22,9 @@ struct Caller {
   std::string owner;  ///< Whose jobs the caller submits. Empty: the server does not ask.
   std::string peer;   ///< Who the limits per peer count: the owner or, if the server does not ask, the address.
   Rights rights;
+  std::string address = {};   ///< From where the caller calls, without the port.
+  std::string trace_id = {};  ///< Of the call (W3C traceparent): 32 hexadecimal digits, or empty.
+  LogFields log_fields() const { return {.owner = owner, .address = address, .trace_id = trace_id}; }
   /// Whether the jobs and meshes of all owners are there for this caller.
   bool sees_all() const { return rights.contains(kAdmin); }
 };
@@ -33,6 +38,12 @@ class Access {
   static Expected<std::unique_ptr<Access>> with_tokens(
       const std::string& file, std::function<WallTime()> clock = std::chrono::system_clock::now);
 
+  /// Reads the tokens of a file and accepts JSON Web Tokens, either or both. Errors: as with_tokens(), and those of
+  /// JsonWebTokens::parse().
+  static Expected<std::unique_ptr<Access>> with_tokens(
+      const std::string& file, const JsonWebTokenSettings& web_tokens,
+      std::function<WallTime()> clock = std::chrono::system_clock::now);
+
   /// A server whose callers have certificates: the name in it is the owner, who may do everything but see what belongs
   /// to others.
   static std::unique_ptr<Access> with_certificates();
@@ -41,15 +52,15 @@ class Access {
   /// PERMISSION_DENIED (RIGHT_MISSING) if the token does not allow the method. `authorization`: the header of that
   /// name, "Bearer TOKEN". `address`: the address of the caller, without its port. `certificate`: the name in the
   /// caller's certificate, if names_certificates(); without one: UNAUTHENTICATED (CERTIFICATE_NAMELESS). Browsers show
-  /// none on the admin port: PERMISSION_DENIED (RIGHT_MISSING).
+  /// none on the admin port: PERMISSION_DENIED (RIGHT_MISSING). Every refusal is in the log.
   Answer<Caller> admit(Method method, std::string_view authorization, const std::string& address,
                        const std::string& certificate = {}) const;
   /// Whether it matters who calls.
-  bool asks() const { return tokens_ != nullptr || names_certificates_; }
+  bool asks() const { return tokens_ != nullptr || web_tokens_ != nullptr || names_certificates_; }
   /// Whether the owner is the name in the caller's certificate.
   bool names_certificates() const { return names_certificates_; }
 
-  /// Called regularly, by one thread: reads the file again if it has changed, and returns whether it did. Errors: as
+  /// Called regularly, by one thread: reads the files again that have changed, and returns whether one did. Errors: as
   /// with_tokens(), once for each change; then the tokens stay as they were.
   Expected<bool> refresh();
 
@@ -64,15 +75,27 @@ class Access {
     Tokens tokens;
     Version version;
   };
+  /// The text of a file that only this user or root can write.
+  struct Text {
+    std::string text;
+    Version version;
+  };
+  static Expected<Text> read(const std::string& file);
   static Expected<Loaded> load(const std::string& file);
+  Expected<bool> refresh_tokens();
+  Expected<bool> refresh_web_tokens();
+  Answer<Caller> find(Method method, std::string_view authorization, const std::string& address,
+                      const std::string& certificate) const;
   static Expected<Version> version_of(const std::string& file);
 
   bool names_certificates_ = false;
   std::string file_;
   std::function<WallTime()> clock_;
   mutable std::mutex mutex_;
-  std::shared_ptr<const Tokens> tokens_;  ///< Null: callers need none.
-  Version version_;                       ///< Of the newest attempt to read the file.
+  std::shared_ptr<const Tokens> tokens_;             ///< Null: there is no file of tokens.
+  std::shared_ptr<const JsonWebTokens> web_tokens_;  ///< Null: none are accepted.
+  JsonWebTokenSettings web_token_settings_;
+  Version version_, keys_version_;  ///< Of the newest attempts to read the files.
 };
 
 }  // namespace varimesh::server

@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "core/base/sha256.h"
+#include "server/log/log.h"
 #include "server/refusals.h"
 
 namespace varimesh::server {
@@ -20,12 +21,9 @@ Answer<void> CallersView::check_job(const std::string& name) const {
 }
 
 Answer<v1::Job> CallersView::submit(const std::string& request_id, const v1::JobSpec& spec, bool validate_only) const {
-  const std::string& digest = spec.mesh().digest();
-  if (is_sha256(digest) && !may_use(digest)) return mesh_missing(digest);
-  if (const auto room = meshes_->check_share(caller_.owner, 0); !room) return tl::unexpected(room.error());
-  // On a server that does not ask who calls, everybody is an admin.
-  const bool is_admin = caller_.sees_all() && !caller_.owner.empty();
-  auto job = scheduler_->submit(request_id, spec, validate_only, {caller_.peer, caller_.owner, is_admin});
+  auto job = try_submit(request_id, spec, validate_only);
+  if (!validate_only)
+    audit("submit", job ? job->name() : "a job", job ? "ok" : job.error().reason, fields_about(job ? job->name() : ""));
   if (!job || caller_.rights.contains(kRead)) return job;
   // Who may not read learns the name of the job and what was sent: a request id that is repeated is no way to look at
   // how the job goes.
@@ -36,6 +34,22 @@ Answer<v1::Job> CallersView::submit(const std::string& request_id, const v1::Job
   *receipt.mutable_spec() = spec;
   if (!validate_only) *receipt.mutable_create_time() = job->create_time();
   return receipt;
+}
+
+LogFields CallersView::fields_about(const std::string& job) const {
+  LogFields fields = caller_.log_fields();
+  fields.job = job;
+  return fields;
+}
+
+Answer<v1::Job> CallersView::try_submit(const std::string& request_id, const v1::JobSpec& spec,
+                                        bool validate_only) const {
+  const std::string& digest = spec.mesh().digest();
+  if (is_sha256(digest) && !may_use(digest)) return mesh_missing(digest);
+  if (const auto room = meshes_->check_share(caller_.owner, 0); !room) return tl::unexpected(room.error());
+  // On a server that does not ask who calls, everybody is an admin.
+  const bool is_admin = caller_.sees_all() && !caller_.owner.empty();
+  return scheduler_->submit(request_id, spec, validate_only, {caller_.peer, caller_.owner, is_admin, caller_.trace_id});
 }
 
 Answer<v1::Job> CallersView::get(const std::string& name) const {
@@ -50,13 +64,17 @@ Answer<JobPage> CallersView::list(JobFilter filter, int page_size, const std::st
 }
 
 Answer<v1::Job> CallersView::cancel(const std::string& name) const {
-  if (const auto checked = check_job(name); !checked) return tl::unexpected(checked.error());
-  return scheduler_->cancel(name);
+  const auto checked = check_job(name);
+  auto cancelled = checked ? scheduler_->cancel(name) : tl::unexpected(checked.error());
+  audit("cancel", name, cancelled ? "ok" : cancelled.error().reason, fields_about(name));
+  return cancelled;
 }
 
 Answer<v1::Job> CallersView::remove(const std::string& name) const {
-  if (const auto checked = check_job(name); !checked) return tl::unexpected(checked.error());
-  return scheduler_->remove(name);
+  const auto checked = check_job(name);
+  auto removed = checked ? scheduler_->remove(name) : tl::unexpected(checked.error());
+  audit("delete", name, removed ? "ok" : removed.error().reason, fields_about(name));
+  return removed;
 }
 
 Answer<std::shared_ptr<EventLog>> CallersView::events(const std::string& name) const {
@@ -86,6 +104,12 @@ Answer<std::unique_ptr<BlobReader>> CallersView::read(const std::string& digest)
 }
 
 Answer<void> CallersView::remove_mesh(const std::string& digest) const {
+  auto removed = try_remove_mesh(digest);
+  audit("delete mesh", digest, removed ? "ok" : removed.error().reason, caller_.log_fields());
+  return removed;
+}
+
+Answer<void> CallersView::try_remove_mesh(const std::string& digest) const {
   if (caller_.sees_all()) return meshes_->remove(digest, "");
   if (!may_use(digest)) return mesh_not_found(digest);
   // The store counts the jobs of all owners, and the answer must not tell whether there are others.

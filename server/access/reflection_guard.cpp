@@ -1,12 +1,7 @@
 // An interceptor of the calls of reflection.
 #include "server/access/reflection_guard.h"
 
-#include <grpcpp/support/server_interceptor.h>
-
-#include <memory>
 #include <string_view>
-#include <utility>
-#include <vector>
 
 #include "server/access/certificate_name.h"
 
@@ -53,10 +48,6 @@ class Guards : public grpc::experimental::ServerInterceptorFactoryInterface {
 
 }  // namespace
 
-void guard_reflection(grpc::ServerBuilder& builder, const Access& access) {
-  std::vector<std::unique_ptr<grpc::experimental::ServerInterceptorFactoryInterface>> guards;
-  guards.push_back(std::make_unique<Guards>(access));
-  builder.experimental().SetInterceptorCreators(std::move(guards));
-}
+InterceptorFactory reflection_guard(const Access& access) { return std::make_unique<Guards>(access); }
 
 }  // namespace varimesh::server

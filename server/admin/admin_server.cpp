@@ -14,12 +14,7 @@
 namespace varimesh::server {
 namespace {
 
-/// The page may load only this server's own files and must not execute markup from job data.
-constexpr const char* kPolicy =
-    "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; img-src data:; base-uri 'none'; "
-    "form-action 'none'; frame-ancestors 'none'";
-
-constexpr std::string_view kText = "text/plain; charset=utf-8", kJson = "application/json";
+constexpr int kThreads = 4;
 
 struct PageFile {
   std::string_view path, type;
@@ -32,17 +27,6 @@ const std::array<PageFile, 3> kFiles{
     PageFile{"/watch.js",
              "text/javascript; charset=utf-8",
              {&page::dom_js, &page::numbers_js, &page::axes_js, &page::charts_js, &page::curves_js, &page::watch_js}}};
-
-void send(mg_connection* connection, int status, std::string_view type, std::string_view body, const char* more = "") {
-  const bool head = std::strcmp(mg_get_request_info(connection)->request_method, "HEAD") == 0;
-  mg_printf(connection,
-            "HTTP/1.1 %d %s\r\nContent-Type: %.*s\r\nContent-Length: %zu\r\nCache-Control: no-store\r\n"
-            "Content-Security-Policy: %s\r\nX-Content-Type-Options: nosniff\r\nReferrer-Policy: no-referrer\r\n"
-            "Cross-Origin-Resource-Policy: same-origin\r\nConnection: close\r\n%s\r\n",
-            status, mg_get_response_code_text(connection, status), static_cast<int>(type.size()), type.data(),
-            body.size(), kPolicy, more);
-  if (!head) mg_write(connection, body.data(), body.size());
-}
 
 /// Returns a field of the query string, decoded; empty if it is missing.
 std::string field(const mg_request_info& request, const char* name) {
@@ -58,11 +42,11 @@ void refuse(mg_connection* connection, const Failure& why) {
                      : why.code == Failure::Code::Unauthenticated  ? 401
                      : why.code == Failure::Code::PermissionDenied ? 403
                                                                    : 503;
-  send(connection, status, kText, why.sentence + "\n", status == 401 ? "WWW-Authenticate: Bearer\r\n" : "");
+  send_http(connection, status, kTextType, why.sentence + "\n", status == 401 ? "WWW-Authenticate: Bearer\r\n" : "");
 }
 
 void send(mg_connection* connection, const Answer<std::string>& document) {
-  if (document) return send(connection, 200, kJson, *document);
+  if (document) return send_http(connection, 200, kJsonType, *document);
   refuse(connection, document.error());
 }
 
@@ -85,36 +69,14 @@ bool is_own_host(const char* host) {
 Expected<std::unique_ptr<AdminServer>> AdminServer::start(const std::string& address,
                                                           std::unique_ptr<LiveStatus> live_status,
                                                           std::function<bool()> ready, Admit admit) {
-  const auto colon = address.rfind(':');
-  unsigned port = 65536;
-  if (colon != std::string::npos) std::from_chars(address.data() + colon + 1, address.data() + address.size(), port);
-  const std::string host = address.substr(0, colon);
-  if (port > 65535 || !is_own_host(address.c_str()))
-    return bad_option("Only this machine may use the admin port, but '" + address +
-                      "' is not a loopback address with a port; write --admin 127.0.0.1:9464.");
-
+  const auto not_loopback = bad_option("Only this machine may use the admin port, but '" + address +
+                                       "' is not a loopback address with a port; write --admin 127.0.0.1:9464.");
+  if (!is_own_host(address.c_str())) return not_loopback;
   std::unique_ptr<AdminServer> admin(new AdminServer(std::move(live_status), std::move(ready), std::move(admit)));
-  const std::string numeric = (host == "localhost" ? "127.0.0.1" : host) + ":" + std::to_string(port);
-  // There is no document root, so files of the disk are never served. There are few threads, and none waits long.
-  const char* options[] = {"listening_ports",    numeric.c_str(), "num_threads", "4",
-                           "request_timeout_ms", "10000",         nullptr};
-  mg_callbacks callbacks{};
-  callbacks.begin_request = handle;
-  callbacks.log_message = [](const mg_connection*, const char*) { return 1; };  // not to standard error
-  admin->context_ = mg_start(&callbacks, admin.get(), options);
-  std::array<mg_server_port, 1> ports{};
-  if (admin->context_ == nullptr ||
-      mg_get_server_ports(admin->context_, static_cast<int>(ports.size()), ports.data()) != 1)
-    return tl::unexpected(
-        Error{Error::Kind::Output, "Cannot listen on " + address +
-                                       " for --admin: the address is taken, or it is not an "
-                                       "address of this machine; choose another (port 0 is any free port)."});
-  admin->address_ = host + ":" + std::to_string(ports[0].port);
+  const auto listening = admin->http_.listen(address, "--admin", kThreads, handle, admin.get());
+  if (!listening)
+    return listening.error().kind == Error::Kind::BadOption ? not_loopback : tl::unexpected(listening.error());
   return admin;
-}
-
-AdminServer::~AdminServer() {
-  if (context_ != nullptr) mg_stop(context_);
 }
 
 int AdminServer::handle(mg_connection* connection) {
@@ -122,7 +84,7 @@ int AdminServer::handle(mg_connection* connection) {
   try {
     admin->answer(connection);
   } catch (const std::exception&) {  // out of memory, if anything; the page asks again
-    send(connection, 503, kText, "The server cannot answer now; try again.\n");
+    send_http(connection, 503, kTextType, "The server cannot answer now; try again.\n");
   }
   return 1;  // every request has been answered
 }
@@ -131,23 +93,23 @@ void AdminServer::answer(mg_connection* connection) const {
   const mg_request_info& request = *mg_get_request_info(connection);
   const std::string_view method = request.request_method, path = request.local_uri;
   if (!is_own_host(mg_get_header(connection, "Host")))
-    return send(connection, 421, kText, "Only this machine may use this port; use the address 127.0.0.1.\n");
+    return send_http(connection, 421, kTextType, "Only this machine may use this port; use the address 127.0.0.1.\n");
   if (method != "GET" && method != "HEAD")
-    return send(connection, 405, kText, "This port is read-only; use gRPC to submit and cancel jobs.\n",
-                "Allow: GET, HEAD\r\n");
+    return send_http(connection, 405, kTextType, "This port is read-only; use gRPC to submit and cancel jobs.\n",
+                     "Allow: GET, HEAD\r\n");
   for (const PageFile& file : kFiles) {
     if (file.path != path) continue;
     std::string body;
     for (const std::string_view* part : file.parts) body += *part;
-    return send(connection, 200, file.type, body);
+    return send_http(connection, 200, file.type, body);
   }
-  if (path == "/healthz/live") return send(connection, 200, kText, "live\n");
+  if (path == "/healthz/live") return send_http(connection, 200, kTextType, "live\n");
   if (path == "/healthz/ready") {
     const bool ready = ready_();
-    return send(connection, ready ? 200 : 503, kText, ready ? "ready\n" : "not ready\n");
+    return send_http(connection, ready ? 200 : 503, kTextType, ready ? "ready\n" : "not ready\n");
   }
   if (path.starts_with("/api/")) return answer_about_jobs(connection);
-  send(connection, 404, kText, "There is nothing at this address.\n");
+  send_http(connection, 404, kTextType, "There is nothing at this address.\n");
 }
 
 void AdminServer::answer_about_jobs(mg_connection* connection) const {
@@ -163,7 +125,7 @@ void AdminServer::answer_about_jobs(mg_connection* connection) const {
     std::from_chars(after.data(), after.data() + after.size(), number);
     return send(connection, LiveStatus::iterations(*view, field(request, "job"), number));
   }
-  send(connection, 404, kText, "There is nothing at this address.\n");
+  send_http(connection, 404, kTextType, "There is nothing at this address.\n");
 }
 
 }  // namespace varimesh::server

@@ -8,10 +8,8 @@
 #include <string_view>
 
 #include "core/base/error.h"
+#include "server/admin/http.h"
 #include "server/admin/live_status.h"
-
-struct mg_connection;
-struct mg_context;
 
 namespace varimesh::server {
 
@@ -38,12 +36,9 @@ class AdminServer {
   static Expected<std::unique_ptr<AdminServer>> start(const std::string& address,
                                                       std::unique_ptr<LiveStatus> live_status,
                                                       std::function<bool()> ready, Admit admit);
-  ~AdminServer();
-  AdminServer(const AdminServer&) = delete;
-  AdminServer& operator=(const AdminServer&) = delete;
 
   /// The address with the port that was chosen.
-  const std::string& address() const { return address_; }
+  const std::string& address() const { return http_.address(); }
 
  private:
   AdminServer(std::unique_ptr<LiveStatus> live_status, std::function<bool()> ready, Admit admit)
@@ -56,8 +51,7 @@ class AdminServer {
   const std::unique_ptr<LiveStatus> live_status_;
   const std::function<bool()> ready_;
   const Admit admit_;
-  std::string address_;
-  mg_context* context_ = nullptr;
+  HttpServer http_;  ///< The last member, so that its threads end first.
 };
 
 /// Returns whether a Host header is a loopback name, with or without a port. Null: the request has no Host header.

@@ -9,6 +9,7 @@
 #include "server/access/callers_view.h"
 #include "server/access/certificate_name.h"
 #include "server/access/page_tokens.h"
+#include "server/access/trace.h"
 #include "server/addresses.h"
 #include "server/limits.h"
 #include "server/meshes/mesh_store.h"
@@ -46,6 +47,8 @@ Answer<CallersView> admit(const ApiContext& api, const Context& call, Method met
   const std::string name = api.access.names_certificates() ? name_in_certificate(call) : "";
   auto caller = api.access.admit(method, authorization, peer_address(call.peer()), name);
   if (!caller) return tl::unexpected(caller.error());
+  if (const auto parent = metadata.find("traceparent"); parent != metadata.end())
+    caller->trace_id = trace_id_of({parent->second.data(), parent->second.size()});
   return CallersView(api.scheduler, api.meshes, std::move(*caller));
 }
 
@@ -59,6 +62,7 @@ grpc::ServerUnaryReactor* unary(const ApiContext& api, grpc::CallbackServerConte
     reactor->Finish(status(view.error()));
   else
     api.pool.post([reactor, view = std::move(*view), work = std::move(work)] {
+      const LogScope scope(view.caller().log_fields());
       reactor->Finish(guarded([&] { return work(view); }));
     });
   return reactor;

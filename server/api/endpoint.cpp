@@ -10,6 +10,7 @@
 
 #include "server/access/reflection_guard.h"
 #include "server/addresses.h"
+#include "server/metrics/call_counter.h"
 
 namespace varimesh::server {
 namespace {
@@ -35,7 +36,7 @@ void set_bounds(grpc::ServerBuilder& builder, const Limits& limits) {
 }  // namespace
 
 Endpoint::Endpoint(Scheduler& scheduler, MeshStore& meshes, const Access& access, const Limits& limits,
-                   const PageTokens& pages, TimePoint start_time)
+                   const PageTokens& pages, TimePoint start_time, Metrics* metrics)
     : watches_(limits.max_watches_per_peer),
       uploads_(limits.max_uploads_per_peer),
       downloads_(limits.max_downloads_per_peer),
@@ -44,7 +45,8 @@ Endpoint::Endpoint(Scheduler& scheduler, MeshStore& meshes, const Access& access
       health_(context_),
       mesh_service_(context_),
       job_service_(context_),
-      optimise_service_(context_) {}
+      optimise_service_(context_),
+      metrics_(metrics) {}
 
 Expected<void> Endpoint::listen(const std::string& address,
                                 const std::shared_ptr<grpc::ServerCredentials>& credentials) {
@@ -61,7 +63,10 @@ Expected<void> Endpoint::listen(const std::string& address,
   builder.RegisterService(&job_service_);
   builder.RegisterService(&optimise_service_);
   if (!address.empty()) builder.AddListeningPort(address, credentials, &port_);
-  if (context_.access.asks()) guard_reflection(builder, context_.access);
+  std::vector<InterceptorFactory> interceptors;
+  if (context_.access.asks()) interceptors.push_back(reflection_guard(context_.access));
+  if (metrics_ != nullptr) interceptors.push_back(call_counter(*metrics_));
+  builder.experimental().SetInterceptorCreators(std::move(interceptors));
 
   const bool socket = is_unix_socket(address);
   if (socket) {

@@ -15,15 +15,17 @@
 #include "server/api/mesh_service.h"
 #include "server/api/optimise_service.h"
 #include "server/api/socket_lock.h"
+#include "server/metrics/metrics.h"
 
 namespace varimesh::server {
 
 /// Answers calls from listen() until stop().
 class Endpoint {
  public:
-  /// All but `start_time`, which GetServerInfo answers, must outlive this object.
+  /// All but `start_time`, which GetServerInfo answers, must outlive this object. `metrics`: counts the calls; may be
+  /// null.
   Endpoint(Scheduler& scheduler, MeshStore& meshes, const Access& access, const Limits& limits, const PageTokens& pages,
-           TimePoint start_time);
+           TimePoint start_time, Metrics* metrics = nullptr);
 
   /// Listens on HOST:PORT or unix:PATH with these credentials; an empty address means in-process channels only. Call it
   /// once. Errors: Output if the address is already in use or does not belong to this machine. A socket whose server
@@ -53,6 +55,7 @@ class Endpoint {
   MeshService mesh_service_;
   JobService job_service_;
   OptimiseService optimise_service_;
+  Metrics* const metrics_;
   std::unique_ptr<SocketLock> socket_lock_;  ///< Null unless the server listens on a unix socket.
   std::unique_ptr<grpc::Server> server_;
   std::string address_;

@@ -38,6 +38,7 @@ class OptimiseStream : public grpc::ServerBidiReactor<v1::OptimiseRequest, v1::O
     if (pump_.finished()) return;
     api_.pool.post([this, ok, alive = weak_.lock()] {
       if (alive == nullptr) return;
+      const LogScope scope(view_ ? view_->caller().log_fields() : LogFields());
       const grpc::Status status = guarded([&] { return ok ? take() : submit(); });
       if (!status.ok()) end(status);
       if (status.ok() && ok) read();

@@ -16,6 +16,7 @@ struct JobRecord {
   TimePoint lease_end{};
   std::string history_digest;
   std::optional<CheckpointReference> checkpoint;
+  std::string trace_id;        ///< Of the call that submitted the job; empty: none. PostgreSQL does not keep it.
   bool cancel_unseen = false;  ///< The job is CANCELLING, but there is no event of that yet.
 };
 
@@ -64,6 +65,12 @@ void add_needed(const JobRecord& record, std::set<std::string>* digests);
 bool matches(const v1::Job& job, const JobFilter& filter);
 /// REQUEST_ID_USED if a repeated submission has another spec than the job.
 Answer<void> check_same(const v1::Job& job, const Submission& submission);
+
+/// Whether the queue takes no job of a peer that has `of_peer` of the `pending` waiting jobs. When it is full, it still
+/// takes one job of each peer that has none there, so that nobody can keep others out; it grows to twice `most`.
+inline bool is_full(std::int64_t pending, std::int64_t of_peer, std::int64_t most) {
+  return pending >= most && (of_peer > 0 || pending >= 2 * most);
+}
 
 /// PEER_LIMIT: the peer already has this many waiting jobs.
 Refusal too_many_waiting(const std::string& peer, int pending);

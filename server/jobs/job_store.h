@@ -48,6 +48,7 @@ struct Claim {
   v1::JobSpec spec;
   std::optional<CheckpointReference> checkpoint;  ///< The state that an earlier attempt has saved.
   std::string owner = {};                         ///< The owner of the job.
+  std::string trace_id = {};                      ///< Of the job.
 };
 
 /// A job after a change. The store has saved the job and the events of the change together.
@@ -67,10 +68,11 @@ struct Submission {
   std::string request_id;
   v1::JobSpec spec;
   std::string name;
-  int max_pending = 0;  ///< RESOURCE_EXHAUSTED (QUEUE_FULL) if this many jobs already wait.
+  int max_pending = 0;  ///< RESOURCE_EXHAUSTED (QUEUE_FULL) if this many jobs already wait; see is_full().
   std::string peer;     ///< Who the limits per peer count. Empty: unknown; then no limit on running jobs applies.
   int max_pending_of_peer = 0;  ///< PEER_LIMIT if this many jobs of the peer already wait. 0: no limit.
   std::string owner = {};       ///< Whose job it is. Each owner has request ids of its own. Empty: nobody's.
+  std::string trace_id = {};    ///< Of the call.
 };
 
 /// A job that refers to something in the mesh store.
@@ -155,6 +157,8 @@ class JobStore {
   /// jobs, or before the job that would make it larger than `filter.most_bytes`; it has at least one job.
   virtual Answer<JobPage> list(const JobFilter& filter, int page_size, const std::string& page_token) = 0;
   virtual Answer<JobCounts> counts() = 0;
+  /// Returns when the job was submitted that has waited longest; nothing if none waits, or if the store does not know.
+  virtual Answer<std::optional<TimePoint>> oldest_pending() { return std::nullopt; }
   /// Returns all events of state and quality, in order.
   virtual Answer<std::vector<v1::JobEvent>> events(const std::string& name) = 0;
 

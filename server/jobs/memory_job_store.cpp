@@ -64,9 +64,9 @@ Answer<Changed> MemoryJobStore::submit(const Submission& submission) {
     if (const auto same = check_same(job, submission); !same) return tl::unexpected(same.error());
     return Changed{job, {}, {}};
   }
-  if (pending_count_ >= submission.max_pending) return queue_full(pending_count_);
   const auto queue = pending_.find(submission.peer);
   const int waiting = queue == pending_.end() ? 0 : static_cast<int>(queue->second.size());
+  if (is_full(pending_count_, waiting, submission.max_pending)) return queue_full(pending_count_);
   if (submission.max_pending_of_peer > 0 && waiting >= submission.max_pending_of_peer)
     return too_many_waiting(submission.peer, waiting);
   const auto entry = entries_.emplace(++counter_, Entry()).first;
@@ -104,6 +104,17 @@ Answer<JobPage> MemoryJobStore::list(const JobFilter& filter, int page_size, con
 Answer<JobCounts> MemoryJobStore::counts() {
   std::lock_guard lock(mutex_);
   return JobCounts{pending_count_, static_cast<int>(running_.size())};
+}
+
+Answer<std::optional<TimePoint>> MemoryJobStore::oldest_pending() {
+  std::lock_guard lock(mutex_);
+  std::optional<TimePoint> oldest;
+  for (const auto& [peer, queue] : pending_)
+    for (const auto& [turn, key] : queue) {
+      const TimePoint time = time_point(entries_.at(key).record.job.create_time());
+      if (!oldest || time < *oldest) oldest = time;
+    }
+  return oldest;
 }
 
 Answer<std::vector<v1::JobEvent>> MemoryJobStore::events(const std::string& name) {

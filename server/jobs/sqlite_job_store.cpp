@@ -7,6 +7,7 @@
 
 #include "server/jobs/sqlite_rows.h"
 #include "server/jobs/sqlite_schema.h"
+#include "server/jobs/timestamps.h"
 #include "server/refusals.h"
 
 namespace varimesh::server {
@@ -125,13 +126,12 @@ Answer<Changed> SqliteJobStore::submit(const Submission& submission) {
     }
     auto pending = database.query("SELECT COUNT(*) FROM jobs WHERE state = 1");
     pending.step();
-    if (pending.number(0) >= submission.max_pending) return queue_full(static_cast<int>(pending.number(0)));
-    if (submission.max_pending_of_peer > 0) {
-      auto of_peer = database.query("SELECT COUNT(*) FROM jobs WHERE state = 1 AND peer = ?");
-      of_peer.bind(submission.peer).step();
-      if (of_peer.number(0) >= submission.max_pending_of_peer)
-        return too_many_waiting(submission.peer, static_cast<int>(of_peer.number(0)));
-    }
+    auto of_peer = database.query("SELECT COUNT(*) FROM jobs WHERE state = 1 AND peer = ?");
+    of_peer.bind(submission.peer).step();
+    if (is_full(pending.number(0), of_peer.number(0), submission.max_pending))
+      return queue_full(static_cast<int>(pending.number(0)));
+    if (submission.max_pending_of_peer > 0 && of_peer.number(0) >= submission.max_pending_of_peer)
+      return too_many_waiting(submission.peer, static_cast<int>(of_peer.number(0)));
 
     JobRow row;
     Changed changed = transitions_.create(row.record, submission);
@@ -195,6 +195,16 @@ Answer<JobCounts> SqliteJobStore::counts() {
   });
 }
 
+Answer<std::optional<TimePoint>> SqliteJobStore::oldest_pending() {
+  return read<std::optional<TimePoint>>([](SqliteDatabase& database) -> Answer<std::optional<TimePoint>> {
+    auto query = database.query(select_job_rows(
+        "WHERE state = 1 AND jobs.key = (SELECT MIN(key) FROM jobs INDEXED BY jobs_waiting_of WHERE state = 1)"));
+    if (!query.step()) return std::nullopt;
+    return read_job_row(query).map(
+        [](const JobRow& row) { return std::optional(time_point(row.record.job.create_time())); });
+  });
+}
+
 Answer<std::vector<v1::JobEvent>> SqliteJobStore::events(const std::string& name) {
   return read<std::vector<v1::JobEvent>>([&](SqliteDatabase& database) -> Answer<std::vector<v1::JobEvent>> {
     const auto row = load_job(database, name);
@@ -240,15 +250,8 @@ Answer<Changed> SqliteJobStore::remove(const std::string& name) {
 
 Answer<std::vector<std::string>> SqliteJobStore::ended_beyond(std::size_t keep, TimePoint before) {
   return read<std::vector<std::string>>([&](SqliteDatabase& database) -> Answer<std::vector<std::string>> {
-    std::vector<std::string> owners;
-    auto each = database.query(
-        "WITH RECURSIVE owners(owner) AS (SELECT MIN(owner) FROM jobs WHERE ended IS NOT NULL UNION ALL SELECT "
-        "(SELECT MIN(owner) FROM jobs WHERE ended IS NOT NULL AND owner > owners.owner) FROM owners WHERE owners.owner "
-        "IS "
-        "NOT NULL) SELECT owner FROM owners WHERE owner IS NOT NULL");
-    while (each.step()) owners.push_back(each.text(0));
     std::vector<std::string> names;
-    for (const std::string& owner : owners) {
+    for (const std::string& owner : values_of(database, "owner", "ended IS NOT NULL")) {
       auto query = database.query(
           "SELECT name FROM jobs WHERE owner = ?1 AND ended IS NOT NULL AND ended < ?2 AND (ended, key) <= "
           "(SELECT ended, key FROM jobs WHERE owner = ?1 AND ended IS NOT NULL ORDER BY ended DESC, key DESC "
@@ -287,13 +290,7 @@ Answer<std::set<std::string>> SqliteJobStore::needed_digests() {
 std::map<std::string, int> SqliteJobStore::waiting_peers(SqliteDatabase& database) const {
   const int most = transitions_.settings().max_running_of_peer;
   std::map<std::string, int> waiting;
-  // Steps from one peer to the next in the index, however many jobs each has.
-  auto peers = database.query(
-      "WITH RECURSIVE peers(peer) AS (SELECT MIN(peer) FROM jobs WHERE state = 1 UNION ALL "
-      "SELECT (SELECT MIN(peer) FROM jobs WHERE state = 1 AND peer > peers.peer) FROM peers WHERE peers.peer IS NOT "
-      "NULL) "
-      "SELECT peer FROM peers WHERE peer IS NOT NULL");
-  while (peers.step()) waiting[peers.text(0)] = 0;
+  for (const std::string& peer : values_of(database, "peer", "state = 1")) waiting[peer] = 0;
   auto running = database.query("SELECT peer, COUNT(*) FROM jobs WHERE worker <> '' GROUP BY peer");
   while (running.step()) {
     const auto found = waiting.find(running.text(0));

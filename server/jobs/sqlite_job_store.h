@@ -28,6 +28,7 @@ class SqliteJobStore : public JobStore {
   Answer<v1::Job> get(const std::string& name) override;
   Answer<JobPage> list(const JobFilter& filter, int page_size, const std::string& page_token) override;
   Answer<JobCounts> counts() override;
+  Answer<std::optional<TimePoint>> oldest_pending() override;
   Answer<std::vector<v1::JobEvent>> events(const std::string& name) override;
   Answer<std::optional<Claimed>> claim(const std::string& worker) override;
   Answer<bool> renew_lease(const Claim& claim) override;

@@ -71,6 +71,7 @@ bool read_columns(const SqliteQuery& query, JobRow* row) {
   if (!query.is_null(6)) row->record.checkpoint = {query.text(6), static_cast<int>(query.number(7))};
   row->record.furthest = static_cast<int>(query.number(10));
   row->record.peer = query.text(14);
+  row->record.trace_id = query.text(16);
   return parse(query.view(8), &row->record.job) && parse(query.view(9), row->record.job.mutable_spec());
 }
 
@@ -80,7 +81,7 @@ bool read_columns(const SqliteQuery& query, JobRow* row) {
 
 std::string select_job_rows(std::string_view rest) {
   return "SELECT jobs.key, token, lost, worker, lease_end, history, checkpoint, checkpoint_iteration, job, spec, "
-         "furthest, state, jobs.sum, specs.sum, peer, owner FROM jobs JOIN specs USING(key) " +
+         "furthest, state, jobs.sum, specs.sum, peer, owner, trace FROM jobs JOIN specs USING(key) " +
          std::string(rest);
 }
 
@@ -120,18 +121,29 @@ Answer<std::vector<v1::JobEvent>> load_events(SqliteDatabase& database, const Jo
   return events;
 }
 
+std::vector<std::string> values_of(SqliteDatabase& database, const std::string& column, const std::string& condition) {
+  const std::string least = "SELECT MIN(" + column + ") FROM jobs WHERE " + condition;
+  auto query =
+      database.query("WITH RECURSIVE found(value) AS (" + least + " UNION ALL SELECT (" + least + " AND " + column +
+                     " > found.value) FROM found WHERE found.value IS NOT NULL) "
+                     "SELECT value FROM found WHERE value IS NOT NULL");
+  std::vector<std::string> values;
+  while (query.step()) values.push_back(query.text(0));
+  return values;
+}
+
 // ===== writing =====
 
 void insert_job(SqliteDatabase& database, const Submission& submission, JobRow& row) {
   auto insert = database.query(
       "INSERT INTO jobs(name, request_id, state, turn, token, lost, worker, lease_end, history, "
-      "checkpoint_iteration, job, peer, owner) VALUES(?, ?, 0, ?, 0, 0, '', 0, '', 0, x'', ?, ?)");
+      "checkpoint_iteration, job, peer, owner, trace) VALUES(?, ?, 0, ?, 0, 0, '', 0, '', 0, x'', ?, ?, ?)");
   insert.bind(submission.name);
   if (submission.request_id.empty())
     insert.bind_null();
   else
     insert.bind(submission.request_id);
-  insert.bind(turn_of(row.record.job)).bind(submission.peer).bind(submission.owner).run();
+  insert.bind(turn_of(row.record.job)).bind(submission.peer).bind(submission.owner).bind(submission.trace_id).run();
   row.key = database.last_key();
   const std::string spec = submission.spec.SerializeAsString();
   database.query("INSERT INTO specs VALUES(?, ?, ?)")

@@ -28,6 +28,10 @@ void set_aside(SqliteDatabase& database, std::int64_t key);
 /// Returns the row of a job. NOT_FOUND (JOB_NOT_FOUND) if there is no such job; DATA_LOSS if its row is damaged.
 Answer<JobRow> load_job(SqliteDatabase& database, const std::string& name);
 
+/// Returns the different values of a column of text of the jobs with a condition, in order. Steps from one to the next
+/// in an index, however many jobs each has.
+std::vector<std::string> values_of(SqliteDatabase& database, const std::string& column, const std::string& condition);
+
 /// Inserts a new job with its spec and labels, and sets the key of the row.
 void insert_job(SqliteDatabase& database, const Submission& submission, JobRow& row);
 /// Writes the record of a row. The spec never changes and is not written again.

@@ -93,13 +93,14 @@ CREATE INDEX jobs_ended ON jobs(ended, key) WHERE ended IS NOT NULL;
 CREATE INDEX jobs_of ON jobs(owner, key);
 PRAGMA user_version = 5;
 )";
-// Peers take turns, and each owner has ended jobs of its own.
+// Peers take turns, and each owner has ended jobs of its own. Jobs keep the trace of their call.
 constexpr char kToVersion6[] = R"(
 DROP INDEX jobs_waiting;
 DROP INDEX jobs_waiting_of;
 DROP INDEX jobs_ended;
 CREATE INDEX jobs_waiting_of ON jobs(peer, turn, key) WHERE state = 1;
 CREATE INDEX jobs_ended_of ON jobs(owner, ended, key) WHERE ended IS NOT NULL;
+ALTER TABLE jobs ADD COLUMN trace TEXT NOT NULL DEFAULT '';  -- id of the trace of the call that submitted the job
 PRAGMA user_version = 6;
 )";
 static_assert(v1::JOB_STATE_PENDING == 1);

@@ -129,8 +129,9 @@ class MeshStore {
   /// Whether the mesh is in the store and belongs to the owner. All meshes belong to the owner "".
   virtual bool belongs_to(const std::string& digest, const std::string& owner) = 0;
   /// RESOURCE_EXHAUSTED (OWNER_FULL) if the meshes and results of an owner would have more bytes than one owner may
-  /// have, with `more` bytes added. begin_upload() asks this by itself. Never for the owner "".
-  virtual Answer<void> check_share(const std::string& owner, std::int64_t more) = 0;
+  /// have, with `more` bytes added. begin_upload() asks this by itself. Never for the owner "", and never in a store
+  /// that servers share, where none knows what all others store.
+  virtual Answer<void> check_share(const std::string& /*owner*/, std::int64_t /*more*/) { return {}; }
   /// Adds a reference. Does nothing if the mesh is not in the store.
   virtual void retain(const std::string& digest) = 0;
   /// Removes a reference.

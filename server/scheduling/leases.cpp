@@ -29,6 +29,7 @@ void Scheduler::take_back(const std::string& worker) {
     settings_.log(changed.job.name(), "was lost and is now " + v1::JobState_Name(changed.job.state()));
     logs_.publish(changed);
     release(changed.released);
+    note_end(changed.job);
   }
 }
 

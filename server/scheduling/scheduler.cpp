@@ -8,6 +8,7 @@
 #include "core/base/sha256.h"
 #include "core/formats/formats.h"
 #include "server/engine/translate.h"
+#include "server/log/log_fields.h"
 #include "server/refusals.h"
 #include "server/scheduling/attempt.h"
 
@@ -110,7 +111,7 @@ Answer<v1::Job> Scheduler::submit(const std::string& request_id, const v1::JobSp
     return mesh_missing(spec.mesh().digest());
   }
   auto submitted = jobs_->submit({request_id, spec, settings_.new_name(), settings_.max_pending, submitter.peer,
-                                  settings_.max_pending_of_peer, submitter.owner});
+                                  settings_.max_pending_of_peer, submitter.owner, submitter.trace_id});
   const bool is_new = submitted && !submitted->events.empty();
   // If the database did not tell the outcome, the job may exist and need its mesh. The next start counts again.
   const bool is_unknown = !submitted && submitted.error().reason == "STORE_UNAVAILABLE";
@@ -119,6 +120,7 @@ Answer<v1::Job> Scheduler::submit(const std::string& request_id, const v1::JobSp
   if (!submitted) return tl::unexpected(submitted.error());
   if (!is_new) return get(submitted->job.name());
   settings_.log(submitted->job.name(), "submitted");
+  settings_.noted(submitted->job);
   start_jobs();
   return submitted->job;
 }
@@ -146,12 +148,14 @@ Answer<v1::Job> Scheduler::cancel(const std::string& name) {
     if (!asked) return tl::unexpected(asked.error());
     logs_.publish(*asked);
     release(asked->released);
+    if (!asked->events.empty()) note_end(asked->job);
     settings_.log(name, "cancel requested");
     return asked->job;
   }
   const auto changed = change(name, [&](std::int64_t last) { return jobs_->request_cancel(name, last); });
   if (!changed) return tl::unexpected(changed.error());
   if (changed->events.empty()) return changed->job;
+  note_end(changed->job);
   {
     std::lock_guard lock(mutex_);
     if (const auto running = running_.find(name); running != running_.end()) running->second->cancelled = true;
@@ -250,6 +254,7 @@ void Scheduler::start_jobs() {
 
 void Scheduler::run(const std::shared_ptr<Running>& running, const LentThreads& threads) {
   const Claim& claim = running->claim;
+  const LogScope scope({.job = claim.name, .attempt = claim.attempt, .owner = claim.owner, .trace_id = claim.trace_id});
   settings_.log(claim.name, "started, attempt " + std::to_string(claim.attempt));
   Attempt attempt{claim,
                   engine_,
@@ -324,6 +329,8 @@ bool Scheduler::finish(const Running& running, const Ending& ending) {
     if (!lost) return false;
     // Another worker has the job now, or its record is gone or damaged. The results of this attempt are deleted.
     release(ending);
+  } else {
+    note_end(finished->job);
   }
   erase(running);
   forget_old();

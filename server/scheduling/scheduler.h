@@ -44,13 +44,15 @@ struct SchedulerSettings {
   /// Runs a job, with at most `threads` threads, on another thread.
   std::function<void(int threads, Job job)> launch;
   std::function<void(const std::string& job, const std::string& what)> log = [](const auto&, const auto&) {};
+  std::function<void(const v1::Job&)> noted = [](const auto&) {};  ///< Called with each job that is new or has ended.
 };
 
 /// Who submits a job.
 struct Submitter {
-  std::string peer = {};   ///< Who the limits per peer count.
-  std::string owner = {};  ///< Whose job it is.
-  bool is_admin = false;   ///< The job may have any priority.
+  std::string peer = {};      ///< Who the limits per peer count.
+  std::string owner = {};     ///< Whose job it is.
+  bool is_admin = false;      ///< The job may have any priority.
+  std::string trace_id = {};  ///< Of the call.
 };
 
 /// Runs the jobs of a store. Thread-safe.
@@ -74,6 +76,7 @@ class Scheduler {
   Answer<v1::Job> cancel(const std::string& name);
   Answer<v1::Job> remove(const std::string& name);
   Answer<JobCounts> counts() { return jobs_->counts(); }
+  Answer<std::optional<TimePoint>> oldest_pending() { return jobs_->oldest_pending(); }
 
   Answer<std::shared_ptr<EventLog>> events(const std::string& name);
   /// Returns all iterations of a job that has SUCCEEDED.
@@ -96,6 +99,10 @@ class Scheduler {
   };
 
   Answer<void> check(const v1::JobSpec& spec, bool is_admin);
+  /// Tells of a job that may have ended.
+  void note_end(const v1::Job& job) const {
+    if (has_ended(job.state())) settings_.noted(job);
+  }
   bool runs_here(const std::string& name);
   /// Refuses a stored mesh that takes more memory than all jobs have together.
   Answer<void> check_memory(const std::string& digest);

@@ -109,6 +109,9 @@ Expected<void> Stores::open_meshes(const StoreSettings& settings) {
     return {};
   };
   const DirectoryMeshSettings limits = mesh_settings(settings.limits);
+  if (!settings.meshes.empty() && limits.max_bytes_of_owner > 0)
+    return bad_option(
+        "--max-bytes-per-owner cannot be kept with --meshes, since no server knows what all others store.");
   if (!settings.meshes.empty())
     return keep(SharedMeshStore::open_directory(settings.meshes, state_->meshes(), limits,
                                                 [this] { return referenced_by(*jobs_); }));

@@ -34,6 +34,7 @@ NOT_HERE = {
     ("server.md", "varimeshd migrate"): "it needs a database; tests/server/postgres/database_test.py starts one",
     ("server.md", "varimeshd backup"): "needs a state directory; tests/client/varimeshd_test.py has one",
     ("server.md", "docker build"): "deploy/test-image builds and runs it",
+    ("server.md", "VARIMESHD_MAX_PRIORITY"): "needs the file above; tests/client/operations_test.py makes one",
     ("security.md", "varimesh certificates"): "the server in it does not end; tests/client/jobs/tls_test.py does this",
     ("security.md", "varimeshd --listen"): "it does not end; tests/deploy/nginx_test.py starts it",
     ("report.md", "varimeshd --admin"): "it does not end; tests/server/admin/admin_server_test.py starts it",

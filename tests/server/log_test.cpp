@@ -1,10 +1,14 @@
 // The log, whose lines people and programs read.
-#include "server/log.h"
+#include "server/log/log.h"
 
 #include <gtest/gtest.h>
 #include <spdlog/spdlog.h>
 
 #include <algorithm>
+#include <functional>
+#include <nlohmann/json.hpp>
+#include <sstream>
+#include <thread>
 
 namespace varimesh::server {
 namespace {
@@ -21,6 +25,60 @@ TEST(Log, WritesOneShortLineWhateverAClientHasSent) {
   EXPECT_EQ(lines.find('\x1b'), std::string::npos);
   EXPECT_NE(lines.find("jobs/1 FAILED"), std::string::npos) << lines;
   EXPECT_LT(lines.size(), 1200u);
+}
+
+/// What is logged while `work` runs, line by line.
+std::vector<nlohmann::json> logged(const std::function<void()>& work) {
+  const auto before = spdlog::default_logger();
+  ::testing::internal::CaptureStderr();
+  EXPECT_TRUE(start_log("info", "json"));
+  work();
+  std::istringstream text(::testing::internal::GetCapturedStderr());
+  spdlog::set_default_logger(before);
+  std::vector<nlohmann::json> lines;
+  for (std::string line; std::getline(text, line);) lines.push_back(nlohmann::json::parse(line));
+  return lines;
+}
+
+TEST(Log, WritesObjectsWithTheFieldsOfTheThread) {
+  const auto lines = logged([] {
+    const LogScope outer({.job = "jobs/1", .attempt = 2, .owner = "ann"});
+    spdlog::warn("a \"quoted\" line\nand \xff bytes");
+    std::thread([] { spdlog::info("elsewhere"); }).join();
+    {
+      const LogScope inner({.job = "jobs/2", .trace_id = "abc"});
+      spdlog::info("inside");
+    }
+    spdlog::info("outside");
+  });
+  ASSERT_EQ(lines.size(), 4u);
+  EXPECT_EQ(lines[0]["level"], "warning");
+  EXPECT_EQ(lines[0]["message"], "a \"quoted\" line\\x0aand \\xff bytes");
+  EXPECT_EQ(lines[0]["job"], "jobs/1");
+  EXPECT_EQ(lines[0]["attempt"], 2);
+  EXPECT_EQ(lines[0]["owner"], "ann");
+  EXPECT_FALSE(lines[0].contains("trace_id"));
+  EXPECT_FALSE(lines[1].contains("job")) << "another thread has fields of its own";
+  EXPECT_EQ(lines[2]["job"], "jobs/2");
+  EXPECT_EQ(lines[2]["owner"], "ann");
+  EXPECT_EQ(lines[2]["trace_id"], "abc");
+  EXPECT_EQ(lines[3]["job"], "jobs/1");
+  EXPECT_FALSE(lines[3].contains("trace_id"));
+}
+
+TEST(Log, AuditSaysWhoDidWhat) {
+  const auto lines =
+      logged([] { audit("cancel", "jobs/1", "RIGHT_MISSING", {.owner = "bob", .address = "10.0.0.7"}); });
+  ASSERT_EQ(lines.size(), 1u);
+  EXPECT_EQ(lines[0]["message"], "audit: cancel jobs/1 by bob at 10.0.0.7: RIGHT_MISSING");
+  EXPECT_EQ(lines[0]["audit"], "cancel");
+  EXPECT_EQ(lines[0]["outcome"], "RIGHT_MISSING");
+  EXPECT_EQ(lines[0]["owner"], "bob");
+}
+
+TEST(Log, HasTwoFormats) {
+  EXPECT_FALSE(start_log("info", "xml"));
+  EXPECT_FALSE(start_log("loud", "json"));
 }
 
 }  // namespace

@@ -4,6 +4,7 @@ const EVERY = 1000;      // milliseconds between two requests
 const MOST_CURVES = 16;  // running jobs whose curves are drawn
 
 const cards = new Map();
+let refused = false;  // until somebody types a token; asking on would fill the server's log
 
 const byId = (id) => document.getElementById(id);
 const ago = (time, now) => ({text: `${duration(Math.max(0, now - time) / 1000)} ago`, class: 'when'});
@@ -66,6 +67,7 @@ function fetchFromServer(path) {
 
 /** Shows why the server does not let this page in, with a field for a token. The browser forgets it with the page's tab. */
 function askForToken(why) {
+  refused = true;
   byId('state').className = 'lost';
   byId('state').textContent = why;
   if (byId('token').childElementCount) return;
@@ -74,6 +76,7 @@ function askForToken(why) {
   button.addEventListener('click', () => {
     sessionStorage.setItem('token', field.value.trim());
     byId('token').replaceChildren();
+    refused = false;
     watchOnce();
   });
   byId('token').replaceChildren(field, ' ', button);
@@ -105,7 +108,7 @@ async function watchOnce() {
 }
 
 async function watch() {
-  if (!document.hidden) await watchOnce();
+  if (!document.hidden && !refused) await watchOnce();
   setTimeout(watch, EVERY);
 }
 

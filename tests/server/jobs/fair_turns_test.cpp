@@ -69,6 +69,20 @@ TEST_P(FairTurns, RunningJobsCountAsTurns) {
   EXPECT_TRUE(claim().name.starts_with("bob")) << "one of Bob's jobs runs, and two of Ann's";
 }
 
+TEST_P(FairTurns, NobodyFillsTheQueueForOthers) {
+  const auto reason_of = [&](const std::string& peer) {
+    const auto submitted = store_->submit({"", spec(), "jobs/" + std::to_string(++names_), 3, peer, 0, peer});
+    return submitted ? "accepted" : submitted.error().reason;
+  };
+  for (int i = 0; i < 3; ++i) EXPECT_EQ(reason_of("flood"), "accepted");
+  EXPECT_EQ(reason_of("flood"), "QUEUE_FULL");
+  for (const char* peer : {"ann", "bob", "carl"}) {
+    EXPECT_EQ(reason_of(peer), "accepted") << peer;
+    EXPECT_EQ(reason_of(peer), "QUEUE_FULL") << peer;
+  }
+  EXPECT_EQ(reason_of("dora"), "QUEUE_FULL") << "twice as many as may wait";
+}
+
 TEST_P(FairTurns, KeepsTheEndedJobsOfEachOwner) {
   const std::string kept = submit_as("ann");
   EXPECT_EQ(run_next(), kept);

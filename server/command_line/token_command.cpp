@@ -1,5 +1,5 @@
 // Makes a token and writes it where it belongs.
-#include "server/token_command.h"
+#include "server/command_line/token_command.h"
 
 #include <fcntl.h>
 #include <sys/stat.h>

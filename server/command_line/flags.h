@@ -13,6 +13,7 @@ struct Flags {
   ServerOptions options;  ///< Without an engine.
   std::string port_file;  ///< The file for the address. Empty: standard output.
   std::string log_level = "info";
+  std::string log_format = "text";
   std::string store;       ///< The address of the database of the jobs. Empty: they are in the state directory.
   bool migrate = false;    ///< Only make or update the tables of that database.
   int drain_seconds = 30;  ///< How long the running jobs may take to end when the server stops.

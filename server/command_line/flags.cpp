@@ -1,15 +1,18 @@
 // The flags of varimeshd, with their ranges, defaults and help.
-#include "server/flags.h"
+#include "server/command_line/flags.h"
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <iostream>
+#include <utility>
 #include <vector>
 
 #include "core/base/machine_memory.h"
 #include "core/base/version.h"
 #include "core/options/nearest_word.h"
+#include "server/command_line/configuration.h"
+#include "server/command_line/token_command.h"
 #include "server/maintenance/commands.h"
-#include "server/token_command.h"
 
 namespace varimesh::server {
 namespace {
@@ -32,12 +35,27 @@ void add_connection_flags(CLI::App& app, Flags& flags) {
   app.add_option("--admin", options.admin,
                  "HOST:PORT on loopback for plain HTTP: health checks, and a page that shows the jobs; port 0 is any "
                  "free port");
+  app.add_option("--metrics", options.metrics,
+                 "HOST:PORT for plain HTTP that others may reach: metrics for Prometheus, and health checks; port 0 is "
+                 "any free port");
   app.add_option(
          "--tokens", options.tokens,
          "File of the tokens that callers need, one line each, as 'varimeshd token' writes it; it is read again "
          "when it changes (default: the environment variable VARIMESH_TOKENS; without it, everybody may do "
          "everything)")
       ->envname("VARIMESH_TOKENS");
+  app.add_option(
+      "--jwt-keys", options.web_tokens.keys,
+      "File with the public keys of an OpenID Connect issuer (a JSON Web Key Set): its tokens are accepted; it "
+      "is read again when it changes");
+  app.add_option("--jwt-issuer", options.web_tokens.issuer, "With --jwt-keys: the claim iss of its tokens");
+  app.add_option("--jwt-audience", options.web_tokens.audience,
+                 "With --jwt-keys: what the claim aud of its tokens must be or contain");
+  app.add_option("--jwt-owner-claim", options.web_tokens.owner_claim, "The claim that says whose a token is")
+      ->capture_default_str();
+  app.add_option("--jwt-roles-claim", options.web_tokens.roles_claim,
+                 "The claim with the roles (submit, read, cancel, admin), as a list or with spaces between them")
+      ->capture_default_str();
   app.add_option("--tls-certificate", options.tls.certificate,
                  "File with the server's certificate and those that lead to its authority, in PEM: connections are "
                  "encrypted. The files of the three flags are read again when they change");
@@ -49,6 +67,7 @@ void add_connection_flags(CLI::App& app, Flags& flags) {
   app.add_flag("--insecure", options.insecure,
                "Allow --listen beyond loopback although everybody may call, or nothing is encrypted");
   app.add_option("--port-file", flags.port_file, "Write the address to this file instead of standard output");
+  app.add_option("--log-format", flags.log_format, "text, or json: one object a line")->capture_default_str();
   app.add_option("--log-level", flags.log_level, "trace, debug, info, warn, error or off")->capture_default_str();
 }
 
@@ -202,58 +221,124 @@ std::string message_about_unknown_word(const CLI::App& app) {
          (meant.empty() ? "; varimeshd --help lists all options." : "; did you mean '" + meant + "'?");
 }
 
+/// The options of the program, and where their values go.
+struct Program {
+  explicit Program(int* exit_status) {
+    Limits& limits = flags.options.limits;
+    limits.reserve_bytes = std::int64_t{64} << 20;
+    limits.max_memory_bytes = machine_memory();
+    limits.max_job_iterations = 100'000;
+    limits.max_job_seconds = 7 * 24 * 3600;
+    limits.max_priority = 100;
+
+    describe_commands(app);
+    app.footer("varimeshd SUBCOMMAND --help says more.");
+    app.set_version_flag("--version", std::string(version()));
+    app.add_option(
+        "--config", config,
+        "File with settings, one 'key = value' each, with the names of these options without dashes. Options "
+        "and the environment variables VARIMESHD_KEY (such as VARIMESHD_MAX_PRIORITY) go before the file "
+        "(default: the environment variable VARIMESHD_CONFIG)");
+    app.add_flag("--print-config", print_config, "Print all settings, with where they come from, and end");
+    add_connection_flags(app, flags);
+    add_resource_flags(app, limits);
+    add_queue_flags(app, limits);
+    add_state_flags(app, flags.options, units);
+    add_database_flags(app, flags, units);
+    app.add_option("--drain-seconds,--drain-timeout", flags.drain_seconds,
+                   "Seconds that the running jobs may take to end when the server stops")
+        ->capture_default_str()
+        ->check(CLI::NonNegativeNumber);
+    token_command = &add_token_command(app, exit_status);
+    let_later_values_win(app);
+  }
+
+  void parse(std::vector<std::string> words) {
+    std::ranges::reverse(words);  // as CLI11 wants them
+    app.parse(std::move(words));
+  }
+  /// Converts the values with other units.
+  void finish() {
+    Limits& limits = flags.options.limits;
+    limits.checkpoint_pause = std::chrono::milliseconds(static_cast<int>(1000 * units.checkpoint_seconds));
+    limits.lease = std::chrono::milliseconds(static_cast<int>(1000 * units.lease_seconds));
+    limits.mesh_lifetime = std::chrono::hours(units.mesh_lifetime_hours);
+    limits.min_ended_age = std::chrono::minutes(units.ended_minutes);
+    limits.max_ended_age = std::chrono::hours(units.most_ended_hours);
+    limits.compress_after = std::chrono::minutes(units.compress_minutes);
+  }
+
+  Flags flags;
+  Units units;
+  CLI::App app{"Serves mesh optimisation over gRPC (package varimesh.v1)."};
+  std::string config;
+  bool print_config = false;
+  CLI::App* token_command = nullptr;
+};
+
+/// Why these settings alone cannot be used; empty: they can.
+std::string fault_of(const std::vector<std::string>& words) {
+  int ignored = 0;
+  Program program(&ignored);
+  try {
+    program.parse(words);
+  } catch (const CLI::ParseError& error) {
+    return error.what();
+  }
+  return {};
+}
+
+/// Gathers the settings of the file and the environment, and checks each of both. Prints what is wrong with them.
+std::optional<GivenSettings> gather(const CLI::App& app, int argc, char** argv) {
+  auto given = gather_settings(app, argc, argv);
+  if (!given) {
+    std::cerr << "varimeshd: " << given.error().sentence << '\n';
+    return std::nullopt;
+  }
+  for (const auto& [where, words] : {std::pair{"In the configuration file '" + given->file + "': ", &given->from_file},
+                                     {std::string("In the environment: "), &given->from_environment}})
+    if (const std::string fault = fault_of(*words); !fault.empty()) {
+      std::cerr << "varimeshd: " << where << fault << '\n';
+      return std::nullopt;
+    }
+  return std::move(*given);
+}
+
 }  // namespace
 
 std::optional<Flags> parse_flags(int argc, char** argv, int* exit_status) {
-  Flags flags;
-  Units units;
-  Limits& limits = flags.options.limits;
-  limits.reserve_bytes = std::int64_t{64} << 20;
-  limits.max_memory_bytes = machine_memory();
-  limits.max_job_iterations = 100'000;
-  limits.max_job_seconds = 7 * 24 * 3600;
-  limits.max_priority = 100;
-
-  CLI::App app{"Serves mesh optimisation over gRPC (package varimesh.v1)."};
-  describe_commands(app);
-  app.footer("varimeshd SUBCOMMAND --help says more.");
-  app.set_version_flag("--version", std::string(version()));
-  add_connection_flags(app, flags);
-  add_resource_flags(app, limits);
-  add_queue_flags(app, limits);
-  add_state_flags(app, flags.options, units);
-  add_database_flags(app, flags, units);
-  app.add_option("--drain-seconds,--drain-timeout", flags.drain_seconds,
-                 "Seconds that the running jobs may take to end when the server stops")
-      ->capture_default_str()
-      ->check(CLI::NonNegativeNumber);
-  const CLI::App& token_command = add_token_command(app, exit_status);
+  Program program(exit_status);
+  program.app.name(argv[0]);
+  const auto given = gather(program.app, argc, argv);
+  if (!given) {
+    *exit_status = 2;
+    return std::nullopt;
+  }
   try {
-    app.parse(argc, argv);
-    if (token_command.parsed()) return std::nullopt;
+    program.parse(given->all());
+    if (program.token_command->parsed()) return std::nullopt;
     for (const char* const command : {"check", "backup"})
-      if (app.got_subcommand(command)) {
+      if (program.app.got_subcommand(command)) {
         std::cerr << "varimeshd: write the options of " << command << " behind it: varimeshd " << command
                   << " --state DIR\n";
         *exit_status = 2;
         return std::nullopt;
       }
   } catch (const CLI::ExtrasError&) {
-    const CLI::App& used = token_command.parsed() ? token_command : app;
+    const CLI::App& used = program.token_command->parsed() ? *program.token_command : program.app;
     std::cerr << "varimeshd: " << message_about_unknown_word(used) << '\n';
     *exit_status = 2;
     return std::nullopt;
   } catch (const CLI::ParseError& error) {
-    *exit_status = app.exit(error) == 0 ? 0 : 2;
+    *exit_status = program.app.exit(error) == 0 ? 0 : 2;
     return std::nullopt;
   }
-  limits.checkpoint_pause = std::chrono::milliseconds(static_cast<int>(1000 * units.checkpoint_seconds));
-  limits.lease = std::chrono::milliseconds(static_cast<int>(1000 * units.lease_seconds));
-  limits.mesh_lifetime = std::chrono::hours(units.mesh_lifetime_hours);
-  limits.min_ended_age = std::chrono::minutes(units.ended_minutes);
-  limits.max_ended_age = std::chrono::hours(units.most_ended_hours);
-  limits.compress_after = std::chrono::minutes(units.compress_minutes);
-  return flags;
+  if (program.print_config) {
+    std::cout << print_settings(program.app, *given);
+    return std::nullopt;
+  }
+  program.finish();
+  return std::move(program.flags);
 }
 
 }  // namespace varimesh::server

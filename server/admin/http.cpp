@@ -1,0 +1,67 @@
+// Listens and answers with civetweb.
+#include "server/admin/http.h"
+
+#include <civetweb.h>
+
+#include <array>
+#include <charconv>
+#include <cstring>
+
+namespace varimesh::server {
+namespace {
+
+/// A page may load only its own server's files and must not execute markup from job data.
+constexpr const char* kPolicy =
+    "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; img-src data:; base-uri 'none'; "
+    "form-action 'none'; frame-ancestors 'none'";
+
+}  // namespace
+
+void send_http(mg_connection* connection, int status, std::string_view type, std::string_view body, const char* more) {
+  const bool head = std::strcmp(mg_get_request_info(connection)->request_method, "HEAD") == 0;
+  mg_printf(connection,
+            "HTTP/1.1 %d %s\r\nContent-Type: %.*s\r\nContent-Length: %zu\r\nCache-Control: no-store\r\n"
+            "Content-Security-Policy: %s\r\nX-Content-Type-Options: nosniff\r\nReferrer-Policy: no-referrer\r\n"
+            "Cross-Origin-Resource-Policy: same-origin\r\nConnection: close\r\n%s\r\n",
+            status, mg_get_response_code_text(connection, status), static_cast<int>(type.size()), type.data(),
+            body.size(), kPolicy, more);
+  if (!head) mg_write(connection, body.data(), body.size());
+}
+
+Expected<void> HttpServer::listen(const std::string& address, const std::string& flag, int threads,
+                                  int (*handle)(mg_connection*), void* user) {
+  const auto colon = address.rfind(':');
+  unsigned port = 65536;
+  if (colon != std::string::npos) {
+    const char* const end = address.data() + address.size();
+    const auto read = std::from_chars(address.data() + colon + 1, end, port);
+    if (read.ec != std::errc() || read.ptr != end) port = 65536;
+  }
+  if (port > 65535 || colon == 0)
+    return bad_option("'" + address + "' is not an address with a port from 0 to 65535; write " + flag +
+                      " 127.0.0.1:9464.");
+  const std::string host = address.substr(0, colon);
+  const std::string numeric = (host == "localhost" ? "127.0.0.1" : host) + ":" + std::to_string(port);
+  const std::string thread_count = std::to_string(threads);
+  // There is no document root, so files of the disk are never served. There are few threads, and none waits long.
+  const char* options[] = {"listening_ports",    numeric.c_str(), "num_threads", thread_count.c_str(),
+                           "request_timeout_ms", "10000",         nullptr};
+  mg_callbacks callbacks{};
+  callbacks.begin_request = handle;
+  callbacks.log_message = [](const mg_connection*, const char*) { return 1; };  // not to standard error
+  context_ = mg_start(&callbacks, user, options);
+  std::array<mg_server_port, 1> ports{};
+  if (context_ == nullptr || mg_get_server_ports(context_, static_cast<int>(ports.size()), ports.data()) != 1)
+    return tl::unexpected(Error{Error::Kind::Output,
+                                "Cannot listen on " + address + " for " + flag +
+                                    ": the address is taken, or it is not an address of this machine; choose another "
+                                    "(port 0 is any free port)."});
+  address_ = host + ":" + std::to_string(ports[0].port);
+  return {};
+}
+
+HttpServer::~HttpServer() {
+  if (context_ != nullptr) mg_stop(context_);
+}
+
+}  // namespace varimesh::server

@@ -1,0 +1,41 @@
+// What the HTTP servers share: how they listen and answer.
+#pragma once
+
+#include <string>
+#include <string_view>
+
+#include "core/base/error.h"
+
+struct mg_connection;
+struct mg_context;
+
+namespace varimesh::server {
+
+inline constexpr std::string_view kTextType = "text/plain; charset=utf-8", kJsonType = "application/json";
+
+/// Answers a request. `more`: further header lines, each with its end of line.
+void send_http(mg_connection* connection, int status, std::string_view type, std::string_view body,
+               const char* more = "");
+
+/// An HTTP server with threads of its own, without files of the disk. It ends with this object.
+class HttpServer {
+ public:
+  /// Listens on HOST:PORT, with a numeric HOST or localhost; port 0 is any free port. Calls `handle` for each request,
+  /// which must answer it; `user` is what mg_get_request_info() gives as its user data. `flag`: who asked for the
+  /// address, for the messages. Errors: BadOption if the address has no port, Output if it is taken.
+  Expected<void> listen(const std::string& address, const std::string& flag, int threads, int (*handle)(mg_connection*),
+                        void* user);
+  HttpServer() = default;
+  ~HttpServer();
+  HttpServer(const HttpServer&) = delete;
+  HttpServer& operator=(const HttpServer&) = delete;
+
+  /// The address with the port that was chosen.
+  const std::string& address() const { return address_; }
+
+ private:
+  std::string address_;
+  mg_context* context_ = nullptr;
+};
+
+}  // namespace varimesh::server

@@ -1,0 +1,140 @@
+// The metrics, with prometheus-cpp.
+#include "server/metrics/metrics.h"
+
+#include <prometheus/counter.h>
+#include <prometheus/gauge.h>
+#include <prometheus/histogram.h>
+#include <prometheus/registry.h>
+#include <prometheus/text_serializer.h>
+#include <sys/resource.h>
+#include <unistd.h>
+
+#include <array>
+#include <cctype>
+#include <filesystem>
+#include <fstream>
+
+#include "core/base/version.h"
+#include "server/jobs/timestamps.h"
+
+namespace varimesh::server {
+namespace {
+
+using prometheus::Counter;
+using prometheus::Family;
+using prometheus::Gauge;
+using prometheus::Histogram;
+using prometheus::Registry;
+
+Family<Gauge>& gauges(Registry& registry, const std::string& name, const std::string& help) {
+  return prometheus::BuildGauge().Name(name).Help(help).Register(registry);
+}
+
+Family<Counter>& counters(Registry& registry, const std::string& name, const std::string& help) {
+  return prometheus::BuildCounter().Name(name).Help(help).Register(registry);
+}
+
+/// From a tenth of a second to a day.
+const Histogram::BucketBoundaries kRunSeconds{0.1, 0.3, 1, 3, 10, 30, 60, 300, 1800, 3600, 4 * 3600, 24 * 3600};
+
+constexpr std::array kCodes{
+    "OK",        "CANCELLED",      "UNKNOWN",           "INVALID_ARGUMENT",   "DEADLINE_EXCEEDED",
+    "NOT_FOUND", "ALREADY_EXISTS", "PERMISSION_DENIED", "RESOURCE_EXHAUSTED", "FAILED_PRECONDITION",
+    "ABORTED",   "OUT_OF_RANGE",   "UNIMPLEMENTED",     "INTERNAL",           "UNAVAILABLE",
+    "DATA_LOSS", "UNAUTHENTICATED"};
+
+/// "succeeded" of JOB_STATE_SUCCEEDED.
+std::string outcome_of(v1::JobState state) {
+  std::string name = v1::JobState_Name(state).substr(std::string_view("JOB_STATE_").size());
+  for (char& c : name) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+  return name;
+}
+
+double resident_bytes() {
+  std::ifstream file("/proc/self/statm");
+  double all = 0, resident = 0;
+  file >> all >> resident;
+  return resident * static_cast<double>(::sysconf(_SC_PAGESIZE));
+}
+
+double open_descriptors() {
+  std::error_code error;
+  double count = -1;  // the one that reads the folder
+  for ([[maybe_unused]] const auto& one : std::filesystem::directory_iterator("/proc/self/fd", error)) ++count;
+  return error ? 0 : count;
+}
+
+double processor_seconds() {
+  rusage usage{};
+  ::getrusage(RUSAGE_SELF, &usage);
+  const auto seconds = [](const timeval& time) { return static_cast<double>(time.tv_sec) + 1e-6 * time.tv_usec; };
+  return seconds(usage.ru_utime) + seconds(usage.ru_stime);
+}
+
+}  // namespace
+
+struct Metrics::Families {
+  Registry registry;
+  Gauge& ready = gauges(registry, "varimesh_ready", "1 if the server accepts jobs.").Add({});
+  Family<Gauge>& jobs = gauges(registry, "varimesh_jobs", "Jobs that wait and run.");
+  Gauge& pending = jobs.Add({{"state", "pending"}});
+  Gauge& running = jobs.Add({{"state", "running"}});
+  Family<Gauge>& oldest =
+      gauges(registry, "varimesh_queue_oldest_age_seconds", "Age of the job that has waited longest.");
+  Counter& submitted = counters(registry, "varimesh_jobs_submitted_total", "Jobs that were accepted.").Add({});
+  Family<Histogram>& run_seconds = prometheus::BuildHistogram()
+                                       .Name("varimesh_job_run_seconds")
+                                       .Help("Run times of the last attempts of jobs, by how the jobs ended.")
+                                       .Register(registry);
+  Family<Counter>& handled = counters(registry, "grpc_server_handled_total", "Calls, by how they ended.");
+  Gauge& resident = gauges(registry, "process_resident_memory_bytes", "Resident memory.").Add({});
+  Gauge& descriptors = gauges(registry, "process_open_fds", "Open descriptors.").Add({});
+  Gauge& most_descriptors = gauges(registry, "process_max_fds", "The limit of open descriptors.").Add({});
+  Counter& processor = counters(registry, "process_cpu_seconds_total", "Processor time.").Add({});
+};
+
+Metrics::Metrics() : families_(std::make_unique<Families>()) {
+  gauges(families_->registry, "varimesh_build_info", "The version of the server.")
+      .Add({{"version", std::string(version())}})
+      .Set(1);
+}
+
+Metrics::~Metrics() = default;
+
+bool Metrics::available() { return true; }
+
+void Metrics::count_submission() { families_->submitted.Increment(); }
+
+void Metrics::count_end(const v1::Job& job) {
+  double seconds = 0;
+  if (job.has_start_time())
+    seconds = std::chrono::duration<double>(time_point(job.end_time()) - time_point(job.start_time())).count();
+  families_->run_seconds.Add({{"outcome", outcome_of(job.state())}}, kRunSeconds).Observe(std::max(0.0, seconds));
+}
+
+void Metrics::count_call(std::string_view method, int code) {
+  const auto slash = method.rfind('/');
+  if (slash == std::string_view::npos || slash == 0) return;
+  const bool is_known = code >= 0 && code < static_cast<int>(kCodes.size());
+  families_->handled
+      .Add({{"grpc_service", std::string(method.substr(1, slash - 1))},
+            {"grpc_method", std::string(method.substr(slash + 1))},
+            {"grpc_code", is_known ? kCodes[static_cast<std::size_t>(code)] : "UNKNOWN"}})
+      .Increment();
+}
+
+std::string Metrics::text(const Gauges& now) {
+  Families& all = *families_;
+  all.ready.Set(now.ready ? 1 : 0);
+  all.pending.Set(now.pending);
+  all.running.Set(now.running);
+  if (now.oldest_pending_seconds) all.oldest.Add({}).Set(*now.oldest_pending_seconds);
+  all.resident.Set(resident_bytes());
+  all.descriptors.Set(open_descriptors());
+  rlimit limit{};
+  if (::getrlimit(RLIMIT_NOFILE, &limit) == 0) all.most_descriptors.Set(static_cast<double>(limit.rlim_cur));
+  all.processor.Increment(std::max(0.0, processor_seconds() - all.processor.Value()));
+  return prometheus::TextSerializer().Serialize(all.registry.Collect());
+}
+
+}  // namespace varimesh::server

@@ -1,0 +1,57 @@
+// What the server counts, for Prometheus.
+#pragma once
+
+#include <chrono>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+#include <string_view>
+
+#include "varimesh/v1/job.pb.h"
+
+namespace varimesh::server {
+
+/// What is measured when somebody asks.
+struct Gauges {
+  int pending = 0, running = 0;                  ///< Jobs.
+  std::optional<double> oldest_pending_seconds;  ///< Age of the job that has waited longest; nothing: not known.
+  bool ready = false;
+};
+
+/// The metrics of a server, all with base units and without names of jobs or owners:
+///
+///   varimesh_build_info{version}                          1
+///   varimesh_ready                                        1 if the server accepts jobs
+///   varimesh_jobs{state}                                  jobs that wait ("pending") and run ("running")
+///   varimesh_queue_oldest_age_seconds                     age of the job that has waited longest; 0: none waits
+///   varimesh_jobs_submitted_total                         jobs that were accepted
+///   varimesh_job_run_seconds{outcome}                     histogram: run times of the last attempts, by how jobs ended
+///   grpc_server_handled_total{grpc_service,grpc_method,grpc_code}   calls, by how they ended
+///   process_resident_memory_bytes, process_open_fds, process_max_fds, process_cpu_seconds_total
+///
+/// Counters begin at 0 with the process. Thread-safe. In a build without prometheus-cpp nothing is counted.
+class Metrics {
+ public:
+  Metrics();
+  ~Metrics();
+  Metrics(const Metrics&) = delete;
+  Metrics& operator=(const Metrics&) = delete;
+
+  /// Whether this build can count.
+  static bool available();
+
+  void count_submission();
+  /// Counts a job that has ended.
+  void count_end(const v1::Job& job);
+  /// Counts a call, such as "/varimesh.v1.JobService/GetJob". `code`: gRPC's status code.
+  void count_call(std::string_view method, int code);
+  /// The text format of Prometheus, version 0.0.4. Empty if this build cannot count.
+  std::string text(const Gauges& now);
+
+ private:
+  struct Families;
+  const std::unique_ptr<Families> families_;
+};
+
+}  // namespace varimesh::server
