@@ -1,8 +1,8 @@
 """Puts the Python package, varimeshd and what both need into a wheel. deploy/make-wheel calls it:
 
-    bundle_wheel.py PACKAGE VARIMESHD OUT
+    bundle_wheel.py PACKAGE VARIMESHD OUT [HDF5]
 
-PACKAGE is the built package, OUT the folder for the wheel. The files come from Debian packages of this machine, and the
+PACKAGE is the built package, OUT the folder for the wheel, HDF5 the program varimesh_hdf5. The files come from Debian packages of this machine, and the
 copyright file of each package goes into the wheel.
 """
 import re
@@ -19,7 +19,7 @@ import grpc
 SYSTEM = re.compile(r"(libc|libm|libdl|libpthread|librt|libresolv|libgcc_s|libstdc\+\+)\.so|ld-linux|linux-vdso")
 VENDOR = Path("varimesh") / "vendor"
 LIBRARIES = Path("varimesh") / "lib"
-PROGRAM = Path("varimesh") / "bin" / "varimeshd"
+PROGRAMS = Path("varimesh") / "bin"
 
 
 def output(*command):
@@ -81,19 +81,22 @@ def newest_glibc(files):
     return ".".join(map(str, max(versions)))
 
 
-def main(package, varimeshd, out):
+def main(package, varimeshd, out, *more):
     stage = Path(tempfile.mkdtemp(prefix="varimesh-wheel-"))
     shutil.copytree(package, stage, dirs_exist_ok=True,
                     ignore=shutil.ignore_patterns("__pycache__", "build", "*.egg-info"))
-    (stage / PROGRAM).parent.mkdir()
-    output("strip", "-o", stage / PROGRAM, varimeshd)
+    (stage / PROGRAMS).mkdir()
+    programs = {stage / PROGRAMS / program.name: program for program in (varimeshd, *more)}
+    for copy, program in programs.items():
+        output("strip", "-o", copy, program)
     machine_code = copy_modules(stage)
-    libraries = dict(sorted({*needed(varimeshd), *needed(machine_code)}))
+    libraries = dict(sorted({found for file in (*programs.values(), machine_code) for found in needed(file)}))
     (stage / LIBRARIES).mkdir()
     for name, path in libraries.items():
         shutil.copy(path.resolve(), stage / LIBRARIES / name)
         set_library_path(stage / LIBRARIES / name, "$ORIGIN")
-    set_library_path(stage / PROGRAM, "$ORIGIN/../lib")
+    for copy in programs:
+        set_library_path(copy, "$ORIGIN/../lib")
     set_library_path(machine_code, "$ORIGIN/../../../lib")
     copy_licences(stage, [*libraries.values(), Path(grpc.__file__), Path(google.protobuf.__file__)])
     describe(stage, f"{sys.version_info.major}.{sys.version_info.minor}")
@@ -102,11 +105,11 @@ def main(package, varimeshd, out):
              "build_meta.build_wheel(sys.argv[1], {'--build-option': ['--plat-name=linux_x86_64']})")
     subprocess.run([sys.executable, "-c", build, str(out)], cwd=stage, check=True, stdout=subprocess.DEVNULL)
     (name,) = (path.name for path in out.glob("*.whl"))
-    inside = [stage / PROGRAM, machine_code, *(stage / LIBRARIES).iterdir()]
+    inside = [*programs, machine_code, *(stage / LIBRARIES).iterdir()]
     print(f"{out / name}: {(out / name).stat().st_size / 1e6:.0f} MB; needs glibc {newest_glibc(inside)} or newer, and numpy; "
           f"gRPC and Protobuf for Python {sys.version_info.major}.{sys.version_info.minor} are inside")
     shutil.rmtree(stage)
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]).resolve(), Path(sys.argv[2]).resolve(), Path(sys.argv[3]).resolve())
+    main(*(Path(argument).resolve() for argument in sys.argv[1:]))

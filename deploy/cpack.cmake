@@ -35,6 +35,12 @@ endmacro()
 set(CPACK_COMPONENTS_ALL)
 varimesh_package(server varimesh-server "Server that optimises high-order meshes, over gRPC" COMPONENTS server)
 varimesh_package(command varimesh "Command that optimises high-order meshes, here or on a server" COMPONENTS command)
+if(TARGET varimesh_hdf5)
+  varimesh_package(hdf5 varimesh-hdf5 "Reads and writes HDF5 meshes (HOPR, CGNS, PyFR) for varimesh and varimesh-server"
+    COMPONENTS hdf5)
+  set(CPACK_DEBIAN_SERVER_PACKAGE_RECOMMENDS varimesh-hdf5)
+  set(CPACK_DEBIAN_COMMAND_PACKAGE_RECOMMENDS varimesh-hdf5)
+endif()
 varimesh_package(library libvarimesh-client${abi} "C++ client of the mesh optimisation server" COMPONENTS client
   SECTION libs)
 varimesh_package(development libvarimesh-dev "Headers of the mesh optimisation library and of the C++ client" SECTION libdevel

@@ -73,7 +73,8 @@ Action add_convert(CLI::App& app) {
   auto arguments = std::make_shared<Arguments>();
   CLI::App& command = *app.add_subcommand("convert", "Write a mesh in another format");
   command.add_option("input", arguments->input, "The mesh file to read")->required()->type_name("IN");
-  command.add_option("output", arguments->output, "The file to write (.msh, .vtu, .mesh, .xml, .su2)")
+  command
+      .add_option("output", arguments->output, "The file to write (.msh, .vtu, .mesh, .xml, .su2, .h5, .cgns, .pyfrm)")
       ->required()
       ->type_name("OUT");
   command.add_option("--format", arguments->format, "Name of the format; default: by the ending of OUT")

@@ -15,7 +15,8 @@ struct Output {
   v1::MeshFormat format = v1::MESH_FORMAT_UNSPECIFIED;  ///< UNSPECIFIED: the format of the input.
 };
 
-/// The outputs for `paths`. A path that ends in .vtu, .mesh, .xml or .su2 has the format VTU, MFEM, Nektar++ or SU2;
+/// The outputs for `paths`. A path that ends in .vtu, .mesh, .xml, .su2, .h5, .cgns or .pyfrm has the
+/// format VTU, MFEM, Nektar++, SU2, HOPR, CGNS or PyFR;
 /// the others have the format named `format`, or, if that is empty, the format of the input; a .msh file has a format
 /// of Gmsh if the file `input` has another. Checks that each file can be written, so that this is known before any work
 /// is done. Errors: BadOption, Output.

@@ -94,7 +94,7 @@ int optimise(const OptimiseArguments& arguments) {
 void add_run_flags(CLI::App& command, OptimiseArguments* arguments) {
   command
       .add_option("-o,--output", arguments->outputs,
-                  "Write the result to this file (.msh, .vtu, .mesh, .xml, .su2); may be repeated")
+                  "Write the result to this file (.msh, .vtu, .mesh, .xml, .su2, .h5, .cgns, .pyfrm); may be repeated")
       ->required()
       ->type_name("OUT")
       ->allow_extra_args(false);

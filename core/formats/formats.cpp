@@ -6,13 +6,18 @@
 #include <cassert>
 #include <filesystem>
 
+#include "core/formats/cgns/cgns.h"
 #include "core/formats/format_table.h"
 #include "core/formats/gmsh/read.h"
 #include "core/formats/gmsh/write.h"
+#include "core/formats/hdf5/files.h"
+#include "core/formats/hdf5/read.h"
+#include "core/formats/hopr/hopr.h"
 #include "core/formats/ism/ism.h"
 #include "core/formats/mfem/mfem.h"
 #include "core/formats/nektar/nektar.h"
 #include "core/formats/other_files.h"
+#include "core/formats/pyfr/pyfr.h"
 #include "core/formats/su2/su2.h"
 #include "core/formats/vtu.h"
 #include "core/formats/vtu/read.h"
@@ -36,6 +41,9 @@ constexpr std::array kTable = {
     FormatEntry{Format::Nektar, "nektar", ".xml", begins_like_nektar, read_nektar, write_nektar, not_in_nektar},
     FormatEntry{Format::Su2, "su2", ".su2", nullptr, nullptr, write_su2, not_in_su2},
     FormatEntry{Format::Ism, "ism", ".ism", begins_like_ism, read_ism},
+    FormatEntry{Format::Hopr, "hopr", ".h5", begins_like_hdf5, read_hdf5, write_hopr, not_in_hopr},
+    FormatEntry{Format::Cgns, "cgns", ".cgns", begins_like_hdf5, read_hdf5, write_cgns, not_in_cgns},
+    FormatEntry{Format::Pyfr, "pyfr", ".pyfrm", nullptr, nullptr, write_pyfr, not_in_pyfr},
 };
 
 constexpr std::array kInfos = [] {
@@ -106,9 +114,10 @@ Expected<Format> for_output(std::span<const FormatEntry> table, std::string_view
   }
   if (extension.empty() && is_device_or_pipe(path)) extension = kDefaultExtension;
   if (const FormatEntry* entry = find_by_extension(table, extension, read_as)) return entry->format;
-  return bad_option(
-      "The format of '" + std::string(path) +
-      "' cannot be determined from its ending; use the ending .msh, .vtu, .mesh, .xml or .su2, or name the format.");
+  return bad_option("The format of '" + std::string(path) +
+                    "' cannot be determined from its ending; use the ending .msh, .vtu, .mesh, .xml, .su2, .h5, .cgns "
+                    "or .pyfrm, or name "
+                    "the format.");
 }
 
 Expected<MeshFile> read(std::span<const FormatEntry> table, std::string_view bytes, int threads,

@@ -26,6 +26,9 @@ enum class Format : std::uint8_t {
   Nektar,       ///< Nektar++ XML, as text or compressed.
   Su2,          ///< SU2 mesh: the vertices only, and straight elements. Can only be written.
   Ism,          ///< ISM mesh of HOHQMesh: quadrilaterals or hexahedra with curved sides. Can only be read.
+  Hopr,         ///< HDF5 mesh of HOPR, for FLEXI and others: 3-D, every order.
+  Cgns,         ///< CGNS in HDF5, orders 1 to 4.
+  Pyfr,         ///< PyFR's mesh in HDF5. Can only be written.
 };
 
 struct FormatInfo {
@@ -46,6 +49,10 @@ Expected<Format> from_name(std::string_view name);
 ///   .vtu                  Vtu
 ///   .mesh                 Mfem
 ///   .xml                  Nektar
+///   .su2                  Su2
+///   .h5                   Hopr
+///   .cgns                 Cgns
+///   .pyfrm                Pyfr
 ///   .msh                  `read_as` if that is an MSH format, otherwise Msh41Binary
 ///   a device or a pipe    as .msh, unless it has a known ending
 /// Errors: BadOption if the ending contradicts `requested`, or if nothing is requested and the ending is unknown.
@@ -54,6 +61,10 @@ Expected<Format> for_output(std::string_view path, Format requested, Format read
 /// A format of the bytes' family, by the way they begin: for example one of the MSH formats. Auto if no format that can
 /// be read begins so.
 Format recognised(std::string_view bytes);
+
+/// Whether the formats that are HDF5 files (Hopr, Cgns, Pyfr) can be read and written: they need the program
+/// varimesh_hdf5, which may be left out of an installation.
+bool has_hdf5();
 
 /// A mesh, and the format from which it was read.
 struct MeshFile {
@@ -67,7 +78,7 @@ struct MeshFile {
 /// @param stop    if it asks to stop, reading ends soon, with an error; may be null
 Expected<MeshFile> read(std::string_view bytes, int threads = 1, const StopToken* stop = nullptr);
 
-/// The most memory that reading a file of this size with so many threads takes, in bytes, besides the file itself. A
+/// The most memory that reading a file of this size takes with this number of threads, in bytes, besides the file. A
 /// file that asks for more is refused: most meshes take less than their files, but damaged and malicious files announce
 /// what they do not contain.
 constexpr std::int64_t most_memory_to_read(std::int64_t file_bytes, int threads = 1) {

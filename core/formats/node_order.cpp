@@ -3,6 +3,7 @@
 
 #include <cassert>
 
+#include "core/formats/cgns/order.h"
 #include "core/formats/mfem/topology.h"
 #include "core/reference/cache.h"
 #include "core/reference/nodes.h"
@@ -125,8 +126,16 @@ constexpr std::array kTable = {
                    "mfem.org, \"Mesh formats\" and \"Finite elements\"; Geometry::Constants (edges and faces) and "
                    "H1_FECollection (order within them) in MFEM's documentation of its classes",
                    mfem_positions},
-    NodeOrderEntry{NodeOrder::Rows, "rows",
-                   "MFEM's documentation of L2_FECollection; HOPR's description of its mesh format", rows},
+    NodeOrderEntry{
+        NodeOrder::Rows, "rows",
+        "MFEM's documentation of L2_FECollection; HOPR's user guide, \"HOPR HDF5 Curved Mesh Format\"; PyFR's "
+        "shapes of elements (std_ele)",
+        rows},
+    NodeOrderEntry{
+        NodeOrder::Cgns, "cgns",
+        "CGNS SIDS, \"Unstructured Grid Element Numbering Conventions\", and its extensions to cubic and quartic "
+        "elements",
+        cgns_positions},
     NodeOrderEntry{
         NodeOrder::Nektar, "nektar",
         "Nektar++ developer guide, \"NodalTriEvenlySpaced\" and \"PolyEvenlySpaced\"; user guide, \"Curved\"",

@@ -20,6 +20,7 @@ enum class NodeOrder : std::uint8_t {
   Vtk,     ///< VTK's Lagrange cells, in files below version 2.1.
   Mfem,    ///< The degrees of freedom of MFEM's continuous elements: vertices, edges, faces row by row, interior.
   Rows,    ///< Row by row: i fastest, then j, then k.
+  Cgns,    ///< CGNS, up to order 4: vertices, edges, faces, interior; the inside of a quadrilateral is a spiral.
   Nektar,  ///< Curves of Nektar++: triangles by vertices, edges and rows of the interior; other shapes row by row.
 };
 

@@ -38,7 +38,6 @@ constexpr std::array kOtherFiles{
     OtherFile{"ISO-10303-21", "a STEP file, which is a geometry and not a mesh", kMeshIt},
     OtherFile{"DBRep_DrawableShape", "a BREP file, which is a geometry and not a mesh", kMeshIt},
     OtherFile{"CASCADE Topology", "a BREP file, which is a geometry and not a mesh", kMeshIt},
-    OtherFile{"\x89HDF\r\n\x1a\n"sv, "an HDF5 file (such as CGNS, MED or XDMF data)", kGmshConverts},
     OtherFile{"# vtk DataFile", "a VTK file of the legacy format", kVtu},
     OtherFile{"<Xdmf", "an XDMF file", kMeshioConverts},
     OtherFile{"<?xml", "an XML file, such as XDMF", kMeshioConverts},
@@ -47,6 +46,8 @@ constexpr std::array kOtherFiles{
     OtherFile{kObj, "an OBJ file, which is a surface of flat facets and not a volume mesh", kMeshSurface},
     OtherFile{"*HEADING", "an Abaqus file", kGmshConverts},
     OtherFile{"MeshVersionFormatted", "a Medit mesh", kGmshConverts},
+    OtherFile{"@(#)ADF Database"sv, "a CGNS file of the old kind, ADF",
+              "convert it to HDF5, with: adf2hdf FILE mesh.cgns"},
     OtherFile{"CDF\x01"sv, "a NetCDF file, such as Exodus", kMeshioConverts},
     OtherFile{"CDF\x02"sv, "a NetCDF file, such as Exodus", kMeshioConverts},
     OtherFile{"\x1f\x8b"sv, "a compressed file", "uncompress it with: gunzip FILE"},
@@ -93,7 +94,8 @@ const OtherFile* find(std::string_view bytes) {
 
 std::string why_not_a_mesh(std::string_view bytes) {
   constexpr const char* kExpected =
-      "a Gmsh MSH file (versions 2.0 to 4.1), an MFEM mesh, a Nektar++ file, a VTU file or an ISM mesh was expected.";
+      "a Gmsh MSH file (versions 2.0 to 4.1), an MFEM mesh, a Nektar++ file, a VTU file, an ISM mesh, a mesh of HOPR "
+      "or a CGNS file was expected.";
   if (bytes.empty()) return std::string("The file is empty (0 bytes); ") + kExpected;
   if (const OtherFile* file = find(bytes))
     return "The file is " + std::string(file->is) + "; " + std::string(file->run) + ".";

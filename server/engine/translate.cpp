@@ -230,16 +230,32 @@ formats::Format format_from(v1::MeshFormat message) {
       return formats::Format::Ism;
     case v1::MESH_FORMAT_SU2:
       return formats::Format::Su2;
+    case v1::MESH_FORMAT_HOPR:
+      return formats::Format::Hopr;
+    case v1::MESH_FORMAT_CGNS:
+      return formats::Format::Cgns;
+    case v1::MESH_FORMAT_PYFR:
+      return formats::Format::Pyfr;
     default:
       return formats::Format::Auto;
   }
 }
 
-bool is_readable(v1::MeshFormat format) {
-  return v1::MeshFormat_IsValid(format) && format != v1::MESH_FORMAT_SU2 && format != v1::MESH_FORMAT_CELL_QUALITY;
+namespace {
+
+bool is_installed(v1::MeshFormat format) {
+  const bool hdf5 = format == v1::MESH_FORMAT_HOPR || format == v1::MESH_FORMAT_CGNS || format == v1::MESH_FORMAT_PYFR;
+  return v1::MeshFormat_IsValid(format) && (!hdf5 || formats::has_hdf5());
 }
 
-bool is_writable(v1::MeshFormat format) { return v1::MeshFormat_IsValid(format) && format != v1::MESH_FORMAT_ISM; }
+}  // namespace
+
+bool is_readable(v1::MeshFormat format) {
+  return is_installed(format) && format != v1::MESH_FORMAT_SU2 && format != v1::MESH_FORMAT_PYFR &&
+         format != v1::MESH_FORMAT_CELL_QUALITY;
+}
+
+bool is_writable(v1::MeshFormat format) { return is_installed(format) && format != v1::MESH_FORMAT_ISM; }
 
 v1::MeshFormat to_proto(formats::Format format) {
   switch (format) {
@@ -263,6 +279,12 @@ v1::MeshFormat to_proto(formats::Format format) {
       return v1::MESH_FORMAT_ISM;
     case formats::Format::Su2:
       return v1::MESH_FORMAT_SU2;
+    case formats::Format::Hopr:
+      return v1::MESH_FORMAT_HOPR;
+    case formats::Format::Cgns:
+      return v1::MESH_FORMAT_CGNS;
+    case formats::Format::Pyfr:
+      return v1::MESH_FORMAT_PYFR;
   }
   return v1::MESH_FORMAT_UNSPECIFIED;
 }

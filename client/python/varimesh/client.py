@@ -77,7 +77,8 @@ class Client:
                  priority: int = 0, **options: Unpack[Options]) -> Result:  # fmt: skip
         """Optimises a mesh and waits for the result.
 
-        `output` names files to write (.msh in `format`, .vtu, .mesh, .xml, .su2). The result also has its mesh in arrays, unless
+        `output` names files to write (.msh in `format`, .vtu, .mesh, .xml, .su2, .h5, .cgns,
+        .pyfrm). The result also has its mesh in arrays, unless
         `arrays` is False, which saves the server the disk space. Ctrl-C and an exception in `on_event` cancel the job.
         For a mesh in arrays, numbers in options and reports count from 0.
 
@@ -352,7 +353,8 @@ def _format_of(path: str | os.PathLike[str], format: str | None, from_file: bool
     """The name of the format in which a file is written. `from_file`: a .msh may have the format of the input."""
     ending = os.path.splitext(path)[1].lower()
     if ending != ".msh" and ending not in reports.FORMAT_OF_ENDING:
-        raise BadOption(f"The ending of {os.fspath(path)} gives no format; name a .msh, .vtu, .mesh, .xml or .su2 file.")
+        raise BadOption(f"The ending of {os.fspath(path)} gives no format; name a .msh, .vtu, .mesh, .xml, .su2, "
+                        ".h5, .cgns or .pyfrm file.")
     if ending in reports.FORMAT_OF_ENDING:
         return reports.FORMAT_OF_ENDING[ending]
     return format or ("as-read" if from_file else "msh41")

@@ -201,7 +201,8 @@ def state_name(number: int) -> str:
 
 
 #: The formats that have the ending of their files for themselves.
-FORMAT_OF_ENDING = {".vtu": "vtu", ".mesh": "mfem", ".xml": "nektar", ".su2": "su2"}
+FORMAT_OF_ENDING = {".vtu": "vtu", ".mesh": "mfem", ".xml": "nektar", ".su2": "su2", ".h5": "hopr",
+                    ".cgns": "cgns", ".pyfrm": "pyfr"}
 
 
 def format_name(number: int) -> str:

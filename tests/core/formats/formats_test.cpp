@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include "tests/core/formats/hdf5/program.h"
 #include "tests/core/support/meshes.h"
 #include "tests/core/support/samples.h"
 
@@ -33,6 +34,9 @@ TEST(FormatTable, EndingsDecide) {
   EXPECT_EQ(formats::for_output("b.su2", Format::Auto, Format::Auto), Format::Su2);
   EXPECT_FALSE(formats::for_output("b.mesh", Format::Ism, Format::Auto)) << "can only be read";
   EXPECT_EQ(formats::for_output("b.mesh", Format::Auto, Format::Ism), Format::Mfem);
+  EXPECT_EQ(formats::for_output("b.h5", Format::Auto, Format::Auto), Format::Hopr);
+  EXPECT_EQ(formats::for_output("b.cgns", Format::Auto, Format::Auto), Format::Cgns);
+  EXPECT_EQ(formats::for_output("b.pyfrm", Format::Auto, Format::Auto), Format::Pyfr);
   EXPECT_FALSE(formats::for_output("b.stl", Format::Auto, Format::Msh22));
 }
 
@@ -50,17 +54,21 @@ TEST(FormatTable, HasEveryFormatOnceByItsName) {
     EXPECT_EQ(formats::from_name(info.name), info.format);
     readable += info.readable ? 1 : 0;
   }
-  EXPECT_EQ(formats::all().size(), 9U);
-  EXPECT_EQ(readable, 8U);
+  EXPECT_EQ(formats::all().size(), 12U);
+  EXPECT_EQ(readable, 10U);
   EXPECT_EQ(formats::from_name("auto"), Format::Auto);
   EXPECT_EQ(formats::from_name(""), Format::Auto);
 }
 
 TEST(Read, StopsInEveryFormatThatIsWritten) {
-  const HighOrderMesh mesh = testing::grid(testing::Filling::Triangles, {40, 40, 1}, 2);
+  const HighOrderMesh plane = testing::grid(testing::Filling::Triangles, {40, 40, 1}, 2);
+  const HighOrderMesh solid = testing::grid(testing::Filling::Hexahedra, {8, 8, 8}, 2);
   const StopToken stop([] { return true; });
+  const bool hdf5 = testing::use_hdf5();
   for (const formats::FormatInfo& info : formats::all()) {
     if (!info.readable || info.format == Format::Ism) continue;
+    if (!hdf5 && (info.format == Format::Hopr || info.format == Format::Cgns)) continue;
+    const HighOrderMesh& mesh = info.format == Format::Hopr ? solid : plane;
     const std::string bytes = test::written(mesh, info.format);
     EXPECT_TRUE(formats::read(bytes, 1)) << info.name;
     const auto stopped = formats::read(bytes, 1, &stop);

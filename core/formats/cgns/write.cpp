@@ -1,0 +1,239 @@
+// Writes CGNS files.
+#include <algorithm>
+#include <cstdlib>
+#include <cstring>
+#include <map>
+#include <set>
+
+#include "core/formats/cgns/cgns.h"
+#include "core/formats/cgns/order.h"
+#include "core/formats/hdf5/files.h"
+#include "core/formats/left_out.h"
+
+namespace varimesh::formats {
+
+namespace {
+
+constexpr std::size_t kNameBytes = 32;
+
+using Dims = std::vector<std::int64_t>;
+
+/// A name as CGNS takes it: at most 32 characters, without a slash, and unlike those before it.
+std::string free_name(std::string_view wanted, std::set<std::string>& used) {
+  std::string name(wanted.substr(0, kNameBytes));
+  for (char& c : name)
+    if (static_cast<unsigned char>(c) < ' ' || c == '/' || static_cast<unsigned char>(c) > 126) c = '_';
+  if (name.empty() || name == "." || name == ".." || name.front() == ' ') name = "Group" + name.substr(0, 20);
+  const std::string plain = name;
+  for (int n = 2; !used.insert(name).second; ++n) {
+    const std::string ending = "_" + std::to_string(n);
+    name = plain.substr(0, kNameBytes - ending.size()) + ending;
+  }
+  return name;
+}
+
+class Writing {
+ public:
+  Writing(const HighOrderMesh& mesh, const Team& team)
+      : mesh_(mesh), types_(cgns_types_of(mesh)), writer_(std::int64_t(mesh.node_count()) * 64, team.stop()) {}
+
+  Expected<void> write(const Sink& sink) {
+    root();
+    const bool flat = mesh_.dimension == 2 && is_flat();
+    const std::int32_t space = flat ? 2 : 3;
+    node("/Base", "CGNSBase_t", "I4", {2}, std::vector<std::int32_t>{mesh_.dimension, space});
+    node(kZone, "Zone_t", "I4", {3, 1},
+         std::vector{std::int32_t(mesh_.node_count()), std::int32_t(mesh_.element_count(mesh_.dimension)), 0});
+    text(std::string(kZone) + "/ZoneType", "ZoneType_t", "Unstructured");
+    coordinates(space);
+    elements();
+    groups(mesh_.dimension - 1);
+    groups(mesh_.dimension);
+    return writer_.finish(sink);
+  }
+
+ private:
+  static constexpr const char* kZone = "/Base/Zone";
+
+  bool is_flat() const {
+    for (std::size_t i = 2; i < mesh_.coordinates.size(); i += 3)
+      if (mesh_.coordinates[i] != 0) return false;
+    return true;
+  }
+
+  static std::string padded(std::string_view text, std::size_t bytes) {
+    std::string whole(text.substr(0, bytes));
+    whole.resize(bytes, '\0');
+    return whole;
+  }
+
+  void describe(const std::string& path, std::string_view name, std::string_view label, std::string_view type) {
+    writer_.attribute(path, "name", "S33", {}, padded(name, 33));
+    writer_.attribute(path, "label", "S33", {}, padded(label, 33));
+    writer_.attribute(path, "type", "S3", {}, padded(type, 3));
+  }
+
+  /// The nodes of the file that describe it as such.
+  void root() {
+    describe("/", "HDF5 MotherNode", "Root Node of HDF5 File", "MT");
+    writer_.array("/ format", "i1", Dims{15}, padded("IEEE_LITTLE_32", 15));
+    writer_.array("/ hdf5version", "i1", Dims{33}, padded("HDF5 Version 1.10.8", 33));
+    const std::vector<float> version{3.4F};
+    empty("/CGNSLibraryVersion", "CGNSLibraryVersion_t", "R4");
+    writer_.array("/CGNSLibraryVersion/ data", "f4", Dims{1}, bytes_of(version));
+  }
+
+  void empty(const std::string& path, std::string_view label, std::string_view type) {
+    writer_.group(path);
+    describe(path, path.substr(path.rfind('/') + 1), label, type);
+    const std::vector<std::int32_t> flags{1};
+    writer_.attribute(path, "flags", "i4", Dims{1}, bytes_of(flags));
+  }
+
+  void node(const std::string& path, std::string_view label, std::string_view type, const Dims& dims,
+            const std::vector<std::int32_t>& values) {
+    empty(path, label, type);
+    writer_.array(path + "/ data", "i4", dims, bytes_of(values));
+  }
+
+  void text(const std::string& path, std::string_view label, std::string_view value) {
+    empty(path, label, "C1");
+    writer_.array(path + "/ data", "i1", Dims{std::int64_t(value.size())}, value);
+  }
+
+  void coordinates(std::int32_t space) {
+    const std::string grid = std::string(kZone) + "/GridCoordinates";
+    empty(grid, "GridCoordinates_t", "MT");
+    constexpr std::array kNames = {"/CoordinateX", "/CoordinateY", "/CoordinateZ"};
+    for (std::size_t k = 0; k < std::size_t(space); ++k) {
+      const std::string path = grid + kNames[k];
+      empty(path, "DataArray_t", "R8");
+      writer_.array(path + "/ data", "f8", Dims{std::int64_t(mesh_.node_count())});
+      Hdf5Rows<double> rows(writer_, path + "/ data", 1);
+      for (std::size_t i = k; i < mesh_.coordinates.size(); i += 3) rows.add(mesh_.coordinates[i]);
+      rows.flush();
+    }
+  }
+
+  /// A section for each run of blocks of one shape and order.
+  void elements() {
+    std::int32_t number = 0;
+    int section = 0;
+    for (std::size_t b = 0; b < mesh_.blocks.size();) {
+      std::size_t end = b;
+      std::int64_t count = 0;
+      const ElementBlock& first = mesh_.blocks[b];
+      for (; end < mesh_.blocks.size() && mesh_.blocks[end].shape == first.shape &&
+             mesh_.blocks[end].order == first.order;
+           ++end)
+        count += std::int64_t(mesh_.blocks[end].size());
+      if (count > 0) write_section(b, end, ++section, number, count);
+      number += std::int32_t(count);
+      b = end;
+    }
+  }
+
+  void write_section(std::size_t begin, std::size_t end, int section, std::int32_t before, std::int64_t count) {
+    const ElementBlock& first = mesh_.blocks[begin];
+    std::string name(reference::info(first.shape).plural);
+    name[0] = char(std::toupper(static_cast<unsigned char>(name[0])));
+    const std::string path = std::string(kZone) + "/" + name + "_" + std::to_string(section);
+    node(path, "Elements_t", "I4", {2}, {cgns_type(first.shape, first.order), 0});
+    node(path + "/ElementRange", "IndexRange_t", "I4", {2}, {before + 1, before + std::int32_t(count)});
+    const std::vector<int>& place = gmsh_nodes(NodeOrder::Cgns, first.shape, first.order);
+    const std::string data = path + "/ElementConnectivity/ data";
+    empty(path + "/ElementConnectivity", "DataArray_t", "I4");
+    writer_.array(data, "i4", Dims{count * std::int64_t(place.size())});
+    Hdf5Rows<std::int32_t> rows(writer_, data, 1);
+    for (std::size_t b = begin; b < end; ++b) {
+      const ElementBlock& block = mesh_.blocks[b];
+      for (std::size_t e = 0; e < block.size(); ++e)
+        for (const int local : place) rows.add(block.nodes[e * place.size() + std::size_t(local)] + 1);
+    }
+    rows.flush();
+  }
+
+  /// Boundary conditions for the groups of sides, subregions for the groups of cells.
+  void groups(int dimension) {
+    std::map<int, std::vector<std::int32_t>> members;  // by tag
+    std::int32_t number = 0;
+    for (const ElementBlock& block : mesh_.blocks) {
+      const bool wanted = reference::info(block.shape).dimension == dimension;
+      for (std::size_t e = 0; e < block.size(); ++e) {
+        ++number;
+        if (wanted)
+          for (const int tag : block.physical) members[std::abs(tag)].push_back(number);
+      }
+    }
+    const bool cells = dimension == mesh_.dimension;
+    const std::string parent = cells ? kZone : std::string(kZone) + "/ZoneBC";
+    if (!cells && !members.empty()) empty(parent, "ZoneBC_t", "MT");
+    std::set<std::string> used{"Zone", "ZoneType", "GridCoordinates", "ZoneBC"};
+    for (const auto& [tag, numbers] : members) write_group(parent, cells, tag, numbers, used);
+  }
+
+  void write_group(const std::string& parent, bool cells, int tag, const std::vector<std::int32_t>& numbers,
+                   std::set<std::string>& used) {
+    std::string whole = (cells ? "Cells_" : "Sides_") + std::to_string(tag);
+    for (const PhysicalGroup& group : mesh_.physical_groups)
+      if (group.dimension == mesh_.dimension - (cells ? 0 : 1) && group.tag == tag && !group.name.empty())
+        whole = group.name;
+    const std::string name = free_name(whole, used), path = parent + "/" + name;
+    if (cells)
+      node(path, "ZoneSubRegion_t", "I4", {1}, {mesh_.dimension});
+    else
+      text(path, "BC_t", types_.contains(tag) ? types_[tag] : "UserDefined");
+    const auto n = std::int64_t(numbers.size());
+    if (std::int64_t(numbers.back()) - numbers.front() + 1 == n)
+      node(path + "/PointRange", "IndexRange_t", "I4", {2, 1}, {numbers.front(), numbers.back()});
+    else
+      node(path + "/PointList", "IndexArray_t", "I4", {n, 1}, numbers);
+    text(path + "/GridLocation", "GridLocation_t",
+         cells                  ? "CellCenter"
+         : mesh_.dimension == 3 ? "FaceCenter"
+                                : "EdgeCenter");
+    if (!cells) node(path + "/" + kCgnsOrdinal, "Ordinal_t", "I4", {1}, {tag});
+    if (cells) {
+      // SIDS gives a subregion no ordinal, but data of the user's.
+      empty(path + "/" + kCgnsOrdinal, "UserDefinedData_t", "I4");
+      writer_.array(path + "/" + kCgnsOrdinal + "/ data", "i4", Dims{1}, bytes_of(std::vector{std::int32_t(tag)}));
+    }
+    if (name != whole) text(path + "/" + kCgnsWholeName, "Descriptor_t", whole);
+  }
+
+  const HighOrderMesh& mesh_;
+  std::map<int, std::string> types_;
+  Hdf5Writer writer_;
+};
+
+}  // namespace
+
+Expected<void> write_cgns(const HighOrderMesh& mesh, Format, const Sink& sink, std::span<const CellField>,
+                          const Team& team) {
+  for (const ElementBlock& block : mesh.blocks)
+    if (block.order > kMostCgnsOrder)
+      return bad_option("CGNS has elements up to order " + std::to_string(kMostCgnsOrder) +
+                        ", and the mesh has order " + std::to_string(block.order) +
+                        "; write vtu or mfem, or lower the order with --order 4.");
+  if (mesh.dimension < 2) return bad_option("CGNS files of VariMesh have meshes of dimension 2 and 3; write msh41.");
+  return written_hdf5([&] { return Writing(mesh, team).write(sink); });
+}
+
+std::string not_in_cgns(const HighOrderMesh& mesh) {
+  LeftOut lost;
+  bool small = false, renumbers = false;
+  std::int64_t next = 0;
+  for (const ElementBlock& block : mesh.blocks) {
+    small = small || (reference::info(block.shape).dimension < mesh.dimension - 1 && !block.physical.empty());
+    for (const std::int64_t number : block.numbers) renumbers = renumbers || number != ++next;
+  }
+  next = 0;
+  for (const std::int64_t number : mesh.node_numbers) renumbers = renumbers || number != ++next;
+  lost.add_if(small, mesh.dimension == 3 ? "groups of lines and points" : "groups of points");
+  lost.add_if(!mesh.periodic.empty(), "periodic links");
+  lost.entities_and_partitions(mesh);
+  lost.add_if(renumbers, "the numbers of nodes and elements");
+  return lost.sentence("VariMesh's CGNS file");
+}
+
+}  // namespace varimesh::formats

@@ -1,0 +1,382 @@
+#include "core/formats/pyfr/pyfr.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <map>
+
+#include "core/base/version.h"
+#include "core/formats/hdf5/files.h"
+#include "core/formats/left_out.h"
+#include "core/formats/node_order.h"
+#include "core/formats/sides/neighbours.h"
+#include "core/mesh/connectivity.h"
+#include "core/reference/nodes.h"
+
+namespace varimesh::formats {
+
+namespace {
+
+using Dims = std::vector<std::int64_t>;
+
+/// A shape of PyFR, in the alphabetical order of the names, which its partitionings need.
+struct PyfrShape {
+  Shape shape;
+  const char* name;
+  /// The corners of the faces in PyFR's order. Source: PyFR's numbering of faces (faces of its shapes).
+  std::vector<std::vector<int>> faces;
+};
+
+const std::vector<PyfrShape>& shapes() {
+  static const std::vector<PyfrShape> all = {
+      {Shape::Hexahedron, "hex", {{0, 1, 2, 3}, {0, 1, 4, 5}, {1, 2, 5, 6}, {2, 3, 6, 7}, {0, 3, 4, 7}, {4, 5, 6, 7}}},
+      {Shape::Prism, "pri", {{0, 1, 2}, {3, 4, 5}, {0, 1, 3, 4}, {1, 2, 4, 5}, {0, 2, 3, 5}}},
+      {Shape::Pyramid, "pyr", {{0, 1, 2, 3}, {0, 1, 4}, {1, 2, 4}, {2, 3, 4}, {0, 3, 4}}},
+      {Shape::Quadrilateral, "quad", {{0, 1}, {1, 2}, {2, 3}, {0, 3}}},
+      {Shape::Tetrahedron, "tet", {{0, 1, 2}, {0, 1, 3}, {0, 2, 3}, {1, 2, 3}}},
+      {Shape::Triangle, "tri", {{0, 1}, {1, 2}, {0, 2}}},
+  };
+  return all;
+}
+
+/// The number in CGNS's order of each of PyFR's faces, counted from 0.
+std::vector<int> cgns_numbers(const PyfrShape& shape) {
+  std::vector<int> numbers;
+  const auto sides = cgns_sides(shape.shape);
+  for (const std::vector<int>& face : shape.faces)
+    for (std::size_t s = 0; s < sides.size(); ++s) {
+      std::vector<int> own(sides[s].vertices.begin(), sides[s].vertices.begin() + sides[s].corners);
+      std::sort(own.begin(), own.end());
+      if (own == face) numbers.push_back(int(s));
+    }
+  return numbers;
+}
+
+template <class T>
+void append(std::string& bytes, T value) {
+  char raw[sizeof(T)];
+  std::memcpy(raw, &value, sizeof(T));
+  bytes.append(raw, sizeof(T));
+}
+
+/// FNV-1a with 128 bits (Fowler, Noll, Vo): a number of the content, by which PyFR knows to which mesh a solution
+/// belongs.
+class Fingerprint {
+ public:
+  void update(std::string_view bytes) {
+    for (const char c : bytes) hash_ = (hash_ ^ static_cast<unsigned char>(c)) * kPrime;
+  }
+  /// As a UUID: 8-4-4-4-12 hexadecimal digits.
+  std::string uuid() const {
+    std::string text;
+    for (int digit = 31; digit >= 0; --digit) {
+      if (digit == 23 || digit == 19 || digit == 15 || digit == 11) text += '-';
+      text += "0123456789abcdef"[unsigned(hash_ >> (4 * digit)) & 15U];
+    }
+    return text;
+  }
+
+ private:
+  using Wide = unsigned __int128;
+  static constexpr Wide kPrime = (Wide(1) << 88) + 0x13b;
+  Wide hash_ = (Wide(0x6c62272e07bb0142) << 64) + 0x62b821756295c58d;
+};
+
+class Writing {
+ public:
+  Writing(const HighOrderMesh& mesh, const Team& team)
+      : mesh_(mesh),
+        cells_(mesh, mesh.dimension),
+        neighbours_(mesh, cells_, team),
+        writer_(std::int64_t(mesh.node_count()) * 64, team.stop()) {}
+
+  Expected<void> write(const Sink& sink) {
+    if (neighbours_.crowded())
+      return bad_option("PyFR's format has no place for a side that more than two elements share; write msh41.");
+    number_cells();
+    if (skew_base_ != 0)
+      return bad_option(
+          "Element " + std::to_string(skew_base_) +
+          " is a pyramid whose base is no parallelogram, which PyFR does not take; write msh41 for another "
+          "solver.");
+    make_codec();
+    nodes();
+    writer_.group("/eles");
+    for (const PyfrShape& shape : shapes())
+      if (!own_[shape.shape].empty()) elements(shape);
+    periodic();
+    partitioning();
+    names();
+    return writer_.finish(sink);
+  }
+
+ private:
+  // === Numbers =============================================================================================
+
+  void number_cells() {
+    index_.resize(cells_.count());
+    std::vector<bool> used(mesh_.node_count(), false);
+    for (std::size_t cell = 0; cell < cells_.count(); ++cell) {
+      const Shape shape = cells_.shape(cell);
+      index_[cell] = std::int64_t(own_[shape].size());
+      own_[shape].push_back(cell);
+      for (const std::int32_t node : cells_.nodes(cell)) used[std::size_t(node)] = true;
+      if (shape == Shape::Pyramid && skew_base_ == 0 && !has_parallelogram(cell)) skew_base_ = cells_.number(cell);
+    }
+    node_.assign(mesh_.node_count(), -1);
+    for (std::size_t node = 0; node < used.size(); ++node)
+      if (used[node]) node_[node] = nodes_++;
+  }
+
+  double coordinate(std::int32_t node, int k) const {
+    return mesh_.coordinates[3 * std::size_t(node) + std::size_t(k)];
+  }
+
+  /// PyFR looks at this to within 1e-10.
+  bool has_parallelogram(std::size_t cell) const {
+    const auto n = cells_.nodes(cell);
+    for (int k = 0; k < 3; ++k)
+      if (std::abs(coordinate(n[0], k) - coordinate(n[1], k) + coordinate(n[2], k) - coordinate(n[3], k)) > 1e-10)
+        return false;
+    return true;
+  }
+
+  void make_codec() {
+    for (const PyfrShape& shape : shapes()) {
+      if (own_[shape.shape].empty()) continue;
+      const std::string name = std::string("eles/") + shape.name;
+      codec_.push_back(name);
+      first_code_[shape.shape] = int(codec_.size());
+      for (std::size_t f = 0; f < shape.faces.size(); ++f) codec_.push_back(name + "/" + std::to_string(f));
+      const std::vector<int> cgns = cgns_numbers(shape);
+      std::vector<int>& back = pyfr_face_[shape.shape];
+      back.resize(cgns.size());
+      for (std::size_t f = 0; f < cgns.size(); ++f) back[std::size_t(cgns[f])] = int(f);
+    }
+    for (const SideGroup& group : neighbours_.groups()) {
+      std::string name = group.name;
+      std::replace(name.begin(), name.end(), '/', '_');
+      group_code_.push_back(group.boundary ? int(codec_.size()) : -1);
+      if (group.boundary) codec_.push_back("bc/" + name);
+    }
+  }
+
+  // === Arrays ==============================================================================================
+
+  void rows(const std::string& path, std::size_t row_bytes, std::string& bytes, std::int64_t& next, bool last) {
+    if (!last && bytes.size() + row_bytes <= std::size_t(hdf5::kMostBytes)) return;
+    const auto count = std::int64_t(bytes.size() / row_bytes);
+    if (count > 0) writer_.rows(path, next, count, bytes);
+    digest_.update(bytes);
+    next += count;
+    bytes.clear();
+  }
+
+  void nodes() {
+    const int d = mesh_.dimension;
+    std::vector<std::uint16_t> valency(mesh_.node_count(), 0);
+    for (std::size_t cell = 0; cell < cells_.count(); ++cell)
+      for (const std::int32_t node : cells_.nodes(cell)) ++valency[std::size_t(node)];
+    writer_.array("/nodes", "{location:f8[" + std::to_string(d) + "],valency:u2}", Dims{nodes_});
+    std::string bytes;
+    std::int64_t next = 0;
+    const std::size_t row = 8 * std::size_t(d) + 2;
+    for (std::size_t node = 0; node < node_.size(); ++node) {
+      if (node_[node] < 0) continue;
+      for (int k = 0; k < d; ++k) append(bytes, coordinate(std::int32_t(node), k));
+      append(bytes, valency[node]);
+      rows("/nodes", row, bytes, next, false);
+    }
+    rows("/nodes", row, bytes, next, true);
+  }
+
+  void elements(const PyfrShape& shape) {
+    const std::vector<int>& place = gmsh_nodes(NodeOrder::Rows, shape.shape, mesh_.order);
+    const std::vector<int> cgns = cgns_numbers(shape);
+    const std::string path = std::string("/eles/") + shape.name;
+    writer_.array(path,
+                  "{nodes:i8[" + std::to_string(place.size()) + "],curved:b1,faces:{cidx:i2,off:i8}[" +
+                      std::to_string(cgns.size()) + "]}",
+                  Dims{std::int64_t(own_[shape.shape].size())});
+    const std::size_t row = 8 * place.size() + 1 + 10 * cgns.size();
+    std::string bytes;
+    std::int64_t next = 0;
+    for (const std::size_t cell : own_[shape.shape]) {
+      const auto nodes = cells_.nodes(cell);
+      for (const int local : place) append(bytes, node_[std::size_t(nodes[std::size_t(local)])]);
+      const bool curved = is_curved(cell);
+      append(bytes, std::int8_t(curved ? 1 : 0));
+      (curved ? curved_ : straight_)[shape.shape].push_back(index_[cell]);
+      for (const int side : cgns) face(cell, side, bytes);
+      rows(path, row, bytes, next, false);
+    }
+    rows(path, row, bytes, next, true);
+  }
+
+  void face(std::size_t cell, int side, std::string& bytes) {
+    const SideNeighbour other = neighbours_.of(cell, cgns_sides(cells_.shape(cell))[std::size_t(side)]);
+    if (other.cell < 0) {
+      append(bytes, std::int16_t(group_code_[std::size_t(other.group) - 1]));
+      append(bytes, std::int64_t(-1));
+      return;
+    }
+    const auto neighbour = std::size_t(other.cell);
+    append(bytes, code(neighbour, other.side - 1));
+    append(bytes, index_[neighbour]);
+    // Each pair of the periodic boundaries stands once, the first side first.
+    const int group = other.group > 0 ? neighbours_.groups()[std::size_t(other.group) - 1].periodic : 0;
+    if (group < 0) {
+      std::string& pairs = pairs_[-group];
+      append(pairs, code(cell, side));
+      append(pairs, index_[cell]);
+      append(pairs, code(neighbour, other.side - 1));
+      append(pairs, index_[neighbour]);
+    }
+  }
+
+  /// The codec's number of a face, which CGNS counts from 0.
+  std::int16_t code(std::size_t cell, int side) {
+    const Shape shape = cells_.shape(cell);
+    return std::int16_t(first_code_[shape] + pyfr_face_[shape][std::size_t(side)]);
+  }
+
+  /// Whether the nodes are elsewhere than the map of first order of the vertices puts them, to within rounding.
+  bool is_curved(std::size_t cell) const {
+    if (mesh_.order == 1) return false;
+    const Shape shape = cells_.shape(cell);
+    const auto nodes = cells_.nodes(cell);
+    const int vertices = reference::info(shape).vertices;
+    const auto& lattice = reference::lattice(shape, mesh_.order);
+    double size = 0, gap = 0;
+    for (int k = 0; k < mesh_.dimension; ++k)
+      for (int v = 1; v < vertices; ++v)
+        size = std::max(size, std::abs(coordinate(nodes[std::size_t(v)], k) - coordinate(nodes[0], k)));
+    for (std::size_t i = std::size_t(vertices); i < nodes.size(); ++i) {
+      const std::array<double, 8> weights = first_order(shape, lattice[i]);
+      for (int k = 0; k < mesh_.dimension; ++k) {
+        double x = 0;
+        for (int v = 0; v < vertices; ++v) x += weights[std::size_t(v)] * coordinate(nodes[std::size_t(v)], k);
+        gap = std::max(gap, std::abs(x - coordinate(nodes[i], k)));
+      }
+    }
+    return gap > 1e-12 * size;
+  }
+
+  /// The functions of first order at a position of the lattice, one per vertex. The pyramid's have a fraction.
+  std::array<double, 8> first_order(Shape shape, const std::array<std::int8_t, 3>& at) const {
+    const double n = mesh_.order, x = at[0] / n, y = at[1] / n, z = at[2] / n;
+    switch (shape) {
+      case Shape::Triangle:
+        return {1 - x - y, x, y};
+      case Shape::Quadrilateral:
+        return {(1 - x) * (1 - y), x * (1 - y), x * y, (1 - x) * y};
+      case Shape::Tetrahedron:
+        return {1 - x - y - z, x, y, z};
+      case Shape::Prism:
+        return {(1 - x - y) * (1 - z), x * (1 - z), y * (1 - z), (1 - x - y) * z, x * z, y * z};
+      case Shape::Pyramid: {
+        const double h = 1 - z, a = h > 0 ? x / h : 0, b = h > 0 ? y / h : 0;
+        return {(1 - a) * (1 - b) * h, a * (1 - b) * h, a * b * h, (1 - a) * b * h, z};
+      }
+      default:
+        return {(1 - x) * (1 - y) * (1 - z), x * (1 - y) * (1 - z), x * y * (1 - z), (1 - x) * y * (1 - z),
+                (1 - x) * (1 - y) * z,       x * (1 - y) * z,       x * y * z,       (1 - x) * y * z};
+    }
+  }
+
+  void periodic() {
+    if (pairs_.empty()) return;
+    writer_.group("/periodic");
+    for (const auto& [number, bytes] : pairs_)
+      writer_.array("/periodic/" + std::to_string(number), "{cidx:i2,off:i8}", Dims{std::int64_t(bytes.size() / 20), 2},
+                    bytes);
+  }
+
+  /// One part, with the curved elements of each shape first.
+  void partitioning() {
+    std::vector<std::int64_t> all, regions{0};
+    for (const PyfrShape& shape : shapes()) {
+      if (own_[shape.shape].empty()) continue;
+      for (const auto* some : {&curved_[shape.shape], &straight_[shape.shape]})
+        all.insert(all.end(), some->begin(), some->end());
+      regions.push_back(std::int64_t(all.size()));
+    }
+    writer_.group("/partitionings");
+    writer_.group("/partitionings/1");
+    writer_.array("/partitionings/1/eles", "i8", Dims{std::int64_t(all.size())}, bytes_of(all));
+    writer_.attribute("/partitionings/1/eles", "regions", "i8", Dims{1, std::int64_t(regions.size())},
+                      bytes_of(regions));
+  }
+
+  void text(const char* path, const std::string& value) {
+    writer_.array(path, "S" + std::to_string(value.size()), {}, value);
+  }
+
+  void names() {
+    std::size_t width = 1;
+    for (const std::string& name : codec_) width = std::max(width, name.size());
+    std::string all;
+    for (std::string name : codec_) {
+      digest_.update(name);
+      name.resize(width, '\0');
+      all += name;
+    }
+    writer_.array("/codec", "S" + std::to_string(width), Dims{std::int64_t(codec_.size())}, all);
+    text("/creator", "varimesh " + std::string(version()));
+    text("/mesh-uuid", digest_.uuid());
+    writer_.array("/version", "i8", {}, bytes_of(std::vector<std::int64_t>{1}));
+  }
+
+  const HighOrderMesh& mesh_;
+  Cells cells_;
+  SideNeighbours neighbours_;
+  Hdf5Writer writer_;
+  Fingerprint digest_;
+  std::vector<std::int64_t> index_;                // of a cell among those of its shape
+  std::map<Shape, std::vector<std::size_t>> own_;  // the cells of a shape
+  std::vector<std::int64_t> node_;                 // number in the file, or −1
+  std::int64_t nodes_ = 0, skew_base_ = 0;
+  std::vector<std::string> codec_;
+  std::map<Shape, int> first_code_;              // of the faces of a shape
+  std::map<Shape, std::vector<int>> pyfr_face_;  // by the number in CGNS's order
+  std::vector<int> group_code_;                  // by group; −1: no boundary condition
+  std::map<Shape, std::vector<std::int64_t>> curved_, straight_;
+  std::map<int, std::string> pairs_;  // by periodic link
+};
+
+}  // namespace
+
+Expected<void> write_pyfr(const HighOrderMesh& mesh, Format, const Sink& sink, std::span<const CellField>,
+                          const Team& team) {
+  bool flat = mesh.dimension > 2;
+  if (mesh.dimension == 2) {
+    flat = true;
+    for (std::size_t i = 2; i < mesh.coordinates.size(); i += 3)
+      flat = flat && mesh.coordinates[i] == mesh.coordinates[2];
+  }
+  if (!flat) return bad_option("PyFR takes meshes of a plane z = constant and of solids only; write vtu.");
+  return written_hdf5([&] { return Writing(mesh, team).write(sink); });
+}
+
+std::string not_in_pyfr(const HighOrderMesh& mesh) {
+  LeftOut lost;
+  lost.small_elements(mesh);
+  bool cells = false;
+  std::int64_t next = 0;
+  bool renumbers = false;
+  for (const ElementBlock& block : mesh.blocks) {
+    if (reference::info(block.shape).dimension != mesh.dimension) continue;
+    cells = cells || !block.physical.empty();
+    for (const std::int64_t number : block.numbers) renumbers = renumbers || number != ++next;
+  }
+  next = 0;
+  for (const std::int64_t number : mesh.node_numbers) renumbers = renumbers || number != ++next;
+  lost.count(SideNeighbours(mesh, Cells(mesh, mesh.dimension), Team(1)).stray(),
+             "boundary element that is no side of an element", "boundary elements that are no sides of elements");
+  lost.add_if(cells, "groups of cells");
+  lost.entities_and_partitions(mesh);
+  lost.add_if(renumbers, "the numbers of nodes and elements");
+  return lost.sentence("PyFR's format");
+}
+
+}  // namespace varimesh::formats

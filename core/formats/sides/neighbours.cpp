@@ -1,0 +1,158 @@
+#include "core/formats/sides/neighbours.h"
+
+#include <algorithm>
+#include <cstdlib>
+#include <map>
+
+namespace varimesh::formats {
+
+namespace {
+
+using Pairs = std::vector<std::pair<std::int32_t, std::int32_t>>;
+using Corners = std::array<std::int32_t, 4>;
+
+/// The image of a node; −1 if it has none.
+std::int32_t image(const Pairs& pairs, std::int32_t node) {
+  const auto found = std::lower_bound(pairs.begin(), pairs.end(), std::pair(node, std::int32_t(-1)));
+  return found == pairs.end() || found->first != node ? -1 : found->second;
+}
+
+Pairs sorted(Pairs pairs) {
+  std::sort(pairs.begin(), pairs.end());
+  return pairs;
+}
+
+Pairs reversed(const Pairs& pairs) {
+  Pairs back;
+  for (const auto& [node, other] : pairs) back.emplace_back(other, node);
+  return sorted(std::move(back));
+}
+
+}  // namespace
+
+SideNeighbours::SideNeighbours(const HighOrderMesh& mesh, const Cells& cells, const Team& team)
+    : mesh_(mesh), cells_(cells), facets_(facets(mesh, team)) {
+  if (crowded()) return;
+  find_groups();
+  find_periodic();
+  for (std::size_t f = 0; f < image_.size(); ++f)
+    if (facets_.neighbour[f] < 0 && image_[f] < 0) groups_[std::size_t(group_of_facet_[f]) - 1].boundary = true;
+}
+
+std::size_t SideNeighbours::facet_cell(std::size_t facet) const {
+  return std::size_t(std::upper_bound(facets_.first.begin(), facets_.first.end(), std::int32_t(facet)) -
+                     facets_.first.begin()) -
+         1;
+}
+
+std::int32_t SideNeighbours::corner(std::size_t cell, const CgnsSide& side, int k) const {
+  return cells_.nodes(cell)[std::size_t(side.vertices[std::size_t(k)])];
+}
+
+const CgnsSide& SideNeighbours::side_of(std::size_t cell, std::size_t facet, int& number) const {
+  const auto sides = cgns_sides(cells_.shape(cell));
+  const int local = int(facet) - facets_.first[cell];
+  number = 1;
+  while (sides[std::size_t(number) - 1].facet != local) ++number;
+  return sides[std::size_t(number) - 1];
+}
+
+void SideNeighbours::find_groups() {
+  const Cells elements(mesh_, mesh_.dimension - 1);
+  std::map<int, SideGroup> all;  // by tag
+  for (const PhysicalGroup& group : mesh_.physical_groups)
+    if (group.dimension == mesh_.dimension - 1 && group.tag != 0) all[std::abs(group.tag)].name = group.name;
+  std::vector<int> tag_of(facets_.neighbour.size(), 0);
+  bool ungrouped = false;
+  std::vector<bool> found_side(elements.count(), false);
+  for (const auto& [facet, element] : facets_.elements) {
+    found_side[std::size_t(element)] = true;
+    const auto& physical = elements.range_of(std::size_t(element)).block->physical;
+    if (physical.empty()) continue;
+    const int tag = std::abs(physical.front());
+    tag_of[std::size_t(facet)] = tag;
+    const auto opposite = facets_.opposite[std::size_t(facet)];
+    if (opposite >= 0) tag_of[std::size_t(opposite)] = tag;
+  }
+  stray_ = std::count(found_side.begin(), found_side.end(), false);
+  for (std::size_t f = 0; f < tag_of.size(); ++f)
+    if (tag_of[f] != 0) all[tag_of[f]].inner = true;
+  for (std::size_t f = 0; f < tag_of.size(); ++f)
+    if (tag_of[f] != 0 && facets_.neighbour[f] < 0) all[tag_of[f]].inner = false;
+  for (std::size_t f = 0; f < tag_of.size(); ++f) ungrouped = ungrouped || (facets_.neighbour[f] < 0 && tag_of[f] == 0);
+  std::map<int, int> number;
+  for (auto& [tag, group] : all) {
+    group.tag = tag;
+    if (group.name.empty()) group.name = "group_" + std::to_string(tag);
+    groups_.push_back(group);
+    number[tag] = int(groups_.size());
+  }
+  if (ungrouped) {
+    groups_.push_back({0, "boundary", 0, false, false});
+    number[0] = int(groups_.size());
+  }
+  group_of_facet_.assign(tag_of.size(), 0);
+  for (std::size_t f = 0; f < tag_of.size(); ++f)
+    if (tag_of[f] != 0 || facets_.neighbour[f] < 0) group_of_facet_[f] = number[tag_of[f]];
+}
+
+void SideNeighbours::find_periodic() {
+  image_.assign(facets_.neighbour.size(), -1);
+  image_link_.assign(facets_.neighbour.size(), 0);
+  std::map<Corners, std::size_t> by_corners;  // of the boundary
+  const auto corners_of = [&](std::size_t facet, const Pairs* map) {
+    const std::size_t cell = facet_cell(facet);
+    int number = 0;
+    const CgnsSide& side = side_of(cell, facet, number);
+    Corners nodes{-1, -1, -1, -1};
+    for (int k = 0; k < side.corners; ++k) {
+      const std::int32_t node = corner(cell, side, k);
+      nodes[std::size_t(k)] = map == nullptr ? node : image(*map, node);
+      if (nodes[std::size_t(k)] < 0) return Corners{-1, -1, -1, -1};
+    }
+    std::sort(nodes.begin(), nodes.end());
+    return nodes;
+  };
+  for (const PeriodicLink& link : mesh_.periodic) {
+    if (link.dimension != mesh_.dimension - 1) continue;
+    if (by_corners.empty())
+      for (std::size_t f = 0; f < facets_.neighbour.size(); ++f)
+        if (facets_.neighbour[f] < 0) by_corners[corners_of(f, nullptr)] = f;
+    there_.push_back(sorted(link.nodes));
+    back_.push_back(reversed(link.nodes));
+    const auto number = std::int32_t(there_.size());
+    for (const auto& [corners, f] : by_corners) {
+      if (image_[f] >= 0) continue;
+      const Corners wanted = corners_of(f, &there_.back());
+      const auto found = by_corners.find(wanted);
+      if (wanted[3] < 0 || found == by_corners.end() || found->second == f || image_[found->second] >= 0) continue;
+      image_[f] = std::int64_t(found->second);
+      image_[found->second] = std::int64_t(f);
+      image_link_[f] = number;
+      image_link_[found->second] = -number;
+      groups_[std::size_t(group_of_facet_[f]) - 1].periodic = -number;
+      groups_[std::size_t(group_of_facet_[found->second]) - 1].periodic = number;
+    }
+  }
+}
+
+SideNeighbour SideNeighbours::of(std::size_t cell, const CgnsSide& side) const {
+  SideNeighbour other;
+  other.own_facet = std::size_t(facets_.first[cell] + side.facet);
+  other.group = group_of_facet_[other.own_facet];
+  const bool inside = facets_.neighbour[other.own_facet] >= 0;
+  if (!inside && image_[other.own_facet] < 0) return other;
+  other.facet = inside ? std::size_t(facets_.opposite[other.own_facet]) : std::size_t(image_[other.own_facet]);
+  other.cell = std::int64_t(inside ? std::size_t(facets_.neighbour[other.own_facet]) : facet_cell(other.facet));
+  const CgnsSide& its = side_of(std::size_t(other.cell), other.facet, other.side);
+  std::int32_t first = corner(cell, side, 0);
+  if (!inside) {
+    const std::int32_t link = image_link_[other.own_facet];
+    first = image(link > 0 ? there_[std::size_t(link) - 1] : back_[std::size_t(-link) - 1], first);
+  }
+  for (int k = 0; k < its.corners; ++k)
+    if (corner(std::size_t(other.cell), its, k) == first) other.flip = k + 1;
+  return other;
+}
+
+}  // namespace varimesh::formats

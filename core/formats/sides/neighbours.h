@@ -1,0 +1,66 @@
+// The neighbour of every side of every cell, across periodic boundaries too, and the boundary conditions. Internal to
+// core/formats.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "core/formats/sides/sides.h"
+#include "core/mesh/connectivity.h"
+
+namespace varimesh::formats {
+
+/// What is on the other side of a side.
+struct SideNeighbour {
+  std::size_t own_facet = 0;  ///< The side itself, counted through all cells.
+  std::int64_t cell = -1;     ///< −1: none.
+  std::size_t facet = 0;      ///< The neighbour's side, counted through all cells.
+  int side = 0;               ///< The neighbour's side, counted from 1 in CGNS's order; 0: none.
+  /// Which of the neighbour's corners, counted from 1, is the first corner of the side; 0: none.
+  int flip = 0;
+  int group = 0;  ///< Number of the boundary condition, counted from 1; 0: none.
+};
+
+/// A physical group of sides, as a boundary condition.
+struct SideGroup {
+  int tag = 0;  ///< 0 for sides without a group.
+  std::string name;
+  int periodic = 0;       ///< Number of the periodic link, negative for its first side; 0: not periodic.
+  bool inner = false;     ///< Whether all its sides lie between two cells.
+  bool boundary = false;  ///< Whether some of its sides have nothing on the other side, nor a periodic image.
+};
+
+class SideNeighbours {
+ public:
+  SideNeighbours(const HighOrderMesh& mesh, const Cells& cells, const Team& team);
+
+  /// The elements of one dimension less than cells that are no sides of cells.
+  std::int64_t stray() const { return stray_; }
+  bool crowded() const { return facets_.crowded >= 0; }
+  std::size_t side_count() const { return facets_.neighbour.size(); }
+  const std::vector<SideGroup>& groups() const { return groups_; }
+  SideNeighbour of(std::size_t cell, const CgnsSide& side) const;
+
+ private:
+  void find_groups();
+  void find_periodic();
+  std::size_t facet_cell(std::size_t facet) const;
+  /// The node at a corner of a side.
+  std::int32_t corner(std::size_t cell, const CgnsSide& side, int k) const;
+  const CgnsSide& side_of(std::size_t cell, std::size_t facet, int& number) const;
+
+  const HighOrderMesh& mesh_;
+  const Cells& cells_;
+  Facets facets_;
+  std::vector<SideGroup> groups_;
+  std::int64_t stray_ = 0;
+  std::vector<int> group_of_facet_;
+  /// For each facet: the facet that is its periodic image, or −1, and whether nodes are to be mapped with the link or
+  /// against it.
+  std::vector<std::int64_t> image_;
+  std::vector<std::int32_t> image_link_;  ///< 1-based number of the link; negative for its second side.
+  std::vector<std::vector<std::pair<std::int32_t, std::int32_t>>> there_, back_;  ///< Node pairs, sorted, per link.
+};
+
+}  // namespace varimesh::formats

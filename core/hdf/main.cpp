@@ -1,0 +1,147 @@
+// varimesh_hdf5: reads or writes an HDF5 file in a process of its own, so that a damaged file which makes HDF5 crash,
+// hang or fill the memory ends only this process. core/formats/hdf5/process.cpp starts it.
+//
+//   varimesh_hdf5 read|write SECONDS BYTES
+//
+// Descriptor 4 is the file. Requests come over the socket that is descriptor 3 and are answered there, one by one
+// (core/formats/hdf5/protocol.h). SECONDS of processor time and BYTES of memory are the limits; 0: none. Once the file
+// is open, the process can open no other.
+#include <fcntl.h>
+#include <sys/prctl.h>
+#include <sys/resource.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstdlib>
+#include <cstring>
+#include <exception>
+#include <new>
+#include <string>
+
+#include "core/hdf/read.h"
+#include "core/hdf/types.h"
+#include "core/hdf/write.h"
+
+namespace {
+
+using namespace varimesh;
+using formats::hdf5::AnswerHead;
+using formats::hdf5::Kind;
+using formats::hdf5::Request;
+using formats::hdf5::RequestHead;
+
+void limit(int what, rlim_t most) {
+  const rlimit limits{most, most};
+  setrlimit(static_cast<__rlimit_resource>(what), &limits);
+}
+
+/// Reads exactly so many bytes. Returns false if the other side is gone.
+bool receive(void* to, std::size_t bytes) {
+  for (auto* at = static_cast<char*>(to); bytes > 0;) {
+    const ssize_t n = ::read(formats::hdf5::kSocket, at, bytes);
+    if (n < 0 && errno == EINTR) continue;
+    if (n <= 0) return false;
+    at += n;
+    bytes -= std::size_t(n);
+  }
+  return true;
+}
+
+bool send(const void* from, std::size_t bytes) {
+  for (const auto* at = static_cast<const char*>(from); bytes > 0;) {
+    const ssize_t n = ::write(formats::hdf5::kSocket, at, bytes);
+    if (n < 0 && errno == EINTR) continue;
+    if (n <= 0) return false;
+    at += n;
+    bytes -= std::size_t(n);
+  }
+  return true;
+}
+
+bool answer(bool failed, const std::string& bytes) {
+  const AnswerHead head{failed ? 1 : 0, std::int64_t(bytes.size())};
+  return send(&head, sizeof head) && send(bytes.data(), bytes.size());
+}
+
+std::string act(hid_t file, const RequestHead& head, const std::string& text, const std::string& values) {
+  switch (head.request) {
+    case Request::List:
+      return hdf::list(file, text);
+    case Request::ReadIntegers:
+      return hdf::read(file, text, Kind::Integers, head.first, head.count);
+    case Request::ReadNumbers:
+      return hdf::read(file, text, Kind::Numbers, head.first, head.count);
+    case Request::ReadTexts:
+      return hdf::read(file, text, Kind::Texts, head.first, head.count);
+    case Request::MakeGroup:
+      hdf::make_group(file, text);
+      return {};
+    case Request::MakeArray:
+    case Request::MakeAttribute:
+      hdf::make_array(file, text, head.request == Request::MakeAttribute, values);
+      return {};
+    case Request::WriteRows:
+      hdf::write_rows(file, text, head.first, head.count, values);
+      return {};
+    case Request::Finish:
+      break;
+  }
+  throw hdf::Refusal("a request is unknown");
+}
+
+/// Answers requests until there are no more. Returns the status of the process.
+int serve(hid_t file) {
+  for (RequestHead head; receive(&head, sizeof head);) {
+    if (head.text > formats::hdf5::kMostText || head.bytes < 0 || head.bytes > formats::hdf5::kMostBytes) return 2;
+    std::string text(head.text, '\0'), values(std::size_t(head.bytes), '\0');
+    if (!receive(text.data(), text.size()) || !receive(values.data(), values.size())) return 2;
+    if (head.request == Request::Finish) {
+      const bool closed = H5Fclose(file) >= 0;
+      return answer(!closed, closed ? "" : "the file cannot be ended; the disk may be full") ? 0 : 2;
+    }
+    std::string result;
+    bool failed = false;
+    try {
+      result = act(file, head, text, values);
+    } catch (const std::bad_alloc&) {
+      failed = true;
+      result = "it needs more memory than is available";
+    } catch (const std::exception& refusal) {
+      failed = true;
+      result = refusal.what();
+    }
+    if (!answer(failed, result)) return 2;
+  }
+  return 0;  // whoever asked is gone
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  if (argc != 4) return 2;
+  prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0);
+  if (const rlim_t seconds = std::strtoull(argv[2], nullptr, 10)) limit(RLIMIT_CPU, seconds);
+  if (const rlim_t bytes = std::strtoull(argv[3], nullptr, 10)) limit(RLIMIT_AS, bytes);
+  limit(RLIMIT_CORE, 0);
+  setenv("HDF5_USE_FILE_LOCKING", "FALSE", 1);  // the file has no name, so no other process has it open
+  unsetenv("HDF5_PLUGIN_PATH");
+  H5Eset_auto2(H5E_DEFAULT, nullptr, nullptr);  // prints nothing
+  H5PLset_loading_state(0);                     // loads no code that a file asks for
+  const std::string path = "/proc/self/fd/" + std::to_string(formats::hdf5::kFile);
+  try {
+    const bool writes = std::strcmp(argv[1], "write") == 0;
+    // The driver that HDF5 uses otherwise looks for the file by its name, and this file has none.
+    const hdf::Handle access(H5Pcreate(H5P_FILE_ACCESS), H5Pclose, "HDF5 cannot be used");
+    hdf::check(H5Pset_fapl_stdio(access), "HDF5 cannot be used");
+    const hid_t file = writes ? hdf::make_file(path.c_str(), access) : H5Fopen(path.c_str(), H5F_ACC_RDONLY, access);
+    // The next file that is opened would get the lowest free descriptor, which must be below the limit.
+    const int next = ::open("/dev/null", O_RDONLY | O_CLOEXEC);
+    ::close(next);
+    limit(RLIMIT_NOFILE, rlim_t(next));
+    if (!answer(file < 0, file < 0 ? "it is not a whole HDF5 file" : "")) return 2;
+    return file < 0 ? 3 : serve(file);
+  } catch (const std::exception& failure) {
+    answer(true, failure.what());
+    return 3;
+  }
+}

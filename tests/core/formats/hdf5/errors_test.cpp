@@ -1,0 +1,206 @@
+// Damaged and hostile HDF5 files: every one ends in a sentence, and the program that reads them has limits.
+#include <gtest/gtest.h>
+
+#include <filesystem>
+
+#include "core/formats/hdf5/files.h"
+#include "core/formats/hdf5/process.h"
+#include "tests/core/formats/hdf5/program.h"
+#include "tests/core/support/formats.h"
+#include "tests/core/support/meshes.h"
+#include "tests/core/support/samples.h"
+
+namespace varimesh {
+namespace {
+
+using formats::Format;
+using testing::curved_grid;
+using testing::Filling;
+
+std::string some(Format format) { return test::written(curved_grid(Filling::Hexahedra, 2), format); }
+
+TEST(DamagedHdf5File, IsRefusedWhereverItIsCutShort) {
+  NEEDS_HDF5();
+  for (const Format format : {Format::Hopr, Format::Cgns}) {
+    const std::string whole = some(format);
+    ASSERT_EQ(testing::why_not(whole), "it was read");
+    for (std::size_t k = 0; k < 50; ++k) {
+      const std::string cut = whole.substr(0, k * whole.size() / 50);
+      EXPECT_FALSE(formats::read(cut)) << "cut at byte " << cut.size();
+      EXPECT_GT(testing::why_not(cut).size(), 20U);
+    }
+  }
+}
+
+TEST(DamagedHdf5File, IsReadOrRefusedWithFlippedBytes) {
+  NEEDS_HDF5();
+  for (const Format format : {Format::Hopr, Format::Cgns}) testing::expect_survives_flips(some(format), 100);
+}
+
+/// Changes a file with h5py, and returns its bytes.
+std::string changed(const std::string& bytes, const std::string& code) {
+  const test::Folder folder;
+  const std::string file = folder.file("changed.h5");
+  std::ofstream(file, std::ios::binary) << bytes;
+  const std::string command = "/usr/bin/python3 -c 'import h5py, numpy as np; f = h5py.File(\"" + file +
+                              "\", \"r+\"); " + code + "; f.close()' >/dev/null 2>&1";
+  EXPECT_EQ(std::system(command.c_str()), 0) << code;
+  return test::slurp(file);
+}
+
+bool has_h5py() { return std::system("/usr/bin/python3 -c 'import h5py' >/dev/null 2>&1") == 0; }
+
+TEST(HoprErrors, AreSaid) {
+  NEEDS_HDF5();
+  if (!has_h5py()) GTEST_SKIP() << "SKIPPED: h5py is not installed (python3-h5py)";
+  const std::string whole = some(Format::Hopr);
+  const auto says = [&](const std::string& code, const std::string& words) {
+    SCOPED_TRACE(code);
+    EXPECT_SAYS(changed(whole, code), words);
+  };
+  says("f[\"GlobalNodeIDs\"][3] = 100000", "has the number 100000, but nodes are numbered 1 to");
+  says("f[\"GlobalNodeIDs\"][3] = 0", "has the number 0");
+  says("f[\"ElemInfo\"][0, 0] = 207", "has the element type 207, which HOPR does not know (row 1, counted from 1)");
+  says("f[\"ElemInfo\"][1, 5] += 1", "other rows of nodes");
+  says("f[\"ElemInfo\"][0, 3] += 1", "hanging nodes");
+  says("f[\"ElemInfo\"][1, 1] = -4", "the zone -4");
+  says("f[\"NodeCoords\"][2, 0] += 1", "has a node at another place");
+  says("f[\"SideInfo\"][0, 2] = 99", "names the neighbour 99, but the elements are 1 to 2");
+  says("f[\"SideInfo\"][0, 2] = -1", "hanging nodes");
+  says("f[\"SideInfo\"][0, 4] = 9", "names the boundary condition 9, but they are 1 to 6");
+  says("f[\"SideInfo\"][:, 4] = 0", "neither a neighbour nor a boundary condition");
+  says("f.attrs[\"Ngeo\"] = 11", "is 11; VariMesh takes orders from 1 to 10");
+  says("f.attrs[\"Ngeo\"] = 3", "other rows of nodes");
+  says("del f[\"NodeCoords\"]", "'/NodeCoords' is missing");
+  says("del f[\"BCType\"]; f[\"BCType\"] = np.zeros((2, 4), \"i4\")", "not four for each of the 6 names");
+  says("x = f[\"NodeCoords\"][:-1]; del f[\"NodeCoords\"]; f[\"NodeCoords\"] = x", "rows, but the elements have 54");
+  says("del f[\"GlobalNodeIDs\"]; f[\"GlobalNodeIDs\"] = np.zeros(54)", "is not an array of integers");
+  says("del f[\"SideInfo\"]; f[\"SideInfo\"] = np.zeros((12, 3), \"i4\")", "has fewer than 5 values in a row");
+}
+
+TEST(CgnsErrors, AreSaid) {
+  NEEDS_HDF5();
+  if (!has_h5py()) GTEST_SKIP() << "SKIPPED: h5py is not installed (python3-h5py)";
+  const std::string whole = some(Format::Cgns);
+  const auto says = [&](const std::string& code, const std::string& words) {
+    SCOPED_TRACE(code);
+    EXPECT_SAYS(changed(whole, code), words);
+  };
+  const std::string zone = "z = f[\"Base/Zone\"]; s = [n for n in z if n.startswith(\"Hexa\")][0]; ";
+  says(zone + "z[s][\"ElementConnectivity/ data\"][5] = 1000", "refers to node 1000, but the nodes are 1 to 45");
+  says(zone + "z[s][\"ElementConnectivity/ data\"][5] = 0", "refers to node 0");
+  says(zone + "z[s][\" data\"][0] = 18", "elements of type 18, which do not have all nodes");
+  says(zone + "z[s][\" data\"][0] = 22", "polygons or polyhedra");
+  says(zone + "z[s][\" data\"][0] = 17", "has more than the elements of its section");
+  says(zone + "z[s][\"ElementRange/ data\"][1] += 1", "");
+  says("f[\"Base/Zone/ data\"][0, 0] = 44", "has 45 numbers, but the zone has 44 nodes");
+  says("f[\"Base/ data\"][0] = 4", "does not give dimensions 2 or 3");
+  says("f.copy(\"Base/Zone\", \"Base/Zone2\")", "has 2 zones (Zone_t), and VariMesh reads one");
+  says("f[\"Base/Zone/ZoneType/ data\"][0] = 66", "is not Unstructured");
+  says("del f[\"Base/Zone/GridCoordinates\"]", "'/Base/Zone/GridCoordinates' is missing");
+  says("f[\"Base/Zone/ZoneBC/left/PointRange/ data\"][1, 0] = 500", "has the number 500, but they go from 1 to");
+  EXPECT_SAYS("@(#)ADF Database Version", "adf2hdf");
+}
+
+TEST(Hdf5Errors, NameOtherFiles) {
+  NEEDS_HDF5();
+  EXPECT_SAYS(some(Format::Pyfr), "a mesh or a solution of PyFR, which VariMesh only writes");
+  EXPECT_SAYS(std::string("\x89HDF\r\n\x1a\n", 8), "is not a whole HDF5 file");
+}
+
+// A file must not make the service read another file of its machine.
+TEST(Hdf5Errors, LinksToOtherFilesAreNotFollowed) {
+  NEEDS_HDF5();
+  if (!has_h5py()) GTEST_SKIP() << "SKIPPED: h5py is not installed (python3-h5py)";
+  const test::Folder folder;
+  const std::string whole = some(Format::Hopr), other = folder.file("other.h5");
+  std::ofstream(other, std::ios::binary) << whole;
+  const std::string by_link =
+      "del f[\"NodeCoords\"]; f[\"NodeCoords\"] = h5py.ExternalLink(\"" + other + "\", \"/NodeCoords\")";
+  EXPECT_SAYS(changed(whole, by_link), "leads to another file");
+  const std::string outside = "del f[\"NodeCoords\"]; f.create_dataset(\"NodeCoords\", (54, 3), \"f8\", external=[(\"" +
+                              other + "\", 0, h5py.h5f.UNLIMITED)])";
+  EXPECT_SAYS(changed(whole, outside), "leads to another file");
+}
+
+TEST(Hdf5Errors, AMissingProgramIsSaid) {
+  NEEDS_HDF5();
+  const std::string whole = some(Format::Hopr);
+  const std::string program = std::getenv("VARIMESH_HDF5");
+  ::setenv("VARIMESH_HDF5", "/nowhere", 1);
+  EXPECT_SAYS(whole, "VariMesh was installed without HDF5: varimesh_hdf5");
+  EXPECT_NE(some(Format::Hopr).find("HDF5 files cannot be written: VariMesh was installed without HDF5"),
+            std::string::npos);
+  EXPECT_FALSE(formats::has_hdf5());
+  ::setenv("VARIMESH_HDF5", program.c_str(), 1);
+}
+
+/// A script in the program's place.
+class InPlaceOfTheProgram {
+ public:
+  explicit InPlaceOfTheProgram(const std::string& script) : program_(std::getenv("VARIMESH_HDF5")) {
+    const std::string file = folder_.file("program");
+    std::ofstream(file) << "#!/bin/bash\n" << script << "\n";
+    std::filesystem::permissions(file, std::filesystem::perms::owner_all);
+    ::setenv("VARIMESH_HDF5", file.c_str(), 1);
+  }
+  ~InPlaceOfTheProgram() { ::setenv("VARIMESH_HDF5", program_.c_str(), 1); }
+  InPlaceOfTheProgram(const InPlaceOfTheProgram&) = delete;
+  InPlaceOfTheProgram& operator=(const InPlaceOfTheProgram&) = delete;
+
+ private:
+  test::Folder folder_;
+  std::string program_;
+};
+
+TEST(Hdf5Process, ACrashEndsOnlyTheProgram) {
+  NEEDS_HDF5();
+  const std::string whole = some(Format::Hopr);
+  {
+    const InPlaceOfTheProgram crash("kill -SEGV $$");
+    EXPECT_SAYS(whole, "HDF5 crashed (signal 11), so the file is probably damaged");
+  }
+  {
+    const InPlaceOfTheProgram slow("kill -XCPU $$");
+    EXPECT_SAYS(whole, "HDF5 took more than");
+  }
+  EXPECT_SAYS(whole, "it was read");
+}
+
+// What the program answers is checked: it may have been taken over by the file that it reads.
+TEST(Hdf5Process, WrongAnswersAreRefused) {
+  NEEDS_HDF5();
+  const std::string whole = some(Format::Hopr);
+  const InPlaceOfTheProgram liar(
+      "head -c 16 /dev/zero >&3; head -c 100 <&3 >/dev/null; head -c 99999 /dev/urandom >&3");
+  EXPECT_GT(testing::why_not(whole).size(), 20U);
+  EXPECT_NE(testing::why_not(whole), "it was read");
+}
+
+TEST(Hdf5Process, EndsWhenReadingIsStopped) {
+  NEEDS_HDF5();
+  const std::string whole = some(Format::Hopr);
+  const InPlaceOfTheProgram hanging("exec sleep 100");
+  const StopToken stop([] { return true; });
+  const auto file = formats::read(whole, 1, &stop);
+  ASSERT_FALSE(file);
+  EXPECT_NE(file.error().sentence.find("was stopped before its end"), std::string::npos);
+}
+
+TEST(Hdf5Process, LeavesNoFilesOpen) {
+  NEEDS_HDF5();
+  const auto count = [] {
+    return std::distance(std::filesystem::directory_iterator("/proc/self/fd"), std::filesystem::directory_iterator());
+  };
+  const std::string whole = some(Format::Hopr);
+  const auto before = count();
+  for (int k = 0; k < 5; ++k) {
+    (void)formats::read(whole);
+    (void)formats::read(whole.substr(0, 1000));
+    (void)some(Format::Cgns);
+  }
+  EXPECT_EQ(count(), before);
+}
+
+}  // namespace
+}  // namespace varimesh

@@ -1,0 +1,57 @@
+// PyFR's meshes; peers_test.cpp reads what is written.
+#include "core/formats/pyfr/pyfr.h"
+
+#include <gtest/gtest.h>
+
+#include "tests/core/formats/hdf5/program.h"
+#include "tests/core/support/formats.h"
+#include "tests/core/support/meshes.h"
+#include "tests/core/support/samples.h"
+
+namespace varimesh {
+namespace {
+
+using formats::Format;
+using testing::curved_grid;
+using testing::Filling;
+
+TEST(Pyfr, WritesEveryShapeAndOrder) {
+  NEEDS_HDF5();
+  for (const Filling filling : {Filling::Quadrilaterals, Filling::Triangles, Filling::MixedPlane, Filling::Hexahedra,
+                                Filling::Prisms, Filling::Tetrahedra})
+    for (const int order : {1, 2, 5, 10}) {
+      const HighOrderMesh mesh = curved_grid(filling, order);
+      const std::string bytes = test::written(mesh, Format::Pyfr);
+      EXPECT_EQ(bytes.find("not written"), std::string::npos) << bytes.substr(0, 200);
+      EXPECT_EQ(test::written(mesh, Format::Pyfr), bytes) << "the bytes of a file depend on its mesh only";
+    }
+}
+
+TEST(Pyfr, TakesPyramidsOnlyOnParallelograms) {
+  NEEDS_HDF5();
+  const std::string straight = test::written(testing::grid(Filling::Pyramids, {2, 1, 1}, 3), Format::Pyfr);
+  EXPECT_EQ(straight.find("not written"), std::string::npos);
+  EXPECT_NE(test::written(testing::grid(Filling::Pyramids, {2, 1, 1}, 3, testing::bent(3)), Format::Pyfr)
+                .find("a pyramid whose base is no parallelogram, which PyFR does not take"),
+            std::string::npos);
+}
+
+TEST(Pyfr, RefusesSurfacesInSpace) {
+  NEEDS_HDF5();
+  HighOrderMesh mesh = curved_grid(Filling::Triangles, 2);
+  mesh.coordinates[2] = 1;
+  EXPECT_NE(test::written(mesh, Format::Pyfr).find("a plane z = constant and of solids only"), std::string::npos);
+}
+
+TEST(Pyfr, SaysWhatItLeavesOut) {
+  HighOrderMesh mesh = curved_grid(Filling::Tetrahedra, 2);
+  for (ElementBlock& block : mesh.blocks)
+    if (block.shape == Shape::Tetrahedron) block.physical = {3};
+  EXPECT_EQ(
+      formats::left_out(mesh, Format::Pyfr),
+      "PyFR's format has no place for groups of cells and the numbers of nodes and elements; the file leaves them "
+      "out.");
+}
+
+}  // namespace
+}  // namespace varimesh
