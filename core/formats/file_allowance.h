@@ -14,8 +14,8 @@ namespace varimesh::formats {
 /// The most memory that reading a file of this size takes with these readers, in bytes.
 constexpr std::int64_t most_file_memory(std::int64_t file_bytes) { return 8 * file_bytes + (std::int64_t{64} << 20); }
 
-/// Counts what a reader takes, and throws ReadFailure if a file asks for more than most_file_memory(). Only a damaged
-/// or hostile file does so, or one that repeats itself, such as a compressed file of zeros.
+/// Counts what a reader takes, and throws ReadFailure if a file asks for more than most_file_memory(). A damaged
+/// or hostile file does so, and a compressed file that consists of zeros.
 class FileAllowance {
  public:
   /// `stop` may be null.

@@ -1,4 +1,4 @@
-// The interior that Nektar++ gives to a face or cell of which only the boundary is curved. Internal to core/formats.
+// The interior that Nektar++ makes for a face or a cell from its curved boundary. Internal to core/formats.
 //
 // Source: G. Karniadakis, S. Sherwin, Spectral/hp Element Methods for Computational Fluid Dynamics, 2nd edition, 2005,
 // sections 3.1 and 3.2: the modified principal functions. A Nektar++ geometry has coefficients for the vertices, edges

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cstdlib>
 #include <map>
+#include <set>
 
 #include "core/formats/buffered_output.h"
 #include "core/formats/vtu.h"
@@ -46,13 +47,14 @@ std::map<int, std::vector<const ElementBlock*>> markers(const HighOrderMesh& mes
   return found;
 }
 
-/// The name of a group, in which SU2 takes no blanks.
-std::string marker_name(const HighOrderMesh& mesh, int tag) {
+/// The name of a group, in which SU2 takes no blanks. Names that become alike get the tag of their group.
+std::string marker_name(const HighOrderMesh& mesh, int tag, std::set<std::string>& used) {
   std::string name = "group_" + std::to_string(tag);
   for (const PhysicalGroup& group : mesh.physical_groups)
     if (group.dimension == mesh.dimension - 1 && group.tag == tag && !group.name.empty()) name = group.name;
   std::replace_if(
       name.begin(), name.end(), [](unsigned char c) { return c <= ' ' || c == '(' || c == ')' || c == ','; }, '_');
+  while (!used.insert(name).second) name += "_" + std::to_string(tag);
   return name;
 }
 
@@ -125,9 +127,10 @@ Expected<void> write_su2(const HighOrderMesh& mesh, Format, const Sink& sink, st
     }
   }
   const auto all = markers(mesh);
+  std::set<std::string> used;
   write_count(out, "NMARK", std::int64_t(all.size()));
   for (const auto& [tag, blocks] : all) {
-    out.text("MARKER_TAG= " + marker_name(mesh, tag) + "\n");
+    out.text("MARKER_TAG= " + marker_name(mesh, tag, used) + "\n");
     std::int64_t count = 0;
     for (const ElementBlock* block : blocks) count += std::int64_t(block->size());
     write_count(out, "MARKER_ELEMS", count);

@@ -149,11 +149,11 @@ class Decoder {
 
 template <class To, class From>
 void convert(const std::string& bytes, std::vector<To>& values) {
-  values.reserve(bytes.size() / sizeof(From));
-  for (std::size_t at = 0; at < bytes.size(); at += sizeof(From)) {
+  values.resize(bytes.size() / sizeof(From));
+  for (std::size_t i = 0; i < values.size(); ++i) {
     From value;
-    std::memcpy(&value, bytes.data() + at, sizeof(From));
-    values.push_back(To(value));
+    std::memcpy(&value, bytes.data() + i * sizeof(From), sizeof(From));
+    values[i] = To(value);
   }
 }
 

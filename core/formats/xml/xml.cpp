@@ -130,6 +130,46 @@ std::string_view XmlElement::get(std::string_view attribute) const {
 
 void walk_xml(std::string_view bytes, XmlVisitor& visitor) { Walk(bytes, visitor).run(); }
 
+namespace {
+
+/// Blanks the comments of `copy`.
+struct Comments {
+  XML_Parser parser;
+  std::string copy;
+  std::string last_element;
+
+  static void comment(void* self, const XML_Char*) {
+    auto& own = *static_cast<Comments*>(self);
+    const auto begin = std::size_t(XML_GetCurrentByteIndex(own.parser));
+    const auto length = std::size_t(XML_GetCurrentByteCount(own.parser));
+    for (std::size_t i = begin; i < std::min(begin + length, own.copy.size()); ++i)
+      if (own.copy[i] != '\n') own.copy[i] = ' ';
+  }
+  static void start(void* self, const XML_Char* name, const XML_Char**) {
+    auto& own = *static_cast<Comments*>(self);
+    if (name == own.last_element) XML_StopParser(own.parser, XML_FALSE);
+  }
+};
+
+}  // namespace
+
+std::string without_comments(std::string_view bytes, std::string_view last_element) {
+  if (bytes.find("<!--") == std::string_view::npos) return {};
+  const std::unique_ptr<XML_ParserStruct, decltype(&XML_ParserFree)> parser(XML_ParserCreate(nullptr), XML_ParserFree);
+  if (!parser) throw std::bad_alloc();
+  Comments comments{parser.get(), std::string(bytes), std::string(last_element)};
+  XML_SetUserData(parser.get(), &comments);
+  XML_SetCommentHandler(parser.get(), Comments::comment);
+  XML_SetStartElementHandler(parser.get(), Comments::start);
+  // A file that is not well-formed is refused by the walk that follows.
+  for (std::size_t at = 0; at < bytes.size(); at += kPiece) {
+    const std::size_t length = std::min(kPiece, bytes.size() - at);
+    if (XML_Parse(parser.get(), bytes.data() + at, int(length), at + length == bytes.size() ? 1 : 0) != XML_STATUS_OK)
+      break;
+  }
+  return std::move(comments.copy);
+}
+
 std::string escaped_xml(std::string_view text) {
   std::string escaped;
   for (const char c : text) {

@@ -40,6 +40,10 @@ class XmlVisitor {
 /// small file huge), nests elements deeper than 64, or is not in UTF-8 or ASCII.
 void walk_xml(std::string_view bytes, XmlVisitor& visitor);
 
+/// The file with blanks in place of its comments, at the same bytes; empty if it has none. What follows an element with
+/// this name stays as it is: it may be raw bytes.
+std::string without_comments(std::string_view bytes, std::string_view last_element);
+
 /// The text as an attribute in quotation marks has it.
 std::string escaped_xml(std::string_view text);
 

@@ -1,5 +1,5 @@
-"""Reads a Nektar++ file, text or compressed, by its description alone. Checks that every cell can be oriented, and
-compares the volume and the surface with given values.
+"""Reads a Nektar++ file, text or compressed, as its description says, without code of VariMesh. Checks that every cell can
+be oriented, and compares the volume and the surface with given values.
 
 usage: check_nektar.py FILE VOLUME SURFACE
 """

@@ -40,6 +40,15 @@ TEST(Su2, MarkersHaveNoBlanks) {
   EXPECT_NE(test::written(mesh, Format::Su2).find("MARKER_TAG= the_left__side\n"), std::string::npos);
 }
 
+TEST(Su2, NamesThatBecomeAlikeStayApart) {
+  HighOrderMesh mesh = testing::grid(Filling::Quadrilaterals, {1, 1, 1}, 1);
+  mesh.physical_groups[0].name = "a b";
+  mesh.physical_groups[1].name = "a_b";
+  const std::string bytes = test::written(mesh, Format::Su2);
+  EXPECT_NE(bytes.find("MARKER_TAG= a_b\n"), std::string::npos);
+  EXPECT_NE(bytes.find("MARKER_TAG= a_b_2\n"), std::string::npos);
+}
+
 TEST(Su2, SurfacesInSpaceAreRefused) {
   HighOrderMesh mesh = testing::grid(Filling::Triangles, {1, 1, 1}, 1);
   mesh.coordinates[2] = 1;

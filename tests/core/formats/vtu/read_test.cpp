@@ -189,6 +189,8 @@ TEST(VtuReadErrors, AreSaid) {
     return changed.replace(changed.find(from), from.size(), to);
   };
   EXPECT_SAYS(whole, "it was read");
+  EXPECT_SAYS(with(" 8 </DataArray>", " <!-- the last -->8 </DataArray>"), "it was read");
+  EXPECT_SAYS(with(">28</DataArray>", "><!-- one\ntype -->28<!-- -- ></DataArray>"), "not well-formed");
   EXPECT_SAYS(with("UnstructuredGrid", "PolyData"), "reads UnstructuredGrid");
   EXPECT_SAYS(with("byte_order", "compressor=\"vtkLZ4DataCompressor\" byte_order"), "compressed with vtkLZ4");
   EXPECT_SAYS(with("NumberOfPoints=\"9\"", "NumberOfPoints=\"8\""), "has 27 values; 24 were expected");
