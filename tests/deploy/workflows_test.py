@@ -57,6 +57,10 @@ class Snakemake(WithServer):
         document = json.loads((self.folder / "solver/plate.json").read_text())
         self.assertEqual(after["certified"]["valid"], document["mesh"]["elements"])
         self.assertIn(b"VTKFile", (self.folder / "solver/plate.vtu").read_bytes()[:200])
+        for name in ("solver/plate.xml", "solver/plate.mesh"):
+            own = self.quality(name)
+            self.assertEqual(own["certified"]["valid"], document["mesh"]["elements"], name)
+            self.assertAlmostEqual(own["min_scaled_jacobian"], after["min_scaled_jacobian"], places=9)
         self.assertEqual([job["state"] for job in self.jobs()], ["succeeded"])
 
         # Remove all outputs, as if the step had been lost. The server still has the job and makes no second one.
