@@ -20,6 +20,12 @@ constexpr double kLossGivenForJs = 1.02;
 /// Cells below this scaled Jacobian get more weight as long as that costs no more.
 constexpr double kWanted = 0.5;
 constexpr int kMostRaises = 8;
+/// A round that raises the loss by more than this, and the minimum of the scaled Jacobian not at all, has left what the
+/// frames at its beginning say. It is taken back, and ε_e gets kCaution times as large.
+constexpr double kRises = 1.1;
+constexpr double kCaution = 10;
+/// If no mesh has the scaled Jacobian of the context, those count that have this share of the highest.
+constexpr double kShareOfHighest = 0.5;
 /// A round that lowers the loss by less than this is the last, unless a cell still needs more weight.
 constexpr double kFalls = 0.99;
 /// L-BFGS ends when a whole step would lower the sum by about this share of it.
@@ -64,6 +70,7 @@ Descent::Descent(const DescentContext& context)
 bool Descent::begin() {
   best_ = kept_state();
   start_loss_ = last_loss_ = best_.loss;
+  accept(best_);
   if (best_.uncertified == 0 && reaches_bound(best_)) least_loss_ = best_.loss;
   return start_loss_ > kNoLoss;
 }
@@ -90,7 +97,12 @@ bool Descent::is_better(const State& state) const {
   }
   if (state.uncertified > 0) return state.loss < best_.loss;
   if (reaches_bound(state) != reaches_bound(best_)) return reaches_bound(state);
-  if (!reaches_bound(state)) return state.scaled_jacobian > best_.scaled_jacobian;
+  if (!reaches_bound(state)) {
+    const double most = std::max(highest_, state.scaled_jacobian);
+    const bool is_high = state.scaled_jacobian >= kShareOfHighest * most;
+    const bool best_is_high = best_.scaled_jacobian >= kShareOfHighest * most;
+    return is_high != best_is_high ? is_high : kLossGivenForJs * state.loss < best_.loss;
+  }
   const double most = kLossGivenForJs * least_loss_;
   if (best_.loss > most || state.loss > most) return state.loss < best_.loss;
   const double js = std::min(state.scaled_jacobian, kWanted), of_best = std::min(best_.scaled_jacobian, kWanted);
@@ -100,7 +112,8 @@ bool Descent::is_better(const State& state) const {
 void Descent::set_weights(double loss) {
   const Material& m = context_.material;
   const double stiffness = has_bulk_constant(m) ? m.mu + (m.lambda + m.mu) / problem_.dimension : 1;
-  for (std::size_t cell = 0; cell < weights_.size(); ++cell) weights_[cell] = kWeight * loss * loss * factors_[cell];
+  for (std::size_t cell = 0; cell < weights_.size(); ++cell)
+    weights_[cell] = caution_ * kWeight * loss * loss * factors_[cell];
   std::vector<double> stiff(weights_);
   for (double& one : stiff) one *= stiffness;
   levels_.take_diagonals(form_, stiff);
@@ -210,6 +223,23 @@ void Descent::note_scans(DescentRound& round) const {
   round.energy = energy / measure;
 }
 
+void Descent::accept(const State& state) {
+  accepted_ = problem_.positions;
+  accepted_loss_ = state.loss;
+  accepted_js_ = state.scaled_jacobian;
+  if (state.uncertified <= best_.uncertified) highest_ = std::max(highest_, state.scaled_jacobian);
+}
+
+/// Goes back to the mesh at the beginning of the round.
+void Descent::take_back() {
+  caution_ *= kCaution;
+  ++raises_;
+  team_.run([&] {
+    problem_.positions = accepted_;
+    context_.guard.certify_moved();
+  });
+}
+
 DescentRound Descent::round() {
   DescentRound round;
   team_.run([&] {
@@ -220,6 +250,11 @@ DescentRound Descent::round() {
   });
   note_scans(round);
   State state = kept_state();
+  if (state.loss > kRises * accepted_loss_ && state.scaled_jacobian <= accepted_js_ && raises_ < kMostRaises) {
+    take_back();
+    return round;
+  }
+  accept(state);
   const bool reaches = state.uncertified == 0 && reaches_bound(state);
   // The scans see the quadrature points only.
   const double margin = std::max(0.0, round.min_scaled_jacobian - state.scaled_jacobian);

@@ -51,6 +51,9 @@ struct DescentRound {
 /// ε_e is the same for all cells, the squared loss times a constant, and falls with the loss from round to round. After
 /// a round, the cells whose scaled Jacobian is too low take four times their ε_e. docs/accuracy.md has the figures.
 ///
+/// Q knows the frames at the beginning of a round only. If the loss has risen by much at its end, as it does in thin
+/// cells that move far, the mesh goes back to that beginning and ε_e becomes larger in all cells.
+///
 /// Certificates are kept (guard.h): a round that costs a cell its certificate puts the cell's nodes back. The best mesh
 /// so far is kept whatever the rounds after it do.
 class Descent {
@@ -74,8 +77,9 @@ class Descent {
     double loss = std::numeric_limits<double>::infinity();
   };
   /// The best mesh among those with the fewest uncertified cells. If there are such cells, it is the one with the least
-  /// loss. If none has the scaled Jacobian of the context, it is the one with the highest. Otherwise its loss is within
-  /// 2 % of the least one of those that have it, and its scaled Jacobian is the highest up to 0.5 of those within.
+  /// loss. If none has the scaled Jacobian of the context, it is the one with the least loss, to within 2 %, among
+  /// those that have at least half of the highest. Otherwise its loss is within 2 % of the least one of those that have
+  /// it, and its scaled Jacobian is the highest up to 0.5 of those within.
   const State& best() const { return best_; }
   State take_best() { return std::move(best_); }
 
@@ -96,6 +100,8 @@ class Descent {
   /// Gives cells with a low scaled Jacobian more weight; returns how many there are.
   std::int64_t raise_low(double wanted);
   void note_scans(DescentRound& round) const;
+  void accept(const State& state);
+  void take_back();
 
   DescentContext context_;
   Problem& problem_;
@@ -114,7 +120,11 @@ class Descent {
   double first_gradient_ = 0;
   double start_loss_ = 0, last_loss_ = 0;
   double least_loss_ = std::numeric_limits<double>::infinity();  ///< Of the meshes that reach the bound.
-  int raises_ = 0;
+  int raises_ = 0;                                               ///< Also counts the rounds that were taken back.
+  double caution_ = 1;                                           ///< What all ε_e are raised by.
+  std::vector<double> accepted_;  ///< Of all nodes of the problem: where the last round that was not taken back ended.
+  double accepted_loss_ = 0, accepted_js_ = -1;
+  double highest_ = -1;  ///< The highest scaled Jacobian of a mesh with the fewest uncertified cells.
   State best_;
 };
 

@@ -56,9 +56,11 @@ std::int64_t bytes_of_descent(const MeshCounts& counts, const std::vector<SetSiz
   MeshCounts lower = counts;
   lower.order = std::max(counts.order - 1, 1);
   const std::int64_t listing = 2 * bytes_of_mesh(lower);
-  // Five vectors and those of the quasi-Newton method; ε_e and what it follows from; the best mesh and the latest one.
+  // Five vectors and those of the quasi-Newton method; ε_e and what it follows from; the best mesh, the latest one, and
+  // the one that the last round began with.
   constexpr std::int64_t kVectors = 5 + 2 * static_cast<std::int64_t>(QuasiNewton::kPairs) + 1;
   std::int64_t running = kVectors * kDouble * d * counts.free_nodes() + 3 * kDouble * counts.cell_count();
+  running += kDouble * d * counts.nodes();
   running += 2 * (3 * kDouble * counts.nodes() + std::int64_t{sizeof(Certificate)} * counts.cell_count());
   running += std::max(bytes_of_accuracy(counts), kDouble * places(counts, static_cast<int>(order)));
   return kept + std::max(listing, running);

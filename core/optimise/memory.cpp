@@ -45,7 +45,7 @@ struct Run {
     newton.has_norm = options.p_norm > 1 || is_worst;
     newton.has_left_factor = options.target == Target::Size;
     keeps_function = make_kernels(material(options), counts.dimension)->keeps_function();
-    keeps_best = options.until_js > 0 || is_worst;
+    keeps_best = options.until_js > 0 || is_worst || options.objective == Objective::Accuracy;
   }
 
   bool iterates() const { return options.max_iterations > 0; }

@@ -71,6 +71,11 @@ void PhaseChooser::untangling_from(std::int64_t unrepaired) {
   fewest_before_ = fewest_;
 }
 
+bool Stopper::asks_for_proof(const Iteration& iteration) const {
+  const bool for_accuracy = options_.objective == Objective::Accuracy && options_.until != Until::Valid;
+  return for_accuracy && iteration.invalid_elements == 0 && iteration.min_scaled_jacobian >= options_.min_js;
+}
+
 std::optional<StopReason> Stopper::after(const Iteration& iteration, bool converged, Outlook outlook, double bound) {
   if (fewest_ < 0 || iteration.invalid_elements < fewest_) {
     fewest_ = iteration.invalid_elements;
@@ -82,7 +87,8 @@ std::optional<StopReason> Stopper::after(const Iteration& iteration, bool conver
   const bool for_accuracy = options_.objective == Objective::Accuracy && options_.until != Until::Valid;
   if (options_.until == Until::Valid || for_accuracy) {
     // The descent keeps the bound on the scaled Jacobian more easily than it reaches it.
-    const bool goes_on = for_accuracy && iteration.number > 0 && iteration.min_scaled_jacobian < options_.min_js;
+    const bool goes_on =
+        for_accuracy && iteration.number > 0 && !(asks_for_proof(iteration) && bound >= options_.min_js);
     if (iteration.invalid_elements == 0 && !goes_on) return StopReason::Valid;
     if (iteration.invalid_elements > 0 && iteration.repairable_elements == 0 && last) return StopReason::Repaired;
   }

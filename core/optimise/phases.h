@@ -61,16 +61,20 @@ class PhaseChooser {
 };
 
 /// Decides whether an iteration was the last. With Objective::Accuracy the phases are those of Objective::Energy, and
-/// end as soon as the mesh is valid and has Options::min_js at the quadrature points, or only unrepairable cells are
-/// left. So the accuracy objective certifies no fewer cells than the energy's optimum.
+/// end as soon as every cell is proved to have Options::min_js, or only unrepairable cells are left. So the accuracy
+/// objective certifies no fewer cells than the energy's optimum.
 class Stopper {
  public:
   explicit Stopper(const Options& options) : options_(options) {}
 
   /// Call it after every iteration, and once before the first with iteration 0, the mesh as it is. `bound` is the
-  /// proved minimum of the scaled Jacobian; only until_js needs it. Lack of progress ends a run only if the outlook is
-  /// Nothing, and convergence only if no other method will come.
+  /// proved minimum of the scaled Jacobian; only until_js needs it, and iterations that ask for a proof. Lack of
+  /// progress ends a run only if the outlook is Nothing, and convergence only if no other method will come.
   std::optional<StopReason> after(const Iteration& iteration, bool converged, Outlook outlook, double bound);
+
+  /// Whether the proof decides: with Objective::Accuracy, if all cells are valid and have Options::min_js at the
+  /// quadrature points, which is cheaper to know.
+  bool asks_for_proof(const Iteration& iteration) const;
 
   template <class Archive>
   void state(Archive& archive) {

@@ -184,7 +184,10 @@ void StageRun::record(const MethodOutcome& outcome) {
   iteration_.repairable_elements = guard_.repairable();
   iteration_.left_elements = guard_.fewest();
   iteration_.seconds = seconds();
-  if (options_.until_js > 0) bound_ = best_.consider(guard_, team_.stop());
+  if (options_.until_js > 0)
+    bound_ = best_.consider(guard_, team_.stop());
+  else if (stopper_.asks_for_proof(iteration_))
+    bound_ = best_.examine(guard_, Certifier::kMinimumGap, team_.stop());
   history_.push_back(iteration_);
 }
 

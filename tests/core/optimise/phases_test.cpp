@@ -171,7 +171,12 @@ TEST(Stopper, OfTheAccuracyObjectiveStopsAtAValidMeshButIsAsPatientAsThatOfTheEn
   low.min_scaled_jacobian = 0.99 * options.min_js;
   high.min_scaled_jacobian = options.min_js;
   EXPECT_EQ(valid.after(low, false, Outlook::Nothing, 0), std::nullopt);
-  EXPECT_EQ(valid.after(high, false, Outlook::Nothing, 0), StopReason::Valid);
+  EXPECT_FALSE(valid.asks_for_proof(low));
+  EXPECT_TRUE(valid.asks_for_proof(high));
+  EXPECT_FALSE(valid.asks_for_proof(iteration(2, 1, 1)));
+  // The quadrature points see less than the proof.
+  EXPECT_EQ(valid.after(high, false, Outlook::Nothing, 0.99 * options.min_js), std::nullopt);
+  EXPECT_EQ(valid.after(high, false, Outlook::Nothing, options.min_js), StopReason::Valid);
   Stopper came_valid(options);
   EXPECT_EQ(came_valid.after(iteration(0, 0, 0), false, Outlook::Nothing, 0), StopReason::Valid);
   EXPECT_EQ(unrepairable.after(iteration(1, 3, 0), false, Outlook::Nothing, 0), StopReason::Repaired);
