@@ -2,6 +2,7 @@
 
 #include <map>
 #include <string_view>
+#include <tuple>
 
 #include "client/report/page_files.h"
 #include "core/formats/output_file.h"
@@ -48,7 +49,7 @@ Expected<void> write_report(const std::string& path, const Report& report) {
               {"options", report.options},
               {"origin", report.origin},
               {"picture_note", report.picture_note}};
-  std::string arrays;
+  std::string arrays, more_arrays;
   if (report.before != nullptr) {
     auto snapshots = Snapshots::create(report.before, report.after);
     Marks marks = report.marks;
@@ -59,12 +60,15 @@ Expected<void> write_report(const std::string& path, const Report& report) {
       all["picture_note"] = "The result does not have the same elements as the input, so only the result is shown.";
     }
     if (!snapshots) return tl::unexpected(snapshots.error());
-    Packing packing;
-    all["scene"] = pack_scene(*snapshots, marks, &packing);
-    all["scene"]["arrays"] = packing.directory();
-    auto packed = packing.base64();
-    if (!packed) return tl::unexpected(packed.error());
-    arrays = std::move(*packed);
+    Packing packing, more;
+    all["scene"] = pack_scene(*snapshots, marks, &packing, &more);
+    for (const auto& [name, pack, text] :
+         {std::tuple("arrays", &packing, &arrays), std::tuple("more", &more, &more_arrays)}) {
+      all["scene"][name] = pack->directory();
+      auto packed = pack->base64();
+      if (!packed) return tl::unexpected(packed.error());
+      *text = std::move(*packed);
+    }
   }
   const std::string embedded_all = embedded(all);
   // Only 3-D views need the library, which is larger than the rest of the page.
@@ -73,6 +77,7 @@ Expected<void> write_report(const std::string& path, const Report& report) {
                          {{"style", {page::theme_css, page::page_css}},
                           {"report", {embedded_all}},
                           {"arrays", {arrays}},
+                          {"more", {more_arrays}},
                           {"library", {needs_library ? page::three_min_js : std::string_view()}},
                           {"script", {page::dom_js,       page::numbers_js,     page::axes_js,        page::charts_js,
                                       page::colours_js,   page::unpack_js,      page::cells_js,       page::overlay_js,

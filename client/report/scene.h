@@ -4,6 +4,8 @@
 #include <array>
 #include <nlohmann/json.hpp>
 #include <set>
+#include <string>
+#include <vector>
 
 #include "client/report/packing.h"
 #include "client/report/snapshots.h"
@@ -18,17 +20,24 @@ struct Marks {
 
 /// Packs the arrays that page/view_2d.js or page/view_3d.js draws. Returns what the page needs besides them:
 /// {"dimension", "centre", "box", "snapshots": ["before", …], "worst": {snapshot: [{"number", "scaled_jacobian",
-/// "place", "size", "cell"}]}, …}. "cell" is the index of the cell in the arrays.
-nlohmann::ordered_json pack_scene(const Snapshots& snapshots, const Marks& marks, Packing* packing);
+/// "place", "size", "cell"}]}, …}. "cell" is the index of the cell in the arrays. `more` gets the arrays that the page
+/// unpacks only when it needs them; it stays empty if there are none.
+nlohmann::ordered_json pack_scene(const Snapshots& snapshots, const Marks& marks, Packing* packing, Packing* more);
 
 /// The part of pack_scene() for 2-D: all cells, with edges as cubic Bézier curves. Appends the cells in the arrays to
 /// `shown`.
 nlohmann::ordered_json pack_cells_2d(const Snapshots& snapshots, Packing* packing, std::vector<std::int32_t>* shown);
 /// The part of pack_scene() for 3-D: the faces on the boundary and those of the worst cells, on lattices. Appends the
-/// cells in the arrays to `shown`.
-nlohmann::ordered_json pack_cells_3d(const Snapshots& snapshots, Packing* packing, std::vector<std::int32_t>* shown);
+/// cells in the arrays to `shown`. Of a large mesh, `packing` also gets the corners of the cells that the first cut of
+/// the page goes through, and `more` those of all cells.
+nlohmann::ordered_json pack_cells_3d(const Snapshots& snapshots, Packing* packing, Packing* more,
+                                     std::vector<std::int32_t>* shown);
 
-/// Packs the corners, numbers and scaled Jacobians of all cells of a 3-D mesh, for page/cut.js.
-void pack_corners(const Snapshots& snapshots, Packing* packing);
+/// The cells that the plane across an axis through the middle of the mesh goes through, in one of the snapshots.
+std::vector<std::size_t> cells_cut_in_the_middle(const Snapshots& snapshots, std::size_t axis);
+/// Packs the corners, numbers and scaled Jacobians of these cells of a 3-D mesh, for page/cut.js: the arrays
+/// NAME_shapes, NAME_numbers, NAME_corners, and for each snapshot NAME_vertices_SNAPSHOT and NAME_js_SNAPSHOT.
+void pack_corners(const Snapshots& snapshots, const std::vector<std::size_t>& chosen, const std::string& name,
+                  Packing* packing);
 
 }  // namespace varimesh::client

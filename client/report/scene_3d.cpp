@@ -1,6 +1,7 @@
 // Faces of a 3-D mesh on lattices of points: those on the boundary, and all faces of the worst cells.
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 
 #include "client/report/scene.h"
 #include "core/reference/basis.h"
@@ -15,6 +16,8 @@ using Json = nlohmann::ordered_json;
 constexpr std::size_t kMostPoints = 100'000;  ///< In one set of faces. More faces get fewer intervals per edge.
 constexpr std::size_t kAllCells = 4000;       ///< In meshes with up to this many cells, all cells have curved faces.
 constexpr std::size_t kWorstCells = 2000;     ///< In larger meshes, this many of the worst cells of each snapshot are.
+
+constexpr std::size_t kFirstCut = 1;  ///< The axis of the cut that the page begins with.
 
 struct Face {
   std::size_t cell;
@@ -136,7 +139,8 @@ void pack_face_set(const Snapshots& snapshots, const std::string& set, const std
 
 }  // namespace
 
-Json pack_cells_3d(const Snapshots& snapshots, Packing* packing, std::vector<std::int32_t>* shown_cells) {
+Json pack_cells_3d(const Snapshots& snapshots, Packing* packing, Packing* more,
+                   std::vector<std::int32_t>* shown_cells) {
   const Cells& cells = snapshots.cells();
   const Facets sides = facets(snapshots.mesh());
   double limit = 1;
@@ -166,8 +170,17 @@ Json pack_cells_3d(const Snapshots& snapshots, Packing* packing, std::vector<std
           static_cast<float>(snapshots.middle(0, static_cast<std::size_t>(cell))[d] - snapshots.centre()[d]));
   packing->add("middles", middles);
   const bool cuts_need_corners = whole.size() < cells.count();
-  if (cuts_need_corners) pack_corners(snapshots, packing);
-  return {{"sets", sets}, {"whole", whole.size()}, {"whole_up_to", limit}, {"corners", cuts_need_corners}};
+  if (cuts_need_corners) {
+    std::vector<std::size_t> all(cells.count());
+    std::iota(all.begin(), all.end(), std::size_t{0});
+    pack_corners(snapshots, cells_cut_in_the_middle(snapshots, kFirstCut), "cut", packing);
+    pack_corners(snapshots, all, "all", more);
+  }
+  return {{"sets", sets},
+          {"whole", whole.size()},
+          {"whole_up_to", limit},
+          {"first_cut", kFirstCut},
+          {"corners", cuts_need_corners}};
 }
 
 }  // namespace varimesh::client

@@ -1,4 +1,4 @@
-// The corners of all cells of a large 3-D mesh, from which the page draws the elements that a cut goes through.
+// The corners of the cells of a large 3-D mesh, from which the page draws the elements that a cut goes through.
 #include <algorithm>
 #include <cmath>
 
@@ -13,9 +13,31 @@ std::uint8_t as_byte(double scaled_jacobian) {
   return static_cast<std::uint8_t>(std::clamp(static_cast<int>(std::ceil(255 * scaled_jacobian)), 1, 255));
 }
 
+/// Whether a cell has corners on both sides of the plane across an axis through the middle of the mesh.
+bool is_cut(const Snapshots& snapshots, std::size_t snapshot, std::size_t cell, std::size_t axis) {
+  bool below = false, above = false;
+  for (int corner = 0; corner < reference::info(snapshots.cells().shape(cell)).vertices; ++corner) {
+    const bool beyond = snapshots.point(snapshot, cell, corner)[axis] > snapshots.centre()[axis];
+    (beyond ? above : below) = true;
+  }
+  return below && above;
+}
+
 }  // namespace
 
-void pack_corners(const Snapshots& snapshots, Packing* packing) {
+std::vector<std::size_t> cells_cut_in_the_middle(const Snapshots& snapshots, std::size_t axis) {
+  std::vector<std::size_t> cut;
+  for (std::size_t cell = 0; cell < snapshots.cells().count(); ++cell)
+    for (std::size_t s = 0; s < snapshots.count(); ++s)
+      if (is_cut(snapshots, s, cell, axis)) {
+        cut.push_back(cell);
+        break;
+      }
+  return cut;
+}
+
+void pack_corners(const Snapshots& snapshots, const std::vector<std::size_t>& chosen, const std::string& name,
+                  Packing* packing) {
   const Cells& cells = snapshots.cells();
   std::vector<std::int32_t> vertex_of(snapshots.mesh().node_count(), -1), corners;
   std::vector<std::vector<float>> places(snapshots.count());
@@ -23,7 +45,7 @@ void pack_corners(const Snapshots& snapshots, Packing* packing) {
   std::vector<double> numbers;
   double last = 0;
   std::int32_t vertices = 0;
-  for (std::size_t c = 0; c < cells.count(); ++c) {
+  for (const std::size_t c : chosen) {
     const int count = reference::info(cells.shape(c)).vertices;
     shapes.push_back(static_cast<std::uint8_t>(count));
     numbers.push_back(static_cast<double>(cells.number(c)) - last);
@@ -40,14 +62,14 @@ void pack_corners(const Snapshots& snapshots, Packing* packing) {
       corners.push_back(vertex);
     }
   }
-  packing->add("all_shapes", shapes);
-  packing->add("all_numbers", numbers);
-  packing->add("all_corners", corners);
+  packing->add(name + "_shapes", shapes);
+  packing->add(name + "_numbers", numbers);
+  packing->add(name + "_corners", corners);
   for (std::size_t s = 0; s < snapshots.count(); ++s) {
-    packing->add(std::string("all_vertices_") + Snapshots::name(s), places[s]);
+    packing->add(name + "_vertices_" + Snapshots::name(s), places[s]);
     std::vector<std::uint8_t> js;
-    for (const double value : snapshots[s].scaled_jacobian) js.push_back(as_byte(value));
-    packing->add(std::string("all_js_") + Snapshots::name(s), js);
+    for (const std::size_t c : chosen) js.push_back(as_byte(snapshots[s].scaled_jacobian[c]));
+    packing->add(name + "_js_" + Snapshots::name(s), js);
   }
 }
 

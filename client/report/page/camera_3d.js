@@ -3,11 +3,12 @@
 const VIEW_FROM = [0.52, -0.72, 0.46];
 
 class Shared3d {
-  constructor(scene, choice) {
+  /** `corners` are those of the cells that the first cut goes through; null if the page has curved faces of all cells. */
+  constructor(scene, painter, corners, choice) {
     const [x0, y0, z0, x1, y1, z1] = scene.box;
     this.size = Math.hypot(x1 - x0, y1 - y0, z1 - z0);
     this.half = [(x1 - x0) / 2, (y1 - y0) / 2, (z1 - z0) / 2];
-    this.choice = choice;
+    Object.assign(this, {scene, painter, corners, choice, hasAll: corners === null});
     this.views = [];
     this.camera = new THREE.PerspectiveCamera(35, 4 / 3, this.size / 1e4, this.size * 20);
     this.camera.up.set(0, 0, 1);
@@ -86,8 +87,19 @@ class Shared3d {
     if (fills) this.reset();
   }
 
+  /** Unpacks the corners of all cells when something is shown for the first time that needs them. */
+  async load() {
+    if (this.hasAll) return;
+    document.documentElement.dataset.busy = 'yes';
+    this.loading ??= unpack(document.getElementById('more').textContent, this.scene.more);
+    this.corners = new CornerCells(await this.loading, 'all');
+    this.hasAll = true;
+    delete document.documentElement.dataset.busy;
+  }
+
   /** Shows only the element with this number, from near; null shows all. */
-  isolate(number) {
+  async isolate(number) {
+    if (number !== null) await this.load();
     this.select({only: number});
     const extent = number === null ? null : this.views[0].extent();
     this.onIsolate?.(number, number === null || extent !== null);
@@ -99,5 +111,8 @@ class Shared3d {
   select(change) {
     Object.assign(this.choice, change);
     for (const view of this.views) view.select();
+    const {axis, at, skin} = this.choice;
+    const isFirst = axis < 0 || skin === 'none' || (axis === this.scene.first_cut && at === 0);
+    if (!isFirst && !this.hasAll) this.load().then(() => this.select({}));
   }
 }

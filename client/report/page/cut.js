@@ -20,29 +20,33 @@ for (const [size, faces] of Object.entries(CELL_FACES)) {
   }));
 }
 
-/** The corners of all cells. */
-class AllCells {
-  constructor(arrays) {
-    this.arrays = arrays;
-    this.corners = arrays.all_corners;
-    this.sizes = arrays.all_shapes;
+/** The corners of cells: of those that the first cut goes through, or of all. `name` is that of their arrays: cut or all. */
+class CornerCells {
+  constructor(arrays, name) {
+    Object.assign(this, {arrays, name});
+    this.corners = arrays[`${name}_corners`];
+    this.sizes = arrays[`${name}_shapes`];
     this.numbers = new Float64Array(this.sizes.length);
     this.first = new Uint32Array(this.sizes.length + 1);
     let number = 0;
     for (let cell = 0; cell < this.sizes.length; ++cell) {
-      this.numbers[cell] = number += arrays.all_numbers[cell];  // They arrive as differences.
+      this.numbers[cell] = number += arrays[`${name}_numbers`][cell];  // They arrive as differences.
       this.first[cell + 1] = this.first[cell] + this.sizes[cell];
     }
   }
 
   /** The scaled Jacobian, rounded up to a multiple of 1/255; 0 if it is not positive. */
   js(snapshot, cell) {
-    return this.arrays[`all_js_${snapshot}`][cell] / 255;
+    return this.arrays[`${this.name}_js_${snapshot}`][cell] / 255;
+  }
+
+  places(snapshot) {
+    return this.arrays[`${this.name}_vertices_${snapshot}`];
   }
 
   /** The cells with corners on both sides of the plane at `at` across an axis. */
   cutBy(snapshot, axis, at) {
-    const places = this.arrays[`all_vertices_${snapshot}`];
+    const places = this.places(snapshot);
     const found = [];
     for (let cell = 0; cell < this.sizes.length; ++cell) {
       let below = false;
@@ -68,22 +72,23 @@ class AllCells {
 
 /** Draws cells with straight edges between their corners. */
 class DrawnCells extends Surface3d {
-  constructor(scene, cells, snapshot) {
+  constructor(scene, snapshot) {
     super(scene);
-    Object.assign(this, {cells, snapshot, shown: [], owners: []});
+    Object.assign(this, {snapshot, cells: null, shown: [], owners: []});
   }
 
   colour() {
-    this.show(this.shown);
+    this.show(this.cells, this.shown);
   }
 
-  show(shown) {
-    this.shown = shown;
+  /** Shows these of the cells. */
+  show(cells, shown) {
+    Object.assign(this, {cells, shown});
     this.mesh.visible = this.lines.visible = shown.length > 0;
     this.drawEdges(false);
     if (!shown.length) return;
-    const {arrays, corners, first, sizes} = this.cells;
-    const places = arrays[`all_vertices_${this.snapshot}`];
+    const {corners, first, sizes} = cells;
+    const places = cells.places(this.snapshot);
     const bins = Array.from({length: 256}, (_, value) => colourOf(value / 255).map(linearPart));
     let [triangles, segments] = [0, 0];
     for (const cell of shown) {
@@ -96,7 +101,7 @@ class DrawnCells extends Surface3d {
     this.owners = new Uint32Array(triangles / 3);
     let [point, edge] = [0, 0];
     for (const cell of shown) {
-      const colour = bins[arrays[`all_js_${this.snapshot}`][cell]];
+      const colour = bins[Math.round(255 * cells.js(this.snapshot, cell))];
       for (const corner of CELL_TRIANGLES[sizes[cell]]) {
         this.owners[Math.floor(point / 9)] = cell;
         const at = 3 * corners[first[cell] + corner];

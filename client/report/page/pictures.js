@@ -108,13 +108,14 @@ function savePictures(shared) {
 
 /** Adds the 3-D views, or a sentence if they cannot be drawn. Returns go(place, size) as pictures2d() does, or null. */
 function pictures3d(section, scene, arrays, table, crosses) {
-  if (!document.createElement('canvas').getContext('webgl2')) {
+  const painter = Painter3d.create();
+  if (!painter) {
     section.append(make('p', {}, 'This browser cannot draw in three dimensions (WebGL 2), so there are no views. The rest of the report is complete.'));
     return null;
   }
   const {boxes, columns} = viewBoxes(scene.snapshots);
   const whole = scene.whole === scene.cells;
-  const shared = new Shared3d(scene, {axis: 1, at: 0, flip: true, threshold: 0, skin: 'solid', only: null});
+  const shared = new Shared3d(scene, painter, scene.corners ? new CornerCells(arrays, 'cut') : null, {axis: scene.first_cut, at: 0, flip: true, threshold: 0, skin: 'solid', only: null});
   const go = (place, size) => {
     shared.look(place.map((value, d) => value - scene.centre[d]), 6 * size);
   };
@@ -130,9 +131,8 @@ function pictures3d(section, scene, arrays, table, crosses) {
         `${grouped(scene.whole)} with the smallest scaled Jacobians, are drawn curved, the others that a cut goes through with straight edges.`));
   }
   const sets = scene.sets.map((description) => new FaceSet(description, arrays));
-  const all = scene.corners ? new AllCells(arrays) : null;
   for (const snapshot of scene.snapshots) {
-    shared.views.push(new View3d(boxes[snapshot], scene, arrays, sets, table, snapshot, shared, crosses, all));
+    shared.views.push(new View3d(boxes[snapshot], scene, arrays, sets, table, snapshot, shared, crosses));
   }
   shared.follow();
   return go;

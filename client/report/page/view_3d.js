@@ -15,50 +15,58 @@ function pointColours(faces, table, snapshot) {
   return colours;
 }
 
-/** Draws one set of faces. */
+/** Draws one set of faces. What the library needs is made when faces are shown for the first time. */
 class DrawnFaces extends Surface3d {
   constructor(scene, faces, table, snapshot) {
     super(scene);
-    Object.assign(this, {faces, table, snapshot});
-    const place = new THREE.BufferAttribute(faces.positions(snapshot), 3);
+    Object.assign(this, {faces, table, snapshot, made: false});
+    this.mesh.visible = this.lines.visible = false;
+  }
+
+  make() {
+    this.made = true;
+    const place = new THREE.BufferAttribute(this.faces.positions(this.snapshot), 3);
     this.surface.setAttribute('position', place);
-    this.surface.setIndex(new THREE.BufferAttribute(faces.select(faces.pattern.triangles, () => true), 1));
+    this.surface.setIndex(new THREE.BufferAttribute(this.faces.select(this.faces.pattern.triangles, () => true), 1));
     this.surface.computeVertexNormals();
     this.outline.setAttribute('position', place);
     this.colour();
   }
 
   colour() {
+    if (!this.made) return;
     this.surface.setAttribute('color', new THREE.BufferAttribute(pointColours(this.faces, this.table, this.snapshot), 3, true));
     this.drawEdges(this.solid.transparent);
   }
 
-  /** Shows the faces of the cells for which shown(cell) is true. */
+  /** Shows the faces of the cells for which shown(cell) is true. Returns how many triangles they have. */
   show(shown, seeThrough) {
-    this.surface.setIndex(new THREE.BufferAttribute(this.faces.select(this.faces.pattern.triangles, shown), 1));
+    const triangles = this.faces.select(this.faces.pattern.triangles, shown);
+    this.mesh.visible = this.lines.visible = triangles.length > 0;
+    if (triangles.length === 0) return 0;
+    if (!this.made) this.make();
+    this.surface.setIndex(new THREE.BufferAttribute(triangles, 1));
     this.outline.setIndex(new THREE.BufferAttribute(this.faces.select(this.faces.pattern.lines, shown), 1));
     Object.assign(this.solid, {transparent: seeThrough, opacity: seeThrough ? 0.12 : 1, depthWrite: !seeThrough});
     this.solid.needsUpdate = true;
     this.drawEdges(seeThrough);
-    this.mesh.visible = this.lines.visible = this.surface.index.count > 0;
+    return triangles.length / 3;
   }
 }
 
 /** The view of one snapshot in the element `host`. Views share the camera and the choice of what is shown. */
 class View3d {
-  constructor(host, scene, arrays, sets, table, snapshot, shared, crosses, all) {
-    Object.assign(this, {host, table, snapshot, shared, all, centre: scene.centre, middles: arrays.middles});
+  constructor(host, scene, arrays, sets, table, snapshot, shared, crosses) {
+    Object.assign(this, {host, table, snapshot, shared, centre: scene.centre, middles: arrays.middles});
     this.whole = scene.whole === scene.cells;
-    this.renderer = new THREE.WebGLRenderer({antialias: true, alpha: true, preserveDrawingBuffer: true});
-    this.renderer.domElement.setAttribute('role', 'img');
-    this.renderer.domElement.setAttribute('aria-label', `the mesh ${snapshot}, coloured by scaled Jacobian`);
-    host.append(this.renderer.domElement);
+    this.canvas = make('canvas', {role: 'img', 'aria-label': `the mesh ${snapshot}, coloured by scaled Jacobian`});
+    host.append(this.canvas);
     this.world = new THREE.Scene();
     this.world.add(new THREE.HemisphereLight(0xffffff, 0xc8c8c8, 2.2));
     this.lamp = new THREE.DirectionalLight(0xffffff, 1.3);
     this.world.add(this.lamp);
     this.drawn = sets.map((faces) => new DrawnFaces(this.world, faces, table, snapshot));
-    this.drawnCells = all && new DrawnCells(this.world, all, snapshot);
+    this.drawnCells = scene.corners ? new DrawnCells(this.world, snapshot) : null;
     this.overlay = new Overlay(host, scene.worst[snapshot], crosses);
     this.controls = new THREE.OrbitControls(shared.camera, host);
     this.controls.enableZoom = false;
@@ -91,7 +99,8 @@ class View3d {
       if (one.faces.set === 'skin') one.show((cell) => skin !== 'none' && !beyond(cell), skin === 'through');
       else one.show((cell) => poor(cell) || (cut && !beyond(cell)), false);
     }
-    this.drawnCells?.show(axis >= 0 && skin !== 'none' ? this.all.cutBy(this.snapshot, axis, at) : []);
+    const {corners} = this.shared;
+    this.drawnCells?.show(corners, axis >= 0 && skin !== 'none' ? corners.cutBy(this.snapshot, axis, at) : []);
     this.paint();
   }
 
@@ -100,11 +109,11 @@ class View3d {
     const cell = this.table.numbers.indexOf(number);
     let faces = 0;
     for (const one of this.drawn) {
-      one.show((candidate) => one.faces.set === 'inner' && candidate === cell, false);
-      faces += one.surface.index.count;
+      faces += one.show((candidate) => one.faces.set === 'inner' && candidate === cell, false);
     }
-    const other = faces === 0 && this.all ? this.all.cellOfNumber(number) : -1;
-    this.drawnCells?.show(other < 0 ? [] : [other]);
+    const {corners} = this.shared;
+    const other = faces === 0 && corners ? corners.cellOfNumber(number) : -1;
+    this.drawnCells?.show(corners, other < 0 ? [] : [other]);
     this.paint();
   }
 
@@ -127,9 +136,10 @@ class View3d {
 
   resize() {
     const [width, height] = [this.host.clientWidth, this.host.clientHeight];
-    if (!width) return;
-    this.renderer.setPixelRatio(Math.min(2, window.devicePixelRatio || 1));
-    this.renderer.setSize(width, height);
+    const ratio = Math.min(2, window.devicePixelRatio || 1);
+    const [across, down] = [Math.round(width * ratio), Math.round(height * ratio)];
+    if (!width || (this.canvas.width === across && this.canvas.height === down)) return;
+    Object.assign(this.canvas, {width: across, height: down});
     this.shared.resize(width / height);
     this.paint();
   }
@@ -143,7 +153,7 @@ class View3d {
   render() {
     const {camera} = this.shared;
     this.lamp.position.copy(camera.position);
-    this.renderer.render(this.world, camera);
+    this.shared.painter.paint(this.world, camera, this.canvas);
     const [width, height] = [this.host.clientWidth, this.host.clientHeight];
     const turned = camera.quaternion.clone().invert();
     this.overlay.showAxes([[1, 0, 0], [0, 1, 0], [0, 0, 1]].map((axis) => {
@@ -179,7 +189,8 @@ class View3d {
     if (!hit) return {x, y, text: '', number: null};
     if (hit.object === this.drawnCells?.mesh) {
       const cell = this.drawnCells.cellOf(hit.faceIndex);
-      return {x, y, text: this.all.describe(this.snapshot, cell), number: this.all.numbers[cell]};
+      const {cells} = this.drawnCells;
+      return {x, y, text: cells.describe(this.snapshot, cell), number: cells.numbers[cell]};
     }
     const {faces} = solid.find((one) => one.mesh === hit.object);
     const cell = faces.cellOf(hit.face.a);
@@ -195,7 +206,7 @@ class View3d {
   /** The picture as a PNG file, on the ground of the page and without the marks. */
   picture() {
     this.render();
-    const drawn = this.renderer.domElement;
+    const drawn = this.canvas;
     const canvas = document.createElement('canvas');
     canvas.width = drawn.width;
     canvas.height = drawn.height;

@@ -174,6 +174,7 @@ class Report(WithFolder):
         self.open(page)
 
         def frames():
+            self.page.wait("document.documentElement.dataset.busy === undefined")
             self.page.value("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
 
         def point_at_middle():
