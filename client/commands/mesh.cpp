@@ -21,6 +21,7 @@ int mesh(Arguments arguments) {
   Input& input = arguments.run.input;
   input.geometry.file = arguments.gmsh.model;
   input.mesh = std::filesystem::path(arguments.gmsh.model).stem().string() + ".msh";
+  arguments.run.name = arguments.gmsh.model;
   std::error_code failed;
   if (!std::filesystem::is_regular_file(arguments.gmsh.model, failed))
     return print_error(

@@ -42,6 +42,14 @@ Expected<std::vector<Output>> check_files(const OptimiseArguments& arguments) {
   return outputs;
 }
 
+/// A failure that speaks of the mesh by its name, not by its path.
+Failure as_named(const OptimiseArguments& arguments, Failure failure) {
+  const std::string& path = arguments.input.mesh;
+  if (const std::size_t at = failure.sentence.find(path); !arguments.name.empty() && at != std::string::npos)
+    failure.sentence.replace(at, path.size(), arguments.name);
+  return failure;
+}
+
 /// The order is that of the curved mesh, so nothing is left to change for the job.
 void take_order(OptimiseArguments* arguments) {
   arguments->input.geometry.order = arguments->options.order();
@@ -64,11 +72,12 @@ int optimise(const OptimiseArguments& arguments) {
     if (!arguments.common.quiet) std::cerr << sentence << std::endl;
   };
   const auto mesh = upload(*client, *input, in_process ? keep_calls_going : nullptr, print_sentence);
-  if (!mesh) return print_error(mesh.error());
+  if (!mesh) return print_error(as_named(arguments, mesh.error()));
   v1::JobSpec spec;
   spec.mutable_mesh()->set_digest(mesh->digest());
   *spec.mutable_options() = arguments.options;
-  add_file_label(arguments.input.mesh, spec.mutable_labels());
+  const std::string& name = arguments.name.empty() ? arguments.input.mesh : arguments.name;
+  add_file_label(name, spec.mutable_labels());
   for (const v1::MeshFormat format : formats_with_report(formats_of(*outputs), arguments.report))
     spec.add_outputs(format);
   const auto job = client->submit(spec, arguments.request_id);
@@ -78,7 +87,7 @@ int optimise(const OptimiseArguments& arguments) {
       follow(client, job->name(), 0, arguments.common, in_process ? OnInterrupt::EndJob : OnInterrupt::Ask);
   if (!ended) return ended.error();
   Delivery delivery;
-  delivery.input = arguments.input.mesh;
+  delivery.input = name;
   delivery.outputs = *outputs;
   delivery.history = arguments.history;
   delivery.report = arguments.report;

@@ -13,6 +13,7 @@ namespace varimesh::client {
 struct OptimiseArguments {
   CommonFlags common;
   Input input;
+  std::string name;  ///< What messages and the report call the mesh; empty: its path.
   std::vector<std::string> outputs;
   std::string format, history, report, request_id;
   v1::Options options;

@@ -1,11 +1,24 @@
 #include "client/jobs/remote_job.h"
 
+#include <utility>
+
+#include "client/cli/default_server.h"
+
 namespace varimesh::client {
 
 CLI::App& add_remote_command(CLI::App& app, const char* name, const char* purpose, CommonFlags* flags) {
   CLI::App& command = *app.add_subcommand(name, purpose);
-  add_server_flag(command, flags)->required();
+  add_server_flag(command, flags)
+      ->description(
+          "Address of a varimeshd: HOST:PORT or unix:PATH; default: the environment variable VARIMESH_SERVER, or the "
+          "socket of a varimeshd of yours that was started without an address");
   add_json_flag(command, flags);
+  command.final_callback([flags] {
+    if (!flags->server.empty()) return;
+    auto found = default_server();
+    if (!found) throw CLI::ValidationError(found.error().sentence);
+    flags->server = std::move(*found);
+  });
   return command;
 }
 

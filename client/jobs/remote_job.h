@@ -11,7 +11,7 @@
 
 namespace varimesh::client {
 
-/// Adds a subcommand with --server, which is required, and --json.
+/// Adds a subcommand that needs a server, with --server and --json.
 CLI::App& add_remote_command(CLI::App& app, const char* name, const char* purpose, CommonFlags* flags);
 /// Adds the positional argument JOB.
 void add_job_argument(CLI::App& command, std::string* job);

@@ -3,11 +3,15 @@
 
 #include <grpcpp/grpcpp.h>
 
+#include <algorithm>
+#include <chrono>
+
 #include "client/library/authorisation.h"
 #include "client/library/failures.h"
 #include "client/library/interrupter.h"
 #include "client/library/random_id.h"
 #include "client/library/retry_policy.h"
+#include "client/library/spoken.h"
 
 namespace varimesh::client {
 namespace {
@@ -44,6 +48,42 @@ std::string reason_of(const std::shared_ptr<grpc::Channel>& channel) {
   return v1::JobService::NewStub(channel)->GetServerInfo(&context, {}, &response).error_message();
 }
 
+/// Why no connection to a server at this address comes about, and what to do.
+tl::unexpected<Failure> no_server(const std::shared_ptr<grpc::Channel>& channel, const std::string& address,
+                                  bool encrypted) {
+  if (encrypted)
+    return transport_failure("There is no server at " + address + " that TLS leads to (" + reason_of(channel) +
+                             "); check the address, and that the server's certificate is for it and comes from the "
+                             "authority (--tls-authority).");
+  return transport_failure("There is no server at " + address + "; start varimeshd there, or name another server.");
+}
+
+/// Waits for the first contact.
+Outcome<void> meet(const std::shared_ptr<grpc::Channel>& channel, const std::string& address, bool encrypted,
+                   const Settings& settings) {
+  constexpr auto kLook = std::chrono::milliseconds(100), kBeforeListening = std::chrono::milliseconds(500);
+  const auto begin = std::chrono::steady_clock::now();
+  bool has_listened = false;
+  while (!channel->WaitForConnected(std::chrono::system_clock::now() + kLook)) {
+    if (settings.wants_to_stop()) return interruption(kInterruptedCall);
+    const auto passed = std::chrono::steady_clock::now() - begin;
+    if (!has_listened && passed > std::min<std::chrono::nanoseconds>(kBeforeListening, settings.connect)) {
+      has_listened = true;
+      const Spoken heard = heard_from(address, std::chrono::seconds(1), [&] { return settings.wants_to_stop(); });
+      if (heard == Spoken::Tls && !encrypted)
+        return transport_failure("The server at " + address +
+                                 " wants TLS; name the authority of its certificate with --tls-authority, or begin "
+                                 "the address with https:// if this machine knows the authority.");
+      if (heard == Spoken::Plain && encrypted)
+        return transport_failure("The server at " + address +
+                                 " speaks no TLS; leave out https:// and the certificates, or start it with "
+                                 "--tls-certificate.");
+    }
+    if (passed > settings.connect) return no_server(channel, address, encrypted);
+  }
+  return {};
+}
+
 }  // namespace
 
 Outcome<Client> Client::connect(const std::string& given, Settings settings) {
@@ -68,16 +108,7 @@ Outcome<Client> Client::connect(const std::string& given, Settings settings) {
     return grpc::CreateCustomChannel(address, *credentials, arguments);
   };
   const auto control = channel(1);
-  const auto deadline = std::chrono::steady_clock::now() + settings.connect;
-  while (!control->WaitForConnected(std::chrono::system_clock::now() + std::chrono::milliseconds(100))) {
-    if (settings.wants_to_stop()) return interruption(kInterruptedCall);
-    if (std::chrono::steady_clock::now() > deadline && encrypted)
-      return transport_failure("There is no server at " + address + " that TLS leads to (" + reason_of(control) +
-                               "); check the address, and that the server's certificate is for it and comes from the "
-                               "authority (--tls-authority).");
-    if (std::chrono::steady_clock::now() > deadline)
-      return transport_failure("There is no server at " + address + "; start varimeshd there, or name another server.");
-  }
+  if (auto met = meet(control, address, encrypted, settings); !met) return tl::unexpected(met.error());
   return Client(control, channel(2), std::move(settings));
 }
 

@@ -131,8 +131,8 @@ class AsyncJob:
 class AsyncClient:
     """A Client whose calls to the server are awaited. Cancelling the task that awaits optimise() cancels the job."""
 
-    def __init__(self, address: str, token: str | None = None, *, token_file: str | os.PathLike[str] | None = None,
-                 authority: Path | None = None, certificate: Path | None = None, key: Path | None = None,
+    def __init__(self, address: str | None = None, token: str | None = None, *,
+                 token_file: str | os.PathLike[str] | None = None, authority: Path | None = None, certificate: Path | None = None, key: Path | None = None,
                  credentials: grpc.ChannelCredentials | None = None, channel: grpc.Channel | None = None,
                  connect: float = 5.0, retry: float = 60.0) -> None:  # fmt: skip
         self._client = Client(address, token, token_file=token_file, authority=authority, certificate=certificate, key=key,

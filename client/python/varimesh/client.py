@@ -12,7 +12,7 @@ import grpc
 
 from . import reports, transfer
 from .adapters import as_mesh
-from .connection import Connection, Patience, Stop, find_credentials, find_token
+from .connection import Connection, Patience, Stop, default_address, find_credentials, find_token
 from .errors import BadOption, BadOutput, JobCancelled, JobFailed, Stopped
 from .job import Job, Result
 from .mesh import Mesh, to_parts
@@ -35,9 +35,10 @@ Paths: TypeAlias = "str | os.PathLike[str] | Sequence[str | os.PathLike[str]]"
 class Client:
     """The client of one server. Any thread may call it. A call repeats itself while the server is away.
 
-    `address` is HOST:PORT or unix:PATH. `token` is sent with every call; a server that has no tokens ignores it. It can
-    also be in a file, `token_file`, or in the environment variables VARIMESH_TOKEN and VARIMESH_TOKEN_FILE; `token=""` is
-    none. Use it only on connections that others cannot read: loopback, or with TLS. `connect` is how many seconds to wait
+    `address` is HOST:PORT or unix:PATH; the default is that in the environment variable VARIMESH_SERVER, or the socket of a
+    varimeshd of this user that was started without an address. `token` is sent with every call; a server that has no tokens
+    ignores it. It can also be in a file, `token_file`, or in the environment variables VARIMESH_TOKEN and
+    VARIMESH_TOKEN_FILE; `token=""` is none. Use it only on connections that others cannot read: loopback, or with TLS. `connect` is how many seconds to wait
     for the first contact, `retry` for a server that went away.
 
     For TLS, `authority` is a file with the authority that the server's certificate must come from; `certificate` and `key`
@@ -47,10 +48,12 @@ class Client:
     carries everything and is not closed; then `address` is only for messages.
     """
 
-    def __init__(self, address: str, token: str | None = None, *, token_file: str | os.PathLike[str] | None = None,
-                 authority: Path | None = None, certificate: Path | None = None, key: Path | None = None,
+    def __init__(self, address: str | None = None, token: str | None = None, *,
+                 token_file: str | os.PathLike[str] | None = None, authority: Path | None = None, certificate: Path | None = None, key: Path | None = None,
                  credentials: grpc.ChannelCredentials | None = None, channel: grpc.Channel | None = None,
                  connect: float = 5.0, retry: float = 60.0) -> None:  # fmt: skip
+        if address is None:
+            address = default_address()
         if credentials is None and channel is None:
             credentials = find_credentials(address, authority, certificate, key)
         self.address = address = plain_address(address)

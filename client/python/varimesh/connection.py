@@ -5,6 +5,9 @@ Repeating is safe: every call of the contract is made to be repeated.
 from __future__ import annotations
 
 import os
+import socket
+import ssl
+import stat
 import threading
 import time
 from collections.abc import Iterator
@@ -189,6 +192,61 @@ def find_credentials(address: str, authority: PathLike | None, certificate: Path
     return grpc.ssl_channel_credentials(*parts)
 
 
+def default_address() -> str:
+    """The address in VARIMESH_SERVER, or that of the socket on which a varimeshd of this user listens if nobody has given it
+    an address: `socket` in the directory that VARIMESH_STATE names, otherwise varimeshd.socket in XDG_RUNTIME_DIR or in
+    /tmp/varimeshd-UID. Raises BadOption if there is none."""
+    if named := os.environ.get("VARIMESH_SERVER"):
+        return named
+    state, runtime = os.environ.get("VARIMESH_STATE"), os.environ.get("XDG_RUNTIME_DIR", "")
+    places = [Path(f"/tmp/varimeshd-{os.geteuid()}/varimeshd.socket")]
+    if state:
+        places = [Path(state).absolute() / "socket"]
+    elif runtime.startswith("/"):
+        places.insert(0, Path(runtime) / "varimeshd.socket")
+    for place in places:
+        if _is_socket_of_this_user(place):
+            return f"unix:{place}"
+    raise BadOption(f"No server is named, and no varimeshd of yours listens on {places[0]}; start one, or name a server: "
+                    "Client(address), or VARIMESH_SERVER.")
+
+
+def _is_socket_of_this_user(path: Path) -> bool:
+    try:
+        folder, itself = path.parent.stat(), path.lstat()
+    except OSError:
+        return False
+    mine = folder.st_uid == itself.st_uid == os.geteuid()
+    return mine and not folder.st_mode & (stat.S_IWGRP | stat.S_IWOTH) and stat.S_ISSOCK(itself.st_mode)
+
+
+def heard_from(address: str, seconds: float = 1.0) -> str:
+    """What the server at HOST:PORT answers to the beginning of a TLS handshake: "tls", "plain" (HTTP/2), or "" if it says
+    neither."""
+    if address.startswith("unix:"):
+        return ""
+    host, _, port = address.rsplit("/", 1)[-1].rpartition(":")
+    context = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
+    context.check_hostname, context.verify_mode = False, ssl.CERT_NONE  # it only listens; nothing is entrusted to the server
+    outgoing = ssl.MemoryBIO()
+    try:
+        context.wrap_bio(ssl.MemoryBIO(), outgoing).do_handshake()
+    except ssl.SSLWantReadError:
+        pass
+    begin = b""
+    try:
+        with socket.create_connection((host.strip("[]"), int(port)), seconds) as connection:
+            connection.sendall(outgoing.read())
+            while len(begin) < 4 and (more := connection.recv(4 - len(begin))):
+                begin += more
+    except (OSError, ValueError):
+        pass
+    if begin[:2] in (b"\x15\x03", b"\x16\x03"):  # a record of TLS: an alert or a handshake
+        return "tls"
+    # A frame of HTTP/2 begins with three bytes of its length and one of its type; 4 are the settings.
+    return "plain" if len(begin) == 4 and begin[0] == 0 and begin[3] == 4 else ""
+
+
 class Connection:
     """Two channels to one server. Meshes have their own, so that they do not delay other calls; but a channel of the
     caller carries everything, and stays open."""
@@ -225,8 +283,17 @@ class Connection:
             return
         deadline = time.monotonic() + self._connect_seconds
         stop = Stop.of_this_thread()
+        heard = None
         while not wait_for_channel(self.control, 0.2, self.metadata):
             stop.check()
+            if self._owned and heard is None:
+                heard = heard_from(self.address)
+            if heard == "tls" and not self._encrypted:
+                raise ServerUnreachable(f"The server at {self.address} wants TLS; name the authority of its certificate with "
+                                        "`authority`, or begin the address with https:// if this machine knows the authority.")
+            if heard == "plain" and self._encrypted:
+                raise ServerUnreachable(f"The server at {self.address} speaks no TLS; leave out https:// and the certificates, "
+                                        "or start it with --tls-certificate.")
             if time.monotonic() > deadline and self._encrypted:
                 raise ServerUnreachable(f"There is no server at {self.address} that TLS leads to ({self._why()}); check the "
                                         "address, and that the server's certificate is for it and comes from the authority.")

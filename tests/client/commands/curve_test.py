@@ -146,6 +146,23 @@ class Curve(WithFolder):
             self.assertIn("It printed: Error: no such luck\n", done.stderr)
             self.assertFalse(self.out.exists())
 
+    def test_messages_and_the_report_name_the_model_and_no_temporary_file(self):
+        model = self.folder / "sphere.step"
+        make(BODIES["sphere"][0], model)
+        for content in ("nonsense", "$MeshFormat\n4.1 0 8\n$EndMeshFormat\n$Nodes\n"):
+            script = f"for last; do :; done\nprintf '{content}' > \"$last\"\n"
+            done = run("mesh", model, "--size", 0.5, "--order", 3, "-o", self.out, env=self.fake_gmsh(script))
+            self.assertEqual(done.returncode, 3, done.stderr)
+            self.assertIn("sphere.step", done.stderr)
+            self.assertNotIn("sphere.msh", done.stderr)
+            self.assertFalse(self.out.exists())
+        page = self.folder / "page.html"
+        done = run("mesh", model, "--size", 0.5, "--order", 2, "-o", self.out, "--report", page, "--threads", 1)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        self.assertNotIn("sphere.msh", done.stdout + done.stderr)
+        text = page.read_text()
+        self.assertTrue("sphere.step" in text and "sphere.msh" not in text)
+
     def test_an_interrupt_ends_gmsh_too(self):
         model = self.folder / "sphere.step"
         make(BODIES["sphere"][0], model)

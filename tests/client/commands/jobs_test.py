@@ -44,7 +44,7 @@ class Jobs(WithServer):
         self.assertEqual(run("jobs", "--server", f"http://{address}/").returncode, 0)
         refused = run("jobs", "--server", f"https://{address}")
         self.assertEqual(refused.returncode, 5)
-        self.assertIn("that TLS leads to", refused.stderr)
+        self.assertIn("speaks no TLS", refused.stderr)
 
     def test_the_address_has_a_default_in_the_environment(self):
         os.environ["VARIMESH_SERVER"] = self.server.address

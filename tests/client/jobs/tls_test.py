@@ -147,9 +147,22 @@ class Starting(WithFolder):
                     self.assertEqual(stat.S_IMODE(path.parent.stat().st_mode), 0o700)
                     done = run("jobs", "--server", f"unix:{path}", env=environment(VARIMESH_TLS_AUTHORITY="nowhere"))
                     self.assertEqual(done.returncode, 0, done.stderr)
+                    self.without_an_address(path, state if flags else "", runtime)
                 finally:
                     server.send_signal(signal.SIGTERM)
                     server.communicate(timeout=40)
+
+    def without_an_address(self, path, state, runtime):
+        """Commands without --server find a server of their user, but not in a folder that others can write into."""
+        own = environment(XDG_RUNTIME_DIR=runtime, VARIMESH_STATE=str(state))
+        done = run("jobs", env=own)
+        self.assertEqual((done.returncode, done.stdout), (0, ""), done.stderr)
+        self.assertIn("There are no such jobs", done.stderr)
+        path.parent.chmod(0o770)
+        done = run("jobs", env=own)
+        path.parent.chmod(0o700)
+        self.assertEqual((done.returncode, done.stdout), (2, ""))
+        self.assertIn(f"no varimeshd of yours listens on {path}; start one, or name a server with --server", done.stderr)
 
 
 class WithCertificates(WithFolder):
@@ -189,9 +202,24 @@ class Calling(WithCertificates):
         make(self.folder / "old", "--client", "ann", "--days", "0")
         for what, flags in (("no certificate", as_client(self.certificates)), ("wrong authority", as_client(self.other, "ann")),
                             ("a certificate of another authority", mixed),
-                            ("an expired certificate", as_client(self.folder / "old", "ann")), ("plaintext", [])):
+                            ("an expired certificate", as_client(self.folder / "old", "ann"))):
             done = self.jobs(*flags)
             self.assertEqual((done.returncode, done.stdout), (5, ""), what)
+            self.assertIn("There is no server at", done.stderr)
+
+    def test_who_speaks_plainly_with_a_server_that_wants_tls_is_told_so_and_the_reverse(self):
+        done = self.jobs()
+        self.assertEqual((done.returncode, done.stdout), (5, ""))
+        self.assertIn(f"The server at {self.server.address} wants TLS; name the authority", done.stderr)
+        plain = Server()
+        self.addCleanup(plain.stop)
+        for flags, address in ((as_client(self.certificates, "ann"), plain.address), ([], f"https://{plain.address}")):
+            done = self.jobs(*flags, address=address)
+            self.assertEqual((done.returncode, done.stdout), (5, ""))
+            self.assertIn(f"The server at {plain.address} speaks no TLS", done.stderr)
+        with socket.create_server(("127.0.0.1", 0)) as silent:
+            done = self.jobs(address=f"127.0.0.1:{silent.getsockname()[1]}")
+            self.assertEqual(done.returncode, 5)
             self.assertIn("There is no server at", done.stderr)
 
     def test_a_certificate_for_another_host_is_refused(self):
@@ -325,6 +353,8 @@ class CallingFromPython(WithCertificates):
                           {**self.files(self.other, "ann"), "authority": right["authority"]}):
             with self.assertRaises(varimesh.ServerUnreachable):
                 self.works(**arguments)
+        with self.assertRaisesRegex(varimesh.ServerUnreachable, "wants TLS; name the authority"):
+            self.works()
         for arguments in ({"authority": self.folder / "none"}, {"authority": MESH}, {"certificate": right["certificate"]}):
             with self.assertRaises(varimesh.BadOption):
                 self.works(**arguments)
