@@ -81,6 +81,19 @@ std::string_view known_extension(std::span<const FormatEntry> table, std::string
   return {};
 }
 
+// The names of the formats that can be written, with commas between them.
+std::string written_names(std::span<const FormatEntry> table) {
+  std::string names = "auto";
+  for (const FormatEntry& entry : table)
+    if (entry.write != nullptr) names += ", " + std::string(entry.name);
+  return names;
+}
+
+tl::unexpected<Error> only_read(std::span<const FormatEntry> table, const FormatEntry& entry) {
+  return bad_option("The format " + std::string(entry.name) + " can only be read; those that can be written are " +
+                    written_names(table) + ".");
+}
+
 bool is_device_or_pipe(std::string_view path) {
   std::error_code error;
   const auto status = std::filesystem::status(std::filesystem::path(path), error);
@@ -93,20 +106,17 @@ bool is_device_or_pipe(std::string_view path) {
 
 Expected<Format> from_name(std::span<const FormatEntry> table, std::string_view name) {
   if (name == "auto" || name.empty()) return Format::Auto;
-  std::string names = "auto";
-  for (const FormatEntry& entry : table) {
+  for (const FormatEntry& entry : table)
     if (entry.name == name) return entry.format;
-    names += ", " + std::string(entry.name);
-  }
-  return bad_option("There is no format '" + std::string(name) + "'; the formats are " + names + ".");
+  return bad_option("There is no format '" + std::string(name) + "'; the formats that can be written are " +
+                    written_names(table) + ".");
 }
 
 Expected<Format> for_output(std::span<const FormatEntry> table, std::string_view path, Format requested,
                             Format read_as) {
   std::string_view extension = known_extension(table, path);
   if (const FormatEntry* entry = find(table, requested)) {
-    if (entry->write == nullptr)
-      return bad_option("The format " + std::string(entry->name) + " can only be read; name another format.");
+    if (entry->write == nullptr) return only_read(table, *entry);
     if (!extension.empty() && extension != entry->extension)
       return bad_option("The ending of '" + std::string(path) + "' contradicts the format " + std::string(entry->name) +
                         "; change one of them.");
@@ -114,10 +124,11 @@ Expected<Format> for_output(std::span<const FormatEntry> table, std::string_view
   }
   if (extension.empty() && is_device_or_pipe(path)) extension = kDefaultExtension;
   if (const FormatEntry* entry = find_by_extension(table, extension, read_as)) return entry->format;
+  for (const FormatEntry& entry : table)
+    if (!extension.empty() && entry.extension == extension) return only_read(table, entry);
   return bad_option("The format of '" + std::string(path) +
                     "' cannot be determined from its ending; use the ending .msh, .vtu, .mesh, .xml, .su2, .h5, .cgns "
-                    "or .pyfrm, or name "
-                    "the format.");
+                    "or .pyfrm, or name the format.");
 }
 
 Expected<MeshFile> read(std::span<const FormatEntry> table, std::string_view bytes, int threads,
@@ -145,8 +156,7 @@ Expected<void> write(std::span<const FormatEntry> table, const HighOrderMesh& me
                      std::span<const CellField> fields, int threads) {
   const FormatEntry* entry = find(table, format == Format::Auto ? kDefaultFormat : format);
   assert(entry != nullptr);
-  if (entry->write == nullptr)
-    return bad_option("The format " + std::string(entry->name) + " can only be read; name another format.");
+  if (entry->write == nullptr) return only_read(table, *entry);
   const Team team(threads);
   Expected<void> written;
   team.run([&] { written = entry->write(mesh, entry->format, sink, fields, team); });

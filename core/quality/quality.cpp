@@ -93,6 +93,15 @@ Samples sample(const HighOrderMesh& mesh, int intervals, const Team& team) {
   return samples;
 }
 
+/// The ratio of det F. If a valid cell is inverted with straight sides, det F says nothing about it, and the ratio is
+/// Js.
+double distortion_jacobian(const Samples& samples, std::size_t cell, bool affine) {
+  const Extremes& extremes = samples.cells[cell];
+  const bool straight_is_inverted = samples.low(cell) > 0 && !(extremes.distortion_low > 0);
+  if (affine || straight_is_inverted) return samples.scaled_jacobian(cell);
+  return ratio(extremes.distortion_low, extremes.distortion_high);
+}
+
 CellQuality cell_quality(const Samples& samples) {
   CellQuality quality;
   quality.scaled_jacobian.resize(samples.cells.size());
@@ -101,9 +110,7 @@ CellQuality cell_quality(const Samples& samples) {
     const bool affine = reference::info(batch.block->shape).affine;
     for (std::size_t i = batch.cell; i < batch.cell + batch.count; ++i) {
       quality.scaled_jacobian[i] = samples.scaled_jacobian(i);
-      quality.distortion_jacobian[i] = affine
-                                           ? quality.scaled_jacobian[i]
-                                           : ratio(samples.cells[i].distortion_low, samples.cells[i].distortion_high);
+      quality.distortion_jacobian[i] = distortion_jacobian(samples, i, affine);
     }
   }
   return quality;

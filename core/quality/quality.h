@@ -34,7 +34,7 @@ struct QualityReport {
 
   double min_scaled_jacobian = 0;      ///< The smallest Js = min det ∇χ_M / max det ∇χ_M of a cell.
   double mean_scaled_jacobian = 0;     ///< The mean Js of the cells, each clipped from below at −1.
-  double min_distortion_jacobian = 0;  ///< The smallest such ratio for det F; equal to Js on simplices.
+  double min_distortion_jacobian = 0;  ///< The smallest such ratio for det F; Js on simplices and if det F < 0 < Js.
   std::int64_t invalid_elements = 0;
   std::array<std::int64_t, kBins> histogram{};  ///< Cells by Js, in kBins equal bins of [0, 1]; without invalid cells.
   std::vector<InvalidElement> invalid;          ///< Every invalid cell, worst first.

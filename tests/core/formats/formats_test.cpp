@@ -18,6 +18,13 @@ TEST(FormatTable, NamesAreFoundAndListed) {
   ASSERT_FALSE(unknown);
   EXPECT_EQ(unknown.error().kind, Error::Kind::BadOption);
   EXPECT_NE(unknown.error().sentence.find("msh22-binary"), std::string::npos);
+  EXPECT_EQ(unknown.error().sentence.find("ism"), std::string::npos) << "it cannot be written";
+  for (const auto& chosen : {formats::for_output("o.ism", Format::Auto, Format::Auto),
+                             formats::for_output("o", Format::Ism, Format::Auto)}) {
+    ASSERT_FALSE(chosen);
+    EXPECT_EQ(chosen.error().sentence.find("The format ism can only be read"), 0U) << chosen.error().sentence;
+    EXPECT_NE(chosen.error().sentence.find("mfem, nektar, su2"), std::string::npos) << chosen.error().sentence;
+  }
 }
 
 TEST(FormatTable, EndingsDecide) {

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/LU>
+#include <cmath>
 #include <numeric>
 
 #include "core/quality/certified_quality.h"
@@ -93,6 +94,18 @@ TEST(Quality, ATaperedQuadrilateralIsScaledButNotDistorted) {
   const QualityReport report = quality(mesh);
   EXPECT_NEAR(report.min_scaled_jacobian, 1.0 / 3, 1e-12);
   EXPECT_NEAR(report.min_distortion_jacobian, 1, 1e-12);
+}
+
+TEST(Quality, TheDistortionOfAValidCellThatIsInvertedWithStraightSidesIsItsScaledJacobian) {
+  // A sector of 200 degrees: the straight line between its ends lies on the other side of the centre.
+  const HighOrderMesh mesh = testing::one_cell(Shape::Quadrilateral, 8, [](Place p) {
+    const double r = 1 + p[0] / 2, angle = p[1] * 100 * std::acos(-1.0) / 180;
+    return Place{r * std::cos(angle), r * std::sin(angle), 0};
+  });
+  const QualityReport report = quality(mesh);
+  ASSERT_EQ(report.certified.valid, 1);
+  EXPECT_GT(report.min_scaled_jacobian, 0.3);
+  EXPECT_EQ(report.min_distortion_jacobian, report.min_scaled_jacobian);
 }
 
 TEST(Quality, AnInvalidCellIsNamedWithItsWorstPlace) {
