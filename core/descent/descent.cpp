@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 
 #include "core/accuracy/team_accuracy.h"
 #include "core/base/line_search.h"
@@ -32,13 +33,32 @@ constexpr double kFalls = 0.99;
 constexpr double kLittle = 1e-3;
 constexpr int kMostSteps = 40;
 constexpr int kMostTrials = 12;
-/// The rounding of the loss of a straight-sided mesh is less.
-constexpr double kNoLoss = 1e-12;
+/// The loss of a cell is not worth a move if it is at most this share of h^P, h being the size of the cell relative to
+/// that of the mesh. That is what a solver loses in a straight-sided cell of this size.
+constexpr double kNoLoss = 1e-4;
+/// Neither is it if no part of the cell's map adds more than this to its displacement gradient: in small cells the
+/// rounding of coordinates does.
+constexpr double kRounding = 1e-7;
 /// How closely the minimum of the scaled Jacobian is proved.
 constexpr double kGap = 1e-3;
+/// A higher minimum of the scaled Jacobian counts as one if it is higher by this.
+constexpr double kHigher = 1e-3;
 constexpr double kNoise = 1e-13;  // of the sum
 constexpr std::size_t kNodesPerTask = 4096;
 constexpr std::size_t kCellsPerSum = 512;
+
+/// Whether a cell has a loss that is worth a move.
+bool has_loss(const HighOrderMesh& mesh, const Team& team) {
+  const CellAccuracy cells = cell_accuracy(mesh, team);
+  const double volume = std::accumulate(cells.volumes.begin(), cells.volumes.end(), 0.0);
+  for (std::size_t cell = 0; cell < cells.loss.size(); ++cell) {
+    const double size = std::pow(cells.volumes[cell] / volume, 1.0 / mesh.dimension);
+    if (cells.loss[cell] <= kNoLoss * std::pow(size, mesh.order)) continue;
+    for (std::size_t part = cell * cells.parts; part < (cell + 1) * cells.parts; ++part)
+      if (!(cells.modal_parts[part] <= kRounding)) return true;
+  }
+  return false;
+}
 
 }  // namespace
 
@@ -72,7 +92,8 @@ bool Descent::begin() {
   start_loss_ = last_loss_ = best_.loss;
   accept(best_);
   if (best_.uncertified == 0 && reaches_bound(best_)) least_loss_ = best_.loss;
-  return start_loss_ > kNoLoss;
+  const bool is_as_it_came = context_.came_valid && best_.coordinates == context_.mesh.coordinates;
+  return start_loss_ > 0 && !(is_as_it_came && reaches_bound(best_) && !has_loss(context_.mesh, team_));
 }
 
 Descent::State Descent::kept_state() const {
@@ -92,7 +113,8 @@ Descent::State Descent::kept_state() const {
 bool Descent::is_better(const State& state) const {
   if (state.uncertified != best_.uncertified) return state.uncertified < best_.uncertified;
   if (context_.came_valid) {
-    const bool is_worth_it = state.loss < kFalls * start_loss_ || best_.scaled_jacobian < kWanted;
+    const bool raises = best_.scaled_jacobian < kWanted && state.scaled_jacobian > best_.scaled_jacobian + kHigher;
+    const bool is_worth_it = state.loss < kFalls * start_loss_ || raises;
     if (state.loss > start_loss_ || !is_worth_it) return false;
   }
   if (state.uncertified > 0) return state.loss < best_.loss;

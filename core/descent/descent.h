@@ -62,7 +62,8 @@ class Descent {
   /// The team's token may interrupt all of them.
   explicit Descent(const DescentContext& context);
 
-  /// Takes the mesh as it is for the best. Call it before the first round. False if there is no loss to lower.
+  /// Takes the mesh as it is for the best. Call it before the first round. False if there is no loss to lower: the
+  /// elements are straight-sided, or the mesh came in valid and its curvature costs a solver next to nothing.
   bool begin();
 
   /// One round. If the token interrupts it, the best mesh is the same as before.

@@ -123,6 +123,8 @@ std::string why_unmoved(const SetUp& set_up, const Result& result, const Team& t
   if (straight)
     return "All elements have straight sides, as their targets have, so nothing was moved; 'varimesh optimise "
            "--target ideal' makes their shapes more regular.";
+  if (is_for_accuracy && result.iterations == 0)
+    return "Curvature costs these elements next to nothing beside what their size costs, so nothing was moved.";
   if (is_for_accuracy) return "No mesh with a lower loss of accuracy was found, so nothing was moved.";
   return "The mesh is at its optimum already, because no node would move by more than the tolerance, so nothing was "
          "moved.";
@@ -168,6 +170,21 @@ void keep_the_better(const SetUp& set_up, const std::vector<Certificate>& certif
     result.kept_as_it_came += " To raise the smallest, try --objective worst.";
   result.mesh.coordinates = set_up.mesh.coordinates;
   result.after = result.before;
+}
+
+/// With Objective::Accuracy: says that the smallest scaled Jacobian is below Options::min_js.
+void note_missed_bound(const Options& options, Result& result) {
+  const double lowest = result.after.min_scaled_jacobian;
+  const bool missed = options.objective == Objective::Accuracy && options.until != Until::Valid &&
+                      result.after.uncertified.empty() && lowest < options.min_js;
+  if (!missed) return;
+  char text[160];
+  std::snprintf(
+      text, sizeof text,
+      "The smallest scaled Jacobian is %.3g, below the %.3g of min_js: %s. To raise it, try --objective worst.", lowest,
+      options.min_js,
+      result.stop_reason == StopReason::Converged ? "no mesh on the way had more" : "the run ended before");
+  result.notes.emplace_back(text);
 }
 
 Tried tried_by(const Options& options, const RunSummary& result) {
@@ -228,6 +245,7 @@ Result run_turned(SetUp& set_up, const OnIteration& on_iteration, const RunContr
   const std::vector<std::int64_t> uncertified = uncertified_numbers(result.after);
   result.unrepairable = with_any_of(std::move(result.unrepairable), uncertified);
   result.left = what_is_left(result.mesh, uncertified, result.unrepairable, tried_by(options, result));
+  note_missed_bound(options, result);
   return result;
 }
 

@@ -86,6 +86,20 @@ TEST(AccuracyObjective, HasTheBoundAndALowerLossThanTheEnergyInABoundaryLayer) {
   EXPECT_LT(result->after.accuracy->loss, 3e-3);  // 4.7e-3 at the energy's optimum
 }
 
+TEST(AccuracyObjective, SaysIfTheBoundOnTheScaledJacobianIsMissed) {
+  const HighOrderMesh mesh = read_case("annulus_p3.msh");
+  Options options = for_accuracy();
+  for (const double min_js : {0.1, 0.95}) {
+    options.min_js = min_js;
+    const auto result = optimise(mesh, options);
+    ASSERT_TRUE(result);
+    const bool missed = result->after.min_scaled_jacobian < min_js;
+    EXPECT_EQ(missed, min_js == 0.95);
+    ASSERT_EQ(result->notes.size(), missed ? 1U : 0U);
+    if (missed) EXPECT_NE(result->notes[0].find("below the 0.95 of min_js"), std::string::npos) << result->notes[0];
+  }
+}
+
 TEST(AccuracyObjective, IsTheSameForEveryNumberOfThreads) {
   for (const char* name : {"disc_p4.msh", "sphere_p3.msh"}) {
     Options options = for_accuracy();
@@ -132,6 +146,29 @@ TEST(AccuracyObjective, LeavesFixedNodesAndStraightSidedMeshesAsTheyAre) {
   EXPECT_EQ(kept->mesh.coordinates, plate.coordinates);
   ASSERT_EQ(kept->notes.size(), 1U);
   EXPECT_NE(kept->notes[0].find("lower loss of accuracy"), std::string::npos) << kept->notes[0];
+}
+
+/// Moves every coordinate by up to this, and returns the optimised mesh.
+Result optimise_rounded(HighOrderMesh& mesh, double rounding) {
+  testing::shake(mesh, rounding, 5);
+  auto result = optimise(mesh, for_accuracy());
+  EXPECT_TRUE(result);
+  return std::move(*result);
+}
+
+TEST(AccuracyObjective, LeavesMeshesAsTheyCameThatHaveNothingToGainButRounding) {
+  for (const Filling filling : testing::kFillings) {
+    const bool flat = filling == Filling::Triangles || filling == Filling::Quadrilaterals;
+    HighOrderMesh mesh = testing::grid(filling, {3, 3, flat ? 1 : 2}, 2);
+    const Result same = optimise_rounded(mesh, 1e-8);
+    EXPECT_EQ(same.mesh.coordinates, mesh.coordinates) << testing::name(filling);
+    EXPECT_TRUE(same.converged);
+    ASSERT_EQ(same.notes.size(), 1U) << testing::name(filling);
+    EXPECT_NE(same.notes[0].find("nothing was moved"), std::string::npos) << same.notes[0];
+  }
+  HighOrderMesh shaken = testing::grid(Filling::Triangles, {3, 3, 1}, 2);
+  const Result moved = optimise_rounded(shaken, 1e-2);
+  EXPECT_NE(moved.mesh.coordinates, shaken.coordinates) << "a hundredth is more than rounding";
 }
 
 TEST(DefaultObjective, IsAccuracyForCurvedElementsAndTheEnergyForStraightOnes) {
