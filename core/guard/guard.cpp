@@ -199,6 +199,13 @@ void Guard::return_to_kept() {
   shared_copy<double>(positions_, problem_.positions, team_);
 }
 
+void Guard::return_to_ending() {
+  restore_lost();
+  return_to_best();
+  shared_copy<double>(positions_, problem_.positions, team_);
+  certify_moved();
+}
+
 std::int64_t Guard::unrepaired() const {
   return static_cast<std::int64_t>(cells_where([&](std::size_t cell) {
                                      return !certificates_[cell].is_valid() && unrepairable_[cell] == 0;

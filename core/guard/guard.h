@@ -64,6 +64,10 @@ class Guard {
   /// the kept state becomes that one. Returns whether it did. It is never interrupted.
   bool return_to_best();
 
+  /// restore_lost() and return_to_best(), and moves the problem's nodes to the kept state, which is what the run would
+  /// hand out if it ended now. The caller must rebuild the deformation gradients.
+  void return_to_ending();
+
   /// Cells that are not certified valid as of the last certify_moved().
   std::int64_t uncertified() const { return uncertified_; }
   /// Those of them that are in no unrepairable group.

@@ -121,10 +121,8 @@ void Continuation::set_up_stage(const std::vector<Certificate>& certificates,
   stage_run_.emplace(context(), watch_);
 }
 
-/// The patches of RunControl::shallow_untangling.
-constexpr Untangler::Depth kOneLayer{1, 1};
-/// The patches around cells that lost their certificate.
-constexpr Untangler::Depth kShallow{1, 2};
+constexpr Untangler::Depth kOneLayer{1, 1};  ///< The patches of RunControl::shallow_untangling.
+constexpr Untangler::Depth kShallow{1, 2};   ///< The patches around cells that lost their certificate.
 
 StageContext Continuation::context() {
   const Stage& stage = set_up_.stages[stage_];
@@ -189,6 +187,7 @@ void Continuation::iterate(Result& result) {
     if (control_.threads) team_.set_threads(control_.threads());
     team_.run([&] { reason = stage_run_->step(); });
     if (stage_ > 0 && raised_enough() && !reason) reason = StopReason::NoProgress;
+    if (!reason && stage_run_->has_just_given_up()) team_.run([&] { try_to_end_here(); });
     const Iteration& last = stage_run_->last();
     if (!reason && control_.checkpoint_due && stage_run_->can_be_kept() && control_.checkpoint_due(last))
       control_.save_checkpoint(last, [&](const CheckpointSink& sink) { return stage_run_->write(sink, fingerprint); });
@@ -201,13 +200,16 @@ void Continuation::iterate(Result& result) {
   result.stop_reason = stopped ? StopReason::Stopped : *reason;
 }
 
-double Continuation::mean_scaled_jacobian(const std::vector<double>& coordinates) const {
-  HighOrderMesh mesh = set_up_.mesh;
-  mesh.coordinates = coordinates;
-  const std::vector<double> scaled_jacobian = cell_quality(mesh, team_).scaled_jacobian;
-  double mean = 0;
-  for (const double js : scaled_jacobian) mean += std::max(js, -1.0) / static_cast<double>(scaled_jacobian.size());
-  return mean;
+/// Does what the end of a run with Until::Valid would do here, and keeps the outcome. The iterations go on as they
+/// were.
+void Continuation::try_to_end_here() {
+  if (guard_->lost() == 0) return;
+  const std::vector<double> positions = set_up_.problem.positions;
+  untangle_lost();
+  guard_->restore_lost();
+  set_up_.problem.positions = positions;
+  guard_->certify_moved();
+  stage_run_->returned();
 }
 
 /// Considers the mesh after an iteration of a later stage for the best one, unless its mean has fallen too far. Returns
@@ -218,7 +220,7 @@ double Continuation::consider() {
     guard_->certify_moved();
     bound = best_->examine(*guard_, kGapOfWorst, team_.stop());
   });
-  if (best_->examined_is_better() && mean_scaled_jacobian(best_->examined()) >= best_->least_mean)
+  if (best_->examined_is_better() && mean_scaled_jacobian(set_up_.mesh, best_->examined(), team_) >= best_->least_mean)
     best_->keep_examined();
   return bound;
 }
@@ -238,20 +240,21 @@ bool Continuation::has_minimum_to_raise() {
     best_->examine(*guard_, kGapOfWorst, team_.stop());
   });
   if (!best_->examined_is_valid()) return false;
-  best_->least_mean = mean_scaled_jacobian(best_->examined()) - kMeanGivenForWorst;
+  best_->least_mean = mean_scaled_jacobian(set_up_.mesh, best_->examined(), team_) - kMeanGivenForWorst;
   best_->keep_examined();
   return true;
 }
 
-/// Brings the problem to the guard's kept state. Whether the descent may begin there: the energy has done what it can
-/// for the validity of cells, and no split may follow.
+/// Whether the descent may begin: the energy has done what it can for the validity of cells, and no split may follow.
+/// Brings the problem to the mesh that a run with Until::Valid would hand out.
 bool Continuation::can_lower_loss(const Result& result) {
   const bool is_done = result.stop_reason == StopReason::Valid || result.stop_reason == StopReason::Repaired ||
                        ended_by_itself(result.stop_reason);
   if (!is_done || set_up_.options.until == Until::Valid) return false;
   team_.run([&] {
     guard_->certify_moved();
-    guard_->return_to_kept();
+    if (ended_by_itself(result.stop_reason)) untangle_lost();
+    guard_->return_to_ending();
   });
   return guard_->unrepaired() == 0 || !control_.shallow_untangling;
 }
@@ -320,13 +323,12 @@ void Continuation::finish(std::vector<Certificate>& certificates, Result& result
   result.seconds += watch.seconds();
 }
 
-/// Makes the cells valid that lost their certificate on the way to the optimum, with their neighbours. If they only
-/// went back to where they had it, those around them would lose theirs, and much of the mesh would have to go back too.
-/// Not for runs that a limit or a stop has ended: these are to end at once.
-void Continuation::untangle_lost(Result& result) {
-  const bool is_for_it = set_up_.options.method == Method::Auto && stage_ == 0 && control_.untangles_lost;
-  if (guard_->lost() == 0 || !is_for_it || !ended_by_itself(result.stop_reason)) return;
-  if (grace_.stopped()) return grace_.say_stopped(result);
+/// Makes the cells valid that lost their certificate on the way, with their neighbours. If they only went back to where
+/// they had it, those around them would lose theirs, and so on. Returns false, without doing it, if the run is to end.
+bool Continuation::untangle_lost() {
+  if (set_up_.options.method != Method::Auto || stage_ > 0 || !control_.untangles_lost || guard_->lost() == 0)
+    return true;
+  if (grace_.stopped()) return false;
   const std::vector<double> optimum = set_up_.problem.positions;
   Untangler::FailedStarts failed_starts;  // other cells than those that untangling has given up before
   // Deeper patches around 19 such cells take in most of a published mesh: over a minute in place of 4 s.
@@ -344,6 +346,7 @@ void Continuation::untangle_lost(Result& result) {
     throw;
   }
   drop_deformation(set_up_.problem);
+  return true;
 }
 
 void Continuation::settle(Result& result) {
@@ -353,7 +356,7 @@ void Continuation::settle(Result& result) {
       result.converged = false;
       result.stop_reason = StopReason::NoProgress;
     }
-    untangle_lost(result);
+    if (ended_by_itself(result.stop_reason) && !untangle_lost()) grace_.say_stopped(result);
     guard_->restore_lost();
     if (guard_->return_to_best() && result.converged) {
       result.converged = false;

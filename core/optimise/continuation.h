@@ -47,7 +47,7 @@ class Continuation {
   bool resume(const std::vector<Certificate>& certificates, std::span<const UnrepairableGroup> unrepairable);
   void iterate(Result& result);
   bool has_minimum_to_raise();
-  double mean_scaled_jacobian(const std::vector<double>& coordinates) const;
+  void try_to_end_here();
   double consider();
   bool raised_enough();
   std::optional<StopReason> begin_next_stage();
@@ -57,7 +57,7 @@ class Continuation {
   /// The token of the run has interrupted a stage, or the beginning of one.
   void note_interruption(Result& result);
   void finish(std::vector<Certificate>& certificates, Result& result);
-  void untangle_lost(Result& result);
+  bool untangle_lost();
   /// Brings the guard's kept state up to date.
   void settle(Result& result);
   void take_mesh(std::vector<Certificate>& certificates, Result& result);

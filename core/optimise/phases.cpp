@@ -9,7 +9,7 @@ constexpr int kPatience = 10;  // iterations that a phase may take without fewer
 constexpr int kSweepsWhenStuck = 5;
 constexpr int kMostTimesStuck = 3;
 constexpr int kMostTimesUntangled = 3;
-constexpr int kMostWithoutFewer = 10;  // iterations that a run with Until::Valid may take without fewer of them
+constexpr int kMostWithoutFewer = 10;  // iterations without fewer uncertified cells before validity is given up
 
 }  // namespace
 
@@ -48,10 +48,7 @@ bool PhaseChooser::next(std::int64_t repairable, std::int64_t unrepaired, bool s
       }
       return true;
     case Phase::Sweeps:
-      if (stalled && until_ == Until::Valid && may_untangle(unrepaired))
-        turn_to(Phase::Untangle, kPatience);
-      else if (stalled || (repairable == 0 && times_stuck_ == 0))
-        turn_to(Phase::Newton, kPatience);
+      if (stalled || (repairable == 0 && times_stuck_ == 0)) turn_to(Phase::Newton, kPatience);
       return true;
     case Phase::Accuracy:  // comes after all phases of a stage; the chooser never names it
       return true;
@@ -84,6 +81,10 @@ std::optional<StopReason> Stopper::after(const Iteration& iteration, bool conver
     ++without_fewer_;
   }
   const bool last = outlook != Outlook::AnotherMethod;
+  const bool gives_up =
+      iteration.invalid_elements > 0 && without_fewer_ >= kMostWithoutFewer && outlook == Outlook::Nothing;
+  has_just_given_up_ = gives_up && !has_given_up_;
+  has_given_up_ = has_given_up_ || gives_up;
   const bool for_accuracy = options_.objective == Objective::Accuracy && options_.until != Until::Valid;
   if (options_.until == Until::Valid || for_accuracy) {
     // The descent keeps the bound on the scaled Jacobian more easily than it reaches it.
@@ -91,9 +92,8 @@ std::optional<StopReason> Stopper::after(const Iteration& iteration, bool conver
         for_accuracy && iteration.number > 0 && !(asks_for_proof(iteration) && bound >= options_.min_js);
     if (iteration.invalid_elements == 0 && !goes_on) return StopReason::Valid;
     if (iteration.invalid_elements > 0 && iteration.repairable_elements == 0 && last) return StopReason::Repaired;
+    if (gives_up) return StopReason::NoProgress;
   }
-  if (options_.until == Until::Valid && without_fewer_ >= kMostWithoutFewer && outlook == Outlook::Nothing)
-    return StopReason::NoProgress;
   if (options_.until_js > 0 && bound >= options_.until_js) return StopReason::Quality;
   if (converged && last) return StopReason::Converged;
   if (options_.time_limit > 0 && iteration.seconds >= options_.time_limit) return StopReason::TimeLimit;

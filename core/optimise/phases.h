@@ -18,11 +18,10 @@ enum class Outlook : std::uint8_t {
 /// Chooses the next phase. Method::Auto sweeps until every cell that can be certified is, or until ten sweeps have
 /// certified no more of them. Then it goes on with Newton. If a Newton step finds no lower energy, a few sweeps move
 /// the mesh to where one may. If Newton certifies no more cells either, the rest is untangled, and Newton goes on from
-/// there. With Until::Valid, untangling comes before Newton.
+/// there. Options::until does not matter, so a run with Until::Valid is the beginning of the run without it.
 class PhaseChooser {
  public:
-  PhaseChooser(const Options& options, std::int64_t repairable)
-      : method_(options.method), until_(options.until), fewest_(repairable) {
+  PhaseChooser(const Options& options, std::int64_t repairable) : method_(options.method), fewest_(repairable) {
     if (method_ == Method::Newton || (method_ == Method::Auto && repairable == 0)) turn_to(Phase::Newton, patience_);
   }
 
@@ -49,7 +48,6 @@ class PhaseChooser {
   void turn_to(Phase phase, int patience);
 
   Method method_;
-  Until until_;
   Phase phase_ = Phase::Sweeps;
   std::int64_t fewest_;
   std::int64_t untangled_from_ = -1;  ///< Unrepaired cells when untangling last began.
@@ -60,31 +58,35 @@ class PhaseChooser {
   int times_stuck_ = 0;
 };
 
-/// Decides whether an iteration was the last. With Objective::Accuracy the phases are those of Objective::Energy, and
-/// end as soon as every cell is proved to have Options::min_js, or only unrepairable cells are left. So the accuracy
-/// objective certifies no fewer cells than the energy's optimum.
+/// Decides whether an iteration was the last. With Until::Valid a run ends as soon as the mesh is valid, only
+/// unrepairable cells are left, or validity is given up: ten iterations have certified no more cells, and the outlook
+/// is Nothing. With Objective::Accuracy the phases end at the same iteration, but if the mesh is valid then, they go on
+/// until every cell is proved to have Options::min_js.
 class Stopper {
  public:
   explicit Stopper(const Options& options) : options_(options) {}
 
   /// Call it after every iteration, and once before the first with iteration 0, the mesh as it is. `bound` is the
-  /// proved minimum of the scaled Jacobian; only until_js needs it, and iterations that ask for a proof. Lack of
-  /// progress ends a run only if the outlook is Nothing, and convergence only if no other method will come.
+  /// proved minimum of the scaled Jacobian; only until_js needs it, and iterations that ask for a proof. Convergence ends
+  /// a run only if no other method will come.
   std::optional<StopReason> after(const Iteration& iteration, bool converged, Outlook outlook, double bound);
 
   /// Whether the proof decides: with Objective::Accuracy, if all cells are valid and have Options::min_js at the
   /// quadrature points, which is cheaper to know.
   bool asks_for_proof(const Iteration& iteration) const;
+  /// Whether validity was given up after the last iteration, and not before. It happens once in a run.
+  bool has_just_given_up() const { return has_just_given_up_; }
 
   template <class Archive>
   void state(Archive& archive) {
-    archive(fewest_, without_fewer_);
+    archive(fewest_, without_fewer_, has_given_up_);
   }
 
  private:
   const Options& options_;
   std::int64_t fewest_ = -1;
   int without_fewer_ = 0;
+  bool has_given_up_ = false, has_just_given_up_ = false;
 };
 
 }  // namespace varimesh

@@ -228,6 +228,12 @@ std::optional<StopReason> StageRun::newton_ends() {
   return ++standing_ < kMostStanding ? std::nullopt : std::optional(StopReason::NoProgress);
 }
 
+void StageRun::returned() {
+  drop_deformation(problem_);
+  sweeper_.changed();
+  exact_ = true;
+}
+
 // ===== checkpoints =====
 
 template <class Archive>

@@ -63,6 +63,11 @@ class StageRun {
   /// function may be called after that, except last() and those that take something out of the stage.
   void forget_unfinished();
 
+  /// Whether a run with Until::Valid would end here without a valid mesh (Stopper::has_just_given_up()).
+  bool has_just_given_up() const { return stopper_.has_just_given_up(); }
+  /// After the problem's nodes were elsewhere and are back where the last step() has left them.
+  void returned();
+
   /// Whether the state can be written now: the deformation gradients must be those that the positions give.
   bool can_be_kept() const { return exact_; }
   /// Writes the state as a checkpoint; false if the sink stopped.

@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include <string>
+#include <tuple>
 
 #include "core/validity/certificate.h"
 #include "tests/core/optimise/stopped_runs.h"
@@ -50,6 +51,51 @@ TEST_P(TangledRun, IsNeverWorseForHavingGoneOn) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Meshes, TangledRun, ::testing::ValuesIn(tangled_runs()),
+                         [](const auto& info) { return info.param.name; });
+
+// ===== a run until the mesh is valid is the beginning of the run without this end =====
+
+/// Meshes that are tangled, and some that stay so because of their boundary.
+std::vector<RunToStop> runs_until_valid() {
+  std::vector<RunToStop> runs = tangled_runs();
+  const auto add = [&](const std::string& name, HighOrderMesh mesh) {
+    runs.push_back(testing::run_to_stop(name, std::move(mesh), [](Options&) {}));
+  };
+  add("sphere", read_case("sphere_p3.msh"));
+  add("two_in_a_ball", testing::two_in_a_ball(3));
+  HighOrderMesh six = testing::six_in_a_ball(3);
+  testing::shake(six, 0.3, 11);
+  add("six_in_a_ball", std::move(six));
+  add("tetrahedra_pushed_far", pushed(testing::Filling::Tetrahedra, {3, 3, 3}, 2, 0.35));
+  add("hexahedra_pushed_far", pushed(testing::Filling::Hexahedra, {3, 3, 2}, 2, 0.4));
+  return runs;
+}
+
+/// What iterations have in common if they are the same: all but their times.
+auto substance(const Iteration& i) {
+  return std::tuple(i.phase, i.number, i.energy, i.residual, i.invalid_elements, i.left_elements, i.active_nodes);
+}
+
+class RunUntilValid : public ::testing::TestWithParam<RunToStop> {};
+
+TEST_P(RunUntilValid, IsTheBeginningOfEveryOtherRun) {
+  Options options = GetParam().options;
+  for (const Objective objective : {Objective::Auto, Objective::Energy, Objective::Worst}) {
+    options.objective = objective;
+    options.until = Until::Valid;
+    const auto until_valid = optimise(GetParam().mesh, options);
+    options.until = Until::Tolerance;
+    const auto whole = optimise(GetParam().mesh, options);
+    ASSERT_TRUE(until_valid && whole);
+    ASSERT_LE(until_valid->history.size(), whole->history.size());
+    for (std::size_t i = 0; i < until_valid->history.size(); ++i)
+      ASSERT_EQ(substance(until_valid->history[i]), substance(whole->history[i]))
+          << "iteration " << i + 1 << ", objective " << int(objective);
+    EXPECT_LE(uncertified(*whole), uncertified(*until_valid)) << "objective " << int(objective);
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Meshes, RunUntilValid, ::testing::ValuesIn(runs_until_valid()),
                          [](const auto& info) { return info.param.name; });
 
 TEST(ValidMesh, StaysAsItCameIfItsMinimumAndItsMeanWouldFall) {

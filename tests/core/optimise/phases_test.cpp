@@ -50,16 +50,20 @@ TEST(PhaseChooser, DoesNotUntangleWhatCannotBeRepaired) {
   EXPECT_EQ(chooser.phase(), Phase::Newton);
 }
 
-TEST(PhaseChooser, UntanglesBeforeNewtonIfOnlyAValidMeshIsAskedFor) {
+TEST(PhaseChooser, ComesToTheSamePhasesIfOnlyAValidMeshIsAskedFor) {
   Options options;
+  PhaseChooser whole(options, 5);
   options.until = Until::Valid;
-  PhaseChooser chooser(options, 5);
-  stall(chooser, 5, 10);
-  EXPECT_EQ(chooser.phase(), Phase::Untangle);
-  chooser.untangling_from(5);
-  chooser.next(5, 5, true);
-  EXPECT_EQ(chooser.phase(), Phase::Newton);
-  EXPECT_EQ(chooser.outlook(5), Outlook::Patience);
+  PhaseChooser until_valid(options, 5);
+  for (int iteration = 0; iteration < 60; ++iteration) {
+    ASSERT_EQ(whole.phase(), until_valid.phase()) << iteration;
+    const bool untangles = whole.phase() == Phase::Untangle;
+    for (PhaseChooser* chooser : {&whole, &until_valid}) {
+      if (untangles && iteration % 4 == 0) chooser->untangling_from(5);
+      chooser->next(iteration < 30 ? 5 : 4, 4, untangles && iteration % 4 == 3);
+    }
+    ASSERT_EQ(whole.outlook(4), until_valid.outlook(4)) << iteration;
+  }
 }
 
 TEST(PhaseChooser, KeepsToTheMethodAskedFor) {
@@ -163,7 +167,7 @@ TEST(Stopper, StopsIfOnlyUnrepairableCellsAreLeft) {
   EXPECT_EQ(stopper.after(iteration(2, 3, 0), false, Outlook::Nothing, 0), StopReason::Repaired);
 }
 
-TEST(Stopper, OfTheAccuracyObjectiveStopsAtAValidMeshButIsAsPatientAsThatOfTheEnergy) {
+TEST(Stopper, OfTheAccuracyObjectiveStopsWhereARunUntilValidDoes) {
   Options options;
   options.objective = Objective::Accuracy;
   Stopper valid(options), unrepairable(options), stalled(options);
@@ -180,9 +184,21 @@ TEST(Stopper, OfTheAccuracyObjectiveStopsAtAValidMeshButIsAsPatientAsThatOfTheEn
   Stopper came_valid(options);
   EXPECT_EQ(came_valid.after(iteration(0, 0, 0), false, Outlook::Nothing, 0), StopReason::Valid);
   EXPECT_EQ(unrepairable.after(iteration(1, 3, 0), false, Outlook::Nothing, 0), StopReason::Repaired);
-  for (int number = 1; number <= 50; ++number)
-    EXPECT_EQ(stalled.after(iteration(number, 5, 5), false, Outlook::Nothing, 0), std::nullopt);
-  EXPECT_EQ(stalled.after(iteration(51, 5, 5), true, Outlook::Nothing, 0), StopReason::Converged);
+  int number = 0;
+  for (; number < 50; ++number)
+    EXPECT_EQ(stalled.after(iteration(number, 5, 5), false, Outlook::Patience, 0), std::nullopt);
+  EXPECT_EQ(stalled.after(iteration(++number, 5, 5), false, Outlook::Nothing, 0), StopReason::NoProgress);
+}
+
+TEST(Stopper, SaysOnceThatARunUntilValidWouldEndWithoutAValidMesh) {
+  Options options;
+  Stopper stopper(options);
+  int times = 0;
+  for (int number = 0; number <= 30; ++number) {
+    EXPECT_EQ(stopper.after(iteration(number, 5, 5), false, Outlook::Nothing, 0), std::nullopt);
+    times += stopper.has_just_given_up() ? 1 : 0;
+    EXPECT_EQ(times, number < 10 ? 0 : 1) << number;
+  }
 }
 
 TEST(Stopper, StopsAfterTenIterationsWithoutFewerUncertifiedCells) {
