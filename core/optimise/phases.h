@@ -67,8 +67,8 @@ class Stopper {
   explicit Stopper(const Options& options) : options_(options) {}
 
   /// Call it after every iteration, and once before the first with iteration 0, the mesh as it is. `bound` is the
-  /// proved minimum of the scaled Jacobian; only until_js needs it, and iterations that ask for a proof. Convergence ends
-  /// a run only if no other method will come.
+  /// proved minimum of the scaled Jacobian; only until_js needs it, and iterations that ask for a proof. Convergence
+  /// ends a run only if no other method will come.
   std::optional<StopReason> after(const Iteration& iteration, bool converged, Outlook outlook, double bound);
 
   /// Whether the proof decides: with Objective::Accuracy, if all cells are valid and have Options::min_js at the
