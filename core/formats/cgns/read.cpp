@@ -58,6 +58,10 @@ class Reading {
     read_coordinates(zone);
     read_elements(zone);
     read_groups(zone);
+    // The children of a node come in the order of their names.
+    std::sort(mesh_.physical_groups.begin(), mesh_.physical_groups.end(), [](const auto& a, const auto& b) {
+      return std::pair(a.dimension, a.tag) < std::pair(b.dimension, b.tag);
+    });
     make_blocks();
     remember_cgns_types(mesh_, types_);
     return std::move(mesh_);
