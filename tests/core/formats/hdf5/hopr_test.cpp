@@ -99,7 +99,7 @@ HighOrderMesh periodic_box(Filling filling, int order) {
     for (std::size_t b = 0; b < mesh.node_count(); ++b) {
       const double* x = mesh.coordinates.data() + 3 * a;
       const double* y = mesh.coordinates.data() + 3 * b;
-      if (x[0] == 0 && y[0] == 1 && std::abs(x[1] - y[1]) + std::abs(x[2] - y[2]) < 1e-12)
+      if (std::abs(x[0]) + std::abs(y[0] - 1) + std::abs(x[1] - y[1]) + std::abs(x[2] - y[2]) < 1e-12)
         link.nodes.emplace_back(std::int32_t(a), std::int32_t(b));
     }
   mesh.periodic.push_back(link);

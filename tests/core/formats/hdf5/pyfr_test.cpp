@@ -47,10 +47,8 @@ TEST(Pyfr, SaysWhatItLeavesOut) {
   HighOrderMesh mesh = curved_grid(Filling::Tetrahedra, 2);
   for (ElementBlock& block : mesh.blocks)
     if (block.shape == Shape::Tetrahedron) block.physical = {3};
-  EXPECT_EQ(
-      formats::left_out(mesh, Format::Pyfr),
-      "PyFR's format has no place for groups of cells and the numbers of nodes and elements; the file leaves them "
-      "out.");
+  EXPECT_EQ(formats::left_out(mesh, Format::Pyfr),
+            "PyFR's format has no place for groups of cells; the file leaves them out.");
 }
 
 }  // namespace
