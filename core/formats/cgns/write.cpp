@@ -32,10 +32,23 @@ std::string free_name(std::string_view wanted, std::set<std::string>& used) {
   return name;
 }
 
+/// The blocks in the order of the file: cells, then sides. Readers such as VTK's take a zone whose first elements are
+/// points for a cloud of points, so smaller elements are left out.
+std::vector<const ElementBlock*> file_order(const HighOrderMesh& mesh) {
+  std::vector<const ElementBlock*> blocks;
+  for (const int d : {mesh.dimension, mesh.dimension - 1})
+    for (const ElementBlock& block : mesh.blocks)
+      if (reference::info(block.shape).dimension == d) blocks.push_back(&block);
+  return blocks;
+}
+
 class Writing {
  public:
   Writing(const HighOrderMesh& mesh, const Team& team)
-      : mesh_(mesh), types_(cgns_types_of(mesh)), writer_(std::int64_t(mesh.node_count()) * 64, team.stop()) {}
+      : mesh_(mesh),
+        blocks_(file_order(mesh)),
+        types_(cgns_types_of(mesh)),
+        writer_(std::int64_t(mesh.node_count()) * 64, team.stop()) {}
 
   Expected<void> write(const Sink& sink) {
     root();
@@ -119,14 +132,13 @@ class Writing {
   void elements() {
     std::int32_t number = 0;
     int section = 0;
-    for (std::size_t b = 0; b < mesh_.blocks.size();) {
+    for (std::size_t b = 0; b < blocks_.size();) {
       std::size_t end = b;
       std::int64_t count = 0;
-      const ElementBlock& first = mesh_.blocks[b];
-      for (; end < mesh_.blocks.size() && mesh_.blocks[end].shape == first.shape &&
-             mesh_.blocks[end].order == first.order;
+      for (;
+           end < blocks_.size() && blocks_[end]->shape == blocks_[b]->shape && blocks_[end]->order == blocks_[b]->order;
            ++end)
-        count += std::int64_t(mesh_.blocks[end].size());
+        count += std::int64_t(blocks_[end]->size());
       if (count > 0) write_section(b, end, ++section, number, count);
       number += std::int32_t(count);
       b = end;
@@ -134,7 +146,7 @@ class Writing {
   }
 
   void write_section(std::size_t begin, std::size_t end, int section, std::int32_t before, std::int64_t count) {
-    const ElementBlock& first = mesh_.blocks[begin];
+    const ElementBlock& first = *blocks_[begin];
     std::string name(reference::info(first.shape).plural);
     name[0] = char(std::toupper(static_cast<unsigned char>(name[0])));
     const std::string path = std::string(kZone) + "/" + name + "_" + std::to_string(section);
@@ -146,7 +158,7 @@ class Writing {
     writer_.array(data, "i4", Dims{count * std::int64_t(place.size())});
     Hdf5Rows<std::int32_t> rows(writer_, data, 1);
     for (std::size_t b = begin; b < end; ++b) {
-      const ElementBlock& block = mesh_.blocks[b];
+      const ElementBlock& block = *blocks_[b];
       for (std::size_t e = 0; e < block.size(); ++e)
         for (const int local : place) rows.add(block.nodes[e * place.size() + std::size_t(local)] + 1);
     }
@@ -157,12 +169,12 @@ class Writing {
   void groups(int dimension) {
     std::map<int, std::vector<std::int32_t>> members;  // by tag
     std::int32_t number = 0;
-    for (const ElementBlock& block : mesh_.blocks) {
-      const bool wanted = reference::info(block.shape).dimension == dimension;
-      for (std::size_t e = 0; e < block.size(); ++e) {
+    for (const ElementBlock* block : blocks_) {
+      const bool wanted = reference::info(block->shape).dimension == dimension;
+      for (std::size_t e = 0; e < block->size(); ++e) {
         ++number;
         if (wanted)
-          for (const int tag : block.physical) members[std::abs(tag)].push_back(number);
+          for (const int tag : block->physical) members[std::abs(tag)].push_back(number);
       }
     }
     const bool cells = dimension == mesh_.dimension;
@@ -202,6 +214,7 @@ class Writing {
   }
 
   const HighOrderMesh& mesh_;
+  std::vector<const ElementBlock*> blocks_;
   std::map<int, std::string> types_;
   Hdf5Writer writer_;
 };
@@ -221,15 +234,13 @@ Expected<void> write_cgns(const HighOrderMesh& mesh, Format, const Sink& sink, s
 
 std::string not_in_cgns(const HighOrderMesh& mesh) {
   LeftOut lost;
-  bool small = false, renumbers = false;
+  lost.small_elements(mesh);
+  bool renumbers = false;
   std::int64_t next = 0;
-  for (const ElementBlock& block : mesh.blocks) {
-    small = small || (reference::info(block.shape).dimension < mesh.dimension - 1 && !block.physical.empty());
-    for (const std::int64_t number : block.numbers) renumbers = renumbers || number != ++next;
-  }
+  for (const ElementBlock* block : file_order(mesh))
+    for (const std::int64_t number : block->numbers) renumbers = renumbers || number != ++next;
   next = 0;
   for (const std::int64_t number : mesh.node_numbers) renumbers = renumbers || number != ++next;
-  lost.add_if(small, mesh.dimension == 3 ? "groups of lines and points" : "groups of points");
   lost.add_if(!mesh.periodic.empty(), "periodic links");
   lost.entities_and_partitions(mesh);
   lost.add_if(renumbers, "the numbers of nodes and elements");

@@ -2,7 +2,7 @@
 """check_hdf5.py KIND FILE VOLUME AREA: reads a mesh of HOPR, CGNS or PyFR, and compares it with what is known of it.
 
 The mesh is a grid of the unit cube under the map (x + y^2 / 2, y, z + x y / 4). This reader shares nothing with VariMesh's:
-it takes the arrays with h5py, or with libcgns, as the formats' descriptions have them. It takes every node back through
+it takes the arrays with h5py, with libcgns or with VTK, as the formats' descriptions have them. It takes every node back through
 the inverse of the map, where it must lie at its place on the lattice of a straight cell, and integrates over faces: x . n / 3,
 which adds up to the volume, and 1 over the boundary, which is its area. hdf5/peers_test.cpp runs it.
 """
@@ -176,6 +176,43 @@ def pyfr(path):
     return volume, area
 
 
+def cgns_vtk(path):
+    """The elements as VTK sees them: three points inside each, and the volume of the straight elements."""
+    import vtk
+    reader = vtk.vtkCGNSReader()
+    reader.SetFileName(path)
+    reader.UpdateInformation()
+    reader.EnableAllBases()
+    reader.Update()
+
+    def leaves(node):
+        for n in range(node.GetNumberOfBlocks()):
+            block = node.GetBlock(n)
+            if block is not None:
+                yield from leaves(block) if block.IsA("vtkMultiBlockDataSet") else [block]
+
+    volume = 0
+    for grid in leaves(reader.GetOutput()):
+        for n in range(grid.GetNumberOfCells()):
+            cell = grid.GetCell(n)
+            if cell.GetCellDimension() < 3:
+                continue
+            weights = [0.0] * cell.GetNumberOfPoints()
+
+            def place(*at):
+                x = [0.0, 0.0, 0.0]
+                cell.EvaluateLocation(vtk.reference(0), tuple(map(float, at)), x, weights)
+                return straight(np.array(x))
+
+            origin = place(0, 0, 0)
+            edges = [place(*at) - origin for at in ((1, 0, 0), (0, 1, 0), (0, 0, 1))]
+            for at in ((0.2, 0.3, 0.4), (0.1, 0.1, 0.7), (0.6, 0.15, 0.2)):
+                wanted = origin + sum(s * edge for s, edge in zip(at, edges))
+                assert np.abs(wanted - place(*at)).max() < 1e-9, (n, cell.GetCellType())
+            volume += np.linalg.det(edges) / {4: 6, 5: 2, 6: 1}[cell.GetNumberOfFaces()]
+    return volume, None
+
+
 def cgns_library(path):
     """The elements as libcgns reads them."""
     import ctypes
@@ -240,6 +277,6 @@ def cgns_library(path):
 
 
 if __name__ == "__main__":
-    found = {"hopr": hopr, "pyfr": pyfr, "cgns-library": cgns_library}[sys.argv[1]](sys.argv[2])
+    found = {"hopr": hopr, "pyfr": pyfr, "cgns-vtk": cgns_vtk, "cgns-library": cgns_library}[sys.argv[1]](sys.argv[2])
     for own, wanted in zip(found, map(float, sys.argv[3:])):
         assert own is None or abs(own - wanted) < 1e-9 * max(1, wanted), (own, wanted)

@@ -1,4 +1,4 @@
-// h5py and libcgns read the HDF5 files, as separate programs, and see the same mesh. What is not installed is
+// h5py, VTK and libcgns read the HDF5 files, as separate programs, and see the same mesh. What is not installed is
 // skipped, with a sentence.
 #include <gtest/gtest.h>
 
@@ -74,6 +74,15 @@ TEST(PyfrPeers, H5pyMeasuresTheVolumeAndTheSurface) {
   // PyFR takes no pyramids whose base is bent.
   for (const Filling filling : {Filling::Hexahedra, Filling::Prisms, Filling::Tetrahedra})
     for (const int order : {2, 3, 5}) expect_measured(Format::Pyfr, ".pyfrm", "pyfr", filling, order);
+}
+
+// VTK 9.1 reads no quartic elements, swaps two edges of cubic hexahedra, and turns a face of cubic prisms.
+TEST(CgnsPeers, VtkSeesTheMapAndMeasuresTheVolume) {
+  NEEDS_HDF5();
+  if (!python_can("import vtk; vtk.vtkCGNSReader")) GTEST_SKIP() << "SKIPPED: VTK is not installed (python3-vtk9)";
+  for (const Filling filling : {Filling::Hexahedra, Filling::Prisms, Filling::Tetrahedra})
+    expect_measured(Format::Cgns, ".cgns", "cgns-vtk", filling, 2);
+  expect_measured(Format::Cgns, ".cgns", "cgns-vtk", Filling::Tetrahedra, 3);
 }
 
 TEST(CgnsPeers, LibcgnsReadsElementsAndBoundaryConditions) {
