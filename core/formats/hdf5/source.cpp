@@ -79,6 +79,7 @@ std::vector<std::int64_t> Hdf5Group::integers(std::string_view name) const {
   allowance_->take(std::size_t(std::max<std::int64_t>(0, item.rows())),
                    std::size_t(item.columns()) * sizeof(std::int64_t));
   std::vector<std::int64_t> all;
+  all.reserve(std::size_t(std::max<std::int64_t>(0, item.rows()) * item.columns()));
   for_rows<std::int64_t>(name, 0, [&](std::int64_t, std::int64_t count, const std::int64_t* values) {
     all.insert(all.end(), values, values + count * item.columns());
   });

@@ -65,6 +65,8 @@ class Hdf5Group {
     if (item.columns() == 0) return item.rows();
     const std::int64_t per_slice = slice(name, item, sizeof(T));
     std::vector<T> values;
+    const std::size_t room = std::size_t(std::min(per_slice, item.rows()) * item.columns()) * sizeof(T);
+    allowance_->take(room, 1);
     for (std::int64_t first = 0; first < item.rows(); first += per_slice) {
       allowance_->look();
       const std::int64_t count = std::min(per_slice, item.rows() - first);
@@ -73,6 +75,7 @@ class Hdf5Group {
                     count);
       body(first, count, static_cast<const T*>(values.data()));
     }
+    allowance_->give_back(room);
     return item.rows();
   }
 

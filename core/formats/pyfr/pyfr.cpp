@@ -5,7 +5,6 @@
 #include <cstring>
 #include <map>
 
-#include "core/base/version.h"
 #include "core/formats/hdf5/files.h"
 #include "core/formats/left_out.h"
 #include "core/formats/node_order.h"
@@ -322,7 +321,7 @@ class Writing {
       all += name;
     }
     writer_.array("/codec", "S" + std::to_string(width), Dims{std::int64_t(codec_.size())}, all);
-    text("/creator", "varimesh " + std::string(version()));
+    text("/creator", "varimesh");
     text("/mesh-uuid", digest_.uuid());
     writer_.array("/version", "i8", {}, bytes_of(std::vector<std::int64_t>{1}));
   }
