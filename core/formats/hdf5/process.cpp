@@ -144,12 +144,14 @@ void Hdf5Process::fail_ended() {
 void Hdf5Process::wait(short events) {
   constexpr int kMilliseconds = 100;
   pollfd socket{socket_, events, 0};
-  for (;;) {
+  // A process that waits uses no processor time. On a busy machine it may take much longer than its processor time.
+  for (std::int64_t left = 10 * seconds_ * 1000 / kMilliseconds; left > 0; --left) {
     look(stop_);
     const int ready = ::poll(&socket, 1, kMilliseconds);
     if (ready > 0) return;
     if (ready < 0 && errno != EINTR) throw Hdf5Failure{"waiting for HDF5 failed (" + reason(errno) + ")"};
   }
+  throw Hdf5Failure{"HDF5 gave no answer within " + std::to_string(10 * seconds_) + " s"};
 }
 
 void Hdf5Process::send(std::string_view bytes) {
