@@ -13,7 +13,10 @@ namespace {
 bool is_socket_of_this_user(const std::filesystem::path& path) {
   struct stat folder {
   }, socket{};
-  if (::stat(path.parent_path().c_str(), &folder) != 0 || ::lstat(path.c_str(), &socket) != 0) return false;
+  // In /tmp another user could make the folder a link, and point it elsewhere later.
+  const bool may_be_link = !path.native().starts_with("/tmp/");
+  if ((may_be_link ? ::stat : ::lstat)(path.parent_path().c_str(), &folder) != 0 || ::lstat(path.c_str(), &socket) != 0)
+    return false;
   const auto mine = [](const struct stat& status) { return status.st_uid == ::geteuid(); };
   return mine(folder) && mine(socket) && (folder.st_mode & (S_IWGRP | S_IWOTH)) == 0 && S_ISSOCK(socket.st_mode);
 }

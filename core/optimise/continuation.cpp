@@ -19,8 +19,7 @@ namespace {
 
 /// How much of the mean scaled Jacobian may be given up to raise the lowest.
 constexpr double kMeanGivenForWorst = 0.01;
-/// How closely the minimum of a mesh is proved when it is compared with others. The report's gap would hide what the
-/// last steps of a stage bring.
+/// How closely the minimum of a mesh is proved when it is compared with others. The report's gap would hide late steps.
 constexpr double kGapOfWorst = 1e-4;
 
 /// Whether the methods ended the stage, and not a limit or the caller.
@@ -187,7 +186,8 @@ void Continuation::iterate(Result& result) {
     if (control_.threads) team_.set_threads(control_.threads());
     team_.run([&] { reason = stage_run_->step(); });
     if (stage_ > 0 && raised_enough() && !reason) reason = StopReason::NoProgress;
-    if (!reason && stage_run_->has_just_given_up()) team_.run([&] { try_to_end_here(); });
+    if (stage_run_->has_just_given_up() && (!reason || *reason == StopReason::Iterations))
+      team_.run([&] { try_to_end_here(); });
     const Iteration& last = stage_run_->last();
     if (!reason && control_.checkpoint_due && stage_run_->can_be_kept() && control_.checkpoint_due(last))
       control_.save_checkpoint(last, [&](const CheckpointSink& sink) { return stage_run_->write(sink, fingerprint); });

@@ -183,7 +183,7 @@ void note_missed_bound(const Options& options, Result& result) {
       text, sizeof text,
       "The smallest scaled Jacobian is %.3g, below the %.3g of min_js: %s. To raise it, try --objective worst.", lowest,
       options.min_js,
-      result.stop_reason == StopReason::Converged ? "no mesh on the way had more" : "the run ended before");
+      result.stop_reason == StopReason::Converged ? "no mesh on the way reached it" : "the run ended before");
   result.notes.emplace_back(text);
 }
 

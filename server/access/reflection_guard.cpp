@@ -4,6 +4,7 @@
 #include <string_view>
 
 #include "server/access/certificate_name.h"
+#include "server/addresses.h"
 
 namespace varimesh::server {
 namespace {
@@ -24,7 +25,8 @@ class Guard : public grpc::experimental::Interceptor {
                                                  ? std::string_view()
                                                  : std::string_view(header->second.data(), header->second.size());
       const std::string name = access_.names_certificates() ? name_in_certificate(*call_->server_context()) : "";
-      if (!access_.admit(Method::Reflection, authorization, "", name)) call_->server_context()->TryCancel();
+      if (!access_.admit(Method::Reflection, authorization, peer_address(call_->server_context()->peer()), name))
+        call_->server_context()->TryCancel();
     }
     methods->Proceed();
   }

@@ -62,6 +62,11 @@ Answer<std::unique_ptr<SharedMeshStore>> SharedMeshStore::open_directory(const s
     return directory_unusable("Cannot keep meshes in '" + directory + "' (" +
                               (error ? error.message() : std::strerror(errno)) +
                               "); choose another directory (--meshes).");
+  for (std::filesystem::directory_iterator at(directory, error), end; !error && at != end; at.increment(error))
+    if (const auto ending = at->path().extension(); ending == ".zst" || ending == ".owners")
+      return directory_unusable("The directory '" + directory +
+                                "' has meshes in the form of a server that shares them with none (*" + ending.string() +
+                                "); choose another directory (--meshes).");
   return std::unique_ptr<SharedMeshStore>(
       new SharedMeshStore(directory, scratch, std::move(settings), std::move(referenced)));
 }
@@ -121,8 +126,11 @@ Answer<StoredBytes> SharedMeshStore::adopt(const std::filesystem::path& path, in
 }
 
 void SharedMeshStore::release(const std::string& digest) {
+  struct stat status {};
+  const bool is_there = is_sha256(digest) && ::lstat(path_of(digest).c_str(), &status) == 0;
   std::lock_guard lock(mutex_);
   fresh_.erase(digest);
+  if (is_there) released_[digest] = {settings_.clock(), time_of_change(status)};
 }
 
 // ===== reading =====
@@ -211,16 +219,19 @@ bool SharedMeshStore::mark(const std::string& digest, const std::string& owner) 
 }
 
 bool SharedMeshStore::has_owners(const std::string& digest) const {
-  std::error_code ignored;
-  for (const auto& file : std::filesystem::directory_iterator(directory_, ignored)) {
-    const std::string name = file.path().filename().string();
+  std::error_code error;
+  for (std::filesystem::directory_iterator at(directory_, error), end; !error && at != end; at.increment(error)) {
+    const std::string name = at->path().filename().string();
     if (name.size() == 2 * digest.size() + 1 && name.starts_with(digest + ".")) return true;
   }
-  return false;
+  return bool(error);  // nobody's mesh is deleted because a directory cannot be read
 }
 
 Answer<void> SharedMeshStore::remove(const std::string& digest, const std::string& owner) {
   if (!belongs_to(digest, owner)) return mesh_not_found(digest);
+  // Whoever stores or uses the mesh from now on changes its time.
+  struct stat before {};
+  if (::lstat(path_of(digest).c_str(), &before) != 0) return {};
   const auto referenced = referenced_();
   if (!referenced) return tl::unexpected(referenced.error());
   if (owner.empty() && referenced->contains(digest)) return mesh_in_use(digest);
@@ -228,9 +239,6 @@ Answer<void> SharedMeshStore::remove(const std::string& digest, const std::strin
     ::unlink(mark_path(digest, owner).c_str());
     if (referenced->contains(digest) || has_owners(digest)) return {};
   }
-  // A job that was submitted since the question above has used the mesh.
-  struct stat before {};
-  if (::lstat(path_of(digest).c_str(), &before) != 0) return {};
   const auto again = referenced_();
   if (!again) return tl::unexpected(again.error());
   const bool needed = again->contains(digest);

@@ -117,6 +117,13 @@ class SharedMeshStore : public MeshStore {
   void look();
   /// Whether a file has not changed for ten minutes, as far as this server has seen it.
   bool rests(const std::string& name) const;
+  /// A result that this server stored and needs no longer.
+  struct Released {
+    std::chrono::steady_clock::time_point when;
+    std::int64_t changed = 0;  ///< Its time of change then.
+  };
+  /// Deletes what this server has released, unless somebody else needs it.
+  void remove_released();
   /// Whether this server is the one that sweeps.
   bool is_sweeper();
   /// Uses the results that this server has stored and that no job may have yet.
@@ -128,8 +135,9 @@ class SharedMeshStore : public MeshStore {
   const DirectoryMeshSettings settings_;
   const std::function<Answer<Digests>()> referenced_;
   std::atomic<std::int64_t> promised_ = 0;  ///< Bytes that clients of this server have announced and not sent yet.
-  std::mutex mutex_;                        ///< Guards the next two.
-  std::map<std::string, std::weak_ptr<Promise>> promises_;              ///< By the upload's key.
+  std::mutex mutex_;                        ///< Guards the next three.
+  std::map<std::string, std::weak_ptr<Promise>> promises_;  ///< By the upload's key.
+  std::map<std::string, Released> released_;
   std::map<std::string, std::chrono::steady_clock::time_point> fresh_;  ///< When this server stored which results.
   std::mutex sweeping_;                                                 ///< Guards the next two.
   int sweeper_ = -1;                                                    ///< The descriptor of the file `sweeper`.

@@ -1,5 +1,6 @@
 // Deletes what nobody needs from the shared directory. One server at a time does so, the one that has locked the file
-// `sweeper`; if it ends, another one takes its place. Nothing would be lost if two did.
+// `sweeper`; if it ends, another one takes its place. Nothing would be lost if two did. Checkpoints that were replaced
+// would fill the disk in ten minutes, so the server that wrote them deletes them sooner.
 //
 // A file is deleted only if this server has seen it unchanged for ten minutes of its own steady clock. A use changes a
 // file's time. So neither a clock that is set back or forth nor a job that another server is just storing does harm.
@@ -21,6 +22,9 @@ namespace {
 
 /// How long after a result was stored the database is asked whether a job has it.
 constexpr std::chrono::minutes kAskAfter{10};
+/// How long after a server has released a result of its own, such as a checkpoint that another one replaces, it is
+/// deleted. An equal job may just have stored the same bytes, and is about to say so.
+constexpr std::chrono::minutes kRemoveAfter{1};
 
 }  // namespace
 
@@ -34,7 +38,8 @@ void SharedMeshStore::look() {
   const auto today = std::chrono::system_clock::now().time_since_epoch();
   std::map<std::string, Seen> found;
   std::error_code error;
-  for (const auto& file : std::filesystem::directory_iterator(directory_, error)) {
+  for (std::filesystem::directory_iterator at(directory_, error), end; !error && at != end; at.increment(error)) {
+    const auto& file = *at;
     struct stat status {};
     if (::lstat(file.path().c_str(), &status) != 0 || !S_ISREG(status.st_mode)) continue;
     Seen seen{status.st_size, time_of_change(status), now};
@@ -60,6 +65,7 @@ bool SharedMeshStore::rests(const std::string& name) const {
 void SharedMeshStore::sweep() {
   std::lock_guard lock(sweeping_);
   use_fresh();
+  remove_released();
   if (!is_sweeper()) return;
   // The database is asked first: a job that is stored after that has used its mesh after that, or shortly before.
   const auto referenced = referenced_();
@@ -93,6 +99,27 @@ void SharedMeshStore::use_fresh() {
   }
 }
 
+void SharedMeshStore::remove_released() {
+  std::map<std::string, Released> ripe;
+  {
+    std::lock_guard lock(mutex_);
+    const auto now = settings_.clock();
+    std::erase_if(released_, [&](const auto& one) {
+      const bool is_ripe = now - one.second.when >= kRemoveAfter;
+      if (is_ripe) ripe.insert(one);
+      return is_ripe;
+    });
+  }
+  if (ripe.empty()) return;
+  const auto referenced = referenced_();
+  if (!referenced) return;  // the sweeper deletes them later
+  for (const auto& [digest, released] : ripe) {
+    struct stat kept {};
+    if (referenced->contains(digest) || ::lstat(kept_of(digest).c_str(), &kept) == 0) continue;
+    remove_file(digest, [&](const struct stat& now) { return time_of_change(now) == released.changed; });
+  }
+}
+
 void SharedMeshStore::sweep_meshes(const Digests& referenced) {
   std::int64_t total = 0;
   std::vector<std::tuple<std::int64_t, std::string, const Seen*>> idle;
@@ -120,7 +147,9 @@ void SharedMeshStore::sweep_others() {
     const std::string stem = name.substr(0, name.find('.'));
     if (name.starts_with("upload-") && stem != name && (rests(stem) || !seen_.contains(stem))) drop_upload(stem);
     const bool is_lone_upload = name.starts_with("upload-") && !seen_.contains(stem + ".about");
-    const bool is_of_no_mesh = stem != name && is_sha256(stem) && !size_of(stem);
+    const std::string ending = name.substr(stem.size());  // other files are not of this store
+    const bool is_note = ending == ".kept" || (!ending.empty() && is_sha256(ending.substr(1)));
+    const bool is_of_no_mesh = is_note && is_sha256(stem) && !size_of(stem);
     if (is_lone_upload || is_of_no_mesh || name.starts_with("part-")) ::unlink((directory_ / name).c_str());
   }
 }

@@ -42,9 +42,11 @@ class SharedMeshStore::About {
       const int file = ::open(path.c_str(), (make ? O_CREAT : 0) | O_RDWR | O_CLOEXEC | O_NOFOLLOW, 0600);
       if (file < 0) return nullptr;
       std::unique_ptr<About> about(new About(file, bytes, path));
-      struct stat status {};
+      struct stat status {
+      }, at_path{};
       if (::flock(file, LOCK_EX) != 0 || ::fstat(file, &status) != 0) return nullptr;
-      if (status.st_nlink == 0) continue;  // the upload ended while this stream waited
+      // The upload may have ended while this stream waited.
+      if (::lstat(path.c_str(), &at_path) != 0 || at_path.st_ino != status.st_ino) continue;
       about->read();
       return !about->digest.empty() || make ? std::move(about) : nullptr;
     }
@@ -126,11 +128,13 @@ Answer<UploadTicket> SharedMeshStore::begin_upload(const std::string& id, const 
   if (about->digest.empty()) {
     about->digest = digest;
     about->size = size;
-    const int file = ::open(path.c_str(), O_CREAT | O_TRUNC | O_WRONLY | O_CLOEXEC | O_NOFOLLOW, 0600);
-    if (file < 0) return cannot_store("a file cannot be created");
-    ::close(file);
   }
   if (about->digest != digest || about->size != size) return upload_id_used(id);
+  // Its file is not there either if a server was killed between the end of the upload and its answer.
+  const int is_new = about->generation == 0 ? O_TRUNC : 0;
+  const int file = ::open(path.c_str(), O_CREAT | is_new | O_WRONLY | O_CLOEXEC | O_NOFOLLOW, 0600);
+  if (file < 0) return cannot_store("a file cannot be created");
+  ::close(file);
   const std::int64_t committed = about->committed();
   auto room = room_for(path.filename().string(), size - committed);
   if (!room) {

@@ -276,7 +276,9 @@ void Scheduler::run(const std::shared_ptr<Running>& running, const LentThreads& 
   if (jobs_->durable())
     attempt.note_checkpoint = [&](const CheckpointReference& checkpoint) {
       const auto noted = jobs_->note_checkpoint(claim, checkpoint);
-      if (!noted) meshes_->release(checkpoint.digest);
+      // If the database did not tell the outcome, the job may have the checkpoint.
+      const bool is_unknown = !noted && stopping_ && noted.error().reason == "STORE_UNAVAILABLE";
+      if (!noted && !is_unknown) meshes_->release(checkpoint.digest);
       if (noted) release(noted->released);
       return noted.has_value();
     };

@@ -213,7 +213,9 @@ def default_address() -> str:
 
 def _is_socket_of_this_user(path: Path) -> bool:
     try:
-        folder, itself = path.parent.stat(), path.lstat()
+        # In /tmp another user could make the folder a link, and point it elsewhere later.
+        folder = path.parent.lstat() if path.is_relative_to("/tmp") else path.parent.stat()
+        itself = path.lstat()
     except OSError:
         return False
     mine = folder.st_uid == itself.st_uid == os.geteuid()
