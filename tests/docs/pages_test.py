@@ -31,6 +31,7 @@ NOT_HERE = {
     ("tutorial.md", "deploy/demo"): "sets the machine up",
     ("server.md", "varimeshd --listen"): "it does not end; tests/client/programs.py starts it",
     ("server.md", "varimeshd token"): "the server in it does not end; tests/client/jobs/tokens_test.py makes tokens",
+    ("server.md", "varimeshd --role"): "it needs a database; tests/server/postgres/farm_test.py starts one",
     ("server.md", "varimeshd migrate"): "it needs a database; tests/server/postgres/database_test.py starts one",
     ("server.md", "varimeshd backup"): "needs a state directory; tests/client/varimeshd_test.py has one",
     ("server.md", "docker build"): "deploy/test-image builds and runs it",
