@@ -18,6 +18,11 @@ using testing::Filling;
 constexpr int kThreads[] = {1, 2, 3, 8};
 constexpr Format kMsh[] = {Format::Msh22, Format::Msh22Binary, Format::Msh41, Format::Msh41Binary};
 
+/// Whether our own code writes the format. The program of HDF5 writes the others, with one thread.
+bool is_written_here(const FormatInfo& info) {
+  return info.writable && info.format != Format::Hopr && info.format != Format::Cgns && info.format != Format::Pyfr;
+}
+
 std::string name_of(Format format) {
   for (const FormatInfo& info : all())
     if (info.format == format) return std::string(info.name);
@@ -60,7 +65,7 @@ std::string written(const HighOrderMesh& mesh, Format format, int threads) {
         return true;
       },
       {}, threads);
-  EXPECT_TRUE(done);
+  EXPECT_TRUE(done) << done.error().sentence;
   return bytes;
 }
 
@@ -96,7 +101,7 @@ std::string one_number_per_line(std::string text) {
 TEST(Pieces, AreWrittenAsOneThreadWritesThem) {
   const HighOrderMesh mesh = large_mesh();
   for (const FormatInfo& format : all()) {
-    if (!format.writable) continue;
+    if (!is_written_here(format)) continue;
     const std::string one = written(mesh, format.format, 1);
     EXPECT_GT(one.size(), 3U << 19) << "the test needs several pieces";
     for (const int threads : kThreads)
@@ -210,7 +215,7 @@ TEST(Pieces, StopWhenTheSinkStops) {
   const HighOrderMesh mesh = large_mesh();
   for (const FormatInfo& format : all())
     for (const int threads : kThreads) {
-      if (!format.writable) continue;
+      if (!is_written_here(format)) continue;
       int calls = 0;
       const auto done = write(
           mesh, format.format, [&](std::string_view) { return ++calls < 3; }, {}, threads);
