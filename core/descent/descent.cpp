@@ -36,8 +36,8 @@ constexpr int kMostTrials = 12;
 /// The loss of a cell is not worth a move if it is at most this share of h^P, h being the size of the cell relative to
 /// that of the mesh. That is what a solver loses in a straight-sided cell of this size.
 constexpr double kNoLoss = 1e-4;
-/// Neither is it if no part of the cell's map adds more than this to its displacement gradient: in small cells the
-/// rounding of coordinates does.
+/// A cell is not worth a move either if no part of its map adds more than this to its displacement gradient. In small
+/// cells the rounding of coordinates adds as much.
 constexpr double kRounding = 1e-7;
 /// How closely the minimum of the scaled Jacobian is proved.
 constexpr double kGap = 1e-3;

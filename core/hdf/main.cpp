@@ -35,7 +35,7 @@ void limit(int what, rlim_t most) {
   setrlimit(static_cast<__rlimit_resource>(what), &limits);
 }
 
-/// Reads exactly so many bytes. Returns false if the other side is gone.
+/// Reads exactly this number of bytes. Returns false if the other side is gone.
 bool receive(void* to, std::size_t bytes) {
   for (auto* at = static_cast<char*>(to); bytes > 0;) {
     const ssize_t n = ::read(formats::hdf5::kSocket, at, bytes);

@@ -276,7 +276,7 @@ struct Program {
   CLI::App* token_command = nullptr;
 };
 
-/// Why these settings alone cannot be used; empty: they can.
+/// Why these settings cannot be used without any others; empty: they can.
 std::string fault_of(const std::vector<std::string>& words) {
   int ignored = 0;
   Program program(&ignored);

@@ -119,10 +119,10 @@ class Farm(unittest.TestCase):
         self.assertEqual(self.jobs(second)[job]["state"], "pending", "front ends run no jobs")
         self.worker()
         self.wait_for(second, job, "succeeded")
-        out, alone = self.folder / "out.msh", self.folder / "alone.msh"
+        out, local = self.folder / "out.msh", self.folder / "local.msh"
         self.ask(second, "result", job, "--output", out)
-        self.assertEqual(run("optimise", MESH, "--output", alone).returncode, 0)
-        self.assertEqual(out.read_bytes(), alone.read_bytes(), "the same bytes as without a server")
+        self.assertEqual(run("optimise", MESH, "--output", local).returncode, 0)
+        self.assertEqual(out.read_bytes(), local.read_bytes(), "the same bytes as without a server")
         self.assertTrue(self.ask(second, "submit", MESH), "the mesh is there, although the other front end took it")
 
     def test_2_a_watch_goes_on_at_the_other_front_end(self):
