@@ -57,9 +57,7 @@ std::filesystem::path DirectoryMeshStore::temporary_path() {
 }
 
 bool DirectoryMeshStore::has_room(std::int64_t bytes) const {
-  std::error_code error;
-  const auto space = std::filesystem::space(directory_, error);
-  return error || static_cast<std::int64_t>(space.available) >= settings_.reserve_bytes + bytes;
+  return disk_has_room(directory_, settings_.reserve_bytes, bytes);
 }
 
 // ===== stored bytes =====
@@ -110,19 +108,10 @@ void DirectoryMeshStore::take_back(const std::string& digest, bool pinned, bool 
 }
 
 Answer<std::unique_ptr<BlobWriter>> DirectoryMeshStore::create(std::optional<std::int64_t> announced) {
-  std::optional<Promise> promise;
-  if (announced) {
-    if (!has_room(*announced + promised_))
-      return store_full("The server's disk has no room for a mesh of " + std::to_string(*announced) + " bytes");
-    promise.emplace(promised_, *announced);
-  }
-  std::filesystem::path path = temporary_path();
-  const int file = ::open(path.c_str(), O_CREAT | O_EXCL | O_WRONLY | O_CLOEXEC | O_NOFOLLOW, 0600);
-  if (file < 0) return cannot_store("a file cannot be created");
-  return std::make_unique<PartWriter>(
-      file, std::move(path), std::move(promise), [this] { return has_room(); },
-      [this](const std::filesystem::path& part, int open, StoredBytes stored) {
-        return adopt(part, open, std::move(stored), false);
+  return start_part(
+      temporary_path(), announced, promised_, [this](std::int64_t bytes) { return has_room(bytes); },
+      [this](const std::filesystem::path& part, int file, StoredBytes stored) {
+        return adopt(part, file, std::move(stored), false);
       });
 }
 

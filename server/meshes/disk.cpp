@@ -88,6 +88,28 @@ Answer<std::string> name_of_directory(const std::filesystem::path& directory) {
   return cannot_store("the file " + path.string() + " has no name in it; restore it, or move it away to get a new one");
 }
 
+bool disk_has_room(const std::filesystem::path& directory, std::int64_t reserve, std::int64_t bytes) {
+  std::error_code error;
+  const auto space = std::filesystem::space(directory, error);
+  return error || static_cast<std::int64_t>(space.available) >= reserve + bytes;
+}
+
+Answer<std::unique_ptr<BlobWriter>> start_part(const std::filesystem::path& path, std::optional<std::int64_t> announced,
+                                               std::atomic<std::int64_t>& promised,
+                                               const std::function<bool(std::int64_t bytes)>& has_room,
+                                               PartWriter::Adopt adopt) {
+  std::optional<Promise> promise;
+  if (announced) {
+    if (!has_room(*announced + promised))
+      return store_full("The server's disk has no room for a mesh of " + std::to_string(*announced) + " bytes");
+    promise.emplace(promised, *announced);
+  }
+  const int file = ::open(path.c_str(), O_CREAT | O_EXCL | O_WRONLY | O_CLOEXEC | O_NOFOLLOW, 0600);
+  if (file < 0) return cannot_store("a file cannot be created");
+  return std::make_unique<PartWriter>(
+      file, path, std::move(promise), [has_room] { return has_room(0); }, std::move(adopt));
+}
+
 PartWriter::~PartWriter() {
   ::close(file_);
   std::error_code ignored;

@@ -86,4 +86,15 @@ class PartWriter : public BlobWriter {
   std::int64_t size_ = 0;
 };
 
+/// Whether the disk of a directory has room for this many bytes beside the reserve. True if the disk does not say.
+bool disk_has_room(const std::filesystem::path& directory, std::int64_t reserve, std::int64_t bytes);
+
+/// Makes the file `path` and a writer for it. `announced`, `has_room` and `adopt` as for MeshStore::create() and
+/// PartWriter. `promised`: the bytes that clients have announced and not sent yet; it must outlive the writer. Errors:
+/// STORE_FULL.
+Answer<std::unique_ptr<BlobWriter>> start_part(const std::filesystem::path& path, std::optional<std::int64_t> announced,
+                                               std::atomic<std::int64_t>& promised,
+                                               const std::function<bool(std::int64_t bytes)>& has_room,
+                                               PartWriter::Adopt adopt);
+
 }  // namespace varimesh::server

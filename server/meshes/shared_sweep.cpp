@@ -1,9 +1,10 @@
 // Deletes what nobody needs from the shared directory. One server at a time does so, the one that has locked the file
-// `sweeper`; if it ends, another one takes its place. Nothing would be lost if two did. Checkpoints that were replaced
-// would fill the disk in ten minutes, so the server that wrote them deletes them sooner.
+// `sweeper`; if it ends, another one takes its place. Nothing would be lost if two did.
 //
-// A file is deleted only if this server has seen it unchanged for ten minutes of its own steady clock. A use changes a
-// file's time. So neither a clock that is set back or forth nor a job that another server is just storing does harm.
+// The sweeper deletes a file only if it has seen it unchanged for ten minutes of its own steady clock. A use changes a
+// file's time. So no mesh is lost that a job needs, whatever the clocks of the servers say, and also if another server
+// is just storing that job. Checkpoints that were replaced would fill the disk in ten minutes. So the server that wrote
+// them deletes them after one minute, if no job has them and nobody has used them since.
 #include <fcntl.h>
 #include <sys/file.h>
 #include <sys/stat.h>
