@@ -24,6 +24,7 @@
 #include "core/base/version.h"
 #include "server/addresses.h"
 #include "server/command_line/flags.h"
+#include "server/isolation/process_engine.h"
 #include "server/log/log.h"
 #include "server/maintenance/commands.h"
 #include "server/notify.h"
@@ -156,6 +157,18 @@ bool use_database(varimesh::server::ServerOptions& options, const std::string& s
   return true;
 }
 
+/// What runs the jobs.
+varimesh::Expected<varimesh::server::Engine> engine_for(bool runs_in_processes) {
+  if (!runs_in_processes) return varimesh::server::core_engine();
+  const std::string program = varimesh::server::find_worker();
+  if (program.empty())
+    return varimesh::bad_option(
+        "jobs cannot run in processes of their own, because varimesh_worker is neither beside varimeshd, nor in "
+        "../lib/varimesh, nor named by VARIMESH_WORKER; install it, or add --isolation none.");
+  return varimesh::server::process_engine(
+      {.program = program, .warn = [](const std::string& line) { spdlog::warn("{}", line); }});
+}
+
 /// Waits for a signal and stops the server.
 void wait_and_stop(Server& server, const sigset_t& signals, int drain_seconds) {
   int signal = 0;
@@ -192,7 +205,12 @@ int main(int argc, char** argv) {
     std::cerr << "varimeshd: " << address.error().sentence << '\n';
     return address.error().kind == varimesh::Error::Kind::BadOption ? 2 : 1;
   }
-  flags->options.engine = varimesh::server::core_engine();
+  auto engine = engine_for(flags->runs_in_processes);
+  if (!engine) {
+    std::cerr << "varimeshd: " << engine.error().sentence << '\n';
+    return 2;
+  }
+  flags->options.engine = std::move(*engine);
   const std::string warning = warning_about(flags->options);
   const bool keeps_jobs = !flags->options.state.empty(), has_neighbours = is_for_this_machine(flags->options);
   auto server = Server::start(std::move(flags->options));

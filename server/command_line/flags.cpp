@@ -71,7 +71,13 @@ void add_connection_flags(CLI::App& app, Flags& flags) {
   app.add_option("--log-level", flags.log_level, "trace, debug, info, warn, error or off")->capture_default_str();
 }
 
-void add_resource_flags(CLI::App& app, Limits& limits) {
+void add_resource_flags(CLI::App& app, Flags& flags) {
+  Limits& limits = flags.options.limits;
+  app.add_option("--isolation", flags.runs_in_processes,
+                 "'process' runs each job in a process of its own, without files and network, which may crash without "
+                 "harm to others; 'none' runs all jobs in the server's process")
+      ->transform(CLI::CheckedTransformer(std::map<std::string, bool>{{"process", true}, {"none", false}}))
+      ->default_str(flags.runs_in_processes ? "process" : "none");
   app.add_option("--threads", limits.threads, "Threads shared by the running jobs; 0: all threads of the machine")
       ->check(CLI::Range(0, 4096));
   app.add_option("--max-memory-bytes", limits.max_memory_bytes,
@@ -241,7 +247,7 @@ struct Program {
         "(default: the environment variable VARIMESHD_CONFIG)");
     app.add_flag("--print-config", print_config, "Print all settings, with where they come from, and end");
     add_connection_flags(app, flags);
-    add_resource_flags(app, limits);
+    add_resource_flags(app, flags);
     add_queue_flags(app, limits);
     add_state_flags(app, flags.options, units);
     add_database_flags(app, flags, units);

@@ -15,6 +15,7 @@ struct Flags {
   std::string log_level = "info";
   std::string log_format = "text";
   std::string store;       ///< The address of the database of the jobs. Empty: they are in the state directory.
+  bool runs_in_processes = false;  ///< Every job runs in a process of its own.
   bool migrate = false;    ///< Only make or update the tables of that database.
   int drain_seconds = 30;  ///< How long the running jobs may take to end when the server stops.
 };

@@ -224,8 +224,9 @@ Expected<RunSummary> run(RunRequest request, const RunHooks& hooks) {
 }  // namespace
 
 Engine core_engine() {
-  return {[](const Options& options) { return check(options); },
-          [](RunRequest request, const RunHooks& hooks) { return run(std::move(request), hooks); }};
+  return {
+      [](const Options& options) { return check(options); },
+      [](RunRequest request, const RunHooks& hooks) -> Expected<RunOutcome> { return run(std::move(request), hooks); }};
 }
 
 }  // namespace varimesh::server

@@ -27,9 +27,24 @@ struct RunRequest {
   std::optional<v1::QualityTask> quality;  ///< If set, the mesh is judged, and nothing moves.
 };
 
+/// How a run ended.
+struct RunOutcome {
+  RunOutcome() = default;
+  /// What the library says about a run. It leaves out the metrics that repeat the options (add_options()).
+  RunOutcome(const RunSummary& summary);  // NOLINT(google-explicit-constructor): engines return what the library does
+
+  bool stopped = false;  ///< Ended by the caller.
+  v1::Metrics metrics;
+  v1::History history;
+  /// Why the run has no outcome, as a part of a sentence: its process ended before it did. Empty: it has one.
+  std::string lost;
+};
+
 /// What a run calls, from the thread that runs it.
 struct RunHooks {
   OnIteration on_iteration;
+  /// Called with the work inside iterations by runs that do not use control.meter. May be empty.
+  std::function<void(const v1::Work&)> on_work;
   /// Called with a sentence about the run that people should see. May be empty.
   std::function<void(const std::string&)> on_note;
   /// Checkpoints, threads, and whether the run is to stop, as the library asks for them. `control.checkpoint` is what
@@ -57,7 +72,7 @@ struct Engine {
   /// Reads the mesh, optimises it and writes the outputs. If the run is stopped, the outputs have the best mesh so far,
   /// which may be the mesh as it came. Only a run that was not admitted, or was stopped while it read the mesh, has
   /// none. Errors: BadInput, BadOption, Output.
-  std::function<Expected<RunSummary>(RunRequest, const RunHooks&)> run;
+  std::function<Expected<RunOutcome>(RunRequest, const RunHooks&)> run;
 };
 
 /// The engine that uses the numerical library.

@@ -6,6 +6,7 @@
 #include <cassert>
 
 #include "core/base/utf8.h"
+#include "server/engine/engine.h"
 
 namespace varimesh::server {
 namespace {
@@ -36,6 +37,12 @@ Message give(Value value) {
   return static_cast<Message>(static_cast<int>(value) + 1);
 }
 
+/// The other way round; an enum that is not said is the library's first.
+template <class Value, class Message>
+Value take(Message message) {
+  return static_cast<Value>(std::max(0, static_cast<int>(message) - 1));
+}
+
 }  // namespace
 
 v1::Iteration to_proto(const Iteration& iteration) {
@@ -55,6 +62,25 @@ v1::Iteration to_proto(const Iteration& iteration) {
   message.set_seconds(iteration.seconds);
   if (iteration.groups_left >= 0) message.set_groups_left(iteration.groups_left);
   return message;
+}
+
+Iteration iteration_from(const v1::Iteration& message) {
+  Iteration iteration;
+  iteration.phase = take<Phase>(message.phase());
+  iteration.number = message.number();
+  iteration.energy = message.energy();
+  iteration.residual = message.residual();
+  iteration.relative_gradient = message.relative_gradient();
+  iteration.min_scaled_jacobian = message.min_scaled_jacobian();
+  iteration.invalid_elements = message.invalid_elements();
+  iteration.repairable_elements = message.repairable_elements();
+  iteration.left_elements = message.left_elements();
+  iteration.active_nodes = message.active_nodes();
+  iteration.products = message.products();
+  iteration.linear_solve = take<LinearSolve>(message.linear_solve());
+  iteration.seconds = message.seconds();
+  if (message.has_groups_left()) iteration.groups_left = message.groups_left();
+  return iteration;
 }
 
 v1::Work to_proto(const Work& work) {
@@ -159,12 +185,19 @@ v1::RepairStep to_proto(const RepairStep& step) {
   return message;
 }
 
-v1::Metrics metrics(const RunSummary& summary, const Options& options) {
+RunOutcome::RunOutcome(const RunSummary& summary) : stopped(summary.stopped), metrics(to_proto(summary)) {
+  for (const Iteration& iteration : summary.history) *history.add_iterations() = to_proto(iteration);
+}
+
+void add_options(const Options& options, v1::Metrics& metrics) {
+  metrics.set_energy(give<v1::Energy>(options.energy));
+  metrics.set_method(give<v1::Method>(options.method));
+  metrics.set_objective(give<v1::Objective>(objective_of(options, metrics.mesh().order())));
+}
+
+v1::Metrics to_proto(const RunSummary& summary) {
   v1::Metrics message;
   *message.mutable_mesh() = to_proto(summary.sizes);
-  message.set_energy(give<v1::Energy>(options.energy));
-  message.set_method(give<v1::Method>(options.method));
-  message.set_objective(give<v1::Objective>(objective_of(options, summary.sizes.order)));
   message.set_iterations(summary.iterations);
   message.set_seconds(summary.seconds);
   message.set_residual(summary.residual);

@@ -16,13 +16,17 @@ namespace varimesh::server {
 inline constexpr int kMaxInvalidNamed = 1000;
 
 v1::Iteration to_proto(const Iteration& iteration);
+Iteration iteration_from(const v1::Iteration& message);
 v1::Work to_proto(const Work& work);
 v1::MeshSummary to_proto(const MeshSummary& summary);
 v1::QualityReport to_proto(const QualityReport& report);
 v1::UnrepairableGroup to_proto(const UnrepairableGroup& group);
 v1::WhatIsLeft to_proto(const WhatIsLeft& left);
 v1::RepairStep to_proto(const RepairStep& step);
-v1::Metrics metrics(const RunSummary& summary, const Options& options);
+/// Everything except what add_options() adds.
+v1::Metrics to_proto(const RunSummary& summary);
+/// Adds what the metrics repeat of the options.
+void add_options(const Options& options, v1::Metrics& metrics);
 v1::JobError to_proto(const Error& error);
 
 /// Returns the format of the library; Auto if the message is not a file format.

@@ -31,6 +31,14 @@ v1::JobError lost_too_often(int times) {
   return error;
 }
 
+v1::JobError lost_with_its_process(int times, const std::string& why) {
+  v1::JobError error;
+  error.set_reason("LOST");
+  error.set_message("The process that ran this job " + why + ", " + std::to_string(times) +
+                    " times without progress; check the mesh and the server's log before you submit the job again.");
+  return error;
+}
+
 }  // namespace
 
 // ===== transitions =====
@@ -86,7 +94,11 @@ Changed JobTransitions::finish(JobRecord& record, const Ending& ending, std::int
   record.job.set_last_sequence(std::max(record.job.last_sequence(), last_sequence));
   // If the job was cancelled just before its attempt was given up, it stays cancelled.
   const bool cancelled = ending.state == v1::JOB_STATE_PENDING && record.job.state() == v1::JOB_STATE_CANCELLING;
-  const v1::JobState state = cancelled ? v1::JOB_STATE_CANCELLED : ending.state;
+  v1::JobState state = cancelled ? v1::JOB_STATE_CANCELLED : ending.state;
+  if (!ending.lost.empty() && !cancelled && ++record.lost >= settings_.max_attempts) {
+    state = v1::JOB_STATE_FAILED;
+    *record.job.mutable_error() = lost_with_its_process(record.lost, ending.lost);
+  }
   if (ending.error) *record.job.mutable_error() = *ending.error;
   if (ending.metrics) {
     *record.job.mutable_metrics() = *ending.metrics;

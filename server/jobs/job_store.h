@@ -123,6 +123,9 @@ struct Ending {
   std::optional<v1::Metrics> metrics;  ///< Its quality reports become events.
   std::vector<v1::StoredMesh> results;
   std::string history_digest;  ///< Of a serialised v1::History. Empty: none.
+  /// Why the attempt was lost with the process that ran it, as a part of a sentence; the state is then PENDING. After
+  /// the last attempt the job is FAILED. Empty: the attempt was not lost.
+  std::string lost = {};
 };
 
 /// Stores jobs, their states and their events. Thread-safe; all calls may wait for a disk. If the store is durable(),

@@ -37,11 +37,17 @@ class MemoryBlob : public Blob {
 /// meanwhile would end the process.
 class MappedBlob : public Blob {
  public:
-  MappedBlob(void* data, std::size_t size) : data_(data), size_(size) {}
-  ~MappedBlob() override { ::munmap(data_, size_); }
+  /// Takes ownership of the descriptor.
+  MappedBlob(int file, void* data, std::size_t size) : file_(file), data_(data), size_(size) {}
+  ~MappedBlob() override {
+    ::munmap(data_, size_);
+    ::close(file_);
+  }
   std::string_view bytes() const override { return {static_cast<const char*>(data_), size_}; }
+  int file() const override { return file_; }
 
  private:
+  const int file_;
   void* data_;
   std::size_t size_;
 };
@@ -143,9 +149,10 @@ bool read_all(BlobReader& reader, const Content& content, const std::function<bo
   return same;
 }
 
+/// Takes ownership of the descriptor, unless it returns null.
 std::shared_ptr<const Blob> map_file(int file, std::size_t size) {
   void* data = ::mmap(nullptr, size, PROT_READ, MAP_PRIVATE, file, 0);
-  return data == MAP_FAILED ? nullptr : std::make_shared<const MappedBlob>(data, size);
+  return data == MAP_FAILED ? nullptr : std::make_shared<const MappedBlob>(file, data, size);
 }
 
 }  // namespace
@@ -168,10 +175,11 @@ std::shared_ptr<const Blob> load_file(int file, Form form, const Content& conten
   std::shared_ptr<const Blob> blob;
   if (read_all(*reader, content, [&](std::string_view piece) { return write_all(copy, piece); }))
     blob = map_file(copy, static_cast<std::size_t>(content.size));
+  if (blob != nullptr) return blob;
   const int reason = errno;
   ::close(copy);
   errno = reason;
-  return blob;
+  return nullptr;
 }
 
 bool is_whole(const std::filesystem::path& path, Form form, const std::string& digest) {

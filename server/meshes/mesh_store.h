@@ -23,6 +23,8 @@ class Blob {
  public:
   virtual ~Blob() = default;
   virtual std::string_view bytes() const = 0;
+  /// The descriptor of an open file that has these bytes and no name, if they are in one; −1 if they are in memory.
+  virtual int file() const { return -1; }
 };
 
 /// Reads a stored mesh piece by piece, with little memory. One thread at a time.

@@ -227,9 +227,7 @@ class Outputs {
 };
 
 /// Stores the history and returns its digest.
-Answer<std::string> store_history(MeshStore& meshes, const std::vector<Iteration>& iterations) {
-  v1::History history;
-  for (const Iteration& iteration : iterations) *history.add_iterations() = to_proto(iteration);
+Answer<std::string> store_history(MeshStore& meshes, const v1::History& history) {
   auto writer = meshes.create();
   if (!writer) return tl::unexpected(writer.error());
   std::string bytes;
@@ -272,6 +270,7 @@ Ending run(const Attempt& attempt) {
   const auto stop_asked = [&] { return attempt.cancelled() || attempt.stopping(); };
   Memory memory(attempt.memory, attempt.threads, stop_asked);
   RunHooks hooks;
+  hooks.on_work = [&](const v1::Work& work) { attempt.log.set_work(work); };
   WorkMeter meter([&](const Work& work) { attempt.log.set_work(to_proto(work)); });
   hooks.control.meter = &meter;
   StopAtOnce stop_at_once(attempt);
@@ -297,10 +296,15 @@ Ending run(const Attempt& attempt) {
   hooks.given_up = given_up;
   hooks.open_output = [&](v1::MeshFormat format) { return outputs.open(format); };
 
-  const auto outcome = attempt.engine.run(request_of(attempt, std::move(*input), *options), hooks);
+  auto outcome = attempt.engine.run(request_of(attempt, std::move(*input), *options), hooks);
   if (outputs.failure()) return failed(*outputs.failure());
   if (!outcome) return failed(outcome.error());
   Ending ending;
+  if (!outcome->lost.empty()) {
+    ending.state = v1::JOB_STATE_PENDING;
+    ending.lost = outcome->lost;
+    return ending;
+  }
   if (outcome->stopped && given_up()) {
     ending.state = v1::JOB_STATE_PENDING;
     return ending;
@@ -312,7 +316,8 @@ Ending run(const Attempt& attempt) {
 
   // The result of a cancelled job is the best mesh so far.
   ending.state = outcome->stopped || attempt.cancelled() ? v1::JOB_STATE_CANCELLED : v1::JOB_STATE_SUCCEEDED;
-  ending.metrics = metrics(*outcome, *options);
+  ending.metrics = std::move(outcome->metrics);
+  add_options(*options, *ending.metrics);
   ending.history_digest = *history;
   ending.results = outputs.take();
   return ending;

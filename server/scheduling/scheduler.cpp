@@ -284,8 +284,9 @@ void Scheduler::run(const std::shared_ptr<Running>& running, const LentThreads& 
     };
   attempt.stop_patience = [this] { return stop_patience_.load(); };
   const Ending ending = run_attempt(attempt);
-  settings_.log(claim.name,
-                v1::JobState_Name(ending.state) + (ending.error ? ": " + ending.error->message() : std::string()));
+  settings_.log(claim.name, v1::JobState_Name(ending.state) +
+                                (ending.error ? ": " + ending.error->message() : std::string()) +
+                                (ending.lost.empty() ? "" : ": the process that ran it " + ending.lost));
   while (!finish(*running, ending)) {
     // The disk is full, so the result waits for room. If the server stops, the next server runs the job again.
     {

@@ -69,7 +69,7 @@ def local(*, threads: int = 0, state: str | os.PathLike[str] | None = None, exec
     folder = Path(tempfile.mkdtemp(prefix="varimesh-"))
     socket, port_file, log_file = (folder / name for name in ("socket", "address", "log"))
     command = [executable or find_server(), "--listen", f"unix:{socket}", "--port-file", str(port_file),
-               "--threads", str(threads), "--log-level", "info" if log else "error"]  # fmt: skip
+               "--isolation", "none", "--threads", str(threads), "--log-level", "info" if log else "error"]  # fmt: skip
     command += ["--state", os.fspath(state)] if state is not None else ["--data", str(folder)]
     with open(log_file, "wb") as own_log:
         # The server has a session of its own. Ctrl-C at the terminal goes to the program, which cancels its job and stops

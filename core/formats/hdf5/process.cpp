@@ -2,7 +2,6 @@
 
 #include <fcntl.h>
 #include <poll.h>
-#include <spawn.h>
 #include <sys/mman.h>
 #include <sys/socket.h>
 #include <sys/wait.h>
@@ -11,9 +10,12 @@
 #include <algorithm>
 #include <cerrno>
 #include <csignal>
-#include <cstdlib>
 #include <filesystem>
 #include <system_error>
+#include <utility>
+
+#include "core/formats/hdf5/starter.h"
+#include "core/process/helper_program.h"
 
 namespace varimesh::formats {
 
@@ -45,15 +47,34 @@ Scratch::~Scratch() {
 
 // === The program =========================================================================================
 
-std::string hdf5_program() {
-  std::error_code none;
-  if (const char* named = std::getenv("VARIMESH_HDF5"); named != nullptr && *named != '\0')
-    return fs::is_regular_file(named, none) ? named : "";
-  const fs::path own = fs::read_symlink("/proc/self/exe", none);
-  if (own.empty()) return "";
-  for (const fs::path& folder : {own.parent_path(), own.parent_path().parent_path() / "lib" / "varimesh"})
-    if (fs::is_regular_file(folder / hdf5::kProgram, none)) return (folder / hdf5::kProgram).string();
-  return "";
+namespace {
+
+std::function<Hdf5Program(const Hdf5Start&, int)>& other_starter() {
+  static std::function<Hdf5Program(const Hdf5Start&, int)> starter;
+  return starter;
+}
+
+}  // namespace
+
+void use_hdf5_starter(std::function<Hdf5Program(const Hdf5Start& start, int file)> starter) {
+  other_starter() = std::move(starter);
+}
+
+std::string hdf5_program() { return other_starter() ? hdf5::kProgram : find_helper(hdf5::kProgram, "VARIMESH_HDF5"); }
+
+Hdf5Program start_hdf5(const Hdf5Start& start, int file) {
+  if (const auto& starter = other_starter()) return starter(start, file);
+  const std::string program = hdf5_program();
+  if (program.empty()) return {-1, -1, ENOENT};
+  int ends[2] = {-1, -1};
+  if (::socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, ends) != 0) return {-1, -1, errno};
+  const int files[] = {ends[1], file};
+  static_assert(hdf5::kSocket == 3 && hdf5::kFile == 4);
+  const Helper helper = start_helper(
+      {program, {start.writes ? "write" : "read", std::to_string(start.seconds), std::to_string(start.memory)}, files});
+  ::close(ends[1]);
+  if (helper.id < 0) ::close(std::exchange(ends[0], -1));
+  return {ends[0], helper.id, helper.error};
 }
 
 Hdf5Process::Hdf5Process(Mode mode, const Scratch& file, std::int64_t file_bytes, const StopToken* stop) : stop_(stop) {
@@ -73,64 +94,27 @@ void Hdf5Process::start(Mode mode, const Scratch& file, std::int64_t file_bytes)
         "VariMesh was installed without HDF5: varimesh_hdf5 is neither beside the program nor named by "
         "VARIMESH_HDF5; build VariMesh with the packages of the group 'hdf5' of deploy/packages",
         true};
-  int ends[2] = {-1, -1};
-  if (file.descriptor() < 0 || ::socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, ends) != 0)
-    throw Hdf5Failure{"no process can be started for HDF5 (" + reason(errno) + ")"};
-  // Higher numbers first, so that neither takes the other's place.
-  const int socket_copy = ::fcntl(ends[1], F_DUPFD_CLOEXEC, 16);
-  const int file_copy = ::fcntl(file.descriptor(), F_DUPFD_CLOEXEC, 16);
-  posix_spawn_file_actions_t files;
-  posix_spawn_file_actions_init(&files);
-  posix_spawn_file_actions_addopen(&files, STDIN_FILENO, "/dev/null", O_RDONLY, 0);
-  posix_spawn_file_actions_addopen(&files, STDOUT_FILENO, "/dev/null", O_WRONLY, 0);
-  posix_spawn_file_actions_addopen(&files, STDERR_FILENO, "/dev/null", O_WRONLY, 0);
-  posix_spawn_file_actions_adddup2(&files, socket_copy, hdf5::kSocket);
-  posix_spawn_file_actions_adddup2(&files, file_copy, hdf5::kFile);
-  posix_spawnattr_t attributes;
-  posix_spawnattr_init(&attributes);
-  sigset_t none, defaults;
-  sigemptyset(&none);
-  sigfillset(&defaults);
-  posix_spawnattr_setsigmask(&attributes, &none);
-  posix_spawnattr_setsigdefault(&attributes, &defaults);
-  // A group of its own: a Ctrl-C goes to this process only, which decides what becomes of its work.
-  posix_spawnattr_setpgroup(&attributes, 0);
-  posix_spawnattr_setflags(&attributes, POSIX_SPAWN_SETSIGMASK | POSIX_SPAWN_SETSIGDEF | POSIX_SPAWN_SETPGROUP);
+  if (file.descriptor() < 0) throw Hdf5Failure{"no process can be started for HDF5 (" + reason(errno) + ")"};
   seconds_ = 60 + file_bytes / 10'000'000;
   const std::int64_t memory = (std::int64_t(1) << 29) + file_bytes;
-  std::string words[] = {program, mode == Mode::Read ? "read" : "write", std::to_string(seconds_),
-                         std::to_string(memory)};
-  char* arguments[] = {words[0].data(), words[1].data(), words[2].data(), words[3].data(), nullptr};
-  const int error = posix_spawn(&child_, program.c_str(), &files, &attributes, arguments, environ);
-  posix_spawnattr_destroy(&attributes);
-  posix_spawn_file_actions_destroy(&files);
-  for (const int copy : {socket_copy, file_copy, ends[1]})
-    if (copy >= 0) ::close(copy);
-  socket_ = ends[0];
-  if (error != 0) {
-    child_ = -1;
-    ::close(std::exchange(socket_, -1));
-    throw Hdf5Failure{"'" + program + "', which reads and writes HDF5 files, cannot be started (" + reason(error) +
-                      ")"};
-  }
+  const Hdf5Program started = start_hdf5({mode == Mode::Write, seconds_, memory}, file.descriptor());
+  socket_ = started.socket;
+  child_ = started.id;
+  if (socket_ < 0)
+    throw Hdf5Failure{"'" + program + "', which reads and writes HDF5 files, cannot be started (" +
+                      reason(started.error) + ")"};
 }
 
 Hdf5Process::~Hdf5Process() { end(); }
 
 void Hdf5Process::end() {
   if (socket_ >= 0) ::close(std::exchange(socket_, -1));
-  if (child_ <= 0) return;
-  ::kill(child_, SIGKILL);
-  while (::waitpid(child_, nullptr, 0) < 0 && errno == EINTR) {
-  }
-  child_ = -1;
+  if (child_ > 0) end_helper(std::exchange(child_, -1), true);
 }
 
 void Hdf5Process::fail_ended() {
-  int status = 0;
-  while (::waitpid(child_, &status, 0) < 0 && errno == EINTR) {
-  }
-  child_ = -1;
+  if (child_ < 0) throw Hdf5Failure{"HDF5 crashed, or took all its time or memory"};
+  const int status = end_helper(std::exchange(child_, -1), false);
   if (WIFSIGNALED(status) && (WTERMSIG(status) == SIGXCPU || WTERMSIG(status) == SIGKILL))
     throw Hdf5Failure{"HDF5 took more than " + std::to_string(seconds_) + " s or all memory"};
   if (WIFSIGNALED(status))

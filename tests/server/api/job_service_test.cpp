@@ -109,7 +109,7 @@ TEST(Job, FailsWithTheEnginesSentenceAboutABadMesh) {
 
 TEST(Job, FailsIfItNeedsMoreMemoryThanTheLimit) {
   Engine engine = echo_engine();
-  engine.run = [echo = engine.run](RunRequest request, const RunHooks& hooks) -> Expected<RunSummary> {
+  engine.run = [echo = engine.run](RunRequest request, const RunHooks& hooks) -> Expected<RunOutcome> {
     const std::int64_t megabytes = request.input->bytes() == "large" ? 300 : 100;
     if (const auto admitted = hooks.admit(megabytes << 20); !admitted) return tl::unexpected(admitted.error());
     return echo(std::move(request), hooks);
@@ -127,7 +127,7 @@ TEST(Job, LendsItsThreadsWhileItWaitsForMemory) {
   std::atomic<bool> lent = false;
   Gate waits;
   Engine engine = echo_engine();
-  engine.run = [&, echo = engine.run](RunRequest request, const RunHooks& hooks) -> Expected<RunSummary> {
+  engine.run = [&, echo = engine.run](RunRequest request, const RunHooks& hooks) -> Expected<RunOutcome> {
     const bool first = request.input->bytes() == "first";
     if (!first) waits.open();
     if (const auto admitted = hooks.admit(150 << 20); !admitted) return tl::unexpected(admitted.error());

@@ -63,6 +63,28 @@ TEST_P(JobStoreConformance, DoesNotCountALossAfterProgress) {
   EXPECT_EQ(get(name).error().reason(), "LOST");
 }
 
+TEST_P(JobStoreConformance, TriesAJobAgainWhoseProcessEndedAndThenGivesUp) {
+  const std::string name = submit();
+  Ending lost;
+  lost.state = kPending;
+  lost.lost = "crashed (signal 11)";
+  for (int attempt = 1; attempt <= 2; ++attempt) {
+    EXPECT_EQ(store_->finish(claim(), lost, 0)->job.state(), kPending);
+    EXPECT_FALSE(get(name).has_error());
+  }
+  const Claim last = claim();
+  EXPECT_EQ(last.attempt, 3);
+  EXPECT_EQ(store_->finish(last, lost, 0)->job.state(), kFailed);
+  EXPECT_EQ(get(name).error().reason(), "LOST");
+  EXPECT_NE(get(name).error().message().find("crashed (signal 11), 3 times"), std::string::npos);
+  EXPECT_EQ(store_->events(name)->back().state_change().error().reason(), "LOST");
+
+  const std::string cancelled = submit();
+  const Claim claimed = claim();
+  store_->request_cancel(cancelled, 0);
+  EXPECT_EQ(store_->finish(claimed, lost, 0)->job.state(), kCancelled);
+}
+
 // ===== cancelling, ending, forgetting =====
 
 TEST_P(JobStoreConformance, CancelsWaitingJobsAtOnceAndTellsTheWorkersOfRunningOnes) {

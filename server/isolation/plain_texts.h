@@ -1,0 +1,11 @@
+// Texts of a process that may have been taken over by a mesh.
+#pragma once
+
+#include <google/protobuf/message.h>
+
+namespace varimesh::server {
+
+/// Makes every text of the message, and of those inside it, one that a terminal or a log only shows (as_plain_text()).
+void make_plain(google::protobuf::Message& message);
+
+}  // namespace varimesh::server

@@ -1,0 +1,333 @@
+// The server's side of the conversation with the process of a job. It runs on the job's thread, which sleeps while the
+// process computes.
+#include "server/isolation/process_engine.h"
+
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <atomic>
+#include <chrono>
+#include <memory>
+#include <optional>
+#include <thread>
+#include <utility>
+#include <vector>
+
+#include "core/base/utf8.h"
+#include "core/formats/formats.h"
+#include "core/formats/hdf5/starter.h"
+#include "core/process/helper_program.h"
+#include "core/threads/crew.h"
+#include "server/engine/option_messages.h"
+#include "server/engine/translate.h"
+#include "server/isolation/plain_texts.h"
+#include "server/isolation/worker.pb.h"
+#include "server/isolation/worker_process.h"
+
+namespace varimesh::server {
+namespace {
+
+using std::chrono::steady_clock;
+using Seconds = std::chrono::duration<double>;
+
+/// How often the server looks whether the run is to stop. The process is told at once.
+constexpr int kMillisecondsBetweenLooks = 20;
+/// Address space beside what the run needs: the program's own structures, and what is lost between them.
+constexpr std::int64_t kSpareBytes = std::int64_t{512} << 20;
+/// Address space that a thread takes before it uses any: its stack, and the heap that the system's library reserves.
+constexpr std::int64_t kBytesPerThread = std::int64_t{144} << 20;
+/// How long a run may go on after its time limit, or after it was told to stop, without a word: large meshes take a
+/// while to be written.
+constexpr double kPatience = 60;
+constexpr int kMostNotes = 100;
+constexpr int kMostHdf5Starts = 32;
+/// The library names at most a thousand elements of a kind.
+constexpr std::size_t kMostMetricsBytes = std::size_t{4} << 20;
+constexpr std::int64_t kMostHistoryBytes = std::int64_t{1} << 30;
+
+/// One run in a process.
+class Conversation {
+ public:
+  Conversation(const ProcessEngineSettings& settings, RunRequest request, const RunHooks& hooks)
+      : settings_(settings),
+        request_(std::move(request)),
+        hooks_(hooks),
+        mesh_bytes_(static_cast<std::int64_t>(request_.input->bytes().size())),
+        checkpoint_bytes_(static_cast<std::int64_t>(hooks.control.checkpoint.size())),
+        process_(settings.program, *request_.input, hooks.control.checkpoint) {
+    settings_.started(static_cast<int>(process_.id()));
+  }
+  ~Conversation() {
+    for (const pid_t program : hdf5_) end_helper(program, true);
+  }
+  Conversation(const Conversation&) = delete;
+  Conversation& operator=(const Conversation&) = delete;
+
+  Expected<RunOutcome> run() {
+    request_.input.reset();  // the process has its own copy
+    send_request();
+    while (!outcome_) take(next());
+    return std::move(*outcome_);
+  }
+
+ private:
+  void send_request() {
+    worker::ToWorker message;
+    worker::Request& request = *message.mutable_request();
+    request.set_format(request_.format);
+    *request.mutable_options() = to_proto(request_.options);
+    for (const v1::MeshFormat output : request_.outputs) request.add_outputs(output);
+    if (request_.quality) *request.mutable_quality() = *request_.quality;
+    request.set_mesh_bytes(mesh_bytes_);
+    request.set_checkpoint_bytes(checkpoint_bytes_);
+    request.set_has_hdf5(formats::has_hdf5());
+    if (request_.options.time_limit > 0)
+      request.set_processor_seconds(static_cast<std::int64_t>(std::min(1e12, most_seconds() * machine_threads())));
+    send(message);
+  }
+
+  /// Wall time, in seconds.
+  double most_seconds() const { return 2 * request_.options.time_limit + kPatience; }
+
+  void send(const worker::ToWorker& message, int file = -1) {
+    if (!process_.channel().send(message, file)) process_.fail_ended();
+  }
+
+  // === What the process is told all the time ===
+
+  worker::Steering steering() const {
+    worker::Steering steering;
+    steering.set_threads(hooks_.control.threads ? hooks_.control.threads() : request_.options.threads);
+    steering.set_stop(hooks_.control.stop_asked());
+    steering.set_given_up(hooks_.given_up && hooks_.given_up());
+    steering.set_full(full_);
+    return steering;
+  }
+
+  void steer() {
+    worker::ToWorker message;
+    *message.mutable_steering() = steering();
+    if (message.steering().stop() && !stopping_since_) stopping_since_ = heard_ = steady_clock::now();
+    std::string told = message.steering().SerializeAsString();
+    if (std::exchange(told_, std::move(told)) != message.steering().SerializeAsString()) send(message);
+  }
+
+  /// Ends a process that takes longer than the library ever does.
+  void check_time() const {
+    const steady_clock::time_point now = steady_clock::now();
+    const bool is_silent = now - heard_ > Seconds(kPatience / 2);
+    if (!is_silent) return;
+    if (request_.options.time_limit > 0 && Seconds(now - began_).count() > most_seconds())
+      throw ProcessLost{"did not end within " + std::to_string(static_cast<std::int64_t>(most_seconds())) +
+                        " s, with a time limit of " +
+                        std::to_string(static_cast<std::int64_t>(request_.options.time_limit)) + " s"};
+    if (stopping_since_ && now - *stopping_since_ > Seconds(kPatience))
+      throw ProcessLost{"did not stop when it was told to"};
+  }
+
+  // === What the process says ===
+
+  const worker::FromWorker& next() {
+    while (true) {
+      steer();
+      check_time();
+      switch (process_.channel().receive(message_, kMillisecondsBetweenLooks)) {
+        case Channel::Got::Message:
+          return message_;
+        case Channel::Got::Nothing:
+          break;
+        case Channel::Got::End:
+          process_.fail_ended();
+        case Channel::Got::Breach:
+          throw ProcessLost{"sent what is no message"};
+      }
+    }
+  }
+
+  void take(const worker::FromWorker& message) {
+    switch (message.kind_case()) {
+      case worker::FromWorker::kStarted:
+        return note_start(message.started());
+      case worker::FromWorker::kIteration:
+        return answer(hooks_.on_iteration && hooks_.on_iteration(iteration_from(message.iteration())) == Control::Stop);
+      case worker::FromWorker::kCheckpointDue:
+        return answer(hooks_.control.checkpoint_due &&
+                      hooks_.control.checkpoint_due(iteration_from(message.checkpoint_due())));
+      case worker::FromWorker::kCheckpoint:
+        return save_checkpoint(iteration_from(message.checkpoint()));
+      case worker::FromWorker::kWork:
+        if (hooks_.on_work) hooks_.on_work(message.work());
+        return;
+      case worker::FromWorker::kNote:
+        if (hooks_.on_note && notes_++ < kMostNotes) hooks_.on_note(as_plain_text(message.note()));
+        return;
+      case worker::FromWorker::kReading:
+        return admit_reading(message.reading().least(), message.reading().most());
+      case worker::FromWorker::kRunning:
+        return admit(message.running().most());
+      case worker::FromWorker::kOutput:
+        heard_ = steady_clock::now();
+        output_ = hooks_.open_output(message.output());
+        return;
+      case worker::FromWorker::kOutputPiece:
+        heard_ = steady_clock::now();
+        if (!full_ && (output_ == nullptr || !output_(message.output_piece()))) full_ = true;
+        return;
+      case worker::FromWorker::kHdf5:
+        return start_hdf5(message.hdf5());
+      case worker::FromWorker::kHistory:
+        history_bytes_ += static_cast<std::int64_t>(message.history().ByteSizeLong());
+        if (history_bytes_ > kMostHistoryBytes) throw ProcessLost{"sent a history that is too long"};
+        history_.MergeFrom(message.history());
+        return;
+      case worker::FromWorker::kFailure:
+        outcome_ = tl::unexpected(error_from(message.failure()));
+        return;
+      case worker::FromWorker::kEnded:
+        return end(message.ended());
+      case worker::FromWorker::kCheckpointPiece:
+      case worker::FromWorker::KIND_NOT_SET:
+        throw ProcessLost{"sent a message that nobody expects"};
+    }
+  }
+
+  static Error error_from(const worker::Failure& failure) {
+    const int most = static_cast<int>(Error::Kind::Internal);
+    return {static_cast<Error::Kind>(std::clamp(failure.kind(), 0, most)), as_plain_text(failure.sentence())};
+  }
+
+  void end(const worker::Ended& ended) {
+    if (ended.metrics().ByteSizeLong() > kMostMetricsBytes) throw ProcessLost{"sent a report that is too long"};
+    RunOutcome outcome;
+    outcome.stopped = ended.stopped();
+    outcome.metrics = ended.metrics();
+    make_plain(outcome.metrics);
+    outcome.history = std::move(history_);
+    outcome_ = std::move(outcome);
+  }
+
+  void answer(worker::ToWorker message, int file = -1) {
+    *message.mutable_answer()->mutable_steering() = steering();
+    send(message, file);
+  }
+  void answer(bool yes) {
+    worker::ToWorker message;
+    message.mutable_answer()->set_yes(yes);
+    answer(std::move(message));
+  }
+  void answer(const Expected<bool>& outcome) {
+    if (outcome) return answer(*outcome);
+    worker::ToWorker message;
+    message.mutable_answer()->mutable_failure()->set_kind(static_cast<int>(outcome.error().kind));
+    message.mutable_answer()->mutable_failure()->set_sentence(outcome.error().sentence);
+    answer(std::move(message));
+  }
+
+  // === Questions ===
+
+  void note_start(const worker::Started& started) {
+    address_space_ = started.address_space() + mesh_bytes_ + checkpoint_bytes_;
+    static std::atomic<bool> warned = false;
+    if (!started.is_filtered() && !warned.exchange(true))
+      settings_.warn(
+          "this system has no seccomp filters: the processes of jobs have limits of memory, time and descriptors, but "
+          "can use the files of this user");
+  }
+
+  /// The address space of a run that takes `bytes`.
+  std::int64_t address_space_for(std::int64_t bytes) const {
+    const auto threads = static_cast<std::int64_t>(machine_threads()) + 2;
+    return address_space_ + bytes + kSpareBytes + threads * kBytesPerThread;
+  }
+
+  void admit_reading(std::int64_t least, std::int64_t most) {
+    const Expected<bool> admitted = hooks_.admit_reading ? hooks_.admit_reading(least, most) : Expected<bool>(true);
+    process_.limit_memory(address_space_for(most));
+    begin();
+    answer(admitted);
+  }
+
+  void admit(std::int64_t bytes) {
+    const Expected<bool> admitted = hooks_.admit ? hooks_.admit(bytes) : Expected<bool>(true);
+    // The need is an estimate, which can be too low by a twentieth, and memory is lost between the pieces in use.
+    process_.limit_memory(address_space_for(2 * std::clamp<std::int64_t>(bytes, 0, std::int64_t{1} << 60)));
+    begin();
+    answer(admitted);
+  }
+
+  /// The time that a run waits for memory is not its own.
+  void begin() { began_ = heard_ = steady_clock::now(); }
+
+  void save_checkpoint(const Iteration& iteration) {
+    bool ended = false;
+    const auto piece = [&]() -> const std::string& {
+      const worker::FromWorker& message = next();
+      if (message.kind_case() != worker::FromWorker::kCheckpointPiece && !message.has_work())
+        throw ProcessLost{"sent a message that nobody expects"};
+      ended = message.kind_case() == worker::FromWorker::kCheckpointPiece && message.checkpoint_piece().empty();
+      return message.checkpoint_piece();
+    };
+    const auto write = [&](const CheckpointSink& sink) {
+      bool wanted = true;
+      while (!ended)
+        if (const std::string& bytes = piece(); !bytes.empty() && wanted) wanted = sink(bytes);
+      return wanted;
+    };
+    if (hooks_.control.save_checkpoint) hooks_.control.save_checkpoint(iteration, write);
+    while (!ended) piece();
+  }
+
+  void start_hdf5(const worker::StartHdf5& start) {
+    const int file = process_.channel().take_file();
+    formats::Hdf5Program program;
+    program.error = EPERM;
+    if (file >= 0 && hdf5_.size() < kMostHdf5Starts)
+      program = formats::start_hdf5({start.writes(), start.seconds(), start.memory()}, file);
+    if (file >= 0) ::close(file);
+    if (program.id > 0) hdf5_.push_back(program.id);
+    worker::ToWorker message;
+    message.mutable_answer()->set_error(program.error);
+    answer(std::move(message), program.socket);
+    if (program.socket >= 0) ::close(program.socket);
+  }
+
+  const ProcessEngineSettings& settings_;
+  RunRequest request_;
+  const RunHooks& hooks_;
+  const std::int64_t mesh_bytes_, checkpoint_bytes_;
+  WorkerProcess process_;
+  worker::FromWorker message_;
+  std::int64_t address_space_ = 0;  ///< Of the process before it reads the mesh, in bytes, with the mesh.
+  std::string told_;                ///< The steering that the process was told last.
+  formats::Sink output_;
+  bool full_ = false;
+  int notes_ = 0;
+  v1::History history_;
+  std::int64_t history_bytes_ = 0;
+  std::vector<pid_t> hdf5_;
+  steady_clock::time_point began_ = steady_clock::now();  ///< Since when the run has its memory.
+  steady_clock::time_point heard_ = began_;               ///< The last sign that it ends.
+  std::optional<steady_clock::time_point> stopping_since_;
+  std::optional<Expected<RunOutcome>> outcome_;
+};
+
+}  // namespace
+
+std::string find_worker() { return find_helper("varimesh_worker", "VARIMESH_WORKER"); }
+
+Engine process_engine(ProcessEngineSettings settings) {
+  Engine engine = core_engine();
+  engine.run = [settings = std::move(settings)](RunRequest request, const RunHooks& hooks) -> Expected<RunOutcome> {
+    try {
+      return Conversation(settings, std::move(request), hooks).run();
+    } catch (const ProcessLost& lost) {
+      RunOutcome outcome;
+      outcome.lost = lost.why;
+      return outcome;
+    }
+  };
+  return engine;
+}
+
+}  // namespace varimesh::server

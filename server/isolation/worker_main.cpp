@@ -1,0 +1,309 @@
+// varimesh_worker: runs one job in a process of its own, so that a mesh which makes the library crash, hang or fill the
+// memory ends only this process. process_engine.cpp starts it and tells it what to do (worker.proto).
+//
+// Descriptor 3 is the socket to the server, 4 the mesh, 5 the checkpoint of an earlier attempt, which may be empty.
+// Before the first byte of the mesh is read, the process gives up everything that it does not need (sandbox.h).
+#include <sys/mman.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <atomic>
+#include <condition_variable>
+#include <csignal>
+#include <exception>
+#include <memory>
+#include <mutex>
+#include <new>
+#include <optional>
+#include <string>
+#include <thread>
+#include <utility>
+
+#include "core/base/utf8.h"
+#include "core/formats/hdf5/starter.h"
+#include "server/engine/engine.h"
+#include "server/engine/option_messages.h"
+#include "server/engine/translate.h"
+#include "server/isolation/channel.h"
+#include "server/isolation/descriptors_of_worker.h"
+#include "server/isolation/sandbox.h"
+#include "server/isolation/worker.pb.h"
+
+namespace varimesh::server {
+namespace {
+
+/// Pieces of an output that go out together, in bytes.
+constexpr std::size_t kPieceBytes = std::size_t{512} << 10;
+/// Iterations in one message of the history.
+constexpr int kIterationsPerPart = 10'000;
+
+/// An open file as bytes.
+class MappedFile : public Blob {
+ public:
+  MappedFile(int file, std::int64_t size) : size_(static_cast<std::size_t>(size)) {
+    if (size_ > 0) data_ = ::mmap(nullptr, size_, PROT_READ, MAP_PRIVATE, file, 0);
+    if (data_ == MAP_FAILED) throw std::bad_alloc();
+  }
+  ~MappedFile() override {
+    if (size_ > 0) ::munmap(data_, size_);
+  }
+  std::string_view bytes() const override { return {static_cast<const char*>(data_), size_}; }
+
+ private:
+  const std::size_t size_;
+  void* data_ = nullptr;
+};
+
+/// This process's side of the conversation. Its thread takes what the server says.
+class Conversation {
+ public:
+  explicit Conversation(Channel& channel) : channel_(channel) {}
+
+  /// Starts the thread, which lives as long as the process.
+  void listen() {
+    std::thread([this] { take_all(); }).detach();
+  }
+  void say(const worker::FromWorker& message) {
+    if (!channel_.send(message)) ::_exit(1);  // the server is gone
+  }
+  /// Asks and waits for the answer. `file` goes along; `answered` gets the descriptor that comes back, or −1.
+  worker::Answer ask(const worker::FromWorker& question, int file = -1, int* answered = nullptr) {
+    const std::scoped_lock one(asking_);
+    std::unique_lock lock(mutex_);
+    answer_.reset();
+    if (!channel_.send(question, file)) ::_exit(1);
+    came_.wait(lock, [this] { return answer_.has_value(); });
+    if (answered != nullptr) *answered = std::exchange(file_, -1);
+    return std::move(*answer_);
+  }
+
+  int threads() const { return threads_; }
+  bool stops() const { return stop_.load(std::memory_order_relaxed); }
+  bool given_up() const { return given_up_; }
+  bool full() const { return full_; }
+
+ private:
+  void take_all() {
+    worker::ToWorker message;
+    while (channel_.receive(message, -1) == Channel::Got::Message) {
+      if (message.has_steering()) steer(message.steering());
+      if (!message.has_answer()) continue;
+      steer(message.answer().steering());
+      const std::scoped_lock lock(mutex_);
+      file_ = channel_.take_file();
+      answer_ = std::move(*message.mutable_answer());
+      came_.notify_all();
+    }
+    ::_exit(1);
+  }
+  void steer(const worker::Steering& steering) {
+    threads_ = std::max(1, steering.threads());
+    given_up_ = steering.given_up();
+    full_ = steering.full();
+    stop_ = steering.stop();
+  }
+
+  Channel& channel_;
+  std::mutex asking_, mutex_;
+  std::condition_variable came_;
+  std::optional<worker::Answer> answer_;
+  int file_ = -1;
+  std::atomic<int> threads_ = 1;
+  std::atomic<bool> stop_ = false, given_up_ = false, full_ = false;
+};
+
+/// Collects the pieces of an output.
+class Output {
+ public:
+  explicit Output(Conversation& server) : server_(server) {}
+
+  bool add(std::string_view bytes) {
+    piece_ += bytes;
+    while (piece_.size() >= kPieceBytes) {
+      send(piece_.substr(0, kPieceBytes));
+      piece_.erase(0, kPieceBytes);
+    }
+    return !server_.full();
+  }
+  void end() {
+    if (!piece_.empty()) send(std::exchange(piece_, {}));
+  }
+
+ private:
+  void send(std::string bytes) {
+    worker::FromWorker message;
+    message.set_output_piece(std::move(bytes));
+    server_.say(message);
+  }
+
+  Conversation& server_;
+  std::string piece_;
+};
+
+Error::Kind kind_of(int kind) {
+  return kind >= 0 && kind <= static_cast<int>(Error::Kind::Internal) ? Error::Kind(kind) : Error::Kind::Internal;
+}
+
+Expected<bool> outcome_of(const worker::Answer& answer) {
+  if (answer.has_failure()) return tl::unexpected(Error{kind_of(answer.failure().kind()), answer.failure().sentence()});
+  return answer.yes();
+}
+
+/// What the library asks, as questions to the server.
+RunHooks hooks_for(Conversation& server, Output& output, WorkMeter& meter, std::atomic<bool>& is_read) {
+  RunHooks hooks;
+  hooks.on_iteration = [&](const Iteration& iteration) {
+    worker::FromWorker question;
+    *question.mutable_iteration() = to_proto(iteration);
+    return server.ask(question).yes() ? Control::Stop : Control::Continue;
+  };
+  hooks.on_note = [&](const std::string& sentence) {
+    worker::FromWorker message;
+    message.set_note(as_plain_text(sentence));
+    server.say(message);
+  };
+  hooks.control.meter = &meter;
+  hooks.control.stop_asked = [&] { return server.stops(); };
+  hooks.control.threads = [&] { return server.threads(); };
+  hooks.control.checkpoint_due = [&](const Iteration& iteration) {
+    worker::FromWorker question;
+    *question.mutable_checkpoint_due() = to_proto(iteration);
+    return server.ask(question).yes();
+  };
+  hooks.control.save_checkpoint = [&](const Iteration& iteration, const WriteCheckpoint& write) {
+    worker::FromWorker message;
+    *message.mutable_checkpoint() = to_proto(iteration);
+    server.say(message);
+    write([&](std::string_view bytes) {
+      for (; !bytes.empty(); bytes.remove_prefix(std::min(bytes.size(), kPieceBytes))) {
+        message.set_checkpoint_piece(std::string(bytes.substr(0, kPieceBytes)));
+        server.say(message);
+      }
+      return true;
+    });
+    message.set_checkpoint_piece("");
+    server.say(message);
+  };
+  hooks.admit_reading = [&](std::int64_t least, std::int64_t most) {
+    worker::FromWorker question;
+    question.mutable_reading()->set_least(least);
+    question.mutable_reading()->set_most(most);
+    return outcome_of(server.ask(question));
+  };
+  hooks.admit = [&](std::int64_t bytes) {
+    is_read = true;
+    worker::FromWorker question;
+    question.mutable_running()->set_most(bytes);
+    return outcome_of(server.ask(question));
+  };
+  hooks.given_up = [&] { return server.given_up(); };
+  hooks.open_output = [&](v1::MeshFormat format) {
+    output.end();
+    worker::FromWorker message;
+    message.set_output(format);
+    server.say(message);
+    return [&](std::string_view bytes) { return output.add(bytes); };
+  };
+  return hooks;
+}
+
+/// Lets the server start the program for HDF5 files.
+void ask_for_hdf5(Conversation& server) {
+  formats::use_hdf5_starter([&server](const formats::Hdf5Start& start, int file) {
+    worker::FromWorker question;
+    question.mutable_hdf5()->set_writes(start.writes);
+    question.mutable_hdf5()->set_seconds(start.seconds);
+    question.mutable_hdf5()->set_memory(start.memory);
+    formats::Hdf5Program program;
+    program.error = server.ask(question, file, &program.socket).error();
+    return program;
+  });
+}
+
+RunRequest request_from(const worker::Request& message) {
+  RunRequest request;
+  request.format = message.format();
+  request.options = *options_from(message.options());
+  for (const int format : message.outputs()) request.outputs.push_back(static_cast<v1::MeshFormat>(format));
+  if (message.has_quality()) request.quality = message.quality();
+  return request;
+}
+
+worker::FromWorker failure(const Error& error) {
+  worker::FromWorker message;
+  message.mutable_failure()->set_kind(static_cast<int>(error.kind));
+  message.mutable_failure()->set_sentence(as_plain_text(error.sentence));
+  return message;
+}
+
+/// Tells the outcome, except the outputs, which were told.
+void tell(Conversation& server, const RunOutcome& outcome) {
+  worker::FromWorker message;
+  for (int at = 0; at < outcome.history.iterations_size(); at += kIterationsPerPart) {
+    v1::History& part = *message.mutable_history();
+    part.Clear();
+    for (int i = at; i < std::min(at + kIterationsPerPart, outcome.history.iterations_size()); ++i)
+      *part.add_iterations() = outcome.history.iterations(i);
+    server.say(message);
+  }
+  message.mutable_ended()->set_stopped(outcome.stopped);
+  *message.mutable_ended()->mutable_metrics() = outcome.metrics;
+  server.say(message);
+}
+
+void run(Conversation& server, RunRequest request, std::string_view checkpoint) {
+  std::atomic<bool> is_read = false;
+  try {
+    Output output(server);
+    WorkMeter meter([&](const Work& work) {
+      worker::FromWorker message;
+      *message.mutable_work() = to_proto(work);
+      server.say(message);
+    });
+    RunHooks hooks = hooks_for(server, output, meter, is_read);
+    hooks.control.checkpoint = checkpoint;
+    const auto outcome = core_engine().run(std::move(request), hooks);
+    if (!outcome) return server.say(failure(outcome.error()));
+    output.end();
+    tell(server, *outcome);
+  } catch (const std::bad_alloc&) {
+    server.say(failure(
+        is_read ? Error{Error::Kind::Internal,
+                        "There was not enough memory for this mesh; use a machine with more memory, or a smaller mesh."}
+                : Error{Error::Kind::BadInput,
+                        "The mesh file cannot be read: it asks for more memory than a file of its size may take; write "
+                        "or copy it again."}));
+  } catch (const std::exception& error) {
+    server.say(failure(Error{Error::Kind::Internal,
+                             std::string("The run ended unexpectedly (") + error.what() + "); please report it."}));
+  }
+}
+
+int serve() {
+  // The server ends this process. A signal to all processes of a service is not for this one: the server lets it save
+  // its state first.
+  for (const int signal : {SIGTERM, SIGINT, SIGHUP, SIGPIPE}) std::signal(signal, SIG_IGN);
+  Channel channel(kWorkerSocket);
+  worker::ToWorker first;
+  if (channel.receive(first, -1) != Channel::Got::Message || !first.has_request()) return 2;
+  const worker::Request& message = first.request();
+  Conversation server(channel);
+  if (message.has_hdf5()) ask_for_hdf5(server);
+  worker::FromWorker started;
+  started.mutable_started()->set_address_space(address_space());
+  limit_this_process(message.processor_seconds());
+  started.mutable_started()->set_is_filtered(filter_system_calls());
+  server.listen();
+  server.say(started);
+  RunRequest request = request_from(message);
+  request.input = std::make_shared<MappedFile>(kWorkerMesh, message.mesh_bytes());
+  const MappedFile checkpoint(kWorkerCheckpoint, message.checkpoint_bytes());
+  run(server, std::move(request), checkpoint.bytes());
+  // Nothing of what a hostile mesh may have left in the memory is run any more.
+  ::_exit(0);
+}
+
+}  // namespace
+}  // namespace varimesh::server
+
+int main() { return varimesh::server::serve(); }
