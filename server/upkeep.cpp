@@ -56,6 +56,7 @@ Upkeep::Upkeep(Scheduler& scheduler, Stores& stores, Access& access, Endpoint& e
       spdlog::error("{} The tokens stay as they were.", read.error().sentence);
     else if (*read)
       spdlog::info("the tokens were read again");
+    access.note_left_out();
   });
   certificates_ = std::make_unique<Ticker>(minutes(1), [&tls] {
     if (const auto checked = check_tls_files(tls); !checked) spdlog::error("{}", checked.error().sentence);

@@ -116,12 +116,17 @@ Answer<Caller> Access::admit(Method method, std::string_view authorization, cons
   auto caller = find(method, authorization, address, certificate);
   if (caller) {
     caller->address = address;
-  } else {
+  } else if (refusals_.take(caller.error().reason)) {
     const auto named = caller.error().metadata.find("caller");
     const std::string owner = named == caller.error().metadata.end() ? certificate : named->second;
     audit("refused", std::string(rule_of(method).name), caller.error().reason, {.owner = owner, .address = address});
   }
   return caller;
+}
+
+void Access::note_left_out() {
+  for (const auto& [reason, count] : refusals_.left_out())
+    audit("refused", std::to_string(count) + " more calls, which are not in this log", reason, {});
 }
 
 Answer<Caller> Access::find(Method method, std::string_view authorization, const std::string& address,

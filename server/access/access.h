@@ -13,6 +13,7 @@
 #include "server/access/rights.h"
 #include "server/access/tokens.h"
 #include "server/failure.h"
+#include "server/log/line_rate.h"
 #include "server/log/log_fields.h"
 
 namespace varimesh::server {
@@ -63,6 +64,8 @@ class Access {
   /// Called regularly, by one thread: reads the files again that have changed, and returns whether one did. Errors: as
   /// with_tokens(), once for each change; then the tokens stay as they were.
   Expected<bool> refresh();
+  /// Writes down how many refusals of each kind were left out of the log. Called regularly.
+  void note_left_out();
 
  private:
   /// What shows that the file has changed.
@@ -88,6 +91,9 @@ class Access {
                       const std::string& certificate) const;
   static Expected<Version> version_of(const std::string& file);
 
+  static constexpr int kMostRefusalsAMinute = 60;
+
+  mutable LineRate refusals_{kMostRefusalsAMinute};  ///< In the log, by reason.
   bool names_certificates_ = false;
   std::string file_;
   std::function<WallTime()> clock_;

@@ -94,6 +94,8 @@ Answer<std::unique_ptr<BlobWriter>> CallersView::create(std::int64_t announced) 
   return meshes_->create(announced);
 }
 
+Answer<void> CallersView::check_share(std::int64_t more) const { return meshes_->check_share(caller_.owner, more); }
+
 Answer<UploadProgress> CallersView::query_upload(const std::string& id, const std::string& digest) const {
   return meshes_->query_upload(id, digest, caller_.owner);
 }

@@ -35,6 +35,8 @@ class CallersView {
   }
   /// For bytes that the caller sends. RESOURCE_EXHAUSTED (OWNER_FULL) if its meshes would have too many bytes.
   Answer<std::unique_ptr<BlobWriter>> create(std::int64_t announced) const;
+  /// OWNER_FULL if the caller may not store this many bytes more.
+  Answer<void> check_share(std::int64_t more) const;
   Answer<StoredBytes> finish_upload(const UploadTicket& ticket) const { return meshes_->finish_upload(ticket); }
   Answer<UploadProgress> query_upload(const std::string& id, const std::string& digest) const;
   Answer<std::unique_ptr<BlobReader>> read(const std::string& digest) const;

@@ -12,6 +12,9 @@
 namespace varimesh::server {
 namespace {
 
+/// How many bytes of a mesh of unknown size may come between two looks at what its owner may store.
+constexpr std::int64_t kBytesBetweenChecks = std::int64_t{1} << 20;
+
 /// The stream of one call to Optimise.
 class OptimiseStream : public grpc::ServerBidiReactor<v1::OptimiseRequest, v1::OptimiseResponse>,
                        public Call,
@@ -97,6 +100,13 @@ class OptimiseStream : public grpc::ServerBidiReactor<v1::OptimiseRequest, v1::O
     if (chunk.offset() != received_) return refuse("The chunks must be sent in order, each with its offset.");
     received_ += static_cast<std::int64_t>(bytes->size());
     if (received_ > api_.limits.max_mesh_bytes) return status(mesh_too_large(api_.limits.max_mesh_bytes));
+    // Room was found for what the spec announces. It need not announce anything.
+    const std::int64_t announced = spec_->size();
+    if (announced > 0 && received_ > announced) return refuse("More bytes came than the size in the spec.");
+    if (announced == 0 && received_ >= next_check_) {
+      next_check_ = received_ + kBytesBetweenChecks;
+      if (const auto room = view_->check_share(received_); !room) return status(room.error());
+    }
     if (writer_->append(*bytes)) return grpc::Status::OK;
     return status(store_full("The server's disk has no room for the mesh"));
   }
@@ -105,6 +115,8 @@ class OptimiseStream : public grpc::ServerBidiReactor<v1::OptimiseRequest, v1::O
   grpc::Status submit() {
     if (!spec_) return refuse("The stream ended without a spec.");
     if (spec_->size() > 0 && spec_->size() != received_) return refuse("The stream ended before the end of the mesh.");
+    // Other streams of the owner may have stored their meshes meanwhile.
+    if (const auto room = view_->check_share(received_); !room) return status(room.error());
     const auto stored = writer_->commit();
     writer_.reset();
     upload_.reset();
@@ -159,7 +171,7 @@ class OptimiseStream : public grpc::ServerBidiReactor<v1::OptimiseRequest, v1::O
   // Used only on the pool, by one task at a time.
   std::optional<v1::OptimiseSpec> spec_;
   std::unique_ptr<BlobWriter> writer_;
-  std::int64_t received_ = 0;
+  std::int64_t received_ = 0, next_check_ = 0;
   std::string buffer_;
   std::optional<v1::Job> accepted_;
   bool accepted_sent_ = false;

@@ -5,10 +5,14 @@
 #include <spdlog/spdlog.h>
 
 #include <algorithm>
+#include <chrono>
 #include <functional>
+#include <map>
 #include <nlohmann/json.hpp>
 #include <sstream>
 #include <thread>
+
+#include "server/log/line_rate.h"
 
 namespace varimesh::server {
 namespace {
@@ -25,6 +29,20 @@ TEST(Log, WritesOneShortLineWhateverAClientHasSent) {
   EXPECT_EQ(lines.find('\x1b'), std::string::npos);
   EXPECT_NE(lines.find("jobs/1 FAILED"), std::string::npos) << lines;
   EXPECT_LT(lines.size(), 1200u);
+}
+
+TEST(LineRate, CountsWhatItLeavesOut) {
+  LineRate::Time now{};
+  LineRate rate(2, [&] { return now; });
+  EXPECT_TRUE(rate.take("unknown") && rate.take("unknown"));
+  EXPECT_FALSE(rate.take("unknown") || rate.take("unknown") || rate.take("unknown"));
+  EXPECT_TRUE(rate.take("missing")) << "another kind";
+  EXPECT_TRUE(rate.left_out().empty()) << "the minute is not over";
+  now += std::chrono::minutes(1);
+  EXPECT_FALSE(rate.take("unknown")) << "the count comes first";
+  EXPECT_EQ(rate.left_out(), (std::map<std::string, std::int64_t>{{"unknown", 4}}));
+  EXPECT_TRUE(rate.left_out().empty());
+  EXPECT_TRUE(rate.take("unknown") && rate.take("missing") && rate.take("missing"));
 }
 
 /// What is logged while `work` runs, line by line.

@@ -65,15 +65,25 @@ class File : public Hdf5Source {
     }
   }
 
-  std::vector<Hdf5Item> list(const std::string& group) override {
+  std::vector<Hdf5Item> list(const std::string& group, FileAllowance& allowance) override {
     std::string text;
     try {
-      text = process_->ask(Request::List, group);
+      text = process_->ask(Request::List, group, {}, 0, 0,
+                           [&](std::int64_t bytes) { allowance.take(std::size_t(bytes), 1); });
     } catch (const Hdf5Failure& failure) {
       fail(failure);
     }
     std::vector<Hdf5Item> items;
-    for (std::string_view left = text; !left.empty();) items.push_back(item_of(cut(left, '\n')));
+    const auto lines = std::size_t(std::ranges::count(text, '\n')) + 1;
+    allowance.take(lines, sizeof(Hdf5Item));
+    items.reserve(lines);
+    for (std::string_view left = text; !left.empty();) {
+      const std::string_view line = cut(left, '\n');
+      // Every dimension takes two bytes of the line at least, and eight of memory.
+      allowance.take(line.size(), 5);
+      items.push_back(item_of(line));
+    }
+    allowance.give_back(text.size());
     return items;
   }
 

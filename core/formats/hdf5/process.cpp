@@ -180,12 +180,14 @@ std::int64_t Hdf5Process::answer(std::int64_t most) {
 }
 
 std::string Hdf5Process::ask(Request request, std::string_view text, std::string_view values, std::int64_t first,
-                             std::int64_t count) {
+                             std::int64_t count, const std::function<void(std::int64_t bytes)>& before) {
   const RequestHead head{request, std::uint32_t(text.size()), first, count, std::int64_t(values.size())};
   send({reinterpret_cast<const char*>(&head), sizeof head});
   send(text);
   send(values);
-  std::string bytes(std::size_t(answer(kMostList)), '\0');
+  const std::int64_t size = answer(kMostList);
+  before(size);
+  std::string bytes(std::size_t(size), '\0');
   receive(bytes.data(), bytes.size());
   return bytes;
 }

@@ -4,6 +4,7 @@
 #include <sys/types.h>
 
 #include <cstdint>
+#include <functional>
 #include <span>
 #include <string>
 #include <string_view>
@@ -53,9 +54,11 @@ class Hdf5Process {
   Hdf5Process(const Hdf5Process&) = delete;
   Hdf5Process& operator=(const Hdf5Process&) = delete;
 
-  /// Sends a request and returns the answer. Throws Hdf5Failure.
-  std::string ask(hdf5::Request request, std::string_view text, std::string_view values = {}, std::int64_t first = 0,
-                  std::int64_t count = 0);
+  /// Sends a request and returns the answer. `before` is called with its size before it takes memory. Throws
+  /// Hdf5Failure.
+  std::string ask(
+      hdf5::Request request, std::string_view text, std::string_view values = {}, std::int64_t first = 0,
+      std::int64_t count = 0, const std::function<void(std::int64_t bytes)>& before = [](std::int64_t) {});
   /// The same for an answer of exactly the size of `out`.
   void ask(hdf5::Request request, std::string_view text, std::int64_t first, std::int64_t count, std::span<char> out);
 

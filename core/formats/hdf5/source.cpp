@@ -16,9 +16,7 @@ std::int64_t Hdf5Item::columns() const {
 }
 
 Hdf5Group::Hdf5Group(Hdf5Source& source, FileAllowance& allowance, std::string path)
-    : source_(&source), allowance_(&allowance), path_(std::move(path)), items_(source.list(path_)) {
-  for (const Hdf5Item& item : items_) allowance.take(1, sizeof(Hdf5Item) + item.name.size() + 8 * item.dims.size());
-}
+    : source_(&source), allowance_(&allowance), path_(std::move(path)), items_(source.list(path_, allowance)) {}
 
 const Hdf5Item* Hdf5Group::find(std::string_view name, bool attribute) const {
   const auto found = std::find_if(items_.begin(), items_.end(), [&](const Hdf5Item& item) {
@@ -88,7 +86,9 @@ std::vector<std::int64_t> Hdf5Group::integers(std::string_view name) const {
 
 std::vector<std::string> Hdf5Group::texts(std::string_view name, bool attribute) const {
   const Hdf5Item& item = need(name, Kind::Texts, attribute);
-  const std::int64_t each = std::int64_t(item.width) * item.columns();
+  // Neither number is larger than what one request takes, so their product is no overflow.
+  const bool is_wide = item.width > std::size_t(hdf5::kMostBytes) || item.columns() > hdf5::kMostBytes;
+  const std::int64_t each = is_wide ? 0 : std::int64_t(item.width) * item.columns();
   if (each <= 0 || item.rows() > hdf5::kMostBytes / each) fail(name, "is too long");
   allowance_->take(std::size_t(item.rows() * item.columns()), item.width + sizeof(std::string));
   std::string bytes(std::size_t(each * item.rows()), '\0');

@@ -29,8 +29,9 @@ struct Hdf5Item {
 class Hdf5Source {
  public:
   virtual ~Hdf5Source() = default;
-  /// The members and attributes of the group with this path, such as "/" or "/Base/Zone".
-  virtual std::vector<Hdf5Item> list(const std::string& group) = 0;
+  /// The members and attributes of the group with this path, such as "/" or "/Base/Zone". Takes their memory from the
+  /// allowance first: the program that reads the file may say anything.
+  virtual std::vector<Hdf5Item> list(const std::string& group, FileAllowance& allowance) = 0;
   /// Reads rows of an array: integers and numbers of 8 bytes, or texts. `path`: as for the requests in protocol.h.
   /// `out` has the size of the values, at most kMostBytes.
   virtual void read(const std::string& path, hdf5::Kind kind, std::int64_t first, std::span<char> out,

@@ -19,10 +19,13 @@ class Content : public formats::Hdf5Source {
     while (left_.size() > 4) add();
   }
 
-  std::vector<Hdf5Item> list(const std::string& group) override {
+  std::vector<Hdf5Item> list(const std::string& group, formats::FileAllowance& allowance) override {
     std::vector<Hdf5Item> items;
-    for (const auto& [path, array] : arrays_)
-      if (array.parent == group) items.push_back(array.item);
+    for (const auto& [path, array] : arrays_) {
+      if (array.parent != group) continue;
+      allowance.take(2, sizeof(Hdf5Item) + array.item.name.size() + 8 * array.item.dims.size());
+      items.push_back(array.item);
+    }
     return items;
   }
 

@@ -394,6 +394,41 @@ TEST_F(Owners, HaveLimitsOfTheirOwn) {
       << "an admin may choose any priority";
 }
 
+/// Sends a mesh by Optimise, with `announced` as its size, and returns how the stream ends.
+grpc::Status optimise(const Service& service, const std::string& token, const std::string& mesh,
+                      std::int64_t announced) {
+  const auto stub = v1::OptimiseService::NewStub(service.channel);
+  grpc::ClientContext context;
+  context.AddMetadata("authorization", "Bearer " + token);
+  const auto stream = stub->Optimise(&context);
+  v1::OptimiseRequest request;
+  request.mutable_spec()->set_size(announced);
+  stream->Write(request);
+  for (std::size_t at = 0; at < mesh.size(); at += 1 << 19) {
+    request.mutable_chunk()->set_offset(static_cast<std::int64_t>(at));
+    request.mutable_chunk()->set_data(mesh.substr(at, 1 << 19));
+    if (!stream->Write(request)) break;
+  }
+  stream->WritesDone();
+  v1::OptimiseResponse response;
+  while (stream->Read(&response)) {
+  }
+  return stream->Finish();
+}
+
+TEST_F(Owners, CannotPassTheirLimitByOptimise) {
+  gate_.open();
+  service_.reset();
+  ServerOptions options = options_with(echo_engine());
+  options.tokens = (folder_ / "tokens").string();
+  options.limits.max_bytes_per_owner = 3 << 20;
+  service_ = std::make_unique<Service>(std::move(options));
+  const std::string large(8 << 20, 'x'), small(1 << 20, 'y');
+  EXPECT_EQ(info_of(optimise(*service_, kAnn, large, 0)).reason(), "OWNER_FULL") << "it announces nothing";
+  EXPECT_EQ(info_of(optimise(*service_, kAnn, large, 10)).reason(), "BAD_REQUEST") << "it announces too little";
+  EXPECT_TRUE(optimise(*service_, kAnn, small, 0).ok());
+}
+
 // ===== every method =====
 
 /// Returns the status of a call with an empty message, and closes the stream.
