@@ -49,14 +49,15 @@ constexpr std::int64_t kMostHistoryBytes = std::int64_t{1} << 30;
 /// One run in a process.
 class Conversation {
  public:
-  Conversation(const ProcessEngineSettings& settings, RunRequest request, const RunHooks& hooks)
+  Conversation(const ProcessEngineSettings& settings, Workers& workers, RunRequest request, const RunHooks& hooks)
       : settings_(settings),
+        workers_(workers),
         request_(std::move(request)),
         hooks_(hooks),
         mesh_bytes_(static_cast<std::int64_t>(request_.input->bytes().size())),
         checkpoint_bytes_(static_cast<std::int64_t>(hooks.control.checkpoint.size())),
-        process_(settings.program, *request_.input, hooks.control.checkpoint) {
-    settings_.started(static_cast<int>(process_.id()));
+        process_(workers.take()) {
+    settings_.started(static_cast<int>(process_->id()));
   }
   ~Conversation() {
     for (const pid_t program : hdf5_) end_helper(program, true);
@@ -65,8 +66,9 @@ class Conversation {
   Conversation& operator=(const Conversation&) = delete;
 
   Expected<RunOutcome> run() {
-    request_.input.reset();  // the process has its own copy
     send_request();
+    request_.input.reset();  // the process has its own copy
+    workers_.prepare();
     while (!outcome_) take(next());
     return std::move(*outcome_);
   }
@@ -84,14 +86,21 @@ class Conversation {
     request.set_has_hdf5(formats::has_hdf5());
     if (request_.options.time_limit > 0)
       request.set_processor_seconds(static_cast<std::int64_t>(std::min(1e12, most_seconds() * machine_threads())));
-    send(message);
+    const Descriptor mesh(open_read_only(*request_.input));
+    if (mesh.number < 0) throw ProcessLost{"could not get its mesh"};
+    send(message, mesh.number);
+    if (checkpoint_bytes_ == 0) return;
+    const Descriptor checkpoint(sealed_copy(hooks_.control.checkpoint));
+    if (checkpoint.number < 0) throw ProcessLost{"could not get its checkpoint"};
+    message.mutable_checkpoint();
+    send(message, checkpoint.number);
   }
 
   /// Wall time, in seconds.
   double most_seconds() const { return 2 * request_.options.time_limit + kPatience; }
 
   void send(const worker::ToWorker& message, int file = -1) {
-    if (!process_.channel().send(message, file)) process_.fail_ended();
+    if (!process_->channel().send(message, file)) process_->fail_ended();
   }
 
   // === What the process is told all the time ===
@@ -132,13 +141,13 @@ class Conversation {
     while (true) {
       steer();
       check_time();
-      switch (process_.channel().receive(message_, kMillisecondsBetweenLooks)) {
+      switch (process_->channel().receive(message_, kMillisecondsBetweenLooks)) {
         case Channel::Got::Message:
           return message_;
         case Channel::Got::Nothing:
           break;
         case Channel::Got::End:
-          process_.fail_ended();
+          process_->fail_ended();
         case Channel::Got::Breach:
           throw ProcessLost{"sent what is no message"};
       }
@@ -243,7 +252,7 @@ class Conversation {
 
   void admit_reading(std::int64_t least, std::int64_t most) {
     const Expected<bool> admitted = hooks_.admit_reading ? hooks_.admit_reading(least, most) : Expected<bool>(true);
-    process_.limit_memory(address_space_for(most));
+    process_->limit_memory(address_space_for(most));
     begin();
     answer(admitted);
   }
@@ -251,7 +260,7 @@ class Conversation {
   void admit(std::int64_t bytes) {
     const Expected<bool> admitted = hooks_.admit ? hooks_.admit(bytes) : Expected<bool>(true);
     // The need is an estimate, which can be too low by a twentieth, and memory is lost between the pieces in use.
-    process_.limit_memory(address_space_for(2 * std::clamp<std::int64_t>(bytes, 0, std::int64_t{1} << 60)));
+    process_->limit_memory(address_space_for(2 * std::clamp<std::int64_t>(bytes, 0, std::int64_t{1} << 60)));
     begin();
     answer(admitted);
   }
@@ -279,7 +288,7 @@ class Conversation {
   }
 
   void start_hdf5(const worker::StartHdf5& start) {
-    const int file = process_.channel().take_file();
+    const int file = process_->channel().take_file();
     formats::Hdf5Program program;
     program.error = EPERM;
     if (file >= 0 && hdf5_.size() < kMostHdf5Starts)
@@ -293,10 +302,11 @@ class Conversation {
   }
 
   const ProcessEngineSettings& settings_;
+  Workers& workers_;
   RunRequest request_;
   const RunHooks& hooks_;
   const std::int64_t mesh_bytes_, checkpoint_bytes_;
-  WorkerProcess process_;
+  std::unique_ptr<WorkerProcess> process_;
   worker::FromWorker message_;
   std::int64_t address_space_ = 0;  ///< Of the process before it reads the mesh, in bytes, with the mesh.
   std::string told_;                ///< The steering that the process was told last.
@@ -318,9 +328,11 @@ std::string find_worker() { return find_helper("varimesh_worker", "VARIMESH_WORK
 
 Engine process_engine(ProcessEngineSettings settings) {
   Engine engine = core_engine();
-  engine.run = [settings = std::move(settings)](RunRequest request, const RunHooks& hooks) -> Expected<RunOutcome> {
+  const auto workers = std::make_shared<Workers>(settings.program);
+  engine.run = [settings = std::move(settings), workers](RunRequest request,
+                                                         const RunHooks& hooks) -> Expected<RunOutcome> {
     try {
-      return Conversation(settings, std::move(request), hooks).run();
+      return Conversation(settings, *workers, std::move(request), hooks).run();
     } catch (const ProcessLost& lost) {
       RunOutcome outcome;
       outcome.lost = lost.why;

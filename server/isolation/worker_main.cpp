@@ -1,8 +1,9 @@
 // varimesh_worker: runs one job in a process of its own, so that a mesh which makes the library crash, hang or fill the
 // memory ends only this process. process_engine.cpp starts it and tells it what to do (worker.proto).
 //
-// Descriptor 3 is the socket to the server, 4 the mesh, 5 the checkpoint of an earlier attempt, which may be empty.
-// Before the first byte of the mesh is read, the process gives up everything that it does not need (sandbox.h).
+// Descriptor 3 is the socket to the server. The first messages bring the open files of the mesh and, if there is one,
+// of the checkpoint of an earlier attempt. Before the first byte of the mesh is read, the process gives up everything
+// that it does not need (sandbox.h).
 #include <sys/mman.h>
 #include <unistd.h>
 
@@ -10,6 +11,7 @@
 #include <atomic>
 #include <condition_variable>
 #include <csignal>
+#include <cstdint>
 #include <exception>
 #include <memory>
 #include <mutex>
@@ -25,9 +27,15 @@
 #include "server/engine/option_messages.h"
 #include "server/engine/translate.h"
 #include "server/isolation/channel.h"
-#include "server/isolation/descriptors_of_worker.h"
 #include "server/isolation/sandbox.h"
+#include "server/isolation/socket_of_worker.h"
 #include "server/isolation/worker.pb.h"
+
+// Highway measures a clock for 7 ms when it is loaded, for benchmarks that nobody runs here.
+namespace hwy::platform {
+std::uint64_t TimerResolution();
+std::uint64_t TimerResolution() { return 1; }
+}  // namespace hwy::platform
 
 namespace varimesh::server {
 namespace {
@@ -287,6 +295,13 @@ int serve() {
   worker::ToWorker first;
   if (channel.receive(first, -1) != Channel::Got::Message || !first.has_request()) return 2;
   const worker::Request& message = first.request();
+  const int mesh = channel.take_file();
+  int checkpoint_file = -1;
+  if (message.checkpoint_bytes() > 0) {
+    worker::ToWorker second;
+    if (channel.receive(second, -1) != Channel::Got::Message || !second.has_checkpoint()) return 2;
+    checkpoint_file = channel.take_file();
+  }
   Conversation server(channel);
   if (message.has_hdf5()) ask_for_hdf5(server);
   worker::FromWorker started;
@@ -296,8 +311,8 @@ int serve() {
   server.listen();
   server.say(started);
   RunRequest request = request_from(message);
-  request.input = std::make_shared<MappedFile>(kWorkerMesh, message.mesh_bytes());
-  const MappedFile checkpoint(kWorkerCheckpoint, message.checkpoint_bytes());
+  request.input = std::make_shared<MappedFile>(mesh, message.mesh_bytes());
+  const MappedFile checkpoint(checkpoint_file, message.checkpoint_bytes());
   run(server, std::move(request), checkpoint.bytes());
   // Nothing of what a hostile mesh may have left in the memory is run any more.
   ::_exit(0);

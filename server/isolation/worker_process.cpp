@@ -15,40 +15,13 @@
 
 #include "core/base/write_all.h"
 #include "core/process/helper_program.h"
-#include "server/isolation/descriptors_of_worker.h"
+#include "server/isolation/socket_of_worker.h"
 
 namespace varimesh::server {
 namespace {
 
-/// A descriptor that is closed in time.
-struct Descriptor {
-  int number = -1;
-  ~Descriptor() {
-    if (number >= 0) ::close(number);
-  }
-};
-
 [[noreturn]] void fail(const char* what) {
   throw ProcessLost{std::string(what) + " (" + std::system_category().message(errno) + ")"};
-}
-
-/// Returns a file without a name that has these bytes and can neither be changed nor cut, in memory.
-int sealed_copy(std::string_view bytes) {
-  const int file = ::memfd_create("varimesh", MFD_CLOEXEC | MFD_ALLOW_SEALING);
-  if (file < 0) return -1;
-  if (write_all(file, bytes) && ::fcntl(file, F_ADD_SEALS, F_SEAL_WRITE | F_SEAL_SHRINK | F_SEAL_GROW) == 0)
-    return file;
-  const int reason = errno;
-  ::close(file);
-  errno = reason;
-  return -1;
-}
-
-/// Returns a descriptor of the blob's bytes, through which they can only be read. A large mesh is in a file already,
-/// and would take too much memory in another.
-int read_only(const Blob& blob) {
-  if (blob.file() < 0) return sealed_copy(blob.bytes());
-  return ::open(("/proc/self/fd/" + std::to_string(blob.file())).c_str(), O_RDONLY | O_CLOEXEC);
 }
 
 std::string end_of(int status) {
@@ -61,22 +34,40 @@ std::string end_of(int status) {
 
 }  // namespace
 
-WorkerProcess::WorkerProcess(const std::string& program, const Blob& mesh, std::string_view checkpoint) {
-  constexpr const char* kNotStarted = "could not be started";
-  Descriptor files[] = {{-1}, {read_only(mesh)}, {sealed_copy(checkpoint)}};
+Descriptor::~Descriptor() {
+  if (number >= 0) ::close(number);
+}
+
+int sealed_copy(std::string_view bytes) {
+  const int file = ::memfd_create("varimesh", MFD_CLOEXEC | MFD_ALLOW_SEALING);
+  if (file < 0) return -1;
+  if (write_all(file, bytes) && ::fcntl(file, F_ADD_SEALS, F_SEAL_WRITE | F_SEAL_SHRINK | F_SEAL_GROW) == 0)
+    return file;
+  const int reason = errno;
+  ::close(file);
+  errno = reason;
+  return -1;
+}
+
+int open_read_only(const Blob& blob) {
+  // A large mesh is in a file already, and would take too much memory in another.
+  if (blob.file() < 0) return sealed_copy(blob.bytes());
+  return ::open(("/proc/self/fd/" + std::to_string(blob.file())).c_str(), O_RDONLY | O_CLOEXEC);
+}
+
+WorkerProcess::WorkerProcess(const std::string& program) {
   int ends[2] = {-1, -1};
-  if (files[1].number < 0 || files[2].number < 0 || ::socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, ends) != 0)
-    fail(kNotStarted);
-  files[0].number = ends[1];
+  if (::socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, ends) != 0) fail("could not be started");
   channel_ = std::make_unique<Channel>(ends[0]);
   constexpr int kSecondsToTake = 10;
   channel_->limit_sending(kSecondsToTake);
-  static_assert(kWorkerSocket == 3 && kWorkerMesh == 4 && kWorkerCheckpoint == 5);
-  const int numbers[] = {files[0].number, files[1].number, files[2].number};
-  const Helper helper = start_helper({program, {}, numbers});
+  const Descriptor other(ends[1]);
+  const int files[] = {other.number};
+  static_assert(kWorkerSocket == 3);
+  const Helper helper = start_helper({program, {}, files});
   id_ = helper.id;
   errno = helper.error;
-  if (id_ < 0) fail(kNotStarted);
+  if (id_ < 0) fail("could not be started");
 }
 
 WorkerProcess::~WorkerProcess() {
@@ -90,19 +81,35 @@ void WorkerProcess::limit_memory(std::int64_t bytes) const {
   ::prlimit(id_, RLIMIT_AS, &limits, nullptr);
 }
 
+bool WorkerProcess::is_alive() {
+  if (id_ > 0 && ::waitpid(id_, &status_, WNOHANG) == id_) id_ = -1;
+  return id_ > 0;
+}
+
 void WorkerProcess::fail_ended() {
   // Its socket is closed, so it has ended, or it is up to no good and does not end by itself.
-  int status = 0;
-  for (int waits = 0; waits < 100; ++waits) {
-    const pid_t ended = ::waitpid(id_, &status, WNOHANG);
-    if (ended == id_) {
-      id_ = -1;
-      throw ProcessLost{end_of(status)};
-    }
-    ::usleep(10'000);
-  }
+  for (int waits = 0; waits < 100 && is_alive(); ++waits) ::usleep(10'000);
+  if (!is_alive()) throw ProcessLost{end_of(status_)};
   end_helper(std::exchange(id_, -1), true);
   throw ProcessLost{"stopped talking to the server"};
+}
+
+std::unique_ptr<WorkerProcess> Workers::take() {
+  {
+    const std::scoped_lock lock(mutex_);
+    if (ready_ != nullptr && ready_->is_alive()) return std::move(ready_);
+  }
+  return std::make_unique<WorkerProcess>(program_);
+}
+
+void Workers::prepare() {
+  const std::scoped_lock lock(mutex_);
+  if (ready_ != nullptr && ready_->is_alive()) return;
+  try {
+    ready_ = std::make_unique<WorkerProcess>(program_);
+  } catch (const ProcessLost&) {
+    ready_.reset();  // the next job will say why
+  }
 }
 
 }  // namespace varimesh::server

@@ -5,8 +5,10 @@
 
 #include <cstdint>
 #include <memory>
+#include <mutex>
 #include <string>
 #include <string_view>
+#include <utility>
 
 #include "server/isolation/channel.h"
 #include "server/meshes/mesh_store.h"
@@ -21,14 +23,16 @@ struct ProcessLost {
 /// A process that runs varimesh_worker. It is killed when this object is destroyed.
 class WorkerProcess {
  public:
-  /// Starts it with the bytes of the mesh and of the checkpoint, which it cannot change. Throws ProcessLost.
-  WorkerProcess(const std::string& program, const Blob& mesh, std::string_view checkpoint);
+  /// Starts it. It waits for its first message. Throws ProcessLost.
+  explicit WorkerProcess(const std::string& program);
   ~WorkerProcess();
   WorkerProcess(const WorkerProcess&) = delete;
   WorkerProcess& operator=(const WorkerProcess&) = delete;
 
   Channel& channel() { return *channel_; }
   pid_t id() const { return id_; }
+  /// Whether it still runs.
+  bool is_alive();
   /// Sets the most address space that the process may have, in bytes.
   void limit_memory(std::int64_t bytes) const;
   /// Waits for the end of the process, which has closed its socket, and throws ProcessLost.
@@ -36,7 +40,38 @@ class WorkerProcess {
 
  private:
   pid_t id_ = -1;
+  int status_ = 0;  ///< How it ended, once id_ is −1.
   std::unique_ptr<Channel> channel_;
 };
+
+/// Processes for jobs. One is kept ready, because starting a program takes longer than a small job. Thread-safe.
+class Workers {
+ public:
+  explicit Workers(std::string program) : program_(std::move(program)) {}
+  /// Returns a process that waits for its first message. Throws ProcessLost.
+  std::unique_ptr<WorkerProcess> take();
+  /// Keeps one ready, if none is.
+  void prepare();
+
+ private:
+  const std::string program_;
+  std::mutex mutex_;
+  std::unique_ptr<WorkerProcess> ready_;
+};
+
+/// A descriptor that is closed in time.
+struct Descriptor {
+  int number = -1;
+  explicit Descriptor(int opened) : number(opened) {}
+  ~Descriptor();
+  Descriptor(const Descriptor&) = delete;
+  Descriptor& operator=(const Descriptor&) = delete;
+};
+
+/// Opens the blob's bytes as a file through which they can only be read. −1, with errno, if that fails.
+int open_read_only(const Blob& blob);
+/// Returns a file without a name that has these bytes and can neither be changed nor cut, in memory. −1, with errno, if
+/// that fails.
+int sealed_copy(std::string_view bytes);
 
 }  // namespace varimesh::server

@@ -17,16 +17,17 @@ LONG = ["--method", "sweeps", "--active-set", "off", "--tolerance", "1e-15", "--
 KILLS = int(os.environ.get("VARIMESH_KILLS", "6"))
 
 
-def workers(server):
-    """The processes of jobs that the server has, oldest first."""
+def workers(server, waiting=False):
+    """The processes of jobs that the server has, by number; or those that wait for a job, which have one thread."""
     found = []
     for folder in Path("/proc").iterdir():
         try:
             stat = (folder / "stat").read_text()
         except (OSError, ValueError):
             continue
-        name, parent = re.match(r"\d+ \((.*)\) \S (\d+)", stat).groups()
-        if name.startswith("varimesh_worker"[:15]) and int(parent) == server.process.pid:
+        name, rest = re.match(r"\d+ \((.*)\) (.*)", stat).groups()
+        parent, threads = (int(rest.split()[i]) for i in (1, 17))
+        if name == "varimesh_worker" and parent == server.process.pid and (threads == 1) == waiting:
             found.append(int(folder.name))
     return sorted(found)
 
@@ -50,6 +51,11 @@ class Isolation(WithFolder):
         done = run("submit", mesh, *options, "--server", server.address)
         self.assertEqual(done.returncode, 0, done.stderr)
         return done.stdout.split()[0]
+
+    def wait(self, server, mesh, *options):
+        name = self.submit(server, mesh, *options)
+        self.assertEqual(run("wait", name, "--server", server.address).returncode, 0, "".join(server.log))
+        return name
 
     def job(self, server, name):
         jobs = json.loads(run("jobs", "--json", "--server", server.address).stdout)["jobs"]
@@ -118,16 +124,20 @@ class Faults(Isolation):
         server.stop()
 
 
+    def test_a_process_that_ends_while_it_waits_harms_no_job(self):
+        server = self.serve()
+        self.result(server, self.wait(server, MESH))
+        for process in wait_for(lambda: workers(server, waiting=True)):
+            os.kill(process, signal.SIGKILL)
+        self.result(server, self.wait(server, MESH))
+        self.assertFalse([line for line in server.log if "the process that ran it" in line])
+
+
 class Work(Isolation):
     def test_gives_the_same_bytes_as_without(self):
         server = self.serve()
         for mesh in (MESH, LARGER):
             self.assertEqual(self.result(server, self.wait(server, mesh)), self.alone(mesh))
-
-    def wait(self, server, mesh, *options):
-        name = self.submit(server, mesh, *options)
-        self.assertEqual(run("wait", name, "--server", server.address).returncode, 0, "".join(server.log))
-        return name
 
     def test_a_stop_keeps_the_work_of_a_job(self):
         expected = self.alone(LARGER, *LONG)
