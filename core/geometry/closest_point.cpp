@@ -74,6 +74,7 @@ CurveFoot closest_from(const CurveShape& curve, const Eigen::Vector3d& point, do
 // definite: if H₁₁ ≤ (SᵀS)₁₁/10 or det H ≤ det(SᵀS)/100.
 // A parameter that stands at an end of its range and would leave it is held.
 SurfaceFoot closest_from(const SurfaceShape& surface, const Eigen::Vector3d& point, double u, double v) {
+  if (const PieceSearch* pieces = surface.pieces()) return pieces->closest_from(point, u, v);
   const Range range_u = surface.u_range(), range_v = surface.v_range();
   const auto place_at = [&](const Eigen::Vector2d& wish) {
     const Eigen::Vector2d clamped(range_u.clamp(wish[0]), range_v.clamp(wish[1]));
@@ -153,6 +154,7 @@ CurveFoot CurveSearch::closest(const Eigen::Vector3d& point) const {
 }
 
 SurfaceSearch::SurfaceSearch(const SurfaceShape& surface) : surface_(&surface) {
+  if (surface.pieces() != nullptr) return;
   const std::array<int, 2> intervals = surface.intervals();
   u_ = places(surface.u_range(), intervals[0]);
   v_ = places(surface.v_range(), intervals[1]);
@@ -163,6 +165,7 @@ SurfaceSearch::SurfaceSearch(const SurfaceShape& surface) : surface_(&surface) {
 }
 
 SurfaceFoot SurfaceSearch::closest(const Eigen::Vector3d& point) const {
+  if (const PieceSearch* pieces = surface_->pieces()) return pieces->closest(point);
   std::vector<double> far(x_.size());
   for (std::size_t i = 0; i < x_.size(); ++i) far[i] = distance_to(x_[i], point);
   std::vector<std::pair<double, int>> seeds;

@@ -7,22 +7,9 @@
 
 namespace varimesh::geometry {
 
-/// The foot of a point on a curve. `distance` is in the geometry's unit of length; it is infinite if none was found.
-struct CurveFoot {
-  double t = 0;
-  Eigen::Vector3d x = Eigen::Vector3d::Zero();
-  double distance = 0;
-};
-
-struct SurfaceFoot {
-  double u = 0, v = 0;
-  Eigen::Vector3d x = Eigen::Vector3d::Zero();
-  double distance = 0;
-};
-
 /// The foot to which Newton's method comes from a guess: a local minimum of the distance. The foot is never farther
 /// from `point` than the guess is. Parameters stay in their ranges; a periodic parameter may leave its range and stays
-/// near the guess.
+/// near the guess. A surface in pieces finds the foot itself.
 CurveFoot closest_from(const CurveShape& curve, const Eigen::Vector3d& point, double t);
 SurfaceFoot closest_from(const SurfaceShape& surface, const Eigen::Vector3d& point, double u, double v);
 

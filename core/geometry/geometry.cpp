@@ -1,5 +1,7 @@
 #include "core/geometry/geometry.h"
 
+#include <cassert>
+
 namespace varimesh::geometry {
 namespace {
 
@@ -60,7 +62,10 @@ Geometry scaled(const Geometry& geometry, double factor) {
   Geometry result = geometry;
   for (Vertex& vertex : result.vertices) vertex.x *= factor;
   for (Curve& curve : result.curves) curve.shape = std::make_shared<ScaledCurve>(curve.shape, factor);
-  for (Surface& surface : result.surfaces) surface.shape = std::make_shared<ScaledSurface>(surface.shape, factor);
+  for (Surface& surface : result.surfaces) {
+    assert(surface.shape->pieces() == nullptr);
+    surface.shape = std::make_shared<ScaledSurface>(surface.shape, factor);
+  }
   return result;
 }
 

@@ -1,5 +1,6 @@
 // The geometry on which the boundary nodes of a mesh lie: vertices, curves and surfaces with parameters, and which
-// bounds which. It knows no CAD program. analytic.h makes shapes from formulas, and load.h reads CAD files.
+// bounds which. It knows no CAD program. analytic.h makes shapes from formulas, pieces.h from the elements of a mesh,
+// and load.h reads CAD files.
 // Internal to the library.
 #pragma once
 
@@ -29,6 +30,29 @@ struct SurfacePoint {
     const double longest = std::max(du.squaredNorm(), dv.squaredNorm());
     return n.norm() > 1e-10 * longest ? n.normalized() : Eigen::Vector3d::Zero();
   }
+};
+
+/// The foot of a point on a curve. `distance` is in the geometry's unit of length; it is infinite if none was found.
+struct CurveFoot {
+  double t = 0;
+  Eigen::Vector3d x = Eigen::Vector3d::Zero();
+  double distance = 0;
+};
+
+struct SurfaceFoot {
+  double u = 0, v = 0;
+  Eigen::Vector3d x = Eigen::Vector3d::Zero();
+  double distance = 0;
+};
+
+/// How a surface whose parameters jump from piece to piece finds closest points: Newton's method in (u, v) would not
+/// pass from one piece to the next.
+class PieceSearch {
+ public:
+  virtual ~PieceSearch() = default;
+  /// The foot near the parameters (u, v). It is never farther from `point` than they are.
+  virtual SurfaceFoot closest_from(const Eigen::Vector3d& point, double u, double v) const = 0;
+  virtual SurfaceFoot closest(const Eigen::Vector3d& point) const = 0;
 };
 
 /// The parameters of a curve or one of the parameters of a surface: first ≤ t ≤ last. If `period` is positive, every t
@@ -70,6 +94,11 @@ class SurfaceShape {
   virtual Range v_range() const = 0;
   /// The same as CurveShape::intervals(), for u and v.
   virtual std::array<int, 2> intervals() const { return {16, 16}; }
+  /// The unit normal at (u, v), where the shape has the derivatives `at`; zero at a pole. A shape in pieces gives the
+  /// side that the piece as a whole has, also where the piece is folded over.
+  virtual Eigen::Vector3d normal(const SurfacePoint& at, double /*u*/, double /*v*/) const { return at.normal(); }
+  /// If the surface consists of pieces, what finds closest points on it; otherwise null.
+  virtual const PieceSearch* pieces() const { return nullptr; }
   /// Whether (u, v) lies on the surface and not outside its boundary or in one of its holes. Points on the boundary lie
   /// on the surface.
   virtual bool contains(double u, double v) const {
@@ -111,7 +140,8 @@ struct Geometry {
 /// The diagonal of a box around points of all entities, in the geometry's unit of length.
 double size(const Geometry& geometry);
 
-/// The same geometry in another unit of length: every coordinate times `factor`. The shapes refer to the old ones.
+/// The same geometry in another unit of length: every coordinate times `factor`. The shapes refer to the old ones. No
+/// surface may consist of pieces.
 Geometry scaled(const Geometry& geometry, double factor);
 
 }  // namespace varimesh::geometry

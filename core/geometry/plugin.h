@@ -15,6 +15,6 @@ using ReadFile = bool(const std::string& path, Geometry& geometry, std::string& 
 inline constexpr const char* kReaderProgram = "varimesh_cad_reader";
 
 /// The name of the exported ReadFile, which changes with every change of Geometry or of a class in it.
-inline constexpr const char* kReadFileSymbol = "varimesh_read_cad_2";
+inline constexpr const char* kReadFileSymbol = "varimesh_read_cad_3";
 
 }  // namespace varimesh::geometry

@@ -6,7 +6,7 @@
 
 #include "core/opencascade/shapes.h"
 
-extern "C" __attribute__((visibility("default"))) bool varimesh_read_cad_2(const std::string& path,
+extern "C" __attribute__((visibility("default"))) bool varimesh_read_cad_3(const std::string& path,
                                                                            varimesh::geometry::Geometry& geometry,
                                                                            std::string& error) {
   try {
