@@ -10,6 +10,7 @@
 #include "core/base/error.h"
 #include "core/base/team.h"
 #include "core/geometry/geometry.h"
+#include "core/geometry/pieces.h"
 #include "core/mesh/high_order_mesh.h"
 
 namespace varimesh {
@@ -52,6 +53,10 @@ struct Association {
   /// Index of the surface for each block of elements of the mesh; −1 for blocks of another dimension, and for surfaces
   /// that did not match.
   std::vector<int> surface_of_block;
+
+  /// If the geometry is the mesh's own boundary, its elements lie on it as they come, and away from it once a node has
+  /// moved. By curve and surface: how far they may. Empty with another geometry: no farther than they are.
+  std::vector<geometry::InterpolationError> allowed_on_curves, allowed_on_surfaces;
 };
 
 /// How far a node may lie from its entity before the entity is called wrong, relative to Association::size.

@@ -9,6 +9,10 @@
 namespace varimesh::detail {
 namespace {
 
+/// A point between nodes that is farther from the pieces around than this, over its distance from the node, may belong
+/// to a piece that is folded over: then all pieces are searched.
+constexpr double kSuspicious = 0.01;
+
 /// Calls distance(x, parameters of the nearest node from which Newton's method can start) for each sample.
 /// @param can_start  whether it can start from these parameters
 template <class Distance, class CanStart>
@@ -66,10 +70,13 @@ Distances surface_distances(const geometry::SurfaceShape& shape, const std::vect
   return sample(
       elements, order, nodes, coordinates,
       [&](const Eigen::Vector3d& x, const std::array<double, 2>& guess) {
-        return geometry::closest_from(shape, x, guess[0], guess[1]).distance;
+        const double near = geometry::closest_from(shape, x, guess[0], guess[1]).distance;
+        const geometry::PieceSearch* pieces = shape.pieces();
+        if (pieces == nullptr || near < kSuspicious * (x - shape.at(guess[0], guess[1]).x).norm()) return near;
+        return std::min(near, pieces->closest(x).distance);
       },
       [&](const std::array<double, 2>& from) {
-        return shape.at(from[0], from[1]).normal() != Eigen::Vector3d::Zero();  // not at a pole
+        return shape.normal(shape.at(from[0], from[1]), from[0], from[1]) != Eigen::Vector3d::Zero();  // not at a pole
       });
 }
 

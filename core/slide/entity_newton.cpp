@@ -38,6 +38,7 @@ class Entity<1> {
     const geometry::CurvePoint p = shape_.at(at[0]);
     return {p.dt, p.x, p.dt.normalized()};
   }
+  bool steps_in_parameters() const { return true; }
   std::array<double, 2> clamp(const std::array<double, 2>& at) const { return {shape_.range().clamp(at[0]), 0}; }
   std::array<double, 2> closest(const Eigen::Vector3d& x, const std::array<double, 2>& guess) const {
     return {geometry::closest_from(shape_, x, guess[0]).t, 0};
@@ -56,13 +57,18 @@ class Entity<2> {
     const geometry::SurfacePoint p = shape_.at(at[0], at[1]);
     Eigen::Matrix<double, 3, 2> S;
     S << p.du, p.dv;
-    return {S, p.x, p.normal()};
+    return {S, p.x, shape_.normal(p, at[0], at[1])};
   }
+  bool steps_in_parameters() const { return shape_.pieces() == nullptr; }
   std::array<double, 2> clamp(const std::array<double, 2>& at) const {
     return {shape_.u_range().clamp(at[0]), shape_.v_range().clamp(at[1])};
   }
   std::array<double, 2> closest(const Eigen::Vector3d& x, const std::array<double, 2>& guess) const {
-    const geometry::SurfaceFoot foot = geometry::closest_from(shape_, x, guess[0], guess[1]);
+    geometry::SurfaceFoot foot = geometry::closest_from(shape_, x, guess[0], guess[1]);
+    // Where a piece is folded over, the way from the guess may end at the fold.
+    const geometry::PieceSearch* pieces = shape_.pieces();
+    if (pieces != nullptr && foot.distance > 0.3 * (shape_.at(guess[0], guess[1]).x - x).norm())
+      foot = pieces->closest(x);
     return {foot.u, foot.v};
   }
 
@@ -82,6 +88,7 @@ class EntityNewton {
   EntitySlide run(std::vector<EntityNode> nodes, int most_iterations) {
     nodes_ = std::move(nodes);
     prepare();
+    const std::vector<EntityNode> start = nodes_;
     EntitySlide result;
     result.folded_before = folded();
     double delta = 0;
@@ -93,6 +100,8 @@ class EntityNewton {
       if (!std::isfinite(moved)) break;
     }
     result.folded_after = folded();
+    for (std::size_t i = 0; i < nodes_.size(); ++i)
+      result.farthest = std::max(result.farthest, (nodes_[i].x - start[i].x).norm() / spacing_[i]);
     result.nodes = std::move(nodes_);
     return result;
   }
@@ -208,7 +217,8 @@ class EntityNewton {
         if constexpr (d == 1)
           tangents[i] = S_[i].col(0).normalized();
         else {
-          tangents[i].col(0) = S_[i].col(0).normalized();
+          const auto normal = normals_.col(static_cast<Eigen::Index>(i));
+          tangents[i].col(0) = (S_[i].col(0) - normal * normal.dot(S_[i].col(0))).normalized();
           tangents[i].col(1) = normals_.col(static_cast<Eigen::Index>(i)).cross(tangents[i].col(0));
         }
       }
@@ -281,12 +291,15 @@ class EntityNewton {
   EntityNode moved(const EntityNode& node, const Eigen::Matrix<double, 3, Eigen::Dynamic>& S,
                    const Eigen::Vector3d& by) const {
     EntityNode result = node;
-    const Eigen::Matrix<double, d, d> metric = S.transpose() * S;
-    const Eigen::Matrix<double, d, 1> change = metric.inverse() * (S.transpose() * by);
     std::array<double, 2> at = node.at;
-    for (int k = 0; k < d; ++k) at[static_cast<std::size_t>(k)] += change[k];
-    at = entity_.clamp(at);
-    Eigen::Vector3d x = entity_.at(at).x;
+    Eigen::Vector3d x = node.x;
+    if (entity_.steps_in_parameters()) {
+      const Eigen::Matrix<double, d, d> metric = S.transpose() * S;
+      const Eigen::Matrix<double, d, 1> change = metric.inverse() * (S.transpose() * by);
+      for (int k = 0; k < d; ++k) at[static_cast<std::size_t>(k)] += change[k];
+      at = entity_.clamp(at);
+      x = entity_.at(at).x;
+    }
     // If the parameters are uneven, the tangent is no guide.
     if (!((x - node.x - by).norm() <= 0.3 * by.norm())) {
       at = entity_.closest(node.x + by, node.at);

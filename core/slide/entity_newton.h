@@ -23,6 +23,7 @@ struct EntityNode {
 struct EntitySlide {
   std::vector<EntityNode> nodes;
   int iterations = 0;
+  double farthest = 0;  ///< The largest movement of a node over the distance between nodes there.
   std::int64_t folded_before = 0, folded_after = 0;  ///< Elements with J ≤ 0 at a point.
 };
 

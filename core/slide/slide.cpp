@@ -21,6 +21,9 @@ using detail::EntitySlide;
 constexpr int kMostIterations = 60;
 /// How much of the way to its optimum an entity's nodes may go.
 constexpr double kParts[] = {1, 0.5, 0.25, 0.125};
+/// Nodes that are nearer to their optimum than this, relative to the distance between nodes, stand at it already:
+/// whether they may move the rest of the way makes no difference.
+constexpr double kAtOptimum = 0.02;
 /// Distances that differ by less than this, relative to the mesh's size, are equal: rounding.
 constexpr double kRounding = 1e-12;
 
@@ -36,9 +39,23 @@ struct Outcome {
   std::vector<EntityNode> nodes;
 };
 
+/// What the distances of an entity may not exceed, up to rounding.
+struct Limit {
+  double largest = 0, rms = 0;
+
+  /// @param allowed  by entity; empty: nothing beyond `before`
+  static Limit of(const Distances& before, const std::vector<geometry::InterpolationError>& allowed,
+                  std::size_t entity) {
+    Limit limit{before.largest, before.rms()};
+    if (allowed.empty()) return limit;
+    return {std::max(limit.largest, allowed[entity].largest), std::max(limit.rms, allowed[entity].rms)};
+  }
+};
+
 /// What a surface was like when the mesh came, and what its nodes may not exceed.
 struct Start {
   Distances distances;
+  Limit limit;
   std::int64_t folded = 0;
 };
 
@@ -81,7 +98,8 @@ class Sliding {
       Outcome& outcome = surfaces_[index(s)];
       outcome.after = distances(s, nodes, mesh_.coordinates);
       outcome.folded_after = slid(s, nodes, 0).folded_before;
-      start_[index(s)] = {outcome.after, outcome.folded_after};
+      start_[index(s)] = {outcome.after, Limit::of(outcome.after, association_.allowed_on_surfaces, index(s)),
+                          outcome.folded_after};
     });
   }
 
@@ -107,12 +125,17 @@ class Sliding {
       const auto start = detail::curve_nodes(c, own, association_, mesh_.coordinates, fixed_);
       const Distances before = measure(start, at_start_);
       curves_[index(c)] = choose(
-          start, before, before,
+          start, before, Limit::of(before, association_.allowed_on_curves, index(c)),
           [&](const std::vector<EntityNode>& nodes, int iterations) {
             return detail::slide_on_curve(c, own, mesh_.order, association_, at_start_, nodes, iterations);
           },
-          [&](const EntityNode& node) { return shape.at(node.at[0]).x; }, [](const EntityNode&) { return true; },
-          measure);
+          [&](const EntityNode& from, const EntityNode& to, double part) {
+            EntityNode node = to;
+            node.at[0] = from.at[0] + part * (to.at[0] - from.at[0]);
+            node.x = shape.at(node.at[0]).x;
+            return node;
+          },
+          [](const EntityNode&) { return true; }, measure);
     });
     for (const Outcome& outcome : curves_) take(outcome);
     follow_curves();
@@ -154,8 +177,8 @@ class Sliding {
     for (std::size_t s = 0; s < surfaces_.size(); ++s) {
       const Outcome& now = surfaces_[s];
       const Start& start = start_[s];
-      if (now.after.largest <= start.distances.largest + rounding &&
-          now.after.rms() <= start.distances.rms() + rounding && now.folded_after <= start.folded)
+      if (now.after.largest <= start.limit.largest + rounding && now.after.rms() <= start.limit.rms + rounding &&
+          now.folded_after <= start.folded)
         continue;
       for (const int c : association_.geometry.surfaces[s].curves)
         if (curves_[index(c)].moved) blamed.insert(c);
@@ -203,9 +226,9 @@ class Sliding {
       const auto nodes = detail::surface_nodes(s, association_, mesh_.coordinates, fixed_);
       const Distances entry = distances(s, nodes, mesh_.coordinates);
       surfaces_[index(s)] = choose(
-          nodes, entry, start_[index(s)].distances,
+          nodes, entry, start_[index(s)].limit,
           [&](const std::vector<EntityNode>& from, int iterations) { return slid(s, from, iterations); },
-          [&](const EntityNode& node) { return shape.at(node.at[0], node.at[1]).x; },
+          [&](const EntityNode& from, const EntityNode& to, double part) { return between(shape, from, to, part); },
           [&](const EntityNode& node) { return shape.contains(node.at[0], node.at[1]); },
           [&](const std::vector<EntityNode>& at, const std::vector<double>& coordinates) {
             return distances(s, at, coordinates);
@@ -223,27 +246,26 @@ class Sliding {
   // ===== Curves and surfaces =====
 
   /// Slides the nodes of one entity, and takes the largest part of the way on which the number of folded elements does
-  /// not rise, the distances exceed neither those that the nodes have now nor the `start`, and no node leaves the
-  /// entity.
+  /// not rise, the distances exceed neither those that the nodes have now nor the limit, and no node leaves the entity.
   /// @param entry  distances where the nodes are now
-  template <class Slide, class Point, class Inside, class Measure>
-  Outcome choose(const std::vector<EntityNode>& now, const Distances& entry, const Distances& start,
-                 const Slide& slide_nodes, const Point& point, const Inside& inside, const Measure& measure) {
+  template <class Slide, class PartWay, class Inside, class Measure>
+  Outcome choose(const std::vector<EntityNode>& now, const Distances& entry, const Limit& limit,
+                 const Slide& slide_nodes, const PartWay& part_way, const Inside& inside, const Measure& measure) {
     const EntitySlide slide = slide_nodes(now, kMostIterations);
     Outcome outcome{entry, slide.folded_before, false, false, now};
     if (slide.iterations == 0) return outcome;
+    const bool is_held = slide.farthest > kAtOptimum;
     std::vector<double> coordinates = mesh_.coordinates;
     const double rounding = kRounding * association_.size;
-    const double most_largest = std::max(entry.largest, start.largest) + rounding;
-    const double most_rms = std::max(entry.rms(), start.rms()) + rounding;
+    const double most_largest = std::max(entry.largest, limit.largest) + rounding;
+    const double most_rms = std::max(entry.rms(), limit.rms) + rounding;
     for (const double part : kParts) {
       std::vector<EntityNode> nodes = now;
       bool moves = false;
       for (std::size_t i = 0; i < nodes.size(); ++i) {
         if (!nodes[i].free || slide.nodes[i].at == now[i].at) continue;  // nodes at poles stay as they are, too
         moves = true;
-        for (std::size_t k = 0; k < 2; ++k) nodes[i].at[k] += part * (slide.nodes[i].at[k] - now[i].at[k]);
-        nodes[i].x = part == 1 ? slide.nodes[i].x : point(nodes[i]);
+        nodes[i] = part == 1 ? slide.nodes[i] : part_way(now[i], slide.nodes[i], part);
         place(coordinates, nodes[i].node) = nodes[i].x;
       }
       if (!moves) return outcome;
@@ -252,10 +274,25 @@ class Sliding {
       if (after.largest > most_largest || after.rms() > most_rms) continue;
       const std::int64_t folded = part == 1 ? slide.folded_after : slide_nodes(nodes, 0).folded_before;
       if (folded > outcome.folded_after) continue;
-      return {after, folded, true, part < 1, std::move(nodes)};
+      return {after, folded, true, part < 1 && is_held, std::move(nodes)};
     }
-    outcome.held_back = true;
+    outcome.held_back = is_held;
     return outcome;
+  }
+
+  /// The node that has gone a part of the way on a surface.
+  static EntityNode between(const geometry::SurfaceShape& shape, const EntityNode& from, const EntityNode& to,
+                            double part) {
+    EntityNode node = to;
+    if (shape.pieces() != nullptr) {
+      const Eigen::Vector3d wish = from.x + part * (to.x - from.x);
+      const geometry::SurfaceFoot foot = geometry::closest_from(shape, wish, from.at[0], from.at[1]);
+      node.at = {foot.u, foot.v};
+    } else {
+      for (std::size_t k = 0; k < 2; ++k) node.at[k] = from.at[k] + part * (to.at[k] - from.at[k]);
+    }
+    node.x = shape.at(node.at[0], node.at[1]).x;
+    return node;
   }
 
   /// Whether a free node that was inside the entity's boundary is outside now.

@@ -33,7 +33,9 @@ struct SlideReport {
   std::int64_t folded_before = 0;  ///< Surface elements that are folded over at a sample.
   std::int64_t folded_after = 0;
   int curves = 0, surfaces = 0;  ///< On how many entities nodes moved.
-  int held_back = 0;             ///< On how many the nodes moved less than they would, or stayed: see slide().
+  /// On how many the nodes moved less than they would, or stayed: see slide(). Those that stood at their optimum from
+  /// the start do not count.
+  int held_back = 0;
   BoundaryDistance before, after;
 
   /// Two sentences for a person.

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cassert>
 
+#include "core/association/own_boundary.h"
 #include "core/curve/curve.h"
 #include "core/geometry/load.h"
 #include "core/mesh/check.h"
@@ -39,9 +40,8 @@ Expected<std::vector<bool>> nodes_of_groups(const HighOrderMesh& mesh, const std
 }
 
 Expected<void> check_order(const HighOrderMesh& mesh, int order) {
-  if (mesh.dimension != 3)
-    return bad_input("A geometry needs a mesh of volume elements; this mesh has dimension " +
-                     std::to_string(mesh.dimension) + ".");
+  if (mesh.dimension != 3 && !is_surface(mesh))
+    return bad_input("A geometry needs a mesh of volume elements, or a surface in space; this mesh lies in a plane.");
   if (order == 0 && mesh.order < 2)
     return bad_input(
         "The mesh has order 1, so its boundary is not curved; make it curved with 'varimesh curve' first.");
@@ -89,26 +89,43 @@ struct Work {
     sentences.push_back(report.sentence(association->size));
     return {};
   }
+
+  Expected<void> run_on_boundary() {
+    auto own = own_boundary(mesh, team);
+    if (!own) return tl::unexpected(own.error());
+    sentences.push_back(own->sentence());
+    const auto fixed = nodes_of_groups(mesh, options.fix);
+    assert(fixed);  // slide_on_file() has looked for the groups already
+    const SlideReport report = slide(own->faces, own->association, what, *fixed, team);
+    sentences.push_back(report.sentence(own->association.size));
+    mesh.coordinates = std::move(own->faces.coordinates);
+    return {};
+  }
 };
 
 }  // namespace
 
 Expected<std::vector<std::string>> slide_on_file(HighOrderMesh& mesh, const GeometryOptions& options) {
-  const auto what = slide_on_from_name(options.slide);
+  const auto what = slide_on_from_name(options.slide.empty() ? "all" : options.slide);
   if (!what) return tl::unexpected(what.error());
-  if (const auto checked = check_order(mesh, options.order); !checked) return tl::unexpected(checked.error());
+  if (options.on_boundary && (!options.file.empty() || options.order > 0 || options.snap))
+    return bad_option(
+        "--slide-on boundary goes without --geometry, --snap and an order, because nodes stay near the "
+        "boundary of the mesh as it came.");
   const Team team(options.threads);
   Expected<void> checked;
-  team.run([&] { checked = check_structure(mesh, team); });
+  team.run([&] { checked = check_judgeable(mesh, team); });
+  if (checked) checked = check_order(mesh, options.order);
   if (!checked) return tl::unexpected(checked.error());
   if (const auto fixed = nodes_of_groups(mesh, options.fix); !fixed) return tl::unexpected(fixed.error());
-  const auto geometry = geometry::load(options.file);
+  Expected<geometry::Geometry> geometry;
+  if (!options.on_boundary) geometry = geometry::load(options.file);
   if (!geometry) return tl::unexpected(geometry.error());
 
   Work work{mesh, options, *what, team, geometry->notes};
   std::vector<double> start = mesh.coordinates;
   Expected<void> done;
-  team.run([&] { done = work.run(*geometry); });
+  team.run([&] { done = options.on_boundary ? work.run_on_boundary() : work.run(*geometry); });
   if (!done) {
     mesh.coordinates = std::move(start);
     return tl::unexpected(done.error());

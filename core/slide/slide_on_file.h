@@ -1,4 +1,5 @@
-// Slides the boundary nodes of a mesh on the geometry of a CAD file: reads the file, associates, snaps, curves, slides.
+// Slides the boundary nodes of a mesh on the geometry of a CAD file (reads the file, associates, snaps, curves,
+// slides), or on the mesh's own boundary.
 #pragma once
 
 #include <string>
@@ -10,22 +11,26 @@
 namespace varimesh {
 
 struct GeometryOptions {
-  std::string file;  ///< A STEP, IGES or BREP file.
-  int order = 0;     ///< 0: the mesh is curved. Otherwise it is of order 1 and is first curved with this order.
-  std::string slide = "all";  ///< Which nodes slide: none, surfaces or all (curves and surfaces).
-  bool snap = false;          ///< First move nodes that are off their curve, surface or vertex onto it.
+  std::string file;          ///< A STEP, IGES or BREP file; empty: none.
+  bool on_boundary = false;  ///< Without a file: nodes slide on the mesh's own curved boundary as it came.
+  int order = 0;             ///< 0: the mesh is curved. Otherwise it is of order 1 and is first curved with this order.
+  std::string slide;         ///< Which nodes slide: none, surfaces or all (curves and surfaces); empty: all.
+  bool snap = false;         ///< First move nodes that are off their curve, surface or vertex onto it.
   /// A node is off if it is farther than this from its entity, relative to the diagonal of the boundary's box.
   double snap_tolerance = 1e-6;
   std::vector<std::string> fix;  ///< Physical groups whose nodes stay, by name, by tag, or by "dimension:tag".
   int threads = 1;               ///< 0: as many as the machine has.
+
+  bool any() const { return on_boundary || !file.empty(); }
 };
 
-/// Moves boundary nodes of a 3-D mesh of order 2 or more, as core/slide/slide.h says, and returns sentences that say
-/// what matched, what moved and how far the boundary is from the geometry. No inner node moves. With an order, the mesh
-/// is of order 1 and becomes one of this order before (core/curve/curve.h). The mesh is unchanged after an error.
-/// Errors: BadInput if the file cannot be read, if nothing matches, or if the mesh has another dimension or order;
-/// BadOption if `slide` is no such word, if the order is not 0 or 2 to kMaxOrder, if a group does not exist, or if
-/// OpenCASCADE is not installed.
+/// Moves boundary nodes of a 3-D mesh of order 2 or more, or the nodes of a surface in space, as core/slide/slide.h
+/// says, and returns sentences that say what matched, what moved and how far the boundary is from the geometry. No
+/// inner node moves. With an order, the mesh is of order 1 and becomes one of this order before (core/curve/curve.h).
+/// The mesh is unchanged after an error. Errors: BadInput if the file cannot be read, if nothing matches, or if the
+/// mesh lies in a plane or has another order; BadOption if `slide` is no such word, if there is a file and
+/// `on_boundary`, if `on_boundary` comes with an order or `snap`, if the order is not 0 or 2 to kMaxOrder, if a group
+/// does not exist, or if OpenCASCADE is not installed.
 Expected<std::vector<std::string>> slide_on_file(HighOrderMesh& mesh, const GeometryOptions& options);
 
 }  // namespace varimesh

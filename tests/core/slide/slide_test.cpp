@@ -4,12 +4,17 @@
 
 #include <numbers>
 
+#include "core/association/own_boundary.h"
 #include "core/geometry/analytic.h"
+#include "core/geometry/closest_point.h"
+#include "core/slide/slide_on_file.h"
+#include "tests/core/support/cases.h"
 #include "tests/core/support/surface_grid.h"
 
 namespace varimesh {
 namespace {
 
+using testing::read_case;
 using testing::surface_grid;
 constexpr double kTurn = 2 * std::numbers::pi;
 
@@ -128,6 +133,126 @@ TEST(Slide, EvensOutNodesOnCurvesAndOnlyWithAll) {
     EXPECT_EQ(moved, what == SlideOn::All);
     EXPECT_LT(report.after.rms, report.before.rms);
   }
+}
+
+/// A torus on which the inner nodes of one element lie beyond its side.
+HighOrderMesh folded_torus() {
+  return surface_grid(*torus().surfaces[0].shape, 8, 5, 3, 1, true, [](double s, double t) {
+    const double column = 8 * s, row = 5 * t;
+    const bool inside = column > 3.1 && column < 3.9 && row > 2.1 && row < 2.9;
+    return std::array<double, 2>{kTurn * (s + (inside ? 0.09 : 0)), kTurn * t};
+  });
+}
+
+TEST(Slide, UnfoldsElements) {
+  HighOrderMesh one = folded_torus(), all = torus_mesh(1.8);
+  const SlideReport report = slid(one, torus(), SlideOn::All), of_all = slid(all, torus(), SlideOn::All);
+  EXPECT_EQ(report.folded_before, 1);
+  EXPECT_EQ(report.folded_after, 0);
+  EXPECT_EQ(of_all.folded_before, 40);  // the wave is so strong that the nodes of every element change places
+  EXPECT_EQ(of_all.folded_after, 0);
+  EXPECT_LT(off_torus(all), 1e-13);
+}
+
+// ===== On the mesh's own boundary =====
+
+SlideReport slid_on_boundary(HighOrderMesh& mesh, int threads = 1) {
+  const Team team(threads);
+  SlideReport report;
+  team.run([&] {
+    auto own = own_boundary(mesh, team);
+    ASSERT_TRUE(own) << own.error().sentence;
+    report = slide(own->faces, own->association, SlideOn::All, std::vector<bool>(mesh.node_count(), false), team);
+    mesh.coordinates = own->faces.coordinates;
+  });
+  return report;
+}
+
+/// The largest distance between the elements of two meshes with the same elements: from points of the one, between its
+/// nodes too, to the other as a whole.
+double distance_between(const HighOrderMesh& from, const HighOrderMesh& to) {
+  const Team team(1);
+  double largest = 0;
+  team.run([&] {
+    const auto one = own_boundary(from, team), other = own_boundary(to, team);
+    ASSERT_TRUE(one && other);
+    for (std::size_t s = 0; s < one->association.surfaces.size(); ++s) {
+      const geometry::SurfaceShape& shape = *one->association.geometry.surfaces[s].shape;
+      for (double u = 0; u < shape.u_range().last; u += 4)
+        for (int i = 0; i <= 5; ++i)
+          for (int j = 0; j <= 5; ++j) {
+            const double xi = -1 + 0.4 * i, eta = -1 + 0.4 * j;
+            if (!shape.contains(u + xi, eta)) continue;
+            double least = std::numeric_limits<double>::infinity();
+            for (const geometry::Surface& surface : other->association.geometry.surfaces)
+              least = std::min(least, surface.shape->pieces()->closest(shape.at(u + xi, eta).x).distance);
+            largest = std::max(largest, least);
+          }
+    }
+  });
+  return largest;
+}
+
+/// How far the elements of a mesh lie from the torus.
+double error_on_torus(const HighOrderMesh& mesh) {
+  const Team team(1);
+  double largest = 0;
+  team.run([&] {
+    auto association = associate(mesh, torus(), team);
+    ASSERT_TRUE(association);
+    HighOrderMesh same = mesh;
+    largest =
+        slide(same, *association, SlideOn::None, std::vector<bool>(mesh.node_count(), false), team).before.largest;
+  });
+  return largest;
+}
+
+TEST(SlideOnBoundary, StaysWithinTheErrorOfInterpolation) {
+  for (const double strength : {0.3, 0.6}) {
+    const HighOrderMesh start = torus_mesh(strength, 10, 6);
+    HighOrderMesh mesh = start;
+    const SlideReport report = slid_on_boundary(mesh);
+    EXPECT_GT(report.nodes, 0);
+    EXPECT_GT(report.farthest, 0.01);
+    EXPECT_LE(distance_between(mesh, start), error_on_torus(start));
+  }
+}
+
+TEST(SlideOnBoundary, UnfoldsElements) {
+  HighOrderMesh mesh = read_case("geometry/bracket_p3.msh");
+  const SlideReport report = slid_on_boundary(mesh);
+  EXPECT_EQ(report.folded_before, 1);
+  EXPECT_EQ(report.folded_after, 0);
+}
+
+TEST(SlideOnBoundary, KeepsPlanesAndStraightEdgesExactly) {
+  HighOrderMesh mesh = read_case("sphere_p3.msh");
+  const std::vector<double> before = mesh.coordinates;
+  slid_on_boundary(mesh);
+  for (std::size_t c = 0; c < before.size(); ++c)
+    if (std::abs(before[c]) == 1) {
+      EXPECT_NEAR(mesh.coordinates[c], before[c], 1e-13);
+    }
+}
+
+TEST(SlideOnBoundary, HasTheSameBitsForAnyNumberOfThreads) {
+  HighOrderMesh one = read_case("sphere_p3.msh"), three = one;
+  slid_on_boundary(one, 1);
+  slid_on_boundary(three, 3);
+  EXPECT_EQ(one.coordinates, three.coordinates);
+}
+
+TEST(SlideOnFile, TakesTheBoundaryWithoutAFileAndNotWithOne) {
+  HighOrderMesh mesh = read_case("sphere_p3.msh");
+  GeometryOptions options;
+  options.on_boundary = true;
+  const auto sentences = slide_on_file(mesh, options);
+  ASSERT_TRUE(sentences) << sentences.error().sentence;
+  EXPECT_NE(sentences->front().find("7 surfaces, 12 curves and 8 vertices"), std::string::npos);
+  options.file = "part.step";
+  const auto both = slide_on_file(mesh, options);
+  ASSERT_FALSE(both);
+  EXPECT_EQ(both.error().kind, Error::Kind::BadOption);
 }
 
 TEST(SlideOnFromName, ListsTheWords) {
