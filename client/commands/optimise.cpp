@@ -10,6 +10,7 @@ Action add_optimise(CLI::App& app) {
   command.alias("optimize");
   add_input(command, &arguments->input);
   add_geometry_flags(command, &arguments->input.geometry);
+  add_slide_on_flag(command, &arguments->input.geometry);
   add_run_flags(command, arguments.get());
   return [arguments] { return optimise(*arguments); };
 }

@@ -75,7 +75,7 @@ void add_slide_flags(CLI::App& command, GeometryOptions* geometry) {
 }
 
 void add_geometry_flags(CLI::App& command, GeometryOptions* geometry) {
-  auto* file =
+  CLI::Option* file =
       command
           .add_option("--geometry", geometry->file,
                       "Let boundary nodes slide on the model in this STEP, IGES or BREP file before the mesh is "
@@ -83,7 +83,19 @@ void add_geometry_flags(CLI::App& command, GeometryOptions* geometry) {
           ->type_name("FILE")
           ->group(kGeometryGroup);
   add_slide_flags(command, geometry);
-  for (const char* flag : {"--slide", "--snap"}) command.get_option(flag)->needs(file);
+  command.get_option("--snap")->needs(file);
+}
+
+void add_slide_on_flag(CLI::App& command, GeometryOptions* geometry) {
+  const auto set = [geometry](const std::string&) { geometry->on_boundary = true; };
+  command
+      .add_option_function<std::string>(
+          "--slide-on", set,
+          "Without a CAD model: let boundary nodes slide on the mesh's own curved boundary as it came")
+      ->type_name("WHAT")
+      ->check(CLI::IsMember({"boundary"}))
+      ->excludes("--geometry")
+      ->group(kGeometryGroup);
 }
 
 void add_file_label(const std::string& path, google::protobuf::Map<std::string, std::string>* labels) {
@@ -98,18 +110,14 @@ void add_file_label(const std::string& path, google::protobuf::Map<std::string, 
   labels->insert({"file", name});
 }
 
-Outcome<v1::StoredMesh> upload(Client& client, const Input& input, const std::function<void()>& on_read,
-                               const std::function<void(const std::string&)>& on_sentence) {
-  if (input.displacements.empty() && input.boundary.empty() && input.geometry.file.empty()) {
-    const auto whole = InputFile::open(input.mesh, interrupt_ends_calls);
-    if (!whole) return tl::unexpected(whole.error());
-    if (on_read) on_read();
-    return client.upload(*whole);
-  }
+Outcome<std::optional<formats::MeshFile>> moved_mesh(const Input& input,
+                                                     const std::function<void(const std::string&)>& on_sentence) {
+  if (input.displacements.empty() && input.boundary.empty() && !input.geometry.any())
+    return std::optional<formats::MeshFile>();
   auto file = formats::read_file(input.mesh);
   if (!file) return refusal("BAD_INPUT", file.error().sentence);
   if (const auto moved = move_boundary(file->mesh, input); !moved) return tl::unexpected(moved.error());
-  if (!input.geometry.file.empty()) {
+  if (input.geometry.any()) {
     const EndAtInterrupt ends;
     const auto slid = slide_on_file(file->mesh, input.geometry);
     if (!slid)
@@ -117,13 +125,31 @@ Outcome<v1::StoredMesh> upload(Client& client, const Input& input, const std::fu
     for (const std::string& sentence : *slid)
       if (on_sentence) on_sentence(sentence);
   }
+  return std::optional(std::move(*file));
+}
+
+Outcome<v1::StoredMesh> upload(Client& client, const Input& input, const std::optional<formats::MeshFile>& moved,
+                               const std::function<void()>& on_read) {
+  if (!moved) {
+    const auto whole = InputFile::open(input.mesh, interrupt_ends_calls);
+    if (!whole) return tl::unexpected(whole.error());
+    if (on_read) on_read();
+    return client.upload(*whole);
+  }
   if (on_read) on_read();
   auto curved = InputFile::temporary(input.mesh);
   if (!curved) return tl::unexpected(curved.error());
   const auto written =
-      formats::write(file->mesh, file->format, [&](std::string_view bytes) { return curved->append(bytes); });
+      formats::write(moved->mesh, moved->format, [&](std::string_view bytes) { return curved->append(bytes); });
   if (!written) return file_failure(written.error().sentence);
   return client.upload(*curved);
+}
+
+Outcome<v1::StoredMesh> upload(Client& client, const Input& input, const std::function<void()>& on_read,
+                               const std::function<void(const std::string&)>& on_sentence) {
+  const auto moved = moved_mesh(input, on_sentence);
+  if (!moved) return tl::unexpected(moved.error());
+  return upload(client, input, *moved, on_read);
 }
 
 }  // namespace varimesh::client

@@ -3,11 +3,13 @@
 
 #include <CLI/CLI.hpp>
 #include <functional>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "client/client.h"
 #include "core/base/error.h"
+#include "core/formats/formats.h"
 #include "core/slide/slide_on_file.h"
 
 namespace varimesh::client {
@@ -27,6 +29,8 @@ void add_inputs(CLI::App& command, std::vector<std::string>* meshes, Input* inpu
 
 /// Adds the flags --geometry, --slide and --snap.
 void add_geometry_flags(CLI::App& command, GeometryOptions* geometry);
+/// Adds the flag --slide-on, which does without a geometry.
+void add_slide_on_flag(CLI::App& command, GeometryOptions* geometry);
 /// Adds --slide and --snap, for commands that always have a geometry.
 void add_slide_flags(CLI::App& command, GeometryOptions* geometry);
 
@@ -34,10 +38,16 @@ void add_slide_flags(CLI::App& command, GeometryOptions* geometry);
 /// that is too long for a label loses its beginning.
 void add_file_label(const std::string& path, google::protobuf::Map<std::string, std::string>* labels);
 
-/// Uploads the mesh, after its boundary nodes have been moved as the other files say. `on_read` is called when the
-/// input has been found and pipes have been read to their end, so that from then on nothing but the upload is waited
-/// for. If there is a geometry, boundary nodes slide on it first, in this process; `on_sentence` gets what this came
-/// to.
+/// The input's mesh after its boundary nodes have been moved as the other files say; nothing if there are none. If
+/// nodes slide, they do so in this process; `on_sentence` gets what this came to.
+Outcome<std::optional<formats::MeshFile>> moved_mesh(const Input& input,
+                                                     const std::function<void(const std::string&)>& on_sentence = {});
+
+/// Uploads the mesh of the input as it is, or as moved_mesh() made it. `on_read` is called when the input has been
+/// found and pipes have been read to their end, so that from then on nothing but the upload is waited for.
+Outcome<v1::StoredMesh> upload(Client& client, const Input& input, const std::optional<formats::MeshFile>& moved,
+                               const std::function<void()>& on_read = {});
+/// Both of them.
 Outcome<v1::StoredMesh> upload(Client& client, const Input& input, const std::function<void()>& on_read = {},
                                const std::function<void(const std::string&)>& on_sentence = {});
 

@@ -1,5 +1,7 @@
 #include "client/jobs/optimise_run.h"
 
+#include <filesystem>
+#include <functional>
 #include <iostream>
 
 #include "client/cli/option_flags.h"
@@ -12,6 +14,7 @@
 #include "client/jobs/follow.h"
 #include "client/process/exit_status.h"
 #include "client/process/interrupts.h"
+#include "client/surfaces/deliver_surface.h"
 
 namespace varimesh::client {
 namespace {
@@ -20,13 +23,17 @@ namespace {
 /// geometry.
 Expected<Input> with_geometry(const OptimiseArguments& arguments) {
   Input input = arguments.input;
-  if (input.geometry.file.empty()) return input;
+  if (!input.geometry.any()) {
+    if (input.geometry.slide.empty()) return input;
+    return bad_option("--slide says which nodes slide on what --geometry or --slide-on names; give one of them.");
+  }
   const v1::Options& options = arguments.options;
+  const std::string flag = input.geometry.on_boundary ? "--slide-on" : "--geometry";
   if (options.order() > 0)
-    return bad_option("--order does not go with --geometry, because new boundary nodes would not lie on it.");
+    return bad_option("--order does not go with " + flag + ", because new boundary nodes would not lie on it.");
   if (options.free_size() > 0 || options.free_nodes_size() > 0 || options.fix_nodes_size() > 0 ||
       options.region_below() > 0)
-    return bad_option("--geometry goes only with --fix, not with other options that fix or free nodes.");
+    return bad_option(flag + " goes only with --fix, not with other options that fix or free nodes.");
   input.geometry.fix.assign(options.fix().begin(), options.fix().end());
   input.geometry.threads = options.threads();
   return input;
@@ -50,6 +57,53 @@ Failure as_named(const OptimiseArguments& arguments, Failure failure) {
   return failure;
 }
 
+/// Submits a job on a stored mesh, and follows it. The error is the exit status; its message has been printed.
+tl::expected<v1::Job, int> run_job(Client* client, const OptimiseArguments& arguments,
+                                   const std::vector<Output>& outputs, const std::string& digest,
+                                   const std::string& request_id) {
+  v1::JobSpec spec;
+  spec.mutable_mesh()->set_digest(digest);
+  *spec.mutable_options() = arguments.options;
+  add_file_label(arguments.name.empty() ? arguments.input.mesh : arguments.name, spec.mutable_labels());
+  for (const v1::MeshFormat format : formats_with_report(formats_of(outputs), arguments.report))
+    spec.add_outputs(format);
+  const auto job = client->submit(spec, request_id);
+  if (!job) return tl::unexpected(print_error(job.error()));
+  const bool in_process = arguments.common.server.empty();
+  return follow(client, job->name(), 0, arguments.common, in_process ? OnInterrupt::EndJob : OnInterrupt::Ask);
+}
+
+/// Whether a result is better: fewer elements that are not certified valid, or else a larger smallest scaled Jacobian.
+bool is_better(const v1::Job& one, const v1::Job& other) {
+  const auto left = [](const v1::Job& job) {
+    const v1::Certified& certified = job.metrics().after().certified();
+    return certified.invalid() + certified.undecided();
+  };
+  if (left(one) != left(other)) return left(one) < left(other);
+  return one.metrics().after().min_scaled_jacobian() > other.metrics().after().min_scaled_jacobian();
+}
+
+/// Optimises the mesh with its boundary as it came too, and returns the better of both jobs. Sliding on a boundary that
+/// is not known better than by its own nodes is worth it only if the mesh becomes better. An input that cannot be read
+/// twice, as a pipe, is not compared.
+tl::expected<v1::Job, int> better_of(Client* client, const OptimiseArguments& arguments, Input input,
+                                     const std::vector<Output>& outputs, v1::Job slid,
+                                     const std::function<void(const std::string&)>& print_sentence) {
+  std::error_code failed;
+  if (slid.state() != v1::JOB_STATE_SUCCEEDED || !std::filesystem::is_regular_file(input.mesh, failed)) return slid;
+  print_sentence("Now with the boundary as it came.");
+  input.geometry = {};
+  const auto mesh = upload(*client, input);
+  if (!mesh) return tl::unexpected(print_error(as_named(arguments, mesh.error())));
+  const std::string id = arguments.request_id.empty() ? "" : arguments.request_id + "-as-it-came";
+  auto fixed = run_job(client, arguments, outputs, mesh->digest(), id);
+  if (!fixed) return fixed;
+  const bool takes_fixed = fixed->state() == v1::JOB_STATE_SUCCEEDED && is_better(*fixed, slid);
+  print_sentence(takes_fixed ? "The result is better with the boundary as it came, so the nodes that slid are back."
+                             : "The result is no better with the boundary as it came.");
+  return takes_fixed ? *fixed : slid;
+}
+
 /// The order is that of the curved mesh, so nothing is left to change for the job.
 void take_order(OptimiseArguments* arguments) {
   arguments->input.geometry.order = arguments->options.order();
@@ -71,21 +125,21 @@ int optimise(const OptimiseArguments& arguments) {
   const auto print_sentence = [&](const std::string& sentence) {
     if (!arguments.common.quiet) std::cerr << sentence << std::endl;
   };
-  const auto mesh = upload(*client, *input, in_process ? keep_calls_going : nullptr, print_sentence);
+  const auto moved = moved_mesh(*input, print_sentence);
+  if (!moved) return print_error(as_named(arguments, moved.error()));
+  if (*moved && is_only_a_surface(*input, **moved))
+    return deliver_surface(arguments.common, !in_process || !arguments.history.empty() || !arguments.report.empty(),
+                           *outputs, **moved, arguments.options.threads());
+  const auto mesh = upload(*client, *input, *moved, in_process ? keep_calls_going : nullptr);
   if (!mesh) return print_error(as_named(arguments, mesh.error()));
-  v1::JobSpec spec;
-  spec.mutable_mesh()->set_digest(mesh->digest());
-  *spec.mutable_options() = arguments.options;
   const std::string& name = arguments.name.empty() ? arguments.input.mesh : arguments.name;
-  add_file_label(name, spec.mutable_labels());
-  for (const v1::MeshFormat format : formats_with_report(formats_of(*outputs), arguments.report))
-    spec.add_outputs(format);
-  const auto job = client->submit(spec, arguments.request_id);
-  if (!job) return print_error(job.error());
-
-  const auto ended =
-      follow(client, job->name(), 0, arguments.common, in_process ? OnInterrupt::EndJob : OnInterrupt::Ask);
+  auto ended = run_job(client, arguments, *outputs, mesh->digest(), arguments.request_id);
   if (!ended) return ended.error();
+  if (input->geometry.on_boundary && !interrupted()) {
+    auto better = better_of(client, arguments, *input, *outputs, std::move(*ended), print_sentence);
+    if (!better) return better.error();
+    ended = std::move(*better);
+  }
   Delivery delivery;
   delivery.input = name;
   delivery.outputs = *outputs;
