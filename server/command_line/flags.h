@@ -14,10 +14,10 @@ struct Flags {
   std::string port_file;  ///< The file for the address. Empty: standard output.
   std::string log_level = "info";
   std::string log_format = "text";
-  std::string store;               ///< The address of the database of the jobs. Empty: they are in the state directory.
-  bool runs_in_processes = false;  ///< Every job runs in a process of its own.
-  bool migrate = false;            ///< Only make or update the tables of that database.
-  int drain_seconds = 30;          ///< How long the running jobs may take to end when the server stops.
+  std::string store;              ///< The address of the database of the jobs. Empty: they are in the state directory.
+  bool runs_in_processes = true;  ///< Every job runs in a process of its own.
+  bool migrate = false;           ///< Only make or update the tables of that database.
+  int drain_seconds = 30;         ///< How long the running jobs may take to end when the server stops.
 };
 
 /// Parses the command line. Returns nothing if the program is to end with `exit_status`: after --help, --version or an

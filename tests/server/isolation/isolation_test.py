@@ -166,6 +166,29 @@ class Work(Isolation):
         done = run("optimise", bad, "-o", self.folder / "out.msh", "--server", server.address)
         self.assertEqual(done.returncode, 3, done.stderr)
 
+    def test_a_file_that_asks_for_gigabytes_is_refused(self):
+        """20,000 empty blocks of an entity with 20,000 groups: 200 KB that would take 3 GB."""
+        count = 20_000
+        bomb = self.folder / "bomb.msh"
+        bomb.write_text(f"$MeshFormat\n4.1 0 8\n$EndMeshFormat\n$Entities\n0 0 1 0\n1 0 0 0 1 1 1 {count} " +
+                        " ".join(str(i + 1) for i in range(count)) + " 0\n$EndEntities\n$Nodes\n1 3 1 3\n2 1 0 3\n1\n2\n3\n"
+                        "0 0 0\n1 0 0\n0 1 0\n$EndNodes\n" + f"$Elements\n{count + 1} 1 1 1\n2 1 2 1\n1 1 2 3\n" +
+                        "2 1 2 0\n" * count + "$EndElements\n")
+        server = self.serve()
+        self.result(server, self.wait(server, MESH))
+
+        def peak():
+            return int(re.search(r"VmHWM:\s+(\d+)", Path(f"/proc/{server.process.pid}/status").read_text())[1]) * 1024
+
+        before = peak()
+        name = self.submit(server, bomb)
+        run("wait", name, "--server", server.address)
+        job = self.job(server, name)
+        self.assertEqual(job["state"], "failed", job)
+        self.assertIn("memory", json.dumps(job))
+        self.assertLess(peak() - before, 64 << 20)
+        self.result(server, self.wait(server, MESH))
+
     def test_hdf5_files(self):
         if not Path(os.environ.get("VARIMESH_HDF5", "") or Path(os.environ["VARIMESHD"]).parents[1] /
                     "lib/varimesh/varimesh_hdf5").is_file():

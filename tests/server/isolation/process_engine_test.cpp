@@ -228,6 +228,9 @@ TEST(ProcessEngine, SurvivesTheEndOfTheProcess) {
   const auto outcome = Trial(mesh_of("nine_triangles.msh")).run(none);
   ASSERT_TRUE(outcome);
   EXPECT_NE(outcome->lost.find("could not be started"), std::string::npos);
+  const auto other = Trial(mesh_of("nine_triangles.msh")).run(process_engine({.program = "/bin/true"}));
+  ASSERT_TRUE(other);
+  EXPECT_EQ(other->lost, "ended by itself with status 0") << "it is another program";
 }
 
 TEST(ProcessEngine, LetsASignalToAllProcessesPass) {
