@@ -27,6 +27,7 @@
 #include "server/isolation/process_engine.h"
 #include "server/log/log.h"
 #include "server/maintenance/commands.h"
+#include "server/meshes/s3/bucket.h"
 #include "server/notify.h"
 #include "server/postgres/database.h"
 #include "server/resources/descriptors.h"
@@ -143,6 +144,18 @@ bool use_database(varimesh::server::ServerOptions& options, const std::string& s
     return false;
   }
   if (store.empty()) return true;
+  if (varimesh::server::is_s3(options.meshes)) {
+    const varimesh::server::BucketSettings settings{options.limits.max_cache_bytes,
+                                                    options.role != varimesh::server::Role::Frontend,
+                                                    [](const std::string& line) { spdlog::warn("{}", line); }};
+    auto bucket = varimesh::server::mesh_bucket(options.meshes, settings);
+    if (!bucket) {
+      std::cerr << "varimeshd: " << bucket.error().sentence << '\n';
+      return false;
+    }
+    options.mesh_place = std::move(*bucket);
+    options.meshes.clear();
+  }
   if (const auto checked = varimesh::server::check_postgres(store); !checked) {
     std::cerr << "varimeshd: " << checked.error().sentence << '\n';
     return false;

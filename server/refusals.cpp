@@ -225,6 +225,12 @@ Refusal store_unavailable() {
                  kDatabaseRetrySeconds);
 }
 
+Refusal meshes_unavailable() {
+  return refusal(Code::Unavailable, "STORE_UNAVAILABLE",
+                 "The server cannot reach the store of its meshes at the moment; try again later.", {},
+                 kDatabaseRetrySeconds);
+}
+
 Refusal directory_unusable(std::string sentence) {
   return refusal(Code::Unavailable, "STORE_FULL", std::move(sentence));
 }

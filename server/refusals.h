@@ -94,6 +94,8 @@ Refusal sequence_expired(const std::string& name, std::int64_t after, std::int64
 Refusal server_stopping(int retry_seconds);
 /// UNAVAILABLE, STORE_UNAVAILABLE: the database of the jobs cannot be reached.
 Refusal store_unavailable();
+/// UNAVAILABLE, STORE_UNAVAILABLE: the bucket of the meshes cannot be reached.
+Refusal meshes_unavailable();
 /// UNAVAILABLE, STORE_FULL: a directory cannot be used when the server starts.
 Refusal directory_unusable(std::string sentence);
 /// DATA_LOSS, INTERNAL: stored bytes cannot be read any more.

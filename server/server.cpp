@@ -66,8 +66,8 @@ Expected<void> Server::read_tokens() {
 }
 
 Expected<void> Server::open_stores() {
-  auto opened = Stores::open(
-      {options_.state, options_.data, options_.meshes, options_.limits, options_.clock, options_.open_jobs});
+  auto opened = Stores::open({options_.state, options_.data, options_.meshes, options_.mesh_place, options_.limits,
+                              options_.clock, options_.open_jobs});
   if (!opened) return tl::unexpected(opened.error());
   stores_ = std::move(*opened);
   pages_ = std::make_unique<PageTokens>(stores_->secret());
@@ -101,6 +101,7 @@ Expected<void> Server::start_scheduler() {
     else
       metrics_->count_submission();
   };
+  settings.lost = [this] { metrics_->count_loss(); };
   settings.max_priority = options_.limits.max_priority;
   const WorkLimits work{options_.limits.max_job_iterations, options_.limits.max_job_seconds};
   scheduler_ = std::make_unique<Scheduler>(&stores_->jobs(), &stores_->meshes(), within(work, options_.engine),
@@ -140,6 +141,7 @@ Expected<void> Server::start_metrics_port() {
           now.pending = counts->pending;
           now.running = counts->running;
         }
+        now.store_bytes = stores_->meshes().stored_bytes();
         const auto oldest = scheduler_->oldest_pending();
         if (oldest && *oldest)
           now.oldest_pending_seconds = std::chrono::duration<double>(options_.clock() - **oldest).count();

@@ -14,6 +14,7 @@
 #include "server/engine/engine.h"
 #include "server/jobs/job_store.h"
 #include "server/limits.h"
+#include "server/meshes/mesh_place.h"
 #include "server/resources/thread_budget.h"
 #include "server/tls/tls.h"
 
@@ -49,9 +50,10 @@ struct ServerOptions {
   Limits limits;
   /// Opens a job store elsewhere, such as in a database, while meshes are kept in `state`. Empty: jobs are there too.
   std::function<Expected<std::unique_ptr<JobStore>>(const JobStoreSettings&)> open_jobs;
-  std::string meshes;     ///< With `open_jobs`: a directory of meshes that servers share. Empty: they are in `state`.
-  Role role = Role::All;  ///< Other than All: other servers of the same database do the rest.
-  Engine engine;          ///< Runs the jobs: core_engine(), or an engine of a test.
+  std::string meshes;  ///< With `open_jobs`: a directory of meshes that servers share. Empty: they are in `state`.
+  std::shared_ptr<MeshPlace> mesh_place;  ///< As `meshes`, but elsewhere than in a directory.
+  Role role = Role::All;                  ///< Other than All: other servers of the same database do the rest.
+  Engine engine;                          ///< Runs the jobs: core_engine(), or an engine of a test.
   std::function<TimePoint()> clock = std::chrono::system_clock::now;
   std::function<std::string()> new_name;  ///< Makes the names of new jobs. Empty: random names.
 };

@@ -68,6 +68,7 @@ Upkeep::Upkeep(Scheduler& scheduler, Stores& stores, Access& access, Endpoint& e
   sweeping_ = std::make_unique<Ticker>(minutes(1), [&stores] { stores.meshes().sweep(); });
   compression_ = std::make_unique<Ticker>(minutes(1), [this, &stores] {
     ::setpriority(PRIO_PROCESS, 0, 19);  // applies to this thread only: the running jobs go first
+    if (!stores.meshes().compresses()) return;
     if (const auto needed = stores.jobs().needed_digests())
       stores.meshes().compress_idle(*needed, [this] { return stopping_.load(); });
   });

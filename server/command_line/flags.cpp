@@ -198,9 +198,15 @@ void add_database_flags(CLI::App& app, Flags& flags, Units& units) {
       ->capture_default_str()
       ->check(CLI::Range(1.0, 3600.0));
   app.add_option("--meshes", flags.options.meshes,
-                 "With --store: directory of meshes and results that all servers of the database share (default: a "
-                 "folder of --state, and one server)")
+                 "With --store: directory of meshes and results that all servers of the database share, or a bucket: "
+                 "s3://BUCKET/PREFIX?endpoint=URL&region=NAME, with the credentials in AWS_ACCESS_KEY_ID and "
+                 "AWS_SECRET_ACCESS_KEY or in a file that AWS_SHARED_CREDENTIALS_FILE names (default: a folder of "
+                 "--state, and one server)")
       ->envname("VARIMESH_MESHES");
+  app.add_option("--max-cache-bytes", flags.options.limits.max_cache_bytes,
+                 "With a bucket as --meshes: size of the copies of meshes in the directory of --state")
+      ->capture_default_str()
+      ->check(CLI::PositiveNumber);
   app.add_option("--role", flags.options.role,
                  "With --store and --meshes: 'frontend' answers clients, 'worker' runs jobs, 'all' does both")
       ->transform(CLI::CheckedTransformer(

@@ -200,6 +200,15 @@ class JobStore {
   virtual Answer<std::vector<std::string>> ended_beyond(std::size_t keep, TimePoint before) = 0;
   /// Returns everything that jobs refer to.
   virtual Answer<std::vector<Reference>> references() = 0;
+  /// Returns those of the digests that jobs refer to. A database answers this without looking at all jobs.
+  virtual Answer<std::set<std::string>> referenced(const std::set<std::string>& digests) {
+    const auto all = references();
+    if (!all) return tl::unexpected(all.error());
+    std::set<std::string> found;
+    for (const Reference& reference : *all)
+      if (digests.contains(reference.digest)) found.insert(reference.digest);
+    return found;
+  }
   /// Returns the digests of the meshes and checkpoints of all jobs that have not ended.
   virtual Answer<std::set<std::string>> needed_digests() = 0;
 };

@@ -68,9 +68,11 @@ class DirectoryMeshStore : public MeshStore {
   void grant(const std::string& digest, const std::string& owner) override;
   bool belongs_to(const std::string& digest, const std::string& owner) override;
   Answer<void> check_share(const std::string& owner, std::int64_t more) override;
+  std::optional<std::int64_t> stored_bytes() const override;
   void retain(const std::string& digest) override;
   void release(const std::string& digest) override;
   void sweep() override;
+  bool compresses() const override { return settings_.compress_after.count() > 0; }
   void compress_idle(const std::set<std::string>& needed, const std::function<bool()>& given_up) override;
 
  private:
@@ -156,8 +158,8 @@ class DirectoryMeshStore : public MeshStore {
 
   const std::filesystem::path directory_;
   const DirectoryMeshSettings settings_;
-  const bool durable_;  ///< The directory outlives the store.
-  std::mutex mutex_;    ///< Guards everything below. Never held while bytes are written or hashed.
+  const bool durable_;        ///< The directory outlives the store.
+  mutable std::mutex mutex_;  ///< Guards everything below. Never held while bytes are written or hashed.
   Entries entries_;
   std::map<std::pair<std::string, std::string>, std::shared_ptr<Upload>> uploads_;  ///< By owner and id.
   std::map<std::string, Share> shares_;  ///< Of owners who have been asked for.

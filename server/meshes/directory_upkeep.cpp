@@ -76,6 +76,13 @@ std::string DirectoryMeshStore::next_to_compress(const std::set<std::string>& ne
   return {};
 }
 
+std::optional<std::int64_t> DirectoryMeshStore::stored_bytes() const {
+  std::lock_guard lock(mutex_);
+  std::int64_t bytes = 0;
+  for (const auto& [digest, entry] : entries_) bytes += entry.stored;
+  return bytes;
+}
+
 void DirectoryMeshStore::compress_idle(const std::set<std::string>& needed, const std::function<bool()>& given_up) {
   if (settings_.compress_after.count() == 0) return;
   // A mesh that becomes needed during this call has been used during it, and so is not idle before `end`.

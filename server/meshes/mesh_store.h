@@ -18,6 +18,9 @@ namespace varimesh::server {
 /// long to submit a job with it.
 inline constexpr auto kUploadLifetime = std::chrono::minutes(10);
 
+/// Tells a store that several servers share which of these digests jobs need. Errors: nobody knows now.
+using AskNeeded = std::function<Answer<std::set<std::string>>(const std::set<std::string>& digests)>;
+
 /// All bytes of a stored mesh in memory, valid as long as this object exists.
 class Blob {
  public:
@@ -141,6 +144,12 @@ class MeshStore {
   /// Called regularly: deletes meshes without references that are too old, and the oldest of them if the store is too
   /// large.
   virtual void sweep() = 0;
+  /// Whether retain() and release() count. If not, a database says which meshes jobs need, and whose they are.
+  virtual bool counts_references() const { return true; }
+  /// Bytes of all meshes, as far as this server knows; nothing: another one counts them.
+  virtual std::optional<std::int64_t> stored_bytes() const { return std::nullopt; }
+  /// Whether compress_idle() does anything.
+  virtual bool compresses() const { return false; }
   /// Called regularly, by one thread at a time; a call may take long. Compresses meshes that have not been used for a
   /// while, if the store does so. Leaves the `needed` ones, since there may be no room to expand them again. Stops if
   /// `given_up` returns true.

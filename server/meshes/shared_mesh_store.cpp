@@ -55,7 +55,7 @@ bool make_empty(const std::filesystem::path& path) {
 Answer<std::unique_ptr<SharedMeshStore>> SharedMeshStore::open_directory(const std::string& directory,
                                                                          const std::string& scratch,
                                                                          DirectoryMeshSettings settings,
-                                                                         std::function<Answer<Digests>()> referenced) {
+                                                                         AskNeeded needed) {
   std::error_code error;
   std::filesystem::create_directories(directory, error);
   if (error || ::access(directory.c_str(), R_OK | W_OK | X_OK) != 0)
@@ -68,7 +68,7 @@ Answer<std::unique_ptr<SharedMeshStore>> SharedMeshStore::open_directory(const s
                                 "' has meshes in the form of a server that shares them with none (*" + ending.string() +
                                 "); choose another directory (--meshes).");
   return std::unique_ptr<SharedMeshStore>(
-      new SharedMeshStore(directory, scratch, std::move(settings), std::move(referenced)));
+      new SharedMeshStore(directory, scratch, std::move(settings), std::move(needed)));
 }
 
 bool SharedMeshStore::has_room(std::int64_t bytes) const {
@@ -221,19 +221,18 @@ Answer<void> SharedMeshStore::remove(const std::string& digest, const std::strin
   // Whoever stores or uses the mesh from now on changes its time.
   struct stat before {};
   if (::lstat(path_of(digest).c_str(), &before) != 0) return {};
-  const auto referenced = referenced_();
-  if (!referenced) return tl::unexpected(referenced.error());
-  if (owner.empty() && referenced->contains(digest)) return mesh_in_use(digest);
+  const auto needed = needed_({digest});
+  if (!needed) return tl::unexpected(needed.error());
+  if (owner.empty() && !needed->empty()) return mesh_in_use(digest);
   if (!owner.empty()) {
     ::unlink(mark_path(digest, owner).c_str());
-    if (referenced->contains(digest) || has_owners(digest)) return {};
+    if (!needed->empty() || has_owners(digest)) return {};
   }
-  const auto again = referenced_();
+  const auto again = needed_({digest});
   if (!again) return tl::unexpected(again.error());
-  const bool needed = again->contains(digest);
-  const bool removed = !needed && remove_file(digest, [&](const struct stat& status) {
-    return time_of_change(status) == time_of_change(before);
-  });
+  const bool removed = again->empty() && remove_file(digest, [&](const struct stat& status) {
+                         return time_of_change(status) == time_of_change(before);
+                       });
   if (!removed && owner.empty()) return mesh_in_use(digest);
   return {};
 }

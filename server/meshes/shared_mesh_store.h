@@ -13,8 +13,8 @@
 namespace varimesh::server {
 
 /// Keeps the meshes in the files of a directory, which may be on a network drive, and nothing of them in the process:
-/// what one server stores, the others have at once. No counts of references are kept. sweep() asks `referenced` which
-/// digests jobs need, and deletes what nobody needs and nobody has used for a while.
+/// what one server stores, the others have at once. No counts of references are kept. sweep() asks `needed` which
+/// of the meshes that rest jobs need, and deletes what nobody needs and nobody has used for a while.
 ///
 /// In the directory, name has the directory's name. DIGEST is a mesh; its time of change is that of its last use.
 /// DIGEST.kept says that it is pinned, and DIGEST.MARK that it belongs to an owner (mark_of()). part-NAME is being
@@ -28,11 +28,10 @@ class SharedMeshStore : public MeshStore {
   using Digests = std::set<std::string>;
 
   /// `scratch`: a directory of this server for copies of large meshes, which are deleted when they are closed.
-  /// `referenced`: the digests that jobs need. Errors: UNAVAILABLE if the directory cannot be used.
+  /// `needed`: tells which digests jobs need. Errors: UNAVAILABLE if the directory cannot be used.
   static Answer<std::unique_ptr<SharedMeshStore>> open_directory(const std::string& directory,
                                                                  const std::string& scratch,
-                                                                 DirectoryMeshSettings settings,
-                                                                 std::function<Answer<Digests>()> referenced);
+                                                                 DirectoryMeshSettings settings, AskNeeded needed);
 
   ~SharedMeshStore() override;
 
@@ -54,6 +53,10 @@ class SharedMeshStore : public MeshStore {
   bool belongs_to(const std::string& digest, const std::string& owner) override;
   /// Does nothing: the database says which meshes jobs need.
   void retain(const std::string&) override {}
+  bool counts_references() const override { return false; }
+  std::optional<std::int64_t> stored_bytes() const override {
+    return stored_ < 0 ? std::nullopt : std::optional(stored_.load());
+  }
   /// The next sweeps delete the mesh, if nobody else needs it.
   void release(const std::string& digest) override;
   void sweep() override;
@@ -76,11 +79,11 @@ class SharedMeshStore : public MeshStore {
   };
 
   SharedMeshStore(std::filesystem::path directory, std::filesystem::path scratch, DirectoryMeshSettings settings,
-                  std::function<Answer<Digests>()> referenced)
+                  AskNeeded needed)
       : directory_(std::move(directory)),
         scratch_(std::move(scratch)),
         settings_(std::move(settings)),
-        referenced_(std::move(referenced)) {}
+        needed_(std::move(needed)) {}
 
   std::filesystem::path path_of(const std::string& digest) const { return directory_ / digest; }
   std::filesystem::path kept_of(const std::string& digest) const { return directory_ / (digest + ".kept"); }
@@ -128,13 +131,14 @@ class SharedMeshStore : public MeshStore {
   bool is_sweeper();
   /// Uses the results that this server has stored and that no job may have yet.
   void use_fresh();
-  void sweep_meshes(const Digests& referenced);
+  void sweep_meshes();
   void sweep_others();
 
   const std::filesystem::path directory_, scratch_;
   const DirectoryMeshSettings settings_;
-  const std::function<Answer<Digests>()> referenced_;
+  const AskNeeded needed_;
   std::atomic<std::int64_t> promised_ = 0;  ///< Bytes that clients of this server have announced and not sent yet.
+  std::atomic<std::int64_t> stored_ = -1;   ///< Bytes of all meshes when this server last swept; −1: it did not.
   std::mutex mutex_;                        ///< Guards the next three.
   std::map<std::string, std::weak_ptr<Promise>> promises_;  ///< By the upload's key.
   std::map<std::string, Released> released_;

@@ -68,11 +68,8 @@ void SharedMeshStore::sweep() {
   use_fresh();
   remove_released();
   if (!is_sweeper()) return;
-  // The database is asked first: a job that is stored after that has used its mesh after that, or shortly before.
-  const auto referenced = referenced_();
-  if (!referenced) return;  // nobody knows what is needed
   look();
-  sweep_meshes(*referenced);
+  sweep_meshes();
   sweep_others();
 }
 
@@ -89,11 +86,12 @@ void SharedMeshStore::use_fresh() {
     waiting = fresh_;
   }
   const auto now = settings_.clock();
-  const bool is_any_old =
-      std::any_of(waiting.begin(), waiting.end(), [&](const auto& result) { return now - result.second >= kAskAfter; });
-  const Answer<Digests> referenced = is_any_old ? referenced_() : Digests();
+  Digests old;
+  for (const auto& [digest, stored] : waiting)
+    if (now - stored >= kAskAfter) old.insert(digest);
+  const Answer<Digests> needed = old.empty() ? Digests() : needed_(old);
   for (const auto& [digest, stored] : waiting) {
-    const bool is_known = referenced && referenced->contains(digest);
+    const bool is_known = needed && needed->contains(digest);
     if (!is_known && touch(digest)) continue;
     std::lock_guard lock(mutex_);
     fresh_.erase(digest);
@@ -112,23 +110,32 @@ void SharedMeshStore::remove_released() {
     });
   }
   if (ripe.empty()) return;
-  const auto referenced = referenced_();
-  if (!referenced) return;  // the sweeper deletes them later
+  Digests digests;
+  for (const auto& [digest, released] : ripe) digests.insert(digest);
+  const auto needed = needed_(digests);
+  if (!needed) return;  // the sweeper deletes them later
   for (const auto& [digest, released] : ripe) {
     struct stat kept {};
-    if (referenced->contains(digest) || ::lstat(kept_of(digest).c_str(), &kept) == 0) continue;
+    if (needed->contains(digest) || ::lstat(kept_of(digest).c_str(), &kept) == 0) continue;
     remove_file(digest, [&](const struct stat& now) { return time_of_change(now) == released.changed; });
   }
 }
 
-void SharedMeshStore::sweep_meshes(const Digests& referenced) {
+void SharedMeshStore::sweep_meshes() {
   std::int64_t total = 0;
-  std::vector<std::tuple<std::int64_t, std::string, const Seen*>> idle;
+  Digests resting;
   for (const auto& [name, seen] : seen_) {
     if (!is_sha256(name)) continue;
     total += seen.size;
-    if (!referenced.contains(name) && rests(name)) idle.emplace_back(seen.changed, name, &seen);
+    if (rests(name)) resting.insert(name);
   }
+  stored_ = total;
+  // Asked after the look: a job that is stored from now on has used its mesh since, or less than ten minutes before.
+  const auto needed = needed_(resting);
+  if (!needed) return;  // nobody knows what is needed
+  std::vector<std::tuple<std::int64_t, std::string, const Seen*>> idle;
+  for (const std::string& name : resting)
+    if (!needed->contains(name)) idle.emplace_back(seen_.at(name).changed, name, &seen_.at(name));
   std::sort(idle.begin(), idle.end());
   for (const auto& [changed, name, seen] : idle) {
     const bool is_kept = seen_.contains(name + ".kept");
@@ -140,6 +147,7 @@ void SharedMeshStore::sweep_meshes(const Digests& referenced) {
     if (remove_file(name, [changed = changed](const struct stat& now) { return time_of_change(now) == changed; }))
       total -= seen->size;
   }
+  stored_ = total;
 }
 
 void SharedMeshStore::sweep_others() {

@@ -5,6 +5,7 @@
 #include <string_view>
 
 #include "server/access/rights.h"
+#include "varimesh/v1/service.pb.h"
 
 namespace varimesh::server {
 namespace {
@@ -13,11 +14,43 @@ using grpc::experimental::InterceptionHookPoints;
 using grpc::experimental::InterceptorBatchMethods;
 using grpc::experimental::ServerRpcInfo;
 
+/// The bytes of a mesh in a message of one of these types, which gRPC passes without its type.
+template <class Message>
+std::int64_t chunk_bytes(const void* message) {
+  return message == nullptr ? 0 : static_cast<const Message*>(message)->chunk().data().size();
+}
+template <class Message>
+std::int64_t result_bytes(const void* message) {
+  return message == nullptr ? 0 : static_cast<const Message*>(message)->chunk().chunk().data().size();
+}
+
+/// A method whose messages carry meshes, and how their bytes are counted. Null: they carry none in this direction.
+struct Carrier {
+  std::string_view name;
+  std::int64_t (*received)(const void* message);
+  std::int64_t (*sent)(const void* message);
+};
+constexpr Carrier kCarriers[] = {
+    {"/varimesh.v1.MeshService/UploadMesh", chunk_bytes<v1::UploadMeshRequest>, nullptr},
+    {"/varimesh.v1.MeshService/SendMesh", chunk_bytes<v1::SendMeshRequest>, nullptr},
+    {"/varimesh.v1.MeshService/DownloadMesh", nullptr, chunk_bytes<v1::DownloadMeshResponse>},
+    {"/varimesh.v1.JobService/GetResult", nullptr, result_bytes<v1::GetResultResponse>},
+    {"/varimesh.v1.OptimiseService/Optimise", chunk_bytes<v1::OptimiseRequest>, result_bytes<v1::OptimiseResponse>}};
+
 class Counter : public grpc::experimental::Interceptor {
  public:
-  Counter(ServerRpcInfo* call, Metrics& metrics) : call_(call), metrics_(metrics) {}
+  Counter(ServerRpcInfo* call, Metrics& metrics) : call_(call), metrics_(metrics) {
+    for (const Carrier& carrier : kCarriers)
+      if (carrier.name == call->method()) carrier_ = &carrier;
+  }
 
   void Intercept(InterceptorBatchMethods* methods) override {
+    if (carrier_ != nullptr && carrier_->received != nullptr &&
+        methods->QueryInterceptionHookPoint(InterceptionHookPoints::POST_RECV_MESSAGE))
+      metrics_.count_bytes(true, carrier_->received(methods->GetRecvMessage()));
+    if (carrier_ != nullptr && carrier_->sent != nullptr &&
+        methods->QueryInterceptionHookPoint(InterceptionHookPoints::PRE_SEND_MESSAGE))
+      metrics_.count_bytes(false, carrier_->sent(methods->GetSendMessage()));
     if (methods->QueryInterceptionHookPoint(InterceptionHookPoints::PRE_SEND_STATUS))
       metrics_.count_call(call_->method(), methods->GetSendStatus().error_code());
     methods->Proceed();
@@ -25,6 +58,7 @@ class Counter : public grpc::experimental::Interceptor {
 
  private:
   ServerRpcInfo* const call_;
+  const Carrier* carrier_ = nullptr;
   Metrics& metrics_;
 };
 

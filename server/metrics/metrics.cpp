@@ -86,6 +86,13 @@ struct Metrics::Families {
                                        .Name("varimesh_job_run_seconds")
                                        .Help("Run times of the last attempts of jobs, by how the jobs ended.")
                                        .Register(registry);
+  Counter& lost =
+      counters(registry, "varimesh_jobs_lost_total", "Jobs that were taken back from a server that was lost.").Add({});
+  Family<Counter>& bytes =
+      counters(registry, "varimesh_mesh_bytes_total", "Bytes of meshes and results that clients sent and got.");
+  Counter& bytes_in = bytes.Add({{"direction", "in"}});
+  Counter& bytes_out = bytes.Add({{"direction", "out"}});
+  Family<Gauge>& stored = gauges(registry, "varimesh_store_bytes", "Bytes of all meshes and results.");
   Family<Counter>& handled = counters(registry, "grpc_server_handled_total", "Calls, by how they ended.");
   Gauge& resident = gauges(registry, "process_resident_memory_bytes", "Resident memory.").Add({});
   Gauge& descriptors = gauges(registry, "process_open_fds", "Open descriptors.").Add({});
@@ -112,6 +119,12 @@ void Metrics::count_end(const v1::Job& job) {
   families_->run_seconds.Add({{"outcome", outcome_of(job.state())}}, kRunSeconds).Observe(std::max(0.0, seconds));
 }
 
+void Metrics::count_loss() { families_->lost.Increment(); }
+
+void Metrics::count_bytes(bool sent_by_client, std::int64_t bytes) {
+  (sent_by_client ? families_->bytes_in : families_->bytes_out).Increment(static_cast<double>(bytes));
+}
+
 void Metrics::count_call(std::string_view method, int code) {
   const auto slash = method.rfind('/');
   if (slash == std::string_view::npos || slash == 0) return;
@@ -128,6 +141,7 @@ std::string Metrics::text(const Gauges& now) {
   all.ready.Set(now.ready ? 1 : 0);
   all.pending.Set(now.pending);
   all.running.Set(now.running);
+  if (now.store_bytes) all.stored.Add({}).Set(static_cast<double>(*now.store_bytes));
   if (now.oldest_pending_seconds) all.oldest.Add({}).Set(*now.oldest_pending_seconds);
   all.resident.Set(resident_bytes());
   all.descriptors.Set(open_descriptors());

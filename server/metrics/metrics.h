@@ -16,6 +16,7 @@ namespace varimesh::server {
 struct Gauges {
   int pending = 0, running = 0;                  ///< Jobs.
   std::optional<double> oldest_pending_seconds;  ///< Age of the job that has waited longest; nothing: not known.
+  std::optional<std::int64_t> store_bytes;       ///< Of all meshes and results; nothing: another server counts them.
   bool ready = false;
 };
 
@@ -27,6 +28,10 @@ struct Gauges {
 ///   varimesh_queue_oldest_age_seconds                     age of the job that has waited longest; 0: none waits
 ///   varimesh_jobs_submitted_total                         jobs that were accepted
 ///   varimesh_job_run_seconds{outcome}                     histogram: run times of the last attempts, by how jobs ended
+///   varimesh_jobs_lost_total                              jobs that were taken back from a server that was lost
+///   varimesh_mesh_bytes_total{direction}                  bytes of meshes and results that clients sent ("in") and got
+///                                                         ("out")
+///   varimesh_store_bytes                                  bytes of all meshes and results, from the server that sweeps
 ///   grpc_server_handled_total{grpc_service,grpc_method,grpc_code}   calls, by how they ended
 ///   process_resident_memory_bytes, process_open_fds, process_max_fds, process_cpu_seconds_total
 ///
@@ -44,6 +49,10 @@ class Metrics {
   void count_submission();
   /// Counts a job that has ended.
   void count_end(const v1::Job& job);
+  /// Counts a job that was taken back from a server that was lost.
+  void count_loss();
+  /// Counts bytes of meshes that clients have sent or got.
+  void count_bytes(bool sent_by_client, std::int64_t bytes);
   /// Counts a call, such as "/varimesh.v1.JobService/GetJob". `code`: gRPC's status code.
   void count_call(std::string_view method, int code);
   /// The text format of Prometheus, version 0.0.4. Empty if this build cannot count.

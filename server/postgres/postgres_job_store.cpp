@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <limits>
 
+#include "core/base/sha256.h"
+#include "server/jobs/timestamps.h"
 #include "server/postgres/rows.h"
 #include "server/postgres/schema.h"
 #include "server/refusals.h"
@@ -16,6 +18,9 @@ using postgres::Row;
 
 /// How many jobs may be missing from a count of waiting jobs that is not repeated for a second.
 constexpr std::int64_t kCountMargin = 1000;
+
+/// How many digests are asked for at once.
+constexpr int kMostDigests = 1000;
 
 }  // namespace
 
@@ -165,6 +170,19 @@ Answer<JobCounts> PostgresJobStore::counts() {
   });
 }
 
+Answer<std::optional<TimePoint>> PostgresJobStore::oldest_pending() {
+  using Result = std::optional<TimePoint>;
+  return database_.read<Result>([](PostgresConnection& connection) -> Answer<Result> {
+    // Keys are in the order of submission.
+    const PostgresRows rows =
+        connection.query(postgres::select_rows("WHERE jobs.key = (SELECT min(key) FROM jobs WHERE state = 1)"));
+    if (rows.count() == 0) return Result();
+    const auto row = postgres::read_row(rows, 0);
+    if (!row) return tl::unexpected(row.error());
+    return Result(time_point(row->record.job.create_time()));
+  });
+}
+
 Answer<std::vector<v1::JobEvent>> PostgresJobStore::events(const std::string& name) {
   return database_.read<std::vector<v1::JobEvent>>(
       [&](PostgresConnection& connection) -> Answer<std::vector<v1::JobEvent>> {
@@ -254,6 +272,24 @@ Answer<std::vector<Reference>> PostgresJobStore::references() {
         for (std::string& digest : digests_of(row->record)) all.push_back({std::move(digest), row->record.job.owner()});
     return all;
   });
+}
+
+Answer<std::set<std::string>> PostgresJobStore::referenced(const std::set<std::string>& digests) {
+  std::set<std::string> found;
+  for (auto next = digests.begin(); next != digests.end();) {
+    std::string list;
+    for (int i = 0; i < kMostDigests && next != digests.end(); ++i, ++next)
+      if (is_sha256(*next)) list += *next + ',';
+    const auto asked = database_.read<bool>([&](PostgresConnection& connection) -> Answer<bool> {
+      const PostgresRows rows =
+          connection.query("SELECT DISTINCT digest FROM needs WHERE digest = ANY(string_to_array($1::text, ','))",
+                           PostgresValues().add(list));
+      for (int i = 0; i < rows.count(); ++i) found.insert(rows.text(i, 0));
+      return true;
+    });
+    if (!asked) return tl::unexpected(asked.error());
+  }
+  return found;
 }
 
 Answer<std::set<std::string>> PostgresJobStore::needed_digests() {

@@ -36,6 +36,7 @@ class PostgresJobStore : public JobStore {
   Answer<v1::Job> get(const std::string& name) override;
   Answer<JobPage> list(const JobFilter& filter, int page_size, const std::string& page_token) override;
   Answer<JobCounts> counts() override;
+  Answer<std::optional<TimePoint>> oldest_pending() override;
   Answer<std::vector<v1::JobEvent>> events(const std::string& name) override;
   Answer<std::optional<Claimed>> claim(const std::string& worker) override;
   Answer<bool> renew_lease(const Claim& claim) override;
@@ -50,6 +51,7 @@ class PostgresJobStore : public JobStore {
   Answer<Changed> remove(const std::string& name) override;
   Answer<std::vector<std::string>> ended_beyond(std::size_t keep, TimePoint before) override;
   Answer<std::vector<Reference>> references() override;
+  Answer<std::set<std::string>> referenced(const std::set<std::string>& digests) override;
   Answer<std::set<std::string>> needed_digests() override;
 
  private:

@@ -50,10 +50,40 @@ ALTER TABLE jobs ADD COLUMN cancel_unseen BOOLEAN NOT NULL DEFAULT false;  -- CA
 constexpr char kToVersion3[] = R"(
 CREATE TABLE meshes(one BOOLEAN PRIMARY KEY DEFAULT true CHECK(one), directory TEXT NOT NULL);  -- its name
 )";
+// Which jobs refer to a digest. The database finds the digests by itself, so that servers of an older version, which do
+// not know the table and may still run, cannot leave one out. In a message a digest stands behind its length, 64 or
+// '@'. The digest of the mesh is at the beginning of the spec (MeshReference mesh = 1).
+constexpr char kToVersion4[] = R"(
+CREATE TABLE needs(digest TEXT NOT NULL, key BIGINT NOT NULL REFERENCES jobs ON DELETE CASCADE,
+  is_mesh BOOLEAN NOT NULL,                             -- the mesh of the spec, which stays as long as the job
+  PRIMARY KEY(digest, key, is_mesh));
+CREATE INDEX needs_of ON needs(key) WHERE NOT is_mesh;
+CREATE FUNCTION digests_in(bytes BYTEA) RETURNS SETOF TEXT LANGUAGE sql IMMUTABLE AS
+  $$ SELECT DISTINCT found[1] FROM regexp_matches(encode(bytes, 'escape'), '@([0-9a-f]{64})', 'g') AS found $$;
+CREATE FUNCTION mesh_in(spec BYTEA) RETURNS TEXT LANGUAGE sql IMMUTABLE AS
+  $$ SELECT substring(encode(substring(spec FOR 100), 'escape') FROM '@([0-9a-f]{64})') $$;
+CREATE FUNCTION note_mesh() RETURNS trigger LANGUAGE plpgsql AS $$ BEGIN
+  INSERT INTO needs SELECT mesh_in(NEW.spec), NEW.key, true WHERE mesh_in(NEW.spec) IS NOT NULL
+    ON CONFLICT DO NOTHING;
+  RETURN NULL; END $$;
+CREATE FUNCTION note_needs() RETURNS trigger LANGUAGE plpgsql AS $$ DECLARE wanted TEXT[]; BEGIN
+  wanted := ARRAY(SELECT digests_in(NEW.job)) || NEW.history || NEW.checkpoint;
+  DELETE FROM needs WHERE key = NEW.key AND NOT is_mesh AND digest <> ALL(array_remove(wanted, NULL));
+  INSERT INTO needs SELECT DISTINCT one, NEW.key, false FROM unnest(wanted) AS one WHERE one <> ''
+    ON CONFLICT DO NOTHING;
+  RETURN NULL; END $$;
+CREATE TRIGGER note_mesh AFTER INSERT OR UPDATE ON specs FOR EACH ROW EXECUTE FUNCTION note_mesh();
+CREATE TRIGGER note_needs AFTER UPDATE ON jobs FOR EACH ROW
+  WHEN (NEW.checkpoint IS DISTINCT FROM OLD.checkpoint OR NEW.ended IS DISTINCT FROM OLD.ended)
+  EXECUTE FUNCTION note_needs();
+INSERT INTO needs SELECT mesh_in(spec), key, true FROM specs WHERE mesh_in(spec) IS NOT NULL;
+INSERT INTO needs SELECT DISTINCT one, key, false FROM jobs,
+  unnest(ARRAY(SELECT digests_in(job)) || history || checkpoint) AS one WHERE one <> '';
+)";
 static_assert(v1::JOB_STATE_PENDING == 1);
 
 /// Step i leads from version i to version i + 1. A step that was released is never changed.
-constexpr const char* kSteps[] = {kToVersion1, kToVersion2, kToVersion3};
+constexpr const char* kSteps[] = {kToVersion1, kToVersion2, kToVersion3, kToVersion4};
 
 constexpr char kVersions[] =
     "CREATE TABLE IF NOT EXISTS varimesh_schema(version INTEGER PRIMARY KEY, made TIMESTAMPTZ NOT NULL DEFAULT now())";

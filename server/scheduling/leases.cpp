@@ -7,11 +7,13 @@
 namespace varimesh::server {
 
 Answer<void> Scheduler::recover() {
-  const auto references = jobs_->references();
-  if (!references) return tl::unexpected(references.error());
-  for (const Reference& reference : *references) {
-    meshes_->retain(reference.digest);
-    meshes_->grant(reference.digest, reference.owner);
+  if (meshes_->counts_references()) {
+    const auto references = jobs_->references();
+    if (!references) return tl::unexpected(references.error());
+    for (const Reference& reference : *references) {
+      meshes_->retain(reference.digest);
+      meshes_->grant(reference.digest, reference.owner);
+    }
   }
   take_back(settings_.worker);
   return {};
@@ -27,6 +29,7 @@ void Scheduler::take_back(const std::string& worker) {
   if (!taken) return settings_.log("jobs", "cannot be taken back: " + taken.error().sentence);
   for (const Changed& changed : *taken) {
     settings_.log(changed.job.name(), "was lost and is now " + v1::JobState_Name(changed.job.state()));
+    settings_.lost();
     logs_.publish(changed);
     release(changed.released);
     note_end(changed.job);

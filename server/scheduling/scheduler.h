@@ -45,6 +45,7 @@ struct SchedulerSettings {
   std::function<void(int threads, Job job)> launch;
   std::function<void(const std::string& job, const std::string& what)> log = [](const auto&, const auto&) {};
   std::function<void(const v1::Job&)> noted = [](const auto&) {};  ///< Called with each job that is new or has ended.
+  std::function<void()> lost = [] {};  ///< Called for each job that was taken back from a worker that was lost.
 };
 
 /// Who submits a job.

@@ -64,15 +64,6 @@ Expected<std::string> take_shared(const std::string& directory) {
   return *name;
 }
 
-/// The digests that any job needs.
-Answer<std::set<std::string>> referenced_by(JobStore& jobs) {
-  const auto references = jobs.references();
-  if (!references) return tl::unexpected(references.error());
-  std::set<std::string> digests;
-  for (const Reference& reference : *references) digests.insert(reference.digest);
-  return digests;
-}
-
 }  // namespace
 
 Expected<void> Stores::open_jobs(const StoreSettings& settings) {
@@ -87,7 +78,7 @@ Expected<void> Stores::open_jobs(const StoreSettings& settings) {
   if (settings.open_jobs) {
     if (const auto checked = check_no_jobs(*state_); !checked) return tl::unexpected(checked.error());
     const std::string meshes = settings.meshes.empty() ? state_->meshes() : settings.meshes;
-    const auto name = take_shared(meshes);
+    const auto name = settings.mesh_place != nullptr ? settings.mesh_place->name() : take_shared(meshes);
     if (!name) return tl::unexpected(name.error());
     job_settings.meshes = *name;
     job_settings.clock = nullptr;  // the database has a clock that all its servers share
@@ -109,12 +100,19 @@ Expected<void> Stores::open_meshes(const StoreSettings& settings) {
     return {};
   };
   const DirectoryMeshSettings limits = mesh_settings(settings.limits);
-  if (!settings.meshes.empty() && limits.max_bytes_of_owner > 0)
+  const bool are_shared = !settings.meshes.empty() || settings.mesh_place != nullptr;
+  if (are_shared && limits.max_bytes_of_owner > 0)
     return bad_option(
         "--max-bytes-per-owner cannot be kept with --meshes, since no server knows what all others store.");
+  const AskNeeded needed = [this](const auto& digests) { return jobs_->referenced(digests); };
+  if (settings.mesh_place != nullptr) {
+    auto opened = settings.mesh_place->open(state_->meshes(), limits, needed);
+    if (!opened) return tl::unexpected(opened.error());
+    meshes_ = std::move(*opened);
+    return {};
+  }
   if (!settings.meshes.empty())
-    return keep(SharedMeshStore::open_directory(settings.meshes, state_->meshes(), limits,
-                                                [this] { return referenced_by(*jobs_); }));
+    return keep(SharedMeshStore::open_directory(settings.meshes, state_->meshes(), limits, needed));
   if (state_ != nullptr) return keep(DirectoryMeshStore::open_directory(state_->meshes(), limits));
   return keep(DirectoryMeshStore::create(settings.data, limits));
 }
@@ -126,16 +124,24 @@ Expected<std::unique_ptr<Stores>> Stores::open(const StoreSettings& settings) {
     if (!directory) return tl::unexpected(directory.error());
     stores->state_ = std::move(*directory);
     stores->state_->become_server();
-    stores->shared_meshes_ = settings.meshes;
   }
   if (const auto opened = stores->open_jobs(settings); !opened) return tl::unexpected(opened.error());
   if (const auto opened = stores->open_meshes(settings); !opened) return tl::unexpected(opened.error());
+  if (const auto read = stores->read_secret(settings); !read) return tl::unexpected(read.error());
   return stores;
 }
 
-std::string Stores::secret() const {
-  if (!shared_meshes_.empty()) return secret_in(shared_meshes_);
-  return state_ != nullptr ? secret_in(state_->path()) : random_bytes();
+Expected<void> Stores::read_secret(const StoreSettings& settings) {
+  if (settings.mesh_place != nullptr) {
+    const auto secret = settings.mesh_place->secret();
+    if (!secret) return tl::unexpected(secret.error());
+    secret_ = *secret;
+  } else if (!settings.meshes.empty()) {
+    secret_ = secret_in(settings.meshes);
+  } else {
+    secret_ = state_ != nullptr ? secret_in(state_->path()) : random_bytes();
+  }
+  return {};
 }
 
 }  // namespace varimesh::server

@@ -8,7 +8,7 @@
 #include "core/base/error.h"
 #include "server/jobs/job_store.h"
 #include "server/limits.h"
-#include "server/meshes/mesh_store.h"
+#include "server/meshes/mesh_place.h"
 #include "server/state/state_directory.h"
 
 namespace varimesh::server {
@@ -22,6 +22,8 @@ struct StoreSettings {
   std::string data;
   /// With `open_jobs`: a directory of meshes that other servers use at the same time. Empty: they are in `state`.
   std::string meshes;
+  /// With `open_jobs`: as `meshes`, but elsewhere than in a directory.
+  std::shared_ptr<MeshPlace> mesh_place;
   Limits limits;
   std::function<TimePoint()> clock;
   /// Opens a job store elsewhere, for jobs that are not in `state`. Empty: they are there.
@@ -38,15 +40,16 @@ class Stores {
   MeshStore& meshes() { return *meshes_; }
   /// 16 random bytes that nobody else knows: the same for all servers on a state directory, or on a directory of meshes
   /// that they share.
-  std::string secret() const;
+  const std::string& secret() const { return secret_; }
 
  private:
   Stores() = default;
   Expected<void> open_jobs(const StoreSettings& settings);
   Expected<void> open_meshes(const StoreSettings& settings);
+  Expected<void> read_secret(const StoreSettings& settings);
 
   std::unique_ptr<StateDirectory> state_;  ///< Null if nothing outlives the server.
-  std::string shared_meshes_;              ///< The directory that servers share; empty: none.
+  std::string secret_;
   std::unique_ptr<JobStore> jobs_;
   std::unique_ptr<MeshStore> meshes_;  ///< May ask the jobs which meshes they need.
 };

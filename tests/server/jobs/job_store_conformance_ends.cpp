@@ -29,6 +29,35 @@ TEST_P(JobStoreConformance, GivesTheNewestCheckpointToTheNextAttempt) {
   EXPECT_EQ(*store_->needed_digests(), std::set<std::string>{"waiting"}) << "the other job has ended";
 }
 
+TEST_P(JobStoreConformance, TellsWhichDigestsJobsReferTo) {
+  const auto digest = [](char letter) { return std::string(64, letter); };
+  const std::set<std::string> all{digest('a'), digest('b'), digest('c'), digest('d'), digest('e'), digest('f')};
+  const auto needed = [&] {
+    std::string letters;
+    const auto referenced = store_->referenced(all);
+    for (const std::string& one : *referenced) letters += one[0];
+    return letters;
+  };
+  const std::string name = submit(spec(digest('a')));
+  EXPECT_EQ(needed(), "a");
+  const Claim first = claim();
+  ASSERT_TRUE(store_->note_checkpoint(first, {digest('b'), 10}));
+  EXPECT_EQ(needed(), "ab");
+  ASSERT_TRUE(store_->note_checkpoint(first, {digest('c'), 20}));
+  EXPECT_EQ(needed(), "ac");
+  Ending ending = success();
+  for (const char letter : {'a', 'd'}) {
+    v1::StoredMesh& result = ending.results.emplace_back();
+    result.set_digest(digest(letter));
+    result.set_size('0');  // its bytes look like a digit
+  }
+  ending.history_digest = digest('e');
+  ASSERT_TRUE(store_->finish(first, ending, 0));
+  EXPECT_EQ(needed(), "ade");
+  ASSERT_TRUE(store_->remove(name));
+  EXPECT_EQ(needed(), "");
+}
+
 TEST_P(JobStoreConformance, DoesNotCountALossAfterANewCheckpoint) {
   const std::string name = submit();
   for (int attempt = 1; attempt <= 6; ++attempt) {

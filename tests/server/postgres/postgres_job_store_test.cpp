@@ -6,6 +6,7 @@
 #include <atomic>
 #include <thread>
 
+#include "server/jobs/timestamps.h"
 #include "tests/server/postgres/cutting_socket.h"
 #include "tests/server/postgres/databases.h"
 
@@ -49,6 +50,17 @@ class PostgresStore : public ::testing::Test {
   std::unique_ptr<PostgresJobStore> store_;
   int names_ = 0;
 };
+
+TEST_F(PostgresStore, KnowsWhichJobHasWaitedLongest) {
+  EXPECT_EQ(*store_->oldest_pending(), std::nullopt);
+  const auto first = submit();
+  submit();
+  EXPECT_EQ(**store_->oldest_pending(), time_point(first->job.create_time()));
+  claim();
+  EXPECT_GT(**store_->oldest_pending(), time_point(first->job.create_time()));
+  claim();
+  EXPECT_EQ(*store_->oldest_pending(), std::nullopt);
+}
 
 // ===== the clock =====
 

@@ -33,10 +33,13 @@ TEST(PostgresSchema, IsMadeOnceAndThenLeftAlone) {
 TEST(PostgresSchema, IsUpdatedFromVersion1) {
   InDatabase place;
   auto store = InDatabase::open({}, place.url());
-  ASSERT_TRUE(store->submit({"id", {}, "jobs/old", 10, {}, 0}));
+  v1::JobSpec spec;
+  spec.mutable_mesh()->set_digest(std::string(64, 'a'));
+  ASSERT_TRUE(store->submit({"id", spec, "jobs/old", 10, {}, 0}));
   store.reset();
   place.run(
-      "ALTER TABLE jobs DROP COLUMN cancel_unseen; DROP TABLE meshes; DELETE FROM varimesh_schema WHERE version > 1");
+      "DROP FUNCTION note_mesh, note_needs, digests_in, mesh_in CASCADE; DROP TABLE needs; DROP TABLE meshes; "
+      "ALTER TABLE jobs DROP COLUMN cancel_unseen; DELETE FROM varimesh_schema WHERE version > 1");
   const auto refused = PostgresJobStore::open(at(place));
   ASSERT_FALSE(refused);
   EXPECT_NE(refused.error().sentence.find("varimeshd migrate"), std::string::npos) << refused.error().sentence;
@@ -44,7 +47,9 @@ TEST(PostgresSchema, IsUpdatedFromVersion1) {
   ASSERT_TRUE(updated) << updated.error().sentence;
   EXPECT_NE(updated->find("from version 1"), std::string::npos) << *updated;
   store = InDatabase::open({}, place.url());
-  EXPECT_EQ(store->submit({"id", {}, "jobs/new", 10, {}, 0})->job.name(), "jobs/old");
+  EXPECT_EQ(store->submit({"id", spec, "jobs/new", 10, {}, 0})->job.name(), "jobs/old");
+  EXPECT_EQ(*store->referenced({std::string(64, 'a'), std::string(64, 'b')}), std::set{std::string(64, 'a')})
+      << "the needs of the jobs that were there";
   EXPECT_TRUE(*store->claim("worker"));
 }
 
