@@ -92,6 +92,11 @@ class Metrics(WithFolder):
         self.assertGreaterEqual(now["varimesh_queue_oldest_age_seconds"], 1)
         self.assertEqual(now["varimesh_jobs_submitted_total"], 3)
         self.assertEqual(now['varimesh_job_run_seconds_count{outcome="succeeded"}'], 1)
+        self.assertEqual(now["varimesh_jobs_lost_total"], 0)
+        sent = MESH.stat().st_size + LARGER.stat().st_size
+        self.assertTrue(0 < now['varimesh_mesh_bytes_total{direction="in"}'] <= sent, "clients compress")
+        self.assertGreater(now['varimesh_mesh_bytes_total{direction="out"}'], 0)
+        self.assertGreaterEqual(now["varimesh_store_bytes"], sent)
 
         def calls(method, code):
             return now.get(f'grpc_server_handled_total{{grpc_code="{code}",grpc_method="{method}",'

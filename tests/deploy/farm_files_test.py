@@ -1,6 +1,7 @@
 #!/usr/bin/env python3
 """The files of deploy/farm, read by the tools that they are for. A tool that is missing is named, and its test is skipped.
-  farm_files_test.py Compose|Kubernetes|Slurm"""
+  farm_files_test.py Compose|Kubernetes|Slurm|Prometheus"""
+import json
 import os
 import re
 import shutil
@@ -10,12 +11,14 @@ import sys
 import tempfile
 import time
 import unittest
+import urllib.request
 from pathlib import Path
 
 TREE = Path(os.environ["VARIMESH_SOURCE_DIR"])
 FARM = TREE / "deploy" / "farm"
 VARIMESHD = os.environ["VARIMESHD"]
-TOOLS = {"Compose": "docker-compose", "Kubernetes": "kubectl", "Slurm": "bash"}
+PROMETHEUS = FARM / "prometheus"
+TOOLS = {"Prometheus": "promtool", "Compose": "docker-compose", "Kubernetes": "kubectl", "Slurm": "bash"}
 
 
 def flags_of_varimeshd():
@@ -63,6 +66,59 @@ class Kubernetes(unittest.TestCase):
             worker = next(part for part in deployments if "name: varimesh-worker" in part)
             replicas = re.search(r"^  replicas: (\d+)$", worker, re.MULTILINE)
             self.assertEqual(replicas and replicas[1], workers)
+
+
+class Prometheus(unittest.TestCase):
+    def promtool(self, *arguments):
+        done = subprocess.run(["promtool", *arguments], capture_output=True, text=True, timeout=60, cwd=PROMETHEUS)
+        self.assertEqual(done.returncode, 0, done.stdout + done.stderr)
+
+    def test_the_configuration_and_the_rules_are_read(self):
+        self.promtool("check", "config", "prometheus.yml")
+        self.promtool("check", "rules", "rules.yml")
+
+    def test_alarms_ring_when_they_must(self):
+        self.promtool("test", "rules", "rules_test.yml")
+        alarms = set(re.findall(r"- alert: (\w+)", (PROMETHEUS / "rules.yml").read_text()))
+        tests = (PROMETHEUS / "rules_test.yml").read_text()
+        for alarm in alarms:
+            self.assertRegex(tests, rf"alertname: {alarm}\n +exp_alerts", "a test in which it rings")
+            self.assertRegex(tests, rf"alertname: {alarm}}}\n", "a test in which it does not")
+            self.assertIn(f"`{alarm}`", (TREE / "docs" / "operations.md").read_text(), "what to do then")
+
+    def names_of_a_server(self):
+        """The names that /metrics has after a job and a call that failed."""
+        with tempfile.TemporaryDirectory() as folder:
+            server = subprocess.Popen([VARIMESHD, "--listen", f"unix:{folder}/socket", "--data", folder, "--metrics",
+                                       "127.0.0.1:0"], stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True)
+            try:
+                address = None
+                for line in server.stderr:
+                    if found := re.search(r"http://(\S+)/metrics", line):
+                        address = found[1]
+                        break
+                mesh = TREE / "tests" / "cases" / "nine_triangles.msh"
+                for arguments, status in ((["optimise", mesh, "--output", f"{folder}/out.msh"], 0), (["cancel", "jobs/none"], None)):
+                    done = subprocess.run([os.environ["VARIMESH"], *arguments, "--server", f"unix:{folder}/socket"],
+                                          capture_output=True, text=True, timeout=60)
+                    self.assertEqual(done.returncode if status is None else status, done.returncode, done.stderr)
+                with urllib.request.urlopen(f"http://{address}/metrics", timeout=10) as answer:
+                    text = answer.read().decode()
+            finally:
+                server.send_signal(signal.SIGTERM)
+                server.communicate(timeout=40)
+        return set(re.findall(r"^(\w+)[ {]", text, re.MULTILINE))
+
+    def test_every_metric_is_one_that_a_server_gives(self):
+        there = self.names_of_a_server() | {"up"}
+        dashboard = json.loads((PROMETHEUS / "dashboard.json").read_text())
+        asked = [target["expr"] for panel in dashboard["panels"] for target in panel["targets"]]
+        rules = (PROMETHEUS / "rules.yml").read_text()
+        used = set(re.findall(r"\b(?:varimesh|grpc|process)_\w+", "\n".join(asked) + rules)) - {"grpc_code", "grpc_method"}
+        self.assertGreater(len(used), 10)
+        self.assertLessEqual(used, there)
+        self.assertEqual(there - used - {"up", "varimesh_job_run_seconds_sum"}, set(), "and each is shown somewhere")
+        self.assertEqual(len({panel["id"] for panel in dashboard["panels"]}), len(dashboard["panels"]))
 
 
 class Slurm(unittest.TestCase):
