@@ -8,8 +8,10 @@
 #include <algorithm>
 #include <cstdio>
 #include <mutex>
+#include <set>
 #include <thread>
 
+#include "core/base/sha256.h"
 #include "server/postgres/postgres_job_store.h"
 
 namespace varimesh::server::testing {
@@ -39,8 +41,8 @@ class Times {
     const auto at = [&](double part) {
       return all_[static_cast<std::size_t>(part * static_cast<double>(all_.size() - 1))];
     };
-    std::printf("%-8s %6zu times   p50 %7.2f ms   p99 %7.2f ms   most %7.2f ms\n", what, all_.size(), at(0.5), at(0.99),
-                at(1));
+    std::printf("%-10s %6zu times   p50 %7.2f ms   p99 %7.2f ms   most %7.2f ms\n", what, all_.size(), at(0.5),
+                at(0.99), at(1));
   }
 
  private:
@@ -77,7 +79,7 @@ int run(const Arguments& arguments) {
   PostgresConnection connection(arguments.store);
   fill(connection, arguments.jobs);
 
-  Times submit, claim, finish;
+  Times submit, claim, progress, checkpoint, finish, counts, oldest, needed;
   std::vector<std::thread> workers;
   for (int worker = 0; worker < arguments.workers; ++worker)
     workers.emplace_back([&, worker] {
@@ -89,14 +91,32 @@ int run(const Arguments& arguments) {
         const std::string name = "jobs/" + std::to_string(worker) + "_" + std::to_string(i);
         submit.measure([&] { return (*own)->submit({"", spec, name, 1 << 30, {}, 0}); });
         const auto claimed = claim.measure([&] { return (*own)->claim("worker " + std::to_string(worker)); });
-        if (claimed && *claimed) finish.measure([&] { return (*own)->finish((*claimed)->claim, ending, 0); });
+        if (!claimed || !*claimed) continue;
+        const Claim& mine = (*claimed)->claim;
+        v1::Iteration iteration;
+        iteration.set_number(1);
+        progress.measure([&] { return (*own)->note_progress(mine, iteration, 2); });
+        checkpoint.measure([&] { return (*own)->note_checkpoint(mine, {std::string(64, 'b'), 1}); });
+        finish.measure([&] { return (*own)->finish(mine, ending, 2); });
       }
     });
   for (std::thread& worker : workers) worker.join();
+  std::set<std::string> digests{std::string(64, 'a')};
+  for (int i = 0; digests.size() < 1000; ++i) digests.insert(sha256(std::to_string(i)));
+  for (int i = 0; i < 20; ++i) {
+    counts.measure([&] { return (*store)->counts(); });
+    oldest.measure([&] { return (*store)->oldest_pending(); });
+    needed.measure([&] { return (*store)->referenced(digests); });
+  }
   std::printf("%d jobs wait, %d workers\n", (*store)->counts()->pending, arguments.workers);
   submit.print("submit");
   claim.print("claim");
+  progress.print("progress");
+  checkpoint.print("checkpoint");
   finish.print("finish");
+  counts.print("counts");
+  oldest.print("oldest");
+  needed.print("1000 digests, whether jobs need them");
   return 0;
 }
 
