@@ -218,6 +218,7 @@ int main(int argc, char** argv) {
     std::cerr << "varimeshd: " << address.error().sentence << '\n';
     return address.error().kind == varimesh::Error::Kind::BadOption ? 2 : 1;
   }
+  flags->options.isolates = flags->runs_in_processes;
   auto engine = engine_for(flags->runs_in_processes);
   if (!engine) {
     std::cerr << "varimeshd: " << engine.error().sentence << '\n';

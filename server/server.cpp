@@ -78,6 +78,7 @@ Expected<void> Server::start_scheduler() {
   SchedulerSettings settings;
   settings.threads = options_.role == Role::Frontend ? 0 : threads_.threads();
   if (stores_->jobs().shared()) settings.worker = worker_name(options_.state);
+  if (options_.isolates) settings.worker += kIsolating;
   settings.renewal_interval = options_.limits.lease / 3;
   settings.max_pending = options_.limits.max_pending_jobs;
   settings.max_pending_of_peer = options_.limits.max_pending_jobs_per_peer;

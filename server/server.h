@@ -53,7 +53,9 @@ struct ServerOptions {
   std::string meshes;  ///< With `open_jobs`: a directory of meshes that servers share. Empty: they are in `state`.
   std::shared_ptr<MeshPlace> mesh_place;  ///< As `meshes`, but elsewhere than in a directory.
   Role role = Role::All;                  ///< Other than All: other servers of the same database do the rest.
-  Engine engine;                          ///< Runs the jobs: core_engine(), or an engine of a test.
+  bool isolates =
+      false;      ///< The engine runs each job in a process of its own, and tells when that process has crashed.
+  Engine engine;  ///< Runs the jobs: core_engine(), or an engine of a test.
   std::function<TimePoint()> clock = std::chrono::system_clock::now;
   std::function<std::string()> new_name;  ///< Makes the names of new jobs. Empty: random names.
 };

@@ -95,9 +95,9 @@ Changed JobTransitions::finish(JobRecord& record, const Ending& ending, std::int
   // If the job was cancelled just before its attempt was given up, it stays cancelled.
   const bool cancelled = ending.state == v1::JOB_STATE_PENDING && record.job.state() == v1::JOB_STATE_CANCELLING;
   v1::JobState state = cancelled ? v1::JOB_STATE_CANCELLED : ending.state;
-  if (!ending.lost.empty() && !cancelled && ++record.lost >= settings_.max_attempts) {
+  if (!ending.lost.empty() && !cancelled && ++record.lost % kInnocentLoss >= settings_.max_attempts) {
     state = v1::JOB_STATE_FAILED;
-    *record.job.mutable_error() = lost_with_its_process(record.lost, ending.lost);
+    *record.job.mutable_error() = lost_with_its_process(record.lost % kInnocentLoss, ending.lost);
   }
   if (ending.error) *record.job.mutable_error() = *ending.error;
   if (ending.metrics) {
@@ -181,11 +181,14 @@ Changed JobTransitions::take_back(JobRecord& record) const {
       std::max(record.job.last_sequence(), (record.job.last_sequence() / kSequenceRange + 1) * kSequenceRange));
   Changed changed = see_cancel(record, 0);
   v1::JobState state = v1::JOB_STATE_PENDING;
+  const bool is_innocent = record.worker.ends_with(kIsolating);
+  record.lost += is_innocent ? kInnocentLoss : 1;
+  const int losses = is_innocent ? record.lost / kInnocentLoss : record.lost % kInnocentLoss;
   if (record.job.state() == v1::JOB_STATE_CANCELLING) {
     state = v1::JOB_STATE_CANCELLED;
-  } else if (++record.lost >= settings_.max_attempts) {
+  } else if (losses >= (is_innocent ? settings_.max_innocent_losses : settings_.max_attempts)) {
     state = v1::JOB_STATE_FAILED;
-    *record.job.mutable_error() = lost_too_often(record.lost);
+    *record.job.mutable_error() = lost_too_often(losses);
   }
   if (has_ended(state) && record.checkpoint) {
     changed.released.push_back(record.checkpoint->digest);

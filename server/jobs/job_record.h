@@ -9,7 +9,8 @@ namespace varimesh::server {
 struct JobRecord {
   v1::Job job;             ///< With its owner. `last_sequence` is the last event number that the store knows.
   std::int64_t token = 0;  ///< Of the newest claim.
-  int lost = 0;            ///< Attempts that were lost with their worker since the last progress.
+  int lost = 0;            ///< Attempts that were lost since the last progress: 1 for each that the job may be to blame
+                           ///< for, kInnocentLoss for each that was lost with a worker that isolates its jobs.
   int furthest = 0;        ///< The last iteration that any attempt is known to have reached.
   std::string peer;        ///< Who the limits per peer count. Empty: unknown.
   std::string worker;      ///< Empty: no worker runs the job.
@@ -19,6 +20,8 @@ struct JobRecord {
   std::string trace_id;        ///< Of the call that submitted the job; empty: none. PostgreSQL does not keep it.
   bool cancel_unseen = false;  ///< The job is CANCELLING, but there is no event of that yet.
 };
+
+inline constexpr int kInnocentLoss = 1000;
 
 /// The changes of a job. Each function changes the record and nothing else, and returns the events of the change and
 /// the digests that it releases. The store saves the record and the events in one transaction.

@@ -8,6 +8,7 @@
 #include <optional>
 #include <set>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "server/failure.h"
@@ -24,11 +25,19 @@ struct JobStoreSettings {
   std::function<TimePoint()> clock = std::chrono::system_clock::now;
   std::chrono::milliseconds lease{30'000};  ///< A worker that does not renew its lease for this long loses its job.
   int max_attempts = 3;                     ///< A job that is lost this often without progress becomes FAILED.
-  int max_running_of_peer = 0;              ///< How many jobs of one peer can be claimed at a time. 0: no limit.
+  /// So often may a job be lost without progress if its workers are not known to have crashed because of it; see
+  /// kIsolating.
+  int max_innocent_losses = 10;
+  int max_running_of_peer = 0;  ///< How many jobs of one peer can be claimed at a time. 0: no limit.
   /// The name of the directory that has the meshes of the jobs. A store that outlives its server, elsewhere than in the
   /// server's directory, refuses a server with another one. Empty: this is not checked.
   std::string meshes = {};
 };
+
+/// Stands at the end of the name of a worker that runs each job in a process of its own. Such a worker tells when a job
+/// has ended its process. So if the worker itself is lost, somebody has killed it, or its machine, and its jobs are
+/// hardly to blame.
+inline constexpr std::string_view kIsolating = " (processes)";
 
 /// One step of priority counts as much as this waiting time, so that no job waits for ever.
 inline constexpr std::chrono::minutes kPriorityStep{10};

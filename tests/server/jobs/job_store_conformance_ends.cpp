@@ -134,6 +134,27 @@ TEST_P(JobStoreConformance, CancelsWaitingJobsAtOnceAndTellsTheWorkersOfRunningO
   EXPECT_EQ(store_->request_cancel("jobs/none", 0).error().reason, "JOB_NOT_FOUND");
 }
 
+TEST_P(JobStoreConformance, DoesNotBlameAJobForWorkersThatAreKilled) {
+  const std::string worker = "worker" + std::string(kIsolating);
+  Ending crash;
+  crash.state = kPending;
+  crash.lost = "crashed (signal 11)";
+  const std::string name = submit();
+  for (int loss = 1; loss < 10; ++loss) {
+    claim(worker);
+    EXPECT_EQ((*store_->take_back(worker, {}))[0].job.state(), kPending) << loss;
+  }
+  EXPECT_EQ(store_->finish(claim(worker), crash, 0)->job.state(), kPending);
+  claim(worker);
+  EXPECT_EQ((*store_->take_back(worker, {}))[0].job.state(), kFailed) << "it may be that it ends whole machines";
+  EXPECT_NE(get(name).error().message().find("10 times"), std::string::npos);
+  submit();
+  claim(worker);
+  store_->take_back(worker, {});
+  for (int i = 0; i < 2; ++i) EXPECT_EQ(store_->finish(claim(worker), crash, 0)->job.state(), kPending);
+  EXPECT_EQ(store_->finish(claim(worker), crash, 0)->job.state(), kFailed) << "three crashes count as before";
+}
+
 TEST_P(JobStoreConformance, KeepsACancelWhenTheAttemptIsLost) {
   const std::string lost = submit(), given_back = submit();
   claim();
