@@ -28,7 +28,7 @@ struct DescentContext {
   const Certifier& certifier;
   const Team& team;
   double min_js = 0;        ///< Options::min_js.
-  bool came_valid = false;  ///< The loss must not end above what it was at the start of the descent.
+  bool came_valid = false;  ///< `mesh` was valid, and the loss must not end above the one that it had.
 };
 
 /// What one round did.
@@ -62,8 +62,9 @@ class Descent {
   /// The team's token may interrupt all of them.
   explicit Descent(const DescentContext& context);
 
-  /// Takes the mesh as it is for the best. Call it before the first round. False if there is no loss to lower: the
-  /// elements are straight-sided, or the mesh came in valid and its curvature costs a solver next to nothing.
+  /// Takes the mesh as it is for the best, or the mesh as it came, if it was valid and the energy has raised its loss.
+  /// Call it before the first round. False if there is no loss to lower: the elements are straight-sided, or the mesh
+  /// came in valid and its curvature costs a solver next to nothing beside the size of the cells.
   bool begin();
 
   /// One round. If the token interrupts it, the best mesh is the same as before.
@@ -87,6 +88,9 @@ class Descent {
  private:
   /// The state that the guard keeps.
   State kept_state() const;
+  State state_as_it_came() const;
+  /// Sets what the certificates say. Call it inside team.run().
+  void judge(State& state) const;
   bool is_better(const State& state) const;
   bool reaches_bound(const State& state) const { return state.scaled_jacobian >= context_.min_js; }
   void set_weights(double loss);

@@ -152,12 +152,27 @@ std::string pair_text(const QualityReport& report) {
   return text;
 }
 
+/// With Objective::Accuracy, goes back to the mesh as it came if it was valid and the run ended where the energy had
+/// raised its loss. The descent itself chooses by the loss.
+void keep_the_more_accurate(Result& result, const SetUp& set_up) {
+  if (result.history.back().phase == Phase::Accuracy) return;
+  const auto &before = result.before.accuracy, &after = result.after.accuracy;
+  if (before && after && after->loss <= before->loss) return;
+  result.kept_as_it_came = "The mesh stays as it came: where the run ended, its loss of accuracy was not lower.";
+  result.mesh.coordinates = set_up.mesh.coordinates;
+  result.after = result.before;
+}
+
 /// Goes back to the mesh as it came if it was valid and better. With another target than the straight-sided shape the
 /// caller asks for a change, which the scaled Jacobian does not judge.
 void keep_the_better(const SetUp& set_up, const std::vector<Certificate>& certificates, const Team& team,
                      Result& result) {
-  if (!result.before.uncertified.empty() || set_up.options.target != Target::StraightSided) return;
-  if (set_up.options.objective == Objective::Accuracy) return;  // the descent has chosen by the loss
+  if (!result.before.uncertified.empty()) return;
+  if (set_up.options.objective == Objective::Accuracy) {
+    if (!result.history.empty()) keep_the_more_accurate(result, set_up);
+    return;
+  }
+  if (set_up.options.target != Target::StraightSided) return;
   QualityReport before = result.before;
   if (before.lattice_intervals != result.after.lattice_intervals)  // there was no time for the usual report
     before = quick_quality(set_up.mesh, certificates, team);

@@ -88,11 +88,11 @@ std::optional<StopReason> Stopper::after(const Iteration& iteration, bool conver
   const bool for_accuracy = options_.objective == Objective::Accuracy && options_.until != Until::Valid;
   if (options_.until == Until::Valid || for_accuracy) {
     // The descent keeps the bound on the scaled Jacobian more easily than it reaches it.
-    const bool goes_on =
-        for_accuracy && iteration.number > 0 && !(asks_for_proof(iteration) && bound >= options_.min_js);
+    const bool goes_on = for_accuracy && !(asks_for_proof(iteration) && bound >= options_.min_js);
     if (iteration.invalid_elements == 0 && !goes_on) return StopReason::Valid;
     if (iteration.invalid_elements > 0 && iteration.repairable_elements == 0 && last) return StopReason::Repaired;
-    if (gives_up) return StopReason::NoProgress;
+    // Once the mesh was valid, the energy goes on for the bound, and cells that lose their certificate come back.
+    if (gives_up && fewest_ > 0) return StopReason::NoProgress;
   }
   if (options_.until_js > 0 && bound >= options_.until_js) return StopReason::Quality;
   if (converged && last) return StopReason::Converged;

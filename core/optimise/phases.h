@@ -61,7 +61,8 @@ class PhaseChooser {
 /// Decides whether an iteration was the last. With Until::Valid a run ends as soon as the mesh is valid, only
 /// unrepairable cells are left, or validity is given up: ten iterations have certified no more cells, and the outlook
 /// is Nothing. With Objective::Accuracy the phases end at the same iteration, but if the mesh is valid then, they go on
-/// until every cell is proved to have Options::min_js.
+/// until every cell is proved to have Options::min_js. A mesh that comes in valid needs no phase if its cells have it
+/// at the quadrature points.
 class Stopper {
  public:
   explicit Stopper(const Options& options) : options_(options) {}

@@ -69,11 +69,11 @@ void StageRun::follow(Carried carried) {
 
 std::optional<StopReason> StageRun::begin() {
   drop_deformation(problem_);  // it belongs to other targets, or to positions that were not accepted
-  sweeper_.scan();
+  iteration_.min_scaled_jacobian = sweeper_.scan().min_scaled_jacobian;
   iteration_.invalid_elements = guard_.uncertified();
   iteration_.repairable_elements = guard_.repairable();
   iteration_.left_elements = guard_.fewest();
-  if (options_.until_js > 0) bound_ = best_.consider(guard_, team_.stop());
+  prove_bound();
   return stopper_.after(iteration_, false, chooser_.outlook(guard_.unrepaired()), bound_);
 }
 
@@ -184,11 +184,15 @@ void StageRun::record(const MethodOutcome& outcome) {
   iteration_.repairable_elements = guard_.repairable();
   iteration_.left_elements = guard_.fewest();
   iteration_.seconds = seconds();
+  prove_bound();
+  history_.push_back(iteration_);
+}
+
+void StageRun::prove_bound() {
   if (options_.until_js > 0)
     bound_ = best_.consider(guard_, team_.stop());
   else if (stopper_.asks_for_proof(iteration_))
     bound_ = best_.examine(guard_, Certifier::kMinimumGap, team_.stop());
-  history_.push_back(iteration_);
 }
 
 std::optional<StopReason> StageRun::reason_to_stop(const MethodOutcome& outcome) {

@@ -103,6 +103,8 @@ class StageRun {
   MethodOutcome untangle();
   void certify(MethodOutcome& outcome);
   void record(const MethodOutcome& outcome);
+  /// Sets bound_ if it can end the run.
+  void prove_bound();
   std::optional<StopReason> reason_to_stop(const MethodOutcome& outcome);
   /// Newton's method gets no further: its linear systems are not solved, or rounding hides what is left to gain.
   std::optional<StopReason> newton_ends();

@@ -181,8 +181,12 @@ TEST(Stopper, OfTheAccuracyObjectiveStopsWhereARunUntilValidDoes) {
   // The quadrature points see less than the proof.
   EXPECT_EQ(valid.after(high, false, Outlook::Nothing, 0.99 * options.min_js), std::nullopt);
   EXPECT_EQ(valid.after(high, false, Outlook::Nothing, options.min_js), StopReason::Valid);
-  Stopper came_valid(options);
-  EXPECT_EQ(came_valid.after(iteration(0, 0, 0), false, Outlook::Nothing, 0), StopReason::Valid);
+  Stopper came_valid(options), came_low(options);
+  low.number = high.number = 0;
+  EXPECT_EQ(came_low.after(low, false, Outlook::Nothing, 0), std::nullopt) << "the energy comes first";
+  EXPECT_EQ(came_valid.after(high, false, Outlook::Nothing, options.min_js), StopReason::Valid);
+  for (int number = 1; number <= 30; ++number)
+    EXPECT_EQ(came_low.after(iteration(number, 5, 5), false, Outlook::Nothing, 0), std::nullopt) << "lost certificates";
   EXPECT_EQ(unrepairable.after(iteration(1, 3, 0), false, Outlook::Nothing, 0), StopReason::Repaired);
   int number = 0;
   for (; number < 50; ++number)
