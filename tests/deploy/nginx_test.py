@@ -3,14 +3,56 @@ import os
 import re
 import shutil
 import socket
+import ssl
+import struct
 import subprocess
 import sys
+import threading
+import time
 import unittest
+from pathlib import Path
 
 from programs import MESH, Server, WithFolder, run
 
 CONFIGURATION = os.environ["VARIMESH_SOURCE_DIR"] + "/deploy/nginx.conf"
 NGINX = shutil.which("nginx", path=os.environ["PATH"] + ":/usr/sbin")
+
+
+HEADERS, RESET, SETTINGS, CONTINUATION = 1, 3, 4, 9
+SECONDS_OF_FLOOD = 4
+
+
+def frame(kind, flags, stream, payload=b""):
+    """A frame of HTTP/2."""
+    return struct.pack(">I", len(payload))[1:] + bytes([kind, flags]) + struct.pack(">I", stream) + payload
+
+
+def text(value):
+    return bytes([len(value)]) + value
+
+
+# POST https /varimesh.v1.JobService/ListJobs localhost, content-type: application/grpc, te: trailers
+REQUEST = (b"\x83\x87\x04" + text(b"/varimesh.v1.JobService/ListJobs") + b"\x01" + text(b"localhost") + b"\x00" +
+           text(b"content-type") + text(b"application/grpc") + b"\x00" + text(b"te") + text(b"trailers"))
+
+
+def endless_headers():
+    yield frame(HEADERS, 0, 1, REQUEST)
+    while True:
+        yield frame(CONTINUATION, 0, 1, (b"\x00" + text(b"x-more") + text(b"y" * 100)) * 100)
+
+
+def streams(ending):
+    for stream in range(1, 1 << 31, 2):
+        yield frame(HEADERS, 4, stream, REQUEST) + ending(stream)
+
+
+FLOODS = {
+    "endless headers": endless_headers,
+    "streams that are reset at once": lambda: streams(lambda stream: frame(RESET, 0, stream, struct.pack(">I", 8))),
+    "streams without an end": lambda: streams(lambda stream: b""),
+    "settings": lambda: iter(lambda: frame(SETTINGS, 0, 0) * 100, None),
+}
 
 
 class Nginx(WithFolder):
@@ -68,6 +110,60 @@ class Nginx(WithFolder):
         self.assertEqual(local.returncode, 0, local.stderr)
         self.assertEqual((self.folder / "out.msh").read_bytes(), (self.folder / "local.msh").read_bytes())
         self.assertIn("asks who calls", self.call("jobs").stderr)
+
+    def flood(self, frames, until):
+        """Sends the frames, on new connections as often as nginx ends one."""
+        context = ssl.create_default_context(cafile=self.folder / "authority.pem")
+        context.set_alpn_protocols(["h2"])
+        while time.monotonic() < until:
+            try:
+                with socket.create_connection(("127.0.0.1", self.port), timeout=2) as plain, \
+                        context.wrap_socket(plain, server_hostname="localhost") as secure:
+                    secure.sendall(b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n" + frame(SETTINGS, 0, 0))
+                    for one in frames():
+                        if time.monotonic() > until:
+                            break
+                        secure.sendall(one)
+                        self.sent += 1
+            except OSError:
+                self.ended += 1
+
+    def test_floods_stop_at_it(self):
+        server = Server("--log-level", "off", listen=f"unix:{self.folder}/socket")
+        self.addCleanup(server.stop)
+        self.serve(self.configuration())
+
+        def memory():
+            status = Path(f"/proc/{server.process.pid}/status").read_text()
+            return int(re.search(r"VmRSS:\s+(\d+)", status)[1]) / 1024
+
+        def slowest(count):
+            took = []
+            for _ in range(count):
+                begun = time.monotonic()
+                done = self.call("jobs")
+                self.assertEqual(done.returncode, 0, done.stderr)
+                took.append(time.monotonic() - begun)
+            return max(took)
+
+        slowest(3)
+        quiet, before = slowest(10), memory()
+        for kind, frames in FLOODS.items():
+            with self.subTest(kind):
+                self.sent = self.ended = 0
+                until = time.monotonic() + SECONDS_OF_FLOOD
+                attackers = [threading.Thread(target=self.flood, args=(frames, until)) for _ in range(2)]
+                for attacker in attackers:
+                    attacker.start()
+                flooded = slowest(5)
+                for attacker in attackers:
+                    attacker.join()
+                self.assertGreater(self.sent, 100, "it was a flood")
+                more = memory() - before
+                print(f"{kind}: {self.sent} messages, {self.ended} connections ended; the slowest call took {flooded:.2f} s, "
+                      f"{quiet:.2f} s before; {more:.0f} MiB more", file=sys.stderr)
+                self.assertLess(flooded, 10 * quiet)
+                self.assertLess(more, 64)
 
     def test_it_can_ask_for_certificates(self):
         server = Server(listen=f"unix:{self.folder}/socket")
