@@ -171,15 +171,16 @@ bool use_database(varimesh::server::ServerOptions& options, const std::string& s
 }
 
 /// What runs the jobs.
-varimesh::Expected<varimesh::server::Engine> engine_for(bool runs_in_processes) {
-  if (!runs_in_processes) return varimesh::server::core_engine();
+varimesh::Expected<varimesh::server::Engine> engine_for(const Flags& flags) {
+  if (!flags.runs_in_processes) return varimesh::server::core_engine();
   const std::string program = varimesh::server::find_worker();
   if (program.empty())
     return varimesh::bad_option(
         "jobs cannot run in processes of their own, because varimesh_worker is neither beside varimeshd, nor in "
         "../lib/varimesh, nor named by VARIMESH_WORKER; install it, or add --isolation none.");
-  return varimesh::server::process_engine(
-      {.program = program, .warn = [](const std::string& line) { spdlog::warn("{}", line); }});
+  return varimesh::server::process_engine({.program = program,
+                                           .threads = flags.options.limits.threads,
+                                           .warn = [](const std::string& line) { spdlog::warn("{}", line); }});
 }
 
 /// Waits for a signal and stops the server.
@@ -219,7 +220,7 @@ int main(int argc, char** argv) {
     return address.error().kind == varimesh::Error::Kind::BadOption ? 2 : 1;
   }
   flags->options.isolates = flags->runs_in_processes;
-  auto engine = engine_for(flags->runs_in_processes);
+  auto engine = engine_for(*flags);
   if (!engine) {
     std::cerr << "varimeshd: " << engine.error().sentence << '\n';
     return 2;

@@ -85,7 +85,7 @@ class Conversation {
     request.set_checkpoint_bytes(checkpoint_bytes_);
     request.set_has_hdf5(formats::has_hdf5());
     if (request_.options.time_limit > 0)
-      request.set_processor_seconds(static_cast<std::int64_t>(std::min(1e12, most_seconds() * machine_threads())));
+      request.set_processor_seconds(static_cast<std::int64_t>(std::min(1e12, most_seconds() * most_threads())));
     const Descriptor mesh(open_read_only(*request_.input));
     if (mesh.number < 0) throw ProcessLost{"could not get its mesh"};
     send(message, mesh.number);
@@ -95,6 +95,8 @@ class Conversation {
     message.mutable_checkpoint();
     send(message, checkpoint.number);
   }
+
+  int most_threads() const { return std::max({machine_threads(), settings_.threads, request_.options.threads}); }
 
   /// Wall time, in seconds.
   double most_seconds() const { return 2 * request_.options.time_limit + kPatience; }
@@ -246,7 +248,8 @@ class Conversation {
 
   /// The address space of a run that takes `bytes`.
   std::int64_t address_space_for(std::int64_t bytes) const {
-    const auto threads = static_cast<std::int64_t>(machine_threads()) + 2;
+    // Beside those that compute there are two: the first, and the one that listens to the server.
+    const auto threads = static_cast<std::int64_t>(most_threads()) + 2;
     return address_space_ + bytes + kSpareBytes + threads * kBytesPerThread;
   }
 

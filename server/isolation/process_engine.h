@@ -11,6 +11,7 @@ namespace varimesh::server {
 
 struct ProcessEngineSettings {
   std::string program;  ///< The path of varimesh_worker: find_worker().
+  int threads = 0;      ///< The most threads that a run may have. 0: all of the machine's.
   std::function<void(const std::string& line)> warn = [](const auto&) {
   };                                                      ///< Called with what an operator should know.
   std::function<void(int process)> started = [](int) {};  ///< Called with each process; for tests.

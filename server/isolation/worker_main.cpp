@@ -5,6 +5,7 @@
 // of the checkpoint of an earlier attempt. Before the first byte of the mesh is read, the process gives up everything
 // that it does not need (sandbox.h).
 #include <sys/mman.h>
+#include <sys/prctl.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -288,6 +289,8 @@ void run(Conversation& server, RunRequest request, std::string_view checkpoint) 
 }
 
 int serve() {
+  // The server starts an open file, whose number would be the name that ps shows.
+  prctl(PR_SET_NAME, "varimesh_worker", 0, 0, 0);
   // The server ends this process. A signal to all processes of a service is not for this one: the server lets it save
   // its state first.
   for (const int signal : {SIGTERM, SIGINT, SIGHUP, SIGPIPE}) std::signal(signal, SIG_IGN);

@@ -32,6 +32,12 @@ std::string end_of(int status) {
   return "crashed (signal " + std::to_string(signal) + ")";
 }
 
+/// Opens a program, as a number that the descriptors of the process that is started do not take. −1 if that fails.
+int open_high(const std::string& program) {
+  const Descriptor opened(::open(program.c_str(), O_PATH | O_CLOEXEC));
+  return opened.number < 0 ? -1 : ::fcntl(opened.number, F_DUPFD_CLOEXEC, 16);
+}
+
 }  // namespace
 
 Descriptor::~Descriptor() {
@@ -93,6 +99,10 @@ void WorkerProcess::fail_ended() {
   end_helper(std::exchange(id_, -1), true);
   throw ProcessLost{"stopped talking to the server"};
 }
+
+Workers::Workers(const std::string& program)
+    : opened_(open_high(program)),
+      program_(opened_.number < 0 ? program : "/proc/self/fd/" + std::to_string(opened_.number)) {}
 
 std::unique_ptr<WorkerProcess> Workers::take() {
   {

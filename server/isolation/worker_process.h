@@ -44,21 +44,6 @@ class WorkerProcess {
   std::unique_ptr<Channel> channel_;
 };
 
-/// Processes for jobs. One is kept ready, because starting a program takes longer than a small job. Thread-safe.
-class Workers {
- public:
-  explicit Workers(std::string program) : program_(std::move(program)) {}
-  /// Returns a process that waits for its first message. Throws ProcessLost.
-  std::unique_ptr<WorkerProcess> take();
-  /// Keeps one ready, if none is.
-  void prepare();
-
- private:
-  const std::string program_;
-  std::mutex mutex_;
-  std::unique_ptr<WorkerProcess> ready_;
-};
-
 /// A descriptor that is closed in time.
 struct Descriptor {
   int number = -1;
@@ -66,6 +51,23 @@ struct Descriptor {
   ~Descriptor();
   Descriptor(const Descriptor&) = delete;
   Descriptor& operator=(const Descriptor&) = delete;
+};
+
+/// Processes for jobs. One is kept ready, because starting a program takes longer than a small job. Thread-safe.
+class Workers {
+ public:
+  /// Opens the program at once: another version that is installed later does not speak as this server does.
+  explicit Workers(const std::string& program);
+  /// Returns a process that waits for its first message. Throws ProcessLost.
+  std::unique_ptr<WorkerProcess> take();
+  /// Keeps one ready, if none is.
+  void prepare();
+
+ private:
+  const Descriptor opened_;
+  const std::string program_;  ///< The path of what is open.
+  std::mutex mutex_;
+  std::unique_ptr<WorkerProcess> ready_;
 };
 
 /// Opens the blob's bytes as a file through which they can only be read. −1, with errno, if that fails.
