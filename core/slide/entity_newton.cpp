@@ -16,6 +16,9 @@ namespace {
 constexpr int kMostHalvings = 12;
 /// The nodes are at the optimum if none moves by more than this, relative to the distance between nodes.
 constexpr double kConverged = 1e-3;
+/// How fast δ falls while an element is folded, and how fast in a second attempt: a fold that stays while δ falls fast
+/// may open while it falls slowly.
+constexpr double kDecay = 0.85, kSlowDecay = 0.9;
 /// Added to the Hessian's diagonal, relative to its mean: a closed surface may turn in itself at no cost.
 constexpr double kShift = 1e-8;
 
@@ -91,14 +94,8 @@ class EntityNewton {
     const std::vector<EntityNode> start = nodes_;
     EntitySlide result;
     result.folded_before = folded();
-    double delta = 0;
-    for (int step = 0; step < most_iterations && unknowns_ > 0; ++step) {
-      delta = least_ > 0 ? 0 : 0.5 * std::pow(0.85, step);
-      const double moved = iterate(delta);
-      ++result.iterations;
-      if (moved < kConverged && (delta == 0 || step > most_iterations / 2)) break;
-      if (!std::isfinite(moved)) break;
-    }
+    iterate(kDecay, most_iterations, result);
+    if (most_iterations > 0 && !(least_ > 0)) iterate(kSlowDecay, 2 * most_iterations, result);
     result.folded_after = folded();
     for (std::size_t i = 0; i < nodes_.size(); ++i)
       result.farthest = std::max(result.farthest, (nodes_[i].x - start[i].x).norm() / spacing_[i]);
@@ -108,6 +105,17 @@ class EntityNewton {
 
  private:
   using Vectors = typename EntityEnergy<d>::Vectors;
+
+  /// Steps until the nodes move no more. While an element is folded, all have the same δ = 0.5 · decay^k in step k.
+  void iterate(double decay, int most_iterations, EntitySlide& result) {
+    for (int step = 0; step < most_iterations && unknowns_ > 0; ++step) {
+      const double delta = least_ > 0 ? 0 : 0.5 * std::pow(decay, step);
+      const double moved = iterate(delta);
+      ++result.iterations;
+      if (moved < kConverged && (delta == 0 || step > most_iterations / 2)) break;
+      if (!std::isfinite(moved)) break;
+    }
+  }
 
   void prepare() {
     local_.resize(elements_.size());
