@@ -16,7 +16,7 @@ namespace {
 using postgres::Lock;
 using postgres::Row;
 
-/// How many jobs may be missing from a count of waiting jobs that is not repeated for a second.
+/// How many jobs may be missing from a count of waiting jobs that is not repeated for some seconds.
 constexpr std::int64_t kCountMargin = 1000;
 
 /// How many digests are asked for at once.
@@ -57,7 +57,9 @@ Answer<void> PostgresJobStore::check_meshes() {
 
 bool PostgresJobStore::has_ample_room(int max_pending) {
   std::lock_guard lock(waiting_mutex_);
-  return counted_ && std::chrono::steady_clock::now() - *counted_ < std::chrono::seconds(1) &&
+  // A count of a hundred thousand takes as long as several submissions, so far from the limit it serves for longer.
+  const bool is_far = waiting_ < max_pending / 2;
+  return counted_ && std::chrono::steady_clock::now() - *counted_ < std::chrono::seconds(is_far ? 10 : 1) &&
          waiting_ + kCountMargin < max_pending;
 }
 
@@ -281,9 +283,10 @@ Answer<std::set<std::string>> PostgresJobStore::referenced(const std::set<std::s
     for (int i = 0; i < kMostDigests && next != digests.end(); ++i, ++next)
       if (is_sha256(*next)) list += *next + ',';
     const auto asked = database_.read<bool>([&](PostgresConnection& connection) -> Answer<bool> {
-      const PostgresRows rows =
-          connection.query("SELECT DISTINCT digest FROM needs WHERE digest = ANY(string_to_array($1::text, ','))",
-                           PostgresValues().add(list));
+      const PostgresRows rows = connection.query(
+          "SELECT digest FROM unnest(string_to_array($1::text, ',')) AS asked(digest) "
+          "WHERE EXISTS(SELECT 1 FROM needs WHERE needs.digest = asked.digest)",
+          PostgresValues().add(list));
       for (int i = 0; i < rows.count(); ++i) found.insert(rows.text(i, 0));
       return true;
     });

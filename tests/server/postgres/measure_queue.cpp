@@ -53,15 +53,17 @@ class Times {
 /// Copies the one job in the database until there are as many as asked for.
 void fill(PostgresConnection& connection, int jobs) {
   connection.run("SET statement_timeout = 0");
-  const std::string count = std::to_string(jobs);
-  connection.run(
-      "WITH made AS (INSERT INTO jobs(name, owner, peer, state, turn, token, lost, furthest, worker, lease_end, "
-      "history, "
-      "checkpoint_iteration, job) SELECT 'jobs/copy' || i, owner, peer, 1, turn, 0, 0, 0, '', 0, '', 0, job FROM jobs, "
-      "generate_series(1, " +
-      count +
-      ") AS i WHERE name = 'jobs/first' RETURNING key) "
-      "INSERT INTO specs SELECT made.key, spec FROM made, specs JOIN jobs USING(key) WHERE name = 'jobs/first'");
+  constexpr int kAtOnce = 5'000;  // a statement that takes longer than 15 s is taken for lost
+  for (int from = 0; from < jobs; from += kAtOnce)
+    // The name is also in the message of the job. One of the same length can take its place.
+    connection.run(
+        "WITH named AS (SELECT 'jobs/' || lpad(i::text, 5, '0') AS name FROM generate_series(" + std::to_string(from) +
+        ", " + std::to_string(std::min(from + kAtOnce, jobs) - 1) +
+        ") AS i), made AS (INSERT INTO jobs(name, owner, peer, state, turn, token, lost, furthest, worker, lease_end, "
+        "history, checkpoint_iteration, job) SELECT named.name, owner, peer, 1, turn, 0, 0, 0, '', 0, '', 0, "
+        "decode(replace(encode(job, 'escape'), 'jobs/first', named.name), 'escape') "
+        "FROM jobs, named WHERE jobs.name = 'jobs/first' RETURNING key) "
+        "INSERT INTO specs SELECT made.key, spec FROM made, specs JOIN jobs USING(key) WHERE name = 'jobs/first'");
   connection.run("ANALYZE");
 }
 
@@ -97,7 +99,8 @@ int run(const Arguments& arguments) {
         iteration.set_number(1);
         progress.measure([&] { return (*own)->note_progress(mine, iteration, 2); });
         checkpoint.measure([&] { return (*own)->note_checkpoint(mine, {std::string(64, 'b'), 1}); });
-        finish.measure([&] { return (*own)->finish(mine, ending, 2); });
+        const auto ended = finish.measure([&] { return (*own)->finish(mine, ending, 2); });
+        if (!ended) std::printf("a job cannot be finished: %s\n", ended.error().sentence.c_str());
       }
     });
   for (std::thread& worker : workers) worker.join();
@@ -127,7 +130,7 @@ int main(int argc, char** argv) {
   varimesh::server::testing::Arguments arguments;
   CLI::App app{"Measures a long queue in PostgreSQL."};
   app.add_option("--store", arguments.store, "The address of the database, which must be empty")->required();
-  app.add_option("--jobs", arguments.jobs, "Jobs that wait")->capture_default_str();
+  app.add_option("--jobs", arguments.jobs, "Jobs that wait")->capture_default_str()->check(CLI::Range(1, 100'000));
   app.add_option("--workers", arguments.workers, "Stores that are used at the same time")->capture_default_str();
   app.add_option("--repetitions", arguments.repetitions, "Jobs of each worker")->capture_default_str();
   CLI11_PARSE(app, argc, argv);
