@@ -20,4 +20,17 @@ inline bool write_all(int file, std::string_view bytes) {
   return true;
 }
 
+/// The same at this byte of the file, whatever its position is. Several threads may write at the same time.
+inline bool write_all_at(int file, std::string_view bytes, off_t at) {
+  while (!bytes.empty()) {
+    const ssize_t written = ::pwrite(file, bytes.data(), bytes.size(), at);
+    if (written < 0 && errno == EINTR) continue;
+    if (written == 0) errno = EIO;
+    if (written <= 0) return false;
+    bytes.remove_prefix(static_cast<std::size_t>(written));
+    at += written;
+  }
+  return true;
+}
+
 }  // namespace varimesh

@@ -1,20 +1,19 @@
-// Writes VTK unstructured grids: appended raw data in zlib-compressed blocks.
+// Writes VTK unstructured grids. vtu/written_arrays.h has the arrays.
 // Format: "VTK XML Formats" in the VTK documentation. The version of the file is 1.0, the newest that meshio reads. In
 // files below 2.1, the upright edges of Lagrange hexahedra have the order of VTK 8, which VTK 9 changes when it reads
 // them.
 #include "core/formats/vtu.h"
 
-#include <zlib.h>
-
 #include <Eigen/Core>
+#include <algorithm>
 #include <bit>
-#include <cstring>
 #include <limits>
 #include <set>
 #include <utility>
 
 #include "core/formats/buffered_output.h"
 #include "core/formats/node_order.h"
+#include "core/formats/vtu/written_arrays.h"
 #include "core/formats/xml/xml.h"
 #include "core/reference/basis.h"
 #include "core/reference/cache.h"
@@ -22,91 +21,6 @@
 namespace varimesh::formats {
 
 namespace {
-
-// An array as the appended data contains it: a header of UInt64 and the compressed blocks. The header has the number of
-// blocks, the bytes per block, the bytes of the last block if it is shorter, and the compressed bytes of each block.
-class CompressedArray {
- public:
-  explicit CompressedArray(const Team& team) : team_(team), block_(kBlock) {}
-
-  template <class T>
-  void put(T value) {
-    if (used_ + sizeof(T) > kBlock) end_block();
-    std::memcpy(block_.data() + used_, &value, sizeof(T));
-    used_ += sizeof(T);
-  }
-
-  void finish() {
-    last_ = used_;
-    if (used_ > 0) end_block();
-    compress();
-    block_ = {};
-  }
-
-  // Adds up to three bytes, so that the array has `remainder` bytes more than a multiple of 4. They follow the end of
-  // the last zlib stream, where nobody looks for data.
-  void pad(std::size_t remainder) {
-    if (sizes_.empty()) return;
-    const std::size_t added = (4 + remainder - bytes() % 4) % 4;
-    data_.append(added, '\0');
-    sizes_.back() += added;
-  }
-
-  std::size_t bytes() const { return 8 * (3 + sizes_.size()) + data_.size(); }
-
-  void write(BufferedOutput& out) const {
-    const std::uint64_t partial = last_ == kBlock ? 0 : last_;
-    std::vector<std::uint64_t> header{sizes_.size(), kBlock, partial};
-    header.insert(header.end(), sizes_.begin(), sizes_.end());
-    out.text({reinterpret_cast<const char*>(header.data()), 8 * header.size()});
-    out.text(data_);
-  }
-
- private:
-  static constexpr std::size_t kBlock = std::size_t(1) << 18;  // a multiple of every T's size
-  static constexpr std::size_t kBlocksPerThread = 4;           // that wait to be compressed at the same time
-
-  void end_block() {
-    block_.resize(used_);
-    waiting_.push_back(std::exchange(block_, std::vector<char>(kBlock)));
-    used_ = 0;
-    if (waiting_.size() >= kBlocksPerThread * std::size_t(team_.threads())) compress();
-  }
-
-  void compress() {
-    std::vector<std::string> compressed(waiting_.size());
-    team_.for_each(std::int32_t(waiting_.size()), 1, [&](std::int32_t i) {
-      const std::vector<char>& block = waiting_[std::size_t(i)];
-      std::string& bytes = compressed[std::size_t(i)];
-      uLongf size = compressBound(uLong(block.size()));
-      bytes.resize(size);
-      // Level 1, because coordinates hardly compress: higher levels take four times as long and save a few per cent.
-      compress2(reinterpret_cast<Bytef*>(bytes.data()), &size, reinterpret_cast<const Bytef*>(block.data()),
-                uLong(block.size()), 1);
-      bytes.resize(size);
-    });
-    for (const std::string& bytes : compressed) {
-      data_ += bytes;
-      sizes_.push_back(bytes.size());
-    }
-    waiting_.clear();
-  }
-
-  const Team& team_;
-  std::vector<char> block_;
-  std::size_t used_ = 0, last_ = 0;
-  std::vector<std::vector<char>> waiting_;
-  std::string data_;
-  std::vector<std::uint64_t> sizes_;
-};
-
-// An array of the file, with its data.
-struct Array {
-  std::string name;
-  std::string type;
-  int components;
-  CompressedArray data;
-};
 
 std::vector<const ElementBlock*> blocks_of(const HighOrderMesh& mesh, int dimension) {
   std::vector<const ElementBlock*> blocks;
@@ -133,114 +47,185 @@ Eigen::MatrixXd added_points(int order) {
   return reference::basis_values(Shape::Pyramid, order, reference::NodeSet::Equispaced, 3, points);
 }
 
-// The arrays of the grid, filled in one pass over the cells.
+// Whether the file has points for the cells of the block that the mesh has not.
+bool adds_points(const ElementBlock& block) { return block.shape == Shape::Pyramid && block.order > 1; }
+
+// VTK's cells of pyramids from this order on do not have all of the pyramid's nodes.
+constexpr int kListedPyramids = 3;
+
+// The arrays of the grid. Points and connectivity are made while they are written.
 class Grid {
  public:
   Grid(const HighOrderMesh& mesh, std::span<const CellField> fields, const Team& team);
 
-  std::size_t points = 0, cells = 0;
-  Array coordinates;
-  std::array<Array, 3> topology;
-  std::vector<Array> cell_data, field_data;
+  void write(BufferedOutput& out) const;
+
+  std::size_t points, cells = 0;
+  StoredArray coordinates, connectivity;
+  std::vector<CompressedArray> topology, cell_data, field_data;
 
  private:
-  void add_groups(const Team& team);
+  struct Sizes {
+    std::size_t points, cells, nodes;
+  };
+  /// Whether points need numbers of 64 bits.
+  bool are_many() const { return std::int64_t(points) > kMostNodes; }
+  static Sizes sizes(const HighOrderMesh& mesh);
+  Grid(const HighOrderMesh& mesh, std::span<const CellField> fields, const Team& team, const Sizes& sizes);
+
+  CompressedArray make(const char* name, const char* type) const { return {team_, {name, type, 1}}; }
+  void add_groups();
   void add_block(const ElementBlock& block);
+  void list_pyramids();
+  template <class Body>
+  void for_blocks(const Body& body) const {
+    for (const int dimension : {mesh_.dimension, mesh_.dimension - 1})
+      for (const ElementBlock* block : blocks_of(mesh_, dimension)) body(*block);
+  }
+  template <class Put>
+  void put_added_points(const ElementBlock& block, const Put& put) const;
 
   const HighOrderMesh& mesh_;
+  const Team& team_;
   std::int64_t offset_ = 0;
 };
 
-Grid::Grid(const HighOrderMesh& mesh, std::span<const CellField> fields, const Team& team)
-    : points(mesh.node_count()),
-      coordinates{"Points", "Float64", 3, CompressedArray(team)},
-      topology{{{"connectivity", "Int64", 1, CompressedArray(team)},
-                {"offsets", "Int64", 1, CompressedArray(team)},
-                {"types", "UInt8", 1, CompressedArray(team)}}},
-      mesh_(mesh) {
-  for (double x : mesh.coordinates) coordinates.data.put(x);
-  cell_data.push_back({"element", "Int64", 1, CompressedArray(team)});
-  cell_data.push_back({"physical", "Int32", 1, CompressedArray(team)});
-  cell_data.push_back({"gmsh:physical", "Int32", 1, CompressedArray(team)});
-  cell_data.push_back({"gmsh:geometrical", "Int32", 1, CompressedArray(team)});
-  cell_data.push_back({"dimension", "Int32", 1, CompressedArray(team)});
-  for (int dimension : {mesh.dimension, mesh.dimension - 1})
-    for (const ElementBlock* block : blocks_of(mesh, dimension)) add_block(*block);
-  for (const CellField& field : fields) {
-    cell_data.push_back({field.name, "Float64", 1, CompressedArray(team)});
-    for (double value : field.values) cell_data.back().data.put(value);
-    for (std::size_t face = field.values.size(); face < cells; ++face)
-      cell_data.back().data.put(std::numeric_limits<double>::quiet_NaN());
+Grid::Sizes Grid::sizes(const HighOrderMesh& mesh) {
+  Sizes all{mesh.node_count(), 0, 0};
+  for (const ElementBlock& block : mesh.blocks) {
+    if (reference::info(block.shape).dimension < mesh.dimension - 1) continue;
+    const std::vector<int> nodes = vtk_cell(block.shape, block.order).nodes;
+    all.cells += block.size();
+    all.nodes += block.size() * nodes.size();
+    all.points += block.size() * std::size_t(std::count(nodes.begin(), nodes.end(), -1));
   }
-  add_groups(team);
-  coordinates.data.finish();
-  for (Array& array : topology) array.data.finish();
-  for (Array& array : cell_data) array.data.finish();
-  for (Array& array : field_data) array.data.finish();
+  return all;
+}
+
+Grid::Grid(const HighOrderMesh& mesh, std::span<const CellField> fields, const Team& team)
+    : Grid(mesh, fields, team, sizes(mesh)) {}
+
+Grid::Grid(const HighOrderMesh& mesh, std::span<const CellField> fields, const Team& team, const Sizes& sizes)
+    : points(sizes.points),
+      coordinates({"Points", "Float64", 3}, 3 * sizeof(double) * sizes.points),
+      connectivity({"connectivity", are_many() ? "Int64" : "Int32", 1}, (are_many() ? 8 : 4) * sizes.nodes),
+      mesh_(mesh),
+      team_(team) {
+  topology.push_back(make("offsets", "Int64"));
+  topology.push_back(make("types", "UInt8"));
+  cell_data.push_back(make("element", "Int64"));
+  for (const char* name : {"physical", "gmsh:physical", "gmsh:geometrical", "dimension"})
+    cell_data.push_back(make(name, "Int32"));
+  for_blocks([&](const ElementBlock& block) { add_block(block); });
+  for (const CellField& field : fields) {
+    cell_data.push_back(make(field.name.c_str(), "Float64"));
+    for (double value : field.values) cell_data.back().put(value);
+    for (std::size_t face = field.values.size(); face < cells; ++face)
+      cell_data.back().put(std::numeric_limits<double>::quiet_NaN());
+  }
+  add_groups();
+  list_pyramids();
   // meshio moves arrays to other offsets, which are multiples of 4, and confuses those with offsets of the file. So no
   // array but the first begins at a multiple of 4.
-  for (Array& array : field_data) array.data.pad(0);
-  coordinates.data.pad(0);
-  for (Array& array : topology) array.data.pad(0);
-  for (Array& array : cell_data) array.data.pad(0);
-  (field_data.empty() ? coordinates : field_data.front()).data.pad(1);
+  coordinates.pad(field_data.empty() ? 1 : 0);
+  connectivity.pad(0);
+  for (std::vector<CompressedArray>* list : {&topology, &cell_data, &field_data})
+    for (CompressedArray& array : *list) {
+      array.finish();
+      array.pad(list == &field_data && &array == &list->front() ? 1 : 0);
+    }
 }
 
 // One field per named group: its tag and its dimension, as meshio has them. A name that two groups have is there once.
-void Grid::add_groups(const Team& team) {
+void Grid::add_groups() {
   std::set<std::string> names;
   for (const PhysicalGroup& group : mesh_.physical_groups) {
     if (!names.insert(group.name).second) continue;
-    field_data.push_back({group.name, "Int32", 1, CompressedArray(team)});
-    field_data.back().data.put(std::int32_t(group.tag));
-    field_data.back().data.put(std::int32_t(group.dimension));
+    field_data.push_back(make(group.name.c_str(), "Int32"));
+    field_data.back().put(std::int32_t(group.tag));
+    field_data.back().put(std::int32_t(group.dimension));
   }
+}
+
+void Grid::list_pyramids() {
+  bool first = true;
+  for_blocks([&](const ElementBlock& block) {
+    if (block.shape != Shape::Pyramid || block.order < kListedPyramids) return;
+    if (std::exchange(first, false)) field_data.push_back(make(kVtkPyramids, "Int32"));
+    for (const std::int32_t node : block.nodes) field_data.back().put(node);
+  });
 }
 
 void Grid::add_block(const ElementBlock& block) {
   const VtkCell cell = vtk_cell(block.shape, block.order);
-  const auto stride = Eigen::Index(reference::node_count(block.shape, block.order));
-  const bool adds = block.shape == Shape::Pyramid && block.order > 1;
-  for (std::size_t e = 0; e < block.size(); ++e, ++cells) {
-    const std::int32_t* nodes = block.nodes.data() + std::ptrdiff_t(e) * stride;
-    if (adds) {
-      Eigen::MatrixX3d x(stride, 3);
-      for (Eigen::Index i = 0; i < stride; ++i)
-        for (Eigen::Index k = 0; k < 3; ++k) x(i, k) = mesh_.coordinates[3 * std::size_t(nodes[i]) + std::size_t(k)];
-      const Eigen::MatrixX3d y = vtk_added_points(block.order) * x;
-      for (Eigen::Index i = 0; i < y.rows(); ++i)
-        for (Eigen::Index k = 0; k < 3; ++k) coordinates.data.put(y(i, k));
-    }
-    for (int local : cell.nodes) topology[0].data.put(std::int64_t(local >= 0 ? nodes[local] : std::int64_t(points++)));
-    offset_ += std::int64_t(cell.nodes.size());
-    topology[1].data.put(offset_);
-    topology[2].data.put(cell.type);
-    cell_data[0].data.put(block.numbers[e]);
-    const auto physical = std::int32_t(block.physical.empty() ? 0 : block.physical.front());
-    cell_data[1].data.put(physical);
-    cell_data[2].data.put(physical);
-    cell_data[3].data.put(std::int32_t(block.entity));
-    cell_data[4].data.put(std::int32_t(reference::info(block.shape).dimension));
+  const auto physical = std::int32_t(block.physical.empty() ? 0 : block.physical.front());
+  const std::int32_t numbers[] = {physical, physical, block.entity, reference::info(block.shape).dimension};
+  cells += block.size();
+  for (std::size_t e = 0; e < block.size(); ++e) {
+    topology[0].put(offset_ += std::int64_t(cell.nodes.size()));
+    topology[1].put(cell.type);
+    cell_data[0].put(block.numbers[e]);
+    for (std::size_t k = 0; k < 4; ++k) cell_data[k + 1].put(numbers[k]);
   }
+}
+
+template <class Put>
+void Grid::put_added_points(const ElementBlock& block, const Put& put) const {
+  const auto stride = Eigen::Index(reference::node_count(block.shape, block.order));
+  const Eigen::MatrixXd& added = vtk_added_points(block.order);
+  Eigen::MatrixX3d x(stride, 3), y(added.rows(), 3);
+  for (std::size_t e = 0; e < block.size(); ++e) {
+    const std::int32_t* nodes = block.nodes.data() + std::ptrdiff_t(e) * stride;
+    for (Eigen::Index i = 0; i < stride; ++i)
+      for (Eigen::Index k = 0; k < 3; ++k) x(i, k) = mesh_.coordinates[3 * std::size_t(nodes[i]) + std::size_t(k)];
+    y.noalias() = added * x;
+    for (Eigen::Index i = 0; i < y.rows(); ++i)
+      for (Eigen::Index k = 0; k < 3; ++k) put(y(i, k));
+  }
+}
+
+void Grid::write(BufferedOutput& out) const {
+  for (const CompressedArray& array : field_data) array.write(out);
+  coordinates.write(out, [&](const auto& put) {
+    for (const double x : mesh_.coordinates) put(x);
+    for_blocks([&](const ElementBlock& block) {
+      if (adds_points(block)) put_added_points(block, put);
+    });
+  });
+  connectivity.write(out, [&](const auto& put) {
+    const auto put_point = [&](std::int64_t point) { are_many() ? put(point) : put(std::int32_t(point)); };
+    auto next = std::int64_t(mesh_.node_count());  // of the points that are added
+    for_blocks([&](const ElementBlock& block) {
+      const std::vector<int> cell = vtk_cell(block.shape, block.order).nodes;
+      const auto stride = std::size_t(reference::node_count(block.shape, block.order));
+      for (std::size_t e = 0; e < block.size(); ++e)
+        for (const int local : cell)
+          put_point(local >= 0 ? std::int64_t(block.nodes[e * stride + std::size_t(local)]) : next++);
+    });
+  });
+  for (const CompressedArray& array : topology) array.write(out);
+  for (const CompressedArray& array : cell_data) array.write(out);
 }
 
 // === The file ============================================================================================
 
+template <class Array>
 void declare(BufferedOutput& out, const Array& array, std::size_t& offset) {
   // One component is the default. meshio makes a column of an array for which it is said.
-  const std::string components =
-      array.components == 1 ? "" : " NumberOfComponents=\"" + std::to_string(array.components) + "\"";
-  out.text("        <DataArray type=\"" + array.type + "\" Name=\"" + escaped_xml(array.name) + "\"" + components +
-           " format=\"appended\" offset=\"" + std::to_string(offset) + "\"/>\n");
-  offset += array.data.bytes();
+  const int count = array.name.components;
+  const std::string components = count == 1 ? "" : " NumberOfComponents=\"" + std::to_string(count) + "\"";
+  out.text("        <DataArray type=\"" + array.name.type + "\" Name=\"" + escaped_xml(array.name.name) + "\"" +
+           components + " format=\"appended\" offset=\"" + std::to_string(offset) + "\"/>\n");
+  offset += array.bytes();
 }
 
 // A field's values belong to the whole grid, so their number is given. meshio takes them as a list only if the number
 // of components is not.
-void declare_field(BufferedOutput& out, const Array& array, std::size_t& offset) {
-  out.text("      <DataArray type=\"" + array.type + "\" Name=\"" + escaped_xml(array.name) +
-           "\" NumberOfTuples=\"2\" format=\"appended\" offset=\"" + std::to_string(offset) + "\"/>\n");
-  offset += array.data.bytes();
+void declare_field(BufferedOutput& out, const CompressedArray& array, std::size_t& offset) {
+  out.text("      <DataArray type=\"" + array.name.type + "\" Name=\"" + escaped_xml(array.name.name) +
+           "\" NumberOfTuples=\"" + std::to_string(array.count()) + "\" format=\"appended\" offset=\"" +
+           std::to_string(offset) + "\"/>\n");
+  offset += array.bytes();
 }
 
 }  // namespace
@@ -264,21 +249,19 @@ Expected<void> write_vtu(const HighOrderMesh& mesh, Format, const Sink& sink, st
   out.text("\" header_type=\"UInt64\" compressor=\"vtkZLibDataCompressor\">\n  <UnstructuredGrid>\n");
   if (!grid.field_data.empty()) {
     out.text("    <FieldData>\n");
-    for (const Array& array : grid.field_data) declare_field(out, array, offset);
+    for (const CompressedArray& array : grid.field_data) declare_field(out, array, offset);
     out.text("    </FieldData>\n");
   }
   out.text("    <Piece NumberOfPoints=\"" + std::to_string(grid.points) + "\" NumberOfCells=\"" +
            std::to_string(grid.cells) + "\">\n      <Points>\n");
   declare(out, grid.coordinates, offset);
   out.text("      </Points>\n      <Cells>\n");
-  for (const Array& array : grid.topology) declare(out, array, offset);
+  declare(out, grid.connectivity, offset);
+  for (const CompressedArray& array : grid.topology) declare(out, array, offset);
   out.text("      </Cells>\n      <CellData>\n");
-  for (const Array& array : grid.cell_data) declare(out, array, offset);
+  for (const CompressedArray& array : grid.cell_data) declare(out, array, offset);
   out.text("      </CellData>\n    </Piece>\n  </UnstructuredGrid>\n  <AppendedData encoding=\"raw\">\n_");
-  for (const Array& array : grid.field_data) array.data.write(out);
-  grid.coordinates.data.write(out);
-  for (const Array& array : grid.topology) array.data.write(out);
-  for (const Array& array : grid.cell_data) array.data.write(out);
+  grid.write(out);
   out.text("\n  </AppendedData>\n</VTKFile>\n");
   return out.finish();
 }

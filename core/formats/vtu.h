@@ -15,6 +15,10 @@ namespace varimesh::formats {
 Expected<void> write_vtu(const HighOrderMesh& mesh, Format format, const Sink& sink, std::span<const CellField> fields,
                          const Team& team);
 
+/// The name of a list in the file that VTK passes on and does not use: all nodes of each pyramid of order 3 and above,
+/// in Gmsh's order. VTK's cell has only some of them.
+inline constexpr const char* kVtkPyramids = "varimesh:pyramids";
+
 /// How VTK stores the cells of one shape and order.
 struct VtkCell {
   std::uint8_t type = 0;   ///< VTK's cell type.

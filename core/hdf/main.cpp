@@ -73,13 +73,14 @@ std::string act(hid_t file, const RequestHead& head, const std::string& text, co
       return hdf::read(file, text, Kind::Numbers, head.first, head.count);
     case Request::ReadTexts:
       return hdf::read(file, text, Kind::Texts, head.first, head.count);
+    case Request::Place:
+      return hdf::place(file, text);
     case Request::MakeGroup:
       hdf::make_group(file, text);
       return {};
     case Request::MakeArray:
     case Request::MakeAttribute:
-      hdf::make_array(file, text, head.request == Request::MakeAttribute, values);
-      return {};
+      return hdf::make_array(file, text, head.request == Request::MakeAttribute, values);
     case Request::WriteRows:
       hdf::write_rows(file, text, head.first, head.count, values);
       return {};

@@ -203,4 +203,16 @@ std::string read(hid_t file, const std::string& path, Kind kind, std::int64_t fi
   return bytes;
 }
 
+std::string place(hid_t file, const std::string& path) {
+  const Array array = open(file, path);
+  if (array.attribute || array.kind() == Kind::Other) return {};
+  const Handle made(H5Dget_create_plist(array.object), H5Pclose, "an array cannot be opened");
+  if (H5Pget_layout(made) != H5D_CONTIGUOUS) return {};
+  const haddr_t begin = H5Dget_offset(array.object);
+  if (begin == HADDR_UNDEF) return {};
+  for (const std::string name : {"i1", "i2", "i4", "i8", "f4", "f8"})
+    if (H5Tequal(array.type, type_of(name)) > 0) return name + " " + std::to_string(begin);
+  return {};
+}
+
 }  // namespace varimesh::hdf

@@ -17,4 +17,7 @@ std::string list(hid_t file, const std::string& path);
 /// The bytes of some rows. Throws Refusal if the rows are not there, are not of this kind, or are too many.
 std::string read(hid_t file, const std::string& path, formats::hdf5::Kind kind, std::int64_t first, std::int64_t count);
 
+/// The answer to Place. Throws Refusal.
+std::string place(hid_t file, const std::string& path);
+
 }  // namespace varimesh::hdf

@@ -37,7 +37,7 @@ void make_group(hid_t file, const std::string& path) {
                      "a group cannot be made");
 }
 
-void make_array(hid_t file, const std::string& text, bool attribute, std::string_view values) {
+std::string make_array(hid_t file, const std::string& text, bool attribute, std::string_view values) {
   std::istringstream lines(text);
   std::string owner, name, type_name, extent;
   std::getline(lines, owner);
@@ -56,15 +56,23 @@ void make_array(hid_t file, const std::string& text, bool attribute, std::string
         H5Acreate_by_name(file, owner.c_str(), name.c_str(), type, space, H5P_DEFAULT, H5P_DEFAULT, H5P_DEFAULT),
         H5Aclose, "an attribute cannot be made");
     check(H5Awrite(made, type, values.data()), "an attribute cannot be written");
-    return;
+    return {};
   }
   // Without the time, the same mesh gives the same bytes.
   const Handle properties(H5Pcreate(H5P_DATASET_CREATE), H5Pclose, "an array cannot be made");
   check(H5Pset_obj_track_times(properties, false), "an array cannot be made");
+  // Whoever asked may write the values, so they get their place now, and no other values.
+  check(H5Pset_layout(properties, H5D_CONTIGUOUS), "an array cannot be made");
+  check(H5Pset_alloc_time(properties, H5D_ALLOC_TIME_EARLY), "an array cannot be made");
+  check(H5Pset_fill_time(properties, H5D_FILL_TIME_NEVER), "an array cannot be made");
   const Handle made(H5Dcreate2(file, owner.c_str(), type, space, H5P_DEFAULT, properties, H5P_DEFAULT), H5Dclose,
                     "an array cannot be made");
-  if (!values.empty())
+  if (!values.empty()) {
     check(H5Dwrite(made, type, H5S_ALL, H5S_ALL, H5P_DEFAULT, values.data()), "an array cannot be written");
+    return {};
+  }
+  const haddr_t begin = H5Dget_offset(made);
+  return begin == HADDR_UNDEF ? "" : std::to_string(begin);
 }
 
 void write_rows(hid_t file, const std::string& path, std::int64_t first, std::int64_t count, std::string_view values) {

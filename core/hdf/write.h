@@ -13,9 +13,10 @@ namespace varimesh::hdf {
 /// made, as CGNS needs it.
 hid_t make_file(const char* path, hid_t access);
 
-/// The requests MakeGroup, MakeArray, MakeAttribute and WriteRows of protocol.h. Throw Refusal.
+/// The requests MakeGroup, MakeArray, MakeAttribute and WriteRows of protocol.h. Throw Refusal. make_array() returns
+/// the answer.
 void make_group(hid_t file, const std::string& path);
-void make_array(hid_t file, const std::string& text, bool attribute, std::string_view values);
+std::string make_array(hid_t file, const std::string& text, bool attribute, std::string_view values);
 void write_rows(hid_t file, const std::string& path, std::int64_t first, std::int64_t count, std::string_view values);
 
 }  // namespace varimesh::hdf

@@ -46,6 +46,7 @@ class Writing {
  public:
   Writing(const HighOrderMesh& mesh, const Team& team)
       : mesh_(mesh),
+        team_(team),
         blocks_(file_order(mesh)),
         types_(cgns_types_of(mesh)),
         writer_(std::int64_t(mesh.node_count()) * 64, team.stop()) {}
@@ -122,9 +123,11 @@ class Writing {
       const std::string path = grid + kNames[k];
       empty(path, "DataArray_t", "R8");
       writer_.array(path + "/ data", "f8", Dims{std::int64_t(mesh_.node_count())});
-      Hdf5Rows<double> rows(writer_, path + "/ data", 1);
-      for (std::size_t i = k; i < mesh_.coordinates.size(); i += 3) rows.add(mesh_.coordinates[i]);
-      rows.flush();
+      write_hdf5_rows<double>(writer_, path + "/ data", 0, mesh_.node_count(), 1, 1, team_,
+                              [&](std::size_t begin, std::size_t end, double* to) {
+                                for (std::size_t node = begin; node < end; ++node)
+                                  *to++ = mesh_.coordinates[3 * node + k];
+                              });
     }
   }
 
@@ -156,13 +159,17 @@ class Writing {
     const std::string data = path + "/ElementConnectivity/ data";
     empty(path + "/ElementConnectivity", "DataArray_t", "I4");
     writer_.array(data, "i4", Dims{count * std::int64_t(place.size())});
-    Hdf5Rows<std::int32_t> rows(writer_, data, 1);
+    std::int64_t row = 0;
     for (std::size_t b = begin; b < end; ++b) {
       const ElementBlock& block = *blocks_[b];
-      for (std::size_t e = 0; e < block.size(); ++e)
-        for (const int local : place) rows.add(block.nodes[e * place.size() + std::size_t(local)] + 1);
+      write_hdf5_rows<std::int32_t>(writer_, data, row, block.size(), place.size(), 1, team_,
+                                    [&](std::size_t from, std::size_t until, std::int32_t* to) {
+                                      for (std::size_t e = from; e < until; ++e)
+                                        for (const int local : place)
+                                          *to++ = block.nodes[e * place.size() + std::size_t(local)] + 1;
+                                    });
+      row += std::int64_t(block.size() * place.size());
     }
-    rows.flush();
   }
 
   /// Boundary conditions for the groups of sides, subregions for the groups of cells.
@@ -214,6 +221,7 @@ class Writing {
   }
 
   const HighOrderMesh& mesh_;
+  const Team& team_;
   std::vector<const ElementBlock*> blocks_;
   std::map<int, std::string> types_;
   Hdf5Writer writer_;

@@ -3,8 +3,11 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <array>
+#include <bit>
 #include <cerrno>
 #include <charconv>
+#include <cstring>
 
 #include "core/base/write_all.h"
 
@@ -47,9 +50,42 @@ Hdf5Item item_of(std::string_view line) {
   return item;
 }
 
+/// Values of a type of the file, as integers or numbers of 8 bytes.
+template <class From, class To>
+void convert(const char* from, std::span<char> out) {
+  for (std::size_t i = 0; i < out.size() / sizeof(To); ++i) {
+    From value;
+    std::memcpy(&value, from + i * sizeof(From), sizeof(From));
+    const To wide = To(value);
+    std::memcpy(out.data() + i * sizeof(To), &wide, sizeof(To));
+  }
+}
+
+/// A type whose values lie in files as they lie in memory.
+struct PlainType {
+  std::string_view name;
+  std::size_t size;
+  void (*to_integers)(const char* from, std::span<char> out);
+  void (*to_numbers)(const char* from, std::span<char> out);
+};
+constexpr std::array<PlainType, 6> kPlainTypes = {{
+    {"i1", 1, convert<std::int8_t, std::int64_t>, convert<std::int8_t, double>},
+    {"i2", 2, convert<std::int16_t, std::int64_t>, convert<std::int16_t, double>},
+    {"i4", 4, convert<std::int32_t, std::int64_t>, convert<std::int32_t, double>},
+    {"i8", 8, convert<std::int64_t, std::int64_t>, convert<std::int64_t, double>},
+    {"f4", 4, nullptr, convert<float, double>},
+    {"f8", 8, nullptr, convert<double, double>},
+}};
+
+/// Where the values of an array lie.
+struct Place {
+  const PlainType* type = nullptr;  ///< Null: only HDF5 can read them.
+  std::size_t begin = 0;
+};
+
 class File : public Hdf5Source {
  public:
-  File(std::string_view bytes, const StopToken* stop) {
+  File(std::string_view bytes, const StopToken* stop) : bytes_(bytes) {
     constexpr std::size_t kPiece = std::size_t(1) << 20;
     for (std::string_view left = bytes; !left.empty(); left.remove_prefix(std::min(kPiece, left.size()))) {
       look(stop);
@@ -92,13 +128,45 @@ class File : public Hdf5Source {
                             : kind == Kind::Numbers ? Request::ReadNumbers
                                                     : Request::ReadTexts;
     try {
-      process_->ask(request, path, first, count, out);
+      if (!read_here(path, kind, first, out, count)) process_->ask(request, path, first, count, out);
     } catch (const Hdf5Failure& failure) {
       fail(failure);
     }
   }
 
  private:
+  /// Reads the rows from the bytes of the file, without asking for copies of them. Returns false if that is not
+  /// possible. What HDF5 says of a damaged file may be anything.
+  bool read_here(const std::string& path, Kind kind, std::int64_t first, std::span<char> out, std::int64_t count) {
+    if (std::endian::native != std::endian::little || kind == Kind::Texts || count <= 0) return false;
+    if (path != place_of_) {
+      place_ = found_place(path);
+      place_of_ = path;
+    }
+    if (place_.type == nullptr) return false;
+    const auto convert = kind == Kind::Integers ? place_.type->to_integers : place_.type->to_numbers;
+    const std::size_t values = out.size() / 8, columns = values / std::size_t(count), size = place_.type->size;
+    const std::size_t most = (bytes_.size() - std::min(bytes_.size(), place_.begin)) / size;
+    if (convert == nullptr || columns == 0 || std::size_t(first) > most / columns ||
+        values > most - std::size_t(first) * columns)
+      return false;
+    convert(bytes_.data() + place_.begin + std::size_t(first) * columns * size, out);
+    return true;
+  }
+
+  Place found_place(const std::string& path) {
+    const std::string answer = process_->ask(Request::Place, path);
+    std::string_view text = answer;
+    const std::string_view name = cut(text, ' ');
+    Place place;
+    for (const PlainType& type : kPlainTypes)
+      if (type.name == name) place = {&type, std::size_t(number(text))};
+    return place;
+  }
+
+  std::string_view bytes_;
+  std::string place_of_;  ///< The array that was read last.
+  Place place_;
   Scratch copy_;
   std::optional<Hdf5Process> process_;
 };
@@ -121,17 +189,20 @@ Hdf5Writer::Hdf5Writer(std::int64_t file_bytes, const StopToken* stop) : stop_(s
 
 void Hdf5Writer::group(const std::string& path) { process_->ask(Request::MakeGroup, path); }
 
-void Hdf5Writer::make(Request request, const std::string& what, std::string_view type,
-                      std::span<const std::int64_t> dims, std::string_view values) {
+std::string Hdf5Writer::make(Request request, const std::string& what, std::string_view type,
+                             std::span<const std::int64_t> dims, std::string_view values) {
   std::string text = what + "\n" + std::string(type) + "\n";
   for (std::size_t i = 0; i < dims.size(); ++i) text += (i > 0 ? " " : "") + std::to_string(dims[i]);
-  process_->ask(request, text, values);
+  return process_->ask(request, text, values);
 }
 
 void Hdf5Writer::array(const std::string& path, std::string_view type, std::span<const std::int64_t> dims,
                        std::string_view values) {
-  if (std::int64_t(values.size()) <= hdf5::kMostBytes) return make(Request::MakeArray, path, type, dims, values);
-  make(Request::MakeArray, path, type, dims, {});
+  if (std::int64_t(values.size()) <= hdf5::kMostBytes) {
+    make(Request::MakeArray, path, type, dims, values);
+    return;
+  }
+  array(path, type, dims);
   const std::size_t per_row = values.size() / std::size_t(dims[0]);
   const std::int64_t most = std::max<std::int64_t>(1, hdf5::kMostBytes / std::int64_t(per_row));
   for (std::int64_t first = 0; first < dims[0]; first += most) {
@@ -146,11 +217,21 @@ void Hdf5Writer::attribute(const std::string& owner, const std::string& name, st
 }
 
 void Hdf5Writer::array(const std::string& path, std::string_view type, std::span<const std::int64_t> dims) {
-  make(Request::MakeArray, path, type, dims, {});
+  const std::string place = make(Request::MakeArray, path, type, dims, {});
+  if (!place.empty()) places_[path] = number(place);
 }
 
 void Hdf5Writer::rows(const std::string& path, std::int64_t first, std::int64_t count, std::string_view values) {
-  process_->ask(Request::WriteRows, path, values, first, count);
+  const auto found = places_.find(path);
+  if (found == places_.end()) {
+    const std::lock_guard lock(asking_);
+    process_->ask(Request::WriteRows, path, values, first, count);
+    return;
+  }
+  // HDF5 would get a copy of the values, and only put them there.
+  const auto row = std::int64_t(values.size()) / count;
+  if (!write_all_at(file_.descriptor(), values, off_t(found->second + first * row)))
+    throw Hdf5Failure{"there is no room for it in the folder for temporary files; name another one with TMPDIR"};
 }
 
 Expected<void> Hdf5Writer::finish(const Sink& sink) {

@@ -1,14 +1,20 @@
 // HDF5 files, read and written by a process of its own. Internal to core/formats.
 #pragma once
 
+#include <algorithm>
+#include <map>
 #include <memory>
+#include <mutex>
 #include <optional>
 #include <span>
 #include <string>
 #include <string_view>
 #include <vector>
 
+#include "core/base/aligned.h"
 #include "core/base/error.h"
+#include "core/base/shared_work.h"
+#include "core/base/team.h"
 #include "core/formats/formats.h"
 #include "core/formats/hdf5/process.h"
 #include "core/formats/hdf5/source.h"
@@ -35,49 +41,43 @@ class Hdf5Writer {
                  std::span<const std::int64_t> dims, std::string_view values);
   /// An array whose rows follow, with rows().
   void array(const std::string& path, std::string_view type, std::span<const std::int64_t> dims);
+  /// Rows of an array, in any order. Several threads may write rows at the same time.
   void rows(const std::string& path, std::int64_t first, std::int64_t count, std::string_view values);
 
   /// Ends the file and passes its bytes to the sink. Errors: Output if the sink stopped.
   Expected<void> finish(const Sink& sink);
 
  private:
-  void make(hdf5::Request request, const std::string& what, std::string_view type, std::span<const std::int64_t> dims,
-            std::string_view values);
+  std::string make(hdf5::Request request, const std::string& what, std::string_view type,
+                   std::span<const std::int64_t> dims, std::string_view values);
 
   Scratch file_;
   const StopToken* stop_;
+  std::map<std::string, std::int64_t, std::less<>> places_;  ///< The byte of the file where an array's values begin.
+  std::mutex asking_;
   std::optional<Hdf5Process> process_;
 };
 
-/// The rows of an array, collected and written some MiB at a time.
-template <class T>
-class Hdf5Rows {
- public:
-  Hdf5Rows(Hdf5Writer& writer, std::string path, std::size_t columns)
-      : writer_(writer), path_(std::move(path)), columns_(columns) {
-    values_.reserve(std::size_t(hdf5::kMostBytes) / sizeof(T) / columns * columns);
-  }
-  /// Adds a value; a row is complete after `columns` of them.
-  void add(T value) {
-    values_.push_back(value);
-    if (values_.size() == values_.capacity()) flush();
-  }
-  /// Writes the rows that remain.
-  void flush() {
-    const auto count = std::int64_t(values_.size() / columns_);
-    if (count > 0)
-      writer_.rows(path_, next_, count, {reinterpret_cast<const char*>(values_.data()), values_.size() * sizeof(T)});
-    next_ += count;
-    values_.clear();
-  }
+/// How many things with so many bytes each a thread writes at a time.
+constexpr std::size_t hdf5_piece(std::size_t bytes_each) {
+  constexpr std::size_t kPieceBytes = std::size_t(1) << 20;  // stay in a core's cache
+  return std::max<std::size_t>(1, kPieceBytes / bytes_each);
+}
 
- private:
-  Hdf5Writer& writer_;
-  std::string path_;
-  std::size_t columns_;
-  std::int64_t next_ = 0;
-  std::vector<T> values_;
-};
+/// Writes the rows of an array that belong to `count` things, such as cells, `rows_each` rows each, from row `first`
+/// on. fill(begin, end, values) makes the values of the things from begin to end − 1; the threads of the team call it
+/// for pieces that are multiples of hdf5_piece(). Call it inside team.run().
+template <class T, class Fill>
+void write_hdf5_rows(Hdf5Writer& writer, const std::string& path, std::int64_t first, std::size_t count,
+                     std::size_t rows_each, std::size_t columns, const Team& team, const Fill& fill) {
+  const std::size_t each = rows_each * columns;
+  for_chunks(team, count, hdf5_piece(each * sizeof(T)), [&](std::size_t, std::size_t begin, std::size_t end) {
+    UntouchedVector<T> values((end - begin) * each);
+    fill(begin, end, values.data());
+    writer.rows(path, first + std::int64_t(begin * rows_each), std::int64_t((end - begin) * rows_each),
+                {reinterpret_cast<const char*>(values.data()), values.size() * sizeof(T)});
+  });
+}
 
 /// Values as bytes.
 template <class T>

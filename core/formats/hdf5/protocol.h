@@ -29,10 +29,15 @@ enum class Request : std::uint32_t {
   ReadIntegers,
   ReadNumbers,
   ReadTexts,
+  /// Text: the path of an array. Answer: if its values lie in the file one after another as they are, their type (i1 to
+  /// i8, f4 or f8), a blank, and the byte of the file where they begin. Otherwise nothing.
+  Place,
   /// Text: the path of a group that is made.
   MakeGroup,
   /// Text: a path (for an attribute as above), a line feed, a type, a line feed, and the dimensions with blanks between
-  /// them. Makes the array. If bytes follow the text, they are its values.
+  /// them. Makes the array. If bytes follow the text, they are its values. If none follow, the answer is the byte of
+  /// the file where the values of the array belong, and whoever asked may put them there; it is empty if they have no
+  /// place.
   ///
   /// Types: i1, i2, i4, i8, u2, f4, f8; b1 (a truth value); S9 (text of 9 bytes, the rest zero); F9 (the rest blanks);
   /// a type

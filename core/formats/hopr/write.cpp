@@ -53,6 +53,7 @@ class Writing {
  public:
   Writing(const HighOrderMesh& mesh, const Team& team)
       : mesh_(mesh),
+        team_(team),
         cells_(mesh, 3),
         neighbours_(mesh, cells_, team),
         numbers_(node_numbers(mesh, used_)),
@@ -92,82 +93,122 @@ class Writing {
     writer_.attribute("/", name, "i4", kOne, bytes_of(std::vector{std::int32_t(value)}));
   }
 
+  /// The sides of a cell of the range.
+  static std::size_t sides_of(const Cells::Range& range) { return cgns_sides(range.block->shape).size(); }
+
+  /// Calls body(range, first row of its nodes, first row of its sides).
+  template <class Body>
+  void for_ranges(const Body& body) const {
+    std::int64_t node = 0, side = 0;
+    for (const Cells::Range& range : cells_.ranges()) {
+      body(range, node, side);
+      node += std::int64_t(range.block->size() * range.stride);
+      side += std::int64_t(range.block->size() * sides_of(range));
+    }
+  }
+
   void elements() {
     const auto n = std::int64_t(cells_.count());
     writer_.array("/ElemInfo", "i4", std::array<std::int64_t, 2>{n, 6});
-    Hdf5Rows<std::int32_t> rows(writer_, "/ElemInfo", 6);
     std::map<int, std::int32_t> counter;
-    std::int32_t node = 0, side = 0;
-    for (std::size_t cell = 0; cell < cells_.count(); ++cell) {
-      const Cells::Range& range = cells_.range_of(cell);
+    for_ranges([&](const Cells::Range& range, std::int64_t node, std::int64_t side) {
       const int type = element_type(range.block->shape, mesh_.order);
-      const auto sides = std::int32_t(cgns_sides(range.block->shape).size());
       const int zone = range.block->physical.empty() ? 0 : std::abs(range.block->physical.front());
-      for (const int value : {type, zone, int(side), int(side + sides), int(node), int(node + int(range.stride))})
-        rows.add(value);
-      side += sides;
-      node += std::int32_t(range.stride);
-      ++counter[type];
-    }
-    rows.flush();
+      const auto nodes = std::int64_t(range.stride), sides = std::int64_t(sides_of(range));
+      counter[type] += std::int32_t(range.block->size());
+      write_hdf5_rows<std::int32_t>(
+          writer_, "/ElemInfo", std::int64_t(range.first), range.block->size(), 1, 6, team_,
+          [&](std::size_t begin, std::size_t end, std::int32_t* to) {
+            for (auto e = std::int64_t(begin); e < std::int64_t(end); ++e)
+              for (const std::int64_t value : {std::int64_t(type), std::int64_t(zone), side + e * sides,
+                                               side + (e + 1) * sides, node + e * nodes, node + (e + 1) * nodes})
+                *to++ = std::int32_t(value);
+          });
+    });
     std::vector<std::int32_t> counts;
     for (const std::int32_t type : kTypes) {
       counts.push_back(type);
       counts.push_back(counter[type]);
     }
     writer_.array("/ElemCounter", "i4", std::array<std::int64_t, 2>{std::int64_t(kTypes.size()), 2}, bytes_of(counts));
-    writer_.array("/ElemWeight", "f8", std::array{n}, bytes_of(std::vector<double>(std::size_t(n), 1.0)));
+    writer_.array("/ElemWeight", "f8", std::array{n});
+    write_hdf5_rows<double>(writer_, "/ElemWeight", 0, cells_.count(), 1, 1, team_,
+                            [](std::size_t begin, std::size_t end, double* to) { std::fill_n(to, end - begin, 1.0); });
   }
 
   void all_nodes(std::int64_t count) {
     writer_.array("/NodeCoords", "f8", std::array<std::int64_t, 2>{count, 3});
     writer_.array("/GlobalNodeIDs", "i4", std::array{count});
     writer_.array("/ElemBarycenters", "f8", std::array<std::int64_t, 2>{std::int64_t(cells_.count()), 3});
-    Hdf5Rows<double> x(writer_, "/NodeCoords", 3), centres(writer_, "/ElemBarycenters", 3);
-    Hdf5Rows<std::int32_t> ids(writer_, "/GlobalNodeIDs", 1);
-    for (const Cells::Range& range : cells_.ranges()) {
+    for_ranges([&](const Cells::Range& range, std::int64_t first, std::int64_t) {
       const std::vector<int>& place = gmsh_nodes(NodeOrder::Rows, range.block->shape, mesh_.order);
       const auto corners = std::size_t(reference::info(range.block->shape).vertices);
-      for (std::size_t e = 0; e < range.block->size(); ++e) {
-        const std::int32_t* nodes = range.block->nodes.data() + e * range.stride;
-        for (const int local : place) {
-          const auto node = std::size_t(nodes[local]);
-          ids.add(numbers_[node]);
-          for (std::size_t k = 0; k < 3; ++k) x.add(mesh_.coordinates[3 * node + k]);
+      const std::size_t cells = range.block->size();
+      const auto for_cells = [&](std::size_t begin, std::size_t end, const auto& body) {
+        for (std::size_t e = begin; e < end; ++e) body(range.block->nodes.data() + e * range.stride);
+      };
+      write_hdf5_rows<double>(writer_, "/NodeCoords", first, cells, range.stride, 3, team_,
+                              [&](std::size_t begin, std::size_t end, double* to) {
+                                for_cells(begin, end, [&](const std::int32_t* nodes) {
+                                  for (const int local : place) to = std::copy_n(at(nodes[local]), 3, to);
+                                });
+                              });
+      write_hdf5_rows<std::int32_t>(writer_, "/GlobalNodeIDs", first, cells, range.stride, 1, team_,
+                                    [&](std::size_t begin, std::size_t end, std::int32_t* to) {
+                                      for_cells(begin, end, [&](const std::int32_t* nodes) {
+                                        for (const int local : place) *to++ = numbers_[std::size_t(nodes[local])];
+                                      });
+                                    });
+      write_hdf5_rows<double>(writer_, "/ElemBarycenters", std::int64_t(range.first), cells, 1, 3, team_,
+                              [&](std::size_t begin, std::size_t end, double* to) {
+                                for_cells(begin, end, [&](const std::int32_t* nodes) {
+                                  for (std::size_t k = 0; k < 3; ++k) {
+                                    double sum = 0;
+                                    for (std::size_t v = 0; v < corners; ++v) sum += at(nodes[v])[k];
+                                    *to++ = sum / double(corners);
+                                  }
+                                });
+                              });
+    });
+  }
+
+  const double* at(std::int32_t node) const { return mesh_.coordinates.data() + 3 * std::size_t(node); }
+
+  /// The numbers of the sides, which two neighbours share; negative for the second of them. Two sides that are periodic
+  /// images have one number too.
+  std::vector<std::int32_t> side_numbers() {
+    std::vector<std::int32_t> id(neighbours_.side_count(), 0);  // by facet
+    std::size_t facet = 0;
+    for (const Cells::Range& range : cells_.ranges())
+      for (std::size_t e = 0; e < range.block->size(); ++e, facet += sides_of(range))
+        for (const CgnsSide& side : cgns_sides(range.block->shape)) {
+          const std::size_t own = facet + std::size_t(side.facet);
+          if (id[own] != 0) continue;
+          id[own] = ++unique_sides_;
+          if (const std::int64_t other = neighbours_.other_facet(own); other >= 0)
+            id[std::size_t(other)] = -unique_sides_;
         }
-        for (std::size_t k = 0; k < 3; ++k) {
-          double sum = 0;
-          for (std::size_t v = 0; v < corners; ++v) sum += mesh_.coordinates[3 * std::size_t(nodes[v]) + k];
-          centres.add(sum / double(corners));
-        }
-      }
-    }
-    x.flush();
-    ids.flush();
-    centres.flush();
+    return id;
   }
 
   void sides() {
     writer_.array("/SideInfo", "i4", std::array<std::int64_t, 2>{std::int64_t(neighbours_.side_count()), 5});
-    Hdf5Rows<std::int32_t> rows(writer_, "/SideInfo", 5);
-    std::vector<std::int32_t> id(neighbours_.side_count(), 0);  // by facet
-    for (std::size_t cell = 0; cell < cells_.count(); ++cell) {
-      const Shape shape = cells_.shape(cell);
-      for (const CgnsSide& side : cgns_sides(shape)) {
-        const SideNeighbour other = neighbours_.of(cell, side);
-        std::int32_t& own = id[other.own_facet];
-        const bool is_second = own != 0;
-        if (!is_second) own = ++unique_sides_;
-        // Two sides that are periodic images have one number too.
-        if (other.cell >= 0) id[other.facet] = own;
-        const std::int32_t signed_id = is_second ? -own : own;
-        for (const std::int32_t value :
-             {std::int32_t(side_type(side.corners, mesh_.order)), signed_id, std::int32_t(other.cell + 1),
-              std::int32_t(10 * other.side + other.flip), std::int32_t(other.group)})
-          rows.add(value);
-      }
-    }
-    rows.flush();
+    const std::vector<std::int32_t> id = side_numbers();
+    for_ranges([&](const Cells::Range& range, std::int64_t, std::int64_t first) {
+      const auto all = cgns_sides(range.block->shape);
+      write_hdf5_rows<std::int32_t>(writer_, "/SideInfo", first, range.block->size(), all.size(), 5, team_,
+                                    [&](std::size_t begin, std::size_t end, std::int32_t* to) {
+                                      for (std::size_t e = begin; e < end; ++e)
+                                        for (const CgnsSide& side : all) {
+                                          const SideNeighbour other = neighbours_.of(range.first + e, side);
+                                          *to++ = side_type(side.corners, mesh_.order);
+                                          *to++ = id[other.own_facet];
+                                          *to++ = std::int32_t(other.cell + 1);
+                                          *to++ = std::int32_t(10 * other.side + other.flip);
+                                          *to++ = std::int32_t(other.group);
+                                        }
+                                    });
+    });
   }
 
   void conditions() {
@@ -190,6 +231,7 @@ class Writing {
   }
 
   const HighOrderMesh& mesh_;
+  const Team& team_;
   Cells cells_;
   SideNeighbours neighbours_;
   std::int32_t used_ = 0, unique_sides_ = 0;

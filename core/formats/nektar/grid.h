@@ -50,16 +50,21 @@ class NektarGrid {
       const auto count = std::size_t(reference::node_count(block.shape, block.order));
       for (std::size_t e = 0; e < block.size(); ++e) {
         const std::span nodes(block.nodes.data() + e * count, count);
-        std::array<std::int32_t, 8> own{}, turned{};
-        const auto used = std::size_t(info.vertices);
-        for (std::size_t v = 0; v < used; ++v) own[v] = number_[std::size_t(nodes[v])];
-        const auto turn = nektar_turn(block.shape, {own.data(), used});
-        for (std::size_t v = 0; v < used; ++v) turned[v] = own[std::size_t(turn[v])];
-        body(b, block, nodes, std::span<const std::int32_t>(turned.data(), used));
+        const std::array<std::int32_t, 8> turned = vertices_of(block.shape, nodes);
+        body(b, block, nodes, std::span<const std::int32_t>(turned.data(), std::size_t(info.vertices)));
       }
     }
   }
 
+  /// The vertices of a cell, in Nektar++'s order.
+  std::array<std::int32_t, 8> vertices_of(Shape shape, std::span<const std::int32_t> nodes) const {
+    std::array<std::int32_t, 8> own{}, turned{};
+    const auto used = std::size_t(reference::info(shape).vertices);
+    for (std::size_t v = 0; v < used; ++v) own[v] = number_[std::size_t(nodes[v])];
+    const auto turn = nektar_turn(shape, {own.data(), used});
+    for (std::size_t v = 0; v < used; ++v) turned[v] = own[std::size_t(turn[v])];
+    return turned;
+  }
   /// The numbers of the edges of a face.
   std::vector<std::int64_t> edges_around(std::span<const std::int32_t> vertices) const;
   /// The numbers of the edges (2-D) or faces (3-D) of a cell, in Nektar++'s order.

@@ -7,9 +7,10 @@
 #include "core/formats/nektar/composites.h"
 #include "core/formats/nektar/grid.h"
 #include "core/formats/nektar/nektar.h"
+#include "core/formats/nektar/packed.h"
 #include "core/formats/node_order.h"
-#include "core/formats/xml/encoding.h"
 #include "core/formats/xml/xml.h"
+#include "core/mesh/connectivity.h"
 
 namespace varimesh::formats {
 
@@ -23,30 +24,10 @@ const double* at(const HighOrderMesh& mesh, std::int32_t node) {
   return mesh.coordinates.data() + 3 * std::ptrdiff_t(node);
 }
 
-/// Numbers of 64 bits and doubles, as compressed files have them.
-class Packed {
- public:
-  void add(std::int64_t value) { bytes_.append(reinterpret_cast<const char*>(&value), sizeof value); }
-  void add(const double* x) { bytes_.append(reinterpret_cast<const char*>(x), 3 * sizeof *x); }
-
-  /// Writes them as text, and forgets them.
-  void write(BufferedOutput& out) {
-    std::string stream, text;
-    // Level 1, because coordinates hardly compress: higher levels take four times as long and save a few per cent.
-    deflate_zlib(bytes_, stream, 1);
-    encode_base64(stream, text);
-    out.text(text);
-    bytes_.clear();
-  }
-
- private:
-  std::string bytes_;
-};
-
 class Writer {
  public:
   Writer(const NektarGrid& grid, bool compressed, BufferedOutput& out)
-      : grid_(grid), mesh_(grid.mesh), compressed_(compressed), out_(out) {}
+      : grid_(grid), mesh_(grid.mesh), cells_(grid.mesh, grid.mesh.dimension), compressed_(compressed), out_(out) {}
 
   void write() {
     out_.text("<?xml version=\"1.0\" encoding=\"utf-8\" ?>\n<NEKTAR>\n    <GEOMETRY DIM=\"");
@@ -56,8 +37,8 @@ class Writer {
     out_.text("\">\n");
     vertices();
     edges();
-    if (mesh_.dimension == 3) parts("FACE", [&](const auto& body) { for_each_face(body); });
-    parts("ELEMENT", [&](const auto& body) { for_each_element(body); });
+    if (mesh_.dimension == 3) faces();
+    elements();
     if (mesh_.order > 1) compressed_ ? packed_curves() : curves();
     const NektarComposites composites = nektar_composites(mesh_);
     write_composites(composites);
@@ -112,140 +93,163 @@ class Writer {
   // === Vertices, edges, faces, elements ==================================================================
 
   void vertices() {
-    Packed packed;
     open("VERTEX", compressed_);
-    for (std::size_t v = 0; v < grid_.vertex_nodes.size(); ++v) {
-      const double* x = at(mesh_, grid_.vertex_nodes[v]);
-      if (compressed_) {
-        packed.add(std::int64_t(v));
-        packed.add(x);
-        continue;
+    if (compressed_) {
+      write_packed(out_, grid_.vertex_nodes.size(), 32, [&](std::size_t begin, std::size_t end, std::string& bytes) {
+        for (std::size_t v = begin; v < end; ++v) {
+          append_packed(bytes, std::int64_t(v));
+          append_packed(bytes, at(mesh_, grid_.vertex_nodes[v]));
+        }
+      });
+    } else {
+      for (std::size_t v = 0; v < grid_.vertex_nodes.size(); ++v) {
+        entry('V', std::int64_t(v));
+        point(at(mesh_, grid_.vertex_nodes[v]));
+        end_entry('V');
       }
-      entry('V', std::int64_t(v));
-      point(x);
-      end_entry('V');
     }
-    if (compressed_) packed.write(out_);
     close("VERTEX", compressed_);
   }
 
   void edges() {
-    Packed packed;
     open("EDGE", compressed_);
-    for (std::size_t e = 0; e < grid_.edges.size(); ++e) {
-      const auto& [a, b] = grid_.edges[e];
-      if (compressed_) {
-        for (const std::int64_t value : {std::int64_t(e), std::int64_t(a), std::int64_t(b)}) packed.add(value);
-        continue;
+    if (compressed_) {
+      write_packed(out_, grid_.edges.size(), 24, [&](std::size_t begin, std::size_t end, std::string& bytes) {
+        for (std::size_t e = begin; e < end; ++e)
+          for (const std::int64_t value :
+               {std::int64_t(e), std::int64_t(grid_.edges[e][0]), std::int64_t(grid_.edges[e][1])})
+            append_packed(bytes, value);
+      });
+    } else {
+      for (std::size_t e = 0; e < grid_.edges.size(); ++e) {
+        entry('E', std::int64_t(e));
+        out_.text_integer(grid_.edges[e][0]);
+        out_.text(" ");
+        out_.text_integer(grid_.edges[e][1]);
+        end_entry('E');
       }
-      entry('E', std::int64_t(e));
-      out_.text_integer(a);
-      out_.text(" ");
-      out_.text_integer(b);
-      end_entry('E');
     }
-    if (compressed_) packed.write(out_);
     close("EDGE", compressed_);
   }
 
-  /// Calls body(shape, number, numbers of the edges) for each face.
-  template <class Body>
-  void for_each_face(const Body& body) const {
-    for (std::size_t f = 0; f < grid_.faces.size(); ++f) {
-      const Shape shape = face_shape(f);
-      body(shape, std::int64_t(f), grid_.edges_around(face_vertices(f)));
-    }
-  }
-  template <class Body>
-  void for_each_element(const Body& body) const {
-    std::int64_t number = 0;
-    grid_.for_each_cell([&](std::size_t, const ElementBlock& block, auto, std::span<const std::int32_t> vertices) {
-      body(block.shape, number++, grid_.sides(block.shape, vertices));
-    });
-  }
   Shape face_shape(std::size_t f) const { return grid_.faces[f][3] < 0 ? Shape::Triangle : Shape::Quadrilateral; }
   std::span<const std::int32_t> face_vertices(std::size_t f) const {
     return {grid_.faces[f].data(), std::size_t(reference::info(face_shape(f)).vertices)};
   }
+  void faces() {
+    parts(
+        "FACE", grid_.faces.size(), [&](std::size_t f) { return face_shape(f); },
+        [&](std::size_t f) { return grid_.edges_around(face_vertices(f)); });
+  }
+  void elements() {
+    parts(
+        "ELEMENT", cells_.count(), [&](std::size_t cell) { return cells_.shape(cell); },
+        [&](std::size_t cell) {
+          const Shape shape = cells_.shape(cell);
+          const auto all = grid_.vertices_of(shape, cells_.nodes(cell));
+          return grid_.sides(shape, {all.data(), std::size_t(reference::info(shape).vertices)});
+        });
+  }
 
   /// Writes faces or elements. In compressed files each shape has a list of its own.
-  template <class ForEach>
-  void parts(const char* section, const ForEach& for_each) {
+  template <class ShapeOf, class SidesOf>
+  void parts(const char* section, std::size_t count, const ShapeOf& shape_of, const SidesOf& sides_of) {
     open(section, false);
     if (compressed_) {
-      std::map<Shape, Packed> packed;
-      for_each([&](Shape shape, std::int64_t number, const std::vector<std::int64_t>& sides) {
-        packed[shape].add(number);
-        for (const std::int64_t side : sides) packed[shape].add(side);
-      });
-      for (auto& [shape, numbers] : packed) {
+      std::map<Shape, std::vector<std::int32_t>> numbers;
+      for (std::size_t i = 0; i < count; ++i) numbers[shape_of(i)].push_back(std::int32_t(i));
+      for (const auto& [shape, own] : numbers) {
         const char letter = nektar_letter(shape);
         out_.text("            <" + std::string(1, letter) + " COMPRESSED=\"B64Z-LittleEndian\" BITSIZE=\"64\">");
-        numbers.write(out_);
+        write_packed(out_, own.size(), 64, [&](std::size_t begin, std::size_t end, std::string& bytes) {
+          for (std::size_t i = begin; i < end; ++i) {
+            append_packed(bytes, std::int64_t(own[i]));
+            for (const std::int64_t side : sides_of(std::size_t(own[i]))) append_packed(bytes, side);
+          }
+        });
         end_entry(letter);
       }
     } else {
-      for_each([&](Shape shape, std::int64_t number, const std::vector<std::int64_t>& sides) {
-        entry(nektar_letter(shape), number);
+      for (std::size_t i = 0; i < count; ++i) {
+        const char letter = nektar_letter(shape_of(i));
+        entry(letter, std::int64_t(i));
+        const std::vector<std::int64_t> sides = sides_of(i);
         for (std::size_t k = 0; k < sides.size(); ++k) {
           if (k > 0) out_.text(" ");
           out_.text_integer(sides[k]);
         }
-        end_entry(nektar_letter(shape));
-      });
+        end_entry(letter);
+      }
     }
     close(section, false);
   }
 
   // === Curves ============================================================================================
 
-  /// Calls body(number of the edge, its nodes in the file's order).
-  template <class Body>
-  void for_each_curved_edge(const Body& body) const {
-    for (std::size_t e = 0; e < grid_.edges.size(); ++e)
-      body(std::int64_t(e), in_file_order(Shape::Line, grid_.nodes_of(Shape::Line, grid_.edges[e])));
+  /// Edges, or faces that have nodes inside; in 2-D elements that have.
+  struct Curves {
+    Shape shape = Shape::Line;  ///< Of edges.
+    std::vector<std::int32_t> numbers;
+    std::vector<std::int64_t> first;  ///< The first point of each, and the end.
+  };
+
+  Shape shape_of(const Curves& curves, std::size_t i) const {
+    if (curves.shape == Shape::Line) return Shape::Line;
+    const auto number = std::size_t(curves.numbers[i]);
+    return mesh_.dimension == 3 ? face_shape(number) : cells_.shape(number);
   }
-  /// The same for faces that have nodes inside; in 2-D for elements. body(shape, number, nodes).
-  template <class Body>
-  void for_each_curved_face(const Body& body) const {
-    if (mesh_.dimension == 3) {
-      for (std::size_t f = 0; f < grid_.faces.size(); ++f)
-        if (inner_node_count(face_shape(f), mesh_.order) > 0)
-          body(face_shape(f), std::int64_t(f),
-               in_file_order(face_shape(f), grid_.nodes_of(face_shape(f), face_vertices(f))));
-      return;
+  /// The nodes in the file's order.
+  std::vector<std::int32_t> nodes_of(const Curves& curves, std::size_t i) const {
+    const Shape shape = shape_of(curves, i);
+    const auto number = std::size_t(curves.numbers[i]);
+    std::vector<std::int32_t> own;
+    std::span<const std::int32_t> nodes;
+    if (shape != Shape::Line && mesh_.dimension == 2) {
+      nodes = cells_.nodes(number);
+    } else {
+      own = shape == Shape::Line ? grid_.nodes_of(shape, grid_.edges[number])
+                                 : grid_.nodes_of(shape, face_vertices(number));
+      nodes = own;
     }
-    std::int64_t number = -1;
-    grid_.for_each_cell([&](std::size_t, const ElementBlock& block, std::span<const std::int32_t> nodes, auto) {
-      ++number;
-      if (inner_node_count(block.shape, mesh_.order) > 0) body(block.shape, number, in_file_order(block.shape, nodes));
-    });
-  }
-  std::vector<std::int32_t> in_file_order(Shape shape, std::span<const std::int32_t> nodes) const {
     std::vector<std::int32_t> ordered;
     for (const int local : gmsh_nodes(NodeOrder::Nektar, shape, mesh_.order))
       ordered.push_back(nodes[std::size_t(local)]);
     return ordered;
   }
 
+  Curves curves_of(Shape shape, std::int64_t first) const {
+    Curves curves{shape, {}, {first}};
+    const std::size_t count = shape == Shape::Line   ? grid_.edges.size()
+                              : mesh_.dimension == 3 ? grid_.faces.size()
+                                                     : cells_.count();
+    for (std::size_t i = 0; i < count; ++i) {
+      curves.numbers.push_back(std::int32_t(i));
+      const Shape own = shape_of(curves, curves.numbers.size() - 1);
+      if (inner_node_count(own, mesh_.order) > 0)
+        curves.first.push_back(curves.first.back() + reference::node_count(own, mesh_.order));
+      else
+        curves.numbers.pop_back();
+    }
+    return curves;
+  }
+
   void curves() {
     open("CURVED", false);
-    std::int64_t id = 0;
-    for_each_curved_edge([&](std::int64_t edge, const std::vector<std::int32_t>& nodes) {
-      curve('E', id++, "EDGEID", edge, "PolyEvenlySpaced", nodes);
-    });
-    id = 0;
-    for_each_curved_face([&](Shape shape, std::int64_t face, const std::vector<std::int32_t>& nodes) {
-      curve('F', id++, "FACEID", face, shape == Shape::Triangle ? "NodalTriEvenlySpaced" : "PolyEvenlySpaced", nodes);
-    });
+    for (const Shape shape : {Shape::Line, Shape::Triangle}) {
+      const Curves all = curves_of(shape, 0);
+      for (std::size_t i = 0; i < all.numbers.size(); ++i) curve(all, i);
+    }
     close("CURVED", false);
   }
 
-  void curve(char letter, std::int64_t id, const char* name, std::int64_t of, const char* type,
-             const std::vector<std::int32_t>& nodes) {
-    entry(letter, id,
-          " " + std::string(name) + "=\"" + std::to_string(of) + "\" NUMPOINTS=\"" + std::to_string(nodes.size()) +
-              "\" TYPE=\"" + type + "\"");
+  void curve(const Curves& curves, std::size_t i) {
+    const std::vector<std::int32_t> nodes = nodes_of(curves, i);
+    const bool edges = curves.shape == Shape::Line;
+    const char letter = edges ? 'E' : 'F';
+    entry(letter, std::int64_t(i),
+          (edges ? " EDGEID=\"" : " FACEID=\"") + std::to_string(curves.numbers[i]) + "\" NUMPOINTS=\"" +
+              std::to_string(nodes.size()) + "\" TYPE=\"" +
+              (shape_of(curves, i) == Shape::Triangle ? "NodalTriEvenlySpaced" : "PolyEvenlySpaced") + "\"");
     for (std::size_t k = 0; k < nodes.size(); ++k) {
       if (k > 0) out_.text("  ");
       point(at(mesh_, nodes[k]));
@@ -255,39 +259,49 @@ class Writer {
 
   /// A list of edges, one of faces, and one set of points for both.
   void packed_curves() {
-    constexpr std::int64_t kEvenlySpaced = 17, kEvenlySpacedTriangle = 24;  // in Nektar++'s PointsType
-    Packed lists[2], index, points;
-    std::int64_t first = 0;
-    const auto add = [&](Packed& list, std::int64_t id, std::int64_t of, std::int64_t type,
-                         const std::vector<std::int32_t>& nodes) {
-      for (const std::int64_t value : {id, of, std::int64_t(nodes.size()), std::int64_t(0), first, type})
-        list.add(value);
-      for (const std::int32_t node : nodes) {
-        index.add(first);
-        points.add(first++);
-        points.add(at(mesh_, node));
-      }
-    };
-    std::int64_t edges = 0, faces = 0;
-    for_each_curved_edge([&](std::int64_t edge, const std::vector<std::int32_t>& nodes) {
-      add(lists[0], edges++, edge, kEvenlySpaced, nodes);
-    });
-    for_each_curved_face([&](Shape shape, std::int64_t face, const std::vector<std::int32_t>& nodes) {
-      add(lists[1], faces++, face, shape == Shape::Triangle ? kEvenlySpacedTriangle : kEvenlySpaced, nodes);
-    });
+    const Curves edges = curves_of(Shape::Line, 0), faces = curves_of(Shape::Triangle, edges.first.back());
     open("CURVED", true);
-    const auto write = [&](const char* name, Packed& packed) {
-      out_.text("            <" + std::string(name) + ">");
-      packed.write(out_);
-      out_.text("</" + std::string(name) + ">\n");
-    };
-    if (edges > 0) write("E", lists[0]);
-    if (faces > 0) write("F", lists[1]);
+    if (!edges.numbers.empty()) packed_list("E", edges);
+    if (!faces.numbers.empty()) packed_list("F", faces);
     out_.text("            <DATAPOINTS ID=\"0\">\n");
-    write("INDEX", index);
-    write("POINTS", points);
+    packed("INDEX", std::size_t(faces.first.back()), 8, [&](std::size_t begin, std::size_t end, std::string& bytes) {
+      for (std::size_t i = begin; i < end; ++i) append_packed(bytes, std::int64_t(i));
+    });
+    const std::size_t all = edges.numbers.size() + faces.numbers.size(),
+                      bytes_all = 32 * std::size_t(faces.first.back());
+    packed("POINTS", all, bytes_all / std::max<std::size_t>(1, all),
+           [&](std::size_t begin, std::size_t end, std::string& bytes) {
+             for (std::size_t i = begin; i < end; ++i) {
+               const bool is_edge = i < edges.numbers.size();
+               const Curves& own = is_edge ? edges : faces;
+               const std::size_t k = is_edge ? i : i - edges.numbers.size();
+               std::int64_t number = own.first[k];
+               for (const std::int32_t node : nodes_of(own, k)) {
+                 append_packed(bytes, number++);
+                 append_packed(bytes, at(mesh_, node));
+               }
+             }
+           });
     out_.text("            </DATAPOINTS>\n");
     close("CURVED", false);
+  }
+
+  void packed_list(const char* name, const Curves& curves) {
+    constexpr std::int64_t kEvenlySpaced = 17, kEvenlySpacedTriangle = 24;  // in Nektar++'s PointsType
+    packed(name, curves.numbers.size(), 48, [&](std::size_t begin, std::size_t end, std::string& bytes) {
+      for (std::size_t i = begin; i < end; ++i)
+        for (const std::int64_t value :
+             {std::int64_t(i), std::int64_t(curves.numbers[i]), curves.first[i + 1] - curves.first[i], std::int64_t(0),
+              curves.first[i], shape_of(curves, i) == Shape::Triangle ? kEvenlySpacedTriangle : kEvenlySpaced})
+          append_packed(bytes, value);
+    });
+  }
+
+  template <class Fill>
+  void packed(const char* name, std::size_t count, std::size_t bytes_each, const Fill& fill) {
+    out_.text("            <" + std::string(name) + ">");
+    write_packed(out_, count, bytes_each, fill);
+    out_.text("</" + std::string(name) + ">\n");
   }
 
   // === Composites and the rest ===========================================================================
@@ -331,12 +345,8 @@ class Writer {
 
   void write_domain(const NektarComposites& composites) {
     for (const ForeignSection& section : mesh_.foreign)
-      if (section.format == "nektar" && section.name == kNektarDomain) {
-        out_.text("        ");
-        out_.text(section.bytes);
-        out_.text("\n");
-        return;
-      }
+      if (section.format == "nektar" && section.name == kNektarDomain)
+        return out_.text("        " + section.bytes + "\n");
     out_.text("        <DOMAIN> C[");
     out_.text(composites.domain);
     out_.text("] </DOMAIN>\n");
@@ -365,6 +375,7 @@ class Writer {
 
   const NektarGrid& grid_;
   const HighOrderMesh& mesh_;
+  const Cells cells_;
   const bool compressed_;
   BufferedOutput& out_;
 };

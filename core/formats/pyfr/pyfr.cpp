@@ -8,6 +8,7 @@
 #include "core/formats/hdf5/files.h"
 #include "core/formats/left_out.h"
 #include "core/formats/node_order.h"
+#include "core/formats/pyfr/fingerprint.h"
 #include "core/formats/sides/neighbours.h"
 #include "core/mesh/connectivity.h"
 #include "core/reference/nodes.h"
@@ -51,40 +52,18 @@ std::vector<int> cgns_numbers(const PyfrShape& shape) {
   return numbers;
 }
 
+/// Puts a value where `to` is, which moves behind it.
 template <class T>
-void append(std::string& bytes, T value) {
-  char raw[sizeof(T)];
-  std::memcpy(raw, &value, sizeof(T));
-  bytes.append(raw, sizeof(T));
+void put(char*& to, T value) {
+  std::memcpy(to, &value, sizeof(T));
+  to += sizeof(T);
 }
-
-/// FNV-1a with 128 bits (Fowler, Noll, Vo): a number of the content, by which PyFR knows to which mesh a solution
-/// belongs.
-class Fingerprint {
- public:
-  void update(std::string_view bytes) {
-    for (const char c : bytes) hash_ = (hash_ ^ static_cast<unsigned char>(c)) * kPrime;
-  }
-  /// As a UUID: 8-4-4-4-12 hexadecimal digits.
-  std::string uuid() const {
-    std::string text;
-    for (int digit = 31; digit >= 0; --digit) {
-      if (digit == 23 || digit == 19 || digit == 15 || digit == 11) text += '-';
-      text += "0123456789abcdef"[unsigned(hash_ >> (4 * digit)) & 15U];
-    }
-    return text;
-  }
-
- private:
-  using Wide = unsigned __int128;
-  static constexpr Wide kPrime = (Wide(1) << 88) + 0x13b;
-  Wide hash_ = (Wide(0x6c62272e07bb0142) << 64) + 0x62b821756295c58d;
-};
 
 class Writing {
  public:
   Writing(const HighOrderMesh& mesh, const Team& team)
       : mesh_(mesh),
+        team_(team),
         cells_(mesh, mesh.dimension),
         neighbours_(mesh, cells_, team),
         writer_(std::int64_t(mesh.node_count()) * 64, team.stop()) {}
@@ -123,8 +102,11 @@ class Writing {
       if (shape == Shape::Pyramid && skew_base_ == 0 && !has_parallelogram(cell)) skew_base_ = cells_.number(cell);
     }
     node_.assign(mesh_.node_count(), -1);
-    for (std::size_t node = 0; node < used.size(); ++node)
-      if (used[node]) node_[node] = nodes_++;
+    for (std::size_t node = 0; node < used.size(); ++node) {
+      if (!used[node]) continue;
+      node_[node] = std::int32_t(used_.size());
+      used_.push_back(std::int32_t(node));
+    }
   }
 
   double coordinate(std::int32_t node, int k) const {
@@ -145,10 +127,10 @@ class Writing {
       if (own_[shape.shape].empty()) continue;
       const std::string name = std::string("eles/") + shape.name;
       codec_.push_back(name);
-      first_code_[shape.shape] = int(codec_.size());
+      first_code_[std::size_t(shape.shape)] = int(codec_.size());
       for (std::size_t f = 0; f < shape.faces.size(); ++f) codec_.push_back(name + "/" + std::to_string(f));
       const std::vector<int> cgns = cgns_numbers(shape);
-      std::vector<int>& back = pyfr_face_[shape.shape];
+      std::vector<int>& back = pyfr_face_[std::size_t(shape.shape)];
       back.resize(cgns.size());
       for (std::size_t f = 0; f < cgns.size(); ++f) back[std::size_t(cgns[f])] = int(f);
     }
@@ -162,88 +144,93 @@ class Writing {
 
   // === Arrays ==============================================================================================
 
-  void rows(const std::string& path, std::size_t row_bytes, std::string& bytes, std::int64_t& next, bool last) {
-    if (!last && bytes.size() + row_bytes <= std::size_t(hdf5::kMostBytes)) return;
-    const auto count = std::int64_t(bytes.size() / row_bytes);
-    if (count > 0) writer_.rows(path, next, count, bytes);
-    digest_.update(bytes);
-    next += count;
-    bytes.clear();
+  /// Writes `count` rows. fill(i, to) puts row i where `to` is.
+  template <class Fill>
+  void rows(const std::string& path, std::size_t count, std::size_t row_bytes, const Fill& fill) {
+    const std::size_t piece = hdf5_piece(row_bytes);
+    std::vector<Fingerprint> parts(chunks_of(count, piece));
+    write_hdf5_rows<char>(writer_, path, 0, count, 1, row_bytes, team_,
+                          [&](std::size_t begin, std::size_t end, char* const to) {
+                            char* next = to;
+                            for (std::size_t i = begin; i < end; ++i) fill(i, next);
+                            parts[begin / piece].update({to, std::size_t(next - to)});
+                          });
+    for (const Fingerprint& part : parts) digest_.update(part);
   }
 
   void nodes() {
     const int d = mesh_.dimension;
     std::vector<std::uint16_t> valency(mesh_.node_count(), 0);
-    for (std::size_t cell = 0; cell < cells_.count(); ++cell)
-      for (const std::int32_t node : cells_.nodes(cell)) ++valency[std::size_t(node)];
-    writer_.array("/nodes", "{location:f8[" + std::to_string(d) + "],valency:u2}", Dims{nodes_});
-    std::string bytes;
-    std::int64_t next = 0;
-    const std::size_t row = 8 * std::size_t(d) + 2;
-    for (std::size_t node = 0; node < node_.size(); ++node) {
-      if (node_[node] < 0) continue;
-      for (int k = 0; k < d; ++k) append(bytes, coordinate(std::int32_t(node), k));
-      append(bytes, valency[node]);
-      rows("/nodes", row, bytes, next, false);
-    }
-    rows("/nodes", row, bytes, next, true);
+    for (const Cells::Range& range : cells_.ranges())
+      for (const std::int32_t node : range.block->nodes) ++valency[std::size_t(node)];
+    writer_.array("/nodes", "{location:f8[" + std::to_string(d) + "],valency:u2}", Dims{std::int64_t(used_.size())});
+    rows("/nodes", used_.size(), 8 * std::size_t(d) + 2, [&](std::size_t i, char*& to) {
+      for (int k = 0; k < d; ++k) put(to, coordinate(used_[i], k));
+      put(to, valency[std::size_t(used_[i])]);
+    });
   }
 
   void elements(const PyfrShape& shape) {
     const std::vector<int>& place = gmsh_nodes(NodeOrder::Rows, shape.shape, mesh_.order);
     const std::vector<int> cgns = cgns_numbers(shape);
+    const std::vector<std::size_t>& own = own_[shape.shape];
     const std::string path = std::string("/eles/") + shape.name;
     writer_.array(path,
                   "{nodes:i8[" + std::to_string(place.size()) + "],curved:b1,faces:{cidx:i2,off:i8}[" +
                       std::to_string(cgns.size()) + "]}",
-                  Dims{std::int64_t(own_[shape.shape].size())});
-    const std::size_t row = 8 * place.size() + 1 + 10 * cgns.size();
-    std::string bytes;
-    std::int64_t next = 0;
-    for (const std::size_t cell : own_[shape.shape]) {
-      const auto nodes = cells_.nodes(cell);
-      for (const int local : place) append(bytes, node_[std::size_t(nodes[std::size_t(local)])]);
-      const bool curved = is_curved(cell);
-      append(bytes, std::int8_t(curved ? 1 : 0));
-      (curved ? curved_ : straight_)[shape.shape].push_back(index_[cell]);
-      for (const int side : cgns) face(cell, side, bytes);
-      rows(path, row, bytes, next, false);
-    }
-    rows(path, row, bytes, next, true);
+                  Dims{std::int64_t(own.size())});
+    std::vector<char> is_curved(own.size());
+    rows(path, own.size(), 8 * place.size() + 1 + 10 * cgns.size(), [&](std::size_t i, char*& to) {
+      const auto nodes = cells_.nodes(own[i]);
+      for (const int local : place) put(to, std::int64_t(node_[std::size_t(nodes[std::size_t(local)])]));
+      is_curved[i] = curved(shape.shape, nodes) ? 1 : 0;
+      put(to, is_curved[i]);
+      for (const int side : cgns) face(own[i], side, to);
+    });
+    for (std::size_t i = 0; i < own.size(); ++i)
+      (is_curved[i] != 0 ? curved_ : straight_)[shape.shape].push_back(std::int64_t(i));
+    find_pairs(own, cgns);
   }
 
-  void face(std::size_t cell, int side, std::string& bytes) {
-    const SideNeighbour other = neighbours_.of(cell, cgns_sides(cells_.shape(cell))[std::size_t(side)]);
-    if (other.cell < 0) {
-      append(bytes, std::int16_t(group_code_[std::size_t(other.group) - 1]));
-      append(bytes, std::int64_t(-1));
-      return;
-    }
-    const auto neighbour = std::size_t(other.cell);
-    append(bytes, code(neighbour, other.side - 1));
-    append(bytes, index_[neighbour]);
-    // Each pair of the periodic boundaries stands once, the first side first.
-    const int group = other.group > 0 ? neighbours_.groups()[std::size_t(other.group) - 1].periodic : 0;
-    if (group < 0) {
-      std::string& pairs = pairs_[-group];
-      append(pairs, code(cell, side));
-      append(pairs, index_[cell]);
-      append(pairs, code(neighbour, other.side - 1));
-      append(pairs, index_[neighbour]);
-    }
+  SideNeighbour neighbour(std::size_t cell, int side) const {
+    return neighbours_.of(cell, cgns_sides(cells_.shape(cell))[std::size_t(side)]);
+  }
+
+  void face(std::size_t cell, int side, char*& to) const {
+    const SideNeighbour other = neighbour(cell, side);
+    put(to, other.cell < 0 ? std::int16_t(group_code_[std::size_t(other.group) - 1])
+                           : code(std::size_t(other.cell), other.side - 1));
+    put(to, other.cell < 0 ? std::int64_t(-1) : index_[std::size_t(other.cell)]);
+  }
+
+  /// Each pair of the periodic boundaries stands once, the first side first.
+  void find_pairs(const std::vector<std::size_t>& cells, const std::vector<int>& sides) {
+    const std::vector<SideGroup>& groups = neighbours_.groups();
+    if (std::none_of(groups.begin(), groups.end(), [](const SideGroup& group) { return group.periodic < 0; })) return;
+    for (const std::size_t cell : cells)
+      for (const int side : sides) {
+        const SideNeighbour other = neighbour(cell, side);
+        const int group = other.cell >= 0 && other.group > 0 ? groups[std::size_t(other.group) - 1].periodic : 0;
+        if (group >= 0) continue;
+        std::string& pairs = pairs_[-group];
+        pairs.resize(pairs.size() + 20);
+        char* to = pairs.data() + pairs.size() - 20;
+        put(to, code(cell, side));
+        put(to, index_[cell]);
+        put(to, code(std::size_t(other.cell), other.side - 1));
+        put(to, index_[std::size_t(other.cell)]);
+      }
   }
 
   /// The codec's number of a face, which CGNS counts from 0.
-  std::int16_t code(std::size_t cell, int side) {
-    const Shape shape = cells_.shape(cell);
+  std::int16_t code(std::size_t cell, int side) const {
+    const auto shape = std::size_t(cells_.shape(cell));
     return std::int16_t(first_code_[shape] + pyfr_face_[shape][std::size_t(side)]);
   }
 
   /// Whether the nodes are elsewhere than the map of first order of the vertices puts them, to within rounding.
-  bool is_curved(std::size_t cell) const {
+  bool curved(Shape shape, std::span<const std::int32_t> nodes) const {
     if (mesh_.order == 1) return false;
-    const Shape shape = cells_.shape(cell);
-    const auto nodes = cells_.nodes(cell);
     const int vertices = reference::info(shape).vertices;
     const auto& lattice = reference::lattice(shape, mesh_.order);
     double size = 0, gap = 0;
@@ -327,18 +314,20 @@ class Writing {
   }
 
   const HighOrderMesh& mesh_;
+  const Team& team_;
   Cells cells_;
   SideNeighbours neighbours_;
   Hdf5Writer writer_;
   Fingerprint digest_;
   std::vector<std::int64_t> index_;                // of a cell among those of its shape
   std::map<Shape, std::vector<std::size_t>> own_;  // the cells of a shape
-  std::vector<std::int64_t> node_;                 // number in the file, or −1
-  std::int64_t nodes_ = 0, skew_base_ = 0;
+  std::vector<std::int32_t> node_;                 // number in the file, or −1
+  std::vector<std::int32_t> used_;                 // the nodes of cells
+  std::int64_t skew_base_ = 0;
   std::vector<std::string> codec_;
-  std::map<Shape, int> first_code_;              // of the faces of a shape
-  std::map<Shape, std::vector<int>> pyfr_face_;  // by the number in CGNS's order
-  std::vector<int> group_code_;                  // by group; −1: no boundary condition
+  std::array<int, kShapes> first_code_{};              // of the faces of a shape
+  std::array<std::vector<int>, kShapes> pyfr_face_{};  // by the number in CGNS's order
+  std::vector<int> group_code_;                        // by group; −1: no boundary condition
   std::map<Shape, std::vector<std::int64_t>> curved_, straight_;
   std::map<int, std::string> pairs_;  // by periodic link
 };

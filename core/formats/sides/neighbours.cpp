@@ -35,8 +35,8 @@ SideNeighbours::SideNeighbours(const HighOrderMesh& mesh, const Cells& cells, co
   if (crowded()) return;
   find_groups();
   find_periodic();
-  for (std::size_t f = 0; f < image_.size(); ++f)
-    if (facets_.neighbour[f] < 0 && image_[f] < 0) groups_[std::size_t(group_of_facet_[f]) - 1].boundary = true;
+  for (std::size_t f = 0; f < facets_.neighbour.size(); ++f)
+    if (other_facet(f) < 0) groups_[std::size_t(group_of_facet_[f]) - 1].boundary = true;
 }
 
 std::size_t SideNeighbours::facet_cell(std::size_t facet) const {
@@ -97,8 +97,6 @@ void SideNeighbours::find_groups() {
 }
 
 void SideNeighbours::find_periodic() {
-  image_.assign(facets_.neighbour.size(), -1);
-  image_link_.assign(facets_.neighbour.size(), 0);
   std::map<Corners, std::size_t> by_corners;  // of the boundary
   const auto corners_of = [&](std::size_t facet, const Pairs* map) {
     const std::size_t cell = facet_cell(facet);
@@ -115,6 +113,10 @@ void SideNeighbours::find_periodic() {
   };
   for (const PeriodicLink& link : mesh_.periodic) {
     if (link.dimension != mesh_.dimension - 1) continue;
+    if (image_.empty()) {
+      image_.assign(facets_.neighbour.size(), -1);
+      image_link_.assign(facets_.neighbour.size(), 0);
+    }
     if (by_corners.empty())
       for (std::size_t f = 0; f < facets_.neighbour.size(); ++f)
         if (facets_.neighbour[f] < 0) by_corners[corners_of(f, nullptr)] = f;
@@ -141,8 +143,9 @@ SideNeighbour SideNeighbours::of(std::size_t cell, const CgnsSide& side) const {
   other.own_facet = std::size_t(facets_.first[cell] + side.facet);
   other.group = group_of_facet_[other.own_facet];
   const bool inside = facets_.neighbour[other.own_facet] >= 0;
-  if (!inside && image_[other.own_facet] < 0) return other;
-  other.facet = inside ? std::size_t(facets_.opposite[other.own_facet]) : std::size_t(image_[other.own_facet]);
+  const std::int64_t opposite = other_facet(other.own_facet);
+  if (opposite < 0) return other;
+  other.facet = std::size_t(opposite);
   other.cell = std::int64_t(inside ? std::size_t(facets_.neighbour[other.own_facet]) : facet_cell(other.facet));
   const CgnsSide& its = side_of(std::size_t(other.cell), other.facet, other.side);
   std::int32_t first = corner(cell, side, 0);

@@ -41,6 +41,10 @@ class SideNeighbours {
   std::size_t side_count() const { return facets_.neighbour.size(); }
   const std::vector<SideGroup>& groups() const { return groups_; }
   SideNeighbour of(std::size_t cell, const CgnsSide& side) const;
+  /// The same side of the neighbour, or its periodic image, counted through all cells; −1: none.
+  std::int64_t other_facet(std::size_t facet) const {
+    return facets_.neighbour[facet] >= 0 ? facets_.opposite[facet] : image_of(facet);
+  }
 
  private:
   void find_groups();
@@ -56,8 +60,10 @@ class SideNeighbours {
   std::vector<SideGroup> groups_;
   std::int64_t stray_ = 0;
   std::vector<int> group_of_facet_;
+  std::int64_t image_of(std::size_t facet) const { return image_.empty() ? -1 : image_[facet]; }
+
   /// For each facet: the facet that is its periodic image, or −1, and whether nodes are to be mapped with the link or
-  /// against it.
+  /// against it. Empty if there are no periodic links.
   std::vector<std::int64_t> image_;
   std::vector<std::int32_t> image_link_;  ///< 1-based number of the link; negative for its second side.
   std::vector<std::vector<std::pair<std::int32_t, std::int32_t>>> there_, back_;  ///< Node pairs, sorted, per link.

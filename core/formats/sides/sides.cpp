@@ -1,10 +1,9 @@
 #include "core/formats/sides/sides.h"
 
 #include <algorithm>
+#include <array>
 #include <cassert>
 #include <vector>
-
-#include "core/reference/cache.h"
 
 namespace varimesh::formats {
 
@@ -43,17 +42,20 @@ int facet_with(Shape shape, Vertices vertices) {
   return 0;
 }
 
+std::array<std::vector<CgnsSide>, kShapes> all_sides() {
+  std::array<std::vector<CgnsSide>, kShapes> all;
+  for (int shape = 0; shape < kShapes; ++shape)
+    for (const Vertices& vertices : vertices_of(Shape(shape)))
+      all[std::size_t(shape)].push_back(
+          {4 - int(std::count(vertices.begin(), vertices.end(), -1)), vertices, facet_with(Shape(shape), vertices)});
+  return all;
+}
+
 }  // namespace
 
 std::span<const CgnsSide> cgns_sides(Shape shape) {
-  static reference::Cache<std::array<int, 1>, std::vector<CgnsSide>> cache;
-  return cache.get({int(shape)}, [&] {
-    std::vector<CgnsSide> sides;
-    for (const Vertices& vertices : vertices_of(shape))
-      sides.push_back(
-          {4 - int(std::count(vertices.begin(), vertices.end(), -1)), vertices, facet_with(shape, vertices)});
-    return sides;
-  });
+  static const std::array<std::vector<CgnsSide>, kShapes> all = all_sides();
+  return all[std::size_t(shape)];
 }
 
 }  // namespace varimesh::formats

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <array>
 #include <cstring>
+#include <type_traits>
+#include <utility>
 
 #include "core/formats/scanner.h"
 #include "core/formats/xml/encoding.h"
@@ -39,8 +41,9 @@ class Decoder {
     scan.fail("the array '" + array_.name.substr(0, 40) + "' " + what);
   }
 
-  /// The values' bytes, in this machine's order.
-  std::string bytes() {
+  /// Calls begin(number of values), then more(bytes) for the values in order, some at a time.
+  template <class Begin, class More>
+  void read(const Begin& begin, const More& more) {
     const std::size_t size = size_of(array_.type);
     if (size == 0) fail("has the unknown type '" + array_.type.substr(0, 40) + "'");
     std::string_view stored;
@@ -54,12 +57,11 @@ class Decoder {
       if (!decode_base64(stored, decoded)) fail("is not base64");
       stored = decoded;
     }
-    std::string values = encoding_.compressed ? inflated(stored) : plain(stored);
+    if (encoding_.compressed) return inflated(stored, size, begin, more);
+    const std::string_view values = plain(stored);
     if (values.size() % size != 0) fail("ends inside a value");
-    if (encoding_.swapped && size > 1)
-      for (std::size_t at = 0; at < values.size(); at += size)
-        std::reverse(values.begin() + std::ptrdiff_t(at), values.begin() + std::ptrdiff_t(at + size));
-    return values;
+    begin(values.size() / size);
+    more(values);
   }
 
  private:
@@ -117,29 +119,38 @@ class Decoder {
     return decoded;
   }
 
-  std::string plain(std::string_view stored) {
+  std::string_view plain(std::string_view stored) {
     const std::uint64_t size = header(stored, 0);
     if (size > stored.size() - header_size()) fail("is incomplete");
-    allowance_.take(std::size_t(size), 1);
-    return std::string(stored.substr(header_size(), std::size_t(size)));
+    return stored.substr(header_size(), std::size_t(size));
   }
 
-  std::string inflated(std::string_view stored) {
+  template <class Begin, class More>
+  void inflated(std::string_view stored, std::size_t value_size, const Begin& begin, const More& more) {
     const std::uint64_t blocks = header(stored, 0), block_size = header(stored, 1), last = header(stored, 2);
+    constexpr std::uint64_t kLargest = std::uint64_t(1) << 40;
     if (blocks > stored.size() / header_size()) fail("has more blocks than bytes");
+    if (block_size > kLargest || last > kLargest) fail("has a block of the wrong size");
+    const std::uint64_t whole = blocks == 0 ? 0 : (blocks - 1) * block_size + (last > 0 ? last : block_size);
+    if (whole / (blocks + 1) > kLargest) fail("has a block of the wrong size");
+    if (whole % value_size != 0) fail("ends inside a value");
+    begin(std::size_t(whole / value_size));
     std::size_t at = header_size() * (3 + std::size_t(blocks));
-    std::string values;
+    std::string values;  // bytes that are not whole values yet, and those of the next block
     for (std::uint64_t block = 0; block < blocks; ++block) {
       const std::uint64_t size = header(stored, 3 + std::size_t(block));
       if (at > stored.size() || size > stored.size() - at) fail("is incomplete");
       const std::size_t before = values.size();
       // Bytes after the end of the zlib stream mean nothing.
       if (!inflate_zlib(stored.substr(at, std::size_t(size)), values, allowance_)) fail("is damaged or incomplete");
-      const std::uint64_t wanted = block + 1 == blocks && last > 0 ? last : block_size;
-      if (values.size() - before != wanted) fail("has a block of the wrong size");
+      const std::size_t added = values.size() - before;
+      if (added != (block + 1 == blocks && last > 0 ? last : block_size)) fail("has a block of the wrong size");
+      const std::size_t complete = values.size() / value_size * value_size;
+      more(std::string_view(values).substr(0, complete));
+      values.erase(0, complete);
+      allowance_.give_back(added);
       at += std::size_t(size);
     }
-    return values;
   }
 
   const VtkArray& array_;
@@ -147,82 +158,94 @@ class Decoder {
   FileAllowance& allowance_;
 };
 
-template <class To, class From>
-void convert(const std::string& bytes, std::vector<To>& values) {
-  values.resize(bytes.size() / sizeof(From));
-  for (std::size_t i = 0; i < values.size(); ++i) {
+/// Appends the values of some bytes. Throws if a value is no To.
+template <class From, class To>
+void append(const Decoder& decoder, std::string_view bytes, bool swapped, std::vector<To>& values) {
+  for (std::size_t at = 0; at < bytes.size(); at += sizeof(From)) {
+    std::array<char, sizeof(From)> raw;
+    std::memcpy(raw.data(), bytes.data() + at, sizeof(From));
+    if (swapped) std::reverse(raw.begin(), raw.end());
     From value;
-    std::memcpy(&value, bytes.data() + i * sizeof(From), sizeof(From));
-    values[i] = To(value);
+    std::memcpy(&value, raw.data(), sizeof(From));
+    if constexpr (std::is_integral_v<To> && std::is_integral_v<From>)
+      if (!std::in_range<To>(value)) decoder.fail("has the value " + std::to_string(value) + ", which is too large");
+    values.push_back(To(value));
   }
 }
 
 template <class To>
-std::vector<To> values_of(const VtkArray& array, const VtkEncoding& encoding, FileAllowance& allowance) {
-  Decoder decoder(array, encoding, allowance);
-  const std::string_view type = array.type;
-  constexpr bool kWhole = std::is_same_v<To, std::int64_t>;
-  if (kWhole && type.starts_with("Float")) decoder.fail("must have whole numbers");
+using Append = void (*)(const Decoder&, std::string_view, bool, std::vector<To>&);
+
+/// Null if values of this type are no To.
+template <class To>
+Append<To> append_of(std::string_view type) {
+  if (std::is_integral_v<To> && type.starts_with("Float")) return nullptr;
+  if (type == "Float64") return append<double, To>;
+  if (type == "Float32") return append<float, To>;
+  if (type == "Int64") return append<std::int64_t, To>;
+  if (type == "UInt64") return append<std::uint64_t, To>;
+  if (type == "Int32") return append<std::int32_t, To>;
+  if (type == "UInt32") return append<std::uint32_t, To>;
+  if (type == "Int16") return append<std::int16_t, To>;
+  if (type == "UInt16") return append<std::uint16_t, To>;
+  return type == "Int8" ? append<std::int8_t, To> : append<std::uint8_t, To>;
+}
+
+template <class To>
+std::vector<To> values_of_text(const VtkArray& array, const Decoder& decoder, const VtkEncoding& encoding,
+                               FileAllowance& allowance) {
+  if (size_of(array.type) == 0) decoder.fail("has the unknown type '" + array.type.substr(0, 40) + "'");
   std::vector<To> values;
-  if (array.place == VtkPlace::Text) {
-    if (size_of(type) == 0) decoder.fail("has the unknown type '" + array.type.substr(0, 40) + "'");
-    Scanner scan(encoding.file.substr(0, array.text.begin + array.text.length));
-    scan.go_to(array.text.begin);
-    for (scan.skip_space(); !scan.at_end(); scan.skip_space()) {
-      allowance.take(1, sizeof(To));
-      if constexpr (kWhole)
-        values.push_back(scan.text_integer("a value of an array"));
-      else
-        values.push_back(scan.text_number("a value of an array"));
+  Scanner scan(encoding.file.substr(0, array.text.begin + array.text.length));
+  scan.go_to(array.text.begin);
+  for (scan.skip_space(); !scan.at_end(); scan.skip_space()) {
+    allowance.take(1, sizeof(To));
+    if constexpr (std::is_integral_v<To>) {
+      const std::int64_t value = scan.text_integer("a value of an array");
+      if (!std::in_range<To>(value)) decoder.fail("has the value " + std::to_string(value) + ", which is too large");
+      values.push_back(To(value));
+    } else {
+      values.push_back(scan.text_number("a value of an array"));
     }
-    return values;
   }
-  const std::string bytes = decoder.bytes();
-  allowance.take(bytes.size() / size_of(type), sizeof(To));
-  if (type == "Float64")
-    convert<To, double>(bytes, values);
-  else if (type == "Float32")
-    convert<To, float>(bytes, values);
-  else if (type == "Int64" || type == "UInt64")
-    convert<To, std::int64_t>(bytes, values);
-  else if (type == "Int32")
-    convert<To, std::int32_t>(bytes, values);
-  else if (type == "UInt32")
-    convert<To, std::uint32_t>(bytes, values);
-  else if (type == "Int16")
-    convert<To, std::int16_t>(bytes, values);
-  else if (type == "UInt16")
-    convert<To, std::uint16_t>(bytes, values);
-  else if (type == "Int8")
-    convert<To, std::int8_t>(bytes, values);
-  else
-    convert<To, std::uint8_t>(bytes, values);
-  return values;
-}
-
-template <class To>
-std::vector<To> exactly(std::size_t count, std::vector<To> values, const VtkArray& array, const VtkEncoding& encoding,
-                        FileAllowance& allowance) {
-  if (values.size() != count)
-    Decoder(array, encoding, allowance)
-        .fail("has " + std::to_string(values.size()) + " values; " + std::to_string(count) + " were expected");
   return values;
 }
 
 }  // namespace
 
-std::vector<double> vtk_numbers(const VtkArray& array, std::size_t count, const VtkEncoding& encoding,
-                                FileAllowance& allowance) {
-  return exactly(count, values_of<double>(array, encoding, allowance), array, encoding, allowance);
+template <class T>
+std::vector<T> vtk_values(const VtkArray& array, std::optional<std::size_t> count, const VtkEncoding& encoding,
+                          FileAllowance& allowance) {
+  Decoder decoder(array, encoding, allowance);
+  const Append<T> append = append_of<T>(array.type);
+  if (append == nullptr) decoder.fail("must have whole numbers");
+  const auto check = [&](std::size_t own) {
+    if (count && own != *count)
+      decoder.fail("has " + std::to_string(own) + " values; " + std::to_string(*count) + " were expected");
+  };
+  std::vector<T> values;
+  if (array.place == VtkPlace::Text) {
+    values = values_of_text<T>(array, decoder, encoding, allowance);
+    check(values.size());
+    return values;
+  }
+  decoder.read(
+      [&](std::size_t own) {
+        check(own);
+        allowance.take(own, sizeof(T));
+        values.reserve(own);
+      },
+      [&](std::string_view bytes) { append(decoder, bytes, encoding.swapped, values); });
+  return values;
 }
 
-std::vector<std::int64_t> vtk_integers(const VtkArray& array, std::size_t count, const VtkEncoding& encoding,
-                                       FileAllowance& allowance) {
-  return exactly(count, vtk_integers(array, encoding, allowance), array, encoding, allowance);
-}
-
-std::vector<std::int64_t> vtk_integers(const VtkArray& array, const VtkEncoding& encoding, FileAllowance& allowance) {
-  return values_of<std::int64_t>(array, encoding, allowance);
-}
+template std::vector<double> vtk_values(const VtkArray&, std::optional<std::size_t>, const VtkEncoding&,
+                                        FileAllowance&);
+template std::vector<std::int64_t> vtk_values(const VtkArray&, std::optional<std::size_t>, const VtkEncoding&,
+                                              FileAllowance&);
+template std::vector<std::int32_t> vtk_values(const VtkArray&, std::optional<std::size_t>, const VtkEncoding&,
+                                              FileAllowance&);
+template std::vector<std::uint8_t> vtk_values(const VtkArray&, std::optional<std::size_t>, const VtkEncoding&,
+                                              FileAllowance&);
 
 }  // namespace varimesh::formats

@@ -35,14 +35,11 @@ struct VtkEncoding {
   std::size_t appended = 0;   ///< The byte after the underscore.
 };
 
-/// The values of an array with exactly `count` values. Throws ReadFailure if the array has fewer or more, or is
-/// damaged.
-std::vector<double> vtk_numbers(const VtkArray& array, std::size_t count, const VtkEncoding& encoding,
-                                FileAllowance& allowance);
-/// The same for whole numbers; refuses an array of other types.
-std::vector<std::int64_t> vtk_integers(const VtkArray& array, std::size_t count, const VtkEncoding& encoding,
-                                       FileAllowance& allowance);
-/// The same for any count.
-std::vector<std::int64_t> vtk_integers(const VtkArray& array, const VtkEncoding& encoding, FileAllowance& allowance);
+/// The values of an array; if `count` is given, exactly so many. T: double, or std::int64_t, std::int32_t and
+/// std::uint8_t for whole numbers. Throws ReadFailure if the array has another number of values, if one is no T, or if
+/// it is damaged.
+template <class T>
+std::vector<T> vtk_values(const VtkArray& array, std::optional<std::size_t> count, const VtkEncoding& encoding,
+                          FileAllowance& allowance);
 
 }  // namespace varimesh::formats

@@ -94,14 +94,11 @@ double gap(const HighOrderMesh& mesh, Filling filling, int order, bool outlines)
 
 /// Whether files of this format can hold the grid, and be read.
 bool takes(Format format, Filling filling, int order) {
-  const bool pyramids = filling == Filling::Pyramids || filling == Filling::MixedSolid;
   switch (format) {
     case Format::Hopr:
       return !testing::is_plane(filling) && testing::use_hdf5();
     case Format::Cgns:
       return order <= 4 && testing::use_hdf5();
-    case Format::Vtu:
-      return !pyramids || order <= 2;
     default:
       return true;
   }

@@ -1,0 +1,174 @@
+// The arrays of a VTU file that is written: appended raw data in zlib streams. Internal to core/formats.
+// Format: "VTK XML Formats" in the VTK documentation. An array begins with a header of UInt64: the number of blocks,
+// the bytes per block, the bytes of the last block if it is shorter, and the compressed bytes of each block.
+#pragma once
+
+#include <zlib.h>
+
+#include <cstdint>
+#include <cstring>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "core/base/team.h"
+#include "core/formats/buffered_output.h"
+
+namespace varimesh::formats {
+
+/// Bytes of a block, a multiple of the size of every type.
+inline constexpr std::size_t kVtkBlock = std::size_t(1) << 18;
+
+/// What an array is called in the file.
+struct VtkName {
+  std::string name;
+  std::string type;
+  int components = 1;
+};
+
+/// How many bytes an array with `bytes` bytes needs so that it has `remainder` bytes more than a multiple of 4. They
+/// follow the end of the last zlib stream, where nobody looks for data.
+constexpr std::size_t vtk_padding(std::size_t bytes, std::size_t remainder) { return (4 + remainder - bytes % 4) % 4; }
+
+/// An array of numbers that compress well. Its compressed blocks stay in memory until the file has its header.
+class CompressedArray {
+ public:
+  CompressedArray(const Team& team, VtkName name) : name(std::move(name)), team_(team), block_(kVtkBlock) {}
+
+  VtkName name;
+
+  template <class T>
+  void put(T value) {
+    if (used_ + sizeof(T) > kVtkBlock) end_block();
+    std::memcpy(block_.data() + used_, &value, sizeof(T));
+    used_ += sizeof(T);
+    ++count_;
+  }
+  std::size_t count() const { return count_; }
+
+  void finish() {
+    last_ = used_;
+    if (used_ > 0) end_block();
+    compress();
+    block_ = {};
+  }
+
+  void pad(std::size_t remainder) {
+    if (sizes_.empty()) return;
+    const std::size_t added = vtk_padding(bytes(), remainder);
+    data_.append(added, '\0');
+    sizes_.back() += added;
+  }
+
+  std::size_t bytes() const { return 8 * (3 + sizes_.size()) + data_.size(); }
+
+  void write(BufferedOutput& out) const {
+    const std::uint64_t partial = last_ == kVtkBlock ? 0 : last_;
+    std::vector<std::uint64_t> header{sizes_.size(), kVtkBlock, partial};
+    header.insert(header.end(), sizes_.begin(), sizes_.end());
+    out.text({reinterpret_cast<const char*>(header.data()), 8 * header.size()});
+    out.text(data_);
+  }
+
+ private:
+  static constexpr std::size_t kBlocksPerThread = 4;  // that wait to be compressed at the same time
+
+  void end_block() {
+    block_.resize(used_);
+    waiting_.push_back(std::exchange(block_, std::vector<char>(kVtkBlock)));
+    used_ = 0;
+    if (waiting_.size() >= kBlocksPerThread * std::size_t(team_.threads())) compress();
+  }
+
+  void compress() {
+    std::vector<std::string> compressed(waiting_.size());
+    team_.for_each(std::int32_t(waiting_.size()), 1, [&](std::int32_t i) {
+      const std::vector<char>& block = waiting_[std::size_t(i)];
+      std::string& bytes = compressed[std::size_t(i)];
+      uLongf size = compressBound(uLong(block.size()));
+      bytes.resize(size);
+      compress2(reinterpret_cast<Bytef*>(bytes.data()), &size, reinterpret_cast<const Bytef*>(block.data()),
+                uLong(block.size()), 1);
+      bytes.resize(size);
+    });
+    for (const std::string& bytes : compressed) {
+      data_ += bytes;
+      sizes_.push_back(bytes.size());
+    }
+    waiting_.clear();
+  }
+
+  const Team& team_;
+  std::vector<char> block_;
+  std::size_t used_ = 0, last_ = 0, count_ = 0;
+  std::vector<std::vector<char>> waiting_;
+  std::string data_;
+  std::vector<std::uint64_t> sizes_;
+};
+
+/// An array of numbers that hardly compress, or that are many: zlib streams whose content is stored as it is. Their
+/// sizes are known before the numbers are, so nothing of it stays in memory. Level 1 of zlib takes twenty times as long
+/// and saves 5 per cent of coordinates.
+class StoredArray {
+ public:
+  StoredArray(VtkName name, std::size_t content) : name(std::move(name)), content_(content) {}
+
+  VtkName name;
+
+  void pad(std::size_t remainder) {
+    if (content_ > 0) padding_ = vtk_padding(bytes(), remainder);
+  }
+  std::size_t bytes() const {
+    std::size_t sum = 8 * (3 + blocks()) + padding_;
+    for (std::size_t block = 0; block < blocks(); ++block) sum += stream_size(size_of(block));
+    return sum;
+  }
+
+  /// Writes the array. fill(put) calls put(value) for each of its numbers.
+  template <class Fill>
+  void write(BufferedOutput& out, const Fill& fill) const {
+    std::vector<std::uint64_t> header{blocks(), kVtkBlock, content_ % kVtkBlock};
+    for (std::size_t block = 0; block < blocks(); ++block) header.push_back(stream_size(size_of(block)));
+    if (content_ > 0) header.back() += padding_;
+    out.text({reinterpret_cast<const char*>(header.data()), 8 * header.size()});
+    std::vector<char> block(kVtkBlock);
+    std::size_t used = 0;
+    const auto put = [&](auto value) {
+      std::memcpy(block.data() + used, &value, sizeof value);
+      used += sizeof value;
+      if (used == kVtkBlock) write_stream({block.data(), std::exchange(used, 0)}, out);
+    };
+    fill(put);
+    if (used > 0) write_stream({block.data(), used}, out);
+    out.text(std::string(padding_, '\0'));
+  }
+
+ private:
+  static constexpr std::size_t kMostStored = 65535;  // RFC 1951, section 3.2.4
+
+  std::size_t blocks() const { return (content_ + kVtkBlock - 1) / kVtkBlock; }
+  std::size_t size_of(std::size_t block) const { return std::min(kVtkBlock, content_ - block * kVtkBlock); }
+  /// A zlib stream has 2 bytes before its parts, 5 before each part, and a checksum of 4 (RFC 1950).
+  static constexpr std::size_t stream_size(std::size_t bytes) {
+    return 2 + (bytes + kMostStored - 1) / kMostStored * 5 + bytes + 4;
+  }
+
+  static void write_stream(std::string_view bytes, BufferedOutput& out) {
+    const auto sum = std::uint32_t(adler32(1, reinterpret_cast<const Bytef*>(bytes.data()), uInt(bytes.size())));
+    out.text(std::string_view("\x78\x01", 2));
+    while (!bytes.empty()) {
+      const std::string_view part = bytes.substr(0, kMostStored);
+      bytes.remove_prefix(part.size());
+      const auto low = char(part.size() & 255), high = char(part.size() >> 8);
+      const char head[] = {char(bytes.empty() ? 1 : 0), low, high, char(~low), char(~high)};
+      out.text({head, sizeof head});
+      out.text(part);
+    }
+    const char tail[] = {char(sum >> 24), char(sum >> 16), char(sum >> 8), char(sum)};
+    out.text({tail, sizeof tail});
+  }
+
+  std::size_t content_, padding_ = 0;
+};
+
+}  // namespace varimesh::formats
