@@ -17,7 +17,7 @@ struct JobRecord {
   TimePoint lease_end{};
   std::string history_digest;
   std::optional<CheckpointReference> checkpoint;
-  std::string trace_id;        ///< Of the call that submitted the job; empty: none. PostgreSQL does not keep it.
+  std::string trace_id;        ///< Of the call that submitted the job; empty: none.
   bool cancel_unseen = false;  ///< The job is CANCELLING, but there is no event of that yet.
 };
 

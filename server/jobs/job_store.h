@@ -176,7 +176,7 @@ class JobStore {
 
   /// Claims the next job, which becomes RUNNING, with a lease. Returns nothing if no job waits, except jobs of peers
   /// that already have as many running as they may have. Peers take turns (turns.h), and the jobs of each peer come in
-  /// the order of turn_of(). In PostgreSQL, the jobs of all peers come in that order.
+  /// the order of turn_of().
   virtual Answer<std::optional<Claimed>> claim(const std::string& worker) = 0;
   /// Renews the lease. Returns true if the job is to be cancelled.
   virtual Answer<bool> renew_lease(const Claim& claim) = 0;

@@ -64,18 +64,22 @@ bool PostgresJobStore::has_ample_room(int max_pending) {
 }
 
 Answer<void> PostgresJobStore::check_room(PostgresConnection& connection, const Submission& submission) {
+  const auto count_of_peer = [&] {
+    return connection
+        .query("SELECT count(*) FROM jobs WHERE state = 1 AND peer = $1", PostgresValues().add(submission.peer))
+        .number(0, 0);
+  };
   // With many waiting jobs the count takes milliseconds.
   if (!has_ample_room(submission.max_pending)) {
     const std::int64_t waiting = connection.query("SELECT count(*) FROM jobs WHERE state = 1").number(0, 0);
-    if (waiting >= submission.max_pending) return queue_full(static_cast<int>(waiting));
+    if (waiting >= submission.max_pending && is_full(waiting, count_of_peer(), submission.max_pending))
+      return queue_full(static_cast<int>(waiting));
     std::lock_guard lock(waiting_mutex_);
     waiting_ = waiting;
     counted_ = std::chrono::steady_clock::now();
   }
   if (submission.max_pending_of_peer == 0) return {};
-  const std::int64_t of_peer =
-      connection.query("SELECT count(*) FROM jobs WHERE state = 1 AND peer = $1", PostgresValues().add(submission.peer))
-          .number(0, 0);
+  const std::int64_t of_peer = count_of_peer();
   if (of_peer < submission.max_pending_of_peer) return {};
   return too_many_waiting(submission.peer, static_cast<int>(of_peer));
 }
@@ -254,8 +258,14 @@ Answer<std::vector<std::string>> PostgresJobStore::ended_beyond(std::size_t keep
   return database_.read<std::vector<std::string>>([&](PostgresConnection& connection)
                                                       -> Answer<std::vector<std::string>> {
     const PostgresRows rows = connection.query(
-        "SELECT name FROM jobs WHERE ended IS NOT NULL AND ended < $1 AND (ended, key) <= (SELECT ended, key FROM jobs "
-        "WHERE ended IS NOT NULL ORDER BY ended DESC, key DESC LIMIT 1 OFFSET $2) ORDER BY ended DESC, key DESC",
+        // The owners are found one after another in the index, so the time depends on what is kept of each.
+        "WITH RECURSIVE owners(owner) AS ((SELECT owner FROM jobs WHERE ended IS NOT NULL ORDER BY owner LIMIT 1) "
+        "UNION "
+        "ALL SELECT (SELECT owner FROM jobs WHERE ended IS NOT NULL AND owner > owners.owner ORDER BY owner LIMIT 1) "
+        "FROM owners WHERE owners.owner IS NOT NULL) SELECT old.name FROM owners CROSS JOIN LATERAL (SELECT name, "
+        "ended "
+        "FROM jobs WHERE owner = owners.owner AND ended IS NOT NULL ORDER BY ended DESC, key DESC OFFSET $2) AS old "
+        "WHERE old.ended < $1",
         PostgresValues()
             .add(std::chrono::duration_cast<std::chrono::nanoseconds>(before.time_since_epoch()).count())
             .add(static_cast<std::int64_t>(keep)));

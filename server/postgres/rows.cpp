@@ -22,7 +22,8 @@ enum Column {
   Spec,
   Furthest,
   Peer,
-  CancelUnseen
+  CancelUnseen,
+  Trace
 };
 
 std::int64_t nanoseconds(TimePoint time) {
@@ -69,7 +70,7 @@ void add_record(PostgresValues& values, const JobRecord& record) {
 
 std::string select_rows(std::string_view rest) {
   return "SELECT jobs.key, token, lost, worker, lease_end, history, checkpoint, checkpoint_iteration, job, spec, "
-         "furthest, peer, cancel_unseen::integer FROM jobs JOIN specs ON specs.key = jobs.key " +
+         "furthest, peer, cancel_unseen::integer, trace FROM jobs JOIN specs ON specs.key = jobs.key " +
          std::string(rest);
 }
 
@@ -88,6 +89,7 @@ Answer<Row> read_row(const PostgresRows& rows, int at) {
   record.furthest = static_cast<int>(rows.number(at, Furthest));
   record.peer = rows.text(at, Peer);
   record.cancel_unseen = rows.number(at, CancelUnseen) != 0;
+  record.trace_id = rows.text(at, Trace);
   if (!parse(rows.view(at, Job), &record.job) || !parse(rows.view(at, Spec), record.job.mutable_spec()))
     return damaged("a job (row " + std::to_string(row.key) + " of the database)");
   return row;
@@ -133,10 +135,11 @@ bool insert(PostgresConnection& connection, const Submission& submission, Row& r
     values.add(submission.request_id);
   values.add(submission.owner).add(submission.peer).add(turn_of(row.record.job));
   add_record(values, row.record);
+  values.add(submission.trace_id);
   const PostgresRows inserted = connection.query(
       "INSERT INTO jobs(name, request_id, owner, peer, turn, state, ended, token, lost, furthest, worker, lease_end, "
-      "history, checkpoint, checkpoint_iteration, cancel_unseen, job) "
-      "VALUES($1, $2, $3, $4, $5, $6, $7, $8, $9, $10, $11, $12, $13, $14, $15, $16::integer::boolean, $17) "
+      "history, checkpoint, checkpoint_iteration, cancel_unseen, job, trace) "
+      "VALUES($1, $2, $3, $4, $5, $6, $7, $8, $9, $10, $11, $12, $13, $14, $15, $16::integer::boolean, $17, $18) "
       "ON CONFLICT(owner, request_id) DO NOTHING RETURNING key",
       values);
   if (inserted.count() == 0) return false;

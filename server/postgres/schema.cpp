@@ -80,10 +80,22 @@ INSERT INTO needs SELECT mesh_in(spec), key, true FROM specs WHERE mesh_in(spec)
 INSERT INTO needs SELECT DISTINCT one, key, false FROM jobs,
   unnest(ARRAY(SELECT digests_in(job)) || history || checkpoint) AS one WHERE one <> '';
 )";
+// Peers take turns, and each owner has ended jobs of its own. Jobs keep the trace of their call. The turns are written
+// with every claim and may be lost with the database's process, so they are not in its log.
+constexpr char kToVersion5[] = R"(
+ALTER TABLE jobs ADD COLUMN trace TEXT NOT NULL DEFAULT '';  -- of the call that submitted the job
+CREATE UNLOGGED TABLE turns(peer TEXT PRIMARY KEY, served BIGINT NOT NULL) WITH (fillfactor = 50);  -- the last turn
+CREATE SEQUENCE turn_numbers;
+DROP INDEX jobs_waiting, jobs_waiting_of, jobs_running, jobs_ended;
+CREATE INDEX jobs_waiting ON jobs(key) WHERE state = 1;
+CREATE INDEX jobs_waiting_of ON jobs(peer, turn, key) WHERE state = 1;
+CREATE INDEX jobs_running ON jobs(peer) WHERE worker <> '';
+CREATE INDEX jobs_ended_of ON jobs(owner, ended, key) WHERE ended IS NOT NULL;
+)";
 static_assert(v1::JOB_STATE_PENDING == 1);
 
 /// Step i leads from version i to version i + 1. A step that was released is never changed.
-constexpr const char* kSteps[] = {kToVersion1, kToVersion2, kToVersion3, kToVersion4};
+constexpr const char* kSteps[] = {kToVersion1, kToVersion2, kToVersion3, kToVersion4, kToVersion5};
 
 constexpr char kVersions[] =
     "CREATE TABLE IF NOT EXISTS varimesh_schema(version INTEGER PRIMARY KEY, made TIMESTAMPTZ NOT NULL DEFAULT now())";

@@ -1,5 +1,6 @@
 // The calls of PostgresJobStore that workers make: claims and leases.
 #include <type_traits>
+#include <vector>
 
 #include "server/postgres/postgres_job_store.h"
 #include "server/postgres/rows.h"
@@ -12,6 +13,35 @@ using postgres::Lock;
 
 std::int64_t nanoseconds(TimePoint time) {
   return std::chrono::duration_cast<std::chrono::nanoseconds>(time.time_since_epoch()).count();
+}
+
+/// Returns the peers that have waiting jobs, and of which fewer than `most` run (0: any number), in the order in which
+/// they are served (turns.h). The database finds each of them in an index, however many jobs it has.
+std::vector<std::string> peers_in_turn(PostgresConnection& connection, int most) {
+  const PostgresRows rows = connection.query(
+      "WITH RECURSIVE waiting(peer) AS ((SELECT peer FROM jobs WHERE state = 1 ORDER BY peer LIMIT 1) UNION ALL "
+      "SELECT (SELECT peer FROM jobs WHERE state = 1 AND peer > waiting.peer ORDER BY peer LIMIT 1) FROM waiting "
+      "WHERE waiting.peer IS NOT NULL), "
+      "running AS (SELECT peer, count(*) AS jobs FROM jobs WHERE worker <> '' GROUP BY peer) "
+      "SELECT peer FROM waiting LEFT JOIN running USING(peer) LEFT JOIN turns USING(peer) WHERE peer IS NOT NULL "
+      "AND (peer = '' OR $1::bigint = 0 OR coalesce(jobs, 0) < $1::bigint) "
+      "ORDER BY coalesce(jobs, 0), coalesce(served, 0), peer",
+      PostgresValues().add(most));
+  std::vector<std::string> peers;
+  for (int i = 0; i < rows.count(); ++i) peers.push_back(rows.text(i, 0));
+  return peers;
+}
+
+/// Notes that it was the peer's turn. Waits for no other worker: one that notes a turn of the same peer at this moment
+/// does it for both.
+void take_turn(PostgresConnection& connection, const std::string& peer) {
+  const PostgresRows there = connection.query("SELECT 1 FROM turns WHERE peer = $1", PostgresValues().add(peer));
+  connection.query(
+      there.count() == 0
+          ? "INSERT INTO turns VALUES($1, nextval('turn_numbers')) ON CONFLICT DO NOTHING"
+          : "UPDATE turns SET served = nextval('turn_numbers') WHERE peer IN (SELECT peer FROM turns WHERE peer = $1 "
+            "FOR UPDATE SKIP LOCKED)",
+      PostgresValues().add(peer));
 }
 
 }  // namespace
@@ -36,37 +66,36 @@ Answer<Result> PostgresJobStore::write(const Claim& claim,
 
 Answer<std::optional<Claimed>> PostgresJobStore::claim(const std::string& worker) {
   using Result = std::optional<Claimed>;
+  const int most = database_.settings().max_running_of_peer;
   // The queue is usually empty, and then no transaction is needed.
-  const auto any = database_.read<bool>([](PostgresConnection& connection) -> Answer<bool> {
-    return connection.query("SELECT 1 FROM jobs WHERE state = 1 LIMIT 1").count() > 0;
-  });
-  if (!any) return tl::unexpected(any.error());
-  if (!*any) return Result();
+  const auto seen =
+      database_.read<std::vector<std::string>>([&](PostgresConnection& connection) -> Answer<std::vector<std::string>> {
+        return peers_in_turn(connection, most);
+      });
+  if (!seen) return tl::unexpected(seen.error());
+  if (seen->empty()) return Result();
   return database_.write<Result>([&](PostgresWork& transaction) -> Answer<Result> {
     PostgresConnection& connection = transaction.connection;
-    const int most = database_.settings().max_running_of_peer;
     // Two workers that count at the same time would both take the last place of a peer.
     if (most > 0) connection.query("SELECT pg_advisory_xact_lock(hashtext('varimesh claim'))");
-    const PostgresRows rows =
-        most > 0
-            ? connection.query(
-                  postgres::select_rows(
-                      "WHERE state = 1 AND peer NOT IN (SELECT peer FROM jobs WHERE worker <> '' AND peer <> '' "
-                      "GROUP BY peer HAVING count(*) >= $1) ORDER BY turn, jobs.key LIMIT 1 FOR UPDATE OF jobs SKIP "
-                      "LOCKED"),
-                  PostgresValues().add(most))
-            : connection.query(postgres::select_rows(
-                  "WHERE state = 1 ORDER BY turn, jobs.key LIMIT 1 FOR UPDATE OF jobs SKIP LOCKED"));
-    if (rows.count() == 0) return Result();
-    auto row = postgres::read_row(rows, 0);
-    if (!row) {
-      postgres::set_aside(connection, rows.number(0, 0));
-      return Result();  // the next call finds the next job
+    for (const std::string& peer : most > 0 ? peers_in_turn(connection, most) : *seen) {
+      const PostgresRows rows = connection.query(
+          postgres::select_rows(
+              "WHERE state = 1 AND peer = $1 ORDER BY turn, jobs.key LIMIT 1 FOR UPDATE OF jobs SKIP LOCKED"),
+          PostgresValues().add(peer));
+      if (rows.count() == 0) continue;  // other workers have just claimed the last ones
+      auto row = postgres::read_row(rows, 0);
+      if (!row) {
+        postgres::set_aside(connection, rows.number(0, 0));
+        return Result();  // the next call finds the next job
+      }
+      Changed changed = transaction.transitions.claim(row->record, worker);
+      postgres::save(connection, *row);
+      postgres::save_events(connection, row->key, changed);
+      take_turn(connection, peer);
+      return Claimed{claim_of(row->record), std::move(changed.events)};
     }
-    Changed changed = transaction.transitions.claim(row->record, worker);
-    postgres::save(connection, *row);
-    postgres::save_events(connection, row->key, changed);
-    return Claimed{claim_of(row->record), std::move(changed.events)};
+    return Result();
   });
 }
 

@@ -94,6 +94,27 @@ class JobStoreConformance : public ::testing::TestWithParam<StoreKind> {
   int max_running_of_peer_ = 0;  ///< Takes effect at the next reopen().
 };
 
+/// Peers take turns.
+class FairTurns : public JobStoreConformance {
+ protected:
+  std::string submit_as(const std::string& peer, int priority = 0) {
+    now_ += std::chrono::milliseconds(1);
+    v1::JobSpec wanted = spec();
+    wanted.set_priority(priority);
+    const std::string name = "jobs/" + peer + std::to_string(++names_);
+    EXPECT_TRUE(store_->submit({"", wanted, name, 10'000, peer, 0, peer}));
+    return name;
+  }
+  /// Runs the next job to its end and returns its name.
+  std::string run_next() {
+    const auto claimed = *store_->claim("worker");
+    if (!claimed) return "";
+    now_ += std::chrono::seconds(1);
+    EXPECT_TRUE(store_->finish(claimed->claim, success(), 0));
+    return claimed->claim.name;
+  }
+};
+
 /// The tests of stores whose jobs outlive the process.
 class DurableJobStoreConformance : public JobStoreConformance {};
 

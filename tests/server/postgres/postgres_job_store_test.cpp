@@ -246,6 +246,36 @@ TEST_F(PostgresStore, KeepsTheLimitOfAPeerAmongSeveralStores) {
   EXPECT_EQ(claimed, 3);
 }
 
+TEST_F(PostgresStore, LetsPeersTakeTurnsAtAllStoresTogether) {
+  v1::JobSpec spec;
+  const auto submit_as = [&](const std::string& peer) {
+    EXPECT_TRUE(store_->submit({"", spec, "jobs/" + peer + std::to_string(++names_), 1000, peer, 0, peer}));
+  };
+  for (int i = 0; i < 30; ++i) submit_as("flood");
+  for (int i = 0; i < 3; ++i) submit_as("ann");
+  JobStoreSettings settings;
+  settings.clock = nullptr;
+  const auto other = InDatabase::open(settings, place_.url());
+  int of_ann = 0;
+  for (int i = 0; i < 6; ++i) {
+    JobStore& store = i % 2 == 0 ? static_cast<JobStore&>(*store_) : *other;
+    const auto claimed = *store.claim("worker");
+    ASSERT_TRUE(claimed);
+    if (claimed->claim.owner == "ann") ++of_ann;
+    ASSERT_TRUE(store.finish(claimed->claim, success(), 0));
+  }
+  EXPECT_EQ(of_ann, 3) << "a flood delays each job by one";
+  EXPECT_EQ(place_.run("SELECT count(*) FROM turns").number(0, 0), 2);
+}
+
+TEST_F(PostgresStore, KeepsTheTraceOfAJob) {
+  v1::JobSpec spec;
+  const std::string trace(32, 'a');
+  ASSERT_TRUE(store_->submit({"", spec, "jobs/traced", 1000, {}, 0, {}, trace}));
+  reopen(seconds(30));
+  EXPECT_EQ(claim().trace_id, trace);
+}
+
 TEST_F(PostgresStore, KeepsACancelRequestUntilTheWorkerOfTheJobSeesIt) {
   submit();
   const Claim first = claim();

@@ -39,7 +39,12 @@ TEST(PostgresSchema, IsUpdatedFromVersion1) {
   store.reset();
   place.run(
       "DROP FUNCTION note_mesh, note_needs, digests_in, mesh_in CASCADE; DROP TABLE needs; DROP TABLE meshes; "
-      "ALTER TABLE jobs DROP COLUMN cancel_unseen; DELETE FROM varimesh_schema WHERE version > 1");
+      "DROP TABLE turns; DROP SEQUENCE turn_numbers; DROP INDEX jobs_waiting, jobs_waiting_of, jobs_running, "
+      "jobs_ended_of; CREATE INDEX jobs_waiting ON jobs(turn, key) WHERE state = 1; CREATE INDEX jobs_waiting_of ON "
+      "jobs(peer) WHERE state = 1; CREATE INDEX jobs_running ON jobs(key) WHERE worker <> ''; CREATE INDEX jobs_ended "
+      "ON "
+      "jobs(ended, key) WHERE ended IS NOT NULL; "
+      "ALTER TABLE jobs DROP COLUMN cancel_unseen, DROP COLUMN trace; DELETE FROM varimesh_schema WHERE version > 1");
   const auto refused = PostgresJobStore::open(at(place));
   ASSERT_FALSE(refused);
   EXPECT_NE(refused.error().sentence.find("varimeshd migrate"), std::string::npos) << refused.error().sentence;

@@ -1,9 +1,8 @@
-// Who is next, and what is kept of each owner, with every store in which peers take turns.
+// Who is next, and what is kept of each owner, in every job store.
 #include <algorithm>
 
 #include "server/jobs/turns.h"
 #include "tests/server/jobs/job_store_conformance.h"
-#include "tests/server/jobs/job_stores.h"
 
 namespace varimesh::server::testing {
 namespace {
@@ -21,35 +20,14 @@ TEST(Turns, GoToWhoHasTheLeastAndWaitedLongest) {
   EXPECT_EQ(*turns.next({{"ann", 0}, {"eve", 0}}), "eve") << "who is new has had no turn";
 }
 
-class FairTurns : public JobStoreConformance {
- protected:
-  std::string submit_as(const std::string& peer, int priority = 0) {
-    now_ += std::chrono::milliseconds(1);
-    v1::JobSpec wanted = spec();
-    wanted.set_priority(priority);
-    const std::string name = peer + std::to_string(++names_);
-    EXPECT_TRUE(store_->submit({"", wanted, name, 10'000, peer, 0, peer}));
-    return name;
-  }
-  /// Runs the next job to its end and returns its name.
-  std::string run_next() {
-    const auto claimed = *store_->claim("worker");
-    if (!claimed) return "";
-    now_ += std::chrono::seconds(1);
-    EXPECT_TRUE(store_->finish(claimed->claim, success(), 0));
-    return claimed->claim.name;
-  }
-};
-INSTANTIATE_TEST_SUITE_P(Stores, FairTurns, ::testing::ValuesIn(kStores), name_of);
-
 TEST_P(FairTurns, NobodyWaitsForAllJobsOfSomebodyElse) {
   for (int i = 0; i < 500; ++i) submit_as("flood", 100);
   const std::string first = submit_as("ann", -100), second = submit_as("ann", -100), bobs = submit_as("bob");
   std::vector<std::string> order;
   for (int i = 0; i < 6; ++i) order.push_back(run_next());
-  EXPECT_EQ(std::ranges::count_if(order, [](const std::string& name) { return name.starts_with("flood"); }), 3);
+  EXPECT_EQ(std::ranges::count_if(order, [](const std::string& name) { return name.starts_with("jobs/flood"); }), 3);
   for (const std::string& name : {first, second, bobs}) EXPECT_NE(std::ranges::find(order, name), order.end()) << name;
-  EXPECT_TRUE(run_next().starts_with("flood")) << "who is left has all turns";
+  EXPECT_TRUE(run_next().starts_with("jobs/flood")) << "who is left has all turns";
 }
 
 TEST_P(FairTurns, PrioritiesOrderTheJobsOfOnePeer) {
@@ -62,11 +40,11 @@ TEST_P(FairTurns, PrioritiesOrderTheJobsOfOnePeer) {
 
 TEST_P(FairTurns, RunningJobsCountAsTurns) {
   for (const char* peer : {"ann", "ann", "ann", "bob"}) submit_as(peer);
-  EXPECT_TRUE(claim().name.starts_with("ann"));
-  EXPECT_TRUE(claim().name.starts_with("bob"));
-  EXPECT_TRUE(claim().name.starts_with("ann"));
+  EXPECT_TRUE(claim().name.starts_with("jobs/ann"));
+  EXPECT_TRUE(claim().name.starts_with("jobs/bob"));
+  EXPECT_TRUE(claim().name.starts_with("jobs/ann"));
   submit_as("bob");
-  EXPECT_TRUE(claim().name.starts_with("bob")) << "one of Bob's jobs runs, and two of Ann's";
+  EXPECT_TRUE(claim().name.starts_with("jobs/bob")) << "one of Bob's jobs runs, and two of Ann's";
 }
 
 TEST_P(FairTurns, NobodyFillsTheQueueForOthers) {
