@@ -14,9 +14,11 @@
 //   varimeshd --state state --store postgresql://…             keeps the jobs there
 //   varimeshd --state state --store postgresql://… --meshes /shared --role worker     runs jobs, beside other servers
 #include <spdlog/spdlog.h>
+#include <unistd.h>
 
 #include <csignal>
 #include <cstdio>
+#include <cstdlib>
 #include <fstream>
 #include <iostream>
 #include <string>
@@ -33,6 +35,7 @@
 #include "server/resources/descriptors.h"
 #include "server/server.h"
 #include "server/state/default_address.h"
+#include "server/tracing/exporter.h"
 
 namespace {
 
@@ -183,6 +186,27 @@ varimesh::Expected<varimesh::server::Engine> engine_for(const Flags& flags) {
                                            .warn = [](const std::string& line) { spdlog::warn("{}", line); }});
 }
 
+/// Makes the server send what its work takes to a collector, if the user wants it.
+varimesh::Expected<void> send_traces(Flags& flags) {
+  if (flags.traces.empty()) return {};
+  char host[256] = "";
+  ::gethostname(host, sizeof host - 1);
+  const char* const headers = std::getenv("OTEL_EXPORTER_OTLP_HEADERS");
+  constexpr const char* kRoles[] = {"all", "frontend", "worker"};
+  auto sink = varimesh::server::export_spans(
+      {.url = flags.traces,
+       .headers = headers == nullptr ? "" : headers,
+       .resource = {{"service.name", "varimeshd"},
+                    {"service.version", std::string(varimesh::version())},
+                    {"service.instance.id", std::string(host) + ":" + std::to_string(::getpid())},
+                    {"host.name", host},
+                    {"varimesh.role", kRoles[static_cast<int>(flags.options.role)]}},
+       .log = [](const std::string& line) { spdlog::warn("{}", line); }});
+  if (!sink) return tl::unexpected(sink.error());
+  flags.options.spans = std::move(*sink);
+  return {};
+}
+
 /// Waits for a signal and stops the server.
 void wait_and_stop(Server& server, const sigset_t& signals, int drain_seconds) {
   int signal = 0;
@@ -226,6 +250,10 @@ int main(int argc, char** argv) {
     return 2;
   }
   flags->options.engine = std::move(*engine);
+  if (const auto traced = send_traces(*flags); !traced) {
+    std::cerr << "varimeshd: " << traced.error().sentence << '\n';
+    return 2;
+  }
   const std::string warning = warning_about(flags->options);
   const bool keeps_jobs = !flags->options.state.empty(), has_neighbours = is_for_this_machine(flags->options);
   auto server = Server::start(std::move(flags->options));

@@ -102,6 +102,7 @@ Expected<void> Server::start_scheduler() {
     else
       metrics_->count_submission();
   };
+  settings.spans = options_.spans;
   settings.lost = [this] { metrics_->count_loss(); };
   settings.max_priority = options_.limits.max_priority;
   const WorkLimits work{options_.limits.max_job_iterations, options_.limits.max_job_seconds};

@@ -17,6 +17,7 @@
 #include "server/meshes/mesh_place.h"
 #include "server/resources/thread_budget.h"
 #include "server/tls/tls.h"
+#include "server/tracing/spans.h"
 
 namespace varimesh::server {
 
@@ -57,6 +58,7 @@ struct ServerOptions {
       false;      ///< The engine runs each job in a process of its own, and tells when that process has crashed.
   Engine engine;  ///< Runs the jobs: core_engine(), or an engine of a test.
   std::function<TimePoint()> clock = std::chrono::system_clock::now;
+  SpanSink spans;  ///< Takes what the parts of the work took, for a trace. Empty: nobody wants it.
   std::function<std::string()> new_name;  ///< Makes the names of new jobs. Empty: random names.
 };
 

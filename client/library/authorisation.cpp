@@ -11,7 +11,7 @@
 namespace varimesh::client {
 namespace {
 
-constexpr std::size_t kMostTokenBytes = 4096;
+constexpr std::size_t kMostTokenBytes = 4096, kMostTraceBytes = 256;
 
 std::string variable(const char* name) {
   const char* value = std::getenv(name);
@@ -87,6 +87,10 @@ Outcome<std::shared_ptr<grpc::ChannelCredentials>> channel_credentials(const Cre
 
 void authorise(const Settings& settings, grpc::ClientContext* call) {
   if (!settings.credentials.token.empty()) call->AddMetadata("authorization", "Bearer " + settings.credentials.token);
+  // The calls are part of the trace of the program that has started this one, if it says so.
+  const std::string parent = variable("TRACEPARENT");
+  if (!parent.empty() && parent.size() <= kMostTraceBytes && is_header(parent))
+    call->AddMetadata("traceparent", parent);
 }
 
 }  // namespace varimesh::client

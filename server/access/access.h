@@ -15,6 +15,7 @@
 #include "server/failure.h"
 #include "server/log/line_rate.h"
 #include "server/log/log_fields.h"
+#include "server/tracing/trace_context.h"
 
 namespace varimesh::server {
 
@@ -23,9 +24,9 @@ struct Caller {
   std::string owner;  ///< Whose jobs the caller submits. Empty: the server does not ask.
   std::string peer;   ///< Who the limits per peer count: the owner or, if the server does not ask, the address.
   Rights rights;
-  std::string address = {};   ///< From where the caller calls, without the port.
-  std::string trace_id = {};  ///< Of the call (W3C traceparent): 32 hexadecimal digits, or empty.
-  LogFields log_fields() const { return {.owner = owner, .address = address, .trace_id = trace_id}; }
+  std::string address = {};  ///< From where the caller calls, without the port.
+  TraceContext trace = {};   ///< Of the call.
+  LogFields log_fields() const { return {.owner = owner, .address = address, .trace_id = trace.trace_id}; }
   /// Whether the jobs and meshes of all owners are there for this caller.
   bool sees_all() const { return rights.contains(kAdmin); }
 };

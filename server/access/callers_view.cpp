@@ -7,8 +7,15 @@
 #include "core/base/sha256.h"
 #include "server/log/log.h"
 #include "server/refusals.h"
+#include "server/tracing/spans.h"
 
 namespace varimesh::server {
+
+namespace {
+
+const SpanSink kNobody;
+
+}  // namespace
 
 // ===== jobs =====
 
@@ -21,7 +28,14 @@ Answer<void> CallersView::check_job(const std::string& name) const {
 }
 
 Answer<v1::Job> CallersView::submit(const std::string& request_id, const v1::JobSpec& spec, bool validate_only) const {
-  auto job = try_submit(request_id, spec, validate_only);
+  const TimePoint begin = std::chrono::system_clock::now();
+  OpenSpan span(validate_only ? kNobody : scheduler_->spans(), "submit", caller_.trace, begin, Span::Kind::Server);
+  auto job = try_submit(request_id, spec, validate_only, span.context());
+  if (job)
+    span.set("varimesh.job", job->name());
+  else
+    span.fail(job.error().reason);
+  span.end(std::chrono::system_clock::now());
   if (!validate_only)
     audit("submit", job ? job->name() : "a job", job ? "ok" : job.error().reason, fields_about(job ? job->name() : ""));
   if (!job || caller_.rights.contains(kRead)) return job;
@@ -42,14 +56,14 @@ LogFields CallersView::fields_about(const std::string& job) const {
   return fields;
 }
 
-Answer<v1::Job> CallersView::try_submit(const std::string& request_id, const v1::JobSpec& spec,
-                                        bool validate_only) const {
+Answer<v1::Job> CallersView::try_submit(const std::string& request_id, const v1::JobSpec& spec, bool validate_only,
+                                        const TraceContext& trace) const {
   const std::string& digest = spec.mesh().digest();
   if (is_sha256(digest) && !may_use(digest)) return mesh_missing(digest);
   if (const auto room = meshes_->check_share(caller_.owner, 0); !room) return tl::unexpected(room.error());
   // On a server that does not ask who calls, everybody is an admin.
   const bool is_admin = caller_.sees_all() && !caller_.owner.empty();
-  return scheduler_->submit(request_id, spec, validate_only, {caller_.peer, caller_.owner, is_admin, caller_.trace_id});
+  return scheduler_->submit(request_id, spec, validate_only, {caller_.peer, caller_.owner, is_admin, trace.header()});
 }
 
 Answer<v1::Job> CallersView::get(const std::string& name) const {

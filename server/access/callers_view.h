@@ -49,7 +49,8 @@ class CallersView {
   /// The fields of a line of the log about what this caller does with a job.
   LogFields fields_about(const std::string& job) const;
   // As the methods without "try", which also write down what was done.
-  Answer<v1::Job> try_submit(const std::string& request_id, const v1::JobSpec& spec, bool validate_only) const;
+  Answer<v1::Job> try_submit(const std::string& request_id, const v1::JobSpec& spec, bool validate_only,
+                             const TraceContext& trace) const;
   Answer<void> try_remove_mesh(const std::string& digest) const;
   /// NOT_FOUND unless the job is there for the caller.
   Answer<void> check_job(const std::string& name) const;

@@ -9,7 +9,6 @@
 #include "server/access/callers_view.h"
 #include "server/access/certificate_name.h"
 #include "server/access/page_tokens.h"
-#include "server/access/trace.h"
 #include "server/addresses.h"
 #include "server/limits.h"
 #include "server/meshes/mesh_store.h"
@@ -48,7 +47,7 @@ Answer<CallersView> admit(const ApiContext& api, const Context& call, Method met
   auto caller = api.access.admit(method, authorization, peer_address(call.peer()), name);
   if (!caller) return tl::unexpected(caller.error());
   if (const auto parent = metadata.find("traceparent"); parent != metadata.end())
-    caller->trace_id = trace_id_of({parent->second.data(), parent->second.size()});
+    caller->trace = trace_context({parent->second.data(), parent->second.size()});
   return CallersView(api.scheduler, api.meshes, std::move(*caller));
 }
 

@@ -38,6 +38,9 @@ void add_connection_flags(CLI::App& app, Flags& flags) {
   app.add_option("--metrics", options.metrics,
                  "HOST:PORT for plain HTTP that others may reach: metrics for Prometheus, and health checks; port 0 is "
                  "any free port");
+  app.add_option("--traces", flags.traces,
+                 "http://HOST:PORT or https://HOST:PORT of a collector of traces (OTLP over HTTP), which is told what "
+                 "submitting, waiting for and running a job took; OTEL_EXPORTER_OTLP_HEADERS may have a key for it");
   app.add_option(
          "--tokens", options.tokens,
          "File of the tokens that callers need, one line each, as 'varimeshd token' writes it; it is read again "

@@ -14,6 +14,7 @@ struct Flags {
   std::string port_file;  ///< The file for the address. Empty: standard output.
   std::string log_level = "info";
   std::string log_format = "text";
+  std::string traces;             ///< The address of a collector of traces. Empty: none are sent.
   std::string store;              ///< The address of the database of the jobs. Empty: they are in the state directory.
   bool runs_in_processes = true;  ///< Every job runs in a process of its own.
   bool migrate = false;           ///< Only make or update the tables of that database.

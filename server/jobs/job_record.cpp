@@ -66,7 +66,7 @@ Changed JobTransitions::create(JobRecord& record, const Submission& submission) 
   *record.job.mutable_spec() = submission.spec;
   record.job.set_request_id(submission.request_id);
   record.job.set_owner(submission.owner);
-  record.trace_id = submission.trace_id;
+  record.trace = submission.trace;
   record.peer = submission.peer;
   *record.job.mutable_create_time() = timestamp(settings_.clock());
   v1::JobEvent event = change_state(record, v1::JOB_STATE_PENDING);
@@ -209,7 +209,8 @@ std::int64_t turn_of(const v1::Job& job) {
 
 Claim claim_of(const JobRecord& record) {
   const v1::Job& job = record.job;
-  return {job.name(), record.token, job.attempt(), job.spec(), record.checkpoint, job.owner(), record.trace_id};
+  return {job.name(),        record.token, job.attempt(), job.spec(),
+          record.checkpoint, job.owner(),  record.trace,  time_point(job.create_time())};
 }
 
 std::vector<std::string> digests_of(const JobRecord& record) {

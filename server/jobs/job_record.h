@@ -17,7 +17,7 @@ struct JobRecord {
   TimePoint lease_end{};
   std::string history_digest;
   std::optional<CheckpointReference> checkpoint;
-  std::string trace_id;        ///< Of the call that submitted the job; empty: none.
+  std::string trace;           ///< The place of the job in a trace (Submission); empty: none.
   bool cancel_unseen = false;  ///< The job is CANCELLING, but there is no event of that yet.
 };
 

@@ -57,7 +57,8 @@ struct Claim {
   v1::JobSpec spec;
   std::optional<CheckpointReference> checkpoint;  ///< The state that an earlier attempt has saved.
   std::string owner = {};                         ///< The owner of the job.
-  std::string trace_id = {};                      ///< Of the job.
+  std::string trace = {};                         ///< The place of the job in a trace, as a header "traceparent".
+  TimePoint submitted = {};                       ///< When the job was.
 };
 
 /// A job after a change. The store has saved the job and the events of the change together.
@@ -81,7 +82,7 @@ struct Submission {
   std::string peer;     ///< Who the limits per peer count. Empty: unknown; then no limit on running jobs applies.
   int max_pending_of_peer = 0;  ///< PEER_LIMIT if this many jobs of the peer already wait. 0: no limit.
   std::string owner = {};       ///< Whose job it is. Each owner has request ids of its own. Empty: nobody's.
-  std::string trace_id = {};    ///< Of the call.
+  std::string trace = {};       ///< The place of the job in a trace, as a header "traceparent".
 };
 
 /// A job that refers to something in the mesh store.

@@ -71,7 +71,7 @@ bool read_columns(const SqliteQuery& query, JobRow* row) {
   if (!query.is_null(6)) row->record.checkpoint = {query.text(6), static_cast<int>(query.number(7))};
   row->record.furthest = static_cast<int>(query.number(10));
   row->record.peer = query.text(14);
-  row->record.trace_id = query.text(16);
+  row->record.trace = query.text(16);
   return parse(query.view(8), &row->record.job) && parse(query.view(9), row->record.job.mutable_spec());
 }
 
@@ -143,7 +143,7 @@ void insert_job(SqliteDatabase& database, const Submission& submission, JobRow& 
     insert.bind_null();
   else
     insert.bind(submission.request_id);
-  insert.bind(turn_of(row.record.job)).bind(submission.peer).bind(submission.owner).bind(submission.trace_id).run();
+  insert.bind(turn_of(row.record.job)).bind(submission.peer).bind(submission.owner).bind(submission.trace).run();
   row.key = database.last_key();
   const std::string spec = submission.spec.SerializeAsString();
   database.query("INSERT INTO specs VALUES(?, ?, ?)")

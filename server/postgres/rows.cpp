@@ -89,7 +89,7 @@ Answer<Row> read_row(const PostgresRows& rows, int at) {
   record.furthest = static_cast<int>(rows.number(at, Furthest));
   record.peer = rows.text(at, Peer);
   record.cancel_unseen = rows.number(at, CancelUnseen) != 0;
-  record.trace_id = rows.text(at, Trace);
+  record.trace = rows.text(at, Trace);
   if (!parse(rows.view(at, Job), &record.job) || !parse(rows.view(at, Spec), record.job.mutable_spec()))
     return damaged("a job (row " + std::to_string(row.key) + " of the database)");
   return row;
@@ -135,7 +135,7 @@ bool insert(PostgresConnection& connection, const Submission& submission, Row& r
     values.add(submission.request_id);
   values.add(submission.owner).add(submission.peer).add(turn_of(row.record.job));
   add_record(values, row.record);
-  values.add(submission.trace_id);
+  values.add(submission.trace);
   const PostgresRows inserted = connection.query(
       "INSERT INTO jobs(name, request_id, owner, peer, turn, state, ended, token, lost, furthest, worker, lease_end, "
       "history, checkpoint, checkpoint_iteration, cancel_unseen, job, trace) "

@@ -61,6 +61,29 @@ class Progress {
   std::optional<SteadyTime> noted_;
 };
 
+/// Tells which stage the attempt is in.
+class Stages {
+ public:
+  explicit Stages(const Attempt& attempt) : attempt_(attempt) { enter("fetch"); }
+
+  void enter(const char* stage) {
+    last_ = attempt_.clock();
+    attempt_.on_stage(stage, last_);
+  }
+  /// The mesh has been read, and the optimisation begins.
+  void begin_phases() { last_ = attempt_.clock(); }
+  /// An iteration has ended, which began where the one before it ended.
+  void note(Phase phase) {
+    constexpr const char* kNames[] = {"sweeps", "newton", "untangle", "accuracy"};
+    attempt_.on_stage(kNames[static_cast<std::size_t>(phase)], last_);
+    last_ = attempt_.clock();
+  }
+
+ private:
+  const Attempt& attempt_;
+  TimePoint last_{};
+};
+
 /// Decides when a checkpoint is due and puts it into the mesh store. A checkpoint that cannot be written is skipped;
 /// the job continues, and its previous checkpoint stays valid.
 class Checkpoints {
@@ -257,11 +280,13 @@ std::shared_ptr<const Blob> saved_state(const Attempt& attempt) {
 }
 
 Ending run(const Attempt& attempt) {
+  Stages stages(attempt);
   auto input = attempt.meshes.open(attempt.claim.spec.mesh().digest());
   if (!input) return failed(input.error());
   const auto options = options_from(attempt.claim.spec.options());
   if (!options) return failed(Error{Error::Kind::BadOption, options.error().sentence});
   const std::shared_ptr<const Blob> checkpoint = saved_state(attempt);
+  stages.enter("read");
 
   Progress progress(attempt);
   Checkpoints checkpoints(attempt);
@@ -278,6 +303,7 @@ Ending run(const Attempt& attempt) {
   const bool can_be_saved = attempt.note_checkpoint != nullptr && options->repair != Repair::Split;
   hooks.on_iteration = [&](const Iteration& iteration) {
     progress(iteration);
+    stages.note(iteration.phase);
     // Rounds for accuracy are never saved either.
     const bool is_safe = !can_be_saved || iteration.phase == Phase::Accuracy || checkpoints.has_saved(iteration.number);
     return attempt.cancelled() || (attempt.stopping() && (is_safe || stop_at_once())) ? Control::Stop
@@ -292,9 +318,16 @@ Ending run(const Attempt& attempt) {
   };
   if (checkpoint != nullptr) hooks.control.checkpoint = checkpoint->bytes();
   hooks.admit_reading = [&](std::int64_t least, std::int64_t most) { return memory.take_for_reading(least, most); };
-  hooks.admit = [&](std::int64_t bytes) { return memory.take(bytes); };
+  hooks.admit = [&](std::int64_t bytes) {
+    auto admitted = memory.take(bytes);
+    stages.begin_phases();
+    return admitted;
+  };
   hooks.given_up = given_up;
-  hooks.open_output = [&](v1::MeshFormat format) { return outputs.open(format); };
+  hooks.open_output = [&](v1::MeshFormat format) {
+    stages.enter("store");
+    return outputs.open(format);
+  };
 
   auto outcome = attempt.engine.run(request_of(attempt, std::move(*input), *options), hooks);
   if (outputs.failure()) return failed(*outputs.failure());

@@ -32,6 +32,9 @@ struct Attempt {
   std::function<bool(const CheckpointReference&)> note_checkpoint;
   /// How long a run may go on when the server stops, to reach an iteration that can be saved as a checkpoint.
   std::function<std::chrono::milliseconds()> stop_patience = [] { return std::chrono::milliseconds(10'000); };
+  /// Called when a stage begins: "fetch" (of the mesh), "read", the phases of the optimisation, "store" (of the
+  /// result). May be called again in the same stage. `since`: when the stage before has ended.
+  std::function<void(const std::string& stage, TimePoint since)> on_stage = [](const auto&, TimePoint) {};
 };
 
 /// Runs the attempt to its end and adds its iterations to the event log. Never throws: all failures are returned in the

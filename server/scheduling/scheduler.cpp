@@ -11,6 +11,7 @@
 #include "server/log/log_fields.h"
 #include "server/refusals.h"
 #include "server/scheduling/attempt.h"
+#include "server/scheduling/run_spans.h"
 
 namespace varimesh::server {
 namespace {
@@ -111,7 +112,7 @@ Answer<v1::Job> Scheduler::submit(const std::string& request_id, const v1::JobSp
     return mesh_missing(spec.mesh().digest());
   }
   auto submitted = jobs_->submit({request_id, spec, settings_.new_name(), settings_.max_pending, submitter.peer,
-                                  settings_.max_pending_of_peer, submitter.owner, submitter.trace_id});
+                                  settings_.max_pending_of_peer, submitter.owner, submitter.trace});
   const bool is_new = submitted && !submitted->events.empty();
   // If the database did not tell the outcome, the job may exist and need its mesh. The next start counts again.
   const bool is_unknown = !submitted && submitted.error().reason == "STORE_UNAVAILABLE";
@@ -254,7 +255,10 @@ void Scheduler::start_jobs() {
 
 void Scheduler::run(const std::shared_ptr<Running>& running, const LentThreads& threads) {
   const Claim& claim = running->claim;
-  const LogScope scope({.job = claim.name, .attempt = claim.attempt, .owner = claim.owner, .trace_id = claim.trace_id});
+  const LogScope scope({.job = claim.name,
+                        .attempt = claim.attempt,
+                        .owner = claim.owner,
+                        .trace_id = trace_context(claim.trace).trace_id});
   settings_.log(claim.name, "started, attempt " + std::to_string(claim.attempt));
   Attempt attempt{claim,
                   engine_,
@@ -283,7 +287,10 @@ void Scheduler::run(const std::shared_ptr<Running>& running, const LentThreads& 
       return noted.has_value();
     };
   attempt.stop_patience = [this] { return stop_patience_.load(); };
+  RunSpans spans(settings_.spans, claim, settings_.clock);
+  attempt.on_stage = [&](const std::string& stage, TimePoint since) { spans.enter(stage, since); };
   const Ending ending = run_attempt(attempt);
+  spans.end(ending);
   settings_.log(claim.name, v1::JobState_Name(ending.state) +
                                 (ending.error ? ": " + ending.error->message() : std::string()) +
                                 (ending.lost.empty() ? "" : ": the process that ran it " + ending.lost));

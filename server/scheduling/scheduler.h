@@ -16,6 +16,7 @@
 #include "server/resources/rate.h"
 #include "server/resources/thread_shares.h"
 #include "server/scheduling/job_logs.h"
+#include "server/tracing/spans.h"
 
 namespace varimesh::server {
 
@@ -45,15 +46,16 @@ struct SchedulerSettings {
   std::function<void(int threads, Job job)> launch;
   std::function<void(const std::string& job, const std::string& what)> log = [](const auto&, const auto&) {};
   std::function<void(const v1::Job&)> noted = [](const auto&) {};  ///< Called with each job that is new or has ended.
+  SpanSink spans = {};                 ///< Takes the spans of the runs. Empty: nobody wants them.
   std::function<void()> lost = [] {};  ///< Called for each job that was taken back from a worker that was lost.
 };
 
 /// Who submits a job.
 struct Submitter {
-  std::string peer = {};      ///< Who the limits per peer count.
-  std::string owner = {};     ///< Whose job it is.
-  bool is_admin = false;      ///< The job may have any priority.
-  std::string trace_id = {};  ///< Of the call.
+  std::string peer = {};   ///< Who the limits per peer count.
+  std::string owner = {};  ///< Whose job it is.
+  bool is_admin = false;   ///< The job may have any priority.
+  std::string trace = {};  ///< The place of the job in a trace, as a header "traceparent".
 };
 
 /// Runs the jobs of a store. Thread-safe.
@@ -78,6 +80,9 @@ class Scheduler {
   Answer<v1::Job> remove(const std::string& name);
   Answer<JobCounts> counts() { return jobs_->counts(); }
   Answer<std::optional<TimePoint>> oldest_pending() { return jobs_->oldest_pending(); }
+
+  /// Takes the spans of calls too.
+  const SpanSink& spans() const { return settings_.spans; }
 
   Answer<std::shared_ptr<EventLog>> events(const std::string& name);
   /// Returns all iterations of a job that has SUCCEEDED.

@@ -1,4 +1,4 @@
-// The trace that a call is part of.
+// The trace that a call or a job is part of (W3C Trace Context, level 1).
 #pragma once
 
 #include <string>
@@ -6,21 +6,21 @@
 
 namespace varimesh::server {
 
-/// Returns the trace id of a header "traceparent" (W3C Trace Context, level 1: VERSION-TRACE-PARENT-FLAGS in lowercase
-/// hexadecimal digits); empty if the header is none.
-inline std::string trace_id_of(std::string_view header) {
-  constexpr std::size_t kLength = 55, kTrace = 3, kParent = 36, kFlags = 53;
-  const auto is_hex = [](std::string_view text) {
-    return text.find_first_not_of("0123456789abcdef") == std::string_view::npos;
-  };
-  // Later versions may have more behind another dash.
-  const bool ends = header.size() == kLength || (header.size() > kLength && header[kLength] == '-');
-  if (!ends || header[kTrace - 1] != '-' || header[kParent - 1] != '-' || header[kFlags - 1] != '-') return {};
-  const std::string_view version = header.substr(0, 2), trace = header.substr(kTrace, 32);
-  if (!is_hex(version) || version == "ff" || (version == "00" && header.size() != kLength)) return {};
-  if (!is_hex(trace) || !is_hex(header.substr(kParent, 16)) || !is_hex(header.substr(kFlags, 2))) return {};
-  if (trace.find_first_not_of('0') == std::string_view::npos) return {};
-  return std::string(trace);
-}
+/// A place in a trace.
+struct TraceContext {
+  std::string trace_id = {};  ///< 32 hexadecimal digits in lower case. Empty: there is no trace.
+  std::string span_id = {};   ///< Of the span at this place: 16 such digits. Empty: it is not known.
+  bool is_sampled = false;    ///< Whether the spans of the trace are to be recorded.
+
+  /// The header "traceparent" of this place; the trace id alone if the span is not known.
+  std::string header() const;
+};
+
+/// Reads a header "traceparent" (VERSION-TRACE-SPAN-FLAGS in lower case), or a trace id alone. There is no trace in
+/// anything else.
+TraceContext trace_context(std::string_view header);
+
+/// Returns the place of a new span below this one. Without a trace it begins one, which is sampled.
+TraceContext child_of(const TraceContext& parent);
 
 }  // namespace varimesh::server

@@ -259,6 +259,10 @@ class Connection:
         self.retry_seconds = retry_seconds
         self._connect_seconds = connect_seconds
         self.metadata = (("authorization", f"Bearer {token}"),) if token else ()
+        # The calls are part of the trace of the program that has started this one, if it says so.
+        parent = os.environ.get("TRACEPARENT", "")
+        if 0 < len(parent) <= 256 and all("!" <= letter <= "~" for letter in parent):
+            self.metadata += (("traceparent", parent),)
         self._met = False
         self._encrypted, self._owned = credentials is not None, channel is None
         self.control = channel or self._open(address, credentials, 1)

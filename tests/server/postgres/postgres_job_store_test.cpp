@@ -273,7 +273,7 @@ TEST_F(PostgresStore, KeepsTheTraceOfAJob) {
   const std::string trace(32, 'a');
   ASSERT_TRUE(store_->submit({"", spec, "jobs/traced", 1000, {}, 0, {}, trace}));
   reopen(seconds(30));
-  EXPECT_EQ(claim().trace_id, trace);
+  EXPECT_EQ(claim().trace, trace);
 }
 
 TEST_F(PostgresStore, KeepsACancelRequestUntilTheWorkerOfTheJobSeesIt) {
