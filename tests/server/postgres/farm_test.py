@@ -3,18 +3,55 @@
 VARIMESHD and VARIMESH_SOURCE_DIR in the environment. It starts a PostgreSQL server of its own.
 
   farm_test.py                          the short form (one of the default tests): 6 kills of workers, 8 jobs
-  farm_test.py --kills 100 --jobs 200   the long form
+  farm_test.py --kills 100 --jobs 200 --iterations 1000 Farm.test_5_nothing_is_lost_when_workers_are_killed
+                                        the long form
 """
 import random
 import signal
 import subprocess
+import sys
+import threading
 import time
 import unittest
 
 from farm import DATABASE_SERVER, WithFarm, skip_without, take_number
 from programs import ENDLESS, LARGER, MESH, VARIMESHD, run, start, wait_for_line
 
-kills, many_jobs = 6, 8
+kills, many_jobs, many_iterations = 6, 8, 300
+
+
+class Reclaims(threading.Thread):
+    """Looks how long the jobs of workers that were killed are without another one."""
+
+    def __init__(self, query):
+        super().__init__()
+        self.query, self.lost, self.seconds, self.with_checkpoint, self.ended = query, {}, [], 0, threading.Event()
+        self.lock = threading.Lock()
+        self.start()
+
+    def note(self, worker):
+        """The worker was killed just now."""
+        rows = self.query("SELECT name, token, checkpoint_iteration FROM jobs WHERE state = 2 AND "
+                          f"position(':{worker.state.resolve()} ' in worker) > 0")
+        with self.lock:
+            for name, token, iteration in rows:
+                self.lost[name, token] = time.monotonic()
+                self.with_checkpoint += iteration != "0"
+
+    def run(self):
+        while not self.ended.wait(0.25):
+            with self.lock:
+                lost = dict(self.lost)
+            if not lost:
+                continue
+            wanted = "', '".join(name for name, _ in lost)
+            held = {(name, token) for name, token in
+                    self.query(f"SELECT name, token FROM jobs WHERE state = 2 AND name IN ('{wanted}')")}
+            for key, since in lost.items():
+                if key not in held:
+                    self.seconds.append(time.monotonic() - since)
+                    with self.lock:
+                        del self.lost[key]
 
 
 class Farm(WithFarm):
@@ -71,26 +108,43 @@ class Farm(WithFarm):
         self.wait_for(front, job, "succeeded")
 
     def test_5_nothing_is_lost_when_workers_are_killed(self):
-        front, workers = self.front_end(), [self.worker("--checkpoint-seconds", "0.1") for _ in range(3)]
-        names = [self.ask(front, "submit", LARGER, *ENDLESS[:-1], "300", "--threads", "1", "--label", f"number={i}")
+        front, workers = self.front_end(), [self.worker("--checkpoint-seconds", "0.1") for _ in range(4)]
+        names = [self.ask(front, "submit", LARGER, *ENDLESS[:-1], str(many_iterations), "--threads", "1", "--label", f"number={i}")
                  for i in range(many_jobs)]
         chance = random.Random(7)
-        for _ in range(kills):
+        reclaims = Reclaims(self.query)
+        self.addCleanup(reclaims.join)
+        self.addCleanup(reclaims.ended.set)
+        for i in range(kills):
             time.sleep(chance.uniform(0.5, 2.5))
-            worker = chance.choice(workers)
-            worker.end(signal.SIGKILL)
-            worker.start()
-        results = set()
+            place = chance.randrange(len(workers))
+            workers[place].end(signal.SIGKILL)
+            if i % 2 == 0:  # on another machine: its jobs wait for their leases
+                reclaims.note(workers[place])
+                workers[place] = self.worker("--checkpoint-seconds", "0.1")
+            else:
+                workers[place].start()
+        left = sum(row[0] == "1" for row in self.query("SELECT state FROM jobs WHERE state IN (1, 2)"))
+        results, attempts = set(), 0
         for i, name in enumerate(names):
             kept = self.wait_for(front, name, "succeeded", 600)
+            attempts += kept["attempt"]
             self.assertLessEqual(kept["attempt"], kills + 1)
             out = self.folder / f"out{i}.msh"
             self.ask(front, "result", name, "--output", out)
             results.add(out.read_bytes())
         self.assertEqual(len(results), 1, "an attempt that was lost has changed no result")
+        reclaims.ended.set()
+        reclaims.join()
+        self.assertEqual(reclaims.lost, {})
+        print(f"{kills} kills, {many_jobs} jobs, {attempts} attempts, {left} jobs waited at the last kill; {len(reclaims.seconds)} "
+              f"jobs without a lease, {reclaims.with_checkpoint} with a checkpoint, were taken back after at most "
+              f"{max(reclaims.seconds, default=0):.1f} s (lease {self.lease_seconds} s)", file=sys.stderr)
+        self.assertLess(max(reclaims.seconds, default=0), self.lease_seconds + 5)
 
 
 if __name__ == "__main__":
     kills, many_jobs = take_number("--kills", kills), take_number("--jobs", many_jobs)
+    many_iterations = take_number("--iterations", many_iterations)
     skip_without(DATABASE_SERVER)
     unittest.main(verbosity=2)
