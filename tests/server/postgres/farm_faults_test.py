@@ -6,6 +6,7 @@ VARIMESHD and VARIMESH_SOURCE_DIR in the environment. It starts a PostgreSQL ser
   farm_faults_test.py --watches 50 --clients 100 --jobs 100   the long form, which needs a quiet machine
   farm_faults_test.py --jobs 100 Faults.test_3_a_poisonous_mesh_fails_alone
 """
+import os
 import shutil
 import signal
 import subprocess
@@ -147,18 +148,21 @@ class Faults(WithFarm):
                 front.stop()
 
     def kill_whoever_runs(self, name, workers, ended):
-        """Kills the worker that runs a job as soon as it does, as a mesh that ends its process would, and starts it
-        again."""
+        """Kills the process that runs a job as soon as it does, as a poisonous mesh would."""
         kills = 0
         while not ended.is_set():
-            rows = self.query(f"SELECT worker, state FROM jobs WHERE name = '{name}'")
+            rows = self.query(f"SELECT worker, state, token FROM jobs WHERE name = '{name}'")
             if rows and rows[0][1] in "456" and not rows[0][0]:
                 break
             for worker in workers:
                 if rows and rows[0][0] and rows[0][0].partition(":")[2].split(" ")[0] == str(worker.state.resolve()):
-                    worker.end(signal.SIGKILL)
-                    worker.start()
+                    # One of its processes runs the job, and another one is ready for the next job.
+                    for children in Path(f"/proc/{worker.process.pid}/task").glob("*/children"):
+                        for child in children.read_text().split():
+                            os.kill(int(child), signal.SIGKILL)
                     kills += 1
+                    while self.query(f"SELECT token FROM jobs WHERE name = '{name}' AND worker <> ''") == [rows[0][2:]]:
+                        time.sleep(0.02)
             time.sleep(0.02)
         return kills
 
