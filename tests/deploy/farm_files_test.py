@@ -1,6 +1,8 @@
 #!/usr/bin/env python3
 """The files of deploy/farm, read by the tools that they are for. A tool that is missing is named, and its test is skipped.
-  farm_files_test.py Compose|Kubernetes|Slurm|Prometheus"""
+  farm_files_test.py Compose|Kubernetes|Helm|Slurm|Prometheus
+
+Debian has no Helm. Its program can be built from Go's modules (go install helm.sh/helm/v3/cmd/helm@v3.11.3)."""
 import json
 import os
 import re
@@ -14,11 +16,16 @@ import unittest
 import urllib.request
 from pathlib import Path
 
+try:
+    import yaml
+except ImportError:
+    yaml = None
+
 TREE = Path(os.environ["VARIMESH_SOURCE_DIR"])
 FARM = TREE / "deploy" / "farm"
 VARIMESHD = os.environ["VARIMESHD"]
 PROMETHEUS = FARM / "prometheus"
-TOOLS = {"Prometheus": "promtool", "Compose": "docker-compose", "Kubernetes": "kubectl", "Slurm": "bash"}
+TOOLS = {"Prometheus": "promtool", "Compose": "docker-compose", "Kubernetes": "kubectl", "Helm": "helm", "Slurm": "bash"}
 
 
 def flags_of_varimeshd():
@@ -49,14 +56,15 @@ class Compose(unittest.TestCase):
 
 class Kubernetes(unittest.TestCase):
     def test_is_rendered(self):
-        for overlay, workers in (("small", "1"), ("keda", None)):
+        for overlay, workers in (("small", "1"), ("keda", None), ("ingress", None)):
             done = subprocess.run(["kubectl", "kustomize", str(FARM / "kubernetes" / "overlays" / overlay)],
                                   capture_output=True, text=True, timeout=60)
             self.assertEqual(done.returncode, 0, done.stderr)
             parts = done.stdout.split("\n---\n")
-            deployments = [part for part in parts if "kind: Deployment" in part]
+            deployments = [part for part in parts if re.search("^kind: Deployment$", part, re.MULTILINE)]
             self.assertEqual(len(deployments), 2)
             for part in deployments:
+                self.assertEqual(part.count("port: metrics"), 3, "probes")
                 for line in ("readOnlyRootFilesystem: true", "runAsUser: 65532", "automountServiceAccountToken: false",
                              "allowPrivilegeEscalation: false", "memory:"):
                     self.assertIn(line, part)
@@ -66,6 +74,69 @@ class Kubernetes(unittest.TestCase):
             worker = next(part for part in deployments if "name: varimesh-worker" in part)
             replicas = re.search(r"^  replicas: (\d+)$", worker, re.MULTILINE)
             self.assertEqual(replicas and replicas[1], workers)
+
+
+class Helm(unittest.TestCase):
+    """The chart says the same as the overlays of kustomize."""
+
+    def helm(self, *arguments, status=0):
+        done = subprocess.run(["helm", *arguments], capture_output=True, text=True, timeout=60, cwd=FARM / "helm")
+        self.assertEqual(done.returncode, status, done.stdout + done.stderr)
+        return done.stdout if status == 0 else done.stdout + done.stderr
+
+    def render(self, *arguments):
+        return self.parts(self.helm("template", "varimesh", "varimesh", "--namespace", "varimesh", *arguments))
+
+    def parts(self, text):
+        """The objects by kind and name. The name of kustomize's ConfigMap ends with a sum of its content."""
+        text = re.sub(r"\bvarimesh-[a-z0-9]{10}$", "varimesh", text, flags=re.MULTILINE)
+        objects = [part for part in yaml.safe_load_all(text) if part]
+        return {(part["kind"], part["metadata"]["name"]): part for part in objects}
+
+    def test_has_no_faults(self):
+        for values in ("small", "keda", "ingress"):
+            answer = self.helm("lint", "varimesh", "--strict", "--values", f"{values}.yaml")
+            self.assertIn("0 chart(s) failed", answer)
+
+    def test_says_the_same_as_kustomize(self):
+        for name in ("small", "keda", "ingress"):
+            with self.subTest(name):
+                chart = self.render("--values", f"{name}.yaml")
+                overlay = self.parts(subprocess.run(["kubectl", "kustomize", str(FARM / "kubernetes" / "overlays" / name)],
+                                                    capture_output=True, text=True, timeout=60, check=True).stdout)
+                self.assertEqual(chart.keys(), overlay.keys())
+                for key, part in chart.items():
+                    self.assertEqual(part, overlay[key], key)
+
+    def test_meshes_in_a_bucket_need_no_volume(self):
+        chart = self.render("--set", "meshes.bucket=s3://meshes/farm?region=eu-1")
+        self.assertNotIn(("PersistentVolumeClaim", "varimesh-meshes"), chart)
+        worker = chart["Deployment", "varimesh-worker"]["spec"]["template"]["spec"]
+        self.assertEqual([volume["name"] for volume in worker["volumes"]], ["bucket", "tmp"])
+        self.assertIn({"name": "AWS_SHARED_CREDENTIALS_FILE", "value": "/bucket/credentials"}, worker["containers"][0]["env"])
+
+    def test_more_flags_and_other_numbers(self):
+        chart = self.render("--set", "worker.flags={--traces,http://collector:4318}", "--set", "worker.replicas=7")
+        worker = chart["Deployment", "varimesh-worker"]["spec"]
+        self.assertEqual(worker["replicas"], 7)
+        flags = worker["template"]["spec"]["containers"][0]["args"]
+        self.assertEqual(flags[-2:], ["--traces", "http://collector:4318"])
+        self.assertLessEqual({flag for flag in flags if flag.startswith("--")}, flags_of_varimeshd())
+
+    def test_wrong_values_are_refused(self):
+        for value, words in (("worker.replica=3", "replica"), ("worker.threads=many", "threads"), ("scaling.by=chance", "scaling.by"),
+                             ("database.url=postgresql://farm:secret@db/x", "database.url"), ("meshes.storage=plenty", "storage"),
+                             ("frontend.replicas=0", "replicas")):
+            answer = self.helm("template", "varimesh", "varimesh", "--set", value, status=1)
+            self.assertIn(words, answer)
+            self.assertIn("schema", answer)
+
+    def test_every_value_is_documented(self):
+        schema = json.loads((FARM / "helm" / "varimesh" / "values.schema.json").read_text())
+        text = (FARM / "helm" / "varimesh" / "values.yaml").read_text()
+        for group, keys in yaml.safe_load(text).items():
+            self.assertEqual(set(keys), set(schema["properties"][group]["properties"]), group)
+            self.assertRegex(text, rf"(?m)^# .*\n{group}:", "a comment above it")
 
 
 class Prometheus(unittest.TestCase):
@@ -161,7 +232,10 @@ class Slurm(unittest.TestCase):
 
 if __name__ == "__main__":
     tool = TOOLS[sys.argv[1]]
-    if shutil.which(tool) is None:
-        print(f"SKIPPED: deploy/farm: {tool} is missing")
+    missing = [name for name in (tool, "kubectl" if tool == "helm" else tool) if shutil.which(name) is None]
+    if yaml is None and tool == "helm":
+        missing.append("python3-yaml")
+    if missing:
+        print(f"SKIPPED: deploy/farm: {' and '.join(missing)} is missing")
         sys.exit(77)
     unittest.main(verbosity=2)

@@ -7,17 +7,24 @@ VARIMESHD and VARIMESH_SOURCE_DIR in the environment. It starts a PostgreSQL ser
                                         the long form
 """
 import random
+import re
 import signal
 import subprocess
 import sys
 import threading
 import time
 import unittest
+import urllib.request
 
-from farm import DATABASE_SERVER, WithFarm, skip_without, take_number
+from farm import DATABASE_SERVER, TREE, WithFarm, skip_without, take_number
 from programs import ENDLESS, LARGER, MESH, VARIMESHD, run, start, wait_for_line
 
 kills, many_jobs, many_iterations = 6, 8, 300
+
+
+def autoscaler_queries():
+    """What KEDA asks the database."""
+    return re.findall(r"query: (.*)", (TREE / "deploy/farm/kubernetes/overlays/keda/scaling.yaml").read_text())
 
 
 class Reclaims(threading.Thread):
@@ -141,6 +148,21 @@ class Farm(WithFarm):
               f"jobs without a lease, {reclaims.with_checkpoint} with a checkpoint, were taken back after at most "
               f"{max(reclaims.seconds, default=0):.1f} s (lease {self.lease_seconds} s)", file=sys.stderr)
         self.assertLess(max(reclaims.seconds, default=0), self.lease_seconds + 5)
+
+    def test_6_a_cluster_learns_what_it_asks(self):
+        servers = [self.front_end("--metrics", "127.0.0.1:0"), self.worker("--metrics", "127.0.0.1:0")]
+        for server in servers:
+            address = next(found[1] for line in server.log if (found := re.search(r"http://(\S+)/metrics", line)))
+            for probe in ("live", "ready"):
+                with urllib.request.urlopen(f"http://{address}/healthz/{probe}", timeout=10) as answer:
+                    self.assertEqual(answer.status, 200)
+        servers[1].end()
+        before = [int(self.query(query)[0][0]) for query in autoscaler_queries()]
+        self.ask(servers[0], "submit", MESH, "--label", "case=scaled")
+        time.sleep(1.1)
+        after = [int(self.query(query)[0][0]) for query in autoscaler_queries()]
+        self.assertEqual(after[0], before[0] + 1)
+        self.assertGreaterEqual(after[1], 1, "seconds that the job has waited")
 
 
 if __name__ == "__main__":
