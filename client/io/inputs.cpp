@@ -72,6 +72,14 @@ void add_slide_flags(CLI::App& command, GeometryOptions* geometry) {
                 "First move boundary nodes that are off the geometry onto it, if they are farther from it than 1e-6 of "
                 "the mesh's size")
       ->group(kGeometryGroup);
+  command
+      .add_option(
+          "--smooth-angle", geometry->smooth_angle,
+          "Boundary nodes cross joints at which surfaces or curves of the model meet at no more than this angle, "
+          "in degrees; default: 0, none")
+      ->type_name("ANGLE")
+      ->check(CLI::Range(0.0, 45.0))
+      ->group(kGeometryGroup);
 }
 
 void add_geometry_flags(CLI::App& command, GeometryOptions* geometry) {
@@ -84,6 +92,7 @@ void add_geometry_flags(CLI::App& command, GeometryOptions* geometry) {
           ->group(kGeometryGroup);
   add_slide_flags(command, geometry);
   command.get_option("--snap")->needs(file);
+  command.get_option("--smooth-angle")->needs(file);
 }
 
 void add_slide_on_flag(CLI::App& command, GeometryOptions* geometry) {

@@ -73,34 +73,45 @@ tl::expected<v1::Job, int> run_job(Client* client, const OptimiseArguments& argu
   return follow(client, job->name(), 0, arguments.common, in_process ? OnInterrupt::EndJob : OnInterrupt::Ask);
 }
 
-/// Whether a result is better: fewer elements that are not certified valid, or else a larger smallest scaled Jacobian.
-bool is_better(const v1::Job& one, const v1::Job& other) {
-  const auto left = [](const v1::Job& job) {
-    const v1::Certified& certified = job.metrics().after().certified();
-    return certified.invalid() + certified.undecided();
-  };
-  if (left(one) != left(other)) return left(one) < left(other);
-  return one.metrics().after().min_scaled_jacobian() > other.metrics().after().min_scaled_jacobian();
+std::int64_t left(const v1::Job& job) {
+  const v1::Certified& certified = job.metrics().after().certified();
+  return certified.invalid() + certified.undecided();
 }
 
-/// Optimises the mesh with its boundary as it came too, and returns the better of both jobs. Sliding on a boundary that
-/// is not known better than by its own nodes is worth it only if the mesh becomes better. An input that cannot be read
-/// twice, as a pipe, is not compared.
+/// Whether the mesh with its boundary as it came is the better result. If nodes slid on the boundary as it came, a
+/// larger smallest scaled Jacobian counts too: then sliding is worth it only if the mesh becomes better. On a model it
+/// also brings the boundary nearer.
+bool fixed_is_better(const v1::Job& fixed, const v1::Job& slid, bool on_boundary) {
+  if (left(fixed) != left(slid) || !on_boundary) return left(fixed) < left(slid);
+  return fixed.metrics().after().min_scaled_jacobian() > slid.metrics().after().min_scaled_jacobian();
+}
+
+/// Optimises the mesh with its boundary as it came too, and returns the better of both jobs. With a model this is done
+/// only if elements are left that are not certified valid. An input that cannot be read twice, as a pipe, is not
+/// compared.
 tl::expected<v1::Job, int> better_of(Client* client, const OptimiseArguments& arguments, Input input,
                                      const std::vector<Output>& outputs, v1::Job slid,
                                      const std::function<void(const std::string&)>& print_sentence) {
+  const bool on_boundary = input.geometry.on_boundary;
   std::error_code failed;
   if (slid.state() != v1::JOB_STATE_SUCCEEDED || !std::filesystem::is_regular_file(input.mesh, failed)) return slid;
-  print_sentence("Now with the boundary as it came.");
-  input.geometry = {};
+  if (!on_boundary && (left(slid) == 0 || input.geometry.slide == "none")) return slid;
+  print_sentence(on_boundary ? "Now with the boundary as it came."
+                             : std::to_string(left(slid)) +
+                                   " elements are not certified valid, so now without sliding, for comparison.");
+  if (on_boundary)
+    input.geometry = {};
+  else
+    input.geometry.slide = "none";
   const auto mesh = upload(*client, input);
   if (!mesh) return tl::unexpected(print_error(as_named(arguments, mesh.error())));
   const std::string id = arguments.request_id.empty() ? "" : arguments.request_id + "-as-it-came";
   auto fixed = run_job(client, arguments, outputs, mesh->digest(), id);
   if (!fixed) return fixed;
-  const bool takes_fixed = fixed->state() == v1::JOB_STATE_SUCCEEDED && is_better(*fixed, slid);
-  print_sentence(takes_fixed ? "The result is better with the boundary as it came, so the nodes that slid are back."
-                             : "The result is no better with the boundary as it came.");
+  const bool takes_fixed = fixed->state() == v1::JOB_STATE_SUCCEEDED && fixed_is_better(*fixed, slid, on_boundary);
+  const std::string how = on_boundary ? "with the boundary as it came" : "without sliding";
+  print_sentence(takes_fixed ? "The result is better " + how + ", so the nodes that slid are back."
+                             : "The result is no better " + how + ".");
   return takes_fixed ? *fixed : slid;
 }
 
@@ -135,7 +146,7 @@ int optimise(const OptimiseArguments& arguments) {
   const std::string& name = arguments.name.empty() ? arguments.input.mesh : arguments.name;
   auto ended = run_job(client, arguments, *outputs, mesh->digest(), arguments.request_id);
   if (!ended) return ended.error();
-  if (input->geometry.on_boundary && !interrupted()) {
+  if (input->geometry.any() && !interrupted()) {
     auto better = better_of(client, arguments, *input, *outputs, std::move(*ended), print_sentence);
     if (!better) return better.error();
     ended = std::move(*better);

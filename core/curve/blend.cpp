@@ -4,7 +4,7 @@
 #include <map>
 #include <utility>
 
-#include "core/reference/basis.h"
+#include "core/mesh/simplex_blend.h"
 #include "core/reference/cache.h"
 #include "core/reference/nodes.h"
 
@@ -12,8 +12,6 @@ namespace varimesh::detail {
 namespace {
 
 using Lattice = std::array<std::int8_t, 3>;
-using reference::NodeSet;
-using reference::Points;
 
 /// Fills the rows of one shape.
 class Blending {
@@ -27,12 +25,16 @@ class Blending {
     const auto& places = reference::node_places(shape_, order_);
     for (std::size_t k = 0; k < places.size(); ++k)
       if (places[k].dimension == dimension) result_.inner.push_back(static_cast<int>(k));
+    if (shape_ == Shape::Triangle || shape_ == Shape::Tetrahedron) {
+      const SimplexBlend& simplex = simplex_blend(shape_, order_);
+      result_.weights = dimension == 2 ? simplex.on_face[0] : simplex.in_cell;
+      return std::move(result_);
+    }
     result_.weights.setZero(static_cast<Eigen::Index>(result_.inner.size()),
                             static_cast<Eigen::Index>(lattice_.size()));
     for (std::size_t row = 0; row < result_.inner.size(); ++row) {
       row_ = static_cast<Eigen::Index>(row);
       const Lattice& at = lattice_[static_cast<std::size_t>(result_.inner[row])];
-      if (shape_ == Shape::Triangle) triangle(at);
       if (shape_ == Shape::Quadrilateral) tensor(at, 2);
       if (shape_ == Shape::Prism) between(at, 2, 1);
       if (shape_ == Shape::Hexahedron) tensor(at, 3);
@@ -66,19 +68,6 @@ class Blending {
         end[a] = static_cast<std::int8_t>(order_);
         between(end, b, -part);
       }
-  }
-
-  void triangle(const Lattice& at) {
-    const std::array<int, 3> weights{order_ - at[0] - at[1], at[0], at[1]};
-    for (std::size_t edge = 0; edge < 3; ++edge) {
-      const std::size_t from = edge, to = (edge + 1) % 3;
-      const double sum = weights[from] + weights[to];
-      const Points place = Points::Constant(1, 1, -1 + 2 * weights[to] / sum);
-      const Eigen::MatrixXd values = reference::basis_values(Shape::Line, order_, NodeSet::Equispaced, 2, place);
-      const std::vector<int>& nodes = reference::facet_nodes(Shape::Triangle, order_, static_cast<int>(edge));
-      for (std::size_t k = 0; k < nodes.size(); ++k)
-        result_.weights(row_, nodes[k]) += sum / order_ * values(0, static_cast<Eigen::Index>(k));
-    }
   }
 
   Shape shape_;

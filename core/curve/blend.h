@@ -16,13 +16,12 @@ struct InnerBlend {
 };
 
 /// The displacement inside, blended from the displacements of the nodes around, if the vertices stay:
-///   triangle       Σ over edges of (1 − λ) d(t), where λ is the barycentric coordinate of the opposite vertex and
-///                  t the place on the edge on the line from that vertex
+///   triangle, tetrahedron  core/mesh/simplex_blend.h
 ///   quadrilateral  the linear blend between opposite edges, for both pairs
 ///   prism          the linear blend between the two triangles
 ///   hexahedron     the blend between opposite faces minus that between edges
 /// W. J. Gordon, C. A. Hall, Construction of curvilinear co-ordinate systems, Int. J. Numer. Meth. Eng. 7, 1973. The
-/// inner nodes of a tetrahedron or pyramid stay, and the weights are zero.
+/// inner nodes of a pyramid stay, and the weights are zero.
 const InnerBlend& inner_blend(Shape shape, int order);
 
 /// Moves the inner nodes of one element by the blended displacement of its other nodes.

@@ -6,9 +6,11 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <csignal>
 #include <cstring>
+#include <filesystem>
 #include <fstream>
 #include <sstream>
 #include <system_error>
@@ -18,8 +20,17 @@
 namespace varimesh::geometry {
 namespace {
 
-constexpr int kMostSeconds = 600;  ///< Of processor time. A file of 100 MB takes about one minute.
+/// Most seconds of processor time for a file. One of 100 MB takes about a minute. OpenCASCADE may read on for ever in a
+/// damaged one.
+constexpr double kLeastSeconds = 4, kSecondsPerMegabyte = 6, kMostSeconds = 600;
 constexpr int kShapeDescriptor = 3, kSentenceDescriptor = 4;
+
+int seconds_for(const std::string& path) {
+  std::error_code failed;
+  const std::uintmax_t bytes = std::filesystem::file_size(path, failed);
+  const double megabytes = failed ? 0 : static_cast<double>(bytes) / 1e6;
+  return static_cast<int>(std::min(kMostSeconds, kLeastSeconds + kSecondsPerMegabyte * megabytes));
+}
 
 /// Starts the program with the two files as its descriptors 3 and 4, and without a terminal's input and output. Returns
 /// 0 or an error number.
@@ -41,7 +52,7 @@ int start(const std::string& program, const std::string& path, const Nameless& s
   sigemptyset(&none);
   posix_spawnattr_setsigmask(&attributes, &none);
   posix_spawnattr_setflags(&attributes, POSIX_SPAWN_SETSIGMASK);
-  std::string words[] = {program, path, std::to_string(kMostSeconds), std::to_string(machine_memory())};
+  std::string words[] = {program, path, std::to_string(seconds_for(path)), std::to_string(machine_memory())};
   char* arguments[] = {words[0].data(), words[1].data(), words[2].data(), words[3].data(), nullptr};
   const int error = posix_spawn(child, program.c_str(), &files, &attributes, arguments, environ);
   posix_spawnattr_destroy(&attributes);
@@ -81,8 +92,8 @@ Expected<Nameless> read_in_child(const std::string& reader, const std::string& p
   const std::string about = "The geometry '" + path + "' cannot be used: ";
   if (WIFEXITED(status) && WEXITSTATUS(status) == 0) return shape;
   if (WIFSIGNALED(status) && (WTERMSIG(status) == SIGXCPU || WTERMSIG(status) == SIGKILL))
-    return bad_input(about + "reading it took more than " + std::to_string(kMostSeconds) +
-                     " s or all memory; simplify the model, or export it again.");
+    return bad_input(about + "reading it took more than " + std::to_string(seconds_for(path)) +
+                     " s or all memory, so it is damaged or too large; export it again, or simplify the model.");
   if (WIFSIGNALED(status))
     return bad_input(about + "OpenCASCADE crashed while it read it (signal " + std::to_string(WTERMSIG(status)) +
                      "), so the file is probably damaged; export it again.");

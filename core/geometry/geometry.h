@@ -53,6 +53,8 @@ class PieceSearch {
   /// The foot near the parameters (u, v). It is never farther from `point` than they are.
   virtual SurfaceFoot closest_from(const Eigen::Vector3d& point, double u, double v) const = 0;
   virtual SurfaceFoot closest(const Eigen::Vector3d& point) const = 0;
+  /// Whether a piece may be folded over, so that the way from a guess may end at the fold.
+  virtual bool may_fold() const { return true; }
 };
 
 /// The parameters of a curve or one of the parameters of a surface: first ≤ t ≤ last. If `period` is positive, every t

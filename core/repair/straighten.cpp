@@ -11,13 +11,13 @@
 #include "core/diagnosis/elements_text.h"
 #include "core/diagnosis/node_positions.h"
 #include "core/mesh/connectivity.h"
-#include "core/repair/blend.h"
+#include "core/mesh/simplex_blend.h"
 #include "core/validity/certifier.h"
 
 namespace varimesh {
 namespace {
 
-using detail::Blend;
+using detail::SimplexBlend;
 /// An edge, face or cell by its vertices in ascending order, filled up with −1.
 using Part = std::array<std::int32_t, 4>;
 
@@ -68,7 +68,9 @@ class Straightener {
     return result;
   }
 
-  const Blend& blend_of(std::int32_t cell) const { return detail::blend(cells_.shape(at(cell)), mesh_.order); }
+  const SimplexBlend& blend_of(std::int32_t cell) const {
+    return detail::simplex_blend(cells_.shape(at(cell)), mesh_.order);
+  }
 
   template <class Vertices>
   Part part(std::int32_t cell, const Vertices& vertices) const {
@@ -92,7 +94,7 @@ class Straightener {
   template <class Visit>
   void for_each_part(std::int32_t cell, Visit&& visit) const {
     const auto& info = reference::info(cells_.shape(at(cell)));
-    const Blend& table = blend_of(cell);
+    const SimplexBlend& table = blend_of(cell);
     const Eigen::MatrixXd none;
     for (std::size_t e = 0; e < info.edges.size(); ++e) visit(part(cell, info.edges[e]), table.edges[e], none);
     for (std::size_t f = 0; f < info.faces.size(); ++f)

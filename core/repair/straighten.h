@@ -14,9 +14,9 @@ namespace varimesh {
 
 /// Makes those triangles and tetrahedra of these groups straight-sided that are not certified valid, and those that
 /// share a facet with one. Nodes on their free edges go to equal parts of the straight line between its ends. Nodes on
-/// their free faces and inside follow the edges and faces around them (blend.h); if these are straight, so is the
-/// element. Other cells around an edge or face that moves are carried along in the same way. Vertices and fixed nodes
-/// stay bit for bit. docs/repair.md has the formulas.
+/// their free faces and inside follow the edges and faces around them (core/mesh/simplex_blend.h); if these are
+/// straight, so is the element. Other cells around an edge or face that moves are carried along in the same way.
+/// Vertices and fixed nodes stay bit for bit. docs/repair.md has the formulas.
 ///
 /// No certificate is lost: if a cell would lose its own, its edges and faces stay as they are, and the others are tried
 /// again. This ends, because fewer are left each time. If the team's token interrupts it, nothing has changed. `fixed`

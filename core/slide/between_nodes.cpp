@@ -72,7 +72,9 @@ Distances surface_distances(const geometry::SurfaceShape& shape, const std::vect
       [&](const Eigen::Vector3d& x, const std::array<double, 2>& guess) {
         const double near = geometry::closest_from(shape, x, guess[0], guess[1]).distance;
         const geometry::PieceSearch* pieces = shape.pieces();
-        if (pieces == nullptr || near < kSuspicious * (x - shape.at(guess[0], guess[1]).x).norm()) return near;
+        if (pieces == nullptr || !pieces->may_fold() ||
+            near < kSuspicious * (x - shape.at(guess[0], guess[1]).x).norm())
+          return near;
         return std::min(near, pieces->closest(x).distance);
       },
       [&](const std::array<double, 2>& from) {

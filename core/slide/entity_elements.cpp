@@ -82,7 +82,7 @@ std::vector<std::vector<EntityElement>> surface_elements(const HighOrderMesh& me
     if (surface < 0) continue;
     const auto stride = static_cast<std::size_t>(reference::node_count(block.shape, block.order));
     for (std::size_t e = 0; e < block.size(); ++e) {
-      EntityElement element{block.shape, {}};
+      EntityElement element{block.shape, {}, block.entity};
       element.nodes.assign(block.nodes.begin() + static_cast<std::ptrdiff_t>(e * stride),
                            block.nodes.begin() + static_cast<std::ptrdiff_t>((e + 1) * stride));
       elements[static_cast<std::size_t>(surface)].push_back(std::move(element));

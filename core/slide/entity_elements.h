@@ -15,6 +15,7 @@ namespace varimesh::detail {
 struct EntityElement {
   Shape shape = Shape::Line;
   std::vector<std::int32_t> nodes;  ///< Indices of mesh nodes in Gmsh's order.
+  int sense = 0;                    ///< Elements of a surface with the same number are numbered in the same sense.
 };
 
 /// By curve of the geometry: each edge of the surface elements that lies on it, once. Edges of a mesh of order 1 do not

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <map>
 
 #include "core/geometry/closest_point.h"
 #include "core/slide/entity_energy.h"
@@ -70,7 +71,7 @@ class Entity<2> {
     geometry::SurfaceFoot foot = geometry::closest_from(shape_, x, guess[0], guess[1]);
     // Where a piece is folded over, the way from the guess may end at the fold.
     const geometry::PieceSearch* pieces = shape_.pieces();
-    if (pieces != nullptr && foot.distance > 0.3 * (shape_.at(guess[0], guess[1]).x - x).norm())
+    if (pieces != nullptr && pieces->may_fold() && foot.distance > 0.3 * (shape_.at(guess[0], guess[1]).x - x).norm())
       foot = pieces->closest(x);
     return {foot.u, foot.v};
   }
@@ -166,14 +167,14 @@ class EntityNewton {
   }
 
   /// The sign of each element's J: a curve's edges may run either way, and a surface's elements all have the sense that
-  /// most of them have.
+  /// most of those with the same number of their sense have.
   void orient() {
-    std::int64_t with = 0;
+    std::map<int, std::int64_t> with;
     for (std::size_t e = 0; e < elements_.size(); ++e) {
       sign_[e] = mean_sign(e);
-      with += sign_[e] > 0 ? 1 : -1;
+      with[elements_[e].sense] += sign_[e] > 0 ? 1 : -1;
     }
-    if (d == 2) std::ranges::fill(sign_, with >= 0 ? 1.0 : -1.0);
+    for (std::size_t e = 0; e < elements_.size() && d == 2; ++e) sign_[e] = with[elements_[e].sense] >= 0 ? 1 : -1;
   }
 
   /// The sign of the straight-sided element's J against the normals.

@@ -2,12 +2,15 @@
 
 #include <algorithm>
 #include <cassert>
+#include <numbers>
 
 #include "core/association/own_boundary.h"
+#include "core/association/smooth_joints.h"
 #include "core/curve/curve.h"
 #include "core/geometry/load.h"
 #include "core/mesh/check.h"
 #include "core/slide/slide.h"
+#include "core/slide/surface_alone.h"
 
 namespace varimesh {
 namespace {
@@ -69,37 +72,53 @@ struct Work {
   std::vector<std::string> sentences;
 
   Expected<void> run(const geometry::Geometry& geometry) {
-    auto association = associate(mesh, geometry, team);
+    Expected<Association> association;
+    team.run([&] { association = associated(geometry); });
     if (!association) return tl::unexpected(association.error());
+    if (options.smooth_angle > 0 && what != SlideOn::None)
+      sentences.push_back(join_smoothly(mesh, *association, options.smooth_angle * std::numbers::pi / 180).sentence());
+    slide_nodes(mesh, *association);
+    return {};
+  }
+
+  Expected<void> run_on_boundary() {
+    Expected<OwnBoundary> own;
+    team.run([&] { own = own_boundary(mesh, team); });
+    if (!own) return tl::unexpected(own.error());
+    sentences.push_back(own->sentence());
+    slide_nodes(own->faces, own->association);
+    mesh.coordinates = std::move(own->faces.coordinates);
+    return {};
+  }
+
+ private:
+  /// The association of the mesh, which may be snapped and curved.
+  Expected<Association> associated(const geometry::Geometry& geometry) {
+    auto association = associate(mesh, geometry, team);
+    if (!association) return association;
     append(sentences, describe(mesh, *association, options.snap_tolerance));
     if (options.snap) {
       const std::size_t moved = snap(mesh, *association, options.snap_tolerance);
       sentences.push_back(std::to_string(moved) + " nodes were moved onto the geometry.");
     }
-    if (options.order > 0) {
-      auto curved = curve(mesh, *association, options.order, team);
-      if (!curved) return tl::unexpected(curved.error());
-      append(sentences, curved->report.sentences());
-      mesh = std::move(curved->mesh);
-      *association = std::move(curved->association);
-    }
-    const auto fixed = nodes_of_groups(mesh, options.fix);
-    assert(fixed);  // slide_on_file() has looked for the groups already
-    const SlideReport report = slide(mesh, *association, what, *fixed, team);
-    sentences.push_back(report.sentence(association->size));
-    return {};
+    if (options.order == 0) return association;
+    auto curved = curve(mesh, *association, options.order, team);
+    if (!curved) return tl::unexpected(curved.error());
+    append(sentences, curved->report.sentences());
+    mesh = std::move(curved->mesh);
+    return std::move(curved->association);
   }
 
-  Expected<void> run_on_boundary() {
-    auto own = own_boundary(mesh, team);
-    if (!own) return tl::unexpected(own.error());
-    sentences.push_back(own->sentence());
-    const auto fixed = nodes_of_groups(mesh, options.fix);
+  /// @param boundary  the mesh, or its surface elements
+  void slide_nodes(HighOrderMesh& boundary, Association& association) {
+    auto fixed = nodes_of_groups(mesh, options.fix);
     assert(fixed);  // slide_on_file() has looked for the groups already
-    const SlideReport report = slide(own->faces, own->association, what, *fixed, team);
-    sentences.push_back(report.sentence(own->association.size));
-    mesh.coordinates = std::move(own->faces.coordinates);
-    return {};
+    SlideReport report;
+    if (mesh.dimension == 2)
+      report = detail::slide_alone(boundary, association, what, std::move(*fixed), team);
+    else
+      team.run([&] { report = slide(boundary, association, what, *fixed, team); });
+    sentences.push_back(report.sentence(association.size));
   }
 };
 
@@ -124,8 +143,7 @@ Expected<std::vector<std::string>> slide_on_file(HighOrderMesh& mesh, const Geom
 
   Work work{mesh, options, *what, team, geometry->notes};
   std::vector<double> start = mesh.coordinates;
-  Expected<void> done;
-  team.run([&] { done = options.on_boundary ? work.run_on_boundary() : work.run(*geometry); });
+  const Expected<void> done = options.on_boundary ? work.run_on_boundary() : work.run(*geometry);
   if (!done) {
     mesh.coordinates = std::move(start);
     return tl::unexpected(done.error());

@@ -18,6 +18,8 @@ struct GeometryOptions {
   bool snap = false;         ///< First move nodes that are off their curve, surface or vertex onto it.
   /// A node is off if it is farther than this from its entity, relative to the diagonal of the boundary's box.
   double snap_tolerance = 1e-6;
+  /// Nodes cross joints at which surfaces or curves meet at no more than this angle, in degrees; 0: none.
+  double smooth_angle = 0;
   std::vector<std::string> fix;  ///< Physical groups whose nodes stay, by name, by tag, or by "dimension:tag".
   int threads = 1;               ///< 0: as many as the machine has.
 

@@ -5,10 +5,12 @@
 #include <numbers>
 
 #include "core/association/own_boundary.h"
+#include "core/association/smooth_joints.h"
 #include "core/geometry/analytic.h"
 #include "core/geometry/closest_point.h"
 #include "core/slide/slide_on_file.h"
 #include "tests/core/support/cases.h"
+#include "tests/core/support/split_pipe.h"
 #include "tests/core/support/surface_grid.h"
 
 namespace varimesh {
@@ -152,6 +154,34 @@ TEST(Slide, UnfoldsElements) {
   EXPECT_EQ(of_all.folded_before, 40);  // the wave is so strong that the nodes of every element change places
   EXPECT_EQ(of_all.folded_after, 0);
   EXPECT_LT(off_torus(all), 1e-13);
+}
+
+// ===== Smooth joints =====
+
+TEST(SlideOverJoints, LetsNodesCrossThem) {
+  const HighOrderMesh start = testing::split_pipe_mesh(0.6);
+  double rms[2];
+  for (const bool joined : {false, true}) {
+    HighOrderMesh mesh = start;
+    const Team team(1);
+    SlideReport report;
+    team.run([&] {
+      auto association = associate(mesh, testing::split_pipe(), team);
+      ASSERT_TRUE(association) << association.error().sentence;
+      if (joined) join_smoothly(mesh, *association, 0.1);
+      report = slide(mesh, *association, SlideOn::All, std::vector<bool>(mesh.node_count(), false), team);
+    });
+    rms[joined] = report.after.rms;
+    bool crossed = false;
+    for (std::size_t node = 0; node < mesh.node_count(); ++node) {
+      const double *x = &mesh.coordinates[3 * node], *old = &start.coordinates[3 * node];
+      EXPECT_NEAR(std::hypot(x[0], x[1]), 1, 1e-12);
+      EXPECT_TRUE((old[2] != 0 && old[2] != 2) || std::abs(x[2] - old[2]) < 1e-12);
+      crossed = crossed || (std::abs(old[1]) < 1e-12 && std::abs(x[1]) > 1e-3);
+    }
+    EXPECT_EQ(crossed, joined);
+  }
+  EXPECT_LE(rms[1], rms[0]);
 }
 
 // ===== On the mesh's own boundary =====

@@ -1,4 +1,4 @@
-#include "core/repair/blend.h"
+#include "core/mesh/simplex_blend.h"
 
 #include <array>
 #include <cmath>
@@ -41,7 +41,7 @@ Barycentric at_node(const Eigen::MatrixXd& linear, int node) {
   return lambda;
 }
 
-void sort_nodes(Shape shape, int order, Blend& result) {
+void sort_nodes(Shape shape, int order, SimplexBlend& result) {
   const auto& info = reference::info(shape);
   const auto& places = reference::node_places(shape, order);
   const auto& lattice = reference::lattice(shape, order);
@@ -62,7 +62,7 @@ void sort_nodes(Shape shape, int order, Blend& result) {
   }
 }
 
-void blend_faces(Shape shape, int order, Blend& result) {
+void blend_faces(Shape shape, int order, SimplexBlend& result) {
   const auto& info = reference::info(shape);
   const Eigen::MatrixXd& linear = result.linear;
   for (std::size_t f = 0; f < info.faces.size(); ++f) {
@@ -76,7 +76,7 @@ void blend_faces(Shape shape, int order, Blend& result) {
   }
 }
 
-void blend_inside(Shape shape, int order, Blend& result) {
+void blend_inside(Shape shape, int order, SimplexBlend& result) {
   const auto& info = reference::info(shape);
   const Eigen::MatrixXd& linear = result.linear;
   result.in_cell.setZero(static_cast<Eigen::Index>(result.inside.size()), linear.rows());
@@ -103,8 +103,8 @@ void blend_inside(Shape shape, int order, Blend& result) {
   }
 }
 
-Blend make_blend(Shape shape, int order) {
-  Blend result;
+SimplexBlend make_blend(Shape shape, int order) {
+  SimplexBlend result;
   sort_nodes(shape, order, result);
   blend_faces(shape, order, result);
   blend_inside(shape, order, result);
@@ -113,8 +113,8 @@ Blend make_blend(Shape shape, int order) {
 
 }  // namespace
 
-const Blend& blend(Shape shape, int order) {
-  static reference::Cache<std::pair<Shape, int>, Blend> cache;
+const SimplexBlend& simplex_blend(Shape shape, int order) {
+  static reference::Cache<std::pair<Shape, int>, SimplexBlend> cache;
   return cache.get({shape, order}, [&] { return make_blend(shape, order); });
 }
 

@@ -1,5 +1,5 @@
 // Deviations of edges and faces from the straight-sided simplex, blended into its inside.
-#include "core/repair/blend.h"
+#include "core/mesh/simplex_blend.h"
 
 #include <gtest/gtest.h>
 
@@ -11,10 +11,10 @@
 namespace varimesh {
 namespace {
 
-TEST(Blend, ReproducesAQuadraticBubbleOfAnEdge) {
+TEST(SimplexBlend, ReproducesAQuadraticBubbleOfAnEdge) {
   // The deviation is a quadratic bubble λ_a λ_b on one edge of a tetrahedron. The blend is the same bubble everywhere.
   for (const int order : {3, 4, 5}) {
-    const detail::Blend& table = detail::blend(Shape::Tetrahedron, order);
+    const detail::SimplexBlend& table = detail::simplex_blend(Shape::Tetrahedron, order);
     const Eigen::VectorXd bubble = table.linear.col(0).cwiseProduct(table.linear.col(1));
     for (std::size_t f = 0; f < table.faces.size(); ++f)
       EXPECT_LT((table.on_face[f] * bubble - bubble(table.faces[f])).cwiseAbs().maxCoeff(), 1e-12);
@@ -24,10 +24,10 @@ TEST(Blend, ReproducesAQuadraticBubbleOfAnEdge) {
   }
 }
 
-TEST(Blend, ListsTheInnerNodesOfEveryEdgeAndFace) {
+TEST(SimplexBlend, ListsTheInnerNodesOfEveryEdgeAndFace) {
   for (const Shape shape : {Shape::Triangle, Shape::Tetrahedron})
     for (const int order : {2, 3, 5}) {
-      const detail::Blend& table = detail::blend(shape, order);
+      const detail::SimplexBlend& table = detail::simplex_blend(shape, order);
       const auto& places = reference::node_places(shape, order);
       std::size_t listed = 0;
       for (std::size_t e = 0; e < table.edges.size(); ++e)
@@ -47,9 +47,9 @@ TEST(Blend, ListsTheInnerNodesOfEveryEdgeAndFace) {
     }
 }
 
-TEST(Blend, LeavesAStraightSidedSimplexStraight) {
+TEST(SimplexBlend, LeavesAStraightSidedSimplexStraight) {
   for (const Shape shape : {Shape::Triangle, Shape::Tetrahedron}) {
-    const detail::Blend& table = detail::blend(shape, 4);
+    const detail::SimplexBlend& table = detail::simplex_blend(shape, 4);
     EXPECT_LT((table.linear.rowwise().sum().array() - 1).abs().maxCoeff(), 1e-14);
     // The nodes lie at equal parts: their barycentric coordinates times the order are whole numbers.
     const Eigen::MatrixXd steps = 4 * table.linear;
@@ -57,8 +57,8 @@ TEST(Blend, LeavesAStraightSidedSimplexStraight) {
   }
 }
 
-TEST(Blend, TakesFacesFromTheirEdgesOnly) {
-  const detail::Blend& table = detail::blend(Shape::Tetrahedron, 4);
+TEST(SimplexBlend, TakesFacesFromTheirEdgesOnly) {
+  const detail::SimplexBlend& table = detail::simplex_blend(Shape::Tetrahedron, 4);
   const auto& places = reference::node_places(Shape::Tetrahedron, 4);
   for (std::size_t f = 0; f < table.faces.size(); ++f)
     for (Eigen::Index n = 0; n < table.on_face[f].cols(); ++n) {

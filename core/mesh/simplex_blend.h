@@ -13,7 +13,7 @@ namespace varimesh::detail {
 /// With barycentric coordinates λ, an edge (a, b) that deviates by e(t) contributes λ_a λ_b / (t (1 − t)) e(t) with
 /// t = (1 + λ_b − λ_a)/2. In a tetrahedron, a face that deviates by f(μ) beyond what its edges contribute adds
 /// λ_a λ_b λ_c / (μ_a μ_b μ_c) f(μ) with μ = λ + λ_d/3. All contributions vanish on the other edges and faces.
-struct Blend {
+struct SimplexBlend {
   std::vector<std::vector<int>> edges;   ///< By edge: its inner nodes.
   std::vector<std::vector<int>> faces;   ///< By face: its inner nodes. A triangle is its own only face.
   std::vector<int> inside;               ///< The inner nodes of a tetrahedron; empty for a triangle.
@@ -23,6 +23,6 @@ struct Blend {
 };
 
 /// For triangles and tetrahedra. It is made once and kept until the program ends.
-const Blend& blend(Shape shape, int order);
+const SimplexBlend& simplex_blend(Shape shape, int order);
 
 }  // namespace varimesh::detail
