@@ -35,12 +35,11 @@ std::vector<std::string> peers_in_turn(PostgresConnection& connection, int most)
 /// Notes that it was the peer's turn. Waits for no other worker: one that notes a turn of the same peer at this moment
 /// does it for both.
 void take_turn(PostgresConnection& connection, const std::string& peer) {
-  const PostgresRows there = connection.query("SELECT 1 FROM turns WHERE peer = $1", PostgresValues().add(peer));
   connection.query(
-      there.count() == 0
-          ? "INSERT INTO turns VALUES($1, nextval('turn_numbers')) ON CONFLICT DO NOTHING"
-          : "UPDATE turns SET served = nextval('turn_numbers') WHERE peer IN (SELECT peer FROM turns WHERE peer = $1 "
-            "FOR UPDATE SKIP LOCKED)",
+      "WITH mine AS (SELECT peer FROM turns WHERE peer = $1 FOR UPDATE SKIP LOCKED), "
+      "noted AS (UPDATE turns SET served = nextval('turn_numbers') FROM mine WHERE turns.peer = mine.peer) "
+      "INSERT INTO turns SELECT $1, nextval('turn_numbers') WHERE NOT EXISTS(SELECT 1 FROM turns WHERE peer = $1) "
+      "ON CONFLICT DO NOTHING",
       PostgresValues().add(peer));
 }
 

@@ -21,6 +21,7 @@ struct Arguments {
   std::string store;
   int jobs = 100'000;
   int workers = 4;
+  int peers = 1;          ///< Who take turns.
   int repetitions = 500;  ///< Of each worker.
 };
 
@@ -51,7 +52,7 @@ class Times {
 };
 
 /// Copies the one job in the database until there are as many as asked for.
-void fill(PostgresConnection& connection, int jobs) {
+void fill(PostgresConnection& connection, int jobs, int peers) {
   connection.run("SET statement_timeout = 0");
   constexpr int kAtOnce = 5'000;  // a statement that takes longer than 15 s is taken for lost
   for (int from = 0; from < jobs; from += kAtOnce)
@@ -60,7 +61,9 @@ void fill(PostgresConnection& connection, int jobs) {
         "WITH named AS (SELECT 'jobs/' || lpad(i::text, 5, '0') AS name FROM generate_series(" + std::to_string(from) +
         ", " + std::to_string(std::min(from + kAtOnce, jobs) - 1) +
         ") AS i), made AS (INSERT INTO jobs(name, owner, peer, state, turn, token, lost, furthest, worker, lease_end, "
-        "history, checkpoint_iteration, job) SELECT named.name, owner, peer, 1, turn, 0, 0, 0, '', 0, '', 0, "
+        "history, checkpoint_iteration, job) SELECT named.name, owner, 'peer ' || right(named.name, 5)::integer % " +
+        std::to_string(peers) +
+        ", 1, turn, 0, 0, 0, '', 0, '', 0, "
         "decode(replace(encode(job, 'escape'), 'jobs/first', named.name), 'escape') "
         "FROM jobs, named WHERE jobs.name = 'jobs/first' RETURNING key) "
         "INSERT INTO specs SELECT made.key, spec FROM made, specs JOIN jobs USING(key) WHERE name = 'jobs/first'");
@@ -79,7 +82,7 @@ int run(const Arguments& arguments) {
   spec.mutable_mesh()->set_digest(std::string(64, 'a'));
   if (!(*store)->submit({"", spec, "jobs/first", 1 << 30, {}, 0})) return 1;
   PostgresConnection connection(arguments.store);
-  fill(connection, arguments.jobs);
+  fill(connection, arguments.jobs, arguments.peers);
 
   Times submit, claim, progress, checkpoint, finish, counts, oldest, needed;
   std::vector<std::thread> workers;
@@ -91,7 +94,7 @@ int run(const Arguments& arguments) {
       ending.state = v1::JOB_STATE_SUCCEEDED;
       for (int i = 0; i < arguments.repetitions; ++i) {
         const std::string name = "jobs/" + std::to_string(worker) + "_" + std::to_string(i);
-        submit.measure([&] { return (*own)->submit({"", spec, name, 1 << 30, {}, 0}); });
+        submit.measure([&] { return (*own)->submit({"", spec, name, 1 << 30, "peer 0", 0}); });
         const auto claimed = claim.measure([&] { return (*own)->claim("worker " + std::to_string(worker)); });
         if (!claimed || !*claimed) continue;
         const Claim& mine = (*claimed)->claim;
@@ -111,7 +114,8 @@ int run(const Arguments& arguments) {
     oldest.measure([&] { return (*store)->oldest_pending(); });
     needed.measure([&] { return (*store)->referenced(digests); });
   }
-  std::printf("%d jobs wait, %d workers\n", (*store)->counts()->pending, arguments.workers);
+  std::printf("%d jobs of %d peers wait, %d workers\n", (*store)->counts()->pending, arguments.peers,
+              arguments.workers);
   submit.print("submit");
   claim.print("claim");
   progress.print("progress");
@@ -132,6 +136,9 @@ int main(int argc, char** argv) {
   app.add_option("--store", arguments.store, "The address of the database, which must be empty")->required();
   app.add_option("--jobs", arguments.jobs, "Jobs that wait")->capture_default_str()->check(CLI::Range(1, 100'000));
   app.add_option("--workers", arguments.workers, "Stores that are used at the same time")->capture_default_str();
+  app.add_option("--peers", arguments.peers, "Peers who take turns")
+      ->capture_default_str()
+      ->check(CLI::Range(1, 10'000));
   app.add_option("--repetitions", arguments.repetitions, "Jobs of each worker")->capture_default_str();
   CLI11_PARSE(app, argc, argv);
   return varimesh::server::testing::run(arguments);
