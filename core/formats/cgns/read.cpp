@@ -131,7 +131,6 @@ class Reading {
     for (std::size_t i = 0; i < sections.size(); ++i) {
       const Section& section = sections[i];
       if (section.first != last_ + 1) section.node.fail("ElementRange", "does not begin after the section before it");
-      allowance_.take(std::size_t(section.last - last_), sizeof(Element));
       last_ = section.last;
       read_section(section, int(i) + 1);
     }
@@ -154,14 +153,16 @@ class Reading {
       left = reference::node_count(own.shape, own.order);
       elements_.push_back({own.shape, own.order, entity, std::int64_t(nodes_.size())});
     };
+    make_room(nodes_, connectivity.need(kData, Kind::Integers, false).rows());
+    make_room(elements_, section.last - section.first + 1);
+    const auto nodes = std::int64_t(mesh_.node_count());
     connectivity.for_rows<std::int64_t>(kData, 1, [&](std::int64_t first, std::int64_t count, const std::int64_t* v) {
-      allowance_.take(std::size_t(count), sizeof(std::int32_t));
       for (std::int64_t i = 0; i < count; ++i) {
         if (left == 0) {
           begin(mixed ? v[i] : section.type, first + i);
           if (mixed) continue;
         }
-        if (v[i] < 1 || v[i] > std::int64_t(mesh_.node_count()))
+        if (v[i] < 1 || v[i] > nodes)
           connectivity.fail(kData,
                             "refers to node " + std::to_string(v[i]) + ", but the nodes are 1 to " +
                                 std::to_string(mesh_.node_count()),
@@ -171,6 +172,17 @@ class Reading {
       }
     });
     if (left != 0 || next != section.last + 1) connectivity.fail(kData, "has fewer than the elements of its section");
+  }
+
+  /// Exactly as much as is needed if there is one section, and at least half more for others.
+  template <class T>
+  void make_room(std::vector<T>& values, std::int64_t more) {
+    if (more <= 0) return;
+    const std::size_t before = values.capacity(), size = values.size() + std::size_t(more);
+    if (size <= before) return;
+    const std::size_t room = before == 0 ? size : std::max(size, before + before / 2);
+    allowance_.take(room, sizeof(T));  // a copy of what was there is counted too: it is in memory at the same time
+    values.reserve(room);
   }
 
   CgnsType element(const Section& section, std::int64_t type) const {
@@ -255,9 +267,8 @@ class Reading {
   void join(std::size_t element, int tag, int dimension) {
     allowance_.look();
     if (reference::info(elements_[element].shape).dimension != dimension) return;
-    std::vector<int>& own = groups_[std::int64_t(element)];
-    allowance_.take(1, own.empty() ? kTreeNode + kAllocation : sizeof(int));
-    own.push_back(tag);
+    allowance_.take(1, 2 * sizeof(Member));
+    members_.push_back({std::int32_t(element), tag});
   }
 
   /// A boundary condition that lists nodes has the elements with all of their nodes in it.
@@ -274,31 +285,61 @@ class Reading {
 
   // === Blocks ==============================================================================================
 
+  /// Elements that are alike, one run after another.
   void make_blocks() {
-    std::vector<ElementBlock>& blocks = mesh_.blocks;
-    for (std::size_t e = 0; e < elements_.size(); ++e) {
-      const Element& each = elements_[e];
-      const int dimension = reference::info(each.shape).dimension;
+    const auto by_element = [](const Member& a, const Member& b) { return a.element < b.element; };
+    if (!std::is_sorted(members_.begin(), members_.end(), by_element))
+      std::stable_sort(members_.begin(), members_.end(), by_element);
+    std::size_t member = 0;  // the first of the element
+    for (std::size_t begin = 0, end = 0; begin < elements_.size(); begin = end) {
+      const Element& first = elements_[begin];
+      std::vector<int> groups;
+      for (std::size_t m = member; m < members_.size() && members_[m].element == std::int32_t(begin); ++m)
+        groups.push_back(members_[m].tag);
+      const auto is_alike = [&](std::size_t e) {
+        const Element& each = elements_[e];
+        if (each.shape != first.shape || each.order != first.order) return false;
+        if (groups.empty() && each.section != first.section) return false;
+        std::size_t m = member, tag = 0;
+        for (; m < members_.size() && members_[m].element == std::int32_t(e); ++m, ++tag)
+          if (tag == groups.size() || members_[m].tag != groups[tag]) return false;
+        if (tag < groups.size()) return false;
+        member = m;
+        return true;
+      };
+      while (end < elements_.size() && is_alike(end)) ++end;
+      const int dimension = reference::info(first.shape).dimension;
       if (dimension > mesh_.dimension) root_.fail("", "has elements of more dimensions than its base says");
-      if (dimension == mesh_.dimension) mesh_.order = each.order;
-      const auto found = groups_.find(std::int64_t(e));
-      const std::vector<int> own = found == groups_.end() ? std::vector<int>() : found->second;
-      const int entity = own.empty() ? each.section : own.front();
-      if (blocks.empty() || blocks.back().shape != each.shape || blocks.back().order != each.order ||
-          blocks.back().entity != entity || blocks.back().physical != own) {
-        allowance_.take(1, sizeof(ElementBlock) + 2 * kAllocation);
-        blocks.push_back({each.shape, each.order, entity, own, {}, {}, {}, {}});
-      }
-      const std::vector<int>& place = gmsh_nodes(NodeOrder::Cgns, each.shape, each.order);
-      allowance_.take(1, sizeof(std::int64_t) + sizeof(std::int32_t) * place.size());
-      blocks.back().numbers.push_back(std::int64_t(e) + 1);
-      std::vector<std::int32_t>& nodes = blocks.back().nodes;
-      const std::size_t begin = nodes.size();
-      nodes.resize(begin + place.size());
-      for (std::size_t i = 0; i < place.size(); ++i)
-        nodes[begin + std::size_t(place[i])] = nodes_[std::size_t(each.nodes) + i];
+      if (dimension == mesh_.dimension) mesh_.order = first.order;
+      add(begin, end, groups.empty() ? first.section : groups.front(), groups);
     }
   }
+
+  void add(std::size_t begin, std::size_t end, int entity, const std::vector<int>& groups) {
+    std::vector<ElementBlock>& blocks = mesh_.blocks;
+    const Element& first = elements_[begin];
+    if (blocks.empty() || blocks.back().shape != first.shape || blocks.back().order != first.order ||
+        blocks.back().entity != entity || blocks.back().physical != groups) {
+      allowance_.take(1, sizeof(ElementBlock) + 2 * kAllocation);
+      blocks.push_back({first.shape, first.order, entity, groups, {}, {}, {}, {}});
+    }
+    ElementBlock& block = blocks.back();
+    const std::vector<int>& place = gmsh_nodes(NodeOrder::Cgns, first.shape, first.order);
+    allowance_.take(end - begin, sizeof(std::int64_t) + sizeof(std::int32_t) * place.size());
+    if (block.size() == 0) block.numbers.reserve(end - begin);
+    for (std::size_t e = begin; e < end; ++e) block.numbers.push_back(std::int64_t(e) + 1);
+    std::size_t to = block.nodes.size();
+    block.nodes.resize(to + (end - begin) * place.size());
+    for (std::size_t e = begin; e < end; ++e, to += place.size())
+      for (std::size_t i = 0; i < place.size(); ++i)
+        block.nodes[to + std::size_t(place[i])] = nodes_[std::size_t(elements_[e].nodes) + i];
+  }
+
+  /// An element of a group.
+  struct Member {
+    std::int32_t element;  // counted from 0
+    std::int32_t tag;
+  };
 
   struct Element {
     Shape shape;
@@ -314,9 +355,9 @@ class Reading {
   std::int64_t last_ = 0;  // number of the last element so far
   std::vector<Element> elements_;
   std::vector<std::int32_t> nodes_;
-  std::map<std::int64_t, std::vector<int>> groups_;  // tags by element
-  std::map<int, std::set<int>> tags_;                // by dimension
-  std::map<int, std::string> types_;                 // of boundary conditions, by tag
+  std::vector<Member> members_;        // of all groups
+  std::map<int, std::set<int>> tags_;  // by dimension
+  std::map<int, std::string> types_;   // of boundary conditions, by tag
 };
 
 }  // namespace

@@ -135,24 +135,45 @@ MfemLocalNodes make_local_nodes(Shape shape, int order) {
   return local;
 }
 
-/// The vertices of a face, ascending; −1 comes first if it is a triangle.
-std::array<std::int32_t, 4> key_of(std::span<const std::int32_t> vertices) {
-  std::array<std::int32_t, 4> sorted{-1, -1, -1, -1};
-  std::copy(vertices.begin(), vertices.end(), sorted.begin());
-  std::sort(sorted.begin(), sorted.end());
-  return sorted;
+/// The vertices of a face, ascending, two in each number; those of a triangle begin with −1. Without branches, because
+/// this is done for every face of every cell, and for those in the same bucket.
+struct FaceKey {
+  std::uint64_t low, high;
+  friend bool operator==(const FaceKey&, const FaceKey&) = default;
+};
+
+std::uint64_t packed(std::int32_t a, std::int32_t b) {
+  return std::uint64_t(std::uint32_t(a)) << 32 | std::uint32_t(b);
 }
 
-/// The bucket of some vertices in a table whose size is a power of two. The multiplier is 2⁶⁴ divided by the golden
-/// ratio (D. E. Knuth, The Art of Computer Programming, volume 3, section 6.4).
-std::size_t bucket_of(std::span<const std::int32_t> vertices, std::size_t buckets) {
-  std::uint64_t hash = 0;
-  for (const std::int32_t vertex : vertices) {
-    hash = (hash ^ std::uint32_t(vertex)) * 0x9e3779b97f4a7c15U;
-    hash ^= hash >> 32;
-  }
-  return hash & (buckets - 1);
+FaceKey key_of(const std::array<std::int32_t, 4>& vertices) {
+  auto [a, b, c, d] = vertices;
+  const auto order = [](std::int32_t& x, std::int32_t& y) {
+    const std::int32_t low = std::min(x, y);
+    y = std::max(x, y);
+    x = low;
+  };
+  order(a, b), order(c, d), order(a, c), order(b, d), order(b, c);
+  return {packed(a, b), packed(c, d)};
 }
+
+FaceKey key_of(std::span<const std::int32_t> vertices) {
+  std::array<std::int32_t, 4> own{-1, -1, -1, -1};
+  for (std::size_t v = 0; v < vertices.size(); ++v) own[v] = vertices[v];
+  return key_of(own);
+}
+
+/// The bucket of two numbers in a table whose size is a power of two. The first multiplier is 2⁶⁴ divided by the golden
+/// ratio (D. E. Knuth, The Art of Computer Programming, volume 3, section 6.4); the second is another odd number.
+std::size_t bucket_of(std::uint64_t low, std::uint64_t high, std::size_t buckets) {
+  const std::uint64_t hash = (low * 0x9e3779b97f4a7c15U + high) * 0xd1342543de82ef95U;
+  return (hash ^ hash >> 32) & (buckets - 1);
+}
+
+std::size_t bucket_of(const std::array<std::int32_t, 2>& edge, std::size_t buckets) {
+  return bucket_of(packed(edge[0], edge[1]), 0, buckets);
+}
+std::size_t bucket_of(const FaceKey& key, std::size_t buckets) { return bucket_of(key.low, key.high, buckets); }
 
 int inner_nodes(Shape shape, int order) {
   return shape == Shape::Triangle ? (order - 1) * (order - 2) / 2 : (order - 1) * (order - 1);
@@ -170,10 +191,10 @@ const MfemLocalNodes& mfem_local_nodes(Shape shape, int order) {
 MfemTopology::MfemTopology(int dimension, int order, std::int32_t vertices, const Scanner* counted)
     : dimension_(dimension), order_(order), vertices_(vertices), counted_(counted) {
   // A mesh has about 3 to 7 edges and up to 12 faces per vertex.
-  const std::size_t buckets = std::bit_ceil(4 * std::size_t(vertices) + 1);
-  if (counted_ != nullptr) counted_->take_memory(std::size_t(dimension - 1) * buckets * sizeof edge_buckets_[0]);
-  edge_buckets_.assign(buckets, -1);
-  if (dimension == 3) face_buckets_.assign(buckets, -1);
+  const std::size_t edges = std::bit_ceil(4 * std::size_t(vertices) + 1), faces = dimension == 3 ? 2 * edges : 0;
+  if (counted_ != nullptr) counted_->take_memory((edges + faces) * sizeof edge_buckets_[0]);
+  edge_buckets_.assign(edges, -1);
+  face_buckets_.assign(faces, -1);
 }
 
 std::int32_t MfemTopology::edge(std::int32_t a, std::int32_t b) const {
@@ -184,7 +205,7 @@ std::int32_t MfemTopology::edge(std::int32_t a, std::int32_t b) const {
 }
 
 std::int32_t MfemTopology::face(std::span<const std::int32_t> vertices) const {
-  const auto key = key_of(vertices);
+  const FaceKey key = key_of(vertices);
   std::int32_t f = face_buckets_[bucket_of(key, face_buckets_.size())];
   while (f >= 0 && key_of(faces_[std::size_t(f)].vertices) != key) f = faces_[std::size_t(f)].next;
   return f;

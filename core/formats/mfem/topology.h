@@ -43,6 +43,7 @@ class MfemTopology {
   std::int64_t vertex_count() const { return vertices_; }
   std::int64_t edge_count() const { return std::int64_t(edges_.size()); }
   std::int64_t face_count() const { return std::int64_t(faces_.size()); }
+  bool has_quadrilaterals() const { return triangles_ < face_count(); }
   /// Number of an edge or of a face; −1 if no cell has it.
   std::int32_t edge(std::int32_t a, std::int32_t b) const;
   std::int32_t face(std::span<const std::int32_t> vertices) const;

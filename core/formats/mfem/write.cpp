@@ -203,7 +203,8 @@ void write_continuous(const Grid& grid, const MfemSpace& space, const PointWrite
     }
   });
   next = 0;
-  if (mesh.dimension == 3)
+  const bool has_inner = space.order > 2 || grid.topology.has_quadrilaterals();
+  if (mesh.dimension == 3 && has_inner)
     grid.for_each([&](const ElementBlock& block, auto nodes, auto vertices) {
       const auto faces = mfem_faces(block.shape);
       for (std::size_t f = 0; f < faces.size(); ++f) {

@@ -22,6 +22,10 @@ namespace varimesh::formats {
 class NektarIds {
  public:
   void add(std::int64_t id) { ids_.push_back(id); }
+  /// To make room in it.
+  std::vector<std::int64_t>& list() { return ids_; }
+  /// Whether they are 0, 1, 2, …
+  bool are_consecutive() const;
   /// Must be called after the last add(). Returns false, and a number that occurs twice, if there is one.
   bool finish(std::int64_t& twice);
   /// The position of a number in the list; −1 if it is not there.

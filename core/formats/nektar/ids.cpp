@@ -5,10 +5,14 @@
 
 namespace varimesh::formats {
 
+bool NektarIds::are_consecutive() const {
+  for (std::size_t i = 0; i < ids_.size(); ++i)
+    if (ids_[i] != std::int64_t(i)) return false;
+  return true;
+}
+
 bool NektarIds::finish(std::int64_t& twice) {
-  bool consecutive = true;
-  for (std::size_t i = 0; i < ids_.size(); ++i) consecutive = consecutive && ids_[i] == std::int64_t(i);
-  if (consecutive) return true;
+  if (are_consecutive()) return true;
   for (std::size_t i = 0; i < ids_.size(); ++i) sorted_.emplace_back(ids_[i], std::int32_t(i));
   std::sort(sorted_.begin(), sorted_.end());
   const auto same = [](const auto& a, const auto& b) { return a.first == b.first; };

@@ -5,6 +5,7 @@
 #include <optional>
 
 #include "core/formats/nektar/file.h"
+#include "core/formats/nektar/points.h"
 #include "core/formats/scanner.h"
 #include "core/formats/xml/encoding.h"
 
@@ -19,30 +20,6 @@ std::optional<Shape> shape_of(std::string_view letter) {
        {Shape::Triangle, Shape::Quadrilateral, Shape::Tetrahedron, Shape::Pyramid, Shape::Prism, Shape::Hexahedron})
     if (letter.size() == 1 && letter[0] == nektar_letter(shape)) return shape;
   return std::nullopt;
-}
-
-/// The kind of points with a name or, in compressed files, a number of Nektar++'s PointsType.
-std::optional<NektarPoints> points_of(std::string_view name) {
-  if (name == "PolyEvenlySpaced" || name == "NodalTriEvenlySpaced") return NektarPoints::EvenlySpaced;
-  if (name == "GaussLobattoLegendre") return NektarPoints::GaussLobatto;
-  if (name == "NodalTriElec" || name == "NodalTriFekete") return NektarPoints::OtherTriangle;
-  return std::nullopt;
-}
-std::string_view name_of_points(std::int64_t number) {
-  switch (number) {
-    case 4:
-      return "GaussLobattoLegendre";
-    case 17:
-      return "PolyEvenlySpaced";
-    case 22:
-      return "NodalTriElec";
-    case 23:
-      return "NodalTriFekete";
-    case 24:
-      return "NodalTriEvenlySpaced";
-    default:
-      return "";
-  }
 }
 
 class Parser : public XmlVisitor {
@@ -175,7 +152,11 @@ class Parser : public XmlVisitor {
         std::int64_t id;
         double x[3];
       };
-      for_each_packed<Vertex>(text, [&](const Vertex& vertex) {
+      const auto reserve = [&](std::size_t count) {
+        make_room(file_.vertex_ids.list(), count);
+        make_room(file_.vertices, 3 * count);
+      };
+      for_each_packed<Vertex>(text, reserve, [&](const Vertex& vertex) {
         file_.vertex_ids.add(vertex.id);
         file_.vertices.insert(file_.vertices.end(), vertex.x, vertex.x + 3);
       });
@@ -193,7 +174,11 @@ class Parser : public XmlVisitor {
       struct Edge {
         std::int64_t id, vertices[2];
       };
-      for_each_packed<Edge>(text, [&](const Edge& edge) {
+      const auto reserve = [&](std::size_t count) {
+        make_room(file_.edge_ids.list(), count);
+        make_room(file_.edges, 2 * count);
+      };
+      for_each_packed<Edge>(text, reserve, [&](const Edge& edge) {
         file_.edge_ids.add(edge.id);
         file_.edges.insert(file_.edges.end(), edge.vertices, edge.vertices + 2);
       });
@@ -223,7 +208,11 @@ class Parser : public XmlVisitor {
       return expect_end(scan);
     }
     const std::string bytes = unpacked(text, 8 * (1 + sides));
-    allowance_.take(2, bytes.size());
+    const std::size_t count = bytes.size() / (8 * (1 + sides));
+    allowance_.take(count, 8 * (1 + sides) + 1);
+    make_room(list.ids.list(), count);
+    make_room(list.shapes, count);
+    make_room(list.sides, count * sides);
     for (std::size_t at = 0; at < bytes.size(); at += 8 * (1 + sides)) {
       std::array<std::int64_t, 7> numbers{};
       std::memcpy(numbers.data(), bytes.data() + at, 8 * (1 + sides));
@@ -252,21 +241,25 @@ class Parser : public XmlVisitor {
       struct Info {
         std::int64_t id, of, count, points, first, type;
       };
-      for_each_packed<Info>(text, [&](const Info& info) {
+      std::vector<NektarCurve>& curves = name == "E" ? file_.curved_edges : file_.curved_faces;
+      const auto reserve = [&](std::size_t count) { make_room(curves, count); };
+      for_each_packed<Info>(text, reserve, [&](const Info& info) {
         if (info.count < 0 || info.first < 0) fail("a curve has a negative number of points");
         NektarCurve made{info.of, {}, info.count, std::size_t(info.first)};
         set_points(made, name_of_points(info.type));
-        (name == "E" ? file_.curved_edges : file_.curved_faces).push_back(made);
+        curves.push_back(made);
       });
     } else if (path_.size() == 5 && name == "INDEX") {
-      for_each_packed<std::int64_t>(text, [&](std::int64_t number) { file_.index.push_back(number); });
+      const auto reserve = [&](std::size_t count) { make_room(file_.index, count); };
+      for_each_packed<std::int64_t>(text, reserve, [&](std::int64_t number) { file_.index.push_back(number); });
     } else if (path_.size() == 5 && name == "POINTS") {
       struct Point {
         std::int64_t id;
         double x[3];
       };
+      const auto reserve = [&](std::size_t count) { make_room(file_.points, 3 * count); };
       for_each_packed<Point>(
-          text, [&](const Point& point) { file_.points.insert(file_.points.end(), point.x, point.x + 3); });
+          text, reserve, [&](const Point& point) { file_.points.insert(file_.points.end(), point.x, point.x + 3); });
     }
   }
 
@@ -291,11 +284,13 @@ class Parser : public XmlVisitor {
     return bytes;
   }
 
-  /// What the body adds to the lists takes as much memory as the record, and up to twice that while a list grows.
-  template <class Record, class Body>
-  void for_each_packed(XmlText text, const Body& body) {
+  /// `reserve(count)` makes room in the lists; what the body then adds to them takes at most as much memory as the
+  /// records. In the end the records are free again.
+  template <class Record, class Reserve, class Body>
+  void for_each_packed(XmlText text, const Reserve& reserve, const Body& body) {
     const std::string bytes = unpacked(text, sizeof(Record));
-    allowance_.take(2, bytes.size());
+    allowance_.take(1, bytes.size());
+    reserve(bytes.size() / sizeof(Record));
     for (std::size_t at = 0; at < bytes.size(); at += sizeof(Record)) {
       allowance_.look();
       Record record;
@@ -303,6 +298,16 @@ class Parser : public XmlVisitor {
       body(record);
     }
     allowance_.give_back(bytes.size());
+  }
+
+  /// Room for exactly so many more values. A file may have a section several times, so the room at least doubles.
+  template <class T>
+  void make_room(std::vector<T>& values, std::size_t more) {
+    const std::size_t before = values.capacity(), size = values.size() + more;
+    if (size <= before) return;
+    values.reserve(before == 0 ? size : std::max(size, 2 * before));
+    // Of the records only `more` are counted; while it grows, the list is in memory twice.
+    allowance_.take(values.capacity() - size + before, sizeof(T));
   }
 
   /// Keeps an element with its tags, from its first byte to its end tag.
@@ -316,6 +321,9 @@ class Parser : public XmlVisitor {
   /// Compressed files list the elements of each shape by themselves; their numbers tell the order.
   void sort_elements() {
     NektarParts& parts = file_.elements;
+    bool is_sorted = true;
+    for (std::size_t e = 1; e < parts.ids.size(); ++e) is_sorted = is_sorted && parts.ids[e - 1] <= parts.ids[e];
+    if (is_sorted) return;
     std::vector<std::pair<std::int64_t, std::size_t>> order;  // number, position
     std::vector<std::size_t> first;                           // of its sides
     std::size_t sides = 0;
@@ -324,7 +332,6 @@ class Parser : public XmlVisitor {
       first.push_back(sides);
       sides += std::size_t(nektar_sides(parts.shapes[e]));
     }
-    if (std::is_sorted(order.begin(), order.end())) return;
     std::sort(order.begin(), order.end());
     NektarParts sorted;
     for (const auto& [number, at] : order) {
@@ -338,7 +345,7 @@ class Parser : public XmlVisitor {
 
   void finish(NektarIds& ids, const char* what) {
     std::int64_t twice = 0;
-    allowance_.take(ids.size(), NektarIds::kSortedBytes);
+    if (!ids.are_consecutive()) allowance_.take(ids.size(), NektarIds::kSortedBytes);
     if (!ids.finish(twice))
       Scanner(file_.bytes).fail("the " + std::string(what) + " " + std::to_string(twice) + " occurs twice");
   }

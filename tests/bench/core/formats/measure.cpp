@@ -42,7 +42,7 @@ double own_memory() {
   std::ifstream status("/proc/self/status");
   double sum = 0;
   for (std::string line; std::getline(status, line);)
-    if (line.starts_with("RssAnon") || line.starts_with("RssShmem")) sum += std::atof(line.c_str() + 9) / 1024;
+    if (line.starts_with("RssAnon")) sum += std::atof(line.c_str() + 9) / 1024;
   return sum;
 }
 
