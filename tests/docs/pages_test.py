@@ -213,6 +213,15 @@ class Tutorial(WithPrograms):
         return done.stdout
 
 
+class FromCad(WithPrograms):
+    def test_runs_unchanged(self):
+        printed = "".join(self.run_page(SOURCE / "docs" / "tutorial-cad.md"))
+        self.assertIn("certified\n", printed)
+        self.assertIn("touch these surfaces", printed)
+        self.assertIn("status 4\n", printed)
+        self.assertLessEqual({"part.step", "part.msh", "part.html", "part.xml", "coarse.msh"}, set(os.listdir(self.work)))
+
+
 class Commands(WithPrograms):
     """The commands of every page except those whose commands other tests run."""
 
@@ -234,7 +243,7 @@ class Commands(WithPrograms):
         words = {"HOST:PORT": self.server.address, "127.0.0.1:50051": f"unix:{self.folder}/socket", " JOB ": f" {job.name} "}
         ran = []
         for page in PAGES:
-            if page.name in ELSEWHERE or page.name == "tutorial.md":
+            if page.name in ELSEWHERE or page.name.startswith("tutorial"):
                 continue
             with self.subTest(page.name):
                 names = {"__name__": "__main__", "nodes": mesh.nodes, "cells": mesh.cells["tetrahedron"]}
@@ -262,6 +271,8 @@ class Commands(WithPrograms):
 if __name__ == "__main__":
     if sys.argv[1] in ("Tutorial", "Commands"):
         support.need()
-    if sys.argv[1] == "Tutorial" and not (shutil.which("gmsh") and importlib.util.find_spec("gmsh")):
+    if sys.argv[1] == "FromCad" and not (Path(VARIMESH).resolve().parent / "libvarimesh_opencascade.so").exists():
+        support.skip("VariMesh was built without OpenCASCADE (deploy/setup geometry)")
+    if sys.argv[1] in ("Tutorial", "FromCad") and not (shutil.which("gmsh") and importlib.util.find_spec("gmsh")):
         support.skip("gmsh or python3-gmsh is missing (deploy/setup test)")
     unittest.main(verbosity=2)
