@@ -39,10 +39,11 @@ bool RetryPolicy::sleep(std::chrono::milliseconds pause) const {
 bool RetryPolicy::wait_to_retry(const grpc::Status& status) {
   if (settings_.wants_to_stop()) return false;
   if (const auto delay = requested_delay(status); delay.count() > 0) return wait_for_busy_server(delay);
-  if (status.error_code() == grpc::StatusCode::UNAVAILABLE) return wait_for_absent_server();
-  // Any other status is an answer of the server, except for these two, which this side makes itself.
-  if (status.error_code() != grpc::StatusCode::CANCELLED && status.error_code() != grpc::StatusCode::DEADLINE_EXCEEDED)
-    tell_contact(true);
+  // CANCELLED, although nobody here asked for it: the call came at the moment when the server shut down.
+  if (status.error_code() == grpc::StatusCode::UNAVAILABLE || status.error_code() == grpc::StatusCode::CANCELLED)
+    return wait_for_absent_server();
+  // Any other status is an answer of the server, except for this one, which this side makes itself.
+  if (status.error_code() != grpc::StatusCode::DEADLINE_EXCEEDED) tell_contact(true);
   return false;
 }
 

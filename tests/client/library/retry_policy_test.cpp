@@ -54,6 +54,15 @@ TEST(RetryPolicy, AnAnswerIsToldAndAllowsTheFullTimeAgain) {
   EXPECT_EQ(recorded.contacts, (std::vector<bool>{false, true, false, true, false, true}));
 }
 
+TEST(RetryPolicy, ACallThatTheServerCutAtItsEndIsRepeated) {
+  Recorded recorded(milliseconds(300));
+  RetryPolicy retries(recorded.settings);
+  EXPECT_TRUE(retries.wait_to_retry(grpc::Status(grpc::StatusCode::CANCELLED, "CANCELLED")));
+  recorded.settings.interrupted = [] { return true; };
+  EXPECT_FALSE(RetryPolicy(recorded.settings).wait_to_retry(grpc::Status(grpc::StatusCode::CANCELLED, "CANCELLED")))
+      << "the user asked for it";
+}
+
 TEST(RetryPolicy, ARefusalIsFinal) {
   Recorded recorded(milliseconds(300));
   RetryPolicy retries(recorded.settings);
