@@ -127,6 +127,27 @@ double size_of(const HighOrderMesh& mesh, const NodeSurfaces& nodes) {
   return std::sqrt(square);
 }
 
+/// Samples of a surface may be too far apart to lead to a foot. Then the feet of the nodes nearby lead there.
+void find_missed_feet(const Placing& placing, const geometry::SurfaceShape& shape,
+                      const std::vector<std::int32_t>& nodes, double tolerance,
+                      std::vector<geometry::SurfaceFoot>& feet) {
+  constexpr std::size_t kNearest = 8;
+  for (std::size_t i = 0; i < nodes.size(); ++i) {
+    if (feet[i].distance < tolerance) continue;
+    const Eigen::Vector3d x = placing.position(nodes[i]);
+    std::vector<std::pair<double, std::size_t>> nearby;
+    for (std::size_t k = 0; k < nodes.size(); ++k)
+      if (feet[k].distance < tolerance) nearby.emplace_back((placing.position(nodes[k]) - x).squaredNorm(), k);
+    const std::size_t count = std::min(kNearest, nearby.size());
+    std::partial_sort(nearby.begin(), nearby.begin() + static_cast<std::ptrdiff_t>(count), nearby.end());
+    for (std::size_t k = 0; k < count && !(feet[i].distance < tolerance); ++k) {
+      const geometry::SurfaceFoot& from = feet[nearby[k].second];
+      const geometry::SurfaceFoot foot = geometry::closest_from(shape, x, from.u, from.v);
+      if (foot.distance < feet[i].distance) feet[i] = foot;
+    }
+  }
+}
+
 void place_nodes(const HighOrderMesh& mesh, const NodeSurfaces& tags, const Team& team, Association& result) {
   std::map<int, int> surface_of;
   for (const SurfaceMatch& match : result.matches) surface_of[match.tag] = match.surface;
@@ -153,9 +174,14 @@ void place_nodes(const HighOrderMesh& mesh, const NodeSurfaces& tags, const Team
   team.for_each(static_cast<std::int32_t>(result.surfaces.size()), 1, [&](std::int32_t s) {
     SurfaceNodes& own = result.surfaces[static_cast<std::size_t>(s)];
     if (own.nodes.empty()) return;
-    const geometry::SurfaceSearch search(*result.geometry.surfaces[static_cast<std::size_t>(s)].shape);
-    for (const std::int32_t node : own.nodes) {
-      const geometry::SurfaceFoot foot = search.closest(placing.position(node));
+    const geometry::SurfaceShape& shape = *result.geometry.surfaces[static_cast<std::size_t>(s)].shape;
+    std::vector<geometry::SurfaceFoot> feet;
+    const geometry::SurfaceSearch search(shape);
+    for (const std::int32_t node : own.nodes) feet.push_back(search.closest(placing.position(node)));
+    find_missed_feet(placing, shape, own.nodes, kMatchTolerance * result.size, feet);
+    for (std::size_t i = 0; i < own.nodes.size(); ++i) {
+      const std::int32_t node = own.nodes[i];
+      const geometry::SurfaceFoot& foot = feet[i];
       own.parameters.push_back({foot.u, foot.v});
       if (surfaces[static_cast<std::size_t>(node)].size() != 1 || border[static_cast<std::size_t>(node)]) continue;
       NodeEntity& entity = result.nodes[static_cast<std::size_t>(node)];
