@@ -84,6 +84,7 @@ Descent::Descent(const DescentContext& context)
       problem_(context.problem),
       team_(context.team),
       reduction_(team_),
+      from_(free_positions(problem_, problem_.positions)),
       space_(own_space(problem_)),
       form_(problem_, space_, team_),
       barrier_(problem_, context.kernels, context.hessian, form_.volume(), team_),
@@ -293,6 +294,54 @@ void Descent::accept(const State& state) {
   accepted_loss_ = state.loss;
   accepted_js_ = state.scaled_jacobian;
   if (state.uncertified <= best_.uncertified) highest_ = std::max(highest_, state.scaled_jacobian);
+}
+
+template <class Archive>
+void Descent::state(Archive& archive) {
+  std::vector<double> accepted;
+  if constexpr (!Archive::kReads) accepted = free_positions(problem_, accepted_);
+  archive(factors_, first_gradient_, start_loss_, last_loss_, least_loss_, raises_, caution_, accepted, accepted_loss_,
+          accepted_js_, highest_, best_.coordinates, best_.uncertified, best_.scaled_jacobian, best_.loss);
+  if constexpr (Archive::kReads)
+    if (archive.failed() || !restore(accepted)) archive.fail();
+}
+
+void Descent::write(CheckpointWriter& writer) {
+  writer(from_);
+  for (const CellSet& set : problem_.sets)
+    writer(std::vector<double>(set.delta_squared.begin(), set.delta_squared.end()));
+  state(writer);
+}
+
+void Descent::read(std::optional<Descent>& descent, const DescentContext& context, CheckpointReader& reader) {
+  Problem& problem = context.problem;
+  const std::vector<double> positions = problem.positions;
+  std::vector<double> from;
+  reader(from);
+  // The constructor measures the mesh where the descent began.
+  if (reader.failed() || !set_free_positions(problem, from, problem.positions)) return reader.fail();
+  descent.emplace(context);
+  problem.positions = positions;
+  for (CellSet& set : problem.sets) {
+    std::vector<double> delta_squared;
+    reader(delta_squared);
+    if (reader.failed() || delta_squared.size() != set.delta_squared.size()) return reader.fail();
+    std::ranges::copy(delta_squared, set.delta_squared.begin());
+  }
+  descent->state(reader);
+}
+
+bool Descent::restore(const std::vector<double>& accepted) {
+  accepted_ = problem_.positions;
+  if (!set_free_positions(problem_, accepted, accepted_) || factors_.size() != weights_.size() ||
+      best_.coordinates.size() != context_.mesh.coordinates.size())
+    return false;
+  State best = best_;
+  best.certificates.resize(context_.certifier.cells());
+  context_.certifier.certify(best.coordinates, best.certificates, team_);
+  judge(best);
+  best_.certificates = std::move(best.certificates);
+  return true;
 }
 
 /// Goes back to the mesh at the beginning of the round.

@@ -3,9 +3,11 @@
 
 #include <cstdint>
 #include <limits>
+#include <optional>
 #include <vector>
 
 #include "core/base/team.h"
+#include "core/checkpoint/checkpoint.h"
 #include "core/descent/barrier.h"
 #include "core/descent/modal_form.h"
 #include "core/descent/order_levels.h"
@@ -83,6 +85,13 @@ class Descent {
   /// those that have at least half of the highest. Otherwise its loss is within 2 % of the least one of those that have
   /// it, and its scaled Jacobian is the highest up to 0.5 of those within.
   const State& best() const { return best_; }
+
+  /// Writes what the rounds so far have left, beside problem.positions and the guard's state, to a checkpoint.
+  void write(CheckpointWriter& writer);
+  /// In place of the constructor and begin(): goes on from such a checkpoint. problem.positions and the guard have the
+  /// state of that moment. Inside team.run(). The reader has failed if the checkpoint is of another problem.
+  static void read(std::optional<Descent>& descent, const DescentContext& context, CheckpointReader& reader);
+
   State take_best() { return std::move(best_); }
 
  private:
@@ -106,12 +115,17 @@ class Descent {
   std::int64_t raise_low(double wanted);
   void note_scans(DescentRound& round) const;
   void accept(const State& state);
+  template <class Archive>
+  void state(Archive& archive);
+  /// Inside team.run(): sets what follows from the state that was read. Returns false if it is of another problem.
+  bool restore(const std::vector<double>& accepted);
   void take_back();
 
   DescentContext context_;
   Problem& problem_;
   const Team& team_;
   Reduction reduction_;
+  std::vector<double> from_;  ///< Where the free nodes were at the begin.
   OrderSpace space_;
   ModalForm form_;
   Barrier barrier_;

@@ -5,11 +5,8 @@
 
 #include "core/base/index.h"
 #include "core/checkpoint/checkpoint.h"
-#include "core/diagnosis/elements_text.h"
-#include "core/mesh/connectivity.h"
 #include "core/optimise/memory.h"
 #include "core/problem/node_conversion.h"
-#include "core/problem/substitute_shapes.h"
 #include "core/problem/targets.h"
 #include "core/quality/certified_quality.h"
 #include "core/untangle/untangle.h"
@@ -21,11 +18,6 @@ namespace {
 constexpr double kMeanGivenForWorst = 0.01;
 /// How closely the minimum of a mesh is proved when it is compared with others. The report's gap would hide late steps.
 constexpr double kGapOfWorst = 1e-4;
-
-/// Whether the methods ended the stage, and not a limit or the caller.
-bool ended_by_itself(StopReason reason) {
-  return reason == StopReason::Converged || reason == StopReason::NoProgress || reason == StopReason::MostProducts;
-}
 
 Frame shared_frame(const HighOrderMesh& mesh, const Team& team) {
   Frame frame;
@@ -58,8 +50,9 @@ bool Continuation::run(std::vector<Certificate>& certificates, Result& result) {
 
 bool Continuation::run_stages(const std::vector<Certificate>& certificates, Result& result) {
   const Options& options = set_up_.options;
+  came_valid_ = result.before.uncertified.empty();
   team_.run([&] { set_up_.problem.positions = solver_positions(set_up_.mesh, frame_, team_); });
-  choose_targets(result);
+  result.substitute_targets = choose_targets(set_up_, certifier_, frame_, team_);
   std::optional<StopReason> nothing_to_do;
   if (control_.checkpoint.empty()) {
     grace_.watch();
@@ -74,10 +67,10 @@ bool Continuation::run_stages(const std::vector<Certificate>& certificates, Resu
   result.resumed_from = stage_run_->last().number;
   if (nothing_to_do)
     result.stop_reason = *nothing_to_do;
-  else
+  else if (!descent_)
     iterate(result);
   if (options.objective == Objective::Accuracy) {
-    if (can_lower_loss(result)) lower_loss(result);
+    if (descent_ || can_lower_loss(result)) lower_loss(result);
     return true;
   }
   const std::size_t stages = set_up_.stages.size();
@@ -87,27 +80,6 @@ bool Continuation::run_stages(const std::vector<Certificate>& certificates, Resu
     if (!nothing_to_do) iterate(result);
   }
   return true;
-}
-
-/// Sets the targets, and names the cells that do not take their own straight-sided shape.
-void Continuation::choose_targets(Result& result) {
-  SubstituteShapes substitutes;
-  team_.run([&] {
-    const HighOrderMesh& mesh = set_up_.mesh;
-    substitutes = substitute_shapes(mesh, certifier_.sound_with_straight_sides(mesh.coordinates, team_), team_);
-    set_targets(set_up_.problem, set_up_.target, frame_.diagonal, substitutes, team_);
-  });
-  const Cells cells(set_up_.mesh, set_up_.mesh.dimension);
-  SubstituteTargets& named = result.substitute_targets;
-  named = {};
-  for (const std::int32_t cell : substitutes.cells) named.elements.push_back(cells.number(at(cell)));
-  if (named.elements.empty()) return;
-  const bool one = named.elements.size() == 1;
-  named.sentence = "With straight sides, " + elements_text(named.elements, "element", "elements") +
-                   (one ? " is" : " are") + " inverted or nearly flat. " +
-                   (one ? "Its target is made from a regular shape with its"
-                        : "Their targets are made from regular shapes with their") +
-                   " volume.";
 }
 
 // ===== beginning a stage =====
@@ -157,7 +129,9 @@ bool Continuation::resume(const std::vector<Certificate>& certificates,
       set_up_.problem.positions = solver_positions(set_up_.mesh, frame_, team_);  // an attempt at reading spoils them
       if (stage_ > 0) level_targets(set_up_.problem);
       set_up_stage(certificates, unrepairable);
-      usable = stage_run_->resume(control_.checkpoint, fingerprint_of_stage());
+      usable = stage_run_->resume(control_.checkpoint, fingerprint_of_stage(), [this](CheckpointReader& reader) {
+        Descent::read(descent_, descent_context(), reader);
+      });
     });
     if (usable) return true;
   }
@@ -259,26 +233,44 @@ bool Continuation::can_lower_loss(const Result& result) {
   return guard_->unrepaired() == 0 || !control_.shallow_untangling;
 }
 
+DescentContext Continuation::descent_context() {
+  return {set_up_.mesh,
+          set_up_.problem,
+          *set_up_.stages[0].kernels,
+          *set_up_.stages[0].hessian,
+          material(set_up_.options),
+          *guard_,
+          certifier_,
+          team_,
+          set_up_.options.min_js,
+          came_valid_};
+}
+
 void Continuation::lower_loss(Result& result) {
   const Options& options = set_up_.options;
-  const bool came_valid = result.before.uncertified.empty();
-  team_.run([&] {
-    stage_run_->free_methods();
-    descent_.emplace(DescentContext{set_up_.mesh, set_up_.problem, *set_up_.stages[0].kernels,
-                                    *set_up_.stages[0].hessian, material(options), *guard_, certifier_, team_,
-                                    options.min_js, came_valid});
-  });
+  bool last = false;
+  if (!descent_) {
+    team_.run([&] {
+      stage_run_->free_methods();
+      descent_.emplace(descent_context());
+    });
+    last = !descent_->begin();
+  }
   result.stop_reason = StopReason::Converged;
-  bool last = !descent_->begin();
   if (!last && stage_run_->last().number >= options.max_iterations) {
     result.stop_reason = StopReason::Iterations;
     last = true;
   }
+  const std::uint64_t fingerprint = fingerprint_of_stage();
   while (!last) {
     if (control_.threads) team_.set_threads(control_.threads());
     const DescentRound round = descent_->round();
     last = round.last;
     stage_run_->add(round);
+    if (!last && control_.checkpoint_due && control_.checkpoint_due(stage_run_->last()))
+      control_.save_checkpoint(stage_run_->last(), [&](const CheckpointSink& sink) {
+        return stage_run_->write(sink, fingerprint, [this](CheckpointWriter& writer) { descent_->write(writer); });
+      });
     result.stopped = on_iteration_ && on_iteration_(stage_run_->last()) == Control::Stop;
     if (result.stopped)
       result.stop_reason = StopReason::Stopped;

@@ -40,7 +40,6 @@ class Continuation {
   bool run_stages(const std::vector<Certificate>& certificates, Result& result);
   /// Makes a new guard, best mesh and stage. `certificates` and `unrepairable` are those of set_up.mesh.
   void set_up_stage(const std::vector<Certificate>& certificates, std::span<const UnrepairableGroup> unrepairable);
-  void choose_targets(Result& result);
   StageContext context();
   std::optional<StopReason> begin(const std::vector<Certificate>& certificates,
                                   std::span<const UnrepairableGroup> unrepairable);
@@ -54,6 +53,7 @@ class Continuation {
   /// Objective::Accuracy, after the only stage: the rounds of the descent.
   void lower_loss(Result& result);
   bool can_lower_loss(const Result& result);
+  DescentContext descent_context();
   /// The token of the run has interrupted a stage, or the beginning of one.
   void note_interruption(Result& result);
   void finish(std::vector<Certificate>& certificates, Result& result);
@@ -76,6 +76,7 @@ class Continuation {
   std::optional<BestMesh> best_;
   std::optional<StageRun> stage_run_;
   std::optional<Descent> descent_;
+  bool came_valid_ = false;       ///< No element was uncertified in the mesh as it came.
   Descent::State most_accurate_;  ///< Of the descent; without coordinates if there was none.
 };
 

@@ -31,6 +31,11 @@ enum class StopReason : std::uint8_t {
   MostProducts,
 };
 
+/// Whether the methods ended the run, and not a limit or the caller.
+inline bool ended_by_itself(StopReason reason) {
+  return reason == StopReason::Converged || reason == StopReason::NoProgress || reason == StopReason::MostProducts;
+}
+
 /// Sizes of a mesh, and how many of its nodes would move.
 struct MeshSummary {
   int dimension = 0;

@@ -24,8 +24,7 @@ using WriteCheckpoint = std::function<bool(const CheckpointSink&)>;
 /// run. Everything may be left empty.
 struct RunControl {
   /// Whether to save a checkpoint after this iteration. Called before OnIteration: after Newton steps and steps of
-  /// untangling, and after sweeps whose number is a multiple of ten. Not after rounds of Phase::Accuracy: a run that
-  /// goes on from a checkpoint makes them again.
+  /// untangling, after rounds of Phase::Accuracy, and after sweeps whose number is a multiple of ten.
   std::function<bool(const Iteration&)> checkpoint_due;
   /// Called if checkpoint_due said yes. `write` works only during the call.
   std::function<void(const Iteration&, const WriteCheckpoint& write)> save_checkpoint;

@@ -5,12 +5,16 @@
 #include <string>
 #include <utility>
 
+#include "core/base/index.h"
 #include "core/base/stopwatch.h"
+#include "core/diagnosis/elements_text.h"
 #include "core/mesh/change_order.h"
 #include "core/mesh/check.h"
 #include "core/mesh/connectivity.h"
 #include "core/problem/fixed_nodes.h"
 #include "core/problem/node_conversion.h"
+#include "core/problem/substitute_shapes.h"
+#include "core/problem/targets.h"
 #include "core/validity/orientation.h"
 
 namespace varimesh {
@@ -111,6 +115,26 @@ Expected<std::unique_ptr<SetUp>> set_up(HighOrderMesh&& mesh, const Options& giv
   result->mesh = std::move(mesh);
   result->seconds = watch.seconds();
   return result;
+}
+
+SubstituteTargets choose_targets(SetUp& set_up, const Certifier& certifier, const Frame& frame, const Team& team) {
+  const HighOrderMesh& mesh = set_up.mesh;
+  SubstituteShapes substitutes;
+  team.run([&] {
+    substitutes = substitute_shapes(mesh, certifier.sound_with_straight_sides(mesh.coordinates, team), team);
+    set_targets(set_up.problem, set_up.target, frame.diagonal, substitutes, team);
+  });
+  SubstituteTargets named;
+  const Cells cells(mesh, mesh.dimension);
+  for (const std::int32_t cell : substitutes.cells) named.elements.push_back(cells.number(at(cell)));
+  if (named.elements.empty()) return named;
+  const bool one = named.elements.size() == 1;
+  named.sentence = "With straight sides, " + elements_text(named.elements, "element", "elements") +
+                   (one ? " is" : " are") + " inverted or nearly flat. " +
+                   (one ? "Its target is made from a regular shape with its"
+                        : "Their targets are made from regular shapes with their") +
+                   " volume.";
+  return named;
 }
 
 }  // namespace varimesh

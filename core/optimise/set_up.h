@@ -11,9 +11,11 @@
 #include "core/optimise/result.h"
 #include "core/optimise/stages.h"
 #include "core/options/options.h"
+#include "core/problem/node_conversion.h"
 #include "core/problem/problem.h"
 #include "core/problem/target_field.h"
 #include "core/sweeps/colouring.h"
+#include "core/validity/certifier.h"
 
 namespace varimesh {
 
@@ -37,6 +39,10 @@ struct SetUp {
 /// prepares the tables, with options.threads threads. Errors: BadInput, BadOption. If `stop`, which may be null, says
 /// so, it leaves out what only iterations need.
 Expected<std::unique_ptr<SetUp>> set_up(HighOrderMesh&& mesh, const Options& options, const StopToken* stop = nullptr);
+
+/// Sets the targets of the problem, whose positions are those of the mesh in this frame. Returns the cells that do not
+/// take their own straight-sided shape. Call it outside team.run().
+SubstituteTargets choose_targets(SetUp& set_up, const Certifier& certifier, const Frame& frame, const Team& team);
 
 /// Sizes of the mesh, and how many of its nodes would move. `fixed`: by node. Call it inside team.run().
 MeshSummary mesh_summary(const HighOrderMesh& mesh, const std::vector<bool>& fixed, const Team& team = Team(1));

@@ -313,9 +313,12 @@ void StageRun::add(const DescentRound& round) {
 
 bool StageRun::is_near_optimum() const { return full_step_ && iteration_.residual <= kNearOptimum; }
 
-bool StageRun::resume(std::string_view checkpoint, std::uint64_t fingerprint) {
+bool StageRun::resume(std::string_view checkpoint, std::uint64_t fingerprint, const ReadRest& read_rest) {
   CheckpointReader reader(checkpoint, fingerprint);
   if (!reader.failed()) state(reader);
+  bool has_rest = false;
+  if (!reader.failed()) reader(has_rest);
+  if (has_rest && read_rest) read_rest(reader);
   if (reader.failed() || history_.empty()) return false;
   iteration_ = history_.back();
   exact_ = true;
@@ -323,9 +326,12 @@ bool StageRun::resume(std::string_view checkpoint, std::uint64_t fingerprint) {
   return true;
 }
 
-bool StageRun::write(const CheckpointSink& sink, std::uint64_t fingerprint) {
+bool StageRun::write(const CheckpointSink& sink, std::uint64_t fingerprint, const WriteRest& write_rest) {
   CheckpointWriter writer(sink, fingerprint);
   state(writer);
+  const bool has_rest = write_rest != nullptr;
+  writer(has_rest);
+  if (has_rest) write_rest(writer);
   return writer.finish();
 }
 

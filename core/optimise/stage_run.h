@@ -2,12 +2,14 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <optional>
 #include <string_view>
 #include <vector>
 
 #include "core/base/stopwatch.h"
 #include "core/base/team.h"
+#include "core/checkpoint/checkpoint.h"
 #include "core/descent/descent.h"
 #include "core/guard/best_mesh.h"
 #include "core/guard/guard.h"
@@ -54,9 +56,13 @@ class StageRun {
 
   /// Inside team.run(): examines the mesh as it is. Returns a reason to stop if there is nothing to do.
   std::optional<StopReason> begin();
+  /// What follows the state of the stage in a checkpoint.
+  using WriteRest = std::function<void(CheckpointWriter&)>;
+  using ReadRest = std::function<void(CheckpointReader&)>;
   /// Inside team.run(): goes on after the iteration that the checkpoint was written after. Returns false if the
-  /// checkpoint cannot be used; then this stage and its context cannot be used either.
-  bool resume(std::string_view checkpoint, std::uint64_t fingerprint);
+  /// checkpoint cannot be used; then this stage and its context cannot be used either. `read_rest`: called if something
+  /// follows the state of the stage, when that was read.
+  bool resume(std::string_view checkpoint, std::uint64_t fingerprint, const ReadRest& read_rest = {});
   /// Inside team.run(): one iteration. Returns a reason to stop if it was the last.
   std::optional<StopReason> step();
   /// After the team's token has interrupted begin() or step(): forgets the iteration that was not finished. No other
@@ -71,7 +77,7 @@ class StageRun {
   /// Whether the state can be written now: the deformation gradients must be those that the positions give.
   bool can_be_kept() const { return exact_; }
   /// Writes the state as a checkpoint; false if the sink stopped.
-  bool write(const CheckpointSink& sink, std::uint64_t fingerprint);
+  bool write(const CheckpointSink& sink, std::uint64_t fingerprint, const WriteRest& write_rest = {});
 
   /// To be called after every step() of a later stage. `lowest`: the proved minimum of the scaled Jacobian. True if the
   /// stage has raised it as far as it will.

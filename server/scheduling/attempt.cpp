@@ -88,16 +88,18 @@ class Stages {
 /// the job continues, and its previous checkpoint stays valid.
 class Checkpoints {
  public:
-  explicit Checkpoints(const Attempt& attempt) : attempt_(attempt), saved_(attempt.steady()) {
+  explicit Checkpoints(const Attempt& attempt) : attempt_(attempt), saved_(attempt.steady()), asked_(saved_) {
     if (attempt.claim.checkpoint) iteration_ = attempt.claim.checkpoint->iteration;
   }
 
-  bool due(int iteration) const {
+  bool due(int iteration) {
     if (attempt_.note_checkpoint == nullptr || iteration == iteration_) return false;
-    const auto since = attempt_.steady() - saved_;
-    // Small meshes take only a moment for ten iterations, and a checkpoint waits for the disk.
-    const bool often_enough =
-        since < kInterval && (iteration - iteration_ < kIterations || since < attempt_.checkpoint_pause);
+    const SteadyTime now = attempt_.steady();
+    const auto since = now - saved_, took = now - std::exchange(asked_, now);
+    // Small meshes take only a moment for ten iterations, and a checkpoint waits for the disk. If iterations are so
+    // long that a server that stops may not wait for the end of one, each is saved.
+    const bool often_enough = since < kInterval && took < kLong &&
+                              (iteration - iteration_ < kIterations || since < attempt_.checkpoint_pause);
     return !often_enough || attempt_.stopping();
   }
 
@@ -117,9 +119,10 @@ class Checkpoints {
  private:
   static constexpr int kIterations = 10;
   static constexpr std::chrono::seconds kInterval{30};
+  static constexpr std::chrono::seconds kLong{5};  ///< For an iteration: half of what a server waits that stops.
 
   const Attempt& attempt_;
-  SteadyTime saved_;
+  SteadyTime saved_, asked_;
   int iteration_ = 0;
 };
 
@@ -304,8 +307,7 @@ Ending run(const Attempt& attempt) {
   hooks.on_iteration = [&](const Iteration& iteration) {
     progress(iteration);
     stages.note(iteration.phase);
-    // Rounds for accuracy are never saved either.
-    const bool is_safe = !can_be_saved || iteration.phase == Phase::Accuracy || checkpoints.has_saved(iteration.number);
+    const bool is_safe = !can_be_saved || checkpoints.has_saved(iteration.number);
     return attempt.cancelled() || (attempt.stopping() && (is_safe || stop_at_once())) ? Control::Stop
                                                                                       : Control::Continue;
   };

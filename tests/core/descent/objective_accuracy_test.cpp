@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cstdlib>
 #include <string>
+#include <vector>
 
 #include "core/formats/formats.h"
 #include "core/mesh/connectivity.h"
@@ -84,6 +85,44 @@ TEST(AccuracyObjective, HasTheBoundInABoundaryLayer) {
   EXPECT_TRUE(all_valid(result->mesh));
   EXPECT_GE(result->after.certified.min_scaled_jacobian_lower_bound, options.min_js - 1e-3);
   EXPECT_LT(result->after.accuracy->loss, 4.8e-3);  // 4.72e-3 at the energy's optimum
+}
+
+/// Runs to the end and keeps the checkpoint after every iteration.
+Expected<Result> with_checkpoints(const HighOrderMesh& mesh, const Options& options, std::vector<std::string>& kept) {
+  RunControl control;
+  control.checkpoint_due = [](const Iteration&) { return true; };
+  control.save_checkpoint = [&](const Iteration&, const WriteCheckpoint& write) {
+    kept.emplace_back();
+    write([&](std::string_view bytes) {
+      kept.back() += bytes;
+      return true;
+    });
+  };
+  return optimise(mesh, options, {}, control);
+}
+
+TEST(AccuracyObjective, GoesOnFromACheckpointOfEveryRoundToTheSameBytes) {
+  for (const char* name : {"sphere_p3.msh", "disc_p4.msh"}) {
+    const HighOrderMesh mesh = read_case(name);
+    std::vector<std::string> kept;
+    const auto whole = with_checkpoints(mesh, for_accuracy(), kept);
+    ASSERT_TRUE(whole);
+    int rounds = 0;
+    for (const std::string& checkpoint : kept) {
+      RunControl control;
+      control.checkpoint = checkpoint;
+      const auto resumed = optimise(mesh, for_accuracy(), {}, control);
+      ASSERT_TRUE(resumed);
+      ASSERT_GT(resumed->resumed_from, 0) << name;
+      rounds += whole->history[static_cast<std::size_t>(resumed->resumed_from) - 1].phase == Phase::Accuracy ? 1 : 0;
+      EXPECT_EQ(resumed->mesh.coordinates, whole->mesh.coordinates) << name << " from " << resumed->resumed_from;
+      EXPECT_EQ(resumed->iterations, whole->iterations);
+      EXPECT_EQ(resumed->stop_reason, whole->stop_reason);
+      EXPECT_EQ(resumed->after.certified.min_scaled_jacobian_lower_bound,
+                whole->after.certified.min_scaled_jacobian_lower_bound);
+    }
+    EXPECT_GT(rounds, 1) << name;
+  }
 }
 
 TEST(AccuracyObjective, SaysIfTheBoundOnTheScaledJacobianIsMissed) {

@@ -245,6 +245,19 @@ TEST_F(AttemptTest, SavesACheckpointAfterTenIterationsOrHalfAMinute) {
   });
 }
 
+TEST_F(AttemptTest, SavesEachOfManyLongIterations) {
+  claim_.checkpoint = CheckpointReference{write(*meshes_, "state").digest, 7};
+  run([this](RunRequest, const RunHooks& hooks) -> Expected<RunSummary> {
+    now_ += std::chrono::seconds(4);
+    EXPECT_FALSE(hooks.control.checkpoint_due(iteration(8)));
+    now_ += std::chrono::seconds(5);
+    EXPECT_TRUE(hooks.control.checkpoint_due(iteration(9)));
+    now_ += std::chrono::seconds(1);
+    EXPECT_FALSE(hooks.control.checkpoint_due(iteration(10)));
+    return RunSummary();
+  });
+}
+
 TEST_F(AttemptTest, RefusesAMeshThatNeedsMoreMemoryThanThereIs) {
   run([](RunRequest, const RunHooks& hooks) -> Expected<RunSummary> {
     const auto too_large = hooks.admit_reading(1001, 2000);
