@@ -26,6 +26,7 @@
 #include "core/base/version.h"
 #include "server/addresses.h"
 #include "server/command_line/flags.h"
+#include "server/fetch/fetch.h"
 #include "server/isolation/process_engine.h"
 #include "server/log/log.h"
 #include "server/maintenance/commands.h"
@@ -244,6 +245,7 @@ int main(int argc, char** argv) {
     return address.error().kind == varimesh::Error::Kind::BadOption ? 2 : 1;
   }
   flags->options.isolates = flags->runs_in_processes;
+  if (varimesh::server::can_fetch()) flags->options.web_tokens.fetch = varimesh::server::fetch;
   auto engine = engine_for(*flags);
   if (!engine) {
     std::cerr << "varimeshd: " << engine.error().sentence << '\n';

@@ -39,6 +39,12 @@ Refusal token_unknown() {
                  "The server does not know this token, or it has expired; ask the server's operator for another one.");
 }
 
+Refusal keys_unavailable() {
+  return refusal(Code::Unavailable, "KEYS_UNAVAILABLE",
+                 "The server does not have the key of this token's issuer yet and is about to fetch it; try again.", {},
+                 2);
+}
+
 Refusal certificate_nameless() {
   return refusal(
       Code::Unauthenticated, "CERTIFICATE_NAMELESS",

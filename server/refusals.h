@@ -24,6 +24,8 @@ Refusal invalid_option(std::string sentence, std::map<std::string, std::string> 
 Refusal token_missing();
 /// UNAUTHENTICATED, TOKEN_UNKNOWN.
 Refusal token_unknown();
+/// UNAVAILABLE, KEYS_UNAVAILABLE: the keys of the issuer of a token are not there yet.
+Refusal keys_unavailable();
 /// UNAUTHENTICATED, CERTIFICATE_NAMELESS.
 Refusal certificate_nameless();
 /// PERMISSION_DENIED, RIGHT_MISSING: the live page of a server that knows its callers only by their certificates.

@@ -58,6 +58,13 @@ Upkeep::Upkeep(Scheduler& scheduler, Stores& stores, Access& access, Endpoint& e
       spdlog::info("the tokens were read again");
     access.note_left_out();
   });
+  keys_ = std::make_unique<Ticker>(seconds(1), [&access] {
+    const auto fetched = access.fetch_keys();
+    if (!fetched)
+      spdlog::error("{} The keys stay as they were.", fetched.error().sentence);
+    else if (*fetched)
+      spdlog::info("the keys of the issuer were fetched");
+  });
   certificates_ = std::make_unique<Ticker>(minutes(1), [&tls] {
     if (const auto checked = check_tls_files(tls); !checked) spdlog::error("{}", checked.error().sentence);
   });

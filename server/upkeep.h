@@ -14,8 +14,9 @@
 namespace varimesh::server {
 
 /// From its construction on: lets streams cancel stalled clients (every 250 ms), renews leases, starts jobs and updates
-/// the server's health (every second), reads changed tokens (every second), dials the server (every 5 s), and deletes
-/// old meshes and compresses idle ones (every minute). Everything it is given must outlive it.
+/// the server's health (every second), reads changed tokens and fetches an issuer's keys (every second), dials the
+/// server (every 5 s), and deletes old meshes and compresses idle ones (every minute). Everything it is given must
+/// outlive it.
 class Upkeep {
  public:
   Upkeep(Scheduler& scheduler, Stores& stores, Access& access, Endpoint& endpoint, SelfCheck& self_check,
@@ -29,7 +30,7 @@ class Upkeep {
   class Ticker;
 
   std::atomic<bool> stopping_ = false;
-  std::unique_ptr<Ticker> streams_, jobs_, tokens_, certificates_, sweeping_, compression_, dialling_;
+  std::unique_ptr<Ticker> streams_, jobs_, tokens_, keys_, certificates_, sweeping_, compression_, dialling_;
 };
 
 }  // namespace varimesh::server

@@ -33,6 +33,15 @@ tl::unexpected<Error> unusable(const std::string& file, const std::string& why) 
   return bad_option("The file of tokens or keys '" + file + "' cannot be used: " + why + ".");
 }
 
+/// Whether keys can be fetched with these settings, whatever their server answers.
+Expected<void> check_fetched(const JsonWebTokenSettings& settings) {
+  if (!JsonWebTokens::available()) return tl::unexpected(JsonWebTokens::parse(settings, {}).error());
+  if (settings.issuer.empty() || settings.audience.empty())
+    return bad_option("JSON Web Tokens need --jwt-issuer and --jwt-audience.");
+  if (!settings.fetch) return bad_option("This build cannot fetch the keys of an issuer; name a file with --jwt-keys.");
+  return {};
+}
+
 /// Closes a descriptor at the end of a block.
 struct Closing {
   int file;
@@ -65,6 +74,12 @@ Expected<std::unique_ptr<Access>> Access::with_tokens(const std::string& file, c
   access->clock_ = std::move(clock);
   if (!web_tokens.are_given()) return access;
   access->web_token_settings_ = web_tokens;
+  if (web_tokens.are_fetched()) {
+    if (const auto checked = check_fetched(web_tokens); !checked) return tl::unexpected(checked.error());
+    access->issuer_keys_ = std::make_unique<IssuerKeys>(web_tokens);
+    if (const auto fetched = access->issuer_keys_->refresh(); !fetched) access->failed_at_start_ = fetched.error();
+    return access;
+  }
   auto text = web_tokens.keys.empty() ? Text() : read(web_tokens.keys);
   if (!text) return tl::unexpected(text.error());
   auto keys = JsonWebTokens::parse(web_tokens, text->text);
@@ -138,16 +153,18 @@ Answer<Caller> Access::find(Method method, std::string_view authorization, const
     tokens = tokens_;
     web_tokens = web_tokens_;
   }
+  if (issuer_keys_ != nullptr) web_tokens = issuer_keys_->current();
   if (names_certificates_) {
     if (method == Method::LivePage) return page_without_tokens();
     if (certificate.empty()) return certificate_nameless();
     return Caller{certificate, certificate, kSubmit | kRead | kCancel};
   }
-  if (tokens == nullptr && web_tokens == nullptr) return Caller{"", address, kAllRights};
+  if (!asks()) return Caller{"", address, kAllRights};
   const std::string_view token = token_of(authorization);
   if (token.empty()) return token_missing();
   auto principal = tokens == nullptr ? std::nullopt : tokens->find(token, clock_());
   if (!principal && web_tokens != nullptr) principal = web_tokens->find(token, clock_());
+  if (!principal && issuer_keys_ != nullptr && issuer_keys_->ask_for(token)) return keys_unavailable();
   if (!principal) return token_unknown();
   const MethodRule& rule = rule_of(method);
   if (!principal->rights.contains(rule.needed))
@@ -176,6 +193,12 @@ Expected<bool> Access::refresh_tokens() {
   std::lock_guard lock(mutex_);
   tokens_ = std::move(tokens);
   return true;
+}
+
+Expected<bool> Access::fetch_keys() {
+  if (issuer_keys_ == nullptr) return false;
+  if (failed_at_start_) return tl::unexpected(*std::exchange(failed_at_start_, std::nullopt));
+  return issuer_keys_->refresh();
 }
 
 Expected<bool> Access::refresh_web_tokens() {

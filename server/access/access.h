@@ -9,6 +9,7 @@
 #include <string_view>
 
 #include "core/base/error.h"
+#include "server/access/issuer_keys.h"
 #include "server/access/json_web_tokens.h"
 #include "server/access/rights.h"
 #include "server/access/tokens.h"
@@ -51,20 +52,27 @@ class Access {
   static std::unique_ptr<Access> with_certificates();
 
   /// Returns the caller of a method. UNAUTHENTICATED (TOKEN_MISSING or TOKEN_UNKNOWN) without a valid token,
-  /// PERMISSION_DENIED (RIGHT_MISSING) if the token does not allow the method. `authorization`: the header of that
-  /// name, "Bearer TOKEN". `address`: the address of the caller, without its port. `certificate`: the name in the
-  /// caller's certificate, if names_certificates(); without one: UNAUTHENTICATED (CERTIFICATE_NAMELESS). Browsers show
-  /// none on the admin port: PERMISSION_DENIED (RIGHT_MISSING). Every refusal is in the log.
+  /// UNAVAILABLE (KEYS_UNAVAILABLE) if keys that may know it are about to be fetched, PERMISSION_DENIED (RIGHT_MISSING)
+  /// if the token does not allow the method. `authorization`: the header of that name, "Bearer TOKEN". `address`: the
+  /// address of the caller, without its port. `certificate`: the name in the caller's certificate, if
+  /// names_certificates(); without one: UNAUTHENTICATED (CERTIFICATE_NAMELESS). Browsers show none on the admin port:
+  /// PERMISSION_DENIED (RIGHT_MISSING). Every refusal is in the log.
   Answer<Caller> admit(Method method, std::string_view authorization, const std::string& address,
                        const std::string& certificate = {}) const;
   /// Whether it matters who calls.
-  bool asks() const { return tokens_ != nullptr || web_tokens_ != nullptr || names_certificates_; }
+  bool asks() const {
+    return tokens_ != nullptr || web_tokens_ != nullptr || issuer_keys_ != nullptr || names_certificates_;
+  }
   /// Whether the owner is the name in the caller's certificate.
   bool names_certificates() const { return names_certificates_; }
 
   /// Called regularly, by one thread: reads the files again that have changed, and returns whether one did. Errors: as
   /// with_tokens(), once for each change; then the tokens stay as they were.
   Expected<bool> refresh();
+  /// Called regularly, by one thread: fetches the keys of the issuer if it is time, which may take some seconds.
+  /// Returns whether it did. Errors: as IssuerKeys::refresh(). The first are fetched when the object is made; if that
+  /// fails, the first call says so.
+  Expected<bool> fetch_keys();
   /// Writes down how many refusals of each kind were left out of the log. Called regularly.
   void note_left_out();
 
@@ -102,7 +110,9 @@ class Access {
   std::shared_ptr<const Tokens> tokens_;             ///< Null: there is no file of tokens.
   std::shared_ptr<const JsonWebTokens> web_tokens_;  ///< Null: none are accepted.
   JsonWebTokenSettings web_token_settings_;
-  Version version_, keys_version_;  ///< Of the newest attempts to read the files.
+  std::unique_ptr<IssuerKeys> issuer_keys_;  ///< Null: web_tokens_ come from a file, or are not accepted.
+  std::optional<Error> failed_at_start_;     ///< Why the first keys could not be fetched, until that was said.
+  Version version_, keys_version_;           ///< Of the newest attempts to read the files.
 };
 
 }  // namespace varimesh::server

@@ -150,6 +150,12 @@ Rights rights_of(const Json& claims, const std::string& name) {
   return rights;
 }
 
+/// The header of a token that looks like one; nothing that is an object if it cannot be read.
+Json header_of(std::string_view token) {
+  const auto text = decoded(token.substr(0, token.find('.')));
+  return text ? Json::parse(*text, nullptr, false) : Json();
+}
+
 bool is_owner(const std::string& name) {
   return !name.empty() && name.size() <= kMostOwnerBytes &&
          std::ranges::all_of(name, [](char c) { return c > ' ' && c < '\x7f'; });
@@ -175,12 +181,16 @@ bool JsonWebTokens::available() { return true; }
 
 Expected<std::shared_ptr<const JsonWebTokens>> JsonWebTokens::parse(const JsonWebTokenSettings& settings,
                                                                     const std::string& key_set) {
-  if (settings.keys.empty() || settings.issuer.empty() || settings.audience.empty())
-    return bad_option("JSON Web Tokens need all of --jwt-keys, --jwt-issuer and --jwt-audience.");
+  if ((settings.keys.empty() && !settings.are_fetched()) || settings.issuer.empty() || settings.audience.empty())
+    return bad_option(
+        "JSON Web Tokens need --jwt-issuer, --jwt-audience and, unless the issuer begins with https://, --jwt-keys.");
+  const std::string what = settings.keys.empty()    ? "What the issuer '" + settings.issuer + "' names as its keys"
+                           : settings.are_fetched() ? "What '" + settings.keys + "' has"
+                                                    : "The file '" + settings.keys + "' of --jwt-keys";
   const Json set = Json::parse(key_set, nullptr, false);
   const auto found = set.is_object() ? set.find("keys") : set.end();
   if (!set.is_object() || found == set.end() || !found->is_array())
-    return bad_option("The file '" + settings.keys + "' of --jwt-keys is no JSON Web Key Set ({\"keys\": [...]}).");
+    return bad_option(what + " is no JSON Web Key Set ({\"keys\": [...]}).");
   auto keys = std::make_unique<Keys>();
   for (const Json& key : *found) {
     if (text_of(key, "use").value_or("sig") != "sig") continue;
@@ -193,16 +203,23 @@ Expected<std::shared_ptr<const JsonWebTokens>> JsonWebTokens::parse(const JsonWe
         {text_of(key, "kid").value_or(""), type == "RSA" ? JWT_ALG_RS256 : JWT_ALG_ES256, std::move(pem)});
   }
   if (keys->all.empty())
-    return bad_option("The file '" + settings.keys +
-                      "' of --jwt-keys has no key for RS256 (RSA with at least 2048 bits) or ES256 (P-256).");
+    return bad_option(what + " has no key for RS256 (RSA with at least 2048 bits) or ES256 (P-256).");
   return std::shared_ptr<const JsonWebTokens>(new JsonWebTokens(settings, std::move(keys)));
 }
 
+bool JsonWebTokens::looks_like_one(std::string_view token) {
+  return token.size() <= kMostTokenBytes && std::ranges::count(token, '.') == 2 && token.find('\0') == token.npos;
+}
+
+bool JsonWebTokens::lacks_key_of(std::string_view token) const {
+  if (!looks_like_one(token)) return false;
+  const auto id = text_of(header_of(token), "kid");
+  return id && std::ranges::none_of(keys_->all, [&](const Keys::Key& key) { return key.id == *id; });
+}
+
 std::optional<Principal> JsonWebTokens::find(std::string_view token, WallTime now) const {
-  if (token.size() > kMostTokenBytes || std::ranges::count(token, '.') != 2 || token.find('\0') != token.npos)
-    return std::nullopt;
-  const auto text = decoded(token.substr(0, token.find('.')));
-  const Json header = text ? Json::parse(*text, nullptr, false) : Json();
+  if (!looks_like_one(token)) return std::nullopt;
+  const Json header = header_of(token);
   const auto named = text_of(header, "alg");
   // What a token may be signed by is decided here, and not by the token.
   if (named != "RS256" && named != "ES256") return std::nullopt;

@@ -14,6 +14,8 @@ Expected<std::shared_ptr<const JsonWebTokens>> JsonWebTokens::parse(const JsonWe
       "This varimeshd was built without libjwt and knows no JSON Web Tokens; install Debian's libjwt-dev "
       "and build it again, or use --tokens.");
 }
+bool JsonWebTokens::looks_like_one(std::string_view) { return false; }
+bool JsonWebTokens::lacks_key_of(std::string_view) const { return false; }
 std::optional<Principal> JsonWebTokens::find(std::string_view, WallTime) const { return std::nullopt; }
 
 }  // namespace varimesh::server

@@ -49,11 +49,14 @@ void add_connection_flags(CLI::App& app, Flags& flags) {
       ->envname("VARIMESH_TOKENS");
   app.add_option(
       "--jwt-keys", options.web_tokens.keys,
-      "File with the public keys of an OpenID Connect issuer (a JSON Web Key Set): its tokens are accepted; it "
-      "is read again when it changes");
-  app.add_option("--jwt-issuer", options.web_tokens.issuer, "With --jwt-keys: the claim iss of its tokens");
+      "Public keys of an OpenID Connect issuer (a JSON Web Key Set), whose tokens are accepted: a file, which is read "
+      "again when it changes, or an address with https:// (default: the configuration of --jwt-issuer names them)");
+  app.add_option("--jwt-authority", options.web_tokens.authority,
+                 "File with the authority of the server that keys are fetched from, in PEM (default: those that the "
+                 "machine knows)");
+  app.add_option("--jwt-issuer", options.web_tokens.issuer, "The claim iss of the issuer's tokens");
   app.add_option("--jwt-audience", options.web_tokens.audience,
-                 "With --jwt-keys: what the claim aud of its tokens must be or contain");
+                 "What the claim aud of the issuer's tokens must be or contain");
   app.add_option("--jwt-owner-claim", options.web_tokens.owner_claim, "The claim that says whose a token is")
       ->capture_default_str();
   app.add_option("--jwt-roles-claim", options.web_tokens.roles_claim,

@@ -139,7 +139,7 @@ class Calling(CallingBase):
     def test_tokens_are_replaced_while_watches_run(self):
         name = self.call(self.ann, "submit", LARGER, *ENDLESS, "--active-set", "off").stdout.strip()
         watches = [start("watch", name, "--server", self.server.address, env=environment(VARIMESH_TOKEN=self.ann))
-                   for _ in range(10)]
+                   for _ in range(50)]
         for watch in watches:
             self.addCleanup(watch.kill)
             self.assertTrue(watch.stderr.readline())

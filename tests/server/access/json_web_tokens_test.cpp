@@ -14,6 +14,7 @@
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
+#include <map>
 #include <nlohmann/json.hpp>
 
 #include "server/access/access.h"
@@ -256,6 +257,105 @@ TEST_F(JsonWebTokensTest, OpenTheDoorOfAServerAndTheirKeysAreReadAgain) {
   EXPECT_FALSE(access.refresh());
   EXPECT_EQ(owner_of(fresh), "ann") << "a file that cannot be used changes nothing";
   std::filesystem::remove_all(folder);
+}
+
+/// An issuer whose keys are fetched. A test sets what its server answers, and the time.
+class FetchedKeys : public JsonWebTokensTest {
+ protected:
+  JsonWebTokenSettings fetched(const std::string& keys) {
+    JsonWebTokenSettings used = settings();
+    used.keys = keys;
+    used.authority = "authority.pem";
+    used.fetch = [this](const std::string& url, const std::string& authority) -> Expected<std::string> {
+      EXPECT_EQ(authority, "authority.pem");
+      asked_.push_back(url);
+      const auto found = answers_.find(url);
+      if (found == answers_.end()) return tl::unexpected(Error{Error::Kind::Output, "There is no answer."});
+      return found->second;
+    };
+    return used;
+  }
+
+  const std::string url_ = "https://issuer.example/keys";
+  std::map<std::string, std::string> answers_;
+  std::vector<std::string> asked_;
+  IssuerKeys::Time now_{std::chrono::hours(1000)};
+};
+
+TEST_F(FetchedKeys, AreFetchedEveryHourAndForAKeyThatNobodyKnows) {
+  answers_[url_] = key_set({rsa_});
+  IssuerKeys keys(fetched(url_), [this] { return now_; });
+  EXPECT_EQ(keys.current(), nullptr);
+  EXPECT_TRUE(keys.ask_for(signed_by_rsa(claims()))) << "there are no keys yet";
+  EXPECT_FALSE(keys.ask_for("vm_token")) << "that is no token of an issuer";
+  EXPECT_TRUE(*keys.refresh());
+  EXPECT_FALSE(*keys.refresh());
+  EXPECT_TRUE(keys.current()->find(signed_by_rsa(claims()), kNow));
+
+  const std::string fresh = sign(claims(), JWT_ALG_ES256, ec_->pem, "ec");
+  EXPECT_FALSE(keys.ask_for(signed_by_rsa(claims()))) << "its key is known";
+  EXPECT_FALSE(keys.ask_for(fresh)) << "the keys are not a minute old";
+  now_ += std::chrono::minutes(1);
+  answers_[url_] = key_set({rsa_, ec_});
+  EXPECT_TRUE(keys.ask_for(fresh));
+  EXPECT_TRUE(*keys.refresh());
+  EXPECT_TRUE(keys.current()->find(fresh, kNow));
+  for (int i = 0; i < 100; ++i) keys.ask_for(sign(claims(), JWT_ALG_ES256, ec_->pem, std::to_string(i)));
+  EXPECT_FALSE(*keys.refresh()) << "whoever makes up names of keys makes the server ask no more often";
+  EXPECT_EQ(asked_.size(), 2U);
+
+  answers_.clear();
+  now_ += std::chrono::hours(1);
+  EXPECT_FALSE(keys.refresh());
+  EXPECT_TRUE(keys.current()->find(fresh, kNow)) << "the old keys stay";
+  EXPECT_TRUE(keys.refresh()) << "it is not tried again at once";
+  now_ += std::chrono::seconds(30);
+  EXPECT_FALSE(keys.refresh());
+  now_ += std::chrono::hours(24);
+  EXPECT_EQ(keys.current(), nullptr) << "keys that the issuer may have taken back long ago";
+}
+
+TEST_F(FetchedKeys, AreWhereTheConfigurationOfTheIssuerSays) {
+  const std::string configuration = "https://issuer.example/.well-known/openid-configuration";
+  answers_[url_] = key_set({rsa_});
+  IssuerKeys keys(fetched(""), [this] { return now_; });
+  for (const char* wrong :
+       {"nonsense", "{}", R"({"issuer": "https://other.example", "jwks_uri": "https://issuer.example/keys"})",
+        R"({"issuer": "https://issuer.example", "jwks_uri": "http://issuer.example/keys"})",
+        R"({"issuer": "https://issuer.example", "jwks_uri": 7})"}) {
+    answers_[configuration] = wrong;
+    EXPECT_FALSE(keys.refresh()) << wrong;
+    now_ += std::chrono::minutes(1);
+  }
+  EXPECT_EQ(asked_, std::vector<std::string>(5, configuration));
+  answers_[configuration] = R"({"issuer": "https://issuer.example", "jwks_uri": "https://issuer.example/keys"})";
+  EXPECT_TRUE(*keys.refresh());
+  EXPECT_TRUE(keys.current()->find(signed_by_rsa(claims()), kNow));
+}
+
+TEST_F(FetchedKeys, KeepTheDoorShutUntilTheyAreThere) {
+  const auto opened = Access::with_tokens("", fetched(url_), [] { return kNow; });
+  ASSERT_TRUE(opened) << opened.error().sentence;
+  Access& access = **opened;
+  EXPECT_TRUE(access.asks());
+  const auto reason_of = [&](const std::string& authorization) {
+    const auto caller = access.admit(Method::GetJob, authorization, "10.0.0.7");
+    return caller ? caller->owner : caller.error().reason;
+  };
+  EXPECT_EQ(reason_of(""), "TOKEN_MISSING");
+  EXPECT_EQ(reason_of("Bearer nonsense"), "TOKEN_UNKNOWN");
+  EXPECT_EQ(reason_of("Bearer " + signed_by_rsa(claims())), "KEYS_UNAVAILABLE");
+  EXPECT_FALSE(access.fetch_keys()) << "why the first attempt failed";
+  EXPECT_FALSE(*access.fetch_keys()) << "it is not tried again at once";
+  answers_[url_] = key_set({rsa_});
+  const auto later = Access::with_tokens("", fetched(url_), [] { return kNow; });
+  EXPECT_EQ((*later)->admit(Method::GetJob, "Bearer " + signed_by_rsa(claims()), "10.0.0.7")->owner, "ann");
+  const std::string other = sign(claims(), JWT_ALG_RS256, other_->pem, "rsa");
+  EXPECT_EQ((*later)->admit(Method::GetJob, "Bearer " + other, "10.0.0.7").error().reason, "TOKEN_UNKNOWN");
+  EXPECT_FALSE(Access::with_tokens("", settings(), [] { return kNow; })) << "there is no such file";
+  JsonWebTokenSettings without = fetched(url_);
+  without.fetch = nullptr;
+  EXPECT_FALSE(Access::with_tokens("", without, [] { return kNow; })) << "a build without libcurl";
 }
 
 #endif

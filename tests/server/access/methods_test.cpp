@@ -1,0 +1,92 @@
+// Every method asks who calls, and has its line in the table of rights.
+#include <google/protobuf/descriptor.h>
+#include <grpcpp/generic/generic_stub.h>
+#include <grpcpp/support/byte_buffer.h>
+
+#include <algorithm>
+
+#include "server/access/rights.h"
+#include "tests/server/access/owners.h"
+
+namespace varimesh::server::testing {
+namespace {
+
+/// Returns the status of a call with an empty message, and closes the stream.
+grpc::Status call_by_name(const std::shared_ptr<grpc::Channel>& channel, const std::string& method,
+                          const std::string& token) {
+  grpc::GenericStub stub(channel);
+  grpc::ClientContext context;
+  context.set_deadline(std::chrono::system_clock::now() + std::chrono::seconds(20));
+  if (!token.empty()) context.AddMetadata("authorization", "Bearer " + token);
+  grpc::CompletionQueue queue;
+  const auto call = stub.PrepareCall(&context, method, &queue);
+  const auto wait = [&queue] {
+    void* tag = nullptr;
+    bool ok = false;
+    return queue.Next(&tag, &ok) && ok;
+  };
+  call->StartCall(&queue);
+  wait();
+  grpc::Slice empty;
+  call->WriteLast(grpc::ByteBuffer(&empty, 1), grpc::WriteOptions(), &queue);
+  wait();
+  grpc::ByteBuffer answer;
+  do {
+    call->Read(&answer, &queue);
+  } while (wait());
+  grpc::Status status;
+  call->Finish(&status, &queue);
+  wait();
+  return status;
+}
+
+std::vector<std::string> all_methods() {
+  std::vector<std::string> methods;
+  for (const char* name : {"varimesh.v1.MeshService", "varimesh.v1.JobService", "varimesh.v1.OptimiseService"}) {
+    const auto* service = google::protobuf::DescriptorPool::generated_pool()->FindServiceByName(name);
+    for (int i = 0; i < service->method_count(); ++i)
+      methods.push_back(std::string("/") + name + "/" + service->method(i)->name());
+  }
+  return methods;
+}
+
+TEST_F(Owners, AreAskedByEveryMethod) {
+  for (const std::string& method : all_methods()) {
+    const auto refused = call_by_name(service_->channel, method, "");
+    EXPECT_EQ(refused.error_code(), grpc::StatusCode::UNAUTHENTICATED) << method;
+    EXPECT_EQ(info_of(refused).reason(), "TOKEN_MISSING") << method;
+    EXPECT_EQ(info_of(call_by_name(service_->channel, method, "token-of-nobody")).reason(), "TOKEN_UNKNOWN") << method;
+    const auto admitted = call_by_name(service_->channel, method, kOperator).error_code();
+    EXPECT_NE(admitted, grpc::StatusCode::UNAUTHENTICATED) << method;
+    EXPECT_NE(admitted, grpc::StatusCode::PERMISSION_DENIED) << method;
+  }
+}
+
+TEST_F(Owners, TheTableHasEveryMethodAndTheHandlersUseIt) {
+  std::size_t found = 0;
+  for (const std::string& method : all_methods()) {
+    const auto rules = method_rules();
+    const auto rule = std::ranges::find(rules, method, &MethodRule::name);
+    ASSERT_NE(rule, rules.end()) << method << " is not in the table of rights";
+    ++found;
+    for (const auto& [rights, token] : {std::pair{kRead, kReader}, {kSubmit, kSubmitter}}) {
+      const auto code = call_by_name(service_->channel, method, token).error_code();
+      EXPECT_EQ(code == grpc::StatusCode::PERMISSION_DENIED, !rights.contains(rule->needed)) << method << token;
+    }
+  }
+  EXPECT_EQ(found + 2, method_rules().size()) << "reflection and the live page are no methods of ours";
+}
+
+TEST_F(Owners, AreAskedByReflection) {
+  const std::string method = "/grpc.reflection.v1alpha.ServerReflection/ServerReflectionInfo";
+  EXPECT_EQ(call_by_name(service_->channel, method, "").error_code(), grpc::StatusCode::CANCELLED);
+  EXPECT_EQ(call_by_name(service_->channel, method, kSubmitter).error_code(), grpc::StatusCode::CANCELLED);
+  EXPECT_TRUE(call_by_name(service_->channel, method, kReader).ok());
+}
+
+TEST_F(Owners, AreNotAskedByHealthChecks) {
+  EXPECT_TRUE(call_by_name(service_->channel, "/grpc.health.v1.Health/Check", "").ok());
+}
+
+}  // namespace
+}  // namespace varimesh::server::testing
