@@ -4,6 +4,7 @@
 #include <thread>
 #include <utility>
 
+#include "client/library/failures.h"
 #include "google/rpc/error_details.pb.h"
 #include "google/rpc/status.pb.h"
 
@@ -41,7 +42,7 @@ bool RetryPolicy::wait_to_retry(const grpc::Status& status) {
   if (const auto delay = requested_delay(status); delay.count() > 0) return wait_for_busy_server(delay);
   // CANCELLED, although nobody here asked for it: the call came at the moment when the server shut down.
   if (status.error_code() == grpc::StatusCode::UNAVAILABLE || status.error_code() == grpc::StatusCode::CANCELLED)
-    return wait_for_absent_server();
+    return wait_for_absent_server(failure_of(status).reason == "STOPPING");
   // Any other status is an answer of the server, except for this one, which this side makes itself.
   if (status.error_code() != grpc::StatusCode::DEADLINE_EXCEEDED) tell_contact(true);
   return false;
@@ -54,12 +55,11 @@ bool RetryPolicy::wait_for_busy_server(std::chrono::milliseconds delay) {
   return now + delay - refused_since_ <= settings_.retry && sleep(delay);
 }
 
-bool RetryPolicy::wait_for_absent_server() {
+bool RetryPolicy::wait_for_absent_server(bool was_there) {
   const auto now = Clock::now();
-  if (pause_.count() == 0) {
-    away_since_ = now;
-    pause_ = std::chrono::milliseconds(50);
-  }
+  // A server that says that it stops was there a moment ago, however often that happens.
+  if (pause_.count() == 0 || was_there) away_since_ = now;
+  pause_ = std::max(pause_, std::chrono::milliseconds(50));
   if (now - away_since_ > settings_.retry) return false;
   tell_contact(false);
   if (!sleep(pause_)) return false;

@@ -27,7 +27,7 @@ class RetryPolicy {
 
  private:
   bool wait_for_busy_server(std::chrono::milliseconds delay);
-  bool wait_for_absent_server();
+  bool wait_for_absent_server(bool was_there);
   void tell_contact(bool answers);
   /// Returns false if the caller wants to stop before the pause is over.
   bool sleep(std::chrono::milliseconds pause) const;

@@ -119,9 +119,10 @@ class Patience:
         stop = Stop.of_this_thread()
         stop.check()
         now = time.monotonic()
-        self._away_since = self._away_since or now
+        info, delay = _details(error)
+        # A server that says that it stops was there a moment ago, however often that happens.
+        self._away_since = now if info.reason == "STOPPING" else self._away_since or now
         left = self._away_since + self._seconds - now
-        _, delay = _details(error)
         code = error.code()
         if code == grpc.StatusCode.RESOURCE_EXHAUSTED and 0 < delay <= left:
             stop.sleep(delay)

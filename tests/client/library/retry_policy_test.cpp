@@ -63,6 +63,20 @@ TEST(RetryPolicy, ACallThatTheServerCutAtItsEndIsRepeated) {
       << "the user asked for it";
 }
 
+TEST(RetryPolicy, AServerThatSaysThatItStopsWasThere) {
+  google::rpc::ErrorInfo info;
+  info.set_reason("STOPPING");
+  google::rpc::Status full;
+  full.set_code(grpc::StatusCode::UNAVAILABLE);
+  full.add_details()->PackFrom(info);
+  const grpc::Status stops(grpc::StatusCode::UNAVAILABLE, "stops", full.SerializeAsString());
+  Recorded recorded(milliseconds(100));
+  RetryPolicy retries(recorded.settings);
+  for (int i = 0; i < 4; ++i) EXPECT_TRUE(retries.wait_to_retry(stops)) << i << ": it is restarted again and again";
+  while (retries.wait_to_retry(kAway)) {
+  }
+}
+
 TEST(RetryPolicy, ARefusalIsFinal) {
   Recorded recorded(milliseconds(300));
   RetryPolicy retries(recorded.settings);
