@@ -274,6 +274,7 @@ class Reading {
   /// A boundary condition that lists nodes has the elements with all of their nodes in it.
   void join_marked(const std::vector<bool>& marked, int tag, int dimension) {
     for (std::size_t e = 0; e < elements_.size(); ++e) {
+      if (e % 4096 == 0) allowance_.look();
       const Element& each = elements_[e];
       if (reference::info(each.shape).dimension != dimension) continue;
       const auto* nodes = nodes_.data() + each.nodes;

@@ -222,6 +222,7 @@ class Reading {
     const std::int64_t columns = root_.need("SideInfo", hdf5::Kind::Integers, false).columns();
     if (columns < 5) root_.fail("SideInfo", "has fewer than 5 values in a row");
     expect_rows("SideInfo", hdf5::Kind::Integers, side_rows_);
+    for (const ElementBlock& block : mesh_.blocks) cells_ += std::int64_t(block.size());
     const Cells cells(mesh_, 3);
     std::size_t cell = 0, side = 0;
     root_.for_rows<std::int64_t>("SideInfo", 0, [&](std::int64_t first, std::int64_t count, const std::int64_t* rows) {
@@ -285,11 +286,7 @@ class Reading {
   }
 
   /// Numbers of boundary elements follow those of the cells.
-  std::int64_t cells_and(std::int64_t row) const {
-    std::int64_t cells = 0;
-    for (const ElementBlock& block : mesh_.blocks) cells += std::int64_t(block.size());
-    return cells + row + 1;
-  }
+  std::int64_t cells_and(std::int64_t row) const { return cells_ + row + 1; }
 
   /// The local node at i steps from `origin` to `first` and j steps to `second`, all three vertices of a side.
   auto positions(Shape shape, std::int8_t origin, std::int8_t first, std::int8_t second) const {
@@ -348,6 +345,7 @@ class Reading {
   std::vector<bool> seen_;
   std::vector<HoprCondition> conditions_;
   std::int64_t node_rows_ = 0, side_rows_ = 0;
+  std::int64_t cells_ = 0;  // of all blocks, once the sides are read
 };
 
 constexpr const char* kSection = "BCType";

@@ -28,6 +28,17 @@ Pairs reversed(const Pairs& pairs) {
   return sorted(std::move(back));
 }
 
+/// A name for the sides without a group that no group has: "boundary", "boundary_2", …
+std::string free_name(const std::vector<SideGroup>& groups) {
+  const std::string plain = "boundary";
+  const auto taken = [&](const std::string& name) {
+    return std::any_of(groups.begin(), groups.end(), [&](const SideGroup& group) { return group.name == name; });
+  };
+  std::string name = plain;
+  for (int k = 2; taken(name); ++k) name = plain + "_" + std::to_string(k);
+  return name;
+}
+
 }  // namespace
 
 SideNeighbours::SideNeighbours(const HighOrderMesh& mesh, const Cells& cells, const Team& team)
@@ -88,7 +99,7 @@ void SideNeighbours::find_groups() {
     number[tag] = int(groups_.size());
   }
   if (ungrouped) {
-    groups_.push_back({0, "boundary", 0, false, false});
+    groups_.push_back({0, free_name(groups_), 0, false, false});
     number[0] = int(groups_.size());
   }
   group_of_facet_.assign(tag_of.size(), 0);

@@ -3,6 +3,8 @@
 
 #include <gtest/gtest.h>
 
+#include <set>
+
 #include "core/mesh/connectivity.h"
 #include "tests/core/formats/hdf5/program.h"
 #include "tests/core/support/formats.h"
@@ -89,6 +91,23 @@ TEST(Hopr, KeepsZonesAndTheCodesOfBoundaryConditions) {
     if (block.shape == Shape::Hexahedron) {
       EXPECT_EQ(block.physical, std::vector{7});
     }
+}
+
+TEST(Hopr, GivesSidesWithoutAGroupANameOfTheirOwn) {
+  NEEDS_HDF5();
+  HighOrderMesh mesh = curved_grid(Filling::Hexahedra, 1);
+  mesh.physical_groups[0].name = "boundary";
+  std::erase_if(mesh.blocks, [](const ElementBlock& block) {
+    return reference::info(block.shape).dimension == 2 && block.physical == std::vector{2};
+  });
+  const HighOrderMesh back = read_back(test::written(mesh, Format::Hopr));
+  std::set<std::string> names;
+  for (const PhysicalGroup& group : back.physical_groups)
+    if (group.dimension == 2) {
+      EXPECT_TRUE(names.insert(group.name).second) << group.name;
+    }
+  EXPECT_TRUE(names.contains("boundary"));
+  EXPECT_TRUE(names.contains("boundary_2"));
 }
 
 /// Pairs of nodes on x = 0 and x = 1.
