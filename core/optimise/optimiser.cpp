@@ -2,16 +2,20 @@
 #include "core/optimise/optimiser.h"
 
 #include <algorithm>
+#include <cctype>
 #include <cstdio>
 #include <optional>
 #include <string>
 #include <unordered_set>
 #include <utility>
 
+#include "core/accuracy/accuracy.h"
+#include "core/base/index.h"
 #include "core/base/stopwatch.h"
 #include "core/base/team.h"
 #include "core/diagnosis/diagnose.h"
 #include "core/diagnosis/elements_text.h"
+#include "core/maxmin/raise.h"
 #include "core/mesh/check.h"
 #include "core/mesh/straight_sides.h"
 #include "core/optimise/continuation.h"
@@ -59,6 +63,39 @@ void straighten_result(const SetUp& set_up, const Certifier& certifier, std::vec
     left.sentence = "The run was stopped before it could make elements straight-sided; run it again with more time.";
     result.repairs.push_back(std::move(left));
   });
+}
+
+/// Raises the smallest scaled Jacobian around cells that the run leaves invalid or, with Objective::Accuracy, below
+/// Options::min_js. A mesh that came in valid does not get a higher loss of accuracy by that.
+void raise_low(const SetUp& set_up, const Certifier& certifier, std::vector<Certificate>& certificates,
+               const Team& team, Grace& grace, Result& result) {
+  const Options& options = set_up.options;
+  const bool is_for_accuracy = options.objective == Objective::Accuracy && options.until != Until::Valid;
+  std::vector<char> hopeless(certificates.size(), 0);
+  for (const UnrepairableGroup& group : result.unrepairable)
+    if (is_proved(group) || group.kind == UnrepairableGroup::Kind::VertexGroup)
+      for (const std::int32_t cell : group.cells) hopeless[at(cell)] = 1;
+  const std::vector<double> coordinates = result.mesh.coordinates;
+  const std::vector<Certificate> before = certificates;
+  const RaiseOutcome outcome = raise_low_cells(result.mesh, set_up.fixed, hopeless, certifier, certificates,
+                                               is_for_accuracy ? options.min_js : 0, team);
+  if (outcome.interrupted) grace.say_stopped(result);
+  if (outcome.made_valid.empty() && outcome.raised.empty()) return;
+  if (result.before.uncertified.empty() && result.before.accuracy &&
+      !(accuracy(result.mesh, team.threads()).loss <= result.before.accuracy->loss)) {
+    result.mesh.coordinates = coordinates;
+    certificates = before;
+    return;
+  }
+  std::string note;
+  if (!outcome.made_valid.empty())
+    note = elements_text(outcome.made_valid, "element", "elements") +
+           (outcome.made_valid.size() == 1 ? " was" : " were") + " made valid";
+  if (!outcome.raised.empty())
+    note += (note.empty() ? "" : ", and ") + elements_text(outcome.raised, "element", "elements") +
+            (outcome.raised.size() == 1 ? " was" : " were") + " raised";
+  note[0] = static_cast<char>(std::toupper(static_cast<unsigned char>(note[0])));
+  result.notes.push_back(note + " by raising the smallest scaled Jacobian of the cells around.");
 }
 
 /// A copy of the mesh with other coordinates. Those of the mesh, its largest array, are not copied.
@@ -202,14 +239,19 @@ void note_missed_bound(const Options& options, Result& result) {
   result.notes.emplace_back(text);
 }
 
+/// Whether a limit or the caller has ended the run.
+bool was_cut_short(const RunSummary& result) {
+  return result.stop_reason == StopReason::TimeLimit || result.stop_reason == StopReason::Iterations ||
+         result.stop_reason == StopReason::Stopped;
+}
+
 Tried tried_by(const Options& options, const RunSummary& result) {
   Tried tried;
   const bool cannot_move = result.sizes.free_nodes == 0;  // so another run would move nothing either
   tried.movement = cannot_move || result.iterations > 0;
   tried.until_valid = cannot_move || options.until == Until::Valid;
   tried.split = options.repair == Repair::Split;
-  tried.cut_short = result.stop_reason == StopReason::TimeLimit || result.stop_reason == StopReason::Iterations ||
-                    result.stop_reason == StopReason::Stopped;
+  tried.cut_short = was_cut_short(result);
   return tried;
 }
 
@@ -240,6 +282,8 @@ Result run_stages_once(SetUp& set_up, const OnIteration& on_iteration, const Run
     if (grace.stopped()) grace.say_stopped(result);
   } else {
     result.mesh = with_coordinates(set_up.mesh, std::move(result.mesh.coordinates));
+    if (options.method == Method::Auto && control.untangles_lost && !was_cut_short(result))
+      raise_low(set_up, certifier, certificates, team, grace, result);
     if (options.repair == Repair::Straighten && !result.unrepairable.empty())
       straighten_result(set_up, certifier, certificates, team, grace, result);
     result.after = report_quality(result.mesh, certifier, certificates, team, grace);

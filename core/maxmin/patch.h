@@ -1,0 +1,104 @@
+// A patch of cells whose smallest scaled Jacobian is raised.
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "core/base/team.h"
+#include "core/reference/shape.h"
+
+namespace varimesh {
+
+/// Gradients of the basis of one shape and order at the samples: one points × nodes matrix per direction. The samples
+/// are the uniform lattice of 2 P + 2 intervals.
+using SampleTable = std::vector<Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>>;
+
+/// Solves: over the free nodes of the patch, raise the smallest level of its cells.
+///
+/// The level of a cell at a sample i is y_i = J_i / M, with M = (mean_i |J_i|⁸)^(1/8) a smooth stand-in for the largest
+/// J. A step goes to the nodes x + dx with the greatest
+///
+///     min_i (y_i + ∇y_i · dx) − ρ/2 Σ_n |dx_n|² / h_n²,
+///
+/// where i runs over the samples of all cells with a low level, n over the free nodes, and h_n is the shortest edge
+/// of the cells around node n. This is the proximal form of the Gauss–Newton method for the minimum of smooth functions
+/// (J. V. Burke, Descent methods for composite nondifferentiable optimization problems, Math. Programming 33, 1985).
+/// Its dual is a quadratic program on the unit simplex. ρ falls after good steps and rises after bad ones; only steps
+/// that raise the minimum are taken.
+///
+/// Unlike the barrier of untangling, it looks at values of J, not at its Bernstein coefficients: in a cell that is bent
+/// as much as its boundary asks, some coefficients are negative although J is positive.
+class MaxMinPatch {
+ public:
+  struct Cell {
+    std::int32_t number = 0;  ///< In the mesh.
+    Shape shape = Shape::Triangle;
+    std::span<const std::int32_t> nodes;
+    const SampleTable* samples = nullptr;
+    /// Its level counts as this much higher. A cell that has reached its limit elsewhere so does not hold the others.
+    double shift = 0;
+    std::vector<int> local;  ///< The free nodes by their number in the cell, and
+    std::vector<int> place;  ///< by their place in free_nodes(). Set by the constructor.
+  };
+
+  /// `free_nodes` ascending, by their number in the mesh. `coordinates` as in HighOrderMesh::coordinates.
+  MaxMinPatch(std::vector<Cell> cells, std::vector<std::int32_t> free_nodes, int dimension,
+              const std::vector<double>& coordinates);
+
+  /// What raise() came to, by cell.
+  struct Levels {
+    std::vector<double> level;            ///< Without the shift.
+    std::vector<double> scaled_jacobian;  ///< min J / max J at the samples.
+    double smallest = 0;                  ///< Of the levels with their shifts.
+    std::int64_t looks = 0;               ///< How often the samples of a cell were computed.
+  };
+
+  /// Moves the free nodes in `coordinates` until every cell without a shift has the scaled Jacobian `aim` at its
+  /// samples, or no step raises the smallest level. Call it inside team.run(). The result does not depend on the number
+  /// of threads. If the team's token interrupts it, the coordinates are those after some step.
+  Levels raise(std::vector<double>& coordinates, double aim, const Team& team);
+
+  /// The levels at these coordinates.
+  Levels look_at_cells(const std::vector<double>& coordinates, const Team& team) const;
+
+  /// Those with at least one free node, in the order given.
+  const std::vector<Cell>& cells() const { return cells_; }
+  const std::vector<std::int32_t>& free_nodes() const { return free_; }
+
+ private:
+  /// A cell at some coordinates.
+  struct Seen {
+    Eigen::VectorXd jacobian;
+    double norm = 1;  ///< M.
+    double level = 0, scaled_jacobian = 0;
+  };
+  /// Samples with a low level, and how their levels change with z = dx / h.
+  struct Rows {
+    Eigen::VectorXd level;    ///< With the shifts.
+    Eigen::MatrixXd slope;    ///< rows × (dimension · free nodes)
+    Eigen::MatrixXd product;  ///< slope slopeᵀ
+  };
+  using Derivatives = std::vector<Eigen::MatrixXd>;  ///< By direction: points × dimension.
+
+  Derivatives derivatives(const Cell& cell, const std::vector<double>& coordinates) const;
+  Derivatives cofactors(const Derivatives& derivatives) const;
+  Seen look(const Cell& cell, const std::vector<double>& coordinates) const;
+  /// Looks at all cells and returns their smallest level.
+  double look_at_all(const std::vector<double>& coordinates, std::vector<Seen>& seen, const Team& team) const;
+  static Levels levels(const std::vector<Seen>& seen, double smallest);
+  bool is_reached(const std::vector<Seen>& seen, double aim) const;
+  Rows rows(const std::vector<double>& coordinates, const std::vector<Seen>& seen, double smallest,
+            const Team& team) const;
+  void fill_rows(const Cell& cell, const Seen& seen, const std::vector<Eigen::Index>& samples,
+                 const std::vector<double>& coordinates, Eigen::Index first, Rows& rows) const;
+  void move(const Eigen::VectorXd& z, const std::vector<double>& from, std::vector<double>& to) const;
+
+  std::vector<Cell> cells_;
+  std::vector<std::int32_t> free_;
+  std::vector<double> size_;  ///< h by free node.
+  int dimension_;
+};
+
+}  // namespace varimesh

@@ -1,0 +1,288 @@
+#include "core/maxmin/raise.h"
+
+#include <algorithm>
+#include <map>
+#include <optional>
+#include <set>
+
+#include "core/base/index.h"
+#include "core/maxmin/patch.h"
+#include "core/mesh/connectivity.h"
+#include "core/reference/basis.h"
+
+namespace varimesh {
+namespace {
+
+/// What a cell needs at the samples so that its certificate is likely.
+constexpr double kEnoughForValid = 0.02;
+/// Larger tables than this many numbers per direction are not made.
+constexpr std::int64_t kMostInTable = 2'000'000;
+/// Looks at cells: per cell of the mesh, and at least. A patch takes some hundreds.
+constexpr std::int64_t kLooksPerCell = 50, kLeastLooks = 50'000;
+/// A cell this near to the smallest level of its patch has reached its limit.
+constexpr double kAtLimit = 1e-3;
+/// Of cells around a low one. On a mesh with 44 cells below .1, one layer leaves 7 of them, and two leave none.
+constexpr int kMostLayers = 2;
+
+class Raiser {
+ public:
+  Raiser(HighOrderMesh& mesh, const std::vector<bool>& fixed, std::span<const char> hopeless,
+         const Certifier& certifier, std::vector<Certificate>& certificates, double aim, const Team& team)
+      : mesh_(mesh),
+        fixed_(fixed),
+        hopeless_(hopeless),
+        certifier_(certifier),
+        certificates_(certificates),
+        aim_(aim),
+        team_(team),
+        cells_(mesh, mesh.dimension),
+        shift_(cells_.count(), 0),
+        left_(std::max(kLeastLooks, kLooksPerCell * static_cast<std::int64_t>(cells_.count()))) {}
+
+  RaiseOutcome raise() {
+    RaiseOutcome outcome;
+    std::vector<std::int32_t> low;
+    std::vector<char> was_valid;
+    try {
+      low = low_cells();
+      if (low.empty()) return outcome;
+      for (const std::int32_t cell : low) was_valid.push_back(certificates_[at(cell)].is_valid() ? 1 : 0);
+      find_neighbours();
+      for (const std::int32_t cell : low) raise_around(cell);
+    } catch (const Interrupted&) {
+      outcome.interrupted = true;
+    }
+    for (std::size_t k = 0; k < was_valid.size(); ++k) {
+      const bool is_valid = certificates_[at(low[k])].is_valid();
+      if (is_valid && was_valid[k] == 0)
+        outcome.made_valid.push_back(cells_.number(at(low[k])));
+      else if (is_valid && raised_.contains(low[k]))
+        outcome.raised.push_back(cells_.number(at(low[k])));
+    }
+    std::ranges::sort(outcome.made_valid);
+    std::ranges::sort(outcome.raised);
+    return outcome;
+  }
+
+ private:
+  // ===== which cells =====
+
+  const SampleTable* table(Shape shape) {
+    const auto found = tables_.find(shape);
+    if (found != tables_.end()) return found->second ? &*found->second : nullptr;
+    const reference::Points points = reference::uniform_lattice(shape, 2 * mesh_.order + 2);
+    std::optional<SampleTable>& made = tables_[shape];
+    if (points.rows() * reference::node_count(shape, mesh_.order) > kMostInTable) return nullptr;
+    made.emplace();
+    for (Eigen::MatrixXd& gradient :
+         reference::basis_gradients(shape, mesh_.order, reference::NodeSet::Equispaced, mesh_.dimension, points))
+      made->emplace_back(gradient);
+    return &*made;
+  }
+
+  MaxMinPatch::Cell patch_cell(std::int32_t cell) {
+    MaxMinPatch::Cell result;
+    result.number = cell;
+    result.shape = cells_.shape(at(cell));
+    result.nodes = cells_.nodes(at(cell));
+    result.samples = table(result.shape);
+    result.shift = shift_[at(cell)];
+    return result;
+  }
+
+  /// The scaled Jacobian at the samples.
+  double sampled(std::int32_t cell) {
+    MaxMinPatch::Cell one = patch_cell(cell);
+    if (one.samples == nullptr) return 1;
+    MaxMinPatch patch({one}, {one.nodes.begin(), one.nodes.begin() + 1}, mesh_.dimension, mesh_.coordinates);
+    return patch.look_at_cells(mesh_.coordinates, team_).scaled_jacobian.front();
+  }
+
+  std::vector<std::int32_t> low_cells() {
+    std::vector<std::pair<double, std::int32_t>> found;
+    for (std::int32_t cell = 0; at(cell) < cells_.count(); ++cell) {
+      const Certificate& certificate = certificates_[at(cell)];
+      if (is_hopeless(cell) || (certificate.is_valid() && certificate.scaled_jacobian_lower_bound >= aim_)) continue;
+      if (certificate.is_valid() && aim_ <= 0) continue;
+      const double js = sampled(cell);
+      if (!certificate.is_valid() || js < aim_) found.emplace_back(js, cell);
+    }
+    std::ranges::sort(found);
+    std::vector<std::int32_t> result;
+    for (const auto& [js, cell] : found) result.push_back(cell);
+    return result;
+  }
+
+  bool is_hopeless(std::int32_t cell) const { return hopeless_[at(cell)] != 0 && !certificates_[at(cell)].is_valid(); }
+
+  // ===== patches =====
+
+  /// The cells of each vertex, and in how many cells each node is.
+  void find_neighbours() {
+    in_cells_.assign(mesh_.node_count(), 0);
+    first_.assign(mesh_.node_count() + 1, 0);
+    for (std::size_t cell = 0; cell < cells_.count(); ++cell) {
+      for (const std::int32_t node : cells_.nodes(cell)) ++in_cells_[at(node)];
+      for (const std::int32_t vertex : vertices(cell)) ++first_[at(vertex) + 1];
+    }
+    for (std::size_t n = 0; n + 1 < first_.size(); ++n) first_[n + 1] += first_[n];
+    around_.resize(at(first_.back()));
+    std::vector<std::int64_t> next(first_.begin(), first_.end() - 1);
+    for (std::size_t cell = 0; cell < cells_.count(); ++cell)
+      for (const std::int32_t vertex : vertices(cell))
+        around_[at(next[at(vertex)]++)] = static_cast<std::int32_t>(cell);
+  }
+
+  std::span<const std::int32_t> vertices(std::size_t cell) const {
+    return cells_.nodes(cell).first(at(reference::info(cells_.shape(cell)).vertices));
+  }
+
+  std::vector<std::int32_t> cells_around(std::int32_t cell, int layers) const {
+    std::vector<std::int32_t> result{cell};
+    for (int layer = 0; layer < layers; ++layer) {
+      std::vector<std::int32_t> more;
+      for (const std::int32_t each : result)
+        for (const std::int32_t vertex : vertices(at(each)))
+          more.insert(more.end(), around_.begin() + first_[at(vertex)], around_.begin() + first_[at(vertex) + 1]);
+      std::ranges::sort(more);
+      more.erase(std::unique(more.begin(), more.end()), more.end());
+      result = std::move(more);
+    }
+    return result;
+  }
+
+  /// The nodes that only these cells have, and that are not fixed.
+  std::vector<std::int32_t> free_nodes(const std::vector<std::int32_t>& cells) const {
+    std::vector<std::int32_t> nodes, result;
+    for (const std::int32_t cell : cells)
+      nodes.insert(nodes.end(), cells_.nodes(at(cell)).begin(), cells_.nodes(at(cell)).end());
+    std::ranges::sort(nodes);
+    for (auto node = nodes.begin(); node != nodes.end();) {
+      const auto end = std::upper_bound(node, nodes.end(), *node);
+      if (!fixed_[at(*node)] && end - node == in_cells_[at(*node)]) result.push_back(*node);
+      node = end;
+    }
+    return result;
+  }
+
+  void raise_around(std::int32_t cell) {
+    for (int layers = 1; layers <= kMostLayers && left_ > 0; ++layers) {
+      const bool is_valid = certificates_[at(cell)].is_valid();
+      if (is_valid && sampled(cell) >= aim_) return;
+      if (!raise_patch(cell, layers)) return;
+    }
+  }
+
+  /// Returns false if the cell cannot be raised in a larger patch either.
+  bool raise_patch(std::int32_t cell, int layers) {
+    team_.look();
+    const std::vector<std::int32_t> around = cells_around(cell, layers);
+    const std::vector<std::int32_t> free = free_nodes(around);
+    std::vector<MaxMinPatch::Cell> taken;
+    for (const std::int32_t each : around) {
+      if (is_hopeless(each)) continue;
+      taken.push_back(patch_cell(each));
+      if (taken.back().samples == nullptr) return false;
+    }
+    if (free.empty()) return true;
+    MaxMinPatch patch(std::move(taken), free, mesh_.dimension, mesh_.coordinates);
+    const Before before(*this, around, free);
+    try {
+      const MaxMinPatch::Levels old = patch.look_at_cells(mesh_.coordinates, team_);
+      const MaxMinPatch::Levels now = patch.raise(mesh_.coordinates, std::max(aim_, kEnoughForValid), team_);
+      left_ -= now.looks;
+      certifier_.certify(mesh_.coordinates, around, certificates_, team_);
+      if (!is_better(before, old, now))
+        before.restore();
+      else
+        note_raised(patch, old, now);
+      if (layers == kMostLayers) note_limits(cell, patch, now);
+    } catch (const Interrupted&) {
+      before.restore();
+      throw;
+    }
+    return true;
+  }
+
+  /// The coordinates and certificates of a patch before it is raised.
+  class Before {
+   public:
+    Before(Raiser& raiser, const std::vector<std::int32_t>& cells, const std::vector<std::int32_t>& nodes)
+        : raiser_(raiser), cells_(cells), nodes_(nodes), coordinates_(3 * nodes.size()) {
+      for (std::size_t n = 0; n < nodes.size(); ++n)
+        std::copy_n(raiser.mesh_.coordinates.data() + 3 * at(nodes[n]), 3, coordinates_.data() + 3 * n);
+      for (const std::int32_t cell : cells) certificates_.push_back(raiser.certificates_[at(cell)]);
+    }
+
+    void restore() const {
+      for (std::size_t n = 0; n < nodes_.size(); ++n)
+        std::copy_n(coordinates_.data() + 3 * n, 3, raiser_.mesh_.coordinates.data() + 3 * at(nodes_[n]));
+      for (std::size_t c = 0; c < cells_.size(); ++c) raiser_.certificates_[at(cells_[c])] = certificates_[c];
+    }
+
+    /// By how many more cells are certified now; nothing if one has lost its certificate.
+    std::optional<int> gained() const {
+      int gained = 0;
+      for (std::size_t c = 0; c < cells_.size(); ++c) {
+        const bool was = certificates_[c].is_valid(), is = raiser_.certificates_[at(cells_[c])].is_valid();
+        if (was && !is) return std::nullopt;
+        gained += !was && is ? 1 : 0;
+      }
+      return gained;
+    }
+
+   private:
+    Raiser& raiser_;
+    const std::vector<std::int32_t>&cells_, &nodes_;
+    std::vector<double> coordinates_;
+    std::vector<Certificate> certificates_;
+  };
+
+  static bool is_better(const Before& before, const MaxMinPatch::Levels& old, const MaxMinPatch::Levels& now) {
+    const std::optional<int> gained = before.gained();
+    return gained && (*gained > 0 || now.smallest > old.smallest);
+  }
+
+  void note_raised(const MaxMinPatch& patch, const MaxMinPatch::Levels& old, const MaxMinPatch::Levels& now) {
+    for (std::size_t c = 0; c < patch.cells().size(); ++c)
+      if (now.scaled_jacobian[c] > old.scaled_jacobian[c]) raised_.insert(patch.cells()[c].number);
+  }
+
+  /// Cells that have reached their limit below the aim do not hold others from now on.
+  void note_limits(std::int32_t cell, const MaxMinPatch& patch, const MaxMinPatch::Levels& now) {
+    const double enough = std::max(aim_, kEnoughForValid);
+    for (std::size_t c = 0; c < patch.cells().size(); ++c) {
+      const MaxMinPatch::Cell& each = patch.cells()[c];
+      const bool at_limit = each.number == cell || now.level[c] + each.shift < now.smallest + kAtLimit;
+      if (at_limit && now.scaled_jacobian[c] < enough) shift_[at(each.number)] = 2 * enough - now.level[c];
+    }
+  }
+
+  HighOrderMesh& mesh_;
+  const std::vector<bool>& fixed_;
+  std::span<const char> hopeless_;
+  const Certifier& certifier_;
+  std::vector<Certificate>& certificates_;
+  double aim_;
+  const Team& team_;
+  Cells cells_;
+  std::map<Shape, std::optional<SampleTable>> tables_;
+  std::vector<double> shift_;           // by cell
+  std::vector<std::int32_t> in_cells_;  // by node
+  std::vector<std::int64_t> first_;     // by node, into around_
+  std::vector<std::int32_t> around_;    // the cells of the vertices
+  std::set<std::int32_t> raised_;
+  std::int64_t left_;
+};
+
+}  // namespace
+
+RaiseOutcome raise_low_cells(HighOrderMesh& mesh, const std::vector<bool>& fixed, std::span<const char> hopeless,
+                             const Certifier& certifier, std::vector<Certificate>& certificates, double aim,
+                             const Team& team) {
+  RaiseOutcome outcome;
+  team.run([&] { outcome = Raiser(mesh, fixed, hopeless, certifier, certificates, aim, team).raise(); });
+  return outcome;
+}
+
+}  // namespace varimesh
