@@ -4,6 +4,7 @@
 #include <map>
 #include <optional>
 #include <set>
+#include <utility>
 
 #include "core/base/index.h"
 #include "core/maxmin/patch.h"
@@ -23,6 +24,9 @@ constexpr std::int64_t kLooksPerCell = 50, kLeastLooks = 50'000;
 constexpr double kAtLimit = 1e-3;
 /// Of cells around a low one. On a mesh with 44 cells below .1, one layer leaves 7 of them, and two leave none.
 constexpr int kMostLayers = 2;
+
+/// The lattice of patch.h, or one with half its spacing.
+enum class Samples : std::uint8_t { Coarse, Fine };
 
 class Raiser {
  public:
@@ -67,11 +71,12 @@ class Raiser {
  private:
   // ===== which cells =====
 
-  const SampleTable* table(Shape shape) {
-    const auto found = tables_.find(shape);
+  const SampleTable* table(Shape shape, Samples samples) {
+    const auto found = tables_.find({shape, samples});
     if (found != tables_.end()) return found->second ? &*found->second : nullptr;
-    const reference::Points points = reference::uniform_lattice(shape, 2 * mesh_.order + 2);
-    std::optional<SampleTable>& made = tables_[shape];
+    const int intervals = (samples == Samples::Fine ? 2 : 1) * (2 * mesh_.order + 2);
+    const reference::Points points = reference::uniform_lattice(shape, intervals);
+    std::optional<SampleTable>& made = tables_[{shape, samples}];
     if (points.rows() * reference::node_count(shape, mesh_.order) > kMostInTable) return nullptr;
     made.emplace();
     for (Eigen::MatrixXd& gradient :
@@ -80,19 +85,19 @@ class Raiser {
     return &*made;
   }
 
-  MaxMinPatch::Cell patch_cell(std::int32_t cell) {
+  MaxMinPatch::Cell patch_cell(std::int32_t cell, Samples samples) {
     MaxMinPatch::Cell result;
     result.number = cell;
     result.shape = cells_.shape(at(cell));
     result.nodes = cells_.nodes(at(cell));
-    result.samples = table(result.shape);
+    result.samples = table(result.shape, samples);
     result.shift = shift_[at(cell)];
     return result;
   }
 
   /// The scaled Jacobian at the samples.
   double sampled(std::int32_t cell) {
-    MaxMinPatch::Cell one = patch_cell(cell);
+    MaxMinPatch::Cell one = patch_cell(cell, Samples::Coarse);
     if (one.samples == nullptr) return 1;
     MaxMinPatch patch({one}, {one.nodes.begin(), one.nodes.begin() + 1}, mesh_.dimension, mesh_.coordinates);
     return patch.look_at_cells(mesh_.coordinates, team_).scaled_jacobian.front();
@@ -169,19 +174,21 @@ class Raiser {
     for (int layers = 1; layers <= kMostLayers && left_ > 0; ++layers) {
       const bool is_valid = certificates_[at(cell)].is_valid();
       if (is_valid && sampled(cell) >= aim_) return;
-      if (!raise_patch(cell, layers)) return;
+      if (!raise_patch(cell, layers, Samples::Coarse)) return;
     }
+    // J may be negative between the samples only.
+    if (!certificates_[at(cell)].is_valid() && left_ > 0 && sampled(cell) > 0) raise_patch(cell, 1, Samples::Fine);
   }
 
   /// Returns false if the cell cannot be raised in a larger patch either.
-  bool raise_patch(std::int32_t cell, int layers) {
+  bool raise_patch(std::int32_t cell, int layers, Samples samples) {
     team_.look();
     const std::vector<std::int32_t> around = cells_around(cell, layers);
     const std::vector<std::int32_t> free = free_nodes(around);
     std::vector<MaxMinPatch::Cell> taken;
     for (const std::int32_t each : around) {
       if (is_hopeless(each)) continue;
-      taken.push_back(patch_cell(each));
+      taken.push_back(patch_cell(each, samples));
       if (taken.back().samples == nullptr) return false;
     }
     if (free.empty()) return true;
@@ -266,7 +273,7 @@ class Raiser {
   double aim_;
   const Team& team_;
   Cells cells_;
-  std::map<Shape, std::optional<SampleTable>> tables_;
+  std::map<std::pair<Shape, Samples>, std::optional<SampleTable>> tables_;
   std::vector<double> shift_;           // by cell
   std::vector<std::int32_t> in_cells_;  // by node
   std::vector<std::int64_t> first_;     // by node, into around_
