@@ -24,6 +24,8 @@ constexpr std::int64_t kLooksPerCell = 50, kLeastLooks = 50'000;
 constexpr double kAtLimit = 1e-3;
 /// Of cells around a low one. On a mesh with 44 cells below .1, one layer leaves 7 of them, and two leave none.
 constexpr int kMostLayers = 2;
+/// Cells that a thread samples at a time.
+constexpr std::int32_t kGrain = 16;
 
 /// The lattice of patch.h, or one with half its spacing.
 enum class Samples : std::uint8_t { Coarse, Fine };
@@ -105,17 +107,24 @@ class Raiser {
 
   std::vector<std::int32_t> low_cells() {
     std::vector<std::pair<double, std::int32_t>> found;
-    for (std::int32_t cell = 0; at(cell) < cells_.count(); ++cell) {
-      const Certificate& certificate = certificates_[at(cell)];
-      if (is_hopeless(cell) || (certificate.is_valid() && certificate.scaled_jacobian_lower_bound >= aim_)) continue;
-      if (certificate.is_valid() && aim_ <= 0) continue;
-      const double js = sampled(cell);
-      if (!certificate.is_valid() || js < aim_) found.emplace_back(js, cell);
-    }
+    for (std::int32_t cell = 0; at(cell) < cells_.count(); ++cell)
+      if (may_be_low(cell)) found.emplace_back(0, cell);
+    if (found.empty()) return {};
+    for (const Cells::Range& range : cells_.ranges()) table(range.block->shape, Samples::Coarse);
+    team_.for_each(static_cast<std::int32_t>(found.size()), kGrain,
+                   [&](std::int32_t k) { found[at(k)].first = sampled(found[at(k)].second); });
+    std::erase_if(found,
+                  [&](const auto& each) { return certificates_[at(each.second)].is_valid() && each.first >= aim_; });
     std::ranges::sort(found);
     std::vector<std::int32_t> result;
     for (const auto& [js, cell] : found) result.push_back(cell);
     return result;
+  }
+
+  bool may_be_low(std::int32_t cell) const {
+    const Certificate& certificate = certificates_[at(cell)];
+    if (certificate.is_valid()) return aim_ > 0 && certificate.scaled_jacobian_lower_bound < aim_;
+    return !is_hopeless(cell);
   }
 
   bool is_hopeless(std::int32_t cell) const { return hopeless_[at(cell)] != 0 && !certificates_[at(cell)].is_valid(); }

@@ -2,7 +2,6 @@
 #include "core/optimise/optimiser.h"
 
 #include <algorithm>
-#include <cctype>
 #include <cstdio>
 #include <optional>
 #include <string>
@@ -87,15 +86,12 @@ void raise_low(const SetUp& set_up, const Certifier& certifier, std::vector<Cert
     certificates = before;
     return;
   }
-  std::string note;
   if (!outcome.made_valid.empty())
-    note = elements_text(outcome.made_valid, "element", "elements") +
-           (outcome.made_valid.size() == 1 ? " was" : " were") + " made valid";
+    result.notes.push_back("At the end of the run, " + elements_text(outcome.made_valid, "element", "elements") +
+                           (outcome.made_valid.size() == 1 ? " was" : " were") + " made valid in small patches.");
   if (!outcome.raised.empty())
-    note += (note.empty() ? "" : ", and ") + elements_text(outcome.raised, "element", "elements") +
-            (outcome.raised.size() == 1 ? " was" : " were") + " raised";
-  note[0] = static_cast<char>(std::toupper(static_cast<unsigned char>(note[0])));
-  result.notes.push_back(note + " by raising the smallest scaled Jacobian of the cells around.");
+    result.notes.push_back("At the end of the run, the scaled Jacobian of " +
+                           elements_text(outcome.raised, "element", "elements") + " was raised in small patches.");
 }
 
 /// A copy of the mesh with other coordinates. Those of the mesh, its largest array, are not copied.

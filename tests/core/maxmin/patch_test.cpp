@@ -96,8 +96,8 @@ INSTANTIATE_TEST_SUITE_P(All, MaxMinShapes,
                          [](const auto& info) { return testing::name(info.param); });
 
 TEST(MaxMinPatch, FindsTheBestPlaceOfOneNode) {
-  // The one free vertex of four triangles in a square. In its centre all scaled Jacobians of the bent triangles are the
-  // greatest that they can be together, by symmetry.
+  // The one free vertex of four quadrilaterals in a square. By symmetry, the smallest of their scaled Jacobians is
+  // greatest if the vertex is in the centre.
   HighOrderMesh mesh = testing::grid(Filling::Quadrilaterals, {2, 2, 1}, 1);
   const Whole whole(mesh);
   ASSERT_EQ(whole.free.size(), 1U);
