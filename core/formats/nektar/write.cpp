@@ -161,7 +161,8 @@ class Writer {
       for (const auto& [shape, own] : numbers) {
         const char letter = nektar_letter(shape);
         out_.text("            <" + std::string(1, letter) + " COMPRESSED=\"B64Z-LittleEndian\" BITSIZE=\"64\">");
-        write_packed(out_, own.size(), 64, [&](std::size_t begin, std::size_t end, std::string& bytes) {
+        // By name: clang 14 lets no lambda capture a structured binding otherwise.
+        write_packed(out_, own.size(), 64, [&, &own = own](std::size_t begin, std::size_t end, std::string& bytes) {
           for (std::size_t i = begin; i < end; ++i) {
             append_packed(bytes, std::int64_t(own[i]));
             for (const std::int64_t side : sides_of(std::size_t(own[i]))) append_packed(bytes, side);
