@@ -63,6 +63,11 @@ bool Channel::send(const google::protobuf::MessageLite& message, int file) {
   return true;
 }
 
+bool Channel::is_closed() const {
+  pollfd socket{socket_, 0, 0};
+  return ::poll(&socket, 1, 0) > 0 && (socket.revents & POLLHUP) != 0;
+}
+
 Channel::Got Channel::receive(google::protobuf::MessageLite& message, int milliseconds) {
   while (true) {
     const std::size_t there = received_.size() - begin_;

@@ -31,6 +31,8 @@ class Channel {
   /// Sends a message, and a copy of the descriptor `file` with it unless that is −1. Returns false if the other side is
   /// gone or takes nothing. Thread-safe.
   bool send(const google::protobuf::MessageLite& message, int file = -1);
+  /// Whether the other side has closed its end. What it sent before can still be received.
+  bool is_closed() const;
   /// Receives the next message. One thread at a time.
   /// @param milliseconds how long it waits; negative: until something comes
   Got receive(google::protobuf::MessageLite& message, int milliseconds);

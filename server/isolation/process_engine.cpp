@@ -101,8 +101,10 @@ class Conversation {
   /// Wall time, in seconds.
   double most_seconds() const { return 2 * request_.options.time_limit + kPatience; }
 
+  /// A process that has ended hears nothing, but what it said before counts: the outcome may be among that.
   void send(const worker::ToWorker& message, int file = -1) {
-    if (!process_->channel().send(message, file)) process_->fail_ended();
+    if (process_->channel().send(message, file) || process_->channel().is_closed()) return;
+    process_->fail_ended();
   }
 
   // === What the process is told all the time ===

@@ -97,10 +97,25 @@ TEST_F(ChannelTest, EndsInTheMiddleOfAMessage) {
   EXPECT_FALSE(here_->send(note("to nobody")));
 }
 
+TEST_F(ChannelTest, ReceivesWhatWasSentBeforeTheEnd) {
+  auto there = this->there();
+  ASSERT_TRUE(there->send(note("the last word")));
+  EXPECT_FALSE(here_->is_closed());
+  ASSERT_TRUE(here_->send(note("nobody reads this")));
+  there.reset();
+  EXPECT_FALSE(here_->send(note("nor this")));
+  EXPECT_TRUE(here_->is_closed());
+  worker::FromWorker got;
+  ASSERT_EQ(here_->receive(got, -1), Channel::Got::Message);
+  EXPECT_EQ(got.note(), "the last word");
+  EXPECT_EQ(here_->receive(got, -1), Channel::Got::End);
+}
+
 TEST_F(ChannelTest, GivesUpOnAReaderThatReadsNothing) {
   here_->limit_sending(1);
   const worker::FromWorker large = note(std::string(std::size_t{8} << 20, 'x'));
   EXPECT_FALSE(here_->send(large));
+  EXPECT_FALSE(here_->is_closed());
 }
 
 TEST(PlainTexts, HideControlCharactersAtEveryDepth) {

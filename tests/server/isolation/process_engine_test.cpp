@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 #include <sys/resource.h>
+#include <sys/wait.h>
 
 #include <atomic>
 #include <cmath>
@@ -207,6 +208,29 @@ TEST(ProcessEngine, StopsWritingWhenTheStoreIsFull) {
   run.request.outputs = {v1::MESH_FORMAT_MSH22, v1::MESH_FORMAT_VTU};
   const auto outcome = run.run(in_processes());
   EXPECT_TRUE(!outcome || outcome->lost.empty());
+}
+
+TEST(ProcessEngine, TakesWhatTheProcessHasSaidBeforeItEnded) {
+  // The server is busy until the process has said everything and ended, and has something to tell it then.
+  Trial run(mesh_of("nine_triangles.msh"));
+  std::atomic<int> process = 0;
+  std::atomic<bool> stops = false;
+  const auto open = run.hooks.open_output;
+  run.hooks.open_output = [&](v1::MeshFormat format) {
+    siginfo_t ended{};
+    ::waitid(P_PID, static_cast<id_t>(process), &ended, WEXITED | WNOWAIT);
+    stops = true;
+    return open(format);
+  };
+  run.hooks.given_up = [&] { return stops.load(); };
+  const auto outcome = run.run(in_processes([&](int id) { process = id; }));
+  ASSERT_TRUE(outcome);
+  EXPECT_TRUE(stops);
+  EXPECT_EQ(outcome->lost, "");
+  EXPECT_FALSE(outcome->stopped);
+  Trial here(mesh_of("nine_triangles.msh"));
+  ASSERT_TRUE(here.run(core_engine()));
+  EXPECT_EQ(run.told.outputs, here.told.outputs);
 }
 
 TEST(ProcessEngine, SurvivesTheEndOfTheProcess) {
