@@ -1,7 +1,8 @@
 // One byte of a state directory changes while no server uses it. Whatever byte it is: the next server refuses what was
 // damaged with a sentence, or runs the job again. It never gives a wrong mesh or a wrong record.
 //
-// VARIMESH_FLIPS=10000 build/release/tests/server/server_tests --gtest_filter='FlippedBytes.*' is the long form.
+// VARIMESH_FLIPS=10000 build/release/tests/server/server_tests --gtest_filter='FlippedBytes.*' is the long form;
+// VARIMESH_FLIPS_SEED=7 repeats its choices.
 #include <cstdlib>
 #include <random>
 
@@ -69,7 +70,15 @@ class FlippedBytes : public StateFolder {
   }
 
   /// What a server on the directory says about one job.
-  enum class Outcome { Right, Refused, Wrong };
+  enum class Kind { Right, Refused, Wrong };
+  struct Outcome {
+    Kind kind = Kind::Right;
+    std::string why = {};
+  };
+  static Outcome refused(const grpc::Status& status) {
+    if (status.error_message().empty()) return {Kind::Wrong, "refused without a sentence"};
+    return {Kind::Refused, status.error_message()};
+  }
   static Outcome ask(const Service& service, const std::string& name, const Submitted& submitted) {
     grpc::ClientContext context;
     context.set_deadline(std::chrono::system_clock::now() + std::chrono::seconds(20));
@@ -79,21 +88,23 @@ class FlippedBytes : public StateFolder {
     v1::WatchJobResponse event;
     while (events->Read(&event)) {
     }
-    if (const auto watched = events->Finish(); watched.error_code() == grpc::StatusCode::DEADLINE_EXCEEDED)
-      return Outcome::Wrong;
+    const grpc::Status watched = events->Finish();
+    if (watched.error_code() == grpc::StatusCode::DEADLINE_EXCEEDED)
+      return {Kind::Wrong, "did not end within 20 s; the last event: " + event.ShortDebugString()};
     grpc::ClientContext asking;
     v1::GetJobRequest request;
     request.set_name(name);
     v1::GetJobResponse response;
-    if (const auto got = service.jobs->GetJob(&asking, request, &response); !got.ok())
-      return got.error_message().empty() ? Outcome::Wrong : Outcome::Refused;
+    if (const auto got = service.jobs->GetJob(&asking, request, &response); !got.ok()) return refused(got);
     const v1::Job& job = response.job();
     const auto label = job.spec().labels().find("number");
     if (job.name() != name || label == job.spec().labels().end() || label->second != submitted.label ||
         job.spec().mesh().digest() != sha256(submitted.mesh))
-      return Outcome::Wrong;
-    if (job.state() == v1::JOB_STATE_FAILED) return job.error().message().empty() ? Outcome::Wrong : Outcome::Refused;
-    if (job.state() != v1::JOB_STATE_SUCCEEDED || job.results_size() != 1) return Outcome::Wrong;
+      return {Kind::Wrong, "another record: " + job.ShortDebugString()};
+    if (job.state() == v1::JOB_STATE_FAILED && !job.error().message().empty())
+      return {Kind::Refused, job.error().message()};
+    if (job.state() != v1::JOB_STATE_SUCCEEDED || job.results_size() != 1)
+      return {Kind::Wrong, "watched: " + watched.error_message() + "; then: " + job.ShortDebugString()};
     return download(service, job.results(0).digest(), submitted.mesh);
   }
 
@@ -106,42 +117,48 @@ class FlippedBytes : public StateFolder {
     v1::DownloadMeshResponse response;
     while (reader->Read(&response)) bytes += response.chunk().data();
     const grpc::Status status = reader->Finish();
-    if (status.ok()) return bytes == mesh ? Outcome::Right : Outcome::Wrong;
-    return status.error_message().empty() ? Outcome::Wrong : Outcome::Refused;
+    if (!status.ok()) return refused(status);
+    return bytes == mesh ? Outcome() : Outcome{Kind::Wrong, "a result of other bytes"};
+  }
+
+  /// Asks a server on the directory about every job.
+  void check(const std::filesystem::path& directory, const std::string& where) {
+    auto started = Server::start(options(echo_engine(20), directory));
+    if (!started) {
+      EXPECT_FALSE(started.error().sentence.empty()) << where;
+      ++not_started_;
+      return;
+    }
+    Service service;
+    service.use(std::move(*started));
+    for (const auto& [name, submitted] : jobs_) {
+      const Outcome outcome = ask(service, name, submitted);
+      ++(outcome.kind == Kind::Right ? right_ : refused_);
+      EXPECT_NE(outcome.kind, Kind::Wrong)
+          << where << ", job " << submitted.label << " (" << name << "): " << outcome.why;
+    }
   }
 
   std::map<std::string, Submitted> jobs_;
+  int right_ = 0, refused_ = 0, not_started_ = 0;
 };
 
 TEST_F(FlippedBytes, AreRefusedOrTheJobIsRunAgain) {
   make_state();
-  const char* asked = std::getenv("VARIMESH_FLIPS");
+  const char *asked = std::getenv("VARIMESH_FLIPS"), *given = std::getenv("VARIMESH_FLIPS_SEED");
   const int flips = asked == nullptr ? 60 : std::atoi(asked);
-  const std::uint64_t seed = asked == nullptr ? 1 : std::random_device()();
+  const std::uint64_t seed = given != nullptr   ? std::strtoull(given, nullptr, 10)
+                             : asked == nullptr ? 1
+                                                : std::random_device()();
   std::mt19937_64 random(seed);
   const std::filesystem::path damaged = folder_ / "damaged";
-  int right = 0, refused = 0, not_started = 0;
   for (int i = 0; i < flips; ++i) {
     std::filesystem::copy(state_, damaged, std::filesystem::copy_options::recursive);
     const std::string where = flip(damaged, random);
-    auto started = Server::start(options(echo_engine(20), damaged));
-    if (!started) {
-      EXPECT_FALSE(started.error().sentence.empty()) << where;
-      ++not_started;
-    } else {
-      Service service;
-      service.use(std::move(*started));
-      for (const auto& [name, submitted] : jobs_) {
-        const Outcome outcome = ask(service, name, submitted);
-        ++(outcome == Outcome::Right ? right : refused);
-        EXPECT_NE(outcome, Outcome::Wrong) << where << ", job " << submitted.label << ", seed " << seed;
-      }
-    }
+    check(damaged, where + ", seed " + std::to_string(seed));
     std::filesystem::remove_all(damaged);
   }
-  RecordProperty("outcomes", std::to_string(right) + " right, " + std::to_string(refused) + " refused, " +
-                                 std::to_string(not_started) + " servers refused to start");
-  std::cout << flips << " flips: " << right << " jobs right, " << refused << " refused, " << not_started
+  std::cout << flips << " flips: " << right_ << " jobs right, " << refused_ << " refused, " << not_started_
             << " servers refused to start\n";
 }
 
