@@ -106,7 +106,7 @@ Answer<Changed> PostgresJobStore::submit(const Submission& submission) {
           if (const auto there = same_request()) return *there;
           return store_unavailable();  // that job was deleted at this moment
         }
-        postgres::save_events(connection, row.key, changed);
+        postgres::save_events(transaction, row.key, changed);
         std::lock_guard lock(waiting_mutex_);
         ++waiting_;
         return changed;
@@ -206,7 +206,7 @@ Answer<Changed> PostgresJobStore::request_cancel(const std::string& name, std::i
         Changed changed = transaction.transitions.cancel(row->record, last_sequence);
         if (changed.events.empty()) return changed;
         postgres::save(transaction.connection, *row);
-        postgres::save_events(transaction.connection, row->key, changed);
+        postgres::save_events(transaction, row->key, changed);
         return changed;
       },
       PostgresTransactions::Outcome::CanBeAskedAgain);
@@ -221,8 +221,8 @@ Answer<Changed> PostgresJobStore::ask_to_cancel(const std::string& name) {
         Changed changed = transaction.transitions.ask_to_cancel(row->record);
         if (changed.job.state() == before) return changed;
         postgres::save(transaction.connection, *row);
-        postgres::save_events(transaction.connection, row->key, changed);
-        if (row->record.cancel_unseen) postgres::notify(transaction.connection, postgres::kCancelNews + name);
+        postgres::save_events(transaction, row->key, changed);
+        if (row->record.cancel_unseen) transaction.news.insert(postgres::kCancelNews + name);
         return changed;
       },
       PostgresTransactions::Outcome::CanBeAskedAgain);

@@ -162,17 +162,22 @@ void save(PostgresConnection& connection, const Row& row) {
       values);
 }
 
-void notify(PostgresConnection& connection, const std::string& news) {
-  connection.query("SELECT pg_notify('varimesh', $1::text)", PostgresValues().add(news));
+void notify(PostgresConnection& connection, const std::set<std::string>& news) {
+  std::string lines;
+  for (const std::string& one : news) lines += (lines.empty() ? "" : "\n") + one;
+  connection.query(
+      "WITH quick AS (SELECT set_config('synchronous_commit', 'off', true)) "
+      "SELECT pg_notify('varimesh', one) FROM quick, unnest(string_to_array($1::text, E'\\n')) AS one",
+      PostgresValues().add(lines));
 }
 
-void save_events(PostgresConnection& connection, std::int64_t key, const Changed& changed) {
-  for (const v1::JobEvent& event : changed.events)
-    if (event.state_change().state() == v1::JOB_STATE_PENDING) notify(connection, kQueueNews);
-  if (!changed.events.empty()) notify(connection, kChangedNews + changed.job.name());
-  for (const v1::JobEvent& event : changed.events)
-    connection.query("INSERT INTO events VALUES($1, $2, $3)",
-                     PostgresValues().add(key).add(event.sequence()).add(event.SerializeAsString()));
+void save_events(PostgresWork& work, std::int64_t key, const Changed& changed) {
+  if (!changed.events.empty()) work.news.insert(kChangedNews + changed.job.name());
+  for (const v1::JobEvent& event : changed.events) {
+    if (event.state_change().state() == v1::JOB_STATE_PENDING) work.news.insert(kQueueNews);
+    work.connection.query("INSERT INTO events VALUES($1, $2, $3)",
+                          PostgresValues().add(key).add(event.sequence()).add(event.SerializeAsString()));
+  }
 }
 
 }  // namespace varimesh::server::postgres

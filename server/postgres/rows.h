@@ -2,12 +2,14 @@
 #pragma once
 
 #include <cstdint>
+#include <set>
 #include <string>
 #include <string_view>
 #include <vector>
 
 #include "server/jobs/job_record.h"
 #include "server/postgres/connection.h"
+#include "server/postgres/transactions.h"
 
 namespace varimesh::server::postgres {
 
@@ -42,9 +44,9 @@ Answer<std::vector<v1::JobEvent>> load_events(PostgresConnection& connection, co
 /// The news that a job waits, and the beginnings of the news that a job is to be cancelled and that it has new events;
 /// its name follows.
 inline constexpr char kQueueNews[] = "queue", kCancelNews[] = "cancel ", kChangedNews[] = "changed ";
-/// Tells the other processes when the transaction is committed.
-void notify(PostgresConnection& connection, const std::string& news);
-/// Stores the events of a change, and tells the other processes.
-void save_events(PostgresConnection& connection, std::int64_t key, const Changed& changed);
+/// Stores the events of a change, and tells the other processes once the transaction is committed.
+void save_events(PostgresWork& work, std::int64_t key, const Changed& changed);
+/// Tells the news to all processes that listen. They are hints, so the database does not wait for its disk.
+void notify(PostgresConnection& connection, const std::set<std::string>& news);
 
 }  // namespace varimesh::server::postgres

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <thread>
 
+#include "server/postgres/rows.h"
 #include "server/refusals.h"
 
 namespace varimesh::server {
@@ -22,6 +23,15 @@ Refusal refusal_of(const PostgresError& error) {
       break;
   }
   return internal_failure("The job store failed; the log of the server says why.");
+}
+
+void tell(const PostgresWork& committed) {
+  if (committed.news.empty()) return;
+  try {
+    postgres::notify(committed.connection, committed.news);
+  } catch (const PostgresError&) {
+    // The others look at the database by themselves, only later.
+  }
 }
 
 }  // namespace
@@ -65,7 +75,9 @@ std::optional<Failure> PostgresTransactions::with_transaction(const std::functio
           } catch (const PostgresError& error) {
             if (error.kind() != Kind::Lost) throw;
             unknown = open.number();
+            return;
           }
+          tell(transaction);
         },
         patience);
     if (failed) return failed;

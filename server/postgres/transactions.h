@@ -4,6 +4,7 @@
 #include <atomic>
 #include <functional>
 #include <optional>
+#include <set>
 #include <string>
 
 #include "server/jobs/job_record.h"
@@ -23,6 +24,9 @@ struct PostgresSettings {
 struct PostgresWork {
   PostgresConnection& connection;
   JobTransitions transitions;
+  /// What the other processes are told afterwards. A transaction that does so itself keeps a lock until its commit has
+  /// reached the disk, so that no two such commits would share a write.
+  std::set<std::string> news = {};
 };
 
 /// Runs transactions. Thread-safe. Failures: UNAVAILABLE (STORE_UNAVAILABLE), RESOURCE_EXHAUSTED (STORE_FULL) and

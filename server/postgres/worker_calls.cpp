@@ -57,7 +57,7 @@ Answer<Result> PostgresJobStore::write(const Claim& claim,
           return tl::unexpected(checked.error());
         Result result = work(transaction.transitions, row->record);
         postgres::save(transaction.connection, *row);
-        if constexpr (std::is_same_v<Result, Changed>) postgres::save_events(transaction.connection, row->key, result);
+        if constexpr (std::is_same_v<Result, Changed>) postgres::save_events(transaction, row->key, result);
         return result;
       },
       outcome);
@@ -90,7 +90,7 @@ Answer<std::optional<Claimed>> PostgresJobStore::claim(const std::string& worker
       }
       Changed changed = transaction.transitions.claim(row->record, worker);
       postgres::save(connection, *row);
-      postgres::save_events(connection, row->key, changed);
+      postgres::save_events(transaction, row->key, changed);
       take_turn(connection, peer);
       return Claimed{claim_of(row->record), std::move(changed.events)};
     }
@@ -163,7 +163,7 @@ Answer<std::vector<Changed>> PostgresJobStore::take_back(const std::string& work
       if (!transaction.transitions.is_lost(row->record, worker, running)) continue;
       all.push_back(transaction.transitions.take_back(row->record));
       postgres::save(connection, *row);
-      postgres::save_events(connection, row->key, all.back());
+      postgres::save_events(transaction, row->key, all.back());
     }
     return all;
   });
