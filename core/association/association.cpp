@@ -2,8 +2,11 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <map>
+#include <optional>
 
+#include "core/association/file_parameters.h"
 #include "core/association/match.h"
 #include "core/geometry/closest_point.h"
 #include "core/mesh/bounding_box.h"
@@ -23,7 +26,7 @@ constexpr double kRivalTolerance = 1e-9;
 class Placing {
  public:
   Placing(const HighOrderMesh& mesh, const Association& association)
-      : mesh_(mesh), geometry_(association.geometry), size_(association.size) {
+      : mesh_(mesh), geometry_(association.geometry), size_(association.size), places_(mesh) {
     curves_of_.resize(geometry_.surfaces.size());
     for (const geometry::Curve& curve : geometry_.curves) searches_.emplace_back(*curve.shape);
     for (std::size_t s = 0; s < geometry_.surfaces.size(); ++s) curves_of_[s] = geometry_.surfaces[s].curves;
@@ -36,6 +39,7 @@ class Placing {
     for (const int c : curves_of_[static_cast<std::size_t>(surfaces.front())])
       if (bounds_all(c, surfaces)) curves.push_back(c);
     if (const auto vertex = vertex_at(x, surfaces); vertex.dimension == 0) return vertex;
+    if (const auto known = by_parameters(node, curves); known.dimension == 1) return known;
     NodeEntity best;
     double least = kMatchTolerance * size_, second = least;
     for (const int c : curves) {
@@ -49,6 +53,18 @@ class Placing {
       best = {1, c, foot.distance, {foot.t, 0}};
     }
     return second - least < kRivalTolerance * size_ ? NodeEntity{} : best;
+  }
+
+  /// What the file says about the node.
+  detail::FilePlace place(std::int32_t node) const { return places_.of(node); }
+
+  /// The foot to which the file's parameters on this surface lead. Its distance is infinite if there is none.
+  geometry::SurfaceFoot by_parameters(std::int32_t node, const geometry::SurfaceShape& shape,
+                                      const std::vector<int>& tags) const {
+    const detail::FilePlace place = places_.of(node);
+    if (place.dimension != 2 || !place.has_parameters || std::ranges::find(tags, place.tag) == tags.end())
+      return {0, 0, {}, std::numeric_limits<double>::infinity()};
+    return detail::foot_at(shape, position(node), place.at, size_);
   }
 
   Eigen::Vector3d position(std::int32_t node) const {
@@ -70,6 +86,24 @@ class Placing {
   }
 
  private:
+  /// The one of these curves on which the file's parameter leads to the node: that with the file's tag, or else the
+  /// only one. Otherwise the dimension is −1.
+  NodeEntity by_parameters(std::int32_t node, const std::vector<int>& curves) const {
+    const detail::FilePlace place = places_.of(node);
+    if (place.dimension != 1 || !place.has_parameters) return {};
+    NodeEntity only;
+    int found = 0;
+    for (const int c : curves) {
+      const geometry::Curve& curve = geometry_.curves[static_cast<std::size_t>(c)];
+      const geometry::CurveFoot foot = detail::foot_at(*curve.shape, position(node), place.at[0], size_);
+      if (!std::isfinite(foot.distance)) continue;
+      only = {1, c, foot.distance, {foot.t, 0}};
+      if (curve.tag == place.tag) return only;
+      ++found;
+    }
+    return found == 1 ? only : NodeEntity{};
+  }
+
   bool bounds_all(int curve, const std::vector<int>& surfaces) const {
     const std::vector<int>& of = geometry_.curves[static_cast<std::size_t>(curve)].surfaces;
     return std::ranges::all_of(surfaces, [&](int s) { return std::ranges::find(of, s) != of.end(); });
@@ -99,6 +133,7 @@ class Placing {
   const HighOrderMesh& mesh_;
   const Geometry& geometry_;
   double size_;
+  detail::FilePlaces places_;
   std::vector<geometry::CurveSearch> searches_;
   std::vector<std::vector<int>> curves_of_;
 };
@@ -148,6 +183,42 @@ void find_missed_feet(const Placing& placing, const geometry::SurfaceShape& shap
   }
 }
 
+/// The feet of the nodes of a surface: by the file's parameters, or else by projection.
+/// @param tags  those of the mesh's surfaces that lie on it
+std::vector<geometry::SurfaceFoot> feet_of(const Placing& placing, const geometry::SurfaceShape& shape,
+                                           const std::vector<std::int32_t>& nodes, const std::vector<int>& tags,
+                                           double tolerance) {
+  std::optional<geometry::SurfaceSearch> search;  // samples the whole surface, which may not be needed
+  std::vector<geometry::SurfaceFoot> feet;
+  for (const std::int32_t node : nodes) {
+    feet.push_back(placing.by_parameters(node, shape, tags));
+    if (std::isfinite(feet.back().distance)) continue;
+    if (!search) search.emplace(shape);
+    feet.back() = search->closest(placing.position(node));
+  }
+  find_missed_feet(placing, shape, nodes, tolerance, feet);
+  return feet;
+}
+
+/// Counts the nodes that the file's parameters have placed, and names those to which they do not lead.
+void judge_parameters(const Placing& placing, Association& result) {
+  for (std::size_t node = 0; node < result.nodes.size(); ++node) {
+    const detail::FilePlace place = placing.place(static_cast<std::int32_t>(node));
+    const NodeEntity& entity = result.nodes[node];
+    if (!place.has_parameters || entity.dimension != place.dimension) continue;
+    const Eigen::Vector3d x = placing.position(static_cast<std::int32_t>(node));
+    const auto index = static_cast<std::size_t>(entity.entity);
+    const double distance =
+        entity.dimension == 1
+            ? detail::foot_at(*result.geometry.curves[index].shape, x, place.at[0], result.size).distance
+            : detail::foot_at(*result.geometry.surfaces[index].shape, x, place.at, result.size).distance;
+    if (std::isfinite(distance))
+      ++result.by_parameters;
+    else
+      result.misled.push_back(static_cast<std::int32_t>(node));
+  }
+}
+
 void place_nodes(const HighOrderMesh& mesh, const NodeSurfaces& tags, const Team& team, Association& result) {
   std::map<int, int> surface_of;
   for (const SurfaceMatch& match : result.matches) surface_of[match.tag] = match.surface;
@@ -175,10 +246,10 @@ void place_nodes(const HighOrderMesh& mesh, const NodeSurfaces& tags, const Team
     SurfaceNodes& own = result.surfaces[static_cast<std::size_t>(s)];
     if (own.nodes.empty()) return;
     const geometry::SurfaceShape& shape = *result.geometry.surfaces[static_cast<std::size_t>(s)].shape;
-    std::vector<geometry::SurfaceFoot> feet;
-    const geometry::SurfaceSearch search(shape);
-    for (const std::int32_t node : own.nodes) feet.push_back(search.closest(placing.position(node)));
-    find_missed_feet(placing, shape, own.nodes, kMatchTolerance * result.size, feet);
+    std::vector<int> own_tags;
+    for (const SurfaceMatch& match : result.matches)
+      if (match.surface == s) own_tags.push_back(match.tag);
+    const auto feet = feet_of(placing, shape, own.nodes, own_tags, kMatchTolerance * result.size);
     for (std::size_t i = 0; i < own.nodes.size(); ++i) {
       const std::int32_t node = own.nodes[i];
       const geometry::SurfaceFoot& foot = feet[i];
@@ -192,6 +263,7 @@ void place_nodes(const HighOrderMesh& mesh, const NodeSurfaces& tags, const Team
   });
   for (std::size_t node = 0; node < tags.size(); ++node)
     if (!tags[node].empty() && result.nodes[node].dimension < 0) result.held.push_back(static_cast<std::int32_t>(node));
+  judge_parameters(placing, result);
 }
 
 }  // namespace

@@ -49,6 +49,8 @@ struct Association {
   std::vector<NodeEntity> nodes;  ///< By node of the mesh. Nodes that lie on no surface element have dimension −1.
   std::vector<SurfaceNodes> surfaces;  ///< By surface of the geometry.
   std::vector<std::int32_t> held;      ///< Nodes of surface elements with dimension −1.
+  std::size_t by_parameters = 0;       ///< How many nodes were placed by the parameters of their file.
+  std::vector<std::int32_t> misled;    ///< Nodes to which the parameters of their file do not lead.
 
   /// Index of the surface for each block of elements of the mesh; −1 for blocks of another dimension, and for surfaces
   /// that did not match.
@@ -67,8 +69,9 @@ inline constexpr double kMatchTolerance = 1e-3;
 /// Each surface of the mesh is matched first: the surface with the same tag if samples of the mesh lie on it, else the
 /// one surface on which they do. A surface fits if the samples lie within kMatchTolerance of it and more than half of
 /// them inside its boundary. If two fit equally well, neither is taken. A node on elements of one surface belongs to
-/// it; a node on elements of several belongs to the nearest curve or vertex that bounds all of them. Parameters come
-/// from projection, since those of files are often incomplete.
+/// it; a node on elements of several belongs to the nearest curve or vertex that bounds all of them. If the file has
+/// parameters of a node and they lead to it, within 10⁻⁶ of the size, they are taken; otherwise the node is projected,
+/// because those of files are often incomplete.
 ///
 /// If the mesh and the geometry differ in size by a usual factor between units (millimetres, metres, inches, …), the
 /// geometry is scaled. Errors: BadInput if no surface matches, with both sizes, and if the mesh has no elements of

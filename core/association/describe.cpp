@@ -29,6 +29,17 @@ std::string unmatched_text(const Association& association, const SurfaceMatch& m
          " of the mesh lies on no surface of the geometry, so its nodes stay where they are.";
 }
 
+std::string parameters_text(const HighOrderMesh& mesh, const Association& association) {
+  std::string text =
+      "The parameters in the file lead to " + std::to_string(association.by_parameters) + " of these nodes";
+  if (association.misled.empty()) return text + ".";
+  const std::size_t count = association.misled.size();
+  text += ", but not to " + std::to_string(count) + " others, which were projected (node ";
+  for (std::size_t i = 0; i < std::min(kShown, count); ++i)
+    text += (i > 0 ? ", " : "") + std::to_string(mesh.node_numbers[static_cast<std::size_t>(association.misled[i])]);
+  return text + (count > kShown ? ", \u2026)." : ").");
+}
+
 }  // namespace
 
 std::vector<std::string> describe(const HighOrderMesh& mesh, const Association& association, double tolerance) {
@@ -56,6 +67,8 @@ std::vector<std::string> describe(const HighOrderMesh& mesh, const Association& 
   if (association.factor != 1)
     sentences.push_back("Lengths in the mesh are " + number_text(association.factor) +
                         " times those in the geometry, which was scaled.");
+  if (association.by_parameters > 0 || !association.misled.empty())
+    sentences.push_back(parameters_text(mesh, association));
   std::size_t unmatched = 0;
   for (const SurfaceMatch& match : association.matches)
     if (match.surface < 0 && ++unmatched <= kShown) sentences.push_back(unmatched_text(association, match));

@@ -8,6 +8,7 @@
 
 #include "core/base/text_lines.h"
 #include "core/mesh/connectivity.h"
+#include "core/mesh/node_parameters.h"
 
 namespace varimesh {
 namespace {
@@ -89,7 +90,9 @@ Expected<void> displace_boundary(HighOrderMesh& mesh, std::span<const NodeDispla
       coordinates[3 * *node + k] += displacement.by[k];
     }
   }
+  const NodesWithParameters before(mesh);
   mesh.coordinates = std::move(coordinates);
+  before.forget_moved(mesh);
   return {};
 }
 
@@ -115,7 +118,9 @@ Expected<void> replace_boundary(HighOrderMesh& mesh, const HighOrderMesh& bounda
     }
   }
   if (!any) return bad_input("The mesh of the boundary has no elements; save its lines (2-D) or faces (3-D) too.");
+  const NodesWithParameters before(mesh);
   mesh.coordinates = std::move(coordinates);
+  before.forget_moved(mesh);
   return {};
 }
 

@@ -58,6 +58,9 @@ struct NodeBlock {
   int entity = 0;
   std::int32_t first = 0;
   std::int32_t count = 0;
+  /// t of each node on a curve, or u and v of each node on a surface, as MSH 4.1 may have them. Empty: not known.
+  /// core/mesh/node_parameters.h says how long they stay.
+  std::vector<double> parameters{};
 };
 
 /// A periodic link of the file: nodes of one entity that are images of the nodes of another entity, the master.

@@ -16,6 +16,7 @@
 #include "core/diagnosis/elements_text.h"
 #include "core/maxmin/raise.h"
 #include "core/mesh/check.h"
+#include "core/mesh/node_parameters.h"
 #include "core/mesh/straight_sides.h"
 #include "core/optimise/continuation.h"
 #include "core/optimise/grace.h"
@@ -318,9 +319,12 @@ Expected<Result> optimise(HighOrderMesh mesh, const Options& options, const OnIt
   if (options.time_limit > 0) stop.stop_after(options.time_limit);
   // Before it is stopped, a run that goes on from a checkpoint must have the mesh that it had come to.
   const bool may_stop = control.checkpoint.empty();
+  const NodesWithParameters with_parameters(mesh);
   const Expected<std::unique_ptr<SetUp>> prepared = set_up(std::move(mesh), options, may_stop ? &stop : nullptr);
   if (!prepared) return tl::unexpected(prepared.error());
-  return run_once(**prepared, on_iteration, control, stop);
+  Result result = run_once(**prepared, on_iteration, control, stop);
+  with_parameters.forget_moved(result.mesh);
+  return result;
 }
 
 Expected<MeshSummary> summarise(const HighOrderMesh& mesh, const Options& options) {

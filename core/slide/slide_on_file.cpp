@@ -4,11 +4,13 @@
 #include <cassert>
 #include <numbers>
 
+#include "core/association/file_parameters.h"
 #include "core/association/own_boundary.h"
 #include "core/association/smooth_joints.h"
 #include "core/curve/curve.h"
 #include "core/geometry/load.h"
 #include "core/mesh/check.h"
+#include "core/mesh/node_parameters.h"
 #include "core/slide/slide.h"
 #include "core/slide/surface_alone.h"
 
@@ -75,9 +77,13 @@ struct Work {
     Expected<Association> association;
     team.run([&] { association = associated(geometry); });
     if (!association) return tl::unexpected(association.error());
-    if (options.smooth_angle > 0 && what != SlideOn::None)
+    const bool joins = options.smooth_angle > 0 && what != SlideOn::None;
+    const NodesWithParameters before(mesh);
+    if (joins)
       sentences.push_back(join_smoothly(mesh, *association, options.smooth_angle * std::numbers::pi / 180).sentence());
     slide_nodes(mesh, *association);
+    // Joined entities have parameters of their own.
+    joins ? before.forget_moved(mesh) : keep_parameters(mesh, *association);
     return {};
   }
 
@@ -87,7 +93,9 @@ struct Work {
     if (!own) return tl::unexpected(own.error());
     sentences.push_back(own->sentence());
     slide_nodes(own->faces, own->association);
+    const NodesWithParameters before(mesh);
     mesh.coordinates = std::move(own->faces.coordinates);
+    before.forget_moved(mesh);
     return {};
   }
 

@@ -51,28 +51,40 @@ void read_node_numbers(GmshReading& reading, std::int64_t count) {
   for (; numbers.size() < end; scan.look()) scan.add(numbers, scan.size("a node's number"));
 }
 
-// Appends the coordinates of `count` nodes to the mesh's.
-void read_coordinates(GmshReading& reading, std::int64_t count, int parameters) {
+struct PlacesRead {
+  std::vector<double> coordinates, parameters;
+};
+
+// Appends the coordinates of the block's nodes to the mesh's, and reads `parameters` numbers for each. Those of a
+// volume are its coordinates again, so they are not kept.
+void read_coordinates(GmshReading& reading, int parameters, NodeBlock& block) {
   Scanner& scan = reading.scanner;
   std::vector<double>& coordinates = reading.mesh.coordinates;
-  const std::size_t end = coordinates.size() + 3 * std::size_t(count);
-  const auto node = [&](Scanner& from, std::vector<double>& to) {
+  const std::size_t end = coordinates.size() + 3 * std::size_t(block.count);
+  const bool keeps = parameters > 0 && parameters < 3;
+  if (keeps) scan.reserve(block.parameters, std::size_t(parameters) * std::size_t(block.count));
+  const auto node = [&](Scanner& from, std::vector<double>& to, std::vector<double>& to_parameters) {
     from.look();
     for (int k = 0; k < 3; ++k) from.add(to, from.number("a node's coordinate"));
-    for (int k = 0; k < parameters; ++k) from.number("a node's parameter");
+    for (int k = 0; k < parameters; ++k) {
+      const double parameter = from.number("a node's parameter");
+      if (keeps) from.add(to_parameters, parameter);
+    }
   };
   const auto parse = [&](const BytesPiece&, Scanner& from) {
-    std::vector<double> read;
-    for (from.skip_space_of_text(); !from.at_end(); from.skip_space_of_text()) node(from, read);
+    PlacesRead read;
+    for (from.skip_space_of_text(); !from.at_end(); from.skip_space_of_text())
+      node(from, read.coordinates, read.parameters);
     return read;
   };
-  const auto take = [&](const BytesPiece&, const std::vector<double>& read) {
-    if (read.size() > end - coordinates.size()) return false;
-    coordinates.insert(coordinates.end(), read.begin(), read.end());
+  const auto take = [&](const BytesPiece&, const PlacesRead& read) {
+    if (read.coordinates.size() > end - coordinates.size()) return false;
+    coordinates.insert(coordinates.end(), read.coordinates.begin(), read.coordinates.end());
+    block.parameters.insert(block.parameters.end(), read.parameters.begin(), read.parameters.end());
     return true;
   };
-  read_in_pieces(scan, reading.team, RecordCutter(scan, count, 8 * (3 + std::size_t(parameters))), parse, take);
-  while (coordinates.size() < end) node(scan, coordinates);
+  read_in_pieces(scan, reading.team, RecordCutter(scan, block.count, 8 * (3 + std::size_t(parameters))), parse, take);
+  while (coordinates.size() < end) node(scan, coordinates, block.parameters);
 }
 
 struct ElementsRead {
@@ -187,10 +199,9 @@ void read_nodes_41(GmshReading& reading) {
     block.first = std::int32_t(mesh.node_numbers.size());
     block.count = std::int32_t(n);
     read_node_numbers(reading, n);
-    // Parameters on the entity are skipped, because they are wrong after the nodes have moved.
-    read_coordinates(reading, n, parametric != 0 ? block.dimension : 0);
+    read_coordinates(reading, parametric != 0 ? block.dimension : 0, block);
     scan.look();
-    scan.add(mesh.node_blocks, block);
+    scan.add(mesh.node_blocks, std::move(block));
   }
   if (std::int64_t(mesh.node_numbers.size()) != total) scan.fail("the node blocks have fewer nodes than announced");
   reading.index.build(mesh.node_numbers, scan);

@@ -5,6 +5,7 @@
 #include "core/formats/gmsh/entities.h"
 #include "core/formats/gmsh/types.h"
 #include "core/formats/gmsh/write.h"
+#include "core/mesh/node_parameters.h"
 
 namespace varimesh::formats {
 
@@ -56,7 +57,9 @@ void write_nodes(const HighOrderMesh& mesh, const Classification& where, Buffere
     out.size(value);
   out.end_line();
   for (const NodeBlock& block : where.node_blocks) {
-    for (int value : {block.dimension, block.entity, 0}) out.integer(value);
+    // Gmsh reads three parameters of a node in a volume, which nobody has.
+    const std::size_t parameters = has_parameters(block) ? parameters_per_node(block.dimension) : 0;
+    for (int value : {block.dimension, block.entity, parameters > 0 ? 1 : 0}) out.integer(value);
     out.size(block.count);
     out.end_line();
     const auto first = std::size_t(block.first), count = std::size_t(block.count);
@@ -69,6 +72,7 @@ void write_nodes(const HighOrderMesh& mesh, const Classification& where, Buffere
     out.shared(count, kNodesPerPiece, [&](BufferedOutput& piece, std::size_t begin, std::size_t end) {
       for (std::size_t i = first + begin; i < first + end; ++i) {
         for (std::size_t k = 0; k < 3; ++k) piece.number(mesh.coordinates[3 * node(i) + k]);
+        for (std::size_t k = 0; k < parameters; ++k) piece.number(block.parameters[parameters * (i - first) + k]);
         piece.end_line();
       }
     });

@@ -24,6 +24,9 @@ for key, value in {"Mesh.MeshSizeMax": 0.9, "Mesh.MeshSizeMin": 0.5, "Mesh.MshFi
 gmsh.model.mesh.generate(3)
 gmsh.model.mesh.setOrder(3)
 gmsh.write(folder + "/part.msh")
+gmsh.option.setNumber("Mesh.SaveParametric", 1)
+gmsh.write(folder + "/parameters.msh")
+gmsh.option.setNumber("Mesh.SaveParametric", 0)
 gmsh.option.setNumber("Mesh.MshFileVersion", 2.2)
 gmsh.write(folder + "/part22.msh")
 """
@@ -63,6 +66,16 @@ class Geometry(WithFolder):
                 rms_before, rms_after, largest_before, largest_after = distances(text)
                 self.assertLess(rms_after, rms_before)
                 self.assertLessEqual(largest_after, largest_before)
+
+    def test_parameters_of_the_file_are_used_and_written_for_nodes_that_slid(self):
+        used = re.compile(r"The parameters in the file lead to (\d+) of these nodes")
+        before = used.search(self.slid("parameters.msh", "part.brep"))
+        self.assertGreater(int(before[1]), 100)
+        self.out.rename(self.folder / "slid.msh")
+        text = self.slid("slid.msh", "part.brep", "--slide", "none")
+        self.assertGreater(int(used.search(text)[1]), 100)
+        self.assertNotIn("were projected", text)  # the parameters lead to all nodes, also those that slid
+        self.assertIsNone(used.search(self.slid("part.msh", "part.brep")))
 
     def test_slide_none_moves_no_boundary_node(self):
         rms_before, rms_after, *_ = distances(self.slid("part.msh", "part.brep", "--slide", "none"))

@@ -2,8 +2,11 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
+#include <limits>
 #include <numbers>
 
+#include "core/association/file_parameters.h"
 #include "core/geometry/analytic.h"
 #include "tests/core/support/surface_grid.h"
 
@@ -100,6 +103,75 @@ TEST(Associate, RefusesAMeshWithoutSurfaces) {
   const auto association = associate(mesh, pipe(4), team);
   ASSERT_FALSE(association);
   EXPECT_NE(association.error().sentence.find("no elements on its surfaces"), std::string::npos);
+}
+
+/// The pipe's mesh as a file with parameters has it: one block of nodes per node, with the parameters that projection
+/// finds.
+HighOrderMesh with_parameters(HighOrderMesh mesh, std::array<int, 2> curve_tags) {
+  const Association association = associated(mesh, pipe(4));
+  mesh.node_blocks.clear();
+  for (std::size_t node = 0; node < mesh.node_count(); ++node) {
+    const NodeEntity& entity = association.nodes[node];
+    const auto index = static_cast<std::size_t>(entity.entity);
+    const int tag = entity.dimension == 1 ? curve_tags[index] : mesh.blocks[0].entity;
+    NodeBlock block{entity.dimension, tag, static_cast<std::int32_t>(node), 1, {entity.at[0]}};
+    if (entity.dimension == 2) block.parameters.push_back(entity.at[1]);
+    mesh.node_blocks.push_back(std::move(block));
+  }
+  return mesh;
+}
+
+TEST(Associate, TakesTheParametersOfTheFile) {
+  HighOrderMesh mesh = with_parameters(pipe_mesh(4), {1, 2});
+  // One turn further is the same place, so what comes back shows that the file was asked.
+  for (NodeBlock& block : mesh.node_blocks) block.parameters[0] += kTurn;
+  const Association association = associated(mesh, pipe(4));
+  EXPECT_EQ(association.by_parameters, mesh.node_count());
+  EXPECT_TRUE(association.misled.empty());
+  EXPECT_TRUE(association.held.empty());
+  for (std::size_t node = 0; node < mesh.node_count(); ++node)
+    EXPECT_EQ(association.nodes[node].at[0], mesh.node_blocks[node].parameters[0]);
+}
+
+TEST(Associate, TakesParametersIfTheTagsOfTheMeshAreOthers) {
+  for (const std::array<int, 2> curve_tags : {std::array{11, 12}, std::array{2, 1}}) {
+    const HighOrderMesh mesh = with_parameters(pipe_mesh(7), curve_tags);
+    const Association association = associated(mesh, pipe(4));
+    EXPECT_FALSE(association.matches[0].by_tag);
+    EXPECT_EQ(association.by_parameters, mesh.node_count());
+    EXPECT_TRUE(association.held.empty());
+  }
+}
+
+TEST(Associate, NamesNodesToWhichTheParametersDoNotLead) {
+  HighOrderMesh mesh = with_parameters(pipe_mesh(4), {1, 2});
+  const Association right = associated(mesh, pipe(4));
+  mesh.node_blocks[3].parameters[0] += 0.01;
+  mesh.node_blocks[8].parameters[0] = std::numeric_limits<double>::quiet_NaN();
+  const Association association = associated(mesh, pipe(4));
+  EXPECT_EQ(association.misled, (std::vector<std::int32_t>{3, 8}));
+  EXPECT_EQ(association.by_parameters, mesh.node_count() - 2);
+  for (const std::size_t node : {std::size_t{3}, std::size_t{8}}) {
+    EXPECT_EQ(association.nodes[node].dimension, right.nodes[node].dimension);
+    EXPECT_NEAR(std::remainder(association.nodes[node].at[0] - right.nodes[node].at[0], kTurn), 0, 1e-9);
+  }
+  const auto sentences = describe(mesh, association, 1e-6);
+  ASSERT_GE(sentences.size(), 2U);
+  EXPECT_NE(sentences[1].find("but not to 2 others, which were projected (node 4, 9)"), std::string::npos)
+      << sentences[1];
+}
+
+TEST(KeepParameters, WritesThoseOfNodesThatMovedAndDropsThoseOfNodesThatLeft) {
+  HighOrderMesh mesh = with_parameters(pipe_mesh(4), {1, 2});
+  Association association = associated(mesh, pipe(4));
+  association.nodes[5].at[0] = kTurn + 0.5;
+  const auto& leaves = association.nodes[6];
+  association.nodes[6] = {leaves.dimension == 2 ? std::int8_t{1} : std::int8_t{2}, 0, 0, {}};
+  const NodeBlock stays = mesh.node_blocks[4];
+  keep_parameters(mesh, association);
+  EXPECT_EQ(mesh.node_blocks[4].parameters, stays.parameters);
+  EXPECT_NEAR(mesh.node_blocks[5].parameters[0], 0.5, 1e-15);
+  EXPECT_TRUE(mesh.node_blocks[6].parameters.empty());
 }
 
 TEST(Snap, PutsNodesThatAreOffOnTheSurface) {

@@ -203,6 +203,35 @@ TEST(GmshSections, WindowsLineEndsAreRead) {
   EXPECT_EQ(mesh->mesh.physical_groups[0].name, "se \"ven");
 }
 
+TEST(GmshRoundTrip, ParametersOfNodesStayInVersion41) {
+  HighOrderMesh mesh = one_cell(Shape::Tetrahedron, 2);
+  mesh.node_blocks = {{0, 1, 0, 1}, {1, 3, 1, 2, {0.1, 1.0 / 3}}, {2, 7, 3, 2, {1, -2, 3e-300, 4}}, {3, 1, 5, 5}};
+  for (const Format format : {Format::Msh41, Format::Msh41Binary}) {
+    const std::string text = written(mesh, format);
+    const auto back = formats::read(text);
+    ASSERT_TRUE(back) << back.error().sentence;
+    ASSERT_EQ(back->mesh.node_blocks.size(), 4U);
+    for (std::size_t b = 0; b < 4; ++b)
+      EXPECT_EQ(back->mesh.node_blocks[b].parameters, mesh.node_blocks[b].parameters) << b;
+    EXPECT_EQ(written(back->mesh, format), text);
+  }
+  const auto back = formats::read(written(mesh, Format::Msh22));
+  ASSERT_TRUE(back) << back.error().sentence;
+  for (const NodeBlock& block : back->mesh.node_blocks) EXPECT_TRUE(block.parameters.empty());
+}
+
+TEST(GmshRoundTrip, TheParametersOfAVolumeAreLeftOut) {
+  const std::string text =
+      "$MeshFormat\n4.1 0 8\n$EndMeshFormat\n$Nodes\n2 4 1 4\n2 1 1 3\n1\n2\n3\n0 0 0 .5 .25\n1 0 0 1 2\n"
+      "0 1 0 3 4\n3 1 1 1\n4\n0 0 1 7 8 9\n$EndNodes\n$Elements\n1 1 1 1\n3 1 4 1\n1 1 2 3 4\n$EndElements\n";
+  const auto mesh = formats::read(text);
+  ASSERT_TRUE(mesh) << mesh.error().sentence;
+  EXPECT_EQ(mesh->mesh.coordinates, (std::vector<double>{0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1}));
+  EXPECT_EQ(mesh->mesh.node_blocks[0].parameters, (std::vector<double>{.5, .25, 1, 2, 3, 4}));
+  EXPECT_TRUE(mesh->mesh.node_blocks[1].parameters.empty());
+  EXPECT_TRUE(formats::read(written(mesh->mesh, Format::Msh41)));
+}
+
 TEST(GmshNumbers, SparseAndHugeNodeNumbersAreFound) {
   HighOrderMesh mesh = one_cell(Shape::Triangle, 3);
   for (std::size_t i = 0; i < mesh.node_count(); ++i) mesh.node_numbers[i] = 5'000'000'000 - 77 * std::int64_t(i * i);
