@@ -1,52 +1,70 @@
 #include "core/geometry/load.h"
 
 #include <dlfcn.h>
+#include <fcntl.h>
+#include <unistd.h>
 
-#include <cstdlib>
 #include <filesystem>
 #include <system_error>
 
+#include "core/base/machine_memory.h"
 #include "core/geometry/cad_reader.h"
-#include "core/geometry/plugin.h"
+#include "core/process/helper_program.h"
 
 namespace varimesh::geometry {
 
-std::string plugin_path() {
-  namespace fs = std::filesystem;
-  constexpr const char* kFile = "libvarimesh_opencascade.so";
-  std::error_code ignored;
-  if (const char* named = std::getenv("VARIMESH_OPENCASCADE"); named != nullptr && *named != '\0')
-    return fs::is_regular_file(named, ignored) ? named : "";
-  const fs::path program = fs::read_symlink("/proc/self/exe", ignored);
-  if (program.empty()) return "";
-  for (const fs::path& folder : {program.parent_path(), program.parent_path().parent_path() / "lib" / "varimesh"})
-    if (fs::is_regular_file(folder / kFile, ignored)) return (folder / kFile).string();
-  return "";
+std::string plugin_path() { return find_helper("libvarimesh_opencascade.so", "VARIMESH_OPENCASCADE"); }
+
+std::int64_t memory_for_reading(std::int64_t file_bytes) {
+  // Address space: OpenCASCADE's libraries take .3 GB of it.
+  return (std::int64_t{1} << 30) + 100 * file_bytes;
 }
 
-Expected<Geometry> load(const std::string& path) {
-  std::error_code failed;
-  if (!std::filesystem::is_regular_file(path, failed))
-    return bad_input("The geometry '" + path + "' is not a file that can be read; check the name.");
-  const std::string plugin = plugin_path();
-  if (plugin.empty())
-    return bad_option(
-        "The geometry '" + path +
-        "' cannot be read, because VariMesh was installed without OpenCASCADE: libvarimesh_opencascade.so "
-        "is neither beside the program nor named by VARIMESH_OPENCASCADE. Build VariMesh with the packages "
-        "of the group 'geometry' of deploy/packages.");
+Expected<Geometry> CadModel::geometry() const {
+  Geometry geometry;
+  std::string error;
+  geometry.notes = notes_;
+  if (!read_(shape_, geometry, error)) return bad_input(what_ + " cannot be used: " + error);
+  return geometry;
+}
+
+std::int64_t CadModel::memory() const {
+  return (std::int64_t{16} << 20) + 20 * static_cast<std::int64_t>(shape_.size());
+}
+
+Expected<CadModel> read_model(const std::string& plugin, int file, const std::string& what, std::int64_t most_memory) {
+  CadModel model;
   // The library stays loaded, because shapes that it made may live as long as the program.
   void* library = dlopen(plugin.c_str(), RTLD_NOW | RTLD_LOCAL);
   if (library == nullptr) return bad_option("OpenCASCADE cannot be loaded: " + std::string(dlerror()) + ".");
-  auto* read = reinterpret_cast<ReadFile*>(dlsym(library, kReadFileSymbol));
-  if (read == nullptr)
+  model.read_ = reinterpret_cast<ReadShape*>(dlsym(library, kReadShapeSymbol));
+  if (model.read_ == nullptr)
     return bad_option("'" + plugin + "' belongs to another version of VariMesh; install both from the same package.");
-  const auto shape = read_in_child(std::filesystem::path(plugin).replace_filename(kReaderProgram).string(), path);
-  if (!shape) return tl::unexpected(shape.error());
-  Geometry geometry;
-  std::string error;
-  if (!read(shape->path(), geometry, error)) return bad_input("The geometry '" + path + "' cannot be used: " + error);
-  return geometry;
+  const std::string reader = std::filesystem::path(plugin).replace_filename(kReaderProgram).string();
+  auto read = read_in_child(reader, file, what, most_memory);
+  if (!read) return tl::unexpected(read.error());
+  model.shape_ = std::move(read->shape);
+  model.notes_ = std::move(read->notes);
+  model.what_ = what;
+  return model;
+}
+
+Expected<Geometry> load(const std::string& path) {
+  const std::string what = "The geometry '" + path + "'";
+  std::error_code failed;
+  const bool is_file = std::filesystem::is_regular_file(path, failed);
+  const int file = is_file ? ::open(path.c_str(), O_RDONLY | O_CLOEXEC) : -1;
+  if (file < 0) return bad_input(what + " is not a file that can be read; check the name.");
+  const std::string plugin = plugin_path();
+  Expected<CadModel> model =
+      bad_option(what +
+                 " cannot be read, because VariMesh was installed without OpenCASCADE: libvarimesh_opencascade.so "
+                 "is neither beside the program nor named by VARIMESH_OPENCASCADE. Build VariMesh with the packages "
+                 "of the group 'geometry' of deploy/packages.");
+  if (!plugin.empty()) model = read_model(plugin, file, what, machine_memory());
+  ::close(file);
+  if (!model) return tl::unexpected(model.error());
+  return model->geometry();
 }
 
 }  // namespace varimesh::geometry

@@ -2,22 +2,51 @@
 // file is given. Internal to the library.
 #pragma once
 
+#include <cstdint>
 #include <string>
+#include <vector>
 
 #include "core/base/error.h"
 #include "core/geometry/geometry.h"
+#include "core/geometry/plugin.h"
 
 namespace varimesh::geometry {
 
-/// Reads a STEP, IGES or BREP file with the plugin libvarimesh_opencascade.so. STEP and IGES come in millimetres,
-/// whatever the file's own unit is; BREP has no unit. All bodies of the file are read. A process of its own reads the
-/// file first (varimesh_cad_reader, beside the plugin), so that a file on which OpenCASCADE crashes is refused as any
-/// other. Errors: BadInput if the file cannot be read or has no surface; BadOption if the plugin is not installed, with
-/// what to install.
+/// A model that a process of its own has read from its file (varimesh_cad_reader, beside the plugin), so that a file on
+/// which OpenCASCADE crashes is refused as any other.
+class CadModel {
+ public:
+  /// The entities of the model. This opens no file and starts no program, so a process that may do neither can call it.
+  /// Errors: BadInput.
+  Expected<Geometry> geometry() const;
+  /// An estimate of the memory that they take, in bytes.
+  std::int64_t memory() const;
+
+ private:
+  friend Expected<CadModel> read_model(const std::string& plugin, int file, const std::string& what,
+                                       std::int64_t most_memory);
+  std::string what_, shape_;
+  std::vector<std::string> notes_;
+  ReadShape* read_ = nullptr;
+};
+
+/// Loads the plugin and lets a process read an open STEP, IGES or BREP file.
+/// @param plugin       plugin_path()
+/// @param what         how sentences call the model: "The geometry 'part.step'"
+/// @param most_memory  that the process may have, in bytes
+/// Errors: BadInput if the file cannot be read or has no surface; BadOption if the plugin cannot be loaded.
+Expected<CadModel> read_model(const std::string& plugin, int file, const std::string& what, std::int64_t most_memory);
+
+/// The memory for most_memory of read_model() with a file of this size, beside which a damaged file stands out.
+std::int64_t memory_for_reading(std::int64_t file_bytes);
+
+/// Reads a STEP, IGES or BREP file. STEP and IGES come in millimetres, whatever the file's own unit is; BREP has no
+/// unit. All bodies of the file are read. Errors: as read_model(); BadOption, with what to install, if there is no
+/// plugin.
 Expected<Geometry> load(const std::string& path);
 
-/// Where load() looks for the plugin, in this order: the file that the environment variable VARIMESH_OPENCASCADE names,
-/// the folder of the running program, and ../lib/varimesh beside it. Empty if there is none.
+/// Where the plugin libvarimesh_opencascade.so is: the file that the environment variable VARIMESH_OPENCASCADE names,
+/// or beside the running program, or in ../lib/varimesh. Empty if there is none.
 std::string plugin_path();
 
 }  // namespace varimesh::geometry

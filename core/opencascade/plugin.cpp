@@ -6,12 +6,12 @@
 
 #include "core/opencascade/shapes.h"
 
-extern "C" __attribute__((visibility("default"))) bool varimesh_read_cad_3(const std::string& path,
-                                                                           varimesh::geometry::Geometry& geometry,
-                                                                           std::string& error) {
+extern "C" __attribute__((visibility("default"))) bool varimesh_read_shape_4(std::string_view bytes,
+                                                                             varimesh::geometry::Geometry& geometry,
+                                                                             std::string& error) {
   try {
     TopoDS_Shape shape;
-    return varimesh::cad::read_shape(path, shape, error) && varimesh::cad::build(shape, geometry, error);
+    return varimesh::cad::read_binary(bytes, shape, error) && varimesh::cad::build(shape, geometry, error);
   } catch (const Standard_Failure& failure) {
     error = std::string("OpenCASCADE gave up (") + failure.GetMessageString() + "); export it again, as STEP.";
   } catch (const std::exception& failure) {

@@ -4,12 +4,16 @@
 #include <BRep_Tool.hxx>
 #include <BinTools.hxx>
 #include <IGESControl_Reader.hxx>
+#include <IGESData_GlobalSection.hxx>
+#include <IGESData_IGESModel.hxx>
 #include <Interface_Static.hxx>
 #include <Message.hxx>
 #include <Message_Messenger.hxx>
 #include <Message_PrinterOStream.hxx>
 #include <STEPControl_Reader.hxx>
 #include <Standard_Failure.hxx>
+#include <TColStd_SequenceOfAsciiString.hxx>
+#include <TCollection_HAsciiString.hxx>
 #include <TopExp.hxx>
 #include <TopExp_Explorer.hxx>
 #include <TopTools_IndexedMapOfShape.hxx>
@@ -18,6 +22,8 @@
 #include <exception>
 #include <fstream>
 #include <map>
+#include <set>
+#include <sstream>
 #include <string>
 
 #include "core/geometry/plugin.h"
@@ -39,14 +45,59 @@ Kind kind_of(const std::string& head) {
   return first.size() >= 73 && first[72] == 'S' ? Kind::Iges : Kind::Unknown;
 }
 
+/// What a file says about its unit of length. Everything is read in millimetres.
+std::string units_note(STEPControl_Reader& reader) {
+  TColStd_SequenceOfAsciiString lengths, angles, solid_angles;
+  reader.FileUnits(lengths, angles, solid_angles);
+  std::set<std::string> names;
+  for (const TCollection_AsciiString& name : lengths) names.insert(name.ToCString());
+  if (names.empty() || names == std::set<std::string>{"millimetre"}) return "";
+  std::string all;
+  for (const std::string& name : names) all += (all.empty() ? "" : ", ") + name;
+  return "The geometry's file has lengths in " + all + "; they are taken in millimetres.\n";
+}
+std::string units_note(IGESControl_Reader& reader) {
+  const Handle(IGESData_IGESModel) model = reader.IGESModel();
+  if (model.IsNull() || model->GlobalSection().UnitFlag() == 2) return "";  // 2: millimetres
+  const Handle(TCollection_HAsciiString) name = model->GlobalSection().UnitName();
+  return "The geometry's file has lengths in " + (name.IsNull() ? "its own unit" : std::string(name->ToCString())) +
+         "; they are taken in millimetres.\n";
+}
+
+std::string faces_text(int count) { return std::to_string(count) + (count == 1 ? " face" : " faces"); }
+
+/// Which bodies and shells were taken, if there is more than one body.
+std::string bodies_note(const TopoDS_Shape& shape) {
+  TopTools_IndexedMapOfShape solids, faces;
+  TopExp::MapShapes(shape, TopAbs_SOLID, solids);
+  TopExp::MapShapes(shape, TopAbs_FACE, faces);
+  TopTools_IndexedMapOfShape of_solids;
+  for (int i = 1; i <= solids.Extent(); ++i) TopExp::MapShapes(solids(i), TopAbs_FACE, of_solids);
+  const int loose = faces.Extent() - of_solids.Extent();
+  std::string note;
+  if (solids.Extent() > 1) note = "The geometry has " + std::to_string(solids.Extent()) + " bodies; all are taken.\n";
+  if (loose > 0 && solids.Extent() > 0)
+    note += faces_text(loose) + " of the geometry outside of its bodies: taken too.\n";
+  if (solids.Extent() == 0 && loose > 0) {
+    int open = 0;
+    for (TopExp_Explorer at(shape, TopAbs_SHELL); at.More(); at.Next())
+      open += BRep_Tool::IsClosed(at.Current()) ? 0 : 1;
+    note = "The geometry has no body, only " + faces_text(loose) +
+           (open > 0 ? " in " + std::to_string(open) + " open shell" + (open > 1 ? "s" : "") : "") +
+           "; all are taken.\n";
+  }
+  return note;
+}
+
 template <class Reader>
-bool transfer(const std::string& path, const char* what, TopoDS_Shape& shape, std::string& error) {
+bool transfer(const std::string& path, const char* what, TopoDS_Shape& shape, std::string& notes, std::string& error) {
   Reader reader;
   Interface_Static::SetCVal("xstep.cascade.unit", "MM");  // the unit of what is read
   if (reader.ReadFile(path.c_str()) != IFSelect_RetDone) {
     error = std::string("it begins like a ") + what + " file, but it is damaged or cut off; export it again.";
     return false;
   }
+  notes += units_note(reader);
   reader.TransferRoots();
   shape = reader.OneShape();
   if (!shape.IsNull()) return true;
@@ -54,9 +105,7 @@ bool transfer(const std::string& path, const char* what, TopoDS_Shape& shape, st
   return false;
 }
 
-}  // namespace
-
-bool read_shape(const std::string& path, TopoDS_Shape& shape, std::string& error) {
+bool read_any(const std::string& path, TopoDS_Shape& shape, std::string& notes, std::string& error) {
   Message::DefaultMessenger()->RemovePrinters(STANDARD_TYPE(Message_PrinterOStream));
   std::ifstream file(path, std::ios::binary);
   std::string head(1024, '\0');
@@ -75,28 +124,45 @@ bool read_shape(const std::string& path, TopoDS_Shape& shape, std::string& error
         error = "the STEP file is cut off: its last line, END-ISO-10303-21, is missing; export or copy it again.";
         return false;
       }
-      return transfer<STEPControl_Reader>(path, "STEP", shape, error);
+      return transfer<STEPControl_Reader>(path, "STEP", shape, notes, error);
     }
     case Kind::Iges:
-      return transfer<IGESControl_Reader>(path, "IGES", shape, error);
+      return transfer<IGESControl_Reader>(path, "IGES", shape, notes, error);
     case Kind::Brep: {
       BRep_Builder builder;
       if (BRepTools::Read(shape, path.c_str(), builder) && !shape.IsNull()) return true;
       error = "it begins like a BREP file, but it is damaged or cut off; export it again.";
       return false;
     }
-    case Kind::Binary:
+    case Kind::Binary: {
       file.clear();
       file.seekg(0);
-      BinTools::Read(shape, file);
-      if (!shape.IsNull()) return true;
-      error = "it begins like a binary BREP file, but it is damaged or cut off; export it again.";
-      return false;
+      std::ostringstream bytes;
+      bytes << file.rdbuf();
+      return read_binary(bytes.view(), shape, error);
+    }
     case Kind::Unknown:
       break;
   }
   error = "it is neither a STEP nor an IGES nor a BREP file; export the model as STEP.";
   return false;
+}
+
+}  // namespace
+
+bool read_binary(std::string_view bytes, TopoDS_Shape& shape, std::string& error) {
+  Message::DefaultMessenger()->RemovePrinters(STANDARD_TYPE(Message_PrinterOStream));
+  std::istringstream stream{std::string(bytes)};
+  BinTools::Read(shape, stream);
+  if (!shape.IsNull()) return true;
+  error = "it begins like a binary BREP file, but it is damaged or cut off; export it again.";
+  return false;
+}
+
+bool read_shape(const std::string& path, TopoDS_Shape& shape, std::string& notes, std::string& error) {
+  if (!read_any(path, shape, notes, error)) return false;
+  notes += bodies_note(shape);
+  return true;
 }
 
 namespace {

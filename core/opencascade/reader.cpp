@@ -1,10 +1,11 @@
 // varimesh_cad_reader: reads a CAD file in a process of its own, so that a damaged file which makes OpenCASCADE crash,
-// hang or fill the memory ends only this process. core/geometry/load.cpp starts it.
+// hang or fill the memory ends only this process. core/geometry/cad_reader.cpp starts it.
 //
-//   varimesh_cad_reader FILE SECONDS BYTES
+//   varimesh_cad_reader SECONDS BYTES
 //
-// It writes the shape in OpenCASCADE's binary format to descriptor 3, and nothing if the file cannot be used; then the
-// sentence goes to descriptor 4. SECONDS of processor time and BYTES of memory are its limits; 0: none.
+// The file is descriptor 5. The program writes the shape in OpenCASCADE's binary format to descriptor 3, and lines
+// about what it took to descriptor 4. If the file cannot be used, descriptor 4 gets the sentence that says why, and the
+// exit status is 3. SECONDS of processor time and BYTES of memory are its limits; 0: none.
 #include <sys/prctl.h>
 #include <sys/resource.h>
 
@@ -13,11 +14,16 @@
 #include <csignal>
 #include <cstdlib>
 #include <exception>
-#include <fstream>
+#include <sstream>
 
+#include "core/base/write_all.h"
+#include "core/opencascade/confine.h"
 #include "core/opencascade/shapes.h"
 
 namespace {
+
+constexpr int kShape = 3, kSentence = 4;
+constexpr const char* kFile = "/proc/self/fd/5";
 
 void limit(int what, const char* most) {
   const rlim_t value = std::strtoull(most, nullptr, 10);
@@ -26,36 +32,39 @@ void limit(int what, const char* most) {
 }
 
 int refuse(const std::string& sentence) {
-  std::ofstream("/proc/self/fd/4") << sentence;
+  varimesh::write_all(kSentence, sentence);
   return 3;
 }
 
-int read(const std::string& path) {
+int read() {
   TopoDS_Shape shape;
-  std::string error;
-  if (!varimesh::cad::read_shape(path, shape, error)) return refuse(error);
+  std::string notes, error;
+  if (!varimesh::cad::read_shape(kFile, shape, notes, error)) return refuse(error);
   // The shapes are made and looked at here too, so that what they crash on is found in this process.
   varimesh::geometry::Geometry rehearsal;
   if (!varimesh::cad::build(shape, rehearsal, error)) return refuse(error);
   (void)varimesh::geometry::size(rehearsal);
   for (const auto& surface : rehearsal.surfaces)
     (void)surface.shape->contains(surface.shape->u_range().first, surface.shape->v_range().first);
-  std::ofstream out("/proc/self/fd/3", std::ios::binary);
+  std::ostringstream out;
   BinTools::Write(shape, out);
-  out.flush();
-  return out ? 0 : refuse("its shape cannot be handed over, because there is not enough memory.");
+  if (!out || !varimesh::write_all(kShape, out.view()))
+    return refuse("its shape cannot be handed over, because there is not enough memory.");
+  varimesh::write_all(kSentence, notes);
+  return 0;
 }
 
 }  // namespace
 
 int main(int argc, char** argv) {
-  if (argc != 4) return 2;
+  if (argc != 3) return 2;
   prctl(PR_SET_PDEATHSIG, SIGKILL);  // whoever waits for the shape is gone
-  limit(RLIMIT_CPU, argv[2]);
-  limit(RLIMIT_AS, argv[3]);
+  limit(RLIMIT_CPU, argv[1]);
+  limit(RLIMIT_AS, argv[2]);
   limit(RLIMIT_CORE, "1");
+  varimesh::cad::confine_this_process();
   try {
-    return read(argv[1]);
+    return read();
   } catch (const Standard_Failure& failure) {
     return refuse(std::string("OpenCASCADE gave up (") + failure.GetMessageString() + "); export it again, as STEP.");
   } catch (const std::exception& failure) {

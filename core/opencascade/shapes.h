@@ -7,6 +7,7 @@
 #include <gp_XYZ.hxx>
 #include <memory>
 #include <string>
+#include <string_view>
 
 #include "core/geometry/geometry.h"
 
@@ -21,8 +22,12 @@ std::shared_ptr<const geometry::CurveShape> curve_shape(const TopoDS_Edge& edge)
 std::shared_ptr<const geometry::SurfaceShape> surface_shape(const TopoDS_Face& face);
 
 /// Reads a STEP, IGES or BREP file, or one in OpenCASCADE's binary format. Returns false, with a sentence in `error`,
-/// if it cannot be used. May throw Standard_Failure or a standard exception, and may crash on a damaged file.
-bool read_shape(const std::string& path, TopoDS_Shape& shape, std::string& error);
+/// if it cannot be used. `notes` gets lines that say what was taken, if a reader might expect something else: several
+/// bodies, open shells, units. May throw Standard_Failure or a standard exception, and may crash on a damaged file.
+bool read_shape(const std::string& path, TopoDS_Shape& shape, std::string& notes, std::string& error);
+
+/// Reads a shape in OpenCASCADE's binary format, in the same way.
+bool read_binary(std::string_view bytes, TopoDS_Shape& shape, std::string& error);
 
 /// Fills `result` with all entities of the shape, numbered as OpenCASCADE explores it, from 1 per dimension. Gmsh does
 /// the same. Returns false, with a sentence in `error`, if there is no surface.

@@ -1,4 +1,9 @@
 // Reads files that OpenCASCADE itself has written: bodies with formulas, whose points and areas are known.
+#include <fcntl.h>
+#include <sys/socket.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
 #include <BRepAlgoAPI_Cut.hxx>
 #include <BRepBuilderAPI_NurbsConvert.hxx>
 #include <BRepPrimAPI_MakeBox.hxx>
@@ -7,13 +12,21 @@
 #include <BRepPrimAPI_MakeSphere.hxx>
 #include <BRepPrimAPI_MakeTorus.hxx>
 #include <BRepTools.hxx>
+#include <BRep_Builder.hxx>
+#include <Interface_Static.hxx>
 #include <STEPControl_Writer.hxx>
+#include <TopExp_Explorer.hxx>
+#include <TopoDS_Compound.hxx>
 #include <TopoDS_Shape.hxx>
+#include <TopoDS_Shell.hxx>
 #include <filesystem>
 #include <fstream>
+#include <functional>
 #include <sstream>
+#include <thread>
 
 #include "core/geometry/load.h"
+#include "core/opencascade/confine.h"
 #include "tests/core/geometry/conformance.h"
 
 namespace varimesh::geometry {
@@ -179,6 +192,62 @@ TEST_F(CadFile, ADamagedFileGivesASentence) {
     EXPECT_NE(geometry.error().sentence.find(sentence), std::string::npos) << geometry.error().sentence;
     EXPECT_NE(geometry.error().sentence.find(path), std::string::npos);
   }
+}
+
+TEST_F(CadFile, SaysWhatItTakesOfSeveralBodiesAndOpenShells) {
+  TopoDS_Compound all;
+  BRep_Builder builder;
+  builder.MakeCompound(all);
+  builder.Add(all, BRepPrimAPI_MakeBox(1, 1, 1).Shape());
+  builder.Add(all, BRepPrimAPI_MakeSphere(gp_Pnt(5, 0, 0), 1).Shape());
+  auto geometry = load(step(all));
+  ASSERT_TRUE(geometry) << geometry.error().sentence;
+  EXPECT_EQ(geometry->notes, std::vector<std::string>{"The geometry has 2 bodies; all are taken."});
+  EXPECT_EQ(geometry->surfaces.size(), 7U);
+
+  TopoDS_Shell shell;
+  builder.MakeShell(shell);
+  builder.Add(shell, TopExp_Explorer(BRepPrimAPI_MakeBox(1, 1, 1).Shape(), TopAbs_FACE).Current());
+  geometry = load(brep(shell));
+  ASSERT_TRUE(geometry) << geometry.error().sentence;
+  EXPECT_EQ(geometry->notes,
+            std::vector<std::string>{"The geometry has no body, only 1 face in 1 open shell; all are taken."});
+  EXPECT_TRUE(load(step(BRepPrimAPI_MakeBox(1, 1, 1).Shape()))->notes.empty());
+}
+
+TEST_F(CadFile, SaysInWhichUnitAFileCame) {
+  Interface_Static::SetCVal("write.step.unit", "INCH");
+  const std::string path = step(BRepPrimAPI_MakeBox(25.4, 25.4, 25.4).Shape());
+  Interface_Static::SetCVal("write.step.unit", "MM");
+  const auto geometry = load(path);
+  ASSERT_TRUE(geometry) << geometry.error().sentence;
+  ASSERT_EQ(geometry->notes.size(), 1U);
+  EXPECT_EQ(geometry->notes[0], "The geometry's file has lengths in INCH; they are taken in millimetres.");
+  EXPECT_NEAR(size(*geometry), 25.4 * std::sqrt(3), 1e-9);
+}
+
+/// What a confined process ends with after `act`.
+int status_after(const std::function<bool()>& act) {
+  const pid_t child = ::fork();
+  if (child == 0) {
+    cad::confine_this_process();
+    ::_exit(act() ? 0 : errno);
+  }
+  int status = 0;
+  ::waitpid(child, &status, 0);
+  return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
+}
+
+TEST_F(CadFile, TheReaderCanOpenFilesOnlyToReadThem) {
+  const std::string path = text("file", "text");
+  EXPECT_EQ(status_after([&] { return ::open(path.c_str(), O_RDONLY) >= 0; }), 0);
+  EXPECT_EQ(status_after([&] { return ::open(path.c_str(), O_WRONLY) >= 0; }), EPERM);
+  EXPECT_EQ(status_after([&] { return ::open((path + "2").c_str(), O_RDONLY | O_CREAT, 0600) >= 0; }), EPERM);
+  EXPECT_EQ(status_after([&] { return ::unlink(path.c_str()) == 0; }), EPERM);
+  EXPECT_EQ(status_after([] { return ::socket(AF_INET, SOCK_STREAM, 0) >= 0; }), EPERM);
+  EXPECT_EQ(status_after([] { return ::execl("/bin/true", "true", nullptr) == 0; }), EPERM);
+  EXPECT_EQ(status_after([] { return ::fork() >= 0; }), EPERM);
+  EXPECT_EQ(status_after([] { return std::thread([] {}).join(), true; }), 0);
 }
 
 }  // namespace
