@@ -216,9 +216,11 @@ class Reading {
         scan_.fail("element " + std::to_string(e + 1) + " has the same node twice");
     }
     allowance_.take(elements_.size(), 500);  // the topology
-    MfemTopology topology(mesh_.dimension, mesh_.order, std::int32_t(vertices_));
-    for (const Element& element : elements_) topology.add(shape(), vertices_of(element));
-    topology.finish();
+    const auto visit = [&](std::size_t begin, std::size_t end, const MfemCells::Body& body) {
+      for (std::size_t e = begin; e < end; ++e) body(e, shape(), vertices_of(elements_[e]));
+    };
+    const MfemTopology topology(mesh_.dimension, mesh_.order, std::int32_t(vertices_), {elements_.size(), visit},
+                                Team(1));
     const std::int64_t inner = inner_node_count(shape(), mesh_.order);
     const std::int64_t nodes = topology.interior_first() + inner * count_;
     if (nodes > kMostNodes) scan_.fail("it has " + std::to_string(nodes) + " nodes, more than VariMesh takes");

@@ -16,18 +16,16 @@ bool has_cells(const HighOrderMesh& mesh, const ElementBlock& block) {
   return reference::info(block.shape).dimension == mesh.dimension;
 }
 
+/// The elements have only their vertices until then.
 MfemTopology topology_of(const MfemReading& reading) {
-  MfemTopology topology(reading.mesh.dimension, reading.nodes.space.order, reading.vertices, &reading.scanner);
-  for (const ElementBlock& block : reading.mesh.blocks) {
-    if (!has_cells(reading.mesh, block)) continue;
-    const auto vertices = std::size_t(reference::info(block.shape).vertices);
-    for (std::size_t e = 0; e < block.size(); ++e) {
-      reading.scanner.look();
-      topology.add(block.shape, {block.nodes.data() + e * vertices, vertices});
-    }
-  }
-  topology.finish();
-  return topology;
+  const Cells cells(reading.mesh, reading.mesh.dimension);
+  const auto vertices_of = [](Shape, std::span<const std::int32_t> nodes) {
+    std::array<std::int32_t, 8> vertices{};
+    std::copy(nodes.begin(), nodes.end(), vertices.begin());
+    return vertices;
+  };
+  return MfemTopology(reading.mesh.dimension, reading.nodes.space.order, reading.vertices,
+                      mfem_cells(cells, vertices_of), reading.team, &reading.scanner);
 }
 
 /// The numbers of inner things of cells, summed up: MFEM's degrees of freedom, and nodes of the mesh.

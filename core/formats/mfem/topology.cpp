@@ -1,8 +1,9 @@
 #include "core/formats/mfem/topology.h"
 
 #include <algorithm>
-#include <bit>
 #include <cassert>
+#include <limits>
+#include <string>
 
 #include "core/formats/node_order.h"
 #include "core/reference/cache.h"
@@ -135,45 +136,19 @@ MfemLocalNodes make_local_nodes(Shape shape, int order) {
   return local;
 }
 
-/// The vertices of a face, ascending, two in each number; those of a triangle begin with −1. Without branches, because
-/// this is done for every face of every cell, and for those in the same bucket.
-struct FaceKey {
-  std::uint64_t low, high;
-  friend bool operator==(const FaceKey&, const FaceKey&) = default;
-};
-
-std::uint64_t packed(std::int32_t a, std::int32_t b) {
-  return std::uint64_t(std::uint32_t(a)) << 32 | std::uint32_t(b);
-}
-
-FaceKey key_of(const std::array<std::int32_t, 4>& vertices) {
-  auto [a, b, c, d] = vertices;
+/// The vertices of a face, ascending; those of a triangle end with the largest int. Without branches, because this is
+/// done for every face of every cell.
+std::array<std::int32_t, 4> ascending(std::span<const std::int32_t> vertices) {
+  constexpr std::int32_t kNone = std::numeric_limits<std::int32_t>::max();
+  std::int32_t a = vertices[0], b = vertices[1], c = vertices[2], d = vertices.size() > 3 ? vertices[3] : kNone;
   const auto order = [](std::int32_t& x, std::int32_t& y) {
     const std::int32_t low = std::min(x, y);
     y = std::max(x, y);
     x = low;
   };
   order(a, b), order(c, d), order(a, c), order(b, d), order(b, c);
-  return {packed(a, b), packed(c, d)};
+  return {a, b, c, d};
 }
-
-FaceKey key_of(std::span<const std::int32_t> vertices) {
-  std::array<std::int32_t, 4> own{-1, -1, -1, -1};
-  for (std::size_t v = 0; v < vertices.size(); ++v) own[v] = vertices[v];
-  return key_of(own);
-}
-
-/// The bucket of two numbers in a table whose size is a power of two. The first multiplier is 2⁶⁴ divided by the golden
-/// ratio (D. E. Knuth, The Art of Computer Programming, volume 3, section 6.4); the second is another odd number.
-std::size_t bucket_of(std::uint64_t low, std::uint64_t high, std::size_t buckets) {
-  const std::uint64_t hash = (low * 0x9e3779b97f4a7c15U + high) * 0xd1342543de82ef95U;
-  return (hash ^ hash >> 32) & (buckets - 1);
-}
-
-std::size_t bucket_of(const std::array<std::int32_t, 2>& edge, std::size_t buckets) {
-  return bucket_of(packed(edge[0], edge[1]), 0, buckets);
-}
-std::size_t bucket_of(const FaceKey& key, std::size_t buckets) { return bucket_of(key.low, key.high, buckets); }
 
 int inner_nodes(Shape shape, int order) {
   return shape == Shape::Triangle ? (order - 1) * (order - 2) / 2 : (order - 1) * (order - 1);
@@ -188,73 +163,141 @@ const MfemLocalNodes& mfem_local_nodes(Shape shape, int order) {
 
 // === The mesh's edges and faces ==========================================================================
 
-MfemTopology::MfemTopology(int dimension, int order, std::int32_t vertices, const Scanner* counted)
-    : dimension_(dimension), order_(order), vertices_(vertices), counted_(counted) {
-  // A mesh has about 3 to 7 edges and up to 12 faces per vertex.
-  const std::size_t edges = std::bit_ceil(4 * std::size_t(vertices) + 1), faces = dimension == 3 ? 2 * edges : 0;
-  if (counted_ != nullptr) counted_->take_memory((edges + faces) * sizeof edge_buckets_[0]);
-  edge_buckets_.assign(edges, -1);
-  face_buckets_.assign(faces, -1);
+namespace {
+
+constexpr std::size_t kCellsPerTask = 2048;
+
+/// The vertices of a face of a cell.
+struct FaceVertices {
+  std::array<std::int32_t, 4> vertices{};
+  std::size_t count = 0;
+
+  FaceVertices(const Facet& face, std::span<const std::int32_t> cell) : count(face.shape == Shape::Triangle ? 3 : 4) {
+    for (std::size_t v = 0; v < count; ++v) vertices[v] = cell[std::size_t(face.vertices[v])];
+  }
+  operator std::span<const std::int32_t>() const { return {vertices.data(), count}; }
+};
+
+/// Calls body(cell, shape, vertices) for all cells; the team shares them.
+template <class Body>
+void for_each_cell(const MfemCells& cells, const Team& team, const Body& body) {
+  team.for_ranges(cells.count, kCellsPerTask,
+                  [&](std::size_t begin, std::size_t end) { cells.visit(begin, end, body); });
+}
+
+}  // namespace
+
+MfemTopology::MfemTopology(int dimension, int order, std::int32_t vertices, const MfemCells& cells, const Team& team,
+                           const Scanner* counted)
+    : dimension_(dimension),
+      order_(order),
+      vertices_(vertices),
+      first_edges_(kMostEdges * cells.count),
+      first_faces_(dimension == 3 ? kMostFaces * cells.count : 0) {
+  constexpr std::size_t kMostOccurrences = std::numeric_limits<std::uint32_t>::max();
+  if (counted != nullptr && cells.count > kMostOccurrences / kMostEdges)
+    counted->fail("the mesh has " + std::to_string(cells.count) + " elements, more than VariMesh takes");
+  if (counted != nullptr) counted->take_memory(2 * RankedMarks::bytes(kMostEdges * cells.count));
+  for (int shape = int(Shape::Line); shape < kShapes; ++shape)
+    local_[std::size_t(shape)] = &mfem_local_nodes(Shape(shape), order_);
+  find_edges(cells, team, counted);
+  if (dimension == 3) find_faces(cells, team, counted);
+}
+
+void MfemTopology::find_edges(const MfemCells& cells, const Team& team, const Scanner* counted) {
+  const auto visit = [&](const auto& enter) {
+    for_each_cell(cells, team, [&](std::size_t cell, Shape shape, std::span<const std::int32_t> vertices) {
+      auto occurrence = std::uint32_t(kMostEdges * cell);
+      for (const auto& [from, to] : mfem_edges(shape)) {
+        const std::int32_t a = vertices[std::size_t(from)], b = vertices[std::size_t(to)];
+        enter(std::min(a, b), PartTable<1>::Rest{std::max(a, b)}, occurrence++);
+      }
+    });
+  };
+  edges_.build(vertices_, team, visit, first_edges_, counted);
+  first_edges_.finish();
+  edges_.number(first_edges_, team);
+}
+
+void MfemTopology::find_faces(const MfemCells& cells, const Team& team, const Scanner* counted) {
+  const auto of_shape = [&](Shape wanted, const auto& enter) {
+    for_each_cell(cells, team, [&](std::size_t cell, Shape shape, std::span<const std::int32_t> vertices) {
+      auto occurrence = std::uint32_t(kMostFaces * cell);
+      for (const Facet& face : mfem_faces(shape)) {
+        if (face.shape == wanted) enter(ascending(FaceVertices(face, vertices)), occurrence);
+        ++occurrence;
+      }
+    });
+  };
+  const auto triangles = [&](const auto& enter) {
+    of_shape(Shape::Triangle, [&](const std::array<std::int32_t, 4>& v, std::uint32_t occurrence) {
+      enter(v[0], PartTable<2>::Rest{v[1], v[2]}, occurrence);
+    });
+  };
+  const auto quadrilaterals = [&](const auto& enter) {
+    of_shape(Shape::Quadrilateral, [&](const std::array<std::int32_t, 4>& v, std::uint32_t occurrence) {
+      enter(v[0], PartTable<3>::Rest{v[1], v[2], v[3]}, occurrence);
+    });
+  };
+  triangles_.build(vertices_, team, triangles, first_faces_, counted);
+  quadrilaterals_.build(vertices_, team, quadrilaterals, first_faces_, counted);
+  first_faces_.finish();
+  triangles_.number(first_faces_, team);
+  quadrilaterals_.number(first_faces_, team);
+  if (triangles_.size() > 0 && quadrilaterals_.size() > 0) {
+    if (counted != nullptr) counted->take_memory((std::size_t(face_count()) + 1) * sizeof triangles_before_[0]);
+    triangles_before_.assign(std::size_t(face_count()) + 1, 0);
+    for (const auto& triangle : triangles_.parts()) triangles_before_[triangle.number] = 1;
+    sums_before(triangles_before_);
+  }
+  if (inner_nodes(Shape::Triangle, order_) > 1 || inner_nodes(Shape::Quadrilateral, order_) > 1)
+    find_directions(cells, team, counted);
+}
+
+void MfemTopology::find_directions(const MfemCells& cells, const Team& team, const Scanner* counted) {
+  if (counted != nullptr) counted->take_memory(std::size_t(face_count()));
+  triangle_directions_.resize(triangles_.size());
+  quadrilateral_directions_.resize(quadrilaterals_.size());
+  for_each_cell(cells, team, [&](std::size_t cell, Shape shape, std::span<const std::int32_t> vertices) {
+    const auto faces = mfem_faces(shape);
+    for (std::size_t f = 0; f < faces.size(); ++f) {
+      if (!is_first_face(cell, f)) continue;
+      const FaceVertices own(faces[f], vertices);
+      const auto sorted = ascending(own);
+      const auto place = [&](std::int32_t v) { return std::find(sorted.begin(), sorted.end(), v) - sorted.begin(); };
+      std::vector<std::uint8_t>& directions = own.count == 3 ? triangle_directions_ : quadrilateral_directions_;
+      directions[std::size_t(place_of(own))] = std::uint8_t(place(own.vertices[0]) + 4 * place(own.vertices[1]));
+    }
+  });
 }
 
 std::int32_t MfemTopology::edge(std::int32_t a, std::int32_t b) const {
-  const std::array<std::int32_t, 2> key{std::min(a, b), std::max(a, b)};
-  std::int32_t e = edge_buckets_[bucket_of(key, edge_buckets_.size())];
-  while (e >= 0 && edges_[std::size_t(e)].vertices != key) e = edges_[std::size_t(e)].next;
-  return e;
+  const std::int64_t place = edges_.find(std::min(a, b), {std::max(a, b)});
+  return place < 0 ? -1 : std::int32_t(edges_.parts()[std::size_t(place)].number);
+}
+
+std::int64_t MfemTopology::place_of(std::span<const std::int32_t> vertices) const {
+  const auto v = ascending(vertices);
+  return vertices.size() == 3 ? triangles_.find(v[0], {v[1], v[2]}) : quadrilaterals_.find(v[0], {v[1], v[2], v[3]});
+}
+
+std::int32_t MfemTopology::face_at(std::size_t corners, std::int64_t place) const {
+  if (place < 0) return -1;
+  return std::int32_t(corners == 3 ? triangles_.parts()[std::size_t(place)].number
+                                   : quadrilaterals_.parts()[std::size_t(place)].number);
 }
 
 std::int32_t MfemTopology::face(std::span<const std::int32_t> vertices) const {
-  const FaceKey key = key_of(vertices);
-  std::int32_t f = face_buckets_[bucket_of(key, face_buckets_.size())];
-  while (f >= 0 && key_of(faces_[std::size_t(f)].vertices) != key) f = faces_[std::size_t(f)].next;
-  return f;
-}
-
-void MfemTopology::add(Shape shape, std::span<const std::int32_t> vertices) {
-  for (const auto& [a, b] : mfem_edges(shape)) {
-    const auto [low, high] = std::minmax(vertices[std::size_t(a)], vertices[std::size_t(b)]);
-    if (edge(low, high) >= 0) continue;
-    const std::array<std::int32_t, 2> key{low, high};
-    std::int32_t& head = edge_buckets_[bucket_of(key, edge_buckets_.size())];
-    if (counted_ != nullptr) counted_->make_room(edges_);
-    edges_.push_back({key, head});
-    head = std::int32_t(edges_.size()) - 1;
-  }
-  if (dimension_ < 3) return;
-  for (const Facet& facet : mfem_faces(shape)) {
-    Face fresh{{-1, -1, -1, -1}, -1};
-    const auto count = std::size_t(reference::info(facet.shape).vertices);
-    for (std::size_t v = 0; v < count; ++v) fresh.vertices[v] = vertices[std::size_t(facet.vertices[v])];
-    if (face({fresh.vertices.data(), count}) >= 0) continue;
-    std::int32_t& head = face_buckets_[bucket_of(key_of(fresh.vertices), face_buckets_.size())];
-    fresh.next = head;
-    head = std::int32_t(faces_.size());
-    triangles_ += facet.shape == Shape::Triangle ? 1 : 0;
-    if (counted_ != nullptr) counted_->make_room(faces_);
-    faces_.push_back(fresh);
-  }
+  return face_at(vertices.size(), place_of(vertices));
 }
 
 std::int64_t MfemTopology::face_first(std::int64_t face) const {
   const std::int64_t first = vertex_count() + edge_count() * (order_ - 1);
-  if (face_first_.empty())
-    return first + face * inner_nodes(triangles_ > 0 ? Shape::Triangle : Shape::Quadrilateral, order_);
-  return first + face_first_[std::size_t(face)];
-}
-
-void MfemTopology::finish() {
-  for (int shape = int(Shape::Line); shape < kShapes; ++shape)
-    local_[std::size_t(shape)] = &mfem_local_nodes(Shape(shape), order_);
-  if (triangles_ == 0 || triangles_ == face_count()) return;
-  if (counted_ != nullptr) counted_->take_memory((faces_.size() + 1) * sizeof face_first_[0]);
-  face_first_.reserve(faces_.size() + 1);
-  std::int64_t first = 0;
-  for (const Face& face : faces_) {
-    face_first_.push_back(first);
-    first += inner_nodes(face.vertices[3] < 0 ? Shape::Triangle : Shape::Quadrilateral, order_);
-  }
-  face_first_.push_back(first);
+  const std::int64_t triangles = !triangles_before_.empty() ? triangles_before_[std::size_t(face)]
+                                 : has_quadrilaterals()     ? 0
+                                                            : face;
+  return first + triangles * inner_nodes(Shape::Triangle, order_) +
+         (face - triangles) * inner_nodes(Shape::Quadrilateral, order_);
 }
 
 bool MfemTopology::find_nodes(Shape shape, std::span<const std::int32_t> vertices, std::int32_t interior,
@@ -276,17 +319,21 @@ bool MfemTopology::find_nodes(Shape shape, std::span<const std::int32_t> vertice
   if (dimension_ == 3) {
     const auto faces = mfem_faces(shape);
     for (std::size_t f = 0; f < faces.size(); ++f) {
-      const auto count = std::size_t(reference::info(faces[f].shape).vertices);
-      std::array<std::int32_t, 4> own{};
-      for (std::size_t v = 0; v < count; ++v) own[v] = vertices[std::size_t(faces[f].vertices[v])];
-      const std::int32_t number = face({own.data(), count});
-      if (number < 0) return false;
-      const auto& base = faces_[std::size_t(number)].vertices;
-      const auto corner =
-          std::size_t(std::find(own.begin(), own.begin() + std::ptrdiff_t(count), base[0]) - own.begin());
-      if (corner == count) return false;
-      const bool forward = own[(corner + 1) % count] == base[1];
-      if (!forward && own[(corner + count - 1) % count] != base[1]) return false;
+      const FaceVertices own(faces[f], vertices);
+      const std::int64_t place = place_of(own);
+      if (place < 0) return false;
+      const std::int32_t number = face_at(own.count, place);
+      std::size_t corner = 0;
+      bool forward = true;
+      if (const auto& directions = own.count == 3 ? triangle_directions_ : quadrilateral_directions_;
+          !directions.empty()) {
+        const auto sorted = ascending(own);
+        const std::uint8_t direction = directions[std::size_t(place)];
+        const std::int32_t first = sorted[direction % 4], second = sorted[direction / 4];
+        while (corner + 1 < own.count && own.vertices[corner] != first) ++corner;
+        forward = own.vertices[(corner + 1) % own.count] == second;
+        if (!forward && own.vertices[(corner + own.count - 1) % own.count] != second) return false;
+      }
       std::int32_t next = std::int32_t(face_first(number));
       const std::vector<int>& inner = local.faces[f][2 * corner + (forward ? 0 : 1)];
       for (const int node : inner) nodes[std::size_t(node)] = next++;

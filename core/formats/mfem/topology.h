@@ -9,10 +9,12 @@
 
 #include <array>
 #include <cstdint>
+#include <functional>
 #include <span>
 #include <vector>
 
-#include "core/formats/scanner.h"
+#include "core/formats/mfem/part_table.h"
+#include "core/mesh/connectivity.h"
 #include "core/reference/shape.h"
 
 namespace varimesh::formats {
@@ -25,25 +27,57 @@ std::span<const reference::Facet> mfem_faces(Shape shape);
 
 struct MfemLocalNodes;
 
-/// The edges and faces of a mesh, and its degrees of freedom. The vertices of cells have MFEM's order, which is
-/// Gmsh's.
+/// The cells whose edges and faces are numbered.
+struct MfemCells {
+  using Body = std::function<void(std::size_t cell, Shape shape, std::span<const std::int32_t> vertices)>;
+  std::size_t count = 0;
+  /// Calls the body for the cells from begin to end − 1, in order; several threads do so. The vertices have MFEM's
+  /// order, which is Gmsh's.
+  std::function<void(std::size_t begin, std::size_t end, const Body& body)> visit;
+};
+
+/// The cells of a mesh. vertices_of(shape, nodes) returns the vertices of a cell from its nodes. Refers to both.
+template <class VerticesOf>
+MfemCells mfem_cells(const Cells& cells, const VerticesOf& vertices_of) {
+  return {cells.count(), [&](std::size_t begin, std::size_t end, const MfemCells::Body& body) {
+            for (std::size_t cell = begin; cell < end;) {
+              const Cells::Range& range = cells.range_of(cell);
+              const Shape shape = range.block->shape;
+              const std::size_t stop = std::min(end, range.first + range.block->size());
+              for (; cell < stop; ++cell) {
+                const std::span nodes(range.block->nodes.data() + (cell - range.first) * range.stride, range.stride);
+                const std::array<std::int32_t, 8> vertices = vertices_of(shape, nodes);
+                body(cell, shape, {vertices.data(), std::size_t(reference::info(shape).vertices)});
+              }
+            }
+          }};
+}
+
+/// The edges and faces of a mesh, and its degrees of freedom.
 class MfemTopology {
  public:
-  /// `counted`: the scanner of the file from which the cells are read, which counts the memory; null: nothing does. It
-  /// must outlive the last call of finish().
-  MfemTopology(int dimension, int order, std::int32_t vertices, const Scanner* counted = nullptr);
-
-  /// Numbers the edges and faces of a cell that are new. Cells come in the file's order. Throws ReadFailure if the file
-  /// asks for too much memory.
-  void add(Shape shape, std::span<const std::int32_t> vertices);
-
-  /// Must be called after the last cell.
-  void finish();
+  /// Numbers the edges and faces. Cells come in the file's order. Throws ReadFailure if the file asks for too much
+  /// memory, and Interrupted if the team is to stop. Call it inside team.run().
+  ///
+  /// @param vertices number of vertices; those of cells are below it
+  /// @param counted  the scanner of the file from which the cells are read, which counts the memory; null: nothing does
+  MfemTopology(int dimension, int order, std::int32_t vertices, const MfemCells& cells, const Team& team,
+               const Scanner* counted = nullptr);
 
   std::int64_t vertex_count() const { return vertices_; }
   std::int64_t edge_count() const { return std::int64_t(edges_.size()); }
-  std::int64_t face_count() const { return std::int64_t(faces_.size()); }
-  bool has_quadrilaterals() const { return triangles_ < face_count(); }
+  std::int64_t face_count() const { return std::int64_t(triangles_.size() + quadrilaterals_.size()); }
+  bool has_quadrilaterals() const { return quadrilaterals_.size() > 0; }
+  /// Whether a cell is the first that has its edge or face, counted as in mfem_edges() and mfem_faces().
+  bool is_first_edge(std::size_t cell, std::size_t edge) const {
+    return first_edges_.is_marked(kMostEdges * cell + edge);
+  }
+  bool is_first_face(std::size_t cell, std::size_t face) const {
+    return first_faces_.is_marked(kMostFaces * cell + face);
+  }
+  /// How many edges or faces the cells before this one have: the number of its first one that is new.
+  std::int32_t edges_before(std::size_t cell) const { return std::int32_t(first_edges_.before(kMostEdges * cell)); }
+  std::int32_t faces_before(std::size_t cell) const { return std::int32_t(first_faces_.before(kMostFaces * cell)); }
   /// Number of an edge or of a face; −1 if no cell has it.
   std::int32_t edge(std::int32_t a, std::int32_t b) const;
   std::int32_t face(std::span<const std::int32_t> vertices) const;
@@ -53,33 +87,33 @@ class MfemTopology {
 
   /// The nodes of a cell, or of an edge or face of a cell. Node k in Gmsh's order, on a vertex, edge or face of the
   /// mesh, is the degree of freedom nodes[k]. Those inside a cell are `interior`, `interior` + 1, and so on. Returns
-  /// false if the mesh has no such edge or face, which cannot happen for a cell that was added.
+  /// false if the mesh has no such edge or face, which cannot happen for a cell.
   bool find_nodes(Shape shape, std::span<const std::int32_t> vertices, std::int32_t interior,
                   std::span<std::int32_t> nodes) const;
 
  private:
-  struct Edge {
-    std::array<std::int32_t, 2> vertices;  ///< Ascending.
-    std::int32_t next;                     ///< The next edge in the same bucket, or −1.
-  };
-  struct Face {
-    std::array<std::int32_t, 4> vertices;  ///< In the direction of its first cell; −1 at the end of a triangle.
-    std::int32_t next;                     ///< The next face in the same bucket, or −1.
-  };
+  static constexpr std::size_t kMostEdges = 12, kMostFaces = 6;  // of a cell
+
+  /// The place of a face in the table of its shape; −1 if no cell has it.
+  std::int64_t place_of(std::span<const std::int32_t> vertices) const;
+  std::int32_t face_at(std::size_t corners, std::int64_t place) const;
   std::int64_t face_first(std::int64_t face) const;
+  void find_edges(const MfemCells& cells, const Team& team, const Scanner* counted);
+  void find_faces(const MfemCells& cells, const Team& team, const Scanner* counted);
+  void find_directions(const MfemCells& cells, const Team& team, const Scanner* counted);
 
   int dimension_, order_;
   std::int32_t vertices_;
-  const Scanner* counted_;
   std::array<const MfemLocalNodes*, kShapes> local_{};
-  // Hash tables by all vertices. Lists by one vertex would be long if many cells share it.
-  std::vector<std::int32_t> edge_buckets_, face_buckets_;  ///< The first edge or face of each bucket, or −1.
-  std::vector<Edge> edges_;
-  std::vector<Face> faces_;
-  std::int64_t triangles_ = 0;
-  /// The first degree of freedom of each face, counted from the first of all faces, if triangles and quadrilaterals are
-  /// mixed.
-  std::vector<std::int64_t> face_first_;
+  RankedMarks first_edges_, first_faces_;  ///< By the cell and the place in it.
+  PartTable<1> edges_;
+  PartTable<2> triangles_;
+  PartTable<3> quadrilaterals_;
+  /// The direction of each face: that of its first cell. Which of its vertices, in ascending order, are the first and
+  /// the second one, as first + 4 second. Empty if a face has too few nodes for it to matter.
+  std::vector<std::uint8_t> triangle_directions_, quadrilateral_directions_;
+  /// How many triangles are before each face, and all; empty unless triangles and quadrilaterals are mixed.
+  std::vector<std::int32_t> triangles_before_;
 };
 
 /// The nodes of a cell's edges and faces, as Gmsh's local numbers.

@@ -3,7 +3,7 @@
 #include <cassert>
 #include <charconv>
 #include <cstdlib>
-#include <map>
+#include <optional>
 
 #include "core/formats/buffered_output.h"
 #include "core/formats/mfem/attributes.h"
@@ -25,27 +25,21 @@ bool has_dimension(const ElementBlock& block, int dimension) {
 /// The vertices of the cells, numbered from 0 in the order of the nodes, and the edges and faces.
 class Grid {
  public:
-  Grid(const HighOrderMesh& mesh, const MfemNodes& nodes)
-      : mesh(mesh), number_(number_vertices(mesh)), topology(mesh.dimension, nodes.space.order, count_) {
-    for_each([&](const ElementBlock& block, std::span<const std::int32_t>, std::span<const std::int32_t> vertices) {
-      topology.add(block.shape, vertices);
-    });
-    topology.finish();
-  }
+  Grid(const HighOrderMesh& mesh, const MfemNodes& nodes, const Team& team)
+      : mesh(mesh),
+        cells(mesh, mesh.dimension),
+        number_(number_vertices(mesh)),
+        topology(mesh.dimension, nodes.space.order, count_,
+                 mfem_cells(cells, [&](Shape shape, auto own) { return vertices_of(shape, own); }), team) {}
 
-  /// Calls body(block, nodes, vertices) for each cell in the mesh's order.
+  /// Calls body(cell, shape, nodes) for the cells from begin to end − 1.
   template <class Body>
-  void for_each(const Body& body) const {
-    for (const ElementBlock& block : mesh.blocks) {
-      if (!has_dimension(block, mesh.dimension)) continue;
-      const auto count = std::size_t(reference::node_count(block.shape, block.order));
-      for (std::size_t e = 0; e < block.size(); ++e) {
-        const std::span nodes(block.nodes.data() + e * count, count);
-        std::array<std::int32_t, 8> vertices{};
-        const auto used = std::size_t(reference::info(block.shape).vertices);
-        for (std::size_t v = 0; v < used; ++v) vertices[v] = vertex(nodes[v]);
-        body(block, nodes, std::span<const std::int32_t>(vertices.data(), used));
-      }
+  void for_each(std::size_t begin, std::size_t end, const Body& body) const {
+    for (std::size_t cell = begin; cell < end;) {
+      const Cells::Range& range = cells.range_of(cell);
+      for (const std::size_t stop = std::min(end, range.first + range.block->size()); cell < stop; ++cell)
+        body(cell, range.block->shape,
+             std::span(range.block->nodes.data() + (cell - range.first) * range.stride, range.stride));
     }
   }
 
@@ -62,8 +56,14 @@ class Grid {
   }
 
   const HighOrderMesh& mesh;
+  const Cells cells;
 
  private:
+  std::array<std::int32_t, 8> vertices_of(Shape shape, std::span<const std::int32_t> nodes) const {
+    std::array<std::int32_t, 8> vertices{};
+    for (std::size_t v = 0; v < std::size_t(reference::info(shape).vertices); ++v) vertices[v] = vertex(nodes[v]);
+    return vertices;
+  }
   std::vector<std::int32_t> number_vertices(const HighOrderMesh& mesh) {
     std::vector<std::int32_t> number(mesh.node_count(), -1);
     for (const ElementBlock& block : mesh.blocks) {
@@ -87,41 +87,42 @@ class Grid {
 
 // === Sections ============================================================================================
 
-/// Calls body(block number, block, nodes) for each element of this dimension that the file has: cells, and the elements
-/// of the boundary that are sides of cells.
-template <class Body>
-void for_each_written(const Grid& grid, int dimension, const Body& body) {
-  for (std::size_t b = 0; b < grid.mesh.blocks.size(); ++b) {
-    const ElementBlock& block = grid.mesh.blocks[b];
-    if (!has_dimension(block, dimension)) continue;
-    const auto count = std::size_t(reference::node_count(block.shape, block.order));
-    for (std::size_t e = 0; e < block.size(); ++e) {
-      const std::span nodes(block.nodes.data() + e * count, count);
-      if (dimension == grid.mesh.dimension || grid.is_side(block.shape, nodes)) body(b, block, nodes);
-    }
-  }
-}
+/// How many things a thread writes at a time.
+constexpr std::size_t kPerPiece = 8192;
 
 std::int64_t written_elements(const Grid& grid, int dimension) {
+  const Cells elements(grid.mesh, dimension);
+  if (dimension == grid.mesh.dimension) return std::int64_t(elements.count());
   std::int64_t count = 0;
-  for_each_written(grid, dimension, [&](std::size_t, const ElementBlock&, std::span<const std::int32_t>) { ++count; });
+  for (std::size_t e = 0; e < elements.count(); ++e)
+    count += grid.is_side(elements.shape(e), elements.nodes(e)) ? 1 : 0;
   return count;
 }
 
+/// Writes the cells, or the elements of the boundary that are sides of cells.
 void write_elements(const Grid& grid, int dimension, const MfemAttributes& attributes, BufferedOutput& out) {
   out.text(dimension == grid.mesh.dimension ? "\nelements\n" : "\nboundary\n");
   out.text_integer(written_elements(grid, dimension));
   out.text("\n");
-  for_each_written(grid, dimension, [&](std::size_t b, const ElementBlock& block, std::span<const std::int32_t> nodes) {
-    out.text_integer(attributes.of_block[b]);
-    out.text(" ");
-    out.text_integer(mfem_geometry(block.shape));
-    for (std::size_t v = 0; v < std::size_t(reference::info(block.shape).vertices); ++v) {
-      out.text(" ");
-      out.text_integer(grid.vertex(nodes[v]));
-    }
-    out.text("\n");
-  });
+  for (std::size_t b = 0; b < grid.mesh.blocks.size(); ++b) {
+    const ElementBlock& block = grid.mesh.blocks[b];
+    if (!has_dimension(block, dimension)) continue;
+    const auto count = std::size_t(reference::node_count(block.shape, block.order));
+    out.shared(block.size(), kPerPiece, [&](BufferedOutput& piece, std::size_t begin, std::size_t end) {
+      for (std::size_t e = begin; e < end; ++e) {
+        const std::span nodes(block.nodes.data() + e * count, count);
+        if (dimension < grid.mesh.dimension && !grid.is_side(block.shape, nodes)) continue;
+        piece.text_integer(attributes.of_block[b]);
+        piece.text(" ");
+        piece.text_integer(mfem_geometry(block.shape));
+        for (std::size_t v = 0; v < std::size_t(reference::info(block.shape).vertices); ++v) {
+          piece.text(" ");
+          piece.text_integer(grid.vertex(nodes[v]));
+        }
+        piece.text("\n");
+      }
+    });
+  }
 }
 
 void write_sets(std::string_view section, const MfemAttributes& attributes, BufferedOutput& out) {
@@ -143,85 +144,142 @@ void write_sets(std::string_view section, const MfemAttributes& attributes, Buff
   }
 }
 
-/// Writes points as rows of `components` numbers, or one component of each.
-class PointWriter {
- public:
-  /// @param first,last the components to write; a line per point
-  PointWriter(BufferedOutput& out, int first, int last) : out_(out), first_(first), last_(last) {}
+// === Nodes ===============================================================================================
 
-  void operator()(const Eigen::RowVector3d& point) const {
-    for (int c = first_; c < last_; ++c) {
-      out_.text_number(point(c));
-      out_.text(c + 1 < last_ ? " " : "\n");
-    }
-  }
-
- private:
-  BufferedOutput& out_;
-  int first_, last_;
+/// The components to write of each point, on a line.
+struct Components {
+  int first, last;
 };
 
-using Columns = Eigen::Matrix<double, Eigen::Dynamic, 3, Eigen::RowMajor>;
+void write_point(BufferedOutput& out, Components components, const Eigen::RowVector3d& point) {
+  for (int c = components.first; c < components.last; ++c) {
+    out.text_number(point(c));
+    out.text(c + 1 < components.last ? " " : "\n");
+  }
+}
 
 Eigen::RowVector3d at(const HighOrderMesh& mesh, std::int32_t node) {
   return Eigen::Map<const Eigen::RowVector3d>(mesh.coordinates.data() + 3 * std::size_t(node));
 }
 
-Columns points(const HighOrderMesh& mesh, std::span<const std::int32_t> nodes) {
-  Columns found(Eigen::Index(nodes.size()), 3);
-  for (std::size_t i = 0; i < nodes.size(); ++i) found.row(Eigen::Index(i)) = at(mesh, nodes[i]);
-  return found;
-}
-
-void write_rows(const Eigen::MatrixXd& matrix, const Columns& x, const PointWriter& write) {
-  const Columns rows = matrix * x;
-  for (Eigen::Index i = 0; i < rows.rows(); ++i) write(rows.row(i));
-}
-
-/// The degrees of freedom of a continuous space: those of vertices, edges, faces and cells.
-void write_continuous(const Grid& grid, const MfemSpace& space, const PointWriter& write) {
-  const HighOrderMesh& mesh = grid.mesh;
-  for (std::size_t node = 0; node < mesh.node_count(); ++node)
-    if (grid.vertex(std::int32_t(node)) >= 0) write(at(mesh, std::int32_t(node)));
-  if (space.order == 1) return;
-  std::int32_t next = 0;
-  std::vector<std::int32_t> whole;
-  grid.for_each([&](const ElementBlock& block, auto nodes, auto vertices) {
-    const auto edges = mfem_edges(block.shape);
-    for (std::size_t e = 0; e < edges.size(); ++e) {
-      auto [a, b] = edges[e];
-      if (grid.topology.edge(vertices[std::size_t(a)], vertices[std::size_t(b)]) != next) continue;
-      ++next;
-      std::vector<int> inner = mfem_local_nodes(block.shape, space.order).edges[e];
-      if (vertices[std::size_t(a)] > vertices[std::size_t(b)]) {
-        std::swap(a, b);
-        std::reverse(inner.begin(), inner.end());
-      }
-      whole = {nodes[std::size_t(a)], nodes[std::size_t(b)]};
-      for (const int local : inner) whole.push_back(nodes[std::size_t(local)]);
-      write_rows(mfem_conversion(space, Shape::Line).to_file, points(mesh, whole), write);
-    }
+/// Writes the vertices in their order.
+void write_vertices(const Grid& grid, Components components, BufferedOutput& out) {
+  out.shared(grid.mesh.node_count(), kPerPiece, [&](BufferedOutput& piece, std::size_t begin, std::size_t end) {
+    for (std::size_t node = begin; node < end; ++node)
+      if (grid.vertex(std::int32_t(node)) >= 0) write_point(piece, components, at(grid.mesh, std::int32_t(node)));
   });
-  next = 0;
-  const bool has_inner = space.order > 2 || grid.topology.has_quadrilaterals();
-  if (mesh.dimension == 3 && has_inner)
-    grid.for_each([&](const ElementBlock& block, auto nodes, auto vertices) {
-      const auto faces = mfem_faces(block.shape);
-      for (std::size_t f = 0; f < faces.size(); ++f) {
-        const auto count = std::size_t(reference::info(faces[f].shape).vertices);
-        std::array<std::int32_t, 4> own{};
-        for (std::size_t v = 0; v < count; ++v) own[v] = vertices[std::size_t(faces[f].vertices[v])];
-        if (grid.topology.face({own.data(), count}) != next) continue;
-        ++next;
-        whole.clear();
-        for (const int local : mfem_local_nodes(block.shape, space.order).whole_faces[f])
-          whole.push_back(nodes[std::size_t(local)]);
-        write_rows(mfem_conversion(space, faces[f].shape).to_file, points(mesh, whole), write);
+}
+
+/// The degrees of freedom of one shape: a matrix, or which nodes they are.
+struct ToFile {
+  const Eigen::MatrixXd* matrix = nullptr;
+  std::vector<Eigen::Index> nodes;  ///< Empty if they are no nodes.
+
+  explicit ToFile(const Eigen::MatrixXd& of) : matrix(&of) {
+    for (Eigen::Index row = 0; row < of.rows(); ++row) {
+      Eigen::Index node = 0;
+      if (of.row(row).maxCoeff(&node) != 1 || of.row(row).cwiseAbs().sum() != 1) {
+        nodes.clear();
+        return;
+      }
+      nodes.push_back(node);
+    }
+  }
+};
+
+/// Writes what a space has on the edges, faces and cells of a mesh.
+class DofWriter {
+ public:
+  DofWriter(const Grid& grid, const MfemSpace& space, Components components) : grid_(grid), components_(components) {
+    for (const Cells::Range& range : grid.cells.ranges()) {
+      const Shape shape = range.block->shape;
+      know(space, shape);
+      if (!space.continuous) continue;
+      know(space, Shape::Line);
+      for (const reference::Facet& face : mfem_faces(shape)) know(space, face.shape);
+    }
+  }
+
+  /// Calls body(piece, cell, shape, nodes) for all cells; the threads share them.
+  template <class Body>
+  void for_each(BufferedOutput& out, const Body& body) const {
+    out.shared(grid_.cells.count(), kPerPiece, [&](BufferedOutput& piece, std::size_t begin, std::size_t end) {
+      grid_.for_each(begin, end, [&](std::size_t cell, Shape shape, std::span<const std::int32_t> nodes) {
+        body(piece, cell, shape, nodes);
+      });
+    });
+  }
+
+  void edges(BufferedOutput& out) const {
+    for_each(out, [&](BufferedOutput& piece, std::size_t cell, Shape shape, std::span<const std::int32_t> nodes) {
+      const auto edges = mfem_edges(shape);
+      std::array<std::int32_t, kMaxOrder + 1> whole{};
+      for (std::size_t e = 0; e < edges.size(); ++e) {
+        if (!grid_.topology.is_first_edge(cell, e)) continue;
+        const std::vector<int>& inner = local_[std::size_t(shape)]->edges[e];
+        const std::int32_t a = nodes[std::size_t(edges[e][0])], b = nodes[std::size_t(edges[e][1])];
+        const bool forward = grid_.vertex(a) < grid_.vertex(b);
+        whole[0] = forward ? a : b;
+        whole[1] = forward ? b : a;
+        for (std::size_t i = 0; i < inner.size(); ++i)
+          whole[2 + i] = nodes[std::size_t(inner[forward ? i : inner.size() - 1 - i])];
+        write(piece, *to_file_[std::size_t(Shape::Line)], {whole.data(), inner.size() + 2});
       }
     });
-  grid.for_each([&](const ElementBlock& block, auto nodes, auto) {
-    write_rows(mfem_conversion(space, block.shape).to_file, points(mesh, nodes), write);
-  });
+  }
+
+  void faces(BufferedOutput& out) const {
+    for_each(out, [&](BufferedOutput& piece, std::size_t cell, Shape shape, std::span<const std::int32_t> nodes) {
+      const auto faces = mfem_faces(shape);
+      std::array<std::int32_t, (kMaxOrder + 1) * (kMaxOrder + 1)> whole{};
+      for (std::size_t f = 0; f < faces.size(); ++f) {
+        if (!grid_.topology.is_first_face(cell, f)) continue;
+        const std::vector<int>& local = local_[std::size_t(shape)]->whole_faces[f];
+        for (std::size_t i = 0; i < local.size(); ++i) whole[i] = nodes[std::size_t(local[i])];
+        write(piece, *to_file_[std::size_t(faces[f].shape)], {whole.data(), local.size()});
+      }
+    });
+  }
+
+  void cells(BufferedOutput& out) const {
+    for_each(out, [&](BufferedOutput& piece, std::size_t, Shape shape, std::span<const std::int32_t> nodes) {
+      write(piece, *to_file_[std::size_t(shape)], nodes);
+    });
+  }
+
+ private:
+  /// Looks up what all cells of a shape share.
+  void know(const MfemSpace& space, Shape shape) {
+    if (to_file_[std::size_t(shape)]) return;
+    local_[std::size_t(shape)] = &mfem_local_nodes(shape, space.order);
+    to_file_[std::size_t(shape)].emplace(mfem_conversion(space, shape).to_file);
+  }
+  void write(BufferedOutput& out, const ToFile& to_file, std::span<const std::int32_t> nodes) const {
+    for (const Eigen::Index node : to_file.nodes)
+      write_point(out, components_, at(grid_.mesh, nodes[std::size_t(node)]));
+    if (!to_file.nodes.empty() || to_file.matrix->rows() == 0) return;
+    Eigen::Matrix<double, Eigen::Dynamic, 3, Eigen::RowMajor> x(Eigen::Index(nodes.size()), 3);
+    for (std::size_t i = 0; i < nodes.size(); ++i) x.row(Eigen::Index(i)) = at(grid_.mesh, nodes[i]);
+    x = (*to_file.matrix * x).eval();
+    for (Eigen::Index i = 0; i < x.rows(); ++i) write_point(out, components_, x.row(i));
+  }
+
+  const Grid& grid_;
+  const Components components_;
+  std::array<const MfemLocalNodes*, kShapes> local_{};
+  std::array<std::optional<ToFile>, kShapes> to_file_;
+};
+
+/// The degrees of freedom of a space: those of vertices, edges, faces and cells, or those of cells alone.
+void write_dofs(const Grid& grid, const MfemSpace& space, Components components, BufferedOutput& out) {
+  const DofWriter dofs(grid, space, components);
+  if (!space.continuous) return dofs.cells(out);
+  write_vertices(grid, components, out);
+  if (space.order == 1) return;
+  dofs.edges(out);
+  const bool has_inner = space.order > 2 || grid.topology.has_quadrilaterals();
+  if (grid.mesh.dimension == 3 && has_inner) dofs.faces(out);
+  dofs.cells(out);
 }
 
 void write_grid_function(const Grid& grid, const MfemNodes& nodes, BufferedOutput& out) {
@@ -232,24 +290,8 @@ void write_grid_function(const Grid& grid, const MfemNodes& nodes, BufferedOutpu
   out.text("\nOrdering: ");
   out.text_integer(nodes.by_nodes ? 0 : 1);
   out.text("\n\n");
-  for (int c = 0; c < (nodes.by_nodes ? nodes.components : 1); ++c) {
-    const PointWriter write(out, c, nodes.by_nodes ? c + 1 : nodes.components);
-    if (nodes.space.continuous) {
-      write_continuous(grid, nodes.space, write);
-    } else {
-      grid.for_each([&](const ElementBlock& block, auto own, auto) {
-        write_rows(mfem_conversion(nodes.space, block.shape).to_file, points(grid.mesh, own), write);
-      });
-    }
-  }
-}
-
-void write_vertices(const Grid& grid, int components, BufferedOutput& out) {
-  out.text_integer(components);
-  out.text("\n");
-  const PointWriter write(out, 0, components);
-  for (std::size_t node = 0; node < grid.mesh.node_count(); ++node)
-    if (grid.vertex(std::int32_t(node)) >= 0) write(at(grid.mesh, std::int32_t(node)));
+  if (!nodes.by_nodes) return write_dofs(grid, nodes.space, {0, nodes.components}, out);
+  for (int c = 0; c < nodes.components; ++c) write_dofs(grid, nodes.space, {c, c + 1}, out);
 }
 
 bool is_remembered(const HighOrderMesh& mesh) {
@@ -300,7 +342,7 @@ std::string not_in_mfem(const HighOrderMesh& mesh) {
       lost.push_back(std::to_string(n) + (d == 0 ? " point" : " line") + (n == 1 ? "" : "s"));
   const auto sides = mesh.dimension > 1 ? std::int64_t(mesh.element_count(mesh.dimension - 1)) : 0;
   if (sides > 0) {
-    const Grid grid(mesh, mfem_nodes_of(mesh));
+    const Grid grid(mesh, mfem_nodes_of(mesh), Team(1));
     if (const std::int64_t n = sides - written_elements(grid, mesh.dimension - 1); n > 0)
       lost.push_back(std::to_string(n) + (n == 1 ? " boundary element that is" : " boundary elements that are") +
                      " no side of an element");
@@ -328,7 +370,7 @@ Expected<void> write_mfem(const HighOrderMesh& mesh, Format, const Sink& sink, s
                           const Team& team) {
   if (mesh.dimension < 2) return bad_option("VariMesh writes MFEM's meshes of dimension 2 and 3 only; write vtu.");
   const MfemNodes nodes = mfem_nodes_of(mesh);
-  const Grid grid(mesh, nodes);
+  const Grid grid(mesh, nodes, team);
   const MfemAttributes cells = mfem_attributes(mesh, mesh.dimension);
   const MfemAttributes faces = mfem_attributes(mesh, mesh.dimension - 1);
   const bool named = !cells.sets.empty() || !faces.sets.empty();
@@ -344,10 +386,13 @@ Expected<void> write_mfem(const HighOrderMesh& mesh, Format, const Sink& sink, s
   out.text("\nvertices\n");
   out.text_integer(grid.vertices());
   out.text("\n");
-  if (mesh.order == 1 && !is_remembered(mesh))
-    write_vertices(grid, nodes.components, out);
-  else
+  if (mesh.order == 1 && !is_remembered(mesh)) {
+    out.text_integer(nodes.components);
+    out.text("\n");
+    write_vertices(grid, {0, nodes.components}, out);
+  } else {
     write_grid_function(grid, nodes, out);
+  }
   if (named) out.text("\nmfem_mesh_end\n");
   return out.finish();
 }

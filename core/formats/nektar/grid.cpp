@@ -150,11 +150,14 @@ std::vector<int> nektar_turned_nodes(Shape shape, int order, std::span<const std
   });
 }
 
-NektarGrid::NektarGrid(const HighOrderMesh& of, std::vector<std::int32_t> vertices)
+NektarGrid::NektarGrid(const HighOrderMesh& of, std::vector<std::int32_t> vertices, const Team& team)
     : mesh(of),
       number_(std::move(vertices)),
-      topology_(of.dimension, of.order,
-                std::int32_t(std::count_if(number_.begin(), number_.end(), [](std::int32_t n) { return n >= 0; }))) {
+      topology_(
+          of.dimension, of.order,
+          std::int32_t(std::count_if(number_.begin(), number_.end(), [](std::int32_t n) { return n >= 0; })),
+          mfem_cells(Cells(mesh, mesh.dimension), [&](Shape shape, auto nodes) { return vertices_of(shape, nodes); }),
+          team) {
   vertex_nodes.resize(std::size_t(topology_.vertex_count()));
   for (std::size_t node = 0; node < number_.size(); ++node)
     if (number_[node] >= 0) vertex_nodes[std::size_t(number_[node])] = std::int32_t(node);
@@ -164,10 +167,6 @@ NektarGrid::NektarGrid(const HighOrderMesh& of, std::vector<std::int32_t> vertic
       own.push_back(number_[std::size_t(nodes[v])]);
     return own;
   };
-  for_each_cell([&](std::size_t, const ElementBlock& block, auto, std::span<const std::int32_t> turned) {
-    topology_.add(block.shape, turned);
-  });
-  topology_.finish();
   edges.resize(std::size_t(topology_.edge_count()));
   faces.resize(mesh.dimension == 3 ? std::size_t(topology_.face_count()) : 0);
   std::int64_t nodes = topology_.interior_first();

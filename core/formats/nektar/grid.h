@@ -32,7 +32,7 @@ std::vector<int> nektar_turned_nodes(Shape shape, int order, std::span<const std
 /// The edges and faces of a mesh. Refers to the mesh.
 class NektarGrid {
  public:
-  NektarGrid(const HighOrderMesh& mesh, std::vector<std::int32_t> vertices);
+  NektarGrid(const HighOrderMesh& mesh, std::vector<std::int32_t> vertices, const Team& team = Team(1));
 
   const HighOrderMesh& mesh;
   std::vector<std::int32_t> vertex_nodes;          ///< By number.

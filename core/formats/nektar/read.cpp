@@ -31,7 +31,8 @@ int degree_of(Shape shape, std::int64_t points) {
 
 class Reading {
  public:
-  Reading(NektarFile file, FileAllowance& allowance) : file_(std::move(file)), allowance_(allowance) {}
+  Reading(NektarFile file, FileAllowance& allowance, const Team& team)
+      : file_(std::move(file)), allowance_(allowance), team_(team) {}
 
   HighOrderMesh take() {
     mesh_.dimension = file_.dimension;
@@ -98,11 +99,25 @@ class Reading {
     if (file_.vertex_ids.size() > std::size_t(kMostNodes)) fail("it has too many vertices");
     Scanner counted(file_.bytes);
     counted.allowance = allowance_.counted();
-    MfemTopology topology(mesh_.dimension, mesh_.order, std::int32_t(file_.vertex_ids.size()), &counted);
-    for_each_cell(
-        [&](std::size_t, Shape shape, std::span<const std::int32_t> vertices) { topology.add(shape, vertices); });
-    topology.finish();
-    return topology;
+    // Where the vertices of every so many cells begin, because shapes have different numbers of them.
+    constexpr std::size_t kStep = 1024;
+    std::vector<std::size_t> first;
+    std::size_t vertices = 0;
+    for (std::size_t e = 0; e < file_.elements.shapes.size(); ++e) {
+      if (e % kStep == 0) first.push_back(vertices);
+      vertices += std::size_t(reference::info(file_.elements.shapes[e]).vertices);
+    }
+    const auto visit = [&](std::size_t begin, std::size_t end, const MfemCells::Body& body) {
+      const std::int32_t* own = vertices_.cells.data() + first[begin / kStep];
+      for (std::size_t e = begin / kStep * kStep; e < end; ++e) {
+        const Shape shape = file_.elements.shapes[e];
+        const auto count = std::size_t(reference::info(shape).vertices);
+        if (e >= begin) body(e, shape, {own, count});
+        own += count;
+      }
+    };
+    return MfemTopology(mesh_.dimension, mesh_.order, std::int32_t(file_.vertex_ids.size()),
+                        {file_.elements.shapes.size(), visit}, team_, &counted);
   }
 
   /// Takes the memory of all nodes, and finds where the inner ones of each cell begin.
@@ -284,6 +299,7 @@ class Reading {
 
   NektarFile file_;
   FileAllowance& allowance_;
+  const Team& team_;
   HighOrderMesh mesh_;
   NektarCorners vertices_;
   std::map<std::tuple<Shape, int, NektarPoints>, Eigen::MatrixXd> to_nodes_;
@@ -299,7 +315,7 @@ Expected<MeshFile> read_nektar(std::string_view bytes, const Team& team) {
   NektarFile file = parse_nektar(bytes, allowance);
   if (!file.compressed) file.others.push_back({std::string(kNektarText), "", "nektar"});
   if (file.elements.ids.size() == 0) Scanner(bytes).fail("it has no elements");
-  return MeshFile{Reading(std::move(file), allowance).take(), Format::Nektar};
+  return MeshFile{Reading(std::move(file), allowance, team).take(), Format::Nektar};
 }
 
 }  // namespace varimesh::formats
