@@ -69,7 +69,8 @@ class PartTable {
     visit([&](std::int32_t low, const Rest&, std::uint32_t) { count_up(start[std::size_t(low)], team); });
     const std::size_t all = sums_before(start);
     first_.assign(all == 0 ? 0 : buckets + 1, 0);
-    std::vector<std::vector<Part>> found;  // of each range of buckets
+    // Room for as many as there could be; what is not used of it is never touched.
+    parts_.reserve(all);
     std::vector<Part> entries;
     for (std::size_t low = 0, high = 0; all > 0 && low < buckets; low = high) {
       const std::uint32_t base = start[low];
@@ -92,22 +93,14 @@ class PartTable {
       std::size_t kept = 0;
       for (std::size_t b = low; b < high; ++b) kept += first_[b + 1];
       take(counted, kept * sizeof(Part));
-      std::vector<Part>& own = found.emplace_back();
-      own.reserve(kept);
       for (std::size_t b = low; b < high; ++b) {
         const Part* const first = entries.data() + (start[b] - base);
-        own.insert(own.end(), first, first + first_[b + 1]);
+        parts_.insert(parts_.end(), first, first + first_[b + 1]);
+        for (const Part* part = first; part < first + first_[b + 1]; ++part) marks.mark(part->number);
       }
-      for (const Part& part : own) marks.mark(part.number);
     }
     give_back(counted, entries.capacity() * sizeof(Part) + 2 * start.size() * sizeof(std::uint32_t));
-    entries = {};
     for (std::size_t b = 1; b < first_.size(); ++b) first_[b] += first_[b - 1];
-    parts_.reserve(first_.empty() ? 0 : first_.back());
-    for (std::vector<Part>& own : found) {
-      parts_.insert(parts_.end(), own.begin(), own.end());
-      own = {};
-    }
   }
 
   /// Replaces the first occurrence of each part by its number: how many first occurrences there are before.
@@ -128,16 +121,29 @@ class PartTable {
     const Part* at = begin;
     constexpr std::ptrdiff_t kFew = 16;
     if (end - begin > kFew)
-      at = std::lower_bound(begin, end, rest, [](const Part& part, const Rest& wanted) { return part.rest < wanted; });
+      at = std::lower_bound(begin, end, rest,
+                            [](const Part& part, const Rest& wanted) { return less(part.rest, wanted); });
     else
-      while (at < end && at->rest != rest) ++at;
-    return at < end && at->rest == rest ? at - parts_.data() : -1;
+      while (at < end && !same(at->rest, rest)) ++at;
+    return at < end && same(at->rest, rest) ? at - parts_.data() : -1;
   }
 
  private:
   /// One range of vertices is done at a time, so that the parts of all cells are never all in memory.
-  static constexpr std::uint32_t kEntries = std::uint32_t(1) << 20;
+  static constexpr std::uint32_t kEntries = (std::uint32_t(1) << 24) / sizeof(Part);
   static constexpr std::size_t kBucketsPerTask = 4096;
+
+  // The comparisons of std::array call memcmp(), which takes longer than the rest of the search.
+  static bool same(const Rest& a, const Rest& b) {
+    bool all = true;
+    for (std::size_t k = 0; k < R; ++k) all = all && a[k] == b[k];
+    return all;
+  }
+  static bool less(const Rest& a, const Rest& b) {
+    for (std::size_t k = 0; k + 1 < R; ++k)
+      if (a[k] != b[k]) return a[k] < b[k];
+    return a[R - 1] < b[R - 1];
+  }
 
   static void take(const Scanner* counted, std::size_t bytes) {
     if (counted != nullptr) counted->take_memory(bytes);
@@ -150,7 +156,7 @@ class PartTable {
   static std::uint32_t sort_and_shrink(Part* begin, Part* end) {
     std::sort(begin, end,
               [](const Part& a, const Part& b) { return a.rest != b.rest ? a.rest < b.rest : a.number < b.number; });
-    return std::uint32_t(std::unique(begin, end, [](const Part& a, const Part& b) { return a.rest == b.rest; }) -
+    return std::uint32_t(std::unique(begin, end, [](const Part& a, const Part& b) { return same(a.rest, b.rest); }) -
                          begin);
   }
 

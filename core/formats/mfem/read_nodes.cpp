@@ -55,11 +55,14 @@ void set_element_nodes(MfemReading& reading, const MfemTopology& topology) {
     std::vector<std::int32_t> nodes;
     reading.scanner.reserve(nodes, block.size() * count);
     nodes.resize(block.size() * count);
-    for (std::size_t e = 0; e < block.size(); ++e, interior += inner, reading.scanner.look())
-      if (!topology.find_nodes(block.shape, {block.nodes.data() + e * vertices, vertices}, std::int32_t(interior),
-                               {nodes.data() + e * count, count}))
-        reading.scanner.fail("boundary element " + std::to_string(block.numbers[e]) +
-                             " (counted from 1, after the elements) is on no element of the mesh");
+    const auto is_lost = [&](std::size_t e) {
+      return !topology.find_nodes(block.shape, {block.nodes.data() + e * vertices, vertices},
+                                  std::int32_t(interior + std::int64_t(e) * inner), {nodes.data() + e * count, count});
+    };
+    if (const std::size_t lost = first_of(reading.team, block.size(), 1024, is_lost); lost < block.size())
+      reading.scanner.fail("boundary element " + std::to_string(block.numbers[lost]) +
+                           " (counted from 1, after the elements) is on no element of the mesh");
+    interior += std::int64_t(block.size()) * inner;
     reading.scanner.allowance->give_back(block.nodes.capacity() * sizeof block.nodes[0]);
     block.nodes = std::move(nodes);
     block.order = order;
@@ -135,6 +138,7 @@ class InPlace {
   }
 
   void convert_faces() {
+    if (copies(Shape::Triangle) && copies(Shape::Quadrilateral)) return;
     std::vector<bool> done(x_.size() / 3, false);
     for_each_cell([&](const ElementBlock& block, std::size_t, std::span<const std::int32_t> nodes) {
       const auto faces = mfem_faces(block.shape);
@@ -144,6 +148,7 @@ class InPlace {
   }
 
   void convert_edges() {
+    if (copies(Shape::Line)) return;
     std::vector<bool> done(x_.size() / 3, false);
     for_each_cell([&](const ElementBlock& block, std::size_t, std::span<const std::int32_t> nodes) {
       const auto edges = mfem_edges(block.shape);
@@ -221,6 +226,21 @@ class InPlace {
     conversions_[std::size_t(shape)] = &mfem_conversion(space_, shape);
     local_[std::size_t(shape)] = &mfem_local_nodes(shape, space_.order);
     file_order_[std::size_t(shape)] = &gmsh_nodes(NodeOrder::Mfem, shape, space_.order);
+  }
+
+  /// Whether every degree of freedom inside an edge or face of this shape is the node that has its place already.
+  bool copies(Shape shape) const {
+    const MfemConversion* conversion = conversions_[std::size_t(shape)];
+    if (conversion == nullptr) return true;  // the mesh has none
+    const Eigen::MatrixXd& matrix = conversion->to_nodes;
+    const std::vector<int>& order = *file_order_[std::size_t(shape)];
+    const Eigen::Index boundary = matrix.cols() - matrix.rows();
+    for (Eigen::Index row = 0; row < matrix.rows(); ++row) {
+      Eigen::Index column = 0;
+      if (matrix.row(row).maxCoeff(&column) != 1 || matrix.row(row).cwiseAbs().sum() != 1) return false;
+      if (column < boundary || order[std::size_t(column)] != boundary + row) return false;
+    }
+    return true;
   }
 
   const MfemReading& reading_;

@@ -316,7 +316,9 @@ bool MfemTopology::find_nodes(Shape shape, std::span<const std::int32_t> vertice
       nodes[std::size_t(a < b ? inner[i] : inner[inner.size() - 1 - i])] = next++;
     filled += inner.size();
   }
-  if (dimension_ == 3) {
+  // The faces of a cell are known, so those without nodes need no search.
+  const bool searched = reference::info(shape).dimension < 3 || filled < nodes.size();
+  if (dimension_ == 3 && searched) {
     const auto faces = mfem_faces(shape);
     for (std::size_t f = 0; f < faces.size(); ++f) {
       const FaceVertices own(faces[f], vertices);
