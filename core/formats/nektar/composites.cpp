@@ -4,6 +4,7 @@
 #include <charconv>
 #include <cstdlib>
 #include <limits>
+#include <map>
 #include <set>
 #include <unordered_map>
 
@@ -98,11 +99,22 @@ void check_ids(const NektarFile& file) {
 NektarGroups nektar_groups(NektarFile& file, FileAllowance& allowance) {
   check_ids(file);
   NektarGroups groups;
-  allowance.take(file.elements.ids.size(), sizeof(std::vector<int>));
+  allowance.take(file.elements.ids.size(), sizeof(std::int32_t));
   groups.of_elements.resize(file.elements.ids.size());
   std::int64_t most = 0;
   for (const NektarComposite& composite : file.composites) most = std::max(most, composite.id);
-  std::unordered_map<std::int32_t, std::size_t> place;  // of a side in of_sides
+  std::unordered_map<std::int32_t, std::size_t> place;          // of a side in of_sides
+  std::map<std::pair<std::int32_t, int>, std::int32_t> longer;  // the list that a list becomes with one more tag
+  const auto add = [&](std::int32_t& list, int tag) {
+    const auto [found, fresh] = longer.try_emplace({list, tag}, std::int32_t(groups.lists.size()));
+    if (fresh) {
+      std::vector<int> tags = groups.lists[std::size_t(list)];
+      tags.push_back(tag);
+      allowance.take(1, 150 + tags.size() * sizeof(int));
+      groups.lists.push_back(std::move(tags));
+    }
+    list = found->second;
+  };
   for (const NektarComposite& composite : file.composites) {
     if (composite.name == kNektarWholeDomain) continue;
     const int tag = int(composite.id == 0 ? most + 1 : composite.id);
@@ -121,8 +133,7 @@ NektarGroups nektar_groups(NektarFile& file, FileAllowance& allowance) {
         if (element < 0 || (letter != 'F' && letter != nektar_letter(file.elements.shapes[std::size_t(element)])))
           list.fail("composite " + std::to_string(composite.id) + " refers to element " + letter + "[" +
                     std::to_string(id) + "], which is not in the file");
-        if (groups.of_elements[std::size_t(element)].empty()) allowance.take(1, 32);
-        if (is_group) groups.of_elements[std::size_t(element)].push_back(tag);
+        if (is_group) add(groups.of_elements[std::size_t(element)], tag);
       } else if (own == file.dimension - 1) {
         const std::int32_t side = (own == 1 ? file.edge_ids : file.faces.ids).find(id);
         if (side < 0)

@@ -12,7 +12,9 @@ namespace varimesh::formats {
 
 /// What the composites of a file say.
 struct NektarGroups {
-  std::vector<std::vector<int>> of_elements;  ///< Tags of the groups of each element.
+  /// The tags of each element, as an index in `lists`. List 0 is empty.
+  std::vector<std::int32_t> of_elements;
+  std::vector<std::vector<int>> lists{{}};
   /// The faces (3-D) or edges (2-D) that are in a composite, by their position in the file, with their tags. In the
   /// order of the composites.
   std::vector<std::pair<std::int32_t, std::vector<int>>> of_sides;

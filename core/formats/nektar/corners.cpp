@@ -39,7 +39,7 @@ class Finder {
   }
 
   /// The vertices of a face from its edges: vertex k is common to edge k and the edge before.
-  Vertices around(const std::string& name, std::span<const std::int64_t> edges) const {
+  Vertices around(const std::string& name, std::span<const std::int32_t> edges) const {
     std::array<std::array<std::int64_t, 2>, 4> ends{};
     for (std::size_t k = 0; k < edges.size(); ++k) {
       const std::int32_t edge = file_.edge_ids.find(edges[k]);
@@ -61,7 +61,7 @@ class Finder {
   }
 
   /// The vertices of a cell from its faces: each vertex is the one that lies on the faces on which it should lie.
-  Vertices of_cell(const std::string& name, Shape shape, std::span<const std::int64_t> sides) const {
+  Vertices of_cell(const std::string& name, Shape shape, std::span<const std::int32_t> sides) const {
     const std::span<const reference::Facet> faces = nektar_faces(shape);
     std::array<unsigned, 8> wanted{};
     std::vector<std::pair<std::int32_t, unsigned>> found;  // a vertex, and the faces on which it lies
@@ -94,7 +94,7 @@ class Finder {
 
   void find_vertices() {
     allowance_.take(file_.faces.ids.size(), sizeof(std::array<std::int32_t, 4>));
-    const std::int64_t* sides = file_.faces.sides.data();
+    const std::int32_t* sides = file_.faces.sides.data();
     for (std::size_t f = 0; f < file_.faces.ids.size(); ++f) {
       const auto count = std::size_t(nektar_sides(file_.faces.shapes[f]));
       const Vertices own = around("face " + std::to_string(file_.faces.ids[f]), {sides, count});

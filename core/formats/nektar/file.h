@@ -18,45 +18,47 @@
 
 namespace varimesh::formats {
 
-/// The numbers of a list of things, which need not be consecutive.
+/// The numbers of a list of things, which need not be consecutive. Takes no memory while they are 0, 1, 2, …
 class NektarIds {
  public:
-  void add(std::int64_t id) { ids_.push_back(id); }
-  /// To make room in it.
-  std::vector<std::int64_t>& list() { return ids_; }
+  void add(std::int64_t id);
   /// Whether they are 0, 1, 2, …
-  bool are_consecutive() const;
+  bool are_consecutive() const { return ids_.empty(); }
   /// Must be called after the last add(). Returns false, and a number that occurs twice, if there is one.
   bool finish(std::int64_t& twice);
   /// The position of a number in the list; −1 if it is not there.
   std::int32_t find(std::int64_t id) const;
-  std::int64_t operator[](std::size_t i) const { return ids_[i]; }
-  std::size_t size() const { return ids_.size(); }
+  std::int64_t operator[](std::size_t i) const { return ids_.empty() ? std::int64_t(i) : ids_[i]; }
+  std::size_t size() const { return count_; }
 
   /// What finish() takes for each number at most, while the list of pairs grows.
   static constexpr std::size_t kSortedBytes = 2 * sizeof(std::pair<std::int64_t, std::int32_t>);
 
  private:
-  std::vector<std::int64_t> ids_;
-  std::vector<std::pair<std::int64_t, std::int32_t>> sorted_;  ///< Empty if the numbers are 0, 1, 2, …
+  std::size_t count_ = 0;
+  std::vector<std::int64_t> ids_;                              ///< Empty if they are 0, 1, 2, …
+  std::vector<std::pair<std::int64_t, std::int32_t>> sorted_;  ///< The same.
 };
 
 /// Faces or elements: a shape and the numbers of their edges or faces.
 struct NektarParts {
   NektarIds ids;
   std::vector<Shape> shapes;
-  std::vector<std::int64_t> sides;  ///< One after another: as many as each shape has.
+  std::vector<std::int32_t> sides;  ///< One after another: as many as each shape has.
 };
+
+/// Compressed files list the elements of each shape by themselves; their numbers tell the order.
+void sort_parts(NektarParts& parts);
 
 /// The kinds of points on curves.
 enum class NektarPoints : std::uint8_t { EvenlySpaced, GaussLobatto, OtherTriangle };
 
 /// A curved edge or face.
 struct NektarCurve {
-  std::int64_t id = 0;  ///< Of the edge, face or, in 2-D, element.
+  std::int32_t id = 0;  ///< Of the edge, face or, in 2-D, element.
+  std::int32_t count = 0;
+  std::uint32_t first = 0;  ///< Its first point in NektarFile::points, or in NektarFile::index of a compressed file.
   NektarPoints points = NektarPoints::EvenlySpaced;
-  std::int64_t count = 0;
-  std::size_t first = 0;  ///< Its first point in NektarFile::points, or in NektarFile::index of a compressed file.
 };
 
 struct NektarComposite {
@@ -71,11 +73,11 @@ struct NektarFile {
   bool compressed = false;
   NektarIds vertex_ids, edge_ids;
   std::vector<double> vertices;     ///< Three numbers for each.
-  std::vector<std::int64_t> edges;  ///< Numbers of two vertices for each.
+  std::vector<std::int32_t> edges;  ///< Numbers of two vertices for each.
   NektarParts faces, elements;      ///< In 2-D there are no faces.
   std::vector<NektarCurve> curved_edges, curved_faces;
   std::vector<double> points;       ///< Three numbers for each point of a curve.
-  std::vector<std::int64_t> index;  ///< In compressed files: numbers of points.
+  std::vector<std::int64_t> index;  ///< In compressed files: numbers of points. Empty if they are 0, 1, 2, …
   std::vector<NektarComposite> composites;
   std::vector<ForeignSection> others;  ///< Everything outside the geometry, and the domain.
 

@@ -1,14 +1,15 @@
-// Finds the entries of a Nektar++ file by their ids.
+// Finds the entries of a Nektar++ file by their ids, and sorts them.
 #include <algorithm>
 
 #include "core/formats/nektar/file.h"
 
 namespace varimesh::formats {
 
-bool NektarIds::are_consecutive() const {
-  for (std::size_t i = 0; i < ids_.size(); ++i)
-    if (ids_[i] != std::int64_t(i)) return false;
-  return true;
+void NektarIds::add(std::int64_t id) {
+  if (ids_.empty() && id != std::int64_t(count_))
+    for (std::size_t i = 0; i < count_; ++i) ids_.push_back(std::int64_t(i));
+  if (!ids_.empty() || id != std::int64_t(count_)) ids_.push_back(id);
+  ++count_;
 }
 
 bool NektarIds::finish(std::int64_t& twice) {
@@ -22,9 +23,39 @@ bool NektarIds::finish(std::int64_t& twice) {
 }
 
 std::int32_t NektarIds::find(std::int64_t id) const {
-  if (sorted_.empty()) return id >= 0 && id < std::int64_t(ids_.size()) ? std::int32_t(id) : -1;
+  if (sorted_.empty()) return id >= 0 && id < std::int64_t(count_) ? std::int32_t(id) : -1;
   const auto found = std::lower_bound(sorted_.begin(), sorted_.end(), std::pair(id, std::int32_t(-1)));
   return found == sorted_.end() || found->first != id ? -1 : found->second;
 }
+
+void sort_parts(NektarParts& parts) {
+  bool is_sorted = true;
+  for (std::size_t e = 1; e < parts.ids.size(); ++e) is_sorted = is_sorted && parts.ids[e - 1] <= parts.ids[e];
+  if (is_sorted) return;
+  std::vector<std::pair<std::int64_t, std::size_t>> order;  // number, position
+  std::vector<std::size_t> first;                           // of its sides
+  std::size_t sides = 0;
+  for (std::size_t e = 0; e < parts.ids.size(); ++e) {
+    order.emplace_back(parts.ids[e], e);
+    first.push_back(sides);
+    sides += std::size_t(nektar_sides(parts.shapes[e]));
+  }
+  std::sort(order.begin(), order.end());
+  NektarParts sorted;
+  for (const auto& [number, at] : order) {
+    sorted.ids.add(number);
+    sorted.shapes.push_back(parts.shapes[at]);
+    const auto begin = parts.sides.begin() + std::ptrdiff_t(first[at]);
+    sorted.sides.insert(sorted.sides.end(), begin, begin + nektar_sides(parts.shapes[at]));
+  }
+  parts = std::move(sorted);
+}
+
+int nektar_sides(Shape shape) {
+  constexpr std::array kSides = {0, 2, 3, 4, 4, 5, 5, 6};
+  return kSides[std::size_t(shape)];
+}
+
+char nektar_letter(Shape shape) { return "VETQAPRH"[std::size_t(shape)]; }
 
 }  // namespace varimesh::formats

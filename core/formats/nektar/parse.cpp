@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <charconv>
 #include <cstring>
+#include <limits>
 #include <optional>
 
 #include "core/formats/nektar/file.h"
@@ -48,7 +49,7 @@ class Parser : public XmlVisitor {
     finish(file_.vertex_ids, "vertex");
     finish(file_.edge_ids, "edge");
     finish(file_.faces.ids, "face");
-    sort_elements();
+    sort_parts(file_.elements);
     finish(file_.elements.ids, "element");
     for (std::vector<NektarCurve>* curves : {&file_.curved_edges, &file_.curved_faces}) check_points(*curves);
     return std::move(file_);
@@ -102,8 +103,10 @@ class Parser : public XmlVisitor {
     if (path_[2] == "COMPOSITE") name_ = element.get("NAME");
     if (path_[2] == "CURVED" && !compressed_) {
       curve_ = {};
-      curve_.id = number(element, path_[3] == "E" ? "EDGEID" : "FACEID");
-      curve_.count = number(element, "NUMPOINTS");
+      curve_.id = small(number(element, path_[3] == "E" ? "EDGEID" : "FACEID"));
+      // More than the text can have are refused when it is there.
+      curve_.count =
+          std::int32_t(std::min<std::int64_t>(number(element, "NUMPOINTS"), std::numeric_limits<std::int32_t>::max()));
       set_points(curve_, element.get("TYPE"));
     }
   }
@@ -153,7 +156,7 @@ class Parser : public XmlVisitor {
         double x[3];
       };
       const auto reserve = [&](std::size_t count) {
-        make_room(file_.vertex_ids.list(), count);
+        allowance_.take(count, kIdBytes);
         make_room(file_.vertices, 3 * count);
       };
       for_each_packed<Vertex>(text, reserve, [&](const Vertex& vertex) {
@@ -175,18 +178,18 @@ class Parser : public XmlVisitor {
         std::int64_t id, vertices[2];
       };
       const auto reserve = [&](std::size_t count) {
-        make_room(file_.edge_ids.list(), count);
+        allowance_.take(count, kIdBytes);
         make_room(file_.edges, 2 * count);
       };
       for_each_packed<Edge>(text, reserve, [&](const Edge& edge) {
         file_.edge_ids.add(edge.id);
-        file_.edges.insert(file_.edges.end(), edge.vertices, edge.vertices + 2);
+        for (const std::int64_t vertex : edge.vertices) file_.edges.push_back(small(vertex));
       });
     } else if (path_.size() == 4) {
       Scanner scan = scanner(text.begin, text.length);
       allowance_.take(1, 24);
       file_.edge_ids.add(id_);
-      for (int k = 0; k < 2; ++k) file_.edges.push_back(scan.text_integer("an edge's vertex"));
+      for (int k = 0; k < 2; ++k) file_.edges.push_back(small(scan.text_integer("an edge's vertex")));
       expect_end(scan);
     }
   }
@@ -204,22 +207,21 @@ class Parser : public XmlVisitor {
       Scanner scan = scanner(text.begin, text.length);
       allowance_.take(1, 9 + 8 * sides);
       add(id_);
-      for (std::size_t k = 0; k < sides; ++k) list.sides.push_back(scan.text_integer("the number of a side"));
+      for (std::size_t k = 0; k < sides; ++k) list.sides.push_back(small(scan.text_integer("the number of a side")));
       return expect_end(scan);
     }
-    const std::string bytes = unpacked(text, 8 * (1 + sides));
-    const std::size_t count = bytes.size() / (8 * (1 + sides));
-    allowance_.take(count, 8 * (1 + sides) + 1);
-    make_room(list.ids.list(), count);
-    make_room(list.shapes, count);
-    make_room(list.sides, count * sides);
-    for (std::size_t at = 0; at < bytes.size(); at += 8 * (1 + sides)) {
-      std::array<std::int64_t, 7> numbers{};
-      std::memcpy(numbers.data(), bytes.data() + at, 8 * (1 + sides));
-      add(numbers[0]);
-      list.sides.insert(list.sides.end(), numbers.begin() + 1, numbers.begin() + 1 + std::ptrdiff_t(sides));
-    }
-    allowance_.give_back(bytes.size());
+    unpack(text, 8 * (1 + sides), [&](std::string_view bytes) {
+      const std::size_t count = bytes.size() / (8 * (1 + sides));
+      allowance_.take(count, kIdBytes);
+      make_room(list.shapes, count);
+      make_room(list.sides, count * sides);
+      for (std::size_t at = 0; at < bytes.size(); at += 8 * (1 + sides)) {
+        std::array<std::int64_t, 7> numbers{};
+        std::memcpy(numbers.data(), bytes.data() + at, 8 * (1 + sides));
+        add(numbers[0]);
+        for (std::size_t k = 1; k <= sides; ++k) list.sides.push_back(small(numbers[k]));
+      }
+    });
   }
 
   void curve(std::string_view name, XmlText text) {
@@ -228,7 +230,7 @@ class Parser : public XmlVisitor {
     Scanner scan = scanner(text.begin, text.length);
     if (curve_.count > std::int64_t(text.length)) scan.fail("NUMPOINTS is larger than the number of points");
     allowance_.take(1, sizeof(NektarCurve) + 24 * std::size_t(curve_.count));
-    curve_.first = file_.points.size() / 3;
+    curve_.first = std::uint32_t(small(std::int64_t(file_.points.size() / 3)));
     for (std::int64_t k = 0; k < 3 * curve_.count; ++k)
       file_.points.push_back(scan.text_number("a coordinate of a curve"));
     expect_end(scan);
@@ -245,18 +247,21 @@ class Parser : public XmlVisitor {
       const auto reserve = [&](std::size_t count) { make_room(curves, count); };
       for_each_packed<Info>(text, reserve, [&](const Info& info) {
         if (info.count < 0 || info.first < 0) fail("a curve has a negative number of points");
-        NektarCurve made{info.of, {}, info.count, std::size_t(info.first)};
+        NektarCurve made{small(info.of), small(info.count), std::uint32_t(small(info.first)), {}};
+        in_curves_ += std::size_t(info.count);
         set_points(made, name_of_points(info.type));
         curves.push_back(made);
       });
     } else if (path_.size() == 5 && name == "INDEX") {
-      const auto reserve = [&](std::size_t count) { make_room(file_.index, count); };
-      for_each_packed<std::int64_t>(text, reserve, [&](std::int64_t number) { file_.index.push_back(number); });
+      for_each_packed<std::int64_t>(
+          text, [](std::size_t) {}, [&](std::int64_t number) { add_index(number, text.length); });
     } else if (path_.size() == 5 && name == "POINTS") {
       struct Point {
         std::int64_t id;
         double x[3];
       };
+      // Mostly there are as many as the curves have, and a point takes many bytes of the file.
+      if (in_curves_ < text.length) make_room(file_.points, 3 * in_curves_);
       const auto reserve = [&](std::size_t count) { make_room(file_.points, 3 * count); };
       for_each_packed<Point>(
           text, reserve, [&](const Point& point) { file_.points.insert(file_.points.end(), point.x, point.x + 3); });
@@ -272,42 +277,68 @@ class Parser : public XmlVisitor {
     if (!scan.at_end()) scan.fail("more numbers follow than the element has");
   }
 
-  std::string unpacked(XmlText text, std::size_t record) {
-    const Scanner scan = scanner(text.begin, text.length);
-    std::string packed, bytes;
-    if (!decode_base64(file_.bytes.substr(text.begin, text.length), packed)) scan.fail("the text is not base64");
-    if (packed.empty()) return bytes;
-    if (!inflate_zlib(packed, bytes, allowance_)) scan.fail("the compressed data is damaged or incomplete");
-    if (bytes.size() % record != 0)
-      scan.fail("the compressed data has " + std::to_string(bytes.size()) + " bytes, no multiple of " +
-                std::to_string(record));
-    return bytes;
+  /// Numbers of entries; a file cannot have more than fit into 32 bits.
+  std::int32_t small(std::int64_t number) const {
+    if (number < 0 || number > std::numeric_limits<std::int32_t>::max())
+      fail("the number " + std::to_string(number) + " of a vertex, edge, face, element or point is not from 0 to " +
+           std::to_string(std::numeric_limits<std::int32_t>::max()));
+    return std::int32_t(number);
   }
 
-  /// `reserve(count)` makes room in the lists; what the body then adds to them takes at most as much memory as the
-  /// records. In the end the records are free again.
+  void add_index(std::int64_t number, std::size_t length) {
+    if (file_.index.empty() && number == std::int64_t(indices_)) {
+      ++indices_;
+      return;
+    }
+    if (file_.index.empty()) {
+      make_room(file_.index, std::max(indices_ + 1, in_curves_ < length ? in_curves_ : 0));
+      for (std::size_t i = 0; i < indices_; ++i) file_.index.push_back(std::int64_t(i));
+    }
+    make_room(file_.index, 1);
+    file_.index.push_back(number);
+    ++indices_;
+  }
+
+  /// Calls body(bytes) for pieces of whole records.
+  template <class Body>
+  void unpack(XmlText text, std::size_t record, const Body& body) {
+    std::size_t size = 0;
+    const auto pass_on = [&](std::string_view bytes) {
+      allowance_.look();
+      size += bytes.size();
+      body(bytes.substr(0, bytes.size() / record * record));
+    };
+    const Scanner scan = scanner(text.begin, text.length);
+    const Unpacked result = unpack_base64_zlib(file_.bytes.substr(text.begin, text.length), record, pass_on);
+    if (result == Unpacked::NotBase64) scan.fail("the text is not base64");
+    if (result == Unpacked::Damaged) scan.fail("the compressed data is damaged or incomplete");
+    if (size % record != 0)
+      scan.fail("the compressed data has " + std::to_string(size) + " bytes, no multiple of " + std::to_string(record));
+  }
+
+  /// `reserve(count)` makes room in the lists for the records of a piece.
   template <class Record, class Reserve, class Body>
   void for_each_packed(XmlText text, const Reserve& reserve, const Body& body) {
-    const std::string bytes = unpacked(text, sizeof(Record));
-    allowance_.take(1, bytes.size());
-    reserve(bytes.size() / sizeof(Record));
-    for (std::size_t at = 0; at < bytes.size(); at += sizeof(Record)) {
-      allowance_.look();
-      Record record;
-      std::memcpy(&record, bytes.data() + at, sizeof(Record));
-      body(record);
-    }
-    allowance_.give_back(bytes.size());
+    unpack(text, sizeof(Record), [&](std::string_view bytes) {
+      reserve(bytes.size() / sizeof(Record));
+      for (std::size_t at = 0; at < bytes.size(); at += sizeof(Record)) {
+        allowance_.look();
+        Record record;
+        std::memcpy(&record, bytes.data() + at, sizeof(Record));
+        body(record);
+      }
+    });
   }
 
-  /// Room for exactly so many more values. A file may have a section several times, so the room at least doubles.
+  /// Room for so many more values. While it grows, the list is in memory twice.
   template <class T>
   void make_room(std::vector<T>& values, std::size_t more) {
     const std::size_t before = values.capacity(), size = values.size() + more;
     if (size <= before) return;
-    values.reserve(before == 0 ? size : std::max(size, 2 * before));
-    // Of the records only `more` are counted; while it grows, the list is in memory twice.
-    allowance_.take(values.capacity() - size + before, sizeof(T));
+    const std::size_t wanted = std::max(size, before + before / 2);
+    allowance_.take(wanted, sizeof(T));
+    values.reserve(wanted);
+    allowance_.give_back(before * sizeof(T));
   }
 
   /// Keeps an element with its tags, from its first byte to its end tag.
@@ -316,31 +347,6 @@ class Parser : public XmlVisitor {
     const std::size_t end = close == std::string_view::npos ? file_.bytes.size() : close + 1;
     allowance_.take(1, end - begin);
     file_.others.push_back({path_.back(), std::string(file_.bytes.substr(begin, end - begin)), "nektar"});
-  }
-
-  /// Compressed files list the elements of each shape by themselves; their numbers tell the order.
-  void sort_elements() {
-    NektarParts& parts = file_.elements;
-    bool is_sorted = true;
-    for (std::size_t e = 1; e < parts.ids.size(); ++e) is_sorted = is_sorted && parts.ids[e - 1] <= parts.ids[e];
-    if (is_sorted) return;
-    std::vector<std::pair<std::int64_t, std::size_t>> order;  // number, position
-    std::vector<std::size_t> first;                           // of its sides
-    std::size_t sides = 0;
-    for (std::size_t e = 0; e < parts.ids.size(); ++e) {
-      order.emplace_back(parts.ids[e], e);
-      first.push_back(sides);
-      sides += std::size_t(nektar_sides(parts.shapes[e]));
-    }
-    std::sort(order.begin(), order.end());
-    NektarParts sorted;
-    for (const auto& [number, at] : order) {
-      sorted.ids.add(number);
-      sorted.shapes.push_back(parts.shapes[at]);
-      const auto begin = parts.sides.begin() + std::ptrdiff_t(first[at]);
-      sorted.sides.insert(sorted.sides.end(), begin, begin + nektar_sides(parts.shapes[at]));
-    }
-    parts = std::move(sorted);
   }
 
   void finish(NektarIds& ids, const char* what) {
@@ -354,7 +360,7 @@ class Parser : public XmlVisitor {
   void check_points(const std::vector<NektarCurve>& curves) const {
     const Scanner scan(file_.bytes);
     const std::size_t points = file_.points.size() / 3;
-    const std::size_t most = file_.index.empty() ? points : file_.index.size();
+    const std::size_t most = indices_ == 0 ? points : file_.index.empty() ? std::min(points, indices_) : indices_;
     for (const NektarCurve& curve : curves)
       if (std::size_t(curve.count) > most || curve.first > most - std::size_t(curve.count))
         scan.fail("the curve of " + std::to_string(curve.id) + " has points that are not in the file");
@@ -363,8 +369,12 @@ class Parser : public XmlVisitor {
         scan.fail("a curve refers to point " + std::to_string(number) + ", but there are " + std::to_string(points));
   }
 
+  static constexpr std::size_t kIdBytes = sizeof(std::int64_t);
+
   NektarFile file_;
   FileAllowance& allowance_;
+  std::size_t in_curves_ = 0;  // points of all curves of a compressed file
+  std::size_t indices_ = 0;    // numbers in its INDEX
   std::vector<std::string> path_;
   std::vector<std::size_t> begin_;  // where the elements of the path begin
   bool compressed_ = false;         // the section or element that is being read
@@ -374,13 +384,6 @@ class Parser : public XmlVisitor {
 };
 
 }  // namespace
-
-int nektar_sides(Shape shape) {
-  constexpr std::array kSides = {0, 2, 3, 4, 4, 5, 5, 6};
-  return kSides[std::size_t(shape)];
-}
-
-char nektar_letter(Shape shape) { return "VETQAPRH"[std::size_t(shape)]; }
 
 NektarFile parse_nektar(std::string_view bytes, FileAllowance& allowance) {
   Parser parser(bytes, allowance);

@@ -41,8 +41,12 @@ class Reading {
     const MfemTopology topology = make_topology();
     allocate(topology);
     std::copy(file_.vertices.begin(), file_.vertices.end(), mesh_.coordinates.begin());
+    file_.vertices = {};
     place_edges(topology);
-    if (mesh_.dimension == 3) place_faces(topology);
+    if (mesh_.dimension == 3) {
+      place_faces(topology);
+      file_.points = {}, file_.index = {}, file_.curved_edges = {}, file_.curved_faces = {};
+    }
     place_cells(topology);
     make_blocks(topology);
     mesh_.foreign = std::move(file_.others);
@@ -257,8 +261,16 @@ class Reading {
   void make_blocks(const MfemTopology& topology) {
     const NektarGroups groups = nektar_groups(file_, allowance_);
     std::int64_t interior = topology.interior_first(), number = 0;
+    std::size_t run_end = 0;
     for_each_cell([&](std::size_t e, Shape shape, std::span<const std::int32_t> vertices) {
-      add_element(topology, shape, vertices, std::int32_t(interior), groups.of_elements[e], ++number);
+      if (e >= run_end) {  // a new block begins
+        while (run_end < file_.elements.shapes.size() && file_.elements.shapes[run_end] == shape &&
+               groups.of_elements[run_end] == groups.of_elements[e])
+          ++run_end;
+        room_ = run_end - e;
+      }
+      add_element(topology, shape, vertices, std::int32_t(interior), groups.lists[std::size_t(groups.of_elements[e])],
+                  ++number);
       interior += inner_node_count(shape, mesh_.order);
     });
     for (const auto& [item, tags] : groups.of_sides) {
@@ -286,6 +298,9 @@ class Reading {
       fresh.entity = tags.empty() ? 1 : tags.front();
       fresh.physical = tags;
       allowance_.take(1, sizeof(ElementBlock));
+      fresh.numbers.reserve(room_);
+      fresh.nodes.reserve(room_ * std::size_t(reference::node_count(shape, mesh_.order)));
+      room_ = 0;
       mesh_.blocks.push_back(std::move(fresh));
     }
     ElementBlock& block = mesh_.blocks.back();
@@ -302,6 +317,7 @@ class Reading {
   const Team& team_;
   HighOrderMesh mesh_;
   NektarCorners vertices_;
+  std::size_t room_ = 0;  ///< Elements that the next block is known to get.
   std::map<std::tuple<Shape, int, NektarPoints>, Eigen::MatrixXd> to_nodes_;
   Columns known_, found_;
 };

@@ -388,7 +388,7 @@ Expected<void> write_nektar(const HighOrderMesh& mesh, Format, const Sink& sink,
   if (mesh.dimension < 2) return bad_option("VariMesh writes Nektar++'s meshes of dimension 2 and 3 only; write vtu.");
   auto vertices = nektar_vertices(mesh);
   if (!vertices) return tl::unexpected(vertices.error());
-  const NektarGrid grid(mesh, std::move(*vertices));
+  const NektarGrid grid(mesh, std::move(*vertices), team);
   BufferedOutput out(sink, false, team);
   const bool as_text = std::any_of(mesh.foreign.begin(), mesh.foreign.end(), [](const ForeignSection& section) {
     return section.format == "nektar" && section.name == kNektarText;

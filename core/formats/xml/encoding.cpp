@@ -2,8 +2,10 @@
 
 #include <zlib.h>
 
+#include <algorithm>
 #include <array>
 #include <cstdint>
+#include <cstring>
 #include <memory>
 
 namespace varimesh::formats {
@@ -97,6 +99,57 @@ bool inflate_zlib(std::string_view stream, std::string& bytes, FileAllowance& al
   allowance.give_back(bytes.size() - used);
   bytes.resize(used);
   return true;
+}
+
+namespace {
+
+/// The beginning of base64 text: about `size` characters, whole groups of four digits, unless the text ends there.
+std::string_view whole_groups(std::string_view text, std::size_t size) {
+  if (text.size() <= size) return text;
+  const auto is_digit = [](char c) { return static_cast<unsigned char>(c) > ' '; };
+  auto digits = std::count_if(text.begin(), text.begin() + std::ptrdiff_t(size), is_digit);
+  for (; digits % 4 != 0 && size < text.size(); ++size) digits += is_digit(text[size]) ? 1 : 0;
+  return text.substr(0, size);
+}
+
+}  // namespace
+
+Unpacked unpack_base64_zlib(std::string_view text, std::size_t record,
+                            const std::function<void(std::string_view)>& body) {
+  constexpr std::size_t kText = std::size_t(1) << 16, kBytes = std::size_t(1) << 18;
+  z_stream state{};
+  if (inflateInit(&state) != Z_OK) throw std::bad_alloc();
+  const std::unique_ptr<z_stream, decltype(&inflateEnd)> owner(&state, inflateEnd);
+  std::string packed, bytes(std::max(kBytes, record), '\0');
+  std::size_t used = 0;
+  bool begun = false, ended = false;
+  const auto pass_on = [&](std::size_t size) {
+    if (size > 0) body({bytes.data(), size});
+    std::memmove(bytes.data(), bytes.data() + size, used - size);
+    used -= size;
+  };
+  while (!text.empty()) {
+    const std::string_view piece = whole_groups(text, kText);
+    text.remove_prefix(piece.size());
+    packed.clear();
+    if (!decode_base64(piece, packed)) return Unpacked::NotBase64;
+    begun = begun || !packed.empty();
+    state.next_in = reinterpret_cast<Bytef*>(packed.data());
+    state.avail_in = uInt(packed.size());
+    for (bool full = true; full && !ended && begun;) {
+      state.next_out = reinterpret_cast<Bytef*>(bytes.data() + used);
+      state.avail_out = uInt(bytes.size() - used);
+      const int status = inflate(&state, Z_NO_FLUSH);
+      if (status != Z_OK && status != Z_STREAM_END && status != Z_BUF_ERROR) return Unpacked::Damaged;
+      full = state.avail_out == 0;
+      used = bytes.size() - state.avail_out;
+      ended = status == Z_STREAM_END;
+      pass_on(used / record * record);
+    }
+  }
+  if (begun && !ended) return Unpacked::Damaged;
+  pass_on(used);
+  return Unpacked::Whole;
 }
 
 void deflate_zlib(std::string_view bytes, std::string& stream, int level) {

@@ -1,6 +1,7 @@
 // Base64 and zlib, as XML files of meshes contain binary numbers. Internal to core/formats.
 #pragma once
 
+#include <functional>
 #include <string>
 #include <string_view>
 
@@ -18,6 +19,14 @@ void encode_base64(std::string_view bytes, std::string& text);
 /// Appends what one zlib stream contains; bytes after its end mean nothing. Takes the memory from the allowance.
 /// Returns false if the stream is damaged or incomplete.
 bool inflate_zlib(std::string_view stream, std::string& bytes, FileAllowance& allowance);
+
+/// What became of base64 text that contains a zlib stream.
+enum class Unpacked { Whole, NotBase64, Damaged };
+
+/// Calls body(bytes) for the content of the stream in pieces, which consist of records of this size. The last piece may
+/// end within a record. Nothing else of the content is ever in memory.
+Unpacked unpack_base64_zlib(std::string_view text, std::size_t record,
+                            const std::function<void(std::string_view)>& body);
 
 /// Appends a zlib stream of the bytes.
 void deflate_zlib(std::string_view bytes, std::string& stream, int level);
