@@ -31,7 +31,8 @@ Answer<UploadTicket> DirectoryMeshStore::begin_upload(const std::string& id, con
       return store_full("The server's disk has no room for a mesh of " + std::to_string(size) + " bytes");
     }
     upload.touched = settings_.clock();
-    return UploadTicket{id, ++upload.generation, upload.committed, false, room, owner};
+    upload.generation = next_stream();
+    return UploadTicket{id, upload.generation, upload.committed, false, room, owner};
   }
 }
 
@@ -129,7 +130,7 @@ Answer<StoredBytes> DirectoryMeshStore::finish_upload(const UploadTicket& ticket
 }
 
 void DirectoryMeshStore::forget(const UploadTicket& ticket, Upload& upload) {
-  ++upload.generation;
+  upload.generation = 0;
   upload.ended = true;
   std::lock_guard lock(mutex_);
   if (const auto found = uploads_.find({ticket.owner, ticket.id});

@@ -40,6 +40,11 @@ Answer<void> check_upload(const std::string& id, const std::string& digest, std:
   return {};
 }
 
+std::int64_t next_stream() {
+  static std::atomic<std::uint64_t> last = std::uint64_t{std::random_device()()} << 30U;
+  return static_cast<std::int64_t>(++last);
+}
+
 std::string mark_of(const std::string& digest, const std::string& owner) { return sha256(digest + " " + owner); }
 
 Refusal cannot_store(const std::string& why) {

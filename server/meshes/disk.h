@@ -22,6 +22,10 @@ namespace varimesh::server {
 Answer<void> check_upload(const std::string& id, const std::string& digest, std::int64_t size,
                           std::int64_t max_mesh_bytes, std::int64_t max_memory_bytes);
 
+/// The number of a new stream of an upload (UploadTicket::generation): positive, and like no other, also of other
+/// processes. The upload that a late stream is for may have ended, and another may have its id by then.
+std::int64_t next_stream();
+
 /// What stands for an owner of a mesh on the disk: 64 hexadecimal digits. A flipped bit in them makes the mesh
 /// nobody's.
 std::string mark_of(const std::string& digest, const std::string& owner);

@@ -141,7 +141,7 @@ Answer<UploadTicket> SharedMeshStore::begin_upload(const std::string& id, const 
     if (committed == 0) about->forget();
     return store_full("The server's disk has no room for a mesh of " + std::to_string(size) + " bytes");
   }
-  ++about->generation;
+  about->generation = next_stream();
   if (!about->write()) return cannot_store("a file cannot be written");
   return UploadTicket{id, about->generation, committed, false, std::move(room), owner};
 }

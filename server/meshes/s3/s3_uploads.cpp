@@ -107,7 +107,7 @@ Answer<void> S3MeshStore::take_over(Upload& upload, const Progress& known, const
   const auto put = client_->put(upload.key + "about", upload.about, settings_.for_clients);
   if (!put) return tl::unexpected(put.error());
   upload.stored_at = upload.touched = settings_.meshes.clock();
-  ++upload.generation;
+  upload.generation = next_stream();
   return {};
 }
 

@@ -36,6 +36,20 @@ TEST(DirectoryUploads, AreDroppedAfterTenIdleMinutes) {
   EXPECT_TRUE(store->query_upload("new", ""));
 }
 
+TEST(DirectoryUploads, TakeNothingFromAStreamOfAnEarlierUploadWithTheSameId) {
+  Time now{};
+  const auto store = new_store([&] { return now; });
+  const auto old = store->begin_upload("id", sha256("abc"), 3);
+  now += std::chrono::minutes(11);
+  store->sweep();
+  const auto other = store->begin_upload("id", sha256("defg"), 4);
+  ASSERT_TRUE(old && other);
+  EXPECT_EQ(store->append(*old, 0, "abc").error().code, Failure::Code::Aborted);
+  EXPECT_EQ(store->finish_upload(*old).error().code, Failure::Code::Aborted);
+  ASSERT_TRUE(store->append(*other, 0, "defg"));
+  EXPECT_TRUE(store->finish_upload(*other));
+}
+
 /// How many descriptors this process has open.
 std::ptrdiff_t open_descriptors() { return std::distance(std::filesystem::directory_iterator("/proc/self/fd"), {}); }
 
