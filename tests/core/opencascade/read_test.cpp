@@ -14,6 +14,7 @@
 #include <BRepTools.hxx>
 #include <BRep_Builder.hxx>
 #include <Interface_Static.hxx>
+#include <STEPControl_Controller.hxx>
 #include <STEPControl_Writer.hxx>
 #include <TopExp_Explorer.hxx>
 #include <TopoDS_Compound.hxx>
@@ -216,7 +217,8 @@ TEST_F(CadFile, SaysWhatItTakesOfSeveralBodiesAndOpenShells) {
 }
 
 TEST_F(CadFile, SaysInWhichUnitAFileCame) {
-  Interface_Static::SetCVal("write.step.unit", "INCH");
+  STEPControl_Controller::Init();  // defines the parameter
+  ASSERT_TRUE(Interface_Static::SetCVal("write.step.unit", "INCH"));
   const std::string path = step(BRepPrimAPI_MakeBox(25.4, 25.4, 25.4).Shape());
   Interface_Static::SetCVal("write.step.unit", "MM");
   const auto geometry = load(path);
