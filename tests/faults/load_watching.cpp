@@ -3,12 +3,18 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <array>
 #include <atomic>
 #include <csignal>
 #include <filesystem>
+#include <fstream>
 #include <limits>
 #include <mutex>
+#include <set>
+#include <sstream>
+#include <string>
 #include <thread>
+#include <utility>
 
 #include "core/optimise/optimiser.h"
 #include "tests/faults/load.h"
@@ -16,9 +22,37 @@
 namespace varimesh::server::testing {
 namespace {
 
-std::size_t open_files(pid_t process) {
-  const std::filesystem::directory_iterator files("/proc/" + std::to_string(process) + "/fd");
-  return static_cast<std::size_t>(std::distance(begin(files), end(files)));
+/// The connections to the server's socket that it has not closed: their numbers in /proc/net/unix (inodes), whose lines
+/// are "Num RefCount Protocol Flags Type St Inode Path". The server's sockets to its worker processes have no path.
+std::set<std::string> connections(const RealServer& server) {
+  constexpr const char* kConnected = "03";
+  const std::string path = server.folder() / "socket";
+  std::set<std::string> inodes;
+  std::ifstream sockets("/proc/net/unix");
+  for (std::string line; std::getline(sockets, line);) {
+    std::istringstream words(line);
+    std::array<std::string, 8> word;
+    for (std::string& one : word) words >> one;
+    if (word[5] == kConnected && word[7] == path) inodes.insert(word[6]);
+  }
+  return inodes;
+}
+
+/// Those of `some` that stay for three looks. The server has one more for a moment when it dials itself.
+std::set<std::string> lasting(const RealServer& server, std::set<std::string> some) {
+  for (int look = 0; look < 3 && !some.empty(); ++look) {
+    const std::set<std::string> open = connections(server);
+    for (auto one = some.begin(); one != some.end();) one = open.count(*one) > 0 ? std::next(one) : some.erase(one);
+    std::this_thread::sleep_for(std::chrono::milliseconds(150));
+  }
+  return some;
+}
+
+/// The connections that were made after `before` and stay.
+std::set<std::string> lasting_since(const RealServer& server, const std::set<std::string>& before) {
+  std::set<std::string> later = connections(server);
+  for (const std::string& one : before) later.erase(one);
+  return lasting(server, std::move(later));
 }
 
 /// Another process, started before this process has threads, and ended by SIGKILL.
@@ -46,34 +80,28 @@ class OtherProcess {
   pid_t process_ = -1;
 };
 
-/// The server's files that stay open: the fewest of three looks. The server opens more for a moment when it dials
-/// itself.
-std::size_t lasting_files(const RealServer& server) {
-  std::size_t fewest = open_files(server.process());
-  for (int look = 0; look < 2; ++look) {
-    std::this_thread::sleep_for(std::chrono::milliseconds(150));
-    fewest = std::min(fewest, open_files(server.process()));
-  }
-  return fewest;
-}
-
 void client_killed_in_mid_watch(const Setting& setting, Verdict& verdict) {
   RealServer server(setting.program, {"--threads", "2"});
   server.start();
   const Caller caller(server.channel());
   const std::string job = caller.submit(sweeps(caller.upload(read_case("circle_p5.msh")), 100'000));
   caller.wait_for(job, {v1::JOB_STATE_RUNNING});
-  const std::size_t before = lasting_files(server);
+  const std::set<std::string> before = connections(server);
   OtherProcess client({VARIMESH, "watch", job, "--server", "unix:" + (server.folder() / "socket").string(), "--quiet"});
   const auto started = Clock::now();
-  while (lasting_files(server) <= before && milliseconds_since(started) < 10'000) continue;
-  verdict.expect(open_files(server.process()) > before, "a client watches the job");
+  std::set<std::string> of_client;
+  while (of_client.empty() && milliseconds_since(started) < 10'000) of_client = lasting_since(server, before);
+  verdict.expect(!of_client.empty(), "a client watches the job");
   const auto killed = Clock::now();
   client.kill();
-  while (open_files(server.process()) > before && milliseconds_since(killed) < 10'000)
-    std::this_thread::sleep_for(std::chrono::milliseconds(5));
-  verdict.expect(open_files(server.process()) <= before, "the client is killed, and its stream is freed after " +
-                                                             std::to_string(milliseconds_since(killed)) + " ms");
+  const auto freed = [&] {
+    const std::set<std::string> open = connections(server);
+    return std::none_of(of_client.begin(), of_client.end(),
+                        [&](const std::string& one) { return open.count(one) > 0; });
+  };
+  while (!freed() && milliseconds_since(killed) < 10'000) std::this_thread::sleep_for(std::chrono::milliseconds(5));
+  verdict.expect(freed(), "the client is killed, and its stream is freed after " +
+                              std::to_string(milliseconds_since(killed)) + " ms");
   const auto last = caller.get(job).last_sequence();
   std::this_thread::sleep_for(std::chrono::milliseconds(500));
   verdict.expect(caller.get(job).last_sequence() > last, "the job continues");
