@@ -270,7 +270,7 @@ class DofWriter {
   std::array<std::optional<ToFile>, kShapes> to_file_;
 };
 
-/// The degrees of freedom of a space: those of vertices, edges, faces and cells, or those of cells alone.
+/// The degrees of freedom of a space: those of vertices, edges, faces and cells, or only those of cells.
 void write_dofs(const Grid& grid, const MfemSpace& space, Components components, BufferedOutput& out) {
   const DofWriter dofs(grid, space, components);
   if (!space.continuous) return dofs.cells(out);
