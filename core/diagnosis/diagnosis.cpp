@@ -190,6 +190,14 @@ std::vector<UnrepairableGroup> diagnose(const HighOrderMesh& mesh, const std::ve
   return groups;
 }
 
+std::vector<char> cells_beyond_repair(std::span<const UnrepairableGroup> groups, std::size_t cells) {
+  std::vector<char> result(cells, 0);
+  for (const UnrepairableGroup& group : groups)
+    if (is_proved(group) || group.kind == UnrepairableGroup::Kind::VertexGroup)
+      for (const std::int32_t cell : group.cells) result[static_cast<std::size_t>(cell)] = 1;
+  return result;
+}
+
 std::vector<UnrepairableGroup> with_any_of(std::vector<UnrepairableGroup> groups,
                                            const std::vector<std::int64_t>& numbers) {
   std::vector<std::int64_t> sorted = numbers;

@@ -3,6 +3,7 @@
 
 #include <array>
 #include <cstdint>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -41,6 +42,10 @@ struct UnrepairableGroup {
 inline bool is_proved(const UnrepairableGroup& group) {
   return group.kind != UnrepairableGroup::Kind::VertexGroup && group.determinant <= 0;
 }
+
+/// By cell, for `cells` cells: 1 if it is in a group for which is_proved() holds, or in a vertex group. Elements at a
+/// curved face that leaves some room are not among them: several of these become valid.
+std::vector<char> cells_beyond_repair(std::span<const UnrepairableGroup> groups, std::size_t cells);
 
 /// Keeps the groups that have at least one of these elements. If all elements of a group are certified valid, one of
 /// them goes around its vertex more than once, or another of the vertex's groups is turned inside out instead.

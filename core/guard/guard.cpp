@@ -41,6 +41,7 @@ Guard::Guard(const HighOrderMesh& mesh, const Frame& frame, Problem& problem, co
       conversion_(mesh, frame, problem.positions, team),
       free_(mesh.node_count(), 0),
       unrepairable_(problem.cells, 0),
+      beyond_repair_(problem.cells, 0),
       positions_(shared_copy(problem.positions, team)),
       certificates_(std::move(certificates)),
       latest_positions_(shared_copy(problem.positions, team)),
@@ -62,6 +63,7 @@ Guard::Guard(const HighOrderMesh& mesh, const Frame& frame, Problem& problem, co
 void Guard::set_unrepairable(std::span<const UnrepairableGroup> groups) {
   for (const UnrepairableGroup& group : groups)
     for (const std::int32_t cell : group.cells) unrepairable_[cell] = 1;
+  beyond_repair_ = cells_beyond_repair(groups, unrepairable_.size());
   count();
 }
 

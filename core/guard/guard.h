@@ -95,6 +95,11 @@ class Guard {
   /// mesh's order.
   std::vector<double> coordinates() const;
   const std::vector<Certificate>& certificates() const { return certificates_; }
+  /// Computes the certificates.
+  const Certifier& certifier() const { return certifier_; }
+  /// By cell in the mesh's order: 1 if nothing makes the cell valid, as far as set_unrepairable() was told
+  /// (cells_beyond_repair()).
+  const std::vector<char>& beyond_repair() const { return beyond_repair_; }
   /// The cells of the kept state that are not certified valid and in no unrepairable group.
   std::int64_t unrepaired() const;
 
@@ -138,6 +143,7 @@ class Guard {
   std::vector<int> cell_size_;
   std::vector<char> free_;             ///< By node.
   std::vector<char> unrepairable_;     ///< By cell: in an unrepairable group.
+  std::vector<char> beyond_repair_;    ///< By cell: in a group that is beyond repair.
   UntouchedVector<double> positions_;  ///< The kept state.
   std::vector<Certificate> certificates_;
   std::int64_t kept_uncertified_ = 0;

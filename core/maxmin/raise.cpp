@@ -24,6 +24,8 @@ constexpr std::int64_t kLooksPerCell = 50, kLeastLooks = 50'000;
 constexpr double kAtLimit = 1e-3;
 /// Of cells around a low one. On a mesh with 44 cells below .1, one layer leaves 7 of them, and two leave none.
 constexpr int kMostLayers = 2;
+/// A cell whose scaled Jacobian is within this of what it was has not changed but by rounding.
+constexpr double kAsBefore = 1e-9;
 /// Cells that a thread samples at a time.
 constexpr std::int32_t kGrain = 16;
 
@@ -32,18 +34,24 @@ enum class Samples : std::uint8_t { Coarse, Fine };
 
 class Raiser {
  public:
-  Raiser(HighOrderMesh& mesh, const std::vector<bool>& fixed, std::span<const char> hopeless,
-         const Certifier& certifier, std::vector<Certificate>& certificates, double aim, const Team& team)
-      : mesh_(mesh),
-        fixed_(fixed),
-        hopeless_(hopeless),
-        certifier_(certifier),
+  Raiser(const RaiseTask& task, std::vector<double>& coordinates, std::vector<Certificate>& certificates,
+         const Team& team, RaiseMemory& memory, std::int64_t most_looks)
+      : mesh_(task.mesh),
+        coordinates_(coordinates),
+        fixed_(task.fixed),
+        hopeless_(task.hopeless),
+        certifier_(task.certifier),
         certificates_(certificates),
-        aim_(aim),
+        aim_(task.aim),
         team_(team),
-        cells_(mesh, mesh.dimension),
-        shift_(cells_.count(), 0),
-        left_(std::max(kLeastLooks, kLooksPerCell * static_cast<std::int64_t>(cells_.count()))) {}
+        cells_(task.mesh, task.mesh.dimension),
+        memory_(memory),
+        left_(std::max(kLeastLooks, kLooksPerCell * static_cast<std::int64_t>(cells_.count())) - memory.looks),
+        most_looks_(most_looks) {
+    memory_.tried.resize(cells_.count(), 0);
+    memory_.level.resize(cells_.count(), 0);
+    memory_.shift.resize(cells_.count(), 0);
+  }
 
   RaiseOutcome raise() {
     RaiseOutcome outcome;
@@ -54,7 +62,15 @@ class Raiser {
       if (low.empty()) return outcome;
       for (const std::int32_t cell : low) was_valid.push_back(certificates_[at(cell)].is_valid() ? 1 : 0);
       find_neighbours();
-      for (const std::int32_t cell : low) raise_around(cell);
+      const std::int64_t first = memory_.looks;
+      for (const std::int32_t cell : low) {
+        outcome.finished = memory_.looks - first < most_looks_ || most_looks_ == 0;
+        if (!outcome.finished) break;
+        raise_around(cell);
+        memory_.tried[at(cell)] = 1;
+        memory_.level[at(cell)] = sampled(cell);
+      }
+      outcome.patches = patches_;
     } catch (const Interrupted&) {
       outcome.interrupted = true;
     }
@@ -68,6 +84,15 @@ class Raiser {
     std::ranges::sort(outcome.made_valid);
     std::ranges::sort(outcome.raised);
     return outcome;
+  }
+
+  void forget_changed() {
+    memory_.looks = 0;
+    for (std::int32_t cell = 0; at(cell) < cells_.count(); ++cell)
+      if (memory_.tried[at(cell)] != 0)
+        memory_.tried[at(cell)] =
+            !certificates_[at(cell)].is_valid() && std::abs(sampled(cell) - memory_.level[at(cell)]) <= kAsBefore ? 1
+                                                                                                                  : 0;
   }
 
  private:
@@ -93,7 +118,7 @@ class Raiser {
     result.shape = cells_.shape(at(cell));
     result.nodes = cells_.nodes(at(cell));
     result.samples = table(result.shape, samples);
-    result.shift = shift_[at(cell)];
+    result.shift = memory_.shift[at(cell)];
     return result;
   }
 
@@ -101,8 +126,8 @@ class Raiser {
   double sampled(std::int32_t cell) {
     MaxMinPatch::Cell one = patch_cell(cell, Samples::Coarse);
     if (one.samples == nullptr) return 1;
-    MaxMinPatch patch({one}, {one.nodes.begin(), one.nodes.begin() + 1}, mesh_.dimension, mesh_.coordinates);
-    return patch.look_at_cells(mesh_.coordinates, team_).scaled_jacobian.front();
+    MaxMinPatch patch({one}, {one.nodes.begin(), one.nodes.begin() + 1}, mesh_.dimension, coordinates_);
+    return patch.look_at_cells(coordinates_, team_).scaled_jacobian.front();
   }
 
   std::vector<std::int32_t> low_cells() {
@@ -122,6 +147,7 @@ class Raiser {
   }
 
   bool may_be_low(std::int32_t cell) const {
+    if (memory_.tried[at(cell)] != 0) return false;
     const Certificate& certificate = certificates_[at(cell)];
     if (certificate.is_valid()) return aim_ > 0 && certificate.scaled_jacobian_lower_bound < aim_;
     return !is_hopeless(cell);
@@ -201,13 +227,15 @@ class Raiser {
       if (taken.back().samples == nullptr) return false;
     }
     if (free.empty()) return true;
-    MaxMinPatch patch(std::move(taken), free, mesh_.dimension, mesh_.coordinates);
+    MaxMinPatch patch(std::move(taken), free, mesh_.dimension, coordinates_);
     const Before before(*this, around, free);
     try {
-      const MaxMinPatch::Levels old = patch.look_at_cells(mesh_.coordinates, team_);
-      const MaxMinPatch::Levels now = patch.raise(mesh_.coordinates, std::max(aim_, kEnoughForValid), team_);
+      const MaxMinPatch::Levels old = patch.look_at_cells(coordinates_, team_);
+      const MaxMinPatch::Levels now = patch.raise(coordinates_, std::max(aim_, kEnoughForValid), team_);
       left_ -= now.looks;
-      certifier_.certify(mesh_.coordinates, around, certificates_, team_);
+      memory_.looks += now.looks;
+      ++patches_;
+      certifier_.certify(coordinates_, around, certificates_, team_);
       if (!is_better(before, old, now))
         before.restore();
       else
@@ -226,13 +254,13 @@ class Raiser {
     Before(Raiser& raiser, const std::vector<std::int32_t>& cells, const std::vector<std::int32_t>& nodes)
         : raiser_(raiser), cells_(cells), nodes_(nodes), coordinates_(3 * nodes.size()) {
       for (std::size_t n = 0; n < nodes.size(); ++n)
-        std::copy_n(raiser.mesh_.coordinates.data() + 3 * at(nodes[n]), 3, coordinates_.data() + 3 * n);
+        std::copy_n(raiser.coordinates_.data() + 3 * at(nodes[n]), 3, coordinates_.data() + 3 * n);
       for (const std::int32_t cell : cells) certificates_.push_back(raiser.certificates_[at(cell)]);
     }
 
     void restore() const {
       for (std::size_t n = 0; n < nodes_.size(); ++n)
-        std::copy_n(coordinates_.data() + 3 * n, 3, raiser_.mesh_.coordinates.data() + 3 * at(nodes_[n]));
+        std::copy_n(coordinates_.data() + 3 * n, 3, raiser_.coordinates_.data() + 3 * at(nodes_[n]));
       for (std::size_t c = 0; c < cells_.size(); ++c) raiser_.certificates_[at(cells_[c])] = certificates_[c];
     }
 
@@ -270,11 +298,12 @@ class Raiser {
     for (std::size_t c = 0; c < patch.cells().size(); ++c) {
       const MaxMinPatch::Cell& each = patch.cells()[c];
       const bool at_limit = each.number == cell || now.level[c] + each.shift < now.smallest + kAtLimit;
-      if (at_limit && now.scaled_jacobian[c] < enough) shift_[at(each.number)] = 2 * enough - now.level[c];
+      if (at_limit && now.scaled_jacobian[c] < enough) memory_.shift[at(each.number)] = 2 * enough - now.level[c];
     }
   }
 
-  HighOrderMesh& mesh_;
+  const HighOrderMesh& mesh_;
+  std::vector<double>& coordinates_;
   const std::vector<bool>& fixed_;
   std::span<const char> hopeless_;
   const Certifier& certifier_;
@@ -283,22 +312,27 @@ class Raiser {
   const Team& team_;
   Cells cells_;
   std::map<std::pair<Shape, Samples>, std::optional<SampleTable>> tables_;
-  std::vector<double> shift_;           // by cell
   std::vector<std::int32_t> in_cells_;  // by node
   std::vector<std::int64_t> first_;     // by node, into around_
   std::vector<std::int32_t> around_;    // the cells of the vertices
   std::set<std::int32_t> raised_;
-  std::int64_t left_;
+  RaiseMemory& memory_;
+  std::int64_t left_;  // looks
+  std::int64_t most_looks_, patches_ = 0;
 };
 
 }  // namespace
 
-RaiseOutcome raise_low_cells(HighOrderMesh& mesh, const std::vector<bool>& fixed, std::span<const char> hopeless,
-                             const Certifier& certifier, std::vector<Certificate>& certificates, double aim,
-                             const Team& team) {
-  RaiseOutcome outcome;
-  team.run([&] { outcome = Raiser(mesh, fixed, hopeless, certifier, certificates, aim, team).raise(); });
-  return outcome;
+RaiseOutcome raise_low_cells(const RaiseTask& task, std::vector<double>& coordinates,
+                             std::vector<Certificate>& certificates, const Team& team, RaiseMemory* memory,
+                             std::int64_t most_looks) {
+  RaiseMemory own;
+  return Raiser(task, coordinates, certificates, team, memory == nullptr ? own : *memory, most_looks).raise();
+}
+
+void forget_changed_cells(const RaiseTask& task, std::vector<double>& coordinates,
+                          std::vector<Certificate>& certificates, const Team& team, RaiseMemory& memory) {
+  Raiser(task, coordinates, certificates, team, memory, 0).forget_changed();
 }
 
 }  // namespace varimesh

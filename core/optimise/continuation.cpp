@@ -38,13 +38,13 @@ Continuation::Continuation(SetUp& set_up, const Certifier& certifier, const Stop
       grace_(grace),
       frame_(shared_frame(set_up.mesh, team)) {}
 
-bool Continuation::run(std::vector<Certificate>& certificates, Result& result) {
+bool Continuation::run(std::vector<Certificate>& certificates, Result& result, RaiseMemory& raised) {
   try {
     if (!run_stages(certificates, result)) return false;
   } catch (const Interrupted&) {
     note_interruption(result);
   }
-  finish(certificates, result);
+  finish(certificates, result, raised);
   return true;
 }
 
@@ -292,7 +292,7 @@ void Continuation::note_interruption(Result& result) {
   result.residual = stage_run_->last().residual;
 }
 
-void Continuation::finish(std::vector<Certificate>& certificates, Result& result) {
+void Continuation::finish(std::vector<Certificate>& certificates, Result& result, RaiseMemory& raised) {
   if (!stage_run_) {  // interrupted before the first stage: the mesh as it came, with the certificates that it has
     result.mesh.coordinates = set_up_.mesh.coordinates;
     result.seconds = watch_.seconds();
@@ -300,6 +300,7 @@ void Continuation::finish(std::vector<Certificate>& certificates, Result& result
   }
   result.seconds = stage_run_->seconds();
   result.history = stage_run_->take_history();
+  raised = stage_run_->take_raised();
   if (descent_) most_accurate_ = descent_->take_best();
   descent_.reset();
   stage_run_.reset();  // frees what Newton's method needed

@@ -12,6 +12,7 @@
 #include "core/descent/descent.h"
 #include "core/guard/best_mesh.h"
 #include "core/guard/guard.h"
+#include "core/maxmin/raise.h"
 #include "core/optimise/grace.h"
 #include "core/optimise/result.h"
 #include "core/optimise/run_control.h"
@@ -32,8 +33,8 @@ class Continuation {
   /// Runs the stages. `certificates` are of set_up.mesh on entry and of the result's mesh afterwards. It sets only the
   /// coordinates of result.mesh; the rest can be copied once the memory of the run has been freed. Returns false and
   /// changes neither of them if control.checkpoint cannot be used; a run from the beginning needs a new Continuation.
-  /// If the token of the run stops it, the result is the best mesh so far.
-  bool run(std::vector<Certificate>& certificates, Result& result);
+  /// If the token of the run stops it, the result is the best mesh so far. `raised`: what the run tried to raise.
+  bool run(std::vector<Certificate>& certificates, Result& result, RaiseMemory& raised);
 
  private:
   /// The stages, one after another. Returns false if the checkpoint cannot be used.
@@ -56,7 +57,7 @@ class Continuation {
   DescentContext descent_context();
   /// The token of the run has interrupted a stage, or the beginning of one.
   void note_interruption(Result& result);
-  void finish(std::vector<Certificate>& certificates, Result& result);
+  void finish(std::vector<Certificate>& certificates, Result& result, RaiseMemory& raised);
   bool untangle_lost();
   /// Brings the guard's kept state up to date.
   void settle(Result& result);

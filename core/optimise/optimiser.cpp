@@ -44,11 +44,13 @@ void prove(const SetUp& set_up, const Certifier& certifier, std::vector<Certific
 /// Runs all stages. If the checkpoint cannot be used, they start from the beginning.
 void run_stages(SetUp& set_up, const Certifier& certifier, std::vector<Certificate>& certificates,
                 const Stopwatch& watch, const OnIteration& on_iteration, const RunControl& control, Team& team,
-                Grace& grace, Result& result) {
-  if (Continuation(set_up, certifier, watch, on_iteration, control, team, grace).run(certificates, result)) return;
+                Grace& grace, Result& result, RaiseMemory& raised) {
+  if (Continuation(set_up, certifier, watch, on_iteration, control, team, grace).run(certificates, result, raised))
+    return;
   RunControl from_the_beginning = control;
   from_the_beginning.checkpoint = {};
-  Continuation(set_up, certifier, watch, on_iteration, from_the_beginning, team, grace).run(certificates, result);
+  Continuation(set_up, certifier, watch, on_iteration, from_the_beginning, team, grace)
+      .run(certificates, result, raised);
 }
 
 void straighten_result(const SetUp& set_up, const Certifier& certifier, std::vector<Certificate>& certificates,
@@ -66,19 +68,21 @@ void straighten_result(const SetUp& set_up, const Certifier& certifier, std::vec
 }
 
 /// Raises the smallest scaled Jacobian around cells that the run leaves invalid or, with Objective::Accuracy, below
-/// Options::min_js. A mesh that came in valid does not get a higher loss of accuracy by that.
+/// Options::min_js, but for those that the run has tried in vain. A mesh that came in valid does not get a higher loss
+/// of accuracy by that.
 void raise_low(const SetUp& set_up, const Certifier& certifier, std::vector<Certificate>& certificates,
-               const Team& team, Grace& grace, Result& result) {
+               const Team& team, Grace& grace, Result& result, RaiseMemory& raised) {
   const Options& options = set_up.options;
   const bool is_for_accuracy = options.objective == Objective::Accuracy && options.until != Until::Valid;
-  std::vector<char> hopeless(certificates.size(), 0);
-  for (const UnrepairableGroup& group : result.unrepairable)
-    if (is_proved(group) || group.kind == UnrepairableGroup::Kind::VertexGroup)
-      for (const std::int32_t cell : group.cells) hopeless[at(cell)] = 1;
+  const std::vector<char> hopeless = cells_beyond_repair(result.unrepairable, certificates.size());
   const std::vector<double> coordinates = result.mesh.coordinates;
   const std::vector<Certificate> before = certificates;
-  const RaiseOutcome outcome = raise_low_cells(result.mesh, set_up.fixed, hopeless, certifier, certificates,
-                                               is_for_accuracy ? options.min_js : 0, team);
+  const RaiseTask task{result.mesh, set_up.fixed, hopeless, certifier, is_for_accuracy ? options.min_js : 0};
+  RaiseOutcome outcome;
+  team.run([&] {
+    forget_changed_cells(task, result.mesh.coordinates, certificates, team.without_stop(), raised);
+    outcome = raise_low_cells(task, result.mesh.coordinates, certificates, team, &raised);
+  });
   if (outcome.interrupted) grace.say_stopped(result);
   if (outcome.made_valid.empty() && outcome.raised.empty()) return;
   if (result.before.uncertified.empty() && result.before.accuracy &&
@@ -271,7 +275,8 @@ Result run_stages_once(SetUp& set_up, const OnIteration& on_iteration, const Run
   result.before = report_quality(set_up.mesh, certifier, certificates, team, grace);
   result.seconds = watch.seconds();
   const bool iterates = options.max_iterations > 0 && set_up.summary.free_nodes > 0 && !grace.stopped();
-  if (iterates) run_stages(set_up, certifier, certificates, watch, on_iteration, control, team, grace, result);
+  RaiseMemory raised;
+  if (iterates) run_stages(set_up, certifier, certificates, watch, on_iteration, control, team, grace, result, raised);
   const Stopwatch after_stages;
   const std::string unmoved = grace.stopped() ? "" : why_unmoved(set_up, result, team);
   if (!iterates || !unmoved.empty()) {
@@ -280,7 +285,7 @@ Result run_stages_once(SetUp& set_up, const OnIteration& on_iteration, const Run
   } else {
     result.mesh = with_coordinates(set_up.mesh, std::move(result.mesh.coordinates));
     if (options.method == Method::Auto && control.untangles_lost && !was_cut_short(result))
-      raise_low(set_up, certifier, certificates, team, grace, result);
+      raise_low(set_up, certifier, certificates, team, grace, result, raised);
     if (options.repair == Repair::Straighten && !result.unrepairable.empty())
       straighten_result(set_up, certifier, certificates, team, grace, result);
     result.after = report_quality(result.mesh, certifier, certificates, team, grace);

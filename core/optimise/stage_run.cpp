@@ -55,7 +55,8 @@ StageRun::StageRun(const StageContext& context, const Stopwatch& watch)
       sweeper_(problem_, context.coloured, kernels_, options_.regularisation, norm_,
                options_.active_set ? options_.tolerance : -1, team_),
       chooser_(options_, guard_.repairable()),
-      stopper_(options_) {
+      stopper_(options_),
+      raiser_(mesh_, problem_, guard_, team_) {
   sweeper_.count_with(meter_);
 }
 
@@ -123,15 +124,30 @@ StageRun::MethodOutcome StageRun::newton_step() {
 
 StageRun::MethodOutcome StageRun::untangle() {
   if (!untangler_) {
-    rest_newton();
+    if (!raises_) {
+      rest_newton();
+      chooser_.untangling_from(guard_.unrepaired());
+      raises_ = true;
+    }
+    if (const std::optional<MethodOutcome> raised = raise()) return *raised;
+    raises_ = false;
     untangler_.emplace(problem_, kernels_, guard_, team_, failed_starts_, depth_, room_for_hessians(mesh_, options_));
-    chooser_.untangling_from(guard_.unrepaired());
   }
   const UntangleOutcome untangled = untangler_->step();
   exact_ = true;
   iteration_.residual = untangled.residual;
   iteration_.active_nodes = untangled.active_nodes;
   return {untangled.gradient_norm, false, false, false};
+}
+
+std::optional<StageRun::MethodOutcome> StageRun::raise() {
+  drop_deformation(problem_);
+  const KeptRaiser::Outcome raised = raiser_.step();
+  if (!raised.tried && raised.finished) return std::nullopt;
+  exact_ = true;
+  iteration_.residual = raised.residual;
+  iteration_.active_nodes = raised.active_nodes;
+  return MethodOutcome{0, false, false, false};
 }
 
 Newton& StageRun::newton() {
@@ -167,6 +183,11 @@ void StageRun::certify(MethodOutcome& outcome) {
   // Sweeps over cells that are all valid hardly change what is proved. The end certifies all that has moved since.
   const bool settled = iteration_.phase == Phase::Sweeps && guard_.uncertified() == 0 && options_.until_js <= 0;
   if (!settled || iteration_.number % kSettledSweepsBetweenCertificates == 0) guard_.certify_moved();
+  if (raises_) {
+    sweeper_.changed();
+    outcome.stuck = guard_.unrepaired() == 0;
+    raises_ = !outcome.stuck;
+  }
   if (!untangler_) return;
   untangler_->judge();
   sweeper_.changed();
@@ -270,7 +291,8 @@ void StageRun::state(Archive& archive) {
 template <class Archive>
 void StageRun::methods_state(Archive& archive) {
   bool with_newton = newton_.has_value(), with_untangler = untangler_.has_value();
-  archive(with_newton, with_untangler, rested_newton_, failed_starts_);
+  archive(with_newton, with_untangler, rested_newton_, failed_starts_, raises_);
+  raiser_.state(archive);
   if constexpr (Archive::kReads) {
     const bool fits = (failed_starts_.empty() && !with_untangler) ||
                       failed_starts_.size() == static_cast<std::size_t>(problem_.cells);

@@ -14,6 +14,7 @@
 #include "core/guard/best_mesh.h"
 #include "core/guard/guard.h"
 #include "core/guard/settling.h"
+#include "core/maxmin/kept_raiser.h"
 #include "core/newton/newton.h"
 #include "core/optimise/optimiser.h"
 #include "core/optimise/phases.h"
@@ -94,6 +95,7 @@ class StageRun {
   bool converged() const { return converged_; }
   double seconds() const { return watch_.seconds(); }
   std::vector<Iteration> take_history() { return std::move(history_); }
+  RaiseMemory take_raised() { return raiser_.take_memory(); }
 
  private:
   /// What every method says about its iteration.
@@ -107,6 +109,8 @@ class StageRun {
   MethodOutcome sweep();
   MethodOutcome newton_step();
   MethodOutcome untangle();
+  /// The beginning of untangling. Returns nothing if there is nothing more to raise.
+  std::optional<MethodOutcome> raise();
   void certify(MethodOutcome& outcome);
   void record(const MethodOutcome& outcome);
   /// Sets bound_ if it can end the run.
@@ -143,6 +147,8 @@ class StageRun {
   std::vector<char> rested_newton_;  ///< The state of a Newton whose arrays were freed; empty: there is none.
   std::optional<Untangler> untangler_;
   Untangler::FailedStarts failed_starts_;
+  KeptRaiser raiser_;
+  bool raises_ = false;  ///< Untangling has begun, and the next iteration of it goes on to raise.
   Iteration iteration_;
   std::vector<Iteration> history_;
   Settling settling_;

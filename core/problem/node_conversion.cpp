@@ -88,13 +88,18 @@ Frame frame_of(const HighOrderMesh& mesh, const Team& team) {
 }
 
 std::vector<double> solver_positions(const HighOrderMesh& mesh, const Frame& frame, const Team& team) {
+  return solver_positions(mesh, mesh.coordinates, frame, team);
+}
+
+std::vector<double> solver_positions(const HighOrderMesh& mesh, std::span<const double> coordinates, const Frame& frame,
+                                     const Team& team) {
   const auto d = static_cast<std::size_t>(mesh.dimension);
   UntouchedVector<double> relative(mesh.node_count() * d);
   std::vector<double> positions(mesh.node_count() * d);
   team.for_ranges(mesh.node_count(), kNodesPerTask, [&](std::size_t begin, std::size_t end) {
     for (std::size_t n = begin; n < end; ++n)
       for (std::size_t k = 0; k < d; ++k)
-        positions[n * d + k] = relative[n * d + k] = (mesh.coordinates[3 * n + k] - frame.centre[k]) / frame.diagonal;
+        positions[n * d + k] = relative[n * d + k] = (coordinates[3 * n + k] - frame.centre[k]) / frame.diagonal;
   });
   const std::vector<std::int32_t> first_cell = first_cells(mesh, team);
   std::size_t first = 0;

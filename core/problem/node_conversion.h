@@ -33,6 +33,9 @@ bool in_closure(const reference::ShapeInfo& shape, reference::NodePlace part, re
 /// Positions of the optimised nodes in the frame (mesh.dimension numbers per node, interleaved), by exact interpolation
 /// in the cells. Nodes that belong to no cell keep their own positions. Call it inside team.run().
 std::vector<double> solver_positions(const HighOrderMesh& mesh, const Frame& frame, const Team& team = Team(1));
+/// The same with other coordinates (3 per node, as HighOrderMesh::coordinates).
+std::vector<double> solver_positions(const HighOrderMesh& mesh, std::span<const double> coordinates, const Frame& frame,
+                                     const Team& team);
 
 /// The conversion of the nodes of one shape and order without its zeros: one row per node of the cell.
 struct ConversionRows {

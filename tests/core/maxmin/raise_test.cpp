@@ -6,6 +6,7 @@
 
 #include <atomic>
 
+#include "core/base/index.h"
 #include "core/mesh/connectivity.h"
 #include "tests/core/support/cases.h"
 #include "tests/core/support/meshes.h"
@@ -31,7 +32,8 @@ Raised raised(HighOrderMesh mesh, double aim, int threads = 1, const StopToken* 
   const std::vector<bool> fixed = fixed_nodes(mesh);
   team.set_stop(stop);
   HighOrderMesh moved = mesh;
-  result.outcome = raise_low_cells(moved, fixed, hopeless, certifier, certificates, aim, team);
+  const RaiseTask task{mesh, fixed, hopeless, certifier, aim};
+  team.run([&] { result.outcome = raise_low_cells(task, moved.coordinates, certificates, team); });
   result.after = certificates;
   result.mesh = std::move(moved);
   return result;
@@ -71,6 +73,57 @@ TEST(RaiseLowCells, RaisesValidCellsToTheAim) {
   EXPECT_EQ(invalid(result.after), 0);
   EXPECT_FALSE(result.outcome.raised.empty());
   EXPECT_GT(summarise(certify(result.mesh, sharp)).min_scaled_jacobian_lower_bound, before + 0.04);
+}
+
+TEST(RaiseLowCells, TriesAgainOnlyWhatHasChanged) {
+  const HighOrderMesh mesh = testing::read_case("sphere_p3.msh");
+  const Certifier certifier(mesh);
+  std::vector<Certificate> certificates(certifier.cells());
+  std::vector<bool> fixed(mesh.node_count(), true);  // so every try is in vain
+  const std::vector<char> hopeless(certificates.size(), 0);
+  const RaiseTask task{mesh, fixed, hopeless, certifier, 0};
+  std::vector<double> coordinates = mesh.coordinates;
+  RaiseMemory memory;
+  const Team team(1);
+  team.run([&] {
+    certifier.certify(coordinates, certificates, team);
+    raise_low_cells(task, coordinates, certificates, team, &memory);
+    EXPECT_EQ(std::ranges::count(memory.tried, 1), invalid(certificates));
+    forget_changed_cells(task, coordinates, certificates, team, memory);
+    EXPECT_EQ(memory.looks, 0);
+    EXPECT_EQ(std::ranges::count(memory.tried, 1), invalid(certificates));
+
+    fixed = fixed_nodes(mesh);
+    EXPECT_EQ(raise_low_cells(task, coordinates, certificates, team, &memory).patches, 0);
+    const auto cell = at(std::ranges::find(memory.tried, 1) - memory.tried.begin());
+    coordinates[3 * at(Cells(mesh, 3).nodes(cell).front())] += 0.01;
+    certifier.certify(coordinates, certificates, team);
+    forget_changed_cells(task, coordinates, certificates, team, memory);
+    EXPECT_EQ(memory.tried[cell], 0);
+    EXPECT_GT(raise_low_cells(task, coordinates, certificates, team, &memory).patches, 0);
+  });
+}
+
+TEST(RaiseLowCells, GoesOnWhereTheLastCallEnded) {
+  const HighOrderMesh mesh = testing::read_case("sphere_p3.msh");
+  const Raised whole = raised(mesh, 0);
+  const Certifier certifier(mesh);
+  std::vector<Certificate> certificates(certifier.cells());
+  const std::vector<bool> fixed = fixed_nodes(mesh);
+  const std::vector<char> hopeless(certificates.size(), 0);
+  std::vector<double> coordinates = mesh.coordinates;
+  RaiseMemory memory;
+  int calls = 0;
+  const Team team(1);
+  team.run([&] {
+    certifier.certify(coordinates, certificates, team);
+    for (bool finished = false; !finished; ++calls)
+      finished =
+          raise_low_cells({mesh, fixed, hopeless, certifier, 0}, coordinates, certificates, team, &memory, 1).finished;
+  });
+  EXPECT_GE(calls, 3);                  // each ends after the first cell
+  EXPECT_LE(invalid(certificates), 2);  // the order of the cells is another, since each call sorts what is left
+  EXPECT_GE(invalid(certificates), invalid(whole.after));
 }
 
 TEST(RaiseLowCells, IsTheSameForAnyNumberOfThreads) {
