@@ -25,7 +25,7 @@ inline bool has_parameters(const NodeBlock& block) {
 class NodesWithParameters {
  public:
   explicit NodesWithParameters(const HighOrderMesh& mesh);
-  /// Empties the parameters of the blocks of which a node has moved since. Blocks may have been added at the end.
+  /// Empties the parameters of each block in which a node has moved since. Blocks may have been added at the end.
   void forget_moved(HighOrderMesh& mesh) const;
 
  private:

@@ -330,7 +330,7 @@ class Parser : public XmlVisitor {
     });
   }
 
-  /// Room for so many more values. While it grows, the list is in memory twice.
+  /// Makes room for `more` values. While the list grows, it is in memory twice.
   template <class T>
   void make_room(std::vector<T>& values, std::size_t more) {
     const std::size_t before = values.capacity(), size = values.size() + more;

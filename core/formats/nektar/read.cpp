@@ -103,7 +103,7 @@ class Reading {
     if (file_.vertex_ids.size() > std::size_t(kMostNodes)) fail("it has too many vertices");
     Scanner counted(file_.bytes);
     counted.allowance = allowance_.counted();
-    // Where the vertices of every so many cells begin, because shapes have different numbers of them.
+    // Where the vertices of every kStep-th cell begin, because shapes have different numbers of vertices.
     constexpr std::size_t kStep = 1024;
     std::vector<std::size_t> first;
     std::size_t vertices = 0;
