@@ -5,8 +5,8 @@
 namespace varimesh::cad {
 
 /// From now on this process can open files only to read them, and neither make, change nor remove files, use networks,
-/// start programs, nor reach other processes. What is open already stays. Does nothing if the system has no filters for
-/// system calls.
-void confine_this_process();
+/// start programs, nor reach other processes. What is open already stays. Returns false, with errno, if the system has
+/// no filters for system calls: then the process may still do all this.
+bool confine_this_process();
 
 }  // namespace varimesh::cad

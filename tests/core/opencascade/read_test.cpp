@@ -228,11 +228,13 @@ TEST_F(CadFile, SaysInWhichUnitAFileCame) {
   EXPECT_NEAR(size(*geometry), 25.4 * std::sqrt(3), 1e-9);
 }
 
-/// What a confined process ends with after `act`.
+constexpr int kNoFilter = 255;  // no errno
+
+/// What a confined process ends with after `act`: 0, errno, or kNoFilter if the system has no filters for system calls.
 int status_after(const std::function<bool()>& act) {
   const pid_t child = ::fork();
   if (child == 0) {
-    cad::confine_this_process();
+    if (!cad::confine_this_process()) ::_exit(kNoFilter);
     ::_exit(act() ? 0 : errno);
   }
   int status = 0;
@@ -241,6 +243,8 @@ int status_after(const std::function<bool()>& act) {
 }
 
 TEST_F(CadFile, TheReaderCanOpenFilesOnlyToReadThem) {
+  if (status_after([] { return true; }) == kNoFilter)
+    GTEST_SKIP() << "This system has no filters for system calls, so nothing about them was tested.";
   const std::string path = text("file", "text");
   EXPECT_EQ(status_after([&] { return ::open(path.c_str(), O_RDONLY) >= 0; }), 0);
   EXPECT_EQ(status_after([&] { return ::open(path.c_str(), O_WRONLY) >= 0; }), EPERM);

@@ -1,0 +1,49 @@
+// A filter for the system calls of this process: a program of the kernel's old packet filter (man 2 seccomp). It looks
+// at the number of a call and at its arguments, not at what they point to.
+#pragma once
+
+#include <linux/filter.h>
+
+#include <cerrno>
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+namespace varimesh {
+
+/// Rules for system calls. The first rule for a call decides about it.
+class CallFilter {
+ public:
+  /// What becomes of calls without a rule. Those that are refused fail with EPERM.
+  enum class Others : std::uint8_t { Allowed, Refused };
+
+  explicit CallFilter(Others others);
+
+  void allow(long call);
+  /// The call fails with `error`.
+  void refuse(long call, int error = EPERM);
+  /// Allows the call if the lower half of the argument has exactly these of the bits of `mask`. Otherwise it fails with
+  /// EPERM.
+  void allow_if(long call, int argument, std::uint32_t mask, std::uint32_t bits);
+  /// Allows the call if the argument is a null pointer. Otherwise it fails with EPERM.
+  void allow_null(long call, int argument);
+  /// Threads are allowed, but no processes.
+  void allow_threads();
+
+  /// From now on the rules hold for this thread and those that it starts. The process must have given up new rights
+  /// (PR_SET_NO_NEW_PRIVS). Returns false, with errno, if the system has no such filters. Call it once.
+  bool install();
+
+ private:
+  void load(std::size_t at);
+  void add(int code, std::uint32_t value, std::uint8_t then = 0, std::uint8_t otherwise = 0);
+  /// The next `instructions` instructions are for this call only.
+  void only_for(long call, std::uint8_t instructions);
+  void answer_allowed();
+  void answer_refused(int error);
+
+  Others others_;
+  std::vector<sock_filter> code_;
+};
+
+}  // namespace varimesh
