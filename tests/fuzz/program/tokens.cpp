@@ -18,12 +18,14 @@
 #include "core/base/sha256.h"
 #include "server/access/json_web_tokens.h"
 #include "tests/fuzz/program/memory.h"
+#include "tests/server/access/base64url.h"
 
 namespace {
 
 using namespace varimesh;
 using namespace varimesh::server;
 using fuzz::expect;
+using varimesh::server::testing::base64url;
 using Json = nlohmann::json;
 
 const WallTime kNow{std::chrono::seconds(1'800'000'000)};
@@ -53,17 +55,6 @@ void try_file(const std::string& text) {
 }
 
 // === JSON Web Tokens ===
-
-std::string base64url(std::string_view bytes) {
-  std::string text(4 * ((bytes.size() + 2) / 3) + 1, '\0');
-  const int size =
-      EVP_EncodeBlock(reinterpret_cast<unsigned char*>(text.data()),
-                      reinterpret_cast<const unsigned char*>(bytes.data()), static_cast<int>(bytes.size()));
-  text.resize(static_cast<std::size_t>(size));
-  for (char& c : text) c = c == '+' ? '-' : c == '/' ? '_' : c;
-  while (!text.empty() && text.back() == '=') text.pop_back();
-  return text;
-}
 
 /// A key of the issuer, made for this run.
 class Signer {

@@ -18,6 +18,7 @@
 #include <nlohmann/json.hpp>
 
 #include "server/access/access.h"
+#include "tests/server/access/base64url.h"
 #endif
 
 namespace varimesh::server::testing {
@@ -38,17 +39,6 @@ const WallTime kNow = std::chrono::floor<std::chrono::seconds>(std::chrono::syst
 
 std::int64_t seconds(WallTime time) {
   return std::chrono::duration_cast<std::chrono::seconds>(time.time_since_epoch()).count();
-}
-
-std::string base64url(const std::string& bytes) {
-  std::string text(4 * ((bytes.size() + 2) / 3) + 1, '\0');
-  const int size =
-      EVP_EncodeBlock(reinterpret_cast<unsigned char*>(text.data()),
-                      reinterpret_cast<const unsigned char*>(bytes.data()), static_cast<int>(bytes.size()));
-  text.resize(static_cast<std::size_t>(size));
-  for (char& c : text) c = c == '+' ? '-' : c == '/' ? '_' : c;
-  while (!text.empty() && text.back() == '=') text.pop_back();
-  return text;
 }
 
 /// A key pair, its private half in PEM, and its public half as a JSON Web Key.
