@@ -95,6 +95,9 @@ class Guard {
   /// mesh's order.
   std::vector<double> coordinates() const;
   const std::vector<Certificate>& certificates() const { return certificates_; }
+  /// The same of the state at the last certify_moved().
+  std::vector<double> latest_coordinates() const { return {latest_coordinates_.begin(), latest_coordinates_.end()}; }
+  const std::vector<Certificate>& latest_certificates() const { return latest_certificates_; }
   /// Computes the certificates.
   const Certifier& certifier() const { return certifier_; }
   /// By cell in the mesh's order: 1 if nothing makes the cell valid, as far as set_unrepairable() was told

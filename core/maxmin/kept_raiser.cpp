@@ -16,8 +16,7 @@ constexpr std::int64_t kLooksPerStep = 20'000;
 
 KeptRaiser::Outcome KeptRaiser::step() {
   guard_.return_to_kept();
-  std::vector<bool> fixed(mesh_.node_count(), true);
-  for (const std::int32_t node : problem_.free) fixed[at(node)] = false;
+  const std::vector<bool> fixed = this->fixed();
   const std::vector<double> kept = guard_.coordinates();
   std::vector<double> coordinates = kept;
   std::vector<Certificate> certificates = guard_.certificates();
@@ -31,16 +30,37 @@ KeptRaiser::Outcome KeptRaiser::step() {
   return outcome;
 }
 
-void KeptRaiser::take(const std::vector<double>& kept, const std::vector<double>& coordinates, Outcome& outcome) {
+bool KeptRaiser::raise_lost() {
+  const std::vector<bool> fixed = this->fixed();
+  const std::vector<double> latest = guard_.latest_coordinates();
+  std::vector<double> coordinates = latest;
+  std::vector<Certificate> certificates = guard_.latest_certificates();
+  std::vector<char> others(certificates.size());
+  for (std::size_t cell = 0; cell < others.size(); ++cell)
+    others[cell] = guard_.certificates()[cell].is_valid() ? 0 : 1;
+  raise_low_cells({mesh_, fixed, others, guard_.certifier(), 0}, coordinates, certificates, team_);
+  team_.look();
+  Outcome outcome;
+  take(latest, coordinates, outcome);
+  return outcome.active_nodes > 0;
+}
+
+std::vector<bool> KeptRaiser::fixed() const {
+  std::vector<bool> result(mesh_.node_count(), true);
+  for (const std::int32_t node : problem_.free) result[at(node)] = false;
+  return result;
+}
+
+void KeptRaiser::take(const std::vector<double>& from, const std::vector<double>& to, Outcome& outcome) {
   const std::vector<double> positions =
-      solver_positions(mesh_, coordinates, frame_of(mesh_, team_.without_stop()), team_.without_stop());
+      solver_positions(mesh_, to, frame_of(mesh_, team_.without_stop()), team_.without_stop());
   // Only nodes of cells that have moved, so that rounding moves no others.
   std::vector<char> near(mesh_.node_count(), 0);
   for (const CellSet& set : problem_.sets)
     for (std::int32_t cell = 0; cell < set.count; ++cell) {
       const auto nodes = std::span(set.nodes).subspan(at(cell) * at(set.nodes_per_cell), at(set.nodes_per_cell));
       const bool moved = std::ranges::any_of(nodes, [&](std::int32_t node) {
-        return !std::equal(&kept[3 * at(node)], &kept[3 * at(node)] + 3, &coordinates[3 * at(node)]);
+        return !std::equal(&from[3 * at(node)], &from[3 * at(node)] + 3, &to[3 * at(node)]);
       });
       for (const std::int32_t node : nodes) near[at(node)] = moved || near[at(node)] != 0 ? 1 : 0;
     }

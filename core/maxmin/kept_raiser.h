@@ -1,4 +1,4 @@
-// Raises what the kept state of a run leaves uncertified, before it is untangled.
+// Raising in the middle of a run, before cells are untangled.
 #pragma once
 
 #include <cstdint>
@@ -34,6 +34,11 @@ class KeptRaiser {
   /// deformation gradients before, and let the guard certify the mesh afterwards.
   Outcome step();
 
+  /// From where the problem's nodes are, after Guard::certify_moved(): raises the cells that have lost their
+  /// certificate (Guard::lost()). The others keep theirs. Returns whether nodes have moved. The caller must do the same
+  /// as after a step.
+  bool raise_lost();
+
   /// What was tried.
   RaiseMemory take_memory() { return std::move(memory_); }
 
@@ -49,8 +54,10 @@ class KeptRaiser {
   }
 
  private:
-  /// Brings the problem's nodes to these coordinates, if they are others than those of the kept state.
-  void take(const std::vector<double>& kept, const std::vector<double>& coordinates, Outcome& outcome);
+  /// Brings the problem's nodes from some coordinates to others.
+  void take(const std::vector<double>& from, const std::vector<double>& to, Outcome& outcome);
+  /// By node: fixed in the problem.
+  std::vector<bool> fixed() const;
 
   const HighOrderMesh& mesh_;
   Problem& problem_;

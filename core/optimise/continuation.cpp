@@ -316,6 +316,19 @@ void Continuation::finish(std::vector<Certificate>& certificates, Result& result
   result.seconds += watch.seconds();
 }
 
+void Continuation::untangle_from_here() {
+  Untangler::FailedStarts failed_starts;  // other cells than those that untangling has given up before
+  // Deeper patches around 19 such cells take in most of a published mesh: over a minute in place of 4 s.
+  Untangler untangler(Untangler::FromHere{}, set_up_.problem, *set_up_.stages[0].kernels, *guard_, team_, failed_starts,
+                      control_.shallow_untangling ? kOneLayer : kShallow,
+                      room_for_hessians(set_up_.mesh, set_up_.options));
+  while (!untangler.done()) {
+    untangler.step();
+    guard_->certify_moved();
+    untangler.judge();
+  }
+}
+
 /// Makes the cells valid that lost their certificate on the way, with their neighbours. If they only went back to where
 /// they had it, those around them would lose theirs, and so on. Returns false, without doing it, if the run is to end.
 bool Continuation::untangle_lost() {
@@ -323,17 +336,10 @@ bool Continuation::untangle_lost() {
     return true;
   if (grace_.stopped()) return false;
   const std::vector<double> optimum = set_up_.problem.positions;
-  Untangler::FailedStarts failed_starts;  // other cells than those that untangling has given up before
-  // Deeper patches around 19 such cells take in most of a published mesh: over a minute in place of 4 s.
-  Untangler untangler(Untangler::FromHere{}, set_up_.problem, *set_up_.stages[0].kernels, *guard_, team_, failed_starts,
-                      control_.shallow_untangling ? kOneLayer : kShallow,
-                      room_for_hessians(set_up_.mesh, set_up_.options));
+  drop_deformation(set_up_.problem);
   try {
-    while (!untangler.done()) {
-      untangler.step();
-      guard_->certify_moved();
-      untangler.judge();
-    }
+    if (KeptRaiser(set_up_.mesh, set_up_.problem, *guard_, team_).raise_lost()) guard_->certify_moved();
+    if (guard_->lost() > 0) untangle_from_here();
   } catch (const Interrupted&) {
     set_up_.problem.positions = optimum;
     throw;

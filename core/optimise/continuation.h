@@ -59,6 +59,8 @@ class Continuation {
   void note_interruption(Result& result);
   void finish(std::vector<Certificate>& certificates, Result& result, RaiseMemory& raised);
   bool untangle_lost();
+  /// Untangles cells that lost their certificate and that raising has left.
+  void untangle_from_here();
   /// Brings the guard's kept state up to date.
   void settle(Result& result);
   void take_mesh(std::vector<Certificate>& certificates, Result& result);
