@@ -21,7 +21,7 @@
 #include "core/optimise/continuation.h"
 #include "core/optimise/grace.h"
 #include "core/optimise/set_up.h"
-#include "core/optimise/splitting.h"
+#include "core/optimise/splitting/splitting.h"
 #include "core/problem/fixed_nodes.h"
 #include "core/quality/certified_quality.h"
 #include "core/repair/straighten.h"
@@ -301,7 +301,7 @@ Result run_turned(SetUp& set_up, const OnIteration& on_iteration, const RunContr
   if (options.time_limit > 0) stop.stop_after(options.time_limit - set_up.seconds);
   const bool splits = options.repair == Repair::Split && options.max_iterations > 0;
   if (splits) set_up.seconds = 0;
-  Result result = splits ? optimise_by_splitting(set_up.mesh, set_up.summary, options, on_iteration, control, stop)
+  Result result = splits ? optimise_by_splitting(set_up, on_iteration, control, stop)
                          : run_stages_once(set_up, on_iteration, control, stop);
   const std::vector<std::int64_t> uncertified = uncertified_numbers(result.after);
   result.unrepairable = with_any_of(std::move(result.unrepairable), uncertified);

@@ -31,7 +31,9 @@ struct RunControl {
   /// The bytes of such a `write` for the same mesh and the same options (except threads, max_iterations and
   /// time_limit). The run goes on after that iteration. On a machine with the same vector instructions it ends with the
   /// same bytes as an uninterrupted run. Its history is complete, and its seconds go on. A checkpoint that is damaged,
-  /// or for another mesh, other options or another version, is ignored: the run begins at the beginning.
+  /// or for another mesh, other options or another version, is ignored: the run begins at the beginning. A run with
+  /// Repair::Split is a sequence of runs. It makes the looks for splits between them again, and if only the part about
+  /// the run under way is damaged, that run begins at its beginning.
   std::string_view checkpoint;
   /// How many threads the next iteration may use, at least 1. Called before each. If empty: Options::threads.
   std::function<int()> threads;

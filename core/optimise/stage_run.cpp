@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "core/checkpoint/checkpoint.h"
+#include "core/optimise/iteration_state.h"
 #include "core/optimise/memory.h"
 
 namespace varimesh {
@@ -30,12 +31,6 @@ constexpr int kMostWithMostProducts = 10;
 constexpr int kMostStanding = 10;
 constexpr double kLowerResidual = 0.5;  // times the least one
 constexpr double kLowerEnergy = 1e-12;  // of the energy; its rounding is less
-
-template <class Archive>
-void iteration_state(Archive& archive, Iteration& i) {
-  archive(i.phase, i.number, i.energy, i.residual, i.relative_gradient, i.min_scaled_jacobian, i.invalid_elements,
-          i.repairable_elements, i.left_elements, i.active_nodes, i.products, i.linear_solve, i.seconds);
-}
 
 }  // namespace
 

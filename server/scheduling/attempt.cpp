@@ -302,8 +302,7 @@ Ending run(const Attempt& attempt) {
   WorkMeter meter([&](const Work& work) { attempt.log.set_work(to_proto(work)); });
   hooks.control.meter = &meter;
   StopAtOnce stop_at_once(attempt);
-  // A run by splitting is never saved.
-  const bool can_be_saved = attempt.note_checkpoint != nullptr && options->repair != Repair::Split;
+  const bool can_be_saved = attempt.note_checkpoint != nullptr;
   hooks.on_iteration = [&](const Iteration& iteration) {
     progress(iteration);
     stages.note(iteration.phase);

@@ -1,5 +1,5 @@
 // Whole runs with --repair split on meshes that no movement of nodes can make valid.
-#include "core/optimise/splitting.h"
+#include "core/optimise/splitting/splitting.h"
 
 #include <gtest/gtest.h>
 

@@ -1,21 +1,20 @@
 // Rounds of splitting and optimising; the best mesh is kept.
-#include "core/optimise/splitting.h"
+#include "core/optimise/splitting/splitting.h"
 
 #include <Eigen/LU>
 #include <algorithm>
-#include <functional>
-#include <limits>
 #include <optional>
 #include <set>
 #include <string>
 #include <utility>
 
 #include "core/base/index.h"
-#include "core/base/stopwatch.h"
+#include "core/checkpoint/checkpoint.h"
 #include "core/diagnosis/elements_text.h"
 #include "core/diagnosis/node_positions.h"
 #include "core/mesh/connectivity.h"
 #include "core/optimise/grace.h"
+#include "core/optimise/splitting/run_sequence.h"
 #include "core/reference/basis.h"
 #include "core/repair/split_passes.h"
 #include "core/validity/orientation.h"
@@ -24,153 +23,11 @@ namespace varimesh {
 namespace {
 
 constexpr int kMostRounds = 4;
-/// Newton steps before the first split. On meshes that stay tangled, Newton does not end by itself.
-constexpr int kBriefIterations = 40;
 /// The work of all rounds together, and of the run without a split that may follow them, as multiples of the work
 /// before the first split.
 constexpr double kTimesTheWork = 4;
 /// Each may do at least this much, a fraction of a second.
 constexpr double kLeastWork = 3e5;
-/// Work of an iteration per free node that it visits, in units of a visit by a sweep. Measured on tetrahedra of
-/// order 3.
-constexpr double kNewtonWork = 4, kProductWork = 0.1, kUntanglingWork = 80;
-
-/// The work of an iteration, from what it counts: the same on every machine.
-double work_of(const Iteration& iteration) {
-  const auto nodes = static_cast<double>(iteration.active_nodes);
-  if (iteration.phase == Phase::Sweeps) return nodes;
-  if (iteration.phase == Phase::Untangle) return kUntanglingWork * nodes;
-  return nodes * (kNewtonWork + kProductWork * iteration.products);
-}
-
-// ---------------------------------------------------------------------------------------------------------------------
-// Several runs that share their limits
-// ---------------------------------------------------------------------------------------------------------------------
-
-/// Runs that a caller sees as one: iterations are numbered through, and the limits are for all of them together. The
-/// sequence begins when it is constructed, and `on_iteration` must outlive it.
-class RunSequence {
- public:
-  RunSequence(const Options& options, const OnIteration& on_iteration, const RunControl& control, const StopToken& stop)
-      : options_(options), on_iteration_(on_iteration), stop_(stop) {
-    control_.threads = control.threads;
-    control_.stop_asked = control.stop_asked;
-    control_.meter = control.meter;
-    control_.shallow_untangling = true;
-    options_.repair = Repair::Report;
-    options_.order = 0;
-  }
-
-  /// Rounds begin. They may do at most this much more work; the iteration that passes it is the last. Cells that lose
-  /// their certificate in a round are not untangled: a split beside them may be next.
-  void begin_rounds(double work) {
-    most_work_ = work_ + work;
-    control_.untangles_lost = false;
-  }
-
-  /// Rounds are over. What follows may do at most this much more work.
-  void end_rounds(double work) {
-    most_work_ = work_ + work;
-    control_.untangles_lost = true;
-  }
-  /// The work so far.
-  double work() const { return work_; }
-
-  /// A look for splits has found this many groups.
-  void note_groups(std::int64_t groups) {
-    groups_left_ = groups;
-    if (control_.meter == nullptr) return;
-    control_.meter->found_groups(groups);
-    control_.meter->begin(Activity::Splits);
-    control_.meter->add(++looks_);
-  }
-
-  /// Whether the limits allow another run, and no stop was asked for.
-  bool may_go_on() const {
-    return !stopped() && !out_of_work() && static_cast<int>(history_.size()) < options_.max_iterations &&
-           (options_.time_limit <= 0 || watch_.seconds() < options_.time_limit);
-  }
-
-  /// Whether the caller or the token has stopped the sequence.
-  bool stopped() const { return stopped_ || stop_.stopped(); }
-  const StopToken& token() const { return stop_; }
-  /// Whether the work that was allowed is done.
-  bool out_of_work() const { return work_ >= most_work_; }
-
-  /// As run(), but without untangling and with few iterations: untangling takes most of the time if a split is needed.
-  std::optional<Result> run_briefly(const HighOrderMesh& mesh) {
-    const Options whole = options_;
-    if (options_.method == Method::Auto) options_.method = Method::Newton;
-    options_.max_iterations = std::min(options_.max_iterations, static_cast<int>(history_.size()) + kBriefIterations);
-    std::optional<Result> result = run(mesh);
-    options_ = whole;
-    return result;
-  }
-
-  /// Optimises the mesh with Repair::Report and in its own order, within what is left of the limits. Returns nothing if
-  /// the mesh is refused.
-  std::optional<Result> run(const HighOrderMesh& mesh) {
-    Options options = options_;
-    options.max_iterations -= static_cast<int>(history_.size());
-    // 0 would mean no limit. With so little time left, the run ends before its first iteration.
-    if (options_.time_limit > 0) options.time_limit = std::max(1e-9, options_.time_limit - watch_.seconds());
-    const int before = static_cast<int>(history_.size());
-    const double seconds = watch_.seconds();
-    bool asked = false;
-    const OnIteration pass_on = [&](Iteration iteration) {
-      iteration.number += before;
-      iteration.seconds += seconds;
-      iteration.groups_left = groups_left_;
-      work_ += work_of(iteration);
-      history_.push_back(iteration);
-      asked = on_iteration_ && on_iteration_(iteration) == Control::Stop;
-      return asked || out_of_work() ? Control::Stop : Control::Continue;
-    };
-    Expected<Result> result = optimise(mesh, options, pass_on, control_);
-    if (!result) return std::nullopt;
-    const bool cut_short = result->stopped && !asked && stop_.reason() != StopToken::Reason::Asked;
-    if (cut_short) {
-      result->stopped = false;
-      result->stop_reason = StopReason::NoProgress;
-    }
-    stopped_ = stopped_ || result->stopped;
-    return std::move(*result);
-  }
-
-  /// Fills in what concerns the whole sequence: history, iterations, seconds and, if a limit or a stop ended it, the
-  /// reason. Takes the history; call it once, at the end.
-  void finish(Result& result) {
-    result.history = std::move(history_);
-    result.iterations = static_cast<int>(result.history.size());
-    result.seconds = watch_.seconds();
-    result.stopped = stopped_ || stop_.reason() == StopToken::Reason::Asked;
-    if (result.stopped) {
-      result.stop_reason = StopReason::Stopped;
-    } else if (!result.after.uncertified.empty()) {  // without the limits, more would have been tried
-      const bool is_over = options_.time_limit > 0 && result.seconds >= options_.time_limit;
-      if (is_over || stop_.reason() == StopToken::Reason::TimeLimit) result.stop_reason = StopReason::TimeLimit;
-      if (result.iterations >= options_.max_iterations) result.stop_reason = StopReason::Iterations;
-    }
-    // A run that the sequence has cut short was not ended by the caller's limit.
-    if (result.stop_reason == StopReason::Iterations && result.iterations < options_.max_iterations)
-      result.stop_reason = StopReason::NoProgress;
-  }
-
- private:
-  Options options_;
-  const OnIteration& on_iteration_;
-  const StopToken& stop_;
-  RunControl control_;
-  Stopwatch watch_;
-  std::vector<Iteration> history_;
-  double work_ = 0, most_work_ = std::numeric_limits<double>::infinity();
-  std::int64_t groups_left_ = -1, looks_ = 0;
-  bool stopped_ = false;
-};
-
-// ---------------------------------------------------------------------------------------------------------------------
-// Rounds
-// ---------------------------------------------------------------------------------------------------------------------
 
 std::set<std::int64_t> uncertified_set(const Result& result) {
   const std::vector<std::int64_t> numbers = uncertified_numbers(result.after);
@@ -341,6 +198,12 @@ QualityReport quality_before(const HighOrderMesh& mesh, const Options& options, 
   return report_quality(mesh, certifier, certificates, team, grace);
 }
 
+/// 0 if no checkpoint is read or written.
+std::uint64_t fingerprint_for(const RunControl& control, const SetUp& set_up) {
+  if (!control.checkpoint_due && control.checkpoint.empty()) return 0;
+  return fingerprint(set_up.mesh, set_up.fixed, set_up.target, set_up.options);
+}
+
 /// The result of a run that was stopped before it had another.
 Result as_it_came(const HighOrderMesh& mesh, const MeshSummary& summary, const QualityReport& before,
                   const StopToken& stop) {
@@ -354,14 +217,16 @@ Result as_it_came(const HighOrderMesh& mesh, const MeshSummary& summary, const Q
 
 }  // namespace
 
-Result optimise_by_splitting(const HighOrderMesh& mesh, const MeshSummary& summary, const Options& options,
-                             const OnIteration& on_iteration, const RunControl& control, StopToken& stop) {
-  RunSequence runs(options, on_iteration, control, stop);
-  QualityReport before = quality_before(mesh, options, stop);
+Result optimise_by_splitting(const SetUp& set_up, const OnIteration& on_iteration, const RunControl& control,
+                             StopToken& stop) {
+  const HighOrderMesh& mesh = set_up.mesh;
+  const Options& options = set_up.options;
+  RunSequence runs(options, fingerprint_for(control, set_up), on_iteration, control, stop);
+  QualityReport before = quality_before(mesh, options, runs.token());
   std::optional<Result> best;
   bool out_of_work = false;
   if (!runs.stopped()) best = before.uncertified.empty() ? runs.run(mesh) : runs.run_briefly(mesh);
-  if (!best) best = as_it_came(mesh, summary, before, stop);
+  if (!best) best = as_it_came(mesh, set_up.summary, before, stop);
   // The brief run may have ended before the optimum. If it left nothing to split, the run goes on as one without
   // splits.
   if (best->after.uncertified.empty() && best->stop_reason == StopReason::Iterations && runs.may_go_on()) {

@@ -3,6 +3,7 @@
 
 #include "core/base/stop_token.h"
 #include "core/optimise/optimiser.h"
+#include "core/optimise/set_up.h"
 
 namespace varimesh {
 
@@ -26,13 +27,13 @@ namespace varimesh {
 /// face are never split for their own sake.
 ///
 /// The stop reason is that of the run that the mesh comes from. But if elements are left, and a limit for everything
-/// together or a stop kept it from going on, the reason is that limit or stop. It uses only three members of
-/// `control`: the number of threads, stop_asked and the meter, which it tells the groups that each look has found.
-/// There are no checkpoints. It ends: there are at most eight passes per round.
+/// together or a stop kept it from going on, the reason is that limit or stop. The meter is told the groups that each
+/// look has found. It ends: there are at most eight passes per round.
 ///
-/// `summary` is that of the mesh. `stop` is the token of the run. If it stops step 1 before its first iteration, the
-/// mesh is as it came.
-Result optimise_by_splitting(const HighOrderMesh& mesh, const MeshSummary& summary, const Options& options,
-                             const OnIteration& on_iteration, const RunControl& control, StopToken& stop);
+/// A checkpoint has the results of the runs before, so that only the looks for splits between them are computed again.
+///
+/// `stop` is the token of the run. If it stops step 1 before its first iteration, the mesh is as it came.
+Result optimise_by_splitting(const SetUp& set_up, const OnIteration& on_iteration, const RunControl& control,
+                             StopToken& stop);
 
 }  // namespace varimesh
