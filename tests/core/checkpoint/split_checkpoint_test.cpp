@@ -194,8 +194,7 @@ TEST_P(ResumedSplitting, GoesOnFromEveryCheckpointToTheSameResult) {
   }
 }
 
-// The first two are valid after one round. The third is left unsplit: a round uses up its work, and a run without
-// splits follows. No round follows the run of the last, which makes it valid.
+// The first two become valid by splits. The third is left unsplit. The last becomes valid before any split.
 INSTANTIATE_TEST_SUITE_P(
     Cases, ResumedSplitting,
     ::testing::Values(Case{"Six", [] { return testing::six_in_a_ball(3); }, 3},
