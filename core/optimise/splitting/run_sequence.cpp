@@ -211,9 +211,13 @@ bool RunSequence::read(std::string_view checkpoint) {
 bool RunSequence::take_finished(const HighOrderMesh& mesh, std::optional<Result>& result) {
   const std::size_t next = finished_runs_;
   if (!restores_ || next >= restored_.finished.size()) return false;
-  if (take_kept(restored_.finished[next], mesh, result)) return true;
-  restores_ = false;  // it is of another version: what follows begins anew
-  return false;
+  if (!take_kept(restored_.finished[next], mesh, result)) {
+    restores_ = false;  // it is of another version: what follows begins anew
+    return false;
+  }
+  if (result)
+    for (const Iteration& iteration : result->history) work_ += work_of(iteration);
+  return true;
 }
 
 }  // namespace varimesh
