@@ -92,8 +92,8 @@ void Continuation::set_up_stage(const std::vector<Certificate>& certificates,
   stage_run_.emplace(context(), watch_);
 }
 
-constexpr Untangler::Depth kOneLayer{1, 1};  ///< The patches of RunControl::shallow_untangling.
-constexpr Untangler::Depth kShallow{1, 2};   ///< The patches around cells that lost their certificate.
+constexpr Untangler::Depth kOneLayer{1, 1, 1};  ///< The patches of RunControl::shallow_untangling.
+constexpr Untangler::Depth kShallow{1, 2, 2};   ///< The patches around cells that lost their certificate.
 
 StageContext Continuation::context() {
   const Stage& stage = set_up_.stages[stage_];

@@ -2,6 +2,7 @@
 #include "core/untangle/untangle.h"
 
 #include <algorithm>
+#include <cmath>
 #include <numeric>
 
 #include "core/base/index.h"
@@ -19,20 +20,32 @@ constexpr double kRise = 0.02;  // of the smallest coefficient
 /// Patches that may leave a cell uncertified before it is given up. On the same three meshes a third one certified
 /// none.
 constexpr int kMostStarts = 2;
+/// A cell that is longer than this times its shortest height is stretched. A regular tetrahedron has 1.2, a cube 1.7.
+constexpr double kStretched = 5;
 /// Patches whose cells' Hessians have more numbers than this, 2 GiB, are left out.
 constexpr std::size_t kMostEntries = std::size_t{1} << 28;
 
 /// Finds the active cells, the nodes that may move, and the patches that they form.
 class PatchFinder {
  public:
-  PatchFinder(const Problem& problem, std::span<const Standing> standings, int layers)
+  /// `stretched_layers`: around uncertified cells that are stretched.
+  PatchFinder(const Problem& problem, std::span<const Standing> standings, int layers, int stretched_layers)
       : problem_(problem),
         active_(at(problem.cells), 0),
         rank_(problem.positions.size() / at(problem.dimension), -1),
         parent_(problem.free.size()) {
     for (std::size_t f = 0; f < problem.free.size(); ++f) rank_[at(problem.free[f])] = static_cast<std::int32_t>(f);
+    const auto is_start = [&](std::size_t cell) {
+      return standings[cell] == Standing::Lost || standings[cell] == Standing::Uncertified;
+    };
+    if (stretched_layers > layers) {
+      for (const CellSet& set : problem.sets)
+        for (std::int32_t cell = 0; cell < set.count; ++cell)
+          active_[at(set.first + cell)] = is_start(at(set.first + cell)) && is_stretched(set, cell) ? 1 : 0;
+      for (int layer = layers; layer < stretched_layers; ++layer) add_layer();
+    }
     for (std::size_t cell = 0; cell < active_.size(); ++cell)
-      active_[cell] = standings[cell] == Standing::Lost || standings[cell] == Standing::Uncertified ? 1 : 0;
+      if (is_start(cell)) active_[cell] = 1;
     for (int layer = 0; layer < layers; ++layer) add_layer();
     find_free();
     join();
@@ -75,6 +88,25 @@ class PatchFinder {
       for (std::int32_t cell = 0; cell < set.count; ++cell)
         if (active_[at(set.first + cell)])
           visit(std::span(set.nodes).subspan(at(cell) * at(set.nodes_per_cell), at(set.nodes_per_cell)));
+  }
+
+  /// Whether the longest distance of two vertices is more than kStretched times the shortest height.
+  bool is_stretched(const CellSet& set, std::int32_t cell) const {
+    const auto d = at(problem_.dimension);
+    const int vertices = reference::info(set.shape).vertices;
+    double square = 0;
+    for (int a = 0; a < vertices; ++a)
+      for (int b = 0; b < a; ++b) {
+        double distance = 0;
+        for (std::size_t k = 0; k < d; ++k) {
+          const auto place = [&](int v) {
+            return problem_.positions[at(set.nodes[at(cell) * at(set.nodes_per_cell) + at(v)]) * d + k];
+          };
+          distance += (place(a) - place(b)) * (place(a) - place(b));
+        }
+        square = std::max(square, distance);
+      }
+    return std::sqrt(square) > kStretched * double(problem_.cell_size[at(set.first + cell)]);
   }
 
   /// Makes the cells active that share a vertex with an active one.
@@ -193,14 +225,14 @@ void Untangler::begin() {
   failed_starts_.resize(at(problem_.cells), 0);
   rebuild();
   first_unrepaired_ = guard_.unrepaired();
-  find_patches(depth_.first);
+  find_patches(depth_.first, depth_.first);
 }
 
-void Untangler::find_patches(int layers) {
+void Untangler::find_patches(int layers, int stretched_layers) {
   layers_ = layers;
   patches_.clear();
   const std::vector<Standing> standings = present_standings();
-  for (PatchFinder::Found& found : PatchFinder(problem_, standings, layers).patches(standings)) {
+  for (PatchFinder::Found& found : PatchFinder(problem_, standings, layers, stretched_layers).patches(standings)) {
     if (!fits_in_memory(found.members, problem_.dimension)) continue;
     UntanglePatch patch(energies_, std::move(found.members), std::move(found.nodes), problem_.dimension, team_.stop());
     patch.find_lengths(problem_);
@@ -291,7 +323,7 @@ void Untangler::finish() {
   guard_.certify_moved();
   count_failures();
   if ((guard_.unrepaired() > 0 || guard_.lost() > 0) && layers_ < depth_.second) {
-    find_patches(depth_.second);
+    find_patches(depth_.second, depth_.stretched);
     if (!patches_.empty()) return;
   }
   for (const TrackedPatch& tracked : patches_)

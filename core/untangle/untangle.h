@@ -27,9 +27,10 @@ struct UntangleOutcome {
 /// The cells that are uncertified and in no unrepairable group are active, and so are Depth::first layers of cells
 /// around them (neighbours by a vertex). A free node may move if all its cells are active. Cells that share such a node
 /// form a patch; patches are independent of each other and are untangled at the same time. If cells are left over, they
-/// are tried once more with Depth::second layers, since a tangled boundary layer may have to be moved as deep as that.
-/// A cell that two patches have left uncertified is given up for the rest of the run: it starts no patch, and in the
-/// patches of others it counts as unrepairable. docs/untangling.md describes the method and says why it ends.
+/// are tried once more with Depth::second layers, and with Depth::stretched around stretched cells, since a tangled
+/// boundary layer may have to be moved as deep as that. A cell that two patches have left uncertified is given up for
+/// the rest of the run: it starts no patch, and in the patches of others it counts as unrepairable. docs/untangling.md
+/// describes the method and says why it ends.
 ///
 /// Call all functions inside team.run(). The result does not depend on the number of threads. Deformation gradients are
 /// kept up to date.
@@ -37,9 +38,10 @@ class Untangler {
  public:
   static constexpr std::int64_t kUnlimited = std::int64_t{1} << 62;
 
-  /// Layers of cells around the uncertified ones: at first, and for cells that are left over.
+  /// Layers of cells around the uncertified ones: at first, and for cells that are left over. `stretched`: around
+  /// those of the left ones that are stretched.
   struct Depth {
-    int first = 2, second = 4;
+    int first = 1, second = 2, stretched = 4;
   };
 
   /// By cell (CellSet::first + cell): how many patches have ended without certifying it. The caller keeps it from one
@@ -152,7 +154,7 @@ class Untangler {
   /// Finds the first patches.
   void begin();
   /// Finds the patches with this many layers around the uncertified cells.
-  void find_patches(int layers);
+  void find_patches(int layers, int stretched_layers);
   /// Computes all deformation gradients from the positions.
   void rebuild();
   /// Writes the positions of a patch's nodes into the problem, and updates the deformation gradients.
