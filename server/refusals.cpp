@@ -135,7 +135,7 @@ Refusal mesh_not_found(const std::string& digest) {
 
 Refusal mesh_missing(const std::string& digest) {
   return refusal(Code::FailedPrecondition, "MESH_NOT_FOUND",
-                 "The mesh " + digest + " is not in the store; upload it and submit the job again.",
+                 "The mesh or geometry " + digest + " is not in the store; upload it and submit the job again.",
                  {{"digest", digest}});
 }
 

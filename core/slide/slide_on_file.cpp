@@ -72,6 +72,7 @@ struct Work {
   SlideOn what;
   const Team& team;
   std::vector<std::string> sentences;
+  SlideReport report = {};
 
   Expected<void> run(const geometry::Geometry& geometry) {
     Expected<Association> association;
@@ -121,7 +122,6 @@ struct Work {
   void slide_nodes(HighOrderMesh& boundary, Association& association) {
     auto fixed = nodes_of_groups(mesh, options.fix);
     assert(fixed);  // slide_on_file() has looked for the groups already
-    SlideReport report;
     if (mesh.dimension == 2)
       report = detail::slide_alone(boundary, association, what, std::move(*fixed), team);
     else
@@ -130,33 +130,56 @@ struct Work {
   }
 };
 
-}  // namespace
-
-Expected<std::vector<std::string>> slide_on_file(HighOrderMesh& mesh, const GeometryOptions& options) {
+/// What can be refused before a geometry is read.
+Expected<SlideOn> check(const HighOrderMesh& mesh, const GeometryOptions& options, const Team& team) {
   const auto what = slide_on_from_name(options.slide.empty() ? "all" : options.slide);
-  if (!what) return tl::unexpected(what.error());
+  if (!what) return what;
   if (options.on_boundary && (!options.file.empty() || options.order > 0 || options.snap))
     return bad_option(
         "--slide-on boundary goes without --geometry, --snap and an order, because nodes stay near the "
         "boundary of the mesh as it came.");
-  const Team team(options.threads);
   Expected<void> checked;
   team.run([&] { checked = check_judgeable(mesh, team); });
   if (checked) checked = check_order(mesh, options.order);
   if (!checked) return tl::unexpected(checked.error());
   if (const auto fixed = nodes_of_groups(mesh, options.fix); !fixed) return tl::unexpected(fixed.error());
-  Expected<geometry::Geometry> geometry;
-  if (!options.on_boundary) geometry = geometry::load(options.file);
-  if (!geometry) return tl::unexpected(geometry.error());
+  return what;
+}
 
-  Work work{mesh, options, *what, team, geometry->notes};
+/// Without a model: on the mesh's own boundary.
+Expected<SlidOnGeometry> slide_on(HighOrderMesh& mesh, const GeometryOptions& options, SlideOn what, const Team& team,
+                                  const geometry::Geometry* model) {
+  Work work{mesh, options, what, team, {}};
+  if (model != nullptr) work.sentences = model->notes;
   std::vector<double> start = mesh.coordinates;
-  const Expected<void> done = options.on_boundary ? work.run_on_boundary() : work.run(*geometry);
+  const Expected<void> done = model == nullptr ? work.run_on_boundary() : work.run(*model);
   if (!done) {
     mesh.coordinates = std::move(start);
     return tl::unexpected(done.error());
   }
-  return std::move(work.sentences);
+  return SlidOnGeometry{std::move(work.sentences), work.report};
+}
+
+}  // namespace
+
+Expected<SlidOnGeometry> slide_on_model(HighOrderMesh& mesh, const GeometryOptions& options,
+                                        const geometry::Geometry& model) {
+  const Team team(options.threads);
+  const auto what = check(mesh, options, team);
+  if (!what) return tl::unexpected(what.error());
+  return slide_on(mesh, options, *what, team, &model);
+}
+
+Expected<std::vector<std::string>> slide_on_file(HighOrderMesh& mesh, const GeometryOptions& options) {
+  const Team team(options.threads);
+  const auto what = check(mesh, options, team);
+  if (!what) return tl::unexpected(what.error());
+  Expected<geometry::Geometry> geometry;
+  if (!options.on_boundary) geometry = geometry::load(options.file);
+  if (!geometry) return tl::unexpected(geometry.error());
+  auto slid = slide_on(mesh, options, *what, team, options.on_boundary ? nullptr : &*geometry);
+  if (!slid) return tl::unexpected(slid.error());
+  return std::move(slid->sentences);
 }
 
 }  // namespace varimesh

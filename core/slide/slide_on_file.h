@@ -7,8 +7,12 @@
 
 #include "core/base/error.h"
 #include "core/mesh/high_order_mesh.h"
+#include "core/slide/slide_report.h"
 
 namespace varimesh {
+namespace geometry {
+struct Geometry;
+}  // namespace geometry
 
 struct GeometryOptions {
   std::string file;          ///< A STEP, IGES or BREP file; empty: none.
@@ -34,5 +38,15 @@ struct GeometryOptions {
 /// `on_boundary`, if `on_boundary` comes with an order or `snap`, if the order is not 0 or 2 to kMaxOrder, if a group
 /// does not exist, or if OpenCASCADE is not installed.
 Expected<std::vector<std::string>> slide_on_file(HighOrderMesh& mesh, const GeometryOptions& options);
+
+/// What came of a mesh and a geometry.
+struct SlidOnGeometry {
+  std::vector<std::string> sentences;
+  SlideReport report;
+};
+
+/// slide_on_file() on a geometry that has been read already, to the same bits. `options.file` is not looked at.
+Expected<SlidOnGeometry> slide_on_model(HighOrderMesh& mesh, const GeometryOptions& options,
+                                        const geometry::Geometry& model);
 
 }  // namespace varimesh

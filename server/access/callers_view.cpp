@@ -2,9 +2,12 @@
 #include "server/access/callers_view.h"
 
 #include <algorithm>
+#include <string>
 #include <utility>
+#include <vector>
 
 #include "core/base/sha256.h"
+#include "server/jobs/job_record.h"
 #include "server/log/log.h"
 #include "server/refusals.h"
 #include "server/tracing/spans.h"
@@ -58,8 +61,8 @@ LogFields CallersView::fields_about(const std::string& job) const {
 
 Answer<v1::Job> CallersView::try_submit(const std::string& request_id, const v1::JobSpec& spec, bool validate_only,
                                         const TraceContext& trace) const {
-  const std::string& digest = spec.mesh().digest();
-  if (is_sha256(digest) && !may_use(digest)) return mesh_missing(digest);
+  for (const std::string& digest : inputs_of(spec))
+    if (is_sha256(digest) && !may_use(digest)) return mesh_missing(digest);
   if (const auto room = meshes_->check_share(caller_.owner, 0); !room) return tl::unexpected(room.error());
   // On a server that does not ask who calls, everybody is an admin.
   const bool is_admin = caller_.sees_all() && !caller_.owner.empty();
@@ -144,7 +147,9 @@ Answer<bool> CallersView::refers_to(const std::string& digest) const {
     if (!page) return tl::unexpected(page.error());
     for (const v1::Job& job : page->jobs) {
       const auto is_result = [&](const v1::StoredMesh& result) { return result.digest() == digest; };
-      if (job.spec().mesh().digest() == digest || std::ranges::any_of(job.results(), is_result)) return true;
+      const std::vector<std::string> inputs = inputs_of(job.spec());
+      if (std::ranges::find(inputs, digest) != inputs.end() || std::ranges::any_of(job.results(), is_result))
+        return true;
     }
     token = page->next_page_token;
   } while (!token.empty());

@@ -11,11 +11,14 @@
 #include "core/base/stopwatch.h"
 #include "core/base/team.h"
 #include "core/diagnosis/diagnose.h"
+#include "core/geometry/load.h"
 #include "core/marks/marks.h"
 #include "core/optimise/memory.h"
 #include "core/optimise/optimiser.h"
 #include "core/quality/certified_quality.h"
+#include "core/slide/slide_on_file.h"
 #include "server/engine/engine.h"
+#include "server/engine/geometry_messages.h"
 #include "server/engine/mesh_parts.h"
 #include "server/engine/translate.h"
 
@@ -145,6 +148,13 @@ void note_straight_boundary(const HighOrderMesh& mesh, const RunRequest& request
       raised + "), or move the boundary nodes of a mesh of order " + raised + " with --boundary or --displacements.");
 }
 
+/// Slides the boundary nodes on the model of the request.
+Expected<SlidOnGeometry> slide_nodes(HighOrderMesh& mesh, const RunRequest& request) {
+  const auto model = request.model->geometry();
+  if (!model) return tl::unexpected(model.error());
+  return slide_on_model(mesh, geometry_options(*request.geometry, request.options), *model);
+}
+
 /// The summary of a run that was stopped before it had a mesh.
 RunSummary stopped_early() {
   RunSummary summary;
@@ -191,26 +201,38 @@ Expected<std::optional<formats::MeshFile>> read_input(RunRequest& request, const
   return std::move(*file);
 }
 
-Expected<RunSummary> run(RunRequest request, const RunHooks& hooks) {
+Expected<RunOutcome> run(RunRequest request, const RunHooks& hooks) {
+  if (request.geometry && request.model == nullptr)
+    return bad_option("This server runs jobs in its own process, so it slides no nodes on CAD files.");
   if (request.quality) request.options = judging_options(request.options);
   auto file = read_input(request, hooks);
   if (!file) return tl::unexpected(file.error());
-  if (!*file) return stopped_early();
+  if (!*file) return RunOutcome(stopped_early());
   HighOrderMesh mesh = std::move((*file)->mesh);
   const v1::MeshFormat read_as =
       request.format == v1::MESH_FORMAT_PARTS ? v1::MESH_FORMAT_PARTS : to_proto((*file)->format);
 
   const std::int64_t lattice = request.quality ? memory_of_lattice(mesh, request.quality->lattice()) : 0;
+  const std::int64_t of_model = request.model ? request.model->memory() : 0;
   const Expected<bool> admitted =
-      hooks.admit ? hooks.admit(memory_needed(mesh, request.options) + lattice) : Expected<bool>(true);
+      hooks.admit ? hooks.admit(memory_needed(mesh, request.options) + lattice + of_model) : Expected<bool>(true);
   if (!admitted) return tl::unexpected(admitted.error());
-  if (!*admitted || (hooks.given_up && hooks.given_up())) return stopped_early();
+  if (!*admitted || (hooks.given_up && hooks.given_up())) return RunOutcome(stopped_early());
   note_straight_boundary(mesh, request, hooks);
   const double pairs = pairs_of_nodes(mesh, request.options);
   const int most = most_threads(pairs, kPairsPerThread);
   request.options.threads = std::min(request.options.threads, most);
   RunControl control = hooks.control;
   if (control.threads) control.threads = [&] { return std::min(hooks.control.threads(), most); };
+  std::optional<SlidOnGeometry> slid;
+  if (request.model) {
+    auto done = slide_nodes(mesh, request);
+    if (!done) return tl::unexpected(done.error());
+    slid = std::move(*done);
+    request.model.reset();
+    if (hooks.on_note)
+      for (const std::string& sentence : slid->sentences) hooks.on_note(sentence);
+  }
   auto result = request.quality ? judge(std::move(mesh), *request.quality, request.options, hooks)
                                 : optimise(std::move(mesh), request.options, hooks.on_iteration, control);
   if (!result) return tl::unexpected(result.error());
@@ -218,7 +240,9 @@ Expected<RunSummary> run(RunRequest request, const RunHooks& hooks) {
   if (wanted)
     if (const auto written = write_outputs(*result, request, read_as, hooks); !written)
       return tl::unexpected(written.error());
-  return std::move(static_cast<RunSummary&>(*result));
+  RunOutcome outcome(static_cast<const RunSummary&>(*result));
+  if (slid) *outcome.metrics.mutable_geometry() = to_proto(*slid);
+  return outcome;
 }
 
 }  // namespace

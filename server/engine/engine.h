@@ -16,6 +16,10 @@
 #include "varimesh/v1/job.pb.h"
 #include "varimesh/v1/mesh.pb.h"
 
+namespace varimesh::geometry {
+class CadModel;
+}  // namespace varimesh::geometry
+
 namespace varimesh::server {
 
 /// The input of a run.
@@ -25,6 +29,10 @@ struct RunRequest {
   Options options;                         ///< `threads` is what the thread budget gives, never 0.
   std::vector<v1::MeshFormat> outputs;     ///< The formats of the results. Empty: the format of the input.
   std::optional<v1::QualityTask> quality;  ///< If set, the mesh is judged, and nothing moves.
+  std::optional<v1::Geometry> geometry;    ///< If set, boundary nodes slide before the mesh is optimised,
+  std::shared_ptr<const Blob>
+      cad_file;  ///< on the model in this CAD file: only an engine with check_geometry reads it.
+  std::shared_ptr<const geometry::CadModel> model;  ///< The model once it is read. core_engine() slides on it.
 };
 
 /// How a run ended.
@@ -73,6 +81,9 @@ struct Engine {
   /// which may be the mesh as it came. Only a run that was not admitted, or was stopped while it read the mesh, has
   /// none. Errors: BadInput, BadOption, Output.
   std::function<Expected<RunOutcome>(RunRequest, const RunHooks&)> run;
+  /// Checks whether a job with these options can have a geometry here. Empty: this engine reads no CAD files, because
+  /// they can make the program that reads them crash, and it has no process for that. Errors: BadOption.
+  std::function<Expected<void>(const v1::Geometry&, const Options&)> check_geometry = {};
 };
 
 /// The engine that uses the numerical library.

@@ -31,6 +31,7 @@ Engine within(const WorkLimits& limits, Engine engine) {
     if (limits.seconds > 0 && request.options.time_limit <= 0) request.options.time_limit = limits.seconds;
     return run(std::move(request), hooks);
   };
+  limited.check_geometry = std::move(engine.check_geometry);
   return limited;
 }
 

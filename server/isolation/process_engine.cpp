@@ -17,8 +17,10 @@
 #include "core/base/utf8.h"
 #include "core/formats/formats.h"
 #include "core/formats/hdf5/starter.h"
+#include "core/geometry/load.h"
 #include "core/process/helper_program.h"
 #include "core/threads/crew.h"
+#include "server/engine/geometry_messages.h"
 #include "server/engine/option_messages.h"
 #include "server/engine/translate.h"
 #include "server/isolation/plain_texts.h"
@@ -40,6 +42,8 @@ constexpr std::int64_t kBytesPerThread = std::int64_t{144} << 20;
 /// How long a run may go on after its time limit, or after it was told to stop, without a word: large meshes take a
 /// while to be written.
 constexpr double kPatience = 60;
+/// How much longer it may take if there is a CAD file to read.
+constexpr double kSecondsForGeometry = 600;
 constexpr int kMostNotes = 100;
 constexpr int kMostHdf5Starts = 32;
 /// The library names at most a thousand elements of a kind.
@@ -81,6 +85,7 @@ class Conversation {
     *request.mutable_options() = to_proto(request_.options);
     for (const v1::MeshFormat output : request_.outputs) request.add_outputs(output);
     if (request_.quality) *request.mutable_quality() = *request_.quality;
+    if (request_.geometry) *request.mutable_geometry() = *request_.geometry;
     request.set_mesh_bytes(mesh_bytes_);
     request.set_checkpoint_bytes(checkpoint_bytes_);
     request.set_has_hdf5(formats::has_hdf5());
@@ -89,6 +94,7 @@ class Conversation {
     const Descriptor mesh(open_read_only(*request_.input));
     if (mesh.number < 0) throw ProcessLost{"could not get its mesh"};
     send(message, mesh.number);
+    send_geometry();
     if (checkpoint_bytes_ == 0) return;
     const Descriptor checkpoint(sealed_copy(hooks_.control.checkpoint));
     if (checkpoint.number < 0) throw ProcessLost{"could not get its checkpoint"};
@@ -96,10 +102,24 @@ class Conversation {
     send(message, checkpoint.number);
   }
 
+  void send_geometry() {
+    if (!request_.geometry) return;
+    worker::ToWorker message;
+    const auto bytes = static_cast<std::int64_t>(request_.cad_file->bytes().size());
+    message.mutable_geometry()->set_plugin(settings_.cad_plugin);
+    message.mutable_geometry()->set_most_memory(geometry::memory_for_reading(bytes));
+    const Descriptor file(open_read_only(*request_.cad_file));
+    if (file.number < 0) throw ProcessLost{"could not get its geometry"};
+    send(message, file.number);
+    request_.cad_file.reset();
+  }
+
   int most_threads() const { return std::max({machine_threads(), settings_.threads, request_.options.threads}); }
 
   /// Wall time, in seconds.
-  double most_seconds() const { return 2 * request_.options.time_limit + kPatience; }
+  double most_seconds() const {
+    return 2 * request_.options.time_limit + kPatience + (request_.geometry ? kSecondsForGeometry : 0);
+  }
 
   /// A process that has ended hears nothing, but what it said before counts: the outcome may be among that.
   void send(const worker::ToWorker& message, int file = -1) {
@@ -327,15 +347,30 @@ class Conversation {
   std::optional<Expected<RunOutcome>> outcome_;
 };
 
+tl::unexpected<Error> without_plugin() {
+  return bad_option(
+      "This server reads no CAD files, because it was installed without OpenCASCADE: libvarimesh_opencascade.so is "
+      "neither beside the program nor named by VARIMESH_OPENCASCADE. Slide the nodes before you upload the mesh.");
+}
+
 }  // namespace
 
 std::string find_worker() { return find_helper("varimesh_worker", "VARIMESH_WORKER"); }
 
+std::string find_cad_plugin() { return geometry::plugin_path(); }
+
 Engine process_engine(ProcessEngineSettings settings) {
   Engine engine = core_engine();
+  engine.check_geometry = [plugin = settings.cad_plugin](const v1::Geometry& geometry,
+                                                         const Options& options) -> Expected<void> {
+    if (plugin.empty()) return without_plugin();
+    return check(geometry, options);
+  };
   const auto workers = std::make_shared<Workers>(settings.program);
   engine.run = [settings = std::move(settings), workers](RunRequest request,
                                                          const RunHooks& hooks) -> Expected<RunOutcome> {
+    // A server that shares its jobs with others may have the plugin when this one has not.
+    if (request.geometry && settings.cad_plugin.empty()) return without_plugin();
     try {
       return Conversation(settings, *workers, std::move(request), hooks).run();
     } catch (const ProcessLost& lost) {

@@ -9,9 +9,13 @@
 
 namespace varimesh::server {
 
+/// Where the plugin that reads CAD files is: geometry::plugin_path(). Empty if it is not installed.
+std::string find_cad_plugin();
+
 struct ProcessEngineSettings {
-  std::string program;  ///< The path of varimesh_worker: find_worker().
-  int threads = 0;      ///< The most threads that a run may have. 0: all of the machine's.
+  std::string program;                         ///< The path of varimesh_worker: find_worker().
+  int threads = 0;                             ///< The most threads that a run may have. 0: all of the machine's.
+  std::string cad_plugin = find_cad_plugin();  ///< What reads CAD files. Empty: jobs have no geometries.
   std::function<void(const std::string& line)> warn = [](const auto&) {
   };                                                      ///< Called with what an operator should know.
   std::function<void(int process)> started = [](int) {};  ///< Called with each process; for tests.

@@ -24,6 +24,7 @@
 
 #include "core/base/utf8.h"
 #include "core/formats/hdf5/starter.h"
+#include "core/geometry/load.h"
 #include "server/engine/engine.h"
 #include "server/engine/option_messages.h"
 #include "server/engine/translate.h"
@@ -235,6 +236,7 @@ RunRequest request_from(const worker::Request& message) {
   request.options = *options_from(message.options());
   for (const int format : message.outputs()) request.outputs.push_back(static_cast<v1::MeshFormat>(format));
   if (message.has_quality()) request.quality = message.quality();
+  if (message.has_geometry()) request.geometry = message.geometry();
   return request;
 }
 
@@ -299,6 +301,14 @@ int serve() {
   if (channel.receive(first, -1) != Channel::Got::Message || !first.has_request()) return 2;
   const worker::Request& message = first.request();
   const int mesh = channel.take_file();
+  worker::GeometryFile cad;
+  int cad_file = -1;
+  if (message.has_geometry()) {
+    worker::ToWorker next;
+    if (channel.receive(next, -1) != Channel::Got::Message || !next.has_geometry()) return 2;
+    cad = next.geometry();
+    cad_file = channel.take_file();
+  }
   int checkpoint_file = -1;
   if (message.checkpoint_bytes() > 0) {
     worker::ToWorker second;
@@ -307,13 +317,21 @@ int serve() {
   }
   Conversation server(channel);
   if (message.has_hdf5()) ask_for_hdf5(server);
+  limit_this_process(message.processor_seconds());
+  // While this process can still start programs: one of them reads the CAD file, under limits of its own.
+  Expected<geometry::CadModel> model;
+  if (message.has_geometry()) model = geometry::read_model(cad.plugin(), cad_file, "The geometry", cad.most_memory());
   worker::FromWorker started;
   started.mutable_started()->set_address_space(address_space());
-  limit_this_process(message.processor_seconds());
   started.mutable_started()->set_is_filtered(filter_system_calls());
   server.listen();
   server.say(started);
+  if (!model) {
+    server.say(failure(model.error()));
+    ::_exit(0);
+  }
   RunRequest request = request_from(message);
+  if (message.has_geometry()) request.model = std::make_shared<geometry::CadModel>(std::move(*model));
   request.input = std::make_shared<MappedFile>(mesh, message.mesh_bytes());
   const MappedFile checkpoint(checkpoint_file, message.checkpoint_bytes());
   run(server, std::move(request), checkpoint.bytes());

@@ -213,8 +213,14 @@ Claim claim_of(const JobRecord& record) {
           record.checkpoint, job.owner(),  record.trace,  time_point(job.create_time())};
 }
 
+std::vector<std::string> inputs_of(const v1::JobSpec& spec) {
+  std::vector<std::string> digests{spec.mesh().digest()};
+  if (spec.has_geometry()) digests.push_back(spec.geometry().digest());
+  return digests;
+}
+
 std::vector<std::string> digests_of(const JobRecord& record) {
-  std::vector<std::string> digests{record.job.spec().mesh().digest()};
+  std::vector<std::string> digests = inputs_of(record.job.spec());
   for (const v1::StoredMesh& result : record.job.results()) digests.push_back(result.digest());
   if (!record.history_digest.empty()) digests.push_back(record.history_digest);
   if (record.checkpoint) digests.push_back(record.checkpoint->digest);
@@ -222,7 +228,7 @@ std::vector<std::string> digests_of(const JobRecord& record) {
 }
 
 void add_needed(const JobRecord& record, std::set<std::string>* digests) {
-  digests->insert(record.job.spec().mesh().digest());
+  for (std::string& digest : inputs_of(record.job.spec())) digests->insert(std::move(digest));
   if (record.checkpoint) digests->insert(record.checkpoint->digest);
 }
 

@@ -61,6 +61,8 @@ class JobTransitions {
 std::int64_t turn_of(const v1::Job& job);
 /// Returns the newest claim of the job.
 Claim claim_of(const JobRecord& record);
+/// Returns the digests of the mesh and, if the job has one, of the geometry.
+std::vector<std::string> inputs_of(const v1::JobSpec& spec);
 /// Returns the digests of everything in the mesh store that the record refers to.
 std::vector<std::string> digests_of(const JobRecord& record);
 /// Adds the digests that the next attempt reads.

@@ -270,8 +270,16 @@ RunRequest request_of(const Attempt& attempt, std::shared_ptr<const Blob> input,
   request.options = options;
   request.options.threads = attempt.threads.now();
   if (spec.has_quality()) request.quality = spec.quality();
+  if (spec.has_geometry()) request.geometry = spec.geometry();
   for (const int format : spec.outputs()) request.outputs.push_back(static_cast<v1::MeshFormat>(format));
   return request;
+}
+
+/// Returns the CAD file of the job; null if it has none.
+Answer<std::shared_ptr<const Blob>> geometry_of(const Attempt& attempt) {
+  const v1::JobSpec& spec = attempt.claim.spec;
+  if (!spec.has_geometry()) return std::shared_ptr<const Blob>();
+  return attempt.meshes.open(spec.geometry().digest());
 }
 
 /// Returns the state that an earlier attempt has saved; null if there is none.
@@ -286,6 +294,8 @@ Ending run(const Attempt& attempt) {
   Stages stages(attempt);
   auto input = attempt.meshes.open(attempt.claim.spec.mesh().digest());
   if (!input) return failed(input.error());
+  auto cad_file = geometry_of(attempt);
+  if (!cad_file) return failed(cad_file.error());
   const auto options = options_from(attempt.claim.spec.options());
   if (!options) return failed(Error{Error::Kind::BadOption, options.error().sentence});
   const std::shared_ptr<const Blob> checkpoint = saved_state(attempt);
@@ -330,7 +340,9 @@ Ending run(const Attempt& attempt) {
     return outputs.open(format);
   };
 
-  auto outcome = attempt.engine.run(request_of(attempt, std::move(*input), *options), hooks);
+  RunRequest request = request_of(attempt, std::move(*input), *options);
+  request.cad_file = std::move(*cad_file);
+  auto outcome = attempt.engine.run(std::move(request), hooks);
   if (outputs.failure()) return failed(*outputs.failure());
   if (!outcome) return failed(outcome.error());
   Ending ending;

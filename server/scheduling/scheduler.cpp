@@ -1,30 +1,17 @@
-// The life of a job, from its submission to its deletion. The leases are in leases.cpp.
+// The life of a job, from its submission to its deletion. The leases are in leases.cpp, and what a submission must
+// meet is in checks.cpp.
 #include "server/scheduling/scheduler.h"
 
 #include <algorithm>
 #include <cassert>
-#include <set>
 
-#include "core/base/sha256.h"
-#include "core/formats/formats.h"
-#include "server/engine/translate.h"
+#include "server/jobs/job_record.h"
 #include "server/log/log_fields.h"
 #include "server/refusals.h"
 #include "server/scheduling/attempt.h"
 #include "server/scheduling/run_spans.h"
 
 namespace varimesh::server {
-namespace {
-
-/// The largest spec, in bytes. A job with its spec must fit into one message.
-constexpr std::size_t kMostSpecBytes = std::size_t{2} << 20;
-
-/// The command has the same limit.
-constexpr int kMostLatticeIntervals = 1000;
-
-constexpr int kHighestPriority = 100;
-
-}  // namespace
 
 Scheduler::Scheduler(JobStore* jobs, MeshStore* meshes, Engine engine, SchedulerSettings settings)
     : jobs_(jobs),
@@ -42,57 +29,14 @@ Scheduler::~Scheduler() {
 
 // ===== calls of clients =====
 
-Answer<void> Scheduler::check(const v1::JobSpec& spec, bool is_admin) {
-  if (spec.ByteSizeLong() > kMostSpecBytes)
-    return bad_request("The spec has " + std::to_string(spec.ByteSizeLong()) + " bytes; it can have at most " +
-                       std::to_string(kMostSpecBytes) + ". Shorten its lists of nodes and its texts.");
-  if (!is_sha256(spec.mesh().digest()))
-    return bad_request("The spec must name its mesh by SHA-256: 64 lowercase hexadecimal digits.");
-  if (!is_readable(spec.mesh().format()))
-    return bad_request(
-        "This server does not read the format of the mesh; GetServerInfo lists the formats that it reads.");
-  std::set<int> outputs;
-  for (const int output : spec.outputs()) {
-    if (!v1::MeshFormat_IsValid(output) || !is_writable(static_cast<v1::MeshFormat>(output)))
-      return bad_request(
-          "This server does not write the format of an output; GetServerInfo lists the formats that it writes.");
-    if (!outputs.insert(output).second)
-      return bad_request("The same output format is requested twice; request it once.");
-  }
-  if (spec.labels().size() > 32) return bad_request("A job can have at most 32 labels.");
-  for (const auto& [key, value] : spec.labels())
-    if (key.empty() || key.size() > 128 || value.size() > 128)
-      return bad_request("A label's key must have 1 to 128 bytes, and its value at most 128.");
-  const int most_priority = is_admin ? kHighestPriority : settings_.max_priority;
-  if (spec.priority() < -kHighestPriority || spec.priority() > most_priority)
-    return bad_request("The priority must be from " + std::to_string(-kHighestPriority) + " to " +
-                       std::to_string(most_priority) + ".");
-  if (spec.quality().lattice() < 0 || spec.quality().lattice() > kMostLatticeIntervals)
-    return bad_request("The lattice must have 0 to " + std::to_string(kMostLatticeIntervals) + " intervals per edge.");
-  const auto options = options_from(spec.options());
-  if (!options) return tl::unexpected(options.error());
-  if (const auto accepted = engine_.check_options(*options); !accepted)
-    return invalid_option(accepted.error().sentence);
-  if (!meshes_->touch(spec.mesh().digest())) return mesh_missing(spec.mesh().digest());
-  return check_memory(spec.mesh().digest());
-}
-
-Answer<void> Scheduler::check_memory(const std::string& digest) {
-  if (memory_.limit() == 0) return {};
-  const auto size = meshes_->size_of(digest);
-  if (!size) return {};  // the job will say why
-  const std::int64_t least = formats::least_memory(*size);
-  if (!memory_.can_ever_fit(least)) return mesh_needs_memory(memory_.limit(), least);
-  return {};
-}
-
 Answer<v1::Job> Scheduler::submit(const std::string& request_id, const v1::JobSpec& spec, bool validate_only,
                                   const Submitter& submitter) {
   if (request_id.size() > 128) return bad_request("The request id must have at most 128 bytes.");
   if (const auto checked = check(spec, submitter.is_admin); !checked) return tl::unexpected(checked.error());
   if (validate_only) {
     // The client now expects that the store keeps the mesh.
-    if (!meshes_->pin(spec.mesh().digest())) return mesh_missing(spec.mesh().digest());
+    for (const std::string& digest : inputs_of(spec))
+      if (!meshes_->pin(digest)) return mesh_missing(digest);
     v1::Job job;
     *job.mutable_spec() = spec;
     return job;
@@ -104,19 +48,21 @@ Answer<v1::Job> Scheduler::submit(const std::string& request_id, const v1::JobSp
     return too_many_submissions(submitter.peer, submissions_.most(), seconds);
   // The lock is not held, so that many submissions share a transaction; nobody knows the job before the store does. The
   // reference is counted first, since the job may be run and deleted before submit() returns.
-  meshes_->retain(spec.mesh().digest());
+  const std::vector<std::string> inputs = inputs_of(spec);
+  for (const std::string& digest : inputs) meshes_->retain(digest);
   // A mesh that was deleted after check() has found it was not retained.
-  if (!meshes_->touch(spec.mesh().digest())) {
-    meshes_->release(spec.mesh().digest());
+  for (const std::string& digest : inputs) {
+    if (meshes_->touch(digest)) continue;
+    release(inputs);
     submissions_.give_back(submitter.peer);
-    return mesh_missing(spec.mesh().digest());
+    return mesh_missing(digest);
   }
   auto submitted = jobs_->submit({request_id, spec, settings_.new_name(), settings_.max_pending, submitter.peer,
                                   settings_.max_pending_of_peer, submitter.owner, submitter.trace});
   const bool is_new = submitted && !submitted->events.empty();
   // If the database did not tell the outcome, the job may exist and need its mesh. The next start counts again.
   const bool is_unknown = !submitted && submitted.error().reason == "STORE_UNAVAILABLE";
-  if (!is_new && !is_unknown) meshes_->release(spec.mesh().digest());
+  if (!is_new && !is_unknown) release(inputs);
   if (!is_new) submissions_.give_back(submitter.peer);  // a repeated call makes no job
   if (!submitted) return tl::unexpected(submitted.error());
   if (!is_new) return get(submitted->job.name());

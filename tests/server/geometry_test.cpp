@@ -1,0 +1,161 @@
+// Jobs whose boundary nodes slide on a CAD model.
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <filesystem>
+#include <fstream>
+#include <sstream>
+
+#include "server/isolation/process_engine.h"
+#include "tests/server/service.h"
+
+namespace varimesh::server::testing {
+namespace {
+
+std::string content_of(const std::string& name) {
+  std::ifstream file(std::string(VARIMESH_SOURCE_DIR) + "/tests/cases/geometry/" + name);
+  std::ostringstream text;
+  text << file.rdbuf();
+  EXPECT_FALSE(text.str().empty()) << name;
+  return text.str();
+}
+
+v1::JobSpec spec_for(const Service& service, const std::string& mesh, const std::string& geometry) {
+  v1::JobSpec spec = service.spec_for(mesh);
+  spec.mutable_geometry()->set_digest(service.upload(geometry));
+  return spec;
+}
+
+/// The refusal of a job that is not taken.
+grpc::Status refusal_of(const Service& service, const v1::JobSpec& spec) {
+  v1::Job job;
+  grpc::Status status = service.submit("", spec, &job);
+  EXPECT_FALSE(status.ok());
+  return status;
+}
+
+bool has(const std::string& text, const std::string& part) { return text.find(part) != std::string::npos; }
+
+/// echo_engine() that takes geometries, and keeps what it got.
+Engine echo_with_geometry(std::string* got) {
+  Engine engine = echo_engine();
+  engine.check_geometry = [](const v1::Geometry&, const Options&) -> Expected<void> { return {}; };
+  engine.run = [got, run = std::move(engine.run)](RunRequest request, const RunHooks& hooks) {
+    if (request.geometry && request.cad_file != nullptr) *got = request.cad_file->bytes();
+    return run(std::move(request), hooks);
+  };
+  return engine;
+}
+
+TEST(Geometry, IsKeptAsLongAsAJobRefersToIt) {
+  std::string got;
+  const Service service(echo_with_geometry(&got));
+  const v1::JobSpec spec = spec_for(service, "a mesh", "a geometry");
+  const v1::Job job = service.wait_for(service.submit(spec).name());
+  EXPECT_EQ(job.state(), v1::JOB_STATE_SUCCEEDED);
+  EXPECT_EQ(got, "a geometry");
+  const auto remove = [&] {
+    grpc::ClientContext context;
+    v1::DeleteMeshRequest request;
+    request.set_digest(spec.geometry().digest());
+    v1::DeleteMeshResponse response;
+    return service.meshes->DeleteMesh(&context, request, &response);
+  };
+  EXPECT_EQ(info_of(remove()).reason(), "MESH_IN_USE");
+  grpc::ClientContext context;
+  v1::DeleteJobRequest request;
+  request.set_name(job.name());
+  v1::DeleteJobResponse response;
+  EXPECT_TRUE(service.jobs->DeleteJob(&context, request, &response).ok());
+  // Nothing refers to it any more, so it is gone or can be deleted.
+  EXPECT_NE(info_of(remove()).reason(), "MESH_IN_USE");
+  EXPECT_EQ(info_of(refusal_of(service, spec)).reason(), "MESH_NOT_FOUND");
+}
+
+TEST(Geometry, IsRefusedWithASentenceIfTheSpecMakesNoSense) {
+  std::string got;
+  const Service service(echo_with_geometry(&got));
+  v1::JobSpec spec = spec_for(service, "a mesh", "a geometry");
+  spec.mutable_quality();
+  EXPECT_TRUE(has(refusal_of(service, spec).error_message(), "moves nothing"));
+  spec.clear_quality();
+  spec.mutable_geometry()->set_digest("part.step");
+  EXPECT_TRUE(has(refusal_of(service, spec).error_message(), "SHA-256"));
+  spec.mutable_geometry()->set_digest(std::string(64, 'a'));
+  EXPECT_EQ(info_of(refusal_of(service, spec)).reason(), "MESH_NOT_FOUND");
+}
+
+TEST(Geometry, IsRefusedByAServerThatCannotReadIt) {
+  const Service in_its_own_process(echo_engine());
+  EXPECT_TRUE(has(refusal_of(in_its_own_process, spec_for(in_its_own_process, "a mesh", "a geometry")).error_message(),
+                  "runs jobs in its own process"));
+  const Service without_plugin(process_engine({.program = find_worker(), .cad_plugin = ""}));
+  EXPECT_TRUE(has(refusal_of(without_plugin, spec_for(without_plugin, "a mesh", "a geometry")).error_message(),
+                  "installed without OpenCASCADE"));
+}
+
+/// A server that reads CAD files in processes.
+class CadJobs : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    if (find_cad_plugin().empty()) GTEST_SKIP() << "VariMesh was built without OpenCASCADE";
+  }
+  static Service service(const std::string& plugin = find_cad_plugin()) {
+    return Service(process_engine({.program = find_worker(), .cad_plugin = plugin}));
+  }
+  static v1::Job run(const Service& service, const v1::JobSpec& spec) {
+    return service.wait_for(service.submit(spec).name());
+  }
+  /// Expects that the job fails because of its geometry, and that the server then runs another.
+  static void expect_failure(const Service& service, const std::string& geometry, const std::string& part) {
+    const v1::Job job = run(service, spec_for(service, content_of("bracket_p3.msh"), geometry));
+    EXPECT_EQ(job.state(), v1::JOB_STATE_FAILED);
+    EXPECT_EQ(job.error().reason(), "BAD_INPUT");
+    EXPECT_TRUE(has(job.error().message(), part)) << job.error().message();
+    const v1::Job next = run(service, service.spec_for(content_of("bracket_p3.msh")));
+    EXPECT_EQ(next.state(), v1::JOB_STATE_SUCCEEDED) << next.error().message();
+    EXPECT_FALSE(next.metrics().has_geometry());
+  }
+};
+
+TEST_F(CadJobs, SlideBoundaryNodes) {
+  const Service service = CadJobs::service();
+  v1::JobSpec spec = spec_for(service, content_of("bracket_p3.msh"), content_of("bracket.brep"));
+  const v1::Job slid = run(service, spec);
+  ASSERT_EQ(slid.state(), v1::JOB_STATE_SUCCEEDED) << slid.error().message();
+  const v1::GeometryReport& report = slid.metrics().geometry();
+  EXPECT_GT(report.nodes(), 0);
+  EXPECT_LT(report.after().rms(), report.before().rms());
+  EXPECT_FALSE(report.sentences().empty());
+  // The same bits with another number of threads.
+  spec.mutable_options()->set_threads(1);
+  EXPECT_EQ(run(service, spec).results(0).digest(), slid.results(0).digest());
+  spec.mutable_geometry()->set_slide(v1::Geometry::SLIDE_NONE);
+  const v1::Job still = run(service, spec);
+  EXPECT_EQ(still.metrics().geometry().nodes(), 0);
+  EXPECT_EQ(still.metrics().geometry().before().rms(), still.metrics().geometry().after().rms());
+}
+
+TEST_F(CadJobs, FailWithASentenceOnADamagedFile) {
+  const Service service = CadJobs::service();
+  const std::string model = content_of("bracket.brep");
+  expect_failure(service, model.substr(0, model.size() / 2), "The geometry cannot be used");
+  expect_failure(service, "ISO-10303-21;\nHEADER;\nFILE_DESCRIPTION(('a'),'2;1');", "cut off");
+  expect_failure(service, std::string("PK\x03\x04", 4) + std::string(500, 'z'), "The geometry cannot be used");
+  expect_failure(service, "", "The geometry cannot be used");
+}
+
+TEST_F(CadJobs, FailWithASentenceIfTheReaderCrashes) {
+  const std::filesystem::path folder =
+      std::filesystem::path(::testing::TempDir()) / ("varimesh_reader_" + std::to_string(::getpid()));
+  std::filesystem::create_directory(folder);
+  const std::filesystem::path plugin = folder / "libvarimesh_opencascade.so", reader = folder / "varimesh_cad_reader";
+  std::filesystem::create_symlink(find_cad_plugin(), plugin);
+  std::ofstream(reader) << "#!/bin/sh\nkill -SEGV $$\n";
+  ::chmod(reader.c_str(), 0700);
+  expect_failure(CadJobs::service(plugin), content_of("bracket.brep"), "crashed while it read it (signal 11)");
+  std::filesystem::remove_all(folder);
+}
+
+}  // namespace
+}  // namespace varimesh::server::testing
