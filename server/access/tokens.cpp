@@ -75,6 +75,13 @@ std::string random_token() {
   return token;
 }
 
+/// The clock counts nanoseconds from 1970 and ends in 2262. Later times become its last, earlier ones its first.
+WallTime wall_time(std::chrono::sys_seconds time) {
+  const auto first = std::chrono::ceil<std::chrono::seconds>(WallTime::min());
+  const auto last = std::chrono::floor<std::chrono::seconds>(WallTime::max());
+  return std::clamp(time, first, last);
+}
+
 }  // namespace
 
 std::optional<WallTime> time_of(std::string_view text) {
@@ -88,7 +95,7 @@ std::optional<WallTime> time_of(std::string_view text) {
   const year_month_day date{std::chrono::year(*year), std::chrono::month(static_cast<unsigned>(*month)),
                             std::chrono::day(static_cast<unsigned>(*day))};
   if (!date.ok()) return std::nullopt;
-  if (text.empty()) return sys_days(date);
+  if (text.empty()) return wall_time(sys_days(date));
   if (!take(text, 'T')) return std::nullopt;
   const auto hour = take_number(text, 2);
   if (!hour || *hour > 23 || !take(text, ':')) return std::nullopt;
@@ -96,7 +103,7 @@ std::optional<WallTime> time_of(std::string_view text) {
   if (!minute || *minute > 59 || !take(text, ':')) return std::nullopt;
   const auto second = take_number(text, 2);
   if (!second || *second > 59 || text != "Z") return std::nullopt;
-  return sys_days(date) + hours(*hour) + minutes(*minute) + seconds(*second);
+  return wall_time(sys_days(date) + hours(*hour) + minutes(*minute) + seconds(*second));
 }
 
 Expected<Tokens> Tokens::parse(std::string_view text) {

@@ -45,7 +45,8 @@ class Tokens {
   std::vector<Entry> entries_;
 };
 
-/// Returns the time of 2027-01-31 (its beginning) or 2027-01-31T12:00:00Z, in UTC; nothing for any other text.
+/// Returns the time of 2027-01-31 (its beginning) or 2027-01-31T12:00:00Z, in UTC; nothing for any other text. A time
+/// after 2262, the end of the clock, is its end.
 std::optional<WallTime> time_of(std::string_view text);
 
 /// A new token, and its line for the file.

@@ -86,6 +86,15 @@ TEST(Tokens, AreMadeAtRandom) {
   EXPECT_FALSE(make_token("ann\nbob", {"read"}, ""));
 }
 
+TEST(Tokens, MayBeForAsGoodAsEver) {
+  for (const std::string until : {"2262-04-12", "2427-01-31T12:00:00Z", "9999-12-31"}) {
+    const auto made = make_token("ann", {"read"}, until);
+    ASSERT_TRUE(made) << until;
+    EXPECT_TRUE(Tokens::parse(made->line)->find(made->token, kNow)) << until;
+  }
+  EXPECT_LT(*time_of("1600-01-01"), kNow);
+}
+
 // ===== the file =====
 
 class AccessByFile : public ::testing::Test {
