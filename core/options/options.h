@@ -31,8 +31,8 @@ enum class Constants : std::uint8_t {
 enum class Objective : std::uint8_t {
   Energy,    ///< The energy.
   Worst,     ///< The lowest scaled Jacobian. The mean ends at most 0.01 below the mean at the optimum of the energy.
-  Accuracy,  ///< The least loss of accuracy (core/accuracy/accuracy.h) with a scaled Jacobian of at least `min_js`. The
-             ///< energy only makes the mesh valid.
+  Accuracy,  ///< The least loss of accuracy (core/accuracy/accuracy.h) that was found with a scaled Jacobian of at
+             ///< least `min_js`. The energy only makes the mesh valid and looks for `min_js`.
   Auto,      ///< The default: Accuracy, or Energy if there is nothing to lower or another option asks for the energy's
              ///< optimum (objective_of()).
 };
@@ -120,7 +120,8 @@ struct Options {
   int threads = 0;        ///< Threads to use; 0: all of the machine's.
   Objective objective = Objective::Auto;
   double min_js = 0.1;  ///< Objective::Accuracy only: the scaled Jacobian that every cell is to have at least, from 0
-                        ///< to below 1. If the boundary does not allow it, what it allows.
+                        ///< to below 1. If no mesh of the run has it, the result has the least loss among those with at
+                        ///< least half of the highest minimum that was found, and a note says so.
   double p_norm = 1;    ///< The power, 1 to 16, to which the cells' mean energies are summed. A higher one weighs the
                         ///< worst cells more.
   int quadrature_degree = 0;  ///< Degree that is integrated exactly; 0: 2 P. At least 2 (P − 1) on simplices.
