@@ -107,7 +107,8 @@ StageContext Continuation::context() {
           team_,
           set_up_.mesh,
           control_.shallow_untangling ? kOneLayer : Untangler::Depth(),
-          control_.meter};
+          control_.meter,
+          control_.spare_memory};
 }
 
 std::optional<StopReason> Continuation::begin(const std::vector<Certificate>& certificates,
@@ -321,7 +322,7 @@ void Continuation::untangle_from_here() {
   // Deeper patches around 19 such cells take in most of a published mesh: over a minute in place of 4 s.
   Untangler untangler(Untangler::FromHere{}, set_up_.problem, *set_up_.stages[0].kernels, *guard_, team_, failed_starts,
                       control_.shallow_untangling ? kOneLayer : kShallow,
-                      room_for_hessians(set_up_.mesh, set_up_.options));
+                      room_for_hessians(set_up_.mesh, set_up_.options), control_.spare_memory);
   while (!untangler.done()) {
     untangler.step();
     guard_->certify_moved();

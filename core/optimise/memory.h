@@ -19,7 +19,8 @@ namespace varimesh {
 std::int64_t memory_needed(const HighOrderMesh& mesh, const Options& options);
 
 /// The part of these bytes that untangling has for the Hessians of cells: what Newton's method, whose arrays are freed
-/// then, needs more than sweeps do, or an eighth of the rest.
+/// then, needs more than sweeps do, or an eighth of the rest. Untangling borrows more if it can
+/// (RunControl::spare_memory), which is not in the estimate.
 std::int64_t room_for_hessians(const HighOrderMesh& mesh, const Options& options);
 
 }  // namespace varimesh

@@ -45,6 +45,7 @@ StageRun::StageRun(const StageContext& context, const Stopwatch& watch)
       mesh_(context.mesh),
       depth_(context.untangling_depth),
       meter_(context.meter),
+      spare_memory_(context.spare_memory),
       watch_(watch),
       norm_{options_.p_norm},
       sweeper_(problem_, context.coloured, kernels_, options_.regularisation, norm_,
@@ -126,7 +127,8 @@ StageRun::MethodOutcome StageRun::untangle() {
     }
     if (const std::optional<MethodOutcome> raised = raise()) return *raised;
     raises_ = false;
-    untangler_.emplace(problem_, kernels_, guard_, team_, failed_starts_, depth_, room_for_hessians(mesh_, options_));
+    untangler_.emplace(problem_, kernels_, guard_, team_, failed_starts_, depth_, room_for_hessians(mesh_, options_),
+                       spare_memory_);
   }
   const UntangleOutcome untangled = untangler_->step();
   exact_ = true;
@@ -296,7 +298,7 @@ void StageRun::methods_state(Archive& archive) {
     if (with_untangler) {
       sweeper_.rebuild();
       untangler_.emplace(Untangler::ToBeRead{}, problem_, kernels_, guard_, team_, failed_starts_, depth_,
-                         room_for_hessians(mesh_, options_));
+                         room_for_hessians(mesh_, options_), spare_memory_);
     }
   }
   if (with_newton) newton_->state(archive);

@@ -37,6 +37,7 @@ struct StageContext {
   const HighOrderMesh& mesh;
   Untangler::Depth untangling_depth = {};  ///< Layers of cells in the patches of untangling.
   WorkMeter* meter = nullptr;              ///< Counts the work inside iterations; null: nobody wants to know.
+  SpareMemory spare_memory = {};           ///< For the Hessians of untangling.
 };
 
 /// The iterations of one stage. The comments say which functions to call inside team.run(). The result does not depend
@@ -138,6 +139,7 @@ class StageRun {
   const HighOrderMesh& mesh_;
   Untangler::Depth depth_;
   WorkMeter* meter_;
+  const SpareMemory spare_memory_;
   Stopwatch watch_;
   PNorm norm_;
   Sweeper sweeper_;

@@ -194,7 +194,7 @@ bool fits_in_memory(const std::vector<UntanglePatch::Member>& members, int dimen
 }  // namespace
 
 Untangler::Untangler(ToBeRead, Problem& problem, const Kernels& kernels, Guard& guard, const Team& team,
-                     FailedStarts& failed_starts, Depth depth, std::int64_t hessian_bytes)
+                     FailedStarts& failed_starts, Depth depth, std::int64_t hessian_bytes, SpareMemory spare)
     : problem_(problem),
       kernels_(kernels),
       guard_(guard),
@@ -202,20 +202,20 @@ Untangler::Untangler(ToBeRead, Problem& problem, const Kernels& kernels, Guard& 
       failed_starts_(failed_starts),
       depth_(depth),
       first_positions_(problem.positions),
-      room_(hessian_bytes) {
+      room_(hessian_bytes, std::move(spare)) {
   for (const CellSet& set : problem.sets) energies_.emplace_back(set);
 }
 
 Untangler::Untangler(FromHere, Problem& problem, const Kernels& kernels, Guard& guard, const Team& team,
-                     FailedStarts& failed_starts, Depth depth, std::int64_t hessian_bytes)
-    : Untangler(ToBeRead{}, problem, kernels, guard, team, failed_starts, depth, hessian_bytes) {
+                     FailedStarts& failed_starts, Depth depth, std::int64_t hessian_bytes, SpareMemory spare)
+    : Untangler(ToBeRead{}, problem, kernels, guard, team, failed_starts, depth, hessian_bytes, std::move(spare)) {
   first_repairable_ = guard.repairable();
   begin();
 }
 
 Untangler::Untangler(Problem& problem, const Kernels& kernels, Guard& guard, const Team& team,
-                     FailedStarts& failed_starts, Depth depth, std::int64_t hessian_bytes)
-    : Untangler(ToBeRead{}, problem, kernels, guard, team, failed_starts, depth, hessian_bytes) {
+                     FailedStarts& failed_starts, Depth depth, std::int64_t hessian_bytes, SpareMemory spare)
+    : Untangler(ToBeRead{}, problem, kernels, guard, team, failed_starts, depth, hessian_bytes, std::move(spare)) {
   first_repairable_ = guard.repairable();
   guard.return_to_kept();
   begin();
@@ -245,6 +245,13 @@ void Untangler::find_patches(int layers, int stretched_layers) {
                         .fewest_bad = patch.bad_cells(),
                         .fewest_uncertified = first.repairable});
   }
+  make_room();
+}
+
+void Untangler::make_room() {
+  std::int64_t bytes = 0;
+  for (const TrackedPatch& tracked : patches_) bytes += tracked.patch.hessian_bytes();
+  room_.grow_to(bytes);
 }
 
 Untangler::Assessment Untangler::assess(const UntanglePatch& patch, std::span<const Standing> standings) const {

@@ -52,20 +52,21 @@ class Untangler {
   /// there.
   ///
   /// `failed_starts`: empty before the first untangler of a run. `hessian_bytes`: the memory that all patches have
-  /// together for the Hessians of their cells. It decides the time that a step takes, not its result.
+  /// together for the Hessians of their cells. If they need more, they borrow `spare`. A Hessian that finds no room is
+  /// computed again for every product, so memory decides the time that a step takes, but not its result.
   Untangler(Problem& problem, const Kernels& kernels, Guard& guard, const Team& team, FailedStarts& failed_starts,
-            Depth depth, std::int64_t hessian_bytes = kUnlimited);
+            Depth depth, std::int64_t hessian_bytes = kUnlimited, SpareMemory spare = {});
 
   /// Finds the patches in the problem's present state instead. Cells that have lost their certificate there are made
   /// valid from where they are, so the others need not go back with them. Its state cannot be written.
   struct FromHere {};
   Untangler(FromHere, Problem& problem, const Kernels& kernels, Guard& guard, const Team& team,
-            FailedStarts& failed_starts, Depth depth, std::int64_t hessian_bytes = kUnlimited);
+            FailedStarts& failed_starts, Depth depth, std::int64_t hessian_bytes = kUnlimited, SpareMemory spare = {});
 
   /// An untangler whose state is read next.
   struct ToBeRead {};
   Untangler(ToBeRead, Problem& problem, const Kernels& kernels, Guard& guard, const Team& team,
-            FailedStarts& failed_starts, Depth depth, std::int64_t hessian_bytes = kUnlimited);
+            FailedStarts& failed_starts, Depth depth, std::int64_t hessian_bytes = kUnlimited, SpareMemory spare = {});
 
   /// Reads or writes the state, after judge() and before step(), while not done(). The positions of the nodes are not
   /// part of it: they are the problem's.
@@ -83,6 +84,7 @@ class Untangler {
       }
       patch_state(archive, patches_[i]);
     }
+    if constexpr (Archive::kReads) make_room();
   }
 
   /// An outer step of every patch that has not ended. After it, let the guard certify the mesh and then call judge().
@@ -155,6 +157,8 @@ class Untangler {
   void begin();
   /// Finds the patches with this many layers around the uncertified cells.
   void find_patches(int layers, int stretched_layers);
+  /// Makes room for the Hessians of all patches, as far as there is memory.
+  void make_room();
   /// Computes all deformation gradients from the positions.
   void rebuild();
   /// Writes the positions of a patch's nodes into the problem, and updates the deformation gradients.

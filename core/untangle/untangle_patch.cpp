@@ -167,6 +167,15 @@ double UntanglePatch::expand(const Team& team, HessianRoom& room) {
   return sum;
 }
 
+std::int64_t UntanglePatch::hessian_bytes() const {
+  std::int64_t entries = 0;
+  for (const Member& member : members_) {
+    const auto unknowns = static_cast<std::int64_t>(member.unknown.size()) * dimension_;
+    entries += unknowns * unknowns;
+  }
+  return static_cast<std::int64_t>(sizeof(double)) * entries;
+}
+
 void UntanglePatch::forget_hessians(HessianRoom& room) {
   expansions_.clear();
   blocks_.clear();

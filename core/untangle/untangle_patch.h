@@ -76,6 +76,8 @@ class UntanglePatch {
   /// The smallest coefficient, and how many cells have one that is not positive.
   double smallest_coefficient() const { return smallest_; }
   int bad_cells() const { return bad_; }
+  /// Of the Hessians of all cells.
+  std::int64_t hessian_bytes() const;
 
  private:
   /// Copies these positions to the members' cells.

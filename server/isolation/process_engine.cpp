@@ -23,6 +23,7 @@
 #include "server/engine/geometry_messages.h"
 #include "server/engine/option_messages.h"
 #include "server/engine/translate.h"
+#include "server/isolation/loan.h"
 #include "server/isolation/plain_texts.h"
 #include "server/isolation/worker.pb.h"
 #include "server/isolation/worker_process.h"
@@ -199,6 +200,10 @@ class Conversation {
         return admit_reading(message.reading().least(), message.reading().most());
       case worker::FromWorker::kRunning:
         return admit(message.running().most());
+      case worker::FromWorker::kSpare:
+        return lend(message.spare());
+      case worker::FromWorker::kSpareBack:
+        return loan_.take_back(hooks_.control.spare_memory, message.spare_back());
       case worker::FromWorker::kOutput:
         heard_ = steady_clock::now();
         output_ = hooks_.open_output(message.output());
@@ -285,9 +290,15 @@ class Conversation {
   void admit(std::int64_t bytes) {
     const Expected<bool> admitted = hooks_.admit ? hooks_.admit(bytes) : Expected<bool>(true);
     // The need is an estimate, which can be too low by a twentieth, and memory is lost between the pieces in use.
-    process_->limit_memory(address_space_for(2 * std::clamp<std::int64_t>(bytes, 0, std::int64_t{1} << 60)));
+    loan_.begin(*process_, address_space_for(2 * std::clamp<std::int64_t>(bytes, 0, std::int64_t{1} << 60)));
     begin();
     answer(admitted);
+  }
+
+  void lend(std::int64_t bytes) {
+    worker::ToWorker message;
+    message.mutable_answer()->set_lent(loan_.lend(*process_, hooks_.control.spare_memory, bytes));
+    answer(std::move(message));
   }
 
   /// The time that a run waits for memory is not its own.
@@ -334,7 +345,8 @@ class Conversation {
   std::unique_ptr<WorkerProcess> process_;
   worker::FromWorker message_;
   std::int64_t address_space_ = 0;  ///< Of the process before it reads the mesh, in bytes, with the mesh.
-  std::string told_;                ///< The steering that the process was told last.
+  Loan loan_;
+  std::string told_;  ///< The steering that the process was told last.
   formats::Sink output_;
   bool full_ = false;
   int notes_ = 0;

@@ -206,6 +206,16 @@ RunHooks hooks_for(Conversation& server, Output& output, WorkMeter& meter, std::
     question.mutable_running()->set_most(bytes);
     return outcome_of(server.ask(question));
   };
+  hooks.control.spare_memory.take = [&](std::int64_t bytes) {
+    worker::FromWorker question;
+    question.set_spare(bytes);
+    return server.ask(question).lent();
+  };
+  hooks.control.spare_memory.give_back = [&](std::int64_t bytes) {
+    worker::FromWorker message;
+    message.set_spare_back(bytes);
+    server.say(message);
+  };
   hooks.given_up = [&] { return server.given_up(); };
   hooks.open_output = [&](v1::MeshFormat format) {
     output.end();

@@ -32,6 +32,15 @@ bool MemoryBudget::exchange(std::int64_t held, std::int64_t bytes, const std::fu
   return !gave_up;
 }
 
+std::int64_t MemoryBudget::take_spare(std::int64_t bytes) {
+  std::lock_guard lock(mutex_);
+  if (!waiting_.empty()) return 0;
+  const std::int64_t free = limit_ == 0 ? bytes : limit_ - taken_;
+  const std::int64_t lent = std::clamp<std::int64_t>(free, 0, bytes);
+  taken_ += lent;
+  return lent;
+}
+
 void MemoryBudget::give_back(std::int64_t bytes) {
   std::lock_guard lock(mutex_);
   taken_ -= bytes;

@@ -26,7 +26,9 @@ class MemoryBudget {
   /// memory wait for more, none of them could ever go on: then the first gets what it needs although the others keep
   /// theirs.
   bool exchange(std::int64_t held, std::int64_t bytes, const std::function<bool()>& given_up);
-  /// Gives back memory that take() or exchange() has taken.
+  /// Takes as much of this as is free, at once, and returns how much that is. None if a job waits for memory.
+  std::int64_t take_spare(std::int64_t bytes);
+  /// Gives back memory that take(), exchange() or take_spare() has taken.
   void give_back(std::int64_t bytes);
 
  private:

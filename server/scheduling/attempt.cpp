@@ -11,6 +11,7 @@
 #include "server/engine/translate.h"
 #include "server/jobs/timestamps.h"
 #include "server/refusals.h"
+#include "server/scheduling/run_memory.h"
 
 namespace varimesh::server {
 namespace {
@@ -147,57 +148,6 @@ class StopAtOnce {
   std::atomic<SteadyTime> stopping_since_ = SteadyTime{};
 };
 
-/// The memory of a run. While the run waits for memory, other jobs have its threads.
-class Memory {
- public:
-  Memory(MemoryBudget& budget, const LentThreads& threads, std::function<bool()> given_up)
-      : budget_(budget), threads_(threads), given_up_(std::move(given_up)) {}
-  ~Memory() {
-    if (taken_ > 0) budget_.give_back(taken_);
-  }
-
-  /// Takes the memory for reading a mesh: at least `least`, at most `most`, or all that there is. False if the attempt
-  /// is to end.
-  Expected<bool> take_for_reading(std::int64_t least, std::int64_t most) {
-    if (!budget_.can_ever_fit(least))
-      return bad_input("The mesh takes at least " + mebibytes(least) +
-                       " of memory, but the jobs of this server have only " + mebibytes(budget_.limit()) +
-                       " together (its flag --max-memory-bytes); use a machine with more memory, or a smaller mesh.");
-    return wait(budget_.can_ever_fit(most) ? most : budget_.limit());
-  }
-
-  /// Takes the memory for a run, in place of that for reading its mesh. False if the attempt is to end.
-  Expected<bool> take(std::int64_t bytes) {
-    if (!budget_.can_ever_fit(bytes))
-      return bad_input("The mesh needs about " + mebibytes(bytes) +
-                       " of memory with these options, but the jobs of this server have only " +
-                       mebibytes(budget_.limit()) +
-                       " together (its flag --max-memory-bytes); use a machine with more memory, a lower order, or "
-                       "the method sweeps.");
-    return wait(bytes);
-  }
-
- private:
-  bool wait(std::int64_t bytes) {
-    bool rests = false;
-    const auto given_up = [&] {
-      if (!std::exchange(rests, true)) threads_.rest(true);
-      return given_up_();
-    };
-    const bool taken = taken_ > 0 ? budget_.exchange(taken_, bytes, given_up) : budget_.take(bytes, given_up);
-    if (rests) threads_.rest(false);
-    if (taken) taken_ = bytes;
-    return taken;
-  }
-
-  static std::string mebibytes(std::int64_t bytes) { return std::to_string((bytes >> 20) + 1) + " MiB"; }
-
-  MemoryBudget& budget_;
-  const LentThreads& threads_;
-  const std::function<bool()> given_up_;
-  std::int64_t taken_ = 0;
-};
-
 /// Writes the outputs of a run to the mesh store. They are released again unless take() is called.
 class Outputs {
  public:
@@ -306,7 +256,7 @@ Ending run(const Attempt& attempt) {
   Outputs outputs(attempt.meshes);
   const auto given_up = [&] { return attempt.stopping() && !attempt.cancelled(); };
   const auto stop_asked = [&] { return attempt.cancelled() || attempt.stopping(); };
-  Memory memory(attempt.memory, attempt.threads, stop_asked);
+  RunMemory memory(attempt.memory, attempt.threads, stop_asked);
   RunHooks hooks;
   hooks.on_work = [&](const v1::Work& work) { attempt.log.set_work(work); };
   WorkMeter meter([&](const Work& work) { attempt.log.set_work(to_proto(work)); });
@@ -334,6 +284,7 @@ Ending run(const Attempt& attempt) {
     stages.begin_phases();
     return admitted;
   };
+  hooks.control.spare_memory = memory.spare();
   hooks.given_up = given_up;
   hooks.open_output = [&](v1::MeshFormat format) {
     stages.enter("store");

@@ -108,6 +108,48 @@ TEST_P(WholeMeshAsPatch, DoesNotDependOnTheRoomForHessians) {
   }
 }
 
+TEST_P(WholeMeshAsPatch, KnowsTheBytesOfItsHessians) {
+  prepare(0.15);
+  std::int64_t most = 0;
+  for (const UntanglePatch::Member& member : patch_->members()) {
+    const auto unknowns = std::int64_t(member.unknown.size()) * problem_.dimension;
+    most += std::int64_t{sizeof(double)} * unknowns * unknowns;
+  }
+  EXPECT_EQ(patch_->hessian_bytes(), most);
+}
+
+TEST(HessianRoom, BorrowsWhatItLacksAndGivesItBack) {
+  std::int64_t free = 150, asked = 0;
+  const SpareMemory spare{[&](std::int64_t bytes) {
+                            asked = bytes;
+                            const std::int64_t lent = std::min(bytes, free);
+                            free -= lent;
+                            return lent;
+                          },
+                          [&](std::int64_t bytes) { free += bytes; }};
+  {
+    HessianRoom room(100, spare);
+    room.grow_to(100);
+    EXPECT_EQ(free, 150) << "it has enough";
+    room.grow_to(180);
+    EXPECT_EQ(room.left(), 180);
+    room.grow_to(170);
+    EXPECT_EQ(room.left(), 180) << "it keeps what it has";
+    room.grow_to(300);
+    EXPECT_EQ(asked, 120);
+    EXPECT_EQ(room.left(), 250) << "no more was free";
+    EXPECT_EQ(free, 0);
+  }
+  EXPECT_EQ(free, 150);
+  free = std::int64_t{1} << 62;
+  HessianRoom room(100, spare);
+  room.grow_to(std::int64_t{1} << 61);
+  EXPECT_EQ(room.left(), 100 + kMostSpareMemory);
+  HessianRoom alone(100);
+  alone.grow_to(200);
+  EXPECT_EQ(alone.left(), 100) << "nobody lends";
+}
+
 TEST(HessianRoom, IsNeverOverdrawn) {
   HessianRoom room(100);
   EXPECT_TRUE(room.take(60));

@@ -14,7 +14,9 @@
 #include <string>
 #include <vector>
 
+#include "core/formats/formats.h"
 #include "server/isolation/worker_process.h"
+#include "tests/core/support/meshes.h"
 
 namespace varimesh::server {
 namespace {
@@ -151,6 +153,42 @@ TEST(ProcessEngine, TellsWhatIsWrongWithTheMesh) {
   const auto stopped = waits.run(in_processes());
   ASSERT_TRUE(stopped);
   EXPECT_TRUE(stopped->stopped);
+}
+
+/// So many elements that patches of untangling need more than the room that the run has.
+std::string tangled_mesh() {
+  HighOrderMesh mesh =
+      varimesh::testing::grid(varimesh::testing::Filling::Tetrahedra, {4, 4, 4}, 4, varimesh::testing::bent(3));
+  varimesh::testing::shake(mesh, 0.06, 1);
+  std::string bytes;
+  EXPECT_TRUE(formats::write(mesh, formats::Format::Msh22, [&](auto part) {
+    bytes += part;
+    return true;
+  }));
+  return bytes;
+}
+
+TEST(ProcessEngine, LendsARunMemoryForUntangling) {
+  const std::string mesh = tangled_mesh();
+  std::int64_t lent = 0, most = 0;
+  const auto lend = [&](Trial& run, std::int64_t limit) {
+    run.request.options.until = Until::Valid;
+    run.hooks.control.spare_memory = {[&lent, &most, limit](std::int64_t bytes) {
+                                        const std::int64_t some = std::min(bytes, limit);
+                                        lent += some;
+                                        most = std::max(most, lent);
+                                        return some;
+                                      },
+                                      [&lent](std::int64_t bytes) { lent -= bytes; }};
+  };
+  Trial with(mesh), without(mesh);
+  lend(with, std::int64_t{1} << 40);
+  ASSERT_TRUE(with.run(in_processes()));
+  EXPECT_GT(most, 0);
+  EXPECT_EQ(lent, 0) << "all of it is given back";
+  lend(without, 0);
+  ASSERT_TRUE(without.run(in_processes()));
+  EXPECT_EQ(with.told.outputs, without.told.outputs);
 }
 
 TEST(ProcessEngine, GoesOnFromACheckpointToTheSameBytes) {

@@ -50,6 +50,24 @@ TEST(MemoryBudgetConcurrency, NeverExceedsTheLimitAndKeepsTheOrder) {
   EXPECT_LE(most, 100);
 }
 
+TEST(MemoryBudget, LendsWhatIsFreeIfNobodyWaitsForIt) {
+  MemoryBudget budget(100);
+  ASSERT_TRUE(budget.take(40, [] { return true; }));
+  EXPECT_EQ(budget.take_spare(50), 50);
+  EXPECT_EQ(budget.take_spare(50), 10);
+  EXPECT_EQ(budget.take_spare(50), 0);
+  budget.give_back(60);
+  bool was_asked = false;
+  EXPECT_FALSE(budget.take(70, [&] {
+    EXPECT_EQ(budget.take_spare(1), 0) << "another waits for all that is free";
+    was_asked = true;
+    return true;
+  }));
+  EXPECT_TRUE(was_asked);
+  EXPECT_EQ(budget.take_spare(100), 60);
+  EXPECT_EQ(MemoryBudget(0).take_spare(1000), 1000) << "no limit";
+}
+
 TEST(MemoryBudget, ServesJobsThatHoldMemoryFirst) {
   MemoryBudget budget(100);
   const auto give_up = [] { return true; };
