@@ -132,7 +132,7 @@ bool MaxMinPatch::is_reached(const std::vector<Seen>& seen, double aim) const {
 // ===== a step =====
 
 void MaxMinPatch::fill_rows(const Cell& cell, const Seen& seen, const std::vector<Eigen::Index>& samples,
-                            const std::vector<double>& coordinates, Eigen::Index first, Rows& rows) const {
+                            const std::vector<double>& coordinates, Slopes& slopes, Rows& rows) const {
   const Derivatives C = cofactors(derivatives(cell, coordinates));
   const SampleTable& gradients = *cell.samples;
   // dM = Σ_i weight_i dJ_i
@@ -141,15 +141,17 @@ void MaxMinPatch::fill_rows(const Cell& cell, const Seen& seen, const std::vecto
       (relative.abs().pow(kPower - 2) * relative / static_cast<double>(relative.size())).matrix();
   Eigen::MatrixXd of_norm = Eigen::MatrixXd::Zero(static_cast<Eigen::Index>(cell.nodes.size()), dimension_);
   for (std::size_t k = 0; k < C.size(); ++k) of_norm += gradients[k].transpose() * (weight.asDiagonal() * C[k]);
+  slopes.rows.resize(static_cast<Eigen::Index>(samples.size()),
+                     dimension_ * static_cast<Eigen::Index>(cell.local.size()));
   for (std::size_t s = 0; s < samples.size(); ++s) {
-    const Eigen::Index i = samples[s], row = first + static_cast<Eigen::Index>(s);
+    const Eigen::Index i = samples[s], row = static_cast<Eigen::Index>(s);
     const double level = seen.jacobian(i) / seen.norm;
-    rows.level(row) = level + cell.shift;
+    rows.level(slopes.first + row) = level + cell.shift;
     for (std::size_t n = 0; n < cell.local.size(); ++n)
       for (int c = 0; c < dimension_; ++c) {
         double slope = -level * of_norm(cell.local[n], c);
         for (std::size_t k = 0; k < C.size(); ++k) slope += gradients[k](i, cell.local[n]) * C[k](i, c);
-        rows.slope(row, dimension_ * cell.place[n] + c) = slope / seen.norm * size_[at(cell.place[n])];
+        slopes.rows(row, static_cast<Eigen::Index>(n) * dimension_ + c) = slope / seen.norm * size_[at(cell.place[n])];
       }
   }
 }
@@ -173,19 +175,55 @@ MaxMinPatch::Rows MaxMinPatch::rows(const std::vector<double>& coordinates, cons
   }
   std::vector<std::vector<Eigen::Index>> samples(cells_.size());
   for (const Low& each : low) samples[each.cell].push_back(each.sample);
-  std::vector<Eigen::Index> first(cells_.size() + 1, 0);
-  for (std::size_t c = 0; c < cells_.size(); ++c)
-    first[c + 1] = first[c] + static_cast<Eigen::Index>(samples[c].size());
   Rows result;
-  const auto count = static_cast<Eigen::Index>(low.size());
-  result.level.resize(count);
-  result.slope = Eigen::MatrixXd::Zero(count, dimension_ * static_cast<Eigen::Index>(free_.size()));
+  result.level.resize(static_cast<Eigen::Index>(low.size()));
+  result.slopes.resize(cells_.size());
+  for (std::size_t c = 0; c < cells_.size(); ++c) {
+    result.slopes[c].first = static_cast<Eigen::Index>(result.cell.size());
+    result.cell.resize(result.cell.size() + samples[c].size(), static_cast<std::int32_t>(c));
+  }
   team.for_each(static_cast<std::int32_t>(cells_.size()), 1, [&](std::int32_t c) {
     if (!samples[at(c)].empty())
-      fill_rows(cells_[at(c)], seen[at(c)], samples[at(c)], coordinates, first[at(c)], result);
+      fill_rows(cells_[at(c)], seen[at(c)], samples[at(c)], coordinates, result.slopes[at(c)], result);
   });
-  result.product.noalias() = result.slope * result.slope.transpose();
   return result;
+}
+
+Eigen::VectorXd MaxMinPatch::times(const Rows& rows, const Eigen::VectorXd& z) const {
+  Eigen::VectorXd result(rows.level.size());
+  for (std::size_t c = 0; c < cells_.size(); ++c) {
+    const Slopes& slopes = rows.slopes[c];
+    if (slopes.rows.rows() == 0) continue;
+    Eigen::VectorXd own(slopes.rows.cols());
+    for (std::size_t n = 0; n < cells_[c].place.size(); ++n)
+      own.segment(static_cast<Eigen::Index>(n) * dimension_, dimension_) =
+          z.segment(cells_[c].place[n] * dimension_, dimension_);
+    result.segment(slopes.first, slopes.rows.rows()).noalias() = slopes.rows * own;
+  }
+  return result;
+}
+
+Eigen::VectorXd MaxMinPatch::transposed_times(const Rows& rows, const Eigen::VectorXd& weights) const {
+  Eigen::VectorXd result = Eigen::VectorXd::Zero(dimension_ * static_cast<Eigen::Index>(free_.size()));
+  for (std::size_t c = 0; c < cells_.size(); ++c) {
+    const Slopes& slopes = rows.slopes[c];
+    if (slopes.rows.rows() == 0) continue;
+    const Eigen::VectorXd own = slopes.rows.transpose() * weights.segment(slopes.first, slopes.rows.rows());
+    for (std::size_t n = 0; n < cells_[c].place.size(); ++n)
+      result.segment(cells_[c].place[n] * dimension_, dimension_) +=
+          own.segment(static_cast<Eigen::Index>(n) * dimension_, dimension_);
+  }
+  return result;
+}
+
+Eigen::VectorXd MaxMinPatch::column(const Rows& rows, Eigen::Index row) const {
+  const std::size_t c = at(rows.cell[at(row)]);
+  const Slopes& slopes = rows.slopes[c];
+  Eigen::VectorXd z = Eigen::VectorXd::Zero(dimension_ * static_cast<Eigen::Index>(free_.size()));
+  for (std::size_t n = 0; n < cells_[c].place.size(); ++n)
+    z.segment(cells_[c].place[n] * dimension_, dimension_) =
+        slopes.rows.row(row - slopes.first).segment(static_cast<Eigen::Index>(n) * dimension_, dimension_);
+  return times(rows, z);
 }
 
 void MaxMinPatch::move(const Eigen::VectorXd& z, const std::vector<double>& from, std::vector<double>& to) const {
@@ -207,12 +245,19 @@ MaxMinPatch::Levels MaxMinPatch::raise(std::vector<double>& coordinates, double 
     const Rows low = rows(coordinates, seen, smallest, team);
     for (std::size_t n = 0; n < free_.size(); ++n)
       std::copy_n(coordinates.data() + 3 * at(free_[n]), 3, here.data() + 3 * n);
+    // The program needs few columns of A Aᵀ, the same ones in each trial.
+    std::vector<Eigen::VectorXd> columns(at(low.level.size()));
+    const auto column_of = [&](Eigen::Index row) -> const Eigen::VectorXd& {
+      Eigen::VectorXd& made = columns[at(row)];
+      if (made.size() == 0) made = column(low, row);
+      return made;
+    };
     double share = 0, there = smallest;
     for (int trial = 0; trial < kMostTrials && share < kLeastShare; ++trial) {
       if (trial > 0) damping *= kLessOrMore;
-      const Eigen::VectorXd weights = detail::simplex_weights(low.product / damping, low.level);
-      const Eigen::VectorXd z = low.slope.transpose() * weights / damping;
-      const double predicted = (low.level + low.slope * z).minCoeff() - smallest;
+      const Eigen::VectorXd weights = detail::simplex_weights(column_of, 1 / damping, low.level);
+      const Eigen::VectorXd z = transposed_times(low, weights) / damping;
+      const double predicted = (low.level + times(low, z)).minCoeff() - smallest;
       move(z, here, coordinates);
       there = look_at_all(coordinates, seen_there, team.without_stop());
       looks += static_cast<std::int64_t>(cells_.size());

@@ -74,12 +74,21 @@ class MaxMinPatch {
     double norm = 1;  ///< M.
     double level = 0, scaled_jacobian = 0;
   };
-  /// Samples with a low level, and how their levels change with z = dx / h.
-  struct Rows {
-    Eigen::VectorXd level;    ///< With the shifts.
-    Eigen::MatrixXd slope;    ///< rows × (dimension · free nodes)
-    Eigen::MatrixXd product;  ///< slope slopeᵀ
+  /// How the levels of some samples of one cell change with z = dx / h of its free nodes.
+  struct Slopes {
+    Eigen::Index first = 0;  ///< The row of the first sample.
+    Eigen::MatrixXd rows;    ///< samples × (dimension · free nodes of the cell)
   };
+  /// Samples with a low level, and how their levels change: a matrix A of size rows × (dimension · free nodes), whose
+  /// entries are zero but for the nodes of each row's cell.
+  struct Rows {
+    Eigen::VectorXd level;           ///< With the shifts.
+    std::vector<Slopes> slopes;      ///< By cell.
+    std::vector<std::int32_t> cell;  ///< By row.
+  };
+  Eigen::VectorXd times(const Rows& rows, const Eigen::VectorXd& z) const;                   ///< A z
+  Eigen::VectorXd transposed_times(const Rows& rows, const Eigen::VectorXd& weights) const;  ///< Aᵀ w
+  Eigen::VectorXd column(const Rows& rows, Eigen::Index row) const;                          ///< Of A Aᵀ.
   using Derivatives = std::vector<Eigen::MatrixXd>;  ///< By direction: points × dimension.
 
   Derivatives derivatives(const Cell& cell, const std::vector<double>& coordinates) const;
@@ -92,7 +101,7 @@ class MaxMinPatch {
   Rows rows(const std::vector<double>& coordinates, const std::vector<Seen>& seen, double smallest,
             const Team& team) const;
   void fill_rows(const Cell& cell, const Seen& seen, const std::vector<Eigen::Index>& samples,
-                 const std::vector<double>& coordinates, Eigen::Index first, Rows& rows) const;
+                 const std::vector<double>& coordinates, Slopes& slopes, Rows& rows) const;
   void move(const Eigen::VectorXd& z, const std::vector<double>& from, std::vector<double>& to) const;
 
   std::vector<Cell> cells_;
