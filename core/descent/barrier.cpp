@@ -42,7 +42,7 @@ double Barrier::gradient(std::span<const double> weights, std::span<double> grad
         scans_[set.first + cell] = kernels_.scan(set, cell, F, nullptr);
         set.energy_slope[cell] = weights[set.first + cell] / volume_;
       }
-      hessian_.linearise(batches_[number], b, deformation.data());
+      hessian_.gradient(batches_[number], b, deformation.data());
     });
   }
   const std::size_t d = problem_.dimension;

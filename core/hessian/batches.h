@@ -93,6 +93,10 @@ class HessianKernels {
   /// high ones, then the d low ones.
   virtual void linearise(BatchSet& set, std::int32_t b, const double* deformation) const = 0;
 
+  /// The contributions become those of linearise(), bit for bit, and nothing is kept. Those of the lanes past the last
+  /// cell do not change.
+  virtual void gradient(BatchSet& set, std::int32_t b, const double* deformation) const = 0;
+
   /// From what linearise() has kept: the contributions become each node's own d × d block of the cells' Hessians, times
   /// their slopes: lower triangles by rows, in the first d (d + 1)/2 of the 2 d numbers.
   virtual void node_blocks(BatchSet& set, std::int32_t b) const = 0;

@@ -46,13 +46,25 @@ class VectorLinearisation : public HessianKernels {
     for (int lane = 0; lane < kBatch; ++lane) {
       // Lanes past the last cell repeat it with weight 0.
       const std::int32_t cell = std::min(b * kBatch + lane, cells.count - 1);
-      const double slope = cell < b * kBatch + lane ? 0.0 : cells.energy_slope.empty() ? 1.0 : cells.energy_slope[cell];
+      const double slope = cell < b * kBatch + lane ? 0.0 : slope_of(cells, cell);
       const double* F = deformation + (cell - b * kBatch) * cells.deformation_size();
       keep_deformation(set, b, lane, F);
-      linearise_cell(set, cell, slope, F, set.linearisation.data() + b * set.linearisation_size() + lane,
-                     stress.data());
+      linearise_cell<true>(set, cell, slope, F, set.linearisation.data() + b * set.linearisation_size() + lane,
+                           stress.data());
       cell_gradient(cells, cell, stress.data(),
                     set.contributions.data() + set.contribution_index(b * kBatch + lane, 0, 2 * d));
+    }
+  }
+
+  HWY_FLATTEN void gradient(BatchSet& set, std::int32_t b, const double* deformation) const override {
+    const CellSet& cells = *set.cells;
+    static thread_local AlignedVector<double> stress;
+    stress.resize(cells.deformation_size());
+    for (int lane = 0; lane < kBatch && b * kBatch + lane < cells.count; ++lane) {
+      const std::int32_t cell = b * kBatch + lane;
+      const double* F = deformation + lane * cells.deformation_size();
+      linearise_cell<false>(set, cell, slope_of(cells, cell), F, nullptr, stress.data());
+      cell_gradient(cells, cell, stress.data(), set.contributions.data() + set.contribution_index(cell, 0, 2 * d));
     }
   }
 
@@ -60,6 +72,10 @@ class VectorLinearisation : public HessianKernels {
   E energy_;
 
  private:
+  static double slope_of(const CellSet& cells, std::int32_t cell) {
+    return cells.energy_slope.empty() ? 1.0 : cells.energy_slope[cell];
+  }
+
   /// Writes F of one cell to BatchSet::deformation and BatchSet::mean.
   static HWY_INLINE void keep_deformation(BatchSet& set, std::int32_t b, int lane, const double* deformation) {
     const CellSet& cells = *set.cells;
@@ -82,8 +98,9 @@ class VectorLinearisation : public HessianKernels {
       }
   }
 
-  /// Computes the partial derivatives that are kept of a cell (`kept`, as BatchSet::linearisation), and w dW/dG at its
-  /// points (`stress`, d·d × stride).
+  /// Computes the partial derivatives that are kept of a cell (`kept`, as BatchSet::linearisation, if kKeeps), and w
+  /// dW/dG at its points (`stress`, d·d × stride).
+  template <bool kKeeps>
   HWY_INLINE void linearise_cell(const BatchSet& set, std::int32_t cell, double slope, const double* deformation,
                                  float* kept, double* stress) const {
     const PointTag tag;
@@ -96,7 +113,7 @@ class VectorLinearisation : public HessianKernels {
                                                                 : hn::Load(tag, cells.measure_of(cell) + q));
       alignas(64) double entries[Kept::kEntries][kPointPadding];
       const Matrix<Points, d> P = expand(deformation + q, cells.stride, weight, cells.delta_squared[cell], entries);
-      for (int p = 0; p < std::min(width, cells.points - q); ++p)
+      for (int p = 0; kKeeps && p < std::min(width, cells.points - q); ++p)
         for (int entry = 0; entry < Kept::kEntries; ++entry)
           kept[(set.gradient.slots[q + p] * Kept::kEntries + entry) * kBatch] = static_cast<float>(entries[entry][p]);
       for (int i = 0; i < d; ++i)

@@ -86,6 +86,32 @@ TEST_P(HessianKernelsOf, CellsPartsAddUpToTheirNodesExpansions) {
   }
 }
 
+TEST_P(HessianKernelsOf, GradientHasTheBitsOfLinearise) {
+  for (const auto [tangled, metric] : testing::kTreatments) {
+    prepare(tangled, metric);
+    const int d = problem_.dimension;
+    const auto hessian = make_hessian_kernels(GetParam().material.material, d);
+    for (CellSet& cells : problem_.sets) {
+      cells.energy_slope.resize(cells.count);
+      for (std::int32_t cell = 0; cell < cells.count; ++cell) cells.energy_slope[cell] = 0.5 + 0.01 * cell;
+    }
+    std::vector<BatchSet> linearised = make_batches(problem_, *hessian), batches = make_batches(problem_, *hessian);
+    for (std::size_t s = 0; s < batches.size(); ++s) {
+      const CellSet& cells = *batches[s].cells;
+      for (std::int32_t b = 0; b < batches[s].count; ++b) {
+        hessian->linearise(linearised[s], b, cells.deformation_of(b * kBatch));
+        hessian->gradient(batches[s], b, cells.deformation_of(b * kBatch));
+      }
+      for (std::int32_t cell = 0; cell < cells.count; ++cell)
+        for (int n = 0; n < cells.nodes_per_cell; ++n)
+          for (int k = 0; k < 2 * d; ++k) {
+            const std::size_t number = batches[s].contribution_index(cell, n, 2 * d) + k;
+            EXPECT_EQ(batches[s].contributions[number], linearised[s].contributions[number]);
+          }
+    }
+  }
+}
+
 TEST_P(HessianKernelsOf, ProductsMatchDifferencesOfTheGradient) {
   for (const auto [tangled, metric] : testing::kTreatments) {
     prepare(tangled, metric);
