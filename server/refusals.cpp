@@ -110,9 +110,9 @@ Refusal owner_full(const std::string& owner, std::int64_t held, std::int64_t mos
 Refusal mesh_too_large(std::int64_t max, std::optional<std::int64_t> size) {
   const std::string limit = std::to_string(max);
   return refusal(Code::ResourceExhausted, "MESH_TOO_LARGE",
-                 size ? "The mesh has " + std::to_string(*size) + " bytes; the server accepts at most " + limit +
+                 size ? "The file has " + std::to_string(*size) + " bytes; the server accepts at most " + limit +
                             " (its flag --max-mesh-bytes)."
-                      : "The mesh has more than " + limit +
+                      : "The file has more than " + limit +
                             " bytes, the most that the server accepts (its flag --max-mesh-bytes).",
                  {{"max_mesh_bytes", limit}});
 }
@@ -140,8 +140,8 @@ Refusal mesh_missing(const std::string& digest) {
 }
 
 Refusal mesh_in_use(const std::string& digest) {
-  return refusal(Code::FailedPrecondition, "MESH_IN_USE", "Jobs refer to the mesh " + digest + "; delete them first.",
-                 {{"digest", digest}});
+  return refusal(Code::FailedPrecondition, "MESH_IN_USE",
+                 "Jobs refer to the mesh or geometry " + digest + "; delete them first.", {{"digest", digest}});
 }
 
 Refusal upload_not_found(const std::string& what) {
@@ -154,19 +154,19 @@ Refusal upload_taken_over() {
 
 Refusal upload_id_used(const std::string& id) {
   return refusal(Code::AlreadyExists, "UPLOAD_ID_USED",
-                 "The upload id '" + id + "' belongs to an upload of another mesh; choose a new id.");
+                 "The upload id '" + id + "' belongs to an upload of another file; choose a new id.");
 }
 
 Refusal upload_larger_than_declared(std::int64_t size) {
   return refusal(Code::InvalidArgument, "MESH_LARGER_THAN_SAID",
                  "The upload has more than the " + std::to_string(size) +
-                     " bytes that its header declares; upload the mesh again under a new id.");
+                     " bytes that its header declares; upload the file again under a new id.");
 }
 
 Refusal digest_mismatch(const std::string& received, const std::string& declared) {
   return refusal(Code::InvalidArgument, "DIGEST_MISMATCH",
                  "The received bytes have the SHA-256 " + received + ", but the header declares " + declared +
-                     "; upload the mesh again under a new id.",
+                     "; upload the file again under a new id.",
                  {{"digest", received}});
 }
 

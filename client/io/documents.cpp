@@ -218,6 +218,7 @@ Json document(const v1::GetServerInfoResponse& info) {
           {"running_jobs", info.running_jobs()},
           {"input_formats", inputs},
           {"output_formats", outputs},
+          {"takes_geometries", info.takes_geometries()},
           {"energies", energies}};
 }
 

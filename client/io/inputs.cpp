@@ -119,6 +119,29 @@ void add_file_label(const std::string& path, google::protobuf::Map<std::string, 
   labels->insert({"file", name});
 }
 
+Outcome<std::optional<v1::Geometry>> hand_over_geometry(Client& client, Input* input,
+                                                        const std::function<void(const std::string&)>& on_sentence) {
+  GeometryOptions& options = input->geometry;
+  if (options.file.empty() || options.order > 0) return std::optional<v1::Geometry>();
+  const auto server = client.info();
+  if (!server) return tl::unexpected(server.error());
+  if (!server->takes_geometries()) {
+    on_sentence("The server takes no geometries, so the boundary nodes slide in this process.");
+    return std::optional<v1::Geometry>();
+  }
+  const auto stored = client.upload_file(options.file);
+  if (!stored) return tl::unexpected(stored.error());
+  v1::Geometry geometry;
+  geometry.set_digest(stored->digest());
+  geometry.set_slide(options.slide == "none"       ? v1::Geometry::SLIDE_NONE
+                     : options.slide == "surfaces" ? v1::Geometry::SLIDE_SURFACES
+                                                   : v1::Geometry::SLIDE_ALL);
+  geometry.set_snap(options.snap);
+  geometry.set_smooth_angle(options.smooth_angle);
+  options = {};
+  return std::optional(std::move(geometry));
+}
+
 Outcome<std::optional<formats::MeshFile>> moved_mesh(const Input& input,
                                                      const std::function<void(const std::string&)>& on_sentence) {
   if (input.displacements.empty() && input.boundary.empty() && !input.geometry.any())

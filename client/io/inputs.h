@@ -38,6 +38,12 @@ void add_slide_flags(CLI::App& command, GeometryOptions* geometry);
 /// that is too long for a label loses its beginning.
 void add_file_label(const std::string& path, google::protobuf::Map<std::string, std::string>* labels);
 
+/// Leaves the sliding on the model in the input's CAD file to the server, if it does that: uploads the file, takes the
+/// geometry out of the input, and returns what goes into JobSpec.geometry. Nothing if there is no such file, if the
+/// mesh is to be curved, or, after a sentence, if the server takes no geometries; then the nodes slide in this process.
+Outcome<std::optional<v1::Geometry>> hand_over_geometry(Client& client, Input* input,
+                                                        const std::function<void(const std::string&)>& on_sentence);
+
 /// The input's mesh after its boundary nodes have been moved as the other files say; nothing if there are none. If
 /// nodes slide, they do so in this process; `on_sentence` gets what this came to.
 Outcome<std::optional<formats::MeshFile>> moved_mesh(const Input& input,

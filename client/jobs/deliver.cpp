@@ -13,12 +13,19 @@
 namespace varimesh::client {
 namespace {
 
+/// Why a job failed, with the name of the file at fault.
+std::string failure_text(const v1::JobError& error, const Delivery& delivery) {
+  const std::string why = as_plain_text(error.message());
+  const std::string of_geometry = "The geometry ";  // it begins what the server says about a CAD file
+  if (!delivery.geometry.empty() && why.starts_with(of_geometry))
+    return of_geometry + "'" + delivery.geometry + "' " + why.substr(of_geometry.size());
+  return (error.reason() == "BAD_INPUT" && !delivery.input.empty() ? "'" + delivery.input + "': " : "") + why;
+}
+
 /// Prints how a job that has no result to deliver ended, and returns the exit status.
-int print_end(const v1::Job& job, const std::string& input) {
+int print_end(const v1::Job& job, const Delivery& delivery) {
   if (job.state() == v1::JOB_STATE_FAILED) {
-    const bool concerns_input = job.error().reason() == "BAD_INPUT" && !input.empty();
-    std::cerr << "varimesh: " << (concerns_input ? "'" + input + "': " : "") << as_plain_text(job.error().message())
-              << std::endl;
+    std::cerr << "varimesh: " << failure_text(job.error(), delivery) << std::endl;
     return status_of_reason(job.error().reason());
   }
   if (interrupted() && job.state() == v1::JOB_STATE_CANCELLED) {
@@ -50,7 +57,7 @@ void print_interruption(const v1::Job& job, bool was_cut_short, const std::vecto
 int deliver(Client* client, const v1::Job& job, const Delivery& delivery, const CommonFlags& flags) {
   const bool was_cut_short = job.state() == v1::JOB_STATE_CANCELLED && job.has_metrics();
   if (job.state() != v1::JOB_STATE_SUCCEEDED && !(was_cut_short && delivery.accepts_cancelled))
-    return print_end(job, delivery.input);
+    return print_end(job, delivery);
   if (was_cut_short && !interrupted())
     std::cerr << "varimesh: " << job.name() << " was cancelled; the result is the mesh that it had then" << std::endl;
   if (const auto fetched = fetch(*client, job, delivery.outputs); !fetched) return print_error(fetched.error());

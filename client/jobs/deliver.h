@@ -12,7 +12,8 @@ namespace varimesh::client {
 
 /// What to do with a job that has ended.
 struct Delivery {
-  std::string input;  ///< The path of the input, for messages and the report; empty: not known.
+  std::string input;     ///< The path of the input, for messages and the report; empty: not known.
+  std::string geometry;  ///< The path of the job's CAD file, for messages; empty: not known.
   std::vector<Output> outputs;
   std::string history;             ///< The path of the history; empty: do not write one.
   std::string report;              ///< The path of the report page; empty: do not write one.

@@ -95,7 +95,7 @@ class Follower {
 }  // namespace
 
 tl::expected<v1::Job, int> follow(Client* client, const std::string& name, std::int64_t after, const CommonFlags& flags,
-                                  OnInterrupt on_interrupt) {
+                                  OnInterrupt on_interrupt, Notes notes) {
   v1::Options options;
   // An interrupt before this call succeeds must still do what it is to do.
   if (const auto job = client->get(name))
@@ -104,7 +104,7 @@ tl::expected<v1::Job, int> follow(Client* client, const std::string& name, std::
     return tl::unexpected(print_error(job.error()));
   Follower follower(client, name, flags, on_interrupt, options);
   const auto on_event = [&](const v1::JobEvent& event) {
-    follower.show(event);
+    if (notes == Notes::Show || !event.has_log()) follower.show(event);
     return true;
   };
   auto ended = client->watch(name, after, on_event, [&] { return follower.goes_on(); });

@@ -57,20 +57,24 @@ Failure as_named(const OptimiseArguments& arguments, Failure failure) {
   return failure;
 }
 
-/// Submits a job on a stored mesh, and follows it. The error is the exit status; its message has been printed.
-tl::expected<v1::Job, int> run_job(Client* client, const OptimiseArguments& arguments,
-                                   const std::vector<Output>& outputs, const std::string& digest,
-                                   const std::string& request_id) {
+/// The job without its mesh.
+v1::JobSpec spec_of(const OptimiseArguments& arguments, const std::vector<Output>& outputs) {
   v1::JobSpec spec;
-  spec.mutable_mesh()->set_digest(digest);
   *spec.mutable_options() = arguments.options;
   add_file_label(arguments.name.empty() ? arguments.input.mesh : arguments.name, spec.mutable_labels());
   for (const v1::MeshFormat format : formats_with_report(formats_of(outputs), arguments.report))
     spec.add_outputs(format);
+  return spec;
+}
+
+/// Submits a job, and follows it. `notes`: what a geometry came to, for example. The error is the exit status; its
+/// message has been printed.
+tl::expected<v1::Job, int> run_job(Client* client, const OptimiseArguments& arguments, const v1::JobSpec& spec,
+                                   const std::string& request_id, Notes notes = Notes::Show) {
   const auto job = client->submit(spec, request_id);
   if (!job) return tl::unexpected(print_error(job.error()));
   const bool in_process = arguments.common.server.empty();
-  return follow(client, job->name(), 0, arguments.common, in_process ? OnInterrupt::EndJob : OnInterrupt::Ask);
+  return follow(client, job->name(), 0, arguments.common, in_process ? OnInterrupt::EndJob : OnInterrupt::Ask, notes);
 }
 
 std::int64_t left(const v1::Job& job) {
@@ -86,27 +90,41 @@ bool fixed_is_better(const v1::Job& fixed, const v1::Job& slid, bool on_boundary
   return fixed.metrics().after().min_scaled_jacobian() > slid.metrics().after().min_scaled_jacobian();
 }
 
-/// Optimises the mesh with its boundary as it came too, and returns the better of both jobs. With a model this is done
-/// only if elements are left that are not certified valid. An input that cannot be read twice, as a pipe, is not
-/// compared.
-tl::expected<v1::Job, int> better_of(Client* client, const OptimiseArguments& arguments, Input input,
-                                     const std::vector<Output>& outputs, v1::Job slid,
-                                     const std::function<void(const std::string&)>& print_sentence) {
-  const bool on_boundary = input.geometry.on_boundary;
-  std::error_code failed;
-  if (slid.state() != v1::JOB_STATE_SUCCEEDED || !std::filesystem::is_regular_file(input.mesh, failed)) return slid;
-  if (!on_boundary && (left(slid) == 0 || input.geometry.slide == "none")) return slid;
-  print_sentence(on_boundary ? "Now with the boundary as it came."
-                             : std::to_string(left(slid)) +
-                                   " elements are not certified valid, so now without sliding, for comparison.");
-  if (on_boundary)
+/// Changes the job to one on the mesh with its boundary as it came. A mesh that slid in this process is read and
+/// uploaded once more.
+Outcome<void> take_boundary_as_it_came(Client* client, Input input, v1::JobSpec* spec) {
+  if (spec->has_geometry()) {
+    spec->mutable_geometry()->set_slide(v1::Geometry::SLIDE_NONE);
+    return {};
+  }
+  if (input.geometry.on_boundary)
     input.geometry = {};
   else
     input.geometry.slide = "none";
   const auto mesh = upload(*client, input);
-  if (!mesh) return tl::unexpected(print_error(as_named(arguments, mesh.error())));
+  if (!mesh) return tl::unexpected(mesh.error());
+  spec->mutable_mesh()->set_digest(mesh->digest());
+  return {};
+}
+
+/// Optimises the mesh with its boundary as it came too, and returns the better of both jobs. With a model this is done
+/// only if elements are left that are not certified valid. A mesh that slid in this process and cannot be read twice,
+/// as a pipe, is not compared.
+tl::expected<v1::Job, int> better_of(Client* client, const OptimiseArguments& arguments, const Input& input,
+                                     v1::JobSpec spec, v1::Job slid,
+                                     const std::function<void(const std::string&)>& print_sentence) {
+  const bool on_boundary = input.geometry.on_boundary;
+  std::error_code failed;
+  const bool is_there = spec.has_geometry() || std::filesystem::is_regular_file(input.mesh, failed);
+  if (slid.state() != v1::JOB_STATE_SUCCEEDED || !is_there) return slid;
+  if (!on_boundary && (left(slid) == 0 || input.geometry.slide == "none")) return slid;
+  print_sentence(on_boundary ? "Now with the boundary as it came."
+                             : std::to_string(left(slid)) +
+                                   " elements are not certified valid, so now without sliding, for comparison.");
+  if (const auto taken = take_boundary_as_it_came(client, input, &spec); !taken)
+    return tl::unexpected(print_error(as_named(arguments, taken.error())));
   const std::string id = arguments.request_id.empty() ? "" : arguments.request_id + "-as-it-came";
-  auto fixed = run_job(client, arguments, outputs, mesh->digest(), id);
+  auto fixed = run_job(client, arguments, spec, id, Notes::LeaveOut);
   if (!fixed) return fixed;
   const bool takes_fixed = fixed->state() == v1::JOB_STATE_SUCCEEDED && fixed_is_better(*fixed, slid, on_boundary);
   const std::string how = on_boundary ? "with the boundary as it came" : "without sliding";
@@ -136,23 +154,31 @@ int optimise(const OptimiseArguments& arguments) {
   const auto print_sentence = [&](const std::string& sentence) {
     if (!arguments.common.quiet) std::cerr << sentence << std::endl;
   };
-  const auto moved = moved_mesh(*input, print_sentence);
+  Input sent = *input;  // without what the server does
+  v1::JobSpec spec = spec_of(arguments, *outputs);
+  if (!in_process) {
+    auto geometry = hand_over_geometry(*client, &sent, print_sentence);
+    if (!geometry) return print_error(geometry.error());
+    if (*geometry) *spec.mutable_geometry() = std::move(**geometry);
+  }
+  const auto moved = moved_mesh(sent, print_sentence);
   if (!moved) return print_error(as_named(arguments, moved.error()));
-  if (*moved && is_only_a_surface(*input, **moved))
+  if (*moved && is_only_a_surface(sent, **moved))
     return deliver_surface(arguments.common, !in_process || !arguments.history.empty() || !arguments.report.empty(),
                            *outputs, **moved, arguments.options.threads());
-  const auto mesh = upload(*client, *input, *moved, in_process ? keep_calls_going : nullptr);
+  const auto mesh = upload(*client, sent, *moved, in_process ? keep_calls_going : nullptr);
   if (!mesh) return print_error(as_named(arguments, mesh.error()));
-  const std::string& name = arguments.name.empty() ? arguments.input.mesh : arguments.name;
-  auto ended = run_job(client, arguments, *outputs, mesh->digest(), arguments.request_id);
+  spec.mutable_mesh()->set_digest(mesh->digest());
+  auto ended = run_job(client, arguments, spec, arguments.request_id);
   if (!ended) return ended.error();
   if (input->geometry.any() && !interrupted()) {
-    auto better = better_of(client, arguments, *input, *outputs, std::move(*ended), print_sentence);
+    auto better = better_of(client, arguments, *input, std::move(spec), std::move(*ended), print_sentence);
     if (!better) return better.error();
     ended = std::move(*better);
   }
   Delivery delivery;
-  delivery.input = name;
+  delivery.input = arguments.name.empty() ? arguments.input.mesh : arguments.name;
+  delivery.geometry = input->geometry.file;
   delivery.outputs = *outputs;
   delivery.history = arguments.history;
   delivery.report = arguments.report;

@@ -1,4 +1,5 @@
-// Uploads: the mesh goes to the server in chunks, and an upload that was cut goes on from what the server has stored.
+// Uploads: a mesh or a geometry goes to the server in chunks, and an upload that was cut goes on from what the server
+// has stored.
 #include <grpcpp/grpcpp.h>
 
 #include <algorithm>
@@ -26,7 +27,7 @@ Outcome<v1::UploadHeader> header_of(const InputFile& file, const Settings& setti
   Sha256 digest;
   std::int64_t size = 0;
   while (true) {
-    if (settings.wants_to_stop()) return interruption("Interrupted while the mesh was being read.");
+    if (settings.wants_to_stop()) return interruption("Interrupted while the file was being read.");
     const auto piece = file.read(size, kReadBytes);
     if (!piece) return tl::unexpected(piece.error());
     if (piece->empty()) break;
@@ -66,7 +67,7 @@ Outcome<v1::StoredMesh> Client::upload(const InputFile& file) {
     const auto stored = try_upload(file, *header, &committed, &retries, &status);
     if (!stored) return tl::unexpected(stored.error());
     if (stored->has_value()) return **stored;
-    if (settings_.wants_to_stop()) return interruption("Interrupted while the mesh was being uploaded.");
+    if (settings_.wants_to_stop()) return interruption("Interrupted while the file was being uploaded.");
     if (!retries.wait_to_retry(status)) return tl::unexpected(failure_of(status));
   }
 }

@@ -13,6 +13,7 @@
 #include "core/diagnosis/diagnose.h"
 #include "core/geometry/load.h"
 #include "core/marks/marks.h"
+#include "core/mesh/check.h"
 #include "core/optimise/memory.h"
 #include "core/optimise/optimiser.h"
 #include "core/quality/certified_quality.h"
@@ -150,6 +151,10 @@ void note_straight_boundary(const HighOrderMesh& mesh, const RunRequest& request
 
 /// Slides the boundary nodes on the model of the request.
 Expected<SlidOnGeometry> slide_nodes(HighOrderMesh& mesh, const RunRequest& request) {
+  if (is_surface(mesh))
+    return bad_input(
+        "The mesh is a surface in space, whose nodes slide without a job: use 'varimesh optimise --geometry' without "
+        "--server.");
   const auto model = request.model->geometry();
   if (!model) return tl::unexpected(model.error());
   return slide_on_model(mesh, geometry_options(*request.geometry, request.options), *model);

@@ -58,6 +58,10 @@ Answer<void> Scheduler::check(const v1::JobSpec& spec, bool is_admin) {
   return check_memory(spec.mesh().digest());
 }
 
+bool Scheduler::takes_geometries() const {
+  return engine_.check_geometry && engine_.check_geometry(v1::Geometry(), Options());
+}
+
 Answer<void> Scheduler::check_geometry(const v1::JobSpec& spec, const Options& options) {
   if (!spec.has_geometry()) return {};
   if (!is_sha256(spec.geometry().digest()))

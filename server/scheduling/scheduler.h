@@ -88,6 +88,9 @@ class Scheduler {
   /// Returns all iterations of a job that has SUCCEEDED.
   Answer<v1::History> history(const std::string& name);
 
+  /// Whether jobs may have a geometry here.
+  bool takes_geometries() const;
+
   /// Starts no more jobs and asks the running jobs to end. If the store is durable, they become PENDING, and the next
   /// process continues them from their checkpoints; a job without a checkpoint starts again. Otherwise they are
   /// cancelled.

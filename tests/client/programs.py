@@ -83,14 +83,14 @@ def wait_for_line(process, pattern):
 
 
 class Server:
-    """A varimeshd on a free loopback port."""
+    """A varimeshd on a free loopback port. `environment`: variables that it gets besides those of this process."""
 
-    def __init__(self, *flags, listen="127.0.0.1:0"):
+    def __init__(self, *flags, listen="127.0.0.1:0", **environment):
         self.folder = tempfile.TemporaryDirectory()
         port_file = Path(self.folder.name) / "address"
         self.process = subprocess.Popen(
             [VARIMESHD, "--listen", listen, "--port-file", str(port_file), "--data", self.folder.name, *flags],
-            stderr=subprocess.PIPE, text=True)
+            stderr=subprocess.PIPE, text=True, env={**os.environ, **environment})
         self.log = []
         self.reader = threading.Thread(target=lambda: self.log.extend(self.process.stderr))
         self.reader.start()

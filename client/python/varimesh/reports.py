@@ -194,6 +194,7 @@ class ServerInfo:
     energies: tuple[str, ...]
     pending_jobs: int
     running_jobs: int
+    takes_geometries: bool  #: whether boundary nodes may slide on CAD models in jobs of this server
 
 
 def state_name(number: int) -> str:
@@ -303,4 +304,4 @@ def info_of(message: service_pb2.GetServerInfoResponse) -> ServerInfo:
         tuple(format_name(one) for one in message.input_formats),
         tuple(format_name(one) for one in message.output_formats),
         tuple(spelled(optimise_pb2.Energy.DESCRIPTOR, one) for one in message.energies),
-        message.pending_jobs, message.running_jobs)  # fmt: skip
+        message.pending_jobs, message.running_jobs, message.takes_geometries)  # fmt: skip
