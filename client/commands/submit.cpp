@@ -55,13 +55,15 @@ Expected<void> check_meshes(const Arguments& arguments) {
   return {};
 }
 
-/// Uploads a mesh and submits its job. The error is the exit status; its message has been printed.
-tl::expected<v1::Job, int> submit(Client* client, const Arguments& arguments, const std::string& path,
+void print_sentence(const std::string& sentence) { std::cerr << sentence << std::endl; }
+
+/// Uploads a mesh and submits its job. `input`: what all meshes have in common. The error is the exit status; its
+/// message has been printed.
+tl::expected<v1::Job, int> submit(Client* client, const Arguments& arguments, Input input, const std::string& path,
                                   v1::JobSpec spec) {
-  Input input = arguments.input;
   input.mesh = path;
   add_file_label(path, spec.mutable_labels());
-  const auto mesh = upload(*client, input);
+  const auto mesh = upload(*client, input, {}, print_sentence);
   if (!mesh) return tl::unexpected(print_error(mesh.error()));
   spec.mutable_mesh()->set_digest(mesh->digest());
   std::string request_id = arguments.request_id;
@@ -74,14 +76,19 @@ tl::expected<v1::Job, int> submit(Client* client, const Arguments& arguments, co
 
 int submit(const Arguments& arguments) {
   if (const auto fine = check_meshes(arguments); !fine) return print_error(fine.error());
-  const auto spec = job_spec(arguments);
+  auto spec = job_spec(arguments);
   if (!spec) return print_error(spec.error());
+  auto input = with_options(arguments.input, arguments.options);
+  if (!input) return print_error(input.error());
   const auto connection = connect(arguments.common);
   if (!connection) return connection.error();
+  auto geometry = hand_over_geometry(*connection->client, &*input, print_sentence);
+  if (!geometry) return print_error(geometry.error());
+  if (*geometry) *spec->mutable_geometry() = std::move(**geometry);
   Json documents = Json::array();
   int status = kDone;
   for (const std::string& path : arguments.meshes) {
-    const auto job = submit(connection->client.get(), arguments, path, *spec);
+    const auto job = submit(connection->client.get(), arguments, *input, path, *spec);
     if (!job) {
       if (status == kDone) status = job.error();
       // A mesh that is refused is no reason to leave the others out; a server that is lost is.
@@ -107,6 +114,8 @@ Action add_submit(CLI::App& app) {
   CLI::App& command =
       add_remote_command(app, "submit", "Send meshes to a server and print the names of the jobs", &arguments->common);
   add_inputs(command, &arguments->meshes, &arguments->input);
+  add_geometry_flags(command, &arguments->input.geometry);
+  command.get_option("--slide")->needs(command.get_option("--geometry"));
   command
       .add_option("--output-format", arguments->formats,
                   "Format of the result; default: that of the input; may be repeated")

@@ -119,6 +119,22 @@ void add_file_label(const std::string& path, google::protobuf::Map<std::string, 
   labels->insert({"file", name});
 }
 
+Expected<Input> with_options(Input input, const v1::Options& options) {
+  if (!input.geometry.any()) {
+    if (input.geometry.slide.empty()) return input;
+    return bad_option("--slide says which nodes slide on what --geometry or --slide-on names; give one of them.");
+  }
+  const std::string flag = input.geometry.on_boundary ? "--slide-on" : "--geometry";
+  if (options.order() > 0)
+    return bad_option("--order does not go with " + flag + ", because new boundary nodes would not lie on it.");
+  if (options.free_size() > 0 || options.free_nodes_size() > 0 || options.fix_nodes_size() > 0 ||
+      options.region_below() > 0)
+    return bad_option(flag + " goes only with --fix, not with other options that fix or free nodes.");
+  input.geometry.fix.assign(options.fix().begin(), options.fix().end());
+  input.geometry.threads = options.threads();
+  return input;
+}
+
 Outcome<std::optional<v1::Geometry>> hand_over_geometry(Client& client, Input* input,
                                                         const std::function<void(const std::string&)>& on_sentence) {
   GeometryOptions& options = input->geometry;

@@ -38,6 +38,10 @@ void add_slide_flags(CLI::App& command, GeometryOptions* geometry);
 /// that is too long for a label loses its beginning.
 void add_file_label(const std::string& path, google::protobuf::Map<std::string, std::string>* labels);
 
+/// The input with the options of the job that concern its geometry too. Errors: BadOption if an option does not go with
+/// a geometry, or if only a geometry gives a flag a meaning.
+Expected<Input> with_options(Input input, const v1::Options& options);
+
 /// Leaves the sliding on the model in the input's CAD file to the server, if it does that: uploads the file, takes the
 /// geometry out of the input, and returns what goes into JobSpec.geometry. Nothing if there is no such file, if the
 /// mesh is to be curved, or, after a sentence, if the server takes no geometries; then the nodes slide in this process.

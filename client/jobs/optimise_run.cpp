@@ -19,26 +19,6 @@
 namespace varimesh::client {
 namespace {
 
-/// The input with the options that concern the geometry too. Errors: BadOption if an option does not go with a
-/// geometry.
-Expected<Input> with_geometry(const OptimiseArguments& arguments) {
-  Input input = arguments.input;
-  if (!input.geometry.any()) {
-    if (input.geometry.slide.empty()) return input;
-    return bad_option("--slide says which nodes slide on what --geometry or --slide-on names; give one of them.");
-  }
-  const v1::Options& options = arguments.options;
-  const std::string flag = input.geometry.on_boundary ? "--slide-on" : "--geometry";
-  if (options.order() > 0)
-    return bad_option("--order does not go with " + flag + ", because new boundary nodes would not lie on it.");
-  if (options.free_size() > 0 || options.free_nodes_size() > 0 || options.fix_nodes_size() > 0 ||
-      options.region_below() > 0)
-    return bad_option(flag + " goes only with --fix, not with other options that fix or free nodes.");
-  input.geometry.fix.assign(options.fix().begin(), options.fix().end());
-  input.geometry.threads = options.threads();
-  return input;
-}
-
 /// The outputs, after a check that all files can be written. Errors: BadOption, Output.
 Expected<std::vector<Output>> check_files(const OptimiseArguments& arguments) {
   auto outputs = check_outputs(arguments.outputs, arguments.format, arguments.input.mesh);
@@ -142,7 +122,7 @@ void take_order(OptimiseArguments* arguments) {
 }  // namespace
 
 int optimise(const OptimiseArguments& arguments) {
-  const auto input = with_geometry(arguments);
+  const auto input = with_options(arguments.input, arguments.options);
   if (!input) return print_error(input.error());
   const auto outputs = check_files(arguments);
   if (!outputs) return print_error(outputs.error());
@@ -212,7 +192,7 @@ void add_run_flags(CLI::App& command, OptimiseArguments* arguments) {
 
 int check_curve(OptimiseArguments arguments) {
   take_order(&arguments);
-  if (const auto input = with_geometry(arguments); !input) return print_error(input.error());
+  if (const auto input = with_options(arguments.input, arguments.options); !input) return print_error(input.error());
   const auto outputs = check_files(arguments);
   return outputs ? kDone : print_error(outputs.error());
 }

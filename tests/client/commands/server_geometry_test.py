@@ -109,6 +109,26 @@ class OnAServer(Geometry):
             self.assertIn(sentence, done.stderr)
         self.assertFalse(self.out.exists())
 
+    def test_jobs_that_are_submitted_slide_too(self):
+        here, other, text = self.folder / "here.msh", self.folder / "other.msh", self.folder / "text.msh"
+        self.assertEqual(run("convert", BRACKET, text, "--format", "msh22").returncode, 0)
+        flags = ["--slide", "surfaces", "--smooth-angle", 5]
+        done = run("submit", BRACKET, text, "--geometry", MODEL, *flags, "--server", self.server.address)
+        self.assertEqual((done.returncode, done.stderr), (0, ""))
+        for name, mesh in zip(done.stdout.split(), (BRACKET, text)):
+            self.assertIn(run("wait", name, "--server", self.server.address).returncode, (0, 4))
+            self.assertIn(run("result", name, "-o", other, "--server", self.server.address).returncode, (0, 4))
+            self.assertIn(self.optimise(*flags, mesh=mesh, out=here).returncode, (0, 4))
+            self.assertEqual(here.read_bytes(), other.read_bytes())
+
+    def test_flags_of_submit_that_do_not_go_together_are_refused(self):
+        for flags, word in ((["--slide", "none"], "--geometry"), (["--snap"], "--geometry"),
+                            (["--geometry", MODEL, "--order", 4], "--order"),
+                            (["--geometry", MODEL, "--free-nodes", 7], "--fix")):
+            done = run("submit", BRACKET, *flags, "--server", self.server.address)
+            self.assertEqual((done.returncode, done.stdout), (2, ""), done.stderr)
+            self.assertIn(word, done.stderr)
+
     def test_a_surface_alone_needs_no_server(self):
         text, mesh = self.folder / "text.msh", self.folder / "surface.msh"
         self.assertEqual(run("convert", BRACKET, text, "--format", "msh22").returncode, 0)
