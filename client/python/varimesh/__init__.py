@@ -31,12 +31,13 @@ from .errors import (
 from .job import Job, Result
 from .local import LocalClient, local
 from .mesh import Block, Mesh
-from .options import Options, TargetField
+from .options import Geometry, Options, TargetField
 from .progress import Progress
 from .reports import (
     CellQuality,
     Certified,
     Event,
+    GeometryReport,
     Iteration,
     Metrics,
     Quality,
@@ -51,7 +52,7 @@ from .shared import optimise, optimize, quality
 from .version import __version__
 
 __all__ = [
-    "AsyncClient", "AsyncJob", "BadMesh", "BadOption", "BadOutput", "Block", "CellQuality", "Certified", "Client", "Event", "Iteration", "Job",
+    "AsyncClient", "AsyncJob", "BadMesh", "BadOption", "BadOutput", "Block", "CellQuality", "Certified", "Client", "Event", "Geometry", "GeometryReport", "Iteration", "Job",
     "JobCancelled", "JobFailed", "LocalClient", "Mesh", "Metrics", "Options", "Progress", "Quality", "Refused",
     "Remedy", "RepairStep", "Result", "ServerInfo", "ServerUnreachable", "Stopped", "TargetField", "Unrepairable", "VarimeshError",
     "WhatIsLeft", "Work", "__version__",

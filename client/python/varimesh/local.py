@@ -59,17 +59,18 @@ def find_server() -> str:
 
 
 def local(*, threads: int = 0, state: str | os.PathLike[str] | None = None, executable: str | None = None,
-          log: IO[bytes] | None = None, timeout: float = 20.0) -> LocalClient:  # fmt: skip
+          log: IO[bytes] | None = None, timeout: float = 20.0, processes: bool = False) -> LocalClient:  # fmt: skip
     """Starts a server and returns a client of it. `with varimesh.local() as client: …` stops the server at its end.
 
     `threads` is the number of threads for the running jobs; 0 means all of the machine's. `state` is a directory that
     keeps jobs and meshes. `log` takes the server's log. By default the log goes nowhere, but an error at the start is in the
-    exception.
+    exception. With `processes`, each job runs in a process of its own, which jobs with a geometry need; `varimesh_worker`
+    must be installed with the server.
     """
     folder = Path(tempfile.mkdtemp(prefix="varimesh-"))
     socket, port_file, log_file = (folder / name for name in ("socket", "address", "log"))
     command = [executable or find_server(), "--listen", f"unix:{socket}", "--port-file", str(port_file),
-               "--isolation", "none", "--threads", str(threads), "--log-level", "info" if log else "error"]  # fmt: skip
+               "--isolation", "process" if processes else "none", "--threads", str(threads), "--log-level", "info" if log else "error"]  # fmt: skip
     command += ["--state", os.fspath(state)] if state is not None else ["--data", str(folder)]
     with open(log_file, "wb") as own_log:
         # The server has a session of its own. Ctrl-C at the terminal goes to the program, which cancels its job and stops

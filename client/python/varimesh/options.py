@@ -1,6 +1,7 @@
 """The options of an optimisation, with the names of varimesh.v1.Options."""
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Literal, TypedDict
@@ -10,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from .errors import BadOption
 from .names import spellings, suggestion
-from .v1 import optimise_pb2
+from .v1 import job_pb2, optimise_pb2
 
 
 @dataclass(frozen=True)
@@ -21,6 +22,24 @@ class TargetField:
     values: ArrayLike
     per: Literal["cell", "vertex"] = "cell"
     numbers: ArrayLike | None = None
+
+
+@dataclass(frozen=True)
+class Geometry:
+    """The CAD model on which boundary nodes slide, in a STEP, IGES or BREP file. docs/geometry.md describes the flags of the
+    command, which have the same names."""
+
+    file: str | os.PathLike[str]
+    slide: Literal["none", "surfaces", "all"] = "all"
+    snap: bool = False
+    smooth_angle: float = 0.0
+
+    def to_message(self) -> job_pb2.Geometry:
+        """The message without the digest of the file. BadOption names a value that does not exist."""
+        known = spellings(job_pb2.Geometry.Slide.DESCRIPTOR)
+        if self.slide not in known:
+            raise BadOption(f"slide cannot be {self.slide!r}; {suggestion(str(self.slide), known)}")
+        return job_pb2.Geometry(slide=known[self.slide], snap=self.snap, smooth_angle=self.smooth_angle)
 
 
 class Options(TypedDict, total=False):

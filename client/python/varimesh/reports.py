@@ -106,6 +106,21 @@ class WhatIsLeft:
 
 
 @dataclass(frozen=True)
+class GeometryReport:
+    """What came of the CAD model of a job. Lengths are in the mesh's unit."""
+
+    nodes: int  # that slid
+    farthest: float  # how far a node slid at most
+    folded_before: int  # boundary elements that are folded over
+    folded_after: int
+    largest_before: float  # distance between the curved boundary and the model
+    largest_after: float
+    rms_before: float
+    rms_after: float
+    sentences: tuple[str, ...]  # what matched and what moved
+
+
+@dataclass(frozen=True)
 class Metrics:
     """The result of a job in figures."""
 
@@ -128,6 +143,7 @@ class Metrics:
     substitute_targets: tuple[int, ...]  # elements whose straight-sided shape could not be their target; at most 1000
     notes: tuple[str, ...]  # which elements came numbered clockwise, and why nothing was moved; mostly empty
     objective: str  # that of the run, never auto
+    geometry: GeometryReport | None = None  # only if the job has a geometry; `before` is then the mesh that has slid
 
     @property
     def remedies(self) -> tuple[str, ...]:
@@ -244,6 +260,13 @@ def left_of(message: quality_pb2.WhatIsLeft, numbering: Numbering) -> WhatIsLeft
     return WhatIsLeft(message.uncertified, message.proved, message.unproved, remedies, numbering.sentence(message.sentence))
 
 
+def geometry_report_of(message: optimise_pb2.GeometryReport, numbering: Numbering) -> GeometryReport:
+    return GeometryReport(
+        message.nodes, message.farthest, message.folded_before, message.folded_after, message.before.largest,
+        message.after.largest, message.before.rms, message.after.rms,
+        tuple(numbering.sentence(one) for one in message.sentences))  # fmt: skip
+
+
 def metrics_of(message: optimise_pb2.Metrics, numbering: Numbering = OF_FILES) -> Metrics:
     return Metrics(
         message.mesh.elements, message.mesh.nodes, message.mesh.free_nodes,
@@ -259,7 +282,8 @@ def metrics_of(message: optimise_pb2.Metrics, numbering: Numbering = OF_FILES) -
         left_of(message.left, numbering),
         numbering.sentence(message.kept_as_it_came), numbering.numbers(message.substitute_targets.elements),
         tuple(numbering.sentence(note) for note in message.notes),
-        spelled(optimise_pb2.Objective.DESCRIPTOR, message.objective))  # fmt: skip
+        spelled(optimise_pb2.Objective.DESCRIPTOR, message.objective),
+        geometry_report_of(message.geometry, numbering) if message.HasField("geometry") else None)  # fmt: skip
 
 
 def iteration_of(message: optimise_pb2.Iteration) -> Iteration:
