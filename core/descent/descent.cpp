@@ -2,11 +2,12 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numeric>
 
 #include "core/accuracy/team_accuracy.h"
 #include "core/base/line_search.h"
+#include "core/descent/has_loss.h"
 #include "core/kernels/p_norm.h"
+#include "core/quality/certified_quality.h"
 
 namespace varimesh {
 namespace {
@@ -37,49 +38,13 @@ constexpr double kFalls = 0.99;
 constexpr double kLittle = 1e-3;
 constexpr int kMostSteps = 40;
 constexpr int kMostTrials = 12;
-/// The loss of a cell is not worth a move if it is at most this share of h^P, h being the size of the cell relative to
-/// that of the mesh. That is what a solver loses in a straight-sided cell of this size.
-constexpr double kNoLoss = 1e-4;
-/// At order 2 the size of the cells decides the error of a solver, not their curvature, as long as the loss of the mesh
-/// is at most this share of the mean of h². A descent then lowers the mean H1 error over many solutions by less than
-/// 1 %, and for a single solution it may raise it by a quarter (docs/accuracy.md). A mesh with a lower scaled Jacobian
-/// than kGood is another matter.
-constexpr double kLittleLoss = 0.45;
-constexpr double kGood = 0.3;
-/// A cell is not worth a move either if no part of its map adds more than this to its displacement gradient. In small
-/// cells the rounding of coordinates adds as much.
-constexpr double kRounding = 1e-7;
 /// How closely the minimum of the scaled Jacobian is proved.
 constexpr double kGap = 1e-3;
-/// A higher minimum of the scaled Jacobian counts as one if it is higher by this.
+/// Minima of the scaled Jacobian differ if they differ by more than this.
 constexpr double kHigher = 1e-3;
 constexpr double kNoise = 1e-13;  // of the sum
 constexpr std::size_t kNodesPerTask = 4096;
 constexpr std::size_t kCellsPerSum = 512;
-
-/// Whether the loss of a mesh of order 2 is at most kLittleLoss times what the size of its cells leaves.
-bool size_decides(const CellAccuracy& cells, double volume, int dimension) {
-  double loss = 0, size = 0;
-  for (std::size_t cell = 0; cell < cells.loss.size(); ++cell) {
-    loss += cells.volumes[cell] * cells.loss[cell] * cells.loss[cell];
-    size += cells.volumes[cell] * std::pow(cells.volumes[cell] / volume, 4.0 / dimension);
-  }
-  return loss <= kLittleLoss * kLittleLoss * size;
-}
-
-/// Whether a mesh with this minimum of the scaled Jacobian has a loss that is worth a move.
-bool has_loss(const HighOrderMesh& mesh, double scaled_jacobian, const Team& team) {
-  const CellAccuracy cells = cell_accuracy(mesh, team);
-  const double volume = std::accumulate(cells.volumes.begin(), cells.volumes.end(), 0.0);
-  if (mesh.order == 2 && scaled_jacobian >= kGood && size_decides(cells, volume, mesh.dimension)) return false;
-  for (std::size_t cell = 0; cell < cells.loss.size(); ++cell) {
-    const double size = std::pow(cells.volumes[cell] / volume, 1.0 / mesh.dimension);
-    if (cells.loss[cell] <= kNoLoss * std::pow(size, mesh.order)) continue;
-    for (std::size_t part = cell * cells.parts; part < (cell + 1) * cells.parts; ++part)
-      if (!(cells.modal_parts[part] <= kRounding)) return true;
-  }
-  return false;
-}
 
 }  // namespace
 
@@ -113,8 +78,9 @@ bool Descent::begin() {
   State kept = kept_state();
   last_loss_ = kept.loss;
   accept(kept);
-  if (kept.uncertified == 0 && reaches_bound(kept)) least_loss_ = kept.loss;
   const bool as_it_came = context_.came_valid && kept.coordinates == context_.mesh.coordinates;
+  kept.is_lower = kept.is_lower && !as_it_came;
+  if (kept.uncertified == 0 && reaches_bound(kept) && !kept.is_lower) least_loss_ = kept.loss;
   if (context_.came_valid && !as_it_came) {
     // The energy came first (phases.h). It may have raised the loss, which must not stay so.
     best_ = state_as_it_came();
@@ -136,7 +102,15 @@ Descent::State Descent::kept_state() const {
     judge(state);
   });
   state.loss = accuracy(context_.mesh, state.coordinates, team_).loss;
+  state.is_lower = is_lower(state);
   return state;
+}
+
+bool Descent::is_lower(const State& state) const {
+  const QualityReport* least = context_.least;
+  if (!least || state.scaled_jacobian >= least->min_scaled_jacobian) return false;
+  const ScaledJacobians now = scaled_jacobians(context_.mesh, state.coordinates, team_);
+  return now.smallest < least->min_scaled_jacobian - kHigher && now.mean < least->mean_scaled_jacobian;
 }
 
 Descent::State Descent::state_as_it_came() const {
@@ -160,6 +134,7 @@ void Descent::judge(State& state) const {
 
 bool Descent::is_better(const State& state) const {
   if (state.uncertified != best_.uncertified) return state.uncertified < best_.uncertified;
+  if (state.is_lower) return false;
   if (context_.came_valid) {
     const bool raises = best_.scaled_jacobian < kWanted && state.scaled_jacobian > best_.scaled_jacobian + kHigher;
     const bool is_worth_it = state.loss < kFalls * start_loss_ || raises;
@@ -373,16 +348,17 @@ DescentRound Descent::round() {
     return round;
   }
   accept(state);
-  const bool reaches = state.uncertified == 0 && reaches_bound(state);
+  const bool reaches = state.uncertified == 0 && reaches_bound(state) && !state.is_lower;
   // The scans see the quadrature points only.
   const double margin = std::max(0.0, round.min_scaled_jacobian - state.scaled_jacobian);
-  const std::int64_t low = raise_low((reaches ? std::max(kWanted, context_.min_js) : context_.min_js) + margin);
+  const double bound = std::max(context_.min_js, state.is_lower ? context_.least->min_scaled_jacobian : 0);
+  const std::int64_t low = raise_low((reaches ? std::max(kWanted, bound) : bound) + margin);
   raises_ += low > 0 ? 1 : 0;
   if (reaches) least_loss_ = std::min(least_loss_, state.loss);
   const bool costs = reaches && state.loss > kLossGivenForJs * least_loss_;
-  const bool falls = state.loss < kFalls * last_loss_;
   const bool in_reach = !reaches && state.scaled_jacobian >= kInReach * context_.min_js;
-  round.last = (low == 0 && !falls) || raises_ > (in_reach ? kMostRaisesInReach : kMostRaises) || costs;
+  round.last = (low == 0 && state.loss >= kFalls * last_loss_) ||
+               raises_ > (in_reach ? kMostRaisesInReach : kMostRaises) || costs;
   last_loss_ = std::min(last_loss_, state.loss);
   if (is_better(state)) best_ = std::move(state);
   return round;

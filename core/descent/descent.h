@@ -15,6 +15,7 @@
 #include "core/descent/quasi_newton.h"
 #include "core/energy/material.h"
 #include "core/guard/guard.h"
+#include "core/quality/quality.h"
 #include "core/validity/certifier.h"
 
 namespace varimesh {
@@ -31,6 +32,9 @@ struct DescentContext {
   const Team& team;
   double min_js = 0;        ///< Options::min_js.
   bool came_valid = false;  ///< `mesh` was valid, and the loss must not end above the one that it had.
+  /// Of `mesh`: the best mesh does not have both a smaller minimum of the scaled Jacobian, by more than 0.001, and a
+  /// smaller mean. Null: there is no such demand.
+  const QualityReport* least = nullptr;
 };
 
 /// What one round did.
@@ -79,11 +83,13 @@ class Descent {
     std::int64_t uncertified = std::numeric_limits<std::int64_t>::max();
     double scaled_jacobian = -1;  ///< The proved minimum.
     double loss = std::numeric_limits<double>::infinity();
+    bool is_lower = false;  ///< It does not meet DescentContext::least.
   };
-  /// The best mesh among those with the fewest uncertified cells. If there are such cells, it is the one with the least
-  /// loss. If none has the scaled Jacobian of the context, it is the one with the least loss, to within 2 %, among
-  /// those that have at least half of the highest. Otherwise its loss is within 2 % of the least one of those that have
-  /// it, and its scaled Jacobian is the highest up to 0.5 of those within.
+  /// The best mesh among those with the fewest uncertified cells that are not lower than the mesh as it came
+  /// (is_lower). If there are such cells, it is the one with the least loss. If none has the scaled Jacobian of the
+  /// context, it is the one with the least loss, to within 2 %, among those that have at least half of the highest.
+  /// Otherwise its loss is within 2 % of the least one of those that have it, and its scaled Jacobian is the highest up
+  /// to 0.5 of those within.
   const State& best() const { return best_; }
 
   /// Writes what the rounds so far have left, beside problem.positions and the guard's state, to a checkpoint.
@@ -98,6 +104,7 @@ class Descent {
   /// The state that the guard keeps.
   State kept_state() const;
   State state_as_it_came() const;
+  bool is_lower(const State& state) const;
   /// Sets what the certificates say. Call it inside team.run().
   void judge(State& state) const;
   bool is_better(const State& state) const;

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <utility>
 
-#include "core/base/index.h"
 #include "core/checkpoint/checkpoint.h"
 #include "core/optimise/memory.h"
 #include "core/problem/node_conversion.h"
@@ -51,6 +50,7 @@ bool Continuation::run(std::vector<Certificate>& certificates, Result& result, R
 bool Continuation::run_stages(const std::vector<Certificate>& certificates, Result& result) {
   const Options& options = set_up_.options;
   came_valid_ = result.before.uncertified.empty();
+  if (came_valid_ && options.target == Target::StraightSided) least_ = &result.before;
   team_.run([&] { set_up_.problem.positions = solver_positions(set_up_.mesh, frame_, team_); });
   result.substitute_targets = choose_targets(set_up_, certifier_, frame_, team_);
   std::optional<StopReason> nothing_to_do;
@@ -195,7 +195,7 @@ double Continuation::consider() {
     guard_->certify_moved();
     bound = best_->examine(*guard_, kGapOfWorst, team_.stop());
   });
-  if (best_->examined_is_better() && mean_scaled_jacobian(set_up_.mesh, best_->examined(), team_) >= best_->least_mean)
+  if (best_->examined_is_better() && scaled_jacobians(set_up_.mesh, best_->examined(), team_).mean >= best_->least_mean)
     best_->keep_examined();
   return bound;
 }
@@ -215,7 +215,7 @@ bool Continuation::has_minimum_to_raise() {
     best_->examine(*guard_, kGapOfWorst, team_.stop());
   });
   if (!best_->examined_is_valid()) return false;
-  best_->least_mean = mean_scaled_jacobian(set_up_.mesh, best_->examined(), team_) - kMeanGivenForWorst;
+  best_->least_mean = scaled_jacobians(set_up_.mesh, best_->examined(), team_).mean - kMeanGivenForWorst;
   best_->keep_examined();
   return true;
 }
@@ -244,7 +244,8 @@ DescentContext Continuation::descent_context() {
           certifier_,
           team_,
           set_up_.options.min_js,
-          came_valid_};
+          came_valid_,
+          least_};
 }
 
 void Continuation::lower_loss(Result& result) {
@@ -351,17 +352,14 @@ bool Continuation::untangle_lost() {
 
 void Continuation::settle(Result& result) {
   team_.run([&] {
+    const auto deny_convergence = [&] {
+      if (std::exchange(result.converged, false)) result.stop_reason = StopReason::NoProgress;
+    };
     guard_->certify_moved();
-    if (guard_->lost() > 0 && result.converged) {
-      result.converged = false;
-      result.stop_reason = StopReason::NoProgress;
-    }
+    if (guard_->lost() > 0) deny_convergence();
     if (ended_by_itself(result.stop_reason) && !untangle_lost()) grace_.say_stopped(result);
     guard_->restore_lost();
-    if (guard_->return_to_best() && result.converged) {
-      result.converged = false;
-      result.stop_reason = StopReason::NoProgress;
-    }
+    if (guard_->return_to_best()) deny_convergence();
     if (set_up_.options.until_js > 0) best_->consider(*guard_, team_.stop());
   });
 }

@@ -79,8 +79,9 @@ class Continuation {
   std::optional<BestMesh> best_;
   std::optional<StageRun> stage_run_;
   std::optional<Descent> descent_;
-  bool came_valid_ = false;       ///< No element was uncertified in the mesh as it came.
-  Descent::State most_accurate_;  ///< Of the descent; without coordinates if there was none.
+  bool came_valid_ = false;               ///< No element was uncertified in the mesh as it came.
+  const QualityReport* least_ = nullptr;  ///< DescentContext::least; with other targets the caller asks for a change.
+  Descent::State most_accurate_;          ///< Of the descent; without coordinates if there was none.
 };
 
 }  // namespace varimesh

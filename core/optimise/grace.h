@@ -85,14 +85,4 @@ inline QualityReport report_quality(const HighOrderMesh& mesh, const Certifier& 
   return report;
 }
 
-/// The mean scaled Jacobian of the mesh with its nodes at these coordinates, by samples; each cell counts as −1 at
-/// least. Not inside team.run().
-inline double mean_scaled_jacobian(HighOrderMesh mesh, const std::vector<double>& coordinates, const Team& team) {
-  mesh.coordinates = coordinates;
-  const std::vector<double> scaled_jacobian = cell_quality(mesh, team).scaled_jacobian;
-  double mean = 0;
-  for (const double js : scaled_jacobian) mean += std::max(js, -1.0) / static_cast<double>(scaled_jacobian.size());
-  return mean;
-}
-
 }  // namespace varimesh

@@ -163,7 +163,10 @@ std::string why_unmoved(const SetUp& set_up, const Result& result, const Team& t
            "--target ideal' makes their shapes more regular.";
   if (is_for_accuracy && result.iterations == 0)
     return "Curvature costs these elements next to nothing beside what their size costs, so nothing was moved.";
-  if (is_for_accuracy) return "No mesh with a lower loss of accuracy was found, so nothing was moved.";
+  if (is_for_accuracy)
+    return "No mesh with a lower loss of accuracy was found whose smallest and mean scaled Jacobian are not both "
+           "lower, so "
+           "nothing was moved.";
   return "The mesh is at its optimum already, because no node would move by more than the tolerance, so nothing was "
          "moved.";
 }
@@ -178,9 +181,10 @@ void take_as_it_came(const SetUp& set_up, const std::string& why, Result& result
   result.stop_reason = StopReason::Converged;
 }
 
-/// Whether a mesh that came in valid would leave with a smaller minimum and a smaller mean of the scaled Jacobian.
-bool is_worse(const QualityReport& before, const QualityReport& after) {
-  return before.uncertified.empty() && after.min_scaled_jacobian < before.min_scaled_jacobian &&
+/// Whether a mesh that came in valid would leave with a smaller minimum, by more than `margin`, and a smaller mean of
+/// the scaled Jacobian.
+bool is_worse(const QualityReport& before, const QualityReport& after, double margin) {
+  return before.uncertified.empty() && after.min_scaled_jacobian < before.min_scaled_jacobian - margin &&
          after.mean_scaled_jacobian < before.mean_scaled_jacobian;
 }
 
@@ -206,18 +210,17 @@ void keep_the_more_accurate(Result& result, const SetUp& set_up) {
 void keep_the_better(const SetUp& set_up, const std::vector<Certificate>& certificates, const Team& team,
                      Result& result) {
   if (!result.before.uncertified.empty()) return;
-  if (set_up.options.objective == Objective::Accuracy) {
-    if (!result.history.empty()) keep_the_more_accurate(result, set_up);
-    return;
-  }
+  const bool is_for_accuracy = set_up.options.objective == Objective::Accuracy;
+  if (is_for_accuracy && !result.history.empty()) keep_the_more_accurate(result, set_up);
   if (set_up.options.target != Target::StraightSided) return;
   QualityReport before = result.before;
   if (before.lattice_intervals != result.after.lattice_intervals)  // there was no time for the usual report
     before = quick_quality(set_up.mesh, certificates, team);
-  if (!is_worse(before, result.after)) return;
+  if (!is_worse(before, result.after, is_for_accuracy ? 1e-3 : 0)) return;
+  const bool is_optimum = result.converged && !is_for_accuracy;
   result.kept_as_it_came = "The mesh stays as it came: its smallest and its mean scaled Jacobian are " +
                            pair_text(before) + ", and " +
-                           (result.converged ? "at the energy's optimum" : "where the run ended") + " they would be " +
+                           (is_optimum ? "at the energy's optimum" : "where the run ended") + " they would be " +
                            pair_text(result.after) + ".";
   if (set_up.options.objective != Objective::Worst)
     result.kept_as_it_came += " To raise the smallest, try --objective worst.";

@@ -26,4 +26,13 @@ QualityReport quick_quality(const HighOrderMesh& mesh, std::span<const Certifica
 /// cell_quality() on the default lattice with the team's threads. The team's token may interrupt it.
 CellQuality cell_quality(const HighOrderMesh& mesh, const Team& team);
 
+/// The smallest and the mean scaled Jacobian.
+struct ScaledJacobians {
+  double smallest = 0, mean = 0;
+};
+
+/// Those of the mesh with its nodes at these coordinates (3 per node, interleaved), as in QualityReport on the default
+/// lattice.
+ScaledJacobians scaled_jacobians(HighOrderMesh mesh, const std::vector<double>& coordinates, const Team& team);
+
 }  // namespace varimesh

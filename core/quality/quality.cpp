@@ -221,6 +221,17 @@ QualityReport quality(const HighOrderMesh& mesh, int intervals, const Team& team
 
 CellQuality cell_quality(const HighOrderMesh& mesh, const Team& team) { return cell_quality(sample(mesh, 0, team)); }
 
+ScaledJacobians scaled_jacobians(HighOrderMesh mesh, const std::vector<double>& coordinates, const Team& team) {
+  mesh.coordinates = coordinates;
+  const std::vector<double> of_cells = cell_quality(mesh, team).scaled_jacobian;
+  ScaledJacobians out{1, 0};
+  for (const double js : of_cells) {
+    out.smallest = std::min(out.smallest, js);
+    out.mean += std::max(js, -1.0) / static_cast<double>(of_cells.size());
+  }
+  return out;
+}
+
 QualityReport quality(const HighOrderMesh& mesh, const Certifier& certifier, std::vector<Certificate> certificates,
                       int intervals, const Team& team) {
   QualityReport report = report_on(mesh, sample(mesh, intervals, team), certificates);

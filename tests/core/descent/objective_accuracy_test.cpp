@@ -244,6 +244,18 @@ Result optimise_rounded(HighOrderMesh& mesh, double rounding) {
   return std::move(*result);
 }
 
+TEST(AccuracyObjective, DoesNotLowerBothTheSmallestAndTheMeanScaledJacobianOfAValidMesh) {
+  for (const char* name : {"annulus_p3", "solid_ball_p3"}) {
+    const auto mesh = read_case(std::string(name) + ".msh");
+    const auto result = optimise(mesh, for_accuracy());
+    ASSERT_TRUE(result) << name;
+    EXPECT_TRUE(result->after.min_scaled_jacobian >= result->before.min_scaled_jacobian - 1e-3 ||
+                result->after.mean_scaled_jacobian >= result->before.mean_scaled_jacobian)
+        << name;
+    EXPECT_LT(result->after.accuracy->loss, 0.95 * result->before.accuracy->loss) << name;
+  }
+}
+
 TEST(AccuracyObjective, LeavesMeshesAsTheyCameThatHaveNothingToGainButRounding) {
   for (const Filling filling : testing::kFillings) {
     const bool flat = filling == Filling::Triangles || filling == Filling::Quadrilaterals;

@@ -1,0 +1,51 @@
+// Whether the loss of accuracy of a mesh is worth a descent.
+#pragma once
+
+#include <cmath>
+#include <cstddef>
+#include <numeric>
+
+#include "core/accuracy/team_accuracy.h"
+#include "core/base/team.h"
+#include "core/mesh/high_order_mesh.h"
+
+namespace varimesh {
+
+/// The loss of a cell is not worth a move if it is at most this share of h^P, h being the size of the cell relative to
+/// that of the mesh. That is what a solver loses in a straight-sided cell of this size.
+inline constexpr double kNoLoss = 1e-4;
+/// At order 2 the size of the cells decides the error of a solver, not their curvature, as long as the loss of the mesh
+/// is at most this share of the mean of h². A descent then lowers the mean H1 error over many solutions by less than
+/// 1 %, and for a single solution it may raise it by a quarter (docs/accuracy.md). A mesh with a lower scaled Jacobian
+/// than kGood is another matter.
+inline constexpr double kLittleLoss = 0.45;
+inline constexpr double kGood = 0.3;
+/// A cell is not worth a move either if no part of its map adds more than this to its displacement gradient. In small
+/// cells the rounding of coordinates adds as much.
+inline constexpr double kRounding = 1e-7;
+
+/// Whether the loss of a mesh of order 2 is at most kLittleLoss times what the size of its cells leaves.
+inline bool size_decides(const CellAccuracy& cells, double volume, int dimension) {
+  double loss = 0, size = 0;
+  for (std::size_t cell = 0; cell < cells.loss.size(); ++cell) {
+    loss += cells.volumes[cell] * cells.loss[cell] * cells.loss[cell];
+    size += cells.volumes[cell] * std::pow(cells.volumes[cell] / volume, 4.0 / dimension);
+  }
+  return loss <= kLittleLoss * kLittleLoss * size;
+}
+
+/// Whether a mesh with this minimum of the scaled Jacobian has a loss that is worth a move.
+inline bool has_loss(const HighOrderMesh& mesh, double scaled_jacobian, const Team& team) {
+  const CellAccuracy cells = cell_accuracy(mesh, team);
+  const double volume = std::accumulate(cells.volumes.begin(), cells.volumes.end(), 0.0);
+  if (mesh.order == 2 && scaled_jacobian >= kGood && size_decides(cells, volume, mesh.dimension)) return false;
+  for (std::size_t cell = 0; cell < cells.loss.size(); ++cell) {
+    const double size = std::pow(cells.volumes[cell] / volume, 1.0 / mesh.dimension);
+    if (cells.loss[cell] <= kNoLoss * std::pow(size, mesh.order)) continue;
+    for (std::size_t part = cell * cells.parts; part < (cell + 1) * cells.parts; ++part)
+      if (!(cells.modal_parts[part] <= kRounding)) return true;
+  }
+  return false;
+}
+
+}  // namespace varimesh
