@@ -164,10 +164,11 @@ double size_of(const HighOrderMesh& mesh, const NodeSurfaces& nodes) {
 
 /// Samples of a surface may be too far apart to lead to a foot. Then the feet of the nodes nearby lead there.
 void find_missed_feet(const Placing& placing, const geometry::SurfaceShape& shape,
-                      const std::vector<std::int32_t>& nodes, double tolerance,
+                      const std::vector<std::int32_t>& nodes, double tolerance, const Team& team,
                       std::vector<geometry::SurfaceFoot>& feet) {
   constexpr std::size_t kNearest = 8;
   for (std::size_t i = 0; i < nodes.size(); ++i) {
+    team.look();
     if (feet[i].distance < tolerance) continue;
     const Eigen::Vector3d x = placing.position(nodes[i]);
     std::vector<std::pair<double, std::size_t>> nearby;
@@ -187,16 +188,17 @@ void find_missed_feet(const Placing& placing, const geometry::SurfaceShape& shap
 /// @param tags  those of the mesh's surfaces that lie on it
 std::vector<geometry::SurfaceFoot> feet_of(const Placing& placing, const geometry::SurfaceShape& shape,
                                            const std::vector<std::int32_t>& nodes, const std::vector<int>& tags,
-                                           double tolerance) {
+                                           double tolerance, const Team& team) {
   std::optional<geometry::SurfaceSearch> search;  // samples the whole surface, which may not be needed
   std::vector<geometry::SurfaceFoot> feet;
   for (const std::int32_t node : nodes) {
+    team.look();
     feet.push_back(placing.by_parameters(node, shape, tags));
     if (std::isfinite(feet.back().distance)) continue;
     if (!search) search.emplace(shape);
     feet.back() = search->closest(placing.position(node));
   }
-  find_missed_feet(placing, shape, nodes, tolerance, feet);
+  find_missed_feet(placing, shape, nodes, tolerance, team, feet);
   return feet;
 }
 
@@ -249,7 +251,7 @@ void place_nodes(const HighOrderMesh& mesh, const NodeSurfaces& tags, const Team
     std::vector<int> own_tags;
     for (const SurfaceMatch& match : result.matches)
       if (match.surface == s) own_tags.push_back(match.tag);
-    const auto feet = feet_of(placing, shape, own.nodes, own_tags, kMatchTolerance * result.size);
+    const auto feet = feet_of(placing, shape, own.nodes, own_tags, kMatchTolerance * result.size, team);
     for (std::size_t i = 0; i < own.nodes.size(); ++i) {
       const std::int32_t node = own.nodes[i];
       const geometry::SurfaceFoot& foot = feet[i];

@@ -86,8 +86,8 @@ template <int d>
 class EntityNewton {
  public:
   EntityNewton(const Entity<d>& entity, const std::vector<EntityElement>& elements, int order,
-               const std::vector<double>& at_start)
-      : entity_(entity), elements_(elements), energy_(elements, order, at_start) {}
+               const std::vector<double>& at_start, const StopToken* stop)
+      : entity_(entity), elements_(elements), energy_(elements, order, at_start), stop_(stop) {}
 
   EntitySlide run(std::vector<EntityNode> nodes, int most_iterations) {
     nodes_ = std::move(nodes);
@@ -110,6 +110,7 @@ class EntityNewton {
   /// Steps until the nodes move no more. While an element is folded, all have the same δ = 0.5 · decay^k in step k.
   void iterate(double decay, int most_iterations, EntitySlide& result) {
     for (int step = 0; step < most_iterations && unknowns_ > 0; ++step) {
+      look(stop_);
       const double delta = least_ > 0 ? 0 : 0.5 * std::pow(decay, step);
       const double moved = iterate(delta);
       ++result.iterations;
@@ -323,6 +324,7 @@ class EntityNewton {
   Entity<d> entity_;
   const std::vector<EntityElement>& elements_;
   EntityEnergy<d> energy_;
+  const StopToken* stop_;
   std::vector<EntityNode> nodes_;
   std::vector<std::vector<std::int32_t>> local_;  ///< By element: places of its nodes in nodes_.
   std::vector<double> spacing_, sign_;
@@ -380,15 +382,15 @@ std::vector<EntityNode> surface_nodes(int surface, const Association& associatio
 
 EntitySlide slide_on_curve(int curve, const std::vector<EntityElement>& elements, int order,
                            const Association& association, const std::vector<double>& at_start,
-                           std::vector<EntityNode> nodes, int most_iterations) {
-  return EntityNewton<1>(Entity<1>(association, curve), elements, order, at_start)
+                           std::vector<EntityNode> nodes, int most_iterations, const StopToken* stop) {
+  return EntityNewton<1>(Entity<1>(association, curve), elements, order, at_start, stop)
       .run(std::move(nodes), most_iterations);
 }
 
 EntitySlide slide_on_surface(int surface, const std::vector<EntityElement>& elements, int order,
                              const Association& association, const std::vector<double>& at_start,
-                             std::vector<EntityNode> nodes, int most_iterations) {
-  return EntityNewton<2>(Entity<2>(association, surface), elements, order, at_start)
+                             std::vector<EntityNode> nodes, int most_iterations, const StopToken* stop) {
+  return EntityNewton<2>(Entity<2>(association, surface), elements, order, at_start, stop)
       .run(std::move(nodes), most_iterations);
 }
 

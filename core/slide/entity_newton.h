@@ -46,11 +46,12 @@ std::vector<EntityNode> surface_nodes(int surface, const Association& associatio
 ///
 /// @param at_start         coordinates of all nodes of the mesh as they came, which set the targets
 /// @param most_iterations  0: only count the folded elements
+/// @param stop             looked at in every iteration, which may throw Interrupted; may be null
 EntitySlide slide_on_curve(int curve, const std::vector<EntityElement>& elements, int order,
                            const Association& association, const std::vector<double>& at_start,
-                           std::vector<EntityNode> nodes, int most_iterations);
+                           std::vector<EntityNode> nodes, int most_iterations, const StopToken* stop);
 EntitySlide slide_on_surface(int surface, const std::vector<EntityElement>& elements, int order,
                              const Association& association, const std::vector<double>& at_start,
-                             std::vector<EntityNode> nodes, int most_iterations);
+                             std::vector<EntityNode> nodes, int most_iterations, const StopToken* stop);
 
 }  // namespace varimesh::detail

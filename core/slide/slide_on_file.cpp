@@ -152,7 +152,13 @@ Expected<SlidOnGeometry> slide_on(HighOrderMesh& mesh, const GeometryOptions& op
   Work work{mesh, options, what, team, {}};
   if (model != nullptr) work.sentences = model->notes;
   std::vector<double> start = mesh.coordinates;
-  const Expected<void> done = model == nullptr ? work.run_on_boundary() : work.run(*model);
+  Expected<void> done;
+  try {
+    done = model == nullptr ? work.run_on_boundary() : work.run(*model);
+  } catch (const Interrupted&) {
+    mesh.coordinates = std::move(start);
+    throw;
+  }
   if (!done) {
     mesh.coordinates = std::move(start);
     return tl::unexpected(done.error());
@@ -164,7 +170,9 @@ Expected<SlidOnGeometry> slide_on(HighOrderMesh& mesh, const GeometryOptions& op
 
 Expected<SlidOnGeometry> slide_on_model(HighOrderMesh& mesh, const GeometryOptions& options,
                                         const geometry::Geometry& model) {
-  const Team team(options.threads);
+  assert(options.stop == nullptr || options.order == 0);  // a mesh that is being curved cannot go back
+  Team team(options.threads);
+  team.set_stop(options.stop);
   const auto what = check(mesh, options, team);
   if (!what) return tl::unexpected(what.error());
   return slide_on(mesh, options, *what, team, &model);

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "core/base/error.h"
+#include "core/base/stop_token.h"
 #include "core/mesh/high_order_mesh.h"
 #include "core/slide/slide_report.h"
 
@@ -24,8 +25,9 @@ struct GeometryOptions {
   double snap_tolerance = 1e-6;
   /// Nodes cross joints at which surfaces or curves meet at no more than this angle, in degrees; 0: none.
   double smooth_angle = 0;
-  std::vector<std::string> fix;  ///< Physical groups whose nodes stay, by name, by tag, or by "dimension:tag".
-  int threads = 1;               ///< 0: as many as the machine has.
+  std::vector<std::string> fix;     ///< Physical groups whose nodes stay, by name, by tag, or by "dimension:tag".
+  int threads = 1;                  ///< 0: as many as the machine has.
+  const StopToken* stop = nullptr;  ///< May stop slide_on_model() if the order is 0; may be null.
 
   bool any() const { return on_boundary || !file.empty(); }
 };
@@ -45,7 +47,8 @@ struct SlidOnGeometry {
   SlideReport report;
 };
 
-/// slide_on_file() on a geometry that has been read already, to the same bits. `options.file` is not looked at.
+/// slide_on_file() on a geometry that has been read already, to the same bits. `options.file` is not looked at. Throws
+/// Interrupted if the work is to stop; the mesh is then as it came.
 Expected<SlidOnGeometry> slide_on_model(HighOrderMesh& mesh, const GeometryOptions& options,
                                         const geometry::Geometry& model);
 

@@ -285,6 +285,32 @@ TEST(SlideOnFile, TakesTheBoundaryWithoutAFileAndNotWithOne) {
   EXPECT_EQ(both.error().kind, Error::Kind::BadOption);
 }
 
+TEST(SlideOnModel, LeavesTheMeshAsItCameIfItIsToStop) {
+  const HighOrderMesh start = torus_mesh(1.8);
+  int looks = 0;
+  GeometryOptions options;
+  const auto slides = [&](int most) {
+    HighOrderMesh mesh = start;
+    const StopToken stop([&] { return ++looks > most; });
+    options.stop = &stop;
+    looks = 0;
+    try {
+      const auto slid = slide_on_model(mesh, options, torus());
+      EXPECT_TRUE(slid) << slid.error().sentence;
+      EXPECT_NE(mesh.coordinates, start.coordinates);
+      return true;
+    } catch (const Interrupted&) {
+      EXPECT_EQ(mesh.coordinates, start.coordinates);
+      return false;
+    }
+  };
+  ASSERT_TRUE(slides(std::numeric_limits<int>::max()));
+  const int all = looks;
+  EXPECT_GT(all, 100);
+  for (const int most : {0, all / 4, all / 2, 3 * all / 4, all - 1}) EXPECT_FALSE(slides(most)) << most;
+  EXPECT_TRUE(slides(all));
+}
+
 TEST(SlideOnFromName, ListsTheWords) {
   EXPECT_EQ(*slide_on_from_name("surfaces"), SlideOn::Surfaces);
   const auto wrong = slide_on_from_name("curves");
