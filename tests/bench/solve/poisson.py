@@ -34,7 +34,11 @@ def read(path):
     if len(types) != 1:
         gmsh.finalize()
         raise NotRead(f"{path} has cells of {len(types)} shapes; DOLFINx 0.5 reads meshes of one shape")
-    name, _, order, count, reference, _ = gmsh.model.mesh.getElementProperties(types[0])
+    try:
+        name, _, order, count, reference, _ = gmsh.model.mesh.getElementProperties(types[0])
+    except Exception as missing:  # Gmsh has no functions for prisms of order 3 or more, and raises nothing more special
+        gmsh.finalize()
+        raise NotRead(f"{path} has cells that Gmsh has no functions for: {missing}") from missing
     tags, coordinates, _ = gmsh.model.mesh.getNodes()
     place = np.zeros(int(tags.max()) + 1, dtype=np.int64)
     place[tags] = np.arange(len(tags))
