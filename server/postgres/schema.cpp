@@ -92,10 +92,19 @@ CREATE INDEX jobs_waiting_of ON jobs(peer, turn, key) WHERE state = 1;
 CREATE INDEX jobs_running ON jobs(peer) WHERE worker <> '';
 CREATE INDEX jobs_ended_of ON jobs(owner, ended, key) WHERE ended IS NOT NULL;
 )";
+// A spec also names the CAD model on which nodes slide, behind its options and labels. Every digest in a spec counts,
+// also one that stands in a text: that keeps a mesh for longer, and loses none.
+constexpr char kToVersion6[] = R"(
+CREATE OR REPLACE FUNCTION note_mesh() RETURNS trigger LANGUAGE plpgsql AS $$ BEGIN
+  INSERT INTO needs SELECT digests_in(NEW.spec), NEW.key, true ON CONFLICT DO NOTHING;
+  RETURN NULL; END $$;
+INSERT INTO needs SELECT digests_in(spec), key, true FROM specs ON CONFLICT DO NOTHING;
+DROP FUNCTION mesh_in;
+)";
 static_assert(v1::JOB_STATE_PENDING == 1);
 
 /// Step i leads from version i to version i + 1. A step that was released is never changed.
-constexpr const char* kSteps[] = {kToVersion1, kToVersion2, kToVersion3, kToVersion4, kToVersion5};
+constexpr const char* kSteps[] = {kToVersion1, kToVersion2, kToVersion3, kToVersion4, kToVersion5, kToVersion6};
 
 constexpr char kVersions[] =
     "CREATE TABLE IF NOT EXISTS varimesh_schema(version INTEGER PRIMARY KEY, made TIMESTAMPTZ NOT NULL DEFAULT now())";

@@ -58,6 +58,24 @@ TEST_P(JobStoreConformance, TellsWhichDigestsJobsReferTo) {
   EXPECT_EQ(needed(), "");
 }
 
+TEST_P(JobStoreConformance, TellsThatAJobRefersToItsGeometryUntilItIsDeleted) {
+  const std::string mesh(64, 'a'), geometry(64, 'c');
+  v1::JobSpec with_geometry = spec(mesh);
+  (*with_geometry.mutable_labels())["run"] = "17";
+  with_geometry.mutable_geometry()->set_digest(geometry);
+  const std::string name = submit(with_geometry);
+  const std::set<std::string> both{mesh, geometry};
+  EXPECT_EQ(*store_->referenced(both), both);
+  EXPECT_EQ(*store_->needed_digests(), both);
+  const Claim running = claim();
+  ASSERT_TRUE(store_->note_checkpoint(running, {std::string(64, 'b'), 10}));
+  EXPECT_EQ(*store_->referenced(both), both) << "while it runs";
+  ASSERT_TRUE(store_->finish(running, success(), 0));
+  EXPECT_EQ(*store_->referenced(both), both) << "as long as somebody may ask what the job was";
+  ASSERT_TRUE(store_->remove(name));
+  EXPECT_EQ(*store_->referenced(both), std::set<std::string>());
+}
+
 TEST_P(JobStoreConformance, DoesNotCountALossAfterANewCheckpoint) {
   const std::string name = submit();
   for (int attempt = 1; attempt <= 6; ++attempt) {

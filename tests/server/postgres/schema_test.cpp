@@ -35,10 +35,11 @@ TEST(PostgresSchema, IsUpdatedFromVersion1) {
   auto store = InDatabase::open({}, place.url());
   v1::JobSpec spec;
   spec.mutable_mesh()->set_digest(std::string(64, 'a'));
+  spec.mutable_geometry()->set_digest(std::string(64, 'c'));
   ASSERT_TRUE(store->submit({"id", spec, "jobs/old", 10, {}, 0}));
   store.reset();
   place.run(
-      "DROP FUNCTION note_mesh, note_needs, digests_in, mesh_in CASCADE; DROP TABLE needs; DROP TABLE meshes; "
+      "DROP FUNCTION note_mesh, note_needs, digests_in CASCADE; DROP TABLE needs; DROP TABLE meshes; "
       "DROP TABLE turns; DROP SEQUENCE turn_numbers; DROP INDEX jobs_waiting, jobs_waiting_of, jobs_running, "
       "jobs_ended_of; CREATE INDEX jobs_waiting ON jobs(turn, key) WHERE state = 1; CREATE INDEX jobs_waiting_of ON "
       "jobs(peer) WHERE state = 1; CREATE INDEX jobs_running ON jobs(key) WHERE worker <> ''; CREATE INDEX jobs_ended "
@@ -53,7 +54,8 @@ TEST(PostgresSchema, IsUpdatedFromVersion1) {
   EXPECT_NE(updated->find("from version 1"), std::string::npos) << *updated;
   store = InDatabase::open({}, place.url());
   EXPECT_EQ(store->submit({"id", spec, "jobs/new", 10, {}, 0})->job.name(), "jobs/old");
-  EXPECT_EQ(*store->referenced({std::string(64, 'a'), std::string(64, 'b')}), std::set{std::string(64, 'a')})
+  const std::string mesh(64, 'a'), other(64, 'b'), geometry(64, 'c');
+  EXPECT_EQ(*store->referenced({mesh, other, geometry}), (std::set{mesh, geometry}))
       << "the needs of the jobs that were there";
   EXPECT_TRUE(*store->claim("worker"));
 }
