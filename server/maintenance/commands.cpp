@@ -1,4 +1,4 @@
-// The command lines of check and backup, and what they print.
+// The command lines of check, backup and health, and what they print.
 #include "server/maintenance/commands.h"
 
 #include <CLI/CLI.hpp>
@@ -9,6 +9,7 @@
 
 #include "server/maintenance/backup.h"
 #include "server/maintenance/check.h"
+#include "server/maintenance/health.h"
 
 namespace varimesh::server {
 namespace {
@@ -53,15 +54,48 @@ int run_backup(const std::string& state, const std::string& copy) {
   return report->damage.empty() ? 0 : kDamaged;
 }
 
+int run_health(const std::string& address) {
+  const auto ready = is_ready(address, std::chrono::seconds(5));
+  if (!ready) {
+    std::cerr << "varimeshd: " << ready.error().sentence << '\n';
+    return ready.error().kind == Error::Kind::BadOption ? kWrongUsage : kCannot;
+  }
+  std::cout << (*ready ? "ready\n" : "not ready\n");
+  return *ready ? 0 : kCannot;
+}
+
+/// Parses the command line of a command and returns the exit status; nothing if the command can run.
+std::optional<int> parse(CLI::App& app, int argc, char** argv) {
+  try {
+    app.parse(argc - 1, argv + 1);
+  } catch (const CLI::ParseError& error) {
+    return app.exit(error) == 0 ? 0 : kWrongUsage;
+  }
+  return std::nullopt;
+}
+
+int health(int argc, char** argv) {
+  CLI::App app{"Asks a server whether it accepts jobs. Exit status: 0 if it does, 1 if it does not or nobody answers.",
+               "varimeshd health"};
+  std::string address;
+  app.add_option("--metrics", address, "The server's --metrics (default: the environment variable VARIMESHD_METRICS)")
+      ->envname("VARIMESHD_METRICS")
+      ->required();
+  const auto ended = parse(app, argc, argv);
+  return ended ? *ended : run_health(address);
+}
+
 }  // namespace
 
 void describe_commands(CLI::App& app) {
   app.add_subcommand("check", "Compare everything in the state directory with its digests, while no server uses it");
   app.add_subcommand("backup", "Copy the state directory, also while a server uses it; the copy is one too");
+  app.add_subcommand("health", "Ask a server that has --metrics whether it accepts jobs");
 }
 
 std::optional<int> run_command(int argc, char** argv) {
   const std::string_view command = argc > 1 ? argv[1] : "";
+  if (command == "health") return health(argc, argv);
   if (command != "check" && command != "backup") return std::nullopt;
   CLI::App app{command == "check"
                    ? "Reads every row and every file of a state directory that no server uses, and says what is "
@@ -81,11 +115,7 @@ std::optional<int> run_command(int argc, char** argv) {
                  "jobs out of the queue");
   else
     app.add_option("COPY", copy, "The directory of the backup, new or with an earlier backup")->required();
-  try {
-    app.parse(argc - 1, argv + 1);
-  } catch (const CLI::ParseError& error) {
-    return app.exit(error) == 0 ? 0 : kWrongUsage;
-  }
+  if (const auto ended = parse(app, argc, argv)) return *ended;
   return command == "check" ? run_check(state, repair) : run_backup(state, copy);
 }
 

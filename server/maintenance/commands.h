@@ -1,4 +1,4 @@
-// The commands of varimeshd that do not serve: check and backup.
+// The commands of varimeshd that do not serve: check, backup and health.
 #pragma once
 
 #include <CLI/App.hpp>

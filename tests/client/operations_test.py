@@ -73,6 +73,24 @@ class Metrics(WithFolder):
         for method in ("POST", "PUT", "DELETE", "OPTIONS"):
             self.assertEqual(self.ask("/metrics", method)[0], 405)
 
+    def test_health_asks_for_containers(self):
+        for words, variables in ((["--metrics", self.place], {}), ([], {"VARIMESHD_METRICS": self.place})):
+            done = varimeshd("health", *words, **variables)
+            self.assertEqual((done.returncode, done.stdout), (0, "ready\n"), done.stderr)
+        with socket.create_server(("127.0.0.1", 0)) as silent:
+            silent.settimeout(0.1)
+            free = f"127.0.0.1:{silent.getsockname()[1]}"
+        done = varimeshd("health", "--metrics", free)
+        self.assertEqual(done.returncode, 1)
+        self.assertIn(f"No server answers at {free}", done.stderr)
+        self.assertEqual(varimeshd("health", "--metrics", "here").returncode, 2)
+        self.assertEqual(varimeshd("health").returncode, 2)
+        os.kill(self.server.process.pid, signal.SIGSTOP)
+        try:
+            self.assertEqual(varimeshd("health", "--metrics", self.place).returncode, 1, "it waits five seconds")
+        finally:
+            os.kill(self.server.process.pid, signal.SIGCONT)
+
     def test_metrics_count_jobs_and_calls(self):
         before = self.metrics()
         self.assertEqual(before["varimesh_ready"], 1)

@@ -41,10 +41,21 @@ class Compose(unittest.TestCase):
     def test_is_read(self):
         done = self.config(POSTGRES_PASSWORD="secret")
         self.assertEqual(done.returncode, 0, done.stderr)
-        for name in ("database", "frontend", "migrate", "worker"):
+        for name in ("database", "frontend", "grafana", "migrate", "nginx", "prometheus", "worker"):
             self.assertRegex(done.stdout, rf"(?m)^  {name}:$")
         used = set(re.findall(r"--[a-z-]+(?=\n)", done.stdout)) - {"--directory"}  # a flag of install
         self.assertLessEqual(used, flags_of_varimeshd(), "varimeshd has these flags")
+
+    def test_the_files_that_it_mounts_are_there(self):
+        text = (FARM / "compose.yaml").read_text()
+        mounted = re.findall(r"- \./([^:]+):", text)
+        self.assertGreater(len(mounted), 3)
+        for path in mounted:
+            self.assertTrue((FARM / path).exists(), path)
+        provisioned = "".join(file.read_text() for file in (FARM / "grafana").rglob("*.yaml"))
+        self.assertIn("http://prometheus:9090", provisioned, "the service of this name")
+        self.assertIn("path: /etc/varimesh}", provisioned, "where the page is mounted")
+        self.assertIn("health,", text, "containers are asked how they are")
 
     def test_needs_a_password(self):
         environment = {key: value for key, value in os.environ.items() if key != "POSTGRES_PASSWORD"}

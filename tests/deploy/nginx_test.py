@@ -19,6 +19,7 @@ from pathlib import Path
 from programs import MESH, Server, WithFolder, run
 
 CONFIGURATION = os.environ["VARIMESH_SOURCE_DIR"] + "/deploy/nginx.conf"
+COMPOSE_CONFIGURATION = Path(os.environ["VARIMESH_SOURCE_DIR"]) / "deploy" / "farm" / "nginx.conf"
 NGINX = shutil.which("nginx", path=os.environ["PATH"] + ":/usr/sbin")
 
 
@@ -177,6 +178,34 @@ class Nginx(WithFolder):
         own = ("--tls-certificate", self.folder / "ann.pem", "--tls-key", self.folder / "ann-key.pem")
         self.assertEqual(self.call("jobs", certificate=own).returncode, 0)
         self.assertNotEqual(self.call("jobs").returncode, 0)
+
+
+class ComposeNginx(WithFolder):
+    """deploy/farm/nginx.conf, before a front end whose name needs no name server."""
+
+    def test_jobs_go_through_it(self):
+        server = Server(listen="127.0.0.1:0")
+        self.addCleanup(server.stop)
+        with socket.create_server(("127.0.0.1", 0)) as free:
+            port = free.getsockname()[1]
+        text = COMPOSE_CONFIGURATION.read_text()
+        for old, new in (("listen 50051 ", f"listen 127.0.0.1:{port} "), ("frontend:50051", server.address),
+                         ("/tmp/", f"{self.folder}/")):
+            self.assertIn(old, text)
+            text = text.replace(old, new)
+        path = self.folder / "nginx.conf"
+        path.write_text(("user root;\n" if os.geteuid() == 0 else "") + text)
+        command = [NGINX, "-e", "stderr", "-p", str(self.folder), "-c", str(path)]
+        done = subprocess.run([*command, "-t"], capture_output=True, text=True, timeout=20)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        self.assertNotIn("[warn]", done.stderr)
+        proxy = subprocess.Popen([*command, "-g", "daemon off;"], stderr=subprocess.DEVNULL)
+        self.addCleanup(proxy.wait, 20)
+        self.addCleanup(proxy.terminate)
+        out = self.folder / "out.msh"
+        done = run("optimise", MESH, "-o", out, "--server", f"127.0.0.1:{port}")
+        self.assertEqual(done.returncode, 0, done.stderr)
+        self.assertTrue(out.exists())
 
 
 if __name__ == "__main__":
