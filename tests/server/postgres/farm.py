@@ -27,14 +27,15 @@ DATABASE_SERVER, S3_SERVER = HERE / "database_server", HERE.parent / "meshes" / 
 class Worker:
     """A varimeshd that only runs jobs, with a state directory of its own."""
 
-    def __init__(self, state, *flags, threads=1):
-        self.state = state
+    def __init__(self, state, *flags, threads=1, environment=None):
+        self.state, self.environment = state, {**os.environ, **(environment or {})}
         self.arguments = [VARIMESHD, "--role", "worker", "--state", str(state), "--threads", str(threads), *flags]
         self.log = []
         self.start()
 
     def start(self):
-        self.process = subprocess.Popen(self.arguments, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+        self.process = subprocess.Popen(self.arguments, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+                                        env=self.environment)
         self.reader = threading.Thread(target=lambda stream: self.log.extend(stream), args=(self.process.stderr,))
         self.reader.start()
         line = self.process.stdout.readline()
@@ -108,8 +109,8 @@ class WithFarm(unittest.TestCase):
         self.addCleanup(server.stop)
         return server
 
-    def worker(self, *flags, threads=1):
-        worker = Worker(self.state(), *self.shared(*flags), threads=threads)
+    def worker(self, *flags, **keywords):
+        worker = Worker(self.state(), *self.shared(*flags), **keywords)
         self.addCleanup(worker.end)
         return worker
 
@@ -131,8 +132,9 @@ class WithFarm(unittest.TestCase):
 
     def wait_for(self, server, name, state, seconds=60):
         deadline = time.monotonic() + seconds
-        while (kept := self.jobs(server)[name])["state"] != state:
-            self.assertNotEqual(kept["state"], "failed", kept)
+        # The port gives the same answer for a moment, so a new job may not be there yet.
+        while (kept := self.jobs(server).get(name, {})).get("state") != state:
+            self.assertNotEqual(kept.get("state"), "failed", kept)
             self.assertLess(time.monotonic(), deadline, f"{kept}\n{''.join(server.log)}")
             time.sleep(0.05)
         return kept
