@@ -13,7 +13,8 @@ BucketServer bucket_server() {
   std::string line;
   if (file != nullptr) std::getline(std::ifstream(file) >> std::ws, line);
   if (!is_s3(line)) return {{}, line.empty() ? "the server that the test server.s3.start starts" : line, 0};
-  return {line, {}, std::stoi(line.substr(line.rfind(':') + 1))};
+  const char* const key_id = std::getenv("VARIMESH_TEST_BUCKET_KEY_ID");
+  return {line, {}, std::stoi(line.substr(line.rfind(':') + 1)), key_id == nullptr ? "S3RVER" : key_id};
 }
 
 InBucket::InBucket(int port) : port_(port == 0 ? bucket_server().port : port) {
@@ -29,7 +30,9 @@ std::shared_ptr<S3Client> InBucket::client_at(int port, const std::string& secre
   S3Settings settings;
   settings.address =
       *parse_s3_address("s3://varimesh/" + prefix_ + "?endpoint=http://127.0.0.1:" + std::to_string(port));
-  settings.credentials = [secret]() -> Expected<S3Credentials> { return S3Credentials{"S3RVER", secret, ""}; };
+  settings.credentials = [secret]() -> Expected<S3Credentials> {
+    return S3Credentials{bucket_server().key_id, secret, ""};
+  };
   settings.stalled = std::chrono::seconds(2);
   return std::make_shared<S3Client>(std::move(settings));
 }

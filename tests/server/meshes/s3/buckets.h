@@ -13,6 +13,7 @@ namespace varimesh::server::testing {
 struct BucketServer {
   std::string address, missing;
   int port = 0;
+  std::string key_id = "S3RVER";  ///< Another server may want another one: VARIMESH_TEST_BUCKET_KEY_ID.
 };
 BucketServer bucket_server();
 

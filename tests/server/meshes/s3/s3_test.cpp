@@ -190,7 +190,7 @@ TEST_F(MeshesInABucket, UseAKeyThatIsRenewed) {
       *parse_s3_address("s3://varimesh/renewed?endpoint=http://127.0.0.1:" + std::to_string(proxy_.port()));
   int reads = 0;
   settings.credentials = [&]() -> Expected<S3Credentials> {
-    return S3Credentials{"S3RVER", ++reads == 1 ? "old" : "S3RVER", ""};
+    return S3Credentials{bucket_server().key_id, ++reads == 1 ? "old" : "S3RVER", ""};
   };
   S3Client client(settings);
   EXPECT_TRUE(client.put("key", "bytes", place_.patience));
