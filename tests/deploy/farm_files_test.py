@@ -25,7 +25,8 @@ TREE = Path(os.environ["VARIMESH_SOURCE_DIR"])
 FARM = TREE / "deploy" / "farm"
 VARIMESHD = os.environ["VARIMESHD"]
 PROMETHEUS = FARM / "prometheus"
-TOOLS = {"Prometheus": "promtool", "Compose": "docker-compose", "Kubernetes": "kubectl", "Helm": "helm", "Slurm": "bash"}
+TOOLS = {"Prometheus": "promtool", "Compose": "docker-compose", "Kubernetes": "kubectl", "Helm": "helm", "Slurm": "bash",
+         "Systemd": "systemd-analyze"}
 
 
 def flags_of_varimeshd():
@@ -201,6 +202,32 @@ class Prometheus(unittest.TestCase):
         self.assertLessEqual(used, there)
         self.assertEqual(there - used - {"up", "varimesh_job_run_seconds_sum"}, set(), "and each is shown somewhere")
         self.assertEqual(len({panel["id"] for panel in dashboard["panels"]}), len(dashboard["panels"]))
+
+
+class Systemd(unittest.TestCase):
+    def test_the_unit_of_a_worker_is_right(self):
+        with tempfile.TemporaryDirectory() as folder:
+            unit, more = Path(folder) / "varimeshd.service", Path(folder) / "varimeshd.service.d" / "worker.conf"
+            text = (TREE / "deploy" / "varimeshd.service").read_text()
+            unit.write_text(text.replace("ExecStart=/usr/bin/varimeshd\n", f"ExecStart={VARIMESHD}\n"))
+            more.parent.mkdir()
+            added = (FARM / "systemd" / "worker.conf").read_text()
+            for faults, wrong in ((False, added), (True, added.replace("IPAddressAllow=", "IPAddressesAllow="))):
+                more.write_text(wrong)
+                checked = subprocess.run(["systemd-analyze", "verify", unit.name], capture_output=True, text=True, timeout=60,
+                                         env={**os.environ, "SYSTEMD_UNIT_PATH": f"{folder}:"})
+                self.assertEqual("'IPAddressesAllow'" in checked.stderr, faults, checked.stderr)
+                if not faults:
+                    self.assertEqual((checked.returncode, checked.stderr), (0, ""))
+        unset = re.findall(r"^UnsetEnvironment=(.*)$", added, re.MULTILINE)
+        words = " ".join(re.findall(r"^Environment=(.*)$", text + added, re.MULTILINE)).split()
+        variables = dict(word.split("=", 1) for word in words if word.startswith("VARIMESHD_"))
+        for name in unset:
+            del variables[name]
+        kept = {key: value for key, value in os.environ.items() if not key.startswith("VARIMESH")}
+        done = subprocess.run([VARIMESHD, "--print-config"], capture_output=True, text=True, timeout=20, env={**kept, **variables})
+        self.assertEqual(done.returncode, 0, done.stderr)
+        self.assertEqual(done.stdout.count("# from the environment"), len(variables))
 
 
 class Slurm(unittest.TestCase):
