@@ -106,13 +106,6 @@ Answer<UploadTicket> CallersView::begin_upload(const std::string& id, const std:
   return meshes_->begin_upload(id, digest, size, caller_.owner);
 }
 
-Answer<std::unique_ptr<BlobWriter>> CallersView::create(std::int64_t announced) const {
-  if (const auto room = meshes_->check_share(caller_.owner, announced); !room) return tl::unexpected(room.error());
-  return meshes_->create(announced);
-}
-
-Answer<void> CallersView::check_share(std::int64_t more) const { return meshes_->check_share(caller_.owner, more); }
-
 Answer<UploadProgress> CallersView::query_upload(const std::string& id, const std::string& digest) const {
   return meshes_->query_upload(id, digest, caller_.owner);
 }

@@ -33,10 +33,9 @@ class CallersView {
   Answer<std::int64_t> append(const UploadTicket& ticket, std::int64_t offset, std::string_view bytes) const {
     return meshes_->append(ticket, offset, bytes);
   }
-  /// For bytes that the caller sends. RESOURCE_EXHAUSTED (OWNER_FULL) if its meshes would have too many bytes.
-  Answer<std::unique_ptr<BlobWriter>> create(std::int64_t announced) const;
-  /// OWNER_FULL if the caller may not store this many bytes more.
-  Answer<void> check_share(std::int64_t more) const;
+  /// For bytes that the caller sends.
+  Answer<std::unique_ptr<BlobWriter>> create(std::int64_t announced) const { return meshes_->create(announced); }
+  std::unique_ptr<KeptShare> keep_share() const { return meshes_->keep_share(caller_.owner); }
   Answer<StoredBytes> finish_upload(const UploadTicket& ticket) const { return meshes_->finish_upload(ticket); }
   Answer<UploadProgress> query_upload(const std::string& id, const std::string& digest) const;
   Answer<std::unique_ptr<BlobReader>> read(const std::string& digest) const;

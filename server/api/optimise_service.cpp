@@ -2,6 +2,8 @@
 // result.
 #include "server/api/optimise_service.h"
 
+#include <atomic>
+#include <chrono>
 #include <optional>
 
 #include "core/formats/formats.h"
@@ -12,8 +14,9 @@
 namespace varimesh::server {
 namespace {
 
-/// How many bytes of a mesh of unknown size may come between two looks at what its owner may store.
-constexpr std::int64_t kBytesBetweenChecks = std::int64_t{1} << 20;
+/// For how long a stream of unknown size that has ended waits for a sign that it was cut. gRPC tells both at the same
+/// time, in any order.
+constexpr std::chrono::milliseconds kPatienceWithCuts{50};
 
 /// The stream of one call to Optimise.
 class OptimiseStream : public grpc::ServerBidiReactor<v1::OptimiseRequest, v1::OptimiseResponse>,
@@ -41,10 +44,10 @@ class OptimiseStream : public grpc::ServerBidiReactor<v1::OptimiseRequest, v1::O
     if (pump_.finished()) return;
     api_.pool.post([this, ok, alive = weak_.lock()] {
       if (alive == nullptr) return;
-      const LogScope scope(view_ ? view_->caller().log_fields() : LogFields());
-      const grpc::Status status = guarded([&] { return ok ? take() : submit(); });
-      if (!status.ok()) end(status);
-      if (status.ok() && ok) read();
+      if (!ok && spec_ && spec_->size() == 0)
+        ended_at_ = std::chrono::steady_clock::now().time_since_epoch().count();
+      else
+        handle(ok);
     });
   }
   void OnWriteDone(bool ok) override { pump_.on_write_done(ok); }
@@ -54,7 +57,16 @@ class OptimiseStream : public grpc::ServerBidiReactor<v1::OptimiseRequest, v1::O
     api_.calls.remove(last);
   }
   void end(const grpc::Status& status) override { pump_.end(status); }
-  void tick(std::chrono::steady_clock::time_point now) override { pump_.tick(now); }
+  void tick(std::chrono::steady_clock::time_point now) override {
+    pump_.tick(now);
+    std::int64_t ended = ended_at_;
+    const std::chrono::steady_clock::time_point since{std::chrono::steady_clock::duration(ended)};
+    if (ended == kNotEnded || now - since < kPatienceWithCuts || pump_.finished()) return;
+    if (!ended_at_.compare_exchange_strong(ended, kNotEnded)) return;
+    api_.pool.post([this, alive = weak_.lock()] {
+      if (alive != nullptr && !pump_.finished()) handle(false);
+    });
+  }
   void poke() override { pump_.poke(); }
 
  private:
@@ -66,6 +78,14 @@ class OptimiseStream : public grpc::ServerBidiReactor<v1::OptimiseRequest, v1::O
         pump_(api.pool, api.limits,
               {[this](const v1::OptimiseResponse* response) { StartWrite(response); },
                [this](const grpc::Status& status) { Finish(status); }, [call] { call->TryCancel(); }}) {}
+
+  /// Handles a message or, if there was none, the end of what the client sends.
+  void handle(bool message) {
+    const LogScope scope(view_ ? view_->caller().log_fields() : LogFields());
+    const grpc::Status status = guarded([&] { return message ? take() : submit(); });
+    if (!status.ok()) end(status);
+    if (status.ok() && message) read();
+  }
 
   static grpc::Status refuse(const char* sentence) { return status(bad_request(sentence)); }
 
@@ -88,10 +108,18 @@ class OptimiseStream : public grpc::ServerBidiReactor<v1::OptimiseRequest, v1::O
     const std::int64_t least = formats::least_memory(size), memory = api_.limits.max_memory_bytes;
     if (memory > 0 && least > memory) return status(mesh_needs_memory(memory, least));
     spec_ = std::move(*request_.mutable_spec());
+    kept_ = view_->keep_share();
+    if (const auto room = keep(size); !room) return status(room.error());
     auto writer = view_->create(size);
     if (!writer) return status(writer.error());
     writer_ = std::move(*writer);
     return grpc::Status::OK;
+  }
+
+  /// Keeps this many bytes of what the caller may store.
+  Answer<void> keep(std::int64_t bytes) {
+    if (kept_ == nullptr) return {};
+    return kept_->raise_to(bytes);
   }
 
   grpc::Status take_chunk(const v1::Chunk& chunk) {
@@ -100,13 +128,11 @@ class OptimiseStream : public grpc::ServerBidiReactor<v1::OptimiseRequest, v1::O
     if (chunk.offset() != received_) return refuse("The chunks must be sent in order, each with its offset.");
     received_ += static_cast<std::int64_t>(bytes->size());
     if (received_ > api_.limits.max_mesh_bytes) return status(mesh_too_large(api_.limits.max_mesh_bytes));
-    // Room was found for what the spec announces. It need not announce anything.
+    // Room is kept for what the spec announces. It need not announce anything.
     const std::int64_t announced = spec_->size();
     if (announced > 0 && received_ > announced) return refuse("More bytes came than the size in the spec.");
-    if (announced == 0 && received_ >= next_check_) {
-      next_check_ = received_ + kBytesBetweenChecks;
-      if (const auto room = view_->check_share(received_); !room) return status(room.error());
-    }
+    if (announced == 0)
+      if (const auto room = keep(received_); !room) return status(room.error());
     if (writer_->append(*bytes)) return grpc::Status::OK;
     return status(store_full("The server's disk has no room for the mesh"));
   }
@@ -115,15 +141,16 @@ class OptimiseStream : public grpc::ServerBidiReactor<v1::OptimiseRequest, v1::O
   grpc::Status submit() {
     if (!spec_) return refuse("The stream ended without a spec.");
     if (spec_->size() > 0 && spec_->size() != received_) return refuse("The stream ended before the end of the mesh.");
-    // Other streams of the owner may have stored their meshes meanwhile.
-    if (const auto room = view_->check_share(received_); !room) return status(room.error());
     const auto stored = writer_->commit();
     writer_.reset();
     upload_.reset();
     if (!stored) return status(stored.error());
     v1::JobSpec spec = spec_->spec();
     spec.mutable_mesh()->set_digest(stored->digest);
-    view_->grant(stored->digest);
+    if (kept_ != nullptr)
+      kept_->grant(stored->digest);
+    else
+      view_->grant(stored->digest);
     const auto job = view_->submit(spec_->request_id(), spec, false);  // adds a reference to the mesh
     api_.meshes.release(stored->digest);
     if (!job) return status(job.error());
@@ -163,15 +190,19 @@ class OptimiseStream : public grpc::ServerBidiReactor<v1::OptimiseRequest, v1::O
     return Pull::Message;
   }
 
+  static constexpr std::int64_t kNotEnded = 0;
+
   const ApiContext& api_;
-  const Answer<CallersView> view_;              ///< Or why the caller is not let in.
-  std::shared_ptr<const void> upload_, watch_;  ///< Its places among the open uploads and watches of the caller.
+  std::atomic<std::int64_t> ended_at_ = kNotEnded;  ///< When a mesh of unknown size ended, on the steady clock.
+  const Answer<CallersView> view_;                  ///< Or why the caller is not let in.
+  std::shared_ptr<const void> upload_, watch_;      ///< Its places among the open uploads and watches of the caller.
   Pump<v1::OptimiseResponse> pump_;
   v1::OptimiseRequest request_;
   // Used only on the pool, by one task at a time.
   std::optional<v1::OptimiseSpec> spec_;
   std::unique_ptr<BlobWriter> writer_;
-  std::int64_t received_ = 0, next_check_ = 0;
+  std::unique_ptr<KeptShare> kept_;  ///< For the mesh. Null: there is no limit.
+  std::int64_t received_ = 0;
   std::string buffer_;
   std::optional<v1::Job> accepted_;
   bool accepted_sent_ = false;

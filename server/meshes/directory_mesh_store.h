@@ -68,6 +68,7 @@ class DirectoryMeshStore : public MeshStore {
   void grant(const std::string& digest, const std::string& owner) override;
   bool belongs_to(const std::string& digest, const std::string& owner) override;
   Answer<void> check_share(const std::string& owner, std::int64_t more) override;
+  std::unique_ptr<KeptShare> keep_share(const std::string& owner) override;
   std::optional<std::int64_t> stored_bytes() const override;
   void retain(const std::string& digest) override;
   void release(const std::string& digest) override;
@@ -77,6 +78,7 @@ class DirectoryMeshStore : public MeshStore {
 
  private:
   struct Upload;
+  class KeptBytes;
   struct Entry {
     std::int64_t size = 0;    ///< Size of the mesh in bytes.
     std::int64_t stored = 0;  ///< Size of its file in bytes.
@@ -131,6 +133,8 @@ class DirectoryMeshStore : public MeshStore {
     std::int64_t bytes = 0;
     std::chrono::steady_clock::time_point counted;
   };
+  /// Requires the lock. As grant().
+  void grant_locked(const std::string& digest, const std::string& owner);
   /// Requires the lock. As check_share().
   Answer<void> check_share_locked(const std::string& owner, std::int64_t more);
   /// Requires the lock. The bytes of all meshes, results and uploads of an owner.
@@ -162,7 +166,8 @@ class DirectoryMeshStore : public MeshStore {
   mutable std::mutex mutex_;  ///< Guards everything below. Never held while bytes are written or hashed.
   Entries entries_;
   std::map<std::pair<std::string, std::string>, std::shared_ptr<Upload>> uploads_;  ///< By owner and id.
-  std::map<std::string, Share> shares_;  ///< Of owners who have been asked for.
+  std::map<std::string, Share> shares_;       ///< Of owners who have been asked for.
+  std::map<std::string, std::int64_t> kept_;  ///< Bytes of KeptBytes, by owner.
   std::int64_t counter_ = 0, writings_ = 0;
   std::atomic<std::int64_t> promised_ = 0;  ///< Bytes that clients have announced and not sent yet.
 };

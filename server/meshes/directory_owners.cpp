@@ -2,9 +2,11 @@
 #include <fcntl.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <fstream>
 #include <system_error>
+#include <utility>
 #include <vector>
 
 #include "core/base/sha256.h"
@@ -32,10 +34,13 @@ bool DirectoryMeshStore::belongs_to(const std::string& digest, const std::string
 }
 
 void DirectoryMeshStore::grant(const std::string& digest, const std::string& owner) {
-  if (owner.empty()) return;
   std::lock_guard lock(mutex_);
+  grant_locked(digest, owner);
+}
+
+void DirectoryMeshStore::grant_locked(const std::string& digest, const std::string& owner) {
   const auto entry = entries_.find(digest);
-  if (entry == entries_.end()) return;
+  if (owner.empty() || entry == entries_.end()) return;
   if (entry->second.owners.insert(mark_of(digest, owner)).second) add_to_share(owner, entry->second.size);
 }
 
@@ -58,14 +63,57 @@ Answer<void> DirectoryMeshStore::check_share_locked(const std::string& owner, st
   const auto now = settings_.clock();
   const auto [found, is_new] = shares_.try_emplace(owner);
   Share& share = found->second;
-  if (is_new || (share.bytes > most - more && now - share.counted >= kShareLifetime)) share = {count_share(owner), now};
-  if (share.bytes <= most - more) return {};
-  return owner_full(owner, share.bytes, most);
+  const auto kept = kept_.find(owner);
+  const std::int64_t room = most - more - (kept == kept_.end() ? 0 : kept->second);
+  if (is_new || (share.bytes > room && now - share.counted >= kShareLifetime)) share = {count_share(owner), now};
+  if (share.bytes <= room) return {};
+  return owner_full(owner, most - more - room + share.bytes, most);
 }
 
 Answer<void> DirectoryMeshStore::check_share(const std::string& owner, std::int64_t more) {
   std::lock_guard lock(mutex_);
   return check_share_locked(owner, more);
+}
+
+/// Bytes of an owner that no mesh of the store has yet.
+class DirectoryMeshStore::KeptBytes : public KeptShare {
+ public:
+  KeptBytes(DirectoryMeshStore& store, std::string owner) : store_(&store), owner_(std::move(owner)) {}
+  ~KeptBytes() override {
+    std::lock_guard lock(store_->mutex_);
+    give_back();
+  }
+  Answer<void> raise_to(std::int64_t bytes) override {
+    std::lock_guard lock(store_->mutex_);
+    const std::int64_t more = std::max<std::int64_t>(bytes - bytes_, 0);
+    if (const auto room = store_->check_share_locked(owner_, more); !room) return room;
+    bytes_ += more;
+    store_->kept_[owner_] += more;
+    return {};
+  }
+  void grant(const std::string& digest) override {
+    std::lock_guard lock(store_->mutex_);
+    store_->grant_locked(digest, owner_);
+    give_back();
+  }
+
+ private:
+  /// Requires the lock of the store.
+  void give_back() {
+    const auto kept = store_->kept_.find(owner_);
+    if (kept == store_->kept_.end()) return;
+    kept->second -= std::exchange(bytes_, 0);
+    if (kept->second == 0) store_->kept_.erase(kept);
+  }
+
+  DirectoryMeshStore* const store_;
+  const std::string owner_;
+  std::int64_t bytes_ = 0;
+};
+
+std::unique_ptr<KeptShare> DirectoryMeshStore::keep_share(const std::string& owner) {
+  if (settings_.max_bytes_of_owner == 0 || owner.empty()) return nullptr;
+  return std::make_unique<KeptBytes>(*this, owner);
 }
 
 Answer<void> DirectoryMeshStore::grant_for_good(const std::string& digest, const std::string& owner) {

@@ -73,6 +73,18 @@ struct UploadTicket {
   std::string owner = {};
 };
 
+/// Part of what an owner may store, kept for a mesh whose bytes are still to come. It is given back with this object.
+/// One thread at a time.
+class KeptShare {
+ public:
+  virtual ~KeptShare() = default;
+  /// Keeps this many bytes in all, or as many as before if that is more. OWNER_FULL if the owner may not have them
+  /// beside its meshes and results and what is kept for its other meshes.
+  virtual Answer<void> raise_to(std::int64_t bytes) = 0;
+  /// As MeshStore::grant() for the owner, with the bytes that were kept: they do not count twice at any moment.
+  virtual void grant(const std::string& digest) = 0;
+};
+
 struct UploadProgress {
   std::int64_t committed = 0;
   bool complete = false;
@@ -137,6 +149,9 @@ class MeshStore {
   /// have, with `more` bytes added. begin_upload() asks this by itself. Never for the owner "", and never in a store
   /// that servers share, where none knows what all others store.
   virtual Answer<void> check_share(const std::string& /*owner*/, std::int64_t /*more*/) { return {}; }
+  /// Keeps room for a mesh that an owner sends without begin_upload(), which does that by itself. Null for owners
+  /// without a limit. The store must outlive it.
+  virtual std::unique_ptr<KeptShare> keep_share(const std::string& /*owner*/) { return nullptr; }
   /// Adds a reference. Does nothing if the mesh is not in the store.
   virtual void retain(const std::string& digest) = 0;
   /// Removes a reference.
