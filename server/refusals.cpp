@@ -59,6 +59,13 @@ Refusal page_without_tokens() {
                  {{"rights", "read"}});
 }
 
+Refusal page_only_shows() {
+  return refusal(Code::PermissionDenied, "RIGHT_MISSING",
+                 "This page cancels jobs only for those who have a token, and this server asks for none; use 'varimesh "
+                 "cancel'.",
+                 {{"rights", "cancel"}});
+}
+
 Refusal right_missing(const std::string& caller, const std::string& rights, const std::string& method) {
   return refusal(Code::PermissionDenied, "RIGHT_MISSING",
                  "The token of " + caller + " does not have the right to " + rights + ", which " + method +

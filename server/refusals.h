@@ -30,6 +30,7 @@ Refusal keys_unavailable();
 Refusal certificate_nameless();
 /// PERMISSION_DENIED, RIGHT_MISSING: the live page of a server that knows its callers only by their certificates.
 Refusal page_without_tokens();
+Refusal page_only_shows();
 /// PERMISSION_DENIED, RIGHT_MISSING. `rights`: the names of the rights that the token of `caller` lacks for `method`.
 Refusal right_missing(const std::string& caller, const std::string& rights, const std::string& method);
 

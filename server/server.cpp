@@ -120,8 +120,8 @@ Expected<void> Server::start_admin_port() {
   auto admin = AdminServer::start(
       options_.admin, std::make_unique<LiveStatus>(scheduler_.get(), options_.limits, options_.clock),
       [this] { return ready(); },
-      [this](std::string_view authorization) -> Answer<CallersView> {
-        auto caller = access_->admit(Method::LivePage, authorization, "127.0.0.1");
+      [this](Method method, std::string_view authorization) -> Answer<CallersView> {
+        auto caller = access_->admit(method, authorization, "127.0.0.1");
         if (!caller) return tl::unexpected(caller.error());
         return CallersView(*scheduler_, stores_->meshes(), std::move(*caller));
       });

@@ -155,10 +155,11 @@ Answer<Caller> Access::find(Method method, std::string_view authorization, const
   }
   if (issuer_keys_ != nullptr) web_tokens = issuer_keys_->current();
   if (names_certificates_) {
-    if (method == Method::LivePage) return page_without_tokens();
+    if (method == Method::LivePage || method == Method::LivePageCancel) return page_without_tokens();
     if (certificate.empty()) return certificate_nameless();
     return Caller{certificate, certificate, kSubmit | kRead | kCancel};
   }
+  if (!asks() && method == Method::LivePageCancel) return page_only_shows();
   if (!asks()) return Caller{"", address, kAllRights};
   const std::string_view token = token_of(authorization);
   if (token.empty()) return token_missing();

@@ -30,6 +30,7 @@ constexpr std::array kRules{
     MethodRule{Method::Optimise, "/varimesh.v1.OptimiseService/Optimise", kSubmit | kRead},
     MethodRule{Method::Reflection, "/grpc.reflection.v1alpha.ServerReflection/ServerReflectionInfo", kRead},
     MethodRule{Method::LivePage, "the live page", kRead},
+    MethodRule{Method::LivePageCancel, "a cancel on the live page", kCancel},
 };
 
 }  // namespace

@@ -54,6 +54,7 @@ enum class Method {
   Optimise,
   Reflection,
   LivePage,
+  LivePageCancel,
 };
 
 /// What a method asks of its callers.

@@ -50,6 +50,15 @@ void send(mg_connection* connection, const Answer<std::string>& document) {
   refuse(connection, document.error());
 }
 
+/// Whether a page of this very port has sent the request, and no other page of the browser.
+bool is_from_own_page(const mg_connection* connection) {
+  const char* const host = mg_get_header(connection, "Host");
+  const char* const origin = mg_get_header(connection, "Origin");
+  const char* const site = mg_get_header(connection, "Sec-Fetch-Site");
+  if (host == nullptr || origin == nullptr || std::string("http://") + host != origin) return false;
+  return site == nullptr || std::string_view(site) == "same-origin";
+}
+
 }  // namespace
 
 bool is_own_host(const char* host) {
@@ -94,8 +103,12 @@ void AdminServer::answer(mg_connection* connection) const {
   const std::string_view method = request.request_method, path = request.local_uri;
   if (!is_own_host(mg_get_header(connection, "Host")))
     return send_http(connection, 421, kTextType, "Only this machine may use this port; use the address 127.0.0.1.\n");
+  if (path == "/api/cancel") {
+    if (method == "POST") return cancel(connection);
+    return send_http(connection, 405, kTextType, "A cancel is a POST.\n", "Allow: POST\r\n");
+  }
   if (method != "GET" && method != "HEAD")
-    return send_http(connection, 405, kTextType, "This port is read-only; use gRPC to submit and cancel jobs.\n",
+    return send_http(connection, 405, kTextType, "This address is read-only; use gRPC to submit jobs.\n",
                      "Allow: GET, HEAD\r\n");
   for (const PageFile& file : kFiles) {
     if (file.path != path) continue;
@@ -112,11 +125,22 @@ void AdminServer::answer(mg_connection* connection) const {
   send_http(connection, 404, kTextType, "There is nothing at this address.\n");
 }
 
+void AdminServer::cancel(mg_connection* connection) const {
+  if (!is_from_own_page(connection))
+    return send_http(connection, 403, kTextType, "Only the page of this port may cancel jobs here.\n");
+  const char* authorization = mg_get_header(connection, "Authorization");
+  const auto view = admit_(Method::LivePageCancel, authorization == nullptr ? "" : authorization);
+  if (!view) return refuse(connection, view.error());
+  const auto cancelled = view->cancel(field(*mg_get_request_info(connection), "job"));
+  if (!cancelled) return refuse(connection, cancelled.error());
+  send_http(connection, 204, kTextType, "");
+}
+
 void AdminServer::answer_about_jobs(mg_connection* connection) const {
   const mg_request_info& request = *mg_get_request_info(connection);
   const std::string_view path = request.local_uri;
   const char* authorization = mg_get_header(connection, "Authorization");
-  const auto view = admit_(authorization == nullptr ? "" : authorization);
+  const auto view = admit_(Method::LivePage, authorization == nullptr ? "" : authorization);
   if (!view) return refuse(connection, view.error());
   if (path == "/api/status") return send(connection, live_status_->status(*view));
   if (path == "/api/iterations") {

@@ -1,5 +1,5 @@
-// The admin port: health checks, and the live page that shows the jobs. It uses plain HTTP, accepts requests only from
-// this machine, and cannot change anything.
+// The admin port: health checks, and the live page that shows the jobs and cancels them. It uses plain HTTP and accepts
+// requests only from this machine.
 #pragma once
 
 #include <functional>
@@ -20,16 +20,20 @@ namespace varimesh::server {
 ///   GET /healthz/ready          200 if the server accepts jobs, otherwise 503
 ///   GET /api/status             LiveStatus::status()
 ///   GET /api/iterations?job=NAME&after=N    LiveStatus::iterations()
+///   POST /api/cancel?job=NAME   cancels a job; 204
 ///
 /// What is below /api needs "Authorization: Bearer TOKEN" if the server asks who calls: without a token the answer is
 /// 401, without the right to read 403, and other owners' jobs are not there.
+///
+/// A cancel needs a token with that right, also on a server that lets everybody in, and the header Origin of this very
+/// port: a page of another site, or of another port of this machine, has another Origin, and cannot send a token.
 ///
 /// Other methods get 405. Requests whose Host is not a loopback name get 421, so that a foreign page whose host name
 /// was made to point here (DNS rebinding) cannot read anything.
 class AdminServer {
  public:
-  /// Lets a caller in, with the header "authorization".
-  using Admit = std::function<Answer<CallersView>(std::string_view authorization)>;
+  /// Lets a caller in for LivePage or LivePageCancel, with the header "authorization".
+  using Admit = std::function<Answer<CallersView>(Method, std::string_view authorization)>;
 
   /// Listens on HOST:PORT. HOST is in 127.0.0.0/8, [::1] or localhost, and port 0 is any free port. `ready`: whether
   /// the server accepts jobs. Errors: BadOption for any other address, Output if the address is taken.
@@ -47,6 +51,8 @@ class AdminServer {
   void answer(mg_connection* connection) const;
   /// Answers a request below /api.
   void answer_about_jobs(mg_connection* connection) const;
+  /// Answers a request to cancel a job.
+  void cancel(mg_connection* connection) const;
 
   const std::unique_ptr<LiveStatus> live_status_;
   const std::function<bool()> ready_;

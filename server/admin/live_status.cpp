@@ -16,6 +16,11 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
+/// Whether the page offers to cancel jobs.
+bool may_cancel(const CallersView& view) {
+  return !view.caller().owner.empty() && view.caller().rights.contains(kCancel);
+}
+
 /// Removes the prefix of an enum's name, so that "JOB_STATE_RUNNING" becomes "running".
 std::string lower(std::string name, std::size_t prefix) {
   name.erase(0, std::min(prefix, name.size()));
@@ -77,7 +82,8 @@ Answer<std::string> LiveStatus::status(const CallersView& view) {
   const std::lock_guard lock(mutex_);
   const auto now = std::chrono::steady_clock::now();
   std::erase_if(made_, [&](const auto& made) { return now - made.second.time >= kStatusInterval; });
-  const std::string owner = view.caller().sees_all() ? "" : view.caller().owner;
+  // No name of an owner has a line end.
+  const std::string owner = (view.caller().sees_all() ? "" : view.caller().owner) + (may_cancel(view) ? "\n" : "");
   auto made = made_.find(owner);
   if (made == made_.end()) {
     Answer<std::string> status = make_status(view);
@@ -113,6 +119,7 @@ Answer<std::string> LiveStatus::make_status(const CallersView& view) const {
                   {"max_pending_jobs", limits_.max_pending_jobs},
                   {"pending", counts->pending},
                   {"running", counts->running},
+                  {"may_cancel", may_cancel(view)},
                   {"jobs", std::move(jobs)}});
 }
 

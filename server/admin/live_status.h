@@ -24,7 +24,7 @@ class LiveStatus {
   LiveStatus(Scheduler* scheduler, const Limits& limits, std::function<TimePoint()> clock)
       : scheduler_(scheduler), limits_(limits), clock_(std::move(clock)), start_(clock_()) {}
 
-  /// {"version", "start_time", "time", "threads", "max_pending_jobs", "pending", "running",
+  /// {"version", "start_time", "time", "threads", "max_pending_jobs", "pending", "running", "may_cancel",
   ///  "jobs": [{"job", "state", "labels", "priority", "attempt", "energy", "submitted", "began", "ended", "iteration":
   ///            {…}, "min_scaled_jacobian": [before, after], "error"}]}
   /// The jobs are the running ones, then the waiting ones, those of each peer in the order in which they will run,
@@ -48,7 +48,7 @@ class LiveStatus {
   const std::function<TimePoint()> clock_;
   const TimePoint start_;
   std::mutex mutex_;  ///< Held while the status is made, so that other threads wait for the same status.
-  std::map<std::string, Made> made_;  ///< By owner; "" for callers who see all jobs.
+  std::map<std::string, Made> made_;  ///< By owner and right to cancel; "" for callers who see all jobs.
 };
 
 }  // namespace varimesh::server

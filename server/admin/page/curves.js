@@ -25,9 +25,10 @@ class JobCard {
     this.sequence = 0;
     this.rows = [];
     this.line = make('p', {class: 'small'});
+    this.buttons = make('p', {class: 'small'});
     this.charts = make('div', {class: 'columns'});
     this.node = make('div', {class: 'job', 'data-job': job.job},
-        make('h3', {}, nameOf(job)), make('div', {}, ...labelsOf(job)), this.line, this.charts);
+        make('h3', {}, nameOf(job)), make('div', {}, ...labelsOf(job)), this.line, this.buttons, this.charts);
   }
 
   /** Shows what the list of jobs says about the job. */
@@ -40,6 +41,7 @@ class JobCard {
     if (last) parts.push(`${last[1]} ${last[0]}`, `residual ${readable(last[3])}`, `smallest Js ${jacobian(last[4])}`);
     if (job.invalid !== undefined) parts.push(`${grouped(job.invalid)} not certified`);
     this.line.textContent = parts.join(' · ');
+    this.buttons.replaceChildren(...cancelButton(job));
   }
 
   /** Fetches the new iterations and draws the curves. */

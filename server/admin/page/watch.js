@@ -1,9 +1,12 @@
-// Asks the server for its jobs every second and shows them, or asks for a token if the server wants one. The page cannot change anything on the server.
+// Asks the server for its jobs every second and shows them, or asks for a token if the server wants one. With a token that
+// allows it, the page cancels jobs.
 
 const EVERY = 1000;      // milliseconds between two requests
 const MOST_CURVES = 16;  // running jobs whose curves are drawn
 
 const cards = new Map();
+const sure = new Map();  // jobs whose button was clicked once, and until when the next click counts
+let mayCancel = false;
 let refused = false;  // until somebody types a token; asking on would fill the server's log
 
 const byId = (id) => document.getElementById(id);
@@ -35,8 +38,8 @@ async function showRunning(jobs, now) {
 
 function showWaiting(jobs, now) {
   const rows = jobs.map((job, i) => [{text: grouped(i + 1), class: 'number'}, nameOf(job), make('span', {}, ...labelsOf(job)),
-    numberCell(job.priority), ago(job.submitted, now)]);
-  const head = [{text: 'Position', class: 'number'}, 'Job', 'Labels', {text: 'Priority', class: 'number'}, 'Submitted'];
+    numberCell(job.priority), ago(job.submitted, now), ...cancelButton(job)]);
+  const head = [{text: 'Position', class: 'number'}, 'Job', 'Labels', {text: 'Priority', class: 'number'}, 'Submitted', ...(mayCancel ? [''] : [])];
   byId('waiting').replaceChildren(rows.length ? table('Waiting jobs, each caller’s in the order in which they will run', head, rows) :
       make('p', {class: 'quiet'}, 'No job is waiting.'));
 }
@@ -60,9 +63,29 @@ function showEnded(jobs, now) {
 }
 
 /** Asks for a path below api/, with the token that was typed, if there is one. */
-function fetchFromServer(path) {
+function fetchFromServer(path, method = 'GET') {
   const token = sessionStorage.getItem('token');
-  return fetch('api/' + path, token ? {headers: {Authorization: `Bearer ${token}`}} : {});
+  return fetch('api/' + path, {method, headers: token ? {Authorization: `Bearer ${token}`} : {}});
+}
+
+/** A button that cancels the job at its second click within five seconds; nothing if the token does not allow it. */
+function cancelButton(job) {
+  if (!mayCancel) return [];
+  const words = () => job.state === 'cancelling' ? 'Cancelling …' : sure.get(job.job) > Date.now() ? 'Click again to cancel' : 'Cancel';
+  const button = make('button', {type: 'button', class: 'cancel', disabled: job.state === 'cancelling', 'aria-label': `Cancel ${job.job}`}, words());
+  button.addEventListener('click', async () => {
+    if (!(sure.get(job.job) > Date.now())) {
+      sure.set(job.job, Date.now() + 5000);
+      button.textContent = words();
+      return;
+    }
+    sure.delete(job.job);
+    button.disabled = true;
+    const answer = await fetchFromServer(`cancel?job=${encodeURIComponent(job.job)}`, 'POST').catch(() => null);
+    if (!answer?.ok) window.console.warn(answer ? await answer.text() : 'The server does not answer.');
+    watchOnce();
+  });
+  return [button];
 }
 
 /** Shows why the server does not let this page in, with a field for a token. The browser forgets it with the page's tab. */
@@ -88,13 +111,14 @@ async function ask() {
   if (!answer.ok) throw new Error(await answer.text());
   byId('token').replaceChildren();
   const status = await answer.json();
+  mayCancel = status.may_cancel;
   const jobs = (...states) => status.jobs.filter((job) => states.includes(job.state));
   showTiles(status);
   showWaiting(jobs('pending'), status.time);
   showEnded(jobs('succeeded', 'failed', 'cancelled'), status.time);
   await showRunning(jobs('running', 'cancelling'), status.time);
   byId('state').className = 'quiet';
-  byId('state').textContent = `As of ${instant(status.time)}. This page is read-only.`;
+  byId('state').textContent = `As of ${instant(status.time)}.${mayCancel ? '' : ' This page is read-only.'}`;
 }
 
 async function watchOnce() {

@@ -58,6 +58,11 @@ class Port(WithAdminPort):
             self.assertEqual(self.ask("/api/status", Host=host)[0], status, host)
         for method in ("POST", "PUT", "DELETE", "OPTIONS", "PATCH"):
             self.assertEqual(self.ask("/api/status", method)[0], 405, method)
+        self.assertEqual(self.ask("/api/cancel?job=jobs/none")[0], 405)
+        own = {"Origin": f"http://{self.admin}", "Authorization": "Bearer any"}
+        status, _, why = self.ask("/api/cancel?job=jobs/none", "POST", **own)
+        self.assertEqual(status, 403, "who has no token cancels nothing here")
+        self.assertIn("varimesh cancel", why)
         status, headers, _ = self.ask("/")
         self.assertEqual(status, 200)
         self.assertIn("default-src 'none'", headers["Content-Security-Policy"])
@@ -134,7 +139,39 @@ class Tokens(WithAdminPort):
         run("cancel", job, "--server", self.server.address)
 
 
+    def test_only_this_page_cancels_for_tokens_that_allow_it(self):
+        os.environ["VARIMESH_TOKEN"] = self.ann
+        self.addCleanup(os.environ.pop, "VARIMESH_TOKEN")
+        job = self.submit("circle_p5.msh", *ENDLESS)
+        path, port = f"/api/cancel?job={job}", self.admin.rsplit(":", 1)[1]
+        own = {"Authorization": f"Bearer {self.ann}", "Origin": f"http://{self.admin}"}
+        for why, status, changed in (
+                ("no token", 401, {"Authorization": ""}), ("a wrong token", 401, {"Authorization": "Bearer wrong"}),
+                ("no right to cancel", 403, {"Authorization": f"Bearer {self.submitter}"}),
+                ("another owner", 404, {"Authorization": f"Bearer {self.bob}"}),
+                ("no origin", 403, {"Origin": None}), ("no page", 403, {"Origin": "null"}),
+                ("another site", 403, {"Origin": "http://evil.example"}),
+                ("another port", 403, {"Origin": "http://127.0.0.1:1"}),
+                ("another name of this machine", 403, {"Origin": f"http://localhost:{port}"}),
+                ("another scheme", 403, {"Origin": f"https://{self.admin}"}),
+                ("the browser says that it is another site", 403, {"Sec-Fetch-Site": "cross-site"}),
+                ("a name that points here", 421, {"Host": f"evil.example:{port}", "Origin": f"http://evil.example:{port}"})):
+            headers = {key: value for key, value in {**own, **changed}.items() if value is not None}
+            self.assertEqual(self.ask(path, "POST", **headers)[0], status, why)
+        self.assertEqual(self.ask(path, "GET", **own)[0], 405)
+        self.assertEqual(self.ask(path, "OPTIONS", **own)[0], 405, "no other site may send the header with the token")
+        self.assertNotIn(self.ask_as(self.ann, "/api/status")[1]["jobs"][0]["state"], ("cancelling", "cancelled"))
+        self.assertEqual(self.ask(path, "POST", **own)[0], 204)
+        deadline = time.monotonic() + 20
+        while self.ask_as(self.ann, "/api/status")[1]["jobs"][0]["state"] != "cancelled":
+            self.assertLess(time.monotonic(), deadline)
+            time.sleep(0.2)
+        self.assertRegex("".join(self.server.log), f"audit: cancel {job} by ann at 127.0.0.1: ok")
+
+
 class TokenPage(Tokens):
+    test_only_this_page_cancels_for_tokens_that_allow_it = None
+
     @classmethod
     def setUpClass(cls):
         if browser.find() is None:
@@ -155,7 +192,10 @@ class TokenPage(Tokens):
         page.wait("document.querySelectorAll('#running .curve').length === 3")
         self.assertIn(job, page.value("document.querySelector('#running h3').textContent"))
         self.assertEqual(page.value("document.querySelectorAll('#token input').length"), 0)
-        run("cancel", job, "--server", self.server.address)
+        page.value("document.querySelector('#running .cancel').click()")
+        page.wait("document.querySelector('#running .cancel')?.textContent === 'Click again to cancel'")
+        page.value("document.querySelector('#running .cancel').click()")
+        page.wait("document.querySelector('#ended tbody td.when')?.textContent === 'cancelled'")
 
 
 class Page(WithAdminPort):
@@ -199,6 +239,7 @@ class Page(WithAdminPort):
         self.assertEqual((states.count("succeeded"), states.count("cancelled")), (49, 1))
         self.assertIn("all elements certified valid", self.text("#ended tbody"))
         self.assertIn("No job is running", self.text("#running"))
+        self.assertEqual(self.page.value("document.querySelectorAll('button').length"), 0, "nobody has a token")
         self.assertEqual(self.page.value("document.title"), "varimeshd")
         self.assertEqual(self.page.value("document.querySelectorAll('main img, main script').length"), 0)
         self.assertEqual(self.page.errors, [])
