@@ -40,6 +40,8 @@ struct Limits {
   std::chrono::milliseconds connection_idle{600'000};   ///< A connection without calls is closed after this.
   std::chrono::milliseconds connection_age{3'600'000};  ///< A connection takes no new calls after this; the client
                                                         ///< opens another one. Its open calls go on.
+  std::chrono::milliseconds watchdog{0};                ///< A server that does not reach itself for this long ends. 0:
+                                                        ///< it goes on.
   std::chrono::milliseconds stalled_reader{25000};      ///< A stream ends if its client takes longer than this to read
                                                         ///< one message.
 };

@@ -16,6 +16,7 @@
 #include <spdlog/spdlog.h>
 #include <unistd.h>
 
+#include <atomic>
 #include <csignal>
 #include <cstdio>
 #include <cstdlib>
@@ -208,8 +209,11 @@ varimesh::Expected<void> send_traces(Flags& flags) {
   return {};
 }
 
-/// Waits for a signal and stops the server.
-void wait_and_stop(Server& server, const sigset_t& signals, int drain_seconds) {
+/// Whether the server stops because it does not reach itself any more.
+std::atomic<bool> is_lost = false;
+
+/// Waits for a signal and stops the server. Returns the exit status.
+int wait_and_stop(Server& server, const sigset_t& signals, int drain_seconds) {
   int signal = 0;
   sigwait(&signals, &signal);
   spdlog::info("stopping");
@@ -218,9 +222,10 @@ void wait_and_stop(Server& server, const sigset_t& signals, int drain_seconds) {
     // A job that does not end must not keep the process alive: whoever sent the signal would kill it anyway. With
     // --state the job waits for the next server.
     spdlog::warn("a job did not end within {} s and was abandoned", drain_seconds);
-    std::_Exit(0);
+    std::_Exit(is_lost ? 1 : 0);
   }
   spdlog::info("stopped");
+  return is_lost ? 1 : 0;
 }
 
 }  // namespace
@@ -256,6 +261,10 @@ int main(int argc, char** argv) {
     std::cerr << "varimeshd: " << traced.error().sentence << '\n';
     return 2;
   }
+  flags->options.lost = [] {
+    is_lost = true;
+    ::kill(::getpid(), SIGTERM);
+  };
   const std::string warning = warning_about(flags->options);
   const bool keeps_jobs = !flags->options.state.empty(), has_neighbours = is_for_this_machine(flags->options);
   auto server = Server::start(std::move(flags->options));
@@ -270,6 +279,5 @@ int main(int argc, char** argv) {
   if (!announce(**server, flags->port_file)) return 1;
 
   notify_manager("READY=1\nSTATUS=Listens on " + (*server)->address() + "\n");
-  wait_and_stop(**server, signals, flags->drain_seconds);
-  return 0;
+  return wait_and_stop(**server, signals, flags->drain_seconds);
 }

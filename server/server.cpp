@@ -190,7 +190,8 @@ Expected<std::unique_ptr<Server>> Server::start_or_throw(ServerOptions options) 
   if (const auto started = server->start_admin_port(); !started) return tl::unexpected(started.error());
   if (const auto started = server->start_metrics_port(); !started) return tl::unexpected(started.error());
   server->upkeep_ = std::make_unique<Upkeep>(*server->scheduler_, *server->stores_, *server->access_,
-                                             *server->endpoint_, *server->self_check_, server->options_.tls);
+                                             *server->endpoint_, *server->self_check_, server->options_.tls,
+                                             Watchdog{server->options_.limits.watchdog, server->options_.lost});
   server->running_ = true;
   server->scheduler_->tick();
   server->endpoint_->health().set_serving(server->stores_->meshes().has_room());

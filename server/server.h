@@ -58,7 +58,8 @@ struct ServerOptions {
       false;      ///< The engine runs each job in a process of its own, and tells when that process has crashed.
   Engine engine;  ///< Runs the jobs: core_engine(), or an engine of a test.
   std::function<TimePoint()> clock = std::chrono::system_clock::now;
-  SpanSink spans;  ///< Takes what the parts of the work took, for a trace. Empty: nobody wants it.
+  SpanSink spans;              ///< Takes what the parts of the work took, for a trace. Empty: nobody wants it.
+  std::function<void()> lost;  ///< Called once if the server has not reached itself for `limits.watchdog`.
   std::function<std::string()> new_name;  ///< Makes the names of new jobs. Empty: random names.
 };
 

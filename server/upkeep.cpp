@@ -9,6 +9,7 @@
 #include <functional>
 #include <mutex>
 #include <thread>
+#include <utility>
 
 #include "server/notify.h"
 
@@ -43,7 +44,7 @@ class Upkeep::Ticker {
 };
 
 Upkeep::Upkeep(Scheduler& scheduler, Stores& stores, Access& access, Endpoint& endpoint, SelfCheck& self_check,
-               const TlsFiles& tls) {
+               const TlsFiles& tls, Watchdog watchdog) {
   using std::chrono::milliseconds, std::chrono::seconds, std::chrono::minutes;
   streams_ = std::make_unique<Ticker>(milliseconds(250), [&endpoint] { endpoint.tick(); });
   jobs_ = std::make_unique<Ticker>(seconds(1), [&scheduler, &stores, &endpoint] {
@@ -68,9 +69,16 @@ Upkeep::Upkeep(Scheduler& scheduler, Stores& stores, Access& access, Endpoint& e
   certificates_ = std::make_unique<Ticker>(minutes(1), [&tls] {
     if (const auto checked = check_tls_files(tls); !checked) spdlog::error("{}", checked.error().sentence);
   });
-  dialling_ = std::make_unique<Ticker>(seconds(5), [&self_check] {
+  const auto now = [] { return std::chrono::steady_clock::now(); };
+  dialling_ = std::make_unique<Ticker>(seconds(5), [&self_check, watchdog, now, reached = now()]() mutable {
     self_check.dial();
-    if (self_check.answers()) notify_manager("WATCHDOG=1");
+    if (self_check.answers()) {
+      reached = now();
+      notify_manager("WATCHDOG=1");
+    } else if (watchdog.patience.count() > 0 && watchdog.lost && now() - reached >= watchdog.patience) {
+      spdlog::error("the server has not reached itself for {} s, and ends", (now() - reached) / seconds(1));
+      std::exchange(watchdog.lost, nullptr)();
+    }
   });
   sweeping_ = std::make_unique<Ticker>(minutes(1), [&stores] { stores.meshes().sweep(); });
   compression_ = std::make_unique<Ticker>(minutes(1), [this, &stores] {

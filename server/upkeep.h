@@ -2,6 +2,8 @@
 #pragma once
 
 #include <atomic>
+#include <chrono>
+#include <functional>
 #include <memory>
 
 #include "server/access/access.h"
@@ -13,6 +15,12 @@
 
 namespace varimesh::server {
 
+/// What happens if the server does not reach itself any more.
+struct Watchdog {
+  std::chrono::milliseconds patience{0};  ///< 0: nothing happens.
+  std::function<void()> lost;             ///< Called once, after so long without an answer.
+};
+
 /// From its construction on: lets streams cancel stalled clients (every 250 ms), renews leases, starts jobs and updates
 /// the server's health (every second), reads changed tokens and fetches an issuer's keys (every second), dials the
 /// server (every 5 s), and deletes old meshes and compresses idle ones (every minute). Everything it is given must
@@ -20,7 +28,7 @@ namespace varimesh::server {
 class Upkeep {
  public:
   Upkeep(Scheduler& scheduler, Stores& stores, Access& access, Endpoint& endpoint, SelfCheck& self_check,
-         const TlsFiles& tls);
+         const TlsFiles& tls, Watchdog watchdog);
   ~Upkeep();
 
   /// Stops the threads that start jobs and compress meshes. The others run until this object is destroyed.

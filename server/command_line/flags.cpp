@@ -25,6 +25,7 @@ struct Units {
   int ended_minutes = 60;
   int most_ended_hours = 0;
   double lease_seconds = 30;
+  double watchdog_seconds = 45;
 };
 
 void add_connection_flags(CLI::App& app, Flags& flags) {
@@ -259,6 +260,11 @@ struct Program {
         "(default: the environment variable VARIMESHD_CONFIG)");
     app.add_flag("--print-config", print_config, "Print all settings, with where they come from, and end");
     add_connection_flags(app, flags);
+    app.add_option("--watchdog-seconds", units.watchdog_seconds,
+                   "Seconds without an answer to the server's own calls after which it ends with status 1, for whoever "
+                   "starts it again; 0: never")
+        ->capture_default_str()
+        ->check(CLI::Range(0.0, 86400.0));
     add_resource_flags(app, flags);
     add_queue_flags(app, limits);
     add_state_flags(app, flags.options, units);
@@ -279,6 +285,7 @@ struct Program {
   void finish() {
     Limits& limits = flags.options.limits;
     limits.checkpoint_pause = std::chrono::milliseconds(static_cast<int>(1000 * units.checkpoint_seconds));
+    limits.watchdog = std::chrono::milliseconds(static_cast<int>(1000 * units.watchdog_seconds));
     limits.lease = std::chrono::milliseconds(static_cast<int>(1000 * units.lease_seconds));
     limits.mesh_lifetime = std::chrono::hours(units.mesh_lifetime_hours);
     limits.min_ended_age = std::chrono::minutes(units.ended_minutes);

@@ -1,0 +1,104 @@
+"""Connections that take all descriptors of a server, and one that no longer reaches itself.
+ctest runs it with VARIMESH, VARIMESHD and VARIMESH_SOURCE_DIR in the environment."""
+import http.client
+import re
+import resource
+import socket
+import struct
+import subprocess
+import threading
+import time
+import unittest
+
+from programs import ENDLESS, LARGER, MESH, VARIMESHD, WithFolder, run
+
+DESCRIPTORS, CONNECTIONS = 256, 1000
+# What a client of HTTP/2 says first: the preface and an empty SETTINGS. Who says it may stay.
+HELLO = b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n" + struct.pack(">I", 0)[1:] + bytes([4, 0, 0, 0, 0, 0])
+
+
+class Flood(WithFolder):
+    def serve(self, *flags):
+        """A server with few descriptors, its address and that of its admin port."""
+        server = subprocess.Popen(
+            [VARIMESHD, "--listen", "127.0.0.1:0", "--admin", "127.0.0.1:0", "--state", self.folder / "state", "--threads", "1",
+             *flags], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True,
+            preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_NOFILE, (DESCRIPTORS, DESCRIPTORS)))
+        log = []
+        reader = threading.Thread(target=lambda: log.extend(server.stderr))
+        reader.start()
+
+        def end():
+            server.kill() if server.poll() is None else None
+            server.wait(20)
+            reader.join()
+            server.stderr.close()
+
+        self.addCleanup(end)
+        self.until(lambda: re.search("live page is at", "".join(log)), 20, lambda: "".join(log))
+        text = "".join(log)
+        return server, re.search(r"listens on (\S+)", text)[1], re.search(r"http://([^/]+)/", text)[1], log
+
+    def until(self, holds, seconds, why=lambda: ""):
+        deadline = time.monotonic() + seconds
+        while not holds():
+            self.assertLess(time.monotonic(), deadline, why())
+            time.sleep(0.1)
+
+    def flood(self, address):
+        """Opens connections that stay. Returns what closes them."""
+        host, port = address.split(":")
+        opened = []
+        for _ in range(CONNECTIONS):
+            one = socket.socket()
+            one.setblocking(False)
+            one.connect_ex((host, int(port)))
+            opened.append(one)
+        time.sleep(0.5)
+        for one in opened:
+            try:
+                one.send(HELLO)
+            except OSError:
+                pass
+
+        def close():
+            while opened:
+                opened.pop().close()
+
+        self.addCleanup(close)
+        return close
+
+    @staticmethod
+    def readiness(admin):
+        """The status of the answer; None if there is none, as there is no descriptor for the question."""
+        connection = http.client.HTTPConnection(admin, timeout=5)
+        try:
+            connection.request("GET", "/healthz/ready")
+            return connection.getresponse().status
+        except OSError:
+            return None
+        finally:
+            connection.close()
+
+    def test_a_server_that_does_not_reach_itself_ends_and_keeps_its_jobs(self):
+        """gRPC 1.51 accepts nobody any more once it had no descriptor for a connection (CVE-2023-4785)."""
+        soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+        resource.setrlimit(resource.RLIMIT_NOFILE, (hard, hard))
+        self.addCleanup(resource.setrlimit, resource.RLIMIT_NOFILE, (soft, hard))
+        server, address, admin, log = self.serve("--watchdog-seconds", "6")
+        self.assertEqual(self.readiness(admin), 200)
+        job = run("submit", LARGER, "--server", address, *ENDLESS).stdout.strip()
+        close = self.flood(address)
+        self.until(lambda: self.readiness(admin) != 200, 20)
+        self.assertEqual(server.wait(60), 1, "".join(log)[-2000:])
+        self.assertIn("has not reached itself for", "".join(log))
+        close()
+        _, address, _, _ = self.serve()
+        self.assertIn(job, run("jobs", "--server", address).stdout)
+        self.assertEqual(run("cancel", job, "--server", address).returncode, 0)
+        done = run("optimise", MESH, "--server", address, "-o", self.folder / "out.msh")
+        self.assertEqual(done.returncode, 0, done.stderr)
+
+
+if __name__ == "__main__":
+    unittest.main()
