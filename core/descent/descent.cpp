@@ -7,6 +7,7 @@
 #include "core/base/line_search.h"
 #include "core/descent/has_loss.h"
 #include "core/kernels/p_norm.h"
+#include "core/maxmin/kept_raiser.h"
 #include "core/quality/certified_quality.h"
 
 namespace varimesh {
@@ -26,6 +27,8 @@ constexpr int kMostRaises = 8;
 /// order 2 the loss falls to .4 of what it is after kMostRaises.
 constexpr double kInReach = 0.5;
 constexpr int kMostRaisesInReach = 20;
+/// Once cells that lost their certificate are raised, this many looks at cells a round (raise.h).
+constexpr std::int64_t kLooksPerRound = 20'000;
 /// A round that raises the loss by more than this, and the minimum of the scaled Jacobian not at all, has left what the
 /// frames at its beginning say. It is taken back, and ε_e gets kCaution times as large.
 constexpr double kRises = 1.1;
@@ -240,6 +243,10 @@ void Descent::keep_certificates() {
     lost_[cell] = standings[cell] == Standing::Lost ? 1 : 0;
     uncertified_[cell] = standings[cell] == Standing::Uncertified || standings[cell] == Standing::Unrepairable ? 1 : 0;
   }
+  if (context_.guard.lost() > 0 && raises_lost_) {
+    KeptRaiser raiser(context_.mesh, problem_, context_.guard, team_);
+    if (raiser.raise_lost(context_.min_js, kLooksPerRound)) context_.guard.certify_moved();
+  }
   if (context_.guard.lost() > 0) context_.guard.return_to_kept();
 }
 
@@ -279,8 +286,9 @@ template <class Archive>
 void Descent::state(Archive& archive) {
   std::vector<double> accepted;
   if constexpr (!Archive::kReads) accepted = free_positions(problem_, accepted_);
-  archive(factors_, first_gradient_, start_loss_, last_loss_, least_loss_, raises_, caution_, accepted, accepted_loss_,
-          accepted_js_, highest_, best_.coordinates, best_.uncertified, best_.scaled_jacobian, best_.loss);
+  archive(factors_, first_gradient_, start_loss_, last_loss_, least_loss_, raises_, caution_, raises_lost_, accepted,
+          accepted_loss_, accepted_js_, highest_, best_.coordinates, best_.uncertified, best_.scaled_jacobian,
+          best_.loss);
   if constexpr (Archive::kReads)
     if (archive.failed() || !restore(accepted)) archive.fail();
 }
@@ -323,6 +331,17 @@ bool Descent::restore(const std::vector<double>& accepted) {
   return true;
 }
 
+/// Once, if the rounds would end below the bound and the last one has cost cells their certificate: goes on from here
+/// with rounds that raise such cells, and the cells below the bound. Returns whether it does.
+bool Descent::begin_to_raise_lost() {
+  if (raises_lost_ || best_.uncertified > 0 || reaches_bound(best_) || std::ranges::count(lost_, 1) == 0) return false;
+  raises_lost_ = true;
+  raises_ = kMostRaises / 2;
+  caution_ = 1;
+  std::ranges::fill(factors_, 1.0);
+  return true;
+}
+
 /// Goes back to the mesh at the beginning of the round.
 void Descent::take_back() {
   caution_ *= kCaution;
@@ -361,6 +380,7 @@ DescentRound Descent::round() {
                raises_ > (in_reach ? kMostRaisesInReach : kMostRaises) || costs;
   last_loss_ = std::min(last_loss_, state.loss);
   if (is_better(state)) best_ = std::move(state);
+  if (round.last && begin_to_raise_lost()) round.last = false;
   return round;
 }
 

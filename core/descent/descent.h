@@ -60,8 +60,9 @@ struct DescentRound {
 /// Q knows the frames at the beginning of a round only. If the loss has risen by much at its end, as it does in thin
 /// cells that move far, the mesh goes back to that beginning and ε_e becomes larger in all cells.
 ///
-/// Certificates are kept (guard.h): a round that costs a cell its certificate puts the cell's nodes back. The best mesh
-/// so far is kept whatever the rounds after it do.
+/// Certificates are kept (guard.h): a round that costs a cell its certificate puts the cell's nodes back. If the rounds
+/// end like that below the bound on the scaled Jacobian, more rounds follow, in which such cells are first raised in
+/// small patches (kept_raiser.h). The best mesh so far is kept whatever the rounds after it do.
 class Descent {
  public:
   /// problem.positions are those of the guard's kept state. Call it inside team.run(), and all other functions outside.
@@ -126,6 +127,7 @@ class Descent {
   void state(Archive& archive);
   /// Inside team.run(): sets what follows from the state that was read. Returns false if it is of another problem.
   bool restore(const std::vector<double>& accepted);
+  bool begin_to_raise_lost();
   void take_back();
 
   DescentContext context_;
@@ -148,6 +150,7 @@ class Descent {
   double least_loss_ = std::numeric_limits<double>::infinity();  ///< Of the meshes that reach the bound.
   int raises_ = 0;                                               ///< Also counts the rounds that were taken back.
   double caution_ = 1;                                           ///< What all ε_e are raised by.
+  bool raises_lost_ = false;      ///< A round raises the cells that lost their certificate before they are put back.
   std::vector<double> accepted_;  ///< Of all nodes of the problem: where the last round that was not taken back ended.
   double accepted_loss_ = 0, accepted_js_ = -1;
   double highest_ = -1;  ///< The highest scaled Jacobian of a mesh with the fewest uncertified cells.

@@ -30,7 +30,7 @@ KeptRaiser::Outcome KeptRaiser::step() {
   return outcome;
 }
 
-bool KeptRaiser::raise_lost() {
+bool KeptRaiser::raise_lost(double aim, std::int64_t most_looks) {
   const std::vector<bool> fixed = this->fixed();
   const std::vector<double> latest = guard_.latest_coordinates();
   std::vector<double> coordinates = latest;
@@ -38,7 +38,9 @@ bool KeptRaiser::raise_lost() {
   std::vector<char> others(certificates.size());
   for (std::size_t cell = 0; cell < others.size(); ++cell)
     others[cell] = guard_.certificates()[cell].is_valid() ? 0 : 1;
-  raise_low_cells({mesh_, fixed, others, guard_.certifier(), 0}, coordinates, certificates, team_);
+  RaiseMemory memory;
+  raise_low_cells({mesh_, fixed, others, guard_.certifier(), aim}, coordinates, certificates, team_, &memory,
+                  most_looks);
   team_.look();
   Outcome outcome;
   take(latest, coordinates, outcome);
