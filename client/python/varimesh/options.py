@@ -39,7 +39,8 @@ class Geometry:
         known = spellings(job_pb2.Geometry.Slide.DESCRIPTOR)
         if self.slide not in known:
             raise BadOption(f"slide cannot be {self.slide!r}; {suggestion(str(self.slide), known)}")
-        return job_pb2.Geometry(slide=known[self.slide], snap=self.snap, smooth_angle=self.smooth_angle)
+        slide = job_pb2.Geometry.Slide.Name(known[self.slide])
+        return job_pb2.Geometry(slide=slide, snap=self.snap, smooth_angle=self.smooth_angle)
 
 
 class Options(TypedDict, total=False):
