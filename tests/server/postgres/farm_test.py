@@ -152,7 +152,11 @@ class Farm(WithFarm):
     def test_6_a_cluster_learns_what_it_asks(self):
         servers = [self.front_end("--metrics", "127.0.0.1:0"), self.worker("--metrics", "127.0.0.1:0")]
         for server in servers:
-            address = next(found[1] for line in server.log if (found := re.search(r"http://(\S+)/metrics", line)))
+            deadline = time.monotonic() + 10  # the log comes by another pipe than the line that says that it runs
+            while not (found := re.search(r"http://(\S+)/metrics", "".join(server.log))):
+                self.assertLess(time.monotonic(), deadline, "".join(server.log))
+                time.sleep(0.01)
+            address = found[1]
             for probe in ("live", "ready"):
                 with urllib.request.urlopen(f"http://{address}/healthz/{probe}", timeout=10) as answer:
                     self.assertEqual(answer.status, 200)
