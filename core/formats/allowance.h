@@ -24,6 +24,12 @@ inline constexpr std::size_t kAllocation = 32;
 /// What a number in a std::set or a std::map takes, with a small value, at most.
 inline constexpr std::size_t kTreeNode = 64 + kAllocation;
 
+/// Empties a list and frees its memory. Assigning {} only empties it.
+template <class T>
+void free_memory(std::vector<T>& list) {
+  std::vector<T>().swap(list);
+}
+
 /// Counts the memory of one mesh while it is read. One thread at a time.
 class Allowance {
  public:

@@ -1,9 +1,9 @@
 // Reads CGNS files.
 #include <algorithm>
+#include <compare>
 #include <cstdlib>
 #include <map>
 #include <set>
-#include <sstream>
 
 #include "core/formats/cgns/cgns.h"
 #include "core/formats/cgns/order.h"
@@ -15,7 +15,6 @@ namespace {
 using hdf5::Kind;
 
 constexpr const char* kData = " data";
-constexpr const char* kTypes = "BoundaryConditionTypes";
 
 /// The text of a node's data, which CGNS stores as numbers of one byte.
 std::string text_of(const Hdf5Group& node) {
@@ -44,9 +43,21 @@ std::vector<std::pair<std::string, Hdf5Group>> children(const Hdf5Group& node, s
 
 /// Consecutive elements of the file.
 struct Section {
-  std::string name;
   std::int64_t first = 0, last = 0, type = 0;
   Hdf5Group node;
+};
+
+/// A boundary condition or a subregion, in the order of the file.
+struct Group {
+  int tag = 0;
+  int dimension = 0;  ///< Of its elements.
+};
+
+/// An element or a node that a group lists. Elements count from 1, nodes from 0.
+struct Member {
+  std::int32_t number;
+  std::int32_t group;
+  friend auto operator<=>(const Member&, const Member&) = default;
 };
 
 class Reading {
@@ -56,13 +67,13 @@ class Reading {
   HighOrderMesh take() {
     const Hdf5Group zone = find_zone();
     read_coordinates(zone);
-    read_elements(zone);
+    find_sections(zone);
     read_groups(zone);
+    read_elements();
     // The children of a node come in the order of their names.
     std::sort(mesh_.physical_groups.begin(), mesh_.physical_groups.end(), [](const auto& a, const auto& b) {
       return std::pair(a.dimension, a.tag) < std::pair(b.dimension, b.tag);
     });
-    make_blocks();
     remember_cgns_types(mesh_, types_);
     return std::move(mesh_);
   }
@@ -116,24 +127,25 @@ class Reading {
 
   // === Elements ============================================================================================
 
-  void read_elements(const Hdf5Group& zone) {
-    std::vector<Section> sections;
-    for (auto& [name, node] : children(zone, "Elements_t")) {
+  void find_sections(const Hdf5Group& zone) {
+    for (auto& [_, node] : children(zone, "Elements_t")) {
       const std::vector<std::int64_t> range = node.group("ElementRange").integers(kData);
       const std::vector<std::int64_t> data = node.integers(kData);
       if (range.size() != 2 || range[0] < 1 || range[1] < range[0] || range[1] > kMostCells)
         node.fail("ElementRange", "is no range of elements");
       if (data.empty()) node.fail(kData, "has no element type");
-      sections.push_back({name, range[0], range[1], data[0], std::move(node)});
+      sections_.push_back({range[0], range[1], data[0], std::move(node)});
     }
-    std::sort(sections.begin(), sections.end(), [](const auto& a, const auto& b) { return a.first < b.first; });
-    if (sections.empty()) zone.fail("", "has no elements (Elements_t)");
-    for (std::size_t i = 0; i < sections.size(); ++i) {
-      const Section& section = sections[i];
+    std::sort(sections_.begin(), sections_.end(), [](const auto& a, const auto& b) { return a.first < b.first; });
+    if (sections_.empty()) zone.fail("", "has no elements (Elements_t)");
+    for (const Section& section : sections_) {
       if (section.first != last_ + 1) section.node.fail("ElementRange", "does not begin after the section before it");
       last_ = section.last;
-      read_section(section, int(i) + 1);
     }
+  }
+
+  void read_elements() {
+    for (std::size_t i = 0; i < sections_.size(); ++i) read_section(sections_[i], int(i) + 1);
   }
 
   void read_section(const Section& section, int entity) {
@@ -141,48 +153,41 @@ class Reading {
       section.node.fail(kData,
                         "has polygons or polyhedra, whose sides are flat; VariMesh takes elements by their nodes");
     const bool mixed = section.type == kCgnsMixed;
-    if (!mixed) (void)element(section, section.type);
+    CgnsType own = mixed ? CgnsType() : element(section, section.type);
     const Hdf5Group connectivity = section.node.group("ElementConnectivity");
-    std::int64_t left = 0;  // nodes of the element that is being read
+    std::vector<std::int64_t> part;  // of an element whose other nodes come with the next rows
+    std::size_t wanted = 0;          // nodes of the element that is being read
     std::int64_t next = section.first;
-    CgnsType own;
-    const auto begin = [&](std::int64_t type, std::int64_t row) {
-      if (next > section.last) connectivity.fail(kData, "has more than the elements of its section", row);
-      ++next;
-      own = element(section, type);
-      left = reference::node_count(own.shape, own.order);
-      elements_.push_back({own.shape, own.order, entity, std::int64_t(nodes_.size())});
-    };
-    make_room(nodes_, connectivity.need(kData, Kind::Integers, false).rows());
-    make_room(elements_, section.last - section.first + 1);
-    const auto nodes = std::int64_t(mesh_.node_count());
     connectivity.for_rows<std::int64_t>(kData, 1, [&](std::int64_t first, std::int64_t count, const std::int64_t* v) {
-      for (std::int64_t i = 0; i < count; ++i) {
-        if (left == 0) {
-          begin(mixed ? v[i] : section.type, first + i);
-          if (mixed) continue;
+      for (std::int64_t i = 0; i < count;) {
+        if (wanted == 0) {
+          if (next > section.last) connectivity.fail(kData, "has more than the elements of its section", first + i);
+          if (mixed) own = element(section, v[i++]);
+          wanted = std::size_t(reference::node_count(own.shape, own.order));
         }
-        if (v[i] < 1 || v[i] > nodes)
-          connectivity.fail(kData,
-                            "refers to node " + std::to_string(v[i]) + ", but the nodes are 1 to " +
-                                std::to_string(mesh_.node_count()),
-                            first + i);
-        nodes_.push_back(std::int32_t(v[i]) - 1);
-        --left;
+        const std::size_t got = std::min(wanted - part.size(), std::size_t(count - i));
+        check_nodes(connectivity, v + i, got, first + i);
+        const bool whole = got == wanted;
+        if (!whole) part.insert(part.end(), v + i, v + i + got);
+        if (whole || part.size() == wanted) {
+          add_element(section, own, entity, next++, whole ? v + i : part.data());
+          part.clear();
+          wanted = 0;
+        }
+        i += std::int64_t(got);
       }
     });
-    if (left != 0 || next != section.last + 1) connectivity.fail(kData, "has fewer than the elements of its section");
+    if (wanted != 0 || next != section.last + 1) connectivity.fail(kData, "has fewer than the elements of its section");
   }
 
-  /// Exactly as much as is needed if there is one section, and at least half more for others.
-  template <class T>
-  void make_room(std::vector<T>& values, std::int64_t more) {
-    if (more <= 0) return;
-    const std::size_t before = values.capacity(), size = values.size() + std::size_t(more);
-    if (size <= before) return;
-    const std::size_t room = before == 0 ? size : std::max(size, before + before / 2);
-    allowance_.take(room, sizeof(T));  // a copy of what was there is counted too: it is in memory at the same time
-    values.reserve(room);
+  void check_nodes(const Hdf5Group& connectivity, const std::int64_t* nodes, std::size_t count,
+                   std::int64_t row) const {
+    const auto most = std::int64_t(mesh_.node_count());
+    const auto* wrong = std::find_if(nodes, nodes + count, [&](std::int64_t n) { return n < 1 || n > most; });
+    if (wrong == nodes + count) return;
+    connectivity.fail(kData,
+                      "refers to node " + std::to_string(*wrong) + ", but the nodes are 1 to " + std::to_string(most),
+                      row + (wrong - nodes));
   }
 
   CgnsType element(const Section& section, std::int64_t type) const {
@@ -195,6 +200,85 @@ class Reading {
     return *found;
   }
 
+  /// Adds an element to the last block if it is like the elements there, otherwise to a new one.
+  void add_element(const Section& section, const CgnsType& type, int section_number, std::int64_t number,
+                   const std::int64_t* nodes) {
+    allowance_.look();
+    const int dimension = reference::info(type.shape).dimension;
+    const std::size_t members = next_member_;
+    find_tags(number, dimension, reference::info(type.shape).vertices, nodes);
+    const int entity = tags_.empty() ? section_number : tags_.front();
+    std::vector<ElementBlock>& blocks = mesh_.blocks;
+    const std::vector<int>& place = gmsh_nodes(NodeOrder::Cgns, type.shape, type.order);
+    if (blocks.empty() || blocks.back().shape != type.shape || blocks.back().order != type.order ||
+        blocks.back().entity != entity || blocks.back().physical != tags_) {
+      if (dimension > mesh_.dimension) root_.fail("", "has elements of more dimensions than its base says");
+      if (dimension == mesh_.dimension) mesh_.order = type.order;
+      allowance_.take(1, sizeof(ElementBlock) + 2 * kAllocation);
+      blocks.push_back({type.shape, type.order, entity, tags_, {}, {}, {}, {}});
+      const std::size_t run = section.type == kCgnsMixed ? 1 : alike(section, members, number);
+      make_room(blocks.back().numbers, run);
+      make_room(blocks.back().nodes, run * place.size());
+    }
+    ElementBlock& block = blocks.back();
+    make_room(block.numbers, 1);
+    make_room(block.nodes, place.size());
+    block.numbers.push_back(number);
+    const std::size_t begin = block.nodes.size();
+    block.nodes.resize(begin + place.size());
+    for (std::size_t i = 0; i < place.size(); ++i)
+      block.nodes[begin + std::size_t(place[i])] = std::int32_t(nodes[i]) - 1;
+  }
+
+  /// How many elements of the section from this one on are in the same groups, as far as groups list elements.
+  std::size_t alike(const Section& section, std::size_t member, std::int64_t number) const {
+    const std::size_t each = next_member_ - member;
+    if (each == 0) {
+      const std::int64_t end = member < elements_.size() ? elements_[member].number : section.last + 1;
+      return std::size_t(std::min(end, section.last + 1) - number);
+    }
+    std::size_t run = 1;
+    for (std::size_t m = next_member_; number + std::int64_t(run) <= section.last; ++run)
+      for (std::size_t k = 0; k < each; ++k, ++m)
+        if (m >= elements_.size() || elements_[m].number != number + std::int64_t(run) ||
+            elements_[m].group != elements_[member + k].group)
+          return run;
+    return run;
+  }
+
+  /// At least half more than there was, so that a list that grows is seldom copied.
+  template <class T>
+  void make_room(std::vector<T>& values, std::size_t more) {
+    const std::size_t before = values.capacity(), size = values.size() + more;
+    if (size <= before) return;
+    const std::size_t room = std::max(size, before + before / 2);
+    allowance_.take(room, sizeof(T));
+    values.reserve(room);
+    allowance_.give_back(before * sizeof(T));
+  }
+
+  /// The tags of the groups that an element is in, in the order of the groups.
+  void find_tags(std::int64_t number, int dimension, int vertices, const std::int64_t* nodes) {
+    tags_.clear();
+    found_.clear();
+    for (; next_member_ < elements_.size() && elements_[next_member_].number == number; ++next_member_)
+      if (groups_[std::size_t(elements_[next_member_].group)].dimension == dimension)
+        found_.push_back(elements_[next_member_].group);
+    if (!nodes_.empty() && dimension == mesh_.dimension - 1) {
+      // A boundary condition that lists nodes has the elements with all their vertices in it.
+      const auto lists = [&](std::int64_t node, std::int32_t group) {
+        return std::binary_search(nodes_.begin(), nodes_.end(), Member{std::int32_t(node) - 1, group});
+      };
+      auto one = std::lower_bound(nodes_.begin(), nodes_.end(), Member{std::int32_t(nodes[0]) - 1, 0});
+      for (; one != nodes_.end() && one->number == nodes[0] - 1; ++one)
+        if (std::all_of(nodes + 1, nodes + vertices, [&](std::int64_t node) { return lists(node, one->group); }))
+          found_.push_back(one->group);
+      std::sort(found_.begin(), found_.end());
+      found_.erase(std::unique(found_.begin(), found_.end()), found_.end());
+    }
+    for (const std::int32_t group : found_) tags_.push_back(groups_[std::size_t(group)].tag);
+  }
+
   // === Groups ==============================================================================================
 
   void read_groups(const Hdf5Group& zone) {
@@ -205,6 +289,10 @@ class Reading {
       const bool has_points = node.find("PointRange") != nullptr || node.find("PointList") != nullptr;
       if (has_points && location(node) == "CellCenter") read_group(node, name, mesh_.dimension);
     }
+    for (std::vector<Member>* list : {&elements_, &nodes_}) {
+      if (!std::is_sorted(list->begin(), list->end())) std::sort(list->begin(), list->end());
+      list->erase(std::unique(list->begin(), list->end()), list->end());
+    }
   }
 
   static std::string location(const Hdf5Group& node) {
@@ -212,7 +300,7 @@ class Reading {
   }
 
   int tag_of(const Hdf5Group& node, int dimension) {
-    std::set<int>& used = tags_[dimension];
+    std::set<int>& used = used_[dimension];
     int tag = 0;
     if (node.find(kCgnsOrdinal) != nullptr) {
       const std::vector<std::int64_t> values = node.group(kCgnsOrdinal).integers(kData);
@@ -236,153 +324,61 @@ class Reading {
     allowance_.take(1, sizeof(PhysicalGroup) + name.size() + kTreeNode);
     const bool renamed = node.find(kCgnsWholeName) != nullptr;
     mesh_.physical_groups.push_back({dimension, tag, renamed ? text_of(node.group(kCgnsWholeName)) : name});
+    allowance_.take(1, 2 * sizeof(Group));
+    groups_.push_back({tag, dimension});
     const bool by_nodes = dimension < mesh_.dimension && location(node) == "Vertex";
-    std::vector<bool> marked(by_nodes ? mesh_.node_count() : 0, false);
-    for (const char* list : {"PointRange", "ElementRange", "PointList", "ElementList"}) {
-      if (node.find(list) == nullptr) continue;
-      const bool range = std::string_view(list).ends_with("Range");
-      const bool nodes = by_nodes && std::string_view(list).starts_with("Point");
-      const Hdf5Group points = node.group(list);
-      const std::vector<std::int64_t> values = points.integers(kData);
-      if (range && (values.size() != 2 || values[1] < values[0])) points.fail(kData, "is no range");
-      const std::int64_t most = nodes ? std::int64_t(mesh_.node_count()) : last_;
-      for (const std::int64_t value : values)
-        if (value < 1 || value > most)
-          points.fail(kData,
-                      "has the number " + std::to_string(value) + ", but they go from 1 to " + std::to_string(most));
-      const auto put = [&](std::int64_t value) {
-        if (nodes)
-          marked[std::size_t(value) - 1] = true;
-        else
-          join(std::size_t(value) - 1, tag, dimension);
+    for (const char* list : {"PointRange", "ElementRange", "PointList", "ElementList"})
+      if (node.find(list) != nullptr)
+        read_list(node.group(list), std::string_view(list).ends_with("Range"),
+                  by_nodes && std::string_view(list).starts_with("Point"));
+  }
+
+  /// Reads the nodes or elements that the last group lists.
+  void read_list(const Hdf5Group& points, bool range, bool nodes) {
+    std::vector<Member>& members = nodes ? nodes_ : elements_;
+    const auto group = std::int32_t(groups_.size()) - 1;
+    const std::int64_t most = nodes ? std::int64_t(mesh_.node_count()) : last_;
+    std::int64_t before = 0;
+    points.for_rows<std::int64_t>(kData, 0, [&](std::int64_t first, std::int64_t count, const std::int64_t* values) {
+      const std::int64_t each = points.need(kData, Kind::Integers, false).columns();
+      if (range && (first > 0 || count * each != 2 || values[1] < values[0])) points.fail(kData, "is no range");
+      for (std::int64_t i = 0; i < count * each; ++i)
+        if (values[i] < 1 || values[i] > most)
+          points.fail(
+              kData, "has the number " + std::to_string(values[i]) + ", but they go from 1 to " + std::to_string(most));
+      make_room(members, std::size_t(range ? values[1] - values[0] + 1 : count * each));
+      const auto put = [&](std::int64_t number) {
+        allowance_.look();
+        members.push_back({std::int32_t(number) - (nodes ? 1 : 0), group});
       };
       if (range)
-        for (std::int64_t value = values[0]; value <= values[1]; ++value) put(value);
+        for (std::int64_t number = values[0]; number <= values[1]; ++number) put(number);
       else
-        std::for_each(values.begin(), values.end(), put);
-    }
-    if (by_nodes) join_marked(marked, tag, dimension);
+        std::for_each(values, values + count * each, put);
+      before += count;
+    });
+    if (range && before == 0) points.fail(kData, "is no range");
   }
-
-  void join(std::size_t element, int tag, int dimension) {
-    allowance_.look();
-    if (reference::info(elements_[element].shape).dimension != dimension) return;
-    allowance_.take(1, 2 * sizeof(Member));
-    members_.push_back({std::int32_t(element), tag});
-  }
-
-  /// A boundary condition that lists nodes has the elements with all of their nodes in it.
-  void join_marked(const std::vector<bool>& marked, int tag, int dimension) {
-    for (std::size_t e = 0; e < elements_.size(); ++e) {
-      if (e % 4096 == 0) allowance_.look();
-      const Element& each = elements_[e];
-      if (reference::info(each.shape).dimension != dimension) continue;
-      const auto* nodes = nodes_.data() + each.nodes;
-      if (std::all_of(nodes, nodes + reference::info(each.shape).vertices,
-                      [&](std::int32_t node) { return marked[std::size_t(node)]; }))
-        join(e, tag, dimension);
-    }
-  }
-
-  // === Blocks ==============================================================================================
-
-  /// Elements that are alike, one run after another.
-  void make_blocks() {
-    const auto by_element = [](const Member& a, const Member& b) { return a.element < b.element; };
-    if (!std::is_sorted(members_.begin(), members_.end(), by_element))
-      std::stable_sort(members_.begin(), members_.end(), by_element);
-    std::size_t member = 0;  // the first of the element
-    for (std::size_t begin = 0, end = 0; begin < elements_.size(); begin = end) {
-      const Element& first = elements_[begin];
-      std::vector<int> groups;
-      for (std::size_t m = member; m < members_.size() && members_[m].element == std::int32_t(begin); ++m)
-        groups.push_back(members_[m].tag);
-      const auto is_alike = [&](std::size_t e) {
-        const Element& each = elements_[e];
-        if (each.shape != first.shape || each.order != first.order) return false;
-        if (groups.empty() && each.section != first.section) return false;
-        std::size_t m = member, tag = 0;
-        for (; m < members_.size() && members_[m].element == std::int32_t(e); ++m, ++tag)
-          if (tag == groups.size() || members_[m].tag != groups[tag]) return false;
-        if (tag < groups.size()) return false;
-        member = m;
-        return true;
-      };
-      while (end < elements_.size() && is_alike(end)) ++end;
-      const int dimension = reference::info(first.shape).dimension;
-      if (dimension > mesh_.dimension) root_.fail("", "has elements of more dimensions than its base says");
-      if (dimension == mesh_.dimension) mesh_.order = first.order;
-      add(begin, end, groups.empty() ? first.section : groups.front(), groups);
-    }
-  }
-
-  void add(std::size_t begin, std::size_t end, int entity, const std::vector<int>& groups) {
-    std::vector<ElementBlock>& blocks = mesh_.blocks;
-    const Element& first = elements_[begin];
-    if (blocks.empty() || blocks.back().shape != first.shape || blocks.back().order != first.order ||
-        blocks.back().entity != entity || blocks.back().physical != groups) {
-      allowance_.take(1, sizeof(ElementBlock) + 2 * kAllocation);
-      blocks.push_back({first.shape, first.order, entity, groups, {}, {}, {}, {}});
-    }
-    ElementBlock& block = blocks.back();
-    const std::vector<int>& place = gmsh_nodes(NodeOrder::Cgns, first.shape, first.order);
-    allowance_.take(end - begin, sizeof(std::int64_t) + sizeof(std::int32_t) * place.size());
-    if (block.size() == 0) block.numbers.reserve(end - begin);
-    for (std::size_t e = begin; e < end; ++e) block.numbers.push_back(std::int64_t(e) + 1);
-    std::size_t to = block.nodes.size();
-    block.nodes.resize(to + (end - begin) * place.size());
-    for (std::size_t e = begin; e < end; ++e, to += place.size())
-      for (std::size_t i = 0; i < place.size(); ++i)
-        block.nodes[to + std::size_t(place[i])] = nodes_[std::size_t(elements_[e].nodes) + i];
-  }
-
-  /// An element of a group.
-  struct Member {
-    std::int32_t element;  // counted from 0
-    std::int32_t tag;
-  };
-
-  struct Element {
-    Shape shape;
-    int order;
-    int section;         // counted from 1
-    std::int64_t nodes;  // where its nodes begin
-  };
 
   FileAllowance& allowance_;
   Hdf5Group root_;
   HighOrderMesh mesh_;
   int components_ = 3;
-  std::int64_t last_ = 0;  // number of the last element so far
-  std::vector<Element> elements_;
-  std::vector<std::int32_t> nodes_;
-  std::vector<Member> members_;        // of all groups
-  std::map<int, std::set<int>> tags_;  // by dimension
-  std::map<int, std::string> types_;   // of boundary conditions, by tag
+  std::int64_t last_ = 0;  // number of the last element
+  std::vector<Section> sections_;
+  std::vector<Group> groups_;
+  std::vector<Member> elements_, nodes_;  // that groups list, sorted
+  std::size_t next_member_ = 0;           // the first of elements_ that is not before the next element
+  std::vector<std::int32_t> found_;       // groups of the element that is being read
+  std::vector<int> tags_;                 // their tags
+  std::map<int, std::set<int>> used_;     // tags, by dimension
+  std::map<int, std::string> types_;      // of boundary conditions, by tag
 };
 
 }  // namespace
 
 bool is_cgns(const Hdf5Group& root) {
   return root.find("CGNSLibraryVersion") != nullptr || root.find(" hdf5version") != nullptr;
-}
-
-void remember_cgns_types(HighOrderMesh& mesh, const std::map<int, std::string>& types) {
-  if (types.empty()) return;
-  std::string text;
-  for (const auto& [tag, type] : types) text += std::to_string(tag) + " " + type + "\n";
-  mesh.foreign.push_back({kTypes, text, "cgns"});
-}
-
-std::map<int, std::string> cgns_types_of(const HighOrderMesh& mesh) {
-  std::map<int, std::string> types;
-  for (const ForeignSection& section : mesh.foreign) {
-    if (section.name != kTypes || section.format != "cgns") continue;
-    std::istringstream text(section.bytes);
-    std::string type;
-    for (int tag = 0; text >> tag >> type;) types[tag] = type;
-  }
-  return types;
 }
 
 MeshFile read_cgns(Hdf5Source& source, FileAllowance& allowance) {

@@ -9,6 +9,7 @@
 #include "core/formats/hdf5/files.h"
 #include "core/formats/hopr/hopr.h"
 #include "core/formats/left_out.h"
+#include "core/formats/mfem/part_table.h"
 #include "core/formats/node_order.h"
 #include "core/formats/sides/neighbours.h"
 #include "core/formats/sides/sides.h"
@@ -174,35 +175,43 @@ class Writing {
 
   const double* at(std::int32_t node) const { return mesh_.coordinates.data() + 3 * std::size_t(node); }
 
-  /// The numbers of the sides, which two neighbours share; negative for the second of them. Two sides that are periodic
-  /// images have one number too.
-  std::vector<std::int32_t> side_numbers() {
-    std::vector<std::int32_t> id(neighbours_.side_count(), 0);  // by facet
-    std::size_t facet = 0;
-    for (const Cells::Range& range : cells_.ranges())
-      for (std::size_t e = 0; e < range.block->size(); ++e, facet += sides_of(range))
-        for (const CgnsSide& side : cgns_sides(range.block->shape)) {
-          const std::size_t own = facet + std::size_t(side.facet);
-          if (id[own] != 0) continue;
-          id[own] = ++unique_sides_;
-          if (const std::int64_t other = neighbours_.other_facet(own); other >= 0)
-            id[std::size_t(other)] = -unique_sides_;
+  /// Marks the rows of the sides that get a number of their own. Two neighbours share the number of their side, and so
+  /// do two sides that are periodic images.
+  RankedMarks first_sides() {
+    RankedMarks marks(neighbours_.side_count());
+    for_ranges([&](const Cells::Range& range, std::int64_t, std::int64_t first) {
+      const auto all = cgns_sides(range.block->shape);
+      auto row = std::size_t(first);  // and the first facet of the cell
+      for (std::size_t e = 0; e < range.block->size(); ++e, row += all.size())
+        for (std::size_t k = 0; k < all.size(); ++k) {
+          const std::size_t own = row + std::size_t(all[k].facet);
+          const std::int64_t other = neighbours_.other_facet(own);
+          if (other < 0 || std::size_t(other) > own) marks.mark(row + k);
         }
-    return id;
+    });
+    unique_sides_ = std::int32_t(marks.finish());
+    return marks;
   }
 
   void sides() {
     writer_.array("/SideInfo", "i4", std::array<std::int64_t, 2>{std::int64_t(neighbours_.side_count()), 5});
-    const std::vector<std::int32_t> id = side_numbers();
+    const RankedMarks firsts = first_sides();
+    // Negative for the second of two neighbours.
+    const auto number = [&](std::size_t row, const SideNeighbour& other) {
+      if (firsts.is_marked(row)) return std::int32_t(firsts.before(row)) + 1;
+      const std::size_t its = neighbours_.first_facet(std::size_t(other.cell)) + std::size_t(other.side) - 1;
+      return -std::int32_t(firsts.before(its)) - 1;
+    };
     for_ranges([&](const Cells::Range& range, std::int64_t, std::int64_t first) {
       const auto all = cgns_sides(range.block->shape);
       write_hdf5_rows<std::int32_t>(writer_, "/SideInfo", first, range.block->size(), all.size(), 5, team_,
                                     [&](std::size_t begin, std::size_t end, std::int32_t* to) {
+                                      std::size_t row = std::size_t(first) + begin * all.size();
                                       for (std::size_t e = begin; e < end; ++e)
                                         for (const CgnsSide& side : all) {
                                           const SideNeighbour other = neighbours_.of(range.first + e, side);
                                           *to++ = side_type(side.corners, mesh_.order);
-                                          *to++ = id[other.own_facet];
+                                          *to++ = number(row++, other);
                                           *to++ = std::int32_t(other.cell + 1);
                                           *to++ = std::int32_t(10 * other.side + other.flip);
                                           *to++ = std::int32_t(other.group);

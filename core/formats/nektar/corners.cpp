@@ -101,6 +101,7 @@ class Finder {
       made_.faces.push_back({own[0], own[1], own[2], own[3]});
       sides += count;
     }
+    free_memory(file_.faces.sides);
     sides = file_.elements.sides.data();
     for (std::size_t e = 0; e < file_.elements.ids.size(); ++e) {
       const Shape shape = file_.elements.shapes[e];
@@ -112,8 +113,7 @@ class Finder {
       made_.cells.insert(made_.cells.end(), vertices.begin(), vertices.begin() + count);
       sides += own.size();
     }
-    file_.elements.sides = {};
-    file_.faces.sides = {};
+    free_memory(file_.elements.sides);
   }
 
   NektarFile& file_;

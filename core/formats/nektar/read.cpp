@@ -41,11 +41,16 @@ class Reading {
     const MfemTopology topology = make_topology();
     allocate(topology);
     std::copy(file_.vertices.begin(), file_.vertices.end(), mesh_.coordinates.begin());
-    file_.vertices = {};
+    free_memory(file_.vertices);
     place_edges(topology);
     if (mesh_.dimension == 3) {
+      free_memory(file_.edges);
+      free_memory(file_.curved_edges);
+      if (file_.curved_faces.empty()) free_memory(file_.points);
       place_faces(topology);
-      file_.points = {}, file_.index = {}, file_.curved_edges = {}, file_.curved_faces = {};
+      free_memory(file_.points);
+      free_memory(file_.index);
+      free_memory(file_.curved_faces);
     }
     place_cells(topology);
     make_blocks(topology);

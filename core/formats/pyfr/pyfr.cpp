@@ -96,8 +96,8 @@ class Writing {
     std::vector<bool> used(mesh_.node_count(), false);
     for (std::size_t cell = 0; cell < cells_.count(); ++cell) {
       const Shape shape = cells_.shape(cell);
-      index_[cell] = std::int64_t(own_[shape].size());
-      own_[shape].push_back(cell);
+      index_[cell] = std::int32_t(own_[shape].size());
+      own_[shape].push_back(std::int32_t(cell));
       for (const std::int32_t node : cells_.nodes(cell)) used[std::size_t(node)] = true;
       if (shape == Shape::Pyramid && skew_base_ == 0 && !has_parallelogram(cell)) skew_base_ = cells_.number(cell);
     }
@@ -173,22 +173,22 @@ class Writing {
   void elements(const PyfrShape& shape) {
     const std::vector<int>& place = gmsh_nodes(NodeOrder::Rows, shape.shape, mesh_.order);
     const std::vector<int> cgns = cgns_numbers(shape);
-    const std::vector<std::size_t>& own = own_[shape.shape];
+    const std::vector<std::int32_t>& own = own_[shape.shape];
     const std::string path = std::string("/eles/") + shape.name;
     writer_.array(path,
                   "{nodes:i8[" + std::to_string(place.size()) + "],curved:b1,faces:{cidx:i2,off:i8}[" +
                       std::to_string(cgns.size()) + "]}",
                   Dims{std::int64_t(own.size())});
-    std::vector<char> is_curved(own.size());
+    std::vector<char>& is_curved = curved_[shape.shape];
+    is_curved.resize(own.size());
     rows(path, own.size(), 8 * place.size() + 1 + 10 * cgns.size(), [&](std::size_t i, char*& to) {
-      const auto nodes = cells_.nodes(own[i]);
+      const auto cell = std::size_t(own[i]);
+      const auto nodes = cells_.nodes(cell);
       for (const int local : place) put(to, std::int64_t(node_[std::size_t(nodes[std::size_t(local)])]));
       is_curved[i] = curved(shape.shape, nodes) ? 1 : 0;
       put(to, is_curved[i]);
-      for (const int side : cgns) face(own[i], side, to);
+      for (const int side : cgns) face(cell, side, to);
     });
-    for (std::size_t i = 0; i < own.size(); ++i)
-      (is_curved[i] != 0 ? curved_ : straight_)[shape.shape].push_back(std::int64_t(i));
     find_pairs(own, cgns);
   }
 
@@ -200,15 +200,16 @@ class Writing {
     const SideNeighbour other = neighbour(cell, side);
     put(to, other.cell < 0 ? std::int16_t(group_code_[std::size_t(other.group) - 1])
                            : code(std::size_t(other.cell), other.side - 1));
-    put(to, other.cell < 0 ? std::int64_t(-1) : index_[std::size_t(other.cell)]);
+    put(to, std::int64_t(other.cell < 0 ? -1 : index_[std::size_t(other.cell)]));
   }
 
   /// Each pair of the periodic boundaries stands once, the first side first.
-  void find_pairs(const std::vector<std::size_t>& cells, const std::vector<int>& sides) {
+  void find_pairs(const std::vector<std::int32_t>& cells, const std::vector<int>& sides) {
     const std::vector<SideGroup>& groups = neighbours_.groups();
     if (std::none_of(groups.begin(), groups.end(), [](const SideGroup& group) { return group.periodic < 0; })) return;
-    for (const std::size_t cell : cells)
+    for (const std::int32_t own : cells)
       for (const int side : sides) {
+        const auto cell = std::size_t(own);
         const SideNeighbour other = neighbour(cell, side);
         const int group = other.cell >= 0 && other.group > 0 ? groups[std::size_t(other.group) - 1].periodic : 0;
         if (group >= 0) continue;
@@ -216,9 +217,9 @@ class Writing {
         pairs.resize(pairs.size() + 20);
         char* to = pairs.data() + pairs.size() - 20;
         put(to, code(cell, side));
-        put(to, index_[cell]);
+        put(to, std::int64_t(index_[cell]));
         put(to, code(std::size_t(other.cell), other.side - 1));
-        put(to, index_[std::size_t(other.cell)]);
+        put(to, std::int64_t(index_[std::size_t(other.cell)]));
       }
   }
 
@@ -280,18 +281,31 @@ class Writing {
 
   /// One part, with the curved elements of each shape first.
   void partitioning() {
-    std::vector<std::int64_t> all, regions{0};
-    for (const PyfrShape& shape : shapes()) {
-      if (own_[shape.shape].empty()) continue;
-      for (const auto* some : {&curved_[shape.shape], &straight_[shape.shape]})
-        all.insert(all.end(), some->begin(), some->end());
-      regions.push_back(std::int64_t(all.size()));
-    }
+    std::vector<std::int64_t> regions{0};
+    for (const PyfrShape& shape : shapes())
+      if (const auto count = std::int64_t(own_[shape.shape].size()); count > 0)
+        regions.push_back(regions.back() + count);
     writer_.group("/partitionings");
     writer_.group("/partitionings/1");
-    writer_.array("/partitionings/1/eles", "i8", Dims{std::int64_t(all.size())}, bytes_of(all));
-    writer_.attribute("/partitionings/1/eles", "regions", "i8", Dims{1, std::int64_t(regions.size())},
-                      bytes_of(regions));
+    const std::string path = "/partitionings/1/eles";
+    writer_.array(path, "i8", Dims{regions.back()});
+    std::int64_t row = 0;
+    std::vector<std::int64_t> piece;
+    const auto flush = [&] {
+      if (!piece.empty()) writer_.rows(path, row, std::int64_t(piece.size()), bytes_of(piece));
+      row += std::int64_t(piece.size());
+      piece.clear();
+    };
+    for (const PyfrShape& shape : shapes())
+      for (const bool wanted : {true, false}) {
+        const std::vector<char>& is_curved = curved_[shape.shape];
+        for (std::size_t i = 0; i < is_curved.size(); ++i) {
+          if ((is_curved[i] != 0) == wanted) piece.push_back(std::int64_t(i));
+          if (piece.size() == hdf5_piece(sizeof piece[0])) flush();
+        }
+      }
+    flush();
+    writer_.attribute(path, "regions", "i8", Dims{1, std::int64_t(regions.size())}, bytes_of(regions));
   }
 
   void text(const char* path, const std::string& value) {
@@ -319,17 +333,17 @@ class Writing {
   SideNeighbours neighbours_;
   Hdf5Writer writer_;
   Fingerprint digest_;
-  std::vector<std::int64_t> index_;                // of a cell among those of its shape
-  std::map<Shape, std::vector<std::size_t>> own_;  // the cells of a shape
-  std::vector<std::int32_t> node_;                 // number in the file, or −1
-  std::vector<std::int32_t> used_;                 // the nodes of cells
+  std::vector<std::int32_t> index_;                 // of a cell among those of its shape
+  std::map<Shape, std::vector<std::int32_t>> own_;  // the cells of a shape
+  std::vector<std::int32_t> node_;                  // number in the file, or −1
+  std::vector<std::int32_t> used_;                  // the nodes of cells
   std::int64_t skew_base_ = 0;
   std::vector<std::string> codec_;
   std::array<int, kShapes> first_code_{};              // of the faces of a shape
   std::array<std::vector<int>, kShapes> pyfr_face_{};  // by the number in CGNS's order
   std::vector<int> group_code_;                        // by group; −1: no boundary condition
-  std::map<Shape, std::vector<std::int64_t>> curved_, straight_;
-  std::map<int, std::string> pairs_;  // by periodic link
+  std::map<Shape, std::vector<char>> curved_;          // whether each cell of a shape is curved
+  std::map<int, std::string> pairs_;                   // by periodic link
 };
 
 }  // namespace

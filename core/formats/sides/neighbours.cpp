@@ -4,6 +4,8 @@
 #include <cstdlib>
 #include <map>
 
+#include "core/formats/allowance.h"
+
 namespace varimesh::formats {
 
 namespace {
@@ -43,17 +45,30 @@ std::string free_name(const std::vector<SideGroup>& groups) {
 
 SideNeighbours::SideNeighbours(const HighOrderMesh& mesh, const Cells& cells, const Team& team)
     : mesh_(mesh), cells_(cells), facets_(facets(mesh, team)) {
+  free_memory(facets_.first);
+  free_memory(facets_.neighbour);
+  std::size_t facet = 0;
+  for (const Cells::Range& range : cells.ranges()) {
+    runs_.push_back({range.first, facet, reference::info(range.block->shape).facets.size()});
+    facet += range.block->size() * runs_.back().per_cell;
+  }
   if (crowded()) return;
   find_groups();
   find_periodic();
-  for (std::size_t f = 0; f < facets_.neighbour.size(); ++f)
+  for (std::size_t f = 0; f < side_count(); ++f)
     if (other_facet(f) < 0) groups_[std::size_t(group_of_facet_[f]) - 1].boundary = true;
 }
 
 std::size_t SideNeighbours::facet_cell(std::size_t facet) const {
-  return std::size_t(std::upper_bound(facets_.first.begin(), facets_.first.end(), std::int32_t(facet)) -
-                     facets_.first.begin()) -
-         1;
+  const Run& run = *std::prev(std::upper_bound(runs_.begin(), runs_.end(), facet,
+                                               [](std::size_t f, const Run& each) { return f < each.facet; }));
+  return run.cell + (facet - run.facet) / run.per_cell;
+}
+
+std::size_t SideNeighbours::first_facet(std::size_t cell) const {
+  const Run& run = *std::prev(
+      std::upper_bound(runs_.begin(), runs_.end(), cell, [](std::size_t c, const Run& each) { return c < each.cell; }));
+  return run.facet + (cell - run.cell) * run.per_cell;
 }
 
 std::int32_t SideNeighbours::corner(std::size_t cell, const CgnsSide& side, int k) const {
@@ -62,7 +77,7 @@ std::int32_t SideNeighbours::corner(std::size_t cell, const CgnsSide& side, int 
 
 const CgnsSide& SideNeighbours::side_of(std::size_t cell, std::size_t facet, int& number) const {
   const auto sides = cgns_sides(cells_.shape(cell));
-  const int local = int(facet) - facets_.first[cell];
+  const int local = int(facet - first_facet(cell));
   number = 1;
   while (sides[std::size_t(number) - 1].facet != local) ++number;
   return sides[std::size_t(number) - 1];
@@ -73,7 +88,8 @@ void SideNeighbours::find_groups() {
   std::map<int, SideGroup> all;  // by tag
   for (const PhysicalGroup& group : mesh_.physical_groups)
     if (group.dimension == mesh_.dimension - 1 && group.tag != 0) all[std::abs(group.tag)].name = group.name;
-  std::vector<int> tag_of(facets_.neighbour.size(), 0);
+  std::vector<std::int32_t>& tag_of = group_of_facet_;  // until the groups have numbers
+  tag_of.assign(side_count(), 0);
   bool ungrouped = false;
   std::vector<bool> found_side(elements.count(), false);
   for (const auto& [facet, element] : facets_.elements) {
@@ -89,8 +105,8 @@ void SideNeighbours::find_groups() {
   for (std::size_t f = 0; f < tag_of.size(); ++f)
     if (tag_of[f] != 0) all[tag_of[f]].inner = true;
   for (std::size_t f = 0; f < tag_of.size(); ++f)
-    if (tag_of[f] != 0 && facets_.neighbour[f] < 0) all[tag_of[f]].inner = false;
-  for (std::size_t f = 0; f < tag_of.size(); ++f) ungrouped = ungrouped || (facets_.neighbour[f] < 0 && tag_of[f] == 0);
+    if (tag_of[f] != 0 && !is_inside(f)) all[tag_of[f]].inner = false;
+  for (std::size_t f = 0; f < tag_of.size(); ++f) ungrouped = ungrouped || (!is_inside(f) && tag_of[f] == 0);
   std::map<int, int> number;
   for (auto& [tag, group] : all) {
     group.tag = tag;
@@ -102,9 +118,8 @@ void SideNeighbours::find_groups() {
     groups_.push_back({0, free_name(groups_), 0, false, false});
     number[0] = int(groups_.size());
   }
-  group_of_facet_.assign(tag_of.size(), 0);
   for (std::size_t f = 0; f < tag_of.size(); ++f)
-    if (tag_of[f] != 0 || facets_.neighbour[f] < 0) group_of_facet_[f] = number[tag_of[f]];
+    if (tag_of[f] != 0 || !is_inside(f)) group_of_facet_[f] = number[tag_of[f]];
 }
 
 void SideNeighbours::find_periodic() {
@@ -125,12 +140,12 @@ void SideNeighbours::find_periodic() {
   for (const PeriodicLink& link : mesh_.periodic) {
     if (link.dimension != mesh_.dimension - 1) continue;
     if (image_.empty()) {
-      image_.assign(facets_.neighbour.size(), -1);
-      image_link_.assign(facets_.neighbour.size(), 0);
+      image_.assign(side_count(), -1);
+      image_link_.assign(side_count(), 0);
     }
     if (by_corners.empty())
-      for (std::size_t f = 0; f < facets_.neighbour.size(); ++f)
-        if (facets_.neighbour[f] < 0) by_corners[corners_of(f, nullptr)] = f;
+      for (std::size_t f = 0; f < side_count(); ++f)
+        if (!is_inside(f)) by_corners[corners_of(f, nullptr)] = f;
     there_.push_back(sorted(link.nodes));
     back_.push_back(reversed(link.nodes));
     const auto number = std::int32_t(there_.size());
@@ -151,13 +166,13 @@ void SideNeighbours::find_periodic() {
 
 SideNeighbour SideNeighbours::of(std::size_t cell, const CgnsSide& side) const {
   SideNeighbour other;
-  other.own_facet = std::size_t(facets_.first[cell] + side.facet);
+  other.own_facet = first_facet(cell) + std::size_t(side.facet);
   other.group = group_of_facet_[other.own_facet];
-  const bool inside = facets_.neighbour[other.own_facet] >= 0;
+  const bool inside = is_inside(other.own_facet);
   const std::int64_t opposite = other_facet(other.own_facet);
   if (opposite < 0) return other;
   other.facet = std::size_t(opposite);
-  other.cell = std::int64_t(inside ? std::size_t(facets_.neighbour[other.own_facet]) : facet_cell(other.facet));
+  other.cell = std::int64_t(facet_cell(other.facet));
   const CgnsSide& its = side_of(std::size_t(other.cell), other.facet, other.side);
   std::int32_t first = corner(cell, side, 0);
   if (!inside) {

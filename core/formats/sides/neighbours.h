@@ -38,17 +38,25 @@ class SideNeighbours {
   /// The elements of one dimension less than cells that are no sides of cells.
   std::int64_t stray() const { return stray_; }
   bool crowded() const { return facets_.crowded >= 0; }
-  std::size_t side_count() const { return facets_.neighbour.size(); }
+  std::size_t side_count() const { return facets_.opposite.size(); }
   const std::vector<SideGroup>& groups() const { return groups_; }
   SideNeighbour of(std::size_t cell, const CgnsSide& side) const;
+  /// The first side of a cell, counted through all cells.
+  std::size_t first_facet(std::size_t cell) const;
   /// The same side of the neighbour, or its periodic image, counted through all cells; −1: none.
   std::int64_t other_facet(std::size_t facet) const {
-    return facets_.neighbour[facet] >= 0 ? facets_.opposite[facet] : image_of(facet);
+    return is_inside(facet) ? facets_.opposite[facet] : image_of(facet);
   }
 
  private:
+  /// Cells of a block, and where their sides begin.
+  struct Run {
+    std::size_t cell = 0, facet = 0, per_cell = 1;
+  };
+
   void find_groups();
   void find_periodic();
+  bool is_inside(std::size_t facet) const { return facets_.opposite[facet] >= 0; }
   std::size_t facet_cell(std::size_t facet) const;
   /// The node at a corner of a side.
   std::int32_t corner(std::size_t cell, const CgnsSide& side, int k) const;
@@ -56,10 +64,11 @@ class SideNeighbours {
 
   const HighOrderMesh& mesh_;
   const Cells& cells_;
-  Facets facets_;
+  Facets facets_;  ///< Without `first` and `neighbour`, which take 20 bytes per side and follow from the rest.
+  std::vector<Run> runs_;
   std::vector<SideGroup> groups_;
   std::int64_t stray_ = 0;
-  std::vector<int> group_of_facet_;
+  std::vector<std::int32_t> group_of_facet_;
   std::int64_t image_of(std::size_t facet) const { return image_.empty() ? -1 : image_[facet]; }
 
   /// For each facet: the facet that is its periodic image, or −1, and whether nodes are to be mapped with the link or

@@ -239,6 +239,29 @@ std::vector<T> vtk_values(const VtkArray& array, std::optional<std::size_t> coun
   return values;
 }
 
+void for_vtk_values(const VtkArray& array, const VtkEncoding& encoding, FileAllowance& allowance,
+                    const std::function<void(std::size_t)>& begin,
+                    const std::function<void(std::span<const std::int32_t>)>& body) {
+  std::vector<std::int32_t> values;
+  if (array.place == VtkPlace::Text) {
+    values = vtk_values<std::int32_t>(array, std::nullopt, encoding, allowance);
+    begin(values.size());
+    return body(values);
+  }
+  Decoder decoder(array, encoding, allowance);
+  const Append<std::int32_t> append = append_of<std::int32_t>(array.type);
+  if (append == nullptr) decoder.fail("must have whole numbers");
+  decoder.read(begin, [&](std::string_view bytes) {
+    constexpr std::size_t kBytes = std::size_t(1) << 16;  // a multiple of every size
+    for (; !bytes.empty(); bytes.remove_prefix(std::min(kBytes, bytes.size()))) {
+      allowance.look();
+      values.clear();
+      append(decoder, bytes.substr(0, kBytes), encoding.swapped, values);
+      body(values);
+    }
+  });
+}
+
 template std::vector<double> vtk_values(const VtkArray&, std::optional<std::size_t>, const VtkEncoding&,
                                         FileAllowance&);
 template std::vector<std::int64_t> vtk_values(const VtkArray&, std::optional<std::size_t>, const VtkEncoding&,

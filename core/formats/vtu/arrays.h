@@ -2,7 +2,9 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <optional>
+#include <span>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -41,5 +43,11 @@ struct VtkEncoding {
 template <class T>
 std::vector<T> vtk_values(const VtkArray& array, std::optional<std::size_t> count, const VtkEncoding& encoding,
                           FileAllowance& allowance);
+
+/// Calls begin(number of values), then body(values) for the values of an array, in order and some at a time, so that
+/// they are never all in memory. Throws as vtk_values() does.
+void for_vtk_values(const VtkArray& array, const VtkEncoding& encoding, FileAllowance& allowance,
+                    const std::function<void(std::size_t)>& begin,
+                    const std::function<void(std::span<const std::int32_t>)>& body);
 
 }  // namespace varimesh::formats

@@ -29,7 +29,7 @@ class Reading {
     mesh_.coordinates = values<double>(declared_.coordinates[0], 3 * points);
     read_cells();
     read_groups();
-    make_blocks();
+    read_nodes();
     drop_added_points();
     for (const ElementBlock& block : mesh_.blocks)
       mesh_.dimension = std::max(mesh_.dimension, reference::info(block.shape).dimension);
@@ -70,19 +70,13 @@ class Reading {
 
   void read_cells() {
     const auto cells = std::size_t(declared_.cells);
-    connectivity_ = values<std::int32_t>(topology("connectivity"), std::nullopt);
     offsets_ = values<std::int64_t>(topology("offsets"), cells);
     types_ = values<std::uint8_t>(topology("types"), cells);
     std::int64_t before = 0;
     for (const std::int64_t offset : offsets_) {
-      if (offset < before || offset > std::int64_t(connectivity_.size()))
-        fail("the offsets of the cells do not rise, or are larger than the number of their nodes");
+      if (offset < before) fail("the offsets of the cells do not rise");
       before = offset;
     }
-    for (const std::int32_t node : connectivity_)
-      if (node < 0 || node >= declared_.points)
-        fail("a cell refers to point " + std::to_string(node) + ", but the points are 0 to " +
-             std::to_string(declared_.points - 1));
   }
 
   /// The first of these arrays of whole numbers that the cells have; empty if they have none.
@@ -138,62 +132,105 @@ class Reading {
 
   // === Blocks ============================================================================================
 
-  std::size_t begin_of(std::size_t cell) const { return cell == 0 ? 0 : std::size_t(offsets_[cell - 1]); }
-  std::span<const std::int32_t> nodes_of(std::size_t cell) const {
-    return {connectivity_.data() + begin_of(cell), std::size_t(offsets_[cell]) - begin_of(cell)};
+  std::size_t size_of(std::size_t cell) const {
+    return std::size_t(offsets_[cell] - (cell == 0 ? 0 : offsets_[cell - 1]));
   }
   int physical(std::size_t cell) const { return physical_.empty() ? 0 : physical_[cell]; }
   int entity(std::size_t cell) const {
     const int own = entities_.empty() ? 0 : entities_[cell];
     return own != 0 ? own : physical(cell) == 0 ? 1 : std::abs(physical(cell));
   }
-  /// Whether the cell, if it is a hexahedron, is a pyramid.
-  bool has_tip(std::size_t cell) const {
-    const auto nodes = nodes_of(cell);
+  /// Whether a cell with these nodes, if it is a hexahedron, is a pyramid.
+  static bool has_tip(std::span<const std::int32_t> nodes) {
     return nodes.size() > 8 && nodes[4] == nodes[5] && nodes[5] == nodes[6] && nodes[6] == nodes[7];
   }
 
-  /// Cells that are alike, one run after another.
-  void make_blocks() {
-    const std::size_t cells = types_.size();
-    for (std::size_t begin = 0, end = 0; begin < cells; begin = end) {
-      const auto is_alike = [&](std::size_t cell) {
-        return types_[cell] == types_[begin] && nodes_of(cell).size() == nodes_of(begin).size() &&
-               physical(cell) == physical(begin) && entity(cell) == entity(begin) && has_tip(cell) == has_tip(begin);
-      };
-      while (end < cells && is_alike(end)) ++end;
-      add(begin, end);
-    }
+  /// Reads the nodes of all cells, and adds each cell as soon as its nodes are there.
+  void read_nodes() {
+    std::size_t cell = 0;
+    std::vector<std::int32_t> part;  // the first nodes of a cell whose others come with the next values
+    const auto finish_empty = [&] {
+      for (; cell < types_.size() && size_of(cell) == 0; ++cell) add(cell, {});
+    };
+    const std::size_t count = offsets_.empty() ? 0 : std::size_t(offsets_.back());
+    const auto begin = [&](std::size_t nodes) {
+      if (nodes != count)
+        fail("the offsets of the cells end with " + std::to_string(count) + ", but the cells have " +
+             std::to_string(nodes) + " nodes");
+    };
+    for_vtk_values(topology("connectivity"), declared_.encoding, allowance_, begin,
+                   [&](std::span<const std::int32_t> values) {
+                     for (const std::int32_t node : values)
+                       if (node < 0 || node >= declared_.points)
+                         fail("a cell refers to point " + std::to_string(node) + ", but the points are 0 to " +
+                              std::to_string(declared_.points - 1));
+                     while (!values.empty()) {
+                       finish_empty();
+                       const std::size_t size = size_of(cell), got = std::min(size - part.size(), values.size());
+                       const std::span<const std::int32_t> own = values.first(got);
+                       values = values.subspan(got);
+                       if (got == size) {
+                         add(cell++, own);
+                         continue;
+                       }
+                       allowance_.take(got, 2 * sizeof(std::int32_t));
+                       part.insert(part.end(), own.begin(), own.end());
+                       if (part.size() < size) continue;
+                       add(cell++, part);
+                       allowance_.give_back(part.size() * 2 * sizeof(std::int32_t));
+                       part.clear();
+                     }
+                   });
+    finish_empty();
   }
 
-  void add(std::size_t begin, std::size_t end) {
-    const bool new_order = declared_.version >= 21;
-    auto kind = vtk_kind(types_[begin], nodes_of(begin).size(), new_order);
-    if (!kind) fail(kind.error().sentence + " (cell " + std::to_string(begin) + ", counted from 0)");
-    const bool is_pyramid = kind->shape == Shape::Hexahedron && kind->order > 1 && has_tip(begin);
-    if (is_pyramid) kind = vtk_pyramid(kind->order, new_order || types_[begin] == 29);
-    ElementBlock& block = block_for(*kind, begin);
-    const auto each = std::size_t(reference::node_count(kind->shape, kind->order));
-    allowance_.take(end - begin, sizeof(std::int64_t) + sizeof(std::int32_t) * each);
-    make_room(block.numbers, end - begin);
-    make_room(block.nodes, (end - begin) * each);
-    for (std::size_t cell = begin; cell < end; ++cell) {
-      allowance_.look();
-      block.numbers.push_back(numbers_.empty() ? std::int64_t(cell) + 1 : numbers_[cell]);
-      if (is_pyramid && kind->order > 2)
-        add_listed_pyramid(block.nodes, each, cell);
-      else
-        for (const int place : *kind->places) block.nodes.push_back(nodes_of(cell)[std::size_t(place)]);
-      if (is_pyramid)
-        check_pyramid(kind->order, {block.nodes.data() + block.nodes.size() - each, each}, nodes_of(cell), cell);
-    }
+  /// How many cells from this one on are alike, as far as their lists of nodes need not be known.
+  std::size_t alike(std::size_t begin) const {
+    std::size_t end = begin;
+    while (end < types_.size() && types_[end] == types_[begin] && size_of(end) == size_of(begin) &&
+           physical(end) == physical(begin) && entity(end) == entity(begin))
+      ++end;
+    return end - begin;
   }
 
-  /// Exactly as much as is needed for the first run of a block, and at least half more for others.
+  void add(std::size_t cell, std::span<const std::int32_t> own) {
+    allowance_.look();
+    const bool new_order = declared_.version >= 21, tip = has_tip(own);
+    if (cell >= alike_end_ || tip != last_tip_) {
+      auto kind = vtk_kind(types_[cell], own.size(), new_order);
+      if (!kind) fail(kind.error().sentence + " (cell " + std::to_string(cell) + ", counted from 0)");
+      is_pyramid_ = kind->shape == Shape::Hexahedron && kind->order > 1 && tip;
+      kind_ = is_pyramid_ ? vtk_pyramid(kind->order, new_order || types_[cell] == 29) : *kind;
+      const bool starts = cell >= alike_end_;
+      if (starts) alike_end_ = cell + alike(cell);
+      last_tip_ = tip;
+      ElementBlock& block = block_for(kind_, cell);
+      // Hexahedra and pyramids may alternate, so only once for all that are alike.
+      const std::size_t run = starts && !tip ? alike_end_ - cell : 1;
+      make_room(block.numbers, run);
+      make_room(block.nodes, run * std::size_t(reference::node_count(kind_.shape, kind_.order)));
+    }
+    ElementBlock& block = mesh_.blocks.back();
+    const auto each = std::size_t(reference::node_count(kind_.shape, kind_.order));
+    make_room(block.numbers, 1);
+    make_room(block.nodes, each);
+    block.numbers.push_back(numbers_.empty() ? std::int64_t(cell) + 1 : numbers_[cell]);
+    if (is_pyramid_ && kind_.order > 2)
+      add_listed_pyramid(block.nodes, each, cell);
+    else
+      for (const int place : *kind_.places) block.nodes.push_back(own[std::size_t(place)]);
+    if (is_pyramid_) check_pyramid(kind_.order, {block.nodes.data() + block.nodes.size() - each, each}, own, cell);
+  }
+
+  /// At least half more than there was, so that a list that grows is seldom copied.
   template <class T>
-  static void make_room(std::vector<T>& values, std::size_t more) {
-    if (values.size() + more > values.capacity())
-      values.reserve(std::max(values.size() + more, values.size() + values.size() / 2));
+  void make_room(std::vector<T>& values, std::size_t more) {
+    const std::size_t before = values.capacity(), size = values.size() + more;
+    if (size <= before) return;
+    const std::size_t room = std::max(size, before + before / 2);
+    allowance_.take(room, sizeof(T));
+    values.reserve(room);
+    allowance_.give_back(before * sizeof(T));
   }
 
   ElementBlock& block_for(const VtkKind& kind, std::size_t cell) {
@@ -269,11 +306,14 @@ class Reading {
   VtkDeclared declared_;
   FileAllowance& allowance_;
   HighOrderMesh mesh_;
-  std::vector<std::int32_t> connectivity_, physical_, entities_, pyramids_;  // of cells: empty if the file has none
+  std::vector<std::int32_t> physical_, entities_, pyramids_;  // of cells: empty if the file has none
   std::vector<std::int64_t> offsets_, numbers_;
   std::vector<std::uint8_t> types_;
-  std::size_t listed_ = 0;   // entries of pyramids_ that were read
-  std::vector<bool> added_;  // points that only the hexahedra of pyramids have; empty if there are none
+  VtkKind kind_;  // of the cells that are being read
+  bool is_pyramid_ = false, last_tip_ = false;
+  std::size_t alike_end_ = 0;  // the first cell that may be of another kind
+  std::size_t listed_ = 0;     // entries of pyramids_ that were read
+  std::vector<bool> added_;    // points that only the hexahedra of pyramids have; empty if there are none
 };
 
 }  // namespace

@@ -50,7 +50,7 @@ class CompressedArray {
     last_ = used_;
     if (used_ > 0) end_block();
     compress();
-    block_ = {};
+    std::vector<char>().swap(block_);  // assigning {} would keep its memory
   }
 
   void pad(std::size_t remainder) {

@@ -102,6 +102,38 @@ TEST(CgnsErrors, AreSaid) {
   EXPECT_SAYS("@(#)ADF Database Version", "adf2hdf");
 }
 
+// Programs list the nodes of a boundary condition, or elements of several shapes in one section.
+TEST(CgnsFile, OfOtherProgramsIsReadAlike) {
+  NEEDS_HDF5();
+  if (!has_h5py()) GTEST_SKIP() << "SKIPPED: h5py is not installed (python3-h5py)";
+  const std::string whole = some(Format::Cgns);
+  const HighOrderMesh mesh = testing::read_back(whole);
+  const std::string sections =
+      "z = f[\"Base/Zone\"]; text = lambda s: np.frombuffer(s.encode(), \"i1\"); "
+      "all = [(n, z[n + \"/ElementRange/ data\"][0], z[n + \"/ElementConnectivity/ data\"][:]) for n in z if "
+      "n + \"/ElementRange\" in z]; each = {True: 27, False: 9}; "
+      "elements = {f + k: c.reshape(-1, each[\"Hexa\" in n])[k] for n, f, c in all for k in range(len(c) // "
+      "each[\"Hexa\" in n])}; "
+      "put = lambda g, v: (g.pop(\" data\"), g.create_dataset(\" data\", data=v)); ";
+  const std::string by_nodes =
+      "[(put(b[\"PointRange\"], np.unique(np.concatenate([elements[e] for e in range(b[\"PointRange/ data\"][0, 0], "
+      "b[\"PointRange/ data\"][1, 0] + 1)]))[:, None]), b.move(\"PointRange\", \"PointList\"), "
+      "put(b[\"GridLocation\"], text(\"Vertex\"))) for b in [z[\"ZoneBC\"][n] for n in z[\"ZoneBC\"]]]";
+  const std::string mixed =
+      "[(put(z[n + \"/ElementConnectivity\"], np.concatenate([np.r_[z[n + \"/ data\"][0], e] for e in c.reshape(-1, "
+      "each[\"Hexa\" in n])])), z[n + \"/ data\"].write_direct(np.array([20, 0], \"i4\"))) for n, f, c in all]";
+  for (const std::string& code : {by_nodes, mixed}) {
+    SCOPED_TRACE(code);
+    const HighOrderMesh back = testing::read_back(changed(whole, sections + code));
+    ASSERT_EQ(back.blocks.size(), mesh.blocks.size());
+    for (std::size_t b = 0; b < mesh.blocks.size(); ++b) {
+      EXPECT_EQ(back.blocks[b].nodes, mesh.blocks[b].nodes);
+      EXPECT_EQ(back.blocks[b].numbers, mesh.blocks[b].numbers);
+      EXPECT_EQ(back.blocks[b].physical, mesh.blocks[b].physical);
+    }
+  }
+}
+
 TEST(Hdf5Errors, NameOtherFiles) {
   NEEDS_HDF5();
   EXPECT_SAYS(some(Format::Pyfr), "a mesh or a solution of PyFR, which VariMesh only writes");
