@@ -83,7 +83,12 @@ class OptimiseStream : public grpc::ServerBidiReactor<v1::OptimiseRequest, v1::O
   void handle(bool message) {
     const LogScope scope(view_ ? view_->caller().log_fields() : LogFields());
     const grpc::Status status = guarded([&] { return message ? take() : submit(); });
-    if (!status.ok()) end(status);
+    if (!status.ok()) {
+      // A caller who is told so has the room again: the next stream may come at once.
+      writer_.reset();
+      kept_.reset();
+      end(status);
+    }
     if (status.ok() && message) read();
   }
 

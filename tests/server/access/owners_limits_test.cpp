@@ -145,22 +145,26 @@ TEST_F(Owners, DoNotBlockOthersWithStalledStreams) {
   std::vector<std::unique_ptr<grpc::ClientReaderWriter<v1::OptimiseRequest, v1::OptimiseResponse>>> streams;
   v1::OptimiseRequest request;
   request.mutable_spec()->set_size(1 << 20);
-  for (int i = 0; i < kMany; ++i) {
+  const auto stall = [&] {
     contexts.push_back(std::make_unique<grpc::ClientContext>());
     contexts.back()->AddMetadata("authorization", std::string("Bearer ") + kAnn);
     streams.push_back(stub->Optimise(contexts.back().get()));
-    ASSERT_TRUE(streams.back()->Write(request));
-  }
+    streams.back()->Write(request);
+  };
+  for (int i = 0; i < kMany; ++i) stall();
   const auto more = [&] { return optimise(*service_, kAnn, "a mesh", 6); };
   grpc::Status refused = more();
-  for (int i = 0; i < 1000 && refused.ok(); ++i) refused = more();
+  for (int i = 0; i < 1000 && refused.ok(); ++i) {
+    stall();  // the call before may have had the place of one of the first
+    refused = more();
+  }
   EXPECT_EQ(refused.error_code(), grpc::StatusCode::RESOURCE_EXHAUSTED);
   const auto begun = std::chrono::steady_clock::now();
   for (int i = 0; i < 20; ++i) upload(kBob, "mesh " + std::to_string(i), std::to_string(i));
   EXPECT_LT(std::chrono::steady_clock::now() - begun, std::chrono::seconds(10));
-  for (int i = 0; i < kMany; ++i) {
-    contexts[static_cast<std::size_t>(i)]->TryCancel();
-    streams[static_cast<std::size_t>(i)]->Finish();
+  for (std::size_t i = 0; i < streams.size(); ++i) {
+    contexts[i]->TryCancel();
+    streams[i]->Finish();
   }
 }
 
