@@ -47,6 +47,20 @@ TEST_F(Owners, HaveLimitsOfTheirOwn) {
       << "an admin may choose any priority";
 }
 
+/// Each may store 3 MiB.
+class OwnersOfThreeMebibytes : public Owners {
+ protected:
+  void SetUp() override {
+    Owners::SetUp();
+    gate_.open();
+    service_.reset();
+    ServerOptions options = options_with(echo_engine());
+    options.tokens = (folder_ / "tokens").string();
+    options.limits.max_bytes_per_owner = 3 << 20;
+    service_ = std::make_unique<Service>(std::move(options));
+  }
+};
+
 /// Sends a mesh by Optimise, with `announced` as its size, and returns how the stream ends.
 grpc::Status optimise(const Service& service, const std::string& token, const std::string& mesh,
                       std::int64_t announced) {
@@ -69,26 +83,14 @@ grpc::Status optimise(const Service& service, const std::string& token, const st
   return stream->Finish();
 }
 
-TEST_F(Owners, CannotPassTheirLimitByOptimise) {
-  gate_.open();
-  service_.reset();
-  ServerOptions options = options_with(echo_engine());
-  options.tokens = (folder_ / "tokens").string();
-  options.limits.max_bytes_per_owner = 3 << 20;
-  service_ = std::make_unique<Service>(std::move(options));
+TEST_F(OwnersOfThreeMebibytes, CannotPassTheirLimitByOptimise) {
   const std::string large(8 << 20, 'x'), small(1 << 20, 'y');
   EXPECT_EQ(info_of(optimise(*service_, kAnn, large, 0)).reason(), "OWNER_FULL") << "it announces nothing";
   EXPECT_EQ(info_of(optimise(*service_, kAnn, large, 10)).reason(), "BAD_REQUEST") << "it announces too little";
   EXPECT_TRUE(optimise(*service_, kAnn, small, 0).ok());
 }
 
-TEST_F(Owners, CannotPassTheirLimitByParallelStreams) {
-  gate_.open();
-  service_.reset();
-  ServerOptions options = options_with(echo_engine());
-  options.tokens = (folder_ / "tokens").string();
-  options.limits.max_bytes_per_owner = 3 << 20;
-  service_ = std::make_unique<Service>(std::move(options));
+TEST_F(OwnersOfThreeMebibytes, CannotPassTheirLimitByParallelStreams) {
   for (int round = 0; round < 2; ++round) {
     std::atomic<int> taken = 0;
     std::vector<std::thread> senders;
@@ -107,13 +109,7 @@ TEST_F(Owners, CannotPassTheirLimitByParallelStreams) {
   }
 }
 
-TEST_F(Owners, HaveTheRoomOfCutStreamsAgain) {
-  gate_.open();
-  service_.reset();
-  ServerOptions options = options_with(echo_engine());
-  options.tokens = (folder_ / "tokens").string();
-  options.limits.max_bytes_per_owner = 3 << 20;
-  service_ = std::make_unique<Service>(std::move(options));
+TEST_F(OwnersOfThreeMebibytes, HaveTheRoomOfCutStreamsAgain) {
   const auto stub = v1::OptimiseService::NewStub(service_->channel);
   for (int i = 0; i < 100; ++i) {
     grpc::ClientContext context;
