@@ -6,6 +6,7 @@
 #include "core/accuracy/team_accuracy.h"
 #include "core/descent/quasi_newton.h"
 #include "core/kernels/kernels.h"
+#include "core/quality/quality_memory.h"
 #include "core/reference/nodes.h"
 #include "core/validity/certificate.h"
 
@@ -62,7 +63,9 @@ std::int64_t bytes_of_descent(const MeshCounts& counts, const std::vector<SetSiz
   std::int64_t running = kVectors * kDouble * d * counts.free_nodes() + 3 * kDouble * counts.cell_count();
   running += kDouble * d * counts.nodes();
   running += 2 * (3 * kDouble * counts.nodes() + std::int64_t{sizeof(Certificate)} * counts.cell_count());
-  running += std::max(bytes_of_accuracy(counts), kDouble * places(counts, static_cast<int>(order)));
+  // After a round, a copy of the mesh is judged.
+  const std::int64_t judging = std::max(bytes_of_accuracy(counts), bytes_of_mesh(counts) + bytes_of_quality(counts));
+  running += std::max(judging, kDouble * places(counts, static_cast<int>(order)));
   return kept + std::max(listing, running);
 }
 
