@@ -1,6 +1,7 @@
 #include "core/descent/barrier.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 
@@ -47,18 +48,17 @@ double Barrier::gradient(std::span<const double> weights, std::span<double> grad
   }
   const std::size_t d = problem_.dimension;
   team_.for_ranges(problem_.free.size(), kNodesPerTask, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t rank = begin; rank < end; ++rank)
-      for (std::size_t k = 0; k < d; ++k) {
-        double sum = 0;
-        for (std::int64_t i = problem_.offsets[rank]; i < problem_.offsets[rank + 1]; ++i) {
-          const Incidence& at = problem_.incidences[i];
-          const BatchSet& set = batches_[at.set];
-          const float* numbers =
-              set.contributions.data() + set.contribution_index(at.cell, at.local, 2 * static_cast<int>(d));
-          sum += static_cast<double>(numbers[k]) + numbers[d + k];
-        }
-        gradient[rank * d + k] = sum;
+    for (std::size_t rank = begin; rank < end; ++rank) {
+      std::array<double, 3> sum{};
+      for (std::int64_t i = problem_.offsets[rank]; i < problem_.offsets[rank + 1]; ++i) {
+        const Incidence& at = problem_.incidences[i];
+        const BatchSet& set = batches_[at.set];
+        const float* numbers =
+            set.contributions.data() + set.contribution_index(at.cell, at.local, 2 * static_cast<int>(d));
+        for (std::size_t k = 0; k < d; ++k) sum[k] += static_cast<double>(numbers[k]) + numbers[d + k];
       }
+      std::copy_n(sum.begin(), d, gradient.begin() + static_cast<std::ptrdiff_t>(rank * d));
+    }
   });
   double energy = 0;
   for (const CellSet& set : problem_.sets)

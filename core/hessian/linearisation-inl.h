@@ -42,7 +42,7 @@ class VectorLinearisation : public HessianKernels {
   HWY_FLATTEN void linearise(BatchSet& set, std::int32_t b, const double* deformation) const override {
     const CellSet& cells = *set.cells;
     static thread_local AlignedVector<double> stress;
-    stress.resize(cells.deformation_size());
+    stress.resize(kCellsAtOnce * cells.deformation_size());
     for (int lane = 0; lane < kBatch; ++lane) {
       // Lanes past the last cell repeat it with weight 0.
       const std::int32_t cell = std::min(b * kBatch + lane, cells.count - 1);
@@ -50,21 +50,26 @@ class VectorLinearisation : public HessianKernels {
       const double* F = deformation + (cell - b * kBatch) * cells.deformation_size();
       keep_deformation(set, b, lane, F);
       linearise_cell<true>(set, cell, slope, F, set.linearisation.data() + b * set.linearisation_size() + lane,
-                           stress.data());
-      cell_gradient(cells, cell, stress.data(),
-                    set.contributions.data() + set.contribution_index(b * kBatch + lane, 0, 2 * d));
+                           stress.data() + lane % kCellsAtOnce * cells.deformation_size());
+      if ((lane + 1) % kCellsAtOnce == 0)
+        cell_gradients<kCellsAtOnce>(set, b * kBatch + lane + 1 - kCellsAtOnce, stress.data());
     }
   }
 
   HWY_FLATTEN void gradient(BatchSet& set, std::int32_t b, const double* deformation) const override {
     const CellSet& cells = *set.cells;
     static thread_local AlignedVector<double> stress;
-    stress.resize(cells.deformation_size());
-    for (int lane = 0; lane < kBatch && b * kBatch + lane < cells.count; ++lane) {
+    stress.resize(kCellsAtOnce * cells.deformation_size());
+    const int lanes = std::min(kBatch, cells.count - b * kBatch);
+    for (int lane = 0; lane < lanes; ++lane) {
       const std::int32_t cell = b * kBatch + lane;
       const double* F = deformation + lane * cells.deformation_size();
-      linearise_cell<false>(set, cell, slope_of(cells, cell), F, nullptr, stress.data());
-      cell_gradient(cells, cell, stress.data(), set.contributions.data() + set.contribution_index(cell, 0, 2 * d));
+      linearise_cell<false>(set, cell, slope_of(cells, cell), F, nullptr,
+                            stress.data() + lane % kCellsAtOnce * cells.deformation_size());
+      if ((lane + 1) % kCellsAtOnce == 0)
+        cell_gradients<kCellsAtOnce>(set, cell + 1 - kCellsAtOnce, stress.data());
+      else if (lane + 1 == lanes)
+        cell_gradients<1>(set, cell, stress.data());
     }
   }
 
@@ -72,6 +77,11 @@ class VectorLinearisation : public HessianKernels {
   E energy_;
 
  private:
+  /// The sums of one node wait for each other, and the table of derivatives is larger than the first cache. So the sums
+  /// of some nodes in some cells are taken side by side.
+  static constexpr int kNodesAtOnce = 2, kCellsAtOnce = 2;
+  static_assert(kBatch % kCellsAtOnce == 0);
+
   static double slope_of(const CellSet& cells, std::int32_t cell) {
     return cells.energy_slope.empty() ? 1.0 : cells.energy_slope[cell];
   }
@@ -157,30 +167,56 @@ class VectorLinearisation : public HessianKernels {
     return std::bit_cast<double>(std::bit_cast<std::uint64_t>(x) & ~((std::uint64_t{1} << 29) - 1));
   }
 
-  /// Each node's contribution Σ w dW/dG ∂φ_n/∂ξ, times L, as two floats per component.
-  static HWY_INLINE void cell_gradient(const CellSet& cells, std::int32_t cell, const double* stress,
-                                       float* contributions) {
+  /// Each node's contribution Σ w dW/dG ∂φ_n/∂ξ, times L, as two floats per component, of the cells from `first` on.
+  /// Those past the last cell repeat it. `stress`: kCells × d·d × stride, of linearise_cell().
+  template <int kCells>
+  static HWY_INLINE void cell_gradients(BatchSet& set, std::int32_t first, const double* stress) {
+    const int nodes = set.cells->nodes_per_cell;
+    int n = 0;
+    for (; n + kNodesAtOnce <= nodes; n += kNodesAtOnce) node_gradients<kNodesAtOnce, kCells>(set, first, n, stress);
+    for (; n < nodes; ++n) node_gradients<1, kCells>(set, first, n, stress);
+  }
+
+  template <int kNodes, int kCells>
+  static HWY_INLINE void node_gradients(BatchSet& set, std::int32_t first_cell, int first_node, const double* stress) {
     const PointTag tag;
-    for (int n = 0; n < cells.nodes_per_cell; ++n) {
-      const double* slopes = cells.derivatives_of(n);
-      Points sum[d];
-      unrolled<d>([&](auto i) { sum[i] = hn::Zero(tag); });
-      for (int q = 0; q < cells.stride; q += static_cast<int>(hn::Lanes(tag)))
-        unrolled<d>([&](auto k) {
-          const Points slope = hn::Load(tag, slopes + k * cells.stride + q);
-          unrolled<d>([&](auto i) {
-            sum[i] = hn::MulAdd(hn::Load(tag, stress + (i * d + k) * cells.stride + q), slope, sum[i]);
-          });
+    const CellSet& cells = *set.cells;
+    const double* slopes[kNodes];
+    Points sum[kNodes][kCells][d];
+    unrolled<kNodes>([&](auto n) {
+      slopes[n] = cells.derivatives_of(first_node + n);
+      unrolled<kCells * d>([&](auto i) { sum[n][i / d][i % d] = hn::Zero(tag); });
+    });
+    for (int q = 0; q < cells.stride; q += static_cast<int>(hn::Lanes(tag)))
+      unrolled<d>([&](auto k) {
+        Points slope[kNodes];
+        unrolled<kNodes>([&](auto n) { slope[n] = hn::Load(tag, slopes[n] + k * cells.stride + q); });
+        unrolled<kCells * d>([&](auto i) {
+          const Points entry = hn::Load(tag, stress + ((i / d * d + i % d) * d + k) * cells.stride + q);
+          unrolled<kNodes>([&](auto n) { sum[n][i / d][i % d] = hn::MulAdd(entry, slope[n], sum[n][i / d][i % d]); });
         });
-      double g[d], turned[d];
-      unrolled<d>([&](auto i) { g[i] = hn::GetLane(hn::SumOfLanes(tag, sum[i])); });
-      varimesh::times_left_factor(cells.left_factor_of(cell), d, g, turned);
-      float* to = contributions + n * kBatch * 2 * d;
-      for (int i = 0; i < d; ++i) {
-        const double high = with_a_floats_digits(turned[i]);
-        to[i] = static_cast<float>(high);
-        to[d + i] = static_cast<float>(turned[i] - high);
-      }
+      });
+    unrolled<kNodes>([&](auto n) {
+      unrolled<kCells>([&](auto c) {
+        keep_gradient(sum[n][c], cells.left_factor_of(std::min(first_cell + c, cells.count - 1)),
+                      set.contributions.data() + set.contribution_index(first_cell + c, first_node + n, 2 * d));
+      });
+    });
+  }
+
+  /// Adds up the lanes, and multiplies by L if there is one.
+  static HWY_INLINE void keep_gradient(const Points (&sum)[d], const double* left_factor, float* contribution) {
+    double g[d];
+    unrolled<d>([&](auto i) { g[i] = hn::GetLane(hn::SumOfLanes(PointTag(), sum[i])); });
+    if (left_factor) {
+      double turned[d];
+      varimesh::times_left_factor(left_factor, d, g, turned);
+      std::copy_n(turned, d, g);
+    }
+    for (int i = 0; i < d; ++i) {
+      const double high = with_a_floats_digits(g[i]);
+      contribution[i] = static_cast<float>(high);
+      contribution[d + i] = static_cast<float>(g[i] - high);
     }
   }
 };
