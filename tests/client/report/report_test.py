@@ -104,6 +104,15 @@ class Report(WithFolder):
         self.open(page)
         return json.loads(done.stdout)
 
+    def check_bands(self):
+        """Every phase has a shade of its own: a band without one would be black."""
+        bands = self.page.value("[...document.querySelectorAll('#convergence .band')].map((one) => getComputedStyle(one).fill)")
+        self.assertGreater(len(bands), 0)
+        self.assertNotIn("rgb(0, 0, 0)", bands)
+        shades = self.page.value("""['sweeps', 'newton', 'untangle', 'accuracy'].map(
+            (name) => getComputedStyle(document.body).getPropertyValue(`--band-${name}`))""")
+        self.assertEqual(len(set(shades) - {""}), 4, shades)
+
     def test_shows_a_mesh_in_two_dimensions_as_curves(self):
         document = self.optimise(CASES / "nine_triangles.msh", "--energy", "winslow")
         self.check_numbers(document)
@@ -124,6 +133,7 @@ class Report(WithFolder):
 
     def test_shows_a_mesh_in_three_dimensions(self):
         self.check_numbers(self.optimise(CASES / "sphere_p3.msh"))
+        self.check_bands()
         pictures = []
         for cut in ("2", "0"):  # across y, none
             self.page.value(f"""(() => {{ const cut = document.querySelectorAll('#pictures select')[1];
