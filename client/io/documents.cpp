@@ -112,6 +112,17 @@ Json left_document(const WhatIsLeft& left) {
           {"remedies", std::move(remedies)}};
 }
 
+Json geometry_document(const v1::GeometryReport& geometry) {
+  const auto distance = [](const v1::BoundaryDistance& one) {
+    return Json{{"rms", one.rms()}, {"largest", one.largest()}};
+  };
+  return {{"nodes", geometry.nodes()},
+          {"farthest", geometry.farthest()},
+          {"folded", {{"before", geometry.folded_before()}, {"after", geometry.folded_after()}}},
+          {"distance", {{"before", distance(geometry.before())}, {"after", distance(geometry.after())}}},
+          {"sentences", std::vector<std::string>(geometry.sentences().begin(), geometry.sentences().end())}};
+}
+
 const char* spelled(Certificate::Answer answer) {
   return answer == Certificate::Answer::Invalid ? "invalid" : "undecided";
 }
@@ -135,6 +146,7 @@ Json document(const v1::Metrics& metrics) {
   if (metrics.has_substitute_targets())
     result["substitute_targets"] = substitutes_document(metrics.substitute_targets());
   for (const std::string& note : metrics.notes()) result["notes"].push_back(note);
+  if (metrics.has_geometry()) result["geometry"] = geometry_document(metrics.geometry());
   if (metrics.has_left()) result["left"] = left_document(metrics.left());
   if (!metrics.kept_as_it_came().empty()) result["kept_as_it_came"] = metrics.kept_as_it_came();
   return result;

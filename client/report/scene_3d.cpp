@@ -112,6 +112,22 @@ class ShownCells {
   std::vector<std::int32_t>* shown_;
 };
 
+/// Whether a node of these faces is at another place in the second snapshot. Formats round coordinates.
+bool has_moved(const Snapshots& snapshots, const std::vector<Face>& faces) {
+  constexpr double kRounding = 1e-6;
+  const auto& box = snapshots.box();
+  const double most = kRounding * std::hypot(box[3] - box[0], box[4] - box[1], box[5] - box[2]);
+  for (const Face& face : faces)
+    for (const int local :
+         reference::facet_nodes(snapshots.cells().shape(face.cell), snapshots.mesh().order, face.facet)) {
+      const auto first = snapshots.point(0, face.cell, local);
+      const auto last = snapshots.point(snapshots.count() - 1, face.cell, local);
+      for (std::size_t d = 0; d < 3; ++d)
+        if (std::abs(first[d] - last[d]) > most) return true;
+    }
+  return false;
+}
+
 /// Packs one set of faces, the triangles and the quadrilaterals apart, and describes them in `sets`. `kept` is the
 /// number of snapshots in which the faces differ.
 void pack_face_set(const Snapshots& snapshots, const std::string& set, const std::vector<Face>& faces, std::size_t kept,
@@ -160,8 +176,9 @@ Json pack_cells_3d(const Snapshots& snapshots, Packing* packing, Packing* more,
       }
 
   Json sets = Json::array();
-  // Nodes on the boundary do not move, so one snapshot of the skin is enough.
-  pack_face_set(snapshots, "skin", skin, 1, shown, packing, &sets);
+  // Nodes on the boundary move only if a server has let them slide. Otherwise one snapshot of the skin is enough.
+  const std::size_t of_skin = has_moved(snapshots, skin) ? snapshots.count() : 1;
+  pack_face_set(snapshots, "skin", skin, of_skin, shown, packing, &sets);
   pack_face_set(snapshots, "inner", inner, snapshots.count(), shown, packing, &sets);
   std::vector<float> middles;
   for (const std::int32_t cell : *shown_cells)

@@ -68,10 +68,10 @@ inline constexpr double kMatchTolerance = 1e-3;
 ///
 /// Each surface of the mesh is matched first: the surface with the same tag if samples of the mesh lie on it, else the
 /// one surface on which they do. A surface fits if the samples lie within kMatchTolerance of it and more than half of
-/// them inside its boundary. If two fit equally well, neither is taken. A node on elements of one surface belongs to
-/// it; a node on elements of several belongs to the nearest curve or vertex that bounds all of them. If the file has
-/// parameters of a node and they lead to it, within 10⁻⁶ of the size, they are taken; otherwise the node is projected,
-/// because those of files are often incomplete.
+/// them inside its boundary. If several fit equally well, the only one that has all samples inside is taken, or else
+/// none. A node on elements of one surface belongs to it; a node on elements of several belongs to the nearest curve or
+/// vertex that bounds all of them. If the file has parameters of a node and they lead to it, within 10⁻⁶ of the size,
+/// they are taken; otherwise the node is projected, because those of files are often incomplete.
 ///
 /// If the mesh and the geometry differ in size by a usual factor between units (millimetres, metres, inches, …), the
 /// geometry is scaled. Errors: BadInput if no surface matches, with both sizes, and if the mesh has no elements of

@@ -16,23 +16,29 @@ namespace {
 constexpr std::size_t kSamples = 16;
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
+/// How well samples fit a surface.
+struct Fit {
+  double distance = kInfinity;  ///< The largest of a sample.
+  std::size_t outside = 0;      ///< How many samples lie outside the surface's boundary.
+  int surface = -1;             ///< Index in Geometry::surfaces.
+};
+
 /// A surface of the geometry, and how well samples fit it.
 class Candidate {
  public:
   explicit Candidate(const geometry::Surface& surface) : shape_(surface.shape.get()), search_(*surface.shape) {}
 
-  /// The largest distance of the samples; infinite if one is farther than `limit`, or if half of them or more lie
-  /// outside the surface's boundary.
-  double distance(const std::vector<Eigen::Vector3d>& samples, double limit) const {
-    double largest = 0;
-    std::size_t outside = 0;
+  /// The distance is infinite if a sample is farther than `limit`, or if half of them or more lie outside the surface's
+  /// boundary.
+  Fit fit(const std::vector<Eigen::Vector3d>& samples, double limit) const {
+    Fit fit{0};
     for (const Eigen::Vector3d& x : samples) {
       const geometry::SurfaceFoot foot = search_.closest(x);
-      if (!(foot.distance <= limit)) return kInfinity;
-      largest = std::max(largest, foot.distance);
-      if (!shape_->contains(foot.u, foot.v) && 2 * ++outside >= samples.size()) return kInfinity;
+      if (!(foot.distance <= limit)) return {};
+      fit.distance = std::max(fit.distance, foot.distance);
+      if (!shape_->contains(foot.u, foot.v) && 2 * ++fit.outside >= samples.size()) return {};
     }
-    return largest;
+    return fit;
   }
 
  private:
@@ -69,24 +75,32 @@ SurfaceMatch match(int tag, const std::vector<Eigen::Vector3d>& samples, const g
   const double close = 1e-3 * tolerance;
   for (std::size_t s = 0; s < candidates.size(); ++s) {
     if (geometry.surfaces[s].tag != tag) continue;
-    result.distance = candidates[s]->distance(samples, close);
+    result.distance = candidates[s]->fit(samples, close).distance;
     if (result.distance > close) continue;
     result.surface = static_cast<int>(s);
     result.by_tag = true;
     return result;
   }
-  std::vector<std::pair<double, int>> fits;
+  std::vector<Fit> fits;
   for (std::size_t s = 0; s < candidates.size(); ++s) {
-    const double least = fits.empty() ? tolerance : fits.front().first;
-    const double distance = candidates[s]->distance(samples, std::min(tolerance, 2 * least + close));
-    if (distance == kInfinity) continue;
-    fits.emplace_back(distance, static_cast<int>(s));
-    std::ranges::sort(fits);
+    const double least = fits.empty() ? tolerance : fits.front().distance;
+    Fit fit = candidates[s]->fit(samples, std::min(tolerance, 2 * least + close));
+    if (fit.distance == kInfinity) continue;
+    fit.surface = static_cast<int>(s);
+    fits.push_back(fit);
+    std::ranges::stable_sort(fits, {}, &Fit::distance);
   }
-  result.distance = fits.empty() ? kInfinity : fits.front().first;
-  if (fits.empty()) return result;
-  const bool rivalled = fits.size() > 1 && fits[1].first <= 2 * fits[0].first + close;
-  (rivalled ? result.rival : result.surface) = fits.front().second;
+  if (fits.empty()) {
+    result.distance = kInfinity;
+    return result;
+  }
+  std::erase_if(fits, [most = 2 * fits.front().distance + close](const Fit& one) { return one.distance > most; });
+  // Nodes between elements of one surface lie inside its boundary, so a rival that has some of them outside is wrong.
+  const auto inside = std::ranges::find(fits, std::size_t{0}, &Fit::outside);
+  const bool only_one = inside != fits.end() && std::ranges::count(fits, std::size_t{0}, &Fit::outside) == 1;
+  const Fit& best = only_one ? *inside : fits.front();
+  result.distance = best.distance;
+  (only_one || fits.size() == 1 ? result.surface : result.rival) = best.surface;
   return result;
 }
 

@@ -149,15 +149,35 @@ void note_straight_boundary(const HighOrderMesh& mesh, const RunRequest& request
       raised + "), or move the boundary nodes of a mesh of order " + raised + " with --boundary or --displacements.");
 }
 
-/// Slides the boundary nodes on the model of the request.
-Expected<SlidOnGeometry> slide_nodes(HighOrderMesh& mesh, const RunRequest& request) {
+/// Slides the boundary nodes on the model of the request, and takes the time from its time limit. Nothing if the run is
+/// to stop meanwhile, or if the limit passes: then the mesh is as it came, and a note says so.
+Expected<std::optional<SlidOnGeometry>> slide_nodes(HighOrderMesh& mesh, RunRequest& request, const RunHooks& hooks) {
   if (is_surface(mesh))
     return bad_input(
         "The mesh is a surface in space, whose nodes slide without a job: use 'varimesh optimise --geometry' without "
         "--server.");
   const auto model = request.model->geometry();
   if (!model) return tl::unexpected(model.error());
-  return slide_on_model(mesh, geometry_options(*request.geometry, request.options), *model);
+  double& limit = request.options.time_limit;
+  StopToken stop(
+      [&] { return (hooks.control.stop_asked && hooks.control.stop_asked()) || (hooks.given_up && hooks.given_up()); });
+  if (limit > 0) stop.stop_after(limit);
+  GeometryOptions options = geometry_options(*request.geometry, request.options);
+  options.stop = &stop;
+  const Stopwatch watch;
+  std::optional<SlidOnGeometry> slid;
+  try {
+    auto done = slide_on_model(mesh, options, *model);
+    if (!done) return tl::unexpected(done.error());
+    slid = std::move(*done);
+  } catch (const Interrupted&) {
+    if (hooks.on_note)
+      hooks.on_note(
+          std::string(stop.reason() == StopToken::Reason::TimeLimit ? "The time limit passed" : "The run was stopped") +
+          " while boundary nodes slid, so they are where they came.");
+  }
+  if (limit > 0) limit = std::max(1e-9, limit - watch.seconds());
+  return slid;
 }
 
 /// The summary of a run that was stopped before it had a mesh.
@@ -231,11 +251,12 @@ Expected<RunOutcome> run(RunRequest request, const RunHooks& hooks) {
   if (control.threads) control.threads = [&] { return std::min(hooks.control.threads(), most); };
   std::optional<SlidOnGeometry> slid;
   if (request.model) {
-    auto done = slide_nodes(mesh, request);
+    auto done = slide_nodes(mesh, request, hooks);
     if (!done) return tl::unexpected(done.error());
     slid = std::move(*done);
     request.model.reset();
-    if (hooks.on_note)
+    if (!slid) control.checkpoint = {};  // it belongs to the mesh that has slid
+    if (slid && hooks.on_note)
       for (const std::string& sentence : slid->sentences) hooks.on_note(sentence);
   }
   auto result = request.quality ? judge(std::move(mesh), *request.quality, request.options, hooks)

@@ -1,4 +1,5 @@
 // Jobs whose boundary nodes slide on a CAD model.
+#include <fcntl.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -6,6 +7,7 @@
 #include <fstream>
 #include <sstream>
 
+#include "core/geometry/load.h"
 #include "server/isolation/process_engine.h"
 #include "tests/server/service.h"
 
@@ -134,6 +136,85 @@ TEST_F(CadJobs, SlideBoundaryNodes) {
   const v1::Job still = run(service, spec);
   EXPECT_EQ(still.metrics().geometry().nodes(), 0);
   EXPECT_EQ(still.metrics().geometry().before().rms(), still.metrics().geometry().after().rms());
+}
+
+TEST_F(CadJobs, TakeIgesFiles) {
+  const Service service = CadJobs::service();
+  const v1::Job slid = run(service, spec_for(service, content_of("bracket_p3.msh"), content_of("bracket.igs")));
+  ASSERT_EQ(slid.state(), v1::JOB_STATE_SUCCEEDED) << slid.error().message();
+  const v1::GeometryReport& report = slid.metrics().geometry();
+  EXPECT_GT(report.nodes(), 0);
+  EXPECT_LT(report.after().rms(), report.before().rms());
+  std::string all;
+  for (const std::string& sentence : report.sentences()) all += sentence;
+  EXPECT_TRUE(has(all, "13 of 13 surfaces of the mesh matched")) << all;
+}
+
+struct Bytes : Blob {
+  explicit Bytes(std::string content) : content(std::move(content)) {}
+  std::string_view bytes() const override { return content; }
+  std::string content;
+};
+
+/// What an engine makes of the bracket: how the run ended, its notes and its output.
+struct Ran {
+  bool stopped = false, has_slid = false;
+  std::string notes, output;
+};
+
+/// @param stops   asked again and again whether to stop
+Ran run_engine(bool with_geometry, double time_limit, std::function<bool()> stops) {
+  RunRequest request;
+  request.input = std::make_shared<Bytes>(content_of("bracket_p3.msh"));
+  request.options.threads = 1;
+  request.options.time_limit = time_limit;
+  if (with_geometry) {
+    const int file =
+        ::open((std::string(VARIMESH_SOURCE_DIR) + "/tests/cases/geometry/bracket.brep").c_str(), O_RDONLY);
+    auto model = geometry::read_model(find_cad_plugin(), file, "The geometry", std::int64_t{2} << 30);
+    ::close(file);
+    EXPECT_TRUE(model) << model.error().sentence;
+    request.model = std::make_shared<geometry::CadModel>(std::move(*model));
+    request.geometry.emplace();
+  }
+  Ran ran;
+  RunHooks hooks;
+  hooks.control.stop_asked = std::move(stops);
+  hooks.given_up = [] { return false; };
+  hooks.on_iteration = [](const Iteration&) { return Control::Continue; };
+  hooks.on_note = [&](const std::string& note) { ran.notes += note + "\n"; };
+  hooks.open_output = [&](v1::MeshFormat) {
+    return [&](std::string_view bytes) {
+      ran.output += bytes;
+      return true;
+    };
+  };
+  const auto outcome = core_engine().run(std::move(request), hooks);
+  EXPECT_TRUE(outcome) << outcome.error().sentence;
+  ran.stopped = outcome->stopped;
+  ran.has_slid = outcome->metrics.has_geometry();
+  return ran;
+}
+
+TEST_F(CadJobs, CanBeStoppedWhileNodesSlide) {
+  int asked = 0;
+  const auto after = [&](int most) { return [&asked, most] { return ++asked > most; }; };
+  // The mesh has been read when it is asked as often as this.
+  const Ran still = run_engine(false, 0, after(0));
+  asked = 0;
+  run_engine(true, 0, [&] { return ++asked < 0; });
+  const int all = asked;
+  bool stopped_while_sliding = false;
+  for (int most = 0; most < all; most += all / 8 + 1) {
+    asked = 0;
+    const Ran ran = run_engine(true, 0, after(most));
+    EXPECT_TRUE(ran.stopped);
+    if (!has(ran.notes, "The run was stopped while boundary nodes slid")) continue;
+    stopped_while_sliding = true;
+    EXPECT_FALSE(ran.has_slid);
+    EXPECT_EQ(ran.output, still.output);
+  }
+  EXPECT_TRUE(stopped_while_sliding);
 }
 
 TEST_F(CadJobs, FailWithASentenceOnADamagedFile) {

@@ -35,6 +35,10 @@ function addTables(report, go) {
     const worst = addSection('worst', 'The worst elements', 'The numbers of the rows are those of the rings in the views.');
     worst.append(make('div', {class: 'columns'}, ...report.scene.snapshots.map((snapshot) => worstTable(report.scene, snapshot, go))));
   }
+  if (report.document.geometry) {
+    const {geometry} = report.document;
+    addSection('geometry', 'The boundary and the CAD model', geometry.sentences.join(' ')).append(geometryTable(geometry));
+  }
   if (report.document.notes) addSection('notes', 'Notes', report.document.notes.join(' '));
   if (report.document.substitute_targets) {
     const substitutes = report.document.substitute_targets;

@@ -99,6 +99,22 @@ function meshTable(document) {
   return node;
 }
 
+/** How far the curved boundary lies from its CAD model, before and after its nodes slid. */
+function geometryTable({nodes, farthest, folded, distance}) {
+  const cells = (pick, show) => ['before', 'after'].map((snapshot) => numberCell(pick(snapshot), show(pick(snapshot))));
+  const rows = [
+    ['rms distance', ...cells((snapshot) => distance[snapshot].rms, readable)],
+    ['Largest distance', ...cells((snapshot) => distance[snapshot].largest, readable)],
+    ['Folded boundary elements', ...cells((snapshot) => folded[snapshot], grouped)],
+    ['Nodes that slid', '', numberCell(nodes, grouped(nodes))],
+    ['Largest movement of a node', '', numberCell(farthest, readable(farthest))],
+  ];
+  const heads = Object.values(SNAPSHOT_TITLES).map((text) => ({text, class: 'number'}));
+  const node = table('Distance between the boundary and the CAD model', ['', ...heads], rows);
+  node.id = 'geometry-table';
+  return node;
+}
+
 /** The table of the worst elements of a snapshot. go(place, size) shows a place in the views. */
 function worstTable(scene, snapshot, go) {
   const rows = scene.worst[snapshot].map((one, i) => {

@@ -64,6 +64,18 @@ class OnAServer(Geometry):
         self.assertEqual(len(re.findall(r"boundary nodes slid on", done.stderr)), 1)
         self.assertEqual(len(re.findall(r"13 of 13 surfaces of the mesh matched", done.stderr)), 1)
 
+    def test_the_figures_and_the_report_have_the_boundary_before_and_after(self):
+        page = self.folder / "report.html"
+        done = self.remote("--json", "--report", page)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        geometry = json.loads(done.stdout)["geometry"]
+        self.assertGreater(geometry["nodes"], 0)
+        self.assertLess(geometry["distance"]["after"]["rms"], geometry["distance"]["before"]["rms"])
+        report = json.loads(re.search(r'id="report">(.*?)</script>', page.read_text(), re.DOTALL)[1])
+        self.assertEqual(report["document"]["geometry"], geometry)
+        skins = [one["snapshots"] for one in report["scene"]["sets"] if one["set"] == "skin"]
+        self.assertEqual(set(skins), {2})
+
     def test_a_mesh_with_elements_left_is_compared_with_one_that_did_not_slide(self):
         # With its curves held, every surface stays folded as it came.
         flags = ["--slide", "surfaces", "--max-iterations", 0]

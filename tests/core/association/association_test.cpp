@@ -75,6 +75,18 @@ TEST(Associate, TakesNeitherOfTwoSurfacesThatFitEquallyWell) {
   EXPECT_NE(association.error().sentence.find("No surface of the mesh"), std::string::npos);
 }
 
+TEST(Associate, TakesTheOneOfTwoSurfacesThatHasAllSamplesInside) {
+  for (const bool first : {false, true}) {
+    geometry::Geometry geometry = pipe(9);
+    const geometry::Surface shorter{10, geometry::cylinder({}, 1, 1.4), {}};
+    geometry.surfaces.insert(first ? geometry.surfaces.begin() : geometry.surfaces.end(), shorter);
+    for (geometry::Curve& curve : geometry.curves) curve.surfaces = {first ? 1 : 0};
+    const Association association = associated(pipe_mesh(4), geometry);
+    EXPECT_EQ(association.matches[0].surface, first ? 1 : 0);
+    EXPECT_TRUE(association.held.empty());
+  }
+}
+
 TEST(Associate, ScalesAGeometryInAnotherUnit) {
   const HighOrderMesh mesh = pipe_mesh(4);
   for (const double factor : {1000.0, 0.001, 1 / 25.4}) {
