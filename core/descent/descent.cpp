@@ -366,6 +366,7 @@ DescentRound Descent::round() {
     take_back();
     return round;
   }
+  const bool rises = state.scaled_jacobian > highest_ + kHigher;
   accept(state);
   const bool reaches = state.uncertified == 0 && reaches_bound(state) && !state.is_lower;
   // The scans see the quadrature points only.
@@ -376,7 +377,10 @@ DescentRound Descent::round() {
   if (reaches) least_loss_ = std::min(least_loss_, state.loss);
   const bool costs = reaches && state.loss > kLossGivenForJs * least_loss_;
   const bool in_reach = !reaches && state.scaled_jacobian >= kInReach * context_.min_js;
-  round.last = (low == 0 && state.loss >= kFalls * last_loss_) ||
+  const bool falls = state.loss < kFalls * last_loss_;
+  // If all meshes so far are far below the bound, more weight for low cells is worth it only as long as something gains.
+  const bool gains = falls || rises || reaches || in_reach || reaches_bound(best_);
+  round.last = (low == 0 && !falls) || !gains ||
                raises_ > (in_reach ? kMostRaisesInReach : kMostRaises) || costs;
   last_loss_ = std::min(last_loss_, state.loss);
   if (is_better(state)) best_ = std::move(state);
