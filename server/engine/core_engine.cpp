@@ -21,6 +21,7 @@
 #include "server/engine/engine.h"
 #include "server/engine/geometry_messages.h"
 #include "server/engine/mesh_parts.h"
+#include "server/engine/output_check.h"
 #include "server/engine/translate.h"
 
 namespace varimesh::server {
@@ -237,6 +238,9 @@ Expected<RunOutcome> run(RunRequest request, const RunHooks& hooks) {
   const v1::MeshFormat read_as =
       request.format == v1::MESH_FORMAT_PARTS ? v1::MESH_FORMAT_PARTS : to_proto((*file)->format);
 
+  const auto outputs = definite_outputs(request.outputs, read_as);
+  if (const auto have = check_outputs_have_types(mesh, request.options.order, outputs); !have)
+    return tl::unexpected(have.error());
   const std::int64_t lattice = request.quality ? memory_of_lattice(mesh, request.quality->lattice()) : 0;
   const std::int64_t of_model = request.model ? request.model->memory() : 0;
   const Expected<bool> admitted =

@@ -111,6 +111,31 @@ TEST(CoreEngine, StopsJudgingAMesh) {
   EXPECT_FALSE(judged->stopped);
 }
 
+TEST(CoreEngine, RefusesAFormatWithoutATypeForTheElementsBeforeItComputes) {
+  RunRequest request;
+  request.input = std::make_shared<Bytes>(two_triangles());
+  request.format = v1::MESH_FORMAT_PARTS;
+  request.options.threads = 1;
+  request.options.order = 7;
+  request.outputs = {v1::MESH_FORMAT_VTU, v1::MESH_FORMAT_CGNS};
+  bool admitted = false;
+  RunHooks hooks;
+  hooks.control.stop_asked = [] { return false; };
+  hooks.given_up = [] { return false; };
+  hooks.admit = [&](std::int64_t) -> Expected<bool> { return admitted = true; };
+  hooks.open_output = [](v1::MeshFormat) { return [](std::string_view) { return true; }; };
+  const auto refused = core_engine().run(request, hooks);
+  ASSERT_FALSE(refused) << "CGNS ends at order 4";
+  EXPECT_EQ(refused.error().kind, Error::Kind::BadOption);
+  EXPECT_NE(refused.error().sentence.find("order 7"), std::string::npos) << refused.error().sentence;
+  EXPECT_FALSE(admitted);
+
+  request.outputs.pop_back();
+  const auto done = core_engine().run(request, hooks);
+  ASSERT_TRUE(done) << done.error().sentence;
+  EXPECT_TRUE(admitted);
+}
+
 /// A file of many nodes that is read in a fraction of a second.
 std::string many_nodes() {
   std::string text = "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$Nodes\n400000\n";
