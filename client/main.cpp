@@ -14,6 +14,7 @@
 #include "client/commands/commands.h"
 #include "client/process/exit_status.h"
 #include "client/process/interrupts.h"
+#include "core/base/machine_memory.h"
 
 namespace {
 
@@ -71,6 +72,7 @@ int execute(int argc, char** argv) {
 
 int main(int argc, char** argv) {
   fill_standard_descriptors();
+  varimesh::return_large_blocks();
   catch_interrupts();
   return flush_output(execute(argc, argv));
 }

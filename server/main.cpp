@@ -24,6 +24,7 @@
 #include <iostream>
 #include <string>
 
+#include "core/base/machine_memory.h"
 #include "core/base/version.h"
 #include "server/addresses.h"
 #include "server/command_line/flags.h"
@@ -231,6 +232,7 @@ int wait_and_stop(Server& server, const sigset_t& signals, int drain_seconds) {
 }  // namespace
 
 int main(int argc, char** argv) {
+  varimesh::return_large_blocks();
   if (const auto status = varimesh::server::run_command(argc, argv)) return *status;
   int exit_status = 0;
   auto flags = varimesh::server::parse_flags(argc, argv, &exit_status);

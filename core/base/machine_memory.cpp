@@ -1,6 +1,9 @@
 #include "core/base/machine_memory.h"
 
 #include <unistd.h>
+#ifdef __GLIBC__
+#include <malloc.h>
+#endif
 
 #include <algorithm>
 #include <fstream>
@@ -38,6 +41,12 @@ std::int64_t machine_memory(const std::filesystem::path& root) {
     memory = least_limit(path.empty() ? top : top / path, top, memory);
   }
   return memory > 0 ? memory / 10 * 9 : 0;
+}
+
+void return_large_blocks() {
+#ifdef __GLIBC__
+  mallopt(M_MMAP_THRESHOLD, 1 << 20);
+#endif
 }
 
 }  // namespace varimesh

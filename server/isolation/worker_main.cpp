@@ -22,6 +22,7 @@
 #include <thread>
 #include <utility>
 
+#include "core/base/machine_memory.h"
 #include "core/base/utf8.h"
 #include "core/formats/hdf5/starter.h"
 #include "core/geometry/load.h"
@@ -352,4 +353,7 @@ int serve() {
 }  // namespace
 }  // namespace varimesh::server
 
-int main() { return varimesh::server::serve(); }
+int main() {
+  varimesh::return_large_blocks();
+  return varimesh::server::serve();
+}

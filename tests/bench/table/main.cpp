@@ -6,6 +6,7 @@
 #include <cstring>
 #include <string>
 
+#include "core/base/machine_memory.h"
 #include "tests/bench/table/table.h"
 
 namespace {
@@ -24,6 +25,7 @@ bool begins_with(const char* name, const std::string& beginning) {
 }  // namespace
 
 int main(int argc, char** argv) {
+  varimesh::return_large_blocks();
   std::string cases, cache, command, most_elements;
   std::vector<std::string> wanted;
   bool small = false, all = false, strict = false, list = false;
