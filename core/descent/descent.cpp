@@ -81,15 +81,18 @@ bool Descent::begin() {
   State kept = kept_state();
   last_loss_ = kept.loss;
   accept(kept);
-  const bool as_it_came = context_.came_valid && kept.coordinates == context_.mesh.coordinates;
+  const bool as_it_came = kept.coordinates == context_.mesh.coordinates;
   kept.is_lower = kept.is_lower && !as_it_came;
   if (kept.uncertified == 0 && reaches_bound(kept) && !kept.is_lower) least_loss_ = kept.loss;
-  if (context_.came_valid && !as_it_came) {
-    // The energy came first (phases.h). It may have raised the loss, which must not stay so.
-    best_ = state_as_it_came();
-    start_loss_ = best_.loss;
-    if (is_better(kept)) best_ = std::move(kept);
-    return true;
+  if (!as_it_came) {
+    // The energy came first (phases.h). It may have raised the loss, which must not stay so unless it certified cells.
+    State came = state_as_it_came();
+    if (context_.came_valid || came.uncertified <= kept.uncertified) {
+      best_ = std::move(came);
+      start_loss_ = best_.loss;
+      if (is_better(kept)) best_ = std::move(kept);
+      return true;
+    }
   }
   best_ = std::move(kept);
   start_loss_ = best_.loss;
@@ -378,8 +381,9 @@ DescentRound Descent::round() {
   const bool costs = reaches && state.loss > kLossGivenForJs * least_loss_;
   const bool in_reach = !reaches && state.scaled_jacobian >= kInReach * context_.min_js;
   const bool falls = state.loss < kFalls * last_loss_;
-  // If all meshes so far are far below the bound, more weight for low cells is worth it only as long as something gains.
-  const bool gains = falls || rises || reaches || in_reach || reaches_bound(best_);
+  // If all cells are certified, but far below the bound in every mesh so far, more weight for low cells is worth it
+  // only as long as something gains.
+  const bool gains = falls || rises || reaches || in_reach || reaches_bound(best_) || best_.uncertified > 0;
   round.last = (low == 0 && !falls) || !gains ||
                raises_ > (in_reach ? kMostRaisesInReach : kMostRaises) || costs;
   last_loss_ = std::min(last_loss_, state.loss);

@@ -36,8 +36,7 @@ void prove(const SetUp& set_up, const Certifier& certifier, std::vector<Certific
            Result& result) {
   team.run([&] {
     certifier.certify(set_up.mesh.coordinates, certificates, team);
-    if (!std::ranges::all_of(certificates, &Certificate::is_valid))
-      result.unrepairable = diagnose(set_up.mesh, set_up.fixed, team);
+    if (!are_valid(certificates)) result.unrepairable = diagnose(set_up.mesh, set_up.fixed, team);
   });
 }
 
@@ -67,9 +66,10 @@ void straighten_result(const SetUp& set_up, const Certifier& certifier, std::vec
   });
 }
 
-/// Raises the smallest scaled Jacobian around cells that the run leaves invalid or, with Objective::Accuracy, below
-/// Options::min_js, but for those that the run has tried in vain. A mesh that came in valid does not get a higher loss
-/// of accuracy by that.
+/// Raises the smallest scaled Jacobian around cells that the run leaves invalid, but for those that it has tried in
+/// vain. If none is left, and with Objective::Accuracy, it raises those below Options::min_js too. That costs accuracy,
+/// so it is not worth it in a mesh that misses the bound in any case, and a mesh that came in valid does not get a
+/// higher loss by it.
 void raise_low(const SetUp& set_up, const Certifier& certifier, std::vector<Certificate>& certificates,
                const Team& team, Grace& grace, Result& result, RaiseMemory& raised) {
   const Options& options = set_up.options;
@@ -77,23 +77,28 @@ void raise_low(const SetUp& set_up, const Certifier& certifier, std::vector<Cert
   const std::vector<char> hopeless = cells_beyond_repair(result.unrepairable, certificates.size());
   const std::vector<double> coordinates = result.mesh.coordinates;
   const std::vector<Certificate> before = certificates;
-  const RaiseTask task{result.mesh, set_up.fixed, hopeless, certifier, is_for_accuracy ? options.min_js : 0};
   RaiseOutcome outcome;
-  team.run([&] {
-    forget_changed_cells(task, result.mesh.coordinates, certificates, team.without_stop(), raised);
-    outcome = raise_low_cells(task, result.mesh.coordinates, certificates, team, &raised);
-  });
+  const auto raise_to = [&](double aim) {
+    const RaiseTask task{result.mesh, set_up.fixed, hopeless, certifier, aim};
+    team.run([&] {
+      forget_changed_cells(task, result.mesh.coordinates, certificates, team.without_stop(), raised);
+      outcome = raise_low_cells(task, result.mesh.coordinates, certificates, team, &raised);
+    });
+  };
+  if (!are_valid(certificates)) raise_to(0);
+  const std::vector<std::int64_t> made_valid = std::move(outcome.made_valid);
+  if (is_for_accuracy && !outcome.interrupted && are_valid(certificates)) raise_to(options.min_js);
   if (outcome.interrupted) grace.say_stopped(result);
-  if (outcome.made_valid.empty() && outcome.raised.empty()) return;
+  if (made_valid.empty() && outcome.raised.empty()) return;
   if (result.before.uncertified.empty() && result.before.accuracy &&
       !(accuracy(result.mesh, team.threads()).loss <= result.before.accuracy->loss)) {
     result.mesh.coordinates = coordinates;
     certificates = before;
     return;
   }
-  if (!outcome.made_valid.empty())
-    result.notes.push_back("At the end of the run, " + elements_text(outcome.made_valid, "element", "elements") +
-                           (outcome.made_valid.size() == 1 ? " was" : " were") + " made valid in small patches.");
+  if (!made_valid.empty())
+    result.notes.push_back("At the end of the run, " + elements_text(made_valid, "element", "elements") +
+                           (made_valid.size() == 1 ? " was" : " were") + " made valid in small patches.");
   if (!outcome.raised.empty())
     result.notes.push_back("At the end of the run, the scaled Jacobian of " +
                            elements_text(outcome.raised, "element", "elements") + " was raised in small patches.");

@@ -1,6 +1,7 @@
 // What is proved about the cells of a mesh: plain data. certifier.h says how it is proved.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <limits>
@@ -29,6 +30,10 @@ struct Certificate {
 
   bool is_valid() const { return answer == Answer::Valid; }
 };
+
+inline bool are_valid(std::span<const Certificate> certificates) {
+  return std::ranges::all_of(certificates, &Certificate::is_valid);
+}
 
 /// How much work a certificate may take.
 struct CertificateOptions {
