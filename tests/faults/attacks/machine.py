@@ -1,0 +1,223 @@
+"""Attacks on the connections of the server, and damage to its files."""
+import hashlib
+import itertools
+import os
+import resource
+import shutil
+import socket
+import ssl
+import struct
+import subprocess
+import sys
+import time
+import uuid
+from pathlib import Path
+
+import grpc
+from calls import Row
+from nginx_test import FLOODS, SETTINGS, frame
+from programs import MESH, VARIMESHD, run
+from serving import until
+from varimesh.v1 import job_pb2, service_pb2
+
+HELLO = b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n" + frame(SETTINGS, 0, 0)
+SOURCE = Path(os.environ["VARIMESH_SOURCE_DIR"])
+
+
+def flood(address, authority, kind, seconds):
+    """Sends frames to a server that asks for certificates, without one, on new connections as often as one ends. Runs in a
+    process of its own; prints how many messages were sent and how many connections were made."""
+    host, port = address.rsplit(":", 1)
+    context = ssl.create_default_context(cafile=authority)
+    context.set_alpn_protocols(["h2"])
+    sent = connections = 0
+    end = time.monotonic() + seconds
+    while time.monotonic() < end:
+        connections += 1
+        try:
+            with socket.create_connection((host, int(port)), timeout=2) as plain, context.wrap_socket(plain, server_hostname=host) as one:
+                one.sendall(HELLO)
+                for message in FLOODS[kind]():
+                    if time.monotonic() > end:
+                        break
+                    one.sendall(message)
+                    sent += 1
+        except OSError:
+            pass
+    print(sent, connections)
+
+
+class Transport(Row):
+    name = "transport floods, mutual TLS"
+    tls = True
+
+    def __init__(self, short):
+        super().__init__(short)
+        self.sent = self.connections = 0
+
+    def attack(self):
+        """Two processes for each kind of flood. They have the lowest priority, as their processors belong to the attacker."""
+        for kind in FLOODS:
+            command = [sys.executable, __file__, self.attacked.address, self.attacked.folder / "authority.pem", kind,
+                       "0.5" if self.short else "3"]
+            attackers = [subprocess.Popen(["nice", "-n", "19", *command], stdout=subprocess.PIPE, text=True) for _ in range(2)]
+            for attacker in attackers:
+                sent, connections = map(int, attacker.communicate()[0].split())
+                self.sent, self.connections = self.sent + sent, self.connections + connections
+
+    def settle(self):
+        assert self.connections > 10, "it was no flood"
+        return f"{self.connections} connections, {self.sent} messages written"
+
+
+class Nginx(Row):
+    name = "transport floods, nginx"
+    alone = True  # the test has a server, and an owner who works, of its own
+
+    def run(self):
+        """Returns the exit status, and what the test says of each flood."""
+        done = subprocess.run([sys.executable, SOURCE / "tests/deploy/nginx_test.py", "Nginx.test_floods_stop_at_it"],
+                              capture_output=True, text=True, env={**os.environ, **({} if self.short else {"VARIMESH_MEASURE": "1"})})
+        lines = [line for line in done.stderr.splitlines() if "connections ended" in line]
+        return done.returncode, lines or (done.stdout + done.stderr).splitlines()[-3:]
+
+
+class Stops(Row):
+    name = "SIGTERM"
+    alone = True  # others are not served while the server is away
+
+    def run(self):
+        program = Path(VARIMESHD).parents[1] / "tests/faults/stop_server"
+        if not program.exists():
+            return 77, [f"{program} is not built"]
+        done = subprocess.run([program, *(["--stops", "2"] if self.short else [])], capture_output=True, text=True)
+        return done.returncode, done.stdout.splitlines()[-1:]
+
+
+class Descriptors(Row):
+    name = "descriptors"
+    MANY = 256
+
+    def serve(self, attacked):
+        super().serve(attacked)
+        resource.prlimit(attacked.server.process.pid, resource.RLIMIT_NOFILE, (self.MANY, self.MANY))
+        soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+        resource.setrlimit(resource.RLIMIT_NOFILE, (hard, hard))
+        self.data = os.urandom(1 << 16)
+
+    def attack(self):
+        """1,000 connections that stay, from an address of the attacker's own, and a thousand uploads that are cut."""
+        host, port = self.attacked.address.rsplit(":", 1)
+        opened = []
+        for _ in range(1000):
+            one = socket.socket()
+            one.setblocking(False)
+            one.bind(("127.0.0.2", 0))
+            one.connect_ex((host, int(port)))
+            opened.append(one)
+        time.sleep(0.5)
+        for one in opened:
+            try:
+                one.send(HELLO)
+            except OSError:
+                pass
+        time.sleep(1 if self.short else 5)
+        # Another connection of somebody who was not there before.
+        new = self.attacked.owner("ann")
+        assert new.list() >= 0
+        new.close()
+        for one in opened:
+            one.close()
+        for _ in range(100 if self.short else 1000):
+            header = service_pb2.UploadHeader(upload_id=uuid.uuid4().hex, digest=hashlib.sha256(os.urandom(8)).hexdigest(), size=1 << 20)
+            messages = [service_pb2.UploadMeshRequest(header=header), service_pb2.UploadMeshRequest(chunk=service_pb2.Chunk(data=self.data))]
+            self.mallory.meshes.UploadMesh.future(itertools.chain(messages, self.hold()), metadata=self.mallory.metadata, timeout=0.05)
+
+    def hold(self):
+        time.sleep(0.1)
+        yield from ()
+
+    def settle(self):
+        taken = len(list(Path(f"/proc/{self.attacked.server.process.pid}/fd").iterdir()))
+        assert taken < self.MANY / 2, f"{taken} descriptors are taken"
+        return f"{taken} of {self.MANY} descriptors are taken afterwards"
+
+
+class Store(Row):
+    name = "store"
+    flags = ("--compress-after", "0")
+
+    def attack(self):
+        """A blob is cut, changed, and deleted while the server runs; each time it is refused, and sent again."""
+        data = MESH.read_bytes() + f"$Comments\n{uuid.uuid4().hex}\n$EndComments\n".encode()
+        digest = self.mallory.upload(data)
+        blob = next(file for file in (self.attacked.state / "meshes").iterdir() if file.name.startswith(digest) and not file.suffix)
+        for damage in (lambda: os.truncate(blob, 100), lambda: flip(blob), blob.unlink):
+            damage()
+            self.refused(lambda: self.mallory.download(digest), grpc.StatusCode.DATA_LOSS, grpc.StatusCode.NOT_FOUND)
+            try:
+                ended = self.mallory.wait(self.mallory.submit(digest).name)
+                assert ended.state == job_pb2.JOB_STATE_FAILED and ended.error.message, ended.state
+            except grpc.RpcError as error:
+                assert error.code() in (grpc.StatusCode.NOT_FOUND, grpc.StatusCode.FAILED_PRECONDITION), error
+            assert self.mallory.upload(data) == digest and self.mallory.download(digest) == data
+        ended = self.mallory.wait(self.mallory.submit(digest).name)
+        assert ended.state == job_pb2.JOB_STATE_SUCCEEDED, ended.error.message
+
+    def settle(self):
+        assert self.attacked.alive()
+        return "a cut, a changed and a deleted blob were refused, and taken again"
+
+
+def flip(path):
+    data = bytearray(path.read_bytes())
+    data[len(data) // 2] ^= 1
+    path.write_bytes(data)
+
+
+class Files(Row):
+    name = "files"
+
+    def attack(self):
+        flags = self.attacked.flags[2:]
+        tokens = flags[flags.index("--tokens"):][:2]
+
+        def refused(*flags):
+            done = subprocess.run([VARIMESHD, "--listen", "127.0.0.1:0", *tokens, *flags], capture_output=True, text=True, timeout=30)
+            assert done.returncode in (1, 2) and done.stderr.strip(), (flags, done)
+            return done.stderr
+
+        refused("--state", self.attacked.state)  # another server uses it
+        theirs = self.attacked.folder / "theirs"
+        theirs.mkdir(exist_ok=True)
+        theirs.chmod(0o777)
+        refused("--state", theirs)  # others may write into it
+        if os.geteuid() == 0:
+            theirs.chmod(0o700)
+            os.chown(theirs, 65534, 65534)
+            refused("--state", theirs)
+        shutil.rmtree(theirs)
+        secret = Path("/etc/passwd").read_bytes()
+        digest = hashlib.sha256(secret).hexdigest()
+        link = self.attacked.state / "meshes" / digest
+        link.symlink_to("/etc/passwd")
+        self.refused(lambda: self.mallory.download(digest), grpc.StatusCode.NOT_FOUND, grpc.StatusCode.DATA_LOSS)
+        link.unlink()
+        # A unix socket that another server has.
+        path = self.attacked.folder / "socket"
+        first = subprocess.Popen([VARIMESHD, "--listen", f"unix:{path}"], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        until(path.exists)
+        second = subprocess.run([VARIMESHD, "--listen", f"unix:{path}"], capture_output=True, text=True, timeout=30)
+        assert second.returncode == 1 and "socket" in second.stderr, second.stderr
+        assert run("jobs", "--server", f"unix:{path}").returncode == 0
+        first.terminate()
+        first.wait(20)
+
+    def settle(self):
+        return "a link, folders of others, and a socket and a directory in use were refused"
+
+
+ROWS = [Transport, Nginx, Descriptors, Stops, Store, Files]
+
+if __name__ == "__main__":
+    flood(*sys.argv[1:4], float(sys.argv[4]))
