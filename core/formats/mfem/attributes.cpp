@@ -81,4 +81,23 @@ MfemAttributes mfem_attributes(const HighOrderMesh& mesh, int dimension) {
   return made;
 }
 
+void write_mfem_sets(std::string_view section, const MfemAttributes& attributes, BufferedOutput& out) {
+  out.text("\n");
+  out.text(section);
+  out.text("\n");
+  out.text_integer(std::int64_t(attributes.sets.size()));
+  out.text("\n");
+  for (const auto& [name, members] : attributes.sets) {
+    out.text("\"");
+    out.text(name);
+    out.text("\" ");
+    out.text_integer(std::int64_t(members.size()));
+    for (const int attribute : members) {
+      out.text(" ");
+      out.text_integer(attribute);
+    }
+    out.text("\n");
+  }
+}
+
 }  // namespace varimesh::formats

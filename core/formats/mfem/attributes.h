@@ -3,8 +3,10 @@
 
 #include <map>
 #include <string>
+#include <string_view>
 #include <vector>
 
+#include "core/formats/buffered_output.h"
 #include "core/mesh/high_order_mesh.h"
 
 namespace varimesh::formats {
@@ -24,5 +26,8 @@ struct MfemAttributes {
 /// Chooses the attributes: the tag of the elements' first group, or the tag of their entity if they are in no group. If
 /// two kinds of elements would have the same attribute, the second gets one that is free.
 MfemAttributes mfem_attributes(const HighOrderMesh& mesh, int dimension);
+
+/// Writes the sets as the section of this name.
+void write_mfem_sets(std::string_view section, const MfemAttributes& attributes, BufferedOutput& out);
 
 }  // namespace varimesh::formats

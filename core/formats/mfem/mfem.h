@@ -22,7 +22,8 @@ Expected<MeshFile> read_mfem(std::string_view bytes, const Team& team);
 
 /// Writes a mesh: in the space from which it was read, otherwise in H1 on Gauss–Lobatto points; with straight sides if
 /// it has order 1. Names of groups become attribute sets, for which it takes version 1.3, otherwise 1.0. Errors:
-/// BadOption if the mesh is 1-D.
+/// BadOption if the mesh is 1-D, or if elements with a common edge or face have different nodes there and the space is
+/// continuous.
 Expected<void> write_mfem(const HighOrderMesh& mesh, Format format, const Sink& sink, std::span<const CellField> fields,
                           const Team& team);
 

@@ -8,6 +8,7 @@
 #include "core/formats/buffered_output.h"
 #include "core/formats/mfem/attributes.h"
 #include "core/formats/mfem/mfem.h"
+#include "core/formats/mfem/shared_sides.h"
 #include "core/formats/mfem/topology.h"
 
 namespace varimesh::formats {
@@ -53,6 +54,12 @@ class Grid {
     for (std::size_t v = 0; v < used; ++v)
       if ((vertices[v] = vertex(nodes[v])) < 0) return false;
     return (used == 2 ? topology.edge(vertices[0], vertices[1]) : topology.face({vertices.data(), used})) >= 0;
+  }
+
+  /// As find_unshared_side().
+  std::optional<std::size_t> unshared_side(const Team& team) const {
+    const auto numbers = [&](Shape shape, auto own) { return vertices_of(shape, own); };
+    return find_unshared_side(mesh, cells, mfem_cells(cells, numbers), topology, team);
   }
 
   const HighOrderMesh& mesh;
@@ -122,25 +129,6 @@ void write_elements(const Grid& grid, int dimension, const MfemAttributes& attri
         piece.text("\n");
       }
     });
-  }
-}
-
-void write_sets(std::string_view section, const MfemAttributes& attributes, BufferedOutput& out) {
-  out.text("\n");
-  out.text(section);
-  out.text("\n");
-  out.text_integer(std::int64_t(attributes.sets.size()));
-  out.text("\n");
-  for (const auto& [name, members] : attributes.sets) {
-    out.text("\"");
-    out.text(name);
-    out.text("\" ");
-    out.text_integer(std::int64_t(members.size()));
-    for (const int attribute : members) {
-      out.text(" ");
-      out.text_integer(attribute);
-    }
-    out.text("\n");
   }
 }
 
@@ -371,6 +359,10 @@ Expected<void> write_mfem(const HighOrderMesh& mesh, Format, const Sink& sink, s
   if (mesh.dimension < 2) return bad_option("VariMesh writes MFEM's meshes of dimension 2 and 3 only; write vtu.");
   const MfemNodes nodes = mfem_nodes_of(mesh);
   const Grid grid(mesh, nodes, team);
+  if (const auto cell = nodes.space.continuous && mesh.order > 1 ? grid.unshared_side(team) : std::nullopt)
+    return bad_option("Element " + std::to_string(grid.cells.number(*cell)) +
+                      " has other nodes on an edge or face than an element with the same vertices there, which MFEM's "
+                      "format cannot hold; join the nodes, or write msh or vtu.");
   const MfemAttributes cells = mfem_attributes(mesh, mesh.dimension);
   const MfemAttributes faces = mfem_attributes(mesh, mesh.dimension - 1);
   const bool named = !cells.sets.empty() || !faces.sets.empty();
@@ -380,9 +372,9 @@ Expected<void> write_mfem(const HighOrderMesh& mesh, Format, const Sink& sink, s
   out.text_integer(mesh.dimension);
   out.text("\n");
   write_elements(grid, mesh.dimension, cells, out);
-  if (named) write_sets("attribute_sets", cells, out);
+  if (named) write_mfem_sets("attribute_sets", cells, out);
   write_elements(grid, mesh.dimension - 1, faces, out);
-  if (named) write_sets("bdr_attribute_sets", faces, out);
+  if (named) write_mfem_sets("bdr_attribute_sets", faces, out);
   out.text("\nvertices\n");
   out.text_integer(grid.vertices());
   out.text("\n");

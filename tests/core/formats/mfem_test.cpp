@@ -221,6 +221,31 @@ TEST(Mfem, LeavesOutElementsOfTheBoundaryThatAreNoSides) {
   EXPECT_EQ(read_back(test::written(sides, Format::Mfem)).element_count(1), 2U);
 }
 
+TEST(Mfem, RefusesElementsThatDoNotShareTheNodesOfTheirSides) {
+  for (const Filling filling : testing::kFillings) {
+    HighOrderMesh mesh = testing::grid(filling, {2, 2, 2}, 2);
+    const std::string whole = test::written(mesh, Format::Mfem);
+    // The last element gets copies of all its nodes that are no vertices.
+    ElementBlock& block = mesh.blocks[0];
+    const auto vertices = std::size_t(reference::info(block.shape).vertices);
+    const std::size_t before = mesh.node_count();
+    for (std::size_t i = block.nodes.size() - block.nodes.size() / block.size() + vertices; i < block.nodes.size();
+         ++i) {
+      for (std::size_t c = 0; c < 3; ++c)
+        mesh.coordinates.push_back(mesh.coordinates[3 * std::size_t(block.nodes[i]) + c]);
+      block.nodes[i] = std::int32_t(mesh.node_numbers.size());
+      mesh.node_numbers.push_back(10'000 + block.nodes[i]);
+    }
+    EXPECT_EQ(test::written(mesh, Format::Mfem), whole) << "nodes at one place do no harm";
+    for (std::size_t node = before; node < mesh.node_count(); ++node) mesh.coordinates[3 * node] += 0.01;
+    const auto refused = formats::write(mesh, Format::Mfem, [](std::string_view) { return true; });
+    ASSERT_FALSE(refused);
+    const std::string last = "Element " + std::to_string(block.numbers.back()) + " has other nodes on an edge or face";
+    EXPECT_TRUE(refused.error().sentence.starts_with(last)) << refused.error().sentence;
+    EXPECT_EQ(read_back(test::written(mesh, Format::Msh22)).node_count(), mesh.node_count());
+  }
+}
+
 TEST(Mfem, SaysWhatItLeavesOut) {
   HighOrderMesh mesh = testing::grid(Filling::Tetrahedra, {1, 1, 1}, 2);
   EXPECT_EQ(formats::left_out(read_back(test::written(mesh, Format::Mfem)), Format::Mfem), "");
