@@ -3,9 +3,7 @@
 # `client-development` is what programs need to compile against it.
 include(CMakePackageConfigHelpers)
 include(GNUInstallDirs)
-find_package(Protobuf REQUIRED)
-find_package(PkgConfig REQUIRED)
-pkg_check_modules(grpcpp REQUIRED IMPORTED_TARGET grpc++)
+include(${PROJECT_SOURCE_DIR}/proto/grpc.cmake)
 
 # A shared library, so that a program does not have to link the libraries inside it. The parts of the core that it contains,
 # the writing of files and SHA-256, are hidden. The objects are those of the static libraries.
