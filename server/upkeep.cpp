@@ -70,9 +70,10 @@ Upkeep::Upkeep(Scheduler& scheduler, Stores& stores, Access& access, Endpoint& e
     if (const auto checked = check_tls_files(tls); !checked) spdlog::error("{}", checked.error().sentence);
   });
   const auto now = [] { return std::chrono::steady_clock::now(); };
-  dialling_ = std::make_unique<Ticker>(seconds(5), [&self_check, watchdog, now, reached = now()]() mutable {
+  dialling_ = std::make_unique<Ticker>(seconds(5), [&self_check, &endpoint, watchdog, now, reached = now()]() mutable {
     self_check.dial();
-    if (self_check.answers()) {
+    // A new server would be as full as this one in a moment, and the open calls would be lost.
+    if (self_check.answers() || endpoint.is_full()) {
       reached = now();
       notify_manager("WATCHDOG=1");
     } else if (watchdog.patience.count() > 0 && watchdog.lost && now() - reached >= watchdog.patience) {

@@ -18,6 +18,9 @@ namespace {
 /// Threads for disks and hashing, which wait more than they work.
 constexpr int kPoolThreads = 4;
 
+/// For how long after a refused connection the server counts as full. Longer than between two calls to itself.
+constexpr std::chrono::seconds kFull{15};
+
 int in_milliseconds(std::chrono::milliseconds time) { return static_cast<int>(time.count()); }
 
 /// Limits what a client can take without a call that the services could refuse.
@@ -62,13 +65,23 @@ Expected<void> Endpoint::listen(const std::string& address,
   builder.RegisterService(&mesh_service_);
   builder.RegisterService(&job_service_);
   builder.RegisterService(&optimise_service_);
-  if (!address.empty()) builder.AddListeningPort(address, credentials, &port_);
+  const bool socket = is_unix_socket(address);
+  std::unique_ptr<TcpListener::Acceptor> acceptor;
+  if (socket) {
+    builder.AddListeningPort(address, credentials, &port_);
+  } else if (!address.empty()) {
+    auto listener = TcpListener::open(address);
+    if (!listener) return tl::unexpected(listener.error());
+    listener_ = std::move(*listener);
+    port_ = listener_->port();
+    using From = grpc::ServerBuilder::experimental_type::ExternalConnectionType;
+    acceptor = builder.experimental().AddExternalConnectionAcceptor(From::FROM_FD, credentials);
+  }
   std::vector<InterceptorFactory> interceptors;
   if (context_.access.asks()) interceptors.push_back(reflection_guard(context_.access));
   if (metrics_ != nullptr) interceptors.push_back(call_counter(*metrics_));
   builder.experimental().SetInterceptorCreators(std::move(interceptors));
 
-  const bool socket = is_unix_socket(address);
   if (socket) {
     auto lock = SocketLock::take(address);
     if (!lock) return tl::unexpected(lock.error());
@@ -78,15 +91,17 @@ Expected<void> Endpoint::listen(const std::string& address,
   server_ = builder.BuildAndStart();
   if (socket) ::umask(mask);
   if (server_ == nullptr || (!address.empty() && port_ == 0))
-    return tl::unexpected(Error{Error::Kind::Output, "Cannot listen on " + address +
-                                                         ": the address is taken, or it is not an address of this "
-                                                         "machine; choose another (port 0 is any free port)."});
+    return tl::unexpected(
+        Error{Error::Kind::Output, "Cannot listen on " + address + "; choose another address, or look into the log."});
+  if (listener_ != nullptr) listener_->start(std::move(acceptor));
   if (socket)
     address_ = address;
   else if (!address.empty())
     address_ = address.substr(0, address.rfind(':')) + ":" + std::to_string(port_);
   return {};
 }
+
+bool Endpoint::is_full() const { return listener_ != nullptr && listener_->turned_away(kFull); }
 
 std::shared_ptr<grpc::Channel> Endpoint::in_process_channel() {
   return server_->InProcessChannel(grpc::ChannelArguments());
@@ -97,6 +112,7 @@ void Endpoint::stop(std::chrono::steady_clock::time_point deadline, const std::f
   calls_.end_all(stopping_status());
   between();
   calls_.wait_empty(std::min(deadline, std::chrono::steady_clock::now() + std::chrono::seconds(5)));
+  if (listener_ != nullptr) listener_->stop();
   server_->Shutdown(std::chrono::system_clock::now() + std::chrono::seconds(2));
   server_->Wait();
 }

@@ -14,8 +14,9 @@
 #include "server/api/job_service.h"
 #include "server/api/mesh_service.h"
 #include "server/api/optimise_service.h"
-#include "server/api/socket_lock.h"
 #include "server/metrics/metrics.h"
+#include "server/sockets/socket_lock.h"
+#include "server/sockets/tcp_listener.h"
 
 namespace varimesh::server {
 
@@ -35,6 +36,9 @@ class Endpoint {
   /// The address with the port that was chosen; empty if there is none.
   const std::string& address() const { return address_; }
   int port() const { return port_; }
+  /// Whether the server has so many connections that it has just refused the machine's own. It lives, although it does
+  /// not reach itself.
+  bool is_full() const;
   std::shared_ptr<grpc::Channel> in_process_channel();
 
   HealthService& health() { return health_; }
@@ -58,6 +62,7 @@ class Endpoint {
   Metrics* const metrics_;
   std::unique_ptr<SocketLock> socket_lock_;  ///< Null unless the server listens on a unix socket.
   std::unique_ptr<grpc::Server> server_;
+  std::unique_ptr<TcpListener> listener_;  ///< Null unless the server listens on TCP.
   std::string address_;
   int port_ = 0;
 };

@@ -1,4 +1,4 @@
-"""Connections that take all descriptors of a server, and one that no longer reaches itself.
+"""Connections that would take all descriptors of a server, and a server that no longer reaches itself.
 ctest runs it with VARIMESH, VARIMESHD and VARIMESH_SOURCE_DIR in the environment."""
 import http.client
 import re
@@ -9,6 +9,7 @@ import subprocess
 import threading
 import time
 import unittest
+from pathlib import Path
 
 from programs import ENDLESS, LARGER, MESH, VARIMESHD, WithFolder, run
 
@@ -45,13 +46,17 @@ class Flood(WithFolder):
             self.assertLess(time.monotonic(), deadline, why())
             time.sleep(0.1)
 
-    def flood(self, address):
-        """Opens connections that stay. Returns what closes them."""
+    def flood(self, address, source):
+        """Opens connections from an address, which stay. Returns what closes them."""
+        soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+        resource.setrlimit(resource.RLIMIT_NOFILE, (hard, hard))
+        self.addCleanup(resource.setrlimit, resource.RLIMIT_NOFILE, (soft, hard))
         host, port = address.split(":")
         opened = []
         for _ in range(CONNECTIONS):
             one = socket.socket()
             one.setblocking(False)
+            one.bind((source, 0))
             one.connect_ex((host, int(port)))
             opened.append(one)
         time.sleep(0.5)
@@ -80,24 +85,46 @@ class Flood(WithFolder):
         finally:
             connection.close()
 
+    def optimise(self, address):
+        done = run("optimise", MESH, "--server", address, "-o", self.folder / "out.msh")
+        self.assertEqual(done.returncode, 0, done.stderr)
+
+    def test_the_connections_of_one_address_leave_room_for_others(self):
+        server, address, admin, log = self.serve()
+        self.flood(address, "127.0.0.2")
+        for _ in range(3):
+            self.optimise(address)
+            self.assertEqual(self.readiness(admin), 200)
+        self.assertIn("connections are refused, first one from 127.0.0.2", "".join(log))
+        held = len(list(Path(f"/proc/{server.pid}/fd").iterdir()))
+        self.assertLess(held, DESCRIPTORS * 3 // 4)
+
+    def test_a_full_server_says_so_and_goes_on(self):
+        """Its call to itself comes from the address that has all connections. It does not end, as the next would be as full."""
+        server, address, admin, log = self.serve("--watchdog-seconds", "6")
+        job = run("submit", LARGER, "--server", address, *ENDLESS).stdout.strip()
+        close = self.flood(address, "127.0.0.1")
+        self.until(lambda: self.readiness(admin) == 503, 20)
+        time.sleep(14)
+        self.assertIsNone(server.poll(), "".join(log)[-2000:])
+        self.assertEqual(self.readiness(admin), 503)
+        close()
+        self.until(lambda: self.readiness(admin) == 200, 20)
+        self.assertEqual(run("cancel", job, "--server", address).returncode, 0)
+        self.optimise(address)
+
     def test_a_server_that_does_not_reach_itself_ends_and_keeps_its_jobs(self):
-        """gRPC 1.51 accepts nobody any more once it had no descriptor for a connection (CVE-2023-4785)."""
-        soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
-        resource.setrlimit(resource.RLIMIT_NOFILE, (hard, hard))
-        self.addCleanup(resource.setrlimit, resource.RLIMIT_NOFILE, (soft, hard))
         server, address, admin, log = self.serve("--watchdog-seconds", "6")
         self.assertEqual(self.readiness(admin), 200)
         job = run("submit", LARGER, "--server", address, *ENDLESS).stdout.strip()
-        close = self.flood(address)
-        self.until(lambda: self.readiness(admin) != 200, 20)
+        # It has descriptors, but gets no more: it accepts nobody.
+        resource.prlimit(server.pid, resource.RLIMIT_NOFILE, (10, DESCRIPTORS))
         self.assertEqual(server.wait(60), 1, "".join(log)[-2000:])
         self.assertIn("has not reached itself for", "".join(log))
-        close()
         _, address, _, _ = self.serve()
         self.assertIn(job, run("jobs", "--server", address).stdout)
         self.assertEqual(run("cancel", job, "--server", address).returncode, 0)
-        done = run("optimise", MESH, "--server", address, "-o", self.folder / "out.msh")
-        self.assertEqual(done.returncode, 0, done.stderr)
+        self.optimise(address)
 
 
 if __name__ == "__main__":

@@ -1,5 +1,5 @@
 // Locks a file beside the socket, and asks the socket whether somebody listens.
-#include "server/api/socket_lock.h"
+#include "server/sockets/socket_lock.h"
 
 #include <fcntl.h>
 #include <sys/file.h>

@@ -1,5 +1,5 @@
 // One server per unix socket.
-#include "server/api/socket_lock.h"
+#include "server/sockets/socket_lock.h"
 
 #include <sys/socket.h>
 #include <sys/un.h>
