@@ -38,18 +38,52 @@ TEST(Transport, RefusesMessagesThatGrpcHasCompressed) {
   EXPECT_EQ(service.wait_for(service.submit(service.spec_for("a mesh")).name()).state(), v1::JOB_STATE_SUCCEEDED);
 }
 
+/// Whether the bytes are frames of HTTP/2 of which one is a GOAWAY.
+bool says_goodbye(const std::string& bytes) {
+  constexpr std::size_t kHead = 9;
+  const auto byte = [&](std::size_t i) { return static_cast<std::size_t>(static_cast<unsigned char>(bytes[i])); };
+  for (std::size_t at = 0; at + kHead <= bytes.size();
+       at += kHead + (byte(at) << 16 | byte(at + 1) << 8 | byte(at + 2)))
+    if (byte(at + 3) == 7) return true;
+  return false;
+}
+
+/// Whether the server ends a connection that says this and nothing else within 20 s: it closes it or says GOAWAY, after
+/// which it waits some time for an answer.
+bool is_ended(const Service& service, const std::string& says) {
+  const int silent = tcp_socket(service.server->port());
+  EXPECT_EQ(::send(silent, says.data(), says.size(), 0), static_cast<ssize_t>(says.size()));
+  std::string heard;
+  char bytes[256];
+  pollfd readable{silent, POLLIN, 0};
+  bool ended = false;
+  while (!ended && ::poll(&readable, 1, 20'000) > 0) {
+    const ssize_t count = ::recv(silent, bytes, sizeof bytes, 0);
+    heard.append(bytes, static_cast<std::size_t>(std::max<ssize_t>(count, 0)));
+    ended = count <= 0 || says_goodbye(heard);
+  }
+  ::close(silent);
+  return ended;
+}
+
+/// The beginning of HTTP/2, and empty SETTINGS.
+const std::string kHello = "PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n" + std::string("\0\0\0\4\0\0\0\0\0", 9);
+
+TEST(Transport, EndsConnectionsWithoutCallsAndOldOnes) {
+  for (auto limit : {&Limits::connection_idle, &Limits::connection_age}) {
+    ServerOptions options = options_with(echo_engine());
+    options.limits.*limit = std::chrono::milliseconds(300);
+    const Service service(std::move(options));
+    EXPECT_TRUE(is_ended(service, kHello));
+    EXPECT_EQ(service.wait_for(service.submit(service.spec_for("a mesh")).name()).state(), v1::JOB_STATE_SUCCEEDED);
+  }
+}
+
 TEST(Transport, ClosesAConnectionThatSaysNothing) {
   ServerOptions options = options_with(echo_engine());
   options.limits.handshake_timeout = std::chrono::milliseconds(300);
   const Service service(std::move(options));
-  const int silent = tcp_socket(service.server->port());
-  // The server sends its settings and then closes the connection.
-  char bytes[256];
-  pollfd readable{silent, POLLIN, 0};
-  bool closed = false;
-  while (!closed && ::poll(&readable, 1, 20'000) > 0) closed = ::recv(silent, bytes, sizeof bytes, 0) <= 0;
-  EXPECT_TRUE(closed);
-  ::close(silent);
+  EXPECT_TRUE(is_ended(service, ""));
   EXPECT_EQ(service.wait_for(service.submit(service.spec_for("a mesh")).name()).state(), v1::JOB_STATE_SUCCEEDED);
 }
 

@@ -335,5 +335,30 @@ TEST(WorkerProcess, HasNoMoreMemoryThanItMay) {
   EXPECT_NE(why, "") << "a run cannot go on without memory";
 }
 
+TEST(WorkerProcess, HasNoMoreProcessorTimeThanItMay) {
+  for (const bool limited : {false, true}) {
+    std::atomic<int> process = 0;
+    Trial run(mesh_of("circle_p5.msh"));
+    run.request.options.time_limit = limited ? 1000 : 0;
+    run.request.options.max_iterations = limited ? 1'000'000 : 3;
+    run.request.options.tolerance = 1e-15;
+    run.request.options.method = Method::Sweeps;
+    run.request.options.active_set = false;
+    run.hooks.on_iteration = [&](const Iteration& iteration) {
+      rlimit limits{};
+      EXPECT_EQ(::prlimit(process, RLIMIT_CPU, nullptr, &limits), 0);
+      EXPECT_EQ(limits.rlim_cur != RLIM_INFINITY, limited);
+      if (limited && iteration.number == 1) {
+        limits.rlim_cur = 1;
+        EXPECT_EQ(::prlimit(process, RLIMIT_CPU, &limits, nullptr), 0);
+      }
+      return Control::Continue;
+    };
+    const auto outcome = run.run(in_processes([&](int id) { process = id; }));
+    ASSERT_TRUE(outcome);
+    EXPECT_EQ(outcome->lost, limited ? "used more processor time than its time limit allows" : "");
+  }
+}
+
 }  // namespace
 }  // namespace varimesh::server
