@@ -113,13 +113,20 @@ class FetchedKeys(WithFolder):
             time.sleep(0.05)
 
     def test_the_tokens_of_the_issuer_let_in(self):
-        server = self.serve("--jwt-keys", f"{self.issuer.url}/keys")
-        done = self.jobs(server, self.token())
+        server = self.serve("--jwt-keys", f"{self.issuer.url}/keys", "--log-level", "trace")
+        right = self.token()
+        done = self.jobs(server, right)
         self.assertEqual(done.returncode, 0, done.stderr)
-        for wrong in (self.token(exp=1), self.token(aud="other"), self.token(iss="https://other.example"),
-                      self.token(Key(self.folder, "first"))):
-            self.assertIn("does not know this token", self.jobs(server, wrong).stderr)
+        wrong = [self.token(exp=1), self.token(aud="other"), self.token(iss="https://other.example"),
+                 self.token(Key(self.folder, "first"))]
+        for each in wrong:
+            self.assertIn("does not know this token", self.jobs(server, each).stderr)
         self.assertEqual(self.issuer.asked, ["/keys"])
+        server.stop()
+        self.assertIn("TOKEN_UNKNOWN", "".join(server.log))
+        for token in (right, *wrong):
+            for part in token.split("."):
+                self.assertNotIn(part, "".join(server.log))
 
     def test_the_issuer_says_where_its_keys_are(self):
         self.issuer.answers["/.well-known/openid-configuration"] = (
