@@ -5,6 +5,7 @@
 #include <atomic>
 #include <limits>
 #include <memory>
+#include <string>
 
 namespace varimesh::formats {
 namespace {
@@ -49,6 +50,35 @@ std::optional<std::size_t> find_unshared_side(const HighOrderMesh& mesh, const C
     });
   });
   return found == kNone ? std::nullopt : std::optional(found.load());
+}
+
+tl::unexpected<Error> unshared_side(const Cells& cells, std::size_t cell, std::string_view format) {
+  return bad_option("Element " + std::to_string(cells.number(cell)) +
+                    " has other nodes on an edge or face than an element with the same vertices there, which " +
+                    std::string(format) + " format cannot hold; join the nodes, or write msh or vtu.");
+}
+
+Expected<void> check_shared_sides(const HighOrderMesh& mesh, std::string_view format, const Team& team) {
+  const Cells cells(mesh, mesh.dimension);
+  for (std::size_t cell = 0; cell < cells.count(); ++cell) {
+    const auto nodes = cells.nodes(cell).first(std::size_t(reference::info(cells.shape(cell)).vertices));
+    for (std::size_t v = 1; v < nodes.size(); ++v)
+      if (std::find(nodes.begin(), nodes.begin() + std::ptrdiff_t(v), nodes[v]) != nodes.begin() + std::ptrdiff_t(v))
+        return bad_option("Element " + std::to_string(cells.number(cell)) +
+                          " has a node as two of its vertices, which " + std::string(format) +
+                          " format cannot hold; mend the element, or write msh or vtu.");
+  }
+  if (mesh.order == 1) return {};
+  const auto vertices_of = [](Shape shape, std::span<const std::int32_t> nodes) {
+    std::array<std::int32_t, 8> vertices{};
+    std::copy_n(nodes.begin(), reference::info(shape).vertices, vertices.begin());
+    return vertices;
+  };
+  const MfemCells vertices = mfem_cells(cells, vertices_of);
+  const MfemTopology topology(mesh.dimension, mesh.order, std::int32_t(mesh.node_count()), vertices, team);
+  const auto cell = find_unshared_side(mesh, cells, vertices, topology, team);
+  if (cell) return unshared_side(cells, *cell, format);
+  return {};
 }
 
 }  // namespace varimesh::formats

@@ -360,9 +360,7 @@ Expected<void> write_mfem(const HighOrderMesh& mesh, Format, const Sink& sink, s
   const MfemNodes nodes = mfem_nodes_of(mesh);
   const Grid grid(mesh, nodes, team);
   if (const auto cell = nodes.space.continuous && mesh.order > 1 ? grid.unshared_side(team) : std::nullopt)
-    return bad_option("Element " + std::to_string(grid.cells.number(*cell)) +
-                      " has other nodes on an edge or face than an element with the same vertices there, which MFEM's "
-                      "format cannot hold; join the nodes, or write msh or vtu.");
+    return unshared_side(grid.cells, *cell, "MFEM's");
   const MfemAttributes cells = mfem_attributes(mesh, mesh.dimension);
   const MfemAttributes faces = mfem_attributes(mesh, mesh.dimension - 1);
   const bool named = !cells.sets.empty() || !faces.sets.empty();

@@ -22,7 +22,8 @@ Expected<MeshFile> read_nektar(std::string_view bytes, const Team& team);
 
 /// Writes a mesh, as text if it was read so, otherwise compressed, with evenly spaced points on all edges and faces
 /// from order 2 on. The order of the vertices of cells is the one that Nektar++ needs: a triangle collapses towards the
-/// same vertex in both its cells. Errors: BadOption if the mesh is 1-D, or if no such order exists.
+/// same vertex in both its cells. Errors: BadOption if the mesh is 1-D, if no such order exists,
+/// or if elements with a common edge or face have different nodes there.
 Expected<void> write_nektar(const HighOrderMesh& mesh, Format format, const Sink& sink,
                             std::span<const CellField> fields, const Team& team);
 

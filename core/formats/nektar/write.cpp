@@ -3,6 +3,7 @@
 #include <map>
 
 #include "core/formats/buffered_output.h"
+#include "core/formats/mfem/shared_sides.h"
 #include "core/formats/mfem/space.h"
 #include "core/formats/nektar/composites.h"
 #include "core/formats/nektar/grid.h"
@@ -386,14 +387,13 @@ class Writer {
 Expected<void> write_nektar(const HighOrderMesh& mesh, Format, const Sink& sink, std::span<const CellField>,
                             const Team& team) {
   if (mesh.dimension < 2) return bad_option("VariMesh writes Nektar++'s meshes of dimension 2 and 3 only; write vtu.");
+  if (auto shared = check_shared_sides(mesh, "Nektar++'s", team); !shared) return shared;
   auto vertices = nektar_vertices(mesh);
   if (!vertices) return tl::unexpected(vertices.error());
   const NektarGrid grid(mesh, std::move(*vertices), team);
   BufferedOutput out(sink, false, team);
-  const bool as_text = std::any_of(mesh.foreign.begin(), mesh.foreign.end(), [](const ForeignSection& section) {
-    return section.format == "nektar" && section.name == kNektarText;
-  });
-  Writer(grid, !as_text, out).write();
+  const auto says_text = [](const ForeignSection& part) { return part.format == "nektar" && part.name == kNektarText; };
+  Writer(grid, std::ranges::none_of(mesh.foreign, says_text), out).write();
   return out.finish();
 }
 

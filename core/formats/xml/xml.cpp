@@ -9,6 +9,7 @@
 #include <optional>
 #include <string>
 
+#include "core/base/utf8.h"
 #include "core/formats/scanner.h"
 
 namespace varimesh::formats {
@@ -172,13 +173,21 @@ std::string without_comments(std::string_view bytes, std::string_view last_eleme
 
 std::string escaped_xml(std::string_view text) {
   std::string escaped;
-  for (const char c : text) {
+  const std::string utf8 = as_utf8(text);
+  for (std::size_t at = 0; at < utf8.size(); ++at) {
+    const char c = utf8[at];
     if (c == '&')
       escaped += "&amp;";
     else if (c == '<')
       escaped += "&lt;";
     else if (c == '"')
       escaped += "&quot;";
+    else if (c == '\t' || c == '\n' || c == '\r')
+      escaped += "&#" + std::to_string(int(c)) + ";";  // as they are, they would be read as blanks
+    else if (static_cast<unsigned char>(c) < ' ')
+      escaped += as_plain_text({&c, 1});
+    else if (utf8.compare(at, 2, "\xef\xbf") == 0 && static_cast<unsigned char>(utf8[at + 2]) >= 0xBE)
+      escaped += utf8[at += 2] == '\xbe' ? "\\ufffe" : "\\uffff";
     else
       escaped += c;
   }

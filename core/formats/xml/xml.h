@@ -44,7 +44,8 @@ void walk_xml(std::string_view bytes, XmlVisitor& visitor);
 /// this name stays as it is: it may be raw bytes.
 std::string without_comments(std::string_view bytes, std::string_view last_element);
 
-/// The text as an attribute in quotation marks has it.
+/// The text as an attribute in quotation marks has it. What XML cannot hold is written as \xNN or \uNNNN: control
+/// characters, bytes that are not UTF-8, U+FFFE and U+FFFF.
 std::string escaped_xml(std::string_view text);
 
 /// Whether the bytes are XML whose first element has this name.

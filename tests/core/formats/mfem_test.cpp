@@ -238,10 +238,12 @@ TEST(Mfem, RefusesElementsThatDoNotShareTheNodesOfTheirSides) {
     }
     EXPECT_EQ(test::written(mesh, Format::Mfem), whole) << "nodes at one place do no harm";
     for (std::size_t node = before; node < mesh.node_count(); ++node) mesh.coordinates[3 * node] += 0.01;
-    const auto refused = formats::write(mesh, Format::Mfem, [](std::string_view) { return true; });
-    ASSERT_FALSE(refused);
-    const std::string last = "Element " + std::to_string(block.numbers.back()) + " has other nodes on an edge or face";
-    EXPECT_TRUE(refused.error().sentence.starts_with(last)) << refused.error().sentence;
+    for (const Format format : {Format::Mfem, Format::Nektar}) {
+      const auto refused = formats::write(mesh, format, [](std::string_view) { return true; });
+      ASSERT_FALSE(refused);
+      const std::string last = "Element " + std::to_string(block.numbers.back()) + " has other nodes on an edge";
+      EXPECT_TRUE(refused.error().sentence.starts_with(last)) << refused.error().sentence;
+    }
     EXPECT_EQ(read_back(test::written(mesh, Format::Msh22)).node_count(), mesh.node_count());
   }
 }

@@ -174,6 +174,27 @@ TEST(Nektar, ReadsCompressedListsThatNekMeshWrote) {
 
 // === Groups ==============================================================================================
 
+TEST(Nektar, KeepsNamesThatXmlCannotHoldReadable) {
+  HighOrderMesh mesh = testing::grid(Filling::Triangles, {1, 1, 1}, 2);
+  mesh.physical_groups[0].name = "a<&\">\t\n\r\x1b[31m\xff\xef\xbf\xbe\xef\xbf\xbf\xef\xbf\xbd";
+  for (const Format format : {Format::Nektar, Format::Vtu}) {
+    const HighOrderMesh back = read_back(test::written(mesh, format));
+    EXPECT_TRUE(std::any_of(back.physical_groups.begin(), back.physical_groups.end(), [](const PhysicalGroup& group) {
+      return group.name == "a<&\">\t\n\r\\x1b[31m\\xff\\ufffe\\uffff\xef\xbf\xbd";
+    }));
+  }
+  mesh.physical_groups[0].name = std::string("a\0b", 3);
+  EXPECT_NE(as_text(mesh).find("NAME=\"a\\x00b\""), std::string::npos);
+}
+
+TEST(Nektar, RefusesElementsWithANodeAsTwoVertices) {
+  HighOrderMesh mesh = test::one_cell(Shape::Quadrilateral, 1);
+  mesh.blocks[0].nodes[3] = mesh.blocks[0].nodes[2];
+  const auto refused = formats::write(mesh, Format::Nektar, [](std::string_view) { return true; });
+  ASSERT_FALSE(refused);
+  EXPECT_NE(refused.error().sentence.find("has a node as two of its vertices"), std::string::npos);
+}
+
 TEST(Nektar, CarriesTheNamesOfGroups) {
   const HighOrderMesh mesh = testing::grid(Filling::Hexahedra, {2, 1, 1}, 2);
   const std::string bytes = as_text(mesh);
