@@ -48,6 +48,8 @@ def flood(address, authority, kind, seconds):
 
 
 class Transport(Row):
+    """Frames of HTTP/2 from somebody without a certificate."""
+
     name = "transport floods, mutual TLS"
     tls = True
 
@@ -95,6 +97,8 @@ class Stops(Row):
 
 
 class Descriptors(Row):
+    """Connections that stay and uploads that are cut, at a server with few descriptors."""
+
     name = "descriptors"
     MANY = 256
 
@@ -144,6 +148,8 @@ class Descriptors(Row):
 
 
 class Store(Row):
+    """A disk that loses bytes."""
+
     name = "store"
     flags = ("--compress-after", "0")
 
@@ -176,6 +182,8 @@ def flip(path):
 
 
 class Files(Row):
+    """What other users and other servers of the machine could put in the way."""
+
     name = "files"
 
     def attack(self):
