@@ -117,7 +117,9 @@ class Nginx(WithFolder):
         self.assertIn("asks who calls", self.call("jobs").stderr)
 
     def flood(self, frames, until):
-        """Sends the frames, on new connections as often as nginx ends one."""
+        """Sends the frames, on new connections as often as nginx ends one. The processor that it takes is the attacker's,
+        so it leaves this machine's to the others."""
+        os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), 19)
         context = ssl.create_default_context(cafile=self.folder / "authority.pem")
         context.set_alpn_protocols(["h2"])
         while time.monotonic() < until:
