@@ -103,6 +103,7 @@ Expected<void> Server::start_scheduler() {
       metrics_->count_submission();
   };
   settings.spans = options_.spans;
+  settings.kernels_worked = [this](const KernelWork& work) { metrics_->count_kernels(work.operations, work.seconds); };
   settings.lost = [this] { metrics_->count_loss(); };
   settings.max_priority = options_.limits.max_priority;
   const WorkLimits work{options_.limits.max_job_iterations, options_.limits.max_job_seconds};

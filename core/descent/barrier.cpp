@@ -5,6 +5,8 @@
 #include <cmath>
 #include <limits>
 
+#include "core/base/stopwatch.h"
+
 namespace varimesh {
 namespace {
 
@@ -31,6 +33,7 @@ Barrier::~Barrier() {
 }
 
 double Barrier::gradient(std::span<const double> weights, std::span<double> gradient) {
+  const Stopwatch watch;
   for (std::size_t number = 0; number < batches_.size(); ++number) {
     CellSet& set = problem_.sets[number];
     set.energy_slope.resize(set.count);
@@ -46,6 +49,8 @@ double Barrier::gradient(std::span<const double> weights, std::span<double> grad
       hessian_.gradient(batches_[number], b, deformation.data());
     });
   }
+  if (meter_ != nullptr)
+    meter_->add_kernels({operations_.scan + operations_.gradient, watch.seconds() * team_.threads()});
   const std::size_t d = problem_.dimension;
   team_.for_ranges(problem_.free.size(), kNodesPerTask, [&](std::size_t begin, std::size_t end) {
     for (std::size_t rank = begin; rank < end; ++rank) {

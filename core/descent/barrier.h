@@ -6,9 +6,11 @@
 
 #include "core/base/team.h"
 #include "core/hessian/batches.h"
+#include "core/hessian/operations.h"
 #include "core/kernels/kernels.h"
 #include "core/preconditioner/reduction.h"
 #include "core/problem/problem.h"
+#include "core/progress/work_meter.h"
 
 namespace varimesh {
 
@@ -26,6 +28,13 @@ class Barrier {
   /// the gradient has no meaning.
   double gradient(std::span<const double> weights, std::span<double> gradient);
 
+  /// From now on counts what the kernels do with this meter, which must outlive the object; null: with none. `point`:
+  /// the operations of the kernels' energy.
+  void count_with(WorkMeter* meter, const PointOperations& point) {
+    meter_ = meter;
+    operations_ = mesh_operations(batches_, point);
+  }
+
   /// Of the last gradient(), by CellSet::first + cell.
   std::span<const CellScan> scans() const { return scans_; }
 
@@ -37,6 +46,8 @@ class Barrier {
   const Team& team_;
   Reduction reduction_;
   std::vector<BatchSet> batches_;
+  WorkMeter* meter_ = nullptr;
+  MeshOperations operations_;
   std::vector<CellScan> scans_;
 };
 

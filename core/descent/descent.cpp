@@ -71,6 +71,7 @@ Descent::Descent(const DescentContext& context)
       work_(gradient_.size()),
       lost_(problem_.cells, 0),
       uncertified_(problem_.cells, 0) {
+  barrier_.count_with(context.meter, point_operations(context.material, problem_.dimension));
   const std::vector<Standing> standings = context.guard.standings();
   for (CellSet& set : problem_.sets)
     for (std::int32_t cell = 0; cell < set.count; ++cell)

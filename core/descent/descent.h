@@ -15,6 +15,7 @@
 #include "core/descent/quasi_newton.h"
 #include "core/energy/material.h"
 #include "core/guard/guard.h"
+#include "core/progress/work_meter.h"
 #include "core/quality/quality.h"
 #include "core/validity/certifier.h"
 
@@ -35,6 +36,7 @@ struct DescentContext {
   /// Of `mesh`: the best mesh does not have both a smaller minimum of the scaled Jacobian, by more than 0.001, and a
   /// smaller mean. Null: there is no such demand.
   const QualityReport* least = nullptr;
+  WorkMeter* meter = nullptr;  ///< Counts what the kernels do; null: nobody wants to know.
 };
 
 /// What one round did.

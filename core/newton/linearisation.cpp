@@ -70,22 +70,26 @@ void Newton::linearise() {
     for (const BatchSet& set : batches_) cell_gradients_.emplace_back(set.contributions.size() / 2);
   find_gradient();
   const auto nodes = static_cast<std::int32_t>(problem_.free.size());
+  const Stopwatch watch;
   for (BatchSet& set : batches_)
     team_.for_each(set.count, kBatchesPerTask, [&](std::int32_t b) {
       hessian_.node_blocks(set, b);
       count(kBatch);
     });
+  count_kernels(operations_.blocks, watch);
   team_.for_each(nodes, kNodesPerTask,
                  [&](std::int32_t rank) { preconditioner_.set_block(rank, added_up_block(rank)); });
   if (coarse_is_old_) preconditioner_.assemble(hessian_, meter_);
 }
 
 void Newton::find_gradient() {
+  const Stopwatch watch;
   for (std::size_t set = 0; set < batches_.size(); ++set)
     team_.for_each(batches_[set].count, kBatchesPerTask, [&](std::int32_t b) {
       linearise_batch(set, b);
       count(kBatch);
     });
+  count_kernels(operations_.scan + operations_.gradient, watch);
   team_.for_each(static_cast<std::int32_t>(problem_.free.size()), kNodesPerTask,
                  [&](std::int32_t rank) { add_up_gradient(rank); });
 }

@@ -97,11 +97,13 @@ void Newton::add_norm_term(std::size_t b, std::int32_t batch) {
 }
 
 double Newton::multiply() {
+  const Stopwatch watch;
   for (std::size_t set = 0; set < batches_.size(); ++set)
     team_.for_each(batches_[set].count, 2, [&](std::int32_t b) {
       hessian_.apply(batches_[set], b, direction_);
       if (!norm_.is_sum()) add_norm_term(set, b);
     });
+  count_kernels(operations_.product, watch);
   const auto nodes = static_cast<std::int32_t>(problem_.free.size());
   return reduction_.sum(static_cast<std::size_t>((nodes + kNodesPerTask - 1) / kNodesPerTask), 1,
                         [&](std::size_t task) {
@@ -259,6 +261,7 @@ double Newton::energy_at(double alpha, const std::vector<double>& start) {
 }
 
 void Newton::scan_all() {
+  const Stopwatch watch;
   for (const CellSet& set : problem_.sets)
     team_.for_each(set.count, kCellsPerTask, [&](std::int32_t cell) {
       static thread_local AlignedVector<double> deformation;
@@ -266,6 +269,7 @@ void Newton::scan_all() {
       kernels_.deform(set, cell, problem_.positions, deformation.data());
       scans_[set.first + cell] = kernels_.scan(set, cell, deformation.data(), nullptr);
     });
+  count_kernels(operations_.scan, watch);
 }
 
 double Newton::rounding() {

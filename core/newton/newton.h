@@ -7,8 +7,10 @@
 #include <vector>
 
 #include "core/base/conjugate_gradients.h"
+#include "core/base/stopwatch.h"
 #include "core/base/team.h"
 #include "core/hessian/batches.h"
+#include "core/hessian/operations.h"
 #include "core/kernels/kernels.h"
 #include "core/kernels/p_norm.h"
 #include "core/newton/ritz_values.h"
@@ -56,8 +58,12 @@ class Newton {
     most_products_ = most_products;
   }
 
-  /// From now on counts assemblies and products with this meter, which must outlive the object; null: with none.
-  void count_with(WorkMeter* meter) { meter_ = meter; }
+  /// From now on counts assemblies and products, and what the kernels do, with this meter, which must outlive the
+  /// object; null: with none. `point`: the operations of the kernels' energy.
+  void count_with(WorkMeter* meter, const PointOperations& point) {
+    meter_ = meter;
+    operations_ = mesh_operations(batches_, point);
+  }
 
   /// If the team's token interrupts it, the nodes are where they were before, or where the step has put them.
   NewtonOutcome step();
@@ -81,6 +87,10 @@ class Newton {
   void begin_assembly(bool whole);
   void count(std::int64_t work) const {
     if (meter_ != nullptr) meter_->add(work);
+  }
+  /// Tells the meter what the kernels have done in a loop that all threads have shared since the stopwatch started.
+  void count_kernels(double operations, const Stopwatch& watch) const {
+    if (meter_ != nullptr) meter_->add_kernels({operations, watch.seconds() * team_.threads()});
   }
   /// Sets hessian_scale_ so that the Hessian fits single precision. That of the p-norm is estimated as that of the
   /// energy times the largest slope of a cell.
@@ -148,6 +158,7 @@ class Newton {
   double tolerance_;
   const Team& team_;
   WorkMeter* meter_ = nullptr;
+  MeshOperations operations_;
   Reduction reduction_;
   std::vector<BatchSet> batches_;
   Preconditioner preconditioner_;

@@ -245,7 +245,8 @@ DescentContext Continuation::descent_context() {
           team_,
           set_up_.options.min_js,
           came_valid_,
-          least_};
+          least_,
+          control_.meter};
 }
 
 void Continuation::lower_loss(Result& result) {

@@ -53,7 +53,7 @@ StageRun::StageRun(const StageContext& context, const Stopwatch& watch)
       chooser_(options_, guard_.repairable()),
       stopper_(options_),
       raiser_(mesh_, problem_, guard_, team_) {
-  sweeper_.count_with(meter_);
+  sweeper_.count_with(meter_, point_operations(material(options_), problem_.dimension));
 }
 
 void StageRun::follow(Carried carried) {
@@ -150,7 +150,7 @@ std::optional<StageRun::MethodOutcome> StageRun::raise() {
 Newton& StageRun::newton() {
   if (newton_) return *newton_;
   newton_.emplace(problem_, kernels_, *hessian_, norm_, options_.tolerance, team_);
-  newton_->count_with(meter_);
+  newton_->count_with(meter_, point_operations(material(options_), problem_.dimension));
   if (began_ > 0) newton_->solve_roughly(kMostProductsOfALaterStage);
   if (!rested_newton_.empty()) {
     CheckpointReader reader({rested_newton_.data(), rested_newton_.size()}, 0);

@@ -26,7 +26,14 @@ struct Work {
   std::int64_t groups_left = -1;  ///< Groups of tetrahedra that the last look for splits has found; −1 before any look.
 };
 
-/// Counts the work of a run and reports it at most ten times per second. What it has not reported by then is lost.
+/// What the kernels of the energy (core/kernels/, core/hessian/) have done in a run.
+struct KernelWork {
+  double operations = 0;  ///< Floating-point operations, as core/kernels/operations.h counts them.
+  double seconds = 0;     ///< Time in loops over kernels, times the threads that share them.
+};
+
+/// Counts the work of a run and reports it at most ten times per second. What it has not reported by then is lost. It
+/// adds up what the kernels do, which anybody may read at any time.
 class WorkMeter {
  public:
   /// Called from any thread that works, one call at a time. Must not block.
@@ -55,6 +62,16 @@ class WorkMeter {
     if (lock) report_({activity_, done, of_, groups_left_});
   }
 
+  /// The kernels have done this. Several threads may call it at the same time, once for a loop over many cells.
+  void add_kernels(const KernelWork& work) {
+    operations_.fetch_add(work.operations, std::memory_order_relaxed);
+    kernel_seconds_.fetch_add(work.seconds, std::memory_order_relaxed);
+  }
+  /// All that the kernels have done so far.
+  KernelWork kernels() const {
+    return {operations_.load(std::memory_order_relaxed), kernel_seconds_.load(std::memory_order_relaxed)};
+  }
+
  private:
   using Clock = std::chrono::steady_clock;
 
@@ -64,6 +81,7 @@ class WorkMeter {
   std::atomic<std::int64_t> done_ = 0;
   std::atomic<Clock::rep> due_ = 0;  ///< When the next report is due, in ticks of the clock.
   std::mutex reporting_;
+  std::atomic<double> operations_ = 0, kernel_seconds_ = 0;
 };
 
 }  // namespace varimesh

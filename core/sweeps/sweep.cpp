@@ -1,6 +1,7 @@
 #include "core/sweeps/sweep.h"
 
 #include <Eigen/Dense>
+#include <algorithm>
 #include <cmath>
 #include <limits>
 
@@ -104,13 +105,27 @@ Sweeper::Sweeper(Problem& problem, const ColouredNodes& coloured, const Kernels&
 
 void Sweeper::rebuild() {
   if (hold_deformation(problem_, kernels_.keeps_function())) std::fill(drifted_.begin(), drifted_.end(), 1);
-  for (CellSet& set : problem_.sets)
+  const Stopwatch watch;
+  double operations = 0;
+  for (CellSet& set : problem_.sets) {
+    operations += static_cast<double>(marked(set, drifted_)) * rebuild_operations(set, point_);
     team_.for_each(set.count, kCellsPerTask, [&](std::int32_t cell) {
       if (drifted_[set.first + cell] == 0) return;
       kernels_.rebuild(set, cell, problem_.positions);
       drifted_[set.first + cell] = 0;
       changed_[set.first + cell] = 1;
     });
+  }
+  count_kernels(operations, watch);
+}
+
+std::int64_t Sweeper::marked(const CellSet& set, const std::vector<char>& marks) {
+  const auto first = marks.begin() + set.first;
+  return set.count - std::count(first, first + set.count, 0);
+}
+
+void Sweeper::count_kernels(double operations, const Stopwatch& watch) const {
+  if (meter_ != nullptr) meter_->add_kernels({operations, watch.seconds() * team_.threads()});
 }
 
 bool Sweeper::refresh() {
@@ -169,7 +184,11 @@ ScanOutcome Sweeper::scan() {
   ScanOutcome outcome;
   outcome.min_scaled_jacobian = 1;
   ++clock_;  // later than every visit so far, so that a cell with a new δ wakes its nodes
+  const Stopwatch watch;
+  double operations = 0;
   for (CellSet& set : problem_.sets) {
+    operations += static_cast<double>(marked(set, changed_)) *
+                  (set.deformation.empty() ? scan_operations(set, point_) : kept_scan_operations(set, point_));
     team_.for_each(set.count, kCellsPerTask, [&](std::int32_t cell) {
       const bool was_unrepairable = set.delta_squared[cell] == kUnrepairableDeltaSquared;
       if (changed_[set.first + cell] != 0 || is_unrepairable(set, cell) != was_unrepairable) rescan(set, cell);
@@ -181,6 +200,7 @@ ScanOutcome Sweeper::scan() {
       if (!(scan.smallest_jacobian > 0)) ++outcome.invalid;
     }
   }
+  count_kernels(operations, watch);
   if (measure_ > 0) outcome.energy /= measure_;
   if (!norm_.is_sum()) outcome.energy = std::pow(outcome.energy, 1 / norm_.p);
   return outcome;
@@ -193,6 +213,7 @@ SweepOutcome Sweeper::sweep() {
   visited_at_.resize(problem_.free.size());
   if (!holds_deformation(problem_)) rebuild();
   if (meter_ != nullptr) meter_->begin(Activity::Sweep, static_cast<std::int64_t>(problem_.free.size()));
+  const Stopwatch watch;
   for (std::size_t colour = 0; colour + 1 < coloured_.colours.size(); ++colour) {
     const std::int32_t first = coloured_.colours[colour], count = coloured_.colours[colour + 1] - first;
     team_.for_each(count, grain_, [&](std::int32_t group) {
@@ -207,11 +228,14 @@ SweepOutcome Sweeper::sweep() {
     clock_ += largest_group_;
   }
   SweepOutcome outcome;
+  double operations = 0;
   for (const Visit& visit : visits_) {
     outcome.residual = std::max(outcome.residual, visit.step);
     outcome.gradient_norm += visit.squared_gradient;
     outcome.visited += visit.made ? 1 : 0;
+    operations += operations_of(visit);
   }
+  count_kernels(operations, watch);
   outcome.gradient_norm = std::sqrt(outcome.gradient_norm);
   return outcome;
 }
@@ -223,6 +247,19 @@ bool Sweeper::at_rest(std::int32_t rank) const {
     if (moved_at_[problem_.sets[at.set].first + at.cell] > visited_at_[rank]) return false;
   }
   return true;
+}
+
+std::int32_t Sweeper::points_of_star(std::int32_t rank) const {
+  std::int32_t points = 0;
+  for (std::int64_t i = problem_.offsets[rank]; i < problem_.offsets[rank + 1]; ++i)
+    points += problem_.sets[problem_.incidences[i].set].points;
+  return points;
+}
+
+double Sweeper::operations_of(const Visit& visit) const {
+  const int a_point =
+      (visit.made ? point_.expand : 0) + visit.trials * point_.energy_after + (visit.moved ? point_.move : 0);
+  return static_cast<double>(visit.points) * a_point;
 }
 
 void Sweeper::note_move(std::int32_t rank, std::int64_t now, double length) {
@@ -269,13 +306,14 @@ Sweeper::Visit Sweeper::visit(std::int32_t rank, std::int64_t now, double* scrat
     length += full[i] * full[i];
     squared_gradient += here.gradient[i] * here.gradient[i];
   }
-  const Visit visit{std::sqrt(length) * problem_.inverse_size[rank], squared_gradient, true};
+  Visit visit{std::sqrt(length) * problem_.inverse_size[rank], squared_gradient, points_of_star(rank), 0, true, false};
   if (!(length > 0) || !(slope < 0)) return visit;
 
   std::array<double, 3> step{};
   const AcceptedStep accepted =
       backtrack({here.energy, slope, kEnergyNoise * here.measure, kMostTrials}, [&](double alpha) {
         step = {alpha * full[0], alpha * full[1], alpha * full[2]};
+        ++visit.trials;
         return energy_after(kernels_, star, step.data(), norm_);
       });
   if (accepted.alpha == 0) {
@@ -286,6 +324,7 @@ Sweeper::Visit Sweeper::visit(std::int32_t rank, std::int64_t now, double* scrat
     return visit;
   }
   kernels_.move(star, step.data());
+  visit.moved = true;
   double* x = problem_.positions.data() + static_cast<std::size_t>(problem_.free[rank]) * d;
   for (int i = 0; i < d; ++i) x[i] += step[i];
   if (visit.step > rest_) visited_at_[rank] = 0;  // the node is not at rest yet

@@ -4,8 +4,10 @@
 #include <span>
 #include <vector>
 
+#include "core/base/stopwatch.h"
 #include "core/base/team.h"
 #include "core/kernels/kernels.h"
+#include "core/kernels/operations.h"
 #include "core/kernels/p_norm.h"
 #include "core/problem/problem.h"
 #include "core/progress/work_meter.h"
@@ -61,8 +63,12 @@ class Sweeper {
   /// The same if the new scans of all cells are known and no deformation gradients are held.
   void changed(std::span<const CellScan> scans);
 
-  /// From now on counts visits with this meter, which must outlive the object; null: with none.
-  void count_with(WorkMeter* meter) { meter_ = meter; }
+  /// From now on counts visits, and what the kernels do, with this meter, which must outlive the object; null: with
+  /// none. `point`: the operations of the kernels' energy.
+  void count_with(WorkMeter* meter, const PointOperations& point) {
+    meter_ = meter;
+    point_ = point;
+  }
 
   /// Visits every free node that is not at rest once, colour by colour. If the team's token interrupts it, nodes that
   /// were visited have moved.
@@ -75,12 +81,23 @@ class Sweeper {
   struct Visit {
     double step = 0;  ///< In units of the smallest size of a cell around the node.
     double squared_gradient = 0;
+    std::int32_t points = 0;  ///< Quadrature points of the star.
+    std::int16_t trials = 0;  ///< Energies of the line search.
     bool made = false;
+    bool moved = false;
   };
   /// Minimises the energy of one star by one Newton step with a line search. `scratch`: NodeStar::kMostNumbers numbers
   /// of the thread.
   Visit visit(std::int32_t rank, std::int64_t now, double* scratch);
   bool at_rest(std::int32_t rank) const;
+  /// Quadrature points of the cells around a node.
+  std::int32_t points_of_star(std::int32_t rank) const;
+  /// Operations of a visit.
+  double operations_of(const Visit& visit) const;
+  /// How many cells of the set have a mark. `marks`: by cell.
+  static std::int64_t marked(const CellSet& set, const std::vector<char>& marks);
+  /// Tells the meter what the kernels have done in a loop that all threads have shared since the stopwatch started.
+  void count_kernels(double operations, const Stopwatch& watch) const;
   /// After the node moved by `length`: marks its cells as changed, and wakes their nodes if the moves in a cell add up
   /// to more than rest_.
   void note_move(std::int32_t rank, std::int64_t now, double length);
@@ -101,6 +118,7 @@ class Sweeper {
   PNorm norm_;
   const Team& team_;
   WorkMeter* meter_ = nullptr;
+  PointOperations point_{};
   double measure_ = 0;           ///< Σ weight |det A| over all cells.
   std::vector<Visit> visits_;    ///< By rank, so that sums are always taken in the same order.
   std::vector<CellScan> scans_;  ///< By cell, for the same reason.

@@ -58,7 +58,7 @@ struct RunHooks {
   /// Checkpoints, threads, and whether the run is to stop, as the library asks for them. `control.checkpoint` is what
   /// an earlier attempt at the job has saved. If it can be used, the run continues from there, to the same bytes as
   /// without the interruption; otherwise, and if it is empty, the run starts from the beginning. `control.stop_asked`
-  /// must be set.
+  /// must be set. Every run adds what its kernels do to `control.meter`.
   RunControl control;
   /// Called before the mesh is read, with the least and the most memory that reading it takes, in bytes. Waits until
   /// there is enough or the run is to stop. False if it is to stop. Errors: BadInput if there can never be the least.

@@ -25,6 +25,7 @@
 #include "server/engine/translate.h"
 #include "server/isolation/loan.h"
 #include "server/isolation/plain_texts.h"
+#include "server/isolation/reported_work.h"
 #include "server/isolation/worker.pb.h"
 #include "server/isolation/worker_process.h"
 
@@ -193,6 +194,8 @@ class Conversation {
       case worker::FromWorker::kWork:
         if (hooks_.on_work) hooks_.on_work(message.work());
         return;
+      case worker::FromWorker::kKernels:
+        return add_reported(message.kernels(), began_, most_threads(), hooks_.control.meter);
       case worker::FromWorker::kNote:
         if (hooks_.on_note && notes_++ < kMostNotes) hooks_.on_note(as_plain_text(message.note()));
         return;

@@ -160,10 +160,22 @@ Expected<bool> outcome_of(const worker::Answer& answer) {
   return answer.yes();
 }
 
+/// Tells the server what the kernels have done since it was told last.
+void tell_kernels(Conversation& server, const WorkMeter& meter, KernelWork& told) {
+  const KernelWork now = meter.kernels();
+  worker::FromWorker message;
+  message.mutable_kernels()->set_operations(now.operations - told.operations);
+  message.mutable_kernels()->set_seconds(now.seconds - told.seconds);
+  told = now;
+  server.say(message);
+}
+
 /// What the library asks, as questions to the server.
-RunHooks hooks_for(Conversation& server, Output& output, WorkMeter& meter, std::atomic<bool>& is_read) {
+RunHooks hooks_for(Conversation& server, Output& output, WorkMeter& meter, KernelWork& told,
+                   std::atomic<bool>& is_read) {
   RunHooks hooks;
   hooks.on_iteration = [&](const Iteration& iteration) {
+    tell_kernels(server, meter, told);
     worker::FromWorker question;
     *question.mutable_iteration() = to_proto(iteration);
     return server.ask(question).yes() ? Control::Stop : Control::Continue;
@@ -282,9 +294,11 @@ void run(Conversation& server, RunRequest request, std::string_view checkpoint) 
       *message.mutable_work() = to_proto(work);
       server.say(message);
     });
-    RunHooks hooks = hooks_for(server, output, meter, is_read);
+    KernelWork told;
+    RunHooks hooks = hooks_for(server, output, meter, told, is_read);
     hooks.control.checkpoint = checkpoint;
     const auto outcome = core_engine().run(std::move(request), hooks);
+    tell_kernels(server, meter, told);
     if (!outcome) return server.say(failure(outcome.error()));
     output.end();
     tell(server, *outcome);

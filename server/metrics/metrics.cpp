@@ -88,6 +88,11 @@ struct Metrics::Families {
                                        .Register(registry);
   Counter& lost =
       counters(registry, "varimesh_jobs_lost_total", "Jobs that were taken back from a server that was lost.").Add({});
+  Counter& kernel_operations = counters(registry, "varimesh_kernel_operations_total",
+                                        "Floating-point operations of the kernels of the energy and its derivatives.")
+                                   .Add({});
+  Counter& kernel_seconds =
+      counters(registry, "varimesh_kernel_seconds_total", "Seconds that threads have spent in these kernels.").Add({});
   Family<Counter>& bytes =
       counters(registry, "varimesh_mesh_bytes_total", "Bytes of meshes and results that clients sent and got.");
   Counter& bytes_in = bytes.Add({{"direction", "in"}});
@@ -120,6 +125,11 @@ void Metrics::count_end(const v1::Job& job) {
 }
 
 void Metrics::count_loss() { families_->lost.Increment(); }
+
+void Metrics::count_kernels(double operations, double seconds) {
+  families_->kernel_operations.Increment(operations);
+  families_->kernel_seconds.Increment(seconds);
+}
 
 void Metrics::count_bytes(bool sent_by_client, std::int64_t bytes) {
   (sent_by_client ? families_->bytes_in : families_->bytes_out).Increment(static_cast<double>(bytes));

@@ -29,6 +29,9 @@ struct Gauges {
 ///   varimesh_jobs_submitted_total                         jobs that were accepted
 ///   varimesh_job_run_seconds{outcome}                     histogram: run times of the last attempts, by how jobs ended
 ///   varimesh_jobs_lost_total                              jobs that were taken back from a server that was lost
+///   varimesh_kernel_operations_total                      floating-point operations of the kernels of the energy, its
+///                                                         gradient and its Hessian (core/kernels/operations.h)
+///   varimesh_kernel_seconds_total                         seconds that threads have spent in these kernels
 ///   varimesh_mesh_bytes_total{direction}                  bytes of meshes and results that clients sent ("in") and got
 ///                                                         ("out")
 ///   varimesh_store_bytes                                  bytes of all meshes and results, from the server that sweeps
@@ -51,6 +54,8 @@ class Metrics {
   void count_end(const v1::Job& job);
   /// Counts a job that was taken back from a server that was lost.
   void count_loss();
+  /// Counts floating-point operations of the kernels, and the seconds that threads have spent in them.
+  void count_kernels(double operations, double seconds);
   /// Counts bytes of meshes that clients have sent or got.
   void count_bytes(bool sent_by_client, std::int64_t bytes);
   /// Counts a call, such as "/varimesh.v1.JobService/GetJob". `code`: gRPC's status code.

@@ -148,6 +148,26 @@ class StopAtOnce {
   std::atomic<SteadyTime> stopping_since_ = SteadyTime{};
 };
 
+/// Tells what the kernels of an attempt have done, however it ends.
+class KernelReport {
+ public:
+  KernelReport(const Attempt& attempt, const WorkMeter& meter) : attempt_(attempt), meter_(meter) {}
+  ~KernelReport() { tell(); }
+  KernelReport(const KernelReport&) = delete;
+  KernelReport& operator=(const KernelReport&) = delete;
+
+  void tell() {
+    const KernelWork now = meter_.kernels();
+    attempt_.kernels_worked({now.operations - told_.operations, now.seconds - told_.seconds});
+    told_ = now;
+  }
+
+ private:
+  const Attempt& attempt_;
+  const WorkMeter& meter_;
+  KernelWork told_;
+};
+
 /// Writes the outputs of a run to the mesh store. They are released again unless take() is called.
 class Outputs {
  public:
@@ -261,10 +281,12 @@ Ending run(const Attempt& attempt) {
   hooks.on_work = [&](const v1::Work& work) { attempt.log.set_work(work); };
   WorkMeter meter([&](const Work& work) { attempt.log.set_work(to_proto(work)); });
   hooks.control.meter = &meter;
+  KernelReport kernels(attempt, meter);
   StopAtOnce stop_at_once(attempt);
   const bool can_be_saved = attempt.note_checkpoint != nullptr;
   hooks.on_iteration = [&](const Iteration& iteration) {
     progress(iteration);
+    kernels.tell();
     stages.note(iteration.phase);
     const bool is_safe = !can_be_saved || checkpoints.has_saved(iteration.number);
     return attempt.cancelled() || (attempt.stopping() && (is_safe || stop_at_once())) ? Control::Stop

@@ -35,6 +35,8 @@ struct Attempt {
   /// Called when a stage begins: "fetch" (of the mesh), "read", the phases of the optimisation, "store" (of the
   /// result). May be called again in the same stage. `since`: when the stage before has ended.
   std::function<void(const std::string& stage, TimePoint since)> on_stage = [](const auto&, TimePoint) {};
+  /// Called after iterations and at the end, with what the kernels have done since the call before.
+  std::function<void(const KernelWork&)> kernels_worked = [](const KernelWork&) {};
 };
 
 /// Runs the attempt to its end and adds its iterations to the event log. Never throws: all failures are returned in the

@@ -232,6 +232,7 @@ void Scheduler::run(const std::shared_ptr<Running>& running, const LentThreads& 
       if (noted) release(noted->released);
       return noted.has_value();
     };
+  attempt.kernels_worked = settings_.kernels_worked;
   attempt.stop_patience = [this] { return stop_patience_.load(); };
   RunSpans spans(settings_.spans, claim, settings_.clock);
   attempt.on_stage = [&](const std::string& stage, TimePoint since) { spans.enter(stage, since); };

@@ -46,7 +46,8 @@ struct SchedulerSettings {
   std::function<void(int threads, Job job)> launch;
   std::function<void(const std::string& job, const std::string& what)> log = [](const auto&, const auto&) {};
   std::function<void(const v1::Job&)> noted = [](const auto&) {};  ///< Called with each job that is new or has ended.
-  SpanSink spans = {};                 ///< Takes the spans of the runs. Empty: nobody wants them.
+  SpanSink spans = {};  ///< Takes the spans of the runs. Empty: nobody wants them.
+  std::function<void(const KernelWork&)> kernels_worked = [](const auto&) {};  ///< Attempt::kernels_worked.
   std::function<void()> lost = [] {};  ///< Called for each job that was taken back from a worker that was lost.
 };
 

@@ -111,6 +111,11 @@ class Metrics(WithFolder):
         self.assertEqual(now["varimesh_jobs_submitted_total"], 3)
         self.assertEqual(now['varimesh_job_run_seconds_count{outcome="succeeded"}'], 1)
         self.assertEqual(now["varimesh_jobs_lost_total"], 0)
+        # The processes of the jobs have told what their kernels did.
+        self.assertEqual(before["varimesh_kernel_operations_total"], 0)
+        self.assertGreater(now["varimesh_kernel_operations_total"], 1e5)
+        rate = now["varimesh_kernel_operations_total"] / now["varimesh_kernel_seconds_total"]
+        self.assertTrue(1e6 < rate < 1e12, rate)
         sent = MESH.stat().st_size + LARGER.stat().st_size
         self.assertTrue(0 < now['varimesh_mesh_bytes_total{direction="in"}'] <= sent, "clients compress")
         self.assertGreater(now['varimesh_mesh_bytes_total{direction="out"}'], 0)

@@ -60,5 +60,15 @@ TEST(WorkMeter, ReportsAtMostTenTimesPerSecondWhateverTheThreads) {
   EXPECT_LE(times.size(), 5u);
 }
 
+TEST(WorkMeter, AddsUpWhatTheKernelsDoWhateverTheThreads) {
+  WorkMeter meter([](const Work&) { FAIL() << "nobody waits for kernels"; });
+  EXPECT_EQ(meter.kernels().operations, 0);
+  EXPECT_EQ(meter.kernels().seconds, 0);
+  const Team team(4);
+  team.run([&] { team.for_each(10'000, 1, [&](std::int32_t i) { meter.add_kernels({double(i), 0.25}); }); });
+  EXPECT_EQ(meter.kernels().operations, 9'999 * 5'000.0);
+  EXPECT_EQ(meter.kernels().seconds, 2'500);
+}
+
 }  // namespace
 }  // namespace varimesh

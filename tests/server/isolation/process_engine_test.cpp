@@ -9,12 +9,14 @@
 #include <cmath>
 #include <csignal>
 #include <fstream>
+#include <limits>
 #include <memory>
 #include <sstream>
 #include <string>
 #include <vector>
 
 #include "core/formats/formats.h"
+#include "server/isolation/reported_work.h"
 #include "server/isolation/worker_process.h"
 #include "tests/core/support/meshes.h"
 
@@ -115,6 +117,9 @@ TEST(ProcessEngine, GivesTheSameBytesAsARunInThisProcess) {
     Trial here(mesh_of(name)), there(mesh_of(name));
     for (Trial* run : {&here, &there})
       run->request.outputs = {v1::MESH_FORMAT_UNSPECIFIED, v1::MESH_FORMAT_VTU, v1::MESH_FORMAT_PARTS};
+    WorkMeter meter_here([](const Work&) {}), meter_there([](const Work&) {});
+    here.hooks.control.meter = &meter_here;
+    there.hooks.control.meter = &meter_there;
     const auto one = here.run(core_engine()), other = there.run(in_processes());
     ASSERT_TRUE(one && other);
     EXPECT_EQ(other->lost, "");
@@ -127,7 +132,28 @@ TEST(ProcessEngine, GivesTheSameBytesAsARunInThisProcess) {
     EXPECT_EQ(here.told.notes, there.told.notes);
     EXPECT_EQ(here.told.most, there.told.most);
     EXPECT_EQ(here.told.admitted, there.told.admitted);
+    EXPECT_GT(meter_here.kernels().operations, 1e4);
+    EXPECT_EQ(meter_here.kernels().operations, meter_there.kernels().operations) << "the process tells its own";
+    EXPECT_GT(meter_there.kernels().seconds, 0);
   }
+}
+
+TEST(ProcessEngine, DropsReportsOfKernelsThatCannotBeTrue) {
+  WorkMeter meter([](const Work&) {});
+  const auto report = [&](double operations, double seconds) {
+    worker::KernelWork work;
+    work.set_operations(operations);
+    work.set_seconds(seconds);
+    add_reported(work, std::chrono::steady_clock::now() - std::chrono::seconds(10), 2, &meter);
+  };
+  const double none = std::numeric_limits<double>::quiet_NaN(), infinity = std::numeric_limits<double>::infinity();
+  for (const double operations : {-1.0, 1e15, none, infinity}) report(operations, 1);
+  for (const double seconds : {-1.0, 40.0, none, infinity}) report(1e9, seconds);
+  EXPECT_EQ(meter.kernels().operations, 0);
+  EXPECT_EQ(meter.kernels().seconds, 0);
+  report(1e11, 19);
+  EXPECT_EQ(meter.kernels().operations, 1e11);
+  EXPECT_EQ(meter.kernels().seconds, 19);
 }
 
 TEST(ProcessEngine, JudgesAMesh) {

@@ -22,14 +22,24 @@ class AttemptTest : public ::testing::Test {
     Engine engine;
     engine.run = std::move(work);
     const LentThreads threads{[] { return 2; }};
-    return run_attempt({claim_, engine, *meshes_, log_, threads, memory_, [this] { return wall_; },
-                        [this] { return now_; }, [this] { return cancelled_; }, [this] { return stopping_; },
-                        [this](const v1::Iteration& iteration) { noted_.push_back(iteration.number()); },
-                        std::chrono::milliseconds(0),
-                        [this](const CheckpointReference& checkpoint) {
-                          checkpoints_.push_back(checkpoint);
-                          return records_;
-                        }});
+    Attempt attempt{claim_,
+                    engine,
+                    *meshes_,
+                    log_,
+                    threads,
+                    memory_,
+                    [this] { return wall_; },
+                    [this] { return now_; },
+                    [this] { return cancelled_; },
+                    [this] { return stopping_; },
+                    [this](const v1::Iteration& iteration) { noted_.push_back(iteration.number()); },
+                    std::chrono::milliseconds(0),
+                    [this](const CheckpointReference& checkpoint) {
+                      checkpoints_.push_back(checkpoint);
+                      return records_;
+                    }};
+    attempt.kernels_worked = [this](const KernelWork& work) { worked_.push_back(work.operations); };
+    return run_attempt(attempt);
   }
 
   static Iteration iteration(int number) {
@@ -47,6 +57,7 @@ class AttemptTest : public ::testing::Test {
   bool cancelled_ = false, stopping_ = false;
   bool records_ = true;  ///< Whether checkpoints can be recorded.
   std::vector<int> noted_;
+  std::vector<double> worked_;  ///< Operations of the kernels, as they were told.
   std::vector<CheckpointReference> checkpoints_;
 };
 
@@ -98,6 +109,23 @@ TEST_F(AttemptTest, ShowsTheWorkInsideAnIterationAndKeepsNoneOfIt) {
     return RunSummary{};
   });
   EXPECT_EQ(log_.last_sequence(), 1);
+}
+
+TEST_F(AttemptTest, TellsWhatTheKernelsHaveDoneAfterEveryIterationAndHoweverItEnds) {
+  const auto work = [](double operations) {
+    return [operations](RunRequest, const RunHooks& hooks) -> Expected<RunSummary> {
+      hooks.control.meter->add_kernels({operations, 1});
+      hooks.on_iteration(iteration(1));
+      hooks.control.meter->add_kernels({2 * operations, 1});
+      hooks.on_iteration(iteration(2));
+      hooks.control.meter->add_kernels({4 * operations, 1});
+      if (operations == 1) return RunSummary();
+      if (operations == 10) return bad_input("Byte 0 is bad.");
+      throw std::runtime_error("broken");
+    };
+  };
+  for (const double operations : {1, 10, 100}) run(work(operations));
+  EXPECT_EQ(worked_, (std::vector<double>{1, 2, 4, 10, 20, 40, 100, 200, 400}));
 }
 
 TEST_F(AttemptTest, ReleasesTheOutputsOfARunThatFails) {

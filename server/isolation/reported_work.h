@@ -1,0 +1,25 @@
+// What the process of a job says that its kernels have done.
+#pragma once
+
+#include <chrono>
+
+#include "core/progress/work_meter.h"
+#include "server/isolation/worker.pb.h"
+
+namespace varimesh::server {
+
+/// Adds it to the meter of the run, which may be null. A report that cannot be true is dropped, because one hostile
+/// mesh must not spoil the metrics of the server.
+///
+/// @param began since when the process computes
+/// @param threads the most that it may use
+inline void add_reported(const worker::KernelWork& report, std::chrono::steady_clock::time_point began, int threads,
+                         WorkMeter* meter) {
+  constexpr double kMostPerSecond = 1e12;  // of one thread: three times what the fastest processors do
+  const double most = threads * (1 + std::chrono::duration<double>(std::chrono::steady_clock::now() - began).count());
+  const bool is_possible = report.seconds() >= 0 && report.seconds() <= most && report.operations() >= 0 &&
+                           report.operations() <= kMostPerSecond * most;
+  if (meter != nullptr && is_possible) meter->add_kernels({report.operations(), report.seconds()});
+}
+
+}  // namespace varimesh::server
