@@ -2,7 +2,7 @@
 """The files of deploy/farm, read by the tools that they are for. A tool that is missing is named, and its test is skipped.
   farm_files_test.py Compose|Kubernetes|Helm|Slurm|Prometheus
 
-Debian has no Helm. Its program can be built from Go's modules (go install helm.sh/helm/v3/cmd/helm@v3.11.3)."""
+Debian has no Helm. If there is none, install_helm takes it from npm's registry, into the folder VARIMESH_HELM."""
 import json
 import os
 import re
@@ -270,6 +270,11 @@ class Slurm(unittest.TestCase):
 
 if __name__ == "__main__":
     tool = TOOLS[sys.argv[1]]
+    if tool == "helm" and shutil.which("helm") is None and "VARIMESH_HELM" in os.environ:
+        installed = subprocess.run([TREE / "tests" / "deploy" / "install_helm", os.environ["VARIMESH_HELM"]],
+                                   stdout=subprocess.PIPE, text=True, timeout=110)
+        print(installed.stdout, end="")
+        os.environ["PATH"] += os.pathsep + os.environ["VARIMESH_HELM"]
     missing = [name for name in (tool, "kubectl" if tool == "helm" else tool) if shutil.which(name) is None]
     if yaml is None and tool == "helm":
         missing.append("python3-yaml")
