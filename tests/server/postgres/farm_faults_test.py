@@ -4,7 +4,8 @@ VARIMESHD and VARIMESH_SOURCE_DIR in the environment. It starts a PostgreSQL ser
 
   farm_faults_test.py                                         the short form
   farm_faults_test.py --watches 50 --clients 100 --jobs 100   the long form, which needs a quiet machine
-  farm_faults_test.py --jobs 100 Faults.test_3_a_poisonous_mesh_fails_alone
+  farm_faults_test.py --quiet --jobs 40 Faults.test_3_a_poisonous_mesh_fails_alone
+                                     on a machine that does nothing else: the throughput must be as documented
 """
 import os
 import shutil
@@ -21,6 +22,7 @@ from farm import DATABASE_SERVER, TREE, WithFarm, skip_without, take_number
 from programs import CASES, ENDLESS, LARGER, VARIMESH, Server
 
 many_watches, many_clients, many_jobs = 8, 8, 8
+is_quiet = False  # whether times say something
 
 
 def stubs(folder):
@@ -192,6 +194,8 @@ class Faults(WithFarm):
             self.assertEqual({jobs[name]["state"] for name in names}, {"succeeded"})
         print(f"{many_jobs} jobs took {took[0]:.1f} s, and {took[1]:.1f} s beside a poisonous one: "
               f"{took[0] / took[1]:.2f} of the throughput", file=sys.stderr)
+        if is_quiet:
+            self.assertGreater(took[0] / took[1], 0.9)
 
     def test_4_four_workers_are_as_fast_as_one_with_two_threads(self):
         front = self.front_end()
@@ -204,7 +208,7 @@ class Faults(WithFarm):
                 worker.end()
         print(f"{many_jobs} jobs: one worker with two threads {took[1]:.1f} s, four workers {took[4]:.1f} s: "
               f"{took[1] / took[4]:.3f} of the throughput", file=sys.stderr)
-        self.assertGreater(took[1] / took[4], 0.5)
+        self.assertGreater(took[1] / took[4], 0.95 if is_quiet else 0.5)
 
     def test_5_a_backup_of_a_running_farm_is_whole(self):
         front, worker = self.front_end(), self.worker("--checkpoint-seconds", "0.1")
@@ -232,14 +236,24 @@ class Faults(WithFarm):
             for i, name in enumerate(names):
                 self.assertEqual(jobs[name]["state"], "succeeded", jobs[name])
                 self.ask(other, "result", name, "--output", self.folder / f"restored{i}.msh")
+            # The first farm went on. What it has made meanwhile, the other has made too, byte for byte.
+            there = self.jobs(front)
+            both = [i for i, name in enumerate(names) if there[name]["state"] == "succeeded"]
+            self.assertIn(0, both)
+            for i in both:
+                self.ask(front, "result", names[i], "--output", self.folder / f"first{i}.msh")
+                self.assertEqual(*((self.folder / f"{farm}{i}.msh").read_bytes() for farm in ("first", "restored")))
         finally:
             subprocess.run([DATABASE_SERVER, "stop", elsewhere], check=True, timeout=60)
             type(self).store, type(self).meshes = before
-        print(f"{many_jobs} jobs of a backup are there, all with results", file=sys.stderr)
+        print(f"{many_jobs} jobs of a backup are there, all with results; {rows[0][0]} had not ended, and {len(both)} results are "
+              "the same as those of the first farm", file=sys.stderr)
 
 
 if __name__ == "__main__":
     many_watches, many_clients, many_jobs = (take_number("--watches", many_watches), take_number("--clients", many_clients),
                                              take_number("--jobs", many_jobs))
+    if is_quiet := "--quiet" in sys.argv:
+        sys.argv.remove("--quiet")
     skip_without(DATABASE_SERVER)
     unittest.main(verbosity=2)
