@@ -115,9 +115,10 @@ class Farm(WithFarm):
         self.wait_for(front, job, "succeeded")
 
     def test_5_nothing_is_lost_when_workers_are_killed(self):
-        front, workers = self.front_end(), [self.worker("--checkpoint-seconds", "0.1") for _ in range(4)]
-        names = [self.ask(front, "submit", LARGER, *ENDLESS[:-1], str(many_iterations), "--threads", "1", "--label", f"number={i}")
-                 for i in range(many_jobs)]
+        fronts = self.front_end(), self.front_end()
+        workers = [self.worker("--checkpoint-seconds", "0.1") for _ in range(4)]
+        names = [self.ask(fronts[i % 2], "submit", LARGER, *ENDLESS[:-1], str(many_iterations), "--threads", "1", "--label",
+                          f"number={i}") for i in range(many_jobs)]
         chance = random.Random(7)
         reclaims = Reclaims(self.query)
         self.addCleanup(reclaims.join)
@@ -134,11 +135,11 @@ class Farm(WithFarm):
         left = sum(row[0] == "1" for row in self.query("SELECT state FROM jobs WHERE state IN (1, 2)"))
         results, attempts = set(), 0
         for i, name in enumerate(names):
-            kept = self.wait_for(front, name, "succeeded", 600)
+            kept = self.wait_for(fronts[0], name, "succeeded", 600)
             attempts += kept["attempt"]
             self.assertLessEqual(kept["attempt"], kills + 1)
             out = self.folder / f"out{i}.msh"
-            self.ask(front, "result", name, "--output", out)
+            self.ask(fronts[1], "result", name, "--output", out)
             results.add(out.read_bytes())
         self.assertEqual(len(results), 1, "an attempt that was lost has changed no result")
         reclaims.ended.set()
