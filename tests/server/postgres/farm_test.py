@@ -169,6 +169,33 @@ class Farm(WithFarm):
         self.assertEqual(after[0], before[0] + 1)
         self.assertGreaterEqual(after[1], 1, "seconds that the job has waited")
 
+    def progress(self, job):
+        """The attempt and the last iteration that its worker has told the database."""
+        stored = bytes.fromhex(self.query(f"SELECT encode(job, 'hex') FROM jobs WHERE name = '{job}'")[0][0])
+        text = subprocess.run(["protoc", f"-I{TREE / 'proto'}", "--decode=varimesh.v1.Job", "varimesh/v1/job.proto"],
+                              input=stored, capture_output=True, check=True, timeout=20).stdout.decode()
+        found = [re.search(pattern, text) for pattern in (r"(?m)^attempt: (\d+)", r"(?m)^iteration \{\n(?:.*\n)*?  number: (\d+)")]
+        return tuple(int(one[1]) if one else 0 for one in found)
+
+    def test_7_a_job_goes_on_from_its_checkpoint(self):
+        front, worker = self.front_end(), self.worker("--checkpoint-seconds", "0.1")
+        job = self.ask(front, "submit", LARGER, *ENDLESS[:-1], "1200", "--threads", "1", "--label", "case=resumed")
+        deadline = time.monotonic() + 60
+        while int(self.query(f"SELECT checkpoint_iteration FROM jobs WHERE name = '{job}'")[0][0]) < 300:
+            self.assertLess(time.monotonic(), deadline)
+            time.sleep(0.02)
+        worker.end(signal.SIGKILL)
+        saved = int(self.query(f"SELECT checkpoint_iteration FROM jobs WHERE name = '{job}'")[0][0])
+        last = self.progress(job)
+        self.assertEqual(last[0], 1, "it is not at its end")
+        self.worker()
+        # A worker tells its first iteration at once.
+        while (now := self.progress(job)) in (last, (2, last[1])):
+            self.assertLess(time.monotonic(), deadline)
+        self.assertEqual(now[0], 2)
+        self.assertGreater(now[1], saved, "not from its beginning")
+        self.wait_for(front, job, "succeeded")
+
 
 if __name__ == "__main__":
     kills, many_jobs = take_number("--kills", kills), take_number("--jobs", many_jobs)
