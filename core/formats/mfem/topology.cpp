@@ -291,11 +291,13 @@ std::int32_t MfemTopology::face(std::span<const std::int32_t> vertices) const {
   return face_at(vertices.size(), place_of(vertices));
 }
 
+std::int64_t MfemTopology::triangles_before(std::int64_t face) const {
+  if (!triangles_before_.empty()) return triangles_before_[std::size_t(face)];
+  return has_quadrilaterals() ? 0 : face;
+}
+
 std::int64_t MfemTopology::face_first(std::int64_t face) const {
-  const std::int64_t first = vertex_count() + edge_count() * (order_ - 1);
-  const std::int64_t triangles = !triangles_before_.empty() ? triangles_before_[std::size_t(face)]
-                                 : has_quadrilaterals()     ? 0
-                                                            : face;
+  const std::int64_t first = vertex_count() + edge_count() * (order_ - 1), triangles = triangles_before(face);
   return first + triangles * inner_nodes(Shape::Triangle, order_) +
          (face - triangles) * inner_nodes(Shape::Quadrilateral, order_);
 }

@@ -67,6 +67,7 @@ class MfemTopology {
   std::int64_t vertex_count() const { return vertices_; }
   std::int64_t edge_count() const { return std::int64_t(edges_.size()); }
   std::int64_t face_count() const { return std::int64_t(triangles_.size() + quadrilaterals_.size()); }
+  bool has_triangles() const { return triangles_.size() > 0; }
   bool has_quadrilaterals() const { return quadrilaterals_.size() > 0; }
   /// Whether a cell is the first that has its edge or face, counted as in mfem_edges() and mfem_faces().
   bool is_first_edge(std::size_t cell, std::size_t edge) const {
@@ -81,6 +82,11 @@ class MfemTopology {
   /// Number of an edge or of a face; −1 if no cell has it.
   std::int32_t edge(std::int32_t a, std::int32_t b) const;
   std::int32_t face(std::span<const std::int32_t> vertices) const;
+
+  /// How many triangles are among the faces before this one, or among all if it is face_count().
+  std::int64_t triangles_before(std::int64_t face) const;
+  /// The first degree of freedom inside a face.
+  std::int64_t face_first(std::int64_t face) const;
 
   /// The degrees of freedom on vertices, edges and faces. Those inside the cells follow.
   std::int64_t interior_first() const { return face_first(face_count()); }
@@ -97,7 +103,6 @@ class MfemTopology {
   /// The place of a face in the table of its shape; −1 if no cell has it.
   std::int64_t place_of(std::span<const std::int32_t> vertices) const;
   std::int32_t face_at(std::size_t corners, std::int64_t place) const;
-  std::int64_t face_first(std::int64_t face) const;
   void find_edges(const MfemCells& cells, const Team& team, const Scanner* counted);
   void find_faces(const MfemCells& cells, const Team& team, const Scanner* counted);
   void find_directions(const MfemCells& cells, const Team& team, const Scanner* counted);

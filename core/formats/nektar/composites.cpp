@@ -214,16 +214,4 @@ NektarComposites nektar_composites(const HighOrderMesh& mesh) {
   return made;
 }
 
-std::string nektar_list(char letter, const std::vector<std::int64_t>& numbers) {
-  std::string text(1, letter);
-  for (std::size_t k = 0; k < numbers.size();) {
-    std::size_t end = k + 1;
-    while (end < numbers.size() && numbers[end] == numbers[end - 1] + 1) ++end;
-    text += (k == 0 ? "[" : ",") + std::to_string(numbers[k]);
-    if (end > k + 1) text += "-" + std::to_string(numbers[end - 1]);
-    k = end;
-  }
-  return text + "]";
-}
-
 }  // namespace varimesh::formats

@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "core/formats/buffered_output.h"
 #include "core/formats/nektar/file.h"
 
 namespace varimesh::formats {
@@ -43,7 +44,9 @@ struct NektarComposites {
 };
 NektarComposites nektar_composites(const HighOrderMesh& mesh);
 
-/// A list as the format has it, such as F[0-3,7].
-std::string nektar_list(char letter, const std::vector<std::int64_t>& numbers);
+class NektarGrid;
+
+/// Writes the composites, the domain, the end of the geometry and everything outside the geometry.
+void write_nektar_sections(const NektarGrid& grid, BufferedOutput& out);
 
 }  // namespace varimesh::formats

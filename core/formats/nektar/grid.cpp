@@ -69,9 +69,28 @@ std::vector<std::int32_t> ordered(std::vector<std::pair<std::int32_t, std::int32
   return order.size() == count ? order : std::vector<std::int32_t>();
 }
 
+bool has_columns(const HighOrderMesh& mesh) {
+  return std::any_of(mesh.blocks.begin(), mesh.blocks.end(), [](const ElementBlock& block) {
+    return block.shape == Shape::Prism || block.shape == Shape::Pyramid;
+  });
+}
+
+/// The numbers of vertices that keep the order of the nodes.
+std::vector<std::int32_t> vertices_in_order(const HighOrderMesh& mesh) {
+  std::vector<std::int32_t> numbers(mesh.node_count(), -1);
+  for_each(mesh, [&](Shape, std::span<const std::int32_t> v) {
+    for (const std::int32_t node : v) numbers[std::size_t(node)] = 0;
+  });
+  std::int32_t next = 0;
+  for (std::int32_t& number : numbers)
+    if (number == 0) number = next++;
+  return numbers;
+}
+
 }  // namespace
 
 Expected<std::vector<std::int32_t>> nektar_vertices(const HighOrderMesh& mesh) {
+  if (!has_columns(mesh)) return vertices_in_order(mesh);
   Columns columns(mesh.node_count());
   std::vector<bool> is_vertex(mesh.node_count(), false);
   for_each(mesh, [&](Shape shape, std::span<const std::int32_t> v) {
@@ -124,12 +143,7 @@ std::array<std::int8_t, 8> nektar_turn(Shape shape, std::span<const std::int32_t
   return turn;
 }
 
-std::vector<int> nektar_turned_nodes(Shape shape, int order, std::span<const std::int32_t> nodes,
-                                     const std::vector<std::int32_t>& numbers) {
-  std::array<std::int32_t, 8> own{};
-  const auto count = std::size_t(reference::info(shape).vertices);
-  for (std::size_t v = 0; v < count; ++v) own[v] = numbers[std::size_t(nodes[v])];
-  const auto turn = nektar_turn(shape, {own.data(), count});
+const std::vector<int>& nektar_turned_nodes(Shape shape, int order, const std::array<std::int8_t, 8>& turn) {
   static reference::Cache<std::tuple<Shape, int, std::array<std::int8_t, 8>>, std::vector<int>> cache;
   return cache.get({shape, order, turn}, [&] {
     // Every position is where its weights of the vertices put it: the weights of vertex v are now those of turn[v].
@@ -150,65 +164,112 @@ std::vector<int> nektar_turned_nodes(Shape shape, int order, std::span<const std
   });
 }
 
+namespace {
+
+/// For each of MFEM's faces of a shape, the same face among Nektar++'s.
+std::array<std::uint8_t, 6> faces_of_nektar(Shape shape) {
+  std::array<std::uint8_t, 6> same{};
+  const auto theirs = mfem_faces(shape);
+  const auto own = nektar_faces(shape);
+  const auto sorted = [](std::array<std::int8_t, 4> vertices) {
+    std::sort(vertices.begin(), vertices.end());
+    return vertices;
+  };
+  for (std::size_t f = 0; f < theirs.size(); ++f)
+    for (std::size_t n = 0; n < own.size(); ++n)
+      if (sorted(theirs[f].vertices) == sorted(own[n].vertices)) same[f] = std::uint8_t(n);
+  return same;
+}
+
+}  // namespace
+
+NektarFaceCorners::NektarFaceCorners(Shape shape, std::size_t f, std::span<const std::int32_t> cell) {
+  static const auto same = [] {
+    std::array<std::array<std::uint8_t, 6>, kShapes> all{};
+    for (int s = int(Shape::Tetrahedron); s < kShapes; ++s) all[std::size_t(s)] = faces_of_nektar(Shape(s));
+    return all;
+  }();
+  const reference::Facet& face = nektar_faces(shape)[same[std::size_t(shape)][f]];
+  count = face.shape == Shape::Triangle ? 3 : 4;
+  for (std::size_t v = 0; v < count; ++v) vertices[v] = cell[std::size_t(face.vertices[v])];
+  if (count == 3) std::sort(vertices.begin(), vertices.begin() + 3);
+}
+
 NektarGrid::NektarGrid(const HighOrderMesh& of, std::vector<std::int32_t> vertices, const Team& team)
     : mesh(of),
+      cells(of, of.dimension),
       number_(std::move(vertices)),
-      topology_(
-          of.dimension, of.order,
-          std::int32_t(std::count_if(number_.begin(), number_.end(), [](std::int32_t n) { return n >= 0; })),
-          mfem_cells(Cells(mesh, mesh.dimension), [&](Shape shape, auto nodes) { return vertices_of(shape, nodes); }),
-          team) {
-  vertex_nodes.resize(std::size_t(topology_.vertex_count()));
+      topology_(of.dimension, of.order,
+                std::int32_t(std::count_if(number_.begin(), number_.end(), [](std::int32_t n) { return n >= 0; })),
+                mfem_cells(cells, [&](Shape shape, auto nodes) { return vertices_of(shape, nodes); }), team) {
+  std::int64_t points = topology_.interior_first();
+  for (const Cells::Range& range : cells.ranges()) {
+    if (mesh.dimension > 2) break;
+    interior_.push_back(std::int32_t(points));
+    points += std::int64_t(range.block->size()) * inner_node_count(range.block->shape, mesh.order);
+  }
+  point_.resize(std::size_t(points));
   for (std::size_t node = 0; node < number_.size(); ++node)
-    if (number_[node] >= 0) vertex_nodes[std::size_t(number_[node])] = std::int32_t(node);
-  const auto numbers_of = [&](std::span<const std::int32_t> nodes, Shape shape) {
-    std::vector<std::int32_t> own;
-    for (std::size_t v = 0; v < std::size_t(reference::info(shape).vertices); ++v)
-      own.push_back(number_[std::size_t(nodes[v])]);
-    return own;
-  };
-  edges.resize(std::size_t(topology_.edge_count()));
-  faces.resize(mesh.dimension == 3 ? std::size_t(topology_.face_count()) : 0);
-  std::int64_t nodes = topology_.interior_first();
-  node_of_.resize(std::size_t(nodes));
-  std::vector<std::int32_t> dofs;
-  for_each_cell([&](std::size_t, const ElementBlock& block, std::span<const std::int32_t> own,
-                    std::span<const std::int32_t> turned) {
-    dofs.resize(own.size());
-    (void)topology_.find_nodes(block.shape, numbers_of(own, block.shape), std::int32_t(nodes), dofs);
-    for (std::size_t i = 0; i < own.size(); ++i)
-      if (dofs[i] < std::int32_t(node_of_.size())) node_of_[std::size_t(dofs[i])] = own[i];
-    for (const auto& [a, b] : reference::info(block.shape).edges) {
-      const std::int32_t low = std::min(turned[std::size_t(a)], turned[std::size_t(b)]);
-      const std::int32_t high = std::max(turned[std::size_t(a)], turned[std::size_t(b)]);
-      edges[std::size_t(topology_.edge(low, high))] = {low, high};
-    }
-    for (const reference::Facet& face : nektar_faces(block.shape)) {
-      const auto count = std::size_t(reference::info(face.shape).vertices);
-      std::array<std::int32_t, 4> corners = {-1, -1, -1, -1};
-      for (std::size_t v = 0; v < count; ++v) corners[v] = turned[std::size_t(face.vertices[v])];
-      if (count == 3) std::sort(corners.begin(), corners.begin() + 3);
-      auto& known = faces[std::size_t(topology_.face({corners.data(), count}))];
-      if (known[0] == known[1]) known = corners;  // the first cell decides
-    }
+    if (number_[node] >= 0) point_[std::size_t(number_[node])] = std::int32_t(node);
+  constexpr std::size_t kCellsPerTask = 2048;
+  team.for_ranges(cells.count(), kCellsPerTask, [&](std::size_t begin, std::size_t end) {
+    NektarTurnedNodes turned(mesh.order);
+    for (std::size_t cell = begin; cell < end; ++cell) place_points(cell, cells.shape(cell), cells.nodes(cell), turned);
   });
 }
 
-std::vector<std::int64_t> NektarGrid::edges_around(std::span<const std::int32_t> vertices) const {
-  std::vector<std::int64_t> found;
+void NektarGrid::place_points(std::size_t cell, Shape shape, std::span<const std::int32_t> nodes,
+                              NektarTurnedNodes& turned) {
+  std::array<std::int32_t, 8> own{};
+  const auto count = std::size_t(reference::info(shape).vertices);
+  for (std::size_t v = 0; v < count; ++v) own[v] = number_[std::size_t(nodes[v])];
+  const auto turn = nektar_turn(shape, {own.data(), count});
+  const std::vector<int>& place = turned.of(shape, turn);
+  const MfemLocalNodes& local = mfem_local_nodes(shape, mesh.order);
+  const auto put = [&](std::size_t point, int at) { point_[point] = nodes[std::size_t(place[std::size_t(at)])]; };
+  const auto edges = mfem_edges(shape);
+  std::size_t next = vertex_count() + std::size_t(topology_.edges_before(cell)) * std::size_t(mesh.order - 1);
+  for (std::size_t e = 0; e < edges.size(); ++e) {
+    if (!topology_.is_first_edge(cell, e)) continue;
+    const auto vertex = [&](std::int8_t v) { return own[std::size_t(turn[std::size_t(v)])]; };
+    const std::vector<int>& inner = local.edges[e];
+    const bool rises = vertex(edges[e][0]) < vertex(edges[e][1]);
+    for (std::size_t i = 0; i < inner.size(); ++i) put(next++, rises ? inner[i] : inner[inner.size() - 1 - i]);
+  }
+  if (mesh.dimension == 2) {
+    next = std::size_t(interior(cell));
+    for (std::size_t i = nodes.size() - std::size_t(inner_node_count(shape, mesh.order)); i < nodes.size(); ++i)
+      point_[next++] = nodes[i];
+    return;
+  }
+  next = std::size_t(topology_.face_first(topology_.faces_before(cell)));
+  for (std::size_t f = 0; f < local.faces.size(); ++f)
+    if (topology_.is_first_face(cell, f))
+      for (const int at : local.faces[f][0]) put(next++, at);
+}
+
+std::int32_t NektarGrid::interior(std::size_t cell) const {
+  if (interior_.empty()) return 0;
+  const Cells::Range& range = cells.range_of(cell);
+  return interior_[std::size_t(&range - cells.ranges().data())] +
+         std::int32_t(cell - range.first) * inner_node_count(range.block->shape, mesh.order);
+}
+
+NektarSides NektarGrid::edges_around(std::span<const std::int32_t> vertices) const {
+  NektarSides found;
   for (std::size_t v = 0; v < vertices.size(); ++v)
-    found.push_back(topology_.edge(vertices[v], vertices[(v + 1) % vertices.size()]));
+    found.numbers[found.count++] = topology_.edge(vertices[v], vertices[(v + 1) % vertices.size()]);
   return found;
 }
 
-std::vector<std::int64_t> NektarGrid::sides(Shape shape, std::span<const std::int32_t> vertices) const {
+NektarSides NektarGrid::sides(Shape shape, std::span<const std::int32_t> vertices) const {
   if (mesh.dimension == 2) return edges_around(vertices);
-  std::vector<std::int64_t> found;
+  NektarSides found;
   for (const reference::Facet& face : nektar_faces(shape)) {
     std::array<std::int32_t, 4> corners{};
-    const auto count = std::size_t(reference::info(face.shape).vertices);
+    const std::size_t count = face.shape == Shape::Triangle ? 3 : 4;
     for (std::size_t v = 0; v < count; ++v) corners[v] = vertices[std::size_t(face.vertices[v])];
-    found.push_back(topology_.face({corners.data(), count}));
+    found.numbers[found.count++] = topology_.face({corners.data(), count});
   }
   return found;
 }
@@ -222,17 +283,9 @@ std::int32_t NektarGrid::side(Shape shape, std::span<const std::int32_t> nodes) 
 }
 
 bool NektarGrid::has_file_order() const {
-  for (std::size_t i = 0; i < node_of_.size(); ++i)
-    if (node_of_[i] != std::int32_t(i)) return false;
+  for (std::size_t i = 0; i < std::size_t(topology_.interior_first()); ++i)
+    if (point_[i] != std::int32_t(i)) return false;
   return true;
-}
-
-std::vector<std::int32_t> NektarGrid::nodes_of(Shape shape, std::span<const std::int32_t> vertices) const {
-  std::vector<std::int32_t> nodes(std::size_t(reference::node_count(shape, mesh.order)));
-  [[maybe_unused]] const bool found = topology_.find_nodes(shape, vertices, 0, nodes);
-  assert(found);
-  for (std::int32_t& node : nodes) node = node_of_[std::size_t(node)];
-  return nodes;
 }
 
 }  // namespace varimesh::formats

@@ -25,9 +25,14 @@ std::int64_t other_interiors(const HighOrderMesh& mesh, const std::vector<std::i
     const NektarBlending& blending = nektar_blending(block.shape, mesh.order);
     const auto nodes = std::size_t(reference::node_count(block.shape, mesh.order));
     x.resize(Eigen::Index(nodes), 3);
+    NektarTurnedNodes turned_nodes(mesh.order);
     for (std::size_t e = 0; e < block.size(); ++e) {
       const std::span own(block.nodes.data() + e * nodes, nodes);
-      const std::vector<int> turned = nektar_turned_nodes(block.shape, mesh.order, own, vertices);
+      std::array<std::int32_t, 8> numbers{};
+      const auto corners = std::size_t(reference::info(block.shape).vertices);
+      for (std::size_t v = 0; v < corners; ++v) numbers[v] = vertices[std::size_t(own[v])];
+      const std::vector<int>& turned =
+          turned_nodes.of(block.shape, nektar_turn(block.shape, {numbers.data(), corners}));
       for (std::size_t i = 0; i < nodes; ++i)
         x.row(Eigen::Index(i)) = Eigen::Map<const Eigen::RowVector3d>(mesh.coordinates.data() +
                                                                       3 * std::ptrdiff_t(own[std::size_t(turned[i])]));

@@ -1,6 +1,6 @@
 // Writes Nektar++'s XML files, as text or compressed.
 #include <algorithm>
-#include <map>
+#include <utility>
 
 #include "core/formats/buffered_output.h"
 #include "core/formats/mfem/shared_sides.h"
@@ -10,16 +10,11 @@
 #include "core/formats/nektar/nektar.h"
 #include "core/formats/nektar/packed.h"
 #include "core/formats/node_order.h"
-#include "core/formats/xml/xml.h"
 #include "core/mesh/connectivity.h"
 
 namespace varimesh::formats {
 
 namespace {
-
-bool has_dimension(const ElementBlock& block, int dimension) {
-  return reference::info(block.shape).dimension == dimension;
-}
 
 const double* at(const HighOrderMesh& mesh, std::int32_t node) {
   return mesh.coordinates.data() + 3 * std::ptrdiff_t(node);
@@ -28,7 +23,7 @@ const double* at(const HighOrderMesh& mesh, std::int32_t node) {
 class Writer {
  public:
   Writer(const NektarGrid& grid, bool compressed, BufferedOutput& out)
-      : grid_(grid), mesh_(grid.mesh), cells_(grid.mesh, grid.mesh.dimension), compressed_(compressed), out_(out) {}
+      : grid_(grid), mesh_(grid.mesh), compressed_(compressed), out_(out) {}
 
   void write() {
     out_.text("<?xml version=\"1.0\" encoding=\"utf-8\" ?>\n<NEKTAR>\n    <GEOMETRY DIM=\"");
@@ -40,12 +35,8 @@ class Writer {
     edges();
     if (mesh_.dimension == 3) faces();
     elements();
-    if (mesh_.order > 1) compressed_ ? packed_curves() : curves();
-    const NektarComposites composites = nektar_composites(mesh_);
-    write_composites(composites);
-    write_domain(composites);
-    out_.text("    </GEOMETRY>\n");
-    write_others(composites);
+    if (mesh_.order > 1) compressed_ ? packed_curves() : text_curves();
+    write_nektar_sections(grid_, out_);
     out_.text("</NEKTAR>\n");
   }
 
@@ -70,314 +61,296 @@ class Writer {
     out_.text(">\n");
   }
   /// The tag of an entry with its number, and attributes that follow.
-  void entry(char letter, std::int64_t id, std::string_view attributes = "") {
-    out_.text("            <");
-    out_.text({&letter, 1});
-    out_.text(" ID=\"");
-    out_.text_integer(id);
-    out_.text("\"");
-    out_.text(attributes);
-    out_.text(">");
+  static void begin_entry(BufferedOutput& out, char letter, std::int64_t id) {
+    out.text("            <");
+    out.text({&letter, 1});
+    out.text(" ID=\"");
+    out.text_integer(id);
+    out.text("\"");
   }
-  void end_entry(char letter) {
-    out_.text("</");
-    out_.text({&letter, 1});
-    out_.text(">\n");
+  static void entry(BufferedOutput& out, char letter, std::int64_t id, std::string_view attributes = "") {
+    begin_entry(out, letter, id);
+    out.text(attributes);
+    out.text(">");
   }
-  void point(const double* x) {
+  static void end_entry(BufferedOutput& out, char letter) {
+    out.text("</");
+    out.text({&letter, 1});
+    out.text(">\n");
+  }
+  void point(BufferedOutput& out, std::int32_t number) const {
+    const double* x = at(mesh_, grid_.points()[std::size_t(number)]);
     for (int k = 0; k < 3; ++k) {
-      out_.text_number(x[k]);
-      if (k < 2) out_.text(" ");
+      out.text_number(x[k]);
+      if (k < 2) out.text(" ");
+    }
+  }
+  template <class Numbers>
+  static void integers(BufferedOutput& out, const Numbers& numbers) {
+    bool first = true;
+    for (const std::int32_t number : numbers) {
+      if (!std::exchange(first, false)) out.text(" ");
+      out.text_integer(number);
     }
   }
 
   // === Vertices, edges, faces, elements ==================================================================
 
+  static constexpr std::size_t kEntriesPerPiece = 4096;
+
   void vertices() {
     open("VERTEX", compressed_);
     if (compressed_) {
-      write_packed(out_, grid_.vertex_nodes.size(), 32, [&](std::size_t begin, std::size_t end, std::string& bytes) {
+      write_packed(out_, PackedValues::Coordinates, grid_.vertex_count(), 32,
+                   [&](std::size_t begin, std::size_t end, std::string& bytes) { pack_points(begin, end, bytes); });
+    } else {
+      out_.shared(grid_.vertex_count(), kEntriesPerPiece, [&](BufferedOutput& out, std::size_t begin, std::size_t end) {
         for (std::size_t v = begin; v < end; ++v) {
-          append_packed(bytes, std::int64_t(v));
-          append_packed(bytes, at(mesh_, grid_.vertex_nodes[v]));
+          entry(out, 'V', std::int64_t(v));
+          point(out, std::int32_t(v));
+          end_entry(out, 'V');
         }
       });
-    } else {
-      for (std::size_t v = 0; v < grid_.vertex_nodes.size(); ++v) {
-        entry('V', std::int64_t(v));
-        point(at(mesh_, grid_.vertex_nodes[v]));
-        end_entry('V');
-      }
     }
     close("VERTEX", compressed_);
+  }
+
+  void pack_points(std::size_t begin, std::size_t end, std::string& bytes) const {
+    for (std::size_t i = begin; i < end; ++i) {
+      append_packed(bytes, std::int64_t(i));
+      append_packed(bytes, at(mesh_, grid_.points()[i]));
+    }
   }
 
   void edges() {
     open("EDGE", compressed_);
     if (compressed_) {
-      write_packed(out_, grid_.edges.size(), 24, [&](std::size_t begin, std::size_t end, std::string& bytes) {
-        for (std::size_t e = begin; e < end; ++e)
-          for (const std::int64_t value :
-               {std::int64_t(e), std::int64_t(grid_.edges[e][0]), std::int64_t(grid_.edges[e][1])})
-            append_packed(bytes, value);
-      });
+      write_packed(out_, PackedValues::Integers, grid_.edge_count(), 24,
+                   [&](std::size_t begin, std::size_t end, std::string& bytes) {
+                     grid_.for_edges(begin, end, [&](std::size_t edge, const std::array<std::int32_t, 2>& vertices) {
+                       append_packed(bytes, std::int64_t(edge));
+                       for (const std::int32_t vertex : vertices) append_packed(bytes, std::int64_t(vertex));
+                     });
+                   });
     } else {
-      for (std::size_t e = 0; e < grid_.edges.size(); ++e) {
-        entry('E', std::int64_t(e));
-        out_.text_integer(grid_.edges[e][0]);
-        out_.text(" ");
-        out_.text_integer(grid_.edges[e][1]);
-        end_entry('E');
-      }
+      out_.shared(grid_.edge_count(), kEntriesPerPiece, [&](BufferedOutput& out, std::size_t begin, std::size_t end) {
+        grid_.for_edges(begin, end, [&](std::size_t edge, const std::array<std::int32_t, 2>& vertices) {
+          entry(out, 'E', std::int64_t(edge));
+          integers(out, vertices);
+          end_entry(out, 'E');
+        });
+      });
     }
     close("EDGE", compressed_);
   }
 
-  Shape face_shape(std::size_t f) const { return grid_.faces[f][3] < 0 ? Shape::Triangle : Shape::Quadrilateral; }
-  std::span<const std::int32_t> face_vertices(std::size_t f) const {
-    return {grid_.faces[f].data(), std::size_t(reference::info(face_shape(f)).vertices)};
-  }
   void faces() {
     parts(
-        "FACE", grid_.faces.size(), [&](std::size_t f) { return face_shape(f); },
-        [&](std::size_t f) { return grid_.edges_around(face_vertices(f)); });
+        "FACE", grid_.face_count(), [&](Shape shape) { return grid_.has_faces(shape); },
+        [&](std::size_t begin, std::size_t end, const auto& body) {
+          grid_.for_faces(begin, end, [&](std::size_t face, Shape shape, std::span<const std::int32_t> vertices) {
+            body(face, shape, [&] { return grid_.edges_around(vertices); });
+          });
+        });
   }
   void elements() {
     parts(
-        "ELEMENT", cells_.count(), [&](std::size_t cell) { return cells_.shape(cell); },
-        [&](std::size_t cell) {
-          const Shape shape = cells_.shape(cell);
-          const auto all = grid_.vertices_of(shape, cells_.nodes(cell));
-          return grid_.sides(shape, {all.data(), std::size_t(reference::info(shape).vertices)});
+        "ELEMENT", grid_.cells.count(),
+        [&](Shape shape) {
+          return std::any_of(grid_.cells.ranges().begin(), grid_.cells.ranges().end(),
+                             [&](const Cells::Range& range) { return range.block->shape == shape; });
+        },
+        [&](std::size_t begin, std::size_t end, const auto& body) {
+          grid_.for_cells(begin, end, [&](std::size_t cell, Shape shape, std::span<const std::int32_t> vertices) {
+            body(cell, shape, [&] { return grid_.sides(shape, vertices); });
+          });
         });
   }
 
-  /// Writes faces or elements. In compressed files each shape has a list of its own.
-  template <class ShapeOf, class SidesOf>
-  void parts(const char* section, std::size_t count, const ShapeOf& shape_of, const SidesOf& sides_of) {
+  /// Writes faces or elements. visit(begin, end, body) calls body(number, shape, sides), and sides() returns the
+  /// numbers of its edges or faces. In compressed files each shape has a list of its own.
+  template <class Has, class Visit>
+  void parts(const char* section, std::size_t count, const Has& has, const Visit& visit) {
     open(section, false);
-    if (compressed_) {
-      std::map<Shape, std::vector<std::int32_t>> numbers;
-      for (std::size_t i = 0; i < count; ++i) numbers[shape_of(i)].push_back(std::int32_t(i));
-      for (const auto& [shape, own] : numbers) {
-        const char letter = nektar_letter(shape);
-        out_.text("            <" + std::string(1, letter) + " COMPRESSED=\"B64Z-LittleEndian\" BITSIZE=\"64\">");
-        // By name: clang 14 lets no lambda capture a structured binding otherwise.
-        write_packed(out_, own.size(), 64, [&, &own = own](std::size_t begin, std::size_t end, std::string& bytes) {
-          for (std::size_t i = begin; i < end; ++i) {
-            append_packed(bytes, std::int64_t(own[i]));
-            for (const std::int64_t side : sides_of(std::size_t(own[i]))) append_packed(bytes, side);
-          }
-        });
-        end_entry(letter);
-      }
-    } else {
-      for (std::size_t i = 0; i < count; ++i) {
-        const char letter = nektar_letter(shape_of(i));
-        entry(letter, std::int64_t(i));
-        const std::vector<std::int64_t> sides = sides_of(i);
-        for (std::size_t k = 0; k < sides.size(); ++k) {
-          if (k > 0) out_.text(" ");
-          out_.text_integer(sides[k]);
-        }
-        end_entry(letter);
-      }
+    for (int s = int(Shape::Triangle); compressed_ && s < kShapes; ++s) {
+      const auto wanted = Shape(s);
+      if (!has(wanted)) continue;
+      const char letter = nektar_letter(wanted);
+      out_.text("            <" + std::string(1, letter) + " COMPRESSED=\"B64Z-LittleEndian\" BITSIZE=\"64\">");
+      write_packed(out_, PackedValues::Integers, count, 40,
+                   [&](std::size_t begin, std::size_t end, std::string& bytes) {
+                     visit(begin, end, [&](std::size_t number, Shape shape, const auto& sides) {
+                       if (shape != wanted) return;
+                       append_packed(bytes, std::int64_t(number));
+                       for (const std::int32_t side : std::span<const std::int32_t>(sides()))
+                         append_packed(bytes, std::int64_t(side));
+                     });
+                   });
+      end_entry(out_, letter);
     }
+    if (!compressed_)
+      out_.shared(count, kEntriesPerPiece, [&](BufferedOutput& out, std::size_t begin, std::size_t end) {
+        visit(begin, end, [&](std::size_t number, Shape shape, const auto& sides) {
+          const NektarSides found = sides();
+          entry(out, nektar_letter(shape), std::int64_t(number));
+          integers(out, std::span<const std::int32_t>(found));
+          end_entry(out, nektar_letter(shape));
+        });
+      });
     close(section, false);
   }
 
   // === Curves ============================================================================================
 
-  /// Edges, or faces that have nodes inside; in 2-D elements that have.
-  struct Curves {
-    Shape shape = Shape::Line;  ///< Of edges.
-    std::vector<std::int32_t> numbers;
-    std::vector<std::int64_t> first;  ///< The first point of each, and the end.
-  };
+  // All edges are curves; in 3-D those faces that have points inside, in 2-D those cells.
 
-  Shape shape_of(const Curves& curves, std::size_t i) const {
-    if (curves.shape == Shape::Line) return Shape::Line;
-    const auto number = std::size_t(curves.numbers[i]);
-    return mesh_.dimension == 3 ? face_shape(number) : cells_.shape(number);
+  std::size_t face_count() const { return mesh_.dimension == 3 ? grid_.face_count() : grid_.cells.count(); }
+  bool curves(Shape shape) const { return inner_node_count(shape, mesh_.order) > 0; }
+  std::size_t points_on_edges() const { return grid_.edge_count() * std::size_t(mesh_.order + 1); }
+
+  /// Calls body(number of the curve, its first point in the index, its face, its points in the file's order, shape) for
+  /// the curves among the faces from begin to end − 1.
+  template <class Body>
+  void for_curved_faces(std::size_t begin, std::size_t end, const Body& body) const {
+    std::vector<std::int32_t> points, ordered;
+    auto [number, first] = curves_before(begin);
+    const auto visit = [&](std::size_t face, Shape shape, std::span<const std::int32_t> vertices) {
+      if (!curves(shape)) return;
+      points.resize(std::size_t(reference::node_count(shape, mesh_.order)));
+      grid_.points_of(shape, vertices, mesh_.dimension == 2 ? grid_.interior(face) : 0, points);
+      ordered.clear();
+      for (const int local : gmsh_nodes(NodeOrder::Nektar, shape, mesh_.order))
+        ordered.push_back(points[std::size_t(local)]);
+      body(number++, first, face, std::span<const std::int32_t>(ordered), shape);
+      first += ordered.size();
+    };
+    mesh_.dimension == 3 ? grid_.for_faces(begin, end, visit) : grid_.for_cells(begin, end, visit);
   }
-  /// The nodes in the file's order.
-  std::vector<std::int32_t> nodes_of(const Curves& curves, std::size_t i) const {
-    const Shape shape = shape_of(curves, i);
-    const auto number = std::size_t(curves.numbers[i]);
-    std::vector<std::int32_t> own;
-    std::span<const std::int32_t> nodes;
-    if (shape != Shape::Line && mesh_.dimension == 2) {
-      nodes = cells_.nodes(number);
+
+  /// The number of curves, and of their points and those of edges, before a face.
+  std::pair<std::size_t, std::size_t> curves_before(std::size_t face) const {
+    std::size_t triangles = 0, quadrilaterals = 0;
+    if (mesh_.dimension == 3) {
+      triangles = grid_.triangles_before(face);
+      quadrilaterals = face - triangles;
     } else {
-      own = shape == Shape::Line ? grid_.nodes_of(shape, grid_.edges[number])
-                                 : grid_.nodes_of(shape, face_vertices(number));
-      nodes = own;
+      for (const Cells::Range& range : grid_.cells.ranges()) {
+        const std::size_t before = std::min(face - std::min(face, range.first), range.block->size());
+        (range.block->shape == Shape::Triangle ? triangles : quadrilaterals) += before;
+      }
     }
-    std::vector<std::int32_t> ordered;
-    for (const int local : gmsh_nodes(NodeOrder::Nektar, shape, mesh_.order))
-      ordered.push_back(nodes[std::size_t(local)]);
-    return ordered;
+    std::pair<std::size_t, std::size_t> before(0, points_on_edges());
+    for (const auto& [shape, count] : {std::pair(Shape::Triangle, triangles), {Shape::Quadrilateral, quadrilaterals}}) {
+      if (!curves(shape)) continue;
+      before.first += count;
+      before.second += count * std::size_t(reference::node_count(shape, mesh_.order));
+    }
+    return before;
   }
 
-  Curves curves_of(Shape shape, std::int64_t first) const {
-    Curves curves{shape, {}, {first}};
-    const std::size_t count = shape == Shape::Line   ? grid_.edges.size()
-                              : mesh_.dimension == 3 ? grid_.faces.size()
-                                                     : cells_.count();
-    for (std::size_t i = 0; i < count; ++i) {
-      curves.numbers.push_back(std::int32_t(i));
-      const Shape own = shape_of(curves, curves.numbers.size() - 1);
-      if (inner_node_count(own, mesh_.order) > 0)
-        curves.first.push_back(curves.first.back() + reference::node_count(own, mesh_.order));
-      else
-        curves.numbers.pop_back();
-    }
-    return curves;
+  /// Calls body(edge, its points in order).
+  template <class Body>
+  void for_curved_edges(std::size_t begin, std::size_t end, const Body& body) const {
+    std::vector<std::int32_t> points(std::size_t(mesh_.order) + 1);
+    grid_.for_edges(begin, end, [&](std::size_t edge, const std::array<std::int32_t, 2>& vertices) {
+      points.front() = vertices[0];
+      for (std::size_t k = 1; k + 1 < points.size(); ++k)
+        points[k] = std::int32_t(grid_.vertex_count() + edge * (points.size() - 2) + k - 1);
+      points.back() = vertices[1];
+      body(edge, std::span<const std::int32_t>(points));
+    });
   }
 
-  void curves() {
+  void text_curves() {
     open("CURVED", false);
-    for (const Shape shape : {Shape::Line, Shape::Triangle}) {
-      const Curves all = curves_of(shape, 0);
-      for (std::size_t i = 0; i < all.numbers.size(); ++i) curve(all, i);
-    }
+    out_.shared(grid_.edge_count(), kEntriesPerPiece, [&](BufferedOutput& out, std::size_t begin, std::size_t end) {
+      for_curved_edges(begin, end, [&](std::size_t edge, std::span<const std::int32_t> points) {
+        text_curve(out, 'E', edge, edge, Shape::Line, points);
+      });
+    });
+    out_.shared(face_count(), kEntriesPerPiece, [&](BufferedOutput& out, std::size_t begin, std::size_t end) {
+      for_curved_faces(begin, end, [&](std::size_t number, std::size_t, std::size_t face, auto points, Shape shape) {
+        text_curve(out, 'F', number, face, shape, points);
+      });
+    });
     close("CURVED", false);
   }
 
-  void curve(const Curves& curves, std::size_t i) {
-    const std::vector<std::int32_t> nodes = nodes_of(curves, i);
-    const bool edges = curves.shape == Shape::Line;
-    const char letter = edges ? 'E' : 'F';
-    entry(letter, std::int64_t(i),
-          (edges ? " EDGEID=\"" : " FACEID=\"") + std::to_string(curves.numbers[i]) + "\" NUMPOINTS=\"" +
-              std::to_string(nodes.size()) + "\" TYPE=\"" +
-              (shape_of(curves, i) == Shape::Triangle ? "NodalTriEvenlySpaced" : "PolyEvenlySpaced") + "\"");
-    for (std::size_t k = 0; k < nodes.size(); ++k) {
-      if (k > 0) out_.text("  ");
-      point(at(mesh_, nodes[k]));
+  void text_curve(BufferedOutput& out, char letter, std::size_t number, std::size_t of, Shape shape,
+                  std::span<const std::int32_t> points) const {
+    begin_entry(out, letter, std::int64_t(number));
+    out.text(letter == 'E' ? " EDGEID=\"" : " FACEID=\"");
+    out.text_integer(std::int64_t(of));
+    out.text("\" NUMPOINTS=\"");
+    out.text_integer(std::int64_t(points.size()));
+    out.text(shape == Shape::Triangle ? "\" TYPE=\"NodalTriEvenlySpaced\">" : "\" TYPE=\"PolyEvenlySpaced\">");
+    for (std::size_t k = 0; k < points.size(); ++k) {
+      if (k > 0) out.text("  ");
+      point(out, points[k]);
     }
-    end_entry(letter);
+    end_entry(out, letter);
   }
 
-  /// A list of edges, one of faces, and one set of points for both.
+  /// A list of edges, one of faces, and one set of points for both. As in NekMesh's files, every point is there once,
+  /// and the index names those of each curve.
   void packed_curves() {
-    const Curves edges = curves_of(Shape::Line, 0), faces = curves_of(Shape::Triangle, edges.first.back());
     open("CURVED", true);
-    if (!edges.numbers.empty()) packed_list("E", edges);
-    if (!faces.numbers.empty()) packed_list("F", faces);
+    if (grid_.edge_count() > 0)
+      packed("E", grid_.edge_count(), 48, [&](std::size_t begin, std::size_t end, std::string& bytes) {
+        const auto count = std::size_t(mesh_.order) + 1;
+        for (std::size_t e = begin; e < end; ++e) append_info(bytes, e, e, count, e * count, Shape::Line);
+      });
+    if (curves_before(face_count()).first > 0)
+      packed("F", face_count(), 48, [&](std::size_t begin, std::size_t end, std::string& bytes) {
+        for_curved_faces(begin, end,
+                         [&](std::size_t number, std::size_t first, std::size_t face, auto points, Shape s) {
+                           append_info(bytes, number, face, points.size(), first, s);
+                         });
+      });
     out_.text("            <DATAPOINTS ID=\"0\">\n");
-    packed("INDEX", std::size_t(faces.first.back()), 8, [&](std::size_t begin, std::size_t end, std::string& bytes) {
-      for (std::size_t i = begin; i < end; ++i) append_packed(bytes, std::int64_t(i));
-    });
-    const std::size_t all = edges.numbers.size() + faces.numbers.size(),
-                      bytes_all = 32 * std::size_t(faces.first.back());
-    packed("POINTS", all, bytes_all / std::max<std::size_t>(1, all),
-           [&](std::size_t begin, std::size_t end, std::string& bytes) {
-             for (std::size_t i = begin; i < end; ++i) {
-               const bool is_edge = i < edges.numbers.size();
-               const Curves& own = is_edge ? edges : faces;
-               const std::size_t k = is_edge ? i : i - edges.numbers.size();
-               std::int64_t number = own.first[k];
-               for (const std::int32_t node : nodes_of(own, k)) {
-                 append_packed(bytes, number++);
-                 append_packed(bytes, at(mesh_, node));
-               }
-             }
-           });
+    packed_index();
+    packed(
+        "POINTS", grid_.points().size(), 32,
+        [&](std::size_t begin, std::size_t end, std::string& bytes) { pack_points(begin, end, bytes); },
+        PackedValues::Coordinates);
     out_.text("            </DATAPOINTS>\n");
     close("CURVED", false);
   }
 
-  void packed_list(const char* name, const Curves& curves) {
-    constexpr std::int64_t kEvenlySpaced = 17, kEvenlySpacedTriangle = 24;  // in Nektar++'s PointsType
-    packed(name, curves.numbers.size(), 48, [&](std::size_t begin, std::size_t end, std::string& bytes) {
-      for (std::size_t i = begin; i < end; ++i)
-        for (const std::int64_t value :
-             {std::int64_t(i), std::int64_t(curves.numbers[i]), curves.first[i + 1] - curves.first[i], std::int64_t(0),
-              curves.first[i], shape_of(curves, i) == Shape::Triangle ? kEvenlySpacedTriangle : kEvenlySpaced})
-          append_packed(bytes, value);
+  void packed_index() {
+    // Edges first, then faces, in one list.
+    const std::size_t edges = grid_.edge_count();
+    const std::size_t bytes_each = 8 * std::size_t(reference::node_count(Shape::Quadrilateral, mesh_.order));
+    packed("INDEX", edges + face_count(), bytes_each, [&](std::size_t begin, std::size_t end, std::string& bytes) {
+      const auto append = [&](std::span<const std::int32_t> points) {
+        for (const std::int32_t point : points) append_packed(bytes, std::int64_t(point));
+      };
+      for_curved_edges(std::min(begin, edges), std::min(end, edges),
+                       [&](std::size_t, std::span<const std::int32_t> points) { append(points); });
+      if (end > edges)
+        for_curved_faces(std::max(begin, edges) - edges, end - edges,
+                         [&](std::size_t, std::size_t, std::size_t, auto points, Shape) { append(points); });
     });
   }
 
+  static void append_info(std::string& bytes, std::size_t number, std::size_t of, std::size_t count, std::size_t first,
+                          Shape shape) {
+    constexpr std::size_t kEvenlySpaced = 17, kEvenlySpacedTriangle = 24;  // in Nektar++'s PointsType
+    const std::size_t type = shape == Shape::Triangle ? kEvenlySpacedTriangle : kEvenlySpaced;
+    for (const std::size_t value : {number, of, count, std::size_t(0), first, type})
+      append_packed(bytes, std::int64_t(value));
+  }
+
   template <class Fill>
-  void packed(const char* name, std::size_t count, std::size_t bytes_each, const Fill& fill) {
+  void packed(const char* name, std::size_t count, std::size_t bytes_each, const Fill& fill,
+              PackedValues values = PackedValues::Integers) {
     out_.text("            <" + std::string(name) + ">");
-    write_packed(out_, count, bytes_each, fill);
+    write_packed(out_, values, count, bytes_each, fill);
     out_.text("</" + std::string(name) + ">\n");
-  }
-
-  // === Composites and the rest ===========================================================================
-
-  void write_composites(const NektarComposites& composites) {
-    std::vector<std::int64_t> first(mesh_.blocks.size(), 0);  // the number of each block's first cell
-    std::int64_t next = 0;
-    for (std::size_t b = 0; b < mesh_.blocks.size(); ++b)
-      if (has_dimension(mesh_.blocks[b], mesh_.dimension)) {
-        first[b] = next;
-        next += std::int64_t(mesh_.blocks[b].size());
-      }
-    open("COMPOSITE", false);
-    for (const NektarComposites::One& one : composites.all) {
-      std::map<char, std::vector<std::int64_t>> numbers;
-      for (const std::size_t b : one.blocks) {
-        const ElementBlock& block = mesh_.blocks[b];
-        const auto count = std::size_t(reference::node_count(block.shape, block.order));
-        if (one.dimension == mesh_.dimension) {
-          auto& list = numbers[nektar_letter(block.shape)];
-          for (std::size_t e = 0; e < block.size(); ++e) list.push_back(first[b] + std::int64_t(e));
-          continue;
-        }
-        auto& list = numbers[one.dimension == 1 ? 'E' : 'F'];
-        for (std::size_t e = 0; e < block.size(); ++e)
-          if (const std::int32_t side = grid_.side(block.shape, {block.nodes.data() + e * count, count}); side >= 0)
-            list.push_back(side);
-      }
-      std::erase_if(numbers, [](const auto& list) { return list.second.empty(); });
-      if (numbers.empty()) continue;
-      entry('C', one.id, one.name.empty() ? "" : " NAME=\"" + escaped_xml(one.name) + "\"");
-      for (const auto& [letter, list] : numbers) {
-        out_.text(" ");
-        out_.text(nektar_list(letter, list));
-      }
-      out_.text(" ");
-      end_entry('C');
-    }
-    close("COMPOSITE", false);
-  }
-
-  void write_domain(const NektarComposites& composites) {
-    for (const ForeignSection& section : mesh_.foreign)
-      if (section.format == "nektar" && section.name == kNektarDomain)
-        return out_.text("        " + section.bytes + "\n");
-    out_.text("        <DOMAIN> C[");
-    out_.text(composites.domain);
-    out_.text("] </DOMAIN>\n");
-  }
-
-  static bool is_note(std::string_view name) {
-    return name == kNektarDomain || name == kNektarText || name == kNektarZero;
-  }
-
-  void write_others(const NektarComposites& composites) {
-    bool expansions = false;
-    for (const ForeignSection& section : mesh_.foreign) {
-      if (section.format != "nektar" || is_note(section.name)) continue;
-      expansions = expansions || section.name == "EXPANSIONS";
-      out_.text("    ");
-      out_.text(section.bytes);
-      out_.text("\n");
-    }
-    if (expansions) return;
-    out_.text("    <EXPANSIONS>\n        <E COMPOSITE=\"C[");
-    out_.text(composites.domain);
-    out_.text("]\" NUMMODES=\"");
-    out_.text_integer(std::max(4, mesh_.order + 1));
-    out_.text("\" TYPE=\"MODIFIED\" FIELDS=\"u\" />\n    </EXPANSIONS>\n");
   }
 
   const NektarGrid& grid_;
   const HighOrderMesh& mesh_;
-  const Cells cells_;
   const bool compressed_;
   BufferedOutput& out_;
 };

@@ -105,8 +105,8 @@ TEST_P(NektarShapes, TrianglesCollapseTowardsOneVertexInBothCells) {
   const auto vertices = formats::nektar_vertices(mesh);
   ASSERT_TRUE(vertices) << vertices.error().sentence;
   const formats::NektarGrid grid(mesh, *vertices);
-  grid.for_each_cell([&](std::size_t, const ElementBlock& block, auto, std::span<const std::int32_t> own) {
-    for (const reference::Facet& face : formats::nektar_faces(block.shape)) {
+  grid.for_cells(0, grid.cells.count(), [&](std::size_t, Shape shape, std::span<const std::int32_t> own) {
+    for (const reference::Facet& face : formats::nektar_faces(shape)) {
       if (face.shape != Shape::Triangle) continue;
       // Nektar++ takes the last vertex of each of its faces for the one to collapse to.
       const auto at = [&](std::size_t v) { return own[std::size_t(face.vertices[v])]; };
