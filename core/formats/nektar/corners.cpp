@@ -1,7 +1,8 @@
-#include "core/formats/nektar/corners.h"
 
+// Finds the vertices of the edges, faces and cells of a Nektar++ file.
 #include <algorithm>
 
+#include "core/formats/nektar/file.h"
 #include "core/formats/nektar/nektar.h"
 #include "core/formats/scanner.h"
 

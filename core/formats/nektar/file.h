@@ -7,6 +7,8 @@
 
 #include <array>
 #include <cstdint>
+#include <functional>
+#include <optional>
 #include <span>
 #include <string>
 #include <string_view>
@@ -53,12 +55,23 @@ void sort_parts(NektarParts& parts);
 /// The kinds of points on curves.
 enum class NektarPoints : std::uint8_t { EvenlySpaced, GaussLobatto, OtherTriangle };
 
+/// The kind of points with a name or, in compressed files, a number of Nektar++'s PointsType.
+std::optional<NektarPoints> points_of(std::string_view name);
+std::string_view name_of_points(std::int64_t number);
+
 /// A curved edge or face.
 struct NektarCurve {
   std::int32_t id = 0;  ///< Of the edge, face or, in 2-D, element.
   std::int32_t count = 0;
   std::uint32_t first = 0;  ///< Its first point in NektarFile::points, or in NektarFile::index of a compressed file.
   NektarPoints points = NektarPoints::EvenlySpaced;
+};
+
+/// The text of a curve of a file that is not compressed.
+struct NektarCurveText {
+  std::size_t begin = 0;  ///< Byte of the file.
+  std::uint32_t length = 0;
+  std::int32_t count = 0;  ///< Points.
 };
 
 struct NektarComposite {
@@ -76,14 +89,19 @@ struct NektarFile {
   std::vector<std::int32_t> edges;  ///< Numbers of two vertices for each.
   NektarParts faces, elements;      ///< In 2-D there are no faces.
   std::vector<NektarCurve> curved_edges, curved_faces;
-  std::vector<double> points;       ///< Three numbers for each point of a curve.
-  std::vector<std::int64_t> index;  ///< In compressed files: numbers of points. Empty if they are 0, 1, 2, …
+  std::vector<double> points;                           ///< Three numbers for each point of a curve, if they are kept.
+  std::vector<XmlText> points_text;                     ///< Otherwise the list of points of a compressed file,
+  std::vector<NektarCurveText> edge_texts, face_texts;  ///< or the text of each curve.
+  std::vector<std::int32_t> index;  ///< In compressed files: numbers of points. Empty if they are 0, 1, 2, …
   std::vector<NektarComposite> composites;
   std::vector<ForeignSection> others;  ///< Everything outside the geometry, and the domain.
 
+  bool has_texts() const { return !edge_texts.empty() || !face_texts.empty(); }
+  /// The number of a point at a place of INDEX.
+  std::size_t number_of_point(std::size_t place) const { return index.empty() ? place : std::size_t(index[place]); }
   /// Point k of a curve. The curve must have been checked.
   const double* point(const NektarCurve& curve, std::size_t k) const {
-    return points.data() + 3 * (index.empty() ? curve.first + k : std::size_t(index[curve.first + k]));
+    return points.data() + 3 * number_of_point(curve.first + k);
   }
 };
 
@@ -94,7 +112,28 @@ int nektar_sides(Shape shape);
 char nektar_letter(Shape shape);
 
 /// Reads the lists. Their numbers are unique, but may refer to things that are not there. Throws ReadFailure.
-NektarFile parse_nektar(std::string_view bytes, FileAllowance& allowance);
+/// `keeps_points`: whether the points of curves are read too.
+NektarFile parse_nektar(std::string_view bytes, bool keeps_points, FileAllowance& allowance);
+
+/// Calls body(bytes) for the content of a compressed list in pieces of whole records. Throws ReadFailure.
+void unpack_nektar(std::string_view file, XmlText text, std::size_t record, FileAllowance& allowance,
+                   const std::function<void(std::string_view)>& body);
+
+/// A point of a compressed file.
+struct NektarPackedPoint {
+  std::int64_t id;
+  double x[3];
+};
+
+/// The vertices of the faces and cells of a file.
+struct NektarCorners {
+  std::vector<std::array<std::int32_t, 4>> faces;  ///< In the order of the face's edges.
+  std::vector<std::int32_t> cells;  ///< Of all cells, in Gmsh's order, in the order of Nektar++'s corners.
+};
+
+/// Finds them, replaces the vertices of edges by their positions in the file, and forgets the sides of faces and
+/// elements. Throws ReadFailure if edges or faces are missing or do not fit together.
+NektarCorners nektar_corners(NektarFile& file, FileAllowance& allowance);
 
 /// Names in HighOrderMesh::foreign: the section of the domain, and the notes that the lists are text and which tag
 /// composite 0 got.

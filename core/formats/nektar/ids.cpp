@@ -1,7 +1,9 @@
-// Finds the entries of a Nektar++ file by their ids, and sorts them.
+// Lists of a Nektar++ file: finds entries by their ids, sorts them, and unpacks compressed ones.
 #include <algorithm>
 
 #include "core/formats/nektar/file.h"
+#include "core/formats/scanner.h"
+#include "core/formats/xml/encoding.h"
 
 namespace varimesh::formats {
 
@@ -51,9 +53,50 @@ void sort_parts(NektarParts& parts) {
   parts = std::move(sorted);
 }
 
+void unpack_nektar(std::string_view file, XmlText text, std::size_t record, FileAllowance& allowance,
+                   const std::function<void(std::string_view)>& body) {
+  std::size_t size = 0;
+  const auto pass_on = [&](std::string_view bytes) {
+    allowance.look();
+    size += bytes.size();
+    body(bytes.substr(0, bytes.size() / record * record));
+  };
+  Scanner scan(file.substr(0, text.begin + text.length));
+  scan.go_to(text.begin);
+  const Unpacked result = unpack_base64_zlib(scan.rest(), record, pass_on);
+  if (result == Unpacked::NotBase64) scan.fail("the text is not base64");
+  if (result == Unpacked::Damaged) scan.fail("the compressed data is damaged or incomplete");
+  if (size % record != 0)
+    scan.fail("the compressed data has " + std::to_string(size) + " bytes, no multiple of " + std::to_string(record));
+}
+
 int nektar_sides(Shape shape) {
   constexpr std::array kSides = {0, 2, 3, 4, 4, 5, 5, 6};
   return kSides[std::size_t(shape)];
+}
+
+std::optional<NektarPoints> points_of(std::string_view name) {
+  if (name == "PolyEvenlySpaced" || name == "NodalTriEvenlySpaced") return NektarPoints::EvenlySpaced;
+  if (name == "GaussLobattoLegendre") return NektarPoints::GaussLobatto;
+  if (name == "NodalTriElec" || name == "NodalTriFekete") return NektarPoints::OtherTriangle;
+  return std::nullopt;
+}
+
+std::string_view name_of_points(std::int64_t number) {
+  switch (number) {
+    case 4:
+      return "GaussLobattoLegendre";
+    case 17:
+      return "PolyEvenlySpaced";
+    case 22:
+      return "NodalTriElec";
+    case 23:
+      return "NodalTriFekete";
+    case 24:
+      return "NodalTriEvenlySpaced";
+    default:
+      return "";
+  }
 }
 
 char nektar_letter(Shape shape) { return "VETQAPRH"[std::size_t(shape)]; }

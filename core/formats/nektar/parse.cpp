@@ -6,9 +6,7 @@
 #include <optional>
 
 #include "core/formats/nektar/file.h"
-#include "core/formats/nektar/points.h"
 #include "core/formats/scanner.h"
-#include "core/formats/xml/encoding.h"
 
 namespace varimesh::formats {
 
@@ -25,7 +23,10 @@ std::optional<Shape> shape_of(std::string_view letter) {
 
 class Parser : public XmlVisitor {
  public:
-  Parser(std::string_view bytes, FileAllowance& allowance) : allowance_(allowance) { file_.bytes = bytes; }
+  Parser(std::string_view bytes, bool keeps_points, FileAllowance& allowance)
+      : keeps_points_(keeps_points), allowance_(allowance) {
+    file_.bytes = bytes;
+  }
 
   bool begins(const XmlElement& element) override {
     path_.emplace_back(element.name);
@@ -210,7 +211,7 @@ class Parser : public XmlVisitor {
       for (std::size_t k = 0; k < sides; ++k) list.sides.push_back(small(scan.text_integer("the number of a side")));
       return expect_end(scan);
     }
-    unpack(text, 8 * (1 + sides), [&](std::string_view bytes) {
+    unpack_nektar(file_.bytes, text, 8 * (1 + sides), allowance_, [&](std::string_view bytes) {
       const std::size_t count = bytes.size() / (8 * (1 + sides));
       allowance_.take(count, kIdBytes);
       make_room(list.shapes, count);
@@ -229,6 +230,14 @@ class Parser : public XmlVisitor {
     if (name != "E" && name != "F") fail("only E and F can be curved");
     Scanner scan = scanner(text.begin, text.length);
     if (curve_.count > std::int64_t(text.length)) scan.fail("NUMPOINTS is larger than the number of points");
+    if (!keeps_points_) {
+      if (text.length > std::numeric_limits<std::uint32_t>::max()) scan.fail("a curve has too many points");
+      allowance_.take(2, sizeof(NektarCurve) + sizeof(NektarCurveText));
+      (name == "E" ? file_.edge_texts : file_.face_texts)
+          .push_back({text.begin, std::uint32_t(text.length), curve_.count});
+      (name == "E" ? file_.curved_edges : file_.curved_faces).push_back(curve_);
+      return;
+    }
     allowance_.take(1, sizeof(NektarCurve) + 24 * std::size_t(curve_.count));
     curve_.first = std::uint32_t(small(std::int64_t(file_.points.size() / 3)));
     for (std::int64_t k = 0; k < 3 * curve_.count; ++k)
@@ -255,16 +264,16 @@ class Parser : public XmlVisitor {
     } else if (path_.size() == 5 && name == "INDEX") {
       for_each_packed<std::int64_t>(
           text, [](std::size_t) {}, [&](std::int64_t number) { add_index(number, text.length); });
+    } else if (path_.size() == 5 && name == "POINTS" && !keeps_points_) {
+      allowance_.take(1, sizeof(XmlText));
+      file_.points_text.push_back(text);
     } else if (path_.size() == 5 && name == "POINTS") {
-      struct Point {
-        std::int64_t id;
-        double x[3];
-      };
       // Mostly there are as many as the curves have, and a point takes many bytes of the file.
       if (in_curves_ < text.length) make_room(file_.points, 3 * in_curves_);
       const auto reserve = [&](std::size_t count) { make_room(file_.points, 3 * count); };
-      for_each_packed<Point>(
-          text, reserve, [&](const Point& point) { file_.points.insert(file_.points.end(), point.x, point.x + 3); });
+      for_each_packed<NektarPackedPoint>(text, reserve, [&](const NektarPackedPoint& point) {
+        file_.points.insert(file_.points.end(), point.x, point.x + 3);
+      });
     }
   }
 
@@ -292,34 +301,17 @@ class Parser : public XmlVisitor {
     }
     if (file_.index.empty()) {
       make_room(file_.index, std::max(indices_ + 1, in_curves_ < length ? in_curves_ : 0));
-      for (std::size_t i = 0; i < indices_; ++i) file_.index.push_back(std::int64_t(i));
+      for (std::size_t i = 0; i < indices_; ++i) file_.index.push_back(std::int32_t(i));
     }
     make_room(file_.index, 1);
-    file_.index.push_back(number);
+    file_.index.push_back(small(number));
     ++indices_;
-  }
-
-  /// Calls body(bytes) for pieces of whole records.
-  template <class Body>
-  void unpack(XmlText text, std::size_t record, const Body& body) {
-    std::size_t size = 0;
-    const auto pass_on = [&](std::string_view bytes) {
-      allowance_.look();
-      size += bytes.size();
-      body(bytes.substr(0, bytes.size() / record * record));
-    };
-    const Scanner scan = scanner(text.begin, text.length);
-    const Unpacked result = unpack_base64_zlib(file_.bytes.substr(text.begin, text.length), record, pass_on);
-    if (result == Unpacked::NotBase64) scan.fail("the text is not base64");
-    if (result == Unpacked::Damaged) scan.fail("the compressed data is damaged or incomplete");
-    if (size % record != 0)
-      scan.fail("the compressed data has " + std::to_string(size) + " bytes, no multiple of " + std::to_string(record));
   }
 
   /// `reserve(count)` makes room in the lists for the records of a piece.
   template <class Record, class Reserve, class Body>
   void for_each_packed(XmlText text, const Reserve& reserve, const Body& body) {
-    unpack(text, sizeof(Record), [&](std::string_view bytes) {
+    unpack_nektar(file_.bytes, text, sizeof(Record), allowance_, [&](std::string_view bytes) {
       reserve(bytes.size() / sizeof(Record));
       for (std::size_t at = 0; at < bytes.size(); at += sizeof(Record)) {
         allowance_.look();
@@ -356,21 +348,23 @@ class Parser : public XmlVisitor {
       Scanner(file_.bytes).fail("the " + std::string(what) + " " + std::to_string(twice) + " occurs twice");
   }
 
-  /// Every point of every curve must be there.
+  /// The points of every curve must be in the index and, if they are kept, there.
   void check_points(const std::vector<NektarCurve>& curves) const {
     const Scanner scan(file_.bytes);
-    const std::size_t points = file_.points.size() / 3;
+    // Points that are not kept are counted when they are read.
+    const std::size_t points = keeps_points_ ? file_.points.size() / 3 : std::numeric_limits<std::int32_t>::max();
     const std::size_t most = indices_ == 0 ? points : file_.index.empty() ? std::min(points, indices_) : indices_;
     for (const NektarCurve& curve : curves)
       if (std::size_t(curve.count) > most || curve.first > most - std::size_t(curve.count))
         scan.fail("the curve of " + std::to_string(curve.id) + " has points that are not in the file");
-    for (const std::int64_t number : file_.index)
-      if (number < 0 || std::size_t(number) >= points)
+    for (const std::int32_t number : file_.index)
+      if (std::size_t(number) >= points)
         scan.fail("a curve refers to point " + std::to_string(number) + ", but there are " + std::to_string(points));
   }
 
   static constexpr std::size_t kIdBytes = sizeof(std::int64_t);
 
+  const bool keeps_points_;
   NektarFile file_;
   FileAllowance& allowance_;
   std::size_t in_curves_ = 0;  // points of all curves of a compressed file
@@ -385,8 +379,8 @@ class Parser : public XmlVisitor {
 
 }  // namespace
 
-NektarFile parse_nektar(std::string_view bytes, FileAllowance& allowance) {
-  Parser parser(bytes, allowance);
+NektarFile parse_nektar(std::string_view bytes, bool keeps_points, FileAllowance& allowance) {
+  Parser parser(bytes, keeps_points, allowance);
   walk_xml(bytes, parser);
   return parser.take();
 }
