@@ -8,13 +8,15 @@
 #include <array>
 #include <cstdint>
 #include <functional>
-#include <optional>
+#include <limits>
 #include <span>
 #include <string>
 #include <string_view>
 #include <vector>
 
+#include "core/base/team.h"
 #include "core/formats/file_allowance.h"
+#include "core/formats/scanner.h"
 #include "core/formats/xml/xml.h"
 #include "core/mesh/high_order_mesh.h"
 
@@ -55,15 +57,11 @@ void sort_parts(NektarParts& parts);
 /// The kinds of points on curves.
 enum class NektarPoints : std::uint8_t { EvenlySpaced, GaussLobatto, OtherTriangle };
 
-/// The kind of points with a name or, in compressed files, a number of Nektar++'s PointsType.
-std::optional<NektarPoints> points_of(std::string_view name);
-std::string_view name_of_points(std::int64_t number);
-
 /// A curved edge or face.
 struct NektarCurve {
-  std::int32_t id = 0;  ///< Of the edge, face or, in 2-D, element.
-  std::int32_t count = 0;
+  std::int32_t id = 0;      ///< Of the edge, face or, in 2-D, element.
   std::uint32_t first = 0;  ///< Its first point in NektarFile::points, or in NektarFile::index of a compressed file.
+  std::int16_t count = 0;
   NektarPoints points = NektarPoints::EvenlySpaced;
 };
 
@@ -93,6 +91,7 @@ struct NektarFile {
   std::vector<XmlText> points_text;                     ///< Otherwise the list of points of a compressed file,
   std::vector<NektarCurveText> edge_texts, face_texts;  ///< or the text of each curve.
   std::vector<std::int32_t> index;  ///< In compressed files: numbers of points. Empty if they are 0, 1, 2, …
+  std::size_t indices = 0;          ///< How many numbers INDEX has.
   std::vector<NektarComposite> composites;
   std::vector<ForeignSection> others;  ///< Everything outside the geometry, and the domain.
 
@@ -112,12 +111,40 @@ int nektar_sides(Shape shape);
 char nektar_letter(Shape shape);
 
 /// Reads the lists. Their numbers are unique, but may refer to things that are not there. Throws ReadFailure.
-/// `keeps_points`: whether the points of curves are read too.
-NektarFile parse_nektar(std::string_view bytes, bool keeps_points, FileAllowance& allowance);
+/// `keeps_points`: whether the points of curves are read too. Call it inside team.run().
+NektarFile parse_nektar(std::string_view bytes, bool keeps_points, FileAllowance& allowance, const Team& team);
 
-/// Calls body(bytes) for the content of a compressed list in pieces of whole records. Throws ReadFailure.
-void unpack_nektar(std::string_view file, XmlText text, std::size_t record, FileAllowance& allowance,
-                   const std::function<void(std::string_view)>& body);
+/// A compressed list of a file.
+struct NektarPackedList {
+  enum class Kind : std::uint8_t { Vertices, Edges, Faces, Elements, CurvedEdges, CurvedFaces, Index, Points };
+  Kind kind;
+  Shape shape;  ///< Of faces and elements.
+  XmlText text;
+};
+
+/// Unpacks the lists of a file; threads share them. Throws ReadFailure.
+void unpack_nektar_lists(NektarFile& file, const std::vector<NektarPackedList>& lists, FileAllowance& allowance,
+                         const Team& team);
+
+/// Calls body(bytes, done) for the content of a compressed list in pieces of whole records; `done`: how many bytes of
+/// the text these pieces come from. Throws ReadFailure.
+void unpack_nektar(std::string_view file, XmlText text, std::size_t record,
+                   const std::function<void(std::string_view bytes, std::size_t done)>& body);
+
+/// The kind of points of the curve of an edge or face, by name. Throws ReadFailure.
+NektarPoints nektar_points_of(const Scanner& scan, std::int64_t curve, std::string_view name);
+
+/// The number of points on a curve. Throws ReadFailure if nothing has so many.
+std::int16_t nektar_count_of(const Scanner& scan, std::int64_t count);
+
+/// Whether this may be the number of an entry; a file cannot have more than fit into 32 bits.
+inline bool is_nektar_number(std::int64_t number) {
+  return number >= 0 && number <= std::numeric_limits<std::int32_t>::max();
+}
+[[noreturn]] void fail_nektar_number(const Scanner& scan, std::int64_t number);
+
+/// The points of every curve must be in the index and, if they are kept, in the file. Throws ReadFailure.
+void check_nektar_points(const NektarFile& file, bool keeps_points);
 
 /// A point of a compressed file.
 struct NektarPackedPoint {
@@ -127,8 +154,13 @@ struct NektarPackedPoint {
 
 /// The vertices of the faces and cells of a file.
 struct NektarCorners {
-  std::vector<std::array<std::int32_t, 4>> faces;  ///< In the order of the face's edges.
+  std::vector<std::int32_t> faces;  ///< In the order of the face's edges, `per_face` numbers each.
+  std::size_t per_face = 4;         ///< 3 if all are triangles.
   std::vector<std::int32_t> cells;  ///< Of all cells, in Gmsh's order, in the order of Nektar++'s corners.
+
+  std::span<const std::int32_t> face(std::size_t f, Shape shape) const {
+    return {faces.data() + per_face * f, shape == Shape::Triangle ? 3U : 4U};
+  }
 };
 
 /// Finds them, replaces the vertices of edges by their positions in the file, and forgets the sides of faces and

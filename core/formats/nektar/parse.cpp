@@ -38,21 +38,25 @@ class Parser : public XmlVisitor {
     return true;
   }
 
+  bool has_raw_text() const override { return in_geometry() && path_.size() >= 3 && compressed_; }
+
   void ends(std::string_view name, XmlText text) override {
     if (path_.size() == 2 && !in_geometry()) keep(begin_.back(), text.begin + text.length);
     if (in_geometry() && path_.size() >= 3) content(name, text);
+    if (in_geometry() && path_.size() == 3) trim();
     path_.pop_back();
     begin_.pop_back();
   }
 
-  NektarFile take() {
+  NektarFile take(const Team& team) {
     if (file_.dimension == 0) Scanner(file_.bytes).fail("it has no GEOMETRY");
+    unpack_nektar_lists(file_, lists_, allowance_, team);
     finish(file_.vertex_ids, "vertex");
     finish(file_.edge_ids, "edge");
     finish(file_.faces.ids, "face");
     sort_parts(file_.elements);
     finish(file_.elements.ids, "element");
-    for (std::vector<NektarCurve>* curves : {&file_.curved_edges, &file_.curved_faces}) check_points(*curves);
+    check_nektar_points(file_, keeps_points_);
     return std::move(file_);
   }
 
@@ -106,9 +110,9 @@ class Parser : public XmlVisitor {
       curve_ = {};
       curve_.id = small(number(element, path_[3] == "E" ? "EDGEID" : "FACEID"));
       // More than the text can have are refused when it is there.
-      curve_.count =
+      points_ =
           std::int32_t(std::min<std::int64_t>(number(element, "NUMPOINTS"), std::numeric_limits<std::int32_t>::max()));
-      set_points(curve_, element.get("TYPE"));
+      curve_.points = nektar_points_of(scanner(begin_.back(), 0), curve_.id, element.get("TYPE"));
     }
   }
 
@@ -120,14 +124,6 @@ class Parser : public XmlVisitor {
     if (error != std::errc() || stop != value->data() + value->size() || result < 0)
       fail("the attribute " + std::string(attribute) + " is not a number from 0 on");
     return result;
-  }
-
-  void set_points(NektarCurve& curve, std::string_view name) const {
-    const auto points = points_of(name);
-    if (!points)
-      fail("the curve of " + std::to_string(curve.id) + " has points of the type '" + std::string(name.substr(0, 40)) +
-           "'; VariMesh reads PolyEvenlySpaced, GaussLobattoLegendre and NodalTriEvenlySpaced");
-    curve.points = *points;
   }
 
   // === What the sections contain =========================================================================
@@ -152,18 +148,7 @@ class Parser : public XmlVisitor {
 
   void vertices(XmlText text) {
     if (compressed_ && path_.size() == 3) {
-      struct Vertex {
-        std::int64_t id;
-        double x[3];
-      };
-      const auto reserve = [&](std::size_t count) {
-        allowance_.take(count, kIdBytes);
-        make_room(file_.vertices, 3 * count);
-      };
-      for_each_packed<Vertex>(text, reserve, [&](const Vertex& vertex) {
-        file_.vertex_ids.add(vertex.id);
-        file_.vertices.insert(file_.vertices.end(), vertex.x, vertex.x + 3);
-      });
+      packed(NektarPackedList::Kind::Vertices, text);
     } else if (path_.size() == 4) {
       Scanner scan = scanner(text.begin, text.length);
       allowance_.take(1, 32);
@@ -175,17 +160,7 @@ class Parser : public XmlVisitor {
 
   void edges(XmlText text) {
     if (compressed_ && path_.size() == 3) {
-      struct Edge {
-        std::int64_t id, vertices[2];
-      };
-      const auto reserve = [&](std::size_t count) {
-        allowance_.take(count, kIdBytes);
-        make_room(file_.edges, 2 * count);
-      };
-      for_each_packed<Edge>(text, reserve, [&](const Edge& edge) {
-        file_.edge_ids.add(edge.id);
-        for (const std::int64_t vertex : edge.vertices) file_.edges.push_back(small(vertex));
-      });
+      packed(NektarPackedList::Kind::Edges, text);
     } else if (path_.size() == 4) {
       Scanner scan = scanner(text.begin, text.length);
       allowance_.take(1, 24);
@@ -200,81 +175,64 @@ class Parser : public XmlVisitor {
     if (!shape || reference::info(*shape).dimension != dimension)
       fail("'" + std::string(letter.substr(0, 20)) + "' is no shape of dimension " + std::to_string(dimension));
     const auto sides = std::size_t(nektar_sides(*shape));
-    const auto add = [&](std::int64_t id) {
-      list.ids.add(id);
-      list.shapes.push_back(*shape);
-    };
-    if (!compressed_) {
-      Scanner scan = scanner(text.begin, text.length);
-      allowance_.take(1, 9 + 8 * sides);
-      add(id_);
-      for (std::size_t k = 0; k < sides; ++k) list.sides.push_back(small(scan.text_integer("the number of a side")));
-      return expect_end(scan);
+    if (compressed_) {
+      const bool faces = &list == &file_.faces;
+      return packed(faces ? NektarPackedList::Kind::Faces : NektarPackedList::Kind::Elements, text, *shape);
     }
-    unpack_nektar(file_.bytes, text, 8 * (1 + sides), allowance_, [&](std::string_view bytes) {
-      const std::size_t count = bytes.size() / (8 * (1 + sides));
-      allowance_.take(count, kIdBytes);
-      make_room(list.shapes, count);
-      make_room(list.sides, count * sides);
-      for (std::size_t at = 0; at < bytes.size(); at += 8 * (1 + sides)) {
-        std::array<std::int64_t, 7> numbers{};
-        std::memcpy(numbers.data(), bytes.data() + at, 8 * (1 + sides));
-        add(numbers[0]);
-        for (std::size_t k = 1; k <= sides; ++k) list.sides.push_back(small(numbers[k]));
-      }
-    });
+    Scanner scan = scanner(text.begin, text.length);
+    allowance_.take(1, 9 + 8 * sides);
+    list.ids.add(id_);
+    list.shapes.push_back(*shape);
+    for (std::size_t k = 0; k < sides; ++k) list.sides.push_back(small(scan.text_integer("the number of a side")));
+    expect_end(scan);
   }
 
   void curve(std::string_view name, XmlText text) {
     if (path_.size() != 4) return;
     if (name != "E" && name != "F") fail("only E and F can be curved");
     Scanner scan = scanner(text.begin, text.length);
-    if (curve_.count > std::int64_t(text.length)) scan.fail("NUMPOINTS is larger than the number of points");
+    if (points_ > std::int64_t(text.length)) scan.fail("NUMPOINTS is larger than the number of points");
+    curve_.count = nektar_count_of(scan, points_);
     if (!keeps_points_) {
       if (text.length > std::numeric_limits<std::uint32_t>::max()) scan.fail("a curve has too many points");
       allowance_.take(2, sizeof(NektarCurve) + sizeof(NektarCurveText));
-      (name == "E" ? file_.edge_texts : file_.face_texts)
-          .push_back({text.begin, std::uint32_t(text.length), curve_.count});
+      (name == "E" ? file_.edge_texts : file_.face_texts).push_back({text.begin, std::uint32_t(text.length), points_});
       (name == "E" ? file_.curved_edges : file_.curved_faces).push_back(curve_);
       return;
     }
-    allowance_.take(1, sizeof(NektarCurve) + 24 * std::size_t(curve_.count));
+    allowance_.take(1, sizeof(NektarCurve) + 24 * std::size_t(points_));
     curve_.first = std::uint32_t(small(std::int64_t(file_.points.size() / 3)));
-    for (std::int64_t k = 0; k < 3 * curve_.count; ++k)
-      file_.points.push_back(scan.text_number("a coordinate of a curve"));
+    for (std::int64_t k = 0; k < 3 * points_; ++k) file_.points.push_back(scan.text_number("a coordinate of a curve"));
     expect_end(scan);
     (name == "E" ? file_.curved_edges : file_.curved_faces).push_back(curve_);
   }
 
   /// In compressed files: E and F describe the curves, DATAPOINTS has INDEX and POINTS.
   void packed_curves(std::string_view name, XmlText text) {
-    if (path_.size() == 4 && (name == "E" || name == "F")) {
-      struct Info {
-        std::int64_t id, of, count, points, first, type;
-      };
-      std::vector<NektarCurve>& curves = name == "E" ? file_.curved_edges : file_.curved_faces;
-      const auto reserve = [&](std::size_t count) { make_room(curves, count); };
-      for_each_packed<Info>(text, reserve, [&](const Info& info) {
-        if (info.count < 0 || info.first < 0) fail("a curve has a negative number of points");
-        NektarCurve made{small(info.of), small(info.count), std::uint32_t(small(info.first)), {}};
-        in_curves_ += std::size_t(info.count);
-        set_points(made, name_of_points(info.type));
-        curves.push_back(made);
-      });
-    } else if (path_.size() == 5 && name == "INDEX") {
-      for_each_packed<std::int64_t>(
-          text, [](std::size_t) {}, [&](std::int64_t number) { add_index(number, text.length); });
-    } else if (path_.size() == 5 && name == "POINTS" && !keeps_points_) {
-      allowance_.take(1, sizeof(XmlText));
+    if (path_.size() == 4 && name == "E")
+      packed(NektarPackedList::Kind::CurvedEdges, text);
+    else if (path_.size() == 4 && name == "F")
+      packed(NektarPackedList::Kind::CurvedFaces, text);
+    else if (path_.size() == 5 && name == "INDEX")
+      packed(NektarPackedList::Kind::Index, text);
+    else if (path_.size() == 5 && name == "POINTS")
+      packed(NektarPackedList::Kind::Points, text);
+  }
+
+  /// Lists are unpacked when all are known.
+  void packed(NektarPackedList::Kind kind, XmlText text, Shape shape = Shape::Point) {
+    allowance_.take(1, sizeof(NektarPackedList));
+    if (kind == NektarPackedList::Kind::Points && !keeps_points_)
       file_.points_text.push_back(text);
-    } else if (path_.size() == 5 && name == "POINTS") {
-      // Mostly there are as many as the curves have, and a point takes many bytes of the file.
-      if (in_curves_ < text.length) make_room(file_.points, 3 * in_curves_);
-      const auto reserve = [&](std::size_t count) { make_room(file_.points, 3 * count); };
-      for_each_packed<NektarPackedPoint>(text, reserve, [&](const NektarPackedPoint& point) {
-        file_.points.insert(file_.points.end(), point.x, point.x + 3);
-      });
-    }
+    else
+      lists_.push_back({kind, shape, text});
+  }
+
+  /// Gives the room back into which the lists of text of a section have grown by doubling.
+  void trim() {
+    const auto shrink = [](auto&... lists) { (lists.shrink_to_fit(), ...); };
+    shrink(file_.vertices, file_.edges, file_.faces.shapes, file_.faces.sides, file_.elements.shapes,
+           file_.elements.sides, file_.curved_edges, file_.curved_faces, file_.edge_texts, file_.face_texts);
   }
 
   void composite(XmlText text) { file_.composites.push_back({id_, std::string(name_), text}); }
@@ -286,51 +244,9 @@ class Parser : public XmlVisitor {
     if (!scan.at_end()) scan.fail("more numbers follow than the element has");
   }
 
-  /// Numbers of entries; a file cannot have more than fit into 32 bits.
   std::int32_t small(std::int64_t number) const {
-    if (number < 0 || number > std::numeric_limits<std::int32_t>::max())
-      fail("the number " + std::to_string(number) + " of a vertex, edge, face, element or point is not from 0 to " +
-           std::to_string(std::numeric_limits<std::int32_t>::max()));
+    if (!is_nektar_number(number)) fail_nektar_number(scanner(begin_.back(), 0), number);
     return std::int32_t(number);
-  }
-
-  void add_index(std::int64_t number, std::size_t length) {
-    if (file_.index.empty() && number == std::int64_t(indices_)) {
-      ++indices_;
-      return;
-    }
-    if (file_.index.empty()) {
-      make_room(file_.index, std::max(indices_ + 1, in_curves_ < length ? in_curves_ : 0));
-      for (std::size_t i = 0; i < indices_; ++i) file_.index.push_back(std::int32_t(i));
-    }
-    make_room(file_.index, 1);
-    file_.index.push_back(small(number));
-    ++indices_;
-  }
-
-  /// `reserve(count)` makes room in the lists for the records of a piece.
-  template <class Record, class Reserve, class Body>
-  void for_each_packed(XmlText text, const Reserve& reserve, const Body& body) {
-    unpack_nektar(file_.bytes, text, sizeof(Record), allowance_, [&](std::string_view bytes) {
-      reserve(bytes.size() / sizeof(Record));
-      for (std::size_t at = 0; at < bytes.size(); at += sizeof(Record)) {
-        allowance_.look();
-        Record record;
-        std::memcpy(&record, bytes.data() + at, sizeof(Record));
-        body(record);
-      }
-    });
-  }
-
-  /// Makes room for `more` values. While the list grows, it is in memory twice.
-  template <class T>
-  void make_room(std::vector<T>& values, std::size_t more) {
-    const std::size_t before = values.capacity(), size = values.size() + more;
-    if (size <= before) return;
-    const std::size_t wanted = std::max(size, before + before / 2);
-    allowance_.take(wanted, sizeof(T));
-    values.reserve(wanted);
-    allowance_.give_back(before * sizeof(T));
   }
 
   /// Keeps an element with its tags, from its first byte to its end tag.
@@ -348,41 +264,25 @@ class Parser : public XmlVisitor {
       Scanner(file_.bytes).fail("the " + std::string(what) + " " + std::to_string(twice) + " occurs twice");
   }
 
-  /// The points of every curve must be in the index and, if they are kept, there.
-  void check_points(const std::vector<NektarCurve>& curves) const {
-    const Scanner scan(file_.bytes);
-    // Points that are not kept are counted when they are read.
-    const std::size_t points = keeps_points_ ? file_.points.size() / 3 : std::numeric_limits<std::int32_t>::max();
-    const std::size_t most = indices_ == 0 ? points : file_.index.empty() ? std::min(points, indices_) : indices_;
-    for (const NektarCurve& curve : curves)
-      if (std::size_t(curve.count) > most || curve.first > most - std::size_t(curve.count))
-        scan.fail("the curve of " + std::to_string(curve.id) + " has points that are not in the file");
-    for (const std::int32_t number : file_.index)
-      if (std::size_t(number) >= points)
-        scan.fail("a curve refers to point " + std::to_string(number) + ", but there are " + std::to_string(points));
-  }
-
-  static constexpr std::size_t kIdBytes = sizeof(std::int64_t);
-
   const bool keeps_points_;
   NektarFile file_;
   FileAllowance& allowance_;
-  std::size_t in_curves_ = 0;  // points of all curves of a compressed file
-  std::size_t indices_ = 0;    // numbers in its INDEX
+  std::vector<NektarPackedList> lists_;
   std::vector<std::string> path_;
   std::vector<std::size_t> begin_;  // where the elements of the path begin
   bool compressed_ = false;         // the section or element that is being read
   std::int64_t id_ = 0;
   std::string name_;
   NektarCurve curve_;
+  std::int32_t points_ = 0;  // of the curve
 };
 
 }  // namespace
 
-NektarFile parse_nektar(std::string_view bytes, bool keeps_points, FileAllowance& allowance) {
+NektarFile parse_nektar(std::string_view bytes, bool keeps_points, FileAllowance& allowance, const Team& team) {
   Parser parser(bytes, keeps_points, allowance);
   walk_xml(bytes, parser);
-  return parser.take();
+  return parser.take(team);
 }
 
 }  // namespace varimesh::formats

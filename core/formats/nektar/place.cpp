@@ -111,8 +111,7 @@ void NektarPlacing::place_faces(const NektarCorners& corners, const MfemTopology
     const auto face = std::size_t(file_.faces.ids.find(curve.id));
     const Shape shape = file_.faces.shapes[face];
     nodes.resize(std::size_t(reference::node_count(shape, mesh_.order)));
-    const std::span own(corners.faces[face].data(), std::size_t(reference::info(shape).vertices));
-    if (!topology.find_nodes(shape, own, 0, nodes)) continue;  // no cell has it
+    if (!topology.find_nodes(shape, corners.face(face, shape), 0, nodes)) continue;  // no cell has it
     place_curve(shape, curve, nodes);
     for (std::size_t i = nodes.size() - std::size_t(inner_node_count(shape, mesh_.order)); i < nodes.size(); ++i)
       placed[std::size_t(nodes[i])] = true;

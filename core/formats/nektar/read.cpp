@@ -27,6 +27,7 @@ class Reading {
   std::optional<HighOrderMesh> take(bool has_points) {
     mesh_.dimension = file_.dimension;
     mesh_.order = order();
+    return_freed_memory();
     corners_ = nektar_corners(file_, allowance_);
     topology_.emplace(make_topology());
     count_nodes();
@@ -39,11 +40,22 @@ class Reading {
       free_memory(file_.curved_faces);
       free_memory(file_.index);
     }
-    make_blocks();
+    {
+      const NektarGroups groups = nektar_groups(file_, allowance_);
+      std::vector<ElementBlock> sides = make_sides(groups);
+      if (!has_points) {
+        free_memory(file_.edges);
+        if (has_all_faces(points->placed)) free_memory(corners_.faces);
+        return_freed_memory();
+      }
+      make_cells(groups);
+      std::move(sides.begin(), sides.end(), std::back_inserter(mesh_.blocks));
+      mesh_.physical_groups = groups.named;
+    }
     if (!has_points) {
       free_memory(corners_.cells);
-      free_memory(file_.edges);
-      if (has_all_faces(points->placed)) forget_faces();
+      if (corners_.faces.empty()) topology_.reset();
+      return_freed_memory();
     }
     allocate();
     std::copy(file_.vertices.begin(), file_.vertices.end(), mesh_.coordinates.begin());
@@ -159,11 +171,6 @@ class Reading {
     return std::find(begin, placed.begin() + std::ptrdiff_t(topology_->interior_first()), false) ==
            placed.begin() + std::ptrdiff_t(topology_->interior_first());
   }
-  void forget_faces() {
-    free_memory(corners_.faces);
-    topology_.reset();
-  }
-
   bool place_points(const NektarPointNodes& points) {
     for_each_block([&](const ElementBlock& block, std::size_t count, std::size_t) {
       for (std::size_t e = 0; e < block.size(); ++e)
@@ -201,13 +208,12 @@ class Reading {
   void place_rest(const std::vector<bool>& placed) {
     NektarBlender blender(mesh_);
     std::vector<std::int32_t> nodes;
-    for (std::size_t f = 0; f < corners_.faces.size(); ++f) {
+    for (std::size_t f = 0; f < corners_.faces.size() / corners_.per_face; ++f) {
       const Shape shape = file_.faces.shapes[f];
       const auto inner = std::size_t(inner_node_count(shape, mesh_.order));
       if (inner == 0) continue;
       nodes.resize(std::size_t(reference::node_count(shape, mesh_.order)));
-      const std::span own(corners_.faces[f].data(), std::size_t(reference::info(shape).vertices));
-      if (!topology_->find_nodes(shape, own, 0, nodes)) continue;  // no cell has it
+      if (!topology_->find_nodes(shape, corners_.face(f, shape), 0, nodes)) continue;  // no cell has it
       if (!placed[std::size_t(nodes.back())]) blender.blend(nektar_blending(shape, mesh_.order), nodes);
     }
     for_each_block([&](const ElementBlock& block, std::size_t count, std::size_t first) {
@@ -245,16 +251,31 @@ class Reading {
     }
   }
 
-  /// Cells in the file's order, then the boundary elements of each composite.
-  void make_blocks() {
-    const NektarGroups groups = nektar_groups(file_, allowance_);
+  /// The boundary elements of each composite.
+  std::vector<ElementBlock> make_sides(const NektarGroups& groups) {
+    std::vector<ElementBlock> sides;
+    auto number = std::int64_t(file_.elements.shapes.size());
+    for (const auto& [item, tags] : groups.of_sides) {
+      if (mesh_.dimension == 2) {
+        const std::array own = {file_.edges[2 * std::size_t(item)], file_.edges[2 * std::size_t(item) + 1]};
+        add_side(sides, Shape::Line, own, tags, ++number);
+      } else {
+        const Shape shape = file_.faces.shapes[std::size_t(item)];
+        add_side(sides, shape, corners_.face(std::size_t(item), shape), tags, ++number);
+      }
+    }
+    return sides;
+  }
+
+  /// Cells in the file's order.
+  void make_cells(const NektarGroups& groups) {
     const std::vector<Shape>& shapes = file_.elements.shapes;
     std::int64_t interior = topology_->interior_first(), number = 0;
     std::size_t vertices = 0;
     for (std::size_t begin = 0, end = 0; begin < shapes.size(); begin = end) {
       const Shape shape = shapes[begin];
       while (end < shapes.size() && shapes[end] == shape && groups.of_elements[end] == groups.of_elements[begin]) ++end;
-      ElementBlock& block = add_block(shape, groups.lists[std::size_t(groups.of_elements[begin])]);
+      ElementBlock& block = add_block(mesh_.blocks, shape, groups.lists[std::size_t(groups.of_elements[begin])]);
       const std::size_t count = end - begin, per_cell = std::size_t(reference::info(shape).vertices);
       allowance_.take(count, 16);
       block.numbers.resize(count);
@@ -263,28 +284,17 @@ class Reading {
       vertices += count * per_cell;
       interior += std::int64_t(count) * inner_node_count(shape, mesh_.order);
     }
-    for (const auto& [item, tags] : groups.of_sides) {
-      if (mesh_.dimension == 2) {
-        const std::array own = {file_.edges[2 * std::size_t(item)], file_.edges[2 * std::size_t(item) + 1]};
-        add_side(Shape::Line, own, tags, ++number);
-      } else {
-        const Shape shape = file_.faces.shapes[std::size_t(item)];
-        const std::span own(corners_.faces[std::size_t(item)].data(), std::size_t(reference::info(shape).vertices));
-        add_side(shape, own, tags, ++number);
-      }
-    }
-    mesh_.physical_groups = groups.named;
   }
 
-  ElementBlock& add_block(Shape shape, const std::vector<int>& tags) {
+  ElementBlock& add_block(std::vector<ElementBlock>& blocks, Shape shape, const std::vector<int>& tags) {
     ElementBlock fresh;
     fresh.shape = shape;
     fresh.order = mesh_.order;
     fresh.entity = tags.empty() ? 1 : tags.front();
     fresh.physical = tags;
     allowance_.take(1, sizeof(ElementBlock));
-    mesh_.blocks.push_back(std::move(fresh));
-    return mesh_.blocks.back();
+    blocks.push_back(std::move(fresh));
+    return blocks.back();
   }
 
   /// The nodes of cells from their vertices.
@@ -302,11 +312,10 @@ class Reading {
     });
   }
 
-  void add_side(Shape shape, std::span<const std::int32_t> vertices, const std::vector<int>& tags,
-                std::int64_t number) {
-    const bool same =
-        !mesh_.blocks.empty() && mesh_.blocks.back().shape == shape && mesh_.blocks.back().physical == tags;
-    ElementBlock& block = same ? mesh_.blocks.back() : add_block(shape, tags);
+  void add_side(std::vector<ElementBlock>& sides, Shape shape, std::span<const std::int32_t> vertices,
+                const std::vector<int>& tags, std::int64_t number) {
+    const bool same = !sides.empty() && sides.back().shape == shape && sides.back().physical == tags;
+    ElementBlock& block = same ? sides.back() : add_block(sides, shape, tags);
     allowance_.take(1, 16);
     block.numbers.push_back(number);
     const std::size_t first = block.nodes.size(), count = std::size_t(reference::node_count(shape, mesh_.order));
@@ -331,7 +340,7 @@ bool begins_like_nektar(std::string_view bytes) { return begins_with_element(byt
 Expected<MeshFile> read_nektar(std::string_view bytes, const Team& team) {
   for (const bool keeps_points : {false, true}) {
     FileAllowance allowance(bytes.size(), team.stop());
-    NektarFile file = parse_nektar(bytes, keeps_points, allowance);
+    NektarFile file = parse_nektar(bytes, keeps_points, allowance, team);
     if (!file.compressed) file.others.push_back({std::string(kNektarText), "", "nektar"});
     if (file.elements.ids.size() == 0) Scanner(bytes).fail("it has no elements");
     if (auto mesh = Reading(std::move(file), allowance, team).take(keeps_points))

@@ -21,6 +21,7 @@ class Finder {
 
   std::optional<NektarPointNodes> take(const std::function<NektarCell(std::int32_t)>& cell_of) {
     if (file_.has_texts() && !file_.points_text.empty()) return std::nullopt;  // both kinds of points
+    make_room();
     for (const NektarCurve& curve : file_.curved_edges) {
       const std::int32_t edge = file_.edge_ids.find(curve.id);
       if (edge < 0)
@@ -34,8 +35,7 @@ class Finder {
     for (const NektarCurve& curve : file_.curved_faces) {
       const std::int32_t face = faces.ids.find(curve.id);
       const Shape shape = faces.shapes[std::size_t(face)];
-      const auto count = std::size_t(reference::info(shape).vertices);
-      const NektarCell own = solid ? NektarCell{{corners_.faces[std::size_t(face)].data(), count}, 0} : cell_of(face);
+      const NektarCell own = solid ? NektarCell{corners_.face(std::size_t(face), shape), 0} : cell_of(face);
       if (!add(shape, curve, own)) return std::nullopt;
     }
     made_.placed.assign(nodes_, false);
@@ -47,6 +47,16 @@ class Finder {
   void set_node_count(std::size_t nodes) { nodes_ = nodes; }
 
  private:
+  /// For all points, if they are one after another.
+  void make_room() {
+    std::size_t all = file_.index.empty() ? file_.indices : 0;
+    if (file_.has_texts())
+      for (const auto* texts : {&file_.edge_texts, &file_.face_texts})
+        for (const NektarCurveText& text : *texts) all += std::size_t(text.count);
+    allowance_.take(all, sizeof(std::int32_t));
+    made_.nodes.reserve(all);
+  }
+
   /// Returns false if the points of this curve must be in memory.
   bool add(Shape shape, const NektarCurve& curve, const NektarCell& own) {
     if (curve.points != NektarPoints::EvenlySpaced || curve.count != reference::node_count(shape, order_)) return false;
@@ -126,7 +136,8 @@ bool place_packed(const NektarFile& file, const Placer& placer, std::size_t want
   std::size_t point = 0;
   bool meet = true;
   for (const XmlText& text : file.points_text)
-    unpack_nektar(file.bytes, text, sizeof(NektarPackedPoint), allowance, [&](std::string_view bytes) {
+    unpack_nektar(file.bytes, text, sizeof(NektarPackedPoint), [&](std::string_view bytes, std::size_t) {
+      allowance.look();
       for (std::size_t at = 0; at < bytes.size(); at += sizeof(NektarPackedPoint)) {
         NektarPackedPoint own;
         std::memcpy(&own, bytes.data() + at, sizeof own);

@@ -115,7 +115,8 @@ std::string_view whole_groups(std::string_view text, std::size_t size) {
 }  // namespace
 
 Unpacked unpack_base64_zlib(std::string_view text, std::size_t record,
-                            const std::function<void(std::string_view)>& body) {
+                            const std::function<void(std::string_view bytes, std::size_t done)>& body) {
+  const std::size_t all = text.size();
   constexpr std::size_t kText = std::size_t(1) << 16, kBytes = std::size_t(1) << 18;
   z_stream state{};
   if (inflateInit(&state) != Z_OK) throw std::bad_alloc();
@@ -124,7 +125,7 @@ Unpacked unpack_base64_zlib(std::string_view text, std::size_t record,
   std::size_t used = 0;
   bool begun = false, ended = false;
   const auto pass_on = [&](std::size_t size) {
-    if (size > 0) body({bytes.data(), size});
+    if (size > 0) body({bytes.data(), size}, all - text.size());
     std::memmove(bytes.data(), bytes.data() + size, used - size);
     used -= size;
   };

@@ -23,10 +23,11 @@ bool inflate_zlib(std::string_view stream, std::string& bytes, FileAllowance& al
 /// What became of base64 text that contains a zlib stream.
 enum class Unpacked { Whole, NotBase64, Damaged };
 
-/// Calls body(bytes) for the content of the stream in pieces, which consist of records of this size. The last piece may
-/// end within a record. Nothing else of the content is ever in memory.
+/// Calls body(bytes, done) for the content of the stream in pieces, which consist of records of this size; `done`: how
+/// many bytes of the text these pieces come from. The last piece may end within a record. Nothing else of the content
+/// is ever in memory.
 Unpacked unpack_base64_zlib(std::string_view text, std::size_t record,
-                            const std::function<void(std::string_view)>& body);
+                            const std::function<void(std::string_view bytes, std::size_t done)>& body);
 
 /// Appends a zlib stream of the bytes.
 void deflate_zlib(std::string_view bytes, std::string& stream, int level);

@@ -17,8 +17,8 @@ namespace varimesh::formats {
 namespace {
 
 constexpr int kDeepest = 64;
-// Expat takes an int for a length, and looks at its time limits between pieces.
-constexpr std::size_t kPiece = std::size_t(1) << 24;
+// Expat takes an int for a length. Between pieces the walk can skip raw text.
+constexpr std::size_t kPiece = std::size_t(1) << 16;
 
 /// The state of a walk. Exceptions must not pass through expat, which is written in C, so they wait here.
 class Walk {
@@ -33,17 +33,18 @@ class Walk {
   }
 
   void run() {
-    std::size_t at = 0;
-    do {
+    bool last = false;
+    for (std::size_t at = 0; !last;) {
       const std::size_t length = std::min(kPiece, bytes_.size() - at);
-      const bool last = at + length == bytes_.size();
+      last = at + length == bytes_.size();
       if (XML_Parse(parser_.get(), bytes_.data() + at, int(length), last ? 1 : 0) == XML_STATUS_ERROR) {
         if (failure_) std::rethrow_exception(failure_);
         if (!ended_) fail(XML_ErrorString(XML_GetErrorCode(parser_.get())));
         return;
       }
       at += length;
-    } while (at < bytes_.size());
+      if (!last && !ended_) at += raw_text(at);
+    }
   }
 
  private:
@@ -54,7 +55,17 @@ class Walk {
     scan.fail("it is not well-formed XML: " + what);
   }
 
-  std::size_t position() const { return std::size_t(std::max<XML_Index>(0, XML_GetCurrentByteIndex(parser_.get()))); }
+  /// How many bytes of raw text follow that expat need not see. The walk must be inside the text, not inside a tag.
+  std::size_t raw_text(std::size_t at) {
+    if (!visitor_.has_raw_text() || bytes_.substr(text_, at - text_).find('<') != std::string_view::npos) return 0;
+    const std::size_t length = std::min(bytes_.find('<', at), bytes_.size()) - at;
+    skipped_ += length;
+    return length;
+  }
+
+  std::size_t position() const {
+    return skipped_ + std::size_t(std::max<XML_Index>(0, XML_GetCurrentByteIndex(parser_.get())));
+  }
 
   template <class Body>
   void guarded(const Body& body) {
@@ -111,6 +122,7 @@ class Walk {
   std::unique_ptr<XML_ParserStruct, decltype(&XML_ParserFree)> parser_;
   std::exception_ptr failure_;
   bool ended_ = false;
+  std::size_t skipped_ = 0;  // bytes before the position that expat has not seen
   int depth_ = 0;
   XmlElement element_;    // kept, so that elements need no allocation of their own
   std::size_t text_ = 0;  // where the text began that may end next

@@ -34,6 +34,9 @@ class XmlVisitor {
   virtual bool begins(const XmlElement& element) = 0;
   /// An element ends. `text` are the bytes since its last child, or since its tag if it has none.
   virtual void ends(std::string_view name, XmlText text) = 0;
+  /// Whether the text of the element that began last is checked by the visitor, byte for byte, so that the walk need
+  /// not look at it up to the next tag.
+  virtual bool has_raw_text() const { return false; }
 };
 
 /// Walks through the file. Throws ReadFailure if it is not well-formed, declares a document type (which can make a

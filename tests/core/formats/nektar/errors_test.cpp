@@ -72,6 +72,8 @@ TEST(NektarErrors, WrongCurves) {
   };
   const std::string good = "0 0 0 .5 -.1 0 1 0 0", type = " TYPE=\"PolyEvenlySpaced\"";
   EXPECT_SAYS(curve("EDGEID=\"0\" NUMPOINTS=\"3\"" + type, good), "it was read");
+  EXPECT_SAYS(curve("EDGEID=\"0\" NUMPOINTS=\"3\"" + type, "0 0 0 .5 -.1 0 1.0000015 0 0"), "it was read");
+  EXPECT_SAYS(curve("EDGEID=\"0\" NUMPOINTS=\"3\"" + type, "0 0 0 .5 -.1 0 1.0001 0 0"), "does not meet its vertices");
   EXPECT_SAYS(curve("EDGEID=\"8\" NUMPOINTS=\"3\"" + type, good), "an edge that is not in the file");
   EXPECT_SAYS(curve("EDGEID=\"1\" NUMPOINTS=\"3\"" + type, good), "does not meet its vertices");
   EXPECT_SAYS(curve("EDGEID=\"0\" NUMPOINTS=\"4\"" + type, good), "a coordinate of a curve should follow");

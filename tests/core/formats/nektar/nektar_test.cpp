@@ -87,6 +87,34 @@ TEST_P(NektarShapes, CellsOfDegreeTwoComeBackWithTheirInterior) {
   }
 }
 
+/// A file without its curves that begin like this, except for the first `kept`.
+std::string without_curves(const std::string& file, const std::string& begin, int kept) {
+  std::string less;
+  bool curved = false;
+  for (std::size_t at = 0, end = 0; at < file.size(); at = end) {
+    end = file.find('\n', at) + 1;
+    const std::string line = file.substr(at, end - at);
+    curved = (curved || line.find("<CURVED>") != std::string::npos) && line.find("</CURVED>") == std::string::npos;
+    if (!curved || line.find(begin) == std::string::npos || kept-- > 0) less += line;
+  }
+  return less;
+}
+
+TEST_P(NektarShapes, WhatHasNoCurveFollowsFromItsBoundary) {
+  for (const int order : {3, 4}) {
+    // Edges are straight.
+    const HighOrderMesh straight = testing::grid(GetParam(), {2, 2, 2}, order);
+    const std::string few = without_curves(without_curves(as_text(straight), "<F ID", 0), "<E ID", 1);
+    EXPECT_NE(few.find("EDGEID"), std::string::npos);
+    EXPECT_EQ(few.find("FACEID"), std::string::npos);
+    EXPECT_LE(testing::distance(read_back(as_text(straight)), read_back(few)), 1e-14) << "of order " << order;
+    // Faces continue their edges in another way than the mesh does, but always in the same way.
+    const HighOrderMesh curved = read_back(without_curves(as_text(curved_grid(GetParam(), order)), "<F ID", 1));
+    EXPECT_TRUE(check_structure(curved));
+    EXPECT_EQ(testing::distance(curved, read_back(test::written(curved, Format::Nektar))), 0);
+  }
+}
+
 TEST_P(NektarShapes, ChainWithGmshsFormatsAndMfem) {
   for (int order = 1; order <= 5; ++order) {
     const HighOrderMesh mesh = read_back(test::written(curved_grid(GetParam(), order), Format::Nektar));
