@@ -7,6 +7,8 @@
 
 #include "core/formats/cgns/cgns.h"
 #include "core/formats/cgns/order.h"
+#include "core/formats/cgns/tree.h"
+#include "core/formats/cgns/zones.h"
 
 namespace varimesh::formats {
 
@@ -14,32 +16,7 @@ namespace {
 
 using hdf5::Kind;
 
-constexpr const char* kData = " data";
-
-/// The text of a node's data, which CGNS stores as numbers of one byte.
-std::string text_of(const Hdf5Group& node) {
-  std::string text;
-  for (const std::int64_t c : node.integers(kData)) text += c >= 0 && c < ' ' ? ' ' : char(c);
-  while (text.ends_with(' ')) text.pop_back();
-  return text;
-}
-
-std::string label_of(const Hdf5Group& node) {
-  if (node.find("label", true) == nullptr) return {};
-  const auto texts = node.texts("label", true);
-  return texts.empty() ? std::string() : texts.front();
-}
-
-/// The children with this label, with their names.
-std::vector<std::pair<std::string, Hdf5Group>> children(const Hdf5Group& node, std::string_view label) {
-  std::vector<std::pair<std::string, Hdf5Group>> found;
-  for (const Hdf5Item& item : node.items()) {
-    if (item.attribute || item.kind != Kind::Group) continue;
-    Hdf5Group child = node.group(item.name);
-    if (label_of(child) == label) found.emplace_back(item.name, std::move(child));
-  }
-  return found;
-}
+constexpr const char* kData = kCgnsData;
 
 /// Consecutive elements of the file.
 struct Section {
@@ -65,11 +42,12 @@ class Reading {
   Reading(Hdf5Source& source, FileAllowance& allowance) : allowance_(allowance), root_(source, allowance, "/") {}
 
   HighOrderMesh take() {
-    const Hdf5Group zone = find_zone();
-    read_coordinates(zone);
-    find_sections(zone);
-    read_groups(zone);
-    read_elements();
+    std::vector<CgnsZone> zones = find_zones();
+    for (CgnsZone& zone : zones) {
+      if (zones.size() > 1) zone_tag_ = group_tag(mesh_.dimension, zone.name, 0);
+      read_zone(zone);
+    }
+    if (zones.size() > 1) join_cgns_zones(zones, mesh_, allowance_);
     // The children of a node come in the order of their names.
     std::sort(mesh_.physical_groups.begin(), mesh_.physical_groups.end(), [](const auto& a, const auto& b) {
       return std::pair(a.dimension, a.tag) < std::pair(b.dimension, b.tag);
@@ -81,8 +59,8 @@ class Reading {
  private:
   // === The zone and its nodes ==============================================================================
 
-  Hdf5Group find_zone() {
-    const auto bases = children(root_, "CGNSBase_t");
+  std::vector<CgnsZone> find_zones() {
+    const auto bases = cgns_children(root_, "CGNSBase_t");
     if (bases.size() != 1) root_.fail("", "has " + std::to_string(bases.size()) + " bases (CGNSBase_t), not one");
     const Hdf5Group& base = bases.front().second;
     const std::vector<std::int64_t> dimensions = base.integers(kData);
@@ -91,14 +69,33 @@ class Reading {
       base.fail(kData, "does not give dimensions 2 or 3 of cells and of space");
     mesh_.dimension = int(dimensions[0]);
     components_ = int(dimensions[1]);
-    auto zones = children(base, "Zone_t");
-    if (zones.size() != 1)
-      base.fail("", "has " + std::to_string(zones.size()) +
-                        " zones (Zone_t), and VariMesh reads one; join the zones in the program that wrote the file");
-    Hdf5Group zone = std::move(zones.front().second);
-    if (text_of(zone.group("ZoneType")) != "Unstructured")
-      zone.fail("ZoneType", "is not Unstructured; write the zone as an unstructured one");
-    return zone;
+    std::vector<CgnsZone> zones;
+    for (auto& [name, zone] : cgns_children(base, "Zone_t")) {
+      if (cgns_text(zone.group("ZoneType")) != "Unstructured")
+        zone.fail("ZoneType", "is not Unstructured; write the zone as an unstructured one");
+      zones.push_back({name, std::move(zone)});
+    }
+    if (zones.empty()) base.fail("", "has no zone (Zone_t)");
+    return zones;
+  }
+
+  void read_zone(CgnsZone& zone) {
+    zone.first_node = nodes_before_ = std::int64_t(mesh_.node_count());
+    zone.first_element = elements_before_;
+    sections_.clear();
+    groups_.clear();
+    elements_.clear();
+    nodes_.clear();
+    next_member_ = 0;
+    last_ = 0;
+    read_coordinates(zone.node);
+    find_sections(zone.node);
+    read_groups(zone.node);
+    read_elements();
+    zone.nodes = std::int64_t(mesh_.node_count()) - nodes_before_;
+    zone.elements = last_;
+    elements_before_ += last_;
+    if (elements_before_ > kMostCells) root_.fail("", "has too many elements");
   }
 
   void read_coordinates(const Hdf5Group& zone) {
@@ -115,20 +112,22 @@ class Reading {
                              " nodes");
     }
     allowance_.take(std::size_t(nodes), 3 * sizeof(double) + sizeof(std::int64_t));
-    mesh_.coordinates.assign(3 * std::size_t(nodes), 0.0);
+    if (nodes_before_ + nodes > kMostNodes) zone.fail(kData, "makes too many nodes");
+    mesh_.coordinates.resize(3 * std::size_t(nodes_before_ + nodes), 0.0);
     for (int k = 0; k < components_; ++k)
       grid.group(kNames[std::size_t(k)])
           .for_rows<double>(kData, 1, [&](std::int64_t first, std::int64_t count, const double* x) {
-            for (std::int64_t i = 0; i < count; ++i) mesh_.coordinates[std::size_t(3 * (first + i) + k)] = x[i];
+            for (std::int64_t i = 0; i < count; ++i)
+              mesh_.coordinates[std::size_t(3 * (nodes_before_ + first + i) + k)] = x[i];
           });
-    for (std::int64_t i = 0; i < nodes; ++i) mesh_.node_numbers.push_back(i + 1);
-    mesh_.node_blocks = {{-1, 0, 0, std::int32_t(nodes)}};
+    for (std::int64_t i = 0; i < nodes; ++i) mesh_.node_numbers.push_back(nodes_before_ + i + 1);
+    mesh_.node_blocks = {{-1, 0, 0, std::int32_t(nodes_before_ + nodes)}};
   }
 
   // === Elements ============================================================================================
 
   void find_sections(const Hdf5Group& zone) {
-    for (auto& [_, node] : children(zone, "Elements_t")) {
+    for (auto& [_, node] : cgns_children(zone, "Elements_t")) {
       const std::vector<std::int64_t> range = node.group("ElementRange").integers(kData);
       const std::vector<std::int64_t> data = node.integers(kData);
       if (range.size() != 2 || range[0] < 1 || range[1] < range[0] || range[1] > kMostCells)
@@ -182,7 +181,7 @@ class Reading {
 
   void check_nodes(const Hdf5Group& connectivity, const std::int64_t* nodes, std::size_t count,
                    std::int64_t row) const {
-    const auto most = std::int64_t(mesh_.node_count());
+    const std::int64_t most = std::int64_t(mesh_.node_count()) - nodes_before_;
     const auto* wrong = std::find_if(nodes, nodes + count, [&](std::int64_t n) { return n < 1 || n > most; });
     if (wrong == nodes + count) return;
     connectivity.fail(kData,
@@ -223,11 +222,11 @@ class Reading {
     ElementBlock& block = blocks.back();
     make_room(block.numbers, 1);
     make_room(block.nodes, place.size());
-    block.numbers.push_back(number);
+    block.numbers.push_back(elements_before_ + number);
     const std::size_t begin = block.nodes.size();
     block.nodes.resize(begin + place.size());
     for (std::size_t i = 0; i < place.size(); ++i)
-      block.nodes[begin + std::size_t(place[i])] = std::int32_t(nodes[i]) - 1;
+      block.nodes[begin + std::size_t(place[i])] = std::int32_t(nodes_before_ + nodes[i]) - 1;
   }
 
   /// How many elements of the section from this one on are in the same groups, as far as groups list elements.
@@ -276,18 +275,20 @@ class Reading {
       std::sort(found_.begin(), found_.end());
       found_.erase(std::unique(found_.begin(), found_.end()), found_.end());
     }
+    const bool in_zone_group = zone_tag_ != 0 && dimension == mesh_.dimension;
     for (const std::int32_t group : found_) tags_.push_back(groups_[std::size_t(group)].tag);
+    if (in_zone_group && std::find(tags_.begin(), tags_.end(), zone_tag_) == tags_.end()) tags_.push_back(zone_tag_);
   }
 
   // === Groups ==============================================================================================
 
   void read_groups(const Hdf5Group& zone) {
-    for (const auto& [_, conditions] : children(zone, "ZoneBC_t"))
-      for (const auto& [name, node] : children(conditions, "BC_t")) read_group(node, name, mesh_.dimension - 1);
-    for (const auto& [name, node] : children(zone, "ZoneSubRegion_t")) {
+    for (const auto& [_, conditions] : cgns_children(zone, "ZoneBC_t"))
+      for (const auto& [name, node] : cgns_children(conditions, "BC_t")) read_group(node, name, mesh_.dimension - 1);
+    for (const auto& [name, node] : cgns_children(zone, "ZoneSubRegion_t")) {
       // Others are parts of boundary conditions, or have no points of their own.
       const bool has_points = node.find("PointRange") != nullptr || node.find("PointList") != nullptr;
-      if (has_points && location(node) == "CellCenter") read_group(node, name, mesh_.dimension);
+      if (has_points && cgns_location(node) == "CellCenter") read_group(node, name, mesh_.dimension);
     }
     for (std::vector<Member>* list : {&elements_, &nodes_}) {
       if (!std::is_sorted(list->begin(), list->end())) std::sort(list->begin(), list->end());
@@ -295,38 +296,40 @@ class Reading {
     }
   }
 
-  static std::string location(const Hdf5Group& node) {
-    return node.find("GridLocation") == nullptr ? "Vertex" : text_of(node.group("GridLocation"));
-  }
-
-  int tag_of(const Hdf5Group& node, int dimension) {
+  /// The tag of the group with this name, which several zones may have. `wanted`: its tag, if it is free; 0: any.
+  int group_tag(int dimension, const std::string& name, std::int64_t wanted) {
+    const auto known = tags_by_name_.find({dimension, name});
+    if (known != tags_by_name_.end() && zone_tag_ != 0) return known->second;
     std::set<int>& used = used_[dimension];
-    int tag = 0;
-    if (node.find(kCgnsOrdinal) != nullptr) {
-      const std::vector<std::int64_t> values = node.group(kCgnsOrdinal).integers(kData);
-      if (values.size() == 1 && values[0] > 0 && values[0] <= 1'000'000'000) tag = int(values[0]);
-    }
+    int tag = wanted > 0 && wanted <= 1'000'000'000 ? int(wanted) : 0;
     if (tag == 0 || used.contains(tag)) tag = used.empty() ? 1 : *used.rbegin() + 1;
     used.insert(tag);
+    allowance_.take(1, sizeof(PhysicalGroup) + 2 * name.size() + 2 * kTreeNode);
+    mesh_.physical_groups.push_back({dimension, tag, name});
+    tags_by_name_[{dimension, name}] = tag;
     return tag;
   }
 
+  static std::int64_t ordinal_of(const Hdf5Group& node) {
+    if (node.find(kCgnsOrdinal) == nullptr) return 0;
+    const std::vector<std::int64_t> values = node.group(kCgnsOrdinal).integers(kData);
+    return values.size() == 1 ? values[0] : 0;
+  }
+
   void read_group(const Hdf5Group& node, const std::string& name, int dimension) {
-    const int tag = tag_of(node, dimension);
+    const bool renamed = node.find(kCgnsWholeName) != nullptr;
+    const int tag = group_tag(dimension, renamed ? cgns_text(node.group(kCgnsWholeName)) : name, ordinal_of(node));
     if (dimension < mesh_.dimension && node.find(kData) != nullptr) {
       // Readers refuse a word that is no type.
-      const std::string type = text_of(node);
+      const std::string type = cgns_text(node);
       const bool is_word = type.size() <= 32 &&
                            std::all_of(type.begin(), type.end(), [](unsigned char c) { return std::isalnum(c) != 0; });
       allowance_.take(1, kTreeNode + sizeof(std::string));
       if (is_word && !type.empty()) types_[tag] = type;
     }
-    allowance_.take(1, sizeof(PhysicalGroup) + name.size() + kTreeNode);
-    const bool renamed = node.find(kCgnsWholeName) != nullptr;
-    mesh_.physical_groups.push_back({dimension, tag, renamed ? text_of(node.group(kCgnsWholeName)) : name});
     allowance_.take(1, 2 * sizeof(Group));
     groups_.push_back({tag, dimension});
-    const bool by_nodes = dimension < mesh_.dimension && location(node) == "Vertex";
+    const bool by_nodes = dimension < mesh_.dimension && cgns_location(node) == "Vertex";
     for (const char* list : {"PointRange", "ElementRange", "PointList", "ElementList"})
       if (node.find(list) != nullptr)
         read_list(node.group(list), std::string_view(list).ends_with("Range"),
@@ -337,7 +340,7 @@ class Reading {
   void read_list(const Hdf5Group& points, bool range, bool nodes) {
     std::vector<Member>& members = nodes ? nodes_ : elements_;
     const auto group = std::int32_t(groups_.size()) - 1;
-    const std::int64_t most = nodes ? std::int64_t(mesh_.node_count()) : last_;
+    const std::int64_t most = nodes ? std::int64_t(mesh_.node_count()) - nodes_before_ : last_;
     std::int64_t before = 0;
     points.for_rows<std::int64_t>(kData, 0, [&](std::int64_t first, std::int64_t count, const std::int64_t* values) {
       const std::int64_t each = points.need(kData, Kind::Integers, false).columns();
@@ -364,7 +367,10 @@ class Reading {
   Hdf5Group root_;
   HighOrderMesh mesh_;
   int components_ = 3;
-  std::int64_t last_ = 0;  // number of the last element
+  std::int64_t last_ = 0;                                // number of the zone's last element
+  std::int64_t nodes_before_ = 0, elements_before_ = 0;  // of the zones before
+  int zone_tag_ = 0;                                     // of the zone's cells; 0: there is one zone
+  std::map<std::pair<int, std::string>, int> tags_by_name_;
   std::vector<Section> sections_;
   std::vector<Group> groups_;
   std::vector<Member> elements_, nodes_;  // that groups list, sorted

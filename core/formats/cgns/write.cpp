@@ -7,6 +7,7 @@
 
 #include "core/formats/cgns/cgns.h"
 #include "core/formats/cgns/order.h"
+#include "core/formats/cgns/zones.h"
 #include "core/formats/hdf5/files.h"
 #include "core/formats/left_out.h"
 
@@ -249,6 +250,9 @@ std::string not_in_cgns(const HighOrderMesh& mesh) {
     for (const std::int64_t number : block->numbers) renumbers = renumbers || number != ++next;
   next = 0;
   for (const std::int64_t number : mesh.node_numbers) renumbers = renumbers || number != ++next;
+  for (const ForeignSection& section : mesh.foreign)
+    lost.add_if(section.format == "cgns" && section.name == kCgnsZones,
+                "the division into zones, which are subregions of one zone");
   lost.add_if(!mesh.periodic.empty(), "periodic links");
   lost.entities_and_partitions(mesh);
   lost.add_if(renumbers, "the numbers of nodes and elements");
