@@ -9,6 +9,7 @@
 #include "core/formats/left_out.h"
 #include "core/formats/node_order.h"
 #include "core/formats/pyfr/fingerprint.h"
+#include "core/formats/pyfr/numbers.h"
 #include "core/formats/sides/neighbours.h"
 #include "core/mesh/connectivity.h"
 #include "core/reference/nodes.h"
@@ -66,12 +67,13 @@ class Writing {
         team_(team),
         cells_(mesh, mesh.dimension),
         neighbours_(mesh, cells_, team),
+        numbers_(mesh, cells_),
         writer_(std::int64_t(mesh.node_count()) * 64, team.stop()) {}
 
   Expected<void> write(const Sink& sink) {
     if (neighbours_.crowded())
       return bad_option("PyFR's format has no place for a side that more than two elements share; write msh41.");
-    number_cells();
+    find_skew_base();
     if (skew_base_ != 0)
       return bad_option(
           "Element " + std::to_string(skew_base_) +
@@ -81,7 +83,7 @@ class Writing {
     nodes();
     writer_.group("/eles");
     for (const PyfrShape& shape : shapes())
-      if (!own_[shape.shape].empty()) elements(shape);
+      if (numbers_.own(shape.shape).count > 0) elements(shape);
     periodic();
     partitioning();
     names();
@@ -91,22 +93,12 @@ class Writing {
  private:
   // === Numbers =============================================================================================
 
-  void number_cells() {
-    index_.resize(cells_.count());
-    std::vector<bool> used(mesh_.node_count(), false);
-    for (std::size_t cell = 0; cell < cells_.count(); ++cell) {
-      const Shape shape = cells_.shape(cell);
-      index_[cell] = std::int32_t(own_[shape].size());
-      own_[shape].push_back(std::int32_t(cell));
-      for (const std::int32_t node : cells_.nodes(cell)) used[std::size_t(node)] = true;
-      if (shape == Shape::Pyramid && skew_base_ == 0 && !has_parallelogram(cell)) skew_base_ = cells_.number(cell);
-    }
-    node_.assign(mesh_.node_count(), -1);
-    for (std::size_t node = 0; node < used.size(); ++node) {
-      if (!used[node]) continue;
-      node_[node] = std::int32_t(used_.size());
-      used_.push_back(std::int32_t(node));
-    }
+  void find_skew_base() {
+    for (const Cells::Range& range : cells_.ranges())
+      for (std::size_t cell = range.first; cell < range.first + range.block->size(); ++cell) {
+        if (range.block->shape != Shape::Pyramid) break;
+        if (skew_base_ == 0 && !has_parallelogram(cell)) skew_base_ = cells_.number(cell);
+      }
   }
 
   double coordinate(std::int32_t node, int k) const {
@@ -124,7 +116,7 @@ class Writing {
 
   void make_codec() {
     for (const PyfrShape& shape : shapes()) {
-      if (own_[shape.shape].empty()) continue;
+      if (numbers_.own(shape.shape).count == 0) continue;
       const std::string name = std::string("eles/") + shape.name;
       codec_.push_back(name);
       first_code_[std::size_t(shape.shape)] = int(codec_.size());
@@ -163,29 +155,31 @@ class Writing {
     std::vector<std::uint16_t> valency(mesh_.node_count(), 0);
     for (const Cells::Range& range : cells_.ranges())
       for (const std::int32_t node : range.block->nodes) ++valency[std::size_t(node)];
-    writer_.array("/nodes", "{location:f8[" + std::to_string(d) + "],valency:u2}", Dims{std::int64_t(used_.size())});
-    rows("/nodes", used_.size(), 8 * std::size_t(d) + 2, [&](std::size_t i, char*& to) {
-      for (int k = 0; k < d; ++k) put(to, coordinate(used_[i], k));
-      put(to, valency[std::size_t(used_[i])]);
+    writer_.array("/nodes", "{location:f8[" + std::to_string(d) + "],valency:u2}",
+                  Dims{std::int64_t(numbers_.node_count())});
+    rows("/nodes", numbers_.node_count(), 8 * std::size_t(d) + 2, [&](std::size_t i, char*& to) {
+      for (int k = 0; k < d; ++k) put(to, coordinate(numbers_.node_of(i), k));
+      put(to, valency[std::size_t(numbers_.node_of(i))]);
     });
   }
 
   void elements(const PyfrShape& shape) {
     const std::vector<int>& place = gmsh_nodes(NodeOrder::Rows, shape.shape, mesh_.order);
     const std::vector<int> cgns = cgns_numbers(shape);
-    const std::vector<std::int32_t>& own = own_[shape.shape];
+    const PyfrNumbers::OwnCells& own = numbers_.own(shape.shape);
     const std::string path = std::string("/eles/") + shape.name;
     writer_.array(path,
                   "{nodes:i8[" + std::to_string(place.size()) + "],curved:b1,faces:{cidx:i2,off:i8}[" +
                       std::to_string(cgns.size()) + "]}",
-                  Dims{std::int64_t(own.size())});
+                  Dims{std::int64_t(own.count)});
     std::vector<char>& is_curved = curved_[shape.shape];
-    is_curved.resize(own.size());
-    rows(path, own.size(), 8 * place.size() + 1 + 10 * cgns.size(), [&](std::size_t i, char*& to) {
-      const auto cell = std::size_t(own[i]);
+    is_curved.resize(own.count);
+    const std::vector<std::array<double, 8>> weights = first_order_weights(shape.shape);
+    rows(path, own.count, 8 * place.size() + 1 + 10 * cgns.size(), [&](std::size_t i, char*& to) {
+      const std::size_t cell = own[i];
       const auto nodes = cells_.nodes(cell);
-      for (const int local : place) put(to, std::int64_t(node_[std::size_t(nodes[std::size_t(local)])]));
-      is_curved[i] = curved(shape.shape, nodes) ? 1 : 0;
+      for (const int local : place) put(to, numbers_.number_of(nodes[std::size_t(local)]));
+      is_curved[i] = curved(shape.shape, nodes, weights) ? 1 : 0;
       put(to, is_curved[i]);
       for (const int side : cgns) face(cell, side, to);
     });
@@ -200,16 +194,16 @@ class Writing {
     const SideNeighbour other = neighbour(cell, side);
     put(to, other.cell < 0 ? std::int16_t(group_code_[std::size_t(other.group) - 1])
                            : code(std::size_t(other.cell), other.side - 1));
-    put(to, std::int64_t(other.cell < 0 ? -1 : index_[std::size_t(other.cell)]));
+    put(to, other.cell < 0 ? std::int64_t(-1) : numbers_.index_of(std::size_t(other.cell)));
   }
 
   /// Each pair of the periodic boundaries stands once, the first side first.
-  void find_pairs(const std::vector<std::int32_t>& cells, const std::vector<int>& sides) {
+  void find_pairs(const PyfrNumbers::OwnCells& cells, const std::vector<int>& sides) {
     const std::vector<SideGroup>& groups = neighbours_.groups();
     if (std::none_of(groups.begin(), groups.end(), [](const SideGroup& group) { return group.periodic < 0; })) return;
-    for (const std::int32_t own : cells)
+    for (std::size_t i = 0; i < cells.count; ++i)
       for (const int side : sides) {
-        const auto cell = std::size_t(own);
+        const std::size_t cell = cells[i];
         const SideNeighbour other = neighbour(cell, side);
         const int group = other.cell >= 0 && other.group > 0 ? groups[std::size_t(other.group) - 1].periodic : 0;
         if (group >= 0) continue;
@@ -217,9 +211,9 @@ class Writing {
         pairs.resize(pairs.size() + 20);
         char* to = pairs.data() + pairs.size() - 20;
         put(to, code(cell, side));
-        put(to, std::int64_t(index_[cell]));
+        put(to, numbers_.index_of(cell));
         put(to, code(std::size_t(other.cell), other.side - 1));
-        put(to, std::int64_t(index_[std::size_t(other.cell)]));
+        put(to, numbers_.index_of(std::size_t(other.cell)));
       }
   }
 
@@ -230,16 +224,16 @@ class Writing {
   }
 
   /// Whether the nodes are elsewhere than the map of first order of the vertices puts them, to within rounding.
-  bool curved(Shape shape, std::span<const std::int32_t> nodes) const {
+  bool curved(Shape shape, std::span<const std::int32_t> nodes,
+              const std::vector<std::array<double, 8>>& all_weights) const {
     if (mesh_.order == 1) return false;
     const int vertices = reference::info(shape).vertices;
-    const auto& lattice = reference::lattice(shape, mesh_.order);
     double size = 0, gap = 0;
     for (int k = 0; k < mesh_.dimension; ++k)
       for (int v = 1; v < vertices; ++v)
         size = std::max(size, std::abs(coordinate(nodes[std::size_t(v)], k) - coordinate(nodes[0], k)));
     for (std::size_t i = std::size_t(vertices); i < nodes.size(); ++i) {
-      const std::array<double, 8> weights = first_order(shape, lattice[i]);
+      const std::array<double, 8>& weights = all_weights[i];
       for (int k = 0; k < mesh_.dimension; ++k) {
         double x = 0;
         for (int v = 0; v < vertices; ++v) x += weights[std::size_t(v)] * coordinate(nodes[std::size_t(v)], k);
@@ -247,6 +241,13 @@ class Writing {
       }
     }
     return gap > 1e-12 * size;
+  }
+
+  /// The functions of first order at every node.
+  std::vector<std::array<double, 8>> first_order_weights(Shape shape) const {
+    std::vector<std::array<double, 8>> weights;
+    for (const auto& at : reference::lattice(shape, mesh_.order)) weights.push_back(first_order(shape, at));
+    return weights;
   }
 
   /// The functions of first order at a position of the lattice, one per vertex. The pyramid's have a fraction.
@@ -283,7 +284,7 @@ class Writing {
   void partitioning() {
     std::vector<std::int64_t> regions{0};
     for (const PyfrShape& shape : shapes())
-      if (const auto count = std::int64_t(own_[shape.shape].size()); count > 0)
+      if (const auto count = std::int64_t(numbers_.own(shape.shape).count); count > 0)
         regions.push_back(regions.back() + count);
     writer_.group("/partitionings");
     writer_.group("/partitionings/1");
@@ -331,12 +332,9 @@ class Writing {
   const Team& team_;
   Cells cells_;
   SideNeighbours neighbours_;
+  PyfrNumbers numbers_;
   Hdf5Writer writer_;
   Fingerprint digest_;
-  std::vector<std::int32_t> index_;                 // of a cell among those of its shape
-  std::map<Shape, std::vector<std::int32_t>> own_;  // the cells of a shape
-  std::vector<std::int32_t> node_;                  // number in the file, or −1
-  std::vector<std::int32_t> used_;                  // the nodes of cells
   std::int64_t skew_base_ = 0;
   std::vector<std::string> codec_;
   std::array<int, kShapes> first_code_{};              // of the faces of a shape

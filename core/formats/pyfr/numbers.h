@@ -1,0 +1,73 @@
+// The numbers of nodes and cells in PyFR's mesh: nodes that cells use, and the cells of each shape. Internal to
+// core/formats.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cstdint>
+#include <vector>
+
+#include "core/mesh/connectivity.h"
+
+namespace varimesh::formats {
+
+class PyfrNumbers {
+ public:
+  /// The cells of a shape, in the mesh's order.
+  struct OwnCells {
+    struct Run {
+      std::size_t index, cell;  ///< Of the first cell: among those of the shape, and among all.
+    };
+    std::vector<Run> runs;
+    std::size_t count = 0;
+
+    std::size_t operator[](std::size_t index) const {
+      const Run& run = *std::prev(std::upper_bound(runs.begin(), runs.end(), index,
+                                                   [](std::size_t i, const Run& each) { return i < each.index; }));
+      return run.cell + (index - run.index);
+    }
+  };
+
+  /// Refers to the cells.
+  PyfrNumbers(const HighOrderMesh& mesh, const Cells& cells) : cells_(cells) {
+    std::vector<bool> used(mesh.node_count(), false);
+    for (const Cells::Range& range : cells.ranges()) {
+      OwnCells& own = own_[std::size_t(range.block->shape)];
+      index_.push_back(own.count);
+      own.runs.push_back({own.count, range.first});
+      own.count += range.block->size();
+      for (const std::int32_t node : range.block->nodes) used[std::size_t(node)] = true;
+    }
+    node_count_ = std::size_t(std::count(used.begin(), used.end(), true));
+    if (node_count_ == used.size()) return;
+    number_.assign(used.size(), -1);
+    node_.reserve(node_count_);
+    for (std::size_t node = 0; node < used.size(); ++node) {
+      if (!used[node]) continue;
+      number_[node] = std::int32_t(node_.size());
+      node_.push_back(std::int32_t(node));
+    }
+  }
+
+  std::size_t node_count() const { return node_count_; }
+  /// The number of a node that a cell uses.
+  std::int64_t number_of(std::int32_t node) const { return number_.empty() ? node : number_[std::size_t(node)]; }
+  /// The node with a number.
+  std::int32_t node_of(std::size_t number) const { return node_.empty() ? std::int32_t(number) : node_[number]; }
+
+  const OwnCells& own(Shape shape) const { return own_[std::size_t(shape)]; }
+  /// The number of a cell among those of its shape.
+  std::int64_t index_of(std::size_t cell) const {
+    const Cells::Range& range = cells_.range_of(cell);
+    return std::int64_t(index_[std::size_t(&range - cells_.ranges().data())] + cell - range.first);
+  }
+
+ private:
+  const Cells& cells_;
+  std::array<OwnCells, kShapes> own_;
+  std::vector<std::size_t> index_;           // of the first cell of each range among those of its shape
+  std::vector<std::int32_t> number_, node_;  // empty if cells use all nodes
+  std::size_t node_count_ = 0;
+};
+
+}  // namespace varimesh::formats
