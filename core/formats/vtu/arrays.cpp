@@ -161,6 +161,12 @@ class Decoder {
 /// Appends the values of some bytes. Throws if a value is no To.
 template <class From, class To>
 void append(const Decoder& decoder, std::string_view bytes, bool swapped, std::vector<To>& values) {
+  if (std::is_same_v<From, To> && !swapped) {
+    const std::size_t before = values.size();
+    values.resize(before + bytes.size() / sizeof(To));
+    std::memcpy(values.data() + before, bytes.data(), (values.size() - before) * sizeof(To));
+    return;
+  }
   for (std::size_t at = 0; at < bytes.size(); at += sizeof(From)) {
     std::array<char, sizeof(From)> raw;
     std::memcpy(raw.data(), bytes.data() + at, sizeof(From));
