@@ -8,6 +8,7 @@ from pathlib import Path
 from programs import CASES, VARIMESH, WithFolder, WithServer, run
 
 SOLID = CASES / "sphere_p3.msh"
+BALL = CASES / "solid_ball_p3.msh"
 HDF5 = os.environ.get("VARIMESH_HDF5") or Path(VARIMESH).resolve().parent.parent / "lib" / "varimesh" / "varimesh_hdf5"
 PUBLISHED = Path(os.environ.get("VARIMESH_CASES") or CASES.parent.parent.parent / "shared" / "cases") / "real" / "other"
 
@@ -56,6 +57,32 @@ class Hdf5(WithServer):
         for out in outputs[:2]:
             same(self, quality(out), quality(outputs[3]), 12)
         self.assertTrue(outputs[2].read_bytes().startswith(b"\x89HDF"))
+
+    def test_a_server_takes_and_gives_every_format(self):
+        info = json.loads(self.remote("info", "--json").stdout)
+        # Extensions that name each format, if a name and an extension are needed.
+        endings = {"msh22": "msh", "msh22-binary": "msh", "msh40": "msh", "msh41": "msh", "msh41-binary": "msh", "vtu": "vtu",
+                   "mfem": "mesh", "nektar": "xml", "su2": "su2", "hopr": "h5", "cgns": "cgns", "pyfr": "pyfrm", "ism": "mesh"}
+        self.assertEqual(set(info["input_formats"]), set(endings) - {"su2", "pyfr"})
+        self.assertEqual(set(info["output_formats"]), set(endings) - {"ism", "msh40"})
+        for name in info["output_formats"]:
+            with self.subTest(name):
+                out, again = self.folder / f"{name}.{endings[name]}", self.folder / f"again-{name}.msh"
+                done = self.remote("optimise", BALL, "-o", out, "--format", name)
+                self.assertEqual(done.returncode, 0, done.stderr)
+                self.assertGreater(out.stat().st_size, 1000)
+                if name not in info["input_formats"]:
+                    continue
+                # The server takes its own file, which is as good as a mesh can be.
+                done = self.remote("optimise", out, "-o", again, "--time-limit", "5")
+                self.assertIn(done.returncode, (0, 4), done.stderr)
+                given, taken = quality(out), quality(again)
+                self.assertEqual(given["mesh"]["elements"], taken["mesh"]["elements"])
+                self.assertEqual(given["mesh"]["order"], taken["mesh"]["order"])
+        ism = sorted(PUBLISHED.glob("startupdg*.mesh")) if PUBLISHED.is_dir() else []
+        for path in ism:
+            done = self.remote("optimise", path, "-o", self.folder / "ism.msh", "--time-limit", "5")
+            self.assertIn(done.returncode, (0, 4), done.stderr)
 
 
 class Published(WithFolder):

@@ -147,6 +147,28 @@ TEST_P(Chains, MapAKnownPolynomialThroughEveryNode) {
   }
 }
 
+/// The highest order of a format's elements.
+int highest(Format format, Filling filling) {
+  if (format == Format::Cgns) return 4;
+  const bool simplices = filling == Filling::Triangles || filling == Filling::Quadrilaterals ||
+                         filling == Filling::MixedPlane || filling == Filling::Tetrahedra;
+  const bool gmsh = format == Format::Msh22 || format == Format::Msh41Binary;
+  return gmsh && !simplices ? 9 : 10;
+}
+
+TEST_P(Chains, MapAKnownPolynomialAtTheHighestOrder) {
+  const auto [filling, first] = GetParam();
+  for (const int order : {7, highest(first, filling)}) {
+    if (order > highest(first, filling) || !takes(first, filling, order)) continue;
+    const HighOrderMesh mesh = testing::curved_grid(filling, order);
+    const HighOrderMesh once = testing::read_back(test::written(mesh, first));
+    ASSERT_EQ(once.order, order);
+    ASSERT_EQ(once.element_count(once.dimension), mesh.element_count(mesh.dimension));
+    // The grid is two units long, so coordinates go up to 2 to the power of the order.
+    EXPECT_LE(gap(once, filling, order, first == Format::Nektar), 1e-12 * std::pow(2, order)) << "order " << order;
+  }
+}
+
 std::vector<Chain> chains() {
   std::vector<Chain> all;
   for (const Filling filling : testing::kFillings)
