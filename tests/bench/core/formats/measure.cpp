@@ -89,10 +89,12 @@ void fail(Row& row, const Error& error) {
   std::snprintf(row.sentence, sizeof row.sentence, "%s", error.sentence.c_str());
 }
 
-Row write(const char* from, const std::string& to, formats::Format format, int threads) {
+/// `as_text`: a file of Nektar++ that is not compressed, which is written if the mesh was read from one.
+Row write(const char* from, const std::string& to, formats::Format format, bool as_text, int threads) {
   Row row;
-  const auto file = formats::read_file(from, 0, threads);
+  auto file = formats::read_file(from, 0, threads);
   if (!file) return fail(row, file.error()), row;
+  if (as_text) file->mesh.foreign.push_back({"text", "", "nektar"});
   row.mesh = size_of(file->mesh);
   const double before = own_memory(), used = processor_seconds(), start = now();
   Peak peak;
@@ -157,13 +159,16 @@ int main(int argc, char** argv) {
     for (int i = 4; i < argc; ++i) wanted = wanted || info.name == argv[i];
     if (!wanted || !info.writable) continue;
     const std::string path = std::string(argv[2]) + "/measured" + std::string(info.extension);
-    const Row written = in_process([&] { return write(argv[1], path, info.format, threads); });
-    std::printf("| %s | %.0f |", std::string(info.name).c_str(), written.megabytes);
-    print(written);
-    if (written.sentence[0] == '\0' && info.readable) print(in_process([&] { return read(path, threads); }));
-    std::printf("\n");
-    std::fflush(stdout);
-    std::filesystem::remove(path);
+    for (const bool as_text : {false, true}) {
+      if (as_text && info.format != formats::Format::Nektar) continue;
+      const Row written = in_process([&] { return write(argv[1], path, info.format, as_text, threads); });
+      std::printf("| %s%s | %.0f |", std::string(info.name).c_str(), as_text ? ", text" : "", written.megabytes);
+      print(written);
+      if (written.sentence[0] == '\0' && info.readable) print(in_process([&] { return read(path, threads); }));
+      std::printf("\n");
+      std::fflush(stdout);
+      std::filesystem::remove(path);
+    }
   }
   return 0;
 }
