@@ -385,8 +385,7 @@ DescentRound Descent::round() {
   // If all cells are certified, but far below the bound in every mesh so far, more weight for low cells is worth it
   // only as long as something gains.
   const bool gains = falls || rises || reaches || in_reach || reaches_bound(best_) || best_.uncertified > 0;
-  round.last = (low == 0 && !falls) || !gains ||
-               raises_ > (in_reach ? kMostRaisesInReach : kMostRaises) || costs;
+  round.last = (low == 0 && !falls) || !gains || raises_ > (in_reach ? kMostRaisesInReach : kMostRaises) || costs;
   last_loss_ = std::min(last_loss_, state.loss);
   if (is_better(state)) best_ = std::move(state);
   if (round.last && begin_to_raise_lost()) round.last = false;
