@@ -213,7 +213,8 @@ class Writer {
   template <class Body>
   void for_curved_faces(std::size_t begin, std::size_t end, const Body& body) const {
     std::vector<std::int32_t> points, ordered;
-    auto [number, first] = curves_before(begin);
+    const auto before = curves_before(begin);
+    std::size_t number = before.first, first = before.second;
     const auto visit = [&](std::size_t face, Shape shape, std::span<const std::int32_t> vertices) {
       if (!curves(shape)) return;
       points.resize(std::size_t(reference::node_count(shape, mesh_.order)));
