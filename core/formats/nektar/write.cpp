@@ -182,7 +182,8 @@ class Writer {
                      visit(begin, end, [&](std::size_t number, Shape shape, const auto& sides) {
                        if (shape != wanted) return;
                        append_packed(bytes, std::int64_t(number));
-                       for (const std::int32_t side : std::span<const std::int32_t>(sides()))
+                       const NektarSides found = sides();
+                       for (const std::int32_t side : std::span<const std::int32_t>(found))
                          append_packed(bytes, std::int64_t(side));
                      });
                    });
