@@ -14,6 +14,12 @@
 #include "server/notify.h"
 
 namespace varimesh::server {
+namespace {
+
+/// How long a server that is full counts as alive although it does not reach itself.
+constexpr std::chrono::minutes kLongestFull{10};
+
+}  // namespace
 
 /// Calls a function at regular intervals, on a thread of its own.
 class Upkeep::Ticker {
@@ -70,17 +76,20 @@ Upkeep::Upkeep(Scheduler& scheduler, Stores& stores, Access& access, Endpoint& e
     if (const auto checked = check_tls_files(tls); !checked) spdlog::error("{}", checked.error().sentence);
   });
   const auto now = [] { return std::chrono::steady_clock::now(); };
-  dialling_ = std::make_unique<Ticker>(seconds(5), [&self_check, &endpoint, watchdog, now, reached = now()]() mutable {
-    self_check.dial();
-    // A new server would be as full as this one in a moment, and the open calls would be lost.
-    if (self_check.answers() || endpoint.is_full()) {
-      reached = now();
-      notify_manager("WATCHDOG=1");
-    } else if (watchdog.patience.count() > 0 && watchdog.lost && now() - reached >= watchdog.patience) {
-      spdlog::error("the server has not reached itself for {} s, and ends", (now() - reached) / seconds(1));
-      std::exchange(watchdog.lost, nullptr)();
-    }
-  });
+  dialling_ = std::make_unique<Ticker>(
+      seconds(5), [&self_check, &endpoint, watchdog, now, answered = now(), reached = now()]() mutable {
+        self_check.dial();
+        if (self_check.answers()) answered = now();
+        // A new server would be as full as this one in a moment, and the open calls would be lost. But a server that
+        // hangs fills up too.
+        if (self_check.answers() || (endpoint.is_full() && now() - answered < kLongestFull)) {
+          reached = now();
+          notify_manager("WATCHDOG=1");
+        } else if (watchdog.patience.count() > 0 && watchdog.lost && now() - reached >= watchdog.patience) {
+          spdlog::error("the server has not reached itself for {} s, and ends", (now() - reached) / seconds(1));
+          std::exchange(watchdog.lost, nullptr)();
+        }
+      });
   sweeping_ = std::make_unique<Ticker>(minutes(1), [&stores] { stores.meshes().sweep(); });
   compression_ = std::make_unique<Ticker>(minutes(1), [this, &stores] {
     ::setpriority(PRIO_PROCESS, 0, 19);  // applies to this thread only: the running jobs go first

@@ -25,7 +25,7 @@ HighOrderMesh one_cell_of_each(const HighOrderMesh& mesh) {
     cell.shape = block.shape;
     cell.order = block.order;
     cell.entity = block.entity;
-    cell.numbers = {static_cast<std::int64_t>(sample.blocks.size()) + 1};
+    cell.numbers = {block.numbers.front()};
     for (int n = 0; n < reference::node_count(block.shape, block.order); ++n) {
       const auto node = static_cast<std::int32_t>(sample.node_count());
       cell.nodes.push_back(node);

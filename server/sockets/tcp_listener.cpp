@@ -29,6 +29,8 @@ constexpr int kUnacknowledgedMilliseconds = 20'000;
 constexpr int kPauseMilliseconds = 50;
 /// How often the connections of an address are looked at. There may be tens of thousands.
 constexpr std::chrono::milliseconds kBetweenLooks{200};
+/// How many connections of one socket are accepted before the thread looks at the others, and whether it is to end.
+constexpr int kAcceptedAtOnce = 64;
 
 std::uint64_t socket_of(int descriptor) {
   struct stat status {};
@@ -130,14 +132,18 @@ bool Admission::admits(int descriptor, const std::string& address, long limit) {
 void Admission::forget(int descriptor) {
   const auto held = held_.find(descriptor);
   if (held == held_.end()) return;
-  if (const auto count = count_.find(held->second.address); --count->second == 0) count_.erase(count);
+  if (const auto count = count_.find(held->second.address); --count->second == 0) {
+    looked_.erase(count->first);
+    count_.erase(count);
+  }
   held_.erase(held);
 }
 
 void Admission::forget_closed(const std::string& address) {
   const auto now = steady_clock::now();
-  if (now - looked_ < kBetweenLooks) return;
-  looked_ = now;
+  auto& looked = looked_[address];
+  if (now - looked < kBetweenLooks) return;
+  looked = now;
   std::vector<int> closed;
   for (const auto& [descriptor, held] : held_)
     if (held.address == address && socket_of(descriptor) != held.socket) closed.push_back(descriptor);
@@ -196,9 +202,9 @@ void TcpListener::run() {
     if (waiting[0].revents != 0) return;
     bool short_of = false;
     for (std::size_t i = 1; i < waiting.size(); ++i) {
-      while (accept_from(waiting[i].fd)) {
-      }
-      short_of = short_of || (errno != EAGAIN && errno != EINTR);
+      int accepted = 0;
+      while (accepted < kAcceptedAtOnce && accept_from(waiting[i].fd)) ++accepted;
+      short_of = short_of || (accepted < kAcceptedAtOnce && errno != EAGAIN && errno != EINTR);
     }
     if (short_of && ::poll(waiting.data(), 1, kPauseMilliseconds) > 0) return;
   }

@@ -45,7 +45,8 @@ class Admission {
 
   std::unordered_map<int, Held> held_;  ///< By descriptor.
   std::map<std::string, long> count_;   ///< By address.
-  std::chrono::steady_clock::time_point looked_{};
+  /// When the connections of an address that has its most were last looked at.
+  std::map<std::string, std::chrono::steady_clock::time_point> looked_;
 };
 
 /// A listening TCP address with a thread that accepts.
