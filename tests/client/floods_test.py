@@ -3,19 +3,16 @@ ctest runs it with VARIMESH, VARIMESHD and VARIMESH_SOURCE_DIR in the environmen
 import http.client
 import re
 import resource
-import socket
-import struct
 import subprocess
 import threading
 import time
 import unittest
 from pathlib import Path
 
+from connections import allow_many, open_connections
 from programs import ENDLESS, LARGER, MESH, VARIMESHD, WithFolder, run
 
 DESCRIPTORS, CONNECTIONS = 256, 1000
-# What a client of HTTP/2 says first: the preface and an empty SETTINGS. Who says it may stay.
-HELLO = b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n" + struct.pack(">I", 0)[1:] + bytes([4, 0, 0, 0, 0, 0])
 
 
 class Flood(WithFolder):
@@ -48,23 +45,8 @@ class Flood(WithFolder):
 
     def flood(self, address, source):
         """Opens connections from an address, which stay. Returns what closes them."""
-        soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
-        resource.setrlimit(resource.RLIMIT_NOFILE, (hard, hard))
-        self.addCleanup(resource.setrlimit, resource.RLIMIT_NOFILE, (soft, hard))
-        host, port = address.split(":")
-        opened = []
-        for _ in range(CONNECTIONS):
-            one = socket.socket()
-            one.setblocking(False)
-            one.bind((source, 0))
-            one.connect_ex((host, int(port)))
-            opened.append(one)
-        time.sleep(0.5)
-        for one in opened:
-            try:
-                one.send(HELLO)
-            except OSError:
-                pass
+        self.addCleanup(resource.setrlimit, resource.RLIMIT_NOFILE, allow_many())
+        opened = open_connections(address, source, CONNECTIONS)
 
         def close():
             while opened:

@@ -6,7 +6,6 @@ import resource
 import shutil
 import socket
 import ssl
-import struct
 import subprocess
 import sys
 import time
@@ -15,12 +14,12 @@ from pathlib import Path
 
 import grpc
 from calls import Row
-from nginx_test import FLOODS, SETTINGS, frame
+from connections import HELLO, allow_many, open_connections
+from nginx_test import FLOODS
 from programs import MESH, VARIMESHD, run
 from serving import until
 from varimesh.v1 import job_pb2, service_pb2
 
-HELLO = b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n" + frame(SETTINGS, 0, 0)
 SOURCE = Path(os.environ["VARIMESH_SOURCE_DIR"])
 
 
@@ -74,7 +73,7 @@ class Transport(Row):
 
 class Nginx(Row):
     name = "transport floods, nginx"
-    alone = True  # the test has a server, and an owner who works, of its own
+    alone = True  # the test starts its own server and its own working owner
 
     def run(self):
         """Returns the exit status, and what the test says of each flood."""
@@ -105,26 +104,12 @@ class Descriptors(Row):
     def serve(self, attacked):
         super().serve(attacked)
         resource.prlimit(attacked.server.process.pid, resource.RLIMIT_NOFILE, (self.MANY, self.MANY))
-        soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
-        resource.setrlimit(resource.RLIMIT_NOFILE, (hard, hard))
+        allow_many()
         self.data = os.urandom(1 << 16)
 
     def attack(self):
         """1,000 connections that stay, from an address of the attacker's own, and a thousand uploads that are cut."""
-        host, port = self.attacked.address.rsplit(":", 1)
-        opened = []
-        for _ in range(1000):
-            one = socket.socket()
-            one.setblocking(False)
-            one.bind(("127.0.0.2", 0))
-            one.connect_ex((host, int(port)))
-            opened.append(one)
-        time.sleep(0.5)
-        for one in opened:
-            try:
-                one.send(HELLO)
-            except OSError:
-                pass
+        opened = open_connections(self.attacked.address, "127.0.0.2", 1000)
         time.sleep(1 if self.short else 5)
         # Another connection of somebody who was not there before.
         new = self.attacked.owner("ann")
