@@ -20,7 +20,7 @@ class Finder {
       : file_(file), corners_(corners), topology_(topology), order_(order), allowance_(allowance) {}
 
   std::optional<NektarPointNodes> take(const std::function<NektarCell(std::int32_t)>& cell_of) {
-    if (file_.has_texts() && !file_.points_text.empty()) return std::nullopt;  // both kinds of points
+    if (has_both_kinds()) return std::nullopt;
     make_room();
     for (const NektarCurve& curve : file_.curved_edges) {
       const std::int32_t edge = file_.edge_ids.find(curve.id);
@@ -39,14 +39,23 @@ class Finder {
       if (!add(shape, curve, own)) return std::nullopt;
     }
     made_.placed.assign(nodes_, false);
-    for (const std::int32_t node : made_.nodes)
-      if (node >= 0) made_.placed[std::size_t(node)] = true;
+    for (const std::int32_t node : made_.nodes) {
+      if (node < 0) continue;
+      if (made_.placed[std::size_t(node)]) return std::nullopt;  // an edge or face has two curves
+      made_.placed[std::size_t(node)] = true;
+    }
     return std::move(made_);
   }
 
   void set_node_count(std::size_t nodes) { nodes_ = nodes; }
 
  private:
+  /// Whether some curves have points of their own, and others refer to a list of points, which may be missing.
+  bool has_both_kinds() const {
+    const std::size_t texts = file_.edge_texts.size() + file_.face_texts.size();
+    return texts > 0 && (texts != file_.curved_edges.size() + file_.curved_faces.size() || !file_.points_text.empty());
+  }
+
   /// For all points, if they are one after another.
   void make_room() {
     std::size_t all = file_.index.empty() ? file_.indices : 0;
