@@ -16,6 +16,7 @@
 
 #include <algorithm>
 #include <cerrno>
+#include <cstring>
 #include <utility>
 
 namespace varimesh::server {
@@ -58,10 +59,16 @@ std::string text_of(const sockaddr_storage& peer) {
 }
 
 /// Whether a connection comes from the address to which it goes.
-bool is_own(int socket, const std::string& address) {
+bool is_own(int socket, const sockaddr_storage& peer) {
   sockaddr_storage name{};
   socklen_t size = sizeof name;
-  return ::getsockname(socket, reinterpret_cast<sockaddr*>(&name), &size) == 0 && text_of(name) == address;
+  if (::getsockname(socket, reinterpret_cast<sockaddr*>(&name), &size) != 0 || name.ss_family != peer.ss_family)
+    return false;
+  if (name.ss_family == AF_INET6)
+    return IN6_ARE_ADDR_EQUAL(&reinterpret_cast<sockaddr_in6&>(name).sin6_addr,
+                              &reinterpret_cast<const sockaddr_in6&>(peer).sin6_addr);
+  return reinterpret_cast<sockaddr_in&>(name).sin_addr.s_addr ==
+         reinterpret_cast<const sockaddr_in&>(peer).sin_addr.s_addr;
 }
 
 void set(int socket, int level, int option, int value) { ::setsockopt(socket, level, option, &value, sizeof value); }
@@ -87,6 +94,21 @@ int port_of(int socket) {
                                           : reinterpret_cast<sockaddr_in&>(name).sin_port);
 }
 
+/// Gives all addresses of a list this port.
+void set_port(addrinfo& list, int port) {
+  for (addrinfo* at = &list; at != nullptr; at = at->ai_next)
+    (at->ai_family == AF_INET6 ? reinterpret_cast<sockaddr_in6*>(at->ai_addr)->sin6_port
+                               : reinterpret_cast<sockaddr_in*>(at->ai_addr)->sin_port) =
+        htons(static_cast<std::uint16_t>(port));
+}
+
+/// Whether the list up to `last` has its address already, as some systems list it twice.
+bool is_among(const addrinfo& first, const addrinfo& last) {
+  for (const addrinfo* at = &first; at != &last; at = at->ai_next)
+    if (at->ai_addrlen == last.ai_addrlen && std::memcmp(at->ai_addr, last.ai_addr, last.ai_addrlen) == 0) return true;
+  return false;
+}
+
 /// The sockets of an address; with port 0 all get the port of the first. Empty if one of them cannot be had.
 std::vector<int> listening_sockets(const std::string& host, std::string port, bool both) {
   std::vector<int> sockets;
@@ -98,16 +120,13 @@ std::vector<int> listening_sockets(const std::string& host, std::string port, bo
   if (::getaddrinfo(host.c_str(), port.c_str(), &wanted, &found) != 0) return {};
   bool is_free = true;
   for (const addrinfo* at = found; at != nullptr && is_free; at = at->ai_next) {
-    if (!sockets.empty()) {
-      const in_port_t same = htons(static_cast<std::uint16_t>(port_of(sockets.front())));
-      (at->ai_family == AF_INET6 ? reinterpret_cast<sockaddr_in6*>(at->ai_addr)->sin6_port
-                                 : reinterpret_cast<sockaddr_in*>(at->ai_addr)->sin_port) = same;
-    }
+    if (is_among(*found, *at)) continue;
     const int socket = listening_socket(*at, both);
+    if (socket >= 0 && sockets.empty()) set_port(*found, port_of(socket));
     if (socket >= 0) sockets.push_back(socket);
-    // A machine without IPv6 may still have names for its addresses.
-    const bool has_none = at->ai_family == AF_INET6 && (errno == EADDRNOTAVAIL || errno == EAFNOSUPPORT);
-    is_free = socket >= 0 || (has_none && !both);
+    // Names may have addresses of other machines, or of IPv6 on a machine without it.
+    const bool is_elsewhere = errno == EADDRNOTAVAIL || (at->ai_family == AF_INET6 && errno == EAFNOSUPPORT);
+    is_free = socket >= 0 || (is_elsewhere && !both);
   }
   ::freeaddrinfo(found);
   if (is_free) return sockets;
@@ -229,7 +248,7 @@ bool TcpListener::accept_from(int listening) {
     spdlog::warn("connections are refused, first one from {}: there are too many for the limit of descriptors",
                  address);
   }
-  if (is_own(socket, address)) turned_away_ = now.time_since_epoch().count();
+  if (is_own(socket, peer)) turned_away_ = now.time_since_epoch().count();
   ::close(socket);
   return true;
 }

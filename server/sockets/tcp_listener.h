@@ -54,8 +54,8 @@ class TcpListener {
  public:
   using Acceptor = grpc::experimental::ExternalConnectionAcceptor;
 
-  /// Listens on HOST:PORT, but accepts nobody before start(). A wildcard address listens to IPv4 and IPv6. Error:
-  /// Output if the address is taken or not one of this machine.
+  /// Listens on HOST:PORT, but accepts nobody before start(). A wildcard address listens to IPv4 and IPv6. A name
+  /// listens at each of its addresses that this machine has. Error: Output if one is taken, or none is of this machine.
   static Expected<std::unique_ptr<TcpListener>> open(const std::string& address);
   ~TcpListener();
   TcpListener(const TcpListener&) = delete;
