@@ -112,7 +112,8 @@ class ShownCells {
   std::vector<std::int32_t>* shown_;
 };
 
-/// Whether a node of these faces is at another place in the second snapshot. Formats round coordinates.
+/// Whether a node of these faces is at another place in the last snapshot than in the first. Formats round coordinates,
+/// so smaller movements count as none.
 bool has_moved(const Snapshots& snapshots, const std::vector<Face>& faces) {
   constexpr double kRounding = 1e-6;
   const auto& box = snapshots.box();

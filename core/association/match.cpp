@@ -31,7 +31,8 @@ class Candidate {
   /// The distance is infinite if a sample is farther than `limit`, or if half of them or more lie outside the surface's
   /// boundary.
   Fit fit(const std::vector<Eigen::Vector3d>& samples, double limit) const {
-    Fit fit{0};
+    Fit fit;
+    fit.distance = 0;
     for (const Eigen::Vector3d& x : samples) {
       const geometry::SurfaceFoot foot = search_.closest(x);
       if (!(foot.distance <= limit)) return {};

@@ -1,5 +1,5 @@
-// How many floating-point operations the kernels of an energy make: so many per quadrature point and evaluation, which
-// depends on the energy and the dimension, and so many more per node of the cell.
+// How many floating-point operations the kernels of an energy make in an evaluation: a number per quadrature point,
+// which depends on the energy and the dimension, and a number per quadrature point and node of the cell.
 #pragma once
 
 #include "core/energy/material.h"

@@ -36,8 +36,8 @@ class Endpoint {
   /// The address with the port that was chosen; empty if there is none.
   const std::string& address() const { return address_; }
   int port() const { return port_; }
-  /// Whether the server has so many connections that it has just refused the machine's own. It lives, although it does
-  /// not reach itself.
+  /// Whether the server has just refused its own call to itself, because it has too many connections. That it does not
+  /// reach itself is then no sign that it hangs.
   bool is_full() const;
   std::shared_ptr<grpc::Channel> in_process_channel();
 

@@ -134,7 +134,7 @@ void unpack_nektar(std::string_view file, XmlText text, std::size_t record,
 /// The kind of points of the curve of an edge or face, by name. Throws ReadFailure.
 NektarPoints nektar_points_of(const Scanner& scan, std::int64_t curve, std::string_view name);
 
-/// The number of points on a curve. Throws ReadFailure if nothing has so many.
+/// Returns `count` as the number of points on a curve. Throws ReadFailure if it is larger than any curve can have.
 std::int16_t nektar_count_of(const Scanner& scan, std::int64_t count);
 
 /// Whether this may be the number of an entry; a file cannot have more than fit into 32 bits.

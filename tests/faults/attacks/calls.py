@@ -132,7 +132,7 @@ class Ended(Row):
         assert self.ann.download(self.job.results[0].digest)
         until(lambda: self.mallory.list() <= self.kept)
         self.ann.close()
-        return f"{self.many} jobs, of which {self.mallory.list()} are remembered"
+        return f"{self.many} jobs; the server remembers {self.mallory.list()} of them"
 
 
 class Texts(Row):
