@@ -3,37 +3,32 @@
 
 #include <algorithm>
 #include <atomic>
-#include <limits>
 #include <memory>
 #include <string>
 
 namespace varimesh::formats {
 namespace {
-
 constexpr std::size_t kCellsPerTask = 2048;
+}
 
 bool are_at_one_place(const HighOrderMesh& mesh, std::int32_t a, std::int32_t b) {
   const double* const x = mesh.coordinates.data();
   return a == b || std::equal(x + 3 * std::size_t(a), x + 3 * std::size_t(a) + 3, x + 3 * std::size_t(b));
 }
 
-/// The smallest value that any thread has given.
-void lower(std::atomic<std::size_t>& smallest, std::size_t value) {
-  std::size_t now = smallest;
-  while (value < now && !smallest.compare_exchange_weak(now, value)) {
+void SmallestCell::take(std::size_t cell) {
+  std::size_t now = smallest_;
+  while (cell < now && !smallest_.compare_exchange_weak(now, cell)) {
   }
 }
 
-}  // namespace
-
 std::optional<std::size_t> find_unshared_side(const HighOrderMesh& mesh, const Cells& cells, const MfemCells& vertices,
                                               const MfemTopology& topology, const Team& team) {
-  constexpr std::size_t kNone = std::numeric_limits<std::size_t>::max();
   const std::int64_t first = topology.vertex_count(), end = topology.interior_first();
   const auto count = std::size_t(end - first);
   // The node of each degree of freedom plus one; 0: no cell has come to it.
   const auto node_of = std::make_unique<std::atomic<std::int32_t>[]>(count);
-  std::atomic<std::size_t> found = kNone;
+  SmallestCell found;
   team.for_ranges(cells.count(), kCellsPerTask, [&](std::size_t begin, std::size_t stop) {
     std::vector<std::int32_t> dofs;
     vertices.visit(begin, stop, [&](std::size_t cell, Shape shape, std::span<const std::int32_t> corners) {
@@ -46,10 +41,10 @@ std::optional<std::size_t> find_unshared_side(const HighOrderMesh& mesh, const C
         std::atomic<std::int32_t>& noted = node_of[std::size_t(dofs[i] - first)];
         fits = noted.compare_exchange_strong(other, nodes[i] + 1) || are_at_one_place(mesh, nodes[i], other - 1);
       }
-      if (!fits) lower(found, cell);
+      if (!fits) found.take(cell);
     });
   });
-  return found == kNone ? std::nullopt : std::optional(found.load());
+  return found.get();
 }
 
 tl::unexpected<Error> unshared_side(const Cells& cells, std::size_t cell, std::string_view format) {
@@ -58,8 +53,7 @@ tl::unexpected<Error> unshared_side(const Cells& cells, std::size_t cell, std::s
                     std::string(format) + " format cannot hold; join the nodes, or write msh or vtu.");
 }
 
-Expected<void> check_shared_sides(const HighOrderMesh& mesh, std::string_view format, const Team& team) {
-  const Cells cells(mesh, mesh.dimension);
+Expected<void> check_distinct_vertices(const Cells& cells, std::string_view format) {
   for (std::size_t cell = 0; cell < cells.count(); ++cell) {
     const auto nodes = cells.nodes(cell).first(std::size_t(reference::info(cells.shape(cell)).vertices));
     for (std::size_t v = 1; v < nodes.size(); ++v)
@@ -68,16 +62,6 @@ Expected<void> check_shared_sides(const HighOrderMesh& mesh, std::string_view fo
                           " has a node as two of its vertices, which " + std::string(format) +
                           " format cannot hold; mend the element, or write msh or vtu.");
   }
-  if (mesh.order == 1) return {};
-  const auto vertices_of = [](Shape shape, std::span<const std::int32_t> nodes) {
-    std::array<std::int32_t, 8> vertices{};
-    std::copy_n(nodes.begin(), reference::info(shape).vertices, vertices.begin());
-    return vertices;
-  };
-  const MfemCells vertices = mfem_cells(cells, vertices_of);
-  const MfemTopology topology(mesh.dimension, mesh.order, std::int32_t(mesh.node_count()), vertices, team);
-  const auto cell = find_unshared_side(mesh, cells, vertices, topology, team);
-  if (cell) return unshared_side(cells, *cell, format);
   return {};
 }
 

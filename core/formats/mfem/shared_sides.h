@@ -1,6 +1,8 @@
 // Whether the cells of a mesh share the nodes of their common edges and faces. Internal to core/formats.
 #pragma once
 
+#include <atomic>
+#include <limits>
 #include <optional>
 #include <string_view>
 
@@ -18,8 +20,24 @@ std::optional<std::size_t> find_unshared_side(const HighOrderMesh& mesh, const C
 /// The error about such a cell: BadOption. `format`: whose format it is, such as "MFEM's".
 tl::unexpected<Error> unshared_side(const Cells& cells, std::size_t cell, std::string_view format);
 
-/// Returns that error if a mesh has such a cell, and another BadOption if a cell has a node as two of its vertices.
-/// Call it inside team.run().
-Expected<void> check_shared_sides(const HighOrderMesh& mesh, std::string_view format, const Team& team);
+/// BadOption if a cell has a node as two of its vertices. `format`: as above.
+Expected<void> check_distinct_vertices(const Cells& cells, std::string_view format);
+
+/// Whether two nodes are the same or have the same coordinates.
+bool are_at_one_place(const HighOrderMesh& mesh, std::int32_t a, std::int32_t b);
+
+/// The smallest of the cells that threads take.
+class SmallestCell {
+ public:
+  void take(std::size_t cell);
+  std::optional<std::size_t> get() const {
+    const std::size_t cell = smallest_;
+    return cell == kNone ? std::nullopt : std::optional(cell);
+  }
+
+ private:
+  static constexpr std::size_t kNone = std::numeric_limits<std::size_t>::max();
+  std::atomic<std::size_t> smallest_ = kNone;
+};
 
 }  // namespace varimesh::formats

@@ -5,6 +5,7 @@
 #include <numeric>
 #include <queue>
 
+#include "core/formats/mfem/shared_sides.h"
 #include "core/formats/mfem/space.h"
 #include "core/formats/nektar/nektar.h"
 #include "core/formats/node_order.h"
@@ -14,6 +15,8 @@
 namespace varimesh::formats {
 
 namespace {
+
+constexpr std::size_t kCellsPerTask = 2048;
 
 /// Calls body(shape, nodes of the vertices) for each cell.
 template <class Body>
@@ -211,20 +214,49 @@ NektarGrid::NektarGrid(const HighOrderMesh& of, std::vector<std::int32_t> vertic
   point_.resize(std::size_t(points));
   for (std::size_t node = 0; node < number_.size(); ++node)
     if (number_[node] >= 0) point_[std::size_t(number_[node])] = std::int32_t(node);
-  constexpr std::size_t kCellsPerTask = 2048;
   team.for_ranges(cells.count(), kCellsPerTask, [&](std::size_t begin, std::size_t end) {
-    NektarTurnedNodes turned(mesh.order);
-    for (std::size_t cell = begin; cell < end; ++cell) place_points(cell, cells.shape(cell), cells.nodes(cell), turned);
+    NektarTurnedNodes known(mesh.order);
+    for (std::size_t cell = begin; cell < end; ++cell) place_points(cell, cells.shape(cell), cells.nodes(cell), known);
   });
 }
 
-void NektarGrid::place_points(std::size_t cell, Shape shape, std::span<const std::int32_t> nodes,
-                              NektarTurnedNodes& turned) {
-  std::array<std::int32_t, 8> own{};
+NektarGrid::Turned NektarGrid::turned(Shape shape, std::span<const std::int32_t> nodes,
+                                      NektarTurnedNodes& known) const {
+  Turned cell;
   const auto count = std::size_t(reference::info(shape).vertices);
-  for (std::size_t v = 0; v < count; ++v) own[v] = number_[std::size_t(nodes[v])];
-  const auto turn = nektar_turn(shape, {own.data(), count});
-  const std::vector<int>& place = turned.of(shape, turn);
+  for (std::size_t v = 0; v < count; ++v) cell.own[v] = number_[std::size_t(nodes[v])];
+  cell.turn = nektar_turn(shape, {cell.own.data(), count});
+  cell.place = &known.of(shape, cell.turn);
+  return cell;
+}
+
+std::optional<std::size_t> NektarGrid::unshared_side(const Team& team) const {
+  const auto first = std::int32_t(topology_.vertex_count()), end = std::int32_t(topology_.interior_first());
+  if (first == end) return std::nullopt;
+  SmallestCell found;
+  team.for_ranges(cells.count(), kCellsPerTask, [&](std::size_t begin, std::size_t stop) {
+    NektarTurnedNodes known(mesh.order);
+    std::vector<std::int32_t> points;
+    for_cells(begin, stop, [&](std::size_t cell, Shape shape, std::span<const std::int32_t> vertices) {
+      const std::span<const std::int32_t> nodes = cells.nodes(cell);
+      const std::vector<int>& place = *turned(shape, nodes, known).place;
+      points.resize(nodes.size());
+      points_of(shape, vertices, end, points);
+      for (std::size_t i = 0; i < points.size(); ++i) {
+        if (points[i] < first || points[i] >= end) continue;
+        if (!are_at_one_place(mesh, nodes[std::size_t(place[i])], point_[std::size_t(points[i])])) found.take(cell);
+      }
+    });
+  });
+  return found.get();
+}
+
+void NektarGrid::place_points(std::size_t cell, Shape shape, std::span<const std::int32_t> nodes,
+                              NektarTurnedNodes& known) {
+  const Turned cell_turned = turned(shape, nodes, known);
+  const auto& own = cell_turned.own;
+  const auto& turn = cell_turned.turn;
+  const std::vector<int>& place = *cell_turned.place;
   const MfemLocalNodes& local = mfem_local_nodes(shape, mesh.order);
   const auto put = [&](std::size_t point, int at) { point_[point] = nodes[std::size_t(place[std::size_t(at)])]; };
   const auto edges = mfem_edges(shape);

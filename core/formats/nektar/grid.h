@@ -6,6 +6,7 @@
 #include <array>
 #include <cassert>
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -121,6 +122,9 @@ class NektarGrid {
   NektarSides sides(Shape shape, std::span<const std::int32_t> vertices) const;
   /// The number of the edge or face that a boundary element is; −1 if it is no side of a cell.
   std::int32_t side(Shape shape, std::span<const std::int32_t> nodes) const;
+  /// The first cell that has other nodes on an edge or face than the first cell with the same vertices
+  /// (shared_sides.h); nothing if there is none. Call it inside team.run().
+  std::optional<std::size_t> unshared_side(const Team& team) const;
   /// Whether the mesh's nodes have the order in which a reader of the file numbers them.
   bool has_file_order() const;
 
@@ -133,8 +137,15 @@ class NektarGrid {
     for (std::size_t v = 0; v < used; ++v) turned[v] = own[std::size_t(turn[v])];
     return turned;
   }
+  /// A cell as the file has it.
+  struct Turned {
+    std::array<std::int32_t, 8> own{};  ///< The numbers of its vertices, in the mesh's order.
+    std::array<std::int8_t, 8> turn{};
+    const std::vector<int>* place = nullptr;  ///< Of nektar_turned_nodes().
+  };
+  Turned turned(Shape shape, std::span<const std::int32_t> nodes, NektarTurnedNodes& known) const;
   /// Places the points that a cell is the first to have.
-  void place_points(std::size_t cell, Shape shape, std::span<const std::int32_t> nodes, NektarTurnedNodes& turned);
+  void place_points(std::size_t cell, Shape shape, std::span<const std::int32_t> nodes, NektarTurnedNodes& known);
   /// The last cell before which there are at most `count` edges or faces.
   template <class Before>
   std::size_t cell_of(std::size_t count, const Before& before) const;

@@ -362,10 +362,12 @@ class Writer {
 Expected<void> write_nektar(const HighOrderMesh& mesh, Format, const Sink& sink, std::span<const CellField>,
                             const Team& team) {
   if (mesh.dimension < 2) return bad_option("VariMesh writes Nektar++'s meshes of dimension 2 and 3 only; write vtu.");
-  if (auto shared = check_shared_sides(mesh, "Nektar++'s", team); !shared) return shared;
+  constexpr std::string_view kFormat = "Nektar++'s";
+  if (auto distinct = check_distinct_vertices(Cells(mesh, mesh.dimension), kFormat); !distinct) return distinct;
   auto vertices = nektar_vertices(mesh);
   if (!vertices) return tl::unexpected(vertices.error());
   const NektarGrid grid(mesh, std::move(*vertices), team);
+  if (const auto cell = grid.unshared_side(team)) return unshared_side(grid.cells, *cell, kFormat);
   BufferedOutput out(sink, false, team);
   const auto says_text = [](const ForeignSection& part) { return part.format == "nektar" && part.name == kNektarText; };
   Writer(grid, std::ranges::none_of(mesh.foreign, says_text), out).write();
