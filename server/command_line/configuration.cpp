@@ -72,24 +72,40 @@ std::string trimmed(std::string_view text) {
   return first == std::string_view::npos ? std::string() : std::string(text.substr(first, last - first + 1));
 }
 
+/// Takes the value that begins with a quotation mark off the text. Two marks stand for one in the value. Nothing if the
+/// value has no end.
+std::optional<std::string> take_quoted(std::string& text) {
+  const char mark = text.front();
+  std::string value;
+  for (std::size_t i = 1; i < text.size(); ++i) {
+    if (text[i] == mark && (i + 1 == text.size() || text[i + 1] != mark)) {
+      text.erase(0, i + 1);
+      return value;
+    }
+    if (text[i] == mark) ++i;
+    value += text[i];
+  }
+  return std::nullopt;
+}
+
 /// Reads the key and the value of a line; both are empty in a line without a setting. Nothing if it is none.
 std::optional<std::pair<std::string, std::string>> parse_line(const std::string& line) {
   const std::string text = trimmed(line);
   if (text.empty() || text.front() == '#') return std::pair<std::string, std::string>();
   const auto equals = text.find('=');
   if (equals == std::string::npos) return std::nullopt;
-  const std::string key = trimmed(text.substr(0, equals)), rest = trimmed(text.substr(equals + 1));
+  const std::string key = trimmed(text.substr(0, equals));
+  std::string rest = trimmed(text.substr(equals + 1));
   if (key.empty() || key.find_first_of(" \t\"'[]#") != std::string::npos) return std::nullopt;
   if (rest.empty() || (rest.front() != '"' && rest.front() != '\'')) {
     const std::string value = trimmed(rest.substr(0, rest.find(" #")));
     if (value.empty() || value.front() == '#' || value.find_first_of("\"'") != std::string::npos) return std::nullopt;
     return std::pair(key, value);
   }
-  const auto end = rest.find(rest.front(), 1);
-  if (end == std::string::npos) return std::nullopt;
-  const std::string more = trimmed(rest.substr(end + 1));
-  if (!more.empty() && more.front() != '#') return std::nullopt;
-  return std::pair(key, rest.substr(1, end - 1));
+  std::optional<std::string> value = take_quoted(rest);
+  const std::string more = trimmed(rest);
+  if (!value || (!more.empty() && more.front() != '#')) return std::nullopt;
+  return std::pair(key, *std::move(value));
 }
 
 Expected<std::vector<std::string>> read_file(const CLI::App& app, const std::string& path) {
@@ -157,9 +173,11 @@ bool has(const std::vector<std::string>& words, const CLI::Option& option) {
 }
 
 std::string in_quotes(const std::string& value) {
-  if (!value.empty() && value.find_first_of(" \t#'\"[],=;") == std::string::npos) return value;
+  if (!value.empty() && value.find_first_of(" \t\r#'\"[],=;") == std::string::npos) return value;
   const char mark = value.find('"') == std::string::npos ? '"' : '\'';
-  return mark + value + mark;
+  std::string quoted(1, mark);
+  for (const char c : value) quoted.append(c == mark ? 2 : 1, c);
+  return quoted + mark;
 }
 
 }  // namespace
@@ -189,6 +207,11 @@ Expected<GivenSettings> gather_settings(const CLI::App& app, int argc, const cha
   auto words = read_environment(app);
   if (!words) return tl::unexpected(words.error());
   given.from_environment = std::move(*words);
+  for (const auto* const from : {&given.from_environment, &given.from_command_line})
+    for (const std::string& word : *from)
+      if (word.find('\n') != std::string::npos)
+        return bad_option("The value in '" + word.substr(0, word.find_first_of("=\n")) +
+                          "' has a line break, which no setting may have; take it out.");
   return given;
 }
 
@@ -206,7 +229,9 @@ std::string print_settings(const CLI::App& app, const GivenSettings& given) {
     const std::string from = has(given.from_command_line, *option)  ? "the command line"
                              : has(given.from_environment, *option) ? "the environment"
                                                                     : "'" + given.file + "'";
-    text += key + " = " + in_quotes(option->results().back()) + "  # from " + from + "\n";
+    const bool is_flag = option->get_expected_max() == 0;
+    const std::string value = !is_flag ? in_quotes(option->results().back()) : option->as<bool>() ? "true" : "false";
+    text += key + " = " + value + "  # from " + from + "\n";
   }
   return text;
 }

@@ -26,7 +26,8 @@ void let_later_values_win(CLI::App& app);
 
 /// Reads the configuration file (--config FILE, or VARIMESHD_CONFIG) and the environment (VARIMESHD_KEY, with the key
 /// in capitals and _ for -). A line of the file is "key = value", with the keys of the command line without dashes;
-/// "#" begins a comment. Errors: BadOption for a file that cannot be read, and for a key that is none, with the one
+/// "#" begins a comment. A value may stand in quotation marks, of which two stand for one in the value. Errors:
+/// BadOption for a file that cannot be read, for a value with a line break, and for a key that is none, with the one
 /// that may be meant.
 Expected<GivenSettings> gather_settings(const CLI::App& app, int argc, const char* const* argv);
 

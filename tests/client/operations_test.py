@@ -239,7 +239,9 @@ class Settings(WithFolder):
         self.assertIn("\nstate = /new/name  # from the environment", said)
 
     def test_what_is_printed_is_a_file_with_the_same_settings(self):
-        said = self.settings("--max-priority", "7", "--insecure", "--log-level", "warn", "--state", self.folder / "a b")
+        said = self.settings("--max-priority", "7", "--insecure", "--log-level", "warn", "--state", self.folder / "a b",
+                             "--port-file", "both \" and '")
+        self.assertIn("\nport-file = 'both \" and '''  # from", said)
         self.file.write_text(said)
         again = self.settings("--config", self.file)
         strip = lambda text: [line.split("  # from")[0] for line in text.splitlines()]
@@ -267,6 +269,9 @@ class Settings(WithFolder):
         done = varimeshd("--print-config", VARIMESHD_THREADS="many")
         self.assertEqual(done.returncode, 2)
         self.assertIn("In the environment", done.stderr)
+        done = varimeshd("--print-config", VARIMESHD_PORT_FILE="two\nlines")
+        self.assertEqual(done.returncode, 2)
+        self.assertIn("'--port-file' has a line break", done.stderr)
         done = varimeshd("--config", self.folder / "none")
         self.assertEqual(done.returncode, 2)
         self.assertIn("cannot be read", done.stderr)
