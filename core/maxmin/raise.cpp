@@ -29,8 +29,9 @@ constexpr double kAsBefore = 1e-9;
 /// Cells that a thread samples at a time.
 constexpr std::int32_t kGrain = 16;
 
-/// The lattice of patch.h, or one with half its spacing.
-enum class Samples : std::uint8_t { Coarse, Fine };
+/// If J is negative between the samples of a cell, their spacing is halved, at most so often; and a patch is raised
+/// again, at most so often. Two cells of docs/untangling.md need three rounds.
+constexpr int kMostHalvings = 2, kMostRounds = 4;
 
 class Raiser {
  public:
@@ -98,12 +99,13 @@ class Raiser {
  private:
   // ===== which cells =====
 
-  const SampleTable* table(Shape shape, Samples samples) {
-    const auto found = tables_.find({shape, samples});
+  /// The samples on the lattice of patch.h, with its spacing halved this many times.
+  const SampleTable* table(Shape shape, int halvings = 0) {
+    const auto found = tables_.find({shape, halvings});
     if (found != tables_.end()) return found->second ? &*found->second : nullptr;
-    const int intervals = (samples == Samples::Fine ? 2 : 1) * (2 * mesh_.order + 2);
+    const int intervals = (1 << halvings) * (2 * mesh_.order + 2);
+    std::optional<SampleTable>& made = tables_[{shape, halvings}];
     const reference::Points points = reference::uniform_lattice(shape, intervals);
-    std::optional<SampleTable>& made = tables_[{shape, samples}];
     if (points.rows() * reference::node_count(shape, mesh_.order) > kMostInTable) return nullptr;
     made.emplace();
     for (Eigen::MatrixXd& gradient :
@@ -112,19 +114,19 @@ class Raiser {
     return &*made;
   }
 
-  MaxMinPatch::Cell patch_cell(std::int32_t cell, Samples samples) {
+  MaxMinPatch::Cell patch_cell(std::int32_t cell) {
     MaxMinPatch::Cell result;
     result.number = cell;
     result.shape = cells_.shape(at(cell));
     result.nodes = cells_.nodes(at(cell));
-    result.samples = table(result.shape, samples);
+    result.samples = table(result.shape);
     result.shift = memory_.shift[at(cell)];
     return result;
   }
 
   /// The scaled Jacobian at the samples.
   double sampled(std::int32_t cell) {
-    MaxMinPatch::Cell one = patch_cell(cell, Samples::Coarse);
+    MaxMinPatch::Cell one = patch_cell(cell);
     if (one.samples == nullptr) return 1;
     MaxMinPatch patch({one}, {one.nodes.begin(), one.nodes.begin() + 1}, mesh_.dimension, coordinates_);
     return patch.look_at_cells(coordinates_, team_).scaled_jacobian.front();
@@ -135,7 +137,7 @@ class Raiser {
     for (std::int32_t cell = 0; at(cell) < cells_.count(); ++cell)
       if (may_be_low(cell)) found.emplace_back(0, cell);
     if (found.empty()) return {};
-    for (const Cells::Range& range : cells_.ranges()) table(range.block->shape, Samples::Coarse);
+    for (const Cells::Range& range : cells_.ranges()) table(range.block->shape);
     team_.for_each(static_cast<std::int32_t>(found.size()), kGrain,
                    [&](std::int32_t k) { found[at(k)].first = sampled(found[at(k)].second); });
     std::erase_if(found,
@@ -156,6 +158,8 @@ class Raiser {
   bool is_hopeless(std::int32_t cell) const { return hopeless_[at(cell)] != 0 && !certificates_[at(cell)].is_valid(); }
 
   // ===== patches =====
+
+  class Before;
 
   /// The cells of each vertex, and in how many cells each node is.
   void find_neighbours() {
@@ -209,33 +213,36 @@ class Raiser {
     for (int layers = 1; layers <= kMostLayers && left_ > 0; ++layers) {
       const bool is_valid = certificates_[at(cell)].is_valid();
       if (is_valid && sampled(cell) >= aim_) return;
-      if (!raise_patch(cell, layers, Samples::Coarse)) return;
+      if (!raise_patch(cell, layers)) return;
     }
-    // J may be negative between the samples only.
-    if (!certificates_[at(cell)].is_valid() && left_ > 0 && sampled(cell) > 0) raise_patch(cell, 1, Samples::Fine);
   }
 
-  /// Returns false if the cell cannot be raised in a larger patch either.
-  bool raise_patch(std::int32_t cell, int layers, Samples samples) {
-    team_.look();
-    const std::vector<std::int32_t> around = cells_around(cell, layers);
-    const std::vector<std::int32_t> free = free_nodes(around);
+  /// The cells of a patch; none if a table would be too large.
+  std::vector<MaxMinPatch::Cell> patch_cells(const std::vector<std::int32_t>& around) {
     std::vector<MaxMinPatch::Cell> taken;
     for (const std::int32_t each : around) {
       if (is_hopeless(each)) continue;
-      taken.push_back(patch_cell(each, samples));
-      if (taken.back().samples == nullptr) return false;
+      taken.push_back(patch_cell(each));
+      if (taken.back().samples == nullptr) return {};
     }
+    return taken;
+  }
+
+  /// Returns false if the cell cannot be raised in a larger patch either.
+  bool raise_patch(std::int32_t cell, int layers) {
+    team_.look();
+    const std::vector<std::int32_t> around = cells_around(cell, layers);
+    const std::vector<std::int32_t> free = free_nodes(around);
+    std::vector<MaxMinPatch::Cell> taken = patch_cells(around);
+    if (taken.empty()) return false;
     if (free.empty()) return true;
-    MaxMinPatch patch(std::move(taken), free, mesh_.dimension, coordinates_);
+    MaxMinPatch patch(taken, free, mesh_.dimension, coordinates_);
     const Before before(*this, around, free);
     try {
       const MaxMinPatch::Levels old = patch.look_at_cells(coordinates_, team_);
-      const MaxMinPatch::Levels now = patch.raise(coordinates_, std::max(aim_, kEnoughForValid), team_);
-      left_ -= now.looks;
-      memory_.looks += now.looks;
-      ++patches_;
-      certifier_.certify(coordinates_, around, certificates_, team_);
+      MaxMinPatch::Levels now = raise(patch, around);
+      if (now.smallest > 0 && raise_between_samples(cell, std::move(taken), around, free, before))
+        now = patch.look_at_cells(coordinates_, team_);
       if (!is_better(before, old, now))
         before.restore();
       else
@@ -244,6 +251,40 @@ class Raiser {
     } catch (const Interrupted&) {
       before.restore();
       throw;
+    }
+    return true;
+  }
+
+  /// Raises the patch, and certifies its cells.
+  MaxMinPatch::Levels raise(MaxMinPatch& patch, const std::vector<std::int32_t>& around) {
+    MaxMinPatch::Levels now = patch.raise(coordinates_, std::max(aim_, kEnoughForValid), team_);
+    left_ -= now.looks;
+    memory_.looks += now.looks;
+    ++patches_;
+    certifier_.certify(coordinates_, around, certificates_, team_);
+    return now;
+  }
+
+  /// While all cells are positive at the samples, but J is negative between the samples of some, takes closer samples
+  /// of these and raises the patch again. Returns whether it has moved.
+  bool raise_between_samples(std::int32_t middle, std::vector<MaxMinPatch::Cell> cells,
+                             const std::vector<std::int32_t>& around, const std::vector<std::int32_t>& free,
+                             const Before& before) {
+    std::map<std::int32_t, int> halvings;
+    for (int round = 0; round < kMostRounds && left_ > 0; ++round) {
+      const std::vector<std::int32_t> doubtful = before.not_kept(middle);
+      bool is_closer = false;
+      for (MaxMinPatch::Cell& each : cells) {
+        if (!std::ranges::binary_search(doubtful, each.number) || halvings[each.number] == kMostHalvings) continue;
+        const SampleTable* const closer = table(each.shape, ++halvings[each.number]);
+        if (closer == nullptr) return round > 0;
+        each.samples = closer;
+        each.shift = 0;
+        is_closer = true;
+      }
+      if (!is_closer) return round > 0;
+      MaxMinPatch patch(cells, free, mesh_.dimension, coordinates_);
+      if (raise(patch, around).smallest <= 0) return true;
     }
     return true;
   }
@@ -262,6 +303,15 @@ class Raiser {
       for (std::size_t n = 0; n < nodes_.size(); ++n)
         std::copy_n(coordinates_.data() + 3 * n, 3, raiser_.coordinates_.data() + 3 * at(nodes_[n]));
       for (std::size_t c = 0; c < cells_.size(); ++c) raiser_.certificates_[at(cells_[c])] = certificates_[c];
+    }
+
+    /// Those of this cell and the cells that were certified that are not certified now, ascending.
+    std::vector<std::int32_t> not_kept(std::int32_t cell) const {
+      std::vector<std::int32_t> result;
+      for (std::size_t c = 0; c < cells_.size(); ++c)
+        if ((certificates_[c].is_valid() || cells_[c] == cell) && !raiser_.certificates_[at(cells_[c])].is_valid())
+          result.push_back(cells_[c]);
+      return result;
     }
 
     /// By how many more cells are certified now; nothing if one has lost its certificate.
@@ -311,7 +361,7 @@ class Raiser {
   double aim_;
   const Team& team_;
   Cells cells_;
-  std::map<std::pair<Shape, Samples>, std::optional<SampleTable>> tables_;
+  std::map<std::pair<Shape, int>, std::optional<SampleTable>> tables_;
   std::vector<std::int32_t> in_cells_;  // by node
   std::vector<std::int64_t> first_;     // by node, into around_
   std::vector<std::int32_t> around_;    // the cells of the vertices

@@ -63,6 +63,17 @@ TEST(RaiseLowCells, MakesCellsValidAndLosesNoCertificate) {
       EXPECT_EQ(result.mesh.coordinates[3 * n + c], mesh.coordinates[3 * n + c]);
 }
 
+TEST(RaiseLowCells, LooksCloserIfAJacobianIsNegativeBetweenTheSamples) {
+  // 43 tetrahedra of order 2 around one with a fixed face that turns by more than 90°: part of what VariMesh once made
+  // of hoipc__microstructure_P2 (zfergus/high-order-ipc-data, Apache-2.0).
+  const HighOrderMesh mesh = testing::read_case("../core/maxmin/bent_face_p2.msh");
+  const Raised result = raised(mesh, 0);
+  ASSERT_EQ(invalid(result.before), 1);
+  EXPECT_EQ(invalid(result.after), 0);
+  EXPECT_EQ(result.outcome.made_valid, std::vector<std::int64_t>{3987});
+  EXPECT_GT(result.outcome.patches, 1);
+}
+
 TEST(RaiseLowCells, RaisesValidCellsToTheAim) {
   const HighOrderMesh mesh = testing::read_case("solid_ball_p3.msh");
   CertificateOptions sharp;
