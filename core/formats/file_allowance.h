@@ -2,9 +2,11 @@
 // records of text ask their Scanner, which names the place in the file.
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 #include <limits>
+#include <vector>
 
 #include "core/formats/allowance.h"
 #include "core/formats/scanner.h"
@@ -34,8 +36,20 @@ class FileAllowance {
   }
   /// What was taken and is free again.
   void give_back(std::size_t bytes) { allowance_.give_back(bytes); }
+  /// Makes room for `more` elements: for at least half more than there is, so that a list that grows is seldom copied.
+  template <class T>
+  void make_room(std::vector<T>& values, std::size_t more) {
+    const std::size_t before = values.capacity(), size = values.size() + more;
+    if (size <= before) return;
+    const std::size_t room = std::max(size, before + before / 2);
+    take(room, sizeof(T));
+    reserve_large(values, room);
+    give_back(before * sizeof(T));
+  }
   /// Called for every record.
   void look() { allowance_.look(); }
+  /// Called for every piece of many records.
+  void look_now() const { allowance_.look_now(); }
   /// For a Scanner that is to count with it.
   Allowance* counted() { return &allowance_; }
 

@@ -83,7 +83,7 @@ class Scanner {
   template <class T>
   void reserve(std::vector<T>& values, std::size_t size) const {
     if (allowance == nullptr)
-      values.reserve(size);
+      reserve_large(values, size);
     else if (!allowance->reserve(values, size))
       fail_memory();
   }

@@ -11,11 +11,12 @@
 
 namespace varimesh::formats {
 
-/// Frees memory that a vector does not need.
+/// Frees memory that a vector does not need, unless it is little: a copy of the vector takes time, and for a while
+/// twice the memory. Pages that were never used cost nothing.
 template <class T>
 void shrink(std::vector<T>& values, const Scanner& scan) {
   const std::size_t before = values.capacity();
-  if (before == values.size()) return;
+  if (before - values.size() <= values.size() / 8) return;
   scan.take_memory(values.size() * sizeof(T) + kAllocation);
   values.shrink_to_fit();
   if (scan.allowance != nullptr) scan.allowance->give_back(before * sizeof(T) + kAllocation);

@@ -3,6 +3,7 @@
 #include <cstring>
 #include <limits>
 #include <unordered_set>
+#include <utility>
 
 #include "core/formats/gmsh/blocks.h"
 #include "core/formats/gmsh/read.h"
@@ -49,8 +50,9 @@ struct HeldElement {
 // Reads elements one after another and collects them in blocks.
 class ElementReader {
  public:
-  ElementReader(const GmshReading& reading, Scanner& scan, std::vector<ElementBlock>& blocks)
-      : reading_(reading), scan_(scan), blocks_(blocks) {}
+  /// `expected`: how many elements there are, if that is known.
+  ElementReader(const GmshReading& reading, Scanner& scan, std::vector<ElementBlock>& blocks, std::int64_t expected = 0)
+      : reading_(reading), scan_(scan), blocks_(blocks), expected_(std::size_t(expected)) {}
 
   // Reads the tags and nodes of one element, whose number, type and number of tags have been read.
   void read(std::int64_t number, int type, int tag_count);
@@ -70,6 +72,7 @@ class ElementReader {
   const GmshReading& reading_;
   Scanner& scan_;
   std::vector<ElementBlock>& blocks_;
+  std::size_t expected_;
   int type_ = 0;
   GmshType kind_;
   std::size_t node_count_ = 0;
@@ -152,6 +155,10 @@ void ElementReader::flush() {
     if (!blocks_.empty()) close(blocks_.back(), scan_);
     const GmshType kind = gmsh_type(held_.type);
     add_block(blocks_, {kind.shape, kind.order, held_.entity, held_.physical, {}, {}, held_.partitions, {}}, scan_);
+    // Most pieces of a file have one block.
+    const std::size_t expected = std::exchange(expected_, 0);
+    scan_.reserve(blocks_.back().numbers, expected);
+    scan_.reserve(blocks_.back().nodes, expected * held_.nodes.size());
   }
   ElementBlock& block = blocks_.back();
   scan_.add(block.numbers, held_.number);
@@ -301,7 +308,7 @@ void read_binary(GmshReading& reading, std::int64_t n) {
   Group group;
   const auto parse = [&](const GroupsPiece& piece, Scanner& from) {
     ElementsRead read;
-    ElementReader reader(reading, from, read.blocks);
+    ElementReader reader(reading, from, read.blocks, piece.elements);
     Group inside = piece.before;
     for (; !from.at_end(); ++read.lines) {
       if (inside.left == 0) inside = read_group(from, std::numeric_limits<std::int32_t>::max());

@@ -36,8 +36,13 @@ void read_nodes_22(GmshReading& reading) {
   if (scan.binary) scan.line();
   scan.reserve(mesh.node_numbers, std::size_t(n));
   scan.reserve(mesh.coordinates, std::size_t(3 * n));
-  const auto parse = [&](const BytesPiece&, Scanner& from) {
+  constexpr std::size_t kNode = sizeof(std::int32_t) + 3 * sizeof(double);  // the bytes of one in binary
+  const auto parse = [&](const BytesPiece& piece, Scanner& from) {
     NodesRead read;
+    if (from.binary) {
+      from.reserve(read.numbers, piece.bytes.size() / kNode);
+      from.reserve(read.coordinates, 3 * (piece.bytes.size() / kNode));
+    }
     for (from.skip_space_of_text(); !from.at_end(); from.skip_space_of_text())
       read_node(from, parametric, read.numbers, read.coordinates);
     return read;
@@ -49,8 +54,7 @@ void read_nodes_22(GmshReading& reading) {
     return true;
   };
   // In binary, nodes with parameters differ in size.
-  if (!parametric || !scan.binary)
-    read_in_pieces(scan, reading.team, RecordCutter(scan, n, sizeof(std::int32_t) + 3 * sizeof(double)), parse, take);
+  if (!parametric || !scan.binary) read_in_pieces(scan, reading.team, RecordCutter(scan, n, kNode), parse, take);
   while (mesh.node_numbers.size() < std::size_t(n)) read_node(scan, parametric, mesh.node_numbers, mesh.coordinates);
   mesh.node_blocks.push_back({-1, 0, 0, std::int32_t(n)});
   reading.index.build(mesh.node_numbers, scan);
