@@ -56,8 +56,9 @@ class BufferedOutput {
 
   /// Writes `count` things. body(out, begin, end) writes those from begin to end − 1; the threads of the team call it
   /// for pieces of `per_piece` things, with outputs of their own, and the sink receives the pieces in order.
+  /// `piece_bytes`: about how many bytes a piece has, if that is known.
   template <class Body>
-  void shared(std::size_t count, std::size_t per_piece, const Body& body) {
+  void shared(std::size_t count, std::size_t per_piece, const Body& body, std::size_t piece_bytes = 0) {
     if (team_.threads() == 1 || count <= per_piece) return body(*this, 0, count);
     flush();
     std::size_t next = 0;
@@ -67,6 +68,7 @@ class BufferedOutput {
     };
     const auto make = [&](std::size_t begin) {
       std::string bytes;
+      bytes.reserve(piece_bytes);
       const Sink append = [&](std::string_view more) {
         bytes += more;
         return true;

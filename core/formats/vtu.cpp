@@ -7,6 +7,7 @@
 #include <Eigen/Core>
 #include <algorithm>
 #include <bit>
+#include <cstring>
 #include <limits>
 #include <set>
 #include <utility>
@@ -84,6 +85,27 @@ class Grid {
   }
   template <class Put>
   void put_added_points(const ElementBlock& block, const Put& put) const;
+  void write_plain(BufferedOutput& out) const;
+  void write_with_added_points(BufferedOutput& out) const;
+
+  /// The nodes of a block in the list of the nodes of all cells.
+  struct Run {
+    std::size_t first;  ///< Place of the first of them.
+    const ElementBlock* block;
+    std::vector<int> places;  ///< For each node of VTK's cell, which of the element's nodes it is.
+
+    /// Puts those from `begin` to `end - 1` where `to` is, and returns what is behind them.
+    char* put(std::size_t begin, std::size_t end, char* to) const {
+      std::size_t element = begin / places.size(), k = begin % places.size();
+      for (; begin < end; ++begin, to += sizeof(std::int32_t)) {
+        std::memcpy(to, &block->nodes[element * places.size() + std::size_t(places[k])], sizeof(std::int32_t));
+        if (++k < places.size()) continue;
+        k = 0;
+        ++element;
+      }
+      return to;
+    }
+  };
 
   const HighOrderMesh& mesh_;
   const Team& team_;
@@ -186,6 +208,40 @@ void Grid::put_added_points(const ElementBlock& block, const Put& put) const {
 
 void Grid::write(BufferedOutput& out) const {
   for (const CompressedArray& array : field_data) array.write(out);
+  if (points == mesh_.node_count() && !are_many()) {
+    write_plain(out);
+  } else {
+    write_with_added_points(out);
+  }
+  for (const CompressedArray& array : topology) array.write(out);
+  for (const CompressedArray& array : cell_data) array.write(out);
+}
+
+/// If the file has the points of the mesh only.
+void Grid::write_plain(BufferedOutput& out) const {
+  coordinates.write_shared(out, [&](std::size_t begin, std::size_t end, char* to) {
+    std::memcpy(to, reinterpret_cast<const char*>(mesh_.coordinates.data()) + begin, end - begin);
+  });
+  std::vector<Run> runs;
+  std::size_t first = 0;
+  for_blocks([&](const ElementBlock& block) {
+    runs.push_back({first, &block, vtk_cell(block.shape, block.order).nodes});
+    first += block.nodes.size();
+  });
+  connectivity.write_shared(out, [&](std::size_t begin, std::size_t end, char* to) {
+    begin /= sizeof(std::int32_t);
+    end /= sizeof(std::int32_t);
+    const auto after = [](std::size_t at, const Run& run) { return at < run.first; };
+    auto run = std::prev(std::upper_bound(runs.begin(), runs.end(), begin, after));
+    for (; begin < end; ++run) {
+      const std::size_t last = std::min(end, run->first + run->block->nodes.size());
+      to = run->put(begin - run->first, last - run->first, to);
+      begin = last;
+    }
+  });
+}
+
+void Grid::write_with_added_points(BufferedOutput& out) const {
   coordinates.write(out, [&](const auto& put) {
     for (const double x : mesh_.coordinates) put(x);
     for_blocks([&](const ElementBlock& block) {
@@ -203,8 +259,6 @@ void Grid::write(BufferedOutput& out) const {
           put_point(local >= 0 ? std::int64_t(block.nodes[e * stride + std::size_t(local)]) : next++);
     });
   });
-  for (const CompressedArray& array : topology) array.write(out);
-  for (const CompressedArray& array : cell_data) array.write(out);
 }
 
 // === The file ============================================================================================
@@ -242,7 +296,7 @@ Expected<void> write_vtu(const HighOrderMesh& mesh, Format, const Sink& sink, st
       return bad_option("The field '" + field.name + "' has " + std::to_string(field.values.size()) + " values for " +
                         std::to_string(mesh.element_count(mesh.dimension)) + " cells; give one value per cell.");
   const Grid grid(mesh, fields, team);
-  BufferedOutput out(sink);
+  BufferedOutput out(sink, false, team);
   std::size_t offset = 0;
   out.text("<?xml version=\"1.0\"?>\n<VTKFile type=\"UnstructuredGrid\" version=\"1.0\" byte_order=\"");
   out.text(std::endian::native == std::endian::little ? "LittleEndian" : "BigEndian");

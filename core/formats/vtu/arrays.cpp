@@ -1,12 +1,17 @@
 #include "core/formats/vtu/arrays.h"
 
+#include <zlib.h>
+
 #include <algorithm>
 #include <array>
 #include <cstring>
 #include <type_traits>
 #include <utility>
 
+#include "core/base/aligned.h"
+#include "core/base/shared_work.h"
 #include "core/formats/scanner.h"
+#include "core/formats/vtu/stored_stream.h"
 #include "core/formats/xml/encoding.h"
 
 namespace varimesh::formats {
@@ -32,8 +37,8 @@ std::size_t size_of(std::string_view type) {
 
 class Decoder {
  public:
-  Decoder(const VtkArray& array, const VtkEncoding& encoding, FileAllowance& allowance)
-      : array_(array), encoding_(encoding), allowance_(allowance) {}
+  Decoder(const VtkArray& array, const VtkEncoding& encoding, FileAllowance& allowance, const Team& team)
+      : array_(array), encoding_(encoding), allowance_(allowance), team_(team) {}
 
   [[noreturn]] void fail(const std::string& what) const {
     Scanner scan(encoding_.file);
@@ -130,32 +135,80 @@ class Decoder {
     const std::uint64_t blocks = header(stored, 0), block_size = header(stored, 1), last = header(stored, 2);
     constexpr std::uint64_t kLargest = std::uint64_t(1) << 40;
     if (blocks > stored.size() / header_size()) fail("has more blocks than bytes");
+    if (blocks > stored.size() / header_size() - 3) fail("ends inside its header");
     if (block_size > kLargest || last > kLargest) fail("has a block of the wrong size");
     const std::uint64_t whole = blocks == 0 ? 0 : (blocks - 1) * block_size + (last > 0 ? last : block_size);
     if (whole / (blocks + 1) > kLargest) fail("has a block of the wrong size");
     if (whole % value_size != 0) fail("ends inside a value");
     begin(std::size_t(whole / value_size));
+    // Several blocks are in memory at the same time if they are small.
+    constexpr std::uint64_t kMostMemory = std::uint64_t(32) << 20;
+    const std::uint64_t largest = std::max(block_size, last);
+    const std::uint64_t at_once = std::min(blocks, std::uint64_t(team_.threads()) + 2);
+    const bool shared = at_once > 1 && largest <= kMostMemory / at_once;
+    if (shared) allowance_.take(std::size_t(at_once * largest), 1);
+    std::uint64_t block = 0;
     std::size_t at = header_size() * (3 + std::size_t(blocks));
-    std::string values;  // bytes that are not whole values yet, and those of the next block
-    for (std::uint64_t block = 0; block < blocks; ++block) {
+    const auto next = [&]() -> std::optional<Packed> {
+      if (block == blocks) return std::nullopt;
       const std::uint64_t size = header(stored, 3 + std::size_t(block));
-      if (at > stored.size() || size > stored.size() - at) fail("is incomplete");
-      const std::size_t before = values.size();
-      // Bytes after the end of the zlib stream mean nothing.
-      if (!inflate_zlib(stored.substr(at, std::size_t(size)), values, allowance_)) fail("is damaged or incomplete");
-      const std::size_t added = values.size() - before;
-      if (added != (block + 1 == blocks && last > 0 ? last : block_size)) fail("has a block of the wrong size");
-      const std::size_t complete = values.size() / value_size * value_size;
-      more(std::string_view(values).substr(0, complete));
-      values.erase(0, complete);
-      allowance_.give_back(added);
-      at += std::size_t(size);
-    }
+      const std::uint64_t whole_size = ++block == blocks && last > 0 ? last : block_size;
+      if (at > stored.size() || size > stored.size() - at) return Packed{{}, 0, "is incomplete"};
+      const std::string_view stream = stored.substr(std::exchange(at, at + std::size_t(size)), std::size_t(size));
+      // No zlib stream becomes larger by more than this factor.
+      if (whole_size / 1040 > size) return Packed{{}, 0, kWrongSize};
+      if (!shared) allowance_.take(std::size_t(whole_size), 1);
+      return Packed{stream, std::size_t(whole_size), nullptr};
+    };
+    std::string rest;  // bytes that are not a whole value yet
+    in_order(shared ? team_ : Team(1), next, unpacked, [&](const Unpacked& made) {
+      if (made.fault != nullptr) fail(made.fault);
+      std::string_view bytes(made.bytes.data(), made.bytes.size());
+      if (!rest.empty() || bytes.size() % value_size != 0) {
+        rest += bytes;
+        bytes = rest;
+      }
+      const std::size_t complete = bytes.size() / value_size * value_size;
+      more(bytes.substr(0, complete));
+      rest = std::string(bytes.substr(complete));
+      if (!shared) allowance_.give_back(made.bytes.size());
+      return true;
+    });
+    if (shared) allowance_.give_back(std::size_t(at_once * largest));
+  }
+
+  /// A block that is to be unpacked, or what is wrong with it.
+  struct Packed {
+    std::string_view stream;
+    std::size_t size;
+    const char* fault;
+  };
+  struct Unpacked {
+    UntouchedVector<char> bytes;
+    const char* fault;
+  };
+  static constexpr const char* kWrongSize = "has a block of the wrong size";
+
+  static Unpacked unpacked(const Packed& block) {
+    if (block.fault != nullptr) return {{}, block.fault};
+    Unpacked made{UntouchedVector<char>(block.size), nullptr};
+    if (read_stored_stream(block.stream, {made.bytes.data(), made.bytes.size()})) return made;
+    // Bytes after the end of the zlib stream mean nothing.
+    char none = 0;
+    uLongf size = uLongf(block.size);
+    uLong length = uLong(block.stream.size());
+    const int status = uncompress2(reinterpret_cast<Bytef*>(block.size > 0 ? made.bytes.data() : &none), &size,
+                                   reinterpret_cast<const Bytef*>(block.stream.data()), &length);
+    if (status == Z_MEM_ERROR) throw std::bad_alloc();
+    if (status != Z_OK && status != Z_BUF_ERROR) return {{}, "is damaged or incomplete"};
+    if (status == Z_BUF_ERROR || size != block.size) return {{}, kWrongSize};
+    return made;
   }
 
   const VtkArray& array_;
   const VtkEncoding& encoding_;
   FileAllowance& allowance_;
+  const Team& team_;
 };
 
 /// Appends the values of some bytes. Throws if a value is no To.
@@ -221,8 +274,8 @@ std::vector<To> values_of_text(const VtkArray& array, const Decoder& decoder, co
 
 template <class T>
 std::vector<T> vtk_values(const VtkArray& array, std::optional<std::size_t> count, const VtkEncoding& encoding,
-                          FileAllowance& allowance) {
-  Decoder decoder(array, encoding, allowance);
+                          FileAllowance& allowance, const Team& team) {
+  Decoder decoder(array, encoding, allowance, team);
   const Append<T> append = append_of<T>(array.type);
   if (append == nullptr) decoder.fail("must have whole numbers");
   const auto check = [&](std::size_t own) {
@@ -239,28 +292,28 @@ std::vector<T> vtk_values(const VtkArray& array, std::optional<std::size_t> coun
       [&](std::size_t own) {
         check(own);
         allowance.take(own, sizeof(T));
-        values.reserve(own);
+        reserve_large(values, own);
       },
       [&](std::string_view bytes) { append(decoder, bytes, encoding.swapped, values); });
   return values;
 }
 
-void for_vtk_values(const VtkArray& array, const VtkEncoding& encoding, FileAllowance& allowance,
+void for_vtk_values(const VtkArray& array, const VtkEncoding& encoding, FileAllowance& allowance, const Team& team,
                     const std::function<void(std::size_t)>& begin,
                     const std::function<void(std::span<const std::int32_t>)>& body) {
   std::vector<std::int32_t> values;
   if (array.place == VtkPlace::Text) {
-    values = vtk_values<std::int32_t>(array, std::nullopt, encoding, allowance);
+    values = vtk_values<std::int32_t>(array, std::nullopt, encoding, allowance, team);
     begin(values.size());
     return body(values);
   }
-  Decoder decoder(array, encoding, allowance);
+  Decoder decoder(array, encoding, allowance, team);
   const Append<std::int32_t> append = append_of<std::int32_t>(array.type);
   if (append == nullptr) decoder.fail("must have whole numbers");
   decoder.read(begin, [&](std::string_view bytes) {
     constexpr std::size_t kBytes = std::size_t(1) << 16;  // a multiple of every size
     for (; !bytes.empty(); bytes.remove_prefix(std::min(kBytes, bytes.size()))) {
-      allowance.look();
+      allowance.look_now();
       values.clear();
       append(decoder, bytes.substr(0, kBytes), encoding.swapped, values);
       body(values);
@@ -268,13 +321,13 @@ void for_vtk_values(const VtkArray& array, const VtkEncoding& encoding, FileAllo
   });
 }
 
-template std::vector<double> vtk_values(const VtkArray&, std::optional<std::size_t>, const VtkEncoding&,
-                                        FileAllowance&);
+template std::vector<double> vtk_values(const VtkArray&, std::optional<std::size_t>, const VtkEncoding&, FileAllowance&,
+                                        const Team&);
 template std::vector<std::int64_t> vtk_values(const VtkArray&, std::optional<std::size_t>, const VtkEncoding&,
-                                              FileAllowance&);
+                                              FileAllowance&, const Team&);
 template std::vector<std::int32_t> vtk_values(const VtkArray&, std::optional<std::size_t>, const VtkEncoding&,
-                                              FileAllowance&);
+                                              FileAllowance&, const Team&);
 template std::vector<std::uint8_t> vtk_values(const VtkArray&, std::optional<std::size_t>, const VtkEncoding&,
-                                              FileAllowance&);
+                                              FileAllowance&, const Team&);
 
 }  // namespace varimesh::formats

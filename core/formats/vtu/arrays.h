@@ -9,6 +9,7 @@
 #include <string_view>
 #include <vector>
 
+#include "core/base/team.h"
 #include "core/formats/file_allowance.h"
 #include "core/formats/xml/xml.h"
 
@@ -39,14 +40,14 @@ struct VtkEncoding {
 
 /// The values of an array; if `count` is given, exactly so many. T: double, or std::int64_t, std::int32_t and
 /// std::uint8_t for whole numbers. Throws ReadFailure if the array has another number of values, if one is no T, or if
-/// it is damaged.
+/// it is damaged. The threads of the team share the work of unpacking it.
 template <class T>
 std::vector<T> vtk_values(const VtkArray& array, std::optional<std::size_t> count, const VtkEncoding& encoding,
-                          FileAllowance& allowance);
+                          FileAllowance& allowance, const Team& team);
 
 /// Calls begin(number of values), then body(values) for the values of an array, in order and some at a time, so that
 /// they are never all in memory. Throws as vtk_values() does.
-void for_vtk_values(const VtkArray& array, const VtkEncoding& encoding, FileAllowance& allowance,
+void for_vtk_values(const VtkArray& array, const VtkEncoding& encoding, FileAllowance& allowance, const Team& team,
                     const std::function<void(std::size_t)>& begin,
                     const std::function<void(std::span<const std::int32_t>)>& body);
 

@@ -19,7 +19,8 @@ namespace {
 
 class Reading {
  public:
-  Reading(VtkDeclared declared, FileAllowance& allowance) : declared_(std::move(declared)), allowance_(allowance) {}
+  Reading(VtkDeclared declared, FileAllowance& allowance, const Team& team)
+      : declared_(std::move(declared)), allowance_(allowance), team_(team) {}
 
   HighOrderMesh take() {
     check_encoding();
@@ -36,6 +37,7 @@ class Reading {
     for (const ElementBlock& block : mesh_.blocks)
       if (reference::info(block.shape).dimension == mesh_.dimension) mesh_.order = block.order;
     allowance_.take(mesh_.node_count(), sizeof(std::int64_t));
+    reserve_large(mesh_.node_numbers, mesh_.node_count());
     for (std::size_t node = 0; node < mesh_.node_count(); ++node) mesh_.node_numbers.push_back(std::int64_t(node) + 1);
     mesh_.node_blocks = {{-1, 0, 0, std::int32_t(mesh_.node_count())}};
     return std::move(mesh_);
@@ -59,7 +61,7 @@ class Reading {
 
   template <class T>
   std::vector<T> values(const VtkArray& array, std::optional<std::size_t> count) {
-    return vtk_values<T>(array, count, declared_.encoding, allowance_);
+    return vtk_values<T>(array, count, declared_.encoding, allowance_, team_);
   }
 
   const VtkArray& topology(const char* name) const {
@@ -158,15 +160,19 @@ class Reading {
         fail("the offsets of the cells end with " + std::to_string(count) + ", but the cells have " +
              std::to_string(nodes) + " nodes");
     };
-    for_vtk_values(topology("connectivity"), declared_.encoding, allowance_, begin,
+    for_vtk_values(topology("connectivity"), declared_.encoding, allowance_, team_, begin,
                    [&](std::span<const std::int32_t> values) {
-                     for (const std::int32_t node : values)
-                       if (node < 0 || node >= declared_.points)
-                         fail("a cell refers to point " + std::to_string(node) + ", but the points are 0 to " +
-                              std::to_string(declared_.points - 1));
+                     check_points(values);
                      while (!values.empty()) {
                        finish_empty();
-                       const std::size_t size = size_of(cell), got = std::min(size - part.size(), values.size());
+                       const std::size_t size = size_of(cell);
+                       if (const std::size_t many = part.empty() ? plain_cells(cell, values.size() / size) : 0) {
+                         add_plain(cell, values.first(many * size));
+                         values = values.subspan(many * size);
+                         cell += many;
+                         continue;
+                       }
+                       const std::size_t got = std::min(size - part.size(), values.size());
                        const std::span<const std::int32_t> own = values.first(got);
                        values = values.subspan(got);
                        if (got == size) {
@@ -182,6 +188,37 @@ class Reading {
                      }
                    });
     finish_empty();
+  }
+
+  void check_points(std::span<const std::int32_t> nodes) const {
+    bool is_wrong = false;
+    for (const std::int32_t node : nodes) is_wrong |= std::int64_t(std::uint32_t(node)) >= declared_.points;
+    if (!is_wrong) return;
+    for (const std::int32_t node : nodes)
+      if (node < 0 || node >= declared_.points)
+        fail("a cell refers to point " + std::to_string(node) + ", but the points are 0 to " +
+             std::to_string(declared_.points - 1));
+  }
+
+  /// How many of the next cells, at most `most`, are like the one before them and no pyramids.
+  std::size_t plain_cells(std::size_t cell, std::size_t most) const {
+    if (cell >= alike_end_ || kind_.shape == Shape::Hexahedron || is_pyramid_) return 0;
+    return std::min(most, alike_end_ - cell);
+  }
+
+  /// Adds such cells. `own`: their nodes.
+  void add_plain(std::size_t cell, std::span<const std::int32_t> own) {
+    ElementBlock& block = mesh_.blocks.back();
+    const std::vector<int>& places = *kind_.places;
+    const std::size_t each = places.size(), count = own.size() / each, begin = block.nodes.size();
+    allowance_.make_room(block.numbers, count);
+    allowance_.make_room(block.nodes, own.size());
+    block.nodes.resize(begin + own.size());
+    std::int32_t* to = block.nodes.data() + begin;
+    for (std::size_t i = 0; i < count; ++i, to += each) {
+      block.numbers.push_back(numbers_.empty() ? std::int64_t(cell + i) + 1 : numbers_[cell + i]);
+      for (std::size_t k = 0; k < each; ++k) to[k] = own[i * each + std::size_t(places[k])];
+    }
   }
 
   /// How many cells from this one on are alike, as far as their lists of nodes need not be known.
@@ -207,30 +244,19 @@ class Reading {
       ElementBlock& block = block_for(kind_, cell);
       // Hexahedra and pyramids may alternate, so only once for all that are alike.
       const std::size_t run = starts && !tip ? alike_end_ - cell : 1;
-      make_room(block.numbers, run);
-      make_room(block.nodes, run * std::size_t(reference::node_count(kind_.shape, kind_.order)));
+      allowance_.make_room(block.numbers, run);
+      allowance_.make_room(block.nodes, run * std::size_t(reference::node_count(kind_.shape, kind_.order)));
     }
     ElementBlock& block = mesh_.blocks.back();
     const auto each = std::size_t(reference::node_count(kind_.shape, kind_.order));
-    make_room(block.numbers, 1);
-    make_room(block.nodes, each);
+    allowance_.make_room(block.numbers, 1);
+    allowance_.make_room(block.nodes, each);
     block.numbers.push_back(numbers_.empty() ? std::int64_t(cell) + 1 : numbers_[cell]);
     if (is_pyramid_ && kind_.order > 2)
       add_listed_pyramid(block.nodes, each, cell);
     else
       for (const int place : *kind_.places) block.nodes.push_back(own[std::size_t(place)]);
     if (is_pyramid_) check_pyramid(kind_.order, {block.nodes.data() + block.nodes.size() - each, each}, own, cell);
-  }
-
-  /// At least half more than there was, so that a list that grows is seldom copied.
-  template <class T>
-  void make_room(std::vector<T>& values, std::size_t more) {
-    const std::size_t before = values.capacity(), size = values.size() + more;
-    if (size <= before) return;
-    const std::size_t room = std::max(size, before + before / 2);
-    allowance_.take(room, sizeof(T));
-    values.reserve(room);
-    allowance_.give_back(before * sizeof(T));
   }
 
   ElementBlock& block_for(const VtkKind& kind, std::size_t cell) {
@@ -305,6 +331,7 @@ class Reading {
 
   VtkDeclared declared_;
   FileAllowance& allowance_;
+  const Team& team_;
   HighOrderMesh mesh_;
   std::vector<std::int32_t> physical_, entities_, pyramids_;  // of cells: empty if the file has none
   std::vector<std::int64_t> offsets_, numbers_;
@@ -325,7 +352,7 @@ Expected<MeshFile> read_vtu(std::string_view bytes, const Team& team) {
   const std::string plain = without_comments(bytes, "AppendedData");
   allowance.take(plain.size(), 1);
   if (!plain.empty()) bytes = plain;
-  return MeshFile{Reading(vtk_declared(bytes), allowance).take(), Format::Vtu};
+  return MeshFile{Reading(vtk_declared(bytes), allowance, team).take(), Format::Vtu};
 }
 
 }  // namespace varimesh::formats

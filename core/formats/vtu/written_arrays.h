@@ -11,8 +11,10 @@
 #include <utility>
 #include <vector>
 
+#include "core/base/aligned.h"
 #include "core/base/team.h"
 #include "core/formats/buffered_output.h"
+#include "core/formats/vtu/stored_stream.h"
 
 namespace varimesh::formats {
 
@@ -120,17 +122,14 @@ class StoredArray {
   }
   std::size_t bytes() const {
     std::size_t sum = 8 * (3 + blocks()) + padding_;
-    for (std::size_t block = 0; block < blocks(); ++block) sum += stream_size(size_of(block));
+    for (std::size_t block = 0; block < blocks(); ++block) sum += stored_stream_size(size_of(block));
     return sum;
   }
 
   /// Writes the array. fill(put) calls put(value) for each of its numbers.
   template <class Fill>
   void write(BufferedOutput& out, const Fill& fill) const {
-    std::vector<std::uint64_t> header{blocks(), kVtkBlock, content_ % kVtkBlock};
-    for (std::size_t block = 0; block < blocks(); ++block) header.push_back(stream_size(size_of(block)));
-    if (content_ > 0) header.back() += padding_;
-    out.text({reinterpret_cast<const char*>(header.data()), 8 * header.size()});
+    write_header(out);
     std::vector<char> block(kVtkBlock);
     std::size_t used = 0;
     const auto put = [&](auto value) {
@@ -143,29 +142,38 @@ class StoredArray {
     out.text(std::string(padding_, '\0'));
   }
 
- private:
-  static constexpr std::size_t kMostStored = 65535;  // RFC 1951, section 3.2.4
-
-  std::size_t blocks() const { return (content_ + kVtkBlock - 1) / kVtkBlock; }
-  std::size_t size_of(std::size_t block) const { return std::min(kVtkBlock, content_ - block * kVtkBlock); }
-  /// A zlib stream has 2 bytes before its parts, 5 before each part, and a checksum of 4 (RFC 1950).
-  static constexpr std::size_t stream_size(std::size_t bytes) {
-    return 2 + (bytes + kMostStored - 1) / kMostStored * 5 + bytes + 4;
+  /// The same for numbers that can be made in any order: fill(begin, end, to) puts the bytes of the array from `begin`
+  /// to `end - 1` where `to` is. Both are multiples of the size of a number. The threads share the work.
+  template <class Fill>
+  void write_shared(BufferedOutput& out, const Fill& fill) const {
+    write_header(out);
+    out.shared(
+        blocks(), 1,
+        [&](BufferedOutput& piece, std::size_t begin, std::size_t end) {
+          UntouchedVector<char> content(size_of(begin));
+          for (std::size_t block = begin; block < end; ++block) {
+            const std::size_t size = size_of(block);
+            fill(block * kVtkBlock, block * kVtkBlock + size, content.data());
+            write_stream({content.data(), size}, piece);
+          }
+        },
+        stored_stream_size(kVtkBlock));
+    out.text(std::string(padding_, '\0'));
   }
 
-  static void write_stream(std::string_view bytes, BufferedOutput& out) {
-    const auto sum = std::uint32_t(adler32(1, reinterpret_cast<const Bytef*>(bytes.data()), uInt(bytes.size())));
-    out.text(std::string_view("\x78\x01", 2));
-    while (!bytes.empty()) {
-      const std::string_view part = bytes.substr(0, kMostStored);
-      bytes.remove_prefix(part.size());
-      const auto low = char(part.size() & 255), high = char(part.size() >> 8);
-      const char head[] = {char(bytes.empty() ? 1 : 0), low, high, char(~low), char(~high)};
-      out.text({head, sizeof head});
-      out.text(part);
-    }
-    const char tail[] = {char(sum >> 24), char(sum >> 16), char(sum >> 8), char(sum)};
-    out.text({tail, sizeof tail});
+ private:
+  std::size_t blocks() const { return (content_ + kVtkBlock - 1) / kVtkBlock; }
+  std::size_t size_of(std::size_t block) const { return std::min(kVtkBlock, content_ - block * kVtkBlock); }
+
+  void write_header(BufferedOutput& out) const {
+    std::vector<std::uint64_t> header{blocks(), kVtkBlock, content_ % kVtkBlock};
+    for (std::size_t block = 0; block < blocks(); ++block) header.push_back(stored_stream_size(size_of(block)));
+    if (content_ > 0) header.back() += padding_;
+    out.text({reinterpret_cast<const char*>(header.data()), 8 * header.size()});
+  }
+
+  static void write_stream(std::string_view content, BufferedOutput& out) {
+    write_stored_stream(content, [&](std::string_view piece) { out.text(piece); });
   }
 
   std::size_t content_, padding_ = 0;

@@ -74,33 +74,6 @@ void encode_base64(std::string_view bytes, std::string& text) {
   }
 }
 
-bool inflate_zlib(std::string_view stream, std::string& bytes, FileAllowance& allowance) {
-  z_stream state{};
-  if (inflateInit(&state) != Z_OK) throw std::bad_alloc();
-  const std::unique_ptr<z_stream, decltype(&inflateEnd)> owner(&state, inflateEnd);
-  constexpr std::size_t kLargest = std::size_t(1) << 30;
-  std::size_t used = bytes.size(), read = 0;
-  for (std::size_t room = std::max<std::size_t>(4 * stream.size(), 1 << 12);;) {
-    room = std::min(room, kLargest);
-    allowance.take(room, 1);
-    bytes.resize(used + room);
-    const std::size_t piece = std::min(stream.size() - read, kLargest);
-    state.next_in = reinterpret_cast<Bytef*>(const_cast<char*>(stream.data() + read));
-    state.avail_in = uInt(piece);
-    state.next_out = reinterpret_cast<Bytef*>(bytes.data() + used);
-    state.avail_out = uInt(room);
-    const int status = inflate(&state, Z_NO_FLUSH);
-    read += piece - state.avail_in;
-    used += room - state.avail_out;
-    if (status == Z_STREAM_END) break;
-    if ((status != Z_OK && status != Z_BUF_ERROR) || (state.avail_out > 0 && read == stream.size())) return false;
-    room = state.avail_out > 0 ? state.avail_out : used;
-  }
-  allowance.give_back(bytes.size() - used);
-  bytes.resize(used);
-  return true;
-}
-
 namespace {
 
 /// The beginning of base64 text: about `size` characters, whole groups of four digits, unless the text ends there.

@@ -16,10 +16,6 @@ bool decode_base64(std::string_view text, std::string& bytes);
 /// Appends the text of the bytes.
 void encode_base64(std::string_view bytes, std::string& text);
 
-/// Appends what one zlib stream contains; bytes after its end mean nothing. Takes the memory from the allowance.
-/// Returns false if the stream is damaged or incomplete.
-bool inflate_zlib(std::string_view stream, std::string& bytes, FileAllowance& allowance);
-
 /// What became of base64 text that contains a zlib stream.
 enum class Unpacked { Whole, NotBase64, Damaged };
 

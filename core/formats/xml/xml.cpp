@@ -167,7 +167,8 @@ struct Comments {
 }  // namespace
 
 std::string without_comments(std::string_view bytes, std::string_view last_element) {
-  if (bytes.find("<!--") == std::string_view::npos) return {};
+  const std::string_view before = bytes.substr(0, bytes.find("<" + std::string(last_element)));
+  if (before.find("<!--") == std::string_view::npos) return {};
   const std::unique_ptr<XML_ParserStruct, decltype(&XML_ParserFree)> parser(XML_ParserCreate(nullptr), XML_ParserFree);
   if (!parser) throw std::bad_alloc();
   Comments comments{parser.get(), std::string(bytes), std::string(last_element)};
