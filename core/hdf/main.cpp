@@ -3,15 +3,14 @@
 //
 //   varimesh_hdf5 read|write SECONDS BYTES
 //
-// Descriptor 4 is the file. Requests come over the socket that is descriptor 3 and are answered there, one by one
-// (core/formats/hdf5/protocol.h). SECONDS of processor time and BYTES of memory are the limits; 0: none. Once the file
-// is open, the process can open no other.
+// Requests come over the socket that is descriptor 3 and are answered there, one by one (core/formats/hdf5/protocol.h).
+// Descriptor 4 is the file that is written; the bytes of a file that is read come over the socket too. SECONDS of
+// processor time and BYTES of memory are the limits; 0: none. Once the file is open, the process can open no other.
 #include <fcntl.h>
 #include <sys/prctl.h>
 #include <sys/resource.h>
 #include <unistd.h>
 
-#include <cerrno>
 #include <cstdlib>
 #include <cstring>
 #include <exception>
@@ -19,12 +18,15 @@
 #include <string>
 
 #include "core/hdf/read.h"
+#include "core/hdf/remote_file.h"
+#include "core/hdf/socket.h"
 #include "core/hdf/types.h"
 #include "core/hdf/write.h"
 
 namespace {
 
 using namespace varimesh;
+using formats::hdf5::Answer;
 using formats::hdf5::AnswerHead;
 using formats::hdf5::Kind;
 using formats::hdf5::Request;
@@ -35,32 +37,9 @@ void limit(int what, rlim_t most) {
   setrlimit(static_cast<__rlimit_resource>(what), &limits);
 }
 
-/// Reads exactly this number of bytes. Returns false if the other side is gone.
-bool receive(void* to, std::size_t bytes) {
-  for (auto* at = static_cast<char*>(to); bytes > 0;) {
-    const ssize_t n = ::read(formats::hdf5::kSocket, at, bytes);
-    if (n < 0 && errno == EINTR) continue;
-    if (n <= 0) return false;
-    at += n;
-    bytes -= std::size_t(n);
-  }
-  return true;
-}
-
-bool send(const void* from, std::size_t bytes) {
-  for (const auto* at = static_cast<const char*>(from); bytes > 0;) {
-    const ssize_t n = ::write(formats::hdf5::kSocket, at, bytes);
-    if (n < 0 && errno == EINTR) continue;
-    if (n <= 0) return false;
-    at += n;
-    bytes -= std::size_t(n);
-  }
-  return true;
-}
-
 bool answer(bool failed, const std::string& bytes) {
-  const AnswerHead head{failed ? 1 : 0, std::int64_t(bytes.size())};
-  return send(&head, sizeof head) && send(bytes.data(), bytes.size());
+  const AnswerHead head{failed ? Answer::Failure : Answer::Values, std::int64_t(bytes.size()), 0};
+  return hdf::send(&head, sizeof head) && hdf::send(bytes.data(), bytes.size());
 }
 
 std::string act(hid_t file, const RequestHead& head, const std::string& text, const std::string& values) {
@@ -92,10 +71,10 @@ std::string act(hid_t file, const RequestHead& head, const std::string& text, co
 
 /// Answers requests until there are no more. Returns the status of the process.
 int serve(hid_t file) {
-  for (RequestHead head; receive(&head, sizeof head);) {
+  for (RequestHead head; hdf::receive(&head, sizeof head);) {
     if (head.text > formats::hdf5::kMostText || head.bytes < 0 || head.bytes > formats::hdf5::kMostBytes) return 2;
     std::string text(head.text, '\0'), values(std::size_t(head.bytes), '\0');
-    if (!receive(text.data(), text.size()) || !receive(values.data(), values.size())) return 2;
+    if (!hdf::receive(text.data(), text.size()) || !hdf::receive(values.data(), values.size())) return 2;
     if (head.request == Request::Finish) {
       const bool closed = H5Fclose(file) >= 0;
       return answer(!closed, closed ? "" : "the file cannot be ended; the disk may be full") ? 0 : 2;
@@ -116,6 +95,14 @@ int serve(hid_t file) {
   return 0;  // whoever asked is gone
 }
 
+hid_t make_file() {
+  const std::string path = "/proc/self/fd/" + std::to_string(formats::hdf5::kFile);
+  // The driver that HDF5 uses otherwise looks for the file by its name, and this file has none.
+  const hdf::Handle access(H5Pcreate(H5P_FILE_ACCESS), H5Pclose, "HDF5 cannot be used");
+  hdf::check(H5Pset_fapl_stdio(access), "HDF5 cannot be used");
+  return hdf::make_file(path.c_str(), access);
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
@@ -128,13 +115,10 @@ int main(int argc, char** argv) {
   unsetenv("HDF5_PLUGIN_PATH");
   H5Eset_auto2(H5E_DEFAULT, nullptr, nullptr);  // prints nothing
   H5PLset_loading_state(0);                     // loads no code that a file asks for
-  const std::string path = "/proc/self/fd/" + std::to_string(formats::hdf5::kFile);
   try {
-    const bool writes = std::strcmp(argv[1], "write") == 0;
-    // The driver that HDF5 uses otherwise looks for the file by its name, and this file has none.
-    const hdf::Handle access(H5Pcreate(H5P_FILE_ACCESS), H5Pclose, "HDF5 cannot be used");
-    hdf::check(H5Pset_fapl_stdio(access), "HDF5 cannot be used");
-    const hid_t file = writes ? hdf::make_file(path.c_str(), access) : H5Fopen(path.c_str(), H5F_ACC_RDONLY, access);
+    std::int64_t size = 0;
+    if (!hdf::receive(&size, sizeof size)) return 2;
+    const hid_t file = std::strcmp(argv[1], "write") == 0 ? make_file() : hdf::open_remote(size);
     // The next file that is opened would get the lowest free descriptor, which must be below the limit.
     const int next = ::open("/dev/null", O_RDONLY | O_CLOEXEC);
     ::close(next);

@@ -49,14 +49,30 @@ struct Entry {
   std::array<std::int32_t, 3> rest;
   std::int32_t facet;
   friend bool operator<(const Entry& a, const Entry& b) {
-    return a.rest != b.rest ? a.rest < b.rest : a.facet < b.facet;
+    for (std::size_t k = 0; k < 3; ++k)
+      if (a.rest[k] != b.rest[k]) return a.rest[k] < b.rest[k];
+    return a.facet < b.facet;
   }
 };
 
-// Calls visit(facet, sorted vertices) for the facets of all cells, in no particular order. Missing vertices are the
-// largest int. Returns the number of facets.
+// Without branches, whose outcome nobody can foresee.
+inline void sort_four(std::array<std::int32_t, 4>& v) {
+  const auto order = [&](std::size_t a, std::size_t b) {
+    const std::int32_t low = std::min(v[a], v[b]), high = std::max(v[a], v[b]);
+    v[a] = low;
+    v[b] = high;
+  };
+  order(0, 1);
+  order(2, 3);
+  order(0, 2);
+  order(1, 3);
+  order(1, 2);
+}
+
+// Calls visit(facet, sorted vertices) for the facets of all cells whose smallest vertex is one of those from `low` to
+// `high - 1`, in no particular order. Missing vertices are the largest int. Returns the number of facets.
 template <class Visit>
-std::int32_t visit_facets(const Cells& cells, const Team& team, const Visit& visit) {
+std::int32_t visit_facets(const Cells& cells, std::size_t low, std::size_t high, const Team& team, const Visit& visit) {
   std::int32_t first = 0;
   for (const Cells::Range& range : cells.ranges()) {
     const auto shape_facets = reference::info(range.block->shape).facets;
@@ -66,12 +82,14 @@ std::int32_t visit_facets(const Cells& cells, const Team& team, const Visit& vis
         const std::int32_t* nodes = range.block->nodes.data() + e * range.stride;
         std::int32_t facet = first + std::int32_t(e) * per_cell;
         for (const reference::Facet& local : shape_facets) {
+          const std::int32_t own = facet++;
           std::array<std::int32_t, 4> vertices;
           for (std::size_t k = 0; k < 4; ++k)
             vertices[k] = local.vertices[k] < 0 ? std::numeric_limits<std::int32_t>::max()
                                                 : nodes[std::size_t(local.vertices[k])];
-          std::sort(vertices.begin(), vertices.end());
-          visit(facet++, vertices);
+          if (std::size_t(*std::min_element(vertices.begin(), vertices.end())) - low >= high - low) continue;
+          sort_four(vertices);
+          visit(own, vertices);
         }
       }
     });
@@ -89,7 +107,7 @@ void visit_elements(const Cells& elements, std::int32_t facet, const Visit& visi
       std::array<std::int32_t, 4> vertices;
       vertices.fill(std::numeric_limits<std::int32_t>::max());
       std::copy_n(range.block->nodes.data() + e * range.stride, count, vertices.begin());
-      std::sort(vertices.begin(), vertices.end());
+      sort_four(vertices);
       visit(facet++, vertices);
     }
   }
@@ -141,7 +159,7 @@ void match(Facets& result, const HighOrderMesh& mesh, const Cells& cells, const 
   const auto tally = [&](std::int32_t, const std::array<std::int32_t, 4>& v) {
     count_up(start[std::size_t(v[0]) + 1], team);
   };
-  visit_facets(cells, team, tally);
+  visit_facets(cells, 0, mesh.node_count(), team, tally);
   visit_elements(borders, total, tally);
   for (std::size_t i = 1; i < start.size(); ++i) start[i] += start[i - 1];
 
@@ -159,7 +177,7 @@ void match(Facets& result, const HighOrderMesh& mesh, const Cells& cells, const 
       const auto bucket = std::size_t(v[0]) - low;
       if (bucket < next.size()) entries[std::size_t(count_up(next[bucket], team) - base)] = {{v[1], v[2], v[3]}, facet};
     };
-    visit_facets(cells, team, enter);
+    visit_facets(cells, low, high, team, enter);
     visit_elements(borders, total, enter);
     std::vector<Found> found(chunks_of(high - low, kBucketsPerTask));
     for_chunks(team, high - low, kBucketsPerTask, [&](std::size_t chunk, std::size_t begin, std::size_t end) {

@@ -5,6 +5,7 @@
 #include <map>
 #include <set>
 
+#include "core/formats/cgns/blocks.h"
 #include "core/formats/cgns/cgns.h"
 #include "core/formats/cgns/order.h"
 #include "core/formats/cgns/tree.h"
@@ -39,7 +40,8 @@ struct Member {
 
 class Reading {
  public:
-  Reading(Hdf5Source& source, FileAllowance& allowance) : allowance_(allowance), root_(source, allowance, "/") {}
+  Reading(Hdf5Source& source, FileAllowance& allowance)
+      : allowance_(allowance), root_(source, allowance, "/"), blocks_(mesh_, allowance) {}
 
   HighOrderMesh take() {
     std::vector<CgnsZone> zones = find_zones();
@@ -87,7 +89,7 @@ class Reading {
     elements_.clear();
     nodes_.clear();
     next_member_ = 0;
-    last_ = 0;
+    last_ = run_end_ = 0;
     read_coordinates(zone.node);
     find_sections(zone.node);
     read_groups(zone.node);
@@ -113,6 +115,8 @@ class Reading {
     }
     allowance_.take(std::size_t(nodes), 3 * sizeof(double) + sizeof(std::int64_t));
     if (nodes_before_ + nodes > kMostNodes) zone.fail(kData, "makes too many nodes");
+    reserve_large(mesh_.coordinates, 3 * std::size_t(nodes_before_ + nodes));
+    reserve_large(mesh_.node_numbers, std::size_t(nodes_before_ + nodes));
     mesh_.coordinates.resize(3 * std::size_t(nodes_before_ + nodes), 0.0);
     for (int k = 0; k < components_; ++k)
       grid.group(kNames[std::size_t(k)])
@@ -164,6 +168,16 @@ class Reading {
           if (mixed) own = element(section, v[i++]);
           wanted = std::size_t(reference::node_count(own.shape, own.order));
         }
+        if (const std::int64_t many = std::min(run_end_ - next, (count - i) / std::int64_t(wanted));
+            many > 0 && part.empty()) {
+          const std::int64_t values = many * std::int64_t(wanted);
+          check_nodes(connectivity, v + i, std::size_t(values), first + i);
+          add_alike(next, many, v + i);
+          next += many;
+          i += values;
+          wanted = 0;
+          continue;
+        }
         const std::size_t got = std::min(wanted - part.size(), std::size_t(count - i));
         check_nodes(connectivity, v + i, got, first + i);
         const bool whole = got == wanted;
@@ -182,8 +196,10 @@ class Reading {
   void check_nodes(const Hdf5Group& connectivity, const std::int64_t* nodes, std::size_t count,
                    std::int64_t row) const {
     const std::int64_t most = std::int64_t(mesh_.node_count()) - nodes_before_;
+    bool is_wrong = false;
+    for (std::size_t i = 0; i < count; ++i) is_wrong |= std::uint64_t(nodes[i] - 1) >= std::uint64_t(most);
+    if (!is_wrong) return;
     const auto* wrong = std::find_if(nodes, nodes + count, [&](std::int64_t n) { return n < 1 || n > most; });
-    if (wrong == nodes + count) return;
     connectivity.fail(kData,
                       "refers to node " + std::to_string(*wrong) + ", but the nodes are 1 to " + std::to_string(most),
                       row + (wrong - nodes));
@@ -203,30 +219,24 @@ class Reading {
   void add_element(const Section& section, const CgnsType& type, int section_number, std::int64_t number,
                    const std::int64_t* nodes) {
     allowance_.look();
-    const int dimension = reference::info(type.shape).dimension;
+    if (number < run_end_) return add_alike(number, 1, nodes);
+    const int dimension = reference::info(type.shape).dimension, vertices = reference::info(type.shape).vertices;
     const std::size_t members = next_member_;
-    find_tags(number, dimension, reference::info(type.shape).vertices, nodes);
+    find_tags(number, dimension, vertices, nodes);
     const int entity = tags_.empty() ? section_number : tags_.front();
-    std::vector<ElementBlock>& blocks = mesh_.blocks;
-    const std::vector<int>& place = gmsh_nodes(NodeOrder::Cgns, type.shape, type.order);
-    if (blocks.empty() || blocks.back().shape != type.shape || blocks.back().order != type.order ||
-        blocks.back().entity != entity || blocks.back().physical != tags_) {
-      if (dimension > mesh_.dimension) root_.fail("", "has elements of more dimensions than its base says");
-      if (dimension == mesh_.dimension) mesh_.order = type.order;
-      allowance_.take(1, sizeof(ElementBlock) + 2 * kAllocation);
-      blocks.push_back({type.shape, type.order, entity, tags_, {}, {}, {}, {}});
-      const std::size_t run = section.type == kCgnsMixed ? 1 : alike(section, members, number);
-      make_room(blocks.back().numbers, run);
-      make_room(blocks.back().nodes, run * place.size());
-    }
-    ElementBlock& block = blocks.back();
-    make_room(block.numbers, 1);
-    make_room(block.nodes, place.size());
-    block.numbers.push_back(elements_before_ + number);
-    const std::size_t begin = block.nodes.size();
-    block.nodes.resize(begin + place.size());
-    for (std::size_t i = 0; i < place.size(); ++i)
-      block.nodes[begin + std::size_t(place[i])] = std::int32_t(nodes_before_ + nodes[i]) - 1;
+    if (dimension > mesh_.dimension) root_.fail("", "has elements of more dimensions than its base says");
+    if (dimension == mesh_.dimension) mesh_.order = type.order;
+    const bool by_nodes = !nodes_.empty() && dimension == mesh_.dimension - 1;
+    const std::size_t run = section.type == kCgnsMixed || by_nodes ? 1 : alike(section, members, number);
+    run_end_ = number + std::int64_t(run);
+    next_member_ += (run - 1) * (next_member_ - members);
+    blocks_.begin(type, entity, tags_, run);
+    add_alike(number, 1, nodes);
+  }
+
+  /// Adds elements that are of the last one's type and in its groups.
+  void add_alike(std::int64_t number, std::int64_t count, const std::int64_t* nodes) {
+    blocks_.add(elements_before_ + number, count, nodes, nodes_before_ - 1);
   }
 
   /// How many elements of the section from this one on are in the same groups, as far as groups list elements.
@@ -237,23 +247,16 @@ class Reading {
       return std::size_t(std::min(end, section.last + 1) - number);
     }
     std::size_t run = 1;
-    for (std::size_t m = next_member_; number + std::int64_t(run) <= section.last; ++run)
-      for (std::size_t k = 0; k < each; ++k, ++m)
-        if (m >= elements_.size() || elements_[m].number != number + std::int64_t(run) ||
-            elements_[m].group != elements_[member + k].group)
-          return run;
+    for (std::size_t m = next_member_; number + std::int64_t(run) <= section.last; ++run, m += each) {
+      const std::int64_t other = number + std::int64_t(run);
+      const auto is_alike = [&](std::size_t k) {
+        return m + k < elements_.size() && elements_[m + k] == Member{std::int32_t(other), elements_[member + k].group};
+      };
+      for (std::size_t k = 0; k < each; ++k)
+        if (!is_alike(k)) return run;
+      if (m + each < elements_.size() && elements_[m + each].number == other) return run;
+    }
     return run;
-  }
-
-  /// At least half more than there was, so that a list that grows is seldom copied.
-  template <class T>
-  void make_room(std::vector<T>& values, std::size_t more) {
-    const std::size_t before = values.capacity(), size = values.size() + more;
-    if (size <= before) return;
-    const std::size_t room = std::max(size, before + before / 2);
-    allowance_.take(room, sizeof(T));
-    values.reserve(room);
-    allowance_.give_back(before * sizeof(T));
   }
 
   /// The tags of the groups that an element is in, in the order of the groups.
@@ -349,7 +352,7 @@ class Reading {
         if (values[i] < 1 || values[i] > most)
           points.fail(
               kData, "has the number " + std::to_string(values[i]) + ", but they go from 1 to " + std::to_string(most));
-      make_room(members, std::size_t(range ? values[1] - values[0] + 1 : count * each));
+      allowance_.make_room(members, std::size_t(range ? values[1] - values[0] + 1 : count * each));
       const auto put = [&](std::int64_t number) {
         allowance_.look();
         members.push_back({std::int32_t(number) - (nodes ? 1 : 0), group});
@@ -371,10 +374,12 @@ class Reading {
   std::int64_t nodes_before_ = 0, elements_before_ = 0;  // of the zones before
   int zone_tag_ = 0;                                     // of the zone's cells; 0: there is one zone
   std::map<std::pair<int, std::string>, int> tags_by_name_;
+  CgnsBlocks blocks_;
   std::vector<Section> sections_;
   std::vector<Group> groups_;
   std::vector<Member> elements_, nodes_;  // that groups list, sorted
-  std::size_t next_member_ = 0;           // the first of elements_ that is not before the next element
+  std::size_t next_member_ = 0;           // the first of elements_ that is not before run_end_
+  std::int64_t run_end_ = 0;              // up to here, elements are of the last one's type and in its groups
   std::vector<std::int32_t> found_;       // groups of the element that is being read
   std::vector<int> tags_;                 // their tags
   std::map<int, std::set<int>> used_;     // tags, by dimension

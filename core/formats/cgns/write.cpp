@@ -64,7 +64,7 @@ class Writing {
     elements();
     groups(mesh_.dimension - 1);
     groups(mesh_.dimension);
-    return writer_.finish(sink);
+    return writer_.finish(sink, team_);
   }
 
  private:

@@ -1,5 +1,6 @@
 #include "core/formats/hdf5/files.h"
 
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -8,6 +9,7 @@
 #include <cerrno>
 #include <charconv>
 #include <cstring>
+#include <utility>
 
 #include "core/base/write_all.h"
 
@@ -86,16 +88,8 @@ struct Place {
 class File : public Hdf5Source {
  public:
   File(std::string_view bytes, const StopToken* stop) : bytes_(bytes) {
-    constexpr std::size_t kPiece = std::size_t(1) << 20;
-    for (std::string_view left = bytes; !left.empty(); left.remove_prefix(std::min(kPiece, left.size()))) {
-      look(stop);
-      if (!write_all(copy_.descriptor(), left.substr(0, kPiece)))
-        throw ReadFailure{
-            "The mesh file cannot be read: there is no room for a copy of it in the folder for temporary "
-            "files; name another one with TMPDIR."};
-    }
     try {
-      process_.emplace(Hdf5Process::Mode::Read, copy_, std::int64_t(bytes.size()), stop);
+      process_.emplace(bytes, stop);
     } catch (const Hdf5Failure& failure) {
       fail(failure);
     }
@@ -167,7 +161,6 @@ class File : public Hdf5Source {
   std::string_view bytes_;
   std::string place_of_;  ///< The array that was read last.
   Place place_;
-  Scratch copy_;
   std::optional<Hdf5Process> process_;
 };
 
@@ -181,10 +174,28 @@ std::unique_ptr<Hdf5Source> open_hdf5(std::string_view bytes, const StopToken* s
   return std::make_unique<File>(bytes, stop);
 }
 
+namespace {
+
+constexpr const char* kNotRead = "the file cannot be read back";
+
+/// Reads exactly these bytes of the file.
+bool read_all_at(int file, std::span<char> to, off_t at) {
+  while (!to.empty()) {
+    const ssize_t n = ::pread(file, to.data(), to.size(), at);
+    if (n < 0 && errno == EINTR) continue;
+    if (n <= 0) return false;
+    to = to.subspan(std::size_t(n));
+    at += n;
+  }
+  return true;
+}
+
+}  // namespace
+
 // === Writing =============================================================================================
 
 Hdf5Writer::Hdf5Writer(std::int64_t file_bytes, const StopToken* stop) : stop_(stop) {
-  process_.emplace(Hdf5Process::Mode::Write, file_, file_bytes, stop);
+  process_.emplace(file_, file_bytes, stop);
 }
 
 void Hdf5Writer::group(const std::string& path) { process_->ask(Request::MakeGroup, path); }
@@ -234,21 +245,33 @@ void Hdf5Writer::rows(const std::string& path, std::int64_t first, std::int64_t 
     throw Hdf5Failure{"there is no room for it in the folder for temporary files; name another one with TMPDIR"};
 }
 
-Expected<void> Hdf5Writer::finish(const Sink& sink) {
+Expected<void> Hdf5Writer::finish(const Sink& sink, const Team& team) {
   process_->ask(Request::Finish, "");
   process_.reset();
-  std::vector<char> piece(std::size_t(1) << 20);
-  for (off_t at = 0;;) {
+  struct stat status {};
+  if (::fstat(file_.descriptor(), &status) != 0) throw Hdf5Failure{kNotRead};
+  constexpr std::size_t kPiece = std::size_t(1) << 18;
+  const auto size = std::size_t(status.st_size), in_memory = std::size_t(team.threads()) + 2;
+  UntouchedVector<char> room(in_memory * kPiece);
+  std::size_t at = 0;
+  const auto next = [&]() -> std::optional<std::size_t> {
     look(stop_);
-    const ssize_t n = ::pread(file_.descriptor(), piece.data(), piece.size(), at);
-    if (n < 0 && errno == EINTR) continue;
-    if (n < 0) throw Hdf5Failure{"the file cannot be read back"};
-    if (n == 0) return {};
-    if (!sink({piece.data(), std::size_t(n)}))
-      return tl::unexpected<Error>(
-          {Error::Kind::Output, "Writing stopped before the end of the mesh; the disk may be full."});
-    at += n;
-  }
+    return at < size ? std::optional(std::exchange(at, at + kPiece)) : std::nullopt;
+  };
+  const auto make = [&](std::size_t begin) {
+    const std::span<char> piece(room.data() + begin / kPiece % in_memory * kPiece, std::min(kPiece, size - begin));
+    return read_all_at(file_.descriptor(), piece, off_t(begin)) ? piece : std::span<char>();
+  };
+  bool read = true, stopped = false;
+  in_order(team, next, make, [&](std::span<const char> piece) {
+    read = !piece.empty();
+    stopped = read && !sink({piece.data(), piece.size()});
+    return read && !stopped;
+  });
+  if (!read) throw Hdf5Failure{kNotRead};
+  if (!stopped) return {};
+  return tl::unexpected<Error>(
+      {Error::Kind::Output, "Writing stopped before the end of the mesh; the disk may be full."});
 }
 
 Expected<void> written_hdf5(const std::function<Expected<void>()>& body) {

@@ -44,8 +44,9 @@ class Hdf5Writer {
   /// Rows of an array, in any order. Several threads may write rows at the same time.
   void rows(const std::string& path, std::int64_t first, std::int64_t count, std::string_view values);
 
-  /// Ends the file and passes its bytes to the sink. Errors: Output if the sink stopped.
-  Expected<void> finish(const Sink& sink);
+  /// Ends the file and passes its bytes to the sink; one thread reads while another passes on. Errors: Output if the
+  /// sink stopped.
+  Expected<void> finish(const Sink& sink, const Team& team);
 
  private:
   std::string make(hdf5::Request request, const std::string& what, std::string_view type,

@@ -22,6 +22,7 @@ namespace varimesh::formats {
 namespace {
 
 namespace fs = std::filesystem;
+using hdf5::Answer;
 using hdf5::AnswerHead;
 using hdf5::Request;
 using hdf5::RequestHead;
@@ -77,9 +78,21 @@ Hdf5Program start_hdf5(const Hdf5Start& start, int file) {
   return {ends[0], helper.id, helper.error};
 }
 
-Hdf5Process::Hdf5Process(Mode mode, const Scratch& file, std::int64_t file_bytes, const StopToken* stop) : stop_(stop) {
-  start(mode, file, file_bytes);
+Hdf5Process::Hdf5Process(std::string_view file, const StopToken* stop) : file_(file), stop_(stop) {
+  const Scratch none;
+  start(false, none, std::int64_t(file.size()));
+  open();
+}
+
+Hdf5Process::Hdf5Process(const Scratch& file, std::int64_t file_bytes, const StopToken* stop) : stop_(stop) {
+  start(true, file, file_bytes);
+  open();
+}
+
+void Hdf5Process::open() {
   try {
+    const auto size = std::int64_t(file_.size());
+    send({reinterpret_cast<const char*>(&size), sizeof size});
     answer(0);
   } catch (...) {
     end();  // of an object that is not made, no destructor is called
@@ -87,7 +100,7 @@ Hdf5Process::Hdf5Process(Mode mode, const Scratch& file, std::int64_t file_bytes
   }
 }
 
-void Hdf5Process::start(Mode mode, const Scratch& file, std::int64_t file_bytes) {
+void Hdf5Process::start(bool writes, const Scratch& file, std::int64_t file_bytes) {
   const std::string program = hdf5_program();
   if (program.empty())
     throw Hdf5Failure{
@@ -97,7 +110,7 @@ void Hdf5Process::start(Mode mode, const Scratch& file, std::int64_t file_bytes)
   if (file.descriptor() < 0) throw Hdf5Failure{"no process can be started for HDF5 (" + reason(errno) + ")"};
   seconds_ = 60 + file_bytes / 10'000'000;
   const std::int64_t memory = (std::int64_t(1) << 29) + file_bytes;
-  const Hdf5Program started = start_hdf5({mode == Mode::Write, seconds_, memory}, file.descriptor());
+  const Hdf5Program started = start_hdf5({writes, seconds_, memory}, file.descriptor());
   socket_ = started.socket;
   child_ = started.id;
   if (socket_ < 0)
@@ -167,11 +180,19 @@ void Hdf5Process::receive(char* to, std::size_t bytes) {
 
 std::int64_t Hdf5Process::answer(std::int64_t most) {
   AnswerHead head;
-  receive(reinterpret_cast<char*>(&head), sizeof head);
+  for (;;) {
+    receive(reinterpret_cast<char*>(&head), sizeof head);
+    if (head.what != Answer::Need) break;
+    look(stop_);
+    const auto size = std::int64_t(file_.size());
+    if (head.first < 0 || head.bytes < 0 || head.first > size || head.bytes > size - head.first)
+      throw Hdf5Failure{"HDF5 needs bytes behind the end of the file, so the file is probably damaged"};
+    send(file_.substr(std::size_t(head.first), std::size_t(head.bytes)));
+  }
   constexpr std::int64_t kMostReason = 1 << 12;
-  if (head.bytes < 0 || head.bytes > (head.failed != 0 ? kMostReason : most))
+  if (head.bytes < 0 || head.bytes > (head.what == Answer::Failure ? kMostReason : most))
     throw Hdf5Failure{"HDF5 gave an answer of the wrong size, so the file is probably damaged"};
-  if (head.failed == 0) return head.bytes;
+  if (head.what != Answer::Failure) return head.bytes;
   std::string why(std::size_t(head.bytes), '\0');
   receive(why.data(), why.size());
   std::replace_if(

@@ -43,13 +43,13 @@ std::string hdf5_program();
 /// 512 MiB and the size of the file of memory.
 class Hdf5Process {
  public:
-  enum class Mode : std::uint8_t { Read, Write };
-
-  /// @param file       the HDF5 file to read or to write
-  /// @param file_bytes its size, or the size that it will have
-  /// @param stop       may be null; if it asks to stop, ask() throws Interrupted
+  /// Reads the HDF5 file that these bytes are. It refers to them, and gives the program only those that HDF5 asks for.
+  /// @param stop may be null; if it asks to stop, ask() throws Interrupted
   /// Throws Hdf5Failure.
-  Hdf5Process(Mode mode, const Scratch& file, std::int64_t file_bytes, const StopToken* stop);
+  Hdf5Process(std::string_view file, const StopToken* stop);
+  /// Writes an HDF5 file.
+  /// @param file_bytes about the size that it will have
+  Hdf5Process(const Scratch& file, std::int64_t file_bytes, const StopToken* stop);
   ~Hdf5Process();
   Hdf5Process(const Hdf5Process&) = delete;
   Hdf5Process& operator=(const Hdf5Process&) = delete;
@@ -63,16 +63,20 @@ class Hdf5Process {
   void ask(hdf5::Request request, std::string_view text, std::int64_t first, std::int64_t count, std::span<char> out);
 
  private:
-  void start(Mode mode, const Scratch& file, std::int64_t file_bytes);
+  void start(bool writes, const Scratch& file, std::int64_t file_bytes);
+  /// The program's first answer: whether it could open the file.
+  void open();
   void end();
   void send(std::string_view bytes);
   void receive(char* to, std::size_t bytes);
   /// Waits until the socket can be read or written.
   void wait(short events);
-  /// The size of the answer that follows. Throws if the request failed.
+  /// The size of the answer that follows, for which the program gets the bytes of the file that it needs. Throws if the
+  /// request failed.
   std::int64_t answer(std::int64_t most);
   [[noreturn]] void fail_ended();
 
+  std::string_view file_;  ///< That is read.
   const StopToken* stop_;
   std::int64_t seconds_ = 0;
   int socket_ = -1;

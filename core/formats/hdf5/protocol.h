@@ -11,7 +11,8 @@ namespace varimesh::formats::hdf5 {
 /// The program, which lies beside the command or in lib/varimesh.
 inline constexpr const char* kProgram = "varimesh_hdf5";
 
-/// The program's open files: the socket over which it gets requests, and the HDF5 file.
+/// The program's open files: the socket over which it gets requests, and the HDF5 file that it writes. The file that it
+/// reads stays with whoever asks, who first sends its size (std::int64_t), and then the bytes that the program needs.
 inline constexpr int kSocket = 3, kFile = 4;
 
 /// The most bytes of numbers in one request or answer.
@@ -59,10 +60,17 @@ struct RequestHead {
   std::int64_t bytes = 0;
 };
 
-/// What comes first in an answer; then come `bytes` bytes: values, or a sentence if the request failed.
+enum class Answer : std::int64_t {
+  Values = 0,
+  Failure = 1,  ///< The request failed. The bytes are a sentence.
+  Need = 2,     ///< No bytes follow: the program needs `bytes` bytes of the file from `first` on before it can answer.
+};
+
+/// What comes first in an answer; then come `bytes` bytes.
 struct AnswerHead {
-  std::int64_t failed = 0;
+  Answer what = Answer::Values;
   std::int64_t bytes = 0;
+  std::int64_t first = 0;
 };
 
 static_assert(std::is_trivially_copyable_v<RequestHead> && std::is_trivially_copyable_v<AnswerHead>);

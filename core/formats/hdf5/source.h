@@ -55,8 +55,8 @@ class Hdf5Group {
   std::vector<std::int64_t> integers(std::string_view name) const;
   std::vector<std::string> texts(std::string_view name, bool attribute = false) const;
 
-  /// Calls body(first, count, values) for the rows of an array in order, some MiB at a time. T: std::int64_t or double.
-  /// The array has `columns` values in a row; 0: any number. Returns the number of rows.
+  /// Calls body(first, count, values) for the rows of an array in order, half a MiB at a time. T: std::int64_t or
+  /// double. The array has `columns` values in a row; 0: any number. Returns the number of rows.
   template <class T, class Body>
   std::int64_t for_rows(std::string_view name, std::int64_t columns, const Body& body) const {
     constexpr hdf5::Kind kKind = std::is_same_v<T, double> ? hdf5::Kind::Numbers : hdf5::Kind::Integers;
@@ -69,7 +69,7 @@ class Hdf5Group {
     const std::size_t room = std::size_t(std::min(per_slice, item.rows()) * item.columns()) * sizeof(T);
     allowance_->take(room, 1);
     for (std::int64_t first = 0; first < item.rows(); first += per_slice) {
-      allowance_->look();
+      allowance_->look_now();
       const std::int64_t count = std::min(per_slice, item.rows() - first);
       values.resize(std::size_t(count * item.columns()));
       source_->read(path_of(name), kKind, first, {reinterpret_cast<char*>(values.data()), values.size() * sizeof(T)},

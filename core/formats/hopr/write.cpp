@@ -78,7 +78,7 @@ class Writing {
     attribute("nUniqueSides", unique_sides_);
     attribute("nUniqueNodes", used_);
     attribute("nBCs", std::int64_t(neighbours_.groups().size()));
-    return writer_.finish(sink);
+    return writer_.finish(sink, team_);
   }
 
  private:

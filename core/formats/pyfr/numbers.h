@@ -29,27 +29,29 @@ class PyfrNumbers {
   };
 
   /// Refers to the cells.
-  PyfrNumbers(const HighOrderMesh& mesh, const Cells& cells) : cells_(cells) {
-    std::vector<bool> used(mesh.node_count(), false);
+  PyfrNumbers(const HighOrderMesh& mesh, const Cells& cells) : cells_(cells), valency_(mesh.node_count(), 0) {
     for (const Cells::Range& range : cells.ranges()) {
       OwnCells& own = own_[std::size_t(range.block->shape)];
       index_.push_back(own.count);
       own.runs.push_back({own.count, range.first});
       own.count += range.block->size();
-      for (const std::int32_t node : range.block->nodes) used[std::size_t(node)] = true;
+      for (const std::int32_t node : range.block->nodes)
+        if (std::uint16_t& count = valency_[std::size_t(node)]; count < 65535) ++count;
     }
-    node_count_ = std::size_t(std::count(used.begin(), used.end(), true));
-    if (node_count_ == used.size()) return;
-    number_.assign(used.size(), -1);
+    node_count_ = valency_.size() - std::size_t(std::count(valency_.begin(), valency_.end(), 0));
+    if (node_count_ == valency_.size()) return;
+    number_.assign(valency_.size(), -1);
     node_.reserve(node_count_);
-    for (std::size_t node = 0; node < used.size(); ++node) {
-      if (!used[node]) continue;
+    for (std::size_t node = 0; node < valency_.size(); ++node) {
+      if (valency_[node] == 0) continue;
       number_[node] = std::int32_t(node_.size());
       node_.push_back(std::int32_t(node));
     }
   }
 
   std::size_t node_count() const { return node_count_; }
+  /// How many cells have a node; 65535: so many or more.
+  std::uint16_t valency(std::int32_t node) const { return valency_[std::size_t(node)]; }
   /// The number of a node that a cell uses.
   std::int64_t number_of(std::int32_t node) const { return number_.empty() ? node : number_[std::size_t(node)]; }
   /// The node with a number.
@@ -58,8 +60,11 @@ class PyfrNumbers {
   const OwnCells& own(Shape shape) const { return own_[std::size_t(shape)]; }
   /// The number of a cell among those of its shape.
   std::int64_t index_of(std::size_t cell) const {
-    const Cells::Range& range = cells_.range_of(cell);
-    return std::int64_t(index_[std::size_t(&range - cells_.ranges().data())] + cell - range.first);
+    return index_of(cell, std::size_t(&cells_.range_of(cell) - cells_.ranges().data()));
+  }
+  /// `range`: the number of the cell's range in Cells::ranges().
+  std::int64_t index_of(std::size_t cell, std::size_t range) const {
+    return std::int64_t(index_[range] + cell - cells_.ranges()[range].first);
   }
 
  private:
@@ -67,6 +72,7 @@ class PyfrNumbers {
   std::array<OwnCells, kShapes> own_;
   std::vector<std::size_t> index_;           // of the first cell of each range among those of its shape
   std::vector<std::int32_t> number_, node_;  // empty if cells use all nodes
+  std::vector<std::uint16_t> valency_;
   std::size_t node_count_ = 0;
 };
 

@@ -87,7 +87,7 @@ class Writing {
     periodic();
     partitioning();
     names();
-    return writer_.finish(sink);
+    return writer_.finish(sink, team_);
   }
 
  private:
@@ -125,6 +125,11 @@ class Writing {
       std::vector<int>& back = pyfr_face_[std::size_t(shape.shape)];
       back.resize(cgns.size());
       for (std::size_t f = 0; f < cgns.size(); ++f) back[std::size_t(cgns[f])] = int(f);
+      const auto sides = cgns_sides(shape.shape);
+      std::vector<std::int16_t>& codes = facet_code_[std::size_t(shape.shape)];
+      codes.resize(sides.size());
+      for (std::size_t s = 0; s < sides.size(); ++s)
+        codes[std::size_t(sides[s].facet)] = std::int16_t(first_code_[std::size_t(shape.shape)] + back[s]);
     }
     for (const SideGroup& group : neighbours_.groups()) {
       std::string name = group.name;
@@ -152,20 +157,18 @@ class Writing {
 
   void nodes() {
     const int d = mesh_.dimension;
-    std::vector<std::uint16_t> valency(mesh_.node_count(), 0);
-    for (const Cells::Range& range : cells_.ranges())
-      for (const std::int32_t node : range.block->nodes) ++valency[std::size_t(node)];
     writer_.array("/nodes", "{location:f8[" + std::to_string(d) + "],valency:u2}",
                   Dims{std::int64_t(numbers_.node_count())});
     rows("/nodes", numbers_.node_count(), 8 * std::size_t(d) + 2, [&](std::size_t i, char*& to) {
       for (int k = 0; k < d; ++k) put(to, coordinate(numbers_.node_of(i), k));
-      put(to, valency[std::size_t(numbers_.node_of(i))]);
+      put(to, numbers_.valency(numbers_.node_of(i)));
     });
   }
 
   void elements(const PyfrShape& shape) {
     const std::vector<int>& place = gmsh_nodes(NodeOrder::Rows, shape.shape, mesh_.order);
     const std::vector<int> cgns = cgns_numbers(shape);
+    const auto sides = cgns_sides(shape.shape);
     const PyfrNumbers::OwnCells& own = numbers_.own(shape.shape);
     const std::string path = std::string("/eles/") + shape.name;
     writer_.array(path,
@@ -181,7 +184,8 @@ class Writing {
       for (const int local : place) put(to, numbers_.number_of(nodes[std::size_t(local)]));
       is_curved[i] = curved(shape.shape, nodes, weights) ? 1 : 0;
       put(to, is_curved[i]);
-      for (const int side : cgns) face(cell, side, to);
+      const std::size_t first_facet = neighbours_.first_facet(cell);
+      for (const int side : cgns) face(first_facet + std::size_t(sides[std::size_t(side)].facet), to);
     });
     find_pairs(own, cgns);
   }
@@ -190,11 +194,18 @@ class Writing {
     return neighbours_.of(cell, cgns_sides(cells_.shape(cell))[std::size_t(side)]);
   }
 
-  void face(std::size_t cell, int side, char*& to) const {
-    const SideNeighbour other = neighbour(cell, side);
-    put(to, other.cell < 0 ? std::int16_t(group_code_[std::size_t(other.group) - 1])
-                           : code(std::size_t(other.cell), other.side - 1));
-    put(to, other.cell < 0 ? std::int64_t(-1) : numbers_.index_of(std::size_t(other.cell)));
+  /// `facet`: the face, counted through all cells.
+  void face(std::size_t facet, char*& to) const {
+    const std::int64_t other = neighbours_.other_facet(facet);
+    if (other < 0) {
+      put(to, std::int16_t(group_code_[std::size_t(neighbours_.group_of(facet)) - 1]));
+      put(to, std::int64_t(-1));
+      return;
+    }
+    const SideNeighbours::Place place = neighbours_.place_of(std::size_t(other));
+    const Shape shape = cells_.ranges()[place.range].block->shape;
+    put(to, facet_code_[std::size_t(shape)][std::size_t(place.facet)]);
+    put(to, numbers_.index_of(place.cell, place.range));
   }
 
   /// Each pair of the periodic boundaries stands once, the first side first.
@@ -337,11 +348,12 @@ class Writing {
   Fingerprint digest_;
   std::int64_t skew_base_ = 0;
   std::vector<std::string> codec_;
-  std::array<int, kShapes> first_code_{};              // of the faces of a shape
-  std::array<std::vector<int>, kShapes> pyfr_face_{};  // by the number in CGNS's order
-  std::vector<int> group_code_;                        // by group; −1: no boundary condition
-  std::map<Shape, std::vector<char>> curved_;          // whether each cell of a shape is curved
-  std::map<int, std::string> pairs_;                   // by periodic link
+  std::array<int, kShapes> first_code_{};                        // of the faces of a shape
+  std::array<std::vector<int>, kShapes> pyfr_face_{};            // by the number in CGNS's order
+  std::array<std::vector<std::int16_t>, kShapes> facet_code_{};  // by the number in ShapeInfo::facets
+  std::vector<int> group_code_;                                  // by group; −1: no boundary condition
+  std::map<Shape, std::vector<char>> curved_;                    // whether each cell of a shape is curved
+  std::map<int, std::string> pairs_;                             // by periodic link
 };
 
 }  // namespace

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cstdlib>
 #include <map>
+#include <set>
 
 #include "core/formats/allowance.h"
 
@@ -59,12 +60,6 @@ SideNeighbours::SideNeighbours(const HighOrderMesh& mesh, const Cells& cells, co
     if (other_facet(f) < 0) groups_[std::size_t(group_of_facet_[f]) - 1].boundary = true;
 }
 
-std::size_t SideNeighbours::facet_cell(std::size_t facet) const {
-  const Run& run = *std::prev(std::upper_bound(runs_.begin(), runs_.end(), facet,
-                                               [](std::size_t f, const Run& each) { return f < each.facet; }));
-  return run.cell + (facet - run.facet) / run.per_cell;
-}
-
 std::size_t SideNeighbours::first_facet(std::size_t cell) const {
   const Run& run = *std::prev(
       std::upper_bound(runs_.begin(), runs_.end(), cell, [](std::size_t c, const Run& each) { return c < each.cell; }));
@@ -90,7 +85,6 @@ void SideNeighbours::find_groups() {
     if (group.dimension == mesh_.dimension - 1 && group.tag != 0) all[std::abs(group.tag)].name = group.name;
   std::vector<std::int32_t>& tag_of = group_of_facet_;  // until the groups have numbers
   tag_of.assign(side_count(), 0);
-  bool ungrouped = false;
   std::vector<bool> found_side(elements.count(), false);
   for (const auto& [facet, element] : facets_.elements) {
     found_side[std::size_t(element)] = true;
@@ -102,11 +96,14 @@ void SideNeighbours::find_groups() {
     if (opposite >= 0) tag_of[std::size_t(opposite)] = tag;
   }
   stray_ = std::count(found_side.begin(), found_side.end(), false);
-  for (std::size_t f = 0; f < tag_of.size(); ++f)
+  std::set<int> outside;
+  for (std::size_t f = 0; f < tag_of.size(); ++f) {
     if (tag_of[f] != 0) all[tag_of[f]].inner = true;
-  for (std::size_t f = 0; f < tag_of.size(); ++f)
-    if (tag_of[f] != 0 && !is_inside(f)) all[tag_of[f]].inner = false;
-  for (std::size_t f = 0; f < tag_of.size(); ++f) ungrouped = ungrouped || (!is_inside(f) && tag_of[f] == 0);
+    if (!is_inside(f)) outside.insert(tag_of[f]);
+  }
+  for (const int tag : outside)
+    if (tag != 0) all[tag].inner = false;
+  const bool ungrouped = outside.contains(0);
   std::map<int, int> number;
   for (auto& [tag, group] : all) {
     group.tag = tag;

@@ -2,7 +2,9 @@
 // core/formats.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
+#include <iterator>
 #include <string>
 #include <vector>
 
@@ -47,6 +49,22 @@ class SideNeighbours {
   std::int64_t other_facet(std::size_t facet) const {
     return is_inside(facet) ? facets_.opposite[facet] : image_of(facet);
   }
+  /// Number of the boundary condition of a side, counted from 1; 0: none.
+  int group_of(std::size_t facet) const { return group_of_facet_[facet]; }
+
+  /// Where a side is.
+  struct Place {
+    std::size_t range;  ///< Of its cell in Cells::ranges().
+    std::size_t cell;
+    int facet;  ///< Which of the cell's facets it is, in the order of ShapeInfo::facets.
+  };
+  Place place_of(std::size_t facet) const {
+    const auto after = std::upper_bound(runs_.begin(), runs_.end(), facet,
+                                        [](std::size_t f, const Run& each) { return f < each.facet; });
+    const Run& run = *std::prev(after);
+    const auto inside = std::uint32_t(facet - run.facet), each = std::uint32_t(run.per_cell);
+    return {std::size_t(after - runs_.begin()) - 1, run.cell + inside / each, int(inside % each)};
+  }
 
  private:
   /// Cells of a block, and where their sides begin.
@@ -57,7 +75,7 @@ class SideNeighbours {
   void find_groups();
   void find_periodic();
   bool is_inside(std::size_t facet) const { return facets_.opposite[facet] >= 0; }
-  std::size_t facet_cell(std::size_t facet) const;
+  std::size_t facet_cell(std::size_t facet) const { return place_of(facet).cell; }
   /// The node at a corner of a side.
   std::int32_t corner(std::size_t cell, const CgnsSide& side, int k) const;
   const CgnsSide& side_of(std::size_t cell, std::size_t facet, int& number) const;

@@ -193,9 +193,20 @@ TEST(Hdf5Process, ACrashEndsOnlyTheProgram) {
 TEST(Hdf5Process, WrongAnswersAreRefused) {
   NEEDS_HDF5();
   const std::string whole = some(Format::Hopr);
-  const InPlaceOfTheProgram liar("head -c 16 /dev/zero >&3; head -c 33 <&3 >/dev/null; head -c 99999 /dev/urandom >&3");
-  EXPECT_GT(testing::why_not(whole).size(), 20U);
-  EXPECT_NE(testing::why_not(whole), "it was read");
+  // It gets the size of the file, and then a request with a text of one byte.
+  const std::string opened = "head -c 8 <&3 >/dev/null; head -c 24 /dev/zero >&3; head -c 33 <&3 >/dev/null; ";
+  {
+    const InPlaceOfTheProgram liar(opened + "head -c 99999 /dev/urandom >&3");
+    EXPECT_GT(testing::why_not(whole).size(), 20U);
+    EXPECT_NE(testing::why_not(whole), "it was read");
+  }
+  // It needs 8 bytes from byte 2⁵⁶ on, and −1 bytes from byte 0 on.
+  const std::string need = R"(printf '\2\0\0\0\0\0\0\0)", end = "' >&3; head -c 8 <&3 >/dev/null";
+  for (const std::string& numbers : {std::string(R"(\10\0\0\0\0\0\0\0\0\0\0\0\0\0\0\1)"),
+                                     std::string(R"(\377\377\377\377\377\377\377\377\0\0\0\0\0\0\0\0)")}) {
+    const InPlaceOfTheProgram greedy(opened + need + numbers + end);
+    EXPECT_SAYS(whole, "HDF5 needs bytes behind the end of the file, so the file is probably damaged");
+  }
 }
 
 TEST(Hdf5Process, EndsWhenReadingIsStopped) {
