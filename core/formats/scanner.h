@@ -2,6 +2,7 @@
 #pragma once
 
 #include <charconv>
+#include <cmath>
 #include <cstdint>
 #include <cstdlib>
 #include <cstring>
@@ -22,6 +23,10 @@ struct ReadFailure {
 };
 
 /// A cursor over the bytes of a file. Reads numbers as text, or in native binary if `binary` is set. Copies nothing.
+/// What is wrong with a node, after its name.
+inline constexpr const char* kNotFinite =
+    " has a coordinate that is not a finite number; let the program that made the mesh write it again";
+
 class Scanner {
  public:
   explicit Scanner(std::string_view bytes) : begin_(bytes.data()), at_(begin_), end_(begin_ + bytes.size()) {}
@@ -65,6 +70,13 @@ class Scanner {
   int integer(const char* what);
   std::int64_t size(const char* what) { return binary ? raw_size(what) : text_integer(what); }
   double number(const char* what) { return binary ? raw<double>(what) : text_number(what); }
+
+  /// A coordinate that was read. Fails if it is not finite; name() says whose it is, such as "node 5".
+  template <class Name>
+  double finite(double coordinate, const Name& name) const {
+    if (!std::isfinite(coordinate)) fail(name() + kNotFinite);
+    return coordinate;
+  }
 
   /// A count of things that each need at least `least` bytes of the file. Fails if the file is too short for them, so a
   /// damaged count never causes a large allocation. `as_text`: as text, also in binary files.

@@ -121,8 +121,10 @@ class Reading {
     for (int k = 0; k < components_; ++k)
       grid.group(kNames[std::size_t(k)])
           .for_rows<double>(kData, 1, [&](std::int64_t first, std::int64_t count, const double* x) {
-            for (std::int64_t i = 0; i < count; ++i)
+            for (std::int64_t i = 0; i < count; ++i) {
+              check_cgns_coordinate(grid, kNames[std::size_t(k)], first + i, x[i]);
               mesh_.coordinates[std::size_t(3 * (nodes_before_ + first + i) + k)] = x[i];
+            }
           });
     for (std::int64_t i = 0; i < nodes; ++i) mesh_.node_numbers.push_back(nodes_before_ + i + 1);
     mesh_.node_blocks = {{-1, 0, 0, std::int32_t(nodes_before_ + nodes)}};
@@ -200,9 +202,8 @@ class Reading {
     for (std::size_t i = 0; i < count; ++i) is_wrong |= std::uint64_t(nodes[i] - 1) >= std::uint64_t(most);
     if (!is_wrong) return;
     const auto* wrong = std::find_if(nodes, nodes + count, [&](std::int64_t n) { return n < 1 || n > most; });
-    connectivity.fail(kData,
-                      "refers to node " + std::to_string(*wrong) + ", but the nodes are 1 to " + std::to_string(most),
-                      row + (wrong - nodes));
+    const std::string fault = "refers to node " + std::to_string(*wrong);
+    connectivity.fail(kData, fault + ", but the nodes are 1 to " + std::to_string(most), row + (wrong - nodes));
   }
 
   CgnsType element(const Section& section, std::int64_t type) const {

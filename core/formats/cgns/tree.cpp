@@ -1,5 +1,9 @@
 #include "core/formats/cgns/tree.h"
 
+#include <cmath>
+
+#include "core/formats/scanner.h"
+
 namespace varimesh::formats {
 
 namespace {
@@ -27,6 +31,11 @@ std::vector<std::pair<std::string, Hdf5Group>> cgns_children(const Hdf5Group& no
     if (label_of(child) == label) found.emplace_back(item.name, std::move(child));
   }
   return found;
+}
+
+void check_cgns_coordinate(const Hdf5Group& grid, const char* axis, std::int64_t node, double coordinate) {
+  if (std::isfinite(coordinate)) return;
+  grid.group(axis).fail(kCgnsData, "has a row in which node " + std::to_string(node + 1) + kNotFinite, node);
 }
 
 std::string cgns_location(const Hdf5Group& node) {

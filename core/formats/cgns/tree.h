@@ -22,4 +22,7 @@ std::vector<std::pair<std::string, Hdf5Group>> cgns_children(const Hdf5Group& no
 /// Where a node's points lie: Vertex, EdgeCenter, FaceCenter, CellCenter.
 std::string cgns_location(const Hdf5Group& node);
 
+/// Throws ReadFailure if a coordinate is not finite. `node` counts from 0; `axis` is the coordinate's name in the grid.
+void check_cgns_coordinate(const Hdf5Group& grid, const char* axis, std::int64_t node, double coordinate);
+
 }  // namespace varimesh::formats

@@ -17,7 +17,8 @@ struct NodesRead {
 void read_node(Scanner& from, bool parametric, std::vector<std::int64_t>& numbers, std::vector<double>& coordinates) {
   from.look();
   from.add<std::int64_t>(numbers, from.binary ? from.integer("a node's number") : from.text_integer("a node's number"));
-  for (std::size_t k = 0; k < 3; ++k) from.add(coordinates, from.number("a node's coordinate"));
+  const auto name = [&] { return "node " + std::to_string(numbers.back()); };
+  for (std::size_t k = 0; k < 3; ++k) from.add(coordinates, from.finite(from.number("a node's coordinate"), name));
   if (!parametric) return;
   // Parameters on the entity are skipped, because they are wrong after the nodes have moved.
   const int dimension = from.integer("a node's entity dimension");

@@ -33,7 +33,8 @@ void read_nodes_40(GmshReading& reading) {
     for (std::int64_t i = 0; i < n; ++i) {
       scan.look();
       mesh.node_numbers.push_back(scan.integer("a node's number"));
-      for (int k = 0; k < 3; ++k) mesh.coordinates.push_back(scan.number("a node's coordinate"));
+      const auto name = [&] { return "node " + std::to_string(mesh.node_numbers.back()); };
+      for (int k = 0; k < 3; ++k) mesh.coordinates.push_back(scan.finite(scan.number("a node's coordinate"), name));
       for (int k = 0; k < parameters; ++k) scan.number("a node's parameter");
     }
     scan.look();

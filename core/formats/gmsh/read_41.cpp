@@ -60,12 +60,15 @@ struct PlacesRead {
 void read_coordinates(GmshReading& reading, int parameters, NodeBlock& block) {
   Scanner& scan = reading.scanner;
   std::vector<double>& coordinates = reading.mesh.coordinates;
+  const std::vector<std::int64_t>& numbers = reading.mesh.node_numbers;
   const std::size_t end = coordinates.size() + 3 * std::size_t(block.count);
   const bool keeps = parameters > 0 && parameters < 3;
   if (keeps) scan.reserve(block.parameters, std::size_t(parameters) * std::size_t(block.count));
   const auto node = [&](Scanner& from, std::vector<double>& to, std::vector<double>& to_parameters) {
     from.look();
-    for (int k = 0; k < 3; ++k) from.add(to, from.number("a node's coordinate"));
+    // Only of the mesh's own coordinates it is known whose they are. A piece that fails is read again for them.
+    const auto name = [&] { return &to == &coordinates ? "node " + std::to_string(numbers[to.size() / 3]) : "a node"; };
+    for (int k = 0; k < 3; ++k) from.add(to, from.finite(from.number("a node's coordinate"), name));
     for (int k = 0; k < parameters; ++k) {
       const double parameter = from.number("a node's parameter");
       if (keeps) from.add(to_parameters, parameter);

@@ -153,6 +153,8 @@ class Reading {
         double* own = mesh_.coordinates.data() + 3 * node;
         for (int k = 0; k < 3; ++k) {
           const double value = x[3 * i + k];
+          if (!std::isfinite(value))
+            root_.fail("NodeCoords", "has a row in which node " + std::to_string(node + 1) + kNotFinite, first + i);
           low = std::min(low, value);
           high = std::max(high, value);
           if (!seen_[node]) own[k] = value;

@@ -133,7 +133,9 @@ class Reading {
 
   void nodes() {
     allowance_.take(std::size_t(vertices_), 3 * sizeof(double));
-    for (std::int64_t k = 0; k < 3 * vertices_; ++k) corners_.push_back(scan_.text_number("a node's coordinate"));
+    const auto name = [&] { return "node " + std::to_string(corners_.size() / 3 + 1); };
+    for (std::int64_t k = 0; k < 3 * vertices_; ++k)
+      corners_.push_back(scan_.finite(scan_.text_number("a node's coordinate"), name));
     scan_.line();
   }
 
@@ -178,7 +180,9 @@ class Reading {
       made.curve[s] = curved[s] ? std::int64_t(points_.size() / 3) : -1;
       if (!curved[s]) continue;
       allowance_.take(std::size_t(points), 3 * sizeof(double));
-      for (std::int64_t k = 0; k < 3 * points; ++k) points_.push_back(scan_.text_number("a point of a curved side"));
+      const auto name = [] { return std::string("a point of a curved side"); };
+      for (std::int64_t k = 0; k < 3 * points; ++k)
+        points_.push_back(scan_.finite(scan_.text_number("a point of a curved side"), name));
     }
     scan_.line();
     const std::vector<std::string_view> names = words_of(scan_.line());

@@ -222,9 +222,11 @@ void read_vertex_coordinates(MfemReading& reading) {
     scan.fail_truncated("the vertices' coordinates");
   scan.reserve(reading.mesh.coordinates, 3 * std::size_t(reading.vertices));
   reading.mesh.coordinates.assign(3 * std::size_t(reading.vertices), 0.0);
-  for (std::size_t v = 0; v < std::size_t(reading.vertices); ++v, scan.look())
+  for (std::size_t v = 0; v < std::size_t(reading.vertices); ++v, scan.look()) {
+    const auto name = [&] { return "vertex " + std::to_string(v) + " (counted from 0)"; };
     for (std::size_t c = 0; c < std::size_t(components); ++c)
-      reading.mesh.coordinates[3 * v + c] = scan.number("a vertex's coordinate");
+      reading.mesh.coordinates[3 * v + c] = scan.finite(scan.number("a vertex's coordinate"), name);
+  }
   reading.nodes.components = components;
 }
 

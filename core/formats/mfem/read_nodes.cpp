@@ -91,7 +91,9 @@ void read_values(MfemReading& reading, std::int64_t dofs) {
   };
   const auto parse = [](const BytesPiece&, Scanner& from) {
     std::vector<double> read;
-    for (from.skip_space(); !from.at_end(); from.skip_space()) read.push_back(from.number("a node's coordinate"));
+    const auto name = [] { return std::string("a node"); };  // the piece is read again for its number
+    for (from.skip_space(); !from.at_end(); from.skip_space())
+      read.push_back(from.finite(from.number("a node's coordinate"), name));
     return read;
   };
   const auto take = [&](const BytesPiece&, const std::vector<double>& read) {
@@ -102,7 +104,8 @@ void read_values(MfemReading& reading, std::int64_t dofs) {
   // A line has one number, or all components of a node.
   read_in_pieces(scan, reading.team, RecordCutter(scan, reading.nodes.by_nodes ? std::int64_t(count) : dofs, 0), parse,
                  take);
-  while (read_so_far < count) put(scan.number("a node's coordinate"));
+  const auto name = [&] { return "degree of freedom " + std::to_string(node) + " (counted from 0)"; };
+  while (read_so_far < count) put(scan.finite(scan.number("a node's coordinate"), name));
 }
 
 using Columns = Eigen::Matrix<double, Eigen::Dynamic, 3, Eigen::RowMajor>;
@@ -324,8 +327,10 @@ void read_discontinuous(MfemReading& reading, const MfemTopology& topology) {
       Eigen::MatrixXd values(n, Eigen::Index(together));
       for (std::size_t e = 0; e < block.size(); ++e) {
         scan.look();
+        const auto name = [&] { return "a node of element " + std::to_string(block.numbers[e]); };
         for (Eigen::Index i = 0; i < n; ++i)
-          for (Eigen::Index c = 0; c < values.cols(); ++c) values(i, c) = scan.number("a node's coordinate");
+          for (Eigen::Index c = 0; c < values.cols(); ++c)
+            values(i, c) = scan.finite(scan.number("a node's coordinate"), name);
         const Eigen::MatrixXd found = conversion.to_nodes * values;
         for (std::size_t c = 0; c < together; ++c)
           joining.take(pass + c, {block.nodes.data() + e * std::size_t(n), std::size_t(n)}, found.col(Eigen::Index(c)),

@@ -137,6 +137,13 @@ NektarPoints nektar_points_of(const Scanner& scan, std::int64_t curve, std::stri
 /// Returns `count` as the number of points on a curve. Throws ReadFailure if it is larger than any curve can have.
 std::int16_t nektar_count_of(const Scanner& scan, std::int64_t count);
 
+/// What a point is called whose coordinate is not finite: a point of a curve in a file of text, and one of the points
+/// of a compressed file.
+inline std::string nektar_curve_point() { return "a point of a curve"; }
+inline std::string nektar_packed_point(std::size_t point) {
+  return "point " + std::to_string(point) + " (counted from 0) of DATAPOINTS";
+}
+
 /// Whether this may be the number of an entry; a file cannot have more than fit into 32 bits.
 inline bool is_nektar_number(std::int64_t number) {
   return number >= 0 && number <= std::numeric_limits<std::int32_t>::max();

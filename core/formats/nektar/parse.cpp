@@ -153,7 +153,9 @@ class Parser : public XmlVisitor {
       Scanner scan = scanner(text.begin, text.length);
       allowance_.take(1, 32);
       file_.vertex_ids.add(id_);
-      for (int k = 0; k < 3; ++k) file_.vertices.push_back(scan.text_number("a vertex's coordinate"));
+      const auto name = [&] { return "vertex " + std::to_string(id_); };
+      for (int k = 0; k < 3; ++k)
+        file_.vertices.push_back(scan.finite(scan.text_number("a vertex's coordinate"), name));
       expect_end(scan);
     }
   }
@@ -202,7 +204,8 @@ class Parser : public XmlVisitor {
     }
     allowance_.take(1, sizeof(NektarCurve) + 24 * std::size_t(points_));
     curve_.first = std::uint32_t(small(std::int64_t(file_.points.size() / 3)));
-    for (std::int64_t k = 0; k < 3 * points_; ++k) file_.points.push_back(scan.text_number("a coordinate of a curve"));
+    for (std::int64_t k = 0; k < 3 * points_; ++k)
+      file_.points.push_back(scan.finite(scan.text_number("a coordinate of a curve"), nektar_curve_point));
     expect_end(scan);
     (name == "E" ? file_.curved_edges : file_.curved_faces).push_back(curve_);
   }

@@ -131,7 +131,6 @@ class Placer {
     for (int k = 0; k < 3; ++k) {
       gap = std::max(gap, std::abs(x[k] - own[k]));
       size = std::max(size, std::abs(x[k]));
-      if (std::isnan(x[k])) return false;
     }
     return gap <= kRounding * size;
   }
@@ -147,9 +146,12 @@ bool place_packed(const NektarFile& file, const Placer& placer, std::size_t want
   for (const XmlText& text : file.points_text)
     unpack_nektar(file.bytes, text, sizeof(NektarPackedPoint), [&](std::string_view bytes, std::size_t) {
       allowance.look();
+      Scanner scan(file.bytes);
+      scan.go_to(text.begin);
       for (std::size_t at = 0; at < bytes.size(); at += sizeof(NektarPackedPoint)) {
         NektarPackedPoint own;
         std::memcpy(&own, bytes.data() + at, sizeof own);
+        for (const double each : own.x) scan.finite(each, [&] { return nektar_packed_point(point); });
         meet = placer.place(point++, own.x) && meet;
       }
     });
@@ -175,7 +177,7 @@ std::size_t place_texts(const NektarFile& file, const std::vector<NektarCurveTex
       scan.go_to(texts[i].begin);
       for (std::int32_t k = 0; k < texts[i].count; ++k) {
         double x[3];
-        for (double& each : x) each = scan.text_number("a coordinate of a curve");
+        for (double& each : x) each = scan.finite(scan.text_number("a coordinate of a curve"), nektar_curve_point);
         if (!placer.place(point++, x)) meet = false;
       }
       scan.skip_space();

@@ -57,6 +57,8 @@ class Unpacker {
     switch (list_.kind) {
       case Kind::Vertices:
         return for_each<NektarPackedPoint>(file_.vertices, 3, [&](const NektarPackedPoint& vertex) {
+          const auto name = [&] { return "vertex " + std::to_string(vertex.id); };
+          for (const double x : vertex.x) scan_.finite(x, name);
           file_.vertex_ids.add(vertex.id);
           file_.vertices.insert(file_.vertices.end(), vertex.x, vertex.x + 3);
         });
@@ -78,6 +80,7 @@ class Unpacker {
         return;
       case Kind::Points:
         return for_each<NektarPackedPoint>(file_.points, 3, [&](const NektarPackedPoint& point) {
+          for (const double x : point.x) scan_.finite(x, [&] { return nektar_packed_point(file_.points.size() / 3); });
           file_.points.insert(file_.points.end(), point.x, point.x + 3);
         });
     }

@@ -28,6 +28,7 @@ class Reading {
     if (declared_.coordinates.size() != 1 || declared_.coordinates[0].components != 3)
       fail("it has no points with three coordinates");
     mesh_.coordinates = values<double>(declared_.coordinates[0], 3 * points);
+    check_coordinates();
     read_cells();
     read_groups();
     read_nodes();
@@ -45,6 +46,17 @@ class Reading {
 
  private:
   [[noreturn]] void fail(const std::string& what) const { Scanner(declared_.encoding.file).fail(what); }
+
+  void check_coordinates() const {
+    const std::vector<double>& x = mesh_.coordinates;
+    const auto wrong = std::find_if(x.begin(), x.end(), [](double each) { return !std::isfinite(each); });
+    if (wrong == x.end()) return;
+    const VtkArray& array = declared_.coordinates[0];
+    Scanner scan(declared_.encoding.file);
+    scan.go_to(array.place == VtkPlace::Appended ? declared_.encoding.appended + array.offset : array.text.begin);
+    scan.fail("point " + std::to_string((wrong - x.begin()) / 3) + " (counted from 0) of the array that begins here" +
+              kNotFinite);
+  }
 
   void check_encoding() const {
     for (const auto* list : {&declared_.coordinates, &declared_.topology, &declared_.cell_data, &declared_.field_data})

@@ -3,6 +3,8 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
+
 #include "tests/core/formats/hdf5/program.h"
 #include "tests/core/support/meshes.h"
 #include "tests/core/support/samples.h"
@@ -81,6 +83,36 @@ TEST(Read, StopsInEveryFormatThatIsWritten) {
     const auto stopped = formats::read(bytes, 1, &stop);
     ASSERT_FALSE(stopped) << info.name;
     EXPECT_NE(stopped.error().sentence.find("stopped before its end"), std::string::npos) << info.name;
+  }
+}
+
+TEST(Read, RefusesCoordinatesThatAreNotFinite) {
+  const bool hdf5 = testing::use_hdf5();
+  for (const formats::FormatInfo& info : formats::all()) {
+    if (!info.readable || info.format == Format::Ism) continue;
+    if (!hdf5 && (info.format == Format::Hopr || info.format == Format::Cgns)) continue;
+    for (const double wrong : {std::nan(""), HUGE_VAL, -HUGE_VAL})
+      for (const int threads : {1, 3}) {
+        HighOrderMesh mesh = testing::grid(testing::Filling::Hexahedra, {2, 2, 2}, 2);
+        ASSERT_TRUE(formats::read(test::written(mesh, info.format))) << info.name;
+        mesh.coordinates[1] = wrong;  // of a vertex, which every format has
+        const auto file = formats::read(test::written(mesh, info.format), threads);
+        ASSERT_FALSE(file) << info.name << " " << wrong;
+        const std::string& sentence = file.error().sentence;
+        EXPECT_NE(
+            sentence.find("has a coordinate that is not a finite number; let the program that made the mesh write "
+                          "it again"),
+            std::string::npos)
+            << info.name << ": " << sentence;
+        EXPECT_TRUE(sentence.find(", byte ") != std::string::npos || sentence.find("(byte ") != std::string::npos ||
+                    sentence.find("(row ") != std::string::npos)
+            << info.name << ": " << sentence;
+        const bool msh = info.extension == ".msh";
+        if (msh) {
+          EXPECT_NE(sentence.find("node " + std::to_string(mesh.node_numbers.front()) + " has"), std::string::npos)
+              << sentence;
+        }
+      }
   }
 }
 

@@ -32,6 +32,14 @@ TEST(MfemErrors, ReadsTheMeshThatTheyDamage) {
   EXPECT_EQ(testing::why_not(kHead + kElements + nodes("H1_2D_P1", 4)), "it was read");
 }
 
+TEST(MfemErrors, CoordinatesThatAreNotFinite) {
+  const std::string fault = " has a coordinate that is not a finite number";
+  EXPECT_SAYS(kHead + kElements + "vertices\n4\n2\n0 0\n1 nan\n0 1\n1 1\n", "vertex 1 (counted from 0)" + fault);
+  const auto damaged = [](std::string text) { return text.replace(text.rfind("\n1 1"), 4, "\n1 inf"); };
+  EXPECT_SAYS(kHead + kElements + damaged(nodes("H1_2D_P1", 4)), "degree of freedom 3 (counted from 0)" + fault);
+  EXPECT_SAYS(kHead + kElements + damaged(nodes("L2_T1_2D_P1", 6)), "a node of element 2" + fault);
+}
+
 TEST(MfemErrors, KindsOfMeshesThatAreNotTaken) {
   EXPECT_SAYS("MFEM NURBS mesh v1.0\n", "Mesh::SetCurvature(order)");
   EXPECT_SAYS("MFEM NC mesh v1.0\n", "hanging nodes");

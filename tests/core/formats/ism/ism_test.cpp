@@ -139,6 +139,9 @@ TEST(IsmErrors, AreSaid) {
   EXPECT_SAYS(with("1 1 1 1", "1 1 1 2"), "must be 0 or 1");
   EXPECT_SAYS(with("bottom --- top left", "bottom --- top"), "3 names of sides");
   EXPECT_SAYS(whole + "7", "something follows");
+  const std::size_t corners = whole.find('\n') + 1;
+  EXPECT_SAYS(whole.substr(0, corners) + "nan" + whole.substr(corners + 1),
+              "node 1 has a coordinate that is not a finite number");
   EXPECT_SAYS("ISM-V3\n1 2 3 4\n", "not ISM, ISM-V2 or ISM-MM");
   EXPECT_SAYS("ISM-V2\n4 1 2\n", "the numbers of nodes, edges, elements");
 }

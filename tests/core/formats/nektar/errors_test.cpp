@@ -51,6 +51,16 @@ TEST(NektarErrors, KindsOfFilesThatAreNotTaken) {
   EXPECT_SAYS("<?xml version=\"1.0\"?>\n<!DOCTYPE a [<!ENTITY b \"c\">]><NEKTAR>&b;</NEKTAR>", "document type");
 }
 
+TEST(NektarErrors, CoordinatesThatAreNotFinite) {
+  const std::string fault = " has a coordinate that is not a finite number";
+  EXPECT_SAYS(with(&Parts::vertices, "<VERTEX>\n<V ID=\"0\">0 0 0</V>\n<V ID=\"1\">nan 0 0</V></VERTEX>"),
+              "vertex 1" + fault);
+  EXPECT_SAYS(with(&Parts::curved,
+                   "<CURVED><E ID=\"0\" EDGEID=\"0\" NUMPOINTS=\"3\" TYPE=\"PolyEvenlySpaced\">0 0 0 .5 inf 0 1 0 0</E>"
+                   "</CURVED>"),
+              "a point of a curve" + fault);
+}
+
 TEST(NektarErrors, NamesTheLine) { EXPECT_SAYS(with(&Parts::edges, "<EDGE><E ID=\"0\">0 b</E>"), "line 8"); }
 
 TEST(NektarErrors, WrongIndices) {
