@@ -22,6 +22,8 @@ struct FormatEntry {
                           const Team& team) = nullptr;
   /// One sentence about what a file of this format cannot hold of the mesh, or nothing. Null if it holds everything.
   std::string (*left_out)(const HighOrderMesh& mesh) = nullptr;
+  /// As check_sides() of formats.h, inside team.run(). Null if the format can hold any.
+  Expected<void> (*check_sides)(const HighOrderMesh& mesh, const Team& team) = nullptr;
 };
 
 /// The formats of this library. If several formats have the same extension, the last of them is the one that is written

@@ -37,13 +37,14 @@ constexpr std::array kTable = {
     FormatEntry{Format::Msh41, "msh41", ".msh", begins_like_gmsh, read_gmsh, write_gmsh},
     FormatEntry{Format::Msh41Binary, "msh41-binary", ".msh", begins_like_gmsh, read_gmsh, write_gmsh},
     FormatEntry{Format::Vtu, "vtu", ".vtu", begins_like_vtk, read_vtu, write_vtu},
-    FormatEntry{Format::Mfem, "mfem", ".mesh", begins_like_mfem, read_mfem, write_mfem, not_in_mfem},
-    FormatEntry{Format::Nektar, "nektar", ".xml", begins_like_nektar, read_nektar, write_nektar, not_in_nektar},
+    FormatEntry{Format::Mfem, "mfem", ".mesh", begins_like_mfem, read_mfem, write_mfem, not_in_mfem, check_mfem_sides},
+    FormatEntry{Format::Nektar, "nektar", ".xml", begins_like_nektar, read_nektar, write_nektar, not_in_nektar,
+                check_nektar_sides},
     FormatEntry{Format::Su2, "su2", ".su2", nullptr, nullptr, write_su2, not_in_su2},
     FormatEntry{Format::Ism, "ism", ".ism", begins_like_ism, read_ism},
-    FormatEntry{Format::Hopr, "hopr", ".h5", begins_like_hdf5, read_hdf5, write_hopr, not_in_hopr},
+    FormatEntry{Format::Hopr, "hopr", ".h5", begins_like_hdf5, read_hdf5, write_hopr, not_in_hopr, check_hopr_sides},
     FormatEntry{Format::Cgns, "cgns", ".cgns", begins_like_hdf5, read_hdf5, write_cgns, not_in_cgns},
-    FormatEntry{Format::Pyfr, "pyfr", ".pyfrm", nullptr, nullptr, write_pyfr, not_in_pyfr},
+    FormatEntry{Format::Pyfr, "pyfr", ".pyfrm", nullptr, nullptr, write_pyfr, not_in_pyfr, check_pyfr_sides},
 };
 
 constexpr std::array kInfos = [] {
@@ -194,6 +195,15 @@ std::string left_out(const HighOrderMesh& mesh, Format format) {
   const FormatEntry* entry = find(kTable, format == Format::Auto ? kDefaultFormat : format);
   assert(entry != nullptr);
   return entry->left_out == nullptr ? "" : entry->left_out(mesh);
+}
+
+Expected<void> check_sides(const HighOrderMesh& mesh, Format format, int threads) {
+  const FormatEntry* entry = find(kTable, format);
+  if (entry == nullptr || entry->check_sides == nullptr) return {};
+  const Team team(threads);
+  Expected<void> checked;
+  team.run([&] { checked = entry->check_sides(mesh, team); });
+  return checked;
 }
 
 Expected<void> write(const HighOrderMesh& mesh, Format format, const Sink& sink, std::span<const CellField> fields,

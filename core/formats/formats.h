@@ -122,6 +122,12 @@ Expected<void> write(const HighOrderMesh& mesh, Format format, const Sink& sink,
 /// dimension. Empty if it has everything.
 std::string left_out(const HighOrderMesh& mesh, Format format);
 
+/// Checks whether a file of this format can hold the way in which elements share their sides. write() would refuse the
+/// mesh too, but a run does not change this, so it can be known before. Errors: BadOption, with the sentence of
+/// write().
+/// @param threads how many threads share the work; 0: as many as the machine has
+Expected<void> check_sides(const HighOrderMesh& mesh, Format format, int threads = 1);
+
 /// Writes a file as OutputFile does: an incomplete file never has the name `path`.
 Expected<void> write_file(const HighOrderMesh& mesh, Format format, const std::string& path,
                           std::span<const CellField> fields = {}, int threads = 1);

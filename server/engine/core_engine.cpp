@@ -239,7 +239,9 @@ Expected<RunOutcome> run(RunRequest request, const RunHooks& hooks) {
       request.format == v1::MESH_FORMAT_PARTS ? v1::MESH_FORMAT_PARTS : to_proto((*file)->format);
 
   const auto outputs = definite_outputs(request.outputs, read_as);
-  if (const auto have = check_outputs_have_types(mesh, request.options.order, outputs); !have)
+  if (const auto have = check_outputs_can_hold(mesh, request.options.order, outputs, request.quality.has_value(),
+                                               request.options.threads);
+      !have)
     return tl::unexpected(have.error());
   const std::int64_t lattice = request.quality ? memory_of_lattice(mesh, request.quality->lattice()) : 0;
   const std::int64_t of_model = request.model ? request.model->memory() : 0;

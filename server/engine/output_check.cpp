@@ -1,16 +1,20 @@
 #include "server/engine/output_check.h"
 
 #include <algorithm>
+#include <array>
 #include <string_view>
 
+#include "core/base/team.h"
 #include "core/formats/formats.h"
 #include "core/mesh/change_order.h"
+#include "core/mesh/check.h"
+#include "core/reference/nodes.h"
 #include "server/engine/translate.h"
 
 namespace varimesh::server {
 namespace {
 
-/// A mesh that consists of the first cell of each shape and order.
+/// A mesh with one straight cell of each shape and order. It has nothing of the places of nodes, which a run changes.
 HighOrderMesh one_cell_of_each(const HighOrderMesh& mesh) {
   HighOrderMesh sample;
   sample.dimension = mesh.dimension;
@@ -26,12 +30,11 @@ HighOrderMesh one_cell_of_each(const HighOrderMesh& mesh) {
     cell.order = block.order;
     cell.entity = block.entity;
     cell.numbers = {block.numbers.front()};
-    for (int n = 0; n < reference::node_count(block.shape, block.order); ++n) {
+    for (const std::array<std::int8_t, 3>& place : reference::lattice(block.shape, block.order)) {
       const auto node = static_cast<std::int32_t>(sample.node_count());
       cell.nodes.push_back(node);
       sample.node_numbers.push_back(node + 1);
-      const double* x = mesh.coordinates.data() + 3 * static_cast<std::size_t>(block.nodes[n]);
-      sample.coordinates.insert(sample.coordinates.end(), x, x + 3);
+      for (const std::int8_t x : place) sample.coordinates.push_back(double(x) / block.order);
     }
     sample.blocks.push_back(std::move(cell));
   }
@@ -43,9 +46,18 @@ bool is_mesh_file(v1::MeshFormat format) {
   return format != v1::MESH_FORMAT_PARTS && format != v1::MESH_FORMAT_CELL_QUALITY;
 }
 
+/// Whether the mesh is one that the run takes.
+bool is_sound(const HighOrderMesh& mesh, bool judges, int threads) {
+  const Team team(threads);
+  bool sound = false;
+  team.run([&] { sound = (judges ? check_judgeable(mesh, team) : check_structure(mesh, team)).has_value(); });
+  return sound;
+}
+
 }  // namespace
 
-Expected<void> check_outputs_have_types(const HighOrderMesh& mesh, int order, std::span<const v1::MeshFormat> formats) {
+Expected<void> check_outputs_can_hold(const HighOrderMesh& mesh, int order, std::span<const v1::MeshFormat> formats,
+                                      bool judges, int threads) {
   if (std::ranges::none_of(formats, is_mesh_file)) return {};
   HighOrderMesh sample = one_cell_of_each(mesh);
   if (order > 0 && order != mesh.order) {
@@ -53,11 +65,15 @@ Expected<void> check_outputs_have_types(const HighOrderMesh& mesh, int order, st
     if (!changed) return {};  // The run itself says why.
     sample = std::move(*changed);
   }
+  // A mesh of another order gets new nodes, which neighbours share. If the run does not take the mesh, it says why.
+  const bool looks_at_sides = (order <= 0 || order == mesh.order) && is_sound(mesh, judges, threads);
   for (const v1::MeshFormat format : formats) {
     if (!is_mesh_file(format)) continue;
     const auto written = formats::write(sample, format_from(format), [](std::string_view) { return true; });
     // What else a writer may refuse depends on more than shapes and orders.
     if (!written && written.error().kind == Error::Kind::BadOption) return written;
+    if (!looks_at_sides) continue;
+    if (auto shared = formats::check_sides(mesh, format_from(format), threads); !shared) return shared;
   }
   return {};
 }

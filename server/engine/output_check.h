@@ -1,4 +1,4 @@
-// Whether the formats that a job writes have the elements of its result. Known before the job computes anything.
+// Whether the formats that a job writes can hold its result. Known before the job computes anything.
 #pragma once
 
 #include <span>
@@ -9,9 +9,12 @@
 
 namespace varimesh::server {
 
-/// Writes one cell of each shape to each format, and throws the bytes away. `order`: the order of the result; 0: that
-/// of the mesh. Errors: BadOption, with the sentence of the writer, if a format has no element type for a shape of this
-/// order.
-Expected<void> check_outputs_have_types(const HighOrderMesh& mesh, int order, std::span<const v1::MeshFormat> formats);
+/// Writes one straight cell of each shape to each format, and throws the bytes away; then looks at the sides that
+/// elements share. `order`: the order of the result; 0: that of the mesh. `judges`: the job moves no nodes, so cells
+/// need not conform. Errors: BadOption, with the sentence of the writer, if a format has no element type for a shape of
+/// this order, or cannot hold how elements share their sides. Nothing depends on the places of nodes, except that two
+/// nodes at one place count as one.
+Expected<void> check_outputs_can_hold(const HighOrderMesh& mesh, int order, std::span<const v1::MeshFormat> formats,
+                                      bool judges, int threads);
 
 }  // namespace varimesh::server

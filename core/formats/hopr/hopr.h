@@ -23,6 +23,9 @@ MeshFile read_hopr(Hdf5Source& source, FileAllowance& allowance);
 Expected<void> write_hopr(const HighOrderMesh& mesh, Format format, const Sink& sink, std::span<const CellField> fields,
                           const Team& team);
 
+/// The part of write_hopr() that looks at shared sides (check_sides() in formats.h).
+Expected<void> check_hopr_sides(const HighOrderMesh& mesh, const Team& team);
+
 /// What a file of HOPR does not have of this mesh: one sentence, or nothing.
 std::string not_in_hopr(const HighOrderMesh& mesh);
 

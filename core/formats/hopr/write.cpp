@@ -50,6 +50,8 @@ std::vector<std::int32_t> node_numbers(const HighOrderMesh& mesh, std::int32_t& 
   return number;
 }
 
+constexpr const char* kName = "HOPR's";
+
 class Writing {
  public:
   Writing(const HighOrderMesh& mesh, const Team& team)
@@ -62,8 +64,7 @@ class Writing {
 
   Expected<void> write(const Sink& sink) {
     const std::int64_t nodes = count_nodes();
-    if (neighbours_.crowded())
-      return bad_option("HOPR's format has no place for a side that more than two elements share; write msh41.");
+    if (auto two = check_two_at_sides(neighbours_.crowded(), kName); !two) return two;
     if (nodes > std::numeric_limits<std::int32_t>::max())
       return bad_option("HOPR's format counts nodes with 32 bits, and the mesh has more in its elements; write msh41.");
     elements();
@@ -249,6 +250,10 @@ class Writing {
 };
 
 }  // namespace
+
+Expected<void> check_hopr_sides(const HighOrderMesh& mesh, const Team& team) {
+  return mesh.dimension == 3 ? check_two_at_sides(mesh, team, kName) : Expected<void>();
+}
 
 Expected<void> write_hopr(const HighOrderMesh& mesh, Format, const Sink& sink, std::span<const CellField>,
                           const Team& team) {

@@ -27,6 +27,9 @@ Expected<MeshFile> read_mfem(std::string_view bytes, const Team& team);
 Expected<void> write_mfem(const HighOrderMesh& mesh, Format format, const Sink& sink, std::span<const CellField> fields,
                           const Team& team);
 
+/// The part of write_mfem() that looks at shared sides (check_sides() in formats.h).
+Expected<void> check_mfem_sides(const HighOrderMesh& mesh, const Team& team);
+
 /// What a file of MFEM does not have of this mesh: one sentence, or nothing.
 std::string not_in_mfem(const HighOrderMesh& mesh);
 

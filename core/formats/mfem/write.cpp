@@ -354,6 +354,14 @@ std::string not_in_mfem(const HighOrderMesh& mesh) {
   return text.empty() ? text : "MFEM's format has no place for " + text + "; the file leaves them out.";
 }
 
+Expected<void> check_mfem_sides(const HighOrderMesh& mesh, const Team& team) {
+  const MfemNodes nodes = mfem_nodes_of(mesh);
+  if (!nodes.space.continuous || mesh.dimension < 2 || mesh.order == 1) return {};
+  const Grid grid(mesh, nodes, team);
+  if (const auto cell = grid.unshared_side(team)) return unshared_side(grid.cells, *cell, "MFEM's");
+  return {};
+}
+
 Expected<void> write_mfem(const HighOrderMesh& mesh, Format, const Sink& sink, std::span<const CellField>,
                           const Team& team) {
   if (mesh.dimension < 2) return bad_option("VariMesh writes MFEM's meshes of dimension 2 and 3 only; write vtu.");

@@ -1,5 +1,6 @@
 // Writes Nektar++'s XML files, as text or compressed.
 #include <algorithm>
+#include <memory>
 #include <utility>
 
 #include "core/formats/buffered_output.h"
@@ -359,15 +360,34 @@ class Writer {
 
 }  // namespace
 
+namespace {
+
+/// The grid of a mesh whose elements share their sides as Nektar++ needs it.
+Expected<std::unique_ptr<NektarGrid>> make_grid(const HighOrderMesh& mesh, const Team& team) {
+  constexpr std::string_view kFormat = "Nektar++'s";
+  if (auto distinct = check_distinct_vertices(Cells(mesh, mesh.dimension), kFormat); !distinct)
+    return tl::unexpected(distinct.error());
+  auto vertices = nektar_vertices(mesh);
+  if (!vertices) return tl::unexpected(vertices.error());
+  auto grid = std::make_unique<NektarGrid>(mesh, std::move(*vertices), team);
+  if (const auto cell = grid->unshared_side(team)) return unshared_side(grid->cells, *cell, kFormat);
+  return grid;
+}
+
+}  // namespace
+
+Expected<void> check_nektar_sides(const HighOrderMesh& mesh, const Team& team) {
+  if (mesh.dimension < 2) return {};
+  if (const auto grid = make_grid(mesh, team); !grid) return tl::unexpected(grid.error());
+  return {};
+}
+
 Expected<void> write_nektar(const HighOrderMesh& mesh, Format, const Sink& sink, std::span<const CellField>,
                             const Team& team) {
   if (mesh.dimension < 2) return bad_option("VariMesh writes Nektar++'s meshes of dimension 2 and 3 only; write vtu.");
-  constexpr std::string_view kFormat = "Nektar++'s";
-  if (auto distinct = check_distinct_vertices(Cells(mesh, mesh.dimension), kFormat); !distinct) return distinct;
-  auto vertices = nektar_vertices(mesh);
-  if (!vertices) return tl::unexpected(vertices.error());
-  const NektarGrid grid(mesh, std::move(*vertices), team);
-  if (const auto cell = grid.unshared_side(team)) return unshared_side(grid.cells, *cell, kFormat);
+  const auto made = make_grid(mesh, team);
+  if (!made) return tl::unexpected(made.error());
+  const NektarGrid& grid = **made;
   BufferedOutput out(sink, false, team);
   const auto says_text = [](const ForeignSection& part) { return part.format == "nektar" && part.name == kNektarText; };
   Writer(grid, std::ranges::none_of(mesh.foreign, says_text), out).write();

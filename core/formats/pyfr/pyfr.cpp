@@ -20,6 +20,8 @@ namespace {
 
 using Dims = std::vector<std::int64_t>;
 
+constexpr const char* kName = "PyFR's";
+
 /// A shape of PyFR, in the alphabetical order of the names, which its partitionings need.
 struct PyfrShape {
   Shape shape;
@@ -71,8 +73,7 @@ class Writing {
         writer_(std::int64_t(mesh.node_count()) * 64, team.stop()) {}
 
   Expected<void> write(const Sink& sink) {
-    if (neighbours_.crowded())
-      return bad_option("PyFR's format has no place for a side that more than two elements share; write msh41.");
+    if (auto two = check_two_at_sides(neighbours_.crowded(), kName); !two) return two;
     find_skew_base();
     if (skew_base_ != 0)
       return bad_option(
@@ -357,6 +358,10 @@ class Writing {
 };
 
 }  // namespace
+
+Expected<void> check_pyfr_sides(const HighOrderMesh& mesh, const Team& team) {
+  return check_two_at_sides(mesh, team, kName);
+}
 
 Expected<void> write_pyfr(const HighOrderMesh& mesh, Format, const Sink& sink, std::span<const CellField>,
                           const Team& team) {

@@ -14,6 +14,9 @@ namespace varimesh::formats {
 Expected<void> write_pyfr(const HighOrderMesh& mesh, Format format, const Sink& sink, std::span<const CellField> fields,
                           const Team& team);
 
+/// The part of write_pyfr() that looks at shared sides (check_sides() in formats.h).
+Expected<void> check_pyfr_sides(const HighOrderMesh& mesh, const Team& team);
+
 /// What a file of PyFR does not have of this mesh: one sentence, or nothing.
 std::string not_in_pyfr(const HighOrderMesh& mesh);
 

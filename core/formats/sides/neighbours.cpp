@@ -44,6 +44,16 @@ std::string free_name(const std::vector<SideGroup>& groups) {
 
 }  // namespace
 
+Expected<void> check_two_at_sides(bool crowded, const char* format) {
+  if (!crowded) return {};
+  return bad_option(std::string(format) +
+                    " format has no place for a side that more than two elements share; write msh41.");
+}
+
+Expected<void> check_two_at_sides(const HighOrderMesh& mesh, const Team& team, const char* format) {
+  return check_two_at_sides(facets(mesh, team).crowded >= 0, format);
+}
+
 SideNeighbours::SideNeighbours(const HighOrderMesh& mesh, const Cells& cells, const Team& team)
     : mesh_(mesh), cells_(cells), facets_(facets(mesh, team)) {
   free_memory(facets_.first);

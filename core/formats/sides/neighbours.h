@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "core/base/error.h"
 #include "core/formats/sides/sides.h"
 #include "core/mesh/connectivity.h"
 
@@ -32,6 +33,11 @@ struct SideGroup {
   bool inner = false;     ///< Whether all its sides lie between two cells.
   bool boundary = false;  ///< Whether some of its sides have nothing on the other side, nor a periodic image.
 };
+
+/// Refuses a mesh in which more than two cells share a side. `format`: its name in the sentence, such as "PyFR's".
+/// Errors: BadOption.
+Expected<void> check_two_at_sides(bool crowded, const char* format);
+Expected<void> check_two_at_sides(const HighOrderMesh& mesh, const Team& team, const char* format);
 
 class SideNeighbours {
  public:

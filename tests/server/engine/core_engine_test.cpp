@@ -136,6 +136,41 @@ TEST(CoreEngine, RefusesAFormatWithoutATypeForTheElementsBeforeItComputes) {
   EXPECT_TRUE(admitted);
 }
 
+/// Two triangles of order 2 in space with a node each on their common edge; that of the second is at this y.
+std::string two_nodes_on_an_edge(const std::string& y) {
+  return "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$Nodes\n10\n1 0 0 0\n2 1 0 0\n3 1 1 0\n4 0 1 1\n5 .5 0 0\n6 1 .5 0\n"
+         "7 .5 .5 0\n8 .5 " +
+         y +
+         " 0\n9 .5 1 .5\n10 0 .5 .5\n$EndNodes\n$Elements\n2\n1 9 2 1 1 1 2 3 5 6 7\n2 9 2 1 1 1 3 4 8 9 10\n"
+         "$EndElements\n";
+}
+
+TEST(CoreEngine, RefusesAFormatThatCannotHoldTheSidesBeforeItComputes) {
+  for (const v1::MeshFormat format : {v1::MESH_FORMAT_MFEM, v1::MESH_FORMAT_NEKTAR, v1::MESH_FORMAT_VTU})
+    for (const char* y : {".5", ".55"}) {
+      RunRequest request;
+      request.input = std::make_shared<Bytes>(two_nodes_on_an_edge(y));
+      request.options.threads = 1;
+      request.quality.emplace();  // only surfaces that are judged may have such sides
+      request.outputs = {format};
+      bool admitted = false;
+      RunHooks hooks;
+      hooks.control.stop_asked = [] { return false; };
+      hooks.given_up = [] { return false; };
+      hooks.admit = [&](std::int64_t) -> Expected<bool> { return admitted = true; };
+      hooks.open_output = [](v1::MeshFormat) { return [](std::string_view) { return true; }; };
+      const auto done = core_engine().run(request, hooks);
+      const bool can_hold = format == v1::MESH_FORMAT_VTU || std::string_view(y) == ".5";
+      EXPECT_EQ(admitted, can_hold) << format << " " << y;
+      if (can_hold) continue;
+      ASSERT_FALSE(done);
+      EXPECT_EQ(done.error().kind, Error::Kind::BadOption);
+      EXPECT_NE(done.error().sentence.find("has other nodes on an edge or face than an element with the same vertices"),
+                std::string::npos)
+          << done.error().sentence;
+    }
+}
+
 /// A file of many nodes that is read in a fraction of a second.
 std::string many_nodes() {
   std::string text = "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$Nodes\n400000\n";
