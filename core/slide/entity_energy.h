@@ -45,6 +45,9 @@ class EntityEnergy {
   void derivatives(std::size_t element, const Vectors& x, const Vectors& normal, double delta,
                    Eigen::VectorXd& gradient, Eigen::MatrixXd& hessian) const;
 
+  /// |e|.
+  double measure(std::size_t element) const { return measure_[element]; }
+
   /// Length of the shortest straight edge of an element over the order.
   double spacing(std::size_t element) const { return spacing_[element]; }
 

@@ -1,23 +1,13 @@
 // Newton's method for the nodes of one curve (d = 1) or surface (d = 2), which slide on it. Internal to core/slide.
 #pragma once
 
-#include <Eigen/Core>
-#include <array>
 #include <cstdint>
 #include <vector>
 
 #include "core/association/association.h"
-#include "core/slide/entity_elements.h"
+#include "core/slide/entity_form.h"
 
 namespace varimesh::detail {
-
-/// A node of the elements of an entity.
-struct EntityNode {
-  std::int32_t node = 0;  ///< Index in the mesh.
-  bool free = false;
-  std::array<double, 2> at{};  ///< Its parameters on the entity.
-  Eigen::Vector3d x = Eigen::Vector3d::Zero();
-};
 
 /// What a slide came to.
 struct EntitySlide {
@@ -26,15 +16,6 @@ struct EntitySlide {
   double farthest = 0;  ///< The largest movement of a node over the distance between nodes there.
   std::int64_t folded_before = 0, folded_after = 0;  ///< Elements with J ≤ 0 at a point.
 };
-
-/// The nodes of the elements of a curve or surface, sorted by index. Free are those that belong to the entity itself
-/// and are not fixed.
-/// @param coordinates of all nodes of the mesh
-std::vector<EntityNode> curve_nodes(int curve, const std::vector<EntityElement>& elements,
-                                    const Association& association, const std::vector<double>& coordinates,
-                                    const std::vector<bool>& fixed);
-std::vector<EntityNode> surface_nodes(int surface, const Association& association,
-                                      const std::vector<double>& coordinates, const std::vector<bool>& fixed);
 
 /// Moves the free ones of these nodes to lower the energy (entity_energy.h).
 ///
