@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cassert>
+#include <cmath>
 #include <numbers>
 
 #include "core/association/file_parameters.h"
@@ -11,6 +12,7 @@
 #include "core/geometry/load.h"
 #include "core/mesh/check.h"
 #include "core/mesh/node_parameters.h"
+#include "core/slide/coupled/coupled.h"
 #include "core/slide/slide.h"
 #include "core/slide/surface_alone.h"
 
@@ -122,11 +124,16 @@ struct Work {
   void slide_nodes(HighOrderMesh& boundary, Association& association) {
     auto fixed = nodes_of_groups(mesh, options.fix);
     assert(fixed);  // slide_on_file() has looked for the groups already
+    detail::CoupledReport coupled;
     if (mesh.dimension == 2)
       report = detail::slide_alone(boundary, association, what, std::move(*fixed), team);
+    else if (what == SlideOn::Coupled)
+      report = detail::slide_coupled(boundary, association, *fixed, {options.tolerance, options.coupled_seconds}, team,
+                                     coupled);
     else
       team.run([&] { report = slide(boundary, association, what, *fixed, team); });
     sentences.push_back(report.sentence(association.size));
+    if (what == SlideOn::Coupled) sentences.push_back(coupled.sentence());
   }
 };
 
@@ -138,6 +145,15 @@ Expected<SlideOn> check(const HighOrderMesh& mesh, const GeometryOptions& option
     return bad_option(
         "--slide-on boundary goes without --geometry, --snap and an order, because nodes stay near the "
         "boundary of the mesh as it came.");
+  if (*what == SlideOn::Coupled && (options.on_boundary || mesh.dimension != 3))
+    return bad_option(options.on_boundary
+                          ? "--slide coupled needs a model; --slide-on boundary goes with none, surfaces and all."
+                          : "--slide coupled moves the nodes inside volume elements too, and a surface has none: use "
+                            "--slide all.");
+  if (!(options.tolerance >= 0 && std::isfinite(options.tolerance)))
+    return bad_option("--geometry-tolerance must be a length.");
+  if (options.tolerance > 0 && *what != SlideOn::Coupled)
+    return bad_option("--geometry-tolerance goes only with --slide coupled.");
   Expected<void> checked;
   team.run([&] { checked = check_judgeable(mesh, team); });
   if (checked) checked = check_order(mesh, options.order);

@@ -19,8 +19,15 @@ struct GeometryOptions {
   std::string file;          ///< A STEP, IGES or BREP file; empty: none.
   bool on_boundary = false;  ///< Without a file: nodes slide on the mesh's own curved boundary as it came.
   int order = 0;             ///< 0: the mesh is curved. Otherwise it is of order 1 and is first curved with this order.
-  std::string slide;         ///< Which nodes slide: none, surfaces or all (curves and surfaces); empty: all.
-  bool snap = false;         ///< First move nodes that are off their curve, surface or vertex onto it.
+  /// Which nodes slide: none, surfaces, all (curves and surfaces) or coupled (the same, and then all nodes of the mesh
+  /// together); empty: all.
+  std::string slide;
+  /// With `slide` coupled: how far the boundary may lie from the geometry, in the mesh's unit of length. 0: twice as
+  /// far as it does.
+  double tolerance = 0;
+  /// With `slide` coupled: for how long all nodes may move together, in seconds. 0: no limit.
+  double coupled_seconds = 0;
+  bool snap = false;  ///< First move nodes that are off their curve, surface or vertex onto it.
   /// A node is off if it is farther than this from its entity, relative to the diagonal of the boundary's box.
   double snap_tolerance = 1e-6;
   /// Nodes cross joints at which surfaces or curves meet at no more than this angle, in degrees; 0: none.

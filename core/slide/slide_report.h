@@ -14,9 +14,10 @@ enum class SlideOn : std::uint8_t {
   None,      ///< None: the mesh is only associated with the geometry.
   Surfaces,  ///< Nodes on surfaces. Those on curves stay.
   All,       ///< Nodes on curves, then nodes on surfaces.
+  Coupled,   ///< The same, and then all nodes of the mesh together, those inside it included.
 };
 
-/// The word for a SlideOn: none, surfaces or all. Errors: BadOption, which lists the words.
+/// The word for a SlideOn: none, surfaces, all or coupled. Errors: BadOption, which lists the words.
 Expected<SlideOn> slide_on_from_name(std::string_view name);
 
 /// The distance between the curved boundary and the geometry, sampled between the nodes, in the mesh's unit of length.

@@ -1,0 +1,252 @@
+#include "core/slide/coupled/coupled.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <optional>
+#include <tuple>
+
+#include "core/base/index.h"
+#include "core/base/stopwatch.h"
+#include "core/mesh/connectivity.h"
+#include "core/quality/certified_quality.h"
+#include "core/slide/coupled/coupled_newton.h"
+#include "core/slide/slide.h"
+#include "core/validity/certifier.h"
+#include "core/validity/orientation.h"
+
+namespace varimesh::detail {
+namespace {
+
+constexpr int kMostStepsInside = 20, kMostSteps = 40;
+constexpr int kMostWithoutGain = 12;  // steps, before a descent ends
+/// δ of J' in the first step, and how fast it falls while a cell or an element of the boundary is inverted.
+constexpr double kFirstDelta = 0.5, kDecay = 0.85;
+/// The energy stands if it falls by less than this, relative to itself.
+constexpr double kStands = 1e-4;
+/// The weights of the boundary's energy, one after the other while its distance from the geometry exceeds the limit.
+constexpr double kWeights[] = {1, 4};
+/// How much of the way to a state that exceeds the limit is tried.
+constexpr double kParts[] = {0.875, 0.75, 0.625, 0.5, 0.375, 0.25, 0.125, 0.0625, 0.03125, 0.015625};
+constexpr double kGap = 0.01;        // to which the smallest scaled Jacobian of a state is found
+constexpr double kTimesStart = 2;    // what the distances may become without a tolerance
+constexpr double kRounding = 1e-12;  // distances that differ by less, relative to the mesh's size, are equal
+
+using Distance = BoundaryEnergy::Distance;
+
+/// What the distances may not exceed.
+struct Limit {
+  double largest = 0, rms = 0;
+  bool allows(const Distances& distances) const { return distances.largest <= largest && distances.rms() <= rms; }
+};
+
+/// A state and how good it is.
+struct Judged {
+  CoupledState state;
+  std::int64_t left = std::numeric_limits<std::int64_t>::max();  ///< Cells that are not certified valid.
+  double lowest = 0;                                             ///< The proved minimum of the scaled Jacobian.
+  Distance distance;
+  std::int64_t folded = 0;
+};
+
+/// The entities' elements, and the energies on them, for one mesh.
+struct Energies {
+  std::vector<std::vector<EntityElement>> curves, surfaces;
+  BoundaryEnergy boundary;
+  OrientedMesh oriented;
+  VolumeEnergy volume;
+
+  Energies(const HighOrderMesh& mesh, const Association& association, const std::vector<double>& as_it_came,
+           const std::vector<bool>& fixed, const Team& team)
+      : curves(curve_elements(mesh, association)),
+        surfaces(surface_elements(mesh, association)),
+        boundary({association, curves, surfaces, mesh.order, as_it_came, mesh.coordinates, fixed}, team),
+        oriented(mesh, team),
+        volume(oriented.mesh(), staying(mesh, fixed), team) {
+    boundary.prepare(mesh, volume.volumes(), volume.nodes(), volume.diagonal());
+  }
+
+ private:
+  std::vector<bool> staying(const HighOrderMesh& mesh, const std::vector<bool>& fixed) const {
+    std::vector<bool> stays = fixed_nodes(mesh);
+    for (std::size_t node = 0; node < stays.size(); ++node)
+      stays[node] = fixed[node] || (stays[node] && !boundary.slides(static_cast<std::int32_t>(node)));
+    return stays;
+  }
+};
+
+/// The steps of Newton's method and what is kept of them.
+class Descent {
+ public:
+  /// @param seconds  no step begins later than this after now; 0: no limit
+  Descent(Energies& energies, const HighOrderMesh& mesh, double seconds, const Team& team)
+      : energies_(energies),
+        certifier_(energies.oriented.mesh(), {}, team),
+        newton_(energies.volume, energies.boundary, mesh.coordinates, team),
+        team_(team),
+        certificates_(certifier_.cells()),
+        seconds_(seconds) {}
+
+  /// Only nodes inside the mesh move. Returns the best state.
+  Judged inside() {
+    newton_.boundary_slides = false;
+    Judged best = judge();
+    descend(kMostStepsInside, [&] {
+      Judged now = judge();
+      if (!is_better(now, best)) return false;
+      best = std::move(now);
+      return true;
+    });
+    return best;
+  }
+
+  /// All nodes move. Returns the best state that the limits allow, if there is one.
+  /// @param start  what inside() has returned
+  std::optional<Judged> everything(const Judged& start, const Limit& surfaces, const Limit& curves) {
+    std::optional<Judged> best;
+    bool allowed = false;
+    const auto gains = [&] {
+      Judged now = judge();
+      allowed = surfaces.allows(now.distance.surfaces) && curves.allows(now.distance.curves);
+      if (!allowed || now.folded > start.folded || (best && !is_better(now, *best))) return false;
+      best = std::move(now);
+      return true;
+    };
+    newton_.boundary_slides = true;
+    newton_.restore(start.state);
+    for (const double weight : kWeights) {
+      newton_.boundary_weight = weight;
+      descend(kMostSteps, gains);
+      if (allowed || is_late()) break;
+      const CoupledState end = newton_.state();
+      for (const double part : kParts) {
+        newton_.put_between(start.state, end, part);
+        gains();
+      }
+      newton_.restore(end);
+    }
+    return best;
+  }
+
+  int steps() const { return steps_; }
+  /// Leaves the energies in this state.
+  void take(const CoupledState& state) { newton_.restore(state); }
+
+ private:
+  /// @param gains  bool(): whether the state after a step is better than all before
+  template <class Gains>
+  void descend(int most_steps, const Gains& gains) {
+    int without = 0;
+    for (int step = 0; step < most_steps && !is_late(); ++step) {
+      const double delta = newton_.least() > 0 ? 0 : kFirstDelta * std::pow(kDecay, step);
+      const CoupledNewton::Outcome outcome = newton_.step(delta);
+      ++steps_;
+      if (!outcome.moved) return;
+      without = gains() ? 0 : without + 1;
+      if (without == kMostWithoutGain || (delta == 0 && outcome.fall < kStands)) return;
+    }
+  }
+
+  bool is_late() const { return seconds_ > 0 && watch_.seconds() > seconds_; }
+
+  Judged judge() {
+    certifier_.certify(newton_.coordinates(), certificates_, team_);
+    const CertificateSummary summary = certifier_.sharpen(newton_.coordinates(), certificates_, kGap, team_.stop());
+    Judged judged{newton_.state(), summary.invalid + summary.undecided, summary.min_scaled_jacobian_lower_bound,
+                  energies_.boundary.distance(newton_.coordinates()), energies_.boundary.folded()};
+    return judged;
+  }
+
+  static bool is_better(const Judged& a, const Judged& b) {
+    return a.left < b.left || (a.left == b.left && a.lowest > b.lowest);
+  }
+
+  Energies& energies_;
+  Certifier certifier_;
+  CoupledNewton newton_;
+  const Team& team_;
+  std::vector<Certificate> certificates_;
+  double seconds_;
+  Stopwatch watch_;
+  int steps_ = 0;
+};
+
+/// The distances of the mesh as it came, by the association that it had then.
+Distance distance_of(const HighOrderMesh& mesh, const Association& association, const std::vector<bool>& fixed,
+                     const Team& team) {
+  const auto curves = curve_elements(mesh, association), surfaces = surface_elements(mesh, association);
+  return BoundaryEnergy({association, curves, surfaces, mesh.order, mesh.coordinates, mesh.coordinates, fixed}, team)
+      .distance(mesh.coordinates);
+}
+
+Limit limit_of(double tolerance, const Distances& start, const Distances& slid, double rounding) {
+  if (tolerance > 0) return {std::max(tolerance, slid.largest) + rounding, std::max(tolerance, slid.rms()) + rounding};
+  return {kTimesStart * start.largest + rounding, kTimesStart * start.rms() + rounding};
+}
+
+/// Whether the nodes go back although as few cells are left.
+bool is_worse(const HighOrderMesh& mesh, const Judged& all, const Judged& inside, const Team& team) {
+  if (all.left != inside.left) return all.left > inside.left;
+  const ScaledJacobians now = scaled_jacobians(mesh, all.state.coordinates, team);
+  const ScaledJacobians before = scaled_jacobians(mesh, inside.state.coordinates, team);
+  return now.smallest < before.smallest && now.mean < before.mean;
+}
+
+void count_moved(const std::vector<double>& start, const HighOrderMesh& mesh, const Association& association,
+                 SlideReport& report) {
+  report.nodes = 0;
+  report.farthest = 0;
+  for (std::size_t node = 0; node < mesh.node_count(); ++node) {
+    if (association.nodes[node].dimension < 1) continue;
+    const double by = (Eigen::Map<const Eigen::Vector3d>(&mesh.coordinates[3 * node]) -
+                       Eigen::Map<const Eigen::Vector3d>(&start[3 * node]))
+                          .norm();
+    report.nodes += by > 0 ? 1 : 0;
+    report.farthest = std::max(report.farthest, by);
+  }
+}
+
+}  // namespace
+
+std::string CoupledReport::sentence() const {
+  const auto elements = [](std::int64_t count) {
+    return count == 1 ? std::string("1 element is") : std::to_string(count) + " elements are";
+  };
+  if (!taken)
+    return "All nodes moved together for " + std::to_string(steps) +
+           " steps, but that brought nothing within the limits of distance, so the boundary stays as it slid.";
+  return "Then all nodes moved together for " + std::to_string(steps) + " steps: " + elements(left_after) +
+         " not certified valid now, and with the boundary as it slid " + std::to_string(left_before) + " would be.";
+}
+
+SlideReport slide_coupled(HighOrderMesh& mesh, Association& association, const std::vector<bool>& fixed,
+                          const CoupledLimits& limits, const Team& team, CoupledReport& coupled) {
+  const std::vector<double> as_it_came = mesh.coordinates;
+  SlideReport report;
+  std::optional<Energies> energies;
+  std::optional<Descent> descent;
+  std::optional<Judged> inside, all;
+  team.run([&] {
+    const Distance start = distance_of(mesh, association, fixed, team);
+    report = slide(mesh, association, SlideOn::All, fixed, team);
+    energies.emplace(mesh, association, as_it_came, fixed, team);
+    descent.emplace(*energies, mesh, limits.seconds, team);
+    inside = descent->inside();
+    const double rounding = kRounding * association.size;
+    all = descent->everything(*inside, limit_of(limits.tolerance, start.surfaces, inside->distance.surfaces, rounding),
+                              limit_of(limits.tolerance, start.curves, inside->distance.curves, rounding));
+  });
+  coupled = {false, descent->steps(), inside->left, inside->left};
+  if (!all || is_worse(mesh, *all, *inside, team)) return report;
+  coupled.taken = true;
+  coupled.left_after = all->left;
+  team.run([&] { descent->take(all->state); });
+  mesh.coordinates = all->state.coordinates;
+  energies->boundary.write(association);
+  report.folded_after = all->folded;
+  report.after = {all->distance.surfaces.largest, all->distance.surfaces.rms()};
+  count_moved(as_it_came, mesh, association, report);
+  return report;
+}
+
+}  // namespace varimesh::detail

@@ -1,0 +1,53 @@
+// Moves all nodes of a mesh together, those on its boundary included, after its boundary has slid bottom-up. Internal
+// to core/slide.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "core/association/association.h"
+#include "core/base/team.h"
+#include "core/slide/slide_report.h"
+
+namespace varimesh::detail {
+
+/// What came of it.
+struct CoupledReport {
+  bool taken = false;            ///< Otherwise the mesh is as bottom-up sliding has left it.
+  int steps = 0;                 ///< Newton steps.
+  std::int64_t left_before = 0;  ///< Cells that are not certified valid if only nodes inside the mesh move,
+  std::int64_t left_after = 0;   ///< and if all move.
+
+  /// A sentence for a person.
+  std::string sentence() const;
+};
+
+/// How far and how long all nodes may move together.
+struct CoupledLimits {
+  double tolerance = 0;  ///< Of the distances, in the mesh's unit of length; 0: twice those of the mesh as it came.
+  /// After this many seconds no further step begins, and the best state so far is taken. 0: no limit.
+  double seconds = 0;
+};
+
+/// slide() with SlideOn::All, and then Newton's method for all nodes together (coupled_newton.h), with the targets of
+/// the mesh as it came on the boundary, and as it has slid inside.
+///
+/// First only nodes inside the mesh move; what comes of this is what bottom-up sliding can give. Then all move. Of the
+/// states on the way, the one with the fewest cells that are not certified valid is taken; if several are equal, the
+/// one with the highest proved scaled Jacobian. Neither the largest nor the rms distance between boundary and geometry
+/// may exceed `tolerance` there, or what bottom-up sliding has left if that is more; with tolerance 0, neither may
+/// exceed twice that of the mesh as it came. This holds for all surfaces together, and for all curves together. No more
+/// elements may be folded than after bottom-up sliding. If the state to which Newton's method comes exceeds these
+/// distances, states a part of the way to it are tried, and then the boundary's energy gets a higher weight.
+///
+/// The nodes go back to where bottom-up sliding has left them if that leaves fewer cells, or as many with a larger
+/// smallest and mean scaled Jacobian, each after nodes inside the mesh have moved. Nodes of the boundary lie on their
+/// entity afterwards, up to rounding. The result does not depend on the number of threads, unless the seconds end it.
+/// Do not call it inside team.run().
+///
+/// @param coupled  what came of the second part
+SlideReport slide_coupled(HighOrderMesh& mesh, Association& association, const std::vector<bool>& fixed,
+                          const CoupledLimits& limits, const Team& team, CoupledReport& coupled);
+
+}  // namespace varimesh::detail

@@ -1,0 +1,220 @@
+#include "core/slide/coupled/volume_energy.h"
+
+#include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "core/base/index.h"
+#include "core/kernels/p_norm.h"
+#include "core/options/options.h"
+#include "core/problem/substitute_shapes.h"
+#include "core/problem/targets.h"
+#include "core/reference/basis.h"
+#include "core/reference/quadrature.h"
+#include "core/validity/certifier.h"
+
+namespace varimesh::detail {
+namespace {
+
+/// The weight of the straight-sided cells.
+constexpr double kStraightWeight = 0.05;
+constexpr std::int32_t kCellsPerTask = 64, kBatchesPerTask = 2, kNodesPerTask = 256;
+
+/// The cells of order 1 on the vertices of a mesh's cells.
+HighOrderMesh straight_cells(const HighOrderMesh& mesh) {
+  HighOrderMesh straight;
+  straight.dimension = mesh.dimension;
+  straight.order = 1;
+  straight.coordinates = mesh.coordinates;
+  for (const ElementBlock& block : mesh.blocks) {
+    const reference::ShapeInfo& shape = reference::info(block.shape);
+    if (shape.dimension != mesh.dimension) continue;
+    ElementBlock cells;
+    cells.shape = block.shape;
+    cells.entity = block.entity;
+    cells.numbers = block.numbers;
+    const auto stride = at(reference::node_count(block.shape, block.order));
+    for (std::size_t e = 0; e < block.size(); ++e)
+      cells.nodes.insert(cells.nodes.end(), block.nodes.begin() + static_cast<std::ptrdiff_t>(e * stride),
+                         block.nodes.begin() + static_cast<std::ptrdiff_t>(e * stride) + shape.vertices);
+    straight.blocks.push_back(std::move(cells));
+  }
+  return straight;
+}
+
+/// The derivatives of the basis on the file's equispaced nodes, in place of those on the solver's.
+void use_file_nodes(CellSet& set) {
+  const int d = set.dimension;
+  const auto gradients = reference::basis_gradients(set.shape, set.order, reference::NodeSet::Equispaced, d,
+                                                    reference::quadrature(set.shape, set.order, set.degree).points);
+  for (int node = 0; node < set.nodes_per_cell; ++node)
+    for (int k = 0; k < d; ++k)
+      for (int q = 0; q < set.stride; ++q)
+        set.derivatives[at((node * d + k) * set.stride + q)] = gradients[at(k)](std::min(q, set.points - 1), node);
+}
+
+/// Lists the incidences of the free nodes again, after sets were added.
+void list_incidences(Problem& problem) {
+  std::vector<std::int32_t> rank(problem.positions.size() / 3, -1);
+  for (std::size_t f = 0; f < problem.free.size(); ++f) rank[at(problem.free[f])] = static_cast<std::int32_t>(f);
+  problem.offsets.assign(problem.free.size() + 1, 0);
+  const auto visit = [&](const auto& use) {
+    for (std::size_t s = 0; s < problem.sets.size(); ++s)
+      for (std::size_t n = 0; n < problem.sets[s].nodes.size(); ++n)
+        if (const std::int32_t f = rank[at(problem.sets[s].nodes[n])]; f >= 0) {
+          const auto per_cell = at(problem.sets[s].nodes_per_cell);
+          use(at(f), Incidence{static_cast<std::int32_t>(n / per_cell), static_cast<std::int16_t>(s),
+                               static_cast<std::int16_t>(n % per_cell)});
+        }
+  };
+  visit([&](std::size_t f, const Incidence&) { ++problem.offsets[f + 1]; });
+  for (std::size_t f = 0; f < problem.free.size(); ++f) problem.offsets[f + 1] += problem.offsets[f];
+  problem.incidences.resize(at(problem.offsets.back()));
+  std::vector<std::int64_t> next(problem.offsets.begin(), problem.offsets.end() - 1);
+  visit([&](std::size_t f, const Incidence& incidence) { problem.incidences[at(next[f]++)] = incidence; });
+}
+
+}  // namespace
+
+VolumeEnergy::VolumeEnergy(const HighOrderMesh& mesh, const std::vector<bool>& fixed, const Team& team)
+    : team_(team), frame_(frame_of(mesh, team)), reduction_(team) {
+  const Material material = varimesh::material(Options{});
+  kernels_ = make_kernels(material, 3);
+  hessian_ = make_hessian_kernels(material, 3);
+  const HighOrderMesh straight = straight_cells(mesh);
+  problem_ = build_problem(mesh, fixed, 0, team);
+  Problem barrier = build_problem(straight, fixed, 0, team);
+  const Certifier certifier(mesh, {}, team);
+  const SubstituteShapes substitutes =
+      substitute_shapes(mesh, certifier.sound_with_straight_sides(mesh.coordinates, team), team);
+  // The targets need only the vertices, which are the same nodes in both sets of nodes.
+  problem_.positions = barrier.positions = solver_positions(straight, mesh.coordinates, frame_, team);
+  for (Problem* part : {&problem_, &barrier}) set_targets(*part, {}, frame_.diagonal, substitutes, team);
+  for (CellSet& set : problem_.sets) use_file_nodes(set);
+  curved_sets_ = problem_.sets.size();
+  for (CellSet& set : barrier.sets) {
+    for (double& measure : set.measure) measure *= kStraightWeight;
+    for (std::size_t i = 9; i < set.uniform_target.size(); i += 10) set.uniform_target[i] *= kStraightWeight;
+    set.first += problem_.cells;
+    problem_.sets.push_back(std::move(set));
+  }
+  problem_.cells += barrier.cells;
+  list_incidences(problem_);
+  scans_.resize(at(problem_.cells));
+  for (CellSet& set : problem_.sets) set.energy_slope.assign(at(set.count), 1.0);
+  batches_ = make_batches(problem_, *hessian_, team);
+}
+
+std::vector<double> VolumeEnergy::volumes() const {
+  std::vector<double> volumes(at(problem_.cells) / 2);
+  for (std::size_t s = 0; s < curved_sets_; ++s)
+    for (std::int32_t cell = 0; cell < problem_.sets[s].count; ++cell)
+      volumes[at(problem_.sets[s].mesh_cell[at(cell)])] = cell_measure(problem_.sets[s], cell);
+  return volumes;
+}
+
+void VolumeEnergy::set_delta(double delta) {
+  delta_ = delta;
+  for (CellSet& set : problem_.sets) set.delta_squared.assign(at(set.count), delta * delta);
+}
+
+double VolumeEnergy::energy(std::span<const double> coordinates) {
+  team_.for_ranges(coordinates.size() / 3, 16384, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t n = begin; n < end; ++n)
+      for (std::size_t k = 0; k < 3; ++k)
+        problem_.positions[3 * n + k] = (coordinates[3 * n + k] - frame_.centre[k]) / frame_.diagonal;
+  });
+  scan();
+  double energy = 0;
+  least_ = std::numeric_limits<double>::infinity();
+  for (const CellScan& scan : scans_) least_ = std::min(least_, scan.smallest_jacobian);
+  for (const CellSet& set : problem_.sets)
+    energy += reduction_.sum(at(set.count), 512, [&](std::size_t cell) {
+      const CellScan& scan = scans_[at(set.first) + cell];
+      if (set.delta_squared[cell] == 0 && !(scan.smallest_jacobian > 0)) return std::numeric_limits<double>::infinity();
+      return scan.energy;
+    });
+  return std::isfinite(energy) ? energy : std::numeric_limits<double>::infinity();
+}
+
+void VolumeEnergy::scan() {
+  for (const CellSet& set : problem_.sets)
+    team_.for_each(set.count, kCellsPerTask, [&](std::int32_t cell) {
+      static thread_local AlignedVector<double> deformation;
+      deformation.resize(set.deformation_size());
+      kernels_->deform(set, cell, problem_.positions, deformation.data());
+      scans_[at(set.first + cell)] = kernels_->scan(set, cell, deformation.data(), nullptr);
+    });
+}
+
+void VolumeEnergy::keep_positive_part(std::size_t s, std::int32_t b, const double* deformation) {
+  const CellSet& set = problem_.sets[s];
+  BatchSet& batches = batches_[s];
+  const Material material = varimesh::material(Options{});
+  for (int lane = 0; lane < kBatch && b * kBatch + lane < set.count; ++lane)
+    for (int q = 0; q < set.points; ++q) {
+      const double* F = deformation + at(lane) * set.deformation_size() + q;
+      Eigen::Matrix3d matrix;
+      for (int k = 0; k < 9; ++k) matrix(k / 3, k % 3) = F[k * set.stride];
+      const double J = matrix.determinant();
+      // w f_Q, w f_J and w f_JJ, with f_Q = μ/2.
+      float* kept = batches.linearisation.data() + at(b) * batches.linearisation_size() +
+                    at(batches.gradient.slots[at(q)] * batches.entries * kBatch + lane);
+      const double weight = 2 * static_cast<double>(kept[0]) / material.mu;
+      kept[kBatch] = 0;
+      kept[2 * kBatch] =
+          std::max(kept[2 * kBatch], static_cast<float>(weight * material.lambda / (J * J + delta_ * delta_)));
+    }
+}
+
+void VolumeEnergy::linearise(bool positive, std::vector<double>& gradient, std::vector<std::array<double, 6>>& blocks) {
+  for (std::size_t s = 0; s < problem_.sets.size(); ++s) {
+    const CellSet& set = problem_.sets[s];
+    team_.for_each(batches_[s].count, kBatchesPerTask, [&](std::int32_t b) {
+      static thread_local AlignedVector<double> deformation;
+      deformation.resize(kBatch * set.deformation_size());
+      for (std::int32_t cell = b * kBatch; cell < std::min(set.count, (b + 1) * kBatch); ++cell)
+        kernels_->deform(set, cell, problem_.positions,
+                         deformation.data() + at(cell - b * kBatch) * set.deformation_size());
+      hessian_->linearise(batches_[s], b, deformation.data());
+      if (positive) keep_positive_part(s, b, deformation.data());
+    });
+  }
+  const auto ranks = static_cast<std::int32_t>(problem_.free.size());
+  // Calls add(numbers) for what each cell contributes to a node.
+  const auto for_contributions = [&](std::int32_t rank, const auto& add) {
+    for (std::int64_t i = problem_.offsets[at(rank)]; i < problem_.offsets[at(rank) + 1]; ++i) {
+      const Incidence& incidence = problem_.incidences[at(i)];
+      const BatchSet& set = batches_[at(incidence.set)];
+      add(set.contributions.data() + set.contribution_index(incidence.cell, incidence.local, 6));
+    }
+  };
+  gradient.assign(3 * problem_.free.size(), 0);
+  team_.for_each(ranks, kNodesPerTask, [&](std::int32_t rank) {
+    for_contributions(rank, [&](const float* numbers) {
+      for (std::size_t k = 0; k < 3; ++k)
+        gradient[3 * at(rank) + k] += static_cast<double>(numbers[k]) + static_cast<double>(numbers[3 + k]);
+    });
+  });
+  for (BatchSet& set : batches_)
+    team_.for_each(set.count, kBatchesPerTask, [&](std::int32_t b) { hessian_->node_blocks(set, b); });
+  blocks.assign(problem_.free.size(), {});
+  team_.for_each(ranks, kNodesPerTask, [&](std::int32_t rank) {
+    for_contributions(rank, [&](const float* numbers) {
+      for (std::size_t k = 0; k < 6; ++k) blocks[at(rank)][k] += static_cast<double>(numbers[k]);
+    });
+  });
+}
+
+void VolumeEnergy::multiply(std::span<const float> direction, std::span<float> product) {
+  for (BatchSet& set : batches_)
+    team_.for_each(set.count, kBatchesPerTask, [&](std::int32_t b) { hessian_->apply(set, b, direction); });
+  const auto ranks = static_cast<std::int32_t>(problem_.free.size());
+  team_.for_each((ranks + kNodesPerTask - 1) / kNodesPerTask, 1, [&](std::int32_t task) {
+    hessian_->add_up(problem_, batches_, direction.data(), product.data(), task * kNodesPerTask,
+                     std::min(ranks, (task + 1) * kNodesPerTask));
+  });
+}
+
+}  // namespace varimesh::detail

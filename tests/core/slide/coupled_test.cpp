@@ -1,0 +1,198 @@
+#include "core/slide/coupled/coupled.h"
+
+#include <gtest/gtest.h>
+
+#include "core/optimise/optimiser.h"
+#include "core/slide/coupled/coupled_newton.h"
+#include "core/slide/slide.h"
+#include "core/slide/slide_on_file.h"
+#include "tests/core/support/disc_mesh.h"
+
+namespace varimesh {
+namespace {
+
+using testing::DiscMesh;
+using testing::solid_cylinder;
+
+GeometryOptions coupled() {
+  GeometryOptions options;
+  options.slide = "coupled";
+  return options;
+}
+
+SlideReport slid(HighOrderMesh& mesh, const GeometryOptions& options) {
+  const auto done = slide_on_model(mesh, options, solid_cylinder());
+  EXPECT_TRUE(done) << done.error().sentence;
+  return done ? done->report : SlideReport();
+}
+
+std::int64_t left_after_optimising(const HighOrderMesh& mesh) {
+  const auto result = optimise(mesh);
+  EXPECT_TRUE(result);
+  return result->after.certified.invalid + result->after.certified.undecided;
+}
+
+TEST(Coupled, MakesRoomWhereBottomUpSlidingCannot) {
+  const HighOrderMesh start = DiscMesh(2, 3).mesh();
+  HighOrderMesh bottom_up = start, all = start;
+  slid(bottom_up, {});
+  const SlideReport report = slid(all, coupled());
+  EXPECT_GT(left_after_optimising(bottom_up), 0);
+  EXPECT_EQ(left_after_optimising(all), 0);
+  EXPECT_LE(report.after.largest, 2 * report.before.largest);
+  EXPECT_LE(report.after.rms, 2 * report.before.rms);
+}
+
+TEST(Coupled, KeepsNodesOnTheirEntities) {
+  const HighOrderMesh start = DiscMesh(2, 3).mesh();
+  HighOrderMesh mesh = start;
+  EXPECT_GT(slid(mesh, coupled()).nodes, 0);
+  for (std::size_t block = 0; block < 3; ++block)
+    for (const std::int32_t node : start.blocks[block].nodes) {
+      const double* x = &mesh.coordinates[3 * static_cast<std::size_t>(node)];
+      if (block == 0) {
+        EXPECT_NEAR(std::hypot(x[0], x[1]), 1, 1e-13);
+      } else {
+        EXPECT_NEAR(x[2], block == 1 ? 0 : 1, 1e-15);
+      }
+    }
+}
+
+TEST(Coupled, KeepsWithinATolerance) {
+  const HighOrderMesh start = DiscMesh(2, 3).mesh();
+  HighOrderMesh bottom_up = start;
+  const SlideReport before = slid(bottom_up, {});
+  for (const double tolerance : {1e-9, 1.2 * before.after.largest, 1.5 * before.after.largest}) {
+    HighOrderMesh mesh = start;
+    GeometryOptions options = coupled();
+    options.tolerance = tolerance;
+    const SlideReport report = slid(mesh, options);
+    EXPECT_LE(report.after.largest, std::max(tolerance, before.after.largest) + 1e-11) << tolerance;
+    EXPECT_LE(report.after.rms, std::max(tolerance, before.after.rms) + 1e-11) << tolerance;
+  }
+}
+
+TEST(Coupled, HasTheSameBitsForAnyNumberOfThreads) {
+  const HighOrderMesh start = DiscMesh(2, 3).mesh();
+  std::vector<double> of[3];
+  for (int threads = 1; threads <= 3; ++threads) {
+    HighOrderMesh mesh = start;
+    GeometryOptions options = coupled();
+    options.threads = threads;
+    slid(mesh, options);
+    of[threads - 1] = mesh.coordinates;
+  }
+  EXPECT_NE(of[0], start.coordinates);
+  EXPECT_EQ(of[0], of[1]);
+  EXPECT_EQ(of[0], of[2]);
+}
+
+TEST(Coupled, LeavesTheMeshAsItCameIfItIsToStop) {
+  const HighOrderMesh start = DiscMesh(1, 3).mesh();
+  int looks = 0;
+  const auto slides = [&](int most) {
+    HighOrderMesh mesh = start;
+    GeometryOptions options = coupled();
+    const StopToken stop([&] { return ++looks > most; });
+    options.stop = &stop;
+    looks = 0;
+    try {
+      slid(mesh, options);
+      EXPECT_NE(mesh.coordinates, start.coordinates);
+      return true;
+    } catch (const Interrupted&) {
+      EXPECT_EQ(mesh.coordinates, start.coordinates);
+      return false;
+    }
+  };
+  ASSERT_TRUE(slides(std::numeric_limits<int>::max()));
+  const int all = looks;
+  for (const int most : {0, all / 4, all / 2, 3 * all / 4, all - 1}) EXPECT_FALSE(slides(most)) << most;
+  EXPECT_TRUE(slides(all));
+}
+
+TEST(Coupled, FixedNodesStay) {
+  HighOrderMesh start = DiscMesh(2, 3).mesh(), mesh;
+  start.blocks[0].physical = {7};
+  mesh = start;
+  GeometryOptions options = coupled();
+  options.fix = {"7"};
+  slid(mesh, options);
+  for (const std::int32_t node : start.blocks[0].nodes)
+    for (std::size_t c = 3 * static_cast<std::size_t>(node); c < 3 * static_cast<std::size_t>(node) + 3; ++c)
+      EXPECT_EQ(mesh.coordinates[c], start.coordinates[c]);
+  EXPECT_NE(mesh.coordinates, start.coordinates);
+}
+
+TEST(Coupled, RefusesWhatDoesNotGoTogether) {
+  const HighOrderMesh start = DiscMesh(1, 3).mesh();
+  const auto sentence = [&](const GeometryOptions& options) {
+    HighOrderMesh mesh = start;
+    const auto slid = slide_on_file(mesh, options);
+    EXPECT_FALSE(slid);
+    EXPECT_EQ(mesh.coordinates, start.coordinates);
+    return slid ? std::string() : slid.error().sentence;
+  };
+  GeometryOptions options = coupled();
+  options.on_boundary = true;
+  EXPECT_NE(sentence(options).find("needs a model"), std::string::npos);
+  options.on_boundary = false;
+  options.tolerance = -1;
+  EXPECT_NE(sentence(options).find("must be a length"), std::string::npos);
+  options.tolerance = 0.1;
+  options.slide = "all";
+  EXPECT_NE(sentence(options).find("goes only with"), std::string::npos);
+}
+
+/// The gradients of both energies against differences, in the direction of some smooth displacement of all nodes along
+/// their entities.
+TEST(CoupledEnergies, HaveTheGradientsThatDifferencesHave) {
+  const HighOrderMesh mesh = DiscMesh(1, 3).mesh();
+  const Team team(1);
+  team.run([&] {
+    auto association = associate(mesh, solid_cylinder(), team);
+    ASSERT_TRUE(association);
+    const auto curves = detail::curve_elements(mesh, *association);
+    const auto surfaces = detail::surface_elements(mesh, *association);
+    const std::vector<bool> none(mesh.node_count(), false);
+    detail::BoundaryEnergy boundary(
+        {*association, curves, surfaces, mesh.order, mesh.coordinates, mesh.coordinates, none}, team);
+    detail::VolumeEnergy volume(mesh, none, team);
+    boundary.prepare(mesh, volume.volumes(), volume.nodes(), volume.diagonal());
+    constexpr double kDelta = 0.5, kWeight = 2;
+    volume.set_delta(kDelta);
+    volume.energy(mesh.coordinates);
+    std::vector<double> gradient;
+    std::vector<std::array<double, 6>> blocks;
+    volume.linearise(false, gradient, blocks);
+    const auto directions = boundary.directions();
+    const auto hessian = boundary.linearise(kDelta, kWeight, false, directions, gradient);
+    EXPECT_GT(hessian.nonZeros(), 0);
+    std::vector<double> step(gradient.size());
+    double slope = 0;
+    for (std::size_t rank = 0; rank < volume.nodes().size(); ++rank) {
+      const Eigen::Vector3d x =
+          Eigen::Map<const Eigen::Vector3d>(&mesh.coordinates[3 * static_cast<std::size_t>(volume.nodes()[rank])]);
+      const Eigen::Vector3d wave(std::sin(3 * x[1]), std::cos(2 * x[2] + x[0]), std::sin(x[0] + x[1] + x[2]));
+      const Eigen::Vector3d move = 0.01 * (directions[rank] * (directions[rank].transpose() * wave));
+      for (int k = 0; k < 3; ++k) step[3 * rank + static_cast<std::size_t>(k)] = move[k];
+      slope += move.dot(Eigen::Map<const Eigen::Vector3d>(&gradient[3 * rank])) / volume.diagonal();
+    }
+    const auto start = boundary.places();
+    const auto energy_at = [&](double part) {
+      std::vector<double> scaled = step, coordinates = mesh.coordinates;
+      for (double& number : scaled) number *= part;
+      for (std::size_t rank = 0; rank < volume.nodes().size(); ++rank)
+        for (std::size_t k = 0; k < 3; ++k)
+          coordinates[3 * static_cast<std::size_t>(volume.nodes()[rank]) + k] += scaled[3 * rank + k];
+      boundary.move(start, scaled, coordinates);
+      return volume.energy(coordinates) + boundary.value(kDelta, kWeight).energy;
+    };
+    const double part = 1e-3, difference = (energy_at(part) - energy_at(-part)) / (2 * part);
+    EXPECT_NEAR(difference, slope, 1e-4 * std::abs(slope));
+    EXPECT_NE(slope, 0);
+  });
+}
+
+}  // namespace
+}  // namespace varimesh
