@@ -63,9 +63,17 @@ void add_inputs(CLI::App& command, std::vector<std::string>* meshes, Input* inpu
 void add_slide_flags(CLI::App& command, GeometryOptions* geometry) {
   command
       .add_option("--slide", geometry->slide,
-                  "Which boundary nodes slide: none, surfaces, or all (on curves and surfaces); default: all")
+                  "Which boundary nodes slide: none, surfaces, all (on curves and surfaces), or coupled (the same, and "
+                  "then all nodes of the mesh together); default: all")
       ->type_name("WHICH")
-      ->check(CLI::IsMember({"none", "surfaces", "all"}))
+      ->check(CLI::IsMember({"none", "surfaces", "all", "coupled"}))
+      ->group(kGeometryGroup);
+  command
+      .add_option("--geometry-tolerance", geometry->tolerance,
+                  "With --slide coupled: how far the boundary may lie from the geometry, in the mesh's unit of length; "
+                  "default: twice as far as it does")
+      ->type_name("LENGTH")
+      ->check(CLI::PositiveNumber)
       ->group(kGeometryGroup);
   command
       .add_flag("--snap", geometry->snap,
@@ -132,6 +140,7 @@ Expected<Input> with_options(Input input, const v1::Options& options) {
     return bad_option(flag + " goes only with --fix, not with other options that fix or free nodes.");
   input.geometry.fix.assign(options.fix().begin(), options.fix().end());
   input.geometry.threads = options.threads();
+  input.geometry.coupled_seconds = options.time_limit() / 2;
   return input;
 }
 
@@ -151,7 +160,9 @@ Outcome<std::optional<v1::Geometry>> hand_over_geometry(Client& client, Input* i
   geometry.set_digest(stored->digest());
   geometry.set_slide(options.slide == "none"       ? v1::Geometry::SLIDE_NONE
                      : options.slide == "surfaces" ? v1::Geometry::SLIDE_SURFACES
+                     : options.slide == "coupled"  ? v1::Geometry::SLIDE_COUPLED
                                                    : v1::Geometry::SLIDE_ALL);
+  geometry.set_tolerance(options.tolerance);
   geometry.set_snap(options.snap);
   geometry.set_smooth_angle(options.smooth_angle);
   options = {};

@@ -1,5 +1,6 @@
 #include "server/engine/geometry_messages.h"
 
+#include <cmath>
 #include <string>
 
 namespace varimesh::server {
@@ -19,9 +20,13 @@ v1::BoundaryDistance to_proto(const BoundaryDistance& distance) {
 Expected<void> check(const v1::Geometry& geometry, const Options& options) {
   if (!v1::Geometry::Slide_IsValid(geometry.slide()))
     return bad_option("geometry.slide is " + std::to_string(static_cast<int>(geometry.slide())) +
-                      ", but this server knows only none, surfaces and all.");
+                      ", but this server knows only none, surfaces, all and coupled.");
   if (!(geometry.smooth_angle() >= 0 && geometry.smooth_angle() <= kMostDegrees))
     return bad_option("geometry.smooth_angle must be from 0 to 45 degrees.");
+  if (!(geometry.tolerance() >= 0 && std::isfinite(geometry.tolerance())))
+    return bad_option("geometry.tolerance must be a length, or 0.");
+  if (geometry.tolerance() > 0 && geometry.slide() != v1::Geometry::SLIDE_COUPLED)
+    return bad_option("geometry.tolerance goes only with slide coupled.");
   if (options.order > 0)
     return bad_option("order does not go with a geometry, because new boundary nodes would not lie on it.");
   if (!options.free.empty() || !options.free_nodes.empty() || !options.fix_nodes.empty() || options.region_below > 0)
@@ -33,7 +38,10 @@ GeometryOptions geometry_options(const v1::Geometry& geometry, const Options& op
   GeometryOptions all;
   all.slide = geometry.slide() == v1::Geometry::SLIDE_NONE       ? "none"
               : geometry.slide() == v1::Geometry::SLIDE_SURFACES ? "surfaces"
+              : geometry.slide() == v1::Geometry::SLIDE_COUPLED  ? "coupled"
                                                                  : "all";
+  all.tolerance = geometry.tolerance();
+  all.coupled_seconds = options.time_limit / 2;
   all.snap = geometry.snap();
   all.smooth_angle = geometry.smooth_angle();
   all.fix = options.fix;

@@ -138,6 +138,17 @@ TEST_F(CadJobs, SlideBoundaryNodes) {
   EXPECT_EQ(still.metrics().geometry().before().rms(), still.metrics().geometry().after().rms());
 }
 
+TEST_F(CadJobs, MoveAllNodesTogether) {
+  const Service service = CadJobs::service();
+  v1::JobSpec spec = spec_for(service, content_of("bracket_p3.msh"), content_of("bracket.brep"));
+  spec.mutable_geometry()->set_tolerance(0.5);
+  EXPECT_TRUE(has(refusal_of(service, spec).error_message(), "goes only with slide coupled"));
+  spec.mutable_geometry()->set_slide(v1::Geometry::SLIDE_COUPLED);
+  const v1::Job slid = run(service, spec);
+  ASSERT_EQ(slid.state(), v1::JOB_STATE_SUCCEEDED) << slid.error().message();
+  EXPECT_TRUE(has(slid.metrics().geometry().sentences(slid.metrics().geometry().sentences_size() - 1), "together"));
+}
+
 TEST_F(CadJobs, TakeIgesFiles) {
   const Service service = CadJobs::service();
   const v1::Job slid = run(service, spec_for(service, content_of("bracket_p3.msh"), content_of("bracket.igs")));

@@ -30,9 +30,10 @@ class Geometry:
     command, which have the same names."""
 
     file: str | os.PathLike[str]
-    slide: Literal["none", "surfaces", "all"] = "all"
+    slide: Literal["none", "surfaces", "all", "coupled"] = "all"
     snap: bool = False
     smooth_angle: float = 0.0
+    tolerance: float = 0.0  #: that of --geometry-tolerance, only with slide="coupled"
 
     def to_message(self) -> job_pb2.Geometry:
         """The message without the digest of the file. BadOption names a value that does not exist."""
@@ -40,7 +41,8 @@ class Geometry:
         if self.slide not in known:
             raise BadOption(f"slide cannot be {self.slide!r}; {suggestion(str(self.slide), known)}")
         slide = job_pb2.Geometry.Slide.Name(known[self.slide])
-        return job_pb2.Geometry(slide=slide, snap=self.snap, smooth_angle=self.smooth_angle)
+        return job_pb2.Geometry(slide=slide, snap=self.snap, smooth_angle=self.smooth_angle,
+                                tolerance=self.tolerance)
 
 
 class Options(TypedDict, total=False):

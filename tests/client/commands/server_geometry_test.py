@@ -48,7 +48,8 @@ class OnAServer(Geometry):
             meshes.append(self.folder / name)
             self.assertEqual(run("convert", BRACKET, meshes[-1], *flags).returncode, 0)
         for mesh in meshes:
-            for flags in ([], ["--slide", "surfaces", "--snap", "--smooth-angle", 5]):
+            for flags in ([], ["--slide", "surfaces", "--snap", "--smooth-angle", 5],
+                          ["--slide", "coupled", "--geometry-tolerance", 0.5]):
                 with self.subTest(mesh=mesh.name, flags=flags):
                     outs = [path.with_suffix(mesh.suffix) for path in (here, there)]
                     alone = self.optimise(*flags, mesh=mesh, out=outs[0])

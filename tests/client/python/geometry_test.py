@@ -44,6 +44,8 @@ class Geometry(support.WithServer):
         sent = job._message.spec.geometry
         self.assertEqual((sent.slide, sent.snap, sent.smooth_angle), (job_pb2.Geometry.SLIDE_NONE, True, 5))
         self.assertEqual(job.result().metrics.geometry.nodes, 0)
+        sent = varimesh.Geometry(MODEL, slide="coupled", tolerance=0.5).to_message()
+        self.assertEqual((sent.slide, sent.tolerance), (job_pb2.Geometry.SLIDE_COUPLED, 0.5))
 
     def test_the_client_for_asyncio_has_it_too(self):
         async def optimised():
