@@ -28,6 +28,8 @@ constexpr double kStands = 1e-4;
 constexpr double kWeights[] = {1, 4};
 /// How much of the way to a state that exceeds the limit is tried.
 constexpr double kParts[] = {0.875, 0.75, 0.625, 0.5, 0.375, 0.25, 0.125, 0.0625, 0.03125, 0.015625};
+constexpr double kWeak = 0.02;       // a cell with a smaller scaled Jacobian is hardly better than an invalid one
+constexpr double kWeakGap = 0.002;   // to which the scaled Jacobians of weak cells are found
 constexpr double kGap = 0.01;        // to which the smallest scaled Jacobian of a state is found
 constexpr double kTimesStart = 2;    // what the distances may become without a tolerance
 constexpr double kRounding = 1e-12;  // distances that differ by less, relative to the mesh's size, are equal
@@ -43,8 +45,9 @@ struct Limit {
 /// A state and how good it is.
 struct Judged {
   CoupledState state;
-  std::int64_t left = std::numeric_limits<std::int64_t>::max();  ///< Cells that are not certified valid.
-  double lowest = 0;                                             ///< The proved minimum of the scaled Jacobian.
+  std::int64_t left = 0;  ///< Cells that are not certified valid.
+  std::int64_t weak = 0;  ///< Those, and cells whose scaled Jacobian is below kWeak.
+  double lowest = 0;      ///< The proved minimum of the scaled Jacobian.
   Distance distance;
   std::int64_t folded = 0;
 };
@@ -82,6 +85,7 @@ class Descent {
   Descent(Energies& energies, const HighOrderMesh& mesh, double seconds, const Team& team)
       : energies_(energies),
         certifier_(energies.oriented.mesh(), {}, team),
+        exact_(energies.oriented.mesh(), exactly(), team),
         newton_(energies.volume, energies.boundary, mesh.coordinates, team),
         team_(team),
         certificates_(certifier_.cells()),
@@ -151,18 +155,34 @@ class Descent {
 
   Judged judge() {
     certifier_.certify(newton_.coordinates(), certificates_, team_);
+    std::vector<std::int32_t> unsure;
+    for (std::size_t cell = 0; cell < certificates_.size(); ++cell)
+      if (certificates_[cell].is_valid() && is_weak(certificates_[cell]))
+        unsure.push_back(static_cast<std::int32_t>(cell));
+    exact_.certify(newton_.coordinates(), unsure, certificates_, team_);
     const CertificateSummary summary = certifier_.sharpen(newton_.coordinates(), certificates_, kGap, team_.stop());
-    Judged judged{newton_.state(), summary.invalid + summary.undecided, summary.min_scaled_jacobian_lower_bound,
-                  energies_.boundary.distance(newton_.coordinates()), energies_.boundary.folded()};
-    return judged;
+    return {newton_.state(),
+            summary.invalid + summary.undecided,
+            std::ranges::count_if(certificates_, is_weak),
+            summary.min_scaled_jacobian_lower_bound,
+            energies_.boundary.distance(newton_.coordinates()),
+            energies_.boundary.folded()};
   }
 
+  static bool is_weak(const Certificate& certificate) {
+    return !certificate.is_valid() || certificate.scaled_jacobian_lower_bound < kWeak;
+  }
+  static CertificateOptions exactly() {
+    CertificateOptions options;
+    options.gap = kWeakGap;
+    return options;
+  }
   static bool is_better(const Judged& a, const Judged& b) {
-    return a.left < b.left || (a.left == b.left && a.lowest > b.lowest);
+    return std::tuple(a.weak, a.left, -a.lowest) < std::tuple(b.weak, b.left, -b.lowest);
   }
 
   Energies& energies_;
-  Certifier certifier_;
+  Certifier certifier_, exact_;
   CoupledNewton newton_;
   const Team& team_;
   std::vector<Certificate> certificates_;
@@ -184,9 +204,11 @@ Limit limit_of(double tolerance, const Distances& start, const Distances& slid, 
   return {kTimesStart * start.largest + rounding, kTimesStart * start.rms() + rounding};
 }
 
-/// Whether the nodes go back although as few cells are left.
+/// Whether the nodes go back to where bottom-up sliding has left them.
 bool is_worse(const HighOrderMesh& mesh, const Judged& all, const Judged& inside, const Team& team) {
-  if (all.left != inside.left) return all.left > inside.left;
+  if (all.left > inside.left || all.weak > inside.weak) return true;
+  if (all.weak < inside.weak) return false;
+  if (all.left < inside.left) return all.left > 0;
   const ScaledJacobians now = scaled_jacobians(mesh, all.state.coordinates, team);
   const ScaledJacobians before = scaled_jacobians(mesh, inside.state.coordinates, team);
   return now.smallest < before.smallest && now.mean < before.mean;

@@ -34,15 +34,18 @@ struct CoupledLimits {
 /// the mesh as it came on the boundary, and as it has slid inside.
 ///
 /// First only nodes inside the mesh move; what comes of this is what bottom-up sliding can give. Then all move. Of the
-/// states on the way, the one with the fewest cells that are not certified valid is taken; if several are equal, the
-/// one with the highest proved scaled Jacobian. Neither the largest nor the rms distance between boundary and geometry
-/// may exceed `tolerance` there, or what bottom-up sliding has left if that is more; with tolerance 0, neither may
-/// exceed twice that of the mesh as it came. This holds for all surfaces together, and for all curves together. No more
-/// elements may be folded than after bottom-up sliding. If the state to which Newton's method comes exceeds these
+/// states on the way, the one with the fewest weak cells is taken: those that are not certified valid, or whose scaled
+/// Jacobian is below .02. If several are equal, it is the one with the fewest cells that are not certified valid, and
+/// then the one with the highest proved scaled Jacobian. Neither the largest nor the rms distance between boundary and
+/// geometry may exceed `tolerance` there, or what bottom-up sliding has left if that is more; with tolerance 0, neither
+/// may exceed twice that of the mesh as it came. This holds for all surfaces together, and for all curves together. No
+/// more elements may be folded than after bottom-up sliding. If the state to which Newton's method comes exceeds these
 /// distances, states a part of the way to it are tried, and then the boundary's energy gets a higher weight.
 ///
-/// The nodes go back to where bottom-up sliding has left them if that leaves fewer cells, or as many with a larger
-/// smallest and mean scaled Jacobian, each after nodes inside the mesh have moved. Nodes of the boundary lie on their
+/// The nodes go back to where bottom-up sliding has left them if that leaves fewer weak cells or fewer that are not
+/// certified valid, or as many of both with a larger smallest and mean scaled Jacobian, each after nodes inside the
+/// mesh have moved. They also go back if as many cells are weak and some are not certified valid: that a few of them
+/// are hardly valid now is worth nothing, and would keep a split from making room. Nodes of the boundary lie on their
 /// entity afterwards, up to rounding. The result does not depend on the number of threads, unless the seconds end it.
 /// Do not call it inside team.run().
 ///
