@@ -99,6 +99,7 @@ UsableMirrors usable_mirrors(const CellSet& cells, const reference::Mirrors& mir
       reference::nodes(cells.shape, cells.order, reference::NodeSet::Optimised, cells.dimension);
   const reference::Points points = reference::quadrature(cells.shape, cells.order, cells.degree).points;
   UsableMirrors out;
+  if (points.rows() != cells.points) return out;  // the set has points of its own
   for (int axis = 0; axis < mirrors.count; ++axis) {
     Permutation node_images = images(mirrors, axis, nodes), point_images = images(mirrors, axis, points);
     if (node_images.empty() || point_images.empty()) continue;

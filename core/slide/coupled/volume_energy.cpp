@@ -19,6 +19,8 @@ namespace {
 
 /// The weight of the straight-sided cells.
 constexpr double kStraightWeight = 0.05;
+/// The weight of all points of the lattice together, beside 1 for those of the rule.
+constexpr double kLatticeWeight = 0.05;
 constexpr std::int32_t kCellsPerTask = 64, kBatchesPerTask = 2, kNodesPerTask = 256;
 
 /// The cells of order 1 on the vertices of a mesh's cells.
@@ -43,11 +45,25 @@ HighOrderMesh straight_cells(const HighOrderMesh& mesh) {
   return straight;
 }
 
-/// The derivatives of the basis on the file's equispaced nodes, in place of those on the solver's.
+/// The table of the basis on the file's equispaced nodes, in place of that on the solver's. Cells with straight sides
+/// of which are affine get the points of the lattice too, which a rule misses: vertices and edges.
 void use_file_nodes(CellSet& set) {
   const int d = set.dimension;
-  const auto gradients = reference::basis_gradients(set.shape, set.order, reference::NodeSet::Equispaced, d,
-                                                    reference::quadrature(set.shape, set.order, set.degree).points);
+  const reference::Quadrature rule = reference::quadrature(set.shape, set.order, set.degree);
+  reference::Points points = rule.points;
+  if (set.affine) {
+    const reference::Points lattice = reference::uniform_lattice(set.shape, set.order);
+    points.resize(rule.points.rows() + lattice.rows(), d);
+    points << rule.points, lattice;
+    set.points = static_cast<int>(points.rows());
+    set.stride = (set.points + kPointPadding - 1) / kPointPadding * kPointPadding;
+    set.weights.resize(at(set.stride));
+    std::fill(set.weights.begin() + rule.weights.size(), set.weights.end(), 0.0);
+    std::fill_n(set.weights.begin() + rule.weights.size(), lattice.rows(),
+                kLatticeWeight * rule.weights.sum() / static_cast<double>(lattice.rows()));
+    set.derivatives.resize(at(set.nodes_per_cell * d * set.stride));
+  }
+  const auto gradients = reference::basis_gradients(set.shape, set.order, reference::NodeSet::Equispaced, d, points);
   for (int node = 0; node < set.nodes_per_cell; ++node)
     for (int k = 0; k < d; ++k)
       for (int q = 0; q < set.stride; ++q)

@@ -15,7 +15,8 @@
 namespace varimesh::detail {
 
 /// The hyperelastic energy of the curved cells, and with a small weight that of the straight-sided cells on their
-/// vertices, which keeps these from turning over. Nodes are those of the file, because the boundary's nodes lie on the
+/// vertices, which keeps these from turning over. In tetrahedra, the nodes of the lattice are points of the quadrature
+/// too, with a small weight. Nodes are those of the file, because the boundary's nodes lie on the
 /// geometry there. Lengths are relative to the diagonal of the mesh's box.
 class VolumeEnergy {
  public:
