@@ -204,6 +204,10 @@ Limit limit_of(double tolerance, const Distances& start, const Distances& slid, 
   return {kTimesStart * start.largest + rounding, kTimesStart * start.rms() + rounding};
 }
 
+/// Without a tolerance, edges on curves may lie as far from them as elements from their surfaces, if these may lie
+/// farther.
+Limit larger(const Limit& a, const Limit& b) { return {std::max(a.largest, b.largest), std::max(a.rms, b.rms)}; }
+
 /// Whether the nodes go back to where bottom-up sliding has left them.
 bool is_worse(const HighOrderMesh& mesh, const Judged& all, const Judged& inside, const Team& team) {
   if (all.left > inside.left || all.weak > inside.weak) return true;
@@ -255,8 +259,9 @@ SlideReport slide_coupled(HighOrderMesh& mesh, Association& association, const s
     descent.emplace(*energies, mesh, limits.seconds, team);
     inside = descent->inside();
     const double rounding = kRounding * association.size;
-    all = descent->everything(*inside, limit_of(limits.tolerance, start.surfaces, inside->distance.surfaces, rounding),
-                              limit_of(limits.tolerance, start.curves, inside->distance.curves, rounding));
+    const Limit surfaces = limit_of(limits.tolerance, start.surfaces, inside->distance.surfaces, rounding);
+    const Limit curves = limit_of(limits.tolerance, start.curves, inside->distance.curves, rounding);
+    all = descent->everything(*inside, surfaces, limits.tolerance > 0 ? curves : larger(surfaces, curves));
   });
   coupled = {false, descent->steps(), inside->left, inside->left};
   if (!all || is_worse(mesh, *all, *inside, team)) return report;

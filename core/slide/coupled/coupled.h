@@ -38,8 +38,9 @@ struct CoupledLimits {
 /// Jacobian is below .02. If several are equal, it is the one with the fewest cells that are not certified valid, and
 /// then the one with the highest proved scaled Jacobian. Neither the largest nor the rms distance between boundary and
 /// geometry may exceed `tolerance` there, or what bottom-up sliding has left if that is more; with tolerance 0, neither
-/// may exceed twice that of the mesh as it came. This holds for all surfaces together, and for all curves together. No
-/// more elements may be folded than after bottom-up sliding. If the state to which Newton's method comes exceeds these
+/// may exceed twice that of the mesh as it came. This holds for all surfaces together, and for all edges on curves
+/// together; with tolerance 0, these may lie as far from their curves as the elements from their surfaces. No more
+/// elements may be folded than after bottom-up sliding. If the state to which Newton's method comes exceeds these
 /// distances, states a part of the way to it are tried, and then the boundary's energy gets a higher weight.
 ///
 /// The nodes go back to where bottom-up sliding has left them if that leaves fewer weak cells or fewer that are not
