@@ -15,15 +15,13 @@ std::string entity_text(const Association& association, const NodeEntity& entity
   const geometry::Geometry& geometry = association.geometry;
   if (entity.dimension == 0) return "vertex " + std::to_string(geometry.vertices[index].tag);
   if (entity.dimension == 1) return "curve " + std::to_string(geometry.curves[index].tag);
-  return "surface " + std::to_string(geometry.surfaces[index].tag);
+  return geometry.surfaces[index].text();
 }
 
 std::string unmatched_text(const Association& association, const SurfaceMatch& match) {
-  const auto tag = [&](int s) {
-    return std::to_string(association.geometry.surfaces[static_cast<std::size_t>(s)].tag);
-  };
   if (match.rival >= 0)
-    return "Surface " + std::to_string(match.tag) + " of the mesh lies on surface " + tag(match.rival) +
+    return "Surface " + std::to_string(match.tag) + " of the mesh lies on " +
+           association.geometry.surfaces[static_cast<std::size_t>(match.rival)].text() +
            " of the geometry and on another, so its nodes stay where they are.";
   return "Surface " + std::to_string(match.tag) +
          " of the mesh lies on no surface of the geometry, so its nodes stay where they are.";

@@ -1,6 +1,7 @@
 #include "core/curve/curve.h"
 
 #include <algorithm>
+#include <map>
 #include <set>
 
 #include "core/curve/blend.h"
@@ -135,7 +136,8 @@ class Curving {
   void count(const MeshParts& parts, const std::vector<bool>& moved) {
     CurveReport& report = result_.report;
     report.in_layers = std::ranges::count(moved, true);
-    std::set<int> held_tags, outside_tags;
+    std::set<int> held_tags;
+    std::map<int, std::string> outside;
     std::set<std::int32_t> held;
     for (std::size_t b = 0; b < mesh().blocks.size(); ++b) {
       const ElementBlock& block = mesh().blocks[b];
@@ -163,9 +165,9 @@ class Curving {
       const geometry::Surface& surface = start_.geometry.surfaces[index(entity.entity)];
       if (surface.shape->contains(entity.at[0], entity.at[1])) continue;
       ++report.outside;
-      outside_tags.insert(surface.tag);
+      outside.emplace(surface.tag, surface.number_text());
     }
-    report.outside_tags.assign(outside_tags.begin(), outside_tags.end());
+    for (const auto& [tag, text] : outside) report.outside_surfaces.push_back(text);
   }
 
   const HighOrderMesh& linear_;
@@ -175,13 +177,19 @@ class Curving {
   std::vector<double> straight_;
 };
 
-/// "3, 7 and 2 more", with at most ten numbers.
-std::string list(const std::vector<int>& tags) {
+/// "3, 7 and 2 more", with at most ten of them.
+std::string list(const std::vector<std::string>& names) {
   constexpr std::size_t kShown = 10;
   std::string text;
-  for (std::size_t i = 0; i < std::min(kShown, tags.size()); ++i) text += (i > 0 ? ", " : "") + std::to_string(tags[i]);
-  if (tags.size() > kShown) text += " and " + std::to_string(tags.size() - kShown) + " more";
+  for (std::size_t i = 0; i < std::min(kShown, names.size()); ++i) text += (i > 0 ? ", " : "") + names[i];
+  if (names.size() > kShown) text += " and " + std::to_string(names.size() - kShown) + " more";
   return text;
+}
+
+std::vector<std::string> as_texts(const std::vector<int>& tags) {
+  std::vector<std::string> texts;
+  for (const int tag : tags) texts.push_back(std::to_string(tag));
+  return texts;
 }
 
 }  // namespace
@@ -195,12 +203,12 @@ std::vector<std::string> CurveReport::sentences() const {
     result.push_back(std::to_string(held) +
                      " boundary nodes stay on straight sides, because it is not sure where they belong; they lie on "
                      "surfaces " +
-                     list(held_tags) + " of the mesh.");
+                     list(as_texts(held_tags)) + " of the mesh.");
   if (outside > 0)
     result.push_back(std::to_string(outside) +
                      " new nodes lie outside the boundary of their surface, because the mesh is too coarse there; they "
                      "are on surfaces " +
-                     list(outside_tags) + " of the geometry.");
+                     list(outside_surfaces) + " of the geometry.");
   return result;
 }
 

@@ -7,10 +7,13 @@
 
 #include <algorithm>
 #include <cerrno>
+#include <charconv>
 #include <csignal>
 #include <sstream>
+#include <string_view>
 #include <system_error>
 
+#include "core/base/utf8.h"
 #include "core/process/helper_program.h"
 
 namespace varimesh::geometry {
@@ -62,23 +65,37 @@ std::vector<std::string> lines_of(const std::string& text) {
   return lines;
 }
 
+/// The names of faces, from lines with a number, a space and a name.
+std::map<int, std::string> names_of(const std::string& text) {
+  constexpr std::size_t kMostBytes = 80;
+  std::map<int, std::string> names;
+  for (const std::string& line : lines_of(text)) {
+    int number = 0;
+    const auto [end, failed] = std::from_chars(line.data(), line.data() + line.size(), number);
+    if (failed == std::errc() && end != line.data() + line.size())
+      names.emplace(number, as_plain_text(std::string_view(end + 1, line.data() + line.size()), kMostBytes));
+  }
+  return names;
+}
+
 }  // namespace
 
 Expected<ReadModel> read_in_child(const std::string& reader, int file, const std::string& what,
                                   std::int64_t most_memory) {
-  const Nameless shape("varimesh shape"), sentence("varimesh sentence");
-  const int files[] = {shape.descriptor, sentence.descriptor, file};
+  const Nameless shape("varimesh shape"), sentence("varimesh sentence"), names("varimesh names");
+  const int files[] = {shape.descriptor, sentence.descriptor, file, names.descriptor};
   const int seconds = seconds_for(file);
   Helper child;
   child.error = errno;
-  if (shape.descriptor >= 0 && sentence.descriptor >= 0)
+  if (shape.descriptor >= 0 && sentence.descriptor >= 0 && names.descriptor >= 0)
     child = start_helper({reader, {std::to_string(seconds), std::to_string(most_memory)}, files});
   if (child.id < 0)
     return bad_option("'" + reader + "', which reads CAD files, cannot be started (" +
                       std::system_category().message(child.error) + "); install VariMesh again.");
   const int status = end_helper(child.id, false);
   const std::string about = what + " cannot be used: ";
-  if (WIFEXITED(status) && WEXITSTATUS(status) == 0) return ReadModel{shape.content(), lines_of(sentence.content())};
+  if (WIFEXITED(status) && WEXITSTATUS(status) == 0)
+    return ReadModel{shape.content(), lines_of(sentence.content()), names_of(names.content())};
   if (WIFSIGNALED(status) && (WTERMSIG(status) == SIGXCPU || WTERMSIG(status) == SIGKILL))
     return bad_input(about + "reading it took more than " + std::to_string(seconds) +
                      " s or all memory, so it is damaged or too large; export it again, or simplify the model.");

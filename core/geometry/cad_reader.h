@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <map>
 #include <string>
 #include <vector>
 
@@ -11,8 +12,9 @@ namespace varimesh::geometry {
 
 /// What the program has read.
 struct ReadModel {
-  std::string shape;               ///< In OpenCASCADE's binary format.
-  std::vector<std::string> notes;  ///< Sentences about what was taken.
+  std::string shape;                 ///< In OpenCASCADE's binary format.
+  std::vector<std::string> notes;    ///< Sentences about what was taken.
+  std::map<int, std::string> names;  ///< By Surface::tag: the name of the face, as plain text.
 };
 
 /// Reads the open file with the program `reader`. The process has limits on time and memory, and ends when this one

@@ -128,6 +128,12 @@ struct Surface {
   int tag = 0;
   std::shared_ptr<const SurfaceShape> shape;
   std::vector<int> curves;  ///< Indices of the curves that bound it. A seam appears once.
+  std::string name{};       ///< In the CAD file, as plain text (as_plain_text()); empty: it has none.
+
+  /// How messages call it: "5", or "5 'Fillet'" if it has a name.
+  std::string number_text() const { return std::to_string(tag) + (name.empty() ? "" : " '" + name + "'"); }
+  /// The same after the word "surface ".
+  std::string text() const { return "surface " + number_text(); }
 };
 
 /// All entities of a model.

@@ -25,6 +25,8 @@ Expected<Geometry> CadModel::geometry() const {
   std::string error;
   geometry.notes = notes_;
   if (!read_(shape_, geometry, error)) return bad_input(what_ + " cannot be used: " + error);
+  for (Surface& surface : geometry.surfaces)
+    if (const auto name = names_.find(surface.tag); name != names_.end()) surface.name = name->second;
   return geometry;
 }
 
@@ -45,6 +47,7 @@ Expected<CadModel> read_model(const std::string& plugin, int file, const std::st
   if (!read) return tl::unexpected(read.error());
   model.shape_ = std::move(read->shape);
   model.notes_ = std::move(read->notes);
+  model.names_ = std::move(read->names);
   model.what_ = what;
   return model;
 }

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <map>
 #include <string>
 #include <vector>
 
@@ -27,6 +28,7 @@ class CadModel {
                                        std::int64_t most_memory);
   std::string what_, shape_;
   std::vector<std::string> notes_;
+  std::map<int, std::string> names_;
   ReadShape* read_ = nullptr;
 };
 

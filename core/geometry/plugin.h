@@ -17,6 +17,6 @@ using ReadShape = bool(std::string_view shape, Geometry& geometry, std::string& 
 inline constexpr const char* kReaderProgram = "varimesh_cad_reader";
 
 /// The name of the exported ReadShape, which changes with every change of Geometry or of a class in it.
-inline constexpr const char* kReadShapeSymbol = "varimesh_read_shape_4";
+inline constexpr const char* kReadShapeSymbol = "varimesh_read_shape_5";
 
 }  // namespace varimesh::geometry

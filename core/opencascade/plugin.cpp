@@ -6,7 +6,7 @@
 
 #include "core/opencascade/shapes.h"
 
-extern "C" __attribute__((visibility("default"))) bool varimesh_read_shape_4(std::string_view bytes,
+extern "C" __attribute__((visibility("default"))) bool varimesh_read_shape_5(std::string_view bytes,
                                                                              varimesh::geometry::Geometry& geometry,
                                                                              std::string& error) {
   try {

@@ -90,22 +90,25 @@ std::string bodies_note(const TopoDS_Shape& shape) {
 }
 
 template <class Reader>
-bool transfer(const std::string& path, const char* what, TopoDS_Shape& shape, std::string& notes, std::string& error) {
+bool transfer(const std::string& path, const char* what, TopoDS_Shape& shape, FileFacts& facts, std::string& error) {
   Reader reader;
   Interface_Static::SetCVal("xstep.cascade.unit", "MM");  // the unit of what is read
   if (reader.ReadFile(path.c_str()) != IFSelect_RetDone) {
     error = std::string("it begins like a ") + what + " file, but it is damaged or cut off; export it again.";
     return false;
   }
-  notes += units_note(reader);
+  facts.notes += units_note(reader);
   reader.TransferRoots();
   shape = reader.OneShape();
-  if (!shape.IsNull()) return true;
+  if (!shape.IsNull()) {
+    facts.names = face_names(reader.WS(), shape);
+    return true;
+  }
   error = std::string("the ") + what + " file has no body that can be read; export the model as solids or surfaces.";
   return false;
 }
 
-bool read_any(const std::string& path, TopoDS_Shape& shape, std::string& notes, std::string& error) {
+bool read_any(const std::string& path, TopoDS_Shape& shape, FileFacts& facts, std::string& error) {
   Message::DefaultMessenger()->RemovePrinters(STANDARD_TYPE(Message_PrinterOStream));
   std::ifstream file(path, std::ios::binary);
   std::string head(1024, '\0');
@@ -124,10 +127,10 @@ bool read_any(const std::string& path, TopoDS_Shape& shape, std::string& notes, 
         error = "the STEP file is cut off: its last line, END-ISO-10303-21, is missing; export or copy it again.";
         return false;
       }
-      return transfer<STEPControl_Reader>(path, "STEP", shape, notes, error);
+      return transfer<STEPControl_Reader>(path, "STEP", shape, facts, error);
     }
     case Kind::Iges:
-      return transfer<IGESControl_Reader>(path, "IGES", shape, notes, error);
+      return transfer<IGESControl_Reader>(path, "IGES", shape, facts, error);
     case Kind::Brep: {
       BRep_Builder builder;
       if (BRepTools::Read(shape, path.c_str(), builder) && !shape.IsNull()) return true;
@@ -159,9 +162,9 @@ bool read_binary(std::string_view bytes, TopoDS_Shape& shape, std::string& error
   return false;
 }
 
-bool read_shape(const std::string& path, TopoDS_Shape& shape, std::string& notes, std::string& error) {
-  if (!read_any(path, shape, notes, error)) return false;
-  notes += bodies_note(shape);
+bool read_shape(const std::string& path, TopoDS_Shape& shape, FileFacts& facts, std::string& error) {
+  if (!read_any(path, shape, facts, error)) return false;
+  facts.notes += bodies_note(shape);
   return true;
 }
 

@@ -4,8 +4,9 @@
 //   varimesh_cad_reader SECONDS BYTES
 //
 // The file is descriptor 5. The program writes the shape in OpenCASCADE's binary format to descriptor 3, and lines
-// about what it took to descriptor 4. If the file cannot be used, descriptor 4 gets the sentence that says why, and the
-// exit status is 3. SECONDS of processor time and BYTES of memory are its limits; 0: none.
+// about what it took to descriptor 4. Descriptor 6 gets a line for each face that has a name: its number, a space and
+// the name. If the file cannot be used, descriptor 4 gets the sentence that says why, and the exit status is 3. SECONDS
+// of processor time and BYTES of memory are its limits; 0: none.
 #include <sys/prctl.h>
 #include <sys/resource.h>
 
@@ -15,6 +16,7 @@
 #include <cstdlib>
 #include <exception>
 #include <sstream>
+#include <string>
 
 #include "core/base/write_all.h"
 #include "core/opencascade/confine.h"
@@ -22,7 +24,7 @@
 
 namespace {
 
-constexpr int kShape = 3, kSentence = 4;
+constexpr int kShape = 3, kSentence = 4, kNames = 6;
 constexpr const char* kFile = "/proc/self/fd/5";
 
 void limit(int what, const char* most) {
@@ -38,8 +40,9 @@ int refuse(const std::string& sentence) {
 
 int read() {
   TopoDS_Shape shape;
-  std::string notes, error;
-  if (!varimesh::cad::read_shape(kFile, shape, notes, error)) return refuse(error);
+  std::string error;
+  varimesh::cad::FileFacts facts;
+  if (!varimesh::cad::read_shape(kFile, shape, facts, error)) return refuse(error);
   // The shapes are made and looked at here too, so that what they crash on is found in this process.
   varimesh::geometry::Geometry rehearsal;
   if (!varimesh::cad::build(shape, rehearsal, error)) return refuse(error);
@@ -50,7 +53,10 @@ int read() {
   BinTools::Write(shape, out);
   if (!out || !varimesh::write_all(kShape, out.view()))
     return refuse("its shape cannot be handed over, because there is not enough memory.");
-  varimesh::write_all(kSentence, notes);
+  std::string names;
+  for (const auto& [number, name] : facts.names) names += std::to_string(number) + " " + name + "\n";
+  varimesh::write_all(kNames, names);
+  varimesh::write_all(kSentence, facts.notes);
   return 0;
 }
 

@@ -10,6 +10,7 @@
 #include <string_view>
 
 #include "core/geometry/geometry.h"
+#include "core/opencascade/names.h"
 
 namespace varimesh::cad {
 
@@ -21,10 +22,16 @@ std::shared_ptr<const geometry::CurveShape> curve_shape(const TopoDS_Edge& edge)
 /// Null if the face has no surface with parameters, or if its range of parameters is empty or infinite.
 std::shared_ptr<const geometry::SurfaceShape> surface_shape(const TopoDS_Face& face);
 
+/// What a file has besides its shape.
+struct FileFacts {
+  /// Lines that say what was taken, if a reader might expect something else: several bodies, open shells, units.
+  std::string notes;
+  FaceNames names;
+};
+
 /// Reads a STEP, IGES or BREP file, or one in OpenCASCADE's binary format. Returns false, with a sentence in `error`,
-/// if it cannot be used. `notes` gets lines that say what was taken, if a reader might expect something else: several
-/// bodies, open shells, units. May throw Standard_Failure or a standard exception, and may crash on a damaged file.
-bool read_shape(const std::string& path, TopoDS_Shape& shape, std::string& notes, std::string& error);
+/// if it cannot be used. May throw Standard_Failure or a standard exception, and may crash on a damaged file.
+bool read_shape(const std::string& path, TopoDS_Shape& shape, FileFacts& facts, std::string& error);
 
 /// Reads a shape in OpenCASCADE's binary format, in the same way.
 bool read_binary(std::string_view bytes, TopoDS_Shape& shape, std::string& error);

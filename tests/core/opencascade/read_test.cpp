@@ -174,6 +174,50 @@ TEST_F(CadFile, StepComesInMillimetres) {
   }
 }
 
+TEST_F(CadFile, FacesHaveTheNamesOfTheStepFile) {
+  std::stringstream content;
+  content << std::ifstream(step(BRepPrimAPI_MakeBox(1, 2, 3).Shape())).rdbuf();
+  std::string named = content.str();
+  const std::string plain = "ADVANCED_FACE(''";
+  const char* names[] = {"Top", "NONE", " two words ", "\\X2\\00E9\\X0\\", "", "a\033[31m\tb"};
+  std::size_t at = 0;
+  for (const char* name : names) {
+    at = named.find(plain, at + 1);
+    ASSERT_NE(at, std::string::npos);
+    named.replace(at, plain.size(), "ADVANCED_FACE('" + std::string(name) + "'");
+  }
+  const auto geometry = load(text("named.step", named));
+  ASSERT_TRUE(geometry) << geometry.error().sentence;
+  ASSERT_EQ(geometry->surfaces.size(), 6U);
+  std::vector<std::string> found;
+  for (const Surface& surface : geometry->surfaces) found.push_back(surface.name);
+  EXPECT_EQ(found, (std::vector<std::string>{"Top", "", "two words", "é", "", "a[31mb"}));
+  EXPECT_EQ(geometry->surfaces[0].text(), "surface 1 'Top'");
+  EXPECT_EQ(geometry->surfaces[1].text(), "surface 2");
+  EXPECT_EQ(load(step(BRepPrimAPI_MakeBox(1, 2, 3).Shape()))->surfaces[0].name, "");
+}
+
+TEST_F(CadFile, APartThatIsPlacedTwiceHasItsNamesInBothPlaces) {
+  TopoDS_Compound both;
+  BRep_Builder builder;
+  builder.MakeCompound(both);
+  const TopoDS_Shape box = BRepPrimAPI_MakeBox(1, 2, 3).Shape();
+  gp_Trsf aside;
+  aside.SetTranslation(gp_Vec(5, 0, 0));
+  builder.Add(both, box);
+  builder.Add(both, box.Moved(TopLoc_Location(aside)));
+  std::stringstream content;
+  content << std::ifstream(step(both)).rdbuf();
+  std::string named = content.str();
+  const std::string plain = "ADVANCED_FACE(''";
+  named.replace(named.find(plain), plain.size(), "ADVANCED_FACE('Top'");
+  const auto geometry = load(text("named.step", named));
+  ASSERT_TRUE(geometry) << geometry.error().sentence;
+  ASSERT_EQ(geometry->surfaces.size(), 12U);
+  const auto is_top = [](const Surface& surface) { return surface.name == "Top"; };
+  EXPECT_EQ(std::ranges::count_if(geometry->surfaces, is_top), 2);
+}
+
 TEST_F(CadFile, ADamagedFileGivesASentence) {
   const std::string whole = step(BRepPrimAPI_MakeBox(1, 2, 3).Shape());
   std::stringstream content;
