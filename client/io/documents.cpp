@@ -116,10 +116,25 @@ Json geometry_document(const v1::GeometryReport& geometry) {
   const auto distance = [](const v1::BoundaryDistance& one) {
     return Json{{"rms", one.rms()}, {"largest", one.largest()}};
   };
+  Json surfaces = Json::array();
+  for (const v1::SurfaceDistance& one : geometry.surfaces()) {
+    surfaces.push_back({{"surface", one.surface()},
+                        {"name", one.name()},
+                        {"tags", std::vector<int>(one.tags().begin(), one.tags().end())},
+                        {"elements", one.elements()},
+                        {"folded", Json::object()},
+                        {"distance", Json::object()}});
+    Json& last = surfaces.back();
+    if (one.has_before()) last["folded"]["before"] = one.folded_before();
+    last["folded"]["after"] = one.folded_after();
+    if (one.has_before()) last["distance"]["before"] = distance(one.before());
+    last["distance"]["after"] = distance(one.after());
+  }
   return {{"nodes", geometry.nodes()},
           {"farthest", geometry.farthest()},
           {"folded", {{"before", geometry.folded_before()}, {"after", geometry.folded_after()}}},
           {"distance", {{"before", distance(geometry.before())}, {"after", distance(geometry.after())}}},
+          {"surfaces", std::move(surfaces)},
           {"sentences", std::vector<std::string>(geometry.sentences().begin(), geometry.sentences().end())}};
 }
 

@@ -4,8 +4,10 @@
 
 #include "client/library/failures.h"
 #include "client/library/input_file.h"
+#include "client/local/local.h"
 #include "client/process/interrupts.h"
 #include "core/base/utf8.h"
+#include "core/distance/slide_and_measure.h"
 #include "core/formats/formats.h"
 #include "core/mesh/displacements.h"
 
@@ -169,25 +171,40 @@ Outcome<std::optional<v1::Geometry>> hand_over_geometry(Client& client, Input* i
   return std::optional(std::move(geometry));
 }
 
-Outcome<std::optional<formats::MeshFile>> moved_mesh(const Input& input,
-                                                     const std::function<void(const std::string&)>& on_sentence) {
-  if (input.displacements.empty() && input.boundary.empty() && !input.geometry.any())
-    return std::optional<formats::MeshFile>();
+namespace {
+
+/// Slides the nodes of the mesh, and returns the sentences about it.
+Expected<std::vector<std::string>> slide(const Input& input, MovedMesh& moved) {
+  if (input.geometry.on_boundary) return slide_on_file(moved.file.mesh, input.geometry);
+  if (input.keeps_as_it_came && input.geometry.order == 0)
+    moved.as_it_came = std::make_shared<const HighOrderMesh>(moved.file.mesh);
+  auto slid = slide_and_measure(moved.file.mesh, input.geometry);
+  if (!slid) return tl::unexpected(slid.error());
+  moved.geometry = geometry_report(*slid);
+  return std::move(slid->slid.sentences);
+}
+
+}  // namespace
+
+Outcome<std::optional<MovedMesh>> moved_mesh(const Input& input,
+                                             const std::function<void(const std::string&)>& on_sentence) {
+  if (input.displacements.empty() && input.boundary.empty() && !input.geometry.any()) return std::optional<MovedMesh>();
   auto file = formats::read_file(input.mesh);
   if (!file) return refusal("BAD_INPUT", file.error().sentence);
-  if (const auto moved = move_boundary(file->mesh, input); !moved) return tl::unexpected(moved.error());
+  MovedMesh result{std::move(*file), nullptr, {}};
+  if (const auto moved = move_boundary(result.file.mesh, input); !moved) return tl::unexpected(moved.error());
   if (input.geometry.any()) {
     const EndAtInterrupt ends;
-    const auto slid = slide_on_file(file->mesh, input.geometry);
+    const auto slid = slide(input, result);
     if (!slid)
       return refusal(slid.error().kind == Error::Kind::BadOption ? "BAD_OPTION" : "BAD_INPUT", slid.error().sentence);
     for (const std::string& sentence : *slid)
       if (on_sentence) on_sentence(sentence);
   }
-  return std::optional(std::move(*file));
+  return std::optional(std::move(result));
 }
 
-Outcome<v1::StoredMesh> upload(Client& client, const Input& input, const std::optional<formats::MeshFile>& moved,
+Outcome<v1::StoredMesh> upload(Client& client, const Input& input, const std::optional<MovedMesh>& moved,
                                const std::function<void()>& on_read) {
   if (!moved) {
     const auto whole = InputFile::open(input.mesh, interrupt_ends_calls);
@@ -198,8 +215,8 @@ Outcome<v1::StoredMesh> upload(Client& client, const Input& input, const std::op
   if (on_read) on_read();
   auto curved = InputFile::temporary(input.mesh);
   if (!curved) return tl::unexpected(curved.error());
-  const auto written =
-      formats::write(moved->mesh, moved->format, [&](std::string_view bytes) { return curved->append(bytes); });
+  const auto written = formats::write(moved->file.mesh, moved->file.format,
+                                      [&](std::string_view bytes) { return curved->append(bytes); });
   if (!written) return file_failure(written.error().sentence);
   return client.upload(*curved);
 }

@@ -3,6 +3,7 @@
 
 #include <CLI/CLI.hpp>
 #include <functional>
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
@@ -17,9 +18,10 @@ namespace varimesh::client {
 /// Paths of the files that make up an input.
 struct Input {
   std::string mesh;
-  std::string displacements;  ///< A file of displacements of boundary nodes; empty: none.
-  std::string boundary;       ///< A mesh file with only the curved boundary; empty: none.
-  GeometryOptions geometry;   ///< What the boundary nodes slide on; no file: nothing.
+  std::string displacements;      ///< A file of displacements of boundary nodes; empty: none.
+  std::string boundary;           ///< A mesh file with only the curved boundary; empty: none.
+  GeometryOptions geometry;       ///< What the boundary nodes slide on; no file: nothing.
+  bool keeps_as_it_came = false;  ///< Whether moved_mesh() keeps the mesh before nodes slid, for the report.
 };
 
 /// Adds the positional argument IN, and the flags --displacements and --boundary.
@@ -48,14 +50,23 @@ Expected<Input> with_options(Input input, const v1::Options& options);
 Outcome<std::optional<v1::Geometry>> hand_over_geometry(Client& client, Input* input,
                                                         const std::function<void(const std::string&)>& on_sentence);
 
+/// A mesh whose boundary nodes were moved in this process.
+struct MovedMesh {
+  formats::MeshFile file;
+  /// Before nodes slid on a CAD model, if Input::keeps_as_it_came. Null if there was no model, or if the mesh was
+  /// curved.
+  std::shared_ptr<const HighOrderMesh> as_it_came;
+  std::optional<v1::GeometryReport> geometry;  ///< If there was a CAD model: what came of it.
+};
+
 /// The input's mesh after its boundary nodes have been moved as the other files say; nothing if there are none. If
 /// nodes slide, they do so in this process; `on_sentence` gets what this came to.
-Outcome<std::optional<formats::MeshFile>> moved_mesh(const Input& input,
-                                                     const std::function<void(const std::string&)>& on_sentence = {});
+Outcome<std::optional<MovedMesh>> moved_mesh(const Input& input,
+                                             const std::function<void(const std::string&)>& on_sentence = {});
 
 /// Uploads the mesh of the input as it is, or as moved_mesh() made it. `on_read` is called when the input has been
 /// found and pipes have been read to their end, so that from then on nothing but the upload is waited for.
-Outcome<v1::StoredMesh> upload(Client& client, const Input& input, const std::optional<formats::MeshFile>& moved,
+Outcome<v1::StoredMesh> upload(Client& client, const Input& input, const std::optional<MovedMesh>& moved,
                                const std::function<void()>& on_read = {});
 /// Both of them.
 Outcome<v1::StoredMesh> upload(Client& client, const Input& input, const std::function<void()>& on_read = {},

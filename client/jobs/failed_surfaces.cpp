@@ -24,9 +24,18 @@ std::map<std::int32_t, std::set<int>> surfaces_of_nodes(const HighOrderMesh& mes
   return tags;
 }
 
+/// By tag of the mesh: the name of the surface of the model, in quotation marks after a space.
+std::map<int, std::string> names_of(const v1::GeometryReport& geometry) {
+  std::map<int, std::string> names;
+  for (const v1::SurfaceDistance& surface : geometry.surfaces())
+    for (const int tag : surface.tags())
+      if (!surface.name().empty()) names[tag] = " '" + surface.name() + "'";
+  return names;
+}
+
 }  // namespace
 
-std::string failed_surfaces(const std::string& path) {
+std::string failed_surfaces(const std::string& path, const v1::GeometryReport& geometry) {
   const auto file = formats::read_file(path);
   if (!file || file->mesh.dimension != 3 || !check_judgeable(file->mesh)) return "";
   const std::vector<std::int64_t> failed = uncertified_numbers(quality(file->mesh, 0, kAllThreads));
@@ -48,9 +57,11 @@ std::string failed_surfaces(const std::string& path) {
   for (const auto& [tag, count] : counts) order.emplace_back(count, tag);
   std::ranges::sort(order, [](const auto& a, const auto& b) { return a.first != b.first ? a.first > b.first : a < b; });
   constexpr std::size_t kShown = 10;
+  std::map<int, std::string> names = names_of(geometry);
   std::string text;
   for (std::size_t i = 0; i < std::min(kShown, order.size()); ++i)
-    text += (i > 0 ? ", " : "") + std::to_string(order[i].second) + " (" + std::to_string(order[i].first) + ")";
+    text += (i > 0 ? ", " : "") + std::to_string(order[i].second) + names[order[i].second] + " (" +
+            std::to_string(order[i].first) + ")";
   if (order.size() > kShown) text += " and " + std::to_string(order.size() - kShown) + " more";
   std::string sentence = "The elements that are not certified valid";
   sentence += order.empty() ? " touch no surface" : " touch these surfaces (in brackets, how many do): " + text;

@@ -71,20 +71,28 @@ bool fixed_is_better(const v1::Job& fixed, const v1::Job& slid, bool on_boundary
 }
 
 /// Changes the job to one on the mesh with its boundary as it came. A mesh that slid in this process is read and
-/// uploaded once more.
-Outcome<void> take_boundary_as_it_came(Client* client, Input input, v1::JobSpec* spec) {
+/// uploaded once more, and what came of its model is returned.
+Outcome<std::optional<v1::GeometryReport>> take_boundary_as_it_came(Client* client, Input input, v1::JobSpec* spec) {
   if (spec->has_geometry()) {
     spec->mutable_geometry()->set_slide(v1::Geometry::SLIDE_NONE);
-    return {};
+    return std::optional<v1::GeometryReport>();
   }
   if (input.geometry.on_boundary)
     input.geometry = {};
   else
     input.geometry.slide = "none";
-  const auto mesh = upload(*client, input);
+  input.keeps_as_it_came = false;
+  auto moved = moved_mesh(input);
+  if (!moved) return tl::unexpected(moved.error());
+  const auto mesh = upload(*client, input, *moved);
   if (!mesh) return tl::unexpected(mesh.error());
   spec->mutable_mesh()->set_digest(mesh->digest());
-  return {};
+  return *moved ? std::move((*moved)->geometry) : std::nullopt;
+}
+
+/// Adds what came of a model in this process to the job's metrics.
+void add_geometry(const std::optional<v1::GeometryReport>& geometry, v1::Job* job) {
+  if (geometry && job->has_metrics()) *job->mutable_metrics()->mutable_geometry() = *geometry;
 }
 
 /// Optimises the mesh with its boundary as it came too, and returns the better of both jobs. With a model this is done
@@ -101,11 +109,12 @@ tl::expected<v1::Job, int> better_of(Client* client, const OptimiseArguments& ar
   print_sentence(on_boundary ? "Now with the boundary as it came."
                              : std::to_string(left(slid)) +
                                    " elements are not certified valid, so now without sliding, for comparison.");
-  if (const auto taken = take_boundary_as_it_came(client, input, &spec); !taken)
-    return tl::unexpected(print_error(as_named(arguments, taken.error())));
+  const auto geometry = take_boundary_as_it_came(client, input, &spec);
+  if (!geometry) return tl::unexpected(print_error(as_named(arguments, geometry.error())));
   const std::string id = arguments.request_id.empty() ? "" : arguments.request_id + "-as-it-came";
   auto fixed = run_job(client, arguments, spec, id, Notes::LeaveOut);
   if (!fixed) return fixed;
+  add_geometry(*geometry, &*fixed);
   const bool takes_fixed = fixed->state() == v1::JOB_STATE_SUCCEEDED && fixed_is_better(*fixed, slid, on_boundary);
   const std::string how = on_boundary ? "with the boundary as it came" : "without sliding";
   print_sentence(takes_fixed ? "The result is better " + how + ", so the nodes that slid are back."
@@ -119,9 +128,28 @@ void take_order(OptimiseArguments* arguments) {
   arguments->options.clear_order();
 }
 
-}  // namespace
+/// Delivers the result of a run that has ended, and returns the exit status.
+/// @param as_it_came  the mesh before its nodes slid in this process; null: none slid
+int deliver_run(Client* client, const OptimiseArguments& arguments, const v1::Job& ended, std::vector<Output> outputs,
+                std::shared_ptr<const HighOrderMesh> as_it_came) {
+  Delivery delivery;
+  delivery.input = arguments.name.empty() ? arguments.input.mesh : arguments.name;
+  delivery.geometry = arguments.input.geometry.file;
+  delivery.as_it_came = std::move(as_it_came);
+  delivery.outputs = std::move(outputs);
+  delivery.history = arguments.history;
+  delivery.report = arguments.report;
+  delivery.accepts_cancelled = interrupted();
+  const int status = deliver(client, ended, delivery, arguments.common);
+  if (status != kDone) return status;
+  const std::string left = uncertified_file(delivery.outputs);
+  if (left.empty()) return status;
+  std::cerr << "varimesh: " << left << std::endl;
+  return kInvalidLeft;
+}
 
-int optimise(const OptimiseArguments& arguments) {
+/// Runs the job and returns the exit status. `geometry_report` gets what came of a model.
+int run(const OptimiseArguments& arguments, v1::GeometryReport* geometry_report) {
   const auto input = with_options(arguments.input, arguments.options);
   if (!input) return print_error(input.error());
   const auto outputs = check_files(arguments);
@@ -135,6 +163,7 @@ int optimise(const OptimiseArguments& arguments) {
     if (!arguments.common.quiet) std::cerr << sentence << std::endl;
   };
   Input sent = *input;  // without what the server does
+  sent.keeps_as_it_came = !arguments.report.empty();
   v1::JobSpec spec = spec_of(arguments, *outputs);
   if (!in_process) {
     auto geometry = hand_over_geometry(*client, &sent, print_sentence);
@@ -143,32 +172,29 @@ int optimise(const OptimiseArguments& arguments) {
   }
   const auto moved = moved_mesh(sent, print_sentence);
   if (!moved) return print_error(as_named(arguments, moved.error()));
-  if (*moved && is_only_a_surface(sent, **moved))
+  if (*moved && is_only_a_surface(sent, (*moved)->file))
     return deliver_surface(arguments.common, !in_process || !arguments.history.empty() || !arguments.report.empty(),
-                           *outputs, **moved, arguments.options.threads());
+                           *outputs, (*moved)->file, arguments.options.threads());
   const auto mesh = upload(*client, sent, *moved, in_process ? keep_calls_going : nullptr);
   if (!mesh) return print_error(as_named(arguments, mesh.error()));
   spec.mutable_mesh()->set_digest(mesh->digest());
   auto ended = run_job(client, arguments, spec, arguments.request_id);
   if (!ended) return ended.error();
+  if (*moved) add_geometry((*moved)->geometry, &*ended);
   if (input->geometry.any() && !interrupted()) {
     auto better = better_of(client, arguments, *input, std::move(spec), std::move(*ended), print_sentence);
     if (!better) return better.error();
     ended = std::move(*better);
   }
-  Delivery delivery;
-  delivery.input = arguments.name.empty() ? arguments.input.mesh : arguments.name;
-  delivery.geometry = input->geometry.file;
-  delivery.outputs = *outputs;
-  delivery.history = arguments.history;
-  delivery.report = arguments.report;
-  delivery.accepts_cancelled = interrupted();
-  const int status = deliver(client, *ended, delivery, arguments.common);
-  if (status != kDone) return status;
-  const std::string left = uncertified_file(*outputs);
-  if (left.empty()) return status;
-  std::cerr << "varimesh: " << left << std::endl;
-  return kInvalidLeft;
+  *geometry_report = ended->metrics().geometry();
+  return deliver_run(client, arguments, *ended, *outputs, *moved ? (*moved)->as_it_came : nullptr);
+}
+
+}  // namespace
+
+int optimise(const OptimiseArguments& arguments) {
+  v1::GeometryReport geometry;
+  return run(arguments, &geometry);
 }
 
 void add_run_flags(CLI::App& command, OptimiseArguments* arguments) {
@@ -199,10 +225,11 @@ int check_curve(OptimiseArguments arguments) {
 
 int curve(OptimiseArguments arguments) {
   take_order(&arguments);
-  const int status = optimise(arguments);
+  v1::GeometryReport geometry;
+  const int status = run(arguments, &geometry);
   if (status != kInvalidLeft || arguments.common.quiet) return status;
   for (const std::string& output : arguments.outputs)
-    if (const std::string sentence = failed_surfaces(output); !sentence.empty()) {
+    if (const std::string sentence = failed_surfaces(output, geometry); !sentence.empty()) {
       std::cerr << "varimesh: " << sentence << std::endl;
       break;
     }

@@ -2,6 +2,7 @@
 #include "client/local/local.h"
 
 #include "core/base/machine_memory.h"
+#include "server/engine/geometry_messages.h"
 #include "server/log/log.h"
 #include "server/server.h"
 
@@ -30,5 +31,7 @@ Expected<std::unique_ptr<LocalService>> LocalService::start(const std::string& f
   if (!started) return tl::unexpected(started.error());
   return std::make_unique<InProcess>(std::move(*started));
 }
+
+v1::GeometryReport geometry_report(const SlidAndMeasured& done) { return server::to_proto(done); }
 
 }  // namespace varimesh::client

@@ -8,6 +8,8 @@
 #include <string>
 
 #include "core/base/error.h"
+#include "core/distance/slide_and_measure.h"
+#include "varimesh/v1/optimise.pb.h"
 
 namespace varimesh::client {
 
@@ -19,5 +21,8 @@ class LocalService {
   virtual ~LocalService() = default;
   virtual std::shared_ptr<grpc::Channel> channel() = 0;
 };
+
+/// What a server's job with a geometry reports, for nodes that slid in this process.
+v1::GeometryReport geometry_report(const SlidAndMeasured& done);
 
 }  // namespace varimesh::client

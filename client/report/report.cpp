@@ -53,15 +53,17 @@ Expected<void> write_report(const std::string& path, const Report& report) {
   if (report.before != nullptr) {
     auto snapshots = Snapshots::create(report.before, report.after);
     Marks marks = report.marks;
+    BoundaryDistanceArrays distances = report.distances;
     if (!snapshots && report.after != nullptr) {
       // The repair may have split elements, and then the two meshes cannot be compared element by element.
       snapshots = Snapshots::create(report.after, nullptr);
       marks.uncertified[0] = marks.uncertified[1];
+      distances.distances[0] = distances.distances[1];
       all["picture_note"] = "The result does not have the same elements as the input, so only the result is shown.";
     }
     if (!snapshots) return tl::unexpected(snapshots.error());
     Packing packing, more;
-    all["scene"] = pack_scene(*snapshots, marks, &packing, &more);
+    all["scene"] = pack_scene(*snapshots, marks, distances, &packing, &more);
     for (const auto& [name, pack, text] :
          {std::tuple("arrays", &packing, &arrays), std::tuple("more", &more, &more_arrays)}) {
       all["scene"][name] = pack->directory();
@@ -79,11 +81,12 @@ Expected<void> write_report(const std::string& path, const Report& report) {
                           {"arrays", {arrays}},
                           {"more", {more_arrays}},
                           {"library", {needs_library ? page::three_min_js : std::string_view()}},
-                          {"script", {page::dom_js,       page::numbers_js,     page::axes_js,        page::charts_js,
-                                      page::colours_js,   page::unpack_js,      page::cells_js,       page::overlay_js,
-                                      page::paths_2d_js,  page::viewport_2d_js, page::view_2d_js,     page::lattices_js,
-                                      page::camera_3d_js, page::surface_3d_js,  page::cut_js,         page::view_3d_js,
-                                      page::pictures_js,  page::quality_js,     page::convergence_js, page::main_js}}},
+                          {"script", {page::dom_js,      page::numbers_js,   page::axes_js,        page::charts_js,
+                                      page::colours_js,  page::distance_js,  page::unpack_js,      page::cells_js,
+                                      page::overlay_js,  page::paths_2d_js,  page::viewport_2d_js, page::view_2d_js,
+                                      page::lattices_js, page::camera_3d_js, page::surface_3d_js,  page::cut_js,
+                                      page::view_3d_js,  page::pictures_js,  page::quality_js,     page::convergence_js,
+                                      page::main_js}}},
                          &*file);
       !filled)
     return filled;

@@ -27,6 +27,7 @@ struct Report {
   std::shared_ptr<const HighOrderMesh> before, after;  ///< Both or one may be null. Without `before`, no picture.
   std::string picture_note;                            ///< Shown above the picture, or instead of it if there is none.
   Marks marks;
+  BoundaryDistanceArrays distances;  ///< Empty: not known.
 };
 
 /// Writes the page (formats::OutputFile). If the two meshes do not have the same elements, it shows only the one after.

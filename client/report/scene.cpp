@@ -56,10 +56,11 @@ void pack_cell_data(const Snapshots& snapshots, const Marks& marks, const std::v
 
 }  // namespace
 
-Json pack_scene(const Snapshots& snapshots, const Marks& marks, Packing* packing, Packing* more) {
+Json pack_scene(const Snapshots& snapshots, const Marks& marks, const BoundaryDistanceArrays& distances,
+                Packing* packing, Packing* more) {
   std::vector<std::int32_t> shown;
   Json scene = snapshots.mesh().dimension == 2 ? pack_cells_2d(snapshots, packing, &shown)
-                                               : pack_cells_3d(snapshots, packing, more, &shown);
+                                               : pack_cells_3d(snapshots, distances, packing, more, &shown);
   pack_cell_data(snapshots, marks, shown, packing);
   std::vector<std::int32_t> index_of(snapshots.cells().count(), -1);
   for (std::size_t i = 0; i < shown.size(); ++i) index_of[static_cast<std::size_t>(shown[i])] = static_cast<int>(i);

@@ -18,20 +18,29 @@ struct Marks {
   std::set<std::int64_t> unrepairable;
 };
 
+/// How far the boundary elements of a mesh lie from its CAD model, in the mesh's unit of length.
+struct BoundaryDistanceArrays {
+  std::vector<std::int64_t> numbers;            ///< Of the elements of dimension 2, in the file of the first mesh.
+  std::vector<std::int32_t> surfaces;           ///< Their places in document.geometry.surfaces; −1: not there.
+  std::array<std::vector<float>, 2> distances;  ///< The largest of each, before and after.
+};
+
 /// Packs the arrays that page/view_2d.js or page/view_3d.js draws. Returns what the page needs besides them:
 /// {"dimension", "centre", "box", "snapshots": ["before", …], "worst": {snapshot: [{"number", "scaled_jacobian",
 /// "place", "size", "cell"}]}, …}. "cell" is the index of the cell in the arrays. `more` gets the arrays that the page
 /// unpacks only when it needs them; it stays empty if there are none.
-nlohmann::ordered_json pack_scene(const Snapshots& snapshots, const Marks& marks, Packing* packing, Packing* more);
+nlohmann::ordered_json pack_scene(const Snapshots& snapshots, const Marks& marks,
+                                  const BoundaryDistanceArrays& distances, Packing* packing, Packing* more);
 
 /// The part of pack_scene() for 2-D: all cells, with edges as cubic Bézier curves. Appends the cells in the arrays to
 /// `shown`.
 nlohmann::ordered_json pack_cells_2d(const Snapshots& snapshots, Packing* packing, std::vector<std::int32_t>* shown);
-/// The part of pack_scene() for 3-D: the faces on the boundary and those of the worst cells, on lattices. Appends the
-/// cells in the arrays to `shown`. Of a large mesh, `packing` also gets the corners of the cells that the first cut of
-/// the page goes through, and `more` those of all cells.
-nlohmann::ordered_json pack_cells_3d(const Snapshots& snapshots, Packing* packing, Packing* more,
-                                     std::vector<std::int32_t>* shown);
+/// The part of pack_scene() for 3-D: the faces on the boundary and those of the worst cells, on lattices. Faces on the
+/// boundary whose distance is known have the arrays SET_surfaces and SET_distances_SNAPSHOT, with −1 for others.
+/// Appends the cells in the arrays to `shown`. Of a large mesh, `packing` also gets the corners of the cells that the
+/// first cut of the page goes through, and `more` those of all cells.
+nlohmann::ordered_json pack_cells_3d(const Snapshots& snapshots, const BoundaryDistanceArrays& distances,
+                                     Packing* packing, Packing* more, std::vector<std::int32_t>* shown);
 
 /// The cells that the plane across an axis through the middle of the mesh goes through, in one of the snapshots.
 std::vector<std::size_t> cells_cut_in_the_middle(const Snapshots& snapshots, std::size_t axis);

@@ -3,6 +3,7 @@
 #include <cmath>
 #include <numeric>
 
+#include "client/report/face_distances.h"
 #include "client/report/scene.h"
 #include "core/reference/basis.h"
 #include "core/reference/nodes.h"
@@ -129,10 +130,23 @@ bool has_moved(const Snapshots& snapshots, const std::vector<Face>& faces) {
   return false;
 }
 
+/// Packs the surfaces of faces on the boundary, and their distances from the CAD model.
+void pack_distances(const Snapshots& snapshots, const std::vector<Face>& faces, const FaceDistances& known,
+                    const std::string& name, Packing* packing) {
+  std::vector<std::int32_t> surfaces;
+  for (const Face& face : faces) surfaces.push_back(known.surface(face.cell, face.facet));
+  packing->add(name + "_surfaces", surfaces);
+  for (std::size_t s = 0; s < snapshots.count(); ++s) {
+    std::vector<float> distances;
+    for (const Face& face : faces) distances.push_back(known.distance(s, face.cell, face.facet));
+    packing->add(name + "_distances_" + Snapshots::name(s), distances);
+  }
+}
+
 /// Packs one set of faces, the triangles and the quadrilaterals apart, and describes them in `sets`. `kept` is the
 /// number of snapshots in which the faces differ.
 void pack_face_set(const Snapshots& snapshots, const std::string& set, const std::vector<Face>& faces, std::size_t kept,
-                   const ShownCells& shown, Packing* packing, Json* sets) {
+                   const FaceDistances& known, const ShownCells& shown, Packing* packing, Json* sets) {
   const int intervals = intervals_for(faces.size(), snapshots.mesh().order);
   for (const Shape shape : {Shape::Triangle, Shape::Quadrilateral}) {
     std::vector<Face> of_shape;
@@ -149,6 +163,7 @@ void pack_face_set(const Snapshots& snapshots, const std::string& set, const std
     for (std::size_t s = 0; s < kept; ++s)
       pack_faces(snapshots, s, of_shape, shape, intervals, name + "_" + Snapshots::name(s), packing);
     packing->add(name + "_cells", owners);
+    if (known.any()) pack_distances(snapshots, of_shape, known, name, packing);
     sets->push_back(
         {{"name", name}, {"set", set}, {"corners", corners}, {"intervals", intervals}, {"snapshots", kept}});
   }
@@ -156,7 +171,7 @@ void pack_face_set(const Snapshots& snapshots, const std::string& set, const std
 
 }  // namespace
 
-Json pack_cells_3d(const Snapshots& snapshots, Packing* packing, Packing* more,
+Json pack_cells_3d(const Snapshots& snapshots, const BoundaryDistanceArrays& distances, Packing* packing, Packing* more,
                    std::vector<std::int32_t>* shown_cells) {
   const Cells& cells = snapshots.cells();
   const Facets sides = facets(snapshots.mesh());
@@ -177,10 +192,11 @@ Json pack_cells_3d(const Snapshots& snapshots, Packing* packing, Packing* more,
       }
 
   Json sets = Json::array();
-  // Nodes on the boundary move only if a server has let them slide. Otherwise one snapshot of the skin is enough.
+  const FaceDistances known(snapshots, distances);
+  // Nodes on the boundary move only if they slid on a CAD model. Otherwise one snapshot of the skin is enough.
   const std::size_t of_skin = has_moved(snapshots, skin) ? snapshots.count() : 1;
-  pack_face_set(snapshots, "skin", skin, of_skin, shown, packing, &sets);
-  pack_face_set(snapshots, "inner", inner, snapshots.count(), shown, packing, &sets);
+  pack_face_set(snapshots, "skin", skin, of_skin, known, shown, packing, &sets);
+  pack_face_set(snapshots, "inner", inner, snapshots.count(), known, shown, packing, &sets);
   std::vector<float> middles;
   for (const std::int32_t cell : *shown_cells)
     for (std::size_t d = 0; d < 3; ++d)
@@ -194,11 +210,8 @@ Json pack_cells_3d(const Snapshots& snapshots, Packing* packing, Packing* more,
     pack_corners(snapshots, cells_cut_in_the_middle(snapshots, kFirstCut), "cut", packing);
     pack_corners(snapshots, all, "all", more);
   }
-  return {{"sets", sets},
-          {"whole", whole.size()},
-          {"whole_up_to", limit},
-          {"first_cut", kFirstCut},
-          {"corners", cuts_need_corners}};
+  return {{"sets", sets},           {"whole", whole.size()},    {"whole_up_to", limit},
+          {"first_cut", kFirstCut}, {"distances", known.any()}, {"corners", cuts_need_corners}};
 }
 
 }  // namespace varimesh::client

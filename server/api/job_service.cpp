@@ -38,6 +38,7 @@ void shorten(v1::Job& job) {
   metrics.clear_unrepairable();
   metrics.clear_repairs();
   if (metrics.has_substitute_targets()) metrics.mutable_substitute_targets()->clear_elements();
+  if (metrics.has_geometry()) metrics.mutable_geometry()->clear_elements();
 }
 
 }  // namespace

@@ -11,13 +11,13 @@
 #include "core/base/stopwatch.h"
 #include "core/base/team.h"
 #include "core/diagnosis/diagnose.h"
+#include "core/distance/slide_and_measure.h"
 #include "core/geometry/load.h"
 #include "core/marks/marks.h"
 #include "core/mesh/check.h"
 #include "core/optimise/memory.h"
 #include "core/optimise/optimiser.h"
 #include "core/quality/certified_quality.h"
-#include "core/slide/slide_on_file.h"
 #include "server/engine/engine.h"
 #include "server/engine/geometry_messages.h"
 #include "server/engine/mesh_parts.h"
@@ -152,7 +152,7 @@ void note_straight_boundary(const HighOrderMesh& mesh, const RunRequest& request
 
 /// Slides the boundary nodes on the model of the request, and takes the time from its time limit. Nothing if the run is
 /// to stop meanwhile, or if the limit passes: then the mesh is as it came, and a note says so.
-Expected<std::optional<SlidOnGeometry>> slide_nodes(HighOrderMesh& mesh, RunRequest& request, const RunHooks& hooks) {
+Expected<std::optional<SlidAndMeasured>> slide_nodes(HighOrderMesh& mesh, RunRequest& request, const RunHooks& hooks) {
   if (is_surface(mesh))
     return bad_input(
         "The mesh is a surface in space, whose nodes slide without a job: use 'varimesh optimise --geometry' without "
@@ -166,9 +166,9 @@ Expected<std::optional<SlidOnGeometry>> slide_nodes(HighOrderMesh& mesh, RunRequ
   GeometryOptions options = geometry_options(*request.geometry, request.options);
   options.stop = &stop;
   const Stopwatch watch;
-  std::optional<SlidOnGeometry> slid;
+  std::optional<SlidAndMeasured> slid;
   try {
-    auto done = slide_on_model(mesh, options, *model);
+    auto done = slide_and_measure(mesh, options, *model);
     if (!done) return tl::unexpected(done.error());
     slid = std::move(*done);
   } catch (const Interrupted&) {
@@ -255,7 +255,7 @@ Expected<RunOutcome> run(RunRequest request, const RunHooks& hooks) {
   request.options.threads = std::min(request.options.threads, most);
   RunControl control = hooks.control;
   if (control.threads) control.threads = [&] { return std::min(hooks.control.threads(), most); };
-  std::optional<SlidOnGeometry> slid;
+  std::optional<SlidAndMeasured> slid;
   if (request.model) {
     auto done = slide_nodes(mesh, request, hooks);
     if (!done) return tl::unexpected(done.error());
@@ -263,7 +263,7 @@ Expected<RunOutcome> run(RunRequest request, const RunHooks& hooks) {
     request.model.reset();
     if (!slid) control.checkpoint = {};  // it belongs to the mesh that has slid
     if (slid && hooks.on_note)
-      for (const std::string& sentence : slid->sentences) hooks.on_note(sentence);
+      for (const std::string& sentence : slid->slid.sentences) hooks.on_note(sentence);
   }
   auto result = request.quality ? judge(std::move(mesh), *request.quality, request.options, hooks)
                                 : optimise(std::move(mesh), request.options, hooks.on_iteration, control);

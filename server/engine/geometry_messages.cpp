@@ -1,5 +1,6 @@
 #include "server/engine/geometry_messages.h"
 
+#include <algorithm>
 #include <cmath>
 #include <string>
 
@@ -13,6 +14,30 @@ v1::BoundaryDistance to_proto(const BoundaryDistance& distance) {
   message.set_largest(distance.largest);
   message.set_rms(distance.rms);
   return message;
+}
+
+v1::SurfaceDistance to_proto(const SurfaceDistance& one, bool has_before) {
+  v1::SurfaceDistance message;
+  message.set_surface(one.surface);
+  message.set_name(one.name);
+  message.mutable_tags()->Add(one.tags.begin(), one.tags.end());
+  message.set_elements(one.elements);
+  if (has_before) *message.mutable_before() = to_proto(one.before);
+  *message.mutable_after() = to_proto(one.after);
+  message.set_folded_before(one.folded_before);
+  message.set_folded_after(one.folded_after);
+  return message;
+}
+
+void add(const BoundaryDistances& distances, v1::GeometryReport& report) {
+  for (std::size_t i = 0; i < std::min(kMostSurfaces, distances.surfaces.size()); ++i)
+    *report.add_surfaces() = to_proto(distances.surfaces[i], !distances.before.empty());
+  if (distances.elements.size() > kMostElementsMeasured) return;
+  v1::ElementDistances& elements = *report.mutable_elements();
+  elements.mutable_numbers()->Add(distances.elements.begin(), distances.elements.end());
+  elements.mutable_surfaces()->Add(distances.surface_of_element.begin(), distances.surface_of_element.end());
+  elements.mutable_before()->Add(distances.before.begin(), distances.before.end());
+  elements.mutable_after()->Add(distances.after.begin(), distances.after.end());
 }
 
 }  // namespace
@@ -49,7 +74,8 @@ GeometryOptions geometry_options(const v1::Geometry& geometry, const Options& op
   return all;
 }
 
-v1::GeometryReport to_proto(const SlidOnGeometry& slid) {
+v1::GeometryReport to_proto(const SlidAndMeasured& done) {
+  const SlidOnGeometry& slid = done.slid;
   v1::GeometryReport message;
   for (const std::string& sentence : slid.sentences) message.add_sentences(sentence);
   message.set_nodes(slid.report.nodes);
@@ -58,6 +84,7 @@ v1::GeometryReport to_proto(const SlidOnGeometry& slid) {
   message.set_folded_after(slid.report.folded_after);
   *message.mutable_before() = to_proto(slid.report.before);
   *message.mutable_after() = to_proto(slid.report.after);
+  if (done.distances) add(*done.distances, message);
   return message;
 }
 

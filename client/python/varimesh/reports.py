@@ -106,6 +106,22 @@ class WhatIsLeft:
 
 
 @dataclass(frozen=True)
+class SurfaceDistance:
+    """A surface of the CAD model, and how far the boundary elements that were made on it lie from it."""
+
+    surface: int  # its number in the model, from 1
+    name: str  # in the STEP or IGES file; empty: it has none
+    tags: tuple[int, ...]  # of the mesh's surfaces that matched it
+    elements: int
+    folded_before: int  # elements that are folded over
+    folded_after: int
+    largest_before: float
+    largest_after: float
+    rms_before: float
+    rms_after: float
+
+
+@dataclass(frozen=True)
 class GeometryReport:
     """What came of the CAD model of a job. Lengths are in the mesh's unit."""
 
@@ -118,6 +134,7 @@ class GeometryReport:
     rms_before: float
     rms_after: float
     sentences: tuple[str, ...]  # what matched and what moved
+    surfaces: tuple[SurfaceDistance, ...] = ()  # the largest distance afterwards first; at most 1000
 
 
 @dataclass(frozen=True)
@@ -260,11 +277,18 @@ def left_of(message: quality_pb2.WhatIsLeft, numbering: Numbering) -> WhatIsLeft
     return WhatIsLeft(message.uncertified, message.proved, message.unproved, remedies, numbering.sentence(message.sentence))
 
 
+def surface_distance_of(message: optimise_pb2.SurfaceDistance) -> SurfaceDistance:
+    return SurfaceDistance(message.surface, message.name, tuple(message.tags), message.elements, message.folded_before,
+                           message.folded_after, message.before.largest, message.after.largest, message.before.rms,
+                           message.after.rms)  # fmt: skip
+
+
 def geometry_report_of(message: optimise_pb2.GeometryReport, numbering: Numbering) -> GeometryReport:
     return GeometryReport(
         message.nodes, message.farthest, message.folded_before, message.folded_after, message.before.largest,
         message.after.largest, message.before.rms, message.after.rms,
-        tuple(numbering.sentence(one) for one in message.sentences))  # fmt: skip
+        tuple(numbering.sentence(one) for one in message.sentences),
+        tuple(surface_distance_of(one) for one in message.surfaces))  # fmt: skip
 
 
 def metrics_of(message: optimise_pb2.Metrics, numbering: Numbering = OF_FILES) -> Metrics:

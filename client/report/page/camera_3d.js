@@ -3,13 +3,15 @@
 const VIEW_FROM = [0.52, -0.72, 0.46];
 
 class Shared3d {
-  /** `corners` are those of the cells that the first cut goes through; null if the page has curved faces of all cells. */
+  /** surfaces: those of the CAD model. scale: a DistanceScale, or null if the page has no distances. `corners` are those of the cells that the first cut goes through; null if the page has curved faces of all cells. */
   constructor(scene, painter, corners, choice) {
     const [x0, y0, z0, x1, y1, z1] = scene.box;
     this.size = Math.hypot(x1 - x0, y1 - y0, z1 - z0);
     this.half = [(x1 - x0) / 2, (y1 - y0) / 2, (z1 - z0) / 2];
     Object.assign(this, {scene, painter, corners, choice, hasAll: corners === null});
     this.views = [];
+    this.surfaces = [];
+    this.scale = null;
     this.camera = new THREE.PerspectiveCamera(35, 4 / 3, this.size / 1e4, this.size * 20);
     this.camera.up.set(0, 0, 1);
     this.reset();
@@ -40,10 +42,10 @@ class Shared3d {
     return {middle, distance: 1.04 * distance};
   }
 
-  /** Looks from a distance at a place, which is relative to the centre of the scene. */
-  look(place, distance) {
+  /** Looks from a distance and a direction at a place, which is relative to the centre of the scene. */
+  look(place, distance, from = VIEW_FROM) {
     this.target = new THREE.Vector3(...place);
-    this.camera.position.set(...VIEW_FROM).normalize().multiplyScalar(distance).add(this.target);
+    this.camera.position.set(...from).normalize().multiplyScalar(distance).add(this.target);
     this.camera.lookAt(this.target);
     this.follow();
   }
@@ -108,7 +110,16 @@ class Shared3d {
     else this.select({only: null});
   }
 
+  /** Colours all views by 'jacobian' or, if the page has distances, by 'distance'. */
+  colourBy(colour) {
+    this.choice.colour = colour;
+    for (const view of this.views) view.colour();
+    this.onColour?.(colour);
+  }
+
+  /** Shows what the changed choice says. A surface stays alone until something else is chosen. */
   select(change) {
+    if (Object.keys(change).length > 0) this.choice.surface = -1;
     Object.assign(this.choice, change);
     for (const view of this.views) view.select();
     const {axis, at, skin} = this.choice;

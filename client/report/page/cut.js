@@ -72,13 +72,13 @@ class CornerCells {
 
 /** Draws cells with straight edges between their corners. */
 class DrawnCells extends Surface3d {
-  constructor(scene, snapshot) {
+  constructor(scene, snapshot, shared) {
     super(scene);
-    Object.assign(this, {snapshot, cells: null, shown: [], owners: []});
+    Object.assign(this, {snapshot, shared, cells: null, shown: [], owners: []});
   }
 
   colour() {
-    this.show(this.cells, this.shown);
+    if (this.cells) this.show(this.cells, this.shown);
   }
 
   /** Shows these of the cells. */
@@ -89,7 +89,7 @@ class DrawnCells extends Surface3d {
     if (!shown.length) return;
     const {corners, first, sizes} = cells;
     const places = cells.places(this.snapshot);
-    const bins = Array.from({length: 256}, (_, value) => colourOf(value / 255).map(linearPart));
+    const bins = Array.from({length: 256}, (_, value) => this.shared.choice.colour === 'distance' ? themeColour('--line').map(linearPart) : colourOf(value / 255).map(linearPart));
     let [triangles, segments] = [0, 0];
     for (const cell of shown) {
       triangles += CELL_TRIANGLES[sizes[cell]].length;

@@ -26,7 +26,7 @@ function latticePattern(corners, intervals) {
     if (corners === 3) lines.push(point(intervals - k, k), point(intervals - k - 1, k + 1));
     else lines.push(point(k, intervals), point(k + 1, intervals), point(intervals, k), point(intervals, k + 1));
   }
-  return {count, triangles, lines};
+  return {count, intervals, triangles, lines};
 }
 
 /** The faces of one set and of one shape. `description` is an entry of scene.sets. */
@@ -35,8 +35,14 @@ class FaceSet {
     Object.assign(this, description);
     this.cells = arrays[`${description.name}_cells`];
     this.pattern = latticePattern(description.corners, description.intervals);
+    this.surfaces = arrays[`${description.name}_surfaces`];
     this.arrays = arrays;
     this.known = {};
+  }
+
+  /** The largest distance of each face from the CAD model; negative: not known. Undefined if the page has none. */
+  distances(snapshot) {
+    return this.arrays[`${this.name}_distances_${snapshot}`];
   }
 
   /** x, y and z of all points of all faces, relative to the centre of the scene. */
@@ -57,21 +63,21 @@ class FaceSet {
     return positions;
   }
 
-  /** The points of the triangles or lines in `pattern`, for the faces of the cells for which shown(cell) is true. */
+  /** The points of the triangles or lines in `pattern`, for the faces for which shown(cell, face) is true. */
   select(pattern, shown) {
     let faces = 0;
-    for (const cell of this.cells) faces += shown(cell) ? 1 : 0;
+    this.cells.forEach((cell, face) => { faces += shown(cell, face) ? 1 : 0; });
     const index = new Uint32Array(faces * pattern.length);
     let next = 0;
     this.cells.forEach((cell, face) => {
-      if (!shown(cell)) return;
+      if (!shown(cell, face)) return;
       for (const point of pattern) index[next++] = face * this.pattern.count + point;
     });
     return index;
   }
 
-  /** The cell that a point belongs to. */
-  cellOf(point) {
-    return this.cells[Math.floor(point / this.pattern.count)];
+  /** The face that a point belongs to. */
+  faceOf(point) {
+    return Math.floor(point / this.pattern.count);
   }
 }

@@ -15,20 +15,23 @@ function addHead(report) {
       make('h1', {}, report.title), make('p', {class: `verdict ${kind}`}, sentence), tiles(report.document));
 }
 
-/** Adds the views. Returns a function (place, size) that shows a place in them, or null if there are no views. */
+/**
+ * Adds the views. Returns {go, goToSurface}: functions (place, size), and (surface), that show a place, or where the boundary is
+ * farthest from a surface of the CAD model. They are missing if nothing can be shown.
+ */
 async function addPictures(report) {
   if (!report.scene) {
     if (report.picture_note) addSection('pictures', 'The mesh', report.picture_note);
-    return null;
+    return {};
   }
   const section = addSection('pictures', 'The mesh, coloured by scaled Jacobian', report.picture_note);
   const arrays = await unpack(document.getElementById('arrays').textContent, report.scene.arrays);
   const cells = new CellTable(report.scene, arrays);
   const crosses = report.document.unrepairable;
-  return (report.scene.dimension === 2 ? pictures2d : pictures3d)(section, report.scene, arrays, cells, crosses);
+  return (report.scene.dimension === 2 ? pictures2d : pictures3d)(section, report.scene, arrays, cells, crosses, report.document.geometry?.surfaces ?? []);
 }
 
-function addTables(report, go) {
+function addTables(report, {go, goToSurface}) {
   const section = addSection('tables', 'Numbers');
   section.append(make('div', {class: 'columns'}, qualityTable(report.document), meshTable(report.document)));
   if (report.scene) {
@@ -37,7 +40,12 @@ function addTables(report, go) {
   }
   if (report.document.geometry) {
     const {geometry} = report.document;
-    addSection('geometry', 'The boundary and the CAD model', geometry.sentences.join(' ')).append(geometryTable(geometry));
+    const section = addSection('geometry', 'The boundary and the CAD model', geometry.sentences.join(' '));
+    section.append(geometryTable(geometry));
+    if (geometry.surfaces.length) section.append(surfacesTable(geometry, goToSurface && ((surface) => {
+      goToSurface(surface);
+      document.getElementById('pictures').scrollIntoView({block: 'start'});
+    })));
   }
   if (report.document.notes) addSection('notes', 'Notes', report.document.notes.join(' '));
   if (report.document.substitute_targets) {
@@ -61,12 +69,12 @@ function addOrigin(report) {
 async function main() {
   const report = JSON.parse(document.getElementById('report').textContent);
   addHead(report);
-  const go = await addPictures(report);
+  const views = await addPictures(report);
   histograms(addSection('histograms', 'Elements by scaled Jacobian', 'The scaled Jacobian of an element is min J / max J; 1 is the best value.'), report);
   if (report.history.iteration?.length) {
     convergence(addSection('convergence', 'Convergence', 'Shading shows the phases of the method.'), report.history);
   }
-  addTables(report, go);
+  addTables(report, views);
   addOrigin(report);
   // After two frames, everything has been drawn.
   requestAnimationFrame(() => requestAnimationFrame(() => { document.documentElement.dataset.ready = 'yes'; }));

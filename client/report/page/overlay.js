@@ -18,7 +18,7 @@ class Overlay {
   }
 
   add(place, shapes) {
-    const node = draw('g', {}, ...shapes);
+    const node = draw('g', {class: 'mark'}, ...shapes);
     this.svg.append(node);
     this.marks.push({place, node});
   }
@@ -50,6 +50,6 @@ class Overlay {
     this.tip.textContent = text;
     const room = this.svg.clientWidth - this.tip.offsetWidth;
     this.tip.style.left = `${Math.max(0, Math.min(x + 12, room - 4))}px`;
-    this.tip.style.top = `${Math.max(0, y - 34)}px`;
+    this.tip.style.top = `${Math.max(0, y - this.tip.offsetHeight - 8)}px`;
   }
 }

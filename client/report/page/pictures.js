@@ -31,7 +31,7 @@ function closeUp(section, scene, paths, table, crosses) {
   for (const snapshot of scene.snapshots) new View2d(boxes[snapshot], scene, paths, table, snapshot, viewport, crosses);
 }
 
-/** Adds the 2-D views. Returns go(place, size), which shows a place in all of them. */
+/** Adds the 2-D views. Returns {go(place, size)}, which shows a place in all of them. */
 function pictures2d(section, scene, arrays, table, crosses) {
   const {boxes, columns} = viewBoxes(scene.snapshots);
   const viewport = new Viewport2d(scene.box[3] - scene.box[0], scene.box[4] - scene.box[1]);
@@ -44,7 +44,7 @@ function pictures2d(section, scene, arrays, table, crosses) {
   const paths = new Paths2d(scene, arrays);
   for (const snapshot of scene.snapshots) new View2d(boxes[snapshot], scene, paths, table, snapshot, viewport, crosses);
   closeUp(section, scene, paths, table, crosses);
-  return go;
+  return {go};
 }
 
 function choice(names, chosen, act) {
@@ -106,22 +106,43 @@ function savePictures(shared) {
   for (const view of shared.views) make('a', {href: view.picture(), download: `${mesh}-${view.snapshot}.png`}).click();
 }
 
-/** Adds the 3-D views, or a sentence if they cannot be drawn. Returns go(place, size) as pictures2d() does, or null. */
-function pictures3d(section, scene, arrays, table, crosses) {
+const COLOURINGS = ['jacobian', 'distance'];
+
+/** Lets one choose what the colours mean, and shows the legend of the choice in `place`. */
+function colourControl(place, shared, hasCrosses) {
+  const legends = {jacobian: legend(hasCrosses), distance: distanceLegend(shared.scale)};
+  const select = choice(['scaled Jacobian', 'distance from the CAD model'], 0, (i) => shared.colourBy(COLOURINGS[i]));
+  select.id = 'colouring';
+  shared.onColour = (colour) => {
+    place.replaceChildren(legends[colour]);
+    select.value = COLOURINGS.indexOf(colour);
+    place.closest('section').querySelector('h2').textContent = `The mesh, coloured by ${select.selectedOptions[0].textContent}`;
+  };
+  place.replaceChildren(legends.jacobian);
+  return labelled('Colours', select);
+}
+
+/** Adds the 3-D views, or a sentence if they cannot be drawn. Returns {go(place, size), goToSurface(surface)}, as addPictures(). */
+function pictures3d(section, scene, arrays, table, crosses, surfaces) {
   const painter = Painter3d.create();
   if (!painter) {
     section.append(make('p', {}, 'This browser cannot draw in three dimensions (WebGL 2), so there are no views. The rest of the report is complete.'));
-    return null;
+    return {};
   }
   const {boxes, columns} = viewBoxes(scene.snapshots);
   const whole = scene.whole === scene.cells;
-  const shared = new Shared3d(scene, painter, scene.corners ? new CornerCells(arrays, 'cut') : null, {axis: scene.first_cut, at: 0, flip: true, threshold: 0, skin: 'solid', only: null});
+  const shared = new Shared3d(scene, painter, scene.corners ? new CornerCells(arrays, 'cut') : null, {axis: scene.first_cut, at: 0, flip: true, threshold: 0, skin: 'solid', only: null, surface: -1, colour: 'jacobian'});
   const go = (place, size) => {
     shared.look(place.map((value, d) => value - scene.centre[d]), 6 * size);
   };
   const last = scene.worst[scene.snapshots.at(-1)][0];
+  const sets = scene.sets.map((description) => new FaceSet(description, arrays));
   const bar = controls3d(scene, shared);
-  section.append(legend(crosses.length > 0), columns, bar, make('div', {class: 'controls'},
+  const place = make('div', {}, legend(crosses.length > 0));
+  if (scene.distances) {
+    Object.assign(shared, {surfaces, scale: new DistanceScale(sets, scene.snapshots)});
+  }
+  section.append(place, columns, bar, make('div', {class: 'controls'},
       button('Whole mesh', () => shared.reset()), button('Worst element', () => go(last.place, last.size)),
       button('Zoom in', () => shared.zoom(0.7)), button('Zoom out', () => shared.zoom(1 / 0.7)),
       button('Save as PNG', () => savePictures(shared)),
@@ -130,10 +151,17 @@ function pictures3d(section, scene, arrays, table, crosses) {
     section.append(make('p', {class: 'quiet small'}, `The mesh has ${grouped(scene.cells)} elements. Those on the boundary, and the ` +
         `${grouped(scene.whole)} with the smallest scaled Jacobians, are drawn curved, the others that a cut goes through with straight edges.`));
   }
-  const sets = scene.sets.map((description) => new FaceSet(description, arrays));
+  if (scene.distances) bar.prepend(colourControl(place, shared, crosses.length > 0));
   for (const snapshot of scene.snapshots) {
     shared.views.push(new View3d(boxes[snapshot], scene, arrays, sets, table, snapshot, shared, crosses));
   }
   shared.follow();
-  return go;
+  const goToSurface = (surface) => {
+    const face = farthestFace(sets.filter((faces) => faces.set === 'skin'), surface, scene.snapshots.at(-1));
+    if (!face) return;
+    shared.select({surface, only: null});
+    shared.colourBy('distance');
+    shared.look(face.place, 8 * face.size, face.from);
+  };
+  return {go, goToSurface: scene.distances ? goToSurface : null};
 }

@@ -17,9 +17,9 @@ function pointColours(faces, table, snapshot) {
 
 /** Draws one set of faces. What the library needs is made when faces are shown for the first time. */
 class DrawnFaces extends Surface3d {
-  constructor(scene, faces, table, snapshot) {
+  constructor(scene, faces, table, snapshot, shared) {
     super(scene);
-    Object.assign(this, {faces, table, snapshot, made: false});
+    Object.assign(this, {faces, table, snapshot, shared, made: false});
     this.mesh.visible = this.lines.visible = false;
   }
 
@@ -35,11 +35,13 @@ class DrawnFaces extends Surface3d {
 
   colour() {
     if (!this.made) return;
-    this.surface.setAttribute('color', new THREE.BufferAttribute(pointColours(this.faces, this.table, this.snapshot), 3, true));
+    const {scale, choice} = this.shared;
+    const colours = choice.colour === 'distance' ? distanceColours(this.faces, scale, this.snapshot) : pointColours(this.faces, this.table, this.snapshot);
+    this.surface.setAttribute('color', new THREE.BufferAttribute(colours, 3, true));
     this.drawEdges(this.solid.transparent);
   }
 
-  /** Shows the faces of the cells for which shown(cell) is true. Returns how many triangles they have. */
+  /** Shows the faces for which shown(cell, face) is true. Returns how many triangles they have. */
   show(shown, seeThrough) {
     const triangles = this.faces.select(this.faces.pattern.triangles, shown);
     this.mesh.visible = this.lines.visible = triangles.length > 0;
@@ -65,8 +67,8 @@ class View3d {
     this.world.add(new THREE.HemisphereLight(0xffffff, 0xc8c8c8, 2.2));
     this.lamp = new THREE.DirectionalLight(0xffffff, 1.3);
     this.world.add(this.lamp);
-    this.drawn = sets.map((faces) => new DrawnFaces(this.world, faces, table, snapshot));
-    this.drawnCells = scene.corners ? new DrawnCells(this.world, snapshot) : null;
+    this.drawn = sets.map((faces) => new DrawnFaces(this.world, faces, table, snapshot, shared));
+    this.drawnCells = scene.corners ? new DrawnCells(this.world, snapshot, shared) : null;
     this.overlay = new Overlay(host, scene.worst[snapshot], crosses);
     this.controls = new THREE.OrbitControls(shared.camera, host);
     this.controls.enableZoom = false;
@@ -80,9 +82,20 @@ class View3d {
     host.addEventListener('pointerleave', () => this.overlay.showText(''));
     host.addEventListener('keydown', (event) => this.press(event));
     new ResizeObserver(() => this.resize()).observe(host);
-    darkTheme.addEventListener('change', () => { for (const one of this.drawn) one.colour(); this.drawnCells?.colour(); this.paint(); });
+    darkTheme.addEventListener('change', () => this.colour());
     this.select();
     this.resize();
+  }
+
+  /** Colours everything anew, by what has been chosen. */
+  colour() {
+    const byDistance = this.shared.choice.colour === 'distance';
+    const what = byDistance ? 'distance from the CAD model' : 'scaled Jacobian';
+    this.host.classList.toggle('by-distance', byDistance);
+    this.canvas.setAttribute('aria-label', `the mesh ${this.snapshot}, coloured by ${what}`);
+    for (const one of this.drawn) one.colour();
+    this.drawnCells?.colour();
+    this.paint();
   }
 
   /**
@@ -90,8 +103,9 @@ class View3d {
    * cells, those that the cut goes through are drawn with straight edges.
    */
   select() {
-    const {axis, at, flip, threshold, skin, only} = this.shared.choice;
+    const {axis, at, flip, threshold, skin, only, surface} = this.shared.choice;
     if (only !== null) return this.selectOnly(only);
+    if (surface >= 0) return this.selectSurface(surface);
     const beyond = (cell) => axis >= 0 && (this.middles[3 * cell + axis] > at) !== flip;
     const poor = (cell) => this.table.js[this.snapshot][cell] < threshold;
     const cut = axis >= 0 && this.whole && skin === 'solid';
@@ -114,6 +128,13 @@ class View3d {
     const {corners} = this.shared;
     const other = faces === 0 && corners ? corners.cellOfNumber(number) : -1;
     this.drawnCells?.show(corners, other < 0 ? [] : [other]);
+    this.paint();
+  }
+
+  /** Shows only the boundary that was made on one surface of the CAD model. */
+  selectSurface(surface) {
+    for (const one of this.drawn) one.show((_, face) => one.faces.set === 'skin' && one.faces.surfaces[face] === surface, false);
+    this.drawnCells?.show(this.shared.corners, []);
     this.paint();
   }
 
@@ -193,8 +214,10 @@ class View3d {
       return {x, y, text: cells.describe(this.snapshot, cell), number: cells.numbers[cell]};
     }
     const {faces} = solid.find((one) => one.mesh === hit.object);
-    const cell = faces.cellOf(hit.face.a);
-    return {x, y, text: this.table.describe(this.snapshot, cell), number: this.table.numbers[cell]};
+    const face = faces.faceOf(hit.face.a);
+    const cell = faces.cells[face];
+    const text = this.table.describe(this.snapshot, cell) + describeDistance(faces, face, this.snapshot, this.shared.surfaces);
+    return {x, y, text, number: this.table.numbers[cell]};
   }
 
   /** Shows only the element under the pointer, or all again. */

@@ -77,6 +77,27 @@ class OnAServer(Geometry):
         skins = [one["snapshots"] for one in report["scene"]["sets"] if one["set"] == "skin"]
         self.assertEqual(set(skins), {2})
 
+    def test_the_figures_of_each_surface_are_those_of_a_run_without_a_server(self):
+        model = MODEL.with_suffix(".step")
+        alone, done = self.optimise("--json", model=model), self.remote("--json", model=model)
+        geometry = json.loads(done.stdout)["geometry"]
+        self.assertEqual(json.loads(alone.stdout)["geometry"], geometry)
+        surfaces = {one["surface"]: one for one in geometry["surfaces"]}
+        self.assertEqual(len(surfaces), 13)
+        self.assertEqual((surfaces[4]["name"], surfaces[4]["tags"], surfaces[11]["name"]), ("Fillet", [4], ""))
+        self.assertEqual(sum(one["folded"]["before"] for one in surfaces.values()), geometry["folded"]["before"])
+        for when in ("before", "after"):
+            self.assertAlmostEqual(max(one["distance"][when]["largest"] for one in surfaces.values()),
+                                   geometry["distance"][when]["largest"], delta=1e-9)
+        far = geometry["surfaces"][0]
+        said = f"The boundary is farthest from the geometry on surface {far['surface']} '{far['name']}' ("
+        for text in (alone.stderr, done.stderr):
+            self.assertEqual(text.count(said), 1, text)
+
+    def test_lists_of_jobs_leave_out_the_distances_of_elements(self):
+        self.assertEqual(self.remote().returncode, 0)
+        self.assertNotIn("numbers", run("jobs", "--json", "--server", self.server.address).stdout)
+
     def test_a_mesh_with_elements_left_is_compared_with_one_that_did_not_slide(self):
         # With its curves held, every surface stays folded as it came.
         flags = ["--slide", "surfaces", "--max-iterations", 0]

@@ -30,6 +30,11 @@ class Geometry(support.WithServer):
         self.assertLess(report.largest_after, report.largest_before)
         self.assertEqual((report.folded_before, report.folded_after), (1, 0))
         self.assertIn("13 of 13 surfaces", report.sentences[0])
+        self.assertEqual(len(report.surfaces), 13)
+        self.assertAlmostEqual(report.surfaces[0].largest_after, report.largest_after, delta=1e-9)
+        self.assertEqual(sum(one.folded_before for one in report.surfaces), 1)
+        named = self.client.optimise(BRACKET, geometry=MODEL.with_suffix(".step")).metrics.geometry
+        self.assertEqual({one.surface: one.name for one in named.surfaces}[4], "Fillet")
         self.assertIsNone(self.client.optimise(BRACKET, max_iterations=0).metrics.geometry)
 
     def test_arrays_slide_to_the_same_bits_as_the_file(self):
