@@ -49,7 +49,7 @@ class Convert(WithFolder):
         mirrored.write_text(mirrored.read_text().replace("\n1 0 0 0\n", "\n1 nan 0 0\n"))
         done = run("convert", mirrored, out, "--orient")
         self.assertEqual(done.returncode, 3)
-        self.assertIn("Node 1", done.stderr)
+        self.assertIn("node 1 has a coordinate that is not a finite number", done.stderr)
 
     def test_a_format_that_contradicts_the_ending_is_refused(self):
         for name, form in (("out.vtu", "msh22"), ("out.msh", "vtu")):
