@@ -4,6 +4,7 @@
 
 #include <cerrno>
 #include <cstdio>
+#include <cstdlib>
 #include <exception>
 #include <iostream>
 #include <string>
@@ -26,6 +27,10 @@ void fill_standard_descriptors() {
   for (const int descriptor : {STDIN_FILENO, STDOUT_FILENO, STDERR_FILENO})
     if (::fcntl(descriptor, F_GETFD) < 0) (void)::open("/dev/null", descriptor == STDIN_FILENO ? O_WRONLY : O_RDONLY);
 }
+
+/// The command itself says what went wrong, in its own words. gRPC's lines for developers would stand between them,
+/// also about nothing ("Waiting for thread pool to idle"). With GRPC_VERBOSITY in the environment they are shown.
+void silence_grpc() { ::setenv("GRPC_VERBOSITY", "NONE", 0); }
 
 /// Flushes standard output and returns the exit status: `status`, or a failure if not everything could be written.
 int flush_output(int status) {
@@ -72,6 +77,7 @@ int execute(int argc, char** argv) {
 
 int main(int argc, char** argv) {
   fill_standard_descriptors();
+  silence_grpc();
   varimesh::return_large_blocks();
   catch_interrupts();
   return flush_output(execute(argc, argv));

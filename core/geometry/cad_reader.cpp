@@ -21,7 +21,7 @@ namespace {
 
 /// Most seconds of processor time for a file. One of 100 MB takes about a minute. OpenCASCADE may read on for ever in a
 /// damaged one.
-constexpr double kLeastSeconds = 4, kSecondsPerMegabyte = 6, kMostSeconds = 600;
+constexpr double kLeastSeconds = 3, kSecondsPerMegabyte = 6, kMostSeconds = 600;
 
 std::int64_t size_of(int file) {
   struct stat status {};

@@ -206,6 +206,7 @@ class Calling(WithCertificates):
             done = self.jobs(*flags)
             self.assertEqual((done.returncode, done.stdout), (5, ""), what)
             self.assertIn("There is no server at", done.stderr)
+            self.assertEqual(len(done.stderr.splitlines()), 1, done.stderr)  # nothing from gRPC itself
 
     def test_who_speaks_plainly_with_a_server_that_wants_tls_is_told_so_and_the_reverse(self):
         done = self.jobs()
