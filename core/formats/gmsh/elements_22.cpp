@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <cstring>
 #include <limits>
+#include <optional>
 #include <unordered_set>
 #include <utility>
 
@@ -73,7 +74,7 @@ class ElementReader {
   Scanner& scan_;
   std::vector<ElementBlock>& blocks_;
   std::size_t expected_;
-  int type_ = 0;
+  std::optional<int> type_;  // of kind_
   GmshType kind_;
   std::size_t node_count_ = 0;
   int physical_ = 0, entity_ = 0;

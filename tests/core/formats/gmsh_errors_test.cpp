@@ -48,6 +48,7 @@ TEST(GmshErrors, TruncatedFileNamesTheByte) {
 
 TEST(GmshErrors, UnknownElementTypeNamesItAndTheLine) {
   EXPECT_SAYS(kHead + kNodes + "$Elements\n1\n1 77 2 1 1 1 2 3\n$EndElements\n", "element type 77 is not known");
+  EXPECT_SAYS(kHead + kNodes + "$Elements\n1\n1 0 0 1\n$EndElements\n", "element type 0 is not known");
   EXPECT_SAYS(kHead + kNodes + "$Elements\n1\n1 77 2 1 1 1 2 3\n$EndElements\n", "line 12");
 }
 
