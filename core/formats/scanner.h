@@ -127,11 +127,14 @@ class Scanner {
   }
   std::int64_t raw_size(const char* what) {
     const auto value = raw<std::uint64_t>(what);
-    if (value > std::uint64_t(std::numeric_limits<std::int64_t>::max())) fail(std::string(what) + " is out of range");
+    // As in text, so that a file can be written in both forms.
+    if (value >= kNumberOf19Digits) fail(std::string(what) + " is out of range");
     return std::int64_t(value);
   }
   [[noreturn]] void fail_token(const char* what) const;
   std::string place() const;
+
+  static constexpr std::uint64_t kNumberOf19Digits = 1'000'000'000'000'000'000;
 
   const char* begin_;
   const char* at_;
