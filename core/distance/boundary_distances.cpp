@@ -31,7 +31,7 @@ std::size_t index(std::int32_t i) { return static_cast<std::size_t>(i); }
 
 /// The elements that were made on one surface of the geometry.
 struct Row {
-  int surface = 0;  ///< Index in Geometry::surfaces of the surface, or of the one of which it became part.
+  int surface = 0;  ///< Index in Geometry::surfaces. A surface that was joined to another has the other's.
   SurfaceDistance result;
   std::vector<EntityElement> elements;
   std::vector<std::size_t> places;  ///< Of each element: its place in BoundaryDistances::elements.

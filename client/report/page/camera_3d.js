@@ -3,7 +3,10 @@
 const VIEW_FROM = [0.52, -0.72, 0.46];
 
 class Shared3d {
-  /** surfaces: those of the CAD model. scale: a DistanceScale, or null if the page has no distances. `corners` are those of the cells that the first cut goes through; null if the page has curved faces of all cells. */
+  /**
+   * `corners` are those of the cells that the first cut goes through; null if the page has curved faces of all cells. Later,
+   * this.surfaces gets the surfaces of the CAD model, and this.scale a DistanceScale if the page has distances.
+   */
   constructor(scene, painter, corners, choice) {
     const [x0, y0, z0, x1, y1, z1] = scene.box;
     this.size = Math.hypot(x1 - x0, y1 - y0, z1 - z0);
@@ -117,7 +120,7 @@ class Shared3d {
     this.onColour?.(colour);
   }
 
-  /** Shows what the changed choice says. A surface stays alone until something else is chosen. */
+  /** Changes the choice and shows it. If one surface is shown by itself, any change shows the others again. */
   select(change) {
     if (Object.keys(change).length > 0) this.choice.surface = -1;
     Object.assign(this.choice, change);

@@ -50,7 +50,7 @@ class PyfrNumbers {
   }
 
   std::size_t node_count() const { return node_count_; }
-  /// How many cells have a node; 65535: so many or more.
+  /// How many cells have the node. 65535 stands for all larger numbers too.
   std::uint16_t valency(std::int32_t node) const { return valency_[std::size_t(node)]; }
   /// The number of a node that a cell uses.
   std::int64_t number_of(std::int32_t node) const { return number_.empty() ? node : number_[std::size_t(node)]; }

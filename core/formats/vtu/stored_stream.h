@@ -16,8 +16,8 @@ std::uint32_t adler32_of(std::string_view bytes);
 /// The most bytes of a stored block.
 inline constexpr std::size_t kMostStored = 65535;
 
-/// The bytes of the stream for so many bytes of content: 2 bytes come before the blocks, 5 before each block, and a
-/// checksum of 4 after them.
+/// The size of the stream, in bytes, for this size of its content: 2 bytes come before the blocks, 5 before each block,
+/// and a checksum of 4 after them.
 constexpr std::size_t stored_stream_size(std::size_t content) {
   return 2 + (content + kMostStored - 1) / kMostStored * 5 + content + 4;
 }
@@ -25,9 +25,9 @@ constexpr std::size_t stored_stream_size(std::size_t content) {
 /// Calls pass_on(piece) for the pieces of the stream with this content, in order.
 void write_stored_stream(std::string_view content, const std::function<void(std::string_view)>& pass_on);
 
-/// Fills `content` from a stream that has exactly so many bytes, all in stored blocks. Returns false, and may have
-/// filled a part, if the stream is another one or is damaged; zlib knows what it is. Bytes after the end of the stream
-/// mean nothing.
+/// Fills `content` from a stream whose content has exactly this size and is all in stored blocks. Returns false if the
+/// stream is damaged or of another kind, which zlib can tell; `content` may then be filled in part. Bytes after the end
+/// of the stream are ignored.
 bool read_stored_stream(std::string_view stream, std::span<char> content);
 
 }  // namespace varimesh::formats

@@ -45,8 +45,8 @@ HighOrderMesh straight_cells(const HighOrderMesh& mesh) {
   return straight;
 }
 
-/// The table of the basis on the file's equispaced nodes, in place of that on the solver's. Cells with straight sides
-/// of which are affine get the points of the lattice too, which a rule misses: vertices and edges.
+/// Replaces the table of the basis on the solver's nodes by that on the file's equispaced nodes. If the straight-sided
+/// cells are affine, the points of the lattice join those of the quadrature rule, which has none at vertices and edges.
 void use_file_nodes(CellSet& set) {
   const int d = set.dimension;
   const reference::Quadrature rule = reference::quadrature(set.shape, set.order, set.degree);

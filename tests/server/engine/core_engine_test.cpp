@@ -22,6 +22,16 @@ class Bytes : public Blob {
   std::string bytes_;
 };
 
+/// Hooks of a run that nothing stops and whose output goes nowhere.
+RunHooks hooks_that_note_admission(bool& admitted) {
+  RunHooks hooks;
+  hooks.control.stop_asked = [] { return false; };
+  hooks.given_up = [] { return false; };
+  hooks.admit = [&admitted](std::int64_t) -> Expected<bool> { return admitted = true; };
+  hooks.open_output = [](v1::MeshFormat) { return [](std::string_view) { return true; }; };
+  return hooks;
+}
+
 /// A square of two triangles with an element for a corner, as MESH_FORMAT_PARTS.
 std::string two_triangles() {
   HighOrderMesh mesh;
@@ -119,11 +129,7 @@ TEST(CoreEngine, RefusesAFormatWithoutATypeForTheElementsBeforeItComputes) {
   request.options.order = 7;
   request.outputs = {v1::MESH_FORMAT_VTU, v1::MESH_FORMAT_CGNS};
   bool admitted = false;
-  RunHooks hooks;
-  hooks.control.stop_asked = [] { return false; };
-  hooks.given_up = [] { return false; };
-  hooks.admit = [&](std::int64_t) -> Expected<bool> { return admitted = true; };
-  hooks.open_output = [](v1::MeshFormat) { return [](std::string_view) { return true; }; };
+  const RunHooks hooks = hooks_that_note_admission(admitted);
   const auto refused = core_engine().run(request, hooks);
   ASSERT_FALSE(refused) << "CGNS ends at order 4";
   EXPECT_EQ(refused.error().kind, Error::Kind::BadOption);
@@ -154,11 +160,7 @@ TEST(CoreEngine, RefusesAFormatThatCannotHoldTheSidesBeforeItComputes) {
       request.quality.emplace();  // only surfaces that are judged may have such sides
       request.outputs = {format};
       bool admitted = false;
-      RunHooks hooks;
-      hooks.control.stop_asked = [] { return false; };
-      hooks.given_up = [] { return false; };
-      hooks.admit = [&](std::int64_t) -> Expected<bool> { return admitted = true; };
-      hooks.open_output = [](v1::MeshFormat) { return [](std::string_view) { return true; }; };
+      const RunHooks hooks = hooks_that_note_admission(admitted);
       const auto done = core_engine().run(request, hooks);
       const bool can_hold = format == v1::MESH_FORMAT_VTU || std::string_view(y) == ".5";
       EXPECT_EQ(admitted, can_hold) << format << " " << y;
