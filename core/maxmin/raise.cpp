@@ -18,6 +18,9 @@ namespace {
 constexpr double kEnoughForValid = 0.02;
 /// Larger tables than this many numbers per direction are not made.
 constexpr std::int64_t kMostInTable = 2'000'000;
+/// The same for tables whose spacing was halved twice: 12 MB, about what the estimate of memory has to spare.
+/// Tetrahedra up to order 4 have them.
+constexpr std::int64_t kMostInClosestTable = 500'000;
 /// Looks at cells: per cell of the mesh, and at least. A patch takes some hundreds.
 constexpr std::int64_t kLooksPerCell = 50, kLeastLooks = 50'000;
 /// A cell this near to the smallest level of its patch has reached its limit.
@@ -106,7 +109,8 @@ class Raiser {
     const int intervals = (1 << halvings) * (2 * mesh_.order + 2);
     std::optional<SampleTable>& made = tables_[{shape, halvings}];
     const reference::Points points = reference::uniform_lattice(shape, intervals);
-    if (points.rows() * reference::node_count(shape, mesh_.order) > kMostInTable) return nullptr;
+    const std::int64_t most = halvings < kMostHalvings ? kMostInTable : kMostInClosestTable;
+    if (points.rows() * reference::node_count(shape, mesh_.order) > most) return nullptr;
     made.emplace();
     for (Eigen::MatrixXd& gradient :
          reference::basis_gradients(shape, mesh_.order, reference::NodeSet::Equispaced, mesh_.dimension, points))
