@@ -29,8 +29,9 @@ namespace {
 
 /// A thread is worth its while from this many pairs of nodes on that share a cell. With less work, most of the time
 /// goes into waiting for a thread that the system has put aside for another program. On an idle machine, 276 tetrahedra
-/// of order 5 (0.9 million pairs) take 0.3 s with one thread.
-constexpr double kPairsPerThread = 1e6;
+/// of order 5 (0.9 million pairs) take 0.3 s with one thread. 3,112 tetrahedra of order 3 (1.2 million), which have to
+/// be untangled and split, take 19 s with one thread and 12 s with two.
+constexpr double kPairsPerThread = 6e5;
 /// The same for the bytes of a file that is read.
 constexpr double kBytesPerThread = 1e6;
 

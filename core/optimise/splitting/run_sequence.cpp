@@ -25,13 +25,23 @@ double work_of(const Iteration& iteration) {
 
 }  // namespace
 
+RunControl control_of_each_run(const RunControl& asked) {
+  RunControl control = asked;
+  control.checkpoint_due = nullptr;
+  control.save_checkpoint = nullptr;
+  control.checkpoint = {};
+  control.shallow_untangling = true;
+  return control;
+}
+
 RunSequence::RunSequence(const Options& options, std::uint64_t fingerprint, const OnIteration& on_iteration,
                          const RunControl& control, StopToken& stop)
-    : options_(options), fingerprint_(fingerprint), on_iteration_(on_iteration), asked_(control), stop_(stop) {
-  control_.threads = control.threads;
-  control_.stop_asked = control.stop_asked;
-  control_.meter = control.meter;
-  control_.shallow_untangling = true;
+    : options_(options),
+      fingerprint_(fingerprint),
+      on_iteration_(on_iteration),
+      asked_(control),
+      stop_(stop),
+      control_(control_of_each_run(control)) {
   options_.repair = Repair::Report;
   options_.order = 0;
   restores_ = read(control.checkpoint);

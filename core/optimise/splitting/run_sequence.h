@@ -14,6 +14,10 @@
 
 namespace varimesh {
 
+/// What each run of a sequence is asked, if the sequence is asked this: the same, but for checkpoints, which the
+/// sequence makes, and with patches of one layer.
+RunControl control_of_each_run(const RunControl& asked);
+
 /// Runs that a caller sees as one: iterations are numbered through, and the limits are for all of them together. The
 /// sequence begins when it is constructed, and what its constructor takes must outlive it.
 ///

@@ -14,6 +14,7 @@
 #include "core/diagnosis/node_positions.h"
 #include "core/mesh/connectivity.h"
 #include "core/optimise/grace.h"
+#include "core/optimise/splitting/raise_left.h"
 #include "core/optimise/splitting/run_sequence.h"
 #include "core/reference/basis.h"
 #include "core/repair/split_passes.h"
@@ -238,6 +239,9 @@ Result optimise_by_splitting(const SetUp& set_up, const OnIteration& on_iteratio
     runs.begin_rounds(work);
     std::optional<Result> split = optimise_in_rounds(mesh, *best, options, runs);
     const bool ran_out = runs.out_of_work();
+    if (split && !runs.stopped())
+      if (const std::vector<std::int64_t> left = worth_a_split(*split); !left.empty())
+        raise_left(*split, left, options, runs.token());
     runs.end_rounds(work);
     // If only owners of folded faces are left, another run would leave them too.
     if ((!split || !worth_a_split(*split).empty()) && runs.may_go_on()) {

@@ -6,6 +6,8 @@
 #include <algorithm>
 #include <cstring>
 
+#include "core/optimise/splitting/raise_left.h"
+#include "core/optimise/splitting/run_sequence.h"
 #include "tests/core/support/balls.h"
 #include "tests/core/support/cases.h"
 #include "tests/core/support/for_energy.h"
@@ -90,6 +92,46 @@ TEST(RepairBySplitting, SaysHowManyGroupsEachLookHasFound) {
   EXPECT_EQ(groups.front(), -1) << "no look before the run without a split";
   EXPECT_EQ(groups.back(), 0) << "the last look of a round finds nothing that may be split";
   EXPECT_FALSE(looks.empty());
+}
+
+TEST(RepairBySplitting, GivesItsRunsAllThatItIsGivenButCheckpoints) {
+  WorkMeter meter([](const Work&) {});
+  RunControl asked;
+  asked.checkpoint_due = [](const Iteration&) { return true; };
+  asked.save_checkpoint = [](const Iteration&, const WriteCheckpoint&) {};
+  asked.checkpoint = "not empty";
+  asked.threads = [] { return 3; };
+  asked.stop_asked = [] { return true; };
+  asked.meter = &meter;
+  asked.spare_memory = {[](std::int64_t bytes) { return bytes / 2; }, [](std::int64_t) {}};
+  const RunControl control = control_of_each_run(asked);
+  EXPECT_FALSE(control.checkpoint_due || control.save_checkpoint);
+  EXPECT_TRUE(control.checkpoint.empty() && control.shallow_untangling && control.untangles_lost);
+  EXPECT_EQ(control.threads(), 3);
+  EXPECT_TRUE(control.stop_asked());
+  EXPECT_EQ(control.meter, &meter);
+  ASSERT_TRUE(control.spare_memory.take && control.spare_memory.give_back);
+  EXPECT_EQ(control.spare_memory.take(10), 5);
+}
+
+TEST(RepairBySplitting, RaisesTheElementsThatSplitsHaveLeft) {
+  HighOrderMesh mesh = testing::grid(testing::Filling::Tetrahedra, {2, 2, 2}, 2);
+  testing::shake(mesh, 0.05, 3);
+  Options options = with(Repair::Report);
+  options.max_iterations = 0;
+  const Result tangled = run(mesh, options);
+  const std::vector<std::int64_t> left = uncertified_numbers(tangled.after);
+  ASSERT_GT(left.size(), 1u);
+  StopToken stop;
+  Result nothing = tangled;
+  raise_left(nothing, {}, options, stop);
+  EXPECT_EQ(nothing.mesh.coordinates, mesh.coordinates);
+  EXPECT_TRUE(nothing.notes == tangled.notes);
+  Result raised = tangled;
+  raise_left(raised, left, options, stop);
+  EXPECT_TRUE(raised.after.uncertified.empty()) << raised.after.uncertified.size() << " of " << left.size();
+  EXPECT_EQ(raised.notes.size(), tangled.notes.size() + 1);
+  expect_same_boundary(mesh, raised.mesh);
 }
 
 TEST(RepairBySplitting, NamesEachElementThatIsLeftOnce) {
