@@ -182,11 +182,11 @@ void add_state_flags(CLI::App& app, ServerOptions& options, Units& units) {
       ->check(CLI::Range(0.0, 30.0));
   app.add_option("--mesh-lifetime", units.mesh_lifetime_hours, "Hours that a mesh is kept that no job refers to")
       ->capture_default_str()
-      ->check(CLI::PositiveNumber);
+      ->check(CLI::Range(1, 24 * 36500));  // a century; more nanoseconds would overflow
   app.add_option("--compress-after", units.compress_minutes,
                  "Minutes without a request after which a mesh or a result is compressed; 0: never")
       ->capture_default_str()
-      ->check(CLI::NonNegativeNumber);
+      ->check(CLI::Range(0, 60 * 24 * 36500));
 }
 
 void add_database_flags(CLI::App& app, Flags& flags, Units& units) {
