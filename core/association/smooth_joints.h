@@ -20,10 +20,10 @@ struct SmoothJoints {
 };
 
 /// Joins what meets smoothly, and puts the nodes of the joints on what they joined:
-/// - Two surfaces that a curve separates become one if their normals differ by at most `angle` (radians) at every node
-/// of
-///   the mesh on it, and if one goes on where the other ends. So a cusp, at which both lie on the same side, is no
-///   joint. Neither is a curve between different physical groups of the mesh, whose border would move.
+/// - Two surfaces that a curve separates become one if their normals differ by at most `angle` (radians) at every
+///   node of the mesh on this curve, and if one surface goes on where the other ends. So a cusp, at which both lie on
+///   the same side, is no joint. Neither is a curve between different physical groups of the mesh, whose border would
+///   move.
 /// - A vertex at which no other curve ends than such joints becomes a point of the surface.
 /// - Two curves become one at a vertex at which no other curve ends than joints, if their tangents differ by at most
 ///   `angle` and they bound the same surfaces.

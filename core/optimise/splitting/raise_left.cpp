@@ -35,6 +35,7 @@ void raise_left(Result& result, std::span<const std::int64_t> numbers, const Opt
   grace.watch();
   const std::vector<char> others = all_but(result.mesh, numbers);
   const RaiseTask task{result.mesh, *fixed, others, certifier};
+  const std::vector<double> as_it_was = result.mesh.coordinates;
   RaiseOutcome outcome;
   try {
     team.run([&] {
@@ -44,7 +45,10 @@ void raise_left(Result& result, std::span<const std::int64_t> numbers, const Opt
   } catch (const Interrupted&) {  // before anything has moved
     return;
   }
-  if (outcome.made_valid.empty()) return;
+  if (outcome.made_valid.empty()) {
+    result.mesh.coordinates = as_it_was;
+    return;
+  }
   result.after = report_quality(result.mesh, certifier, certificates, team, grace);
   result.notes.push_back("After the splits, " + elements_text(outcome.made_valid, "element", "elements") +
                          (outcome.made_valid.size() == 1 ? " was" : " were") + " made valid in small patches.");

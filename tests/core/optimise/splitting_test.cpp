@@ -127,6 +127,13 @@ TEST(RepairBySplitting, RaisesTheElementsThatSplitsHaveLeft) {
   raise_left(nothing, {}, options, stop);
   EXPECT_EQ(nothing.mesh.coordinates, mesh.coordinates);
   EXPECT_TRUE(nothing.notes == tangled.notes);
+  // Two tetrahedra of which no movement makes any valid: what was raised in vain goes back.
+  Options no_steps = with(Repair::Report);
+  no_steps.max_iterations = 0;
+  Result in_vain = run(testing::two_in_a_ball(3), no_steps);
+  const std::vector<double> before = in_vain.mesh.coordinates;
+  raise_left(in_vain, uncertified_numbers(in_vain.after), no_steps, stop);
+  EXPECT_EQ(in_vain.mesh.coordinates, before);
   Result raised = tangled;
   raise_left(raised, left, options, stop);
   EXPECT_TRUE(raised.after.uncertified.empty()) << raised.after.uncertified.size() << " of " << left.size();
