@@ -7,6 +7,7 @@
 #include "client/local/local.h"
 #include "client/process/interrupts.h"
 #include "core/base/utf8.h"
+#include "core/base/stopwatch.h"
 #include "core/distance/slide_and_measure.h"
 #include "core/formats/formats.h"
 #include "core/mesh/displacements.h"
@@ -143,6 +144,7 @@ Expected<Input> with_options(Input input, const v1::Options& options) {
   input.geometry.fix.assign(options.fix().begin(), options.fix().end());
   input.geometry.threads = options.threads();
   input.geometry.coupled_seconds = options.time_limit() / 2;
+  input.time_limit = options.time_limit();
   return input;
 }
 
@@ -178,10 +180,18 @@ Expected<std::vector<std::string>> slide(const Input& input, MovedMesh& moved) {
   if (input.geometry.on_boundary) return slide_on_file(moved.file.mesh, input.geometry);
   if (input.keeps_as_it_came && input.geometry.order == 0)
     moved.as_it_came = std::make_shared<const HighOrderMesh>(moved.file.mesh);
-  auto slid = slide_and_measure(moved.file.mesh, input.geometry);
-  if (!slid) return tl::unexpected(slid.error());
-  moved.geometry = geometry_report(*slid);
-  return std::move(slid->slid.sentences);
+  GeometryOptions options = input.geometry;
+  StopToken stop;
+  if (input.time_limit > 0) stop.stop_after(input.time_limit);
+  if (options.order == 0) options.stop = &stop;  // a mesh that is being curved cannot go back
+  try {
+    auto slid = slide_and_measure(moved.file.mesh, options);
+    if (!slid) return tl::unexpected(slid.error());
+    moved.geometry = geometry_report(*slid);
+    return std::move(slid->slid.sentences);
+  } catch (const Interrupted&) {
+    return std::vector<std::string>{"The time limit passed while boundary nodes slid, so they are where they came."};
+  }
 }
 
 }  // namespace
@@ -195,7 +205,9 @@ Outcome<std::optional<MovedMesh>> moved_mesh(const Input& input,
   if (const auto moved = move_boundary(result.file.mesh, input); !moved) return tl::unexpected(moved.error());
   if (input.geometry.any()) {
     const EndAtInterrupt ends;
+    const Stopwatch watch;
     const auto slid = slide(input, result);
+    result.seconds = watch.seconds();
     if (!slid)
       return refusal(slid.error().kind == Error::Kind::BadOption ? "BAD_OPTION" : "BAD_INPUT", slid.error().sentence);
     for (const std::string& sentence : *slid)

@@ -21,6 +21,7 @@ struct Input {
   std::string displacements;      ///< A file of displacements of boundary nodes; empty: none.
   std::string boundary;           ///< A mesh file with only the curved boundary; empty: none.
   GeometryOptions geometry;       ///< What the boundary nodes slide on; no file: nothing.
+  double time_limit = 0;          ///< Of the job and the sliding in this process, in seconds; 0: none.
   bool keeps_as_it_came = false;  ///< Whether moved_mesh() keeps the mesh before nodes slid, for the report.
 };
 
@@ -57,6 +58,7 @@ struct MovedMesh {
   /// curved.
   std::shared_ptr<const HighOrderMesh> as_it_came;
   std::optional<v1::GeometryReport> geometry;  ///< If there was a CAD model: what came of it.
+  double seconds = 0;                          ///< How long sliding took, with the reading of the model.
 };
 
 /// The input's mesh after its boundary nodes have been moved as the other files say; nothing if there are none. If

@@ -1,6 +1,6 @@
 #include "client/jobs/optimise_run.h"
 
-#include <filesystem>
+#include <algorithm>
 #include <functional>
 #include <iostream>
 
@@ -12,12 +12,15 @@
 #include "client/jobs/deliver.h"
 #include "client/jobs/failed_surfaces.h"
 #include "client/jobs/follow.h"
+#include "client/jobs/other_slides.h"
 #include "client/process/exit_status.h"
 #include "client/process/interrupts.h"
 #include "client/surfaces/deliver_surface.h"
 
 namespace varimesh::client {
 namespace {
+
+constexpr double kLeastSeconds = 1e-3;  // with so little time left, a job ends before its first iteration
 
 /// The outputs, after a check that all files can be written. Errors: BadOption, Output.
 Expected<std::vector<Output>> check_files(const OptimiseArguments& arguments) {
@@ -57,69 +60,15 @@ tl::expected<v1::Job, int> run_job(Client* client, const OptimiseArguments& argu
   return follow(client, job->name(), 0, arguments.common, in_process ? OnInterrupt::EndJob : OnInterrupt::Ask, notes);
 }
 
-std::int64_t left(const v1::Job& job) {
-  const v1::Certified& certified = job.metrics().after().certified();
-  return certified.invalid() + certified.undecided();
-}
-
-/// Whether the mesh with its boundary as it came is the better result. If nodes slid on the boundary as it came, a
-/// larger smallest scaled Jacobian counts too: then sliding is worth it only if the mesh becomes better. On a model it
-/// also brings the boundary nearer.
-bool fixed_is_better(const v1::Job& fixed, const v1::Job& slid, bool on_boundary) {
-  if (left(fixed) != left(slid) || !on_boundary) return left(fixed) < left(slid);
-  return fixed.metrics().after().min_scaled_jacobian() > slid.metrics().after().min_scaled_jacobian();
-}
-
-/// Changes the job to one on the mesh with its boundary as it came. A mesh that slid in this process is read and
-/// uploaded once more, and what came of its model is returned.
-Outcome<std::optional<v1::GeometryReport>> take_boundary_as_it_came(Client* client, Input input, v1::JobSpec* spec) {
-  if (spec->has_geometry()) {
-    spec->mutable_geometry()->set_slide(v1::Geometry::SLIDE_NONE);
-    return std::optional<v1::GeometryReport>();
-  }
-  if (input.geometry.on_boundary)
-    input.geometry = {};
-  else
-    input.geometry.slide = "none";
-  input.keeps_as_it_came = false;
-  auto moved = moved_mesh(input);
-  if (!moved) return tl::unexpected(moved.error());
-  const auto mesh = upload(*client, input, *moved);
-  if (!mesh) return tl::unexpected(mesh.error());
-  spec->mutable_mesh()->set_digest(mesh->digest());
-  return *moved ? std::move((*moved)->geometry) : std::nullopt;
+/// Takes the seconds that sliding took in this process from the job's time limit.
+void take_seconds(const MovedMesh& moved, v1::JobSpec* spec) {
+  v1::Options& options = *spec->mutable_options();
+  if (options.time_limit() > 0) options.set_time_limit(std::max(kLeastSeconds, options.time_limit() - moved.seconds));
 }
 
 /// Adds what came of a model in this process to the job's metrics.
 void add_geometry(const std::optional<v1::GeometryReport>& geometry, v1::Job* job) {
   if (geometry && job->has_metrics()) *job->mutable_metrics()->mutable_geometry() = *geometry;
-}
-
-/// Optimises the mesh with its boundary as it came too, and returns the better of both jobs. With a model this is done
-/// only if elements are left that are not certified valid. A mesh that slid in this process and cannot be read twice,
-/// as a pipe, is not compared.
-tl::expected<v1::Job, int> better_of(Client* client, const OptimiseArguments& arguments, const Input& input,
-                                     v1::JobSpec spec, v1::Job slid,
-                                     const std::function<void(const std::string&)>& print_sentence) {
-  const bool on_boundary = input.geometry.on_boundary;
-  std::error_code failed;
-  const bool is_there = spec.has_geometry() || std::filesystem::is_regular_file(input.mesh, failed);
-  if (slid.state() != v1::JOB_STATE_SUCCEEDED || !is_there) return slid;
-  if (!on_boundary && (left(slid) == 0 || input.geometry.slide == "none")) return slid;
-  print_sentence(on_boundary ? "Now with the boundary as it came."
-                             : std::to_string(left(slid)) +
-                                   " elements are not certified valid, so now without sliding, for comparison.");
-  const auto geometry = take_boundary_as_it_came(client, input, &spec);
-  if (!geometry) return tl::unexpected(print_error(as_named(arguments, geometry.error())));
-  const std::string id = arguments.request_id.empty() ? "" : arguments.request_id + "-as-it-came";
-  auto fixed = run_job(client, arguments, spec, id, Notes::LeaveOut);
-  if (!fixed) return fixed;
-  add_geometry(*geometry, &*fixed);
-  const bool takes_fixed = fixed->state() == v1::JOB_STATE_SUCCEEDED && fixed_is_better(*fixed, slid, on_boundary);
-  const std::string how = on_boundary ? "with the boundary as it came" : "without sliding";
-  print_sentence(takes_fixed ? "The result is better " + how + ", so the nodes that slid are back."
-                             : "The result is no better " + how + ".");
-  return takes_fixed ? *fixed : slid;
 }
 
 /// The order is that of the curved mesh, so nothing is left to change for the job.
@@ -178,13 +127,16 @@ int run(const OptimiseArguments& arguments, v1::GeometryReport* geometry_report)
   const auto mesh = upload(*client, sent, *moved, in_process ? keep_calls_going : nullptr);
   if (!mesh) return print_error(as_named(arguments, mesh.error()));
   spec.mutable_mesh()->set_digest(mesh->digest());
+  if (*moved) take_seconds(**moved, &spec);
   auto ended = run_job(client, arguments, spec, arguments.request_id);
   if (!ended) return ended.error();
   if (*moved) add_geometry((*moved)->geometry, &*ended);
-  if (input->geometry.any() && !interrupted()) {
-    auto better = better_of(client, arguments, *input, std::move(spec), std::move(*ended), print_sentence);
-    if (!better) return better.error();
-    ended = std::move(*better);
+  if (input->geometry.any()) {
+    const auto run_other = [&](const v1::JobSpec& other, const std::string& request_id) {
+      return run_job(client, arguments, other, request_id, Notes::LeaveOut);
+    };
+    *ended = best_of_other_slides(
+        {*client, *input, std::move(spec), arguments.request_id, run_other, print_sentence}, std::move(*ended));
   }
   *geometry_report = ended->metrics().geometry();
   return deliver_run(client, arguments, *ended, *outputs, *moved ? (*moved)->as_it_came : nullptr);

@@ -238,10 +238,13 @@ std::string CoupledReport::sentence() const {
   const auto elements = [](std::int64_t count) {
     return count == 1 ? std::string("1 element is") : std::to_string(count) + " elements are";
   };
-  if (!taken)
-    return "All nodes moved together for " + std::to_string(steps) +
-           " steps, but that brought nothing within the limits of distance, so the boundary stays as it slid.";
-  return "Then all nodes moved together for " + std::to_string(steps) + " steps: " + elements(left_after) +
+  const std::string moved = "moved together for " + std::to_string(steps) + (steps == 1 ? " step" : " steps");
+  if (outcome == Outcome::TooFar)
+    return "All nodes " + moved +
+           ", but no mesh on the way was within the limits of distance, so the boundary stays as it slid.";
+  if (outcome == Outcome::NoBetter)
+    return "All nodes " + moved + ", but that made the mesh no better, so the boundary stays as it slid.";
+  return "Then all nodes " + moved + ": " + elements(left_after) +
          " not certified valid now, and with the boundary as it slid " + std::to_string(left_before) + " would be.";
 }
 
@@ -263,9 +266,10 @@ SlideReport slide_coupled(HighOrderMesh& mesh, Association& association, const s
     const Limit curves = limit_of(limits.tolerance, start.curves, inside->distance.curves, rounding);
     all = descent->everything(*inside, surfaces, limits.tolerance > 0 ? curves : larger(surfaces, curves));
   });
-  coupled = {false, descent->steps(), inside->left, inside->left};
+  using Outcome = CoupledReport::Outcome;
+  coupled = {all ? Outcome::NoBetter : Outcome::TooFar, descent->steps(), inside->left, inside->left};
   if (!all || is_worse(mesh, *all, *inside, team)) return report;
-  coupled.taken = true;
+  coupled.outcome = Outcome::Taken;
   coupled.left_after = all->left;
   team.run([&] { descent->take(all->state); });
   mesh.coordinates = all->state.coordinates;

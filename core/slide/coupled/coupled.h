@@ -14,7 +14,12 @@ namespace varimesh::detail {
 
 /// What came of it.
 struct CoupledReport {
-  bool taken = false;            ///< Otherwise the mesh is as bottom-up sliding has left it.
+  enum class Outcome : std::uint8_t {
+    Taken,    ///< Otherwise the mesh is as bottom-up sliding has left it:
+    TooFar,   ///< no state on the way was within the limits of distance,
+    NoBetter  ///< or none of those within was better.
+  };
+  Outcome outcome = Outcome::TooFar;
   int steps = 0;                 ///< Newton steps.
   std::int64_t left_before = 0;  ///< Cells that are not certified valid if only nodes inside the mesh move,
   std::int64_t left_after = 0;   ///< and if all move.

@@ -111,6 +111,22 @@ class OnAServer(Geometry):
         new = self.jobs()[:len(self.jobs()) - before]
         self.assertEqual({job["request_id"] for job in new}, {"one", "one-as-it-came"})
 
+    def test_if_elements_are_left_all_nodes_move_together_and_then_nothing_slides(self):
+        before = len(self.jobs())
+        long_id = "i" * 128
+        here = self.folder / "here.msh"
+        flags = ["--max-iterations", 0]
+        alone, done = self.optimise(*flags, out=here), self.remote(*flags, "--request-id", long_id)
+        for text in (alone.stderr, done.stderr):
+            self.assertRegex(text, r"so now all nodes move together \(--slide coupled\)")
+        self.assertEqual((alone.returncode, here.read_bytes()), (done.returncode, self.out.read_bytes()))
+        ids = [job["request_id"] for job in self.jobs()[:len(self.jobs()) - before]]
+        self.assertIn(long_id, ids)
+        self.assertTrue(any(one.endswith("-coupled") for one in ids), ids)
+        self.assertEqual(len(set(ids)), len(ids))
+        # Who names what slides, gets that.
+        self.assertNotIn("all nodes move together", self.optimise(*flags, "--slide", "all", out=here).stderr)
+
     def test_a_job_that_was_left_running_is_found_again(self):
         process = start("optimise", BRACKET, "--geometry", MODEL, "-o", self.out, *ENDLESS, "--server", self.server.address)
         wait_for_line(process, "residual")

@@ -1,0 +1,124 @@
+#include "client/jobs/other_slides.h"
+
+#include <filesystem>
+#include <optional>
+#include <utility>
+
+#include "client/process/exit_status.h"
+#include "client/process/interrupts.h"
+#include "core/base/sha256.h"
+
+namespace varimesh::client {
+namespace {
+
+constexpr std::size_t kMostBytesOfRequestId = 128;  // the contract's limit
+
+std::int64_t left(const v1::Job& job) {
+  const v1::Certified& certified = job.metrics().after().certified();
+  return certified.invalid() + certified.undecided();
+}
+
+std::string left_text(const v1::Job& job) {
+  return left(job) == 1 ? "1 element is not certified valid"
+                        : std::to_string(left(job)) + " elements are not certified valid";
+}
+
+double smallest(const v1::Job& job) { return job.metrics().after().min_scaled_jacobian(); }
+
+/// A way to slide, and what is said of it.
+struct Slide {
+  v1::Geometry::Slide slide;
+  std::string name;    ///< As --slide has it.
+  std::string ending;  ///< Of the request id.
+};
+
+/// With the same number of elements left, sliding on the boundary as it came is worth it only if the mesh becomes
+/// better. On a model it also brings the boundary nearer.
+bool is_better(const v1::Job& job, const v1::Job& than, bool on_boundary) {
+  if (job.state() != v1::JOB_STATE_SUCCEEDED) return false;
+  if (left(job) != left(than) || !on_boundary) return left(job) < left(than);
+  return smallest(job) > smallest(than);
+}
+
+/// The request id of another run. The same id gives the same one.
+std::string request_id_of(const std::string& id, const std::string& ending) {
+  if (id.empty()) return id;
+  return (id.size() + ending.size() <= kMostBytesOfRequestId ? id : sha256(id)) + ending;
+}
+
+/// Changes the job to one whose nodes slide in this way. A mesh that slid in this process is read and uploaded once
+/// more, and what came of its model is returned.
+Outcome<std::optional<v1::GeometryReport>> slide_otherwise(Client& client, Input input, const Slide& other,
+                                                           v1::JobSpec* spec) {
+  if (spec->has_geometry()) {
+    spec->mutable_geometry()->set_slide(other.slide);
+    return std::optional<v1::GeometryReport>();
+  }
+  if (input.geometry.on_boundary)
+    input.geometry = {};
+  else
+    input.geometry.slide = other.name;
+  input.keeps_as_it_came = false;
+  auto moved = moved_mesh(input);
+  if (!moved) return tl::unexpected(moved.error());
+  const auto mesh = upload(client, input, *moved);
+  if (!mesh) return tl::unexpected(mesh.error());
+  spec->mutable_mesh()->set_digest(mesh->digest());
+  return *moved ? std::move((*moved)->geometry) : std::nullopt;
+}
+
+/// Runs the job with another way to slide. Nothing if that fails; the reason has been printed.
+std::optional<v1::Job> run_otherwise(const OtherSlides& others, const Slide& other) {
+  v1::JobSpec spec = others.spec;
+  const auto geometry = slide_otherwise(others.client, others.input, other, &spec);
+  if (!geometry) {
+    print_error(geometry.error());
+    return std::nullopt;
+  }
+  auto job = others.run(spec, request_id_of(others.request_id, other.ending));
+  if (!job) return std::nullopt;
+  if (*geometry && job->has_metrics()) *job->mutable_metrics()->mutable_geometry() = **geometry;
+  return std::move(*job);
+}
+
+/// Takes the other run into `best` if it is better, and says so in the words `better` or `no_better`.
+void compare(const OtherSlides& others, const Slide& other, const std::string& better, const std::string& no_better,
+             v1::Job& best) {
+  std::optional<v1::Job> job = run_otherwise(others, other);
+  if (!job) return others.print_sentence("That could not be tried, so the result is the mesh before it.");
+  const bool takes = is_better(*job, best, others.input.geometry.on_boundary);
+  if (takes) best = std::move(*job);
+  others.print_sentence(takes ? better : no_better);
+}
+
+}  // namespace
+
+v1::Job best_of_other_slides(OtherSlides others, v1::Job slid) {
+  const GeometryOptions& geometry = others.input.geometry;
+  std::error_code failed;
+  const bool is_there =
+      others.spec.has_geometry() || std::filesystem::is_regular_file(others.input.mesh, failed);
+  if (slid.state() != v1::JOB_STATE_SUCCEEDED || !is_there || geometry.slide == "none" || interrupted()) return slid;
+  const Slide nothing{v1::Geometry::SLIDE_NONE, "none", "-as-it-came"};
+  v1::Job best = std::move(slid);
+  if (geometry.on_boundary) {
+    others.print_sentence("Now with the boundary as it came.");
+    compare(others, nothing, "The result is better with the boundary as it came, so the nodes that slid are back.",
+            "The result is no better with the boundary as it came.", best);
+    return best;
+  }
+  if (left(best) > 0 && geometry.slide.empty()) {
+    others.print_sentence(left_text(best) + ", so now all nodes move together (--slide coupled).");
+    compare(others, {v1::Geometry::SLIDE_COUPLED, "coupled", "-coupled"},
+            "The result is better that way, so it is taken; --slide all leaves it out.",
+            "The result is no better that way.", best);
+  }
+  if (left(best) > 0 && !interrupted()) {
+    others.print_sentence(left_text(best) + ", so now without sliding, for comparison.");
+    compare(others, nothing, "The result is better without sliding, so the nodes that slid are back.",
+            "The result is no better without sliding.", best);
+  }
+  return best;
+}
+
+}  // namespace varimesh::client
