@@ -92,13 +92,17 @@ bool Descent::begin() {
       best_ = std::move(came);
       start_loss_ = best_.loss;
       if (is_better(kept)) best_ = std::move(kept);
-      return true;
+      return !stays_invalid_for_size();
     }
   }
   best_ = std::move(kept);
   start_loss_ = best_.loss;
-  return start_loss_ > 0 &&
+  return start_loss_ > 0 && !stays_invalid_for_size() &&
          !(as_it_came && reaches_bound(best_) && !has_loss(context_.mesh, best_.scaled_jacobian, team_));
+}
+
+bool Descent::stays_invalid_for_size() const {
+  return best_.uncertified > 0 && size_decides(context_.mesh, best_.loss, team_);
 }
 
 Descent::State Descent::kept_state() const {

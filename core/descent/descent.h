@@ -73,7 +73,8 @@ class Descent {
 
   /// Takes the mesh as it is for the best, or the mesh as it came, if it was valid and the energy has raised its loss.
   /// Call it before the first round. False if there is no loss to lower: the elements are straight-sided, or the mesh
-  /// came in valid and its curvature costs a solver next to nothing beside the size of the cells.
+  /// came in valid and its curvature costs a solver next to nothing beside the size of the cells, or the mesh keeps
+  /// invalid cells and its curvature costs less than half of what the size does (has_loss.h).
   bool begin();
 
   /// One round. If the token interrupts it, the best mesh is the same as before.
@@ -104,6 +105,8 @@ class Descent {
   State take_best() { return std::move(best_); }
 
  private:
+  /// Whether the mesh keeps invalid cells, and is not worth a descent for that (size_decides()).
+  bool stays_invalid_for_size() const;
   /// The state that the guard keeps.
   State kept_state() const;
   State state_as_it_came() const;

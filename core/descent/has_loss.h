@@ -24,21 +24,32 @@ inline constexpr double kGood = 0.3;
 /// cells the rounding of coordinates adds as much.
 inline constexpr double kRounding = 1e-7;
 
-/// Whether the loss of a mesh of order 2 is at most kLittleLoss times what the size of its cells leaves.
-inline bool size_decides(const CellAccuracy& cells, double volume, int dimension) {
-  double loss = 0, size = 0;
-  for (std::size_t cell = 0; cell < cells.loss.size(); ++cell) {
-    loss += cells.volumes[cell] * cells.loss[cell] * cells.loss[cell];
-    size += cells.volumes[cell] * std::pow(cells.volumes[cell] / volume, 4.0 / dimension);
-  }
-  return loss <= kLittleLoss * kLittleLoss * size;
+/// What the size of the cells leaves in a solver: the mean of h^2P over the mesh, under a root.
+inline double loss_by_size(const CellAccuracy& cells, double volume, const HighOrderMesh& mesh) {
+  double size = 0;
+  for (const double of_cell : cells.volumes)
+    size += of_cell / volume * std::pow(of_cell / volume, 2.0 * mesh.order / mesh.dimension);
+  return std::sqrt(size);
+}
+
+/// Whether a mesh with this loss, which keeps invalid cells, is not worth a descent. A solver cannot use such a mesh as
+/// it is, so it is worth one only if the loss is not small beside what the size of the cells leaves: kLittleLoss.
+inline bool size_decides(const HighOrderMesh& mesh, double loss, const Team& team) {
+  const CellAccuracy cells = cell_accuracy(mesh, team);
+  const double volume = std::accumulate(cells.volumes.begin(), cells.volumes.end(), 0.0);
+  return loss <= kLittleLoss * loss_by_size(cells, volume, mesh);
 }
 
 /// Whether a mesh with this minimum of the scaled Jacobian has a loss that is worth a move.
 inline bool has_loss(const HighOrderMesh& mesh, double scaled_jacobian, const Team& team) {
   const CellAccuracy cells = cell_accuracy(mesh, team);
   const double volume = std::accumulate(cells.volumes.begin(), cells.volumes.end(), 0.0);
-  if (mesh.order == 2 && scaled_jacobian >= kGood && size_decides(cells, volume, mesh.dimension)) return false;
+  if (mesh.order == 2 && scaled_jacobian >= kGood) {
+    double square = 0;
+    for (std::size_t cell = 0; cell < cells.loss.size(); ++cell)
+      square += cells.volumes[cell] / volume * cells.loss[cell] * cells.loss[cell];
+    if (std::sqrt(square) <= kLittleLoss * loss_by_size(cells, volume, mesh)) return false;
+  }
   for (std::size_t cell = 0; cell < cells.loss.size(); ++cell) {
     const double size = std::pow(cells.volumes[cell] / volume, 1.0 / mesh.dimension);
     if (cells.loss[cell] <= kNoLoss * std::pow(size, mesh.order)) continue;

@@ -100,6 +100,34 @@ void fold_boundary(HighOrderMesh& mesh) {
   }
 }
 
+// Nothing inside can repair the cells at a boundary edge on which J is negative. A solver cannot use such a mesh, and if
+// these cells are small beside the others, they cost less than the size of the others.
+TEST(AccuracyObjective, LowersTheLossOfAMeshThatStaysInvalidOnlyIfItIsWorthIt) {
+  for (const bool is_small : {false, true}) {
+    const auto graded = [&](testing::Place p) {
+      for (double& x : p) x = is_small ? x * x * x : x;
+      return p;
+    };
+    HighOrderMesh mesh = testing::grid(testing::Filling::Tetrahedra, {3, 3, 3}, 3, graded);
+    const ElementBlock& side = *std::ranges::find(mesh.blocks, Shape::Triangle, &ElementBlock::shape);
+    const auto x = [&](std::size_t node) { return &mesh.coordinates[3 * static_cast<std::size_t>(side.nodes[node])]; };
+    for (int d = 0; d < 3; ++d) {
+      x(3)[d] = 0.38 * x(0)[d] + 0.62 * x(1)[d];
+      x(4)[d] = 0.05 * x(0)[d] + 0.95 * x(1)[d];
+    }
+    const auto result = optimise(mesh, for_accuracy());
+    ASSERT_TRUE(result);
+    EXPECT_FALSE(result->after.uncertified.empty());
+    const bool descends = std::ranges::any_of(
+        result->history, [](const Iteration& iteration) { return iteration.phase == Phase::Accuracy; });
+    const bool says_so = std::ranges::any_of(result->notes, [](const std::string& note) {
+      return note.find("was not lowered further") != std::string::npos;
+    });
+    EXPECT_EQ(descends, !is_small);
+    EXPECT_EQ(says_so, is_small);
+  }
+}
+
 // The elements at the folds stay invalid. Raising others to the bound cannot give the mesh the bound.
 TEST(AccuracyObjective, NeverRaisesTheLossOfAMeshThatItWillLeaveInvalid) {
   HighOrderMesh mesh = read_case("small_ball_p3.msh");
