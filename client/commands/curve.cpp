@@ -1,6 +1,6 @@
 // varimesh curve: makes a curved, optimised mesh from a straight one and its geometry.
 #include "client/commands/commands.h"
-#include "client/jobs/optimise_run.h"
+#include "client/runs/optimise_run.h"
 
 namespace varimesh::client {
 

@@ -4,7 +4,7 @@
 
 #include "client/commands/commands.h"
 #include "client/io/gmsh_mesh.h"
-#include "client/jobs/optimise_run.h"
+#include "client/runs/optimise_run.h"
 #include "client/process/exit_status.h"
 #include "client/process/interrupts.h"
 #include "client/process/temporary_folder.h"

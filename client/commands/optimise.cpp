@@ -1,6 +1,6 @@
 // varimesh optimise: optimises a mesh, in this process or on a server.
 #include "client/commands/commands.h"
-#include "client/jobs/optimise_run.h"
+#include "client/runs/optimise_run.h"
 
 namespace varimesh::client {
 

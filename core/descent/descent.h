@@ -77,6 +77,11 @@ class Descent {
   /// invalid cells and its curvature costs less than half of what the size does (has_loss.h).
   bool begin();
 
+  /// What to say if begin() returns false and the best mesh keeps invalid cells.
+  static constexpr const char* kNotWorthIt =
+      "Elements stay invalid, and the curvature of the mesh costs a solver less than half of what the size of its "
+      "elements does, so its loss of accuracy was not lowered further.";
+
   /// One round. If the token interrupts it, the best mesh is the same as before.
   DescentRound round();
 

@@ -1,10 +1,32 @@
 #include "core/distance/slide_and_measure.h"
 
+#include <algorithm>
+#include <string>
 #include <utility>
+#include <vector>
 
 #include "core/geometry/load.h"
+#include "core/validity/certifier.h"
+#include "core/validity/orientation.h"
 
 namespace varimesh {
+namespace {
+
+/// How many cells are not certified valid. Inside team.run().
+std::ptrdiff_t uncertified(const HighOrderMesh& mesh, const Team& team) {
+  const detail::OrientedMesh oriented(mesh, team);
+  const Certifier certifier(oriented.mesh(), {}, team);
+  std::vector<Certificate> certificates(certifier.cells());
+  certifier.certify(mesh.coordinates, certificates, team);
+  return std::ranges::count_if(certificates, [](const Certificate& certificate) { return !certificate.is_valid(); });
+}
+
+std::string as_it_came_text(std::ptrdiff_t count) {
+  return "As the mesh came, " + std::to_string(count) + (count == 1 ? " element was" : " elements were") +
+         " not certified valid. What is said of the mesh before its optimisation is said of the mesh that has slid.";
+}
+
+}  // namespace
 
 Expected<SlidAndMeasured> slide_and_measure(HighOrderMesh& mesh, const GeometryOptions& options,
                                             const geometry::Geometry& model) {
@@ -27,17 +49,21 @@ Expected<SlidAndMeasured> slide_and_measure(HighOrderMesh& mesh, const GeometryO
   Team team(options.threads);
   team.set_stop(options.stop);
   Expected<BoundaryDistances> measured;
+  const bool says_what_came = !curves && mesh.dimension == 3 && coordinates != mesh.coordinates;
+  std::ptrdiff_t came = 0;
   change_places();
   try {
     const double joined = options.slide == "none" || curves ? 0 : options.smooth_angle;
     team.run([&] { measured = boundary_distances(mesh, coordinates, model, joined, team); });
     if (measured) result.distances = std::move(*measured);
+    if (says_what_came) team.run([&] { came = uncertified(mesh, team); });
   } catch (const Interrupted&) {
   }
   change_places();
   if (!result.distances) return result;
   if (curves) result.distances->forget_before();
   for (std::string& sentence : result.distances->sentences()) result.slid.sentences.push_back(std::move(sentence));
+  if (says_what_came) result.slid.sentences.push_back(as_it_came_text(came));
   return result;
 }
 

@@ -258,10 +258,7 @@ void Continuation::lower_loss(Result& result) {
       descent_.emplace(descent_context());
     });
     last = !descent_->begin();
-    if (last && descent_->best().uncertified > 0)
-      result.notes.emplace_back(
-          "Elements stay invalid, and the curvature of the mesh costs a solver less than half of what the size of its "
-          "elements does, so its loss of accuracy was not lowered further.");
+    if (last && descent_->best().uncertified > 0) result.notes.emplace_back(Descent::kNotWorthIt);
   }
   result.stop_reason = StopReason::Converged;
   if (!last && stage_run_->last().number >= options.max_iterations) {

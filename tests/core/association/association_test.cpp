@@ -8,6 +8,7 @@
 
 #include "core/association/file_parameters.h"
 #include "core/geometry/analytic.h"
+#include "tests/core/support/disc_mesh.h"
 #include "tests/core/support/surface_grid.h"
 
 namespace varimesh {
@@ -97,6 +98,24 @@ TEST(Associate, ScalesAGeometryInAnotherUnit) {
     ASSERT_GE(sentences.size(), 2U);
     EXPECT_NE(sentences[1].find("times those in the geometry"), std::string::npos);
   }
+}
+
+// Three times the size is no unit, but nearly 3.28, and the bottom lies on the scaled model's.
+TEST(Associate, RefusesAnotherSizeIfOnlyFewSurfacesMatch) {
+  geometry::Geometry cylinder = testing::solid_cylinder();
+  for (int end = 0; end < 2; ++end) {
+    geometry::Frame square;
+    square.origin = {-1, -1, double(end)};
+    cylinder.surfaces[std::size_t(end) + 1].shape = geometry::plane(square, 2, 2);
+  }
+  HighOrderMesh mesh = testing::DiscMesh(2, 2).mesh();
+  const Team team(1);
+  EXPECT_TRUE(associate(mesh, cylinder, team));
+  for (double& x : mesh.coordinates) x *= 3;
+  const auto association = associate(mesh, cylinder, team);
+  ASSERT_FALSE(association);
+  EXPECT_NE(association.error().sentence.find("Only 1 of 3 surfaces of the mesh lies on"), std::string::npos)
+      << association.error().sentence;
 }
 
 TEST(Associate, RefusesAnotherBody) {

@@ -1,4 +1,4 @@
-#include "client/jobs/failed_surfaces.h"
+#include "client/runs/failed_surfaces.h"
 
 #include <algorithm>
 #include <map>

@@ -1,4 +1,4 @@
-#include "client/jobs/optimise_run.h"
+#include "client/runs/optimise_run.h"
 
 #include <algorithm>
 #include <functional>
@@ -10,9 +10,9 @@
 #include "client/jobs/certified_files.h"
 #include "client/jobs/connection.h"
 #include "client/jobs/deliver.h"
-#include "client/jobs/failed_surfaces.h"
+#include "client/runs/failed_surfaces.h"
 #include "client/jobs/follow.h"
-#include "client/jobs/other_slides.h"
+#include "client/runs/other_slides.h"
 #include "client/process/exit_status.h"
 #include "client/process/interrupts.h"
 #include "client/surfaces/deliver_surface.h"

@@ -1,5 +1,6 @@
-#include "client/jobs/other_slides.h"
+#include "client/runs/other_slides.h"
 
+#include <algorithm>
 #include <filesystem>
 #include <optional>
 #include <utility>
@@ -81,14 +82,22 @@ std::optional<v1::Job> run_otherwise(const OtherSlides& others, const Slide& oth
   return std::move(*job);
 }
 
+/// Prints what the geometry came to in this job, without what was printed for `before`.
+void print_geometry(const OtherSlides& others, const v1::Job& job, const v1::Job& before) {
+  const auto& printed = before.metrics().geometry().sentences();
+  for (const std::string& sentence : job.metrics().geometry().sentences())
+    if (std::ranges::find(printed, sentence) == printed.end()) others.print_sentence(sentence);
+}
+
 /// Takes the other run into `best` if it is better, and says so in the words `better` or `no_better`.
 void compare(const OtherSlides& others, const Slide& other, const std::string& better, const std::string& no_better,
              v1::Job& best) {
   std::optional<v1::Job> job = run_otherwise(others, other);
   if (!job) return others.print_sentence("That could not be tried, so the result is the mesh before it.");
-  const bool takes = is_better(*job, best, others.input.geometry.on_boundary);
-  if (takes) best = std::move(*job);
-  others.print_sentence(takes ? better : no_better);
+  if (!is_better(*job, best, others.input.geometry.on_boundary)) return others.print_sentence(no_better);
+  others.print_sentence(better);
+  print_geometry(others, *job, best);
+  best = std::move(*job);
 }
 
 }  // namespace
@@ -110,8 +119,9 @@ v1::Job best_of_other_slides(OtherSlides others, v1::Job slid) {
   if (left(best) > 0 && geometry.slide.empty()) {
     others.print_sentence(left_text(best) + ", so now all nodes move together (--slide coupled).");
     compare(others, {v1::Geometry::SLIDE_COUPLED, "coupled", "-coupled"},
-            "The result is better that way, so it is taken; --slide all leaves it out.",
-            "The result is no better that way.", best);
+            "With that, fewer elements are invalid, so it is taken. The boundary may lie farther from the model now; "
+            "--slide all never does this step.",
+            "With that, no fewer elements are invalid, so the result stays as it was.", best);
   }
   if (left(best) > 0 && !interrupted()) {
     others.print_sentence(left_text(best) + ", so now without sliding, for comparison.");
