@@ -20,7 +20,7 @@
 namespace varimesh::client {
 namespace {
 
-constexpr double kLeastSeconds = 1e-3;  // with so little time left, a job ends before its first iteration
+constexpr double kLeastShare = 0.5;  // of the time limit: what a job gets at least after sliding
 
 /// The outputs, after a check that all files can be written. Errors: BadOption, Output.
 Expected<std::vector<Output>> check_files(const OptimiseArguments& arguments) {
@@ -63,7 +63,8 @@ tl::expected<v1::Job, int> run_job(Client* client, const OptimiseArguments& argu
 /// Takes the seconds that sliding took in this process from the job's time limit.
 void take_seconds(const MovedMesh& moved, v1::JobSpec* spec) {
   v1::Options& options = *spec->mutable_options();
-  if (options.time_limit() > 0) options.set_time_limit(std::max(kLeastSeconds, options.time_limit() - moved.seconds));
+  const double limit = options.time_limit();
+  if (limit > 0) options.set_time_limit(std::max(kLeastShare * limit, limit - moved.seconds));
 }
 
 /// Adds what came of a model in this process to the job's metrics.

@@ -77,6 +77,11 @@ class Geometry(WithFolder):
         self.assertNotIn("were projected", text)  # the parameters lead to all nodes, also those that slid
         self.assertIsNone(used.search(self.slid("part.msh", "part.brep")))
 
+    def test_a_time_limit_that_passes_while_nodes_slide_leaves_them_and_gives_a_mesh(self):
+        text = self.slid("part.msh", "part.step", "--time-limit", "0.01")
+        self.assertIn("The time limit passed while boundary nodes slid, so they are where they came.", text)
+        self.assertTrue(self.out.exists())
+
     def test_slide_none_moves_no_boundary_node(self):
         rms_before, rms_after, *_ = distances(self.slid("part.msh", "part.brep", "--slide", "none"))
         self.assertEqual(rms_before, rms_after)
