@@ -1,4 +1,5 @@
 """Attacks by calls: those of an owner who has a token, and wants to take the server from the others."""
+import contextlib
 import ctypes
 import hashlib
 import random
@@ -179,7 +180,11 @@ class Disk(Row):
     flags = ("--max-bytes-per-owner", str(64 << 20), "--compress-after", "0")
 
     def stored(self):
-        return sum(file.stat().st_size for file in (self.attacked.state / "meshes").iterdir() if file.is_file())
+        total = 0
+        for file in (self.attacked.state / "meshes").iterdir():
+            with contextlib.suppress(FileNotFoundError):  # the server deletes meshes meanwhile
+                total += file.stat().st_size if file.is_file() else 0
+        return total
 
     def attack(self):
         before = self.stored()
