@@ -49,6 +49,22 @@ TEST(Su2, NamesThatBecomeAlikeStayApart) {
   EXPECT_NE(bytes.find("MARKER_TAG= a_b_2\n"), std::string::npos);
 }
 
+TEST(Su2, LeavesOutBoundaryElementsWithVerticesOfNoCell) {
+  HighOrderMesh mesh = testing::grid(Filling::Quadrilaterals, {1, 1, 1}, 1);
+  const std::string without = test::written(mesh, Format::Su2);
+  const auto last = std::int32_t(mesh.node_count());
+  for (const double x : {7.0, 8.0}) {
+    mesh.coordinates.insert(mesh.coordinates.end(), {x, 0, 0});
+    mesh.node_numbers.push_back(std::int64_t(mesh.node_count()));
+  }
+  mesh.blocks.push_back({Shape::Line, 1, 9, {1}, {100, 101}, {0, last, last, last + 1}, {}, {}});
+  mesh.blocks.push_back({Shape::Line, 1, 9, {9}, {102}, {last, last + 1}, {}, {}});
+  EXPECT_EQ(test::written(mesh, Format::Su2), without) << "a marker without elements is left out too";
+  EXPECT_EQ(formats::left_out(mesh, Format::Su2),
+            "SU2's format has no place for 3 boundary elements with vertices that belong to no cell; the file leaves "
+            "them out.");
+}
+
 TEST(Su2, SurfacesInSpaceAreRefused) {
   HighOrderMesh mesh = testing::grid(Filling::Triangles, {1, 1, 1}, 1);
   mesh.coordinates[2] = 1;
