@@ -6,7 +6,6 @@
 #include <map>
 
 #include "core/formats/hdf5/files.h"
-#include "core/formats/left_out.h"
 #include "core/formats/node_order.h"
 #include "core/formats/pyfr/fingerprint.h"
 #include "core/formats/pyfr/numbers.h"
@@ -373,27 +372,6 @@ Expected<void> write_pyfr(const HighOrderMesh& mesh, Format, const Sink& sink, s
   }
   if (!flat) return bad_option("PyFR takes meshes of a plane z = constant and of solids only; write vtu.");
   return written_hdf5([&] { return Writing(mesh, team).write(sink); });
-}
-
-std::string not_in_pyfr(const HighOrderMesh& mesh) {
-  LeftOut lost;
-  lost.small_elements(mesh);
-  bool cells = false;
-  std::int64_t next = 0;
-  bool renumbers = false;
-  for (const ElementBlock& block : mesh.blocks) {
-    if (reference::info(block.shape).dimension != mesh.dimension) continue;
-    cells = cells || !block.physical.empty();
-    for (const std::int64_t number : block.numbers) renumbers = renumbers || number != ++next;
-  }
-  next = 0;
-  for (const std::int64_t number : mesh.node_numbers) renumbers = renumbers || number != ++next;
-  lost.count(SideNeighbours(mesh, Cells(mesh, mesh.dimension), Team(1)).stray(),
-             "boundary element that is no side of an element", "boundary elements that are no sides of elements");
-  lost.add_if(cells, "groups of cells");
-  lost.entities_and_partitions(mesh);
-  lost.add_if(renumbers, "the numbers of nodes and elements");
-  return lost.sentence("PyFR's format");
 }
 
 }  // namespace varimesh::formats

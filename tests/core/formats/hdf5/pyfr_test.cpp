@@ -63,10 +63,10 @@ TEST(Pyfr, PairsPeriodicSidesThatShareAGroup) {
 
 TEST(Pyfr, SaysWhatItLeavesOut) {
   HighOrderMesh mesh = curved_grid(Filling::Tetrahedra, 2);
-  for (ElementBlock& block : mesh.blocks)
-    if (block.shape == Shape::Tetrahedron) block.physical = {3};
+  for (ElementBlock& block : mesh.blocks) block.physical = {3, 4};
   EXPECT_EQ(formats::left_out(mesh, Format::Pyfr),
-            "PyFR's format has no place for groups of cells; the file leaves them out.");
+            "PyFR's format has no place for groups of cells and the second group of boundary elements; the file leaves "
+            "them out.");
 }
 
 }  // namespace
