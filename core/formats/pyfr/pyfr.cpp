@@ -4,6 +4,7 @@
 #include <cmath>
 #include <cstring>
 #include <map>
+#include <set>
 
 #include "core/formats/hdf5/files.h"
 #include "core/formats/node_order.h"
@@ -52,6 +53,14 @@ std::vector<int> cgns_numbers(const PyfrShape& shape) {
       if (own == face) numbers.push_back(int(s));
     }
   return numbers;
+}
+
+/// The name of a group, in which PyFR takes no slash. Names that become alike get the tag of their group.
+std::string free_name(const SideGroup& group, std::set<std::string>& used) {
+  std::string name = group.name;
+  std::replace(name.begin(), name.end(), '/', '_');
+  while (!used.insert(name).second) name += "_" + std::to_string(group.tag);
+  return name;
 }
 
 /// Puts a value where `to` is, which moves behind it.
@@ -131,11 +140,10 @@ class Writing {
       for (std::size_t s = 0; s < sides.size(); ++s)
         codes[std::size_t(sides[s].facet)] = std::int16_t(first_code_[std::size_t(shape.shape)] + back[s]);
     }
+    std::set<std::string> used;
     for (const SideGroup& group : neighbours_.groups()) {
-      std::string name = group.name;
-      std::replace(name.begin(), name.end(), '/', '_');
       group_code_.push_back(group.boundary ? int(codec_.size()) : -1);
-      if (group.boundary) codec_.push_back("bc/" + name);
+      if (group.boundary) codec_.push_back("bc/" + free_name(group, used));
     }
   }
 

@@ -61,6 +61,17 @@ TEST(Pyfr, PairsPeriodicSidesThatShareAGroup) {
   EXPECT_NE(test::written(mesh, Format::Pyfr).find("periodic"), std::string::npos);
 }
 
+TEST(Pyfr, NamesThatBecomeAlikeStayApart) {
+  NEEDS_HDF5();
+  HighOrderMesh mesh = testing::grid(Filling::Quadrilaterals, {1, 1, 1}, 1);
+  mesh.physical_groups[0].name = "in/out";
+  mesh.physical_groups[1].name = "in_out";
+  const std::string bytes = test::written(mesh, Format::Pyfr);
+  const std::size_t first = bytes.find("bc/in_out");
+  ASSERT_NE(first, std::string::npos);
+  EXPECT_NE(bytes.find("bc/in_out_2", first), std::string::npos);
+}
+
 TEST(Pyfr, SaysWhatItLeavesOut) {
   HighOrderMesh mesh = curved_grid(Filling::Tetrahedra, 2);
   for (ElementBlock& block : mesh.blocks) block.physical = {3, 4};
