@@ -7,6 +7,7 @@
 #include <span>
 
 #include "core/formats/buffered_output.h"
+#include "core/formats/left_out.h"
 #include "core/formats/vtu.h"
 
 namespace varimesh::formats {
@@ -100,35 +101,31 @@ void write_count(BufferedOutput& out, const char* name, std::int64_t count) {
 }  // namespace
 
 std::string not_in_su2(const HighOrderMesh& mesh) {
-  std::vector<std::string> lost;
-  if (mesh.order > 1) lost.push_back("curved sides, because SU2's elements are straight between their vertices");
+  LeftOut lost;
+  lost.add_if(mesh.order > 1, "curved sides (SU2's elements are straight between their vertices)");
   const auto any_block = [&](const auto& is) { return std::any_of(mesh.blocks.begin(), mesh.blocks.end(), is); };
-  if (any_block([&](const auto& block) { return has_dimension(block, mesh.dimension) && !block.physical.empty(); }))
-    lost.push_back("groups of cells");
+  lost.add_if(
+      any_block([&](const auto& block) { return has_dimension(block, mesh.dimension) && !block.physical.empty(); }),
+      "groups of cells");
   std::int64_t ungrouped = 0, stray = 0;
   const Points points(mesh);
   for (const ElementBlock& block : mesh.blocks) {
     if (!has_dimension(block, mesh.dimension - 1)) continue;
     const auto all = std::int64_t(block.size());
-    (block.physical.empty() ? ungrouped : stray) += block.physical.empty() ? all : all - count_with_points(block, points);
+    (block.physical.empty() ? ungrouped : stray) +=
+        block.physical.empty() ? all : all - count_with_points(block, points);
   }
-  if (ungrouped > 0)
-    lost.push_back(std::to_string(ungrouped) + (ungrouped == 1 ? " boundary element" : " boundary elements") +
-                   " without a group");
-  if (stray > 0)
-    lost.push_back(std::to_string(stray) + (stray == 1 ? " boundary element" : " boundary elements") +
-                   " with vertices that belong to no cell");
-  if (any_block(
-          [&](const auto& block) { return has_dimension(block, mesh.dimension - 1) && block.physical.size() > 1; }))
-    lost.push_back("the second group of boundary elements");
-  for (int d = mesh.dimension - 2; d >= 0; --d)
-    if (const std::size_t n = mesh.element_count(d); n > 0)
-      lost.push_back(std::to_string(n) + (d == 0 ? " point" : " line") + (n == 1 ? "" : "s"));
-  if (!mesh.periodic.empty()) lost.push_back("periodic links");
-  if (!mesh.entities.empty()) lost.push_back("entities of the geometry");
-  std::string text;
-  for (std::size_t i = 0; i < lost.size(); ++i) text += (i == 0 ? "" : i + 1 == lost.size() ? " and " : ", ") + lost[i];
-  return text.empty() ? text : "SU2's format has no place for " + text + "; the file leaves them out.";
+  lost.count(ungrouped, "boundary element without a group", "boundary elements without a group");
+  lost.count(stray, "boundary element with vertices that belong to no cell",
+             "boundary elements with vertices that belong to no cell");
+  lost.add_if(any_block([&](const auto& block) {
+                return has_dimension(block, mesh.dimension - 1) && block.physical.size() > 1;
+              }),
+              "the second group of boundary elements");
+  lost.small_elements(mesh);
+  lost.add_if(!mesh.periodic.empty(), "periodic links");
+  lost.entities_and_partitions(mesh);
+  return lost.sentence("SU2's format");
 }
 
 Expected<void> write_su2(const HighOrderMesh& mesh, Format, const Sink& sink, std::span<const CellField>,

@@ -26,12 +26,13 @@ TEST(Su2, HasTheVerticesOfCurvedCellsOnlyAndSaysSo) {
   HighOrderMesh straight = testing::grid(Filling::MixedSolid, {4, 1, 1}, 1, testing::bent(3));
   EXPECT_EQ(test::written(curved, Format::Su2), test::written(straight, Format::Su2));
   EXPECT_EQ(formats::left_out(curved, Format::Su2),
-            "SU2's format has no place for curved sides, because SU2's elements are straight between their vertices; "
-            "the file leaves them out.");
+            "SU2's format has no place for curved sides (SU2's elements are straight between their vertices); the file "
+            "leaves them out.");
   straight.blocks[0].physical = {7};
   straight.periodic.push_back({});
+  straight.blocks[0].partitions = {1};
   EXPECT_EQ(formats::left_out(straight, Format::Su2),
-            "SU2's format has no place for groups of cells and periodic links; the file leaves them out.");
+            "SU2's format has no place for groups of cells, periodic links and partitions; the file leaves them out.");
 }
 
 TEST(Su2, MarkersHaveNoBlanks) {
