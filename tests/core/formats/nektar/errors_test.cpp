@@ -111,6 +111,30 @@ TEST(NektarErrors, CurvesWhosePointsAreMissing) {
   EXPECT_SAYS(with(&Parts::curved, two_of_one), "it was read");
 }
 
+TEST(NektarErrors, TheFirstFaultIsSaidForAnyNumberOfThreads) {
+  HighOrderMesh mesh = testing::grid(testing::Filling::Quadrilaterals, {160, 100, 1}, 2, testing::bent(2));
+  mesh.foreign.push_back({"text", "", "nektar"});
+  std::string bytes = test::written(mesh, Format::Nektar);
+  // Threads take 4,096 curves at a time. All but the first thread meet their fault at once.
+  std::size_t at = bytes.find("<CURVED>"), first = 0;
+  const std::size_t end = bytes.find("</CURVED>");
+  for (int curve = 1; (at = bytes.find("<E ", at)) < end; ++curve) {
+    at = bytes.find_first_not_of(" \n", bytes.find('>', at) + 1);
+    if (curve == 4000) first = at;
+    if (curve == 4000 || (curve > 1 && curve % 4096 == 1)) bytes[at] = 'x';
+  }
+  ASSERT_GT(first, 0U);
+  const auto one = formats::read(bytes, 1);
+  ASSERT_FALSE(one);
+  EXPECT_NE(one.error().sentence.find("a coordinate of a curve was expected"), std::string::npos)
+      << one.error().sentence;
+  for (int trial = 0; trial < 10; ++trial) {
+    const auto several = formats::read(bytes, 4);
+    ASSERT_FALSE(several);
+    EXPECT_EQ(several.error().sentence, one.error().sentence);
+  }
+}
+
 TEST(NektarErrors, DamagedCompressedLists) {
   const auto packed = [](const std::string& text) {
     return with(&Parts::vertices, "<VERTEX COMPRESSED=\"B64Z-LittleEndian\" BITSIZE=\"64\">" + text + "</VERTEX>");
