@@ -20,7 +20,12 @@ class Finder {
       : file_(file), corners_(corners), topology_(topology), order_(order), allowance_(allowance) {}
 
   std::optional<NektarPointNodes> take(const std::function<NektarCell(std::int32_t)>& cell_of) {
-    if (has_both_kinds()) return std::nullopt;
+    if (has_both_kinds())
+      Scanner(file_.bytes)
+          .fail(
+              "some curves have points of their own, and others refer to a list of points; let the program that made "
+              "the mesh write it again");
+    if (file_.has_texts() && !file_.points_text.empty()) return std::nullopt;
     make_room();
     for (const NektarCurve& curve : file_.curved_edges) {
       const std::int32_t edge = file_.edge_ids.find(curve.id);
@@ -50,10 +55,10 @@ class Finder {
   void set_node_count(std::size_t nodes) { nodes_ = nodes; }
 
  private:
-  /// Whether some curves have points of their own, and others refer to a list of points, which may be missing.
+  /// Whether some curves have points of their own, and others refer to a list of points.
   bool has_both_kinds() const {
     const std::size_t texts = file_.edge_texts.size() + file_.face_texts.size();
-    return texts > 0 && (texts != file_.curved_edges.size() + file_.curved_faces.size() || !file_.points_text.empty());
+    return texts > 0 && texts != file_.curved_edges.size() + file_.curved_faces.size();
   }
 
   /// For all points, if they are one after another.

@@ -96,18 +96,22 @@ TEST(NektarErrors, WrongCurves) {
 }
 
 TEST(NektarErrors, CurvesWhosePointsAreMissing) {
-  // A curve of text, and one that refers to points of a list that is not there.
+  // A curve that refers to points of a list that is not there.
   constexpr std::int64_t kEvenlySpaced = 17;
-  const std::int64_t record[] = {0, 1, 3, 0, 0, kEvenlySpaced};
-  std::string stream, text;
-  formats::deflate_zlib({reinterpret_cast<const char*>(record), sizeof record}, stream, 6);
-  formats::encode_base64(stream, text);
-  const std::string packed = "<CURVED COMPRESSED=\"B64Z-LittleEndian\" BITSIZE=\"64\"><E>" + text + "</E></CURVED>\n";
+  const auto packed = [](std::int64_t edge) {
+    const std::int64_t record[] = {0, edge, 3, 0, 0, kEvenlySpaced};
+    std::string stream, text;
+    formats::deflate_zlib({reinterpret_cast<const char*>(record), sizeof record}, stream, 6);
+    formats::encode_base64(stream, text);
+    return "<CURVED COMPRESSED=\"B64Z-LittleEndian\" BITSIZE=\"64\"><E>" + text + "</E></CURVED>\n";
+  };
   const std::string two_of_one =
       "<CURVED><E ID=\"0\" EDGEID=\"0\" NUMPOINTS=\"3\" TYPE=\"PolyEvenlySpaced\">0 0 0 .5 -.1 0 1 0 0</E>"
       "<E ID=\"1\" EDGEID=\"0\" NUMPOINTS=\"3\" TYPE=\"PolyEvenlySpaced\">0 0 0 .5 -.2 0 1 0 0</E></CURVED>\n";
-  EXPECT_SAYS(with(&Parts::curved, packed), "refers to point 2, but there are 0");
-  EXPECT_SAYS(with(&Parts::curved, Parts().curved + packed), "does not meet its vertices");
+  EXPECT_SAYS(with(&Parts::curved, packed(1)), "refers to point 2, but there are 0");
+  // After a curve of text, also where the points of the text would do.
+  for (const std::int64_t edge : {0, 1})
+    EXPECT_SAYS(with(&Parts::curved, Parts().curved + packed(edge)), "others refer to a list of points");
   EXPECT_SAYS(with(&Parts::curved, two_of_one), "it was read");
 }
 
