@@ -93,6 +93,13 @@ TEST(Hopr, KeepsZonesAndTheCodesOfBoundaryConditions) {
     }
 }
 
+TEST(Hopr, KeepsTheLargestNumberOfAZone) {
+  NEEDS_HDF5();
+  HighOrderMesh mesh = test::one_cell(Shape::Hexahedron, 1);
+  mesh.blocks[0].physical = {2147483647};
+  EXPECT_EQ(read_back(test::written(mesh, Format::Hopr)).blocks.at(0).physical, std::vector{2147483647});
+}
+
 TEST(Hopr, GivesSidesWithoutAGroupANameOfTheirOwn) {
   NEEDS_HDF5();
   HighOrderMesh mesh = curved_grid(Filling::Hexahedra, 1);
