@@ -22,9 +22,14 @@ namespace {
 
 using google::protobuf::util::TimeUtil;
 
-/// Whether meshes of this format can be read; the other formats are only written.
+/// Whether this program can read files of the format. Unspecified: a file that is recognised by its content.
 bool readable(v1::MeshFormat format) {
-  return format != v1::MESH_FORMAT_VTU && format != v1::MESH_FORMAT_PARTS && format != v1::MESH_FORMAT_CELL_QUALITY;
+  if (format == v1::MESH_FORMAT_UNSPECIFIED) return true;
+  const auto infos = formats::all();
+  const auto info = std::find_if(infos.begin(), infos.end(),
+                                 [name = spelled(format)](const auto& each) { return each.name == name; });
+  const bool hdf5 = format == v1::MESH_FORMAT_HOPR || format == v1::MESH_FORMAT_CGNS;
+  return info != infos.end() && info->readable && (!hdf5 || formats::has_hdf5());
 }
 
 /// Fetches a mesh from the server by way of the temporary file `file`.
@@ -57,9 +62,8 @@ Outcome<void> fetch_meshes(Client* client, const v1::Job& job, Report* report) {
   if (!readable(job.spec().mesh().format()) || result == job.results().end()) {
     report->before = nullptr;
     report->picture_note =
-        "There is no picture, because a report can read meshes only from MSH files, and the input or the results of "
-        "this "
-        "job have other formats. Submit an MSH file, and request one among the outputs.";
+        "There is no picture, because the input or every result of this job has a format that cannot be read here. "
+        "Submit an MSH file, and request one among the outputs.";
     return {};
   }
   const TemporaryFolder folder;

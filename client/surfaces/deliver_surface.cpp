@@ -12,7 +12,9 @@
 namespace varimesh::client {
 namespace {
 
-Expected<void> write_outputs(const std::vector<Output>& outputs, const formats::MeshFile& slid, int threads) {
+/// Writes the mesh. `says`: whether to print what a file leaves out.
+Expected<void> write_outputs(const std::vector<Output>& outputs, const formats::MeshFile& slid, int threads,
+                             bool says) {
   for (const Output& output : outputs) {
     const Expected<formats::Format> requested = output.format == v1::MESH_FORMAT_UNSPECIFIED
                                                     ? Expected<formats::Format>(formats::Format::Auto)
@@ -22,6 +24,8 @@ Expected<void> write_outputs(const std::vector<Output>& outputs, const formats::
     if (!format) return tl::unexpected(format.error());
     if (const auto written = formats::write_file(slid.mesh, *format, output.path, {}, threads); !written)
       return tl::unexpected(written.error());
+    const std::string lost = says ? formats::left_out(slid.mesh, *format) : "";
+    if (!lost.empty()) std::cerr << lost << std::endl;
   }
   return {};
 }
@@ -38,7 +42,8 @@ int deliver_surface(const CommonFlags& flags, bool asks_for_job, const std::vect
     return print_error({Error::Kind::BadOption,
                         "The mesh is a surface in space, whose nodes slide in this process, so --server, --history and "
                         "--report have nothing to do; leave them out."});
-  if (const auto written = write_outputs(outputs, slid, threads); !written) return print_error(written.error());
+  if (const auto written = write_outputs(outputs, slid, threads, !flags.quiet); !written)
+    return print_error(written.error());
   Options options;
   options.threads = threads;
   const auto mesh = summarise(slid.mesh, options);

@@ -36,7 +36,7 @@ constexpr std::array kTable = {
     FormatEntry{Format::Msh22Binary, "msh22-binary", ".msh", begins_like_gmsh, read_gmsh, write_gmsh},
     FormatEntry{Format::Msh41, "msh41", ".msh", begins_like_gmsh, read_gmsh, write_gmsh},
     FormatEntry{Format::Msh41Binary, "msh41-binary", ".msh", begins_like_gmsh, read_gmsh, write_gmsh},
-    FormatEntry{Format::Vtu, "vtu", ".vtu", begins_like_vtk, read_vtu, write_vtu},
+    FormatEntry{Format::Vtu, "vtu", ".vtu", begins_like_vtk, read_vtu, write_vtu, not_in_vtu},
     FormatEntry{Format::Mfem, "mfem", ".mesh", begins_like_mfem, read_mfem, write_mfem, not_in_mfem, check_mfem_sides},
     FormatEntry{Format::Nektar, "nektar", ".xml", begins_like_nektar, read_nektar, write_nektar, not_in_nektar,
                 check_nektar_sides},

@@ -22,11 +22,11 @@ struct ReadFailure {
   std::string sentence;
 };
 
-/// A cursor over the bytes of a file. Reads numbers as text, or in native binary if `binary` is set. Copies nothing.
 /// What is wrong with a node, after its name.
 inline constexpr const char* kNotFinite =
     " has a coordinate that is not a finite number; let the program that made the mesh write it again";
 
+/// A cursor over the bytes of a file. Reads numbers as text, or in native binary if `binary` is set. Copies nothing.
 class Scanner {
  public:
   explicit Scanner(std::string_view bytes) : begin_(bytes.data()), at_(begin_), end_(begin_ + bytes.size()) {}

@@ -13,6 +13,7 @@
 #include <utility>
 
 #include "core/formats/buffered_output.h"
+#include "core/formats/left_out.h"
 #include "core/formats/node_order.h"
 #include "core/formats/vtu/written_arrays.h"
 #include "core/formats/xml/xml.h"
@@ -282,7 +283,34 @@ void declare_field(BufferedOutput& out, const CompressedArray& array, std::size_
   offset += array.bytes();
 }
 
+/// Whether two named groups have the same name.
+bool share_names(const std::vector<PhysicalGroup>& groups) {
+  std::set<std::string> names;
+  return std::any_of(groups.begin(), groups.end(), [&](const PhysicalGroup& group) {
+    return !group.name.empty() && !names.insert(group.name).second;
+  });
+}
+
 }  // namespace
+
+std::string not_in_vtu(const HighOrderMesh& mesh) {
+  LeftOut lost;
+  lost.small_elements(mesh);
+  lost.add_if(std::any_of(mesh.blocks.begin(), mesh.blocks.end(),
+                          [&](const ElementBlock& block) {
+                            return block.physical.size() > 1 &&
+                                   reference::info(block.shape).dimension >= mesh.dimension - 1;
+                          }),
+              "the second group of an element");
+  lost.add_if(share_names(mesh.physical_groups), "a name that two groups have");
+  lost.add_if(!mesh.periodic.empty(), "periodic links");
+  lost.entities_and_partitions(mesh);
+  std::int64_t next = 0;
+  lost.add_if(std::any_of(mesh.node_numbers.begin(), mesh.node_numbers.end(),
+                          [&](std::int64_t number) { return number != ++next; }),
+              "the numbers of nodes");
+  return lost.sentence("VTU's format");
+}
 
 const Eigen::MatrixXd& vtk_added_points(int order) {
   static reference::Cache<int, Eigen::MatrixXd> cache;

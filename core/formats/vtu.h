@@ -3,6 +3,7 @@
 
 #include <Eigen/Core>
 #include <cstdint>
+#include <string>
 #include <vector>
 
 #include "core/base/team.h"
@@ -14,6 +15,9 @@ namespace varimesh::formats {
 /// order. Additional points of pyramids of order 2 and above follow.
 Expected<void> write_vtu(const HighOrderMesh& mesh, Format format, const Sink& sink, std::span<const CellField> fields,
                          const Team& team);
+
+/// What a VTU file does not have of this mesh: one sentence, or nothing.
+std::string not_in_vtu(const HighOrderMesh& mesh);
 
 /// The name of a list in the file that VTK passes on and does not use: all nodes of each pyramid of order 3 and above,
 /// in Gmsh's order. VTK's cell has only some of them.

@@ -84,11 +84,15 @@ Expected<void> write_mesh(const Result& result, v1::MeshFormat format, int threa
   return formats::write(marked, format_from(format), sink, {}, threads);
 }
 
+/// Writes the results, and says what their formats have no place for.
 Expected<void> write_outputs(const Result& result, const RunRequest& request, v1::MeshFormat read_as,
                              const RunHooks& hooks) {
-  for (const v1::MeshFormat format : definite_outputs(request.outputs, read_as))
+  for (const v1::MeshFormat format : definite_outputs(request.outputs, read_as)) {
     if (auto written = write_mesh(result, format, request.options.threads, hooks.open_output(format)); !written)
       return written;
+    const std::string lost = hooks.on_note ? formats::left_out(result.mesh, format_from(format)) : "";
+    if (!lost.empty()) hooks.on_note(lost);
+  }
   return {};
 }
 

@@ -17,8 +17,8 @@ namespace varimesh::formats {
 /// Whether a file with this root group is a CGNS file.
 bool is_cgns(const Hdf5Group& root);
 
-/// Reads the one unstructured zone of a file. Boundary conditions become physical groups of sides, subregions physical
-/// groups of cells. Throws ReadFailure.
+/// Reads the unstructured zones of a file and joins them to one mesh (zones.h). Boundary conditions become physical
+/// groups of sides, subregions physical groups of cells. Throws ReadFailure.
 MeshFile read_cgns(Hdf5Source& source, FileAllowance& allowance);
 
 /// Writes one zone in CGNS version 3.4: a section for consecutive elements of one shape, a boundary condition for each

@@ -153,7 +153,9 @@ class Writing {
     const ElementBlock& first = *blocks_[begin];
     std::string name(reference::info(first.shape).plural);
     name[0] = char(std::toupper(static_cast<unsigned char>(name[0])));
-    const std::string path = std::string(kZone) + "/" + name + "_" + std::to_string(section);
+    name += "_" + std::to_string(section);
+    in_zone_.insert(name);
+    const std::string path = std::string(kZone) + "/" + name;
     node(path, "Elements_t", "I4", {2}, {cgns_type(first.shape, first.order), 0});
     node(path + "/ElementRange", "IndexRange_t", "I4", {2}, {before + 1, before + std::int32_t(count)});
     const std::vector<int>& place = gmsh_nodes(NodeOrder::Cgns, first.shape, first.order);
@@ -188,8 +190,9 @@ class Writing {
     const bool cells = dimension == mesh_.dimension;
     const std::string parent = cells ? kZone : std::string(kZone) + "/ZoneBC";
     if (!cells && !members.empty()) empty(parent, "ZoneBC_t", "MT");
-    std::set<std::string> used{"Zone", "ZoneType", "GridCoordinates", "ZoneBC"};
-    for (const auto& [tag, numbers] : members) write_group(parent, cells, tag, numbers, used);
+    std::set<std::string> in_conditions;
+    for (const auto& [tag, numbers] : members)
+      write_group(parent, cells, tag, numbers, cells ? in_zone_ : in_conditions);
   }
 
   void write_group(const std::string& parent, bool cells, int tag, const std::vector<std::int32_t>& numbers,
@@ -226,6 +229,8 @@ class Writing {
   std::vector<const ElementBlock*> blocks_;
   std::map<int, std::string> types_;
   Hdf5Writer writer_;
+  /// What the zone has. Its groups of cells have other names than its sections.
+  std::set<std::string> in_zone_{"ZoneType", "GridCoordinates", "ZoneBC"};
 };
 
 }  // namespace

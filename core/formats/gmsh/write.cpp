@@ -27,12 +27,8 @@ Expected<void> check_writable_as(const HighOrderMesh& mesh, Format format) {
                         "; write another format, such as vtu, or lower the order.");
   if (format != Format::Msh22Binary) return {};
   constexpr std::int64_t kLargest = std::numeric_limits<std::int32_t>::max();
-  const auto large = [](std::int64_t number) { return number > kLargest; };
-  bool any = std::any_of(mesh.node_numbers.begin(), mesh.node_numbers.end(), large);
-  for (const ElementBlock& block : mesh.blocks)
-    any = any || std::any_of(block.numbers.begin(), block.numbers.end(), large) ||
-          std::any_of(block.repeat_numbers.begin(), block.repeat_numbers.end(), large);
-  if (any)
+  if (largest_number_22(mesh) > kLargest || std::any_of(mesh.node_numbers.begin(), mesh.node_numbers.end(),
+                                                        [](std::int64_t number) { return number > kLargest; }))
     return bad_option(
         "Binary MSH 2.2 cannot contain node or element numbers above 2147483647; write msh41-binary instead.");
   return {};

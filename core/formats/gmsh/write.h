@@ -24,6 +24,9 @@ constexpr std::size_t elements_per_piece(std::size_t nodes_per_element) {
 void write_body_22(const HighOrderMesh& mesh, BufferedOutput& out);
 void write_body_41(const HighOrderMesh& mesh, Format format, BufferedOutput& out);
 
+/// The largest number of an element in an MSH 2.2 file, where elements in several groups are repeated with new numbers.
+std::int64_t largest_number_22(const HighOrderMesh& mesh);
+
 /// The section with this name that was read from this format, or null.
 const ForeignSection* kept_section(const HighOrderMesh& mesh, Format format, std::string_view name);
 

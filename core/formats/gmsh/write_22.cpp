@@ -74,23 +74,37 @@ int group_tag(const HighOrderMesh& mesh, int tag) {
   return mesh.entities.empty() || tag == std::numeric_limits<int>::min() ? tag : std::abs(tag);
 }
 
+// How often each element of the block is repeated.
+std::size_t copies_of(const ElementBlock& block) { return block.physical.empty() ? 0 : block.physical.size() - 1; }
+
+// Whether the repetitions of the block's elements have the numbers of a file.
+bool has_repeat_numbers(const ElementBlock& block) {
+  return block.repeat_numbers.size() == copies_of(block) * block.size();
+}
+
+// The largest number of an element of the mesh. New numbers follow it.
+std::int64_t largest_number(const HighOrderMesh& mesh) {
+  std::int64_t largest = 0;
+  for (const ElementBlock& block : mesh.blocks) {
+    for (std::int64_t number : block.numbers) largest = std::max(largest, number);
+    for (std::int64_t number : block.repeat_numbers) largest = std::max(largest, number);
+  }
+  return largest;
+}
+
 // An element in several physical groups is repeated for each further group, directly after itself, as Gmsh does it. The
 // repetition has the number that it had in an MSH 2.2 file, or a new number. The reader joins repetitions again.
 void write_elements(const HighOrderMesh& mesh, BufferedOutput& out) {
-  std::int64_t lines = 0, fresh = 0;
-  for (const ElementBlock& block : mesh.blocks) {
-    lines += std::int64_t(block.size() * std::max<std::size_t>(1, block.physical.size()));
-    for (std::int64_t number : block.numbers) fresh = std::max(fresh, number);
-    for (std::int64_t number : block.repeat_numbers) fresh = std::max(fresh, number);
-  }
+  std::int64_t lines = 0, fresh = largest_number(mesh);
+  for (const ElementBlock& block : mesh.blocks) lines += std::int64_t(block.size() * (1 + copies_of(block)));
   out.text("$Elements\n");
   out.text_integer(lines);
   out.text("\n");
   for (const ElementBlock& block : mesh.blocks) {
     const auto per_element = std::size_t(reference::node_count(block.shape, block.order));
     const int type = gmsh_type_number(block.shape, block.order);
-    const std::size_t copies = block.physical.empty() ? 0 : block.physical.size() - 1;
-    const bool known = block.repeat_numbers.size() == copies * block.size();
+    const std::size_t copies = copies_of(block);
+    const bool known = has_repeat_numbers(block);
     // Tags of the groups. An element without a group has the tag 0.
     std::vector<int> tags;
     for (const int tag : block.physical) tags.push_back(group_tag(mesh, tag));
@@ -145,6 +159,13 @@ void write_periodic(const HighOrderMesh& mesh, BufferedOutput& out) {
 }
 
 }  // namespace
+
+std::int64_t largest_number_22(const HighOrderMesh& mesh) {
+  std::int64_t largest = largest_number(mesh);
+  for (const ElementBlock& block : mesh.blocks)
+    if (!has_repeat_numbers(block)) largest += std::int64_t(copies_of(block) * block.size());
+  return largest;
+}
 
 void write_body_22(const HighOrderMesh& mesh, BufferedOutput& out) {
   write_nodes(mesh, out);

@@ -1,6 +1,7 @@
 // Reads the HDF5 meshes of HOPR.
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <map>
 #include <sstream>
 
@@ -74,7 +75,7 @@ class Reading {
     if (!shape_of(values[0], shape))
       root_.fail("ElemInfo", "has the element type " + std::to_string(values[0]) + ", which HOPR does not know", row);
     const std::int64_t zone = values[1];
-    if (zone < 0 || zone > 1'000'000'000)
+    if (zone < 0 || zone > std::numeric_limits<std::int32_t>::max())
       root_.fail("ElemInfo", "has the zone " + std::to_string(zone) + ", which is no number of a zone", row);
     const int nodes = reference::node_count(shape, mesh_.order);
     if (values[4] != node_rows_ || values[5] != node_rows_ + nodes)

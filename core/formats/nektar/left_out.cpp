@@ -1,4 +1,6 @@
 // What a file of Nektar++ does not have of a mesh.
+#include "core/formats/left_out.h"
+
 #include <algorithm>
 
 #include "core/formats/mfem/space.h"
@@ -51,12 +53,8 @@ std::int64_t other_interiors(const HighOrderMesh& mesh, const std::vector<std::i
 std::string not_in_nektar(const HighOrderMesh& mesh) {
   const auto vertices = nektar_vertices(mesh);
   if (!vertices || mesh.dimension < 2) return "";
-  std::vector<std::string> lost;
-  const auto counted = [&](std::int64_t n, const char* one, const char* more) {
-    if (n > 0) lost.push_back(std::to_string(n) + (n == 1 ? one : more));
-  };
-  for (int d = mesh.dimension - 2; d >= 0; --d)
-    counted(std::int64_t(mesh.element_count(d)), d == 0 ? " point" : " line", d == 0 ? " points" : " lines");
+  LeftOut lost;
+  lost.small_elements(mesh);
   const NektarGrid grid(mesh, *vertices);
   std::int64_t stray = 0;
   for (const ElementBlock& block : mesh.blocks) {
@@ -65,11 +63,10 @@ std::string not_in_nektar(const HighOrderMesh& mesh) {
       for (std::size_t e = 0; e < block.size(); ++e)
         stray += grid.side(block.shape, {block.nodes.data() + e * count, count}) < 0 ? 1 : 0;
   }
-  counted(stray, " boundary element that is no side of an element", " boundary elements that are no sides of elements");
-  if (!mesh.periodic.empty()) lost.push_back("periodic links");
-  if (std::any_of(mesh.blocks.begin(), mesh.blocks.end(), [](const auto& block) { return !block.partitions.empty(); }))
-    lost.push_back("partitions");
-  if (!mesh.entities.empty()) lost.push_back("entities of the geometry");
+  lost.count(stray, "boundary element that is no side of an element",
+             "boundary elements that are no sides of elements");
+  lost.add_if(!mesh.periodic.empty(), "periodic links");
+  lost.entities_and_partitions(mesh);
   // A file's numbers are counted in the order of its lists, as a reader of it counts them.
   std::int64_t next = 0;
   bool renumbers = !grid.has_file_order();
@@ -79,10 +76,8 @@ std::string not_in_nektar(const HighOrderMesh& mesh) {
     for (const ElementBlock& block : mesh.blocks)
       if (has_dimension(block, d))
         for (const std::int64_t number : block.numbers) renumbers = renumbers || number != ++next;
-  if (renumbers) lost.push_back("the numbers of nodes and elements");
-  std::string text;
-  for (std::size_t i = 0; i < lost.size(); ++i) text += (i == 0 ? "" : i + 1 == lost.size() ? " and " : ", ") + lost[i];
-  if (!text.empty()) text = "Nektar++'s format has no place for " + text + "; the file leaves them out.";
+  lost.add_if(renumbers, "the numbers of nodes and elements");
+  std::string text = lost.sentence("Nektar++'s format");
   if (const std::int64_t n = other_interiors(mesh, *vertices); n > 0)
     text += (text.empty() ? "" : " ") +
             std::string("Nektar++ makes the interior of cells from their edges and faces; ") + std::to_string(n) +

@@ -3,9 +3,11 @@
 
 #include <Eigen/Core>
 #include <map>
+#include <mutex>
 #include <optional>
 #include <span>
 #include <tuple>
+#include <utility>
 #include <vector>
 
 #include "core/base/team.h"
@@ -32,7 +34,7 @@ struct NektarPointNodes {
 
 /// Finds them, for files whose curves have evenly spaced points of the mesh's order, as most files have. Nothing if the
 /// points must be in memory. `nodes`: of the mesh; `cell_of(element)`: for 2-D. Throws ReadFailure if a curve is of an
-/// edge that is not there.
+/// edge that is not there, or if only some curves have points of their own.
 std::optional<NektarPointNodes> nektar_point_nodes(const NektarFile& file, const NektarCorners& corners,
                                                    const MfemTopology& topology, int order, std::size_t nodes,
                                                    const std::function<NektarCell(std::int32_t element)>& cell_of,
@@ -88,6 +90,34 @@ class NektarBlender {
   using Columns = Eigen::Matrix<double, Eigen::Dynamic, 3, Eigen::RowMajor>;
   HighOrderMesh& mesh_;
   Columns known_, found_;
+};
+
+// === Faults ==============================================================================================
+
+/// Keeps the first fault of a loop that threads share. They may find faults in any order, and a fault that left the
+/// loop would be that of the fastest thread.
+class FirstFault {
+ public:
+  /// Calls body(). If it throws a ReadFailure, keeps it with this index.
+  template <class Body>
+  void guard(std::size_t index, const Body& body) {
+    try {
+      body();
+    } catch (ReadFailure& failure) {
+      const std::lock_guard lock(mutex_);
+      if (first_ && first_->first < index) return;
+      first_.emplace(index, std::move(failure));
+    }
+  }
+
+  /// After the loop: throws the fault with the smallest index, if there is one.
+  void throw_it() const {
+    if (first_) throw ReadFailure(first_->second);
+  }
+
+ private:
+  std::mutex mutex_;
+  std::optional<std::pair<std::size_t, ReadFailure>> first_;
 };
 
 }  // namespace varimesh::formats

@@ -220,15 +220,19 @@ class Reading {
       if (inner_node_count(block.shape, mesh_.order) == 0) return;
       const NektarBlending& blending = nektar_blending(block.shape, mesh_.order);
       constexpr std::size_t kCellsPerTask = 1024;
+      FirstFault fault;
       team_.for_ranges(block.size(), kCellsPerTask, [&](std::size_t begin, std::size_t end) {
-        NektarBlender own(mesh_);
-        for (std::size_t e = begin; e < end; ++e) {
-          const std::span cell(block.nodes.data() + e * count, count);
-          if (placed[std::size_t(cell.back())]) continue;
-          own.blend(blending, cell);
-          if (own.leaves_space(blending)) fail_outside(first + e);
-        }
+        fault.guard(begin, [&] {
+          NektarBlender own(mesh_);
+          for (std::size_t e = begin; e < end; ++e) {
+            const std::span cell(block.nodes.data() + e * count, count);
+            if (placed[std::size_t(cell.back())]) continue;
+            own.blend(blending, cell);
+            if (own.leaves_space(blending)) fail_outside(first + e);
+          }
+        });
       });
+      fault.throw_it();
     });
   }
 

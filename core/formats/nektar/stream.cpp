@@ -20,7 +20,12 @@ class Finder {
       : file_(file), corners_(corners), topology_(topology), order_(order), allowance_(allowance) {}
 
   std::optional<NektarPointNodes> take(const std::function<NektarCell(std::int32_t)>& cell_of) {
-    if (has_both_kinds()) return std::nullopt;
+    if (has_both_kinds())
+      Scanner(file_.bytes)
+          .fail(
+              "some curves have points of their own, and others refer to a list of points; let the program that made "
+              "the mesh write it again");
+    if (file_.has_texts() && !file_.points_text.empty()) return std::nullopt;
     make_room();
     for (const NektarCurve& curve : file_.curved_edges) {
       const std::int32_t edge = file_.edge_ids.find(curve.id);
@@ -50,10 +55,10 @@ class Finder {
   void set_node_count(std::size_t nodes) { nodes_ = nodes; }
 
  private:
-  /// Whether some curves have points of their own, and others refer to a list of points, which may be missing.
+  /// Whether some curves have points of their own, and others refer to a list of points.
   bool has_both_kinds() const {
     const std::size_t texts = file_.edge_texts.size() + file_.face_texts.size();
-    return texts > 0 && (texts != file_.curved_edges.size() + file_.curved_faces.size() || !file_.points_text.empty());
+    return texts > 0 && texts != file_.curved_edges.size() + file_.curved_faces.size();
   }
 
   /// For all points, if they are one after another.
@@ -161,6 +166,22 @@ bool place_packed(const NektarFile& file, const Placer& placer, std::size_t want
   return meet;
 }
 
+/// Reads the text of a curve, the first of whose points has the number `point`, which moves behind the last. Returns
+/// whether all points that must meet others do.
+bool place_text(const NektarFile& file, const NektarCurveText& text, std::size_t& point, const Placer& placer) {
+  Scanner scan(file.bytes.substr(0, text.begin + text.length));
+  scan.go_to(text.begin);
+  bool meet = true;
+  for (std::int32_t k = 0; k < text.count; ++k) {
+    double x[3];
+    for (double& each : x) each = scan.finite(scan.text_number("a coordinate of a curve"), nektar_curve_point);
+    meet = placer.place(point++, x) && meet;
+  }
+  scan.skip_space();
+  if (!scan.at_end()) scan.fail("more numbers follow than the element has");
+  return meet;
+}
+
 /// Reads the texts of curves, the first of whose points has the number `first`. Returns the number behind the last.
 std::size_t place_texts(const NektarFile& file, const std::vector<NektarCurveText>& texts, std::size_t first,
                         const Placer& placer, const Team& team, std::atomic<bool>& meet) {
@@ -170,20 +191,15 @@ std::size_t place_texts(const NektarFile& file, const std::vector<NektarCurveTex
     if (i % kTextsPerTask == 0) begins.push_back(first);
     first += std::size_t(texts[i].count);
   }
+  FirstFault fault;
   for_chunks(team, texts.size(), kTextsPerTask, [&](std::size_t chunk, std::size_t begin, std::size_t end) {
-    std::size_t point = begins[chunk];
-    for (std::size_t i = begin; i < end; ++i) {
-      Scanner scan(file.bytes.substr(0, texts[i].begin + texts[i].length));
-      scan.go_to(texts[i].begin);
-      for (std::int32_t k = 0; k < texts[i].count; ++k) {
-        double x[3];
-        for (double& each : x) each = scan.finite(scan.text_number("a coordinate of a curve"), nektar_curve_point);
-        if (!placer.place(point++, x)) meet = false;
-      }
-      scan.skip_space();
-      if (!scan.at_end()) scan.fail("more numbers follow than the element has");
-    }
+    fault.guard(chunk, [&] {
+      std::size_t point = begins[chunk];
+      for (std::size_t i = begin; i < end; ++i)
+        if (!place_text(file, texts[i], point, placer)) meet = false;
+    });
   });
+  fault.throw_it();
   return first;
 }
 

@@ -4,9 +4,9 @@
 #include <cmath>
 #include <cstring>
 #include <map>
+#include <set>
 
 #include "core/formats/hdf5/files.h"
-#include "core/formats/left_out.h"
 #include "core/formats/node_order.h"
 #include "core/formats/pyfr/fingerprint.h"
 #include "core/formats/pyfr/numbers.h"
@@ -53,6 +53,14 @@ std::vector<int> cgns_numbers(const PyfrShape& shape) {
       if (own == face) numbers.push_back(int(s));
     }
   return numbers;
+}
+
+/// The name of a group, in which PyFR takes no slash. Names that become alike get the tag of their group.
+std::string free_name(const SideGroup& group, std::set<std::string>& used) {
+  std::string name = group.name;
+  std::replace(name.begin(), name.end(), '/', '_');
+  while (!used.insert(name).second) name += "_" + std::to_string(group.tag);
+  return name;
 }
 
 /// Puts a value where `to` is, which moves behind it.
@@ -132,11 +140,10 @@ class Writing {
       for (std::size_t s = 0; s < sides.size(); ++s)
         codes[std::size_t(sides[s].facet)] = std::int16_t(first_code_[std::size_t(shape.shape)] + back[s]);
     }
+    std::set<std::string> used;
     for (const SideGroup& group : neighbours_.groups()) {
-      std::string name = group.name;
-      std::replace(name.begin(), name.end(), '/', '_');
       group_code_.push_back(group.boundary ? int(codec_.size()) : -1);
-      if (group.boundary) codec_.push_back("bc/" + name);
+      if (group.boundary) codec_.push_back("bc/" + free_name(group, used));
     }
   }
 
@@ -373,27 +380,6 @@ Expected<void> write_pyfr(const HighOrderMesh& mesh, Format, const Sink& sink, s
   }
   if (!flat) return bad_option("PyFR takes meshes of a plane z = constant and of solids only; write vtu.");
   return written_hdf5([&] { return Writing(mesh, team).write(sink); });
-}
-
-std::string not_in_pyfr(const HighOrderMesh& mesh) {
-  LeftOut lost;
-  lost.small_elements(mesh);
-  bool cells = false;
-  std::int64_t next = 0;
-  bool renumbers = false;
-  for (const ElementBlock& block : mesh.blocks) {
-    if (reference::info(block.shape).dimension != mesh.dimension) continue;
-    cells = cells || !block.physical.empty();
-    for (const std::int64_t number : block.numbers) renumbers = renumbers || number != ++next;
-  }
-  next = 0;
-  for (const std::int64_t number : mesh.node_numbers) renumbers = renumbers || number != ++next;
-  lost.count(SideNeighbours(mesh, Cells(mesh, mesh.dimension), Team(1)).stray(),
-             "boundary element that is no side of an element", "boundary elements that are no sides of elements");
-  lost.add_if(cells, "groups of cells");
-  lost.entities_and_partitions(mesh);
-  lost.add_if(renumbers, "the numbers of nodes and elements");
-  return lost.sentence("PyFR's format");
 }
 
 }  // namespace varimesh::formats

@@ -31,9 +31,8 @@ Pairs reversed(const Pairs& pairs) {
   return sorted(std::move(back));
 }
 
-/// A name for the sides without a group that no group has: "boundary", "boundary_2", …
-std::string free_name(const std::vector<SideGroup>& groups) {
-  const std::string plain = "boundary";
+/// A name that no group has: `plain`, or `plain` with "_2", "_3", … behind it.
+std::string free_name(const std::vector<SideGroup>& groups, const std::string& plain) {
   const auto taken = [&](const std::string& name) {
     return std::any_of(groups.begin(), groups.end(), [&](const SideGroup& group) { return group.name == name; });
   };
@@ -66,6 +65,7 @@ SideNeighbours::SideNeighbours(const HighOrderMesh& mesh, const Cells& cells, co
   if (crowded()) return;
   find_groups();
   find_periodic();
+  if (!image_.empty()) split_groups();
   for (std::size_t f = 0; f < side_count(); ++f)
     if (other_facet(f) < 0) groups_[std::size_t(group_of_facet_[f]) - 1].boundary = true;
 }
@@ -122,7 +122,7 @@ void SideNeighbours::find_groups() {
     number[tag] = int(groups_.size());
   }
   if (ungrouped) {
-    groups_.push_back({0, free_name(groups_), 0, false, false});
+    groups_.push_back({0, free_name(groups_, "boundary"), 0, false, false});
     number[0] = int(groups_.size());
   }
   for (std::size_t f = 0; f < tag_of.size(); ++f)
@@ -165,10 +165,44 @@ void SideNeighbours::find_periodic() {
       image_[found->second] = std::int64_t(f);
       image_link_[f] = number;
       image_link_[found->second] = -number;
-      groups_[std::size_t(group_of_facet_[f]) - 1].periodic = -number;
-      groups_[std::size_t(group_of_facet_[found->second]) - 1].periodic = number;
     }
   }
+}
+
+/// Sorts the sides of each group by their periodic link. Sides without a link keep the group. If all sides of a group
+/// are the same side of one link, the group becomes periodic; otherwise each side of a link gets a group.
+void SideNeighbours::split_groups() {
+  std::map<int, std::map<int, int>> parts;  // by group and periodic number: the group of these sides
+  std::vector<bool> outside(groups_.size() + 1, false);
+  for (std::size_t f = 0; f < side_count(); ++f) {
+    const int group = group_of_facet_[f];
+    if (group == 0) continue;
+    parts[group][-image_link_[f]] = group;
+    if (!is_inside(f) && image_link_[f] == 0) outside[std::size_t(group)] = true;
+  }
+  for (auto& [group, numbers] : parts) {
+    if (numbers.size() == 1) {
+      groups_[std::size_t(group) - 1].periodic = numbers.begin()->first;
+      continue;
+    }
+    const std::string name = groups_[std::size_t(group) - 1].name + "_periodic_";
+    groups_[std::size_t(group) - 1].inner = !outside[std::size_t(group)];
+    bool unused = !numbers.contains(0);  // the old group, so that the first part takes its place
+    for (auto& [number, part] : numbers) {
+      if (number == 0) continue;
+      const std::string own = name + std::to_string(std::abs(number)) + (number < 0 ? "_first" : "_second");
+      SideGroup periodic{0, free_name(groups_, own), number, false, false};
+      if (unused) {
+        groups_[std::size_t(group) - 1] = std::move(periodic);
+        unused = false;
+      } else {
+        groups_.push_back(std::move(periodic));
+        part = int(groups_.size());
+      }
+    }
+  }
+  for (std::size_t f = 0; f < side_count(); ++f)
+    if (group_of_facet_[f] != 0) group_of_facet_[f] = parts[group_of_facet_[f]][-image_link_[f]];
 }
 
 SideNeighbour SideNeighbours::of(std::size_t cell, const CgnsSide& side) const {

@@ -25,9 +25,10 @@ struct SideNeighbour {
   int group = 0;  ///< Number of the boundary condition, counted from 1; 0: none.
 };
 
-/// A physical group of sides, as a boundary condition.
+/// A physical group of sides, as a boundary condition. Each side of a periodic link is a group of its own, also where
+/// the mesh has both of them, or other sides too, in one group.
 struct SideGroup {
-  int tag = 0;  ///< 0 for sides without a group.
+  int tag = 0;  ///< 0 for sides without a group, and for periodic parts of a group.
   std::string name;
   int periodic = 0;       ///< Number of the periodic link, negative for its first side; 0: not periodic.
   bool inner = false;     ///< Whether all its sides lie between two cells.
@@ -80,6 +81,7 @@ class SideNeighbours {
 
   void find_groups();
   void find_periodic();
+  void split_groups();
   bool is_inside(std::size_t facet) const { return facets_.opposite[facet] >= 0; }
   std::size_t facet_cell(std::size_t facet) const { return place_of(facet).cell; }
   /// The node at a corner of a side.

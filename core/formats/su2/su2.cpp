@@ -4,8 +4,10 @@
 #include <cstdlib>
 #include <map>
 #include <set>
+#include <span>
 
 #include "core/formats/buffered_output.h"
+#include "core/formats/left_out.h"
 #include "core/formats/vtu.h"
 
 namespace varimesh::formats {
@@ -38,11 +40,28 @@ class Points {
   std::int64_t count_ = 0;
 };
 
-/// The blocks of each group of the boundary, by tag.
-std::map<int, std::vector<const ElementBlock*>> markers(const HighOrderMesh& mesh) {
+std::span<const std::int32_t> vertices(const ElementBlock& block, std::size_t e) {
+  const auto stride = std::size_t(reference::node_count(block.shape, block.order));
+  return {block.nodes.data() + e * stride, std::size_t(reference::info(block.shape).vertices)};
+}
+
+/// Whether the vertices of an element belong to cells, so that they are points of the file.
+bool has_points(const ElementBlock& block, std::size_t e, const Points& points) {
+  const auto nodes = vertices(block, e);
+  return std::all_of(nodes.begin(), nodes.end(), [&](std::int32_t node) { return points.of(node) >= 0; });
+}
+
+std::int64_t count_with_points(const ElementBlock& block, const Points& points) {
+  std::int64_t count = 0;
+  for (std::size_t e = 0; e < block.size(); ++e) count += has_points(block, e, points) ? 1 : 0;
+  return count;
+}
+
+/// The blocks of each group of the boundary that has elements in the file, by tag.
+std::map<int, std::vector<const ElementBlock*>> markers(const HighOrderMesh& mesh, const Points& points) {
   std::map<int, std::vector<const ElementBlock*>> found;
   for (const ElementBlock& block : mesh.blocks)
-    if (has_dimension(block, mesh.dimension - 1) && !block.physical.empty())
+    if (has_dimension(block, mesh.dimension - 1) && !block.physical.empty() && count_with_points(block, points) > 0)
       found[std::abs(block.physical.front())].push_back(&block);
   return found;
 }
@@ -58,14 +77,15 @@ std::string marker_name(const HighOrderMesh& mesh, int tag, std::set<std::string
   return name;
 }
 
+/// Writes the elements whose vertices are points of the file.
 void write_elements(const ElementBlock& block, const Points& points, BufferedOutput& out) {
-  const auto stride = std::size_t(reference::node_count(block.shape, block.order));
   const int type = vtk_cell(block.shape, 1).type;
   for (std::size_t e = 0; e < block.size(); ++e) {
+    if (!has_points(block, e, points)) continue;
     out.text_integer(type);
-    for (std::size_t v = 0; v < std::size_t(reference::info(block.shape).vertices); ++v) {
+    for (const std::int32_t node : vertices(block, e)) {
       out.text(" ");
-      out.text_integer(points.of(block.nodes[e * stride + v]));
+      out.text_integer(points.of(node));
     }
     out.text("\n");
   }
@@ -81,28 +101,31 @@ void write_count(BufferedOutput& out, const char* name, std::int64_t count) {
 }  // namespace
 
 std::string not_in_su2(const HighOrderMesh& mesh) {
-  std::vector<std::string> lost;
-  if (mesh.order > 1) lost.push_back("curved sides, because SU2's elements are straight between their vertices");
+  LeftOut lost;
+  lost.add_if(mesh.order > 1, "curved sides (SU2's elements are straight between their vertices)");
   const auto any_block = [&](const auto& is) { return std::any_of(mesh.blocks.begin(), mesh.blocks.end(), is); };
-  if (any_block([&](const auto& block) { return has_dimension(block, mesh.dimension) && !block.physical.empty(); }))
-    lost.push_back("groups of cells");
-  std::int64_t ungrouped = 0;
-  for (const ElementBlock& block : mesh.blocks)
-    if (has_dimension(block, mesh.dimension - 1) && block.physical.empty()) ungrouped += std::int64_t(block.size());
-  if (ungrouped > 0)
-    lost.push_back(std::to_string(ungrouped) + (ungrouped == 1 ? " boundary element" : " boundary elements") +
-                   " without a group");
-  if (any_block(
-          [&](const auto& block) { return has_dimension(block, mesh.dimension - 1) && block.physical.size() > 1; }))
-    lost.push_back("the second group of boundary elements");
-  for (int d = mesh.dimension - 2; d >= 0; --d)
-    if (const std::size_t n = mesh.element_count(d); n > 0)
-      lost.push_back(std::to_string(n) + (d == 0 ? " point" : " line") + (n == 1 ? "" : "s"));
-  if (!mesh.periodic.empty()) lost.push_back("periodic links");
-  if (!mesh.entities.empty()) lost.push_back("entities of the geometry");
-  std::string text;
-  for (std::size_t i = 0; i < lost.size(); ++i) text += (i == 0 ? "" : i + 1 == lost.size() ? " and " : ", ") + lost[i];
-  return text.empty() ? text : "SU2's format has no place for " + text + "; the file leaves them out.";
+  lost.add_if(
+      any_block([&](const auto& block) { return has_dimension(block, mesh.dimension) && !block.physical.empty(); }),
+      "groups of cells");
+  std::int64_t ungrouped = 0, stray = 0;
+  const Points points(mesh);
+  for (const ElementBlock& block : mesh.blocks) {
+    if (!has_dimension(block, mesh.dimension - 1)) continue;
+    const auto all = std::int64_t(block.size());
+    (block.physical.empty() ? ungrouped : stray) +=
+        block.physical.empty() ? all : all - count_with_points(block, points);
+  }
+  lost.count(ungrouped, "boundary element without a group", "boundary elements without a group");
+  lost.count(stray, "boundary element with vertices that belong to no cell",
+             "boundary elements with vertices that belong to no cell");
+  lost.add_if(any_block([&](const auto& block) {
+                return has_dimension(block, mesh.dimension - 1) && block.physical.size() > 1;
+              }),
+              "the second group of boundary elements");
+  lost.small_elements(mesh);
+  lost.add_if(!mesh.periodic.empty(), "periodic links");
+  lost.entities_and_partitions(mesh);
+  return lost.sentence("SU2's format");
 }
 
 Expected<void> write_su2(const HighOrderMesh& mesh, Format, const Sink& sink, std::span<const CellField>,
@@ -126,13 +149,13 @@ Expected<void> write_su2(const HighOrderMesh& mesh, Format, const Sink& sink, st
       out.text(k + 1 < std::size_t(mesh.dimension) ? " " : "\n");
     }
   }
-  const auto all = markers(mesh);
+  const auto all = markers(mesh, points);
   std::set<std::string> used;
   write_count(out, "NMARK", std::int64_t(all.size()));
   for (const auto& [tag, blocks] : all) {
     out.text("MARKER_TAG= " + marker_name(mesh, tag, used) + "\n");
     std::int64_t count = 0;
-    for (const ElementBlock* block : blocks) count += std::int64_t(block->size());
+    for (const ElementBlock* block : blocks) count += count_with_points(*block, points);
     write_count(out, "MARKER_ELEMS", count);
     for (const ElementBlock* block : blocks) write_elements(*block, points, out);
   }

@@ -4,6 +4,8 @@
 #include <cassert>
 #include <cmath>
 #include <functional>
+#include <limits>
+#include <optional>
 
 #include "core/formats/format_table.h"
 #include "core/formats/scanner.h"
@@ -93,17 +95,35 @@ class Reading {
     }
   }
 
-  /// The first of these arrays of whole numbers that the cells have; empty if they have none.
+  /// The largest tag, and the largest number, which has 18 digits as in the other formats.
+  template <class T>
+  static constexpr T kMost = sizeof(T) == 4 ? std::numeric_limits<T>::max() : T(999'999'999'999'999'999);
+
+  /// The values of an array of whole numbers; nothing if one is beyond ±kMost.
+  template <class T>
+  std::optional<std::vector<T>> fitting(const VtkArray& array, std::optional<std::size_t> count) {
+    const bool unsigned32 = array.type == "UInt32", unsigned64 = array.type == "UInt64";
+    const bool is_wider = unsigned64 || (sizeof(T) == 4 && (unsigned32 || array.type == "Int64"));
+    if (is_wider || array.place == VtkPlace::Text) {
+      const auto rounded = values<double>(array, count);
+      allowance_.give_back(rounded.size() * sizeof rounded[0]);
+      if (!std::all_of(rounded.begin(), rounded.end(), [](double x) { return std::abs(x) < double(kMost<T>) + 0.5; }))
+        return std::nullopt;
+    }
+    auto exact = values<T>(array, count);
+    if (std::all_of(exact.begin(), exact.end(), [](T x) { return x >= -kMost<T> && x <= kMost<T>; })) return exact;
+    allowance_.give_back(exact.size() * sizeof exact[0]);
+    return std::nullopt;
+  }
+
+  /// The first of these arrays of whole numbers that the cells have; empty if they have none. An array with larger
+  /// values than tags or numbers have is somebody else's, and is left out.
   template <class T>
   std::vector<T> of_cells(std::initializer_list<const char*> names) {
     for (const char* name : names) {
       const VtkArray* array = find(declared_.cell_data, name);
       if (array == nullptr || array->components > 1 || array->type.starts_with("Float")) continue;
-      auto found = values<T>(*array, std::size_t(declared_.cells));
-      for (const T value : found)
-        if (value < -1'000'000'000 || value > 1'000'000'000)
-          fail("the array '" + array->name + "' has the value " + std::to_string(value) + ", which is no tag");
-      return found;
+      if (auto found = fitting<T>(*array, std::size_t(declared_.cells))) return std::move(*found);
     }
     return {};
   }
@@ -119,9 +139,9 @@ class Reading {
         read_pyramids(array);
         continue;
       }
-      const auto group = values<std::int64_t>(array, std::nullopt);
-      if (group.size() != 2 || group[0] < 1 || group[0] > 1'000'000'000 || group[1] < 0 || group[1] > 3) continue;
-      mesh_.physical_groups.push_back({int(group[1]), int(group[0]), array.name});
+      const auto group = fitting<std::int32_t>(array, std::nullopt);
+      if (!group || group->size() != 2 || (*group)[0] < 1 || (*group)[1] < 0 || (*group)[1] > 3) continue;
+      mesh_.physical_groups.push_back({(*group)[1], (*group)[0], array.name});
     }
   }
 

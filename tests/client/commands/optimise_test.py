@@ -228,6 +228,14 @@ class OnAServer(WithServer):
         self.assertEqual(done.returncode, 0, done.stderr)
         self.assertEqual(here.read_bytes(), there.read_bytes())
 
+    def test_says_what_a_format_leaves_out_as_without_a_server(self):
+        for optimise in (run, self.remote):
+            done = optimise("optimise", MESH, "-o", self.folder / "out.su2")
+            self.assertEqual(done.returncode, 0, done.stderr)
+            self.assertIn("SU2's format has no place for curved sides", done.stderr)
+            done = optimise("optimise", MESH, "-o", self.folder / "out.su2", "--quiet")
+            self.assertNotIn("SU2", done.stderr)
+
     def test_ten_clients_at_once_get_the_same_bytes_as_one(self):
         alone = self.folder / "alone.msh"
         self.assertIn(run("optimise", LARGER, "-o", alone, "--max-iterations", 5, "--quiet").returncode, (0, 4))

@@ -48,6 +48,12 @@ class Outputs(WithFolder):
         self.assertTrue(stat.S_ISFIFO(pipe.stat().st_mode))
         self.assertEqual(got, [self.plain.read_bytes()])
 
+    def test_a_report_comes_with_formats_that_are_only_written(self):
+        report = self.folder / "report.html"
+        done = run("optimise", MESH, "-o", self.folder / "out.su2", "--report", report, "--quiet")
+        self.assertEqual(done.returncode, 0, done.stderr)
+        self.assertNotIn("There is no picture", report.read_text())
+
     def test_a_device_stays_a_device(self):
         device = self.folder / "null"
         try:

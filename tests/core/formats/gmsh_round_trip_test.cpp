@@ -243,6 +243,17 @@ TEST(GmshNumbers, SparseAndHugeNodeNumbersAreFound) {
   EXPECT_NE(written(mesh, Format::Msh22Binary).find("2147483647"), std::string::npos);
 }
 
+TEST(GmshNumbers, NewNumbersOfRepeatedElementsMustFitIntoBinaryMsh22) {
+  HighOrderMesh mesh = one_cell(Shape::Triangle, 1);
+  mesh.blocks[0].numbers = {2147483646};
+  mesh.blocks[0].physical = {5, 6};
+  const auto back = formats::read(written(mesh, Format::Msh22Binary));
+  ASSERT_TRUE(back) << back.error().sentence;
+  EXPECT_EQ(back->mesh.blocks[0].repeat_numbers, std::vector<std::int64_t>{2147483647});
+  mesh.blocks[0].physical = {5, 6, 7};
+  EXPECT_NE(written(mesh, Format::Msh22Binary).find("numbers above 2147483647"), std::string::npos);
+}
+
 TEST(GmshNumbers, TextGivesTheSameDoubles) {
   HighOrderMesh mesh = one_cell(Shape::Triangle, 1);
   mesh.coordinates = {0.1, 1.0 / 3, 5e-324, -0.0, 1.7976931348623157e308, 123456789.123456789, 2e-17, 1e22, 3};

@@ -8,6 +8,7 @@
 
 #include "core/formats/node_order.h"
 #include "core/reference/nodes.h"
+#include "tests/core/support/meshes.h"
 #include "tests/core/support/samples.h"
 
 namespace varimesh {
@@ -69,6 +70,29 @@ TEST(Vtu, AFieldOfTheWrongLengthIsRefused) {
   const formats::CellField field{"x", {&value, 0}};
   EXPECT_FALSE(formats::write(test::one_cell(Shape::Triangle, 2), Format::Vtu, [](std::string_view) { return true; },
                               {&field, 1}));
+}
+
+TEST(Vtu, SaysWhatItLeavesOut) {
+  HighOrderMesh mesh = testing::grid(testing::Filling::Triangles, {2, 1, 1}, 2);
+  EXPECT_EQ(formats::left_out(mesh, Format::Vtu), "");
+  mesh.blocks[0].numbers[0] = 1000;
+  EXPECT_EQ(formats::left_out(mesh, Format::Vtu), "") << "the file has the numbers of elements";
+  mesh.blocks[0].physical = {1, 2};
+  mesh.physical_groups[1].name = mesh.physical_groups[0].name;
+  mesh.blocks.push_back({Shape::Point, 2, 1, {1, 2}, {1001}, {0}, {}, {}});
+  mesh.periodic.push_back({});
+  mesh.node_numbers[0] = 1000;
+  EXPECT_EQ(formats::left_out(mesh, Format::Vtu),
+            "VTU's format has no place for 1 point, the second group of an element, a name that two groups have, "
+            "periodic links and the numbers of nodes; the file leaves them out.");
+  const auto back = formats::read(test::written(mesh, Format::Vtu));
+  ASSERT_TRUE(back);
+  EXPECT_EQ(back->mesh.element_count(0), 0U);
+  EXPECT_EQ(back->mesh.blocks[0].physical, std::vector{1});
+  EXPECT_EQ(back->mesh.blocks[0].numbers[0], 1000);
+  EXPECT_EQ(back->mesh.physical_groups.size(), mesh.physical_groups.size() - 1);
+  EXPECT_EQ(back->mesh.periodic.size(), 0U);
+  EXPECT_EQ(back->mesh.node_numbers[0], 1);
 }
 
 TEST(Vtu, DeclaresItsPointsCellsAndFields) {

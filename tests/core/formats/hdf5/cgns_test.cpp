@@ -81,6 +81,28 @@ TEST(Cgns, CarriesLongNamesTagsGroupsOfCellsAndTypes) {
     EXPECT_EQ(from.range_of(e).block->physical, to.range_of(e).block->physical);
 }
 
+TEST(Cgns, KeepsGroupsOfCellsThatAreCalledLikeSections) {
+  NEEDS_HDF5();
+  HighOrderMesh mesh = testing::grid(Filling::Hexahedra, {5, 1, 1}, 1);
+  const std::vector<std::string> names = {"Hexahedra_1", "Quadrilaterals_2", "GridCoordinates", "ZoneBC", "ZoneType"};
+  const auto cells = std::find_if(mesh.blocks.begin(), mesh.blocks.end(),
+                                  [](const ElementBlock& block) { return block.shape == Shape::Hexahedron; });
+  ASSERT_EQ(cells->size(), names.size()) << "one block has all cells";
+  const ElementBlock all = *cells;
+  mesh.blocks.erase(cells);
+  for (std::size_t e = 0; e < names.size(); ++e) {
+    const auto nodes = all.nodes.begin() + std::ptrdiff_t(8 * e);
+    mesh.blocks.push_back(
+        {Shape::Hexahedron, 1, 1, {int(e) + 20}, {all.numbers[e]}, std::vector(nodes, nodes + 8), {}, {}});
+    mesh.physical_groups.push_back({3, int(e) + 20, names[e]});
+  }
+  const HighOrderMesh back = read_back(test::written(mesh, Format::Cgns));
+  std::vector<std::string> found;
+  for (const PhysicalGroup& group : back.physical_groups)
+    if (group.dimension == 3) found.push_back(group.name);
+  EXPECT_EQ(found, names);
+}
+
 // Spelled out from the tables of the SIDS for HEXA_27, PENTA_40 and QUAD_25, not from the rules of the code.
 TEST(Cgns, HasTheNodeOrderOfItsDocumentation) {
   const auto at = [](Shape shape, int order, std::size_t node) {

@@ -93,6 +93,13 @@ TEST(Hopr, KeepsZonesAndTheCodesOfBoundaryConditions) {
     }
 }
 
+TEST(Hopr, KeepsTheLargestNumberOfAZone) {
+  NEEDS_HDF5();
+  HighOrderMesh mesh = test::one_cell(Shape::Hexahedron, 1);
+  mesh.blocks[0].physical = {2147483647};
+  EXPECT_EQ(read_back(test::written(mesh, Format::Hopr)).blocks.at(0).physical, std::vector{2147483647});
+}
+
 TEST(Hopr, GivesSidesWithoutAGroupANameOfTheirOwn) {
   NEEDS_HDF5();
   HighOrderMesh mesh = curved_grid(Filling::Hexahedra, 1);
@@ -142,6 +149,69 @@ TEST(Hopr, KeepsPeriodicSides) {
                       back.coordinates[3 * std::size_t(master) + k], 1e-12);
       EXPECT_EQ(formats::hopr_conditions_of(back)[1][0], formats::kHoprPeriodic);
     }
+}
+
+/// Gives the sides on x = 0, x = 1 and y = 0 one group; the link joins the first two.
+HighOrderMesh periodic_in_one_group() {
+  HighOrderMesh mesh = periodic_box(Filling::Hexahedra, 2);
+  for (ElementBlock& block : mesh.blocks)
+    if (block.physical == std::vector{2} || block.physical == std::vector{3}) block.physical = {1};
+  mesh.periodic[0].master = 1;
+  return mesh;
+}
+
+/// Expects one periodic link with as many pairs, and that exactly the groups `names` are periodic.
+void expect_periodic(const HighOrderMesh& mesh, const HighOrderMesh& back, const std::set<std::string>& names) {
+  ASSERT_EQ(back.periodic.size(), 1U);
+  EXPECT_EQ(back.periodic[0].nodes.size(), mesh.periodic[0].nodes.size());
+  EXPECT_NE(back.periodic[0].entity, back.periodic[0].master);
+  std::set<std::string> periodic;
+  const auto conditions = formats::hopr_conditions_of(back);
+  for (const PhysicalGroup& group : back.physical_groups)
+    if (group.dimension == 2 && conditions.at(group.tag)[0] == formats::kHoprPeriodic) periodic.insert(group.name);
+  EXPECT_EQ(periodic, names);
+}
+
+TEST(Hopr, SplitsAGroupWithBothPeriodicSidesAndAWall) {
+  NEEDS_HDF5();
+  const HighOrderMesh mesh = periodic_in_one_group();
+  const HighOrderMesh back = read_back(test::written(mesh, Format::Hopr));
+  expect_periodic(mesh, back, {"left_periodic_1_first", "left_periodic_1_second"});
+  const auto count = [&](int tag) {
+    std::size_t sides = 0;
+    for (const ElementBlock& block : back.blocks)
+      if (block.physical == std::vector{tag}) sides += block.size();
+    return sides;
+  };
+  EXPECT_EQ(back.physical_groups[0].name, "left");
+  EXPECT_EQ(count(1), 6U) << "the wall";
+  EXPECT_EQ(formats::hopr_conditions_of(back)[1], (formats::HoprCondition{2, 0, 0, 0}));
+  EXPECT_EQ(count(7) + count(8), 8U) << "the periodic sides";
+}
+
+TEST(Hopr, KeepsPeriodicSidesWithoutGroups) {
+  NEEDS_HDF5();
+  HighOrderMesh mesh = periodic_box(Filling::Tetrahedra, 2);
+  std::erase_if(mesh.blocks, [](const ElementBlock& block) { return reference::info(block.shape).dimension == 2; });
+  mesh.physical_groups.clear();
+  const HighOrderMesh back = read_back(test::written(mesh, Format::Hopr));
+  expect_periodic(mesh, back, {"boundary_periodic_1_first", "boundary_periodic_1_second"});
+}
+
+TEST(Hopr, LeavesNoEmptyGroupWhereAllSidesWerePeriodic) {
+  NEEDS_HDF5();
+  HighOrderMesh mesh = periodic_in_one_group();
+  for (ElementBlock& block : mesh.blocks)
+    if (reference::info(block.shape).dimension == 2) {
+      const bool periodic = std::all_of(block.nodes.begin(), block.nodes.end(), [&](std::int32_t node) {
+        const double x = mesh.coordinates[3 * std::size_t(node)];
+        return x < 1e-12 || x > 1 - 1e-12;
+      });
+      block.physical = {periodic ? 1 : 3};
+    }
+  const HighOrderMesh back = read_back(test::written(mesh, Format::Hopr));
+  expect_periodic(mesh, back, {"left_periodic_1_first", "left_periodic_1_second"});
+  EXPECT_EQ(back.physical_groups[0].name, "left_periodic_1_first") << "no group stays without sides";
 }
 
 TEST(Hopr, SaysWhatItLeavesOut) {

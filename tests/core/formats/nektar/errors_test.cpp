@@ -96,19 +96,47 @@ TEST(NektarErrors, WrongCurves) {
 }
 
 TEST(NektarErrors, CurvesWhosePointsAreMissing) {
-  // A curve of text, and one that refers to points of a list that is not there.
+  // A curve that refers to points of a list that is not there.
   constexpr std::int64_t kEvenlySpaced = 17;
-  const std::int64_t record[] = {0, 1, 3, 0, 0, kEvenlySpaced};
-  std::string stream, text;
-  formats::deflate_zlib({reinterpret_cast<const char*>(record), sizeof record}, stream, 6);
-  formats::encode_base64(stream, text);
-  const std::string packed = "<CURVED COMPRESSED=\"B64Z-LittleEndian\" BITSIZE=\"64\"><E>" + text + "</E></CURVED>\n";
+  const auto packed = [](std::int64_t edge) {
+    const std::int64_t record[] = {0, edge, 3, 0, 0, kEvenlySpaced};
+    std::string stream, text;
+    formats::deflate_zlib({reinterpret_cast<const char*>(record), sizeof record}, stream, 6);
+    formats::encode_base64(stream, text);
+    return "<CURVED COMPRESSED=\"B64Z-LittleEndian\" BITSIZE=\"64\"><E>" + text + "</E></CURVED>\n";
+  };
   const std::string two_of_one =
       "<CURVED><E ID=\"0\" EDGEID=\"0\" NUMPOINTS=\"3\" TYPE=\"PolyEvenlySpaced\">0 0 0 .5 -.1 0 1 0 0</E>"
       "<E ID=\"1\" EDGEID=\"0\" NUMPOINTS=\"3\" TYPE=\"PolyEvenlySpaced\">0 0 0 .5 -.2 0 1 0 0</E></CURVED>\n";
-  EXPECT_SAYS(with(&Parts::curved, packed), "refers to point 2, but there are 0");
-  EXPECT_SAYS(with(&Parts::curved, Parts().curved + packed), "does not meet its vertices");
+  EXPECT_SAYS(with(&Parts::curved, packed(1)), "refers to point 2, but there are 0");
+  // After a curve of text, also where the points of the text would do.
+  for (const std::int64_t edge : {0, 1})
+    EXPECT_SAYS(with(&Parts::curved, Parts().curved + packed(edge)), "others refer to a list of points");
   EXPECT_SAYS(with(&Parts::curved, two_of_one), "it was read");
+}
+
+TEST(NektarErrors, TheFirstFaultIsSaidForAnyNumberOfThreads) {
+  HighOrderMesh mesh = testing::grid(testing::Filling::Quadrilaterals, {160, 100, 1}, 2, testing::bent(2));
+  mesh.foreign.push_back({"text", "", "nektar"});
+  std::string bytes = test::written(mesh, Format::Nektar);
+  // Threads take 4,096 curves at a time. All but the first thread meet their fault at once.
+  std::size_t at = bytes.find("<CURVED>"), first = 0;
+  const std::size_t end = bytes.find("</CURVED>");
+  for (int curve = 1; (at = bytes.find("<E ", at)) < end; ++curve) {
+    at = bytes.find_first_not_of(" \n", bytes.find('>', at) + 1);
+    if (curve == 4000) first = at;
+    if (curve == 4000 || (curve > 1 && curve % 4096 == 1)) bytes[at] = 'x';
+  }
+  ASSERT_GT(first, 0U);
+  const auto one = formats::read(bytes, 1);
+  ASSERT_FALSE(one);
+  EXPECT_NE(one.error().sentence.find("a coordinate of a curve was expected"), std::string::npos)
+      << one.error().sentence;
+  for (int trial = 0; trial < 10; ++trial) {
+    const auto several = formats::read(bytes, 4);
+    ASSERT_FALSE(several);
+    EXPECT_EQ(several.error().sentence, one.error().sentence);
+  }
 }
 
 TEST(NektarErrors, DamagedCompressedLists) {

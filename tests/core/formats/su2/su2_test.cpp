@@ -26,12 +26,13 @@ TEST(Su2, HasTheVerticesOfCurvedCellsOnlyAndSaysSo) {
   HighOrderMesh straight = testing::grid(Filling::MixedSolid, {4, 1, 1}, 1, testing::bent(3));
   EXPECT_EQ(test::written(curved, Format::Su2), test::written(straight, Format::Su2));
   EXPECT_EQ(formats::left_out(curved, Format::Su2),
-            "SU2's format has no place for curved sides, because SU2's elements are straight between their vertices; "
-            "the file leaves them out.");
+            "SU2's format has no place for curved sides (SU2's elements are straight between their vertices); the file "
+            "leaves them out.");
   straight.blocks[0].physical = {7};
   straight.periodic.push_back({});
+  straight.blocks[0].partitions = {1};
   EXPECT_EQ(formats::left_out(straight, Format::Su2),
-            "SU2's format has no place for groups of cells and periodic links; the file leaves them out.");
+            "SU2's format has no place for groups of cells, periodic links and partitions; the file leaves them out.");
 }
 
 TEST(Su2, MarkersHaveNoBlanks) {
@@ -47,6 +48,22 @@ TEST(Su2, NamesThatBecomeAlikeStayApart) {
   const std::string bytes = test::written(mesh, Format::Su2);
   EXPECT_NE(bytes.find("MARKER_TAG= a_b\n"), std::string::npos);
   EXPECT_NE(bytes.find("MARKER_TAG= a_b_2\n"), std::string::npos);
+}
+
+TEST(Su2, LeavesOutBoundaryElementsWithVerticesOfNoCell) {
+  HighOrderMesh mesh = testing::grid(Filling::Quadrilaterals, {1, 1, 1}, 1);
+  const std::string without = test::written(mesh, Format::Su2);
+  const auto last = std::int32_t(mesh.node_count());
+  for (const double x : {7.0, 8.0}) {
+    mesh.coordinates.insert(mesh.coordinates.end(), {x, 0, 0});
+    mesh.node_numbers.push_back(std::int64_t(mesh.node_count()));
+  }
+  mesh.blocks.push_back({Shape::Line, 1, 9, {1}, {100, 101}, {0, last, last, last + 1}, {}, {}});
+  mesh.blocks.push_back({Shape::Line, 1, 9, {9}, {102}, {last, last + 1}, {}, {}});
+  EXPECT_EQ(test::written(mesh, Format::Su2), without) << "a marker without elements is left out too";
+  EXPECT_EQ(formats::left_out(mesh, Format::Su2),
+            "SU2's format has no place for 3 boundary elements with vertices that belong to no cell; the file leaves "
+            "them out.");
 }
 
 TEST(Su2, SurfacesInSpaceAreRefused) {

@@ -93,6 +93,19 @@ TEST(VtuRead, RefusesPyramidsWhoseInnerNodesAreNotListed) {
   EXPECT_SAYS(bytes, "a pyramid of order 3 or above, whose inner nodes VTK's cells do not have");
 }
 
+TEST(VtuRead, TakesEveryTagAndNumberThatIsWritten) {
+  HighOrderMesh mesh = test::one_cell(Shape::Triangle, 2);
+  mesh.physical_groups[0].tag = std::numeric_limits<std::int32_t>::max();
+  mesh.blocks[0].physical = {mesh.physical_groups[0].tag};
+  mesh.blocks[0].entity = 2'000'000'000;
+  mesh.blocks[0].numbers = {999'999'999'999'999'999};
+  const HighOrderMesh back = read_back(test::written(mesh, Format::Vtu));
+  expect_same_elements(mesh, back, "large numbers");
+  EXPECT_EQ(back.blocks.at(0).entity, mesh.blocks[0].entity);
+  ASSERT_EQ(back.physical_groups.size(), 1U);
+  EXPECT_EQ(back.physical_groups[0].tag, mesh.physical_groups[0].tag);
+}
+
 /// Reads all files of the folder that a script wrote from single cells, and compares them.
 /// meshio leaves out the list of the pyramids' nodes.
 void expect_rewritten(const std::string& program, const std::string& module, int most, int most_of_pyramids) {
@@ -183,6 +196,35 @@ TEST(VtuRead, KnowsTheCellsOfFixedOrder) {
   const Nodes tet = {{0, 0, 0}, {2, 0, 0}, {0, 2, 0}, {0, 0, 2}, {1, 0, 0},
                      {1, 1, 0}, {0, 1, 0}, {0, 0, 1}, {1, 0, 1}, {0, 1, 1}};
   expect_on_lattice(grid_of(24, tet), Shape::Tetrahedron, 2);
+}
+
+/// A grid of text with one array of the cell and one of the field data.
+std::string grid_with(const std::string& type, const std::string& name, const std::string& value) {
+  std::string bytes = grid_of(28, kQuad9);
+  const auto before = [&](const std::string& place, const std::string& added) {
+    bytes.insert(bytes.find(place), added);
+  };
+  const std::string array = "<DataArray type=\"" + type + "\" Name=\"" + name + "\" format=\"ascii\">" + value;
+  before("</Piece>", "<CellData>" + array + "</DataArray></CellData>");
+  before("<Piece", "<FieldData>" + array + " 2</DataArray></FieldData>");
+  return bytes;
+}
+
+TEST(VtuRead, LeavesOutArraysWithValuesThatNoTagOrNumberHas) {
+  const auto block = [](const std::string& type, const std::string& name, const std::string& value) {
+    const HighOrderMesh mesh = read_back(grid_with(type, name, value));
+    return mesh.blocks.empty() ? ElementBlock{} : mesh.blocks[0];
+  };
+  for (const std::string type : {"Int64", "UInt64"}) {
+    EXPECT_EQ(block(type, "material", "2147483647").physical, std::vector{2147483647});
+    for (const std::string value : {"2147483648", "18446744073709551615"}) {
+      EXPECT_EQ(block(type, "material", value).physical, std::vector<int>());
+      EXPECT_EQ(block(type, "gmsh:geometrical", value).entity, 1);
+    }
+    EXPECT_EQ(block(type, "element", "999999999999999").numbers, std::vector<std::int64_t>{999'999'999'999'999});
+    EXPECT_EQ(block(type, "element", "18446744073709551615").numbers, std::vector<std::int64_t>{1});
+  }
+  EXPECT_EQ(block("Int32", "material", "-2147483648").physical, std::vector<int>());
 }
 
 TEST(VtuReadErrors, AreSaid) {
