@@ -193,6 +193,15 @@ class InProcess(WithFolder):
         self.assertLess(losses[0][1], 0.6 * losses[0][0])
         self.assertGreater(losses[2][1], losses[2][0])
 
+    def test_refuses_an_option_that_changes_nothing(self):
+        out = self.folder / "out.msh"
+        for flags, user in ((["--kappa", 3], "linear-elastic"), (["--energy", "winslow", "--lambda", 3], "hyperelastic"),
+                            (["--strain", "small"], "linear-elastic"), (["--rings", 3], "region_below")):
+            done = run("optimise", MESH, "-o", out, *flags)
+            self.assertEqual(done.returncode, 2, done.stderr)
+            self.assertIn(user, done.stderr)
+            self.assertFalse(out.exists())
+
     def test_says_what_the_repair_did(self):
         folded, out = self.folder / "folded.msh", self.folder / "out.msh"
         folded.write_text(FOLDED)
