@@ -86,7 +86,11 @@ std::vector<Remedy> remedies_of(const HighOrderMesh& mesh, const Sorted& sorted,
 
 std::string sentence_of(const WhatIsLeft& left) {
   if (left.uncertified == 0) return "";
-  std::string text = count_text(left.uncertified) + (left.uncertified == 1 ? " is" : " are") + " not certified valid.";
+  const std::string none =
+      count_text(left.uncertified) + (left.uncertified == 1 ? " is" : " are") + " not certified valid";
+  if (left.proved == left.uncertified)
+    return none + ", and it is proved that moving interior nodes cannot repair " + (left.proved == 1 ? "it." : "them.");
+  std::string text = none + ".";
   if (left.proved > 0)
     text += " It is proved that moving nodes cannot repair " + std::to_string(left.proved) + " of these.";
   if (left.unproved > 0)

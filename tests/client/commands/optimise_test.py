@@ -144,7 +144,7 @@ class InProcess(WithFolder):
         folded.write_text(FOLDED)
         for done in (run("optimise", folded, "-o", self.folder / "out.msh"), run("quality", folded, "--diagnose")):
             self.assertRegex(done.stdout.splitlines()[-1], "Mesh the boundary anew or refine it at element")
-            self.assertIn("not certified valid. It is proved that", done.stdout)
+            self.assertRegex(done.stdout, r"not certified valid(\. It|, and it) is proved that")
 
     def test_writes_clockwise_elements_as_they_came_or_turned(self):
         usual, mirrored, out = (self.folder / name for name in ("usual.msh", "mirrored.msh", "out.msh"))

@@ -50,6 +50,15 @@ TEST_F(RemediesTest, NamedElementsThatAreCertifiedDoNotCount) {
             "can probably not repair 1 more, but that is not proved.");
 }
 
+TEST_F(RemediesTest, SaysInOneSentenceThatAllAreProved) {
+  const auto n = numbers_;
+  const std::vector<UnrepairableGroup> groups = {group(Kind::Vertex, {n[0]}, -0.2), group(Kind::Vertex, {n[1]}, -0.1)};
+  EXPECT_EQ(what_is_left(mesh_, {n[0], n[1]}, groups, {}).sentence,
+            "2 elements are not certified valid, and it is proved that moving interior nodes cannot repair them.");
+  EXPECT_EQ(what_is_left(mesh_, {n[0]}, groups, {}).sentence,
+            "1 element is not certified valid, and it is proved that moving interior nodes cannot repair it.");
+}
+
 TEST_F(RemediesTest, SlidingComesBeforeAnotherBoundaryMesh) {
   Tried tried;
   tried.movement = tried.until_valid = tried.split = true;
