@@ -193,6 +193,13 @@ class InProcess(WithFolder):
         self.assertLess(losses[0][1], 0.6 * losses[0][0])
         self.assertGreater(losses[2][1], losses[2][0])
 
+    def test_says_which_option_makes_the_energy_the_objective(self):
+        out = self.folder / "out.msh"
+        done = run("optimise", MESH, "-o", out, "--tolerance", "1e-2", "--lambda", "2")
+        self.assertIn("objective: energy, because --lambda, --tolerance are given; --objective accuracy", done.stdout)
+        for flags in ([], ["--objective", "energy", "--tolerance", "1e-2"]):
+            self.assertNotIn("objective: energy", run("optimise", MESH, "-o", out, *flags).stdout)
+
     def test_refuses_an_option_that_changes_nothing(self):
         out = self.folder / "out.msh"
         for flags, user in ((["--kappa", 3], "linear-elastic"), (["--energy", "winslow", "--lambda", 3], "hyperelastic"),
