@@ -209,6 +209,13 @@ class InProcess(WithFolder):
             self.assertIn(user, done.stderr)
             self.assertFalse(out.exists())
 
+    def test_names_the_way_to_a_curved_mesh(self):
+        straight, out = self.folder / "straight.msh", self.folder / "out.msh"
+        self.assertEqual(run("optimise", CASES / "cylinder_p2.msh", "-o", straight, "--order", 1, "-q").returncode, 0)
+        self.assertIn("'varimesh curve IN --geometry MODEL --order N'", run("optimise", straight, "-o", out).stdout)
+        raised = run("optimise", straight, "-o", out, "--order", 3)
+        self.assertIn("use 'varimesh curve IN --geometry MODEL --order 3'", raised.stderr)
+
     def test_says_what_the_repair_did(self):
         folded, out = self.folder / "folded.msh", self.folder / "out.msh"
         folded.write_text(FOLDED)

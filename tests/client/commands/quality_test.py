@@ -93,6 +93,7 @@ class Quality(WithFolder):
         self.assertIn("'varimesh quality' judges it", done.stderr)
         self.assertFalse(out.exists())
 
+        self.assertIn("'varimesh optimise --geometry MODEL'", done.stderr)
     def test_says_and_marks_what_cannot_be_repaired(self):
         folded, marked = self.folder / "folded.msh", self.folder / "marked.msh"
         folded.write_text(FOLDED)
