@@ -1,5 +1,6 @@
 // varimesh, the command: it parses the command line and carries out the subcommand.
 #include <fcntl.h>
+#include <poll.h>
 #include <unistd.h>
 
 #include <cerrno>
@@ -32,12 +33,20 @@ void fill_standard_descriptors() {
 /// also about nothing ("Waiting for thread pool to idle"). With GRPC_VERBOSITY in the environment they are shown.
 void silence_grpc() { ::setenv("GRPC_VERBOSITY", "NONE", 0); }
 
-/// Flushes standard output and returns the exit status: `status`, or a failure if not everything could be written.
+/// Whether nobody reads standard output any more, as after "| head -1".
+bool has_no_reader() {
+  pollfd output{STDOUT_FILENO, POLLOUT, 0};
+  return ::poll(&output, 1, 0) == 1 && (output.revents & POLLERR) != 0;
+}
+
+/// Flushes standard output and returns the exit status: `status`, or a failure if not everything could be written. That
+/// a reader has seen enough is no failure.
 int flush_output(int status) {
   errno = 0;
   std::cout.flush();
   if (std::fflush(stdout) == 0 && std::cout && std::ferror(stdout) == 0) return status;
   const std::string why = errno == 0 ? std::string() : " (" + std::system_category().message(errno) + ")";
+  if (errno == EPIPE || has_no_reader()) return status;
   std::cerr << "varimesh: standard output cannot be written" << why << "; check where it goes." << std::endl;
   return status == kDone || status == kInvalidLeft ? kInputRefused : status;
 }

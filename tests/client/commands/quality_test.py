@@ -1,8 +1,10 @@
 """varimesh quality: documents, exit statuses, and the marks of unrepairable elements."""
 import json
+import os
+import subprocess
 import unittest
 
-from programs import FOLDED, MESH, WithFolder, clockwise, run
+from programs import FOLDED, MESH, VARIMESH, WithFolder, clockwise, run
 
 
 class Quality(WithFolder):
@@ -93,7 +95,15 @@ class Quality(WithFolder):
         self.assertIn("'varimesh quality' judges it", done.stderr)
         self.assertFalse(out.exists())
 
-        self.assertIn("'varimesh optimise --geometry MODEL'", done.stderr)
+    def test_ends_quietly_if_the_reader_has_seen_enough(self):
+        ours, theirs = os.pipe()
+        os.close(ours)
+        for flags, status in (([], 0), (["--certify"], 4)):
+            done = subprocess.run([VARIMESH, "quality", MESH, *flags], stdout=theirs, stderr=subprocess.PIPE)
+            self.assertEqual(done.returncode, status, done.stderr)
+            self.assertNotIn(b"standard output", done.stderr)
+        os.close(theirs)
+
     def test_says_and_marks_what_cannot_be_repaired(self):
         folded, marked = self.folder / "folded.msh", self.folder / "marked.msh"
         folded.write_text(FOLDED)
