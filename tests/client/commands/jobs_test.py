@@ -39,6 +39,12 @@ class Jobs(WithServer):
         self.assertEqual(named.returncode, 0, named.stderr)
         self.assertIn("no such jobs", self.remote("jobs", "--label", "for=nothing").stderr)
 
+    def test_an_address_needs_a_port_or_a_path(self):
+        for address in ("foo", "v.sock"):
+            refused = run("jobs", "--server", address)
+            self.assertEqual(refused.returncode, 2)
+            self.assertIn(f"The address '{address}' has no port; write HOST:PORT or unix:PATH.", refused.stderr)
+
     def test_an_address_may_look_like_a_browser_s(self):
         address = self.server.address
         self.assertEqual(run("jobs", "--server", f"http://{address}/").returncode, 0)
