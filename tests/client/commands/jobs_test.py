@@ -30,6 +30,7 @@ class Jobs(WithServer):
         self.remote("watch", job, "--quiet")
         (entry,) = json.loads(self.remote("jobs", "--label", "for=list", "--json").stdout)["jobs"]
         self.assertEqual((entry["file"], entry["labels"]), (MESH.name, {"file": MESH.name, "for": "list"}))
+        self.assertEqual(entry["iterations"], entry["metrics"]["iterations"])
         for time in ("submitted", "began", "ended"):
             self.assertRegex(entry[time], r"^\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d")
         head, row = self.remote("jobs", "--label", "for=list").stdout.splitlines()
