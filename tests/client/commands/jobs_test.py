@@ -46,6 +46,11 @@ class Jobs(WithServer):
             self.assertEqual(refused.returncode, 2)
             self.assertIn(f"The address '{address}' has no port; write HOST:PORT or unix:PATH.", refused.stderr)
 
+    def test_without_a_server_info_knows_the_plugin(self):
+        plugin = json.loads(run("doctor", "--json").stdout)["CAD plugin"]["found"]
+        info = json.loads(run("info", "--json", "--server", "").stdout)
+        self.assertEqual(info["takes_geometries"], not plugin.startswith("missing"))
+
     def test_an_address_may_look_like_a_browser_s(self):
         address = self.server.address
         self.assertEqual(run("jobs", "--server", f"http://{address}/").returncode, 0)
