@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "client/cli/help.h"
+#include "client/cli/refusals.h"
 #include "client/commands/commands.h"
 #include "client/process/exit_status.h"
 #include "client/process/interrupts.h"
@@ -45,8 +46,8 @@ int flush_output(int status) {
   errno = 0;
   std::cout.flush();
   if (std::fflush(stdout) == 0 && std::cout && std::ferror(stdout) == 0) return status;
-  const std::string why = errno == 0 ? std::string() : " (" + std::system_category().message(errno) + ")";
   if (errno == EPIPE || has_no_reader()) return status;
+  const std::string why = errno == 0 ? std::string() : " (" + std::system_category().message(errno) + ")";
   std::cerr << "varimesh: standard output cannot be written" << why << "; check where it goes." << std::endl;
   return status == kDone || status == kInvalidLeft ? kInputRefused : status;
 }
@@ -55,7 +56,7 @@ int flush_output(int status) {
 int refuse(const CLI::App& app, const CLI::ParseError& error, const std::vector<std::string>& words) {
   const std::string unknown = unknown_word(app, words);
   const auto used = app.get_subcommands();
-  std::cerr << "varimesh: " << (unknown.empty() ? error.what() : unknown) << "\nvarimesh "
+  std::cerr << "varimesh: " << (unknown.empty() ? refusal_text(app, error) : unknown) << "\nvarimesh "
             << (used.empty() ? "" : used.front()->get_name() + " ") << "--help shows examples and all options."
             << std::endl;
   return kUsage;
