@@ -93,6 +93,7 @@ class Quality(WithFolder):
         done = run("optimise", surface, "-o", out)
         self.assertEqual(done.returncode, 3)
         self.assertIn("'varimesh quality' judges it", done.stderr)
+        self.assertIn("'varimesh optimise --geometry MODEL'", done.stderr)
         self.assertFalse(out.exists())
 
     def test_ends_quietly_if_the_reader_has_seen_enough(self):
