@@ -1,5 +1,6 @@
 // varimesh, the command: it parses the command line and carries out the subcommand.
 #include <fcntl.h>
+#include <poll.h>
 #include <unistd.h>
 
 #include <cerrno>
@@ -12,6 +13,7 @@
 #include <vector>
 
 #include "client/cli/help.h"
+#include "client/cli/refusals.h"
 #include "client/commands/commands.h"
 #include "client/process/exit_status.h"
 #include "client/process/interrupts.h"
@@ -32,11 +34,19 @@ void fill_standard_descriptors() {
 /// also about nothing ("Waiting for thread pool to idle"). With GRPC_VERBOSITY in the environment they are shown.
 void silence_grpc() { ::setenv("GRPC_VERBOSITY", "NONE", 0); }
 
-/// Flushes standard output and returns the exit status: `status`, or a failure if not everything could be written.
+/// Whether nobody reads standard output any more, as after "| head -1".
+bool has_no_reader() {
+  pollfd output{STDOUT_FILENO, POLLOUT, 0};
+  return ::poll(&output, 1, 0) == 1 && (output.revents & POLLERR) != 0;
+}
+
+/// Flushes standard output and returns the exit status: `status`, or a failure if not everything could be written. That
+/// a reader has seen enough is no failure.
 int flush_output(int status) {
   errno = 0;
   std::cout.flush();
   if (std::fflush(stdout) == 0 && std::cout && std::ferror(stdout) == 0) return status;
+  if (errno == EPIPE || has_no_reader()) return status;
   const std::string why = errno == 0 ? std::string() : " (" + std::system_category().message(errno) + ")";
   std::cerr << "varimesh: standard output cannot be written" << why << "; check where it goes." << std::endl;
   return status == kDone || status == kInvalidLeft ? kInputRefused : status;
@@ -46,7 +56,7 @@ int flush_output(int status) {
 int refuse(const CLI::App& app, const CLI::ParseError& error, const std::vector<std::string>& words) {
   const std::string unknown = unknown_word(app, words);
   const auto used = app.get_subcommands();
-  std::cerr << "varimesh: " << (unknown.empty() ? error.what() : unknown) << "\nvarimesh "
+  std::cerr << "varimesh: " << (unknown.empty() ? refusal_text(app, error) : unknown) << "\nvarimesh "
             << (used.empty() ? "" : used.front()->get_name() + " ") << "--help shows examples and all options."
             << std::endl;
   return kUsage;

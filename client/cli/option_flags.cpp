@@ -4,25 +4,18 @@
 
 #include "client/cli/common_flags.h"
 #include "client/cli/names.h"
+#include "client/cli/refusals.h"
 #include "client/client.h"
 #include "client/library/input_file.h"
 #include "client/process/interrupts.h"
-#include "core/options/nearest_word.h"
 #include "core/options/option_table.h"
 #include "core/problem/target_field.h"
+#include "core/reference/shape.h"
 
 namespace varimesh::client {
 namespace {
 
 using google::protobuf::FieldDescriptor;
-
-/// A suggestion for a value that does not exist, with all values that do.
-std::string suggestion(const std::string& name, const google::protobuf::EnumDescriptor& type) {
-  const auto known = spellings(type);
-  const std::string near = nearest_word(name, known);
-  const std::string question = near.empty() ? "" : "did you mean '" + near + "'? ";
-  return question + (near.empty() ? "choose one of " : "The choices are ") + joined(known, ", ") + ".";
-}
 
 void add_enum(CLI::App& command, const std::string& flag, const FieldDescriptor& field, const OptionInfo& option,
               v1::Options* options) {
@@ -33,7 +26,7 @@ void add_enum(CLI::App& command, const std::string& flag, const FieldDescriptor&
             const auto* value = value_of(*field.enum_type(), name);
             if (value == nullptr) {
               throw CLI::ValidationError("--" + dashed(field.name()),
-                                         "there is no '" + name + "'; " + suggestion(name, *field.enum_type()));
+                                         no_such_word(name, spellings(*field.enum_type())));
             }
             v1::Options::GetReflection()->SetEnum(options, &field, value);
           },
@@ -145,6 +138,13 @@ void add_options(CLI::App& command, v1::Options* options) {
     add_one(command, option, options);
     command.get_option("--" + dashed(std::string(option.name)))->group("Optimisation");
   }
+}
+
+void require_curved_order(CLI::App& command) {
+  command.get_option("--order")
+      ->required()
+      ->check(CLI::Range(2, kMaxOrder))
+      ->description("The order of the curved mesh, 2 to " + std::to_string(kMaxOrder));
 }
 
 }  // namespace varimesh::client

@@ -11,6 +11,9 @@ namespace varimesh::client {
 /// The help of an option: the sentence of the table, and the default unless the sentence says what 0 means.
 std::string help_text(const OptionInfo& option);
 
+/// Makes --order required, and lets it be only an order that a mesh is curved to. For after add_options().
+void require_curved_order(CLI::App& command);
+
 /// Adds a flag for each option of the table. A flag that is given sets its field in `options`; the others stay
 /// unset.
 void add_options(CLI::App& command, v1::Options* options);

@@ -17,10 +17,12 @@
 #include "client/client.h"
 #include "client/commands/commands.h"
 #include "client/io/documents.h"
+#include "client/process/child_program.h"
 #include "client/process/exit_status.h"
 #include "client/process/interrupts.h"
 #include "client/process/temporary_folder.h"
 #include "core/base/version.h"
+#include "core/process/helper_program.h"
 
 namespace varimesh::client {
 namespace {
@@ -63,6 +65,11 @@ Finding temporary_files() {
           space.available < (std::uintmax_t{64} << 20)
               ? "less than 64 MiB are free; make room, or set TMPDIR to another folder"
               : ""};
+}
+
+/// A part that may be missing, and what needs it.
+Finding optional_part(const std::string& name, const std::string& path, const std::string& purpose) {
+  return {name, (path.empty() ? "missing" : path) + " (" + purpose + ")", ""};
 }
 
 Finding server(const std::string& address, const Credentials& credentials) {
@@ -113,6 +120,10 @@ int doctor(const CommonFlags& flags) {
       {"vectors", std::string(vector_instructions()), ""},
       threads(),
       temporary_files(),
+      optional_part("CAD plugin", find_helper("libvarimesh_opencascade.so", "VARIMESH_OPENCASCADE"),
+                    "for --geometry, curve and mesh"),
+      optional_part("gmsh", find_program("gmsh"), "for varimesh mesh"),
+      optional_part("HDF5 program", find_helper("varimesh_hdf5", "VARIMESH_HDF5"), "for .h5, .cgns and .pyfrm files"),
   };
   if (!flags.server.empty()) findings.push_back(server(flags.server, flags.credentials));
   if (flags.json)

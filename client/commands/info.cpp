@@ -7,6 +7,7 @@
 #include "client/io/documents.h"
 #include "client/jobs/connection.h"
 #include "client/process/exit_status.h"
+#include "core/process/helper_program.h"
 
 namespace varimesh::client {
 namespace {
@@ -14,8 +15,11 @@ namespace {
 int info(const CommonFlags& flags) {
   const auto connection = connect(flags);
   if (!connection) return connection.error();
-  const auto answer = connection->client->info();
+  auto answer = connection->client->info();
   if (!answer) return print_error(answer.error());
+  // Without a server, the command itself slides nodes on CAD files.
+  if (flags.server.empty())
+    answer->set_takes_geometries(!find_helper("libvarimesh_opencascade.so", "VARIMESH_OPENCASCADE").empty());
   const Json entries = document(*answer);
   if (flags.json) {
     print(entries);

@@ -1,13 +1,17 @@
 // varimesh mesh: makes a curved, optimised mesh from a CAD model. The program gmsh makes the straight mesh.
+#include <array>
 #include <filesystem>
+#include <fstream>
 #include <iostream>
 
+#include "client/cli/option_flags.h"
 #include "client/commands/commands.h"
 #include "client/io/gmsh_mesh.h"
 #include "client/runs/optimise_run.h"
 #include "client/process/exit_status.h"
 #include "client/process/interrupts.h"
 #include "client/process/temporary_folder.h"
+#include "core/formats/formats.h"
 
 namespace varimesh::client {
 namespace {
@@ -16,6 +20,14 @@ struct Arguments {
   OptimiseArguments run;
   GmshOptions gmsh;
 };
+
+/// Whether the file is a mesh and not a model.
+bool is_a_mesh(const std::string& path) {
+  std::array<char, 4096> begin{};
+  std::ifstream file(path, std::ios::binary);
+  file.read(begin.data(), std::ssize(begin));
+  return formats::recognised({begin.data(), std::size_t(file.gcount())}) != formats::Format::Auto;
+}
 
 int mesh(Arguments arguments) {
   Input& input = arguments.run.input;
@@ -26,6 +38,10 @@ int mesh(Arguments arguments) {
   if (!std::filesystem::is_regular_file(arguments.gmsh.model, failed))
     return print_error(
         {Error::Kind::BadInput, "The model '" + arguments.gmsh.model + "' is not a file that can be read."});
+  if (is_a_mesh(arguments.gmsh.model))
+    return print_error({Error::Kind::BadInput, "'" + arguments.gmsh.model +
+                                                   "' is a mesh already, not a model; 'varimesh curve IN --geometry "
+                                                   "MODEL --order N' curves a mesh of order 1 by its model."});
   if (const int status = check_curve(arguments.run); status != kDone) return status;
   const TemporaryFolder folder;
   if (folder.path().empty())
@@ -63,7 +79,7 @@ Action add_mesh(CLI::App& app) {
       ->type_name("N");
   add_slide_flags(command, &arguments->run.input.geometry);
   add_run_flags(command, &arguments->run);
-  command.get_option("--order")->required();
+  require_curved_order(command);
   return [arguments] { return mesh(*arguments); };
 }
 

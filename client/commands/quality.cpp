@@ -4,6 +4,7 @@
 #include <iostream>
 
 #include "client/cli/common_flags.h"
+#include "client/cli/refusals.h"
 #include "client/commands/commands.h"
 #include "client/io/documents.h"
 #include "client/io/outputs.h"
@@ -109,7 +110,10 @@ int quality(const Arguments& arguments) {
 Action add_quality(CLI::App& app) {
   auto arguments = std::make_shared<Arguments>();
   CLI::App& command = *app.add_subcommand("quality", "Show how good a mesh is and which elements are proved valid");
-  command.add_option("input", arguments->input, "The mesh file to read")->required()->type_name("IN");
+  command.add_option("input", arguments->input, "The mesh file to read")
+      ->required()
+      ->check(is_not_a_dash())
+      ->type_name("IN");
   command
       .add_option("--lattice", arguments->lattice,
                   "Sample each element on a lattice with this many intervals per edge; 0: the default")

@@ -222,7 +222,8 @@ Json document(const v1::Job& job) {
   if (job.has_create_time()) result["submitted"] = TimeUtil::ToString(job.create_time());
   if (job.has_start_time()) result["began"] = TimeUtil::ToString(job.start_time());
   if (job.has_end_time()) result["ended"] = TimeUtil::ToString(job.end_time());
-  if (job.has_iteration()) result["iterations"] = job.iteration().number();
+  if (job.has_metrics() || job.has_iteration())
+    result["iterations"] = job.has_metrics() ? job.metrics().iterations() : job.iteration().number();
   if (job.has_error()) result["error"] = {{"reason", job.error().reason()}, {"message", job.error().message()}};
   if (job.has_metrics()) result["metrics"] = document(job.metrics());
   return result;

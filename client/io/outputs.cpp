@@ -55,6 +55,9 @@ Expected<std::vector<Output>> check_outputs(const std::vector<std::string>& path
   }
   std::vector<Output> outputs;
   for (const std::string& path : paths) {
+    std::error_code ignored;
+    if (std::filesystem::is_directory(path, ignored))
+      return tl::unexpected(Error{Error::Kind::Output, "'" + path + "' is a folder; name a file in it."});
     const auto by_ending = formats::for_output(path, formats::Format::Auto, formats::Format::Auto);
     const bool ending_decides = by_ending && ending_is_enough(*by_ending);
     const auto chosen =

@@ -6,6 +6,7 @@
 
 #include "client/cli/names.h"
 #include "core/diagnosis/elements_text.h"
+#include "core/options/option_table.h"
 
 namespace varimesh::client {
 namespace {
@@ -77,6 +78,20 @@ std::string ending(const v1::Metrics& metrics) {
   }
 }
 
+/// Which objective a run had that looked for the energy's optimum because of other options; empty if none did.
+std::string implied_objective(const v1::Metrics& metrics, const v1::Options& asked) {
+  const bool is_named = asked.objective() == v1::OBJECTIVE_ENERGY;
+  if (metrics.objective() != v1::OBJECTIVE_ENERGY || is_named) return "";
+  std::vector<std::string> flags;
+  for (const OptionInfo& option : option_table())
+    if (const auto* field = v1::Options::descriptor()->FindFieldByName(std::string(option.name));
+        is_of_energy(option) && v1::Options::GetReflection()->HasField(asked, field))
+      flags.push_back("--" + dashed(std::string(option.name)));
+  if (flags.empty()) return "";
+  return fmt::format("objective: energy, because {} {} given; --objective accuracy lowers the loss of accuracy\n",
+                     joined(flags, ", "), flags.size() == 1 ? "is" : "are");
+}
+
 /// What is left, and what to try next.
 std::string way_out(const v1::WhatIsLeft& left) {
   if (left.uncertified() == 0) return "";
@@ -99,13 +114,14 @@ std::string way_out(const WhatIsLeft& left) {
   return text;
 }
 
-std::string summary(const v1::Metrics& metrics) {
+std::string summary(const v1::Metrics& metrics, const v1::Options& asked) {
   const v1::MeshSummary& mesh = metrics.mesh();
   const v1::QualityReport& before = metrics.before();
   const v1::QualityReport& after = metrics.after();
   return sizes(mesh.dimension(), mesh.order(), mesh.elements(), mesh.nodes(), mesh.free_nodes()) +
          fmt::format("{} iterations in {:.3g} s, residual {:.3g}, {}\n", metrics.iterations(), metrics.seconds(),
                      metrics.residual(), ending(metrics)) +
+         implied_objective(metrics, asked) +
          fmt::format("                          {:>10}  {:>10}\n", "before", "after") +
          fmt::format("smallest scaled Jacobian  {:>10.5f}  {:>10.5f}\n", before.min_scaled_jacobian(),
                      after.min_scaled_jacobian()) +

@@ -10,7 +10,8 @@
 namespace varimesh::client {
 
 /// The result of an optimisation: the mesh, how it went, the quality before and after, and what cannot be repaired.
-std::string summary(const v1::Metrics& metrics);
+/// `asked`: the options of the job, which say why it had its objective.
+std::string summary(const v1::Metrics& metrics, const v1::Options& asked);
 /// The elements that are not certified valid, and what to try next; empty if there are none.
 std::string way_out(const WhatIsLeft& left);
 /// The quality of a mesh, with its histogram and its first invalid elements.

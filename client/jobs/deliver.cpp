@@ -74,7 +74,7 @@ int deliver(Client* client, const v1::Job& job, const Delivery& delivery, const 
   if (flags.json)
     print(document(job.metrics()));
   else if (!flags.quiet)
-    (any_is_standard_output(delivery.outputs) ? std::cerr : std::cout) << summary(job.metrics());
+    (any_is_standard_output(delivery.outputs) ? std::cerr : std::cout) << summary(job.metrics(), job.spec().options());
   const v1::Certified& certified = job.metrics().after().certified();
   const int status = print_uncertified(certified.invalid(), certified.undecided());
   if (!interrupted() || delivery.outputs.empty()) return status;

@@ -89,6 +89,8 @@ Outcome<void> meet(const std::shared_ptr<grpc::Channel>& channel, const std::str
 Outcome<Client> Client::connect(const std::string& given, Settings settings) {
   std::string address = given;
   bool encrypted = make_plain(&address);
+  if (address.find(':') == std::string::npos)
+    return refusal("BAD_OPTION", "The address '" + address + "' has no port; write HOST:PORT or unix:PATH.");
   auto token = token_of(settings.credentials);
   if (!token) return tl::unexpected(token.error());
   settings.credentials.token = std::move(*token);

@@ -25,7 +25,7 @@ std::string count_text(std::int64_t count) { return std::to_string(count) + (cou
 struct Sorted {
   Numbers movable;     ///< In no group: movement may repair them.
   Numbers splittable;  ///< Tetrahedra that a split may help.
-  Numbers boundary;    ///< Only another boundary mesh helps.
+  Numbers boundary;    ///< Only another boundary helps.
 };
 
 Sorted sort_by_remedy(const HighOrderMesh& mesh, const std::unordered_map<std::int64_t, Findings>& found,
@@ -54,7 +54,18 @@ Remedy movement_remedy(std::int64_t count, const Tried& tried) {
           "Try --until valid: it untangles before it smooths, which may help " + count_text(count) + "."};
 }
 
-std::vector<Remedy> remedies_of(const Sorted& sorted, const Tried& tried) {
+/// Boundary nodes of a curved mesh of volume elements can slide. Whether they have is not known here.
+bool can_slide(const HighOrderMesh& mesh) { return mesh.dimension == 3 && mesh.order > 1; }
+
+Remedy slide_remedy(std::int64_t count) {
+  return {
+      "--slide-on boundary", count,
+      "Let boundary nodes slide, if they have not yet, on the CAD model (--geometry MODEL) or on the boundary as it "
+      "came (--slide-on boundary), which may help " +
+          count_text(count) + "."};
+}
+
+std::vector<Remedy> remedies_of(const HighOrderMesh& mesh, const Sorted& sorted, const Tried& tried) {
   std::vector<Remedy> remedies;
   if (const auto count = static_cast<std::int64_t>(sorted.movable.size()); count > 0)
     remedies.push_back(movement_remedy(count, tried));
@@ -62,17 +73,24 @@ std::vector<Remedy> remedies_of(const Sorted& sorted, const Tried& tried) {
     remedies.push_back(
         {"--repair split", count,
          "Try --repair split: it splits tetrahedra to make room, which may help " + count_text(count) + "."});
-  if (const auto count = static_cast<std::int64_t>(sorted.boundary.size()); count > 0)
+  if (const auto count = static_cast<std::int64_t>(sorted.boundary.size()); count > 0) {
+    if (can_slide(mesh)) remedies.push_back(slide_remedy(count));
     remedies.push_back({"", count,
                         "Mesh the boundary anew or refine it at " +
-                            elements_text(sorted.boundary, "element", "elements") +
-                            ": nothing else is known to help there."});
+                            elements_text(sorted.boundary, "element", "elements") + ": " +
+                            (can_slide(mesh) ? "where sliding does not help, nothing else is known to."
+                                             : "nothing else is known to help there.")});
+  }
   return remedies;
 }
 
 std::string sentence_of(const WhatIsLeft& left) {
   if (left.uncertified == 0) return "";
-  std::string text = count_text(left.uncertified) + (left.uncertified == 1 ? " is" : " are") + " not certified valid.";
+  const std::string none =
+      count_text(left.uncertified) + (left.uncertified == 1 ? " is" : " are") + " not certified valid";
+  if (left.proved == left.uncertified)
+    return none + ", and it is proved that moving interior nodes cannot repair " + (left.proved == 1 ? "it." : "them.");
+  std::string text = none + ".";
   if (left.proved > 0)
     text += " It is proved that moving nodes cannot repair " + std::to_string(left.proved) + " of these.";
   if (left.unproved > 0)
@@ -98,7 +116,7 @@ WhatIsLeft what_is_left(const HighOrderMesh& mesh, const Numbers& uncertified,
   left.uncertified = static_cast<std::int64_t>(found.size());
   for (const auto& [number, findings] : found)
     if (findings.in_group) ++(findings.proved ? left.proved : left.unproved);
-  left.remedies = remedies_of(sort_by_remedy(mesh, found, tried), tried);
+  left.remedies = remedies_of(mesh, sort_by_remedy(mesh, found, tried), tried);
   left.sentence = sentence_of(left);
   return left;
 }

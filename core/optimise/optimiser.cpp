@@ -151,6 +151,8 @@ void keep_orientation(const SetUp& set_up, Result& result) {
 
 /// Why nothing was moved, though the run was not stopped; empty if something may have been moved.
 std::string why_unmoved(const SetUp& set_up, const Result& result, const Team& team) {
+  const HighOrderMesh& mesh = set_up.mesh;
+  const std::string curve = mesh.dimension == 3 ? "; 'varimesh curve IN --geometry MODEL --order N' curves a mesh" : "";
   if (set_up.summary.free_nodes == 0)
     return "No node is free, so nothing was moved: all lie on the boundary or are fixed by the options. 'varimesh "
            "optimise --order' gives elements inner nodes, and '--free' frees interfaces.";
@@ -159,21 +161,19 @@ std::string why_unmoved(const SetUp& set_up, const Result& result, const Team& t
   if (result.iterations == 0 && result.stop_reason == StopReason::Quality)
     return "Every element has the scaled Jacobian that until_js names already, so nothing was moved.";
   const bool is_for_accuracy = set_up.options.objective == Objective::Accuracy;
-  const bool is_same = is_for_accuracy ? result.mesh.coordinates == set_up.mesh.coordinates : result.iterations == 1;
+  const bool is_same = is_for_accuracy ? result.mesh.coordinates == mesh.coordinates : result.iterations == 1;
   if (!is_same || !result.converged || !result.before.uncertified.empty()) return "";
   bool straight = set_up.options.target == Target::StraightSided;
-  team.run([&] { straight = straight && has_straight_sides(set_up.mesh, team.without_stop()); });
+  team.run([&] { straight = straight && has_straight_sides(mesh, team.without_stop()); });
   if (straight)
-    return "All elements have straight sides, as their targets have, so nothing was moved; 'varimesh optimise "
-           "--target ideal' makes their shapes more regular.";
+    return "All elements have straight sides already, so nothing was moved" + curve +
+           "; 'varimesh optimise --target ideal' makes their shapes more regular.";
   if (is_for_accuracy && result.iterations == 0)
     return "Curvature costs these elements next to nothing beside what their size costs, so nothing was moved.";
   if (is_for_accuracy)
     return "No mesh with a lower loss of accuracy was found whose smallest and mean scaled Jacobian are not both "
-           "lower, so "
-           "nothing was moved.";
-  return "The mesh is at its optimum already, because no node would move by more than the tolerance, so nothing was "
-         "moved.";
+           "lower, so nothing was moved.";
+  return "The mesh is at its optimum already: no node would move by more than the tolerance, so nothing was moved.";
 }
 
 /// The mesh as it came, and the note that says why.

@@ -3,16 +3,59 @@
 #include <algorithm>
 #include <cmath>
 #include <string>
+#include <string_view>
 
 #include "core/options/option_table.h"
 
 namespace varimesh {
+namespace {
+
+/// An option that has an effect only with some energies.
+struct OfSomeEnergies {
+  std::string_view option;
+  bool (*is_used)(const Options& options);
+  std::string_view user;  ///< What uses it, as in "only … uses it".
+};
+
+bool is_linear(const Options& options) { return options.energy == Energy::LinearElastic; }
+bool has_trace(const Options& options) { return is_linear(options) && options.volumetric == Volumetric::Trace; }
+bool has_log(const Options& options) { return is_linear(options) && options.volumetric == Volumetric::Log; }
+bool is_hyperelastic(const Options& options) { return options.energy == Energy::Hyperelastic; }
+
+constexpr OfSomeEnergies kOfSomeEnergies[] = {
+    {"strain", is_linear, "the energy linear-elastic"},
+    {"volumetric", is_linear, "the energy linear-elastic"},
+    {"winslow", [](const Options& options) { return options.energy == Energy::Winslow; }, "the energy winslow"},
+    {"mu", [](const Options& options) { return is_hyperelastic(options) || is_linear(options); },
+     "the energy hyperelastic or linear-elastic"},
+    {"lambda", [](const Options& options) { return is_hyperelastic(options) || has_trace(options); },
+     "the energy hyperelastic, or linear-elastic with the volumetric part trace,"},
+    {"kappa", has_log, "the energy linear-elastic with the volumetric part log"},
+};
+
+/// Refuses an option that would change nothing.
+Expected<void> check_effect(const Options& options) {
+  for (const OfSomeEnergies& one : kOfSomeEnergies) {
+    const auto found = std::ranges::find(option_table(), one.option, &OptionInfo::name);
+    if (!is_default(*found, options) && !one.is_used(options))
+      return bad_option(std::string(one.option) + " is given, but only " + std::string(one.user) +
+                        " uses it; choose that, or leave out " + std::string(one.option) + ".");
+  }
+  if (options.region_below == 0 && options.rings != Options().rings)
+    return bad_option(
+        "rings is given, but it counts layers around the elements below region_below, and no region_below is given; "
+        "give it, or leave out rings.");
+  return {};
+}
+
+}  // namespace
 
 Expected<void> check(const Options& options) {
   for (const OptionInfo& option : option_table())
     if (const double value = number_of(option, options); is_number(option) && !option.range.contains(value))
       return bad_option(std::string(option.name) + " is " + number_text(value) + "; give " +
                         std::string(option.values) + ".");
+  if (auto effect = check_effect(options); !effect) return effect;
   const bool takes_field = options.target == Target::Size || options.target == Target::Strain;
   if (takes_field && options.target_field.values.empty())
     return bad_option(

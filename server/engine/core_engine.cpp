@@ -148,11 +148,14 @@ void note_straight_boundary(const HighOrderMesh& mesh, const RunRequest& request
   const int order = request.options.order;
   if (request.quality || mesh.order != 1 || order <= 1 || !hooks.on_note) return;
   const std::string raised = std::to_string(order);
+  // Only a mesh of volume elements can be curved by its model.
+  const std::string curve =
+      mesh.dimension == 3 ? "use 'varimesh curve IN --geometry MODEL --order " + raised + "', " : "";
   hooks.on_note(
       "The mesh has order 1. Raised to order " + raised +
-      ", its boundary is still straight, because new nodes are put on the straight edges and faces. To curve it, "
-      "let the mesh generator raise the order on the geometry (for example: gmsh GEOMETRY -3 -order " +
-      raised + "), or move the boundary nodes of a mesh of order " + raised + " with --boundary or --displacements.");
+      ", its boundary is still straight, because new nodes are put on the straight edges and faces. To curve it, " +
+      curve + "let the mesh generator raise the order on the geometry (for example: gmsh GEOMETRY -3 -order " + raised +
+      "), or move the boundary nodes of a mesh of order " + raised + " with --boundary or --displacements.");
 }
 
 /// Slides the boundary nodes on the model of the request, and takes the time from its time limit. Nothing if the run is

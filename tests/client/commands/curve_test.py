@@ -13,7 +13,7 @@ import unittest
 from pathlib import Path
 
 from geometry_test import distances, gmsh_python
-from programs import VARIMESH, WithFolder, run, start
+from programs import CASES, VARIMESH, WithFolder, run, start
 
 # The distance of a point to the boundary of each body.
 BODIES = {
@@ -117,7 +117,13 @@ class Curve(WithFolder):
         self.assertFalse((self.folder / "again.msh").exists())
         done = run("curve", straight, "--geometry", model, "--order", 1, "-o", self.folder / "again.msh")
         self.assertEqual(done.returncode, 2)
-        self.assertIn("order 2 to 10", done.stderr)
+        self.assertIn("from 2 to 10", done.stderr)
+
+    def test_a_mesh_is_no_model(self):
+        done = run("mesh", CASES / "disc_p4.msh", "--size", 0.5, "--order", 3, "-o", self.out)
+        self.assertEqual(done.returncode, 3)
+        self.assertIn("is a mesh already", done.stderr)
+        self.assertNotIn("Gmsh makes", done.stderr)
 
     def test_without_gmsh_there_is_a_sentence(self):
         model = self.folder / "sphere.step"

@@ -11,10 +11,16 @@ from programs import LARGER, MESH, VARIMESH, Server, WithFolder, run
 class Doctor(WithFolder):
     def test_finds_nothing_wrong_with_this_machine(self):
         found = json.loads(run("doctor", "--json").stdout)
-        self.assertEqual(list(found), ["varimesh", "grpc", "protobuf", "processor", "vectors", "threads", "temporary files"])
+        self.assertEqual(list(found), ["varimesh", "grpc", "protobuf", "processor", "vectors", "threads", "temporary files",
+                                       "CAD plugin", "gmsh", "HDF5 program"])
         self.assertFalse([one for one in found.values() if one["wrong"]])
         self.assertRegex(found["vectors"]["found"], "^(EMU128|SCALAR|SSE4|SSSE3|SSE2|AVX2|AVX3|AVX3_DL|NEON)$")
         self.assertEqual(found["threads"]["found"].split()[0], str(len(os.sched_getaffinity(0))))
+
+    def test_says_which_optional_parts_are_missing_and_what_for(self):
+        found = json.loads(run("doctor", "--json", env={**os.environ, "PATH": str(self.folder)}).stdout)
+        self.assertEqual(found["gmsh"], {"found": "missing (for varimesh mesh)", "wrong": ""})
+        self.assertIn("(for --geometry, curve and mesh)", found["CAD plugin"]["found"])
 
     def test_finds_what_is_wrong(self):
         server = Server()

@@ -30,6 +30,7 @@ class Jobs(WithServer):
         self.remote("watch", job, "--quiet")
         (entry,) = json.loads(self.remote("jobs", "--label", "for=list", "--json").stdout)["jobs"]
         self.assertEqual((entry["file"], entry["labels"]), (MESH.name, {"file": MESH.name, "for": "list"}))
+        self.assertEqual(entry["iterations"], entry["metrics"]["iterations"])
         for time in ("submitted", "began", "ended"):
             self.assertRegex(entry[time], r"^\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d")
         head, row = self.remote("jobs", "--label", "for=list").stdout.splitlines()
@@ -38,6 +39,17 @@ class Jobs(WithServer):
         named = self.remote("submit", MESH, "--label", "file=another")
         self.assertEqual(named.returncode, 0, named.stderr)
         self.assertIn("no such jobs", self.remote("jobs", "--label", "for=nothing").stderr)
+
+    def test_an_address_needs_a_port_or_a_path(self):
+        for address in ("foo", "v.sock"):
+            refused = run("jobs", "--server", address)
+            self.assertEqual(refused.returncode, 2)
+            self.assertIn(f"The address '{address}' has no port; write HOST:PORT or unix:PATH.", refused.stderr)
+
+    def test_without_a_server_info_knows_the_plugin(self):
+        plugin = json.loads(run("doctor", "--json").stdout)["CAD plugin"]["found"]
+        info = json.loads(run("info", "--json", "--server", "").stdout)
+        self.assertEqual(info["takes_geometries"], not plugin.startswith("missing"))
 
     def test_an_address_may_look_like_a_browser_s(self):
         address = self.server.address

@@ -1,8 +1,10 @@
 """varimesh quality: documents, exit statuses, and the marks of unrepairable elements."""
 import json
+import os
+import subprocess
 import unittest
 
-from programs import FOLDED, MESH, WithFolder, clockwise, run
+from programs import FOLDED, MESH, VARIMESH, WithFolder, clockwise, run
 
 
 class Quality(WithFolder):
@@ -91,7 +93,17 @@ class Quality(WithFolder):
         done = run("optimise", surface, "-o", out)
         self.assertEqual(done.returncode, 3)
         self.assertIn("'varimesh quality' judges it", done.stderr)
+        self.assertIn("'varimesh optimise --geometry MODEL'", done.stderr)
         self.assertFalse(out.exists())
+
+    def test_ends_quietly_if_the_reader_has_seen_enough(self):
+        ours, theirs = os.pipe()
+        os.close(ours)
+        for flags, status in (([], 0), (["--certify"], 4)):
+            done = subprocess.run([VARIMESH, "quality", MESH, *flags], stdout=theirs, stderr=subprocess.PIPE)
+            self.assertEqual(done.returncode, status, done.stderr)
+            self.assertNotIn(b"standard output", done.stderr)
+        os.close(theirs)
 
     def test_says_and_marks_what_cannot_be_repaired(self):
         folded, marked = self.folder / "folded.msh", self.folder / "marked.msh"

@@ -82,6 +82,13 @@ class Outputs(WithFolder):
             self.assertIn(b"cannot be written", done.stderr, arguments)
             self.assertIn(b"No space left", done.stderr, arguments)
 
+    def test_a_folder_is_refused_as_one_whatever_its_ending(self):
+        for name in ("folder", "folder.msh"):
+            (self.folder / name).mkdir()
+            done = run("optimise", MESH, "-o", self.folder / name)
+            self.assertEqual(done.returncode, 3)
+            self.assertIn("is a folder; name a file in it.", done.stderr)
+
 
 if __name__ == "__main__":
     unittest.main(verbosity=2)

@@ -50,6 +50,25 @@ TEST_F(RemediesTest, NamedElementsThatAreCertifiedDoNotCount) {
             "can probably not repair 1 more, but that is not proved.");
 }
 
+TEST_F(RemediesTest, SaysInOneSentenceThatAllAreProved) {
+  const auto n = numbers_;
+  const std::vector<UnrepairableGroup> groups = {group(Kind::Vertex, {n[0]}, -0.2), group(Kind::Vertex, {n[1]}, -0.1)};
+  EXPECT_EQ(what_is_left(mesh_, {n[0], n[1]}, groups, {}).sentence,
+            "2 elements are not certified valid, and it is proved that moving interior nodes cannot repair them.");
+  EXPECT_EQ(what_is_left(mesh_, {n[0]}, groups, {}).sentence,
+            "1 element is not certified valid, and it is proved that moving interior nodes cannot repair it.");
+}
+
+TEST_F(RemediesTest, SlidingComesBeforeAnotherBoundaryMesh) {
+  Tried tried;
+  tried.movement = tried.until_valid = tried.split = true;
+  const std::vector<UnrepairableGroup> groups = {group(Kind::Vertex, {numbers_[0]}, -0.2)};
+  const WhatIsLeft left = what_is_left(mesh_, {numbers_[0]}, groups, tried);
+  ASSERT_EQ(left.remedies.size(), 2U);
+  EXPECT_NE(left.remedies[0].sentence.find("--geometry MODEL"), std::string::npos) << left.remedies[0].sentence;
+  EXPECT_TRUE(left.remedies[1].sentence.starts_with("Mesh the boundary anew")) << left.remedies[1].sentence;
+}
+
 TEST_F(RemediesTest, EveryUncertifiedElementHasOne) {
   const auto n = numbers_;
   const std::vector<UnrepairableGroup> groups = {group(Kind::Vertex, {n[0]}, -0.2),
@@ -62,16 +81,18 @@ TEST_F(RemediesTest, EveryUncertifiedElementHasOne) {
     return all;
   };
   using All = std::vector<std::pair<std::string, std::int64_t>>;
-  EXPECT_EQ(flags_and_counts({}), (All{{"", 1}, {"--repair split", 1}, {"", 1}})) << "not optimised yet";
+  EXPECT_EQ(flags_and_counts({}), (All{{"", 1}, {"--repair split", 1}, {"--slide-on boundary", 1}, {"", 1}}))
+      << "not optimised yet";
   Tried tried;
   tried.movement = true;
-  EXPECT_EQ(flags_and_counts(tried), (All{{"--until valid", 1}, {"--repair split", 2}, {"", 1}}));
+  EXPECT_EQ(flags_and_counts(tried),
+            (All{{"--until valid", 1}, {"--repair split", 2}, {"--slide-on boundary", 1}, {"", 1}}));
   tried.until_valid = true;
-  EXPECT_EQ(flags_and_counts(tried), (All{{"--repair split", 2}, {"", 1}}));
+  EXPECT_EQ(flags_and_counts(tried), (All{{"--repair split", 2}, {"--slide-on boundary", 1}, {"", 1}}));
   tried.split = true;
-  EXPECT_EQ(flags_and_counts(tried), (All{{"", 3}})) << "only another boundary mesh is left";
+  EXPECT_EQ(flags_and_counts(tried), (All{{"--slide-on boundary", 3}, {"", 3}})) << "only another boundary is left";
   tried.cut_short = true;
-  EXPECT_EQ(flags_and_counts(tried), (All{{"", 1}, {"", 2}})) << "more time";
+  EXPECT_EQ(flags_and_counts(tried), (All{{"", 1}, {"--slide-on boundary", 2}, {"", 2}})) << "more time";
 }
 
 TEST(Remedies, OnASurfaceInSpaceOnlyAnotherMeshHelps) {

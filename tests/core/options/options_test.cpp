@@ -21,6 +21,7 @@ std::string refusal(const Options& options) {
 /// The options with this number set.
 Options with(const OptionInfo& info, double value) {
   Options options;
+  if (info.name == "rings") options.region_below = 0.5;
   if (const auto* real = std::get_if<double Options::*>(&info.member)) options.*(*real) = value;
   if (const auto* whole = std::get_if<int Options::*>(&info.member)) options.*(*whole) = static_cast<int>(value);
   return options;
@@ -75,6 +76,48 @@ TEST(CheckOptions, RefusesCombinationsThatContradictEachOther) {
   options.repair = Repair::Split;
   options.region_below = .5;
   EXPECT_NE(refusal(options).find("region_below"), std::string::npos);
+}
+
+TEST(CheckOptions, RefusesWhatTheEnergyDoesNotUse) {
+  struct Case {
+    const char* option;
+    void (*set)(Options& options);
+    const char* user;
+  };
+  const auto refused = [](Options options, const Case& one) {
+    one.set(options);
+    return refusal(options);
+  };
+  const Case kappa = {"kappa", [](Options& o) { o.kappa = 3; }, "linear-elastic with the volumetric part log"};
+  const Case lambda = {"lambda", [](Options& o) { o.lambda = 3; }, "hyperelastic, or linear-elastic"};
+  const Case mu = {"mu", [](Options& o) { o.mu = 3; }, "hyperelastic or linear-elastic"};
+  const Case strain = {"strain", [](Options& o) { o.strain = Strain::Small; }, "linear-elastic"};
+  const Case volumetric = {"volumetric", [](Options& o) { o.volumetric = Volumetric::Trace; }, "linear-elastic"};
+  const Case winslow = {"winslow", [](Options& o) { o.winslow = Winslow::Paper; }, "the energy winslow"};
+  Options hyperelastic, linear, trace, winslows;
+  linear.energy = trace.energy = Energy::LinearElastic;
+  trace.volumetric = Volumetric::Trace;
+  winslows.energy = Energy::Winslow;
+  const auto expect = [&](const Options& options, const std::vector<Case>& used, const std::vector<Case>& unused) {
+    for (const Case& one : used) EXPECT_EQ(refused(options, one), "") << one.option;
+    for (const Case& one : unused) {
+      const std::string sentence = refused(options, one);
+      EXPECT_TRUE(sentence.starts_with(std::string(one.option) + " is given, but only ")) << sentence;
+      EXPECT_NE(sentence.find(one.user), std::string::npos) << sentence;
+    }
+  };
+  expect(hyperelastic, {mu, lambda}, {kappa, strain, volumetric, winslow});
+  expect(linear, {mu, kappa, strain, volumetric}, {lambda, winslow});
+  expect(trace, {mu, lambda, strain}, {kappa, winslow});
+  expect(winslows, {winslow}, {mu, lambda, kappa, strain, volumetric});
+}
+
+TEST(CheckOptions, RefusesRingsAroundNothing) {
+  Options options;
+  options.rings = 3;
+  EXPECT_NE(refusal(options).find("region_below"), std::string::npos);
+  options.region_below = 0.5;
+  EXPECT_EQ(refusal(options), "");
 }
 
 /// Sets the option to a value that is not its default.
