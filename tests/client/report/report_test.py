@@ -235,7 +235,7 @@ class Report(WithFolder):
         self.assertTrue(document["unrepairable"])
         self.assertGreater(self.page.value("document.querySelectorAll('#pictures .never').length"), 0)
         self.assertIn(document["unrepairable"][0]["sentence"], self.page.value("document.getElementById('unrepairable').textContent"))
-        self.assertIn("moving nodes cannot repair 1 of these", self.page.value("document.querySelector('.verdict').textContent"))
+        self.assertIn("it is proved that moving interior nodes cannot repair it", self.page.value("document.querySelector('.verdict').textContent"))
 
     def test_shows_a_job_of_a_server_and_never_treats_names_as_markup(self):
         mesh = self.folder / MARKUP
