@@ -7,10 +7,10 @@
 #include "client/cli/option_flags.h"
 #include "client/commands/commands.h"
 #include "client/io/gmsh_mesh.h"
-#include "client/runs/optimise_run.h"
 #include "client/process/exit_status.h"
 #include "client/process/interrupts.h"
 #include "client/process/temporary_folder.h"
+#include "client/runs/optimise_run.h"
 #include "core/formats/formats.h"
 
 namespace varimesh::client {

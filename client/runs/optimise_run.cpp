@@ -10,11 +10,11 @@
 #include "client/jobs/certified_files.h"
 #include "client/jobs/connection.h"
 #include "client/jobs/deliver.h"
-#include "client/runs/failed_surfaces.h"
 #include "client/jobs/follow.h"
-#include "client/runs/other_slides.h"
 #include "client/process/exit_status.h"
 #include "client/process/interrupts.h"
+#include "client/runs/failed_surfaces.h"
+#include "client/runs/other_slides.h"
 #include "client/surfaces/deliver_surface.h"
 
 namespace varimesh::client {
@@ -136,8 +136,8 @@ int run(const OptimiseArguments& arguments, v1::GeometryReport* geometry_report)
     const auto run_other = [&](const v1::JobSpec& other, const std::string& request_id) {
       return run_job(client, arguments, other, request_id, Notes::LeaveOut);
     };
-    *ended = best_of_other_slides(
-        {*client, *input, std::move(spec), arguments.request_id, run_other, print_sentence}, std::move(*ended));
+    *ended = best_of_other_slides({*client, *input, std::move(spec), arguments.request_id, run_other, print_sentence},
+                                  std::move(*ended));
   }
   *geometry_report = ended->metrics().geometry();
   return deliver_run(client, arguments, *ended, *outputs, *moved ? (*moved)->as_it_came : nullptr);

@@ -105,8 +105,7 @@ void compare(const OtherSlides& others, const Slide& other, const std::string& b
 v1::Job best_of_other_slides(OtherSlides others, v1::Job slid) {
   const GeometryOptions& geometry = others.input.geometry;
   std::error_code failed;
-  const bool is_there =
-      others.spec.has_geometry() || std::filesystem::is_regular_file(others.input.mesh, failed);
+  const bool is_there = others.spec.has_geometry() || std::filesystem::is_regular_file(others.input.mesh, failed);
   if (slid.state() != v1::JOB_STATE_SUCCEEDED || !is_there || geometry.slide == "none" || interrupted()) return slid;
   const Slide nothing{v1::Geometry::SLIDE_NONE, "none", "-as-it-came"};
   v1::Job best = std::move(slid);

@@ -292,13 +292,13 @@ Expected<Association> associate(const HighOrderMesh& mesh, const geometry::Geome
   // Parts of another size may match by chance, a plane for example. Then the factor is no unit.
   const bool is_another = result.factor != 1 && 2 * matched < std::ssize(result.matches);
   if (matched == 0 || is_another)
-    return bad_input((matched == 0 ? "No surface"
-                                   : "Only " + std::to_string(matched) + " of " +
-                                         std::to_string(result.matches.size()) + " surfaces") +
-                     " of the mesh " + (matched > 1 ? "lie" : "lies") +
-                     " on a surface of the geometry. The mesh is " + detail::number_text(result.size) +
-                     " across and the geometry " + detail::number_text(geometry_size) +
-                     "; check that they belong together and have the same origin and unit of length.");
+    return bad_input(
+        (matched == 0
+             ? "No surface"
+             : "Only " + std::to_string(matched) + " of " + std::to_string(result.matches.size()) + " surfaces") +
+        " of the mesh " + (matched > 1 ? "lie" : "lies") + " on a surface of the geometry. The mesh is " +
+        detail::number_text(result.size) + " across and the geometry " + detail::number_text(geometry_size) +
+        "; check that they belong together and have the same origin and unit of length.");
   std::map<int, int> surface_of;
   for (const SurfaceMatch& match : result.matches) surface_of[match.tag] = match.surface;
   for (const ElementBlock& block : mesh.blocks)

@@ -74,8 +74,9 @@ inline constexpr double kMatchTolerance = 1e-3;
 /// they are taken; otherwise the node is projected, because those of files are often incomplete.
 ///
 /// If the mesh and the geometry differ in size by a usual factor between units (millimetres, metres, inches, …), the
-/// geometry is scaled. Errors: BadInput if no surface matches, or fewer than half on a geometry that was scaled, with both
-/// sizes; and if the mesh has no elements of dimension 2. The result does not depend on the number of threads. Call it inside team.run().
+/// geometry is scaled. Errors: BadInput if no surface matches, or fewer than half on a geometry that was scaled, with
+/// both sizes; and if the mesh has no elements of dimension 2. The result does not depend on the number of threads.
+/// Call it inside team.run().
 Expected<Association> associate(const HighOrderMesh& mesh, const geometry::Geometry& geometry, const Team& team);
 
 /// Sentences for a person: what matched how, what did not, the largest distance of a node, and the first few nodes that

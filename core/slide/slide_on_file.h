@@ -43,9 +43,9 @@ struct GeometryOptions {
 /// says, and returns sentences that say what matched, what moved and how far the boundary is from the geometry. Inner
 /// nodes move only if `slide` is coupled. With an order, the mesh is of order 1 and becomes one of this order before
 /// (core/curve/curve.h). The mesh is unchanged after an error. Errors: BadInput if the file cannot be read, if nothing
-/// matches, or if the mesh lies in a plane or has another order; BadOption if `slide` is no such word, if there is a file and
-/// `on_boundary`, if `on_boundary` comes with an order or `snap`, if the order is not 0 or 2 to kMaxOrder, if a group
-/// does not exist, or if OpenCASCADE is not installed.
+/// matches, or if the mesh lies in a plane or has another order; BadOption if `slide` is no such word, if there is a
+/// file and `on_boundary`, if `on_boundary` comes with an order or `snap`, if the order is not 0 or 2 to kMaxOrder, if
+/// a group does not exist, or if OpenCASCADE is not installed.
 Expected<std::vector<std::string>> slide_on_file(HighOrderMesh& mesh, const GeometryOptions& options);
 
 /// What came of a mesh and a geometry.

@@ -100,8 +100,8 @@ void fold_boundary(HighOrderMesh& mesh) {
   }
 }
 
-// Nothing inside can repair the cells at a boundary edge on which J is negative. A solver cannot use such a mesh, and if
-// these cells are small beside the others, they cost less than the size of the others.
+// Nothing inside can repair the cells at a boundary edge on which J is negative. A solver cannot use such a mesh, and
+// if these cells are small beside the others, they cost less than the size of the others.
 TEST(AccuracyObjective, LowersTheLossOfAMeshThatStaysInvalidOnlyIfItIsWorthIt) {
   for (const bool is_small : {false, true}) {
     const auto graded = [&](testing::Place p) {
