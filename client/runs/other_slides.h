@@ -31,7 +31,7 @@ struct OtherSlides {
 /// On the boundary as it came (--slide-on), the mesh is optimised with this boundary too. Of two jobs with as many
 /// elements left, the one with the larger smallest scaled Jacobian is better.
 ///
-/// If another run fails, this prints a sentence, and what there is counts. After an interrupt no other run begins. A
+/// If another run fails, this prints a sentence, and the best result so far counts. After an interrupt no other run begins. A
 /// mesh that slid in this process and cannot be read twice, such as a pipe, has no other runs.
 v1::Job best_of_other_slides(OtherSlides others, v1::Job slid);
 

@@ -1,6 +1,7 @@
 #include "core/distance/slide_and_measure.h"
 
 #include <algorithm>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -23,7 +24,7 @@ std::ptrdiff_t uncertified(const HighOrderMesh& mesh, const Team& team) {
 
 std::string as_it_came_text(std::ptrdiff_t count) {
   return "As the mesh came, " + std::to_string(count) + (count == 1 ? " element was" : " elements were") +
-         " not certified valid. What is said of the mesh before its optimisation is said of the mesh that has slid.";
+         " not certified valid. The figures before the optimisation are those of the mesh after sliding.";
 }
 
 }  // namespace
@@ -50,7 +51,7 @@ Expected<SlidAndMeasured> slide_and_measure(HighOrderMesh& mesh, const GeometryO
   team.set_stop(options.stop);
   Expected<BoundaryDistances> measured;
   const bool says_what_came = !curves && mesh.dimension == 3 && coordinates != mesh.coordinates;
-  std::ptrdiff_t came = 0;
+  std::optional<std::ptrdiff_t> came;
   change_places();
   try {
     const double joined = options.slide == "none" || curves ? 0 : options.smooth_angle;
@@ -63,7 +64,7 @@ Expected<SlidAndMeasured> slide_and_measure(HighOrderMesh& mesh, const GeometryO
   if (!result.distances) return result;
   if (curves) result.distances->forget_before();
   for (std::string& sentence : result.distances->sentences()) result.slid.sentences.push_back(std::move(sentence));
-  if (says_what_came) result.slid.sentences.push_back(as_it_came_text(came));
+  if (came) result.slid.sentences.push_back(as_it_came_text(*came));
   return result;
 }
 

@@ -239,7 +239,7 @@ Result optimise_by_splitting(const SetUp& set_up, const OnIteration& on_iteratio
     runs.begin_rounds(work);
     std::optional<Result> split = optimise_in_rounds(mesh, *best, options, runs);
     const bool ran_out = runs.out_of_work();
-    if (split && !runs.stopped())
+    if (split && options.method == Method::Auto && !runs.stopped())
       if (const std::vector<std::int64_t> left = worth_a_split(*split); !left.empty())
         raise_left(*split, left, options, runs.token());
     runs.end_rounds(work);

@@ -127,7 +127,7 @@ TEST(RepairBySplitting, RaisesTheElementsThatSplitsHaveLeft) {
   raise_left(nothing, {}, options, stop);
   EXPECT_EQ(nothing.mesh.coordinates, mesh.coordinates);
   EXPECT_TRUE(nothing.notes == tangled.notes);
-  // Two tetrahedra of which no movement makes any valid: what was raised in vain goes back.
+  // No movement of nodes makes either of these two tetrahedra valid. Their nodes go back to where they were.
   Options no_steps = with(Repair::Report);
   no_steps.max_iterations = 0;
   Result in_vain = run(testing::two_in_a_ball(3), no_steps);
