@@ -1,5 +1,4 @@
 #include <BRepTools.hxx>
-#include <BRepTopAdaptor_FClass2d.hxx>
 #include <BRep_Tool.hxx>
 #include <Geom_BSplineSurface.hxx>
 #include <Geom_Plane.hxx>
@@ -9,8 +8,8 @@
 #include <Standard_Failure.hxx>
 #include <algorithm>
 #include <limits>
-#include <mutex>
 
+#include "core/opencascade/face_interior.h"
 #include "core/opencascade/shapes.h"
 
 namespace varimesh::cad {
@@ -19,11 +18,13 @@ namespace {
 using geometry::Range;
 using geometry::SurfacePoint;
 
-// Geom_Surface has no caches, so threads may share it. The classifier has them, so a lock guards it.
+// Geom_Surface has no caches, so threads may share it.
 class FaceSurface : public geometry::SurfaceShape {
  public:
-  FaceSurface(const TopoDS_Face& face, const Handle(Geom_Surface) & surface, const Range& u, const Range& v)
-      : surface_(surface), u_(u), v_(v), inside_(face, BRep_Tool::Tolerance(face)) {}
+  /// @param u_period, v_period  of the surface; 0: not periodic
+  FaceSurface(const TopoDS_Face& face, const Handle(Geom_Surface) & surface, const Range& u, const Range& v,
+              double u_period, double v_period)
+      : surface_(surface), u_(u), v_(v), interior_(face, u, v, u_period, v_period) {}
 
   SurfacePoint at(double u, double v) const override {
     try {
@@ -48,20 +49,12 @@ class FaceSurface : public geometry::SurfaceShape {
     return {std::clamp(2 * (spline->NbUKnots() - 1), 16, kMost), std::clamp(2 * (spline->NbVKnots() - 1), 16, kMost)};
   }
 
-  bool contains(double u, double v) const override {
-    const std::scoped_lock lock(mutex_);
-    try {
-      return inside_.Perform(gp_Pnt2d(u, v)) != TopAbs_OUT;  // moves periodic parameters into the face's range itself
-    } catch (const Standard_Failure&) {
-      return false;
-    }
-  }
+  bool contains(double u, double v) const override { return interior_.contains(u, v); }
 
  private:
   Handle(Geom_Surface) surface_;
   Range u_, v_;
-  mutable std::mutex mutex_;
-  BRepTopAdaptor_FClass2d inside_;
+  FaceInterior interior_;
 };
 
 /// Makes the range of a face periodic if the face goes all the way round its surface. Otherwise says how far the
@@ -98,9 +91,11 @@ std::shared_ptr<const geometry::SurfaceShape> surface_shape(const TopoDS_Face& f
       return nullptr;
   double u_least = 0, u_most = 0, v_least = 0, v_most = 0;
   surface->Bounds(u_least, u_most, v_least, v_most);
-  extend(surface->IsUPeriodic() ? surface->UPeriod() : 0, u_least, u_most, u);
-  extend(surface->IsVPeriodic() ? surface->VPeriod() : 0, v_least, v_most, v);
-  return std::make_shared<FaceSurface>(face, surface, u, v);
+  const double u_period = surface->IsUPeriodic() ? surface->UPeriod() : 0;
+  const double v_period = surface->IsVPeriodic() ? surface->VPeriod() : 0;
+  extend(u_period, u_least, u_most, u);
+  extend(v_period, v_least, v_most, v);
+  return std::make_shared<FaceSurface>(face, surface, u, v, u_period, v_period);
 }
 
 }  // namespace varimesh::cad

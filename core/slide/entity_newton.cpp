@@ -1,6 +1,8 @@
 #include "core/slide/entity_newton.h"
 
 #include <Eigen/SparseCholesky>
+#include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 
@@ -24,6 +26,7 @@ class EntityNewton {
   EntitySlide run(std::vector<EntityNode> nodes, int most_iterations) {
     form_.set_nodes(std::move(nodes));
     number_unknowns();
+    if (most_iterations > 0 && unknowns_ > 0) prepare_hessian();
     const std::vector<EntityNode> start = form_.nodes();
     EntitySlide result;
     result.folded_before = form_.folded();
@@ -60,55 +63,95 @@ class EntityNewton {
     least_ = form_.total(0).least;
   }
 
+  /// Calls visit(element, a, b, row, column) for each pair of an element's free nodes a and b whose block lies in the
+  /// Hessian's lower triangle, with the first unknowns of both. `before(element)` comes before the pairs of an element.
+  template <class Before, class Visit>
+  void for_blocks(const Before& before, const Visit& visit) const {
+    for (std::size_t e = 0; e < form_.size(); ++e) {
+      before(e);
+      const std::vector<std::int32_t>& places = form_.places(e);
+      for (std::size_t a = 0; a < places.size(); ++a)
+        for (std::size_t b = 0; b < places.size(); ++b) {
+          const Eigen::Index row = first_[static_cast<std::size_t>(places[a])];
+          const Eigen::Index column = first_[static_cast<std::size_t>(places[b])];
+          if (column >= 0 && column <= row) visit(e, a, b, row, column);
+        }
+    }
+  }
+
+  /// Sets the entries of the Hessian that all steps have, where each block of an element begins in its columns, and the
+  /// order of elimination.
+  void prepare_hessian() {
+    const auto nothing = [](std::size_t) {};
+    std::vector<Eigen::Triplet<double>> entries;
+    for (Eigen::Index k = 0; k < unknowns_; ++k) entries.emplace_back(k, k, 0);
+    for_blocks(nothing, [&](std::size_t, std::size_t, std::size_t, Eigen::Index row, Eigen::Index column) {
+      for (int c = 0; c < d; ++c)
+        for (int r = row == column ? c : 0; r < d; ++r) entries.emplace_back(row + r, column + c, 0);
+    });
+    hessian_.resize(unknowns_, unknowns_);
+    hessian_.setFromTriplets(entries.begin(), entries.end());
+    for_blocks(nothing, [&](std::size_t, std::size_t, std::size_t, Eigen::Index row, Eigen::Index column) {
+      auto& begins = slots_.emplace_back();
+      for (int c = 0; c < d; ++c) {
+        const int* const rows = hessian_.innerIndexPtr();
+        const int *const begin = rows + hessian_.outerIndexPtr()[column + c],
+                         *const end = rows + hessian_.outerIndexPtr()[column + c + 1];
+        begins[static_cast<std::size_t>(c)] =
+            std::lower_bound(begin, end, static_cast<int>(std::max(row, column + c))) - rows;
+      }
+    });
+    factors_.analyzePattern(hessian_);
+  }
+
   /// One step. Returns the largest movement relative to the distance between nodes; not finite if nothing can be
   /// solved.
   double iterate(double delta) {
-    std::vector<Eigen::Matrix<double, 3, d>> tangents(form_.nodes().size());
-    for (std::size_t i = 0; i < tangents.size(); ++i)
-      if (first_[i] >= 0) tangents[i] = form_.tangents(i);
-    Eigen::VectorXd slope = Eigen::VectorXd::Zero(unknowns_);
-    std::vector<Eigen::Triplet<double>> entries;
-    assemble(delta, tangents, slope, entries);
-    Eigen::SparseMatrix<double> H(unknowns_, unknowns_);
-    H.setFromTriplets(entries.begin(), entries.end());
-    const double mean = H.diagonal().sum() / static_cast<double>(unknowns_);
-    for (Eigen::Index k = 0; k < unknowns_; ++k) H.coeffRef(k, k) += kShift * mean;
-    const Eigen::SimplicialLDLT<Eigen::SparseMatrix<double>, Eigen::Lower> factors(H);
-    if (factors.info() != Eigen::Success) return std::numeric_limits<double>::quiet_NaN();
-    const Eigen::VectorXd step = factors.solve(-slope);
-    std::vector<Eigen::Vector3d> wish(tangents.size(), Eigen::Vector3d::Zero());
+    tangents_.resize(form_.nodes().size());
+    for (std::size_t i = 0; i < tangents_.size(); ++i)
+      if (first_[i] >= 0) tangents_[i] = form_.tangents(i);
+    assemble(delta);
+    const double mean = hessian_.diagonal().sum() / static_cast<double>(unknowns_);
+    for (Eigen::Index k = 0; k < unknowns_; ++k) hessian_.valuePtr()[hessian_.outerIndexPtr()[k]] += kShift * mean;
+    factors_.factorize(hessian_);
+    if (factors_.info() != Eigen::Success) return std::numeric_limits<double>::quiet_NaN();
+    const Eigen::VectorXd step = factors_.solve(-slope_);
+    std::vector<Eigen::Vector3d> wish(tangents_.size(), Eigen::Vector3d::Zero());
     for (std::size_t i = 0; i < first_.size(); ++i) {
       if (first_[i] < 0) continue;
-      wish[i] = tangents[i] * step.segment<d>(first_[i]);
+      wish[i] = tangents_[i] * step.segment<d>(first_[i]);
       const double most = 0.5 * form_.spacing(i);
       if (wish[i].norm() > most) wish[i] *= most / wish[i].norm();
     }
     return search(delta, wish);
   }
 
-  void assemble(double delta, const std::vector<Eigen::Matrix<double, 3, d>>& tangents, Eigen::VectorXd& slope,
-                std::vector<Eigen::Triplet<double>>& entries) const {
+  /// Sets the gradient and the Hessian by the unknowns.
+  void assemble(double delta) {
+    slope_.setZero(unknowns_);
+    std::fill_n(hessian_.valuePtr(), hessian_.nonZeros(), 0.0);
     Eigen::VectorXd gradient;
     Eigen::MatrixXd hessian;
-    for (std::size_t e = 0; e < form_.size(); ++e) {
-      const std::vector<std::int32_t>& places = form_.places(e);
+    const auto derive = [&](std::size_t e) {
       form_.derivatives(e, delta, gradient, hessian);
-      for (std::size_t a = 0; a < places.size(); ++a) {
-        const auto i = static_cast<std::size_t>(places[a]);
-        if (first_[i] < 0) continue;
-        slope.segment<d>(first_[i]) += tangents[i].transpose() * gradient.segment<3>(static_cast<Eigen::Index>(3 * a));
-        for (std::size_t b = 0; b < places.size(); ++b) {
-          const auto j = static_cast<std::size_t>(places[b]);
-          if (first_[j] < 0 || first_[j] > first_[i]) continue;
-          const Eigen::Matrix<double, d, d> block =
-              tangents[i].transpose() *
-              hessian.block<3, 3>(static_cast<Eigen::Index>(3 * a), static_cast<Eigen::Index>(3 * b)) * tangents[j];
-          for (int r = 0; r < d; ++r)
-            for (int c = 0; c < d; ++c)
-              if (first_[j] + c <= first_[i] + r) entries.emplace_back(first_[i] + r, first_[j] + c, block(r, c));
-        }
+      const std::vector<std::int32_t>& places = form_.places(e);
+      for (std::size_t a = 0; a < places.size(); ++a)
+        if (const auto i = static_cast<std::size_t>(places[a]); first_[i] >= 0)
+          slope_.segment<d>(first_[i]) +=
+              tangents_[i].transpose() * gradient.segment<3>(static_cast<Eigen::Index>(3 * a));
+    };
+    auto slot = slots_.begin();
+    for_blocks(derive, [&](std::size_t e, std::size_t a, std::size_t b, Eigen::Index row, Eigen::Index column) {
+      const auto i = static_cast<std::size_t>(form_.places(e)[a]), j = static_cast<std::size_t>(form_.places(e)[b]);
+      const Eigen::Matrix<double, d, d> block =
+          tangents_[i].transpose() *
+          hessian.block<3, 3>(static_cast<Eigen::Index>(3 * a), static_cast<Eigen::Index>(3 * b)) * tangents_[j];
+      for (int c = 0; c < d; ++c) {
+        double* value = hessian_.valuePtr() + (*slot)[static_cast<std::size_t>(c)];
+        for (int r = row == column ? c : 0; r < d; ++r) *value++ += block(r, c);
       }
-    }
+      ++slot;
+    });
   }
 
   /// Halves the step until the energy falls. Keeps the nodes if it never does.
@@ -138,6 +181,11 @@ class EntityNewton {
   const StopToken* stop_;
   std::vector<Eigen::Index> first_;  ///< By node: its first unknown; −1 if it is held.
   Eigen::Index unknowns_ = 0;
+  std::vector<Eigen::Matrix<double, 3, d>> tangents_;  ///< By node.
+  Eigen::VectorXd slope_;                              ///< The gradient by the unknowns.
+  Eigen::SparseMatrix<double> hessian_;                ///< Its lower triangle.
+  std::vector<std::array<std::ptrdiff_t, d>> slots_;   ///< By pair of for_blocks() and column of its block.
+  Eigen::SimplicialLDLT<Eigen::SparseMatrix<double>, Eigen::Lower> factors_;
   double least_ = 0;  ///< Smallest J of all elements.
 };
 

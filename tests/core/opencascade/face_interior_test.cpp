@@ -1,0 +1,117 @@
+// Compares the answers from the grid with those of OpenCASCADE's classifier, on faces with holes, seams and splines.
+#include "core/opencascade/face_interior.h"
+
+#include <gtest/gtest.h>
+
+#include <BRepAdaptor_Surface.hxx>
+#include <BRepAlgoAPI_Cut.hxx>
+#include <BRepBuilderAPI_NurbsConvert.hxx>
+#include <BRepPrimAPI_MakeBox.hxx>
+#include <BRepPrimAPI_MakeCone.hxx>
+#include <BRepPrimAPI_MakeCylinder.hxx>
+#include <BRepPrimAPI_MakeSphere.hxx>
+#include <BRepPrimAPI_MakeTorus.hxx>
+#include <BRepTools.hxx>
+#include <BRep_Tool.hxx>
+#include <TopExp_Explorer.hxx>
+#include <TopoDS.hxx>
+#include <random>
+#include <thread>
+
+namespace varimesh::cad {
+namespace {
+
+using geometry::Range;
+
+/// A face and what FaceInterior is told about it.
+struct Bounds {
+  TopoDS_Face face;
+  Range u, v;
+  double u_period, v_period;
+  explicit Bounds(const TopoDS_Shape& shape) : face(TopoDS::Face(shape)) {
+    BRepTools::UVBounds(face, u.first, u.last, v.first, v.last);
+    const BRepAdaptor_Surface surface(face, false);
+    u_period = surface.IsUPeriodic() ? surface.UPeriod() : 0;
+    v_period = surface.IsVPeriodic() ? surface.VPeriod() : 0;
+  }
+  FaceInterior interior() const { return {face, u, v, u_period, v_period}; }
+};
+
+/// A ball of radius 2 with a hole through its poles and one through its seam, as it is or as splines.
+TopoDS_Shape bored_ball() {
+  const TopoDS_Shape ball = BRepPrimAPI_MakeSphere(2).Shape();
+  const gp_Ax2 up(gp_Pnt(0, 0, -3), gp_Dir(0, 0, 1)), through_seam(gp_Pnt(0.5, 0.1, 0.3), gp_Dir(1, 0, 0));
+  const TopoDS_Shape bored = BRepAlgoAPI_Cut(ball, BRepPrimAPI_MakeCylinder(up, 0.4, 6).Shape()).Shape();
+  return BRepAlgoAPI_Cut(bored, BRepPrimAPI_MakeCylinder(through_seam, 0.5, 3).Shape()).Shape();
+}
+TopoDS_Shape bored_plate() {
+  const gp_Ax2 axis(gp_Pnt(2, 2, -1), gp_Dir(0, 0, 1));
+  return BRepAlgoAPI_Cut(BRepPrimAPI_MakeBox(4, 4, 1).Shape(), BRepPrimAPI_MakeCylinder(axis, 1, 3).Shape()).Shape();
+}
+TopoDS_Shape cut_torus() {
+  return BRepAlgoAPI_Cut(BRepPrimAPI_MakeTorus(2, 0.6).Shape(), BRepPrimAPI_MakeCone(2.2, 1.6, 2).Shape()).Shape();
+}
+
+class FaceInteriorOf : public testing::TestWithParam<const char*> {
+ protected:
+  static TopoDS_Shape shape(const std::string& name) {
+    const TopoDS_Shape shape = name.starts_with("plate")  ? bored_plate()
+                               : name.starts_with("ball") ? bored_ball()
+                                                          : cut_torus();
+    return name.ends_with("splines") ? BRepBuilderAPI_NurbsConvert(shape).Shape() : shape;
+  }
+};
+
+TEST_P(FaceInteriorOf, GivesTheAnswersOfTheClassifier) {
+  int inside = 0, outside = 0;
+  for (TopExp_Explorer faces(shape(GetParam()), TopAbs_FACE); faces.More(); faces.Next()) {
+    const Bounds bounds(faces.Current());
+    const FaceInterior interior = bounds.interior();
+    BRepTopAdaptor_FClass2d classifier(bounds.face, BRep_Tool::Tolerance(bounds.face));
+    std::mt19937 random(24);
+    std::uniform_real_distribution<double> part(-0.1, 1.1);
+    std::uniform_int_distribution<int> turns(-2, 2);
+    int others = 0;
+    for (int k = 0; k < 20'000; ++k) {
+      const double u = bounds.u.first + part(random) * bounds.u.length() + turns(random) * bounds.u_period;
+      const double v = bounds.v.first + part(random) * bounds.v.length() + turns(random) * bounds.v_period;
+      const bool is_inside = classifier.Perform(gp_Pnt2d(u, v)) != TopAbs_OUT;
+      others += interior.contains(u, v) == is_inside ? 0 : 1;
+      (is_inside ? inside : outside) += 1;
+    }
+    EXPECT_EQ(others, 0);
+  }
+  EXPECT_GT(inside, 1000);
+  EXPECT_GT(outside, 1000);
+}
+
+INSTANTIATE_TEST_SUITE_P(Shapes, FaceInteriorOf,
+                         testing::Values("plate", "plate_of_splines", "ball", "ball_of_splines", "torus",
+                                         "torus_of_splines"),
+                         [](const auto& each) { return std::string(each.param); });
+
+TEST(FaceInterior, ThreadsMayShareIt) {
+  const TopoDS_Shape plate = bored_plate();
+  for (TopExp_Explorer faces(plate, TopAbs_FACE); faces.More(); faces.Next()) {
+    const Bounds bounds(faces.Current());
+    const FaceInterior shared = bounds.interior(), alone = bounds.interior();
+    const auto count = [&](const FaceInterior& interior) {
+      int count = 0;
+      for (int i = 0; i < 100; ++i)
+        for (int j = 0; j < 100; ++j)
+          count += interior.contains(bounds.u.first + (i + 0.5) / 100 * bounds.u.length(),
+                                     bounds.v.first + (j + 0.5) / 100 * bounds.v.length())
+                       ? 1
+                       : 0;
+      return count;
+    };
+    std::array<int, 4> counts{};
+    std::vector<std::thread> threads;
+    for (int& each : counts) threads.emplace_back([&] { each = count(shared); });
+    for (std::thread& thread : threads) thread.join();
+    for (const int each : counts) EXPECT_EQ(each, count(alone));
+  }
+}
+
+}  // namespace
+}  // namespace varimesh::cad
