@@ -12,7 +12,7 @@ namespace varimesh::cad {
 namespace {
 
 constexpr int kFewQuestions = 500;    // as long as there are no more, a grid is not worth it
-constexpr std::int32_t kCells = 128;  // per direction
+constexpr std::int32_t kCells = 256;  // per direction
 constexpr std::int32_t kMostMargin = kCells / 4;
 constexpr int kFirstPieces = 32;   // of a curve, so that a closed one is not taken for a point
 constexpr int kMostHalvings = 12;  // of a piece

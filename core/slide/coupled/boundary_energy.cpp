@@ -1,11 +1,10 @@
 #include "core/slide/coupled/boundary_energy.h"
 
 #include <algorithm>
-#include <array>
 #include <limits>
-#include <map>
 
 #include "core/base/index.h"
+#include "core/slide/coupled/volumes_around.h"
 
 namespace varimesh::detail {
 namespace {
@@ -13,51 +12,6 @@ namespace {
 Eigen::Map<Eigen::Vector3d> place(std::vector<double>& coordinates, std::int32_t node) {
   return Eigen::Map<Eigen::Vector3d>(&coordinates[3 * at(node)]);
 }
-
-/// The vertices of an element, sorted: what elements of a boundary and facets or edges of cells have in common.
-using Key = std::array<std::int32_t, 4>;
-
-template <class Nodes>
-Key key_of(const Nodes& nodes, int vertices) {
-  Key key{-1, -1, -1, -1};
-  for (int k = 0; k < vertices; ++k) key[at(k)] = nodes[at(k)];
-  std::ranges::sort(key);
-  return key;
-}
-
-/// Sums of the volumes of the cells at each facet and at each edge that is asked for.
-class VolumesAround {
- public:
-  void ask(const std::vector<std::vector<EntityElement>>& entities) {
-    for (const auto& elements : entities)
-      for (const EntityElement& element : elements) sums_[key_of(element.nodes, vertices(element.shape))] = 0;
-  }
-  void add(const HighOrderMesh& mesh, std::span<const double> volumes) {
-    std::size_t cell = 0;
-    for (const ElementBlock& block : mesh.blocks) {
-      const reference::ShapeInfo& shape = reference::info(block.shape);
-      if (shape.dimension != mesh.dimension) continue;
-      const auto stride = at(reference::node_count(block.shape, block.order));
-      for (std::size_t e = 0; e < block.size(); ++e, ++cell) {
-        const std::int32_t* nodes = block.nodes.data() + e * stride;
-        for (const reference::Facet& facet : shape.facets) {
-          std::array<std::int32_t, 4> own{};
-          for (std::size_t k = 0; k < own.size(); ++k) own[k] = facet.vertices[k] < 0 ? -1 : nodes[facet.vertices[k]];
-          add(key_of(own, 4), volumes[cell]);
-        }
-        for (const auto& edge : shape.edges) add(key_of(std::array{nodes[edge[0]], nodes[edge[1]]}, 2), volumes[cell]);
-      }
-    }
-  }
-  double of(const EntityElement& element) const { return sums_.at(key_of(element.nodes, vertices(element.shape))); }
-
- private:
-  static int vertices(Shape shape) { return reference::info(shape).vertices; }
-  void add(const Key& key, double volume) {
-    if (const auto found = sums_.find(key); found != sums_.end()) found->second += volume;
-  }
-  std::map<Key, double> sums_;
-};
 
 }  // namespace
 
@@ -118,6 +72,7 @@ void BoundaryEnergy::prepare(const HighOrderMesh& mesh, std::span<const double> 
   };
   weigh(curves_, curve_elements_, 1.0 / 12, curve_weights_);
   weigh(surfaces_, surface_elements_, 1.0, surface_weights_);
+  prepare_hessian();
 }
 
 // ===== The energy =====
@@ -161,79 +116,133 @@ std::vector<Eigen::Matrix3d> BoundaryEnergy::directions() const {
   return directions;
 }
 
+// ===== Its derivatives =====
+
+template <int d, class Visit>
+void BoundaryEnergy::for_pairs(const EntityForm<d>& form, std::size_t element, const Visit& visit) const {
+  const std::vector<std::int32_t>& places = form.places(element);
+  const auto rank = [&](std::size_t k) { return rank_[at(form.nodes()[at(places[k])].node)]; };
+  for (std::size_t a = 0; a < places.size(); ++a) {
+    const std::int32_t row = rank(a);
+    if (row < 0) continue;
+    for (std::size_t b = 0; b < places.size(); ++b)
+      if (const std::int32_t column = rank(b); column >= 0) visit(a, b, row, column);
+  }
+}
+
+void BoundaryEnergy::prepare_hessian() {
+  std::int32_t ranks = 0;
+  for (const std::int32_t rank : rank_) ranks = std::max(ranks, rank + 1);
+  std::vector<std::int8_t> directions(at(ranks), 3);
+  for (std::size_t node = 0; node < rank_.size(); ++node)
+    if (rank_[node] >= 0 && owner_[node].dimension > 0) directions[at(rank_[node])] = owner_[node].dimension;
+  hessian_ = BoundaryHessian(std::move(directions));
+  const auto visit_all = [&](const auto& forms, const auto& visit) {
+    for (std::size_t entity = 0; entity < forms.size(); ++entity)
+      for (std::size_t e = 0; forms[entity] && e < forms[entity]->size(); ++e)
+        for_pairs(*forms[entity], e,
+                  [&](std::size_t, std::size_t, std::int32_t row, std::int32_t column) { visit(entity, row, column); });
+  };
+  const auto has = [&](std::size_t, std::int32_t row, std::int32_t column) { hessian_.has(row, column); };
+  visit_all(curves_, has);
+  visit_all(surfaces_, has);
+  hessian_.finish();
+  const auto find = [&](const auto& forms, BlockPlaces& blocks) {
+    blocks.assign(forms.size(), {});
+    visit_all(forms, [&](std::size_t entity, std::int32_t row, std::int32_t column) {
+      blocks[entity].push_back(hessian_.place(row, column));
+    });
+  };
+  find(curves_, curve_blocks_);
+  find(surfaces_, surface_blocks_);
+  own_blocks_.clear();
+  for (const std::int32_t node : sliding_)
+    if (const std::int32_t rank = rank_[at(node)]; rank >= 0) own_blocks_.push_back(hessian_.place(rank, rank));
+}
+
+// The blocks of nodes that belong to an entity come from its elements only, so the threads add them at once. The others
+// are added afterwards, in the order of the entities.
 template <int d>
-void BoundaryEnergy::add(const Forms<d>& forms, const std::vector<std::vector<double>>& weights, double delta,
-                         double factor, const std::vector<Eigen::Matrix3d>& directions, std::vector<double>& gradient,
-                         std::vector<Eigen::Triplet<double>>& entries) const {
+void BoundaryEnergy::add(const Forms<d>& forms, const std::vector<std::vector<double>>& weights,
+                         const BlockPlaces& blocks, double delta, double factor,
+                         const std::vector<Eigen::Matrix3d>& directions, std::vector<double>& gradient) {
+  struct Shared {
+    std::int32_t row, column;
+    BoundaryHessian::Place place;
+    Eigen::Matrix3d block;
+  };
   struct Part {
     std::vector<std::pair<std::int32_t, Eigen::Vector3d>> gradient;
-    std::vector<Eigen::Triplet<double>> entries;
+    std::vector<Shared> shared;
   };
   std::vector<Part> parts(forms.size());
   team_.for_each(static_cast<std::int32_t>(forms.size()), 1, [&](std::int32_t i) {
     if (!forms[at(i)]) return;
     const EntityForm<d>& form = *forms[at(i)];
     Part& part = parts[at(i)];
+    auto place = blocks[at(i)].begin();
     Eigen::VectorXd slope;
     Eigen::MatrixXd hessian;
+    std::vector<char> is_own;  // by node of the element
     for (std::size_t e = 0; e < form.size(); ++e) {
       const std::vector<std::int32_t>& places = form.places(e);
       const double first = factor * weights[at(i)][e] * diagonal_, second = first * diagonal_;
       form.derivatives(e, delta, slope, hessian);
+      is_own.resize(places.size());
       for (std::size_t a = 0; a < places.size(); ++a) {
-        const std::int32_t row = rank_[at(form.nodes()[at(places[a])].node)];
-        if (row < 0) continue;
-        part.gradient.emplace_back(row, first * slope.segment<3>(static_cast<Eigen::Index>(3 * a)));
-        for (std::size_t b = 0; b < places.size(); ++b) {
-          const std::int32_t column = rank_[at(form.nodes()[at(places[b])].node)];
-          if (column < 0) continue;
-          const Eigen::Matrix3d block =
-              second * directions[at(row)].transpose() *
-              hessian.block<3, 3>(static_cast<Eigen::Index>(3 * a), static_cast<Eigen::Index>(3 * b)) *
-              directions[at(column)];
-          for (int r = 0; r < 3; ++r)
-            for (int c = 0; c < 3; ++c)
-              if (block(r, c) != 0) part.entries.emplace_back(3 * row + r, 3 * column + c, block(r, c));
-        }
+        const std::int32_t node = form.nodes()[at(places[a])].node;
+        is_own[a] = owner_[at(node)].dimension == d && owner_[at(node)].entity == i ? 1 : 0;
+        if (const std::int32_t row = rank_[at(node)]; row >= 0)
+          part.gradient.emplace_back(row, first * slope.segment<3>(static_cast<Eigen::Index>(3 * a)));
       }
+      for_pairs(form, e, [&](std::size_t a, std::size_t b, std::int32_t row, std::int32_t column) {
+        const Eigen::Matrix3d block =
+            second * directions[at(row)].transpose() *
+            hessian.block<3, 3>(static_cast<Eigen::Index>(3 * a), static_cast<Eigen::Index>(3 * b)) *
+            directions[at(column)];
+        if (is_own[a] != 0 && is_own[b] != 0)
+          hessian_.add(row, column, *place, block);
+        else
+          part.shared.push_back({row, column, *place, block});
+        ++place;
+      });
     }
   });
   for (const Part& part : parts) {
     for (const auto& [rank, slope] : part.gradient)
       for (int k = 0; k < 3; ++k) gradient[3 * at(rank) + at(k)] += slope[k];
-    entries.insert(entries.end(), part.entries.begin(), part.entries.end());
+    for (const Shared& one : part.shared) hessian_.add(one.row, one.column, one.place, one.block);
   }
 }
 
-BoundaryEnergy::Matrix BoundaryEnergy::linearise(double delta, double factor, bool positive,
-                                                 const std::vector<Eigen::Matrix3d>& directions,
-                                                 std::vector<double>& gradient) const {
-  std::vector<Eigen::Triplet<double>> entries;
-  add(curves_, curve_weights_, delta, factor, directions, gradient, entries);
-  add(surfaces_, surface_weights_, delta, factor, directions, gradient, entries);
-  if (!positive) add_curvature(directions, gradient, entries);
-  const auto size = static_cast<Eigen::Index>(gradient.size());
-  Matrix H(size, size);
-  H.setFromTriplets(entries.begin(), entries.end());
-  return H;
+const BoundaryEnergy::Matrix& BoundaryEnergy::linearise(double delta, double factor, bool positive,
+                                                        const std::vector<Eigen::Matrix3d>& directions,
+                                                        std::vector<double>& gradient) {
+  hessian_.set_zero();
+  add(curves_, curve_weights_, curve_blocks_, delta, factor, directions, gradient);
+  add(surfaces_, surface_weights_, surface_blocks_, delta, factor, directions, gradient);
+  if (!positive) add_curvature(directions, gradient);
+  return hessian_.matrix();
 }
 
-void BoundaryEnergy::add_curvature(const std::vector<Eigen::Matrix3d>& directions, const std::vector<double>& gradient,
-                                   std::vector<Eigen::Triplet<double>>& entries) const {
+void BoundaryEnergy::add_curvature(const std::vector<Eigen::Matrix3d>& directions,
+                                   const std::vector<double>& gradient) {
+  auto place = own_blocks_.begin();
   for (const std::int32_t node : sliding_) {
     const std::int32_t rank = rank_[at(node)];
-    if (rank < 0 || directions[at(rank)].isIdentity(0)) continue;
+    if (rank < 0) continue;
+    const BoundaryHessian::Place own = *place++;
+    if (directions[at(rank)].isIdentity(0)) continue;
     const Owner& owner = owner_[at(node)];
     // A form by lengths in the mesh's unit is diagonal² of one by relative lengths, and the gradient has one already.
     const Eigen::Vector3d slope = diagonal_ * Eigen::Map<const Eigen::Vector3d>(&gradient[3 * at(rank)]);
-    if (owner.dimension == 1) {
-      entries.emplace_back(3 * rank, 3 * rank, curves_[at(owner.entity)]->curvature(at(owner.place), slope)(0, 0));
-      continue;
-    }
-    const Eigen::Matrix2d form = surfaces_[at(owner.entity)]->curvature(at(owner.place), slope);
-    if (!form.allFinite()) continue;  // the parameters are nearly singular
-    for (int r = 0; r < 2; ++r)
-      for (int c = 0; c < 2; ++c) entries.emplace_back(3 * rank + r, 3 * rank + c, form(r, c));
+    Eigen::Matrix3d block = Eigen::Matrix3d::Zero();
+    if (owner.dimension == 1)
+      block(0, 0) = curves_[at(owner.entity)]->curvature(at(owner.place), slope)(0, 0);
+    else
+      block.topLeftCorner<2, 2>() = surfaces_[at(owner.entity)]->curvature(at(owner.place), slope);
+    if (!block.allFinite()) continue;  // the parameters are nearly singular
+    hessian_.add(rank, rank, own, block);
   }
 }
 

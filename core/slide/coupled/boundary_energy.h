@@ -2,7 +2,7 @@
 // mesh. Internal to core/slide.
 #pragma once
 
-#include <Eigen/SparseCore>
+#include <Eigen/Core>
 #include <cstdint>
 #include <optional>
 #include <span>
@@ -10,6 +10,7 @@
 
 #include "core/base/team.h"
 #include "core/slide/between_nodes.h"
+#include "core/slide/coupled/boundary_hessian.h"
 #include "core/slide/entity_form.h"
 
 namespace varimesh::detail {
@@ -19,7 +20,7 @@ namespace varimesh::detail {
 /// terms are as large as those of the volume, whatever the size of the elements.
 class BoundaryEnergy {
  public:
-  using Matrix = Eigen::SparseMatrix<double, Eigen::RowMajor>;
+  using Matrix = BoundaryHessian::Matrix;
 
   /// The elements by curve and by surface, and where the nodes are.
   struct Start {
@@ -54,9 +55,9 @@ class BoundaryEnergy {
   std::vector<Eigen::Matrix3d> directions() const;
   /// Adds the energy's gradient to `gradient` (3 per rank), and returns the positive part of its Hessian (3 rows per
   /// rank), which has only nodes that slide, in their directions. It has the curvature of the entities as well, for
-  /// which `gradient` must be that of all other energies.
-  Matrix linearise(double delta, double factor, bool positive, const std::vector<Eigen::Matrix3d>& directions,
-                   std::vector<double>& gradient) const;
+  /// which `gradient` must be that of all other energies. The matrix stays until the next call.
+  const Matrix& linearise(double delta, double factor, bool positive, const std::vector<Eigen::Matrix3d>& directions,
+                          std::vector<double>& gradient);
 
   /// Where the nodes of all entities are.
   struct Places {
@@ -90,17 +91,22 @@ class BoundaryEnergy {
   };
   template <int d>
   using Forms = std::vector<std::optional<EntityForm<d>>>;
+  /// By entity: where the blocks of for_pairs() begin, one element after the other.
+  using BlockPlaces = std::vector<std::vector<BoundaryHessian::Place>>;
 
   template <int d>
   void own(const Forms<d>& forms);
+  /// Sets the places of all entries of the Hessian.
+  void prepare_hessian();
+  /// Calls visit(a, b, row, column) for all pairs of an element's nodes that move, with their ranks.
+  template <int d, class Visit>
+  void for_pairs(const EntityForm<d>& form, std::size_t element, const Visit& visit) const;
   template <int d>
-  void add(const Forms<d>& forms, const std::vector<std::vector<double>>& weights, double delta, double factor,
-           const std::vector<Eigen::Matrix3d>& directions, std::vector<double>& gradient,
-           std::vector<Eigen::Triplet<double>>& entries) const;
+  void add(const Forms<d>& forms, const std::vector<std::vector<double>>& weights, const BlockPlaces& blocks,
+           double delta, double factor, const std::vector<Eigen::Matrix3d>& directions, std::vector<double>& gradient);
   template <int d>
   Value sum(const Forms<d>& forms, const std::vector<std::vector<double>>& weights, double delta) const;
-  void add_curvature(const std::vector<Eigen::Matrix3d>& directions, const std::vector<double>& gradient,
-                     std::vector<Eigen::Triplet<double>>& entries) const;
+  void add_curvature(const std::vector<Eigen::Matrix3d>& directions, const std::vector<double>& gradient);
   /// Calls to(owner, from) for all nodes that slide, and puts them there.
   template <class To>
   void move_each(const Places& start, const To& to, std::vector<double>& coordinates);
@@ -120,6 +126,9 @@ class BoundaryEnergy {
   std::vector<std::int32_t> sliding_;                                 ///< The nodes that slide, by index.
   std::vector<std::vector<double>> curve_weights_, surface_weights_;  ///< w_e/|e|, by entity and element.
   double diagonal_ = 1;
+  BoundaryHessian hessian_;
+  BlockPlaces curve_blocks_, surface_blocks_;
+  std::vector<BoundaryHessian::Place> own_blocks_;  ///< By node of sliding_ that moves: where its own block begins.
 };
 
 }  // namespace varimesh::detail

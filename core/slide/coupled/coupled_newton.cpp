@@ -82,7 +82,7 @@ void CoupledNewton::linearise(double delta, bool positive) {
       if (boundary_.slides(volume_.nodes()[rank])) directions_[rank].setZero();
   volume_.linearise(positive, gradient_, blocks_);
   if (boundary_slides)
-    boundary_hessian_ = boundary_.linearise(delta, boundary_weight, positive, directions_, gradient_);
+    boundary_hessian_ = &boundary_.linearise(delta, boundary_weight, positive, directions_, gradient_);
   team_.for_each(static_cast<std::int32_t>(ranks), kNodesPerTask, [&](std::int32_t rank) {
     const Eigen::Vector3d slope = directions_[at(rank)].transpose() * node(gradient_, at(rank));
     node(gradient_, at(rank)) = slope;
@@ -97,7 +97,7 @@ void CoupledNewton::invert_blocks() {
     Eigen::Matrix3d block = T.transpose() * full(blocks_[at(rank)]) * T;
     if (boundary_slides && boundary_.slides(volume_.nodes()[at(rank)]))
       for (int row = 0; row < 3; ++row)
-        for (BoundaryEnergy::Matrix::InnerIterator entry(boundary_hessian_, 3 * rank + row); entry; ++entry)
+        for (BoundaryEnergy::Matrix::InnerIterator entry(*boundary_hessian_, 3 * rank + row); entry; ++entry)
           if (entry.col() / 3 == rank) block(row, entry.col() % 3) += entry.value();
     const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(block);
     const double largest = solver.eigenvalues().cwiseAbs().maxCoeff();
@@ -133,7 +133,7 @@ double CoupledNewton::multiply() {
     Eigen::Vector3d sum =
         directions_[at(rank)].transpose() * Eigen::Map<const Eigen::Vector3f>(&forces_[3 * at(rank)]).cast<double>();
     for (int row = 0; boundary_slides && row < 3; ++row)
-      for (BoundaryEnergy::Matrix::InnerIterator entry(boundary_hessian_, 3 * rank + row); entry; ++entry)
+      for (BoundaryEnergy::Matrix::InnerIterator entry(*boundary_hessian_, 3 * rank + row); entry; ++entry)
         sum[row] += entry.value() * direction_[at(static_cast<std::int64_t>(entry.col()))];
     node(product_, at(rank)) = sum;
   });

@@ -71,7 +71,7 @@ class CoupledNewton {
   std::vector<double> gradient_;             ///< In the directions, 3 per rank, as all vectors here.
   std::vector<std::array<double, 6>> blocks_;
   std::vector<Eigen::Matrix3d> inverse_;
-  BoundaryEnergy::Matrix boundary_hessian_;
+  const BoundaryEnergy::Matrix* boundary_hessian_ = nullptr;  ///< As of the last linearise(); null before.
   std::vector<double> step_, residual_, direction_, product_;
   std::vector<float> moves_,
       forces_;  ///< Those of a product: T times the direction, and the volume's Hessian times it.

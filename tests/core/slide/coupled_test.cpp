@@ -172,7 +172,7 @@ TEST(CoupledEnergies, HaveTheGradientsThatDifferencesHave) {
     std::vector<std::array<double, 6>> blocks;
     volume.linearise(false, gradient, blocks);
     const auto directions = boundary.directions();
-    const auto hessian = boundary.linearise(kDelta, kWeight, false, directions, gradient);
+    const auto& hessian = boundary.linearise(kDelta, kWeight, false, directions, gradient);
     EXPECT_GT(hessian.nonZeros(), 0);
     std::vector<double> step(gradient.size());
     double slope = 0;
