@@ -99,7 +99,7 @@ class Measuring {
       const auto nodes = detail::surface_nodes(row.surface, association_, coordinates, none_moves);
       detail::Distances sum;
       for (std::size_t e = 0; e < row.elements.size(); ++e) {
-        const auto one = detail::surface_distances(shape, {row.elements[e]}, mesh_.order, nodes, coordinates);
+        const auto one = detail::surface_distances(shape, {&row.elements[e], 1}, mesh_.order, nodes, coordinates);
         distances[row.places[e]] = static_cast<float>(one.largest);
         sum.add(one);
         team_.look();

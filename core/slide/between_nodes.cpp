@@ -16,7 +16,7 @@ constexpr double kSuspicious = 0.01;
 /// Calls distance(x, parameters of the nearest node from which Newton's method can start) for each sample.
 /// @param can_start  whether it can start from these parameters
 template <class Distance, class CanStart>
-Distances sample(const std::vector<EntityElement>& elements, int order, const std::vector<EntityNode>& nodes,
+Distances sample(std::span<const EntityElement> elements, int order, const std::vector<EntityNode>& nodes,
                  const std::vector<double>& coordinates, const Distance& distance, const CanStart& can_start) {
   Distances sum;
   for (const EntityElement& element : elements) {
@@ -55,7 +55,7 @@ void Distances::add(const Distances& other) {
   samples += other.samples;
 }
 
-Distances curve_distances(const geometry::CurveShape& shape, const std::vector<EntityElement>& elements, int order,
+Distances curve_distances(const geometry::CurveShape& shape, std::span<const EntityElement> elements, int order,
                           const std::vector<EntityNode>& nodes, const std::vector<double>& coordinates) {
   return sample(
       elements, order, nodes, coordinates,
@@ -65,7 +65,7 @@ Distances curve_distances(const geometry::CurveShape& shape, const std::vector<E
       [](const std::array<double, 2>&) { return true; });
 }
 
-Distances surface_distances(const geometry::SurfaceShape& shape, const std::vector<EntityElement>& elements, int order,
+Distances surface_distances(const geometry::SurfaceShape& shape, std::span<const EntityElement> elements, int order,
                             const std::vector<EntityNode>& nodes, const std::vector<double>& coordinates) {
   return sample(
       elements, order, nodes, coordinates,

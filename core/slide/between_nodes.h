@@ -1,6 +1,7 @@
 // How far the curved boundary of a mesh lies from its geometry between the nodes. Internal to core/slide.
 #pragma once
 
+#include <span>
 #include <vector>
 
 #include "core/slide/entity_newton.h"
@@ -20,9 +21,9 @@ struct Distances {
 /// The distance of the elements' points between their nodes (EntityTable::between) to the curve or surface.
 /// @param nodes        the nodes of the elements, sorted by index, with their parameters on the entity
 /// @param coordinates  of all nodes of the mesh
-Distances curve_distances(const geometry::CurveShape& shape, const std::vector<EntityElement>& elements, int order,
+Distances curve_distances(const geometry::CurveShape& shape, std::span<const EntityElement> elements, int order,
                           const std::vector<EntityNode>& nodes, const std::vector<double>& coordinates);
-Distances surface_distances(const geometry::SurfaceShape& shape, const std::vector<EntityElement>& elements, int order,
+Distances surface_distances(const geometry::SurfaceShape& shape, std::span<const EntityElement> elements, int order,
                             const std::vector<EntityNode>& nodes, const std::vector<double>& coordinates);
 
 }  // namespace varimesh::detail

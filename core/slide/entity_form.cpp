@@ -231,7 +231,7 @@ typename EntityForm<d>::Value EntityForm<d>::total(double delta) const {
 template <int d>
 std::int64_t EntityForm<d>::folded() const {
   std::int64_t count = 0;
-  for (std::size_t e = 0; e < elements_.size(); ++e) count += value(e, 1).least <= 0 ? 1 : 0;
+  for (std::size_t e = 0; e < elements_.size(); ++e) count += is_folded(e) ? 1 : 0;
   return count;
 }
 

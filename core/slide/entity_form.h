@@ -81,6 +81,7 @@ class EntityForm {
   Value total(double delta) const;
   /// Elements with J ≤ 0 at a point.
   std::int64_t folded() const;
+  bool is_folded(std::size_t element) const { return value(element, 1).least <= 0; }
 
  private:
   void orient();

@@ -71,7 +71,9 @@ class BoundaryEnergy {
   /// coordinates of these nodes. The normals stay as they are until follow().
   void move(const Places& start, std::span<const double> step, std::vector<double>& coordinates);
   /// Puts the nodes that slide a part of the way from `start` to `end`. A node that would leave its surface stays.
-  void move_between(const Places& start, const Places& end, double part, std::vector<double>& coordinates);
+  /// @param parts  by node of the mesh
+  void move_between(const Places& start, const Places& end, std::span<const double> parts,
+                    std::vector<double>& coordinates);
   /// Takes the normals and parameters at the places to which nodes were moved.
   void follow();
 
@@ -81,6 +83,16 @@ class BoundaryEnergy {
   };
   Distance distance(const std::vector<double>& coordinates) const;
   std::int64_t folded() const;  ///< Elements on surfaces.
+
+  /// One element of a curve or surface now.
+  struct Element {
+    std::span<const std::int32_t> nodes;  ///< Of the mesh.
+    bool is_on_surface = false;
+    bool is_folded = false;
+    Distances distances;
+  };
+  /// Those of all curves, then those of all surfaces, always in the same order.
+  std::vector<Element> elements(const std::vector<double>& coordinates) const;
   /// Writes parameters and places to the association.
   void write(Association& association) const;
 

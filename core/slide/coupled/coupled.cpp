@@ -11,6 +11,7 @@
 #include "core/mesh/connectivity.h"
 #include "core/quality/certified_quality.h"
 #include "core/slide/coupled/coupled_newton.h"
+#include "core/slide/coupled/hold_back.h"
 #include "core/slide/slide.h"
 #include "core/validity/certifier.h"
 #include "core/validity/orientation.h"
@@ -26,7 +27,7 @@ constexpr double kFirstDelta = 0.5, kDecay = 0.85;
 constexpr double kStands = 1e-4;
 /// The weights of the boundary's energy, one after the other while its distance from the geometry exceeds the limit.
 constexpr double kWeights[] = {1, 4};
-/// How much of the way to a state that exceeds the limit is tried.
+/// How much of the way to a state that exceeds the limit all nodes go, if it is tried.
 constexpr double kParts[] = {0.875, 0.75, 0.625, 0.5, 0.375, 0.25, 0.125, 0.0625, 0.03125, 0.015625};
 constexpr double kWeak = 0.02;       // a cell with a smaller scaled Jacobian is hardly better than an invalid one
 constexpr double kWeakGap = 0.002;   // to which the scaled Jacobians of weak cells are found
@@ -35,12 +36,6 @@ constexpr double kTimesStart = 2;    // what the distances may become without a 
 constexpr double kRounding = 1e-12;  // distances that differ by less, relative to the mesh's size, are equal
 
 using Distance = BoundaryEnergy::Distance;
-
-/// What the distances may not exceed.
-struct Limit {
-  double largest = 0, rms = 0;
-  bool allows(const Distances& distances) const { return distances.largest <= largest && distances.rms() <= rms; }
-};
 
 /// A state and how good it is.
 struct Judged {
@@ -104,9 +99,10 @@ class Descent {
     return best;
   }
 
-  /// All nodes move. Returns the best state that the limits allow, if there is one.
+  /// All nodes move. If the limits do not allow where they come to, all go a part of the way, or those of the boundary
+  /// are held back (hold_back.h). Returns the best state that the limits allow, if there is one.
   /// @param start  what inside() has returned
-  std::optional<Judged> everything(const Judged& start, const Limit& surfaces, const Limit& curves) {
+  std::optional<Judged> everything(const Judged& start, const DistanceLimit& surfaces, const DistanceLimit& curves) {
     std::optional<Judged> best;
     bool allowed = false;
     const auto gains = [&] {
@@ -121,12 +117,19 @@ class Descent {
     for (const double weight : kWeights) {
       newton_.boundary_weight = weight;
       descend(kMostSteps, gains);
-      if (allowed || is_late()) break;
+      if (allowed) break;
       const CoupledState end = newton_.state();
       for (const double part : kParts) {
-        newton_.put_between(start.state, end, part);
+        newton_.put_between(start.state, end, std::vector<double>(end.coordinates.size() / 3, part));
         gains();
       }
+      if ((!best || best->weak > 0) && hold_back(start.state, end, surfaces, curves, newton_, energies_.boundary)) {
+        gains();
+        newton_.boundary_slides = false;
+        descend(kMostStepsInside, gains);
+        newton_.boundary_slides = true;
+      }
+      if (is_late()) break;
       newton_.restore(end);
     }
     return best;
@@ -199,19 +202,22 @@ Distance distance_of(const HighOrderMesh& mesh, const Association& association, 
       .distance(mesh.coordinates);
 }
 
-Limit limit_of(double tolerance, const Distances& start, const Distances& slid, double rounding) {
+DistanceLimit limit_of(double tolerance, const Distances& start, const Distances& slid, double rounding) {
   if (tolerance > 0) return {std::max(tolerance, slid.largest) + rounding, std::max(tolerance, slid.rms()) + rounding};
   return {kTimesStart * start.largest + rounding, kTimesStart * start.rms() + rounding};
 }
 
 /// Without a tolerance, edges on curves may lie as far from them as elements from their surfaces, if these may lie
 /// farther.
-Limit larger(const Limit& a, const Limit& b) { return {std::max(a.largest, b.largest), std::max(a.rms, b.rms)}; }
+DistanceLimit larger(const DistanceLimit& a, const DistanceLimit& b) {
+  return {std::max(a.largest, b.largest), std::max(a.rms, b.rms)};
+}
 
 /// Whether the nodes go back to where bottom-up sliding has left them.
-bool is_worse(const HighOrderMesh& mesh, const Judged& all, const Judged& inside, const Team& team) {
+bool is_worse(const HighOrderMesh& mesh, const Judged& all, const Judged& inside, bool splits_follow,
+              const Team& team) {
   if (all.left > inside.left || all.weak > inside.weak) return true;
-  if (all.weak < inside.weak) return false;
+  if (all.weak < inside.weak) return splits_follow && all.left > 0 && 2 * all.weak > inside.weak;
   if (all.left < inside.left) return all.left > 0;
   const ScaledJacobians now = scaled_jacobians(mesh, all.state.coordinates, team);
   const ScaledJacobians before = scaled_jacobians(mesh, inside.state.coordinates, team);
@@ -262,13 +268,13 @@ SlideReport slide_coupled(HighOrderMesh& mesh, Association& association, const s
     descent.emplace(*energies, mesh, limits.seconds, team);
     inside = descent->inside();
     const double rounding = kRounding * association.size;
-    const Limit surfaces = limit_of(limits.tolerance, start.surfaces, inside->distance.surfaces, rounding);
-    const Limit curves = limit_of(limits.tolerance, start.curves, inside->distance.curves, rounding);
+    const DistanceLimit surfaces = limit_of(limits.tolerance, start.surfaces, inside->distance.surfaces, rounding);
+    const DistanceLimit curves = limit_of(limits.tolerance, start.curves, inside->distance.curves, rounding);
     all = descent->everything(*inside, surfaces, limits.tolerance > 0 ? curves : larger(surfaces, curves));
   });
   using Outcome = CoupledReport::Outcome;
   coupled = {all ? Outcome::NoBetter : Outcome::TooFar, descent->steps(), inside->left, inside->left};
-  if (!all || is_worse(mesh, *all, *inside, team)) return report;
+  if (!all || is_worse(mesh, *all, *inside, limits.splits_follow, team)) return report;
   coupled.outcome = Outcome::Taken;
   coupled.left_after = all->left;
   team.run([&] { descent->take(all->state); });

@@ -33,6 +33,7 @@ struct CoupledLimits {
   double tolerance = 0;  ///< Of the distances, in the mesh's unit of length; 0: twice those of the mesh as it came.
   /// After this many seconds no further step begins, and the best state so far is taken. 0: no limit.
   double seconds = 0;
+  bool splits_follow = false;  ///< The mesh is repaired by splits afterwards, for which weak cells leave no room.
 };
 
 /// slide() with SlideOn::All, and then Newton's method for all nodes together (coupled_newton.h), with the targets of
@@ -46,14 +47,17 @@ struct CoupledLimits {
 /// may exceed twice that of the mesh as it came. This holds for all surfaces together, and for all edges on curves
 /// together; with tolerance 0, these may lie as far from their curves as the elements from their surfaces. No more
 /// elements may be folded than after bottom-up sliding. If the state to which Newton's method comes exceeds these
-/// distances, states a part of the way to it are tried, and then the boundary's energy gets a higher weight.
+/// distances, states a part of the way to it are tried, and one in which the boundary is held back only where it
+/// exceeds them (hold_back.h), from where the nodes inside move once more. Then the boundary's energy gets a higher
+/// weight.
 ///
 /// The nodes go back to where bottom-up sliding has left them if that leaves fewer weak cells or fewer that are not
 /// certified valid, or as many of both with a larger smallest and mean scaled Jacobian, each after nodes inside the
 /// mesh have moved. They also go back if as many cells are weak and some are not certified valid: that a few of them
-/// are hardly valid now is worth nothing, and would keep a split from making room. Nodes of the boundary lie on their
-/// entity afterwards, up to rounding. The result does not depend on the number of threads, unless the seconds end it.
-/// Do not call it inside team.run().
+/// are hardly valid now is worth nothing, and would keep a split from making room. If splits follow, more than half of
+/// the weak cells must have gone for the same reason, unless all are certified valid. Nodes of the boundary lie on
+/// their entity afterwards, up to rounding. The result does not depend on the number of threads, unless the seconds end
+/// it. Do not call it inside team.run().
 ///
 /// @param coupled  what came of the second part
 SlideReport slide_coupled(HighOrderMesh& mesh, Association& association, const std::vector<bool>& fixed,

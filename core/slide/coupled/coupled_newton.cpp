@@ -64,12 +64,12 @@ void CoupledNewton::restore(const CoupledState& state) {
   boundary_.restore(state.places);
 }
 
-void CoupledNewton::put_between(const CoupledState& start, const CoupledState& end, double part) {
+void CoupledNewton::put_between(const CoupledState& start, const CoupledState& end, std::span<const double> parts) {
   restore(start);
   for (const std::int32_t node : volume_.nodes())
     for (std::size_t c = 3 * at(node); c < 3 * at(node) + 3; ++c)
-      coordinates_[c] += part * (end.coordinates[c] - start.coordinates[c]);
-  boundary_.move_between(start.places, end.places, part, coordinates_);
+      coordinates_[c] += parts[at(node)] * (end.coordinates[c] - start.coordinates[c]);
+  boundary_.move_between(start.places, end.places, parts, coordinates_);
   boundary_.follow();
 }
 

@@ -1,6 +1,7 @@
 // Newton's method for all nodes of a mesh together, those on its boundary included. Internal to core/slide.
 #pragma once
 
+#include <span>
 #include <vector>
 
 #include "core/base/conjugate_gradients.h"
@@ -44,7 +45,8 @@ class CoupledNewton {
   CoupledState state() const { return {coordinates_, boundary_.places()}; }
   void restore(const CoupledState& state);
   /// Puts the nodes a part of the way from `start` to `end`.
-  void put_between(const CoupledState& start, const CoupledState& end, double part);
+  /// @param parts  by node of the mesh
+  void put_between(const CoupledState& start, const CoupledState& end, std::span<const double> parts);
   const std::vector<double>& coordinates() const { return coordinates_; }
 
  private:
