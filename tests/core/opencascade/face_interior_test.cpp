@@ -15,6 +15,7 @@
 #include <BRep_Tool.hxx>
 #include <TopExp_Explorer.hxx>
 #include <TopoDS.hxx>
+#include <cmath>
 #include <random>
 #include <thread>
 
@@ -69,15 +70,29 @@ TEST_P(FaceInteriorOf, GivesTheAnswersOfTheClassifier) {
     const FaceInterior interior = bounds.interior();
     BRepTopAdaptor_FClass2d classifier(bounds.face, BRep_Tool::Tolerance(bounds.face));
     std::mt19937 random(24);
-    std::uniform_real_distribution<double> part(-0.1, 1.1);
     std::uniform_int_distribution<int> turns(-2, 2);
     int others = 0;
-    for (int k = 0; k < 20'000; ++k) {
-      const double u = bounds.u.first + part(random) * bounds.u.length() + turns(random) * bounds.u_period;
-      const double v = bounds.v.first + part(random) * bounds.v.length() + turns(random) * bounds.v_period;
+    const auto compare = [&](double u, double v) {
+      u += turns(random) * bounds.u_period;
+      v += turns(random) * bounds.v_period;
       const bool is_inside = classifier.Perform(gp_Pnt2d(u, v)) != TopAbs_OUT;
       others += interior.contains(u, v) == is_inside ? 0 : 1;
       (is_inside ? inside : outside) += 1;
+    };
+    std::uniform_real_distribution<double> part(-0.1, 1.1);
+    for (int k = 0; k < 5'000; ++k)
+      compare(bounds.u.first + part(random) * bounds.u.length(), bounds.v.first + part(random) * bounds.v.length());
+    // Near the boundary, at distances from a thousandth of a cell to ten cells.
+    std::uniform_real_distribution<double> along(0, 1), exponent(-6, -1.5), side(-1, 1);
+    const TopoDS_Face forward = TopoDS::Face(bounds.face.Oriented(TopAbs_FORWARD));
+    for (TopExp_Explorer edges(forward, TopAbs_EDGE); edges.More(); edges.Next()) {
+      double first = 0, last = 0;
+      const auto curve = BRep_Tool::CurveOnSurface(TopoDS::Edge(edges.Current()), forward, first, last);
+      for (int k = 0; k < 800; ++k) {
+        const gp_Pnt2d on = curve->Value(first + along(random) * (last - first));
+        const double off = std::pow(10, exponent(random));
+        compare(on.X() + off * side(random) * bounds.u.length(), on.Y() + off * side(random) * bounds.v.length());
+      }
     }
     EXPECT_EQ(others, 0);
   }

@@ -4,6 +4,7 @@
 
 #include "core/optimise/optimiser.h"
 #include "core/slide/coupled/coupled_newton.h"
+#include "core/slide/coupled/hold_back.h"
 #include "core/slide/slide.h"
 #include "core/slide/slide_on_file.h"
 #include "tests/core/support/disc_mesh.h"
@@ -148,6 +149,62 @@ TEST(Coupled, RefusesWhatDoesNotGoTogether) {
   options.tolerance = 0.1;
   options.slide = "all";
   EXPECT_NE(sentence(options).find("goes only with"), std::string::npos);
+}
+
+/// All nodes move some steps. Then only those of elements that exceed a limit of distance are held back.
+TEST(CoupledHoldBack, HoldsOnlyTheNodesThatExceedTheLimit) {
+  const HighOrderMesh mesh = DiscMesh(2, 3).mesh();
+  const Team team(2);
+  team.run([&] {
+    auto association = associate(mesh, solid_cylinder(), team);
+    ASSERT_TRUE(association);
+    const auto curves = detail::curve_elements(mesh, *association);
+    const auto surfaces = detail::surface_elements(mesh, *association);
+    const std::vector<bool> none(mesh.node_count(), false);
+    detail::BoundaryEnergy boundary(
+        {*association, curves, surfaces, mesh.order, mesh.coordinates, mesh.coordinates, none}, team);
+    detail::VolumeEnergy volume(mesh, none, team);
+    boundary.prepare(mesh, volume.volumes(), volume.nodes(), volume.diagonal());
+    detail::CoupledNewton newton(volume, boundary, mesh.coordinates, team);
+    const detail::CoupledState start = newton.state();
+    const auto before = boundary.distance(newton.coordinates());
+    for (int k = 0; k < 8; ++k) newton.step(0.5);
+    const detail::CoupledState end = newton.state();
+    const auto after = boundary.distance(newton.coordinates());
+    const double room = after.surfaces.largest - before.surfaces.largest;
+    ASSERT_GT(room, 0);
+    constexpr double kAny = 1e9;
+    const detail::DistanceLimit any{kAny, kAny};
+
+    EXPECT_TRUE(detail::hold_back(start, end, any, any, newton, boundary));
+    for (std::size_t k = 0; k < end.coordinates.size(); ++k)
+      EXPECT_NEAR(newton.coordinates()[k], end.coordinates[k], 1e-12);
+
+    const detail::DistanceLimit largest{before.surfaces.largest + 0.6 * room, kAny};
+    ASSERT_TRUE(detail::hold_back(start, end, largest, any, newton, boundary));
+    EXPECT_LE(boundary.distance(newton.coordinates()).surfaces.largest, largest.largest);
+    int at_end = 0, held = 0;
+    for (std::size_t node = 0; node < mesh.node_count(); ++node) {
+      if (!boundary.slides(static_cast<std::int32_t>(node))) continue;
+      const auto of = [&](const std::vector<double>& x) {
+        return Eigen::Vector3d(Eigen::Map<const Eigen::Vector3d>(&x[3 * node]));
+      };
+      const double way = (of(end.coordinates) - of(start.coordinates)).norm();
+      const double left = (of(end.coordinates) - of(newton.coordinates())).norm();
+      if (way < 1e-3) continue;
+      EXPECT_LT(left, way);
+      (left < 1e-9 ? at_end : held) += 1;
+    }
+    EXPECT_GT(at_end, 0);
+    EXPECT_GT(held, 0);
+
+    const detail::DistanceLimit rms{kAny, 0.5 * (before.surfaces.rms() + after.surfaces.rms())};
+    ASSERT_TRUE(detail::hold_back(start, end, rms, any, newton, boundary));
+    EXPECT_LE(boundary.distance(newton.coordinates()).surfaces.rms(), rms.rms);
+
+    const detail::DistanceLimit less{0.5 * before.surfaces.largest, kAny};
+    EXPECT_FALSE(detail::hold_back(start, end, less, any, newton, boundary)) << "the start exceeds it already";
+  });
 }
 
 /// The gradients of both energies against differences, in the direction of some smooth displacement of all nodes along
