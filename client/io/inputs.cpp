@@ -144,7 +144,6 @@ Expected<Input> with_options(Input input, const v1::Options& options) {
   input.geometry.fix.assign(options.fix().begin(), options.fix().end());
   input.geometry.threads = options.threads();
   input.geometry.coupled_seconds = options.time_limit() / 2;
-  input.geometry.splits_follow = options.repair() == v1::REPAIR_SPLIT;
   input.time_limit = options.time_limit();
   return input;
 }

@@ -8,6 +8,7 @@
 #include <atomic>
 #include <cstdint>
 #include <mutex>
+#include <optional>
 #include <vector>
 
 #include "core/geometry/geometry.h"
@@ -31,13 +32,14 @@ class FaceInterior {
  private:
   enum State : std::uint8_t { Unknown, Near, Inside, Outside };  ///< Near: to the boundary.
 
-  bool ask(double u, double v) const;
+  /// Nothing if OpenCASCADE fails.
+  std::optional<bool> ask(double u, double v) const;
   void make_grid() const;
-  /// Returns false if the tolerance of the boundary is too large for a grid.
+  /// Returns false if the tolerance of the boundary is too large for a grid, or the face goes more than once round.
   bool set_margins() const;
-  /// Returns false if the curve's points cannot be computed.
-  bool mark(const Geom2d_Curve& curve, double first, double last) const;
-  void mark_around(const gp_Pnt2d& point) const;
+  /// Returns false if the curve's points cannot be computed or lie outside of the bounds.
+  bool mark(const Handle(Geom2d_Curve) & curve, double first, double last) const;
+  bool mark_around(const gp_Pnt2d& point) const;
   /// Where a parameter lies, in cells; negative if it is not in the face's bounds.
   std::int32_t place(int direction, double parameter) const;
 

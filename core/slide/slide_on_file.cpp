@@ -128,9 +128,8 @@ struct Work {
     if (mesh.dimension == 2)
       report = detail::slide_alone(boundary, association, what, std::move(*fixed), team);
     else if (what == SlideOn::Coupled)
-      report =
-          detail::slide_coupled(boundary, association, *fixed,
-                                {options.tolerance, options.coupled_seconds, options.splits_follow}, team, coupled);
+      report = detail::slide_coupled(boundary, association, *fixed, {options.tolerance, options.coupled_seconds}, team,
+                                     coupled);
     else
       team.run([&] { report = slide(boundary, association, what, *fixed, team); });
     sentences.push_back(report.sentence(association.size));

@@ -27,8 +27,7 @@ struct GeometryOptions {
   double tolerance = 0;
   /// With `slide` coupled: for how long all nodes may move together, in seconds. 0: no limit.
   double coupled_seconds = 0;
-  bool splits_follow = false;  ///< The mesh is repaired by splits afterwards (Repair::Split).
-  bool snap = false;           ///< First move nodes that are off their curve, surface or vertex onto it.
+  bool snap = false;  ///< First move nodes that are off their curve, surface or vertex onto it.
   /// A node is off if it is farther than this from its entity, relative to the diagonal of the boundary's box.
   double snap_tolerance = 1e-6;
   /// Nodes cross joints at which surfaces or curves meet at no more than this angle, in degrees; 0: none.

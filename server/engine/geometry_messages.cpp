@@ -67,7 +67,6 @@ GeometryOptions geometry_options(const v1::Geometry& geometry, const Options& op
                                                                  : "all";
   all.tolerance = geometry.tolerance();
   all.coupled_seconds = options.time_limit / 2;
-  all.splits_follow = options.repair == Repair::Split;
   all.snap = geometry.snap();
   all.smooth_angle = geometry.smooth_angle();
   all.fix = options.fix;

@@ -146,6 +146,8 @@ void BoundaryEnergy::prepare_hessian() {
   const auto has = [&](std::size_t, std::int32_t row, std::int32_t column) { hessian_.has(row, column); };
   visit_all(curves_, has);
   visit_all(surfaces_, has);
+  for (const std::int32_t node : sliding_)
+    if (const std::int32_t rank = rank_[at(node)]; rank >= 0) hessian_.has(rank, rank);
   hessian_.finish();
   const auto find = [&](const auto& forms, BlockPlaces& blocks) {
     blocks.assign(forms.size(), {});
@@ -299,6 +301,7 @@ void BoundaryEnergy::move_between(const Places& start, const Places& end, std::s
       [&](const Owner& owner, const EntityNode& from) {
         const auto entity = at(owner.entity), place = at(owner.place);
         const EntityNode& to = (owner.dimension == 1 ? end.curves : end.surfaces)[entity][place];
+        if (parts[at(from.node)] == 1) return to;
         const Eigen::Vector3d x = from.x + parts[at(from.node)] * (to.x - from.x);
         return owner.dimension == 1 ? curves_[entity]->put(from, x) : surfaces_[entity]->put(from, x);
       },

@@ -120,6 +120,7 @@ class Descent {
       if (allowed) break;
       const CoupledState end = newton_.state();
       for (const double part : kParts) {
+        if (is_late()) break;
         newton_.put_between(start.state, end, std::vector<double>(end.coordinates.size() / 3, part));
         gains();
       }
@@ -214,10 +215,9 @@ DistanceLimit larger(const DistanceLimit& a, const DistanceLimit& b) {
 }
 
 /// Whether the nodes go back to where bottom-up sliding has left them.
-bool is_worse(const HighOrderMesh& mesh, const Judged& all, const Judged& inside, bool splits_follow,
-              const Team& team) {
+bool is_worse(const HighOrderMesh& mesh, const Judged& all, const Judged& inside, const Team& team) {
   if (all.left > inside.left || all.weak > inside.weak) return true;
-  if (all.weak < inside.weak) return splits_follow && all.left > 0 && 2 * all.weak > inside.weak;
+  if (all.weak < inside.weak) return false;
   if (all.left < inside.left) return all.left > 0;
   const ScaledJacobians now = scaled_jacobians(mesh, all.state.coordinates, team);
   const ScaledJacobians before = scaled_jacobians(mesh, inside.state.coordinates, team);
@@ -274,7 +274,7 @@ SlideReport slide_coupled(HighOrderMesh& mesh, Association& association, const s
   });
   using Outcome = CoupledReport::Outcome;
   coupled = {all ? Outcome::NoBetter : Outcome::TooFar, descent->steps(), inside->left, inside->left};
-  if (!all || is_worse(mesh, *all, *inside, limits.splits_follow, team)) return report;
+  if (!all || is_worse(mesh, *all, *inside, team)) return report;
   coupled.outcome = Outcome::Taken;
   coupled.left_after = all->left;
   team.run([&] { descent->take(all->state); });

@@ -31,9 +31,9 @@ struct CoupledReport {
 /// How far and how long all nodes may move together.
 struct CoupledLimits {
   double tolerance = 0;  ///< Of the distances, in the mesh's unit of length; 0: twice those of the mesh as it came.
-  /// After this many seconds no further step begins, and the best state so far is taken. 0: no limit.
+  /// After this many seconds no further step begins. What was reached is held back within the limits of distance once,
+  /// and the best state so far is taken. 0: no limit.
   double seconds = 0;
-  bool splits_follow = false;  ///< The mesh is repaired by splits afterwards, for which weak cells leave no room.
 };
 
 /// slide() with SlideOn::All, and then Newton's method for all nodes together (coupled_newton.h), with the targets of
@@ -54,8 +54,7 @@ struct CoupledLimits {
 /// The nodes go back to where bottom-up sliding has left them if that leaves fewer weak cells or fewer that are not
 /// certified valid, or as many of both with a larger smallest and mean scaled Jacobian, each after nodes inside the
 /// mesh have moved. They also go back if as many cells are weak and some are not certified valid: that a few of them
-/// are hardly valid now is worth nothing, and would keep a split from making room. If splits follow, more than half of
-/// the weak cells must have gone for the same reason, unless all are certified valid. Nodes of the boundary lie on
+/// are hardly valid now is worth nothing, and would keep a split from making room. Nodes of the boundary lie on
 /// their entity afterwards, up to rounding. The result does not depend on the number of threads, unless the seconds end
 /// it. Do not call it inside team.run().
 ///

@@ -14,6 +14,7 @@ constexpr double kAtMost = 0.9;
 constexpr double kIfFolded = 0.5;
 /// If the rms distance is too large, the largest distance of an element falls in proportion, at most to this.
 constexpr double kLeastFall = 0.5;
+constexpr double kRounding = 1e-9;
 
 using Element = BoundaryEnergy::Element;
 
@@ -24,10 +25,10 @@ Distances sum(const std::vector<Element>& elements, bool on_surfaces) {
   return sum;
 }
 
-/// How much of the way that an element went it may go.
+/// How much of the way that an element went it may go. Where it was it may stay, up to rounding.
 double share(const Element& start, const Element& now, double most) {
   double share = !start.is_folded && now.is_folded ? kIfFolded : 1;
-  if (now.distances.largest > most) {
+  if (now.distances.largest > std::max(most, (1 + kRounding) * start.distances.largest)) {
     const double room = std::max(0.0, most - start.distances.largest);
     share = std::min({share, kAtMost, room / (now.distances.largest - std::min(start.distances.largest, most))});
   }
@@ -40,6 +41,7 @@ bool hold_back(const CoupledState& start, const CoupledState& end, const Distanc
                const DistanceLimit& curves, CoupledNewton& newton, BoundaryEnergy& boundary) {
   newton.restore(start);
   const std::vector<Element> first = boundary.elements(start.coordinates);
+  if (!surfaces.allows(sum(first, true)) || !curves.allows(sum(first, false))) return false;
   std::vector<double> parts(start.coordinates.size() / 3, 1);
   double most_on_surfaces = surfaces.largest, most_on_curves = curves.largest;
   for (int k = 0; k < kMostTries; ++k) {

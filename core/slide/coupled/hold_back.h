@@ -13,10 +13,12 @@ struct DistanceLimit {
 
 /// Puts the nodes between two states, each as far as the limits allow. A node goes the whole way, unless an element of
 /// the boundary at it would exceed the largest distance, or be folded and was not at the start. The nodes of such an
-/// element go a smaller part of the way, until it no longer does. If the rms distance is too large, the largest one
-/// that an element may have becomes smaller. Nodes inside the mesh go the whole way.
+/// element go smaller and smaller parts of the way, until the element keeps the limit and is not folded. If the rms
+/// distance is too large, the largest one that an element may have becomes smaller, but an element may stay as far as
+/// it is at the start. Nodes inside the mesh go the whole way.
 ///
-/// Returns whether the limits hold; then the nodes of `newton` and `boundary` are there.
+/// Returns whether the limits hold; then the nodes of `newton` and `boundary` are there. Otherwise, as if the start
+/// exceeds the limits, they are somewhere between the states.
 bool hold_back(const CoupledState& start, const CoupledState& end, const DistanceLimit& surfaces,
                const DistanceLimit& curves, CoupledNewton& newton, BoundaryEnergy& boundary);
 

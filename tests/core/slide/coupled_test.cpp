@@ -230,7 +230,12 @@ TEST(CoupledEnergies, HaveTheGradientsThatDifferencesHave) {
     volume.linearise(false, gradient, blocks);
     const auto directions = boundary.directions();
     const auto& hessian = boundary.linearise(kDelta, kWeight, false, directions, gradient);
-    EXPECT_GT(hessian.nonZeros(), 0);
+    EXPECT_GT(hessian.norm(), 0);
+    const Eigen::SparseMatrix<double, Eigen::RowMajor> first = hessian;
+    std::vector<double> again;
+    volume.linearise(false, again, blocks);
+    EXPECT_EQ((boundary.linearise(kDelta, kWeight, false, directions, again) - first).norm(), 0);
+    EXPECT_LT((first - Eigen::SparseMatrix<double, Eigen::RowMajor>(first.transpose())).norm(), 1e-9 * first.norm());
     std::vector<double> step(gradient.size());
     double slope = 0;
     for (std::size_t rank = 0; rank < volume.nodes().size(); ++rank) {
