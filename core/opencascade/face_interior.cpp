@@ -17,8 +17,8 @@ constexpr int kFewQuestions = 500;       // as long as there are no more, a grid
 constexpr std::int32_t kCells = 256;     // per direction
 constexpr std::int32_t kMostMargin = 8;  // in cells; with a larger one most of them would be near the boundary
 constexpr int kFirstPieces = 32;         // of a curve, so that a closed one is not taken for a point
-constexpr int kLeastPerSpan = 8;
-constexpr int kMostHalvings = 12;  // of a piece
+constexpr int kLeastPerSpan = 8;         // pieces between two knots of a spline
+constexpr int kMostHalvings = 12;        // of a piece
 
 }  // namespace
 

@@ -21,10 +21,8 @@ void BoundaryHessian::finish() {
 }
 
 BoundaryHessian::Place BoundaryHessian::place(std::int32_t row, std::int32_t column) const {
-  const int* const columns = matrix_.innerIndexPtr();
-  const int *const begin = columns + matrix_.outerIndexPtr()[3 * row], *const end =
-                                                                           columns +
-                                                                           matrix_.outerIndexPtr()[3 * row + 1];
+  const int* const begin = matrix_.innerIndexPtr() + matrix_.outerIndexPtr()[3 * row];
+  const int* const end = matrix_.innerIndexPtr() + matrix_.outerIndexPtr()[3 * row + 1];
   const int* const found = std::lower_bound(begin, end, 3 * column);
   assert(found != end && *found == 3 * column);
   return static_cast<Place>(found - begin);

@@ -29,24 +29,22 @@ std::int64_t BoundaryEnergy::folded() const {
 }
 
 std::vector<BoundaryEnergy::Element> BoundaryEnergy::elements(const std::vector<double>& coordinates) const {
-  std::vector<std::vector<Element>> on_curves(curves_.size()), on_surfaces(surfaces_.size());
-  team_.for_each(static_cast<std::int32_t>(curves_.size()), 1, [&](std::int32_t c) {
-    for (std::size_t e = 0; curves_[at(c)] && e < curve_elements_[at(c)].size(); ++e)
-      on_curves[at(c)].push_back(
-          {curve_elements_[at(c)][e].nodes, false, curves_[at(c)]->is_folded(e),
-           curve_distances(*association_.geometry.curves[at(c)].shape, {&curve_elements_[at(c)][e], 1}, order_,
-                           curves_[at(c)]->nodes(), coordinates)});
-  });
-  team_.for_each(static_cast<std::int32_t>(surfaces_.size()), 1, [&](std::int32_t s) {
-    for (std::size_t e = 0; surfaces_[at(s)] && e < surface_elements_[at(s)].size(); ++e)
-      on_surfaces[at(s)].push_back(
-          {surface_elements_[at(s)][e].nodes, true, surfaces_[at(s)]->is_folded(e),
-           surface_distances(*association_.geometry.surfaces[at(s)].shape, {&surface_elements_[at(s)][e], 1}, order_,
-                             surfaces_[at(s)]->nodes(), coordinates)});
-  });
   std::vector<Element> all;
-  for (const auto* entities : {&on_curves, &on_surfaces})
-    for (const std::vector<Element>& entity : *entities) all.insert(all.end(), entity.begin(), entity.end());
+  const auto add = [&](const auto& forms, const auto& elements, bool are_on_surfaces, const auto& distances) {
+    std::vector<std::vector<Element>> of(forms.size());
+    team_.for_each(static_cast<std::int32_t>(forms.size()), 1, [&](std::int32_t i) {
+      for (std::size_t e = 0; forms[at(i)] && e < elements[at(i)].size(); ++e)
+        of[at(i)].push_back({elements[at(i)][e].nodes, are_on_surfaces, forms[at(i)]->is_folded(e),
+                             distances(at(i), std::span(&elements[at(i)][e], 1), forms[at(i)]->nodes())});
+    });
+    for (const std::vector<Element>& entity : of) all.insert(all.end(), entity.begin(), entity.end());
+  };
+  add(curves_, curve_elements_, false, [&](std::size_t c, std::span<const EntityElement> one, const auto& nodes) {
+    return curve_distances(*association_.geometry.curves[c].shape, one, order_, nodes, coordinates);
+  });
+  add(surfaces_, surface_elements_, true, [&](std::size_t s, std::span<const EntityElement> one, const auto& nodes) {
+    return surface_distances(*association_.geometry.surfaces[s].shape, one, order_, nodes, coordinates);
+  });
   return all;
 }
 

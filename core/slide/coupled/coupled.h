@@ -31,7 +31,7 @@ struct CoupledReport {
 /// How far and how long all nodes may move together.
 struct CoupledLimits {
   double tolerance = 0;  ///< Of the distances, in the mesh's unit of length; 0: twice those of the mesh as it came.
-  /// After this many seconds no further step begins. What was reached is held back within the limits of distance once,
+  /// After this many seconds no further step begins. The last state is then held back within the limits of distance,
   /// and the best state so far is taken. 0: no limit.
   double seconds = 0;
 };

@@ -14,7 +14,7 @@ constexpr double kAtMost = 0.9;
 constexpr double kIfFolded = 0.5;
 /// If the rms distance is too large, the largest distance of an element falls in proportion, at most to this.
 constexpr double kLeastFall = 0.5;
-constexpr double kRounding = 1e-9;
+constexpr double kRounding = 1e-9;  // distances that differ by less, relative to themselves, are equal
 
 using Element = BoundaryEnergy::Element;
 
@@ -25,7 +25,7 @@ Distances sum(const std::vector<Element>& elements, bool on_surfaces) {
   return sum;
 }
 
-/// How much of the way that an element went it may go. Where it was it may stay, up to rounding.
+/// The part that an element may go of the way that it went. It may always stay where it was at the start.
 double share(const Element& start, const Element& now, double most) {
   double share = !start.is_folded && now.is_folded ? kIfFolded : 1;
   if (now.distances.largest > std::max(most, (1 + kRounding) * start.distances.largest)) {

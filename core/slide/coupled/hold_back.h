@@ -17,8 +17,8 @@ struct DistanceLimit {
 /// distance is too large, the largest one that an element may have becomes smaller, but an element may stay as far as
 /// it is at the start. Nodes inside the mesh go the whole way.
 ///
-/// Returns whether the limits hold; then the nodes of `newton` and `boundary` are there. Otherwise, as if the start
-/// exceeds the limits, they are somewhere between the states.
+/// Returns whether the limits hold; then the nodes of `newton` and `boundary` are there. If it finds no such state, for
+/// example because the start exceeds the limits, the nodes are somewhere between the two states.
 bool hold_back(const CoupledState& start, const CoupledState& end, const DistanceLimit& surfaces,
                const DistanceLimit& curves, CoupledNewton& newton, BoundaryEnergy& boundary);
 

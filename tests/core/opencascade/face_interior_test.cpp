@@ -109,7 +109,7 @@ TEST(FaceInterior, ThreadsMayShareIt) {
   const TopoDS_Shape plate = bored_plate();
   for (TopExp_Explorer faces(plate, TopAbs_FACE); faces.More(); faces.Next()) {
     const Bounds bounds(faces.Current());
-    const FaceInterior shared = bounds.interior(), alone = bounds.interior();
+    const FaceInterior shared = bounds.interior(), own = bounds.interior();
     const auto count = [&](const FaceInterior& interior) {
       int count = 0;
       for (int i = 0; i < 100; ++i)
@@ -124,7 +124,8 @@ TEST(FaceInterior, ThreadsMayShareIt) {
     std::vector<std::thread> threads;
     for (int& each : counts) threads.emplace_back([&] { each = count(shared); });
     for (std::thread& thread : threads) thread.join();
-    for (const int each : counts) EXPECT_EQ(each, count(alone));
+    const int expected = count(own);
+    for (const int found : counts) EXPECT_EQ(found, expected);
   }
 }
 

@@ -151,20 +151,33 @@ TEST(Coupled, RefusesWhatDoesNotGoTogether) {
   EXPECT_NE(sentence(options).find("goes only with"), std::string::npos);
 }
 
+/// The energies of a mesh of the cylinder whose nodes all move. Make it inside team.run().
+struct Energies {
+  std::vector<bool> none;
+  Association association;
+  std::vector<std::vector<detail::EntityElement>> curves, surfaces;
+  detail::BoundaryEnergy boundary;
+  detail::VolumeEnergy volume;
+
+  Energies(const HighOrderMesh& mesh, const Team& team)
+      : none(mesh.node_count(), false),
+        association(associate(mesh, solid_cylinder(), team).value()),
+        curves(detail::curve_elements(mesh, association)),
+        surfaces(detail::surface_elements(mesh, association)),
+        boundary({association, curves, surfaces, mesh.order, mesh.coordinates, mesh.coordinates, none}, team),
+        volume(mesh, none, team) {
+    boundary.prepare(mesh, volume.volumes(), volume.nodes(), volume.diagonal());
+  }
+};
+
 /// All nodes move some steps. Then only those of elements that exceed a limit of distance are held back.
 TEST(CoupledHoldBack, HoldsOnlyTheNodesThatExceedTheLimit) {
   const HighOrderMesh mesh = DiscMesh(2, 3).mesh();
   const Team team(2);
   team.run([&] {
-    auto association = associate(mesh, solid_cylinder(), team);
-    ASSERT_TRUE(association);
-    const auto curves = detail::curve_elements(mesh, *association);
-    const auto surfaces = detail::surface_elements(mesh, *association);
-    const std::vector<bool> none(mesh.node_count(), false);
-    detail::BoundaryEnergy boundary(
-        {*association, curves, surfaces, mesh.order, mesh.coordinates, mesh.coordinates, none}, team);
-    detail::VolumeEnergy volume(mesh, none, team);
-    boundary.prepare(mesh, volume.volumes(), volume.nodes(), volume.diagonal());
+    Energies energies(mesh, team);
+    detail::BoundaryEnergy& boundary = energies.boundary;
+    detail::VolumeEnergy& volume = energies.volume;
     detail::CoupledNewton newton(volume, boundary, mesh.coordinates, team);
     const detail::CoupledState start = newton.state();
     const auto before = boundary.distance(newton.coordinates());
@@ -213,15 +226,9 @@ TEST(CoupledEnergies, HaveTheGradientsThatDifferencesHave) {
   const HighOrderMesh mesh = DiscMesh(1, 3).mesh();
   const Team team(1);
   team.run([&] {
-    auto association = associate(mesh, solid_cylinder(), team);
-    ASSERT_TRUE(association);
-    const auto curves = detail::curve_elements(mesh, *association);
-    const auto surfaces = detail::surface_elements(mesh, *association);
-    const std::vector<bool> none(mesh.node_count(), false);
-    detail::BoundaryEnergy boundary(
-        {*association, curves, surfaces, mesh.order, mesh.coordinates, mesh.coordinates, none}, team);
-    detail::VolumeEnergy volume(mesh, none, team);
-    boundary.prepare(mesh, volume.volumes(), volume.nodes(), volume.diagonal());
+    Energies energies(mesh, team);
+    detail::BoundaryEnergy& boundary = energies.boundary;
+    detail::VolumeEnergy& volume = energies.volume;
     constexpr double kDelta = 0.5, kWeight = 2;
     volume.set_delta(kDelta);
     volume.energy(mesh.coordinates);
