@@ -25,11 +25,23 @@ inline std::unique_ptr<DirectoryMeshStore> new_store(std::function<Time()> clock
   return std::move(*DirectoryMeshStore::create(::testing::TempDir(), settings_with(std::move(clock))));
 }
 
-/// Writes a result and returns its digest and size.
+/// Writes a result and returns its digest and size. If the store refuses it, the test fails, and the digest says why.
 inline StoredBytes write(MeshStore& store, const std::string& bytes) {
-  auto writer = std::move(*store.create());
-  EXPECT_TRUE(writer->append(bytes));
-  return *writer->commit();
+  const auto refused = [](const auto& answer) {
+    ADD_FAILURE() << answer.error().sentence;
+    return StoredBytes{answer.error().sentence, 0};
+  };
+  const auto writer = store.create();
+  if (!writer) return refused(writer);
+  EXPECT_TRUE((*writer)->append(bytes));
+  const auto stored = (*writer)->commit();
+  return stored ? *stored : refused(stored);
+}
+
+/// Returns the bytes of a stored mesh; a sentence if the store refuses them.
+inline std::string read_whole(MeshStore& store, const std::string& digest) {
+  const auto opened = store.open(digest);
+  return opened ? std::string((*opened)->bytes()) : opened.error().sentence;
 }
 
 /// Text that compresses well.

@@ -33,7 +33,7 @@ std::shared_ptr<S3Client> InBucket::client_at(int port, const std::string& secre
   settings.credentials = [secret]() -> Expected<S3Credentials> {
     return S3Credentials{bucket_server().key_id, secret, ""};
   };
-  settings.stalled = std::chrono::seconds(2);
+  settings.stalled = stalled;
   return std::make_shared<S3Client>(std::move(settings));
 }
 

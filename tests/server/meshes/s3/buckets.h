@@ -35,7 +35,9 @@ class InBucket : public SharedPlace {
   /// For copies of meshes, of each store another one.
   std::string new_directory();
 
-  S3Patience patience{20'000};
+  /// Long, since the machine may be busy with other tests.
+  S3Patience patience{60'000};
+  std::chrono::seconds stalled{10};  ///< S3Settings::stalled
   std::int64_t max_cache_bytes = 1 << 30;
 
  private:
