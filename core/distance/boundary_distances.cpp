@@ -106,7 +106,7 @@ class Measuring {
       }
       row.result.*distance = {sum.largest, sum.rms()};
       row.result.*folded = detail::slide_on_surface(row.surface, row.elements, mesh_.order, association_,
-                                                    mesh_.coordinates, nodes, 0, team_.stop())
+                                                    mesh_.coordinates, nodes, 0, team_)
                                .folded_before;
     });
   }

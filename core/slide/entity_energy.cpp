@@ -3,10 +3,12 @@
 #include <Eigen/Geometry>
 #include <Eigen/LU>
 #include <Eigen/QR>
+#include <algorithm>
 #include <cmath>
 #include <limits>
 
 #include "core/energy/hyperelastic-inl.h"
+#include "core/kernels/dense_product.h"
 
 namespace varimesh::detail {
 namespace {
@@ -27,13 +29,21 @@ constexpr double kFlat = 1e-6;
 
 }  // namespace
 
-/// One point of an element.
+/// All points of one element. Products of whole matrices are several times as fast as those point by point.
 template <int d>
-struct EntityEnergy<d>::Point {
-  double weight, J;
-  Eigen::Matrix<double, 3, d> F;
-  Eigen::Vector3d normal;
-  Eigen::Matrix<double, d, Eigen::Dynamic> slopes;  ///< By node: R⁻ᵀ ∇φ.
+struct EntityEnergy<d>::Points {
+  Vectors F[d];          ///< By column of F: 3 × points.
+  Vectors normal;        ///< 3 × points.
+  Eigen::VectorXd Q, J;  ///< By point: |F|², J.
+};
+
+/// What the derivatives are made of: a sum over the directions k of the reference element and over the points, of a
+/// term with ∂φ/∂ξ_k.
+template <int d>
+struct EntityEnergy<d>::Terms {
+  Vectors slope[d];                 ///< Of the gradient: 3 × points.
+  Vectors volume[d];                ///< Of the changes of J, with the root of their factor in the Hessian: 3 × points.
+  Eigen::VectorXd stiffness[d][d];  ///< Of the Hessian's multiples of I: by point.
 };
 
 template <int d>
@@ -71,70 +81,113 @@ EntityEnergy<d>::EntityEnergy(const std::vector<EntityElement>& elements, int or
 }
 
 template <int d>
-template <class Visit>
-void EntityEnergy<d>::visit(std::size_t element, const Vectors& x, const Vectors& normal, const Visit& visit) const {
+typename EntityEnergy<d>::Points EntityEnergy<d>::points(std::size_t element, const Vectors& x,
+                                                         const Vectors& normal) const {
   const EntityTable& table = *tables_[element];
-  Point point;
-  for (Eigen::Index p = 0; p < table.weights.size(); ++p) {
-    const Eigen::Matrix<double, d, d>& inverse = inverse_[element][static_cast<std::size_t>(p)];
-    if (inverse.isZero(0)) continue;
-    Eigen::Matrix<double, d, Eigen::Dynamic> basis(d, x.cols());
-    for (int k = 0; k < d; ++k) basis.row(k) = table.derivatives[static_cast<std::size_t>(k)].row(p);
-    point.weight = measure_[element] * table.weights[p];
-    point.slopes = inverse.transpose() * basis;
-    point.F = x * point.slopes.transpose();
-    point.normal = (normal * table.values.row(p).transpose()).normalized();
+  const std::vector<Eigen::Matrix<double, d, d>>& inverse = inverse_[element];
+  Points all;
+  for (int k = 0; k < d; ++k) all.F[k].noalias() = x * table.by_node[static_cast<std::size_t>(k)];
+  all.normal.noalias() = normal * table.values.transpose();
+  const Eigen::Index count = table.weights.size();
+  all.Q.resize(count);
+  all.J.resize(count);
+  for (Eigen::Index p = 0; p < count; ++p) {
+    Eigen::Matrix<double, 3, d> F;
+    for (int k = 0; k < d; ++k) F.col(k) = all.F[k].col(p);
+    F *= inverse[static_cast<std::size_t>(p)];
+    for (int k = 0; k < d; ++k) all.F[k].col(p) = F.col(k);
+    all.normal.col(p).normalize();
+    all.Q[p] = F.squaredNorm();
     if constexpr (d == 1)
-      point.J = point.normal.dot(point.F.col(0));
+      all.J[p] = all.normal.col(p).dot(F.col(0));
     else
-      point.J = point.normal.dot(point.F.col(0).cross(point.F.col(1)));
-    if (!visit(point)) return;
+      all.J[p] = all.normal.col(p).dot(F.col(0).cross(F.col(1)));
   }
+  return all;
 }
 
 template <int d>
 typename EntityEnergy<d>::Value EntityEnergy<d>::value(std::size_t element, const Vectors& x, const Vectors& normal,
                                                        double delta) const {
   const Energy<d> energy(material_);
+  const Points all = points(element, x, normal);
   Value value{0, std::numeric_limits<double>::infinity()};
-  visit(element, x, normal, [&](const Point& point) {
-    value.least = std::min(value.least, point.J);
-    if (point.J <= 0 && delta == 0)
+  for (Eigen::Index p = 0; p < all.J.size(); ++p) {
+    if (is_left_out(element, p)) continue;
+    const double J = all.J[p];
+    value.least = std::min(value.least, J);
+    if (J <= 0 && delta == 0)
       value.energy = std::numeric_limits<double>::infinity();
     else
-      value.energy += point.weight * energy.value(point.F.squaredNorm(), regularised<d>(point.J, delta));
-    return true;
-  });
+      value.energy += weight(element, p) * energy.value(all.Q[p], regularised<d>(J, delta));
+  }
   return value;
 }
 
-// Node a moves by the vector a: F changes by a ⊗ g, and J by a · c with c = g N on a curve and
-// c = g₁ (f₂ × N) + g₂ (N × f₁) on a surface.
+// Node a moves by the vector a: F changes by a ⊗ g with g = R⁻ᵀ ∇φ, and J by a · c with c = C g, where C = N on a curve
+// and C = (f₂ × N, N × f₁) on a surface. Per point, with the weight w,
+//
+//     gradient:  w (2 f_Q F + f_J C) g,      Hessian:  2 w f_Q (g_a · g_b) I + w f_JJ c_a ⊗ c_b.
+template <int d>
+typename EntityEnergy<d>::Terms EntityEnergy<d>::terms(std::size_t element, const Points& all, double delta) const {
+  const Energy<d> energy(material_);
+  const Eigen::Index count = all.J.size();
+  Terms terms;
+  for (int k = 0; k < d; ++k) {
+    terms.slope[k].setZero(3, count);
+    terms.volume[k].setZero(3, count);
+    for (int l = 0; l < d; ++l) terms.stiffness[k][l].setZero(count);
+  }
+  for (Eigen::Index p = 0; p < count; ++p) {
+    if (is_left_out(element, p)) continue;
+    Eigen::Matrix<double, 3, d> F, C;
+    for (int k = 0; k < d; ++k) F.col(k) = all.F[k].col(p);
+    const Eigen::Vector3d N = all.normal.col(p);
+    if constexpr (d == 1)
+      C = N;
+    else
+      C << F.col(1).cross(N), N.cross(F.col(0));
+    const auto partials = energy.partials(all.Q[p], regularised<d>(all.J[p], delta));
+    const double w = weight(element, p);
+    const Eigen::Matrix<double, d, d>& inverse = inverse_[element][static_cast<std::size_t>(p)];
+    const Eigen::Matrix<double, 3, d> slope = w * (2 * partials.f_Q * F + partials.f_J * C) * inverse.transpose();
+    const Eigen::Matrix<double, 3, d> volume = std::sqrt(w * std::max(partials.f_JJ, 0.0)) * C * inverse.transpose();
+    const Eigen::Matrix<double, d, d> stiffness = 2 * w * partials.f_Q * inverse * inverse.transpose();
+    for (int k = 0; k < d; ++k) {
+      terms.slope[k].col(p) = slope.col(k);
+      terms.volume[k].col(p) = volume.col(k);
+      for (int l = 0; l < d; ++l) terms.stiffness[k][l][p] = stiffness(k, l);
+    }
+  }
+  return terms;
+}
+
 template <int d>
 void EntityEnergy<d>::derivatives(std::size_t element, const Vectors& x, const Vectors& normal, double delta,
                                   Eigen::VectorXd& gradient, Eigen::MatrixXd& hessian) const {
-  const Energy<d> energy(material_);
-  const Eigen::Index nodes = x.cols();
+  const std::vector<Eigen::MatrixXd>& basis = tables_[element]->by_node;
+  const Terms of = terms(element, points(element, x, normal), delta);
+  const Eigen::Index nodes = x.cols(), count = of.slope[0].cols();
   gradient.setZero(3 * nodes);
   hessian.setZero(3 * nodes, 3 * nodes);
-  Vectors c(3, nodes);
-  visit(element, x, normal, [&](const Point& point) {
-    const auto partials = energy.partials(point.F.squaredNorm(), regularised<d>(point.J, delta));
-    if constexpr (d == 1)
-      c = point.normal * point.slopes;
-    else
-      c = point.F.col(1).cross(point.normal) * point.slopes.row(0) +
-          point.normal.cross(point.F.col(0)) * point.slopes.row(1);
-    const Vectors y = point.F * point.slopes;
-    gradient += point.weight *
-                Eigen::Map<const Eigen::VectorXd>(Vectors(2 * partials.f_Q * y + partials.f_J * c).data(), 3 * nodes);
-    const Eigen::MatrixXd stiff = (2 * point.weight * partials.f_Q) * point.slopes.transpose() * point.slopes;
-    for (Eigen::Index i = 0; i < nodes; ++i)
-      for (Eigen::Index j = 0; j < nodes; ++j) hessian.block<3, 3>(3 * i, 3 * j).diagonal().array() += stiff(i, j);
-    const Eigen::Map<const Eigen::VectorXd> all(c.data(), 3 * nodes);
-    hessian.noalias() += (point.weight * std::max(partials.f_JJ, 0.0)) * all * all.transpose();
-    return true;
-  });
+  Eigen::Map<Vectors> by_node(gradient.data(), 3, nodes);
+  Eigen::MatrixXd stiff = Eigen::MatrixXd::Zero(nodes, nodes), changes = Eigen::MatrixXd::Zero(3 * nodes, count);
+  for (int k = 0; k < d; ++k) {
+    const Eigen::MatrixXd& along = basis[static_cast<std::size_t>(k)];
+    by_node.noalias() += of.slope[k] * along.transpose();
+    Eigen::MatrixXd scaled = along * of.stiffness[k][k].asDiagonal();
+    // Twice the half above k, for the lower triangle of the sum with its transpose.
+    for (int l = k + 1; l < d; ++l)
+      scaled += 2 * (basis[static_cast<std::size_t>(l)] * of.stiffness[k][l].asDiagonal());
+    add_product(along, scaled, stiff.data(), nodes, Entries::All);
+    for (Eigen::Index p = 0; p < count; ++p)
+      Eigen::Map<Vectors>(changes.col(p).data(), 3, nodes).noalias() += of.volume[k].col(p) * along.col(p).transpose();
+  }
+  add_product(changes, changes, hessian.data(), 3 * nodes, Entries::Lower);
+  for (Eigen::Index a = 0; a < nodes; ++a)
+    for (Eigen::Index b = 0; b <= a; ++b)
+      hessian.block<3, 3>(3 * a, 3 * b).diagonal().array() += (stiff(a, b) + stiff(b, a)) / 2;
+  hessian.triangularView<Eigen::StrictlyUpper>() = hessian.transpose();
 }
 
 template class EntityEnergy<1>;

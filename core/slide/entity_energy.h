@@ -52,9 +52,16 @@ class EntityEnergy {
   double spacing(std::size_t element) const { return spacing_[element]; }
 
  private:
-  struct Point;
-  template <class Visit>
-  void visit(std::size_t element, const Vectors& x, const Vectors& normal, const Visit& visit) const;
+  struct Points;
+  struct Terms;
+  Points points(std::size_t element, const Vectors& x, const Vectors& normal) const;
+  Terms terms(std::size_t element, const Points& all, double delta) const;
+  bool is_left_out(std::size_t element, Eigen::Index point) const {
+    return inverse_[element][static_cast<std::size_t>(point)].isZero(0);
+  }
+  double weight(std::size_t element, Eigen::Index point) const {
+    return measure_[element] * tables_[element]->weights[point];
+  }
 
   Material material_;
   std::vector<const EntityTable*> tables_;                         ///< By element.

@@ -218,10 +218,18 @@ void EntityForm<d>::derivatives(std::size_t element, double delta, Eigen::Vector
 }
 
 template <int d>
-typename EntityForm<d>::Value EntityForm<d>::total(double delta) const {
+std::vector<typename EntityForm<d>::Value> EntityForm<d>::values(double delta, const Team& team) const {
+  std::vector<Value> values(elements_.size());
+  team.for_each(static_cast<std::int32_t>(values.size()), kGrain, [&](std::int32_t e) {
+    values[static_cast<std::size_t>(e)] = value(static_cast<std::size_t>(e), delta);
+  });
+  return values;
+}
+
+template <int d>
+typename EntityForm<d>::Value EntityForm<d>::total(double delta, const Team& team) const {
   Value sum{0, std::numeric_limits<double>::infinity()};
-  for (std::size_t e = 0; e < elements_.size(); ++e) {
-    const Value one = value(e, delta);
+  for (const Value& one : values(delta, team)) {
     sum.energy += one.energy;
     sum.least = std::min(sum.least, one.least);
   }
@@ -229,10 +237,8 @@ typename EntityForm<d>::Value EntityForm<d>::total(double delta) const {
 }
 
 template <int d>
-std::int64_t EntityForm<d>::folded() const {
-  std::int64_t count = 0;
-  for (std::size_t e = 0; e < elements_.size(); ++e) count += is_folded(e) ? 1 : 0;
-  return count;
+std::int64_t EntityForm<d>::folded(const Team& team) const {
+  return std::ranges::count_if(values(1, team), [](const Value& value) { return value.least <= 0; });
 }
 
 template <int d>

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "core/association/association.h"
+#include "core/base/team.h"
 #include "core/slide/entity_energy.h"
 
 namespace varimesh::detail {
@@ -35,6 +36,8 @@ class EntityForm {
  public:
   using Vectors = typename EntityEnergy<d>::Vectors;
   using Value = typename EntityEnergy<d>::Value;
+  /// Elements that a thread takes at a time.
+  static constexpr std::int32_t kGrain = 8;
 
   /// @param entity    the curve or surface
   /// @param elements  must outlive the object
@@ -77,13 +80,14 @@ class EntityForm {
   void derivatives(std::size_t element, double delta, Eigen::VectorXd& gradient, Eigen::MatrixXd& hessian) const;
   /// The area or length of the straight-sided element as it came.
   double measure(std::size_t element) const { return energy_.measure(element); }
-  /// The energy of all elements, and their smallest J.
-  Value total(double delta) const;
+  /// The energy of all elements, and their smallest J. The sum has the order of the elements for any number of threads.
+  Value total(double delta, const Team& team) const;
   /// Elements with J ≤ 0 at a point.
-  std::int64_t folded() const;
+  std::int64_t folded(const Team& team) const;
   bool is_folded(std::size_t element) const { return value(element, 1).least <= 0; }
 
  private:
+  std::vector<Value> values(double delta, const Team& team) const;
   void orient();
   double mean_sign(std::size_t element) const;
   Vectors positions(std::size_t element) const;

@@ -17,11 +17,13 @@ constexpr double kConverged = 1e-3;
 constexpr double kDecay = 0.85, kSlowDecay = 0.9;
 /// Added to the Hessian's diagonal, relative to its mean: a closed surface may turn in itself at no cost.
 constexpr double kShift = 1e-8;
+/// How many elements' derivatives are kept at once.
+constexpr std::size_t kBatch = 256;
 
 template <int d>
 class EntityNewton {
  public:
-  EntityNewton(EntityForm<d> form, const StopToken* stop) : form_(std::move(form)), stop_(stop) {}
+  EntityNewton(EntityForm<d> form, const Team& team) : form_(std::move(form)), team_(team) {}
 
   EntitySlide run(std::vector<EntityNode> nodes, int most_iterations) {
     form_.set_nodes(std::move(nodes));
@@ -29,10 +31,10 @@ class EntityNewton {
     if (most_iterations > 0 && unknowns_ > 0) prepare_hessian();
     const std::vector<EntityNode> start = form_.nodes();
     EntitySlide result;
-    result.folded_before = form_.folded();
+    result.folded_before = form_.folded(team_);
     iterate(kDecay, most_iterations, result);
     if (most_iterations > 0 && !(least_ > 0)) iterate(kSlowDecay, 2 * most_iterations, result);
-    result.folded_after = form_.folded();
+    result.folded_after = form_.folded(team_);
     for (std::size_t i = 0; i < start.size(); ++i)
       result.farthest = std::max(result.farthest, (form_.nodes()[i].x - start[i].x).norm() / form_.spacing(i));
     result.nodes = form_.take_nodes();
@@ -43,7 +45,7 @@ class EntityNewton {
   /// Steps until the nodes move no more. While an element is folded, all have the same δ = 0.5 · decay^k in step k.
   void iterate(double decay, int most_iterations, EntitySlide& result) {
     for (int step = 0; step < most_iterations && unknowns_ > 0; ++step) {
-      look(stop_);
+      team_.look();
       const double delta = least_ > 0 ? 0 : 0.5 * std::pow(decay, step);
       const double moved = iterate(delta);
       ++result.iterations;
@@ -60,7 +62,7 @@ class EntityNewton {
       first_[i] = unknowns_;
       unknowns_ += d;
     }
-    least_ = form_.total(0).least;
+    least_ = form_.total(0, team_).least;
   }
 
   /// Calls visit(element, a, b, row, column) for each pair of an element's free nodes a and b whose block lies in the
@@ -107,7 +109,7 @@ class EntityNewton {
   /// One step. Returns the largest movement relative to the distance between nodes; not finite if nothing can be
   /// solved.
   double iterate(double delta) {
-    tangents_.resize(form_.nodes().size());
+    tangents_.assign(form_.nodes().size(), Eigen::Matrix<double, 3, d>::Zero());
     for (std::size_t i = 0; i < tangents_.size(); ++i)
       if (first_[i] >= 0) tangents_[i] = form_.tangents(i);
     assemble(delta);
@@ -126,26 +128,55 @@ class EntityNewton {
     return search(delta, wish);
   }
 
-  /// Sets the gradient and the Hessian by the unknowns.
+  /// The derivatives of one element by its nodes' places on their tangents, d per node.
+  struct Derivatives {
+    Eigen::VectorXd gradient;
+    Eigen::MatrixXd hessian;
+  };
+
+  Derivatives derivatives(std::size_t e, double delta) const {
+    Eigen::VectorXd by_place;
+    Eigen::MatrixXd by_places;
+    form_.derivatives(e, delta, by_place, by_places);
+    const std::vector<std::int32_t>& places = form_.places(e);
+    const auto nodes = static_cast<Eigen::Index>(places.size());
+    Derivatives on_tangents{Eigen::VectorXd(d * nodes), Eigen::MatrixXd(d * nodes, d * nodes)};
+    const auto tangents = [&](Eigen::Index node) -> const Eigen::Matrix<double, 3, d>& {
+      return tangents_[static_cast<std::size_t>(places[static_cast<std::size_t>(node)])];
+    };
+    for (Eigen::Index b = 0; b < nodes; ++b) {
+      on_tangents.gradient.template segment<d>(d * b) = tangents(b).transpose() * by_place.segment<3>(3 * b);
+      for (Eigen::Index a = b; a < nodes; ++a) {
+        const Eigen::Matrix<double, d, d> block =
+            tangents(a).transpose() * by_places.block<3, 3>(3 * a, 3 * b) * tangents(b);
+        on_tangents.hessian.template block<d, d>(d * a, d * b) = block;
+        on_tangents.hessian.template block<d, d>(d * b, d * a) = block.transpose();
+      }
+    }
+    return on_tangents;
+  }
+
+  /// Sets the gradient and the Hessian by the unknowns. The threads share the derivatives of the elements, and one adds
+  /// them up in the order of the elements.
   void assemble(double delta) {
     slope_.setZero(unknowns_);
     std::fill_n(hessian_.valuePtr(), hessian_.nonZeros(), 0.0);
-    Eigen::VectorXd gradient;
-    Eigen::MatrixXd hessian;
-    const auto derive = [&](std::size_t e) {
-      form_.derivatives(e, delta, gradient, hessian);
+    std::vector<Derivatives> batch(std::min(kBatch, form_.size()));
+    const auto next_batch = [&](std::size_t e) {
+      if (e % kBatch == 0)
+        team_.for_each(static_cast<std::int32_t>(std::min(kBatch, form_.size() - e)), EntityForm<d>::kGrain,
+                       [&](std::int32_t i) {
+                         batch[static_cast<std::size_t>(i)] = derivatives(e + static_cast<std::size_t>(i), delta);
+                       });
       const std::vector<std::int32_t>& places = form_.places(e);
       for (std::size_t a = 0; a < places.size(); ++a)
-        if (const auto i = static_cast<std::size_t>(places[a]); first_[i] >= 0)
-          slope_.segment<d>(first_[i]) +=
-              tangents_[i].transpose() * gradient.segment<3>(static_cast<Eigen::Index>(3 * a));
+        if (const Eigen::Index first = first_[static_cast<std::size_t>(places[a])]; first >= 0)
+          slope_.segment<d>(first) += batch[e % kBatch].gradient.template segment<d>(static_cast<Eigen::Index>(d * a));
     };
     auto slot = slots_.begin();
-    for_blocks(derive, [&](std::size_t e, std::size_t a, std::size_t b, Eigen::Index row, Eigen::Index column) {
-      const auto i = static_cast<std::size_t>(form_.places(e)[a]), j = static_cast<std::size_t>(form_.places(e)[b]);
-      const Eigen::Matrix<double, d, d> block =
-          tangents_[i].transpose() *
-          hessian.block<3, 3>(static_cast<Eigen::Index>(3 * a), static_cast<Eigen::Index>(3 * b)) * tangents_[j];
+    for_blocks(next_batch, [&](std::size_t e, std::size_t a, std::size_t b, Eigen::Index row, Eigen::Index column) {
+      const auto block = batch[e % kBatch].hessian.template block<d, d>(static_cast<Eigen::Index>(d * a),
+                                                                        static_cast<Eigen::Index>(d * b));
       for (int c = 0; c < d; ++c) {
         double* value = hessian_.valuePtr() + (*slot)[static_cast<std::size_t>(c)];
         for (int r = row == column ? c : 0; r < d; ++r) *value++ += block(r, c);
@@ -158,7 +189,8 @@ class EntityNewton {
   double search(double delta, const std::vector<Eigen::Vector3d>& wish) {
     std::vector<EntityNode>& nodes = form_.nodes();
     const std::vector<EntityNode> before = nodes;
-    const double energy = form_.total(delta).energy;
+    if (delta_ != delta) value_ = form_.total(delta, team_);
+    const double energy = value_.energy;
     double length = 1;
     for (int half = 0; half < kMostHalvings; ++half, length /= 2) {
       double largest = 0;
@@ -167,10 +199,12 @@ class EntityNewton {
         nodes[i] = form_.moved(before[i], i, length * wish[i]);
         largest = std::max(largest, (nodes[i].x - before[i].x).norm() / form_.spacing(i));
       }
-      const auto value = form_.total(delta);
+      const auto value = form_.total(delta, team_);
       if (!(value.energy < energy) || !std::isfinite(largest)) continue;
       form_.take_normals();
-      least_ = form_.total(delta == 0 ? 1 : delta).least;
+      value_ = form_.total(delta, team_);
+      delta_ = delta;
+      least_ = value_.least;
       return largest;
     }
     nodes = before;
@@ -178,7 +212,7 @@ class EntityNewton {
   }
 
   EntityForm<d> form_;
-  const StopToken* stop_;
+  const Team& team_;
   std::vector<Eigen::Index> first_;  ///< By node: its first unknown; −1 if it is held.
   Eigen::Index unknowns_ = 0;
   std::vector<Eigen::Matrix<double, 3, d>> tangents_;  ///< By node.
@@ -186,22 +220,24 @@ class EntityNewton {
   Eigen::SparseMatrix<double> hessian_;                ///< Its lower triangle.
   std::vector<std::array<std::ptrdiff_t, d>> slots_;   ///< By pair of for_blocks() and column of its block.
   Eigen::SimplicialLDLT<Eigen::SparseMatrix<double>, Eigen::Lower> factors_;
-  double least_ = 0;  ///< Smallest J of all elements.
+  double least_ = 0;                     ///< Smallest J of all elements.
+  typename EntityForm<d>::Value value_;  ///< With delta_, where the nodes are.
+  double delta_ = std::numeric_limits<double>::quiet_NaN();
 };
 
 }  // namespace
 
 EntitySlide slide_on_curve(int curve, const std::vector<EntityElement>& elements, int order,
                            const Association& association, const std::vector<double>& at_start,
-                           std::vector<EntityNode> nodes, int most_iterations, const StopToken* stop) {
-  return EntityNewton<1>(EntityForm<1>(association, curve, elements, order, at_start), stop)
+                           std::vector<EntityNode> nodes, int most_iterations, const Team& team) {
+  return EntityNewton<1>(EntityForm<1>(association, curve, elements, order, at_start), team)
       .run(std::move(nodes), most_iterations);
 }
 
 EntitySlide slide_on_surface(int surface, const std::vector<EntityElement>& elements, int order,
                              const Association& association, const std::vector<double>& at_start,
-                             std::vector<EntityNode> nodes, int most_iterations, const StopToken* stop) {
-  return EntityNewton<2>(EntityForm<2>(association, surface, elements, order, at_start), stop)
+                             std::vector<EntityNode> nodes, int most_iterations, const Team& team) {
+  return EntityNewton<2>(EntityForm<2>(association, surface, elements, order, at_start), team)
       .run(std::move(nodes), most_iterations);
 }
 

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "core/association/association.h"
+#include "core/base/team.h"
 #include "core/slide/entity_form.h"
 
 namespace varimesh::detail {
@@ -27,12 +28,12 @@ struct EntitySlide {
 ///
 /// @param at_start         coordinates of all nodes of the mesh as they came, which set the targets
 /// @param most_iterations  0: only count the folded elements
-/// @param stop             looked at in every iteration, which may throw Interrupted; may be null
+/// @param team             shares the elements of one entity, too; its stop token may throw Interrupted
 EntitySlide slide_on_curve(int curve, const std::vector<EntityElement>& elements, int order,
                            const Association& association, const std::vector<double>& at_start,
-                           std::vector<EntityNode> nodes, int most_iterations, const StopToken* stop);
+                           std::vector<EntityNode> nodes, int most_iterations, const Team& team);
 EntitySlide slide_on_surface(int surface, const std::vector<EntityElement>& elements, int order,
                              const Association& association, const std::vector<double>& at_start,
-                             std::vector<EntityNode> nodes, int most_iterations, const StopToken* stop);
+                             std::vector<EntityNode> nodes, int most_iterations, const Team& team);
 
 }  // namespace varimesh::detail

@@ -105,7 +105,7 @@ class Sliding {
 
   EntitySlide slid(int s, const std::vector<EntityNode>& nodes, int iterations) const {
     return detail::slide_on_surface(s, surface_elements_[index(s)], mesh_.order, association_, at_start_, nodes,
-                                    iterations, team_.stop());
+                                    iterations, team_);
   }
   Distances distances(int s, const std::vector<EntityNode>& nodes, const std::vector<double>& coordinates) const {
     return detail::surface_distances(*association_.geometry.surfaces[index(s)].shape, surface_elements_[index(s)],
@@ -127,8 +127,7 @@ class Sliding {
       curves_[index(c)] = choose(
           start, before, Limit::of(before, association_.allowed_on_curves, index(c)),
           [&](const std::vector<EntityNode>& nodes, int iterations) {
-            return detail::slide_on_curve(c, own, mesh_.order, association_, at_start_, nodes, iterations,
-                                          team_.stop());
+            return detail::slide_on_curve(c, own, mesh_.order, association_, at_start_, nodes, iterations, team_);
           },
           [&](const EntityNode& from, const EntityNode& to, double part) {
             EntityNode node = to;

@@ -7,8 +7,8 @@
 #include <limits>
 #include <type_traits>
 
+#include "core/kernels/dense_product.h"
 #include "core/kernels/p_norm.h"
-#include "core/untangle/dense_product.h"
 
 namespace varimesh {
 namespace {

@@ -5,9 +5,9 @@
 #include <utility>
 
 #include "core/base/index.h"
+#include "core/kernels/dense_product.h"
 #include "core/reference/basis.h"
 #include "core/reference/cache.h"
-#include "core/untangle/dense_product.h"
 #include "core/validity/bernstein.h"
 
 namespace varimesh {

@@ -24,7 +24,7 @@ BoundaryEnergy::Distance BoundaryEnergy::distance(const std::vector<double>& coo
 
 std::int64_t BoundaryEnergy::folded() const {
   std::int64_t count = 0;
-  for (const auto& form : surfaces_) count += form ? form->folded() : 0;
+  for (const auto& form : surfaces_) count += form ? form->folded(team_) : 0;
   return count;
 }
 

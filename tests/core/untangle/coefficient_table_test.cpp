@@ -6,8 +6,8 @@
 #include <numeric>
 #include <random>
 
+#include "core/kernels/dense_product.h"
 #include "core/reference/basis.h"
-#include "core/untangle/dense_product.h"
 #include "tests/core/support/bernstein_cells.h"
 
 namespace varimesh {
