@@ -1,6 +1,7 @@
 #include "client/runs/other_slides.h"
 
 #include <algorithm>
+#include <cstdio>
 #include <filesystem>
 #include <optional>
 #include <utility>
@@ -19,12 +20,15 @@ std::int64_t left(const v1::Job& job) {
   return certified.invalid() + certified.undecided();
 }
 
-std::string left_text(const v1::Job& job) {
-  return left(job) == 1 ? "1 element is not certified valid"
-                        : std::to_string(left(job)) + " elements are not certified valid";
-}
-
 double smallest(const v1::Job& job) { return job.metrics().after().min_scaled_jacobian(); }
+
+std::string left_text(const v1::Job& job) {
+  if (left(job) == 1) return "1 element is not certified valid";
+  if (left(job) > 1) return std::to_string(left(job)) + " elements are not certified valid";
+  char text[80];
+  std::snprintf(text, sizeof text, "The smallest scaled Jacobian is only %.2g", smallest(job));
+  return text;
+}
 
 /// A way to slide, and what is said of it.
 struct Slide {
@@ -33,11 +37,17 @@ struct Slide {
   std::string ending;  ///< Of the request id.
 };
 
-/// With the same number of elements left, sliding on the boundary as it came is worth it only if the mesh becomes
-/// better. On a model it also brings the boundary nearer.
-bool is_better(const v1::Job& job, const v1::Job& than, bool on_boundary) {
+/// A mesh with a smaller scaled Jacobian is certified valid, but of little use; as in core/slide/coupled/coupled.cpp.
+constexpr double kWeak = 0.02;
+
+bool is_weak(const v1::Job& job) { return left(job) > 0 || smallest(job) < kWeak; }
+
+/// What decides between two jobs with as many elements left.
+enum class IfEqual : unsigned char { First, LargerSmallest };
+
+bool is_better(const v1::Job& job, const v1::Job& than, IfEqual if_equal) {
   if (job.state() != v1::JOB_STATE_SUCCEEDED) return false;
-  if (left(job) != left(than) || !on_boundary) return left(job) < left(than);
+  if (left(job) != left(than) || if_equal == IfEqual::First) return left(job) < left(than);
   return smallest(job) > smallest(than);
 }
 
@@ -90,11 +100,11 @@ void print_geometry(const OtherSlides& others, const v1::Job& job, const v1::Job
 }
 
 /// Takes the other run into `best` if it is better, and says so in the words `better` or `no_better`.
-void compare(const OtherSlides& others, const Slide& other, const std::string& better, const std::string& no_better,
-             v1::Job& best) {
+void compare(const OtherSlides& others, const Slide& other, IfEqual if_equal, const std::string& better,
+             const std::string& no_better, v1::Job& best) {
   std::optional<v1::Job> job = run_otherwise(others, other);
   if (!job) return others.print_sentence("That could not be tried, so the result is the mesh before it.");
-  if (!is_better(*job, best, others.input.geometry.on_boundary)) return others.print_sentence(no_better);
+  if (!is_better(*job, best, if_equal)) return others.print_sentence(no_better);
   others.print_sentence(better);
   print_geometry(others, *job, best);
   best = std::move(*job);
@@ -111,20 +121,25 @@ v1::Job best_of_other_slides(OtherSlides others, v1::Job slid) {
   v1::Job best = std::move(slid);
   if (geometry.on_boundary) {
     others.print_sentence("Now with the boundary as it came.");
-    compare(others, nothing, "The result is better with the boundary as it came, so the nodes that slid are back.",
+    compare(others, nothing, IfEqual::LargerSmallest,
+            "The result is better with the boundary as it came, so the nodes that slid are back.",
             "The result is no better with the boundary as it came.", best);
     return best;
   }
-  if (left(best) > 0 && geometry.slide.empty()) {
+  if (is_weak(best) && geometry.slide.empty()) {
+    const bool are_left = left(best) > 0;
     others.print_sentence(left_text(best) + ", so now all nodes move together (--slide coupled).");
     compare(others, {v1::Geometry::SLIDE_COUPLED, "coupled", "-coupled"},
-            "With that, fewer elements are invalid, so it is taken. The boundary may lie farther from the model now; "
-            "--slide all never does this step.",
-            "With that, no fewer elements are invalid, so the result stays as it was.", best);
+            are_left ? IfEqual::First : IfEqual::LargerSmallest,
+            std::string(are_left ? "With that, fewer elements are invalid" : "With that, it is larger") +
+                ", so it is taken. The boundary may lie farther from the model now; --slide all never does this step.",
+            std::string(are_left ? "With that, no fewer elements are invalid" : "With that, it is no larger") +
+                ", so the result stays as it was.",
+            best);
   }
   if (left(best) > 0 && !interrupted()) {
     others.print_sentence(left_text(best) + ", so now without sliding, for comparison.");
-    compare(others, nothing, "The result is better without sliding, so the nodes that slid are back.",
+    compare(others, nothing, IfEqual::First, "The result is better without sliding, so the nodes that slid are back.",
             "The result is no better without sliding.", best);
   }
   return best;

@@ -23,16 +23,18 @@ struct OtherSlides {
 
 /// Returns `slid` or a better job.
 ///
-/// On a model, if elements are left that are not certified valid:
-/// - If the user has not said what slides, all nodes move together (--slide coupled).
-/// - If elements are still left, nothing slides.
-/// The better job is the one with fewer elements left.
+/// On a model:
+/// - If elements are left that are not certified valid, or have a scaled Jacobian below .02, and the user has not said
+///   what slides, all nodes move together (--slide coupled).
+/// - If elements are still left that are not certified valid, nothing slides.
+/// The better job is the one with fewer elements left. If none was left before all nodes moved together, it is the one
+/// with the larger smallest scaled Jacobian.
 ///
 /// On the boundary as it came (--slide-on), the mesh is optimised with this boundary too. Of two jobs with as many
 /// elements left, the one with the larger smallest scaled Jacobian is better.
 ///
-/// If another run fails, this prints a sentence, and the best result so far counts. After an interrupt no other run begins. A
-/// mesh that slid in this process and cannot be read twice, such as a pipe, has no other runs.
+/// If another run fails, this prints a sentence, and the best result so far counts. After an interrupt no other run
+/// begins. A mesh that slid in this process and cannot be read twice, such as a pipe, has no other runs.
 v1::Job best_of_other_slides(OtherSlides others, v1::Job slid);
 
 }  // namespace varimesh::client

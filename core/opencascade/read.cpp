@@ -54,14 +54,14 @@ std::string units_note(STEPControl_Reader& reader) {
   if (names.empty() || names == std::set<std::string>{"millimetre"}) return "";
   std::string all;
   for (const std::string& name : names) all += (all.empty() ? "" : ", ") + name;
-  return "The geometry's file has lengths in " + all + "; they are taken in millimetres.\n";
+  return "The geometry's file has lengths in " + all + "; they are converted to millimetres.\n";
 }
 std::string units_note(IGESControl_Reader& reader) {
   const Handle(IGESData_IGESModel) model = reader.IGESModel();
   if (model.IsNull() || model->GlobalSection().UnitFlag() == 2) return "";  // 2: millimetres
   const Handle(TCollection_HAsciiString) name = model->GlobalSection().UnitName();
   return "The geometry's file has lengths in " + (name.IsNull() ? "its own unit" : std::string(name->ToCString())) +
-         "; they are taken in millimetres.\n";
+         "; they are converted to millimetres.\n";
 }
 
 std::string faces_text(int count) { return std::to_string(count) + (count == 1 ? " face" : " faces"); }

@@ -1,5 +1,6 @@
 """Boundary nodes slide on a CAD model: a pipe with a step, which Gmsh makes and meshes. Skipped, with a word, without Gmsh's
 Python module or without the plugin that reads CAD files."""
+import json
 import re
 import subprocess
 import sys
@@ -85,6 +86,44 @@ class Geometry(WithFolder):
     def test_slide_none_moves_no_boundary_node(self):
         rms_before, rms_after, *_ = distances(self.slid("part.msh", "part.brep", "--slide", "none"))
         self.assertEqual(rms_before, rms_after)
+
+    def hardly_valid(self):
+        """A sound mesh, of which one node inside has moved until the smallest scaled Jacobian is between .002 and .018."""
+        sound, mesh = self.folder / "sound.msh", self.folder / "hardly.msh"
+        self.slid("part22.msh", "part.brep", "--repair", "split")
+        self.assertEqual(run("convert", self.out, sound, "--format", "msh22").returncode, 0)
+        lines = sound.read_text().splitlines()
+        nodes, elements = lines.index("$Nodes") + 2, lines.index("$Elements") + 2
+        on_surfaces, inside = set(), set()
+        for line in lines[elements:lines.index("$EndElements")]:
+            _, kind, tags, *rest = map(int, line.split())
+            (inside if kind == 29 else on_surfaces).update(rest[tags:])  # 29: a tetrahedron of order 3
+        moved = min(inside - on_surfaces)
+        at = next(i for i in range(nodes, elements) if lines[i].split()[0] == str(moved))
+        number, x, *others = lines[at].split()
+        low, high = 0, 1
+        for _ in range(40):
+            middle = (low + high) / 2
+            lines[at] = " ".join([number, repr(float(x) + middle), *others])
+            mesh.write_text("\n".join(lines) + "\n")
+            quality = json.loads(run("quality", mesh, "--json").stdout)["quality"]
+            smallest = quality["min_scaled_jacobian"]
+            if .002 < smallest < .018 and quality["invalid_elements"] == 0:
+                return mesh
+            low, high = (middle, high) if smallest > .01 else (low, middle)
+        self.fail("no such mesh")
+
+    def test_all_nodes_move_together_if_the_mesh_is_hardly_valid(self):
+        mesh = self.hardly_valid()
+        smallest = []
+        for flags in ([], ["--slide", "all"]):
+            done = run("optimise", mesh, "--geometry", self.folder / "part.brep", "-o", self.out, "--json",
+                       "--max-iterations", 0, *flags)
+            self.assertEqual(done.returncode, 0, done.stderr)
+            smallest.append(json.loads(done.stdout)["after"]["min_scaled_jacobian"])
+            said = re.search(r"The smallest scaled Jacobian is only \S+, so now all nodes move together", done.stderr)
+            self.assertEqual(said is None, bool(flags), done.stderr)
+        self.assertGreater(smallest[0], smallest[1])
 
     def test_what_cannot_be_used_gives_a_sentence_and_no_file(self):
         (self.folder / "cut.step").write_bytes((self.folder / "part.step").read_bytes()[:3000])

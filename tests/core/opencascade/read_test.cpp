@@ -268,7 +268,7 @@ TEST_F(CadFile, SaysInWhichUnitAFileCame) {
   const auto geometry = load(path);
   ASSERT_TRUE(geometry) << geometry.error().sentence;
   ASSERT_EQ(geometry->notes.size(), 1U);
-  EXPECT_EQ(geometry->notes[0], "The geometry's file has lengths in INCH; they are taken in millimetres.");
+  EXPECT_EQ(geometry->notes[0], "The geometry's file has lengths in INCH; they are converted to millimetres.");
   EXPECT_NEAR(size(*geometry), 25.4 * std::sqrt(3), 1e-9);
 }
 
