@@ -95,10 +95,11 @@ tl::unexpected<Error> only_read(std::span<const FormatEntry> table, const Format
                     written_names(table) + ".");
 }
 
+// Standard output is a device of this name, also if it goes into a file. /dev/shm is a folder for files in memory.
 bool is_device_or_pipe(std::string_view path) {
   std::error_code error;
   const auto status = std::filesystem::status(std::filesystem::path(path), error);
-  return (!error && std::filesystem::is_other(status)) || path.starts_with("/dev/");
+  return (!error && std::filesystem::is_other(status)) || (path.starts_with("/dev/") && !path.starts_with("/dev/shm/"));
 }
 
 }  // namespace

@@ -47,6 +47,7 @@ TEST(FormatTable, EndingsDecide) {
   EXPECT_EQ(formats::for_output("b.cgns", Format::Auto, Format::Auto), Format::Cgns);
   EXPECT_EQ(formats::for_output("b.pyfrm", Format::Auto, Format::Auto), Format::Pyfr);
   EXPECT_FALSE(formats::for_output("b.stl", Format::Auto, Format::Msh22));
+  EXPECT_FALSE(formats::for_output("/dev/shm/b.stl", Format::Auto, Format::Msh22)) << "a folder for files in memory";
 }
 
 TEST(FormatTable, RecognisesAFileByItsBeginning) {
