@@ -21,8 +21,10 @@ namespace {
 
 constexpr int kMostStepsInside = 20, kMostSteps = 40;
 constexpr int kMostWithoutGain = 12;  // steps, before a descent ends
-/// δ of J' in the first step, and how fast it falls while a cell or an element of the boundary is inverted.
-constexpr double kFirstDelta = 0.5, kDecay = 0.85;
+/// δ of J' in the first step, and how fast it falls while a cell or an element of the boundary is inverted. If cells
+/// are left, a second attempt has another rate: cells that stay inverted at one may open at the other, and neither is
+/// the better one on all meshes.
+constexpr double kFirstDelta = 0.5, kDecay = 0.85, kSecondDecay = 0.7;
 /// The energy stands if it falls by less than this, relative to itself.
 constexpr double kStands = 1e-4;
 /// The weights of the boundary's energy, one after the other while its distance from the geometry exceeds the limit.
@@ -46,6 +48,10 @@ struct Judged {
   Distance distance;
   std::int64_t folded = 0;
 };
+
+bool is_better(const Judged& a, const Judged& b) {
+  return std::tuple(a.weak, a.left, -a.lowest) < std::tuple(b.weak, b.left, -b.lowest);
+}
 
 /// The entities' elements, and the energies on them, for one mesh.
 struct Energies {
@@ -84,7 +90,14 @@ class Descent {
         newton_(energies.volume, energies.boundary, mesh.coordinates, team),
         team_(team),
         certificates_(certifier_.cells()),
+        as_it_slid_(newton_.state()),
         seconds_(seconds) {}
+
+  /// Puts the nodes back to where they were. From now on δ falls at this rate.
+  void begin_again(double decay) {
+    newton_.restore(as_it_slid_);
+    decay_ = decay;
+  }
 
   /// Only nodes inside the mesh move. Returns the best state.
   Judged inside() {
@@ -137,6 +150,7 @@ class Descent {
   }
 
   int steps() const { return steps_; }
+  bool is_late() const { return seconds_ > 0 && watch_.seconds() > seconds_; }
   /// Leaves the energies in this state.
   void take(const CoupledState& state) { newton_.restore(state); }
 
@@ -146,7 +160,7 @@ class Descent {
   void descend(int most_steps, const Gains& gains) {
     int without = 0;
     for (int step = 0; step < most_steps && !is_late(); ++step) {
-      const double delta = newton_.least() > 0 ? 0 : kFirstDelta * std::pow(kDecay, step);
+      const double delta = newton_.least() > 0 ? 0 : kFirstDelta * std::pow(decay_, step);
       const CoupledNewton::Outcome outcome = newton_.step(delta);
       ++steps_;
       if (!outcome.moved) return;
@@ -154,8 +168,6 @@ class Descent {
       if (without == kMostWithoutGain || (delta == 0 && outcome.fall < kStands)) return;
     }
   }
-
-  bool is_late() const { return seconds_ > 0 && watch_.seconds() > seconds_; }
 
   Judged judge() {
     certifier_.certify(newton_.coordinates(), certificates_, team_);
@@ -181,15 +193,13 @@ class Descent {
     options.gap = kWeakGap;
     return options;
   }
-  static bool is_better(const Judged& a, const Judged& b) {
-    return std::tuple(a.weak, a.left, -a.lowest) < std::tuple(b.weak, b.left, -b.lowest);
-  }
-
   Energies& energies_;
   Certifier certifier_, exact_;
   CoupledNewton newton_;
   const Team& team_;
   std::vector<Certificate> certificates_;
+  CoupledState as_it_slid_;
+  double decay_ = kDecay;
   double seconds_;
   Stopwatch watch_;
   int steps_ = 0;
@@ -270,7 +280,14 @@ SlideReport slide_coupled(HighOrderMesh& mesh, Association& association, const s
     const double rounding = kRounding * association.size;
     const DistanceLimit surfaces = limit_of(limits.tolerance, start.surfaces, inside->distance.surfaces, rounding);
     const DistanceLimit curves = limit_of(limits.tolerance, start.curves, inside->distance.curves, rounding);
-    all = descent->everything(*inside, surfaces, limits.tolerance > 0 ? curves : larger(surfaces, curves));
+    const DistanceLimit on_curves = limits.tolerance > 0 ? curves : larger(surfaces, curves);
+    all = descent->everything(*inside, surfaces, on_curves);
+    if ((all && all->weak == 0) || descent->is_late()) return;
+    descent->begin_again(kSecondDecay);
+    Judged again = descent->inside();
+    std::optional<Judged> all_again = descent->everything(again, surfaces, on_curves);
+    if (is_better(again, *inside)) inside = std::move(again);
+    if (all_again && (!all || is_better(*all_again, *all))) all = std::move(all_again);
   });
   using Outcome = CoupledReport::Outcome;
   coupled = {all ? Outcome::NoBetter : Outcome::TooFar, descent->steps(), inside->left, inside->left};

@@ -49,7 +49,7 @@ struct CoupledLimits {
 /// elements may be folded than after bottom-up sliding. If the state to which Newton's method comes exceeds these
 /// distances, states a part of the way to it are tried, and one in which the boundary is held back only where it
 /// exceeds them (hold_back.h), from where the nodes inside move once more. Then the boundary's energy gets a higher
-/// weight.
+/// weight. If weak cells are left after all that, it is done once more from the start, with a δ that falls faster.
 ///
 /// The nodes go back to where bottom-up sliding has left them if that leaves fewer weak cells or fewer that are not
 /// certified valid, or as many of both with a larger smallest and mean scaled Jacobian, each after nodes inside the
