@@ -1,4 +1,4 @@
-// Products of the small dense matrices of one cell, compiled for every vector unit.
+// Products of the small dense matrices of one element, compiled for every vector unit.
 #pragma once
 
 #include <Eigen/Core>

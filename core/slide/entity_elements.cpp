@@ -30,7 +30,7 @@ EntityTable make_table(Shape shape, int order) {
   EntityTable table;
   table.values = reference::basis_values(shape, order, NodeSet::Equispaced, 3, at);
   for (const Eigen::MatrixXd& by_point : reference::basis_gradients(shape, order, NodeSet::Equispaced, 3, at))
-    table.by_node.push_back(by_point.transpose());
+    table.derivatives.push_back(by_point.transpose());
   table.straight = reference::basis_gradients(shape, 1, NodeSet::Equispaced, 3, at);
   table.weights.resize(at.rows());
   table.weights << of.weights / of.weights.sum(),

@@ -28,8 +28,8 @@ std::vector<std::vector<EntityElement>> surface_elements(const HighOrderMesh& me
 /// The basis of a shape at the points where the energy is evaluated: the points of a quadrature rule of degree 2 P, and
 /// with small weights the nodes of the lattice of order P, whose vertices and edges a rule misses.
 struct EntityTable {
-  Eigen::MatrixXd values;                ///< points × nodes.
-  std::vector<Eigen::MatrixXd> by_node;  ///< Derivatives, by direction: nodes × points.
+  Eigen::MatrixXd values;                    ///< points × nodes.
+  std::vector<Eigen::MatrixXd> derivatives;  ///< By direction: nodes × points.
   /// The same derivatives of the map of order 1 on the vertices: the straight-sided element.
   std::vector<Eigen::MatrixXd> straight;  ///< By direction: points × vertices.
   Eigen::VectorXd weights;                ///< Sum to 1 plus the small weights.

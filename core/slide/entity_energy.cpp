@@ -37,8 +37,8 @@ struct EntityEnergy<d>::Points {
   Eigen::VectorXd Q, J;  ///< By point: |F|², J.
 };
 
-/// What the derivatives are made of: a sum over the directions k of the reference element and over the points, of a
-/// term with ∂φ/∂ξ_k.
+/// What the derivatives are made of, by direction k of the reference element and by point: factors of ∂φ/∂ξ_k and, in
+/// the stiffness, of ∂φ/∂ξ_k ∂φ/∂ξ_l.
 template <int d>
 struct EntityEnergy<d>::Terms {
   Vectors slope[d];                 ///< Of the gradient: 3 × points.
@@ -86,7 +86,7 @@ typename EntityEnergy<d>::Points EntityEnergy<d>::points(std::size_t element, co
   const EntityTable& table = *tables_[element];
   const std::vector<Eigen::Matrix<double, d, d>>& inverse = inverse_[element];
   Points all;
-  for (int k = 0; k < d; ++k) all.F[k].noalias() = x * table.by_node[static_cast<std::size_t>(k)];
+  for (int k = 0; k < d; ++k) all.F[k].noalias() = x * table.derivatives[static_cast<std::size_t>(k)];
   all.normal.noalias() = normal * table.values.transpose();
   const Eigen::Index count = table.weights.size();
   all.Q.resize(count);
@@ -165,18 +165,19 @@ typename EntityEnergy<d>::Terms EntityEnergy<d>::terms(std::size_t element, cons
 template <int d>
 void EntityEnergy<d>::derivatives(std::size_t element, const Vectors& x, const Vectors& normal, double delta,
                                   Eigen::VectorXd& gradient, Eigen::MatrixXd& hessian) const {
-  const std::vector<Eigen::MatrixXd>& basis = tables_[element]->by_node;
+  const std::vector<Eigen::MatrixXd>& basis = tables_[element]->derivatives;
   const Terms of = terms(element, points(element, x, normal), delta);
   const Eigen::Index nodes = x.cols(), count = of.slope[0].cols();
   gradient.setZero(3 * nodes);
   hessian.setZero(3 * nodes, 3 * nodes);
-  Eigen::Map<Vectors> by_node(gradient.data(), 3, nodes);
+  Eigen::Map<Vectors> slopes(gradient.data(), 3, nodes);
   Eigen::MatrixXd stiff = Eigen::MatrixXd::Zero(nodes, nodes), changes = Eigen::MatrixXd::Zero(3 * nodes, count);
   for (int k = 0; k < d; ++k) {
     const Eigen::MatrixXd& along = basis[static_cast<std::size_t>(k)];
-    by_node.noalias() += of.slope[k] * along.transpose();
+    slopes.noalias() += of.slope[k] * along.transpose();
     Eigen::MatrixXd scaled = along * of.stiffness[k][k].asDiagonal();
-    // Twice the half above k, for the lower triangle of the sum with its transpose.
+    // The terms of (k, l) and (l, k) are transposes of each other. So the first counts twice here, and the mean of
+    // `stiff` and its transpose is taken below.
     for (int l = k + 1; l < d; ++l)
       scaled += 2 * (basis[static_cast<std::size_t>(l)] * of.stiffness[k][l].asDiagonal());
     add_product(along, scaled, stiff.data(), nodes, Entries::All);

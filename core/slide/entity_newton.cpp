@@ -17,8 +17,8 @@ constexpr double kConverged = 1e-3;
 constexpr double kDecay = 0.85, kSlowDecay = 0.9;
 /// Added to the Hessian's diagonal, relative to its mean: a closed surface may turn in itself at no cost.
 constexpr double kShift = 1e-8;
-/// How many elements' derivatives are kept at once.
-constexpr std::size_t kBatch = 256;
+/// Bytes of the derivatives that are kept at once, and the most elements with these.
+constexpr std::size_t kBatchBytes = std::size_t{1} << 21, kMostInBatch = 256;
 
 template <int d>
 class EntityNewton {
@@ -135,9 +135,9 @@ class EntityNewton {
   };
 
   Derivatives derivatives(std::size_t e, double delta) const {
-    Eigen::VectorXd by_place;
-    Eigen::MatrixXd by_places;
-    form_.derivatives(e, delta, by_place, by_places);
+    Eigen::VectorXd gradient;
+    Eigen::MatrixXd hessian;
+    form_.derivatives(e, delta, gradient, hessian);
     const std::vector<std::int32_t>& places = form_.places(e);
     const auto nodes = static_cast<Eigen::Index>(places.size());
     Derivatives on_tangents{Eigen::VectorXd(d * nodes), Eigen::MatrixXd(d * nodes, d * nodes)};
@@ -145,10 +145,10 @@ class EntityNewton {
       return tangents_[static_cast<std::size_t>(places[static_cast<std::size_t>(node)])];
     };
     for (Eigen::Index b = 0; b < nodes; ++b) {
-      on_tangents.gradient.template segment<d>(d * b) = tangents(b).transpose() * by_place.segment<3>(3 * b);
+      on_tangents.gradient.template segment<d>(d * b) = tangents(b).transpose() * gradient.segment<3>(3 * b);
       for (Eigen::Index a = b; a < nodes; ++a) {
         const Eigen::Matrix<double, d, d> block =
-            tangents(a).transpose() * by_places.block<3, 3>(3 * a, 3 * b) * tangents(b);
+            tangents(a).transpose() * hessian.block<3, 3>(3 * a, 3 * b) * tangents(b);
         on_tangents.hessian.template block<d, d>(d * a, d * b) = block;
         on_tangents.hessian.template block<d, d>(d * b, d * a) = block.transpose();
       }
@@ -156,27 +156,36 @@ class EntityNewton {
     return on_tangents;
   }
 
+  /// Elements whose derivatives are kept at once. The result does not depend on it.
+  std::size_t batch_size() const {
+    std::size_t most = 1;
+    for (std::size_t e = 0; e < form_.size(); ++e) most = std::max(most, d * form_.places(e).size());
+    const std::size_t fit = kBatchBytes / (most * most * sizeof(double));
+    return std::clamp(fit, static_cast<std::size_t>(EntityForm<d>::kGrain), kMostInBatch);
+  }
+
   /// Sets the gradient and the Hessian by the unknowns. The threads share the derivatives of the elements, and one adds
   /// them up in the order of the elements.
   void assemble(double delta) {
     slope_.setZero(unknowns_);
     std::fill_n(hessian_.valuePtr(), hessian_.nonZeros(), 0.0);
-    std::vector<Derivatives> batch(std::min(kBatch, form_.size()));
-    const auto next_batch = [&](std::size_t e) {
-      if (e % kBatch == 0)
-        team_.for_each(static_cast<std::int32_t>(std::min(kBatch, form_.size() - e)), EntityForm<d>::kGrain,
+    std::vector<Derivatives> batch(batch_size());
+    const auto begin_element = [&](std::size_t e) {
+      if (e % batch.size() == 0)
+        team_.for_each(static_cast<std::int32_t>(std::min(batch.size(), form_.size() - e)), EntityForm<d>::kGrain,
                        [&](std::int32_t i) {
                          batch[static_cast<std::size_t>(i)] = derivatives(e + static_cast<std::size_t>(i), delta);
                        });
       const std::vector<std::int32_t>& places = form_.places(e);
       for (std::size_t a = 0; a < places.size(); ++a)
         if (const Eigen::Index first = first_[static_cast<std::size_t>(places[a])]; first >= 0)
-          slope_.segment<d>(first) += batch[e % kBatch].gradient.template segment<d>(static_cast<Eigen::Index>(d * a));
+          slope_.segment<d>(first) +=
+              batch[e % batch.size()].gradient.template segment<d>(static_cast<Eigen::Index>(d * a));
     };
     auto slot = slots_.begin();
-    for_blocks(next_batch, [&](std::size_t e, std::size_t a, std::size_t b, Eigen::Index row, Eigen::Index column) {
-      const auto block = batch[e % kBatch].hessian.template block<d, d>(static_cast<Eigen::Index>(d * a),
-                                                                        static_cast<Eigen::Index>(d * b));
+    for_blocks(begin_element, [&](std::size_t e, std::size_t a, std::size_t b, Eigen::Index row, Eigen::Index column) {
+      const auto block = batch[e % batch.size()].hessian.template block<d, d>(static_cast<Eigen::Index>(d * a),
+                                                                              static_cast<Eigen::Index>(d * b));
       for (int c = 0; c < d; ++c) {
         double* value = hessian_.valuePtr() + (*slot)[static_cast<std::size_t>(c)];
         for (int r = row == column ? c : 0; r < d; ++r) *value++ += block(r, c);
@@ -189,7 +198,10 @@ class EntityNewton {
   double search(double delta, const std::vector<Eigen::Vector3d>& wish) {
     std::vector<EntityNode>& nodes = form_.nodes();
     const std::vector<EntityNode> before = nodes;
-    if (delta_ != delta) value_ = form_.total(delta, team_);
+    if (delta_ != delta) {
+      value_ = form_.total(delta, team_);
+      delta_ = delta;
+    }
     const double energy = value_.energy;
     double length = 1;
     for (int half = 0; half < kMostHalvings; ++half, length /= 2) {
@@ -203,7 +215,6 @@ class EntityNewton {
       if (!(value.energy < energy) || !std::isfinite(largest)) continue;
       form_.take_normals();
       value_ = form_.total(delta, team_);
-      delta_ = delta;
       least_ = value_.least;
       return largest;
     }

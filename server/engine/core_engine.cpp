@@ -21,24 +21,12 @@
 #include "server/engine/engine.h"
 #include "server/engine/geometry_messages.h"
 #include "server/engine/mesh_parts.h"
+#include "server/engine/most_threads.h"
 #include "server/engine/output_check.h"
 #include "server/engine/translate.h"
 
 namespace varimesh::server {
 namespace {
-
-/// One more thread for each of so many pairs of nodes that share a cell. Measured with two threads on two cores: from
-/// 9e5 pairs on, the clock's time falls by 1.5 to 1.9 times on an idle machine, and by 1.0 to 1.3 times beside two
-/// programs that keep both cores busy. Runs of 2e5 to 3e5 pairs gain 1.2 to 1.4 times on an idle machine, but take more
-/// than 2.2 times as long beside the two programs.
-constexpr double kPairsPerThread = 4e5;
-/// The same for the bytes of a file that is read.
-constexpr double kBytesPerThread = 1e6;
-
-/// The largest number of threads that this much work can feed.
-int most_threads(double work, double per_thread) {
-  return std::max(1, static_cast<int>(std::min(work / per_thread, 1e6)));
-}
 
 double pairs_of_nodes(const HighOrderMesh& mesh, const Options& options) {
   double pairs = 0;
@@ -173,6 +161,7 @@ Expected<std::optional<SlidAndMeasured>> slide_nodes(HighOrderMesh& mesh, RunReq
   if (limit > 0) stop.stop_after(limit);
   GeometryOptions options = geometry_options(*request.geometry, request.options);
   options.stop = &stop;
+  if (hooks.control.threads) options.threads = hooks.control.threads();  // all that the job has now
   const Stopwatch watch;
   std::optional<SlidAndMeasured> slid;
   try {
@@ -259,7 +248,7 @@ Expected<RunOutcome> run(RunRequest request, const RunHooks& hooks) {
   if (!*admitted || (hooks.given_up && hooks.given_up())) return RunOutcome(stopped_early());
   note_straight_boundary(mesh, request, hooks);
   const double pairs = pairs_of_nodes(mesh, request.options);
-  const int most = most_threads(pairs + kPairsPerThread, kPairsPerThread);
+  const int most = most_threads(pairs, kPairsPerThread);
   RunControl control = hooks.control;
   if (control.threads) control.threads = [&] { return std::min(hooks.control.threads(), most); };
   std::optional<SlidAndMeasured> slid;
@@ -272,7 +261,7 @@ Expected<RunOutcome> run(RunRequest request, const RunHooks& hooks) {
     if (slid && hooks.on_note)
       for (const std::string& sentence : slid->slid.sentences) hooks.on_note(sentence);
   }
-  request.options.threads = std::min(request.options.threads, most);  // sliding has had all of them
+  request.options.threads = std::min(request.options.threads, most);
   auto result = request.quality ? judge(std::move(mesh), *request.quality, request.options, hooks)
                                 : optimise(std::move(mesh), request.options, hooks.on_iteration, control);
   if (!result) return tl::unexpected(result.error());

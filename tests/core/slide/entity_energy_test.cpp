@@ -2,10 +2,14 @@
 
 #include <gtest/gtest.h>
 
+#include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
+#include <Eigen/Geometry>
+#include <Eigen/LU>
 #include <cmath>
 #include <numeric>
 
+#include "core/energy/hyperelastic-inl.h"
 #include "core/reference/nodes.h"
 
 namespace varimesh::detail {
@@ -63,6 +67,77 @@ TEST(EntityEnergy, HasTheGradientOfItsValue) {
     check_gradient<1>(Shape::Line, 3, delta);
     check_gradient<2>(Shape::Triangle, 4, delta);
     check_gradient<2>(Shape::Quadrilateral, 3, delta);
+  }
+}
+
+/// The Hessian as the header has it, point by point: 2 w f_Q (g_a · g_b) I + w max(f_JJ, 0) c_a ⊗ c_b.
+template <int d>
+Eigen::MatrixXd plain_hessian(const Cell& made, int order, double delta) {
+  using Density = HWY_NAMESPACE::HyperelasticEnergy<d>;
+  const EntityElement& element = made.elements[0];
+  const EntityTable& table = entity_table(element.shape, order);
+  const Density density(material(Options{}));
+  const Eigen::Index nodes = made.x.cols(), vertices = table.straight[0].cols();
+  Eigen::MatrixXd hessian = Eigen::MatrixXd::Zero(3 * nodes, 3 * nodes);
+  double measure = 0;
+  for (const bool measures : {true, false})
+    for (Eigen::Index p = 0; p < table.weights.size(); ++p) {
+      Eigen::Matrix<double, 3, d> straight, G;
+      for (int k = 0; k < d; ++k) {
+        const auto direction = static_cast<std::size_t>(k);
+        straight.col(k) = made.x.leftCols(vertices) * table.straight[direction].row(p).transpose();
+        G.col(k) = made.x * table.derivatives[direction].col(p);
+      }
+      // R is the triangular factor of the straight-sided derivative: RᵀR is its metric.
+      const Eigen::Matrix<double, d, d> R = (straight.transpose() * straight).llt().matrixU();
+      if (measures) measure += table.weights[p] * R.determinant();
+      if (measures) continue;
+      const Eigen::Matrix<double, 3, d> F = G * R.inverse();
+      const Eigen::Vector3d N = (made.normal * table.values.row(p).transpose()).normalized();
+      Eigen::Matrix<double, 3, d> C;
+      double J = 0;
+      if constexpr (d == 1) {
+        C = N;
+        J = N.dot(F.col(0));
+      } else {
+        C << F.col(1).cross(N), N.cross(F.col(0));
+        J = N.dot(F.col(0).cross(F.col(1)));
+      }
+      const auto f =
+          density.partials(F.squaredNorm(), HWY_NAMESPACE::regularised<Density::kFunction>(J, delta * delta));
+      const double w = measure * table.weights[p];
+      for (Eigen::Index a = 0; a < nodes; ++a)
+        for (Eigen::Index b = 0; b < nodes; ++b) {
+          Eigen::Matrix<double, d, 1> ga, gb;
+          for (int k = 0; k < d; ++k) {
+            ga[k] = table.derivatives[static_cast<std::size_t>(k)](a, p);
+            gb[k] = table.derivatives[static_cast<std::size_t>(k)](b, p);
+          }
+          ga = R.transpose().inverse() * ga;
+          gb = R.transpose().inverse() * gb;
+          hessian.block<3, 3>(3 * a, 3 * b) += 2 * w * f.f_Q * ga.dot(gb) * Eigen::Matrix3d::Identity() +
+                                               w * std::max(f.f_JJ, 0.0) * (C * ga) * (C * gb).transpose();
+        }
+    }
+  return hessian;
+}
+
+template <int d>
+void check_hessian(Shape shape, int order, double delta) {
+  const Cell made = cell(shape, order);
+  const EntityEnergy<d> energy(made.elements, order, made.coordinates);
+  Eigen::VectorXd gradient;
+  Eigen::MatrixXd hessian;
+  energy.derivatives(0, made.x, made.normal, delta, gradient, hessian);
+  const Eigen::MatrixXd plain = plain_hessian<d>(made, order, delta);
+  EXPECT_LT((hessian - plain).cwiseAbs().maxCoeff(), 1e-12 * plain.cwiseAbs().maxCoeff());
+}
+
+TEST(EntityEnergy, HasTheHessianOfAPlainSum) {
+  for (const double delta : {0.0, 0.3}) {
+    check_hessian<1>(Shape::Line, 3, delta);
+    check_hessian<2>(Shape::Triangle, 4, delta);
+    check_hessian<2>(Shape::Quadrilateral, 3, delta);
   }
 }
 

@@ -9,6 +9,7 @@
 
 #include "server/engine/engine.h"
 #include "server/engine/mesh_parts.h"
+#include "server/engine/most_threads.h"
 
 namespace varimesh::server {
 namespace {
@@ -78,6 +79,14 @@ std::int64_t admitted_bytes(const Options& options, bool judges, int lattice = 0
   const auto summary = core_engine().run(std::move(request), hooks);
   EXPECT_TRUE(summary) << summary.error().sentence;
   return asked;
+}
+
+TEST(MostThreads, IsOneAndOneMoreForEachPart) {
+  EXPECT_EQ(most_threads(0, kPairsPerThread), 1);
+  EXPECT_EQ(most_threads(0.99 * kPairsPerThread, kPairsPerThread), 1);
+  EXPECT_EQ(most_threads(kPairsPerThread, kPairsPerThread), 2);
+  EXPECT_EQ(most_threads(2.5 * kPairsPerThread, kPairsPerThread), 3);
+  EXPECT_GT(most_threads(1e300, kPairsPerThread), 1000) << "no overflow";
 }
 
 TEST(CoreEngine, AdmitsAMeshToBeJudgedWhateverTheOtherOptionsSay) {

@@ -32,8 +32,8 @@ namespace {
 
 TEST_P(SharedStoreConformance, HasMeshesForBothAtOnce) {
   const std::string mesh = upload(*one_, "a mesh"), result = write(*two_, "a result").digest;
-  EXPECT_EQ((*two_->open(mesh))->bytes(), "a mesh");
-  EXPECT_EQ((*one_->open(result))->bytes(), "a result");
+  EXPECT_EQ(read_whole(*two_, mesh), "a mesh");
+  EXPECT_EQ(read_whole(*one_, result), "a result");
   EXPECT_EQ((*(*one_->read(result))->read(2, false)).bytes, "result");
   EXPECT_EQ(*one_->size_of(result), 8);
   EXPECT_TRUE(two_->touch(mesh));
@@ -103,7 +103,7 @@ TEST_P(SharedStoreConformance, TakesAnUploadThroughTwoServers) {
   ASSERT_TRUE(one_->append(*third, 6, "ghi"));
   EXPECT_EQ(one_->finish_upload(*third)->digest, digest);
   EXPECT_TRUE(two_->query_upload("id", digest, "anna")->complete);
-  EXPECT_EQ((*two_->open(digest))->bytes(), bytes);
+  EXPECT_EQ(read_whole(*two_, digest), bytes);
 }
 
 TEST_P(SharedStoreConformance, RefusesOtherBytes) {
@@ -121,7 +121,7 @@ TEST_P(SharedStoreConformance, RefusesOtherBytes) {
 
 TEST_P(SharedStoreConformance, TakesAMeshOfNoBytes) {
   EXPECT_EQ(upload(*one_, ""), sha256(""));
-  EXPECT_EQ((*two_->open(sha256("")))->bytes(), "");
+  EXPECT_EQ(read_whole(*two_, sha256("")), "");
 }
 
 TEST_P(SharedStoreConformance, KeepsMeshesAsLongAsAJobNeedsThem) {
@@ -201,7 +201,7 @@ TEST_P(SharedStoreConformance, DoesNotServeDamagedMeshes) {
     EXPECT_EQ(one_->open(digest).error().code, Failure::Code::NotFound);
     EXPECT_FALSE(one_->begin_upload("id", digest, 900)->complete) << "a client is told to send it again";
     EXPECT_EQ(upload(*one_, bytes), digest);
-    EXPECT_EQ((*two_->open(digest))->bytes(), bytes);
+    EXPECT_EQ(read_whole(*two_, digest), bytes);
   }
 }
 

@@ -36,7 +36,7 @@ class InBucket : public SharedPlace {
   std::string new_directory();
 
   /// Long, since the machine may be busy with other tests.
-  S3Patience patience{60'000};
+  S3Patience patience{30'000};
   std::chrono::seconds stalled{10};  ///< S3Settings::stalled
   std::int64_t max_cache_bytes = 1 << 30;
 
