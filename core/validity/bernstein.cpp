@@ -95,27 +95,21 @@ BernsteinSpace product_space(const BernsteinSpace& a, const BernsteinSpace& b) {
   return BernsteinSpace(factors);
 }
 
-/// Number in the product space of the product of coefficients i and j.
-std::size_t product_index(const BernsteinSpace& a, const BernsteinSpace& b, const BernsteinSpace& product, int i,
-                          int j) {
-  Exponents sum = a.exponents()[static_cast<std::size_t>(i)];
-  for (std::size_t k = 0; k < sum.size(); ++k)
-    sum[k] = static_cast<std::int8_t>(sum[k] + b.exponents()[static_cast<std::size_t>(j)][k]);
-  return static_cast<std::size_t>(product.index(sum));
-}
-
 Convolution convolution(const BernsteinSpace& a, const BernsteinSpace& b, const BernsteinSpace& product) {
   Convolution result;
+  const std::vector<std::size_t> of_a = a.digits(), of_b = b.digits();
+  const auto in_product = [&](std::size_t i, std::size_t j) {
+    return static_cast<std::size_t>(product.index_of_digits(of_a[i] + of_b[j]));
+  };
   result.start.assign(static_cast<std::size_t>(product.size()) + 1, 0);
-  for (int i = 0; i < a.size(); ++i)
-    for (int j = 0; j < b.size(); ++j) ++result.start[product_index(a, b, product, i, j) + 1];
+  for (std::size_t i = 0; i < of_a.size(); ++i)
+    for (std::size_t j = 0; j < of_b.size(); ++j) ++result.start[in_product(i, j) + 1];
   std::partial_sum(result.start.begin(), result.start.end(), result.start.begin());
   result.pairs.resize(result.start.back());
   std::vector<std::uint32_t> next(result.start.begin(), result.start.end() - 1);
-  for (int i = 0; i < a.size(); ++i)
-    for (int j = 0; j < b.size(); ++j)
-      result.pairs[next[product_index(a, b, product, i, j)]++] = {static_cast<std::uint16_t>(i),
-                                                                  static_cast<std::uint16_t>(j)};
+  for (std::size_t i = 0; i < of_a.size(); ++i)
+    for (std::size_t j = 0; j < of_b.size(); ++j)
+      result.pairs[next[in_product(i, j)]++] = {static_cast<std::uint16_t>(i), static_cast<std::uint16_t>(j)};
   return result;
 }
 
@@ -266,9 +260,13 @@ BernsteinSpace::BernsteinSpace(const std::vector<Factor>& factors) : factors_(fa
   for (std::size_t i = 0; i < exponents_.size(); ++i) lookup_[key(exponents_[i], factors_)] = static_cast<int>(i);
 }
 
-int BernsteinSpace::index(const Exponents& exponents) const {
-  const std::size_t k = key(exponents, factors_);
-  return k < lookup_.size() ? lookup_[k] : -1;
+int BernsteinSpace::index(const Exponents& exponents) const { return index_of_digits(key(exponents, factors_)); }
+
+std::vector<std::size_t> BernsteinSpace::digits() const {
+  std::vector<std::size_t> result;
+  result.reserve(exponents_.size());
+  for (const Exponents& exponents : exponents_) result.push_back(key(exponents, factors_));
+  return result;
 }
 
 int BernsteinSpace::offset(int factor) const {

@@ -4,7 +4,10 @@
 //   build/release/tests/core/optimise/core_stop_times NAME…        only the runs whose names contain one of these
 // VARIMESH_SEED sets the random moments. VARIMESH_YARDSTICK is the speed of the machine as docs/performance.md defines
 // it (82 if not set): seconds are multiplied by it and divided by 82.
+// Each run is measured in a process of its own, so tables that runs share do not exist before its first stop.
 #include <gtest/gtest.h>
+#include <sys/wait.h>
+#include <unistd.h>
 
 #include <cstdlib>
 #include <ctime>
@@ -62,7 +65,8 @@ std::vector<RunToStop> runs_to_measure() {
 /// and from there to the result.
 struct Ending {
   double whole = 0, after = 0;
-  double gap = 0;  ///< The longest time between two looks at the token, until it stopped the run.
+  double gap = 0;        ///< The longest time between two looks at the token, until it stopped the run.
+  double gap_begin = 0;  ///< When that time began.
 };
 
 Ending stop_at(const RunToStop& run, double moment) {
@@ -72,7 +76,10 @@ Ending stop_at(const RunToStop& run, double moment) {
   RunControl control;
   control.stop_asked = [&] {
     const double now = processor_seconds() - start;
-    ending.gap = std::max(ending.gap, now - last);
+    if (now - last > ending.gap) {
+      ending.gap = now - last;
+      ending.gap_begin = last;
+    }
     last = now;
     return now >= moment;
   };
@@ -90,22 +97,37 @@ bool measure(const RunToStop& run) {
   const auto cells = static_cast<double>(run.mesh.element_count(run.mesh.dimension));
   const double bound = 0.5 + 0.1 * cells / 100'000;
   std::mt19937 random(static_cast<unsigned>(number_from("VARIMESH_SEED", 19)));
-  const Ending unstopped = stop_at(run, std::numeric_limits<double>::infinity());
   double longest = 0, moment_of_longest = 0;
-  for (int i = 0; i < kStopsPerRun; ++i) {
-    const double moment = std::uniform_real_distribution<double>(0, unstopped.whole)(random);
+  const auto stop = [&](double moment) {
     const double after = normal * stop_at(run, moment).after;
-    if (after <= longest) continue;
+    if (after <= longest) return;
     longest = after;
     moment_of_longest = moment;
-  }
+  };
+  stop(0);
+  const double cold = longest;
+  const Ending unstopped = stop_at(run, std::numeric_limits<double>::infinity());
+  for (int i = 0; i < kStopsPerRun; ++i) stop(std::uniform_real_distribution<double>(0, unstopped.whole)(random));
+  stop(unstopped.gap_begin + 0.1 * unstopped.gap);  // when nothing looks at the token for the longest time
   std::printf(
-      "%-34s %6.0f cells  whole %7.3f s, between looks %6.3f s  ending %6.3f s, stopped at %7.3f s  bound %5.3f s  "
+      "%-34s %6.0f cells  whole %7.3f s, between looks %6.3f s  ending %6.3f s, stopped at %7.3f s, at once %6.3f s  "
+      "bound %5.3f s  "
       "%s\n",
-      run.name.c_str(), cells, normal * unstopped.whole, normal * unstopped.gap, longest, moment_of_longest, bound,
-      longest <= bound ? "met" : "NOT MET");
+      run.name.c_str(), cells, normal * unstopped.whole, normal * unstopped.gap, longest, moment_of_longest, cold,
+      bound, longest <= bound ? "met" : "NOT MET");
   std::fflush(stdout);
   return longest <= bound;
+}
+
+/// The same in a process of its own.
+bool measure_alone(const RunToStop& run) {
+  std::fflush(stdout);
+  const pid_t child = fork();
+  if (child < 0) return false;
+  if (child == 0) _exit(measure(run) && !::testing::UnitTest::GetInstance()->ad_hoc_test_result().Failed() ? 0 : 1);
+  int status = 0;
+  waitpid(child, &status, 0);
+  return WIFEXITED(status) && WEXITSTATUS(status) == 0;
 }
 
 }  // namespace
@@ -120,7 +142,7 @@ int main(int argc, char** argv) {
     if (names == std::vector<std::string>{"--list"})
       std::printf("%s\n", run.name.c_str());
     else if (names.empty() || std::ranges::any_of(names, wanted))
-      all_met = varimesh::measure(run) && all_met;
+      all_met = varimesh::measure_alone(run) && all_met;
   }
-  return all_met && !::testing::UnitTest::GetInstance()->ad_hoc_test_result().Failed() ? 0 : 1;
+  return all_met ? 0 : 1;
 }
