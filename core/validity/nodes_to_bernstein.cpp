@@ -219,17 +219,25 @@ class PyramidConversion {
     return result;
   }
 
+  /// Adds `factor` times a row to another. Most rows are zero, and products of 113 bits are slow.
+  static void add_row(Quad factor, const std::vector<Quad>& row, std::vector<Quad>& sum) {
+    if (factor == 0) return;
+    for (std::size_t j = 0; j < row.size(); ++j)
+      if (row[j] != 0) sum[j] += factor * row[j];
+  }
+
   /// Subtracts from a coarser layer what the m-th kind has there if its values on its own layer are q.
   void subtract(const Matrix& q, int m, int coarser, Matrix& residual) const {
     const Quad factor = height_at(m, coarser);
     const Matrix& at = evaluation_[static_cast<std::size_t>(m)][static_cast<std::size_t>(coarser)];
     Matrix half = zero_matrix(coarser + 1, m + 1);
     for (std::size_t a = 0; a < half.size(); ++a)
-      for (std::size_t i = 0; i < q.size(); ++i)
-        for (std::size_t j = 0; j < q.size(); ++j) half[a][j] += factor * at[a][i] * q[i][j];
+      for (std::size_t i = 0; i < q.size(); ++i) add_row(factor * at[a][i], q[i], half[a]);
     for (std::size_t a = 0; a < half.size(); ++a)
-      for (std::size_t b = 0; b < half.size(); ++b)
-        for (std::size_t j = 0; j < q.size(); ++j) residual[a][b] -= half[a][j] * at[b][j];
+      for (std::size_t j = 0; j < q.size(); ++j) {
+        if (half[a][j] == 0) continue;
+        for (std::size_t b = 0; b < half.size(); ++b) residual[a][b] -= half[a][j] * at[b][j];
+      }
   }
 
   /// Adds the coefficients of the m-th kind with values q on its own layer to column `node`.
@@ -238,16 +246,18 @@ class PyramidConversion {
     const Matrix& up = elevated_[static_cast<std::size_t>(m)];
     Matrix half = zero_matrix(order_ + 1, m + 1), both = zero_matrix(order_ + 1, order_ + 1);
     for (std::size_t a = 0; a < n; ++a)
-      for (std::size_t i = 0; i < q.size(); ++i)
-        for (std::size_t j = 0; j < q.size(); ++j) half[a][j] += up[a][i] * q[i][j];
+      for (std::size_t i = 0; i < q.size(); ++i) add_row(up[a][i], q[i], half[a]);
     for (std::size_t a = 0; a < n; ++a)
-      for (std::size_t b = 0; b < n; ++b)
-        for (std::size_t j = 0; j < q.size(); ++j) both[a][b] += half[a][j] * up[b][j];
+      for (std::size_t j = 0; j < q.size(); ++j) {
+        if (half[a][j] == 0) continue;
+        for (std::size_t b = 0; b < n; ++b) both[a][b] += half[a][j] * up[b][j];
+      }
     for (int row = 0; row < space.size(); ++row) {
       const Exponents& e = space.exponents()[static_cast<std::size_t>(row)];
+      const Quad scale = height_[static_cast<std::size_t>(m)][static_cast<std::size_t>(e[5])];
+      if (scale == 0) continue;  // s^m divides it
       result[static_cast<std::size_t>(row)][node] +=
-          height_[static_cast<std::size_t>(m)][static_cast<std::size_t>(e[5])] *
-          both[static_cast<std::size_t>(e[1])][static_cast<std::size_t>(e[3])];
+          scale * both[static_cast<std::size_t>(e[1])][static_cast<std::size_t>(e[3])];
     }
   }
 
