@@ -219,7 +219,7 @@ class PyramidConversion {
     return result;
   }
 
-  /// Adds `factor` times a row to another. Most rows are zero, and products of 113 bits are slow.
+  /// Adds `factor` times a row to another. Many entries are zero, and products of 113 bits are slow.
   static void add_row(Quad factor, const std::vector<Quad>& row, std::vector<Quad>& sum) {
     if (factor == 0) return;
     for (std::size_t j = 0; j < row.size(); ++j)

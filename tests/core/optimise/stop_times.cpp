@@ -111,8 +111,7 @@ bool measure(const RunToStop& run) {
   stop(unstopped.gap_begin + 0.1 * unstopped.gap);  // when nothing looks at the token for the longest time
   std::printf(
       "%-34s %6.0f cells  whole %7.3f s, between looks %6.3f s  ending %6.3f s, stopped at %7.3f s, at once %6.3f s  "
-      "bound %5.3f s  "
-      "%s\n",
+      "bound %5.3f s  %s\n",
       run.name.c_str(), cells, normal * unstopped.whole, normal * unstopped.gap, longest, moment_of_longest, cold,
       bound, longest <= bound ? "met" : "NOT MET");
   std::fflush(stdout);
