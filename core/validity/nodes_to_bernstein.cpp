@@ -5,6 +5,8 @@
 #include <array>
 #include <cassert>
 #include <cstdint>
+#include <map>
+#include <utility>
 
 #include "core/reference/nodes.h"
 
@@ -39,10 +41,17 @@ std::vector<std::int64_t> times_form(const std::vector<std::int64_t>& polynomial
   return result;
 }
 
+/// BernsteinSpace({{dimension, degree}}) for the degrees from 0 to `order`.
+std::vector<BernsteinSpace> simplex_spaces(int dimension, int order) {
+  std::vector<BernsteinSpace> spaces;
+  for (int degree = 0; degree <= order; ++degree) spaces.emplace_back(std::vector<Factor>{{dimension, degree}});
+  return spaces;
+}
+
 /// Scaled coefficients of the Lagrange polynomial of the node α on the simplex of that dimension, in the order of
-/// BernsteinSpace({{dimension, order}}).
-std::vector<Quad> lagrange_on_simplex(int dimension, int order, const Exponents& alpha) {
-  BernsteinSpace space({{dimension, 0}});
+/// spaces[order]. `spaces` are those of simplex_spaces().
+std::vector<Quad> lagrange_on_simplex(const std::vector<BernsteinSpace>& spaces, int order, const Exponents& alpha) {
+  const int dimension = spaces[0].factors()[0].dimension;
   std::vector<std::int64_t> polynomial{1};
   std::int64_t denominator = 1;
   int degree = 0;
@@ -51,9 +60,8 @@ std::vector<Quad> lagrange_on_simplex(int dimension, int order, const Exponents&
       std::array<std::int64_t, 4> form;
       form.fill(-m);
       form[static_cast<std::size_t>(k)] = order - m;
-      const BernsteinSpace next({{dimension, ++degree}});
-      polynomial = times_form(polynomial, space, next, form);
-      space = next;
+      const auto at = static_cast<std::size_t>(degree++);
+      polynomial = times_form(polynomial, spaces[at], spaces[at + 1], form);
       denominator *= m + 1;
     }
   }
@@ -66,10 +74,11 @@ std::vector<Quad> lagrange_on_simplex(int dimension, int order, const Exponents&
 
 /// The conversion on one simplex: one row per coefficient, one column per lattice position, both in the space's order.
 Matrix simplex_conversion(int dimension, int order) {
-  const BernsteinSpace space({{dimension, order}});
+  const std::vector<BernsteinSpace> spaces = simplex_spaces(dimension, order);
+  const BernsteinSpace& space = spaces.back();
   Matrix result = zero_matrix(space.size(), space.size());
   for (int node = 0; node < space.size(); ++node) {
-    const auto column = lagrange_on_simplex(dimension, order, space.exponents()[static_cast<std::size_t>(node)]);
+    const auto column = lagrange_on_simplex(spaces, order, space.exponents()[static_cast<std::size_t>(node)]);
     for (int row = 0; row < space.size(); ++row)
       result[static_cast<std::size_t>(row)][static_cast<std::size_t>(node)] = column[static_cast<std::size_t>(row)];
   }
@@ -109,16 +118,21 @@ Matrix product_conversion(Shape shape, int order, const BernsteinSpace& space) {
     parts.push_back(simplex_conversion(factor.dimension, order));
     part_spaces.emplace_back(std::vector<Factor>{{factor.dimension, order}});
   }
+  using Indices = std::array<std::size_t, 3>;  // in the space of each factor
+  const auto indices_of = [&](const Exponents& exponents) {
+    Indices indices{};
+    for (std::size_t f = 0; f < parts.size(); ++f)
+      indices[f] = static_cast<std::size_t>(part_spaces[f].index(of_factor(exponents, space, f)));
+    return indices;
+  };
+  std::vector<Indices> of_node;
+  for (const auto& position : lattice) of_node.push_back(indices_of(node_exponents(position, space, order)));
   Matrix result = zero_matrix(space.size(), static_cast<int>(lattice.size()));
   for (std::size_t row = 0; row < result.size(); ++row) {
+    const Indices of_row = indices_of(space.exponents()[row]);
     for (std::size_t node = 0; node < lattice.size(); ++node) {
-      const Exponents alpha = node_exponents(lattice[node], space, order);
-      Quad value = 1;
-      for (std::size_t f = 0; f < parts.size() && value != 0; ++f) {
-        const int i = part_spaces[f].index(of_factor(space.exponents()[row], space, f));
-        const int j = part_spaces[f].index(of_factor(alpha, space, f));
-        value *= parts[f][static_cast<std::size_t>(i)][static_cast<std::size_t>(j)];
-      }
+      Quad value = parts[0][of_row[0]][of_node[node][0]];
+      for (std::size_t f = 1; f < parts.size() && value != 0; ++f) value *= parts[f][of_row[f]][of_node[node][f]];
       result[row][node] = value;
     }
   }
@@ -188,10 +202,11 @@ class PyramidConversion {
   /// Scaled coefficients of degree P of the univariate Lagrange polynomials on m intervals: (P + 1) × (m + 1).
   Matrix elevated(int m) const {
     Matrix result = zero_matrix(order_ + 1, m + 1);
-    const BernsteinSpace space({{1, m}});
+    const std::vector<BernsteinSpace> spaces = simplex_spaces(1, m);
+    const BernsteinSpace& space = spaces.back();
     for (int node = 0; node <= m; ++node) {
       const Exponents alpha{static_cast<std::int8_t>(m - node), static_cast<std::int8_t>(node)};
-      const std::vector<Quad> scaled = lagrange_on_simplex(1, m, alpha);
+      const std::vector<Quad> scaled = lagrange_on_simplex(spaces, m, alpha);
       std::vector<Quad> polynomial(static_cast<std::size_t>(m) + 1);
       for (int e = 0; e <= m; ++e)
         polynomial[static_cast<std::size_t>(e)] = scaled[static_cast<std::size_t>(
@@ -267,12 +282,58 @@ class PyramidConversion {
   std::vector<std::vector<Matrix>> evaluation_;  // by m, and by the intervals of the coarser layer
 };
 
+/// The square of a layer has eight symmetries. A node (i, j) of the layer with n intervals is the image of one with
+/// j ≤ i ≤ n / 2, and so is its Lagrange polynomial.
+class LayerSymmetry {
+ public:
+  LayerSymmetry(int n, int i, int j)
+      : first_(std::min(i, n - i)), second_(std::min(j, n - j)), mirrored_{i > n - i, j > n - j} {
+    swapped_ = first_ < second_;
+    if (swapped_) std::swap(first_, second_);
+  }
+
+  /// The node with j ≤ i ≤ n / 2.
+  int first() const { return first_; }
+  int second() const { return second_; }
+
+  /// The exponents whose coefficient in the polynomial of the node (first, second) is that of `exponents` in the
+  /// polynomial of (i, j).
+  Exponents source(Exponents exponents) const {
+    if (mirrored_[0]) std::swap(exponents[0], exponents[1]);
+    if (mirrored_[1]) std::swap(exponents[2], exponents[3]);
+    if (swapped_) {
+      std::swap(exponents[0], exponents[2]);
+      std::swap(exponents[1], exponents[3]);
+    }
+    return exponents;
+  }
+
+ private:
+  int first_, second_;
+  std::array<bool, 2> mirrored_;
+  bool swapped_ = false;
+};
+
 Matrix pyramid_conversion(int order, const BernsteinSpace& space) {
   const auto& lattice = reference::lattice(Shape::Pyramid, order);
   const PyramidConversion conversion(order);
   Matrix result = zero_matrix(space.size(), static_cast<int>(lattice.size()));
-  for (std::size_t node = 0; node < lattice.size(); ++node)
-    conversion.column(order - lattice[node][2], lattice[node][0], lattice[node][1], node, space, result);
+  std::map<std::array<int, 3>, std::size_t> computed;  // the nodes (n, i, j) with j ≤ i ≤ n / 2
+  for (std::size_t node = 0; node < lattice.size(); ++node) {
+    const int n = order - lattice[node][2], i = lattice[node][0], j = lattice[node][1];
+    if (j > i || 2 * i > n) continue;
+    conversion.column(n, i, j, node, space, result);
+    computed[{n, i, j}] = node;
+  }
+  for (std::size_t node = 0; node < lattice.size(); ++node) {
+    const int n = order - lattice[node][2];
+    const LayerSymmetry symmetry(n, lattice[node][0], lattice[node][1]);
+    const std::size_t source = computed.at({n, symmetry.first(), symmetry.second()});
+    if (source == node) continue;
+    for (std::size_t row = 0; row < result.size(); ++row)
+      result[row][node] =
+          result[static_cast<std::size_t>(space.index(symmetry.source(space.exponents()[row])))][source];
+  }
   // Entries that are zero in exact arithmetic are below 1e-30 here; the smallest other entry is above 1e-10.
   for (std::vector<Quad>& row : result)
     for (Quad& entry : row)
