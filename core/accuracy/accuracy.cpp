@@ -40,9 +40,11 @@ void gather(std::span<const double> coordinates, std::size_t d, const CellBatch&
 }
 
 /// V_E and m_s of the cells of a batch.
-void measure_cells(std::span<const double> coordinates, int d, const CellBatch& batch, CellAccuracy& out) {
+void measure_cells(std::span<const double> coordinates, int d, const CellBatch& batch, const StopToken* stop,
+                   CellAccuracy& out) {
   thread_local Workspace work;
-  const PartsTable& table = detail::parts_table(batch.block->shape, batch.block->order);
+  const PartsTable& table =
+      detail::parts_table(batch.block->shape, batch.block->order, reference::NodeSet::Equispaced, stop);
   const double measure = reference::info(batch.block->shape).measure;
   gather(coordinates, static_cast<std::size_t>(d), batch, table.to_modes.cols(), work.nodes);
   work.modes.noalias() = table.to_modes * work.nodes;
@@ -98,7 +100,7 @@ CellAccuracy measure(const HighOrderMesh& mesh, std::span<const double> coordina
   team.run([&] {
     team.for_ranges(batches.size(), 1, [&](std::size_t begin, std::size_t end) {
       for (std::size_t batch = begin; batch < end; ++batch)
-        measure_cells(coordinates, mesh.dimension, batches[batch], found);
+        measure_cells(coordinates, mesh.dimension, batches[batch], team.stop(), found);
     });
   });
   double total = 0;

@@ -3,6 +3,7 @@
 #include "core/accuracy/parts_table.h"
 
 #include <Eigen/LU>
+#include <algorithm>
 #include <numeric>
 #include <tuple>
 
@@ -13,7 +14,22 @@
 namespace varimesh::detail {
 namespace {
 
-PartsTable make_table(Shape shape, int order, reference::NodeSet set) {
+/// Tables of fewer nodes are made so fast that no look is needed.
+constexpr Eigen::Index kColumns = 256;
+
+/// The inverse, a block of columns at a time: of 1,331 modes it takes most of a second.
+Eigen::MatrixXd inverse(const Eigen::MatrixXd& matrix, const StopToken* stop) {
+  const Eigen::PartialPivLU<Eigen::MatrixXd> factors(matrix);
+  Eigen::MatrixXd inverse = Eigen::MatrixXd::Identity(matrix.rows(), matrix.cols());
+  for (Eigen::Index first = 0; first < matrix.cols(); first += kColumns) {
+    if (first > 0) look(stop);
+    auto columns = inverse.middleCols(first, std::min(kColumns, matrix.cols() - first));
+    columns = factors.solve(Eigen::MatrixXd(columns));
+  }
+  return inverse;
+}
+
+PartsTable make_table(Shape shape, int order, reference::NodeSet set, const StopToken* stop) {
   const int d = reference::info(shape).dimension;
   const double measure = reference::info(shape).measure;
   const reference::Points& nodes = reference::nodes(shape, order, set, d);
@@ -24,7 +40,7 @@ PartsTable make_table(Shape shape, int order, reference::NodeSet set) {
   std::ranges::stable_sort(modes, {}, [&](int mode) { return degrees[static_cast<std::size_t>(mode)]; });
 
   PartsTable table;
-  const Eigen::MatrixXd coefficients = reference::modal_values(shape, order, nodes).inverse();
+  const Eigen::MatrixXd coefficients = inverse(reference::modal_values(shape, order, nodes), stop);
   std::vector<Eigen::MatrixXd> gradients = reference::modal_gradients(shape, order, rule.points);
   table.mean_gradient.resize(d, nodes.rows());
   for (int a = 0; a < d; ++a)
@@ -39,6 +55,7 @@ PartsTable make_table(Shape shape, int order, reference::NodeSet set) {
   for (Eigen::MatrixXd& gradient : gradients)
     gradient = (rule.weights / measure).cwiseSqrt().asDiagonal() * Eigen::MatrixXd(gradient(Eigen::all, modes));
   for (std::size_t part = 0; part + 1 < table.first.size(); ++part) {
+    if (nodes.rows() > kColumns) look(stop);
     const Eigen::Index first = table.first[part], count = table.first[part + 1] - first;
     std::vector<Eigen::MatrixXd>& products = table.products.emplace_back();
     for (int a = 0; a < d; ++a)
@@ -53,9 +70,9 @@ PartsTable make_table(Shape shape, int order, reference::NodeSet set) {
 
 }  // namespace
 
-const PartsTable& parts_table(Shape shape, int order, reference::NodeSet set) {
+const PartsTable& parts_table(Shape shape, int order, reference::NodeSet set, const StopToken* stop) {
   static reference::Cache<std::tuple<Shape, int, reference::NodeSet>, PartsTable> tables;
-  return tables.get({shape, order, set}, [&] { return make_table(shape, order, set); });
+  return tables.get({shape, order, set}, [&] { return make_table(shape, order, set, stop); });
 }
 
 }  // namespace varimesh::detail

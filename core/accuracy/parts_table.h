@@ -4,6 +4,7 @@
 #include <Eigen/Core>
 #include <vector>
 
+#include "core/base/stop_token.h"
 #include "core/reference/nodes.h"
 
 namespace varimesh::detail {
@@ -20,6 +21,8 @@ struct PartsTable {
 
 /// The table of a shape and order, on the equispaced nodes of a mesh's file or on the optimised ones. It is made once
 /// and kept until the program ends.
-const PartsTable& parts_table(Shape shape, int order, reference::NodeSet set = reference::NodeSet::Equispaced);
+/// @param stop  may throw Interrupted while the table is made, which takes up to a second; null: never
+const PartsTable& parts_table(Shape shape, int order, reference::NodeSet set = reference::NodeSet::Equispaced,
+                              const StopToken* stop = nullptr);
 
 }  // namespace varimesh::detail

@@ -58,7 +58,8 @@ void ModalForm::gather_positions(const CellSet& set, std::int32_t first, std::in
 /// V_E into shares_, and the metrics.
 void ModalForm::measure(std::size_t number, std::int32_t first, std::int32_t count) {
   const CellSet& set = problem_.sets[number];
-  const detail::PartsTable& table = detail::parts_table(set.shape, set.order, reference::NodeSet::Optimised);
+  const detail::PartsTable& table =
+      detail::parts_table(set.shape, set.order, reference::NodeSet::Optimised, team_.stop());
   const int d = problem_.dimension;
   Eigen::MatrixXd nodes;
   gather_positions(set, first, count, nodes);
