@@ -4,14 +4,16 @@
 //   build/release/tests/core/optimise/core_stop_times NAME…        only the runs whose names contain one of these
 // VARIMESH_SEED sets the random moments. VARIMESH_YARDSTICK is the speed of the machine as docs/performance.md defines
 // it (82 if not set): seconds are multiplied by it and divided by 82.
-// Each run is measured in a process of its own, so tables that runs share do not exist before its first stop.
+// Each run has a process of its own, so tables that runs share do not exist at its start.
 #include <gtest/gtest.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <array>
 #include <cstdlib>
 #include <ctime>
-#include <iostream>
+#include <limits>
+#include <optional>
 #include <random>
 
 #include "tests/core/optimise/stopped_runs.h"
@@ -61,15 +63,15 @@ std::vector<RunToStop> runs_to_measure() {
   return runs;
 }
 
-/// Stops the run at a moment in processor time after its start; infinity: never. Returns how long it took to its end,
-/// and from there to the result.
+/// How long a run took to its end, and from the moment when it was to stop to the result; in processor seconds.
 struct Ending {
   double whole = 0, after = 0;
   double gap = 0;        ///< The longest time between two looks at the token, until it stopped the run.
   double gap_begin = 0;  ///< When that time began.
 };
 
-Ending stop_at(const RunToStop& run, double moment) {
+/// @param moment  when the run is to stop, in processor seconds after its start; infinity: never
+Ending stop_here_at(const RunToStop& run, double moment) {
   Ending ending;
   const double start = processor_seconds();
   double last = 0;
@@ -91,6 +93,28 @@ Ending stop_at(const RunToStop& run, double moment) {
   return ending;
 }
 
+/// The same in a process of its own. Nothing if the process fails or the result is not sound.
+std::optional<Ending> stop_at(const RunToStop& run, double moment) {
+  std::fflush(stdout);
+  std::array<int, 2> pipe_ends{};
+  if (pipe(pipe_ends.data()) != 0) return std::nullopt;
+  const pid_t child = fork();
+  if (child == 0) {
+    const Ending ending = stop_here_at(run, moment);
+    const bool is_written = write(pipe_ends[1], &ending, sizeof(ending)) == sizeof(ending);
+    std::fflush(stdout);
+    _exit(is_written && !::testing::UnitTest::GetInstance()->ad_hoc_test_result().Failed() ? 0 : 1);
+  }
+  close(pipe_ends[1]);
+  Ending ending;
+  const bool is_read = child > 0 && read(pipe_ends[0], &ending, sizeof(ending)) == sizeof(ending);
+  close(pipe_ends[0]);
+  int status = 1;
+  if (child > 0) waitpid(child, &status, 0);
+  if (!is_read || status != 0) return std::nullopt;
+  return ending;
+}
+
 /// Prints a line about the run; true if all its endings are within the bound.
 bool measure(const RunToStop& run) {
   const double normal = number_from("VARIMESH_YARDSTICK", 82) / 82;
@@ -98,35 +122,33 @@ bool measure(const RunToStop& run) {
   const double bound = 0.5 + 0.1 * cells / 100'000;
   std::mt19937 random(static_cast<unsigned>(number_from("VARIMESH_SEED", 19)));
   double longest = 0, moment_of_longest = 0;
+  bool is_sound = true;
   const auto stop = [&](double moment) {
-    const double after = normal * stop_at(run, moment).after;
-    if (after <= longest) return;
-    longest = after;
+    const std::optional<Ending> ending = stop_at(run, moment);
+    is_sound = is_sound && ending;
+    if (!ending || normal * ending->after <= longest) return;
+    longest = normal * ending->after;
     moment_of_longest = moment;
   };
   stop(0);
-  const double cold = longest;
-  const Ending unstopped = stop_at(run, std::numeric_limits<double>::infinity());
-  for (int i = 0; i < kStopsPerRun; ++i) stop(std::uniform_real_distribution<double>(0, unstopped.whole)(random));
-  stop(unstopped.gap_begin + 0.1 * unstopped.gap);  // when nothing looks at the token for the longest time
+  const double at_once = longest;
+  const std::optional<Ending> unstopped = stop_at(run, std::numeric_limits<double>::infinity());
+  if (!is_sound || !unstopped) {
+    std::printf("%-34s FAILED\n", run.name.c_str());
+    return false;
+  }
+  for (int i = 0; i < kStopsPerRun; ++i) stop(std::uniform_real_distribution<double>(0, unstopped->whole)(random));
+  stop(unstopped->gap_begin + 0.1 * unstopped->gap);  // when nothing looks at the token for the longest time
   std::printf(
       "%-34s %6.0f cells  whole %7.3f s, between looks %6.3f s  ending %6.3f s, stopped at %7.3f s, at once %6.3f s  "
       "bound %5.3f s  %s\n",
-      run.name.c_str(), cells, normal * unstopped.whole, normal * unstopped.gap, longest, moment_of_longest, cold,
-      bound, longest <= bound ? "met" : "NOT MET");
+      run.name.c_str(), cells, normal * unstopped->whole, normal * unstopped->gap, longest, moment_of_longest, at_once,
+      bound,
+      !is_sound          ? "FAILED"
+      : longest <= bound ? "met"
+                         : "NOT MET");
   std::fflush(stdout);
-  return longest <= bound;
-}
-
-/// The same in a process of its own.
-bool measure_alone(const RunToStop& run) {
-  std::fflush(stdout);
-  const pid_t child = fork();
-  if (child < 0) return false;
-  if (child == 0) _exit(measure(run) && !::testing::UnitTest::GetInstance()->ad_hoc_test_result().Failed() ? 0 : 1);
-  int status = 0;
-  waitpid(child, &status, 0);
-  return WIFEXITED(status) && WEXITSTATUS(status) == 0;
+  return is_sound && longest <= bound;
 }
 
 }  // namespace
@@ -141,7 +163,7 @@ int main(int argc, char** argv) {
     if (names == std::vector<std::string>{"--list"})
       std::printf("%s\n", run.name.c_str());
     else if (names.empty() || std::ranges::any_of(names, wanted))
-      all_met = varimesh::measure_alone(run) && all_met;
+      all_met = varimesh::measure(run) && all_met;
   }
   return all_met ? 0 : 1;
 }
