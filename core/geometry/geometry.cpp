@@ -53,7 +53,9 @@ double size(const Geometry& geometry) {
     for (int i = 0; i <= kSamples; ++i)
       for (int j = 0; j <= kSamples; ++j) {
         const double u = place(surface.shape->u_range(), i), v = place(surface.shape->v_range(), j);
-        if (surface.shape->contains(u, v)) extend(surface.shape->at(u, v).x);
+        const Eigen::Vector3d x = surface.shape->at(u, v).x;
+        // Whether the surface contains a point is a slow question.
+        if (!box.contains(x) && surface.shape->contains(u, v)) extend(x);
       }
   return box.isEmpty() ? 0 : box.diagonal().norm();
 }

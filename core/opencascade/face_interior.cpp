@@ -3,22 +3,128 @@
 #include <BRepAdaptor_Surface.hxx>
 #include <BRep_Tool.hxx>
 #include <Geom2dAdaptor_Curve.hxx>
+#include <Geom2d_Curve.hxx>
 #include <Standard_Failure.hxx>
 #include <TColStd_Array1OfReal.hxx>
 #include <TopExp_Explorer.hxx>
 #include <TopoDS.hxx>
+#include <TopoDS_Edge.hxx>
 #include <algorithm>
 #include <cmath>
 
 namespace varimesh::cad {
 namespace {
 
-constexpr int kFewQuestions = 500;       // as long as there are no more, a grid is not worth it
-constexpr std::int32_t kCells = 256;     // per direction
-constexpr std::int32_t kMostMargin = 8;  // in cells; with a larger one most of them would be near the boundary
-constexpr int kFirstPieces = 32;         // of a curve, so that a closed one is not taken for a point
-constexpr int kLeastPerSpan = 8;         // pieces between two knots of a spline
-constexpr int kMostHalvings = 12;        // of a piece
+using Point = Outline::Point;
+
+constexpr int kFewQuestions = 64;    // as long as there are no more, an outline is not worth it
+constexpr double kMostBand = 0.05;   // relative to the bounds of the face, as all lengths here
+constexpr double kDeviation = 1e-5;  // of a polygon from the boundary
+constexpr double kFar = 2;           // a curve that goes farther beyond the bounds has no polygon
+constexpr int kPerSpan = 8;          // sides of a polygon between two knots of a curve, at least
+constexpr int kMostHalvings = 12;    // of a side
+constexpr std::size_t kMostEdges = 2000, kMostWires = 200, kMostPoints = 100'000;  // of a face
+constexpr int kSamples = 32;             // all over the face, at which outline and classifier are compared,
+constexpr std::size_t kMostBeside = 32;  // and edges with four samples each
+constexpr double kBeside = 1e-3;         // how far these lie from the edge, at least
+
+double distance_to_side(const Point& point, const Point& from, const Point& to) {
+  const Point along{to[0] - from[0], to[1] - from[1]}, off{point[0] - from[0], point[1] - from[1]};
+  const double length = along[0] * along[0] + along[1] * along[1];
+  const double part = length > 0 ? std::clamp((off[0] * along[0] + off[1] * along[1]) / length, 0.0, 1.0) : 0.0;
+  return std::hypot(off[0] - part * along[0], off[1] - part * along[1]);
+}
+
+/// Makes a polygon of a part of a curve. Returns false if it stays far from the curve.
+/// @param at    the point for a parameter of the curve
+/// @param line  ends with the point of `first`; the points after it are added
+template <class At>
+bool follow(const At& at, double first, double last, int halvings, std::vector<Point>& line) {
+  const Point from = line.back(), to = at(last);
+  const double middle = 0.5 * (first + last);
+  const Point half = at(middle);
+  double off = 0;
+  for (const Point& between : {at(0.5 * (first + middle)), half, at(0.5 * (middle + last))}) {
+    const double here = distance_to_side(between, from, to);
+    if (!(here < kFar) || !(std::abs(between[0]) < 1 + kFar && std::abs(between[1]) < 1 + kFar)) return false;
+    off = std::max(off, here);
+  }
+  if (line.size() > kMostPoints) return false;
+  if (off <= kDeviation) {
+    line.push_back(half);
+    line.push_back(to);
+    return true;
+  }
+  return halvings < kMostHalvings && follow(at, first, middle, halvings + 1, line) &&
+         follow(at, middle, last, halvings + 1, line);
+}
+
+/// The polygon of a whole curve; empty if there is none that is near to it.
+template <class At>
+std::vector<Point> polygon(const Handle(Geom2d_Curve) & curve, double first, double last, const At& at) {
+  // A spline may turn anywhere between two knots.
+  const Geom2dAdaptor_Curve spans(curve, first, last);
+  TColStd_Array1OfReal knots(1, spans.NbIntervals(GeomAbs_CN) + 1);
+  spans.Intervals(knots, GeomAbs_CN);
+  std::vector<Point> line{at(first)};
+  for (int span = knots.Lower(); span < knots.Upper(); ++span)
+    for (int k = 0; k < kPerSpan; ++k) {
+      const double length = knots(span + 1) - knots(span);
+      const double begin = knots(span) + length * k / kPerSpan, end = knots(span) + length * (k + 1) / kPerSpan;
+      if (!follow(at, begin, end, 0, line)) return {};
+    }
+  return line;
+}
+
+using Lines = std::vector<std::vector<Point>>;
+
+/// A wire of a face.
+struct Loop {
+  std::vector<Point> points;
+  Outline outline;
+  Point low, high;
+
+  Loop(const Lines& lines, const Point& band) : outline(band), low(lines[0][0]), high(low) {
+    for (const std::vector<Point>& line : lines) {
+      outline.add(line);
+      points.insert(points.end(), line.begin(), line.end());
+    }
+    for (const Point& point : points)
+      for (std::size_t d = 0; d < 2; ++d) {
+        low[d] = std::min(low[d], point[d]);
+        high[d] = std::max(high[d], point[d]);
+      }
+  }
+
+  bool has_in_box(const Point& point) const {
+    return point[0] >= low[0] && point[0] <= high[0] && point[1] >= low[1] && point[1] <= high[1];
+  }
+  /// Whether all points of the other loop lie inside, or all outside. Points near to this loop are neither.
+  bool is_on_one_side(const Loop& other) const {
+    std::optional<bool> side;
+    for (const Point& point : other.points) {
+      const std::optional<bool> here = has_in_box(point) ? outline.contains(point) : std::optional(false);
+      if (!here || (side && side != here)) return false;
+      side = here;
+    }
+    return true;
+  }
+};
+
+/// Whether the wires are closed and do not touch or overlap each other.
+bool are_sound(const std::vector<Lines>& wires, const Point& band) {
+  std::vector<Loop> loops;
+  for (const Lines& lines : wires)
+    if (!loops.emplace_back(lines, band).outline.finish()) return false;
+  for (std::size_t a = 0; a < loops.size(); ++a)
+    for (std::size_t b = 0; b < loops.size(); ++b) {
+      bool overlap = a != b;
+      for (std::size_t d = 0; d < 2; ++d)
+        overlap = overlap && loops[a].low[d] <= loops[b].high[d] && loops[b].low[d] <= loops[a].high[d];
+      if (overlap && !loops[a].is_on_one_side(loops[b])) return false;
+    }
+  return true;
+}
 
 }  // namespace
 
@@ -40,118 +146,103 @@ bool FaceInterior::contains(double u, double v) const {
     questions_.fetch_add(1, std::memory_order_relaxed);
     return ask(u, v).value_or(false);
   }
-  std::call_once(made_, [&] { make_grid(); });
-  const std::int32_t i = place(0, u), j = place(1, v);
-  if (states_.empty() || i < 0 || j < 0) return ask(u, v).value_or(false);
-  std::atomic<std::uint8_t>& state = states_[static_cast<std::size_t>(i * kCells + j)];
-  std::uint8_t known = state.load(std::memory_order_relaxed);
-  if (known == Near) return ask(u, v).value_or(false);
-  if (known == Unknown) {
-    const auto middle = [&](int direction, std::int32_t cell) {
-      const geometry::Range& range = ranges_[static_cast<std::size_t>(direction)];
-      return range.first + (cell + 0.5) / kCells * range.length();
-    };
-    const std::optional<bool> answer = ask(middle(0, i), middle(1, j));
-    if (!answer) return ask(u, v).value_or(false);
-    known = *answer ? Inside : Outside;
-    state.store(known, std::memory_order_relaxed);
-  }
-  return known == Inside;
-}
-
-std::int32_t FaceInterior::place(int direction, double parameter) const {
-  const auto d = static_cast<std::size_t>(direction);
-  const geometry::Range& range = ranges_[d];
-  if (periods_[d] > 0) parameter -= periods_[d] * std::floor((parameter - range.first) / periods_[d]);
-  const double cell = std::floor((parameter - range.first) / range.length() * kCells);
-  return cell >= 0 && cell < kCells ? static_cast<std::int32_t>(cell) : -1;
-}
-
-void FaceInterior::make_grid() const {
-  std::vector<std::atomic<std::uint8_t>> states(kCells * kCells);
-  states_.swap(states);
-  bool is_complete = true;
-  try {
-    is_complete = set_margins();
-    const TopoDS_Face forward = TopoDS::Face(face_.Oriented(TopAbs_FORWARD));
-    for (TopExp_Explorer edges(forward, TopAbs_EDGE); edges.More(); edges.Next()) {
-      double first = 0, last = 0;
-      const Handle(Geom2d_Curve) curve = BRep_Tool::CurveOnSurface(TopoDS::Edge(edges.Current()), forward, first, last);
-      is_complete = is_complete && !curve.IsNull() && mark(curve, first, last);
+  std::call_once(made_, [&] {
+    try {
+      if (const std::optional<Point> near = band()) {
+        band_ = *near;
+        outline_ = make_outline(band_);
+      }
+    } catch (const Standard_Failure&) {  // then the classifier answers
     }
-  } catch (const Standard_Failure&) {
-    is_complete = false;
-  }
-  if (!is_complete) states_.clear();
+  });
+  const std::optional<bool> known = outline_ ? look_up(*outline_, relative(gp_Pnt2d(u, v))) : std::nullopt;
+  return known ? *known : ask(u, v).value_or(false);
 }
 
-bool FaceInterior::set_margins() const {
+Point FaceInterior::relative(const gp_Pnt2d& parameters) const {
+  return {(parameters.X() - ranges_[0].first) / ranges_[0].length(),
+          (parameters.Y() - ranges_[1].first) / ranges_[1].length()};
+}
+
+std::optional<bool> FaceInterior::look_up(const Outline& outline, Point at) const {
+  for (std::size_t d = 0; d < 2; ++d) {
+    if (!(periods_[d] > 0)) continue;
+    const double period = periods_[d] / ranges_[d].length();
+    at[d] -= period * std::floor(at[d] / period);  // from 0 to the period
+    const bool is_just_before_0 = at[d] > 1 && at[d] - period > -4 * band_[d];
+    if (is_just_before_0) return std::nullopt;
+  }
+  return outline.contains(at);
+}
+
+std::optional<Point> FaceInterior::band() const {
   // Curves of a boundary may miss each other by the tolerance of the vertex between them.
   const double tolerance = std::max({BRep_Tool::Tolerance(face_), BRep_Tool::MaxTolerance(face_, TopAbs_EDGE),
                                      BRep_Tool::MaxTolerance(face_, TopAbs_VERTEX)});
   const BRepAdaptor_Surface surface(face_, false);
-  const std::array<double, 2> reach = {surface.UResolution(tolerance), surface.VResolution(tolerance)};
+  const Point reach = {surface.UResolution(tolerance), surface.VResolution(tolerance)};
+  Point band;
   for (std::size_t d = 0; d < 2; ++d) {
-    if (periods_[d] > 0 && ranges_[d].length() > (1 + 1e-9) * periods_[d]) return false;
-    const double cells = std::max(tolerance, reach[d]) / ranges_[d].length() * kCells;
-    if (!(cells < kMostMargin)) return false;
-    margins_[d] = 1 + static_cast<std::int32_t>(std::ceil(cells));
+    if (periods_[d] > 0 && ranges_[d].length() > (1 + 1e-9) * periods_[d]) return std::nullopt;
+    band[d] = std::max(tolerance, reach[d]) / ranges_[d].length() + 2 * kDeviation;
+    if (!(band[d] < kMostBand)) return std::nullopt;
   }
-  return true;
+  return band;
 }
 
-bool FaceInterior::mark_around(const gp_Pnt2d& point) const {
-  const auto cell = [&](std::size_t d, double parameter) {
-    return std::floor((parameter - ranges_[d].first) / ranges_[d].length() * kCells);
-  };
-  const double u = cell(0, point.X()), v = cell(1, point.Y());
-  if (!(u >= -1 && u <= kCells && v >= -1 && v <= kCells)) return false;
-  const std::int32_t i = static_cast<std::int32_t>(std::clamp(u, 0.0, kCells - 1.0));
-  const std::int32_t j = static_cast<std::int32_t>(std::clamp(v, 0.0, kCells - 1.0));
-  for (std::int32_t a = std::max(i - margins_[0], 0); a <= std::min(i + margins_[0], kCells - 1); ++a)
-    for (std::int32_t b = std::max(j - margins_[1], 0); b <= std::min(j + margins_[1], kCells - 1); ++b)
-      states_[static_cast<std::size_t>(a * kCells + b)].store(Near, std::memory_order_relaxed);
-  return true;
+std::optional<Outline> FaceInterior::make_outline(const Point& band) const {
+  const std::vector<Lines> wires = polygons();
+  if (wires.empty() || !are_sound(wires, band)) return std::nullopt;
+  Outline outline(band);
+  std::vector<Point> on_boundary;
+  for (const Lines& lines : wires)
+    for (const std::vector<Point>& line : lines) {
+      outline.add(line);
+      on_boundary.push_back(line[line.size() / 2]);
+    }
+  if (!outline.finish() || !agrees(outline, on_boundary)) return std::nullopt;
+  return outline;
 }
 
-bool FaceInterior::mark(const Handle(Geom2d_Curve) & curve, double first, double last) const {
-  struct Piece {
-    double first, last;
-    gp_Pnt2d from, to;
-    int halvings;
-  };
-  const auto is_short = [&](const Piece& piece) {
-    return std::abs(piece.to.X() - piece.from.X()) * kCells <= 0.5 * ranges_[0].length() &&
-           std::abs(piece.to.Y() - piece.from.Y()) * kCells <= 0.5 * ranges_[1].length();
-  };
-  std::vector<Piece> pieces;
-  // A spline may turn anywhere between two knots.
-  const Geom2dAdaptor_Curve spans(curve, first, last);
-  TColStd_Array1OfReal knots(1, spans.NbIntervals(GeomAbs_CN) + 1);
-  spans.Intervals(knots, GeomAbs_CN);
-  const int per_span = std::max(kLeastPerSpan, kFirstPieces / (knots.Length() - 1));
-  for (int span = knots.Lower(); span < knots.Upper(); ++span)
-    for (int k = 0; k < per_span; ++k) {
-      const double length = knots(span + 1) - knots(span);
-      const double begin = knots(span) + length * k / per_span, end = knots(span) + length * (k + 1) / per_span;
-      pieces.push_back({begin, end, curve->Value(begin), curve->Value(end), 0});
+std::vector<Lines> FaceInterior::polygons() const {
+  std::vector<Lines> wires;
+  std::size_t edge_count = 0, point_count = 0;
+  const TopoDS_Face forward = TopoDS::Face(face_.Oriented(TopAbs_FORWARD));
+  for (TopExp_Explorer each(forward, TopAbs_WIRE); each.More(); each.Next()) {
+    Lines lines;
+    for (TopExp_Explorer edges(each.Current(), TopAbs_EDGE); edges.More(); edges.Next()) {
+      const TopoDS_Edge edge = TopoDS::Edge(edges.Current());
+      if (edge.Orientation() != TopAbs_FORWARD && edge.Orientation() != TopAbs_REVERSED) continue;  // inside the face
+      double first = 0, last = 0;
+      const Handle(Geom2d_Curve) curve = BRep_Tool::CurveOnSurface(edge, forward, first, last);
+      if (curve.IsNull() || ++edge_count > kMostEdges) return {};
+      lines.push_back(polygon(curve, first, last, [&](double t) { return relative(curve->Value(t)); }));
+      point_count += lines.back().size();
+      if (lines.back().empty() || point_count > kMostPoints) return {};
     }
-  while (!pieces.empty()) {
-    const Piece piece = pieces.back();
-    pieces.pop_back();
-    if (is_short(piece)) {
-      if (!mark_around(piece.from) || !mark_around(piece.to)) return false;
-      continue;
-    }
-    if (piece.halvings == kMostHalvings ||
-        !std::isfinite(piece.from.X() + piece.from.Y() + piece.to.X() + piece.to.Y()))
-      return false;
-    const double middle = 0.5 * (piece.first + piece.last);
-    const gp_Pnt2d at = curve->Value(middle);
-    pieces.push_back({piece.first, middle, piece.from, at, piece.halvings + 1});
-    pieces.push_back({middle, piece.last, at, piece.to, piece.halvings + 1});
+    if (!lines.empty()) wires.push_back(std::move(lines));
+    if (wires.size() > kMostWires) return {};
   }
-  return true;
+  return wires;
+}
+
+bool FaceInterior::agrees(const Outline& outline, const std::vector<Point>& on_boundary) const {
+  std::vector<Point> samples;
+  for (int k = 0; k < kSamples; ++k) {  // spread evenly by the golden ratio
+    const double turns = 0.6180339887498949 * k;
+    samples.push_back({turns - std::floor(turns), (k + 0.5) / kSamples});
+  }
+  const std::size_t step = (on_boundary.size() + kMostBeside - 1) / kMostBeside;
+  const Point off = {std::max(kBeside, 4 * band_[0]), std::max(kBeside, 4 * band_[1])};
+  for (std::size_t k = 0; k < on_boundary.size(); k += step)
+    for (const auto& [u, v] : {Point{-1, -1}, Point{-1, 1}, Point{1, -1}, Point{1, 1}})
+      samples.push_back({on_boundary[k][0] + u * off[0], on_boundary[k][1] + v * off[1]});
+  return std::ranges::all_of(samples, [&](const Point& at) {
+    const std::optional<bool> ours = look_up(outline, at);
+    const std::optional<bool> theirs =
+        ask(ranges_[0].first + at[0] * ranges_[0].length(), ranges_[1].first + at[1] * ranges_[1].length());
+    return !ours || ours == theirs;
+  });
 }
 
 }  // namespace varimesh::cad

@@ -11,6 +11,7 @@
 
 #include "core/opencascade/face_interior.h"
 #include "core/opencascade/shapes.h"
+#include "core/opencascade/spline_patches.h"
 
 namespace varimesh::cad {
 namespace {
@@ -22,12 +23,15 @@ using geometry::SurfacePoint;
 class FaceSurface : public geometry::SurfaceShape {
  public:
   /// @param u_period, v_period  of the surface; 0: not periodic
-  FaceSurface(const TopoDS_Face& face, const Handle(Geom_Surface) & surface, const Range& u, const Range& v,
-              double u_period, double v_period)
-      : surface_(surface), u_(u), v_(v), interior_(face, u, v, u_period, v_period) {}
+  /// @param patches  of the surface; null: it has none
+  FaceSurface(const TopoDS_Face& face, const Handle(Geom_Surface) & surface,
+              std::shared_ptr<const SplinePatches> patches, const Range& u, const Range& v, double u_period,
+              double v_period)
+      : surface_(surface), patches_(std::move(patches)), u_(u), v_(v), interior_(face, u, v, u_period, v_period) {}
 
   SurfacePoint at(double u, double v) const override {
     try {
+      if (patches_ != nullptr) return patches_->at(u, v);
       gp_Pnt x;
       gp_Vec du, dv, duu, dvv, duv;
       surface_->D2(u, v, x, du, dv, duu, dvv, duv);
@@ -53,6 +57,7 @@ class FaceSurface : public geometry::SurfaceShape {
 
  private:
   Handle(Geom_Surface) surface_;
+  std::shared_ptr<const SplinePatches> patches_;
   Range u_, v_;
   FaceInterior interior_;
 };
@@ -75,7 +80,7 @@ void extend(double period, double least, double most, Range& range) {
 
 }  // namespace
 
-std::shared_ptr<const geometry::SurfaceShape> surface_shape(const TopoDS_Face& face) {
+std::shared_ptr<const geometry::SurfaceShape> surface_shape(const TopoDS_Face& face, SharedPatches& shared) {
   Handle(Geom_Surface) surface = BRep_Tool::Surface(face);
   if (surface.IsNull()) return nullptr;
   // A trimmed surface forgets that it was periodic.
@@ -95,7 +100,7 @@ std::shared_ptr<const geometry::SurfaceShape> surface_shape(const TopoDS_Face& f
   const double v_period = surface->IsVPeriodic() ? surface->VPeriod() : 0;
   extend(u_period, u_least, u_most, u);
   extend(v_period, v_least, v_most, v);
-  return std::make_shared<FaceSurface>(face, surface, u, v, u_period, v_period);
+  return std::make_shared<FaceSurface>(face, surface, shared.of(surface), u, v, u_period, v_period);
 }
 
 }  // namespace varimesh::cad

@@ -206,7 +206,7 @@ class Builder {
   void add_surface(int number, geometry::Geometry& result) {
     geometry::Surface surface;
     surface.tag = number;
-    surface.shape = surface_shape(TopoDS::Face(faces_(number)));
+    surface.shape = surface_shape(TopoDS::Face(faces_(number)), patches_);
     if (surface.shape == nullptr) {
       result.notes.push_back("Face " + std::to_string(number) + " of the geometry has no surface with parameters.");
       return;
@@ -223,6 +223,7 @@ class Builder {
   }
 
   TopTools_IndexedMapOfShape vertices_, edges_, faces_;
+  SharedPatches patches_;
   std::map<int, int> place_;  ///< Of an edge's number: its index in Geometry::curves.
 };
 

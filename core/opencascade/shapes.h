@@ -11,6 +11,7 @@
 
 #include "core/geometry/geometry.h"
 #include "core/opencascade/names.h"
+#include "core/opencascade/spline_patches.h"
 
 namespace varimesh::cad {
 
@@ -20,7 +21,8 @@ inline Eigen::Vector3d vector(const gp_XYZ& a) { return {a.X(), a.Y(), a.Z()}; }
 std::shared_ptr<const geometry::CurveShape> curve_shape(const TopoDS_Edge& edge);
 
 /// Null if the face has no surface with parameters, or if its range of parameters is empty or infinite.
-std::shared_ptr<const geometry::SurfaceShape> surface_shape(const TopoDS_Face& face);
+/// @param shared  those of all faces of the file
+std::shared_ptr<const geometry::SurfaceShape> surface_shape(const TopoDS_Face& face, SharedPatches& shared);
 
 /// What a file has besides its shape.
 struct FileFacts {

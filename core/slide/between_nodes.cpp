@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <optional>
 
 #include "core/geometry/closest_point.h"
 
@@ -13,36 +14,117 @@ namespace {
 /// to a piece that is folded over: then all pieces are searched.
 constexpr double kSuspicious = 0.01;
 
-/// Calls distance(x, parameters of the nearest node from which Newton's method can start) for each sample.
-/// @param can_start  whether it can start from these parameters
-template <class Distance, class CanStart>
-Distances sample(std::span<const EntityElement> elements, int order, const std::vector<EntityNode>& nodes,
-                 const std::vector<double>& coordinates, const Distance& distance, const CanStart& can_start) {
+/// Where Newton's method may start for a point of an element.
+struct Start {
+  std::array<double, 2> nearest;  ///< The parameters of the nearest node from which it can start.
+  double to_nearest;              ///< The distance to this node.
+  /// The parameters of the point itself, interpolated from those of the nodes. Nothing at a pole.
+  std::optional<std::array<double, 2>> between;
+};
+
+/// The nodes of one element.
+struct ElementNodes {
+  Eigen::Matrix3Xd x;            ///< Positions.
+  Eigen::Matrix2Xd at;           ///< Parameters, all in the same period.
+  Eigen::RowVectorXd penalty;    ///< Puts nodes behind those from which Newton's method can start.
+  bool may_interpolate = false;  ///< It can start from all, and the parameters spread over a small part of a period.
+
+  Start start(const Eigen::Vector3d& point, const Eigen::MatrixXd::ConstRowXpr& basis) const {
+    Eigen::Index nearest = 0;
+    ((x.colwise() - point).colwise().squaredNorm() + penalty).minCoeff(&nearest);
+    Start start{{at(0, nearest), at(1, nearest)}, (x.col(nearest) - point).norm(), {}};
+    if (!may_interpolate) return start;
+    const Eigen::Vector2d between = at * basis.transpose();
+    start.between = {between[0], between[1]};
+    return start;
+  }
+};
+
+/// All nodes of an entity.
+template <class CanStart>
+class EntityNodes {
+ public:
+  /// @param can_start  whether Newton's method can start from parameters
+  /// @param ranges     of the parameters
+  /// @param elements   so many are asked for
+  EntityNodes(std::size_t elements, const std::vector<EntityNode>& nodes, const std::vector<double>& coordinates,
+              const CanStart& can_start, const std::array<geometry::Range, 2>& ranges)
+      : nodes_(nodes),
+        coordinates_(coordinates),
+        can_start_(can_start),
+        ranges_(ranges),
+        known_(elements > 1 ? nodes.size() : 0) {}
+
+  ElementNodes of(const EntityElement& element) {
+    const auto count = static_cast<Eigen::Index>(element.nodes.size());
+    ElementNodes of{Eigen::Matrix3Xd(3, count), Eigen::Matrix2Xd(2, count), Eigen::RowVectorXd::Zero(count)};
+    for (Eigen::Index k = 0; k < count; ++k) {
+      const std::int32_t node = element.nodes[static_cast<std::size_t>(k)];
+      const auto place = std::ranges::lower_bound(nodes_, node, {}, &EntityNode::node) - nodes_.begin();
+      const std::array<double, 2>& at = nodes_[static_cast<std::size_t>(place)].at;
+      of.x.col(k) = Eigen::Map<const Eigen::Vector3d>(&coordinates_[3 * static_cast<std::size_t>(node)]);
+      for (std::size_t d = 0; d < 2; ++d) {
+        const auto row = static_cast<Eigen::Index>(d);
+        const double period = ranges_[d].period;
+        of.at(row, k) = period > 0 && k > 0 ? at[d] + period * std::round((of.at(row, 0) - at[d]) / period) : at[d];
+      }
+      if (!can_start(static_cast<std::size_t>(place))) of.penalty[k] = std::numeric_limits<double>::max();
+    }
+    of.may_interpolate = !(of.penalty.maxCoeff() > 0);
+    for (std::size_t d = 0; d < 2; ++d) {
+      const auto row = of.at.row(static_cast<Eigen::Index>(d));
+      if (ranges_[d].period > 0 && row.maxCoeff() - row.minCoeff() > 0.25 * ranges_[d].period)
+        of.may_interpolate = false;
+    }
+    return of;
+  }
+
+ private:
+  bool can_start(std::size_t place) {
+    if (known_.empty()) return can_start_(nodes_[place].at);
+    std::optional<bool>& known = known_[place];
+    if (!known) known = can_start_(nodes_[place].at);
+    return *known;
+  }
+
+  const std::vector<EntityNode>& nodes_;
+  const std::vector<double>& coordinates_;
+  const CanStart& can_start_;
+  std::array<geometry::Range, 2> ranges_;
+  /// By node: to find it takes an evaluation of the shape. Empty for a single element, which has few of the nodes.
+  std::vector<std::optional<bool>> known_;
+};
+
+/// Calls distance(x, start) for each sample.
+template <class CanStart, class Distance>
+Distances sample(std::span<const EntityElement> elements, int order, EntityNodes<CanStart> nodes,
+                 const Distance& distance) {
   Distances sum;
   for (const EntityElement& element : elements) {
-    const EntityTable& table = entity_table(element.shape, order);
-    Eigen::Matrix<double, 3, Eigen::Dynamic> x(3, static_cast<Eigen::Index>(element.nodes.size()));
-    for (std::size_t k = 0; k < element.nodes.size(); ++k)
-      x.col(static_cast<Eigen::Index>(k)) =
-          Eigen::Map<const Eigen::Vector3d>(&coordinates[3 * static_cast<std::size_t>(element.nodes[k])]);
-    std::vector<std::array<double, 2>> at;
-    Eigen::RowVectorXd penalty = Eigen::RowVectorXd::Zero(x.cols());  // puts nodes behind those that can start
-    for (Eigen::Index k = 0; k < x.cols(); ++k) {
-      const std::int32_t node = element.nodes[static_cast<std::size_t>(k)];
-      at.push_back(std::ranges::lower_bound(nodes, node, {}, &EntityNode::node)->at);
-      if (!can_start(at.back())) penalty[k] = std::numeric_limits<double>::max();
-    }
-    for (Eigen::Index p = 0; p < table.between.rows(); ++p) {
-      const Eigen::Vector3d point = x * table.between.row(p).transpose();
-      Eigen::Index nearest = 0;
-      ((x.colwise() - point).colwise().squaredNorm() + penalty).minCoeff(&nearest);
-      const double off = distance(point, at[static_cast<std::size_t>(nearest)]);
+    const Eigen::MatrixXd& between = entity_table(element.shape, order).between;
+    const ElementNodes own = nodes.of(element);
+    for (Eigen::Index p = 0; p < between.rows(); ++p) {
+      const Eigen::Vector3d point = own.x * between.row(p).transpose();
+      const double off = distance(point, own.start(point, between.row(p)));
       sum.largest = std::max(sum.largest, off);
       sum.sum_of_squares += off * off;
       sum.samples += 1;
     }
   }
   return sum;
+}
+
+/// A foot that is nearer than this, over the distance to the nearest node, is not one of another part of the shape.
+constexpr double kSure = 0.05;
+
+/// The distance to which Newton's method leads from `start.between`, if that is sure to be the smallest one. Otherwise
+/// it starts from the nearest node too.
+/// @param closest_from  the distance to which parameters lead
+template <class ClosestFrom>
+double closest(const Start& start, const ClosestFrom& closest_from) {
+  if (!start.between) return closest_from(start.nearest);
+  const double off = closest_from(*start.between);
+  return off <= kSure * start.to_nearest ? off : std::min(off, closest_from(start.nearest));
 }
 
 }  // namespace
@@ -57,29 +139,33 @@ void Distances::add(const Distances& other) {
 
 Distances curve_distances(const geometry::CurveShape& shape, std::span<const EntityElement> elements, int order,
                           const std::vector<EntityNode>& nodes, const std::vector<double>& coordinates) {
-  return sample(
-      elements, order, nodes, coordinates,
-      [&](const Eigen::Vector3d& x, const std::array<double, 2>& guess) {
-        return geometry::closest_from(shape, x, guess[0]).distance;
-      },
-      [](const std::array<double, 2>&) { return true; });
+  const auto can_start = [](const std::array<double, 2>&) { return true; };
+  return sample(elements, order, EntityNodes(elements.size(), nodes, coordinates, can_start, {shape.range(), {}}),
+                [&](const Eigen::Vector3d& x, const Start& start) {
+                  return closest(start, [&](const std::array<double, 2>& from) {
+                    return geometry::closest_from(shape, x, from[0]).distance;
+                  });
+                });
 }
 
 Distances surface_distances(const geometry::SurfaceShape& shape, std::span<const EntityElement> elements, int order,
                             const std::vector<EntityNode>& nodes, const std::vector<double>& coordinates) {
-  return sample(
-      elements, order, nodes, coordinates,
-      [&](const Eigen::Vector3d& x, const std::array<double, 2>& guess) {
-        const double near = geometry::closest_from(shape, x, guess[0], guess[1]).distance;
-        const geometry::PieceSearch* pieces = shape.pieces();
-        if (pieces == nullptr || !pieces->may_fold() ||
-            near < kSuspicious * (x - shape.at(guess[0], guess[1]).x).norm())
-          return near;
-        return std::min(near, pieces->closest(x).distance);
-      },
-      [&](const std::array<double, 2>& from) {
-        return shape.normal(shape.at(from[0], from[1]), from[0], from[1]) != Eigen::Vector3d::Zero();  // not at a pole
-      });
+  const geometry::PieceSearch* pieces = shape.pieces();
+  const auto can_start = [&](const std::array<double, 2>& from) {
+    return shape.normal(shape.at(from[0], from[1]), from[0], from[1]) != Eigen::Vector3d::Zero();  // not at a pole
+  };
+  return sample(elements, order,
+                EntityNodes(elements.size(), nodes, coordinates, can_start, {shape.u_range(), shape.v_range()}),
+                [&](const Eigen::Vector3d& x, const Start& start) {
+                  const auto closest_from = [&](const std::array<double, 2>& from) {
+                    return geometry::closest_from(shape, x, from[0], from[1]).distance;
+                  };
+                  if (pieces == nullptr) return closest(start, closest_from);
+                  // The parameters jump between pieces.
+                  const double near = closest_from(start.nearest);
+                  const bool is_sure = near < kSuspicious * (x - shape.at(start.nearest[0], start.nearest[1]).x).norm();
+                  return !pieces->may_fold() || is_sure ? near : std::min(near, pieces->closest(x).distance);
+                });
 }
 
 }  // namespace varimesh::detail

@@ -45,8 +45,8 @@ struct Judged {
   std::int64_t left = 0;  ///< Cells that are not certified valid.
   std::int64_t weak = 0;  ///< Those, and cells whose scaled Jacobian is below kWeak.
   double lowest = 0;      ///< The proved minimum of the scaled Jacobian.
-  Distance distance;
   std::int64_t folded = 0;
+  Distance distance;  ///< Only of a state that may be the best one: to find it takes longer than all else here.
 };
 
 bool is_better(const Judged& a, const Judged& b) {
@@ -109,6 +109,7 @@ class Descent {
       best = std::move(now);
       return true;
     });
+    best.distance = distance();  // the same in all these states
     return best;
   }
 
@@ -117,11 +118,12 @@ class Descent {
   /// @param start  what inside() has returned
   std::optional<Judged> everything(const Judged& start, const DistanceLimit& surfaces, const DistanceLimit& curves) {
     std::optional<Judged> best;
-    bool allowed = false;
+    const auto allow = [&](const Distance& now) { return surfaces.allows(now.surfaces) && curves.allows(now.curves); };
     const auto gains = [&] {
       Judged now = judge();
-      allowed = surfaces.allows(now.distance.surfaces) && curves.allows(now.distance.curves);
-      if (!allowed || now.folded > start.folded || (best && !is_better(now, *best))) return false;
+      if (now.folded > start.folded || (best && !is_better(now, *best))) return false;
+      now.distance = distance();
+      if (!allow(now.distance)) return false;
       best = std::move(now);
       return true;
     };
@@ -130,7 +132,7 @@ class Descent {
     for (const double weight : kWeights) {
       newton_.boundary_weight = weight;
       descend(kMostSteps, gains);
-      if (allowed) break;
+      if (best && allow(distance())) break;
       const CoupledState end = newton_.state();
       for (const double part : kParts) {
         if (is_late()) break;
@@ -181,9 +183,11 @@ class Descent {
             summary.invalid + summary.undecided,
             std::ranges::count_if(certificates_, is_weak),
             summary.min_scaled_jacobian_lower_bound,
-            energies_.boundary.distance(newton_.coordinates()),
-            energies_.boundary.folded()};
+            energies_.boundary.folded(),
+            {}};
   }
+
+  Distance distance() const { return energies_.boundary.distance(newton_.coordinates()); }
 
   static bool is_weak(const Certificate& certificate) {
     return !certificate.is_valid() || certificate.scaled_jacobian_lower_bound < kWeak;

@@ -1,10 +1,13 @@
-// Compares the answers from the grid with those of OpenCASCADE's classifier, on faces with holes, seams and splines.
+// Compares the answers from polygons with those of OpenCASCADE's classifier, on faces with holes, seams and splines.
 #include "core/opencascade/face_interior.h"
 
 #include <gtest/gtest.h>
 
 #include <BRepAdaptor_Surface.hxx>
 #include <BRepAlgoAPI_Cut.hxx>
+#include <BRepBuilderAPI_MakeEdge.hxx>
+#include <BRepBuilderAPI_MakeFace.hxx>
+#include <BRepBuilderAPI_MakeWire.hxx>
 #include <BRepBuilderAPI_NurbsConvert.hxx>
 #include <BRepPrimAPI_MakeBox.hxx>
 #include <BRepPrimAPI_MakeCone.hxx>
@@ -12,10 +15,16 @@
 #include <BRepPrimAPI_MakeSphere.hxx>
 #include <BRepPrimAPI_MakeTorus.hxx>
 #include <BRepTools.hxx>
+#include <BRep_Builder.hxx>
 #include <BRep_Tool.hxx>
 #include <TopExp_Explorer.hxx>
 #include <TopoDS.hxx>
+#include <TopoDS_Vertex.hxx>
+#include <TopoDS_Wire.hxx>
 #include <cmath>
+#include <gp_Circ.hxx>
+#include <gp_Pln.hxx>
+#include <limits>
 #include <random>
 #include <thread>
 
@@ -82,7 +91,7 @@ TEST_P(FaceInteriorOf, GivesTheAnswersOfTheClassifier) {
     std::uniform_real_distribution<double> part(-0.1, 1.1);
     for (int k = 0; k < 5'000; ++k)
       compare(bounds.u.first + part(random) * bounds.u.length(), bounds.v.first + part(random) * bounds.v.length());
-    // Near the boundary, at distances from a thousandth of a cell to ten cells.
+    // Near the boundary, at distances from a millionth to a thirtieth of the ranges.
     std::uniform_real_distribution<double> along(0, 1), exponent(-6, -1.5), side(-1, 1);
     const TopoDS_Face forward = TopoDS::Face(bounds.face.Oriented(TopAbs_FORWARD));
     for (TopExp_Explorer edges(forward, TopAbs_EDGE); edges.More(); edges.Next()) {
@@ -95,6 +104,7 @@ TEST_P(FaceInteriorOf, GivesTheAnswersOfTheClassifier) {
       }
     }
     EXPECT_EQ(others, 0);
+    EXPECT_TRUE(interior.has_outline());
   }
   EXPECT_GT(inside, 1000);
   EXPECT_GT(outside, 1000);
@@ -104,6 +114,52 @@ INSTANTIATE_TEST_SUITE_P(Shapes, FaceInteriorOf,
                          testing::Values("plate", "plate_of_splines", "ball", "ball_of_splines", "torus",
                                          "torus_of_splines"),
                          [](const auto& each) { return std::string(each.param); });
+
+TopoDS_Wire circle(double x, double y, double radius) {
+  const gp_Circ circle(gp_Ax2(gp_Pnt(x, y, 0), gp_Dir(0, 0, -1)), radius);
+  return BRepBuilderAPI_MakeWire(BRepBuilderAPI_MakeEdge(circle)).Wire();
+}
+
+/// Expects the classifier's answers at random points, and says whether there is an outline.
+bool has_outline_and_agrees(const TopoDS_Face& face) {
+  const Bounds bounds(face);
+  const FaceInterior interior = bounds.interior();
+  BRepTopAdaptor_FClass2d classifier(face, BRep_Tool::Tolerance(face));
+  std::mt19937 random(3);
+  std::uniform_real_distribution<double> part(-0.1, 1.1);
+  int others = 0;
+  for (int k = 0; k < 20'000; ++k) {
+    const double u = bounds.u.first + part(random) * bounds.u.length();
+    const double v = bounds.v.first + part(random) * bounds.v.length();
+    others += interior.contains(u, v) == (classifier.Perform(gp_Pnt2d(u, v)) != TopAbs_OUT) ? 0 : 1;
+  }
+  EXPECT_EQ(others, 0);
+  return interior.has_outline();
+}
+
+TopoDS_Face plate(const std::vector<TopoDS_Wire>& holes) {
+  BRepBuilderAPI_MakeFace face(gp_Pln(), 0, 4, 0, 4);
+  for (const TopoDS_Wire& hole : holes) face.Add(hole);
+  return face.Face();
+}
+
+// The number of sides that a ray crosses says nothing where holes overlap.
+TEST(FaceInterior, HasNoOutlineIfWiresOverlap) {
+  EXPECT_TRUE(has_outline_and_agrees(plate({circle(1, 2, 0.5), circle(3, 2, 0.5)})));
+  EXPECT_FALSE(has_outline_and_agrees(plate({circle(1.6, 1.7, 0.41), circle(2.4, 1.7, 0.41)})));
+  EXPECT_FALSE(has_outline_and_agrees(plate({circle(0.4, 1.7, 0.5)})));
+}
+
+TEST(FaceInterior, HasNoOutlineIfAToleranceIsLarge) {
+  for (const double tolerance : {1.0, std::numeric_limits<double>::infinity()}) {
+    const TopoDS_Face face = plate({});
+    TopExp_Explorer vertices(face, TopAbs_VERTEX);
+    BRep_Builder().UpdateVertex(TopoDS::Vertex(vertices.Current()), tolerance);
+    const FaceInterior interior = Bounds(face).interior();
+    for (int k = 0; k < 100; ++k) interior.contains(0.04 * k, 2);
+    EXPECT_FALSE(interior.has_outline());
+  }
+}
 
 TEST(FaceInterior, ThreadsMayShareIt) {
   const TopoDS_Shape plate = bored_plate();
