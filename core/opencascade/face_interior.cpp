@@ -28,13 +28,6 @@ constexpr int kSamples = 32;             // all over the face, at which outline 
 constexpr std::size_t kMostBeside = 32;  // and edges with four samples each
 constexpr double kBeside = 1e-3;         // how far these lie from the edge, at least
 
-double distance_to_side(const Point& point, const Point& from, const Point& to) {
-  const Point along{to[0] - from[0], to[1] - from[1]}, off{point[0] - from[0], point[1] - from[1]};
-  const double length = along[0] * along[0] + along[1] * along[1];
-  const double part = length > 0 ? std::clamp((off[0] * along[0] + off[1] * along[1]) / length, 0.0, 1.0) : 0.0;
-  return std::hypot(off[0] - part * along[0], off[1] - part * along[1]);
-}
-
 /// Makes a polygon of a part of a curve. Returns false if it stays far from the curve.
 /// @param at    the point for a parameter of the curve
 /// @param line  ends with the point of `first`; the points after it are added
@@ -227,11 +220,7 @@ std::vector<Lines> FaceInterior::polygons() const {
 }
 
 bool FaceInterior::agrees(const Outline& outline, const std::vector<Point>& on_boundary) const {
-  std::vector<Point> samples;
-  for (int k = 0; k < kSamples; ++k) {  // spread evenly by the golden ratio
-    const double turns = 0.6180339887498949 * k;
-    samples.push_back({turns - std::floor(turns), (k + 0.5) / kSamples});
-  }
+  std::vector<Point> samples = spread_points(kSamples);
   const std::size_t step = (on_boundary.size() + kMostBeside - 1) / kMostBeside;
   const Point off = {std::max(kBeside, 4 * band_[0]), std::max(kBeside, 4 * band_[1])};
   for (std::size_t k = 0; k < on_boundary.size(); k += step)

@@ -72,12 +72,7 @@ bool Outline::is_near(const Side& side, const Point& at) const {
   const auto scaled = [&](const Point& point) {
     return Point{(point[0] - at[0]) / band_[0], (point[1] - at[1]) / band_[1]};
   };
-  const Point from = scaled(side.from), to = scaled(side.to);
-  const Point along{to[0] - from[0], to[1] - from[1]};
-  const double length = along[0] * along[0] + along[1] * along[1];
-  const double part = length > 0 ? std::clamp(-(from[0] * along[0] + from[1] * along[1]) / length, 0.0, 1.0) : 0.0;
-  const double off_u = from[0] + part * along[0], off_v = from[1] + part * along[1];
-  return off_u * off_u + off_v * off_v <= reach() * reach();
+  return distance_to_side({0, 0}, scaled(side.from), scaled(side.to)) <= reach();
 }
 
 std::optional<bool> Outline::contains(const Point& at) const {
@@ -92,6 +87,23 @@ std::optional<bool> Outline::contains(const Point& at) const {
     if (side.from[0] + part * (side.to[0] - side.from[0]) > at[0]) is_inside = !is_inside;
   }
   return is_inside;
+}
+
+double distance_to_side(const Outline::Point& point, const Outline::Point& from, const Outline::Point& to) {
+  const Outline::Point along{to[0] - from[0], to[1] - from[1]}, off{point[0] - from[0], point[1] - from[1]};
+  const double length = along[0] * along[0] + along[1] * along[1];
+  const double part = length > 0 ? std::clamp((off[0] * along[0] + off[1] * along[1]) / length, 0.0, 1.0) : 0.0;
+  const double u = off[0] - part * along[0], v = off[1] - part * along[1];
+  return std::sqrt(u * u + v * v);
+}
+
+std::vector<Outline::Point> spread_points(int count) {
+  std::vector<Outline::Point> points;
+  for (int k = 0; k < count; ++k) {
+    const double turns = 0.6180339887498949 * k;
+    points.push_back({turns - std::floor(turns), (k + 0.5) / count});
+  }
+  return points;
 }
 
 }  // namespace varimesh::cad

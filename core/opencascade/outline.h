@@ -55,4 +55,10 @@ class Outline {
   std::vector<std::uint32_t> in_row_;     ///< The sides that pass through each row or near to it.
 };
 
+/// The distance of a point to the straight line between two others, which ends there.
+double distance_to_side(const Outline::Point& point, const Outline::Point& from, const Outline::Point& to);
+
+/// Points of the unit square, spread evenly by the golden ratio.
+std::vector<Outline::Point> spread_points(int count);
+
 }  // namespace varimesh::cad

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <math_Matrix.hxx>
 
+#include "core/opencascade/outline.h"
 #include "core/opencascade/shapes.h"
 
 namespace varimesh::cad {
@@ -12,7 +13,8 @@ namespace {
 
 /// The coefficients of a polynomial of this degree in s may be about 3^degree times as large as its values.
 constexpr int kMostDegree = 9;
-/// At so many points the patches are compared with the surface when they are made, and may differ by so much.
+/// The number of points at which the patches are compared with the surface when they are made, and how far these may be
+/// apart, relative to the largest coordinate.
 constexpr int kSamples = 16;
 constexpr double kRounding = 1e-10;
 
@@ -38,15 +40,16 @@ std::unique_ptr<SplinePatches> SplinePatches::make(const Handle(Geom_BSplineSurf
 }
 
 bool SplinePatches::agree_with(const Handle(Geom_BSplineSurface) & surface) const {
-  double u_first = 0, u_last = 0, v_first = 0, v_last = 0;
+  double u_first = 0, u_last = 0, v_first = 0, v_last = 0, farthest = 0, largest = 0;
   surface->Bounds(u_first, u_last, v_first, v_last);
-  for (int k = 0; k < kSamples; ++k) {  // spread evenly by the golden ratio
-    const double turns = 0.6180339887498949 * k, part = turns - std::floor(turns);
-    const double u = u_first + part * (u_last - u_first), v = v_first + (k + 0.5) / kSamples * (v_last - v_first);
-    const Eigen::Vector3d ours = at(u, v).x, theirs = vector(surface->Value(u, v).XYZ());
-    if (!((ours - theirs).norm() <= kRounding * (1 + theirs.norm()))) return false;
+  for (const auto& [u, v] : spread_points(kSamples)) {
+    const double at_u = u_first + u * (u_last - u_first), at_v = v_first + v * (v_last - v_first);
+    const Eigen::Vector3d theirs = vector(surface->Value(at_u, at_v).XYZ()), off = at(at_u, at_v).x - theirs;
+    if (!off.allFinite()) return false;
+    farthest = std::max(farthest, off.norm());
+    largest = std::max(largest, theirs.norm());
   }
-  return true;
+  return farthest <= kRounding * largest;
 }
 
 SplinePatches::SplinePatches(const Handle(Geom_BSplineSurface) & surface)

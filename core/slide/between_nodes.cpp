@@ -18,7 +18,7 @@ constexpr double kSuspicious = 0.01;
 struct Start {
   std::array<double, 2> nearest;  ///< The parameters of the nearest node from which it can start.
   double to_nearest;              ///< The distance to this node.
-  /// The parameters of the point itself, interpolated from those of the nodes. Nothing at a pole.
+  /// The parameters of the point itself, interpolated from those of the nodes. Nothing if these do not allow it.
   std::optional<std::array<double, 2>> between;
 };
 
@@ -44,9 +44,9 @@ struct ElementNodes {
 template <class CanStart>
 class EntityNodes {
  public:
+  /// @param elements   the number of elements for which of() will be called
   /// @param can_start  whether Newton's method can start from parameters
   /// @param ranges     of the parameters
-  /// @param elements   so many are asked for
   EntityNodes(std::size_t elements, const std::vector<EntityNode>& nodes, const std::vector<double>& coordinates,
               const CanStart& can_start, const std::array<geometry::Range, 2>& ranges)
       : nodes_(nodes),
