@@ -26,6 +26,8 @@ HWY_NAMESPACE::Regularised<double> regularised(double J, double delta) {
 
 /// A straight-sided element that is flatter than this at a point has no target there.
 constexpr double kFlat = 1e-6;
+/// Derivatives of a basis function that are smaller than this are zero up to rounding.
+constexpr double kZeroDerivative = 1e-10;
 
 }  // namespace
 
@@ -78,6 +80,20 @@ EntityEnergy<d>::EntityEnergy(const std::vector<EntityElement>& elements, int or
     }
     measure_.push_back(measure);
   }
+  constant_.resize(elements.size());
+}
+
+template <int d>
+void EntityEnergy<d>::leave_out_constant_points(std::size_t element, const std::vector<bool>& free) {
+  const EntityTable& table = *tables_[element];
+  std::vector<bool>& constant = constant_[element];
+  constant.assign(static_cast<std::size_t>(table.weights.size()), true);
+  for (std::size_t p = 0; p < constant.size(); ++p)
+    for (std::size_t node = 0; node < free.size(); ++node)
+      for (int k = 0; k < d; ++k)
+        if (free[node] && std::abs(table.derivatives[static_cast<std::size_t>(k)](
+                              static_cast<Eigen::Index>(node), static_cast<Eigen::Index>(p))) > kZeroDerivative)
+          constant[p] = false;
 }
 
 template <int d>
@@ -116,6 +132,8 @@ typename EntityEnergy<d>::Value EntityEnergy<d>::value(std::size_t element, cons
     if (is_left_out(element, p)) continue;
     const double J = all.J[p];
     value.least = std::min(value.least, J);
+    if (is_constant(element, p)) continue;
+    value.least_movable = std::min(value.least_movable, J);
     if (J <= 0 && delta == 0)
       value.energy = std::numeric_limits<double>::infinity();
     else
@@ -139,7 +157,7 @@ typename EntityEnergy<d>::Terms EntityEnergy<d>::terms(std::size_t element, cons
     for (int l = 0; l < d; ++l) terms.stiffness[k][l].setZero(count);
   }
   for (Eigen::Index p = 0; p < count; ++p) {
-    if (is_left_out(element, p)) continue;
+    if (is_left_out(element, p) || is_constant(element, p)) continue;
     Eigen::Matrix<double, 3, d> F, C;
     for (int k = 0; k < d; ++k) F.col(k) = all.F[k].col(p);
     const Eigen::Vector3d N = all.normal.col(p);

@@ -120,6 +120,15 @@ void EntityForm<d>::set_nodes(std::vector<EntityNode> nodes) {
 }
 
 template <int d>
+void EntityForm<d>::leave_out_constant_points() {
+  for (std::size_t e = 0; e < local_.size(); ++e) {
+    std::vector<bool> free;
+    for (const std::int32_t place : local_[e]) free.push_back(nodes_[static_cast<std::size_t>(place)].free);
+    energy_.leave_out_constant_points(e, free);
+  }
+}
+
+template <int d>
 void EntityForm<d>::take_normals() {
   const Entity<d> entity(association_, entity_);
   normals_.setZero(3, static_cast<Eigen::Index>(nodes_.size()));
@@ -232,6 +241,7 @@ typename EntityForm<d>::Value EntityForm<d>::total(double delta, const Team& tea
   for (const Value& one : values(delta, team)) {
     sum.energy += one.energy;
     sum.least = std::min(sum.least, one.least);
+    sum.least_movable = std::min(sum.least_movable, one.least_movable);
   }
   return sum;
 }

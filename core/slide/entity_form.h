@@ -49,6 +49,9 @@ class EntityForm {
   /// elements all have the sense that most of those with the same number of their sense have.
   void set_nodes(std::vector<EntityNode> nodes);
 
+  /// EntityEnergy::leave_out_constant_points() for the nodes as they are free now.
+  void leave_out_constant_points();
+
   std::vector<EntityNode>& nodes() { return nodes_; }
   const std::vector<EntityNode>& nodes() const { return nodes_; }
   std::vector<EntityNode> take_nodes() { return std::move(nodes_); }
@@ -80,7 +83,8 @@ class EntityForm {
   void derivatives(std::size_t element, double delta, Eigen::VectorXd& gradient, Eigen::MatrixXd& hessian) const;
   /// The area or length of the straight-sided element as it came.
   double measure(std::size_t element) const { return energy_.measure(element); }
-  /// The energy of all elements, and their smallest J. The sum has the order of the elements for any number of threads.
+  /// The energy of all elements, and their smallest J, of all points and of those that are not constant. The sum has
+  /// the order of the elements for any number of threads.
   Value total(double delta, const Team& team) const;
   /// Elements with J ≤ 0 at a point.
   std::int64_t folded(const Team& team) const;

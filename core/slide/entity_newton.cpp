@@ -27,6 +27,7 @@ class EntityNewton {
 
   EntitySlide run(std::vector<EntityNode> nodes, int most_iterations) {
     form_.set_nodes(std::move(nodes));
+    form_.leave_out_constant_points();
     number_unknowns();
     if (most_iterations > 0 && unknowns_ > 0) prepare_hessian();
     const std::vector<EntityNode> start = form_.nodes();
@@ -62,7 +63,7 @@ class EntityNewton {
       first_[i] = unknowns_;
       unknowns_ += d;
     }
-    least_ = form_.total(0, team_).least;
+    least_ = form_.total(0, team_).least_movable;
   }
 
   /// Calls visit(element, a, b, row, column) for each pair of an element's free nodes a and b whose block lies in the
@@ -215,7 +216,7 @@ class EntityNewton {
       if (!(value.energy < energy) || !std::isfinite(largest)) continue;
       form_.take_normals();
       value_ = form_.total(delta, team_);
-      least_ = value_.least;
+      least_ = value_.least_movable;
       return largest;
     }
     nodes = before;
@@ -231,7 +232,7 @@ class EntityNewton {
   Eigen::SparseMatrix<double> hessian_;                ///< Its lower triangle.
   std::vector<std::array<std::ptrdiff_t, d>> slots_;   ///< By pair of for_blocks() and column of its block.
   Eigen::SimplicialLDLT<Eigen::SparseMatrix<double>, Eigen::Lower> factors_;
-  double least_ = 0;                     ///< Smallest J of all elements.
+  double least_ = 0;                     ///< Smallest J of all points that free nodes change.
   typename EntityForm<d>::Value value_;  ///< With delta_, where the nodes are.
   double delta_ = std::numeric_limits<double>::quiet_NaN();
 };

@@ -70,6 +70,48 @@ TEST(EntityEnergy, HasTheGradientOfItsValue) {
   }
 }
 
+// With the inner node free only, F is constant at the vertices. The triangle is folded at its first: two nodes beside
+// it have changed places.
+TEST(EntityEnergy, LeavesOutConstantPointsOnly) {
+  Cell made = cell(Shape::Triangle, 3);
+  std::vector<bool> free;
+  Eigen::Index beside[2] = {-1, -1}, inner = -1;
+  for (const auto& place : reference::lattice(Shape::Triangle, 3)) {
+    const auto i = static_cast<Eigen::Index>(free.size());
+    free.push_back(place[0] == 1 && place[1] == 1);
+    if (free.back()) inner = i;
+    if (place[0] + place[1] == 1) beside[place[0]] = i;
+  }
+  made.x.col(beside[0]).swap(made.x.col(beside[1]));
+  const EntityEnergy<2> whole(made.elements, 3, made.coordinates);
+  EntityEnergy<2> part = whole, none = whole;
+  part.leave_out_constant_points(0, free);
+  none.leave_out_constant_points(0, std::vector<bool>(free.size(), false));
+  constexpr double kDelta = 0.2;
+  auto moved = made.x;
+  moved.col(inner) += Eigen::Vector3d(0.03, -0.02, 0.05);
+  const auto before = whole.value(0, made.x, made.normal, kDelta), after = whole.value(0, moved, made.normal, kDelta);
+  const auto part_before = part.value(0, made.x, made.normal, kDelta);
+  EXPECT_NEAR(part.value(0, moved, made.normal, kDelta).energy - part_before.energy, after.energy - before.energy,
+              1e-12 * before.energy);
+  EXPECT_LT(part_before.energy, before.energy);
+  EXPECT_LT(before.least, -1);
+  EXPECT_EQ(part_before.least, before.least);
+  EXPECT_EQ(before.least_movable, before.least);
+  EXPECT_GT(part_before.least_movable, before.least);
+  Eigen::VectorXd gradient, part_gradient;
+  Eigen::MatrixXd hessian, part_hessian;
+  whole.derivatives(0, made.x, made.normal, kDelta, gradient, hessian);
+  part.derivatives(0, made.x, made.normal, kDelta, part_gradient, part_hessian);
+  EXPECT_LT((gradient - part_gradient).segment<3>(3 * inner).norm(), 1e-12 * gradient.norm());
+  const Eigen::MatrixXd apart = hessian - part_hessian;
+  EXPECT_LT((apart.block<3, 3>(3 * inner, 3 * inner).norm()), 1e-12 * hessian.norm());
+  const auto nothing = none.value(0, made.x, made.normal, 0);
+  EXPECT_EQ(nothing.energy, 0);
+  EXPECT_EQ(nothing.least, before.least);
+  EXPECT_TRUE(std::isinf(nothing.least_movable));
+}
+
 /// The Hessian as the header has it, point by point: 2 w f_Q (g_a · g_b) I + w max(f_JJ, 0) c_a ⊗ c_b.
 template <int d>
 Eigen::MatrixXd plain_hessian(const Cell& made, int order, double delta) {

@@ -157,6 +157,31 @@ TEST(Slide, UnfoldsElements) {
   EXPECT_LT(off_torus(all), 1e-13);
 }
 
+// All nodes of four elements are held, and two of them have changed places, so that three of the elements are folded at
+// their common vertex.
+TEST(Slide, IsNotDisturbedByAFoldBetweenHeldNodes) {
+  std::vector<double> results[2];
+  std::vector<bool> fixed, swapped;
+  for (const bool folds : {false, true}) {
+    fixed.clear(), swapped.clear();
+    HighOrderMesh mesh = surface_grid(*torus().surfaces[0].shape, 8, 5, 3, 1, true, [&](double s, double t) {
+      const auto is_at = [&](double column, double row) { return std::hypot(8 * s - column, 5 * t - row) < 1e-9; };
+      fixed.push_back(std::abs(8 * s - 3) < 1.001 && std::abs(5 * t - 2) < 1.001);
+      swapped.push_back(is_at(10. / 3, 2) || is_at(3, 7. / 3));
+      if (folds && is_at(10. / 3, 2)) return std::array<double, 2>{kTurn * 3 / 8, kTurn * 7 / 15};
+      if (folds && is_at(3, 7. / 3)) return std::array<double, 2>{kTurn * 10 / 24, kTurn * 2 / 5};
+      return std::array<double, 2>{kTurn * crowded(s, 0.3, 8), kTurn * crowded(t, 0.3, 5)};
+    });
+    const SlideReport report = slid(mesh, torus(), SlideOn::All, 1, fixed);
+    EXPECT_EQ(report.folded_before, folds ? 3 : 0);
+    EXPECT_EQ(report.folded_after, report.folded_before);
+    EXPECT_GT(report.nodes, 0);
+    results[folds ? 1 : 0] = mesh.coordinates;
+  }
+  for (std::size_t node = 0; node < fixed.size(); ++node)
+    for (std::size_t k = 0; k < 3 && !swapped[node]; ++k) EXPECT_EQ(results[0][3 * node + k], results[1][3 * node + k]);
+}
+
 // ===== Smooth joints =====
 
 TEST(SlideOverJoints, LetsNodesCrossThem) {
