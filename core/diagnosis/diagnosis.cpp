@@ -142,7 +142,7 @@ std::vector<UnrepairableGroup> between_faces(const HighOrderMesh& mesh, const Ce
   const detail::FixedSamples samples(mesh, cells);
   std::vector<UnrepairableGroup> groups;
   detail::gather(team, cells.count(), kChunk, groups, [&](std::size_t cell, std::vector<UnrepairableGroup>& out) {
-    for (const detail::FixedSample& sample : samples.worst(cell, fixed, sign))
+    for (const detail::FixedSample& sample : samples.worst(cell, fixed, sign, team.stop()))
       out.push_back(sample_group(mesh, cells, static_cast<std::int32_t>(cell), sample));
   });
   return groups;
@@ -182,7 +182,7 @@ std::vector<UnrepairableGroup> folded_faces(const HighOrderMesh& mesh, const Cel
 std::vector<UnrepairableGroup> diagnose(const HighOrderMesh& mesh, const std::vector<bool>& fixed, const Team& team) {
   assert(fixed.size() == mesh.node_count());
   const Cells cells(mesh, mesh.dimension);
-  const double sign = detail::orientation(mesh);
+  const double sign = detail::orientation(mesh, team);
   std::vector<UnrepairableGroup> groups;
   if (mesh.dimension == 3) groups = at_vertices(mesh, cells, fixed, sign, team);
   std::ranges::move(between_faces(mesh, cells, fixed, sign, team), std::back_inserter(groups));

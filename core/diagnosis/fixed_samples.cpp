@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <limits>
 #include <optional>
 
@@ -37,6 +38,8 @@ bool on_facet(const reference::ShapeInfo& shape, const reference::Facet& facet, 
 /// less. Only the few cells between fixed facets are sampled, so making rows again for each of them costs little.
 constexpr std::size_t kMostKept = std::size_t{80} << 20;
 constexpr std::size_t kRangeBytes = std::size_t{4} << 20;
+/// Points whose rows are made between two looks at the stop token.
+constexpr Eigen::Index kPointsBetweenLooks = 256;
 
 int lattice_intervals(int order) { return std::max(2 * order + 2, 8); }
 
@@ -59,7 +62,26 @@ FixedSamples::Rows FixedSamples::Table::make_rows(Eigen::Index first, Eigen::Ind
   return rows;
 }
 
-FixedSamples::Table FixedSamples::make_table(Shape shape, int order, int dimension) {
+void FixedSamples::Table::keep_all(const StopToken* stop) {
+  const Eigen::Index all = basis.points().rows();
+  for (Eigen::Index first = 0; first < all; first += kPointsBetweenLooks) {
+    look(stop);
+    const Eigen::Index count = std::min(kPointsBetweenLooks, all - first);
+    Rows rows = make_rows(first, count);
+    const Eigen::MatrixXd here = basis.values(first, count);
+    if (first == 0) {
+      kept.gradients.assign(rows.gradients.size(), Eigen::MatrixXd(all, here.cols()));
+      values.resize(all, here.cols());
+    }
+    for (std::size_t r = 0; r < rows.gradients.size(); ++r)
+      kept.gradients[r].middleRows(first, count) = rows.gradients[r];
+    values.middleRows(first, count) = here;
+    std::ranges::move(rows.enter, std::back_inserter(kept.enter));
+  }
+  kept.count = all;
+}
+
+FixedSamples::Table FixedSamples::make_table(Shape shape, int order, int dimension, const StopToken* stop) {
   const reference::ShapeInfo& info = reference::info(shape);
   reference::Points points = reference::uniform_lattice(shape, lattice_intervals(order));
   if (shape == Shape::Pyramid) {
@@ -89,23 +111,24 @@ FixedSamples::Table FixedSamples::make_table(Shape shape, int order, int dimensi
   const bool is_small = row_bytes * at(points.rows()) <= kMostKept;
   table.per_range = is_small ? points.rows() : static_cast<Eigen::Index>(kRangeBytes / row_bytes);
   if (!is_small) return table;
-  table.kept = table.make_rows(0, points.rows());
-  table.values = table.basis.values(0, points.rows());
+  table.keep_all(stop);
   return table;
 }
 
-const FixedSamples::Table& FixedSamples::table(Shape shape, int order, int dimension) {
+const FixedSamples::Table& FixedSamples::table(Shape shape, int order, int dimension, const StopToken* stop) {
   static reference::Cache<std::array<int, 3>, Table> cache;
-  return cache.get({static_cast<int>(shape), order, dimension}, [&] { return make_table(shape, order, dimension); });
+  return cache.get({static_cast<int>(shape), order, dimension},
+                   [&] { return make_table(shape, order, dimension, stop); });
 }
 
 FixedSamples::FixedSamples(const HighOrderMesh& mesh, const Cells& cells) : mesh_(mesh), cells_(cells) {}
 
 FixedSamples::Sampled FixedSamples::sample(const Table& table, const Eigen::MatrixXd& x, const std::vector<bool>& held,
-                                           double sign) {
+                                           double sign, const StopToken* stop) {
   Sampled out;
   const Eigen::Index points = table.basis.points().rows();
   for (Eigen::Index first = 0; first < points; first += table.per_range) {
+    look(stop);
     const Rows made = table.kept.count > 0 ? Rows() : table.make_rows(first, std::min(table.per_range, points - first));
     const Rows& rows = table.kept.count > 0 ? table.kept : made;
     std::array<Eigen::MatrixXd, 3> g;
@@ -120,9 +143,10 @@ FixedSamples::Sampled FixedSamples::sample(const Table& table, const Eigen::Matr
   return out;
 }
 
-std::vector<FixedSample> FixedSamples::worst(std::size_t cell, const std::vector<bool>& fixed, double sign) const {
+std::vector<FixedSample> FixedSamples::worst(std::size_t cell, const std::vector<bool>& fixed, double sign,
+                                             const StopToken* stop) const {
   const auto nodes = cells_.nodes(cell);
-  const Table& table = FixedSamples::table(cells_.shape(cell), mesh_.order, mesh_.dimension);
+  const Table& table = FixedSamples::table(cells_.shape(cell), mesh_.order, mesh_.dimension, stop);
   std::vector<bool> held;
   for (const std::int32_t node : nodes) held.push_back(fixed[at(node)]);
   const auto is_fixed = [&](const auto& facet) {
@@ -131,7 +155,7 @@ std::vector<FixedSample> FixedSamples::worst(std::size_t cell, const std::vector
   // Such a point can only lie between two fixed facets (except at vertices in 3-D).
   if (std::ranges::count_if(table.facets, is_fixed) < 2) return {};
   const Eigen::MatrixXd x = node_positions(mesh_.coordinates, nodes);
-  const Sampled sampled = sample(table, x, held, sign);
+  const Sampled sampled = sample(table, x, held, sign, stop);
   double largest = 0;
   for (const double jacobian : sampled.jacobian) largest = std::max(largest, std::abs(jacobian));
   std::array<std::optional<FixedSample>, 4> worst;

@@ -6,6 +6,7 @@
 #include <map>
 #include <vector>
 
+#include "core/base/stop_token.h"
 #include "core/mesh/connectivity.h"
 #include "core/reference/basis.h"
 
@@ -26,8 +27,10 @@ class FixedSamples {
   FixedSamples(const HighOrderMesh& mesh, const Cells& cells);
 
   /// The worst point of each dimension at which J ≤ 0 whatever the free nodes do. In 3-D the vertices are left out; the
-  /// vertex condition covers them. `fixed`: by node; `sign`: −1 if the mesh is numbered clockwise.
-  std::vector<FixedSample> worst(std::size_t cell, const std::vector<bool>& fixed, double sign) const;
+  /// vertex condition covers them. `fixed`: by node; `sign`: −1 if the mesh is numbered clockwise. Throws Interrupted
+  /// if `stop` says so.
+  std::vector<FixedSample> worst(std::size_t cell, const std::vector<bool>& fixed, double sign,
+                                 const StopToken* stop = nullptr) const;
 
  private:
   /// The basis at a range of a lattice's points.
@@ -41,6 +44,8 @@ class FixedSamples {
   struct Table {
     explicit Table(reference::BasisAtPoints on_lattice) : basis(std::move(on_lattice)) {}
     Rows make_rows(Eigen::Index first, Eigen::Index count) const;
+    /// Sets `kept` and `values`.
+    void keep_all(const StopToken* stop);
 
     reference::BasisAtPoints basis;
     Eigen::Index per_range = 0;            // points of a range, except the last one
@@ -50,9 +55,9 @@ class FixedSamples {
     std::vector<int> vertex;               // by point; −1 if it is none
     std::vector<std::vector<int>> facets;  // by facet: its nodes
   };
-  static Table make_table(Shape shape, int order, int dimension);
+  static Table make_table(Shape shape, int order, int dimension, const StopToken* stop);
   /// Made once and kept until the program ends.
-  static const Table& table(Shape shape, int order, int dimension);
+  static const Table& table(Shape shape, int order, int dimension, const StopToken* stop);
 
   /// J at every point, and whether all nodes are held that it depends on there.
   struct Sampled {
@@ -60,7 +65,8 @@ class FixedSamples {
     std::vector<char> is_held;
   };
   /// `x`: the positions of the cell's nodes; `held`: by node of the cell.
-  static Sampled sample(const Table& table, const Eigen::MatrixXd& x, const std::vector<bool>& held, double sign);
+  static Sampled sample(const Table& table, const Eigen::MatrixXd& x, const std::vector<bool>& held, double sign,
+                        const StopToken* stop);
 
   const HighOrderMesh& mesh_;
   const Cells& cells_;

@@ -63,9 +63,11 @@ Real dot(const Real* a, const Real* b) {
 }
 
 template <class Real>
-std::vector<Real> cross_products(const JacobianTable& table, const std::vector<Real>& a, const std::vector<Real>& b) {
+std::vector<Real> cross_products(const JacobianTable& table, const std::vector<Real>& a, const std::vector<Real>& b,
+                                 const StopToken* stop) {
   std::vector<Real> cross(static_cast<std::size_t>(table.cross.size()) * 3, Real(0));
   for (std::size_t k = 0; k + 1 < table.cross_terms.start.size(); ++k) {
+    look(stop);
     for (std::uint32_t e = table.cross_terms.start[k]; e < table.cross_terms.start[k + 1]; ++e) {
       const Real* p = a.data() + table.cross_terms.pairs[e][0] * 3;
       const Real* q = b.data() + table.cross_terms.pairs[e][1] * 3;
@@ -111,7 +113,7 @@ Coefficients<typename Arithmetic::Real> coefficients(const CellToCertify& cell, 
                         : HWY_NAMESPACE::rounding_bound<3>(size, error, product, number);
   for (const Real x : extent) result.error += x * 0;
   result.values.reserve(static_cast<std::size_t>(table.jacobian.size()));
-  const std::vector<Real> cross = d == 3 ? cross_products(table, g[1], g[2]) : std::vector<Real>();
+  const std::vector<Real> cross = d == 3 ? cross_products(table, g[1], g[2], stop) : std::vector<Real>();
   for (std::size_t k = 0; k + 1 < table.jacobian_terms.start.size(); ++k) {
     look(stop);
     Real sum = 0;
