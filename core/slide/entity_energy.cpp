@@ -129,7 +129,7 @@ typename EntityEnergy<d>::Value EntityEnergy<d>::value(std::size_t element, cons
   const Points all = points(element, x, normal);
   Value value{0, std::numeric_limits<double>::infinity()};
   for (Eigen::Index p = 0; p < all.J.size(); ++p) {
-    if (is_left_out(element, p)) continue;
+    if (has_no_target(element, p)) continue;
     const double J = all.J[p];
     value.least = std::min(value.least, J);
     if (is_constant(element, p)) continue;
@@ -157,7 +157,7 @@ typename EntityEnergy<d>::Terms EntityEnergy<d>::terms(std::size_t element, cons
     for (int l = 0; l < d; ++l) terms.stiffness[k][l].setZero(count);
   }
   for (Eigen::Index p = 0; p < count; ++p) {
-    if (is_left_out(element, p) || is_constant(element, p)) continue;
+    if (has_no_target(element, p) || is_constant(element, p)) continue;
     Eigen::Matrix<double, 3, d> F, C;
     for (int k = 0; k < d; ++k) F.col(k) = all.F[k].col(p);
     const Eigen::Vector3d N = all.normal.col(p);

@@ -31,17 +31,18 @@ class EntityEnergy {
 
   std::size_t size() const { return tables_.size(); }
 
-  /// Leaves those points of an element out of the energy whose F is constant, because no free node changes it: all
-  /// points of an element without free nodes, and a vertex between two edges on which all nodes are held. What they add
-  /// to the energy is constant too; if J ≤ 0 there, no movement unfolds the element.
+  /// Leaves the points of an element out of the energy at which no free node changes F. These are all points of an
+  /// element without free nodes, and each vertex between two edges on which all nodes are held. Their part of the
+  /// energy has no gradient, so the minimum stays where it is. If J ≤ 0 at such a point, no movement unfolds the
+  /// element.
   /// @param free  by node of the element
   void leave_out_constant_points(std::size_t element, const std::vector<bool>& free);
 
   /// What the energy of one element is made of, at its nodes' positions.
   struct Value {
-    double energy = 0;  ///< Infinite if J ≤ 0 at a point and δ = 0. Without the constant points.
-    double least = 0;   ///< The smallest J of its points.
-    /// The smallest J of its points that are not constant; infinite if all are.
+    double energy = 0;  ///< Infinite if J ≤ 0 at a point and δ = 0. Points that were left out add nothing.
+    double least = 0;   ///< The smallest J of all its points.
+    /// The smallest J of the points that were not left out; infinite if all were.
     double least_movable = std::numeric_limits<double>::infinity();
   };
   /// @param x       positions of the element's nodes
@@ -65,7 +66,7 @@ class EntityEnergy {
   struct Terms;
   Points points(std::size_t element, const Vectors& x, const Vectors& normal) const;
   Terms terms(std::size_t element, const Points& all, double delta) const;
-  bool is_left_out(std::size_t element, Eigen::Index point) const {
+  bool has_no_target(std::size_t element, Eigen::Index point) const {
     return inverse_[element][static_cast<std::size_t>(point)].isZero(0);
   }
   bool is_constant(std::size_t element, Eigen::Index point) const {
@@ -77,7 +78,7 @@ class EntityEnergy {
 
   Material material_;
   std::vector<const EntityTable*> tables_;                         ///< By element.
-  std::vector<std::vector<Eigen::Matrix<double, d, d>>> inverse_;  ///< By element and point: R⁻¹; zero: left out.
+  std::vector<std::vector<Eigen::Matrix<double, d, d>>> inverse_;  ///< By element and point: R⁻¹; zero: no target.
   std::vector<std::vector<bool>> constant_;                        ///< By element and point; empty: none is.
   std::vector<double> measure_;                                    ///< By element: |e|.
   std::vector<double> spacing_;

@@ -43,7 +43,7 @@ class EntityNewton {
   }
 
  private:
-  /// Steps until the nodes move no more. While an element is folded, all have the same δ = 0.5 · decay^k in step k.
+  /// Steps until the nodes move no more. While least_ ≤ 0, all elements have the same δ = 0.5 · decay^k in step k.
   void iterate(double decay, int most_iterations, EntitySlide& result) {
     for (int step = 0; step < most_iterations && unknowns_ > 0; ++step) {
       team_.look();
