@@ -16,6 +16,18 @@ def listed(tree, house):
     return [(words[0], words[1] if len(words) > 1 else "") for words in lines]
 
 
+def groups(tree, house):
+    """The groups of a house's ROOMS file: (heading, [(path, what it is for)]). A line "## HEADING" begins a group."""
+    found = []
+    purposes = dict(listed(tree, house))
+    for line in (tree / house / "ROOMS").read_text().splitlines():
+        if line.startswith("## "):
+            found.append((line.removeprefix("## "), []))
+        elif line and not line.startswith("#"):
+            found[-1][1].append((line.split()[0], purposes[line.split()[0]]))
+    return found
+
+
 def room_of(path, rooms):
     """The room that a file is in. If several lines fit, it is the longest, so that a file comes before its folder.
 
