@@ -8,9 +8,9 @@
 #include "client/process/interrupts.h"
 #include "core/base/stopwatch.h"
 #include "core/base/utf8.h"
-#include "core/distance/slide_and_measure.h"
 #include "core/formats/formats.h"
 #include "core/mesh/displacements.h"
+#include "core/slide/distance/slide_and_measure.h"
 
 namespace varimesh::client {
 namespace {

@@ -8,7 +8,7 @@
 #include <string>
 
 #include "core/base/error.h"
-#include "core/distance/slide_and_measure.h"
+#include "core/slide/distance/slide_and_measure.h"
 #include "varimesh/v1/optimise.pb.h"
 
 namespace varimesh::client {

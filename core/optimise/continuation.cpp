@@ -8,7 +8,7 @@
 #include "core/problem/node_conversion.h"
 #include "core/problem/targets.h"
 #include "core/quality/certified_quality.h"
-#include "core/untangle/untangle.h"
+#include "core/solvers/untangle/untangle.h"
 
 namespace varimesh {
 namespace {

@@ -9,15 +9,15 @@
 
 #include "core/base/stopwatch.h"
 #include "core/base/team.h"
-#include "core/descent/descent.h"
 #include "core/guard/best_mesh.h"
 #include "core/guard/guard.h"
-#include "core/maxmin/raise.h"
 #include "core/optimise/grace.h"
 #include "core/optimise/result.h"
 #include "core/optimise/run_control.h"
 #include "core/optimise/set_up.h"
 #include "core/optimise/stage_run.h"
+#include "core/solvers/descent/descent.h"
+#include "core/solvers/maxmin/raise.h"
 #include "core/validity/certifier.h"
 
 namespace varimesh {

@@ -11,8 +11,8 @@ namespace varimesh {
 enum class Phase : std::uint8_t { Sweeps, Newton, Untangle, Accuracy };
 
 /// What is known after an iteration: a sweep, a Newton step, a step of untangling (at most three Newton steps in every
-/// patch), or a round of the descent to the least loss of accuracy (core/descent/descent.h). All numbers but the
-/// seconds are dimensionless.
+/// patch), or a round of the descent to the least loss of accuracy (core/solvers/descent/descent.h). All numbers but
+/// the seconds are dimensionless.
 struct Iteration {
   Phase phase = Phase::Sweeps;
   int number = 0;                     ///< 1, 2, … through the whole run.

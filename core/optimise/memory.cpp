@@ -2,16 +2,16 @@
 
 #include <algorithm>
 
-#include "core/descent/descent_memory.h"
 #include "core/energy/material.h"
 #include "core/guard/guard_memory.h"
-#include "core/hessian/batches.h"
+#include "core/kernels/hessian/batches.h"
 #include "core/kernels/kernels.h"
 #include "core/mesh/mesh_counts.h"
-#include "core/newton/newton_memory.h"
 #include "core/problem/problem_memory.h"
 #include "core/quality/quality_memory.h"
-#include "core/sweeps/sweep_memory.h"
+#include "core/solvers/descent/descent_memory.h"
+#include "core/solvers/newton/newton_memory.h"
+#include "core/solvers/sweeps/sweep_memory.h"
 #include "core/validity/certificate.h"
 #include "core/validity/validity_memory.h"
 

@@ -14,7 +14,6 @@
 #include "core/base/team.h"
 #include "core/diagnosis/diagnose.h"
 #include "core/diagnosis/elements_text.h"
-#include "core/maxmin/raise.h"
 #include "core/mesh/check.h"
 #include "core/mesh/node_parameters.h"
 #include "core/mesh/straight_sides.h"
@@ -25,6 +24,7 @@
 #include "core/problem/fixed_nodes.h"
 #include "core/quality/certified_quality.h"
 #include "core/repair/straighten.h"
+#include "core/solvers/maxmin/raise.h"
 #include "core/validity/certifier.h"
 #include "core/validity/orientation.h"
 

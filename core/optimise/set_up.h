@@ -14,7 +14,7 @@
 #include "core/problem/node_conversion.h"
 #include "core/problem/problem.h"
 #include "core/problem/target_field.h"
-#include "core/sweeps/colouring.h"
+#include "core/solvers/sweeps/colouring.h"
 #include "core/validity/certifier.h"
 
 namespace varimesh {

@@ -10,17 +10,17 @@
 #include "core/base/stopwatch.h"
 #include "core/base/team.h"
 #include "core/checkpoint/checkpoint.h"
-#include "core/descent/descent.h"
 #include "core/guard/best_mesh.h"
 #include "core/guard/guard.h"
 #include "core/guard/settling.h"
-#include "core/maxmin/kept_raiser.h"
-#include "core/newton/newton.h"
 #include "core/optimise/optimiser.h"
 #include "core/optimise/phases.h"
 #include "core/progress/work_meter.h"
-#include "core/sweeps/sweep.h"
-#include "core/untangle/untangle.h"
+#include "core/solvers/descent/descent.h"
+#include "core/solvers/maxmin/kept_raiser.h"
+#include "core/solvers/newton/newton.h"
+#include "core/solvers/sweeps/sweep.h"
+#include "core/solvers/untangle/untangle.h"
 
 namespace varimesh {
 

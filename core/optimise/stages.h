@@ -4,7 +4,7 @@
 #include <memory>
 #include <vector>
 
-#include "core/hessian/batches.h"
+#include "core/kernels/hessian/batches.h"
 #include "core/kernels/kernels.h"
 #include "core/options/options.h"
 
@@ -21,7 +21,7 @@ struct Stage {
 /// relative to μ, their p-norm gives the worst cells more weight, and their targets are leveled (targets.h). A large λ
 /// holds J close to that of the target everywhere in a cell, so the least J comes close to the greatest. The limit is
 /// the quadrature, which must see all of the cell (docs/objectives.md has the figures). With Objective::Accuracy the
-/// only stage ends as soon as the mesh is valid (phases.h); the descent of core/descent follows.
+/// only stage ends as soon as the mesh is valid (phases.h); the descent of core/solvers/descent follows.
 std::vector<Stage> make_stages(const Options& options, int dimension);
 
 }  // namespace varimesh

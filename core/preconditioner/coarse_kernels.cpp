@@ -4,7 +4,7 @@
 
 #include <algorithm>
 
-#include "core/hessian/fixed_point_16.h"
+#include "core/kernels/hessian/fixed_point_16.h"
 
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "core/preconditioner/coarse_kernels.cpp"
@@ -12,8 +12,8 @@
 // Highway needs these includes after foreach_target.h.
 #include <hwy/highway.h>
 
-#include "core/hessian/cell_lanes-inl.h"
-#include "core/hessian/node_vector-inl.h"
+#include "core/kernels/hessian/cell_lanes-inl.h"
+#include "core/kernels/hessian/node_vector-inl.h"
 
 HWY_BEFORE_NAMESPACE();
 namespace varimesh {

@@ -6,7 +6,7 @@
 #include <memory>
 
 #include "core/base/aligned.h"
-#include "core/hessian/batches.h"
+#include "core/kernels/hessian/batches.h"
 #include "core/preconditioner/coarse_space.h"
 
 namespace varimesh {

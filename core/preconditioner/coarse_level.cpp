@@ -6,7 +6,7 @@
 #include <cmath>
 
 #include "core/base/index.h"
-#include "core/hessian/fixed_point_16.h"
+#include "core/kernels/hessian/fixed_point_16.h"
 #include "core/reference/basis.h"
 
 namespace varimesh {

@@ -9,7 +9,7 @@
 
 #include "core/base/aligned.h"
 #include "core/base/team.h"
-#include "core/hessian/batches.h"
+#include "core/kernels/hessian/batches.h"
 #include "core/preconditioner/coarse_kernels.h"
 #include "core/preconditioner/coarse_space.h"
 #include "core/preconditioner/linear_level.h"

@@ -5,7 +5,7 @@
 
 #include "core/base/aligned.h"
 #include "core/base/index.h"
-#include "core/hessian/batches.h"
+#include "core/kernels/hessian/batches.h"
 #include "core/reference/basis.h"
 
 namespace varimesh {

@@ -6,8 +6,8 @@
 #include <vector>
 
 #include "core/base/team.h"
-#include "core/multigrid/multigrid.h"
 #include "core/preconditioner/coarse_space.h"
+#include "core/preconditioner/multigrid/multigrid.h"
 #include "core/preconditioner/reduction.h"
 #include "core/problem/problem.h"
 
@@ -15,8 +15,8 @@ namespace varimesh {
 
 /// Corrections of order 1 to the coarse level. Of the stiffness matrix it keeps only the coupling of each direction
 /// with itself, averaged over the directions. So one scalar problem serves all directions, and one multigrid cycle of
-/// it (core/multigrid) is the solution. Conjugate gradients take as many iterations with it as with a factor of the
-/// whole matrix (docs/notes/order-1-level.md).
+/// it (core/preconditioner/multigrid) is the solution. Conjugate gradients take as many iterations with it as with a
+/// factor of the whole matrix (docs/notes/order-1-level.md).
 class LinearLevel {
  public:
   /// `above`: the space of the coarse level, in its final numbering, and `cells_above` the cells of its nodes. Only

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "core/base/team.h"
-#include "core/hessian/batches.h"
+#include "core/kernels/hessian/batches.h"
 #include "core/problem/problem.h"
 
 namespace varimesh {

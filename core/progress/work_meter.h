@@ -26,7 +26,7 @@ struct Work {
   std::int64_t groups_left = -1;  ///< Groups of tetrahedra that the last look for splits has found; −1 before any look.
 };
 
-/// What the kernels of the energy (core/kernels/, core/hessian/) have done in a run.
+/// What the kernels of the energy (core/kernels/, core/kernels/hessian/) have done in a run.
 struct KernelWork {
   double operations = 0;  ///< Floating-point operations, as core/kernels/operations.h counts them.
   double seconds = 0;     ///< Time in loops over kernels, times the threads that share them.

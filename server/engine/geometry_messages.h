@@ -2,8 +2,8 @@
 #pragma once
 
 #include "core/base/error.h"
-#include "core/distance/slide_and_measure.h"
 #include "core/options/options.h"
+#include "core/slide/distance/slide_and_measure.h"
 #include "varimesh/v1/job.pb.h"
 
 namespace varimesh::server {

@@ -5,10 +5,10 @@
 
 #include "core/base/team.h"
 #include "core/diagnosis/elements_text.h"
-#include "core/maxmin/raise.h"
 #include "core/mesh/connectivity.h"
 #include "core/optimise/grace.h"
 #include "core/problem/fixed_nodes.h"
+#include "core/solvers/maxmin/raise.h"
 #include "core/validity/certifier.h"
 
 namespace varimesh {

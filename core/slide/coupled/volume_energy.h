@@ -6,7 +6,7 @@
 #include <span>
 #include <vector>
 
-#include "core/hessian/batches.h"
+#include "core/kernels/hessian/batches.h"
 #include "core/kernels/kernels.h"
 #include "core/preconditioner/reduction.h"
 #include "core/problem/node_conversion.h"

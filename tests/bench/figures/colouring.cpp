@@ -2,7 +2,7 @@
 //   paper_colouring MESH
 // tests/bench/paper uses it. A sweep goes through the colours one after another; the threads share the work of one
 // colour.
-#include "core/sweeps/colouring.h"
+#include "core/solvers/sweeps/colouring.h"
 
 #include <algorithm>
 #include <cstdio>

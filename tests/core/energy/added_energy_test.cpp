@@ -6,9 +6,9 @@
 #include <memory>
 
 #include "core/energy/density-inl.h"
-#include "core/hessian/hessian-inl.h"
+#include "core/kernels/hessian/hessian-inl.h"
 #include "core/kernels/kernels-inl.h"
-#include "core/sweeps/sweep.h"
+#include "core/solvers/sweeps/sweep.h"
 #include "tests/core/energy/added_energy-inl.h"
 #include "tests/core/support/meshes.h"
 #include "tests/core/support/problems.h"

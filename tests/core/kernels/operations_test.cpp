@@ -9,16 +9,16 @@
 #include <string>
 #include <vector>
 
-#include "core/hessian/operations.h"
-#include "core/newton/newton.h"
-#include "core/sweeps/sweep.h"
+#include "core/kernels/hessian/operations.h"
+#include "core/solvers/newton/newton.h"
+#include "core/solvers/sweeps/sweep.h"
 #include "tests/core/energy/materials.h"
 #include "tests/core/support/meshes.h"
 #include "tests/core/support/problems.h"
 // After all others, since it takes the place of Highway.
 #include "tests/core/support/counted_lanes.h"
 // Compiled for it.
-#include "core/hessian/hessian-inl.h"
+#include "core/kernels/hessian/hessian-inl.h"
 #include "core/kernels/kernels-inl.h"
 
 namespace varimesh {

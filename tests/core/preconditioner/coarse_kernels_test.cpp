@@ -8,7 +8,7 @@
 
 #include "core/base/index.h"
 #include "core/energy/material.h"
-#include "core/hessian/fixed_point_16.h"
+#include "core/kernels/hessian/fixed_point_16.h"
 #include "tests/core/support/meshes.h"
 #include "tests/core/support/problems.h"
 

@@ -8,7 +8,7 @@
 #include <random>
 
 #include "core/energy/material.h"
-#include "core/hessian/batches.h"
+#include "core/kernels/hessian/batches.h"
 #include "tests/core/support/meshes.h"
 #include "tests/core/support/problems.h"
 

@@ -13,7 +13,7 @@
 #include "core/kernels/kernels.h"
 #include "core/problem/target_field.h"
 #include "core/problem/targets.h"
-#include "core/sweeps/sweep.h"
+#include "core/solvers/sweeps/sweep.h"
 #include "tests/core/energy/materials.h"
 #include "tests/core/support/meshes.h"
 #include "tests/core/support/problems.h"

@@ -4,7 +4,7 @@
 #include <random>
 #include <vector>
 
-#include "core/hessian/batches.h"
+#include "core/kernels/hessian/batches.h"
 #include "core/kernels/kernels.h"
 #include "core/kernels/node_star.h"
 #include "core/mesh/connectivity.h"

@@ -7,11 +7,11 @@
 #include <vector>
 
 #include "core/base/team.h"
-#include "core/hessian/batches.h"
+#include "core/kernels/hessian/batches.h"
 #include "core/kernels/kernels.h"
 #include "core/problem/problem.h"
-#include "core/sweeps/colouring.h"
-#include "core/sweeps/sweep.h"
+#include "core/solvers/sweeps/colouring.h"
+#include "core/solvers/sweeps/sweep.h"
 #include "tests/core/support/problems.h"
 
 namespace varimesh::bench {

@@ -1,0 +1,399 @@
+#include "core/solvers/descent/descent.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "core/accuracy/team_accuracy.h"
+#include "core/base/line_search.h"
+#include "core/kernels/p_norm.h"
+#include "core/quality/certified_quality.h"
+#include "core/solvers/descent/has_loss.h"
+#include "core/solvers/maxmin/kept_raiser.h"
+
+namespace varimesh {
+namespace {
+
+/// ε_e is the squared loss times this. Ten times as much costs 3 % of the loss on the first meshes of docs/accuracy.md;
+/// a third leaves the scaled Jacobian of some elements .05 lower.
+constexpr double kWeight = 3;
+constexpr double kRaise = 4;
+/// A mesh with a higher minimum of the scaled Jacobian may have a loss that is this much higher, until the minimum is
+/// kWanted.
+constexpr double kLossGivenForJs = 1.02;
+/// Cells below this scaled Jacobian get more weight as long as that costs no more.
+constexpr double kWanted = 0.5;
+constexpr int kMostRaises = 8;
+/// If all cells have this share of the scaled Jacobian of the context, more rounds are worth it: in thin prisms of
+/// order 2 the loss falls to .4 of what it is after kMostRaises.
+constexpr double kInReach = 0.5;
+constexpr int kMostRaisesInReach = 20;
+/// Once cells that lost their certificate are raised, this many looks at cells a round (raise.h).
+constexpr std::int64_t kLooksPerRound = 20'000;
+/// A round that raises the loss by more than this, and the minimum of the scaled Jacobian not at all, has left what the
+/// frames at its beginning say. It is taken back, and ε_e gets kCaution times as large.
+constexpr double kRises = 1.1;
+constexpr double kCaution = 10;
+/// If no mesh has the scaled Jacobian of the context, those count that have this share of the highest.
+constexpr double kShareOfHighest = 0.5;
+/// A round that lowers the loss by less than this is the last, unless a cell still needs more weight.
+constexpr double kFalls = 0.99;
+/// L-BFGS ends when a whole step would lower the sum by about this share of it.
+constexpr double kLittle = 1e-3;
+constexpr int kMostSteps = 40;
+constexpr int kMostTrials = 12;
+/// How closely the minimum of the scaled Jacobian is proved.
+constexpr double kGap = 1e-3;
+/// Minima of the scaled Jacobian differ if they differ by more than this.
+constexpr double kHigher = 1e-3;
+constexpr double kNoise = 1e-13;  // of the sum
+constexpr std::size_t kNodesPerTask = 4096;
+constexpr std::size_t kCellsPerSum = 512;
+
+}  // namespace
+
+Descent::Descent(const DescentContext& context)
+    : context_(context),
+      problem_(context.problem),
+      team_(context.team),
+      reduction_(team_),
+      from_(free_positions(problem_, problem_.positions)),
+      space_(own_space(problem_)),
+      form_(problem_, space_, team_),
+      barrier_(problem_, context.kernels, context.hessian, form_.volume(), team_),
+      levels_(problem_, context.mesh, space_, team_),
+      quasi_newton_(problem_.free.size() * problem_.dimension, team_),
+      factors_(problem_.cells, 1.0),
+      weights_(problem_.cells),
+      gradient_(problem_.free.size() * problem_.dimension),
+      next_gradient_(gradient_.size()),
+      step_(gradient_.size()),
+      start_(gradient_.size()),
+      work_(gradient_.size()),
+      lost_(problem_.cells, 0),
+      uncertified_(problem_.cells, 0) {
+  barrier_.count_with(context.meter, point_operations(context.material, problem_.dimension));
+  const std::vector<Standing> standings = context.guard.standings();
+  for (CellSet& set : problem_.sets)
+    for (std::int32_t cell = 0; cell < set.count; ++cell)
+      if (standings[set.first + cell] == Standing::Valid) set.delta_squared[cell] = 0;
+}
+
+bool Descent::begin() {
+  State kept = kept_state();
+  last_loss_ = kept.loss;
+  accept(kept);
+  const bool as_it_came = kept.coordinates == context_.mesh.coordinates;
+  kept.is_lower = kept.is_lower && !as_it_came;
+  if (kept.uncertified == 0 && reaches_bound(kept) && !kept.is_lower) least_loss_ = kept.loss;
+  if (!as_it_came) {
+    // The energy came first (phases.h). It may have raised the loss, which must not stay so unless it certified cells.
+    State came = state_as_it_came();
+    if (context_.came_valid || came.uncertified <= kept.uncertified) {
+      best_ = std::move(came);
+      start_loss_ = best_.loss;
+      if (is_better(kept)) best_ = std::move(kept);
+      return !stays_invalid_for_size();
+    }
+  }
+  best_ = std::move(kept);
+  start_loss_ = best_.loss;
+  return start_loss_ > 0 && !stays_invalid_for_size() &&
+         !(as_it_came && reaches_bound(best_) && !has_loss(context_.mesh, best_.scaled_jacobian, team_));
+}
+
+bool Descent::stays_invalid_for_size() const {
+  return best_.uncertified > 0 && size_decides(context_.mesh, best_.loss, team_);
+}
+
+Descent::State Descent::kept_state() const {
+  State state;
+  team_.run([&] {
+    state.coordinates = context_.guard.coordinates();
+    state.certificates = context_.guard.certificates();
+    judge(state);
+  });
+  state.loss = accuracy(context_.mesh, state.coordinates, team_).loss;
+  state.is_lower = is_lower(state);
+  return state;
+}
+
+bool Descent::is_lower(const State& state) const {
+  const QualityReport* least = context_.least;
+  if (!least || state.scaled_jacobian >= least->min_scaled_jacobian) return false;
+  const ScaledJacobians now = scaled_jacobians(context_.mesh, state.coordinates, team_);
+  return now.smallest < least->min_scaled_jacobian - kHigher && now.mean < least->mean_scaled_jacobian;
+}
+
+Descent::State Descent::state_as_it_came() const {
+  State state;
+  state.coordinates = context_.mesh.coordinates;
+  state.certificates.resize(context_.certifier.cells());
+  team_.run([&] {
+    context_.certifier.certify(state.coordinates, state.certificates, team_);
+    judge(state);
+  });
+  state.loss = accuracy(context_.mesh, team_).loss;
+  return state;
+}
+
+void Descent::judge(State& state) const {
+  const CertificateSummary summary =
+      context_.certifier.sharpen(state.coordinates, state.certificates, kGap, team_.stop());
+  state.uncertified = summary.invalid + summary.undecided;
+  state.scaled_jacobian = summary.min_scaled_jacobian_lower_bound;
+}
+
+bool Descent::is_better(const State& state) const {
+  if (state.uncertified != best_.uncertified) return state.uncertified < best_.uncertified;
+  if (state.is_lower) return false;
+  if (context_.came_valid) {
+    const bool raises = best_.scaled_jacobian < kWanted && state.scaled_jacobian > best_.scaled_jacobian + kHigher;
+    const bool is_worth_it = state.loss < kFalls * start_loss_ || raises;
+    if (state.loss > start_loss_ || !is_worth_it) return false;
+  }
+  if (state.uncertified > 0) return state.loss < best_.loss;
+  if (reaches_bound(state) != reaches_bound(best_)) return reaches_bound(state);
+  if (!reaches_bound(state)) {
+    const double most = std::max(highest_, state.scaled_jacobian);
+    const bool is_high = state.scaled_jacobian >= kShareOfHighest * most;
+    const bool best_is_high = best_.scaled_jacobian >= kShareOfHighest * most;
+    return is_high != best_is_high ? is_high : kLossGivenForJs * state.loss < best_.loss;
+  }
+  const double most = kLossGivenForJs * least_loss_;
+  if (best_.loss > most || state.loss > most) return state.loss < best_.loss;
+  const double js = std::min(state.scaled_jacobian, kWanted), of_best = std::min(best_.scaled_jacobian, kWanted);
+  return js != of_best ? js > of_best : state.loss < best_.loss;
+}
+
+void Descent::set_weights(double loss) {
+  const Material& m = context_.material;
+  const double stiffness = has_bulk_constant(m) ? m.mu + (m.lambda + m.mu) / problem_.dimension : 1;
+  for (std::size_t cell = 0; cell < weights_.size(); ++cell)
+    weights_[cell] = caution_ * kWeight * loss * loss * factors_[cell];
+  std::vector<double> stiff(weights_);
+  for (double& one : stiff) one *= stiffness;
+  levels_.take_diagonals(form_, stiff);
+}
+
+double Descent::evaluate(std::vector<double>& gradient) {
+  const double energy = barrier_.gradient(weights_, gradient);
+  if (!std::isfinite(energy)) return energy;
+  const double loss = form_.gradient(work_);
+  team_.for_ranges(gradient.size(), kNodesPerTask, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) gradient[i] += work_[i];
+  });
+  return energy + loss;
+}
+
+double Descent::find_step() {
+  const auto precondition = [&](std::span<const double> r, std::span<double> z) { levels_.apply(r, z); };
+  double slope = quasi_newton_.direction(gradient_, step_, work_, precondition);
+  if (slope < 0) return slope;
+  quasi_newton_.forget();
+  return quasi_newton_.direction(gradient_, step_, work_, precondition);
+}
+
+void Descent::place(double alpha) {
+  const std::size_t d = problem_.dimension;
+  team_.for_ranges(problem_.free.size(), kNodesPerTask, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t f = begin; f < end; ++f)
+      for (std::size_t k = 0; k < d; ++k)
+        problem_.positions[problem_.free[f] * d + k] = start_[f * d + k] + alpha * step_[f * d + k];
+  });
+}
+
+void Descent::minimise(DescentRound& round) {
+  quasi_newton_.forget();
+  double value = evaluate(gradient_);
+  if (!std::isfinite(value)) return;
+  if (first_gradient_ == 0) first_gradient_ = std::sqrt(quasi_newton_.dot(gradient_, gradient_));
+  while (round.steps < kMostSteps) {
+    const double slope = find_step();
+    if (!(slope < 0) || -slope <= kLittle * value) break;
+    start_ = free_positions(problem_, problem_.positions);
+    const AcceptedStep accepted = backtrack({value, slope, kNoise * value, kMostTrials}, [&](double alpha) {
+      place(alpha);
+      return evaluate(next_gradient_);
+    });
+    if (accepted.alpha == 0) {
+      place(0);
+      break;
+    }
+    ++round.steps;
+    round.residual = accepted.alpha * largest_displacement();
+    for (std::size_t i = 0; i < step_.size(); ++i) {
+      step_[i] *= accepted.alpha;
+      work_[i] = next_gradient_[i] - gradient_[i];
+    }
+    quasi_newton_.note(step_, work_, [&](std::span<const double> r, std::span<double> z) { levels_.apply(r, z); });
+    gradient_.swap(next_gradient_);
+    value = accepted.energy;
+  }
+  round.relative_gradient =
+      first_gradient_ > 0 ? std::sqrt(quasi_newton_.dot(gradient_, gradient_)) / first_gradient_ : 0;
+}
+
+double Descent::largest_displacement() const {
+  const std::size_t d = problem_.dimension;
+  double largest = 0;
+  for (std::size_t f = 0; f < problem_.free.size(); ++f) {
+    double square = 0;
+    for (std::size_t k = 0; k < d; ++k) square += step_[f * d + k] * step_[f * d + k];
+    largest = std::max(largest, std::sqrt(square) * problem_.inverse_size[f]);
+  }
+  return largest;
+}
+
+void Descent::keep_certificates() {
+  context_.guard.certify_moved();
+  const std::vector<Standing> standings = context_.guard.standings();
+  for (std::size_t cell = 0; cell < lost_.size(); ++cell) {
+    lost_[cell] = standings[cell] == Standing::Lost ? 1 : 0;
+    uncertified_[cell] = standings[cell] == Standing::Uncertified || standings[cell] == Standing::Unrepairable ? 1 : 0;
+  }
+  if (context_.guard.lost() > 0 && raises_lost_) {
+    KeptRaiser raiser(context_.mesh, problem_, context_.guard, team_);
+    if (raiser.raise_lost(context_.min_js, kLooksPerRound)) context_.guard.certify_moved();
+  }
+  if (context_.guard.lost() > 0) context_.guard.return_to_kept();
+}
+
+std::int64_t Descent::raise_low(double wanted) {
+  std::int64_t low = 0;
+  const std::span<const CellScan> scans = barrier_.scans();
+  for (std::size_t cell = 0; cell < factors_.size(); ++cell) {
+    if (uncertified_[cell] != 0 || (lost_[cell] == 0 && scans[cell].scaled_jacobian >= wanted)) continue;
+    factors_[cell] *= kRaise;
+    ++low;
+  }
+  return low;
+}
+
+/// Sets what the scans of the last evaluation say.
+void Descent::note_scans(DescentRound& round) const {
+  const std::span<const CellScan> scans = barrier_.scans();
+  double energy = 0, measure = 0;
+  round.min_scaled_jacobian = 1;
+  for (const CellSet& set : problem_.sets)
+    for (std::int32_t cell = 0; cell < set.count; ++cell) {
+      energy += scans[set.first + cell].energy;
+      measure += cell_measure(set, cell);
+      round.min_scaled_jacobian = std::min(round.min_scaled_jacobian, scans[set.first + cell].scaled_jacobian);
+    }
+  round.energy = energy / measure;
+}
+
+void Descent::accept(const State& state) {
+  accepted_ = problem_.positions;
+  accepted_loss_ = state.loss;
+  accepted_js_ = state.scaled_jacobian;
+  if (state.uncertified <= best_.uncertified) highest_ = std::max(highest_, state.scaled_jacobian);
+}
+
+template <class Archive>
+void Descent::state(Archive& archive) {
+  std::vector<double> accepted;
+  if constexpr (!Archive::kReads) accepted = free_positions(problem_, accepted_);
+  archive(factors_, first_gradient_, start_loss_, last_loss_, least_loss_, raises_, caution_, raises_lost_, accepted,
+          accepted_loss_, accepted_js_, highest_, best_.coordinates, best_.uncertified, best_.scaled_jacobian,
+          best_.loss);
+  if constexpr (Archive::kReads)
+    if (archive.failed() || !restore(accepted)) archive.fail();
+}
+
+void Descent::write(CheckpointWriter& writer) {
+  writer(from_);
+  for (const CellSet& set : problem_.sets)
+    writer(std::vector<double>(set.delta_squared.begin(), set.delta_squared.end()));
+  state(writer);
+}
+
+void Descent::read(std::optional<Descent>& descent, const DescentContext& context, CheckpointReader& reader) {
+  Problem& problem = context.problem;
+  const std::vector<double> positions = problem.positions;
+  std::vector<double> from;
+  reader(from);
+  // The constructor measures the mesh where the descent began.
+  if (reader.failed() || !set_free_positions(problem, from, problem.positions)) return reader.fail();
+  descent.emplace(context);
+  problem.positions = positions;
+  for (CellSet& set : problem.sets) {
+    std::vector<double> delta_squared;
+    reader(delta_squared);
+    if (reader.failed() || delta_squared.size() != set.delta_squared.size()) return reader.fail();
+    std::ranges::copy(delta_squared, set.delta_squared.begin());
+  }
+  descent->state(reader);
+}
+
+bool Descent::restore(const std::vector<double>& accepted) {
+  accepted_ = problem_.positions;
+  if (!set_free_positions(problem_, accepted, accepted_) || factors_.size() != weights_.size() ||
+      best_.coordinates.size() != context_.mesh.coordinates.size())
+    return false;
+  State best = best_;
+  best.certificates.resize(context_.certifier.cells());
+  context_.certifier.certify(best.coordinates, best.certificates, team_);
+  judge(best);
+  best_.certificates = std::move(best.certificates);
+  return true;
+}
+
+/// Once, if the rounds would end below the bound and the last one has cost cells their certificate: goes on from here
+/// with rounds that raise such cells, and the cells below the bound. Returns whether it does.
+bool Descent::begin_to_raise_lost() {
+  if (raises_lost_ || best_.uncertified > 0 || reaches_bound(best_) || std::ranges::count(lost_, 1) == 0) return false;
+  raises_lost_ = true;
+  raises_ = kMostRaises / 2;
+  caution_ = 1;
+  std::ranges::fill(factors_, 1.0);
+  return true;
+}
+
+/// Goes back to the mesh at the beginning of the round.
+void Descent::take_back() {
+  caution_ *= kCaution;
+  ++raises_;
+  team_.run([&] {
+    problem_.positions = accepted_;
+    context_.guard.certify_moved();
+  });
+}
+
+DescentRound Descent::round() {
+  DescentRound round;
+  team_.run([&] {
+    form_.take_frames();
+    set_weights(last_loss_);
+    minimise(round);
+    keep_certificates();
+  });
+  note_scans(round);
+  State state = kept_state();
+  if (state.loss > kRises * accepted_loss_ && state.scaled_jacobian <= accepted_js_ && raises_ < kMostRaises) {
+    take_back();
+    return round;
+  }
+  const bool rises = state.scaled_jacobian > highest_ + kHigher;
+  accept(state);
+  const bool reaches = state.uncertified == 0 && reaches_bound(state) && !state.is_lower;
+  // The scans see the quadrature points only.
+  const double margin = std::max(0.0, round.min_scaled_jacobian - state.scaled_jacobian);
+  const double bound = std::max(context_.min_js, state.is_lower ? context_.least->min_scaled_jacobian : 0);
+  const std::int64_t low = raise_low((reaches ? std::max(kWanted, bound) : bound) + margin);
+  raises_ += low > 0 ? 1 : 0;
+  if (reaches) least_loss_ = std::min(least_loss_, state.loss);
+  const bool costs = reaches && state.loss > kLossGivenForJs * least_loss_;
+  const bool in_reach = !reaches && state.scaled_jacobian >= kInReach * context_.min_js;
+  const bool falls = state.loss < kFalls * last_loss_;
+  // If all cells are certified, but far below the bound in every mesh so far, more weight for low cells is worth it
+  // only as long as something gains.
+  const bool gains = falls || rises || reaches || in_reach || reaches_bound(best_) || best_.uncertified > 0;
+  round.last = (low == 0 && !falls) || !gains || raises_ > (in_reach ? kMostRaisesInReach : kMostRaises) || costs;
+  last_loss_ = std::min(last_loss_, state.loss);
+  if (is_better(state)) best_ = std::move(state);
+  if (round.last && begin_to_raise_lost()) round.last = false;
+  return round;
+}
+
+}  // namespace varimesh

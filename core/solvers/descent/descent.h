@@ -1,0 +1,170 @@
+// The descent from a valid mesh to the least loss of accuracy, with the energy as its barrier.
+#pragma once
+
+#include <cstdint>
+#include <limits>
+#include <optional>
+#include <vector>
+
+#include "core/base/team.h"
+#include "core/checkpoint/checkpoint.h"
+#include "core/energy/material.h"
+#include "core/guard/guard.h"
+#include "core/progress/work_meter.h"
+#include "core/quality/quality.h"
+#include "core/solvers/descent/barrier.h"
+#include "core/solvers/descent/modal_form.h"
+#include "core/solvers/descent/order_levels.h"
+#include "core/solvers/descent/order_space.h"
+#include "core/solvers/descent/quasi_newton.h"
+#include "core/validity/certifier.h"
+
+namespace varimesh {
+
+/// What a descent works with. All of it outlives the descent.
+struct DescentContext {
+  const HighOrderMesh& mesh;
+  Problem& problem;
+  const Kernels& kernels;
+  const HessianKernels& hessian;
+  Material material;
+  Guard& guard;
+  const Certifier& certifier;
+  const Team& team;
+  double min_js = 0;        ///< Options::min_js.
+  bool came_valid = false;  ///< `mesh` was valid, and the loss must not end above the one that it had.
+  /// Of `mesh`: the best mesh does not have both a smaller minimum of the scaled Jacobian, by more than 0.001, and a
+  /// smaller mean. Null: there is no such demand.
+  const QualityReport* least = nullptr;
+  WorkMeter* meter = nullptr;  ///< Counts what the kernels do; null: nobody wants to know.
+};
+
+/// What one round did.
+struct DescentRound {
+  double residual = 0;             ///< The largest displacement of a node in the last step, in units of the size of the
+                                   ///< cells around it (sizes.h).
+  double relative_gradient = 0;    ///< The norm of the last gradient relative to the first one of the descent.
+  double energy = 0;               ///< Σ ∫ W |det A| over the cells, divided by Σ ∫ |det A|.
+  double min_scaled_jacobian = 0;  ///< At the quadrature points.
+  int steps = 0;                   ///< Of the quasi-Newton method.
+  bool last = false;               ///< Another round would gain nothing.
+};
+
+/// Minimises over the free nodes
+///
+///     Q(x) + 1/V Σ_e ε_e ∫_e W(F) dx,
+///
+/// Q being the squared loss of accuracy (modal_form.h). Q alone keeps no cell valid; the energy does, as a barrier. A
+/// round is a minimisation by L-BFGS with given ε_e and with Q's frames taken from the mesh at its beginning. At first
+/// ε_e is the same for all cells, the squared loss times a constant, and falls with the loss from round to round. After
+/// a round, the cells whose scaled Jacobian is too low take four times their ε_e. docs/accuracy.md has the figures.
+///
+/// Q knows the frames at the beginning of a round only. If the loss has risen by much at its end, as it does in thin
+/// cells that move far, the mesh goes back to that beginning and ε_e becomes larger in all cells.
+///
+/// Certificates are kept (guard.h): a round that costs a cell its certificate puts the cell's nodes back. If the rounds
+/// end like that below the bound on the scaled Jacobian, more rounds follow, in which such cells are first raised in
+/// small patches (kept_raiser.h). The best mesh so far is kept whatever the rounds after it do.
+class Descent {
+ public:
+  /// problem.positions are those of the guard's kept state. Call it inside team.run(), and all other functions outside.
+  /// The team's token may interrupt all of them.
+  explicit Descent(const DescentContext& context);
+
+  /// Takes the mesh as it is for the best, or the mesh as it came, if it was valid and the energy has raised its loss.
+  /// Call it before the first round. False if there is no loss to lower: the elements are straight-sided, or the mesh
+  /// came in valid and its curvature costs a solver next to nothing beside the size of the cells, or the mesh keeps
+  /// invalid cells and its curvature costs less than half of what the size does (has_loss.h).
+  bool begin();
+
+  /// What to say if begin() returns false and the best mesh keeps invalid cells.
+  static constexpr const char* kNotWorthIt =
+      "Elements stay invalid, and the curvature of the mesh costs a solver less than half of what the size of its "
+      "elements does, so its loss of accuracy was not lowered further.";
+
+  /// One round. If the token interrupts it, the best mesh is the same as before.
+  DescentRound round();
+
+  /// A mesh, and what is known about it.
+  struct State {
+    std::vector<double> coordinates;  ///< 3 per node, interleaved, as HighOrderMesh::coordinates.
+    std::vector<Certificate> certificates;
+    std::int64_t uncertified = std::numeric_limits<std::int64_t>::max();
+    double scaled_jacobian = -1;  ///< The proved minimum.
+    double loss = std::numeric_limits<double>::infinity();
+    bool is_lower = false;  ///< It does not meet DescentContext::least.
+  };
+  /// The best mesh among those with the fewest uncertified cells that are not lower than the mesh as it came
+  /// (is_lower). If there are such cells, it is the one with the least loss. If none has the scaled Jacobian of the
+  /// context, it is the one with the least loss, to within 2 %, among those that have at least half of the highest.
+  /// Otherwise its loss is within 2 % of the least one of those that have it, and its scaled Jacobian is the highest up
+  /// to 0.5 of those within.
+  const State& best() const { return best_; }
+
+  /// Writes what the rounds so far have left, beside problem.positions and the guard's state, to a checkpoint.
+  void write(CheckpointWriter& writer);
+  /// In place of the constructor and begin(): goes on from such a checkpoint. problem.positions and the guard have the
+  /// state of that moment. Inside team.run(). The reader has failed if the checkpoint is of another problem.
+  static void read(std::optional<Descent>& descent, const DescentContext& context, CheckpointReader& reader);
+
+  State take_best() { return std::move(best_); }
+
+ private:
+  /// Whether the mesh keeps invalid cells, and is not worth a descent for that (size_decides()).
+  bool stays_invalid_for_size() const;
+  /// The state that the guard keeps.
+  State kept_state() const;
+  State state_as_it_came() const;
+  bool is_lower(const State& state) const;
+  /// Sets what the certificates say. Call it inside team.run().
+  void judge(State& state) const;
+  bool is_better(const State& state) const;
+  bool reaches_bound(const State& state) const { return state.scaled_jacobian >= context_.min_js; }
+  void set_weights(double loss);
+  /// The sum at problem.positions; sets `gradient`.
+  double evaluate(std::vector<double>& gradient);
+  void minimise(DescentRound& round);
+  /// Finds a quasi-Newton step; returns its slope.
+  double find_step();
+  void place(double alpha);
+  double largest_displacement() const;
+  void keep_certificates();
+  /// Gives cells with a low scaled Jacobian more weight; returns how many there are.
+  std::int64_t raise_low(double wanted);
+  void note_scans(DescentRound& round) const;
+  void accept(const State& state);
+  template <class Archive>
+  void state(Archive& archive);
+  /// Inside team.run(): sets what follows from the state that was read. Returns false if it is of another problem.
+  bool restore(const std::vector<double>& accepted);
+  bool begin_to_raise_lost();
+  void take_back();
+
+  DescentContext context_;
+  Problem& problem_;
+  const Team& team_;
+  Reduction reduction_;
+  std::vector<double> from_;  ///< Where the free nodes were at the begin.
+  OrderSpace space_;
+  ModalForm form_;
+  Barrier barrier_;
+  OrderLevels levels_;
+  QuasiNewton quasi_newton_;
+  std::vector<double> factors_;  ///< By cell: what ε_e has been raised by.
+  std::vector<double> weights_;  ///< By cell: ε_e.
+  std::vector<double> gradient_, next_gradient_, step_, start_, work_;
+  std::vector<char> lost_;         ///< By cell of the problem: it lost its certificate in the last round.
+  std::vector<char> uncertified_;  ///< By cell of the problem: it had no certificate after the last round.
+  double first_gradient_ = 0;
+  double start_loss_ = 0, last_loss_ = 0;
+  double least_loss_ = std::numeric_limits<double>::infinity();  ///< Of the meshes that reach the bound.
+  int raises_ = 0;                                               ///< Also counts the rounds that were taken back.
+  double caution_ = 1;                                           ///< What all ε_e are raised by.
+  bool raises_lost_ = false;      ///< A round raises the cells that lost their certificate before they are put back.
+  std::vector<double> accepted_;  ///< Of all nodes of the problem: where the last round that was not taken back ended.
+  double accepted_loss_ = 0, accepted_js_ = -1;
+  double highest_ = -1;  ///< The highest scaled Jacobian of a mesh with the fewest uncertified cells.
+  State best_;
+};
+
+}  // namespace varimesh

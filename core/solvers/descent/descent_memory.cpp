@@ -1,0 +1,72 @@
+#include "core/solvers/descent/descent_memory.h"
+
+#include <algorithm>
+#include <array>
+
+#include "core/accuracy/team_accuracy.h"
+#include "core/kernels/kernels.h"
+#include "core/quality/quality_memory.h"
+#include "core/reference/nodes.h"
+#include "core/solvers/descent/quasi_newton.h"
+#include "core/validity/certificate.h"
+
+namespace varimesh {
+namespace {
+
+constexpr std::int64_t kDouble = sizeof(double), kInt = sizeof(std::int32_t), kLong = sizeof(std::int64_t);
+
+/// Nodes of cells of this order, all cells added up.
+std::int64_t places(const MeshCounts& counts, int order) {
+  std::int64_t sum = 0;
+  for (std::size_t s = 0; s < kShapes; ++s)
+    if (counts.cells[s] > 0) sum += counts.cells[s] * reference::node_count(static_cast<Shape>(s), order);
+  return sum;
+}
+
+std::int64_t bytes_of_space(const MeshCounts& counts, int order) {
+  return 2 * kInt * places(counts, order) + kLong * counts.free_in_cells.nodes(order) +
+         kLong * counts.free.nodes(order);
+}
+
+std::int64_t bytes_of_form(const MeshCounts& counts) {
+  constexpr std::int64_t kMetric = sizeof(std::array<double, 6>);
+  return kDouble * counts.dimension * places(counts, counts.order) + (3 * kDouble + kMetric) * counts.cell_count();
+}
+
+/// Values between the spaces of neighbouring orders. The squares are small beside them.
+std::int64_t bytes_of_order_tables(const MeshCounts& counts) {
+  std::int64_t numbers = 0;
+  for (std::size_t s = 0; s < kShapes; ++s)
+    for (int order = 1; order < counts.order && counts.cells[s] > 0; ++order)
+      numbers += std::int64_t{reference::node_count(static_cast<Shape>(s), order)} *
+                 reference::node_count(static_cast<Shape>(s), order + 1);
+  return kDouble * numbers;
+}
+
+}  // namespace
+
+std::int64_t bytes_of_descent(const MeshCounts& counts, const std::vector<SetSizes>& sets, const NewtonSizes& sizes) {
+  const std::int64_t d = counts.dimension, order = counts.order;
+  std::int64_t kept = bytes_of_form(counts) + bytes_of_order_tables(counts) + bytes_of_accuracy_tables(counts);
+  kept += static_cast<std::int64_t>(sizeof(CellScan)) * counts.cell_count();
+  for (const SetSizes& set : sets) kept += bytes_of_batches(set, sizes);
+  for (int q = 1; q <= order; ++q) kept += bytes_of_space(counts, q) + kDouble * counts.free.nodes(q);
+  for (int q = 1; q < order; ++q) kept += 2 * kDouble * d * counts.free.nodes(q);  // residuals, solutions
+  if (order > 1) kept += kDouble * d * places(counts, static_cast<int>(order) - 1);
+  // While the spaces are listed, there is a mesh of the lower order, and what it is made from.
+  MeshCounts lower = counts;
+  lower.order = std::max(counts.order - 1, 1);
+  const std::int64_t listing = 2 * bytes_of_mesh(lower);
+  // Five vectors and those of the quasi-Newton method; ε_e and what it follows from; the best mesh, the latest one, and
+  // the one that the last round began with.
+  constexpr std::int64_t kVectors = 5 + 2 * static_cast<std::int64_t>(QuasiNewton::kPairs) + 1;
+  std::int64_t running = kVectors * kDouble * d * counts.free_nodes() + 3 * kDouble * counts.cell_count();
+  running += kDouble * d * counts.nodes();
+  running += 2 * (3 * kDouble * counts.nodes() + std::int64_t{sizeof(Certificate)} * counts.cell_count());
+  // After a round, a copy of the mesh is judged.
+  const std::int64_t judging = std::max(bytes_of_accuracy(counts), bytes_of_mesh(counts) + bytes_of_quality(counts));
+  running += std::max(judging, kDouble * places(counts, static_cast<int>(order)));
+  return kept + std::max(listing, running);
+}
+
+}  // namespace varimesh

@@ -1,0 +1,44 @@
+// A preconditioner for the modal form: the diagonals of its second derivative in the spaces of all orders.
+#pragma once
+
+#include <span>
+#include <vector>
+
+#include "core/base/team.h"
+#include "core/preconditioner/reduction.h"
+#include "core/solvers/descent/modal_form.h"
+#include "core/solvers/descent/order_space.h"
+
+namespace varimesh {
+
+/// M⁻¹ = Σ_q I_q D_q⁻¹ I_qᵀ, q = 1 … P, in which I_q are the values at the mesh's nodes of a map of order q, and D_q
+/// the diagonal of the second derivative there: the additive method of J. Xu, SIAM Review 34, 1992, with orders in
+/// place of refinements. Parts of low degree weigh (V_E/V)^(2(P−s)/d) times as much as those of degree P, a factor as
+/// small as 1e-12. A diagonal at the nodes of order P would not see them. In the space of each order the form is, up to
+/// this factor, like a mass matrix, whose diagonal is a good preconditioner whatever the size of the cells.
+class OrderLevels {
+ public:
+  /// `own` is the space of the problem's order. Call it inside team.run(). All references must outlive the object.
+  OrderLevels(const Problem& problem, const HighOrderMesh& mesh, const OrderSpace& own, const Team& team);
+
+  /// Takes new diagonals; the arguments are those of ModalForm::diagonals().
+  void take_diagonals(ModalForm& form, std::span<const double> stiffness);
+
+  /// z = M⁻¹ r, d numbers per free node each. Returns r · z.
+  double apply(std::span<const double> r, std::span<double> z);
+
+ private:
+  void restrict_to(std::size_t level, std::span<const double> above);
+  void raise_from(std::size_t level, std::span<double> above);
+
+  const Problem& problem_;
+  const Team& team_;
+  Reduction reduction_;
+  std::vector<OrderSpace> lower_;          ///< [q − 1], q < P.
+  std::vector<const OrderSpace*> spaces_;  ///< [q − 1], q ≤ P.
+  std::vector<std::vector<double>> inverse_diagonals_;
+  std::vector<std::vector<double>> residuals_, solutions_;  ///< Of lower_.
+  std::vector<double> contributions_;
+};
+
+}  // namespace varimesh

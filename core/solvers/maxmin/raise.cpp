@@ -1,0 +1,392 @@
+#include "core/solvers/maxmin/raise.h"
+
+#include <algorithm>
+#include <map>
+#include <optional>
+#include <set>
+#include <utility>
+
+#include "core/base/index.h"
+#include "core/mesh/connectivity.h"
+#include "core/reference/basis.h"
+#include "core/solvers/maxmin/patch.h"
+
+namespace varimesh {
+namespace {
+
+/// What a cell needs at the samples so that its certificate is likely.
+constexpr double kEnoughForValid = 0.02;
+/// Larger tables than this many numbers per direction are not made.
+constexpr std::int64_t kMostInTable = 2'000'000;
+/// The same for tables whose spacing was halved twice: 12 MB, about what the estimate of memory has to spare.
+/// Tetrahedra up to order 4 have them.
+constexpr std::int64_t kMostInClosestTable = 500'000;
+/// Looks at cells: per cell of the mesh, and at least. A patch takes some hundreds.
+constexpr std::int64_t kLooksPerCell = 50, kLeastLooks = 50'000;
+/// A cell this near to the smallest level of its patch has reached its limit.
+constexpr double kAtLimit = 1e-3;
+/// Of cells around a low one. On a mesh with 44 cells below .1, one layer leaves 7 of them, and two leave none.
+constexpr int kMostLayers = 2;
+/// A cell whose scaled Jacobian is within this of what it was has not changed but by rounding.
+constexpr double kAsBefore = 1e-9;
+/// Cells that a thread samples at a time.
+constexpr std::int32_t kGrain = 16;
+
+/// If J is negative between the samples of a cell, their spacing is halved, at most so often; and a patch is raised
+/// again, at most so often. Two cells of docs/untangling.md need three rounds.
+constexpr int kMostHalvings = 2, kMostRounds = 4;
+
+class Raiser {
+ public:
+  Raiser(const RaiseTask& task, std::vector<double>& coordinates, std::vector<Certificate>& certificates,
+         const Team& team, RaiseMemory& memory, std::int64_t most_looks)
+      : mesh_(task.mesh),
+        coordinates_(coordinates),
+        fixed_(task.fixed),
+        hopeless_(task.hopeless),
+        certifier_(task.certifier),
+        certificates_(certificates),
+        aim_(task.aim),
+        team_(team),
+        cells_(task.mesh, task.mesh.dimension),
+        memory_(memory),
+        left_(std::max(kLeastLooks, kLooksPerCell * static_cast<std::int64_t>(cells_.count())) - memory.looks),
+        most_looks_(most_looks) {
+    memory_.tried.resize(cells_.count(), 0);
+    memory_.level.resize(cells_.count(), 0);
+    memory_.shift.resize(cells_.count(), 0);
+  }
+
+  RaiseOutcome raise() {
+    RaiseOutcome outcome;
+    std::vector<std::int32_t> low;
+    std::vector<char> was_valid;
+    try {
+      low = low_cells();
+      if (low.empty()) return outcome;
+      for (const std::int32_t cell : low) was_valid.push_back(certificates_[at(cell)].is_valid() ? 1 : 0);
+      find_neighbours();
+      const std::int64_t first = memory_.looks;
+      for (const std::int32_t cell : low) {
+        outcome.finished = memory_.looks - first < most_looks_ || most_looks_ == 0;
+        if (!outcome.finished) break;
+        raise_around(cell);
+        memory_.tried[at(cell)] = 1;
+        memory_.level[at(cell)] = sampled(cell);
+      }
+      outcome.patches = patches_;
+    } catch (const Interrupted&) {
+      outcome.interrupted = true;
+    }
+    for (std::size_t k = 0; k < was_valid.size(); ++k) {
+      const bool is_valid = certificates_[at(low[k])].is_valid();
+      if (is_valid && was_valid[k] == 0)
+        outcome.made_valid.push_back(cells_.number(at(low[k])));
+      else if (is_valid && raised_.contains(low[k]))
+        outcome.raised.push_back(cells_.number(at(low[k])));
+    }
+    std::ranges::sort(outcome.made_valid);
+    std::ranges::sort(outcome.raised);
+    return outcome;
+  }
+
+  void forget_changed() {
+    memory_.looks = 0;
+    for (std::int32_t cell = 0; at(cell) < cells_.count(); ++cell)
+      if (memory_.tried[at(cell)] != 0)
+        memory_.tried[at(cell)] =
+            !certificates_[at(cell)].is_valid() && std::abs(sampled(cell) - memory_.level[at(cell)]) <= kAsBefore ? 1
+                                                                                                                  : 0;
+  }
+
+ private:
+  // ===== which cells =====
+
+  /// The samples on the lattice of patch.h, with its spacing halved this many times.
+  const SampleTable* table(Shape shape, int halvings = 0) {
+    const auto found = tables_.find({shape, halvings});
+    if (found != tables_.end()) return found->second ? &*found->second : nullptr;
+    const int intervals = (1 << halvings) * (2 * mesh_.order + 2);
+    std::optional<SampleTable>& made = tables_[{shape, halvings}];
+    const reference::Points points = reference::uniform_lattice(shape, intervals);
+    const std::int64_t most = halvings < kMostHalvings ? kMostInTable : kMostInClosestTable;
+    if (points.rows() * reference::node_count(shape, mesh_.order) > most) return nullptr;
+    made.emplace();
+    for (Eigen::MatrixXd& gradient :
+         reference::basis_gradients(shape, mesh_.order, reference::NodeSet::Equispaced, mesh_.dimension, points))
+      made->emplace_back(gradient);
+    return &*made;
+  }
+
+  MaxMinPatch::Cell patch_cell(std::int32_t cell) {
+    MaxMinPatch::Cell result;
+    result.number = cell;
+    result.shape = cells_.shape(at(cell));
+    result.nodes = cells_.nodes(at(cell));
+    result.samples = table(result.shape);
+    result.shift = memory_.shift[at(cell)];
+    return result;
+  }
+
+  /// The scaled Jacobian at the samples.
+  double sampled(std::int32_t cell) {
+    MaxMinPatch::Cell one = patch_cell(cell);
+    if (one.samples == nullptr) return 1;
+    MaxMinPatch patch({one}, {one.nodes.begin(), one.nodes.begin() + 1}, mesh_.dimension, coordinates_);
+    return patch.look_at_cells(coordinates_, team_).scaled_jacobian.front();
+  }
+
+  std::vector<std::int32_t> low_cells() {
+    std::vector<std::pair<double, std::int32_t>> found;
+    for (std::int32_t cell = 0; at(cell) < cells_.count(); ++cell)
+      if (may_be_low(cell)) found.emplace_back(0, cell);
+    if (found.empty()) return {};
+    for (const Cells::Range& range : cells_.ranges()) table(range.block->shape);
+    team_.for_each(static_cast<std::int32_t>(found.size()), kGrain,
+                   [&](std::int32_t k) { found[at(k)].first = sampled(found[at(k)].second); });
+    std::erase_if(found,
+                  [&](const auto& each) { return certificates_[at(each.second)].is_valid() && each.first >= aim_; });
+    std::ranges::sort(found);
+    std::vector<std::int32_t> result;
+    for (const auto& [js, cell] : found) result.push_back(cell);
+    return result;
+  }
+
+  bool may_be_low(std::int32_t cell) const {
+    if (memory_.tried[at(cell)] != 0) return false;
+    const Certificate& certificate = certificates_[at(cell)];
+    if (certificate.is_valid()) return aim_ > 0 && certificate.scaled_jacobian_lower_bound < aim_;
+    return !is_hopeless(cell);
+  }
+
+  bool is_hopeless(std::int32_t cell) const { return hopeless_[at(cell)] != 0 && !certificates_[at(cell)].is_valid(); }
+
+  // ===== patches =====
+
+  class Before;
+
+  /// The cells of each vertex, and in how many cells each node is.
+  void find_neighbours() {
+    in_cells_.assign(mesh_.node_count(), 0);
+    first_.assign(mesh_.node_count() + 1, 0);
+    for (std::size_t cell = 0; cell < cells_.count(); ++cell) {
+      for (const std::int32_t node : cells_.nodes(cell)) ++in_cells_[at(node)];
+      for (const std::int32_t vertex : vertices(cell)) ++first_[at(vertex) + 1];
+    }
+    for (std::size_t n = 0; n + 1 < first_.size(); ++n) first_[n + 1] += first_[n];
+    around_.resize(at(first_.back()));
+    std::vector<std::int64_t> next(first_.begin(), first_.end() - 1);
+    for (std::size_t cell = 0; cell < cells_.count(); ++cell)
+      for (const std::int32_t vertex : vertices(cell))
+        around_[at(next[at(vertex)]++)] = static_cast<std::int32_t>(cell);
+  }
+
+  std::span<const std::int32_t> vertices(std::size_t cell) const {
+    return cells_.nodes(cell).first(at(reference::info(cells_.shape(cell)).vertices));
+  }
+
+  std::vector<std::int32_t> cells_around(std::int32_t cell, int layers) const {
+    std::vector<std::int32_t> result{cell};
+    for (int layer = 0; layer < layers; ++layer) {
+      std::vector<std::int32_t> more;
+      for (const std::int32_t each : result)
+        for (const std::int32_t vertex : vertices(at(each)))
+          more.insert(more.end(), around_.begin() + first_[at(vertex)], around_.begin() + first_[at(vertex) + 1]);
+      std::ranges::sort(more);
+      more.erase(std::unique(more.begin(), more.end()), more.end());
+      result = std::move(more);
+    }
+    return result;
+  }
+
+  /// The nodes that only these cells have, and that are not fixed.
+  std::vector<std::int32_t> free_nodes(const std::vector<std::int32_t>& cells) const {
+    std::vector<std::int32_t> nodes, result;
+    for (const std::int32_t cell : cells)
+      nodes.insert(nodes.end(), cells_.nodes(at(cell)).begin(), cells_.nodes(at(cell)).end());
+    std::ranges::sort(nodes);
+    for (auto node = nodes.begin(); node != nodes.end();) {
+      const auto end = std::upper_bound(node, nodes.end(), *node);
+      if (!fixed_[at(*node)] && end - node == in_cells_[at(*node)]) result.push_back(*node);
+      node = end;
+    }
+    return result;
+  }
+
+  void raise_around(std::int32_t cell) {
+    for (int layers = 1; layers <= kMostLayers && left_ > 0; ++layers) {
+      const bool is_valid = certificates_[at(cell)].is_valid();
+      if (is_valid && sampled(cell) >= aim_) return;
+      if (!raise_patch(cell, layers)) return;
+    }
+  }
+
+  /// The cells of a patch; none if a table would be too large.
+  std::vector<MaxMinPatch::Cell> patch_cells(const std::vector<std::int32_t>& around) {
+    std::vector<MaxMinPatch::Cell> taken;
+    for (const std::int32_t each : around) {
+      if (is_hopeless(each)) continue;
+      taken.push_back(patch_cell(each));
+      if (taken.back().samples == nullptr) return {};
+    }
+    return taken;
+  }
+
+  /// Returns false if the cell cannot be raised in a larger patch either.
+  bool raise_patch(std::int32_t cell, int layers) {
+    team_.look();
+    const std::vector<std::int32_t> around = cells_around(cell, layers);
+    const std::vector<std::int32_t> free = free_nodes(around);
+    std::vector<MaxMinPatch::Cell> taken = patch_cells(around);
+    if (taken.empty()) return false;
+    if (free.empty()) return true;
+    MaxMinPatch patch(taken, free, mesh_.dimension, coordinates_);
+    const Before before(*this, around, free);
+    try {
+      const MaxMinPatch::Levels old = patch.look_at_cells(coordinates_, team_);
+      MaxMinPatch::Levels now = raise(patch, around);
+      if (now.smallest > 0 && raise_between_samples(cell, std::move(taken), around, free, before))
+        now = patch.look_at_cells(coordinates_, team_);
+      if (!is_better(before, old, now))
+        before.restore();
+      else
+        note_raised(patch, old, now);
+      if (layers == kMostLayers) note_limits(cell, patch, now);
+    } catch (const Interrupted&) {
+      before.restore();
+      throw;
+    }
+    return true;
+  }
+
+  /// Raises the patch, and certifies its cells.
+  MaxMinPatch::Levels raise(MaxMinPatch& patch, const std::vector<std::int32_t>& around) {
+    MaxMinPatch::Levels now = patch.raise(coordinates_, std::max(aim_, kEnoughForValid), team_);
+    left_ -= now.looks;
+    memory_.looks += now.looks;
+    ++patches_;
+    certifier_.certify(coordinates_, around, certificates_, team_);
+    return now;
+  }
+
+  /// While all cells are positive at the samples, but J is negative between the samples of some, takes closer samples
+  /// of these and raises the patch again. Returns whether it has moved.
+  bool raise_between_samples(std::int32_t middle, std::vector<MaxMinPatch::Cell> cells,
+                             const std::vector<std::int32_t>& around, const std::vector<std::int32_t>& free,
+                             const Before& before) {
+    std::map<std::int32_t, int> halvings;
+    for (int round = 0; round < kMostRounds && left_ > 0; ++round) {
+      const std::vector<std::int32_t> doubtful = before.not_kept(middle);
+      bool is_closer = false;
+      for (MaxMinPatch::Cell& each : cells) {
+        if (!std::ranges::binary_search(doubtful, each.number) || halvings[each.number] == kMostHalvings) continue;
+        const SampleTable* const closer = table(each.shape, ++halvings[each.number]);
+        if (closer == nullptr) return round > 0;
+        each.samples = closer;
+        each.shift = 0;
+        is_closer = true;
+      }
+      if (!is_closer) return round > 0;
+      MaxMinPatch patch(cells, free, mesh_.dimension, coordinates_);
+      if (raise(patch, around).smallest <= 0) return true;
+    }
+    return true;
+  }
+
+  /// The coordinates and certificates of a patch before it is raised.
+  class Before {
+   public:
+    Before(Raiser& raiser, const std::vector<std::int32_t>& cells, const std::vector<std::int32_t>& nodes)
+        : raiser_(raiser), cells_(cells), nodes_(nodes), coordinates_(3 * nodes.size()) {
+      for (std::size_t n = 0; n < nodes.size(); ++n)
+        std::copy_n(raiser.coordinates_.data() + 3 * at(nodes[n]), 3, coordinates_.data() + 3 * n);
+      for (const std::int32_t cell : cells) certificates_.push_back(raiser.certificates_[at(cell)]);
+    }
+
+    void restore() const {
+      for (std::size_t n = 0; n < nodes_.size(); ++n)
+        std::copy_n(coordinates_.data() + 3 * n, 3, raiser_.coordinates_.data() + 3 * at(nodes_[n]));
+      for (std::size_t c = 0; c < cells_.size(); ++c) raiser_.certificates_[at(cells_[c])] = certificates_[c];
+    }
+
+    /// Those of this cell and the cells that were certified that are not certified now, ascending.
+    std::vector<std::int32_t> not_kept(std::int32_t cell) const {
+      std::vector<std::int32_t> result;
+      for (std::size_t c = 0; c < cells_.size(); ++c)
+        if ((certificates_[c].is_valid() || cells_[c] == cell) && !raiser_.certificates_[at(cells_[c])].is_valid())
+          result.push_back(cells_[c]);
+      return result;
+    }
+
+    /// By how many more cells are certified now; nothing if one has lost its certificate.
+    std::optional<int> gained() const {
+      int gained = 0;
+      for (std::size_t c = 0; c < cells_.size(); ++c) {
+        const bool was = certificates_[c].is_valid(), is = raiser_.certificates_[at(cells_[c])].is_valid();
+        if (was && !is) return std::nullopt;
+        gained += !was && is ? 1 : 0;
+      }
+      return gained;
+    }
+
+   private:
+    Raiser& raiser_;
+    const std::vector<std::int32_t>&cells_, &nodes_;
+    std::vector<double> coordinates_;
+    std::vector<Certificate> certificates_;
+  };
+
+  static bool is_better(const Before& before, const MaxMinPatch::Levels& old, const MaxMinPatch::Levels& now) {
+    const std::optional<int> gained = before.gained();
+    return gained && (*gained > 0 || now.smallest > old.smallest);
+  }
+
+  void note_raised(const MaxMinPatch& patch, const MaxMinPatch::Levels& old, const MaxMinPatch::Levels& now) {
+    for (std::size_t c = 0; c < patch.cells().size(); ++c)
+      if (now.scaled_jacobian[c] > old.scaled_jacobian[c]) raised_.insert(patch.cells()[c].number);
+  }
+
+  /// Cells that have reached their limit below the aim do not hold others from now on.
+  void note_limits(std::int32_t cell, const MaxMinPatch& patch, const MaxMinPatch::Levels& now) {
+    const double enough = std::max(aim_, kEnoughForValid);
+    for (std::size_t c = 0; c < patch.cells().size(); ++c) {
+      const MaxMinPatch::Cell& each = patch.cells()[c];
+      const bool at_limit = each.number == cell || now.level[c] + each.shift < now.smallest + kAtLimit;
+      if (at_limit && now.scaled_jacobian[c] < enough) memory_.shift[at(each.number)] = 2 * enough - now.level[c];
+    }
+  }
+
+  const HighOrderMesh& mesh_;
+  std::vector<double>& coordinates_;
+  const std::vector<bool>& fixed_;
+  std::span<const char> hopeless_;
+  const Certifier& certifier_;
+  std::vector<Certificate>& certificates_;
+  double aim_;
+  const Team& team_;
+  Cells cells_;
+  std::map<std::pair<Shape, int>, std::optional<SampleTable>> tables_;
+  std::vector<std::int32_t> in_cells_;  // by node
+  std::vector<std::int64_t> first_;     // by node, into around_
+  std::vector<std::int32_t> around_;    // the cells of the vertices
+  std::set<std::int32_t> raised_;
+  RaiseMemory& memory_;
+  std::int64_t left_;  // looks
+  std::int64_t most_looks_, patches_ = 0;
+};
+
+}  // namespace
+
+RaiseOutcome raise_low_cells(const RaiseTask& task, std::vector<double>& coordinates,
+                             std::vector<Certificate>& certificates, const Team& team, RaiseMemory* memory,
+                             std::int64_t most_looks) {
+  RaiseMemory own;
+  return Raiser(task, coordinates, certificates, team, memory == nullptr ? own : *memory, most_looks).raise();
+}
+
+void forget_changed_cells(const RaiseTask& task, std::vector<double>& coordinates,
+                          std::vector<Certificate>& certificates, const Team& team, RaiseMemory& memory) {
+  Raiser(task, coordinates, certificates, team, memory, 0).forget_changed();
+}
+
+}  // namespace varimesh
