@@ -28,6 +28,10 @@ inline std::size_t contribution_index(std::int32_t cell, int node, std::uint32_t
   return ((static_cast<std::size_t>(number / kBatch) * nodes + node) * kBatch + number % kBatch) * width;
 }
 
+/// Partial derivatives of the energy's density f(Q, J), times the weight, |det A| and the cell's energy_slope. Every
+/// energy keeps these of each point. The products of some energies need more, which stand after them.
+enum class KeptPartial : std::uint8_t { Q, J, JJ };
+
 /// The batches of one CellSet. The innermost index of every array except `contributions` is the lane. Lanes past the
 /// last cell repeat it with weight 0.
 struct BatchSet {
@@ -57,6 +61,13 @@ struct BatchSet {
   /// Where the numbers of a node of a cell begin in `contributions`.
   std::size_t contribution_index(std::int32_t cell, int node, int width) const {
     return varimesh::contribution_index(cell, node, static_cast<std::uint32_t>(cells->nodes_per_cell), width);
+  }
+  /// What HessianKernels::linearise() has kept of a cell at a quadrature point.
+  float& kept(std::int32_t cell, int point, KeptPartial partial) {
+    const std::size_t slot = static_cast<std::size_t>(gradient.slots[static_cast<std::size_t>(point)]);
+    return linearisation[static_cast<std::size_t>(cell / kBatch) * linearisation_size() +
+                         (slot * static_cast<std::size_t>(entries) + static_cast<std::size_t>(partial)) * kBatch +
+                         static_cast<std::size_t>(cell % kBatch)];
   }
 };
 

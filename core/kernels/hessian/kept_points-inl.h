@@ -14,11 +14,12 @@ HWY_BEFORE_NAMESPACE();
 namespace varimesh {
 namespace HWY_NAMESPACE {
 
-/// The partial derivatives of the energy that are kept per point, and where each is: w f_Q, w f_J and w f_JJ, then w
-/// f_QJ, w f_QQ and w if the energy needs them. w is the weight times |det A| times the cell's energy_slope.
+/// The partial derivatives of the energy that are kept per point, and where each is: those of KeptPartial, then w f_QJ,
+/// w f_QQ and w if the energy needs them. w is the weight times |det A| times the cell's energy_slope.
 template <class E>
 struct KeptPartials {
-  static constexpr int kQ = 0, kJ = kQ + 1, kJJ = kJ + 1;
+  static constexpr int kQ = static_cast<int>(KeptPartial::Q), kJ = static_cast<int>(KeptPartial::J);
+  static constexpr int kJJ = static_cast<int>(KeptPartial::JJ);
   static constexpr int kQJ = kJJ + 1;
   static constexpr int kQQ = kQJ + (E::kMixed ? 1 : 0);
   static constexpr int kW = kQQ + (E::kCurved ? 1 : 0);

@@ -168,19 +168,16 @@ void VolumeEnergy::keep_positive_part(std::size_t s, std::int32_t b, const doubl
   const CellSet& set = problem_.sets[s];
   BatchSet& batches = batches_[s];
   const Material material = varimesh::material(Options{});
-  for (int lane = 0; lane < kBatch && b * kBatch + lane < set.count; ++lane)
+  for (std::int32_t cell = b * kBatch; cell < std::min(set.count, (b + 1) * kBatch); ++cell)
     for (int q = 0; q < set.points; ++q) {
-      const double* F = deformation + at(lane) * set.deformation_size() + q;
+      const double* F = deformation + at(cell - b * kBatch) * set.deformation_size() + q;
       Eigen::Matrix3d matrix;
       for (int k = 0; k < 9; ++k) matrix(k / 3, k % 3) = F[k * set.stride];
       const double J = matrix.determinant();
-      // w f_Q, w f_J and w f_JJ, with f_Q = μ/2.
-      float* kept = batches.linearisation.data() + at(b) * batches.linearisation_size() +
-                    at(batches.gradient.slots[at(q)] * batches.entries * kBatch + lane);
-      const double weight = 2 * static_cast<double>(kept[0]) / material.mu;
-      kept[kBatch] = 0;
-      kept[2 * kBatch] =
-          std::max(kept[2 * kBatch], static_cast<float>(weight * material.lambda / (J * J + delta_ * delta_)));
+      const double weight = 2 * static_cast<double>(batches.kept(cell, q, KeptPartial::Q)) / material.mu;  // f_Q = μ/2
+      batches.kept(cell, q, KeptPartial::J) = 0;
+      float& second = batches.kept(cell, q, KeptPartial::JJ);
+      second = std::max(second, static_cast<float>(weight * material.lambda / (J * J + delta_ * delta_)));
     }
 }
 
