@@ -9,6 +9,8 @@
 #include "client/process/exit_status.h"
 #include "client/process/interrupts.h"
 #include "core/base/sha256.h"
+#include "core/merit/merit.h"
+#include "core/merit/thresholds.h"
 
 namespace varimesh::client {
 namespace {
@@ -37,19 +39,9 @@ struct Slide {
   std::string ending;  ///< Of the request id.
 };
 
-/// A mesh with a smaller scaled Jacobian is certified valid, but of little use; as in core/slide/coupled/coupled.cpp.
-constexpr double kWeak = 0.02;
+bool is_weak(const v1::Job& job) { return left(job) > 0 || smallest(job) < threshold::kWeak; }
 
-bool is_weak(const v1::Job& job) { return left(job) > 0 || smallest(job) < kWeak; }
-
-/// What decides between two jobs with as many elements left.
-enum class IfEqual : unsigned char { First, LargerSmallest };
-
-bool is_better(const v1::Job& job, const v1::Job& than, IfEqual if_equal) {
-  if (job.state() != v1::JOB_STATE_SUCCEEDED) return false;
-  if (left(job) != left(than) || if_equal == IfEqual::First) return left(job) < left(than);
-  return smallest(job) > smallest(than);
-}
+Merit merit_of(const v1::Job& job) { return {.uncertified = left(job), .smallest = smallest(job)}; }
 
 /// The request id of another run. The same id gives the same one.
 std::string request_id_of(const std::string& id, const std::string& ending) {
@@ -100,11 +92,13 @@ void print_geometry(const OtherSlides& others, const v1::Job& job, const v1::Job
 }
 
 /// Takes the other run into `best` if it is better, and says so in the words `better` or `no_better`.
-void compare(const OtherSlides& others, const Slide& other, IfEqual if_equal, const std::string& better,
+void compare(const OtherSlides& others, const Slide& other, Asked::What asked, const std::string& better,
              const std::string& no_better, v1::Job& best) {
   std::optional<v1::Job> job = run_otherwise(others, other);
   if (!job) return others.print_sentence("That could not be tried, so the result is the mesh before it.");
-  if (!is_better(*job, best, if_equal)) return others.print_sentence(no_better);
+  const bool succeeded = job->state() == v1::JOB_STATE_SUCCEEDED;
+  if (!succeeded || !is_better(merit_of(*job), merit_of(best), {.what = asked}))
+    return others.print_sentence(no_better);
   others.print_sentence(better);
   print_geometry(others, *job, best);
   best = std::move(*job);
@@ -121,7 +115,7 @@ v1::Job best_of_other_slides(OtherSlides others, v1::Job slid) {
   v1::Job best = std::move(slid);
   if (geometry.on_boundary) {
     others.print_sentence("Now with the boundary as it came.");
-    compare(others, nothing, IfEqual::LargerSmallest,
+    compare(others, nothing, Asked::What::Minimum,
             "The result is better with the boundary as it came, so the nodes that slid are back.",
             "The result is no better with the boundary as it came.", best);
     return best;
@@ -130,7 +124,7 @@ v1::Job best_of_other_slides(OtherSlides others, v1::Job slid) {
     const bool are_left = left(best) > 0;
     others.print_sentence(left_text(best) + ", so now all nodes move together (--slide coupled).");
     compare(others, {v1::Geometry::SLIDE_COUPLED, "coupled", "-coupled"},
-            are_left ? IfEqual::First : IfEqual::LargerSmallest,
+            are_left ? Asked::What::Validity : Asked::What::Minimum,
             std::string(are_left ? "With that, fewer elements are invalid" : "With that, it is larger") +
                 ", so it is taken. The boundary may lie farther from the model now; --slide all never does this step.",
             std::string(are_left ? "With that, no fewer elements are invalid" : "With that, it is no larger") +
@@ -139,7 +133,8 @@ v1::Job best_of_other_slides(OtherSlides others, v1::Job slid) {
   }
   if (left(best) > 0 && !interrupted()) {
     others.print_sentence(left_text(best) + ", so now without sliding, for comparison.");
-    compare(others, nothing, IfEqual::First, "The result is better without sliding, so the nodes that slid are back.",
+    compare(others, nothing, Asked::What::Validity,
+            "The result is better without sliding, so the nodes that slid are back.",
             "The result is no better without sliding.", best);
   }
   return best;

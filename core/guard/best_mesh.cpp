@@ -13,18 +13,14 @@ double BestMesh::consider(const Guard& guard, const StopToken* stop) {
 double BestMesh::examine(const Guard& guard, double gap, const StopToken* stop) {
   certificates_ = guard.certificates();
   examined_ = guard.coordinates();
-  const CertificateSummary summary = certifier_.sharpen(examined_, certificates_, gap, stop);
-  examined_uncertified_ = summary.invalid + summary.undecided;
-  return examined_bound_ = summary.min_scaled_jacobian_lower_bound;
+  examined_merit_ = merit_of(certifier_.sharpen(examined_, certificates_, gap, stop));
+  return examined_merit_.smallest;
 }
 
-bool BestMesh::examined_is_better() const {
-  return examined_uncertified_ < fewest_ || (examined_uncertified_ == fewest_ && examined_bound_ > highest_);
-}
+bool BestMesh::examined_is_better() const { return is_better(examined_merit_, merit_, kAskForMinimum); }
 
 void BestMesh::keep_examined() {
-  highest_ = examined_bound_;
-  fewest_ = examined_uncertified_;
+  merit_ = examined_merit_;
   coordinates_.swap(examined_);
   best_certificates_.swap(certificates_);
 }

@@ -2,16 +2,16 @@
 #pragma once
 
 #include <cstdint>
-#include <limits>
 #include <vector>
 
 #include "core/guard/guard.h"
+#include "core/merit/merit.h"
 #include "core/validity/certifier.h"
 
 namespace varimesh {
 
-/// Keeps the best mesh of a run with until_js or Objective::Worst: the one with the fewest uncertified cells, and of
-/// those the one with the highest proved minimum of the scaled Jacobian.
+/// Keeps the best mesh of a run with until_js or Objective::Worst, which ask for the highest proved minimum of the
+/// scaled Jacobian (core/merit/merit.h).
 class BestMesh {
  public:
   explicit BestMesh(const Certifier& certifier) : certifier_(certifier) {}
@@ -27,7 +27,7 @@ class BestMesh {
   /// Whether the state that was examined last is better than the best so far.
   bool examined_is_better() const;
   /// Whether every cell is certified valid in it.
-  bool examined_is_valid() const { return examined_uncertified_ == 0; }
+  bool examined_is_valid() const { return examined_merit_.uncertified == 0; }
   /// 3 per node, interleaved: the state that was examined last, until it is kept.
   const std::vector<double>& examined() const { return examined_; }
   /// Makes it the best.
@@ -37,27 +37,22 @@ class BestMesh {
   const std::vector<double>& coordinates() const { return coordinates_; }
   /// Those of the best mesh, one per cell in the mesh's order; empty after a checkpoint was read.
   const std::vector<Certificate>& certificates() const { return best_certificates_; }
-  /// Uncertified cells of the best mesh.
-  std::int64_t fewest() const { return fewest_; }
-  /// The proved minimum of the scaled Jacobian in the best mesh.
-  double highest() const { return highest_; }
+  /// Of the best mesh; its minimum is proved.
+  const Merit& merit() const { return merit_; }
 
   /// Objective::Worst: a mesh with a smaller mean scaled Jacobian is not considered.
   double least_mean = -1;
 
   template <class Archive>
   void state(Archive& archive) {
-    archive(highest_, fewest_, coordinates_, least_mean);
+    archive(merit_.smallest, merit_.uncertified, coordinates_, least_mean);
   }
 
  private:
   const Certifier& certifier_;
   std::vector<Certificate> certificates_, best_certificates_;
   std::vector<double> examined_, coordinates_;
-  double examined_bound_ = 0;
-  std::int64_t examined_uncertified_ = 0;
-  double highest_ = -std::numeric_limits<double>::infinity();
-  std::int64_t fewest_ = std::numeric_limits<std::int64_t>::max();  ///< Uncertified cells of the best mesh.
+  Merit examined_merit_, merit_ = Merit::of_nothing();
 };
 
 }  // namespace varimesh

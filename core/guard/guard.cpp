@@ -114,7 +114,7 @@ void Guard::keep() {
   shared_copy<Certificate>(latest_certificates_, certificates_, team_);
   kept_is_latest_ = true;
   kept_uncertified_ = uncertified_in(certificates_);
-  if (kept_uncertified_ <= best_.uncertified) best_ = {};
+  if (!is_better(best_.merit, {.uncertified = kept_uncertified_})) best_ = {};
 }
 
 std::vector<double> Guard::coordinates() const {
@@ -134,7 +134,7 @@ bool Guard::restore(const std::vector<double>& kept, const std::vector<double>& 
     if (!set_free_positions(problem_, best.positions, positions)) return false;
     certify_at(positions);
     best.certificates = latest_certificates_;
-    best.uncertified = uncertified_in(best.certificates);
+    best.merit.uncertified = uncertified_in(best.certificates);
   }
   if (!set_free_positions(problem_, kept, positions)) return false;
   certify_at(positions);
@@ -158,10 +158,11 @@ void Guard::certify_moved() {
 
 void Guard::try_to_end_here() {
   // At best only the lost cells become valid again.
-  if (uncertified_in(latest_certificates_) - lost() >= fewest()) return;
+  const Merit so_far{.uncertified = fewest()};
+  if (!is_better({.uncertified = uncertified_in(latest_certificates_) - lost()}, so_far)) return;
   put_back_lost();
-  if (const std::int64_t uncertified = uncertified_in(latest_certificates_); uncertified < fewest())
-    best_ = {free_positions(problem_, latest_positions_), latest_certificates_, uncertified};
+  if (const Merit merit{.uncertified = uncertified_in(latest_certificates_)}; is_better(merit, so_far))
+    best_ = {free_positions(problem_, latest_positions_), latest_certificates_, merit};
   certify_at(problem_.positions);
 }
 
@@ -171,7 +172,7 @@ bool Guard::return_to_best() {
   set_free_positions(problem_, best_.positions, positions);
   shared_copy<double>(positions, positions_, team_);
   certificates_ = std::move(best_.certificates);
-  kept_uncertified_ = best_.uncertified;
+  kept_uncertified_ = best_.merit.uncertified;
   kept_is_latest_ = false;
   best_ = {};
   return true;

@@ -9,6 +9,7 @@
 #include "core/base/aligned.h"
 #include "core/base/team.h"
 #include "core/diagnosis/diagnosis.h"
+#include "core/merit/merit.h"
 #include "core/problem/node_conversion.h"
 #include "core/problem/problem.h"
 #include "core/validity/certifier.h"
@@ -73,7 +74,7 @@ class Guard {
   /// Those of them that are in no unrepairable group.
   std::int64_t repairable() const { return repairable_; }
   /// Cells that would not be certified valid if the run ended with the last certify_moved().
-  std::int64_t fewest() const { return best_.positions.empty() ? kept_uncertified_ : best_.uncertified; }
+  std::int64_t fewest() const { return best_.positions.empty() ? kept_uncertified_ : best_.merit.uncertified; }
   /// Cells that are certified valid in the kept state but were not at the last certify_moved().
   std::int64_t lost() const { return static_cast<std::int64_t>(lost_.size()); }
 
@@ -134,7 +135,7 @@ class Guard {
   struct Ending {
     std::vector<double> positions;  ///< Of the free nodes, as free_positions(); empty: there is none.
     std::vector<Certificate> certificates;
-    std::int64_t uncertified = 0;
+    Merit merit;
   };
 
   const HighOrderMesh& mesh_;

@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <limits>
 
+#include "core/merit/thresholds.h"
+
 namespace varimesh {
 
 /// Watches the lowest scaled Jacobian of a stage. At a large λ the first few Newton steps do most of the raising, at a
@@ -19,7 +21,7 @@ class Settling {
   /// @param energy Iteration::energy
   /// @param full the whole Newton step was taken
   bool after(double lowest, double energy, bool full) {
-    const bool rose = lowest > highest_ + kLeastRise * (1 - highest_);
+    const bool rose = lowest > highest_ + threshold::kLeastRise * (1 - highest_);
     const bool falls = energy < (1 - kFastFall) * energy_;
     if (rose)
       without_rise_ = 0;
@@ -36,10 +38,8 @@ class Settling {
   }
 
  private:
-  // Looser values end some stages up to .05 too low (an aerofoil, an annulus). One more step without a rise costs up to
-  // 300 products and raises no minimum by more than .0001.
-  static constexpr double kLeastRise = 0.001;  // a smaller rise, relative to the distance from 1, does not count
-  static constexpr double kFastFall = 0.05;    // of the energy in one iteration
+  static constexpr double kFastFall = 0.05;  // of the energy in one iteration; a looser value ends some stages too low
+  // One more step without a rise costs up to 300 products and raises no minimum by more than .0001.
   static constexpr int kMostWithoutRise = 2;
 
   double highest_ = -1;

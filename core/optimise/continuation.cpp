@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "core/checkpoint/checkpoint.h"
+#include "core/merit/thresholds.h"
 #include "core/optimise/memory.h"
 #include "core/problem/node_conversion.h"
 #include "core/problem/targets.h"
@@ -12,11 +13,6 @@
 
 namespace varimesh {
 namespace {
-
-/// How much of the mean scaled Jacobian may be given up to raise the lowest.
-constexpr double kMeanGivenForWorst = 0.01;
-/// How closely the minimum of a mesh is proved when it is compared with others. The report's gap would hide late steps.
-constexpr double kGapOfWorst = 1e-4;
 
 Frame shared_frame(const HighOrderMesh& mesh, const Team& team) {
   Frame frame;
@@ -193,7 +189,7 @@ double Continuation::consider() {
   double bound = 0;
   team_.run([&] {
     guard_->certify_moved();
-    bound = best_->examine(*guard_, kGapOfWorst, team_.stop());
+    bound = best_->examine(*guard_, threshold::kGapOfWorst, team_.stop());
   });
   if (best_->examined_is_better() && scaled_jacobians(set_up_.mesh, best_->examined(), team_).mean >= best_->least_mean)
     best_->keep_examined();
@@ -212,10 +208,10 @@ bool Continuation::has_minimum_to_raise() {
   team_.run([&] {
     guard_->certify_moved();
     guard_->restore_lost();
-    best_->examine(*guard_, kGapOfWorst, team_.stop());
+    best_->examine(*guard_, threshold::kGapOfWorst, team_.stop());
   });
   if (!best_->examined_is_valid()) return false;
-  best_->least_mean = scaled_jacobians(set_up_.mesh, best_->examined(), team_).mean - kMeanGivenForWorst;
+  best_->least_mean = scaled_jacobians(set_up_.mesh, best_->examined(), team_).mean - threshold::kMeanGivenForWorst;
   best_->keep_examined();
   return true;
 }
@@ -243,7 +239,7 @@ DescentContext Continuation::descent_context() {
           *guard_,
           certifier_,
           team_,
-          set_up_.options.min_js,
+          asked_by(set_up_.options),
           came_valid_,
           least_,
           control_.meter};
@@ -258,7 +254,7 @@ void Continuation::lower_loss(Result& result) {
       descent_.emplace(descent_context());
     });
     last = !descent_->begin();
-    if (last && descent_->best().uncertified > 0) result.notes.emplace_back(Descent::kNotWorthIt);
+    if (last && descent_->best().merit.uncertified > 0) result.notes.emplace_back(Descent::kNotWorthIt);
   }
   result.stop_reason = StopReason::Converged;
   if (!last && stage_run_->last().number >= options.max_iterations) {
@@ -368,11 +364,11 @@ void Continuation::settle(Result& result) {
 
 void Continuation::take_mesh(std::vector<Certificate>& certificates, Result& result) {
   certificates = guard_->certificates();
-  const auto uncertified = std::ranges::count_if(certificates, [](const Certificate& c) { return !c.is_valid(); });
+  const Merit at_end = merit_of(summarise(certificates));
   const bool keeps_best = set_up_.options.until_js > 0 || set_up_.stages.size() > 1;
-  const bool takes_best = keeps_best && !best_->coordinates().empty() && best_->fewest() <= uncertified;
+  const bool takes_best = keeps_best && !best_->coordinates().empty() && !is_better(at_end, best_->merit());
   result.proof_seconds += guard_->seconds();
-  if (!most_accurate_.coordinates.empty() && most_accurate_.uncertified <= uncertified) {
+  if (!most_accurate_.coordinates.empty() && !is_better(at_end, most_accurate_.merit)) {
     result.mesh.coordinates = std::move(most_accurate_.coordinates);
     certificates = std::move(most_accurate_.certificates);
     return;

@@ -14,6 +14,8 @@
 #include "core/base/team.h"
 #include "core/diagnosis/diagnose.h"
 #include "core/diagnosis/elements_text.h"
+#include "core/merit/merit.h"
+#include "core/merit/thresholds.h"
 #include "core/mesh/check.h"
 #include "core/mesh/node_parameters.h"
 #include "core/mesh/straight_sides.h"
@@ -73,7 +75,7 @@ void straighten_result(const SetUp& set_up, const Certifier& certifier, std::vec
 void raise_low(const SetUp& set_up, const Certifier& certifier, std::vector<Certificate>& certificates,
                const Team& team, Grace& grace, Result& result, RaiseMemory& raised) {
   const Options& options = set_up.options;
-  const bool is_for_accuracy = options.objective == Objective::Accuracy && options.until != Until::Valid;
+  const bool is_for_accuracy = asked_by(options).what == Asked::What::Loss;
   const std::vector<char> hopeless = cells_beyond_repair(result.unrepairable, certificates.size());
   const std::vector<double> coordinates = result.mesh.coordinates;
   const std::vector<Certificate> before = certificates;
@@ -90,8 +92,8 @@ void raise_low(const SetUp& set_up, const Certifier& certifier, std::vector<Cert
   if (is_for_accuracy && !outcome.interrupted && are_valid(certificates)) raise_to(options.min_js);
   if (outcome.interrupted) grace.say_stopped(result);
   if (made_valid.empty() && outcome.raised.empty()) return;
-  if (result.before.uncertified.empty() && result.before.accuracy &&
-      !(accuracy(result.mesh, team.threads()).loss <= result.before.accuracy->loss)) {
+  if (result.before.uncertified.empty() &&
+      !keeps_loss({.loss = accuracy(result.mesh, team.threads()).loss}, merit_of(result.before))) {
     result.mesh.coordinates = coordinates;
     certificates = before;
     return;
@@ -186,13 +188,6 @@ void take_as_it_came(const SetUp& set_up, const std::string& why, Result& result
   result.stop_reason = StopReason::Converged;
 }
 
-/// Whether a mesh that came in valid would leave with a smaller minimum, by more than `margin`, and a smaller mean of
-/// the scaled Jacobian.
-bool is_worse(const QualityReport& before, const QualityReport& after, double margin) {
-  return before.uncertified.empty() && after.min_scaled_jacobian < before.min_scaled_jacobian - margin &&
-         after.mean_scaled_jacobian < before.mean_scaled_jacobian;
-}
-
 std::string pair_text(const QualityReport& report) {
   char text[64];
   std::snprintf(text, sizeof text, "%.3g and %.3g", report.min_scaled_jacobian, report.mean_scaled_jacobian);
@@ -203,8 +198,7 @@ std::string pair_text(const QualityReport& report) {
 /// raised its loss. The descent itself chooses by the loss.
 void keep_the_more_accurate(Result& result, const SetUp& set_up) {
   if (result.history.back().phase == Phase::Accuracy) return;
-  const auto &before = result.before.accuracy, &after = result.after.accuracy;
-  if (before && after && after->loss <= before->loss) return;
+  if (keeps_loss(merit_of(result.after), merit_of(result.before))) return;
   result.kept_as_it_came = "The mesh stays as it came: where the run ended, its loss of accuracy was not lower.";
   result.mesh.coordinates = set_up.mesh.coordinates;
   result.after = result.before;
@@ -221,7 +215,7 @@ void keep_the_better(const SetUp& set_up, const std::vector<Certificate>& certif
   QualityReport before = result.before;
   if (before.lattice_intervals != result.after.lattice_intervals)  // there was no time for the usual report
     before = quick_quality(set_up.mesh, certificates, team);
-  if (!is_worse(before, result.after, is_for_accuracy ? 1e-3 : 0)) return;
+  if (!is_lower(merit_of(result.after), merit_of(before), is_for_accuracy ? threshold::kHigher : 0)) return;
   const bool is_optimum = result.converged && !is_for_accuracy;
   result.kept_as_it_came = "The mesh stays as it came: its smallest and its mean scaled Jacobian are " +
                            pair_text(before) + ", and " +
@@ -236,8 +230,8 @@ void keep_the_better(const SetUp& set_up, const std::vector<Certificate>& certif
 /// With Objective::Accuracy: says that the smallest scaled Jacobian is below Options::min_js.
 void note_missed_bound(const Options& options, Result& result) {
   const double lowest = result.after.min_scaled_jacobian;
-  const bool missed = options.objective == Objective::Accuracy && options.until != Until::Valid &&
-                      result.after.uncertified.empty() && lowest < options.min_js;
+  const Asked asked = asked_by(options);
+  const bool missed = asked.what == Asked::What::Loss && result.after.uncertified.empty() && lowest < asked.bound;
   if (!missed) return;
   char text[160];
   std::snprintf(

@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "core/merit/merit.h"
+
 namespace varimesh {
 namespace {
 
@@ -69,8 +71,9 @@ void PhaseChooser::untangling_from(std::int64_t unrepaired) {
 }
 
 bool Stopper::asks_for_proof(const Iteration& iteration) const {
-  const bool for_accuracy = options_.objective == Objective::Accuracy && options_.until != Until::Valid;
-  return for_accuracy && iteration.invalid_elements == 0 && iteration.min_scaled_jacobian >= options_.min_js;
+  const Asked asked = asked_by(options_);
+  return asked.what == Asked::What::Loss && iteration.invalid_elements == 0 &&
+         iteration.min_scaled_jacobian >= asked.bound;
 }
 
 std::optional<StopReason> Stopper::after(const Iteration& iteration, bool converged, Outlook outlook, double bound) {
@@ -85,7 +88,7 @@ std::optional<StopReason> Stopper::after(const Iteration& iteration, bool conver
       iteration.invalid_elements > 0 && without_fewer_ >= kMostWithoutFewer && outlook == Outlook::Nothing;
   has_just_given_up_ = gives_up && !has_given_up_;
   has_given_up_ = has_given_up_ || gives_up;
-  const bool for_accuracy = options_.objective == Objective::Accuracy && options_.until != Until::Valid;
+  const bool for_accuracy = asked_by(options_).what == Asked::What::Loss;
   if (options_.until == Until::Valid || for_accuracy) {
     // The descent keeps the bound on the scaled Jacobian more easily than it reaches it.
     const bool goes_on = for_accuracy && !(asks_for_proof(iteration) && bound >= options_.min_js);

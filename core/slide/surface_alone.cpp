@@ -2,6 +2,7 @@
 
 #include <set>
 
+#include "core/merit/merit.h"
 #include "core/mesh/connectivity.h"
 #include "core/quality/certified_quality.h"
 
@@ -10,18 +11,15 @@ namespace {
 
 /// How good the elements of a surface are.
 struct Judged {
-  double least = 0;                ///< The smallest scaled Jacobian.
+  Merit merit;
   std::vector<double> of_element;  ///< Scaled Jacobians.
   std::set<std::int64_t> uncertified;
 
   Judged(const HighOrderMesh& mesh, const Team& team) {
     const QualityReport report = quality(mesh, 0, team);
-    least = report.min_scaled_jacobian;
+    merit = merit_of(report);
     of_element = cell_quality(mesh, team).scaled_jacobian;
     for (const std::int64_t number : uncertified_numbers(report)) uncertified.insert(number);
-  }
-  bool is_worse_than(const Judged& other) const {
-    return uncertified.size() > other.uncertified.size() || least < other.least;
   }
 };
 
@@ -35,7 +33,7 @@ bool fix_surfaces_at_fault(const HighOrderMesh& mesh, const Association& associa
     const int surface = association.surface_of_block[b];
     for (const std::int64_t number : mesh.blocks[b].numbers) {
       const bool lost = now.uncertified.contains(number) && !start.uncertified.contains(number);
-      if (surface >= 0 && (lost || now.of_element[element] < start.least))
+      if (surface >= 0 && (lost || now.of_element[element] < start.merit.smallest))
         at_fault[static_cast<std::size_t>(surface)] = true;
       ++element;
     }
@@ -62,7 +60,7 @@ SlideReport slide_alone(HighOrderMesh& mesh, Association& association, SlideOn w
     team.run([&] { report = slide(mesh, association, what, fixed, team); });
     if (report.nodes == 0) return report;
     const Judged now(mesh, team);
-    if (!now.is_worse_than(start)) return report;
+    if (!is_better(start.merit, now.merit, kAskForMinimum)) return report;
     if (!fix_surfaces_at_fault(mesh, association, start, now, fixed)) fixed.assign(fixed.size(), true);
     mesh = mesh_at_start;
     association = association_at_start;

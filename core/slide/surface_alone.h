@@ -7,11 +7,11 @@
 
 namespace varimesh::detail {
 
-/// slide(), for a mesh that has no volume to make up for it. Neither does the number of elements that are not certified
-/// valid rise, nor does the smallest scaled Jacobian fall (core/quality). If one of them does, the nodes of the
-/// surfaces at fault stay, and the others slide again from the start. A surface is at fault if one of its elements is
-/// worse than the smallest scaled Jacobian at the start, or was certified valid and is not now. Do not call it inside
-/// team.run().
+/// slide(), for a mesh that has no volume to make up for it. The number of elements that are not certified valid
+/// does not rise, and if it stays, the smallest scaled Jacobian does not fall (core/merit/merit.h). Otherwise the nodes
+/// of the surfaces at fault stay, and the others slide again from the start. A surface is at fault if one of its
+/// elements is worse than the smallest scaled Jacobian at the start, or was certified valid and is not now. Do not call
+/// it inside team.run().
 SlideReport slide_alone(HighOrderMesh& mesh, Association& association, SlideOn what, std::vector<bool> fixed,
                         const Team& team);
 

@@ -12,6 +12,7 @@
 #include "core/checkpoint/checkpoint.h"
 #include "core/diagnosis/elements_text.h"
 #include "core/diagnosis/node_positions.h"
+#include "core/merit/merit.h"
 #include "core/mesh/connectivity.h"
 #include "core/optimise/grace.h"
 #include "core/optimise/splitting/raise_left.h"
@@ -64,12 +65,6 @@ std::vector<CellCorner> bad_corners(const Result& result, const std::vector<std:
   return corners;
 }
 
-/// Whether a has fewer uncertified elements than b or, if both have the same number, a higher minimum.
-bool is_better(const Result& a, const Result& b) {
-  const std::size_t left_a = a.after.uncertified.size(), left_b = b.after.uncertified.size();
-  return left_a != left_b ? left_a < left_b : a.after.min_scaled_jacobian > b.after.min_scaled_jacobian;
-}
-
 /// Numbers of the elements with a folded boundary face.
 std::set<std::int64_t> owners_of_folded_faces(const Result& result) {
   std::set<std::int64_t> owners;
@@ -112,7 +107,7 @@ std::optional<Result> optimise_in_rounds(const HighOrderMesh& mesh, const Result
     result->notes.clear();  // even if the last run moved nothing, the splits did
     const bool gains = !best || wanted.size() < fewest;
     fewest = gains ? wanted.size() : fewest;
-    if (!best || is_better(*result, *best)) best = std::move(result);
+    if (!best || is_better(merit_of(result->after), merit_of(best->after), asked_by(options))) best = std::move(result);
     if (!gains) break;
   }
   return best;
@@ -246,10 +241,11 @@ Result optimise_by_splitting(const SetUp& set_up, const OnIteration& on_iteratio
     // If only owners of folded faces are left, another run would leave them too.
     if ((!split || !worth_a_split(*split).empty()) && runs.may_go_on()) {
       std::optional<Result> unsplit = runs.run(mesh);
-      if (unsplit && is_better(*unsplit, *best)) best = std::move(unsplit);
+      if (unsplit && is_better(merit_of(unsplit->after), merit_of(best->after), asked_by(options)))
+        best = std::move(unsplit);
     }
     out_of_work = ran_out || runs.out_of_work();
-    if (split && split->after.uncertified.size() < best->after.uncertified.size())
+    if (split && is_better(merit_of(split->after), merit_of(best->after)))  // a split must make more cells valid
       best = std::move(split);
     else if (split && !runs.stopped())
       best->repairs.push_back(left_unsplit(*split, *best));

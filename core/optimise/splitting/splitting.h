@@ -19,12 +19,11 @@ namespace varimesh {
 ///    their corners with J ≤ 0 whatever their margin. Then step 3 starts again. There are at most four such rounds, and
 ///    a round that leaves no fewer elements that a split might help is the last.
 ///
-/// The best mesh of these is kept: the one with the fewest uncertified elements, and of those the one with the highest
-/// minimum Js. If it has uncertified elements without a folded boundary face, the mesh is also optimised without a
-/// split. If that, or step 1, leaves no more of them, it is the result. The rounds together may do four times the work
-/// of step 1, and so may the run after them. Work is counted in visits of free nodes, so it does not depend on the
-/// machine. The options' limits of time and iterations are for everything together. Elements with a folded boundary
-/// face are never split for their own sake.
+/// The best mesh of these is kept, by what the options ask for (core/merit/merit.h). If it has uncertified elements
+/// without a folded boundary face, the mesh is also optimised without a split. If that, or step 1, leaves no more of
+/// them, it is the result. The rounds together may do four times the work of step 1, and so may the run after them.
+/// Work is counted in visits of free nodes, so it does not depend on the machine. The options' limits of time and
+/// iterations are for everything together. Elements with a folded boundary face are never split for their own sake.
 ///
 /// The stop reason is that of the run that the mesh comes from. But if elements are left, and a limit for everything
 /// together or a stop kept it from going on, the reason is that limit or stop. The meter is told the groups that each

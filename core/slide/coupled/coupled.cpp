@@ -4,10 +4,11 @@
 #include <cmath>
 #include <limits>
 #include <optional>
-#include <tuple>
 
 #include "core/base/index.h"
 #include "core/base/stopwatch.h"
+#include "core/merit/merit.h"
+#include "core/merit/thresholds.h"
 #include "core/mesh/connectivity.h"
 #include "core/quality/certified_quality.h"
 #include "core/slide/coupled/coupled_newton.h"
@@ -31,9 +32,6 @@ constexpr double kStands = 1e-4;
 constexpr double kWeights[] = {1, 4};
 /// How much of the way to a state that exceeds the limit all nodes go, if it is tried.
 constexpr double kParts[] = {0.875, 0.75, 0.625, 0.5, 0.375, 0.25, 0.125, 0.0625, 0.03125, 0.015625};
-constexpr double kWeak = 0.02;       // a cell with a smaller scaled Jacobian is hardly better than an invalid one
-constexpr double kWeakGap = 0.002;   // to which the scaled Jacobians of weak cells are found
-constexpr double kGap = 0.01;        // to which the smallest scaled Jacobian of a state is found
 constexpr double kTimesStart = 2;    // what the distances may become without a tolerance
 constexpr double kRounding = 1e-12;  // distances that differ by less, relative to the mesh's size, are equal
 
@@ -42,16 +40,10 @@ using Distance = BoundaryEnergy::Distance;
 /// A state and how good it is.
 struct Judged {
   CoupledState state;
-  std::int64_t left = 0;  ///< Cells that are not certified valid.
-  std::int64_t weak = 0;  ///< Those, and cells whose scaled Jacobian is below kWeak.
-  double lowest = 0;      ///< The proved minimum of the scaled Jacobian.
+  Merit merit;  ///< With the weak cells and the proved minimum.
   std::int64_t folded = 0;
   Distance distance;  ///< Only of a state that may be the best one: to find it takes longer than all else here.
 };
-
-bool is_better(const Judged& a, const Judged& b) {
-  return std::tuple(a.weak, a.left, -a.lowest) < std::tuple(b.weak, b.left, -b.lowest);
-}
 
 /// The entities' elements, and the energies on them, for one mesh.
 struct Energies {
@@ -105,7 +97,7 @@ class Descent {
     Judged best = judge();
     descend(kMostStepsInside, [&] {
       Judged now = judge();
-      if (!is_better(now, best)) return false;
+      if (!is_better(now.merit, best.merit, kAskForMinimum)) return false;
       best = std::move(now);
       return true;
     });
@@ -121,7 +113,7 @@ class Descent {
     const auto allow = [&](const Distance& now) { return surfaces.allows(now.surfaces) && curves.allows(now.curves); };
     const auto gains = [&] {
       Judged now = judge();
-      if (now.folded > start.folded || (best && !is_better(now, *best))) return false;
+      if (now.folded > start.folded || (best && !is_better(now.merit, best->merit, kAskForMinimum))) return false;
       now.distance = distance();
       if (!allow(now.distance)) return false;
       best = std::move(now);
@@ -139,7 +131,8 @@ class Descent {
         newton_.put_between(start.state, end, std::vector<double>(end.coordinates.size() / 3, part));
         gains();
       }
-      if ((!best || best->weak > 0) && hold_back(start.state, end, surfaces, curves, newton_, energies_.boundary)) {
+      if ((!best || best->merit.weak > 0) &&
+          hold_back(start.state, end, surfaces, curves, newton_, energies_.boundary)) {
         gains();
         newton_.boundary_slides = false;
         descend(kMostStepsInside, gains);
@@ -178,23 +171,20 @@ class Descent {
       if (certificates_[cell].is_valid() && is_weak(certificates_[cell]))
         unsure.push_back(static_cast<std::int32_t>(cell));
     exact_.certify(newton_.coordinates(), unsure, certificates_, team_);
-    const CertificateSummary summary = certifier_.sharpen(newton_.coordinates(), certificates_, kGap, team_.stop());
-    return {newton_.state(),
-            summary.invalid + summary.undecided,
-            std::ranges::count_if(certificates_, is_weak),
-            summary.min_scaled_jacobian_lower_bound,
-            energies_.boundary.folded(),
-            {}};
+    Merit merit =
+        merit_of(certifier_.sharpen(newton_.coordinates(), certificates_, threshold::kGapOfStates, team_.stop()));
+    merit.weak = std::ranges::count_if(certificates_, is_weak);
+    return {newton_.state(), merit, energies_.boundary.folded(), {}};
   }
 
   Distance distance() const { return energies_.boundary.distance(newton_.coordinates()); }
 
   static bool is_weak(const Certificate& certificate) {
-    return !certificate.is_valid() || certificate.scaled_jacobian_lower_bound < kWeak;
+    return !certificate.is_valid() || certificate.scaled_jacobian_lower_bound < threshold::kWeak;
   }
   static CertificateOptions exactly() {
     CertificateOptions options;
-    options.gap = kWeakGap;
+    options.gap = threshold::kGapOfWeak;
     return options;
   }
   Energies& energies_;
@@ -229,13 +219,15 @@ DistanceLimit larger(const DistanceLimit& a, const DistanceLimit& b) {
 }
 
 /// Whether the nodes go back to where bottom-up sliding has left them.
-bool is_worse(const HighOrderMesh& mesh, const Judged& all, const Judged& inside, const Team& team) {
-  if (all.left > inside.left || all.weak > inside.weak) return true;
-  if (all.weak < inside.weak) return false;
-  if (all.left < inside.left) return all.left > 0;
-  const ScaledJacobians now = scaled_jacobians(mesh, all.state.coordinates, team);
-  const ScaledJacobians before = scaled_jacobians(mesh, inside.state.coordinates, team);
-  return now.smallest < before.smallest && now.mean < before.mean;
+bool goes_back(const HighOrderMesh& mesh, const Judged& all, const Judged& inside, const Team& team) {
+  const auto without_weak = [](Merit merit) {
+    merit.weak.reset();
+    return merit;
+  };
+  if (is_better(inside.merit, all.merit) || is_better(without_weak(inside.merit), without_weak(all.merit))) return true;
+  if (is_better(all.merit, inside.merit)) return all.merit.weak == inside.merit.weak && all.merit.uncertified > 0;
+  return is_lower(merit_of(scaled_jacobians(mesh, all.state.coordinates, team)),
+                  merit_of(scaled_jacobians(mesh, inside.state.coordinates, team)));
 }
 
 void count_moved(const std::vector<double>& start, const HighOrderMesh& mesh, const Association& association,
@@ -286,18 +278,19 @@ SlideReport slide_coupled(HighOrderMesh& mesh, Association& association, const s
     const DistanceLimit curves = limit_of(limits.tolerance, start.curves, inside->distance.curves, rounding);
     const DistanceLimit on_curves = limits.tolerance > 0 ? curves : larger(surfaces, curves);
     all = descent->everything(*inside, surfaces, on_curves);
-    if ((all && all->weak == 0) || descent->is_late()) return;
+    if ((all && all->merit.weak == 0) || descent->is_late()) return;
     descent->begin_again(kSecondDecay);
     Judged again = descent->inside();
     std::optional<Judged> all_again = descent->everything(again, surfaces, on_curves);
-    if (is_better(again, *inside)) inside = std::move(again);
-    if (all_again && (!all || is_better(*all_again, *all))) all = std::move(all_again);
+    if (is_better(again.merit, inside->merit, kAskForMinimum)) inside = std::move(again);
+    if (all_again && (!all || is_better(all_again->merit, all->merit, kAskForMinimum))) all = std::move(all_again);
   });
   using Outcome = CoupledReport::Outcome;
-  coupled = {all ? Outcome::NoBetter : Outcome::TooFar, descent->steps(), inside->left, inside->left};
-  if (!all || is_worse(mesh, *all, *inside, team)) return report;
+  coupled = {all ? Outcome::NoBetter : Outcome::TooFar, descent->steps(), inside->merit.uncertified,
+             inside->merit.uncertified};
+  if (!all || goes_back(mesh, *all, *inside, team)) return report;
   coupled.outcome = Outcome::Taken;
-  coupled.left_after = all->left;
+  coupled.left_after = all->merit.uncertified;
   team.run([&] { descent->take(all->state); });
   mesh.coordinates = all->state.coordinates;
   energies->boundary.write(association);

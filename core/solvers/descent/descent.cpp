@@ -6,6 +6,7 @@
 #include "core/accuracy/team_accuracy.h"
 #include "core/base/line_search.h"
 #include "core/kernels/p_norm.h"
+#include "core/merit/thresholds.h"
 #include "core/quality/certified_quality.h"
 #include "core/solvers/descent/has_loss.h"
 #include "core/solvers/maxmin/kept_raiser.h"
@@ -17,34 +18,19 @@ namespace {
 /// a third leaves the scaled Jacobian of some elements .05 lower.
 constexpr double kWeight = 3;
 constexpr double kRaise = 4;
-/// A mesh with a higher minimum of the scaled Jacobian may have a loss that is this much higher, until the minimum is
-/// kWanted.
-constexpr double kLossGivenForJs = 1.02;
-/// Cells below this scaled Jacobian get more weight as long as that costs no more.
-constexpr double kWanted = 0.5;
 constexpr int kMostRaises = 8;
-/// If all cells have this share of the scaled Jacobian of the context, more rounds are worth it: in thin prisms of
+/// If the bound on the scaled Jacobian is in reach (threshold::kInReach), more rounds are worth it: in thin prisms of
 /// order 2 the loss falls to .4 of what it is after kMostRaises.
-constexpr double kInReach = 0.5;
 constexpr int kMostRaisesInReach = 20;
 /// Once cells that lost their certificate are raised, this many looks at cells a round (raise.h).
 constexpr std::int64_t kLooksPerRound = 20'000;
-/// A round that raises the loss by more than this, and the minimum of the scaled Jacobian not at all, has left what the
-/// frames at its beginning say. It is taken back, and ε_e gets kCaution times as large.
-constexpr double kRises = 1.1;
+/// A round that raises the loss by more than threshold::kRises, and the minimum of the scaled Jacobian not at all, has
+/// left what the frames at its beginning say. It is taken back, and ε_e gets this many times as large.
 constexpr double kCaution = 10;
-/// If no mesh has the scaled Jacobian of the context, those count that have this share of the highest.
-constexpr double kShareOfHighest = 0.5;
-/// A round that lowers the loss by less than this is the last, unless a cell still needs more weight.
-constexpr double kFalls = 0.99;
 /// L-BFGS ends when a whole step would lower the sum by about this share of it.
 constexpr double kLittle = 1e-3;
 constexpr int kMostSteps = 40;
 constexpr int kMostTrials = 12;
-/// How closely the minimum of the scaled Jacobian is proved.
-constexpr double kGap = 1e-3;
-/// Minima of the scaled Jacobian differ if they differ by more than this.
-constexpr double kHigher = 1e-3;
 constexpr double kNoise = 1e-13;  // of the sum
 constexpr std::size_t kNodesPerTask = 4096;
 constexpr std::size_t kCellsPerSum = 512;
@@ -70,7 +56,8 @@ Descent::Descent(const DescentContext& context)
       start_(gradient_.size()),
       work_(gradient_.size()),
       lost_(problem_.cells, 0),
-      uncertified_(problem_.cells, 0) {
+      uncertified_(problem_.cells, 0),
+      asked_(context.asked) {
   barrier_.count_with(context.meter, point_operations(context.material, problem_.dimension));
   const std::vector<Standing> standings = context.guard.standings();
   for (CellSet& set : problem_.sets)
@@ -80,29 +67,33 @@ Descent::Descent(const DescentContext& context)
 
 bool Descent::begin() {
   State kept = kept_state();
-  last_loss_ = kept.loss;
+  last_loss_ = kept.merit.loss;
   accept(kept);
   const bool as_it_came = kept.coordinates == context_.mesh.coordinates;
-  kept.is_lower = kept.is_lower && !as_it_came;
-  if (kept.uncertified == 0 && reaches_bound(kept) && !kept.is_lower) least_loss_ = kept.loss;
+  kept.merit.lower_than_it_came = kept.merit.lower_than_it_came && !as_it_came;
+  if (is_acceptable(kept)) asked_.least_loss = kept.merit.loss;
   if (!as_it_came) {
     // The energy came first (phases.h). It may have raised the loss, which must not stay so unless it certified cells.
     State came = state_as_it_came();
-    if (context_.came_valid || came.uncertified <= kept.uncertified) {
-      best_ = std::move(came);
-      start_loss_ = best_.loss;
-      if (is_better(kept)) best_ = std::move(kept);
+    if (context_.came_valid || !is_better(kept.merit, came.merit)) {
+      start_from(std::move(came));
+      if (is_better(kept.merit, best_.merit, asked_)) best_ = std::move(kept);
       return !stays_invalid_for_size();
     }
   }
-  best_ = std::move(kept);
-  start_loss_ = best_.loss;
+  start_from(std::move(kept));
   return start_loss_ > 0 && !stays_invalid_for_size() &&
-         !(as_it_came && reaches_bound(best_) && !has_loss(context_.mesh, best_.scaled_jacobian, team_));
+         !(as_it_came && reaches_bound(best_) && !has_loss(context_.mesh, best_.merit.smallest, team_));
+}
+
+void Descent::start_from(State state) {
+  best_ = std::move(state);
+  start_loss_ = best_.merit.loss;
+  if (context_.came_valid) asked_.loss_as_it_came = start_loss_;
 }
 
 bool Descent::stays_invalid_for_size() const {
-  return best_.uncertified > 0 && size_decides(context_.mesh, best_.loss, team_);
+  return best_.merit.uncertified > 0 && size_decides(context_.mesh, best_.merit.loss, team_);
 }
 
 Descent::State Descent::kept_state() const {
@@ -112,16 +103,16 @@ Descent::State Descent::kept_state() const {
     state.certificates = context_.guard.certificates();
     judge(state);
   });
-  state.loss = accuracy(context_.mesh, state.coordinates, team_).loss;
-  state.is_lower = is_lower(state);
+  state.merit.loss = accuracy(context_.mesh, state.coordinates, team_).loss;
+  state.merit.lower_than_it_came = lowers(state);
   return state;
 }
 
-bool Descent::is_lower(const State& state) const {
-  const QualityReport* least = context_.least;
-  if (!least || state.scaled_jacobian >= least->min_scaled_jacobian) return false;
-  const ScaledJacobians now = scaled_jacobians(context_.mesh, state.coordinates, team_);
-  return now.smallest < least->min_scaled_jacobian - kHigher && now.mean < least->mean_scaled_jacobian;
+bool Descent::lowers(const State& state) const {
+  // To sample the mesh takes long, and no sample is below what is proved.
+  if (!context_.least || state.merit.smallest >= context_.least->min_scaled_jacobian) return false;
+  return is_lower(merit_of(scaled_jacobians(context_.mesh, state.coordinates, team_)), merit_of(*context_.least),
+                  threshold::kHigher);
 }
 
 Descent::State Descent::state_as_it_came() const {
@@ -132,37 +123,15 @@ Descent::State Descent::state_as_it_came() const {
     context_.certifier.certify(state.coordinates, state.certificates, team_);
     judge(state);
   });
-  state.loss = accuracy(context_.mesh, team_).loss;
+  state.merit.loss = accuracy(context_.mesh, team_).loss;
   return state;
 }
 
 void Descent::judge(State& state) const {
-  const CertificateSummary summary =
-      context_.certifier.sharpen(state.coordinates, state.certificates, kGap, team_.stop());
-  state.uncertified = summary.invalid + summary.undecided;
-  state.scaled_jacobian = summary.min_scaled_jacobian_lower_bound;
-}
-
-bool Descent::is_better(const State& state) const {
-  if (state.uncertified != best_.uncertified) return state.uncertified < best_.uncertified;
-  if (state.is_lower) return false;
-  if (context_.came_valid) {
-    const bool raises = best_.scaled_jacobian < kWanted && state.scaled_jacobian > best_.scaled_jacobian + kHigher;
-    const bool is_worth_it = state.loss < kFalls * start_loss_ || raises;
-    if (state.loss > start_loss_ || !is_worth_it) return false;
-  }
-  if (state.uncertified > 0) return state.loss < best_.loss;
-  if (reaches_bound(state) != reaches_bound(best_)) return reaches_bound(state);
-  if (!reaches_bound(state)) {
-    const double most = std::max(highest_, state.scaled_jacobian);
-    const bool is_high = state.scaled_jacobian >= kShareOfHighest * most;
-    const bool best_is_high = best_.scaled_jacobian >= kShareOfHighest * most;
-    return is_high != best_is_high ? is_high : kLossGivenForJs * state.loss < best_.loss;
-  }
-  const double most = kLossGivenForJs * least_loss_;
-  if (best_.loss > most || state.loss > most) return state.loss < best_.loss;
-  const double js = std::min(state.scaled_jacobian, kWanted), of_best = std::min(best_.scaled_jacobian, kWanted);
-  return js != of_best ? js > of_best : state.loss < best_.loss;
+  const Merit proved = merit_of(
+      context_.certifier.sharpen(state.coordinates, state.certificates, threshold::kGapOfDescent, team_.stop()));
+  state.merit.uncertified = proved.uncertified;
+  state.merit.smallest = proved.smallest;
 }
 
 void Descent::set_weights(double loss) {
@@ -253,7 +222,7 @@ void Descent::keep_certificates() {
   }
   if (context_.guard.lost() > 0 && raises_lost_) {
     KeptRaiser raiser(context_.mesh, problem_, context_.guard, team_);
-    if (raiser.raise_lost(context_.min_js, kLooksPerRound)) context_.guard.certify_moved();
+    if (raiser.raise_lost(asked_.bound, kLooksPerRound)) context_.guard.certify_moved();
   }
   if (context_.guard.lost() > 0) context_.guard.return_to_kept();
 }
@@ -285,18 +254,19 @@ void Descent::note_scans(DescentRound& round) const {
 
 void Descent::accept(const State& state) {
   accepted_ = problem_.positions;
-  accepted_loss_ = state.loss;
-  accepted_js_ = state.scaled_jacobian;
-  if (state.uncertified <= best_.uncertified) highest_ = std::max(highest_, state.scaled_jacobian);
+  accepted_loss_ = state.merit.loss;
+  accepted_js_ = state.merit.smallest;
+  if (!is_better({.uncertified = best_.merit.uncertified}, {.uncertified = state.merit.uncertified}))
+    asked_.highest_minimum = std::max(asked_.highest_minimum, state.merit.smallest);
 }
 
 template <class Archive>
 void Descent::state(Archive& archive) {
   std::vector<double> accepted;
   if constexpr (!Archive::kReads) accepted = free_positions(problem_, accepted_);
-  archive(factors_, first_gradient_, start_loss_, last_loss_, least_loss_, raises_, caution_, raises_lost_, accepted,
-          accepted_loss_, accepted_js_, highest_, best_.coordinates, best_.uncertified, best_.scaled_jacobian,
-          best_.loss);
+  archive(factors_, first_gradient_, start_loss_, last_loss_, asked_.least_loss, raises_, caution_, raises_lost_,
+          accepted, accepted_loss_, accepted_js_, asked_.highest_minimum, best_.coordinates, best_.merit.uncertified,
+          best_.merit.smallest, best_.merit.loss);
   if constexpr (Archive::kReads)
     if (archive.failed() || !restore(accepted)) archive.fail();
 }
@@ -331,6 +301,7 @@ bool Descent::restore(const std::vector<double>& accepted) {
   if (!set_free_positions(problem_, accepted, accepted_) || factors_.size() != weights_.size() ||
       best_.coordinates.size() != context_.mesh.coordinates.size())
     return false;
+  if (context_.came_valid) asked_.loss_as_it_came = start_loss_;
   State best = best_;
   best.certificates.resize(context_.certifier.cells());
   context_.certifier.certify(best.coordinates, best.certificates, team_);
@@ -342,7 +313,8 @@ bool Descent::restore(const std::vector<double>& accepted) {
 /// Once, if the rounds would end below the bound and the last one has cost cells their certificate: goes on from here
 /// with rounds that raise such cells, and the cells below the bound. Returns whether it does.
 bool Descent::begin_to_raise_lost() {
-  if (raises_lost_ || best_.uncertified > 0 || reaches_bound(best_) || std::ranges::count(lost_, 1) == 0) return false;
+  if (raises_lost_ || best_.merit.uncertified > 0 || reaches_bound(best_) || std::ranges::count(lost_, 1) == 0)
+    return false;
   raises_lost_ = true;
   raises_ = kMostRaises / 2;
   caution_ = 1;
@@ -370,28 +342,29 @@ DescentRound Descent::round() {
   });
   note_scans(round);
   State state = kept_state();
-  if (state.loss > kRises * accepted_loss_ && state.scaled_jacobian <= accepted_js_ && raises_ < kMostRaises) {
+  const Merit& merit = state.merit;
+  if (merit.loss > threshold::kRises * accepted_loss_ && merit.smallest <= accepted_js_ && raises_ < kMostRaises) {
     take_back();
     return round;
   }
-  const bool rises = state.scaled_jacobian > highest_ + kHigher;
+  const bool rises = has_higher_minimum(merit, {.smallest = asked_.highest_minimum});
   accept(state);
-  const bool reaches = state.uncertified == 0 && reaches_bound(state) && !state.is_lower;
+  const bool reaches = is_acceptable(state);
   // The scans see the quadrature points only.
-  const double margin = std::max(0.0, round.min_scaled_jacobian - state.scaled_jacobian);
-  const double bound = std::max(context_.min_js, state.is_lower ? context_.least->min_scaled_jacobian : 0);
-  const std::int64_t low = raise_low((reaches ? std::max(kWanted, bound) : bound) + margin);
+  const double margin = std::max(0.0, round.min_scaled_jacobian - merit.smallest);
+  const double bound = std::max(asked_.bound, merit.lower_than_it_came ? context_.least->min_scaled_jacobian : 0);
+  const std::int64_t low = raise_low((reaches ? std::max(threshold::kWanted, bound) : bound) + margin);
   raises_ += low > 0 ? 1 : 0;
-  if (reaches) least_loss_ = std::min(least_loss_, state.loss);
-  const bool costs = reaches && state.loss > kLossGivenForJs * least_loss_;
-  const bool in_reach = !reaches && state.scaled_jacobian >= kInReach * context_.min_js;
-  const bool falls = state.loss < kFalls * last_loss_;
+  if (reaches) asked_.least_loss = std::min(asked_.least_loss, merit.loss);
+  const bool costs = reaches && merit.loss > threshold::kLossGivenForMinimum * asked_.least_loss;
+  const bool in_reach = !reaches && merit.smallest >= threshold::kInReach * asked_.bound;
+  const bool falls = merit.loss < threshold::kFalls * last_loss_;
   // If all cells are certified, but far below the bound in every mesh so far, more weight for low cells is worth it
   // only as long as something gains.
-  const bool gains = falls || rises || reaches || in_reach || reaches_bound(best_) || best_.uncertified > 0;
+  const bool gains = falls || rises || reaches || in_reach || reaches_bound(best_) || best_.merit.uncertified > 0;
   round.last = (low == 0 && !falls) || !gains || raises_ > (in_reach ? kMostRaisesInReach : kMostRaises) || costs;
-  last_loss_ = std::min(last_loss_, state.loss);
-  if (is_better(state)) best_ = std::move(state);
+  last_loss_ = std::min(last_loss_, merit.loss);
+  if (is_better(state.merit, best_.merit, asked_)) best_ = std::move(state);
   if (round.last && begin_to_raise_lost()) round.last = false;
   return round;
 }

@@ -2,7 +2,6 @@
 #pragma once
 
 #include <cstdint>
-#include <limits>
 #include <optional>
 #include <vector>
 
@@ -10,6 +9,7 @@
 #include "core/checkpoint/checkpoint.h"
 #include "core/energy/material.h"
 #include "core/guard/guard.h"
+#include "core/merit/merit.h"
 #include "core/progress/work_meter.h"
 #include "core/quality/quality.h"
 #include "core/solvers/descent/barrier.h"
@@ -31,7 +31,7 @@ struct DescentContext {
   Guard& guard;
   const Certifier& certifier;
   const Team& team;
-  double min_js = 0;        ///< Options::min_js.
+  Asked asked;              ///< asked_by() the options of the run.
   bool came_valid = false;  ///< `mesh` was valid, and the loss must not end above the one that it had.
   /// Of `mesh`: the best mesh does not have both a smaller minimum of the scaled Jacobian, by more than 0.001, and a
   /// smaller mean. Null: there is no such demand.
@@ -89,16 +89,9 @@ class Descent {
   struct State {
     std::vector<double> coordinates;  ///< 3 per node, interleaved, as HighOrderMesh::coordinates.
     std::vector<Certificate> certificates;
-    std::int64_t uncertified = std::numeric_limits<std::int64_t>::max();
-    double scaled_jacobian = -1;  ///< The proved minimum.
-    double loss = std::numeric_limits<double>::infinity();
-    bool is_lower = false;  ///< It does not meet DescentContext::least.
+    Merit merit = Merit::of_nothing();  ///< Its minimum is proved.
   };
-  /// The best mesh among those with the fewest uncertified cells that are not lower than the mesh as it came
-  /// (is_lower). If there are such cells, it is the one with the least loss. If none has the scaled Jacobian of the
-  /// context, it is the one with the least loss, to within 2 %, among those that have at least half of the highest.
-  /// Otherwise its loss is within 2 % of the least one of those that have it, and its scaled Jacobian is the highest up
-  /// to 0.5 of those within.
+  /// The best mesh so far: What::Loss of core/merit/merit.h, with the scaled Jacobian of the context as the bound.
   const State& best() const { return best_; }
 
   /// Writes what the rounds so far have left, beside problem.positions and the guard's state, to a checkpoint.
@@ -115,11 +108,16 @@ class Descent {
   /// The state that the guard keeps.
   State kept_state() const;
   State state_as_it_came() const;
-  bool is_lower(const State& state) const;
+  /// Whether the state does not meet DescentContext::least.
+  bool lowers(const State& state) const;
   /// Sets what the certificates say. Call it inside team.run().
   void judge(State& state) const;
-  bool is_better(const State& state) const;
-  bool reaches_bound(const State& state) const { return state.scaled_jacobian >= context_.min_js; }
+  /// Whether it is valid, reaches the bound and is not lower than the mesh as it came.
+  bool is_acceptable(const State& state) const {
+    return state.merit.uncertified == 0 && reaches_bound(state) && !state.merit.lower_than_it_came;
+  }
+  void start_from(State state);
+  bool reaches_bound(const State& state) const { return state.merit.smallest >= asked_.bound; }
   void set_weights(double loss);
   /// The sum at problem.positions; sets `gradient`.
   double evaluate(std::vector<double>& gradient);
@@ -157,13 +155,12 @@ class Descent {
   std::vector<char> uncertified_;  ///< By cell of the problem: it had no certificate after the last round.
   double first_gradient_ = 0;
   double start_loss_ = 0, last_loss_ = 0;
-  double least_loss_ = std::numeric_limits<double>::infinity();  ///< Of the meshes that reach the bound.
-  int raises_ = 0;                                               ///< Also counts the rounds that were taken back.
-  double caution_ = 1;                                           ///< What all ε_e are raised by.
+  int raises_ = 0;                ///< Also counts the rounds that were taken back.
+  double caution_ = 1;            ///< What all ε_e are raised by.
   bool raises_lost_ = false;      ///< A round raises the cells that lost their certificate before they are put back.
   std::vector<double> accepted_;  ///< Of all nodes of the problem: where the last round that was not taken back ended.
   double accepted_loss_ = 0, accepted_js_ = -1;
-  double highest_ = -1;  ///< The highest scaled Jacobian of a mesh with the fewest uncertified cells.
+  Asked asked_;
   State best_;
 };
 

@@ -7,20 +7,12 @@
 
 #include "core/accuracy/team_accuracy.h"
 #include "core/base/team.h"
+#include "core/merit/thresholds.h"
 #include "core/mesh/high_order_mesh.h"
 
 namespace varimesh {
 
-/// The loss of a cell is not worth a move if it is at most this share of h^P, h being the size of the cell relative to
-/// that of the mesh. That is what a solver loses in a straight-sided cell of this size.
-inline constexpr double kNoLoss = 1e-4;
-/// At order 2 the size of the cells decides the error of a solver, not their curvature, as long as the loss of the mesh
-/// is at most this share of the mean of h². A descent then lowers the mean H1 error over many solutions by less than
-/// 1 %, and for a single solution it may raise it by a quarter (docs/accuracy.md). A mesh with a lower scaled Jacobian
-/// than kGood is another matter.
-inline constexpr double kLittleLoss = 0.45;
-inline constexpr double kGood = 0.3;
-/// A cell is not worth a move either if no part of its map adds more than this to its displacement gradient. In small
+/// A cell is not worth a move if no part of its map adds more than this to its displacement gradient. In small
 /// cells the rounding of coordinates adds as much.
 inline constexpr double kRounding = 1e-7;
 
@@ -33,26 +25,26 @@ inline double loss_by_size(const CellAccuracy& cells, double volume, const HighO
 }
 
 /// Whether a mesh with this loss, which keeps invalid cells, is not worth a descent. A solver cannot use such a mesh as
-/// it is, so it is worth one only if the loss is not small beside what the size of the cells leaves: kLittleLoss.
+/// it is, so it is worth one only if the loss is not small beside what the size of the cells leaves.
 inline bool size_decides(const HighOrderMesh& mesh, double loss, const Team& team) {
   const CellAccuracy cells = cell_accuracy(mesh, team);
   const double volume = std::accumulate(cells.volumes.begin(), cells.volumes.end(), 0.0);
-  return loss <= kLittleLoss * loss_by_size(cells, volume, mesh);
+  return loss <= threshold::kLittleLoss * loss_by_size(cells, volume, mesh);
 }
 
 /// Whether a mesh with this minimum of the scaled Jacobian has a loss that is worth a move.
 inline bool has_loss(const HighOrderMesh& mesh, double scaled_jacobian, const Team& team) {
   const CellAccuracy cells = cell_accuracy(mesh, team);
   const double volume = std::accumulate(cells.volumes.begin(), cells.volumes.end(), 0.0);
-  if (mesh.order == 2 && scaled_jacobian >= kGood) {
+  if (mesh.order == 2 && scaled_jacobian >= threshold::kGood) {
     double square = 0;
     for (std::size_t cell = 0; cell < cells.loss.size(); ++cell)
       square += cells.volumes[cell] / volume * cells.loss[cell] * cells.loss[cell];
-    if (std::sqrt(square) <= kLittleLoss * loss_by_size(cells, volume, mesh)) return false;
+    if (std::sqrt(square) <= threshold::kLittleLoss * loss_by_size(cells, volume, mesh)) return false;
   }
   for (std::size_t cell = 0; cell < cells.loss.size(); ++cell) {
     const double size = std::pow(cells.volumes[cell] / volume, 1.0 / mesh.dimension);
-    if (cells.loss[cell] <= kNoLoss * std::pow(size, mesh.order)) continue;
+    if (cells.loss[cell] <= threshold::kNoLoss * std::pow(size, mesh.order)) continue;
     for (std::size_t part = cell * cells.parts; part < (cell + 1) * cells.parts; ++part)
       if (!(cells.modal_parts[part] <= kRounding)) return true;
   }

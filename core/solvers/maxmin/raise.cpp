@@ -7,6 +7,8 @@
 #include <utility>
 
 #include "core/base/index.h"
+#include "core/merit/merit.h"
+#include "core/merit/thresholds.h"
 #include "core/mesh/connectivity.h"
 #include "core/reference/basis.h"
 #include "core/solvers/maxmin/patch.h"
@@ -15,7 +17,7 @@ namespace varimesh {
 namespace {
 
 /// What a cell needs at the samples so that its certificate is likely.
-constexpr double kEnoughForValid = 0.02;
+constexpr double kEnoughForValid = threshold::kWeak;
 /// Larger tables than this many numbers per direction are not made.
 constexpr std::int64_t kMostInTable = 2'000'000;
 /// The same for tables whose spacing was halved twice: 12 MB, about what the estimate of memory has to spare.
@@ -247,7 +249,7 @@ class Raiser {
       MaxMinPatch::Levels now = raise(patch, around);
       if (now.smallest > 0 && raise_between_samples(cell, std::move(taken), around, free, before))
         now = patch.look_at_cells(coordinates_, team_);
-      if (!is_better(before, old, now))
+      if (!is_better(before.merit_now(now.smallest), before.merit(old.smallest), kAskForMinimum))
         before.restore();
       else
         note_raised(patch, old, now);
@@ -318,15 +320,20 @@ class Raiser {
       return result;
     }
 
-    /// By how many more cells are certified now; nothing if one has lost its certificate.
-    std::optional<int> gained() const {
-      int gained = 0;
+    /// Of the patch before it was raised, and now, if its smallest scaled Jacobian at the samples is this one.
+    Merit merit(double smallest) const {
+      Merit merit{.smallest = smallest};
+      for (const Certificate& certificate : certificates_) merit.uncertified += certificate.is_valid() ? 0 : 1;
+      return merit;
+    }
+    Merit merit_now(double smallest) const {
+      Merit merit{.smallest = smallest};
       for (std::size_t c = 0; c < cells_.size(); ++c) {
-        const bool was = certificates_[c].is_valid(), is = raiser_.certificates_[at(cells_[c])].is_valid();
-        if (was && !is) return std::nullopt;
-        gained += !was && is ? 1 : 0;
+        if (raiser_.certificates_[at(cells_[c])].is_valid()) continue;
+        ++merit.uncertified;
+        merit.lost += certificates_[c].is_valid() ? 1 : 0;
       }
-      return gained;
+      return merit;
     }
 
    private:
@@ -335,11 +342,6 @@ class Raiser {
     std::vector<double> coordinates_;
     std::vector<Certificate> certificates_;
   };
-
-  static bool is_better(const Before& before, const MaxMinPatch::Levels& old, const MaxMinPatch::Levels& now) {
-    const std::optional<int> gained = before.gained();
-    return gained && (*gained > 0 || now.smallest > old.smallest);
-  }
 
   void note_raised(const MaxMinPatch& patch, const MaxMinPatch::Levels& old, const MaxMinPatch::Levels& now) {
     for (std::size_t c = 0; c < patch.cells().size(); ++c)

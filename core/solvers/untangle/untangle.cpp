@@ -236,9 +236,11 @@ void Untangler::find_patches(int layers, int stretched_layers) {
     if (!fits_in_memory(found.members, problem_.dimension)) continue;
     UntanglePatch patch(energies_, std::move(found.members), std::move(found.nodes), problem_.dimension, team_.stop());
     patch.find_lengths(problem_);
-    const Assessment first = assess(patch, standings);
+    Assessment first = assess(patch, standings);
+    // What was lost before this patch does not count against it.
+    first.merit.lost = 0;
     if (first.repairable == 0) continue;  // its free nodes cannot repair anything
-    const Best best{first.badness, patch.positions()};
+    const Best best{first.merit, patch.positions()};
     patches_.push_back({.patch = patch,
                         .best_without_loss = best,
                         .best = best,
@@ -258,11 +260,11 @@ Untangler::Assessment Untangler::assess(const UntanglePatch& patch, std::span<co
   Assessment result;
   for (const UntanglePatch::Member& member : patch.members()) {
     const Standing standing = standings[at(problem_.sets[at(member.set)].first + member.cell.number)];
-    result.lost = result.lost || standing == Standing::Lost;
-    result.badness.uncertified += standing == Standing::Valid ? 0 : 1;
+    result.merit.lost += standing == Standing::Lost ? 1 : 0;
+    result.merit.uncertified += standing == Standing::Valid ? 0 : 1;
     result.repairable += standing == Standing::Lost || standing == Standing::Uncertified ? 1 : 0;
   }
-  result.badness.depth = -patch.smallest_coefficient();
+  result.merit.smallest = patch.smallest_coefficient();
   return result;
 }
 
@@ -293,15 +295,18 @@ void Untangler::judge() {
 
 void Untangler::judge(TrackedPatch& tracked, std::span<const Standing> standings) const {
   const Assessment now = assess(tracked.patch, standings);
-  if (now.badness < tracked.best.badness) tracked.best = {now.badness, tracked.patch.positions()};
-  if (!now.lost && now.badness < tracked.best_without_loss.badness)
-    tracked.best_without_loss = {now.badness, tracked.patch.positions()};
+  Merit with_loss = now.merit;
+  with_loss.lost = 0;
+  if (is_better(with_loss, tracked.best.merit, kAskForMinimum)) tracked.best = {with_loss, tracked.patch.positions()};
+  if (is_better(now.merit, tracked.best_without_loss.merit, kAskForMinimum))
+    tracked.best_without_loss = {now.merit, tracked.patch.positions()};
   const bool gained = tracked.patch.bad_cells() < tracked.fewest_bad || now.repairable < tracked.fewest_uncertified;
   tracked.without_fewer = gained ? 0 : tracked.without_fewer + 1;
   tracked.has_gained = tracked.has_gained || gained;
-  const bool rises = now.badness.depth + kRise * std::abs(now.badness.depth) < tracked.least_depth;
+  const double depth = -now.merit.smallest;
+  const bool rises = depth + kRise * std::abs(depth) < tracked.least_depth;
   tracked.without_rise = gained || rises ? 0 : tracked.without_rise + 1;
-  tracked.least_depth = std::min(tracked.least_depth, now.badness.depth);
+  tracked.least_depth = std::min(tracked.least_depth, depth);
   tracked.fewest_bad = std::min(tracked.fewest_bad, tracked.patch.bad_cells());
   tracked.fewest_uncertified = std::min(tracked.fewest_uncertified, now.repairable);
   tracked.ended = now.repairable == 0 || tracked.without_fewer >= (tracked.has_gained ? kPatience : kFirstPatience) ||
@@ -334,8 +339,7 @@ void Untangler::finish() {
     if (!patches_.empty()) return;
   }
   for (const TrackedPatch& tracked : patches_)
-    if (tracked.best.badness.uncertified < tracked.best_without_loss.badness.uncertified)
-      write(tracked.patch, tracked.best.positions);
+    if (is_better(tracked.best.merit, tracked.best_without_loss.merit)) write(tracked.patch, tracked.best.positions);
   guard_.certify_moved();
   if (guard_.unrepaired() < first_unrepaired_ || guard_.repairable() < first_repairable_) return;
   problem_.positions = first_positions_;

@@ -11,6 +11,7 @@
 #include "core/base/team.h"
 #include "core/guard/guard.h"
 #include "core/kernels/kernels.h"
+#include "core/merit/merit.h"
 #include "core/problem/problem.h"
 #include "core/solvers/untangle/coefficient_energy.h"
 #include "core/solvers/untangle/untangle_patch.h"
@@ -100,14 +101,8 @@ class Untangler {
   bool done() const;
 
  private:
-  /// How bad the state of a patch is; lower is better. Compared by `uncertified` first.
-  struct Badness {
-    int uncertified = 0;  ///< Uncertified cells, including lost and unrepairable ones.
-    double depth = 0;     ///< −min B
-    auto operator<=>(const Badness&) const = default;
-  };
   struct Best {
-    Badness badness;
+    Merit merit;  ///< Its minimum is that of the Bernstein coefficients, min B.
     Eigen::VectorXd positions;
   };
   /// A patch with its best states.
@@ -125,9 +120,8 @@ class Untangler {
   };
   /// The present state of a patch according to the guard.
   struct Assessment {
-    Badness badness;
+    Merit merit;         ///< As Best::merit; it counts unrepairable cells too.
     int repairable = 0;  ///< Uncertified cells, without the unrepairable ones.
-    bool lost = false;   ///< A cell has lost its certificate.
   };
   Assessment assess(const UntanglePatch& patch, std::span<const Standing> standings) const;
   void judge(TrackedPatch& tracked, std::span<const Standing> standings) const;
@@ -138,8 +132,11 @@ class Untangler {
       if (archive.failed() || !tracked.patch.gather(problem_)) return archive.fail();
     for (Best* best : {&tracked.best_without_loss, &tracked.best}) {
       std::vector<double> positions(best->positions.begin(), best->positions.end());
-      archive(best->badness.uncertified, best->badness.depth, positions);
+      auto uncertified = static_cast<std::int32_t>(best->merit.uncertified);
+      double depth = -best->merit.smallest;
+      archive(uncertified, depth, positions);
       if constexpr (Archive::kReads) {
+        best->merit = {.uncertified = uncertified, .smallest = -depth};
         if (positions.size() != static_cast<std::size_t>(tracked.patch.positions().size())) return archive.fail();
         best->positions = Eigen::Map<const Eigen::VectorXd>(positions.data(), tracked.patch.positions().size());
       }

@@ -203,7 +203,7 @@ TEST(BestMesh, KeepsTheMeshWithTheHighestProvedMinimum) {
   Workbench bench(curved(0), {});
   const double first = bench.best().consider(bench.guard());
   EXPECT_GT(first, 0);
-  EXPECT_EQ(bench.best().highest(), first);
+  EXPECT_EQ(bench.best().merit().smallest, first);
   const std::vector<double> coordinates = bench.best().coordinates();
   EXPECT_EQ(coordinates, bench.guard().coordinates());
   // A valid mesh, but a worse one.
@@ -213,7 +213,7 @@ TEST(BestMesh, KeepsTheMeshWithTheHighestProvedMinimum) {
   ASSERT_EQ(bench.guard().uncertified(), 0);
   ASSERT_NE(bench.guard().coordinates(), coordinates);
   EXPECT_LT(bench.best().consider(bench.guard()), first);
-  EXPECT_EQ(bench.best().highest(), first);
+  EXPECT_EQ(bench.best().merit().smallest, first);
   EXPECT_EQ(bench.best().coordinates(), coordinates);
 }
 

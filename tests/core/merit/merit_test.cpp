@@ -1,0 +1,156 @@
+// The order of meshes: what is left comes first, and then what is asked for.
+#include "core/merit/merit.h"
+
+#include <gtest/gtest.h>
+
+#include "core/merit/thresholds.h"
+
+namespace varimesh {
+namespace {
+
+/// Only `a` is better than `b`.
+void expect_order(const Merit& a, const Merit& b, const Asked& asked) {
+  EXPECT_TRUE(is_better(a, b, asked));
+  EXPECT_FALSE(is_better(b, a, asked));
+}
+
+void expect_equal(const Merit& a, const Merit& b, const Asked& asked) {
+  EXPECT_FALSE(is_better(a, b, asked));
+  EXPECT_FALSE(is_better(b, a, asked));
+}
+
+TEST(Merit, EveryMeshIsBetterThanNone) {
+  for (const Asked::What what : {Asked::What::Validity, Asked::What::Minimum, Asked::What::Loss})
+    expect_order({.uncertified = 1'000'000, .smallest = -1}, Merit::of_nothing(), {.what = what});
+}
+
+TEST(Merit, ALostCertificateIsWorseThanAnyNumberOfUncertifiedCells) {
+  expect_order({.uncertified = 9, .smallest = -1}, {.lost = 1, .uncertified = 1, .smallest = 0.9}, kAskForMinimum);
+}
+
+TEST(Merit, FewerUncertifiedCellsComeBeforeWhatIsAskedFor) {
+  for (const Asked::What what : {Asked::What::Validity, Asked::What::Minimum, Asked::What::Loss})
+    expect_order({.uncertified = 1, .smallest = -1, .loss = 1}, {.uncertified = 2, .smallest = 0.9, .loss = 0},
+                 {.what = what});
+}
+
+TEST(Merit, WeakCellsComeBeforeUncertifiedOnesIfTheyAreKnown) {
+  expect_order({.uncertified = 3, .weak = 4}, {.uncertified = 2, .weak = 5}, kAskForMinimum);
+  expect_order({.uncertified = 2, .weak = 4}, {.uncertified = 3, .weak = 4}, kAskForMinimum);
+}
+
+TEST(Merit, AMeshThatIsNotLowerThanItCameIsBetter) {
+  expect_order({.loss = 2}, {.loss = 1, .lower_than_it_came = true}, {.what = Asked::What::Loss});
+}
+
+TEST(Merit, ValidityAsksForNothingElse) {
+  expect_equal({.smallest = 0.1, .loss = 2}, {.smallest = 0.9, .loss = 1}, {.what = Asked::What::Validity});
+}
+
+TEST(Merit, TheHigherMinimumIsBetter) {
+  expect_order({.smallest = 0.2, .mean = 0.5}, {.smallest = 0.1, .mean = 0.9}, kAskForMinimum);
+  expect_equal({.smallest = 0.2, .mean = 0.5}, {.smallest = 0.2, .mean = 0.9}, kAskForMinimum);
+}
+
+// ===== the loss of accuracy =====
+
+constexpr Asked kLoss{.what = Asked::What::Loss, .bound = 0.1};
+
+TEST(MeritByLoss, AMeshThatReachesTheBoundIsBetter) {
+  expect_order({.smallest = 0.1, .loss = 9}, {.smallest = 0.09, .loss = 1}, kLoss);
+}
+
+TEST(MeritByLoss, WithUncertifiedCellsOnlyTheLossCounts) {
+  expect_order({.uncertified = 1, .smallest = -1, .loss = 1}, {.uncertified = 1, .smallest = -0.1, .loss = 1.001},
+               kLoss);
+}
+
+TEST(MeritByLoss, BelowTheBoundTheMinimumMustBeHalfOfTheHighest) {
+  expect_order({.smallest = 0.08, .loss = 9}, {.smallest = 0.03, .loss = 1}, kLoss);
+  expect_order({.smallest = 0.05, .loss = 1}, {.smallest = 0.08, .loss = 2}, kLoss);
+  Asked after_a_higher_one = kLoss;
+  after_a_higher_one.highest_minimum = 0.09;
+  expect_order({.smallest = 0.05, .loss = 2}, {.smallest = 0.04, .loss = 1}, after_a_higher_one);
+}
+
+TEST(MeritByLoss, AHigherMinimumIsWorthTwoPercentOfTheLoss) {
+  expect_order({.smallest = 0.3, .loss = 1.01}, {.smallest = 0.2, .loss = 1}, kLoss);
+  expect_order({.smallest = 0.2, .loss = 1}, {.smallest = 0.3, .loss = 1.03}, kLoss);
+}
+
+TEST(MeritByLoss, TheTwoPercentAreOfTheLeastLossOfAll) {
+  Asked after_a_lower_one = kLoss;
+  after_a_lower_one.least_loss = 0.985;
+  expect_order({.smallest = 0.2, .loss = 1}, {.smallest = 0.3, .loss = 1.01}, after_a_lower_one);
+}
+
+TEST(MeritByLoss, AMinimumAboveTheWantedIsWorthNothing) {
+  expect_order({.smallest = 0.6, .loss = 1}, {.smallest = 0.9, .loss = 1.01}, kLoss);
+  expect_order({.smallest = 0.9, .loss = 1}, {.smallest = 0.6, .loss = 1}, kLoss);
+}
+
+TEST(MeritByLoss, AMeshThatCameInValidIsGivenUpForAGainOnly) {
+  Asked asked = kLoss;
+  asked.loss_as_it_came = 1;
+  const Merit came{.smallest = 0.3, .loss = 1};
+  EXPECT_TRUE(is_better({.smallest = 0.3, .loss = 0.98}, came, asked));
+  EXPECT_FALSE(is_better({.smallest = 0.3, .loss = 0.995}, came, asked)) << "next to nothing";
+  EXPECT_TRUE(is_better({.smallest = 0.31, .loss = 0.995}, came, asked)) << "a higher minimum";
+  EXPECT_FALSE(is_better({.smallest = 0.4, .loss = 1.001}, came, asked)) << "a higher loss, if by less than 2 %";
+}
+
+// ===== what a mesh that came in valid keeps =====
+
+TEST(Merit, IsLowerOnlyIfBothTheMinimumAndTheMeanAre) {
+  const Merit came{.smallest = 0.5, .mean = 0.9};
+  EXPECT_TRUE(is_lower({.smallest = 0.4, .mean = 0.8}, came));
+  EXPECT_FALSE(is_lower({.smallest = 0.4, .mean = 0.9}, came));
+  EXPECT_FALSE(is_lower({.smallest = 0.5, .mean = 0.8}, came));
+  EXPECT_FALSE(is_lower({.smallest = 0.4995, .mean = 0.8}, came, threshold::kHigher));
+}
+
+TEST(Merit, AnUnknownLossIsNotKept) {
+  EXPECT_TRUE(keeps_loss({.loss = 1}, {.loss = 1}));
+  EXPECT_FALSE(keeps_loss({.loss = 1.001}, {.loss = 1}));
+  EXPECT_FALSE(keeps_loss({}, {.loss = 1}));
+}
+
+// ===== where a merit comes from =====
+
+TEST(Merit, ComesFromAReport) {
+  QualityReport report;
+  report.min_scaled_jacobian = 0.25;
+  report.mean_scaled_jacobian = 0.5;
+  report.uncertified.resize(3);
+  EXPECT_EQ(merit_of(report).loss, std::numeric_limits<double>::infinity()) << "a quick report leaves it out";
+  report.accuracy = Accuracy{.loss = 0.125, .modal_parts = {}};
+  const Merit merit = merit_of(report);
+  EXPECT_EQ(merit.uncertified, 3);
+  EXPECT_EQ(merit.smallest, 0.25);
+  EXPECT_EQ(merit.mean, 0.5);
+  EXPECT_EQ(merit.loss, 0.125);
+  EXPECT_FALSE(merit.weak.has_value());
+}
+
+TEST(Merit, CountsUndecidedCellsAsUncertified) {
+  const Merit merit =
+      merit_of(CertificateSummary{.valid = 5, .invalid = 2, .undecided = 1, .min_scaled_jacobian_lower_bound = -0.5});
+  EXPECT_EQ(merit.uncertified, 3);
+  EXPECT_EQ(merit.smallest, -0.5);
+}
+
+TEST(Merit, TheOptionsSayWhatIsAskedFor) {
+  Options options;
+  options.min_js = 0.2;
+  options.objective = Objective::Accuracy;
+  EXPECT_EQ(asked_by(options).what, Asked::What::Loss);
+  EXPECT_EQ(asked_by(options).bound, 0.2);
+  options.until = Until::Valid;
+  EXPECT_EQ(asked_by(options).what, Asked::What::Minimum) << "such a run lowers no loss";
+  options = {};
+  options.objective = Objective::Worst;
+  EXPECT_EQ(asked_by(options).what, Asked::What::Minimum);
+}
+
+}  // namespace
+}  // namespace varimesh
