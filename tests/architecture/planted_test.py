@@ -1,4 +1,5 @@
-"""The check of includes finds planted faults: an upward arrow, a circle, a file without a room, a forbidden house."""
+"""The checks find planted faults: an upward arrow, a circle, a file without a room, a forbidden house, a second order of
+meshes."""
 import pathlib
 import shutil
 import subprocess
@@ -25,12 +26,12 @@ class Planted(unittest.TestCase):
     def tearDown(self):
         self.folder.cleanup()
 
-    def check(self):
-        run = subprocess.run([sys.executable, HERE / "check_includes", self.tree], capture_output=True, text=True)
+    def check(self, check="check_includes"):
+        run = subprocess.run([sys.executable, HERE / check, self.tree], capture_output=True, text=True)
         return run.returncode, run.stdout
 
-    def expect(self, sentence):
-        status, output = self.check()
+    def expect(self, sentence, check="check_includes"):
+        status, output = self.check(check)
         self.assertEqual(status, 1, output)
         self.assertIn(sentence, output)
 
@@ -70,6 +71,34 @@ class Planted(unittest.TestCase):
     def test_the_client_knows_no_server(self):
         plant(self.tree, "client/client.cpp", '#include "server/server.h"')
         self.expect("client knows nothing of server")
+
+    def test_one_place_compares_meshes(self):
+        status, output = self.check("check_merit")
+        self.assertEqual(status, 0, output)
+
+    def test_a_second_order_of_meshes_is_found(self):
+        for line in ("bool is_better(const Result& a, const Result& b);",
+                     "return a.after.uncertified.size() < b.after.uncertified.size();",
+                     "if (now->loss <= before->loss) return;",
+                     "return now.smallest < before.smallest && now.mean < before.mean;",
+                     "auto operator<=>(const Badness&) const = default;",
+                     "return std::tuple(a.weak, a.left) < std::tuple(b.weak, b.left);"):
+            with self.subTest(line):
+                file = self.tree / "core/slide/slide.cpp"
+                before = file.read_text()
+                plant(self.tree, "core/slide/slide.cpp", line)
+                self.expect("core/slide/slide.cpp:1 ", "check_merit")
+                file.write_text(before)
+
+    def test_a_second_list_of_thresholds_is_found(self):
+        plant(self.tree, "client/client.cpp", "constexpr double kWeak = 0.02;  // a smaller scaled Jacobian is low")
+        self.expect("client/client.cpp:1 has a threshold of quality", "check_merit")
+
+    def test_a_check_that_finds_no_order_is_blind(self):
+        (self.tree / "core/merit/merit.cpp").write_text("")
+        (self.tree / "core/merit/merit.h").write_text("")
+        (self.tree / "core/merit/thresholds.h").write_text("")
+        self.expect("this check is blind", "check_merit")
 
 
 if __name__ == "__main__":
