@@ -15,7 +15,7 @@ from pathlib import Path
 import google.protobuf
 import grpc
 
-# Every system with a glibc that is new enough has these (they are among those of PEP 600, and in a bare Debian 12).
+# Every system with a glibc that is new enough has these (they are among those of PEP 600, and in a bare Debian).
 SYSTEM = re.compile(r"(libc|libm|libdl|libpthread|librt|libresolv|libgcc_s|libstdc\+\+)\.so|ld-linux|linux-vdso")
 VENDOR = Path("varimesh") / "vendor"
 LIBRARIES = Path("varimesh") / "lib"

@@ -1,4 +1,4 @@
-# Finds gRPC and Protocol Buffers: by default those of the system, as Debian 12 has them. With VARIMESH_LATER_GRPC those of
+# Finds gRPC and Protocol Buffers: by default those of the system, as Debian 12 and Debian 13 have them. With VARIMESH_LATER_GRPC those of
 # gRPC 1.65 or later, by the CMake packages that they install (CMAKE_PREFIX_PATH says where); the protocol buffers that belong
 # to such a gRPC link Abseil, which only these packages know.
 #
