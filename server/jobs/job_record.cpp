@@ -232,15 +232,6 @@ void add_needed(const JobRecord& record, std::set<std::string>* digests) {
   if (record.checkpoint) digests->insert(record.checkpoint->digest);
 }
 
-bool matches(const v1::Job& job, const JobFilter& filter) {
-  if (filter.owner && *filter.owner != job.owner()) return false;
-  if (!filter.states.empty() && !filter.states.contains(job.state())) return false;
-  return std::all_of(filter.labels.begin(), filter.labels.end(), [&](const auto& label) {
-    const auto found = job.spec().labels().find(label.first);
-    return found != job.spec().labels().end() && found->second == label.second;
-  });
-}
-
 Answer<void> check_same(const v1::Job& job, const Submission& submission) {
   if (google::protobuf::util::MessageDifferencer::Equals(job.spec(), submission.spec)) return {};
   return request_id_used(submission.request_id, job.name());

@@ -67,7 +67,6 @@ std::vector<std::string> inputs_of(const v1::JobSpec& spec);
 std::vector<std::string> digests_of(const JobRecord& record);
 /// Adds the digests that the next attempt reads.
 void add_needed(const JobRecord& record, std::set<std::string>* digests);
-bool matches(const v1::Job& job, const JobFilter& filter);
 /// REQUEST_ID_USED if a repeated submission has another spec than the job.
 Answer<void> check_same(const v1::Job& job, const Submission& submission);
 

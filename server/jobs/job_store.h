@@ -1,10 +1,12 @@
-// The store of jobs: its interface. tests/server/jobs/job_store_conformance.h tests what every store must do.
+// The store of jobs. tests/server/jobs/job_store_conformance.h tests it with every database.
 #pragma once
 
 #include <chrono>
 #include <cstdint>
 #include <functional>
 #include <map>
+#include <memory>
+#include <mutex>
 #include <optional>
 #include <set>
 #include <string>
@@ -19,7 +21,7 @@ namespace varimesh::server {
 using TimePoint = std::chrono::system_clock::time_point;
 using SteadyTime = std::chrono::steady_clock::time_point;
 
-/// The settings of every store.
+/// The settings of a store.
 struct JobStoreSettings {
   /// The clock of the leases. A store in a database uses the database's clock if this is empty.
   std::function<TimePoint()> clock = std::chrono::system_clock::now;
@@ -138,89 +140,105 @@ struct Ending {
   std::string lost = {};
 };
 
+class JobDatabase;
+class Sql;
+
 /// Stores jobs, their states and their events. Thread-safe; all calls may wait for a disk. If the store is durable(),
 /// it keeps what a call has answered, whatever happens to the process afterwards.
 ///
 /// Every call can fail with RESOURCE_EXHAUSTED (STORE_FULL: the disk is full), INTERNAL, or UNAVAILABLE
 /// (STORE_UNAVAILABLE: a database cannot be reached); then nothing has changed.
 /// Calls with a claim fail with ABORTED (CLAIM_LOST) if another worker has taken the job over. Calls with a name fail
-/// with NOT_FOUND if there is no such job.
+/// with NOT_FOUND if there is no such job, and with DATA_LOSS if its record is damaged.
 ///
 /// The store numbers the events of state and quality. Their numbers follow the last number that the store knows and
 /// `last_sequence`, the last number that the caller has given to an iteration. A job that was lost continues in the
 /// next range of numbers, since nobody knows which numbers of the last range clients have seen.
+///
+/// If the connection to a shared database breaks while a transaction is committed, the store asks the database for the
+/// outcome; only submit(), request_cancel() and remove(), which a client can repeat, give up before it is known.
 class JobStore {
  public:
-  virtual ~JobStore() = default;
+  /// The clock of the settings may be empty if the database has one.
+  JobStore(std::unique_ptr<JobDatabase> database, const JobStoreSettings& settings);
+  ~JobStore();
+
   /// Whether the jobs outlive the process.
-  virtual bool durable() const = 0;
+  bool durable() const;
   /// Whether other processes use the store at the same time.
-  virtual bool shared() const { return false; }
+  bool shared() const;
   /// The process is about to end: no call waits any longer for the outcome of a change that cannot be asked for.
-  virtual void stop_waiting() {}
+  void stop_waiting();
   /// Calls `listener` when another process has changed something, from a thread of the store. Empty: no more; when this
   /// returns, no call is under way. The news are hints: they may be late, or lost, and some are needless.
-  virtual void listen(std::function<void(const News&)>) {}
+  void listen(std::function<void(const News&)> listener);
 
   /// Stores a new job, or returns the job of the same owner and request, without events. ALREADY_EXISTS if that has
-  /// another spec.
-  virtual Answer<Changed> submit(const Submission& submission) = 0;
-  virtual Answer<v1::Job> get(const std::string& name) = 0;
+  /// another spec. The limit of waiting jobs may be exceeded by the jobs that several processes submit at the same
+  /// moment.
+  Answer<Changed> submit(const Submission& submission);
+  Answer<v1::Job> get(const std::string& name);
   /// Lists jobs, newest first. `page_token` is empty or comes from the previous page. A page ends after `page_size`
   /// jobs, or before the job that would make it larger than `filter.most_bytes`; it has at least one job.
-  virtual Answer<JobPage> list(const JobFilter& filter, int page_size, const std::string& page_token) = 0;
-  virtual Answer<JobCounts> counts() = 0;
-  /// Returns when the job was submitted that has waited longest; nothing if none waits, or if the store does not know.
-  virtual Answer<std::optional<TimePoint>> oldest_pending() { return std::nullopt; }
+  Answer<JobPage> list(const JobFilter& filter, int page_size, const std::string& page_token);
+  Answer<JobCounts> counts();
+  /// Returns when the job was submitted that has waited longest; nothing if none waits.
+  Answer<std::optional<TimePoint>> oldest_pending();
   /// Returns all events of state and quality, in order.
-  virtual Answer<std::vector<v1::JobEvent>> events(const std::string& name) = 0;
+  Answer<std::vector<v1::JobEvent>> events(const std::string& name);
 
   /// Claims the next job, which becomes RUNNING, with a lease. Returns nothing if no job waits, except jobs of peers
-  /// that already have as many running as they may have. Peers take turns (turns.h), and the jobs of each peer come in
-  /// the order of turn_of().
-  virtual Answer<std::optional<Claimed>> claim(const std::string& worker) = 0;
+  /// that already have as many running as they may have. Peers take turns, so that nobody waits for all jobs of
+  /// somebody else: the next peer is the one with the fewest running jobs, and among equals the one whose last turn was
+  /// longest ago. The jobs of each peer come in the order of turn_of().
+  Answer<std::optional<Claimed>> claim(const std::string& worker);
   /// Renews the lease. Returns true if the job is to be cancelled.
-  virtual Answer<bool> renew_lease(const Claim& claim) = 0;
+  Answer<bool> renew_lease(const Claim& claim);
   /// Records the newest iteration for watchers that connect later. Called at most twice per second and job.
-  virtual Answer<void> note_progress(const Claim& claim, const v1::Iteration& iteration,
-                                     std::int64_t last_sequence) = 0;
+  Answer<void> note_progress(const Claim& claim, const v1::Iteration& iteration, std::int64_t last_sequence);
   /// Records a checkpoint, from which the next attempt will continue, and releases the previous one.
-  virtual Answer<Changed> note_checkpoint(const Claim& claim, const CheckpointReference& checkpoint) = 0;
+  Answer<Changed> note_checkpoint(const Claim& claim, const CheckpointReference& checkpoint);
   /// Records the end of the attempt. Unless the state is PENDING, it is the end of the job.
-  virtual Answer<Changed> finish(const Claim& claim, const Ending& ending, std::int64_t last_sequence) = 0;
+  Answer<Changed> finish(const Claim& claim, const Ending& ending, std::int64_t last_sequence);
 
   /// PENDING becomes CANCELLED, RUNNING becomes CANCELLING, every other state stays.
-  virtual Answer<Changed> request_cancel(const std::string& name, std::int64_t last_sequence) = 0;
-  /// As request_cancel(), for a caller that does not know the last event number of a running job. Such a job becomes
-  /// CANCELLING without an event; see_cancel() adds it.
-  virtual Answer<Changed> ask_to_cancel(const std::string& name) { return request_cancel(name, 0); }
+  Answer<Changed> request_cancel(const std::string& name, std::int64_t last_sequence);
+  /// As request_cancel(), for a caller that does not know the last event number of a running job. In a shared store
+  /// such a job becomes CANCELLING without an event; see_cancel() adds it.
+  Answer<Changed> ask_to_cancel(const std::string& name);
   /// Adds the event of a cancel request that renew_lease() has told of, if it has none.
-  virtual Answer<Changed> see_cancel(const Claim&, std::int64_t) { return Changed{}; }
+  Answer<Changed> see_cancel(const Claim& claim, std::int64_t last_sequence);
   /// Takes jobs back from workers whose lease has expired, and all jobs from `worker`, which has just started and runs
   /// none. They become PENDING, or CANCELLED if that was requested, or FAILED after the last attempt. The jobs in
   /// `running` are not taken back: the caller runs them but could not renew their leases.
-  virtual Answer<std::vector<Changed>> take_back(const std::string& worker, const std::set<std::string>& running) = 0;
+  Answer<std::vector<Changed>> take_back(const std::string& worker, const std::set<std::string>& running);
 
   /// Returns the digest of the history of a job that has a result.
-  virtual Answer<std::string> history_digest(const std::string& name) = 0;
-  /// Deletes a job and releases everything that it refers to. FAILED_PRECONDITION if it has not ended.
-  virtual Answer<Changed> remove(const std::string& name) = 0;
+  Answer<std::string> history_digest(const std::string& name);
+  /// Deletes a job and releases everything that it refers to. FAILED_PRECONDITION if it has not ended. A damaged job is
+  /// deleted too, and releases nothing, since nobody knows what it refers to.
+  Answer<Changed> remove(const std::string& name);
   /// Returns the names of all jobs that ended before `before`, except those among the `keep` of their owner that ended
   /// last.
-  virtual Answer<std::vector<std::string>> ended_beyond(std::size_t keep, TimePoint before) = 0;
+  Answer<std::vector<std::string>> ended_beyond(std::size_t keep, TimePoint before);
   /// Returns everything that jobs refer to.
-  virtual Answer<std::vector<Reference>> references() = 0;
-  /// Returns those of the digests that jobs refer to. A database answers this without looking at all jobs.
-  virtual Answer<std::set<std::string>> referenced(const std::set<std::string>& digests) {
-    const auto all = references();
-    if (!all) return tl::unexpected(all.error());
-    std::set<std::string> found;
-    for (const Reference& reference : *all)
-      if (digests.contains(reference.digest)) found.insert(reference.digest);
-    return found;
-  }
+  Answer<std::vector<Reference>> references();
+  /// Returns those of the digests that jobs refer to. A shared database answers this without looking at all jobs.
+  Answer<std::set<std::string>> referenced(const std::set<std::string>& digests);
   /// Returns the digests of the meshes and checkpoints of all jobs that have not ended.
-  virtual Answer<std::set<std::string>> needed_digests() = 0;
+  Answer<std::set<std::string>> needed_digests();
+
+ private:
+  /// QUEUE_FULL or PEER_LIMIT if another job may not wait.
+  Answer<void> check_room(Sql& sql, const Submission& submission);
+  /// Whether a count of the waiting jobs shows, without another one, that there is room for more.
+  bool has_ample_room(int max_pending);
+
+  const std::unique_ptr<JobDatabase> database_;
+  const JobStoreSettings settings_;
+  std::mutex waiting_mutex_;
+  std::int64_t waiting_ = 0;  ///< Jobs that waited when they were counted, and those that this process added since.
+  std::optional<SteadyTime> counted_;
 };
 
 /// Returns whether a job in this state will never change again.

@@ -53,6 +53,28 @@ SqliteQuery& SqliteQuery::bind_null() {
   return *this;
 }
 
+SqliteQuery& SqliteQuery::bind_all(const SqlValues& values) {
+  int number = 0;
+  for (const SqlValues::Value& value : values.all()) {
+    parameter_ = sqlite3_bind_parameter_index(statement_, ("$" + std::to_string(++number)).c_str()) - 1;
+    switch (value.kind) {
+      case SqlValues::Value::Kind::Null:
+        bind_null();
+        break;
+      case SqlValues::Value::Kind::Number:
+        bind(value.number);
+        break;
+      case SqlValues::Value::Kind::Text:
+        bind(value.bytes);
+        break;
+      case SqlValues::Value::Kind::Bytes:
+        bind(SqliteBytes{value.bytes});
+        break;
+    }
+  }
+  return *this;
+}
+
 bool SqliteQuery::step() {
   const int result = sqlite3_step(statement_);
   if (result == SQLITE_ROW) return true;
@@ -70,15 +92,32 @@ std::string_view SqliteQuery::view(int column) const {
 SqliteDatabase::SqliteDatabase(const std::string& path) {
   // SQLite would make the file readable for everybody, and gives the files beside it the same permissions. A file that
   // exists is not opened here, since closing it would release the locks of this process's other connections.
-  if (const int made = ::open(path.c_str(), O_CREAT | O_EXCL | O_WRONLY | O_CLOEXEC | O_NOFOLLOW, 0600); made >= 0)
+  if (const int made =
+          path.empty() ? -1 : ::open(path.c_str(), O_CREAT | O_EXCL | O_WRONLY | O_CLOEXEC | O_NOFOLLOW, 0600);
+      made >= 0)
     ::close(made);
   sqlite3* opened = nullptr;
   const int result =
-      sqlite3_open_v2(path.c_str(), &opened,
+      sqlite3_open_v2(path.empty() ? ":memory:" : path.c_str(), &opened,
                       SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE | SQLITE_OPEN_NOMUTEX | SQLITE_OPEN_NOFOLLOW, nullptr);
   database_.reset(opened);
   if (result != SQLITE_OK) throw SqliteError(opened, path);
   sqlite3_busy_timeout(opened, 10'000);
+}
+
+const SqlDialect& SqliteDatabase::dialect() const {
+  static const SqlDialect dialect{.sums = true,
+                                  .waiting = "jobs INDEXED BY jobs_waiting_of",
+                                  .take_turn = "INSERT OR REPLACE INTO turns(peer) VALUES($1)"};
+  return dialect;
+}
+
+void SqliteDatabase::ask(const std::string& statement, const SqlValues& values,
+                         const std::function<void(const SqlRow&)>& take, Statement kind) {
+  SqliteQuery query = kind == Statement::Kept ? this->query(statement) : query_once(statement);
+  query.bind_all(values);
+  while (query.step())
+    if (take) take(query);
 }
 
 void SqliteDatabase::run(const char* statements) {

@@ -1,4 +1,4 @@
-// SQLite with objects that own its resources. Errors are thrown as SqliteError, which SqliteJobStore catches.
+// SQLite with objects that own its resources. Errors are thrown as SqliteError, which the JobDatabase catches.
 #pragma once
 
 #include <sqlite3.h>
@@ -9,6 +9,8 @@
 #include <memory>
 #include <string>
 #include <string_view>
+
+#include "server/jobs/sql.h"
 
 namespace varimesh::server {
 
@@ -31,12 +33,12 @@ struct SqliteBytes {
 };
 
 /// One execution of a statement. The destructor resets the statement, or finalises it if this object owns it.
-class SqliteQuery {
+class SqliteQuery : public SqlRow {
  public:
   enum class Statement { Kept, Own };
   SqliteQuery(sqlite3* database, sqlite3_stmt* statement, Statement kind)
       : database_(database), statement_(statement), kind_(kind) {}
-  ~SqliteQuery();
+  ~SqliteQuery() override;
   SqliteQuery(const SqliteQuery&) = delete;
   SqliteQuery& operator=(const SqliteQuery&) = delete;
 
@@ -49,11 +51,12 @@ class SqliteQuery {
   bool step();
   void run() { step(); }
 
-  std::int64_t number(int column) const { return sqlite3_column_int64(statement_, column); }
-  bool is_null(int column) const { return sqlite3_column_type(statement_, column) == SQLITE_NULL; }
-  /// Text or bytes, valid until the next step.
-  std::string_view view(int column) const;
-  std::string text(int column) const { return std::string(view(column)); }
+  /// Binds the parameters $1, $2, …, in any order of the statement. They must stay valid until the query is destroyed.
+  SqliteQuery& bind_all(const SqlValues& values);
+
+  std::int64_t number(int column) const override { return sqlite3_column_int64(statement_, column); }
+  bool is_null(int column) const override { return sqlite3_column_type(statement_, column) == SQLITE_NULL; }
+  std::string_view view(int column) const override;
 
  private:
   void check(int result) const;
@@ -65,11 +68,15 @@ class SqliteQuery {
 };
 
 /// A connection to a database. One thread at a time.
-class SqliteDatabase {
+class SqliteDatabase : public Sql {
  public:
   /// Creates the file, accessible only to its owner, if it does not exist. `path` must not lead through a symbolic
-  /// link.
+  /// link. Empty: the database is in memory, and ends with this object.
   explicit SqliteDatabase(const std::string& path);
+
+  const SqlDialect& dialect() const override;
+  void ask(const std::string& statement, const SqlValues& values, const std::function<void(const SqlRow&)>& take,
+           Statement kind) override;
 
   /// Runs statements without results.
   void run(const char* statements);
@@ -79,8 +86,6 @@ class SqliteDatabase {
   SqliteQuery query_once(std::string_view statement);
   /// Copies the whole database, as it is at one moment, over another one, also while other processes write to it.
   void copy_to(SqliteDatabase& target);
-  std::int64_t last_key() const { return sqlite3_last_insert_rowid(database_.get()); }
-  int changes() const { return sqlite3_changes(database_.get()); }
 
  private:
   sqlite3_stmt* prepare(std::string_view statement, unsigned flags);

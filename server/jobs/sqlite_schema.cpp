@@ -1,7 +1,7 @@
 // The tables and their versions.
 #include "server/jobs/sqlite_schema.h"
 
-#include "server/jobs/sqlite_rows.h"
+#include "server/jobs/job_rows.h"
 #include "varimesh/v1/job.pb.h"
 
 namespace varimesh::server {
@@ -105,10 +105,17 @@ PRAGMA user_version = 6;
 )";
 static_assert(v1::JOB_STATE_PENDING == 1);
 
+// The last turn of each peer, which is forgotten with the process.
+constexpr char kTurns[] = R"(
+PRAGMA temp_store = MEMORY;
+CREATE TEMP TABLE IF NOT EXISTS turns(served INTEGER PRIMARY KEY, peer TEXT NOT NULL UNIQUE);
+)";
+
 }  // namespace
 
 bool set_up_schema(SqliteDatabase& database) {
   database.run("PRAGMA journal_mode = WAL; PRAGMA synchronous = FULL; PRAGMA journal_size_limit = 67108864;");
+  database.run(kTurns);
   SqliteTransaction transaction(database);
   std::int64_t version = 0;
   if (auto query = database.query("PRAGMA user_version"); query.step()) version = query.number(0);

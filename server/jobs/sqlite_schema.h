@@ -1,4 +1,4 @@
-// The tables of SqliteJobStore.
+// The tables of a job store in SQLite.
 #pragma once
 
 #include "server/jobs/sqlite.h"

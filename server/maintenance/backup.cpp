@@ -15,7 +15,8 @@
 #include <utility>
 
 #include "core/base/write_all.h"
-#include "server/jobs/sqlite_rows.h"
+#include "server/jobs/job_rows.h"
+#include "server/jobs/sqlite.h"
 #include "server/jobs/sqlite_schema.h"
 #include "server/meshes/blobs.h"
 #include "server/meshes/directory_upload.h"
@@ -107,20 +108,19 @@ class Backup {
     }
   }
 
-  static Needed needed_by(SqliteDatabase& database) {
+  static Needed needed_by(Sql& database) {
     Needed needed;
-    auto names = database.query_once("SELECT key, name FROM jobs");
-    while (names.step()) needed.unreadable[names.number(0)] = names.text(1);
+    database.ask("SELECT key, name FROM jobs", {},
+                 [&](const SqlRow& name) { needed.unreadable[name.number(0)] = name.text(1); });
     needed.jobs = static_cast<std::int64_t>(needed.unreadable.size());
-    auto query = database.query_once(select_job_rows());
-    while (query.step()) {
-      auto row = read_job_row(query);
-      if (!row) continue;
+    database.ask(select_jobs(database), {}, [&](const SqlRow& from) {
+      auto row = read_job(database, from);
+      if (!row) return;
       needed.unreadable.erase(row->key);
       if (row->record.checkpoint) needed.checkpoints.insert(row->record.checkpoint->digest);
       row->record.checkpoint.reset();
       for (std::string& digest : digests_of(row->record)) needed.files.insert(std::move(digest));
-    }
+    });
     return needed;
   }
 

@@ -11,7 +11,8 @@
 #include <system_error>
 
 #include "core/base/sha256.h"
-#include "server/jobs/sqlite_rows.h"
+#include "server/jobs/job_rows.h"
+#include "server/jobs/sqlite.h"
 #include "server/jobs/sqlite_schema.h"
 #include "server/meshes/blobs.h"
 #include "server/state/state_directory.h"
@@ -67,19 +68,18 @@ class Checker {
     return sound;
   }
 
-  void check_jobs(SqliteDatabase& database) {
+  void check_jobs(Sql& database) {
     std::map<std::int64_t, std::string> damaged;  // names, by key
-    auto names = database.query_once("SELECT key, name FROM jobs");
-    while (names.step()) damaged[names.number(0)] = names.text(1);
+    database.ask("SELECT key, name FROM jobs", {}, [&](const SqlRow& name) { damaged[name.number(0)] = name.text(1); });
     report_.jobs = static_cast<std::int64_t>(damaged.size());
     std::vector<JobRow> rows;
-    auto query = database.query_once(select_job_rows());
-    while (query.step())
-      if (auto row = read_job_row(query)) {
+    database.ask(select_jobs(database), {}, [&](const SqlRow& from) {
+      if (auto row = read_job(database, from)) {
         damaged.erase(row->key);
         note_references(row->record);
         rows.push_back(std::move(*row));
       }
+    });
     for (const auto& [key, name] : damaged) {
       found("The record of " + name + " is damaged; delete the job and submit it again.");
       if (repair_) set_aside(database, key);

@@ -36,35 +36,59 @@ std::string one_line(const char* message) {
 
 // ===== values and rows =====
 
-PostgresValues& PostgresValues::add(std::int64_t value) {
-  values_.push_back({std::to_string(value), false, false});
-  return *this;
-}
+namespace {
 
-PostgresValues& PostgresValues::add(std::string_view bytes) {
-  values_.push_back({std::string(bytes), false, true});
-  return *this;
-}
-
-PostgresValues& PostgresValues::add_null() {
-  values_.push_back({{}, true, false});
-  return *this;
-}
-
-/// The values as libpq takes them. They point into the values.
-struct PostgresValues::Arrays {
-  explicit Arrays(const PostgresValues& values) {
-    for (const Value& value : values.values_) {
-      bytes.push_back(value.null ? nullptr : value.bytes.data());
-      lengths.push_back(static_cast<int>(value.bytes.size()));
-      formats.push_back(value.binary ? 1 : 0);
+/// Values as libpq takes them. Texts point into the values.
+struct Arrays {
+  explicit Arrays(const SqlValues& values) {
+    using Value = SqlValues::Value;
+    numbers.reserve(values.all().size());
+    for (const Value& value : values.all()) {
+      const bool is_number = value.kind == Value::Kind::Number;
+      if (is_number) numbers.push_back(std::to_string(value.number));
+      const std::string& sent = is_number ? numbers.back() : value.bytes;
+      bytes.push_back(value.kind == Value::Kind::Null ? nullptr : sent.data());
+      lengths.push_back(static_cast<int>(sent.size()));
+      formats.push_back(is_number ? 0 : 1);
     }
   }
   int count() const { return static_cast<int>(bytes.size()); }
 
+  std::vector<std::string> numbers;
   std::vector<const char*> bytes;
   std::vector<int> lengths, formats;
 };
+
+/// One of the rows, as the job store reads it.
+class Row : public SqlRow {
+ public:
+  Row(const PostgresRows& rows, int at) : rows_(rows), at_(at) {}
+  std::int64_t number(int column) const override { return rows_.number(at_, column); }
+  bool is_null(int column) const override { return rows_.is_null(at_, column); }
+  std::string_view view(int column) const override { return rows_.view(at_, column); }
+
+ private:
+  const PostgresRows& rows_;
+  const int at_;
+};
+
+constexpr SqlDialect kDialect{
+    .shared = true,
+    .lock = " FOR UPDATE OF jobs",
+    .lock_or_skip = " FOR UPDATE OF jobs SKIP LOCKED",
+    // Waits for no other worker: one that notes a turn of the same peer at this moment does it for both.
+    .take_turn =
+        "WITH mine AS (SELECT peer FROM turns WHERE peer = $1 FOR UPDATE SKIP LOCKED), "
+        "noted AS (UPDATE turns SET served = nextval('turn_numbers') FROM mine WHERE turns.peer = mine.peer) "
+        "INSERT INTO turns SELECT $1, nextval('turn_numbers') WHERE NOT EXISTS(SELECT 1 FROM turns WHERE peer = $1) "
+        "ON CONFLICT DO NOTHING",
+    .lock_claims = "SELECT pg_advisory_xact_lock(hashtext('varimesh claim'))",
+    .started = "SELECT (extract(epoch FROM pg_postmaster_start_time()) * 1000000)::bigint * 1000",
+    .referenced =
+        "SELECT digest FROM unnest(string_to_array($1::text, ',')) AS asked(digest) "
+        "WHERE EXISTS(SELECT 1 FROM needs WHERE needs.digest = asked.digest)"};
+
+}  // namespace
 
 std::string_view PostgresRows::view(int row, int column) const {
   return {PQgetvalue(result_.get(), row, column), static_cast<std::size_t>(PQgetlength(result_.get(), row, column))};
@@ -155,7 +179,7 @@ PostgresRows PostgresConnection::run(const std::string& statements) {
   return result(statements);
 }
 
-PostgresRows PostgresConnection::query(const std::string& statement, const PostgresValues& values) {
+PostgresRows PostgresConnection::query(const std::string& statement, const SqlValues& values) {
   if (broken()) lose("the connection to the database was lost");
   auto found = prepared_.find(statement);
   if (found == prepared_.end()) {
@@ -164,16 +188,24 @@ PostgresRows PostgresConnection::query(const std::string& statement, const Postg
     result(statement);
     found = prepared_.emplace(statement, name).first;
   }
-  const PostgresValues::Arrays sent(values);
+  const Arrays sent(values);
   if (PQsendQueryPrepared(connection_.get(), found->second.c_str(), sent.count(), sent.bytes.data(),
                           sent.lengths.data(), sent.formats.data(), 1) == 0)
     fail({});
   return result(statement);
 }
 
-PostgresRows PostgresConnection::query_once(const std::string& statement, const PostgresValues& values) {
+const SqlDialect& PostgresConnection::dialect() const { return kDialect; }
+
+void PostgresConnection::ask(const std::string& statement, const SqlValues& values,
+                             const std::function<void(const SqlRow&)>& take, Statement kind) {
+  const PostgresRows rows = kind == Statement::Kept ? query(statement, values) : query_once(statement, values);
+  for (int i = 0; take && i < rows.count(); ++i) take(Row(rows, i));
+}
+
+PostgresRows PostgresConnection::query_once(const std::string& statement, const SqlValues& values) {
   if (broken()) lose("the connection to the database was lost");
-  const PostgresValues::Arrays sent(values);
+  const Arrays sent(values);
   if (PQsendQueryParams(connection_.get(), statement.c_str(), sent.count(), nullptr, sent.bytes.data(),
                         sent.lengths.data(), sent.formats.data(), 1) == 0)
     fail({});

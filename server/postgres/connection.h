@@ -1,5 +1,5 @@
 // A connection to PostgreSQL, and what is sent and received over it. Errors are thrown as PostgresError, which
-// PostgresJobStore catches.
+// the JobDatabase catches.
 #pragma once
 
 #include <libpq-fe.h>
@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "server/jobs/job_store.h"
+#include "server/jobs/sql.h"
 
 namespace varimesh::server {
 
@@ -33,24 +34,6 @@ class PostgresError : public std::exception {
  private:
   Kind kind_;
   std::string what_;
-};
-
-/// The parameters $1, $2, … of a statement.
-class PostgresValues {
- public:
-  PostgresValues& add(std::int64_t value);
-  /// Text or bytes. PostgreSQL refuses text that is not UTF-8 or contains a zero byte; a column of bytes takes any.
-  PostgresValues& add(std::string_view bytes);
-  PostgresValues& add_null();
-
- private:
-  friend class PostgresConnection;
-  struct Arrays;
-  struct Value {
-    std::string bytes;
-    bool null = false, binary = false;
-  };
-  std::vector<Value> values_;
 };
 
 /// The rows that a statement has returned.
@@ -73,16 +56,19 @@ class PostgresRows {
 };
 
 /// A connection to a database. One thread at a time.
-class PostgresConnection {
+class PostgresConnection : public Sql {
  public:
   /// `url`: postgresql://…, or keywords and values as libpq reads them. Passwords come from libpq's usual places:
   /// PGPASSFILE, ~/.pgpass or PGPASSWORD.
   explicit PostgresConnection(const std::string& url);
 
+  const SqlDialect& dialect() const override;
+  void ask(const std::string& statement, const SqlValues& values, const std::function<void(const SqlRow&)>& take,
+           Statement kind) override;
   /// Runs a statement that is prepared once and kept.
-  PostgresRows query(const std::string& statement, const PostgresValues& values = {});
+  PostgresRows query(const std::string& statement, const SqlValues& values = {});
   /// Runs a statement that is prepared for this call only, for statements with many variants.
-  PostgresRows query_once(const std::string& statement, const PostgresValues& values = {});
+  PostgresRows query_once(const std::string& statement, const SqlValues& values = {});
   /// Runs statements without parameters, and returns the rows of the last one.
   PostgresRows run(const std::string& statements);
 

@@ -3,7 +3,8 @@
 
 #include <libpq-fe.h>
 
-#include "server/postgres/postgres_job_store.h"
+#include "server/postgres/connection.h"
+#include "server/postgres/postgres_jobs.h"
 #include "server/postgres/schema.h"
 
 namespace varimesh::server {
@@ -52,9 +53,9 @@ Expected<std::unique_ptr<JobStore>> open_postgres(const std::string& address, co
   PostgresSettings where;
   where.url = address;
   where.log = std::move(log);
-  auto store = PostgresJobStore::open(where, settings);
+  auto store = open_postgres_jobs(where, settings);
   if (!store) return tl::unexpected(output(store.error().sentence));
-  return std::unique_ptr<JobStore>(std::move(*store));
+  return std::move(*store);
 }
 
 Expected<std::string> migrate_postgres(const std::string& address) {

@@ -4,7 +4,7 @@
 #include <string_view>
 
 #include "server/postgres/connection.h"
-#include "server/postgres/rows.h"
+#include "server/postgres/postgres_jobs.h"
 
 namespace varimesh::server {
 namespace {
@@ -13,7 +13,7 @@ namespace {
 constexpr std::chrono::milliseconds kLook{200};
 
 News news_of(const std::string& text) {
-  const std::string_view cancel = postgres::kCancelNews, changed = postgres::kChangedNews;
+  const std::string_view cancel = kCancelNews, changed = kChangedNews;
   if (text.starts_with(cancel)) return {News::Kind::Cancel, text.substr(cancel.size())};
   if (text.starts_with(changed)) return {News::Kind::Changed, text.substr(changed.size())};
   return {News::Kind::Queue, {}};

@@ -1,4 +1,4 @@
-// The tables of PostgresJobStore, and the numbered steps that make them.
+// The tables of a job store in PostgreSQL, and the numbered steps that make them.
 #pragma once
 
 #include "server/failure.h"

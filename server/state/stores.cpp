@@ -6,8 +6,7 @@
 #include <filesystem>
 #include <set>
 
-#include "server/jobs/memory_job_store.h"
-#include "server/jobs/sqlite_job_store.h"
+#include "server/jobs/sqlite_jobs.h"
 #include "server/meshes/directory_mesh_store.h"
 #include "server/meshes/disk.h"
 #include "server/meshes/shared_mesh_store.h"
@@ -36,7 +35,7 @@ DirectoryMeshSettings mesh_settings(const Limits& limits) {
 /// Refuses a state directory whose own file has jobs, which nobody would see while the jobs are in a database.
 Expected<void> check_no_jobs(const StateDirectory& state) {
   if (!std::filesystem::exists(state.jobs())) return {};
-  const auto jobs = SqliteJobStore::open(state.jobs());
+  const auto jobs = open_sqlite_jobs(state.jobs());
   if (!jobs) return output_error(jobs.error());
   const auto page = (*jobs)->list({}, 1, "");
   if (!page) return output_error(page.error());
@@ -72,7 +71,7 @@ Expected<void> Stores::open_jobs(const StoreSettings& settings) {
   job_settings.lease = settings.limits.lease;
   job_settings.max_running_of_peer = settings.limits.max_running_jobs_per_peer;
   if (state_ == nullptr) {
-    jobs_ = std::make_unique<MemoryJobStore>(job_settings);
+    jobs_ = jobs_in_memory(job_settings);
     return {};
   }
   if (settings.open_jobs) {
@@ -87,7 +86,7 @@ Expected<void> Stores::open_jobs(const StoreSettings& settings) {
     jobs_ = std::move(*jobs);
     return {};
   }
-  auto jobs = SqliteJobStore::open(state_->jobs(), job_settings);
+  auto jobs = open_sqlite_jobs(state_->jobs(), job_settings);
   if (!jobs) return output_error(jobs.error());
   jobs_ = std::move(*jobs);
   return {};

@@ -12,7 +12,7 @@
 #include <cstdio>
 #include <thread>
 
-#include "server/jobs/sqlite_job_store.h"
+#include "server/jobs/sqlite_jobs.h"
 #include "tests/faults/caller.h"
 
 namespace varimesh::server::testing {
@@ -106,7 +106,7 @@ void in_the_store(int jobs) {
   std::string folder = (std::filesystem::temp_directory_path() / "varimesh-load-XXXXXX").string();
   if (::mkdtemp(folder.data()) == nullptr) return std::perror(folder.c_str());
   {
-    const auto store = std::move(*SqliteJobStore::open(folder + "/jobs.sqlite"));
+    const auto store = std::move(*open_sqlite_jobs(folder + "/jobs.sqlite"));
     Times submits, claims, lists;
     Submission submission;
     submission.max_pending = 2 * jobs;

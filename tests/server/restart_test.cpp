@@ -1,7 +1,7 @@
 // Servers that follow each other on one state directory. tests/faults also kills them.
 #include <filesystem>
 
-#include "server/jobs/sqlite_job_store.h"
+#include "server/jobs/sqlite_jobs.h"
 #include "tests/server/service.h"
 #include "tests/server/watch_guarantees.h"
 
@@ -96,7 +96,7 @@ TEST_F(Restart, LeavesAJobThatDoesNotEndToTheNextServer) {
     while (service.get(name).state() != v1::JOB_STATE_RUNNING) std::this_thread::yield();
     EXPECT_FALSE(service.server->stop(std::chrono::milliseconds(1)));
     {
-      const auto store = SqliteJobStore::open(state_ / "jobs.sqlite");
+      const auto store = open_sqlite_jobs(state_ / "jobs.sqlite");
       const auto job = (*store)->get(name);
       EXPECT_EQ(job->state(), v1::JOB_STATE_PENDING) << "whatever happens to the process now";
       EXPECT_EQ(job->attempt(), round);

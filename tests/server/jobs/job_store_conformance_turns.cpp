@@ -1,23 +1,24 @@
 // Who is next, and what is kept of each owner, in every job store.
 #include <algorithm>
 
-#include "server/jobs/turns.h"
 #include "tests/server/jobs/job_store_conformance.h"
 
 namespace varimesh::server::testing {
 namespace {
 
-TEST(Turns, GoToWhoHasTheLeastAndWaitedLongest) {
-  Turns turns;
-  EXPECT_EQ(turns.next({}), nullptr);
-  EXPECT_EQ(*turns.next({{"ann", 0}, {"bob", 0}}), "ann");
-  turns.take("ann");
-  EXPECT_EQ(*turns.next({{"ann", 0}, {"bob", 0}}), "bob");
-  turns.take("bob");
-  EXPECT_EQ(*turns.next({{"ann", 0}, {"bob", 0}}), "ann");
-  EXPECT_EQ(*turns.next({{"ann", 2}, {"bob", 1}}), "bob");
-  EXPECT_EQ(*turns.next({{"ann", 2}}), "ann");
-  EXPECT_EQ(*turns.next({{"ann", 0}, {"eve", 0}}), "eve") << "who is new has had no turn";
+TEST_P(FairTurns, GoToWhoHasTheLeastAndWaitedLongest) {
+  const auto next = [&] { return (*store_->claim("worker"))->claim; };
+  const std::string ann = submit_as("ann"), again = submit_as("ann"), bob = submit_as("bob");
+  const Claim first = next();
+  EXPECT_EQ(first.name, ann) << "among equals the first name";
+  ASSERT_TRUE(store_->finish(first, success(), 0));
+  const Claim second = next();
+  EXPECT_EQ(second.name, bob) << "ann has had a turn";
+  submit_as("bob");
+  EXPECT_EQ(next().name, again) << "bob has a job that runs";
+  const std::string eve = submit_as("eve");
+  ASSERT_TRUE(store_->finish(second, success(), 0));
+  EXPECT_EQ(next().name, eve) << "who is new has had no turn";
 }
 
 TEST_P(FairTurns, NobodyWaitsForAllJobsOfSomebodyElse) {

@@ -6,17 +6,14 @@
 #include <filesystem>
 #include <vector>
 
-#include "server/jobs/memory_job_store.h"
-#include "server/jobs/sqlite_job_store.h"
+#include "server/jobs/sqlite_jobs.h"
 #include "tests/server/jobs/job_store_conformance.h"
 
 namespace varimesh::server::testing {
 
 class InMemory : public StorePlace {
  public:
-  std::unique_ptr<JobStore> open(const JobStoreSettings& settings) override {
-    return std::make_unique<MemoryJobStore>(settings);
-  }
+  std::unique_ptr<JobStore> open(const JobStoreSettings& settings) override { return jobs_in_memory(settings); }
 };
 
 class InFile : public StorePlace {
@@ -27,7 +24,7 @@ class InFile : public StorePlace {
   }
   ~InFile() override { std::filesystem::remove_all(directory_); }
   std::unique_ptr<JobStore> open(const JobStoreSettings& settings) override {
-    auto store = SqliteJobStore::open((directory_ / "jobs.sqlite").string(), settings);
+    auto store = open_sqlite_jobs((directory_ / "jobs.sqlite").string(), settings);
     if (!store) ADD_FAILURE() << store.error().sentence;
     return std::move(*store);
   }

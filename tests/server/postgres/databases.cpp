@@ -39,11 +39,11 @@ std::string InDatabase::url(const std::string& host) const {
          (host.empty() ? "" : "&host=" + host);
 }
 
-std::unique_ptr<PostgresJobStore> InDatabase::open(const JobStoreSettings& settings, const std::string& url) {
+std::unique_ptr<JobStore> InDatabase::open(const JobStoreSettings& settings, const std::string& url) {
   PostgresSettings where;
   where.url = url;
   where.patience = std::chrono::milliseconds(2'000);
-  auto store = PostgresJobStore::open(where, settings);
+  auto store = open_postgres_jobs(where, settings);
   if (!store) ADD_FAILURE() << store.error().sentence;
   return store ? std::move(*store) : nullptr;
 }

@@ -6,7 +6,8 @@
 #include <memory>
 #include <string>
 
-#include "server/postgres/postgres_job_store.h"
+#include "server/postgres/connection.h"
+#include "server/postgres/postgres_jobs.h"
 #include "tests/server/jobs/job_store_conformance.h"
 
 namespace varimesh::server::testing {
@@ -24,7 +25,7 @@ class InDatabase : public StorePlace {
   explicit InDatabase(Tables tables = Tables::Made);
   ~InDatabase() override;
   std::unique_ptr<JobStore> open(const JobStoreSettings& settings) override { return open(settings, url()); }
-  static std::unique_ptr<PostgresJobStore> open(const JobStoreSettings& settings, const std::string& url);
+  static std::unique_ptr<JobStore> open(const JobStoreSettings& settings, const std::string& url);
 
   /// The address. `host`: the folder of the socket, if it is not the server's own.
   std::string url(const std::string& host = {}) const;

@@ -12,7 +12,8 @@
 #include <thread>
 
 #include "core/base/sha256.h"
-#include "server/postgres/postgres_job_store.h"
+#include "server/postgres/connection.h"
+#include "server/postgres/postgres_jobs.h"
 
 namespace varimesh::server::testing {
 namespace {
@@ -75,7 +76,7 @@ int run(const Arguments& arguments) {
   where.url = arguments.store;
   JobStoreSettings settings;
   settings.clock = nullptr;
-  const auto open = [&] { return PostgresJobStore::open(where, settings); };
+  const auto open = [&] { return open_postgres_jobs(where, settings); };
   const auto store = open();
   if (!store) return std::fprintf(stderr, "%s\n", store.error().sentence.c_str()), 1;
   v1::JobSpec spec;

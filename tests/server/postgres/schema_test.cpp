@@ -46,7 +46,7 @@ TEST(PostgresSchema, IsUpdatedFromVersion1) {
       "ON "
       "jobs(ended, key) WHERE ended IS NOT NULL; "
       "ALTER TABLE jobs DROP COLUMN cancel_unseen, DROP COLUMN trace; DELETE FROM varimesh_schema WHERE version > 1");
-  const auto refused = PostgresJobStore::open(at(place));
+  const auto refused = open_postgres_jobs(at(place));
   ASSERT_FALSE(refused);
   EXPECT_NE(refused.error().sentence.find("varimeshd migrate"), std::string::npos) << refused.error().sentence;
   const auto updated = migrate_postgres(place.url());
@@ -74,7 +74,7 @@ TEST(PostgresSchema, IsMadeByTwoProgramsAtTheSameTime) {
 
 TEST(PostgresSchema, HasToBeMadeBeforeTheStoreIsOpened) {
   InDatabase place(InDatabase::Tables::None);
-  const auto store = PostgresJobStore::open(at(place));
+  const auto store = open_postgres_jobs(at(place));
   ASSERT_FALSE(store);
   EXPECT_NE(store.error().sentence.find("varimeshd migrate"), std::string::npos) << store.error().sentence;
 }
@@ -82,7 +82,7 @@ TEST(PostgresSchema, HasToBeMadeBeforeTheStoreIsOpened) {
 TEST(PostgresSchema, OfANewerVersionIsRefused) {
   InDatabase place;
   place.run("INSERT INTO varimesh_schema(version) VALUES(99)");
-  const auto store = PostgresJobStore::open(at(place));
+  const auto store = open_postgres_jobs(at(place));
   ASSERT_FALSE(store);
   EXPECT_NE(store.error().sentence.find("99"), std::string::npos) << store.error().sentence;
   const auto migrated = migrate_postgres(place.url());

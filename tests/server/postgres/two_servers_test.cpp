@@ -55,7 +55,7 @@ struct Node {
     EXPECT_TRUE(scheduler->drain(std::chrono::steady_clock::now() + seconds(30)));
   }
 
-  std::unique_ptr<PostgresJobStore> jobs;
+  std::unique_ptr<JobStore> jobs;
   std::atomic<int> names = 0;
   std::unique_ptr<Scheduler> scheduler;
   Pool workers{2};  ///< Destroyed before the scheduler, whose jobs it runs.

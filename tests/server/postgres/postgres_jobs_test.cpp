@@ -1,5 +1,5 @@
 // Tests of what only the store in PostgreSQL does: the database's clock, lost connections, several processes.
-#include "server/postgres/postgres_job_store.h"
+#include "server/postgres/postgres_jobs.h"
 
 #include <gtest/gtest.h>
 
@@ -47,7 +47,7 @@ class PostgresStore : public ::testing::Test {
 
   InDatabase place_;
   CuttingSocket socket_{server_folder()};
-  std::unique_ptr<PostgresJobStore> store_;
+  std::unique_ptr<JobStore> store_;
   int names_ = 0;
 };
 
@@ -202,10 +202,10 @@ TEST_F(PostgresStore, IsOfOneDirectoryOfMeshes) {
   PostgresSettings where;
   where.url = place_.url();
   settings.meshes = "one";
-  EXPECT_TRUE(PostgresJobStore::open(where, settings));
-  EXPECT_TRUE(PostgresJobStore::open(where, settings)) << "another server that shares them";
+  EXPECT_TRUE(open_postgres_jobs(where, settings));
+  EXPECT_TRUE(open_postgres_jobs(where, settings)) << "another server that shares them";
   settings.meshes = "another";
-  const auto refused = PostgresJobStore::open(where, settings);
+  const auto refused = open_postgres_jobs(where, settings);
   ASSERT_FALSE(refused) << "it would not find the meshes of the jobs";
   EXPECT_NE(refused.error().sentence.find("--meshes"), std::string::npos) << refused.error().sentence;
 }
@@ -258,7 +258,7 @@ TEST_F(PostgresStore, LetsPeersTakeTurnsAtAllStoresTogether) {
   const auto other = InDatabase::open(settings, place_.url());
   int of_ann = 0;
   for (int i = 0; i < 6; ++i) {
-    JobStore& store = i % 2 == 0 ? static_cast<JobStore&>(*store_) : *other;
+    JobStore& store = i % 2 == 0 ? *store_ : *other;
     const auto claimed = *store.claim("worker");
     ASSERT_TRUE(claimed);
     if (claimed->claim.owner == "ann") ++of_ann;

@@ -1,33 +1,34 @@
-// The files of SqliteJobStore: those that it refuses, and those of older versions.
+// The files of job stores in SQLite: those that it refuses, and those of older versions.
 #include <gtest/gtest.h>
 
+#include "server/jobs/sqlite.h"
 #include "tests/server/jobs/job_stores.h"
 
 namespace varimesh::server::testing {
 namespace {
 
-TEST(SqliteJobStore, RefusesMissingFoldersAndNewerTables) {
+TEST(SqliteJobs, RefusesMissingFoldersAndNewerTables) {
   InFile place;
   const std::string path = (place.directory() / "jobs.sqlite").string();
-  EXPECT_FALSE(SqliteJobStore::open((place.directory() / "none" / "jobs.sqlite").string()));
+  EXPECT_FALSE(open_sqlite_jobs((place.directory() / "none" / "jobs.sqlite").string()));
   {
     SqliteDatabase database(path);
     database.run("PRAGMA user_version = 99");
   }
-  const auto newer = SqliteJobStore::open(path);
+  const auto newer = open_sqlite_jobs(path);
   ASSERT_FALSE(newer);
   EXPECT_NE(newer.error().sentence.find("newer version"), std::string::npos) << newer.error().sentence;
 }
 
-TEST(SqliteJobStore, FollowsNoLinks) {
+TEST(SqliteJobs, FollowsNoLinks) {
   InFile place;
   { const auto store = place.open({}); }
   std::filesystem::rename(place.directory() / "jobs.sqlite", place.directory() / "elsewhere");
   std::filesystem::create_symlink(place.directory() / "elsewhere", place.directory() / "jobs.sqlite");
-  EXPECT_FALSE(SqliteJobStore::open((place.directory() / "jobs.sqlite").string()));
+  EXPECT_FALSE(open_sqlite_jobs((place.directory() / "jobs.sqlite").string()));
 }
 
-TEST(SqliteJobStore, RefusesFlippedBits) {
+TEST(SqliteJobs, RefusesFlippedBits) {
   const JobStoreSettings settings;
   const char* blobs[][2] = {{"jobs", "job"}, {"specs", "spec"}, {"events", "event"}};
   int flips = 0;
@@ -69,7 +70,7 @@ TEST(SqliteJobStore, RefusesFlippedBits) {
   EXPECT_GT(flips, 60);
 }
 
-TEST(SqliteJobStore, RefusesRowsWithChangedNumbers) {
+TEST(SqliteJobs, RefusesRowsWithChangedNumbers) {
   const JobStoreSettings settings;
   for (const char* change : {"state = 3", "token = 9", "lost = 1", "worker = 'other'", "lease_end = 7", "history = 'h'",
                              "checkpoint = 'c'", "furthest = 5", "owner = 'bob'"}) {
@@ -113,7 +114,7 @@ ALTER TABLE jobs DROP COLUMN furthest;
 PRAGMA user_version = 1;
 )";
 
-TEST(SqliteJobStore, UpdatesOldTables) {
+TEST(SqliteJobs, UpdatesOldTables) {
   JobStoreSettings settings;
   settings.max_running_of_peer = 1;
   for (const int version : {4, 1}) {
