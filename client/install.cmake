@@ -10,7 +10,7 @@ include(${PROJECT_SOURCE_DIR}/proto/grpc.cmake)
 add_library(varimesh_client_shared SHARED
   $<TARGET_OBJECTS:varimesh_client> $<TARGET_OBJECTS:varimesh_proto> $<TARGET_OBJECTS:varimesh_messages>)
 target_link_libraries(varimesh_client_shared
-  PUBLIC protobuf::libprotobuf PkgConfig::grpcpp
+  PUBLIC protobuf::libprotobuf gRPC::grpc++
   PRIVATE $<BUILD_INTERFACE:varimesh> $<BUILD_INTERFACE:varimesh_digest> OpenSSL::Crypto PkgConfig::zstd Threads::Threads)
 target_link_options(varimesh_client_shared PRIVATE LINKER:--as-needed LINKER:--exclude-libs,libvarimesh.a:libvarimesh_digest.a)
 target_include_directories(varimesh_client_shared INTERFACE $<INSTALL_INTERFACE:include>)
@@ -31,6 +31,6 @@ write_basic_package_version_file(${CMAKE_CURRENT_BINARY_DIR}/varimesh-clientConf
   COMPATIBILITY SameMinorVersion)
 configure_package_config_file(varimesh-clientConfig.cmake.in ${CMAKE_CURRENT_BINARY_DIR}/varimesh-clientConfig.cmake
   INSTALL_DESTINATION ${package_folder})
-install(FILES ${CMAKE_CURRENT_BINARY_DIR}/varimesh-clientConfig.cmake
+install(FILES ${PROJECT_SOURCE_DIR}/proto/system_grpc.cmake ${CMAKE_CURRENT_BINARY_DIR}/varimesh-clientConfig.cmake
   ${CMAKE_CURRENT_BINARY_DIR}/varimesh-clientConfigVersion.cmake
   DESTINATION ${package_folder} COMPONENT client-development)

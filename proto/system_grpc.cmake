@@ -1,0 +1,16 @@
+# Defines the target gRPC::grpc++ for a gRPC without CMake packages, as Debian has it. CMake's own module would ask pkg-config
+# twenty times. Each answer takes one to four seconds, because gRPC requires nearly all of Abseil.
+if(TARGET gRPC::grpc++)
+  return()
+endif()
+find_package(PkgConfig REQUIRED)
+foreach(what cflags libs)
+  if(NOT DEFINED VARIMESH_GRPC_${what})
+    execute_process(COMMAND ${PKG_CONFIG_EXECUTABLE} --${what} grpc++ OUTPUT_VARIABLE answer COMMAND_ERROR_IS_FATAL ANY)
+    separate_arguments(answer UNIX_COMMAND "${answer}")
+    set(VARIMESH_GRPC_${what} "${answer}" CACHE INTERNAL "What pkg-config --${what} grpc++ answers")
+  endif()
+endforeach()
+add_library(gRPC::grpc++ INTERFACE IMPORTED)
+target_compile_options(gRPC::grpc++ INTERFACE ${VARIMESH_GRPC_cflags})
+target_link_libraries(gRPC::grpc++ INTERFACE ${VARIMESH_GRPC_libs})
