@@ -1,97 +1,66 @@
-#include "core/optimise/continuation.h"
-
+// The stages of a run, one after another: a single one for Objective::Energy, several for Objective::Worst.
 #include <algorithm>
 #include <utility>
 
 #include "core/checkpoint/checkpoint.h"
 #include "core/merit/thresholds.h"
 #include "core/optimise/memory.h"
+#include "core/optimise/run.h"
 #include "core/problem/node_conversion.h"
 #include "core/problem/targets.h"
 #include "core/quality/certified_quality.h"
 #include "core/solvers/untangle/untangle.h"
 
 namespace varimesh {
-namespace {
 
-Frame shared_frame(const HighOrderMesh& mesh, const Team& team) {
-  Frame frame;
-  team.run([&] { frame = frame_of(mesh, team.without_stop()); });
-  return frame;
-}
-
-}  // namespace
-
-Continuation::Continuation(SetUp& set_up, const Certifier& certifier, const Stopwatch& watch,
-                           const OnIteration& on_iteration, const RunControl& control, Team& team, Grace& grace)
-    : set_up_(set_up),
-      certifier_(certifier),
-      watch_(watch),
-      on_iteration_(on_iteration),
-      control_(control),
-      team_(team),
-      grace_(grace),
-      frame_(shared_frame(set_up.mesh, team)) {}
-
-bool Continuation::run(std::vector<Certificate>& certificates, Result& result, RaiseMemory& raised) {
+void Run::run_stages() {
+  team_.run([&] { frame_ = frame_of(set_up_.mesh, team_.without_stop()); });
   try {
-    if (!run_stages(certificates, result)) return false;
+    iterate_stages();
   } catch (const Interrupted&) {
-    note_interruption(result);
+    note_interruption();
   }
-  finish(certificates, result, raised);
-  return true;
+  finish_stages();
 }
 
-bool Continuation::run_stages(const std::vector<Certificate>& certificates, Result& result) {
-  const Options& options = set_up_.options;
-  came_valid_ = result.before.uncertified.empty();
-  if (came_valid_ && options.target == Target::StraightSided) least_ = &result.before;
-  team_.run([&] { set_up_.problem.positions = solver_positions(set_up_.mesh, frame_, team_); });
-  result.substitute_targets = choose_targets(set_up_, certifier_, frame_, team_);
+void Run::iterate_stages() {
   std::optional<StopReason> nothing_to_do;
-  if (control_.checkpoint.empty()) {
-    grace_.watch();
-    team_.look();
-    nothing_to_do = begin(certificates, result.unrepairable);
-  } else if (resume(certificates, result.unrepairable)) {
-    if (options.time_limit > 0) grace_.stop_after(options.time_limit - stage_run_->last().seconds);
-    grace_.watch();
-  } else {
-    return false;
-  }
-  result.resumed_from = stage_run_->last().number;
+  if (control_.checkpoint.empty() || !resume()) nothing_to_do = begin();
+  result_.resumed_from = stage_run_->last().number;
   if (nothing_to_do)
-    result.stop_reason = *nothing_to_do;
+    result_.stop_reason = *nothing_to_do;
   else if (!descent_)
-    iterate(result);
-  if (options.objective == Objective::Accuracy) {
-    if (descent_ || can_lower_loss(result)) lower_loss(result);
-    return true;
+    iterate();
+  if (is_for_accuracy()) {
+    if (descent_ || can_lower_loss()) lower_loss();
+    return;
   }
   const std::size_t stages = set_up_.stages.size();
-  if (stages == 1 || (stage_ == 0 && !has_minimum_to_raise())) return true;
-  while (!nothing_to_do && ended_by_itself(result.stop_reason) && ++stage_ < stages) {
+  if (stages == 1 || (stage_ == 0 && !has_minimum_to_raise())) return;
+  while (!nothing_to_do && ended_by_itself(result_.stop_reason) && ++stage_ < stages) {
     nothing_to_do = begin_next_stage();
-    if (!nothing_to_do) iterate(result);
+    if (!nothing_to_do) iterate();
   }
-  return true;
 }
 
 // ===== beginning a stage =====
 
-void Continuation::set_up_stage(const std::vector<Certificate>& certificates,
-                                std::span<const UnrepairableGroup> unrepairable) {
-  guard_.emplace(set_up_.mesh, frame_, set_up_.problem, certifier_, certificates, team_);
-  if (set_up_.options.repair != Repair::None) guard_->set_unrepairable(unrepairable);
-  best_.emplace(certifier_);
+void Run::place_problem() {
+  team_.run([&] { set_up_.problem.positions = solver_positions(set_up_.mesh, frame_, team_); });
+  result_.substitute_targets = choose_targets(set_up_, *certifier_, frame_, team_);
+}
+
+void Run::set_up_stage() {
+  guard_.emplace(set_up_.mesh, frame_, set_up_.problem, *certifier_, certificates_, team_);
+  if (options_.repair != Repair::None) guard_->set_unrepairable(result_.unrepairable);
+  best_.emplace(*certifier_);
   stage_run_.emplace(context(), watch_);
 }
 
 constexpr Untangler::Depth kOneLayer{1, 1, 1};  ///< The patches of RunControl::shallow_untangling.
 constexpr Untangler::Depth kShallow{1, 2, 2};   ///< The patches around cells that lost their certificate.
 
-StageContext Continuation::context() {
+StageContext Run::context() {
   const Stage& stage = set_up_.stages[stage_];
   return {stage.options,
           set_up_.problem,
@@ -107,35 +76,46 @@ StageContext Continuation::context() {
           control_.spare_memory};
 }
 
-std::optional<StopReason> Continuation::begin(const std::vector<Certificate>& certificates,
-                                              std::span<const UnrepairableGroup> unrepairable) {
+std::optional<StopReason> Run::begin() {
+  place_problem();
+  grace_.watch();
+  team_.look();
   std::optional<StopReason> nothing_to_do;
   team_.run([&] {
-    set_up_stage(certificates, unrepairable);
+    set_up_stage();
     nothing_to_do = stage_run_->begin();
   });
   return nothing_to_do;
 }
 
 /// Finds the stage that the checkpoint is from: its fingerprint fits no other.
-bool Continuation::resume(const std::vector<Certificate>& certificates,
-                          std::span<const UnrepairableGroup> unrepairable) {
+bool Run::resume() {
+  place_problem();
   for (stage_ = 0; stage_ < set_up_.stages.size(); ++stage_) {
     bool usable = false;
     team_.run([&] {
       set_up_.problem.positions = solver_positions(set_up_.mesh, frame_, team_);  // an attempt at reading spoils them
       if (stage_ > 0) level_targets(set_up_.problem);
-      set_up_stage(certificates, unrepairable);
+      set_up_stage();
       usable = stage_run_->resume(control_.checkpoint, fingerprint_of_stage(), [this](CheckpointReader& reader) {
         Descent::read(descent_, descent_context(), reader);
       });
     });
-    if (usable) return true;
+    if (!usable) continue;
+    if (options_.time_limit > 0) grace_.stop_after(options_.time_limit - stage_run_->last().seconds);
+    grace_.watch();
+    return true;
   }
+  control_.checkpoint = {};
+  stage_ = 0;
+  descent_.reset();
+  stage_run_.reset();
+  best_.reset();
+  guard_.reset();
   return false;
 }
 
-std::optional<StopReason> Continuation::begin_next_stage() {
+std::optional<StopReason> Run::begin_next_stage() {
   level_targets(set_up_.problem);
   std::optional<StopReason> nothing_to_do;
   team_.run([&] {
@@ -149,7 +129,7 @@ std::optional<StopReason> Continuation::begin_next_stage() {
 
 // ===== iterating, and what comes after =====
 
-void Continuation::iterate(Result& result) {
+void Run::iterate() {
   const std::uint64_t fingerprint = fingerprint_of_stage();
   bool stopped = false;
   std::optional<StopReason> reason;
@@ -164,16 +144,15 @@ void Continuation::iterate(Result& result) {
       control_.save_checkpoint(last, [&](const CheckpointSink& sink) { return stage_run_->write(sink, fingerprint); });
     stopped = on_iteration_ && on_iteration_(last) == Control::Stop;
   }
-  result.iterations = stage_run_->last().number;
-  result.residual = stage_run_->last().residual;
-  result.converged = stage_run_->converged();
-  result.stopped = stopped;
-  result.stop_reason = stopped ? StopReason::Stopped : *reason;
+  note_last_iteration();
+  result_.converged = stage_run_->converged();
+  result_.stopped = stopped;
+  result_.stop_reason = stopped ? StopReason::Stopped : *reason;
 }
 
 /// Does what the end of a run with Until::Valid would do here, and keeps the outcome. The iterations go on as they
 /// were.
-void Continuation::try_to_end_here() {
+void Run::try_to_end_here() {
   if (guard_->lost() == 0) return;
   const std::vector<double> positions = set_up_.problem.positions;
   untangle_lost();
@@ -185,7 +164,7 @@ void Continuation::try_to_end_here() {
 
 /// Considers the mesh after an iteration of a later stage for the best one, unless its mean has fallen too far. Returns
 /// the proved minimum.
-double Continuation::consider() {
+double Run::consider() {
   double bound = 0;
   team_.run([&] {
     guard_->certify_moved();
@@ -197,14 +176,14 @@ double Continuation::consider() {
 }
 
 /// Called after each iteration of a later stage: whether another iteration would raise the minimum no further.
-bool Continuation::raised_enough() {
+bool Run::raised_enough() {
   const bool settled = stage_run_->settles(consider());
   return settled || (stage_ + 1 < set_up_.stages.size() && stage_run_->is_near_optimum());
 }
 
 /// Called at the end of the first stage. Its mesh is the best so far, unless one of its cells is not certified: then it
 /// has no minimum to raise.
-bool Continuation::has_minimum_to_raise() {
+bool Run::has_minimum_to_raise() {
   team_.run([&] {
     guard_->certify_moved();
     guard_->restore_lost();
@@ -218,51 +197,53 @@ bool Continuation::has_minimum_to_raise() {
 
 /// Whether the descent may begin: the energy has done what it can for the validity of cells, and no split may follow.
 /// Brings the problem to the mesh that a run with Until::Valid would hand out.
-bool Continuation::can_lower_loss(const Result& result) {
-  const bool is_done = result.stop_reason == StopReason::Valid || result.stop_reason == StopReason::Repaired ||
-                       ended_by_itself(result.stop_reason);
-  if (!is_done || set_up_.options.until == Until::Valid) return false;
+bool Run::can_lower_loss() {
+  const bool is_done = result_.stop_reason == StopReason::Valid || result_.stop_reason == StopReason::Repaired ||
+                       ended_by_itself(result_.stop_reason);
+  if (!is_done || options_.until == Until::Valid) return false;
   team_.run([&] {
     guard_->certify_moved();
-    if (ended_by_itself(result.stop_reason)) untangle_lost();
+    if (ended_by_itself(result_.stop_reason)) untangle_lost();
     guard_->return_to_ending();
   });
   return guard_->unrepaired() == 0 || !control_.shallow_untangling;
 }
 
-DescentContext Continuation::descent_context() {
+DescentContext Run::descent_context() {
   return {set_up_.mesh,
           set_up_.problem,
           *set_up_.stages[0].kernels,
           *set_up_.stages[0].hessian,
-          material(set_up_.options),
+          material(options_),
           *guard_,
-          certifier_,
+          *certifier_,
           team_,
-          asked_by(set_up_.options),
-          came_valid_,
-          least_,
+          asked_by(options_),
+          came_valid(),
+          came_valid() && options_.target == Target::StraightSided ? &result_.before : nullptr,
           control_.meter};
 }
 
-void Continuation::lower_loss(Result& result) {
-  const Options& options = set_up_.options;
-  bool last = false;
-  if (!descent_) {
-    team_.run([&] {
-      stage_run_->free_methods();
-      descent_.emplace(descent_context());
-    });
-    last = !descent_->begin();
-    if (last && descent_->best().merit.uncertified > 0) result.notes.emplace_back(Descent::kNotWorthIt);
-  }
-  result.stop_reason = StopReason::Converged;
-  if (!last && stage_run_->last().number >= options.max_iterations) {
-    result.stop_reason = StopReason::Iterations;
-    last = true;
-  }
+bool Run::begin_descent() {
+  if (descent_) return true;
+  team_.run([&] {
+    stage_run_->free_methods();
+    descent_.emplace(descent_context());
+  });
+  if (descent_->begin()) return true;
+  if (descent_->best().merit.uncertified > 0) result_.notes.emplace_back(Descent::kNotWorthIt);
+  return false;
+}
+
+void Run::lower_loss() {
+  bool last = !begin_descent();
+  result_.stop_reason = StopReason::Converged;
+  const auto may_go_on = [&] {
+    if (!last && stage_run_->last().number >= options_.max_iterations) result_.stop_reason = StopReason::Iterations;
+    return !last && result_.stop_reason == StopReason::Converged;
+  };
   const std::uint64_t fingerprint = fingerprint_of_stage();
-  while (!last) {
+  while (may_go_on()) {
     if (control_.threads) team_.set_threads(control_.threads());
     const DescentRound round = descent_->round();
     last = round.last;
@@ -271,57 +252,60 @@ void Continuation::lower_loss(Result& result) {
       control_.save_checkpoint(stage_run_->last(), [&](const CheckpointSink& sink) {
         return stage_run_->write(sink, fingerprint, [this](CheckpointWriter& writer) { descent_->write(writer); });
       });
-    result.stopped = on_iteration_ && on_iteration_(stage_run_->last()) == Control::Stop;
-    if (result.stopped)
-      result.stop_reason = StopReason::Stopped;
-    else if (!last && stage_run_->last().number >= options.max_iterations)
-      result.stop_reason = StopReason::Iterations;
-    last = last || result.stop_reason != StopReason::Converged;
+    result_.stopped = on_iteration_ && on_iteration_(stage_run_->last()) == Control::Stop;
+    if (!result_.stopped) continue;
+    result_.stop_reason = StopReason::Stopped;
+    break;
   }
-  result.converged = result.stop_reason == StopReason::Converged;
-  result.iterations = stage_run_->last().number;
-  result.residual = stage_run_->last().residual;
+  result_.converged = result_.stop_reason == StopReason::Converged;
+  note_last_iteration();
 }
 
-void Continuation::note_interruption(Result& result) {
+void Run::note_last_iteration() {
+  result_.iterations = stage_run_->last().number;
+  result_.residual = stage_run_->last().residual;
+}
+
+void Run::note_interruption() {
   grace_.begin();
-  grace_.say_stopped(result);
+  grace_.say_stopped(result_);
   if (!stage_run_) return;
   stage_run_->forget_unfinished();
-  result.iterations = stage_run_->last().number;
-  result.residual = stage_run_->last().residual;
+  note_last_iteration();
 }
 
-void Continuation::finish(std::vector<Certificate>& certificates, Result& result, RaiseMemory& raised) {
-  if (!stage_run_) {  // interrupted before the first stage: the mesh as it came, with the certificates that it has
-    result.mesh.coordinates = set_up_.mesh.coordinates;
-    result.seconds = watch_.seconds();
-    return;
+void Run::finish_stages() {
+  if (stage_run_) {
+    result_.seconds = stage_run_->seconds();
+    result_.history = stage_run_->take_history();
+    raised_ = stage_run_->take_raised();
+    if (descent_) most_accurate_ = descent_->take_best();
+    descent_.reset();
+    stage_run_.reset();  // frees what Newton's method needed
+    drop_deformation(set_up_.problem);
+    const Stopwatch watch;
+    // The kept state is whole whatever interrupts the guard.
+    grace_.finish([&] { settle(); },
+                  [&] {
+                    grace_.say_stopped(result_);
+                    team_.run([&] { guard_->return_to_best(); });
+                  });
+    take_mesh();
+    result_.seconds += watch.seconds();
+  } else {  // interrupted before the first stage: the mesh as it came, with the certificates that it has
+    result_.mesh.coordinates = set_up_.mesh.coordinates;
+    result_.seconds = watch_.seconds();
   }
-  result.seconds = stage_run_->seconds();
-  result.history = stage_run_->take_history();
-  raised = stage_run_->take_raised();
-  if (descent_) most_accurate_ = descent_->take_best();
-  descent_.reset();
-  stage_run_.reset();  // frees what Newton's method needed
-  drop_deformation(set_up_.problem);
-  const Stopwatch watch;
-  // The kept state is whole whatever interrupts the guard.
-  grace_.finish([&] { settle(result); },
-                [&] {
-                  grace_.say_stopped(result);
-                  team_.run([&] { guard_->return_to_best(); });
-                });
-  take_mesh(certificates, result);
-  result.seconds += watch.seconds();
+  best_.reset();
+  guard_.reset();
 }
 
-void Continuation::untangle_from_here() {
+void Run::untangle_from_here() {
   Untangler::FailedStarts failed_starts;  // other cells than those that untangling has given up before
   // Deeper patches around 19 such cells take in most of a published mesh: over a minute in place of 4 s.
   Untangler untangler(Untangler::FromHere{}, set_up_.problem, *set_up_.stages[0].kernels, *guard_, team_, failed_starts,
-                      control_.shallow_untangling ? kOneLayer : kShallow,
-                      room_for_hessians(set_up_.mesh, set_up_.options), control_.spare_memory);
+                      control_.shallow_untangling ? kOneLayer : kShallow, room_for_hessians(set_up_.mesh, options_),
+                      control_.spare_memory);
   while (!untangler.done()) {
     untangler.step();
     guard_->certify_moved();
@@ -331,9 +315,8 @@ void Continuation::untangle_from_here() {
 
 /// Makes the cells valid that lost their certificate on the way, with their neighbours. If they only went back to where
 /// they had it, those around them would lose theirs, and so on. Returns false, without doing it, if the run is to end.
-bool Continuation::untangle_lost() {
-  if (set_up_.options.method != Method::Auto || stage_ > 0 || !control_.untangles_lost || guard_->lost() == 0)
-    return true;
+bool Run::untangle_lost() {
+  if (options_.method != Method::Auto || stage_ > 0 || !control_.untangles_lost || guard_->lost() == 0) return true;
   if (grace_.stopped()) return false;
   const std::vector<double> optimum = set_up_.problem.positions;
   drop_deformation(set_up_.problem);
@@ -348,47 +331,47 @@ bool Continuation::untangle_lost() {
   return true;
 }
 
-void Continuation::settle(Result& result) {
+void Run::settle() {
   team_.run([&] {
     const auto deny_convergence = [&] {
-      if (std::exchange(result.converged, false)) result.stop_reason = StopReason::NoProgress;
+      if (std::exchange(result_.converged, false)) result_.stop_reason = StopReason::NoProgress;
     };
     guard_->certify_moved();
     if (guard_->lost() > 0) deny_convergence();
-    if (ended_by_itself(result.stop_reason) && !untangle_lost()) grace_.say_stopped(result);
+    if (ended_by_itself(result_.stop_reason) && !untangle_lost()) grace_.say_stopped(result_);
     guard_->restore_lost();
     if (guard_->return_to_best()) deny_convergence();
-    if (set_up_.options.until_js > 0) best_->consider(*guard_, team_.stop());
+    if (options_.until_js > 0) best_->consider(*guard_, team_.stop());
   });
 }
 
-void Continuation::take_mesh(std::vector<Certificate>& certificates, Result& result) {
-  certificates = guard_->certificates();
-  const Merit at_end = merit_of(summarise(certificates));
-  const bool keeps_best = set_up_.options.until_js > 0 || set_up_.stages.size() > 1;
+void Run::take_mesh() {
+  certificates_ = guard_->certificates();
+  const Merit at_end = merit_of(summarise(certificates_));
+  const bool keeps_best = options_.until_js > 0 || set_up_.stages.size() > 1;
   const bool takes_best = keeps_best && !best_->coordinates().empty() && !is_better(at_end, best_->merit());
-  result.proof_seconds += guard_->seconds();
+  result_.proof_seconds += guard_->seconds();
   if (!most_accurate_.coordinates.empty() && !is_better(at_end, most_accurate_.merit)) {
-    result.mesh.coordinates = std::move(most_accurate_.coordinates);
-    certificates = std::move(most_accurate_.certificates);
+    result_.mesh.coordinates = std::move(most_accurate_.coordinates);
+    certificates_ = std::move(most_accurate_.certificates);
     return;
   }
-  team_.run([&] { result.mesh.coordinates = takes_best ? best_->coordinates() : guard_->coordinates(); });
+  team_.run([&] { result_.mesh.coordinates = takes_best ? best_->coordinates() : guard_->coordinates(); });
   if (!takes_best) return;
   const auto certify = [&](const Team& team) {
-    team.run([&] { certifier_.certify(result.mesh.coordinates, certificates, team); });
+    team.run([&] { certifier_->certify(result_.mesh.coordinates, certificates_, team); });
   };
   grace_.finish([&] { certify(team_); },
                 [&] {
                   if (best_->certificates().empty())
                     certify(team_.without_stop());  // the best mesh is from a checkpoint
                   else
-                    certificates = best_->certificates();
+                    certificates_ = best_->certificates();
                 });
 }
 
 /// 0 if no checkpoint is read or written.
-std::uint64_t Continuation::fingerprint_of_stage() const {
+std::uint64_t Run::fingerprint_of_stage() const {
   if (!control_.checkpoint_due && control_.checkpoint.empty()) return 0;
   return fingerprint(set_up_.mesh, set_up_.fixed, set_up_.target, set_up_.stages[stage_].options);
 }

@@ -1,0 +1,199 @@
+#include "core/optimise/run.h"
+
+#include <cstdio>
+#include <utility>
+
+#include "core/accuracy/accuracy.h"
+#include "core/diagnosis/diagnose.h"
+#include "core/diagnosis/elements_text.h"
+#include "core/merit/thresholds.h"
+#include "core/mesh/straight_sides.h"
+#include "core/quality/certified_quality.h"
+#include "core/repair/straighten.h"
+
+namespace varimesh {
+namespace {
+
+std::unique_ptr<const Certifier> make_certifier(const HighOrderMesh& mesh, const Team& team) {
+  std::unique_ptr<const Certifier> certifier;
+  team.run([&] { certifier = std::make_unique<const Certifier>(mesh, CertificateOptions{}, team); });
+  return certifier;
+}
+
+/// A copy of the mesh with other coordinates. Those of the mesh, its largest array, are not copied.
+HighOrderMesh with_coordinates(HighOrderMesh& mesh, std::vector<double> coordinates) {
+  std::vector<double> kept = std::move(mesh.coordinates);
+  HighOrderMesh copy = mesh;
+  mesh.coordinates = std::move(kept);
+  copy.coordinates = std::move(coordinates);
+  return copy;
+}
+
+std::string pair_text(const QualityReport& report) {
+  char text[64];
+  std::snprintf(text, sizeof text, "%.3g and %.3g", report.min_scaled_jacobian, report.mean_scaled_jacobian);
+  return text;
+}
+
+}  // namespace
+
+Run::Run(SetUp& set_up, const OnIteration& on_iteration, const RunControl& control, StopToken& stop)
+    : set_up_(set_up),
+      options_(set_up.options),
+      on_iteration_(on_iteration),
+      control_(control),
+      watch_(Stopwatch::started(std::exchange(set_up.seconds, 0))),
+      team_(control.threads ? control.threads() : options_.threads),
+      certifier_(make_certifier(set_up.mesh, team_)),
+      certificates_(certifier_->cells()),
+      grace_(team_, stop, certifier_->cells()) {}
+
+Result Run::go() {
+  if (control_.checkpoint.empty()) grace_.watch();
+  const Stopwatch proof_watch;
+  grace_.finish([&] { prove(); }, [] {});
+  result_.proof_seconds = proof_watch.seconds();
+  result_.sizes = set_up_.summary;
+  result_.before = report_quality(set_up_.mesh, *certifier_, certificates_, team_, grace_);
+  result_.seconds = watch_.seconds();
+  const bool iterates = options_.max_iterations > 0 && set_up_.summary.free_nodes > 0 && !grace_.stopped();
+  if (iterates) run_stages();
+  const Stopwatch after_stages;
+  const std::string unmoved = grace_.stopped() ? "" : why_unmoved();
+  if (!iterates || !unmoved.empty()) {
+    take_as_it_came(unmoved);
+    if (grace_.stopped()) grace_.say_stopped(result_);
+  } else {
+    finish_mesh();
+    result_.seconds += after_stages.seconds();
+  }
+  return std::move(result_);
+}
+
+void Run::prove() {
+  team_.run([&] {
+    certifier_->certify(set_up_.mesh.coordinates, certificates_, team_);
+    if (!are_valid(certificates_)) result_.unrepairable = diagnose(set_up_.mesh, set_up_.fixed, team_);
+  });
+}
+
+std::string Run::why_unmoved() {
+  const HighOrderMesh& mesh = set_up_.mesh;
+  const std::string curve = mesh.dimension == 3 ? "; 'varimesh curve IN --geometry MODEL --order N' curves a mesh" : "";
+  if (set_up_.summary.free_nodes == 0)
+    return "No node is free, so nothing was moved: all lie on the boundary or are fixed by the options. 'varimesh "
+           "optimise --order' gives elements inner nodes, and '--free' frees interfaces.";
+  if (result_.iterations == 0 && result_.stop_reason == StopReason::Valid)
+    return "Every element is certified valid already, so nothing was moved.";
+  if (result_.iterations == 0 && result_.stop_reason == StopReason::Quality)
+    return "Every element has the scaled Jacobian that until_js names already, so nothing was moved.";
+  const bool is_same = is_for_accuracy() ? result_.mesh.coordinates == mesh.coordinates : result_.iterations == 1;
+  if (!is_same || !result_.converged || !came_valid()) return "";
+  bool straight = options_.target == Target::StraightSided;
+  team_.run([&] { straight = straight && has_straight_sides(mesh, team_.without_stop()); });
+  if (straight)
+    return "All elements have straight sides already, so nothing was moved" + curve +
+           "; 'varimesh optimise --target ideal' makes their shapes more regular.";
+  if (is_for_accuracy() && result_.iterations == 0)
+    return "Curvature costs these elements next to nothing beside what their size costs, so nothing was moved.";
+  if (is_for_accuracy())
+    return "No mesh with a lower loss of accuracy was found whose smallest and mean scaled Jacobian are not both "
+           "lower, so nothing was moved.";
+  return "The mesh is at its optimum already: no node would move by more than the tolerance, so nothing was moved.";
+}
+
+void Run::take_as_it_came(const std::string& why) {
+  result_.mesh = set_up_.mesh;
+  result_.after = result_.before;
+  if (!why.empty()) result_.notes.push_back(why);
+  if (set_up_.summary.free_nodes > 0 || options_.max_iterations == 0) return;
+  result_.converged = true;  // there is no free node that could be far from the optimum
+  result_.stop_reason = StopReason::Converged;
+}
+
+// ===== after the stages =====
+
+void Run::finish_mesh() {
+  result_.mesh = with_coordinates(set_up_.mesh, std::move(result_.mesh.coordinates));
+  if (options_.method == Method::Auto && control_.untangles_lost && !was_cut_short(result_)) raise_low();
+  if (options_.repair == Repair::Straighten && !result_.unrepairable.empty()) straighten_result();
+  result_.after = report_quality(result_.mesh, *certifier_, certificates_, team_, grace_);
+  keep_the_better();
+}
+
+void Run::raise_low() {
+  const std::vector<char> hopeless = cells_beyond_repair(result_.unrepairable, certificates_.size());
+  const std::vector<double> coordinates = result_.mesh.coordinates;
+  const std::vector<Certificate> before = certificates_;
+  RaiseOutcome outcome;
+  const auto raise_to = [&](double aim) {
+    const RaiseTask task{result_.mesh, set_up_.fixed, hopeless, *certifier_, aim};
+    team_.run([&] {
+      forget_changed_cells(task, result_.mesh.coordinates, certificates_, team_.without_stop(), raised_);
+      outcome = raise_low_cells(task, result_.mesh.coordinates, certificates_, team_, &raised_);
+    });
+  };
+  if (!are_valid(certificates_)) raise_to(0);
+  const std::vector<std::int64_t> made_valid = std::move(outcome.made_valid);
+  const Asked asked = asked_by(options_);
+  if (asked.what == Asked::What::Loss && !outcome.interrupted && are_valid(certificates_)) raise_to(asked.bound);
+  if (outcome.interrupted) grace_.say_stopped(result_);
+  if (made_valid.empty() && outcome.raised.empty()) return;
+  if (came_valid() && !keeps_loss({.loss = accuracy(result_.mesh, team_.threads()).loss}, merit_of(result_.before))) {
+    result_.mesh.coordinates = coordinates;
+    certificates_ = before;
+    return;
+  }
+  if (!made_valid.empty())
+    result_.notes.push_back("At the end of the run, " + elements_text(made_valid, "element", "elements") +
+                            (made_valid.size() == 1 ? " was" : " were") + " made valid in small patches.");
+  if (!outcome.raised.empty())
+    result_.notes.push_back("At the end of the run, the scaled Jacobian of " +
+                            elements_text(outcome.raised, "element", "elements") + " was raised in small patches.");
+}
+
+void Run::straighten_result() {
+  const auto straighten_all = [&] {
+    team_.run([&] {
+      result_.repairs =
+          straighten(result_.mesh, set_up_.fixed, *certifier_, certificates_, result_.unrepairable, team_);
+    });
+  };
+  grace_.finish(straighten_all, [&] {
+    RepairStep left;
+    left.sentence = "The run was stopped before it could make elements straight-sided; run it again with more time.";
+    result_.repairs.push_back(std::move(left));
+  });
+}
+
+void Run::keep_the_better() {
+  if (!came_valid()) return;
+  // The descent itself chooses by the loss.
+  const bool had_no_descent = !result_.history.empty() && result_.history.back().phase != Phase::Accuracy;
+  if (is_for_accuracy() && had_no_descent && !keeps_loss(merit_of(result_.after), merit_of(result_.before)))
+    keep_as_it_came("where the run ended, its loss of accuracy was not lower.");
+  if (options_.target != Target::StraightSided) return;
+  QualityReport before = result_.before;
+  if (before.lattice_intervals != result_.after.lattice_intervals)  // there was no time for the usual report
+    before = quick_quality(set_up_.mesh, certificates_, team_);
+  if (!is_lower(merit_of(result_.after), merit_of(before), is_for_accuracy() ? threshold::kHigher : 0)) return;
+  const bool is_optimum = result_.converged && !is_for_accuracy();
+  std::string why = "its smallest and its mean scaled Jacobian are " + pair_text(before) + ", and " +
+                    (is_optimum ? "at the energy's optimum" : "where the run ended") + " they would be " +
+                    pair_text(result_.after) + ".";
+  if (options_.objective != Objective::Worst) why += " To raise the smallest, try --objective worst.";
+  keep_as_it_came(why);
+}
+
+void Run::keep_as_it_came(std::string why) {
+  result_.kept_as_it_came = "The mesh stays as it came: " + std::move(why);
+  result_.mesh.coordinates = set_up_.mesh.coordinates;
+  result_.after = result_.before;
+}
+
+bool was_cut_short(const RunSummary& result) {
+  return result.stop_reason == StopReason::TimeLimit || result.stop_reason == StopReason::Iterations ||
+         result.stop_reason == StopReason::Stopped;
+}
+
+}  // namespace varimesh

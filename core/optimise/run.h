@@ -1,0 +1,127 @@
+// A run from mesh to result: certificates, diagnosis, quality before, the stages, straightening, quality after.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "core/base/stopwatch.h"
+#include "core/base/team.h"
+#include "core/guard/best_mesh.h"
+#include "core/guard/guard.h"
+#include "core/merit/merit.h"
+#include "core/optimise/grace.h"
+#include "core/optimise/result.h"
+#include "core/optimise/run_control.h"
+#include "core/optimise/set_up.h"
+#include "core/optimise/stage_run.h"
+#include "core/solvers/descent/descent.h"
+#include "core/solvers/maxmin/raise.h"
+#include "core/validity/certifier.h"
+
+namespace varimesh {
+
+/// Everything that a run has, and its steps. Each object is for one run without splits (core/optimise/splitting has
+/// several), and what its constructor takes must outlive it. No function may be called inside team.run().
+class Run {
+ public:
+  /// `stop` is the token of the run.
+  Run(SetUp& set_up, const OnIteration& on_iteration, const RunControl& control, StopToken& stop);
+
+  /// Optimises the mesh of the set-up, in which no cell is clockwise, as it is. Call it once.
+  Result go();
+
+ private:
+  // ===== run.cpp: before and after the stages =====
+
+  /// Certifies the mesh. If a cell is not valid, finds what cannot be repaired; if all are, there is nothing to repair.
+  void prove();
+  bool came_valid() const { return result_.before.uncertified.empty(); }
+  bool is_for_accuracy() const { return options_.objective == Objective::Accuracy; }
+  /// Why nothing was moved, though the run was not stopped; empty if something may have been moved.
+  std::string why_unmoved();
+  /// Takes the mesh as it came, with the note that says why.
+  void take_as_it_came(const std::string& why);
+  /// Makes the most of the mesh that the stages have left.
+  void finish_mesh();
+  /// Raises the smallest scaled Jacobian around cells that the run leaves invalid, but for those that it has tried in
+  /// vain. If none is left, and with Objective::Accuracy, it raises those below Options::min_js too. That costs
+  /// accuracy, so it is not worth it in a mesh that misses the bound in any case, and a mesh that came in valid does
+  /// not get a higher loss by it.
+  void raise_low();
+  void straighten_result();
+  /// Goes back to the mesh as it came if it was valid and better. With another target than the straight-sided shape
+  /// the caller asks for a change, which the scaled Jacobian does not judge.
+  void keep_the_better();
+  void keep_as_it_came(std::string why);
+
+  // ===== run_stages.cpp: a single stage for Objective::Energy, several for Objective::Worst =====
+
+  /// Runs all stages. It sets only the coordinates of the result's mesh; the rest can be copied once their memory has
+  /// been freed. Afterwards `certificates_` are those of the result's mesh. If the token stops the run, that is the
+  /// best mesh so far.
+  void run_stages();
+  void iterate_stages();
+  /// Sets the problem's nodes and targets.
+  void place_problem();
+  /// Makes a new guard, best mesh and stage. Inside team.run().
+  void set_up_stage();
+  StageContext context();
+  /// Begins at the beginning. Returns a reason to stop if there is nothing to do.
+  std::optional<StopReason> begin();
+  /// Begins after the iteration of the checkpoint. Returns false, and forgets the checkpoint, if it cannot be used.
+  bool resume();
+  std::optional<StopReason> begin_next_stage();
+  void iterate();
+  bool has_minimum_to_raise();
+  void try_to_end_here();
+  double consider();
+  bool raised_enough();
+  /// Objective::Accuracy, after the only stage: the rounds of the descent.
+  void lower_loss();
+  bool can_lower_loss();
+  bool begin_descent();
+  DescentContext descent_context();
+  /// Sets what the result says about the iterations so far.
+  void note_last_iteration();
+  /// The token of the run has interrupted a stage, or the beginning of one.
+  void note_interruption();
+  /// Hands the mesh of the stages over, and frees what they needed.
+  void finish_stages();
+  bool untangle_lost();
+  /// Untangles cells that lost their certificate and that raising has left.
+  void untangle_from_here();
+  /// Brings the guard's kept state up to date.
+  void settle();
+  void take_mesh();
+  std::uint64_t fingerprint_of_stage() const;
+
+  SetUp& set_up_;
+  const Options& options_;
+  const OnIteration& on_iteration_;
+  RunControl control_;
+  Stopwatch watch_;  ///< Since the run began, set-up included.
+  Team team_;
+  std::unique_ptr<const Certifier> certifier_;
+  std::vector<Certificate> certificates_;  ///< Of the mesh as it came, and after the stages of the result's mesh.
+  Grace grace_;
+  Result result_;
+  RaiseMemory raised_;  ///< What the run tried to raise.
+
+  // While the stages run:
+  Frame frame_;
+  std::size_t stage_ = 0;
+  std::optional<Guard> guard_;
+  std::optional<BestMesh> best_;
+  std::optional<StageRun> stage_run_;
+  std::optional<Descent> descent_;
+  Descent::State most_accurate_;  ///< Of the descent; without coordinates if there was none.
+};
+
+/// Whether a limit or the caller has ended the run.
+bool was_cut_short(const RunSummary& result);
+
+}  // namespace varimesh
