@@ -36,8 +36,8 @@ def flags_of_varimeshd():
 
 class Compose(unittest.TestCase):
     def config(self, **environment):
-        return subprocess.run(["docker-compose", "-f", str(FARM / "compose.yaml"), "config"], capture_output=True, text=True,
-                              env={**os.environ, **environment}, timeout=60)
+        return subprocess.run(["docker-compose", "-f", str(FARM / "compose.yaml"), "--profile", "metrics", "config"],
+                              capture_output=True, text=True, env={**os.environ, **environment}, timeout=60)
 
     def test_is_read(self):
         done = self.config(POSTGRES_PASSWORD="secret")

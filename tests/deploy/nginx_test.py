@@ -60,6 +60,11 @@ FLOODS = {
 }
 
 
+def warnings(text):
+    """Those of nginx, but for one: from version 1.25 on it wants http2 as a directive, which the 1.22 of Debian 12 lacks."""
+    return [line for line in text.splitlines() if "[warn]" in line and 'use the "http2" directive' not in line]
+
+
 class Nginx(WithFolder):
     def setUp(self):
         super().setUp()
@@ -91,7 +96,7 @@ class Nginx(WithFolder):
     def test_nginx_accepts_it(self):
         done = subprocess.run(self.nginx("-t", "-c", self.configuration()), capture_output=True, text=True, timeout=20)
         self.assertEqual(done.returncode, 0, done.stderr)
-        self.assertNotIn("[warn]", done.stderr)
+        self.assertEqual(warnings(done.stderr), [])
 
     def serve(self, path):
         proxy = subprocess.Popen(self.nginx("-c", path, "-g", "daemon off;"), stderr=subprocess.DEVNULL)
@@ -200,7 +205,7 @@ class ComposeNginx(WithFolder):
         command = [NGINX, "-e", "stderr", "-p", str(self.folder), "-c", str(path)]
         done = subprocess.run([*command, "-t"], capture_output=True, text=True, timeout=20)
         self.assertEqual(done.returncode, 0, done.stderr)
-        self.assertNotIn("[warn]", done.stderr)
+        self.assertEqual(warnings(done.stderr), [])
         proxy = subprocess.Popen([*command, "-g", "daemon off;"], stderr=subprocess.DEVNULL)
         self.addCleanup(proxy.wait, 20)
         self.addCleanup(proxy.terminate)
