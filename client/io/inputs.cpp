@@ -9,7 +9,7 @@
 #include "core/base/stopwatch.h"
 #include "core/base/utf8.h"
 #include "core/formats/formats.h"
-#include "core/mesh/displacements.h"
+#include "core/mesh/changes/displacements.h"
 #include "core/slide/distance/slide_and_measure.h"
 
 namespace varimesh::client {

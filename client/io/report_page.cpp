@@ -14,7 +14,7 @@
 #include "client/report/report.h"
 #include "core/base/version.h"
 #include "core/formats/formats.h"
-#include "core/mesh/change_order.h"
+#include "core/mesh/changes/change_order.h"
 #include "core/options/option_table.h"
 
 namespace varimesh::client {

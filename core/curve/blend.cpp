@@ -4,7 +4,7 @@
 #include <map>
 #include <utility>
 
-#include "core/mesh/simplex_blend.h"
+#include "core/mesh/changes/simplex_blend.h"
 #include "core/reference/cache.h"
 #include "core/reference/nodes.h"
 

@@ -16,7 +16,7 @@ struct InnerBlend {
 };
 
 /// The displacement inside, blended from the displacements of the nodes around, if the vertices stay:
-///   triangle, tetrahedron  core/mesh/simplex_blend.h
+///   triangle, tetrahedron  core/mesh/changes/simplex_blend.h
 ///   quadrilateral  the linear blend between opposite edges, for both pairs
 ///   prism          the linear blend between the two triangles
 ///   hexahedron     the blend between opposite faces minus that between edges

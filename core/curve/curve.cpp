@@ -8,7 +8,7 @@
 #include "core/curve/layers.h"
 #include "core/curve/parts.h"
 #include "core/curve/place.h"
-#include "core/mesh/change_order.h"
+#include "core/mesh/changes/change_order.h"
 
 namespace varimesh {
 namespace {

@@ -7,7 +7,7 @@
 #include "core/diagnosis/diagnose.h"
 #include "core/diagnosis/elements_text.h"
 #include "core/merit/thresholds.h"
-#include "core/mesh/straight_sides.h"
+#include "core/mesh/changes/straight_sides.h"
 #include "core/quality/certified_quality.h"
 #include "core/repair/straighten.h"
 

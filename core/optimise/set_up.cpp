@@ -8,7 +8,7 @@
 #include "core/base/index.h"
 #include "core/base/stopwatch.h"
 #include "core/diagnosis/elements_text.h"
-#include "core/mesh/change_order.h"
+#include "core/mesh/changes/change_order.h"
 #include "core/mesh/check.h"
 #include "core/mesh/connectivity.h"
 #include "core/problem/fixed_nodes.h"

@@ -10,8 +10,8 @@
 #include "core/base/index.h"
 #include "core/diagnosis/elements_text.h"
 #include "core/diagnosis/node_positions.h"
+#include "core/mesh/changes/simplex_blend.h"
 #include "core/mesh/connectivity.h"
-#include "core/mesh/simplex_blend.h"
 #include "core/validity/certifier.h"
 
 namespace varimesh {

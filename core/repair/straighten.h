@@ -14,7 +14,7 @@ namespace varimesh {
 
 /// Makes those triangles and tetrahedra of these groups straight-sided that are not certified valid, and those that
 /// share a facet with one. Nodes on their free edges go to equal parts of the straight line between its ends. Nodes on
-/// their free faces and inside follow the edges and faces around them (core/mesh/simplex_blend.h); if these are
+/// their free faces and inside follow the edges and faces around them (core/mesh/changes/simplex_blend.h); if these are
 /// straight, so is the element. Other cells around an edge or face that moves are carried along in the same way.
 /// Vertices and fixed nodes stay bit for bit. docs/repair.md has the formulas.
 ///

@@ -6,7 +6,7 @@
 
 #include "core/base/team.h"
 #include "core/formats/formats.h"
-#include "core/mesh/change_order.h"
+#include "core/mesh/changes/change_order.h"
 #include "core/mesh/check.h"
 #include "core/reference/nodes.h"
 #include "server/engine/translate.h"

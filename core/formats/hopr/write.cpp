@@ -9,11 +9,11 @@
 #include "core/formats/hdf5/files.h"
 #include "core/formats/hopr/hopr.h"
 #include "core/formats/left_out.h"
-#include "core/formats/mfem/part_table.h"
 #include "core/formats/node_order.h"
 #include "core/formats/sides/neighbours.h"
 #include "core/formats/sides/sides.h"
 #include "core/mesh/connectivity.h"
+#include "core/mesh/part_table.h"
 #include "core/reference/nodes.h"
 
 namespace varimesh::formats {

@@ -220,7 +220,7 @@ class Reading {
         scan_.fail("element " + std::to_string(e + 1) + " has the same node twice");
     }
     allowance_.take(elements_.size(), 500);  // the topology
-    const auto visit = [&](std::size_t begin, std::size_t end, const MfemCells::Body& body) {
+    const auto visit = [&](std::size_t begin, std::size_t end, const TopologyCells::Body& body) {
       for (std::size_t e = begin; e < end; ++e) body(e, shape(), vertices_of(elements_[e]));
     };
     const MfemTopology topology(mesh_.dimension, mesh_.order, std::int32_t(vertices_), {elements_.size(), visit},

@@ -25,7 +25,7 @@ MfemTopology topology_of(const MfemReading& reading) {
     return vertices;
   };
   return MfemTopology(reading.mesh.dimension, reading.nodes.space.order, reading.vertices,
-                      mfem_cells(cells, vertices_of), reading.team, &reading.scanner);
+                      topology_cells(cells, vertices_of), reading.team, &reading.scanner);
 }
 
 /// The numbers of inner things of cells, summed up: MFEM's degrees of freedom, and nodes of the mesh.

@@ -22,8 +22,9 @@ void SmallestCell::take(std::size_t cell) {
   }
 }
 
-std::optional<std::size_t> find_unshared_side(const HighOrderMesh& mesh, const Cells& cells, const MfemCells& vertices,
-                                              const MfemTopology& topology, const Team& team) {
+std::optional<std::size_t> find_unshared_side(const HighOrderMesh& mesh, const Cells& cells,
+                                              const TopologyCells& vertices, const MfemTopology& topology,
+                                              const Team& team) {
   const std::int64_t first = topology.vertex_count(), end = topology.interior_first();
   const auto count = std::size_t(end - first);
   // The node of each degree of freedom plus one; 0: no cell has come to it.

@@ -14,8 +14,9 @@ namespace varimesh::formats {
 /// Returns the first cell that has other nodes on an edge or face than the first cell with the same vertices; nothing
 /// if there is none. Nodes at the same place count as the same. A continuous space cannot hold such a mesh: a file
 /// would have another mesh. Call it inside team.run().
-std::optional<std::size_t> find_unshared_side(const HighOrderMesh& mesh, const Cells& cells, const MfemCells& vertices,
-                                              const MfemTopology& topology, const Team& team);
+std::optional<std::size_t> find_unshared_side(const HighOrderMesh& mesh, const Cells& cells,
+                                              const TopologyCells& vertices, const MfemTopology& topology,
+                                              const Team& team);
 
 /// The error about such a cell: BadOption. `format`: whose format it is, such as "MFEM's".
 tl::unexpected<Error> unshared_side(const Cells& cells, std::size_t cell, std::string_view format);

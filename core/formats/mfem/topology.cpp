@@ -1,8 +1,6 @@
 #include "core/formats/mfem/topology.h"
 
 #include <algorithm>
-#include <cassert>
-#include <limits>
 #include <string>
 
 #include "core/formats/node_order.h"
@@ -136,20 +134,6 @@ MfemLocalNodes make_local_nodes(Shape shape, int order) {
   return local;
 }
 
-/// The vertices of a face, ascending; those of a triangle end with the largest int. Without branches, because this is
-/// done for every face of every cell.
-std::array<std::int32_t, 4> ascending(std::span<const std::int32_t> vertices) {
-  constexpr std::int32_t kNone = std::numeric_limits<std::int32_t>::max();
-  std::int32_t a = vertices[0], b = vertices[1], c = vertices[2], d = vertices.size() > 3 ? vertices[3] : kNone;
-  const auto order = [](std::int32_t& x, std::int32_t& y) {
-    const std::int32_t low = std::min(x, y);
-    y = std::max(x, y);
-    x = low;
-  };
-  order(a, b), order(c, d), order(a, c), order(b, d), order(b, c);
-  return {a, b, c, d};
-}
-
 int inner_nodes(Shape shape, int order) {
   return shape == Shape::Triangle ? (order - 1) * (order - 2) / 2 : (order - 1) * (order - 1);
 }
@@ -161,139 +145,43 @@ const MfemLocalNodes& mfem_local_nodes(Shape shape, int order) {
   return cache.get({int(shape), order}, [&] { return make_local_nodes(shape, order); });
 }
 
-// === The mesh's edges and faces ==========================================================================
+// === The mesh's degrees of freedom =======================================================================
 
 namespace {
 
-constexpr std::size_t kCellsPerTask = 2048;
+/// The turn of a face matters if it has two nodes or more.
+Topology::Faces faces_of(int dimension, int order) {
+  if (dimension < 3) return Topology::Faces::None;
+  return inner_nodes(Shape::Triangle, order) > 1 || inner_nodes(Shape::Quadrilateral, order) > 1
+             ? Topology::Faces::Turned
+             : Topology::Faces::Numbered;
+}
 
-/// The vertices of a face of a cell.
-struct FaceVertices {
-  std::array<std::int32_t, 4> vertices{};
-  std::size_t count = 0;
+/// The cells, after a check of their number.
+const TopologyCells& checked(const TopologyCells& cells, const Scanner* counted) {
+  if (counted != nullptr && cells.count > Topology::kMostTopologyCells)
+    counted->fail("the mesh has " + std::to_string(cells.count) + " elements, more than VariMesh takes");
+  return cells;
+}
 
-  FaceVertices(const Facet& face, std::span<const std::int32_t> cell) : count(face.shape == Shape::Triangle ? 3 : 4) {
-    for (std::size_t v = 0; v < count; ++v) vertices[v] = cell[std::size_t(face.vertices[v])];
-  }
-  operator std::span<const std::int32_t>() const { return {vertices.data(), count}; }
-};
-
-/// Calls body(cell, shape, vertices) for all cells; the team shares them.
-template <class Body>
-void for_each_cell(const MfemCells& cells, const Team& team, const Body& body) {
-  team.for_ranges(cells.count, kCellsPerTask,
-                  [&](std::size_t begin, std::size_t end) { cells.visit(begin, end, body); });
+CountMemory memory_of(const Scanner* counted) {
+  if (counted == nullptr) return {};
+  return [counted](std::int64_t bytes) {
+    if (bytes >= 0)
+      counted->take_memory(std::size_t(bytes));
+    else if (counted->allowance != nullptr)
+      counted->allowance->give_back(std::size_t(-bytes));
+  };
 }
 
 }  // namespace
 
-MfemTopology::MfemTopology(int dimension, int order, std::int32_t vertices, const MfemCells& cells, const Team& team,
-                           const Scanner* counted)
-    : dimension_(dimension),
-      order_(order),
-      vertices_(vertices),
-      first_edges_(kMostEdges * cells.count),
-      first_faces_(dimension == 3 ? kMostFaces * cells.count : 0) {
-  constexpr std::size_t kMostOccurrences = std::numeric_limits<std::uint32_t>::max();
-  if (counted != nullptr && cells.count > kMostOccurrences / kMostEdges)
-    counted->fail("the mesh has " + std::to_string(cells.count) + " elements, more than VariMesh takes");
-  if (counted != nullptr) counted->take_memory(2 * RankedMarks::bytes(kMostEdges * cells.count));
+MfemTopology::MfemTopology(int dimension, int order, std::int32_t vertices, const TopologyCells& cells,
+                           const Team& team, const Scanner* counted)
+    : Topology(kMfemParts, faces_of(dimension, order), vertices, checked(cells, counted), team, memory_of(counted)),
+      order_(order) {
   for (int shape = int(Shape::Line); shape < kShapes; ++shape)
     local_[std::size_t(shape)] = &mfem_local_nodes(Shape(shape), order_);
-  find_edges(cells, team, counted);
-  if (dimension == 3) find_faces(cells, team, counted);
-}
-
-void MfemTopology::find_edges(const MfemCells& cells, const Team& team, const Scanner* counted) {
-  const auto visit = [&](const auto& enter) {
-    for_each_cell(cells, team, [&](std::size_t cell, Shape shape, std::span<const std::int32_t> vertices) {
-      auto occurrence = std::uint32_t(kMostEdges * cell);
-      for (const auto& [from, to] : mfem_edges(shape)) {
-        const std::int32_t a = vertices[std::size_t(from)], b = vertices[std::size_t(to)];
-        enter(std::min(a, b), PartTable<1>::Rest{std::max(a, b)}, occurrence++);
-      }
-    });
-  };
-  edges_.build(vertices_, team, visit, first_edges_, counted);
-  first_edges_.finish();
-  edges_.number(first_edges_, team);
-}
-
-void MfemTopology::find_faces(const MfemCells& cells, const Team& team, const Scanner* counted) {
-  const auto of_shape = [&](Shape wanted, const auto& enter) {
-    for_each_cell(cells, team, [&](std::size_t cell, Shape shape, std::span<const std::int32_t> vertices) {
-      auto occurrence = std::uint32_t(kMostFaces * cell);
-      for (const Facet& face : mfem_faces(shape)) {
-        if (face.shape == wanted) enter(ascending(FaceVertices(face, vertices)), occurrence);
-        ++occurrence;
-      }
-    });
-  };
-  const auto triangles = [&](const auto& enter) {
-    of_shape(Shape::Triangle, [&](const std::array<std::int32_t, 4>& v, std::uint32_t occurrence) {
-      enter(v[0], PartTable<2>::Rest{v[1], v[2]}, occurrence);
-    });
-  };
-  const auto quadrilaterals = [&](const auto& enter) {
-    of_shape(Shape::Quadrilateral, [&](const std::array<std::int32_t, 4>& v, std::uint32_t occurrence) {
-      enter(v[0], PartTable<3>::Rest{v[1], v[2], v[3]}, occurrence);
-    });
-  };
-  triangles_.build(vertices_, team, triangles, first_faces_, counted);
-  quadrilaterals_.build(vertices_, team, quadrilaterals, first_faces_, counted);
-  first_faces_.finish();
-  triangles_.number(first_faces_, team);
-  quadrilaterals_.number(first_faces_, team);
-  if (triangles_.size() > 0 && quadrilaterals_.size() > 0) {
-    if (counted != nullptr) counted->take_memory((std::size_t(face_count()) + 1) * sizeof triangles_before_[0]);
-    triangles_before_.assign(std::size_t(face_count()) + 1, 0);
-    for (const auto& triangle : triangles_.parts()) triangles_before_[triangle.number] = 1;
-    sums_before(triangles_before_);
-  }
-  if (inner_nodes(Shape::Triangle, order_) > 1 || inner_nodes(Shape::Quadrilateral, order_) > 1)
-    find_directions(cells, team, counted);
-}
-
-void MfemTopology::find_directions(const MfemCells& cells, const Team& team, const Scanner* counted) {
-  if (counted != nullptr) counted->take_memory(std::size_t(face_count()));
-  triangle_directions_.resize(triangles_.size());
-  quadrilateral_directions_.resize(quadrilaterals_.size());
-  for_each_cell(cells, team, [&](std::size_t cell, Shape shape, std::span<const std::int32_t> vertices) {
-    const auto faces = mfem_faces(shape);
-    for (std::size_t f = 0; f < faces.size(); ++f) {
-      if (!is_first_face(cell, f)) continue;
-      const FaceVertices own(faces[f], vertices);
-      const auto sorted = ascending(own);
-      const auto place = [&](std::int32_t v) { return std::find(sorted.begin(), sorted.end(), v) - sorted.begin(); };
-      std::vector<std::uint8_t>& directions = own.count == 3 ? triangle_directions_ : quadrilateral_directions_;
-      directions[std::size_t(place_of(own))] = std::uint8_t(place(own.vertices[0]) + 4 * place(own.vertices[1]));
-    }
-  });
-}
-
-std::int32_t MfemTopology::edge(std::int32_t a, std::int32_t b) const {
-  const std::int64_t place = edges_.find(std::min(a, b), {std::max(a, b)});
-  return place < 0 ? -1 : std::int32_t(edges_.parts()[std::size_t(place)].number);
-}
-
-std::int64_t MfemTopology::place_of(std::span<const std::int32_t> vertices) const {
-  const auto v = ascending(vertices);
-  return vertices.size() == 3 ? triangles_.find(v[0], {v[1], v[2]}) : quadrilaterals_.find(v[0], {v[1], v[2], v[3]});
-}
-
-std::int32_t MfemTopology::face_at(std::size_t corners, std::int64_t place) const {
-  if (place < 0) return -1;
-  return std::int32_t(corners == 3 ? triangles_.parts()[std::size_t(place)].number
-                                   : quadrilaterals_.parts()[std::size_t(place)].number);
-}
-
-std::int32_t MfemTopology::face(std::span<const std::int32_t> vertices) const {
-  return face_at(vertices.size(), place_of(vertices));
-}
-
-std::int64_t MfemTopology::triangles_before(std::int64_t face) const {
-  if (!triangles_before_.empty()) return triangles_before_[std::size_t(face)];
-  return has_quadrilaterals() ? 0 : face;
 }
 
 std::int64_t MfemTopology::face_first(std::int64_t face) const {
@@ -319,32 +207,23 @@ bool MfemTopology::find_nodes(Shape shape, std::span<const std::int32_t> vertice
     filled += inner.size();
   }
   // The faces of a cell are known, so those without nodes need no search.
-  const bool searched = reference::info(shape).dimension < 3 || filled < nodes.size();
-  if (dimension_ == 3 && searched) {
+  const int dimension = reference::info(shape).dimension;
+  const bool searched = dimension < 3 || filled < nodes.size();
+  if (has_faces() && searched) {
     const auto faces = mfem_faces(shape);
     for (std::size_t f = 0; f < faces.size(); ++f) {
-      const FaceVertices own(faces[f], vertices);
-      const std::int64_t place = place_of(own);
-      if (place < 0) return false;
-      const std::int32_t number = face_at(own.count, place);
-      std::size_t corner = 0;
-      bool forward = true;
-      if (const auto& directions = own.count == 3 ? triangle_directions_ : quadrilateral_directions_;
-          !directions.empty()) {
-        const auto sorted = ascending(own);
-        const std::uint8_t direction = directions[std::size_t(place)];
-        const std::int32_t first = sorted[direction % 4], second = sorted[direction / 4];
-        while (corner + 1 < own.count && own.vertices[corner] != first) ++corner;
-        forward = own.vertices[(corner + 1) % own.count] == second;
-        if (!forward && own.vertices[(corner + own.count - 1) % own.count] != second) return false;
-      }
-      std::int32_t next = std::int32_t(face_first(number));
-      const std::vector<int>& inner = local.faces[f][2 * corner + (forward ? 0 : 1)];
+      std::array<std::int32_t, 4> own{};
+      const auto corners = std::size_t(reference::info(faces[f].shape).vertices);
+      for (std::size_t v = 0; v < corners; ++v) own[v] = vertices[std::size_t(faces[f].vertices[v])];
+      const FaceAt at = find_face({own.data(), corners});
+      if (at.number < 0) return false;
+      std::int32_t next = std::int32_t(face_first(at.number));
+      const std::vector<int>& inner = local.faces[f][2 * at.corner + (at.forward ? 0 : 1)];
       for (const int node : inner) nodes[std::size_t(node)] = next++;
       filled += inner.size();
     }
   }
-  if (reference::info(shape).dimension == dimension_)
+  if (dimension == (has_faces() ? 3 : 2))
     for (; filled < nodes.size(); ++filled) nodes[filled] = interior++;
   return true;
 }

@@ -31,7 +31,7 @@ class Grid {
         cells(mesh, mesh.dimension),
         number_(number_vertices(mesh)),
         topology(mesh.dimension, nodes.space.order, count_,
-                 mfem_cells(cells, [&](Shape shape, auto own) { return vertices_of(shape, own); }), team) {}
+                 topology_cells(cells, [&](Shape shape, auto own) { return vertices_of(shape, own); }), team) {}
 
   /// Calls body(cell, shape, nodes) for the cells from begin to end − 1.
   template <class Body>
@@ -59,7 +59,7 @@ class Grid {
   /// As find_unshared_side().
   std::optional<std::size_t> unshared_side(const Team& team) const {
     const auto numbers = [&](Shape shape, auto own) { return vertices_of(shape, own); };
-    return find_unshared_side(mesh, cells, mfem_cells(cells, numbers), topology, team);
+    return find_unshared_side(mesh, cells, topology_cells(cells, numbers), topology, team);
   }
 
   const HighOrderMesh& mesh;

@@ -204,7 +204,7 @@ NektarGrid::NektarGrid(const HighOrderMesh& of, std::vector<std::int32_t> vertic
       number_(std::move(vertices)),
       topology_(of.dimension, of.order,
                 std::int32_t(std::count_if(number_.begin(), number_.end(), [](std::int32_t n) { return n >= 0; })),
-                mfem_cells(cells, [&](Shape shape, auto nodes) { return vertices_of(shape, nodes); }), team) {
+                topology_cells(cells, [&](Shape shape, auto nodes) { return vertices_of(shape, nodes); }), team) {
   std::int64_t points = topology_.interior_first();
   for (const Cells::Range& range : cells.ranges()) {
     if (mesh.dimension > 2) break;

@@ -111,7 +111,7 @@ class Reading {
       if (e % kStep == 0) first.push_back(vertices);
       vertices += std::size_t(reference::info(file_.elements.shapes[e]).vertices);
     }
-    const auto visit = [&](std::size_t begin, std::size_t end, const MfemCells::Body& body) {
+    const auto visit = [&](std::size_t begin, std::size_t end, const TopologyCells::Body& body) {
       const std::int32_t* own = corners_.cells.data() + first[begin / kStep];
       for (std::size_t e = begin / kStep * kStep; e < end; ++e) {
         const Shape shape = file_.elements.shapes[e];

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cassert>
 
-#include "core/mesh/change_order.h"
+#include "core/mesh/changes/change_order.h"
 #include "core/mesh/connectivity.h"
 #include "core/reference/nodes.h"
 

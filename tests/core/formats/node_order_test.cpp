@@ -92,7 +92,7 @@ TEST(MfemTopology, HasTheEdgesAndFacesOfTheShapes) {
 // Two hexahedra with a common face, which the second numbers from another corner: both find the same nodes on it.
 TEST(MfemTopology, GivesNeighboursTheSameNodes) {
   const std::array<std::int32_t, 8> first{0, 1, 2, 3, 4, 5, 6, 7}, second{5, 1, 8, 9, 6, 2, 10, 11};
-  const auto visit = [&](std::size_t begin, std::size_t end, const MfemCells::Body& body) {
+  const auto visit = [&](std::size_t begin, std::size_t end, const TopologyCells::Body& body) {
     for (std::size_t cell = begin; cell < end; ++cell) body(cell, Shape::Hexahedron, cell == 0 ? first : second);
   };
   const MfemTopology topology(3, 4, 12, {2, visit}, Team(1));

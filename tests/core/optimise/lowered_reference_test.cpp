@@ -6,7 +6,7 @@
 #include <filesystem>
 
 #include "core/formats/formats.h"
-#include "core/mesh/change_order.h"
+#include "core/mesh/changes/change_order.h"
 #include "core/optimise/optimiser.h"
 
 namespace varimesh {

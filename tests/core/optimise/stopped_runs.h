@@ -10,7 +10,7 @@
 #include <string>
 #include <vector>
 
-#include "core/mesh/change_order.h"
+#include "core/mesh/changes/change_order.h"
 #include "core/optimise/optimiser.h"
 #include "core/validity/certificate.h"
 #include "tests/core/support/balls.h"

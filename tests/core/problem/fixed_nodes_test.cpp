@@ -5,7 +5,7 @@
 
 #include <set>
 
-#include "core/mesh/displacements.h"
+#include "core/mesh/changes/displacements.h"
 #include "core/optimise/optimiser.h"
 #include "tests/core/support/meshes.h"
 

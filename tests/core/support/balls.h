@@ -6,7 +6,7 @@
 #include <random>
 #include <vector>
 
-#include "core/mesh/change_order.h"
+#include "core/mesh/changes/change_order.h"
 #include "core/mesh/connectivity.h"
 #include "core/mesh/high_order_mesh.h"
 #include "core/reference/basis.h"

@@ -3,7 +3,7 @@
 
 #include <cmath>
 
-#include "core/mesh/change_order.h"
+#include "core/mesh/changes/change_order.h"
 #include "tests/core/support/meshes.h"
 
 namespace varimesh::testing {

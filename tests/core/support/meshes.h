@@ -12,7 +12,7 @@
 #include <string>
 #include <vector>
 
-#include "core/mesh/change_order.h"
+#include "core/mesh/changes/change_order.h"
 #include "core/mesh/connectivity.h"
 #include "core/mesh/high_order_mesh.h"
 #include "tests/core/support/print.h"

@@ -1,4 +1,4 @@
-#include "core/mesh/straight_sides.h"
+#include "core/mesh/changes/straight_sides.h"
 
 #include <Eigen/Core>
 #include <atomic>

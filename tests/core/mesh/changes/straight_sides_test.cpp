@@ -1,5 +1,5 @@
 // Straight sides are those of the cell on the same vertices, whatever the shape.
-#include "core/mesh/straight_sides.h"
+#include "core/mesh/changes/straight_sides.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "core/mesh/simplex_blend.h"
+#include "core/mesh/changes/simplex_blend.h"
 
 #include <array>
 #include <cmath>

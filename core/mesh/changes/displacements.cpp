@@ -1,5 +1,5 @@
 // Reads lists of displacements, and checks every boundary node before the mesh is changed.
-#include "core/mesh/displacements.h"
+#include "core/mesh/changes/displacements.h"
 
 #include <cmath>
 #include <optional>

@@ -1,7 +1,7 @@
 // New nodes are made cell by cell: those on edges, then those on faces, then inner nodes. The nodes of an edge or face
 // that an earlier cell has made are found by its sorted vertices. A node's position on it is counted from the smallest
 // vertex.
-#include "core/mesh/change_order.h"
+#include "core/mesh/changes/change_order.h"
 
 #include <algorithm>
 #include <array>

@@ -1,5 +1,5 @@
 // A boundary that is given apart from the mesh: as a list of displacements, or as a mesh of the boundary only.
-#include "core/mesh/displacements.h"
+#include "core/mesh/changes/displacements.h"
 
 #include <gtest/gtest.h>
 

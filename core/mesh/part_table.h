@@ -1,17 +1,20 @@
-// The edges or faces of cells, each once, found by their vertices. Internal to core/formats.
+// The edges or faces of cells, each once, found by their vertices: the tables of core/mesh/topology.h.
 #pragma once
 
 #include <algorithm>
 #include <array>
 #include <bit>
 #include <cstdint>
+#include <functional>
 #include <span>
 #include <vector>
 
 #include "core/base/shared_work.h"
-#include "core/formats/scanner.h"
 
-namespace varimesh::formats {
+namespace varimesh {
+
+/// Counts memory before it is taken; a negative number of bytes is given back. It may throw. Empty: nobody counts.
+using CountMemory = std::function<void(std::int64_t bytes)>;
 
 /// Marks of numbers from 0 on, which say how many marks are before a number.
 class RankedMarks {
@@ -57,14 +60,13 @@ class PartTable {
   ///
   /// @param vertices the number of vertices of the mesh
   /// @param visit    visit(enter) calls enter(lowest, rest, occurrence) for each part of each cell, from several
-  /// threads
-  ///                 if the team has them. Occurrences are all different. It does the same in every call.
+  ///                 threads if the team has them. Occurrences are all different. It does the same in every call.
   /// @param marks    gets a mark for the first occurrence of each part
-  /// @param counted  counts the memory; may be null
   template <class Visit>
-  void build(std::int32_t vertices, const Team& team, const Visit& visit, RankedMarks& marks, const Scanner* counted) {
+  void build(std::int32_t vertices, const Team& team, const Visit& visit, RankedMarks& marks,
+             const CountMemory& memory) {
     const auto buckets = std::size_t(vertices);
-    take(counted, 3 * (buckets + 1) * sizeof(std::uint32_t));
+    take(memory, 3 * (buckets + 1) * sizeof(std::uint32_t));
     std::vector<std::uint32_t> start(buckets + 1, 0);
     visit([&](std::int32_t low, const Rest&, std::uint32_t) { count_up(start[std::size_t(low)], team); });
     const std::size_t all = sums_before(start);
@@ -77,7 +79,7 @@ class PartTable {
       high = low + 1;
       while (high < buckets && start[high + 1] - base <= kEntries) ++high;
       const std::size_t count = start[high] - base;
-      if (count > entries.capacity()) take(counted, (count - entries.capacity()) * sizeof(Part));
+      if (count > entries.capacity()) take(memory, (count - entries.capacity()) * sizeof(Part));
       entries.resize(count);
       std::vector<std::uint32_t> next(start.begin() + std::ptrdiff_t(low), start.begin() + std::ptrdiff_t(high));
       visit([&](std::int32_t vertex, const Rest& rest, std::uint32_t occurrence) {
@@ -92,14 +94,14 @@ class PartTable {
       });
       std::size_t kept = 0;
       for (std::size_t b = low; b < high; ++b) kept += first_[b + 1];
-      take(counted, kept * sizeof(Part));
+      take(memory, kept * sizeof(Part));
       for (std::size_t b = low; b < high; ++b) {
         const Part* const first = entries.data() + (start[b] - base);
         parts_.insert(parts_.end(), first, first + first_[b + 1]);
         for (const Part* part = first; part < first + first_[b + 1]; ++part) marks.mark(part->number);
       }
     }
-    give_back(counted, entries.capacity() * sizeof(Part) + 2 * start.size() * sizeof(std::uint32_t));
+    if (memory) memory(-std::int64_t(entries.capacity() * sizeof(Part) + 2 * start.size() * sizeof(std::uint32_t)));
     for (std::size_t b = 1; b < first_.size(); ++b) first_[b] += first_[b - 1];
   }
 
@@ -145,11 +147,8 @@ class PartTable {
     return a[R - 1] < b[R - 1];
   }
 
-  static void take(const Scanner* counted, std::size_t bytes) {
-    if (counted != nullptr) counted->take_memory(bytes);
-  }
-  static void give_back(const Scanner* counted, std::size_t bytes) {
-    if (counted != nullptr && counted->allowance != nullptr) counted->allowance->give_back(bytes);
+  static void take(const CountMemory& memory, std::size_t bytes) {
+    if (memory) memory(std::int64_t(bytes));
   }
 
   /// Sorts a bucket, keeps the first occurrence of each part, and returns how many there are.
@@ -164,4 +163,4 @@ class PartTable {
   std::vector<Part> parts_;
 };
 
-}  // namespace varimesh::formats
+}  // namespace varimesh

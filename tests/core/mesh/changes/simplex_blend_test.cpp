@@ -1,5 +1,5 @@
 // Deviations of edges and faces from the straight-sided simplex, blended into its inside.
-#include "core/mesh/simplex_blend.h"
+#include "core/mesh/changes/simplex_blend.h"
 
 #include <gtest/gtest.h>
 

@@ -1,5 +1,5 @@
 // Raising and lowering the order is exact and keeps the mesh conforming. Everything but the nodes is carried over.
-#include "core/mesh/change_order.h"
+#include "core/mesh/changes/change_order.h"
 
 #include <gtest/gtest.h>
 
