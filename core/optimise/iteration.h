@@ -3,7 +3,7 @@
 
 #include <cstdint>
 
-#include "core/base/conjugate_gradients.h"
+#include "core/solvers/conjugate_gradients.h"
 
 namespace varimesh {
 

@@ -5,10 +5,10 @@
 #include <cstdint>
 #include <vector>
 
+#include "core/base/reduction.h"
 #include "core/base/team.h"
 #include "core/preconditioner/coarse_space.h"
 #include "core/preconditioner/multigrid/multigrid.h"
-#include "core/preconditioner/reduction.h"
 #include "core/problem/problem.h"
 
 namespace varimesh {

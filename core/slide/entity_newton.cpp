@@ -6,22 +6,22 @@
 #include <cmath>
 #include <limits>
 
+#include "core/kernels/regularisation.h"
+#include "core/solvers/newton_method.h"
+
 namespace varimesh::detail {
 namespace {
 
-constexpr int kMostHalvings = 12;
+constexpr int kMostTrials = 12;  // of a line search
 /// The nodes are at the optimum if none moves by more than this, relative to the distance between nodes.
 constexpr double kConverged = 1e-3;
-/// How fast δ falls while an element is folded, and how fast in a second attempt: a fold that stays while δ falls fast
-/// may open while it falls slowly.
-constexpr double kDecay = 0.85, kSlowDecay = 0.9;
 /// Added to the Hessian's diagonal, relative to its mean: a closed surface may turn in itself at no cost.
 constexpr double kShift = 1e-8;
 /// Bytes of the derivatives that are kept at once, and the most elements with these.
 constexpr std::size_t kBatchBytes = std::size_t{1} << 21, kMostInBatch = 256;
 
 template <int d>
-class EntityNewton {
+class EntityNewton final : private Minimised {
  public:
   EntityNewton(EntityForm<d> form, const Team& team) : form_(std::move(form)), team_(team) {}
 
@@ -33,8 +33,8 @@ class EntityNewton {
     const std::vector<EntityNode> start = form_.nodes();
     EntitySlide result;
     result.folded_before = form_.folded(team_);
-    iterate(kDecay, most_iterations, result);
-    if (most_iterations > 0 && !(least_ > 0)) iterate(kSlowDecay, 2 * most_iterations, result);
+    iterate(kDeltaFalls, most_iterations, result);
+    if (most_iterations > 0 && !(least_ > 0)) iterate(kDeltaFallsSlowly, 2 * most_iterations, result);
     result.folded_after = form_.folded(team_);
     for (std::size_t i = 0; i < start.size(); ++i)
       result.farthest = std::max(result.farthest, (form_.nodes()[i].x - start[i].x).norm() / form_.spacing(i));
@@ -43,15 +43,20 @@ class EntityNewton {
   }
 
  private:
-  /// Steps until the nodes move no more. While least_ ≤ 0, all elements have the same δ = 0.5 · decay^k in step k.
+  /// Steps until the nodes move no more. While least_ ≤ 0, all elements have the same δ.
   void iterate(double decay, int most_iterations, EntitySlide& result) {
+    NewtonRules rules;
+    rules.most_trials = kMostTrials;
+    rules.decrease = 0;  // any decrease will do; see move()
+    NewtonMethod method(*this, rules);
     for (int step = 0; step < most_iterations && unknowns_ > 0; ++step) {
       team_.look();
-      const double delta = least_ > 0 ? 0 : 0.5 * std::pow(decay, step);
-      const double moved = iterate(delta);
+      delta_ = least_ > 0 ? 0 : falling_delta(step, decay);
+      moved_ = 0;
+      method.step();
       ++result.iterations;
-      if (moved < kConverged && (delta == 0 || step > most_iterations / 2)) break;
-      if (!std::isfinite(moved)) break;
+      if (moved_ < kConverged && (delta_ == 0 || step > most_iterations / 2)) break;
+      if (!has_factors_) break;
     }
   }
 
@@ -107,26 +112,90 @@ class EntityNewton {
     factors_.analyzePattern(hessian_);
   }
 
-  /// One step. Returns the largest movement relative to the distance between nodes; not finite if nothing can be
-  /// solved.
-  double iterate(double delta) {
+  // ===== One step =====
+
+  double linearise(bool /*renews*/) override {
     tangents_.assign(form_.nodes().size(), Eigen::Matrix<double, 3, d>::Zero());
     for (std::size_t i = 0; i < tangents_.size(); ++i)
       if (first_[i] >= 0) tangents_[i] = form_.tangents(i);
-    assemble(delta);
+    if (value_delta_ != delta_) take_value();
+    assemble();
     const double mean = hessian_.diagonal().sum() / static_cast<double>(unknowns_);
     for (Eigen::Index k = 0; k < unknowns_; ++k) hessian_.valuePtr()[hessian_.outerIndexPtr()[k]] += kShift * mean;
     factors_.factorize(hessian_);
-    if (factors_.info() != Eigen::Success) return std::numeric_limits<double>::quiet_NaN();
-    const Eigen::VectorXd step = factors_.solve(-slope_);
-    std::vector<Eigen::Vector3d> wish(tangents_.size(), Eigen::Vector3d::Zero());
+    has_factors_ = factors_.info() == Eigen::Success;
+    if (!has_factors_) slope_.setZero();
+    residual_ = -slope_;
+    step_.setZero(unknowns_);
+    start_ = form_.nodes();
+    return value_.energy;
+  }
+  /// M is H, so its solution is the step.
+  double precondition() override {
+    product_ = has_factors_ ? Eigen::VectorXd(factors_.solve(residual_)) : residual_;
+    return residual_.dot(product_);
+  }
+  double multiply() override {
+    product_ = hessian_.template selfadjointView<Eigen::Lower>() * direction_;
+    return direction_.dot(product_);
+  }
+  void advance(double alpha) override {
+    step_ += alpha * direction_;
+    residual_ -= alpha * product_;
+  }
+  void turn(double beta) override {
+    if (beta == 0)
+      direction_ = product_;
+    else
+      direction_ = product_ + beta * direction_;
+  }
+  void take_direction() override { step_ = direction_; }
+  double gradient_norm() override { return slope_.norm(); }
+  double preconditioned_norm(double rq) const override { return std::sqrt(std::max(0.0, rq)); }
+  double largest_step() override {
+    double largest = 0;
+    for (std::size_t i = 0; i < first_.size(); ++i)
+      if (first_[i] >= 0) largest = std::max(largest, step_.segment<d>(first_[i]).norm() / form_.spacing(i));
+    return largest;
+  }
+  /// No node moves by more than half the distance between nodes.
+  double finish_step() override {
+    wish_.assign(first_.size(), Eigen::Vector3d::Zero());
     for (std::size_t i = 0; i < first_.size(); ++i) {
       if (first_[i] < 0) continue;
-      wish[i] = tangents_[i] * step.segment<d>(first_[i]);
-      const double most = 0.5 * form_.spacing(i);
-      if (wish[i].norm() > most) wish[i] *= most / wish[i].norm();
+      auto own = step_.segment<d>(first_[i]);
+      wish_[i] = tangents_[i] * own;
+      const double most = 0.5 * form_.spacing(i), share = most / wish_[i].norm();
+      if (!(share < 1)) continue;
+      wish_[i] *= share;
+      own *= share;
     }
-    return search(delta, wish);
+    return slope_.dot(step_);
+  }
+  double move(double alpha) override {
+    std::vector<EntityNode>& nodes = form_.nodes();
+    moved_ = 0;
+    if (alpha == 0) {
+      nodes = start_;
+      return value_.energy;
+    }
+    for (std::size_t i = 0; i < first_.size(); ++i) {
+      if (first_[i] < 0) continue;
+      nodes[i] = form_.moved(start_[i], i, alpha * wish_[i]);
+      moved_ = std::max(moved_, (nodes[i].x - start_[i].x).norm() / form_.spacing(i));
+    }
+    // A step that leaves the energy as it is leaves the nodes as they are.
+    const double energy = form_.total(delta_, team_).energy;
+    return std::isfinite(moved_) && energy < value_.energy ? energy : std::numeric_limits<double>::infinity();
+  }
+  void settle() override {
+    form_.take_normals();
+    take_value();
+    least_ = value_.least_movable;
+  }
+  void take_value() {
+    value_ = form_.total(delta_, team_);
+    value_delta_ = delta_;
   }
 
   /// The derivatives of one element by its nodes' places on their tangents, d per node.
@@ -135,10 +204,10 @@ class EntityNewton {
     Eigen::MatrixXd hessian;
   };
 
-  Derivatives derivatives(std::size_t e, double delta) const {
+  Derivatives derivatives(std::size_t e) const {
     Eigen::VectorXd gradient;
     Eigen::MatrixXd hessian;
-    form_.derivatives(e, delta, gradient, hessian);
+    form_.derivatives(e, delta_, gradient, hessian);
     const std::vector<std::int32_t>& places = form_.places(e);
     const auto nodes = static_cast<Eigen::Index>(places.size());
     Derivatives on_tangents{Eigen::VectorXd(d * nodes), Eigen::MatrixXd(d * nodes, d * nodes)};
@@ -167,16 +236,15 @@ class EntityNewton {
 
   /// Sets the gradient and the Hessian by the unknowns. The threads share the derivatives of the elements, and one adds
   /// them up in the order of the elements.
-  void assemble(double delta) {
+  void assemble() {
     slope_.setZero(unknowns_);
     std::fill_n(hessian_.valuePtr(), hessian_.nonZeros(), 0.0);
     std::vector<Derivatives> batch(batch_size());
     const auto begin_element = [&](std::size_t e) {
       if (e % batch.size() == 0)
-        team_.for_each(static_cast<std::int32_t>(std::min(batch.size(), form_.size() - e)), EntityForm<d>::kGrain,
-                       [&](std::int32_t i) {
-                         batch[static_cast<std::size_t>(i)] = derivatives(e + static_cast<std::size_t>(i), delta);
-                       });
+        team_.for_each(
+            static_cast<std::int32_t>(std::min(batch.size(), form_.size() - e)), EntityForm<d>::kGrain,
+            [&](std::int32_t i) { batch[static_cast<std::size_t>(i)] = derivatives(e + static_cast<std::size_t>(i)); });
       const std::vector<std::int32_t>& places = form_.places(e);
       for (std::size_t a = 0; a < places.size(); ++a)
         if (const Eigen::Index first = first_[static_cast<std::size_t>(places[a])]; first >= 0)
@@ -195,34 +263,6 @@ class EntityNewton {
     });
   }
 
-  /// Halves the step until the energy falls. Keeps the nodes if it never does.
-  double search(double delta, const std::vector<Eigen::Vector3d>& wish) {
-    std::vector<EntityNode>& nodes = form_.nodes();
-    const std::vector<EntityNode> before = nodes;
-    if (delta_ != delta) {
-      value_ = form_.total(delta, team_);
-      delta_ = delta;
-    }
-    const double energy = value_.energy;
-    double length = 1;
-    for (int half = 0; half < kMostHalvings; ++half, length /= 2) {
-      double largest = 0;
-      for (std::size_t i = 0; i < first_.size(); ++i) {
-        if (first_[i] < 0) continue;
-        nodes[i] = form_.moved(before[i], i, length * wish[i]);
-        largest = std::max(largest, (nodes[i].x - before[i].x).norm() / form_.spacing(i));
-      }
-      const auto value = form_.total(delta, team_);
-      if (!(value.energy < energy) || !std::isfinite(largest)) continue;
-      form_.take_normals();
-      value_ = form_.total(delta, team_);
-      least_ = value_.least_movable;
-      return largest;
-    }
-    nodes = before;
-    return 0;
-  }
-
   EntityForm<d> form_;
   const Team& team_;
   std::vector<Eigen::Index> first_;  ///< By node: its first unknown; −1 if it is held.
@@ -232,9 +272,15 @@ class EntityNewton {
   Eigen::SparseMatrix<double> hessian_;                ///< Its lower triangle.
   std::vector<std::array<std::ptrdiff_t, d>> slots_;   ///< By pair of for_blocks() and column of its block.
   Eigen::SimplicialLDLT<Eigen::SparseMatrix<double>, Eigen::Lower> factors_;
+  bool has_factors_ = true;  ///< The last Hessian could be factorised.
+  Eigen::VectorXd step_, residual_, direction_, product_;
+  std::vector<Eigen::Vector3d> wish_;  ///< By node: the displacement of the whole step.
+  std::vector<EntityNode> start_;      ///< Where the step found the nodes.
+  double delta_ = 0;
+  double moved_ = 0;                     ///< The largest movement of a node over the distance between nodes there.
   double least_ = 0;                     ///< Smallest J of all points that free nodes change.
-  typename EntityForm<d>::Value value_;  ///< With delta_, where the nodes are.
-  double delta_ = std::numeric_limits<double>::quiet_NaN();
+  typename EntityForm<d>::Value value_;  ///< With value_delta_, where the nodes are.
+  double value_delta_ = std::numeric_limits<double>::quiet_NaN();
 };
 
 }  // namespace

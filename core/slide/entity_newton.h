@@ -23,8 +23,8 @@ struct EntitySlide {
 /// A step solves for the displacements T q of the free nodes with T an orthonormal basis of the tangents: one tangent
 /// on a curve, two on a surface. Then the parameters change by (SᵀS)⁻¹ Sᵀ T q with S the first derivatives, and the
 /// node is put on the entity there. No node moves by more than half the distance between nodes in one step. While an
-/// element is folded at a point where a free node changes F, all have the same δ = 0.5 · 0.85^k in step k; after that
-/// δ = 0. If such a fold stays, a second attempt has twice as many iterations and δ = 0.5 · 0.9^k.
+/// element is folded at a point where a free node changes F, all have the same δ (falling_delta); after that δ = 0. If
+/// such a fold stays, a second attempt has twice as many iterations and a δ that falls more slowly.
 ///
 /// @param at_start         coordinates of all nodes of the mesh as they came, which set the targets
 /// @param most_iterations  0: only count the folded elements

@@ -7,6 +7,7 @@
 
 #include "core/base/index.h"
 #include "core/base/stopwatch.h"
+#include "core/kernels/regularisation.h"
 #include "core/merit/merit.h"
 #include "core/merit/thresholds.h"
 #include "core/mesh/connectivity.h"
@@ -22,10 +23,6 @@ namespace {
 
 constexpr int kMostStepsInside = 20, kMostSteps = 40;
 constexpr int kMostWithoutGain = 12;  // steps, before a descent ends
-/// δ of J' in the first step, and how fast it falls while a cell or an element of the boundary is inverted. If cells
-/// are left, a second attempt has another rate: cells that stay inverted at one may open at the other, and neither is
-/// the better one on all meshes.
-constexpr double kFirstDelta = 0.5, kDecay = 0.85, kSecondDecay = 0.7;
 /// The energy stands if it falls by less than this, relative to itself.
 constexpr double kStands = 1e-4;
 /// The weights of the boundary's energy, one after the other while its distance from the geometry exceeds the limit.
@@ -155,12 +152,14 @@ class Descent {
   void descend(int most_steps, const Gains& gains) {
     int without = 0;
     for (int step = 0; step < most_steps && !is_late(); ++step) {
-      const double delta = newton_.least() > 0 ? 0 : kFirstDelta * std::pow(decay_, step);
-      const CoupledNewton::Outcome outcome = newton_.step(delta);
+      const double delta = newton_.least() > 0 ? 0 : falling_delta(step, decay_);
+      const NewtonOutcome outcome = newton_.step(delta);
       ++steps_;
-      if (!outcome.moved) return;
+      if (outcome.damping == 0) return;
       without = gains() ? 0 : without + 1;
-      if (without == kMostWithoutGain || (delta == 0 && outcome.fall < kStands)) return;
+      if (without == kMostWithoutGain ||
+          (delta == 0 && outcome.before - outcome.after < kStands * std::abs(outcome.before)))
+        return;
     }
   }
 
@@ -193,7 +192,7 @@ class Descent {
   const Team& team_;
   std::vector<Certificate> certificates_;
   CoupledState as_it_slid_;
-  double decay_ = kDecay;
+  double decay_ = kDeltaFalls;
   double seconds_;
   Stopwatch watch_;
   int steps_ = 0;
@@ -279,7 +278,7 @@ SlideReport slide_coupled(HighOrderMesh& mesh, Association& association, const s
     const DistanceLimit on_curves = limits.tolerance > 0 ? curves : larger(surfaces, curves);
     all = descent->everything(*inside, surfaces, on_curves);
     if ((all && all->merit.weak == 0) || descent->is_late()) return;
-    descent->begin_again(kSecondDecay);
+    descent->begin_again(kDeltaFallsFast);
     Judged again = descent->inside();
     std::optional<Judged> all_again = descent->everything(again, surfaces, on_curves);
     if (is_better(again.merit, inside->merit, kAskForMinimum)) inside = std::move(again);

@@ -5,14 +5,14 @@
 #include <cmath>
 
 #include "core/base/index.h"
-#include "core/base/line_search.h"
 
 namespace varimesh::detail {
 namespace {
 
 constexpr std::int32_t kNodesPerTask = 256;
+constexpr std::size_t kNumbersPerTask = 16384;
 constexpr int kMostProducts = 300;
-constexpr int kFewProducts = 10;
+constexpr int kFewProducts = 10;      // a step that meets negative curvature so soon is solved with a convex part
 constexpr double kForcing = 0.02;     // a step is solved to this share of its initial residual
 constexpr int kMostTrials = 14;       // of a line search
 constexpr double kLeastShare = 1e-6;  // of a block's largest eigenvalue: smaller ones count as this one
@@ -47,10 +47,20 @@ CoupledNewton::CoupledNewton(VolumeEnergy& volume, BoundaryEnergy& boundary, std
     vector->resize(3 * volume.nodes().size());
 }
 
-double CoupledNewton::energy(double delta) {
-  volume_.set_delta(delta);
+NewtonOutcome CoupledNewton::step(double delta) {
+  delta_ = delta;
+  NewtonRules rules;
+  rules.most_products = kMostProducts;
+  rules.forcing = kForcing;
+  rules.few_products = kFewProducts;
+  rules.most_trials = kMostTrials;
+  return NewtonMethod(*this, rules).step();
+}
+
+double CoupledNewton::energy() {
+  volume_.set_delta(delta_);
   const double inside = volume_.energy(coordinates_);
-  return boundary_slides ? inside + boundary_.value(delta, boundary_weight).energy : inside;
+  return boundary_slides ? inside + boundary_.value(delta_, boundary_weight).energy : inside;
 }
 
 double CoupledNewton::least() {
@@ -73,53 +83,76 @@ void CoupledNewton::put_between(const CoupledState& start, const CoupledState& e
   boundary_.follow();
 }
 
-void CoupledNewton::linearise(double delta, bool positive) {
+// ===== The linear system =====
+
+double CoupledNewton::linearise(bool /*renews*/) {
   const std::size_t ranks = volume_.nodes().size();
+  gradient_.assign(3 * ranks, 0);
+  inverse_.assign(ranks, Eigen::Matrix3d::Zero());
+  volume_.set_delta(delta_);
+  volume_.place(coordinates_);
+  volume_.cells().linearise(gradient_);
+  before_ = volume_.cells().value();
+  if (boundary_slides) before_ += boundary_.value(delta_, boundary_weight).energy;
+  if (!std::isfinite(before_)) {
+    std::ranges::fill(gradient_, 0.0);
+    begin_system();
+    return before_;
+  }
   directions_ = boundary_.directions();
   directions_.resize(ranks, Eigen::Matrix3d::Identity());
   if (!boundary_slides)
     for (std::size_t rank = 0; rank < ranks; ++rank)
       if (boundary_.slides(volume_.nodes()[rank])) directions_[rank].setZero();
-  volume_.linearise(positive, gradient_, blocks_);
-  if (boundary_slides)
-    boundary_hessian_ = &boundary_.linearise(delta, boundary_weight, positive, directions_, gradient_);
+  if (boundary_slides) boundary_hessian_ = &boundary_.linearise(delta_, boundary_weight, false, directions_, gradient_);
   team_.for_each(static_cast<std::int32_t>(ranks), kNodesPerTask, [&](std::int32_t rank) {
     const Eigen::Vector3d slope = directions_[at(rank)].transpose() * node(gradient_, at(rank));
     node(gradient_, at(rank)) = slope;
   });
-  invert_blocks();
+  volume_.cells().for_blocks([&](std::int32_t rank, const std::array<double, 6>& block) { invert_block(rank, block); });
+  begin_system();
+  return before_;
 }
 
-void CoupledNewton::invert_blocks() {
-  inverse_.resize(directions_.size());
-  team_.for_each(static_cast<std::int32_t>(directions_.size()), kNodesPerTask, [&](std::int32_t rank) {
-    const Eigen::Matrix3d& T = directions_[at(rank)];
-    Eigen::Matrix3d block = T.transpose() * full(blocks_[at(rank)]) * T;
-    if (boundary_slides && boundary_.slides(volume_.nodes()[at(rank)]))
-      for (int row = 0; row < 3; ++row)
-        for (BoundaryEnergy::Matrix::InnerIterator entry(*boundary_hessian_, 3 * rank + row); entry; ++entry)
-          if (entry.col() / 3 == rank) block(row, entry.col() % 3) += entry.value();
-    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(block);
-    const double largest = solver.eigenvalues().cwiseAbs().maxCoeff();
-    Eigen::Vector3d inverse;
-    for (int k = 0; k < 3; ++k) {
-      const double value = std::abs(solver.eigenvalues()[k]);
-      inverse[k] = largest > 0 ? 1 / std::max(value, kLeastShare * largest) : 0;
+bool CoupledNewton::make_convex() {
+  volume_.cells().keep_convex_part(material(Options{}));
+  std::vector<double> unused = gradient_;
+  if (boundary_slides) boundary_hessian_ = &boundary_.linearise(delta_, boundary_weight, true, directions_, unused);
+  volume_.cells().for_blocks([&](std::int32_t rank, const std::array<double, 6>& block) { invert_block(rank, block); });
+  begin_system();
+  return true;
+}
+
+void CoupledNewton::begin_system() {
+  std::ranges::fill(step_, 0.0);
+  std::ranges::transform(gradient_, residual_.begin(), [](double g) { return -g; });
+}
+
+void CoupledNewton::invert_block(std::int32_t rank, const std::array<double, 6>& of_volume) {
+  const Eigen::Matrix3d& T = directions_[at(rank)];
+  Eigen::Matrix3d block = T.transpose() * full(of_volume) * T;
+  if (boundary_slides && boundary_.slides(volume_.nodes()[at(rank)]))
+    for (int row = 0; row < 3; ++row)
+      for (BoundaryEnergy::Matrix::InnerIterator entry(*boundary_hessian_, 3 * rank + row); entry; ++entry)
+        if (entry.col() / 3 == rank) block(row, entry.col() % 3) += entry.value();
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(block);
+  const double largest = solver.eigenvalues().cwiseAbs().maxCoeff();
+  Eigen::Vector3d inverse;
+  for (int k = 0; k < 3; ++k) {
+    const double value = std::abs(solver.eigenvalues()[k]);
+    inverse[k] = largest > 0 ? 1 / std::max(value, kLeastShare * largest) : 0;
+  }
+  inverse_[at(rank)] = solver.eigenvectors() * inverse.asDiagonal() * solver.eigenvectors().transpose();
+  // In directions in which the node does not move nothing is to be solved.
+  for (int k = 0; k < 3; ++k)
+    if (T.col(k).isZero(0)) {
+      inverse_[at(rank)].row(k).setZero();
+      inverse_[at(rank)].col(k).setZero();
     }
-    inverse_[at(rank)] = solver.eigenvectors() * inverse.asDiagonal() * solver.eigenvectors().transpose();
-    // In directions in which the node does not move nothing is to be solved.
-    for (int k = 0; k < 3; ++k)
-      if (T.col(k).isZero(0)) {
-        inverse_[at(rank)].row(k).setZero();
-        inverse_[at(rank)].col(k).setZero();
-      }
-  });
 }
-
-// ===== The linear system =====
 
 double CoupledNewton::dot(const std::vector<double>& a, const std::vector<double>& b) {
-  return reduction_.sum(a.size(), 16384, [&](std::size_t i) { return a[i] * b[i]; });
+  return reduction_.sum(a.size(), kNumbersPerTask, [&](std::size_t i) { return a[i] * b[i]; });
 }
 
 double CoupledNewton::multiply() {
@@ -128,7 +161,7 @@ double CoupledNewton::multiply() {
     const Eigen::Vector3d move = directions_[at(rank)] * node(direction_, at(rank));
     for (int k = 0; k < 3; ++k) moves_[at(3 * rank + k)] = static_cast<float>(move[k]);
   });
-  volume_.multiply(moves_, forces_);
+  volume_.cells().multiply(moves_, forces_);
   team_.for_each(ranks, kNodesPerTask, [&](std::int32_t rank) {
     Eigen::Vector3d sum =
         directions_[at(rank)].transpose() * Eigen::Map<const Eigen::Vector3f>(&forces_[3 * at(rank)]).cast<double>();
@@ -147,84 +180,62 @@ double CoupledNewton::precondition() {
   return dot(residual_, product_);
 }
 
-/// The vectors of conjugate gradients: x is step_, r is residual_, p is direction_; A p and then z are in product_.
-struct CoupledNewton::LinearSystem {
-  CoupledNewton& newton;
-  double initial;
-
-  double multiply() { return newton.multiply(); }
-  void advance(double alpha) {
-    newton.team_.for_ranges(newton.step_.size(), 16384, [&](std::size_t begin, std::size_t end) {
-      for (std::size_t i = begin; i < end; ++i) {
-        newton.step_[i] += alpha * newton.direction_[i];
-        newton.residual_[i] -= alpha * newton.product_[i];
-      }
-    });
-  }
-  double precondition() { return newton.precondition(); }
-  bool is_solved(double rz) const { return rz <= kForcing * kForcing * initial; }
-  void turn(double beta) {
-    newton.team_.for_ranges(newton.step_.size(), 16384, [&](std::size_t begin, std::size_t end) {
-      for (std::size_t i = begin; i < end; ++i) newton.direction_[i] = newton.product_[i] + beta * newton.direction_[i];
-    });
-  }
-};
-
-ConjugateGradients CoupledNewton::solve() {
-  std::ranges::fill(step_, 0.0);
-  std::ranges::transform(gradient_, residual_.begin(), [](double g) { return -g; });
-  const double initial = precondition();
-  direction_ = product_;
-  LinearSystem system{*this, initial};
-  const ConjugateGradients result = conjugate_gradients(system, initial, kMostProducts);
-  // The quadratic model is not bounded below. The step is what was found so far, or the first direction.
-  if (result.negative_curvature && result.products == 1) step_ = direction_;
-  return result;
+void CoupledNewton::advance(double alpha) {
+  team_.for_ranges(step_.size(), kNumbersPerTask, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) {
+      step_[i] += alpha * direction_[i];
+      residual_[i] -= alpha * product_[i];
+    }
+  });
 }
 
-// ===== A step =====
+void CoupledNewton::turn(double beta) {
+  if (beta == 0) {
+    direction_ = product_;
+    return;
+  }
+  team_.for_ranges(step_.size(), kNumbersPerTask, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) direction_[i] = product_[i] + beta * direction_[i];
+  });
+}
 
-double CoupledNewton::energy_at(double alpha, const CoupledState& start, double delta) {
+double CoupledNewton::gradient_norm() { return std::sqrt(dot(gradient_, gradient_)); }
+
+double CoupledNewton::preconditioned_norm(double rq) const { return std::sqrt(std::max(0.0, rq)); }
+
+double CoupledNewton::largest_step() {
+  return reduction_.largest(step_.size(), kNumbersPerTask, [&](std::size_t i) { return std::abs(step_[i]); });
+}
+
+// ===== The step =====
+
+double CoupledNewton::finish_step() {
+  const double slope = dot(gradient_, step_);
+  for (std::size_t rank = 0; rank < directions_.size(); ++rank) {
+    const Eigen::Vector3d move = volume_.diagonal() * (directions_[rank] * node(std::as_const(step_), rank));
+    node(step_, rank) = move;
+  }
+  start_ = state();
+  return slope;
+}
+
+double CoupledNewton::move(double alpha) {
+  if (alpha == 0) {
+    restore(start_);
+    return before_;
+  }
   std::vector<double> scaled = step_;
   for (double& number : scaled) number *= alpha;
   for (std::size_t rank = 0; rank < volume_.nodes().size(); ++rank)
     if (!boundary_.slides(volume_.nodes()[rank]))
       node(coordinates_, at(volume_.nodes()[rank])) =
-          node(start.coordinates, at(volume_.nodes()[rank])) + node(std::as_const(scaled), rank);
-  if (boundary_slides) boundary_.move(start.places, scaled, coordinates_);
-  return energy(delta);
+          node(start_.coordinates, at(volume_.nodes()[rank])) + node(std::as_const(scaled), rank);
+  if (boundary_slides) boundary_.move(start_.places, scaled, coordinates_);
+  return energy();
 }
 
-CoupledNewton::Outcome CoupledNewton::step(double delta) {
-  Outcome outcome;
-  const double before = energy(delta);
-  if (!std::isfinite(before)) return outcome;
-  linearise(delta, false);
-  ConjugateGradients linear = solve();
-  outcome.products = linear.products;
-  if (linear.negative_curvature && linear.products <= kFewProducts) {
-    outcome.positive = true;
-    linearise(delta, true);
-    outcome.products += solve().products;
-  }
-  const double slope = dot(gradient_, step_);
-  if (!(slope < 0)) return outcome;
-  for (std::size_t rank = 0; rank < directions_.size(); ++rank) {
-    const Eigen::Vector3d move = volume_.diagonal() * (directions_[rank] * node(std::as_const(step_), rank));
-    node(step_, rank) = move;
-  }
-  const CoupledState start = state();
-  const AcceptedStep accepted = backtrack({before, slope, 1e-14 * std::abs(before), kMostTrials},
-                                          [&](double alpha) { return energy_at(alpha, start, delta); });
-  outcome.share = accepted.alpha;
-  if (accepted.alpha == 0) {
-    restore(start);
-    return outcome;
-  }
+void CoupledNewton::settle() {
   if (boundary_slides) boundary_.follow();
-  outcome.moved = true;
-  outcome.fall = (before - accepted.energy) / std::abs(before);
-  return outcome;
 }
 
 }  // namespace varimesh::detail

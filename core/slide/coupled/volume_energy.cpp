@@ -1,8 +1,6 @@
 #include "core/slide/coupled/volume_energy.h"
 
-#include <Eigen/LU>
 #include <algorithm>
-#include <cmath>
 #include <limits>
 
 #include "core/base/index.h"
@@ -21,7 +19,6 @@ namespace {
 constexpr double kStraightWeight = 0.05;
 /// The weight of all points of the lattice together, beside 1 for those of the rule.
 constexpr double kLatticeWeight = 0.05;
-constexpr std::int32_t kCellsPerTask = 64, kBatchesPerTask = 2, kNodesPerTask = 256;
 
 /// The cells of order 1 on the vertices of a mesh's cells.
 HighOrderMesh straight_cells(const HighOrderMesh& mesh) {
@@ -94,7 +91,7 @@ void list_incidences(Problem& problem) {
 }  // namespace
 
 VolumeEnergy::VolumeEnergy(const HighOrderMesh& mesh, const std::vector<bool>& fixed, const Team& team)
-    : team_(team), frame_(frame_of(mesh, team)), reduction_(team) {
+    : team_(team), frame_(frame_of(mesh, team)) {
   const Material material = varimesh::material(Options{});
   kernels_ = make_kernels(material, 3);
   hessian_ = make_hessian_kernels(material, 3);
@@ -117,9 +114,7 @@ VolumeEnergy::VolumeEnergy(const HighOrderMesh& mesh, const std::vector<bool>& f
   }
   problem_.cells += barrier.cells;
   list_incidences(problem_);
-  scans_.resize(at(problem_.cells));
-  for (CellSet& set : problem_.sets) set.energy_slope.assign(at(set.count), 1.0);
-  batches_ = make_batches(problem_, *hessian_, team);
+  cells_.emplace(problem_, *kernels_, *hessian_, PNorm{}, team);
 }
 
 std::vector<double> VolumeEnergy::volumes() const {
@@ -131,103 +126,27 @@ std::vector<double> VolumeEnergy::volumes() const {
 }
 
 void VolumeEnergy::set_delta(double delta) {
-  delta_ = delta;
   for (CellSet& set : problem_.sets) set.delta_squared.assign(at(set.count), delta * delta);
 }
 
-double VolumeEnergy::energy(std::span<const double> coordinates) {
+void VolumeEnergy::place(std::span<const double> coordinates) {
   team_.for_ranges(coordinates.size() / 3, 16384, [&](std::size_t begin, std::size_t end) {
     for (std::size_t n = begin; n < end; ++n)
       for (std::size_t k = 0; k < 3; ++k)
         problem_.positions[3 * n + k] = (coordinates[3 * n + k] - frame_.centre[k]) / frame_.diagonal;
   });
-  scan();
-  double energy = 0;
-  least_ = std::numeric_limits<double>::infinity();
-  for (const CellScan& scan : scans_) least_ = std::min(least_, scan.smallest_jacobian);
-  for (const CellSet& set : problem_.sets)
-    energy += reduction_.sum(at(set.count), 512, [&](std::size_t cell) {
-      const CellScan& scan = scans_[at(set.first) + cell];
-      if (set.delta_squared[cell] == 0 && !(scan.smallest_jacobian > 0)) return std::numeric_limits<double>::infinity();
-      return scan.energy;
-    });
-  return std::isfinite(energy) ? energy : std::numeric_limits<double>::infinity();
 }
 
-void VolumeEnergy::scan() {
-  for (const CellSet& set : problem_.sets)
-    team_.for_each(set.count, kCellsPerTask, [&](std::int32_t cell) {
-      static thread_local AlignedVector<double> deformation;
-      deformation.resize(set.deformation_size());
-      kernels_->deform(set, cell, problem_.positions, deformation.data());
-      scans_[at(set.first + cell)] = kernels_->scan(set, cell, deformation.data(), nullptr);
-    });
+double VolumeEnergy::energy(std::span<const double> coordinates) {
+  place(coordinates);
+  cells_->scan();
+  return cells_->value();
 }
 
-void VolumeEnergy::keep_positive_part(std::size_t s, std::int32_t b, const double* deformation) {
-  const CellSet& set = problem_.sets[s];
-  BatchSet& batches = batches_[s];
-  const Material material = varimesh::material(Options{});
-  for (std::int32_t cell = b * kBatch; cell < std::min(set.count, (b + 1) * kBatch); ++cell)
-    for (int q = 0; q < set.points; ++q) {
-      const double* F = deformation + at(cell - b * kBatch) * set.deformation_size() + q;
-      Eigen::Matrix3d matrix;
-      for (int k = 0; k < 9; ++k) matrix(k / 3, k % 3) = F[k * set.stride];
-      const double J = matrix.determinant();
-      const double weight = 2 * static_cast<double>(batches.kept(cell, q, KeptPartial::Q)) / material.mu;  // f_Q = μ/2
-      batches.kept(cell, q, KeptPartial::J) = 0;
-      float& second = batches.kept(cell, q, KeptPartial::JJ);
-      second = std::max(second, static_cast<float>(weight * material.lambda / (J * J + delta_ * delta_)));
-    }
-}
-
-void VolumeEnergy::linearise(bool positive, std::vector<double>& gradient, std::vector<std::array<double, 6>>& blocks) {
-  for (std::size_t s = 0; s < problem_.sets.size(); ++s) {
-    const CellSet& set = problem_.sets[s];
-    team_.for_each(batches_[s].count, kBatchesPerTask, [&](std::int32_t b) {
-      static thread_local AlignedVector<double> deformation;
-      deformation.resize(kBatch * set.deformation_size());
-      for (std::int32_t cell = b * kBatch; cell < std::min(set.count, (b + 1) * kBatch); ++cell)
-        kernels_->deform(set, cell, problem_.positions,
-                         deformation.data() + at(cell - b * kBatch) * set.deformation_size());
-      hessian_->linearise(batches_[s], b, deformation.data());
-      if (positive) keep_positive_part(s, b, deformation.data());
-    });
-  }
-  const auto ranks = static_cast<std::int32_t>(problem_.free.size());
-  // Calls add(numbers) for what each cell contributes to a node.
-  const auto for_contributions = [&](std::int32_t rank, const auto& add) {
-    for (std::int64_t i = problem_.offsets[at(rank)]; i < problem_.offsets[at(rank) + 1]; ++i) {
-      const Incidence& incidence = problem_.incidences[at(i)];
-      const BatchSet& set = batches_[at(incidence.set)];
-      add(set.contributions.data() + set.contribution_index(incidence.cell, incidence.local, 6));
-    }
-  };
-  gradient.assign(3 * problem_.free.size(), 0);
-  team_.for_each(ranks, kNodesPerTask, [&](std::int32_t rank) {
-    for_contributions(rank, [&](const float* numbers) {
-      for (std::size_t k = 0; k < 3; ++k)
-        gradient[3 * at(rank) + k] += static_cast<double>(numbers[k]) + static_cast<double>(numbers[3 + k]);
-    });
-  });
-  for (BatchSet& set : batches_)
-    team_.for_each(set.count, kBatchesPerTask, [&](std::int32_t b) { hessian_->node_blocks(set, b); });
-  blocks.assign(problem_.free.size(), {});
-  team_.for_each(ranks, kNodesPerTask, [&](std::int32_t rank) {
-    for_contributions(rank, [&](const float* numbers) {
-      for (std::size_t k = 0; k < 6; ++k) blocks[at(rank)][k] += static_cast<double>(numbers[k]);
-    });
-  });
-}
-
-void VolumeEnergy::multiply(std::span<const float> direction, std::span<float> product) {
-  for (BatchSet& set : batches_)
-    team_.for_each(set.count, kBatchesPerTask, [&](std::int32_t b) { hessian_->apply(set, b, direction); });
-  const auto ranks = static_cast<std::int32_t>(problem_.free.size());
-  team_.for_each((ranks + kNodesPerTask - 1) / kNodesPerTask, 1, [&](std::int32_t task) {
-    hessian_->add_up(problem_, batches_, direction.data(), product.data(), task * kNodesPerTask,
-                     std::min(ranks, (task + 1) * kNodesPerTask));
-  });
+double VolumeEnergy::least() const {
+  double least = std::numeric_limits<double>::infinity();
+  for (const CellScan& scan : cells_->scans()) least = std::min(least, scan.smallest_jacobian);
+  return least;
 }
 
 }  // namespace varimesh::detail

@@ -1,16 +1,14 @@
 // The energy of the cells of a mesh as a function of all its nodes. Internal to core/slide.
 #pragma once
 
-#include <array>
 #include <memory>
+#include <optional>
 #include <span>
 #include <vector>
 
-#include "core/kernels/hessian/batches.h"
-#include "core/kernels/kernels.h"
-#include "core/preconditioner/reduction.h"
 #include "core/problem/node_conversion.h"
 #include "core/problem/problem.h"
+#include "core/terms/cell_energy.h"
 
 namespace varimesh::detail {
 
@@ -35,35 +33,24 @@ class VolumeEnergy {
   /// δ of J' = (J + √(J² + δ²))/2 for all cells. 0: J must stay positive.
   void set_delta(double delta);
 
-  /// The energy with the nodes at `coordinates` (3 per node of the mesh, in its unit of length); infinite if δ = 0 and
-  /// J ≤ 0 at a quadrature point. All that follows is about these coordinates.
+  /// Puts the nodes to `coordinates` (3 per node of the mesh, in its unit of length).
+  void place(std::span<const double> coordinates);
+  /// The energy there; infinite if δ = 0 and J ≤ 0 at a quadrature point.
   double energy(std::span<const double> coordinates);
-  /// The smallest J of all cells.
-  double least() const { return least_; }
+  /// The smallest J of all cells, as of the last energy() or linearise() of cells().
+  double least() const;
 
-  /// Sets the gradient (3 per rank) and each node's own block of the Hessian (lower triangle by rows), by lengths
-  /// relative to the diagonal. With `positive`, the Hessian is replaced by a positive semidefinite part of it: the
-  /// terms with f_J ∂²J are left out, and f_JJ is at least λ/(J² + δ²).
-  void linearise(bool positive, std::vector<double>& gradient, std::vector<std::array<double, 6>>& blocks);
-  /// product = Hessian times direction, as of the last linearise(). `direction`: 3 floats per rank, then padded(3)
-  /// zeros.
-  void multiply(std::span<const float> direction, std::span<float> product);
+  /// All cells, by lengths relative to the diagonal.
+  CellEnergy& cells() { return *cells_; }
 
  private:
-  void scan();
-  /// Replaces what HessianKernels::linearise() has kept of a batch by the positive part.
-  void keep_positive_part(std::size_t set, std::int32_t batch, const double* deformation);
-
   const Team& team_;
   Frame frame_;
   Problem problem_;
   std::size_t curved_sets_ = 0;  ///< The sets after these have straight-sided cells.
   std::unique_ptr<Kernels> kernels_;
   std::unique_ptr<HessianKernels> hessian_;
-  std::vector<BatchSet> batches_;
-  std::vector<CellScan> scans_;  ///< By cell.
-  Reduction reduction_;
-  double least_ = 0, delta_ = 0;
+  std::optional<CellEnergy> cells_;
 };
 
 }  // namespace varimesh::detail

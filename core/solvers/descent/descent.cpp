@@ -4,7 +4,6 @@
 #include <cmath>
 
 #include "core/accuracy/team_accuracy.h"
-#include "core/base/line_search.h"
 #include "core/kernels/p_norm.h"
 #include "core/merit/thresholds.h"
 #include "core/quality/certified_quality.h"
@@ -41,23 +40,20 @@ Descent::Descent(const DescentContext& context)
     : context_(context),
       problem_(context.problem),
       team_(context.team),
-      reduction_(team_),
       from_(free_positions(problem_, problem_.positions)),
       space_(own_space(problem_)),
       form_(problem_, space_, team_),
-      barrier_(problem_, context.kernels, context.hessian, form_.volume(), team_),
+      barrier_(problem_, context.kernels, context.hessian, PNorm{}, team_),
       levels_(problem_, context.mesh, space_, team_),
       quasi_newton_(problem_.free.size() * problem_.dimension, team_),
       factors_(problem_.cells, 1.0),
       weights_(problem_.cells),
-      gradient_(problem_.free.size() * problem_.dimension),
-      next_gradient_(gradient_.size()),
-      step_(gradient_.size()),
-      start_(gradient_.size()),
-      work_(gradient_.size()),
+      start_(problem_.free.size() * problem_.dimension),
+      work_(start_.size()),
       lost_(problem_.cells, 0),
       uncertified_(problem_.cells, 0),
       asked_(context.asked) {
+  barrier_.weigh(weights_, form_.volume());
   barrier_.count_with(context.meter, point_operations(context.material, problem_.dimension));
   const std::vector<Standing> standings = context.guard.standings();
   for (CellSet& set : problem_.sets)
@@ -144,8 +140,9 @@ void Descent::set_weights(double loss) {
   levels_.take_diagonals(form_, stiff);
 }
 
-double Descent::evaluate(std::vector<double>& gradient) {
-  const double energy = barrier_.gradient(weights_, gradient);
+double Descent::evaluate(std::span<double> gradient) {
+  barrier_.gradient(gradient);
+  const double energy = barrier_.value();
   if (!std::isfinite(energy)) return energy;
   const double loss = form_.gradient(work_);
   team_.for_ranges(gradient.size(), kNodesPerTask, [&](std::size_t begin, std::size_t end) {
@@ -154,63 +151,32 @@ double Descent::evaluate(std::vector<double>& gradient) {
   return energy + loss;
 }
 
-double Descent::find_step() {
-  const auto precondition = [&](std::span<const double> r, std::span<double> z) { levels_.apply(r, z); };
-  double slope = quasi_newton_.direction(gradient_, step_, work_, precondition);
-  if (slope < 0) return slope;
-  quasi_newton_.forget();
-  return quasi_newton_.direction(gradient_, step_, work_, precondition);
-}
-
-void Descent::place(double alpha) {
+void Descent::move(double alpha, std::span<const double> step) {
   const std::size_t d = problem_.dimension;
   team_.for_ranges(problem_.free.size(), kNodesPerTask, [&](std::size_t begin, std::size_t end) {
     for (std::size_t f = begin; f < end; ++f)
       for (std::size_t k = 0; k < d; ++k)
-        problem_.positions[problem_.free[f] * d + k] = start_[f * d + k] + alpha * step_[f * d + k];
+        problem_.positions[problem_.free[f] * d + k] = start_[f * d + k] + alpha * step[f * d + k];
   });
 }
 
-void Descent::minimise(DescentRound& round) {
-  quasi_newton_.forget();
-  double value = evaluate(gradient_);
-  if (!std::isfinite(value)) return;
-  if (first_gradient_ == 0) first_gradient_ = std::sqrt(quasi_newton_.dot(gradient_, gradient_));
-  while (round.steps < kMostSteps) {
-    const double slope = find_step();
-    if (!(slope < 0) || -slope <= kLittle * value) break;
-    start_ = free_positions(problem_, problem_.positions);
-    const AcceptedStep accepted = backtrack({value, slope, kNoise * value, kMostTrials}, [&](double alpha) {
-      place(alpha);
-      return evaluate(next_gradient_);
-    });
-    if (accepted.alpha == 0) {
-      place(0);
-      break;
-    }
-    ++round.steps;
-    round.residual = accepted.alpha * largest_displacement();
-    for (std::size_t i = 0; i < step_.size(); ++i) {
-      step_[i] *= accepted.alpha;
-      work_[i] = next_gradient_[i] - gradient_[i];
-    }
-    quasi_newton_.note(step_, work_, [&](std::span<const double> r, std::span<double> z) { levels_.apply(r, z); });
-    gradient_.swap(next_gradient_);
-    value = accepted.energy;
-  }
-  round.relative_gradient =
-      first_gradient_ > 0 ? std::sqrt(quasi_newton_.dot(gradient_, gradient_)) / first_gradient_ : 0;
-}
-
-double Descent::largest_displacement() const {
+double Descent::largest(std::span<const double> step) const {
   const std::size_t d = problem_.dimension;
   double largest = 0;
   for (std::size_t f = 0; f < problem_.free.size(); ++f) {
     double square = 0;
-    for (std::size_t k = 0; k < d; ++k) square += step_[f * d + k] * step_[f * d + k];
+    for (std::size_t k = 0; k < d; ++k) square += step[f * d + k] * step[f * d + k];
     largest = std::max(largest, std::sqrt(square) * problem_.inverse_size[f]);
   }
   return largest;
+}
+
+void Descent::minimise(DescentRound& round) {
+  const QuasiNewtonOutcome outcome = quasi_newton_.minimise(*this, {kMostSteps, kMostTrials, kLittle, kNoise});
+  if (first_gradient_ == 0) first_gradient_ = outcome.first_gradient;
+  round.steps = outcome.steps;
+  round.residual = outcome.residual;
+  round.relative_gradient = first_gradient_ > 0 ? outcome.last_gradient / first_gradient_ : 0;
 }
 
 void Descent::keep_certificates() {

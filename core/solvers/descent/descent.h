@@ -12,11 +12,11 @@
 #include "core/merit/merit.h"
 #include "core/progress/work_meter.h"
 #include "core/quality/quality.h"
-#include "core/solvers/descent/barrier.h"
 #include "core/solvers/descent/modal_form.h"
 #include "core/solvers/descent/order_levels.h"
 #include "core/solvers/descent/order_space.h"
-#include "core/solvers/descent/quasi_newton.h"
+#include "core/solvers/quasi_newton.h"
+#include "core/terms/cell_energy.h"
 #include "core/validity/certifier.h"
 
 namespace varimesh {
@@ -65,7 +65,7 @@ struct DescentRound {
 /// Certificates are kept (guard.h): a round that costs a cell its certificate puts the cell's nodes back. If the rounds
 /// end like that below the bound on the scaled Jacobian, more rounds follow, in which such cells are first raised in
 /// small patches (kept_raiser.h). The best mesh so far is kept whatever the rounds after it do.
-class Descent {
+class Descent : private Smooth {
  public:
   /// problem.positions are those of the guard's kept state. Call it inside team.run(), and all other functions outside.
   /// The team's token may interrupt all of them.
@@ -119,13 +119,13 @@ class Descent {
   void start_from(State state);
   bool reaches_bound(const State& state) const { return state.merit.smallest >= asked_.bound; }
   void set_weights(double loss);
-  /// The sum at problem.positions; sets `gradient`.
-  double evaluate(std::vector<double>& gradient);
+  // The sum at problem.positions, for the quasi-Newton method:
+  double evaluate(std::span<double> gradient) override;
+  void precondition(std::span<const double> r, std::span<double> z) override { levels_.apply(r, z); }
+  void mark() override { start_ = free_positions(problem_, problem_.positions); }
+  void move(double alpha, std::span<const double> step) override;
+  double largest(std::span<const double> step) const override;
   void minimise(DescentRound& round);
-  /// Finds a quasi-Newton step; returns its slope.
-  double find_step();
-  void place(double alpha);
-  double largest_displacement() const;
   void keep_certificates();
   /// Gives cells with a low scaled Jacobian more weight; returns how many there are.
   std::int64_t raise_low(double wanted);
@@ -141,16 +141,15 @@ class Descent {
   DescentContext context_;
   Problem& problem_;
   const Team& team_;
-  Reduction reduction_;
   std::vector<double> from_;  ///< Where the free nodes were at the begin.
   OrderSpace space_;
   ModalForm form_;
-  Barrier barrier_;
+  CellEnergy barrier_;  ///< 1/V Σ_e ε_e ∫ W(F) dx
   OrderLevels levels_;
   QuasiNewton quasi_newton_;
   std::vector<double> factors_;  ///< By cell: what ε_e has been raised by.
   std::vector<double> weights_;  ///< By cell: ε_e.
-  std::vector<double> gradient_, next_gradient_, step_, start_, work_;
+  std::vector<double> start_, work_;
   std::vector<char> lost_;         ///< By cell of the problem: it lost its certificate in the last round.
   std::vector<char> uncertified_;  ///< By cell of the problem: it had no certificate after the last round.
   double first_gradient_ = 0;

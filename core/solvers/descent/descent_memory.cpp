@@ -7,7 +7,7 @@
 #include "core/kernels/kernels.h"
 #include "core/quality/quality_memory.h"
 #include "core/reference/nodes.h"
-#include "core/solvers/descent/quasi_newton.h"
+#include "core/solvers/quasi_newton.h"
 #include "core/validity/certificate.h"
 
 namespace varimesh {

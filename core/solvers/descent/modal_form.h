@@ -6,8 +6,8 @@
 #include <span>
 #include <vector>
 
+#include "core/base/reduction.h"
 #include "core/base/team.h"
-#include "core/preconditioner/reduction.h"
 #include "core/problem/problem.h"
 #include "core/solvers/descent/order_space.h"
 

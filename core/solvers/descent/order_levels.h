@@ -4,8 +4,8 @@
 #include <span>
 #include <vector>
 
+#include "core/base/reduction.h"
 #include "core/base/team.h"
-#include "core/preconditioner/reduction.h"
 #include "core/solvers/descent/modal_form.h"
 #include "core/solvers/descent/order_space.h"
 

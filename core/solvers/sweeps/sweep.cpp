@@ -5,9 +5,9 @@
 #include <cmath>
 #include <limits>
 
-#include "core/base/line_search.h"
 #include "core/kernels/node_star.h"
 #include "core/kernels/regularisation.h"
+#include "core/solvers/line_search.h"
 
 namespace varimesh {
 namespace {

@@ -10,9 +10,9 @@
 #include <unordered_map>
 #include <utility>
 
-#include "core/base/conjugate_gradients.h"
 #include "core/base/index.h"
-#include "core/base/line_search.h"
+#include "core/kernels/regularisation.h"
+#include "core/solvers/newton_method.h"
 
 namespace varimesh {
 namespace {
@@ -22,8 +22,6 @@ constexpr int kMostProducts = 60;
 constexpr double kForcing = 0.1;  // share of the initial residual to which conjugate gradients solve
 constexpr int kMostTrials = 31;   // of a line search, before any doubling
 constexpr int kMostDoublings = 4;
-constexpr double kLeastDecrease = 0.3;  // σ
-constexpr double kLeastEpsilon = 1e-10;
 constexpr double kSmallDecrease = 1e-4;  // relative: after a smaller one no further step is taken at this ε
 constexpr std::int32_t kCellsPerTask = 4;
 
@@ -36,42 +34,6 @@ Block inverse(const Block& block) {
   return (block + floor * identity).llt().solve(identity);
 }
 
-/// H x = −G with the inverses of the nodes' blocks as the preconditioner, for conjugate_gradients(). `Multiply`: a
-/// function that returns H times a vector.
-template <class Multiply>
-struct LinearSystem {
-  const Multiply& times_hessian;
-  const std::vector<Block>& inverse_blocks;
-  Eigen::VectorXd x, r, z, p, Hp;
-  double target = 0;  // of r · z
-
-  LinearSystem(const Multiply& times, const std::vector<Block>& inverses, const Eigen::VectorXd& gradient)
-      : times_hessian(times),
-        inverse_blocks(inverses),
-        x(Eigen::VectorXd::Zero(gradient.size())),
-        r(-gradient),
-        z(gradient.size()) {}
-
-  double multiply() {
-    Hp = times_hessian(p);
-    return p.dot(Hp);
-  }
-  void advance(double alpha) {
-    x += alpha * p;
-    r -= alpha * Hp;
-  }
-  double precondition() {
-    Eigen::Index first = 0;
-    for (const Block& block : inverse_blocks) {
-      z.segment(first, block.rows()).noalias() = block * r.segment(first, block.rows());
-      first += block.rows();
-    }
-    return r.dot(z);
-  }
-  bool is_solved(double rz) const { return rz <= target; }
-  void turn(double beta) { p = z + beta * p; }
-};
-
 }  // namespace
 
 UntanglePatch::UntanglePatch(const std::vector<CoefficientEnergy>& energies, std::vector<Member> members,
@@ -83,7 +45,7 @@ UntanglePatch::UntanglePatch(const std::vector<CoefficientEnergy>& energies, std
       positions_.segment(member.unknown[i] * dimension, dimension) = member.cell.positions.row(member.cell.free[i]);
   for (Member& member : members_) energies_[at(member.set)].find_movable(member.cell, stop);
   measure_coefficients(stop);
-  epsilon_ = std::max(0.2 * std::abs(smallest_), kLeastEpsilon);
+  epsilon_ = first_epsilon(smallest_);
 }
 
 bool UntanglePatch::gather(const Problem& problem) {
@@ -204,62 +166,97 @@ Eigen::VectorXd UntanglePatch::multiply(const Eigen::VectorXd& x, const Team& te
   return sum;
 }
 
-Eigen::VectorXd UntanglePatch::direction(const Team& team) const {
-  std::vector<Block> blocks(nodes_.size(), Block::Zero(dimension_, dimension_));
-  for (std::size_t i = 0; i < members_.size(); ++i)
-    for (std::size_t n = 0; n < members_[i].unknown.size(); ++n) {
-      const auto first = static_cast<Eigen::Index>(n) * dimension_;
-      blocks[at(members_[i].unknown[n])] += blocks_[i].middleCols(first, dimension_);
-    }
-  for (Block& block : blocks) block = inverse(block);
-  const auto times_hessian = [&](const Eigen::VectorXd& x) { return multiply(x, team); };
-  LinearSystem system(times_hessian, blocks, gradient_);
-  const double rz = system.precondition();
-  system.p = system.z;
-  system.target = kForcing * kForcing * rz;
-  conjugate_gradients(system, rz, kMostProducts);
-  return system.x;
-}
+/// The energy of the patch at its ε for Newton's method. The Hessian is positive semidefinite; the preconditioner has
+/// the inverses of the nodes' blocks.
+class UntanglePatch::Objective final : public Minimised {
+ public:
+  Objective(UntanglePatch& patch, const Team& team, HessianRoom& room) : patch_(patch), team_(team), room_(room) {}
 
-bool UntanglePatch::search(const Eigen::VectorXd& step, double before, const Team& team) {
-  const double slope = gradient_.dot(step);
-  const Eigen::VectorXd start = positions_;
-  const auto energy_at = [&](double alpha) {
-    positions_ = start + alpha * step;
-    place(positions_);
-    return value(team);
-  };
-  if (!(slope < 0)) return false;
-  AcceptedStep accepted = backtrack({before, slope, 0, kMostTrials}, energy_at);
-  // A full step may be doubled as long as the energy falls.
-  for (int doubling = 0; doubling < kMostDoublings && accepted.alpha >= 1; ++doubling) {
-    const double further = energy_at(2 * accepted.alpha);
-    if (!(further < accepted.energy)) break;
-    accepted = {2 * accepted.alpha, further};
+  double linearise(bool /*renews*/) override {
+    const double energy = patch_.expand(team_, room_);
+    const Eigen::Index d = patch_.dimension_;
+    inverse_blocks_.assign(patch_.nodes_.size(), Block::Zero(d, d));
+    for (std::size_t i = 0; i < patch_.members_.size(); ++i)
+      for (std::size_t n = 0; n < patch_.members_[i].unknown.size(); ++n)
+        inverse_blocks_[at(patch_.members_[i].unknown[n])] +=
+            patch_.blocks_[i].middleCols(static_cast<Eigen::Index>(n) * d, d);
+    for (Block& block : inverse_blocks_) block = inverse(block);
+    start_ = patch_.positions_;
+    x_.setZero(patch_.gradient_.size());
+    r_ = -patch_.gradient_;
+    q_.resize(r_.size());
+    return energy;
   }
-  energy_at(accepted.alpha);
-  return accepted.alpha > 0;
-}
+  double precondition() override {
+    Eigen::Index first = 0;
+    for (const Block& block : inverse_blocks_) {
+      q_.segment(first, block.rows()).noalias() = block * r_.segment(first, block.rows());
+      first += block.rows();
+    }
+    return r_.dot(q_);
+  }
+  double multiply() override {
+    q_ = patch_.multiply(p_, team_);
+    return p_.dot(q_);
+  }
+  void advance(double alpha) override {
+    x_ += alpha * p_;
+    r_ -= alpha * q_;
+  }
+  void turn(double beta) override {
+    if (beta == 0)
+      p_ = q_;
+    else
+      p_ = q_ + beta * p_;
+  }
+  void take_direction() override { x_ = p_; }
+  double gradient_norm() override { return patch_.gradient_.norm(); }
+  double preconditioned_norm(double rq) const override { return std::sqrt(std::max(0.0, rq)); }
+  double largest_step() override {
+    double largest = 0;
+    const Eigen::Index d = patch_.dimension_;
+    for (std::size_t n = 0; n < patch_.nodes_.size(); ++n)
+      largest = std::max(largest, x_.segment(static_cast<Eigen::Index>(n) * d, d).norm() /
+                                      (patch_.lengths_.empty() ? 1 : patch_.lengths_[n]));
+    return largest;
+  }
+  double finish_step() override { return patch_.gradient_.dot(x_); }
+  double move(double alpha) override {
+    patch_.positions_ = start_ + alpha * x_;
+    patch_.place(patch_.positions_);
+    return patch_.value(team_);
+  }
+
+ private:
+  UntanglePatch& patch_;
+  const Team& team_;
+  HessianRoom& room_;
+  std::vector<Block> inverse_blocks_;  ///< By node.
+  Eigen::VectorXd start_, x_, r_, p_, q_;
+};
 
 UntangleStep UntanglePatch::step(const Team& team, HessianRoom& room) {
+  NewtonRules rules;
+  rules.most_products = kMostProducts;
+  rules.forcing = kForcing;
+  rules.most_trials = kMostTrials;
+  rules.most_doublings = kMostDoublings;
+  Objective objective(*this, team, room);
+  NewtonMethod method(objective, rules);
   UntangleStep outcome;
   double before = 0;
   for (int number = 0; number < kNewtonSteps; ++number) {
-    const double energy = expand(team, room);
+    const NewtonOutcome newton = method.step();
     if (number == 0) {
-      before = energy;
-      outcome.gradient_norm = gradient_.norm();
+      before = newton.before;
+      outcome.gradient_norm = newton.gradient_norm;
     }
-    const Eigen::VectorXd full = direction(team);
-    for (std::size_t n = 0; n < nodes_.size(); ++n)
-      outcome.residual =
-          std::max(outcome.residual, full.segment(static_cast<Eigen::Index>(n) * dimension_, dimension_).norm() /
-                                         (lengths_.empty() ? 1 : lengths_[n]));
-    if (!search(full, energy, team) || value(team) > (1 - kSmallDecrease) * energy) break;
+    outcome.residual = std::max(outcome.residual, newton.residual);
+    if (newton.damping == 0 || newton.after > (1 - kSmallDecrease) * newton.before) break;
   }
   forget_hessians(room);
   measure_coefficients(team.stop());
-  next_epsilon(before, value(team));
+  epsilon_ = next_epsilon(smallest_, regularised_jacobian(smallest_, epsilon_), before, value(team));
   return outcome;
 }
 
@@ -272,12 +269,6 @@ void UntanglePatch::measure_coefficients(const StopToken* stop) {
     smallest_ = std::min(smallest_, least);
     bad_ += least > 0 ? 0 : 1;
   }
-}
-
-void UntanglePatch::next_epsilon(double before, double after) {
-  const double sigma = std::max(kLeastDecrease, 1 - after / before);
-  const double m = (1 - sigma) * regularised_jacobian(smallest_, epsilon_);
-  epsilon_ = smallest_ <= m ? std::max(2 * std::sqrt(m * (m - smallest_)), kLeastEpsilon) : kLeastEpsilon;
 }
 
 }  // namespace varimesh

@@ -18,13 +18,8 @@ struct UntangleStep {
   double gradient_norm = 0;  ///< At the start of the step.
 };
 
-/// Minimises the sum of CoefficientEnergy over the cells of a patch while ε goes to zero by the schedule of V.
-/// Garanzha, I. Kaporin, L. Kudryavtseva, F. Protais, N. Ray, D. Sokolov, Foldover-free maps in 50 lines of code, ACM
-/// Trans. Graph. 40, 2021. With D the smallest coefficient and E₀, E₁ the energies before and after the step at its ε,
-///
-///     σ = max(0.3, 1 − E₁/E₀),   m = (1 − σ) χ(D, ε),   ε ← 2 √(m (m − D)) if D ≤ m, else 1e-10.
-///
-/// χ(D, ε) then becomes m: the barrier moves closer in proportion to the decrease of the energy. At first ε = |D|/5.
+/// Minimises the sum of CoefficientEnergy over the cells of a patch while ε goes to zero (next_epsilon() of
+/// core/kernels/regularisation.h).
 class UntanglePatch {
  public:
   struct Member {
@@ -88,16 +83,11 @@ class UntanglePatch {
   double expand(const Team& team, HessianRoom& room);
   /// Gives back the room of the Hessians.
   void forget_hessians(HessianRoom& room);
-  /// Solves H x = −G with conjugate gradients.
-  Eigen::VectorXd direction(const Team& team) const;
+  class Objective;
   /// H x
   Eigen::VectorXd multiply(const Eigen::VectorXd& x, const Team& team) const;
-  /// Takes the step, or a part or a multiple of it. Returns false, and takes none, if none lowers the energy.
-  bool search(const Eigen::VectorXd& step, double before, const Team& team);
   /// Sets smallest_ and bad_.
   void measure_coefficients(const StopToken* stop);
-  /// Sets the next ε from the energies before and after an outer step.
-  void next_epsilon(double before, double after);
 
   const std::vector<CoefficientEnergy>& energies_;
   std::vector<Member> members_;

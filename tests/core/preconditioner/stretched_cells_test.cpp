@@ -8,9 +8,9 @@
 #include <cmath>
 #include <random>
 
-#include "core/base/conjugate_gradients.h"
 #include "core/energy/material.h"
 #include "core/preconditioner/preconditioner.h"
+#include "core/solvers/conjugate_gradients.h"
 #include "tests/core/support/meshes.h"
 #include "tests/core/support/problems.h"
 

@@ -1,4 +1,4 @@
-#include "core/solvers/newton/ritz_values.h"
+#include "core/solvers/ritz_values.h"
 
 #include <algorithm>
 #include <cmath>

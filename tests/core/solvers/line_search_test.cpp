@@ -1,5 +1,5 @@
 // Backtracking: which share of a step is accepted.
-#include "core/base/line_search.h"
+#include "core/solvers/line_search.h"
 
 #include <gtest/gtest.h>
 

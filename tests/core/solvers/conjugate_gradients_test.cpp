@@ -1,5 +1,5 @@
 // Conjugate gradients on small dense matrices.
-#include "core/base/conjugate_gradients.h"
+#include "core/solvers/conjugate_gradients.h"
 
 #include <gtest/gtest.h>
 

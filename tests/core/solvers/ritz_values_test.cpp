@@ -1,12 +1,12 @@
 // The ends of the spectrum from the coefficients of conjugate gradients.
-#include "core/solvers/newton/ritz_values.h"
+#include "core/solvers/ritz_values.h"
 
 #include <gtest/gtest.h>
 
 #include <Eigen/Dense>
 #include <cmath>
 
-#include "core/base/conjugate_gradients.h"
+#include "core/solvers/conjugate_gradients.h"
 
 namespace varimesh {
 namespace {
