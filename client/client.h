@@ -27,6 +27,7 @@ namespace varimesh::client {
 
 class InputFile;
 class Interrupter;
+class MeshExchange;
 class RetryPolicy;
 
 /// Why a call failed.
@@ -75,6 +76,8 @@ struct Settings {
   /// Called with false when a server that was there stops answering, and with true when it answers again.
   std::function<void(bool answers)> on_contact;
   Credentials credentials;
+  /// For a server in the same process: meshes pass by the calls (client/library/input_file.h). Null: they do not.
+  std::shared_ptr<MeshExchange> exchange;
 
   bool wants_to_stop() const { return interrupted && interrupted(); }
 };
@@ -123,6 +126,8 @@ class Client {
   Outcome<void> download(const v1::StoredMesh& mesh, const std::string& path);
 
  private:
+  /// upload() through the calls.
+  Outcome<v1::StoredMesh> send(const InputFile& file);
   template <class Request, class Response>
   Outcome<Response> call(grpc::Status (v1::JobService::Stub::*method)(grpc::ClientContext*, const Request&, Response*),
                          const Request& request);

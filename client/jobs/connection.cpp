@@ -34,6 +34,7 @@ tl::expected<Connection, int> connect(const CommonFlags& flags) {
     auto local = LocalService::start(connection.folder->path());
     if (!local) return tl::unexpected(print_error(local.error()));
     connection.local = std::move(*local);
+    settings.exchange = connection.local->exchange();
     connection.client = std::make_unique<Client>(connection.local->channel(), connection.local->channel(), settings);
     return connection;
   }

@@ -61,7 +61,10 @@ Outcome<InputFile> InputFile::open(const std::string& path, const std::function<
   struct stat status {};
   if (::fstat(descriptor, &status) != 0) return unreadable(path, errno);
   if (S_ISDIR(status.st_mode)) return unreadable(path, EISDIR);
-  if (S_ISREG(status.st_mode)) return file;
+  if (S_ISREG(status.st_mode)) {
+    file.opened_ = file.version();
+    return file;
+  }
   auto copy = temporary(path);
   if (!copy) return copy;
   if (const auto done = read_stream(descriptor, path, interrupted, &*copy); !done) return tl::unexpected(done.error());
@@ -81,10 +84,32 @@ Outcome<InputFile> InputFile::temporary(const std::string& name) {
 }
 
 InputFile::InputFile(InputFile&& other) noexcept
-    : name_(std::move(other.name_)), descriptor_(std::exchange(other.descriptor_, -1)) {}
+    : name_(std::move(other.name_)), descriptor_(std::exchange(other.descriptor_, -1)), opened_(other.opened_) {}
 
 InputFile::~InputFile() {
   if (descriptor_ >= 0) ::close(descriptor_);
+}
+
+Outcome<InputFile> InputFile::again() const {
+  const int descriptor = ::fcntl(descriptor_, F_DUPFD_CLOEXEC, 0);
+  if (descriptor < 0) return unreadable(name_, errno);
+  InputFile file(name_, descriptor);
+  file.opened_ = opened_;
+  return file;
+}
+
+std::optional<InputFile::Version> InputFile::version() const {
+  struct stat status {};
+  if (::fstat(descriptor_, &status) != 0) return std::nullopt;
+  return Version{status.st_size, status.st_mtim.tv_sec, status.st_mtim.tv_nsec};
+}
+
+bool InputFile::has_changed() const { return opened_ && opened_ != version(); }
+
+Outcome<std::string> InputFile::read_all() const {
+  const std::optional<Version> now = version();
+  if (!now) return unreadable(name_, errno);
+  return read(0, static_cast<std::size_t>(now->size));
 }
 
 Outcome<std::string> InputFile::read(std::int64_t offset, std::size_t most) const {

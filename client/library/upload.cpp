@@ -58,6 +58,13 @@ Outcome<v1::StoredMesh> Client::upload_file(const std::string& path) {
 }
 
 Outcome<v1::StoredMesh> Client::upload(const InputFile& file) {
+  if (settings_.exchange == nullptr) return send(file);
+  const auto stands_for_it = settings_.exchange->keep(file);
+  if (!stands_for_it) return tl::unexpected(stands_for_it.error());
+  return send(*stands_for_it);
+}
+
+Outcome<v1::StoredMesh> Client::send(const InputFile& file) {
   const auto header = header_of(file, settings_);
   if (!header) return tl::unexpected(header.error());
   RetryPolicy retries(settings_);

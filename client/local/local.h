@@ -7,6 +7,7 @@
 #include <memory>
 #include <string>
 
+#include "client/library/input_file.h"
 #include "core/base/error.h"
 #include "core/slide/distance/slide_and_measure.h"
 #include "varimesh/v1/optimise.pb.h"
@@ -20,6 +21,8 @@ class LocalService {
   static Expected<std::unique_ptr<LocalService>> start(const std::string& folder);
   virtual ~LocalService() = default;
   virtual std::shared_ptr<grpc::Channel> channel() = 0;
+  /// For Settings::exchange of the client that uses the channel.
+  virtual std::shared_ptr<MeshExchange> exchange() = 0;
 };
 
 /// What a server's job with a geometry reports, for nodes that slid in this process.
