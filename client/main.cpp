@@ -10,10 +10,7 @@
 #include <iostream>
 #include <string>
 #include <system_error>
-#include <vector>
 
-#include "client/cli/help.h"
-#include "client/cli/refusals.h"
 #include "client/commands/commands.h"
 #include "client/process/exit_status.h"
 #include "client/process/interrupts.h"
@@ -52,28 +49,9 @@ int flush_output(int status) {
   return status == kDone || status == kInvalidLeft ? kInputRefused : status;
 }
 
-/// Prints what is wrong with the command line and where to find help.
-int refuse(const CLI::App& app, const CLI::ParseError& error, const std::vector<std::string>& words) {
-  const std::string unknown = unknown_word(app, words);
-  const auto used = app.get_subcommands();
-  std::cerr << "varimesh: " << (unknown.empty() ? refusal_text(app, error) : unknown) << "\nvarimesh "
-            << (used.empty() ? "" : used.front()->get_name() + " ") << "--help shows examples and all options."
-            << std::endl;
-  return kUsage;
-}
-
 int execute(int argc, char** argv) {
-  CLI::App app;
-  const auto commands = add_commands(app);
   try {
-    app.parse(argc, argv);
-  } catch (const CLI::ParseError& error) {
-    if (error.get_exit_code() == 0) return app.exit(error);
-    return refuse(app, error, {argv + 1, argv + argc});
-  }
-  try {
-    for (const auto& [name, action] : commands)
-      if (app.got_subcommand(name)) return action();
+    return run_command_line(argc, argv, add_commands);
   } catch (const std::bad_alloc&) {
     std::cerr << "varimesh: there is not enough memory; use a machine with more memory, or a smaller mesh."
               << std::endl;

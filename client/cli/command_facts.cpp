@@ -1,5 +1,6 @@
 #include "client/cli/command_facts.h"
 
+#include <CLI/CLI.hpp>
 #include <algorithm>
 #include <array>
 

@@ -2,11 +2,14 @@
 // made from this, so they agree with what is parsed.
 #pragma once
 
-#include <CLI/CLI.hpp>
 #include <span>
 #include <string>
 #include <string_view>
 #include <vector>
+
+namespace CLI {
+class App;
+}
 
 namespace varimesh::client {
 

@@ -1,8 +1,8 @@
 #include "client/cli/option_flags.h"
 
+#include <CLI/CLI.hpp>
 #include <cassert>
 
-#include "client/cli/common_flags.h"
 #include "client/cli/names.h"
 #include "client/cli/refusals.h"
 #include "client/client.h"
@@ -48,16 +48,15 @@ void add_list(CLI::App& command, const std::string& flag, const FieldDescriptor*
               v1::Options* options) {
   const auto* reflection = v1::Options::GetReflection();
   if (field->cpp_type() == FieldDescriptor::CPPTYPE_STRING)
-    command
-        .add_option_function<std::vector<std::string>>(
-            flag,
-            [=](const std::vector<std::string>& groups) {
-              for (const std::string& group : groups) reflection->AddString(options, field, group);
-            },
-            help_text(option))
-        ->type_name("GROUP")
-        ->check(is_text())
-        ->allow_extra_args(false);
+    Flag(command.add_option_function<std::vector<std::string>>(
+             flag,
+             [=](const std::vector<std::string>& groups) {
+               for (const std::string& group : groups) reflection->AddString(options, field, group);
+             },
+             help_text(option)))
+        .value("GROUP")
+        .utf8()
+        .one_value_each();
   else
     command
         .add_option_function<std::vector<std::int64_t>>(
@@ -133,18 +132,18 @@ std::string help_text(const OptionInfo& option) {
   return usual.empty() || usual == "0" ? text : text + "; default " + usual;
 }
 
-void add_options(CLI::App& command, v1::Options* options) {
+void add_options(Command command, v1::Options* options) {
   for (const OptionInfo& option : option_table()) {
-    add_one(command, option, options);
-    command.get_option("--" + dashed(std::string(option.name)))->group("Optimisation");
+    add_one(command.app(), option, options);
+    command["--" + dashed(std::string(option.name))].group("Optimisation");
   }
 }
 
-void require_curved_order(CLI::App& command) {
-  command.get_option("--order")
-      ->required()
-      ->check(CLI::Range(2, kMaxOrder))
-      ->description("The order of the curved mesh, 2 to " + std::to_string(kMaxOrder));
+void require_curved_order(Command command) {
+  command["--order"]
+      .required()
+      .from(2, kMaxOrder)
+      .help("The order of the curved mesh, 2 to " + std::to_string(kMaxOrder));
 }
 
 }  // namespace varimesh::client

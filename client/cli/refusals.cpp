@@ -2,6 +2,7 @@
 // is; the tests see to it that the usual ones are known.
 #include "client/cli/refusals.h"
 
+#include <CLI/CLI.hpp>
 #include <cstdlib>
 #include <variant>
 
@@ -106,15 +107,6 @@ std::string refusal_text(const CLI::App& program, const CLI::ParseError& error) 
   if (dynamic_cast<const CLI::ArgumentMismatch*>(&error) != nullptr) return without_value(program, text);
   if (dynamic_cast<const CLI::ValidationError*>(&error) != nullptr) return invalid(program, text);
   return text;
-}
-
-const CLI::Validator& is_not_a_dash() {
-  static const CLI::Validator validator(
-      [](std::string& value) {
-        return value == "-" ? std::string("'-' is not a file; for standard input give /dev/stdin.") : std::string();
-      },
-      "", "file");
-  return validator;
 }
 
 }  // namespace varimesh::client

@@ -1,9 +1,13 @@
 // What is wrong with a command line, in this program's own words.
 #pragma once
 
-#include <CLI/CLI.hpp>
 #include <string>
 #include <vector>
+
+namespace CLI {
+class App;
+class ParseError;
+}  // namespace CLI
 
 namespace varimesh::client {
 
@@ -13,8 +17,5 @@ std::string no_such_word(const std::string& word, const std::vector<std::string>
 /// What the parser found wrong, as a sentence that says where it is and what to give. `program` has been parsed as far
 /// as the error.
 std::string refusal_text(const CLI::App& program, const CLI::ParseError& error);
-
-/// Refuses "-", which means standard input to other programs.
-const CLI::Validator& is_not_a_dash();
 
 }  // namespace varimesh::client

@@ -30,9 +30,10 @@ int cancel(const Arguments& arguments) {
 
 }  // namespace
 
-Action add_cancel(CLI::App& app) {
+Action add_cancel(Command program) {
   auto arguments = std::make_shared<Arguments>();
-  CLI::App& command = add_remote_command(app, "cancel", "End a job at once and keep its best mesh", &arguments->common);
+  Command command =
+      add_remote_command(program, "cancel", "End a job at once and keep its best mesh", &arguments->common);
   add_job_argument(command, &arguments->job);
   return [arguments] { return cancel(*arguments); };
 }

@@ -33,30 +33,29 @@ int make(CertificateOrder order) {
 
 }  // namespace
 
-Action add_certificates(CLI::App& app) {
+Action add_certificates(Command program) {
   auto order = std::make_shared<CertificateOrder>();
-  CLI::App& command =
-      *app.add_subcommand("certificates", "Make an authority, and certificates for a server and its clients");
-  command.add_option("DIR", order->folder, "Where to write the files; an authority that is there is used again")
-      ->required()
-      ->type_name("DIR");
+  Command command =
+      program.add_command("certificates", "Make an authority, and certificates for a server and its clients");
+  command.add("DIR", &order->folder, "Where to write the files; an authority that is there is used again")
+      .required()
+      .value("DIR");
   command
-      .add_option(
-          "--host", order->hosts,
-          "A name or an IP address of the server; may be repeated; default: localhost, 127.0.0.1, ::1 and the name "
-          "of this machine. With --client and without --host, the server keeps a certificate that is there")
-      ->type_name("HOST")
-      ->allow_extra_args(false);
+      .add("--host", &order->hosts,
+           "A name or an IP address of the server; may be repeated; default: localhost, 127.0.0.1, ::1 and the name "
+           "of this machine. With --client and without --host, the server keeps a certificate that is there")
+      .value("HOST")
+      .one_value_each();
   command
-      .add_option("--client", order->clients,
-                  "The name of a client, which owns the jobs that it submits; may be repeated; default: client")
-      ->type_name("NAME")
-      ->allow_extra_args(false);
+      .add("--client", &order->clients,
+           "The name of a client, which owns the jobs that it submits; may be repeated; default: client")
+      .value("NAME")
+      .one_value_each();
   command
-      .add_option("--days", order->days,
-                  "For how many days the certificates are valid (365); 0: they have expired, for tests")
-      ->type_name("N")
-      ->check(CLI::Range(0, 36500));
+      .add("--days", &order->days,
+           "For how many days the certificates are valid (365); 0: they have expired, for tests")
+      .value("N")
+      .from(0, 36500);
   return [order] { return make(*order); };
 }
 

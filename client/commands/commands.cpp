@@ -1,35 +1,31 @@
 #include "client/commands/commands.h"
 
-#include "client/cli/help.h"
 #include "core/base/version.h"
 
 namespace varimesh::client {
 
-std::vector<std::pair<std::string, Action>> add_commands(CLI::App& app) {
-  app.name("varimesh");
-  app.description("Moves the interior nodes of a curved high-order mesh until the mesh is valid and smooth.");
-  app.formatter(std::make_shared<Help>());
-  app.set_help_flag("-h,--help", "Print this help and exit");
-  app.set_version_flag("--version", std::string(version()), "Print the version and exit");
-  app.require_subcommand(1);
-  return {{"optimise", add_optimise(app)},
-          {"curve", add_curve(app)},
-          {"mesh", add_mesh(app)},
-          {"quality", add_quality(app)},
-          {"convert", add_convert(app)},
-          {"submit", add_submit(app)},
-          {"watch", add_watch(app)},
-          {"result", add_result(app)},
-          {"wait", add_wait(app)},
-          {"results", add_results(app)},
-          {"jobs", add_jobs(app)},
-          {"cancel", add_cancel(app)},
-          {"delete", add_delete(app)},
-          {"info", add_info(app)},
-          {"doctor", add_doctor(app)},
-          {"certificates", add_certificates(app)},
-          {"completion", add_completion(app)},
-          {"man", add_man(app)}};
+Actions add_commands(Command program) {
+  program.describe("varimesh",
+                   "Moves the interior nodes of a curved high-order mesh until the mesh is valid and smooth.",
+                   std::string(version()));
+  return {{"optimise", add_optimise(program)},
+          {"curve", add_curve(program)},
+          {"mesh", add_mesh(program)},
+          {"quality", add_quality(program)},
+          {"convert", add_convert(program)},
+          {"submit", add_submit(program)},
+          {"watch", add_watch(program)},
+          {"result", add_result(program)},
+          {"wait", add_wait(program)},
+          {"results", add_results(program)},
+          {"jobs", add_jobs(program)},
+          {"cancel", add_cancel(program)},
+          {"delete", add_delete(program)},
+          {"info", add_info(program)},
+          {"doctor", add_doctor(program)},
+          {"certificates", add_certificates(program)},
+          {"completion", add_completion(program)},
+          {"man", add_man(program)}};
 }
 
 }  // namespace varimesh::client

@@ -8,16 +8,13 @@
 
 namespace varimesh::client {
 
-Action add_completion(CLI::App& app) {
+Action add_completion(Command program) {
   auto shell = std::make_shared<std::string>();
-  CLI::App& command = *app.add_subcommand("completion", "Print the completion script for a shell");
-  command.add_option("shell", *shell, "The shell")
-      ->required()
-      ->check(CLI::IsMember({"bash", "zsh", "fish"}))
-      ->type_name("bash|zsh|fish");
-  return [shell, &app] {
-    const auto commands = subcommand_facts(app);
-    std::cout << (*shell == "bash"  ? bash_completion(facts_of(app), commands)
+  Command command = program.add_command("completion", "Print the completion script for a shell");
+  command.add("shell", shell.get(), "The shell").required().one_of({"bash", "zsh", "fish"}).value("bash|zsh|fish");
+  return [shell, program] {
+    const auto commands = subcommand_facts(program.app());
+    std::cout << (*shell == "bash"  ? bash_completion(facts_of(program.app()), commands)
                   : *shell == "zsh" ? zsh_completion(commands)
                                     : fish_completion(commands));
     return kDone;

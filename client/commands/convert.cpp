@@ -69,17 +69,15 @@ int convert(const Arguments& arguments) {
 
 }  // namespace
 
-Action add_convert(CLI::App& app) {
+Action add_convert(Command program) {
   auto arguments = std::make_shared<Arguments>();
-  CLI::App& command = *app.add_subcommand("convert", "Write a mesh in another format");
-  command.add_option("input", arguments->input, "The mesh file to read")->required()->type_name("IN");
-  command
-      .add_option("output", arguments->output, "The file to write (.msh, .vtu, .mesh, .xml, .su2, .h5, .cgns, .pyfrm)")
-      ->required()
-      ->type_name("OUT");
-  command.add_option("--format", arguments->format, "Name of the format; default: by the ending of OUT")
-      ->type_name("NAME");
-  command.add_flag("--orient", arguments->orient, "Turn elements that are numbered clockwise");
+  Command command = program.add_command("convert", "Write a mesh in another format");
+  command.add("input", &arguments->input, "The mesh file to read").required().value("IN");
+  command.add("output", &arguments->output, "The file to write (.msh, .vtu, .mesh, .xml, .su2, .h5, .cgns, .pyfrm)")
+      .required()
+      .value("OUT");
+  command.add("--format", &arguments->format, "Name of the format; default: by the ending of OUT").value("NAME");
+  command.add("--orient", &arguments->orient, "Turn elements that are numbered clockwise");
   return [arguments] { return convert(*arguments); };
 }
 

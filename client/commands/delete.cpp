@@ -24,10 +24,10 @@ int delete_job(const Arguments& arguments) {
 
 }  // namespace
 
-Action add_delete(CLI::App& app) {
+Action add_delete(Command program) {
   auto arguments = std::make_shared<Arguments>();
-  CLI::App& command =
-      add_remote_command(app, "delete", "Delete a job that has ended, and its results", &arguments->common);
+  Command command =
+      add_remote_command(program, "delete", "Delete a job that has ended, and its results", &arguments->common);
   add_job_argument(command, &arguments->job);
   return [arguments] { return delete_job(*arguments); };
 }

@@ -136,10 +136,10 @@ int doctor(const CommonFlags& flags) {
 
 }  // namespace
 
-Action add_doctor(CLI::App& app) {
+Action add_doctor(Command program) {
   auto flags = std::make_shared<CommonFlags>();
-  CLI::App& command =
-      *app.add_subcommand("doctor", "Check this machine and a server: versions, processor, threads, disk space");
+  Command command =
+      program.add_command("doctor", "Check this machine and a server: versions, processor, threads, disk space");
   add_server_flag(command, flags.get());
   add_json_flag(command, flags.get());
   return [flags] { return doctor(*flags); };

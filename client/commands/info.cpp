@@ -36,9 +36,9 @@ int info(const CommonFlags& flags) {
 
 }  // namespace
 
-Action add_info(CLI::App& app) {
+Action add_info(Command program) {
   auto flags = std::make_shared<CommonFlags>();
-  CLI::App& command = *app.add_subcommand(
+  Command command = program.add_command(
       "info", "Show the version, formats, energies and limits of a server; without --server, of this program");
   add_server_flag(command, flags.get());
   add_json_flag(command, flags.get());

@@ -113,15 +113,14 @@ int list(const Arguments& arguments) {
 
 }  // namespace
 
-Action add_jobs(CLI::App& app) {
+Action add_jobs(Command program) {
   auto arguments = std::make_shared<Arguments>();
-  CLI::App& command = add_remote_command(app, "jobs", "List the jobs of a server, newest first", &arguments->common);
-  command.add_option("--state", arguments->states, "List only jobs in this state; may be repeated")
-      ->type_name("STATE")
-      ->allow_extra_args(false);
+  Command command = add_remote_command(program, "jobs", "List the jobs of a server, newest first", &arguments->common);
+  command.add("--state", &arguments->states, "List only jobs in this state; may be repeated")
+      .value("STATE")
+      .one_value_each();
   add_label_flag(command, &arguments->labels, "List only jobs with this label; may be repeated");
-  command.add_flag("--watch", arguments->watch, "Show the jobs again every second until all have ended")
-      ->excludes("--json");
+  command.add("--watch", &arguments->watch, "Show the jobs again every second until all have ended").excludes("--json");
   return [arguments] { return list(*arguments); };
 }
 

@@ -27,21 +27,19 @@ int write_pages(const std::filesystem::path& folder, const CommandFacts& program
 
 }  // namespace
 
-Action add_man(CLI::App& app) {
+Action add_man(Command program) {
   struct Arguments {
     std::string command, folder;
   };
   auto arguments = std::make_shared<Arguments>();
-  CLI::App& command = *app.add_subcommand("man", "Print the manual page of a command or of the program");
-  command.add_option("command", arguments->command, "The command; without one, the page of the program")
-      ->type_name("COMMAND");
-  command.add_option("--all", arguments->folder, "Write all pages into this folder, which must exist")
-      ->type_name("DIR");
-  return [arguments, &app]() -> int {
-    const auto commands = subcommand_facts(app);
-    if (!arguments->folder.empty()) return write_pages(arguments->folder, facts_of(app), commands);
+  Command command = program.add_command("man", "Print the manual page of a command or of the program");
+  command.add("command", &arguments->command, "The command; without one, the page of the program").value("COMMAND");
+  command.add("--all", &arguments->folder, "Write all pages into this folder, which must exist").value("DIR");
+  return [arguments, program]() -> int {
+    const auto commands = subcommand_facts(program.app());
+    if (!arguments->folder.empty()) return write_pages(arguments->folder, facts_of(program.app()), commands);
     if (arguments->command.empty()) {
-      std::cout << manual_page(facts_of(app), commands);
+      std::cout << manual_page(facts_of(program.app()), commands);
       return kDone;
     }
     for (const CommandFacts& one : commands)

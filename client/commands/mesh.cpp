@@ -59,24 +59,22 @@ int mesh(Arguments arguments) {
 
 }  // namespace
 
-Action add_mesh(CLI::App& app) {
+Action add_mesh(Command program) {
   auto arguments = std::make_shared<Arguments>();
-  CLI::App& command =
-      *app.add_subcommand("mesh", "Make a curved mesh from a CAD model; the program gmsh makes the straight mesh");
-  command.add_option("model", arguments->gmsh.model, "The STEP, IGES or BREP file to read")
-      ->required()
-      ->type_name("FILE");
+  Command command =
+      program.add_command("mesh", "Make a curved mesh from a CAD model; the program gmsh makes the straight mesh");
+  command.add("model", &arguments->gmsh.model, "The STEP, IGES or BREP file to read").required().value("FILE");
   command
-      .add_option("--size", arguments->gmsh.size,
-                  "The largest length of an edge, in the unit in which the model is read (STEP and IGES: millimetres)")
-      ->required()
-      ->check(CLI::PositiveNumber)
-      ->type_name("LENGTH");
+      .add("--size", &arguments->gmsh.size,
+           "The largest length of an edge, in the unit in which the model is read (STEP and IGES: millimetres)")
+      .required()
+      .positive()
+      .value("LENGTH");
   command
-      .add_option("--per-turn", arguments->gmsh.elements_per_turn,
-                  "At least this many elements around a full turn of a curved surface; 0: no limit")
-      ->check(CLI::Range(0, 1000))
-      ->type_name("N");
+      .add("--per-turn", &arguments->gmsh.elements_per_turn,
+           "At least this many elements around a full turn of a curved surface; 0: no limit")
+      .from(0, 1000)
+      .value("N");
   add_slide_flags(command, &arguments->run.input.geometry);
   add_run_flags(command, &arguments->run);
   require_curved_order(command);

@@ -1,16 +1,15 @@
 // varimesh optimise: optimises a mesh, in this process or on a server.
-#include "client/cli/refusals.h"
 #include "client/commands/commands.h"
 #include "client/runs/optimise_run.h"
 
 namespace varimesh::client {
 
-Action add_optimise(CLI::App& app) {
+Action add_optimise(Command program) {
   auto arguments = std::make_shared<OptimiseArguments>();
-  CLI::App& command = *app.add_subcommand("optimise", "Optimise a mesh and write the result");
+  Command command = program.add_command("optimise", "Optimise a mesh and write the result");
   command.alias("optimize");
   add_input(command, &arguments->input);
-  command.get_option("input")->check(is_not_a_dash());
+  command["input"].not_a_dash();
   add_geometry_flags(command, &arguments->input.geometry);
   add_slide_on_flag(command, &arguments->input.geometry);
   add_run_flags(command, arguments.get());

@@ -4,7 +4,6 @@
 #include <iostream>
 
 #include "client/cli/common_flags.h"
-#include "client/cli/refusals.h"
 #include "client/commands/commands.h"
 #include "client/io/documents.h"
 #include "client/io/outputs.h"
@@ -107,25 +106,22 @@ int quality(const Arguments& arguments) {
 
 }  // namespace
 
-Action add_quality(CLI::App& app) {
+Action add_quality(Command program) {
   auto arguments = std::make_shared<Arguments>();
-  CLI::App& command = *app.add_subcommand("quality", "Show how good a mesh is and which elements are proved valid");
-  command.add_option("input", arguments->input, "The mesh file to read")
-      ->required()
-      ->check(is_not_a_dash())
-      ->type_name("IN");
+  Command command = program.add_command("quality", "Show how good a mesh is and which elements are proved valid");
+  command.add("input", &arguments->input, "The mesh file to read").required().not_a_dash().value("IN");
   command
-      .add_option("--lattice", arguments->lattice,
-                  "Sample each element on a lattice with this many intervals per edge; 0: the default")
-      ->check(CLI::Range(0, 1000));
-  command.add_option("--threads", arguments->threads, "Number of threads; 0: all")->check(CLI::Range(0, 4096));
-  command.add_flag("--certify", arguments->certify, "Exit with status 4 if an element is not certified valid");
-  command.add_flag("--diagnose", arguments->diagnose,
-                   "Say which elements no movement of interior nodes can repair, and why");
+      .add("--lattice", &arguments->lattice,
+           "Sample each element on a lattice with this many intervals per edge; 0: the default")
+      .from(0, 1000);
+  command.add("--threads", &arguments->threads, "Number of threads; 0: all").from(0, 4096);
+  command.add("--certify", &arguments->certify, "Exit with status 4 if an element is not certified valid");
+  command.add("--diagnose", &arguments->diagnose,
+              "Say which elements no movement of interior nodes can repair, and why");
   command
-      .add_option("-o,--output", arguments->output,
-                  "Write the mesh with marks on its elements (.vtu: cell arrays, .msh: a physical group)")
-      ->type_name("OUT");
+      .add("-o,--output", &arguments->output,
+           "Write the mesh with marks on its elements (.vtu: cell arrays, .msh: a physical group)")
+      .value("OUT");
   add_report_flag(command, &arguments->report);
   add_json_flag(command, &arguments->common);
   return [arguments] { return quality(*arguments); };

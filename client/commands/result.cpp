@@ -35,16 +35,17 @@ int result(const Arguments& arguments) {
 
 }  // namespace
 
-Action add_result(CLI::App& app) {
+Action add_result(Command program) {
   auto arguments = std::make_shared<Arguments>();
-  CLI::App& command = add_remote_command(
-      app, "result", "Fetch the result of a job that has succeeded, or was cancelled while it ran", &arguments->common);
+  Command command = add_remote_command(program, "result",
+                                       "Fetch the result of a job that has succeeded, or was cancelled while it ran",
+                                       &arguments->common);
   add_job_argument(command, &arguments->job);
-  command.add_option("-o,--output", arguments->outputs, "Write the result to this file; may be repeated")
-      ->type_name("OUT")
-      ->allow_extra_args(false);
-  command.add_option("--format", arguments->format, "One of the formats of the job; default: that of the input")
-      ->type_name("NAME");
+  command.add("-o,--output", &arguments->outputs, "Write the result to this file; may be repeated")
+      .value("OUT")
+      .one_value_each();
+  command.add("--format", &arguments->format, "One of the formats of the job; default: that of the input")
+      .value("NAME");
   add_history_flag(command, &arguments->history);
   add_report_flag(command, &arguments->report);
   add_compress_flag(command, &arguments->common);

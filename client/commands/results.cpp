@@ -100,16 +100,16 @@ int results(const Arguments& arguments) {
 
 }  // namespace
 
-Action add_results(CLI::App& app) {
+Action add_results(Command program) {
   auto arguments = std::make_shared<Arguments>();
-  CLI::App& command =
-      add_remote_command(app, "results", "Fetch the results of several jobs into a folder", &arguments->common);
+  Command command =
+      add_remote_command(program, "results", "Fetch the results of several jobs into a folder", &arguments->common);
   add_selection(command, &arguments->selection);
   command
-      .add_option("--into", arguments->into,
-                  "The folder; it is made if it is not there. A file that is there already is not fetched again")
-      ->type_name("DIR")
-      ->required();
+      .add("--into", &arguments->into,
+           "The folder; it is made if it is not there. A file that is there already is not fetched again")
+      .value("DIR")
+      .required();
   add_compress_flag(command, &arguments->common);
   add_quiet_flag(command, &arguments->common);
   return [arguments] { return results(*arguments); };

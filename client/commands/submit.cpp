@@ -109,25 +109,23 @@ int submit(const Arguments& arguments) {
 
 }  // namespace
 
-Action add_submit(CLI::App& app) {
+Action add_submit(Command program) {
   auto arguments = std::make_shared<Arguments>();
-  CLI::App& command =
-      add_remote_command(app, "submit", "Send meshes to a server and print the names of the jobs", &arguments->common);
+  Command command = add_remote_command(program, "submit", "Send meshes to a server and print the names of the jobs",
+                                       &arguments->common);
   add_inputs(command, &arguments->meshes, &arguments->input);
   add_geometry_flags(command, &arguments->input.geometry);
-  command.get_option("--slide")->needs(command.get_option("--geometry"));
+  command["--slide"].needs("--geometry");
   command
-      .add_option("--output-format", arguments->formats,
-                  "Format of the result; default: that of the input; may be repeated")
-      ->type_name("NAME")
-      ->allow_extra_args(false);
+      .add("--output-format", &arguments->formats, "Format of the result; default: that of the input; may be repeated")
+      .value("NAME")
+      .one_value_each();
   add_label_flag(command, &arguments->labels, "Label by which jobs can be listed; may be repeated");
   command
-      .add_option(
-          "--priority", arguments->priority,
-          "From -100 to 100; jobs with a higher priority go first, and a step counts like ten minutes of waiting")
-      ->check(CLI::Range(-100, 100))
-      ->capture_default_str();
+      .add("--priority", &arguments->priority,
+           "From -100 to 100; jobs with a higher priority go first, and a step counts like ten minutes of waiting")
+      .from(-100, 100)
+      .shows_default();
   add_request_id_flag(command, &arguments->request_id);
   add_compress_flag(command, &arguments->common);
   add_options(command, &arguments->options);

@@ -113,10 +113,10 @@ int wait_for_jobs(const Arguments& arguments) {
 
 }  // namespace
 
-Action add_wait(CLI::App& app) {
+Action add_wait(Command program) {
   auto arguments = std::make_shared<Arguments>();
-  CLI::App& command = add_remote_command(app, "wait", "Wait until several jobs have ended, and print a line for each",
-                                         &arguments->common);
+  Command command = add_remote_command(program, "wait", "Wait until several jobs have ended, and print a line for each",
+                                       &arguments->common);
   add_selection(command, &arguments->selection);
   add_quiet_flag(command, &arguments->common);
   return [arguments] { return wait_for_jobs(*arguments); };

@@ -25,14 +25,12 @@ int watch(const Arguments& arguments) {
 
 }  // namespace
 
-Action add_watch(CLI::App& app) {
+Action add_watch(Command program) {
   auto arguments = std::make_shared<Arguments>();
-  CLI::App& command = add_remote_command(app, "watch", "Follow a job to its end", &arguments->common);
+  Command command = add_remote_command(program, "watch", "Follow a job to its end", &arguments->common);
   add_job_argument(command, &arguments->job);
-  command
-      .add_option("--after", arguments->after,
-                  "Begin after the event with this sequence number; default: from the start")
-      ->check(CLI::NonNegativeNumber);
+  command.add("--after", &arguments->after, "Begin after the event with this sequence number; default: from the start")
+      .not_negative();
   add_quiet_flag(command, &arguments->common);
   return [arguments] { return watch(*arguments); };
 }

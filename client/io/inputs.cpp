@@ -38,84 +38,80 @@ Outcome<void> move_boundary(HighOrderMesh& mesh, const Input& input) {
   return {};
 }
 
-void add_boundary_flags(CLI::App& command, Input* input) {
+void add_boundary_flags(Command command, Input* input) {
   command
-      .add_option("--displacements", input->displacements,
-                  "First move boundary nodes of a straight mesh; the file has one line 'number dx dy dz' per node")
-      ->type_name("FILE");
+      .add("--displacements", &input->displacements,
+           "First move boundary nodes of a straight mesh; the file has one line 'number dx dy dz' per node")
+      .value("FILE");
   command
-      .add_option(
-          "--boundary", input->boundary,
-          "First move each boundary node to the position that the node of the same number has in this mesh, which "
-          "contains only the boundary")
-      ->type_name("MESH");
+      .add("--boundary", &input->boundary,
+           "First move each boundary node to the position that the node of the same number has in this mesh, which "
+           "contains only the boundary")
+      .value("MESH");
 }
 
 }  // namespace
 
-void add_input(CLI::App& command, Input* input) {
-  command.add_option("input", input->mesh, "The mesh file to read")->required()->type_name("IN");
+void add_input(Command command, Input* input) {
+  command.add("input", &input->mesh, "The mesh file to read").required().value("IN");
   add_boundary_flags(command, input);
 }
 
-void add_inputs(CLI::App& command, std::vector<std::string>* meshes, Input* input) {
-  command.add_option("input", *meshes, "The mesh files to read, one job for each")->required()->type_name("IN");
+void add_inputs(Command command, std::vector<std::string>* meshes, Input* input) {
+  command.add("input", meshes, "The mesh files to read, one job for each").required().value("IN");
   add_boundary_flags(command, input);
 }
 
-void add_slide_flags(CLI::App& command, GeometryOptions* geometry) {
+void add_slide_flags(Command command, GeometryOptions* geometry) {
   command
-      .add_option("--slide", geometry->slide,
-                  "Which boundary nodes slide: none, surfaces, all (on curves and surfaces), or coupled (the same, and "
-                  "then all nodes of the mesh together); default: all")
-      ->type_name("WHICH")
-      ->check(CLI::IsMember({"none", "surfaces", "all", "coupled"}))
-      ->group(kGeometryGroup);
+      .add("--slide", &geometry->slide,
+           "Which boundary nodes slide: none, surfaces, all (on curves and surfaces), or coupled (the same, and "
+           "then all nodes of the mesh together); default: all")
+      .value("WHICH")
+      .one_of({"none", "surfaces", "all", "coupled"})
+      .group(kGeometryGroup);
   command
-      .add_option("--geometry-tolerance", geometry->tolerance,
-                  "With --slide coupled: how far the boundary may lie from the geometry, in the mesh's unit of length; "
-                  "default: twice as far as it does")
-      ->type_name("LENGTH")
-      ->check(CLI::PositiveNumber)
-      ->group(kGeometryGroup);
+      .add("--geometry-tolerance", &geometry->tolerance,
+           "With --slide coupled: how far the boundary may lie from the geometry, in the mesh's unit of length; "
+           "default: twice as far as it does")
+      .value("LENGTH")
+      .positive()
+      .group(kGeometryGroup);
   command
-      .add_flag("--snap", geometry->snap,
-                "First move boundary nodes that are off the geometry onto it, if they are farther from it than 1e-6 of "
-                "the mesh's size")
-      ->group(kGeometryGroup);
+      .add("--snap", &geometry->snap,
+           "First move boundary nodes that are off the geometry onto it, if they are farther from it than 1e-6 of "
+           "the mesh's size")
+      .group(kGeometryGroup);
   command
-      .add_option(
-          "--smooth-angle", geometry->smooth_angle,
-          "Boundary nodes cross joints at which surfaces or curves of the model meet at no more than this angle, "
-          "in degrees; default: 0, none")
-      ->type_name("ANGLE")
-      ->check(CLI::Range(0.0, 45.0))
-      ->group(kGeometryGroup);
+      .add("--smooth-angle", &geometry->smooth_angle,
+           "Boundary nodes cross joints at which surfaces or curves of the model meet at no more than this angle, "
+           "in degrees; default: 0, none")
+      .value("ANGLE")
+      .from(0.0, 45.0)
+      .group(kGeometryGroup);
 }
 
-void add_geometry_flags(CLI::App& command, GeometryOptions* geometry) {
-  CLI::Option* file =
-      command
-          .add_option("--geometry", geometry->file,
-                      "Let boundary nodes slide on the model in this STEP, IGES or BREP file before the mesh is "
-                      "optimised")
-          ->type_name("FILE")
-          ->group(kGeometryGroup);
+void add_geometry_flags(Command command, GeometryOptions* geometry) {
+  command
+      .add("--geometry", &geometry->file,
+           "Let boundary nodes slide on the model in this STEP, IGES or BREP file before the mesh is "
+           "optimised")
+      .value("FILE")
+      .group(kGeometryGroup);
   add_slide_flags(command, geometry);
-  command.get_option("--snap")->needs(file);
-  command.get_option("--smooth-angle")->needs(file);
+  command["--snap"].needs("--geometry");
+  command["--smooth-angle"].needs("--geometry");
 }
 
-void add_slide_on_flag(CLI::App& command, GeometryOptions* geometry) {
+void add_slide_on_flag(Command command, GeometryOptions* geometry) {
   const auto set = [geometry](const std::string&) { geometry->on_boundary = true; };
   command
-      .add_option_function<std::string>(
-          "--slide-on", set,
-          "Without a CAD model: let boundary nodes slide on the mesh's own curved boundary as it came")
-      ->type_name("WHAT")
-      ->check(CLI::IsMember({"boundary"}))
-      ->excludes("--geometry")
-      ->group(kGeometryGroup);
+      .add("--slide-on", set,
+           "Without a CAD model: let boundary nodes slide on the mesh's own curved boundary as it came")
+      .value("WHAT")
+      .one_of({"boundary"})
+      .excludes("--geometry")
+      .group(kGeometryGroup);
 }
 
 void add_file_label(const std::string& path, google::protobuf::Map<std::string, std::string>* labels) {

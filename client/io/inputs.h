@@ -1,13 +1,13 @@
 // The input of a job: a mesh file, and files that give the mesh its curved boundary before it is sent.
 #pragma once
 
-#include <CLI/CLI.hpp>
 #include <functional>
 #include <memory>
 #include <optional>
 #include <string>
 #include <vector>
 
+#include "client/cli/parser.h"
 #include "client/client.h"
 #include "core/base/error.h"
 #include "core/formats/formats.h"
@@ -26,16 +26,16 @@ struct Input {
 };
 
 /// Adds the positional argument IN, and the flags --displacements and --boundary.
-void add_input(CLI::App& command, Input* input);
+void add_input(Command command, Input* input);
 /// The same for several meshes, whose paths go to `meshes`; `input` gets the rest.
-void add_inputs(CLI::App& command, std::vector<std::string>* meshes, Input* input);
+void add_inputs(Command command, std::vector<std::string>* meshes, Input* input);
 
 /// Adds the flags --geometry, --slide and --snap.
-void add_geometry_flags(CLI::App& command, GeometryOptions* geometry);
+void add_geometry_flags(Command command, GeometryOptions* geometry);
 /// Adds the flag --slide-on, which does without a geometry.
-void add_slide_on_flag(CLI::App& command, GeometryOptions* geometry);
+void add_slide_on_flag(Command command, GeometryOptions* geometry);
 /// Adds --slide and --snap, for commands that always have a geometry.
-void add_slide_flags(CLI::App& command, GeometryOptions* geometry);
+void add_slide_flags(Command command, GeometryOptions* geometry);
 
 /// Adds the label "file" with the name of the mesh file, unless the user has given one. Lists of jobs show it. A name
 /// that is too long for a label loses its beginning.

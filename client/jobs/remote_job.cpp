@@ -6,28 +6,29 @@
 
 namespace varimesh::client {
 
-CLI::App& add_remote_command(CLI::App& app, const char* name, const char* purpose, CommonFlags* flags) {
-  CLI::App& command = *app.add_subcommand(name, purpose);
+Command add_remote_command(Command program, const char* name, const char* purpose, CommonFlags* flags) {
+  Command command = program.add_command(name, purpose);
   add_server_flag(command, flags)
-      ->description(
+      .help(
           "Address of a varimeshd: HOST:PORT or unix:PATH; default: the environment variable VARIMESH_SERVER, or the "
           "socket of a varimeshd of yours that was started without an address");
   add_json_flag(command, flags);
-  command.final_callback([flags] {
-    if (!flags->server.empty()) return;
+  command.at_end([flags]() -> Expected<void> {
+    if (!flags->server.empty()) return {};
     auto found = default_server();
-    if (!found) throw CLI::ValidationError(found.error().sentence);
+    if (!found) return tl::unexpected(found.error());
     flags->server = std::move(*found);
+    return {};
   });
   return command;
 }
 
-void add_job_argument(CLI::App& command, std::string* job) {
-  command.add_option("job", *job, "The name of the job")->required()->type_name("JOB")->check(is_text());
+void add_job_argument(Command command, std::string* job) {
+  command.add("job", job, "The name of the job").required().value("JOB").utf8();
 }
 
-void add_label_flag(CLI::App& command, std::vector<std::string>* labels, const char* help) {
-  command.add_option("--label", *labels, help)->type_name("KEY=VALUE")->check(is_text())->allow_extra_args(false);
+void add_label_flag(Command command, std::vector<std::string>* labels, const char* help) {
+  command.add("--label", labels, help).value("KEY=VALUE").utf8().one_value_each();
 }
 
 std::string full_name(const std::string& job) { return job.rfind("jobs/", 0) == 0 ? job : "jobs/" + job; }

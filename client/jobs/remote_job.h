@@ -1,7 +1,6 @@
 // What the commands for the jobs of a server share.
 #pragma once
 
-#include <CLI/CLI.hpp>
 #include <string>
 #include <vector>
 
@@ -12,11 +11,11 @@
 namespace varimesh::client {
 
 /// Adds a subcommand that needs a server, with --server and --json.
-CLI::App& add_remote_command(CLI::App& app, const char* name, const char* purpose, CommonFlags* flags);
+Command add_remote_command(Command program, const char* name, const char* purpose, CommonFlags* flags);
 /// Adds the positional argument JOB.
-void add_job_argument(CLI::App& command, std::string* job);
+void add_job_argument(Command command, std::string* job);
 /// Adds --label; `help` is its text.
-void add_label_flag(CLI::App& command, std::vector<std::string>* labels, const char* help);
+void add_label_flag(Command command, std::vector<std::string>* labels, const char* help);
 
 /// The full name of a job, which may be given without its "jobs/".
 std::string full_name(const std::string& job);

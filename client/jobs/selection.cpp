@@ -7,9 +7,9 @@
 
 namespace varimesh::client {
 
-void add_selection(CLI::App& command, Selection* selection) {
-  command.add_option("job", selection->names, "The names of jobs")->type_name("JOB")->check(is_text());
-  command.add_flag("--all", selection->all, "All jobs of the server; with --label, all jobs with this label");
+void add_selection(Command command, Selection* selection) {
+  command.add("job", &selection->names, "The names of jobs").value("JOB").utf8();
+  command.add("--all", &selection->all, "All jobs of the server; with --label, all jobs with this label");
   add_label_flag(command, &selection->labels, "All jobs with this label; may be repeated");
 }
 

@@ -1,10 +1,10 @@
 // The jobs that a command for several jobs is about: those that are named, or those with certain labels.
 #pragma once
 
-#include <CLI/CLI.hpp>
 #include <string>
 #include <vector>
 
+#include "client/cli/parser.h"
 #include "client/client.h"
 
 namespace varimesh::client {
@@ -17,7 +17,7 @@ struct Selection {
 };
 
 /// Adds the positional arguments JOB and the flags --all and --label.
-void add_selection(CLI::App& command, Selection* selection);
+void add_selection(Command command, Selection* selection);
 
 /// The chosen jobs as they are now: in the order of their names on the command line, each once, or newest first.
 /// Refused with BAD_OPTION if nothing was chosen, if names and labels are mixed, or if no job has the labels; with

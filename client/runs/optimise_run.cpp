@@ -150,15 +150,14 @@ int optimise(const OptimiseArguments& arguments) {
   return run(arguments, &geometry);
 }
 
-void add_run_flags(CLI::App& command, OptimiseArguments* arguments) {
+void add_run_flags(Command command, OptimiseArguments* arguments) {
   command
-      .add_option("-o,--output", arguments->outputs,
-                  "Write the result to this file (.msh, .vtu, .mesh, .xml, .su2, .h5, .cgns, .pyfrm); may be repeated")
-      ->required()
-      ->type_name("OUT")
-      ->allow_extra_args(false);
-  command.add_option("--format", arguments->format, "Format of the .msh outputs; default: that of the input")
-      ->type_name("NAME");
+      .add("-o,--output", &arguments->outputs,
+           "Write the result to this file (.msh, .vtu, .mesh, .xml, .su2, .h5, .cgns, .pyfrm); may be repeated")
+      .required()
+      .value("OUT")
+      .one_value_each();
+  command.add("--format", &arguments->format, "Format of the .msh outputs; default: that of the input").value("NAME");
   add_history_flag(command, &arguments->history);
   add_report_flag(command, &arguments->report);
   add_request_id_flag(command, &arguments->request_id);

@@ -1,7 +1,6 @@
 // What the commands optimise, curve and mesh share: they run one job on a mesh and deliver its result.
 #pragma once
 
-#include <CLI/CLI.hpp>
 #include <string>
 #include <vector>
 
@@ -20,7 +19,7 @@ struct OptimiseArguments {
 };
 
 /// Adds all flags except those of the input.
-void add_run_flags(CLI::App& command, OptimiseArguments* arguments);
+void add_run_flags(Command command, OptimiseArguments* arguments);
 
 /// Runs the job and returns the exit status.
 int optimise(const OptimiseArguments& arguments);

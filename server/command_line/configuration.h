@@ -2,11 +2,14 @@
 // the one table of all three.
 #pragma once
 
-#include <CLI/CLI.hpp>
 #include <string>
 #include <vector>
 
 #include "core/base/error.h"
+
+namespace CLI {
+class App;
+}
 
 namespace varimesh::server {
 

@@ -1,7 +1,9 @@
 // The subcommand "varimeshd token", which makes tokens.
 #pragma once
 
-#include <CLI/CLI.hpp>
+namespace CLI {
+class App;
+}
 
 namespace varimesh::server {
 

@@ -1,8 +1,11 @@
 // The commands of varimeshd that do not serve: check, backup and health.
 #pragma once
 
-#include <CLI/App.hpp>
 #include <optional>
+
+namespace CLI {
+class App;
+}
 
 namespace varimesh::server {
 

@@ -56,6 +56,10 @@ class Planted(unittest.TestCase):
         plant(self.tree, "core/mesh/check.h", "#include <core/optimise/optimiser.h>")
         self.expect("core/mesh/check.h includes core/optimise/optimiser.h")
 
+    def test_a_dear_header_is_found(self):
+        plant(self.tree, "client/commands/wait.cpp", "#include <CLI/CLI.hpp>")
+        self.expect("client/commands/wait.cpp includes CLI/CLI.hpp: it takes seconds to compile")
+
     def test_a_relative_path_is_found(self):
         plant(self.tree, "core/mesh/check.h", '#include "../optimise/optimiser.h"')
         self.expect("write the path from the root of the repository")

@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include <CLI/CLI.hpp>
+
 #include "client/cli/names.h"
 #include "client/commands/commands.h"
 #include "core/options/nearest_word.h"
