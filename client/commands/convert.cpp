@@ -8,9 +8,9 @@
 #include "client/process/interrupts.h"
 #include "core/base/team.h"
 #include "core/formats/formats.h"
-#include "core/marks/marks.h"
 #include "core/mesh/check.h"
 #include "core/mesh/connectivity.h"
+#include "core/optimise/marks/marks.h"
 #include "core/validity/orientation.h"
 
 namespace varimesh::client {

@@ -13,8 +13,8 @@
 #include "client/process/interrupts.h"
 #include "core/diagnosis/diagnosis.h"
 #include "core/formats/formats.h"
-#include "core/marks/marks.h"
 #include "core/mesh/check.h"
+#include "core/optimise/marks/marks.h"
 #include "core/optimise/optimiser.h"
 
 namespace varimesh::client {

@@ -29,7 +29,7 @@ struct Merit {
   std::optional<std::int64_t> weak = std::nullopt;
   double smallest = -std::numeric_limits<double>::infinity();  ///< Of the cells' scaled Jacobians.
   double mean = -std::numeric_limits<double>::infinity();      ///< The same.
-  double loss = std::numeric_limits<double>::infinity();       ///< Of accuracy (core/accuracy/accuracy.h).
+  double loss = std::numeric_limits<double>::infinity();       ///< Of accuracy (core/quality/accuracy/accuracy.h).
   /// is_lower() than the mesh as it came, which was valid.
   bool lower_than_it_came = false;
 

@@ -3,13 +3,13 @@
 #include <algorithm>
 
 #include "core/energy/material.h"
-#include "core/guard/guard_memory.h"
 #include "core/kernels/hessian/batches.h"
 #include "core/kernels/kernels.h"
 #include "core/mesh/mesh_counts.h"
 #include "core/problem/problem_memory.h"
 #include "core/quality/quality_memory.h"
 #include "core/solvers/descent/descent_memory.h"
+#include "core/solvers/guard/guard_memory.h"
 #include "core/solvers/newton/newton_memory.h"
 #include "core/solvers/sweeps/sweep_memory.h"
 #include "core/validity/certificate.h"

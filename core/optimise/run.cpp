@@ -3,11 +3,11 @@
 #include <cstdio>
 #include <utility>
 
-#include "core/accuracy/accuracy.h"
 #include "core/diagnosis/diagnose.h"
 #include "core/diagnosis/elements_text.h"
 #include "core/merit/thresholds.h"
 #include "core/mesh/changes/straight_sides.h"
+#include "core/quality/accuracy/accuracy.h"
 #include "core/quality/certified_quality.h"
 #include "core/repair/straighten.h"
 

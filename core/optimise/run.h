@@ -10,8 +10,6 @@
 
 #include "core/base/stopwatch.h"
 #include "core/base/team.h"
-#include "core/guard/best_mesh.h"
-#include "core/guard/guard.h"
 #include "core/merit/merit.h"
 #include "core/optimise/grace.h"
 #include "core/optimise/result.h"
@@ -19,6 +17,8 @@
 #include "core/optimise/set_up.h"
 #include "core/optimise/stage_run.h"
 #include "core/solvers/descent/descent.h"
+#include "core/solvers/guard/best_mesh.h"
+#include "core/solvers/guard/guard.h"
 #include "core/solvers/maxmin/raise.h"
 #include "core/validity/certifier.h"
 

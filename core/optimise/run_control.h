@@ -6,8 +6,8 @@
 #include <string_view>
 
 #include "core/base/spare_memory.h"
+#include "core/base/work_meter.h"
 #include "core/optimise/iteration.h"
-#include "core/progress/work_meter.h"
 
 namespace varimesh {
 

@@ -2,13 +2,13 @@
 #include <algorithm>
 #include <utility>
 
-#include "core/checkpoint/checkpoint.h"
 #include "core/merit/thresholds.h"
 #include "core/optimise/memory.h"
 #include "core/optimise/run.h"
 #include "core/problem/node_conversion.h"
 #include "core/problem/targets.h"
 #include "core/quality/certified_quality.h"
+#include "core/solvers/checkpoint.h"
 #include "core/solvers/untangle/untangle.h"
 
 namespace varimesh {

@@ -4,9 +4,9 @@
 #include <cassert>
 #include <cmath>
 
-#include "core/checkpoint/checkpoint.h"
 #include "core/optimise/iteration_state.h"
 #include "core/optimise/memory.h"
+#include "core/solvers/checkpoint.h"
 
 namespace varimesh {
 namespace {

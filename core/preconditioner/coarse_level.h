@@ -9,12 +9,12 @@
 
 #include "core/base/aligned.h"
 #include "core/base/team.h"
+#include "core/base/work_meter.h"
 #include "core/kernels/hessian/batches.h"
 #include "core/preconditioner/coarse_kernels.h"
 #include "core/preconditioner/coarse_space.h"
 #include "core/preconditioner/linear_level.h"
 #include "core/problem/problem.h"
-#include "core/progress/work_meter.h"
 
 namespace varimesh {
 

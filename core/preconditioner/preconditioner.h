@@ -8,12 +8,12 @@
 
 #include "core/base/aligned.h"
 #include "core/base/team.h"
+#include "core/base/work_meter.h"
 #include "core/kernels/kernels.h"
 #include "core/preconditioner/coarse_kernels.h"
 #include "core/preconditioner/coarse_level.h"
 #include "core/preconditioner/stretched_cells.h"
 #include "core/problem/problem.h"
-#include "core/progress/work_meter.h"
 
 namespace varimesh {
 

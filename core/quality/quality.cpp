@@ -4,8 +4,8 @@
 #include <optional>
 #include <span>
 
-#include "core/accuracy/team_accuracy.h"
 #include "core/base/team.h"
+#include "core/quality/accuracy/team_accuracy.h"
 #include "core/quality/certified_quality.h"
 #include "core/quality/lattice_kernel.h"
 #include "core/quality/surface.h"

@@ -7,8 +7,8 @@
 #include <optional>
 #include <vector>
 
-#include "core/accuracy/accuracy.h"
 #include "core/mesh/high_order_mesh.h"
+#include "core/quality/accuracy/accuracy.h"
 #include "core/validity/certificate.h"
 
 namespace varimesh {

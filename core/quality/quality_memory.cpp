@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "core/accuracy/team_accuracy.h"
+#include "core/quality/accuracy/team_accuracy.h"
 #include "core/quality/lattice_kernel.h"
 #include "core/quality/quality.h"
 #include "core/validity/cell_batches.h"

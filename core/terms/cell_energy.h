@@ -10,12 +10,12 @@
 #include "core/base/reduction.h"
 #include "core/base/stopwatch.h"
 #include "core/base/team.h"
+#include "core/base/work_meter.h"
 #include "core/kernels/hessian/batches.h"
 #include "core/kernels/hessian/operations.h"
 #include "core/kernels/kernels.h"
 #include "core/kernels/p_norm.h"
 #include "core/problem/problem.h"
-#include "core/progress/work_meter.h"
 
 namespace varimesh {
 

@@ -7,8 +7,8 @@
 #include "core/base/error.h"
 #include "core/base/stop_token.h"
 #include "core/formats/formats.h"
-#include "core/marks/marks.h"
 #include "core/mesh/high_order_mesh.h"
+#include "core/optimise/marks/marks.h"
 
 namespace varimesh::server {
 

@@ -2,10 +2,10 @@
 #pragma once
 
 #include "core/base/error.h"
+#include "core/base/work_meter.h"
 #include "core/formats/formats.h"
 #include "core/optimise/result.h"
 #include "core/options/options.h"
-#include "core/progress/work_meter.h"
 #include "server/engine/option_messages.h"
 #include "varimesh/v1/job.pb.h"
 

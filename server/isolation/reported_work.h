@@ -3,7 +3,7 @@
 
 #include <chrono>
 
-#include "core/progress/work_meter.h"
+#include "core/base/work_meter.h"
 #include "server/isolation/worker.pb.h"
 
 namespace varimesh::server {

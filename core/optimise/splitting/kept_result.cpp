@@ -5,9 +5,9 @@
 #include <string>
 #include <string_view>
 
-#include "core/checkpoint/checkpoint.h"
 #include "core/mesh/node_parameters.h"
 #include "core/optimise/iteration_state.h"
+#include "core/solvers/checkpoint.h"
 
 namespace varimesh {
 namespace {

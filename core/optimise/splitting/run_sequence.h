@@ -9,8 +9,8 @@
 
 #include "core/base/stop_token.h"
 #include "core/base/stopwatch.h"
-#include "core/checkpoint/checkpoint.h"
 #include "core/optimise/optimiser.h"
+#include "core/solvers/checkpoint.h"
 
 namespace varimesh {
 

@@ -9,7 +9,6 @@
 #include <utility>
 
 #include "core/base/index.h"
-#include "core/checkpoint/checkpoint.h"
 #include "core/diagnosis/elements_text.h"
 #include "core/diagnosis/node_positions.h"
 #include "core/merit/merit.h"
@@ -19,6 +18,7 @@
 #include "core/optimise/splitting/run_sequence.h"
 #include "core/reference/basis.h"
 #include "core/repair/split_passes.h"
+#include "core/solvers/checkpoint.h"
 #include "core/validity/orientation.h"
 
 namespace varimesh {

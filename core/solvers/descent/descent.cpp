@@ -3,9 +3,9 @@
 #include <algorithm>
 #include <cmath>
 
-#include "core/accuracy/team_accuracy.h"
 #include "core/kernels/p_norm.h"
 #include "core/merit/thresholds.h"
+#include "core/quality/accuracy/team_accuracy.h"
 #include "core/quality/certified_quality.h"
 #include "core/solvers/descent/has_loss.h"
 #include "core/solvers/maxmin/kept_raiser.h"

@@ -6,15 +6,15 @@
 #include <vector>
 
 #include "core/base/team.h"
-#include "core/checkpoint/checkpoint.h"
+#include "core/base/work_meter.h"
 #include "core/energy/material.h"
-#include "core/guard/guard.h"
 #include "core/merit/merit.h"
-#include "core/progress/work_meter.h"
 #include "core/quality/quality.h"
+#include "core/solvers/checkpoint.h"
 #include "core/solvers/descent/modal_form.h"
 #include "core/solvers/descent/order_levels.h"
 #include "core/solvers/descent/order_space.h"
+#include "core/solvers/guard/guard.h"
 #include "core/solvers/quasi_newton.h"
 #include "core/terms/cell_energy.h"
 #include "core/validity/certifier.h"

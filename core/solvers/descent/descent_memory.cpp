@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <array>
 
-#include "core/accuracy/team_accuracy.h"
 #include "core/kernels/kernels.h"
+#include "core/quality/accuracy/team_accuracy.h"
 #include "core/quality/quality_memory.h"
 #include "core/reference/nodes.h"
 #include "core/solvers/quasi_newton.h"

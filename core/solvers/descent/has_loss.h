@@ -5,10 +5,10 @@
 #include <cstddef>
 #include <numeric>
 
-#include "core/accuracy/team_accuracy.h"
 #include "core/base/team.h"
 #include "core/merit/thresholds.h"
 #include "core/mesh/high_order_mesh.h"
+#include "core/quality/accuracy/team_accuracy.h"
 
 namespace varimesh {
 

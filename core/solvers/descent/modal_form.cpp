@@ -3,7 +3,7 @@
 #include <Eigen/LU>
 #include <cmath>
 
-#include "core/accuracy/parts_table.h"
+#include "core/quality/accuracy/parts_table.h"
 #include "core/solvers/descent/order_tables.h"
 
 namespace varimesh {

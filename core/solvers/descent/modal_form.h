@@ -13,8 +13,8 @@
 
 namespace varimesh {
 
-/// The square of the loss of accuracy (core/accuracy/accuracy.h) with the Jacobian means J and the volumes V_E of a
-/// given mesh:
+/// The square of the loss of accuracy (core/quality/accuracy/accuracy.h) with the Jacobian means J and the volumes V_E
+/// of a given mesh:
 ///
 ///     Q(x) = 1/V Σ_E V_E Σ_{s=2..P} (V_E/V)^(2(P+1−s)/d) 1/|Ê| ∫_Ê |∇χ_s J⁻¹|².
 ///

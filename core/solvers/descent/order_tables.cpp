@@ -2,7 +2,7 @@
 
 #include <utility>
 
-#include "core/accuracy/parts_table.h"
+#include "core/quality/accuracy/parts_table.h"
 #include "core/reference/basis.h"
 #include "core/reference/cache.h"
 #include "core/reference/quadrature.h"

@@ -6,9 +6,9 @@
 #include <vector>
 
 #include "core/base/team.h"
-#include "core/guard/guard.h"
 #include "core/mesh/high_order_mesh.h"
 #include "core/problem/problem.h"
+#include "core/solvers/guard/guard.h"
 #include "core/solvers/maxmin/raise.h"
 
 namespace varimesh {

@@ -6,11 +6,11 @@
 
 #include "core/base/stopwatch.h"
 #include "core/base/team.h"
+#include "core/base/work_meter.h"
 #include "core/kernels/kernels.h"
 #include "core/kernels/operations.h"
 #include "core/kernels/p_norm.h"
 #include "core/problem/problem.h"
-#include "core/progress/work_meter.h"
 #include "core/solvers/sweeps/colouring.h"
 
 namespace varimesh {

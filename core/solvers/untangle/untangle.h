@@ -9,10 +9,10 @@
 #include <vector>
 
 #include "core/base/team.h"
-#include "core/guard/guard.h"
 #include "core/kernels/kernels.h"
 #include "core/merit/merit.h"
 #include "core/problem/problem.h"
+#include "core/solvers/guard/guard.h"
 #include "core/solvers/untangle/coefficient_energy.h"
 #include "core/solvers/untangle/untangle_patch.h"
 

@@ -6,9 +6,9 @@
 #include <Eigen/Geometry>
 #include <set>
 
-#include "core/marks/marks.h"
 #include "core/mesh/check.h"
 #include "core/mesh/connectivity.h"
+#include "core/optimise/marks/marks.h"
 #include "core/reference/basis.h"
 #include "core/reference/quadrature.h"
 #include "tests/core/support/cases.h"

@@ -2,7 +2,7 @@
 // somebody could make it who knows how, is read in bounded memory. What was read is written with the same bytes.
 //
 // An input begins with a byte that says whether mark and checksum are made to fit.
-#include "core/checkpoint/checkpoint.h"
+#include "core/solvers/checkpoint.h"
 #include "tests/fuzz/program/memory.h"
 
 namespace {

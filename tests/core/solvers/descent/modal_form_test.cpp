@@ -3,7 +3,7 @@
 
 #include <gtest/gtest.h>
 
-#include "core/accuracy/accuracy.h"
+#include "core/quality/accuracy/accuracy.h"
 #include "tests/core/support/meshes.h"
 #include "tests/core/support/problems.h"
 

@@ -10,7 +10,7 @@
 #include "core/mesh/connectivity.h"
 #include "core/optimise/optimiser.h"
 #include "core/validity/certificate.h"
-#include "tests/core/accuracy/plain_poisson.h"
+#include "tests/core/quality/accuracy/plain_poisson.h"
 #include "tests/core/support/balls.h"
 #include "tests/core/support/cases.h"
 #include "tests/core/support/for_energy.h"

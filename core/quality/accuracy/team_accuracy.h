@@ -4,9 +4,9 @@
 #include <cstdint>
 #include <span>
 
-#include "core/accuracy/accuracy.h"
 #include "core/base/team.h"
 #include "core/mesh/mesh_counts.h"
+#include "core/quality/accuracy/accuracy.h"
 
 namespace varimesh {
 

@@ -1,5 +1,5 @@
 // What a written mesh tells a viewer: fields of numbers, and a group of the cells that cannot be repaired.
-#include "core/marks/marks.h"
+#include "core/optimise/marks/marks.h"
 
 #include <gtest/gtest.h>
 

@@ -4,8 +4,8 @@
 #include <cstdint>
 #include <vector>
 
-#include "core/guard/guard.h"
 #include "core/merit/merit.h"
+#include "core/solvers/guard/guard.h"
 #include "core/validity/certifier.h"
 
 namespace varimesh {

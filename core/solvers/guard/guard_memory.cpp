@@ -1,4 +1,4 @@
-#include "core/guard/guard_memory.h"
+#include "core/solvers/guard/guard_memory.h"
 
 #include "core/problem/problem_memory.h"
 #include "core/validity/certificate.h"

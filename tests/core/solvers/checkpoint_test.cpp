@@ -1,6 +1,6 @@
 // A run that is interrupted anywhere continues from its checkpoint to the same bytes; a checkpoint that is damaged or
 // belongs to something else is ignored.
-#include "core/checkpoint/checkpoint.h"
+#include "core/solvers/checkpoint.h"
 
 #include <gtest/gtest.h>
 

@@ -1,5 +1,5 @@
 // A meter reports at most ten times per second, one call at a time, and what it reports is true.
-#include "core/progress/work_meter.h"
+#include "core/base/work_meter.h"
 
 #include <gtest/gtest.h>
 

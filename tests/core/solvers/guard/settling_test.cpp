@@ -1,5 +1,5 @@
 // A later stage settles when full steps no longer raise the minimum, and not before.
-#include "core/guard/settling.h"
+#include "core/solvers/guard/settling.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "core/checkpoint/checkpoint.h"
+#include "core/solvers/checkpoint.h"
 
 namespace varimesh {
 namespace {

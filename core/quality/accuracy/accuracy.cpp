@@ -1,13 +1,13 @@
 // The parts of every cell, a batch of cells at a time, and their sums in the mesh's order.
-#include "core/accuracy/accuracy.h"
+#include "core/quality/accuracy/accuracy.h"
 
 #include <Eigen/LU>
 #include <cmath>
 #include <limits>
 #include <span>
 
-#include "core/accuracy/parts_table.h"
-#include "core/accuracy/team_accuracy.h"
+#include "core/quality/accuracy/parts_table.h"
+#include "core/quality/accuracy/team_accuracy.h"
 #include "core/validity/cell_batches.h"
 
 namespace varimesh {

@@ -1,5 +1,5 @@
 // No certificate is lost, whatever the energy does and whenever a run is stopped.
-#include "core/guard/guard.h"
+#include "core/solvers/guard/guard.h"
 
 #include <gtest/gtest.h>
 

@@ -1,5 +1,5 @@
 // The loss of accuracy: known answers, what it must not depend on, and a projection by quadrature as plain reference.
-#include "core/accuracy/accuracy.h"
+#include "core/quality/accuracy/accuracy.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "core/guard/guard.h"
+#include "core/solvers/guard/guard.h"
 
 #include <algorithm>
 #include <iterator>

@@ -1,5 +1,5 @@
 // Measures the cells, and divides blocks so that unrepairable cells have blocks of their own.
-#include "core/marks/marks.h"
+#include "core/optimise/marks/marks.h"
 
 #include <algorithm>
 #include <map>

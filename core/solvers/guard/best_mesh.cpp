@@ -1,4 +1,4 @@
-#include "core/guard/best_mesh.h"
+#include "core/solvers/guard/best_mesh.h"
 
 #include <utility>
 

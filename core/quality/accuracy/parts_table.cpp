@@ -1,6 +1,6 @@
 // Integrals by quadrature. All integrands are polynomials, on pyramids in collapsed coordinates, so the rules are
 // exact.
-#include "core/accuracy/parts_table.h"
+#include "core/quality/accuracy/parts_table.h"
 
 #include <Eigen/LU>
 #include <algorithm>

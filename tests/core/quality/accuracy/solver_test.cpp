@@ -4,9 +4,9 @@
 #include <algorithm>
 #include <numeric>
 
-#include "core/accuracy/accuracy.h"
 #include "core/optimise/optimiser.h"
-#include "tests/core/accuracy/plain_poisson.h"
+#include "core/quality/accuracy/accuracy.h"
+#include "tests/core/quality/accuracy/plain_poisson.h"
 #include "tests/core/support/cases.h"
 
 namespace varimesh {
