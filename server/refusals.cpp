@@ -250,6 +250,11 @@ Refusal directory_unusable(std::string sentence) {
 
 Refusal data_lost(std::string sentence) { return refusal(Code::DataLoss, "INTERNAL", std::move(sentence)); }
 
+Refusal damaged_mesh(const std::string& digest, const std::string& why) {
+  return data_lost("The stored mesh " + digest + " is damaged (" + why +
+                   ") and was removed from the store; upload it, or run the job again.");
+}
+
 Refusal internal_failure(std::string sentence) { return refusal(Code::Internal, "INTERNAL", std::move(sentence)); }
 
 }  // namespace varimesh::server

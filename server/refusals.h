@@ -103,6 +103,8 @@ Refusal meshes_unavailable();
 Refusal directory_unusable(std::string sentence);
 /// DATA_LOSS, INTERNAL: stored bytes cannot be read any more.
 Refusal data_lost(std::string sentence);
+/// A stored mesh whose bytes are lost for the reason `why`.
+Refusal damaged_mesh(const std::string& digest, const std::string& why);
 /// INTERNAL, INTERNAL.
 Refusal internal_failure(std::string sentence);
 

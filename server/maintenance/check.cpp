@@ -15,6 +15,7 @@
 #include "server/jobs/sqlite.h"
 #include "server/jobs/sqlite_schema.h"
 #include "server/meshes/blobs.h"
+#include "server/meshes/disk.h"
 #include "server/state/state_directory.h"
 
 namespace varimesh::server {
@@ -104,6 +105,7 @@ class Checker {
   void check_file(const std::filesystem::path& path) {
     const std::string name = path.filename().string();
     if (name.starts_with("part-")) return;  // of an upload that was cut; the server removes it when it starts
+    if (name == kDamagedFolder) return;     // what the server has set aside
     // Who else may use the mesh. A damaged line is nobody's.
     if (path.extension() == ".owners" && is_sha256(path.stem().string())) return;
     const bool compressed = path.extension() == ".zst";

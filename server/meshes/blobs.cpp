@@ -65,6 +65,7 @@ class PlainReader : public BlobReader {
   Answer<Piece> read(std::int64_t offset, bool zstd) override {
     Piece piece;
     const auto wanted = std::min<std::size_t>(kChunkBytes, static_cast<std::size_t>(size_ - offset));
+    errno = EBADMSG;  // unless the file cannot be read for another reason
     if (!read_at(file_, offset, wanted, &piece.bytes) || piece.bytes.size() < wanted) return unreadable();
     piece.size = static_cast<std::int64_t>(piece.bytes.size());
     if (!zstd) return piece;
@@ -117,7 +118,6 @@ int nameless_file(const std::filesystem::path& directory) {
 std::unique_ptr<BlobReader> open_reader(int file, Form form) {
   if (form == Form::Zstd) {
     auto compressed = ZstdFile::open(file);
-    if (compressed == nullptr) errno = EBADMSG;
     return compressed == nullptr ? nullptr : std::make_unique<FrameReader>(std::move(compressed));
   }
   struct stat status {};
@@ -136,10 +136,9 @@ bool read_all(BlobReader& reader, const Content& content, const std::function<bo
   Sha256 hash;
   for (std::int64_t offset = 0; offset < content.size;) {
     const auto piece = reader.read(offset, false);
-    if (!piece || piece->size == 0) {
-      errno = EBADMSG;
-      return false;
-    }
+    if (!piece) return false;
+    errno = EBADMSG;
+    if (piece->size == 0) return false;
     hash.update(piece->bytes);
     if (!take(piece->bytes)) return false;
     offset += piece->size;

@@ -130,21 +130,33 @@ Answer<DirectoryMeshStore::Opened> DirectoryMeshStore::open_file(const std::stri
                 entry->second.writing};
 }
 
+template <class Result>
+Answer<Result> DirectoryMeshStore::open_with(const std::string& digest,
+                                             const std::function<Result(const Opened&)>& load) {
+  std::int64_t writing = 0;
+  // A disk may have failed for a moment. Only bytes that were read twice and are others are damaged.
+  for (int attempt = 0; attempt < 2; ++attempt) {
+    const auto opened = open_file(digest);
+    if (!opened) return tl::unexpected(opened.error());
+    if (opened->file >= 0)
+      if (Result result = load(*opened); result != nullptr) return result;
+    if (errno == ENOSPC || errno == EDQUOT)
+      return store_full("The server's disk has no room to open the mesh " + digest);
+    writing = opened->writing;
+  }
+  return cannot_read(digest, writing);
+}
+
 Answer<std::shared_ptr<const Blob>> DirectoryMeshStore::open(const std::string& digest) {
-  const auto opened = open_file(digest);
-  if (!opened) return tl::unexpected(opened.error());
-  auto blob = opened->file < 0 ? nullptr : load_file(opened->file, opened->form, {digest, opened->size}, directory_);
-  if (blob != nullptr) return blob;
-  if (errno == ENOSPC || errno == EDQUOT) return store_full("The server's disk has no room to open the mesh " + digest);
-  return cannot_read(digest, opened->writing);
+  return open_with<std::shared_ptr<const Blob>>(digest, [&](const Opened& opened) {
+    return load_file(opened.file, opened.form, {digest, opened.size}, directory_);
+  });
 }
 
 Answer<std::unique_ptr<BlobReader>> DirectoryMeshStore::read(const std::string& digest) {
-  const auto opened = open_file(digest);
-  if (!opened) return tl::unexpected(opened.error());
-  auto reader = opened->file < 0 ? nullptr : read_file(opened->file, opened->form, {digest, opened->size});
-  if (reader == nullptr) return cannot_read(digest, opened->writing);
-  return reader;
+  return open_with<std::unique_ptr<BlobReader>>(digest, [&](const Opened& opened) {
+    return read_file(opened.file, opened.form, {digest, opened.size});
+  });
 }
 
 Answer<std::int64_t> DirectoryMeshStore::size_of(const std::string& digest) {
@@ -157,24 +169,25 @@ Answer<std::int64_t> DirectoryMeshStore::size_of(const std::string& digest) {
 Refusal DirectoryMeshStore::cannot_read(const std::string& digest, std::int64_t writing) {
   const int reason = errno;
   const std::string why = reason == EBADMSG ? "its bytes have changed" : std::strerror(reason);
-  // Other reasons, such as too many open files, pass.
-  const bool damaged = reason == EBADMSG || reason == ENOENT || reason == ELOOP || reason == EIO;
+  // Other reasons, such as too many open files or a disk that does not answer, may pass.
+  const bool damaged = reason == EBADMSG || reason == ENOENT || reason == ELOOP;
   std::lock_guard lock(mutex_);
   const auto entry = find_stored(digest);
   const bool is_same = entry != entries_.end() && entry->second.writing == writing;
   if (!damaged || !is_same)
     return internal_failure("The mesh " + digest + " cannot be read from the store (" + why + "); try again.");
   lose(entry, why);
-  return data_lost("The stored mesh " + digest + " is damaged (" + why +
-                   ") and was removed from the store; upload it, or run the job again.");
+  return damaged_mesh(digest, why);
 }
 
 void DirectoryMeshStore::lose(Entries::iterator entry, const std::string& why) {
-  settings_.log("The stored mesh " + entry->first + " is damaged (" + why +
-                ") and was removed; the next upload with this digest is taken. Check the disk.");
+  settings_.log(
+      "The stored mesh " + entry->first + " is damaged (" + why +
+      "). What is left of it is in the folder 'damaged'; the next upload with this digest is taken. Check the "
+      "disk.");
+  for (const Form form : {Form::Plain, Form::Zstd})
+    [[maybe_unused]] const bool moved = move_to_damaged(directory_, path_of(entry->first, form).filename().string());
   if (entry->second.references == 0) return drop(entry);
-  std::error_code ignored;
-  for (const Form form : {Form::Plain, Form::Zstd}) std::filesystem::remove(path_of(entry->first, form), ignored);
   entry->second.lost = true;
   entry->second.pinned = false;
   entry->second.stored = 0;

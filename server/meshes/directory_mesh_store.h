@@ -105,12 +105,16 @@ class DirectoryMeshStore : public MeshStore {
   };
   /// Opens the file of a mesh and notes that it is used. NOT_FOUND if the mesh is not in the store.
   Answer<Opened> open_file(const std::string& digest);
-  /// The refusal of a mesh whose file could not be read for the reason errno. A file that is damaged or missing is
-  /// removed from the store.
+  /// Opens a mesh with `load`, which takes ownership of the descriptor and returns null, with errno, if that fails.
+  template <class Result>
+  Answer<Result> open_with(const std::string& digest, const std::function<Result(const Opened&)>& load);
+  /// The refusal of a mesh whose file could not be read for the reason errno. A file that is damaged or missing is no
+  /// longer in the store.
   Refusal cannot_read(const std::string& digest, std::int64_t writing);
   /// Requires the lock. The entry of a mesh that has a file; entries_.end() if there is none.
   Entries::iterator find_stored(const std::string& digest);
-  /// Requires the lock. Removes the file of a mesh, and the entry unless jobs refer to it.
+  /// Requires the lock. Moves the file of a mesh to the folder `damaged`, and removes the entry unless jobs refer to
+  /// it.
   void lose(Entries::iterator entry, const std::string& why);
   std::filesystem::path owners_of(const std::string& digest) const { return directory_ / (digest + ".owners"); }
   std::filesystem::path temporary_path();

@@ -28,6 +28,7 @@ void DirectoryMeshStore::read_directory() {
   std::vector<std::filesystem::path> compressed;
   for (const auto& file : std::filesystem::directory_iterator(directory_, ignored)) {
     const std::string name = file.path().filename().string();
+    if (name == kDamagedFolder) continue;
     if (file.symlink_status(ignored).type() != std::filesystem::file_type::regular) {
       // A symbolic link could lead to any file of the system, which the store would then give to its clients.
       settings_.log("'" + file.path().string() + "' is not a file; the store ignores it.");

@@ -2,9 +2,11 @@
 #include "server/meshes/disk.h"
 
 #include <fcntl.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <cerrno>
+#include <cstdio>
 #include <cstring>
 #include <fstream>
 #include <random>
@@ -20,6 +22,8 @@ namespace {
 /// After how many bytes the room on the disk is looked at again.
 constexpr std::int64_t kCheckedBytes = 1 << 20;
 
+}  // namespace
+
 std::string random_name() {
   std::random_device device;
   std::string bits;
@@ -27,7 +31,12 @@ std::string random_name() {
   return sha256(bits);
 }
 
-}  // namespace
+bool move_to_damaged(const std::filesystem::path& directory, const std::string& name) {
+  const std::filesystem::path damaged = directory / kDamagedFolder;
+  if (::mkdir(damaged.c_str(), 0700) != 0 && errno != EEXIST) return false;
+  return ::rename((directory / name).c_str(), (damaged / name).c_str()) == 0 && sync_directory(damaged) &&
+         sync_directory(directory);
+}
 
 Answer<void> check_upload(const std::string& id, const std::string& digest, std::int64_t size,
                           std::int64_t max_mesh_bytes, std::int64_t max_memory_bytes) {

@@ -39,6 +39,16 @@ bool sync_directory(const std::filesystem::path& directory);
 /// Writes bytes at an offset of a file, which has nothing behind it afterwards. Returns false if that fails (errno).
 bool write_at(const std::filesystem::path& path, std::int64_t offset, std::string_view bytes);
 
+/// Returns 64 hexadecimal digits that nobody has used before.
+std::string random_name();
+
+/// The folder of a directory of meshes for files whose bytes have changed.
+inline constexpr char kDamagedFolder[] = "damaged";
+
+/// Moves a file of a directory of meshes, whose bytes have changed, into its folder `damaged`, where an operator finds
+/// it. Returns false if that fails (errno).
+bool move_to_damaged(const std::filesystem::path& directory, const std::string& name);
+
 /// Returns the name of a directory of meshes: 64 hexadecimal digits in its file `name`, which is made if there is none.
 /// Two processes that make it at the same time get the same name. Errors: STORE_FULL if it cannot be made.
 Answer<std::string> name_of_directory(const std::filesystem::path& directory);

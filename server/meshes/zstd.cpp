@@ -7,6 +7,7 @@
 
 #include <algorithm>
 #include <cassert>
+#include <cerrno>
 #include <limits>
 
 #include "core/base/write_all.h"
@@ -122,6 +123,7 @@ std::unique_ptr<ZstdFile> ZstdFile::open(int file) {
   std::unique_ptr<ZstdFile> opened(new ZstdFile(file));
   struct stat status {};
   if (::fstat(file, &status) != 0) return nullptr;
+  errno = EBADMSG;  // unless the file cannot be read for another reason
   const auto end = static_cast<std::int64_t>(status.st_size);
   constexpr std::size_t kLeast = kTableHeader + kTableFooter;
   std::string table;
@@ -150,6 +152,7 @@ ZstdFile::~ZstdFile() { ::close(file_); }
 
 bool ZstdFile::read_frame(std::size_t frame, std::string* bytes) const {
   const auto size = static_cast<std::size_t>(places_[frame + 1] - places_[frame]);
+  errno = EBADMSG;
   return read_at(file_, places_[frame], size, bytes) && bytes->size() == size;
 }
 

@@ -33,7 +33,8 @@ Compression compress_file(int from, int to, const std::function<bool()>& given_u
 /// A file that compress_file() has written.
 class ZstdFile {
  public:
-  /// Takes ownership of the descriptor. Null if the file is not of this kind.
+  /// Takes ownership of the descriptor. Null, with errno, if the file cannot be read; EBADMSG if it is not of this
+  /// kind.
   static std::unique_ptr<ZstdFile> open(int file);
   ~ZstdFile();
   ZstdFile(const ZstdFile&) = delete;
@@ -42,7 +43,8 @@ class ZstdFile {
   /// Size of the content, in bytes.
   std::int64_t size() const { return size_; }
   std::size_t frames() const { return places_.size() - 1; }
-  /// Reads the compressed frame, or its content. Returns false if it cannot be read.
+  /// Reads the compressed frame, or its content. Returns false, with errno, if it cannot be read; EBADMSG if its
+  /// bytes have changed.
   bool read_frame(std::size_t frame, std::string* bytes) const;
   bool read_content(std::size_t frame, std::string* bytes) const;
 

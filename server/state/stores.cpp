@@ -9,7 +9,7 @@
 #include "server/jobs/sqlite_jobs.h"
 #include "server/meshes/directory_mesh_store.h"
 #include "server/meshes/disk.h"
-#include "server/meshes/shared_mesh_store.h"
+#include "server/meshes/shared/shared_directory.h"
 #include "server/state/owned_path.h"
 
 namespace varimesh::server {
@@ -110,8 +110,7 @@ Expected<void> Stores::open_meshes(const StoreSettings& settings) {
     meshes_ = std::move(*opened);
     return {};
   }
-  if (!settings.meshes.empty())
-    return keep(SharedMeshStore::open_directory(settings.meshes, state_->meshes(), limits, needed));
+  if (!settings.meshes.empty()) return keep(open_shared_directory(settings.meshes, state_->meshes(), limits, needed));
   if (state_ != nullptr) return keep(DirectoryMeshStore::open_directory(state_->meshes(), limits));
   return keep(DirectoryMeshStore::create(settings.data, limits));
 }

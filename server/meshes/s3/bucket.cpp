@@ -4,7 +4,8 @@
 #include <thread>
 
 #include "core/base/sha256.h"
-#include "server/meshes/s3/s3_mesh_store.h"
+#include "server/meshes/s3/bucket_objects.h"
+#include "server/meshes/shared/shared_mesh_store.h"
 
 namespace varimesh::server {
 namespace {
@@ -22,22 +23,20 @@ class Bucket : public MeshPlace {
   }
   Expected<std::unique_ptr<MeshStore>> open(const std::string& directory, const DirectoryMeshSettings& settings,
                                             AskNeeded needed) override {
-    S3MeshSettings all;
+    SharedMeshSettings all;
     all.meshes = settings;
-    all.max_cache_bytes = settings_.max_cache_bytes;
     if (!settings_.runs_jobs) all.for_jobs = all.for_clients;
+    auto objects = bucket_objects(client_, directory, settings_.max_cache_bytes, settings.log);
     return std::unique_ptr<MeshStore>(
-        std::make_unique<S3MeshStore>(client_, directory, std::move(all), std::move(needed)));
+        std::make_unique<SharedMeshStore>(std::move(objects), std::move(all), std::move(needed)));
   }
 
  private:
   /// Returns an object of 64 random hexadecimal digits.
   Expected<std::string> kept_text(const std::string& key) {
-    std::string random;
-    for (int i = 0; i < 4; ++i) random += random_digits();
     auto text = client_->get_small(key, kAtStart);
     if (!text && text.error().code == Failure::Code::NotFound) {
-      if (const auto put = client_->put_if_absent(key, sha256(random), kAtStart); !put)
+      if (const auto put = client_->put_if_absent(key, random_name(), kAtStart); !put)
         return tl::unexpected(Error{Error::Kind::Output, put.error().sentence});
       // Not every S3 server knows the condition. Then the last one of several servers that start at once counts.
       std::this_thread::sleep_for(std::chrono::milliseconds(500));

@@ -273,6 +273,9 @@ Answer<std::vector<S3Object>> S3Client::list(const std::string& beginning, S3Pat
     const auto done = send(request, patience);
     if (!done) return tl::unexpected(done.error());
     S3Page page = parse_page(done->body, settings_.address.prefix);
+    // Otherwise a server that says the same again would fill the memory.
+    if (!page.next.empty() && page.next == next)
+      return internal_failure("The S3 server of the meshes repeats a page of a list.");
     std::ranges::move(page.objects, std::back_inserter(all));
     next = std::move(page.next);
   } while (!next.empty());

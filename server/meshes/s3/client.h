@@ -14,6 +14,7 @@
 #include "server/failure.h"
 #include "server/meshes/s3/address.h"
 #include "server/meshes/s3/xml.h"
+#include "server/meshes/shared/object_store.h"
 
 namespace varimesh::server {
 
@@ -26,9 +27,9 @@ struct S3Settings {
   std::chrono::seconds stalled{15};
 };
 
-/// How long a call goes on when the server is away or fails. While the server is known to be away, the time counts from
-/// the first failure: a call with little patience then fails at its first try.
-using S3Patience = std::chrono::milliseconds;
+/// While the server is known to be away, the time counts from the first failure: a call with little patience then fails
+/// at its first try.
+using S3Patience = Patience;
 
 /// Puts, gets, lists and removes the objects of one prefix of a bucket. Thread-safe.
 ///

@@ -2,6 +2,7 @@
 #include "server/meshes/directory_mesh_store.h"
 
 #include <gtest/gtest.h>
+#include <sys/stat.h>
 
 #include <filesystem>
 #include <fstream>
@@ -197,6 +198,37 @@ TEST_F(DamagedMesh, IsNeverServed) {
     }
   store_->release(referred_);
   EXPECT_TRUE(store_->open(referred_)) << "it is pinned by its upload";
+}
+
+TEST_F(DamagedMesh, IsMovedAside) {
+  flip_bit(pinned_, 0);
+  EXPECT_EQ(store_->open(pinned_).error().code, Failure::Code::DataLoss);
+  std::string kept;
+  std::getline(std::ifstream(directory_ / "damaged" / pinned_), kept);
+  EXPECT_EQ(kept, "enother mesh") << "an operator may look at it";
+  store_.reset();
+  store_ = std::move(*DirectoryMeshStore::open_directory(directory_.string(), settings_with()));
+  EXPECT_TRUE(store_->open(referred_));
+}
+
+TEST_F(DamagedMesh, IsNoneThatCannotBeReadForAMoment) {
+  // A folder can be opened, but reading it fails, with EISDIR. Its size is that of the mesh.
+  std::filesystem::create_directory(directory_ / "folder");
+  struct stat status {};
+  ASSERT_EQ(::lstat((directory_ / "folder").c_str(), &status), 0);
+  DirectoryMeshSettings settings = settings_with();
+  settings.max_mesh_bytes = 1 << 20;
+  store_ = std::move(*DirectoryMeshStore::open_directory(directory_.string(), settings));
+  const std::string digest = upload(std::string(static_cast<std::size_t>(status.st_size), 'm'));
+  std::filesystem::rename(directory_ / digest, directory_ / "away");
+  std::filesystem::rename(directory_ / "folder", directory_ / digest);
+  for (int i = 0; i < 2; ++i) {
+    EXPECT_EQ(store_->open(digest).error().code, Failure::Code::Internal);
+    EXPECT_EQ(store_->read(digest).error().code, Failure::Code::Internal);
+  }
+  std::filesystem::remove(directory_ / digest);
+  std::filesystem::rename(directory_ / "away", directory_ / digest);
+  EXPECT_TRUE(store_->open(digest)) << "nothing was removed";
 }
 
 TEST_F(DamagedMesh, IsTakenAgainIfItsFileIsMissing) {

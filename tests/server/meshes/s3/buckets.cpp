@@ -43,11 +43,11 @@ std::shared_ptr<S3Client> InBucket::direct() { return client_at(bucket_server().
 std::string InBucket::new_directory() { return directory_ + "/" + std::to_string(++directories_); }
 
 std::unique_ptr<MeshStore> InBucket::open(const DirectoryMeshSettings& settings, AskNeeded needed) {
-  S3MeshSettings all;
+  SharedMeshSettings all;
   all.meshes = settings;
-  all.max_cache_bytes = max_cache_bytes;
   all.for_clients = all.for_jobs = patience;
-  return std::make_unique<S3MeshStore>(client(), new_directory(), all, std::move(needed));
+  auto objects = bucket_objects(client(), new_directory(), max_cache_bytes, settings.log);
+  return std::make_unique<SharedMeshStore>(std::move(objects), all, std::move(needed));
 }
 
 bool InBucket::has(const std::string& digest) { return !direct()->list("meshes/" + digest + "/g-", patience)->empty(); }

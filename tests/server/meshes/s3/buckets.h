@@ -4,8 +4,9 @@
 #include <memory>
 #include <string>
 
-#include "server/meshes/s3/s3_mesh_store.h"
-#include "tests/server/meshes/shared_store_conformance.h"
+#include "server/meshes/s3/bucket_objects.h"
+#include "server/meshes/shared/shared_mesh_store.h"
+#include "tests/server/meshes/shared/shared_store_conformance.h"
 
 namespace varimesh::server::testing {
 

@@ -122,6 +122,7 @@ void FaultProxy::serve(int client) {
       const ssize_t got = ::recv(server, buffer.data(), buffer.size(), 0);
       if (got <= 0 || take(lost_answers_)) break;
       auto pass = static_cast<std::size_t>(got);
+      if (pass == buffer.size() && take(flips_)) buffer[pass / 2] ^= 1;
       const bool is_cut = cuts_ > 0 && answered + got > cut_after_ && take(cuts_);
       if (is_cut) pass = static_cast<std::size_t>(std::max<std::int64_t>(cut_after_ - answered, 0));
       answered += got;

@@ -27,6 +27,8 @@ class FaultProxy {
   void cut_requests(int connections, std::int64_t after) { cut_requests_after_ = after, request_cuts_ = connections; }
   /// Loses the answer to this many requests that begin with `word`: the server has done what they ask.
   void lose_answers(int requests) { lost_answers_ = requests; }
+  /// Changes a bit in the middle of this many long answers.
+  void flip_bits(int answers) { flips_ = answers; }
   /// Says nothing for this long before each answer of the next connections.
   void stall(int connections, int milliseconds) { stall_milliseconds_ = milliseconds, stalls_ = connections; }
   /// Closes all connections at once, and new ones too, until it is told otherwise.
@@ -48,7 +50,7 @@ class FaultProxy {
 
   const int server_port_;
   int listener_ = -1, port_ = 0;
-  std::atomic<int> refusals_ = 0, cuts_ = 0, request_cuts_ = 0, stalls_ = 0, lost_answers_ = 0, faults_ = 0;
+  std::atomic<int> refusals_ = 0, cuts_ = 0, request_cuts_ = 0, stalls_ = 0, flips_ = 0, lost_answers_ = 0, faults_ = 0;
   std::atomic<int> stall_milliseconds_ = 0, wrong_signatures_ = 0, parts_ = 0;
   std::atomic<std::int64_t> cut_after_ = 0, cut_requests_after_ = 0;
   std::atomic<bool> is_away_ = false, closing_ = false;

@@ -104,6 +104,25 @@ TEST_F(MeshesInABucket, AreWholeWhenBodiesAreCut) {
   EXPECT_EQ(proxy_.faults(), 6);
 }
 
+TEST_F(MeshesInABucket, AreFetchedAgainWhenABitChangesOnTheWay) {
+  const std::string bytes = many_bytes(9'000'000), digest = sha256(bytes);
+  EXPECT_EQ(send(*store_, bytes), digest);
+  proxy_.flip_bits(1);
+  EXPECT_EQ(read_whole(*open(), digest), bytes);
+  EXPECT_EQ(proxy_.faults(), 1);
+  EXPECT_TRUE(place_.has(digest)) << "its only copy is not deleted for that";
+}
+
+TEST_F(MeshesInABucket, AreMovedAsideWhenTheyAreDamaged) {
+  const std::string digest = send(*store_, "a mesh");
+  place_.damage(digest);
+  EXPECT_EQ(open()->open(digest).error().code, Failure::Code::DataLoss);
+  EXPECT_FALSE(place_.has(digest));
+  const auto aside = place_.direct()->list("damaged/" + digest, place_.patience);
+  ASSERT_EQ(aside->size(), 1U);
+  EXPECT_EQ(*place_.direct()->get_small(aside->front().key, place_.patience), "x mesh");
+}
+
 TEST_F(MeshesInABucket, AreWholeWhenAnyAnswerIsLost) {
   // The server has done what the request asked, and nobody knows.
   const std::string bytes = many_bytes(9'000'000);

@@ -1,5 +1,5 @@
 // What servers that share meshes rely on.
-#include "tests/server/meshes/shared_store_conformance.h"
+#include "tests/server/meshes/shared/shared_store_conformance.h"
 
 #include <atomic>
 #include <shared_mutex>

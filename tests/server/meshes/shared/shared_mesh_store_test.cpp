@@ -1,12 +1,11 @@
 // Meshes in a directory that two servers use at the same time: the conformance suite, and what only a directory has.
-#include "server/meshes/shared_mesh_store.h"
-
 #include <gtest/gtest.h>
 
 #include <filesystem>
 #include <fstream>
 
-#include "tests/server/meshes/shared_store_conformance.h"
+#include "server/meshes/shared/shared_directory.h"
+#include "tests/server/meshes/shared/shared_store_conformance.h"
 
 namespace varimesh::server::testing {
 namespace {
@@ -27,9 +26,9 @@ class SharedMeshes : public ::testing::Test {
   std::unique_ptr<SharedMeshStore> open() {
     DirectoryMeshSettings settings = settings_with([this] { return now_; });
     settings.max_total_bytes = most_;
-    return std::move(*SharedMeshStore::open_directory(
-        directory_.string(), ::testing::TempDir(), settings,
-        [this](const Digests& asked) -> Answer<Digests> { return both(asked, needed_); }));
+    return std::move(
+        *open_shared_directory(directory_.string(), ::testing::TempDir(), settings,
+                               [this](const Digests& asked) -> Answer<Digests> { return both(asked, needed_); }));
   }
   /// Both servers look at the directory once a minute.
   void wait(minutes time) {
@@ -63,8 +62,8 @@ TEST_F(SharedMeshes, AreUploadedAgainAfterAServerWasKilledAtTheEnd) {
 TEST_F(SharedMeshes, AreNotThoseOfAServerThatSharesThemWithNone) {
   const std::string digest = sha256("a result that was compressed");
   { std::ofstream(directory_ / (digest + ".zst")) << "its only copy"; }
-  const auto refused = SharedMeshStore::open_directory(directory_.string(), ::testing::TempDir(), settings_with(),
-                                                       [](const auto&) { return SharedMeshStore::Digests(); });
+  const auto refused = open_shared_directory(directory_.string(), ::testing::TempDir(), settings_with(),
+                                             [](const auto&) { return SharedMeshStore::Digests(); });
   ASSERT_FALSE(refused);
   EXPECT_NE(refused.error().sentence.find("--meshes"), std::string::npos) << refused.error().sentence;
   wait(hours(2));
@@ -118,6 +117,16 @@ TEST_F(SharedMeshes, LeaveNothingOfServersThatWereKilled) {
   EXPECT_EQ(files(), 3) << "the mesh, its pin, and the lock of who sweeps";
 }
 
+TEST_F(SharedMeshes, AreMovedAsideWhenTheyAreDamaged) {
+  const std::string digest = upload(*one_, "a mesh");
+  { std::ofstream(directory_ / digest) << "a mash"; }
+  EXPECT_EQ(one_->open(digest).error().code, Failure::Code::DataLoss);
+  EXPECT_FALSE(has(digest));
+  std::string kept;
+  std::getline(std::ifstream(directory_ / "damaged" / digest), kept);
+  EXPECT_EQ(kept, "a mash") << "an operator may look at it";
+}
+
 TEST_F(SharedMeshes, FollowNoLinks) {
   std::ofstream(directory_ / "secret") << "of the system";
   const std::string name(64, 'a');
@@ -139,8 +148,7 @@ class SharedDirectory : public SharedPlace {
   }
   ~SharedDirectory() override { std::filesystem::remove_all(directory_); }
   std::unique_ptr<MeshStore> open(const DirectoryMeshSettings& settings, AskNeeded needed) override {
-    return std::move(
-        *SharedMeshStore::open_directory(directory_.string(), ::testing::TempDir(), settings, std::move(needed)));
+    return std::move(*open_shared_directory(directory_.string(), ::testing::TempDir(), settings, std::move(needed)));
   }
   bool has(const std::string& digest) override { return std::filesystem::exists(directory_ / digest); }
   void damage(const std::string& digest) override {
